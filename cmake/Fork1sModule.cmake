@@ -1,0 +1,79 @@
+# One library a room: fork1s_module(NAME SOURCES ... ROOMS ... LIBRARIES ...).
+# ROOMS are the rooms it may include; LIBRARIES are foreign and stay private to it.
+include(CheckCXXSourceRuns)
+
+if(FORK1S_ARCH STREQUAL "auto")
+  # Eigen's alignment depends on the instruction set, so the choice travels with the installed targets.
+  set(CMAKE_REQUIRED_FLAGS "-march=x86-64-v3")
+  check_cxx_source_runs("#include <immintrin.h>
+    int main() { __m256d a = _mm256_set1_pd(1.0); a = _mm256_fmadd_pd(a, a, a);
+                 return __builtin_cpu_supports(\"avx2\") && _mm256_cvtsd_f64(a) == 2.0 ? 0 : 1; }"
+    FORK1S_RUNS_X86_64_V3)
+  unset(CMAKE_REQUIRED_FLAGS)
+  if(FORK1S_RUNS_X86_64_V3)
+    set(FORK1S_ARCH_FLAG "-march=x86-64-v3")
+  else()
+    message(STATUS "fork1s: this machine does not run x86-64-v3; building for the compiler's default")
+    set(FORK1S_ARCH_FLAG "")
+  endif()
+elseif(FORK1S_ARCH)
+  set(FORK1S_ARCH_FLAG "-march=${FORK1S_ARCH}")
+endif()
+
+add_library(fork1s_options INTERFACE)
+target_compile_features(fork1s_options INTERFACE cxx_std_20)
+target_compile_options(fork1s_options INTERFACE ${FORK1S_ARCH_FLAG})
+target_link_libraries(fork1s_options INTERFACE Eigen3::Eigen tl::expected Threads::Threads)
+set_target_properties(fork1s_options PROPERTIES EXPORT_NAME options)
+
+add_library(fork1s_warnings INTERFACE)
+target_compile_options(fork1s_warnings INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
+  -Wno-sign-conversion -Wno-maybe-uninitialized -Wno-array-bounds)
+if(FORK1S_WERROR)
+  target_compile_options(fork1s_warnings INTERFACE -Werror)
+endif()
+if(FORK1S_SANITIZE)
+  target_compile_options(fork1s_options INTERFACE -fsanitize=address,undefined
+    -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
+  target_link_options(fork1s_options INTERFACE -fsanitize=address,undefined)
+endif()
+
+set(FORK1S_ROOMS "" CACHE INTERNAL "")
+
+function(fork1s_module name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;ROOMS;LIBRARIES" ${ARGN})
+  if(ARG_SOURCES)
+    add_library(fork1s_${name} STATIC ${ARG_SOURCES})
+    set(scope PUBLIC)
+    target_link_libraries(fork1s_${name} PRIVATE $<BUILD_INTERFACE:fork1s_warnings> ${ARG_LIBRARIES})
+  else()
+    add_library(fork1s_${name} INTERFACE)
+    set(scope INTERFACE)
+  endif()
+  add_library(fork1s::${name} ALIAS fork1s_${name})
+  set_target_properties(fork1s_${name} PROPERTIES EXPORT_NAME ${name})
+  target_include_directories(fork1s_${name} ${scope}
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_link_libraries(fork1s_${name} ${scope} fork1s_options)
+  foreach(room ${ARG_ROOMS})
+    target_link_libraries(fork1s_${name} ${scope} fork1s_${room})
+  endforeach()
+  set(FORK1S_ROOMS ${FORK1S_ROOMS} fork1s_${name} CACHE INTERNAL "")
+endfunction()
+
+# The umbrella target, and what `cmake --install` puts where find_package(fork1s) finds it.
+function(fork1s_finish)
+  add_library(fork1s INTERFACE)
+  add_library(fork1s::fork1s ALIAS fork1s)
+  target_link_libraries(fork1s INTERFACE ${FORK1S_ROOMS})
+  include(CMakePackageConfigHelpers)
+  install(TARGETS fork1s fork1s_options ${FORK1S_ROOMS} EXPORT fork1sTargets)
+  install(EXPORT fork1sTargets NAMESPACE fork1s:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/fork1s)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/fork1s DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+  configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/fork1sConfig.cmake.in
+    ${PROJECT_BINARY_DIR}/fork1sConfig.cmake INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/fork1s)
+  write_basic_package_version_file(${PROJECT_BINARY_DIR}/fork1sConfigVersion.cmake
+    COMPATIBILITY SameMinorVersion)
+  install(FILES ${PROJECT_BINARY_DIR}/fork1sConfig.cmake ${PROJECT_BINARY_DIR}/fork1sConfigVersion.cmake
+    DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/fork1s)
+endfunction()

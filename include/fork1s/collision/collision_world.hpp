@@ -1,0 +1,61 @@
+// Contact points between shapes, by MuJoCo's collision detection.
+#pragma once
+
+#include <fork1s/base/error.hpp>
+#include <fork1s/mechanism/definition.hpp>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fork1s {
+
+/// A body as collision sees it: shapes that move together.
+struct CollisionBodyDef {
+  std::string name;
+  std::vector<GeometryDef> geometries;  // those that do not collide are left out
+  bool moves = true;                    // false: part of the still world, X_WB never changes
+  RigidTransform X_WB;                  // initial pose, and the pose of still bodies for ever
+};
+
+/// One contact point, world frame.
+struct ContactPoint {
+  int body_a = -1;      // index of the collision body
+  int body_b = -1;
+  int geometry_a = -1;  // index in the body's geometries
+  int geometry_b = -1;
+  Vector3 point = Vector3::Zero();   // midway between the surfaces, m
+  Matrix3 frame = Matrix3::Identity();  // rows: normal from a to b, tangent 1, tangent 2
+  double gap = 0;       // m, negative in penetration
+  double friction = 0;  // 0 where either side is frictionless
+};
+
+struct CollisionOptions {
+  double margin = 0.001;     // m: contacts are reported from this gap on
+  bool multi_point = true;   // several points where flat convex shapes rest on each other
+};
+
+/// Bodies are numbered in the order given. Bodies that do not move never touch each other.
+class CollisionWorld {
+ public:
+  /// `excluded`: pairs of body indices that never touch.
+  static Expected<CollisionWorld> Create(const std::vector<CollisionBodyDef>& bodies,
+                                         const std::vector<std::pair<int, int>>& excluded,
+                                         const CollisionOptions& options = {});
+  ~CollisionWorld();
+  CollisionWorld(CollisionWorld&&) noexcept;
+  CollisionWorld& operator=(CollisionWorld&&) noexcept;
+
+  /// Pose of a moving body.
+  void SetPose(int body, const RigidTransform& X_WB);
+  /// Finds the contacts at the present poses. Replaces the content of `contacts`; does not allocate once
+  /// `contacts` has capacity. Returns false when the detector dropped contacts for want of room.
+  bool Detect(std::vector<ContactPoint>& contacts);
+
+ private:
+  CollisionWorld();
+  struct Detail;
+  std::unique_ptr<Detail> detail_;
+};
+
+}  // namespace fork1s

@@ -1,0 +1,80 @@
+// The Coulomb contact solver. It knows operators, not mechanisms.
+//
+// Unknown impulses λ act on stacked velocities v through symmetric positive semidefinite operators W
+// (the interface's inverse effective mass, implicit stiffness included), one block a mechanism or body:
+//     v⁺ = v* + W Jᵀ λ
+// Contact c couples up to two six-vector ports. With u = Σ J v⁺ + bias (normal first, then two tangents):
+//     0 ≤ λ_n ⊥ u_n ≥ 0,   |λ_t| ≤ µ λ_n,   λ_t opposes u_t where it slides
+// Limits are single unilateral rows on one stacked velocity.
+#pragma once
+
+#include <fork1s/base/types.hpp>
+#include <memory>
+#include <vector>
+
+namespace fork1s {
+
+using Matrix36 = Eigen::Matrix<double, 3, 6>;
+
+/// A diagonal block of W: `size` rows starting at `offset` of the stacked velocities.
+struct VelocityBlock {
+  int offset = 0;
+  int size = 0;
+  const double* W = nullptr;  // size x size, column-major, leading dimension `stride`; not owned
+  int stride = 0;
+};
+
+struct ContactConstraint {
+  int port_a = -1;   // first row of a six-vector in the stacked velocities, -1: the still world
+  int port_b = -1;   // u = J_a v[port_a] + J_b v[port_b] + bias; rows: normal, tangent 1, tangent 2
+  Matrix36 J_a = Matrix36::Zero();
+  Matrix36 J_b = Matrix36::Zero();
+  Vector3 bias = Vector3::Zero();    // m/s, added to u
+  double friction = 0;               // µ
+  Vector3 impulse = Vector3::Zero();  // in: warm start; out: solution [N·s]
+};
+
+/// One unilateral row: sign · v[row] + bias ≥ 0 with impulse ≥ 0 along sign.
+struct LimitConstraint {
+  int row = 0;
+  double sign = 1;
+  double bias = 0;
+  double impulse = 0;  // in: warm start; out: solution
+};
+
+struct ContactSolverOptions {
+  int max_sweeps = 50;
+  double tolerance = 1e-4;      // residual above which Newton takes over
+  int max_newton_iterations = 30;
+};
+
+struct ContactSolverReport {
+  int sweeps = 0;
+  int newton_iterations = 0;
+  double residual = 0;     // natural-map residual relative to the largest impulse
+  bool converged = true;   // residual <= tolerance
+};
+
+class ContactSolver {
+ public:
+  ContactSolver();
+  ~ContactSolver();
+  ContactSolver(ContactSolver&&) noexcept;
+  ContactSolver& operator=(ContactSolver&&) noexcept;
+
+  /// Reserves scratch so that solves up to this size do not allocate.
+  void Reserve(int num_contacts, int num_limits, int num_velocities);
+
+  /// Solves for the impulses. In: `velocities` = v*, blocks covering every port and limit row, warm starts in
+  /// the constraints. Out: impulses in the constraints, `velocities` = v⁺.
+  ContactSolverReport Solve(const std::vector<VelocityBlock>& blocks,
+                            std::vector<ContactConstraint>& contacts,
+                            std::vector<LimitConstraint>& limits, VectorX& velocities,
+                            const ContactSolverOptions& options = {});
+
+ private:
+  struct Workspace;
+  std::unique_ptr<Workspace> work_;
+};
+
+}  // namespace fork1s

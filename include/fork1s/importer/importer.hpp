@@ -1,0 +1,67 @@
+// MJCF and URDF files to scenes.
+#pragma once
+
+#include <fork1s/base/error.hpp>
+#include <fork1s/mechanism/scene.hpp>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+/// What happened to a part of the file.
+struct ImportNote {
+  enum class Kind {
+    kDropped,   ///< has no meaning here and was left out
+    kChanged,   ///< kept, but not as written
+    kChosen,    ///< the file left it open; says what was taken
+  };
+  Kind kind;
+  std::string where;    // element and name, "actuator 'grip'"
+  std::string message;  // what happened and why
+};
+
+/// What holds one joint coordinate.
+struct JointHold {
+  std::string joint;
+  std::string held_by;  // "spring 2 N·m/rad", "position actuator 'a' 10 N·m/rad", "nothing", ...
+};
+
+struct ImportReport {
+  std::string format;  // "MJCF" or "URDF"
+  std::vector<ImportNote> notes;
+  std::vector<JointHold> holds;
+};
+
+/// Stiffness and damping that hold a joint by proportional-derivative control at its initial displacement.
+struct PdGains {
+  double kp = 0;
+  double kv = 0;
+};
+
+struct ImportOptions {
+  std::vector<std::string> interfaces;  // body names; replaces what the file says
+  std::optional<BaseKind> base;         // replaces what the file says
+  std::optional<int> modes;
+  double stiffness_scale = 1;
+  std::optional<PdGains> pd;                // joints that no spring and no servo holds
+  std::map<std::string, PdGains> joint_pd;  // by joint name, on top of whatever holds it
+  std::string keyframe;                     // name; empty: the file's reference pose
+};
+
+struct ImportedScene {
+  Scene scene;
+  ImportReport report;
+  int initial_keyframe = -1;  // index in scene.keyframes of the requested one
+};
+
+/// Reads a model file (.xml/.mjcf, .urdf; the root element decides). Errors: kFile (cannot be read),
+/// kFormat (does not parse, with line), kModel (bad numbers, missing meshes, unknown names), kUsage.
+Expected<ImportedScene> LoadMechanism(const std::string& path, const ImportOptions& options = {});
+
+/// The same from MJCF text, without files beside it. `name` stands for the path in messages.
+Expected<ImportedScene> LoadMechanismFromString(const std::string& mjcf, const std::string& name,
+                                                const ImportOptions& options = {});
+
+}  // namespace fork1s

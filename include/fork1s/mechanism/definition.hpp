@@ -1,0 +1,167 @@
+// Definition structs: what a user or an importer writes down before a Mechanism is built.
+#pragma once
+
+#include <fork1s/base/error.hpp>
+#include <fork1s/base/index.hpp>
+#include <fork1s/geometry/shape.hpp>
+#include <fork1s/spatial/rigid_transform.hpp>
+#include <fork1s/spatial/spatial_inertia.hpp>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fork1s {
+
+/// A shape fixed to a body, with what contact needs to know about it.
+struct GeometryDef {
+  std::string name;
+  Shape shape = Sphere{};
+  RigidTransform X_BG;              // pose of the shape in its body (world geometry: in the world)
+  double friction = 1;              // sliding coefficient; a pair takes the larger, or the higher priority's
+  int priority = 0;
+  int contype = 1;                  // two shapes may touch if (contype1 & conaffinity2) | (contype2 & conaffinity1)
+  int conaffinity = 1;
+  bool frictionless = false;        // MJCF condim = 1
+  Vector4 rgba = Vector4(0.6, 0.6, 0.6, 1);
+  int group = 0;                    // for drawing only
+
+  bool Collides() const { return contype != 0 || conaffinity != 0; }
+};
+
+/// One degree of freedom of a joint.
+struct FreedomDef {
+  Vector6 screw_B = Vector6::Zero();  // unit screw [ω; v] about the origin of body B, in B, at the reference
+  double stiffness = 0;   // N·m/rad or N/m
+  double damping = 0;     // N·m·s/rad or N·s/m
+  double armature = 0;    // rotor inertia seen at the joint, kg·m² or kg
+  double rest = 0;        // displacement from the reference at which the spring is unloaded, rad or m
+  double lower = -std::numeric_limits<double>::infinity();  // limits of the displacement, rad or m
+  double upper = std::numeric_limits<double>::infinity();
+};
+
+enum class JointKind { kHinge, kSlide, kBall, kCylindrical, kPlanar, kFree, kGeneral };
+
+/// A joint moves body B relative to its parent by Exp(Σ screw_i q_i). Several joints on one body
+/// compose in the order in which they were added, the first being nearest the parent.
+struct JointDef {
+  std::string name;
+  BodyIndex body;
+  JointKind kind = JointKind::kGeneral;
+  std::vector<FreedomDef> freedoms;  // 1 to 6, linearly independent
+
+  static JointDef Hinge(std::string name, BodyIndex body, const Vector3& axis_B,
+                        const Vector3& anchor_B = Vector3::Zero());
+  static JointDef Slide(std::string name, BodyIndex body, const Vector3& axis_B);
+  static JointDef Ball(std::string name, BodyIndex body, const Vector3& anchor_B = Vector3::Zero());
+  /// Turns about and slides along one axis.
+  static JointDef Cylindrical(std::string name, BodyIndex body, const Vector3& axis_B,
+                              const Vector3& anchor_B = Vector3::Zero());
+  /// Turns about `normal_B` and slides across it.
+  static JointDef Planar(std::string name, BodyIndex body, const Vector3& normal_B,
+                         const Vector3& anchor_B = Vector3::Zero());
+  static JointDef Free(std::string name, BodyIndex body);
+  /// Any 1 to 6 independent screws [ω; v] about the origin of B.
+  static JointDef General(std::string name, BodyIndex body, const Matrix6X& screws_B);
+
+  /// The same spring and damper on every freedom.
+  JointDef& WithSpring(double stiffness, double damping = 0);
+  JointDef& WithArmature(double armature);
+  JointDef& WithRest(double rest);
+  JointDef& WithLimits(double lower, double upper);
+};
+
+/// Two hinges that cross: first about axis1 (parent side), then about axis2.
+std::pair<JointDef, JointDef> UniversalJoint(const std::string& name, BodyIndex body,
+                                             const Vector3& axis1_B, const Vector3& axis2_B,
+                                             const Vector3& anchor_B = Vector3::Zero());
+
+struct BodyDef {
+  std::string name;
+  BodyIndex parent;          // invalid for the base, which must be body 0
+  RigidTransform X_PB;       // pose in the parent at the reference
+  SpatialInertia inertia;    // in B
+  std::vector<GeometryDef> geometries;
+};
+
+/// Closes a loop between frame J on body a and frame J on body b. With E = X_aJ⁻¹ X_bJ the closure
+/// works on c = [log R_E ; p_E] (rotation rad, translation m); a direction is rigid, springy or free.
+struct ClosureDef {
+  std::string name;
+  BodyIndex body_a;
+  BodyIndex body_b;
+  RigidTransform X_AJ;  // frame on body a
+  RigidTransform X_BJ;  // frame on body b
+  Eigen::Matrix<bool, 6, 1> rigid = Eigen::Matrix<bool, 6, 1>::Constant(false);
+  Vector6 stiffness = Vector6::Zero();  // of directions that are not rigid: N·m/rad, N/m; 0 = free
+  Vector6 damping = Vector6::Zero();
+
+  /// All six directions rigid.
+  static ClosureDef Weld(std::string name, BodyIndex a, BodyIndex b, const RigidTransform& X_AJ,
+                         const RigidTransform& X_BJ);
+  /// A point of a stays on a point of b; rotation is free.
+  static ClosureDef Connect(std::string name, BodyIndex a, BodyIndex b, const Vector3& point_A,
+                            const Vector3& point_B);
+};
+
+/// One freedom of one joint.
+struct FreedomRef {
+  JointIndex joint;
+  int freedom = 0;
+};
+
+/// q_a = Σ polynomial[k] q_b^k. Without b: q_a = polynomial[0].
+struct CouplingDef {
+  std::string name;
+  FreedomRef a;
+  FreedomRef b;  // b.joint may be invalid
+  double polynomial[5] = {0, 1, 0, 0, 0};
+};
+
+/// A spring on the length Σ coefficient q, such as a servo that pulls a tendon over several joints.
+struct SpringDef {
+  std::string name;
+  std::vector<std::pair<FreedomRef, double>> terms;
+  double stiffness = 0;  // N/m or N·m/rad of the length
+  double damping = 0;
+  double rest = 0;       // length at which it is unloaded
+};
+
+/// An input u that pushes with force gain·coefficient·u on each of its freedoms. For a servo the gain
+/// is its stiffness, so that u is the set-point; the stiffness itself stands in a joint or SpringDef.
+struct ControlDef {
+  std::string name;
+  std::vector<std::pair<FreedomRef, double>> terms;
+  double gain = 0;
+  bool is_setpoint = false;  // gain scales with the stiffness of the mechanism
+  double lower = -std::numeric_limits<double>::infinity();
+  double upper = std::numeric_limits<double>::infinity();
+  double initial = 0;
+};
+
+enum class BaseKind {
+  kFixed,     ///< still at X_WR
+  kFloating,  ///< moves freely, gravity acts on it
+  kDriven,    ///< follows a prescribed pose
+};
+
+/// Everything that makes one mechanism.
+struct MechanismDef {
+  std::string name;
+  BaseKind base = BaseKind::kFixed;
+  RigidTransform X_WR;  // pose of the base in the world at the reference
+  std::vector<BodyDef> bodies;  // bodies[0] is the base; parents come before children
+  std::vector<JointDef> joints;
+  std::vector<ClosureDef> closures;
+  std::vector<CouplingDef> couplings;
+  std::vector<SpringDef> springs;
+  std::vector<ControlDef> controls;
+  std::vector<std::string> interfaces;  // names of the bodies that touch the world
+  bool interfaces_chosen = true;        // false: picked by the importer, not named by the user
+  int modes = 4;                        // fixed-interface modes to keep
+
+  BodyIndex FindBody(const std::string& body_name) const;
+  JointIndex FindJoint(const std::string& joint_name) const;
+};
+
+}  // namespace fork1s

@@ -1,0 +1,67 @@
+// Poses, Jacobians, closures and inertia of a mechanism at any q.
+//
+// Product of exponentials (docs/method.md, section 2): with P_j the product of Exp(S_i q_i) over the
+// joints before and including j, X_RB(q) = P_last(B) X_RB0. The present screws
+//     S_j(q) = Ad(P_previous(j)) dexp(S_j q_j) S_j
+// are spatial, so the Jacobian of every body is the same matrix with the columns off its path zeroed.
+#pragma once
+
+#include <fork1s/mechanism/mechanism.hpp>
+#include <vector>
+
+namespace fork1s {
+
+/// Scratch and result of a pass over the mechanism at one q. Sized once, reused without allocation.
+struct Kinematics {
+  explicit Kinematics(const Mechanism& mechanism);
+
+  std::vector<RigidTransform> P;     // per joint: prefix including the joint
+  std::vector<RigidTransform> X_RB;  // per body
+  Matrix6X S;                        // present screws, 6 x n
+};
+
+/// Fills prefixes, body poses and present screws at q [n].
+void ComputeKinematics(const Mechanism& mechanism, const VectorX& q, Kinematics& out);
+
+/// Jacobian of body b (6 x n): twist in R about R's origin per coordinate rate.
+Matrix6X BodyJacobian(const Mechanism& mechanism, const Kinematics& kinematics, BodyIndex b);
+
+/// τ += Σ_b J_bᵀ F_b for wrenches F (6 x bodies, in R about R's origin). `F` is used as scratch: on
+/// return column b holds the wrench gathered over the subtree of b, column 0 the total.
+void AccumulateGeneralizedForce(const Mechanism& mechanism, const Matrix6X& S, Matrix6X& F, VectorX& tau);
+
+/// Wrench of a uniform gravity field g_R [m/s²] on every body (6 x bodies), added to F.
+void AddGravityWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector3& g_R,
+                        Matrix6X& F);
+
+/// Residual c(q) of the rigid closures and couplings (num_constraints).
+void ClosureResidual(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, VectorX& c);
+/// Jacobian A = ∂c/∂q (num_constraints x n).
+void ClosureJacobian(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, MatrixX& A);
+
+/// Largest opening [m] of the rigid closures: distance of the joined points, and rotation error times the
+/// mechanism's length scale.
+double ClosureGap(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
+
+/// Joint-space mass matrix at the present pose (n x n), armature included.
+void MassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, MatrixX& M);
+/// Inertia of the whole mechanism about R's origin (6 x 6) and its coupling to the joints (6 x n).
+void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, Matrix6& M_00, Matrix6X& M_0q);
+/// M x without forming M: O(n).
+void ApplyMass(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& x, VectorX& Mx);
+
+/// Force of all springs at rest-relative displacement: τ = f0 - K q, springy closures included.
+void SpringForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, VectorX& tau);
+/// Stiffness matrix K_q (n x n) of joint springs, linear springs and springy closures at the present pose.
+MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
+MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
+/// Energy stored in all springs [J].
+double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
+/// τ += control forces for inputs u (one per Mechanism::controls()).
+void AddControlForce(const Mechanism& mechanism, const VectorX& u, VectorX& tau);
+
+/// Moves q onto the closures by Gauss-Newton in the metric H = max(k, 1e-3 k_max). Returns the gap left [m].
+/// Used to repair an initial pose; `max_iterations` Newton steps at most.
+double CloseLoops(const Mechanism& mechanism, VectorX& q, int max_iterations = 50);
+
+}  // namespace fork1s

@@ -1,0 +1,120 @@
+// The immutable mechanism: bodies in a spanning tree, joints as constant screws, closures, springs.
+#pragma once
+
+#include <fork1s/mechanism/definition.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fork1s {
+
+/// A validated mechanism, cheap to copy references to and never changed.
+///
+/// Letters: n = number of joint coordinates; q [n] = displacements from the reference; all screws are
+/// in the root frame R, about R's origin, at q = 0. Coordinates of one joint are consecutive, joints
+/// are sorted so that those nearer the root come first.
+class Mechanism {
+ public:
+  struct Body {
+    std::string name;
+    BodyIndex parent;      // invalid for the base
+    int last_joint = -1;   // last joint on the path from the root, -1 if none
+    RigidTransform X_RB0;  // pose in R at q = 0
+    SpatialInertia inertia_B;
+    SpatialInertia inertia_R0;  // the same seen from R at q = 0
+  };
+  struct Joint {
+    std::string name;
+    JointKind kind;
+    BodyIndex body;
+    int previous = -1;  // the joint before it on the path from the root, -1 if none
+    int offset = 0;     // first coordinate
+    int size = 0;       // number of freedoms
+  };
+  /// Σ coefficient q[index]
+  using LinearForm = std::vector<std::pair<int, double>>;
+  struct Spring {
+    std::string name;
+    LinearForm terms;
+    double stiffness, damping, rest;
+  };
+  struct Coupling {
+    std::string name;
+    int a;       // coordinate
+    int b = -1;  // coordinate or -1
+    double polynomial[5];
+  };
+  struct Control {
+    std::string name;
+    LinearForm terms;
+    double gain, lower, upper, initial;
+  };
+
+  const MechanismDef& definition() const { return definition_; }
+  const std::string& name() const { return definition_.name; }
+  BaseKind base() const { return definition_.base; }
+
+  const std::vector<Body>& bodies() const { return bodies_; }
+  const std::vector<Joint>& joints() const { return joints_; }
+  const std::vector<ClosureDef>& closures() const { return definition_.closures; }
+  const std::vector<Coupling>& couplings() const { return couplings_; }
+  const std::vector<Spring>& springs() const { return springs_; }
+  const std::vector<Control>& controls() const { return controls_; }
+  const Body& body(BodyIndex i) const { return bodies_[i.u()]; }
+  const Joint& joint(JointIndex i) const { return joints_[i.u()]; }
+
+  int num_bodies() const { return static_cast<int>(bodies_.size()); }
+  int num_joints() const { return static_cast<int>(joints_.size()); }
+  int num_coordinates() const { return static_cast<int>(stiffness_.size()); }
+  /// Rows of rigid closures and couplings.
+  int num_constraints() const { return num_constraints_; }
+  bool is_tree() const { return num_constraints_ == 0 && num_springy_rows_ == 0; }
+  /// Springs act on single coordinates only, so that the stiffness matrix is diagonal.
+  bool has_diagonal_stiffness() const { return springs_.empty() && num_springy_rows_ == 0; }
+
+  const Matrix6X& screws() const { return screws_; }        // 6 x n
+  const VectorX& stiffness() const { return stiffness_; }   // n, of each coordinate's own spring
+  const VectorX& damping() const { return damping_; }       // n
+  const VectorX& armature() const { return armature_; }     // n
+  const VectorX& rest() const { return rest_; }             // n
+  const VectorX& lower() const { return lower_; }           // n
+  const VectorX& upper() const { return upper_; }           // n
+  double total_mass() const { return total_mass_; }
+  /// Mean distance [m] between successive joints: the length that makes rotations and translations
+  /// comparable in rank decisions and tolerances.
+  double length_scale() const { return length_scale_; }
+
+  BodyIndex FindBody(const std::string& name) const { return definition_.FindBody(name); }
+  /// Name of the joint that owns coordinate i, with its freedom if it has several.
+  std::string CoordinateName(int i) const;
+  /// Joint that owns coordinate i.
+  JointIndex CoordinateJoint(int i) const { return JointIndex(coordinate_joint_[static_cast<std::size_t>(i)]); }
+
+ private:
+  friend Expected<Mechanism> BuildMechanism(MechanismDef definition);
+
+  MechanismDef definition_;
+  std::vector<Body> bodies_;
+  std::vector<Joint> joints_;
+  std::vector<int> coordinate_joint_;
+  std::vector<Coupling> couplings_;
+  std::vector<Spring> springs_;
+  std::vector<Control> controls_;
+  Matrix6X screws_;
+  VectorX stiffness_, damping_, armature_, rest_, lower_, upper_;
+  int num_constraints_ = 0;
+  int num_springy_rows_ = 0;
+  double total_mass_ = 0;
+  double length_scale_ = 1;
+};
+
+/// Validates a definition and builds the mechanism. Errors (ErrorCode::kModel) name the body, joint or
+/// closure at fault: missing parents, several roots, names used twice, non-finite numbers, negative
+/// mass or stiffness, a moving part without inertia, dependent freedoms, closures on themselves.
+/// The definition's joints are sorted by depth; `definition()` of the result holds them in that order.
+Expected<Mechanism> BuildMechanism(MechanismDef definition);
+
+/// Every joint and tendon spring times `factor`, every joint damper times √factor, servo gains with them.
+MechanismDef ScaleStiffness(MechanismDef definition, double factor);
+
+}  // namespace fork1s

@@ -1,0 +1,32 @@
+// Mass, centre of mass and rotational inertia of a rigid body.
+#pragma once
+
+#include <fork1s/spatial/rigid_transform.hpp>
+
+namespace fork1s {
+
+/// Inertia of a rigid body B in its own frame: mass [kg], centre of mass p_BC [m], and rotational
+/// inertia about the centre of mass in the axes of B [kg·m²].
+struct SpatialInertia {
+  double mass = 0;
+  Vector3 center = Vector3::Zero();
+  Matrix3 rotational = Matrix3::Zero();
+
+  /// 6x6 about the origin of B: [I_C - m [c][c], m [c]; -m [c], m 1], angular first.
+  Matrix6 Matrix() const {
+    const Matrix3 c = Skew(center);
+    Matrix6 I;
+    I.topLeftCorner<3, 3>() = rotational - mass * c * c;
+    I.topRightCorner<3, 3>() = mass * c;
+    I.bottomLeftCorner<3, 3>() = -mass * c;
+    I.bottomRightCorner<3, 3>() = mass * Matrix3::Identity();
+    return I;
+  }
+};
+
+/// The same inertia seen from frame A, for X_AB.
+inline SpatialInertia Transform(const RigidTransform& X, const SpatialInertia& I) {
+  return {I.mass, X * I.center, X.rotation() * I.rotational * X.rotation().transpose()};
+}
+
+}  // namespace fork1s

@@ -1,0 +1,263 @@
+#include <algorithm>
+#include <cmath>
+#include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/mechanism/mechanism.hpp>
+#include <numeric>
+#include <unordered_set>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+#include <fmt/format.h>
+
+namespace fork1s {
+namespace {
+
+tl::unexpected<Error> Refuse(std::string where, std::string message) {
+  return Fail(ErrorCode::kModel, std::move(where), std::move(message));
+}
+
+std::string Named(const char* kind, const std::string& name) { return fmt::format("{} '{}'", kind, name); }
+
+Expected<void> CheckBodies(const MechanismDef& def) {
+  if (def.bodies.empty()) return Refuse(Named("mechanism", def.name), "has no bodies; add a base first");
+  std::unordered_set<std::string> names;
+  for (std::size_t i = 0; i < def.bodies.size(); ++i) {
+    const BodyDef& b = def.bodies[i];
+    const std::string where = Named("body", b.name);
+    if (!names.insert(b.name).second)
+      return Refuse(where, "this name is used twice; body names must differ within a mechanism");
+    if (i == 0 && b.parent.valid()) return Refuse(where, "is the base and must not have a parent");
+    if (i > 0 && (!b.parent.valid() || b.parent.u() >= i))
+      return Refuse(where, "needs a parent that comes before it");
+    if (!b.X_PB.IsFinite()) return Refuse(where, "has a pose that is not finite");
+    const SpatialInertia& I = b.inertia;
+    if (!std::isfinite(I.mass) || !I.center.allFinite() || !I.rotational.allFinite())
+      return Refuse(where, "has a mass or inertia that is not finite; give finite numbers");
+    if (I.mass < 0)
+      return Refuse(where, fmt::format("has negative mass {} kg; masses must be 0 or more", I.mass));
+    const double smallest = Eigen::SelfAdjointEigenSolver<Matrix3>(I.rotational).eigenvalues()(0);
+    if (smallest < -1e-9 * std::max(1e-12, I.rotational.norm()))
+      return Refuse(where, fmt::format("has a rotational inertia with the negative principal moment {} kg·m²; "
+                                       "principal moments must be 0 or more", smallest));
+  }
+  return {};
+}
+
+Expected<void> CheckJoints(const MechanismDef& def) {
+  std::unordered_set<std::string> names;
+  for (const JointDef& j : def.joints) {
+    const std::string where = Named("joint", j.name);
+    if (!names.insert(j.name).second)
+      return Refuse(where, "this name is used twice; joint names must differ within a mechanism");
+    if (!j.body.valid() || j.body.u() >= def.bodies.size()) return Refuse(where, "moves a body that does not exist");
+    if (j.body.value() == 0) return Refuse(where, "moves the base; say fixed, floating or driven base instead");
+    const auto n = j.freedoms.size();
+    if (n < 1 || n > 6) return Refuse(where, fmt::format("has {} freedoms; a joint has 1 to 6", n));
+    Matrix6X S(6, static_cast<Eigen::Index>(n));
+    for (std::size_t i = 0; i < n; ++i) {
+      const FreedomDef& f = j.freedoms[i];
+      S.col(static_cast<Eigen::Index>(i)) = f.screw_B;
+      if (!f.screw_B.allFinite()) return Refuse(where, "has an axis or anchor that is not finite");
+      for (const auto& [value, what] : {std::pair{f.stiffness, "stiffness"}, {f.damping, "damping"},
+                                        {f.armature, "armature"}}) {
+        if (!std::isfinite(value)) return Refuse(where, fmt::format("has a {} that is not finite", what));
+        if (value < 0)
+          return Refuse(where, fmt::format("has {} {}; it must be 0 or more", what, value));
+      }
+      if (!std::isfinite(f.rest)) return Refuse(where, "has a spring reference that is not finite");
+      if (f.lower > f.upper)
+        return Refuse(where, fmt::format("has limits {} to {} in the wrong order", f.lower, f.upper));
+    }
+    if (Eigen::ColPivHouseholderQR<Matrix6X>(S).rank() < static_cast<Eigen::Index>(n))
+      return Refuse(where, "has freedoms that depend on each other, or an axis of length zero");
+  }
+  return {};
+}
+
+Expected<void> CheckRef(const MechanismDef& def, const FreedomRef& ref, const std::string& where) {
+  if (!ref.joint.valid() || ref.joint.u() >= def.joints.size()) return Refuse(where, "names a joint that does not exist");
+  if (ref.freedom < 0 || ref.freedom >= static_cast<int>(def.joints[ref.joint.u()].freedoms.size()))
+    return Refuse(where, fmt::format("names freedom {} of joint '{}', which has fewer", ref.freedom,
+                                     def.joints[ref.joint.u()].name));
+  return {};
+}
+
+Expected<void> CheckConnections(const MechanismDef& def) {
+  for (const ClosureDef& c : def.closures) {
+    const std::string where = Named("closure", c.name);
+    for (BodyIndex b : {c.body_a, c.body_b})
+      if (!b.valid() || b.u() >= def.bodies.size()) return Refuse(where, "joins a body that does not exist");
+    if (c.body_a == c.body_b) return Refuse(where, "joins a body to itself");
+    if (!c.X_AJ.IsFinite() || !c.X_BJ.IsFinite()) return Refuse(where, "has a frame that is not finite");
+    if (!c.stiffness.allFinite() || !c.damping.allFinite() || (c.stiffness.array() < 0).any() ||
+        (c.damping.array() < 0).any())
+      return Refuse(where, "has a stiffness or damping that is negative or not finite");
+  }
+  for (const CouplingDef& c : def.couplings) {
+    const std::string where = Named("coupling", c.name);
+    if (auto ok = CheckRef(def, c.a, where); !ok) return ok;
+    if (c.b.joint.valid()) {
+      if (auto ok = CheckRef(def, c.b, where); !ok) return ok;
+      if (c.a.joint == c.b.joint && c.a.freedom == c.b.freedom) return Refuse(where, "couples a joint to itself");
+    }
+    for (double p : c.polynomial)
+      if (!std::isfinite(p)) return Refuse(where, "has a coefficient that is not finite");
+  }
+  for (const SpringDef& s : def.springs) {
+    const std::string where = Named("spring", s.name);
+    for (const auto& [ref, coefficient] : s.terms) {
+      if (auto ok = CheckRef(def, ref, where); !ok) return ok;
+      if (!std::isfinite(coefficient)) return Refuse(where, "has a coefficient that is not finite");
+    }
+    if (!std::isfinite(s.stiffness) || !std::isfinite(s.damping) || !std::isfinite(s.rest) || s.stiffness < 0 ||
+        s.damping < 0)
+      return Refuse(where, "has a stiffness, damping or rest length that is negative or not finite");
+  }
+  for (const ControlDef& c : def.controls) {
+    const std::string where = Named("control", c.name);
+    for (const auto& term : c.terms)
+      if (auto ok = CheckRef(def, term.first, where); !ok) return ok;
+    if (!std::isfinite(c.gain) || !std::isfinite(c.initial)) return Refuse(where, "has a gain or value that is not finite");
+  }
+  for (const std::string& name : def.interfaces)
+    if (!def.FindBody(name).valid())
+      return Refuse(Named("interface", name), fmt::format("mechanism '{}' has no body of this name", def.name));
+  if (def.modes < 0) return Refuse(Named("mechanism", def.name), "asks for a negative number of modes");
+  return {};
+}
+
+// Joints nearer the root first; everything that names a joint by index follows.
+void SortJoints(MechanismDef& def) {
+  std::vector<int> order(def.joints.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return def.joints[static_cast<std::size_t>(a)].body < def.joints[static_cast<std::size_t>(b)].body;
+  });
+  std::vector<int> position(order.size());
+  std::vector<JointDef> sorted;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    position[static_cast<std::size_t>(order[i])] = static_cast<int>(i);
+    sorted.push_back(std::move(def.joints[static_cast<std::size_t>(order[i])]));
+  }
+  def.joints = std::move(sorted);
+  auto move = [&](FreedomRef& ref) {
+    if (ref.joint.valid()) ref.joint = JointIndex(position[ref.joint.u()]);
+  };
+  for (auto& c : def.couplings) move(c.a), move(c.b);
+  for (auto& s : def.springs)
+    for (auto& t : s.terms) move(t.first);
+  for (auto& c : def.controls)
+    for (auto& t : c.terms) move(t.first);
+}
+
+}  // namespace
+
+std::string Mechanism::CoordinateName(int i) const {
+  const Joint& j = joint(CoordinateJoint(i));
+  return j.size == 1 ? j.name : fmt::format("{} (freedom {})", j.name, i - j.offset + 1);
+}
+
+Expected<Mechanism> BuildMechanism(MechanismDef definition) {
+  if (auto ok = CheckBodies(definition); !ok) return tl::unexpected(ok.error());
+  if (auto ok = CheckJoints(definition); !ok) return tl::unexpected(ok.error());
+  if (auto ok = CheckConnections(definition); !ok) return tl::unexpected(ok.error());
+  SortJoints(definition);
+
+  Mechanism m;
+  m.definition_ = std::move(definition);
+  const MechanismDef& def = m.definition_;
+
+  double length = 0;
+  int lengths = 0;
+  for (const BodyDef& b : def.bodies) {
+    Mechanism::Body body;
+    body.name = b.name;
+    body.parent = b.parent;
+    body.X_RB0 = b.parent.valid() ? m.bodies_[b.parent.u()].X_RB0 * b.X_PB : RigidTransform::Identity();
+    body.X_RB0.Orthonormalize();
+    body.inertia_B = b.inertia;
+    body.inertia_R0 = Transform(body.X_RB0, b.inertia);
+    m.total_mass_ += b.inertia.mass;
+    if (b.parent.valid() && b.X_PB.translation().norm() > 0) {
+      length += b.X_PB.translation().norm();
+      ++lengths;
+    }
+    m.bodies_.push_back(std::move(body));
+  }
+  if (lengths > 0) m.length_scale_ = length / lengths;
+
+  int n = 0;
+  for (const JointDef& j : def.joints) n += static_cast<int>(j.freedoms.size());
+  m.screws_.resize(6, n);
+  for (VectorX* v : {&m.stiffness_, &m.damping_, &m.armature_, &m.rest_, &m.lower_, &m.upper_}) v->resize(n);
+
+  // Joints come sorted by body, bodies by depth, so one sweep links every joint to the one before it.
+  std::size_t next = 0;
+  int offset = 0;
+  for (std::size_t b = 0; b < m.bodies_.size(); ++b) {
+    Mechanism::Body& body = m.bodies_[b];
+    int last = body.parent.valid() ? m.bodies_[body.parent.u()].last_joint : -1;
+    for (; next < def.joints.size() && def.joints[next].body.u() == b; ++next) {
+      const JointDef& j = def.joints[next];
+      Mechanism::Joint joint{j.name, j.kind, j.body, last, offset, static_cast<int>(j.freedoms.size())};
+      for (const FreedomDef& f : j.freedoms) {
+        m.screws_.col(offset) = AdjointApply(body.X_RB0, f.screw_B);
+        m.stiffness_(offset) = f.stiffness;
+        m.damping_(offset) = f.damping;
+        m.armature_(offset) = f.armature;
+        m.rest_(offset) = f.rest;
+        m.lower_(offset) = f.lower;
+        m.upper_(offset) = f.upper;
+        m.coordinate_joint_.push_back(static_cast<int>(next));
+        ++offset;
+      }
+      last = static_cast<int>(next);
+      m.joints_.push_back(std::move(joint));
+    }
+    body.last_joint = last;
+  }
+
+  auto coordinate = [&](const FreedomRef& ref) { return m.joints_[ref.joint.u()].offset + ref.freedom; };
+  auto linear = [&](const std::vector<std::pair<FreedomRef, double>>& terms) {
+    Mechanism::LinearForm form;
+    for (const auto& [ref, c] : terms) form.emplace_back(coordinate(ref), c);
+    return form;
+  };
+  for (const SpringDef& s : def.springs)
+    m.springs_.push_back({s.name, linear(s.terms), s.stiffness, s.damping, s.rest});
+  for (const ControlDef& c : def.controls)
+    m.controls_.push_back({c.name, linear(c.terms), c.gain, c.lower, c.upper, c.initial});
+  for (const CouplingDef& c : def.couplings) {
+    Mechanism::Coupling coupling;
+    coupling.name = c.name;
+    coupling.a = coordinate(c.a);
+    coupling.b = c.b.joint.valid() ? coordinate(c.b) : -1;
+    std::copy(std::begin(c.polynomial), std::end(c.polynomial), coupling.polynomial);
+    m.couplings_.push_back(coupling);
+  }
+  for (const ClosureDef& c : def.closures) {
+    m.num_constraints_ += static_cast<int>(c.rigid.count());
+    m.num_springy_rows_ += static_cast<int>(((!c.rigid.array()) && (c.stiffness.array() > 0)).count());
+  }
+  m.num_constraints_ += static_cast<int>(m.couplings_.size());
+
+  // Whatever moves must resist being moved, or its acceleration has no answer.
+  Kinematics kinematics(m);
+  ComputeKinematics(m, VectorX::Zero(n), kinematics);
+  std::vector<Matrix6> composite(m.bodies_.size());
+  for (std::size_t b = 0; b < m.bodies_.size(); ++b) composite[b] = m.bodies_[b].inertia_R0.Matrix();
+  for (std::size_t b = m.bodies_.size(); b-- > 1;) composite[m.bodies_[b].parent.u()] += composite[b];
+  for (int i = 0; i < n; ++i) {
+    const Mechanism::Joint& j = m.joint(m.CoordinateJoint(i));
+    const Vector6 s = m.screws_.col(i);
+    if (!(s.dot(composite[j.body.u()] * s) + m.armature_(i) > 0))
+      return Refuse(Named("joint", j.name),
+                    fmt::format("moves body '{}' and what hangs on it, which have no inertia about it; give mass "
+                                "and inertia, or armature", m.body(j.body).name));
+  }
+  if (def.base == BaseKind::kFloating && !(m.total_mass_ > 0))
+    return Refuse(Named("mechanism", def.name), "floats but has no mass");
+  return m;
+}
+
+}  // namespace fork1s

@@ -1,0 +1,67 @@
+#include <fork1s/mechanism/builder.hpp>
+
+namespace fork1s {
+
+MechanismBuilder::MechanismBuilder(std::string name, BaseKind base, SpatialInertia base_inertia) {
+  definition_.name = std::move(name);
+  definition_.base = base;
+  BodyDef body;
+  body.name = "base";
+  body.inertia = base_inertia;
+  definition_.bodies.push_back(std::move(body));
+}
+
+BodyIndex MechanismBuilder::AddBody(BodyDef body) {
+  FORK1S_REQUIRE(body.parent.valid() && body.parent.u() < definition_.bodies.size(), body.name,
+                 "needs a parent that was added before it");
+  definition_.bodies.push_back(std::move(body));
+  return BodyIndex(definition_.bodies.size() - 1);
+}
+
+JointIndex MechanismBuilder::AddJoint(JointDef joint) {
+  FORK1S_REQUIRE(joint.body.valid() && joint.body.u() < definition_.bodies.size(), joint.name);
+  definition_.joints.push_back(std::move(joint));
+  return JointIndex(definition_.joints.size() - 1);
+}
+
+std::pair<JointIndex, JointIndex> MechanismBuilder::AddJoint(std::pair<JointDef, JointDef> universal) {
+  const JointIndex first = AddJoint(std::move(universal.first));
+  return {first, AddJoint(std::move(universal.second))};
+}
+
+MechanismBuilder& MechanismBuilder::AddClosure(ClosureDef closure) {
+  definition_.closures.push_back(std::move(closure));
+  return *this;
+}
+
+MechanismBuilder& MechanismBuilder::AddCoupling(CouplingDef coupling) {
+  definition_.couplings.push_back(std::move(coupling));
+  return *this;
+}
+
+MechanismBuilder& MechanismBuilder::AddSpring(SpringDef spring) {
+  definition_.springs.push_back(std::move(spring));
+  return *this;
+}
+
+MechanismBuilder& MechanismBuilder::AddControl(ControlDef control) {
+  definition_.controls.push_back(std::move(control));
+  return *this;
+}
+
+MechanismBuilder& MechanismBuilder::SetInterfaces(std::vector<std::string> bodies) {
+  definition_.interfaces = std::move(bodies);
+  return *this;
+}
+
+MechanismBuilder& MechanismBuilder::SetModes(int modes) {
+  definition_.modes = modes;
+  return *this;
+}
+
+MechanismBuilder& MechanismBuilder::SetBasePose(const RigidTransform& X_WR) {
+  definition_.X_WR = X_WR;
+  return *this;
+}
+
+}  // namespace fork1s

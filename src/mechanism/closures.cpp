@@ -1,0 +1,140 @@
+#include "closures.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fork1s/mechanism/kinematics.hpp>
+
+#include <Eigen/QR>
+
+namespace fork1s {
+namespace internal {
+
+Vector6 ClosureError(const ClosureDef& closure, const Kinematics& kinematics, RigidTransform* X_aJ_out,
+                     RigidTransform* E_out) {
+  const RigidTransform X_aJ = kinematics.X_RB[closure.body_a.u()] * closure.X_AJ;
+  const RigidTransform X_bJ = kinematics.X_RB[closure.body_b.u()] * closure.X_BJ;
+  const RigidTransform E = X_aJ.inverse() * X_bJ;
+  Vector6 c;
+  c << LogRotation(E.rotation()), E.translation();
+  if (X_aJ_out) *X_aJ_out = X_aJ;
+  if (E_out) *E_out = E;
+  return c;
+}
+
+void ClosureErrorJacobian(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
+                          Vector6& c, Eigen::Ref<Matrix6X> rows) {
+  RigidTransform X_aJ, E;
+  c = ClosureError(closure, kinematics, &X_aJ, &E);
+  // Ė E⁻¹ = Ad(X_aJ⁻¹)(V_b - V_a) = [ω; v];  d log R_E = dexp⁻¹ ω,  d p_E = v + ω x p_E
+  const RigidTransform X_Ja = X_aJ.inverse();
+  const Matrix3 D = DexpInverseRotation(c.head<3>());
+  rows.setZero();
+  auto add = [&](BodyIndex body, double sign) {
+    for (int j = mechanism.body(body).last_joint; j >= 0; j = mechanism.joint(JointIndex(j)).previous) {
+      const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
+      for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
+        const Vector6 V = AdjointApply(X_Ja, kinematics.S.col(i));
+        const Vector3 w = V.head<3>();
+        rows.col(i).head<3>() += sign * (D * w);
+        rows.col(i).tail<3>() += sign * (V.tail<3>() + w.cross(E.translation()));
+      }
+    }
+  };
+  add(closure.body_b, 1);
+  add(closure.body_a, -1);
+}
+
+}  // namespace internal
+
+namespace {
+
+double Polynomial(const double (&p)[5], double x) { return p[0] + x * (p[1] + x * (p[2] + x * (p[3] + x * p[4]))); }
+double PolynomialSlope(const double (&p)[5], double x) {
+  return p[1] + x * (2 * p[2] + x * (3 * p[3] + x * 4 * p[4]));
+}
+
+}  // namespace
+
+void ClosureResidual(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, VectorX& c) {
+  c.resize(mechanism.num_constraints());
+  int row = 0;
+  for (const ClosureDef& closure : mechanism.closures()) {
+    const Vector6 e = internal::ClosureError(closure, kinematics);
+    for (int i = 0; i < 6; ++i)
+      if (closure.rigid(i)) c(row++) = e(i);
+  }
+  for (const Mechanism::Coupling& k : mechanism.couplings())
+    c(row++) = q(k.a) - Polynomial(k.polynomial, k.b >= 0 ? q(k.b) : 0);
+}
+
+void ClosureJacobian(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, MatrixX& A) {
+  const int n = mechanism.num_coordinates();
+  A.resize(mechanism.num_constraints(), n);
+  Matrix6X rows(6, n);
+  Vector6 c;
+  int row = 0;
+  for (const ClosureDef& closure : mechanism.closures()) {
+    if (!closure.rigid.any()) continue;
+    internal::ClosureErrorJacobian(mechanism, closure, kinematics, c, rows);
+    for (int i = 0; i < 6; ++i)
+      if (closure.rigid(i)) A.row(row++) = rows.row(i);
+  }
+  for (const Mechanism::Coupling& k : mechanism.couplings()) {
+    A.row(row).setZero();
+    A(row, k.a) = 1;
+    if (k.b >= 0) A(row, k.b) -= PolynomialSlope(k.polynomial, q(k.b));
+    ++row;
+  }
+}
+
+double ClosureGap(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
+  double gap = 0;
+  const double L = mechanism.length_scale();
+  for (const ClosureDef& closure : mechanism.closures()) {
+    const Vector6 e = internal::ClosureError(closure, kinematics);
+    Vector3 turn = Vector3::Zero(), shift = Vector3::Zero();
+    for (int i = 0; i < 3; ++i) {
+      if (closure.rigid(i)) turn(i) = e(i);
+      if (closure.rigid(i + 3)) shift(i) = e(i + 3);
+    }
+    gap = std::max({gap, L * turn.norm(), shift.norm()});
+  }
+  for (const Mechanism::Coupling& k : mechanism.couplings()) {
+    const double off = std::abs(q(k.a) - Polynomial(k.polynomial, k.b >= 0 ? q(k.b) : 0));
+    // A slide's mismatch is a length already.
+    const bool turns = mechanism.screws().col(k.a).head<3>().norm() > 0;
+    gap = std::max(gap, turns ? L * off : off);
+  }
+  return gap;
+}
+
+double CloseLoops(const Mechanism& mechanism, VectorX& q, int max_iterations) {
+  if (mechanism.num_constraints() == 0) return 0;
+  Kinematics kinematics(mechanism);
+  const VectorX& k = mechanism.stiffness();
+  const double k_max = std::max(k.size() ? k.maxCoeff() : 0.0, 1e-12);
+  const VectorX h_inverse = k.cwiseMax(1e-3 * k_max).cwiseInverse();
+  VectorX c;
+  MatrixX A;
+  double gap = 0;
+  for (int i = 0; i <= max_iterations; ++i) {
+    ComputeKinematics(mechanism, q, kinematics);
+    gap = ClosureGap(mechanism, kinematics, q);
+    if (i == max_iterations || gap < 1e-13 * mechanism.length_scale() || !std::isfinite(gap)) break;
+    ClosureResidual(mechanism, kinematics, q, c);
+    ClosureJacobian(mechanism, kinematics, q, A);
+    const MatrixX AH = A * h_inverse.asDiagonal();
+    Eigen::CompleteOrthogonalDecomposition<MatrixX> solver;
+    solver.setThreshold(1e-10);
+    solver.compute(AH * A.transpose());
+    VectorX step = AH.transpose() * solver.solve(c);
+    // Far from closed, half a radian a joint keeps the linearisation meaningful.
+    const double largest = step.cwiseAbs().maxCoeff();
+    if (largest > 0.5) step *= 0.5 / largest;
+    if (largest < 1e-15) break;
+    q -= step;
+  }
+  return gap;
+}
+
+}  // namespace fork1s

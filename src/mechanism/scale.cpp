@@ -1,0 +1,28 @@
+#include <fork1s/mechanism/mechanism.hpp>
+
+#include <cmath>
+
+namespace fork1s {
+
+MechanismDef ScaleStiffness(MechanismDef definition, double factor) {
+  // Damping goes with the square root so that damping ratios stay as they are.
+  const double root = std::sqrt(factor);
+  for (auto& joint : definition.joints)
+    for (auto& f : joint.freedoms) {
+      f.stiffness *= factor;
+      f.damping *= root;
+    }
+  for (auto& spring : definition.springs) {
+    spring.stiffness *= factor;
+    spring.damping *= root;
+  }
+  for (auto& closure : definition.closures) {
+    closure.stiffness *= factor;
+    closure.damping *= root;
+  }
+  for (auto& control : definition.controls)
+    if (control.is_setpoint) control.gain *= factor;
+  return definition;
+}
+
+}  // namespace fork1s
