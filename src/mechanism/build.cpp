@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <numeric>
 #include <unordered_set>
@@ -18,8 +17,18 @@ tl::unexpected<Error> Refuse(std::string where, std::string message) {
 
 std::string Named(const char* kind, const std::string& name) { return fmt::format("{} '{}'", kind, name); }
 
+Expected<void> CheckPose(const RigidTransform& X, const std::string& where, const char* what) {
+  if (!X.IsFinite()) return Refuse(where, fmt::format("has a {} that is not finite", what));
+  const Matrix3& R = X.rotation();
+  // Matrices typed with four digits pass; reflections, scalings and transposed nonsense do not.
+  if ((R * R.transpose() - Matrix3::Identity()).norm() > 1e-3 || R.determinant() < 0)
+    return Refuse(where, fmt::format("has a {} whose rotation matrix is not a rotation", what));
+  return {};
+}
+
 Expected<void> CheckBodies(const MechanismDef& def) {
   if (def.bodies.empty()) return Refuse(Named("mechanism", def.name), "has no bodies; add a base first");
+  if (auto ok = CheckPose(def.X_WR, Named("mechanism", def.name), "base pose"); !ok) return ok;
   std::unordered_set<std::string> names;
   for (std::size_t i = 0; i < def.bodies.size(); ++i) {
     const BodyDef& b = def.bodies[i];
@@ -29,12 +38,14 @@ Expected<void> CheckBodies(const MechanismDef& def) {
     if (i == 0 && b.parent.valid()) return Refuse(where, "is the base and must not have a parent");
     if (i > 0 && (!b.parent.valid() || b.parent.u() >= i))
       return Refuse(where, "needs a parent that comes before it");
-    if (!b.X_PB.IsFinite()) return Refuse(where, "has a pose that is not finite");
+    if (auto ok = CheckPose(b.X_PB, where, "pose"); !ok) return ok;
     const SpatialInertia& I = b.inertia;
     if (!std::isfinite(I.mass) || !I.center.allFinite() || !I.rotational.allFinite())
       return Refuse(where, "has a mass or inertia that is not finite; give finite numbers");
     if (I.mass < 0)
       return Refuse(where, fmt::format("has negative mass {} kg; masses must be 0 or more", I.mass));
+    if ((I.rotational - I.rotational.transpose()).norm() > 1e-6 * I.rotational.norm())
+      return Refuse(where, "has a rotational inertia that is not symmetric");
     const double smallest = Eigen::SelfAdjointEigenSolver<Matrix3>(I.rotational).eigenvalues()(0);
     if (smallest < -1e-9 * std::max(1e-12, I.rotational.norm()))
       return Refuse(where, fmt::format("has a rotational inertia with the negative principal moment {} kg·m²; "
@@ -65,10 +76,13 @@ Expected<void> CheckJoints(const MechanismDef& def) {
           return Refuse(where, fmt::format("has {} {}; it must be 0 or more", what, value));
       }
       if (!std::isfinite(f.rest)) return Refuse(where, "has a spring reference that is not finite");
-      if (f.lower > f.upper)
-        return Refuse(where, fmt::format("has limits {} to {} in the wrong order", f.lower, f.upper));
+      if (!(f.lower <= f.upper))  // NaN too
+        return Refuse(where, fmt::format("has limits {} to {}; the lower must not be above the upper", f.lower,
+                                         f.upper));
     }
-    if (Eigen::ColPivHouseholderQR<Matrix6X>(S).rank() < static_cast<Eigen::Index>(n))
+    Eigen::ColPivHouseholderQR<Matrix6X> qr(S.colwise().normalized());
+    qr.setThreshold(1e-9);  // far above the rounding of screws computed from each other
+    if (qr.rank() < static_cast<Eigen::Index>(n))
       return Refuse(where, "has freedoms that depend on each other, or an axis of length zero");
   }
   return {};
@@ -88,7 +102,8 @@ Expected<void> CheckConnections(const MechanismDef& def) {
     for (BodyIndex b : {c.body_a, c.body_b})
       if (!b.valid() || b.u() >= def.bodies.size()) return Refuse(where, "joins a body that does not exist");
     if (c.body_a == c.body_b) return Refuse(where, "joins a body to itself");
-    if (!c.X_AJ.IsFinite() || !c.X_BJ.IsFinite()) return Refuse(where, "has a frame that is not finite");
+    if (auto ok = CheckPose(c.X_AJ, where, "frame"); !ok) return ok;
+    if (auto ok = CheckPose(c.X_BJ, where, "frame"); !ok) return ok;
     if (!c.stiffness.allFinite() || !c.damping.allFinite() || (c.stiffness.array() < 0).any() ||
         (c.damping.array() < 0).any())
       return Refuse(where, "has a stiffness or damping that is negative or not finite");
@@ -115,8 +130,13 @@ Expected<void> CheckConnections(const MechanismDef& def) {
   }
   for (const ControlDef& c : def.controls) {
     const std::string where = Named("control", c.name);
-    for (const auto& term : c.terms)
-      if (auto ok = CheckRef(def, term.first, where); !ok) return ok;
+    for (const auto& [ref, coefficient] : c.terms) {
+      if (auto ok = CheckRef(def, ref, where); !ok) return ok;
+      if (!std::isfinite(coefficient)) return Refuse(where, "has a coefficient that is not finite");
+    }
+    if (!(c.lower <= c.upper))
+      return Refuse(where, fmt::format("has limits {} to {}; the lower must not be above the upper", c.lower,
+                                       c.upper));
     if (!std::isfinite(c.gain) || !std::isfinite(c.initial)) return Refuse(where, "has a gain or value that is not finite");
   }
   for (const std::string& name : def.interfaces)
@@ -148,6 +168,47 @@ void SortJoints(MechanismDef& def) {
     for (auto& t : s.terms) move(t.first);
   for (auto& c : def.controls)
     for (auto& t : c.terms) move(t.first);
+}
+
+// Smallest eigenvalue of SᵀIS + diag(armature), each freedom scaled by the size of the terms that it sums, so
+// that rounding is 1e-16 whatever the units.
+double RelativeInertia(const Matrix6& I, const Matrix6X& S, const VectorX& armature) {
+  const VectorX size = (S.cwiseAbs().transpose() * I.cwiseAbs() * S.cwiseAbs()).diagonal() + armature;
+  if (!(size.minCoeff() > 0)) return 0;
+  const VectorX scale = size.cwiseSqrt().cwiseInverse();
+  MatrixX block = S.transpose() * I * S;
+  block.diagonal() += armature;
+  block = scale.asDiagonal() * block * scale.asDiagonal();
+  return Eigen::SelfAdjointEigenSolver<MatrixX>(block).eigenvalues()(0);
+}
+
+// Whatever moves must resist being moved, or its acceleration has no answer. Inertias are gathered in body
+// frames, where a point mass on an axis gives zero and not the rounding of its distance from the root.
+Expected<void> CheckInertia(const Mechanism& m) {
+  constexpr double kRounding = 1e-13;
+  const MechanismDef& def = m.definition();
+  std::vector<Matrix6> composite;
+  for (const BodyDef& b : def.bodies) composite.push_back(b.inertia.Matrix());
+  for (std::size_t b = def.bodies.size(); b-- > 1;) {
+    const Matrix6 Ad = Adjoint(def.bodies[b].X_PB.inverse());
+    composite[def.bodies[b].parent.u()] += Ad.transpose() * composite[b] * Ad;
+  }
+  for (std::size_t j = 0; j < def.joints.size(); ++j) {
+    const JointDef& joint = def.joints[j];
+    const auto n = static_cast<Eigen::Index>(joint.freedoms.size());
+    Matrix6X S(6, n);
+    for (Eigen::Index i = 0; i < n; ++i) S.col(i) = joint.freedoms[static_cast<std::size_t>(i)].screw_B;
+    const VectorX armature = m.armature().segment(m.joint(JointIndex(j)).offset, n);
+    if (!(RelativeInertia(composite[joint.body.u()], S, armature) > kRounding))
+      return Refuse(Named("joint", joint.name),
+                    fmt::format("moves body '{}' and what hangs on it, which have no inertia about it; "
+                                "give mass and inertia, or armature", m.body(joint.body).name));
+  }
+  if (def.base == BaseKind::kFloating &&
+      !(RelativeInertia(composite[0], Matrix6X::Identity(6, 6), VectorX::Zero(6)) > kRounding))
+    return Refuse(Named("mechanism", def.name),
+                  "floats but has no mass, or no rotational inertia about some axis");
+  return {};
 }
 
 }  // namespace
@@ -241,22 +302,7 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
   }
   m.num_constraints_ += static_cast<int>(m.couplings_.size());
 
-  // Whatever moves must resist being moved, or its acceleration has no answer.
-  Kinematics kinematics(m);
-  ComputeKinematics(m, VectorX::Zero(n), kinematics);
-  std::vector<Matrix6> composite(m.bodies_.size());
-  for (std::size_t b = 0; b < m.bodies_.size(); ++b) composite[b] = m.bodies_[b].inertia_R0.Matrix();
-  for (std::size_t b = m.bodies_.size(); b-- > 1;) composite[m.bodies_[b].parent.u()] += composite[b];
-  for (int i = 0; i < n; ++i) {
-    const Mechanism::Joint& j = m.joint(m.CoordinateJoint(i));
-    const Vector6 s = m.screws_.col(i);
-    if (!(s.dot(composite[j.body.u()] * s) + m.armature_(i) > 0))
-      return Refuse(Named("joint", j.name),
-                    fmt::format("moves body '{}' and what hangs on it, which have no inertia about it; give mass "
-                                "and inertia, or armature", m.body(j.body).name));
-  }
-  if (def.base == BaseKind::kFloating && !(m.total_mass_ > 0))
-    return Refuse(Named("mechanism", def.name), "floats but has no mass");
+  if (auto ok = CheckInertia(m); !ok) return tl::unexpected(ok.error());
   return m;
 }
 

@@ -21,29 +21,6 @@ Vector6 ClosureError(const ClosureDef& closure, const Kinematics& kinematics, Ri
   return c;
 }
 
-void ClosureErrorJacobian(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
-                          Vector6& c, Eigen::Ref<Matrix6X> rows) {
-  RigidTransform X_aJ, E;
-  c = ClosureError(closure, kinematics, &X_aJ, &E);
-  // Ė E⁻¹ = Ad(X_aJ⁻¹)(V_b - V_a) = [ω; v];  d log R_E = dexp⁻¹ ω,  d p_E = v + ω x p_E
-  const RigidTransform X_Ja = X_aJ.inverse();
-  const Matrix3 D = DexpInverseRotation(c.head<3>());
-  rows.setZero();
-  auto add = [&](BodyIndex body, double sign) {
-    for (int j = mechanism.body(body).last_joint; j >= 0; j = mechanism.joint(JointIndex(j)).previous) {
-      const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
-      for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
-        const Vector6 V = AdjointApply(X_Ja, kinematics.S.col(i));
-        const Vector3 w = V.head<3>();
-        rows.col(i).head<3>() += sign * (D * w);
-        rows.col(i).tail<3>() += sign * (V.tail<3>() + w.cross(E.translation()));
-      }
-    }
-  };
-  add(closure.body_b, 1);
-  add(closure.body_a, -1);
-}
-
 }  // namespace internal
 
 namespace {
@@ -68,19 +45,18 @@ void ClosureResidual(const Mechanism& mechanism, const Kinematics& kinematics, c
 }
 
 void ClosureJacobian(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, MatrixX& A) {
-  const int n = mechanism.num_coordinates();
-  A.resize(mechanism.num_constraints(), n);
-  Matrix6X rows(6, n);
-  Vector6 c;
+  A.setZero(mechanism.num_constraints(), mechanism.num_coordinates());
   int row = 0;
   for (const ClosureDef& closure : mechanism.closures()) {
     if (!closure.rigid.any()) continue;
-    internal::ClosureErrorJacobian(mechanism, closure, kinematics, c, rows);
-    for (int i = 0; i < 6; ++i)
-      if (closure.rigid(i)) A.row(row++) = rows.row(i);
+    internal::ForEachClosureColumn(mechanism, closure, kinematics, [&](int i, const Vector6& column) {
+      int r = row;
+      for (int k = 0; k < 6; ++k)
+        if (closure.rigid(k)) A(r++, i) += column(k);
+    });
+    row += static_cast<int>(closure.rigid.count());
   }
   for (const Mechanism::Coupling& k : mechanism.couplings()) {
-    A.row(row).setZero();
     A(row, k.a) = 1;
     if (k.b >= 0) A(row, k.b) -= PolynomialSlope(k.polynomial, q(k.b));
     ++row;

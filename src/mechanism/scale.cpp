@@ -5,6 +5,7 @@
 namespace fork1s {
 
 MechanismDef ScaleStiffness(MechanismDef definition, double factor) {
+  FORK1S_REQUIRE(factor >= 0 && std::isfinite(factor), factor);
   // Damping goes with the square root so that damping ratios stay as they are.
   const double root = std::sqrt(factor);
   for (auto& joint : definition.joints)

@@ -1,5 +1,7 @@
 #include <fork1s/mechanism/kinematics.hpp>
 
+#include <cmath>
+
 #include "closures.hpp"
 
 namespace fork1s {
@@ -11,21 +13,21 @@ double Length(const Mechanism::LinearForm& terms, const VectorX& q) {
   return length;
 }
 
-// Calls f(c, rows) for every closure that has springs or dampers, with the rows that are rigid or free zeroed
-// by the caller's weights.
-template <class F>
-void ForEachSpringyClosure(const Mechanism& mechanism, const Kinematics& kinematics, F f) {
-  Matrix6X rows(6, mechanism.num_coordinates());
-  Vector6 c;
-  for (const ClosureDef& closure : mechanism.closures()) {
-    if ((closure.rigid.array() || (closure.stiffness.array() == 0 && closure.damping.array() == 0)).all()) continue;
-    internal::ClosureErrorJacobian(mechanism, closure, kinematics, c, rows);
-    f(closure, c, rows);
-  }
-}
-
 Vector6 Soft(const ClosureDef& closure, const Vector6& weights) {
   return closure.rigid.select(Vector6::Zero(), weights);
+}
+
+// out += Σ rowsᵀ diag(weights) rows over the springy directions of all closures.
+void AddClosureMatrix(const Mechanism& mechanism, const Kinematics& kinematics, Vector6 ClosureDef::*weights,
+                      MatrixX& out) {
+  for (const ClosureDef& closure : mechanism.closures()) {
+    const Vector6 w = Soft(closure, closure.*weights);
+    if (w.isZero(0)) continue;
+    Matrix6X rows = Matrix6X::Zero(6, mechanism.num_coordinates());
+    internal::ForEachClosureColumn(mechanism, closure, kinematics,
+                                   [&](int i, const Vector6& column) { rows.col(i) += column; });
+    out.noalias() += rows.transpose() * w.asDiagonal() * rows;
+  }
 }
 
 }  // namespace
@@ -36,10 +38,13 @@ void SpringForce(const Mechanism& mechanism, const Kinematics& kinematics, const
     const double force = s.stiffness * (s.rest - Length(s.terms, q));
     for (const auto& [i, c] : s.terms) tau(i) += c * force;
   }
-  if (!mechanism.closures().empty())
-    ForEachSpringyClosure(mechanism, kinematics, [&](const ClosureDef& closure, const Vector6& c, const Matrix6X& rows) {
-      tau.noalias() -= rows.transpose() * Soft(closure, closure.stiffness).cwiseProduct(c);
-    });
+  for (const ClosureDef& closure : mechanism.closures()) {
+    const Vector6 k = Soft(closure, closure.stiffness);
+    if (k.isZero(0)) continue;
+    const Vector6 force = k.cwiseProduct(internal::ClosureError(closure, kinematics));
+    internal::ForEachClosureColumn(mechanism, closure, kinematics,
+                                   [&](int i, const Vector6& column) { tau(i) -= column.dot(force); });
+  }
 }
 
 MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX&) {
@@ -47,10 +52,31 @@ MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics
   for (const Mechanism::Spring& s : mechanism.springs())
     for (const auto& [i, ci] : s.terms)
       for (const auto& [j, cj] : s.terms) K(i, j) += s.stiffness * ci * cj;
-  ForEachSpringyClosure(mechanism, kinematics, [&](const ClosureDef& closure, const Vector6&, const Matrix6X& rows) {
-    K.noalias() += rows.transpose() * Soft(closure, closure.stiffness).asDiagonal() * rows;
-  });
+  AddClosureMatrix(mechanism, kinematics, &ClosureDef::stiffness, K);
   return K;
+}
+
+MatrixX StiffnessRoot(const Mechanism& mechanism, const Kinematics& kinematics) {
+  const int n = mechanism.num_coordinates();
+  int rows = static_cast<int>((mechanism.stiffness().array() > 0).count());
+  rows += static_cast<int>(mechanism.springs().size() + 6 * mechanism.closures().size());
+  MatrixX R = MatrixX::Zero(rows, n);
+  int row = 0;
+  for (int i = 0; i < n; ++i)
+    if (mechanism.stiffness()(i) > 0) R(row++, i) = std::sqrt(mechanism.stiffness()(i));
+  for (const Mechanism::Spring& s : mechanism.springs()) {
+    for (const auto& [i, c] : s.terms) R(row, i) += std::sqrt(s.stiffness) * c;
+    ++row;
+  }
+  for (const ClosureDef& closure : mechanism.closures()) {
+    const Vector6 root = Soft(closure, closure.stiffness).cwiseSqrt();
+    if (!root.isZero(0))
+      internal::ForEachClosureColumn(mechanism, closure, kinematics, [&](int i, const Vector6& column) {
+        R.block<6, 1>(row, i) += root.cwiseProduct(column);
+      });
+    row += 6;
+  }
+  return R;
 }
 
 MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX&) {
@@ -58,9 +84,7 @@ MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, 
   for (const Mechanism::Spring& s : mechanism.springs())
     for (const auto& [i, ci] : s.terms)
       for (const auto& [j, cj] : s.terms) D(i, j) += s.damping * ci * cj;
-  ForEachSpringyClosure(mechanism, kinematics, [&](const ClosureDef& closure, const Vector6&, const Matrix6X& rows) {
-    D.noalias() += rows.transpose() * Soft(closure, closure.damping).asDiagonal() * rows;
-  });
+  AddClosureMatrix(mechanism, kinematics, &ClosureDef::damping, D);
   return D;
 }
 

@@ -27,7 +27,7 @@ struct ContactPoint {
   Vector3 point = Vector3::Zero();   // midway between the surfaces, m
   Matrix3 frame = Matrix3::Identity();  // rows: normal from a to b, tangent 1, tangent 2
   double gap = 0;       // m, negative in penetration
-  double friction = 0;  // 0 where either side is frictionless
+  double friction = 0;  // of the higher priority, else the larger; 0 if all who decide are frictionless
 };
 
 struct CollisionOptions {

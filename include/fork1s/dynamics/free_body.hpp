@@ -1,0 +1,50 @@
+// A free rigid body.
+#pragma once
+
+#include <fork1s/mechanism/scene.hpp>
+#include <string>
+
+namespace fork1s {
+
+/// Coordinates are the angular rate in the body's own axes and the velocity of the centre of mass in the world.
+class FreeBody {
+ public:
+  FreeBody(const FreeBodyDef& definition);
+
+  const std::string& name() const { return name_; }
+  const SpatialInertia& inertia() const { return inertia_; }
+  const RigidTransform& pose() const { return X_WB_; }
+  Vector3 omega_W() const { return X_WB_.rotation() * omega_B_; }
+  const Vector3& omega_B() const { return omega_B_; }
+  const Vector3& velocity_of_center() const { return velocity_; }
+  Vector3 center_W() const { return X_WB_ * inertia_.center; }
+
+  void SetState(const RigidTransform& X_WB, const Vector3& omega_W, const Vector3& velocity_of_origin_W);
+  void AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
+
+  /// Free velocity after h under gravity, gathered wrenches and gyroscopic moment (implicit midpoint).
+  void Predict(double h, const Vector3& gravity_W);
+  /// [R ω_B; v_centre]: the six-vector on which contacts work, about the centre of mass in world axes.
+  Vector6 PortTwist() const;
+  /// Inverse inertia on that six-vector.
+  Matrix6 InverseInertia() const;
+  void SetPortTwist(const Vector6& V);
+  void Integrate(double h);
+
+  double KineticEnergy() const;
+  double PotentialEnergy(const Vector3& gravity_W) const { return -inertia_.mass * gravity_W.dot(center_W()); }
+  bool IsFinite() const { return X_WB_.IsFinite() && omega_B_.allFinite() && velocity_.allFinite(); }
+
+ private:
+  std::string name_;
+  SpatialInertia inertia_;
+  Matrix3 inverse_rotational_;
+  RigidTransform X_WB_;
+  Vector3 omega_B_ = Vector3::Zero();
+  Vector3 omega_B_before_ = Vector3::Zero();
+  Vector3 velocity_ = Vector3::Zero();
+  Vector3 force_W_ = Vector3::Zero();
+  Vector3 moment_W_ = Vector3::Zero();  // about the centre of mass
+};
+
+}  // namespace fork1s

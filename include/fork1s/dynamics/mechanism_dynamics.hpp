@@ -1,0 +1,133 @@
+// One reduced mechanism in motion: forces, the implicit operator, refresh.
+//
+// docs/method.md, section 5. With x = [ξ; w] (base twist where the base floats, reduced rates):
+//     A x⁺ = M x + h (f(z) + loads) + Jᵀλ,   A = M + h D + h² K, factored once between refreshes.
+// Forces are evaluated at the present pose in joint coordinates and projected, f_z = Q(q)ᵀ g(q): on trees this
+// is -K z + F_u u exactly, with loops it carries the projector, and dead loads bring their geometric stiffness.
+#pragma once
+
+#include <fork1s/reduction/reduced_model.hpp>
+#include <vector>
+
+namespace fork1s {
+
+/// How interface poses follow from z, and with them all others.
+enum class Recovery {
+  kExact,  ///< product of exponentials, loops closed
+  kTwist,  ///< one exponential a body of the summed screws: the paper's parallel mode
+};
+
+/// A rigid group of bodies that may touch something: an interface body with all that is welded to it, or the base.
+struct ContactGroup {
+  int last_joint = -1;            // the joint that carries the group; -1: the base
+  BodyIndex body;                 // the body that names it
+  std::vector<BodyIndex> bodies;  // all of the group
+};
+
+class MechanismDynamics {
+ public:
+  struct Options {
+    ReductionOptions reduction;
+    Recovery recovery = Recovery::kExact;
+    double refresh_angle = 0.2617993877991494;  // rad (15 degrees); slides: this share of the length scale
+    double complement_relaxation = 0.1;  // s, time in which a refresh's leftover interior displacement fades
+  };
+
+  /// Starts at joint displacements q0 (loops closed first where they are not) and rates q_dot0.
+  static Expected<MechanismDynamics> Create(std::shared_ptr<const Mechanism> mechanism, const VectorX& q0,
+                                            const VectorX& q_dot0, const RigidTransform& X_WR, const Vector6& V_R,
+                                            const Options& options);
+
+  const Mechanism& mechanism() const { return *model_.mechanism; }
+  const ReducedModel& model() const { return model_; }
+  const ReducedState& state() const { return state_; }
+  const Configuration& configuration() const { return configuration_; }
+  const std::vector<ContactGroup>& groups() const { return groups_; }
+  Recovery recovery() const { return options_.recovery; }
+  /// Number of generalized velocities: r, plus 6 where the base floats.
+  int num_velocities() const { return base_size_ + model_.size(); }
+
+  /// Inputs; they hold until changed. `controls` one per Mechanism::controls().
+  VectorX& controls() { return controls_; }
+  const VectorX& controls() const { return controls_; }
+  /// Wrench on a body in world axes about a point p_W that moves with nothing: applied in the next step only.
+  void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
+  /// Pose that a driven base reaches at the end of the next step.
+  void DriveBase(const RigidTransform& X_WR_next) { driven_next_ = X_WR_next; }
+
+  /// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
+  void Predict(double h, const Vector3& gravity_W);
+  /// 6 x num_velocities map from x to the twist of group g in R; the driven base's own twist comes on top.
+  void GroupJacobian(int g, Eigen::Ref<Matrix6X> J) const;
+  /// Twist of group g at velocity x: before Predict the present one, after it the free one.
+  Vector6 GroupTwist(const Eigen::Ref<const Matrix6X>& J) const;
+  RigidTransform GroupPose(int g) const;
+  /// Solves L Y = Jᵀ in place (columns), L the Cholesky factor of A: W = Yᵀ Y.
+  void HalfSolve(Eigen::Ref<MatrixX> Jt) const;
+  /// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities].
+  void ApplyImpulse(const VectorX& p);
+  /// Rate of coordinate i per unit of x (a row of num_velocities entries).
+  void CoordinateRow(int i, Eigen::Ref<VectorX> row) const;
+  double CoordinateRate(int i) const { return Q_now().row(i).dot(x_.tail(model_.size())); }
+  const std::vector<int>& limited_coordinates() const { return limited_; }
+
+  /// Takes the free velocity back, before Integrate.
+  void Revert();
+  /// Phase 2: moves the state by x⁺ over h and brings poses up to date.
+  void Integrate(double h);
+  /// Largest turn since the reference, as a share of the refresh angle.
+  double Staleness() const;
+  /// Moves the reference to the present pose. False if the mechanism cannot be reduced there: the old model stays.
+  bool Refresh();
+
+  double KineticEnergy() const;
+  /// Springs, controls and gravity at the present pose [J].
+  double PotentialEnergy(const Vector3& gravity_W) const;
+  double ClosureGapNow() const;
+  bool IsFinite() const { return x_.allFinite() && state_.z.allFinite() && state_.X_WR.IsFinite(); }
+  /// Pose of a body in the world at the present state.
+  RigidTransform BodyPose(BodyIndex b) const;
+  /// Twist of a body in world axes about its own origin.
+  Vector6 BodyVelocity(BodyIndex b) const;
+
+ private:
+  explicit MechanismDynamics(ReducedModel model);
+  const MatrixX& Q_now() const { return configuration_.Q_now; }
+  void Size();
+  void UpdateConfiguration();
+  void TakeReferenceForces();
+  void Factor(double h);
+  void LoadForces(const Vector3& gravity_R);
+
+  Options options_;
+  ReducedModel model_;
+  ReducedState state_;
+  Configuration configuration_;
+  std::vector<ContactGroup> groups_;
+  std::vector<int> limited_;
+  int base_size_ = 0;  // 6 where the base floats
+
+  VectorX controls_;
+  RigidTransform driven_next_;
+  Vector6 V_R_before_ = Vector6::Zero();  // base twist at the start of the step
+  bool has_wrenches_ = false;
+  Matrix6X wrenches_W_;  // 6 x bodies about the world origin, world axes
+
+  // Between refreshes.
+  VectorX g_ref_;         // n, spring forces at the reference
+  VectorX q_perp_offset_;  // n, leftover of the last refresh, fading
+  MatrixX A_, M_full_;    // num_velocities²
+  Eigen::LLT<MatrixX> factor_;
+  double factored_h_ = -1;
+  VectorX f_ref_;         // twist mode: Qᵀ g_ref
+  MatrixX gravity_map_;   // twist mode: r x 3, force per unit gravity in R at the reference
+  MatrixX control_map_;   // twist mode: r x controls
+  Matrix6X base_gravity_map_;  // 6 x 3
+
+  // Scratch of a step.
+  VectorX x_, rhs_, f_z_, g_, tau_, momentum_;
+  Matrix6X F_;
+  Vector6 base_force_;
+};
+
+}  // namespace fork1s

@@ -1,0 +1,107 @@
+// The reduced model: a mechanism seen from its interface bodies, about one pose.
+//
+// docs/method.md, sections 3 and 4. Joint displacements are q = q_ref + Q z + q_perp (+ loop correction);
+// the columns of Q are, in this order, free directions N (no spring), elastic directions V Y_r that the
+// interface can feel, and fixed-interface modes. In these coordinates the stiffness is diag(0, 1).
+#pragma once
+
+#include <fork1s/base/error.hpp>
+#include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/mechanism/mechanism.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+struct ReductionOptions {
+  std::vector<BodyIndex> interfaces;  // empty: those that the mechanism's definition names
+  int modes = -1;                     // fixed-interface modes to keep at most; negative: the definition's number
+  double rank_tolerance = 1e-4;       // singular values below this share of the largest are left to the statics
+  /// A spring-free motion that no interface body sees is an error; with this its body becomes an interface.
+  bool promote_hidden = false;
+};
+
+/// Sizes: n joint coordinates, r reduced coordinates, b bodies.
+struct ReducedModel {
+  std::shared_ptr<const Mechanism> mechanism;
+  std::vector<BodyIndex> interfaces;
+  VectorX q_ref;  // n, the pose about which the model is linear
+
+  int num_free = 0;     // spring-free directions seen by the interface
+  int num_elastic = 0;  // directions in which the interface feels springs
+  int num_modes = 0;    // fixed-interface modes
+
+  MatrixX Q;    // n x r
+  VectorX K_r;  // r: 0 for free directions, 1 else
+  MatrixX M;    // r x r
+  MatrixX D;    // r x r
+  Matrix6 M_00 = Matrix6::Zero();  // inertia of the whole about R's origin
+  Matrix6X M_0z;                   // 6 x r
+  Matrix6X S_ref;                  // screws at q_ref, 6 x n
+  std::vector<RigidTransform> X_RB_ref;  // b
+  Matrix6X T;                      // 6 x (b r): T_B = T.middleCols(B r, r), twist of body B per z rate
+
+  /// The interior's own static response q_perp = C_perp g to joint-space forces g, unfelt by the interface.
+  bool has_complement = false;
+  VectorX k_inverse;  // n, trees with joint springs only: C_perp = diag(k_inverse) - Q_e Q_eᵀ
+  MatrixX C_perp;     // n x n otherwise
+
+  /// Rows of the closure Jacobian that are independent at q_ref, and the metric of the loop correction.
+  std::vector<int> loop_rows;
+  VectorX h_inverse;  // n
+
+  std::vector<BodyIndex> promoted;    // interfaces that were added for hidden motions
+  std::vector<std::string> warnings;
+
+  int size() const { return static_cast<int>(K_r.size()); }
+  int num_coordinates() const { return static_cast<int>(q_ref.size()); }
+  int loop_rank() const { return static_cast<int>(loop_rows.size()); }
+  auto T_of(BodyIndex b) const { return T.middleCols(b.value() * size(), size()); }
+};
+
+/// The state that moves: reduced coordinates and the base.
+struct ReducedState {
+  VectorX z;       // r
+  VectorX w;       // r, ż
+  VectorX q_perp;  // n, static displacement of the interior; empty where the model has no complement
+  RigidTransform X_WR;
+  Vector6 V_R = Vector6::Zero();  // twist of the base in R about R's origin
+};
+
+/// Reduces a mechanism about the joint displacements q_ref [n], which must close the loops.
+/// Errors: kUnderdetermined names the joint of a spring-free motion that no interface body sees;
+/// kModel for missing interfaces; kNumerics where a factorisation fails.
+Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism, const VectorX& q_ref,
+                              const ReductionOptions& options = {});
+
+/// q_perp = C_perp g.
+void ApplyComplement(const ReducedModel& model, const VectorX& g, VectorX& q_perp);
+
+/// The map from reduced coordinates to joint displacements and body poses, loops closed: scratch and result.
+struct Configuration {
+  explicit Configuration(const ReducedModel& model);
+
+  VectorX q;              // n
+  Kinematics kinematics;
+  MatrixX Q_now;          // n x r: ∂q/∂z at the present pose (Q on trees)
+  double loop_residual = 0;
+
+  // Loop scratch, m independent rows.
+  VectorX c_all, c, lambda, x;
+  MatrixX A_all, A, HA;   // rows x n, m x n, n x m
+  MatrixX AHA, AQ;        // m x m, m x r
+  Eigen::LLT<MatrixX> factor;
+};
+
+/// q(z) = q_ref + Q z + q_perp, then Gauss-Newton steps q -= H⁻¹Aᵀ(A H⁻¹Aᵀ)⁻¹ c(q) with A at the present q,
+/// at most `max_corrections`. Fills kinematics and Q_now = (1 - H⁻¹Aᵀ(A H⁻¹Aᵀ)⁻¹A) Q. No allocation.
+void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
+               int max_corrections = 4);
+
+/// f_z = Q_nowᵀ g.
+inline void ProjectForce(const Configuration& c, const VectorX& g, VectorX& f_z) {
+  f_z.noalias() = c.Q_now.transpose() * g;
+}
+
+}  // namespace fork1s

@@ -1,0 +1,44 @@
+// Static deflection under dead loads, linear and nonlinear.
+#pragma once
+
+#include <fork1s/reduction/reduced_model.hpp>
+#include <vector>
+
+namespace fork1s {
+
+/// A force and moment of fixed direction in R at the origin of a body.
+struct DeadLoad {
+  BodyIndex body;
+  Vector3 force_R = Vector3::Zero();   // N
+  Vector3 moment_R = Vector3::Zero();  // N·m
+};
+
+struct StaticsOptions {
+  Vector3 gravity_R = Vector3::Zero();  // m/s²
+  VectorX controls;                     // empty: all zero
+  int load_steps = 8;                   // the load is raised from zero in these steps, halved where one fails
+  int max_iterations = 60;              // Newton steps per load step
+  double tolerance = 1e-11;             // of the residual, relative to the largest force in it
+};
+
+struct StaticsResult {
+  VectorX q;                // joint displacements
+  bool converged = false;
+  int iterations = 0;
+  double residual = 0;      // relative
+  bool stable = true;       // tangent stiffness positive on the closed mechanism
+};
+
+/// Equilibrium of springs, closures and loads with the base held, on the branch reached by raising the load
+/// from the unloaded start q0. Newton on joint coordinates and closure reactions, the tangent re-taken at every pose: the
+/// point that repeated refreshing of a reduced model converges to.
+StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
+                           const StaticsOptions& options = {});
+
+/// Linear response at q0: q0 + Z V Vᵀ Zᵀ g. Errors as for Reduce where a spring-free motion takes the load.
+Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads);
+
+/// Largest turn [rad] of any hinge or ball between q0 and q.
+double MaxJointRotation(const Mechanism& mechanism, const VectorX& q0, const VectorX& q);
+
+}  // namespace fork1s

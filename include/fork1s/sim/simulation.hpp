@@ -1,0 +1,109 @@
+// The one object that users hold: a scene in motion.
+#pragma once
+
+#include <cstdint>
+#include <fork1s/dynamics/world.hpp>
+#include <fork1s/mechanism/scene.hpp>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+struct SimulationOptions {
+  double dt = 0;  // s; 0: the scene's time step
+  Recovery recovery = Recovery::kExact;
+  ReductionOptions reduction;  // `interfaces` is not used here: every mechanism's definition names its own
+  double refresh_angle = 0.2617993877991494;  // rad
+  int initial_keyframe = -1;   // index in the scene
+  StepOptions step;            // h and gravity are set from dt and the scene
+  CollisionOptions collision = {.margin = 0.02};
+};
+
+/// A body of the scene by its place in Simulation::bodies().
+struct SceneBody {
+  std::string name;
+  int mechanism = -1;  // -1: a free body
+  int index = 0;       // body of the mechanism, or free body
+  bool is_interface = false;
+};
+
+/// Steps a scene. Inputs hold until changed; poses are those after the last step.
+///
+///     auto simulation = Simulation::Create(scene);          // Expected<Simulation>
+///     simulation->SetControl("grip", 0.4);
+///     StepReport report = simulation->Step();
+///     RigidTransform X_WB = simulation->Pose("fingertip");
+class Simulation {
+ public:
+  static Expected<Simulation> Create(Scene scene, const SimulationOptions& options = {});
+
+  /// Advances by dt. What went wrong numerically stands in the report; the state stays finite.
+  StepReport Step();
+  double time() const { return static_cast<double>(steps_) * dt_; }
+  std::int64_t steps() const { return steps_; }
+  double dt() const { return dt_; }
+  const Scene& scene() const { return scene_; }
+  const SimulationOptions& options() const { return options_; }
+
+  /// Inputs: the controls of all mechanisms, then for every driven base six coordinates BASE.x .y .z (m) and
+  /// .rx .ry .rz (rotation vector, rad), all relative to its initial pose.
+  const std::vector<std::string>& control_names() const { return control_names_; }
+  int FindControl(const std::string& name) const;  // -1: none
+  const VectorX& controls() const { return controls_; }
+  /// Values outside the control's limits are moved to the nearest limit.
+  void SetControl(int index, double value);
+  void SetControl(const std::string& name, double value);
+  void SetControls(const VectorX& values);
+
+  const std::vector<SceneBody>& bodies() const { return bodies_; }
+  int FindBody(const std::string& name) const;  // -1: none
+  RigidTransform Pose(int body) const;
+  RigidTransform Pose(const std::string& body) const;
+  /// Twist of a body [ω_W; velocity of its origin], world axes.
+  Vector6 Velocity(int body) const;
+  /// Force [N], moment [N·m] about `point_W` and point in world axes, for the next step only.
+  void ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
+
+  double KineticEnergy() const { return world_.KineticEnergy(); }
+  double PotentialEnergy() const { return world_.PotentialEnergy(step_options_.gravity); }
+  double Energy() const { return KineticEnergy() + PotentialEnergy(); }
+  /// Largest opening of any loop [m].
+  double ClosureGap() const;
+
+  /// 64-bit FNV-1a over the bits of the moving state: equal only if every coordinate is the same to the last bit.
+  std::uint64_t HashState() const;
+
+  const World& world() const { return world_; }
+  World& world() { return world_; }
+  StepOptions& step_options() { return step_options_; }
+  const std::vector<std::string>& warnings() const { return world_.warnings(); }
+
+ private:
+  Simulation() = default;
+  void PassControls();
+
+  Scene scene_;
+  SimulationOptions options_;
+  StepOptions step_options_;
+  double dt_ = 1.0 / 60;
+  std::int64_t steps_ = 0;
+  World world_ = World::Empty();
+  std::vector<std::string> control_names_;
+  VectorX controls_, control_lower_, control_upper_;
+  std::vector<RigidTransform> base_start_;  // per mechanism
+  std::vector<SceneBody> bodies_;
+};
+
+/// Values of named controls over time, linear between rows, held before the first and after the last.
+struct ControlTrack {
+  std::vector<std::string> names;
+  std::vector<double> times;            // s, increasing
+  std::vector<std::vector<double>> rows;  // one per time, one value per name
+
+  /// Sets every named control of the simulation for the time at the end of the next step.
+  /// FindMissing names of the track that the simulation does not have.
+  std::vector<std::string> FindMissing(const Simulation& simulation) const;
+  void Apply(double time, Simulation& simulation) const;
+};
+
+}  // namespace fork1s

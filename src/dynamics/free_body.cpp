@@ -1,0 +1,73 @@
+#include <fork1s/dynamics/free_body.hpp>
+
+#include <Eigen/LU>
+
+namespace fork1s {
+
+FreeBody::FreeBody(const FreeBodyDef& definition)
+    : name_(definition.name), inertia_(definition.inertia), inverse_rotational_(definition.inertia.rotational.inverse()),
+      X_WB_(definition.X_WB) {}
+
+void FreeBody::SetState(const RigidTransform& X_WB, const Vector3& omega_W, const Vector3& velocity_of_origin_W) {
+  X_WB_ = X_WB;
+  omega_B_ = X_WB.rotation().transpose() * omega_W;
+  omega_B_before_ = omega_B_;
+  velocity_ = velocity_of_origin_W + omega_W.cross(X_WB.rotation() * inertia_.center);
+}
+
+void FreeBody::AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {
+  force_W_ += force_W;
+  moment_W_ += moment_W + (point_W - center_W()).cross(force_W);
+}
+
+void FreeBody::Predict(double h, const Vector3& gravity_W) {
+  velocity_ += h * (gravity_W + force_W_ / inertia_.mass);
+  omega_B_before_ = omega_B_;
+  // I (ω⁺ - ω)/h + ω̄ x I ω̄ = τ with ω̄ the mean: keeps energy and momentum of a tumbling body.
+  const Matrix3& I = inertia_.rotational;
+  const Vector3 torque = X_WB_.rotation().transpose() * moment_W_;
+  Vector3 next = omega_B_;
+  for (int i = 0; i < 8; ++i) {
+    const Vector3 mean = 0.5 * (omega_B_ + next);
+    const Vector3 residual = I * (next - omega_B_) + h * (mean.cross(I * mean) - torque);
+    const Matrix3 jacobian = I + 0.5 * h * (Skew(mean) * I - Skew(I * mean));
+    const Vector3 step = jacobian.inverse() * residual;
+    next -= step;
+    if (step.squaredNorm() < 1e-28 * (1 + next.squaredNorm())) break;
+  }
+  omega_B_ = next;
+  force_W_.setZero();
+  moment_W_.setZero();
+}
+
+Vector6 FreeBody::PortTwist() const {
+  Vector6 V;
+  V << X_WB_.rotation() * omega_B_, velocity_;
+  return V;
+}
+
+Matrix6 FreeBody::InverseInertia() const {
+  Matrix6 W = Matrix6::Zero();
+  const Matrix3& R = X_WB_.rotation();
+  W.topLeftCorner<3, 3>() = R * inverse_rotational_ * R.transpose();
+  W.bottomRightCorner<3, 3>() = Matrix3::Identity() / inertia_.mass;
+  return W;
+}
+
+void FreeBody::SetPortTwist(const Vector6& V) {
+  omega_B_ = X_WB_.rotation().transpose() * V.head<3>();
+  velocity_ = V.tail<3>();
+}
+
+void FreeBody::Integrate(double h) {
+  const Vector3 center = center_W() + h * velocity_;
+  X_WB_.rotation() = X_WB_.rotation() * ExpRotation(0.5 * h * (omega_B_before_ + omega_B_));
+  X_WB_.Orthonormalize();
+  X_WB_.translation() = center - X_WB_.rotation() * inertia_.center;
+}
+
+double FreeBody::KineticEnergy() const {
+  return 0.5 * (omega_B_.dot(inertia_.rotational * omega_B_) + inertia_.mass * velocity_.squaredNorm());
+}
+
+}  // namespace fork1s

@@ -1,0 +1,444 @@
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+namespace fork1s {
+namespace {
+
+// Rigid groups that may touch something: one per interface body, and the base.
+std::vector<ContactGroup> MakeGroups(const ReducedModel& model) {
+  const Mechanism& mechanism = *model.mechanism;
+  std::vector<ContactGroup> groups;
+  auto add = [&](BodyIndex body) {
+    const int joint = mechanism.body(body).last_joint;
+    for (const ContactGroup& g : groups)
+      if (g.last_joint == joint) return;
+    ContactGroup group;
+    group.last_joint = joint;
+    group.body = body;
+    for (int b = 0; b < mechanism.num_bodies(); ++b)
+      if (mechanism.bodies()[static_cast<std::size_t>(b)].last_joint == joint) group.bodies.emplace_back(b);
+    groups.push_back(std::move(group));
+  };
+  add(BodyIndex(0));
+  for (BodyIndex b : model.interfaces) add(b);
+  return groups;
+}
+
+}  // namespace
+
+MechanismDynamics::MechanismDynamics(ReducedModel model)
+    : model_(std::move(model)), configuration_(model_), groups_(MakeGroups(model_)) {}
+
+Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mechanism> mechanism, const VectorX& q0,
+                                                      const VectorX& q_dot0, const RigidTransform& X_WR,
+                                                      const Vector6& V_R, const Options& options) {
+  VectorX q = q0;
+  const double gap = CloseLoops(*mechanism, q);
+  // A loop that cannot be closed to a micrometre is no loop of rigid parts.
+  if (gap > 1e-6)
+    return Fail(ErrorCode::kModel, "mechanism '" + mechanism->name() + "'",
+                "has loops that stay open by " + std::to_string(gap) +
+                    " m at the initial pose; correct the closure frames or choose another keyframe");
+  auto model = Reduce(mechanism, q, options.reduction);
+  if (!model) return tl::unexpected(model.error());
+  MechanismDynamics dynamics(std::move(*model));
+  dynamics.options_ = options;
+  // The interfaces that Reduce settled on are those of every later refresh.
+  dynamics.options_.reduction.interfaces = dynamics.model_.interfaces;
+  dynamics.options_.reduction.promote_hidden = false;
+  dynamics.base_size_ = mechanism->base() == BaseKind::kFloating ? 6 : 0;
+  const int r = dynamics.model_.size();
+  dynamics.state_.z = VectorX::Zero(r);
+  dynamics.state_.w = VectorX::Zero(r);
+  dynamics.state_.X_WR = X_WR;
+  dynamics.state_.V_R = mechanism->base() == BaseKind::kFixed ? Vector6(Vector6::Zero()) : V_R;
+  dynamics.driven_next_ = X_WR;
+  dynamics.controls_.resize(static_cast<Eigen::Index>(mechanism->controls().size()));
+  for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
+    dynamics.controls_(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
+  for (int i = 0; i < mechanism->num_coordinates(); ++i)
+    if (std::isfinite(mechanism->lower()(i)) || std::isfinite(mechanism->upper()(i)))
+      dynamics.limited_.push_back(i);
+  dynamics.wrenches_W_ = Matrix6X::Zero(6, mechanism->num_bodies());
+  dynamics.Size();
+  if (q_dot0.size() > 0 && !q_dot0.isZero(0)) {
+    VectorX Mq;
+    Kinematics kinematics(*mechanism);
+    ComputeKinematics(*mechanism, q, kinematics);
+    ApplyMass(*mechanism, kinematics, q_dot0, Mq);
+    dynamics.state_.w = dynamics.model_.M.ldlt().solve(dynamics.model_.Q.transpose() * Mq);
+    dynamics.x_.tail(r) = dynamics.state_.w;
+  }
+  dynamics.UpdateConfiguration();
+  return dynamics;
+}
+
+void MechanismDynamics::Size() {
+  const Mechanism& m = mechanism();
+  const int r = model_.size(), n = model_.num_coordinates(), nx = num_velocities();
+  A_.resize(nx, nx);
+  M_full_.resize(nx, nx);
+  if (base_size_ > 0) {
+    M_full_.topLeftCorner<6, 6>() = model_.M_00;
+    M_full_.topRightCorner(6, r) = model_.M_0z;
+    M_full_.bottomLeftCorner(r, 6) = model_.M_0z.transpose();
+  }
+  M_full_.bottomRightCorner(r, r) = model_.M;
+  factor_ = Eigen::LLT<MatrixX>(nx);
+  factored_h_ = -1;
+  x_.resize(nx);
+  if (base_size_ > 0) x_.head<6>() = state_.V_R;
+  x_.tail(r) = state_.w;
+  rhs_.resize(nx);
+  momentum_.resize(nx);
+  f_z_.resize(r);
+  g_.resize(n);
+  tau_.resize(n);
+  F_.resize(6, m.num_bodies());
+  if (model_.has_complement) {
+    state_.q_perp = VectorX::Zero(n);
+    q_perp_offset_.setZero(0);
+  } else {
+    state_.q_perp.resize(0);
+  }
+  TakeReferenceForces();
+}
+
+void MechanismDynamics::TakeReferenceForces() {
+  const Mechanism& m = mechanism();
+  Kinematics kinematics(m);
+  ComputeKinematics(m, model_.q_ref, kinematics);
+  g_ref_.resize(model_.num_coordinates());
+  SpringForce(m, kinematics, model_.q_ref, g_ref_);
+  if (options_.recovery != Recovery::kTwist) return;
+  const int r = model_.size();
+  f_ref_ = model_.Q.transpose() * g_ref_;
+  gravity_map_.resize(r, 3);
+  base_gravity_map_.resize(6, 3);
+  for (int axis = 0; axis < 3; ++axis) {
+    F_.setZero();
+    tau_.setZero();
+    AddGravityWrenches(m, kinematics, Vector3::Unit(axis), F_);
+    AccumulateGeneralizedForce(m, kinematics.S, F_, tau_);
+    gravity_map_.col(axis) = model_.Q.transpose() * tau_;
+    base_gravity_map_.col(axis) = F_.col(0);
+  }
+  const auto controls = m.controls().size();
+  control_map_.resize(r, static_cast<Eigen::Index>(controls));
+  for (std::size_t i = 0; i < controls; ++i) {
+    tau_.setZero();
+    AddControlForce(m, VectorX::Unit(static_cast<Eigen::Index>(controls), static_cast<Eigen::Index>(i)), tau_);
+    control_map_.col(static_cast<Eigen::Index>(i)) = model_.Q.transpose() * tau_;
+  }
+}
+
+void MechanismDynamics::UpdateConfiguration() {
+  if (options_.recovery == Recovery::kExact) {
+    Configure(model_, state_, configuration_);
+    return;
+  }
+  configuration_.q = model_.q_ref;
+  configuration_.q.noalias() += model_.Q * state_.z;
+}
+
+void MechanismDynamics::AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
+                                  const Vector3& point_W) {
+  FORK1S_REQUIRE(body.valid() && body.value() < mechanism().num_bodies(), body.value());
+  wrenches_W_.col(body.value()).head<3>() += moment_W + point_W.cross(force_W);
+  wrenches_W_.col(body.value()).tail<3>() += force_W;
+  has_wrenches_ = true;
+}
+
+void MechanismDynamics::Factor(double h) {
+  A_ = M_full_;
+  A_.bottomRightCorner(model_.size(), model_.size()) += h * model_.D;
+  A_.diagonal().tail(model_.size()) += h * h * model_.K_r;
+  factor_.compute(A_);
+  factored_h_ = h;
+}
+
+// f_z_ and base_force_ at the present pose; q_perp follows the loads of this pose.
+void MechanismDynamics::LoadForces(const Vector3& gravity_R) {
+  const Mechanism& m = mechanism();
+  if (options_.recovery == Recovery::kTwist) {
+    f_z_ = f_ref_;
+    f_z_ -= model_.K_r.cwiseProduct(state_.z);
+    f_z_.noalias() += gravity_map_ * gravity_R;
+    if (controls_.size() > 0) f_z_.noalias() += control_map_ * controls_;
+    base_force_.noalias() = base_gravity_map_ * gravity_R;
+    if (has_wrenches_)
+      for (int b = 0; b < m.num_bodies(); ++b) {
+        const Vector6 F = AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
+        f_z_.noalias() += model_.T_of(BodyIndex(b)).transpose() * F;
+        base_force_ += F;
+      }
+    return;
+  }
+  F_.setZero();
+  if (!gravity_R.isZero(0)) AddGravityWrenches(m, configuration_.kinematics, gravity_R, F_);
+  if (has_wrenches_)
+    for (int b = 0; b < m.num_bodies(); ++b) F_.col(b) += AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
+  tau_.setZero();
+  AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
+  base_force_ = F_.col(0);
+  if (controls_.size() > 0) AddControlForce(m, controls_, tau_);
+  if (model_.has_complement) {
+    g_ = g_ref_ + tau_;
+    ApplyComplement(model_, g_, state_.q_perp);
+    if (q_perp_offset_.size() == 0) {
+      // First loads after a refresh: what they ask for at once is kept back and fades, so that nothing jumps.
+      q_perp_offset_ = state_.q_perp;
+    }
+    state_.q_perp -= q_perp_offset_;
+  }
+  SpringForce(m, configuration_.kinematics, configuration_.q, g_);
+  g_ += tau_;
+  f_z_.noalias() = configuration_.Q_now.transpose() * g_;
+}
+
+void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
+  if (h != factored_h_) Factor(h);
+  const int r = model_.size();
+  V_R_before_ = state_.V_R;
+  LoadForces(state_.X_WR.rotation().transpose() * gravity_W);
+  if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
+
+  if (base_size_ == 0) {
+    rhs_.noalias() = model_.M * state_.w;
+    rhs_ += h * f_z_;
+    if (mechanism().base() == BaseKind::kDriven) {
+      // Twist that takes the base to its next pose; its change pushes the interior by inertia.
+      const Vector6 V_next = Log(state_.X_WR.inverse() * driven_next_) / h;
+      rhs_.noalias() -= model_.M_0z.transpose() * (V_next - state_.V_R);
+      state_.V_R = V_next;
+    }
+    x_ = rhs_;
+    factor_.solveInPlace(x_);
+  } else {
+    // Base momentum is carried along by the midpoint rule; ξ⁺ enters it and is found by a short iteration.
+    momentum_.noalias() = M_full_ * x_;
+    const Vector6 p = momentum_.head<6>();
+    const Vector6 V = state_.V_R;
+    Vector6 V_next = V;
+    for (int i = 0; i < 4; ++i) {
+      const RigidTransform half = Exp(0.5 * h * (V + V_next));
+      rhs_.head<6>() = AdjointTransposeApply(half, p) + h * base_force_;
+      rhs_.tail(r) = momentum_.tail(r) + h * f_z_;
+      x_ = rhs_;
+      factor_.solveInPlace(x_);
+      const double change = (x_.head<6>() - V_next).cwiseAbs().maxCoeff();
+      V_next = x_.head<6>();
+      if (change < 1e-12 * (1 + V_next.cwiseAbs().maxCoeff())) break;
+    }
+  }
+  if (has_wrenches_) {
+    wrenches_W_.setZero();
+    has_wrenches_ = false;
+  }
+}
+
+void MechanismDynamics::GroupJacobian(int g, Eigen::Ref<Matrix6X> J) const {
+  const ContactGroup& group = groups_[static_cast<std::size_t>(g)];
+  const int r = model_.size();
+  J.setZero();
+  if (base_size_ > 0) J.leftCols<6>().setIdentity();
+  auto T = J.rightCols(r);
+  if (options_.recovery == Recovery::kTwist) {
+    const auto T_ref = model_.T_of(group.body);
+    T.noalias() = Dexp(T_ref * state_.z) * T_ref;
+    return;
+  }
+  const Matrix6X& S = configuration_.kinematics.S;
+  for (int j = group.last_joint; j >= 0; j = mechanism().joint(JointIndex(j)).previous) {
+    const auto& joint = mechanism().joint(JointIndex(j));
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i) T.noalias() += S.col(i) * Q_now().row(i);
+  }
+}
+
+Vector6 MechanismDynamics::GroupTwist(const Eigen::Ref<const Matrix6X>& J) const {
+  Vector6 V = J * x_;
+  if (mechanism().base() == BaseKind::kDriven) V += state_.V_R;
+  return V;
+}
+
+RigidTransform MechanismDynamics::GroupPose(int g) const {
+  return BodyPose(groups_[static_cast<std::size_t>(g)].body);
+}
+
+RigidTransform MechanismDynamics::BodyPose(BodyIndex b) const {
+  if (options_.recovery == Recovery::kExact) return state_.X_WR * configuration_.kinematics.X_RB[b.u()];
+  return state_.X_WR * (Exp(model_.T_of(b) * state_.z) * model_.X_RB_ref[b.u()]);
+}
+
+Vector6 MechanismDynamics::BodyVelocity(BodyIndex b) const {
+  Vector6 V = state_.V_R;
+  if (options_.recovery == Recovery::kTwist) {
+    V += Dexp(model_.T_of(b) * state_.z) * (model_.T_of(b) * state_.w);
+  } else {
+    for (int j = mechanism().body(b).last_joint; j >= 0; j = mechanism().joint(JointIndex(j)).previous) {
+      const auto& joint = mechanism().joint(JointIndex(j));
+      for (int i = joint.offset; i < joint.offset + joint.size; ++i)
+        V += configuration_.kinematics.S.col(i) * Q_now().row(i).dot(state_.w);
+    }
+  }
+  const RigidTransform X_WB = BodyPose(b);
+  const Vector6 V_W = AdjointApply(state_.X_WR, V);
+  Vector6 out;
+  out << V_W.head<3>(), V_W.tail<3>() + V_W.head<3>().cross(X_WB.translation());
+  return out;
+}
+
+void MechanismDynamics::HalfSolve(Eigen::Ref<MatrixX> Jt) const { factor_.matrixL().solveInPlace(Jt); }
+
+void MechanismDynamics::ApplyImpulse(const VectorX& p) {
+  rhs_ = p;
+  factor_.solveInPlace(rhs_);
+  x_ += rhs_;
+}
+
+void MechanismDynamics::CoordinateRow(int i, Eigen::Ref<VectorX> row) const {
+  row.setZero();
+  row.tail(model_.size()) = Q_now().row(i).transpose();
+}
+
+void MechanismDynamics::Revert() {
+  state_.V_R = V_R_before_;
+  if (base_size_ > 0) x_.head<6>() = V_R_before_;
+  x_.tail(model_.size()) = state_.w;
+}
+
+void MechanismDynamics::Integrate(double h) {
+  state_.w = x_.tail(model_.size());
+  state_.z += h * state_.w;
+  if (base_size_ > 0) {
+    const Vector6 V_next = x_.head<6>();
+    state_.X_WR = state_.X_WR * Exp(0.5 * h * (state_.V_R + V_next));
+    state_.X_WR.Orthonormalize();
+    state_.V_R = V_next;
+  } else if (mechanism().base() == BaseKind::kDriven) {
+    state_.X_WR = driven_next_;
+  }
+  UpdateConfiguration();
+}
+
+double MechanismDynamics::Staleness() const {
+  double largest = 0;
+  const Mechanism& m = mechanism();
+  for (int i = 0; i < model_.num_coordinates(); ++i) {
+    const double moved = std::abs(configuration_.q(i) - model_.q_ref(i));
+    const bool turns = m.screws().col(i).head<3>().squaredNorm() > 1e-18;
+    largest = std::max(largest, turns ? moved : moved / m.length_scale());
+  }
+  return largest / options_.refresh_angle;
+}
+
+bool MechanismDynamics::Refresh() {
+  const Mechanism& m = mechanism();
+  VectorX q = configuration_.q;
+  // In twist mode, and where loops were corrected in few steps, the joints get their exact closed pose first.
+  if (m.num_constraints() > 0) CloseLoops(m, q);
+  VectorX q_dot = configuration_.Q_now * state_.w;
+
+  // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
+  for (const Mechanism::Joint& joint : m.joints()) {
+    if (joint.kind != JointKind::kBall || m.stiffness()(joint.offset) > 0) continue;
+    const Vector3 v = q.segment<3>(joint.offset);
+    const double angle = v.norm();
+    if (angle <= M_PI) continue;
+    const Vector3 wrapped = v * (1 - 2 * M_PI / angle);
+    q_dot.segment<3>(joint.offset) =
+        DexpInverseRotation(wrapped) * (DexpRotation(v) * q_dot.segment<3>(joint.offset));
+    q.segment<3>(joint.offset) = wrapped;
+  }
+
+  auto reduced = Reduce(model_.mechanism, q, options_.reduction);
+  if (!reduced) return false;
+
+  const double energy_before = KineticEnergy();
+  const Vector6 p_0 = base_size_ > 0 ? Vector6(M_full_.topRows<6>() * x_) : Vector6(Vector6::Zero());
+
+  // Velocity by momentum: joints keep M(q) q̇ as the new coordinates see it, the base keeps its own.
+  Kinematics kinematics(m);
+  ComputeKinematics(m, q, kinematics);
+  VectorX Mq;
+  ApplyMass(m, kinematics, q_dot, Mq);
+  model_ = std::move(*reduced);
+  const int r = model_.size();
+  VectorX p = VectorX::Zero(base_size_ + r);
+  p.tail(r) = model_.Q.transpose() * Mq;
+  if (base_size_ > 0) {
+    p.head<6>() = p_0;
+    p.tail(r) += model_.M_0z.transpose() * state_.V_R;
+  }
+  state_.z = VectorX::Zero(r);
+  state_.w = VectorX::Zero(r);
+  configuration_ = Configuration(model_);
+  Size();
+  VectorX x = M_full_.ldlt().solve(p);
+  if (!x.allFinite()) x.setZero();
+  auto energy = [&](const VectorX& v) { return 0.5 * v.dot(M_full_ * v); };
+  if (energy(x) > energy_before) {
+    // The stale mass matrix of the old reference may have held less: give no energy away for nothing. Rates are
+    // scaled towards those at which the interior is locked, which is the least energy with this base momentum.
+    VectorX locked = VectorX::Zero(base_size_ + r);
+    if (base_size_ > 0) locked.head<6>() = model_.M_00.ldlt().solve(p_0);
+    const VectorX d = x - locked;
+    const double a = 0.5 * d.dot(M_full_ * d), b = d.dot(M_full_ * locked), c = energy(locked) - energy_before;
+    double s = 0;
+    if (c < 0 && a > 0) s = std::clamp((-b + std::sqrt(std::max(0.0, b * b - 4 * a * c))) / (2 * a), 0.0, 1.0);
+    x = locked + s * d;
+    if (base_size_ > 0)  // the base takes what momentum the slower interior left
+      x.head<6>() = model_.M_00.ldlt().solve(p_0 - model_.M_0z * x.tail(r));
+  }
+  x_ = x;
+  state_.w = x.tail(r);
+  if (base_size_ > 0) state_.V_R = x.head<6>();
+  UpdateConfiguration();
+  return true;
+}
+
+double MechanismDynamics::KineticEnergy() const {
+  double energy = 0.5 * x_.dot(M_full_ * x_);
+  if (mechanism().base() == BaseKind::kDriven)
+    energy += state_.V_R.dot(model_.M_0z * state_.w) + 0.5 * state_.V_R.dot(model_.M_00 * state_.V_R);
+  return energy;
+}
+
+double MechanismDynamics::PotentialEnergy(const Vector3& gravity_W) const {
+  const Mechanism& m = mechanism();
+  double energy = 0;
+  if (options_.recovery == Recovery::kTwist) {
+    // Springs in the coordinates that the twist mode integrates.
+    energy = 0.5 * state_.z.dot(model_.K_r.cwiseProduct(state_.z)) - f_ref_.dot(state_.z);
+  } else {
+    energy = SpringEnergy(m, configuration_.kinematics, configuration_.q);
+  }
+  for (std::size_t i = 0; i < m.controls().size(); ++i) {
+    const auto& control = m.controls()[i];
+    const double u = controls_(static_cast<Eigen::Index>(i));
+    for (const auto& [k, c] : control.terms) energy -= control.gain * u * c * configuration_.q(k);
+    if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
+  }
+  for (int b = 0; b < m.num_bodies(); ++b) {
+    const SpatialInertia& I = m.bodies()[static_cast<std::size_t>(b)].inertia_B;
+    if (I.mass > 0) energy -= I.mass * gravity_W.dot(BodyPose(BodyIndex(b)) * I.center);
+  }
+  return energy;
+}
+
+double MechanismDynamics::ClosureGapNow() const {
+  if (mechanism().num_constraints() == 0) return 0;
+  if (options_.recovery == Recovery::kExact)
+    return ClosureGap(mechanism(), configuration_.kinematics, configuration_.q);
+  Kinematics kinematics(mechanism());
+  for (int b = 0; b < mechanism().num_bodies(); ++b)
+    kinematics.X_RB[static_cast<std::size_t>(b)] =
+        Exp(model_.T_of(BodyIndex(b)) * state_.z) * model_.X_RB_ref[static_cast<std::size_t>(b)];
+  return ClosureGap(mechanism(), kinematics, configuration_.q);
+}
+
+}  // namespace fork1s

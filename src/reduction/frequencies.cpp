@@ -1,0 +1,77 @@
+#include <fork1s/reduction/frequencies.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <Eigen/Eigenvalues>
+
+#include "modes.hpp"
+
+namespace fork1s {
+namespace {
+
+std::vector<double> ToHertz(const VectorX& mu, int count) {
+  std::vector<double> hertz;
+  for (Eigen::Index i = 0; i < mu.size() && i < count; ++i)
+    if (mu(i) > 0) hertz.push_back(1 / (2 * std::numbers::pi * std::sqrt(mu(i))));
+  return hertz;
+}
+
+}  // namespace
+
+std::vector<double> FullFrequencies(const Mechanism& mechanism, const VectorX& q, int count) {
+  Kinematics kinematics(mechanism);
+  ComputeKinematics(mechanism, q, kinematics);
+  const auto basis = internal::ComputeElasticBasis(mechanism, kinematics, q);
+  const int n = mechanism.num_coordinates(), e = basis.num_elastic(), f = basis.num_free();
+  // Whatever moves without spring (free joints, a floating base) follows its inertia and is eliminated.
+  const int b = mechanism.base() == BaseKind::kFloating ? 6 : 0;
+  MatrixX coupling(e, b + f), mass(b + f, b + f);
+  Matrix6 M_00;
+  Matrix6X M_0q;
+  if (b > 0) {
+    BaseInertia(mechanism, kinematics, M_00, M_0q);
+    coupling.leftCols(6) = basis.TimesV(M_0q).transpose();
+    mass.topLeftCorner<6, 6>() = M_00;
+  }
+  if (f > 0) {
+    const MatrixX N = basis.DenseFree(n);
+    for (int i = 0; i < f; ++i) {
+      VectorX MN;
+      ApplyMass(mechanism, kinematics, N.col(i), MN);
+      coupling.col(b + i) = basis.ApplyVTransposed(MN);
+      mass.block(b, b + i, f, 1) = N.transpose() * MN;
+    }
+    if (b > 0) {
+      mass.topRightCorner(6, f) = M_0q * N;
+      mass.bottomLeftCorner(f, 6) = mass.topRightCorner(6, f).transpose();
+    }
+  }
+  return ToHertz(internal::LowestModes(mechanism, kinematics, basis, MatrixX(e, 0), coupling, mass, count).mu, count);
+}
+
+std::vector<double> ReducedFrequencies(const ReducedModel& model, int count) {
+  const int f = model.num_free, e = model.size() - f;
+  const int b = model.mechanism->base() == BaseKind::kFloating ? 6 : 0;
+  if (e == 0) return {};
+  MatrixX M = model.M.bottomRightCorner(e, e);
+  if (b + f > 0) {
+    MatrixX coupling(e, b + f), mass(b + f, b + f);
+    if (b > 0) {
+      coupling.leftCols(6) = model.M_0z.rightCols(e).transpose();
+      mass.topLeftCorner<6, 6>() = model.M_00;
+      mass.topRightCorner(6, f) = model.M_0z.leftCols(f);
+      mass.bottomLeftCorner(f, 6) = model.M_0z.leftCols(f).transpose();
+    }
+    coupling.rightCols(f) = model.M.bottomLeftCorner(e, f);
+    mass.bottomRightCorner(f, f) = model.M.topLeftCorner(f, f);
+    M -= coupling * mass.ldlt().solve(coupling.transpose());
+  }
+  const VectorX mu = Eigen::SelfAdjointEigenSolver<MatrixX>(0.5 * (M + M.transpose()), Eigen::EigenvaluesOnly)
+                         .eigenvalues()
+                         .reverse();
+  return ToHertz(mu, count);
+}
+
+}  // namespace fork1s

@@ -1,0 +1,221 @@
+#include <fork1s/reduction/reduced_model.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/SVD>
+#include <fmt/format.h>
+
+#include "elastic_basis.hpp"
+#include "modes.hpp"
+
+namespace fork1s {
+namespace {
+
+struct Hidden {
+  int coordinate = -1;
+  int count = 0;
+};
+
+// The coordinate with the largest share in the spring-free motions that the interface cannot see.
+Hidden FindHidden(const Mechanism& mechanism, const internal::ElasticBasis& basis, const MatrixX& J) {
+  Hidden hidden;
+  if (basis.num_free() == 0) return hidden;
+  const MatrixX N = basis.DenseFree(mechanism.num_coordinates());
+  const MatrixX directions = internal::HiddenDirections(J * N);
+  hidden.count = static_cast<int>(directions.cols());
+  if (hidden.count == 0) return hidden;
+  const VectorX share =
+      ((N * directions).rowwise().norm().array() / internal::CoordinateScale(mechanism).array()).matrix();
+  Eigen::Index largest;
+  share.maxCoeff(&largest);
+  hidden.coordinate = static_cast<int>(largest);
+  return hidden;
+}
+
+std::string AxisText(const Mechanism& mechanism, int coordinate) {
+  const Vector6 s = mechanism.screws().col(coordinate);
+  const bool turns = s.head<3>().norm() > 1e-9;
+  const Vector3 axis = turns ? s.head<3>().normalized() : s.tail<3>().normalized();
+  return fmt::format("{} ({:.3f}, {:.3f}, {:.3f})", turns ? "turning about" : "sliding along", axis.x(), axis.y(),
+                     axis.z());
+}
+
+Error HiddenError(const Mechanism& mechanism, const Hidden& hidden) {
+  const auto& joint = mechanism.joint(mechanism.CoordinateJoint(hidden.coordinate));
+  return {ErrorCode::kUnderdetermined, fmt::format("joint '{}'", joint.name),
+          fmt::format("has no spring and moves ({}) while every interface body stands still, so nothing determines it; "
+                      "give the joint a stiffness, hold it by PD control, or make body '{}' an interface",
+                      AxisText(mechanism, hidden.coordinate), mechanism.body(joint.body).name)};
+}
+
+// Elastic directions that the interface feels: orthonormal Y_r (e x r).
+MatrixX FeltDirections(const MatrixX& J_V, double tolerance, bool& complete) {
+  const int e = static_cast<int>(J_V.cols());
+  complete = true;
+  if (e == 0) return MatrixX(0, 0);
+  Eigen::BDCSVD<MatrixX> svd(J_V.transpose(), Eigen::ComputeThinU);
+  const VectorX& sigma = svd.singularValues();
+  int rank = 0;
+  while (rank < sigma.size() && sigma(rank) > tolerance * sigma(0) && sigma(rank) > 0) ++rank;
+  if (rank == e) return MatrixX::Identity(e, e);
+  complete = false;
+  return svd.matrixU().leftCols(rank);
+}
+
+void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
+  const Mechanism& mechanism = *model.mechanism;
+  const int r = model.size();
+  const int b = mechanism.num_bodies();
+  model.T.setZero(6, static_cast<Eigen::Index>(b) * r);
+  model.M = model.Q.transpose() * mechanism.armature().asDiagonal() * model.Q;
+  model.M_0z.setZero(6, r);
+  Matrix6X IT(6, r);
+  std::size_t j = 0;
+  const auto& joints = mechanism.joints();
+  for (int i = 0; i < b; ++i) {
+    const Mechanism::Body& body = mechanism.bodies()[static_cast<std::size_t>(i)];
+    auto T = model.T.middleCols(static_cast<Eigen::Index>(i) * r, r);
+    if (body.parent.valid()) T = model.T.middleCols(static_cast<Eigen::Index>(body.parent.value()) * r, r);
+    for (; j < joints.size() && joints[j].body.value() == i; ++j)
+      T.noalias() += kinematics.S.middleCols(joints[j].offset, joints[j].size) *
+                     model.Q.middleRows(joints[j].offset, joints[j].size);
+    const Matrix6 I = Transform(kinematics.X_RB[static_cast<std::size_t>(i)], body.inertia_B).Matrix();
+    model.M_00 += I;
+    if (body.last_joint < 0) continue;
+    IT.noalias() = I * T;
+    model.M_0z += IT;
+    model.M.noalias() += T.transpose() * IT;
+  }
+  model.M = 0.5 * (model.M + model.M.transpose()).eval();
+}
+
+void FillLoopMetric(ReducedModel& model, const Kinematics& kinematics) {
+  const Mechanism& mechanism = *model.mechanism;
+  const VectorX scale = internal::CoordinateScale(mechanism);
+  VectorX k = mechanism.stiffness();
+  if (!mechanism.has_diagonal_stiffness()) k = StiffnessMatrix(mechanism, kinematics, model.q_ref).diagonal();
+  // Unsprung joints take up the correction: H = max(k, 1e-3 k_max), slides measured in lengths of the mechanism.
+  const VectorX scaled = k.cwiseProduct(scale.cwiseAbs2());
+  const double floor = std::max(1e-3 * (scaled.size() > 0 ? scaled.maxCoeff() : 0.0), 1e-12);
+  model.h_inverse = scale.cwiseAbs2().cwiseQuotient(scaled.cwiseMax(floor));
+}
+
+Expected<std::vector<BodyIndex>> ResolveInterfaces(const Mechanism& mechanism, const ReductionOptions& options) {
+  std::vector<BodyIndex> bodies = options.interfaces;
+  if (bodies.empty())
+    for (const std::string& name : mechanism.definition().interfaces) bodies.push_back(mechanism.FindBody(name));
+  for (BodyIndex b : bodies)
+    FORK1S_REQUIRE(b.valid() && b.value() < mechanism.num_bodies(), "interface body out of range");
+  if (bodies.empty())
+    return Fail(ErrorCode::kModel, fmt::format("mechanism '{}'", mechanism.name()),
+                "names no interface body; say which bodies touch the world");
+  for (std::size_t i = 0; i < bodies.size(); ++i)
+    if (std::find(bodies.begin(), bodies.begin() + static_cast<std::ptrdiff_t>(i), bodies[i]) !=
+        bodies.begin() + static_cast<std::ptrdiff_t>(i))
+      return Fail(ErrorCode::kModel, fmt::format("interface '{}'", mechanism.body(bodies[i]).name), "is named twice");
+  return bodies;
+}
+
+}  // namespace
+
+Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, const VectorX& q_ref,
+                              const ReductionOptions& options) {
+  FORK1S_REQUIRE(mechanism_in != nullptr);
+  const Mechanism& mechanism = *mechanism_in;
+  const int n = mechanism.num_coordinates();
+  FORK1S_REQUIRE(q_ref.size() == n, q_ref.size(), n);
+
+  ReducedModel model;
+  model.mechanism = mechanism_in;
+  model.q_ref = q_ref;
+  auto interfaces = ResolveInterfaces(mechanism, options);
+  if (!interfaces) return tl::unexpected(interfaces.error());
+  model.interfaces = *interfaces;
+
+  Kinematics kinematics(mechanism);
+  ComputeKinematics(mechanism, q_ref, kinematics);
+  if (!kinematics.S.allFinite())
+    return Fail(ErrorCode::kNumerics, fmt::format("mechanism '{}'", mechanism.name()), "has a pose that is not finite");
+  model.S_ref = kinematics.S;
+  model.X_RB_ref = kinematics.X_RB;
+
+  const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q_ref);
+  model.loop_rows = basis.independent_rows;
+
+  const double L = mechanism.length_scale();
+  MatrixX J = internal::ScaledInterfaceJacobian(mechanism, kinematics, model.interfaces, L);
+  for (Hidden hidden = FindHidden(mechanism, basis, J); hidden.count > 0;
+       hidden = FindHidden(mechanism, basis, J)) {
+    if (!options.promote_hidden) return tl::unexpected(HiddenError(mechanism, hidden));
+    const BodyIndex body = mechanism.joint(mechanism.CoordinateJoint(hidden.coordinate)).body;
+    if (std::find(model.interfaces.begin(), model.interfaces.end(), body) != model.interfaces.end())
+      return tl::unexpected(HiddenError(mechanism, hidden));
+    model.interfaces.push_back(body);
+    model.promoted.push_back(body);
+    J = internal::ScaledInterfaceJacobian(mechanism, kinematics, model.interfaces, L);
+  }
+
+  bool complete = true;
+  const int e = basis.num_elastic();
+  const MatrixX Y_r = FeltDirections(basis.TimesV(J), options.rank_tolerance, complete);
+  model.num_free = basis.num_free();
+  model.num_elastic = static_cast<int>(Y_r.cols());
+  internal::Modes modes{MatrixX(e, 0), VectorX(0)};
+  const int wanted = options.modes >= 0 ? options.modes : mechanism.definition().modes;
+  if (!complete) {
+    modes = internal::LowestModes(mechanism, kinematics, basis, Y_r, MatrixX(e, 0), MatrixX(0, 0), wanted);
+    model.num_modes = static_cast<int>(modes.vectors.cols());
+  }
+
+  const int r = model.num_free + model.num_elastic + model.num_modes;
+  model.Q.resize(n, r);
+  if (model.num_free > 0) model.Q.leftCols(model.num_free) = basis.DenseFree(n);
+  for (int i = 0; i < model.num_elastic; ++i) model.Q.col(model.num_free + i) = basis.ApplyV(Y_r.col(i), n);
+  for (int i = 0; i < model.num_modes; ++i)
+    model.Q.col(model.num_free + model.num_elastic + i) = basis.ApplyV(modes.vectors.col(i), n);
+  model.K_r = VectorX::Ones(r);
+  model.K_r.head(model.num_free).setZero();
+
+  FillInertia(model, kinematics);
+  model.D = mechanism.has_diagonal_stiffness() && mechanism.is_tree()
+                ? MatrixX(model.Q.transpose() * mechanism.damping().asDiagonal() * model.Q)
+                : MatrixX(model.Q.transpose() * DampingMatrix(mechanism, kinematics, q_ref) * model.Q);
+  FillLoopMetric(model, kinematics);
+
+  model.has_complement = model.num_elastic + model.num_modes < e;
+  if (model.has_complement) {
+    if (basis.diagonal) {
+      model.k_inverse = VectorX::Zero(n);
+      for (int i = 0; i < e; ++i)
+        model.k_inverse(basis.sprung[static_cast<std::size_t>(i)]) = basis.inverse_root(i) * basis.inverse_root(i);
+    } else {
+      const auto Q_e = model.Q.rightCols(r - model.num_free);
+      model.C_perp = basis.V * basis.V.transpose() - Q_e * Q_e.transpose();
+    }
+  } else if (r == n - model.loop_rank() && r > 0) {
+    model.warnings.push_back(
+        fmt::format("every coordinate of '{}' reaches an interface body: the reduced model has all {} of them, and "
+                    "saves nothing over the full one", mechanism.name(), r));
+  }
+  for (BodyIndex b : model.promoted)
+    model.warnings.push_back(fmt::format(
+        "body '{}' became an interface because a joint without spring before it moves unseen by the others",
+        mechanism.body(b).name));
+  if (!model.M.allFinite() || !model.Q.allFinite())
+    return Fail(ErrorCode::kNumerics, fmt::format("mechanism '{}'", mechanism.name()),
+                "gives a reduced model that is not finite");
+  return model;
+}
+
+void ApplyComplement(const ReducedModel& model, const VectorX& g, VectorX& q_perp) {
+  if (model.C_perp.size() > 0) {
+    q_perp.noalias() = model.C_perp * g;
+    return;
+  }
+  const auto Q_e = model.Q.rightCols(model.size() - model.num_free);
+  q_perp = model.k_inverse.cwiseProduct(g);
+  for (Eigen::Index i = 0; i < Q_e.cols(); ++i) q_perp -= Q_e.col(i).dot(g) * Q_e.col(i);
+}
+
+}  // namespace fork1s

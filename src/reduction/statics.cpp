@@ -1,0 +1,215 @@
+#include <algorithm>
+#include <cmath>
+#include <fork1s/reduction/statics.hpp>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <fmt/format.h>
+
+#include "elastic_basis.hpp"
+
+namespace fork1s {
+namespace {
+
+// Everything that acts on joint coordinates at one pose: springs, controls, and a share s of the dead loads.
+class LoadedMechanism {
+ public:
+  LoadedMechanism(const Mechanism& mechanism, const std::vector<DeadLoad>& loads, const StaticsOptions& options)
+      : mechanism_(mechanism), loads_(loads), options_(options), kinematics_(mechanism),
+        F_(6, mechanism.num_bodies()) {}
+
+  void Pose(const VectorX& q) { ComputeKinematics(mechanism_, q, kinematics_); }
+  const Kinematics& kinematics() const { return kinematics_; }
+
+  // Loads alone, at the present pose.
+  VectorX LoadForce(double share) {
+    F_.setZero();
+    AddGravityWrenches(mechanism_, kinematics_, share * options_.gravity_R, F_);
+    for (const DeadLoad& load : loads_) {
+      const Vector3 f = share * load.force_R;
+      F_.col(load.body.value()).head<3>() +=
+          share * load.moment_R + kinematics_.X_RB[load.body.u()].translation().cross(f);
+      F_.col(load.body.value()).tail<3>() += f;
+    }
+    VectorX tau = VectorX::Zero(mechanism_.num_coordinates());
+    AccumulateGeneralizedForce(mechanism_, kinematics_.S, F_, tau);
+    return tau;
+  }
+
+  // Poses the mechanism at q; returns the unbalanced force with loop reactions λ.
+  VectorX Residual(const VectorX& q, const VectorX& lambda, double share) {
+    Pose(q);
+    VectorX g;
+    SpringForce(mechanism_, kinematics_, q, g);
+    if (options_.controls.size() > 0) AddControlForce(mechanism_, options_.controls, g);
+    g += LoadForce(share);
+    if (lambda.size() > 0) {
+      ClosureJacobian(mechanism_, kinematics_, q, A_);
+      g += A_.transpose() * lambda;
+    }
+    return g;
+  }
+  const MatrixX& A() const { return A_; }
+
+  // Size of the forces that have to balance.
+  double Scale(const VectorX& q, double share) {
+    Pose(q);
+    VectorX g;
+    SpringForce(mechanism_, kinematics_, q, g);
+    return std::max({g.cwiseAbs().maxCoeff(), LoadForce(share).cwiseAbs().maxCoeff(), 1e-12});
+  }
+
+  // ∂g/∂q by central differences: covers loads that turn their lever arms, loop reactions and ball joints alike.
+  MatrixX Tangent(const VectorX& q, const VectorX& lambda, double share) {
+    const auto n = q.size();
+    MatrixX K(n, n);
+    VectorX x = q;
+    constexpr double kStep = 1e-5;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      x(i) = q(i) + kStep;
+      const VectorX above = Residual(x, lambda, share);
+      x(i) = q(i) - kStep;
+      K.col(i) = (above - Residual(x, lambda, share)) / (2 * kStep);
+      x(i) = q(i);
+    }
+    return K;
+  }
+
+ private:
+  const Mechanism& mechanism_;
+  const std::vector<DeadLoad>& loads_;
+  const StaticsOptions& options_;
+  Kinematics kinematics_;
+  Matrix6X F_;
+  MatrixX A_;
+};
+
+struct NewtonState {
+  VectorX q, lambda;
+};
+
+// Newton at one load; false leaves the state where it was.
+bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const StaticsOptions& options, double share,
+                 NewtonState& state, StaticsResult& result) {
+  const Eigen::Index n = state.q.size(), m = mechanism.num_constraints();
+  NewtonState now = state;
+  VectorX c = VectorX::Zero(m);
+  for (int i = 0; i < options.max_iterations; ++i) {
+    ++result.iterations;
+    VectorX rhs(n + m);
+    rhs.head(n) = loaded.Residual(now.q, now.lambda, share);
+    if (m > 0) ClosureResidual(mechanism, loaded.kinematics(), now.q, c);
+    rhs.tail(m) = -c;
+    const MatrixX A = loaded.A();
+    const double scale = loaded.Scale(now.q, share);
+    const double error = rhs.head(n).cwiseAbs().maxCoeff() / scale;
+    if (!std::isfinite(error)) return false;
+    result.residual = error;
+    if (error < options.tolerance && (m == 0 || c.cwiseAbs().maxCoeff() < 1e-12)) {
+      state = now;
+      return true;
+    }
+    const MatrixX K = loaded.Tangent(now.q, now.lambda, share);
+    VectorX step;
+    if (m == 0) {
+      step = Eigen::PartialPivLU<MatrixX>(-K).solve(rhs);
+    } else {
+      MatrixX S = MatrixX::Zero(n + m, n + m);
+      S.topLeftCorner(n, n) = -K;
+      S.topRightCorner(n, m) = -A.transpose();
+      S.bottomLeftCorner(m, n) = A;
+      // Overconstrained loops repeat rows: take the reactions of least norm.
+      Eigen::CompleteOrthogonalDecomposition<MatrixX> solver;
+      solver.setThreshold(1e-12);
+      solver.compute(S);
+      step = solver.solve(rhs);
+    }
+    if (!step.allFinite()) return false;
+    const double largest = step.head(n).cwiseAbs().maxCoeff();
+    const double damping = largest > 0.4 ? 0.4 / largest : 1.0;
+    now.q += damping * step.head(n);
+    now.lambda += damping * step.tail(m);
+    // The residual is as small as the differences of the tangent resolve.
+    if (largest < 1e-13) {
+      result.residual = error;
+      if (error < 1e-8) {
+        state = now;
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
+                           const StaticsOptions& options) {
+  LoadedMechanism loaded(mechanism, loads, options);
+  StaticsResult result;
+  NewtonState state{q0, VectorX::Zero(mechanism.num_constraints())};
+  double share = 0, increment = 1.0 / options.load_steps;
+  bool ok = Equilibrate(mechanism, loaded, options, 0, state, result);
+  while (ok && share < 1) {
+    const double next = std::min(1.0, share + increment);
+    if (Equilibrate(mechanism, loaded, options, next, state, result)) {
+      share = next;
+    } else {
+      increment *= 0.5;
+      if (increment < 1e-4) ok = false;
+    }
+  }
+  result.q = state.q;
+  result.converged = ok;
+  if (ok) {
+    // Stable if the tangent is positive on motions that keep the loops closed.
+    const MatrixX K = -loaded.Tangent(state.q, state.lambda, 1);
+    MatrixX Z = MatrixX::Identity(state.q.size(), state.q.size());
+    if (mechanism.num_constraints() > 0) {
+      loaded.Residual(state.q, state.lambda, 1);
+      Z = internal::ComputeElasticBasis(mechanism, loaded.kinematics(), state.q).Z;
+    }
+    const MatrixX K_z = Z.transpose() * K * Z;
+    const VectorX eigenvalues =
+        Eigen::SelfAdjointEigenSolver<MatrixX>(0.5 * (K_z + K_z.transpose()), Eigen::EigenvaluesOnly).eigenvalues();
+    result.stable = eigenvalues.size() == 0 || eigenvalues(0) > -1e-9 * eigenvalues.cwiseAbs().maxCoeff();
+  }
+  return result;
+}
+
+Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads) {
+  StaticsOptions options;
+  LoadedMechanism loaded(mechanism, loads, options);
+  loaded.Pose(q0);
+  const auto basis = internal::ComputeElasticBasis(mechanism, loaded.kinematics(), q0);
+  const VectorX g = loaded.LoadForce(1);
+  const MatrixX N = basis.DenseFree(mechanism.num_coordinates());
+  if (N.cols() > 0) {
+    const VectorX taken = N.transpose() * g;
+    if (taken.cwiseAbs().maxCoeff() > 1e-9 * std::max(1e-300, g.cwiseAbs().maxCoeff())) {
+      Eigen::Index direction, coordinate;
+      taken.cwiseAbs().maxCoeff(&direction);
+      N.col(direction).cwiseAbs().maxCoeff(&coordinate);
+      return Fail(ErrorCode::kUnderdetermined,
+                  fmt::format("joint '{}'", mechanism.joint(mechanism.CoordinateJoint(static_cast<int>(coordinate))).name),
+                  "has no spring and gives way to the load, so that no deflection balances it; give the joint a "
+                  "stiffness or hold it by PD control");
+    }
+  }
+  return VectorX(q0 + basis.ApplyV(basis.ApplyVTransposed(g), mechanism.num_coordinates()));
+}
+
+double MaxJointRotation(const Mechanism& mechanism, const VectorX& q0, const VectorX& q) {
+  double largest = 0;
+  for (const Mechanism::Joint& j : mechanism.joints()) {
+    if (j.kind == JointKind::kHinge) largest = std::max(largest, std::abs(q(j.offset) - q0(j.offset)));
+    if (j.kind == JointKind::kBall) {
+      const Matrix3 before = ExpRotation(q0.segment<3>(j.offset)), after = ExpRotation(q.segment<3>(j.offset));
+      largest = std::max(largest, LogRotation(before.transpose() * after).norm());
+    }
+  }
+  return largest;
+}
+
+}  // namespace fork1s

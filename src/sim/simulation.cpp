@@ -1,0 +1,198 @@
+#include <fork1s/sim/simulation.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace fork1s {
+
+Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& options) {
+  Simulation s;
+  s.options_ = options;
+  s.dt_ = options.dt > 0 ? options.dt : scene.timestep;
+  if (!(s.dt_ > 0) || !std::isfinite(s.dt_))
+    return Fail(ErrorCode::kModel, "scene '" + scene.name + "'", "needs a time step above 0 s");
+  s.step_options_ = options.step;
+  s.step_options_.h = s.dt_;
+  s.step_options_.gravity = scene.gravity;
+
+  World::Options o;
+  o.reduction = options.reduction;
+  o.reduction.interfaces.clear();
+  o.recovery = options.recovery;
+  o.refresh_angle = options.refresh_angle;
+  o.collision = options.collision;
+  o.initial_keyframe = options.initial_keyframe;
+  auto world = World::Create(scene, o);
+  if (!world) return tl::unexpected(world.error());
+  s.world_ = std::move(*world);
+  s.scene_ = std::move(scene);
+
+  std::vector<double> values, lower, upper;
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  for (const MechanismDynamics& m : s.world_.mechanisms())
+    for (std::size_t k = 0; k < m.mechanism().controls().size(); ++k) {
+      const auto& control = m.mechanism().controls()[k];
+      s.control_names_.push_back(control.name);
+      values.push_back(m.controls()(static_cast<Eigen::Index>(k)));
+      lower.push_back(control.lower);
+      upper.push_back(control.upper);
+    }
+  for (const MechanismDynamics& m : s.world_.mechanisms()) {
+    s.base_start_.push_back(m.state().X_WR);
+    if (m.mechanism().base() != BaseKind::kDriven) continue;
+    for (const char* axis : {".x", ".y", ".z", ".rx", ".ry", ".rz"}) {
+      s.control_names_.push_back(m.mechanism().body(BodyIndex(0)).name + axis);
+      values.push_back(0);
+      lower.push_back(-kInfinity);
+      upper.push_back(kInfinity);
+    }
+  }
+  auto to_vector = [](const std::vector<double>& v) {
+    return VectorX(Eigen::Map<const VectorX>(v.data(), static_cast<Eigen::Index>(v.size())));
+  };
+  s.controls_ = to_vector(values);
+  s.control_lower_ = to_vector(lower);
+  s.control_upper_ = to_vector(upper);
+
+  for (std::size_t i = 0; i < s.world_.mechanisms().size(); ++i) {
+    const MechanismDynamics& m = s.world_.mechanisms()[i];
+    for (int b = 0; b < m.mechanism().num_bodies(); ++b) {
+      const auto& interfaces = m.model().interfaces;
+      s.bodies_.push_back({m.mechanism().body(BodyIndex(b)).name, static_cast<int>(i), b,
+                           std::find(interfaces.begin(), interfaces.end(), BodyIndex(b)) != interfaces.end()});
+    }
+  }
+  for (std::size_t i = 0; i < s.world_.free_bodies().size(); ++i)
+    s.bodies_.push_back({s.world_.free_bodies()[i].name(), -1, static_cast<int>(i), false});
+  s.PassControls();
+  return s;
+}
+
+StepReport Simulation::Step() {
+  PassControls();
+  const StepReport report = world_.Step(step_options_);
+  if (report.finite) ++steps_;
+  return report;
+}
+
+void Simulation::PassControls() {
+  Eigen::Index next = 0;
+  for (MechanismDynamics& m : world_.mechanisms()) {
+    const Eigen::Index count = m.controls().size();
+    m.controls() = controls_.segment(next, count);
+    next += count;
+  }
+  for (std::size_t i = 0; i < world_.mechanisms().size(); ++i) {
+    MechanismDynamics& m = world_.mechanisms()[i];
+    if (m.mechanism().base() != BaseKind::kDriven) continue;
+    const Vector3 shift = controls_.segment<3>(next), turn = controls_.segment<3>(next + 3);
+    next += 6;
+    m.DriveBase({Matrix3(ExpRotation(turn) * base_start_[i].rotation()), Vector3(base_start_[i].translation() + shift)});
+  }
+}
+
+int Simulation::FindControl(const std::string& name) const {
+  const auto at = std::find(control_names_.begin(), control_names_.end(), name);
+  return at == control_names_.end() ? -1 : static_cast<int>(at - control_names_.begin());
+}
+
+void Simulation::SetControl(int index, double value) {
+  FORK1S_REQUIRE(index >= 0 && index < controls_.size(), index);
+  FORK1S_REQUIRE(std::isfinite(value), control_names_[static_cast<std::size_t>(index)], value);
+  controls_(index) = std::clamp(value, control_lower_(index), control_upper_(index));
+}
+
+void Simulation::SetControl(const std::string& name, double value) {
+  const int index = FindControl(name);
+  FORK1S_REQUIRE(index >= 0, "no control named", name);
+  SetControl(index, value);
+}
+
+void Simulation::SetControls(const VectorX& values) {
+  FORK1S_REQUIRE(values.size() == controls_.size(), values.size(), controls_.size());
+  for (int i = 0; i < values.size(); ++i) SetControl(i, values(i));
+}
+
+int Simulation::FindBody(const std::string& name) const {
+  for (std::size_t i = 0; i < bodies_.size(); ++i)
+    if (bodies_[i].name == name) return static_cast<int>(i);
+  return -1;
+}
+
+RigidTransform Simulation::Pose(int body) const {
+  FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(bodies_.size()), body);
+  const SceneBody& b = bodies_[static_cast<std::size_t>(body)];
+  if (b.mechanism < 0) return world_.free_bodies()[static_cast<std::size_t>(b.index)].pose();
+  return world_.mechanisms()[static_cast<std::size_t>(b.mechanism)].BodyPose(BodyIndex(b.index));
+}
+
+RigidTransform Simulation::Pose(const std::string& body) const {
+  const int index = FindBody(body);
+  FORK1S_REQUIRE(index >= 0, "no body named", body);
+  return Pose(index);
+}
+
+Vector6 Simulation::Velocity(int body) const {
+  FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(bodies_.size()), body);
+  const SceneBody& b = bodies_[static_cast<std::size_t>(body)];
+  Vector6 V;
+  if (b.mechanism < 0) {
+    const FreeBody& f = world_.free_bodies()[static_cast<std::size_t>(b.index)];
+    V << f.omega_W(), f.velocity_of_center() - f.omega_W().cross(f.center_W() - f.pose().translation());
+    return V;
+  }
+  const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(b.mechanism)];
+  return m.BodyVelocity(BodyIndex(b.index));
+}
+
+void Simulation::ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {
+  FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(bodies_.size()), body);
+  FORK1S_REQUIRE(force_W.allFinite() && moment_W.allFinite() && point_W.allFinite());
+  const SceneBody& b = bodies_[static_cast<std::size_t>(body)];
+  if (b.mechanism < 0)
+    world_.free_bodies()[static_cast<std::size_t>(b.index)].AddWrench(force_W, moment_W, point_W);
+  else
+    world_.mechanisms()[static_cast<std::size_t>(b.mechanism)].AddWrench(BodyIndex(b.index), force_W, moment_W, point_W);
+}
+
+double Simulation::ClosureGap() const {
+  double gap = 0;
+  for (const MechanismDynamics& m : world_.mechanisms()) gap = std::max(gap, m.ClosureGapNow());
+  return gap;
+}
+
+std::uint64_t Simulation::HashState() const {
+  std::uint64_t hash = 14695981039346656037ull;
+  auto add = [&](const double* values, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+      std::uint64_t bits;
+      std::memcpy(&bits, &values[i], sizeof bits);
+      for (int byte = 0; byte < 8; ++byte) {
+        hash ^= (bits >> (8 * byte)) & 0xff;
+        hash *= 1099511628211ull;
+      }
+    }
+  };
+  auto add_pose = [&](const RigidTransform& X) {
+    add(X.rotation().data(), 9);
+    add(X.translation().data(), 3);
+  };
+  for (const MechanismDynamics& m : world_.mechanisms()) {
+    const ReducedState& s = m.state();
+    add(m.model().q_ref.data(), static_cast<std::size_t>(m.model().q_ref.size()));
+    add(s.z.data(), static_cast<std::size_t>(s.z.size()));
+    add(s.w.data(), static_cast<std::size_t>(s.w.size()));
+    add(s.q_perp.data(), static_cast<std::size_t>(s.q_perp.size()));
+    add_pose(s.X_WR);
+    add(s.V_R.data(), 6);
+  }
+  for (const FreeBody& b : world_.free_bodies()) {
+    add_pose(b.pose());
+    add(b.omega_B().data(), 3);
+    add(b.velocity_of_center().data(), 3);
+  }
+  return hash;
+}
+
+}  // namespace fork1s
