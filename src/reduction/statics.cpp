@@ -178,12 +178,12 @@ StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const 
   return result;
 }
 
-Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads) {
-  StaticsOptions options;
+Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
+                                   const StaticsOptions& options) {
   LoadedMechanism loaded(mechanism, loads, options);
   loaded.Pose(q0);
   const auto basis = internal::ComputeElasticBasis(mechanism, loaded.kinematics(), q0);
-  const VectorX g = loaded.LoadForce(1);
+  const VectorX g = loaded.Residual(q0, VectorX(), 1);
   const MatrixX N = basis.DenseFree(mechanism.num_coordinates());
   if (N.cols() > 0) {
     const VectorX taken = N.transpose() * g;

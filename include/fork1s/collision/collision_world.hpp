@@ -20,19 +20,19 @@ struct CollisionBodyDef {
 
 /// One contact point, world frame.
 struct ContactPoint {
-  int body_a = -1;      // index of the collision body
+  int body_a = -1;  // index of the collision body
   int body_b = -1;
   int geometry_a = -1;  // index in the body's geometries
   int geometry_b = -1;
-  Vector3 point = Vector3::Zero();   // midway between the surfaces, m
+  Vector3 point = Vector3::Zero();      // midway between the surfaces, m
   Matrix3 frame = Matrix3::Identity();  // rows: normal from a to b, tangent 1, tangent 2
-  double gap = 0;       // m, negative in penetration
+  double gap = 0;                       // m, negative in penetration
   double friction = 0;  // of the higher priority, else the larger; 0 if all who decide are frictionless
 };
 
 struct CollisionOptions {
-  double margin = 0.001;     // m: contacts are reported from this gap on
-  bool multi_point = true;   // several points where flat convex shapes rest on each other
+  double margin = 0.001;    // m: contacts are reported from this gap on
+  bool multi_point = true;  // several points where flat convex shapes rest on each other
 };
 
 /// Bodies are numbered in the order given. Bodies that do not move never touch each other.

@@ -25,12 +25,12 @@ struct VelocityBlock {
 };
 
 struct ContactConstraint {
-  int port_a = -1;   // first row of a six-vector in the stacked velocities, -1: the still world
-  int port_b = -1;   // u = J_a v[port_a] + J_b v[port_b] + bias; rows: normal, tangent 1, tangent 2
+  int port_a = -1;  // first row of a six-vector in the stacked velocities, -1: the still world
+  int port_b = -1;  // u = J_a v[port_a] + J_b v[port_b] + bias; rows: normal, tangent 1, tangent 2
   Matrix36 J_a = Matrix36::Zero();
   Matrix36 J_b = Matrix36::Zero();
-  Vector3 bias = Vector3::Zero();    // m/s, added to u
-  double friction = 0;               // µ
+  Vector3 bias = Vector3::Zero();     // m/s, added to u
+  double friction = 0;                // µ
   Vector3 impulse = Vector3::Zero();  // in: warm start; out: solution [N·s]
 };
 
@@ -44,15 +44,15 @@ struct LimitConstraint {
 
 struct ContactSolverOptions {
   int max_sweeps = 50;
-  double tolerance = 1e-4;      // residual above which Newton takes over
+  double tolerance = 1e-4;  // residual above which Newton takes over
   int max_newton_iterations = 30;
 };
 
 struct ContactSolverReport {
   int sweeps = 0;
   int newton_iterations = 0;
-  double residual = 0;     // natural-map residual relative to the largest impulse
-  bool converged = true;   // residual <= tolerance
+  double residual = 0;    // natural-map residual relative to the largest impulse
+  bool converged = true;  // residual <= tolerance
 };
 
 class ContactSolver {
@@ -68,9 +68,8 @@ class ContactSolver {
   /// Solves for the impulses. In: `velocities` = v*, blocks covering every port and limit row, warm starts in
   /// the constraints. Out: impulses in the constraints, `velocities` = v⁺.
   ContactSolverReport Solve(const std::vector<VelocityBlock>& blocks,
-                            std::vector<ContactConstraint>& contacts,
-                            std::vector<LimitConstraint>& limits, VectorX& velocities,
-                            const ContactSolverOptions& options = {});
+                            std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
+                            VectorX& velocities, const ContactSolverOptions& options = {});
 
  private:
   struct Workspace;

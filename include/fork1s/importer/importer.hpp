@@ -13,9 +13,9 @@ namespace fork1s {
 /// What happened to a part of the file.
 struct ImportNote {
   enum class Kind {
-    kDropped,   ///< has no meaning here and was left out
-    kChanged,   ///< kept, but not as written
-    kChosen,    ///< the file left it open; says what was taken
+    kDropped,  ///< has no meaning here and was left out
+    kChanged,  ///< kept, but not as written
+    kChosen,   ///< the file left it open; says what was taken
   };
   Kind kind;
   std::string where;    // element and name, "actuator 'grip'"

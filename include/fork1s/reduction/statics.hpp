@@ -35,8 +35,9 @@ struct StaticsResult {
 StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
                            const StaticsOptions& options = {});
 
-/// Linear response at q0: q0 + Z V Vᵀ Zᵀ g. Errors as for Reduce where a spring-free motion takes the load.
-Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads);
+/// Linear response at q0 to loads, gravity, controls and spring preload: q0 + Z V Vᵀ Zᵀ g. Errors as for Reduce where a spring-free motion takes the load.
+Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
+                                   const StaticsOptions& options = {});
 
 /// Largest turn [rad] of any hinge or ball between q0 and q.
 double MaxJointRotation(const Mechanism& mechanism, const VectorX& q0, const VectorX& q);

@@ -1,0 +1,128 @@
+#include <fmt/format.h>
+#include <fork1s/mechanism/mechanism.hpp>
+#include <memory>
+
+#include "model_arguments.hpp"
+#include "output.hpp"
+
+namespace fork1s::app {
+namespace {
+
+const char* BaseName(BaseKind kind) {
+  switch (kind) {
+    case BaseKind::kFixed: return "fixed";
+    case BaseKind::kFloating: return "floating";
+    case BaseKind::kDriven: return "driven";
+  }
+  return "";
+}
+
+const char* KindName(JointKind kind) {
+  switch (kind) {
+    case JointKind::kHinge: return "hinge";
+    case JointKind::kSlide: return "slide";
+    case JointKind::kBall: return "ball";
+    case JointKind::kCylindrical: return "cylindrical";
+    case JointKind::kPlanar: return "planar";
+    case JointKind::kFree: return "free";
+    case JointKind::kGeneral: return "general";
+  }
+  return "";
+}
+
+Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& posed) {
+  Json out;
+  out["name"] = imported.scene.name;
+  out["format"] = imported.report.format;
+  out["timestep_s"] = imported.scene.timestep;
+  out["gravity_m_per_s2"] = ToJson(imported.scene.gravity);
+  out["mechanisms"] = Json::array();
+  for (const PosedMechanism& p : posed) {
+    const Mechanism& m = *p.mechanism;
+    const MechanismDef& def = m.definition();
+    Json one;
+    one["name"] = m.name();
+    one["base"] = BaseName(m.base());
+    one["mass_kg"] = m.total_mass();
+    one["bodies"] = m.num_bodies();
+    one["joints"] = m.num_joints();
+    one["coordinates"] = m.num_coordinates();
+    one["closures"] = def.closures.size();
+    one["couplings"] = def.couplings.size();
+    one["controls"] = Json::array();
+    for (const auto& c : def.controls) one["controls"].push_back(c.name);
+    one["interfaces"] = def.interfaces;
+    one["interfaces_chosen"] = def.interfaces_chosen;
+    one["modes"] = def.modes;
+    one["joint_table"] = Json::array();
+    for (const auto& j : m.joints())
+      one["joint_table"].push_back({{"name", j.name}, {"kind", KindName(j.kind)}, {"body", m.body(j.body).name},
+                                    {"parent", m.body(m.body(j.body).parent).name}});
+    out["mechanisms"].push_back(std::move(one));
+  }
+  out["free_bodies"] = Json::array();
+  for (const auto& b : imported.scene.free_bodies) out["free_bodies"].push_back({{"name", b.name}, {"mass_kg", b.inertia.mass}});
+  out["world_geometries"] = imported.scene.world.size();
+  out["keyframes"] = Json::array();
+  for (const auto& k : imported.scene.keyframes) out["keyframes"].push_back(k.name);
+  out["holds"] = Json::array();
+  for (const auto& h : imported.report.holds) out["holds"].push_back({{"joint", h.joint}, {"held_by", h.held_by}});
+  out["notes"] = NotesJson(imported.report);
+  return out;
+}
+
+void Print(const ImportedScene& imported, const Json& d) {
+  fmt::print("{}: {}, time step {:g} s\n", d["name"].get<std::string>(), d["format"].get<std::string>(),
+             imported.scene.timestep);
+  for (const Json& m : d["mechanisms"]) {
+    fmt::print("\nmechanism '{}': base {}, {} bodies, {:.4g} kg, {} joints with {} coordinates, {} closures, {} couplings\n",
+               m["name"].get<std::string>(), m["base"].get<std::string>(), m["bodies"].get<int>(),
+               m["mass_kg"].get<double>(), m["joints"].get<int>(), m["coordinates"].get<int>(),
+               m["closures"].get<int>(), m["couplings"].get<int>());
+    std::string names;
+    for (const Json& b : m["interfaces"]) names += (names.empty() ? "" : ", ") + b.get<std::string>();
+    fmt::print("  interface ({}): {}\n", m["interfaces_chosen"].get<bool>() ? "named" : "picked here", names);
+    names.clear();
+    for (const Json& c : m["controls"]) names += (names.empty() ? "" : ", ") + c.get<std::string>();
+    if (!names.empty()) fmt::print("  controls: {}\n", names);
+  }
+  if (!d["free_bodies"].empty()) {
+    fmt::print("\nfree bodies:");
+    for (const Json& b : d["free_bodies"]) fmt::print(" {} ({:.4g} kg)", b["name"].get<std::string>(), b["mass_kg"].get<double>());
+    fmt::print("\n");
+  }
+  fmt::print("world geometries: {}\n", d["world_geometries"].get<int>());
+  if (!d["keyframes"].empty()) {
+    fmt::print("keyframes:");
+    for (const Json& k : d["keyframes"]) fmt::print(" {}", k.get<std::string>());
+    fmt::print("\n");
+  }
+  fmt::print("\nwhat holds each joint:\n");
+  std::size_t width = 0;
+  for (const JointHold& h : imported.report.holds) width = std::max(width, h.joint.size());
+  for (const JointHold& h : imported.report.holds) fmt::print("  {:<{}}  {}\n", h.joint, width, h.held_by);
+  fmt::print("\nnotes of the import ({}):\n", imported.report.notes.size());
+  for (const Json& n : d["notes"]) fmt::print("  {}\n", n.get<std::string>());
+}
+
+}  // namespace
+
+void AddInspect(CLI::App& app, Action& action) {
+  auto* command = app.add_subcommand("inspect", "what was imported, what was dropped and why, what holds each joint");
+  auto model = std::make_shared<ModelArguments>();
+  model->AddTo(*command);
+  command->callback([&action, model] {
+    action = [model]() -> int {
+      auto imported = model->Load();
+      if (!imported) return Report(imported.error(), model->json);
+      auto posed = PoseMechanisms(*imported);
+      if (!posed) return Report(posed.error(), model->json);
+      const Json description = Describe(*imported, *posed);
+      if (model->json) fmt::print("{}\n", description.dump(2));
+      else Print(*imported, description);
+      return kDone;
+    };
+  });
+}
+
+}  // namespace fork1s::app

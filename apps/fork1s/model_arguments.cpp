@@ -1,0 +1,100 @@
+#include "model_arguments.hpp"
+
+#include <cmath>
+#include <sstream>
+
+#include <fmt/format.h>
+#include <fork1s/mechanism/kinematics.hpp>
+
+namespace fork1s::app {
+namespace {
+
+Expected<std::vector<double>> ParseNumbers(const std::string& text, std::size_t count, const std::string& option) {
+  std::vector<double> numbers;
+  std::stringstream stream(text);
+  std::string cell;
+  while (std::getline(stream, cell, ',')) {
+    std::size_t used = 0;
+    double value = 0;
+    try {
+      value = std::stod(cell, &used);
+    } catch (const std::exception&) {
+      used = 0;
+    }
+    if (used == 0 || used != cell.size() || !std::isfinite(value))
+      return Fail(ErrorCode::kUsage, option, fmt::format("'{}' is not a finite number", cell));
+    numbers.push_back(value);
+  }
+  if (numbers.size() != count)
+    return Fail(ErrorCode::kUsage, option, fmt::format("takes {} numbers with commas between, not '{}'", count, text));
+  return numbers;
+}
+
+}  // namespace
+
+Expected<Vector3> ParseVector(const std::string& text, const std::string& option) {
+  auto numbers = ParseNumbers(text, 3, option);
+  if (!numbers) return tl::unexpected(numbers.error());
+  return Vector3((*numbers)[0], (*numbers)[1], (*numbers)[2]);
+}
+
+void ModelArguments::AddTo(CLI::App& command) {
+  command.add_option("model", path, "MJCF or URDF file")->required();
+  command.add_option("--interface", interfaces, "bodies that touch the world (a,b,...); replaces what the file says")
+      ->delimiter(',');
+  command.add_option("--base", base, "fixed, floating or driven; replaces what the file says")
+      ->check(CLI::IsMember({"fixed", "floating", "driven"}));
+  command.add_option("--modes", modes, "fixed-interface modes to keep at most (default: the file's, else 4)")
+      ->check(CLI::NonNegativeNumber);
+  command.add_option("--stiffness-scale", stiffness_scale, "multiplies every joint spring by x, its damper by sqrt(x)")
+      ->check(CLI::PositiveNumber);
+  command.add_option("--pd", pd,
+                     "kp,kv: hold joints that nothing holds by PD control; NAME=kp,kv: one joint (may be repeated)")
+      ->take_all();
+  command.add_option("--keyframe", keyframe, "named initial state of the file");
+  command.add_flag("--json", json, "print one JSON object and nothing else");
+}
+
+Expected<ImportedScene> ModelArguments::Load() const {
+  ImportOptions options;
+  options.interfaces = interfaces;
+  if (base == "fixed") options.base = BaseKind::kFixed;
+  if (base == "floating") options.base = BaseKind::kFloating;
+  if (base == "driven") options.base = BaseKind::kDriven;
+  if (modes >= 0) options.modes = modes;
+  options.stiffness_scale = stiffness_scale;
+  options.keyframe = keyframe;
+  for (const std::string& text : pd) {
+    const auto equals = text.rfind('=');
+    auto gains = ParseNumbers(equals == std::string::npos ? text : text.substr(equals + 1), 2, "--pd");
+    if (!gains) return tl::unexpected(gains.error());
+    const PdGains g{(*gains)[0], (*gains)[1]};
+    if (g.kp < 0 || g.kv < 0) return Fail(ErrorCode::kUsage, "--pd", "gains must be 0 or more");
+    if (equals == std::string::npos) options.pd = g;
+    else options.joint_pd[text.substr(0, equals)] = g;
+  }
+  return LoadMechanism(path, options);
+}
+
+Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& imported) {
+  std::vector<PosedMechanism> posed;
+  for (std::size_t i = 0; i < imported.scene.mechanisms.size(); ++i) {
+    auto built = BuildMechanism(imported.scene.mechanisms[i]);
+    if (!built) return tl::unexpected(built.error());
+    PosedMechanism p;
+    p.mechanism = std::make_shared<const Mechanism>(std::move(*built));
+    p.interfaces_chosen = imported.scene.mechanisms[i].interfaces_chosen;
+    p.q = VectorX::Zero(p.mechanism->num_coordinates());
+    if (imported.initial_keyframe >= 0)
+      p.q = imported.scene.keyframes[static_cast<std::size_t>(imported.initial_keyframe)].mechanisms[i].q;
+    const double gap = CloseLoops(*p.mechanism, p.q);
+    if (gap > 1e-6)
+      return Fail(ErrorCode::kModel, fmt::format("mechanism '{}'", p.mechanism->name()),
+                  fmt::format("has loops that stay open by {:.3g} m; correct the closure frames or choose another "
+                              "keyframe", gap));
+    posed.push_back(std::move(p));
+  }
+  return posed;
+}
+
+}  // namespace fork1s::app

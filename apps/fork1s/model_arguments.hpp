@@ -1,0 +1,39 @@
+// The arguments that say which model is meant, shared by all commands that take one.
+#pragma once
+
+#include <fork1s/importer/importer.hpp>
+#include <fork1s/mechanism/mechanism.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "command.hpp"
+
+namespace fork1s::app {
+
+struct ModelArguments {
+  std::string path;
+  std::vector<std::string> interfaces;
+  std::string base;
+  int modes = -1;
+  double stiffness_scale = 1;
+  std::vector<std::string> pd;
+  std::string keyframe;
+  bool json = false;
+
+  void AddTo(CLI::App& command);
+  Expected<ImportedScene> Load() const;
+};
+
+/// One mechanism of a scene, built and with its loops closed at the requested keyframe.
+struct PosedMechanism {
+  std::shared_ptr<const Mechanism> mechanism;
+  VectorX q;
+  bool interfaces_chosen = true;
+};
+Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& imported);
+
+/// "x,y,z" to a vector.
+Expected<Vector3> ParseVector(const std::string& text, const std::string& option);
+
+}  // namespace fork1s::app

@@ -1,0 +1,22 @@
+// Numbers and errors on paper.
+#pragma once
+
+#include <fork1s/importer/importer.hpp>
+#include <fork1s/spatial/rigid_transform.hpp>
+#include <nlohmann/json.hpp>
+
+#include "command.hpp"
+
+namespace fork1s::app {
+
+using Json = nlohmann::ordered_json;
+
+Json ToJson(const MatrixX& m);  // array of rows; null where empty
+Json ToJson(const Vector3& v);
+Json ToJson(const Quaternion& q);  // w, x, y, z
+/// The notes of an import as strings.
+Json NotesJson(const ImportReport& report);
+/// Prints notes and warnings to standard error, one line each.
+void PrintNotes(const ImportReport& report);
+
+}  // namespace fork1s::app

@@ -1,0 +1,136 @@
+#include <algorithm>
+#include <chrono>
+#include <fmt/format.h>
+#include <fork1s/record/reduced_model_file.hpp>
+#include <fork1s/reduction/compliance.hpp>
+#include <fork1s/reduction/frequencies.hpp>
+#include <memory>
+
+#include "model_arguments.hpp"
+#include "output.hpp"
+
+namespace fork1s::app {
+namespace {
+
+Expected<Json> ReduceOne(const PosedMechanism& posed, ReducedModel& model) {
+  const Mechanism& m = *posed.mechanism;
+  ReductionOptions options;
+  options.promote_hidden = !posed.interfaces_chosen;
+  const auto start = std::chrono::steady_clock::now();
+  auto reduced = Reduce(posed.mechanism, posed.q, options);
+  const std::chrono::duration<double, std::milli> spent = std::chrono::steady_clock::now() - start;
+  if (!reduced) return tl::unexpected(reduced.error());
+  model = std::move(*reduced);
+
+  Json out;
+  out["name"] = m.name();
+  out["mass_kg"] = m.total_mass();
+  const bool floats = m.base() == BaseKind::kFloating;
+  out["dofs"] = m.num_coordinates() - model.loop_rank() + (floats ? 6 : 0);
+  out["loop_rank"] = model.loop_rank();
+  out["interfaces"] = Json::array();
+  for (BodyIndex b : model.interfaces) out["interfaces"].push_back(m.body(b).name);
+
+  Json warnings = Json::array();
+  for (const std::string& w : model.warnings) warnings.push_back(w);
+  // A compliance exists only where every motion of the interface meets a spring.
+  MatrixX C, K;
+  auto walked = WalkCompliance(m, posed.q, model.interfaces);
+  if (walked) {
+    C = std::move(*walked);
+    K = StiffnessFromCompliance(C, m.length_scale());
+  } else {
+    warnings.push_back(walked.error().Text());
+  }
+  out["compliance_world"] = floats ? Json(nullptr) : ToJson(C);
+  if (floats) out["compliance_world_base_held"] = ToJson(C);
+  out["stiffness_world"] = floats ? Json(nullptr) : ToJson(K);
+  const int count = std::max(8, std::min(model.size(), 16));
+  out["frequencies_hz"] = {{"full", FullFrequencies(m, posed.q, count)}, {"reduced", ReducedFrequencies(model, count)}};
+  out["coordinates"] = {{"elastic", model.num_elastic}, {"free", model.num_free}, {"modes", model.num_modes}};
+  out["reduction_ms"] = spent.count();
+  out["warnings"] = std::move(warnings);
+  return out;
+}
+
+void Print(const Json& d, const Mechanism& m) {
+  fmt::print("mechanism '{}': {:.6g} kg, {} degrees of freedom, loop rank {}\n", d["name"].get<std::string>(),
+             d["mass_kg"].get<double>(), d["dofs"].get<int>(), d["loop_rank"].get<int>());
+  std::string names;
+  for (const Json& b : d["interfaces"]) names += (names.empty() ? "" : ", ") + b.get<std::string>();
+  fmt::print("  interface: {}\n", names);
+  const Json& c = d["coordinates"];
+  fmt::print("  reduced coordinates: {} elastic, {} free, {} modes (of {} joint coordinates), in {:.2f} ms\n",
+             c["elastic"].get<int>(), c["free"].get<int>(), c["modes"].get<int>(), m.num_coordinates(),
+             d["reduction_ms"].get<double>());
+  const auto& full = d["frequencies_hz"]["full"];
+  const auto& reduced = d["frequencies_hz"]["reduced"];
+  fmt::print("  {:>6}  {:>12}  {:>12}  {:>8}\n", "mode", "full Hz", "reduced Hz", "off %");
+  for (std::size_t i = 0; i < full.size(); ++i) {
+    const double f = full[i].get<double>();
+    if (i < reduced.size())
+      fmt::print("  {:>6}  {:>12.6g}  {:>12.6g}  {:>8.3f}\n", i + 1, f, reduced[i].get<double>(),
+                 100 * (reduced[i].get<double>() / f - 1));
+    else
+      fmt::print("  {:>6}  {:>12.6g}  {:>12}\n", i + 1, f, "left out");
+  }
+  const Json& C = d["compliance_world"].is_null() && d.contains("compliance_world_base_held")
+                      ? d["compliance_world_base_held"] : d["compliance_world"];
+  if (!C.is_null()) {
+    fmt::print("  compliance of each interface body, world axes (diagonal; rad/(N m), m/N{}):\n",
+               d.contains("compliance_world_base_held") ? "; base held" : "");
+    for (std::size_t e = 0; e < d["interfaces"].size(); ++e) {
+      fmt::print("    {:<20}", d["interfaces"][e].get<std::string>());
+      for (std::size_t i = 6 * e; i < 6 * e + 6; ++i) fmt::print(" {:>10.4g}", C[i][i].get<double>());
+      fmt::print("\n");
+    }
+  }
+  for (const Json& w : d["warnings"]) fmt::print("  warning: {}\n", w.get<std::string>());
+}
+
+}  // namespace
+
+void AddReduce(CLI::App& app, Action& action) {
+  auto* command = app.add_subcommand("reduce", "compliance, frequencies and size of the reduced model");
+  auto model = std::make_shared<ModelArguments>();
+  auto file = std::make_shared<std::string>();
+  model->AddTo(*command);
+  command->add_option("--out", *file, "write the reduced model to this HDF5 file");
+  command->callback([&action, model, file] {
+    action = [model, file]() -> int {
+      auto imported = model->Load();
+      if (!imported) return Report(imported.error(), model->json);
+      auto posed = PoseMechanisms(*imported);
+      if (!posed) return Report(posed.error(), model->json);
+      if (posed->empty())
+        return Report({ErrorCode::kModel, model->path, "holds no mechanism, only free bodies; nothing can be reduced"},
+                      model->json);
+      if (!model->json) PrintNotes(imported->report);
+      std::vector<Json> all;
+      for (std::size_t i = 0; i < posed->size(); ++i) {
+        ReducedModel reduced;
+        auto one = ReduceOne((*posed)[i], reduced);
+        if (!one) {
+          Error error = one.error();
+          error.where = model->path + ": " + error.where;
+          return Report(error, model->json);
+        }
+        if (!file->empty()) {
+          const std::string path = i == 0 ? *file : fmt::format("{}.{}", *file, i + 1);
+          if (auto saved = SaveReducedModel(reduced, path); !saved) return Report(saved.error(), model->json);
+          if (!model->json) fmt::print(stderr, "wrote {}\n", path);
+        }
+        if (!model->json) Print(*one, *(*posed)[i].mechanism);
+        all.push_back(std::move(*one));
+      }
+      if (model->json) {
+        Json out = all.size() == 1 ? all[0] : Json{{"mechanisms", all}};
+        out["notes"] = NotesJson(imported->report);
+        fmt::print("{}\n", out.dump(1));
+      }
+      return kDone;
+    };
+  });
+}
+
+}  // namespace fork1s::app

@@ -1,0 +1,219 @@
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <fmt/format.h>
+#include <fork1s/record/csv.hpp>
+#include <fork1s/record/recording.hpp>
+#include <fork1s/recovery/recover.hpp>
+#include <fork1s/sim/simulation.hpp>
+#include <memory>
+#include <optional>
+
+#include "model_arguments.hpp"
+#include "output.hpp"
+#include "progress.hpp"
+
+namespace fork1s::app {
+namespace {
+
+struct Arguments {
+  ModelArguments model;
+  double time = 2;
+  double dt = 0;
+  std::string controls, recovery = "exact", record;
+};
+
+// What a run measures, step by step.
+struct Measured {
+  std::vector<double> step_us;
+  int contacts_max = 0, unconverged = 0, refreshes = 0, failed_refreshes = 0;
+  double energy_first = 0, energy_last = 0, energy_increase = 0;
+  double gap_max = 0, penetration_max = 0;
+  bool contacts_dropped = false;
+  std::int64_t failed_step = -1;
+};
+
+double LargestGap(const Simulation& simulation) {
+  double largest = 0;
+  std::vector<RigidTransform> X_RB;
+  for (const MechanismDynamics& m : simulation.world().mechanisms()) {
+    X_RB.clear();
+    const RigidTransform X_RW = m.state().X_WR.inverse();
+    for (int b = 0; b < m.mechanism().num_bodies(); ++b) X_RB.push_back(X_RW * m.BodyPose(BodyIndex(b)));
+    const auto gaps = MeasureJointGaps(m.mechanism(), X_RB);
+    if (!gaps.empty()) largest = std::max(largest, gaps.front().gap);
+  }
+  return largest;
+}
+
+Measured Simulate(Simulation& simulation, double time, const ControlTrack& track, std::optional<Recorder>& recorder,
+                  Expected<void>& recorded) {
+  Measured out;
+  const auto steps = static_cast<std::int64_t>(std::llround(time / simulation.dt()));
+  out.step_us.reserve(static_cast<std::size_t>(std::max<std::int64_t>(steps, 0)));
+  out.energy_first = out.energy_last = simulation.Energy();
+  ProgressBar bar("simulating");
+  for (std::int64_t i = 0; i < steps; ++i) {
+    track.Apply(static_cast<double>(i + 1) * simulation.dt(), simulation);
+    const auto start = std::chrono::steady_clock::now();
+    const StepReport report = simulation.Step();
+    const std::chrono::duration<double, std::micro> spent = std::chrono::steady_clock::now() - start;
+    if (!report.finite) {
+      out.failed_step = i;
+      break;
+    }
+    out.step_us.push_back(spent.count());
+    out.contacts_max = std::max(out.contacts_max, report.contacts);
+    out.unconverged += report.solver.converged ? 0 : 1;
+    out.refreshes += report.refreshes;
+    out.failed_refreshes += report.failed_refreshes;
+    out.contacts_dropped |= report.contacts_dropped;
+    out.penetration_max = std::max(out.penetration_max, report.max_penetration);
+    const double energy = simulation.Energy();
+    out.energy_increase = std::max(out.energy_increase, energy - out.energy_last);
+    out.energy_last = energy;
+    out.gap_max = std::max(out.gap_max, LargestGap(simulation));
+    if (recorder)
+      if (recorded = recorder->Append(simulation, report); !recorded) break;
+    bar.Update(static_cast<double>(i + 1) / static_cast<double>(steps));
+  }
+  return out;
+}
+
+Json Summary(const Simulation& simulation, const Measured& m) {
+  Json out;
+  double wall = 0;
+  for (double us : m.step_us) wall += us * 1e-6;
+  std::vector<double> sorted = m.step_us;
+  std::sort(sorted.begin(), sorted.end());
+  auto percentile = [&](double p) {
+    return sorted.empty() ? 0.0 : sorted[static_cast<std::size_t>(p * static_cast<double>(sorted.size() - 1))];
+  };
+  out["steps"] = m.step_us.size();
+  out["dt_s"] = simulation.dt();
+  out["simulated_s"] = simulation.time();
+  out["wall_s"] = wall;
+  out["real_time_factor"] = wall > 0 ? Json(simulation.time() / wall) : Json(nullptr);
+  out["contacts_max"] = m.contacts_max;
+  out["energy_J"] = {{"first", m.energy_first}, {"last", m.energy_last}, {"max_increase", m.energy_increase}};
+  out["interface"] = Json::array();
+  out["free_bodies"] = Json::array();
+  for (std::size_t i = 0; i < simulation.bodies().size(); ++i) {
+    const SceneBody& b = simulation.bodies()[i];
+    if (!b.is_interface && b.mechanism >= 0) continue;
+    const RigidTransform X = simulation.Pose(static_cast<int>(i));
+    out[b.mechanism < 0 ? "free_bodies" : "interface"].push_back(
+        {{"body", b.name}, {"position_m", ToJson(X.translation())}, {"quaternion_wxyz", ToJson(X.quaternion())}});
+  }
+  out["joint_gap_max_m"] = m.gap_max;
+  out["penetration_max_m"] = m.penetration_max;
+  out["step_us"] = {{"median", percentile(0.5)}, {"p99", percentile(0.99)}};
+  out["unconverged_steps"] = m.unconverged;
+  out["refreshes"] = m.refreshes;
+  Json warnings = Json::array();
+  for (const std::string& w : simulation.warnings()) warnings.push_back(w);
+  if (m.contacts_dropped) warnings.push_back("the collision detector ran out of room and dropped contacts");
+  if (m.failed_refreshes > 0)
+    warnings.push_back(fmt::format("{} refreshes found no reduced model at their pose and kept the old one", m.failed_refreshes));
+  out["warnings"] = std::move(warnings);
+  return out;
+}
+
+void Print(const Json& d) {
+  auto number = [&](const char* key) { return d[key].get<double>(); };
+  fmt::print("{} steps of {:.6g} s: {:.4g} s simulated in {:.4g} s ({:.1f} times real time)\n",
+             d["steps"].get<std::size_t>(), number("dt_s"), number("simulated_s"), number("wall_s"),
+             d["real_time_factor"].is_null() ? 0.0 : number("real_time_factor"));
+  fmt::print("  step            {:.1f} us median, {:.1f} us at the 99th percentile\n", d["step_us"]["median"].get<double>(),
+             d["step_us"]["p99"].get<double>());
+  fmt::print("  contacts        {} at most, penetration {:.4f} mm at most, {} steps not converged\n",
+             d["contacts_max"].get<int>(), 1e3 * number("penetration_max_m"), d["unconverged_steps"].get<int>());
+  const Json& e = d["energy_J"];
+  fmt::print("  energy          {:.6g} J first, {:.6g} J last, largest rise in a step {:.3g} J\n", e["first"].get<double>(),
+             e["last"].get<double>(), e["max_increase"].get<double>());
+  fmt::print("  joint gap       {:.3g} mm at most\n", 1e3 * number("joint_gap_max_m"));
+  fmt::print("  refreshes       {}\n", d["refreshes"].get<int>());
+  for (const char* kind : {"interface", "free_bodies"})
+    for (const Json& b : d[kind]) {
+      const Json& p = b["position_m"];
+      fmt::print("  {:<15} at ({:.5f}, {:.5f}, {:.5f}) m\n", b["body"].get<std::string>(), p[0].get<double>(),
+                 p[1].get<double>(), p[2].get<double>());
+    }
+  for (const Json& w : d["warnings"]) fmt::print("  warning: {}\n", w.get<std::string>());
+}
+
+Expected<Simulation> Prepare(const Arguments& args, ImportedScene& imported) {
+  SimulationOptions options;
+  options.dt = args.dt;
+  options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+  options.initial_keyframe = imported.initial_keyframe;
+  auto simulation = Simulation::Create(imported.scene, options);
+  if (!simulation) {
+    Error error = simulation.error();
+    error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);
+    return tl::unexpected(error);
+  }
+  return simulation;
+}
+
+int Run(const Arguments& args) {
+  const bool json = args.model.json;
+  auto imported = args.model.Load();
+  if (!imported) return Report(imported.error(), json);
+  if (!json) PrintNotes(imported->report);
+  auto simulation = Prepare(args, *imported);
+  if (!simulation) return Report(simulation.error(), json);
+
+  ControlTrack track;
+  if (!args.controls.empty()) {
+    auto read = ReadControls(args.controls);
+    if (!read) return Report(read.error(), json);
+    track = std::move(*read);
+    if (const auto missing = track.FindMissing(*simulation); !missing.empty()) {
+      std::string known;
+      for (const std::string& n : simulation->control_names()) known += (known.empty() ? "" : ", ") + n;
+      return Report({ErrorCode::kModel, args.controls,
+                     fmt::format("column '{}' is no control of this model; there are: {}", missing.front(),
+                                 known.empty() ? "none" : known)}, json);
+    }
+    track.Apply(0, *simulation);
+  }
+  std::optional<Recorder> recorder;
+  Expected<void> recorded;
+  if (!args.record.empty()) {
+    auto created = Recorder::Create(args.record, *simulation);
+    if (!created) return Report(created.error(), json);
+    recorder.emplace(std::move(*created));
+  }
+  const Measured measured = Simulate(*simulation, args.time, track, recorder, recorded);
+  if (recorder && recorded) recorded = recorder->Finish();
+
+  Json summary = Summary(*simulation, measured);
+  summary["notes"] = NotesJson(imported->report);
+  if (json) fmt::print("{}\n", summary.dump(2));
+  else Print(summary);
+  if (!recorded) return Report(recorded.error(), false);
+  if (!args.record.empty()) fmt::print(stderr, "recorded to {}\n", args.record);
+  if (measured.failed_step >= 0)
+    return Report({ErrorCode::kNumerics, args.model.path,
+                   fmt::format("step {} gave numbers that are not finite; the state before it was kept. Try a smaller "
+                               "--dt, and look for joints that nothing holds with 'fork1s inspect'", measured.failed_step)},
+                  false);
+  return kDone;
+}
+
+}  // namespace
+
+void AddRun(CLI::App& app, Action& action) {
+  auto* command = app.add_subcommand("run", "simulate a model in contact");
+  auto args = std::make_shared<Arguments>();
+  args->model.AddTo(*command);
+  command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(CLI::NonNegativeNumber);
+  command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
+  command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
+  command->add_option("--recovery", args->recovery, "exact or twist")->check(CLI::IsMember({"exact", "twist"}));
+  command->add_option("--record", args->record, "write a recording to this HDF5 file");
+  command->callback([&action, args] { action = [args] { return Run(*args); }; });
+}
+
+}  // namespace fork1s::app

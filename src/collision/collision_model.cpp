@@ -1,0 +1,108 @@
+#include "collision_model.hpp"
+
+#include <cstring>
+#include <mutex>
+#include <stdexcept>
+
+namespace fork1s::internal {
+namespace {
+
+[[noreturn]] void ThrowMujocoError(const char* message) { throw std::runtime_error(message); }
+
+/// Files in memory for MuJoCo's compiler, which takes ownership of what it is given until the end.
+class MemoryFiles {
+ public:
+  MemoryFiles() : vfs_(std::make_unique<mjVFS>()) { mj_defaultVFS(vfs_.get()); }
+  ~MemoryFiles() { mj_deleteVFS(vfs_.get()); }
+  MemoryFiles(const MemoryFiles&) = delete;
+  MemoryFiles& operator=(const MemoryFiles&) = delete;
+
+  bool Add(const std::string& name, const std::string& content) {
+    if (mj_makeEmptyFileVFS(vfs_.get(), name.c_str(), static_cast<int>(content.size())) != 0) return false;
+    const int index = mj_findFileVFS(vfs_.get(), name.c_str());
+    if (index < 0) return false;
+    std::memcpy(vfs_->filedata[index], content.data(), content.size());
+    return true;
+  }
+  const mjVFS* get() const { return vfs_.get(); }
+
+ private:
+  std::unique_ptr<mjVFS> vfs_;  // 2 MB: not for the stack
+};
+
+/// The geometry that a compiler message speaks of ("... name = m3 ...").
+std::string PlaceOf(const std::string& message, const ModelText& text,
+                    const std::vector<CollisionBodyDef>& bodies) {
+  const std::size_t at = message.find("name = ");
+  if (at == std::string::npos || at + 8 >= message.size()) return "collision model";
+  const char kind = message[at + 7];
+  const int index = std::atoi(message.c_str() + at + 8);
+  for (std::size_t k = 0; k < text.geoms.size(); ++k) {
+    const CollisionGeom& geom = text.geoms[k];
+    if ((kind == 'g' && static_cast<int>(k) == index) || (kind == 'm' && geom.mesh == index) ||
+        (kind == 'h' && geom.grid == index)) {
+      return Place(bodies[static_cast<std::size_t>(geom.body)], geom.geometry);
+    }
+  }
+  return "collision model";
+}
+
+/// What went wrong, without MuJoCo's own names for the parts.
+std::string FirstLine(const std::string& message) {
+  std::string line = message.substr(0, message.find('\n'));
+  constexpr const char* kPrefix = "Error: ";
+  if (line.rfind(kPrefix, 0) == 0) line.erase(0, std::strlen(kPrefix));
+  return line;
+}
+
+ModelPointer TryCompile(const ModelText& text, bool with_triangles, std::string& message) {
+  MemoryFiles files;
+  bool added = files.Add("model.xml", text.xml);
+  for (std::size_t k = 0; k < text.meshes.size() && added; ++k) {
+    added = files.Add(Text("m", k, ".msh"), WriteMsh(*text.meshes[k], with_triangles));
+  }
+  if (!added) {
+    message = "too many meshes, or too large ones";
+    return nullptr;
+  }
+  char error[1000] = "";
+  try {
+    ModelPointer model(mj_loadXML("model.xml", files.get(), error, sizeof error));
+    message = error;
+    return model;
+  } catch (const std::exception& failure) {
+    message = failure.what();
+    return nullptr;
+  }
+}
+
+}  // namespace
+
+void CatchMujocoErrors() {
+  static std::mutex mutex;
+  const std::lock_guard<std::mutex> lock(mutex);
+  if (mju_user_error == nullptr) mju_user_error = &ThrowMujocoError;
+}
+
+Expected<ModelPointer> CompileModel(const ModelText& text, const std::vector<CollisionBodyDef>& bodies) {
+  // MuJoCo's compiler keeps global state (locale, XML schema), so one model at a time.
+  static std::mutex mutex;
+  const std::lock_guard<std::mutex> lock(mutex);
+  CatchMujocoErrors();
+  std::string message;
+  ModelPointer model = TryCompile(text, true, message);
+  if (!model && !text.meshes.empty()) {
+    // Contact needs only the hull, so badly oriented or open triangles are no reason to refuse a mesh.
+    std::string hull_message;
+    model = TryCompile(text, false, hull_message);
+  }
+  if (!model) return Fail(ErrorCode::kModel, PlaceOf(message, text, bodies), FirstLine(message));
+  for (std::size_t k = 0; k < text.grids.size(); ++k) {
+    const HeightGrid& grid = *text.grids[k];
+    float* target = model->hfield_data + model->hfield_adr[k];
+    for (std::size_t i = 0; i < grid.values.size(); ++i) target[i] = grid.max_height > 0 ? grid.values[i] : 0;
+  }
+  return model;
+}
+
+}  // namespace fork1s::internal

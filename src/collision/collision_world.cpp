@@ -1,0 +1,153 @@
+#include <fork1s/collision/collision_world.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+#include "collision_model.hpp"
+#include "true_gap.hpp"
+
+// MuJoCo as a detector only: its model has one free body per moving collision body, and every call writes the
+// poses of the geoms, which is all that mj_collision reads, and collects d->contact.
+namespace fork1s {
+namespace {
+
+struct PosedGeom {
+  int id = -1;          // MuJoCo's geom
+  RigidTransform X_BM;  // frame of MuJoCo's geom in the body; a mesh's sits at its centre of volume
+};
+
+/// As in MJCF: the higher priority decides, else the larger coefficient; a pair is frictionless when all who
+/// decide are.
+double PairFriction(const internal::CollisionGeom& a, const internal::CollisionGeom& b) {
+  if (a.priority != b.priority) {
+    const internal::CollisionGeom& decides = a.priority > b.priority ? a : b;
+    return decides.frictionless ? 0 : decides.friction;
+  }
+  return a.frictionless && b.frictionless ? 0 : std::max(a.friction, b.friction);
+}
+
+void WriteGeomPose(mjData* data, int id, const RigidTransform& X_WM) {
+  Eigen::Map<Vector3>(data->geom_xpos + 3 * id) = X_WM.translation();
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(data->geom_xmat + 9 * id) = X_WM.rotation();
+}
+
+}  // namespace
+
+struct CollisionWorld::Detail {
+  internal::ModelPointer model;
+  internal::DataPointer data;
+  std::vector<internal::CollisionGeom> geoms;  // by MuJoCo's geom id
+  std::vector<PosedGeom> posed;                // geoms of moving bodies, body by body
+  std::vector<int> first_posed;                // body -> first in `posed`; one more at the end
+  std::vector<bool> moves;
+  std::vector<std::pair<int, int>> excluded;  // sorted, smaller index first
+
+  bool IsExcluded(int a, int b) const {
+    return std::binary_search(excluded.begin(), excluded.end(), std::pair<int, int>(std::minmax(a, b)));
+  }
+};
+
+CollisionWorld::CollisionWorld() = default;
+CollisionWorld::~CollisionWorld() = default;
+CollisionWorld::CollisionWorld(CollisionWorld&&) noexcept = default;
+CollisionWorld& CollisionWorld::operator=(CollisionWorld&&) noexcept = default;
+
+Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyDef>& bodies,
+                                                const std::vector<std::pair<int, int>>& excluded,
+                                                const CollisionOptions& options) {
+  if (!(options.margin >= 0 && std::isfinite(options.margin))) {
+    return Fail(ErrorCode::kUsage, "collision margin", "the margin must not be negative");
+  }
+  Expected<internal::ModelText> text = internal::WriteModelText(bodies, excluded, options);
+  if (!text) return tl::make_unexpected(text.error());
+  Expected<internal::ModelPointer> compiled = internal::CompileModel(*text, bodies);
+  if (!compiled) return tl::make_unexpected(compiled.error());
+
+  CollisionWorld world;
+  world.detail_ = std::make_unique<Detail>();
+  Detail& detail = *world.detail_;
+  detail.model = std::move(*compiled);
+  mjModel* m = detail.model.get();
+  if (options.multi_point) m->opt.enableflags |= mjENBL_MULTICCD;
+  detail.data.reset(mj_makeData(m));
+  if (!detail.data) return Fail(ErrorCode::kModel, "collision model", "not enough memory");
+  // A full contact buffer is reported by Detect; with a count that is not zero MuJoCo does not print it too.
+  detail.data->warning[mjWARN_CONTACTFULL].number = 1;
+
+  for (const auto& [a, b] : excluded) detail.excluded.emplace_back(std::minmax(a, b));
+  std::sort(detail.excluded.begin(), detail.excluded.end());
+
+  detail.geoms.resize(static_cast<std::size_t>(m->ngeom));
+  std::vector<std::vector<PosedGeom>> by_body(bodies.size());
+  for (std::size_t k = 0; k < text->geoms.size(); ++k) {
+    const internal::CollisionGeom& geom = text->geoms[k];
+    const int id = mj_name2id(m, mjOBJ_GEOM, internal::Text("g", k).c_str());
+    if (id < 0) return Fail(ErrorCode::kModel, "collision model", "MuJoCo lost a geometry");
+    detail.geoms[static_cast<std::size_t>(id)] = geom;
+    RigidTransform X_BM = geom.X_BG;
+    if (geom.mesh >= 0) {
+      const double* q = m->geom_quat + 4 * id;
+      X_BM = RigidTransform(Quaternion(q[0], q[1], q[2], q[3]), Eigen::Map<Vector3>(m->geom_pos + 3 * id));
+    }
+    if (bodies[static_cast<std::size_t>(geom.body)].moves) {
+      by_body[static_cast<std::size_t>(geom.body)].push_back({id, X_BM});
+    } else {
+      WriteGeomPose(detail.data.get(), id, X_BM);
+    }
+  }
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    detail.moves.push_back(bodies[b].moves);
+    detail.first_posed.push_back(static_cast<int>(detail.posed.size()));
+    detail.posed.insert(detail.posed.end(), by_body[b].begin(), by_body[b].end());
+  }
+  detail.first_posed.push_back(static_cast<int>(detail.posed.size()));
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    if (bodies[b].moves) world.SetPose(static_cast<int>(b), bodies[b].X_WB);
+  }
+  return world;
+}
+
+void CollisionWorld::SetPose(int body, const RigidTransform& X_WB) {
+  Detail& detail = *detail_;
+  FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(detail.moves.size()), body);
+  const std::size_t b = static_cast<std::size_t>(body);
+  FORK1S_REQUIRE(detail.moves[b], body);
+  for (int k = detail.first_posed[b]; k < detail.first_posed[b + 1]; ++k) {
+    const PosedGeom& geom = detail.posed[static_cast<std::size_t>(k)];
+    WriteGeomPose(detail.data.get(), geom.id, X_WB * geom.X_BM);
+  }
+}
+
+bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
+  Detail& detail = *detail_;
+  mjData* d = detail.data.get();
+  contacts.clear();
+  const int warnings = d->warning[mjWARN_CONTACTFULL].number;
+  d->pstack = 0;  // an error that was thrown through MuJoCo leaves its scratch in use
+  try {
+    mj_collision(detail.model.get(), d);
+  } catch (...) {
+    return false;
+  }
+  for (int k = 0; k < d->ncon; ++k) {
+    const mjContact& in = d->contact[k];
+    if (in.exclude != 0) continue;
+    const internal::CollisionGeom& a = detail.geoms[static_cast<std::size_t>(in.geom1)];
+    const internal::CollisionGeom& b = detail.geoms[static_cast<std::size_t>(in.geom2)];
+    if (!detail.excluded.empty() && detail.IsExcluded(a.body, b.body)) continue;
+    const double gap = internal::TrueGap(detail.model.get(), d, in);
+    if (!(gap < in.includemargin)) continue;
+    ContactPoint& out = contacts.emplace_back();
+    out.body_a = a.body;
+    out.body_b = b.body;
+    out.geometry_a = a.geometry;
+    out.geometry_b = b.geometry;
+    out.point = Eigen::Map<const Vector3>(in.pos);
+    out.frame = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(in.frame);
+    out.gap = gap;
+    out.friction = PairFriction(a, b);
+  }
+  return d->warning[mjWARN_CONTACTFULL].number == warnings;
+}
+
+}  // namespace fork1s

@@ -1,0 +1,52 @@
+// Writes collision bodies as MJCF text with meshes on the side, for MuJoCo's compiler.
+#pragma once
+
+#include <fork1s/collision/collision_world.hpp>
+#include <locale>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace fork1s::internal {
+
+/// Strings and numbers one after another; numbers read back to the same bits.
+template <class... Parts>
+std::string Text(const Parts&... parts) {
+  std::ostringstream text;
+  text.imbue(std::locale::classic());
+  text.precision(17);
+  (text << ... << parts);
+  return text.str();
+}
+
+/// One geometry that collides, in the order in which it was written.
+struct CollisionGeom {
+  int body = -1;        // index of the collision body
+  int geometry = -1;    // index in the body's geometries
+  RigidTransform X_BG;  // as given; still bodies: in the world
+  int mesh = -1;        // index in ModelText::meshes
+  int grid = -1;        // index in ModelText::grids
+  double friction = 0;
+  int priority = 0;
+  bool frictionless = false;
+};
+
+struct ModelText {
+  std::string xml;
+  std::vector<CollisionGeom> geoms;         // geom k is called "g<k>"
+  std::vector<const TriangleMesh*> meshes;  // mesh k is "m<k>.msh"
+  std::vector<const HeightGrid*> grids;     // hfield k is "h<k>"
+};
+
+/// Errors: kModel, naming the geometry whose shape makes no sense. kUsage: an excluded pair out of range.
+Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
+                                   const std::vector<std::pair<int, int>>& excluded,
+                                   const CollisionOptions& options);
+
+/// The mesh in MuJoCo's binary format; without triangles MuJoCo takes the convex hull.
+std::string WriteMsh(const TriangleMesh& mesh, bool with_triangles);
+
+/// "body hand, geometry palm" for messages.
+std::string Place(const CollisionBodyDef& body, int geometry);
+
+}  // namespace fork1s::internal

@@ -1,0 +1,93 @@
+#include <fork1s/contact/contact_solver.hpp>
+
+#include <algorithm>
+
+#include "contact_rows.hpp"
+#include "newton.hpp"
+
+// Projected Gauss-Seidel on 3 x 3 blocks: each contact in turn solves Coulomb's law exactly with all others
+// held, and its change goes into the velocities through the cached columns K = W Jᵀ (docs/method.md,
+// contact). A chain of contacts with a heavy body at its end converges slowly; Newton then takes over.
+namespace fork1s {
+namespace {
+
+// Sweeps stop below this fraction of the tolerance, so that what is reported stands clear of it and the
+// next step starts from a good warm start.
+constexpr double kStopFraction = 0.1;
+
+}  // namespace
+
+struct ContactSolver::Workspace {
+  internal::RowSet rows;
+  internal::NewtonSolver newton;
+};
+
+ContactSolver::ContactSolver() : work_(std::make_unique<Workspace>()) {}
+ContactSolver::~ContactSolver() = default;
+ContactSolver::ContactSolver(ContactSolver&&) noexcept = default;
+ContactSolver& ContactSolver::operator=(ContactSolver&&) noexcept = default;
+
+void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities) {
+  const std::size_t contacts = static_cast<std::size_t>(std::max(0, num_contacts));
+  const std::size_t limits = static_cast<std::size_t>(std::max(0, num_limits));
+  const std::size_t velocities = static_cast<std::size_t>(std::max(0, num_velocities));
+  // A contact's response covers at most two blocks, which together are no longer than the velocities.
+  const std::size_t longest = velocities + 8;
+  internal::RowSet& rows = work_->rows;
+  rows.contacts.reserve(contacts);
+  rows.limits.reserve(limits);
+  rows.storage.reserve(longest * (3 * contacts + limits));
+  rows.block_of.reserve(velocities);
+  rows.start.reserve(velocities + 4);
+  rows.velocity.reserve(velocities + 4);
+  work_->newton.Reserve(static_cast<int>(3 * contacts + limits));
+}
+
+ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& blocks,
+                                         std::vector<ContactConstraint>& contacts,
+                                         std::vector<LimitConstraint>& limits, VectorX& velocities,
+                                         const ContactSolverOptions& options) {
+  ContactSolverReport report;
+  if (contacts.empty() && limits.empty()) {
+    report.converged = velocities.allFinite();
+    return report;
+  }
+  internal::RowSet& rows = work_->rows;
+  const auto give_up = [&] {
+    for (ContactConstraint& contact : contacts) contact.impulse.setZero();
+    for (LimitConstraint& limit : limits) limit.impulse = 0;
+    report.converged = false;
+    return report;
+  };
+  if (!rows.Prepare(blocks, contacts, limits, velocities)) return give_up();
+  rows.ResetVelocity();
+
+  const double goal = kStopFraction * options.tolerance;
+  report.residual = rows.Residual();
+  while (report.residual > goal && report.sweeps < options.max_sweeps) {
+    const double change = rows.Sweep();
+    ++report.sweeps;
+    // The change of a sweep is a cheap hint; the residual itself is asked only when the hint is good.
+    if (change <= goal * rows.ResidualScale()) report.residual = rows.Residual();
+  }
+  rows.ResetVelocity();
+  report.residual = rows.Residual();
+  if (!(report.residual <= options.tolerance)) {
+    report.newton_iterations = work_->newton.Solve(rows, options.tolerance, options.max_newton_iterations);
+    report.residual = rows.Residual();
+  }
+  report.converged = report.residual <= options.tolerance;
+
+  const Eigen::Map<const VectorX> solved(rows.velocity.data(), velocities.size());
+  if (!solved.allFinite()) return give_up();
+  velocities = solved;
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    const internal::ContactRow& row = rows.contacts[i];
+    const double* l = row.impulse;
+    contacts[i].impulse = Vector3(l[0], row.c * l[1] - row.s * l[2], row.s * l[1] + row.c * l[2]);
+  }
+  for (std::size_t i = 0; i < limits.size(); ++i) limits[i].impulse = rows.limits[i].impulse;
+  return report;
+}
+
+}  // namespace fork1s

@@ -1,0 +1,208 @@
+#include <fmt/format.h>
+
+#include <set>
+
+#include "conversion.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+Vector3 Vec3(const mjtNum* p) { return {p[0], p[1], p[2]}; }
+Quaternion Quat(const mjtNum* q) { return Quaternion(q[0], q[1], q[2], q[3]); }
+
+// Massless URDF links reach MuJoCo with this much, since it refuses none at all.
+constexpr double kMasslessBound = 2e-12;
+
+SpatialInertia InertiaOf(const Conversion& c, int b) {
+  const mjModel& m = c.m;
+  SpatialInertia I;
+  I.mass = m.body_mass[b];
+  I.center = Vec3(m.body_ipos + 3 * b);
+  const Matrix3 R = Quat(m.body_iquat + 4 * b).normalized().toRotationMatrix();
+  Vector3 diagonal = Vec3(m.body_inertia + 3 * b);
+  if (c.is_urdf) {
+    if (I.mass <= kMasslessBound) I.mass = 0;
+    for (int i = 0; i < 3; ++i) {
+      if (diagonal[i] <= kMasslessBound) diagonal[i] = 0;
+    }
+  }
+  I.rotational = R * diagonal.asDiagonal() * R.transpose();
+  return I;
+}
+
+SpatialInertia Sum(const SpatialInertia& a, const SpatialInertia& b) {
+  SpatialInertia s;
+  s.mass = a.mass + b.mass;
+  if (s.mass > 0) s.center = (a.mass * a.center + b.mass * b.center) / s.mass;
+  const auto about = [&](const SpatialInertia& I) {
+    const Matrix3 r = Skew(I.center - s.center);
+    return Matrix3(I.rotational - I.mass * r * r);
+  };
+  s.rotational = about(a) + about(b);
+  return s;
+}
+
+void ConvertFreeBody(Conversion& c, const Component& component, const std::vector<int>& bodies) {
+  const int top = component.tops[0];
+  FreeBodyDef body;
+  body.name = c.body_names[top];
+  body.X_WB = c.WorldPose(top);
+  std::vector<std::string> merged;
+  for (int b : bodies) {
+    const RigidTransform X_TB = body.X_WB.inverse() * c.WorldPose(b);
+    body.inertia = Sum(body.inertia, Transform(X_TB, InertiaOf(c, b)));
+    c.body[b].free_body = static_cast<int>(c.scene.free_bodies.size());
+    if (b != top) merged.push_back(c.body_names[b]);
+  }
+  for (const std::string& name : merged) {
+    c.Note(ImportNote::Kind::kChanged, fmt::format("body '{}'", name),
+           fmt::format("welded to free body '{}', so both became one", body.name));
+  }
+  c.scene.free_bodies.push_back(std::move(body));
+}
+
+FreedomDef Rotation(const Vector3& axis, const Vector3& anchor) {
+  FreedomDef freedom;
+  freedom.screw_B << axis, anchor.cross(axis);
+  return freedom;
+}
+
+JointDef ConvertJoint(const Conversion& c, int j) {
+  const mjModel& m = c.m;
+  JointDef joint;
+  joint.name = c.joint_names[j];
+  joint.body = c.body[m.jnt_bodyid[j]].body;
+  const Vector3 axis = Vec3(m.jnt_axis + 3 * j), anchor = Vec3(m.jnt_pos + 3 * j);
+  switch (m.jnt_type[j]) {
+    case mjJNT_HINGE:
+      joint.kind = JointKind::kHinge;
+      joint.freedoms = {Rotation(axis, anchor)};
+      break;
+    case mjJNT_SLIDE: {
+      joint.kind = JointKind::kSlide;
+      FreedomDef freedom;
+      freedom.screw_B << Vector3::Zero(), axis;
+      joint.freedoms = {freedom};
+      break;
+    }
+    case mjJNT_BALL:
+      joint.kind = JointKind::kBall;
+      for (int i = 0; i < 3; ++i) joint.freedoms.push_back(Rotation(Vector3::Unit(i), anchor));
+      break;
+    default:
+      joint.kind = JointKind::kFree;
+      for (int i = 0; i < 6; ++i) {
+        FreedomDef freedom;
+        freedom.screw_B = Vector6::Unit(i);
+        joint.freedoms.push_back(freedom);
+      }
+  }
+  const int dof = m.jnt_dofadr[j];
+  const bool is_free = m.jnt_type[j] == mjJNT_FREE;
+  for (std::size_t i = 0; i < joint.freedoms.size(); ++i) {
+    // MuJoCo lists a free joint's translations first.
+    const int at = dof + static_cast<int>(is_free ? (i + 3) % 6 : i);
+    joint.freedoms[i].damping = m.dof_damping[at];
+    joint.freedoms[i].armature = m.dof_armature[at];
+  }
+  const bool limited = m.jnt_limited[j] && !(m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT));
+  if (limited && joint.freedoms.size() == 1) {
+    const double q0 = m.qpos0[m.jnt_qposadr[j]];
+    joint.freedoms[0].lower = m.jnt_range[2 * j] - q0;
+    joint.freedoms[0].upper = m.jnt_range[2 * j + 1] - q0;
+  }
+  if (m.opt.disableflags & mjDSBL_PASSIVE) {
+    for (FreedomDef& freedom : joint.freedoms) freedom.damping = 0;
+  }
+  return joint;
+}
+
+void ConvertMechanism(Conversion& c, const Component& component, const std::vector<int>& bodies) {
+  const mjModel& m = c.m;
+  const int index = static_cast<int>(c.scene.mechanisms.size());
+  MechanismDef mechanism;
+  mechanism.name = c.body_names[component.base_body != 0 ? component.base_body : component.tops[0]];
+  mechanism.base = component.base;
+  RigidTransform X_W_base;
+  if (component.base_body != 0) {
+    X_W_base = c.WorldPose(component.base_body);
+  } else {
+    BodyDef world;
+    world.name = "world";
+    mechanism.bodies.push_back(world);
+  }
+  mechanism.X_WR = X_W_base;
+  // The base comes first, also where another tree of the component has smaller ids.
+  std::vector<int> order;
+  if (component.base_body != 0) order.push_back(component.base_body);
+  for (int b : bodies) {
+    if (b != component.base_body) order.push_back(b);
+  }
+  for (int b : order) {
+    BodyDef body;
+    body.name = c.body_names[b];
+    body.inertia = InertiaOf(c, b);
+    if (b != component.base_body) {
+      const int p = m.body_parentid[b];
+      body.parent = p == 0 ? BodyIndex(0) : c.body[p].body;
+      body.X_PB = (p == 0 ? X_W_base : c.WorldPose(p)).inverse() * c.WorldPose(b);
+    }
+    c.body[b].mechanism = index;
+    c.body[b].body = BodyIndex(mechanism.bodies.size());
+    mechanism.bodies.push_back(std::move(body));
+  }
+  // In the order of the bodies, as a built mechanism keeps them: keyframes rely on it.
+  std::vector<int> joints;
+  for (int b : order) {
+    const bool is_base = b == component.base_body && component.base == BaseKind::kFloating;
+    if (is_base || c.rigid_root[b]) continue;
+    for (int i = 0; i < m.body_jntnum[b]; ++i) joints.push_back(m.body_jntadr[b] + i);
+  }
+  for (int j : joints) {
+    c.joint[j] = {index, JointIndex(mechanism.joints.size())};
+    mechanism.joints.push_back(ConvertJoint(c, j));
+  }
+  c.scene.mechanisms.push_back(std::move(mechanism));
+  c.controls.emplace_back();
+}
+
+void NoteBallLimits(Conversion& c) {
+  const mjModel& m = c.m;
+  std::vector<std::string> names;
+  for (int j = 0; j < m.njnt; ++j) {
+    if (m.jnt_limited[j] && m.jnt_type[j] == mjJNT_BALL) names.push_back(c.joint_names[j]);
+  }
+  c.DroppedMany("ball joint limit", names, "a cone limit is not simulated");
+  for (const Component& component : c.components) {
+    if (component.base != BaseKind::kFloating && !component.free_body) continue;
+    const int top = component.free_body ? component.tops[0] : component.base_body;
+    const int dof = m.body_dofadr[top];
+    double sum = m.jnt_stiffness[m.body_jntadr[top]];
+    for (int i = 0; i < 6; ++i) sum += m.dof_damping[dof + i] + m.dof_armature[dof + i];
+    if (sum != 0) {
+      c.Dropped(fmt::format("joint '{}'", c.joint_names[m.body_jntadr[top]]),
+                "stiffness, damping and armature of a free joint are left out: the base moves freely");
+    }
+  }
+}
+
+}  // namespace
+
+void ConvertBodies(Conversion& c) {
+  const mjModel& m = c.m;
+  for (const Component& component : c.components) {
+    const std::set<int> tops(component.tops.begin(), component.tops.end());
+    std::vector<int> bodies;
+    for (int b = 1; b < m.nbody; ++b) {
+      if (tops.count(m.body_rootid[b]) > 0) bodies.push_back(b);
+    }
+    if (component.free_body) {
+      ConvertFreeBody(c, component, bodies);
+    } else {
+      ConvertMechanism(c, component, bodies);
+    }
+  }
+  NoteBallLimits(c);
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,155 @@
+#include <fmt/format.h>
+
+#include "conversion.hpp"
+#include "names.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+Vector3 Vec3(const mjtNum* p) { return {p[0], p[1], p[2]}; }
+
+// Mechanism and body that stand for a body of the file in a closure; still bodies are part of the base.
+struct Anchor {
+  BodyIndex body;
+  RigidTransform X_AB;  // the file's body in it
+};
+
+Anchor AnchorIn(const Conversion& c, int mechanism, int b) {
+  const BodyPlace& place = c.body[b];
+  if (place.mechanism == mechanism) return {place.body, RigidTransform()};
+  return {BodyIndex(0), c.scene.mechanisms[mechanism].X_WR.inverse() * c.WorldPose(b)};
+}
+
+bool MovesRelative(const mjModel& m, int a, int b) { return m.body_weldid[a] != m.body_weldid[b]; }
+
+void ConvertClosure(Conversion& c, int e) {
+  const mjModel& m = c.m;
+  const int a = m.eq_obj1id[e], b = m.eq_obj2id[e];
+  const std::string name = NameOr(m, m.name_eqadr[e], "equality", e);
+  const std::string where = fmt::format("equality '{}'", name);
+  const int mechanism = std::max(c.body[a].mechanism, c.body[b].mechanism);
+  if (mechanism < 0 || !MovesRelative(m, a, b)) {
+    c.Dropped(where, "joins bodies that do not move relative to each other");
+    return;
+  }
+  const Anchor at_a = AnchorIn(c, mechanism, a), at_b = AnchorIn(c, mechanism, b);
+  const mjtNum* data = m.eq_data + mjNEQDATA * e;
+  const RigidTransform X_ab = c.WorldPose(a).inverse() * c.WorldPose(b);  // at the reference
+  ClosureDef closure;
+  if (m.eq_type[e] == mjEQ_CONNECT) {
+    const Vector3 point_a = Vec3(data), point_b = X_ab.inverse() * point_a;
+    closure.X_AJ = at_a.X_AB * RigidTransform(point_a);
+    closure.X_BJ = at_b.X_AB * RigidTransform(point_b);
+    // The two frames start parallel, so that the rotation c leaves free is measured from the reference.
+    closure.X_BJ.rotation() = at_b.X_AB.rotation() * X_ab.rotation().transpose();
+    closure.rigid << false, false, false, true, true, true;
+  } else {
+    // Point data[0..2] of body b stays on point data[3..5] of body a, turned by the quaternion data[6..9].
+    const Quaternion turn(data[6], data[7], data[8], data[9]);
+    RigidTransform X_aj = X_ab * RigidTransform(Vec3(data));
+    if (turn.norm() > 0.5) X_aj = RigidTransform(turn, Vec3(data + 3));
+    closure.X_AJ = at_a.X_AB * X_aj;
+    closure.X_BJ = at_b.X_AB * RigidTransform(Vec3(data));
+    closure.rigid.setConstant(true);
+  }
+  closure.name = name;
+  closure.body_a = at_a.body;
+  closure.body_b = at_b.body;
+  c.scene.mechanisms[mechanism].closures.push_back(std::move(closure));
+}
+
+void ConvertCoupling(Conversion& c, int e) {
+  const mjModel& m = c.m;
+  const int a = m.eq_obj1id[e], b = m.eq_obj2id[e];
+  const std::string name = NameOr(m, m.name_eqadr[e], "equality", e);
+  const int dof_a = m.jnt_dofadr[a], dof_b = b >= 0 ? m.jnt_dofadr[b] : -1;
+  CouplingDef coupling;
+  coupling.name = name;
+  coupling.a = c.Freedom(dof_a);
+  if (b >= 0) coupling.b = c.Freedom(dof_b);
+  for (int i = 0; i < 5; ++i) coupling.polynomial[i] = m.eq_data[mjNEQDATA * e + i];
+  if (b < 0) {
+    for (int i = 1; i < 5; ++i) coupling.polynomial[i] = 0;
+  }
+  c.coupled[dof_a] = true;
+  c.held_by[dof_a].push_back(b >= 0 ? fmt::format("coupling to '{}'", c.joint_names[b]) : "coupling, locked");
+  c.scene.mechanisms[c.MechanismOf(dof_a)].couplings.push_back(std::move(coupling));
+}
+
+std::string SceneName(const Conversion& c, int b) {
+  const BodyPlace& place = c.body[b];
+  if (place.mechanism >= 0) return c.scene.mechanisms[place.mechanism].bodies[place.body.u()].name;
+  if (place.free_body >= 0) return c.scene.free_bodies[place.free_body].name;
+  return "world";
+}
+
+}  // namespace
+
+void ConvertEqualities(Conversion& c) {
+  const mjModel& m = c.m;
+  std::vector<std::string> inactive, tendons, others;
+  const bool off = m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT);
+  for (int e = 0; e < m.neq; ++e) {
+    const std::string name = NameOr(m, m.name_eqadr[e], "equality", e);
+    const int type = m.eq_type[e];
+    if (c.used_equality[e]) continue;
+    if (!m.eq_active[e] || off) {
+      inactive.push_back(name);
+    } else if (type == mjEQ_TENDON) {
+      tendons.push_back(name);
+    } else if (!c.EqualityWorks(e)) {
+      others.push_back(name);
+    } else if (type == mjEQ_JOINT) {
+      ConvertCoupling(c, e);
+    } else {
+      ConvertClosure(c, e);
+    }
+  }
+  c.DroppedMany("inactive equality constraint", inactive, "it is switched off in the file");
+  c.DroppedMany("tendon equality constraint", tendons, "lengths of tendons are not constrained");
+  c.DroppedMany("equality constraint", others, "its kind is not simulated");
+
+  for (int i = 0; i < m.nexclude; ++i) {
+    const int b1 = (m.exclude_signature[i] >> 16) - 1, b2 = (m.exclude_signature[i] & 0xFFFF) - 1;
+    if (b1 < 0 || b2 < 0 || b1 >= m.nbody || b2 >= m.nbody) continue;
+    c.scene.excluded_pairs.emplace_back(SceneName(c, b1), SceneName(c, b2));
+  }
+}
+
+std::optional<Error> ConvertMimics(Conversion& c, const std::vector<Mimic>& mimics) {
+  const mjModel& m = c.m;
+  const auto dof_of = [&](const std::string& name) {
+    for (int j = 0; j < m.njnt; ++j) {
+      const bool scalar = m.jnt_type[j] == mjJNT_HINGE || m.jnt_type[j] == mjJNT_SLIDE;
+      if (scalar && c.joint_names[j] == name) return m.jnt_dofadr[j];
+    }
+    return -1;
+  };
+  for (const Mimic& mimic : mimics) {
+    const int a = dof_of(mimic.joint), b = dof_of(mimic.leader);
+    const std::string where = fmt::format("joint '{}'", mimic.joint);
+    if (a < 0 || b < 0) {
+      return c.ModelError(where,
+                          fmt::format("mimics '{}', but both must be revolute, continuous or prismatic{}",
+                                      mimic.leader, b < 0 ? Suggestion(mimic.leader, c.joint_names) : ""));
+    }
+    CouplingDef coupling;
+    coupling.name = "mimic_" + mimic.joint;
+    coupling.a = c.Freedom(a);
+    coupling.b = c.Freedom(b);
+    coupling.polynomial[0] = mimic.offset;
+    coupling.polynomial[1] = mimic.multiplier;
+    c.coupled[a] = true;
+    c.held_by[a].push_back(fmt::format("mimic of '{}'", mimic.leader));
+    c.scene.mechanisms[c.MechanismOf(a)].couplings.push_back(std::move(coupling));
+  }
+  if (!mimics.empty()) {
+    std::vector<std::string> names;
+    for (const Mimic& mimic : mimics) names.push_back(mimic.joint);
+    c.Note(ImportNote::Kind::kChanged, fmt::format("{} mimic joints", mimics.size()),
+           fmt::format("{} follow their leaders exactly, as couplings", Quoted(names)));
+  }
+  return std::nullopt;
+}
+
+}  // namespace fork1s::internal

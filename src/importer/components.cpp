@@ -1,0 +1,176 @@
+#include <fmt/format.h>
+
+#include <numeric>
+
+#include "conversion.hpp"
+#include "names.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+// Sets of children of the world; element 0 stands for the world and never joins.
+class Sets {
+ public:
+  explicit Sets(int n) : parent_(static_cast<std::size_t>(n)) {
+    std::iota(parent_.begin(), parent_.end(), 0);
+  }
+  int Find(int i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  void Join(int a, int b) {
+    a = Find(a);
+    b = Find(b);
+    if (a != b) parent_[std::max(a, b)] = std::min(a, b);
+  }
+
+ private:
+  std::vector<int> parent_;
+};
+
+bool IsFreeTop(const mjModel& m, int body) {
+  return m.body_jntnum[body] == 1 && m.jnt_type[m.body_jntadr[body]] == mjJNT_FREE;
+}
+
+bool IsMocap(const mjModel& m, int body) { return m.body_mocapid[body] >= 0; }
+
+// Joints below each child of the world, its own included.
+std::vector<int> JointsOfTrees(const mjModel& m) {
+  std::vector<int> count(m.nbody, 0);
+  for (int j = 0; j < m.njnt; ++j) ++count[m.body_rootid[m.jnt_bodyid[j]]];
+  return count;
+}
+
+void ChooseBase(Conversion& c, Component& component, bool touches_world, const std::vector<int>& joints) {
+  const mjModel& m = c.m;
+  const int first = component.tops[0];
+  std::vector<int> free_tops, mocaps, still;
+  for (int top : component.tops) {
+    (IsFreeTop(m, top) ? free_tops : IsMocap(m, top) ? mocaps : still).push_back(top);
+  }
+  if (component.tops.size() == 1 && free_tops.size() == 1 && joints[first] == 1 && !touches_world) {
+    component.free_body = true;
+    return;
+  }
+  if (touches_world || !still.empty()) {
+    component.base = BaseKind::kFixed;
+    const bool own_base = component.tops.size() == 1 && still.size() == 1 && m.body_jntnum[first] == 0;
+    component.base_body = own_base ? first : 0;
+    for (int mocap : mocaps) {
+      c.Note(ImportNote::Kind::kChanged, fmt::format("body '{}'", c.body_names[mocap]),
+             "this mocap body is tied to still parts, so it stays where it is");
+    }
+    return;
+  }
+  if (!mocaps.empty()) {
+    component.base = BaseKind::kDriven;
+    component.base_body = mocaps[0];
+    for (std::size_t i = 1; i < mocaps.size(); ++i) {
+      c.Note(ImportNote::Kind::kChanged, fmt::format("body '{}'", c.body_names[mocaps[i]]),
+             fmt::format("a mechanism follows one driven base, so this mocap body moves with '{}'",
+                         c.body_names[mocaps[0]]));
+    }
+    return;
+  }
+  component.base = BaseKind::kFloating;
+  component.base_body = free_tops[0];
+}
+
+// Whether a weld asks for the relative pose that its bodies have at the reference.
+bool HoldsReference(const Conversion& c, int e) {
+  const mjtNum* data = c.m.eq_data + mjNEQDATA * e;
+  const Quaternion turn(data[6], data[7], data[8], data[9]);
+  if (turn.norm() < 0.5) return true;
+  const RigidTransform X_ab = c.WorldPose(c.m.eq_obj1id[e]).inverse() * c.WorldPose(c.m.eq_obj2id[e]);
+  const RigidTransform X_aj(turn, Vector3(data[3], data[4], data[5]));
+  const RigidTransform X_bj(Vector3(data[0], data[1], data[2]));
+  return Log(X_aj.inverse() * X_ab * X_bj).norm() < 1e-6;
+}
+
+// A mocap body that drags a floating tree by a weld on its root is a driven base with a fixed first link.
+void ReplaceDragWelds(Conversion& c, const Component& component) {
+  const mjModel& m = c.m;
+  if (component.base != BaseKind::kDriven) return;
+  for (int e = 0; e < m.neq; ++e) {
+    if (!c.EqualityWorks(e) || m.eq_type[e] != mjEQ_WELD) continue;
+    int a = m.eq_obj1id[e], b = m.eq_obj2id[e];
+    if (b == component.base_body) std::swap(a, b);
+    if (a != component.base_body || !IsFreeTop(m, b) || c.rigid_root[b] || !HoldsReference(c, e)) continue;
+    c.rigid_root[b] = true;
+    c.used_equality[e] = true;
+    c.Note(
+        ImportNote::Kind::kChanged, fmt::format("body '{}'", c.body_names[b]),
+        fmt::format("the weld to mocap body '{}' is taken as rigid: it is the driven base", c.body_names[a]));
+  }
+}
+
+}  // namespace
+
+void FindComponents(Conversion& c) {
+  const mjModel& m = c.m;
+  const std::vector<int> joints = JointsOfTrees(m);
+  const auto top_of = [&](int body) { return body == 0 ? 0 : m.body_rootid[body]; };
+  const auto is_still = [&](int top) { return top == 0 || (joints[top] == 0 && !IsMocap(m, top)); };
+
+  Sets sets(m.nbody);
+  std::vector<int> touching;
+  const auto tie = [&](int body_a, int body_b) {
+    const int a = top_of(body_a), b = top_of(body_b);
+    if (is_still(a) && is_still(b)) return;
+    if (is_still(a)) {
+      touching.push_back(b);
+    } else if (is_still(b)) {
+      touching.push_back(a);
+    } else {
+      sets.Join(a, b);
+    }
+  };
+  for (int e = 0; e < m.neq; ++e) {
+    if (!c.EqualityWorks(e)) continue;
+    const int a = m.eq_obj1id[e], b = m.eq_obj2id[e];
+    if (m.eq_type[e] == mjEQ_JOINT) {
+      if (b >= 0) tie(m.jnt_bodyid[a], m.jnt_bodyid[b]);
+    } else {
+      tie(a, b);
+    }
+  }
+  for (int t = 0; t < m.ntendon; ++t) {
+    if (!TendonWorks(m, t)) continue;
+    const int begin = m.tendon_adr[t];
+    for (int w = begin + 1; w < begin + m.tendon_num[t]; ++w) {
+      tie(m.jnt_bodyid[m.wrap_objid[begin]], m.jnt_bodyid[m.wrap_objid[w]]);
+    }
+  }
+
+  std::vector<int> component_of(m.nbody, -1);
+  for (int b = 1; b < m.nbody; ++b) {
+    if (m.body_parentid[b] != 0 || is_still(b)) continue;
+    int& index = component_of[sets.Find(b)];
+    if (index < 0) {
+      index = static_cast<int>(c.components.size());
+      c.components.emplace_back();
+    }
+    c.components[index].tops.push_back(b);
+  }
+  std::vector<Component> kept;
+  for (Component& component : c.components) {
+    bool moves = false, touches = false;
+    for (int top : component.tops) moves = moves || joints[top] > 0;
+    for (int top : touching) {
+      touches = touches || c.components[component_of[sets.Find(top)]].tops[0] == component.tops[0];
+    }
+    if (!moves) {
+      for (int top : component.tops) {
+        c.Note(ImportNote::Kind::kChanged, fmt::format("body '{}'", c.body_names[top]),
+               "a mocap body without joints below it stays where it is");
+      }
+      continue;
+    }
+    ChooseBase(c, component, touches, joints);
+    ReplaceDragWelds(c, component);
+    kept.push_back(component);
+  }
+  c.components = std::move(kept);
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,76 @@
+#include "conversion.hpp"
+
+#include <fmt/format.h>
+
+#include "names.hpp"
+
+namespace fork1s::internal {
+
+std::string NameOr(const mjModel& m, int address, const char* kind, int id) {
+  const char* name = m.names + address;
+  return *name != '\0' ? std::string(name) : fmt::format("{}{}", kind, id);
+}
+
+void Conversion::Note(ImportNote::Kind kind, std::string where, std::string message) {
+  report.notes.push_back({kind, std::move(where), std::move(message)});
+}
+
+void Conversion::DroppedMany(const std::string& kind, const std::vector<std::string>& names,
+                             const std::string& why) {
+  if (names.empty()) return;
+  if (names.size() == 1) {
+    Dropped(fmt::format("{} '{}'", kind, names[0]), why);
+    return;
+  }
+  Dropped(fmt::format("{} x {}", names.size(), kind), fmt::format("{}: {}", Quoted(names), why));
+}
+
+RigidTransform Conversion::WorldPose(int b) const {
+  const mjtNum *p = d.xpos + 3 * b, *q = d.xquat + 4 * b;
+  return {Quaternion(q[0], q[1], q[2], q[3]), Vector3(p[0], p[1], p[2])};
+}
+
+int Conversion::MechanismOf(int dof) const { return joint[m.dof_jntid[dof]].mechanism; }
+
+FreedomRef Conversion::Freedom(int dof) const {
+  const int j = m.dof_jntid[dof];
+  int i = dof - m.jnt_dofadr[j];
+  if (m.jnt_type[j] == mjJNT_FREE) i = (i + 3) % 6;  // MuJoCo lists translations first
+  return {joint[j].joint, i};
+}
+
+FreedomDef& Conversion::FreedomOf(int dof) {
+  const FreedomRef ref = Freedom(dof);
+  return scene.mechanisms[MechanismOf(dof)].joints[ref.joint.u()].freedoms[ref.freedom];
+}
+
+std::string Conversion::DofName(int dof) const {
+  const int j = m.dof_jntid[dof];
+  if (m.jnt_type[j] == mjJNT_HINGE || m.jnt_type[j] == mjJNT_SLIDE) return joint_names[j];
+  static const char* const kAxes[] = {"rx", "ry", "rz", "x", "y", "z"};
+  return fmt::format("{}.{}", joint_names[j], kAxes[Freedom(dof).freedom]);
+}
+
+double Conversion::Reference(int dof) const {
+  const int j = m.dof_jntid[dof];
+  const bool scalar = m.jnt_type[j] == mjJNT_HINGE || m.jnt_type[j] == mjJNT_SLIDE;
+  return scalar ? m.qpos0[m.jnt_qposadr[j]] : 0;
+}
+
+const char* Conversion::StiffnessUnit(int dof) const {
+  const int j = m.dof_jntid[dof];
+  const bool translates =
+      m.jnt_type[j] == mjJNT_SLIDE || (m.jnt_type[j] == mjJNT_FREE && Freedom(dof).freedom > 2);
+  return translates ? "N/m" : "N·m/rad";
+}
+
+bool Conversion::EqualityWorks(int e) const {
+  if (!m.eq_active[e] || (m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT))) return false;
+  return m.eq_type[e] == mjEQ_CONNECT || m.eq_type[e] == mjEQ_WELD || m.eq_type[e] == mjEQ_JOINT;
+}
+
+Error Conversion::ModelError(const std::string& where, const std::string& message) const {
+  return {ErrorCode::kModel, where.empty() ? file : fmt::format("{}, {}", file, where), message};
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,131 @@
+// The work table of one import: the compiled model, what is being built, and who became what.
+#pragma once
+
+#include <mujoco/mujoco.h>
+#include <fork1s/importer/importer.hpp>
+#include <fork1s/mechanism/scene.hpp>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fork1s::internal {
+
+/// Where a body of the file ended up.
+struct BodyPlace {
+  int mechanism = -1;  // index in Scene::mechanisms
+  BodyIndex body;      // in that mechanism
+  int free_body = -1;  // index in Scene::free_bodies
+  bool still() const { return mechanism < 0 && free_body < 0; }
+};
+
+struct JointPlace {
+  int mechanism = -1;  // -1: the joint became a base or a free body
+  JointIndex joint;
+};
+
+/// Trees of the file that move together as one mechanism.
+struct Component {
+  std::vector<int> tops;  // children of the world, as MuJoCo body ids
+  BaseKind base = BaseKind::kFixed;
+  int base_body = 0;       // MuJoCo id; 0: a massless body named "world"
+  bool free_body = false;  // a single rigid body without joints of its own
+};
+
+/// A single-input force linear in length and speed: F = gain u + b0 + b1 L + b2 dL/dt, L = Σ a (q + q0),
+/// and force a F on each freedom.
+struct LinearActuator {
+  int actuator = -1;
+  std::string name;
+  std::vector<std::pair<int, double>> terms;  // degree of freedom (MuJoCo), coefficient a with gear
+  double gain = 0, b0 = 0, b1 = 0, b2 = 0;
+};
+
+/// Bookkeeping beside a ControlDef.
+struct ControlSource {
+  int actuator = -1;   // -1: made by pd
+  bool motor = false;  // pushes on one freedom and holds nothing
+  std::vector<int> dofs;
+  std::vector<std::pair<int, double>> pd;  // dof and rest, for controls made by pd
+};
+
+/// A coupling read from a URDF mimic: q_joint = offset + multiplier q_leader.
+struct Mimic {
+  std::string joint, leader;
+  double multiplier = 1, offset = 0;
+};
+
+struct Conversion {
+  Conversion(const mjModel& model, const mjData& data, std::string file_name)
+      : m(model), d(data), file(std::move(file_name)) {}
+
+  const mjModel& m;
+  const mjData& d;   // kinematics at qpos0
+  std::string file;  // in messages
+  bool is_urdf = false;
+
+  Scene scene;
+  ImportReport report;
+  std::vector<Component> components;
+  std::vector<BodyPlace> body;    // per MuJoCo body
+  std::vector<JointPlace> joint;  // per MuJoCo joint
+  std::vector<bool> rigid_root;  // per MuJoCo body: its free joint and a weld to the base became a fixed link
+  std::vector<bool> used_equality;
+  std::vector<std::string> body_names, joint_names, actuator_names;
+
+  // Per degree of freedom of MuJoCo: force = c - k q of all that acts on this freedom alone.
+  std::vector<double> k, c;
+  std::vector<std::vector<std::string>> held_by;
+  std::vector<bool> in_spring, coupled;
+  std::vector<std::vector<ControlSource>> controls;  // parallel to MechanismDef::controls
+  int initial_keyframe = -1;
+
+  void Note(ImportNote::Kind kind, std::string where, std::string message);
+  void Dropped(std::string where, std::string message) {
+    Note(ImportNote::Kind::kDropped, std::move(where), std::move(message));
+  }
+  /// One note for several elements of a kind; nothing for none.
+  void DroppedMany(const std::string& kind, const std::vector<std::string>& names, const std::string& why);
+
+  RigidTransform WorldPose(int body) const;  // at qpos0
+  FreedomRef Freedom(int dof) const;         // joint invalid if the dof is not part of a mechanism
+  int MechanismOf(int dof) const;
+  FreedomDef& FreedomOf(int dof);
+  std::string DofName(int dof) const;  // joint name, with its axis if it has several
+  double Reference(int dof) const;     // qpos0 of a hinge or slide, 0 otherwise
+  const char* StiffnessUnit(int dof) const;
+  bool EqualityWorks(int equality) const;  // switched on and understood
+  Error ModelError(const std::string& where, const std::string& message) const;
+};
+
+std::string NameOr(const mjModel& m, int address, const char* kind, int id);
+
+/// Which trees form which mechanism (components.cpp).
+void FindComponents(Conversion& c);
+/// Bodies, joints and free bodies of every component (bodies.cpp).
+void ConvertBodies(Conversion& c);
+/// Shapes (geoms.cpp).
+void ConvertGeoms(Conversion& c);
+/// Closures, couplings, excluded pairs (closures.cpp).
+void ConvertEqualities(Conversion& c);
+std::optional<Error> ConvertMimics(Conversion& c, const std::vector<Mimic>& mimics);
+/// Actuators as inputs and springs (actuators.cpp). The first list is also what joins trees by tendons.
+std::vector<LinearActuator> LinearActuators(const mjModel& m);
+bool TendonWorks(const mjModel& m, int tendon);
+void ConvertActuators(Conversion& c);
+/// Springs of joints and tendons (springs.cpp); FinishSprings writes k and c into the freedoms.
+void ConvertSprings(Conversion& c);
+void FinishSprings(Conversion& c);
+/// Interfaces, base and modes, from options or the file's <custom> (interfaces.cpp).
+std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options);
+/// Initial states (keyframes.cpp).
+std::optional<Error> ConvertKeyframes(Conversion& c, const std::string& wanted);
+/// Proportional-derivative control (pd.cpp).
+std::optional<Error> ApplyPd(Conversion& c, const ImportOptions& options);
+void ListHolds(Conversion& c);
+/// Numbers that MuJoCo accepts and no simulation survives (validate.cpp).
+std::optional<Error> Validate(const Conversion& c);
+void ListUnsupported(Conversion& c);
+
+}  // namespace fork1s::internal

@@ -1,0 +1,137 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "conversion.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+Vector3 Vec3(const mjtNum* p) { return {p[0], p[1], p[2]}; }
+
+std::shared_ptr<const TriangleMesh> ConvertMesh(const mjModel& m, int id) {
+  auto mesh = std::make_shared<TriangleMesh>();
+  mesh->name = NameOr(m, m.name_meshadr[id], "mesh", id);
+  const float* v = m.mesh_vert + 3 * m.mesh_vertadr[id];
+  for (int i = 0; i < m.mesh_vertnum[id]; ++i)
+    mesh->vertices.emplace_back(v[3 * i], v[3 * i + 1], v[3 * i + 2]);
+  const int* f = m.mesh_face + 3 * m.mesh_faceadr[id];
+  for (int i = 0; i < m.mesh_facenum[id]; ++i)
+    mesh->triangles.emplace_back(f[3 * i], f[3 * i + 1], f[3 * i + 2]);
+  return mesh;
+}
+
+std::shared_ptr<const HeightGrid> ConvertHeights(const mjModel& m, int id) {
+  auto grid = std::make_shared<HeightGrid>();
+  grid->name = NameOr(m, m.name_hfieldadr[id], "hfield", id);
+  grid->rows = m.hfield_nrow[id];
+  grid->columns = m.hfield_ncol[id];
+  const mjtNum* size = m.hfield_size + 4 * id;
+  grid->half_x = size[0];
+  grid->half_y = size[1];
+  grid->max_height = size[2];
+  grid->base_depth = size[3];
+  const float* data = m.hfield_data + m.hfield_adr[id];
+  grid->values.assign(data, data + grid->rows * grid->columns);
+  return grid;
+}
+
+// MuJoCo takes a geom's own colour where it differs from the default grey, else the material's.
+Vector4 Colour(const mjModel& m, int g) {
+  const float* own = m.geom_rgba + 4 * g;
+  const bool is_default = own[0] == 0.5f && own[1] == 0.5f && own[2] == 0.5f && own[3] == 1.0f;
+  const int material = m.geom_matid[g];
+  const float* c = is_default && material >= 0 ? m.mat_rgba + 4 * material : own;
+  return {c[0], c[1], c[2], c[3]};
+}
+
+class Shapes {
+ public:
+  explicit Shapes(const mjModel& model) : m(model), meshes_(model.nmesh), grids_(model.nhfield) {}
+
+  std::optional<Shape> Of(int g) {
+    const mjtNum* s = m.geom_size + 3 * g;
+    const int data = m.geom_dataid[g];
+    switch (m.geom_type[g]) {
+      case mjGEOM_PLANE:
+        return Plane{s[0], s[1]};
+      case mjGEOM_SPHERE:
+        return Sphere{s[0]};
+      case mjGEOM_CAPSULE:
+        return Capsule{s[0], s[1]};
+      case mjGEOM_CYLINDER:
+        return Cylinder{s[0], s[1]};
+      case mjGEOM_ELLIPSOID:
+        return Ellipsoid{Vec3(s)};
+      case mjGEOM_BOX:
+        return Box{Vec3(s)};
+      case mjGEOM_MESH:
+        if (data < 0) return std::nullopt;
+        if (!meshes_[data]) meshes_[data] = ConvertMesh(m, data);
+        return MeshShape{meshes_[data]};
+      case mjGEOM_HFIELD:
+        if (data < 0) return std::nullopt;
+        if (!grids_[data]) grids_[data] = ConvertHeights(m, data);
+        return HeightField{grids_[data]};
+      default:
+        return std::nullopt;
+    }
+  }
+
+ private:
+  const mjModel& m;
+  std::vector<std::shared_ptr<const TriangleMesh>> meshes_;
+  std::vector<std::shared_ptr<const HeightGrid>> grids_;
+};
+
+}  // namespace
+
+void ConvertGeoms(Conversion& c) {
+  const mjModel& m = c.m;
+  Shapes shapes(m);
+  // With collision="predefined" only explicit pairs touch, and those are not read.
+  const bool contacts_off =
+      (m.opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) || m.opt.collision == mjCOL_PAIR;
+  std::vector<std::string> torsional;
+  for (int g = 0; g < m.ngeom; ++g) {
+    std::optional<Shape> shape = shapes.Of(g);
+    const std::string name = NameOr(m, m.name_geomadr[g], "geom", g);
+    if (!shape) {
+      c.Dropped(fmt::format("geom '{}'", name), "its type is not a shape that can be drawn or touched");
+      continue;
+    }
+    GeometryDef geometry;
+    geometry.name = name;
+    geometry.shape = std::move(*shape);
+    const mjtNum* q = m.geom_quat + 4 * g;
+    geometry.X_BG = RigidTransform(Quaternion(q[0], q[1], q[2], q[3]), Vec3(m.geom_pos + 3 * g));
+    geometry.friction = m.geom_friction[3 * g];
+    geometry.priority = m.geom_priority[g];
+    geometry.contype = contacts_off ? 0 : m.geom_contype[g];
+    geometry.conaffinity = contacts_off ? 0 : m.geom_conaffinity[g];
+    geometry.frictionless = m.geom_condim[g] == 1;
+    geometry.rgba = Colour(m, g);
+    geometry.group = m.geom_group[g];
+    if (m.geom_condim[g] > 3 && geometry.Collides()) torsional.push_back(name);
+
+    const int b = m.geom_bodyid[g];
+    const BodyPlace& place = c.body[b];
+    if (place.mechanism >= 0) {
+      MechanismDef& mechanism = c.scene.mechanisms[place.mechanism];
+      mechanism.bodies[place.body.u()].geometries.push_back(std::move(geometry));
+    } else if (place.free_body >= 0) {
+      FreeBodyDef& body = c.scene.free_bodies[place.free_body];
+      geometry.X_BG = body.X_WB.inverse() * c.WorldPose(b) * geometry.X_BG;
+      body.geometries.push_back(std::move(geometry));
+    } else {
+      geometry.X_BG = c.WorldPose(b) * geometry.X_BG;
+      c.scene.world.push_back(std::move(geometry));
+    }
+  }
+  c.DroppedMany("torsional or rolling friction", torsional, "contacts have sliding friction only");
+  if (contacts_off)
+    c.Note(ImportNote::Kind::kChanged, "option",
+           "contact is switched off or left to explicit pairs, so no shape touches");
+}
+
+}  // namespace fork1s::internal

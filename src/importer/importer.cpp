@@ -1,0 +1,155 @@
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fork1s/importer/importer.hpp>
+#include <fork1s/mechanism/mechanism.hpp>
+#include <set>
+
+#include "conversion.hpp"
+#include "mujoco_model.hpp"
+#include "names.hpp"
+#include "urdf.hpp"
+#include "xml_checks.hpp"
+
+namespace fork1s {
+namespace {
+
+using internal::Conversion;
+
+// Names for the nameless, different from all names there are.
+std::vector<std::string> Names(const mjModel& m, int count, const int* addresses, const char* kind) {
+  std::set<std::string> taken;
+  for (int i = 0; i < count; ++i) taken.insert(m.names + addresses[i]);
+  std::vector<std::string> names;
+  for (int i = 0; i < count; ++i) {
+    std::string name = internal::NameOr(m, addresses[i], kind, i);
+    while (m.names[addresses[i]] == '\0' && taken.count(name) > 0) name += '_';
+    names.push_back(std::move(name));
+  }
+  return names;
+}
+
+void SetUp(Conversion& c) {
+  const mjModel& m = c.m;
+  const auto nv = static_cast<std::size_t>(m.nv);
+  c.body.resize(m.nbody);
+  c.joint.resize(m.njnt);
+  c.rigid_root.assign(m.nbody, false);
+  c.used_equality.assign(m.neq, false);
+  c.k.assign(nv, 0);
+  c.c.assign(nv, 0);
+  c.held_by.resize(nv);
+  c.in_spring.assign(nv, false);
+  c.coupled.assign(nv, false);
+  c.body_names = Names(m, m.nbody, m.name_bodyadr, "body");
+  c.joint_names = Names(m, m.njnt, m.name_jntadr, "joint");
+  c.actuator_names = Names(m, m.nu, m.name_actuatoradr, "actuator");
+  const std::string name = m.names;
+  c.scene.name = name.empty() || name == "MuJoCo Model" ? internal::Stem(c.file) : name;
+  c.scene.gravity = Vector3(m.opt.gravity[0], m.opt.gravity[1], m.opt.gravity[2]);
+  if (m.opt.disableflags & mjDSBL_GRAVITY) c.scene.gravity.setZero();
+}
+
+std::optional<Error> Convert(Conversion& c, const ImportOptions& options,
+                             const std::vector<internal::Mimic>& mimics) {
+  SetUp(c);
+  if (auto error = Validate(c)) return error;
+  FindComponents(c);
+  if (c.components.empty()) {
+    return c.ModelError("", "nothing in the file can move: it has no joint that this program simulates");
+  }
+  ConvertBodies(c);
+  ConvertGeoms(c);
+  ConvertSprings(c);
+  ConvertActuators(c);
+  ConvertEqualities(c);
+  if (auto error = ConvertMimics(c, mimics)) return error;
+  ListUnsupported(c);
+  if (auto error = ApplyCustom(c, options)) return error;
+  if (auto error = ConvertKeyframes(c, options.keyframe)) return error;
+  if (auto error = ApplyPd(c, options)) return error;
+  FinishSprings(c);
+  ListHolds(c);
+  if (!(options.stiffness_scale > 0) || !std::isfinite(options.stiffness_scale)) {
+    return Error{ErrorCode::kUsage, "option stiffness-scale",
+                 fmt::format("{} is no finite number above 0", options.stiffness_scale)};
+  }
+  if (options.stiffness_scale != 1) {
+    for (MechanismDef& mechanism : c.scene.mechanisms) {
+      mechanism = ScaleStiffness(std::move(mechanism), options.stiffness_scale);
+    }
+  }
+  return std::nullopt;
+}
+
+Expected<ImportedScene> Import(const internal::ModelSource& source, const ImportOptions& options,
+                               const internal::PreparedUrdf* urdf) {
+  const auto compiled = internal::CompileModel(source);
+  if (!compiled) return tl::unexpected<Error>(compiled.error());
+  Conversion c(*compiled->model, *compiled->data, source.path);
+  c.report.format = urdf != nullptr ? "URDF" : "MJCF";
+  c.is_urdf = urdf != nullptr;
+  if (urdf != nullptr) c.report.notes = urdf->notes;
+  for (const std::string& warning : compiled->warnings) {
+    // MuJoCo's trial step at qpos0 warns about motion that our own solver decides on.
+    if (warning.find("Time =") != std::string::npos) continue;
+    c.Note(ImportNote::Kind::kChanged, "MuJoCo reader", warning);
+  }
+  static const std::vector<internal::Mimic> none;
+  if (auto error = Convert(c, options, urdf != nullptr ? urdf->mimics : none)) {
+    return tl::unexpected<Error>(std::move(*error));
+  }
+  return ImportedScene{std::move(c.scene), std::move(c.report), c.initial_keyframe};
+}
+
+bool LooksLikeUrdf(const std::string& text) { return text.find("<robot") != std::string::npos; }
+
+Expected<ImportedScene> ImportUrdf(const std::string& path, const std::string& text, int declaration_line,
+                                   const ImportOptions& options) {
+  auto urdf = internal::PrepareUrdf(path, text, options.base == BaseKind::kFloating);
+  if (!urdf) return tl::unexpected<Error>(urdf.error());
+  if (declaration_line > 0) {
+    urdf->notes.push_back({ImportNote::Kind::kChanged, fmt::format("line {}", declaration_line),
+                           "the XML declaration is not at the beginning, so it was skipped"});
+  }
+  return Import(urdf->source, options, &*urdf);
+}
+
+Expected<ImportedScene> ImportText(const std::string& path, std::string text, bool on_disk,
+                                   const ImportOptions& options) {
+  auto root = internal::RootElement(path, text);
+  int declaration_line = 0;
+  if (!root && LooksLikeUrdf(text)) {
+    declaration_line = internal::RemoveLateDeclaration(text);
+    if (declaration_line > 0) root = internal::RootElement(path, text);
+  }
+  if (!root) return tl::unexpected<Error>(root.error());
+  if (*root != "mujoco" && *root != "robot" && *root != "mujocoinclude") {
+    return Fail(
+        ErrorCode::kFormat, path,
+        fmt::format("the root element is <{}>; <mujoco> (MJCF) or <robot> (URDF) is expected", *root));
+  }
+  if (auto error = internal::CheckNumbers(path, text)) return tl::unexpected<Error>(std::move(*error));
+  if (*root == "robot") return ImportUrdf(path, text, declaration_line, options);
+  internal::ModelSource source;
+  source.path = path;
+  if (!on_disk) source.text = std::move(text);
+  return Import(source, options, nullptr);
+}
+
+}  // namespace
+
+Expected<ImportedScene> LoadMechanism(const std::string& path, const ImportOptions& options) {
+  const auto text = internal::ReadFile(path);
+  if (!text) return tl::unexpected<Error>(text.error());
+  if (text->empty()) return Fail(ErrorCode::kFormat, path, "the file is empty; MJCF or URDF is expected");
+  return ImportText(path, *text, true, options);
+}
+
+Expected<ImportedScene> LoadMechanismFromString(const std::string& mjcf, const std::string& name,
+                                                const ImportOptions& options) {
+  if (mjcf.empty()) return Fail(ErrorCode::kFormat, name, "the text is empty; MJCF is expected");
+  return ImportText(name, mjcf, false, options);
+}
+
+}  // namespace fork1s

@@ -1,0 +1,190 @@
+// What the file's <custom> element and the options say about base, modes and interface bodies.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "conversion.hpp"
+#include "names.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+std::optional<std::string> CustomText(const mjModel& m, const std::string& name) {
+  for (int i = 0; i < m.ntext; ++i) {
+    if (name == m.names + m.name_textadr[i]) return std::string(m.text_data + m.text_adr[i]);
+  }
+  return std::nullopt;
+}
+
+std::optional<double> CustomNumber(const mjModel& m, const std::string& name) {
+  for (int i = 0; i < m.nnumeric; ++i) {
+    if (name == m.names + m.name_numericadr[i] && m.numeric_size[i] > 0)
+      return m.numeric_data[m.numeric_adr[i]];
+  }
+  return std::nullopt;
+}
+
+const char* BaseName(BaseKind base) {
+  return base == BaseKind::kFixed ? "fixed" : base == BaseKind::kFloating ? "floating" : "driven";
+}
+
+std::optional<Error> ApplyBase(Conversion& c, const ImportOptions& options) {
+  std::optional<BaseKind> base = options.base;
+  std::string where = "option base";
+  ErrorCode code = ErrorCode::kUsage;
+  if (!base) {
+    const std::optional<std::string> text = CustomText(c.m, "fork1s_base");
+    if (!text) return std::nullopt;
+    where = "text 'fork1s_base'";
+    code = ErrorCode::kModel;
+    const std::vector<std::string> words = SplitWords(*text);
+    for (BaseKind kind : {BaseKind::kFixed, BaseKind::kFloating, BaseKind::kDriven}) {
+      if (words.size() == 1 && words[0] == BaseName(kind)) base = kind;
+    }
+    if (!base)
+      return c.ModelError(where, fmt::format("'{}' is no base; write fixed, floating or driven", *text));
+  }
+  std::size_t at = 0;
+  for (const Component& component : c.components) {
+    if (component.free_body) continue;
+    MechanismDef& mechanism = c.scene.mechanisms[at++];
+    if (mechanism.base == *base) continue;
+    if (component.base_body == 0) {
+      return Error{
+          code, fmt::format("{}, {}", c.file, where),
+          fmt::format("mechanism '{}' stands on the world itself, so its base cannot be {}; put a body "
+                      "without joints under it, or leave the base fixed",
+                      mechanism.name, BaseName(*base))};
+    }
+    mechanism.base = *base;
+  }
+  return std::nullopt;
+}
+
+// Bodies in one rigid group with the base carry no compliance of their own.
+std::vector<bool> RigidWithBase(const MechanismDef& mechanism) {
+  std::vector<bool> has_joint(mechanism.bodies.size(), false), rigid(mechanism.bodies.size(), false);
+  for (const JointDef& joint : mechanism.joints) has_joint[joint.body.u()] = true;
+  for (std::size_t b = 0; b < mechanism.bodies.size(); ++b) {
+    const BodyIndex parent = mechanism.bodies[b].parent;
+    rigid[b] = !has_joint[b] && (!parent.valid() || rigid[parent.u()]);
+  }
+  return rigid;
+}
+
+bool HasColliders(const BodyDef& body) {
+  return std::any_of(body.geometries.begin(), body.geometries.end(),
+                     [](const GeometryDef& g) { return g.Collides(); });
+}
+
+// Bodies that can touch and have no touching body beyond a joint; if nothing can touch, the last bodies.
+std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* by_contact) {
+  const std::size_t n = mechanism.bodies.size();
+  std::vector<bool> has_joint(n, false);
+  for (const JointDef& joint : mechanism.joints) has_joint[joint.body.u()] = true;
+  const std::vector<bool> rigid = RigidWithBase(mechanism);
+  for (const bool contact : {true, false}) {
+    // `beyond`: a candidate lies below, past a joint; `below`: below, joint or not.
+    std::vector<bool> beyond(n, false), below(n, false);
+    std::vector<std::string> names;
+    for (std::size_t b = n; b-- > 1;) {
+      const bool candidate = contact ? HasColliders(mechanism.bodies[b]) : true;
+      const bool here = candidate || below[b];
+      const std::size_t p = mechanism.bodies[b].parent.u();
+      below[p] = below[p] || here;
+      beyond[p] = beyond[p] || beyond[b] || (here && has_joint[b]);
+      // Without contact, a leaf is enough: a welded child already stands for its parent.
+      if (candidate && !rigid[b] && !beyond[b] && (contact || !below[b])) {
+        names.insert(names.begin(), mechanism.bodies[b].name);
+      }
+    }
+    *by_contact = contact;
+    if (!names.empty()) return names;
+  }
+  return {};
+}
+
+std::optional<Error> DistributeNames(Conversion& c, const std::vector<std::string>& names,
+                                     const std::string& where) {
+  std::vector<std::string> known;
+  for (const MechanismDef& mechanism : c.scene.mechanisms) {
+    for (const BodyDef& body : mechanism.bodies) known.push_back(body.name);
+  }
+  for (const std::string& name : names) {
+    bool found = false;
+    for (MechanismDef& mechanism : c.scene.mechanisms) {
+      if (!mechanism.FindBody(name).valid()) continue;
+      found = true;
+      auto& list = mechanism.interfaces;
+      if (std::find(list.begin(), list.end(), name) == list.end()) list.push_back(name);
+      break;
+    }
+    if (found) continue;
+    for (const FreeBodyDef& body : c.scene.free_bodies) {
+      if (body.name == name) {
+        return c.ModelError(where,
+                            fmt::format("body '{}' is a free body, which always touches; name bodies of a "
+                                        "mechanism only",
+                                        name));
+      }
+    }
+    return c.ModelError(where, fmt::format("no mechanism has a body '{}'{}", name, Suggestion(name, known)));
+  }
+  return std::nullopt;
+}
+
+std::optional<Error> ApplyInterfaces(Conversion& c, const ImportOptions& options) {
+  std::vector<std::string> names = options.interfaces;
+  std::string where = "option interfaces";
+  if (names.empty()) {
+    if (const auto text = CustomText(c.m, "fork1s_interface")) {
+      where = "text 'fork1s_interface'";
+      names = SplitWords(*text);
+      if (names.empty()) {
+        return c.ModelError(where, "it names no body; list the bodies that touch, or remove the text");
+      }
+    }
+  }
+  if (auto error = DistributeNames(c, names, where)) return error;
+  constexpr std::size_t kNotes = 6;  // a grid of small mechanisms need not say it a hundred times
+  std::size_t chosen = 0;
+  for (MechanismDef& mechanism : c.scene.mechanisms) {
+    if (!mechanism.interfaces.empty()) continue;
+    bool by_contact = false;
+    mechanism.interfaces = ChooseInterfaces(mechanism, &by_contact);
+    mechanism.interfaces_chosen = false;
+    if (++chosen > kNotes) continue;
+    c.Note(ImportNote::Kind::kChosen, fmt::format("mechanism '{}'", mechanism.name),
+           fmt::format("no interface was named, so it touches by {}: {}", Quoted(mechanism.interfaces, 24),
+                       by_contact ? "the outermost bodies with colliding shapes" : "its last bodies"));
+  }
+  if (chosen > kNotes) {
+    c.Note(ImportNote::Kind::kChosen, fmt::format("{} more mechanisms", chosen - kNotes),
+           "their interfaces were chosen in the same way");
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options) {
+  if (auto error = ApplyBase(c, options)) return error;
+  std::optional<int> modes = options.modes;
+  if (modes && *modes < 0) {
+    return Error{ErrorCode::kUsage, "option modes",
+                 fmt::format("{} modes cannot be kept; give 0 or more", *modes)};
+  }
+  if (const auto number = CustomNumber(c.m, "fork1s_modes"); number && !modes) {
+    if (*number < 0 || *number != static_cast<int>(*number)) {
+      return c.ModelError("numeric 'fork1s_modes'",
+                          fmt::format("{} is no number of modes; give 0, 1, 2, ...", *number));
+    }
+    modes = static_cast<int>(*number);
+  }
+  for (MechanismDef& mechanism : c.scene.mechanisms) {
+    if (modes) mechanism.modes = *modes;
+  }
+  return ApplyInterfaces(c, options);
+}
+
+}  // namespace fork1s::internal

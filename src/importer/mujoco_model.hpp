@@ -1,0 +1,36 @@
+// A file compiled by MuJoCo, with its complaints turned into our errors.
+#pragma once
+
+#include <mujoco/mujoco.h>
+#include <fork1s/base/error.hpp>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace fork1s::internal {
+
+struct MjModelDeleter {
+  void operator()(mjModel* m) const { mj_deleteModel(m); }
+};
+struct MjDataDeleter {
+  void operator()(mjData* d) const { mj_deleteData(d); }
+};
+
+struct CompiledModel {
+  std::unique_ptr<mjModel, MjModelDeleter> model;
+  std::unique_ptr<mjData, MjDataDeleter> data;  // kinematics at qpos0
+  std::vector<std::string> warnings;
+};
+
+/// What MuJoCo is to compile: a file on disk, or text with the files it refers to.
+struct ModelSource {
+  std::string path;  // stands in messages; read from disk if `text` is empty
+  std::string text;
+  std::map<std::string, std::string> files;  // name used in the text -> path on disk
+};
+
+/// Compiles and computes the kinematics at qpos0. Errors: kFile, kFormat with line, kModel.
+Expected<CompiledModel> CompileModel(const ModelSource& source);
+
+}  // namespace fork1s::internal

@@ -1,0 +1,171 @@
+// Proportional-derivative control: a spring of stiffness kp about the initial displacement, and an input
+// that shifts its target.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "conversion.hpp"
+#include "names.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+std::optional<Error> CheckGains(const std::string& where, const PdGains& gains) {
+  if (std::isfinite(gains.kp) && std::isfinite(gains.kv) && gains.kp >= 0 && gains.kv >= 0)
+    return std::nullopt;
+  return Error{ErrorCode::kUsage, where,
+               fmt::format("gains kp={} kv={} are no finite numbers of 0 or more", gains.kp, gains.kv)};
+}
+
+int Offset(const MechanismDef& mechanism, const FreedomRef& ref) {
+  int offset = 0;
+  for (std::size_t j = 0; j < ref.joint.u(); ++j)
+    offset += static_cast<int>(mechanism.joints[j].freedoms.size());
+  return offset + ref.freedom;
+}
+
+double Displacement(const Conversion& c, int keyframe, int dof) {
+  if (keyframe < 0) return 0;
+  const int mechanism = c.MechanismOf(dof);
+  return c.scene.keyframes[keyframe]
+      .mechanisms[mechanism]
+      .q[Offset(c.scene.mechanisms[mechanism], c.Freedom(dof))];
+}
+
+void Hold(Conversion& c, int dof, const PdGains& gains) {
+  const int mechanism = c.MechanismOf(dof);
+  const double rest = Displacement(c, c.initial_keyframe, dof);
+  c.k[dof] += gains.kp;
+  c.c[dof] += gains.kp * rest;
+  c.FreedomOf(dof).damping += gains.kv;
+  c.held_by[dof].push_back(
+      fmt::format("PD control kp {:.4g} {}, kv {:.4g}", gains.kp, c.StiffnessUnit(dof), gains.kv));
+  ControlDef control;
+  control.name = c.DofName(dof);
+  control.terms = {{c.Freedom(dof), 1.0}};
+  control.gain = gains.kp;
+  control.is_setpoint = true;
+  ControlSource source;
+  source.dofs = {dof};
+  source.pd = {{dof, rest}};
+  c.scene.mechanisms[mechanism].controls.push_back(std::move(control));
+  c.controls[mechanism].push_back(std::move(source));
+  // Each keyframe is held at its own pose.
+  for (std::size_t key = 0; key < c.scene.keyframes.size(); ++key) {
+    VectorX& u = c.scene.keyframes[key].mechanisms[mechanism].controls;
+    u.conservativeResize(u.size() + 1);
+    u[u.size() - 1] = Displacement(c, static_cast<int>(key), dof) - rest;
+  }
+}
+
+void RemoveControl(Conversion& c, int mechanism, std::size_t i) {
+  auto& controls = c.scene.mechanisms[mechanism].controls;
+  controls.erase(controls.begin() + static_cast<std::ptrdiff_t>(i));
+  c.controls[mechanism].erase(c.controls[mechanism].begin() + static_cast<std::ptrdiff_t>(i));
+  for (KeyframeDef& keyframe : c.scene.keyframes) {
+    VectorX& u = keyframe.mechanisms[mechanism].controls;
+    VectorX kept(u.size() - 1);
+    const auto at = static_cast<Eigen::Index>(i);
+    kept << u.head(at), u.tail(u.size() - 1 - at);
+    u = kept;
+  }
+}
+
+std::vector<int> Motors(const Conversion& c, int mechanism) {
+  std::vector<int> dofs;
+  for (const ControlSource& source : c.controls[mechanism]) {
+    if (source.motor) dofs.push_back(source.dofs[0]);
+  }
+  return dofs;
+}
+
+bool Unheld(const Conversion& c, int dof) {
+  const bool free = c.m.jnt_type[c.m.dof_jntid[dof]] == mjJNT_FREE;
+  return !free && c.k[dof] == 0 && !c.in_spring[dof] && !c.coupled[dof];
+}
+
+// Motors say which joints are driven. Without them, all that nothing holds, unless loops do the holding.
+void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains) {
+  const std::vector<int> motors = Motors(c, mechanism);
+  const std::string where = fmt::format("mechanism '{}'", c.scene.mechanisms[mechanism].name);
+  if (motors.empty() && !c.scene.mechanisms[mechanism].closures.empty()) {
+    c.Note(ImportNote::Kind::kChosen, where,
+           "it has loops and no motors, so pd cannot tell driven joints from passive ones and holds none; "
+           "name them with joint-pd");
+    return;
+  }
+  std::vector<std::string> held;
+  std::vector<int> dofs;
+  for (int dof = 0; dof < c.m.nv; ++dof) {
+    if (c.MechanismOf(dof) != mechanism || !Unheld(c, dof)) continue;
+    if (!motors.empty() && std::find(motors.begin(), motors.end(), dof) == motors.end()) continue;
+    dofs.push_back(dof);
+    held.push_back(c.DofName(dof));
+  }
+  std::vector<std::string> replaced;
+  for (std::size_t i = c.controls[mechanism].size(); i-- > 0;) {
+    const ControlSource& source = c.controls[mechanism][i];
+    if (!source.motor || std::find(dofs.begin(), dofs.end(), source.dofs[0]) == dofs.end()) continue;
+    replaced.insert(replaced.begin(), c.scene.mechanisms[mechanism].controls[i].name);
+    c.held_by[source.dofs[0]].clear();
+    RemoveControl(c, mechanism, i);
+  }
+  for (int dof : dofs) Hold(c, dof, gains);
+  if (held.empty()) return;
+  c.Note(ImportNote::Kind::kChosen, where,
+         fmt::format("PD control kp {:.4g}, kv {:.4g} holds {} freedoms: {}", gains.kp, gains.kv, held.size(),
+                     Quoted(held, 24)));
+  if (!replaced.empty()) {
+    c.Note(ImportNote::Kind::kChanged, where,
+           fmt::format("{} motors became targets of PD control: {}", replaced.size(), Quoted(replaced, 24)));
+  }
+}
+
+}  // namespace
+
+std::optional<Error> ApplyPd(Conversion& c, const ImportOptions& options) {
+  if (options.pd) {
+    if (auto error = CheckGains("option pd", *options.pd)) return error;
+    for (std::size_t i = 0; i < c.scene.mechanisms.size(); ++i)
+      HoldMechanism(c, static_cast<int>(i), *options.pd);
+  }
+  for (const auto& [name, gains] : options.joint_pd) {
+    const std::string where = fmt::format("option joint-pd '{}'", name);
+    if (auto error = CheckGains(where, gains)) return error;
+    std::vector<std::string> known;
+    int found = -1;
+    for (int j = 0; j < c.m.njnt; ++j) {
+      if (c.joint[j].mechanism < 0 || c.m.jnt_type[j] == mjJNT_FREE) continue;
+      known.push_back(c.joint_names[j]);
+      if (c.joint_names[j] == name) found = j;
+    }
+    if (found < 0) {
+      return Error{ErrorCode::kUsage, fmt::format("{}, {}", c.file, where),
+                   fmt::format("no mechanism has a hinge, slide or ball joint of that name{}",
+                               Suggestion(name, known))};
+    }
+    const int count = c.m.jnt_type[found] == mjJNT_BALL ? 3 : 1;
+    for (int i = 0; i < count; ++i) Hold(c, c.m.jnt_dofadr[found] + i, gains);
+  }
+  return std::nullopt;
+}
+
+void ListHolds(Conversion& c) {
+  const mjModel& m = c.m;
+  for (int j = 0; j < m.njnt; ++j) {
+    if (c.joint[j].mechanism < 0) continue;
+    const int first = m.jnt_dofadr[j];
+    const int count = m.jnt_type[j] == mjJNT_FREE ? 6 : m.jnt_type[j] == mjJNT_BALL ? 3 : 1;
+    bool same = true;
+    for (int i = 1; i < count; ++i) same = same && c.held_by[first + i] == c.held_by[first];
+    for (int i = 0; i < (same ? 1 : count); ++i) {
+      std::string text;
+      for (const std::string& hold : c.held_by[first + i]) text += (text.empty() ? "" : ", ") + hold;
+      c.report.holds.push_back(
+          {same ? c.joint_names[j] : c.DofName(first + i), text.empty() ? "nothing" : text});
+    }
+  }
+}
+
+}  // namespace fork1s::internal

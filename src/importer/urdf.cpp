@@ -1,0 +1,273 @@
+#include "urdf.hpp"
+
+#include <algorithm>
+#include <set>
+
+#include "names.hpp"
+#include "urdf_parts.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+using tinyxml2::XMLElement;
+
+struct Tree {
+  std::vector<XMLElement*> links, joints;
+  std::vector<std::string> link_names;
+  XMLElement* root = nullptr;
+};
+
+std::optional<Error> CheckJointType(const UrdfWork& work, const XMLElement& joint) {
+  static const std::vector<std::string> types = {"revolute", "continuous", "prismatic",
+                                                 "fixed",    "floating",   "planar"};
+  const char* type = joint.Attribute("type");
+  if (type != nullptr && std::find(types.begin(), types.end(), type) != types.end()) return std::nullopt;
+  return work.Refuse(
+      ErrorCode::kFormat, joint,
+      fmt::format(
+          "joint '{}' has {}; URDF has revolute, continuous, prismatic, fixed, floating and planar: write "
+          "a ball joint as three revolute joints with massless links between them",
+          NameOf(joint), type != nullptr ? fmt::format("the unknown type '{}'", type) : "no type"));
+}
+
+const char* LinkOf(const XMLElement& joint, const char* end) {
+  const XMLElement* element = joint.FirstChildElement(end);
+  return element != nullptr ? element->Attribute("link") : nullptr;
+}
+
+std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
+  std::set<std::string> names;
+  std::map<std::string, int> dropped;
+  for (XMLElement* e = robot.FirstChildElement(); e != nullptr;) {
+    XMLElement* next = e->NextSiblingElement();
+    const std::string kind = e->Name();
+    if (kind == "link") {
+      const std::string name = NameOf(*e);
+      if (name.empty() || !names.insert(name).second) {
+        return work.Refuse(ErrorCode::kModel, *e,
+                           name.empty() ? "a link has no name; give it one"
+                                        : fmt::format("there are two links '{}'; rename one", name));
+      }
+      tree.links.push_back(e);
+      tree.link_names.push_back(name);
+    } else if (kind == "joint") {
+      tree.joints.push_back(e);
+    } else {
+      if (kind == "material") {
+        const std::vector<double> rgba = NumbersOf(e->FirstChildElement("color"), "rgba");
+        if (rgba.size() == 4) work.materials[NameOf(*e)] = Vector4(rgba[0], rgba[1], rgba[2], rgba[3]);
+      } else if (kind != "mujoco") {
+        ++dropped[kind];
+      }
+      robot.DeleteChild(e);
+    }
+    e = next;
+  }
+  for (const auto& [kind, count] : dropped) {
+    work.out.notes.push_back(
+        {ImportNote::Kind::kDropped, fmt::format("{} <{}>", count, kind), "it has no meaning here"});
+  }
+  if (tree.links.empty()) return Error{ErrorCode::kModel, work.path, "the robot has no link; add one"};
+  return std::nullopt;
+}
+
+std::optional<Error> CheckJoints(UrdfWork& work, Tree& tree) {
+  std::set<std::string> names;
+  for (XMLElement* joint : tree.joints) {
+    const std::string name = NameOf(*joint);
+    if (auto error = CheckJointType(work, *joint)) return error;
+    if (name.empty() || !names.insert(name).second) {
+      return work.Refuse(ErrorCode::kModel, *joint,
+                         name.empty() ? "a joint has no name; give it one"
+                                      : fmt::format("there are two joints '{}'; rename one", name));
+    }
+    for (const char* end : {"parent", "child"}) {
+      const char* link = LinkOf(*joint, end);
+      const bool known =
+          link != nullptr && std::count(tree.link_names.begin(), tree.link_names.end(), link) > 0;
+      if (known) continue;
+      return work.Refuse(
+          ErrorCode::kModel, *joint,
+          fmt::format("joint '{}' has {} link '{}', which is not in the file{}", name, end,
+                      link != nullptr ? link : "", Suggestion(link != nullptr ? link : "", tree.link_names)));
+    }
+    const char* child = LinkOf(*joint, "child");
+    if (!work.parent_joint.emplace(child, joint).second) {
+      return work.Refuse(
+          ErrorCode::kModel, *joint,
+          fmt::format("link '{}' is the child of two joints, '{}' and '{}'; URDF is a tree: close "
+                      "loops in MJCF by an equality",
+                      child, NameOf(*work.parent_joint[child]), name));
+    }
+  }
+  std::vector<std::string> roots;
+  for (XMLElement* link : tree.links) {
+    if (work.parent_joint.count(NameOf(*link)) > 0) continue;
+    roots.push_back(NameOf(*link));
+    tree.root = link;
+  }
+  if (roots.size() != 1) {
+    return Error{ErrorCode::kModel, work.path,
+                 roots.empty()
+                     ? "every link is the child of a joint, so the joints run in a circle; remove one"
+                     : fmt::format("{} links have no parent: {}; join them by fixed joints", roots.size(),
+                                   Quoted(roots))};
+  }
+  for (const auto& [link, joint] : work.parent_joint) {  // a circle beside the tree
+    std::string at = link;
+    for (std::size_t steps = 0; work.parent_joint.count(at) > 0; ++steps) {
+      if (steps > tree.links.size()) {
+        return work.Refuse(
+            ErrorCode::kModel, *joint,
+            fmt::format("joint '{}' is part of a circle of joints; remove one of them", NameOf(*joint)));
+      }
+      at = LinkOf(*work.parent_joint[at], "parent");
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<Error> PrepareJoint(UrdfWork& work, const Tree& tree, XMLElement& joint) {
+  const std::string name = NameOf(joint), type = joint.Attribute("type");
+  if (const XMLElement* element = joint.FirstChildElement("mimic")) {
+    Mimic mimic;
+    mimic.joint = name;
+    mimic.leader = element->Attribute("joint") != nullptr ? element->Attribute("joint") : "";
+    mimic.multiplier = element->DoubleAttribute("multiplier", 1);
+    mimic.offset = element->DoubleAttribute("offset", 0);
+    std::vector<std::string> joints;
+    for (const XMLElement* other : tree.joints) joints.push_back(NameOf(*other));
+    if (std::count(joints.begin(), joints.end(), mimic.leader) == 0) {
+      return work.Refuse(ErrorCode::kModel, *element,
+                         fmt::format("joint '{}' mimics '{}', which is not in the file{}", name, mimic.leader,
+                                     Suggestion(mimic.leader, joints)));
+    }
+    work.out.mimics.push_back(std::move(mimic));
+  }
+  if (type == "floating" && LinkOf(joint, "parent") != std::string("world")) {
+    return work.Refuse(
+        ErrorCode::kModel, joint,
+        fmt::format("floating joint '{}' hangs below link '{}'; only a joint from a link 'world' can "
+                    "float: write six joints, or make the link a root",
+                    name, LinkOf(joint, "parent")));
+  }
+  static const std::set<std::string> kept = {"parent", "child", "origin", "axis", "limit", "dynamics"};
+  for (XMLElement* e = joint.FirstChildElement(); e != nullptr;) {
+    XMLElement* next = e->NextSiblingElement();
+    if (kept.count(e->Name()) == 0) joint.DeleteChild(e);
+    e = next;
+  }
+  // URDF's default axis, said aloud.
+  if (joint.FirstChildElement("axis") == nullptr && type != "fixed" && type != "floating") {
+    joint.InsertNewChildElement("axis")->SetAttribute("xyz", "1 0 0");
+  }
+  return std::nullopt;
+}
+
+// The reader welds the root link to the world and forgets it, so it hangs on a link 'world' instead.
+std::optional<Error> WrapRoot(UrdfWork& work, XMLElement& robot, Tree& tree, bool floating) {
+  const std::string root = NameOf(*tree.root);
+  if (root == "world") {
+    XMLElement* only = nullptr;
+    int count = 0;
+    for (XMLElement* joint : tree.joints) {
+      if (std::string(LinkOf(*joint, "parent")) == "world") only = joint, ++count;
+    }
+    if (!floating || only == nullptr || std::string(only->Attribute("type")) == "floating")
+      return std::nullopt;
+    if (count > 1 || std::string(only->Attribute("type")) != "fixed") {
+      return Error{ErrorCode::kUsage, fmt::format("{}, option base", work.path),
+                   "the link 'world' holds the robot by more than one fixed joint, so it cannot float"};
+    }
+    only->SetAttribute("type", "floating");
+    work.out.notes.push_back({ImportNote::Kind::kChanged, fmt::format("joint '{}'", NameOf(*only)),
+                              "floats instead of being fixed, as asked"});
+    return std::nullopt;
+  }
+  if (std::count(tree.link_names.begin(), tree.link_names.end(), "world") > 0) {
+    return work.Refuse(
+        ErrorCode::kModel, *tree.root,
+        fmt::format("a link 'world' hangs below link '{}'; rename it: that name is the still world", root));
+  }
+  XMLElement* world = robot.GetDocument()->NewElement("link");
+  world->SetAttribute("name", "world");
+  robot.InsertFirstChild(world);
+  XMLElement* joint = robot.InsertNewChildElement("joint");
+  joint->SetAttribute("name", "world_to_root");
+  joint->SetAttribute("type", floating ? "floating" : "fixed");
+  joint->InsertNewChildElement("parent")->SetAttribute("link", "world");
+  joint->InsertNewChildElement("child")->SetAttribute("link", root.c_str());
+  if (!floating) {
+    work.out.notes.push_back({ImportNote::Kind::kChosen, fmt::format("link '{}'", root),
+                              "the root is fixed to the world; --base floating lets it move"});
+  }
+  return std::nullopt;
+}
+
+void Summarise(UrdfWork& work) {
+  using Kind = ImportNote::Kind;
+  const auto note = [&](Kind kind, const std::vector<std::string>& names, const char* what,
+                        const char* message) {
+    if (names.empty()) return;
+    work.out.notes.push_back(
+        {kind, names.size() == 1 ? fmt::format("link '{}'", names[0]) : fmt::format("{} links", names.size()),
+         names.size() == 1 ? fmt::format("{}: {}", what, message)
+                           : fmt::format("{} of {}: {}", what, Quoted(names), message)});
+  };
+  note(Kind::kDropped, work.massless, "inertia with zero mass", "the link weighs nothing");
+  note(Kind::kChanged, work.balanced, "rotational inertia",
+       "one principal moment exceeds the sum of the others, so all three became their mean");
+  note(Kind::kChanged, work.shaped, "zero rotational inertia",
+       "taken from the collision shape as a solid of the same mass, or none without such a shape");
+  note(Kind::kChosen, work.inferred, "no <inertial>", "taken from the collision shapes at 1000 kg/m³");
+  note(Kind::kChanged, work.capsules, "capsule",
+       "became a cylinder and two spheres, which is the same solid");
+  note(Kind::kDropped, work.materials_dropped, "further <material> in one visual", "the first one counts");
+  for (auto& [reason, files] : work.visuals_dropped) {
+    const std::size_t count = files.size();
+    std::sort(files.begin(), files.end());
+    files.erase(std::unique(files.begin(), files.end()), files.end());
+    work.out.notes.push_back({Kind::kDropped, count == 1 ? "1 visual" : fmt::format("{} visuals", count),
+                              fmt::format("{} not drawn: {}", Quoted(files), reason)});
+  }
+}
+
+}  // namespace
+
+Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& text, bool floating) {
+  tinyxml2::XMLDocument document;
+  if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
+    return Fail(ErrorCode::kFormat, fmt::format("{}, line {}", path, document.ErrorLineNum()),
+                "this is not well-formed XML");
+  }
+  XMLElement& robot = *document.RootElement();
+  UrdfWork work;
+  work.path = path;
+  Tree tree;
+  if (auto error = ReadTree(work, robot, tree)) return tl::unexpected<Error>(std::move(*error));
+  if (auto error = CheckJoints(work, tree)) return tl::unexpected<Error>(std::move(*error));
+  for (XMLElement* joint : tree.joints) {
+    if (auto error = PrepareJoint(work, tree, *joint)) return tl::unexpected<Error>(std::move(*error));
+  }
+  for (XMLElement* link : tree.links) {
+    if (auto error = PrepareLink(work, *link)) return tl::unexpected<Error>(std::move(*error));
+  }
+  if (auto error = WrapRoot(work, robot, tree, floating)) return tl::unexpected<Error>(std::move(*error));
+  Summarise(work);
+
+  XMLElement* mujoco = document.NewElement("mujoco");
+  robot.InsertFirstChild(mujoco);
+  XMLElement* compiler = mujoco->InsertNewChildElement("compiler");
+  compiler->SetAttribute("fusestatic", "false");
+  compiler->SetAttribute("discardvisual", "false");
+  compiler->SetAttribute("strippath", "false");
+  compiler->SetAttribute("boundmass", "1e-12");
+  compiler->SetAttribute("boundinertia", "1e-12");
+  tinyxml2::XMLPrinter printer;
+  document.Print(&printer);
+  work.out.source.path = path;
+  work.out.source.text = printer.CStr();
+  return std::move(work.out);
+}
+
+}  // namespace fork1s::internal

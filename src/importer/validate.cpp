@@ -1,0 +1,124 @@
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "conversion.hpp"
+#include "names.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+bool Finite(const mjtNum* p, int n) {
+  for (int i = 0; i < n; ++i) {
+    if (!std::isfinite(p[i])) return false;
+  }
+  return true;
+}
+
+std::optional<Error> CheckJoint(const Conversion& c, int j) {
+  const mjModel& m = c.m;
+  const std::string where = fmt::format("joint '{}'", c.joint_names[j]);
+  const auto refuse = [&](const char* what, double value) {
+    return c.ModelError(where, fmt::format("{} is {}; it must be a finite number of 0 or more", what, value));
+  };
+  const double k = m.jnt_stiffness[j];
+  if (!(k >= 0) || !std::isfinite(k)) return refuse("stiffness", k);
+  const int count = m.jnt_type[j] == mjJNT_FREE ? 6 : m.jnt_type[j] == mjJNT_BALL ? 3 : 1;
+  for (int i = m.jnt_dofadr[j]; i < m.jnt_dofadr[j] + count; ++i) {
+    if (!(m.dof_damping[i] >= 0) || !std::isfinite(m.dof_damping[i]))
+      return refuse("damping", m.dof_damping[i]);
+    if (!(m.dof_armature[i] >= 0) || !std::isfinite(m.dof_armature[i]))
+      return refuse("armature", m.dof_armature[i]);
+  }
+  if (!Finite(m.jnt_axis + 3 * j, 3) || !Finite(m.jnt_pos + 3 * j, 3) || !Finite(m.jnt_range + 2 * j, 2)) {
+    return c.ModelError(where, "its axis, position or range is not finite; write finite numbers");
+  }
+  if (m.jnt_limited[j] && m.jnt_range[2 * j] > m.jnt_range[2 * j + 1]) {
+    return c.ModelError(where, "its range ends before it begins; swap the two numbers");
+  }
+  return std::nullopt;
+}
+
+std::optional<Error> CheckActuator(const Conversion& c, int i) {
+  const mjModel& m = c.m;
+  if (Finite(m.actuator_gainprm + mjNGAIN * i, mjNGAIN) &&
+      Finite(m.actuator_biasprm + mjNBIAS * i, mjNBIAS) && Finite(m.actuator_gear + 6 * i, 6)) {
+    return std::nullopt;
+  }
+  return c.ModelError(fmt::format("actuator '{}'", c.actuator_names[i]),
+                      "a gain, bias or gear is not finite; write finite numbers");
+}
+
+}  // namespace
+
+std::optional<Error> Validate(const Conversion& c) {
+  const mjModel& m = c.m;
+  for (int b = 1; b < m.nbody; ++b) {
+    const std::string where = fmt::format("body '{}'", c.body_names[b]);
+    if (!Finite(m.body_pos + 3 * b, 3) || !Finite(m.body_quat + 4 * b, 4)) {
+      return c.ModelError(where, "its position or orientation is not finite; write finite numbers");
+    }
+    if (!Finite(m.body_mass + b, 1) || !Finite(m.body_inertia + 3 * b, 3) ||
+        !Finite(m.body_ipos + 3 * b, 3) || m.body_mass[b] < 0) {
+      return c.ModelError(where,
+                          fmt::format("its mass {} or inertia cannot be used; give a finite mass of 0 or "
+                                      "more",
+                                      m.body_mass[b]));
+    }
+  }
+  for (int j = 0; j < m.njnt; ++j) {
+    if (auto error = CheckJoint(c, j)) return error;
+  }
+  for (int i = 0; i < m.nu; ++i) {
+    if (auto error = CheckActuator(c, i)) return error;
+  }
+  for (int t = 0; t < m.ntendon; ++t) {
+    if (m.tendon_stiffness[t] >= 0 && m.tendon_damping[t] >= 0) continue;
+    return c.ModelError(fmt::format("tendon '{}'", NameOr(m, m.name_tendonadr[t], "tendon", t)),
+                        "stiffness and damping must be 0 or more");
+  }
+  for (int key = 0; key < m.nkey; ++key) {
+    if (Finite(m.key_qpos + key * m.nq, m.nq) && Finite(m.key_qvel + key * m.nv, m.nv) &&
+        Finite(m.key_ctrl + key * m.nu, m.nu)) {
+      continue;
+    }
+    return c.ModelError(fmt::format("keyframe '{}'", NameOr(m, m.name_keyadr[key], "key", key)),
+                        "a coordinate, speed or control is not finite; write finite numbers");
+  }
+  if (!Finite(m.opt.gravity, 3)) return c.ModelError("option", "gravity is not finite; write three numbers");
+  return std::nullopt;
+}
+
+void ListUnsupported(Conversion& c) {
+  const mjModel& m = c.m;
+  std::vector<std::string> friction, spatial, limited, rubbing;
+  for (int i = 0; i < m.nv; ++i) {
+    const std::string& name = c.joint_names[m.dof_jntid[i]];
+    if (m.dof_frictionloss[i] != 0 && (friction.empty() || friction.back() != name)) friction.push_back(name);
+  }
+  c.DroppedMany("dry friction of joint", friction, "only viscous damping is simulated in joints");
+  for (int t = 0; t < m.ntendon; ++t) {
+    const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
+    if (m.tendon_num[t] > 0 && m.wrap_type[m.tendon_adr[t]] != mjWRAP_JOINT) spatial.push_back(name);
+    if (m.tendon_limited[t]) limited.push_back(name);
+    if (m.tendon_frictionloss[t] != 0) rubbing.push_back(name);
+  }
+  c.DroppedMany("spatial tendon", spatial, "only fixed tendons are simulated");
+  c.DroppedMany("length limit of tendon", limited, "lengths of tendons are not limited");
+  c.DroppedMany("dry friction of tendon", rubbing, "it is not simulated");
+  const auto count = [&](int n, const char* what, const char* why) {
+    if (n > 0) c.Dropped(n == 1 ? fmt::format("1 {}", what) : fmt::format("{} {}s", n, what), why);
+  };
+  count(m.nsensor, "sensor", "recordings hold every pose and force instead");
+  count(m.ncam, "camera", "the viewer has its own");
+  count(m.nskin, "skin", "skins are not drawn");
+  count(m.npair, "explicit contact pair",
+        "pairs follow contype and conaffinity; parameters of pairs are not read");
+  count(m.ntuple, "tuple", "it has no meaning here");
+  if (m.opt.density != 0 || m.opt.viscosity != 0 || m.opt.wind[0] != 0 || m.opt.wind[1] != 0 ||
+      m.opt.wind[2] != 0) {
+    c.Dropped("option density, viscosity, wind", "there is no fluid here");
+  }
+}
+
+}  // namespace fork1s::internal

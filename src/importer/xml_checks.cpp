@@ -1,0 +1,162 @@
+#include "xml_checks.hpp"
+
+#include <fmt/format.h>
+#include <tinyxml2.h>
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <set>
+
+#include "names.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+using tinyxml2::XMLAttribute;
+using tinyxml2::XMLDocument;
+using tinyxml2::XMLElement;
+
+// Attributes that hold names or paths, where "inf" and "nan" may be meant.
+bool HoldsText(const std::string& attribute) {
+  static const std::set<std::string> texts = {
+      "name",   "class",    "childclass", "model",         "file",      "filename",   "joint",
+      "joint1", "joint2",   "body",       "body1",         "body2",     "geom",       "geom1",
+      "geom2",  "site",     "site1",      "site2",         "tendon",    "mesh",       "data",
+      "key",    "material", "link",       "texture",       "tendon1",   "target",     "meshdir",
+      "hfield", "prefix",   "type",       "texturedir",    "cranksite", "slidersite", "actuator",
+      "camera", "objname",  "refname",    "jointinparent", "tendon2",   "sidesite"};
+  return texts.count(attribute) > 0;
+}
+
+bool IsNotFinite(std::string word) {
+  for (char& c : word) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  if (!word.empty() && (word[0] == '-' || word[0] == '+')) word.erase(0, 1);
+  return word == "nan" || word == "inf" || word == "infinity" || word.rfind("nan(", 0) == 0;
+}
+
+using Visitor = std::function<bool(const XMLElement&, const std::string& file)>;  // true stops
+
+bool VisitElements(const XMLElement* element, const std::string& file, const std::string& folder, int depth,
+                   const Visitor& visit);
+
+bool VisitFile(const std::string& path, const std::string& text, const std::string& folder, int depth,
+               const Visitor& visit) {
+  XMLDocument document;
+  if (text.empty()) {
+    if (document.LoadFile(path.c_str()) != tinyxml2::XML_SUCCESS) return false;
+  } else if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
+    return false;
+  }
+  return VisitElements(document.RootElement(), path, folder, depth, visit);
+}
+
+bool VisitElements(const XMLElement* element, const std::string& file, const std::string& folder, int depth,
+                   const Visitor& visit) {
+  for (; element != nullptr; element = element->NextSiblingElement()) {
+    if (visit(*element, file)) return true;
+    const char* included = element->Attribute("file");
+    if (std::string(element->Name()) == "include" && included != nullptr && depth < 16) {
+      const std::string path = (std::filesystem::path(folder) / included).string();
+      if (VisitFile(path, "", folder, depth + 1, visit)) return true;
+    }
+    if (VisitElements(element->FirstChildElement(), file, folder, depth, visit)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+Expected<std::string> ReadFile(const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(path, ignored)) {
+    return Fail(ErrorCode::kFile, path, "there is no such file");
+  }
+  if (std::filesystem::is_directory(path, ignored)) {
+    return Fail(ErrorCode::kFile, path, "this is a folder; name the model file in it");
+  }
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream) return Fail(ErrorCode::kFile, path, "the file cannot be read; check its permissions");
+  return std::string((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
+}
+
+Expected<std::string> RootElement(const std::string& path, const std::string& text) {
+  XMLDocument document;
+  const tinyxml2::XMLError status = document.Parse(text.data(), text.size());
+  if (status == tinyxml2::XML_ERROR_EMPTY_DOCUMENT) {
+    return Fail(ErrorCode::kFormat, path, "the file holds no XML element; MJCF or URDF is expected");
+  }
+  if (status == tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED) {
+    return Fail(ErrorCode::kFormat, fmt::format("{}, line {}", path, document.ErrorLineNum()),
+                "bodies are nested too deeply: the reader stops at about 96 in a chain; split the chain into "
+                "two trees joined by a weld equality, or give it as URDF, which is not nested");
+  }
+  if (status == tinyxml2::XML_ERROR_PARSING_DECLARATION) {
+    return Fail(ErrorCode::kFormat, fmt::format("{}, line {}", path, document.ErrorLineNum()),
+                "the XML declaration <?xml ...?> must stand on the first line, before any comment; move it "
+                "there or remove it");
+  }
+  if (status != tinyxml2::XML_SUCCESS || document.RootElement() == nullptr) {
+    return Fail(ErrorCode::kFormat, fmt::format("{}, line {}", path, document.ErrorLineNum()),
+                fmt::format("this is not well-formed XML ({}); close or correct the element at that line",
+                            document.ErrorName()));
+  }
+  return std::string(document.RootElement()->Name());
+}
+
+int RemoveLateDeclaration(std::string& text) {
+  const std::size_t begin = text.find("<?xml ", 1);
+  if (begin == std::string::npos) return 0;
+  const std::size_t end = text.find("?>", begin);
+  if (end == std::string::npos) return 0;
+  for (std::size_t i = begin; i < end + 2; ++i) {
+    if (text[i] != '\n') text[i] = ' ';
+  }
+  return 1 +
+         static_cast<int>(std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(begin), '\n'));
+}
+
+std::optional<Error> CheckNumbers(const std::string& path, const std::string& text) {
+  std::optional<Error> error;
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  VisitFile(path, text, folder, 0, [&](const XMLElement& element, const std::string& file) {
+    for (const XMLAttribute* a = element.FirstAttribute(); a != nullptr; a = a->Next()) {
+      if (HoldsText(a->Name())) continue;
+      for (const std::string& word : SplitWords(a->Value())) {
+        if (!IsNotFinite(word)) continue;
+        const char* name = element.Attribute("name");
+        error =
+            Error{ErrorCode::kModel, fmt::format("{}, line {}", file, a->GetLineNum()),
+                  fmt::format("<{}{}> has {}=\"{}\", which is no finite number; write a number or remove it",
+                              element.Name(), name != nullptr ? fmt::format(" '{}'", name) : "", a->Name(),
+                              a->Value())};
+        return true;
+      }
+    }
+    return false;
+  });
+  return error;
+}
+
+std::optional<XmlPlace> FindInXml(const std::string& path, const std::string& text,
+                                  const std::string& element, const std::string& attribute,
+                                  const std::string& value) {
+  std::optional<XmlPlace> place;
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  VisitFile(path, text, folder, 0, [&](const XMLElement& e, const std::string& file) {
+    if (element != e.Name()) return false;
+    for (const XMLAttribute* a = e.FirstAttribute(); a != nullptr; a = a->Next()) {
+      if (attribute.empty() ? value == a->Value() : attribute == a->Name()) {
+        place = XmlPlace{file, a->GetLineNum()};
+        return true;
+      }
+    }
+    return false;
+  });
+  return place;
+}
+
+}  // namespace fork1s::internal

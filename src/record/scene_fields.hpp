@@ -1,0 +1,179 @@
+// The fields of every struct that is written down.
+//
+// The structured bindings are the guard: a struct that gains a field stops the compiler here, so that no field is
+// forgotten by recordings. Then list it, and raise kFormatVersion.
+#pragma once
+
+#include "json_archive.hpp"
+
+namespace fork1s::internal {
+
+template <>
+struct EnumNames<BaseKind> {
+  static constexpr std::pair<BaseKind, const char*> kNames[] = {
+      {BaseKind::kFixed, "fixed"}, {BaseKind::kFloating, "floating"}, {BaseKind::kDriven, "driven"}};
+};
+template <>
+struct EnumNames<JointKind> {
+  static constexpr std::pair<JointKind, const char*> kNames[] = {
+      {JointKind::kHinge, "hinge"},   {JointKind::kSlide, "slide"}, {JointKind::kBall, "ball"},
+      {JointKind::kCylindrical, "cylindrical"}, {JointKind::kPlanar, "planar"}, {JointKind::kFree, "free"},
+      {JointKind::kGeneral, "general"}};
+};
+template <>
+struct EnumNames<Recovery> {
+  static constexpr std::pair<Recovery, const char*> kNames[] = {{Recovery::kExact, "exact"},
+                                                                {Recovery::kTwist, "twist"}};
+};
+
+template <class A>
+void Fields(A& a, Like<Sphere, A>& s) { a("radius", s.radius); }
+template <class A>
+void Fields(A& a, Like<Plane, A>& s) { a("half_x", s.half_x), a("half_y", s.half_y); }
+template <class A>
+void Fields(A& a, Like<Capsule, A>& s) { a("radius", s.radius), a("half_length", s.half_length); }
+template <class A>
+void Fields(A& a, Like<Cylinder, A>& s) { a("radius", s.radius), a("half_length", s.half_length); }
+template <class A>
+void Fields(A& a, Like<Ellipsoid, A>& s) { a("radii", s.radii); }
+template <class A>
+void Fields(A& a, Like<Box, A>& s) { a("half", s.half); }
+
+template <class A>
+void Fields(A& a, Like<SpatialInertia, A>& s) {
+  auto& [mass, center, rotational] = s;
+  a("mass", mass), a("center", center), a("rotational", rotational);
+}
+
+template <class A>
+void Fields(A& a, Like<GeometryDef, A>& s) {
+  auto& [name, shape, X_BG, friction, priority, contype, conaffinity, frictionless, rgba, group] = s;
+  a("name", name), a("shape", shape), a("X_BG", X_BG), a("friction", friction), a("priority", priority);
+  a("contype", contype), a("conaffinity", conaffinity), a("frictionless", frictionless);
+  a("rgba", rgba), a("group", group);
+}
+
+template <class A>
+void Fields(A& a, Like<FreedomDef, A>& s) {
+  auto& [screw_B, stiffness, damping, armature, rest, lower, upper] = s;
+  a("screw_B", screw_B), a("stiffness", stiffness), a("damping", damping), a("armature", armature);
+  a("rest", rest), a("lower", lower), a("upper", upper);
+}
+
+template <class A>
+void Fields(A& a, Like<JointDef, A>& s) {
+  auto& [name, body, kind, freedoms] = s;
+  a("name", name), a("body", body), a("kind", kind), a("freedoms", freedoms);
+}
+
+template <class A>
+void Fields(A& a, Like<BodyDef, A>& s) {
+  auto& [name, parent, X_PB, inertia, geometries] = s;
+  a("name", name), a("parent", parent), a("X_PB", X_PB), a("inertia", inertia), a("geometries", geometries);
+}
+
+template <class A>
+void Fields(A& a, Like<ClosureDef, A>& s) {
+  auto& [name, body_a, body_b, X_AJ, X_BJ, rigid, stiffness, damping] = s;
+  a("name", name), a("body_a", body_a), a("body_b", body_b), a("X_AJ", X_AJ), a("X_BJ", X_BJ);
+  a("rigid", rigid), a("stiffness", stiffness), a("damping", damping);
+}
+
+template <class A>
+void Fields(A& a, Like<FreedomRef, A>& s) {
+  auto& [joint, freedom] = s;
+  a("joint", joint), a("freedom", freedom);
+}
+
+template <class A>
+void Fields(A& a, Like<CouplingDef, A>& s) {
+  auto& [name, first, second, polynomial] = s;
+  a("name", name), a("a", first), a("b", second), a("polynomial", polynomial);
+}
+
+template <class A>
+void Fields(A& a, Like<SpringDef, A>& s) {
+  auto& [name, terms, stiffness, damping, rest] = s;
+  a("name", name), a("terms", terms), a("stiffness", stiffness), a("damping", damping), a("rest", rest);
+}
+
+template <class A>
+void Fields(A& a, Like<ControlDef, A>& s) {
+  auto& [name, terms, gain, is_setpoint, lower, upper, initial] = s;
+  a("name", name), a("terms", terms), a("gain", gain), a("is_setpoint", is_setpoint);
+  a("lower", lower), a("upper", upper), a("initial", initial);
+}
+
+template <class A>
+void Fields(A& a, Like<MechanismDef, A>& s) {
+  auto& [name, base, X_WR, bodies, joints, closures, couplings, springs, controls, interfaces, chosen, modes] = s;
+  a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
+  a("closures", closures), a("couplings", couplings), a("springs", springs), a("controls", controls);
+  a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);
+}
+
+template <class A>
+void Fields(A& a, Like<FreeBodyDef, A>& s) {
+  auto& [name, X_WB, inertia, geometries] = s;
+  a("name", name), a("X_WB", X_WB), a("inertia", inertia), a("geometries", geometries);
+}
+
+template <class A>
+void Fields(A& a, Like<KeyframeDef::MechanismState, A>& s) {
+  auto& [q, q_dot, X_WR, V_R, controls] = s;
+  a("q", q), a("q_dot", q_dot), a("X_WR", X_WR), a("V_R", V_R), a("controls", controls);
+}
+
+template <class A>
+void Fields(A& a, Like<KeyframeDef::FreeBodyState, A>& s) {
+  auto& [X_WB, omega_W, velocity_W] = s;
+  a("X_WB", X_WB), a("omega_W", omega_W), a("velocity_W", velocity_W);
+}
+
+template <class A>
+void Fields(A& a, Like<KeyframeDef, A>& s) {
+  auto& [name, mechanisms, free_bodies] = s;
+  a("name", name), a("mechanisms", mechanisms), a("free_bodies", free_bodies);
+}
+
+template <class A>
+void Fields(A& a, Like<Scene, A>& s) {
+  auto& [name, gravity, timestep, mechanisms, free_bodies, world, excluded_pairs, keyframes] = s;
+  a("name", name), a("gravity", gravity), a("timestep", timestep), a("mechanisms", mechanisms);
+  a("free_bodies", free_bodies), a("world", world), a("excluded_pairs", excluded_pairs), a("keyframes", keyframes);
+}
+
+template <class A>
+void Fields(A& a, Like<ContactSolverOptions, A>& s) {
+  auto& [max_sweeps, tolerance, max_newton_iterations] = s;
+  a("max_sweeps", max_sweeps), a("tolerance", tolerance), a("max_newton_iterations", max_newton_iterations);
+}
+
+template <class A>
+void Fields(A& a, Like<StepOptions, A>& s) {
+  auto& [h, gravity, correction, slop, max_speed, curvature, refresh, contact] = s;
+  a("h", h), a("gravity", gravity), a("penetration_correction", correction), a("slop", slop);
+  a("max_correction_speed", max_speed), a("contact_curvature", curvature), a("refresh", refresh), a("contact", contact);
+}
+
+template <class A>
+void Fields(A& a, Like<CollisionOptions, A>& s) {
+  auto& [margin, multi_point] = s;
+  a("margin", margin), a("multi_point", multi_point);
+}
+
+template <class A>
+void Fields(A& a, Like<ReductionOptions, A>& s) {
+  auto& [interfaces, modes, rank_tolerance, promote_hidden] = s;
+  a("interfaces", interfaces), a("modes", modes), a("rank_tolerance", rank_tolerance);
+  a("promote_hidden", promote_hidden);
+}
+
+template <class A>
+void Fields(A& a, Like<SimulationOptions, A>& s) {
+  auto& [dt, recovery, reduction, refresh_angle, initial_keyframe, step, collision] = s;
+  a("dt", dt), a("recovery", recovery), a("reduction", reduction), a("refresh_angle", refresh_angle);
+  a("initial_keyframe", initial_keyframe), a("step", step), a("collision", collision);
+}
+
+}  // namespace fork1s::internal

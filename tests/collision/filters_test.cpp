@@ -1,0 +1,145 @@
+#include "scenes.hpp"
+
+namespace fork1s {
+namespace {
+
+using namespace testing;
+
+CollisionBodyDef BallOn(double x, int contype = 1, int conaffinity = 1) {
+  CollisionBodyDef ball = Moving(Sphere{0.1}, At(x, 0, 0.0995));
+  ball.geometries[0].contype = contype;
+  ball.geometries[0].conaffinity = conaffinity;
+  return ball;
+}
+
+TEST(CollisionFilters, ContypeAndConaffinity) {
+  // Balls overlap by 1 mm and none touches the absent ground.
+  const auto count = [](int ct_a, int ca_a, int ct_b, int ca_b) {
+    return Contacts({BallOn(0, ct_a, ca_a), BallOn(0.199, ct_b, ca_b)}).size();
+  };
+  EXPECT_EQ(count(1, 1, 1, 1), 1u);
+  EXPECT_EQ(count(1, 0, 1, 0), 0u);
+  EXPECT_EQ(count(1, 0, 0, 1), 1u);
+  EXPECT_EQ(count(2, 0, 1, 2), 1u);
+  EXPECT_EQ(count(2, 4, 1, 8), 0u);
+  EXPECT_EQ(count(0, 0, 1, 1), 0u);
+}
+
+TEST(CollisionFilters, ExcludedPairs) {
+  const std::vector<CollisionBodyDef> bodies = {Still(Plane{}), BallOn(0), BallOn(0.199),
+                                                Still(Box{Vector3(0.1, 0.1, 0.1)}, At(-0.1995, 0, 0.1))};
+  EXPECT_EQ(Contacts(bodies).size(), 4u);
+  EXPECT_EQ(Contacts(bodies, {{2, 1}}).size(), 3u);  // moving, moving
+  const auto without_ground = Contacts(bodies, {{0, 1}, {1, 2}});
+  ASSERT_EQ(without_ground.size(), 2u);  // still, moving: the other still body is not affected
+  for (const ContactPoint& c : without_ground) EXPECT_FALSE(c.body_a == 0 && c.body_b == 1);
+}
+
+TEST(CollisionFilters, StillBodiesNeverTouch) {
+  std::vector<CollisionBodyDef> bodies;
+  for (int k = 0; k < 5; ++k) bodies.push_back(Still(Plane{}, At(0, 0, -0.01 * k)));
+  bodies.push_back(Still(Box{Vector3(1, 1, 1)}));
+  EXPECT_TRUE(Contacts(bodies).empty());
+  bodies.push_back(BallOn(3));
+  EXPECT_EQ(Contacts(bodies).size(), 1u);
+}
+
+TEST(CollisionFilters, ShapesOfOneBodyNeverTouch) {
+  EXPECT_TRUE(Contacts({Moving({Geometry(Sphere{0.1}), Geometry(Sphere{0.1}, At(0.1, 0, 0))})}).empty());
+}
+
+TEST(CollisionFilters, GeometryIndicesSkipWhatDoesNotCollide) {
+  GeometryDef drawn = Geometry(Sphere{0.1}, At(5, 0, 0));
+  drawn.contype = drawn.conaffinity = 0;
+  const auto contacts =
+      Contacts({Moving({drawn, Geometry(Sphere{0.1}, At(9, 0, 0)), Geometry(Sphere{0.1})}, At(0, 0, 0.0995)),
+                Still(Plane{})});
+  ASSERT_EQ(contacts.size(), 2u);
+  EXPECT_EQ(contacts[0].geometry_b + contacts[1].geometry_b, 3);
+  EXPECT_EQ(contacts[0].geometry_a, 0);
+}
+
+TEST(CollisionFilters, FrictionOfAPair) {
+  const auto friction = [](double f1, int p1, bool less1, double f2, int p2, bool less2) {
+    CollisionBodyDef a = Still(Plane{}), b = BallOn(0);
+    a.geometries[0].friction = f1;
+    a.geometries[0].priority = p1;
+    a.geometries[0].frictionless = less1;
+    b.geometries[0].friction = f2;
+    b.geometries[0].priority = p2;
+    b.geometries[0].frictionless = less2;
+    const auto contacts = Contacts({a, b});
+    EXPECT_EQ(contacts.size(), 1u);
+    return contacts.empty() ? -1 : contacts[0].friction;
+  };
+  EXPECT_EQ(friction(0.3, 0, false, 0.8, 0, false), 0.8);
+  EXPECT_EQ(friction(0.3, 1, false, 0.8, 0, false), 0.3);
+  EXPECT_EQ(friction(0.3, 0, false, 0.8, 1, true), 0);
+  EXPECT_EQ(friction(0.3, 0, true, 0.8, 0, true), 0);
+  EXPECT_EQ(friction(0.3, 0, true, 0.8, 0, false), 0.8);  // as in MJCF: the larger condim wins
+  EXPECT_EQ(friction(0, 0, false, 0, 0, false), 0);
+}
+
+TEST(CollisionErrors, NameTheGeometry) {
+  const auto error = [](Shape shape) {
+    CollisionBodyDef body = Moving(std::move(shape));
+    body.name = "hand";
+    body.geometries[0].name = "palm";
+    const auto world = CollisionWorld::Create({Still(Plane{}), body}, {});
+    EXPECT_FALSE(world.has_value());
+    return world.has_value() ? Error{} : world.error();
+  };
+  auto flat = std::make_shared<TriangleMesh>();
+  flat->vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}, {0.5f, 0.5f, 0}};
+  flat->triangles = {{0, 1, 2}, {1, 3, 2}};
+  auto few = std::make_shared<TriangleMesh>();
+  few->vertices = {{0, 0, 0}, {1, 0, 0}};
+  auto wrong = std::make_shared<TriangleMesh>(*BoxMesh(Vector3::Ones(), Vector3::Zero()).mesh);
+  wrong->triangles.emplace_back(0, 1, 99);
+  const std::vector<Shape> shapes = {Sphere{0},      Sphere{-1},       Box{Vector3(1, 0, 1)},
+                                     Plane{},        Capsule{0.1, -1}, MeshShape{flat},
+                                     MeshShape{few}, MeshShape{wrong}, MeshShape{},
+                                     HeightField{},  Cylinder{NAN, 1}};
+  for (const Shape& shape : shapes) {
+    const Error e = error(shape);
+    EXPECT_EQ(e.code, ErrorCode::kModel) << ShapeName(shape);
+    EXPECT_EQ(e.where, "body hand, geometry palm") << ShapeName(shape) << ": " << e.message;
+    EXPECT_FALSE(e.message.empty());
+  }
+  EXPECT_FALSE(CollisionWorld::Create({Still(Plane{})}, {{0, 7}}).has_value());
+  CollisionOptions options;
+  options.margin = -1;
+  EXPECT_FALSE(CollisionWorld::Create({}, {}, options).has_value());
+}
+
+TEST(CollisionErrors, CallerMistakesThrow) {
+  auto world = CollisionWorld::Create({Still(Plane{}), BallOn(0)}, {});
+  ASSERT_TRUE(world.has_value());
+  EXPECT_THROW(world->SetPose(0, {}), std::invalid_argument);
+  EXPECT_THROW(world->SetPose(2, {}), std::invalid_argument);
+}
+
+TEST(Collision, EmptyWorldsAreFine) {
+  EXPECT_TRUE(Contacts({}).empty());
+  EXPECT_TRUE(Contacts({Moving(std::vector<GeometryDef>{})}).empty());
+  EXPECT_TRUE(Contacts({Still(Plane{})}).empty());
+}
+
+TEST(Collision, FullBufferIsReported) {
+  // Every one of n balls in one place touches every other.
+  std::vector<CollisionBodyDef> bodies;
+  for (int k = 0; k < 120; ++k) bodies.push_back(Moving(Sphere{0.1}, At(1e-3 * k, 0, 0)));
+  auto world = CollisionWorld::Create(bodies, {});
+  ASSERT_TRUE(world.has_value()) << world.error().Text();
+  std::vector<ContactPoint> contacts;
+  for (int repeat = 0; repeat < 2; ++repeat) {
+    EXPECT_FALSE(world->Detect(contacts));
+    EXPECT_GT(contacts.size(), 1000u);
+  }
+  for (int k = 0; k < 120; ++k) world->SetPose(k, At(k, 0, 0));
+  EXPECT_TRUE(world->Detect(contacts));
+  EXPECT_TRUE(contacts.empty());
+}
+
+}  // namespace
+}  // namespace fork1s

@@ -1,0 +1,69 @@
+// Bodies written in one line each, and their contacts.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <fork1s/collision/collision_world.hpp>
+
+namespace fork1s::testing {
+
+inline GeometryDef Geometry(Shape shape, const RigidTransform& X_BG = {}) {
+  GeometryDef g;
+  g.shape = std::move(shape);
+  g.X_BG = X_BG;
+  return g;
+}
+
+inline CollisionBodyDef Moving(std::vector<GeometryDef> geometries, const RigidTransform& X_WB = {}) {
+  CollisionBodyDef body;
+  body.name = "moving";
+  body.geometries = std::move(geometries);
+  body.X_WB = X_WB;
+  return body;
+}
+inline CollisionBodyDef Moving(Shape shape, const RigidTransform& X_WB = {}) {
+  return Moving(std::vector<GeometryDef>{Geometry(std::move(shape))}, X_WB);
+}
+inline CollisionBodyDef Still(Shape shape, const RigidTransform& X_WB = {}) {
+  CollisionBodyDef body = Moving(std::move(shape), X_WB);
+  body.name = "still";
+  body.moves = false;
+  return body;
+}
+inline RigidTransform At(double x, double y, double z) { return RigidTransform(Vector3(x, y, z)); }
+
+inline std::vector<ContactPoint> Contacts(const std::vector<CollisionBodyDef>& bodies,
+                                          const std::vector<std::pair<int, int>>& excluded = {},
+                                          const CollisionOptions& options = {}) {
+  std::vector<ContactPoint> contacts;
+  Expected<CollisionWorld> world = CollisionWorld::Create(bodies, excluded, options);
+  EXPECT_TRUE(world.has_value()) << (world.has_value() ? "" : world.error().Text());
+  if (world.has_value()) {
+    EXPECT_TRUE(world->Detect(contacts));
+  }
+  for (const ContactPoint& c : contacts) {
+    EXPECT_LT((c.frame * c.frame.transpose() - Matrix3::Identity()).norm(), 1e-12);
+    EXPECT_NEAR(c.frame.determinant(), 1, 1e-12);
+    EXPECT_LT(c.gap, options.margin);
+  }
+  return contacts;
+}
+
+/// The corners of a box as a mesh, moved away from its own centre by `shift`.
+inline MeshShape BoxMesh(const Vector3& half, const Vector3& shift) {
+  auto mesh = std::make_shared<TriangleMesh>();
+  mesh->name = "box";
+  for (int k = 0; k < 8; ++k) {
+    const Vector3 corner(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1);
+    mesh->vertices.push_back((corner.cwiseProduct(half) + shift).cast<float>());
+  }
+  constexpr int kQuads[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
+                                {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
+  for (const auto& q : kQuads) {
+    mesh->triangles.emplace_back(q[0], q[1], q[2]);
+    mesh->triangles.emplace_back(q[0], q[2], q[3]);
+  }
+  return MeshShape{mesh};
+}
+
+}  // namespace fork1s::testing

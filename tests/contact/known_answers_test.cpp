@@ -1,0 +1,228 @@
+#include <gtest/gtest.h>
+
+#include "problems.hpp"
+
+namespace fork1s {
+namespace {
+
+using testing::BoxOnPlane;
+using testing::kGravity;
+using testing::kStep;
+using testing::LawViolation;
+using testing::Problem;
+using testing::RigidBodyW;
+using testing::TouchAt;
+
+ContactSolverReport SolveProblem(Problem& p, const ContactSolverOptions& options = {}) {
+  ContactSolver solver;
+  return solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, options);
+}
+
+// A light ball that carries a heavy one: sweeps pass on a thousandth of the load each.
+Problem HeavyOnLight(double light, double heavy) {
+  Problem p;
+  p.W = {RigidBodyW(light, 0.4 * light * 1e-4), RigidBodyW(heavy, 0.4 * heavy * 1e-2)};
+  p.Finish();
+  p.contacts = {TouchAt(-1, Vector3::Zero(), 0, Vector3(0, 0, -0.01), Vector3::UnitZ(), 0.5),
+                TouchAt(0, Vector3(0, 0, 0.01), 6, Vector3(0, 0, -0.1), Vector3::UnitZ(), 0.5)};
+  p.velocity[5] = p.velocity[11] = -kGravity * kStep;
+  return p;
+}
+
+TEST(Contact, HeavyBallOnLightBallNeedsNewton) {
+  Problem p = HeavyOnLight(0.02, 20);
+  ContactSolverOptions sweeps_only;
+  sweeps_only.max_sweeps = 1000;
+  sweeps_only.max_newton_iterations = 0;
+  EXPECT_FALSE(SolveProblem(p, sweeps_only).converged);
+
+  p = HeavyOnLight(0.02, 20);
+  const ContactSolverReport report = SolveProblem(p);
+  EXPECT_TRUE(report.converged);
+  EXPECT_LE(report.newton_iterations, 10);
+  EXPECT_GE(report.newton_iterations, 1);
+  RecordProperty("newton_iterations", report.newton_iterations);
+  EXPECT_NEAR(p.contacts[1].impulse[0], 20 * kGravity * kStep, 1e-8);
+  EXPECT_NEAR(p.contacts[0].impulse[0], 20.02 * kGravity * kStep, 1e-8);
+  EXPECT_LT(p.velocity.norm(), 1e-8);
+}
+
+TEST(Contact, MassRatioOfAMillion) {
+  Problem p = HeavyOnLight(1e-3, 1e3);
+  const ContactSolverReport report = SolveProblem(p);
+  EXPECT_TRUE(report.converged);
+  EXPECT_NEAR(p.contacts[0].impulse[0], (1e3 + 1e-3) * kGravity * kStep, 1e-6);
+}
+
+TEST(Contact, BoxSticksBelowTheCone) {
+  const double mass = 2, mu = 0.5;
+  Problem p = BoxOnPlane(mass, mu);
+  p.velocity[3] = 0.9 * mu * kGravity * kStep;
+  EXPECT_TRUE(SolveProblem(p).converged);
+  EXPECT_LT(p.velocity.norm(), 1e-5 * kGravity * kStep);
+}
+
+TEST(Contact, BoxSlidesAboveTheCone) {
+  const double mass = 2, mu = 0.3;
+  // Low, so that it slides rather than tips.
+  Problem p = BoxOnPlane(mass, mu, 0.2, 0.02);
+  const Vector3 push(0.5, 0.2, 0);
+  p.velocity.tail<3>() += push;
+  ContactSolverOptions options;
+  options.tolerance = 1e-9;
+  options.max_sweeps = 500;
+  EXPECT_TRUE(SolveProblem(p, options).converged);
+  const double normal = mass * kGravity * kStep;
+  double sum = 0;
+  Vector3 friction = Vector3::Zero();
+  for (const ContactConstraint& c : p.contacts) {
+    sum += c.impulse[0];
+    Vector3 lambda = c.impulse;
+    lambda[0] = 0;
+    friction += c.J_b.rightCols<3>().transpose() * lambda;
+  }
+  EXPECT_NEAR(sum, normal, 1e-8);
+  EXPECT_LT((friction + mu * normal * push.normalized()).norm(), 1e-8);
+  EXPECT_LT((p.velocity.tail<3>() - (push - mu * kGravity * kStep * push.normalized())).norm(), 1e-8);
+}
+
+TEST(Contact, TheLawAtTheConeItself) {
+  for (double side : {1 - 1e-6, 1.0, 1 + 1e-6}) {
+    Problem p;
+    p.W = {RigidBodyW(1, 1)};
+    p.Finish();
+    p.contacts = {TouchAt(-1, Vector3::Zero(), 0, Vector3::Zero(), Vector3::UnitZ(), 0.5)};
+    p.velocity << 0, 0, 0, side * 0.5, 0, -1;
+    EXPECT_TRUE(SolveProblem(p).converged);
+    EXPECT_NEAR(p.velocity[3], std::max(0.0, side * 0.5 - 0.5), 1e-8);
+    EXPECT_NEAR(p.contacts[0].impulse[0], 1, 1e-8);
+  }
+}
+
+TEST(Contact, ZeroFriction) {
+  Problem p = BoxOnPlane(1, 0);
+  p.velocity[3] = 1;
+  EXPECT_TRUE(SolveProblem(p).converged);
+  EXPECT_DOUBLE_EQ(p.velocity[3], 1);
+  EXPECT_NEAR(p.velocity[5], 0, 1e-5);
+}
+
+TEST(Contact, BoxBetweenTwoFingers) {
+  // Two fingers on springs, four points each: seven of the eight normals are redundant.
+  Problem p;
+  const double mass = 0.2, grip = 0.05;
+  p.W = {RigidBodyW(mass, 1e-3), RigidBodyW(0.05, 1e-4), RigidBodyW(0.05, 1e-4)};
+  p.Finish();
+  for (int side : {-1, 1}) {
+    for (double y : {-0.01, 0.01}) {
+      for (double z : {-0.01, 0.01}) {
+        p.contacts.push_back(TouchAt(side < 0 ? 6 : 12, Vector3(-0.02 * side, y, z), 0,
+                                     Vector3(0.03 * side, y, z), Vector3(-side, 0, 0), 0.8));
+      }
+    }
+  }
+  p.velocity[5] = -kGravity * kStep;
+  p.velocity[9] = grip / 0.05;
+  p.velocity[15] = -grip / 0.05;
+  const VectorX start = p.velocity;
+  const ContactSolverReport report = SolveProblem(p);
+  EXPECT_TRUE(report.converged);
+  EXPECT_LT(LawViolation(p, start, p.velocity), 1e-3);
+  EXPECT_NEAR(p.velocity[3], 0, 1e-4);
+  // It sticks: all three fall together with the momentum they had.
+  EXPECT_NEAR(p.velocity[5], -kGravity * kStep * mass / (mass + 0.1), 1e-4);
+}
+
+TEST(Contact, LimitsStopWhatPassesThem) {
+  Problem p;
+  p.W = {(MatrixX(2, 2) << 2, 1, 1, 3).finished()};
+  p.Finish();
+  p.velocity << -1, 0.5;
+  p.limits.push_back({0, 1, 0, 0});     // v0 ≥ 0
+  p.limits.push_back({1, -1, 0.2, 0});  // v1 ≤ 0.2
+  const VectorX start = p.velocity;
+  EXPECT_TRUE(SolveProblem(p).converged);
+  EXPECT_LT(LawViolation(p, start, p.velocity), 1e-4);
+  EXPECT_NEAR(p.velocity[0], 0, 1e-4);
+  EXPECT_NEAR(p.velocity[1], 0.2, 1e-4);
+}
+
+TEST(Contact, NothingToDo) {
+  Problem p;
+  p.W = {RigidBodyW(1, 1)};
+  p.Finish();
+  p.velocity[0] = 3;
+  const ContactSolverReport report = SolveProblem(p);
+  EXPECT_TRUE(report.converged);
+  EXPECT_EQ(report.sweeps, 0);
+  EXPECT_EQ(p.velocity[0], 3);
+}
+
+TEST(Contact, SeparatingContactsStayFree) {
+  Problem p = BoxOnPlane(1, 0.5);
+  p.velocity[5] = 0.1;
+  EXPECT_TRUE(SolveProblem(p).converged);
+  for (const ContactConstraint& c : p.contacts) EXPECT_EQ(c.impulse, Vector3::Zero());
+}
+
+TEST(Contact, ImmovableBodyGetsNoImpulse) {
+  // A rigid driven body against the world: no impulse can help, and none appears.
+  Problem p;
+  p.W = {MatrixX::Zero(6, 6), RigidBodyW(1, 1)};
+  p.Finish();
+  p.contacts = {TouchAt(-1, Vector3::Zero(), 0, Vector3::Zero(), Vector3::UnitZ(), 0.5),
+                TouchAt(0, Vector3::Zero(), 6, Vector3::Zero(), Vector3::UnitZ(), 0.5)};
+  p.velocity[5] = -1;
+  p.velocity[11] = -3;
+  EXPECT_TRUE(SolveProblem(p).converged);
+  EXPECT_EQ(p.contacts[0].impulse, Vector3::Zero());
+  EXPECT_NEAR(p.contacts[1].impulse[0], 2, 1e-4);
+  EXPECT_EQ(p.velocity[5], -1);
+}
+
+TEST(Contact, OneFreedomOnly) {
+  // A slider that can only move along z, so both tangents are in the null space of W.
+  Problem p;
+  MatrixX w = MatrixX::Zero(6, 6);
+  w(5, 5) = 1;
+  p.W = {w};
+  p.Finish();
+  p.contacts = {TouchAt(-1, Vector3::Zero(), 0, Vector3::Zero(), Vector3::UnitZ(), 0.5)};
+  p.velocity << 0, 0, 0, 0.3, 0, -1;
+  EXPECT_TRUE(SolveProblem(p).converged);
+  EXPECT_NEAR(p.contacts[0].impulse[0], 1, 1e-6);
+  EXPECT_NEAR(p.contacts[0].impulse.tail<2>().norm(), 0.5, 1e-6);
+}
+
+TEST(Contact, JawsThatCannotYieldAreReported) {
+  // A free box squeezed by two immovable jaws that close: no velocity satisfies both.
+  Problem p;
+  p.W = {RigidBodyW(1, 0.01), MatrixX::Zero(6, 6), MatrixX::Zero(6, 6)};
+  p.Finish();
+  p.contacts = {TouchAt(6, Vector3::Zero(), 0, Vector3(-0.1, 0, 0), Vector3::UnitX(), 0.5),
+                TouchAt(12, Vector3::Zero(), 0, Vector3(0.1, 0, 0), -Vector3::UnitX(), 0.5)};
+  p.velocity[9] = 1;
+  p.velocity[15] = -1;
+  const ContactSolverReport report = SolveProblem(p);
+  EXPECT_FALSE(report.converged);
+  EXPECT_TRUE(p.velocity.allFinite());
+}
+
+TEST(Contact, NonFiniteInputGivesNoImpulses) {
+  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  for (int what = 0; what < 6; ++what) {
+    Problem p = BoxOnPlane(1, 0.5);
+    p.contacts[0].impulse = Vector3(1, 0, 0);
+    if (what == 0) p.velocity[2] = nan;
+    if (what == 1) p.W[0](3, 3) = inf;
+    if (what == 2) p.contacts[1].J_b(0, 0) = nan;
+    if (what == 3) p.contacts[1].bias[0] = inf;
+    if (what == 4) p.contacts[1].friction = nan;
+    if (what == 5) p.contacts[1].impulse[1] = nan;
+    EXPECT_FALSE(SolveProblem(p).converged) << what;
+    for (const ContactConstraint& c : p.contacts) EXPECT_EQ(c.impulse, Vector3::Zero()) << what;
+  }
+}
+
+}  // namespace
+}  // namespace fork1s

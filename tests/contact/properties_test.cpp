@@ -1,0 +1,198 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+#include <string>
+
+#include "problems.hpp"
+
+namespace fork1s {
+namespace {
+
+using testing::LawViolation;
+using testing::Problem;
+using testing::RandomProblem;
+using testing::Uniform;
+
+struct Shape {
+  int ports, free, contacts;
+};
+
+Problem Draw(std::mt19937& random, int trial) {
+  constexpr Shape kShapes[] = {{1, 0, 1}, {2, 1, 4}, {5, 1, 8}, {0, 3, 6}, {5, 5, 20}, {1, 0, 5}};
+  const Shape& s = kShapes[trial % 6];
+  const double mu = trial % 7 == 0 ? 0 : Uniform(random, 0.1, 1.2);
+  Problem p = RandomProblem(random, s.ports, s.free, s.contacts, mu);
+  if (trial % 3 == 0 && s.ports > 0) {
+    std::uniform_int_distribution<int> row(0, 6 * s.ports - 1);
+    for (int k = 0; k < 3; ++k) {
+      p.limits.push_back({row(random), k % 2 ? 1.0 : -1.0, Uniform(random, -0.5, 0.5), 0});
+    }
+  }
+  return p;
+}
+
+TEST(ContactProperties, CoulombLawHolds) {
+  std::mt19937 random(1);
+  ContactSolver solver;
+  int failures = 0, newton = 0;
+  const int trials = 3000;
+  for (int trial = 0; trial < trials; ++trial) {
+    Problem p = Draw(random, trial);
+    const VectorX start = p.velocity;
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    newton += report.newton_iterations > 0;
+    ASSERT_TRUE(p.velocity.allFinite()) << trial;
+    if (!report.converged) {
+      ++failures;
+      continue;
+    }
+    // The residual is in units of the largest impulse, this in units of velocity: a factor apart.
+    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-2) << trial;
+  }
+  RecordProperty("failures", failures);
+  RecordProperty("newton", newton);
+  EXPECT_LE(failures, trials / 50);
+}
+
+TEST(ContactProperties, TightToleranceIsMet) {
+  std::mt19937 random(2);
+  ContactSolver solver;
+  ContactSolverOptions options;
+  options.tolerance = 1e-9;
+  int failures = 0;
+  const int trials = 1000;
+  for (int trial = 0; trial < trials; ++trial) {
+    Problem p = Draw(random, trial);
+    const VectorX start = p.velocity;
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, options);
+    if (!report.converged) {
+      ++failures;
+      continue;
+    }
+    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-7) << trial;
+  }
+  RecordProperty("failures", failures);
+  EXPECT_LE(failures, trials / 25);
+}
+
+// With zero bias impulses take energy away: ½ v⁺ᵀW⁻¹v⁺ ≤ ½ v*ᵀW⁻¹v*.
+TEST(ContactProperties, ImpulsesDoNoPositiveWork) {
+  std::mt19937 random(3);
+  ContactSolver solver;
+  for (int trial = 0; trial < 500; ++trial) {
+    Problem p = Draw(random, trial);
+    p.limits.clear();
+    const VectorX start = p.velocity;
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    if (!report.converged) continue;
+    const Eigen::LLT<MatrixX> W(p.FullW());
+    const double before = start.dot(W.solve(start)), after = p.velocity.dot(W.solve(p.velocity));
+    EXPECT_LE(after, before * (1 + 1e-4)) << trial;
+  }
+}
+
+// Where the solution is unique (contacts on distinct bodies, little friction) the order cannot matter.
+TEST(ContactProperties, OrderDoesNotMatter) {
+  std::mt19937 random(4);
+  ContactSolver solver;
+  ContactSolverOptions options;
+  options.tolerance = 1e-10;
+  options.max_sweeps = 2000;
+  for (int trial = 0; trial < 200; ++trial) {
+    Problem p = RandomProblem(random, 4, 0, 3, 0.3);
+    Problem q;
+    q.W = p.W;
+    q.Finish();
+    q.velocity = p.velocity;
+    std::vector<std::size_t> order(p.contacts.size());
+    std::iota(order.begin(), order.end(), 0u);
+    std::shuffle(order.begin(), order.end(), random);
+    for (std::size_t k : order) q.contacts.push_back(p.contacts[k]);
+    if (!solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, options).converged) continue;
+    ASSERT_TRUE(solver.Solve(q.blocks, q.contacts, q.limits, q.velocity, options).converged);
+    EXPECT_LT((p.velocity - q.velocity).norm(), 1e-7 * (1 + p.velocity.norm())) << trial;
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      EXPECT_LT((p.contacts[order[k]].impulse - q.contacts[k].impulse).norm(), 1e-6) << trial;
+    }
+  }
+}
+
+TEST(ContactProperties, WarmStartAtSteadyState) {
+  std::mt19937 random(5);
+  ContactSolver solver;
+  for (int trial = 0; trial < 300; ++trial) {
+    Problem p = Draw(random, trial);
+    const VectorX start = p.velocity;
+    if (!solver.Solve(p.blocks, p.contacts, p.limits, p.velocity).converged) continue;
+    p.velocity = start;
+    const ContactSolverReport again = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    EXPECT_TRUE(again.converged) << trial;
+    EXPECT_LE(again.sweeps, 50) << trial;
+    EXPECT_LT(testing::LawViolation(p, start, p.velocity), 1e-2) << trial;
+  }
+  // A box at rest: the answer of the step before is the answer.
+  Problem p = testing::BoxOnPlane(1, 0.5);
+  const VectorX start = p.velocity;
+  solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+  p.velocity = start;
+  EXPECT_LE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity).sweeps, 2);
+}
+
+TEST(ContactProperties, SameInputSameBits) {
+  for (int trial = 0; trial < 100; ++trial) {
+    std::mt19937 random_a(static_cast<unsigned>(trial)), random_b(static_cast<unsigned>(trial));
+    Problem p = Draw(random_a, trial), q = Draw(random_b, trial);
+    ContactSolver fresh, used;
+    Problem other = Draw(random_a, trial + 1);
+    used.Solve(other.blocks, other.contacts, other.limits, other.velocity);
+    fresh.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    used.Solve(q.blocks, q.contacts, q.limits, q.velocity);
+    ASSERT_EQ(p.velocity, q.velocity);
+    for (std::size_t k = 0; k < p.contacts.size(); ++k) {
+      ASSERT_EQ(p.contacts[k].impulse, q.contacts[k].impulse);
+    }
+  }
+}
+
+// Four corners where three would do, many times over: impulses are not unique, the motion is.
+TEST(ContactProperties, RedundantContacts) {
+  std::mt19937 random(6);
+  ContactSolver solver;
+  for (int trial = 0; trial < 500; ++trial) {
+    Problem p = testing::BoxOnPlane(Uniform(random, 0.1, 5), Uniform(random, 0, 1));
+    for (int k = 0; k < 6; ++k) p.velocity[k] += Uniform(random, -0.5, 0.5);
+    std::vector<ContactConstraint> again = p.contacts;
+    p.contacts.insert(p.contacts.end(), again.begin(), again.end());
+    const VectorX start = p.velocity;
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    EXPECT_TRUE(report.converged) << trial << " residual " << report.residual;
+    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-2) << trial;
+  }
+}
+
+// A tower of boxes, four points a face.
+TEST(ContactProperties, TowerStands) {
+  for (int boxes : {2, 5, 10}) {
+    Problem p;
+    for (int k = 0; k < boxes; ++k) p.W.push_back(testing::BoxOnPlane(1, 0.5).W[0]);
+    p.Finish();
+    for (int k = 0; k < boxes; ++k) {
+      p.velocity[6 * k + 5] = -testing::kGravity * testing::kStep;
+      for (double x : {-0.1, 0.1}) {
+        for (double y : {-0.1, 0.1}) {
+          p.contacts.push_back(testing::TouchAt(6 * k - 6 < 0 ? -1 : 6 * k - 6, Vector3(x, y, 0.1), 6 * k,
+                                                Vector3(x, y, -0.1), Vector3::UnitZ(), 0.5));
+        }
+      }
+    }
+    ContactSolver solver;
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    EXPECT_TRUE(report.converged) << boxes << " residual " << report.residual;
+    EXPECT_LT(p.velocity.cwiseAbs().maxCoeff(), 1e-3) << boxes;
+    RecordProperty("newton_iterations_" + std::to_string(boxes), report.newton_iterations);
+  }
+}
+
+}  // namespace
+}  // namespace fork1s

@@ -1,0 +1,162 @@
+// Files that cannot be used: each says file, element, cause and remedy.
+#include "helpers.hpp"
+
+namespace fork1s::testing_importer {
+namespace {
+
+std::string Body(const std::string& joint, const std::string& more = R"(<geom size=".1"/>)",
+                 const std::string& after = "") {
+  return "<mujoco>\n<worldbody>\n<body name=\"arm\">\n<joint name=\"elbow\" " + joint + "/>\n" + more +
+         "\n</body></worldbody>\n" + after + "</mujoco>";
+}
+
+struct Bad {
+  const char* name;
+  std::string text;
+  ErrorCode code;
+  std::vector<std::string> says;
+};
+void PrintTo(const Bad& bad, std::ostream* os) { *os << bad.name; }
+
+class BadFile : public ::testing::TestWithParam<Bad> {};
+
+TEST_P(BadFile, IsRefusedWithASentence) {
+  const Error error = MustFail(GetParam().text);
+  EXPECT_EQ(static_cast<int>(error.code), static_cast<int>(GetParam().code)) << error.Text();
+  EXPECT_CONTAINS(error.where, "test.xml");
+  for (const std::string& part : GetParam().says) EXPECT_CONTAINS(error.Text(), part);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Importer, BadFile,
+    ::testing::Values(
+        Bad{"nan_mass",
+            Body("", R"(<geom size=".1" mass="nan"/>)"),
+            ErrorCode::kModel,
+            {"line 5", "mass=\"nan\"", "write a number"}},
+        Bad{"inf_stiffness",
+            Body(R"(stiffness="-Inf")"),
+            ErrorCode::kModel,
+            {"line 4", "'elbow'", "stiffness"}},
+        Bad{"overflow", Body(R"(stiffness="1e999")"), ErrorCode::kFormat, {"stiffness"}},
+        Bad{"negative_stiffness",
+            Body(R"(stiffness="-3")"),
+            ErrorCode::kModel,
+            {"'elbow'", "-3", "0 or more"}},
+        Bad{"negative_damping", Body(R"(damping="-3")"), ErrorCode::kModel, {"'elbow'", "damping"}},
+        Bad{"negative_mass",
+            Body("", R"(<geom name="lump" size=".1" mass="-1"/>)"),
+            ErrorCode::kModel,
+            {"'lump'", "negative", "positive"}},
+        Bad{"no_mass", Body("", ""), ErrorCode::kModel, {"'arm'", "<inertial>"}},
+        Bad{"zero_inertia",
+            Body("", R"(<inertial pos="0 0 0" mass="1" diaginertia="0 0 0"/>)"),
+            ErrorCode::kModel,
+            {"'arm'"}},
+        Bad{"zero_axis", Body(R"(axis="0 0 0")"), ErrorCode::kModel, {"'elbow'", "non-zero axis"}},
+        Bad{"newer_attribute",
+            Body("", R"(<geom size=".1"/><body gravcomp="1"/>)"),
+            ErrorCode::kFormat,
+            {"line 5", "gravcomp", "2.2.2"}},
+        Bad{"newer_keyword",
+            "<mujoco>\n<option integrator=\"implicitfast\"/></mujoco>",
+            ErrorCode::kFormat,
+            {"line 2", "implicitfast", "2.2.2"}},
+        Bad{"truncated", "<mujoco>\n<worldbody>\n<body", ErrorCode::kFormat, {"line 3", "well-formed"}},
+        Bad{"empty", "", ErrorCode::kFormat, {"empty"}},
+        Bad{"comment_only", "<!-- nothing -->", ErrorCode::kFormat, {}},
+        Bad{"other_xml", "<html><body/></html>", ErrorCode::kFormat, {"<html>", "<mujoco>"}},
+        Bad{"missing_mesh",
+            Body("", R"(<geom type="mesh" mesh="m"/>)", R"(<asset><mesh name="m" file="gone.stl"/></asset>)"),
+            ErrorCode::kModel,
+            {"'m'", "gone.stl", "put the file there"}},
+        Bad{"nothing_moves",
+            "<mujoco><worldbody><body><geom size='.1'/></body></worldbody></mujoco>",
+            ErrorCode::kModel,
+            {"nothing in the file can move"}},
+        Bad{"bad_keyframe",
+            Body("", R"(<geom size=".1"/>)", R"(<keyframe><key qpos="inf"/></keyframe>)"),
+            ErrorCode::kModel,
+            {"qpos"}},
+        Bad{"unknown_interface",
+            Body("", R"(<geom size=".1"/>)",
+                 R"(<custom><text name="fork1s_interface" data="amr"/></custom>)"),
+            ErrorCode::kModel,
+            {"fork1s_interface", "'amr'", "'arm'"}},
+        Bad{"empty_interface",
+            Body("", R"(<geom size=".1"/>)", R"(<custom><text name="fork1s_interface" data=" "/></custom>)"),
+            ErrorCode::kModel,
+            {"fork1s_interface", "names no body"}},
+        Bad{"unknown_base",
+            Body("", R"(<geom size=".1"/>)", R"(<custom><text name="fork1s_base" data="flying"/></custom>)"),
+            ErrorCode::kModel,
+            {"fork1s_base", "flying", "floating"}},
+        Bad{"bad_modes",
+            Body("", R"(<geom size=".1"/>)", R"(<custom><numeric name="fork1s_modes" data="-2"/></custom>)"),
+            ErrorCode::kModel,
+            {"fork1s_modes", "-2"}}),
+    [](const auto& test) { return std::string(test.param.name); });
+
+TEST(ImportErrors, FilesThatCannotBeRead) {
+  auto loaded = LoadMechanism("/no/such/file.xml");
+  ASSERT_FALSE(loaded);
+  EXPECT_EQ(loaded.error().code, ErrorCode::kFile);
+  loaded = LoadMechanism(::testing::TempDir());
+  ASSERT_FALSE(loaded);
+  EXPECT_CONTAINS(loaded.error().message, "folder");
+}
+
+TEST(ImportErrors, DeepNesting) {
+  const auto chain = [](int n) {
+    std::string text = "<mujoco><worldbody>";
+    for (int i = 0; i < n; ++i) text += R"(<body pos="0 0 1"><joint stiffness="1"/><geom size=".1"/>)";
+    for (int i = 0; i < n; ++i) text += "</body>";
+    return text + "</worldbody></mujoco>";
+  };
+  const Error error = MustFail(chain(200));
+  EXPECT_EQ(error.code, ErrorCode::kFormat);
+  EXPECT_CONTAINS(error.message, "nested too deeply");
+  EXPECT_EQ(MustLoad(chain(90)).scene.mechanisms[0].bodies.size(), 91u);
+}
+
+TEST(ImportErrors, IncludedFileIsNamedWithItsLine) {
+  WriteFile("part.xml", "<mujoco>\n<default>\n<joint\n gravcomp='1'/></default></mujoco>");
+  const std::string path = WriteFile("main.xml", "<mujoco><include file='part.xml'/></mujoco>");
+  const auto loaded = LoadMechanism(path);
+  ASSERT_FALSE(loaded);
+  EXPECT_CONTAINS(loaded.error().where, "part.xml, line 4");
+  WriteFile("part.xml", "<mujoco>\n<option timestep='nan'/></mujoco>");
+  const auto second = LoadMechanism(path);
+  ASSERT_FALSE(second);
+  EXPECT_CONTAINS(second.error().where, "part.xml, line 2");
+}
+
+TEST(ImportErrors, BodyNamedInfIsNoNumber) {
+  EXPECT_EQ(
+      MustLoad("<mujoco><worldbody><body name='inf'><joint name='nan'/><geom size='.1'/></body></worldbody>"
+               "</mujoco>")
+          .scene.mechanisms[0]
+          .bodies[1]
+          .name,
+      "inf");
+}
+
+TEST(ImportErrors, OptionsThatMakeNoSense) {
+  const std::string text =
+      Body("", R"(<geom size=".1"/>)", R"(<keyframe><key name="home" qpos="1"/></keyframe>)");
+  const auto fails = [&](auto change) {
+    ImportOptions options;
+    change(options);
+    return MustFail(text, options).Text();
+  };
+  EXPECT_CONTAINS(fails([](auto& o) { o.keyframe = "hoem"; }), "'home'");
+  EXPECT_CONTAINS(fails([](auto& o) { o.interfaces = {"amr"}; }), "'arm'");
+  EXPECT_CONTAINS(fails([](auto& o) { o.joint_pd["elbwo"] = {1, 1}; }), "'elbow'");
+  EXPECT_CONTAINS(fails([](auto& o) { o.pd = PdGains{-1, 0}; }), "-1");
+  EXPECT_CONTAINS(fails([](auto& o) { o.stiffness_scale = 0; }), "above 0");
+  EXPECT_CONTAINS(fails([](auto& o) { o.modes = -1; }), "-1");
+  EXPECT_CONTAINS(fails([](auto& o) { o.base = BaseKind::kFloating; }), "cannot be floating");
+}
+
+}  // namespace
+}  // namespace fork1s::testing_importer

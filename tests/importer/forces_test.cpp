@@ -1,0 +1,133 @@
+// Springs, tendons and actuators against the generalised forces that MuJoCo computes.
+#include "helpers.hpp"
+
+namespace fork1s::testing_importer {
+namespace {
+
+// τ of springs, dampers and inputs of the imported mechanism, and MuJoCo's qfrc, on scalar joints.
+void ExpectSameForces(const std::string& text, double tolerance = 1e-10) {
+  const ImportedScene loaded = MustLoad(text);
+  ASSERT_EQ(loaded.scene.mechanisms.size(), 1u);
+  const Mechanism mechanism = MustBuild(loaded.scene.mechanisms[0]);
+  Peer peer(text);
+  const mjModel& m = *peer.m;
+  mjData& d = *peer.d;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  const int n = mechanism.num_coordinates();
+  for (int trial = 0; trial < 5; ++trial) {
+    VectorX q(n), v(n), u(static_cast<Eigen::Index>(mechanism.controls().size()));
+    for (int i = 0; i < u.size(); ++i) {
+      u[i] = uniform(random);
+      d.ctrl[mj_name2id(&m, mjOBJ_ACTUATOR, mechanism.controls()[i].name.c_str())] = u[i];
+    }
+    for (const auto& joint : mechanism.joints()) {
+      const int id = mj_name2id(&m, mjOBJ_JOINT, joint.name.c_str());
+      q[joint.offset] = uniform(random);
+      v[joint.offset] = uniform(random);
+      d.qpos[m.jnt_qposadr[id]] = m.qpos0[m.jnt_qposadr[id]] + q[joint.offset];
+      d.qvel[m.jnt_dofadr[id]] = v[joint.offset];
+    }
+    mj_forward(&m, &d);
+    Kinematics kinematics(mechanism);
+    ComputeKinematics(mechanism, q, kinematics);
+    VectorX tau = VectorX::Zero(n);
+    SpringForce(mechanism, kinematics, q, tau);
+    tau -= DampingMatrix(mechanism, kinematics, q) * v;
+    AddControlForce(mechanism, u, tau);
+    for (const auto& joint : mechanism.joints()) {
+      const int dof = peer.Dof(joint.name);
+      EXPECT_NEAR(tau[joint.offset], d.qfrc_passive[dof] + d.qfrc_actuator[dof], tolerance) << joint.name;
+    }
+  }
+}
+
+std::string Model(const std::string& joint_attributes, const std::string& rest) {
+  return R"(<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
+    <body name="a"><joint name="ja" axis="0 1 0" )" +
+         joint_attributes + R"(/><geom size=".1"/>
+      <body name="b" pos="0 0 .3"><joint name="jb" axis="1 0 0" ref="-.3"/><geom size=".1"/>
+        <body name="c" pos="0 0 .3"><joint name="jc" type="slide" axis="0 0 1" ref=".1"/><geom size=".1"/></body>
+      </body></body></worldbody>)" +
+         rest + "</mujoco>";
+}
+
+TEST(ImportForces, JointSpringAwayFromItsReference) {
+  ExpectSameForces(Model(R"(stiffness="7" damping=".3" springref=".8" ref=".2")", ""));
+}
+
+TEST(ImportForces, ServoWithGearAndBias) {
+  ExpectSameForces(Model(R"(stiffness="7" springref=".8" ref=".2")", R"(<actuator>
+    <position name="p" joint="ja" kp="20" gear="3"/>
+    <general name="g" joint="jb" gear="-2" gainprm="5" biastype="affine" biasprm="1.5 -4 -.6"/>
+    <velocity name="v" joint="jc" kv="2.5"/>
+    <motor name="m" joint="jc" gear="4"/>
+    <position name="p2" joint="jb" kp="3"/></actuator>)"));
+}
+
+TEST(ImportForces, TendonServoAndTendonSpring) {
+  ExpectSameForces(Model(R"(ref=".2")", R"(<tendon>
+    <fixed name="t" stiffness="11" damping=".7" springlength=".4"><joint joint="ja" coef=".5"/><joint joint="jb" coef="-2"/></fixed>
+    <fixed name="s"><joint joint="jb" coef="1"/><joint joint="jc" coef="3"/></fixed>
+    <fixed name="one" stiffness="2"><joint joint="jc" coef="-1.5"/></fixed></tendon>
+    <actuator>
+    <position name="p" tendon="s" kp="9" gear="1.7"/>
+    <general name="g" tendon="one" gear="2" gainprm="5" biastype="affine" biasprm=".5 -4 -.6"/>
+    <motor name="m" tendon="t" gear="2"/></actuator>)"));
+}
+
+TEST(ImportForces, ControlsKeepNamesRangesAndKinds) {
+  const ImportedScene loaded = MustLoad(Model("", R"(<actuator>
+    <position name="p" joint="ja" kp="20" ctrllimited="true" ctrlrange=".5 1"/>
+    <motor name="m" joint="jb"/><velocity name="v" joint="jc" kv="3"/></actuator>)"));
+  const auto& controls = loaded.scene.mechanisms[0].controls;
+  ASSERT_EQ(controls.size(), 3u);
+  EXPECT_TRUE(controls[0].is_setpoint);
+  EXPECT_EQ(controls[0].initial, .5);  // 0 is outside the range
+  EXPECT_EQ(controls[0].upper, 1);
+  EXPECT_FALSE(controls[1].is_setpoint);
+  EXPECT_FALSE(controls[2].is_setpoint);
+  EXPECT_EQ(loaded.report.holds.size(), 3u);
+  EXPECT_CONTAINS(loaded.report.holds[0].held_by, "position actuator 'p' 20 N·m/rad");
+}
+
+TEST(ImportForces, WhatIsNotSimulatedIsListed) {
+  const ImportedScene loaded = MustLoad(
+      Model(R"(frictionloss=".1")", R"(
+    <tendon><spatial name="cable"><site site="s0"/><site site="s1"/></spatial>
+      <fixed name="t"><joint joint="ja" coef="1"/></fixed></tendon>
+    <actuator><motor name="pull" tendon="cable"/>
+      <general name="tips_over" joint="jb" biastype="affine" biasprm="0 3 0"/>
+      <position name="clipped" joint="jc" kp="2" forcelimited="true" forcerange="-1 1"/>
+      <general name="slow" joint="ja" dyntype="filter"/></actuator>
+    <equality><tendon tendon1="t" tendon2="cable"/><joint name="off" joint1="ja" joint2="jb" active="false"/></equality>
+    <sensor><jointpos joint="ja"/><jointpos joint="jb"/></sensor>)")
+          .replace(
+              std::string(R"(<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>)").size(),
+              0, R"(<site name="s0"/><site name="s1" pos="1 0 0"/>)"));
+  for (const char* part :
+       {"'cable'", "'pull'", "'slow'", "'tips_over'", "'clipped'", "dry friction of joint 'ja'",
+        "tendon equality constraint", "inactive equality constraint 'off'", "2 sensors"}) {
+    EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, part)) << part;
+  }
+  EXPECT_EQ(loaded.scene.mechanisms[0].controls.size(), 1u);
+}
+
+TEST(ImportForces, BallSpringAndServo) {
+  const std::string text = R"(<mujoco><option gravity="0 0 0"/><worldbody>
+    <body name="a"><joint name="ball" type="ball" stiffness="5" damping=".2" pos="0 0 -.1"/><geom size=".1"/></body></worldbody>
+    <actuator><position name="turn" joint="ball" kp="3" gear="0 1 0"/></actuator></mujoco>)";
+  const ImportedScene loaded = MustLoad(text);
+  const Mechanism mechanism = MustBuild(loaded.scene.mechanisms[0]);
+  Kinematics kinematics(mechanism);
+  const Vector3 q(.2, -.4, .3);
+  ComputeKinematics(mechanism, q, kinematics);
+  VectorX tau = VectorX::Zero(3);
+  SpringForce(mechanism, kinematics, q, tau);
+  // A servo about one axis is one spring of its own freedom.
+  EXPECT_LT((tau - Vector3(-5 * .2, 8 * .4, -5 * .3)).norm(), 1e-12);
+  EXPECT_EQ(loaded.report.holds.size(), 3u);
+}
+
+}  // namespace
+}  // namespace fork1s::testing_importer

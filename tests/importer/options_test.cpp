@@ -1,0 +1,148 @@
+// Interfaces, base, PD control, keyframes as initial states.
+#include "helpers.hpp"
+
+namespace fork1s::testing_importer {
+namespace {
+
+constexpr const char* kHand = R"(<mujoco><compiler angle="radian"/><worldbody>
+  <body name="palm"><geom size=".1"/>
+    <body name="f1" pos=".2 0 0"><joint name="f1j"/><geom size=".02"/>
+      <body name="f1tip" pos=".1 0 0"><joint name="f1k" stiffness="2"/><geom size=".02"/>
+        <body name="nail" pos=".02 0 0"><geom size=".01" contype="0" conaffinity="0"/></body></body></body>
+    <body name="f2" pos="-.2 0 0"><joint name="f2j"/><geom size=".02"/>
+      <body name="flag" pos=".1 0 0"><joint name="f2k"/><geom size=".02" contype="0" conaffinity="0"/></body></body>
+  </body></worldbody>
+  <actuator><motor name="m1" joint="f1j" ctrllimited="true" ctrlrange="-1 1"/></actuator>
+  <keyframe><key name="home" qpos=".1 .2 .3 .4" ctrl=".5"/><key name="far" qpos="1 1 1 1" ctrl="7"/></keyframe>
+  <custom><numeric name="fork1s_modes" data="7"/></custom></mujoco>)";
+
+TEST(ImportOptionsTest, ChoosesTheOutermostColliders) {
+  const ImportedScene loaded = MustLoad(kHand);
+  const MechanismDef& hand = loaded.scene.mechanisms[0];
+  EXPECT_EQ(hand.interfaces, (std::vector<std::string>{"f1tip", "f2"}));
+  EXPECT_FALSE(hand.interfaces_chosen);
+  EXPECT_EQ(hand.modes, 7);
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "'f1tip' and 'f2'"));
+  EXPECT_EQ(loaded.initial_keyframe, -1);
+}
+
+TEST(ImportOptionsTest, ChoosesLeavesWhereNothingCollides) {
+  std::string text = kHand;
+  for (std::size_t at; (at = text.find("<geom size=\".02\"/>")) != std::string::npos;) {
+    text.replace(at, 18, "<geom size=\".02\" contype=\"0\" conaffinity=\"0\"/>");
+  }
+  EXPECT_EQ(MustLoad(text).scene.mechanisms[0].interfaces, (std::vector<std::string>{"nail", "flag"}));
+}
+
+TEST(ImportOptionsTest, OptionsWin) {
+  ImportOptions options;
+  options.interfaces = {"flag", "palm", "flag"};
+  options.modes = 2;
+  options.base = BaseKind::kDriven;
+  const ImportedScene loaded = MustLoad(kHand, options);
+  const MechanismDef& hand = loaded.scene.mechanisms[0];
+  EXPECT_EQ(hand.interfaces, (std::vector<std::string>{"flag", "palm"}));
+  EXPECT_TRUE(hand.interfaces_chosen);
+  EXPECT_EQ(hand.modes, 2);
+  EXPECT_EQ(hand.base, BaseKind::kDriven);
+}
+
+TEST(ImportOptionsTest, NamesGoToTheMechanismThatOwnsThem) {
+  const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody>
+    <body name="a"><joint/><geom size=".1"/></body><body name="b"><joint/><geom size=".1"/></body>
+    <body name="ball" pos="0 0 2"><freejoint/><geom size=".1"/></body></worldbody>
+    <custom><text name="fork1s_interface" data="b a"/></custom></mujoco>)");
+  ASSERT_EQ(loaded.scene.mechanisms.size(), 2u);
+  EXPECT_EQ(loaded.scene.mechanisms[0].interfaces, std::vector<std::string>{"a"});
+  EXPECT_EQ(loaded.scene.mechanisms[1].interfaces, std::vector<std::string>{"b"});
+}
+
+TEST(ImportOptionsTest, PdHoldsMotorisedJointsAtTheInitialPose) {
+  ImportOptions options;
+  options.pd = PdGains{30, 2};
+  options.keyframe = "home";
+  options.joint_pd["f1k"] = {6, .5};
+  const ImportedScene loaded = MustLoad(kHand, options);
+  EXPECT_EQ(loaded.initial_keyframe, 0);
+  const MechanismDef& hand = loaded.scene.mechanisms[0];
+  const FreedomDef& driven = hand.joints[hand.FindJoint("f1j").u()].freedoms[0];
+  EXPECT_EQ(driven.stiffness, 30);
+  EXPECT_EQ(driven.damping, 2);
+  EXPECT_NEAR(driven.rest, .1, 1e-15);
+  // Its own spring 2 rests at 0, PD control 6 at the keyframe's 0.2.
+  const FreedomDef& sprung = hand.joints[hand.FindJoint("f1k").u()].freedoms[0];
+  EXPECT_EQ(sprung.stiffness, 8);
+  EXPECT_NEAR(sprung.rest, 6 * .2 / 8, 1e-15);
+  EXPECT_EQ(hand.joints[hand.FindJoint("f2j").u()].freedoms[0].stiffness, 0);
+  ASSERT_EQ(hand.controls.size(), 2u);  // the motor is gone
+  EXPECT_EQ(hand.controls[0].name, "f1j");
+  EXPECT_TRUE(hand.controls[0].is_setpoint);
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChanged, "'m1'"));
+  // The other keyframe is held at its own pose.
+  const auto& far = loaded.scene.keyframes[1].mechanisms[0];
+  ASSERT_EQ(far.controls.size(), 2);
+  EXPECT_NEAR(far.controls[0], .9, 1e-15);
+  EXPECT_NEAR(far.controls[1], .8, 1e-15);
+}
+
+TEST(ImportOptionsTest, PdHoldsAllUnsprungJointsWithoutMotors) {
+  std::string text = kHand;
+  text.replace(text.find("<actuator>"), text.find("</actuator>") + 11 - text.find("<actuator>"), "");
+  text.replace(text.find(" ctrl=\".5\""), 10, "");
+  text.replace(text.find(" ctrl=\"7\""), 9, "");
+  ImportOptions options;
+  options.pd = PdGains{30, 2};
+  options.stiffness_scale = 4;
+  const ImportedScene loaded = MustLoad(text, options);
+  const MechanismDef& hand = loaded.scene.mechanisms[0];
+  EXPECT_EQ(hand.joints[hand.FindJoint("f2k").u()].freedoms[0].stiffness, 120);
+  EXPECT_EQ(hand.joints[hand.FindJoint("f2k").u()].freedoms[0].damping, 4);
+  EXPECT_EQ(hand.joints[hand.FindJoint("f1k").u()].freedoms[0].stiffness, 8);
+  EXPECT_EQ(hand.controls.size(), 3u);
+}
+
+TEST(ImportOptionsTest, KeyframeControlsStayInRange) {
+  ImportOptions options;
+  options.keyframe = "far";
+  const ImportedScene loaded = MustLoad(kHand, options);
+  EXPECT_EQ(loaded.initial_keyframe, 1);
+  EXPECT_EQ(loaded.scene.mechanisms[0].controls[0].initial, 1);
+}
+
+TEST(ImportOptionsTest, ShapesAndTheirContactData) {
+  const ImportedScene loaded = MustLoad(R"(<mujoco><asset>
+    <material name="red" rgba="1 0 0 1"/>
+    <hfield name="hill" nrow="3" ncol="4" size="2 1 .5 .1"/>
+    <mesh name="tet" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/></asset>
+    <worldbody><geom type="hfield" hfield="hill"/>
+    <body name="a" pos="0 0 2"><joint/><geom name="s" size=".1" material="red" friction=".3" condim="1" priority="2" group="3"/>
+      <geom name="e" type="ellipsoid" size=".1 .2 .3" rgba="0 1 0 .5" contype="2" conaffinity="4"/>
+      <geom name="m" type="mesh" mesh="tet"/></body></worldbody></mujoco>)");
+  const auto& shapes = loaded.scene.mechanisms[0].bodies[1].geometries;
+  ASSERT_EQ(shapes.size(), 3u);
+  EXPECT_EQ(shapes[0].rgba, Vector4(1, 0, 0, 1));
+  EXPECT_TRUE(shapes[0].frictionless);
+  EXPECT_EQ(shapes[0].friction, .3);
+  EXPECT_EQ(shapes[0].priority, 2);
+  EXPECT_EQ(shapes[0].group, 3);
+  EXPECT_EQ(shapes[1].contype, 2);
+  EXPECT_EQ(shapes[1].conaffinity, 4);
+  EXPECT_EQ(std::get<Ellipsoid>(shapes[1].shape).radii, Vector3(.1, .2, .3));
+  // MuJoCo moves a mesh to its centre of mass; in the body the vertices are where the file put them.
+  const auto& mesh = *std::get<MeshShape>(shapes[2].shape).mesh;
+  ASSERT_EQ(mesh.vertices.size(), 4u);
+  EXPECT_EQ(mesh.triangles.size(), 4u);
+  double nearest = 1;
+  for (const auto& v : mesh.vertices) {
+    nearest = std::min(nearest, (shapes[2].X_BG * Vector3(v.cast<double>()) - Vector3(0, 0, 1)).norm());
+  }
+  EXPECT_LT(nearest, 1e-6);
+  const auto& hill = *std::get<HeightField>(loaded.scene.world[0].shape).grid;
+  EXPECT_EQ(hill.rows, 3);
+  EXPECT_EQ(hill.columns, 4);
+  EXPECT_EQ(hill.half_x, 2);
+  EXPECT_EQ(hill.values.size(), 12u);
+}
+
+}  // namespace
+}  // namespace fork1s::testing_importer

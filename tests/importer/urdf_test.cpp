@@ -1,0 +1,265 @@
+// URDF: what MuJoCo's reader merges, forgets or stumbles over.
+#include <array>
+
+#include "helpers.hpp"
+
+namespace fork1s::testing_importer {
+namespace {
+
+constexpr const char* kInertial =
+    R"(<inertial><origin xyz=".1 0 0" rpy=".3 -.2 .5"/><mass value="2"/>
+       <inertia ixx=".03" ixy=".001" ixz=".002" iyy=".04" iyz="-.003" izz=".05"/></inertial>)";
+
+std::string Link(const std::string& name, const std::string& content = kInertial) {
+  return "<link name=\"" + name + "\">" + content + "</link>\n";
+}
+std::string Joint(const std::string& name, const std::string& type, const std::string& parent,
+                  const std::string& child, const std::string& content = "<axis xyz=\"0 1 0\"/>") {
+  return "<joint name=\"" + name + "\" type=\"" + type + "\"><parent link=\"" + parent +
+         "\"/><child link=\"" + child + "\"/>" + content + "</joint>\n";
+}
+std::string Robot(const std::string& content) { return "<robot name=\"r\">\n" + content + "</robot>"; }
+
+// One triangle pair short of a solid is refused by the hull, so a tetrahedron of edge `size`.
+std::string Stl(float size) {
+  const float p[4][3] = {{0, 0, 0}, {size, 0, 0}, {0, size, 0}, {0, 0, size}};
+  const int faces[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+  std::string text(80, ' ');
+  const std::uint32_t count = 4;
+  text.append(reinterpret_cast<const char*>(&count), 4);
+  for (const auto& face : faces) {
+    const std::array<float, 3> normal = {0, 0, 0};
+    text.append(reinterpret_cast<const char*>(normal.data()), 12);
+    for (int i : face) text.append(reinterpret_cast<const char*>(p[i]), 12);
+    text.append(2, '\0');
+  }
+  return text;
+}
+
+TEST(ImportUrdf, RootKeepsItsMassAndFixedLinksStay) {
+  const ImportedScene loaded =
+      MustLoad(Robot(Link("base") + Link("arm") + Link("tip") +
+                     Joint("j", "revolute", "base", "arm",
+                           R"(<axis xyz="0 1 0"/><limit lower="-1" upper="2" effort="1" velocity="1"/>
+                                                       <dynamics damping=".3" friction=".1"/><origin xyz="0 0 1" rpy="0 0 .4"/>)") +
+                     Joint("f", "fixed", "arm", "tip", "")));
+  EXPECT_EQ(loaded.report.format, "URDF");
+  const MechanismDef& robot = loaded.scene.mechanisms[0];
+  ASSERT_EQ(robot.bodies.size(), 3u);
+  EXPECT_EQ(robot.bodies[0].name, "base");
+  EXPECT_EQ(robot.base, BaseKind::kFixed);
+  const Matrix3 R = (Eigen::AngleAxisd(.5, Vector3::UnitZ()) * Eigen::AngleAxisd(-.2, Vector3::UnitY()) *
+                     Eigen::AngleAxisd(.3, Vector3::UnitX()))
+                        .toRotationMatrix();
+  Matrix3 I;
+  I << .03, .001, .002, .001, .04, -.003, .002, -.003, .05;
+  for (const BodyDef& body : robot.bodies) {
+    EXPECT_NEAR(body.inertia.mass, 2, 1e-12);
+    EXPECT_LT((body.inertia.center - Vector3(.1, 0, 0)).norm(), 1e-12);
+    EXPECT_LT((body.inertia.rotational - R * I * R.transpose()).norm(), 1e-9);
+  }
+  ASSERT_EQ(robot.joints.size(), 1u);
+  EXPECT_EQ(robot.joints[0].freedoms[0].lower, -1);
+  EXPECT_EQ(robot.joints[0].freedoms[0].damping, .3);
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "--base floating"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "dry friction of joint 'j'"));
+}
+
+TEST(ImportUrdf, FloatingBase) {
+  ImportOptions options;
+  options.base = BaseKind::kFloating;
+  const std::string text = Robot(Link("base") + Link("arm") + Joint("j", "continuous", "base", "arm", ""));
+  const ImportedScene loaded = MustLoad(text, options);
+  const MechanismDef& robot = loaded.scene.mechanisms[0];
+  EXPECT_EQ(robot.base, BaseKind::kFloating);
+  EXPECT_EQ(robot.bodies[0].name, "base");
+  EXPECT_EQ(robot.bodies.size(), 2u);
+  EXPECT_LT((robot.joints[0].freedoms[0].screw_B.head<3>() - Vector3::UnitX()).norm(),
+            1e-12);  // URDF's default
+  const std::string with_world =
+      Robot("<link name=\"world\"/>" + Link("base") + Link("arm") + Joint("w", "fixed", "world", "base", "") +
+            Joint("j", "continuous", "base", "arm", ""));
+  EXPECT_EQ(MustLoad(with_world, options).scene.mechanisms[0].base, BaseKind::kFloating);
+  const MechanismDef fixed = MustLoad(with_world).scene.mechanisms[0];
+  EXPECT_EQ(fixed.base, BaseKind::kFixed);
+  EXPECT_EQ(fixed.bodies[0].name, "base");
+}
+
+TEST(ImportUrdf, PlanarAndPrismaticJoints) {
+  const ImportedScene loaded = MustLoad(Robot(Link("base") + Link("a") + Link("b") +
+                                              Joint("p", "planar", "base", "a", "<axis xyz=\"0 0 1\"/>") +
+                                              Joint("s", "prismatic", "a", "b")));
+  int freedoms = 0;
+  for (const JointDef& joint : loaded.scene.mechanisms[0].joints)
+    freedoms += static_cast<int>(joint.freedoms.size());
+  EXPECT_EQ(freedoms, 4);
+  MustBuild(loaded.scene.mechanisms[0]);
+}
+
+TEST(ImportUrdf, UnknownJointTypeDoesNotCrash) {
+  const Error error = MustFail(Robot(Link("base") + Link("a") + Joint("ball", "spherical", "base", "a")));
+  EXPECT_EQ(error.code, ErrorCode::kFormat);
+  EXPECT_CONTAINS(error.where, "line 6");
+  EXPECT_CONTAINS(error.message, "'spherical'");
+  EXPECT_CONTAINS(error.message, "three revolute joints");
+}
+
+TEST(ImportUrdf, MimicIsACoupling) {
+  const std::string text =
+      Robot(Link("base") + Link("a") + Link("b") + Joint("ja", "continuous", "base", "a") +
+            Joint("jb", "continuous", "a", "b",
+                  R"(<axis xyz="0 1 0"/><mimic joint="ja" multiplier="-1.5" offset=".2"/>)"));
+  const ImportedScene loaded = MustLoad(text);
+  ASSERT_EQ(loaded.scene.mechanisms[0].couplings.size(), 1u);
+  const CouplingDef& coupling = loaded.scene.mechanisms[0].couplings[0];
+  EXPECT_EQ(coupling.polynomial[0], .2);
+  EXPECT_EQ(coupling.polynomial[1], -1.5);
+  EXPECT_EQ(coupling.a.joint, loaded.scene.mechanisms[0].FindJoint("jb"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChanged, "'jb'"));
+  std::string wrong = text;
+  wrong.replace(wrong.find("joint=\"ja\""), 10, "joint=\"jx\"");
+  EXPECT_CONTAINS(MustFail(wrong).message, "'jx'");
+}
+
+TEST(ImportUrdf, MeshesOfOneNameInTwoFoldersStayTwo) {
+  WriteFile("left/part.stl", Stl(.1f));
+  WriteFile("right/part.stl", Stl(.2f));
+  const auto collision = [](const std::string& file) {
+    return std::string(kInertial) + "<collision><geometry><mesh filename=\"" + file +
+           "\"/></geometry></collision>";
+  };
+  const std::string path =
+      WriteFile("urdf/robot.urdf",
+                Robot(Link("base", collision("package://my_robot/left/part.stl")) +
+                      Link("a", collision("../right/part.stl")) + Joint("j", "continuous", "base", "a")));
+  const auto loaded = LoadMechanism(path);
+  ASSERT_TRUE(loaded) << loaded.error().Text();
+  const auto& bodies = loaded->scene.mechanisms[0].bodies;
+  const auto& left = *std::get<MeshShape>(bodies[0].geometries.at(0).shape).mesh;
+  const auto& right = *std::get<MeshShape>(bodies[1].geometries.at(0).shape).mesh;
+  const auto size = [](const TriangleMesh& mesh) {
+    float most = 0;
+    for (const auto& a : mesh.vertices) {
+      for (const auto& b : mesh.vertices) most = std::max(most, (a - b).norm());
+    }
+    return most;
+  };
+  EXPECT_NEAR(size(left), .1 * std::sqrt(2.0), 1e-6);
+  EXPECT_NEAR(size(right), .2 * std::sqrt(2.0), 1e-6);
+}
+
+TEST(ImportUrdf, MissingMeshes) {
+  const auto with = [](const std::string& kind, const std::string& file) {
+    return Robot(Link("base", std::string(kInertial) + "<" + kind + "><geometry><mesh filename=\"" + file +
+                                  "\"/></geometry></" + kind + ">") +
+                 Link("a") + Joint("j", "continuous", "base", "a"));
+  };
+  const ImportedScene loaded = MustLoad(with("visual", "package://x/body.dae"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "body.dae"));
+  EXPECT_TRUE(loaded.scene.mechanisms[0].bodies[0].geometries.empty());
+  EXPECT_TRUE(HasNote(MustLoad(with("visual", "gone.stl")).report, ImportNote::Kind::kDropped, "gone.stl"));
+  const Error missing = MustFail(with("collision", "package://x/gone.stl"));
+  EXPECT_EQ(missing.code, ErrorCode::kModel);
+  EXPECT_CONTAINS(missing.Text(), "line 3");
+  EXPECT_CONTAINS(missing.message, "link 'base'");
+  EXPECT_CONTAINS(missing.message, "gone.stl");
+  EXPECT_CONTAINS(MustFail(with("collision", "body.dae")).message, "convert it to STL");
+}
+
+TEST(ImportUrdf, MaterialsAndColours) {
+  const std::string visual = R"(<visual name="v"><geometry><box size=".1 .1 .1"/></geometry>)";
+  const ImportedScene loaded = MustLoad(Robot(
+      R"(<material name="blue"><color rgba="0 0 1 1"/></material>)" +
+      Link(
+          "base",
+          kInertial + visual + R"(<material name="blue"/></visual>)" + visual +
+              R"(<material name="m"><color rgba="1 0 0 1"/></material><material name="n"><color rgba="0 1 0 1"/></material></visual>)") +
+      Link("a", kInertial + visual + R"(<material name="m"><color rgba="0 1 1 1"/></material></visual>)") +
+      Joint("j", "continuous", "base", "a")));
+  const auto& bodies = loaded.scene.mechanisms[0].bodies;
+  EXPECT_EQ(bodies[0].geometries.at(0).rgba, Vector4(0, 0, 1, 1));
+  EXPECT_EQ(bodies[0].geometries.at(1).rgba, Vector4(1, 0, 0, 1));
+  EXPECT_EQ(bodies[1].geometries.at(0).rgba, Vector4(0, 1, 1, 1));
+  EXPECT_FALSE(bodies[0].geometries[0].Collides());
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "further <material>"));
+}
+
+TEST(ImportUrdf, InertiaIsRepairedOrRefused) {
+  const auto inertial = [](const std::string& mass, const std::string& xx, const std::string& yy,
+                           const std::string& zz) {
+    return R"(<inertial><mass value=")" + mass + R"("/><inertia ixx=")" + xx + R"(" ixy="0" ixz="0" iyy=")" +
+           yy + R"(" iyz="0" izz=")" + zz + R"("/></inertial>)";
+  };
+  const auto robot = [&](const std::string& tip) {
+    return Robot(Link("base") + Link("a") + Link("tip", tip) + Joint("j", "continuous", "base", "a") +
+                 Joint("t", "fixed", "a", "tip", ""));
+  };
+  ImportedScene loaded = MustLoad(robot(inertial("1", ".1", ".1", ".4")));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChanged, "link 'tip'"));
+  EXPECT_LT((loaded.scene.mechanisms[0].bodies[2].inertia.rotational - .2 * Matrix3::Identity()).norm(),
+            1e-12);
+  loaded = MustLoad(robot(inertial("0", "0", "0", "0")));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "zero mass"));
+  EXPECT_EQ(loaded.scene.mechanisms[0].bodies[2].inertia.mass, 0);
+  EXPECT_EQ(loaded.scene.mechanisms[0].bodies[2].inertia.rotational, Matrix3::Zero());
+  const Error error = MustFail(robot(inertial("1", ".1", "-.1", ".1")));
+  EXPECT_CONTAINS(error.message, "'tip'");
+  EXPECT_CONTAINS(error.message, "negative principal moment");
+  EXPECT_CONTAINS(MustFail(robot(inertial("-1", ".1", ".1", ".1"))).message, "negative mass");
+  EXPECT_CONTAINS(MustFail(robot(inertial("nan", ".1", ".1", ".1"))).message, "nan");
+}
+
+TEST(ImportUrdf, CapsuleBecomesTheSameSolid) {
+  const ImportedScene loaded =
+      MustLoad(Robot(Link("base") +
+                     Link("a", std::string(kInertial) +
+                                   R"(<collision><origin xyz="0 0 1" rpy="1.5707963267948966 0 0"/>
+                                      <geometry><capsule radius=".1" length=".6"/></geometry></collision>)") +
+                     Joint("j", "continuous", "base", "a")));
+  const auto& shapes = loaded.scene.mechanisms[0].bodies[1].geometries;
+  ASSERT_EQ(shapes.size(), 3u);
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChanged, "capsule"));
+  double y = 0;
+  for (const auto& shape : shapes) y = std::max(y, shape.X_BG.translation().y());
+  EXPECT_NEAR(y, .3, 1e-9);
+}
+
+TEST(ImportUrdf, LateDeclarationIsSkipped) {
+  const ImportedScene loaded =
+      MustLoad("<!-- made by hand -->\n<?xml version=\"1.0\"?>\n" +
+               Robot(Link("base") + Link("a") + Joint("j", "continuous", "base", "a")));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChanged, "line 2"));
+}
+
+TEST(ImportUrdf, LongChainsAreNotNested) {
+  const auto named = [](const char* prefix, int i) {
+    std::string name = prefix;
+    name += std::to_string(i);
+    return name;
+  };
+  std::string content = Link("l0");
+  for (int i = 1; i <= 150; ++i) {
+    content += Link(named("l", i));
+    content += Joint(named("j", i), "continuous", named("l", i - 1), named("l", i));
+  }
+  EXPECT_EQ(MustLoad(Robot(content)).scene.mechanisms[0].joints.size(), 150u);
+}
+
+TEST(ImportUrdf, BrokenTrees) {
+  const std::string two = Link("base") + Link("a");
+  EXPECT_CONTAINS(MustFail(Robot(two)).message, "2 links have no parent");
+  EXPECT_CONTAINS(MustFail(Robot(two + Joint("j", "fixed", "base", "b"))).message, "'b'");
+  EXPECT_CONTAINS(
+      MustFail(Robot(two + Joint("j", "fixed", "base", "a") + Joint("k", "fixed", "base", "a"))).message,
+      "two joints");
+  EXPECT_CONTAINS(
+      MustFail(Robot(two + Joint("j", "fixed", "base", "a") + Joint("k", "fixed", "a", "base"))).message,
+      "circle");
+  EXPECT_CONTAINS(MustFail(Robot(Link("base") + two)).message, "two links 'base'");
+  EXPECT_CONTAINS(MustFail(Robot("")).message, "no link");
+  EXPECT_CONTAINS(MustFail(Robot(two + Joint("j", "fixed", "base", "a"))).message,
+                  "nothing in the file can move");
+}
+
+}  // namespace
+}  // namespace fork1s::testing_importer

@@ -1,0 +1,193 @@
+#include "support.hpp"
+
+#include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
+#include <stdexcept>
+
+namespace fork1s::mechanism_test {
+namespace {
+
+TEST(SpringForce, IsMinusTheSlopeOfTheEnergy) {
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    const Mechanism m = RandomMechanism(seed, Everything());
+    for (double size : {0.0, 1e-6, 0.3, 0.8}) {
+      const VectorX q = RandomCoordinates(m, seed, size);
+      const Kinematics k = At(m, q);
+      VectorX tau;
+      SpringForce(m, k, q, tau);
+      const double scale = 1 + SpringEnergy(m, k, q) + tau.norm();  // up to 1000 J and more
+      Differentiate(
+          q, [&](const VectorX& p) { return MatrixX::Constant(1, 1, SpringEnergy(m, At(m, p), p)); },
+          [&](Eigen::Index i, const MatrixX& slope) {
+            EXPECT_NEAR(tau(i), -slope(0, 0), 10 * kDifference * scale) << "seed " << seed;
+          });
+    }
+  }
+}
+
+TEST(SpringForce, VanishesWhereEverythingIsUnloaded) {
+  RandomMechanismOptions options = Everything();
+  options.rest = false;
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    const Mechanism m = RandomMechanism(seed, options);
+    const VectorX q = VectorX::Zero(m.num_coordinates());
+    VectorX tau;
+    SpringForce(m, At(m, q), q, tau);
+    // Closing frames coincide to 1e-15; times 200 N/m.
+    EXPECT_LE(tau.norm(), 1e-11);
+    EXPECT_LE(SpringEnergy(m, At(m, q), q), 1e-20);
+  }
+}
+
+TEST(StiffnessMatrix, IsMinusTheSlopeOfTheForceAtTheReference) {
+  // Springy closures are unloaded there, so nothing geometric adds to A'KA.
+  RandomMechanismOptions options = Everything();
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    const Mechanism m = RandomMechanism(seed, options);
+    const VectorX q = VectorX::Zero(m.num_coordinates());
+    const MatrixX K = StiffnessMatrix(m, At(m, q), q);
+    auto force = [&](const VectorX& p) {
+      VectorX tau;
+      SpringForce(m, At(m, p), p, tau);
+      return tau;
+    };
+    Differentiate(q, force, [&](Eigen::Index i, const MatrixX& slope) {
+      EXPECT_LE((K.col(i) + slope).norm(), 10 * kDifference * (1 + K.norm())) << "seed " << seed;
+    });
+  }
+}
+
+TEST(StiffnessMatrix, AndDampingAreSymmetricAndNowhereNegative) {
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    const Mechanism m = RandomMechanism(seed, Everything());
+    const VectorX q = RandomCoordinates(m, seed);
+    const Kinematics k = At(m, q);
+    for (const MatrixX& A : {StiffnessMatrix(m, k, q), DampingMatrix(m, k, q)}) {
+      const double rounding = 1e-13 * A.norm();  // sums of outer products
+      EXPECT_LE((A - A.transpose()).cwiseAbs().maxCoeff(), rounding);
+      EXPECT_GE(Eigen::SelfAdjointEigenSolver<MatrixX>(A).eigenvalues()(0), -rounding);
+    }
+  }
+}
+
+TEST(StiffnessMatrix, IsTheSquareOfItsRoot) {
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    RandomMechanismOptions options = Everything();
+    options.unsprung = 0.2;
+    const Mechanism m = RandomMechanism(seed, options);
+    const VectorX q = RandomCoordinates(m, seed);
+    const Kinematics k = At(m, q);
+    const MatrixX K = StiffnessMatrix(m, k, q), R = StiffnessRoot(m, k);
+    EXPECT_LE((R.transpose() * R - K).norm(), 1e-13 * K.norm());  // sums of outer products
+  }
+}
+
+TEST(DampingMatrix, IsTheStiffnessMatrixOfTheDampers) {
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    MechanismDef def = RandomMechanismDef(seed, Everything());
+    const Mechanism m = BuildOrThrow(def);
+    for (JointDef& j : def.joints)
+      for (FreedomDef& f : j.freedoms) std::swap(f.stiffness, f.damping);
+    for (SpringDef& s : def.springs) std::swap(s.stiffness, s.damping);
+    for (ClosureDef& c : def.closures) std::swap(c.stiffness, c.damping);
+    const Mechanism swapped = BuildOrThrow(def);
+    const VectorX q = RandomCoordinates(m, seed);
+    const Kinematics k = At(m, q);
+    EXPECT_EQ(DampingMatrix(m, k, q), StiffnessMatrix(swapped, k, q));
+  }
+}
+
+TEST(DampingMatrix, SeesClosuresThatOnlyDamp) {
+  MechanismDef def = RandomMechanismDef(4);
+  ClosureDef damper;
+  damper.name = "damper";
+  damper.body_a = BodyIndex(0);
+  damper.body_b = BodyIndex(1);
+  damper.damping(5) = 3;
+  def.closures.push_back(damper);
+  const Mechanism m = BuildOrThrow(def);
+  def.closures.clear();
+  const Mechanism without = BuildOrThrow(def);
+  const VectorX q = RandomCoordinates(m, 4);
+  const MatrixX D = DampingMatrix(m, At(m, q), q);
+  EXPECT_GT((D - DampingMatrix(without, At(m, q), q)).norm(), 0.01);
+  EXPECT_EQ(StiffnessMatrix(m, At(m, q), q), StiffnessMatrix(without, At(m, q), q));
+}
+
+TEST(StiffnessMatrix, ShapeIsToldRightly) {
+  RandomMechanismOptions options;
+  const Mechanism tree = RandomMechanism(1, options);
+  EXPECT_TRUE(tree.is_tree());
+  EXPECT_TRUE(tree.has_diagonal_stiffness());
+  options.springs = 1;
+  EXPECT_FALSE(RandomMechanism(1, options).has_diagonal_stiffness());
+  options.springs = 0;
+  options.springy_closures = 1;
+  EXPECT_FALSE(RandomMechanism(1, options).has_diagonal_stiffness());
+  EXPECT_FALSE(RandomMechanism(1, options).is_tree());
+  EXPECT_EQ(RandomMechanism(1, options).num_constraints(), 0);
+}
+
+TEST(ControlForce, OfASetpointBalancesTheSpringThere) {
+  // A servo of gain k on a joint of stiffness k holds the joint at u.
+  MechanismDef def = RandomMechanismDef(6);
+  RandomSource random(6);
+  for (std::size_t j = 0; j < def.joints.size(); ++j)
+    for (std::size_t f = 0; f < def.joints[j].freedoms.size(); ++f) {
+      ControlDef c;
+      c.name = "servo";
+      c.terms = {{FreedomRef{JointIndex(j), static_cast<int>(f)}, 1.0}};
+      c.gain = def.joints[j].freedoms[f].stiffness;
+      c.is_setpoint = true;
+      def.controls.push_back(c);
+    }
+  for (double factor : {1.0, 1e-3, 1e6}) {
+    const Mechanism m = BuildOrThrow(ScaleStiffness(def, factor));
+    const VectorX u = random.Vector(m.num_coordinates(), 1);
+    VectorX tau;
+    SpringForce(m, At(m, u), u, tau);
+    AddControlForce(m, u, tau);
+    EXPECT_LE(tau.norm(), 1e-13 * m.stiffness().norm());  // k u - k u
+  }
+}
+
+TEST(ControlForce, SumsTermsAndControls) {
+  RandomMechanismOptions options;
+  options.controls = 4;
+  const Mechanism m = RandomMechanism(8, options);
+  RandomSource random(8);
+  const VectorX u = random.Vector(4, 2);
+  VectorX tau = VectorX::Ones(m.num_coordinates()), expected = tau;
+  for (Eigen::Index c = 0; c < 4; ++c)
+    for (const auto& [i, w] : m.controls()[static_cast<std::size_t>(c)].terms)
+      expected(i) += m.controls()[static_cast<std::size_t>(c)].gain * w * u(c);
+  AddControlForce(m, u, tau);
+  EXPECT_LE((tau - expected).norm(), 1e-13 * expected.norm());
+}
+
+TEST(ScaleStiffness, ScalesSpringsDampersAndServosAlike) {
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    const MechanismDef def = RandomMechanismDef(seed, Everything());
+    const Mechanism m = BuildOrThrow(def), scaled = BuildOrThrow(ScaleStiffness(def, 4));
+    const VectorX q = RandomCoordinates(m, seed);
+    const Kinematics k = At(m, q);
+    // Powers of two scale without rounding.
+    EXPECT_EQ(StiffnessMatrix(scaled, k, q), 4 * StiffnessMatrix(m, k, q));
+    EXPECT_EQ(DampingMatrix(scaled, k, q), 2 * DampingMatrix(m, k, q));
+    EXPECT_EQ(SpringEnergy(scaled, k, q), 4 * SpringEnergy(m, k, q));
+    EXPECT_EQ(scaled.armature(), m.armature());
+    for (std::size_t i = 0; i < def.controls.size(); ++i)
+      EXPECT_EQ(scaled.controls()[i].gain, (def.controls[i].is_setpoint ? 4 : 1) * def.controls[i].gain);
+  }
+}
+
+TEST(ScaleStiffness, RefusesFactorsThatMakeNoSprings) {
+  const MechanismDef def = RandomMechanismDef(1);
+  EXPECT_THROW(ScaleStiffness(def, -1), std::invalid_argument);
+  EXPECT_THROW(ScaleStiffness(def, NAN), std::invalid_argument);
+  EXPECT_THROW(ScaleStiffness(def, INFINITY), std::invalid_argument);
+  EXPECT_NO_THROW(ScaleStiffness(def, 0));
+}
+
+}  // namespace
+}  // namespace fork1s::mechanism_test
