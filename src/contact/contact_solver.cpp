@@ -40,7 +40,8 @@ void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities
   rows.block_of.reserve(velocities);
   rows.start.reserve(velocities + 4);
   rows.velocity.reserve(velocities + 4);
-  work_->newton.Reserve(static_cast<int>(3 * contacts + limits));
+  work_->newton.Reserve(
+      std::min(static_cast<int>(3 * contacts + limits), ContactSolverOptions{}.max_newton_rows));
 }
 
 ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& blocks,
@@ -72,7 +73,8 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
   }
   rows.ResetVelocity();
   report.residual = rows.Residual();
-  if (!(report.residual <= options.tolerance)) {
+  const int num_rows = static_cast<int>(3 * contacts.size() + limits.size());
+  if (!(report.residual <= options.tolerance) && num_rows <= options.max_newton_rows) {
     report.newton_iterations = work_->newton.Solve(rows, options.tolerance, options.max_newton_iterations);
     report.residual = rows.Residual();
   }

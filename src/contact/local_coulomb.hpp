@@ -47,7 +47,8 @@ struct LocalCoulomb {
  private:
   void Slide(double b0, double c1, double c2, double& x0, double& x1, double& x2) {
     constexpr int kMaxIterations = 60;
-    constexpr double kTolerance = 1e-10;  // of the ratio; the sweeps refine the rest
+    // Of the ratio. The last step is kept for the next sweep, which starts with its square as error.
+    constexpr double kTolerance = 1e-3;
     double low = 0, high = -1, t = 0;
     for (int i = 0; i < kMaxIterations; ++i) {
       const double g1 = 1 / (s1 + alpha), g2 = 1 / (s2 + alpha);
@@ -57,7 +58,6 @@ struct LocalCoulomb {
       const double t_squared = x1 * x1 + x2 * x2;
       t = std::sqrt(t_squared);
       const double error = friction * x0 - t;  // t times (ratio − 1)
-      if (std::abs(error) <= kTolerance * t) break;
       if (error < 0) low = alpha;
       if (error > 0) high = alpha;
       const double dt = -(x1 * x1 * g1 + x2 * x2 * g2) / t;
@@ -67,8 +67,9 @@ struct LocalCoulomb {
       if (!(next > low) || (high >= 0 && next >= high)) {
         next = high >= 0 ? 0.5 * (low + high) : 2 * alpha + s1 + s2;
       }
-      if (next == alpha) break;
+      const bool done = next == alpha || std::abs(error) <= kTolerance * t;
       alpha = next;
+      if (done) break;
     }
     // Whatever is left of the iteration's error goes into the direction: the law itself holds exactly.
     if (!(t > 0)) {

@@ -99,6 +99,17 @@ void MechanismDynamics::Size() {
   g_.resize(n);
   tau_.resize(n);
   F_.resize(6, m.num_bodies());
+  M_00_ = model_.M_00;
+  M_0z_ = model_.M_0z;
+  M_0q_.resize(6, n);
+  if (base_size_ > 0) {
+    M_q_.resize(n, n);
+    M_Q_.resize(n, r);
+    body_V_.resize(6, m.num_bodies());
+    body_A_.resize(6, m.num_bodies());
+    q_dot_.resize(n);
+  }
+  composite_.resize(static_cast<std::size_t>(m.num_bodies()));
   if (model_.has_complement) {
     state_.q_perp = VectorX::Zero(n);
     q_perp_offset_.setZero(0);
@@ -128,6 +139,21 @@ void MechanismDynamics::TakeReferenceForces() {
     base_gravity_map_.col(axis) = F_.col(0);
   }
   const auto controls = m.controls().size();
+  if (base_moves()) {
+    // ξ x* (I ξ) is quadratic in ξ: its symmetric coefficients by polarisation.
+    auto force = [&](const Vector6& V) {
+      F_.setZero();
+      tau_.setZero();
+      SubtractRigidMotionWrenches(m, kinematics, V, F_);
+      AccumulateGeneralizedForce(m, kinematics.S, F_, tau_);
+      return VectorX(model_.Q.transpose() * tau_);
+    };
+    rigid_motion_map_.resize(r, 36);
+    for (int i = 0; i < 6; ++i)
+      for (int j = 0; j < 6; ++j)
+        rigid_motion_map_.col(6 * i + j) =
+            0.5 * (force(Vector6::Unit(i) + Vector6::Unit(j)) - force(Vector6::Unit(i)) - force(Vector6::Unit(j)));
+  }
   control_map_.resize(r, static_cast<Eigen::Index>(controls));
   for (std::size_t i = 0; i < controls; ++i) {
     tau_.setZero();
@@ -136,9 +162,29 @@ void MechanismDynamics::TakeReferenceForces() {
   }
 }
 
+void MechanismDynamics::UpdateBaseInertia() {
+  if (!base_moves() || options_.recovery == Recovery::kTwist) return;
+  const Kinematics& kinematics = configuration_.kinematics;
+  if (base_size_ == 0) {
+    BaseInertia(mechanism(), kinematics, composite_, M_00_, M_0q_);
+    M_0z_.noalias() = M_0q_ * Q_now();
+    return;
+  }
+  const int r = model_.size();
+  FloatingMassMatrix(mechanism(), kinematics, composite_, M_q_, M_00_, M_0q_);
+  M_0z_.noalias() = M_0q_ * Q_now();
+  M_Q_.noalias() = M_q_ * Q_now();
+  M_full_.topLeftCorner<6, 6>() = M_00_;
+  M_full_.topRightCorner(6, r) = M_0z_;
+  M_full_.bottomLeftCorner(r, 6) = M_0z_.transpose();
+  M_full_.bottomRightCorner(r, r).noalias() = Q_now().transpose() * M_Q_;
+  factored_h_ = -1;
+}
+
 void MechanismDynamics::UpdateConfiguration() {
   if (options_.recovery == Recovery::kExact) {
     Configure(model_, state_, configuration_);
+    UpdateBaseInertia();
     return;
   }
   configuration_.q = model_.q_ref;
@@ -170,6 +216,10 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R) {
     f_z_.noalias() += gravity_map_ * gravity_R;
     if (controls_.size() > 0) f_z_.noalias() += control_map_ * controls_;
     base_force_.noalias() = base_gravity_map_ * gravity_R;
+    if (base_moves()) {
+      const Matrix6 VV = state_.V_R * state_.V_R.transpose();
+      f_z_.noalias() += rigid_motion_map_ * Eigen::Map<const Eigen::Matrix<double, 36, 1>>(VV.data());
+    }
     if (has_wrenches_)
       for (int b = 0; b < m.num_bodies(); ++b) {
         const Vector6 F = AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
@@ -183,8 +233,17 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R) {
   if (has_wrenches_)
     for (int b = 0; b < m.num_bodies(); ++b) F_.col(b) += AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
   tau_.setZero();
+  if (base_moves()) {
+    // The base's own rows get the same by carrying its momentum along.
+    base_force_ = F_.rowwise().sum();
+    if (base_size_ > 0) {
+      q_dot_.noalias() = configuration_.Q_now * state_.w;
+      SubtractVelocityWrenches(m, configuration_.kinematics, state_.V_R, q_dot_, body_V_, body_A_, F_);
+    } else {
+      SubtractRigidMotionWrenches(m, configuration_.kinematics, state_.V_R, F_);
+    }
+  }
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
-  base_force_ = F_.col(0);
   if (controls_.size() > 0) AddControlForce(m, controls_, tau_);
   if (model_.has_complement) {
     g_ = g_ref_ + tau_;
@@ -213,7 +272,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
     if (mechanism().base() == BaseKind::kDriven) {
       // Twist that takes the base to its next pose; its change pushes the interior by inertia.
       const Vector6 V_next = Log(state_.X_WR.inverse() * driven_next_) / h;
-      rhs_.noalias() -= model_.M_0z.transpose() * (V_next - state_.V_R);
+      rhs_.noalias() -= M_0z_.transpose() * (V_next - state_.V_R);
       state_.V_R = V_next;
     }
     x_ = rhs_;
@@ -318,8 +377,18 @@ void MechanismDynamics::Integrate(double h) {
     const Vector6 V_next = x_.head<6>();
     state_.X_WR = state_.X_WR * Exp(0.5 * h * (state_.V_R + V_next));
     state_.X_WR.Orthonormalize();
+    momentum_.noalias() = M_full_ * x_;
+    const Vector6 p = momentum_.head<6>();
     state_.V_R = V_next;
-  } else if (mechanism().base() == BaseKind::kDriven) {
+    UpdateConfiguration();
+    // The pose changed under the base: its momentum stays, its twist follows.
+    if (options_.recovery == Recovery::kExact) {
+      state_.V_R = M_00_.llt().solve(p - M_0z_ * state_.w);
+      x_.head<6>() = state_.V_R;
+    }
+    return;
+  }
+  if (mechanism().base() == BaseKind::kDriven) {
     state_.X_WR = driven_next_;
   }
   UpdateConfiguration();
@@ -404,7 +473,7 @@ bool MechanismDynamics::Refresh() {
 double MechanismDynamics::KineticEnergy() const {
   double energy = 0.5 * x_.dot(M_full_ * x_);
   if (mechanism().base() == BaseKind::kDriven)
-    energy += state_.V_R.dot(model_.M_0z * state_.w) + 0.5 * state_.V_R.dot(model_.M_00 * state_.V_R);
+    energy += state_.V_R.dot(M_0z_ * state_.w) + 0.5 * state_.V_R.dot(M_00_ * state_.V_R);
   return energy;
 }
 

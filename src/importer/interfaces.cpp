@@ -87,6 +87,7 @@ std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* b
     // `beyond`: a candidate lies below, past a joint; `below`: below, joint or not.
     std::vector<bool> beyond(n, false), below(n, false);
     std::vector<std::string> names;
+    std::vector<std::size_t> groups_named;  // a rigid group touches as one: its outermost body stands for it
     for (std::size_t b = n; b-- > 1;) {
       const bool candidate = contact ? HasColliders(mechanism.bodies[b]) : true;
       const bool here = candidate || below[b];
@@ -95,6 +96,10 @@ std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* b
       beyond[p] = beyond[p] || beyond[b] || (here && has_joint[b]);
       // Without contact, a leaf is enough: a welded child already stands for its parent.
       if (candidate && !rigid[b] && !beyond[b] && (contact || !below[b])) {
+        std::size_t group = b;
+        while (!has_joint[group]) group = mechanism.bodies[group].parent.u();
+        if (std::find(groups_named.begin(), groups_named.end(), group) != groups_named.end()) continue;
+        groups_named.push_back(group);
         names.insert(names.begin(), mechanism.bodies[b].name);
       }
     }

@@ -8,43 +8,119 @@ Matrix6 InertiaInRoot(const Mechanism& mechanism, const Kinematics& kinematics, 
 }
 
 // Inertia of each body together with all that it carries, in R about R's origin.
-std::vector<Matrix6> CompositeInertia(const Mechanism& mechanism, const Kinematics& kinematics) {
+void CompositeInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& composite) {
   const auto& bodies = mechanism.bodies();
-  std::vector<Matrix6> composite(bodies.size());
+  composite.resize(bodies.size());
   for (std::size_t b = 0; b < bodies.size(); ++b) composite[b] = InertiaInRoot(mechanism, kinematics, b);
   for (std::size_t b = bodies.size(); b-- > 1;) composite[bodies[b].parent.u()] += composite[b];
-  return composite;
+}
+
+}  // namespace
+
+namespace {
+
+void FillMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const std::vector<Matrix6>& composite,
+                    MatrixX& M) {
+  const int n = mechanism.num_coordinates();
+  M.setZero(n, n);
+  for (const Mechanism::Joint& joint : mechanism.joints())
+    for (int c = joint.offset; c < joint.offset + joint.size; ++c) {
+      const Vector6 F = composite[joint.body.u()] * kinematics.S.col(c);
+      for (int i = joint.offset; i < joint.offset + joint.size; ++i) M(i, c) = kinematics.S.col(i).dot(F);
+      for (int j = joint.previous; j >= 0; j = mechanism.joint(JointIndex(j)).previous) {
+        const Mechanism::Joint& above = mechanism.joint(JointIndex(j));
+        for (int i = above.offset; i < above.offset + above.size; ++i) M(c, i) = M(i, c) = kinematics.S.col(i).dot(F);
+      }
+    }
+  M.diagonal() += mechanism.armature();
 }
 
 }  // namespace
 
 void MassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, MatrixX& M) {
-  const int n = mechanism.num_coordinates();
-  const auto composite = CompositeInertia(mechanism, kinematics);
-  M.setZero(n, n);
-  for (int j = 0; j < mechanism.num_joints(); ++j) {
-    const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
-    const auto columns = kinematics.S.middleCols(joint.offset, joint.size);
-    const Matrix6X F = composite[joint.body.u()] * columns;
-    M.block(joint.offset, joint.offset, joint.size, joint.size) = columns.transpose() * F;
-    for (int i = joint.previous; i >= 0; i = mechanism.joint(JointIndex(i)).previous) {
-      const Mechanism::Joint& above = mechanism.joint(JointIndex(i));
-      M.block(above.offset, joint.offset, above.size, joint.size) =
-          kinematics.S.middleCols(above.offset, above.size).transpose() * F;
-      M.block(joint.offset, above.offset, joint.size, above.size) =
-          M.block(above.offset, joint.offset, above.size, joint.size).transpose();
-    }
-  }
-  M.diagonal() += mechanism.armature();
+  std::vector<Matrix6> composite;
+  CompositeInertia(mechanism, kinematics, composite);
+  FillMassMatrix(mechanism, kinematics, composite, M);
+}
+
+void FloatingMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& scratch,
+                        MatrixX& M, Matrix6& M_00, Matrix6X& M_0q) {
+  BaseInertia(mechanism, kinematics, scratch, M_00, M_0q);
+  FillMassMatrix(mechanism, kinematics, scratch, M);
 }
 
 void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, Matrix6& M_00, Matrix6X& M_0q) {
-  const auto composite = CompositeInertia(mechanism, kinematics);
+  std::vector<Matrix6> scratch;
+  BaseInertia(mechanism, kinematics, scratch, M_00, M_0q);
+}
+
+void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& composite, Matrix6& M_00,
+                 Matrix6X& M_0q) {
+  CompositeInertia(mechanism, kinematics, composite);
   M_00 = composite[0];
   M_0q.resize(6, mechanism.num_coordinates());
   for (const Mechanism::Joint& joint : mechanism.joints())
     M_0q.middleCols(joint.offset, joint.size).noalias() =
         composite[joint.body.u()] * kinematics.S.middleCols(joint.offset, joint.size);
+}
+
+void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector6& V_R,
+                              const VectorX& q_dot, Matrix6X& V, Matrix6X& A, Matrix6X& F) {
+  const auto& bodies = mechanism.bodies();
+  const auto& joints = mechanism.joints();
+  // Twists and accelerations in R about R's origin. Relative to R the screws move with their parent's relative twist;
+  // R itself moves by ξ, which adds ξ x V.
+  V.col(0).setZero();
+  A.col(0).setZero();
+  std::size_t j = 0;
+  for (std::size_t b = 1; b < bodies.size(); ++b) {
+    Vector6 v = V.col(bodies[b].parent.value());
+    Vector6 a = A.col(bodies[b].parent.value());
+    for (; j < joints.size() && joints[j].body.u() == b; ++j) {
+      Vector6 rate = Vector6::Zero();
+      for (int i = joints[j].offset; i < joints[j].offset + joints[j].size; ++i) rate += kinematics.S.col(i) * q_dot(i);
+      a += Bracket(v, rate);
+      v += rate;
+    }
+    V.col(static_cast<Eigen::Index>(b)) = v;
+    A.col(static_cast<Eigen::Index>(b)) = a;
+  }
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const SpatialInertia& I = bodies[b].inertia_B;
+    const RigidTransform& X = kinematics.X_RB[b];
+    const auto column = static_cast<Eigen::Index>(b);
+    const Vector6 v = V_R + V.col(column);
+    const Vector6 a = A.col(column) + Bracket(V_R, v);
+    const Vector3 c = X * I.center;
+    const Matrix3& R = X.rotation();
+    auto times_inertia = [&](const Vector6& x) {
+      Vector6 h;
+      h.tail<3>() = I.mass * (x.tail<3>() + x.head<3>().cross(c));
+      h.head<3>() = R * (I.rotational * (R.transpose() * x.head<3>())) + c.cross(Vector3(h.tail<3>()));
+      return h;
+    };
+    const Vector6 h = times_inertia(v);
+    const Vector6 Ia = times_inertia(a);
+    const Vector3 w = v.head<3>(), u = v.tail<3>(), L = h.head<3>(), p = h.tail<3>();
+    F.col(column).head<3>() -= Ia.head<3>() + w.cross(L) + u.cross(p);
+    F.col(column).tail<3>() -= Ia.tail<3>() + w.cross(p);
+  }
+}
+
+void SubtractRigidMotionWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector6& V_R,
+                                 Matrix6X& F) {
+  const Vector3 w = V_R.head<3>(), v = V_R.tail<3>();
+  const auto& bodies = mechanism.bodies();
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const SpatialInertia& I = bodies[b].inertia_B;
+    const RigidTransform& X = kinematics.X_RB[b];
+    const Vector3 c = X * I.center;
+    const Vector3 p = I.mass * (v + w.cross(c));
+    const Vector3 L = X.rotation() * (I.rotational * (X.rotation().transpose() * w)) + c.cross(p);
+    const auto column = static_cast<Eigen::Index>(b);
+    F.col(column).head<3>() -= w.cross(L) + v.cross(p);
+    F.col(column).tail<3>() -= w.cross(p);
+  }
 }
 
 void ApplyMass(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& x, VectorX& Mx) {

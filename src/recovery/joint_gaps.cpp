@@ -6,25 +6,58 @@
 namespace fork1s {
 namespace {
 
-// A point that every turning freedom of the joint keeps still, in R at q = 0: the least-squares common point of
-// the axes. For a hinge any point of its axis would do; the one nearest the moved body's origin is the joint.
-Vector3 Anchor(const Mechanism& mechanism, const Mechanism::Joint& joint) {
-  const Vector3 origin = mechanism.body(joint.body).X_RB0.translation();
-  Eigen::Matrix<double, Eigen::Dynamic, 3> A(3 * joint.size, 3);
-  VectorX b(3 * joint.size);
+// The joints that move one body relative to its parent, first to last.
+struct Stack {
+  int first = 0, count = 0;  // joints
+  int offset = 0, size = 0;  // coordinates
+};
+
+// A point that every turning freedom of the stack keeps still, in R at q = 0: the least-squares common point of the
+// axes, the one nearest the moved body's origin. `apart` tells how far [m] the axes miss it: hinges about axes that do
+// not meet have no common point.
+Vector3 Anchor(const Mechanism& mechanism, const Stack& stack, BodyIndex body, double& apart) {
+  const Vector3 origin = mechanism.body(body).X_RB0.translation();
+  MatrixX A = MatrixX::Zero(3 * stack.size, 3);
+  VectorX b = VectorX::Zero(3 * stack.size);
+  apart = 0;
   int rows = 0;
-  for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
+  for (int i = stack.offset; i < stack.offset + stack.size; ++i) {
     const Vector6 s = mechanism.screws().col(i);
     if (s.head<3>().squaredNorm() == 0) continue;
     // v + ω x p is along ω where p is on the axis; the part across it must vanish.
     const Vector3 w = s.head<3>().normalized();
     const Vector3 v = s.tail<3>() / s.head<3>().norm();
-    A.middleRows(3 * rows, 3) = Skew(w);
-    b.segment<3>(3 * rows) = -(v - w * w.dot(v)) - w.cross(origin);
-    ++rows;
+    A.middleRows(rows, 3) = Skew(w);
+    b.segment<3>(rows) = -(v - w * w.dot(v)) - w.cross(origin);
+    rows += 3;
   }
   if (rows == 0) return origin;
-  return origin + A.topRows(3 * rows).completeOrthogonalDecomposition().solve(b.head(3 * rows));
+  const Vector3 from_origin = A.topRows(rows).completeOrthogonalDecomposition().solve(b.head(rows));
+  apart = (A.topRows(rows) * from_origin - b.head(rows)).cwiseAbs().maxCoeff();
+  return origin + from_origin;
+}
+
+// Where the axes do not meet: displacements that come nearest to the child's pose, and what they leave.
+double FittedGap(const Mechanism& mechanism, const Stack& stack, const RigidTransform& X_wanted) {
+  VectorX q = VectorX::Zero(stack.size);
+  double gap = 0;
+  for (int iteration = 0; iteration < 20; ++iteration) {
+    RigidTransform P;
+    Matrix6X J(6, stack.size);
+    for (int j = stack.first; j < stack.first + stack.count; ++j) {
+      const auto& joint = mechanism.joint(JointIndex(j));
+      const auto S = mechanism.screws().middleCols(joint.offset, joint.size);
+      const Vector6 x = S * q.segment(joint.offset - stack.offset, joint.size);
+      J.middleCols(joint.offset - stack.offset, joint.size) = Adjoint(P) * Dexp(x) * S;
+      P = P * Exp(x);
+    }
+    const Vector6 error = Log(X_wanted * P.inverse());
+    gap = error.tail<3>().norm();
+    const VectorX step = J.completeOrthogonalDecomposition().solve(error);
+    q += step;
+    if (step.norm() < 1e-13) break;
+  }
+  return gap;
 }
 
 // Directions in which the joint slides, in R at q = 0.
@@ -48,16 +81,27 @@ std::vector<JointGap> MeasureJointGaps(const Mechanism& mechanism, const std::ve
     const Mechanism::Body& parent = mechanism.body(child.parent);
     const bool first_of_body = joint.previous < 0 || mechanism.joint(JointIndex(joint.previous)).body != joint.body;
     if (!first_of_body) continue;
-    // All joints of this body together: a point that they share, and every direction that one of them slides in.
+    Stack stack{static_cast<int>(&joint - mechanism.joints().data()), 0, joint.offset, 0};
+    for (int j = stack.first; j < mechanism.num_joints() && mechanism.joint(JointIndex(j)).body == joint.body; ++j) {
+      ++stack.count;
+      stack.size += mechanism.joint(JointIndex(j)).size;
+    }
+    double apart = 0;
+    const Vector3 anchor = Anchor(mechanism, stack, joint.body, apart);
+    if (apart > 1e-9) {
+      const RigidTransform X_wanted = parent.X_RB0 * X_RB[child.parent.u()].inverse() * X_RB[joint.body.u()] *
+                                      child.X_RB0.inverse();
+      gaps.push_back({joint.name, FittedGap(mechanism, stack, X_wanted)});
+      continue;
+    }
+    // Every direction that one of the joints slides in.
     Matrix3X slides(3, 0);
-    for (const Mechanism::Joint& other : mechanism.joints())
-      if (other.body == joint.body) {
-        const Matrix3X s = Slides(mechanism, other);
-        Matrix3X joined(3, slides.cols() + s.cols());
-        joined << slides, s;
-        slides = joined;
-      }
-    const Vector3 anchor = Anchor(mechanism, joint);
+    for (int j = stack.first; j < stack.first + stack.count; ++j) {
+      const Matrix3X s = Slides(mechanism, mechanism.joint(JointIndex(j)));
+      Matrix3X joined(3, slides.cols() + s.cols());
+      joined << slides, s;
+      slides = joined;
+    }
     const RigidTransform& X_RP = X_RB[child.parent.u()];
     const Vector3 parent_side = X_RP * (parent.X_RB0.inverse() * anchor);
     const Vector3 child_side = X_RB[joint.body.u()] * (child.X_RB0.inverse() * anchor);

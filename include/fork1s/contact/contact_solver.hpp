@@ -46,6 +46,7 @@ struct ContactSolverOptions {
   int max_sweeps = 50;
   double tolerance = 1e-4;  // residual above which Newton takes over
   int max_newton_iterations = 30;
+  int max_newton_rows = 450;  // 3 a contact, 1 a limit: Newton is dense, so larger problems only sweep
 };
 
 struct ContactSolverReport {
@@ -66,7 +67,9 @@ class ContactSolver {
   void Reserve(int num_contacts, int num_limits, int num_velocities);
 
   /// Solves for the impulses. In: `velocities` = v*, blocks covering every port and limit row, warm starts in
-  /// the constraints. Out: impulses in the constraints, `velocities` = v⁺.
+  /// the constraints. Out: impulses in the constraints, `velocities` = v⁺. A contact that nothing can move
+  /// (both sides still, or rows of W that vanish) gets no impulse and does not count in the residual. Input
+  /// that is not finite: no impulses, `velocities` as they were, converged = false.
   ContactSolverReport Solve(const std::vector<VelocityBlock>& blocks,
                             std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
                             VectorX& velocities, const ContactSolverOptions& options = {});

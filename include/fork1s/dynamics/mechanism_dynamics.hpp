@@ -2,6 +2,8 @@
 //
 // docs/method.md, section 5. With x = [ξ; w] (base twist where the base floats, reduced rates):
 //     A x⁺ = M x + h (f(z) + loads) + Jᵀλ,   A = M + h D + h² K, factored once between refreshes.
+// Where the base floats, M and the velocity forces are those of the present pose: with stale ones a body in free fall
+// would push its own legs about, the harder the faster it moves.
 // Forces are evaluated at the present pose in joint coordinates and projected, f_z = Q(q)ᵀ g(q): on trees this
 // is -K z + F_u u exactly, with loops it carries the projector, and dead loads bring their geometric stiffness.
 #pragma once
@@ -98,6 +100,8 @@ class MechanismDynamics {
   void TakeReferenceForces();
   void Factor(double h);
   void LoadForces(const Vector3& gravity_R);
+  bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
+  void UpdateBaseInertia();
 
   Options options_;
   ReducedModel model_;
@@ -124,7 +128,15 @@ class MechanismDynamics {
   MatrixX control_map_;   // twist mode: r x controls
   Matrix6X base_gravity_map_;  // 6 x 3
 
+  MatrixX rigid_motion_map_;   // twist mode: r x 36, force per entry of ξξᵀ at the reference
+
   // Scratch of a step.
+  std::vector<Matrix6> composite_;
+  Matrix6 M_00_;
+  Matrix6X M_0q_, M_0z_;  // of the present pose
+  MatrixX M_q_, M_Q_;     // floating base: of the present pose
+  Matrix6X body_V_, body_A_;
+  VectorX q_dot_;
   VectorX x_, rhs_, f_z_, g_, tau_, momentum_;
   Matrix6X F_;
   Vector6 base_force_;
