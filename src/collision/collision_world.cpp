@@ -118,6 +118,12 @@ void CollisionWorld::SetPose(int body, const RigidTransform& X_WB) {
   }
 }
 
+void CollisionWorld::SetMargin(double margin) {
+  FORK1S_REQUIRE(margin >= 0 && std::isfinite(margin), margin);
+  mjModel* model = detail_->model.get();
+  for (int i = 0; i < model->ngeom; ++i) model->geom_margin[i] = margin;
+}
+
 bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
   Detail& detail = *detail_;
   mjData* d = detail.data.get();

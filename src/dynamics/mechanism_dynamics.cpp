@@ -60,9 +60,17 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   dynamics.controls_.resize(static_cast<Eigen::Index>(mechanism->controls().size()));
   for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
     dynamics.controls_(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
-  for (int i = 0; i < mechanism->num_coordinates(); ++i)
-    if (std::isfinite(mechanism->lower()(i)) || std::isfinite(mechanism->upper()(i)))
-      dynamics.limited_.push_back(i);
+  // A pose outside the limits may be what springs and loops hold; pushing it inside would fight them for ever.
+  dynamics.lower_ = mechanism->lower().cwiseMin(q);
+  dynamics.upper_ = mechanism->upper().cwiseMax(q);
+  dynamics.warnings_ = dynamics.model_.warnings;
+  for (int i = 0; i < mechanism->num_coordinates(); ++i) {
+    if (std::isfinite(dynamics.lower_(i)) || std::isfinite(dynamics.upper_(i))) dynamics.limited_.push_back(i);
+    const double outside = std::max(mechanism->lower()(i) - q(i), q(i) - mechanism->upper()(i));
+    if (outside > 1e-3)
+      dynamics.warnings_.push_back("joint '" + mechanism->CoordinateName(i) + "' starts outside its limits by " +
+                                   std::to_string(outside) + " (rad or m); the limit was moved to the initial pose");
+  }
   dynamics.wrenches_W_ = Matrix6X::Zero(6, mechanism->num_bodies());
   dynamics.Size();
   if (q_dot0.size() > 0 && !q_dot0.isZero(0)) {
@@ -263,6 +271,9 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
   if (h != factored_h_) Factor(h);
   const int r = model_.size();
   V_R_before_ = state_.V_R;
+  gravity_W_ = gravity_W;
+  guard_ = base_size_ > 0 && options_.recovery == Recovery::kExact && !has_wrenches_;
+  if (guard_) energy_budget_ = KineticEnergy() + PotentialEnergy(gravity_W);
   LoadForces(state_.X_WR.rotation().transpose() * gravity_W);
   if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
 
@@ -356,6 +367,7 @@ void MechanismDynamics::HalfSolve(Eigen::Ref<MatrixX> Jt) const { factor_.matrix
 void MechanismDynamics::ApplyImpulse(const VectorX& p) {
   rhs_ = p;
   factor_.solveInPlace(rhs_);
+  if (guard_) energy_budget_ += std::max(0.0, p.dot(x_ + 0.5 * rhs_));
   x_ += rhs_;
 }
 
@@ -385,6 +397,7 @@ void MechanismDynamics::Integrate(double h) {
     if (options_.recovery == Recovery::kExact) {
       state_.V_R = M_00_.llt().solve(p - M_0z_ * state_.w);
       x_.head<6>() = state_.V_R;
+      if (guard_) GuardEnergy();
     }
     return;
   }
@@ -392,6 +405,23 @@ void MechanismDynamics::Integrate(double h) {
     state_.X_WR = driven_next_;
   }
   UpdateConfiguration();
+}
+
+// Velocity forces are explicit, and fast small links can feed on them. What a step gained beyond what contact put in
+// is taken from the motion relative to the locked mechanism, which leaves the momentum of the base as it is.
+void MechanismDynamics::GuardEnergy() {
+  const double excess = KineticEnergy() + PotentialEnergy(gravity_W_) - energy_budget_;
+  if (!(excess > 0)) return;
+  momentum_.noalias() = M_full_ * x_;
+  const Vector6 locked = M_00_.llt().solve(momentum_.head<6>());
+  // KE = KE_locked + s² KE_relative, without a mixed term, since the relative motion carries no base momentum.
+  const double relative = 0.5 * x_.dot(momentum_) - 0.5 * locked.dot(M_00_ * locked);
+  if (!(relative > 0)) return;
+  const double s = std::sqrt(std::max(0.0, 1 - excess / relative));
+  x_.head<6>() = locked + s * (x_.head<6>() - locked);
+  x_.tail(model_.size()) *= s;
+  state_.V_R = x_.head<6>();
+  state_.w = x_.tail(model_.size());
 }
 
 double MechanismDynamics::Staleness() const {

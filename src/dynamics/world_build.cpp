@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <fork1s/dynamics/world.hpp>
 #include <map>
 
@@ -68,7 +69,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     auto dynamics = MechanismDynamics::Create(mechanism, q, q_dot, X_WR, V_R, o);
     if (!dynamics) return tl::unexpected(dynamics.error());
     if (key && key->mechanisms[i].controls.size() > 0) dynamics->controls() = key->mechanisms[i].controls;
-    for (const std::string& w : dynamics->model().warnings) world.warnings_.push_back(w);
+    for (const std::string& w : dynamics->warnings()) world.warnings_.push_back(w);
     world.mechanisms_.push_back(std::move(*dynamics));
   }
   for (std::size_t i = 0; i < scene.free_bodies.size(); ++i) {
@@ -165,6 +166,15 @@ Expected<void> World::BuildCollision(const Scene& scene, const Options& options)
   for (const auto& [a, b] : scene.excluded_pairs)
     if (index_of.count(a) && index_of.count(b) && index_of[a] != index_of[b]) excluded.emplace_back(index_of[a], index_of[b]);
 
+  margin_max_ = options.collision.margin;
+  for (const CollisionBodyDef& body : bodies) {
+    double radius = 0;
+    for (const GeometryDef& g : body.geometries)
+      if (const double r = BoundingRadius(g.shape); std::isfinite(r))
+        radius = std::max(radius, g.X_BG.translation().norm() + r);
+    contactor_radius_.push_back(radius);
+  }
+  contactor_pose_.resize(contactors_.size());
   auto collision = CollisionWorld::Create(bodies, excluded, options.collision);
   if (!collision) return tl::unexpected(collision.error());
   collision_ = std::make_unique<CollisionWorld>(std::move(*collision));
@@ -177,6 +187,7 @@ void World::ResetContacts() {
   previous_.clear();
   previous_normal_speed_.clear();
   curvature_valid_ = false;
+  has_previous_pose_ = false;
   for (MechanismBlock& block : mechanism_blocks_)
     std::fill(block.limit_impulses.begin(), block.limit_impulses.end(), 0.0);
 }

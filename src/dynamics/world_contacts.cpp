@@ -22,15 +22,25 @@ Matrix36 World::PortRows(const Contactor& contactor, const ContactPoint& point) 
 }
 
 void World::FindContacts(const StepOptions& options, StepReport& report) {
+  // What can close within a step: twice the last step's motion, what gravity adds, and a millimetre.
+  double motion = 0;
   for (std::size_t i = 0; i < contactors_.size(); ++i) {
     const Contactor& c = contactors_[i];
-    if (c.kind == Contactor::Kind::kGroup)
-      collision_->SetPose(static_cast<int>(i), mechanisms_[static_cast<std::size_t>(c.index)].GroupPose(c.group));
-    else if (c.kind == Contactor::Kind::kFreeBody)
-      collision_->SetPose(static_cast<int>(i), free_bodies_[static_cast<std::size_t>(c.index)].pose());
+    if (c.kind == Contactor::Kind::kWorld) continue;
+    const RigidTransform X = c.kind == Contactor::Kind::kGroup
+                                 ? mechanisms_[static_cast<std::size_t>(c.index)].GroupPose(c.group)
+                                 : free_bodies_[static_cast<std::size_t>(c.index)].pose();
+    collision_->SetPose(static_cast<int>(i), X);
+    const RigidTransform& before = contactor_pose_[i];
+    // |R - R₀| (Frobenius) is √2 times the angle for small turns.
+    const double turn = (X.rotation() - before.rotation()).norm();
+    motion = std::max(motion, (X.translation() - before.translation()).norm() + turn * contactor_radius_[i]);
+    contactor_pose_[i] = X;
   }
+  const double needed = 0.001 + 2 * motion + options.gravity.norm() * options.h * options.h;
+  collision_->SetMargin(has_previous_pose_ ? std::min(margin_max_, needed) : margin_max_);
+  has_previous_pose_ = true;
   report.contacts_dropped = !collision_->Detect(points_);
-  static_cast<void>(options);
 }
 
 // Which ports and limits take part, and where they stand in the stacked velocities. Fills Jᵀ of every mechanism
@@ -61,7 +71,7 @@ void World::LayOutPorts(const StepOptions& options) {
       const double q = m.configuration().q(coordinate), rate = m.CoordinateRate(coordinate);
       // Near enough to be reached within the step, with room for what contacts may add.
       const double reach = 0.02 + 2 * options.h * std::abs(rate);
-      const double gap[2] = {q - m.mechanism().lower()(coordinate), m.mechanism().upper()(coordinate) - q};
+      const double gap[2] = {q - m.lower()(coordinate), m.upper()(coordinate) - q};
       for (int side = 0; side < 2; ++side)
         if (gap[side] < reach) block.limits.push_back(static_cast<int>(2 * k) + side);
         else block.limit_impulses[2 * k + static_cast<std::size_t>(side)] = 0;
@@ -197,7 +207,7 @@ void World::AssembleConstraints(const StepOptions& options) {
       LimitConstraint limit;
       limit.row = block.offset + static_cast<int>(6 * block.groups.size() + k);
       limit.sign = upper ? -1 : 1;
-      limit.bias = bias(upper ? m.mechanism().upper()(coordinate) - q : q - m.mechanism().lower()(coordinate));
+      limit.bias = bias(upper ? m.upper()(coordinate) - q : q - m.lower()(coordinate));
       limit.impulse = block.limit_impulses[at];
       limits_.push_back(limit);
     }

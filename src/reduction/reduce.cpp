@@ -178,7 +178,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
   model.K_r.head(model.num_free).setZero();
 
   FillInertia(model, kinematics);
-  model.D = mechanism.has_diagonal_stiffness() && mechanism.is_tree()
+  model.D = mechanism.springs().empty() && mechanism.closures().empty()
                 ? MatrixX(model.Q.transpose() * mechanism.damping().asDiagonal() * model.Q)
                 : MatrixX(model.Q.transpose() * DampingMatrix(mechanism, kinematics, q_ref) * model.Q);
   FillLoopMetric(model, kinematics);

@@ -72,6 +72,10 @@ class MechanismDynamics {
   void CoordinateRow(int i, Eigen::Ref<VectorX> row) const;
   double CoordinateRate(int i) const { return Q_now().row(i).dot(x_.tail(model_.size())); }
   const std::vector<int>& limited_coordinates() const { return limited_; }
+  /// Limits in force [n]: those of the mechanism, widened to the initial pose where that was outside.
+  const VectorX& lower() const { return lower_; }
+  const VectorX& upper() const { return upper_; }
+  const std::vector<std::string>& warnings() const { return warnings_; }
 
   /// Takes the free velocity back, before Integrate.
   void Revert();
@@ -102,6 +106,7 @@ class MechanismDynamics {
   void LoadForces(const Vector3& gravity_R);
   bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
   void UpdateBaseInertia();
+  void GuardEnergy();
 
   Options options_;
   ReducedModel model_;
@@ -109,6 +114,8 @@ class MechanismDynamics {
   Configuration configuration_;
   std::vector<ContactGroup> groups_;
   std::vector<int> limited_;
+  VectorX lower_, upper_;
+  std::vector<std::string> warnings_;
   int base_size_ = 0;  // 6 where the base floats
 
   VectorX controls_;
@@ -137,6 +144,9 @@ class MechanismDynamics {
   MatrixX M_q_, M_Q_;     // floating base: of the present pose
   Matrix6X body_V_, body_A_;
   VectorX q_dot_;
+  Vector3 gravity_W_ = Vector3::Zero();
+  double energy_budget_ = 0;  // J: at the start of the step plus what contact put in
+  bool guard_ = false;
   VectorX x_, rhs_, f_z_, g_, tau_, momentum_;
   Matrix6X F_;
   Vector6 base_force_;

@@ -101,6 +101,10 @@ class World {
   std::unique_ptr<CollisionWorld> collision_;
   std::vector<Contactor> contactors_;
   std::vector<std::string> warnings_;
+  double margin_max_ = 0.02;                    // m
+  std::vector<double> contactor_radius_;        // m, about the contactor's frame
+  std::vector<RigidTransform> contactor_pose_;  // at the previous detection
+  bool has_previous_pose_ = false;
 
   ContactSolver solver_;
   std::vector<ContactPoint> points_;                 // of this step, those that can touch within it
