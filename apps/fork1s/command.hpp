@@ -17,6 +17,7 @@ void AddReduce(CLI::App& app, Action& action);
 void AddStatics(CLI::App& app, Action& action);
 void AddRun(CLI::App& app, Action& action);
 void AddReplay(CLI::App& app, Action& action);
+void AddExport(CLI::App& app, Action& action);
 
 /// Prints the error to standard error (and, with json, as an object to standard output); returns its exit code.
 int Report(const Error& error, bool json);

@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   AddStatics(app, action);
   AddRun(app, action);
   AddReplay(app, action);
+  AddExport(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -24,10 +24,22 @@ Coefficients Evaluate(double theta) {
             0.5 * (1 - t2 / 12 * (1 - t2 / 30 * (1 - t2 / 56 * (1 - t2 / 90 * (1 - t2 / 132))))),
             (1 - t2 / 20 * (1 - t2 / 42 * (1 - t2 / 72 * (1 - t2 / 110 * (1 - t2 / 156))))) / 6};
   }
-  const double s = std::sin(theta);
-  // 1 - cos by the half angle keeps its digits at small θ.
+  // By the half angle: 1 - cos keeps its digits at small θ, and one sine and cosine serve all three.
   const double half = std::sin(0.5 * theta);
+  const double s = 2 * half * std::cos(0.5 * theta);
   return {s / theta, 2 * half * half / t2, (theta - s) / (t2 * theta)};
+}
+
+// exp(w) = cos θ 1 + sinc W + b w wᵀ, written out: this is the hot line of pose recovery.
+Matrix3 Rotation(const Vector3& w, const Coefficients& k) {
+  const double x = w.x(), y = w.y(), z = w.z();
+  const double cosine = 1 - k.b * w.squaredNorm();
+  const double xy = k.b * x * y, xz = k.b * x * z, yz = k.b * y * z;
+  const double sx = k.sinc * x, sy = k.sinc * y, sz = k.sinc * z;
+  Matrix3 R;
+  R << cosine + k.b * x * x, xy - sz, xz + sy, xy + sz, cosine + k.b * y * y, yz - sx, xz - sy, yz + sx,
+      cosine + k.b * z * z;
+  return R;
 }
 
 // d/d(θ²)-type coefficients that the coupling block of Dexp needs:
@@ -57,12 +69,7 @@ Derivatives EvaluateDerivatives(double theta, const Coefficients& k) {
 
 }  // namespace
 
-Matrix3 ExpRotation(const Vector3& w) {
-  const double theta = w.norm();
-  const Coefficients k = Evaluate(theta);
-  const Matrix3 W = Skew(w);
-  return Matrix3::Identity() + k.sinc * W + k.b * (W * W);
-}
+Matrix3 ExpRotation(const Vector3& w) { return Rotation(w, Evaluate(w.norm())); }
 
 Vector3 LogRotation(const Matrix3& R) {
   // The quaternion's vector part keeps full precision near π, its atan2 near 0 and in between.
@@ -99,10 +106,8 @@ RigidTransform Exp(const Vector6& x) {
   const Vector3 w = x.head<3>();
   const Vector3 v = x.tail<3>();
   const Coefficients k = Evaluate(w.norm());
-  const Matrix3 W = Skew(w);
-  const Matrix3 W2 = W * W;
-  return {Matrix3(Matrix3::Identity() + k.sinc * W + k.b * W2),
-          Vector3(v + k.b * w.cross(v) + k.c * (W2 * v))};
+  const Vector3 wv = w.cross(v);
+  return {Rotation(w, k), Vector3(v + k.b * wv + k.c * w.cross(wv))};
 }
 
 Vector6 Log(const RigidTransform& X) {

@@ -1,0 +1,67 @@
+#include <fmt/format.h>
+#include <fork1s/record/csv.hpp>
+#include <fork1s/record/recording.hpp>
+#include <memory>
+
+#include "output.hpp"
+
+namespace fork1s::app {
+namespace {
+
+int RunReplay(const std::string& path, bool json) {
+  auto recording = Recording::Open(path);
+  if (!recording) return Report(recording.error(), json);
+  auto result = Replay(*recording);
+  if (!result) return Report(result.error(), json);
+  const RecordingHeader& header = recording->header();
+  if (json) {
+    const Json out = {{"steps", result->steps},
+                      {"identical", result->identical},
+                      {"first_difference_step",
+                       result->first_difference_step < 0 ? Json(nullptr) : Json(result->first_difference_step)},
+                      {"final_hash", fmt::format("{:016x}", result->final_hash)},
+                      {"finished", header.finished},
+                      {"program", header.program}};
+    fmt::print("{}\n", out.dump(2));
+  } else {
+    if (!header.finished) fmt::print("the program that wrote this recording was stopped; it holds {} whole steps\n", recording->num_steps());
+    fmt::print("replayed {} steps, final state hash {:016x}: ", result->steps, result->final_hash);
+    if (result->identical) fmt::print("every step is identical to the recording\n");
+    else fmt::print("the state differs from the recording from step {} on\n", result->first_difference_step);
+  }
+  return result->identical ? kDone : kNumericsFailed;
+}
+
+int RunExport(const std::string& path, const std::string& folder, bool all_bodies) {
+  auto recording = Recording::Open(path);
+  if (!recording) return Report(recording.error(), false);
+  CsvOptions options;
+  options.all_bodies = all_bodies;
+  if (auto written = ExportCsv(*recording, folder, options); !written) return Report(written.error(), false);
+  fmt::print("wrote {} steps to {}/*.csv\n", recording->num_steps(), folder);
+  return kDone;
+}
+
+}  // namespace
+
+void AddReplay(CLI::App& app, Action& action) {
+  auto* command = app.add_subcommand("replay", "simulate a recording again and compare every state with it");
+  auto path = std::make_shared<std::string>();
+  auto json = std::make_shared<bool>(false);
+  command->add_option("recording", *path, "HDF5 file of 'fork1s run --record'")->required();
+  command->add_flag("--json", *json, "print one JSON object and nothing else");
+  command->callback([&action, path, json] { action = [path, json] { return RunReplay(*path, *json); }; });
+}
+
+void AddExport(CLI::App& app, Action& action) {
+  auto* command = app.add_subcommand("export", "write a recording as CSV tables");
+  auto path = std::make_shared<std::string>();
+  auto folder = std::make_shared<std::string>();
+  auto all = std::make_shared<bool>(false);
+  command->add_option("recording", *path, "HDF5 file of 'fork1s run --record'")->required();
+  command->add_option("folder", *folder, "folder for poses.csv, contacts.csv, controls.csv, energy.csv")->required();
+  command->add_flag("--all-bodies", *all, "poses of every body, not only of interface and free bodies");
+  command->callback([&action, path, folder, all] { action = [path, folder, all] { return RunExport(*path, *folder, *all); }; });
+}
+
+}  // namespace fork1s::app

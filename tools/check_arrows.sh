@@ -1,0 +1,37 @@
+#!/usr/bin/env bash
+# Reads every include between rooms and holds it against the arrows that src/*/CMakeLists.txt state (ROOMS ...),
+# closed transitively. An arrow that is used but not stated, or a circle, fails.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+declare -A stated closure
+for list in src/*/CMakeLists.txt; do
+  room=$(basename "$(dirname "$list")")
+  stated[$room]=$(tr '\n' ' ' <"$list" | sed -n 's/.*ROOMS \([a-z ]*\).*/\1/p')
+done
+
+reach() {  # all rooms below $1; $2 is the way taken, to find circles
+  local next
+  for next in ${stated[$1]:-}; do
+    if [[ " $2 " == *" $next "* ]]; then
+      echo "check_arrows: circle: $2 $next" >&2
+      exit 1
+    fi
+    echo "$next"
+    reach "$next" "$2 $next"
+  done
+}
+
+failed=0
+for room in "${!stated[@]}"; do
+  closure[$room]=" $room $(reach "$room" "$room" | sort -u | tr '\n' ' ')"
+  while IFS=: read -r file line text; do
+    used=$(sed -E 's|.*<fork1s/([a-z]+)/.*|\1|' <<<"$text")
+    if [[ "${closure[$room]}" != *" $used "* ]]; then
+      echo "check_arrows: $file:$line: room '$room' may not look into '$used'" >&2
+      failed=1
+    fi
+  done < <(grep -rnE '#include <fork1s/[a-z]+/' "src/$room" "include/fork1s/$room" 2>/dev/null || true)
+done
+[ "$failed" -eq 0 ] && echo "check_arrows: every include follows the stated arrows (${#stated[@]} rooms)"
+exit "$failed"
