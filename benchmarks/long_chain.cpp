@@ -1,4 +1,5 @@
-// A chain of many joints built by hand: how long its reduction and its steps take, and what it holds in memory.
+// A chain of many joints built by hand: how long its reduction and its steps take, and what it holds in
+// memory.
 //
 //     build/release/benchmarks/long_chain [JOINTS ...]     default: 100 200 500 1000 2000 5000
 #include <fmt/format.h>
@@ -22,7 +23,8 @@ double Microseconds(Clock::time_point from) {
 }
 
 double Median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
+                   values.end());
   return values[values.size() / 2];
 }
 
@@ -43,8 +45,9 @@ Mechanism Chain(int joints) {
     if (i > 0) link.X_PB = RigidTransform(Vector3(length, 0, 0));
     link.inertia = {mass, Vector3(length / 2, 0, 0), Vector3(1e-6, 5e-6, 5e-6).asDiagonal()};
     parent = builder.AddBody(link);
-    builder.AddJoint(JointDef::Hinge(fmt::format("joint{}", i), parent, i % 2 ? Vector3::UnitY() : Vector3::UnitZ())
-                         .WithSpring(100, 1));
+    builder.AddJoint(
+        JointDef::Hinge(fmt::format("joint{}", i), parent, i % 2 ? Vector3::UnitY() : Vector3::UnitZ())
+            .WithSpring(100, 1));
   }
   builder.SetInterfaces({fmt::format("link{}", joints - 1)});
   return std::move(builder.Build().value());
@@ -64,7 +67,8 @@ void Measure(int joints) {
     MechanismDynamics::Options options;
     options.recovery = recovery;
     const std::size_t before = HeapBytes();
-    auto dynamics = MechanismDynamics::Create(mechanism, q, VectorX(), RigidTransform(), Vector6::Zero(), options);
+    auto dynamics =
+        MechanismDynamics::Create(mechanism, q, VectorX(), RigidTransform(), Vector6::Zero(), options);
     if (recovery == Recovery::kTwist) hold_bytes = static_cast<double>(HeapBytes() - before);
     std::vector<double> steps;
     std::vector<RigidTransform> X_RB;
@@ -77,7 +81,8 @@ void Measure(int joints) {
     }
     step_us[recovery == Recovery::kTwist] = Median(steps);
   }
-  fmt::print("{},{:.3f},{:.2f},{:.2f},{:.3f}\n", joints, 1e-3 * Median(reduce), step_us[0], step_us[1], hold_bytes / 1e6);
+  fmt::print("{},{:.3f},{:.2f},{:.2f},{:.3f}\n", joints, 1e-3 * Median(reduce), step_us[0], step_us[1],
+             hold_bytes / 1e6);
 }
 
 }  // namespace

@@ -1,10 +1,10 @@
 // What every subcommand offers to the program.
 #pragma once
 
-#include <functional>
-#include <string>
 #include <CLI/CLI.hpp>
 #include <fork1s/base/error.hpp>
+#include <functional>
+#include <string>
 
 namespace fork1s::app {
 
@@ -19,7 +19,8 @@ void AddRun(CLI::App& app, Action& action);
 void AddReplay(CLI::App& app, Action& action);
 void AddExport(CLI::App& app, Action& action);
 
-/// Prints the error to standard error (and, with json, as an object to standard output); returns its exit code.
+/// Prints the error to standard error (and, with json, as an object to standard output); returns its exit
+/// code.
 int Report(const Error& error, bool json);
 
 }  // namespace fork1s::app

@@ -10,22 +10,32 @@ namespace {
 
 const char* BaseName(BaseKind kind) {
   switch (kind) {
-    case BaseKind::kFixed: return "fixed";
-    case BaseKind::kFloating: return "floating";
-    case BaseKind::kDriven: return "driven";
+    case BaseKind::kFixed:
+      return "fixed";
+    case BaseKind::kFloating:
+      return "floating";
+    case BaseKind::kDriven:
+      return "driven";
   }
   return "";
 }
 
 const char* KindName(JointKind kind) {
   switch (kind) {
-    case JointKind::kHinge: return "hinge";
-    case JointKind::kSlide: return "slide";
-    case JointKind::kBall: return "ball";
-    case JointKind::kCylindrical: return "cylindrical";
-    case JointKind::kPlanar: return "planar";
-    case JointKind::kFree: return "free";
-    case JointKind::kGeneral: return "general";
+    case JointKind::kHinge:
+      return "hinge";
+    case JointKind::kSlide:
+      return "slide";
+    case JointKind::kBall:
+      return "ball";
+    case JointKind::kCylindrical:
+      return "cylindrical";
+    case JointKind::kPlanar:
+      return "planar";
+    case JointKind::kFree:
+      return "free";
+    case JointKind::kGeneral:
+      return "general";
   }
   return "";
 }
@@ -56,17 +66,21 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     one["modes"] = def.modes;
     one["joint_table"] = Json::array();
     for (const auto& j : m.joints())
-      one["joint_table"].push_back({{"name", j.name}, {"kind", KindName(j.kind)}, {"body", m.body(j.body).name},
+      one["joint_table"].push_back({{"name", j.name},
+                                    {"kind", KindName(j.kind)},
+                                    {"body", m.body(j.body).name},
                                     {"parent", m.body(m.body(j.body).parent).name}});
     out["mechanisms"].push_back(std::move(one));
   }
   out["free_bodies"] = Json::array();
-  for (const auto& b : imported.scene.free_bodies) out["free_bodies"].push_back({{"name", b.name}, {"mass_kg", b.inertia.mass}});
+  for (const auto& b : imported.scene.free_bodies)
+    out["free_bodies"].push_back({{"name", b.name}, {"mass_kg", b.inertia.mass}});
   out["world_geometries"] = imported.scene.world.size();
   out["keyframes"] = Json::array();
   for (const auto& k : imported.scene.keyframes) out["keyframes"].push_back(k.name);
   out["holds"] = Json::array();
-  for (const auto& h : imported.report.holds) out["holds"].push_back({{"joint", h.joint}, {"held_by", h.held_by}});
+  for (const auto& h : imported.report.holds)
+    out["holds"].push_back({{"joint", h.joint}, {"held_by", h.held_by}});
   out["notes"] = NotesJson(imported.report);
   return out;
 }
@@ -75,10 +89,12 @@ void Print(const ImportedScene& imported, const Json& d) {
   fmt::print("{}: {}, time step {:g} s\n", d["name"].get<std::string>(), d["format"].get<std::string>(),
              imported.scene.timestep);
   for (const Json& m : d["mechanisms"]) {
-    fmt::print("\nmechanism '{}': base {}, {} bodies, {:.4g} kg, {} joints with {} coordinates, {} closures, {} couplings\n",
-               m["name"].get<std::string>(), m["base"].get<std::string>(), m["bodies"].get<int>(),
-               m["mass_kg"].get<double>(), m["joints"].get<int>(), m["coordinates"].get<int>(),
-               m["closures"].get<int>(), m["couplings"].get<int>());
+    fmt::print(
+        "\nmechanism '{}': base {}, {} bodies, {:.4g} kg, {} joints with {} coordinates, {} closures, {} "
+        "couplings\n",
+        m["name"].get<std::string>(), m["base"].get<std::string>(), m["bodies"].get<int>(),
+        m["mass_kg"].get<double>(), m["joints"].get<int>(), m["coordinates"].get<int>(),
+        m["closures"].get<int>(), m["couplings"].get<int>());
     std::string names;
     for (const Json& b : m["interfaces"]) names += (names.empty() ? "" : ", ") + b.get<std::string>();
     fmt::print("  interface ({}): {}\n", m["interfaces_chosen"].get<bool>() ? "named" : "picked here", names);
@@ -88,7 +104,8 @@ void Print(const ImportedScene& imported, const Json& d) {
   }
   if (!d["free_bodies"].empty()) {
     fmt::print("\nfree bodies:");
-    for (const Json& b : d["free_bodies"]) fmt::print(" {} ({:.4g} kg)", b["name"].get<std::string>(), b["mass_kg"].get<double>());
+    for (const Json& b : d["free_bodies"])
+      fmt::print(" {} ({:.4g} kg)", b["name"].get<std::string>(), b["mass_kg"].get<double>());
     fmt::print("\n");
   }
   fmt::print("world geometries: {}\n", d["world_geometries"].get<int>());
@@ -108,7 +125,8 @@ void Print(const ImportedScene& imported, const Json& d) {
 }  // namespace
 
 void AddInspect(CLI::App& app, Action& action) {
-  auto* command = app.add_subcommand("inspect", "what was imported, what was dropped and why, what holds each joint");
+  auto* command =
+      app.add_subcommand("inspect", "what was imported, what was dropped and why, what holds each joint");
   auto model = std::make_shared<ModelArguments>();
   model->AddTo(*command);
   command->callback([&action, model] {
@@ -118,8 +136,10 @@ void AddInspect(CLI::App& app, Action& action) {
       auto posed = PoseMechanisms(*imported);
       if (!posed) return Report(posed.error(), model->json);
       const Json description = Describe(*imported, *posed);
-      if (model->json) fmt::print("{}\n", description.dump(2));
-      else Print(*imported, description);
+      if (model->json)
+        fmt::print("{}\n", description.dump(2));
+      else
+        Print(*imported, description);
       return kDone;
     };
   });

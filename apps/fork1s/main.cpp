@@ -1,12 +1,13 @@
 // The command line of fork1s.
-#include <exception>
 #include <fmt/core.h>
+#include <exception>
 
 #include "command.hpp"
 
 int main(int argc, char** argv) {
   using namespace fork1s::app;
-  CLI::App app{"FORK-1S: compliant mechanisms reduced to the bodies that touch the world, simulated in contact"};
+  CLI::App app{
+      "FORK-1S: compliant mechanisms reduced to the bodies that touch the world, simulated in contact"};
   app.require_subcommand(1);
   app.set_version_flag("--version", FORK1S_VERSION);
   app.footer("Exit codes: 0 done, 2 usage, 3 input refused, 4 numerics failed.");

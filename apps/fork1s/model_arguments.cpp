@@ -9,7 +9,8 @@
 namespace fork1s::app {
 namespace {
 
-Expected<std::vector<double>> ParseNumbers(const std::string& text, std::size_t count, const std::string& option) {
+Expected<std::vector<double>> ParseNumbers(const std::string& text, std::size_t count,
+                                           const std::string& option) {
   std::vector<double> numbers;
   std::stringstream stream(text);
   std::string cell;
@@ -26,7 +27,8 @@ Expected<std::vector<double>> ParseNumbers(const std::string& text, std::size_t 
     numbers.push_back(value);
   }
   if (numbers.size() != count)
-    return Fail(ErrorCode::kUsage, option, fmt::format("takes {} numbers with commas between, not '{}'", count, text));
+    return Fail(ErrorCode::kUsage, option,
+                fmt::format("takes {} numbers with commas between, not '{}'", count, text));
   return numbers;
 }
 
@@ -40,16 +42,22 @@ Expected<Vector3> ParseVector(const std::string& text, const std::string& option
 
 void ModelArguments::AddTo(CLI::App& command) {
   command.add_option("model", path, "MJCF or URDF file")->required();
-  command.add_option("--interface", interfaces, "bodies that touch the world (a,b,...); replaces what the file says")
+  command
+      .add_option("--interface", interfaces,
+                  "bodies that touch the world (a,b,...); replaces what the file says")
       ->delimiter(',');
   command.add_option("--base", base, "fixed, floating or driven; replaces what the file says")
       ->check(CLI::IsMember({"fixed", "floating", "driven"}));
   command.add_option("--modes", modes, "fixed-interface modes to keep at most (default: the file's, else 4)")
       ->check(CLI::NonNegativeNumber);
-  command.add_option("--stiffness-scale", stiffness_scale, "multiplies every joint spring by x, its damper by sqrt(x)")
+  command
+      .add_option("--stiffness-scale", stiffness_scale,
+                  "multiplies every joint spring by x, its damper by sqrt(x)")
       ->check(CLI::PositiveNumber);
-  command.add_option("--pd", pd,
-                     "kp,kv: hold joints that nothing holds by PD control; NAME=kp,kv: one joint (may be repeated)")
+  command
+      .add_option(
+          "--pd", pd,
+          "kp,kv: hold joints that nothing holds by PD control; NAME=kp,kv: one joint (may be repeated)")
       ->take_all();
   command.add_option("--keyframe", keyframe, "named initial state of the file");
   command.add_flag("--json", json, "print one JSON object and nothing else");
@@ -70,8 +78,10 @@ Expected<ImportedScene> ModelArguments::Load() const {
     if (!gains) return tl::unexpected(gains.error());
     const PdGains g{(*gains)[0], (*gains)[1]};
     if (g.kp < 0 || g.kv < 0) return Fail(ErrorCode::kUsage, "--pd", "gains must be 0 or more");
-    if (equals == std::string::npos) options.pd = g;
-    else options.joint_pd[text.substr(0, equals)] = g;
+    if (equals == std::string::npos)
+      options.pd = g;
+    else
+      options.joint_pd[text.substr(0, equals)] = g;
   }
   return LoadMechanism(path, options);
 }
@@ -89,9 +99,11 @@ Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& import
       p.q = imported.scene.keyframes[static_cast<std::size_t>(imported.initial_keyframe)].mechanisms[i].q;
     const double gap = CloseLoops(*p.mechanism, p.q);
     if (gap > 1e-6)
-      return Fail(ErrorCode::kModel, fmt::format("mechanism '{}'", p.mechanism->name()),
-                  fmt::format("has loops that stay open by {:.3g} m; correct the closure frames or choose another "
-                              "keyframe", gap));
+      return Fail(
+          ErrorCode::kModel, fmt::format("mechanism '{}'", p.mechanism->name()),
+          fmt::format("has loops that stay open by {:.3g} m; correct the closure frames or choose another "
+                      "keyframe",
+                      gap));
     posed.push_back(std::move(p));
   }
   return posed;

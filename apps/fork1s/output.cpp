@@ -22,9 +22,12 @@ namespace {
 
 const char* KindName(ImportNote::Kind kind) {
   switch (kind) {
-    case ImportNote::Kind::kDropped: return "dropped";
-    case ImportNote::Kind::kChanged: return "changed";
-    case ImportNote::Kind::kChosen: return "chosen";
+    case ImportNote::Kind::kDropped:
+      return "dropped";
+    case ImportNote::Kind::kChanged:
+      return "changed";
+    case ImportNote::Kind::kChosen:
+      return "chosen";
   }
   return "";
 }
@@ -39,7 +42,8 @@ Json NotesJson(const ImportReport& report) {
 }
 
 void PrintNotes(const ImportReport& report) {
-  for (const ImportNote& n : report.notes) fmt::print(stderr, "note: {}: {}: {}\n", KindName(n.kind), n.where, n.message);
+  for (const ImportNote& n : report.notes)
+    fmt::print(stderr, "note: {}: {}: {}\n", KindName(n.kind), n.where, n.message);
 }
 
 int Report(const Error& error, bool json) {
@@ -48,7 +52,8 @@ int Report(const Error& error, bool json) {
   if (error.code == ErrorCode::kUsage) code = kBadUsage;
   if (error.code == ErrorCode::kNumerics) code = kNumericsFailed;
   if (json) {
-    const Json object = {{"error", {{"where", error.where}, {"message", error.message}, {"exit_code", code}}}};
+    const Json object = {
+        {"error", {{"where", error.where}, {"message", error.message}, {"exit_code", code}}}};
     fmt::print("{}\n", object.dump(2));
   }
   return code;

@@ -1,8 +1,8 @@
 #include "progress.hpp"
 
-#include <algorithm>
 #include <fmt/core.h>
 #include <unistd.h>
+#include <algorithm>
 
 namespace fork1s::app {
 

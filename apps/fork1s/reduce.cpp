@@ -1,6 +1,6 @@
+#include <fmt/format.h>
 #include <algorithm>
 #include <chrono>
-#include <fmt/format.h>
 #include <fork1s/record/reduced_model_file.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/frequencies.hpp>
@@ -46,7 +46,8 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, ReducedModel& model) {
   if (floats) out["compliance_world_base_held"] = ToJson(C);
   out["stiffness_world"] = floats ? Json(nullptr) : ToJson(K);
   const int count = std::max(8, std::min(model.size(), 16));
-  out["frequencies_hz"] = {{"full", FullFrequencies(m, posed.q, count)}, {"reduced", ReducedFrequencies(model, count)}};
+  out["frequencies_hz"] = {{"full", FullFrequencies(m, posed.q, count)},
+                           {"reduced", ReducedFrequencies(model, count)}};
   out["coordinates"] = {{"elastic", model.num_elastic}, {"free", model.num_free}, {"modes", model.num_modes}};
   out["reduction_ms"] = spent.count();
   out["warnings"] = std::move(warnings);
@@ -75,7 +76,8 @@ void Print(const Json& d, const Mechanism& m) {
       fmt::print("  {:>6}  {:>12.6g}  {:>12}\n", i + 1, f, "left out");
   }
   const Json& C = d["compliance_world"].is_null() && d.contains("compliance_world_base_held")
-                      ? d["compliance_world_base_held"] : d["compliance_world"];
+                      ? d["compliance_world_base_held"]
+                      : d["compliance_world"];
   if (!C.is_null()) {
     fmt::print("  compliance of each interface body, world axes (diagonal; rad/(N m), m/N{}):\n",
                d.contains("compliance_world_base_held") ? "; base held" : "");
@@ -103,8 +105,9 @@ void AddReduce(CLI::App& app, Action& action) {
       auto posed = PoseMechanisms(*imported);
       if (!posed) return Report(posed.error(), model->json);
       if (posed->empty())
-        return Report({ErrorCode::kModel, model->path, "holds no mechanism, only free bodies; nothing can be reduced"},
-                      model->json);
+        return Report(
+            {ErrorCode::kModel, model->path, "holds no mechanism, only free bodies; nothing can be reduced"},
+            model->json);
       if (!model->json) PrintNotes(imported->report);
       std::vector<Json> all;
       for (std::size_t i = 0; i < posed->size(); ++i) {

@@ -15,19 +15,24 @@ int RunReplay(const std::string& path, bool json) {
   if (!result) return Report(result.error(), json);
   const RecordingHeader& header = recording->header();
   if (json) {
-    const Json out = {{"steps", result->steps},
-                      {"identical", result->identical},
-                      {"first_difference_step",
-                       result->first_difference_step < 0 ? Json(nullptr) : Json(result->first_difference_step)},
-                      {"final_hash", fmt::format("{:016x}", result->final_hash)},
-                      {"finished", header.finished},
-                      {"program", header.program}};
+    const Json out = {
+        {"steps", result->steps},
+        {"identical", result->identical},
+        {"first_difference_step",
+         result->first_difference_step < 0 ? Json(nullptr) : Json(result->first_difference_step)},
+        {"final_hash", fmt::format("{:016x}", result->final_hash)},
+        {"finished", header.finished},
+        {"program", header.program}};
     fmt::print("{}\n", out.dump(2));
   } else {
-    if (!header.finished) fmt::print("the program that wrote this recording was stopped; it holds {} whole steps\n", recording->num_steps());
+    if (!header.finished)
+      fmt::print("the program that wrote this recording was stopped; it holds {} whole steps\n",
+                 recording->num_steps());
     fmt::print("replayed {} steps, final state hash {:016x}: ", result->steps, result->final_hash);
-    if (result->identical) fmt::print("every step is identical to the recording\n");
-    else fmt::print("the state differs from the recording from step {} on\n", result->first_difference_step);
+    if (result->identical)
+      fmt::print("every step is identical to the recording\n");
+    else
+      fmt::print("the state differs from the recording from step {} on\n", result->first_difference_step);
   }
   return result->identical ? kDone : kNumericsFailed;
 }
@@ -59,9 +64,12 @@ void AddExport(CLI::App& app, Action& action) {
   auto folder = std::make_shared<std::string>();
   auto all = std::make_shared<bool>(false);
   command->add_option("recording", *path, "HDF5 file of 'fork1s run --record'")->required();
-  command->add_option("folder", *folder, "folder for poses.csv, contacts.csv, controls.csv, energy.csv")->required();
+  command->add_option("folder", *folder, "folder for poses.csv, contacts.csv, controls.csv, energy.csv")
+      ->required();
   command->add_flag("--all-bodies", *all, "poses of every body, not only of interface and free bodies");
-  command->callback([&action, path, folder, all] { action = [path, folder, all] { return RunExport(*path, *folder, *all); }; });
+  command->callback([&action, path, folder, all] {
+    action = [path, folder, all] { return RunExport(*path, *folder, *all); };
+  });
 }
 
 }  // namespace fork1s::app

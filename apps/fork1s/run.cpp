@@ -1,7 +1,7 @@
+#include <fmt/format.h>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fmt/format.h>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/recovery/recover.hpp>
@@ -46,8 +46,8 @@ double LargestGap(const Simulation& simulation) {
   return largest;
 }
 
-Measured Simulate(Simulation& simulation, double time, const ControlTrack& track, std::optional<Recorder>& recorder,
-                  Expected<void>& recorded) {
+Measured Simulate(Simulation& simulation, double time, const ControlTrack& track,
+                  std::optional<Recorder>& recorder, Expected<void>& recorded) {
   Measured out;
   const auto steps = static_cast<std::int64_t>(std::llround(time / simulation.dt()));
   out.step_us.reserve(static_cast<std::size_t>(std::max<std::int64_t>(steps, 0)));
@@ -87,7 +87,8 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   std::vector<double> sorted = m.step_us;
   std::sort(sorted.begin(), sorted.end());
   auto percentile = [&](double p) {
-    return sorted.empty() ? 0.0 : sorted[static_cast<std::size_t>(p * static_cast<double>(sorted.size() - 1))];
+    return sorted.empty() ? 0.0
+                          : sorted[static_cast<std::size_t>(p * static_cast<double>(sorted.size() - 1))];
   };
   out["steps"] = m.step_us.size();
   out["dt_s"] = simulation.dt();
@@ -103,7 +104,9 @@ Json Summary(const Simulation& simulation, const Measured& m) {
     if (!b.is_interface && b.mechanism >= 0) continue;
     const RigidTransform X = simulation.Pose(static_cast<int>(i));
     out[b.mechanism < 0 ? "free_bodies" : "interface"].push_back(
-        {{"body", b.name}, {"position_m", ToJson(X.translation())}, {"quaternion_wxyz", ToJson(X.quaternion())}});
+        {{"body", b.name},
+         {"position_m", ToJson(X.translation())},
+         {"quaternion_wxyz", ToJson(X.quaternion())}});
   }
   out["joint_gap_max_m"] = m.gap_max;
   out["penetration_max_m"] = m.penetration_max;
@@ -114,7 +117,8 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   for (const std::string& w : simulation.warnings()) warnings.push_back(w);
   if (m.contacts_dropped) warnings.push_back("the collision detector ran out of room and dropped contacts");
   if (m.failed_refreshes > 0)
-    warnings.push_back(fmt::format("{} refreshes found no reduced model at their pose and kept the old one", m.failed_refreshes));
+    warnings.push_back(fmt::format("{} refreshes found no reduced model at their pose and kept the old one",
+                                   m.failed_refreshes));
   out["warnings"] = std::move(warnings);
   return out;
 }
@@ -124,13 +128,14 @@ void Print(const Json& d) {
   fmt::print("{} steps of {:.6g} s: {:.4g} s simulated in {:.4g} s ({:.1f} times real time)\n",
              d["steps"].get<std::size_t>(), number("dt_s"), number("simulated_s"), number("wall_s"),
              d["real_time_factor"].is_null() ? 0.0 : number("real_time_factor"));
-  fmt::print("  step            {:.1f} us median, {:.1f} us at the 99th percentile\n", d["step_us"]["median"].get<double>(),
-             d["step_us"]["p99"].get<double>());
+  fmt::print("  step            {:.1f} us median, {:.1f} us at the 99th percentile\n",
+             d["step_us"]["median"].get<double>(), d["step_us"]["p99"].get<double>());
   fmt::print("  contacts        {} at most, penetration {:.4f} mm at most, {} steps not converged\n",
-             d["contacts_max"].get<int>(), 1e3 * number("penetration_max_m"), d["unconverged_steps"].get<int>());
+             d["contacts_max"].get<int>(), 1e3 * number("penetration_max_m"),
+             d["unconverged_steps"].get<int>());
   const Json& e = d["energy_J"];
-  fmt::print("  energy          {:.6g} J first, {:.6g} J last, largest rise in a step {:.3g} J\n", e["first"].get<double>(),
-             e["last"].get<double>(), e["max_increase"].get<double>());
+  fmt::print("  energy          {:.6g} J first, {:.6g} J last, largest rise in a step {:.3g} J\n",
+             e["first"].get<double>(), e["last"].get<double>(), e["max_increase"].get<double>());
   fmt::print("  joint gap       {:.3g} mm at most\n", 1e3 * number("joint_gap_max_m"));
   fmt::print("  refreshes       {}\n", d["refreshes"].get<int>());
   for (const char* kind : {"interface", "free_bodies"})
@@ -174,7 +179,8 @@ int Run(const Arguments& args) {
       for (const std::string& n : simulation->control_names()) known += (known.empty() ? "" : ", ") + n;
       return Report({ErrorCode::kModel, args.controls,
                      fmt::format("column '{}' is no control of this model; there are: {}", missing.front(),
-                                 known.empty() ? "none" : known)}, json);
+                                 known.empty() ? "none" : known)},
+                    json);
     }
     track.Apply(0, *simulation);
   }
@@ -190,15 +196,19 @@ int Run(const Arguments& args) {
 
   Json summary = Summary(*simulation, measured);
   summary["notes"] = NotesJson(imported->report);
-  if (json) fmt::print("{}\n", summary.dump(2));
-  else Print(summary);
+  if (json)
+    fmt::print("{}\n", summary.dump(2));
+  else
+    Print(summary);
   if (!recorded) return Report(recorded.error(), false);
   if (!args.record.empty()) fmt::print(stderr, "recorded to {}\n", args.record);
   if (measured.failed_step >= 0)
-    return Report({ErrorCode::kNumerics, args.model.path,
-                   fmt::format("step {} gave numbers that are not finite; the state before it was kept. Try a smaller "
-                               "--dt, and look for joints that nothing holds with 'fork1s inspect'", measured.failed_step)},
-                  false);
+    return Report(
+        {ErrorCode::kNumerics, args.model.path,
+         fmt::format("step {} gave numbers that are not finite; the state before it was kept. Try a smaller "
+                     "--dt, and look for joints that nothing holds with 'fork1s inspect'",
+                     measured.failed_step)},
+        false);
   return kDone;
 }
 
@@ -211,7 +221,8 @@ void AddRun(CLI::App& app, Action& action) {
   command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(CLI::NonNegativeNumber);
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
   command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
-  command->add_option("--recovery", args->recovery, "exact or twist")->check(CLI::IsMember({"exact", "twist"}));
+  command->add_option("--recovery", args->recovery, "exact or twist")
+      ->check(CLI::IsMember({"exact", "twist"}));
   command->add_option("--record", args->record, "write a recording to this HDF5 file");
   command->callback([&action, args] { action = [args] { return Run(*args); }; });
 }

@@ -1,5 +1,5 @@
-#include <cmath>
 #include <fmt/format.h>
+#include <cmath>
 #include <fork1s/reduction/statics.hpp>
 #include <memory>
 #include <numbers>
@@ -56,7 +56,8 @@ int Run(const Arguments& args) {
     for (const PosedMechanism& p : *posed)
       for (const auto& b : p.mechanism->bodies()) names += (names.empty() ? "" : ", ") + b.name;
     return Report({ErrorCode::kModel, args.model.path,
-                   fmt::format("no mechanism has a body '{}'; there are: {}", args.body, names)}, json);
+                   fmt::format("no mechanism has a body '{}'; there are: {}", args.body, names)},
+                  json);
   }
   if (!json) PrintNotes(imported->report);
   const Mechanism& m = *at->mechanism;
@@ -65,7 +66,8 @@ int Run(const Arguments& args) {
   StaticsOptions options;
   options.gravity_R = R_RW * gravity_W;
   options.controls.resize(static_cast<Eigen::Index>(m.controls().size()));
-  for (std::size_t i = 0; i < m.controls().size(); ++i) options.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
+  for (std::size_t i = 0; i < m.controls().size(); ++i)
+    options.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
   const std::vector<DeadLoad> loads{{body, R_RW * *force, R_RW * *torque}};
 
   Kinematics reference(m);
@@ -81,16 +83,18 @@ int Run(const Arguments& args) {
   const Vector6 V = BodyJacobian(m, reference, body) * (*linear_q - at->q);
   Deflection linear;
   linear.rotation = X_WR.rotation() * V.head<3>();
-  linear.position = X_ref.translation() +
-                    X_WR.rotation() * (V.tail<3>() + V.head<3>().cross(reference.X_RB[body.u()].translation()));
+  linear.position =
+      X_ref.translation() +
+      X_WR.rotation() * (V.tail<3>() + V.head<3>().cross(reference.X_RB[body.u()].translation()));
   linear.max_joint_rotation = MaxJointRotation(m, at->q, *linear_q);
 
   const StaticsResult result = SolveStatics(m, at->q, loads, options);
   if (!result.converged)
-    return refuse({ErrorCode::kNumerics, fmt::format("mechanism '{}'", m.name()),
-                   fmt::format("found no equilibrium under this load after {} Newton steps (residual {:.2g} of the "
-                               "forces): it may buckle; lower the load or stiffen the joints",
-                               result.iterations, result.residual)});
+    return refuse(
+        {ErrorCode::kNumerics, fmt::format("mechanism '{}'", m.name()),
+         fmt::format("found no equilibrium under this load after {} Newton steps (residual {:.2g} of the "
+                     "forces): it may buckle; lower the load or stiffen the joints",
+                     result.iterations, result.residual)});
   Kinematics loaded(m);
   ComputeKinematics(m, result.q, loaded);
   const RigidTransform X = X_WR * loaded.X_RB[body.u()];
@@ -117,10 +121,11 @@ int Run(const Arguments& args) {
   fmt::print("  {:<10} {:>36} {:>36} {:>12}\n", "", "moved by mm", "turned by deg", "joints deg");
   for (const auto& [name, d] : {std::pair{"linear", linear}, {"nonlinear", nonlinear}}) {
     const Vector3 mm = 1e3 * (d.position - X_ref.translation()), deg = kDegrees * d.rotation;
-    fmt::print("  {:<10} {:>11.4f} {:>11.4f} {:>11.4f}  {:>11.4f} {:>11.4f} {:>11.4f} {:>12.3f}\n", name, mm.x(), mm.y(),
-               mm.z(), deg.x(), deg.y(), deg.z(), d.max_joint_rotation * kDegrees);
+    fmt::print("  {:<10} {:>11.4f} {:>11.4f} {:>11.4f}  {:>11.4f} {:>11.4f} {:>11.4f} {:>12.3f}\n", name,
+               mm.x(), mm.y(), mm.z(), deg.x(), deg.y(), deg.z(), d.max_joint_rotation * kDegrees);
   }
-  if (!result.stable) fmt::print("  warning: this equilibrium is unstable; a slight push makes the mechanism leave it\n");
+  if (!result.stable)
+    fmt::print("  warning: this equilibrium is unstable; a slight push makes the mechanism leave it\n");
   return kDone;
 }
 

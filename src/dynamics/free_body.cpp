@@ -5,10 +5,13 @@
 namespace fork1s {
 
 FreeBody::FreeBody(const FreeBodyDef& definition)
-    : name_(definition.name), inertia_(definition.inertia), inverse_rotational_(definition.inertia.rotational.inverse()),
+    : name_(definition.name),
+      inertia_(definition.inertia),
+      inverse_rotational_(definition.inertia.rotational.inverse()),
       X_WB_(definition.X_WB) {}
 
-void FreeBody::SetState(const RigidTransform& X_WB, const Vector3& omega_W, const Vector3& velocity_of_origin_W) {
+void FreeBody::SetState(const RigidTransform& X_WB, const Vector3& omega_W,
+                        const Vector3& velocity_of_origin_W) {
   X_WB_ = X_WB;
   omega_B_ = X_WB.rotation().transpose() * omega_W;
   omega_B_before_ = omega_B_;

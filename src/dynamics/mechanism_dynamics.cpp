@@ -33,9 +33,10 @@ std::vector<ContactGroup> MakeGroups(const ReducedModel& model) {
 MechanismDynamics::MechanismDynamics(ReducedModel model)
     : model_(std::move(model)), configuration_(model_), groups_(MakeGroups(model_)) {}
 
-Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mechanism> mechanism, const VectorX& q0,
-                                                      const VectorX& q_dot0, const RigidTransform& X_WR,
-                                                      const Vector6& V_R, const Options& options) {
+Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mechanism> mechanism,
+                                                      const VectorX& q0, const VectorX& q_dot0,
+                                                      const RigidTransform& X_WR, const Vector6& V_R,
+                                                      const Options& options) {
   VectorX q = q0;
   const double gap = CloseLoops(*mechanism, q);
   // A loop that cannot be closed to a micrometre is no loop of rigid parts.
@@ -60,16 +61,19 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   dynamics.controls_.resize(static_cast<Eigen::Index>(mechanism->controls().size()));
   for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
     dynamics.controls_(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
-  // A pose outside the limits may be what springs and loops hold; pushing it inside would fight them for ever.
+  // A pose outside the limits may be what springs and loops hold; pushing it inside would fight them for
+  // ever.
   dynamics.lower_ = mechanism->lower().cwiseMin(q);
   dynamics.upper_ = mechanism->upper().cwiseMax(q);
   dynamics.warnings_ = dynamics.model_.warnings;
   for (int i = 0; i < mechanism->num_coordinates(); ++i) {
-    if (std::isfinite(dynamics.lower_(i)) || std::isfinite(dynamics.upper_(i))) dynamics.limited_.push_back(i);
+    if (std::isfinite(dynamics.lower_(i)) || std::isfinite(dynamics.upper_(i)))
+      dynamics.limited_.push_back(i);
     const double outside = std::max(mechanism->lower()(i) - q(i), q(i) - mechanism->upper()(i));
     if (outside > 1e-3)
-      dynamics.warnings_.push_back("joint '" + mechanism->CoordinateName(i) + "' starts outside its limits by " +
-                                   std::to_string(outside) + " (rad or m); the limit was moved to the initial pose");
+      dynamics.warnings_.push_back("joint '" + mechanism->CoordinateName(i) +
+                                   "' starts outside its limits by " + std::to_string(outside) +
+                                   " (rad or m); the limit was moved to the initial pose");
   }
   dynamics.wrenches_W_ = Matrix6X::Zero(6, mechanism->num_bodies());
   dynamics.Size();
@@ -159,13 +163,14 @@ void MechanismDynamics::TakeReferenceForces() {
     rigid_motion_map_.resize(r, 36);
     for (int i = 0; i < 6; ++i)
       for (int j = 0; j < 6; ++j)
-        rigid_motion_map_.col(6 * i + j) =
-            0.5 * (force(Vector6::Unit(i) + Vector6::Unit(j)) - force(Vector6::Unit(i)) - force(Vector6::Unit(j)));
+        rigid_motion_map_.col(6 * i + j) = 0.5 * (force(Vector6::Unit(i) + Vector6::Unit(j)) -
+                                                  force(Vector6::Unit(i)) - force(Vector6::Unit(j)));
   }
   control_map_.resize(r, static_cast<Eigen::Index>(controls));
   for (std::size_t i = 0; i < controls; ++i) {
     tau_.setZero();
-    AddControlForce(m, VectorX::Unit(static_cast<Eigen::Index>(controls), static_cast<Eigen::Index>(i)), tau_);
+    AddControlForce(m, VectorX::Unit(static_cast<Eigen::Index>(controls), static_cast<Eigen::Index>(i)),
+                    tau_);
     control_map_.col(static_cast<Eigen::Index>(i)) = model_.Q.transpose() * tau_;
   }
 }
@@ -239,7 +244,8 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R) {
   F_.setZero();
   if (!gravity_R.isZero(0)) AddGravityWrenches(m, configuration_.kinematics, gravity_R, F_);
   if (has_wrenches_)
-    for (int b = 0; b < m.num_bodies(); ++b) F_.col(b) += AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
+    for (int b = 0; b < m.num_bodies(); ++b)
+      F_.col(b) += AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
   tau_.setZero();
   if (base_moves()) {
     // The base's own rows get the same by carrying its momentum along.
@@ -272,7 +278,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
   const int r = model_.size();
   V_R_before_ = state_.V_R;
   gravity_W_ = gravity_W;
-  guard_ = base_size_ > 0 && options_.recovery == Recovery::kExact && !has_wrenches_;
+  guard_ = mechanism().base() != BaseKind::kDriven && options_.recovery == Recovery::kExact && !has_wrenches_;
   if (guard_) energy_budget_ = KineticEnergy() + PotentialEnergy(gravity_W);
   LoadForces(state_.X_WR.rotation().transpose() * gravity_W);
   if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
@@ -367,8 +373,8 @@ void MechanismDynamics::HalfSolve(Eigen::Ref<MatrixX> Jt) const { factor_.matrix
 void MechanismDynamics::ApplyImpulse(const VectorX& p) {
   rhs_ = p;
   factor_.solveInPlace(rhs_);
-  if (guard_) energy_budget_ += std::max(0.0, p.dot(x_ + 0.5 * rhs_));
   x_ += rhs_;
+  if (guard_) energy_budget_ += std::max(0.0, p.dot(x_));
 }
 
 void MechanismDynamics::CoordinateRow(int i, Eigen::Ref<VectorX> row) const {
@@ -405,23 +411,31 @@ void MechanismDynamics::Integrate(double h) {
     state_.X_WR = driven_next_;
   }
   UpdateConfiguration();
+  if (guard_) GuardEnergy();
 }
 
-// Velocity forces are explicit, and fast small links can feed on them. What a step gained beyond what contact put in
-// is taken from the motion relative to the locked mechanism, which leaves the momentum of the base as it is.
+// Velocity forces are explicit and, on a fixed base, M is that of the reference: fast motion could feed on
+// either. What a step gained beyond what contact put in is taken from the motion relative to the locked
+// mechanism, which leaves the momentum of a floating base as it is.
 void MechanismDynamics::GuardEnergy() {
   const double excess = KineticEnergy() + PotentialEnergy(gravity_W_) - energy_budget_;
   if (!(excess > 0)) return;
   momentum_.noalias() = M_full_ * x_;
-  const Vector6 locked = M_00_.llt().solve(momentum_.head<6>());
-  // KE = KE_locked + s² KE_relative, without a mixed term, since the relative motion carries no base momentum.
-  const double relative = 0.5 * x_.dot(momentum_) - 0.5 * locked.dot(M_00_ * locked);
+  double relative = 0.5 * x_.dot(momentum_);
+  Vector6 locked = Vector6::Zero();
+  if (base_size_ > 0) {
+    // KE = KE_locked + s² KE_relative, without a mixed term, since the relative motion carries no base
+    // momentum.
+    locked = M_00_.llt().solve(momentum_.head<6>());
+    relative -= 0.5 * locked.dot(M_00_ * locked);
+  }
   if (!(relative > 0)) return;
   const double s = std::sqrt(std::max(0.0, 1 - excess / relative));
-  x_.head<6>() = locked + s * (x_.head<6>() - locked);
   x_.tail(model_.size()) *= s;
-  state_.V_R = x_.head<6>();
   state_.w = x_.tail(model_.size());
+  if (base_size_ == 0) return;
+  x_.head<6>() = locked + s * (x_.head<6>() - locked);
+  state_.V_R = x_.head<6>();
 }
 
 double MechanismDynamics::Staleness() const {
@@ -481,14 +495,17 @@ bool MechanismDynamics::Refresh() {
   if (!x.allFinite()) x.setZero();
   auto energy = [&](const VectorX& v) { return 0.5 * v.dot(M_full_ * v); };
   if (energy(x) > energy_before) {
-    // The stale mass matrix of the old reference may have held less: give no energy away for nothing. Rates are
-    // scaled towards those at which the interior is locked, which is the least energy with this base momentum.
+    // The stale mass matrix of the old reference may have held less: give no energy away for nothing. Rates
+    // are scaled towards those at which the interior is locked, which is the least energy with this base
+    // momentum.
     VectorX locked = VectorX::Zero(base_size_ + r);
     if (base_size_ > 0) locked.head<6>() = model_.M_00.ldlt().solve(p_0);
     const VectorX d = x - locked;
-    const double a = 0.5 * d.dot(M_full_ * d), b = d.dot(M_full_ * locked), c = energy(locked) - energy_before;
+    const double a = 0.5 * d.dot(M_full_ * d), b = d.dot(M_full_ * locked),
+                 c = energy(locked) - energy_before;
     double s = 0;
-    if (c < 0 && a > 0) s = std::clamp((-b + std::sqrt(std::max(0.0, b * b - 4 * a * c))) / (2 * a), 0.0, 1.0);
+    if (c < 0 && a > 0)
+      s = std::clamp((-b + std::sqrt(std::max(0.0, b * b - 4 * a * c))) / (2 * a), 0.0, 1.0);
     x = locked + s * d;
     if (base_size_ > 0)  // the base takes what momentum the slower interior left
       x.head<6>() = model_.M_00.ldlt().solve(p_0 - model_.M_0z * x.tail(r));

@@ -75,7 +75,8 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   for (std::size_t i = 0; i < scene.free_bodies.size(); ++i) {
     const FreeBodyDef& def = scene.free_bodies[i];
     if (!(def.inertia.mass > 0) || !(def.inertia.rotational.determinant() > 0))
-      return Fail(ErrorCode::kModel, "body '" + def.name + "'", "moves freely and needs mass and rotational inertia above 0");
+      return Fail(ErrorCode::kModel, "body '" + def.name + "'",
+                  "moves freely and needs mass and rotational inertia above 0");
     world.free_bodies_.emplace_back(def);
     if (key) {
       const auto& state = key->free_bodies[i];
@@ -153,18 +154,22 @@ Expected<void> World::BuildCollision(const Scene& scene, const Options& options)
     }
     for (std::size_t a = 0; a < of_group.size(); ++a)
       for (std::size_t b = a + 1; b < of_group.size(); ++b)
-        if (of_group[a] >= 0 && of_group[b] >= 0 && AreNeighbours(m.mechanism(), m.groups()[a], m.groups()[b]))
+        if (of_group[a] >= 0 && of_group[b] >= 0 &&
+            AreNeighbours(m.mechanism(), m.groups()[a], m.groups()[b]))
           excluded.emplace_back(of_group[a], of_group[b]);
   }
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) {
     Contactor contactor;
     contactor.kind = Contactor::Kind::kFreeBody;
     contactor.index = static_cast<int>(i);
-    const int at = add({scene.free_bodies[i].name, scene.free_bodies[i].geometries, true, free_bodies_[i].pose()}, contactor);
+    const int at =
+        add({scene.free_bodies[i].name, scene.free_bodies[i].geometries, true, free_bodies_[i].pose()},
+            contactor);
     if (at >= 0) index_of[scene.free_bodies[i].name] = at;
   }
   for (const auto& [a, b] : scene.excluded_pairs)
-    if (index_of.count(a) && index_of.count(b) && index_of[a] != index_of[b]) excluded.emplace_back(index_of[a], index_of[b]);
+    if (index_of.count(a) && index_of.count(b) && index_of[a] != index_of[b])
+      excluded.emplace_back(index_of[a], index_of[b]);
 
   margin_max_ = options.collision.margin;
   for (const CollisionBodyDef& body : bodies) {

@@ -4,8 +4,8 @@
 
 namespace fork1s {
 
-// Rows of the contact frame on the twist of a port: mechanisms in their root frame about its origin, free bodies
-// in world axes about their centre of mass.
+// Rows of the contact frame on the twist of a port: mechanisms in their root frame about its origin, free
+// bodies in world axes about their centre of mass.
 Matrix36 World::PortRows(const Contactor& contactor, const ContactPoint& point) const {
   Matrix36 J;
   if (contactor.kind == Contactor::Kind::kGroup) {
@@ -43,8 +43,8 @@ void World::FindContacts(const StepOptions& options, StepReport& report) {
   report.contacts_dropped = !collision_->Detect(points_);
 }
 
-// Which ports and limits take part, and where they stand in the stacked velocities. Fills Jᵀ of every mechanism
-// and, in velocities_, the twists at the start of the step.
+// Which ports and limits take part, and where they stand in the stacked velocities. Fills Jᵀ of every
+// mechanism and, in velocities_, the twists at the start of the step.
 void World::LayOutPorts(const StepOptions& options) {
   std::fill(port_offset_.begin(), port_offset_.end(), -1);
   for (const ContactPoint& p : points_)
@@ -73,8 +73,10 @@ void World::LayOutPorts(const StepOptions& options) {
       const double reach = 0.02 + 2 * options.h * std::abs(rate);
       const double gap[2] = {q - m.lower()(coordinate), m.upper()(coordinate) - q};
       for (int side = 0; side < 2; ++side)
-        if (gap[side] < reach) block.limits.push_back(static_cast<int>(2 * k) + side);
-        else block.limit_impulses[2 * k + static_cast<std::size_t>(side)] = 0;
+        if (gap[side] < reach)
+          block.limits.push_back(static_cast<int>(2 * k) + side);
+        else
+          block.limit_impulses[2 * k + static_cast<std::size_t>(side)] = 0;
     }
     block.rows = static_cast<int>(6 * block.groups.size() + block.limits.size());
     offset += block.rows;
@@ -95,14 +97,16 @@ void World::LayOutPorts(const StepOptions& options) {
       velocities_.segment<6>(block.offset + 6 * static_cast<Eigen::Index>(g)) = m.GroupTwist(J);
     }
     for (std::size_t k = 0; k < block.limits.size(); ++k) {
-      const Eigen::Index column = 6 * static_cast<Eigen::Index>(block.groups.size()) + static_cast<Eigen::Index>(k);
+      const Eigen::Index column =
+          6 * static_cast<Eigen::Index>(block.groups.size()) + static_cast<Eigen::Index>(k);
       m.CoordinateRow(limited[static_cast<std::size_t>(block.limits[k] / 2)], block.J_T.col(column));
     }
   }
   for (std::size_t c = 0; c < contactors_.size(); ++c)
     if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] == 0) {
       port_offset_[c] = offset;
-      velocities_.segment<6>(offset) = free_bodies_[static_cast<std::size_t>(contactors_[c].index)].PortTwist();
+      velocities_.segment<6>(offset) =
+          free_bodies_[static_cast<std::size_t>(contactors_[c].index)].PortTwist();
       offset += 6;
     }
 }
@@ -146,7 +150,8 @@ void World::AssembleOperators() {
       velocities_.segment<6>(block.offset + 6 * static_cast<Eigen::Index>(g)) = m.GroupTwist(J);
     }
     for (std::size_t k = 0; k < block.limits.size(); ++k)
-      velocities_(block.offset + 6 * static_cast<Eigen::Index>(block.groups.size()) + static_cast<Eigen::Index>(k)) =
+      velocities_(block.offset + 6 * static_cast<Eigen::Index>(block.groups.size()) +
+                  static_cast<Eigen::Index>(k)) =
           m.CoordinateRate(m.limited_coordinates()[static_cast<std::size_t>(block.limits[k] / 2)]);
     blocks_.push_back({block.offset, block.rows, block.W.data(), static_cast<int>(block.W.rows())});
   }
@@ -164,7 +169,8 @@ void World::AssembleConstraints(const StepOptions& options) {
   // Positive gaps may close within the step; penetration beyond the slop is undone in shares of β.
   auto bias = [&](double gap) {
     if (gap > 0) return gap / h;
-    return std::max(options.penetration_correction * std::min(0.0, gap + options.slop) / h, -options.max_correction_speed);
+    return std::max(options.penetration_correction * std::min(0.0, gap + options.slop) / h,
+                    -options.max_correction_speed);
   };
   constraints_.resize(points_.size());
   for (std::size_t i = 0; i < points_.size(); ++i) {
@@ -241,7 +247,8 @@ void World::ApplyImpulses() {
   }
   for (std::size_t c = 0; c < contactors_.size(); ++c)
     if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] >= 0)
-      free_bodies_[static_cast<std::size_t>(contactors_[c].index)].SetPortTwist(velocities_.segment<6>(port_offset_[c]));
+      free_bodies_[static_cast<std::size_t>(contactors_[c].index)].SetPortTwist(
+          velocities_.segment<6>(port_offset_[c]));
 }
 
 void World::KeepForNextStep(StepReport& report) {

@@ -22,8 +22,9 @@ StepReport World::Step(const StepOptions& options) {
     ApplyImpulses();
   }
 
-  report.finite = std::all_of(mechanisms_.begin(), mechanisms_.end(), [](const auto& m) { return m.IsFinite(); }) &&
-                  std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
+  report.finite =
+      std::all_of(mechanisms_.begin(), mechanisms_.end(), [](const auto& m) { return m.IsFinite(); }) &&
+      std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
   if (!report.finite) {
     for (MechanismDynamics& m : mechanisms_) m.Revert();
     return report;

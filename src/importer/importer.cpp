@@ -48,6 +48,11 @@ void SetUp(Conversion& c) {
   c.scene.name = name.empty() || name == "MuJoCo Model" ? internal::Stem(c.file) : name;
   c.scene.gravity = Vector3(m.opt.gravity[0], m.opt.gravity[1], m.opt.gravity[2]);
   if (m.opt.disableflags & mjDSBL_GRAVITY) c.scene.gravity.setZero();
+  // Steps of files are sized for explicit springs; taking them over would waste what the implicit step is for.
+  if (c.report.format == "MJCF" && std::abs(m.opt.timestep - c.scene.timestep) > 1e-5) {
+    c.Note(ImportNote::Kind::kChosen, "option timestep",
+           fmt::format("steps of 1/60 s are taken, not the file's {} s; --dt sets others", m.opt.timestep));
+  }
 }
 
 std::optional<Error> Convert(Conversion& c, const ImportOptions& options,

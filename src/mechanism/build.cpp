@@ -4,9 +4,9 @@
 #include <numeric>
 #include <unordered_set>
 
+#include <fmt/format.h>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
-#include <fmt/format.h>
 
 namespace fork1s {
 namespace {
@@ -48,8 +48,10 @@ Expected<void> CheckBodies(const MechanismDef& def) {
       return Refuse(where, "has a rotational inertia that is not symmetric");
     const double smallest = Eigen::SelfAdjointEigenSolver<Matrix3>(I.rotational).eigenvalues()(0);
     if (smallest < -1e-9 * std::max(1e-12, I.rotational.norm()))
-      return Refuse(where, fmt::format("has a rotational inertia with the negative principal moment {} kg·m²; "
-                                       "principal moments must be 0 or more", smallest));
+      return Refuse(where,
+                    fmt::format("has a rotational inertia with the negative principal moment {} kg·m²; "
+                                "principal moments must be 0 or more",
+                                smallest));
   }
   return {};
 }
@@ -60,8 +62,10 @@ Expected<void> CheckJoints(const MechanismDef& def) {
     const std::string where = Named("joint", j.name);
     if (!names.insert(j.name).second)
       return Refuse(where, "this name is used twice; joint names must differ within a mechanism");
-    if (!j.body.valid() || j.body.u() >= def.bodies.size()) return Refuse(where, "moves a body that does not exist");
-    if (j.body.value() == 0) return Refuse(where, "moves the base; say fixed, floating or driven base instead");
+    if (!j.body.valid() || j.body.u() >= def.bodies.size())
+      return Refuse(where, "moves a body that does not exist");
+    if (j.body.value() == 0)
+      return Refuse(where, "moves the base; say fixed, floating or driven base instead");
     const auto n = j.freedoms.size();
     if (n < 1 || n > 6) return Refuse(where, fmt::format("has {} freedoms; a joint has 1 to 6", n));
     Matrix6X S(6, static_cast<Eigen::Index>(n));
@@ -69,16 +73,15 @@ Expected<void> CheckJoints(const MechanismDef& def) {
       const FreedomDef& f = j.freedoms[i];
       S.col(static_cast<Eigen::Index>(i)) = f.screw_B;
       if (!f.screw_B.allFinite()) return Refuse(where, "has an axis or anchor that is not finite");
-      for (const auto& [value, what] : {std::pair{f.stiffness, "stiffness"}, {f.damping, "damping"},
-                                        {f.armature, "armature"}}) {
+      for (const auto& [value, what] :
+           {std::pair{f.stiffness, "stiffness"}, {f.damping, "damping"}, {f.armature, "armature"}}) {
         if (!std::isfinite(value)) return Refuse(where, fmt::format("has a {} that is not finite", what));
-        if (value < 0)
-          return Refuse(where, fmt::format("has {} {}; it must be 0 or more", what, value));
+        if (value < 0) return Refuse(where, fmt::format("has {} {}; it must be 0 or more", what, value));
       }
       if (!std::isfinite(f.rest)) return Refuse(where, "has a spring reference that is not finite");
       if (!(f.lower <= f.upper))  // NaN too
-        return Refuse(where, fmt::format("has limits {} to {}; the lower must not be above the upper", f.lower,
-                                         f.upper));
+        return Refuse(where, fmt::format("has limits {} to {}; the lower must not be above the upper",
+                                         f.lower, f.upper));
     }
     Eigen::ColPivHouseholderQR<Matrix6X> qr(S.colwise().normalized());
     qr.setThreshold(1e-9);  // far above the rounding of screws computed from each other
@@ -89,7 +92,8 @@ Expected<void> CheckJoints(const MechanismDef& def) {
 }
 
 Expected<void> CheckRef(const MechanismDef& def, const FreedomRef& ref, const std::string& where) {
-  if (!ref.joint.valid() || ref.joint.u() >= def.joints.size()) return Refuse(where, "names a joint that does not exist");
+  if (!ref.joint.valid() || ref.joint.u() >= def.joints.size())
+    return Refuse(where, "names a joint that does not exist");
   if (ref.freedom < 0 || ref.freedom >= static_cast<int>(def.joints[ref.joint.u()].freedoms.size()))
     return Refuse(where, fmt::format("names freedom {} of joint '{}', which has fewer", ref.freedom,
                                      def.joints[ref.joint.u()].name));
@@ -113,7 +117,8 @@ Expected<void> CheckConnections(const MechanismDef& def) {
     if (auto ok = CheckRef(def, c.a, where); !ok) return ok;
     if (c.b.joint.valid()) {
       if (auto ok = CheckRef(def, c.b, where); !ok) return ok;
-      if (c.a.joint == c.b.joint && c.a.freedom == c.b.freedom) return Refuse(where, "couples a joint to itself");
+      if (c.a.joint == c.b.joint && c.a.freedom == c.b.freedom)
+        return Refuse(where, "couples a joint to itself");
     }
     for (double p : c.polynomial)
       if (!std::isfinite(p)) return Refuse(where, "has a coefficient that is not finite");
@@ -124,8 +129,8 @@ Expected<void> CheckConnections(const MechanismDef& def) {
       if (auto ok = CheckRef(def, ref, where); !ok) return ok;
       if (!std::isfinite(coefficient)) return Refuse(where, "has a coefficient that is not finite");
     }
-    if (!std::isfinite(s.stiffness) || !std::isfinite(s.damping) || !std::isfinite(s.rest) || s.stiffness < 0 ||
-        s.damping < 0)
+    if (!std::isfinite(s.stiffness) || !std::isfinite(s.damping) || !std::isfinite(s.rest) ||
+        s.stiffness < 0 || s.damping < 0)
       return Refuse(where, "has a stiffness, damping or rest length that is negative or not finite");
   }
   for (const ControlDef& c : def.controls) {
@@ -135,13 +140,15 @@ Expected<void> CheckConnections(const MechanismDef& def) {
       if (!std::isfinite(coefficient)) return Refuse(where, "has a coefficient that is not finite");
     }
     if (!(c.lower <= c.upper))
-      return Refuse(where, fmt::format("has limits {} to {}; the lower must not be above the upper", c.lower,
-                                       c.upper));
-    if (!std::isfinite(c.gain) || !std::isfinite(c.initial)) return Refuse(where, "has a gain or value that is not finite");
+      return Refuse(
+          where, fmt::format("has limits {} to {}; the lower must not be above the upper", c.lower, c.upper));
+    if (!std::isfinite(c.gain) || !std::isfinite(c.initial))
+      return Refuse(where, "has a gain or value that is not finite");
   }
   for (const std::string& name : def.interfaces)
     if (!def.FindBody(name).valid())
-      return Refuse(Named("interface", name), fmt::format("mechanism '{}' has no body of this name", def.name));
+      return Refuse(Named("interface", name),
+                    fmt::format("mechanism '{}' has no body of this name", def.name));
   if (def.modes < 0) return Refuse(Named("mechanism", def.name), "asks for a negative number of modes");
   return {};
 }
@@ -202,7 +209,8 @@ Expected<void> CheckInertia(const Mechanism& m) {
     if (!(RelativeInertia(composite[joint.body.u()], S, armature) > kRounding))
       return Refuse(Named("joint", joint.name),
                     fmt::format("moves body '{}' and what hangs on it, which have no inertia about it; "
-                                "give mass and inertia, or armature", m.body(joint.body).name));
+                                "give mass and inertia, or armature",
+                                m.body(joint.body).name));
   }
   if (def.base == BaseKind::kFloating &&
       !(RelativeInertia(composite[0], Matrix6X::Identity(6, 6), VectorX::Zero(6)) > kRounding))

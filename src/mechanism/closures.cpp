@@ -25,7 +25,9 @@ Vector6 ClosureError(const ClosureDef& closure, const Kinematics& kinematics, Ri
 
 namespace {
 
-double Polynomial(const double (&p)[5], double x) { return p[0] + x * (p[1] + x * (p[2] + x * (p[3] + x * p[4]))); }
+double Polynomial(const double (&p)[5], double x) {
+  return p[0] + x * (p[1] + x * (p[2] + x * (p[3] + x * p[4])));
+}
 double PolynomialSlope(const double (&p)[5], double x) {
   return p[1] + x * (2 * p[2] + x * (3 * p[3] + x * 4 * p[4]));
 }

@@ -12,8 +12,8 @@ Vector6 ClosureError(const ClosureDef& closure, const Kinematics& kinematics, Ri
 /// Calls sink(i, ∂c/∂q_i) for every coordinate i on the path of either body, once per path: the columns of
 /// body b as they are, those of body a negated. Returns c. Does not allocate.
 template <class Sink>
-Vector6 ForEachClosureColumn(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
-                             Sink sink) {
+Vector6 ForEachClosureColumn(const Mechanism& mechanism, const ClosureDef& closure,
+                             const Kinematics& kinematics, Sink sink) {
   RigidTransform X_aJ, E;
   const Vector6 c = ClosureError(closure, kinematics, &X_aJ, &E);
   // Ė E⁻¹ = Ad(X_aJ⁻¹)(V_b - V_a) = [ω; v];  d log R_E = dexp⁻¹ ω,  d p_E = v + ω x p_E

@@ -38,9 +38,9 @@ JointDef JointDef::Slide(std::string name, BodyIndex body, const Vector3& axis_B
 }
 
 JointDef JointDef::Ball(std::string name, BodyIndex body, const Vector3& anchor_B) {
-  return Make(std::move(name), body, JointKind::kBall,
-              {Turn(Vector3::UnitX(), anchor_B), Turn(Vector3::UnitY(), anchor_B),
-               Turn(Vector3::UnitZ(), anchor_B)});
+  return Make(
+      std::move(name), body, JointKind::kBall,
+      {Turn(Vector3::UnitX(), anchor_B), Turn(Vector3::UnitY(), anchor_B), Turn(Vector3::UnitZ(), anchor_B)});
 }
 
 JointDef JointDef::Cylindrical(std::string name, BodyIndex body, const Vector3& axis_B,
@@ -116,8 +116,7 @@ ClosureDef ClosureDef::Weld(std::string name, BodyIndex a, BodyIndex b, const Ri
 
 ClosureDef ClosureDef::Connect(std::string name, BodyIndex a, BodyIndex b, const Vector3& point_A,
                                const Vector3& point_B) {
-  ClosureDef closure =
-      Weld(std::move(name), a, b, RigidTransform(point_A), RigidTransform(point_B));
+  ClosureDef closure = Weld(std::move(name), a, b, RigidTransform(point_A), RigidTransform(point_B));
   closure.rigid.head<3>().setConstant(false);
   return closure;
 }

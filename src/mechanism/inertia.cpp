@@ -8,7 +8,8 @@ Matrix6 InertiaInRoot(const Mechanism& mechanism, const Kinematics& kinematics, 
 }
 
 // Inertia of each body together with all that it carries, in R about R's origin.
-void CompositeInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& composite) {
+void CompositeInertia(const Mechanism& mechanism, const Kinematics& kinematics,
+                      std::vector<Matrix6>& composite) {
   const auto& bodies = mechanism.bodies();
   composite.resize(bodies.size());
   for (std::size_t b = 0; b < bodies.size(); ++b) composite[b] = InertiaInRoot(mechanism, kinematics, b);
@@ -19,8 +20,8 @@ void CompositeInertia(const Mechanism& mechanism, const Kinematics& kinematics, 
 
 namespace {
 
-void FillMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const std::vector<Matrix6>& composite,
-                    MatrixX& M) {
+void FillMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics,
+                    const std::vector<Matrix6>& composite, MatrixX& M) {
   const int n = mechanism.num_coordinates();
   M.setZero(n, n);
   for (const Mechanism::Joint& joint : mechanism.joints())
@@ -29,7 +30,8 @@ void FillMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, co
       for (int i = joint.offset; i < joint.offset + joint.size; ++i) M(i, c) = kinematics.S.col(i).dot(F);
       for (int j = joint.previous; j >= 0; j = mechanism.joint(JointIndex(j)).previous) {
         const Mechanism::Joint& above = mechanism.joint(JointIndex(j));
-        for (int i = above.offset; i < above.offset + above.size; ++i) M(c, i) = M(i, c) = kinematics.S.col(i).dot(F);
+        for (int i = above.offset; i < above.offset + above.size; ++i)
+          M(c, i) = M(i, c) = kinematics.S.col(i).dot(F);
       }
     }
   M.diagonal() += mechanism.armature();
@@ -43,8 +45,8 @@ void MassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, Matrix
   FillMassMatrix(mechanism, kinematics, composite, M);
 }
 
-void FloatingMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& scratch,
-                        MatrixX& M, Matrix6& M_00, Matrix6X& M_0q) {
+void FloatingMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics,
+                        std::vector<Matrix6>& scratch, MatrixX& M, Matrix6& M_00, Matrix6X& M_0q) {
   BaseInertia(mechanism, kinematics, scratch, M_00, M_0q);
   FillMassMatrix(mechanism, kinematics, scratch, M);
 }
@@ -54,8 +56,8 @@ void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, Matri
   BaseInertia(mechanism, kinematics, scratch, M_00, M_0q);
 }
 
-void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& composite, Matrix6& M_00,
-                 Matrix6X& M_0q) {
+void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& composite,
+                 Matrix6& M_00, Matrix6X& M_0q) {
   CompositeInertia(mechanism, kinematics, composite);
   M_00 = composite[0];
   M_0q.resize(6, mechanism.num_coordinates());
@@ -68,8 +70,8 @@ void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kine
                               const VectorX& q_dot, Matrix6X& V, Matrix6X& A, Matrix6X& F) {
   const auto& bodies = mechanism.bodies();
   const auto& joints = mechanism.joints();
-  // Twists and accelerations in R about R's origin. Relative to R the screws move with their parent's relative twist;
-  // R itself moves by ξ, which adds ξ x V.
+  // Twists and accelerations in R about R's origin. Relative to R the screws move with their parent's
+  // relative twist; R itself moves by ξ, which adds ξ x V.
   V.col(0).setZero();
   A.col(0).setZero();
   std::size_t j = 0;
@@ -78,7 +80,8 @@ void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kine
     Vector6 a = A.col(bodies[b].parent.value());
     for (; j < joints.size() && joints[j].body.u() == b; ++j) {
       Vector6 rate = Vector6::Zero();
-      for (int i = joints[j].offset; i < joints[j].offset + joints[j].size; ++i) rate += kinematics.S.col(i) * q_dot(i);
+      for (int i = joints[j].offset; i < joints[j].offset + joints[j].size; ++i)
+        rate += kinematics.S.col(i) * q_dot(i);
       a += Bracket(v, rate);
       v += rate;
     }

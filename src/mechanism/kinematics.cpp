@@ -39,7 +39,8 @@ void ComputeKinematics(const Mechanism& mechanism, const VectorX& q, Kinematics&
   const RigidTransform identity;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const Mechanism::Joint& joint = joints[j];
-    const RigidTransform& before = joint.previous < 0 ? identity : out.P[static_cast<std::size_t>(joint.previous)];
+    const RigidTransform& before =
+        joint.previous < 0 ? identity : out.P[static_cast<std::size_t>(joint.previous)];
     if (joint.size == 1) {
       const Vector6 s = screws.col(joint.offset);
       out.S.col(joint.offset) = AdjointApply(before, s);
@@ -79,13 +80,15 @@ void AccumulateGeneralizedForce(const Mechanism& mechanism, const Matrix6X& S, M
     const auto column = static_cast<Eigen::Index>(b);
     for (; j > 0 && joints[j - 1].body.u() == b; --j) {
       const Mechanism::Joint& joint = joints[j - 1];
-      for (int i = 0; i < joint.size; ++i) tau(joint.offset + i) += S.col(joint.offset + i).dot(F.col(column));
+      for (int i = 0; i < joint.size; ++i)
+        tau(joint.offset + i) += S.col(joint.offset + i).dot(F.col(column));
     }
     F.col(bodies[b].parent.value()) += F.col(column);
   }
 }
 
-void AddGravityWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector3& g_R, Matrix6X& F) {
+void AddGravityWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector3& g_R,
+                        Matrix6X& F) {
   const auto& bodies = mechanism.bodies();
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const SpatialInertia& I = bodies[b].inertia_B;

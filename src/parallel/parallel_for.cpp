@@ -11,7 +11,8 @@ void ParallelFor(int first, int last, int grain, const std::function<void(int be
   }
   tbb::parallel_for(
       tbb::blocked_range<int>(first, last, static_cast<std::size_t>(grain)),
-      [&](const tbb::blocked_range<int>& range) { body(range.begin(), range.end()); }, tbb::simple_partitioner());
+      [&](const tbb::blocked_range<int>& range) { body(range.begin(), range.end()); },
+      tbb::simple_partitioner());
 }
 
 }  // namespace fork1s

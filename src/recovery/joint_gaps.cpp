@@ -12,9 +12,9 @@ struct Stack {
   int offset = 0, size = 0;  // coordinates
 };
 
-// A point that every turning freedom of the stack keeps still, in R at q = 0: the least-squares common point of the
-// axes, the one nearest the moved body's origin. `apart` tells how far [m] the axes miss it: hinges about axes that do
-// not meet have no common point.
+// A point that every turning freedom of the stack keeps still, in R at q = 0: the least-squares common point
+// of the axes, the one nearest the moved body's origin. `apart` tells how far [m] the axes miss it: hinges
+// about axes that do not meet have no common point.
 Vector3 Anchor(const Mechanism& mechanism, const Stack& stack, BodyIndex body, double& apart) {
   const Vector3 origin = mechanism.body(body).X_RB0.translation();
   MatrixX A = MatrixX::Zero(3 * stack.size, 3);
@@ -74,23 +74,25 @@ Matrix3X Slides(const Mechanism& mechanism, const Mechanism::Joint& joint) {
 
 std::vector<JointGap> MeasureJointGaps(const Mechanism& mechanism, const std::vector<RigidTransform>& X_RB) {
   std::vector<JointGap> gaps;
-  // Bodies moved by several joints in a row have no body in between; the joints' anchors coincide there in all
-  // but the first, whose parent side is compared with the body's own.
+  // Bodies moved by several joints in a row have no body in between; the joints' anchors coincide there in
+  // all but the first, whose parent side is compared with the body's own.
   for (const Mechanism::Joint& joint : mechanism.joints()) {
     const Mechanism::Body& child = mechanism.body(joint.body);
     const Mechanism::Body& parent = mechanism.body(child.parent);
-    const bool first_of_body = joint.previous < 0 || mechanism.joint(JointIndex(joint.previous)).body != joint.body;
+    const bool first_of_body =
+        joint.previous < 0 || mechanism.joint(JointIndex(joint.previous)).body != joint.body;
     if (!first_of_body) continue;
     Stack stack{static_cast<int>(&joint - mechanism.joints().data()), 0, joint.offset, 0};
-    for (int j = stack.first; j < mechanism.num_joints() && mechanism.joint(JointIndex(j)).body == joint.body; ++j) {
+    for (int j = stack.first; j < mechanism.num_joints() && mechanism.joint(JointIndex(j)).body == joint.body;
+         ++j) {
       ++stack.count;
       stack.size += mechanism.joint(JointIndex(j)).size;
     }
     double apart = 0;
     const Vector3 anchor = Anchor(mechanism, stack, joint.body, apart);
     if (apart > 1e-9) {
-      const RigidTransform X_wanted = parent.X_RB0 * X_RB[child.parent.u()].inverse() * X_RB[joint.body.u()] *
-                                      child.X_RB0.inverse();
+      const RigidTransform X_wanted =
+          parent.X_RB0 * X_RB[child.parent.u()].inverse() * X_RB[joint.body.u()] * child.X_RB0.inverse();
       gaps.push_back({joint.name, FittedGap(mechanism, stack, X_wanted)});
       continue;
     }
@@ -120,7 +122,8 @@ std::vector<JointGap> MeasureJointGaps(const Mechanism& mechanism, const std::ve
       if (!c.rigid(3 + i)) d(i) = 0;
     gaps.push_back({c.name, d.norm()});
   }
-  std::stable_sort(gaps.begin(), gaps.end(), [](const JointGap& a, const JointGap& b) { return a.gap > b.gap; });
+  std::stable_sort(gaps.begin(), gaps.end(),
+                   [](const JointGap& a, const JointGap& b) { return a.gap > b.gap; });
   return gaps;
 }
 

@@ -10,7 +10,8 @@ void RecoverPosesExact(const ReducedModel& model, const ReducedState& state, Con
   X_RB = scratch.kinematics.X_RB;
 }
 
-void RecoverPosesTwist(const ReducedModel& model, const ReducedState& state, std::vector<RigidTransform>& X_RB) {
+void RecoverPosesTwist(const ReducedModel& model, const ReducedState& state,
+                       std::vector<RigidTransform>& X_RB) {
   const int bodies = model.mechanism->num_bodies();
   X_RB.resize(static_cast<std::size_t>(bodies));
   // About 20 ns a body: ranges below some thousand bodies cost less than waking a thread.

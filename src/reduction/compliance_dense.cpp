@@ -1,22 +1,24 @@
 #include <fork1s/reduction/compliance.hpp>
 
-#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
+#include <Eigen/Eigenvalues>
 
 #include "elastic_basis.hpp"
 #include "world_axes.hpp"
 
 namespace fork1s {
 
-Expected<MatrixX> DenseCompliance(const Mechanism& mechanism, const VectorX& q, const std::vector<BodyIndex>& bodies) {
+Expected<MatrixX> DenseCompliance(const Mechanism& mechanism, const VectorX& q,
+                                  const std::vector<BodyIndex>& bodies) {
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q, kinematics);
   const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q);
   MatrixX J = internal::ScaledInterfaceJacobian(mechanism, kinematics, bodies, 1.0);
   const MatrixX moved = J * basis.DenseFree(mechanism.num_coordinates());
   if (moved.size() > 0 && moved.cwiseAbs().maxCoeff() > 1e-9)
-    return Fail(ErrorCode::kUnderdetermined, fmt::format("mechanism '{}'", mechanism.name()),
-                "has a spring-free motion that moves an interface body, so that its compliance does not exist");
+    return Fail(
+        ErrorCode::kUnderdetermined, fmt::format("mechanism '{}'", mechanism.name()),
+        "has a spring-free motion that moves an interface body, so that its compliance does not exist");
   J = internal::WorldAxes(mechanism, bodies.size()) * J;
   const MatrixX J_V = basis.TimesV(J);
   return MatrixX(J_V * J_V.transpose());

@@ -2,34 +2,39 @@
 #include <cmath>
 #include <fork1s/reduction/compliance.hpp>
 
-#include <Eigen/QR>
 #include <fmt/format.h>
+#include <Eigen/QR>
 
 #include "world_axes.hpp"
 
 namespace fork1s {
 namespace {
 
-// Compliance along the paths of the body graph: prefix[j] = Σ S k⁻¹ Sᵀ over the joints from the root to j. Two
-// bodies share the prefix of their last common joint, which is what couples them.
+// Compliance along the paths of the body graph: prefix[j] = Σ S k⁻¹ Sᵀ over the joints from the root to j.
+// Two bodies share the prefix of their last common joint, which is what couples them.
 class PathCompliance {
  public:
   PathCompliance(const Mechanism& mechanism, const Kinematics& kinematics)
-      : mechanism_(mechanism), S_(kinematics.S), prefix_(static_cast<std::size_t>(mechanism.num_joints())),
+      : mechanism_(mechanism),
+        S_(kinematics.S),
+        prefix_(static_cast<std::size_t>(mechanism.num_joints())),
         depth_(static_cast<std::size_t>(mechanism.num_joints())) {
     for (std::size_t j = 0; j < prefix_.size(); ++j) {
       const auto& joint = mechanism.joints()[j];
-      prefix_[j] = joint.previous < 0 ? Matrix6(Matrix6::Zero()) : prefix_[static_cast<std::size_t>(joint.previous)];
+      prefix_[j] =
+          joint.previous < 0 ? Matrix6(Matrix6::Zero()) : prefix_[static_cast<std::size_t>(joint.previous)];
       depth_[j] = joint.previous < 0 ? 1 : depth_[static_cast<std::size_t>(joint.previous)] + 1;
       for (int i = joint.offset; i < joint.offset + joint.size; ++i)
-        if (const double k = mechanism.stiffness()(i); k > 0) prefix_[j] += S_.col(i) * (S_.col(i) / k).transpose();
+        if (const double k = mechanism.stiffness()(i); k > 0)
+          prefix_[j] += S_.col(i) * (S_.col(i) / k).transpose();
     }
   }
 
   Matrix6 Between(BodyIndex a, BodyIndex b) const {
     int i = mechanism_.body(a).last_joint, j = mechanism_.body(b).last_joint;
     while (i != j) {
-      const int di = i < 0 ? 0 : depth_[static_cast<std::size_t>(i)], dj = j < 0 ? 0 : depth_[static_cast<std::size_t>(j)];
+      const int di = i < 0 ? 0 : depth_[static_cast<std::size_t>(i)],
+                dj = j < 0 ? 0 : depth_[static_cast<std::size_t>(j)];
       if (di >= dj) i = mechanism_.joint(JointIndex(i)).previous;
       if (dj >= di) j = mechanism_.joint(JointIndex(j)).previous;
     }
@@ -53,14 +58,16 @@ class PathCompliance {
   std::vector<int> depth_;
 };
 
-// Something whose displacement is a linear map of body twists and coordinates: an interface, a closure, a spring.
+// Something whose displacement is a linear map of body twists and coordinates: an interface, a closure, a
+// spring.
 struct Port {
   std::vector<std::pair<BodyIndex, MatrixX>> bodies;  // rows x 6
   std::vector<std::pair<int, double>> coordinates;    // one row
   Eigen::Index rows = 0;
 };
 
-MatrixX CrossCompliance(const Mechanism& mechanism, const PathCompliance& path, const Port& a, const Port& b) {
+MatrixX CrossCompliance(const Mechanism& mechanism, const PathCompliance& path, const Port& a,
+                        const Port& b) {
   MatrixX C = MatrixX::Zero(a.rows, b.rows);
   for (const auto& [body_a, B_a] : a.bodies)
     for (const auto& [body_b, B_b] : b.bodies) C += B_a * path.Between(body_a, body_b) * B_b.transpose();
@@ -68,7 +75,8 @@ MatrixX CrossCompliance(const Mechanism& mechanism, const PathCompliance& path, 
   for (const auto& [body_a, B_a] : a.bodies)
     for (const auto& [i, c] : b.coordinates) C.col(0) += B_a * path.Column(i, body_a) * (c * inverse(i));
   for (const auto& [i, c] : a.coordinates)
-    for (const auto& [body_b, B_b] : b.bodies) C.row(0) += (B_b * path.Column(i, body_b)).transpose() * (c * inverse(i));
+    for (const auto& [body_b, B_b] : b.bodies)
+      C.row(0) += (B_b * path.Column(i, body_b)).transpose() * (c * inverse(i));
   for (const auto& [i, ci] : a.coordinates)
     for (const auto& [j, cj] : b.coordinates)
       if (i == j) C(0, 0) += ci * cj * inverse(i);
@@ -144,7 +152,8 @@ Loops CollectLoops(const Mechanism& mechanism, const Kinematics& kinematics, con
 
 }  // namespace
 
-Expected<MatrixX> WalkCompliance(const Mechanism& mechanism, const VectorX& q, const std::vector<BodyIndex>& bodies) {
+Expected<MatrixX> WalkCompliance(const Mechanism& mechanism, const VectorX& q,
+                                 const std::vector<BodyIndex>& bodies) {
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q, kinematics);
   const PathCompliance path(mechanism, kinematics);
@@ -160,16 +169,16 @@ Expected<MatrixX> WalkCompliance(const Mechanism& mechanism, const VectorX& q, c
   MatrixX C(6 * e, 6 * e);
   for (Eigen::Index i = 0; i < e; ++i)
     for (Eigen::Index j = 0; j < e; ++j)
-      C.block<6, 6>(6 * i, 6 * j) =
-          CrossCompliance(mechanism, path, ends[static_cast<std::size_t>(i)], ends[static_cast<std::size_t>(j)]);
+      C.block<6, 6>(6 * i, 6 * j) = CrossCompliance(mechanism, path, ends[static_cast<std::size_t>(i)],
+                                                    ends[static_cast<std::size_t>(j)]);
 
   const Loops loops = CollectLoops(mechanism, kinematics, q);
   std::vector<int> unsprung;
   for (int i = 0; i < mechanism.num_coordinates(); ++i)
     if (mechanism.stiffness()(i) == 0) unsprung.push_back(i);
 
-  // Displacements are C (f - Wᵀλ) plus the unsprung joints' own motion F a. With loop reactions λ, loops closed
-  // and unsprung joints in equilibrium:
+  // Displacements are C (f - Wᵀλ) plus the unsprung joints' own motion F a. With loop reactions λ, loops
+  // closed and unsprung joints in equilibrium:
   //     [ W C Wᵀ + C_l   -W_u ] [λ]   [ W C f   ]
   //     [ -W_uᵀ             0 ] [a] = [ -J_uᵀ f ]
   Eigen::Index m = 0;
@@ -192,13 +201,15 @@ Expected<MatrixX> WalkCompliance(const Mechanism& mechanism, const VectorX& q, c
         S.block(m + k, row, 1, p.rows) = -w.transpose();
       }
       for (Eigen::Index j = 0; j < e; ++j)
-        B.block(row, 6 * j, p.rows, 6) = CrossCompliance(mechanism, path, p, ends[static_cast<std::size_t>(j)]);
+        B.block(row, 6 * j, p.rows, 6) =
+            CrossCompliance(mechanism, path, p, ends[static_cast<std::size_t>(j)]);
       row += p.rows;
     }
     for (Eigen::Index k = 0; k < u; ++k)
       for (Eigen::Index j = 0; j < e; ++j)
         B.block(m + k, 6 * j, 1, 6) =
-            -FreeColumn(path, ends[static_cast<std::size_t>(j)], unsprung[static_cast<std::size_t>(k)]).transpose();
+            -FreeColumn(path, ends[static_cast<std::size_t>(j)], unsprung[static_cast<std::size_t>(k)])
+                 .transpose();
 
     // Rows in rad/N·m, m/N and lengths differ by many orders: balance them before any rank is decided.
     VectorX balance = VectorX::Ones(m + u);
@@ -217,8 +228,9 @@ Expected<MatrixX> WalkCompliance(const Mechanism& mechanism, const VectorX& q, c
     const MatrixX X = solver.solve(B_balanced);
     const double left = (S_balanced * X - B_balanced).cwiseAbs().maxCoeff();
     if (left > 1e-7 * std::max(1e-300, B_balanced.cwiseAbs().maxCoeff()))
-      return Fail(ErrorCode::kUnderdetermined, fmt::format("mechanism '{}'", mechanism.name()),
-                  "has a spring-free motion that moves an interface body, so that its compliance does not exist");
+      return Fail(
+          ErrorCode::kUnderdetermined, fmt::format("mechanism '{}'", mechanism.name()),
+          "has a spring-free motion that moves an interface body, so that its compliance does not exist");
     // d = C f - B₁ᵀ λ + J_u a, and the lower part of B is -J_uᵀ: both signs agree.
     C -= B_balanced.transpose() * X;
   }

@@ -27,7 +27,8 @@ namespace {
 // A, H⁻¹Aᵀ and the factor of A H⁻¹Aᵀ at the present pose.
 void FactorLoops(const ReducedModel& model, Configuration& out) {
   ClosureJacobian(*model.mechanism, out.kinematics, out.q, out.A_all);
-  for (int i = 0; i < model.loop_rank(); ++i) out.A.row(i) = out.A_all.row(model.loop_rows[static_cast<std::size_t>(i)]);
+  for (int i = 0; i < model.loop_rank(); ++i)
+    out.A.row(i) = out.A_all.row(model.loop_rows[static_cast<std::size_t>(i)]);
   out.HA.noalias() = model.h_inverse.asDiagonal() * out.A.transpose();
   out.AHA.noalias() = out.A * out.HA;
   out.factor.compute(out.AHA);
@@ -35,7 +36,8 @@ void FactorLoops(const ReducedModel& model, Configuration& out) {
 
 }  // namespace
 
-void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out, int max_corrections) {
+void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
+               int max_corrections) {
   const Mechanism& mechanism = *model.mechanism;
   out.q = model.q_ref;
   out.q.noalias() += model.Q * state.z;
@@ -47,7 +49,8 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
   constexpr double kClosed = 1e-10;
   for (int i = 0;; ++i) {
     ClosureResidual(mechanism, out.kinematics, out.q, out.c_all);
-    for (int k = 0; k < model.loop_rank(); ++k) out.c(k) = out.c_all(model.loop_rows[static_cast<std::size_t>(k)]);
+    for (int k = 0; k < model.loop_rank(); ++k)
+      out.c(k) = out.c_all(model.loop_rows[static_cast<std::size_t>(k)]);
     out.loop_residual = out.c_all.cwiseAbs().maxCoeff();
     FactorLoops(model, out);
     if (i == max_corrections || out.c.cwiseAbs().maxCoeff() < kClosed) break;

@@ -56,7 +56,8 @@ VectorX ElasticBasis::ApplyVTransposed(const VectorX& g) const {
 MatrixX ElasticBasis::TimesV(const MatrixX& B) const {
   if (!diagonal) return B * V;
   MatrixX out(B.rows(), num_elastic());
-  for (int i = 0; i < num_elastic(); ++i) out.col(i) = inverse_root(i) * B.col(sprung[static_cast<std::size_t>(i)]);
+  for (int i = 0; i < num_elastic(); ++i)
+    out.col(i) = inverse_root(i) * B.col(sprung[static_cast<std::size_t>(i)]);
   return out;
 }
 
@@ -65,8 +66,7 @@ ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& k
   ElasticBasis basis;
   if (mechanism.is_tree() && mechanism.has_diagonal_stiffness()) {
     basis.diagonal = true;
-    for (int i = 0; i < n; ++i)
-      (mechanism.stiffness()(i) > 0 ? basis.sprung : basis.unsprung).push_back(i);
+    for (int i = 0; i < n; ++i) (mechanism.stiffness()(i) > 0 ? basis.sprung : basis.unsprung).push_back(i);
     basis.inverse_root.resize(basis.num_elastic());
     for (int i = 0; i < basis.num_elastic(); ++i)
       basis.inverse_root(i) = 1 / std::sqrt(mechanism.stiffness()(basis.sprung[static_cast<std::size_t>(i)]));
@@ -128,7 +128,8 @@ MatrixX HiddenDirections(const MatrixX& J_N) {
   if (J_N.rows() == 0 || J_N.isZero(0)) return MatrixX::Identity(f, f);
   Eigen::JacobiSVD<MatrixX, Eigen::FullPivHouseholderQRPreconditioner> svd(J_N, Eigen::ComputeFullV);
   int seen = 0;
-  while (seen < svd.singularValues().size() && svd.singularValues()(seen) > 1e-8 * svd.singularValues()(0)) ++seen;
+  while (seen < svd.singularValues().size() && svd.singularValues()(seen) > 1e-8 * svd.singularValues()(0))
+    ++seen;
   return svd.matrixV().rightCols(f - seen);
 }
 

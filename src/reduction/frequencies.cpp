@@ -48,7 +48,8 @@ std::vector<double> FullFrequencies(const Mechanism& mechanism, const VectorX& q
       mass.bottomLeftCorner(f, 6) = mass.topRightCorner(6, f).transpose();
     }
   }
-  return ToHertz(internal::LowestModes(mechanism, kinematics, basis, MatrixX(e, 0), coupling, mass, count).mu, count);
+  return ToHertz(internal::LowestModes(mechanism, kinematics, basis, MatrixX(e, 0), coupling, mass, count).mu,
+                 count);
 }
 
 std::vector<double> ReducedFrequencies(const ReducedModel& model, int count) {

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
+#include <Spectra/SymEigsSolver.h>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
-#include <Spectra/SymEigsSolver.h>
 
 namespace fork1s::internal {
 namespace {
@@ -16,8 +16,8 @@ constexpr int kDenseLimit = 300;
 class MassOperator {
  public:
   using Scalar = double;
-  MassOperator(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis, const MatrixX& Y,
-               const MatrixX& extra, const MatrixX& extra_mass)
+  MassOperator(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis,
+               const MatrixX& Y, const MatrixX& extra, const MatrixX& extra_mass)
       : mechanism_(mechanism), kinematics_(kinematics), basis_(basis), Y_(Y), extra_(extra) {
     if (extra.cols() > 0) factor_.compute(extra_mass);
   }
@@ -46,8 +46,8 @@ class MassOperator {
   Eigen::LDLT<MatrixX> factor_;
 };
 
-Modes DenseModes(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis, const MatrixX& Y,
-                 const MatrixX& extra, const MatrixX& extra_mass, int count) {
+Modes DenseModes(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis,
+                 const MatrixX& Y, const MatrixX& extra, const MatrixX& extra_mass, int count) {
   const int e = basis.num_elastic();
   MatrixX M;
   MassMatrix(mechanism, kinematics, M);
@@ -67,8 +67,8 @@ Modes DenseModes(const Mechanism& mechanism, const Kinematics& kinematics, const
 
 }  // namespace
 
-Modes LowestModes(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis, const MatrixX& Y,
-                  const MatrixX& extra, const MatrixX& extra_mass, int count) {
+Modes LowestModes(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis,
+                  const MatrixX& Y, const MatrixX& extra, const MatrixX& extra_mass, int count) {
   const int e = basis.num_elastic();
   count = std::min(count, e - static_cast<int>(Y.cols()));
   if (count <= 0) return {MatrixX(e, 0), VectorX(0)};

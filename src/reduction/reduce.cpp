@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/SVD>
 #include <fmt/format.h>
+#include <Eigen/SVD>
 
 #include "elastic_basis.hpp"
 #include "modes.hpp"
@@ -37,16 +37,18 @@ std::string AxisText(const Mechanism& mechanism, int coordinate) {
   const Vector6 s = mechanism.screws().col(coordinate);
   const bool turns = s.head<3>().norm() > 1e-9;
   const Vector3 axis = turns ? s.head<3>().normalized() : s.tail<3>().normalized();
-  return fmt::format("{} ({:.3f}, {:.3f}, {:.3f})", turns ? "turning about" : "sliding along", axis.x(), axis.y(),
-                     axis.z());
+  return fmt::format("{} ({:.3f}, {:.3f}, {:.3f})", turns ? "turning about" : "sliding along", axis.x(),
+                     axis.y(), axis.z());
 }
 
 Error HiddenError(const Mechanism& mechanism, const Hidden& hidden) {
   const auto& joint = mechanism.joint(mechanism.CoordinateJoint(hidden.coordinate));
-  return {ErrorCode::kUnderdetermined, fmt::format("joint '{}'", joint.name),
-          fmt::format("has no spring and moves ({}) while every interface body stands still, so nothing determines it; "
-                      "give the joint a stiffness, hold it by PD control, or make body '{}' an interface",
-                      AxisText(mechanism, hidden.coordinate), mechanism.body(joint.body).name)};
+  return {
+      ErrorCode::kUnderdetermined, fmt::format("joint '{}'", joint.name),
+      fmt::format(
+          "has no spring and moves ({}) while every interface body stands still, so nothing determines it; "
+          "give the joint a stiffness, hold it by PD control, or make body '{}' an interface",
+          AxisText(mechanism, hidden.coordinate), mechanism.body(joint.body).name)};
 }
 
 // Elastic directions that the interface feels: orthonormal Y_r (e x r).
@@ -95,16 +97,19 @@ void FillLoopMetric(ReducedModel& model, const Kinematics& kinematics) {
   const VectorX scale = internal::CoordinateScale(mechanism);
   VectorX k = mechanism.stiffness();
   if (!mechanism.has_diagonal_stiffness()) k = StiffnessMatrix(mechanism, kinematics, model.q_ref).diagonal();
-  // Unsprung joints take up the correction: H = max(k, 1e-3 k_max), slides measured in lengths of the mechanism.
+  // Unsprung joints take up the correction: H = max(k, 1e-3 k_max), slides measured in lengths of the
+  // mechanism.
   const VectorX scaled = k.cwiseProduct(scale.cwiseAbs2());
   const double floor = std::max(1e-3 * (scaled.size() > 0 ? scaled.maxCoeff() : 0.0), 1e-12);
   model.h_inverse = scale.cwiseAbs2().cwiseQuotient(scaled.cwiseMax(floor));
 }
 
-Expected<std::vector<BodyIndex>> ResolveInterfaces(const Mechanism& mechanism, const ReductionOptions& options) {
+Expected<std::vector<BodyIndex>> ResolveInterfaces(const Mechanism& mechanism,
+                                                   const ReductionOptions& options) {
   std::vector<BodyIndex> bodies = options.interfaces;
   if (bodies.empty())
-    for (const std::string& name : mechanism.definition().interfaces) bodies.push_back(mechanism.FindBody(name));
+    for (const std::string& name : mechanism.definition().interfaces)
+      bodies.push_back(mechanism.FindBody(name));
   for (BodyIndex b : bodies)
     FORK1S_REQUIRE(b.valid() && b.value() < mechanism.num_bodies(), "interface body out of range");
   if (bodies.empty())
@@ -113,7 +118,8 @@ Expected<std::vector<BodyIndex>> ResolveInterfaces(const Mechanism& mechanism, c
   for (std::size_t i = 0; i < bodies.size(); ++i)
     if (std::find(bodies.begin(), bodies.begin() + static_cast<std::ptrdiff_t>(i), bodies[i]) !=
         bodies.begin() + static_cast<std::ptrdiff_t>(i))
-      return Fail(ErrorCode::kModel, fmt::format("interface '{}'", mechanism.body(bodies[i]).name), "is named twice");
+      return Fail(ErrorCode::kModel, fmt::format("interface '{}'", mechanism.body(bodies[i]).name),
+                  "is named twice");
   return bodies;
 }
 
@@ -136,7 +142,8 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q_ref, kinematics);
   if (!kinematics.S.allFinite())
-    return Fail(ErrorCode::kNumerics, fmt::format("mechanism '{}'", mechanism.name()), "has a pose that is not finite");
+    return Fail(ErrorCode::kNumerics, fmt::format("mechanism '{}'", mechanism.name()),
+                "has a pose that is not finite");
   model.S_ref = kinematics.S;
   model.X_RB_ref = kinematics.X_RB;
 
@@ -188,15 +195,17 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
     if (basis.diagonal) {
       model.k_inverse = VectorX::Zero(n);
       for (int i = 0; i < e; ++i)
-        model.k_inverse(basis.sprung[static_cast<std::size_t>(i)]) = basis.inverse_root(i) * basis.inverse_root(i);
+        model.k_inverse(basis.sprung[static_cast<std::size_t>(i)]) =
+            basis.inverse_root(i) * basis.inverse_root(i);
     } else {
       const auto Q_e = model.Q.rightCols(r - model.num_free);
       model.C_perp = basis.V * basis.V.transpose() - Q_e * Q_e.transpose();
     }
   } else if (r == n - model.loop_rank() && r > 0) {
-    model.warnings.push_back(
-        fmt::format("every coordinate of '{}' reaches an interface body: the reduced model has all {} of them, and "
-                    "saves nothing over the full one", mechanism.name(), r));
+    model.warnings.push_back(fmt::format(
+        "every coordinate of '{}' reaches an interface body: the reduced model has all {} of them, and "
+        "saves nothing over the full one",
+        mechanism.name(), r));
   }
   for (BodyIndex b : model.promoted)
     model.warnings.push_back(fmt::format(

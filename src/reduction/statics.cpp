@@ -2,10 +2,10 @@
 #include <cmath>
 #include <fork1s/reduction/statics.hpp>
 
+#include <fmt/format.h>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/QR>
-#include <fmt/format.h>
 
 #include "elastic_basis.hpp"
 
@@ -15,8 +15,12 @@ namespace {
 // Everything that acts on joint coordinates at one pose: springs, controls, and a share s of the dead loads.
 class LoadedMechanism {
  public:
-  LoadedMechanism(const Mechanism& mechanism, const std::vector<DeadLoad>& loads, const StaticsOptions& options)
-      : mechanism_(mechanism), loads_(loads), options_(options), kinematics_(mechanism),
+  LoadedMechanism(const Mechanism& mechanism, const std::vector<DeadLoad>& loads,
+                  const StaticsOptions& options)
+      : mechanism_(mechanism),
+        loads_(loads),
+        options_(options),
+        kinematics_(mechanism),
         F_(6, mechanism.num_bodies()) {}
 
   void Pose(const VectorX& q) { ComputeKinematics(mechanism_, q, kinematics_); }
@@ -60,7 +64,8 @@ class LoadedMechanism {
     return std::max({g.cwiseAbs().maxCoeff(), LoadForce(share).cwiseAbs().maxCoeff(), 1e-12});
   }
 
-  // ∂g/∂q by central differences: covers loads that turn their lever arms, loop reactions and ball joints alike.
+  // ∂g/∂q by central differences: covers loads that turn their lever arms, loop reactions and ball joints
+  // alike.
   MatrixX Tangent(const VectorX& q, const VectorX& lambda, double share) {
     const auto n = q.size();
     MatrixX K(n, n);
@@ -90,8 +95,8 @@ struct NewtonState {
 };
 
 // Newton at one load; false leaves the state where it was.
-bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const StaticsOptions& options, double share,
-                 NewtonState& state, StaticsResult& result) {
+bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const StaticsOptions& options,
+                 double share, NewtonState& state, StaticsResult& result) {
   const Eigen::Index n = state.q.size(), m = mechanism.num_constraints();
   NewtonState now = state;
   VectorX c = VectorX::Zero(m);
@@ -172,14 +177,15 @@ StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const 
     }
     const MatrixX K_z = Z.transpose() * K * Z;
     const VectorX eigenvalues =
-        Eigen::SelfAdjointEigenSolver<MatrixX>(0.5 * (K_z + K_z.transpose()), Eigen::EigenvaluesOnly).eigenvalues();
+        Eigen::SelfAdjointEigenSolver<MatrixX>(0.5 * (K_z + K_z.transpose()), Eigen::EigenvaluesOnly)
+            .eigenvalues();
     result.stable = eigenvalues.size() == 0 || eigenvalues(0) > -1e-9 * eigenvalues.cwiseAbs().maxCoeff();
   }
   return result;
 }
 
-Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
-                                   const StaticsOptions& options) {
+Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0,
+                                   const std::vector<DeadLoad>& loads, const StaticsOptions& options) {
   LoadedMechanism loaded(mechanism, loads, options);
   loaded.Pose(q0);
   const auto basis = internal::ComputeElasticBasis(mechanism, loaded.kinematics(), q0);
@@ -191,10 +197,12 @@ Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0
       Eigen::Index direction, coordinate;
       taken.cwiseAbs().maxCoeff(&direction);
       N.col(direction).cwiseAbs().maxCoeff(&coordinate);
-      return Fail(ErrorCode::kUnderdetermined,
-                  fmt::format("joint '{}'", mechanism.joint(mechanism.CoordinateJoint(static_cast<int>(coordinate))).name),
-                  "has no spring and gives way to the load, so that no deflection balances it; give the joint a "
-                  "stiffness or hold it by PD control");
+      return Fail(
+          ErrorCode::kUnderdetermined,
+          fmt::format("joint '{}'",
+                      mechanism.joint(mechanism.CoordinateJoint(static_cast<int>(coordinate))).name),
+          "has no spring and gives way to the load, so that no deflection balances it; give the joint a "
+          "stiffness or hold it by PD control");
     }
   }
   return VectorX(q0 + basis.ApplyV(basis.ApplyVTransposed(g), mechanism.num_coordinates()));
@@ -205,7 +213,8 @@ double MaxJointRotation(const Mechanism& mechanism, const VectorX& q0, const Vec
   for (const Mechanism::Joint& j : mechanism.joints()) {
     if (j.kind == JointKind::kHinge) largest = std::max(largest, std::abs(q(j.offset) - q0(j.offset)));
     if (j.kind == JointKind::kBall) {
-      const Matrix3 before = ExpRotation(q0.segment<3>(j.offset)), after = ExpRotation(q.segment<3>(j.offset));
+      const Matrix3 before = ExpRotation(q0.segment<3>(j.offset)),
+                    after = ExpRotation(q.segment<3>(j.offset));
       largest = std::max(largest, LogRotation(before.transpose() * after).norm());
     }
   }

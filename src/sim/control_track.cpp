@@ -12,7 +12,8 @@ std::vector<std::string> ControlTrack::FindMissing(const Simulation& simulation)
 
 void ControlTrack::Apply(double time, Simulation& simulation) const {
   if (times.empty()) return;
-  const auto after = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), time) - times.begin());
+  const auto after =
+      static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), time) - times.begin());
   for (std::size_t i = 0; i < names.size(); ++i) {
     const int control = simulation.FindControl(names[i]);
     if (control < 0) continue;

@@ -59,8 +59,9 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
     const MechanismDynamics& m = s.world_.mechanisms()[i];
     for (int b = 0; b < m.mechanism().num_bodies(); ++b) {
       const auto& interfaces = m.model().interfaces;
-      s.bodies_.push_back({m.mechanism().body(BodyIndex(b)).name, static_cast<int>(i), b,
-                           std::find(interfaces.begin(), interfaces.end(), BodyIndex(b)) != interfaces.end()});
+      s.bodies_.push_back(
+          {m.mechanism().body(BodyIndex(b)).name, static_cast<int>(i), b,
+           std::find(interfaces.begin(), interfaces.end(), BodyIndex(b)) != interfaces.end()});
     }
   }
   for (std::size_t i = 0; i < s.world_.free_bodies().size(); ++i)
@@ -88,7 +89,8 @@ void Simulation::PassControls() {
     if (m.mechanism().base() != BaseKind::kDriven) continue;
     const Vector3 shift = controls_.segment<3>(next), turn = controls_.segment<3>(next + 3);
     next += 6;
-    m.DriveBase({Matrix3(ExpRotation(turn) * base_start_[i].rotation()), Vector3(base_start_[i].translation() + shift)});
+    m.DriveBase({Matrix3(ExpRotation(turn) * base_start_[i].rotation()),
+                 Vector3(base_start_[i].translation() + shift)});
   }
 }
 
@@ -146,14 +148,16 @@ Vector6 Simulation::Velocity(int body) const {
   return m.BodyVelocity(BodyIndex(b.index));
 }
 
-void Simulation::ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {
+void Simulation::ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W,
+                             const Vector3& point_W) {
   FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(bodies_.size()), body);
   FORK1S_REQUIRE(force_W.allFinite() && moment_W.allFinite() && point_W.allFinite());
   const SceneBody& b = bodies_[static_cast<std::size_t>(body)];
   if (b.mechanism < 0)
     world_.free_bodies()[static_cast<std::size_t>(b.index)].AddWrench(force_W, moment_W, point_W);
   else
-    world_.mechanisms()[static_cast<std::size_t>(b.mechanism)].AddWrench(BodyIndex(b.index), force_W, moment_W, point_W);
+    world_.mechanisms()[static_cast<std::size_t>(b.mechanism)].AddWrench(BodyIndex(b.index), force_W,
+                                                                         moment_W, point_W);
 }
 
 double Simulation::ClosureGap() const {

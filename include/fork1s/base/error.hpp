@@ -10,12 +10,12 @@
 namespace fork1s {
 
 enum class ErrorCode {
-  kFile,        ///< a file that cannot be read or written
-  kFormat,      ///< a file whose content cannot be understood
-  kModel,       ///< a model that cannot be simulated as given
+  kFile,             ///< a file that cannot be read or written
+  kFormat,           ///< a file whose content cannot be understood
+  kModel,            ///< a model that cannot be simulated as given
   kUnderdetermined,  ///< a joint that neither a spring nor an interface holds
-  kNumerics,    ///< a computation that did not end in finite, converged numbers
-  kUsage,       ///< an option or argument that makes no sense here
+  kNumerics,         ///< a computation that did not end in finite, converged numbers
+  kUsage,            ///< an option or argument that makes no sense here
 };
 
 /// What went wrong with data from outside: `where` names file, line or element,
@@ -50,9 +50,9 @@ template <class... Values>
 }  // namespace fork1s
 
 /// Checks what a caller of the API promised; throws std::invalid_argument, in every build.
-#define FORK1S_REQUIRE(condition, ...)                                                       \
-  do {                                                                                       \
-    if (!(condition))                                                                        \
+#define FORK1S_REQUIRE(condition, ...)                                                                 \
+  do {                                                                                                 \
+    if (!(condition))                                                                                  \
       ::fork1s::internal::ThrowRequirement(#condition, __FILE__, __LINE__ __VA_OPT__(, ) __VA_ARGS__); \
   } while (false)
 

@@ -48,7 +48,8 @@ class CollisionWorld {
 
   /// Pose of a moving body.
   void SetPose(int body, const RigidTransform& X_WB);
-  /// Gap [m] from which on Detect reports contacts; a larger one costs narrow-phase tests of pairs that only pass by.
+  /// Gap [m] from which on Detect reports contacts; a larger one costs narrow-phase tests of pairs that only
+  /// pass by.
   void SetMargin(double margin);
   /// Finds the contacts at the present poses. Replaces the content of `contacts`; does not allocate once
   /// `contacts` has capacity. Returns false when the detector dropped contacts for want of room.

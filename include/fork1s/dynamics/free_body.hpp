@@ -6,7 +6,8 @@
 
 namespace fork1s {
 
-/// Coordinates are the angular rate in the body's own axes and the velocity of the centre of mass in the world.
+/// Coordinates are the angular rate in the body's own axes and the velocity of the centre of mass in the
+/// world.
 class FreeBody {
  public:
   FreeBody(const FreeBodyDef& definition);
@@ -32,7 +33,9 @@ class FreeBody {
   void Integrate(double h);
 
   double KineticEnergy() const;
-  double PotentialEnergy(const Vector3& gravity_W) const { return -inertia_.mass * gravity_W.dot(center_W()); }
+  double PotentialEnergy(const Vector3& gravity_W) const {
+    return -inertia_.mass * gravity_W.dot(center_W());
+  }
   bool IsFinite() const { return X_WB_.IsFinite() && omega_B_.allFinite() && velocity_.allFinite(); }
 
  private:

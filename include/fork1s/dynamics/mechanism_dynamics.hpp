@@ -2,10 +2,10 @@
 //
 // docs/method.md, section 5. With x = [ξ; w] (base twist where the base floats, reduced rates):
 //     A x⁺ = M x + h (f(z) + loads) + Jᵀλ,   A = M + h D + h² K, factored once between refreshes.
-// Where the base floats, M and the velocity forces are those of the present pose: with stale ones a body in free fall
-// would push its own legs about, the harder the faster it moves.
-// Forces are evaluated at the present pose in joint coordinates and projected, f_z = Q(q)ᵀ g(q): on trees this
-// is -K z + F_u u exactly, with loops it carries the projector, and dead loads bring their geometric stiffness.
+// Where the base floats, M and the velocity forces are those of the present pose: with stale ones a body in
+// free fall would push its own legs about, the harder the faster it moves. Forces are evaluated at the
+// present pose in joint coordinates and projected, f_z = Q(q)ᵀ g(q): on trees this is -K z + F_u u exactly,
+// with loops it carries the projector, and dead loads bring their geometric stiffness.
 #pragma once
 
 #include <fork1s/reduction/reduced_model.hpp>
@@ -19,7 +19,8 @@ enum class Recovery {
   kTwist,  ///< one exponential a body of the summed screws: the paper's parallel mode
 };
 
-/// A rigid group of bodies that may touch something: an interface body with all that is welded to it, or the base.
+/// A rigid group of bodies that may touch something: an interface body with all that is welded to it, or the
+/// base.
 struct ContactGroup {
   int last_joint = -1;            // the joint that carries the group; -1: the base
   BodyIndex body;                 // the body that names it
@@ -37,8 +38,8 @@ class MechanismDynamics {
 
   /// Starts at joint displacements q0 (loops closed first where they are not) and rates q_dot0.
   static Expected<MechanismDynamics> Create(std::shared_ptr<const Mechanism> mechanism, const VectorX& q0,
-                                            const VectorX& q_dot0, const RigidTransform& X_WR, const Vector6& V_R,
-                                            const Options& options);
+                                            const VectorX& q_dot0, const RigidTransform& X_WR,
+                                            const Vector6& V_R, const Options& options);
 
   const Mechanism& mechanism() const { return *model_.mechanism; }
   const ReducedModel& model() const { return model_; }
@@ -83,7 +84,8 @@ class MechanismDynamics {
   void Integrate(double h);
   /// Largest turn since the reference, as a share of the refresh angle.
   double Staleness() const;
-  /// Moves the reference to the present pose. False if the mechanism cannot be reduced there: the old model stays.
+  /// Moves the reference to the present pose. False if the mechanism cannot be reduced there: the old model
+  /// stays.
   bool Refresh();
 
   double KineticEnergy() const;
@@ -125,17 +127,17 @@ class MechanismDynamics {
   Matrix6X wrenches_W_;  // 6 x bodies about the world origin, world axes
 
   // Between refreshes.
-  VectorX g_ref_;         // n, spring forces at the reference
+  VectorX g_ref_;          // n, spring forces at the reference
   VectorX q_perp_offset_;  // n, leftover of the last refresh, fading
-  MatrixX A_, M_full_;    // num_velocities²
+  MatrixX A_, M_full_;     // num_velocities²
   Eigen::LLT<MatrixX> factor_;
   double factored_h_ = -1;
-  VectorX f_ref_;         // twist mode: Qᵀ g_ref
-  MatrixX gravity_map_;   // twist mode: r x 3, force per unit gravity in R at the reference
-  MatrixX control_map_;   // twist mode: r x controls
+  VectorX f_ref_;              // twist mode: Qᵀ g_ref
+  MatrixX gravity_map_;        // twist mode: r x 3, force per unit gravity in R at the reference
+  MatrixX control_map_;        // twist mode: r x controls
   Matrix6X base_gravity_map_;  // 6 x 3
 
-  MatrixX rigid_motion_map_;   // twist mode: r x 36, force per entry of ξξᵀ at the reference
+  MatrixX rigid_motion_map_;  // twist mode: r x 36, force per entry of ξξᵀ at the reference
 
   // Scratch of a step.
   std::vector<Matrix6> composite_;

@@ -14,32 +14,32 @@
 namespace fork1s {
 
 struct StepOptions {
-  double h = 1.0 / 60;                        // s
-  Vector3 gravity = Vector3(0, 0, -9.81);     // m/s²
-  double penetration_correction = 0.2;        // β: share of the penetration beyond the slop undone per step
-  double slop = 1e-4;                         // m of penetration that is left alone
-  double max_correction_speed = 3;            // m/s
-  bool contact_curvature = true;              // adds (h/2) J̇_n V to the normal rows
-  bool refresh = true;                        // move the reference when the pose has left it
+  double h = 1.0 / 60;                     // s
+  Vector3 gravity = Vector3(0, 0, -9.81);  // m/s²
+  double penetration_correction = 0.2;     // β: share of the penetration beyond the slop undone per step
+  double slop = 1e-4;                      // m of penetration that is left alone
+  double max_correction_speed = 3;         // m/s
+  bool contact_curvature = true;           // adds (h/2) J̇_n V to the normal rows
+  bool refresh = true;                     // move the reference when the pose has left it
   ContactSolverOptions contact;
 };
 
 /// A contact as it was solved.
 struct ContactRecord {
   ContactPoint point;
-  Vector3 impulse = Vector3::Zero();   // normal, tangents [N·s], in the frame of the point, on body b
+  Vector3 impulse = Vector3::Zero();  // normal, tangents [N·s], in the frame of the point, on body b
   double friction = 0;
 };
 
 struct StepReport {
   int contacts = 0;
-  int limits = 0;                // joint limits that acted
+  int limits = 0;  // joint limits that acted
   ContactSolverReport solver;
-  double max_penetration = 0;    // m
+  double max_penetration = 0;  // m
   int refreshes = 0;
   int failed_refreshes = 0;
   bool contacts_dropped = false;  // the collision detector ran out of room
-  bool finite = true;            // false: the step was undone and the state is that before it
+  bool finite = true;             // false: the step was undone and the state is that before it
 };
 
 /// What a collision body stands for.
@@ -62,7 +62,8 @@ class World {
     int max_contacts = 256;     // room reserved; more allocate
   };
 
-  /// Builds every mechanism and the collision world. Errors as of BuildMechanism, Reduce, CollisionWorld::Create.
+  /// Builds every mechanism and the collision world. Errors as of BuildMechanism, Reduce,
+  /// CollisionWorld::Create.
   static Expected<World> Create(const Scene& scene, const Options& options);
 
   /// A world without anything in it.
@@ -107,10 +108,10 @@ class World {
   bool has_previous_pose_ = false;
 
   ContactSolver solver_;
-  std::vector<ContactPoint> points_;                 // of this step, those that can touch within it
+  std::vector<ContactPoint> points_;  // of this step, those that can touch within it
   std::vector<ContactRecord> contacts_, previous_;
   std::vector<double> normal_speed_, previous_normal_speed_;  // J_n V after the solve
-  std::vector<int> match_;                           // contact -> previous contact or -1
+  std::vector<int> match_;                                    // contact -> previous contact or -1
   std::vector<char> previous_used_;
   bool curvature_valid_ = false;  // no reference moved since the previous step
   std::vector<ContactConstraint> constraints_;
@@ -121,8 +122,8 @@ class World {
   Matrix6X J_scratch_;
 
   struct MechanismBlock {
-    std::vector<int> groups;             // in port order
-    std::vector<int> limits;             // 2 k + side of entries k of limited_coordinates(), side 0 lower, 1 upper
+    std::vector<int> groups;  // in port order
+    std::vector<int> limits;  // 2 k + side of entries k of limited_coordinates(), side 0 lower, 1 upper
     std::vector<double> limit_impulses;  // 2 per limited coordinate, for warm starts
     int offset = 0, rows = 0;
     MatrixX J_T;  // num_velocities x rows

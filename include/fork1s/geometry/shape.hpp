@@ -22,21 +22,37 @@ struct HeightGrid {
   std::string name;
   int rows = 0;
   int columns = 0;
-  double half_x = 0;       // m
-  double half_y = 0;       // m
-  double max_height = 0;   // m, height of the value 1
-  double base_depth = 0;   // m of solid ground below z = 0
+  double half_x = 0;          // m
+  double half_y = 0;          // m
+  double max_height = 0;      // m, height of the value 1
+  double base_depth = 0;      // m of solid ground below z = 0
   std::vector<float> values;  // in [0, 1]
 };
 
-struct Plane { double half_x = 0, half_y = 0; };            ///< z = 0, solid below; 0 = infinite when drawn
-struct Sphere { double radius = 0; };
-struct Capsule { double radius = 0, half_length = 0; };     ///< along z; half_length without the caps
-struct Cylinder { double radius = 0, half_length = 0; };    ///< along z
-struct Ellipsoid { Vector3 radii = Vector3::Zero(); };
-struct Box { Vector3 half = Vector3::Zero(); };
-struct MeshShape { std::shared_ptr<const TriangleMesh> mesh; };
-struct HeightField { std::shared_ptr<const HeightGrid> grid; };
+struct Plane {
+  double half_x = 0, half_y = 0;
+};  ///< z = 0, solid below; 0 = infinite when drawn
+struct Sphere {
+  double radius = 0;
+};
+struct Capsule {
+  double radius = 0, half_length = 0;
+};  ///< along z; half_length without the caps
+struct Cylinder {
+  double radius = 0, half_length = 0;
+};  ///< along z
+struct Ellipsoid {
+  Vector3 radii = Vector3::Zero();
+};
+struct Box {
+  Vector3 half = Vector3::Zero();
+};
+struct MeshShape {
+  std::shared_ptr<const TriangleMesh> mesh;
+};
+struct HeightField {
+  std::shared_ptr<const HeightGrid> grid;
+};
 
 using Shape = std::variant<Plane, Sphere, Capsule, Cylinder, Ellipsoid, Box, MeshShape, HeightField>;
 

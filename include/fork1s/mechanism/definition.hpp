@@ -17,14 +17,14 @@ namespace fork1s {
 struct GeometryDef {
   std::string name;
   Shape shape = Sphere{};
-  RigidTransform X_BG;              // pose of the shape in its body (world geometry: in the world)
-  double friction = 1;              // sliding coefficient; a pair takes the larger, or the higher priority's
+  RigidTransform X_BG;  // pose of the shape in its body (world geometry: in the world)
+  double friction = 1;  // sliding coefficient; a pair takes the larger, or the higher priority's
   int priority = 0;
-  int contype = 1;                  // two shapes may touch if (contype1 & conaffinity2) | (contype2 & conaffinity1)
+  int contype = 1;  // two shapes may touch if (contype1 & conaffinity2) | (contype2 & conaffinity1)
   int conaffinity = 1;
-  bool frictionless = false;        // MJCF condim = 1
+  bool frictionless = false;  // MJCF condim = 1
   Vector4 rgba = Vector4(0.6, 0.6, 0.6, 1);
-  int group = 0;                    // for drawing only
+  int group = 0;  // for drawing only
 
   bool Collides() const { return contype != 0 || conaffinity != 0; }
 };
@@ -32,10 +32,10 @@ struct GeometryDef {
 /// One degree of freedom of a joint.
 struct FreedomDef {
   Vector6 screw_B = Vector6::Zero();  // unit screw [ω; v] about the origin of body B, in B, at the reference
-  double stiffness = 0;   // N·m/rad or N/m
-  double damping = 0;     // N·m·s/rad or N·s/m
-  double armature = 0;    // rotor inertia seen at the joint, kg·m² or kg
-  double rest = 0;        // displacement from the reference at which the spring is unloaded, rad or m
+  double stiffness = 0;               // N·m/rad or N/m
+  double damping = 0;                 // N·m·s/rad or N·s/m
+  double armature = 0;                // rotor inertia seen at the joint, kg·m² or kg
+  double rest = 0;  // displacement from the reference at which the spring is unloaded, rad or m
   double lower = -std::numeric_limits<double>::infinity();  // limits of the displacement, rad or m
   double upper = std::numeric_limits<double>::infinity();
 };
@@ -72,15 +72,15 @@ struct JointDef {
 };
 
 /// Two hinges that cross: first about axis1 (parent side), then about axis2.
-std::pair<JointDef, JointDef> UniversalJoint(const std::string& name, BodyIndex body,
-                                             const Vector3& axis1_B, const Vector3& axis2_B,
+std::pair<JointDef, JointDef> UniversalJoint(const std::string& name, BodyIndex body, const Vector3& axis1_B,
+                                             const Vector3& axis2_B,
                                              const Vector3& anchor_B = Vector3::Zero());
 
 struct BodyDef {
   std::string name;
-  BodyIndex parent;          // invalid for the base, which must be body 0
-  RigidTransform X_PB;       // pose in the parent at the reference
-  SpatialInertia inertia;    // in B
+  BodyIndex parent;        // invalid for the base, which must be body 0
+  RigidTransform X_PB;     // pose in the parent at the reference
+  SpatialInertia inertia;  // in B
   std::vector<GeometryDef> geometries;
 };
 
@@ -124,7 +124,7 @@ struct SpringDef {
   std::vector<std::pair<FreedomRef, double>> terms;
   double stiffness = 0;  // N/m or N·m/rad of the length
   double damping = 0;
-  double rest = 0;       // length at which it is unloaded
+  double rest = 0;  // length at which it is unloaded
 };
 
 /// An input u that pushes with force gain·coefficient·u on each of its freedoms. For a servo the gain
@@ -149,7 +149,7 @@ enum class BaseKind {
 struct MechanismDef {
   std::string name;
   BaseKind base = BaseKind::kFixed;
-  RigidTransform X_WR;  // pose of the base in the world at the reference
+  RigidTransform X_WR;          // pose of the base in the world at the reference
   std::vector<BodyDef> bodies;  // bodies[0] is the base; parents come before children
   std::vector<JointDef> joints;
   std::vector<ClosureDef> closures;

@@ -48,17 +48,18 @@ void MassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, Matrix
 /// Inertia of the whole mechanism about R's origin (6 x 6) and its coupling to the joints (6 x n).
 void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, Matrix6& M_00, Matrix6X& M_0q);
 /// The same with scratch that is reused (one 6 x 6 a body), so that nothing is allocated.
-void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& scratch, Matrix6& M_00,
-                 Matrix6X& M_0q);
+void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& scratch,
+                 Matrix6& M_00, Matrix6X& M_0q);
 /// Joint-space mass matrix (n x n) and both of the above in one pass, without allocation.
-void FloatingMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& scratch,
-                        MatrixX& M, Matrix6& M_00, Matrix6X& M_0q);
-/// Subtracts from F the wrenches that keep every body on its present course: centrifugal and Coriolis forces of the
-/// joint rates q_dot and of the base twist V_R at zero accelerations (of ξ and q̇). `V` (6 x bodies) and `A` are scratch.
+void FloatingMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics,
+                        std::vector<Matrix6>& scratch, MatrixX& M, Matrix6& M_00, Matrix6X& M_0q);
+/// Subtracts from F the wrenches that keep every body on its present course: centrifugal and Coriolis forces
+/// of the joint rates q_dot and of the base twist V_R at zero accelerations (of ξ and q̇). `V` (6 x bodies)
+/// and `A` are scratch.
 void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector6& V_R,
                               const VectorX& q_dot, Matrix6X& V, Matrix6X& A, Matrix6X& F);
-/// Subtracts from F the wrenches ξ x* (I_b ξ) that keep every body on the rigid motion ξ of the base: centrifugal and
-/// Coriolis forces as the frame R feels them.
+/// Subtracts from F the wrenches ξ x* (I_b ξ) that keep every body on the rigid motion ξ of the base:
+/// centrifugal and Coriolis forces as the frame R feels them.
 void SubtractRigidMotionWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector6& V_R,
                                  Matrix6X& F);
 /// M x without forming M: O(n).
@@ -69,7 +70,8 @@ void SpringForce(const Mechanism& mechanism, const Kinematics& kinematics, const
 /// Stiffness matrix K_q (n x n) of joint springs, linear springs and springy closures at the present pose.
 MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
 MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
-/// A root R (s x n) of that matrix, K_q = RᵀR, one row a spring: keeps its digits where stiffnesses differ widely.
+/// A root R (s x n) of that matrix, K_q = RᵀR, one row a spring: keeps its digits where stiffnesses differ
+/// widely.
 MatrixX StiffnessRoot(const Mechanism& mechanism, const Kinematics& kinematics);
 /// Energy stored in all springs [J].
 double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);

@@ -72,13 +72,13 @@ class Mechanism {
   /// Springs act on single coordinates only, so that the stiffness matrix is diagonal.
   bool has_diagonal_stiffness() const { return springs_.empty() && num_springy_rows_ == 0; }
 
-  const Matrix6X& screws() const { return screws_; }        // 6 x n
-  const VectorX& stiffness() const { return stiffness_; }   // n, of each coordinate's own spring
-  const VectorX& damping() const { return damping_; }       // n
-  const VectorX& armature() const { return armature_; }     // n
-  const VectorX& rest() const { return rest_; }             // n
-  const VectorX& lower() const { return lower_; }           // n
-  const VectorX& upper() const { return upper_; }           // n
+  const Matrix6X& screws() const { return screws_; }       // 6 x n
+  const VectorX& stiffness() const { return stiffness_; }  // n, of each coordinate's own spring
+  const VectorX& damping() const { return damping_; }      // n
+  const VectorX& armature() const { return armature_; }    // n
+  const VectorX& rest() const { return rest_; }            // n
+  const VectorX& lower() const { return lower_; }          // n
+  const VectorX& upper() const { return upper_; }          // n
   double total_mass() const { return total_mass_; }
   /// Mean distance [m] between successive joints: the length that makes rotations and translations
   /// comparable in rank decisions and tolerances.
@@ -88,7 +88,9 @@ class Mechanism {
   /// Name of the joint that owns coordinate i, with its freedom if it has several.
   std::string CoordinateName(int i) const;
   /// Joint that owns coordinate i.
-  JointIndex CoordinateJoint(int i) const { return JointIndex(coordinate_joint_[static_cast<std::size_t>(i)]); }
+  JointIndex CoordinateJoint(int i) const {
+    return JointIndex(coordinate_joint_[static_cast<std::size_t>(i)]);
+  }
 
  private:
   friend Expected<Mechanism> BuildMechanism(MechanismDef definition);

@@ -19,7 +19,7 @@ struct FreeBodyDef {
 /// A named initial state.
 struct KeyframeDef {
   struct MechanismState {
-    VectorX q;       // displacements of the mechanism's coordinates, in the order of its definition
+    VectorX q;  // displacements of the mechanism's coordinates, in the order of its definition
     VectorX q_dot;
     RigidTransform X_WR;
     Vector6 V_R = Vector6::Zero();  // base twist in R about R's origin
@@ -41,8 +41,9 @@ struct Scene {
   double timestep = 1.0 / 60;              // s
   std::vector<MechanismDef> mechanisms;
   std::vector<FreeBodyDef> free_bodies;
-  std::vector<GeometryDef> world;                                 // still geometry
-  std::vector<std::pair<std::string, std::string>> excluded_pairs;  // bodies that never touch; "world" is the world
+  std::vector<GeometryDef> world;  // still geometry
+  std::vector<std::pair<std::string, std::string>>
+      excluded_pairs;  // bodies that never touch; "world" is the world
   std::vector<KeyframeDef> keyframes;
 };
 

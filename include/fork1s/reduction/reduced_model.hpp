@@ -16,8 +16,8 @@ namespace fork1s {
 
 struct ReductionOptions {
   std::vector<BodyIndex> interfaces;  // empty: those that the mechanism's definition names
-  int modes = -1;                     // fixed-interface modes to keep at most; negative: the definition's number
-  double rank_tolerance = 1e-4;       // singular values below this share of the largest are left to the statics
+  int modes = -1;                // fixed-interface modes to keep at most; negative: the definition's number
+  double rank_tolerance = 1e-4;  // singular values below this share of the largest are left to the statics
   /// A spring-free motion that no interface body sees is an error; with this its body becomes an interface.
   bool promote_hidden = false;
 };
@@ -32,15 +32,15 @@ struct ReducedModel {
   int num_elastic = 0;  // directions in which the interface feels springs
   int num_modes = 0;    // fixed-interface modes
 
-  MatrixX Q;    // n x r
-  VectorX K_r;  // r: 0 for free directions, 1 else
-  MatrixX M;    // r x r
-  MatrixX D;    // r x r
-  Matrix6 M_00 = Matrix6::Zero();  // inertia of the whole about R's origin
-  Matrix6X M_0z;                   // 6 x r
-  Matrix6X S_ref;                  // screws at q_ref, 6 x n
+  MatrixX Q;                             // n x r
+  VectorX K_r;                           // r: 0 for free directions, 1 else
+  MatrixX M;                             // r x r
+  MatrixX D;                             // r x r
+  Matrix6 M_00 = Matrix6::Zero();        // inertia of the whole about R's origin
+  Matrix6X M_0z;                         // 6 x r
+  Matrix6X S_ref;                        // screws at q_ref, 6 x n
   std::vector<RigidTransform> X_RB_ref;  // b
-  Matrix6X T;                      // 6 x (b r): T_B = T.middleCols(B r, r), twist of body B per z rate
+  Matrix6X T;                            // 6 x (b r): T_B = T.middleCols(B r, r), twist of body B per z rate
 
   /// The interior's own static response q_perp = C_perp g to joint-space forces g, unfelt by the interface.
   bool has_complement = false;
@@ -51,7 +51,7 @@ struct ReducedModel {
   std::vector<int> loop_rows;
   VectorX h_inverse;  // n
 
-  std::vector<BodyIndex> promoted;    // interfaces that were added for hidden motions
+  std::vector<BodyIndex> promoted;  // interfaces that were added for hidden motions
   std::vector<std::string> warnings;
 
   int size() const { return static_cast<int>(K_r.size()); }
@@ -82,15 +82,15 @@ void ApplyComplement(const ReducedModel& model, const VectorX& g, VectorX& q_per
 struct Configuration {
   explicit Configuration(const ReducedModel& model);
 
-  VectorX q;              // n
+  VectorX q;  // n
   Kinematics kinematics;
-  MatrixX Q_now;          // n x r: ∂q/∂z at the present pose (Q on trees)
+  MatrixX Q_now;  // n x r: ∂q/∂z at the present pose (Q on trees)
   double loop_residual = 0;
 
   // Loop scratch, m independent rows.
   VectorX c_all, c, lambda, x;
-  MatrixX A_all, A, HA;   // rows x n, m x n, n x m
-  MatrixX AHA, AQ;        // m x m, m x r
+  MatrixX A_all, A, HA;  // rows x n, m x n, n x m
+  MatrixX AHA, AQ;       // m x m, m x r
   Eigen::LLT<MatrixX> factor;
 };
 

@@ -22,22 +22,23 @@ struct StaticsOptions {
 };
 
 struct StaticsResult {
-  VectorX q;                // joint displacements
+  VectorX q;  // joint displacements
   bool converged = false;
   int iterations = 0;
-  double residual = 0;      // relative
-  bool stable = true;       // tangent stiffness positive on the closed mechanism
+  double residual = 0;  // relative
+  bool stable = true;   // tangent stiffness positive on the closed mechanism
 };
 
 /// Equilibrium of springs, closures and loads with the base held, on the branch reached by raising the load
-/// from the unloaded start q0. Newton on joint coordinates and closure reactions, the tangent re-taken at every pose: the
-/// point that repeated refreshing of a reduced model converges to.
+/// from the unloaded start q0. Newton on joint coordinates and closure reactions, the tangent re-taken at
+/// every pose: the point that repeated refreshing of a reduced model converges to.
 StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
                            const StaticsOptions& options = {});
 
-/// Linear response at q0 to loads, gravity, controls and spring preload: q0 + Z V Vᵀ Zᵀ g. Errors as for Reduce where a spring-free motion takes the load.
-Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
-                                   const StaticsOptions& options = {});
+/// Linear response at q0 to loads, gravity, controls and spring preload: q0 + Z V Vᵀ Zᵀ g. Errors as for
+/// Reduce where a spring-free motion takes the load.
+Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0,
+                                   const std::vector<DeadLoad>& loads, const StaticsOptions& options = {});
 
 /// Largest turn [rad] of any hinge or ball between q0 and q.
 double MaxJointRotation(const Mechanism& mechanism, const VectorX& q0, const VectorX& q);

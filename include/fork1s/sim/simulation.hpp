@@ -14,8 +14,8 @@ struct SimulationOptions {
   Recovery recovery = Recovery::kExact;
   ReductionOptions reduction;  // `interfaces` is not used here: every mechanism's definition names its own
   double refresh_angle = 0.2617993877991494;  // rad
-  int initial_keyframe = -1;   // index in the scene
-  StepOptions step;            // h and gravity are set from dt and the scene
+  int initial_keyframe = -1;                  // index in the scene
+  StepOptions step;                           // h and gravity are set from dt and the scene
   CollisionOptions collision = {.margin = 0.02};
 };
 
@@ -70,7 +70,8 @@ class Simulation {
   /// Largest opening of any loop [m].
   double ClosureGap() const;
 
-  /// 64-bit FNV-1a over the bits of the moving state: equal only if every coordinate is the same to the last bit.
+  /// 64-bit FNV-1a over the bits of the moving state: equal only if every coordinate is the same to the last
+  /// bit.
   std::uint64_t HashState() const;
 
   const World& world() const { return world_; }
@@ -97,7 +98,7 @@ class Simulation {
 /// Values of named controls over time, linear between rows, held before the first and after the last.
 struct ControlTrack {
   std::vector<std::string> names;
-  std::vector<double> times;            // s, increasing
+  std::vector<double> times;              // s, increasing
   std::vector<std::vector<double>> rows;  // one per time, one value per name
 
   /// Sets every named control of the simulation for the time at the end of the next step.

@@ -11,15 +11,16 @@ class SpatialVector {
  public:
   SpatialVector() : value_(Vector6::Zero()) {}
   explicit SpatialVector(const Vector6& value) : value_(value) {}
-  SpatialVector(const Vector3& angular, const Vector3& linear) {
-    value_ << angular, linear;
-  }
+  SpatialVector(const Vector3& angular, const Vector3& linear) { value_ << angular, linear; }
 
   const Vector6& vector() const { return value_; }
   Vector3 angular() const { return value_.template head<3>(); }
   Vector3 linear() const { return value_.template tail<3>(); }
 
-  SpatialVector& operator+=(const SpatialVector& o) { value_ += o.value_; return *this; }
+  SpatialVector& operator+=(const SpatialVector& o) {
+    value_ += o.value_;
+    return *this;
+  }
   friend SpatialVector operator+(SpatialVector a, const SpatialVector& b) { return a += b; }
   friend SpatialVector operator-(const SpatialVector& a, const SpatialVector& b) {
     return SpatialVector(Vector6(a.value_ - b.value_));

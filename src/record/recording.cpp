@@ -1,0 +1,125 @@
+#include <fork1s/record/recording.hpp>
+
+#include "recording_file.hpp"
+
+namespace fork1s {
+
+using namespace internal;
+
+Expected<Recording> Recording::Open(const std::string& path) {
+  const QuietHdf5 quiet;
+  try {
+    const FileFacts facts = LookAt(path);
+    if (!facts.is_hdf5)
+      return Fail(facts.size == 0 ? ErrorCode::kFile : ErrorCode::kFormat, path,
+                  facts.size == 0 ? "is empty; the recording was never begun, record again"
+                                  : "is no HDF5 file; recordings are written by fork1s");
+    // A writer that lives or was killed has left its mark, and only this way of reading passes it.
+    const unsigned flags = H5F_ACC_RDONLY | (facts.is_open_for_writing ? H5F_ACC_SWMR_READ : 0u);
+    const Hdf5 file(H5Fopen(path.c_str(), flags, H5P_DEFAULT), H5Fclose);
+    if (!file)
+      return Fail(ErrorCode::kFile, path,
+                  "cannot be opened as HDF5 (" + LastHdf5Message() + "); it is cut off or damaged, copy or record it again");
+    auto header = ReadHeader(file.id(), path, facts);
+    if (!header) return tl::unexpected(header.error());
+    Recording recording;
+    recording.header_ = std::move(*header);
+    recording.data_ = ReadSteps(file.id(), recording.header_, facts);
+    return recording;
+  } catch (const Hdf5Fault& e) {
+    return Fail(e.code(), path, std::string(e.what()) + (e.code() == ErrorCode::kFormat
+                                                              ? "; the file is cut off or damaged, copy or record it again"
+                                                              : ""));
+  } catch (const std::exception& e) {  // such as memory that a damaged file asks for
+    return Fail(ErrorCode::kFormat, path, std::string("cannot be read (") + e.what() + "); the file is damaged");
+  }
+}
+
+RigidTransform Recording::Pose(int step, int body) const {
+  FORK1S_REQUIRE(step >= -1 && step < num_steps(), step);
+  FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(bodies().size()), body);
+  const std::vector<double>& poses = step < 0 ? header_.initial_poses : data_.poses;
+  const std::size_t row = step < 0 ? 0 : static_cast<std::size_t>(step);
+  const double* p = &poses[7 * (row * bodies().size() + static_cast<std::size_t>(body))];
+  return {Quaternion(p[3], p[4], p[5], p[6]), Vector3(p[0], p[1], p[2])};
+}
+
+VectorX Recording::Controls(int step) const {
+  FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
+  const auto n = static_cast<Eigen::Index>(header_.control_names.size());
+  return Eigen::Map<const VectorX>(data_.controls.data() + step * n, n);
+}
+
+VectorX Recording::Coordinates(int step) const {
+  FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
+  const auto n = static_cast<Eigen::Index>(header_.coordinate_names.size());
+  return Eigen::Map<const VectorX>(data_.coordinates.data() + step * n, n);
+}
+
+// First row and number of rows of a mechanism in /reduced.
+std::array<std::size_t, 2> Recording::ReducedRange(int step, int mechanism) const {
+  const auto m = header_.scene.mechanisms.size();
+  FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
+  FORK1S_REQUIRE(mechanism >= 0 && mechanism < static_cast<int>(m), mechanism);
+  const auto i = static_cast<std::size_t>(step);
+  std::size_t first = i > 0 ? static_cast<std::size_t>(data_.reduced_end[i - 1]) : 0;
+  const int* sizes = &data_.reduced_sizes[i * m];
+  for (int k = 0; k < mechanism; ++k) first += static_cast<std::size_t>(sizes[k]);
+  return {first, static_cast<std::size_t>(sizes[mechanism])};
+}
+
+VectorX Recording::ReducedCoordinates(int step, int mechanism) const {
+  const auto [first, size] = ReducedRange(step, mechanism);
+  return Eigen::Map<const VectorX>(data_.z.data() + first, static_cast<Eigen::Index>(size));
+}
+
+VectorX Recording::ReducedRates(int step, int mechanism) const {
+  const auto [first, size] = ReducedRange(step, mechanism);
+  return Eigen::Map<const VectorX>(data_.w.data() + first, static_cast<Eigen::Index>(size));
+}
+
+std::vector<RecordedContact> Recording::Contacts(int step) const {
+  FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
+  const auto i = static_cast<std::size_t>(step);
+  std::vector<RecordedContact> contacts;
+  auto triple = [](const std::vector<double>& v, std::size_t row) { return Vector3(Eigen::Map<const Vector3>(&v[3 * row])); };
+  for (auto c = static_cast<std::size_t>(i > 0 ? data_.contact_end[i - 1] : 0);
+       c < static_cast<std::size_t>(data_.contact_end[i]); ++c)
+    contacts.push_back({data_.contact_body_a[c], data_.contact_body_b[c], triple(data_.contact_point, c),
+                        triple(data_.contact_normal, c), triple(data_.contact_force, c), data_.contact_gap[c],
+                        data_.contact_friction[c]});
+  return contacts;
+}
+
+std::vector<AppliedWrench> Recording::Wrenches(int step) const {
+  FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
+  const auto i = static_cast<std::size_t>(step);
+  std::vector<AppliedWrench> wrenches;
+  for (auto k = static_cast<std::size_t>(i > 0 ? data_.wrench_end[i - 1] : 0);
+       k < static_cast<std::size_t>(data_.wrench_end[i]); ++k) {
+    const double* v = &data_.wrench[9 * k];
+    wrenches.push_back({data_.wrench_body[k], Vector3(v[0], v[1], v[2]), Vector3(v[3], v[4], v[5]),
+                        Vector3(v[6], v[7], v[8])});
+  }
+  return wrenches;
+}
+
+StepReport Recording::Report(int step) const {
+  FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
+  const auto i = static_cast<std::size_t>(step);
+  StepReport r;
+  r.contacts = data_.contacts[i];
+  r.limits = data_.limits[i];
+  r.solver.sweeps = data_.sweeps[i];
+  r.solver.newton_iterations = data_.newton_iterations[i];
+  r.solver.residual = data_.residual[i];
+  r.solver.converged = data_.converged[i] != 0;
+  r.max_penetration = data_.max_penetration[i];
+  r.refreshes = data_.refreshes[i];
+  r.failed_refreshes = data_.failed_refreshes[i];
+  r.contacts_dropped = data_.contacts_dropped[i] != 0;
+  r.finite = data_.finite[i] != 0;
+  return r;
+}
+
+}  // namespace fork1s

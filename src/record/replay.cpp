@@ -1,0 +1,69 @@
+#include <cmath>
+#include <fork1s/record/recording.hpp>
+
+namespace fork1s {
+namespace {
+
+Expected<void> CheckKeyframe(const RecordingHeader& h) {
+  const int key = h.options.initial_keyframe;
+  if (key < 0) return {};
+  auto refuse = [&](const std::string& what) {
+    return Fail(ErrorCode::kFormat, h.path, "names an initial keyframe " + what + "; the file is damaged");
+  };
+  if (key >= static_cast<int>(h.scene.keyframes.size())) return refuse("that the scene does not have");
+  const KeyframeDef& k = h.scene.keyframes[static_cast<std::size_t>(key)];
+  if (k.mechanisms.size() != h.scene.mechanisms.size() || k.free_bodies.size() != h.scene.free_bodies.size())
+    return refuse("of another scene");
+  for (std::size_t i = 0; i < k.mechanisms.size(); ++i) {
+    Eigen::Index n = 0;
+    for (const JointDef& j : h.scene.mechanisms[i].joints) n += static_cast<Eigen::Index>(j.freedoms.size());
+    const auto& s = k.mechanisms[i];
+    const auto controls = static_cast<Eigen::Index>(h.scene.mechanisms[i].controls.size());
+    if (s.q.size() != n || (s.q_dot.size() != 0 && s.q_dot.size() != n) ||
+        (s.controls.size() != 0 && s.controls.size() != controls))
+      return refuse("of another scene");
+  }
+  return {};
+}
+
+}  // namespace
+
+void ApplyWrenches(const std::vector<AppliedWrench>& wrenches, Simulation& simulation) {
+  for (const AppliedWrench& w : wrenches) simulation.ApplyWrench(w.body, w.force_W, w.moment_W, w.point_W);
+}
+
+Expected<ReplayResult> Replay(const Recording& recording) {
+  const RecordingHeader& h = recording.header();
+  if (h.first_step != 0)
+    return Fail(ErrorCode::kUsage, h.path,
+                "begins after " + std::to_string(h.first_step) +
+                    " steps of a run, whose state it does not hold; only recordings from the first step can be replayed");
+  if (auto ok = CheckKeyframe(h); !ok) return tl::unexpected(ok.error());
+  try {
+    auto simulation = Simulation::Create(h.scene, h.options);
+    if (!simulation) return tl::unexpected(simulation.error());
+    if (simulation->control_names() != h.control_names || simulation->bodies().size() != h.bodies.size())
+      return Fail(ErrorCode::kFormat, h.path, "names other controls or bodies than its scene has; the file is damaged");
+    ReplayResult result;
+    result.final_hash = simulation->HashState();
+    if (result.final_hash != h.initial_hash) result.first_difference_step = 0;
+    for (int i = 0; i < recording.num_steps(); ++i) {
+      const VectorX controls = recording.Controls(i);
+      // Only what changed: an initial value may lie outside the limits to which a new value is moved.
+      for (int k = 0; k < controls.size(); ++k)
+        if (controls(k) != simulation->controls()(k)) simulation->SetControl(k, controls(k));
+      ApplyWrenches(recording.Wrenches(i), *simulation);
+      simulation->Step();
+      result.steps = i + 1;
+      result.final_hash = simulation->HashState();
+      if (result.first_difference_step < 0 && result.final_hash != recording.data().hash[static_cast<std::size_t>(i)])
+        result.first_difference_step = i + 1;
+    }
+    result.identical = result.first_difference_step < 0;
+    return result;
+  } catch (const std::invalid_argument& e) {  // inputs that no run can have had
+    return Fail(ErrorCode::kFormat, h.path, std::string("cannot be replayed (") + e.what() + "); the file is damaged");
+  }
+}
+
+}  // namespace fork1s

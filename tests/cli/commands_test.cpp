@@ -1,0 +1,126 @@
+// Every command on a good model: exit code 0, the promised keys, figures that make sense.
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+TEST(Inspect, SaysWhatHoldsEachJoint) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const Outcome text = Fork1s("inspect " + model);
+  EXPECT_EQ(text.code, 0) << text.err;
+  EXPECT_NE(text.out.find("knuckle"), std::string::npos);
+  EXPECT_NE(text.out.find("spring 2"), std::string::npos) << text.out;
+  auto json = Fork1s("inspect --json " + model).Json();
+  EXPECT_EQ(json["mechanisms"][0]["interfaces"][0], "tip");
+  EXPECT_EQ(json["mechanisms"][0]["modes"], 2);
+  EXPECT_EQ(json["free_bodies"][0]["name"], "ball");
+}
+
+TEST(Reduce, HasThePromisedKeys) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const Outcome o = Fork1s("reduce --json " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  auto json = o.Json();
+  for (const char* key : {"mass_kg", "dofs", "loop_rank", "interfaces", "compliance_world", "stiffness_world",
+                          "frequencies_hz", "coordinates", "warnings"})
+    EXPECT_TRUE(json.contains(key)) << key;
+  EXPECT_NEAR(json["mass_kg"].get<double>(), 0.08, 1e-12);
+  EXPECT_EQ(json["dofs"], 2);
+  EXPECT_TRUE(json["stiffness_world"].is_null());  // two hinges cannot move a body in six ways
+  // C_zz at the tip's origin, 50 mm from the knuckle: 0.05² / 2.
+  EXPECT_NEAR(json["compliance_world"][5][5].get<double>(), 0.05 * 0.05 / 2, 1e-12);
+  EXPECT_EQ(json["coordinates"]["elastic"].get<int>() + json["coordinates"]["modes"].get<int>(), 2);
+}
+
+TEST(Reduce, WritesAModelFile) {
+  const std::string model = Write("finger.xml", FingerModel()),
+                    file = (ScratchFolder() / "finger.h5").string();
+  const Outcome o = Fork1s("reduce " + model + " --out " + file);
+  EXPECT_EQ(o.code, 0) << o.err;
+  EXPECT_GT(std::filesystem::file_size(file), 1000u);
+}
+
+TEST(Statics, LinearAndNonlinear) {
+  const std::string model = Write("finger.xml", FingerModel());
+  auto json = Fork1s("statics --json --body tip --force 0,0,-0.2 --gravity 0,0,0 " + model).Json();
+  // Small load: 0.2 N on 50 mm against 2 N·m/rad turns the knuckle by 5 mrad.
+  EXPECT_NEAR(json["linear"]["position_m"][2].get<double>(), 0.3 - 0.05 * 0.005, 1e-9);
+  EXPECT_NEAR(json["position_m"][2].get<double>(), json["linear"]["position_m"][2].get<double>(), 1e-7);
+  EXPECT_NEAR(json["max_joint_rotation_deg"].get<double>(), 0.005 * 180 / M_PI, 1e-4);
+  EXPECT_TRUE(json["stable"].get<bool>());
+}
+
+TEST(Run, HasThePromisedKeys) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const Outcome o = Fork1s("run --json --time 2 " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  auto json = o.Json();
+  for (const char* key : {"steps", "simulated_s", "wall_s", "real_time_factor", "contacts_max", "energy_J",
+                          "interface", "joint_gap_max_m", "step_us", "unconverged_steps", "refreshes"})
+    EXPECT_TRUE(json.contains(key)) << key;
+  EXPECT_EQ(json["steps"], 120);  // 1/60 s unless asked otherwise
+  EXPECT_EQ(json["unconverged_steps"], 0);
+  EXPECT_EQ(json["contacts_max"], 1);  // the ball lands
+  // At rest the ball's centre stands a radius above the floor, less the slop of 0.1 mm.
+  EXPECT_NEAR(json["free_bodies"][0]["position_m"][2].get<double>(), 0.02, 2e-4);
+  EXPECT_LT(json["joint_gap_max_m"].get<double>(), 1e-12);
+}
+
+TEST(Run, FollowsControls) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const std::string table = Write("bend.csv", "time,bend\n0,0\n0.5,0.4\n");
+  auto held = Fork1s("run --json --time 2 " + model).Json();
+  const Outcome o = Fork1s("run --json --time 2 --controls " + table + " " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto q0 = held["interface"][0]["quaternion_wxyz"], q1 = o.Json()["interface"][0]["quaternion_wxyz"];
+  // Both turn about y: twice the difference of half angles is the set-point, but for what gravity changes.
+  const double turned = 2 * (std::asin(q1[2].get<double>()) - std::asin(q0[2].get<double>()));
+  EXPECT_NEAR(turned, 0.4, 0.01);
+}
+
+TEST(Run, TwistRecoveryAndStiffnessScale) {
+  const std::string model = Write("finger.xml", FingerModel());
+  for (const char* options :
+       {"--recovery twist", "--stiffness-scale 1e4", "--dt 0.001", "--modes 0", "--base fixed"}) {
+    const Outcome o = Fork1s(std::string("run --json --time 1 ") + options + " " + model);
+    EXPECT_EQ(o.code, 0) << options << o.err;
+    EXPECT_EQ(o.Json()["unconverged_steps"], 0) << options;
+  }
+}
+
+TEST(Record, ReplaysAndExports) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const std::string file = (ScratchFolder() / "run.h5").string(), folder = (ScratchFolder() / "csv").string();
+  ASSERT_EQ(Fork1s("run --time 1 --record " + file + " " + model).code, 0);
+  std::filesystem::remove(model);  // a recording stands on its own
+  const Outcome replay = Fork1s("replay --json " + file);
+  EXPECT_EQ(replay.code, 0) << replay.err;
+  EXPECT_TRUE(replay.Json()["identical"].get<bool>());
+  EXPECT_EQ(replay.Json()["steps"], 60);
+  EXPECT_EQ(Fork1s("export " + file + " " + folder).code, 0);
+  const std::string poses = Slurp(folder + "/poses.csv");
+  EXPECT_EQ(poses.substr(0, 9), "time,tip.");
+  EXPECT_GE(std::count(poses.begin(), poses.end(), '\n'), 61);
+}
+
+TEST(Json, PrintsNothingElseOnStandardOutput) {
+  const std::string model = Write("finger.xml", FingerModel());
+  for (const char* command : {"inspect", "reduce", "statics --body tip --force 0,0,1", "run --time 0.1"}) {
+    const Outcome o = Fork1s(std::string(command) + " --json " + model);
+    EXPECT_EQ(o.code, 0) << command;
+    EXPECT_NO_THROW(o.Json()) << command;
+  }
+}
+
+TEST(Progress, SilentInAPipe) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const Outcome o = Fork1s("run --time 1 " + model);
+  EXPECT_EQ(o.err.find('\r'), std::string::npos);
+}
+
+}  // namespace
+}  // namespace fork1s::test

@@ -1,0 +1,123 @@
+// Bad input: exit code 3 (or 2 for usage), one sentence that names the place, no crash.
+#include <string>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+std::string Replaced(std::string text, const std::string& from, const std::string& to) {
+  const auto at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+struct Bad {
+  const char* name;
+  const char* from;
+  const char* to;
+  const char* named;  // must appear in the message
+};
+
+class BadModel : public testing::TestWithParam<Bad> {};
+
+TEST_P(BadModel, IsRefusedByName) {
+  const Bad& bad = GetParam();
+  const std::string model = Write("bad.xml", Replaced(FingerModel(), bad.from, bad.to));
+  for (const char* command : {"inspect ", "reduce ", "run --time 0.1 "}) {
+    const Outcome o = Fork1s(command + model);
+    EXPECT_EQ(o.code, 3) << command << o.err;
+    EXPECT_NE(o.err.find("bad.xml"), std::string::npos) << o.err;
+    EXPECT_NE(o.err.find(bad.named), std::string::npos) << o.err;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Inputs, BadModel,
+    testing::Values(Bad{"nan_mass", "mass=\".05\"", "mass=\"nan\"", "nan"},
+                    Bad{"negative_mass", "mass=\".05\"", "mass=\"-1\"", "mass"},
+                    Bad{"negative_stiffness", "stiffness=\"2\"", "stiffness=\"-2\"", "knuckle"},
+                    Bad{"infinite_stiffness", "stiffness=\"2\"", "stiffness=\"inf\"", "inf"},
+                    Bad{"unknown_interface", "data=\"tip\"", "data=\"tipp\"", "tipp"},
+                    Bad{"empty_interface", "data=\"tip\"", "data=\" \"", "fork1s_interface"},
+                    Bad{"unknown_attribute", "stiffness=\"2\"", "stiffnes=\"2\"", "stiffnes"},
+                    Bad{"missing_mesh", "<worldbody>",
+                        "<asset><mesh name=\"m\" file=\"none.stl\"/></asset><worldbody>"
+                        "<geom type=\"mesh\" mesh=\"m\"/>",
+                        "none.stl"},
+                    Bad{"cut_off", "</worldbody>", "", "line"},
+                    Bad{"negative_modes", "data=\"2\"/></custom>", "data=\"-1\"/></custom>", "fork1s_modes"}),
+    [](const auto& info) { return info.param.name; });
+
+TEST(Hidden, UnsprungJointIsNamed) {
+  // A second finger that no interface sees, with a hinge that nothing holds.
+  const std::string model = Write("hidden.xml", Replaced(FingerModel(), "<body name=\"ball\"", R"(
+    <body name="other" pos="0 .1 .3"><joint name="base2" type="hinge" axis="0 1 0" stiffness="1"/>
+      <geom type="sphere" size=".01" mass=".1"/>
+      <body name="loose" pos="0 0 -.1"><joint name="limp" type="hinge" axis="0 1 0"/>
+        <geom type="sphere" size=".01" mass=".1" pos="0 0 -.05"/></body></body>
+    <body name="ball")"));
+  const std::string one = Replaced(Slurp(model), "<body name=\"proximal\" pos=\"0 0 .3\">",
+                                   "<body name=\"palm\"><body name=\"proximal\" pos=\"0 0 .3\">");
+  const std::string joined =
+      Write("hidden.xml", Replaced(one, "<body name=\"ball\"", "</body><body name=\"ball\""));
+  const Outcome o = Fork1s("reduce " + joined);
+  EXPECT_EQ(o.code, 3) << o.err << o.out;
+  EXPECT_NE(o.err.find("'limp'"), std::string::npos) << o.err;
+  EXPECT_EQ(Fork1s("reduce --pd 1,0.1 " + joined).code, 0);
+  EXPECT_EQ(Fork1s("reduce --interface tip,loose " + joined).code, 0);
+}
+
+TEST(Usage, ExitCodeTwo) {
+  const std::string model = Write("finger.xml", FingerModel());
+  for (const std::string& arguments :
+       {std::string(), std::string("run"), "fly " + model, "run --dt -1 " + model,
+        "run --recovery half " + model, "reduce --pd 1 " + model, "statics --force 1,2 --body tip " + model,
+        "run --modes x " + model})
+    EXPECT_EQ(Fork1s(arguments).code, 2) << arguments;
+  EXPECT_EQ(Fork1s("--help").code, 0);
+  EXPECT_EQ(Fork1s("--version").code, 0);
+}
+
+TEST(Names, UnknownOnesListWhatThereIs) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const Outcome body = Fork1s("statics --force 0,0,1 --body thumb " + model);
+  EXPECT_EQ(body.code, 3);
+  EXPECT_NE(body.err.find("tip"), std::string::npos) << body.err;
+  const Outcome control = Fork1s("run --controls " + Write("c.csv", "time,twist\n0,1\n") + " " + model);
+  EXPECT_EQ(control.code, 3);
+  EXPECT_NE(control.err.find("bend"), std::string::npos) << control.err;
+  EXPECT_EQ(Fork1s("run --keyframe home " + model).code, 2);  // the word on the command line is at fault
+}
+
+TEST(Files, MissingEmptyAndForeign) {
+  EXPECT_EQ(Fork1s("run /no/such/file.xml").code, 3);
+  EXPECT_EQ(Fork1s("run " + Write("empty.xml", "")).code, 3);
+  EXPECT_EQ(Fork1s("run " + Write("text.xml", "hello")).code, 3);
+  EXPECT_EQ(Fork1s("run " + Write("other.xml", "<html></html>")).code, 3);
+  EXPECT_EQ(Fork1s("replay /no/such/file.h5").code, 3);
+  EXPECT_EQ(Fork1s("replay " + Write("text.h5", "hello")).code, 3);
+  const std::string model = Write("finger.xml", FingerModel());
+  const std::string bad = Write("bad.csv", "time,bend\n0,0\n1,nan\n");
+  const Outcome csv = Fork1s("run --controls " + bad + " " + model);
+  EXPECT_EQ(csv.code, 3);
+  EXPECT_NE(csv.err.find("bad.csv"), std::string::npos) << csv.err;
+  EXPECT_EQ(Fork1s("run --record /no/such/folder/run.h5 " + model).code, 3);
+}
+
+TEST(Files, TruncatedRecordings) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const std::string file = (ScratchFolder() / "whole.h5").string();
+  ASSERT_EQ(Fork1s("run --time 0.5 --record " + file + " " + model).code, 0);
+  const std::string whole = Slurp(file);
+  for (double share : {0.0, 0.01, 0.3, 0.7, 0.999}) {
+    const std::string cut =
+        Write("cut.h5", whole.substr(0, static_cast<std::size_t>(share * static_cast<double>(whole.size()))));
+    const Outcome o = Fork1s("replay " + cut);
+    EXPECT_EQ(o.code, 3) << share << o.err;
+    EXPECT_NE(o.err.find("cut.h5"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace fork1s::test

@@ -1,0 +1,183 @@
+// Files that are cut off, damaged or something else.
+#include <csignal>
+#include <hdf5.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+
+#include <fork1s/record/reduced_model_file.hpp>
+
+#include "support.hpp"
+
+namespace fork1s::testing {
+namespace {
+
+void MakeRecording(const std::string& path, int steps, const std::string& unfinished_copy = "") {
+  Simulation simulation = CreateOrThrow(TouchingScene());
+  auto recorder = Recorder::Create(path, simulation, {.flush_interval = 1e9, .flush_steps = 8});
+  ASSERT_TRUE(recorder);
+  Record(simulation, *recorder, steps);
+  if (!unfinished_copy.empty()) {
+    ASSERT_TRUE(recorder->Flush());
+    std::filesystem::copy_file(path, unfinished_copy);
+  }
+  ASSERT_TRUE(recorder->Finish());
+}
+
+TEST(DamagedRecording, CutAnywhereIsRefusedOrItsWholeStepsRead) {
+  Folder folder;
+  MakeRecording(folder / "whole.h5", 40, folder / "killed.h5");
+  const auto whole = Recording::Open(folder / "whole.h5");
+  ASSERT_TRUE(whole);
+  for (const char* name : {"whole.h5", "killed.h5"}) {
+    const std::string bytes = Bytes(folder / name);
+    std::vector<std::size_t> lengths = {0, 1, 7, 8, 11, 12, 47, 48, 512, 2048, bytes.size() - 1, bytes.size() - 8};
+    for (std::size_t i = 1; i < 30; ++i) lengths.push_back(bytes.size() * i / 30);
+    int opened = 0;
+    for (std::size_t length : lengths) {
+      WriteBytes(folder / "cut.h5", bytes.substr(0, length));
+      const auto cut = Recording::Open(folder / "cut.h5");
+      if (!cut) {
+        EXPECT_TRUE(cut.error().code == ErrorCode::kFile || cut.error().code == ErrorCode::kFormat);
+        EXPECT_NE(cut.error().where.find("cut.h5"), std::string::npos);
+        EXPECT_FALSE(cut.error().message.empty());
+        continue;
+      }
+      ++opened;
+      EXPECT_FALSE(cut->header().finished) << name << ' ' << length;
+      const auto n = static_cast<std::size_t>(cut->num_steps());
+      ASSERT_LE(n, whole->data().hash.size());
+      for (std::size_t i = 0; i < n; ++i) EXPECT_EQ(cut->data().hash[i], whole->data().hash[i]);
+      EXPECT_EQ(cut->data().poses.size(), n * 7 * whole->bodies().size());
+    }
+    if (std::string(name) == "whole.h5") {
+      EXPECT_EQ(opened, 0);
+    }
+  }
+}
+
+TEST(DamagedRecording, FlippedBytesNeverPassForSteps) {
+  Folder folder;
+  MakeRecording(folder / "whole.h5", 24);
+  const auto whole = Recording::Open(folder / "whole.h5");
+  ASSERT_TRUE(whole);
+  const std::string bytes = Bytes(folder / "whole.h5");
+  RandomSource random(5);
+  for (int i = 0; i < 150; ++i) {
+    std::string other = bytes;
+    const auto at = static_cast<std::size_t>(random.Uniform(0, 1) * static_cast<double>(bytes.size() - 1));
+    other[at] = static_cast<char>(other[at] ^ (1 << random.Below(8)));
+    WriteBytes(folder / "flipped.h5", other);
+    const auto read = Recording::Open(folder / "flipped.h5");
+    if (!read) continue;
+    for (std::size_t k = 0; k < read->data().hash.size(); ++k) {
+      ASSERT_EQ(read->data().hash[k], whole->data().hash[k]);
+      ASSERT_EQ(read->Controls(static_cast<int>(k)), whole->Controls(static_cast<int>(k)));
+    }
+  }
+}
+
+// Changes a file through HDF5 itself, and returns what opening it says.
+template <class F>
+Error Spoil(const std::string& path, F&& spoil) {
+  const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  EXPECT_GE(file, 0);
+  spoil(file);
+  H5Fclose(file);
+  const auto recording = Recording::Open(path);
+  EXPECT_FALSE(recording);
+  return recording ? Error{} : recording.error();
+}
+
+TEST(DamagedRecording, SaysWhatIsWrong) {
+  Folder folder;
+  MakeRecording(folder / "whole.h5", 9);
+  auto fresh = [&] {
+    std::filesystem::copy_file(folder / "whole.h5", folder / "bad.h5",
+                               std::filesystem::copy_options::overwrite_existing);
+    return folder / "bad.h5";
+  };
+  for (const char* name : {"steps/time", "steps/poses", "contacts/force", "names/bodies", "scene/json", "steps", "initial",
+                           "simulation/options", "wrenches/wrench"}) {
+    const Error e = Spoil(fresh(), [&](hid_t file) { H5Ldelete(file, name, H5P_DEFAULT); });
+    EXPECT_EQ(e.code, ErrorCode::kFormat) << name;
+    const std::string last = std::string(name).substr(std::string(name).rfind('/') + 1);
+    EXPECT_NE(e.message.find(last), std::string::npos) << e.message;
+  }
+  Error e = Spoil(fresh(), [&](hid_t file) {
+    const hid_t a = H5Aopen(file, "format_version", H5P_DEFAULT);
+    const std::int64_t version = 99;
+    H5Awrite(a, H5T_NATIVE_INT64, &version);
+    H5Aclose(a);
+  });
+  EXPECT_EQ(e.code, ErrorCode::kFormat);
+  EXPECT_NE(e.message.find("version 99"), std::string::npos) << e.message;
+  for (const char* name : {"steps/time", "contacts/gap", "reduced/w"}) {
+    e = Spoil(fresh(), [&](hid_t file) {
+      const hid_t d = H5Dopen2(file, name, H5P_DEFAULT);
+      const hsize_t size = 3;
+      H5Dset_extent(d, &size);
+      H5Dclose(d);
+    });
+    EXPECT_EQ(e.code, ErrorCode::kFormat) << name;
+  }
+}
+
+TEST(DamagedRecording, OtherFiles) {
+  Folder folder;
+  auto code = [&](const std::string& path) {
+    const auto r = Recording::Open(path);
+    EXPECT_FALSE(r);
+    return r ? ErrorCode::kUsage : r.error().code;
+  };
+  EXPECT_EQ(code(folder / "none.h5"), ErrorCode::kFile);
+  EXPECT_EQ(code(folder / ""), ErrorCode::kFile);
+  WriteBytes(folder / "empty.h5", "");
+  EXPECT_EQ(code(folder / "empty.h5"), ErrorCode::kFile);
+  WriteBytes(folder / "text.h5", "<mujoco/>");
+  EXPECT_EQ(code(folder / "text.h5"), ErrorCode::kFormat);
+  const auto model = Reduce(std::make_shared<const Mechanism>(RandomMechanism(3)),
+                            VectorX::Zero(RandomMechanism(3).num_coordinates()));
+  ASSERT_TRUE(model);
+  ASSERT_TRUE(SaveReducedModel(*model, folder / "model.h5"));
+  EXPECT_EQ(code(folder / "model.h5"), ErrorCode::kFormat);
+}
+
+TEST(Recorder, TellsWhereItCannotWrite) {
+  Folder folder;
+  Simulation simulation = CreateOrThrow(TouchingScene());
+  const auto recorder = Recorder::Create(folder / "no/such/folder.h5", simulation);
+  ASSERT_FALSE(recorder);
+  EXPECT_EQ(recorder.error().code, ErrorCode::kFile);
+}
+
+TEST(Recorder, AFullDiskKeepsWhatWasFlushed) {
+  Folder folder;
+  const pid_t child = fork();
+  if (child == 0) {
+    signal(SIGXFSZ, SIG_IGN);
+    Simulation simulation = CreateOrThrow(TouchingScene());
+    auto recorder = Recorder::Create(folder / "run.h5", simulation, {.flush_interval = 1e9, .flush_steps = 10});
+    if (!recorder) _exit(2);
+    const auto size = std::filesystem::file_size(folder / "run.h5");
+    rlimit limit{size + 600000, size + 600000};
+    setrlimit(RLIMIT_FSIZE, &limit);
+    for (int i = 0; i < 5000; ++i) {
+      auto ok = recorder->Append(simulation, simulation.Step());
+      if (!ok) _exit(ok.error().code == ErrorCode::kFile ? 0 : 3);
+    }
+    _exit(4);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFEXITED(status));
+  ASSERT_EQ(WEXITSTATUS(status), 0);
+  const auto recording = Recording::Open(folder / "run.h5");
+  ASSERT_TRUE(recording) << recording.error().Text();
+  EXPECT_GE(recording->num_steps(), 100);
+  const auto replay = Replay(*recording);
+  ASSERT_TRUE(replay);
+  EXPECT_TRUE(replay->identical);
+}
+
+}  // namespace
+}  // namespace fork1s::testing

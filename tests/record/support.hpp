@@ -1,0 +1,216 @@
+// Scenes that touch, scenes with everything in them, and the bits of a scene.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <bit>
+#include <cstdint>
+#include <filesystem>
+#include <fork1s/record/recording.hpp>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "random_mechanism.hpp"
+
+namespace fork1s::testing {
+
+/// A folder that is gone after the test.
+class Folder {
+ public:
+  Folder() {
+    std::string name = (std::filesystem::temp_directory_path() / "fork1s_record_XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no temporary folder");
+    path_ = name;
+  }
+  ~Folder() {
+    std::error_code error;
+    std::filesystem::remove_all(path_, error);
+  }
+  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+inline std::string Bytes(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+inline void WriteBytes(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
+}
+
+inline GeometryDef Geometry(const std::string& name, Shape shape, const Vector3& at = Vector3::Zero()) {
+  GeometryDef g;
+  g.name = name;
+  g.shape = std::move(shape);
+  g.X_BG = RigidTransform(at);
+  g.friction = 0.8;
+  return g;
+}
+
+inline SpatialInertia Ball(double mass, double radius) {
+  return {mass, Vector3::Zero(), Matrix3(Matrix3::Identity() * 0.4 * mass * radius * radius)};
+}
+
+/// A springy chain that hangs from its base along -z, with a ball at its end.
+inline MechanismDef Chain(const std::string& name, BaseKind base, int links, const RigidTransform& X_WR) {
+  MechanismBuilder builder(name, base, Ball(0.5, 0.1));
+  BodyIndex parent = builder.base();
+  for (int i = 1; i <= links; ++i) {
+    BodyDef body;
+    body.name = name + std::to_string(i);
+    body.parent = parent;
+    body.X_PB = RigidTransform(Vector3(0, 0, -0.08));
+    body.inertia = Ball(0.05, 0.03);
+    if (i == links) body.geometries.push_back(Geometry(name + "_tip", Sphere{0.03}));
+    parent = builder.AddBody(body);
+    builder.AddJoint(JointDef::Hinge(name + "_joint" + std::to_string(i), parent,
+                                     i % 2 ? Vector3::UnitY() : Vector3::UnitX(), Vector3(0, 0, 0.08))
+                         .WithSpring(4.0, 0.05));
+  }
+  ControlDef control;
+  control.name = name + "_pull";
+  control.terms = {{FreedomRef{JointIndex(0), 0}, 1.0}};
+  control.gain = 4;
+  control.is_setpoint = true;
+  control.lower = -0.6;
+  control.upper = 0.6;
+  builder.AddControl(control);
+  builder.SetInterfaces({name + std::to_string(links)});
+  builder.SetModes(1);
+  MechanismDef def = builder.definition();
+  def.X_WR = X_WR;
+  def.bodies[0].name = name + "_base";
+  return def;
+}
+
+/// A driven and a fixed chain press on a free box that stands on the ground; a floating chain falls beside it.
+inline Scene TouchingScene() {
+  Scene scene;
+  scene.name = "touching";
+  scene.timestep = 0.005;
+  scene.mechanisms.push_back(Chain("hand", BaseKind::kDriven, 4, RigidTransform(Vector3(0.02, 0, 0.56))));
+  scene.mechanisms.push_back(Chain("pusher", BaseKind::kFixed, 5, RigidTransform(Vector3(-0.14, 0.01, 0.5))));
+  MechanismDef walker = Chain("walker", BaseKind::kFloating, 2, RigidTransform(Vector3(0.6, 0, 0.25)));
+  walker.bodies[0].geometries.push_back(Geometry("trunk", Box{Vector3(0.06, 0.04, 0.02)}));
+  walker.interfaces.push_back("walker_base");
+  scene.mechanisms.push_back(walker);
+  FreeBodyDef box;
+  box.name = "box";
+  box.X_WB = RigidTransform(Vector3(0, 0, 0.101));
+  box.inertia = {0.4, Vector3::Zero(), Matrix3(Matrix3::Identity() * 0.003)};
+  box.geometries.push_back(Geometry("box", Box{Vector3(0.1, 0.1, 0.1)}));
+  scene.free_bodies.push_back(box);
+  scene.world.push_back(Geometry("ground", Plane{}));
+  return scene;
+}
+
+/// Inputs of step i: sweeps the controls, drives the hand, pushes now and then.
+inline std::vector<AppliedWrench> SetInputs(int i, Simulation& simulation) {
+  const double t = simulation.time();
+  simulation.SetControl("pusher_pull", 0.5 * std::sin(3 * t));
+  simulation.SetControl("hand_base.z", -0.03 * std::sin(5 * t));
+  simulation.SetControl("hand_base.rx", 0.1 * std::sin(4 * t));
+  std::vector<AppliedWrench> wrenches;
+  if (i % 7 == 3) {
+    const int body = simulation.FindBody("box");
+    wrenches.push_back({body, Vector3(0.3, 0.2, 0), Vector3(0, 0, 0.01), simulation.Pose(body).translation()});
+    wrenches.push_back({simulation.FindBody("walker2"), Vector3(0, 0.5, 0), Vector3::Zero(), Vector3(0.6, 0, 0.2)});
+  }
+  return wrenches;
+}
+
+inline Simulation CreateOrThrow(const Scene& scene, const SimulationOptions& options = {}) {
+  auto simulation = Simulation::Create(scene, options);
+  if (!simulation) throw std::runtime_error(simulation.error().Text());
+  return std::move(*simulation);
+}
+
+/// Records `steps` steps of a scene under SetInputs.
+inline void Record(Simulation& simulation, Recorder& recorder, int steps) {
+  for (int i = 0; i < steps; ++i) {
+    const auto wrenches = SetInputs(i, simulation);
+    ApplyWrenches(wrenches, simulation);
+    const StepReport report = simulation.Step();
+    auto ok = recorder.Append(simulation, report, wrenches);
+    ASSERT_TRUE(ok) << ok.error().Text();
+  }
+}
+
+/// A scene with every kind of shape, body, joint, connection and value, for round trips.
+inline Scene SceneWithEverything(unsigned seed) {
+  RandomSource random(seed);
+  Scene scene;
+  scene.name = seed % 2 ? "näme, \"quoted\"\n\x01" : std::string("bytes \xff\xfe") + '\0' + "end";
+  scene.gravity = random.InBox(10);
+  scene.timestep = random.Uniform(1e-4, 0.1);
+  RandomMechanismOptions options;
+  options.rigid_closures = 1;
+  options.springy_closures = 1;
+  options.couplings = 1;
+  options.springs = 1;
+  options.controls = 2;
+  options.rest = true;
+  options.joints_in_order = seed % 2;
+  for (int i = 0; i < 3; ++i) {
+    options.base = i == 0 ? BaseKind::kFixed : i == 1 ? BaseKind::kFloating : BaseKind::kDriven;
+    scene.mechanisms.push_back(RandomMechanismDef(3 * seed + static_cast<unsigned>(i), options));
+    MechanismDef& m = scene.mechanisms.back();
+    m.interfaces_chosen = random.Chance(0.5);
+    m.modes = random.Below(9);
+    m.joints[0].freedoms[0].lower = -random.Uniform(0, 2);
+    m.controls[0].upper = random.Uniform(1, 2);
+    m.controls[0].initial = -0.0;
+  }
+  auto mesh = std::make_shared<TriangleMesh>();
+  mesh->name = "tetrahedron";
+  for (int i = 0; i < 4; ++i) mesh->vertices.push_back(random.InBox(1).cast<float>());
+  mesh->triangles = {{0, 1, 2}, {0, 1, 3}, {1, 2, 3}, {0, 2, 3}};
+  auto grid = std::make_shared<HeightGrid>();
+  *grid = {"hills", 3, 4, random.Uniform(0, 1), random.Uniform(0, 1), random.Uniform(0, 1), 0.1, {}};
+  for (int i = 0; i < 12; ++i) grid->values.push_back(static_cast<float>(random.Uniform(0, 1)));
+  FreeBodyDef body;
+  body.name = "free";
+  body.X_WB = random.Pose(1);
+  body.inertia = random.Inertia();
+  const Shape shapes[] = {Plane{0.1, 0}, Sphere{random.Uniform(0, 1)}, Capsule{0.1, random.Uniform(0, 1)},
+                          Cylinder{0.2, 0.3}, Ellipsoid{random.InBox(1)}, Box{random.InBox(1)}, MeshShape{mesh},
+                          MeshShape{mesh}, HeightField{grid}, MeshShape{}};
+  for (const Shape& shape : shapes) {
+    GeometryDef g = Geometry(ShapeName(shape), shape);
+    g.X_BG = random.Pose(1);
+    g.friction = random.Uniform(0, 2);
+    g.priority = random.Below(3);
+    g.contype = random.Below(4);
+    g.conaffinity = random.Below(4);
+    g.frictionless = random.Chance(0.5);
+    g.rgba = Vector4(0.1, random.Uniform(0, 1), 1.0 / 3, 1);
+    g.group = random.Below(5);
+    body.geometries.push_back(g);
+  }
+  scene.mechanisms[0].bodies[1].geometries = body.geometries;
+  scene.world = body.geometries;
+  scene.free_bodies = {body, body};
+  scene.excluded_pairs = {{"free", "world"}, {"a", ""}};
+  KeyframeDef key;
+  key.name = "key";
+  for (const MechanismDef& m : scene.mechanisms) {
+    KeyframeDef::MechanismState s;
+    s.q = random.Vector(5, 1);
+    s.X_WR = random.Pose(1);
+    s.V_R = random.Six(1);
+    s.controls = random.Vector(static_cast<int>(m.controls.size()), 1);
+    key.mechanisms.push_back(s);
+  }
+  key.free_bodies.push_back({random.Pose(1), random.InBox(1), random.InBox(1)});
+  scene.keyframes.push_back(key);
+  return scene;
+}
+
+}  // namespace fork1s::testing

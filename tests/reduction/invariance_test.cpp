@@ -1,0 +1,208 @@
+// The same mechanism written down differently, and errors.
+#include <gtest/gtest.h>
+#include <fork1s/reduction/compliance.hpp>
+#include <fork1s/reduction/frequencies.hpp>
+#include <mechanisms.hpp>
+#include <random_mechanism.hpp>
+
+#include <algorithm>
+#include <numeric>
+
+namespace fork1s {
+namespace {
+
+using testing::RandomMechanismOptions;
+using testing::RandomSource;
+using testing::Share;
+
+RandomMechanismOptions Everything() {
+  RandomMechanismOptions options;
+  options.rigid_closures = 2;
+  options.springy_closures = 1;
+  options.couplings = 1;
+  options.springs = 2;
+  options.controls = 2;
+  return options;
+}
+
+// Values that do not depend on the order in which bodies and joints were written.
+struct Figures {
+  explicit Figures(const std::shared_ptr<const Mechanism>& m) {
+    const VectorX q0 = VectorX::Zero(m->num_coordinates());
+    std::vector<BodyIndex> bodies;
+    for (const std::string& name : m->definition().interfaces) bodies.push_back(m->FindBody(name));
+    const auto walk = WalkCompliance(*m, q0, bodies);
+    EXPECT_TRUE(walk);
+    C = *walk;
+    full = FullFrequencies(*m, q0);
+    const auto model = Reduce(m, q0);
+    EXPECT_TRUE(model) << model.error().Text();
+    reduced = ReducedFrequencies(*model);
+    rank = model->loop_rank();
+    size = model->size();
+  }
+  MatrixX C;
+  std::vector<double> full, reduced;
+  int rank, size;
+};
+
+void ExpectSame(const Figures& a, const Figures& b) {
+  EXPECT_EQ(a.rank, b.rank);
+  EXPECT_EQ(a.size, b.size);
+  // The tolerance of walks over loops.
+  EXPECT_LT((a.C - b.C).cwiseAbs().maxCoeff(), 1e-8 * a.C.cwiseAbs().maxCoeff());
+  ASSERT_EQ(a.full.size(), b.full.size());
+  ASSERT_EQ(a.reduced.size(), b.reduced.size());
+  for (std::size_t i = 0; i < a.full.size(); ++i) EXPECT_NEAR(a.full[i], b.full[i], 1e-8 * a.full[i]);
+  for (std::size_t i = 0; i < a.reduced.size(); ++i)
+    EXPECT_NEAR(a.reduced[i], b.reduced[i], 1e-7 * a.reduced[i]);
+}
+
+TEST(Invariance, RedundantLoopsChangeNothing) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    SCOPED_TRACE(seed);
+    MechanismDef definition = testing::RandomMechanismDef(seed, Everything());
+    const Figures once(Share(definition));
+    for (std::size_t i = definition.closures.size(); i-- > 0;) {
+      ClosureDef again = definition.closures[i];
+      if (!again.rigid.any()) continue;
+      again.name += "again";
+      again.stiffness.setZero();  // springs of a second closure would add up
+      std::swap(again.body_a, again.body_b);
+      std::swap(again.X_AJ, again.X_BJ);
+      definition.closures.push_back(again);
+    }
+    ExpectSame(once, Figures(Share(definition)));
+  }
+}
+
+// Bodies in another order in which parents still come first, joints likewise.
+MechanismDef Permuted(const MechanismDef& from, unsigned seed) {
+  RandomSource random(seed);
+  MechanismDef to = from;
+  const std::size_t count = from.bodies.size();
+  std::vector<int> new_of(count, -1);
+  std::vector<std::size_t> order{0};
+  new_of[0] = 0;
+  while (order.size() < count) {
+    const auto pick = static_cast<std::size_t>(random.Below(static_cast<int>(count)));
+    if (new_of[pick] >= 0 || new_of[from.bodies[pick].parent.u()] < 0) continue;
+    new_of[pick] = static_cast<int>(order.size());
+    order.push_back(pick);
+  }
+  auto body = [&](BodyIndex b) { return b.valid() ? BodyIndex(new_of[b.u()]) : b; };
+  for (std::size_t i = 0; i < count; ++i) {
+    to.bodies[i] = from.bodies[order[i]];
+    to.bodies[i].parent = body(to.bodies[i].parent);
+  }
+  // Joints of one body keep their order.
+  std::vector<std::size_t> joints(from.joints.size());
+  std::iota(joints.begin(), joints.end(), 0u);
+  std::vector<double> key(count);
+  for (double& k : key) k = random.Uniform(0, 1);
+  std::stable_sort(joints.begin(), joints.end(), [&](std::size_t a, std::size_t b) {
+    return key[from.joints[a].body.u()] < key[from.joints[b].body.u()];
+  });
+  std::vector<int> new_joint(joints.size());
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    new_joint[joints[i]] = static_cast<int>(i);
+    to.joints[i] = from.joints[joints[i]];
+    to.joints[i].body = body(to.joints[i].body);
+  }
+  auto freedom = [&](FreedomRef& f) {
+    if (f.joint.valid()) f.joint = JointIndex(new_joint[f.joint.u()]);
+  };
+  for (ClosureDef& c : to.closures) c.body_a = body(c.body_a), c.body_b = body(c.body_b);
+  for (CouplingDef& c : to.couplings) freedom(c.a), freedom(c.b);
+  for (SpringDef& s : to.springs)
+    for (auto& term : s.terms) freedom(term.first);
+  for (ControlDef& c : to.controls)
+    for (auto& term : c.terms) freedom(term.first);
+  return to;
+}
+
+TEST(Invariance, OrderOfBodiesAndJoints) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    SCOPED_TRACE(seed);
+    const MechanismDef definition = testing::RandomMechanismDef(seed, Everything());
+    ExpectSame(Figures(Share(definition)), Figures(Share(Permuted(definition, seed))));
+  }
+}
+
+TEST(Invariance, BasePoseTurnsTheCompliance) {
+  MechanismDef definition = testing::Chain(6, 0.1, 0.1, 30, 0, true);
+  const Figures here(Share(definition));
+  RandomSource random(3);
+  definition.X_WR = random.Pose(1);
+  const Figures there(Share(definition));
+  Matrix6 R = Matrix6::Zero();
+  R.topLeftCorner<3, 3>() = R.bottomRightCorner<3, 3>() = definition.X_WR.rotation();
+  EXPECT_LT((R * here.C * R.transpose() - there.C).cwiseAbs().maxCoeff(), 1e-14);
+}
+
+MechanismDef HiddenJoint() {
+  MechanismDef definition = testing::Walker(BaseKind::kFixed, 20, 0);
+  definition.interfaces = {"shank0"};
+  for (JointDef& joint : definition.joints)
+    if (joint.name == "knee2") joint.freedoms[0].stiffness = 0;
+  return definition;
+}
+
+TEST(ReduceErrors, HiddenJointIsNamed) {
+  const auto m = Share(HiddenJoint());
+  const auto model = Reduce(m, VectorX::Zero(8));
+  ASSERT_FALSE(model);
+  EXPECT_EQ(model.error().code, ErrorCode::kUnderdetermined);
+  EXPECT_EQ(model.error().where, "joint 'knee2'");
+  EXPECT_NE(model.error().message.find("'shank2'"), std::string::npos) << model.error().message;
+  EXPECT_NE(model.error().message.find("turning about"), std::string::npos) << model.error().message;
+}
+
+TEST(ReduceErrors, HiddenJointIsPromotedOnRequest) {
+  const auto m = Share(HiddenJoint());
+  ReductionOptions options;
+  options.promote_hidden = true;
+  const auto model = Reduce(m, VectorX::Zero(8), options);
+  ASSERT_TRUE(model) << model.error().Text();
+  ASSERT_EQ(model->promoted.size(), 1u);
+  EXPECT_EQ(m->body(model->promoted[0]).name, "shank2");
+  EXPECT_EQ(model->interfaces.size(), 2u);
+  EXPECT_EQ(model->num_free, 1);
+}
+
+TEST(ReduceErrors, InterfacesMissingTwiceOrOutOfRange) {
+  MechanismDef definition = testing::Walker(BaseKind::kFixed, 20, 0);
+  definition.interfaces.clear();
+  const auto m = Share(definition);
+  const VectorX q0 = VectorX::Zero(8);
+  auto model = Reduce(m, q0);
+  ASSERT_FALSE(model);
+  EXPECT_EQ(model.error().code, ErrorCode::kModel);
+  EXPECT_NE(model.error().where.find("walker"), std::string::npos);
+  ReductionOptions options;
+  options.interfaces = {BodyIndex(2), BodyIndex(4), BodyIndex(2)};
+  model = Reduce(m, q0, options);
+  ASSERT_FALSE(model);
+  EXPECT_EQ(model.error().code, ErrorCode::kModel);
+  EXPECT_NE(model.error().where.find(m->body(BodyIndex(2)).name), std::string::npos);
+  options.interfaces = {BodyIndex(99)};
+  EXPECT_THROW((void)Reduce(m, q0, options), std::invalid_argument);
+  EXPECT_THROW((void)Reduce(m, VectorX::Zero(3)), std::invalid_argument);
+}
+
+TEST(ReduceErrors, ComplianceOfASpringFreeMotion) {
+  MechanismDef definition = testing::Chain(3, 0.1, 0.1, 30);
+  definition.joints[1].freedoms[0].stiffness = 0;
+  const auto m = Share(definition);
+  const std::vector<BodyIndex> tip{m->FindBody("tip")};
+  const auto walk = WalkCompliance(*m, VectorX::Zero(3), tip), dense = DenseCompliance(*m, VectorX::Zero(3), tip);
+  ASSERT_FALSE(walk);
+  ASSERT_FALSE(dense);
+  EXPECT_EQ(walk.error().code, ErrorCode::kUnderdetermined);
+  EXPECT_EQ(dense.error().code, ErrorCode::kUnderdetermined);
+  // The first link does not feel it.
+  EXPECT_TRUE(WalkCompliance(*m, VectorX::Zero(3), {m->FindBody("link1")}));
+}
+
+}  // namespace
+}  // namespace fork1s

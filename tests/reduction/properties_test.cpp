@@ -1,0 +1,194 @@
+// What must hold for every mechanism, tried on random ones.
+#include <gtest/gtest.h>
+#include <fork1s/reduction/compliance.hpp>
+#include <fork1s/reduction/statics.hpp>
+#include <mechanisms.hpp>
+#include <random_mechanism.hpp>
+
+namespace fork1s {
+namespace {
+
+using testing::RandomMechanismOptions;
+using testing::RandomSource;
+
+constexpr unsigned kSeeds = 30;
+
+RandomMechanismOptions Loops() {
+  RandomMechanismOptions options;
+  options.rigid_closures = 2;
+  options.springy_closures = 1;
+  options.couplings = 1;
+  options.springs = 2;
+  return options;
+}
+
+std::vector<BodyIndex> Interfaces(const Mechanism& m) {
+  std::vector<BodyIndex> bodies;
+  for (const std::string& name : m.definition().interfaces) bodies.push_back(m.FindBody(name));
+  return bodies;
+}
+
+void ExpectSameCompliance(const Mechanism& m, const VectorX& q, double tolerance) {
+  const auto bodies = Interfaces(m);
+  const auto walk = WalkCompliance(m, q, bodies), dense = DenseCompliance(m, q, bodies);
+  ASSERT_EQ(walk.has_value(), dense.has_value());
+  if (!walk) return;
+  // Loops may hold the interface still: what is left is rounding of the open tree's compliance, a few 1/k.
+  const double size = std::max(dense->cwiseAbs().maxCoeff(), 1 / m.stiffness().maxCoeff());
+  EXPECT_LT((*walk - *dense).cwiseAbs().maxCoeff(), tolerance * size);
+}
+
+TEST(ComplianceProperties, WalkIsDenseOnTrees) {
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    RandomMechanismOptions options;
+    options.stiffness_low = 1e-2;
+    options.stiffness_high = 1e4;
+    const auto m = testing::RandomMechanism(seed, options);
+    ExpectSameCompliance(m, testing::RandomCoordinates(m, seed), 1e-10);
+  }
+}
+
+TEST(ComplianceProperties, WalkIsDenseOnLoops) {
+  int compared = 0;
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    RandomMechanismOptions options = Loops();
+    options.unsprung = seed % 3 == 0 ? 0.3 : 0;
+    const auto m = testing::RandomMechanism(seed, options);
+    compared += WalkCompliance(m, VectorX::Zero(m.num_coordinates()), Interfaces(m)).has_value();
+    ExpectSameCompliance(m, VectorX::Zero(m.num_coordinates()), 1e-8);
+  }
+  EXPECT_GT(compared, static_cast<int>(kSeeds) / 2);
+}
+
+// The model, the basis of stiffness and the interface's view of it.
+struct Reduced {
+  Reduced(unsigned seed, const RandomMechanismOptions& options, const ReductionOptions& reduction)
+      : mechanism(std::make_shared<const Mechanism>(testing::RandomMechanism(seed, options))),
+        q0(VectorX::Zero(mechanism->num_coordinates())),
+        model(Reduce(mechanism, q0, reduction)),
+        kinematics(*mechanism) {
+    ComputeKinematics(*mechanism, q0, kinematics);
+    K = StiffnessMatrix(*mechanism, kinematics, q0);
+  }
+  std::shared_ptr<const Mechanism> mechanism;
+  VectorX q0;
+  Expected<ReducedModel> model;
+  Kinematics kinematics;
+  MatrixX K;
+};
+
+// QᵀKQ in double precision loses what stiffness ratios of 40 and a few dozen coordinates cost.
+constexpr double kRounding = 1e-9;
+
+TEST(ReducedModelProperties, StiffnessIsDiagonal) {
+  for (unsigned seed = 0; seed < 2 * kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    RandomMechanismOptions options = seed % 2 ? Loops() : RandomMechanismOptions();
+    options.unsprung = 0.2;
+    ReductionOptions reduction;
+    reduction.promote_hidden = true;
+    const Reduced r(seed, options, reduction);
+    ASSERT_TRUE(r.model) << r.model.error().Text();
+    const MatrixX K_r = r.model->Q.transpose() * r.K * r.model->Q;
+    EXPECT_LT((K_r - MatrixX(r.model->K_r.asDiagonal())).cwiseAbs().maxCoeff(), kRounding);
+    EXPECT_EQ(r.model->K_r.head(r.model->num_free).cwiseAbs().sum(), 0);
+    // Reduced motions keep the loops closed to first order.
+    MatrixX A;
+    ClosureJacobian(*r.mechanism, r.kinematics, r.q0, A);
+    if (A.size() > 0) {
+      EXPECT_LT((A * r.model->Q).cwiseAbs().maxCoeff(), kRounding);
+    }
+    // M = QᵀM_qQ.
+    MatrixX M;
+    MassMatrix(*r.mechanism, r.kinematics, M);
+    const MatrixX M_r = r.model->Q.transpose() * M * r.model->Q;
+    EXPECT_LT((M_r - r.model->M).cwiseAbs().maxCoeff(), kRounding * (1 + M_r.cwiseAbs().maxCoeff()));
+    const MatrixX D_r = r.model->Q.transpose() * DampingMatrix(*r.mechanism, r.kinematics, r.q0) * r.model->Q;
+    EXPECT_LT((D_r - r.model->D).cwiseAbs().maxCoeff(), kRounding * (1 + D_r.cwiseAbs().maxCoeff()));
+  }
+}
+
+TEST(ReducedModelProperties, ComplementIsOrthogonalAndUnseen) {
+  int with_complement = 0;
+  for (unsigned seed = 0; seed < 2 * kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    RandomMechanismOptions options = seed % 2 ? Loops() : RandomMechanismOptions();
+    options.interfaces = 1;
+    options.bodies = 12;
+    ReductionOptions reduction;
+    reduction.modes = static_cast<int>(seed % 4);
+    const Reduced r(seed, options, reduction);
+    ASSERT_TRUE(r.model) << r.model.error().Text();
+    if (!r.model->has_complement) continue;
+    ++with_complement;
+    RandomSource random(seed);
+    const VectorX g = random.Vector(r.mechanism->num_coordinates(), 1);
+    VectorX q_perp;
+    ApplyComplement(*r.model, g, q_perp);
+    // K-orthogonal, in units of the energies of both sides.
+    const double energy = std::sqrt(std::max(0.0, q_perp.dot(r.K * q_perp)));
+    EXPECT_LT((r.model->Q.transpose() * r.K * q_perp).cwiseAbs().maxCoeff(), kRounding * (1 + energy));
+    // The interface sees at most the singular values that were dropped: 1e-4 of the largest.
+    Matrix6X J = BodyJacobian(*r.mechanism, r.kinematics, r.model->interfaces[0]);
+    const RigidTransform& X = r.kinematics.X_RB[r.model->interfaces[0].u()];
+    J.bottomRows<3>() -= Skew(X.translation()) * J.topRows<3>();
+    J.topRows<3>() *= r.mechanism->length_scale();
+    const double felt = (J * r.model->Q).norm();
+    EXPECT_LT((J * q_perp).norm(), 1.01e-4 * felt * energy);
+  }
+  EXPECT_GT(with_complement, static_cast<int>(kSeeds));
+}
+
+TEST(ReducedModelProperties, StaticResponseIsComplete) {
+  for (unsigned seed = 0; seed < 2 * kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    RandomMechanismOptions options = seed % 2 ? Loops() : RandomMechanismOptions();
+    options.interfaces = 1;
+    options.controls = 3;
+    ReductionOptions reduction;
+    reduction.modes = 2;
+    const Reduced r(seed, options, reduction);
+    ASSERT_TRUE(r.model) << r.model.error().Text();
+    RandomSource random(seed);
+    StaticsOptions statics;
+    statics.controls = random.Vector(static_cast<int>(r.mechanism->controls().size()), 1);
+    statics.gravity_R = random.InBox(10);
+    VectorX g = VectorX::Zero(r.q0.size());
+    if (statics.controls.size() > 0) AddControlForce(*r.mechanism, statics.controls, g);
+    Matrix6X F = Matrix6X::Zero(6, r.mechanism->num_bodies());
+    AddGravityWrenches(*r.mechanism, r.kinematics, statics.gravity_R, F);
+    AccumulateGeneralizedForce(*r.mechanism, r.kinematics.S, F, g);
+    // Set-points and gravity: Q takes its share, the complement the rest.
+    VectorX q = r.model->Q * (r.model->Q.transpose() * g);
+    if (r.model->has_complement) {
+      VectorX q_perp;
+      ApplyComplement(*r.model, g, q_perp);
+      q += q_perp;
+    }
+    const double size = q.cwiseAbs().maxCoeff();
+    if (r.mechanism->num_constraints() == 0) {
+      EXPECT_LT((q - r.K.ldlt().solve(g)).cwiseAbs().maxCoeff(), kRounding * size);
+    }
+    const auto linear = LinearDeflection(*r.mechanism, r.q0, {}, statics);
+    ASSERT_TRUE(linear) << linear.error().Text();
+    EXPECT_LT((q - *linear).cwiseAbs().maxCoeff(), kRounding * size);
+  }
+}
+
+TEST(ReducedModelProperties, BodyTwistsSumTheScrewsOfTheirPaths) {
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    const Reduced r(seed, seed % 2 ? Loops() : RandomMechanismOptions(), {});
+    ASSERT_TRUE(r.model) << r.model.error().Text();
+    for (int b = 0; b < r.mechanism->num_bodies(); ++b) {
+      const MatrixX T = BodyJacobian(*r.mechanism, r.kinematics, BodyIndex(b)) * r.model->Q;
+      // Columns are up to k^{-1/2} and a metre long; sums of a dozen of them round at 1e-15.
+      EXPECT_LT((T - r.model->T_of(BodyIndex(b))).cwiseAbs().maxCoeff(), 1e-12);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace fork1s
