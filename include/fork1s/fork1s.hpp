@@ -1,0 +1,14 @@
+// All of fork1s.
+#pragma once
+
+#include <fork1s/importer/importer.hpp>
+#include <fork1s/mechanism/builder.hpp>
+#include <fork1s/record/csv.hpp>
+#include <fork1s/record/recording.hpp>
+#include <fork1s/record/reduced_model_file.hpp>
+#include <fork1s/recovery/recover.hpp>
+#include <fork1s/reduction/compliance.hpp>
+#include <fork1s/reduction/frequencies.hpp>
+#include <fork1s/reduction/statics.hpp>
+#include <fork1s/sim/simulation.hpp>
+#include <fork1s/spatial/twist.hpp>
