@@ -94,7 +94,9 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   world.match_.reserve(room);
   world.previous_used_.reserve(room);
   world.constraints_.reserve(room);
-  world.blocks_.reserve(world.mechanisms_.size() + world.free_bodies_.size());
+  std::size_t blocks = world.free_bodies_.size();
+  for (const MechanismDynamics& m : world.mechanisms_) blocks += m.groups().size() + m.limited_coordinates().size();
+  world.blocks_.reserve(blocks);
   int velocities = 6 * static_cast<int>(world.free_bodies_.size());
   int limits = 0, widest = 6;
   for (const MechanismDynamics& m : world.mechanisms_) {
@@ -102,8 +104,6 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     const int limited = static_cast<int>(m.limited_coordinates().size());
     const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited;
     block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
-    block.groups.reserve(m.groups().size());
-    block.limits.reserve(static_cast<std::size_t>(2 * limited));
     world.mechanism_blocks_.push_back(std::move(block));
     velocities += rows;
     limits += 2 * limited;
@@ -184,6 +184,7 @@ Expected<void> World::BuildCollision(const Scene& scene, const Options& options)
   if (!collision) return tl::unexpected(collision.error());
   collision_ = std::make_unique<CollisionWorld>(std::move(*collision));
   port_offset_.assign(contactors_.size(), -1);
+  port_part_.assign(contactors_.size(), 0);
   return {};
 }
 

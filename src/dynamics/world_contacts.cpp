@@ -43,8 +43,37 @@ void World::FindContacts(const StepOptions& options, StepReport& report) {
   report.contacts_dropped = !collision_->Detect(points_);
 }
 
-// Which ports and limits take part, and where they stand in the stacked velocities. Fills Jᵀ of every
-// mechanism and, in velocities_, the twists at the start of the step.
+// Room for every part of a mechanism; parts change only when its reference moves.
+void World::SizeBlocks(std::size_t mechanism) {
+  const MechanismDynamics& m = mechanisms_[mechanism];
+  MechanismBlock& block = mechanism_blocks_[mechanism];
+  const std::size_t count = m.parts().size() + 1;
+  bool fits = block.parts.size() == count && block.impulse.size() == m.num_velocities();
+  for (std::size_t p = 0; fits && p + 1 < count; ++p) fits = block.parts[p].J_T.rows() == m.parts()[p].size;
+  if (fits) return;
+  block.impulse.resize(m.num_velocities());
+  block.parts.assign(count, PartBlock());
+  std::vector<int> groups(count, 0), limits(count, 0);
+  for (std::size_t g = 0; g < m.groups().size(); ++g) {
+    const int part = m.PartOfGroup(static_cast<int>(g));
+    ++groups[part < 0 ? count - 1 : static_cast<std::size_t>(part)];
+  }
+  for (std::size_t k = 0; k < m.limited_coordinates().size(); ++k) limits[static_cast<std::size_t>(m.PartOfLimited(k))] += 2;
+  for (std::size_t p = 0; p < count; ++p) {
+    PartBlock& part = block.parts[p];
+    const int room = 6 * groups[p] + limits[p], size = p + 1 < count ? m.parts()[p].size : 0;
+    part.groups.reserve(static_cast<std::size_t>(groups[p]));
+    part.limits.reserve(static_cast<std::size_t>(limits[p]));
+    part.J_T.resize(size, room);
+    part.Y.resize(size, room);
+    part.W.setZero(room, room);
+    part.port_impulse.resize(room);
+    if (J_scratch_.cols() < size) J_scratch_.resize(6, size);
+  }
+}
+
+// Which ports and limits take part, and where they stand in the stacked velocities. Fills Jᵀ of every part and, in
+// velocities_, the twists at the start of the step.
 void World::LayOutPorts(const StepOptions& options) {
   std::fill(port_offset_.begin(), port_offset_.end(), -1);
   for (const ContactPoint& p : points_)
@@ -52,19 +81,14 @@ void World::LayOutPorts(const StepOptions& options) {
       if (contactors_[static_cast<std::size_t>(side)].kind != Contactor::Kind::kWorld)
         port_offset_[static_cast<std::size_t>(side)] = 0;
 
-  int offset = 0;
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     const MechanismDynamics& m = mechanisms_[i];
     MechanismBlock& block = mechanism_blocks_[i];
-    block.offset = offset;
-    block.groups.clear();
-    block.limits.clear();
-    for (std::size_t c = 0; c < contactors_.size(); ++c)
-      if (contactors_[c].kind == Contactor::Kind::kGroup && contactors_[c].index == static_cast<int>(i) &&
-          port_offset_[c] == 0) {
-        port_offset_[c] = offset + 6 * static_cast<int>(block.groups.size());
-        block.groups.push_back(contactors_[c].group);
-      }
+    SizeBlocks(i);
+    for (PartBlock& part : block.parts) {
+      part.groups.clear();
+      part.limits.clear();
+    }
     const auto& limited = m.limited_coordinates();
     for (std::size_t k = 0; k < limited.size(); ++k) {
       const int coordinate = limited[k];
@@ -72,43 +96,57 @@ void World::LayOutPorts(const StepOptions& options) {
       // Near enough to be reached within the step, with room for what contacts may add.
       const double reach = 0.02 + 2 * options.h * std::abs(rate);
       const double gap[2] = {q - m.lower()(coordinate), m.upper()(coordinate) - q};
-      for (int side = 0; side < 2; ++side)
-        if (gap[side] < reach)
-          block.limits.push_back(static_cast<int>(2 * k) + side);
-        else
-          block.limit_impulses[2 * k + static_cast<std::size_t>(side)] = 0;
-    }
-    block.rows = static_cast<int>(6 * block.groups.size() + block.limits.size());
-    offset += block.rows;
-    const int nx = m.num_velocities();
-    if (block.J_T.rows() != nx || block.J_T.cols() < block.rows) {
-      const int room = std::max(block.rows, static_cast<int>(6 * m.groups().size() + 2 * limited.size()));
-      block.J_T.resize(nx, room);
-      block.Y.resize(nx, room);
-      block.W.resize(room, room);
-      block.impulse.resize(nx);
-      block.port_impulse.resize(room);
-      if (J_scratch_.cols() < nx) J_scratch_.resize(6, nx);
-    }
-    for (std::size_t g = 0; g < block.groups.size(); ++g) {
-      auto J = J_scratch_.leftCols(nx);
-      m.GroupJacobian(block.groups[g], J);
-      block.J_T.middleCols(6 * static_cast<Eigen::Index>(g), 6) = J.transpose();
-      velocities_.segment<6>(block.offset + 6 * static_cast<Eigen::Index>(g)) = m.GroupTwist(J);
-    }
-    for (std::size_t k = 0; k < block.limits.size(); ++k) {
-      const Eigen::Index column =
-          6 * static_cast<Eigen::Index>(block.groups.size()) + static_cast<Eigen::Index>(k);
-      m.CoordinateRow(limited[static_cast<std::size_t>(block.limits[k] / 2)], block.J_T.col(column));
+      for (int side = 0; side < 2; ++side) {
+        const int at = static_cast<int>(2 * k) + side;
+        if (gap[side] < reach) block.parts[static_cast<std::size_t>(m.PartOfLimited(k))].limits.push_back(at);
+        else block.limit_impulses[static_cast<std::size_t>(at)] = 0;
+      }
     }
   }
-  for (std::size_t c = 0; c < contactors_.size(); ++c)
-    if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] == 0) {
+  // Ports first get their place within their part, then the parts theirs.
+  for (std::size_t c = 0; c < contactors_.size(); ++c) {
+    if (contactors_[c].kind != Contactor::Kind::kGroup || port_offset_[c] < 0) continue;
+    const auto i = static_cast<std::size_t>(contactors_[c].index);
+    auto& parts = mechanism_blocks_[i].parts;
+    const int part = mechanisms_[i].PartOfGroup(contactors_[c].group);
+    port_part_[c] = part < 0 ? static_cast<int>(parts.size()) - 1 : part;
+    auto& groups = parts[static_cast<std::size_t>(port_part_[c])].groups;
+    port_offset_[c] = 6 * static_cast<int>(groups.size());
+    groups.push_back(contactors_[c].group);
+  }
+  int offset = 0;
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+    const MechanismDynamics& m = mechanisms_[i];
+    for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
+      PartBlock& part = mechanism_blocks_[i].parts[p];
+      part.offset = offset;
+      part.rows = static_cast<int>(6 * part.groups.size() + part.limits.size());
+      offset += part.rows;
+      for (std::size_t g = 0; g < part.groups.size(); ++g) {
+        const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
+        auto J = J_scratch_.leftCols(part.J_T.rows());
+        m.GroupJacobian(part.groups[g], J);
+        part.J_T.middleCols(column, 6) = J.transpose();
+        velocities_.segment<6>(part.offset + column) = m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
+      }
+      for (std::size_t k = 0; k < part.limits.size(); ++k) {
+        const Eigen::Index column = 6 * static_cast<Eigen::Index>(part.groups.size()) + static_cast<Eigen::Index>(k);
+        m.CoordinateRow(m.limited_coordinates()[static_cast<std::size_t>(part.limits[k] / 2)], m.parts()[p],
+                        part.J_T.col(column));
+      }
+    }
+  }
+  for (std::size_t c = 0; c < contactors_.size(); ++c) {
+    if (port_offset_[c] < 0) continue;
+    const auto i = static_cast<std::size_t>(contactors_[c].index);
+    if (contactors_[c].kind == Contactor::Kind::kGroup) {
+      port_offset_[c] += mechanism_blocks_[i].parts[static_cast<std::size_t>(port_part_[c])].offset;
+    } else {
       port_offset_[c] = offset;
-      velocities_.segment<6>(offset) =
-          free_bodies_[static_cast<std::size_t>(contactors_[c].index)].PortTwist();
+      velocities_.segment<6>(offset) = free_bodies_[i].PortTwist();
       offset += 6;
     }
+  }
 }
 
 void World::MatchPrevious() {
@@ -136,24 +174,27 @@ void World::MatchPrevious() {
 void World::AssembleOperators() {
   blocks_.clear();
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    MechanismBlock& block = mechanism_blocks_[i];
-    if (block.rows == 0) continue;
     const MechanismDynamics& m = mechanisms_[i];
-    auto J_T = block.J_T.leftCols(block.rows);
-    auto Y = block.Y.leftCols(block.rows);
-    Y = J_T;
-    m.HalfSolve(Y);
-    block.W.topLeftCorner(block.rows, block.rows).noalias() = Y.transpose() * Y;
-    for (std::size_t g = 0; g < block.groups.size(); ++g) {
-      auto J = J_scratch_.leftCols(m.num_velocities());
-      J = J_T.middleCols(6 * static_cast<Eigen::Index>(g), 6).transpose();
-      velocities_.segment<6>(block.offset + 6 * static_cast<Eigen::Index>(g)) = m.GroupTwist(J);
+    for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
+      PartBlock& part = mechanism_blocks_[i].parts[p];
+      if (part.rows == 0) continue;
+      if (p < m.parts().size()) {
+        auto Y = part.Y.leftCols(part.rows);
+        Y = part.J_T.leftCols(part.rows);
+        m.HalfSolve(m.parts()[p], Y);
+        // Small parts: Eigen's blocked product costs more to set up than to do.
+        if (part.J_T.rows() <= 8) part.W.topLeftCorner(part.rows, part.rows) = Y.transpose().lazyProduct(Y);
+        else part.W.topLeftCorner(part.rows, part.rows).noalias() = Y.transpose() * Y;
+      }
+      for (std::size_t g = 0; g < part.groups.size(); ++g) {
+        const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
+        velocities_.segment<6>(part.offset + column) = m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
+      }
+      for (std::size_t k = 0; k < part.limits.size(); ++k)
+        velocities_(part.offset + 6 * static_cast<Eigen::Index>(part.groups.size()) + static_cast<Eigen::Index>(k)) =
+            m.CoordinateRate(m.limited_coordinates()[static_cast<std::size_t>(part.limits[k] / 2)]);
+      blocks_.push_back({part.offset, part.rows, part.W.data(), static_cast<int>(part.W.rows())});
     }
-    for (std::size_t k = 0; k < block.limits.size(); ++k)
-      velocities_(block.offset + 6 * static_cast<Eigen::Index>(block.groups.size()) +
-                  static_cast<Eigen::Index>(k)) =
-          m.CoordinateRate(m.limited_coordinates()[static_cast<std::size_t>(block.limits[k] / 2)]);
-    blocks_.push_back({block.offset, block.rows, block.W.data(), static_cast<int>(block.W.rows())});
   }
   for (std::size_t c = 0; c < contactors_.size(); ++c)
     if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] >= 0) {
@@ -204,46 +245,55 @@ void World::AssembleConstraints(const StepOptions& options) {
   limits_.clear();
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     const MechanismDynamics& m = mechanisms_[i];
-    const MechanismBlock& block = mechanism_blocks_[i];
-    for (std::size_t k = 0; k < block.limits.size(); ++k) {
-      const auto at = static_cast<std::size_t>(block.limits[k]);
-      const int coordinate = m.limited_coordinates()[at / 2];
-      const bool upper = at % 2 == 1;
-      const double q = m.configuration().q(coordinate);
-      LimitConstraint limit;
-      limit.row = block.offset + static_cast<int>(6 * block.groups.size() + k);
-      limit.sign = upper ? -1 : 1;
-      limit.bias = bias(upper ? m.upper()(coordinate) - q : q - m.lower()(coordinate));
-      limit.impulse = block.limit_impulses[at];
-      limits_.push_back(limit);
-    }
+    for (const PartBlock& part : mechanism_blocks_[i].parts)
+      for (std::size_t k = 0; k < part.limits.size(); ++k) {
+        const auto at = static_cast<std::size_t>(part.limits[k]);
+        const int coordinate = m.limited_coordinates()[at / 2];
+        const bool upper = at % 2 == 1;
+        const double q = m.configuration().q(coordinate);
+        LimitConstraint limit;
+        limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
+        limit.sign = upper ? -1 : 1;
+        limit.bias = bias(upper ? m.upper()(coordinate) - q : q - m.lower()(coordinate));
+        limit.impulse = mechanism_blocks_[i].limit_impulses[at];
+        limits_.push_back(limit);
+      }
   }
 }
 
 void World::ApplyImpulses() {
-  for (MechanismBlock& block : mechanism_blocks_) block.port_impulse.setZero();
-  auto add = [&](int port, const Contactor& contactor, const Vector6& F) {
-    if (contactor.kind != Contactor::Kind::kGroup) return;
-    MechanismBlock& block = mechanism_blocks_[static_cast<std::size_t>(contactor.index)];
-    block.port_impulse.segment<6>(port - block.offset) += F;
+  for (MechanismBlock& block : mechanism_blocks_)
+    for (PartBlock& part : block.parts) part.port_impulse.head(part.rows).setZero();
+  auto add = [&](int port, int contactor, const Vector6& F) {
+    const Contactor& c = contactors_[static_cast<std::size_t>(contactor)];
+    if (c.kind != Contactor::Kind::kGroup) return;
+    PartBlock& part = mechanism_blocks_[static_cast<std::size_t>(c.index)]
+                          .parts[static_cast<std::size_t>(port_part_[static_cast<std::size_t>(contactor)])];
+    part.port_impulse.segment<6>(port - part.offset) += F;
   };
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
-    if (c.port_a >= 0)
-      add(c.port_a, contactors_[static_cast<std::size_t>(points_[i].body_a)], c.J_a.transpose() * c.impulse);
-    if (c.port_b >= 0)
-      add(c.port_b, contactors_[static_cast<std::size_t>(points_[i].body_b)], c.J_b.transpose() * c.impulse);
+    if (c.port_a >= 0) add(c.port_a, points_[i].body_a, c.J_a.transpose() * c.impulse);
+    if (c.port_b >= 0) add(c.port_b, points_[i].body_b, c.J_b.transpose() * c.impulse);
   }
   std::size_t next = 0;
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     MechanismBlock& block = mechanism_blocks_[i];
-    for (std::size_t k = 0; k < block.limits.size(); ++k, ++next) {
-      block.port_impulse(limits_[next].row - block.offset) += limits_[next].sign * limits_[next].impulse;
-      block.limit_impulses[static_cast<std::size_t>(block.limits[k])] = limits_[next].impulse;
+    bool pushed = false;
+    block.impulse.setZero();
+    for (std::size_t p = 0; p < block.parts.size(); ++p) {
+      PartBlock& part = block.parts[p];
+      for (std::size_t k = 0; k < part.limits.size(); ++k, ++next) {
+        part.port_impulse(limits_[next].row - part.offset) += limits_[next].sign * limits_[next].impulse;
+        block.limit_impulses[static_cast<std::size_t>(part.limits[k])] = limits_[next].impulse;
+      }
+      if (part.rows == 0 || part.J_T.rows() == 0) continue;
+      const MechanismDynamics::Part& run = mechanisms_[i].parts()[p];
+      block.impulse.segment(run.begin, run.size).noalias() =
+          part.J_T.leftCols(part.rows) * part.port_impulse.head(part.rows);
+      pushed = true;
     }
-    if (block.rows == 0) continue;
-    block.impulse.noalias() = block.J_T.leftCols(block.rows) * block.port_impulse.head(block.rows);
-    mechanisms_[i].ApplyImpulse(block.impulse);
+    if (pushed) mechanisms_[i].ApplyImpulse(block.impulse);
   }
   for (std::size_t c = 0; c < contactors_.size(); ++c)
     if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] >= 0)
@@ -269,8 +319,6 @@ void World::KeepForNextStep(StepReport& report) {
     }
   }
   for (const LimitConstraint& limit : limits_) report.limits += limit.impulse > 0 ? 1 : 0;
-  previous_ = contacts_;
-  previous_normal_speed_ = normal_speed_;
 }
 
 }  // namespace fork1s

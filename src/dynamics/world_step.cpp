@@ -9,6 +9,8 @@ StepReport World::Step(const StepOptions& options) {
   const double h = options.h;
   FORK1S_REQUIRE(h > 0 && std::isfinite(h), h);
 
+  previous_.swap(contacts_);
+  previous_normal_speed_.swap(normal_speed_);
   FindContacts(options, report);
   LayOutPorts(options);
   MatchPrevious();
@@ -27,6 +29,8 @@ StepReport World::Step(const StepOptions& options) {
       std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
   if (!report.finite) {
     for (MechanismDynamics& m : mechanisms_) m.Revert();
+    contacts_.swap(previous_);
+    normal_speed_.swap(previous_normal_speed_);
     return report;
   }
   KeepForNextStep(report);

@@ -16,7 +16,11 @@ Expected<Recording> Recording::Open(const std::string& path) {
                                   : "is no HDF5 file; recordings are written by fork1s");
     // A writer that lives or was killed has left its mark, and only this way of reading passes it.
     const unsigned flags = H5F_ACC_RDONLY | (facts.is_open_for_writing ? H5F_ACC_SWMR_READ : 0u);
-    const Hdf5 file(H5Fopen(path.c_str(), flags, H5P_DEFAULT), H5Fclose);
+    const Hdf5 access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+    // Where a checksum of HDF5's own is wrong it asks again, as a writer may be at it, and waits twice as long each
+    // time: 100 times by default, for ever. This is 1 ms.
+    H5Pset_metadata_read_attempts(access.id(), 20);
+    const Hdf5 file(H5Fopen(path.c_str(), flags, access.id()), H5Fclose);
     if (!file)
       return Fail(ErrorCode::kFile, path,
                   "cannot be opened as HDF5 (" + LastHdf5Message() + "); it is cut off or damaged, copy or record it again");

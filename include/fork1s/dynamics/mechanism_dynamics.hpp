@@ -60,17 +60,28 @@ class MechanismDynamics {
 
   /// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
   void Predict(double h, const Vector3& gravity_W);
-  /// 6 x num_velocities map from x to the twist of group g in R; the driven base's own twist comes on top.
+  /// Velocities [begin, begin + size) that neither inertia nor damping nor any contact group couples to the others:
+  /// the fingers of a hand whose palm is held, for instance. W is formed and contacts are solved part by part.
+  struct Part {
+    int begin = 0;
+    int size = 0;
+  };
+  const std::vector<Part>& parts() const { return parts_; }
+  /// The part that moves group g; -1 where it only follows the base.
+  int PartOfGroup(int g) const { return part_of_group_[static_cast<std::size_t>(g)]; }
+  /// The part that moves limited_coordinates()[k].
+  int PartOfLimited(std::size_t k) const { return part_of_limited_[k]; }
+  /// 6 x (size of its part) map from x to the twist of group g in R; the driven base's own twist comes on top.
   void GroupJacobian(int g, Eigen::Ref<Matrix6X> J) const;
   /// Twist of group g at velocity x: before Predict the present one, after it the free one.
-  Vector6 GroupTwist(const Eigen::Ref<const Matrix6X>& J) const;
+  Vector6 GroupTwist(int g, const Eigen::Ref<const MatrixX>& J_T) const;
   RigidTransform GroupPose(int g) const;
-  /// Solves L Y = Jᵀ in place (columns), L the Cholesky factor of A: W = Yᵀ Y.
-  void HalfSolve(Eigen::Ref<MatrixX> Jt) const;
+  /// Solves L Y = Jᵀ in place (columns of one part), L the Cholesky factor of A: W = Yᵀ Y.
+  void HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) const;
   /// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities].
   void ApplyImpulse(const VectorX& p);
-  /// Rate of coordinate i per unit of x (a row of num_velocities entries).
-  void CoordinateRow(int i, Eigen::Ref<VectorX> row) const;
+  /// Rate of coordinate i per unit of its part's velocities.
+  void CoordinateRow(int i, const Part& part, Eigen::Ref<VectorX> row) const;
   double CoordinateRate(int i) const { return Q_now().row(i).dot(x_.tail(model_.size())); }
   const std::vector<int>& limited_coordinates() const { return limited_; }
   /// Limits in force [n]: those of the mechanism, widened to the initial pose where that was outside.
@@ -102,6 +113,7 @@ class MechanismDynamics {
   explicit MechanismDynamics(ReducedModel model);
   const MatrixX& Q_now() const { return configuration_.Q_now; }
   void Size();
+  void FindParts();
   void UpdateConfiguration();
   void TakeReferenceForces();
   void Factor(double h);
@@ -115,6 +127,8 @@ class MechanismDynamics {
   ReducedState state_;
   Configuration configuration_;
   std::vector<ContactGroup> groups_;
+  std::vector<Part> parts_;
+  std::vector<int> part_of_group_, part_of_limited_;
   std::vector<int> limited_;
   VectorX lower_, upper_;
   std::vector<std::string> warnings_;

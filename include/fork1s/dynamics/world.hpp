@@ -90,6 +90,7 @@ class World {
   Expected<void> BuildCollision(const Scene& scene, const Options& options);
   void FindContacts(const StepOptions& options, StepReport& report);
   void LayOutPorts(const StepOptions& options);
+  void SizeBlocks(std::size_t mechanism);
   void AssembleOperators();
   void AssembleConstraints(const StepOptions& options);
   void MatchPrevious();
@@ -118,18 +119,24 @@ class World {
   std::vector<LimitConstraint> limits_;
   std::vector<VelocityBlock> blocks_;
   std::vector<int> port_offset_;  // per contactor: row in the stacked velocities or -1
+  std::vector<int> port_part_;    // per contactor: part block of its mechanism
   VectorX velocities_;
   Matrix6X J_scratch_;
 
-  struct MechanismBlock {
+  // Ports and limits of one part of a mechanism, or (the last one) of groups that only follow its driven base.
+  struct PartBlock {
     std::vector<int> groups;  // in port order
     std::vector<int> limits;  // 2 k + side of entries k of limited_coordinates(), side 0 lower, 1 upper
-    std::vector<double> limit_impulses;  // 2 per limited coordinate, for warm starts
     int offset = 0, rows = 0;
-    MatrixX J_T;  // num_velocities x rows
+    MatrixX J_T;  // size of the part x rows
     MatrixX Y;    // L⁻¹ J_T
     MatrixX W;    // YᵀY
-    VectorX impulse, port_impulse;
+    VectorX port_impulse;
+  };
+  struct MechanismBlock {
+    std::vector<PartBlock> parts;
+    std::vector<double> limit_impulses;  // 2 per limited coordinate, for warm starts
+    VectorX impulse;
   };
   std::vector<MechanismBlock> mechanism_blocks_;
   std::vector<Matrix6> free_W_;
