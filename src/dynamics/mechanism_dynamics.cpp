@@ -106,6 +106,8 @@ void MechanismDynamics::Size() {
   if (base_size_ > 0) x_.head<6>() = state_.V_R;
   x_.tail(r) = state_.w;
   rhs_.resize(nx);
+  solved_.resize(nx);
+  A_inverse_.resize(nx, nx);
   momentum_.resize(nx);
   f_z_.resize(r);
   g_.resize(n);
@@ -157,7 +159,7 @@ void MechanismDynamics::TakeReferenceForces() {
     auto force = [&](const Vector6& V) {
       F_.setZero();
       tau_.setZero();
-      SubtractRigidMotionWrenches(m, kinematics, V, F_);
+      SubtractRigidMotionWrenches(m, kinematics, V, Vector6::Zero(), F_);
       AccumulateGeneralizedForce(m, kinematics.S, F_, tau_);
       return VectorX(model_.Q.transpose() * tau_);
     };
@@ -177,13 +179,8 @@ void MechanismDynamics::TakeReferenceForces() {
 }
 
 void MechanismDynamics::UpdateBaseInertia() {
-  if (!base_moves() || options_.recovery == Recovery::kTwist) return;
+  if (base_size_ == 0 || options_.recovery == Recovery::kTwist) return;
   const Kinematics& kinematics = configuration_.kinematics;
-  if (base_size_ == 0) {
-    BaseInertia(mechanism(), kinematics, composite_, M_00_, M_0q_);
-    M_0z_.noalias() = M_0q_ * Q_now();
-    return;
-  }
   const int r = model_.size();
   FloatingMassMatrix(mechanism(), kinematics, composite_, M_q_, M_00_, M_0q_);
   M_0z_.noalias() = M_0q_ * Q_now();
@@ -218,11 +215,25 @@ void MechanismDynamics::Factor(double h) {
   A_.bottomRightCorner(model_.size(), model_.size()) += h * model_.D;
   A_.diagonal().tail(model_.size()) += h * h * model_.K_r;
   factor_.compute(A_);
+  // A dense product costs less than two triangular solves; a floating base's A changes too often to invert.
+  if (base_size_ == 0) {
+    A_inverse_.setIdentity();
+    factor_.solveInPlace(A_inverse_);
+  }
   factored_h_ = h;
 }
 
+void MechanismDynamics::Solve(VectorX& x) {
+  if (base_size_ > 0) {
+    factor_.solveInPlace(x);
+    return;
+  }
+  solved_.noalias() = A_inverse_ * x;
+  x.swap(solved_);
+}
+
 // f_z_ and base_force_ at the present pose; q_perp follows the loads of this pose.
-void MechanismDynamics::LoadForces(const Vector3& gravity_R) {
+void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R) {
   const Mechanism& m = mechanism();
   if (options_.recovery == Recovery::kTwist) {
     f_z_ = f_ref_;
@@ -231,6 +242,7 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R) {
     if (controls_.size() > 0) f_z_.noalias() += control_map_ * controls_;
     base_force_.noalias() = base_gravity_map_ * gravity_R;
     if (base_moves()) {
+      f_z_.noalias() -= model_.M_0z.transpose() * A_R;
       const Matrix6 VV = state_.V_R * state_.V_R.transpose();
       f_z_.noalias() += rigid_motion_map_ * Eigen::Map<const Eigen::Matrix<double, 36, 1>>(VV.data());
     }
@@ -254,8 +266,8 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R) {
     if (base_size_ > 0) {
       q_dot_.noalias() = configuration_.Q_now * state_.w;
       SubtractVelocityWrenches(m, configuration_.kinematics, state_.V_R, q_dot_, body_V_, body_A_, F_);
-    } else {
-      SubtractRigidMotionWrenches(m, configuration_.kinematics, state_.V_R, F_);
+    } else if (!A_R.isZero(0) || !state_.V_R.isZero(0)) {
+      SubtractRigidMotionWrenches(m, configuration_.kinematics, state_.V_R, A_R, F_);
     }
   }
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
@@ -281,26 +293,26 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
   gravity_W_ = gravity_W;
   guard_ = mechanism().base() != BaseKind::kDriven && options_.recovery == Recovery::kExact && !has_wrenches_;
   if (guard_) energy_budget_ = KineticEnergy() + PotentialEnergy(gravity_W);
-  LoadForces(state_.X_WR.rotation().transpose() * gravity_W);
+  Vector6 A_R = Vector6::Zero();
+  Vector6 V_next = state_.V_R;
+  if (mechanism().base() == BaseKind::kDriven) {
+    // Twist that takes the base to its next pose; its change pushes the interior by inertia.
+    V_next = Log(state_.X_WR.inverse() * driven_next_) / h;
+    A_R = (V_next - state_.V_R) / h;
+  }
+  LoadForces(state_.X_WR.rotation().transpose() * gravity_W, A_R);
   if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
 
   if (base_size_ == 0) {
-    rhs_.noalias() = model_.M * state_.w;
-    rhs_ += h * f_z_;
-    if (mechanism().base() == BaseKind::kDriven) {
-      // Twist that takes the base to its next pose; its change pushes the interior by inertia.
-      const Vector6 V_next = Log(state_.X_WR.inverse() * driven_next_) / h;
-      rhs_.noalias() -= M_0z_.transpose() * (V_next - state_.V_R);
-      state_.V_R = V_next;
-    }
-    x_ = rhs_;
-    factor_.solveInPlace(x_);
+    state_.V_R = V_next;
+    x_.noalias() = model_.M * state_.w;
+    x_ += h * f_z_;
+    Solve(x_);
   } else {
     // Base momentum is carried along by the midpoint rule; ξ⁺ enters it and is found by a short iteration.
     momentum_.noalias() = M_full_ * x_;
     const Vector6 p = momentum_.head<6>();
     const Vector6 V = state_.V_R;
-    Vector6 V_next = V;
     for (int i = 0; i < 4; ++i) {
       const RigidTransform half = Exp(0.5 * h * (V + V_next));
       rhs_.head<6>() = AdjointTransposeApply(half, p) + h * base_force_;
@@ -447,7 +459,7 @@ void MechanismDynamics::HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) cons
 
 void MechanismDynamics::ApplyImpulse(const VectorX& p) {
   rhs_ = p;
-  factor_.solveInPlace(rhs_);
+  Solve(rhs_);
   x_ += rhs_;
   if (guard_) energy_budget_ += std::max(0.0, p.dot(x_));
 }
@@ -595,8 +607,15 @@ bool MechanismDynamics::Refresh() {
 
 double MechanismDynamics::KineticEnergy() const {
   double energy = 0.5 * x_.dot(M_full_ * x_);
-  if (mechanism().base() == BaseKind::kDriven)
-    energy += state_.V_R.dot(M_0z_ * state_.w) + 0.5 * state_.V_R.dot(M_00_ * state_.V_R);
+  if (mechanism().base() == BaseKind::kDriven) {
+    Matrix6 M_00 = model_.M_00;
+    Matrix6X M_0z = model_.M_0z;
+    if (options_.recovery == Recovery::kExact) {
+      BaseInertia(mechanism(), configuration_.kinematics, M_00, M_0z);
+      M_0z = (M_0z * Q_now()).eval();
+    }
+    energy += state_.V_R.dot(M_0z * state_.w) + 0.5 * state_.V_R.dot(M_00 * state_.V_R);
+  }
   return energy;
 }
 

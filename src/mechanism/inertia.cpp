@@ -111,18 +111,23 @@ void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kine
 }
 
 void SubtractRigidMotionWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector6& V_R,
-                                 Matrix6X& F) {
+                                 const Vector6& A_R, Matrix6X& F) {
   const Vector3 w = V_R.head<3>(), v = V_R.tail<3>();
   const auto& bodies = mechanism.bodies();
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const SpatialInertia& I = bodies[b].inertia_B;
     const RigidTransform& X = kinematics.X_RB[b];
     const Vector3 c = X * I.center;
-    const Vector3 p = I.mass * (v + w.cross(c));
-    const Vector3 L = X.rotation() * (I.rotational * (X.rotation().transpose() * w)) + c.cross(p);
+    auto times_inertia = [&](const Vector6& x, Vector3& angular, Vector3& linear) {
+      linear = I.mass * (x.tail<3>() + x.head<3>().cross(c));
+      angular = X.rotation() * (I.rotational * (X.rotation().transpose() * x.head<3>())) + c.cross(linear);
+    };
+    Vector3 L, p, torque, force;
+    times_inertia(V_R, L, p);
+    times_inertia(A_R, torque, force);
     const auto column = static_cast<Eigen::Index>(b);
-    F.col(column).head<3>() -= w.cross(L) + v.cross(p);
-    F.col(column).tail<3>() -= w.cross(p);
+    F.col(column).head<3>() -= torque + w.cross(L) + v.cross(p);
+    F.col(column).tail<3>() -= force + w.cross(p);
   }
 }
 

@@ -8,7 +8,7 @@ namespace {
 
 const char* const kScene = FORK1S_SOURCE_DIR "/scenes/hand.xml";
 
-HandMeasurement Run(const HandScenario& scenario) {
+HandMeasurement RunOn(const HandScenario& scenario) {
   auto m = RunHandScenario(kScene, scenario);
   EXPECT_TRUE(m.has_value()) << (m ? "" : m.error().Text());
   return m.value_or(HandMeasurement{});
@@ -20,7 +20,7 @@ TEST_P(HeldMass, LiftsHoldsAndCarriesTheWeight) {
   HandScenario scenario;
   scenario.object_mass = GetParam();
   scenario.shake = GetParam() < 0.25;  // 0.3 kg at 3 Hz needs more than this grip has
-  const HandMeasurement m = Run(scenario);
+  const HandMeasurement m = RunOn(scenario);
   EXPECT_TRUE(m.finite);
   EXPECT_GT(m.lift_height, 0.14);
   EXPECT_LT(m.drift_at_rest, 1e-5);        // 0.01 mm in 5 s
@@ -37,7 +37,7 @@ TEST(Hand, DropsTheObjectOnSlipperySkin) {
   scenario.friction = 0.2;
   scenario.shake = false;
   scenario.rest = 0;
-  const HandMeasurement m = Run(scenario);
+  const HandMeasurement m = RunOn(scenario);
   EXPECT_TRUE(m.finite);
   EXPECT_LT(m.lift_height, 0.05);    // left behind while the palm rose by 0.15 m
   EXPECT_LT(m.final_height, 0.035);  // and lies on the table
@@ -50,7 +50,7 @@ TEST_P(StiffHand, StaysStableInContact) {
   HandScenario scenario;
   scenario.stiffness_scale = GetParam();
   scenario.rest = 1;
-  const HandMeasurement m = Run(scenario);
+  const HandMeasurement m = RunOn(scenario);
   EXPECT_TRUE(m.finite);
   EXPECT_GT(m.contacts_max, 2);
   EXPECT_LT(m.penetration_max, 5e-3);

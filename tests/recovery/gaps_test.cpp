@@ -73,7 +73,9 @@ TEST(JointGaps, TwoHingesWithDifferentAnchors) {
     RecoverPosesTwist(model, testing::Deflected(model, VectorX::Ones(2), angle), X_RB);
     const double gap = LargestGap(*m, X_RB);
     EXPECT_GT(gap, 0);
-    if (before > 0) EXPECT_NEAR(gap / before, 4, 0.3);
+    if (before > 0) {
+      EXPECT_NEAR(gap / before, 4, 0.3);
+    }
     before = gap;
   }
 }

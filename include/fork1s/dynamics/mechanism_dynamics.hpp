@@ -117,7 +117,8 @@ class MechanismDynamics {
   void UpdateConfiguration();
   void TakeReferenceForces();
   void Factor(double h);
-  void LoadForces(const Vector3& gravity_R);
+  void LoadForces(const Vector3& gravity_R, const Vector6& A_R);
+  void Solve(VectorX& x);
   bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
   void UpdateBaseInertia();
   void GuardEnergy();
@@ -143,7 +144,8 @@ class MechanismDynamics {
   // Between refreshes.
   VectorX g_ref_;          // n, spring forces at the reference
   VectorX q_perp_offset_;  // n, leftover of the last refresh, fading
-  MatrixX A_, M_full_;     // num_velocities²
+  MatrixX A_, M_full_;         // num_velocities²
+  MatrixX A_inverse_;          // where A holds until the next refresh
   Eigen::LLT<MatrixX> factor_;
   double factored_h_ = -1;
   VectorX f_ref_;              // twist mode: Qᵀ g_ref
@@ -163,7 +165,7 @@ class MechanismDynamics {
   Vector3 gravity_W_ = Vector3::Zero();
   double energy_budget_ = 0;  // J: at the start of the step plus what contact put in
   bool guard_ = false;
-  VectorX x_, rhs_, f_z_, g_, tau_, momentum_;
+  VectorX x_, rhs_, solved_, f_z_, g_, tau_, momentum_;
   Matrix6X F_;
   Vector6 base_force_;
 };

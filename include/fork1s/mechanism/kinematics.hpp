@@ -58,10 +58,10 @@ void FloatingMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics
 /// and `A` are scratch.
 void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector6& V_R,
                               const VectorX& q_dot, Matrix6X& V, Matrix6X& A, Matrix6X& F);
-/// Subtracts from F the wrenches ξ x* (I_b ξ) that keep every body on the rigid motion ξ of the base:
-/// centrifugal and Coriolis forces as the frame R feels them.
+/// Subtracts from F the wrenches I_b A_R + ξ x* (I_b ξ) that keep every body on the rigid motion of the base, twist ξ and
+/// acceleration A_R of R in R: inertial, centrifugal and Coriolis forces as the frame R feels them.
 void SubtractRigidMotionWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector6& V_R,
-                                 Matrix6X& F);
+                                 const Vector6& A_R, Matrix6X& F);
 /// M x without forming M: O(n).
 void ApplyMass(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& x, VectorX& Mx);
 

@@ -1,0 +1,96 @@
+// Energy of mechanisms on which nothing acts from outside: it never grows, however stiff they are.
+#include <ostream>
+#include <random>
+
+#include "support.hpp"
+
+namespace fork1s::examples {
+namespace {
+
+struct Case {
+  const char* scene;
+  const char* struck;  // body that is kicked
+  double stiffness;
+};
+
+std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.scene << " x" << c.stiffness; }
+
+// No gravity, nothing to touch, no free bodies, base fixed unless it floats, rest pose at the reference.
+Scene Alone(const Case& c) {
+  ImportOptions options;
+  options.stiffness_scale = c.stiffness;
+  ImportedScene imported = Load(c.scene, options);
+  Scene scene = std::move(imported.scene);
+  scene.gravity.setZero();
+  scene.world.clear();
+  scene.free_bodies.clear();
+  scene.keyframes.clear();
+  MechanismDef& m = scene.mechanisms[0];
+  if (m.base == BaseKind::kDriven) m.base = BaseKind::kFixed;
+  for (BodyDef& body : m.bodies)
+    for (GeometryDef& g : body.geometries) g.contype = g.conaffinity = 0;
+  return scene;
+}
+
+// Rounding: energies are sums of products of size E, here of stored and kinetic parts that change places.
+constexpr double kRounding = 1e-10;
+
+void ExpectNoGrowth(Simulation& simulation, int steps) {
+  double before = simulation.Energy();
+  const double start = before;
+  for (int i = 0; i < steps; ++i) {
+    const StepReport report = simulation.Step();
+    ASSERT_TRUE(report.finite) << i;
+    const double now = simulation.Energy();
+    ASSERT_LE(now, before + kRounding * std::abs(start)) << "step " << i << " of energy " << start;
+    before = now;
+  }
+  EXPECT_LT(before, start);
+}
+
+class Energy : public testing::TestWithParam<Case> {};
+
+// Bent by up to 11 degrees at every joint, then let go.
+TEST_P(Energy, NeverGrowsAfterAPluck) {
+  Scene scene = Alone(GetParam());
+  const MechanismDef& m = scene.mechanisms[0];
+  KeyframeDef key;
+  key.mechanisms.emplace_back();
+  auto& state = key.mechanisms[0];
+  state.X_WR = m.X_WR;
+  Eigen::Index n = 0;
+  for (const JointDef& joint : m.joints) n += static_cast<Eigen::Index>(joint.freedoms.size());
+  state.q.resize(n);
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> angle(-0.19, 0.19);
+  for (double& q : state.q) q = angle(random);
+  state.q_dot = VectorX::Zero(n);
+  state.controls = VectorX::Zero(static_cast<Eigen::Index>(m.controls.size()));
+  scene.keyframes = {key};
+  // Loops are closed from there, so the pose is a possible one.
+  Simulation simulation = Start(std::move(scene), 0);
+  ExpectNoGrowth(simulation, 240);
+}
+
+// Struck at one body during one step, hard enough to bend joints by several degrees.
+TEST_P(Energy, NeverGrowsAfterAStrike) {
+  Simulation simulation = Start(Alone(GetParam()));
+  const int body = simulation.FindBody(GetParam().struck);
+  ASSERT_GE(body, 0);
+  const Vector3 force = 2 * std::sqrt(GetParam().stiffness) * Vector3(1, 0.5, -0.7);  // N
+  simulation.ApplyWrench(body, force, Vector3::Zero(), simulation.Pose(body).translation());
+  simulation.Step();
+  EXPECT_GT(simulation.Energy(), 0);
+  ExpectNoGrowth(simulation, 240);
+}
+
+INSTANTIATE_TEST_SUITE_P(Mechanisms, Energy,
+                         testing::Values(Case{"hand", "index_tip", 1}, Case{"hand", "index_tip", 1e3},
+                                         Case{"hand", "index_tip", 1e6}, Case{"fourbar_gripper", "left_jaw", 1},
+                                         Case{"fourbar_gripper", "left_jaw", 1e3},
+                                         Case{"fourbar_gripper", "left_jaw", 1e6},
+                                         Case{"hexapod", "front_left_tibia", 1}, Case{"hexapod", "front_left_tibia", 1e3},
+                                         Case{"hexapod", "front_left_tibia", 1e6}));
+
+}  // namespace
+}  // namespace fork1s::examples
