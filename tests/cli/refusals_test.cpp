@@ -47,7 +47,7 @@ INSTANTIATE_TEST_SUITE_P(
                         "none.stl"},
                     Bad{"cut_off", "</worldbody>", "", "line"},
                     Bad{"negative_modes", "data=\"2\"/></custom>", "data=\"-1\"/></custom>", "fork1s_modes"}),
-    [](const auto& info) { return info.param.name; });
+    [](const auto& parameter) { return parameter.param.name; });
 
 TEST(Hidden, UnsprungJointIsNamed) {
   // A second finger that no interface sees, with a hinge that nothing holds.

@@ -26,8 +26,8 @@ inline Simulation Start(Scene scene, int keyframe = -1, double refresh_angle = S
   return std::move(*simulation);
 }
 
-/// What a run met.
-struct Run {
+/// What a stretch of steps met.
+struct Passage {
   bool finite = true;
   int unconverged = 0;
   int contacts = 0;            // at the last step
@@ -36,8 +36,8 @@ struct Run {
   double speed = 0;            // m/s, of the origin of any body
 };
 
-inline Run Advance(Simulation& simulation, double seconds) {
-  Run run;
+inline Passage Advance(Simulation& simulation, double seconds) {
+  Passage run;
   const auto steps = static_cast<int>(seconds / simulation.dt() + 0.5);
   for (int i = 0; i < steps; ++i) {
     const StepReport report = simulation.Step();
