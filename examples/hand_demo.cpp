@@ -45,18 +45,25 @@ int main(int argc, char** argv) {
   Row("time a step, 99th percentile", fmt::format("{:.1f} us", Percentile(m.step_us, 0.99)));
   Row("times real time", fmt::format("{:.0f}", 1e6 / 60 / Percentile(m.step_us, 0.5)));
   Row("contacts, most at once", fmt::format("{}", m.contacts_max));
-  Row("penetration, most", fmt::format("{:.3f} mm", 1e3 * m.penetration_max), "< 0.5 mm", m.penetration_max < 5e-4);
+  Row("penetration, most", fmt::format("{:.3f} mm", 1e3 * m.penetration_max), "< 0.5 mm",
+      m.penetration_max < 5e-4);
   Row("refreshes of the reduced model", fmt::format("{}", m.refreshes));
   Row("lifted by", fmt::format("{:.1f} mm", 1e3 * m.lift_height), "> 140 mm", m.lift_height > 0.14);
   Row("sways in the grip while shaken, 20 mm at 3 Hz", fmt::format("{:.3f} mm", 1e3 * m.sway_in_shake));
-  Row("slipped by the shaking", fmt::format("{:.3f} mm", 1e3 * m.slip_by_shake), "< 0.5 mm", m.slip_by_shake < 5e-4);
+  Row("slipped by the shaking", fmt::format("{:.3f} mm", 1e3 * m.slip_by_shake), "< 0.5 mm",
+      m.slip_by_shake < 5e-4);
   Row("grip force of the thumb", fmt::format("{:.2f} N", m.grip_force));
-  Row("load carried against the weight, off by", fmt::format("{:.1e}", m.load_error), "< 1e-3", m.load_error < 1e-3);
-  Row("drift in 5 s of rest", fmt::format("{:.5f} mm", 1e3 * m.drift_at_rest), "< 0.01 mm", m.drift_at_rest < 1e-5);
-  Row("contact solves not converged, at rest", fmt::format("{}", m.unconverged_rest), "0", m.unconverged_rest == 0);
+  Row("load carried against the weight, off by", fmt::format("{:.1e}", m.load_error), "< 1e-3",
+      m.load_error < 1e-3);
+  Row("drift in 5 s of rest", fmt::format("{:.5f} mm", 1e3 * m.drift_at_rest), "< 0.01 mm",
+      m.drift_at_rest < 1e-5);
+  Row("contact solves not converged, at rest", fmt::format("{}", m.unconverged_rest), "0",
+      m.unconverged_rest == 0);
   Row("contact solves not converged, before", fmt::format("{}", m.unconverged_closing));
-  Row("friction 0.2 instead of 0.8: left behind by", fmt::format("{:.1f} mm", 1e3 * (0.15 - dropped->lift_height)), "> 100 mm",
+  Row("friction 0.2 instead of 0.8: left behind by",
+      fmt::format("{:.1f} mm", 1e3 * (0.15 - dropped->lift_height)), "> 100 mm",
       0.15 - dropped->lift_height > 0.1);
-  fmt::print("\n{}\n", all_as_promised ? "Everything is as promised." : "Something is not as promised: see NO above.");
+  fmt::print("\n{}\n",
+             all_as_promised ? "Everything is as promised." : "Something is not as promised: see NO above.");
   return all_as_promised ? 0 : 1;
 }

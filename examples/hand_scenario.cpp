@@ -59,7 +59,8 @@ void SetControls(Simulation& simulation, double t, const HandScenario& scenario)
     // A second up and down, a second to and fro: 20 mm at 3 Hz, faded in and out.
     const double half = 0.5 * (kShakeEnd - kLiftEnd);
     const double s = std::fmod(t - kLiftEnd, half) / half;
-    const double wave = 0.02 * std::min({1.0, 4 * s, 4 * (1 - s)}) * std::sin(2 * std::numbers::pi * 3 * (t - kLiftEnd));
+    const double wave =
+        0.02 * std::min({1.0, 4 * s, 4 * (1 - s)}) * std::sin(2 * std::numbers::pi * 3 * (t - kLiftEnd));
     (t < kLiftEnd + half ? z : x) += wave;
   }
   simulation.SetControl("palm.z", z);

@@ -1,4 +1,5 @@
-// A hand closes on a box by set-points, lifts it by its driven palm, is shaken, and rests: the demo and a test.
+// A hand closes on a box by set-points, lifts it by its driven palm, is shaken, and rests: the demo and a
+// test.
 #pragma once
 
 #include <fork1s/sim/simulation.hpp>
@@ -8,33 +9,33 @@
 namespace fork1s::examples {
 
 struct HandScenario {
-  double friction = 0.8;        // of every surface
-  double object_mass = 0.2;     // kg
-  double stiffness_scale = 1;   // of all joints
-  double dt = 1.0 / 60;         // s
+  double friction = 0.8;       // of every surface
+  double object_mass = 0.2;    // kg
+  double stiffness_scale = 1;  // of all joints
+  double dt = 1.0 / 60;        // s
   bool shake = true;
-  double rest = 5;              // s
+  double rest = 5;  // s
 };
 
 struct HandMeasurement {
   int steps = 0;
   std::vector<double> step_us;
   int contacts_max = 0;
-  double penetration_max = 0;       // m
-  int unconverged_closing = 0;      // steps whose contact solve missed its tolerance before the rest
-  int unconverged_rest = 0;         // and during it
+  double penetration_max = 0;   // m
+  int unconverged_closing = 0;  // steps whose contact solve missed its tolerance before the rest
+  int unconverged_rest = 0;     // and during it
   int max_newton_iterations = 0;
   int refreshes = 0;
   bool finite = true;
-  double lift_height = 0;           // m, that the object rose with the palm by the end of the lift
-  double sway_in_shake = 0;         // m, largest excursion of the object against the palm, elastic for the most part
-  double slip_by_shake = 0;         // m, what of it stayed
-  double drift_at_rest = 0;         // m, object against palm over the rest, largest excursion
-  double weight = 0;                // N
-  double load_error = 0;            // largest |contact force + weight| / weight over the last second of the rest
-  double grip_force = 0;            // N, normal force of the thumb at the end
-  double max_speed_at_rest = 0;     // m/s, of any fingertip
-  double final_height = 0;          // m, of the object's centre
+  double lift_height = 0;    // m, that the object rose with the palm by the end of the lift
+  double sway_in_shake = 0;  // m, largest excursion of the object against the palm, elastic for the most part
+  double slip_by_shake = 0;  // m, what of it stayed
+  double drift_at_rest = 0;  // m, object against palm over the rest, largest excursion
+  double weight = 0;         // N
+  double load_error = 0;     // largest |contact force + weight| / weight over the last second of the rest
+  double grip_force = 0;     // N, normal force of the thumb at the end
+  double max_speed_at_rest = 0;  // m/s, of any fingertip
+  double final_height = 0;       // m, of the object's centre
 };
 
 /// Runs the scenario on scenes/hand.xml. Errors: those of loading the scene.

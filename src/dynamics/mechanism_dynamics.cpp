@@ -300,6 +300,15 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
     V_next = Log(state_.X_WR.inverse() * driven_next_) / h;
     A_R = (V_next - state_.V_R) / h;
   }
+  if (base_size_ > 0) {
+    // The step is taken in a frame that keeps up with the centre of mass. Left in, its velocity v enters as forces
+    // m ω × v on bodies and base that cancel only at the end of an implicit step, and feed rotation once h v nears
+    // the size of the mechanism.
+    momentum_.noalias() = M_full_ * x_;
+    drift_R_ = momentum_.segment<3>(3) / M_00_(5, 5);
+    state_.V_R.tail<3>() -= drift_R_;
+    V_next = state_.V_R;
+  }
   LoadForces(state_.X_WR.rotation().transpose() * gravity_W, A_R);
   if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
 
@@ -310,7 +319,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
     Solve(x_);
   } else {
     // Base momentum is carried along by the midpoint rule; ξ⁺ enters it and is found by a short iteration.
-    momentum_.noalias() = M_full_ * x_;
+    momentum_.noalias() -= M_full_.middleCols<3>(3) * drift_R_;
     const Vector6 p = momentum_.head<6>();
     const Vector6 V = state_.V_R;
     // Every round gains about h |V|: two or three digits at walking speed, less in a fast spin.
@@ -325,6 +334,8 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
       V_next = x_.head<6>();
       if (change < 1e-12 * (1 + V_next.cwiseAbs().maxCoeff())) break;
     }
+    x_.segment<3>(3) += drift_R_;
+    state_.V_R = V_R_before_;
   }
   if (has_wrenches_) {
     wrenches_W_.setZero();
@@ -482,19 +493,22 @@ void MechanismDynamics::Integrate(double h) {
   state_.w = x_.tail(model_.size());
   state_.z += h * state_.w;
   if (base_size_ > 0) {
-    const Vector6 V_next = x_.head<6>();
-    state_.X_WR = state_.X_WR * Exp(0.5 * h * (state_.V_R + V_next));
+    // As in Predict, beside the drift of the centre of mass, which only moves the base along.
+    x_.segment<3>(3) -= drift_R_;
+    Vector6 V = state_.V_R;
+    V.tail<3>() -= drift_R_;
+    const Vector3 drift_W = state_.X_WR.rotation() * drift_R_;
+    state_.X_WR = state_.X_WR * Exp(0.5 * h * (V + x_.head<6>()));
+    state_.X_WR.translation() += h * drift_W;
     state_.X_WR.Orthonormalize();
     momentum_.noalias() = M_full_ * x_;
     const Vector6 p = momentum_.head<6>();
-    state_.V_R = V_next;
     UpdateConfiguration();
     // The pose changed under the base: its momentum stays, its twist follows.
-    if (options_.recovery == Recovery::kExact) {
-      state_.V_R = M_00_.llt().solve(p - M_0z_ * state_.w);
-      x_.head<6>() = state_.V_R;
-      if (guard_) GuardEnergy();
-    }
+    if (options_.recovery == Recovery::kExact) x_.head<6>() = M_00_.llt().solve(p - M_0z_ * state_.w);
+    x_.segment<3>(3).noalias() += state_.X_WR.rotation().transpose() * drift_W;
+    state_.V_R = x_.head<6>();
+    if (guard_) GuardEnergy();
     return;
   }
   if (mechanism().base() == BaseKind::kDriven) {

@@ -23,8 +23,8 @@ inline constexpr std::size_t kNumRows = 4;
 struct Column {
   const char* name;  // path in the file
   Rows rows = Rows::kSteps;
-  int width = 1;     // values per row; 0: the file has no such dataset
-  int inner = 0;     // last dimension where a row has two: [width / inner][inner]
+  int width = 1;  // values per row; 0: the file has no such dataset
+  int inner = 0;  // last dimension where a row has two: [width / inner][inner]
   const char* unit = "";
   const char* text = "";
 };
@@ -34,23 +34,31 @@ template <class Steps, class F>
 void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   constexpr auto kS = Rows::kSteps;
   f(Column{"steps/time", kS, 1, 0, "s", "time after the step"}, s.time);
-  f(Column{"steps/hash", kS, 1, 0, "", "64-bit FNV-1a over the bits of the moving state after the step"}, s.hash);
+  f(Column{"steps/hash", kS, 1, 0, "", "64-bit FNV-1a over the bits of the moving state after the step"},
+    s.hash);
   f(Column{"steps/controls", kS, n.controls, 0, "rad, m, N or N m, as the control has it",
-           "inputs of the step; columns: /names/controls"}, s.controls);
+           "inputs of the step; columns: /names/controls"},
+    s.controls);
   f(Column{"steps/poses", kS, 7 * n.bodies, 7, "m, 1",
-           "x y z qw qx qy qz of every body in the world after the step; second dimension: /names/bodies"}, s.poses);
+           "x y z qw qx qy qz of every body in the world after the step; second dimension: /names/bodies"},
+    s.poses);
   f(Column{"steps/coordinates", kS, n.coordinates, 0, "rad or m",
-           "joint displacements from the reference after the step; columns: /names/coordinates"}, s.coordinates);
-  f(Column{"steps/base_poses", kS, 7 * n.mechanisms, 7, "m, 1", "x y z qw qx qy qz of every mechanism's root frame"},
+           "joint displacements from the reference after the step; columns: /names/coordinates"},
+    s.coordinates);
+  f(Column{"steps/base_poses", kS, 7 * n.mechanisms, 7, "m, 1",
+           "x y z qw qx qy qz of every mechanism's root frame"},
     s.base_poses);
   f(Column{"steps/base_twists", kS, 6 * n.mechanisms, 6, "rad/s, m/s",
-           "twist of every mechanism's base in its root frame: angular, linear at the frame's origin"}, s.base_twists);
-  f(Column{"steps/reduced_sizes", kS, n.mechanisms, 0, "", "number of reduced coordinates of every mechanism"},
+           "twist of every mechanism's base in its root frame: angular, linear at the frame's origin"},
+    s.base_twists);
+  f(Column{"steps/reduced_sizes", kS, n.mechanisms, 0, "",
+           "number of reduced coordinates of every mechanism"},
     s.reduced_sizes);
   f(Column{"steps/kinetic_energy", kS, 1, 0, "J", ""}, s.kinetic_energy);
   f(Column{"steps/potential_energy", kS, 1, 0, "J", "springs, controls and gravity"}, s.potential_energy);
   f(Column{"steps/closure_gap", kS, 1, 0, "m", "largest opening of any loop"}, s.closure_gap);
-  f(Column{"steps/residual", kS, 1, 0, "1", "of the contact solver, relative to the largest impulse"}, s.residual);
+  f(Column{"steps/residual", kS, 1, 0, "1", "of the contact solver, relative to the largest impulse"},
+    s.residual);
   f(Column{"steps/max_penetration", kS, 1, 0, "m", ""}, s.max_penetration);
   f(Column{"steps/contacts", kS, 1, 0, "", "contacts that carried force"}, s.contacts);
   f(Column{"steps/limits", kS, 1, 0, "", "joint limits that acted"}, s.limits);
@@ -59,7 +67,8 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/refreshes", kS, 1, 0, "", "mechanisms whose reference was moved"}, s.refreshes);
   f(Column{"steps/failed_refreshes", kS, 1, 0, "", ""}, s.failed_refreshes);
   f(Column{"steps/converged", kS, 1, 0, "", "1: the contact solver reached its tolerance"}, s.converged);
-  f(Column{"steps/contacts_dropped", kS, 1, 0, "", "1: the collision detector ran out of room"}, s.contacts_dropped);
+  f(Column{"steps/contacts_dropped", kS, 1, 0, "", "1: the collision detector ran out of room"},
+    s.contacts_dropped);
   f(Column{"steps/finite", kS, 1, 0, "", "0: the step was undone"}, s.finite);
   f(Column{"steps/reduced_end", kS, 1, 0, "", "row of /reduced after the last of the step"}, s.reduced_end);
   f(Column{"steps/contact_end", kS, 1, 0, "", "row of /contacts after the last of the step"}, s.contact_end);
@@ -74,13 +83,15 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"contacts/body_b", kC, 1, 0, "", "place in /names/bodies, -1: the still world"}, s.contact_body_b);
   f(Column{"contacts/point", kC, 3, 0, "m", "midway between the surfaces, world"}, s.contact_point);
   f(Column{"contacts/normal", kC, 3, 0, "1", "from a to b, world axes"}, s.contact_normal);
-  f(Column{"contacts/force", kC, 3, 0, "N", "on b with friction, mean over the step, world axes"}, s.contact_force);
+  f(Column{"contacts/force", kC, 3, 0, "N", "on b with friction, mean over the step, world axes"},
+    s.contact_force);
   f(Column{"contacts/gap", kC, 1, 0, "m", "negative in penetration"}, s.contact_gap);
   f(Column{"contacts/friction", kC, 1, 0, "1", "coefficient"}, s.contact_friction);
 
   f(Column{"wrenches/body", Rows::kWrenches, 1, 0, "", "place in /names/bodies"}, s.wrench_body);
   f(Column{"wrenches/wrench", Rows::kWrenches, 9, 0, "N, N m, m",
-           "applied from outside: force, moment about the point, point; world axes"}, s.wrench);
+           "applied from outside: force, moment about the point, point; world axes"},
+    s.wrench);
 }
 
 /// A 64-bit checksum of values by their bits.
@@ -88,9 +99,12 @@ class Checksum {
  public:
   template <class T>
   void Add(T value) {
-    if constexpr (std::is_same_v<T, double>) Mix(std::bit_cast<std::uint64_t>(value));
-    else if constexpr (std::is_same_v<T, float>) Mix(std::bit_cast<std::uint32_t>(value));
-    else Mix(static_cast<std::uint64_t>(value));
+    if constexpr (std::is_same_v<T, double>)
+      Mix(std::bit_cast<std::uint64_t>(value));
+    else if constexpr (std::is_same_v<T, float>)
+      Mix(std::bit_cast<std::uint32_t>(value));
+    else
+      Mix(static_cast<std::uint64_t>(value));
   }
   void Add(const std::string& text) {
     Mix(text.size());

@@ -69,7 +69,8 @@ Expected<ControlTrack> ReadControls(const std::string& path) {
   std::vector<std::string> header;
   std::string line;
   for (int number = 1; std::getline(in, line); ++number) {
-    if (number == 1 && line.rfind("\xEF\xBB\xBF", 0) == 0) line.erase(0, 3);  // mark that spreadsheets put first
+    if (number == 1 && line.rfind("\xEF\xBB\xBF", 0) == 0)
+      line.erase(0, 3);  // mark that spreadsheets put first
     const std::string content = Trimmed(line);
     if (content.empty() || content[0] == '#') continue;
     auto refuse = [&](const std::string& what) {
@@ -100,21 +101,27 @@ Expected<ControlTrack> ReadControls(const std::string& path) {
     std::vector<double> row;
     for (std::size_t k = 0; k < header.size(); ++k) {
       const auto value = Number((*cells)[k]);
-      if (!value) return refuse(fmt::format("column '{}' holds '{}', which is no number", header[k], (*cells)[k]));
+      if (!value)
+        return refuse(fmt::format("column '{}' holds '{}', which is no number", header[k], (*cells)[k]));
       if (!std::isfinite(*value))
         return refuse(fmt::format("column '{}' holds {}; give finite numbers", header[k], (*cells)[k]));
-      if (k == time_column) time = *value;
-      else row.push_back(*value);
+      if (k == time_column)
+        time = *value;
+      else
+        row.push_back(*value);
     }
     if (!track.times.empty() && !(time > track.times.back()))
-      return refuse(fmt::format("has the time {} s after {} s; times must increase", time, track.times.back()));
+      return refuse(
+          fmt::format("has the time {} s after {} s; times must increase", time, track.times.back()));
     track.times.push_back(time);
     track.rows.push_back(std::move(row));
   }
   if (in.bad()) return Fail(ErrorCode::kFile, path, "cannot be read to its end");
   if (header.empty())
-    return Fail(ErrorCode::kFormat, path, "is empty; write a header such as time,name1,name2 and at least one row");
-  if (track.times.empty()) return Fail(ErrorCode::kFormat, path, "has a header but no row; write at least one");
+    return Fail(ErrorCode::kFormat, path,
+                "is empty; write a header such as time,name1,name2 and at least one row");
+  if (track.times.empty())
+    return Fail(ErrorCode::kFormat, path, "has a header but no row; write at least one");
   return track;
 }
 

@@ -48,7 +48,8 @@ class Table {
   Expected<void> Close() {
     out_.close();
     if (out_) return {};
-    return Fail(ErrorCode::kFile, path_.string(), "cannot be written; check the folder, its permissions and free space");
+    return Fail(ErrorCode::kFile, path_.string(),
+                "cannot be written; check the folder, its permissions and free space");
   }
 
  private:
@@ -57,8 +58,8 @@ class Table {
   std::string row_;
 };
 
-Expected<void> WritePoses(const Recording& recording, const std::filesystem::path& path, const CsvOptions& options,
-                          const std::vector<std::string>& names) {
+Expected<void> WritePoses(const Recording& recording, const std::filesystem::path& path,
+                          const CsvOptions& options, const std::vector<std::string>& names) {
   Table table(path);
   std::vector<std::size_t> chosen;
   for (std::size_t b = 0; b < names.size(); ++b) {
@@ -81,8 +82,8 @@ Expected<void> WritePoses(const Recording& recording, const std::filesystem::pat
 Expected<void> WriteContacts(const Recording& recording, const std::filesystem::path& path,
                              const std::vector<std::string>& names) {
   Table table(path);
-  for (const char* name : {"body_a", "body_b", "point.x", "point.y", "point.z", "normal.x", "normal.y", "normal.z",
-                           "force.x", "force.y", "force.z", "gap", "friction"})
+  for (const char* name : {"body_a", "body_b", "point.x", "point.y", "point.z", "normal.x", "normal.y",
+                           "normal.z", "force.x", "force.y", "force.z", "gap", "friction"})
     table.Name(name);
   table.End();
   auto body = [&](int b) { return b < 0 ? std::string("world") : names[static_cast<std::size_t>(b)]; };
@@ -128,7 +129,8 @@ Expected<void> WriteEnergy(const Recording& recording, const std::filesystem::pa
 
 }  // namespace
 
-Expected<void> ExportCsv(const Recording& recording, const std::string& directory, const CsvOptions& options) {
+Expected<void> ExportCsv(const Recording& recording, const std::string& directory,
+                         const CsvOptions& options) {
   const std::filesystem::path folder(directory);
   std::error_code error;
   std::filesystem::create_directories(folder, error);

@@ -19,7 +19,8 @@ void Check(herr_t status, const std::string& what, ErrorCode code = ErrorCode::k
 }
 
 Hdf5 Space(const Dims& dims) {
-  return Checked(H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr), H5Sclose, "no dataspace");
+  return Checked(H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr), H5Sclose,
+                 "no dataspace");
 }
 
 Hdf5 TextType(std::size_t size) {
@@ -33,7 +34,8 @@ Hdf5 TextType(std::size_t size) {
 std::string Quoted(const std::string& name) { return "'" + name + "'"; }
 
 Hdf5 OpenAttribute(hid_t object, const std::string& name) {
-  return Checked(H5Aopen(object, name.c_str(), H5P_DEFAULT), H5Aclose, "attribute " + Quoted(name) + " is missing");
+  return Checked(H5Aopen(object, name.c_str(), H5P_DEFAULT), H5Aclose,
+                 "attribute " + Quoted(name) + " is missing");
 }
 
 Hdf5 CreateAttribute(hid_t object, const std::string& name, hid_t type) {
@@ -45,8 +47,10 @@ Hdf5 CreateAttribute(hid_t object, const std::string& name, hid_t type) {
 template <class T>
 T ReadScalar(hid_t object, const std::string& name) {
   const Hdf5 attribute = OpenAttribute(object, name);
-  const Hdf5 space = Checked(H5Aget_space(attribute.id()), H5Sclose, "attribute " + Quoted(name) + " is damaged");
-  const Hdf5 type = Checked(H5Aget_type(attribute.id()), H5Tclose, "attribute " + Quoted(name) + " is damaged");
+  const Hdf5 space =
+      Checked(H5Aget_space(attribute.id()), H5Sclose, "attribute " + Quoted(name) + " is damaged");
+  const Hdf5 type =
+      Checked(H5Aget_type(attribute.id()), H5Tclose, "attribute " + Quoted(name) + " is damaged");
   if (H5Sget_simple_extent_npoints(space.id()) != 1 || H5Tget_class(type.id()) != H5T_INTEGER)
     throw Hdf5Fault("attribute " + Quoted(name) + " is no whole number");
   T value = 0;
@@ -56,7 +60,8 @@ T ReadScalar(hid_t object, const std::string& name) {
 
 // Size of a fixed-length text type; anything else is refused.
 std::size_t FixedTextSize(hid_t type, const std::string& name) {
-  if (H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) != 0) throw Hdf5Fault(Quoted(name) + " is no text");
+  if (H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) != 0)
+    throw Hdf5Fault(Quoted(name) + " is no text");
   return H5Tget_size(type);
 }
 
@@ -105,24 +110,30 @@ Hdf5 CreateGroup(hid_t parent, const std::string& name) {
                  "cannot write group " + Quoted(name));
 }
 Hdf5 OpenGroup(hid_t parent, const std::string& name) {
-  return Checked(H5Gopen2(parent, name.c_str(), H5P_DEFAULT), H5Gclose, "group " + Quoted(name) + " is missing");
+  return Checked(H5Gopen2(parent, name.c_str(), H5P_DEFAULT), H5Gclose,
+                 "group " + Quoted(name) + " is missing");
 }
-bool Exists(hid_t parent, const std::string& name) { return H5Lexists(parent, name.c_str(), H5P_DEFAULT) > 0; }
+bool HasAttribute(hid_t object, const std::string& name) {
+  const htri_t has = H5Aexists(object, name.c_str());
+  Check(has < 0 ? -1 : 0, "attributes cannot be read");
+  return has > 0;
+}
 
 void WriteAttribute(hid_t object, const std::string& name, const std::string& value) {
   const Hdf5 type = TextType(value.size());
   const Hdf5 attribute = CreateAttribute(object, name, type.id());
-  Check(H5Awrite(attribute.id(), type.id(), value.empty() ? "" : value.data()), "cannot write " + Quoted(name),
-        ErrorCode::kFile);
+  Check(H5Awrite(attribute.id(), type.id(), value.empty() ? "" : value.data()),
+        "cannot write " + Quoted(name), ErrorCode::kFile);
 }
 void WriteAttribute(hid_t object, const std::string& name, std::int64_t value) {
-  const Hdf5 attribute = H5Aexists(object, name.c_str()) > 0 ? OpenAttribute(object, name)
-                                                              : CreateAttribute(object, name, H5T_STD_I64LE);
+  const Hdf5 attribute =
+      HasAttribute(object, name) ? OpenAttribute(object, name) : CreateAttribute(object, name, H5T_STD_I64LE);
   Check(H5Awrite(attribute.id(), H5T_NATIVE_INT64, &value), "cannot write " + Quoted(name), ErrorCode::kFile);
 }
 void WriteHashAttribute(hid_t object, const std::string& name, std::uint64_t value) {
   const Hdf5 attribute = CreateAttribute(object, name, H5T_STD_U64LE);
-  Check(H5Awrite(attribute.id(), H5T_NATIVE_UINT64, &value), "cannot write " + Quoted(name), ErrorCode::kFile);
+  Check(H5Awrite(attribute.id(), H5T_NATIVE_UINT64, &value), "cannot write " + Quoted(name),
+        ErrorCode::kFile);
 }
 std::int64_t ReadNumberAttribute(hid_t object, const std::string& name) {
   return ReadScalar<std::int64_t>(object, name);
@@ -132,8 +143,10 @@ std::uint64_t ReadHashAttribute(hid_t object, const std::string& name) {
 }
 std::string ReadTextAttribute(hid_t object, const std::string& name) {
   const Hdf5 attribute = OpenAttribute(object, name);
-  const Hdf5 type = Checked(H5Aget_type(attribute.id()), H5Tclose, "attribute " + Quoted(name) + " is damaged");
-  const Hdf5 space = Checked(H5Aget_space(attribute.id()), H5Sclose, "attribute " + Quoted(name) + " is damaged");
+  const Hdf5 type =
+      Checked(H5Aget_type(attribute.id()), H5Tclose, "attribute " + Quoted(name) + " is damaged");
+  const Hdf5 space =
+      Checked(H5Aget_space(attribute.id()), H5Sclose, "attribute " + Quoted(name) + " is damaged");
   const std::size_t size = FixedTextSize(type.id(), name);
   if (H5Sget_simple_extent_npoints(space.id()) != 1 || size > 1000000)
     throw Hdf5Fault("attribute " + Quoted(name) + " is no text");
@@ -145,8 +158,9 @@ std::string ReadTextAttribute(hid_t object, const std::string& name) {
 Hdf5 WriteRaw(hid_t parent, const std::string& name, hid_t type, const Dims& dims, const void* data,
               const Note& note) {
   const Hdf5 space = Space(dims);
-  Hdf5 dataset = Checked(H5Dcreate2(parent, name.c_str(), type, space.id(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
-                         H5Dclose, "cannot write " + Quoted(name));
+  Hdf5 dataset =
+      Checked(H5Dcreate2(parent, name.c_str(), type, space.id(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+              H5Dclose, "cannot write " + Quoted(name));
   static const double kNothing = 0;  // HDF5 wants an address even where there is nothing to write
   Check(H5Dwrite(dataset.id(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data ? data : &kNothing),
         "cannot write " + Quoted(name), ErrorCode::kFile);
@@ -155,9 +169,11 @@ Hdf5 WriteRaw(hid_t parent, const std::string& name, hid_t type, const Dims& dim
   return dataset;
 }
 
-void WriteMatrix(hid_t parent, const std::string& name, const Eigen::Ref<const MatrixX>& m, const Note& note) {
+void WriteMatrix(hid_t parent, const std::string& name, const Eigen::Ref<const MatrixX>& m,
+                 const Note& note) {
   const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = m;
-  WriteArray(parent, name, {static_cast<hsize_t>(m.rows()), static_cast<hsize_t>(m.cols())}, rows.data(), note);
+  WriteArray(parent, name, {static_cast<hsize_t>(m.rows()), static_cast<hsize_t>(m.cols())}, rows.data(),
+             note);
 }
 void WriteVector(hid_t parent, const std::string& name, const VectorX& v, const Note& note) {
   WriteArray(parent, name, {static_cast<hsize_t>(v.size())}, v.data(), note);
@@ -166,7 +182,8 @@ void WriteText(hid_t parent, const std::string& name, const std::string& text, c
   const Hdf5 type = TextType(text.size());
   WriteRaw(parent, name, type.id(), {1}, text.empty() ? "" : text.data(), note);
 }
-void WriteTexts(hid_t parent, const std::string& name, const std::vector<std::string>& texts, const Note& note) {
+void WriteTexts(hid_t parent, const std::string& name, const std::vector<std::string>& texts,
+                const Note& note) {
   std::size_t longest = 1;
   for (const std::string& t : texts) longest = std::max(longest, t.size());
   std::string packed(longest * texts.size(), '\0');
@@ -176,7 +193,8 @@ void WriteTexts(hid_t parent, const std::string& name, const std::vector<std::st
 }
 
 Hdf5 OpenDataset(hid_t parent, const std::string& name) {
-  return Checked(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose, "dataset " + Quoted(name) + " is missing");
+  return Checked(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose,
+                 "dataset " + Quoted(name) + " is missing");
 }
 
 Dims DimsOf(const Hdf5& dataset) {
@@ -191,7 +209,8 @@ Dims DimsOf(const Hdf5& dataset) {
 void ReadRows(const Hdf5& dataset, hid_t type, hsize_t rows, void* out) {
   const Hdf5 stored = Checked(H5Dget_type(dataset.id()), H5Tclose, "a dataset is damaged");
   // HDF5 converts between numbers as asked for; numbers that are of another kind belong to another file.
-  if (H5Tget_class(stored.id()) != H5Tget_class(type)) throw Hdf5Fault("a dataset holds another type of values");
+  if (H5Tget_class(stored.id()) != H5Tget_class(type))
+    throw Hdf5Fault("a dataset holds another type of values");
   const Hdf5 file_space = Checked(H5Dget_space(dataset.id()), H5Sclose, "a dataset is damaged");
   Dims count = DimsOf(dataset);
   if (count.empty()) {
@@ -206,7 +225,8 @@ void ReadRows(const Hdf5& dataset, hid_t type, hsize_t rows, void* out) {
   Check(H5Sselect_hyperslab(file_space.id(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr),
         "a dataset cannot be read");
   const Hdf5 memory = Space(count);
-  Check(H5Dread(dataset.id(), type, memory.id(), file_space.id(), H5P_DEFAULT, out), "a dataset cannot be read");
+  Check(H5Dread(dataset.id(), type, memory.id(), file_space.id(), H5P_DEFAULT, out),
+        "a dataset cannot be read");
 }
 
 MatrixX ReadMatrix(hid_t parent, const std::string& name, std::size_t most) {
@@ -231,7 +251,8 @@ std::vector<std::string> ReadTexts(hid_t parent, const std::string& name, std::s
   std::string packed(size * static_cast<std::size_t>(dims[0]), '\0');
   if (!packed.empty()) ReadRows(dataset, type.id(), dims[0], packed.data());
   std::vector<std::string> texts;
-  for (std::size_t at = 0; at < packed.size(); at += size) texts.push_back(Unpadded(packed.data() + at, size));
+  for (std::size_t at = 0; at < packed.size(); at += size)
+    texts.push_back(Unpadded(packed.data() + at, size));
   return texts;
 }
 std::string ReadText(hid_t parent, const std::string& name, std::size_t most) {
@@ -249,11 +270,19 @@ FileFacts LookAt(const std::string& path) {
   if (!in) throw Hdf5Fault("cannot be opened; check that it may be read", ErrorCode::kFile);
   FileFacts facts;
   facts.size = static_cast<std::size_t>(std::filesystem::file_size(path, error));
-  std::array<char, 12> head{};
+  std::array<char, 36> head{};
   in.read(head.data(), head.size());
   facts.is_hdf5 = std::memcmp(head.data(), "\211HDF\r\n\032\n", 8) == 0;
-  // Byte 11 of a superblock of version 3 holds the consistency flags: 1 open for writing, 4 by a single writer.
-  facts.is_open_for_writing = facts.is_hdf5 && in.gcount() == 12 && head[8] == 3 && (head[11] & 5) != 0;
+  // A superblock of version 3 has its consistency flags in byte 11 (1 open for writing, 4 by a single writer)
+  // and the end of the file in bytes 28 to 35. HDF5 itself does not look at the latter while a writer is
+  // marked.
+  if (facts.is_hdf5 && in.gcount() == static_cast<std::streamsize>(head.size()) && head[8] == 3 &&
+      head[9] == 8) {
+    facts.is_open_for_writing = (head[11] & 5) != 0;
+    std::uint64_t end = 0;
+    std::memcpy(&end, head.data() + 28, sizeof end);
+    facts.stored_size = static_cast<std::size_t>(end);
+  }
   return facts;
 }
 

@@ -1,7 +1,7 @@
 // The part of HDF5 that recordings and reduced-model files need, with handles that close themselves.
 //
-// Failures throw Hdf5Fault, caught where the public functions return an Expected; HDF5's own printing to stderr is
-// off while a QuietHdf5 lives.
+// Failures throw Hdf5Fault, caught where the public functions return an Expected; HDF5's own printing to
+// stderr is off while a QuietHdf5 lives.
 #pragma once
 
 #include <hdf5.h>
@@ -62,24 +62,36 @@ using Dims = std::vector<hsize_t>;
 template <class T>
 hid_t MemoryType();
 template <>
-inline hid_t MemoryType<double>() { return H5T_NATIVE_DOUBLE; }
+inline hid_t MemoryType<double>() {
+  return H5T_NATIVE_DOUBLE;
+}
 template <>
-inline hid_t MemoryType<float>() { return H5T_NATIVE_FLOAT; }
+inline hid_t MemoryType<float>() {
+  return H5T_NATIVE_FLOAT;
+}
 template <>
-inline hid_t MemoryType<int>() { return H5T_NATIVE_INT; }
+inline hid_t MemoryType<int>() {
+  return H5T_NATIVE_INT;
+}
 template <>
-inline hid_t MemoryType<std::int64_t>() { return H5T_NATIVE_INT64; }
+inline hid_t MemoryType<std::int64_t>() {
+  return H5T_NATIVE_INT64;
+}
 template <>
-inline hid_t MemoryType<std::uint64_t>() { return H5T_NATIVE_UINT64; }
+inline hid_t MemoryType<std::uint64_t>() {
+  return H5T_NATIVE_UINT64;
+}
 template <>
-inline hid_t MemoryType<std::uint8_t>() { return H5T_NATIVE_UINT8; }
+inline hid_t MemoryType<std::uint8_t>() {
+  return H5T_NATIVE_UINT8;
+}
 
 /// What HDF5 says of its last failure, in brief.
 std::string LastHdf5Message();
 
 Hdf5 CreateGroup(hid_t parent, const std::string& name);
 Hdf5 OpenGroup(hid_t parent, const std::string& name);
-bool Exists(hid_t parent, const std::string& name);
+bool HasAttribute(hid_t object, const std::string& name);
 
 void WriteAttribute(hid_t object, const std::string& name, const std::string& value);
 void WriteAttribute(hid_t object, const std::string& name, std::int64_t value);
@@ -94,7 +106,8 @@ struct Note {
   std::string text;
 };
 
-Hdf5 WriteRaw(hid_t parent, const std::string& name, hid_t type, const Dims& dims, const void* data, const Note& note);
+Hdf5 WriteRaw(hid_t parent, const std::string& name, hid_t type, const Dims& dims, const void* data,
+              const Note& note);
 template <class T>
 void WriteArray(hid_t parent, const std::string& name, const Dims& dims, const T* data, const Note& note) {
   WriteRaw(parent, name, MemoryType<T>(), dims, data, note);
@@ -108,7 +121,8 @@ void WriteMatrix(hid_t parent, const std::string& name, const Eigen::Ref<const M
 void WriteVector(hid_t parent, const std::string& name, const VectorX& v, const Note& note);
 /// One text, and a list of texts, as UTF-8 of fixed length padded with zeros.
 void WriteText(hid_t parent, const std::string& name, const std::string& text, const Note& note);
-void WriteTexts(hid_t parent, const std::string& name, const std::vector<std::string>& texts, const Note& note);
+void WriteTexts(hid_t parent, const std::string& name, const std::vector<std::string>& texts,
+                const Note& note);
 
 /// Dimensions of a dataset that is already open.
 Dims DimsOf(const Hdf5& dataset);
@@ -122,7 +136,8 @@ std::vector<T> ReadArray(hid_t parent, const std::string& name, Dims& dims, std:
   dims = DimsOf(dataset);
   hsize_t count = 1;
   for (hsize_t d : dims) {
-    if (d > 0 && count > most / sizeof(T) / d) throw Hdf5Fault("'" + name + "' says that it is larger than its file");
+    if (d > 0 && count > most / sizeof(T) / d)
+      throw Hdf5Fault("'" + name + "' says that it is larger than its file");
     count *= d;
   }
   std::vector<T> values(static_cast<std::size_t>(count));
@@ -141,11 +156,13 @@ VectorX ReadVector(hid_t parent, const std::string& name, std::size_t most);
 std::string ReadText(hid_t parent, const std::string& name, std::size_t most);
 std::vector<std::string> ReadTexts(hid_t parent, const std::string& name, std::size_t most);
 
-/// Length of a file [bytes], and whether it begins as HDF5 does. Throws Hdf5Fault kFile where it cannot be read.
+/// Length of a file [bytes], and whether it begins as HDF5 does. Throws Hdf5Fault kFile where it cannot be
+/// read.
 struct FileFacts {
   std::size_t size = 0;
   bool is_hdf5 = false;
   bool is_open_for_writing = false;  // a writer is at it, or was killed
+  std::size_t stored_size = 0;       // that it should have at least, 0 where it does not say
 };
 FileFacts LookAt(const std::string& path);
 

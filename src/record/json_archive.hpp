@@ -52,7 +52,9 @@ class JsonWriter {
   explicit JsonWriter(ModelText& tables) : tables_(tables) {}
 
   template <class T>
-  void operator()(const char* key, const T& value) { (*node_)[key] = Encode(value); }
+  void operator()(const char* key, const T& value) {
+    (*node_)[key] = Encode(value);
+  }
 
   template <class T>
   Json Encode(const T& value) {
@@ -80,9 +82,13 @@ class JsonWriter {
   }
   Json Encode(const std::string& value);
   template <class Tag>
-  Json Encode(Index<Tag> value) { return value.value(); }
+  Json Encode(Index<Tag> value) {
+    return value.value();
+  }
   template <class A, class B>
-  Json Encode(const std::pair<A, B>& value) { return Json::array({Encode(value.first), Encode(value.second)}); }
+  Json Encode(const std::pair<A, B>& value) {
+    return Json::array({Encode(value.first), Encode(value.second)});
+  }
   template <class T>
   Json Encode(const std::vector<T>& values) {
     Json array = Json::array();

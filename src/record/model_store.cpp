@@ -36,7 +36,8 @@ template <class T>
 std::vector<Eigen::Matrix<T, 3, 1>> ReadTriples(hid_t group, const char* name, std::size_t most) {
   Dims dims;
   const auto flat = ReadArray<T>(group, name, dims, most);
-  if (dims.size() != 2 || dims[1] != 3) throw Hdf5Fault(std::string("'") + name + "' should have three columns");
+  if (dims.size() != 2 || dims[1] != 3)
+    throw Hdf5Fault(std::string("'") + name + "' should have three columns");
   std::vector<Eigen::Matrix<T, 3, 1>> rows(flat.size() / 3);
   for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = {flat[3 * i], flat[3 * i + 1], flat[3 * i + 2]};
   return rows;
@@ -45,14 +46,16 @@ std::vector<Eigen::Matrix<T, 3, 1>> ReadTriples(hid_t group, const char* name, s
 }  // namespace
 
 void WriteModel(hid_t group, const ModelText& text) {
-  WriteText(group, "json", text.json, {"", "the model in SI units as fork1s reads it; meshes and grids by their number"});
+  WriteText(group, "json", text.json,
+            {"", "the model in SI units as fork1s reads it; meshes and grids by their number"});
   const Hdf5 meshes = CreateGroup(group, "meshes");
   for (std::size_t i = 0; i < text.meshes.size(); ++i) {
     const TriangleMesh& mesh = *text.meshes[i];
     const Hdf5 g = CreateGroup(meshes.id(), std::to_string(i));
     WriteAttribute(g.id(), "name", mesh.name);
     WriteArray(g.id(), "vertices", {mesh.vertices.size(), 3}, Flat(mesh.vertices).data(), {"m", ""});
-    WriteArray(g.id(), "triangles", {mesh.triangles.size(), 3}, Flat(mesh.triangles).data(), {"", "vertex numbers"});
+    WriteArray(g.id(), "triangles", {mesh.triangles.size(), 3}, Flat(mesh.triangles).data(),
+               {"", "vertex numbers"});
   }
   const Hdf5 grids = CreateGroup(group, "heightfields");
   for (std::size_t i = 0; i < text.grids.size(); ++i) {
@@ -61,7 +64,8 @@ void WriteModel(hid_t group, const ModelText& text) {
     WriteAttribute(g.id(), "name", grid.name);
     WriteAttribute(g.id(), "rows", grid.rows);
     WriteAttribute(g.id(), "columns", grid.columns);
-    WriteArray(g.id(), "size", std::vector<double>{grid.half_x, grid.half_y, grid.max_height, grid.base_depth},
+    WriteArray(g.id(), "size",
+               std::vector<double>{grid.half_x, grid.half_y, grid.max_height, grid.base_depth},
                {"m", "half length in x and y, height of the value 1, solid ground below 0"});
     WriteArray(g.id(), "values", grid.values, {"1", "row after row from -x -y, in units of the height"});
   }

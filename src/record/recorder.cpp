@@ -12,8 +12,8 @@ namespace {
 
 using namespace internal;
 
-// Single writer, many readers: HDF5 then orders its writes so that the file is whole at any moment, and a program
-// that is killed leaves it readable. It wants the 1.10 file format and every dataset made beforehand.
+// Single writer, many readers: HDF5 then orders its writes so that the file is whole at any moment, and a
+// program that is killed leaves it readable. It wants the 1.10 file format and every dataset made beforehand.
 Hdf5 AccessList() {
   Hdf5 list(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   if (H5Pset_libver_bounds(list.id(), H5F_LIBVER_V110, H5F_LIBVER_V110) < 0)
@@ -34,9 +34,11 @@ void CreateColumn(hid_t file, const Column& column, hid_t type) {
   const Hdf5 space(H5Screate_simple(static_cast<int>(dims.size()), dims.data(), limit.data()), H5Sclose);
   const Hdf5 layout(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
   H5Pset_chunk(layout.id(), static_cast<int>(chunk.size()), chunk.data());
-  const Hdf5 dataset(H5Dcreate2(file, column.name, type, space.id(), H5P_DEFAULT, layout.id(), H5P_DEFAULT), H5Dclose);
+  const Hdf5 dataset(H5Dcreate2(file, column.name, type, space.id(), H5P_DEFAULT, layout.id(), H5P_DEFAULT),
+                     H5Dclose);
   if (!dataset)
-    throw Hdf5Fault(std::string("cannot write '") + column.name + "' (" + LastHdf5Message() + ')', ErrorCode::kFile);
+    throw Hdf5Fault(std::string("cannot write '") + column.name + "' (" + LastHdf5Message() + ')',
+                    ErrorCode::kFile);
   if (*column.unit) WriteAttribute(dataset.id(), "unit", std::string(column.unit));
   if (*column.text) WriteAttribute(dataset.id(), "description", std::string(column.text));
 }
@@ -50,7 +52,8 @@ void AppendRows(const Hdf5& dataset, hid_t type, hsize_t rows, const void* data)
     const Hdf5 file_space(H5Dget_space(dataset.id()), H5Sclose);
     dims[0] = rows;
     const Hdf5 memory(H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr), H5Sclose);
-    good = H5Sselect_hyperslab(file_space.id(), H5S_SELECT_SET, start.data(), nullptr, dims.data(), nullptr) >= 0 &&
+    good = H5Sselect_hyperslab(file_space.id(), H5S_SELECT_SET, start.data(), nullptr, dims.data(),
+                               nullptr) >= 0 &&
            H5Dwrite(dataset.id(), type, memory.id(), file_space.id(), H5P_DEFAULT, data) >= 0;
   }
   if (!good) throw Hdf5Fault("cannot write (" + LastHdf5Message() + "); is the disk full?", ErrorCode::kFile);
@@ -83,21 +86,25 @@ void WriteHeader(hid_t file, const Simulation& simulation) {
   }
   for (const MechanismDynamics& m : simulation.world().mechanisms()) {
     mechanisms.push_back(m.mechanism().name());
-    for (int i = 0; i < m.mechanism().num_coordinates(); ++i) coordinates.push_back(m.mechanism().CoordinateName(i));
+    for (int i = 0; i < m.mechanism().num_coordinates(); ++i)
+      coordinates.push_back(m.mechanism().CoordinateName(i));
   }
   const Hdf5 names_group = CreateGroup(file, "names");
   WriteTexts(names_group.id(), "bodies", names, {"", "bodies of all mechanisms, then free bodies"});
   WriteTexts(names_group.id(), "controls", simulation.control_names(), {});
-  WriteTexts(names_group.id(), "coordinates", coordinates, {"", "joint coordinates, mechanism after mechanism"});
+  WriteTexts(names_group.id(), "coordinates", coordinates,
+             {"", "joint coordinates, mechanism after mechanism"});
   WriteTexts(names_group.id(), "mechanisms", mechanisms, {});
   WriteArray(names_group.id(), "body_mechanism", owner, {"", "mechanism of each body, -1: a free body"});
-  WriteArray(names_group.id(), "body_index", index, {"", "place of each body in its mechanism or among free bodies"});
+  WriteArray(names_group.id(), "body_index", index,
+             {"", "place of each body in its mechanism or among free bodies"});
   WriteArray(names_group.id(), "body_is_interface", is_interface, {"", "1: the body may touch the world"});
 
   const Hdf5 initial = CreateGroup(file, "initial");
   WriteAttribute(initial.id(), "step", simulation.steps());
   WriteHashAttribute(initial.id(), "hash", simulation.HashState());
-  WriteArray(initial.id(), "poses", {names.size(), 7}, poses.data(), {"m, 1", "x y z qw qx qy qz before the first step"});
+  WriteArray(initial.id(), "poses", {names.size(), 7}, poses.data(),
+             {"m, 1", "x y z qw qx qy qz before the first step"});
 }
 
 void CreateGroups(hid_t file) {
@@ -119,7 +126,8 @@ struct Recorder::Detail {
   Expected<void> failure;
 
   void Open();
-  void CollectStep(const Simulation& simulation, const StepReport& report, const std::vector<AppliedWrench>& wrenches);
+  void CollectStep(const Simulation& simulation, const StepReport& report,
+                   const std::vector<AppliedWrench>& wrenches);
   void CollectContacts(const Simulation& simulation);
   void Write();
 
@@ -165,7 +173,8 @@ Expected<Recorder> Recorder::Create(const std::string& path, const Simulation& s
   d.widths.controls = static_cast<int>(simulation.control_names().size());
   d.widths.bodies = static_cast<int>(simulation.bodies().size());
   d.widths.mechanisms = static_cast<int>(world.mechanisms().size());
-  for (const MechanismDynamics& m : world.mechanisms()) d.widths.coordinates += m.mechanism().num_coordinates();
+  for (const MechanismDynamics& m : world.mechanisms())
+    d.widths.coordinates += m.mechanism().num_coordinates();
 
   for (std::size_t i = 0; i < world.contactors().size(); ++i) {
     const Contactor& c = world.contactors()[i];
@@ -193,8 +202,9 @@ Expected<Recorder> Recorder::Create(const std::string& path, const Simulation& s
       Hdf5 file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), H5Fclose);
       if (!file)
         return Fail(ErrorCode::kFile, path,
-                    "cannot be written (" + LastHdf5Message() + "); check the folder, its permissions and that no "
-                    "program has the file open");
+                    "cannot be written (" + LastHdf5Message() +
+                        "); check the folder, its permissions and that no "
+                        "program has the file open");
       WriteHeader(file.id(), simulation);
       CreateGroups(file.id());
       ForEachColumn(d.pending, d.widths, [&](const Column& column, auto& values) {
@@ -246,7 +256,9 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   rows.first[static_cast<std::size_t>(Rows::kContacts)] = s.contact_gap.size();
   rows.first[static_cast<std::size_t>(Rows::kWrenches)] = s.wrench_body.size();
 
-  const auto add = [](std::vector<double>& out, const auto& v) { out.insert(out.end(), v.data(), v.data() + v.size()); };
+  const auto add = [](std::vector<double>& out, const auto& v) {
+    out.insert(out.end(), v.data(), v.data() + v.size());
+  };
   s.time.push_back(simulation.time());
   s.hash.push_back(simulation.HashState());
   add(s.controls, simulation.controls());
@@ -284,7 +296,8 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   rows.last[static_cast<std::size_t>(Rows::kReduced)] = s.z.size();
   rows.last[static_cast<std::size_t>(Rows::kContacts)] = s.contact_gap.size();
   rows.last[static_cast<std::size_t>(Rows::kWrenches)] = s.wrench_body.size();
-  for (std::size_t k = 0; k < kNumRows; ++k) totals[k] += static_cast<std::int64_t>(rows.last[k] - rows.first[k]);
+  for (std::size_t k = 0; k < kNumRows; ++k)
+    totals[k] += static_cast<std::int64_t>(rows.last[k] - rows.first[k]);
   s.reduced_end.push_back(totals[static_cast<std::size_t>(Rows::kReduced)]);
   s.contact_end.push_back(totals[static_cast<std::size_t>(Rows::kContacts)]);
   s.wrench_end.push_back(totals[static_cast<std::size_t>(Rows::kWrenches)]);
@@ -299,7 +312,8 @@ void Recorder::Detail::Write() {
     using T = typename std::decay_t<decltype(values)>::value_type;
     const Hdf5& dataset = datasets[next++];
     if (!values.empty() && column.width > 0)
-      AppendRows(dataset, MemoryType<T>(), values.size() / static_cast<std::size_t>(column.width), values.data());
+      AppendRows(dataset, MemoryType<T>(), values.size() / static_cast<std::size_t>(column.width),
+                 values.data());
     values.clear();
   });
   if (H5Fflush(file.id(), H5F_SCOPE_LOCAL) < 0)
@@ -337,7 +351,8 @@ Expected<void> Recorder::Finish() {
   const QuietHdf5 quiet;
   d.datasets.clear();
   if (!d.file.Close() && d.failure)
-    d.failure = Fail(ErrorCode::kFile, d.path, "cannot be closed (" + LastHdf5Message() + "); is the disk full?");
+    d.failure =
+        Fail(ErrorCode::kFile, d.path, "cannot be closed (" + LastHdf5Message() + "); is the disk full?");
   return d.failure;
 }
 

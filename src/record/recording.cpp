@@ -14,16 +14,23 @@ Expected<Recording> Recording::Open(const std::string& path) {
       return Fail(facts.size == 0 ? ErrorCode::kFile : ErrorCode::kFormat, path,
                   facts.size == 0 ? "is empty; the recording was never begun, record again"
                                   : "is no HDF5 file; recordings are written by fork1s");
+    // Where a disk ran full, the end that is written down lies beyond the last whole step: that is worth
+    // reading.
+    if (!facts.is_open_for_writing && facts.size < facts.stored_size)
+      return Fail(ErrorCode::kFile, path,
+                  "is cut off: it has " + std::to_string(facts.size) + " of " +
+                      std::to_string(facts.stored_size) + " bytes; copy or record it again");
     // A writer that lives or was killed has left its mark, and only this way of reading passes it.
     const unsigned flags = H5F_ACC_RDONLY | (facts.is_open_for_writing ? H5F_ACC_SWMR_READ : 0u);
     const Hdf5 access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-    // Where a checksum of HDF5's own is wrong it asks again, as a writer may be at it, and waits twice as long each
-    // time: 100 times by default, for ever. This is 1 ms.
+    // Where a checksum of HDF5's own is wrong it asks again, as a writer may be at it, and waits twice as
+    // long each time: 100 times by default, for ever. This is 1 ms.
     H5Pset_metadata_read_attempts(access.id(), 20);
     const Hdf5 file(H5Fopen(path.c_str(), flags, access.id()), H5Fclose);
     if (!file)
       return Fail(ErrorCode::kFile, path,
-                  "cannot be opened as HDF5 (" + LastHdf5Message() + "); it is cut off or damaged, copy or record it again");
+                  "cannot be opened as HDF5 (" + LastHdf5Message() +
+                      "); it is cut off or damaged, copy or record it again");
     auto header = ReadHeader(file.id(), path, facts);
     if (!header) return tl::unexpected(header.error());
     Recording recording;
@@ -31,11 +38,13 @@ Expected<Recording> Recording::Open(const std::string& path) {
     recording.data_ = ReadSteps(file.id(), recording.header_, facts);
     return recording;
   } catch (const Hdf5Fault& e) {
-    return Fail(e.code(), path, std::string(e.what()) + (e.code() == ErrorCode::kFormat
-                                                              ? "; the file is cut off or damaged, copy or record it again"
-                                                              : ""));
+    return Fail(e.code(), path,
+                std::string(e.what()) + (e.code() == ErrorCode::kFormat
+                                             ? "; the file is cut off or damaged, copy or record it again"
+                                             : ""));
   } catch (const std::exception& e) {  // such as memory that a damaged file asks for
-    return Fail(ErrorCode::kFormat, path, std::string("cannot be read (") + e.what() + "); the file is damaged");
+    return Fail(ErrorCode::kFormat, path,
+                std::string("cannot be read (") + e.what() + "); the file is damaged");
   }
 }
 
@@ -86,7 +95,9 @@ std::vector<RecordedContact> Recording::Contacts(int step) const {
   FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
   const auto i = static_cast<std::size_t>(step);
   std::vector<RecordedContact> contacts;
-  auto triple = [](const std::vector<double>& v, std::size_t row) { return Vector3(Eigen::Map<const Vector3>(&v[3 * row])); };
+  auto triple = [](const std::vector<double>& v, std::size_t row) {
+    return Vector3(Eigen::Map<const Vector3>(&v[3 * row]));
+  };
   for (auto c = static_cast<std::size_t>(i > 0 ? data_.contact_end[i - 1] : 0);
        c < static_cast<std::size_t>(data_.contact_end[i]); ++c)
     contacts.push_back({data_.contact_body_a[c], data_.contact_body_b[c], triple(data_.contact_point, c),

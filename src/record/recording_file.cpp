@@ -60,7 +60,8 @@ class StepReader {
     ReadKind(s, Rows::kContacts, end(s.contact_end));
     ReadKind(s, Rows::kWrenches, end(s.wrench_end));
     const std::size_t good = CountIntact(s);
-    if (finished_ && good < steps) throw Hdf5Fault("step " + std::to_string(good + 1) + " does not match its checksum");
+    if (finished_ && good < steps)
+      throw Hdf5Fault("step " + std::to_string(good + 1) + " does not match its checksum");
     Shorten(s, good);
     return s;
   }
@@ -75,7 +76,8 @@ class StepReader {
       const Hdf5& dataset = datasets_[next++];
       if (column.rows != kind || column.width == 0) return;
       const std::size_t row_bytes = sizeof(T) * static_cast<std::size_t>(column.width);
-      if (rows > most_ / row_bytes) throw Hdf5Fault(std::string("'") + column.name + "' says it is larger than its file");
+      if (rows > most_ / row_bytes)
+        throw Hdf5Fault(std::string("'") + column.name + "' says it is larger than its file");
       bytes += rows * row_bytes;
       if (bytes > most_) throw Hdf5Fault("the recording says that it is larger than its file");
       values.resize(rows * static_cast<std::size_t>(column.width));
@@ -136,7 +138,8 @@ class StepReader {
       rows[3] = static_cast<std::size_t>(s.wrench_end[steps - 1]);
     }
     ForEachColumn(s, widths_, [&](const Column& column, auto& values) {
-      const std::size_t size = rows[static_cast<std::size_t>(column.rows)] * static_cast<std::size_t>(column.width);
+      const std::size_t size =
+          rows[static_cast<std::size_t>(column.rows)] * static_cast<std::size_t>(column.width);
       if (values.size() > size) values.resize(size);
     });
   }
@@ -154,14 +157,15 @@ Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const 
   RecordingHeader h;
   h.path = path;
   h.finished = !facts.is_open_for_writing;
-  if (H5Aexists(file, "format") <= 0 || ReadTextAttribute(file, "format") != kFormatName)
+  if (!HasAttribute(file, "format") || ReadTextAttribute(file, "format") != kFormatName)
     return Fail(ErrorCode::kFormat, path, "is an HDF5 file, but no recording of fork1s");
   const auto version = ReadNumberAttribute(file, "format_version");
   h.program = ReadTextAttribute(file, "program");
   if (version != kFormatVersion)
     return Fail(ErrorCode::kFormat, path,
                 "has format version " + std::to_string(version) + ", written by " + h.program +
-                    "; this program reads version " + std::to_string(kFormatVersion) + ": open it with that version");
+                    "; this program reads version " + std::to_string(kFormatVersion) +
+                    ": open it with that version");
   const std::size_t most = MostBytes(facts);
   const Hdf5 scene_group = OpenGroup(file, "scene");
   auto scene = ReadScene(ReadModel(scene_group.id(), most), path);
@@ -184,7 +188,8 @@ Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const 
   if (bodies.size() != expected || owner.size() != expected || index.size() != expected ||
       is_interface.size() != expected)
     throw Hdf5Fault("the list of bodies does not match the scene");
-  for (std::size_t i = 0; i < expected; ++i) h.bodies.push_back({bodies[i], owner[i], index[i], is_interface[i] != 0});
+  for (std::size_t i = 0; i < expected; ++i)
+    h.bodies.push_back({bodies[i], owner[i], index[i], is_interface[i] != 0});
 
   const Hdf5 initial = OpenGroup(file, "initial");
   h.first_step = ReadNumberAttribute(initial.id(), "step");
@@ -198,12 +203,12 @@ Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const 
 RecordedSteps ReadSteps(hid_t file, const RecordingHeader& header, const FileFacts& facts) {
   const StepReader reader(file, header, facts);
   if (header.finished) return reader.Read(reader.steps());
+  RecordedSteps best;
   try {
-    return reader.Read(reader.steps());
+    best = reader.Read(reader.steps());
   } catch (const Hdf5Fault&) {
     // Pages of the file are missing: the most steps that can be read are found by bisection.
     std::size_t good = 0, bad = reader.steps();
-    RecordedSteps best;
     while (bad - good > 1) {
       const std::size_t middle = good + (bad - good) / 2;
       try {
@@ -213,8 +218,10 @@ RecordedSteps ReadSteps(hid_t file, const RecordingHeader& header, const FileFac
         bad = middle;
       }
     }
-    return best;
   }
+  if (best.time.empty() && reader.steps() > 0)
+    throw Hdf5Fault("none of its " + std::to_string(reader.steps()) + " steps is whole");
+  return best;
 }
 
 }  // namespace fork1s::internal

@@ -23,7 +23,8 @@ std::vector<int> Numbers(const std::vector<BodyIndex>& bodies) {
 std::vector<BodyIndex> Bodies(const std::vector<int>& numbers, const Mechanism& mechanism, const char* what) {
   std::vector<BodyIndex> bodies;
   for (int i : numbers) {
-    if (i < 0 || i >= mechanism.num_bodies()) throw Hdf5Fault(std::string(what) + " name a body that does not exist");
+    if (i < 0 || i >= mechanism.num_bodies())
+      throw Hdf5Fault(std::string(what) + " name a body that does not exist");
     bodies.emplace_back(i);
   }
   return bodies;
@@ -36,9 +37,10 @@ void WriteAll(hid_t file, const ReducedModel& model) {
   WriteAttribute(file, "format", std::string(kModelFormat));
   WriteAttribute(file, "format_version", kModelVersion);
   WriteAttribute(file, "program", std::string("fork1s " FORK1S_VERSION));
-  WriteAttribute(file, "description",
-                 std::string("q = q_ref + Q z + q_perp; M z'' + D z' + diag(K_r) z = Q' f; twist of body B in the root "
-                             "frame R about its origin, angular first: T[B] z'; pose of B: exp(T[B] z) X_RB_ref[B]"));
+  WriteAttribute(
+      file, "description",
+      std::string("q = q_ref + Q z + q_perp; M z'' + D z' + diag(K_r) z = Q' f; twist of body B in the root "
+                  "frame R about its origin, angular first: T[B] z'; pose of B: exp(T[B] z) X_RB_ref[B]"));
   WriteAttribute(file, "mechanism", m.name());
   WriteAttribute(file, "num_free", model.num_free);
   WriteAttribute(file, "num_elastic", model.num_elastic);
@@ -51,8 +53,10 @@ void WriteAll(hid_t file, const ReducedModel& model) {
   WriteMatrix(file, "D", model.D, {"J s", "r x r: damping"});
   WriteMatrix(file, "M_00", model.M_00, {"kg, kg m, kg m^2", "6 x 6: inertia of the whole about R's origin"});
   WriteMatrix(file, "M_0z", model.M_0z, {"", "6 x r: inertia that couples base and reduced coordinates"});
-  WriteMatrix(file, "S_ref", model.S_ref, {"", "6 x n: screws of the joint coordinates at q_ref in R, angular first"});
-  WriteVector(file, "q_ref", model.q_ref, {"rad or m", "n: joint displacements about which the model is linear"});
+  WriteMatrix(file, "S_ref", model.S_ref,
+              {"", "6 x n: screws of the joint coordinates at q_ref in R, angular first"});
+  WriteVector(file, "q_ref", model.q_ref,
+              {"rad or m", "n: joint displacements about which the model is linear"});
 
   std::vector<double> T;
   T.reserve(static_cast<std::size_t>(b * 6 * r));
@@ -71,7 +75,8 @@ void WriteAll(hid_t file, const ReducedModel& model) {
   WriteArray(file, "X_RB_ref", {b, 4, 4}, X.data(), {"m", "bodies x 4 x 4: pose of each body in R at q_ref"});
 
   WriteVector(file, "k_inverse", model.k_inverse, {"", "n or empty: C_perp = diag(k_inverse) - Q_e Q_e'"});
-  WriteMatrix(file, "C_perp", model.C_perp, {"", "n x n or empty: static response that the interface does not feel"});
+  WriteMatrix(file, "C_perp", model.C_perp,
+              {"", "n x n or empty: static response that the interface does not feel"});
   WriteVector(file, "h_inverse", model.h_inverse, {"", "n: inverse metric of the loop correction"});
   WriteArray(file, "loop_rows", model.loop_rows, {"", "independent rows of the closure Jacobian, from 0"});
 
@@ -83,18 +88,20 @@ void WriteAll(hid_t file, const ReducedModel& model) {
   WriteTexts(file, "coordinate_names", coordinates, {});
   WriteTexts(file, "interface_names", interfaces, {"", "bodies that touch the world"});
   WriteArray(file, "interfaces", Numbers(model.interfaces), {"", "their places in body_names, from 0"});
-  WriteArray(file, "promoted", Numbers(model.promoted), {"", "interfaces added because a joint without spring needs them"});
+  WriteArray(file, "promoted", Numbers(model.promoted),
+             {"", "interfaces added because a joint without spring needs them"});
   WriteTexts(file, "warnings", model.warnings, {});
   const Hdf5 definition = CreateGroup(file, "definition");
   WriteModel(definition.id(), WriteMechanism(m.definition()));
 }
 
 void Require(bool good, const char* what) {
-  if (!good) throw Hdf5Fault(std::string("'") + what + "' does not have the size that the mechanism asks for");
+  if (!good)
+    throw Hdf5Fault(std::string("'") + what + "' does not have the size that the mechanism asks for");
 }
 
 Expected<ReducedModel> ReadAll(hid_t file, const std::string& path, std::size_t most) {
-  if (H5Aexists(file, "format") <= 0 || ReadTextAttribute(file, "format") != kModelFormat)
+  if (!HasAttribute(file, "format") || ReadTextAttribute(file, "format") != kModelFormat)
     return Fail(ErrorCode::kFormat, path, "is an HDF5 file, but no reduced model of fork1s");
   if (const auto version = ReadNumberAttribute(file, "format_version"); version != kModelVersion)
     return Fail(ErrorCode::kFormat, path,
@@ -121,7 +128,8 @@ Expected<ReducedModel> ReadAll(hid_t file, const std::string& path, std::size_t 
   model.K_r = ReadVector(file, "K_r", most);
   const Eigen::Index r = model.K_r.size();
   Require(model.num_free >= 0 && model.num_elastic >= 0 && model.num_modes >= 0 &&
-              r == Eigen::Index{model.num_free} + model.num_elastic + model.num_modes, "K_r");
+              r == Eigen::Index{model.num_free} + model.num_elastic + model.num_modes,
+          "K_r");
   auto matrix = [&](const char* name, Eigen::Index rows, Eigen::Index cols) {
     MatrixX v = ReadMatrix(file, name, most);
     Require(v.rows() == rows && v.cols() == cols, name);
@@ -191,7 +199,8 @@ Expected<void> SaveReducedModel(const ReducedModel& model, const std::string& pa
   if (!error) return {};
   const std::string reason = error.message();
   std::filesystem::remove(part, error);
-  return Fail(ErrorCode::kFile, path, "cannot be written (" + reason + "); check the path and its permissions");
+  return Fail(ErrorCode::kFile, path,
+              "cannot be written (" + reason + "); check the path and its permissions");
 }
 
 Expected<ReducedModel> LoadReducedModel(const std::string& path) {
@@ -199,16 +208,19 @@ Expected<ReducedModel> LoadReducedModel(const std::string& path) {
   try {
     const FileFacts facts = LookAt(path);
     if (!facts.is_hdf5)
-      return Fail(ErrorCode::kFormat, path, "is no HDF5 file; reduced models are written by SaveReducedModel");
+      return Fail(ErrorCode::kFormat, path,
+                  "is no HDF5 file; reduced models are written by SaveReducedModel");
     const Hdf5 file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
     if (!file)
       return Fail(ErrorCode::kFile, path,
-                  "cannot be opened as HDF5 (" + LastHdf5Message() + "); it is cut off or damaged, copy or save it again");
+                  "cannot be opened as HDF5 (" + LastHdf5Message() +
+                      "); it is cut off or damaged, copy or save it again");
     return ReadAll(file.id(), path, facts.size + (std::size_t{1} << 20));
   } catch (const Hdf5Fault& e) {
     return Fail(e.code(), path, std::string(e.what()) + "; copy or save the file again");
   } catch (const std::exception& e) {
-    return Fail(ErrorCode::kFormat, path, std::string("cannot be read (") + e.what() + "); the file is damaged");
+    return Fail(ErrorCode::kFormat, path,
+                std::string("cannot be read (") + e.what() + "); the file is damaged");
   }
 }
 

@@ -37,13 +37,15 @@ Expected<ReplayResult> Replay(const Recording& recording) {
   if (h.first_step != 0)
     return Fail(ErrorCode::kUsage, h.path,
                 "begins after " + std::to_string(h.first_step) +
-                    " steps of a run, whose state it does not hold; only recordings from the first step can be replayed");
+                    " steps of a run, whose state it does not hold; only recordings from the first step can "
+                    "be replayed");
   if (auto ok = CheckKeyframe(h); !ok) return tl::unexpected(ok.error());
   try {
     auto simulation = Simulation::Create(h.scene, h.options);
     if (!simulation) return tl::unexpected(simulation.error());
     if (simulation->control_names() != h.control_names || simulation->bodies().size() != h.bodies.size())
-      return Fail(ErrorCode::kFormat, h.path, "names other controls or bodies than its scene has; the file is damaged");
+      return Fail(ErrorCode::kFormat, h.path,
+                  "names other controls or bodies than its scene has; the file is damaged");
     ReplayResult result;
     result.final_hash = simulation->HashState();
     if (result.final_hash != h.initial_hash) result.first_difference_step = 0;
@@ -56,13 +58,15 @@ Expected<ReplayResult> Replay(const Recording& recording) {
       simulation->Step();
       result.steps = i + 1;
       result.final_hash = simulation->HashState();
-      if (result.first_difference_step < 0 && result.final_hash != recording.data().hash[static_cast<std::size_t>(i)])
+      if (result.first_difference_step < 0 &&
+          result.final_hash != recording.data().hash[static_cast<std::size_t>(i)])
         result.first_difference_step = i + 1;
     }
     result.identical = result.first_difference_step < 0;
     return result;
   } catch (const std::invalid_argument& e) {  // inputs that no run can have had
-    return Fail(ErrorCode::kFormat, h.path, std::string("cannot be replayed (") + e.what() + "); the file is damaged");
+    return Fail(ErrorCode::kFormat, h.path,
+                std::string("cannot be replayed (") + e.what() + "); the file is damaged");
   }
 }
 

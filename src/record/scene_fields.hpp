@@ -1,7 +1,7 @@
 // The fields of every struct that is written down.
 //
-// The structured bindings are the guard: a struct that gains a field stops the compiler here, so that no field is
-// forgotten by recordings. Then list it, and raise kFormatVersion.
+// The structured bindings are the guard: a struct that gains a field stops the compiler here, so that no
+// field is forgotten by recordings. Then list it, and raise kFormatVersion.
 #pragma once
 
 #include "json_archive.hpp"
@@ -16,8 +16,9 @@ struct EnumNames<BaseKind> {
 template <>
 struct EnumNames<JointKind> {
   static constexpr std::pair<JointKind, const char*> kNames[] = {
-      {JointKind::kHinge, "hinge"},   {JointKind::kSlide, "slide"}, {JointKind::kBall, "ball"},
-      {JointKind::kCylindrical, "cylindrical"}, {JointKind::kPlanar, "planar"}, {JointKind::kFree, "free"},
+      {JointKind::kHinge, "hinge"},    {JointKind::kSlide, "slide"},
+      {JointKind::kBall, "ball"},      {JointKind::kCylindrical, "cylindrical"},
+      {JointKind::kPlanar, "planar"},  {JointKind::kFree, "free"},
       {JointKind::kGeneral, "general"}};
 };
 template <>
@@ -27,17 +28,29 @@ struct EnumNames<Recovery> {
 };
 
 template <class A>
-void Fields(A& a, Like<Sphere, A>& s) { a("radius", s.radius); }
+void Fields(A& a, Like<Sphere, A>& s) {
+  a("radius", s.radius);
+}
 template <class A>
-void Fields(A& a, Like<Plane, A>& s) { a("half_x", s.half_x), a("half_y", s.half_y); }
+void Fields(A& a, Like<Plane, A>& s) {
+  a("half_x", s.half_x), a("half_y", s.half_y);
+}
 template <class A>
-void Fields(A& a, Like<Capsule, A>& s) { a("radius", s.radius), a("half_length", s.half_length); }
+void Fields(A& a, Like<Capsule, A>& s) {
+  a("radius", s.radius), a("half_length", s.half_length);
+}
 template <class A>
-void Fields(A& a, Like<Cylinder, A>& s) { a("radius", s.radius), a("half_length", s.half_length); }
+void Fields(A& a, Like<Cylinder, A>& s) {
+  a("radius", s.radius), a("half_length", s.half_length);
+}
 template <class A>
-void Fields(A& a, Like<Ellipsoid, A>& s) { a("radii", s.radii); }
+void Fields(A& a, Like<Ellipsoid, A>& s) {
+  a("radii", s.radii);
+}
 template <class A>
-void Fields(A& a, Like<Box, A>& s) { a("half", s.half); }
+void Fields(A& a, Like<Box, A>& s) {
+  a("half", s.half);
+}
 
 template <class A>
 void Fields(A& a, Like<SpatialInertia, A>& s) {
@@ -106,7 +119,8 @@ void Fields(A& a, Like<ControlDef, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<MechanismDef, A>& s) {
-  auto& [name, base, X_WR, bodies, joints, closures, couplings, springs, controls, interfaces, chosen, modes] = s;
+  auto& [name, base, X_WR, bodies, joints, closures, couplings, springs, controls, interfaces, chosen,
+         modes] = s;
   a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
   a("closures", closures), a("couplings", couplings), a("springs", springs), a("controls", controls);
   a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);
@@ -140,20 +154,23 @@ template <class A>
 void Fields(A& a, Like<Scene, A>& s) {
   auto& [name, gravity, timestep, mechanisms, free_bodies, world, excluded_pairs, keyframes] = s;
   a("name", name), a("gravity", gravity), a("timestep", timestep), a("mechanisms", mechanisms);
-  a("free_bodies", free_bodies), a("world", world), a("excluded_pairs", excluded_pairs), a("keyframes", keyframes);
+  a("free_bodies", free_bodies), a("world", world), a("excluded_pairs", excluded_pairs),
+      a("keyframes", keyframes);
 }
 
 template <class A>
 void Fields(A& a, Like<ContactSolverOptions, A>& s) {
   auto& [max_sweeps, tolerance, max_newton_iterations, max_newton_rows] = s;
-  a("max_sweeps", max_sweeps), a("tolerance", tolerance), a("max_newton_iterations", max_newton_iterations), a("max_newton_rows", max_newton_rows);
+  a("max_sweeps", max_sweeps), a("tolerance", tolerance), a("max_newton_iterations", max_newton_iterations),
+      a("max_newton_rows", max_newton_rows);
 }
 
 template <class A>
 void Fields(A& a, Like<StepOptions, A>& s) {
   auto& [h, gravity, correction, slop, max_speed, curvature, refresh, contact] = s;
   a("h", h), a("gravity", gravity), a("penetration_correction", correction), a("slop", slop);
-  a("max_correction_speed", max_speed), a("contact_curvature", curvature), a("refresh", refresh), a("contact", contact);
+  a("max_correction_speed", max_speed), a("contact_curvature", curvature), a("refresh", refresh),
+      a("contact", contact);
 }
 
 template <class A>

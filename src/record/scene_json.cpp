@@ -16,7 +16,8 @@ int Place(const std::shared_ptr<const T>& item, std::vector<std::shared_ptr<cons
 }
 
 template <class T>
-std::shared_ptr<const T> Look(int place, const std::vector<std::shared_ptr<const T>>& table, const JsonPath& path) {
+std::shared_ptr<const T> Look(int place, const std::vector<std::shared_ptr<const T>>& table,
+                              const JsonPath& path) {
   if (place == -1) return nullptr;
   if (place < 0 || place >= static_cast<int>(table.size()))
     throw JsonFault(path, "names number " + std::to_string(place) + " of " + std::to_string(table.size()));
@@ -56,11 +57,16 @@ void JsonReader::Decode(const Json& j, std::string& value, const JsonPath& path)
 }
 
 void JsonReader::Decode(const Json& j, double& value, const JsonPath& path) {
-  if (j.is_number()) value = j.get<double>();
-  else if (j == "inf") value = std::numeric_limits<double>::infinity();
-  else if (j == "-inf") value = -std::numeric_limits<double>::infinity();
-  else if (j == "nan") value = std::numeric_limits<double>::quiet_NaN();
-  else throw JsonFault(path, "should be a number");
+  if (j.is_number())
+    value = j.get<double>();
+  else if (j == "inf")
+    value = std::numeric_limits<double>::infinity();
+  else if (j == "-inf")
+    value = -std::numeric_limits<double>::infinity();
+  else if (j == "nan")
+    value = std::numeric_limits<double>::quiet_NaN();
+  else
+    throw JsonFault(path, "should be a number");
 }
 
 Json JsonWriter::Encode(const Shape& shape) {

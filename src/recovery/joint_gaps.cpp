@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <fork1s/recovery/recover.hpp>
 
 #include <Eigen/QR>
@@ -37,11 +38,13 @@ Vector3 Anchor(const Mechanism& mechanism, const Stack& stack, BodyIndex body, d
   return origin + from_origin;
 }
 
-// Where the axes do not meet: displacements that come nearest to the child's pose, and what they leave.
-double FittedGap(const Mechanism& mechanism, const Stack& stack, const RigidTransform& X_wanted) {
+// Where a joint is more than turns about one point or slides along fixed directions: displacements that bring the
+// moved body nearest to its pose, and how far its anchor is left apart.
+double FittedGap(const Mechanism& mechanism, const Stack& stack, const Vector3& anchor,
+                 const RigidTransform& X_wanted) {
   VectorX q = VectorX::Zero(stack.size);
   double gap = 0;
-  for (int iteration = 0; iteration < 20; ++iteration) {
+  for (int iteration = 0; iteration < 50; ++iteration) {
     RigidTransform P;
     Matrix6X J(6, stack.size);
     for (int j = stack.first; j < stack.first + stack.count; ++j) {
@@ -51,13 +54,38 @@ double FittedGap(const Mechanism& mechanism, const Stack& stack, const RigidTran
       J.middleCols(joint.offset - stack.offset, joint.size) = Adjoint(P) * Dexp(x) * S;
       P = P * Exp(x);
     }
-    const Vector6 error = Log(X_wanted * P.inverse());
+    // About the anchor, turns in lengths of the mechanism.
+    const Vector3 at = P * anchor;
+    Vector6 error;
+    error << mechanism.length_scale() * LogRotation(X_wanted.rotation() * P.rotation().transpose()),
+        X_wanted * anchor - at;
+    J.bottomRows<3>() -= Skew(at) * J.topRows<3>();
+    J.topRows<3>() *= mechanism.length_scale();
     gap = error.tail<3>().norm();
-    const VectorX step = J.completeOrthogonalDecomposition().solve(error);
+    VectorX step = J.completeOrthogonalDecomposition().solve(error);
+    if (const double largest = step.cwiseAbs().maxCoeff(); largest > 1) step /= largest;
     q += step;
     if (step.norm() < 1e-13) break;
   }
   return gap;
+}
+
+// Turns about one point, or slides alone: what they leave of a displacement of the anchor is plain geometry.
+// Turns about and slides along or all across the same axis are so as well.
+bool IsSimple(const Mechanism& mechanism, const Stack& stack) {
+  if (stack.count == 1) {
+    const JointKind kind = mechanism.joint(JointIndex(stack.first)).kind;
+    if (kind == JointKind::kCylindrical || kind == JointKind::kPlanar || kind == JointKind::kFree) return true;
+  }
+  int turns = 0;
+  for (int i = stack.offset; i < stack.offset + stack.size; ++i) {
+    const Vector6 s = mechanism.screws().col(i);
+    const double w = s.head<3>().norm();
+    if (w == 0) continue;
+    ++turns;
+    if (std::abs(s.head<3>().dot(s.tail<3>())) > 1e-9 * w * (w + s.tail<3>().norm())) return false;  // a pitch
+  }
+  return turns == 0 || turns == stack.size;
 }
 
 // Directions in which the joint slides, in R at q = 0.
@@ -90,10 +118,10 @@ std::vector<JointGap> MeasureJointGaps(const Mechanism& mechanism, const std::ve
     }
     double apart = 0;
     const Vector3 anchor = Anchor(mechanism, stack, joint.body, apart);
-    if (apart > 1e-9) {
+    if (apart > 1e-9 || !IsSimple(mechanism, stack)) {
       const RigidTransform X_wanted =
           parent.X_RB0 * X_RB[child.parent.u()].inverse() * X_RB[joint.body.u()] * child.X_RB0.inverse();
-      gaps.push_back({joint.name, FittedGap(mechanism, stack, X_wanted)});
+      gaps.push_back({joint.name, FittedGap(mechanism, stack, anchor, X_wanted)});
       continue;
     }
     // Every direction that one of the joints slides in.

@@ -23,8 +23,8 @@ TEST_P(HeldMass, LiftsHoldsAndCarriesTheWeight) {
   const HandMeasurement m = RunOn(scenario);
   EXPECT_TRUE(m.finite);
   EXPECT_GT(m.lift_height, 0.14);
-  EXPECT_LT(m.drift_at_rest, 1e-5);        // 0.01 mm in 5 s
-  EXPECT_LT(m.load_error, 1e-3);           // friction and normal forces carry the weight
+  EXPECT_LT(m.drift_at_rest, 1e-5);  // 0.01 mm in 5 s
+  EXPECT_LT(m.load_error, 1e-3);     // friction and normal forces carry the weight
   EXPECT_LT(m.penetration_max, 5e-4);
   EXPECT_EQ(m.unconverged_rest, 0);
   EXPECT_LT(m.max_speed_at_rest, 1e-3);

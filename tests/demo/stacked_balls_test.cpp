@@ -1,6 +1,6 @@
+#include <gtest/gtest.h>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/sim/simulation.hpp>
-#include <gtest/gtest.h>
 
 namespace fork1s {
 namespace {

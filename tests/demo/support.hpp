@@ -16,7 +16,8 @@ inline ImportedScene Load(const std::string& name, const ImportOptions& options 
   return std::move(*imported);
 }
 
-inline Simulation Start(Scene scene, int keyframe = -1, double refresh_angle = SimulationOptions{}.refresh_angle) {
+inline Simulation Start(Scene scene, int keyframe = -1,
+                        double refresh_angle = SimulationOptions{}.refresh_angle) {
   SimulationOptions options;
   options.dt = 1.0 / 60;
   options.initial_keyframe = keyframe;
@@ -30,10 +31,10 @@ inline Simulation Start(Scene scene, int keyframe = -1, double refresh_angle = S
 struct Passage {
   bool finite = true;
   int unconverged = 0;
-  int contacts = 0;            // at the last step
-  double gap = 0;              // m, of any loop
-  double penetration = 0;      // m
-  double speed = 0;            // m/s, of the origin of any body
+  int contacts = 0;        // at the last step
+  double gap = 0;          // m, of any loop
+  double penetration = 0;  // m
+  double speed = 0;        // m/s, of the origin of any body
 };
 
 inline Passage Advance(Simulation& simulation, double seconds) {

@@ -42,7 +42,8 @@ TEST(Csv, ExportsWhatTheRecordingHolds) {
   EXPECT_EQ(track->times, recording->data().time);
   for (int i = 0; i < 30; ++i)
     for (std::size_t k = 0; k < track->names.size(); ++k)
-      EXPECT_EQ(track->rows[static_cast<std::size_t>(i)][k], recording->Controls(i)(static_cast<Eigen::Index>(k)));
+      EXPECT_EQ(track->rows[static_cast<std::size_t>(i)][k],
+                recording->Controls(i)(static_cast<Eigen::Index>(k)));
 
   ASSERT_TRUE(ExportCsv(*recording, folder / "all", {.all_bodies = true}));
   EXPECT_NE(Lines(folder / "all/poses.csv")[0].find("hand1.x"), std::string::npos);
@@ -90,7 +91,9 @@ class ControlFile : public ::testing::Test {
 };
 
 TEST_F(ControlFile, IsRead) {
-  const auto track = Read("\xEF\xBB\xBF# made by hand\r\n\r\n time , \"grip, left\" ,tilt\r\n0,1,2\r\n# between\n0.5, -1e-3 ,+4\n");
+  const auto track = Read(
+      "\xEF\xBB\xBF# made by hand\r\n\r\n time , \"grip, left\" ,tilt\r\n0,1,2\r\n# between\n0.5, -1e-3 "
+      ",+4\n");
   ASSERT_TRUE(track) << track.error().Text();
   EXPECT_EQ(track->names, (std::vector<std::string>{"grip, left", "tilt"}));
   EXPECT_EQ(track->times, (std::vector<double>{0, 0.5}));

@@ -1,5 +1,5 @@
-#include <csignal>
 #include <sys/wait.h>
+#include <csignal>
 
 #include "support.hpp"
 
@@ -33,7 +33,8 @@ Kept RecordTouching(const std::string& path, int steps, const SimulationOptions&
     run.reports.push_back(report);
     run.energy.push_back(simulation.Energy());
     std::vector<RigidTransform> poses;
-    for (std::size_t b = 0; b < simulation.bodies().size(); ++b) poses.push_back(simulation.Pose(static_cast<int>(b)));
+    for (std::size_t b = 0; b < simulation.bodies().size(); ++b)
+      poses.push_back(simulation.Pose(static_cast<int>(b)));
     run.poses.push_back(poses);
     std::vector<VectorX> z, w;
     for (const MechanismDynamics& m : simulation.world().mechanisms()) {
@@ -181,8 +182,11 @@ TEST(Replay, StartsAtAKeyframe) {
   ASSERT_TRUE(recorder->Finish());
   const auto recording = Recording::Open(folder / "run.h5");
   ASSERT_TRUE(recording);
-  EXPECT_EQ(recording->Pose(-1, recording->header().bodies.size() ? static_cast<int>(recording->bodies().size()) - 1 : 0)
-                .translation(), Vector3(0, 0, 0.12));
+  EXPECT_EQ(
+      recording
+          ->Pose(-1, recording->header().bodies.size() ? static_cast<int>(recording->bodies().size()) - 1 : 0)
+          .translation(),
+      Vector3(0, 0, 0.12));
   const auto result = Replay(*recording);
   ASSERT_TRUE(result) << result.error().Text();
   EXPECT_TRUE(result->identical) << result->first_difference_step;
@@ -234,7 +238,8 @@ TEST(Recorder, IsReadableWhileItWritesAndByItsDestructor) {
   Folder folder;
   Simulation simulation = CreateOrThrow(TouchingScene());
   {
-    auto recorder = Recorder::Create(folder / "run.h5", simulation, {.flush_interval = 1e9, .flush_steps = 10});
+    auto recorder =
+        Recorder::Create(folder / "run.h5", simulation, {.flush_interval = 1e9, .flush_steps = 10});
     ASSERT_TRUE(recorder);
     Record(simulation, *recorder, 25);
     EXPECT_EQ(recorder->steps(), 25);
@@ -261,7 +266,8 @@ TEST(Recorder, SurvivesTheDeathOfItsProgram) {
   const pid_t child = fork();
   if (child == 0) {
     Simulation simulation = CreateOrThrow(TouchingScene());
-    auto recorder = Recorder::Create(folder / "run.h5", simulation, {.flush_interval = 1e9, .flush_steps = 10});
+    auto recorder =
+        Recorder::Create(folder / "run.h5", simulation, {.flush_interval = 1e9, .flush_steps = 10});
     if (recorder) Record(simulation, *recorder, 57);
     raise(SIGKILL);
   }
@@ -286,7 +292,8 @@ TEST(Recorder, CallersMistakesThrow) {
   small.mechanisms.pop_back();
   Simulation other = CreateOrThrow(small);
   EXPECT_THROW(static_cast<void>(recorder->Append(other, {})), std::invalid_argument);
-  EXPECT_THROW(static_cast<void>(recorder->Append(simulation, {}, {AppliedWrench{.body = 99}})), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(recorder->Append(simulation, {}, {AppliedWrench{.body = 99}})),
+               std::invalid_argument);
   ASSERT_TRUE(recorder->Finish());
   ASSERT_TRUE(recorder->Finish());
   EXPECT_THROW(static_cast<void>(recorder->Append(simulation, {})), std::invalid_argument);

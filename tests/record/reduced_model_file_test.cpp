@@ -13,7 +13,8 @@ bool SameBits(const A& a, const B& b) {
   if (a.rows() != b.rows() || a.cols() != b.cols()) return false;
   for (Eigen::Index i = 0; i < a.rows(); ++i)
     for (Eigen::Index k = 0; k < a.cols(); ++k)
-      if (std::bit_cast<std::uint64_t>(double(a(i, k))) != std::bit_cast<std::uint64_t>(double(b(i, k)))) return false;
+      if (std::bit_cast<std::uint64_t>(double(a(i, k))) != std::bit_cast<std::uint64_t>(double(b(i, k))))
+        return false;
   return true;
 }
 

@@ -36,7 +36,9 @@ class BitList {
     for (const T& x : v) Add(x);
   }
   template <class A, class B>
-  void Add(const std::pair<A, B>& p) { Add(p.first), Add(p.second); }
+  void Add(const std::pair<A, B>& p) {
+    Add(p.first), Add(p.second);
+  }
   void Add(const GeometryDef& g) {
     Add(g.name), Add(static_cast<int>(g.shape.index())), Add(g.X_BG), Add(g.friction), Add(g.priority);
     Add(g.contype), Add(g.conaffinity), Add(g.frictionless), Add(g.rgba), Add(g.group);
@@ -53,15 +55,20 @@ class BitList {
     if (auto* s = std::get_if<HeightField>(&g.shape)) {
       Add(s->grid != nullptr);
       if (s->grid)
-        Add(s->grid->name), Add(s->grid->rows), Add(s->grid->columns), Add(s->grid->half_x), Add(s->grid->half_y),
-            Add(s->grid->max_height), Add(s->grid->base_depth), Add(s->grid->values);
+        Add(s->grid->name), Add(s->grid->rows), Add(s->grid->columns), Add(s->grid->half_x),
+            Add(s->grid->half_y), Add(s->grid->max_height), Add(s->grid->base_depth), Add(s->grid->values);
     }
   }
-  void Add(const BodyDef& b) { Add(b.name), Add(b.parent.value()), Add(b.X_PB), Add(b.inertia), Add(b.geometries); }
-  void Add(const FreedomDef& f) {
-    Add(f.screw_B), Add(f.stiffness), Add(f.damping), Add(f.armature), Add(f.rest), Add(f.lower), Add(f.upper);
+  void Add(const BodyDef& b) {
+    Add(b.name), Add(b.parent.value()), Add(b.X_PB), Add(b.inertia), Add(b.geometries);
   }
-  void Add(const JointDef& j) { Add(j.name), Add(j.body.value()), Add(static_cast<int>(j.kind)), Add(j.freedoms); }
+  void Add(const FreedomDef& f) {
+    Add(f.screw_B), Add(f.stiffness), Add(f.damping), Add(f.armature), Add(f.rest), Add(f.lower),
+        Add(f.upper);
+  }
+  void Add(const JointDef& j) {
+    Add(j.name), Add(j.body.value()), Add(static_cast<int>(j.kind)), Add(j.freedoms);
+  }
   void Add(const ClosureDef& c) {
     Add(c.name), Add(c.body_a.value()), Add(c.body_b.value()), Add(c.X_AJ), Add(c.X_BJ), Add(c.rigid);
     Add(c.stiffness), Add(c.damping);
@@ -76,10 +83,13 @@ class BitList {
   }
   void Add(const MechanismDef& m) {
     Add(m.name), Add(static_cast<int>(m.base)), Add(m.X_WR), Add(m.bodies), Add(m.joints), Add(m.closures);
-    Add(m.couplings), Add(m.springs), Add(m.controls), Add(m.interfaces), Add(m.interfaces_chosen), Add(m.modes);
+    Add(m.couplings), Add(m.springs), Add(m.controls), Add(m.interfaces), Add(m.interfaces_chosen),
+        Add(m.modes);
   }
   void Add(const FreeBodyDef& b) { Add(b.name), Add(b.X_WB), Add(b.inertia), Add(b.geometries); }
-  void Add(const KeyframeDef::MechanismState& s) { Add(s.q), Add(s.q_dot), Add(s.X_WR), Add(s.V_R), Add(s.controls); }
+  void Add(const KeyframeDef::MechanismState& s) {
+    Add(s.q), Add(s.q_dot), Add(s.X_WR), Add(s.V_R), Add(s.controls);
+  }
   void Add(const KeyframeDef::FreeBodyState& s) { Add(s.X_WB), Add(s.omega_W), Add(s.velocity_W); }
   void Add(const KeyframeDef& k) { Add(k.name), Add(k.mechanisms), Add(k.free_bodies); }
   void Add(const Scene& s) {
@@ -117,8 +127,8 @@ TEST(SceneJson, SharesMeshesAgain) {
 
 TEST(SceneJson, KeepsDoublesAtTheEdges) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  for (double v : {0.0, -0.0, 5e-324, -2.2250738585072014e-308, 1.7976931348623157e308, 0.1, 1e23, kInfinity, -kInfinity,
-                   std::nextafter(1.0, 2.0), 9007199254740993.0, 1e16, 100.0}) {
+  for (double v : {0.0, -0.0, 5e-324, -2.2250738585072014e-308, 1.7976931348623157e308, 0.1, 1e23, kInfinity,
+                   -kInfinity, std::nextafter(1.0, 2.0), 9007199254740993.0, 1e16, 100.0}) {
     Scene scene;
     scene.timestep = v;
     const auto read = ReadScene(WriteScene(scene), "test");
@@ -148,7 +158,8 @@ TEST(SceneJson, NamesTheMemberAtFault) {
             std::string::npos);
   EXPECT_NE(broken("\"mass\": 0.5,", "").find("is missing"), std::string::npos);
   EXPECT_NE(broken("\"kind\": \"sphere\"", "\"kind\": \"torus\"").find("torus"), std::string::npos);
-  EXPECT_NE(broken("\"base\": \"driven\"", "\"base\": \"flying\"").find("mechanisms[0].base"), std::string::npos);
+  EXPECT_NE(broken("\"base\": \"driven\"", "\"base\": \"flying\"").find("mechanisms[0].base"),
+            std::string::npos);
   broken("{", "[");
   broken("\"timestep\"", "timestep");
 }

@@ -90,7 +90,8 @@ inline MechanismDef Chain(const std::string& name, BaseKind base, int links, con
   return def;
 }
 
-/// A driven and a fixed chain press on a free box that stands on the ground; a floating chain falls beside it.
+/// A driven and a fixed chain press on a free box that stands on the ground; a floating chain falls beside
+/// it.
 inline Scene TouchingScene() {
   Scene scene;
   scene.name = "touching";
@@ -120,8 +121,10 @@ inline std::vector<AppliedWrench> SetInputs(int i, Simulation& simulation) {
   std::vector<AppliedWrench> wrenches;
   if (i % 7 == 3) {
     const int body = simulation.FindBody("box");
-    wrenches.push_back({body, Vector3(0.3, 0.2, 0), Vector3(0, 0, 0.01), simulation.Pose(body).translation()});
-    wrenches.push_back({simulation.FindBody("walker2"), Vector3(0, 0.5, 0), Vector3::Zero(), Vector3(0.6, 0, 0.2)});
+    wrenches.push_back(
+        {body, Vector3(0.3, 0.2, 0), Vector3(0, 0, 0.01), simulation.Pose(body).translation()});
+    wrenches.push_back(
+        {simulation.FindBody("walker2"), Vector3(0, 0.5, 0), Vector3::Zero(), Vector3(0.6, 0, 0.2)});
   }
   return wrenches;
 }
@@ -179,9 +182,16 @@ inline Scene SceneWithEverything(unsigned seed) {
   body.name = "free";
   body.X_WB = random.Pose(1);
   body.inertia = random.Inertia();
-  const Shape shapes[] = {Plane{0.1, 0}, Sphere{random.Uniform(0, 1)}, Capsule{0.1, random.Uniform(0, 1)},
-                          Cylinder{0.2, 0.3}, Ellipsoid{random.InBox(1)}, Box{random.InBox(1)}, MeshShape{mesh},
-                          MeshShape{mesh}, HeightField{grid}, MeshShape{}};
+  const Shape shapes[] = {Plane{0.1, 0},
+                          Sphere{random.Uniform(0, 1)},
+                          Capsule{0.1, random.Uniform(0, 1)},
+                          Cylinder{0.2, 0.3},
+                          Ellipsoid{random.InBox(1)},
+                          Box{random.InBox(1)},
+                          MeshShape{mesh},
+                          MeshShape{mesh},
+                          HeightField{grid},
+                          MeshShape{}};
   for (const Shape& shape : shapes) {
     GeometryDef g = Geometry(ShapeName(shape), shape);
     g.X_BG = random.Pose(1);

@@ -110,37 +110,6 @@ TEST(ReducedModelProperties, StiffnessIsDiagonal) {
   }
 }
 
-TEST(ReducedModelProperties, ComplementIsOrthogonalAndUnseen) {
-  int with_complement = 0;
-  for (unsigned seed = 0; seed < 2 * kSeeds; ++seed) {
-    SCOPED_TRACE(seed);
-    RandomMechanismOptions options = seed % 2 ? Loops() : RandomMechanismOptions();
-    options.interfaces = 1;
-    options.bodies = 12;
-    ReductionOptions reduction;
-    reduction.modes = static_cast<int>(seed % 4);
-    const Reduced r(seed, options, reduction);
-    ASSERT_TRUE(r.model) << r.model.error().Text();
-    if (!r.model->has_complement) continue;
-    ++with_complement;
-    RandomSource random(seed);
-    const VectorX g = random.Vector(r.mechanism->num_coordinates(), 1);
-    VectorX q_perp;
-    ApplyComplement(*r.model, g, q_perp);
-    // K-orthogonal, in units of the energies of both sides.
-    const double energy = std::sqrt(std::max(0.0, q_perp.dot(r.K * q_perp)));
-    EXPECT_LT((r.model->Q.transpose() * r.K * q_perp).cwiseAbs().maxCoeff(), kRounding * (1 + energy));
-    // The interface sees at most the singular values that were dropped: 1e-4 of the largest.
-    Matrix6X J = BodyJacobian(*r.mechanism, r.kinematics, r.model->interfaces[0]);
-    const RigidTransform& X = r.kinematics.X_RB[r.model->interfaces[0].u()];
-    J.bottomRows<3>() -= Skew(X.translation()) * J.topRows<3>();
-    J.topRows<3>() *= r.mechanism->length_scale();
-    const double felt = (J * r.model->Q).norm();
-    EXPECT_LT((J * q_perp).norm(), 1.01e-4 * felt * energy);
-  }
-  EXPECT_GT(with_complement, static_cast<int>(kSeeds));
-}
-
 TEST(ReducedModelProperties, StaticResponseIsComplete) {
   for (unsigned seed = 0; seed < 2 * kSeeds; ++seed) {
     SCOPED_TRACE(seed);

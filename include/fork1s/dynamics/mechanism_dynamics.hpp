@@ -138,6 +138,7 @@ class MechanismDynamics {
   VectorX controls_;
   RigidTransform driven_next_;
   Vector6 V_R_before_ = Vector6::Zero();  // base twist at the start of the step
+  Vector3 drift_R_ = Vector3::Zero();     // velocity of a floating mechanism's centre of mass at that time
   bool has_wrenches_ = false;
   Matrix6X wrenches_W_;  // 6 x bodies about the world origin, world axes
 

@@ -1,7 +1,7 @@
 // Recordings of a run: written while it runs, opened, replayed bit by bit.
 //
-// A recording is one HDF5 file. It holds all that the run depends on (scene, options, inputs of every step) and what
-// came of it, under names and with units that h5py or MATLAB show without this program.
+// A recording is one HDF5 file. It holds all that the run depends on (scene, options, inputs of every step)
+// and what came of it, under names and with units that h5py or MATLAB show without this program.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ namespace fork1s {
 
 /// A push from outside during one step: see Simulation::ApplyWrench.
 struct AppliedWrench {
-  int body = 0;  // place in Simulation::bodies()
+  int body = 0;                        // place in Simulation::bodies()
   Vector3 force_W = Vector3::Zero();   // N
   Vector3 moment_W = Vector3::Zero();  // N·m, about point_W
   Vector3 point_W = Vector3::Zero();   // m
@@ -34,33 +34,34 @@ struct RecordedContact {
   double friction = 0;               // coefficient
 };
 
-/// All steps as plain arrays, row after row; one row a step unless said otherwise. The file holds each as a dataset of
-/// the same name, with its unit and meaning as attributes, in the groups /steps, /reduced, /contacts and /wrenches.
+/// All steps as plain arrays, row after row; one row a step unless said otherwise. The file holds each as a
+/// dataset of the same name, with its unit and meaning as attributes, in the groups /steps, /reduced,
+/// /contacts and /wrenches.
 struct RecordedSteps {
-  std::vector<double> time;            // s, after the step
-  std::vector<std::uint64_t> hash;     // Simulation::HashState() after the step
-  std::vector<double> controls;        // x controls: inputs of the step
-  std::vector<double> poses;           // x bodies x 7: x y z [m], qw qx qy qz
-  std::vector<double> coordinates;     // x joint coordinates of all mechanisms, from the reference [rad, m]
-  std::vector<double> base_poses;      // x mechanisms x 7
-  std::vector<double> base_twists;     // x mechanisms x 6, in R about R's origin [rad/s, m/s]
-  std::vector<int> reduced_sizes;      // x mechanisms: r, which a refresh may change
+  std::vector<double> time;         // s, after the step
+  std::vector<std::uint64_t> hash;  // Simulation::HashState() after the step
+  std::vector<double> controls;     // x controls: inputs of the step
+  std::vector<double> poses;        // x bodies x 7: x y z [m], qw qx qy qz
+  std::vector<double> coordinates;  // x joint coordinates of all mechanisms, from the reference [rad, m]
+  std::vector<double> base_poses;   // x mechanisms x 7
+  std::vector<double> base_twists;  // x mechanisms x 6, in R about R's origin [rad/s, m/s]
+  std::vector<int> reduced_sizes;   // x mechanisms: r, which a refresh may change
   std::vector<double> kinetic_energy, potential_energy;  // J
-  std::vector<double> closure_gap;     // m
-  std::vector<double> residual;        // of the contact solver
-  std::vector<double> max_penetration;  // m
+  std::vector<double> closure_gap;                       // m
+  std::vector<double> residual;                          // of the contact solver
+  std::vector<double> max_penetration;                   // m
   std::vector<int> contacts, limits, sweeps, newton_iterations, refreshes, failed_refreshes;
   std::vector<std::uint8_t> converged, contacts_dropped, finite;
   std::vector<std::uint64_t> checksum;  // of all other values of the step
 
   // Tables in which a step has any number of rows: row `end` of the step before up to `end` of the step.
   std::vector<std::int64_t> reduced_end, contact_end, wrench_end;
-  std::vector<double> z, w;                                // mechanism after mechanism
+  std::vector<double> z, w;  // mechanism after mechanism
   std::vector<int> contact_body_a, contact_body_b;
   std::vector<double> contact_point, contact_normal, contact_force;  // x 3
   std::vector<double> contact_gap, contact_friction;
   std::vector<int> wrench_body;
-  std::vector<double> wrench;                              // x 9: force, moment, point
+  std::vector<double> wrench;  // x 9: force, moment, point
 };
 
 struct RecorderOptions {
@@ -74,8 +75,9 @@ struct RecorderOptions {
 ///     for (...) { StepReport report = simulation->Step(); recorder->Append(*simulation, report); }
 ///     recorder->Finish();
 ///
-/// The file can be opened at any moment, also after the program was killed, up to the last flush. Changes made through
-/// Simulation::world() or step_options() are not inputs of a step: a replay shows them as a difference.
+/// The file can be opened at any moment, also after the program was killed, up to the last flush. Changes
+/// made through Simulation::world() or step_options() are not inputs of a step: a replay shows them as a
+/// difference.
 class Recorder {
  public:
   /// Overwrites the file. Start before the first step, or the recording can be viewed but not replayed.
@@ -87,8 +89,8 @@ class Recorder {
   Recorder(Recorder&&) noexcept;
   Recorder& operator=(Recorder&&) noexcept;
 
-  /// Call after every step, with the wrenches that were applied for it. Errors: kFile, such as a full disk; the steps
-  /// already flushed stay readable.
+  /// Call after every step, with the wrenches that were applied for it. Errors: kFile, such as a full disk;
+  /// the steps already flushed stay readable.
   Expected<void> Append(const Simulation& simulation, const StepReport& report,
                         const std::vector<AppliedWrench>& wrenches = {});
   Expected<void> Flush();
@@ -112,7 +114,7 @@ struct RecordingHeader {
   std::vector<SceneBody> bodies;
   std::vector<std::string> control_names;
   std::vector<std::string> coordinate_names;
-  std::int64_t first_step = 0;    // steps made before the recording began
+  std::int64_t first_step = 0;  // steps made before the recording began
   std::uint64_t initial_hash = 0;
   std::vector<double> initial_poses;  // bodies x 7
 };
@@ -120,8 +122,8 @@ struct RecordingHeader {
 /// A recording in memory, checked: every array has its length and every step its checksum.
 class Recording {
  public:
-  /// Errors: kFile for files that are missing, cut off or no HDF5; kFormat for other content or another version. A
-  /// recording whose writer was killed opens up to the last whole step.
+  /// Errors: kFile for files that are missing, cut off or no HDF5; kFormat for other content or another
+  /// version. A recording whose writer was killed opens up to the last whole step.
   static Expected<Recording> Open(const std::string& path);
 
   const RecordingHeader& header() const { return header_; }
@@ -156,9 +158,9 @@ struct ReplayResult {
   std::uint64_t final_hash = 0;
 };
 
-/// Simulates the recorded scene with the recorded inputs and compares the state after every step. The program that
-/// wrote the recording gives the same bits; another compiler or instruction set may not.
-/// Errors: kUsage for a recording that began in the middle of a run; kFormat, kModel for scenes that cannot be built.
+/// Simulates the recorded scene with the recorded inputs and compares the state after every step. The program
+/// that wrote the recording gives the same bits; another compiler or instruction set may not. Errors: kUsage
+/// for a recording that began in the middle of a run; kFormat, kModel for scenes that cannot be built.
 Expected<ReplayResult> Replay(const Recording& recording);
 
 }  // namespace fork1s

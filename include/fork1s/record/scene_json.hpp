@@ -10,22 +10,23 @@
 
 namespace fork1s {
 
-/// JSON with what is too large for it beside it: shapes name their mesh or height grid by its place here. Shapes
-/// that share a mesh share it again after reading.
+/// JSON with what is too large for it beside it: shapes name their mesh or height grid by its place here.
+/// Shapes that share a mesh share it again after reading.
 struct ModelText {
   std::string json;
   std::vector<std::shared_ptr<const TriangleMesh>> meshes;
   std::vector<std::shared_ptr<const HeightGrid>> grids;
 };
 
-/// Finite doubles are written with the digits that give the same bits back, others as "inf", "-inf" and "nan".
+/// Finite doubles are written with the digits that give the same bits back, others as "inf", "-inf" and
+/// "nan".
 ModelText WriteScene(const Scene& scene);
 ModelText WriteMechanism(const MechanismDef& definition);
 std::string WriteOptions(const SimulationOptions& options);
 
-/// Errors (kFormat): text that is no JSON, or a member that is missing or of the wrong type, named by its path such as
-/// "mechanisms[0].bodies[3].inertia.mass". `where` opens the message, such as a file name. Whether the result can be
-/// simulated is for BuildMechanism to say.
+/// Errors (kFormat): text that is no JSON, or a member that is missing or of the wrong type, named by its
+/// path such as "mechanisms[0].bodies[3].inertia.mass". `where` opens the message, such as a file name.
+/// Whether the result can be simulated is for BuildMechanism to say.
 Expected<Scene> ReadScene(const ModelText& text, const std::string& where);
 Expected<MechanismDef> ReadMechanism(const ModelText& text, const std::string& where);
 Expected<SimulationOptions> ReadOptions(const std::string& json, const std::string& where);
