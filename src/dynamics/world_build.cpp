@@ -95,7 +95,8 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   world.previous_used_.reserve(room);
   world.constraints_.reserve(room);
   std::size_t blocks = world.free_bodies_.size();
-  for (const MechanismDynamics& m : world.mechanisms_) blocks += m.groups().size() + m.limited_coordinates().size();
+  for (const MechanismDynamics& m : world.mechanisms_)
+    blocks += m.groups().size() + m.limited_coordinates().size();
   world.blocks_.reserve(blocks);
   int velocities = 6 * static_cast<int>(world.free_bodies_.size());
   int limits = 0, widest = 6;

@@ -58,7 +58,8 @@ void World::SizeBlocks(std::size_t mechanism) {
     const int part = m.PartOfGroup(static_cast<int>(g));
     ++groups[part < 0 ? count - 1 : static_cast<std::size_t>(part)];
   }
-  for (std::size_t k = 0; k < m.limited_coordinates().size(); ++k) limits[static_cast<std::size_t>(m.PartOfLimited(k))] += 2;
+  for (std::size_t k = 0; k < m.limited_coordinates().size(); ++k)
+    limits[static_cast<std::size_t>(m.PartOfLimited(k))] += 2;
   for (std::size_t p = 0; p < count; ++p) {
     PartBlock& part = block.parts[p];
     const int room = 6 * groups[p] + limits[p], size = p + 1 < count ? m.parts()[p].size : 0;
@@ -72,8 +73,8 @@ void World::SizeBlocks(std::size_t mechanism) {
   }
 }
 
-// Which ports and limits take part, and where they stand in the stacked velocities. Fills Jᵀ of every part and, in
-// velocities_, the twists at the start of the step.
+// Which ports and limits take part, and where they stand in the stacked velocities. Fills Jᵀ of every part
+// and, in velocities_, the twists at the start of the step.
 void World::LayOutPorts(const StepOptions& options) {
   std::fill(port_offset_.begin(), port_offset_.end(), -1);
   for (const ContactPoint& p : points_)
@@ -98,8 +99,10 @@ void World::LayOutPorts(const StepOptions& options) {
       const double gap[2] = {q - m.lower()(coordinate), m.upper()(coordinate) - q};
       for (int side = 0; side < 2; ++side) {
         const int at = static_cast<int>(2 * k) + side;
-        if (gap[side] < reach) block.parts[static_cast<std::size_t>(m.PartOfLimited(k))].limits.push_back(at);
-        else block.limit_impulses[static_cast<std::size_t>(at)] = 0;
+        if (gap[side] < reach)
+          block.parts[static_cast<std::size_t>(m.PartOfLimited(k))].limits.push_back(at);
+        else
+          block.limit_impulses[static_cast<std::size_t>(at)] = 0;
       }
     }
   }
@@ -127,10 +130,12 @@ void World::LayOutPorts(const StepOptions& options) {
         auto J = J_scratch_.leftCols(part.J_T.rows());
         m.GroupJacobian(part.groups[g], J);
         part.J_T.middleCols(column, 6) = J.transpose();
-        velocities_.segment<6>(part.offset + column) = m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
+        velocities_.segment<6>(part.offset + column) =
+            m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
       }
       for (std::size_t k = 0; k < part.limits.size(); ++k) {
-        const Eigen::Index column = 6 * static_cast<Eigen::Index>(part.groups.size()) + static_cast<Eigen::Index>(k);
+        const Eigen::Index column =
+            6 * static_cast<Eigen::Index>(part.groups.size()) + static_cast<Eigen::Index>(k);
         m.CoordinateRow(m.limited_coordinates()[static_cast<std::size_t>(part.limits[k] / 2)], m.parts()[p],
                         part.J_T.col(column));
       }
@@ -183,15 +188,19 @@ void World::AssembleOperators() {
         Y = part.J_T.leftCols(part.rows);
         m.HalfSolve(m.parts()[p], Y);
         // Small parts: Eigen's blocked product costs more to set up than to do.
-        if (part.J_T.rows() <= 8) part.W.topLeftCorner(part.rows, part.rows) = Y.transpose().lazyProduct(Y);
-        else part.W.topLeftCorner(part.rows, part.rows).noalias() = Y.transpose() * Y;
+        if (part.J_T.rows() <= 8)
+          part.W.topLeftCorner(part.rows, part.rows) = Y.transpose().lazyProduct(Y);
+        else
+          part.W.topLeftCorner(part.rows, part.rows).noalias() = Y.transpose() * Y;
       }
       for (std::size_t g = 0; g < part.groups.size(); ++g) {
         const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
-        velocities_.segment<6>(part.offset + column) = m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
+        velocities_.segment<6>(part.offset + column) =
+            m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
       }
       for (std::size_t k = 0; k < part.limits.size(); ++k)
-        velocities_(part.offset + 6 * static_cast<Eigen::Index>(part.groups.size()) + static_cast<Eigen::Index>(k)) =
+        velocities_(part.offset + 6 * static_cast<Eigen::Index>(part.groups.size()) +
+                    static_cast<Eigen::Index>(k)) =
             m.CoordinateRate(m.limited_coordinates()[static_cast<std::size_t>(part.limits[k] / 2)]);
       blocks_.push_back({part.offset, part.rows, part.W.data(), static_cast<int>(part.W.rows())});
     }

@@ -1,0 +1,104 @@
+// Springs, controls, gravity, wrenches and velocity forces of the present pose, in reduced coordinates.
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+
+namespace fork1s {
+
+void MechanismDynamics::TakeReferenceForces() {
+  const Mechanism& m = mechanism();
+  Kinematics kinematics(m);
+  ComputeKinematics(m, model_.q_ref, kinematics);
+  g_ref_.resize(model_.num_coordinates());
+  SpringForce(m, kinematics, model_.q_ref, g_ref_);
+  if (options_.recovery != Recovery::kTwist) return;
+  const int r = model_.size();
+  f_ref_ = model_.Q.transpose() * g_ref_;
+  gravity_map_.resize(r, 3);
+  base_gravity_map_.resize(6, 3);
+  for (int axis = 0; axis < 3; ++axis) {
+    F_.setZero();
+    tau_.setZero();
+    AddGravityWrenches(m, kinematics, Vector3::Unit(axis), F_);
+    AccumulateGeneralizedForce(m, kinematics.S, F_, tau_);
+    gravity_map_.col(axis) = model_.Q.transpose() * tau_;
+    base_gravity_map_.col(axis) = F_.col(0);
+  }
+  const auto controls = m.controls().size();
+  if (base_moves()) {
+    // ξ x* (I ξ) is quadratic in ξ: its symmetric coefficients by polarisation.
+    auto force = [&](const Vector6& V) {
+      F_.setZero();
+      tau_.setZero();
+      SubtractRigidMotionWrenches(m, kinematics, V, Vector6::Zero(), F_);
+      AccumulateGeneralizedForce(m, kinematics.S, F_, tau_);
+      return VectorX(model_.Q.transpose() * tau_);
+    };
+    rigid_motion_map_.resize(r, 36);
+    for (int i = 0; i < 6; ++i)
+      for (int j = 0; j < 6; ++j)
+        rigid_motion_map_.col(6 * i + j) = 0.5 * (force(Vector6::Unit(i) + Vector6::Unit(j)) -
+                                                  force(Vector6::Unit(i)) - force(Vector6::Unit(j)));
+  }
+  control_map_.resize(r, static_cast<Eigen::Index>(controls));
+  for (std::size_t i = 0; i < controls; ++i) {
+    tau_.setZero();
+    AddControlForce(m, VectorX::Unit(static_cast<Eigen::Index>(controls), static_cast<Eigen::Index>(i)),
+                    tau_);
+    control_map_.col(static_cast<Eigen::Index>(i)) = model_.Q.transpose() * tau_;
+  }
+}
+
+// f_z_ and base_force_ at the present pose; q_perp follows the loads of this pose.
+void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R) {
+  const Mechanism& m = mechanism();
+  if (options_.recovery == Recovery::kTwist) {
+    f_z_ = f_ref_;
+    f_z_ -= model_.K_r.cwiseProduct(state_.z);
+    f_z_.noalias() += gravity_map_ * gravity_R;
+    if (controls_.size() > 0) f_z_.noalias() += control_map_ * controls_;
+    base_force_.noalias() = base_gravity_map_ * gravity_R;
+    if (base_moves()) {
+      f_z_.noalias() -= model_.M_0z.transpose() * A_R;
+      const Matrix6 VV = state_.V_R * state_.V_R.transpose();
+      f_z_.noalias() += rigid_motion_map_ * Eigen::Map<const Eigen::Matrix<double, 36, 1>>(VV.data());
+    }
+    if (has_wrenches_)
+      for (int b = 0; b < m.num_bodies(); ++b) {
+        const Vector6 F = AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
+        f_z_.noalias() += model_.T_of(BodyIndex(b)).transpose() * F;
+        base_force_ += F;
+      }
+    return;
+  }
+  F_.setZero();
+  if (!gravity_R.isZero(0)) AddGravityWrenches(m, configuration_.kinematics, gravity_R, F_);
+  if (has_wrenches_)
+    for (int b = 0; b < m.num_bodies(); ++b)
+      F_.col(b) += AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
+  tau_.setZero();
+  if (base_moves()) {
+    // The base's own rows get the same by carrying its momentum along.
+    base_force_ = F_.rowwise().sum();
+    if (base_size_ > 0) {
+      q_dot_.noalias() = configuration_.Q_now * state_.w;
+      SubtractVelocityWrenches(m, configuration_.kinematics, state_.V_R, q_dot_, body_V_, body_A_, F_);
+    } else if (!A_R.isZero(0) || !state_.V_R.isZero(0)) {
+      SubtractRigidMotionWrenches(m, configuration_.kinematics, state_.V_R, A_R, F_);
+    }
+  }
+  AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
+  if (controls_.size() > 0) AddControlForce(m, controls_, tau_);
+  if (model_.has_complement) {
+    g_ = g_ref_ + tau_;
+    ApplyComplement(model_, g_, state_.q_perp);
+    if (q_perp_offset_.size() == 0) {
+      // First loads after a refresh: what they ask for at once is kept back and fades, so that nothing jumps.
+      q_perp_offset_ = state_.q_perp;
+    }
+    state_.q_perp -= q_perp_offset_;
+  }
+  SpringForce(m, configuration_.kinematics, configuration_.q, g_);
+  g_ += tau_;
+  f_z_.noalias() = configuration_.Q_now.transpose() * g_;
+}
+
+}  // namespace fork1s

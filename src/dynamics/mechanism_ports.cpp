@@ -1,0 +1,114 @@
+// What contacts see of a mechanism: parts that move independently, the twists of its contact groups.
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+
+#include <algorithm>
+
+namespace fork1s {
+
+// Parts are runs of velocities: with fingers on a held palm the coordinates of each stand together.
+void MechanismDynamics::FindParts() {
+  const int r = model_.size(), nx = num_velocities();
+  std::vector<int> reach(static_cast<std::size_t>(std::max(nx, 1)));
+  for (std::size_t i = 0; i < reach.size(); ++i) reach[i] = static_cast<int>(i);
+  auto join = [&](int first, int last) {
+    if (first <= last)
+      reach[static_cast<std::size_t>(first)] = std::max(reach[static_cast<std::size_t>(first)], last);
+  };
+  // Zeros are exact where paths do not meet: they come from sums without terms.
+  auto support = [&](auto is_zero) {
+    Part run;
+    int last = -1;
+    for (int i = 0; i < r; ++i)
+      if (!is_zero(i)) {
+        if (last < 0) run.begin = i;
+        last = i;
+      }
+    run.size = last < 0 ? 0 : last + 1 - run.begin;
+    return run;
+  };
+  std::vector<Part> of_group, of_limited;
+  for (const ContactGroup& g : groups_) {
+    const auto T = model_.T_of(g.body);
+    of_group.push_back(support([&](int i) { return (T.col(i).array() == 0).all(); }));
+  }
+  for (int k : limited_) of_limited.push_back(support([&](int i) { return model_.Q(k, i) == 0; }));
+  if (base_size_ > 0 || model_.loop_rank() > 0) {
+    join(0, nx - 1);
+  } else {
+    for (int i = 0; i < r; ++i)
+      for (int j = r - 1; j > i; --j)
+        if (model_.M(i, j) != 0 || model_.D(i, j) != 0) {
+          join(i, j);
+          break;
+        }
+    for (const auto* runs : {&of_group, &of_limited})
+      for (const Part& run : *runs) join(run.begin, run.begin + run.size - 1);
+  }
+  parts_.clear();
+  std::vector<int> part_of(static_cast<std::size_t>(nx), 0);
+  for (int i = 0; i < nx;) {
+    int last = reach[static_cast<std::size_t>(i)];
+    for (int j = i; j <= last; ++j) last = std::max(last, reach[static_cast<std::size_t>(j)]);
+    for (int j = i; j <= last; ++j) part_of[static_cast<std::size_t>(j)] = static_cast<int>(parts_.size());
+    parts_.push_back({i, last + 1 - i});
+    i = last + 1;
+  }
+  auto part_of_run = [&](const Part& run) {
+    if (base_size_ > 0 || (model_.loop_rank() > 0 && run.size > 0)) return 0;
+    return run.size == 0 ? -1 : part_of[static_cast<std::size_t>(run.begin)];
+  };
+  part_of_group_.clear();
+  part_of_limited_.clear();
+  for (const Part& run : of_group) part_of_group_.push_back(part_of_run(run));
+  for (const Part& run : of_limited) part_of_limited_.push_back(std::max(0, part_of_run(run)));
+}
+
+void MechanismDynamics::GroupJacobian(int g, Eigen::Ref<Matrix6X> J) const {
+  const int index = PartOfGroup(g);
+  if (index < 0) return;
+  const ContactGroup& group = groups_[static_cast<std::size_t>(g)];
+  const Part& part = parts_[static_cast<std::size_t>(index)];
+  J.setZero();
+  if (base_size_ > 0) J.leftCols<6>().setIdentity();
+  // Reduced coordinates of the part.
+  const int first = part.begin, count = part.size - base_size_;
+  auto T = J.rightCols(count);
+  if (options_.recovery == Recovery::kTwist) {
+    const auto T_ref = model_.T_of(group.body);
+    T.noalias() = Dexp(T_ref * state_.z) * T_ref.middleCols(first, count);
+    return;
+  }
+  const Matrix6X& S = configuration_.kinematics.S;
+  for (int j = group.last_joint; j >= 0; j = mechanism().joint(JointIndex(j)).previous) {
+    const auto& joint = mechanism().joint(JointIndex(j));
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i)
+      for (int k = 0; k < count; ++k)
+        if (const double q = Q_now()(i, first + k); q != 0) T.col(k) += q * S.col(i);
+  }
+}
+
+Vector6 MechanismDynamics::GroupTwist(int g, const Eigen::Ref<const MatrixX>& J_T) const {
+  const int index = PartOfGroup(g);
+  Vector6 V = Vector6::Zero();
+  if (index >= 0) {
+    const Part& part = parts_[static_cast<std::size_t>(index)];
+    for (int k = 0; k < part.size; ++k) V += x_(part.begin + k) * J_T.row(k).transpose();
+  }
+  if (mechanism().base() == BaseKind::kDriven) V += state_.V_R;
+  return V;
+}
+
+void MechanismDynamics::HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) const {
+  factor_.matrixLLT()
+      .block(part.begin, part.begin, part.size, part.size)
+      .triangularView<Eigen::Lower>()
+      .solveInPlace(Jt);
+}
+
+void MechanismDynamics::CoordinateRow(int i, const Part& part, Eigen::Ref<VectorX> row) const {
+  row.setZero();
+  const int count = part.size - base_size_;
+  row.tail(count) = Q_now().row(i).segment(part.begin, count).transpose();
+}
+
+}  // namespace fork1s

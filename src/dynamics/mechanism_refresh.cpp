@@ -1,0 +1,90 @@
+// Moving the reference to the present pose.
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+namespace fork1s {
+
+double MechanismDynamics::Staleness() const {
+  double largest = 0;
+  const Mechanism& m = mechanism();
+  for (int i = 0; i < model_.num_coordinates(); ++i) {
+    const double moved = std::abs(configuration_.q(i) - model_.q_ref(i));
+    const bool turns = m.screws().col(i).head<3>().squaredNorm() > 1e-18;
+    largest = std::max(largest, turns ? moved : moved / m.length_scale());
+  }
+  return largest / options_.refresh_angle;
+}
+
+bool MechanismDynamics::Refresh() {
+  const Mechanism& m = mechanism();
+  VectorX q = configuration_.q;
+  // In twist mode, and where loops were corrected in few steps, the joints get their exact closed pose first.
+  if (m.num_constraints() > 0) CloseLoops(m, q);
+  VectorX q_dot = configuration_.Q_now * state_.w;
+
+  // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
+  for (const Mechanism::Joint& joint : m.joints()) {
+    if (joint.kind != JointKind::kBall || m.stiffness()(joint.offset) > 0) continue;
+    const Vector3 v = q.segment<3>(joint.offset);
+    const double angle = v.norm();
+    if (angle <= M_PI) continue;
+    const Vector3 wrapped = v * (1 - 2 * M_PI / angle);
+    q_dot.segment<3>(joint.offset) =
+        DexpInverseRotation(wrapped) * (DexpRotation(v) * q_dot.segment<3>(joint.offset));
+    q.segment<3>(joint.offset) = wrapped;
+  }
+
+  auto reduced = Reduce(model_.mechanism, q, options_.reduction);
+  if (!reduced) return false;
+
+  const double energy_before = KineticEnergy();
+  const Vector6 p_0 = base_size_ > 0 ? Vector6(M_full_.topRows<6>() * x_) : Vector6(Vector6::Zero());
+
+  // Velocity by momentum: joints keep M(q) q̇ as the new coordinates see it, the base keeps its own.
+  Kinematics kinematics(m);
+  ComputeKinematics(m, q, kinematics);
+  VectorX Mq;
+  ApplyMass(m, kinematics, q_dot, Mq);
+  model_ = std::move(*reduced);
+  const int r = model_.size();
+  VectorX p = VectorX::Zero(base_size_ + r);
+  p.tail(r) = model_.Q.transpose() * Mq;
+  if (base_size_ > 0) {
+    p.head<6>() = p_0;
+    p.tail(r) += model_.M_0z.transpose() * state_.V_R;
+  }
+  state_.z = VectorX::Zero(r);
+  state_.w = VectorX::Zero(r);
+  configuration_ = Configuration(model_);
+  Size();
+  VectorX x = M_full_.ldlt().solve(p);
+  if (!x.allFinite()) x.setZero();
+  auto energy = [&](const VectorX& v) { return 0.5 * v.dot(M_full_ * v); };
+  if (energy(x) > energy_before) {
+    // The stale mass matrix of the old reference may have held less: give no energy away for nothing. Rates
+    // are scaled towards those at which the interior is locked, which is the least energy with this base
+    // momentum.
+    VectorX locked = VectorX::Zero(base_size_ + r);
+    if (base_size_ > 0) locked.head<6>() = model_.M_00.ldlt().solve(p_0);
+    const VectorX d = x - locked;
+    const double a = 0.5 * d.dot(M_full_ * d), b = d.dot(M_full_ * locked),
+                 c = energy(locked) - energy_before;
+    double s = 0;
+    if (c < 0 && a > 0)
+      s = std::clamp((-b + std::sqrt(std::max(0.0, b * b - 4 * a * c))) / (2 * a), 0.0, 1.0);
+    x = locked + s * d;
+    if (base_size_ > 0)  // the base takes what momentum the slower interior left
+      x.head<6>() = model_.M_00.ldlt().solve(p_0 - model_.M_0z * x.tail(r));
+  }
+  x_ = x;
+  state_.w = x.tail(r);
+  if (base_size_ > 0) state_.V_R = x.head<6>();
+  UpdateConfiguration();
+  return true;
+}
+
+}  // namespace fork1s
