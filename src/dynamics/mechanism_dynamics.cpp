@@ -105,6 +105,9 @@ void MechanismDynamics::Size() {
   x_.tail(r) = state_.w;
   rhs_.resize(nx);
   solved_.resize(nx);
+  x_after_.resize(nx);
+  z_before_.resize(r);
+  w_before_.resize(r);
   A_inverse_.resize(nx, nx);
   momentum_.resize(nx);
   f_z_.resize(r);
@@ -124,6 +127,7 @@ void MechanismDynamics::Size() {
   composite_.resize(static_cast<std::size_t>(m.num_bodies()));
   if (model_.has_complement) {
     state_.q_perp = VectorX::Zero(n);
+    q_perp_before_ = q_perp_after_ = state_.q_perp;
     q_perp_offset_.setZero(0);
   } else {
     state_.q_perp.resize(0);
@@ -147,6 +151,7 @@ void MechanismDynamics::UpdateBaseInertia() {
 }
 
 void MechanismDynamics::UpdateConfiguration() {
+  pose_energy_.valid = false;
   if (options_.recovery == Recovery::kExact) {
     Configure(model_, state_, configuration_);
     UpdateBaseInertia();

@@ -9,7 +9,9 @@
 namespace fork1s {
 
 double MechanismDynamics::KineticEnergy() const {
-  double energy = 0.5 * x_.dot(M_full_ * x_);
+  double energy = 0;
+  // By columns, so that no product has to be kept.
+  for (Eigen::Index i = 0; i < x_.size(); ++i) energy += 0.5 * x_(i) * M_full_.col(i).dot(x_);
   if (mechanism().base() == BaseKind::kDriven) {
     Matrix6 M_00 = model_.M_00;
     Matrix6X M_0z = model_.M_0z;
@@ -22,50 +24,91 @@ double MechanismDynamics::KineticEnergy() const {
   return energy;
 }
 
+// What depends on the pose alone; a step asks for it at its start and end, and poses change once.
+const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
+  if (pose_energy_.valid) return pose_energy_;
+  const Mechanism& m = mechanism();
+  const bool twist = options_.recovery == Recovery::kTwist;
+  if (twist) {
+    // Springs in the coordinates that the twist mode integrates.
+    pose_energy_.springs = 0.5 * state_.z.dot(model_.K_r.cwiseProduct(state_.z)) - f_ref_.dot(state_.z);
+  } else {
+    pose_energy_.springs = SpringEnergy(m, configuration_.kinematics, configuration_.q);
+  }
+  pose_energy_.moment.setZero();
+  for (int b = 0; b < m.num_bodies(); ++b) {
+    const SpatialInertia& I = m.bodies()[static_cast<std::size_t>(b)].inertia_B;
+    if (I.mass == 0) continue;
+    const RigidTransform X_RB = twist ? Exp(model_.T_of(BodyIndex(b)) * state_.z) * model_.X_RB_ref[std::size_t(b)]
+                                      : configuration_.kinematics.X_RB[std::size_t(b)];
+    pose_energy_.moment += I.mass * (X_RB * I.center);
+  }
+  pose_energy_.valid = true;
+  return pose_energy_;
+}
+
 double MechanismDynamics::PotentialEnergy(const Vector3& gravity_W) const {
   const Mechanism& m = mechanism();
-  double energy = 0;
-  if (options_.recovery == Recovery::kTwist) {
-    // Springs in the coordinates that the twist mode integrates.
-    energy = 0.5 * state_.z.dot(model_.K_r.cwiseProduct(state_.z)) - f_ref_.dot(state_.z);
-  } else {
-    energy = SpringEnergy(m, configuration_.kinematics, configuration_.q);
-  }
+  const PoseEnergy& pose = EnergyOfPose();
+  double energy = pose.springs - gravity_W.dot(m.total_mass() * state_.X_WR.translation() +
+                                               state_.X_WR.rotation() * pose.moment);
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];
     const double u = controls_(static_cast<Eigen::Index>(i));
     for (const auto& [k, c] : control.terms) energy -= control.gain * u * c * configuration_.q(k);
     if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
   }
-  for (int b = 0; b < m.num_bodies(); ++b) {
-    const SpatialInertia& I = m.bodies()[static_cast<std::size_t>(b)].inertia_B;
-    if (I.mass > 0) energy -= I.mass * gravity_W.dot(BodyPose(BodyIndex(b)) * I.center);
-  }
   return energy;
 }
 
-// Velocity forces are explicit and, on a fixed base, M is that of the reference: fast motion could feed on
-// either. What a step gained beyond what contact put in is taken from the motion relative to the locked
-// mechanism, which leaves the momentum of a floating base as it is.
-void MechanismDynamics::GuardEnergy() {
-  const double excess = KineticEnergy() + PotentialEnergy(gravity_W_) - energy_budget_;
-  if (!(excess > 0)) return;
-  momentum_.noalias() = M_full_ * x_;
-  double relative = 0.5 * x_.dot(momentum_);
-  Vector6 locked = Vector6::Zero();
+// The motion relative to the locked mechanism is scaled by s: what a floating base carries of momentum stays.
+void MechanismDynamics::ScaleRelativeMotion(double s) {
+  const int r = model_.size();
   if (base_size_ > 0) {
-    // KE = KE_locked + s² KE_relative, without a mixed term, since the relative motion carries no base
-    // momentum.
-    locked = M_00_.llt().solve(momentum_.head<6>());
-    relative -= 0.5 * locked.dot(M_00_ * locked);
+    momentum_.noalias() = M_full_ * x_;
+    const Vector6 locked = M_00_.llt().solve(momentum_.head<6>());
+    x_.head<6>() = locked + s * (x_.head<6>() - locked);
+    state_.V_R = x_.head<6>();
   }
-  if (!(relative > 0)) return;
-  const double s = std::sqrt(std::max(0.0, 1 - excess / relative));
-  x_.tail(model_.size()) *= s;
-  state_.w = x_.tail(model_.size());
-  if (base_size_ == 0) return;
-  x_.head<6>() = locked + s * (x_.head<6>() - locked);
-  state_.V_R = x_.head<6>();
+  x_.tail(r) *= s;
+  state_.w = x_.tail(r);
+}
+
+// Velocity forces are explicit, loops bend the springs within a step and, on a fixed base, M is that of the
+// reference: fast motion could feed on each. What a step gained beyond what contact put in is taken from the
+// velocity. False if the velocity held less than that.
+bool MechanismDynamics::TakeExcessEnergy() {
+  const double kinetic = KineticEnergy(), potential = PotentialEnergy(gravity_W_);
+  const double excess = kinetic + potential - energy_budget_;
+  // Both energies are sums of many terms; below their rounding there is nothing to take.
+  constexpr double kRounding = 1e-14;
+  if (!(excess > kRounding * (kinetic + std::abs(potential) + std::abs(energy_budget_)))) return true;
+  momentum_.noalias() = M_full_ * x_;
+  // KE = KE_locked + s² KE_relative, without a mixed term: relative motion carries no base momentum.
+  double relative = 0.5 * x_.dot(momentum_);
+  if (base_size_ > 0) relative -= 0.5 * momentum_.head<6>().dot(M_00_.llt().solve(momentum_.head<6>()));
+  if (!(relative > 0)) return false;
+  ScaleRelativeMotion(std::sqrt(std::max(0.0, 1 - excess / relative)));
+  return excess <= relative;
+}
+
+// Springs came to hold more than there was: the relative motion of this step is shortened to where they do not.
+void MechanismDynamics::TakeShorterStep(double h) {
+  auto advance = [&](double s) {
+    AdvanceShortened(h, s);
+    return TakeExcessEnergy();
+  };
+  double fits = 0, tried = 0.5;
+  bool last = false;
+  // A turning point between two steps needs no more digits than this.
+  constexpr int kHalvings = 10;
+  for (int i = 0; i < kHalvings; ++i) {
+    last = advance(tried);
+    const double half = std::ldexp(0.25, -i);
+    if (last) fits = tried;
+    tried += last ? half : -half;
+  }
+  if (!last) advance(fits);
 }
 
 }  // namespace fork1s

@@ -6,6 +6,26 @@
 #include <Eigen/Cholesky>
 
 namespace fork1s {
+namespace {
+
+// Base momentum p [6] in R is carried along by the midpoint rule, Ad(Exp(h (V + V⁺)/2))ᵀ p. V⁺ = solve(that)
+// enters it and is found by a short iteration from V_next. Returns the momentum carried, V⁺ in V_next.
+template <typename Solve>
+Vector6 TransportMomentum(double h, const Vector6& p, const Vector6& V, Vector6& V_next, const Solve& solve) {
+  Vector6 moved = p;
+  // Every round gains about h |V|: two or three digits at walking speed, less in a fast spin.
+  constexpr int kRounds = 24;
+  for (int i = 0; i < kRounds; ++i) {
+    moved = AdjointTransposeApply(Exp(0.5 * h * (V + V_next)), p);
+    const Vector6 next = solve(moved);
+    const double change = (next - V_next).cwiseAbs().maxCoeff();
+    V_next = next;
+    if (change < 1e-12 * (1 + V_next.cwiseAbs().maxCoeff())) break;
+  }
+  return moved;
+}
+
+}  // namespace
 
 void MechanismDynamics::Factor(double h) {
   A_ = M_full_;
@@ -52,6 +72,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
     state_.V_R.tail<3>() -= drift_R_;
     V_next = state_.V_R;
   }
+  if (guard_ && model_.has_complement) q_perp_before_ = state_.q_perp;
   LoadForces(state_.X_WR.rotation().transpose() * gravity_W, A_R);
   if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
 
@@ -61,22 +82,14 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
     x_ += h * f_z_;
     Solve(x_);
   } else {
-    // Base momentum is carried along by the midpoint rule; ξ⁺ enters it and is found by a short iteration.
     momentum_.noalias() -= M_full_.middleCols<3>(3) * drift_R_;
     const Vector6 p = momentum_.head<6>();
-    const Vector6 V = state_.V_R;
-    // Every round gains about h |V|: two or three digits at walking speed, less in a fast spin.
-    constexpr int kTransportRounds = 24;
-    for (int i = 0; i < kTransportRounds; ++i) {
-      const RigidTransform half = Exp(0.5 * h * (V + V_next));
-      rhs_.head<6>() = AdjointTransposeApply(half, p) + h * base_force_;
-      rhs_.tail(r) = momentum_.tail(r) + h * f_z_;
-      x_ = rhs_;
+    transported_ = TransportMomentum(h, p, state_.V_R, V_next, [&](const Vector6& moved) {
+      x_.head<6>() = moved + h * base_force_;
+      x_.tail(r) = momentum_.tail(r) + h * f_z_;
       factor_.solveInPlace(x_);
-      const double change = (x_.head<6>() - V_next).cwiseAbs().maxCoeff();
-      V_next = x_.head<6>();
-      if (change < 1e-12 * (1 + V_next.cwiseAbs().maxCoeff())) break;
-    }
+      return Vector6(x_.head<6>());
+    });
     x_.segment<3>(3) += drift_R_;
     state_.V_R = V_R_before_;
   }
@@ -90,7 +103,12 @@ void MechanismDynamics::ApplyImpulse(const VectorX& p) {
   rhs_ = p;
   Solve(rhs_);
   x_ += rhs_;
-  if (guard_) energy_budget_ += std::max(0.0, p.dot(x_));
+  // Contact's work: by the mean velocity where M alone resists, by the end velocity where springs do.
+  if (guard_) {
+    rhs_.tail(model_.size()) = state_.w;
+    if (base_size_ > 0) rhs_.head<6>() = V_R_before_;
+    energy_budget_ += std::max(p.dot(x_), 0.5 * (p.dot(x_) + p.dot(rhs_)));
+  }
 }
 
 void MechanismDynamics::Revert() {
@@ -100,32 +118,75 @@ void MechanismDynamics::Revert() {
 }
 
 void MechanismDynamics::Integrate(double h) {
+  if (guard_) {
+    z_before_ = state_.z;
+    w_before_ = state_.w;
+    X_WR_before_ = state_.X_WR;
+    x_after_ = x_;
+    if (model_.has_complement) q_perp_after_ = state_.q_perp;
+  }
+  Vector6 V = V_R_before_;
+  V.tail<3>() -= drift_R_;
+  Advance(h, V);
+  if (guard_ && !TakeExcessEnergy()) TakeShorterStep(h);
+}
+
+// Moves the state by x_ over h. V_start: the base twist that the midpoint rule starts from, without drift.
+void MechanismDynamics::Advance(double h, const Vector6& V_start) {
   state_.w = x_.tail(model_.size());
   state_.z += h * state_.w;
-  if (base_size_ > 0) {
-    // As in Predict, beside the drift of the centre of mass, which only moves the base along.
-    x_.segment<3>(3) -= drift_R_;
-    Vector6 V = state_.V_R;
-    V.tail<3>() -= drift_R_;
-    const Vector3 drift_W = state_.X_WR.rotation() * drift_R_;
-    state_.X_WR = state_.X_WR * Exp(0.5 * h * (V + x_.head<6>()));
-    state_.X_WR.translation() += h * drift_W;
-    state_.X_WR.Orthonormalize();
-    momentum_.noalias() = M_full_ * x_;
-    const Vector6 p = momentum_.head<6>();
+  if (mechanism().base() == BaseKind::kDriven) state_.X_WR = driven_next_;
+  if (base_size_ == 0) {
     UpdateConfiguration();
-    // The pose changed under the base: its momentum stays, its twist follows.
-    if (options_.recovery == Recovery::kExact) x_.head<6>() = M_00_.llt().solve(p - M_0z_ * state_.w);
-    x_.segment<3>(3).noalias() += state_.X_WR.rotation().transpose() * drift_W;
-    state_.V_R = x_.head<6>();
-    if (guard_) GuardEnergy();
     return;
   }
-  if (mechanism().base() == BaseKind::kDriven) {
-    state_.X_WR = driven_next_;
-  }
+  // As in Predict, beside the drift of the centre of mass, which only moves the base along.
+  x_.segment<3>(3) -= drift_R_;
+  const Vector3 drift_W = state_.X_WR.rotation() * drift_R_;
+  state_.X_WR = state_.X_WR * Exp(0.5 * h * (V_start + x_.head<6>()));
+  state_.X_WR.translation() += h * drift_W;
+  state_.X_WR.Orthonormalize();
+  momentum_.noalias() = M_full_ * x_;
+  const Vector6 p = momentum_.head<6>();
   UpdateConfiguration();
-  if (guard_) GuardEnergy();
+  // The pose changed under the base: its momentum stays, its twist follows.
+  if (options_.recovery == Recovery::kExact) x_.head<6>() = M_00_.llt().solve(p - M_0z_ * state_.w);
+  x_.segment<3>(3).noalias() += state_.X_WR.rotation().transpose() * drift_W;
+  state_.V_R = x_.head<6>();
+}
+
+// The relative motion of the step is shortened by s, as if it had been s times as fast from the start: at s = 0
+// the mechanism moves on as one rigid body, which keeps its energy under the midpoint rule.
+void MechanismDynamics::AdvanceShortened(double h, double s) {
+  state_.z = z_before_;
+  state_.X_WR = X_WR_before_;
+  if (model_.has_complement) state_.q_perp = q_perp_before_;
+  UpdateConfiguration();
+  if (model_.has_complement) state_.q_perp += s * (q_perp_after_ - q_perp_before_);
+  const int r = model_.size();
+  x_ = x_after_;
+  if (base_size_ == 0) {
+    x_ *= s;
+    Advance(h, Vector6::Zero());
+    return;
+  }
+  x_.segment<3>(3) -= drift_R_;
+  const auto M_0 = M_full_.topRows<6>();
+  const Eigen::LLT<Matrix6> locked_inertia(M_00_);
+  Vector6 V = V_R_before_;
+  V.tail<3>() -= drift_R_;
+  const Vector6 p = M_00_ * V + M_0z_ * w_before_;
+  const Vector6 locked = locked_inertia.solve(p);
+  V = locked + s * (V - locked);
+  const Vector6 pushed = M_0 * x_ - transported_;
+  x_.tail(r) *= s;
+  Vector6 V_next = V;
+  TransportMomentum(h, p, V, V_next, [&](const Vector6& moved) {
+    return Vector6(locked_inertia.solve(moved + pushed - M_0z_ * x_.tail(r)));
+  });
+  x_.head<6>() = V_next;
+  x_.segment<3>(3) += drift_R_;
+  Advance(h, V);
 }
 
 }  // namespace fork1s

@@ -13,12 +13,39 @@ namespace fork1s {
 namespace {
 
 struct Hidden {
+  BodyIndex body;  // that would show them as an interface
   int coordinate = -1;
   int count = 0;
 };
 
+// The body that shows motions q = directions (n x k): that of the coordinate if it moves, since its name says
+// where to look, else the one that moves most; none where freedoms of one body cancel each other.
+BodyIndex MovingBody(const Mechanism& mechanism, const Matrix6X& S, const MatrixX& directions,
+                     int coordinate) {
+  std::vector<Matrix6X> T(static_cast<std::size_t>(mechanism.num_bodies()),
+                          Matrix6X::Zero(6, directions.cols()));
+  std::vector<double> motion(T.size(), 0);
+  std::size_t j = 0;
+  const auto& joints = mechanism.joints();
+  for (std::size_t b = 0; b < T.size(); ++b) {
+    const Mechanism::Body& body = mechanism.bodies()[b];
+    if (body.parent.valid()) T[b] = T[body.parent.u()];
+    for (; j < joints.size() && joints[j].body.u() == b; ++j)
+      T[b] += S.middleCols(joints[j].offset, joints[j].size) *
+              directions.middleRows(joints[j].offset, joints[j].size);
+    motion[b] = T[b].topRows<3>().norm() + T[b].bottomRows<3>().norm() / mechanism.length_scale();
+  }
+  const std::size_t own = mechanism.joint(mechanism.CoordinateJoint(coordinate)).body.u();
+  const auto most = std::max_element(motion.begin(), motion.end());
+  // Motions that cancel leave rounding.
+  if (*most < 1e-6 * directions.norm()) return {};
+  if (motion[own] > 1e-6 * directions.norm()) return BodyIndex(static_cast<int>(own));
+  return BodyIndex(static_cast<int>(most - motion.begin()));
+}
+
 // The coordinate with the largest share in the spring-free motions that the interface cannot see.
-Hidden FindHidden(const Mechanism& mechanism, const internal::ElasticBasis& basis, const MatrixX& J) {
+Hidden FindHidden(const Mechanism& mechanism, const Matrix6X& S, const internal::ElasticBasis& basis,
+                  const MatrixX& J) {
   Hidden hidden;
   if (basis.num_free() == 0) return hidden;
   const MatrixX N = basis.DenseFree(mechanism.num_coordinates());
@@ -30,6 +57,7 @@ Hidden FindHidden(const Mechanism& mechanism, const internal::ElasticBasis& basi
   Eigen::Index largest;
   share.maxCoeff(&largest);
   hidden.coordinate = static_cast<int>(largest);
+  hidden.body = MovingBody(mechanism, S, N * directions, hidden.coordinate);
   return hidden;
 }
 
@@ -47,8 +75,11 @@ Error HiddenError(const Mechanism& mechanism, const Hidden& hidden) {
       ErrorCode::kUnderdetermined, fmt::format("joint '{}'", joint.name),
       fmt::format(
           "has no spring and moves ({}) while every interface body stands still, so nothing determines it; "
-          "give the joint a stiffness, hold it by PD control, or make body '{}' an interface",
-          AxisText(mechanism, hidden.coordinate), mechanism.body(joint.body).name)};
+          "give the joint a stiffness, hold it by PD control{}",
+          AxisText(mechanism, hidden.coordinate),
+          hidden.body.valid()
+              ? fmt::format(", or make body '{}' an interface", mechanism.body(hidden.body).name)
+              : std::string(", or remove it: another freedom undoes what it does"))};
 }
 
 // Elastic directions that the interface feels: orthonormal Y_r (e x r).
@@ -152,11 +183,12 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
 
   const double L = mechanism.length_scale();
   MatrixX J = internal::ScaledInterfaceJacobian(mechanism, kinematics, model.interfaces, L);
-  for (Hidden hidden = FindHidden(mechanism, basis, J); hidden.count > 0;
-       hidden = FindHidden(mechanism, basis, J)) {
+  for (Hidden hidden = FindHidden(mechanism, kinematics.S, basis, J); hidden.count > 0;
+       hidden = FindHidden(mechanism, kinematics.S, basis, J)) {
     if (!options.promote_hidden) return tl::unexpected(HiddenError(mechanism, hidden));
-    const BodyIndex body = mechanism.joint(mechanism.CoordinateJoint(hidden.coordinate)).body;
-    if (std::find(model.interfaces.begin(), model.interfaces.end(), body) != model.interfaces.end())
+    const BodyIndex body = hidden.body;
+    if (!body.valid() ||
+        std::find(model.interfaces.begin(), model.interfaces.end(), body) != model.interfaces.end())
       return tl::unexpected(HiddenError(mechanism, hidden));
     model.interfaces.push_back(body);
     model.promoted.push_back(body);

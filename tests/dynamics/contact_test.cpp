@@ -51,11 +51,12 @@ TEST(StiffContact, GainAgainstThePlane) {
     ASSERT_LT(std::abs(finger.configuration().q(0)), 0.1) << i;
     if (i % 100 == 99 && i / 100 % 2 == 0) {
       EXPECT_EQ(report.contacts, 1);
-      // At rest against the plane: kp (u - q) = F lever.
+      // At rest against the plane: kp (u - q) balances the contact force, friction included, about the hinge.
       const ContactRecord& contact = world.contacts()[0];
-      const double lever = contact.point.point.x();
+      const Vector3 force = contact.point.frame.transpose() * contact.impulse / step.h;
+      const Vector3 arm = contact.point.point - Vector3(0, 0, 0.01);
       const double torque = kGain * (0.06 - finger.configuration().q(0));
-      EXPECT_NEAR(contact.impulse(0) / step.h * lever, torque, 0.01 * torque);
+      EXPECT_NEAR(std::abs(arm.cross(force).y()), torque, 0.01 * torque);
     }
   }
   EXPECT_LT(std::abs(finger.configuration().q(0)), 1e-3);

@@ -71,7 +71,7 @@ TEST(Rest, LegsThatAreNoInterfacesSag) {
     StaticsOptions statics;
     statics.gravity_R = step.gravity;
     const StaticsResult expected = SolveStatics(m.mechanism(), VectorX::Zero(8), {}, statics);
-    EXPECT_GT(expected.q.cwiseAbs().maxCoeff(), 0.05);
+    EXPECT_GT(expected.q.cwiseAbs().maxCoeff(), 0.04);  // enough for the order of rotations to matter
     ExpectPoses(m, expected, kPose);
   }
 }

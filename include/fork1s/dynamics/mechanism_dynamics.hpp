@@ -121,7 +121,17 @@ class MechanismDynamics {
   void Solve(VectorX& x);
   bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
   void UpdateBaseInertia();
-  void GuardEnergy();
+  void Advance(double h, const Vector6& V_start);
+  void AdvanceShortened(double h, double s);
+  void ScaleRelativeMotion(double s);
+  bool TakeExcessEnergy();
+  struct PoseEnergy {
+    bool valid = false;
+    double springs = 0;                // J
+    Vector3 moment = Vector3::Zero();  // Σ mass × centre in R [kg·m]
+  };
+  const PoseEnergy& EnergyOfPose() const;
+  void TakeShorterStep(double h);
 
   Options options_;
   ReducedModel model_;
@@ -166,6 +176,11 @@ class MechanismDynamics {
   Vector3 gravity_W_ = Vector3::Zero();
   double energy_budget_ = 0;  // J: at the start of the step plus what contact put in
   bool guard_ = false;
+  mutable PoseEnergy pose_energy_;
+  // At the start of the step, and the velocity contact left at its end: for a step that must be shortened.
+  VectorX z_before_, w_before_, x_after_, q_perp_before_, q_perp_after_;
+  Vector6 transported_ = Vector6::Zero();  // base momentum of the start, seen from the base of the end
+  RigidTransform X_WR_before_;
   VectorX x_, rhs_, solved_, f_z_, g_, tau_, momentum_;
   Matrix6X F_;
   Vector6 base_force_;
