@@ -159,6 +159,7 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
     const double ratio = row.scale / row.newton_scale;
     row.change_weight = ratio * ratio;
     momentum = std::max(momentum, row.scale * (reach + in.bias.norm()));
+    speed = std::max(speed, reach + in.bias.norm());
 
     // The warm start, brought into the cone.
     Vector3 impulse = R * in.impulse;
@@ -193,8 +194,9 @@ bool RowSet::PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitC
     row.live = true;
     row.inverse = 1 / own;
     row.impulse = std::max(0.0, in.impulse);
-    momentum = std::max(
-        momentum, row.inverse * (std::abs(velocity[static_cast<std::size_t>(in.row)]) + std::abs(in.bias)));
+    const double own_speed = std::abs(velocity[static_cast<std::size_t>(in.row)]) + std::abs(in.bias);
+    momentum = std::max(momentum, row.inverse * own_speed);
+    speed = std::max(speed, own_speed);
   }
   return true;
 }
@@ -205,7 +207,7 @@ bool RowSet::Prepare(const std::vector<VelocityBlock>& blocks,
   contacts.resize(contact_list.size());
   limits.resize(limit_list.size());
   storage.clear();
-  momentum = 0;
+  momentum = speed = 0;
   start.assign(static_cast<std::size_t>(velocities.size()) + 4, 0.0);
   std::copy_n(velocities.data(), velocities.size(), start.begin());
   velocity = start;
@@ -232,6 +234,22 @@ void RowSet::ResetVelocity() {
   for (const LimitRow& row : limits) {
     if (row.live) AddResponse(row, row.impulse);
   }
+}
+
+void RowSet::KeepImpulses() {
+  kept.clear();
+  for (const ContactRow& row : contacts) kept.insert(kept.end(), row.impulse, row.impulse + 3);
+  for (const LimitRow& row : limits) kept.push_back(row.impulse);
+}
+
+void RowSet::RestoreImpulses() {
+  const double* from = kept.data();
+  for (ContactRow& row : contacts) {
+    std::copy_n(from, 3, row.impulse);
+    from += 3;
+  }
+  for (LimitRow& row : limits) row.impulse = *from++;
+  ResetVelocity();
 }
 
 double RowSet::LargestImpulse() const {
@@ -276,6 +294,12 @@ double RowSet::Sweep() {
 
 double RowSet::Residual() const {
   double worst = 0;
+  const double impulse_inverse = 1 / ResidualScale(), speed_inverse = speed > 0 ? 1 / speed : 0;
+  // A light body under a heavy one: what is little beside the largest impulse may still throw it about.
+  const auto note = [&](double error, double r) {
+    const double share = error * std::max(impulse_inverse, speed_inverse / r);
+    if (!(share <= worst)) worst = share;
+  };
   alignas(32) double u[4];
   for (const ContactRow& row : contacts) {
     if (!row.live) continue;
@@ -288,16 +312,13 @@ double RowSet::Residual() const {
       t2 *= bound / size;
     }
     const double e0 = row.impulse[0] - n, e1 = row.impulse[1] - t1, e2 = row.impulse[2] - t2;
-    const double error = std::sqrt(e0 * e0 + e1 * e1 + e2 * e2);
-    if (!(error <= worst)) worst = error;
+    note(std::sqrt(e0 * e0 + e1 * e1 + e2 * e2), row.scale);
   }
   for (const LimitRow& row : limits) {
     if (!row.live) continue;
-    const double error =
-        std::abs(row.impulse - std::max(0.0, row.impulse - row.inverse * LimitVelocity(row)));
-    if (!(error <= worst)) worst = error;
+    note(std::abs(row.impulse - std::max(0.0, row.impulse - row.inverse * LimitVelocity(row))), row.inverse);
   }
-  return worst == 0 ? 0 : worst / ResidualScale();
+  return worst;
 }
 
 }  // namespace fork1s::internal

@@ -49,18 +49,24 @@ struct RowSet {
   std::vector<int> block_of;     // velocity row -> block
   std::vector<double> start;     // v* with four spare rows
   std::vector<double> velocity;  // v with four spare rows
+  std::vector<double> kept;      // impulses set aside
   double momentum = 0;           // largest r (|J||v*| + |bias|): the size of impulses to expect
+  double speed = 0;              // largest |J||v*| + |bias|
 
   /// Reads the problem. Returns false when anything in it is not finite.
   bool Prepare(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contact_list,
                const std::vector<LimitConstraint>& limit_list, const VectorX& velocities);
   /// velocity = v* + W Jᵀ λ, afresh.
   void ResetVelocity();
+  /// Sets the present impulses aside, and takes them back with the velocity that belongs to them.
+  void KeepImpulses();
+  void RestoreImpulses();
   /// One Gauss-Seidel sweep. Returns the largest change, in the units of the residual's numerator.
   double Sweep();
   /// Divisor of the residual: the largest impulse within sensible bounds.
   double ResidualScale() const;
-  /// Natural-map residual of the law at the present impulses and velocity, relative to the largest impulse.
+  /// Natural-map residual of the law at the present impulses and velocity: the larger of the impulse error relative
+  /// to the largest impulse and the velocity error relative to the largest speed.
   double Residual() const;
 
   void ContactVelocity(const ContactRow& row, double* u) const;

@@ -4,10 +4,12 @@
 
 #include "contact_rows.hpp"
 #include "newton.hpp"
+#include "splitting.hpp"
 
 // Projected Gauss-Seidel on 3 x 3 blocks: each contact in turn solves Coulomb's law exactly with all others
 // held, and its change goes into the velocities through the cached columns K = W Jᵀ (docs/method.md,
-// contact). A chain of contacts with a heavy body at its end converges slowly; Newton then takes over.
+// contact). A chain of contacts with a heavy body at its end converges slowly; Newton then takes over,
+// and alternating directions where Newton stalls.
 namespace fork1s {
 namespace {
 
@@ -20,6 +22,7 @@ constexpr double kStopFraction = 0.1;
 struct ContactSolver::Workspace {
   internal::RowSet rows;
   internal::NewtonSolver newton;
+  internal::SplittingSolver splitting;
 };
 
 ContactSolver::ContactSolver() : work_(std::make_unique<Workspace>()) {}
@@ -40,8 +43,10 @@ void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities
   rows.block_of.reserve(velocities);
   rows.start.reserve(velocities + 4);
   rows.velocity.reserve(velocities + 4);
-  work_->newton.Reserve(
-      std::min(static_cast<int>(3 * contacts + limits), ContactSolverOptions{}.max_newton_rows));
+  rows.kept.reserve(3 * contacts + limits);
+  const int dense = std::min(static_cast<int>(3 * contacts + limits), ContactSolverOptions{}.max_newton_rows);
+  work_->newton.Reserve(dense);
+  work_->splitting.Reserve(dense);
 }
 
 ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& blocks,
@@ -77,6 +82,19 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
   if (!(report.residual <= options.tolerance) && num_rows <= options.max_newton_rows) {
     report.newton_iterations = work_->newton.Solve(rows, options.tolerance, options.max_newton_iterations);
     report.residual = rows.Residual();
+    if (!(report.residual <= options.tolerance)) {
+      const double before = report.residual;
+      rows.KeepImpulses();
+      report.splitting_iterations =
+          work_->splitting.Solve(rows, work_->newton.A(), work_->newton.b(),
+                                 kStopFraction * options.tolerance, options.max_splitting_iterations);
+      report.newton_iterations += work_->newton.Solve(rows, options.tolerance, options.max_newton_iterations);
+      report.residual = rows.Residual();
+      if (!(report.residual < before)) {
+        rows.RestoreImpulses();
+        report.residual = before;
+      }
+    }
   }
   report.converged = report.residual <= options.tolerance;
 

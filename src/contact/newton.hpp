@@ -16,6 +16,10 @@ class NewtonSolver {
   /// Returns the number of iterations.
   int Solve(RowSet& rows, double enough, int max_iterations);
 
+  /// The problem that the last Solve assembled: u = A λ + b, rows 3 a contact, then 1 a limit.
+  const std::vector<double>& A() const { return A_data_; }
+  const std::vector<double>& b() const { return b_; }
+
  private:
   void Assemble(const RowSet& rows);
   void ReadImpulses(const RowSet& rows);

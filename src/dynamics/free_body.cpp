@@ -16,6 +16,7 @@ void FreeBody::SetState(const RigidTransform& X_WB, const Vector3& omega_W,
   omega_B_ = X_WB.rotation().transpose() * omega_W;
   omega_B_before_ = omega_B_;
   velocity_ = velocity_of_origin_W + omega_W.cross(X_WB.rotation() * inertia_.center);
+  velocity_before_ = velocity_;
 }
 
 void FreeBody::AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {
@@ -24,6 +25,8 @@ void FreeBody::AddWrench(const Vector3& force_W, const Vector3& moment_W, const 
 }
 
 void FreeBody::Predict(double h, const Vector3& gravity_W) {
+  pushed_ = false;
+  velocity_before_ = velocity_;
   velocity_ += h * (gravity_W + force_W_ / inertia_.mass);
   omega_B_before_ = omega_B_;
   // I (ω⁺ - ω)/h + ω̄ x I ω̄ = τ with ω̄ the mean: keeps energy and momentum of a tumbling body.
@@ -58,15 +61,23 @@ Matrix6 FreeBody::InverseInertia() const {
 }
 
 void FreeBody::SetPortTwist(const Vector6& V) {
+  pushed_ = true;
   omega_B_ = X_WB_.rotation().transpose() * V.head<3>();
   velocity_ = V.tail<3>();
 }
 
 void FreeBody::Integrate(double h) {
-  const Vector3 center = center_W() + h * velocity_;
-  X_WB_.rotation() = X_WB_.rotation() * ExpRotation(0.5 * h * (omega_B_before_ + omega_B_));
+  // Free flight follows its parabola by the mean velocity. Contact asks that gaps stay closed at the end velocity.
+  const double start = pushed_ ? 0 : 0.5, end = 1 - start;
+  const Vector3 center = center_W() + h * (start * velocity_before_ + end * velocity_);
+  X_WB_.rotation() = X_WB_.rotation() * ExpRotation(h * (start * omega_B_before_ + end * omega_B_));
   X_WB_.Orthonormalize();
   X_WB_.translation() = center - X_WB_.rotation() * inertia_.center;
+}
+
+void FreeBody::Revert() {
+  omega_B_ = omega_B_before_;
+  velocity_ = velocity_before_;
 }
 
 double FreeBody::KineticEnergy() const {

@@ -53,6 +53,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
   if (h != factored_h_) Factor(h);
   const int r = model_.size();
   V_R_before_ = state_.V_R;
+  pushed_ = false;
   gravity_W_ = gravity_W;
   guard_ = mechanism().base() != BaseKind::kDriven && options_.recovery == Recovery::kExact && !has_wrenches_;
   if (guard_) energy_budget_ = KineticEnergy() + PotentialEnergy(gravity_W);
@@ -100,6 +101,8 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
 }
 
 void MechanismDynamics::ApplyImpulse(const VectorX& p) {
+  pushed_ = !p.isZero(0);
+  if (!pushed_) return;
   rhs_ = p;
   Solve(rhs_);
   x_ += rhs_;
@@ -143,7 +146,10 @@ void MechanismDynamics::Advance(double h, const Vector6& V_start) {
   // As in Predict, beside the drift of the centre of mass, which only moves the base along.
   x_.segment<3>(3) -= drift_R_;
   const Vector3 drift_W = state_.X_WR.rotation() * drift_R_;
-  state_.X_WR = state_.X_WR * Exp(0.5 * h * (V_start + x_.head<6>()));
+  // Contact asks that gaps stay closed at the end velocity, so it is the one that moves the base; the mean would let
+  // a foot that lands sink by half of what it fell in the step.
+  const Vector6 mean = pushed_ ? Vector6(x_.head<6>()) : Vector6(0.5 * (V_start + x_.head<6>()));
+  state_.X_WR = state_.X_WR * Exp(h * mean);
   state_.X_WR.translation() += h * drift_W;
   state_.X_WR.Orthonormalize();
   momentum_.noalias() = M_full_ * x_;

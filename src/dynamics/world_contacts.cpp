@@ -275,6 +275,8 @@ void World::ApplyImpulses() {
     for (PartBlock& part : block.parts) part.port_impulse.head(part.rows).setZero();
   auto add = [&](int port, int contactor, const Vector6& F) {
     const Contactor& c = contactors_[static_cast<std::size_t>(contactor)];
+    if (c.kind == Contactor::Kind::kFreeBody)
+      free_bodies_[static_cast<std::size_t>(c.index)].SetPortTwist(velocities_.segment<6>(port));
     if (c.kind != Contactor::Kind::kGroup) return;
     PartBlock& part = mechanism_blocks_[static_cast<std::size_t>(c.index)]
                           .parts[static_cast<std::size_t>(port_part_[static_cast<std::size_t>(contactor)])];
@@ -282,6 +284,7 @@ void World::ApplyImpulses() {
   };
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
+    if (c.impulse.isZero(0)) continue;
     if (c.port_a >= 0) add(c.port_a, points_[i].body_a, c.J_a.transpose() * c.impulse);
     if (c.port_b >= 0) add(c.port_b, points_[i].body_b, c.J_b.transpose() * c.impulse);
   }
@@ -304,10 +307,6 @@ void World::ApplyImpulses() {
     }
     if (pushed) mechanisms_[i].ApplyImpulse(block.impulse);
   }
-  for (std::size_t c = 0; c < contactors_.size(); ++c)
-    if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] >= 0)
-      free_bodies_[static_cast<std::size_t>(contactors_[c].index)].SetPortTwist(
-          velocities_.segment<6>(port_offset_[c]));
 }
 
 void World::KeepForNextStep(StepReport& report) {

@@ -29,6 +29,7 @@ StepReport World::Step(const StepOptions& options) {
       std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
   if (!report.finite) {
     for (MechanismDynamics& m : mechanisms_) m.Revert();
+    for (FreeBody& b : free_bodies_) b.Revert();
     contacts_.swap(previous_);
     normal_speed_.swap(previous_normal_speed_);
     return report;

@@ -34,6 +34,7 @@ TEST(Contact, HeavyBallOnLightBallNeedsNewton) {
   ContactSolverOptions sweeps_only;
   sweeps_only.max_sweeps = 1000;
   sweeps_only.max_newton_iterations = 0;
+  sweeps_only.max_splitting_iterations = 0;
   EXPECT_FALSE(SolveProblem(p, sweeps_only).converged);
 
   p = HeavyOnLight(0.02, 20);

@@ -24,9 +24,10 @@ Problem Draw(std::mt19937& random, int trial) {
   const double mu = trial % 7 == 0 ? 0 : Uniform(random, 0.1, 1.2);
   Problem p = RandomProblem(random, s.ports, s.free, s.contacts, mu);
   if (trial % 3 == 0 && s.ports > 0) {
-    std::uniform_int_distribution<int> row(0, 6 * s.ports - 1);
+    // Each its own row: opposite limits of one row may ask for what no velocity can do.
+    std::uniform_int_distribution<int> row(0, 2 * s.ports - 1);
     for (int k = 0; k < 3; ++k) {
-      p.limits.push_back({row(random), k % 2 ? 1.0 : -1.0, Uniform(random, -0.5, 0.5), 0});
+      p.limits.push_back({3 * row(random) + k, k % 2 ? 1.0 : -1.0, Uniform(random, -0.5, 0.5), 0});
     }
   }
   return p;
@@ -52,7 +53,7 @@ TEST(ContactProperties, CoulombLawHolds) {
   }
   RecordProperty("failures", failures);
   RecordProperty("newton", newton);
-  EXPECT_LE(failures, trials / 50);
+  EXPECT_LE(failures, trials / 200);
 }
 
 TEST(ContactProperties, TightToleranceIsMet) {
@@ -73,7 +74,7 @@ TEST(ContactProperties, TightToleranceIsMet) {
     EXPECT_LT(LawViolation(p, start, p.velocity), 1e-7) << trial;
   }
   RecordProperty("failures", failures);
-  EXPECT_LE(failures, trials / 25);
+  EXPECT_LE(failures, trials / 200);
 }
 
 // With zero bias impulses take energy away: ½ v⁺ᵀW⁻¹v⁺ ≤ ½ v*ᵀW⁻¹v*.

@@ -46,13 +46,15 @@ struct ContactSolverOptions {
   int max_sweeps = 50;
   double tolerance = 1e-4;  // residual above which Newton takes over
   int max_newton_iterations = 30;
+  int max_splitting_iterations = 300;  // of the method that helps Newton over a stall
   int max_newton_rows = 450;  // 3 a contact, 1 a limit: Newton is dense, so larger problems only sweep
 };
 
 struct ContactSolverReport {
   int sweeps = 0;
   int newton_iterations = 0;
-  double residual = 0;    // natural-map residual relative to the largest impulse
+  int splitting_iterations = 0;
+  double residual = 0;    // natural-map residual, relative to impulses and to speeds
   bool converged = true;  // residual <= tolerance
 };
 

@@ -29,8 +29,11 @@ class FreeBody {
   Vector6 PortTwist() const;
   /// Inverse inertia on that six-vector.
   Matrix6 InverseInertia() const;
+  /// The twist that contact leaves.
   void SetPortTwist(const Vector6& V);
   void Integrate(double h);
+  /// Takes the step back, before Integrate.
+  void Revert();
 
   double KineticEnergy() const;
   double PotentialEnergy(const Vector3& gravity_W) const {
@@ -46,6 +49,8 @@ class FreeBody {
   Vector3 omega_B_ = Vector3::Zero();
   Vector3 omega_B_before_ = Vector3::Zero();
   Vector3 velocity_ = Vector3::Zero();
+  Vector3 velocity_before_ = Vector3::Zero();
+  bool pushed_ = false;  // contact acted in this step
   Vector3 force_W_ = Vector3::Zero();
   Vector3 moment_W_ = Vector3::Zero();  // about the centre of mass
 };

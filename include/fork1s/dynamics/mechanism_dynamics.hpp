@@ -150,6 +150,7 @@ class MechanismDynamics {
   Vector6 V_R_before_ = Vector6::Zero();  // base twist at the start of the step
   Vector3 drift_R_ = Vector3::Zero();     // velocity of a floating mechanism's centre of mass at that time
   bool has_wrenches_ = false;
+  bool pushed_ = false;  // contact or a limit acted in this step
   Matrix6X wrenches_W_;  // 6 x bodies about the world origin, world axes
 
   // Between refreshes.
