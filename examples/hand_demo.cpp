@@ -1,4 +1,6 @@
 // What ./demo shows: a hand grasps a box, lifts it, is shaken and holds; on slippery skin it drops it.
+//
+//     hand_demo [SCENE.xml [CONTROLS.csv]]     the second is written: the set-points of every step
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -26,7 +28,9 @@ double Percentile(std::vector<double> values, double p) {
 
 int main(int argc, char** argv) {
   const std::string scene = argc > 1 ? argv[1] : FORK1S_SCENES "/hand.xml";
-  const auto held = RunHandScenario(scene, HandScenario{});
+  HandScenario grasp;
+  if (argc > 2) grasp.controls_csv = argv[2];
+  const auto held = RunHandScenario(scene, grasp);
   HandScenario slippery;
   slippery.friction = 0.2;
   slippery.shake = false;

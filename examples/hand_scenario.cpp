@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <fork1s/importer/importer.hpp>
+#include <fstream>
 #include <map>
 #include <numbers>
 
@@ -67,6 +68,17 @@ void SetControls(Simulation& simulation, double t, const HandScenario& scenario)
   simulation.SetControl("palm.x", x);
 }
 
+void WriteControls(std::ofstream& out, const Simulation& simulation, double t) {
+  if (t == 0) {
+    out << "time";
+    for (const std::string& name : simulation.control_names()) out << ',' << name;
+    out << '\n';
+  }
+  out << t;
+  for (int i = 0; i < static_cast<int>(simulation.control_names().size()); ++i) out << ',' << simulation.controls()(i);
+  out << '\n';
+}
+
 Vector3 InPalm(const Simulation& simulation) {
   return simulation.Pose("palm").inverse() * simulation.Pose("box").translation();
 }
@@ -117,9 +129,17 @@ Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const H
   Vector3 before_shake = Vector3::Zero(), at_rest = Vector3::Zero();
   const double end = kRestStart + scenario.rest;
   const auto steps = static_cast<int>(std::lround(end / scenario.dt));
+  std::ofstream controls;
+  if (!scenario.controls_csv.empty()) {
+    controls.open(scenario.controls_csv);
+    if (!controls)
+      return Fail(ErrorCode::kFile, scenario.controls_csv, "cannot be written; choose a folder that exists");
+    controls.precision(12);
+  }
   for (int i = 0; i < steps; ++i) {
     const double t = (i + 1) * scenario.dt;
     SetControls(simulation, t, scenario);
+    if (controls.is_open()) WriteControls(controls, simulation, i * scenario.dt);
     const auto start = std::chrono::steady_clock::now();
     const StepReport report = simulation.Step();
     m.step_us.push_back(

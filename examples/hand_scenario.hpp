@@ -15,6 +15,7 @@ struct HandScenario {
   double dt = 1.0 / 60;        // s
   bool shake = true;
   double rest = 5;  // s
+  std::string controls_csv;  // where to write the set-points of every step, for `fork1s run --controls`; empty: nowhere
 };
 
 struct HandMeasurement {

@@ -8,7 +8,7 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 1;
+inline constexpr int kFormatVersion = 2;
 inline constexpr const char* kFormatName = "fork1s recording";
 
 /// Values per row.
@@ -64,6 +64,7 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/limits", kS, 1, 0, "", "joint limits that acted"}, s.limits);
   f(Column{"steps/sweeps", kS, 1, 0, "", "Gauss-Seidel sweeps of the contact solver"}, s.sweeps);
   f(Column{"steps/newton_iterations", kS, 1, 0, "", ""}, s.newton_iterations);
+  f(Column{"steps/splitting_iterations", kS, 1, 0, "", ""}, s.splitting_iterations);
   f(Column{"steps/refreshes", kS, 1, 0, "", "mechanisms whose reference was moved"}, s.refreshes);
   f(Column{"steps/failed_refreshes", kS, 1, 0, "", ""}, s.failed_refreshes);
   f(Column{"steps/converged", kS, 1, 0, "", "1: the contact solver reached its tolerance"}, s.converged);

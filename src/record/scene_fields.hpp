@@ -160,9 +160,9 @@ void Fields(A& a, Like<Scene, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<ContactSolverOptions, A>& s) {
-  auto& [max_sweeps, tolerance, max_newton_iterations, max_newton_rows] = s;
-  a("max_sweeps", max_sweeps), a("tolerance", tolerance), a("max_newton_iterations", max_newton_iterations),
-      a("max_newton_rows", max_newton_rows);
+  auto& [max_sweeps, tolerance, max_newton_iterations, max_splitting_iterations, max_newton_rows] = s;
+  a("max_sweeps", max_sweeps), a("tolerance", tolerance), a("max_newton_iterations", max_newton_iterations);
+  a("max_splitting_iterations", max_splitting_iterations), a("max_newton_rows", max_newton_rows);
 }
 
 template <class A>
