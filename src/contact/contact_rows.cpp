@@ -41,6 +41,18 @@ void AddWJ(const double* W, int stride, int size, const Matrix36& J, int k_strid
   }
 }
 
+// Cosine c and sine s of the turn [c s; -s c] that diagonalises [S11 S12; S12 S22], c ≥ 0.
+void DiagonalisingTurn(double S11, double S12, double S22, double& c, double& s) {
+  const double difference = S11 - S22, length = std::sqrt(difference * difference + 4 * S12 * S12);
+  if (!(length > 0)) return;
+  const double double_cosine = difference / length;
+  // By the half angle, from the larger of the two.
+  const double larger = std::sqrt(0.5 * (1 + std::abs(double_cosine)));
+  const double smaller = std::abs(S12) / (length * larger), sign = S12 < 0 ? -1 : 1;
+  c = double_cosine >= 0 ? larger : smaller;
+  s = sign * (double_cosine >= 0 ? smaller : larger);
+}
+
 void StoreJacobian(const Matrix36& J, double* out) {
   Eigen::Map<Eigen::Matrix<double, 4, 6>> target(out);
   target.topRows<3>() = J;
@@ -84,6 +96,7 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
   int part_of[2] = {0, 0};
   Matrix3 D = Matrix3::Zero();
   double natural = 0, lightest = -1, reach = 0;
+  bool coupled = false;  // both sides in one block
   for (int side = 0; side < 2; ++side) {
     if (port[side] < 0) continue;
     const int index = BlockOf(blocks, port[side], 6);
@@ -96,10 +109,8 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
     if (!shared) part = {block.offset, block.size, Padded(block.size), Allocate(Padded(block.size), 3)};
     AddWJ(block.W + static_cast<std::ptrdiff_t>(local) * block.stride, block.stride, block.size, J[side],
           part.stride, storage.data() + part.data);
-    const Matrix6 own = W.block<6, 6>(local, local);
-    const double trace = J[side].lazyProduct(own).cwiseProduct(J[side]).sum();
-    natural += J[side].squaredNorm() * own.trace();
-    if (trace > 0 && (lightest < 0 || trace < lightest)) lightest = trace;
+    natural += J[side].squaredNorm() * W.diagonal().segment<6>(local).sum();
+    coupled = coupled || shared;
     reach += (J[side].cwiseAbs() * Eigen::Map<const Vector6>(velocity.data() + port[side]).cwiseAbs()).norm();
   }
   for (int side = 0; side < 2; ++side) {
@@ -107,8 +118,16 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
     const ResponsePart& part = row.part[part_of[side]];
     const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 3>, 0, Eigen::OuterStride<>> K(
         storage.data() + part.data, part.stride, 3, Eigen::OuterStride<>(part.stride));
-    D += J[side].lazyProduct(K.middleRows<6>(port[side] - part.offset));
+    const Matrix3 own = J[side].lazyProduct(K.middleRows<6>(port[side] - part.offset));
+    D += own;
     if (!K.allFinite()) return false;
+    double trace = own.trace();
+    if (coupled) {
+      const int at = port[side] - part.offset;
+      const ConstW W = OperatorOf(blocks[static_cast<std::size_t>(BlockOf(blocks, port[side], 6))]);
+      trace = J[side].lazyProduct(W.block<6, 6>(at, at)).cwiseProduct(J[side]).sum();
+    }
+    if (trace > 0 && (lightest < 0 || trace < lightest)) lightest = trace;
   }
   D = (0.5 * (D + D.transpose())).eval();
   if (!D.allFinite() || !std::isfinite(natural)) return false;
@@ -120,15 +139,13 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
     const double S11 = D(1, 1) - D(1, 0) * D(1, 0) / D(0, 0);
     const double S12 = D(1, 2) - D(1, 0) * D(2, 0) / D(0, 0);
     const double S22 = D(2, 2) - D(2, 0) * D(2, 0) / D(0, 0);
-    const double angle = S12 == 0 ? 0 : 0.5 * std::atan2(2 * S12, S11 - S22);
-    row.c = std::cos(angle);
-    row.s = std::sin(angle);
-    Matrix3 R = Matrix3::Identity();
-    R(1, 1) = R(2, 2) = row.c;
-    R(1, 2) = row.s;
-    R(2, 1) = -row.s;
-    D = (R * D * R.transpose()).eval();
-    for (Matrix36& j : J) j = (R * j).eval();
+    DiagonalisingTurn(S11, S12, S22, row.c, row.s);
+    const double c = row.c, sn = row.s;
+    for (Matrix36& j : J) {
+      const Eigen::Matrix<double, 1, 6> t1 = j.row(1), t2 = j.row(2);
+      j.row(1) = c * t1 + sn * t2;
+      j.row(2) = c * t2 - sn * t1;
+    }
     for (const ResponsePart& part : row.part) {
       if (part.stride == 0) continue;
       double* k1 = storage.data() + part.data + part.stride;
@@ -142,11 +159,11 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
     LocalCoulomb& law = row.law;
     law = LocalCoulomb{};
     law.nn = D(0, 0);
-    law.n1 = D(0, 1);
-    law.n2 = D(0, 2);
-    law.t11 = D(1, 1);
-    law.t12 = D(1, 2);
-    law.t22 = D(2, 2);
+    law.n1 = c * D(0, 1) + sn * D(0, 2);
+    law.n2 = c * D(0, 2) - sn * D(0, 1);
+    law.t11 = c * c * D(1, 1) + 2 * c * sn * D(1, 2) + sn * sn * D(2, 2);
+    law.t12 = c * sn * (D(2, 2) - D(1, 1)) + (c * c - sn * sn) * D(1, 2);
+    law.t22 = sn * sn * D(1, 1) - 2 * c * sn * D(1, 2) + c * c * D(2, 2);
     law.nn_inverse = 1 / law.nn;
     const double smallest = kRegularisation * D.trace() / 3;
     law.s1 = std::max(smallest, law.t11 - law.n1 * law.n1 * law.nn_inverse);
@@ -162,7 +179,7 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
     speed = std::max(speed, reach + in.bias.norm());
 
     // The warm start, brought into the cone.
-    Vector3 impulse = R * in.impulse;
+    Vector3 impulse(in.impulse[0], c * in.impulse[1] + sn * in.impulse[2], c * in.impulse[2] - sn * in.impulse[1]);
     impulse[0] = std::max(0.0, impulse[0]);
     const double bound = law.friction * impulse[0], size = impulse.tail<2>().norm();
     if (size > bound) impulse.tail<2>() *= bound > 0 ? bound / size : 0.0;

@@ -52,6 +52,12 @@ Vector6 FreeBody::PortTwist() const {
   return V;
 }
 
+Vector6 FreeBody::OriginVelocity() const {
+  Vector6 V = PortTwist();
+  V.tail<3>() -= V.head<3>().cross(X_WB_.rotation() * inertia_.center);
+  return V;
+}
+
 Matrix6 FreeBody::InverseInertia() const {
   Matrix6 W = Matrix6::Zero();
   const Matrix3& R = X_WB_.rotation();

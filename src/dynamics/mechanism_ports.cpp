@@ -99,10 +99,22 @@ Vector6 MechanismDynamics::GroupTwist(int g, const Eigen::Ref<const MatrixX>& J_
 }
 
 void MechanismDynamics::HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) const {
-  factor_.matrixLLT()
-      .block(part.begin, part.begin, part.size, part.size)
-      .triangularView<Eigen::Lower>()
-      .solveInPlace(Jt);
+  const MatrixX& L = factor_.matrixLLT();
+  if (part.size > 8) {
+    L.block(part.begin, part.begin, part.size, part.size).triangularView<Eigen::Lower>().solveInPlace(Jt);
+    return;
+  }
+  // A finger's worth: Eigen's blocked solver costs more to set up than this does.
+  double inverse[8];
+  for (int i = 0; i < part.size; ++i) inverse[i] = 1 / L(part.begin + i, part.begin + i);
+  for (Eigen::Index c = 0; c < Jt.cols(); ++c) {
+    double* y = Jt.col(c).data();
+    for (int k = 0; k < part.size; ++k) {
+      y[k] *= inverse[k];
+      const double* l = L.data() + static_cast<std::ptrdiff_t>(part.begin + k) * L.rows() + part.begin;
+      for (int i = k + 1; i < part.size; ++i) y[i] -= l[i] * y[k];
+    }
+  }
 }
 
 void MechanismDynamics::CoordinateRow(int i, const Part& part, Eigen::Ref<VectorX> row) const {

@@ -31,6 +31,15 @@ void World::FindContacts(const StepOptions& options, StepReport& report) {
                                  ? mechanisms_[static_cast<std::size_t>(c.index)].GroupPose(c.group)
                                  : free_bodies_[static_cast<std::size_t>(c.index)].pose();
     collision_->SetPose(static_cast<int>(i), X);
+    if (!has_previous_pose_) {
+      const Vector6 V = c.kind == Contactor::Kind::kGroup
+                            ? mechanisms_[static_cast<std::size_t>(c.index)].GroupVelocity(c.group)
+                            : free_bodies_[static_cast<std::size_t>(c.index)].OriginVelocity();
+      motion = std::max(motion,
+                        options.h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]));
+      contactor_pose_[i] = X;
+      continue;
+    }
     const RigidTransform& before = contactor_pose_[i];
     // |R - R₀| (Frobenius) is √2 times the angle for small turns.
     const double turn = (X.rotation() - before.rotation()).norm();
@@ -38,7 +47,7 @@ void World::FindContacts(const StepOptions& options, StepReport& report) {
     contactor_pose_[i] = X;
   }
   const double needed = 0.001 + 2 * motion + options.gravity.norm() * options.h * options.h;
-  collision_->SetMargin(has_previous_pose_ ? std::min(margin_max_, needed) : margin_max_);
+  collision_->SetMargin(std::min(margin_max_, needed));
   has_previous_pose_ = true;
   report.contacts_dropped = !collision_->Detect(points_);
 }

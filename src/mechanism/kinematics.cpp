@@ -13,8 +13,9 @@ RigidTransform ExpScrew(const Vector6& s, double q) {
   const double w2 = w.squaredNorm();
   if (w2 == 0) return RigidTransform(Vector3(v * q));
   if (std::abs(w2 - 1) > 1e-14) return Exp(s * q);
-  const double sine = std::sin(q);
+  // By the half angle, as 1 - cos needs it; one sine and cosine serve both.
   const double half = std::sin(0.5 * q);
+  const double sine = 2 * half * std::cos(0.5 * q);
   const double versine = 2 * half * half;
   Matrix3 R;
   const double wx = w.x(), wy = w.y(), wz = w.z();

@@ -18,6 +18,8 @@ class FreeBody {
   Vector3 omega_W() const { return X_WB_.rotation() * omega_B_; }
   const Vector3& omega_B() const { return omega_B_; }
   const Vector3& velocity_of_center() const { return velocity_; }
+  /// Twist in world axes about the body's own origin.
+  Vector6 OriginVelocity() const;
   Vector3 center_W() const { return X_WB_ * inertia_.center; }
 
   void SetState(const RigidTransform& X_WB, const Vector3& omega_W, const Vector3& velocity_of_origin_W);

@@ -76,6 +76,8 @@ class MechanismDynamics {
   /// Twist of group g at velocity x: before Predict the present one, after it the free one.
   Vector6 GroupTwist(int g, const Eigen::Ref<const MatrixX>& J_T) const;
   RigidTransform GroupPose(int g) const;
+  /// Twist of group g in world axes about the origin of the body that names it.
+  Vector6 GroupVelocity(int g) const { return BodyVelocity(groups_[static_cast<std::size_t>(g)].body); }
   /// Solves L Y = Jᵀ in place (columns of one part), L the Cholesky factor of A: W = Yᵀ Y.
   void HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) const;
   /// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities].

@@ -57,7 +57,8 @@ class World {
     ReductionOptions reduction;
     Recovery recovery = Recovery::kExact;
     double refresh_angle = 0.2617993877991494;  // rad
-    CollisionOptions collision;
+    // Contacts are looked for as far ahead as a step may carry anything, at most `margin`: 12 m/s at 1/60 s.
+    CollisionOptions collision = {.margin = 0.2};
     int initial_keyframe = -1;  // of the scene
     int max_contacts = 256;     // room reserved; more allocate
   };
@@ -103,7 +104,7 @@ class World {
   std::unique_ptr<CollisionWorld> collision_;
   std::vector<Contactor> contactors_;
   std::vector<std::string> warnings_;
-  double margin_max_ = 0.02;                    // m
+  double margin_max_ = 0.2;                     // m
   std::vector<double> contactor_radius_;        // m, about the contactor's frame
   std::vector<RigidTransform> contactor_pose_;  // at the previous detection
   bool has_previous_pose_ = false;

@@ -16,7 +16,7 @@ struct SimulationOptions {
   double refresh_angle = 0.2617993877991494;  // rad
   int initial_keyframe = -1;                  // index in the scene
   StepOptions step;                           // h and gravity are set from dt and the scene
-  CollisionOptions collision = {.margin = 0.02};
+  CollisionOptions collision = World::Options{}.collision;  // margin: how far ahead contacts are looked for, at most
 };
 
 /// A body of the scene by its place in Simulation::bodies().
