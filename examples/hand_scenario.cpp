@@ -75,7 +75,8 @@ void WriteControls(std::ofstream& out, const Simulation& simulation, double t) {
     out << '\n';
   }
   out << t;
-  for (int i = 0; i < static_cast<int>(simulation.control_names().size()); ++i) out << ',' << simulation.controls()(i);
+  for (int i = 0; i < static_cast<int>(simulation.control_names().size()); ++i)
+    out << ',' << simulation.controls()(i);
   out << '\n';
 }
 

@@ -14,8 +14,9 @@ struct HandScenario {
   double stiffness_scale = 1;  // of all joints
   double dt = 1.0 / 60;        // s
   bool shake = true;
-  double rest = 5;  // s
-  std::string controls_csv;  // where to write the set-points of every step, for `fork1s run --controls`; empty: nowhere
+  double rest = 5;           // s
+  std::string controls_csv;  // where to write the set-points of every step, for `fork1s run --controls`;
+                             // empty: nowhere
 };
 
 struct HandMeasurement {

@@ -122,6 +122,7 @@ void CollisionWorld::SetMargin(double margin) {
   FORK1S_REQUIRE(margin >= 0 && std::isfinite(margin), margin);
   mjModel* model = detail_->model.get();
   for (int i = 0; i < model->ngeom; ++i) model->geom_margin[i] = margin;
+  for (int i = 0; i < model->npair; ++i) model->pair_margin[i] = margin;
 }
 
 bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {

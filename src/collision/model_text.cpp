@@ -133,6 +133,32 @@ std::string GridText(const HeightGrid& grid, int index) {
               Numbers({grid.half_x, grid.half_y, height, depth}), "\"/>\n");
 }
 
+// Few geometries: every pair that may touch, named. The detector then goes through them one by one, which
+// costs less than its broad phase up to about this many.
+std::string PairText(const ModelText& model, const std::vector<CollisionBodyDef>& bodies,
+                     const std::vector<std::pair<int, int>>& excluded, const CollisionOptions& options) {
+  constexpr int kMostPairs = 32;
+  std::string text;
+  int count = 0;
+  for (std::size_t i = 0; i < model.geoms.size(); ++i)
+    for (std::size_t j = i + 1; j < model.geoms.size(); ++j) {
+      const CollisionGeom &a = model.geoms[i], &b = model.geoms[j];
+      const CollisionBodyDef &body_a = bodies[static_cast<std::size_t>(a.body)],
+                             &body_b = bodies[static_cast<std::size_t>(b.body)];
+      if (a.body == b.body || !(body_a.moves || body_b.moves)) continue;
+      const GeometryDef &def_a = body_a.geometries[static_cast<std::size_t>(a.geometry)],
+                        &def_b = body_b.geometries[static_cast<std::size_t>(b.geometry)];
+      if (!(def_a.contype & def_b.conaffinity) && !(def_b.contype & def_a.conaffinity)) continue;
+      const auto same = [&](const std::pair<int, int>& pair) {
+        return std::minmax(pair.first, pair.second) == std::minmax(a.body, b.body);
+      };
+      if (std::any_of(excluded.begin(), excluded.end(), same)) continue;
+      if (++count > kMostPairs) return "";
+      text += Text("<pair geom1=\"g", i, "\" geom2=\"g", j, "\" margin=\"", options.margin, "\"/>\n");
+    }
+  return text;
+}
+
 }  // namespace
 
 std::string Place(const CollisionBodyDef& body, int geometry) {
@@ -193,6 +219,7 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
     if (a == b || !written[static_cast<std::size_t>(a)] || !written[static_cast<std::size_t>(b)]) continue;
     contact += Text("<exclude body1=\"b", a, "\" body2=\"b", b, "\"/>\n");
   }
+  const std::string pairs = PairText(model, bodies, excluded, options);
   std::string asset;
   for (std::size_t k = 0; k < model.meshes.size(); ++k) {
     asset += Text("<mesh name=\"m", k, "\" file=\"m", k, ".msh\"/>\n");
@@ -207,7 +234,8 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
   model.xml =
       Text("<mujoco>\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<size njmax=\"1\" nconmax=\"",
            contacts, "\" nstack=\"", stack, "\"/>\n<asset>\n", asset, "</asset>\n<worldbody>\n", world,
-           moving, "</worldbody>\n<contact>\n", contact, "</contact>\n</mujoco>\n");
+           moving, "</worldbody>\n<contact>\n", contact, pairs, "</contact>\n<option collision=\"",
+           pairs.empty() ? "dynamic" : "predefined", "\"/>\n</mujoco>\n");
   return model;
 }
 

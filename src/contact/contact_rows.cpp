@@ -41,6 +41,9 @@ void AddWJ(const double* W, int stride, int size, const Matrix36& J, int k_strid
   }
 }
 
+// One test in place of one a number: NaN and infinity survive a sum.
+bool FiniteSum(double sum) { return std::isfinite(sum); }
+
 // Cosine c and sine s of the turn [c s; -s c] that diagonalises [S11 S12; S12 S22], c ≥ 0.
 void DiagonalisingTurn(double S11, double S12, double S22, double& c, double& s) {
   const double difference = S11 - S22, length = std::sqrt(difference * difference + 4 * S12 * S12);
@@ -86,10 +89,7 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
   row.s = 0;
   row.scale = row.newton_scale = 0;
   Eigen::Map<Vector4>(row.impulse).setZero();
-  if (!in.bias.allFinite() || !in.impulse.allFinite() || !in.J_a.allFinite() || !in.J_b.allFinite() ||
-      !std::isfinite(in.friction)) {
-    return false;
-  }
+  if (!FiniteSum(in.bias.sum() + in.impulse.sum() + in.J_a.sum() + in.J_b.sum() + in.friction)) return false;
 
   Matrix36 J[2] = {in.J_a, in.J_b};
   const int port[2] = {in.port_a, in.port_b};
@@ -120,7 +120,7 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
         storage.data() + part.data, part.stride, 3, Eigen::OuterStride<>(part.stride));
     const Matrix3 own = J[side].lazyProduct(K.middleRows<6>(port[side] - part.offset));
     D += own;
-    if (!K.allFinite()) return false;
+    if (!FiniteSum(K.sum())) return false;
     double trace = own.trace();
     if (coupled) {
       const int at = port[side] - part.offset;
@@ -130,7 +130,7 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
     if (trace > 0 && (lightest < 0 || trace < lightest)) lightest = trace;
   }
   D = (0.5 * (D + D.transpose())).eval();
-  if (!D.allFinite() || !std::isfinite(natural)) return false;
+  if (!FiniteSum(D.sum() + natural)) return false;
 
   if (D(0, 0) > kImmovable * natural) {
     row.live = true;
@@ -179,7 +179,8 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
     speed = std::max(speed, reach + in.bias.norm());
 
     // The warm start, brought into the cone.
-    Vector3 impulse(in.impulse[0], c * in.impulse[1] + sn * in.impulse[2], c * in.impulse[2] - sn * in.impulse[1]);
+    Vector3 impulse(in.impulse[0], c * in.impulse[1] + sn * in.impulse[2],
+                    c * in.impulse[2] - sn * in.impulse[1]);
     impulse[0] = std::max(0.0, impulse[0]);
     const double bound = law.friction * impulse[0], size = impulse.tail<2>().norm();
     if (size > bound) impulse.tail<2>() *= bound > 0 ? bound / size : 0.0;

@@ -65,8 +65,8 @@ struct RowSet {
   double Sweep();
   /// Divisor of the residual: the largest impulse within sensible bounds.
   double ResidualScale() const;
-  /// Natural-map residual of the law at the present impulses and velocity: the larger of the impulse error relative
-  /// to the largest impulse and the velocity error relative to the largest speed.
+  /// Natural-map residual of the law at the present impulses and velocity: the larger of the impulse error
+  /// relative to the largest impulse and the velocity error relative to the largest speed.
   double Residual() const;
 
   void ContactVelocity(const ContactRow& row, double* u) const;

@@ -11,9 +11,9 @@ class SplittingSolver {
  public:
   /// Reserves scratch for `num_rows` = 3 contacts + limits.
   void Reserve(int num_rows);
-  /// From the impulses in `rows`, solves u = A λ + b under the law. A is n x n column-major, n as for Newton's rows.
-  /// Leaves impulses inside their cones, better or not, and the velocity that belongs to them. Returns the number of
-  /// iterations.
+  /// From the impulses in `rows`, solves u = A λ + b under the law. A is n x n column-major, n as for
+  /// Newton's rows. Leaves impulses inside their cones, better or not, and the velocity that belongs to them.
+  /// Returns the number of iterations.
   int Solve(RowSet& rows, const std::vector<double>& A, const std::vector<double>& b, double enough,
             int max_iterations);
 

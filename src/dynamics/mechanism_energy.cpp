@@ -39,8 +39,9 @@ const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
   for (int b = 0; b < m.num_bodies(); ++b) {
     const SpatialInertia& I = m.bodies()[static_cast<std::size_t>(b)].inertia_B;
     if (I.mass == 0) continue;
-    const RigidTransform X_RB = twist ? Exp(model_.T_of(BodyIndex(b)) * state_.z) * model_.X_RB_ref[std::size_t(b)]
-                                      : configuration_.kinematics.X_RB[std::size_t(b)];
+    const RigidTransform X_RB =
+        twist ? Exp(model_.T_of(BodyIndex(b)) * state_.z) * model_.X_RB_ref[std::size_t(b)]
+              : configuration_.kinematics.X_RB[std::size_t(b)];
     pose_energy_.moment += I.mass * (X_RB * I.center);
   }
   pose_energy_.valid = true;
@@ -92,7 +93,8 @@ bool MechanismDynamics::TakeExcessEnergy() {
   return excess <= relative;
 }
 
-// Springs came to hold more than there was: the relative motion of this step is shortened to where they do not.
+// Springs came to hold more than there was: the relative motion of this step is shortened to where they do
+// not.
 void MechanismDynamics::TakeShorterStep(double h) {
   auto advance = [&](double s) {
     AdvanceShortened(h, s);

@@ -146,8 +146,8 @@ void MechanismDynamics::Advance(double h, const Vector6& V_start) {
   // As in Predict, beside the drift of the centre of mass, which only moves the base along.
   x_.segment<3>(3) -= drift_R_;
   const Vector3 drift_W = state_.X_WR.rotation() * drift_R_;
-  // Contact asks that gaps stay closed at the end velocity, so it is the one that moves the base; the mean would let
-  // a foot that lands sink by half of what it fell in the step.
+  // Contact asks that gaps stay closed at the end velocity, so it is the one that moves the base; the mean
+  // would let a foot that lands sink by half of what it fell in the step.
   const Vector6 mean = pushed_ ? Vector6(x_.head<6>()) : Vector6(0.5 * (V_start + x_.head<6>()));
   state_.X_WR = state_.X_WR * Exp(h * mean);
   state_.X_WR.translation() += h * drift_W;
@@ -161,8 +161,8 @@ void MechanismDynamics::Advance(double h, const Vector6& V_start) {
   state_.V_R = x_.head<6>();
 }
 
-// The relative motion of the step is shortened by s, as if it had been s times as fast from the start: at s = 0
-// the mechanism moves on as one rigid body, which keeps its energy under the midpoint rule.
+// The relative motion of the step is shortened by s, as if it had been s times as fast from the start: at s =
+// 0 the mechanism moves on as one rigid body, which keeps its energy under the midpoint rule.
 void MechanismDynamics::AdvanceShortened(double h, double s) {
   state_.z = z_before_;
   state_.X_WR = X_WR_before_;

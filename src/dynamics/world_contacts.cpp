@@ -35,8 +35,7 @@ void World::FindContacts(const StepOptions& options, StepReport& report) {
       const Vector6 V = c.kind == Contactor::Kind::kGroup
                             ? mechanisms_[static_cast<std::size_t>(c.index)].GroupVelocity(c.group)
                             : free_bodies_[static_cast<std::size_t>(c.index)].OriginVelocity();
-      motion = std::max(motion,
-                        options.h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]));
+      motion = std::max(motion, options.h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]));
       contactor_pose_[i] = X;
       continue;
     }

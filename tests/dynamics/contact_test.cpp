@@ -18,7 +18,8 @@ MechanismDef Finger(const std::string& name, double kp, double kv, double side, 
   link.inertia.rotational = Vector3(1e-8, 1e-8, 1e-8).asDiagonal();  // 0.004 * 0.05² = 1e-5 about the hinge
   link.geometries.push_back(Geometry(name + "_tip", Sphere{0.005}, 0.8, RigidTransform(Vector3(0.1, 0, 0))));
   const BodyIndex b = builder.AddBody(link);
-  const JointIndex j = builder.AddJoint(JointDef::Hinge(name + "_joint", b, side * Vector3::UnitY()).WithSpring(kp, kv));
+  const JointIndex j =
+      builder.AddJoint(JointDef::Hinge(name + "_joint", b, side * Vector3::UnitY()).WithSpring(kp, kv));
   ControlDef control;
   control.name = name;
   control.terms.emplace_back(FreedomRef{j, 0}, 1.0);
@@ -112,7 +113,8 @@ TEST(Mechanisms, TwoFingersPressEachOther) {
   StepReport report;
   for (int i = 0; i < 600; ++i) report = world.Step(step);
   ASSERT_EQ(report.contacts, 1);
-  const double q0 = world.mechanisms()[0].configuration().q(0), q1 = world.mechanisms()[1].configuration().q(0);
+  const double q0 = world.mechanisms()[0].configuration().q(0),
+               q1 = world.mechanisms()[1].configuration().q(0);
   EXPECT_NEAR(q0, q1, 1e-6);
   // The tips meet halfway: 0.006 m less the tip's 0.005 m below the hinge.
   EXPECT_NEAR(q0, std::asin(0.001 / reach), 1e-3);
@@ -137,10 +139,9 @@ TEST(Mechanisms, ABallBetweenTwoFingersIsHeld) {
   EXPECT_EQ(world.contacts().size(), 2u);
   double friction = 0;
   for (const ContactRecord& c : world.contacts()) {
-    const double sign = world.contactors()[static_cast<std::size_t>(c.point.body_b)].kind ==
-                                Contactor::Kind::kFreeBody
-                            ? 1
-                            : -1;
+    const double sign =
+        world.contactors()[static_cast<std::size_t>(c.point.body_b)].kind == Contactor::Kind::kFreeBody ? 1
+                                                                                                        : -1;
     friction += sign * (c.point.frame.transpose() * c.impulse).y() / step.h;
   }
   EXPECT_NEAR(friction, 0.05 * 9.81, 1e-3 * 0.05 * 9.81);

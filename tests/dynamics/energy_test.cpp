@@ -10,7 +10,8 @@ using testing::RandomMechanismOptions;
 using testing::RandomSource;
 using testing::Still;
 
-// The largest energy after the start, as a share of that at the start, over 300 steps without gravity or damping.
+// The largest energy after the start, as a share of that at the start, over 300 steps without gravity or
+// damping.
 double LargestShare(unsigned seed, const RandomMechanismOptions& options, double scale) {
   MechanismDef definition = testing::RandomMechanismDef(seed, options);
   definition = ScaleStiffness(definition, scale);
@@ -43,7 +44,8 @@ void ExpectNoGrowth(RandomMechanismOptions options, BaseKind base, double tolera
   options.damping_ratio = 0;
   for (unsigned seed = 0; seed < 12; ++seed)
     for (const double scale : {1.0, 1e3, 1e6})
-      EXPECT_LT(LargestShare(seed, options, scale), tolerance) << "seed " << seed << ", stiffness times " << scale;
+      EXPECT_LT(LargestShare(seed, options, scale), tolerance)
+          << "seed " << seed << ", stiffness times " << scale;
 }
 
 // A step's energies are differences of sums of a hundred terms.

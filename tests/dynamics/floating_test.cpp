@@ -6,9 +6,9 @@ namespace fork1s {
 namespace {
 
 using testing::Momentum;
-using testing::Spin;
 using testing::MustStart;
 using testing::RandomSource;
+using testing::Spin;
 using testing::Still;
 
 TEST(Floating, FlightConservesMomentum) {
@@ -24,8 +24,8 @@ TEST(Floating, FlightConservesMomentum) {
       const MechanismDynamics& walker = world.mechanisms()[0];
       const Vector6 before = Momentum(walker);
       const Vector3 spin = Spin(walker);
-      // Where modes are left out, bodies follow q_perp without a rate of their own; then the momentum of rates
-      // that BodyVelocity sees is that of the reduced motion.
+      // Where modes are left out, bodies follow q_perp without a rate of their own; then the momentum of
+      // rates that BodyVelocity sees is that of the reduced motion.
       int refreshes = 0;
       for (int i = 0; i < 120; ++i) {
         const StepReport report = world.Step(Still());
@@ -75,8 +75,8 @@ TEST(Floating, RigidBodyTumblesLikeAFreeOne) {
   World world = testing::MustCreate(scene, options);
   const double energy = world.mechanisms()[0].KineticEnergy();
   for (int i = 0; i < 60; ++i) world.Step(Still(1.0 / 240));
-  const Matrix3 turn = world.mechanisms()[0].state().X_WR.rotation().transpose() *
-                       world.free_bodies()[0].pose().rotation();
+  const Matrix3 turn =
+      world.mechanisms()[0].state().X_WR.rotation().transpose() * world.free_bodies()[0].pose().rotation();
   // Two second-order rules, 0.25 s at 6 rad/s in steps of 0.025 rad.
   EXPECT_LT(LogRotation(turn).norm(), 5e-3);
   EXPECT_NEAR(world.mechanisms()[0].KineticEnergy(), energy, 1e-3 * energy);

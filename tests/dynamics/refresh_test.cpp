@@ -10,8 +10,8 @@ using testing::RandomMechanismOptions;
 using testing::RandomSource;
 
 struct Jump {
-  double pose = 0;     // m and rad, of interfaces and all other bodies
-  double kinetic = 0;  // J gained
+  double pose = 0;      // m and rad, of interfaces and all other bodies
+  double kinetic = 0;   // J gained
   double velocity = 0;  // of interfaces, as a share
 };
 
@@ -40,7 +40,8 @@ Jump RefreshAfter(const MechanismDef& definition, int modes, int steps, unsigned
   jump.kinetic = (d.KineticEnergy() - kinetic) / kinetic;
   double fastest = 0;
   for (int b = 0; b < m->num_bodies(); ++b) {
-    jump.pose = std::max(jump.pose, Log(before[static_cast<std::size_t>(b)].inverse() * d.BodyPose(BodyIndex(b))).norm());
+    jump.pose = std::max(
+        jump.pose, Log(before[static_cast<std::size_t>(b)].inverse() * d.BodyPose(BodyIndex(b))).norm());
     fastest = std::max(fastest, velocity[static_cast<std::size_t>(b)].norm());
   }
   for (BodyIndex b : d.model().interfaces)

@@ -1,7 +1,7 @@
 // Where motion comes to rest, against the equilibrium of the full mechanism.
-#include <fork1s/reduction/statics.hpp>
 #include <dynamics/support.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/reduction/statics.hpp>
 
 namespace fork1s {
 namespace {
@@ -9,7 +9,8 @@ namespace {
 using testing::MustCreate;
 
 // Steps until nothing moves; the wrench, if any, is applied anew in every step.
-void Settle(World& world, const StepOptions& step, BodyIndex body = {}, const Vector3& force = Vector3::Zero()) {
+void Settle(World& world, const StepOptions& step, BodyIndex body = {},
+            const Vector3& force = Vector3::Zero()) {
   MechanismDynamics& m = world.mechanisms()[0];
   for (int i = 0; i < 3000; ++i) {
     if (body.valid()) m.AddWrench(body, force, Vector3::Zero(), m.BodyPose(body).translation());
@@ -24,7 +25,8 @@ void ExpectPoses(const MechanismDynamics& m, const StaticsResult& expected, doub
   ComputeKinematics(m.mechanism(), expected.q, kinematics);
   for (int b = 0; b < m.mechanism().num_bodies(); ++b) {
     const RigidTransform X = m.state().X_WR * kinematics.X_RB[static_cast<std::size_t>(b)];
-    EXPECT_LT(Log(X.inverse() * m.BodyPose(BodyIndex(b))).norm(), tolerance) << m.mechanism().body(BodyIndex(b)).name;
+    EXPECT_LT(Log(X.inverse() * m.BodyPose(BodyIndex(b))).norm(), tolerance)
+        << m.mechanism().body(BodyIndex(b)).name;
   }
 }
 
@@ -86,8 +88,8 @@ TEST(Rest, SetPoints) {
     link.X_PB = RigidTransform(Vector3(i == 0 ? 0 : 0.05, 0, 0));
     link.inertia = testing::Rod(0.05, 0.05);
     parent = builder.AddBody(link);
-    const JointIndex joint =
-        builder.AddJoint(JointDef::Hinge("joint" + std::to_string(i), parent, Vector3::UnitZ()).WithSpring(2, 0.1));
+    const JointIndex joint = builder.AddJoint(
+        JointDef::Hinge("joint" + std::to_string(i), parent, Vector3::UnitZ()).WithSpring(2, 0.1));
     ControlDef control;
     control.name = "servo" + std::to_string(i);
     control.terms.emplace_back(FreedomRef{joint, 0}, 1.0);

@@ -60,8 +60,9 @@ class MechanismDynamics {
 
   /// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
   void Predict(double h, const Vector3& gravity_W);
-  /// Velocities [begin, begin + size) that neither inertia nor damping nor any contact group couples to the others:
-  /// the fingers of a hand whose palm is held, for instance. W is formed and contacts are solved part by part.
+  /// Velocities [begin, begin + size) that neither inertia nor damping nor any contact group couples to the
+  /// others: the fingers of a hand whose palm is held, for instance. W is formed and contacts are solved part
+  /// by part.
   struct Part {
     int begin = 0;
     int size = 0;
@@ -71,7 +72,8 @@ class MechanismDynamics {
   int PartOfGroup(int g) const { return part_of_group_[static_cast<std::size_t>(g)]; }
   /// The part that moves limited_coordinates()[k].
   int PartOfLimited(std::size_t k) const { return part_of_limited_[k]; }
-  /// 6 x (size of its part) map from x to the twist of group g in R; the driven base's own twist comes on top.
+  /// 6 x (size of its part) map from x to the twist of group g in R; the driven base's own twist comes on
+  /// top.
   void GroupJacobian(int g, Eigen::Ref<Matrix6X> J) const;
   /// Twist of group g at velocity x: before Predict the present one, after it the free one.
   Vector6 GroupTwist(int g, const Eigen::Ref<const MatrixX>& J_T) const;
@@ -158,8 +160,8 @@ class MechanismDynamics {
   // Between refreshes.
   VectorX g_ref_;          // n, spring forces at the reference
   VectorX q_perp_offset_;  // n, leftover of the last refresh, fading
-  MatrixX A_, M_full_;         // num_velocities²
-  MatrixX A_inverse_;          // where A holds until the next refresh
+  MatrixX A_, M_full_;     // num_velocities²
+  MatrixX A_inverse_;      // where A holds until the next refresh
   Eigen::LLT<MatrixX> factor_;
   double factored_h_ = -1;
   VectorX f_ref_;              // twist mode: Qᵀ g_ref

@@ -124,7 +124,8 @@ class World {
   VectorX velocities_;
   Matrix6X J_scratch_;
 
-  // Ports and limits of one part of a mechanism, or (the last one) of groups that only follow its driven base.
+  // Ports and limits of one part of a mechanism, or (the last one) of groups that only follow its driven
+  // base.
   struct PartBlock {
     std::vector<int> groups;  // in port order
     std::vector<int> limits;  // 2 k + side of entries k of limited_coordinates(), side 0 lower, 1 upper
