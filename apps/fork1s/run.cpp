@@ -219,7 +219,7 @@ void AddRun(CLI::App& app, Action& action) {
   auto args = std::make_shared<Arguments>();
   args->model.AddTo(*command);
   command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(CLI::NonNegativeNumber);
-  command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
+  command->add_option("--dt", args->dt, "time step in s (default 1/60)")->check(CLI::PositiveNumber);
   command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
   command->add_option("--recovery", args->recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));

@@ -46,6 +46,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   if (options.initial_keyframe >= 0) {
     FORK1S_REQUIRE(options.initial_keyframe < static_cast<int>(scene.keyframes.size()));
     key = &scene.keyframes[static_cast<std::size_t>(options.initial_keyframe)];
+    if (auto fits = CheckKeyframe(scene, *key); !fits) return tl::unexpected(fits.error());
   }
   for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
     auto built = BuildMechanism(scene.mechanisms[i]);
@@ -61,6 +62,216 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     Vector6 V_R = Vector6::Zero();
     if (key) {
       const auto& state = key->mechanisms[i];
+      if (auto fits = CheckKeyframe(*mechanism, state, key->name); !fits) return tl::unexpected(fits.error());
+      q = state.q;
+      q_dot = state.q_dot;
+      X_WR = state.X_WR;
+      V_R = state.V_R;
+    }
+    auto dynamics = MechanismDynamics::Create(mechanism, q, q_dot, X_WR, V_R, o);
+    if (!dynamics) return tl::unexpected(dynamics.error());
+    if (key && key->mechanisms[i].controls.size() > 0) dynamics->controls() = key->mechanisms[i].controls;
+    for (const std::string& w : dynamics->warnings()) world.warnings_.push_back(w);
+    world.mechanisms_.push_back(std::move(*dynamics));
+  }
+  for (std::size_t i = 0; i < scene.free_bodies.size(); ++i) {
+    const FreeBodyDef& def = scene.free_bodies[i];
+    if (!(def.inertia.mass > 0) || !(def.inertia.rotational.determinant() > 0))
+      return Fail(ErrorCode::kModel, "body '" + def.name + "'",
+                  "moves freely and needs mass and rotational inertia above 0");
+    world.free_bodies_.emplace_back(def);
+    if (key) {
+      const auto& state = key->free_bodies[i];
+      world.free_bodies_.back().SetState(state.X_WB, state.omega_W, state.velocity_W);
+    }
+  }
+  if (auto ok = world.BuildCollision(scene, options); !ok) return tl::unexpected(ok.error());
+
+  const auto room = static_cast<std::size_t>(options.max_contacts);
+  world.points_.reserve(room);
+  world.contacts_.reserve(room);
+  world.previous_.reserve(room);
+  world.normal_speed_.reserve(room);
+  world.previous_normal_speed_.reserve(room);
+  world.match_.reserve(room);
+  world.previous_used_.reserve(room);
+  world.constraints_.reserve(room);
+  std::size_t blocks = world.free_bodies_.size();
+  for (const MechanismDynamics& m : world.mechanisms_)
+    blocks += m.groups().size() + m.limited_coordinates().size();
+  world.blocks_.reserve(blocks);
+  int velocities = 6 * static_cast<int>(world.free_bodies_.size());
+  int limits = 0, widest = 6;
+  for (const MechanismDynamics& m : world.mechanisms_) {
+    MechanismBlock block;
+    const int limited = static_cast<int>(m.limited_coordinates().size());
+    const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited;
+    block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
+    world.mechanism_blocks_.push_back(std::move(block));
+    velocities += rows;
+    limits += 2 * limited;
+    widest = std::max(widest, m.num_velocities());
+  }
+  world.limits_.reserve(static_cast<std::size_t>(limits));
+  world.velocities_.setZero(velocities);
+  world.free_W_.resize(world.free_bodies_.size());
+  world.solver_.Reserve(options.max_contacts, limits, velocities);
+  return world;
+}
+
+Expected<void> World::BuildCollision(const Scene& scene, const Options& options) {
+  std::vector<CollisionBodyDef> bodies;
+  std::map<std::string, int> index_of;
+  auto add = [&](CollisionBodyDef body, Contactor contactor) {
+    const bool touches = std::any_of(body.geometries.begin(), body.geometries.end(),
+                                     [](const GeometryDef& g) { return g.Collides(); });
+    if (!touches && contactor.kind != Contactor::Kind::kWorld) return -1;
+    contactor.name = body.name;
+    bodies.push_back(std::move(body));
+    contactors_.push_back(std::move(contactor));
+    return static_cast<int>(bodies.size()) - 1;
+  };
+  add({"world", scene.world, false, RigidTransform()}, {});
+  index_of["world"] = 0;
+
+  std::vector<std::pair<int, int>> excluded;
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+    const MechanismDynamics& m = mechanisms_[i];
+    std::vector<int> of_group;
+    for (std::size_t g = 0; g < m.groups().size(); ++g) {
+      const ContactGroup& group = m.groups()[g];
+      CollisionBodyDef body;
+      body.name = m.mechanism().body(group.body).name;
+      body.geometries = GroupGeometry(m.mechanism(), group);
+      body.moves = group.last_joint >= 0 || m.mechanism().base() != BaseKind::kFixed;
+      body.X_WB = m.GroupPose(static_cast<int>(g));
+      Contactor contactor;
+      // A fixed base is still world with a name of its own.
+      contactor.kind = body.moves ? Contactor::Kind::kGroup : Contactor::Kind::kWorld;
+      contactor.index = static_cast<int>(i);
+      contactor.group = static_cast<int>(g);
+      const bool empty = body.geometries.empty();
+      of_group.push_back(empty ? -1 : add(std::move(body), contactor));
+      if (of_group.back() >= 0)
+        for (BodyIndex b : group.bodies) index_of[m.mechanism().body(b).name] = of_group.back();
+    }
+    for (std::size_t a = 0; a < of_group.size(); ++a)
+      for (std::size_t b = a + 1; b < of_group.size(); ++b)
+        if (of_group[a] >= 0 && of_group[b] >= 0 &&
+            AreNeighbours(m.mechanism(), m.groups()[a], m.groups()[b]))
+          excluded.emplace_back(of_group[a], of_group[b]);
+  }
+  for (std::size_t i = 0; i < free_bodies_.size(); ++i) {
+    Contactor contactor;
+    contactor.kind = Contactor::Kind::kFreeBody;
+    contactor.index = static_cast<int>(i);
+    const int at =
+        add({scene.free_bodies[i].name, scene.free_bodies[i].geometries, true, free_bodies_[i].pose()},
+            contactor);
+    if (at >= 0) index_of[scene.free_bodies[i].name] = at;
+  }
+  for (const auto& [a, b] : scene.excluded_pairs)
+    if (index_of.count(a) && index_of.count(b) && index_of[a] != index_of[b])
+      excluded.emplace_back(index_of[a], index_of[b]);
+
+  margin_max_ = options.collision.margin;
+  for (const CollisionBodyDef& body : bodies) {
+    double radius = 0;
+    for (const GeometryDef& g : body.geometries)
+      if (const double r = BoundingRadius(g.shape); std::isfinite(r))
+        radius = std::max(radius, g.X_BG.translation().norm() + r);
+    contactor_radius_.push_back(radius);
+  }
+  contactor_pose_.resize(contactors_.size());
+  auto collision = CollisionWorld::Create(bodies, excluded, options.collision);
+  if (!collision) return tl::unexpected(collision.error());
+  collision_ = std::make_unique<CollisionWorld>(std::move(*collision));
+  port_offset_.assign(contactors_.size(), -1);
+  port_part_.assign(contactors_.size(), 0);
+  return {};
+}
+
+void World::ResetContacts() {
+  contacts_.clear();
+  previous_.clear();
+  previous_normal_speed_.clear();
+  curvature_valid_ = false;
+  has_previous_pose_ = false;
+  for (MechanismBlock& block : mechanism_blocks_)
+    std::fill(block.limit_impulses.begin(), block.limit_impulses.end(), 0.0);
+}
+
+double World::KineticEnergy() const {
+  double energy = 0;
+  for (const auto& m : mechanisms_) energy += m.KineticEnergy();
+  for (const auto& b : free_bodies_) energy += b.KineticEnergy();
+  return energy;
+}
+
+double World::PotentialEnergy(const Vector3& gravity) const {
+  double energy = 0;
+  for (const auto& m : mechanisms_) energy += m.PotentialEnergy(gravity);
+  for (const auto& b : free_bodies_) energy += b.PotentialEnergy(gravity);
+  return energy;
+}
+
+}  // namespace fork1s// A keyframe made by hand may not fit its scene.
+Expected<void> CheckKeyframe(const Scene& scene, const KeyframeDef& key) {
+  const std::string where = "keyframe '" + key.name + "'";
+  if (key.mechanisms.size() != scene.mechanisms.size() || key.free_bodies.size() != scene.free_bodies.size())
+    return Fail(ErrorCode::kModel, where,
+                "is for another number of mechanisms or free bodies than the scene has; give each its state");
+  for (std::size_t i = 0; i < key.free_bodies.size(); ++i) {
+    const auto& state = key.free_bodies[i];
+    if (!state.X_WB.IsFinite() || !state.omega_W.allFinite() || !state.velocity_W.allFinite())
+      return Fail(ErrorCode::kModel, where,
+                  "the state of body '" + scene.free_bodies[i].name + "' has a number that is not finite");
+  }
+  return {};
+}
+
+Expected<void> CheckKeyframe(const Mechanism& m, const KeyframeDef::MechanismState& state,
+                             const std::string& name) {
+  const std::string where = "keyframe '" + name + "'", of = " of mechanism '" + m.name() + "'";
+  const auto is = [](const VectorX& v, Eigen::Index n) { return v.size() == n; };
+  const Eigen::Index n = m.num_coordinates(), controls = static_cast<Eigen::Index>(m.controls().size());
+  if (!is(state.q, n) || !(is(state.q_dot, 0) || is(state.q_dot, n)))
+    return Fail(ErrorCode::kModel, where,
+                "has another number of joint displacements or rates than the " + std::to_string(n) + of);
+  if (!is(state.controls, 0) && !is(state.controls, controls))
+    return Fail(ErrorCode::kModel, where,
+                "has another number of controls than the " + std::to_string(controls) + of);
+  if (!state.q.allFinite() || !state.q_dot.allFinite() || !state.X_WR.IsFinite() || !state.V_R.allFinite() ||
+      !state.controls.allFinite())
+    return Fail(ErrorCode::kModel, where, "the state" + of + " has a number that is not finite");
+  return {};
+}
+
+}  // namespace
+
+Expected<World> World::Create(const Scene& scene, const Options& options) {
+  World world;
+  const KeyframeDef* key = nullptr;
+  if (options.initial_keyframe >= 0) {
+    FORK1S_REQUIRE(options.initial_keyframe < static_cast<int>(scene.keyframes.size()));
+    key = &scene.keyframes[static_cast<std::size_t>(options.initial_keyframe)];
+    if (auto fits = CheckKeyframe(scene, *key); !fits) return tl::unexpected(fits.error());
+  }
+  for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
+    auto built = BuildMechanism(scene.mechanisms[i]);
+    if (!built) return tl::unexpected(built.error());
+    auto mechanism = std::make_shared<const Mechanism>(std::move(*built));
+    MechanismDynamics::Options o;
+    o.reduction = options.reduction;
+    o.reduction.promote_hidden = options.reduction.promote_hidden || !scene.mechanisms[i].interfaces_chosen;
+    o.recovery = options.recovery;
+    o.refresh_angle = options.refresh_angle;
+    VectorX q = VectorX::Zero(mechanism->num_coordinates()), q_dot;
+    RigidTransform X_WR = scene.mechanisms[i].X_WR;
+    Vector6 V_R = Vector6::Zero();
+    if (key) {
+      const auto& state = key->mechanisms[i];
+      if (auto fits = CheckKeyframe(*mechanism, state, key->name); !fits) return tl::unexpected(fits.error());
       q = state.q;
       q_dot = state.q_dot;
       X_WR = state.X_WR;

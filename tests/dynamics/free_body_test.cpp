@@ -190,5 +190,41 @@ TEST(FreeBodies, MassRatioOfAMillionStaysBounded) {
   EXPECT_NEAR(world.free_bodies()[1].pose().translation().z(), 0.15, 2e-3);
 }
 
+TEST(Keyframes, ThatDoNotFitAreRefused) {
+  Scene scene;
+  scene.mechanisms.push_back(testing::Walker(BaseKind::kFixed, 60, 1));
+  scene.free_bodies.push_back(BallBody("ball", 1, 0.1, Vector3(0, 0, 3), 0.5));
+  KeyframeDef key;
+  key.name = "start";
+  key.mechanisms.push_back({VectorX::Zero(8), VectorX::Zero(8), {}, Vector6::Zero(), {}});
+  key.free_bodies.push_back({});
+  World::Options options;
+  options.initial_keyframe = 0;
+  const auto refuse = [&](const KeyframeDef& broken, const std::string& says) {
+    scene.keyframes = {broken};
+    const auto world = World::Create(scene, options);
+    ASSERT_FALSE(world.has_value());
+    EXPECT_NE(world.error().Text().find("'start'"), std::string::npos) << world.error().Text();
+    EXPECT_NE(world.error().Text().find(says), std::string::npos) << world.error().Text();
+  };
+  scene.keyframes = {key};
+  EXPECT_TRUE(World::Create(scene, options).has_value());
+  KeyframeDef broken = key;
+  broken.mechanisms[0].q.resize(7);
+  refuse(broken, "joint displacements");
+  broken = key;
+  broken.mechanisms[0].controls = VectorX::Zero(1);
+  refuse(broken, "controls");
+  broken = key;
+  broken.mechanisms[0].q(3) = NAN;
+  refuse(broken, "not finite");
+  broken = key;
+  broken.free_bodies.clear();
+  refuse(broken, "number of mechanisms or free bodies");
+  broken = key;
+  broken.free_bodies[0].omega_W.x() = INFINITY;
+  refuse(broken, "'ball'");
+}
+
 }  // namespace
 }  // namespace fork1s

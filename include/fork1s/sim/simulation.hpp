@@ -77,6 +77,7 @@ class Simulation {
   const World& world() const { return world_; }
   World& world() { return world_; }
   StepOptions& step_options() { return step_options_; }
+  const StepOptions& step_options() const { return step_options_; }
   const std::vector<std::string>& warnings() const { return world_.warnings(); }
 
  private:
