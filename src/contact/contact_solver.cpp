@@ -17,6 +17,10 @@ namespace {
 // next step starts from a good warm start.
 constexpr double kStopFraction = 0.1;
 
+// A result that misses the law by this much, or by less with impulses this far above the momentum at hand,
+// would throw bodies about: a wedge that no impulse can open, for instance.
+constexpr double kGross = 0.1, kBlownUp = 1e3;
+
 }  // namespace
 
 struct ContactSolver::Workspace {
@@ -94,9 +98,17 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
         rows.RestoreImpulses();
         report.residual = before;
       }
+      if (report.residual > kGross ||
+          (!(report.residual <= options.tolerance) && rows.LargestImpulse() > kBlownUp * rows.momentum)) {
+        report.splitting_iterations +=
+            work_->splitting.SolveSafely(rows, work_->newton.A(), work_->newton.b(),
+                                         kStopFraction * options.tolerance, options.max_splitting_iterations);
+        report.residual = rows.Residual();
+        report.fallback = true;
+      }
     }
   }
-  report.converged = report.residual <= options.tolerance;
+  report.converged = report.residual <= options.tolerance && !report.fallback;
 
   const Eigen::Map<const VectorX> solved(rows.velocity.data(), velocities.size());
   if (!solved.allFinite()) return give_up();

@@ -86,6 +86,30 @@ void SplittingSolver::AddCorrection(const RowSet& rows, const double* z, double*
 int SplittingSolver::Solve(RowSet& rows, const std::vector<double>& A, const std::vector<double>& b,
                            double enough, int max_iterations) {
   Scale(rows, A, b);
+  return Iterate(rows, false, enough, max_iterations);
+}
+
+int SplittingSolver::SolveSafely(RowSet& rows, const std::vector<double>& A, const std::vector<double>& b,
+                                 double enough, int max_iterations) {
+  Scale(rows, A, b);
+  // Of the inverse mass that a contact feels: what a wedge of many contacts needs to stay below a thousand
+  // times the momentum at hand.
+  constexpr double kGive = 1e-3;
+  for (int k = 0; k < n_; ++k) G_[static_cast<std::size_t>(k) * static_cast<std::size_t>(n_ + 1)] += kGive;
+  std::size_t i = 0;
+  for (const ContactRow& row : rows.contacts) {
+    g_[i] -= d_[i] * std::min(0.0, row.bias[0]);
+    i += 3;
+  }
+  for (const LimitRow& row : rows.limits) {
+    g_[i] -= d_[i] * std::min(0.0, row.bias);
+    ++i;
+  }
+  std::fill(x_.begin(), x_.end(), 0.0);  // what failed is no start
+  return Iterate(rows, true, enough, max_iterations);
+}
+
+int SplittingSolver::Iterate(RowSet& rows, bool associated, double enough, int max_iterations) {
   const Matrix G(G_.data(), n_, n_);
   Matrix factor(factor_.data(), n_, n_);
   Vector x(x_.data(), n_), y(y_.data(), n_), z(z_.data(), n_), rhs(rhs_.data(), n_), g(g_.data(), n_);
@@ -101,7 +125,7 @@ int SplittingSolver::Solve(RowSet& rows, const std::vector<double>& A, const std
   z.noalias() = G * y;
   z += g;
   rhs.setZero();
-  AddCorrection(rows, z_.data(), rhs_.data());
+  if (!associated) AddCorrection(rows, z_.data(), rhs_.data());
   z += rhs;
   bool factored = false;
   int since_move = 0, iteration = 0;
@@ -115,7 +139,7 @@ int SplittingSolver::Solve(RowSet& rows, const std::vector<double>& A, const std
       factored = true;
     }
     rhs.setZero();
-    AddCorrection(rows, z_.data(), rhs_.data());
+    if (!associated) AddCorrection(rows, z_.data(), rhs_.data());
     rhs = kProximal * x + rho * y + z - g - rhs;
     factor.triangularView<Eigen::Lower>().solveInPlace(rhs);
     factor.triangularView<Eigen::Lower>().transpose().solveInPlace(rhs);

@@ -16,8 +16,14 @@ class SplittingSolver {
   /// Returns the number of iterations.
   int Solve(RowSet& rows, const std::vector<double>& A, const std::vector<double>& b, double enough,
             int max_iterations);
+  /// For where that failed grossly: the nearest problem that always has an answer. Penetration is not undone,
+  /// contact gives a little, and sliding may lift (the associated law), which makes it convex; its impulses
+  /// take energy, never bring any.
+  int SolveSafely(RowSet& rows, const std::vector<double>& A, const std::vector<double>& b, double enough,
+                  int max_iterations);
 
  private:
+  int Iterate(RowSet& rows, bool associated, double enough, int max_iterations);
   void Scale(const RowSet& rows, const std::vector<double>& A, const std::vector<double>& b);
   void Project(const RowSet& rows, const double* x, double* y) const;
   void AddCorrection(const RowSet& rows, const double* z, double* out) const;

@@ -6,6 +6,9 @@
 namespace fork1s {
 namespace {
 
+// Joint coordinates up to which M of a held base follows the pose: forming it costs up to n².
+constexpr int kLong = 128;
+
 // Rigid groups that may touch something: one per interface body, and the base.
 std::vector<ContactGroup> MakeGroups(const ReducedModel& model) {
   const Mechanism& mechanism = *model.mechanism;
@@ -117,13 +120,18 @@ void MechanismDynamics::Size() {
   M_00_ = model_.M_00;
   M_0z_ = model_.M_0z;
   M_0q_.resize(6, n);
-  if (base_size_ > 0) {
-    M_q_.resize(n, n);
-    M_Q_.resize(n, r);
+  if (options_.recovery == Recovery::kExact) {
+    if (base_size_ > 0 || n <= kLong) {
+      M_q_.resize(n, n);
+      M_Q_.resize(n, r);
+    }
     body_V_.resize(6, m.num_bodies());
     body_A_.resize(6, m.num_bodies());
     q_dot_.resize(n);
   }
+  q_of_M_ = model_.q_ref;
+  q_ddot_.setZero(n);
+  Q_before_h_ = -1;
   composite_.resize(static_cast<std::size_t>(m.num_bodies()));
   if (model_.has_complement) {
     state_.q_perp = VectorX::Zero(n);
@@ -136,16 +144,26 @@ void MechanismDynamics::Size() {
   TakeReferenceForces();
 }
 
-void MechanismDynamics::UpdateBaseInertia() {
-  if (base_size_ == 0 || options_.recovery == Recovery::kTwist) return;
+// M of the present pose. A floating base needs it at every pose (see the header). Held bases are served by
+// one that is half a degree old, so that what stands still keeps its factor. Long mechanisms keep that of the
+// reference: theirs would cost n² a step, and joints that share a long path move little each.
+void MechanismDynamics::UpdateInertia() {
+  if (options_.recovery == Recovery::kTwist) return;
   const Kinematics& kinematics = configuration_.kinematics;
-  const int r = model_.size();
+  const int r = model_.size(), n = model_.num_coordinates();
+  if (base_size_ == 0) {
+    constexpr double kStale = 0.0087;  // rad, or lengths of the mechanism
+    if (n > kLong || LargestTurn(q_of_M_) < kStale) return;
+  }
+  q_of_M_ = configuration_.q;
   FloatingMassMatrix(mechanism(), kinematics, composite_, M_q_, M_00_, M_0q_);
   M_0z_.noalias() = M_0q_ * Q_now();
   M_Q_.noalias() = M_q_ * Q_now();
-  M_full_.topLeftCorner<6, 6>() = M_00_;
-  M_full_.topRightCorner(6, r) = M_0z_;
-  M_full_.bottomLeftCorner(r, 6) = M_0z_.transpose();
+  if (base_size_ > 0) {
+    M_full_.topLeftCorner<6, 6>() = M_00_;
+    M_full_.topRightCorner(6, r) = M_0z_;
+    M_full_.bottomLeftCorner(r, 6) = M_0z_.transpose();
+  }
   M_full_.bottomRightCorner(r, r).noalias() = Q_now().transpose() * M_Q_;
   factored_h_ = -1;
 }
@@ -154,7 +172,7 @@ void MechanismDynamics::UpdateConfiguration() {
   pose_energy_.valid = false;
   if (options_.recovery == Recovery::kExact) {
     Configure(model_, state_, configuration_);
-    UpdateBaseInertia();
+    UpdateInertia();
     return;
   }
   configuration_.q = model_.q_ref;

@@ -75,16 +75,25 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
     for (int b = 0; b < m.num_bodies(); ++b)
       F_.col(b) += AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
   tau_.setZero();
-  if (base_moves()) {
-    // The base's own rows get the same by carrying its momentum along.
-    base_force_ = F_.rowwise().sum();
-    if (base_size_ > 0) {
-      q_dot_.noalias() = configuration_.Q_now * state_.w;
-      SubtractVelocityWrenches(m, configuration_.kinematics, state_.V_R, q_dot_, body_V_, body_A_, F_);
-    } else if (!A_R.isZero(0) || !state_.V_R.isZero(0)) {
-      SubtractRigidMotionWrenches(m, configuration_.kinematics, state_.V_R, A_R, F_);
+  // The base's own rows get the same by carrying its momentum along.
+  if (base_moves()) base_force_ = F_.rowwise().sum();
+  q_dot_.noalias() = configuration_.Q_now * state_.w;
+  if (model_.loop_rank() > 0) {
+    // Loops turn Q as they move: its rate by difference over the last step.
+    if (Q_before_h_ > 0) {
+      q_ddot_.noalias() = (1 / Q_before_h_) * (configuration_.Q_now * state_.w);
+      q_ddot_.noalias() -= (1 / Q_before_h_) * (Q_before_ * state_.w);
+      tau_ -= m.armature().cwiseProduct(q_ddot_);
     }
+    Q_before_ = configuration_.Q_now;
   }
+  const bool turns = base_moves() && !state_.V_R.isZero(0);
+  // What rests drifts by less than this; its velocity forces would be below 1e-12 of its inertia.
+  constexpr double kRests = 1e-6;  // rad/s or m/s
+  if (turns || q_dot_.cwiseAbs().maxCoeff() > kRests)
+    SubtractVelocityWrenches(m, configuration_.kinematics, configuration_.q, state_.V_R, q_dot_, q_ddot_,
+                             body_V_, body_A_, F_);
+  if (!A_R.isZero(0)) SubtractRigidMotionWrenches(m, configuration_.kinematics, Vector6::Zero(), A_R, F_);
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
   if (controls_.size() > 0) AddControlForce(m, controls_, tau_);
   if (model_.has_complement) {

@@ -8,16 +8,18 @@
 
 namespace fork1s {
 
-double MechanismDynamics::Staleness() const {
+double MechanismDynamics::LargestTurn(const VectorX& since) const {
   double largest = 0;
   const Mechanism& m = mechanism();
   for (int i = 0; i < model_.num_coordinates(); ++i) {
-    const double moved = std::abs(configuration_.q(i) - model_.q_ref(i));
+    const double moved = std::abs(configuration_.q(i) - since(i));
     const bool turns = m.screws().col(i).head<3>().squaredNorm() > 1e-18;
     largest = std::max(largest, turns ? moved : moved / m.length_scale());
   }
-  return largest / options_.refresh_angle;
+  return largest;
 }
+
+double MechanismDynamics::Staleness() const { return LargestTurn(model_.q_ref) / options_.refresh_angle; }
 
 bool MechanismDynamics::Refresh() {
   const Mechanism& m = mechanism();

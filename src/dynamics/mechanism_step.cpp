@@ -75,11 +75,12 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
   }
   if (guard_ && model_.has_complement) q_perp_before_ = state_.q_perp;
   LoadForces(state_.X_WR.rotation().transpose() * gravity_W, A_R);
+  Q_before_h_ = h;
   if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
 
   if (base_size_ == 0) {
     state_.V_R = V_next;
-    x_.noalias() = model_.M * state_.w;
+    x_.noalias() = M_full_ * state_.w;
     x_ += h * f_z_;
     Solve(x_);
   } else {

@@ -16,10 +16,6 @@ void CompositeInertia(const Mechanism& mechanism, const Kinematics& kinematics,
   for (std::size_t b = bodies.size(); b-- > 1;) composite[bodies[b].parent.u()] += composite[b];
 }
 
-}  // namespace
-
-namespace {
-
 void FillMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics,
                     const std::vector<Matrix6>& composite, MatrixX& M) {
   const int n = mechanism.num_coordinates();
@@ -66,8 +62,25 @@ void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::
         composite[joint.body.u()] * kinematics.S.middleCols(joint.offset, joint.size);
 }
 
-void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector6& V_R,
-                              const VectorX& q_dot, Matrix6X& V, Matrix6X& A, Matrix6X& F) {
+// (d/dt dexp(x)) ẋ for x = S q of one joint, in its own frame. Central difference along ẋ: dexp is smooth on
+// the scale of a radian, so the step leaves 1e-9 of truncation and as much rounding.
+static Vector6 DexpRate(const Mechanism& mechanism, const Mechanism::Joint& joint, const VectorX& q,
+                        const VectorX& q_dot) {
+  const auto S = mechanism.screws().middleCols(joint.offset, joint.size);
+  Vector6 x = Vector6::Zero(), x_dot = Vector6::Zero();
+  for (int i = 0; i < joint.size; ++i) {
+    x += S.col(i) * q(joint.offset + i);
+    x_dot += S.col(i) * q_dot(joint.offset + i);
+  }
+  const double speed = x_dot.norm();
+  if (speed == 0) return Vector6::Zero();
+  const double step = 1e-4 / speed;
+  return (Dexp(x + step * x_dot) - Dexp(x - step * x_dot)) * x_dot / (2 * step);
+}
+
+void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                              const Vector6& V_R, const VectorX& q_dot, const VectorX& q_ddot, Matrix6X& V,
+                              Matrix6X& A, Matrix6X& F) {
   const auto& bodies = mechanism.bodies();
   const auto& joints = mechanism.joints();
   // Twists and accelerations in R about R's origin. Relative to R the screws move with their parent's
@@ -80,9 +93,17 @@ void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kine
     Vector6 a = A.col(bodies[b].parent.value());
     for (; j < joints.size() && joints[j].body.u() == b; ++j) {
       Vector6 rate = Vector6::Zero();
-      for (int i = joints[j].offset; i < joints[j].offset + joints[j].size; ++i)
+      for (int i = joints[j].offset; i < joints[j].offset + joints[j].size; ++i) {
         rate += kinematics.S.col(i) * q_dot(i);
+        a += kinematics.S.col(i) * q_ddot(i);
+      }
       a += Bracket(v, rate);
+      if (joints[j].size > 1) {
+        const RigidTransform before = joints[j].previous < 0
+                                          ? RigidTransform()
+                                          : kinematics.P[static_cast<std::size_t>(joints[j].previous)];
+        a += AdjointApply(before, DexpRate(mechanism, joints[j], q, q_dot));
+      }
       v += rate;
     }
     V.col(static_cast<Eigen::Index>(b)) = v;

@@ -65,6 +65,8 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/sweeps", kS, 1, 0, "", "Gauss-Seidel sweeps of the contact solver"}, s.sweeps);
   f(Column{"steps/newton_iterations", kS, 1, 0, "", ""}, s.newton_iterations);
   f(Column{"steps/splitting_iterations", kS, 1, 0, "", ""}, s.splitting_iterations);
+  f(Column{"steps/fallback", kS, 1, 0, "", "1: a failed contact solve was replaced by one that only takes energy"},
+    s.fallback);
   f(Column{"steps/refreshes", kS, 1, 0, "", "mechanisms whose reference was moved"}, s.refreshes);
   f(Column{"steps/failed_refreshes", kS, 1, 0, "", ""}, s.failed_refreshes);
   f(Column{"steps/converged", kS, 1, 0, "", "1: the contact solver reached its tolerance"}, s.converged);

@@ -128,6 +128,7 @@ StepReport Recording::Report(int step) const {
   r.solver.sweeps = data_.sweeps[i];
   r.solver.newton_iterations = data_.newton_iterations[i];
   r.solver.splitting_iterations = data_.splitting_iterations[i];
+  r.solver.fallback = data_.fallback[i] != 0;
   r.solver.residual = data_.residual[i];
   r.solver.converged = data_.converged[i] != 0;
   r.max_penetration = data_.max_penetration[i];

@@ -94,6 +94,39 @@ TEST(ContactProperties, ImpulsesDoNoPositiveWork) {
 }
 
 // Where the solution is unique (contacts on distinct bodies, little friction) the order cannot matter.
+TEST(ContactProperties, WhatHasNoAnswerTakesEnergyOnly) {
+  // Two limits that ask one row to move both ways: no impulse can do it.
+  std::mt19937 random(8);
+  ContactSolver solver;
+  int fallbacks = 0;
+  for (int trial = 0; trial < 300; ++trial) {
+    Problem p = Draw(random, 6 * trial + 2);
+    for (ContactConstraint& c : p.contacts) c.bias.setZero();
+    p.limits.clear();
+    p.limits.push_back({4, 1.0, -0.3, 0});
+    p.limits.push_back({4, -1.0, -0.3, 0});
+    const VectorX start = p.velocity;
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    ASSERT_TRUE(p.velocity.allFinite());
+    EXPECT_FALSE(report.converged);
+    if (!report.fallback) continue;
+    ++fallbacks;
+    // Impulses times the velocity they end with: the energy they bring, up to the solver's tolerance.
+    double work = 0, size = 0;
+    for (const ContactConstraint& c : p.contacts) {
+      Vector3 u = c.bias;
+      if (c.port_a >= 0) u += c.J_a * p.velocity.segment<6>(c.port_a);
+      if (c.port_b >= 0) u += c.J_b * p.velocity.segment<6>(c.port_b);
+      work += c.impulse.dot(u);
+      size += c.impulse.norm() * u.norm();
+    }
+    for (const LimitConstraint& l : p.limits) work += l.impulse * l.sign * p.velocity(l.row);
+    EXPECT_LT(work, 1e-3 * size + 1e-12) << trial;
+    EXPECT_LT(p.velocity.norm(), 10 * start.norm());
+  }
+  EXPECT_GT(fallbacks, 250);
+}
+
 TEST(ContactProperties, OrderDoesNotMatter) {
   std::mt19937 random(4);
   ContactSolver solver;

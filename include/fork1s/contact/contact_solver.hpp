@@ -55,7 +55,8 @@ struct ContactSolverReport {
   int newton_iterations = 0;
   int splitting_iterations = 0;
   double residual = 0;    // natural-map residual, relative to impulses and to speeds
-  bool converged = true;  // residual <= tolerance
+  bool fallback = false;  // a grossly failed solve was replaced by one that only takes energy
+  bool converged = true;  // residual <= tolerance, without fallback
 };
 
 class ContactSolver {

@@ -2,10 +2,11 @@
 //
 // docs/method.md, section 5. With x = [ξ; w] (base twist where the base floats, reduced rates):
 //     A x⁺ = M x + h (f(z) + loads) + Jᵀλ,   A = M + h D + h² K, factored once between refreshes.
-// Where the base floats, M and the velocity forces are those of the present pose: with stale ones a body in
-// free fall would push its own legs about, the harder the faster it moves. Forces are evaluated at the
-// present pose in joint coordinates and projected, f_z = Q(q)ᵀ g(q): on trees this is -K z + F_u u exactly,
-// with loops it carries the projector, and dead loads bring their geometric stiffness.
+// M, where the base floats, is that of the present pose: with a stale one a body in free fall would push its
+// own legs about, the harder the faster it moves. On other bases it is at most half a degree old. Forces,
+// velocity forces included, are evaluated at the present pose in joint coordinates and projected, f_z = Q(q)ᵀ
+// g(q): on trees this is -K z + F_u u exactly, with loops it carries the projector, and dead loads bring
+// their geometric stiffness.
 #pragma once
 
 #include <fork1s/reduction/reduced_model.hpp>
@@ -124,7 +125,8 @@ class MechanismDynamics {
   void LoadForces(const Vector3& gravity_R, const Vector6& A_R);
   void Solve(VectorX& x);
   bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
-  void UpdateBaseInertia();
+  void UpdateInertia();
+  double LargestTurn(const VectorX& since) const;
   void Advance(double h, const Vector6& V_start);
   void AdvanceShortened(double h, double s);
   void ScaleRelativeMotion(double s);
@@ -175,9 +177,12 @@ class MechanismDynamics {
   std::vector<Matrix6> composite_;
   Matrix6 M_00_;
   Matrix6X M_0q_, M_0z_;  // of the present pose
-  MatrixX M_q_, M_Q_;     // floating base: of the present pose
+  MatrixX M_q_, M_Q_;
+  VectorX q_of_M_;    // n, the pose of M_full_
+  MatrixX Q_before_;  // loops: Q_now of the last step, h ago
+  double Q_before_h_ = -1;
   Matrix6X body_V_, body_A_;
-  VectorX q_dot_;
+  VectorX q_dot_, q_ddot_;
   Vector3 gravity_W_ = Vector3::Zero();
   double energy_budget_ = 0;  // J: at the start of the step plus what contact put in
   bool guard_ = false;

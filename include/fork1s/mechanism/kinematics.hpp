@@ -54,12 +54,14 @@ void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::
 void FloatingMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics,
                         std::vector<Matrix6>& scratch, MatrixX& M, Matrix6& M_00, Matrix6X& M_0q);
 /// Subtracts from F the wrenches that keep every body on its present course: centrifugal and Coriolis forces
-/// of the joint rates q_dot and of the base twist V_R at zero accelerations (of ξ and q̇). `V` (6 x bodies)
-/// and `A` are scratch.
-void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector6& V_R,
-                              const VectorX& q_dot, Matrix6X& V, Matrix6X& A, Matrix6X& F);
-/// Subtracts from F the wrenches I_b A_R + ξ x* (I_b ξ) that keep every body on the rigid motion of the base, twist ξ and
-/// acceleration A_R of R in R: inertial, centrifugal and Coriolis forces as the frame R feels them.
+/// of the joint rates q_dot and of the base twist V_R at zero acceleration of ξ and joint accelerations
+/// q_ddot (n). Joints of several freedoms bring the rate of their dexp. `V` (6 x bodies) and `A` are scratch.
+void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                              const Vector6& V_R, const VectorX& q_dot, const VectorX& q_ddot, Matrix6X& V,
+                              Matrix6X& A, Matrix6X& F);
+/// Subtracts from F the wrenches I_b A_R + ξ x* (I_b ξ) that keep every body on the rigid motion of the base,
+/// twist ξ and acceleration A_R of R in R: inertial, centrifugal and Coriolis forces as the frame R feels
+/// them.
 void SubtractRigidMotionWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const Vector6& V_R,
                                  const Vector6& A_R, Matrix6X& F);
 /// M x without forming M: O(n).
