@@ -1,6 +1,7 @@
 // A step in full coordinates: Newton on motion and contact together.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "simulation_detail.hpp"
 
@@ -18,7 +19,7 @@ FullStepReport FullSimulation::Detail::Step() {
   // astray.
   for (bool stiffening : {true, false}) {
     report.finite = Iterate(stiffening, report);
-    if (report.finite && report.converged) break;
+    if (report.finite && (report.converged || report.residual < 1e-6)) break;
   }
   if (!report.finite) {
     report.converged = false;
@@ -43,6 +44,10 @@ bool FullSimulation::Detail::Iterate(bool stiffening, FullStepReport& report) {
     if (!m.Begin(dt, scene.gravity)) return false;
   for (FullFreeBody& b : free_bodies) b.Begin(dt, scene.gravity);
   report.converged = false;
+  // Contacts that share a load in more than one way let the last digits wander: no progress ends it as well.
+  constexpr int kPatience = 12;
+  double best = std::numeric_limits<double>::infinity();
+  int best_at = 0;
   for (int iteration = 0; iteration < options.max_iterations; ++iteration) {
     ++report.iterations;
     for (std::size_t i = 0; i < mechanisms.size(); ++i)
@@ -67,6 +72,11 @@ bool FullSimulation::Detail::Iterate(bool stiffening, FullStepReport& report) {
       report.converged = report.solver.converged;
       break;
     }
+    if (relative < 0.5 * best) {
+      best = relative;
+      best_at = iteration;
+    }
+    if (iteration - best_at > kPatience) break;
   }
   return true;
 }

@@ -29,8 +29,8 @@ struct FullSimulationOptions {
   double max_correction_speed = 3;      // m/s
   bool contact_curvature = true;        // adds (h/2) J̇_n V to the normal rows
   /// The truth is solved more finely than a simulation in real time needs.
-  ContactSolverOptions contact = {.max_sweeps = 200, .tolerance = 1e-9};
-  double tolerance = 1e-11;  // change of any pose in the last iteration, in lengths of its mechanism
+  ContactSolverOptions contact = {.max_sweeps = 200, .tolerance = 1e-8};
+  double tolerance = 1e-9;   // change of any pose in the last iteration, in lengths of its mechanism
   int max_iterations = 60;   // Newton steps
 };
 
