@@ -53,7 +53,8 @@ class FullMechanism {
   const std::vector<std::string>& warnings() const { return warnings_; }
 
   VectorX controls;
-  RigidTransform driven_next;  // pose that a driven base reaches in the next step
+  RigidTransform driven_next;   // pose that a driven base reaches in the next step
+  bool implicit_drift = false;  // see FullSimulationOptions
   /// Wrench on a body in world axes, for the next step only.
   void AddWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
 
@@ -85,7 +86,7 @@ class FullMechanism {
   double KineticEnergy() const;
   double StoredEnergy() const;
   double GravityEnergy(const Vector3& gravity_W) const;
-  Vector6 Momentum() const;
+  Vector6 Momentum() const { return MomentumOf(X_, V_); }
   VectorX ClosureForces() const;
   /// Opening [m] of every link and closure, by name.
   std::vector<std::pair<std::string, double>> Gaps() const;
@@ -121,6 +122,11 @@ class FullMechanism {
   void AddJoints(MatrixX& right);
   void AddClosures(bool stiffening, MatrixX& right);
   // Poses that satisfy every constraint (mechanism_poses.cpp).
+  Vector6 MomentumOf(const std::vector<RigidTransform>& X, const Matrix6X& V) const;
+  /// Velocity of the centre of mass, world axes.
+  Vector3 Drift(const std::vector<RigidTransform>& X, const Matrix6X& V) const {
+    return MomentumOf(X, V).tail<3>() / mechanism_->total_mass();
+  }
   RigidTransform NextBasePose() const;
   double AdvancePoses();
   double Project(std::vector<RigidTransform>& X, VectorX& q);

@@ -50,10 +50,10 @@ double FullMechanism::GravityEnergy(const Vector3& gravity_W) const {
   return energy;
 }
 
-Vector6 FullMechanism::Momentum() const {
+Vector6 FullMechanism::MomentumOf(const std::vector<RigidTransform>& X, const Matrix6X& V) const {
   Vector6 total = Vector6::Zero();
   for (std::size_t b = 0; b < X_.size(); ++b)
-    total += AdjointTransposeApply(X_[b].inverse(), inertia_[b] * V_.col(static_cast<Eigen::Index>(b)));
+    total += AdjointTransposeApply(X[b].inverse(), inertia_[b] * V.col(static_cast<Eigen::Index>(b)));
   return total;
 }
 

@@ -6,16 +6,17 @@
 
 namespace fork1s::internal {
 
-// A floating base moves by the mean of its twists before and after, beside the drift of the centre of mass,
+// A floating base turns by the mean of its twists before and after, beside the drift of the centre of mass,
 // which only carries it along (docs/method.md, section 5: the midpoint rule).
 RigidTransform FullMechanism::NextBasePose() const {
   if (mechanism_->base() == BaseKind::kFixed) return X_[0];
   if (mechanism_->base() == BaseKind::kDriven) return driven_next;
+  const Vector3 drift_W = implicit_drift ? Drift(X_next_, V_next_) : drift_W_;
   Vector6 mean = V_.col(0) + V_next_.col(0);
   mean.tail<3>() -= X_[0].rotation().transpose() * drift_W_;
-  mean.tail<3>() -= X_next_[0].rotation().transpose() * drift_W_;
+  mean.tail<3>() -= X_next_[0].rotation().transpose() * drift_W;
   RigidTransform X = X_[0] * Exp(0.5 * h_ * mean);
-  X.translation() += h_ * drift_W_;
+  X.translation() += h_ * drift_W;
   return X;
 }
 

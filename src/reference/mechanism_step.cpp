@@ -44,8 +44,7 @@ bool FullMechanism::Begin(double h, const Vector3& gravity_W) {
   q_next_ = q_;
   if (mechanism_->base() == BaseKind::kDriven) V_next_.col(0) = Log(X_[0].inverse() * driven_next) / h;
   drift_W_.setZero();
-  if (mechanism_->base() == BaseKind::kFloating && mechanism_->total_mass() > 0)
-    drift_W_ = Momentum().tail<3>() / mechanism_->total_mass();
+  if (mechanism_->base() == BaseKind::kFloating) drift_W_ = Drift(X_, V_);
   AdvancePoses();
   return NextIsFinite();
 }

@@ -28,10 +28,13 @@ struct FullSimulationOptions {
   double slop = 1e-4;                   // m
   double max_correction_speed = 3;      // m/s
   bool contact_curvature = true;        // adds (h/2) J̇_n V to the normal rows
+  /// Floating mechanisms: their centre of mass moves by its speed at the end of the step, as free bodies do
+  /// and as the contact law assumes, instead of by the mean of the speeds, as in the reduced simulator.
+  bool implicit_drift = false;
   /// The truth is solved more finely than a simulation in real time needs.
   ContactSolverOptions contact = {.max_sweeps = 200, .tolerance = 1e-8};
-  double tolerance = 1e-9;   // change of any pose in the last iteration, in lengths of its mechanism
-  int max_iterations = 60;   // Newton steps
+  double tolerance = 1e-9;  // change of any pose in the last iteration, in lengths of its mechanism
+  int max_iterations = 60;  // Newton steps
 };
 
 struct FullStepReport {
