@@ -144,7 +144,7 @@ Expected<void> CheckControls(const ControlTrack& track, const Simulation& simula
   if (missing.empty()) return {};
   std::string known;
   for (const std::string& n : simulation.control_names()) known += (known.empty() ? "" : ", ") + n;
-  return Fail(ErrorCode::kUsage, "controls",
+  return Fail(ErrorCode::kModel, "controls",
               fmt::format("'{}' is no control of this model; there are: {}", missing.front(),
                           known.empty() ? "none" : known));
 }

@@ -67,8 +67,8 @@ TEST_P(Ball, RollsAtFiveSeventhsOfTheSlope) {
   constexpr double kSlope = 0.2;
   FullSimulation s = Make(kRadius, kSlope, 1.0 / 60);
   Advance(s, 1);
-  // Constant acceleration is exact for implicit Euler's velocities. The mean of two speeds in body axes that turn
-  // by up to 0.23 rad a step is not: some thousandths.
+  // Constant acceleration is exact for implicit Euler's velocities. The mean of two speeds in body axes that
+  // turn by up to 0.23 rad a step is not: some thousandths.
   const double expected = 5.0 / 7 * kGravity * std::sin(kSlope), tolerance = consistent() ? 1e-6 : 1e-2;
   EXPECT_NEAR(s.Velocity(0)(3), expected, tolerance * expected);
   EXPECT_NEAR(s.Velocity(0)(1), expected / kRadius, tolerance * expected / kRadius);
@@ -80,8 +80,8 @@ TEST_P(Ball, FallsAndStays) {
   for (int i = 0; i < 240; ++i) {
     ASSERT_TRUE(s.Step().converged) << i;
     lowest = std::min(lowest, s.Pose(0).translation().z());
-    // Implicit Euler falls a little less than its speed says, and landing takes energy. Penetration, which only
-    // the mean of speeds brings, is pushed out again and gives some.
+    // Implicit Euler falls a little less than its speed says, and landing takes energy. Penetration, which
+    // only the mean of speeds brings, is pushed out again and gives some.
     if (consistent()) {
       EXPECT_LE(s.Energy(), energy + 1e-6) << i;
     }

@@ -80,8 +80,8 @@ struct Comparison {
 };
 
 /// Runs both and compares interface bodies and free bodies. Errors: as of Simulation::Create and
-/// FullSimulation::Create; kNumerics where a run gives numbers that are not finite; kUsage for controls that
-/// the scene does not have and for files that MuJoCo cannot run.
+/// FullSimulation::Create; kNumerics where a run gives numbers that are not finite; kModel for controls that
+/// the scene does not have; kUsage for files that MuJoCo cannot run.
 Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions& options);
 
 /// One self-contained HTML page with tables and plots. Errors: kFile.
