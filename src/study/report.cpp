@@ -125,14 +125,17 @@ std::string Plots(const Comparison& c) {
                    true,
                    {series("reduced", "a", [&](std::size_t i) { return c.gap_reduced_mm[i]; }),
                     series(c.other, "b", [&](std::size_t i) { return c.gap_other_mm[i]; })}});
-  Plot cost{"Error against cost",
+  Plot cost{"Error against cost, by time step",
             "wall time, s",
             "RMS error, mm",
             true,
             true,
             {{"reduced", "a", {}, true}, {c.other, "b", {}, true}}};
-  for (const CostPoint& p : c.costs)
-    cost.lines[p.simulator == "reduced" ? 0 : 1].points.emplace_back(p.wall_s, p.rms_mm);
+  for (const CostPoint& p : c.costs) {
+    PlotLine& line = cost.lines[p.simulator == "reduced" ? 0 : 1];
+    line.points.emplace_back(p.wall_s, p.rms_mm);
+    line.labels.push_back(fmt::format("{:.3g} ms", 1e3 * p.dt_s));
+  }
   out += DrawPlot(cost);
   return out + "</div>\n";
 }

@@ -53,7 +53,9 @@ struct Axis {
       if (at > high + 1e-9 * step) break;
       const double value = std::abs(at) < 1e-9 * step ? 0 : at;
       ticks.emplace_back((at - low) / (high - low),
-                         log ? fmt::format("1e{:.0f}", value) : fmt::format("{:.4g}", value));
+                         log && std::abs(value) > 3
+                             ? fmt::format("1e{:.0f}", value)
+                             : fmt::format("{:.4g}", log ? std::pow(10, value) : value));
     }
     return ticks;
   }
@@ -90,12 +92,15 @@ std::string DrawPlot(const Plot& plot) {
   for (const PlotLine& line : plot.lines) {
     PlotLine kept = line;
     kept.points.clear();
-    for (const auto& [u, v] : line.points)
-      if (x.Shows(u) && y.Shows(v)) {
-        kept.points.emplace_back(u, v);
-        x.Include(u);
-        y.Include(v);
-      }
+    kept.labels.clear();
+    for (std::size_t i = 0; i < line.points.size(); ++i) {
+      const auto [u, v] = line.points[i];
+      if (!x.Shows(u) || !y.Shows(v)) continue;
+      kept.points.emplace_back(u, v);
+      if (i < line.labels.size()) kept.labels.push_back(line.labels[i]);
+      x.Include(u);
+      y.Include(v);
+    }
     if (!kept.points.empty()) lines.push_back(std::move(kept));
   }
   std::string svg = fmt::format(
@@ -141,9 +146,14 @@ std::string DrawPlot(const Plot& plot) {
                          at_y(y.Share(line.points[i].second)));
     svg += "\"/>\n";
     if (!line.markers) continue;
-    for (const auto& [u, v] : line.points)
-      svg += fmt::format("<circle class=\"{}\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"4\"/>\n", line.css,
-                         at_x(x.Share(u)), at_y(y.Share(v)));
+    for (std::size_t i = 0; i < line.points.size(); ++i) {
+      const double u = at_x(x.Share(line.points[i].first)), v = at_y(y.Share(line.points[i].second));
+      svg += fmt::format("<circle class=\"{}\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"4\"/>\n", line.css, u, v);
+      if (i >= line.labels.size()) continue;
+      const bool left = u > 0.8 * kRight;  // there is no room on the right
+      svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\">{}</text>\n",
+                         u + (left ? -8 : 8), v - 5, left ? "end" : "start", EscapeHtml(line.labels[i]));
+    }
   }
   return svg + "</svg></figure>\n";
 }

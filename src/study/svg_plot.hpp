@@ -12,6 +12,7 @@ struct PlotLine {
   std::string css;  // class: "a" the reduced model, "b" the other, "c" the difference
   std::vector<std::pair<double, double>> points;
   bool markers = false;
+  std::vector<std::string> labels = {};  // beside the markers, one a point
 };
 
 struct Plot {
