@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <cmath>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/study/compare.hpp>
 #include <memory>
@@ -82,8 +83,9 @@ void Print(const Comparison& c) {
     for (const BodyDifference& b : *list)
       fmt::print("  {:<24} {:>10.4f} {:>10.4f} {:>10.4f} {:>10.4f}\n", b.body, b.rms_mm, b.max_mm, b.rms_deg,
                  b.max_deg);
-  fmt::print("  contact force      {:.4g} N RMS apart, {:.3g} % of {}'s\n", c.force_rms_N,
-             c.force_rms_percent, c.other);
+  fmt::print("  contact force      {:.4g} N RMS apart, {}\n", c.force_rms_N,
+             std::isnan(c.force_rms_percent) ? fmt::format("none in {}", c.other)
+                                             : fmt::format("{:.3g} % of {}'s", c.force_rms_percent, c.other));
   PrintFrequencies("reduced", c.frequencies_reduced_hz);
   PrintFrequencies("full", c.frequencies_full_hz);
   fmt::print("  joint gap          {:.3g} mm at most ({}: {:.3g} mm)\n", c.gap_max_mm, c.other,

@@ -143,6 +143,11 @@ void ContactSet::Open(const Mechanisms& mechanisms, const Bodies& free_bodies, d
   AddRows(free_bodies, mechanisms, h, options);
 }
 
+void ContactSet::ForgetImpulses() {
+  for (ContactConstraint& c : constraints_) c.impulse.setZero();
+  for (LimitConstraint& limit : limits_) limit.impulse = 0;
+}
+
 bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
                        const ContactSolverOptions& options, ContactSolverReport& report) {
   std::vector<VelocityBlock> velocity_blocks;

@@ -38,6 +38,8 @@ class ContactSet {
   /// Ports, rows, biases and warm starts, from the state before the step.
   void Open(const Mechanisms& mechanisms, const Bodies& free_bodies, double h,
             const FullSimulationOptions& options);
+  /// Forgets all impulses, for a fresh start after Newton went astray.
+  void ForgetImpulses();
   bool empty() const { return constraints_.empty() && limits_.empty(); }
   /// Solves the contact law on the mechanisms' present linearisation. False for responses that are not
   /// finite.

@@ -18,6 +18,7 @@ FullStepReport FullSimulation::Detail::Step() {
   // The stiffness that loads leave speeds Newton up, but where it is negative, near buckling, it can lead
   // astray.
   for (bool stiffening : {true, false}) {
+    if (!stiffening) contact_set.ForgetImpulses();
     report.finite = Iterate(stiffening, report);
     if (report.finite && (report.converged || report.residual < 1e-6)) break;
   }
@@ -69,7 +70,9 @@ bool FullSimulation::Detail::Iterate(bool stiffening, FullStepReport& report) {
     }
     // One more iteration than the tolerance asks for: the poses of the last one are then those of its forces.
     if (relative <= options.tolerance && iteration > 0) {
-      report.converged = report.solver.converged;
+      // Where many contacts share a load the solver stops short of its goal; a hundred times that is still
+      // far below what the reduced simulator asks for.
+      report.converged = report.solver.residual <= 100 * options.contact.tolerance;
       break;
     }
     if (relative < 0.5 * best) {

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reference/full_simulation.hpp>
+#include <limits>
 #include <numbers>
 
 #include <fmt/format.h>
@@ -67,7 +68,9 @@ void CompareForces(const Run& a, const Run& b, Comparison& out) {
       out.force_max_N = std::max(out.force_max_N, d);
     }
   if (count > 0) out.force_rms_N = std::sqrt(difference / count);
-  if (size > 0) out.force_rms_percent = 100 * std::sqrt(difference / size);
+  if (difference > 0)
+    out.force_rms_percent =
+        size > 0 ? 100 * std::sqrt(difference / size) : std::numeric_limits<double>::quiet_NaN();
 }
 
 void KeepTraces(const std::vector<TrackedBody>& tracked, const Run& a, const Run& b, double interval,

@@ -41,7 +41,9 @@ th:first-child, td:first-child { text-align: left; } th { font-weight: 600; }
 )";
 
 std::string Cell(const std::string& text) { return "<td>" + EscapeHtml(text) + "</td>"; }
-std::string Cell(double value) { return fmt::format("<td>{:.4g}</td>", value); }
+std::string Cell(double value) {
+  return std::isnan(value) ? Cell(std::string("-")) : fmt::format("<td>{:.4g}</td>", value);
+}
 
 std::string Table(const std::string& title, const std::vector<std::string>& head,
                   const std::vector<std::string>& rows) {

@@ -63,7 +63,7 @@ struct Comparison {
   double dt_s = 0, other_dt_s = 0, time_s = 0;
   std::vector<BodyDifference> interface, free_bodies;
   double force_rms_N = 0, force_max_N = 0;  // of the difference, per body and interval
-  double force_rms_percent = 0;             // of the other's RMS force; 0 where neither has any
+  double force_rms_percent = 0;  // of the other's RMS force; not a number where only the reduced run has any
   std::vector<double> frequencies_reduced_hz, frequencies_full_hz;  // at the start, mechanism after mechanism
   double gap_max_mm = 0;        // largest opening of a joint or loop in the reduced run
   double gap_max_other_mm = 0;  // in the full run; 0 for MuJoCo, which does not tell
