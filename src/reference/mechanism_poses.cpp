@@ -87,7 +87,7 @@ double FullMechanism::Project(std::vector<RigidTransform>& X, VectorX& q) {
     for (int i = 0; i < m.num_coordinates(); ++i)
       positions_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(i), metric(i));
     // Loops closed more often than needed are met in the least-squares sense: far softer than any metric.
-    AddConstraints(X, q, false, 1e-12 * std::min(1.0, L * L), positions_);
+    AddConstraints(X, q, false, 1e-10 * std::min(1.0, L * L), positions_);
     if (!positions_.Factor() || !positions_.Solve(right)) return std::numeric_limits<double>::infinity();
     for (std::size_t b = 0; b < X.size(); ++b)
       if (Moves(static_cast<int>(b)) && b > 0) X[b] = X[b] * Exp(right.block<6, 1>(column_[b], 0));
