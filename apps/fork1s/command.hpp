@@ -16,6 +16,7 @@ void AddInspect(CLI::App& app, Action& action);
 void AddReduce(CLI::App& app, Action& action);
 void AddStatics(CLI::App& app, Action& action);
 void AddRun(CLI::App& app, Action& action);
+void AddCompare(CLI::App& app, Action& action);
 void AddReplay(CLI::App& app, Action& action);
 void AddExport(CLI::App& app, Action& action);
 

@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   AddReduce(app, action);
   AddStatics(app, action);
   AddRun(app, action);
+  AddCompare(app, action);
   AddReplay(app, action);
   AddExport(app, action);
   try {

@@ -10,5 +10,7 @@
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reduction/statics.hpp>
+#include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/spatial/twist.hpp>
+#include <fork1s/study/compare.hpp>

@@ -1,0 +1,176 @@
+#include <fmt/format.h>
+#include <cmath>
+#include <fork1s/record/csv.hpp>
+#include <fork1s/study/compare.hpp>
+#include <memory>
+
+#include "model_arguments.hpp"
+#include "output.hpp"
+#include "progress.hpp"
+
+namespace fork1s::app {
+namespace {
+
+struct Arguments {
+  ModelArguments model;
+  std::string against = "full", controls, recovery = "exact", report;
+  double time = 2, dt = 0;
+  int refinements = 2;
+};
+
+Json ToJson(const std::vector<BodyDifference>& bodies) {
+  Json out = Json::array();
+  for (const BodyDifference& b : bodies)
+    out.push_back({{"body", b.body},
+                   {"rms_mm", b.rms_mm},
+                   {"max_mm", b.max_mm},
+                   {"rms_deg", b.rms_deg},
+                   {"max_deg", b.max_deg}});
+  return out;
+}
+
+Json ToJson(const EnergyDrift& e) {
+  return {{"first", e.first_J}, {"last", e.last_J}, {"max_increase", e.max_rise_J}};
+}
+
+Json ToJson(const Comparison& c) {
+  Json out;
+  out["against"] = c.other;
+  out["simulated_s"] = c.time_s;
+  out["dt_s"] = c.dt_s;
+  out["other_dt_s"] = c.other_dt_s;
+  out["interface"] = ToJson(c.interface);
+  out["free_bodies"] = ToJson(c.free_bodies);
+  out["force_rms_N"] = c.force_rms_N;
+  out["force_max_N"] = c.force_max_N;
+  out["force_rms_percent"] = c.force_rms_percent;
+  out["frequencies_hz"] = {{"reduced", c.frequencies_reduced_hz}, {"full", c.frequencies_full_hz}};
+  out["gap_max_mm"] = c.gap_max_mm;
+  out["gap_max_other_mm"] = c.gap_max_other_mm;
+  out["energy_J"] = {{"reduced", ToJson(c.energy_reduced)}, {"other", ToJson(c.energy_other)}};
+  out["wall_s"] = {{"reduced", c.wall_reduced_s}, {"other", c.wall_other_s}};
+  out["wall_ratio"] = c.wall_ratio;
+  out["equal_dt"] = Json::array();
+  for (const EqualStep& e : c.equal_steps)
+    out["equal_dt"].push_back({{"dt_s", e.dt_s},
+                               {"rms_mm", e.rms_mm},
+                               {"max_mm", e.max_mm},
+                               {"wall_reduced_s", e.wall_reduced_s},
+                               {"wall_other_s", e.wall_other_s}});
+  out["cost"] = Json::array();
+  for (const CostPoint& p : c.costs)
+    out["cost"].push_back({{"simulator", p.simulator},
+                           {"dt_s", p.dt_s},
+                           {"wall_s", p.wall_s},
+                           {"rms_mm", p.rms_mm},
+                           {"max_mm", p.max_mm}});
+  out["unconverged_steps"] = {{"reduced", c.unconverged_reduced}, {"other", c.unconverged_other}};
+  out["warnings"] = c.warnings;
+  return out;
+}
+
+void PrintFrequencies(const char* label, const std::vector<double>& hertz) {
+  fmt::print("  {:<18}", label);
+  for (double f : hertz) fmt::print(" {:.5g}", f);
+  fmt::print(" Hz\n");
+}
+
+void Print(const Comparison& c) {
+  fmt::print("reduced against {}: {:.4g} s at steps of {:.6g} s", c.other, c.time_s, c.dt_s);
+  if (c.other_dt_s != c.dt_s) fmt::print(", {} at {:.6g} s", c.other, c.other_dt_s);
+  fmt::print("\n  {:<24} {:>10} {:>10} {:>10} {:>10}\n", "", "RMS mm", "max mm", "RMS deg", "max deg");
+  for (const auto* list : {&c.interface, &c.free_bodies})
+    for (const BodyDifference& b : *list)
+      fmt::print("  {:<24} {:>10.4f} {:>10.4f} {:>10.4f} {:>10.4f}\n", b.body, b.rms_mm, b.max_mm, b.rms_deg,
+                 b.max_deg);
+  fmt::print("  contact force      {:.4g} N RMS apart, {}\n", c.force_rms_N,
+             std::isnan(c.force_rms_percent) ? fmt::format("none in {}", c.other)
+                                             : fmt::format("{:.3g} % of {}'s", c.force_rms_percent, c.other));
+  PrintFrequencies("reduced", c.frequencies_reduced_hz);
+  PrintFrequencies("full", c.frequencies_full_hz);
+  fmt::print("  joint gap          {:.3g} mm at most ({}: {:.3g} mm)\n", c.gap_max_mm, c.other,
+             c.gap_max_other_mm);
+  fmt::print("  energy             {:.6g} J to {:.6g} J ({}: {:.6g} J to {:.6g} J)\n",
+             c.energy_reduced.first_J, c.energy_reduced.last_J, c.other, c.energy_other.first_J,
+             c.energy_other.last_J);
+  fmt::print("  wall time          {:.4g} s, {} {:.4g} s: {:.1f} times\n", c.wall_reduced_s, c.other,
+             c.wall_other_s, c.wall_ratio);
+  fmt::print("  not converged      {} steps, {} {} steps\n", c.unconverged_reduced, c.other,
+             c.unconverged_other);
+  if (!c.equal_steps.empty()) fmt::print("at equal steps\n");
+  for (const EqualStep& e : c.equal_steps)
+    fmt::print("  dt {:>10.6f} s      {:>10.4f} mm RMS {:>10.4f} mm max\n", e.dt_s, e.rms_mm, e.max_mm);
+  fmt::print("against {} at its finest step\n", c.other);
+  for (const CostPoint& p : c.costs)
+    fmt::print("  {:<8} dt {:>10.6f} s {:>10.4f} mm RMS {:>10.4f} mm max in {:.4g} s\n", p.simulator, p.dt_s,
+               p.rms_mm, p.max_mm, p.wall_s);
+  for (const std::string& w : c.warnings) fmt::print("  warning: {}\n", w);
+}
+
+int Run(const Arguments& args) {
+  const bool json = args.model.json;
+  auto imported = args.model.Load();
+  if (!imported) return Report(imported.error(), json);
+  if (!json) PrintNotes(imported->report);
+  CompareOptions options;
+  options.against = args.against == "mujoco" ? Against::kMuJoCo : Against::kFull;
+  options.time = args.time;
+  options.dt = args.dt;
+  options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+  options.refinements = args.refinements;
+  options.model_path = args.model.path;
+  if (!args.controls.empty()) {
+    auto read = ReadControls(args.controls);
+    if (!read) return Report(read.error(), json);
+    options.controls = std::move(*read);
+  }
+  Expected<Comparison> comparison = [&] {
+    ProgressBar bar("comparing");
+    options.progress = [&](double share) { bar.Update(share); };
+    return Compare(*imported, options);
+  }();
+  if (!comparison) {
+    Error error = comparison.error();
+    if (error.where != args.model.path)
+      error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);
+    return Report(error, json);
+  }
+  if (options.against == Against::kMuJoCo &&
+      (!args.model.base.empty() || !args.model.pd.empty() || args.model.stiffness_scale != 1))
+    comparison->warnings.push_back(
+        "MuJoCo runs the file as it stands, without --base, --pd and --stiffness-scale");
+  if (json) {
+    Json out = ToJson(*comparison);
+    out["notes"] = NotesJson(imported->report);
+    fmt::print("{}\n", out.dump(2));
+  } else {
+    Print(*comparison);
+  }
+  if (args.report.empty()) return kDone;
+  if (auto written = WriteComparisonReport(*comparison, args.report); !written)
+    return Report(written.error(), false);
+  fmt::print(stderr, "report written to {}\n", args.report);
+  return kDone;
+}
+
+}  // namespace
+
+void AddCompare(CLI::App& app, Action& action) {
+  auto* command =
+      app.add_subcommand("compare", "simulate a model beside the full-coordinate simulator or MuJoCo");
+  auto args = std::make_shared<Arguments>();
+  args->model.AddTo(*command);
+  command->add_option("--against", args->against, "full (default) or mujoco")
+      ->check(CLI::IsMember({"full", "mujoco"}));
+  command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(CLI::PositiveNumber);
+  command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
+  command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
+  command->add_option("--recovery", args->recovery, "exact or twist")
+      ->check(CLI::IsMember({"exact", "twist"}));
+  command->add_option("--refinements", args->refinements, "further runs at dt/2, dt/4, ... (default 2)")
+      ->check(CLI::Range(0, 8));
+  command->add_option("--report", args->report, "write an HTML page with plots to this file");
+  command->callback([&action, args] { action = [args] { return Run(*args); }; });
+}
+
+}  // namespace fork1s::app

@@ -1,0 +1,262 @@
+#include "contact_set.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fork1s::internal {
+namespace {
+
+// Twist of a mechanism's body in world axes about its origin.
+Vector6 InWorld(const RigidTransform& X, const Vector6& V_B) {
+  Vector6 V;
+  V << X.rotation() * V_B.head<3>(), X.rotation() * V_B.tail<3>();
+  return V;
+}
+
+}  // namespace
+
+void ContactSet::LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h) {
+  std::fill(port_offset_.begin(), port_offset_.end(), -1);
+  std::vector<char> touched(contactors_.size(), 0);
+  for (const ContactPoint& p : points_)
+    touched[static_cast<std::size_t>(p.body_a)] = touched[static_cast<std::size_t>(p.body_b)] = 1;
+  int offset = 0;
+  auto open = [&](std::vector<Port>& ports, FullContactor::Kind kind, std::size_t index) {
+    for (std::size_t c = 0; c < contactors_.size(); ++c) {
+      const FullContactor& contactor = contactors_[c];
+      if (!touched[c] || contactor.kind != kind || static_cast<std::size_t>(contactor.index) != index)
+        continue;
+      ports.push_back({static_cast<int>(c), offset});
+      port_offset_[c] = offset;
+      offset += 6;
+    }
+  };
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const FullMechanism& m = mechanisms[i];
+    Block& block = blocks_[i];
+    block.offset = offset;
+    block.ports.clear();
+    block.limits.clear();
+    open(block.ports, FullContactor::Kind::kMechanism, i);
+    for (int k = 0; k < m.mechanism().num_coordinates(); ++k) {
+      // Near enough to be reached within the step, with room for what contacts may add.
+      const double reach = 0.02 + 2 * h * std::abs(m.q_dot()(k));
+      const double gap[2] = {m.q()(k) - m.lower()(k), m.upper()(k) - m.q()(k)};
+      for (int side = 0; side < 2; ++side) {
+        if (gap[side] < reach)
+          block.limits.push_back(2 * k + side);
+        else
+          block.limit_impulses[static_cast<std::size_t>(2 * k + side)] = 0;
+      }
+    }
+    offset += static_cast<int>(block.limits.size());
+    block.rows = offset - block.offset;
+  }
+  free_ports_.clear();
+  for (std::size_t i = 0; i < free_bodies.size(); ++i) open(free_ports_, FullContactor::Kind::kFreeBody, i);
+  velocities_.setZero(offset);
+  for (std::size_t c = 0; c < contactors_.size(); ++c) {
+    if (port_offset_[c] < 0) continue;
+    const auto at = static_cast<std::size_t>(contactors_[c].index);
+    velocities_.segment<6>(port_offset_[c]) = contactors_[c].kind == FullContactor::Kind::kFreeBody
+                                                  ? free_bodies[at].PortTwist()
+                                                  : InWorld(mechanisms[at].Pose(contactors_[c].body),
+                                                            mechanisms[at].BodyTwist(contactors_[c].body));
+  }
+}
+
+const ContactSet::Past* ContactSet::FindPast(const ContactPoint& point) {
+  double best = 0.02;  // m; a point that moved farther in a step is another contact
+  int found = -1;
+  for (std::size_t k = 0; k < past_.size(); ++k) {
+    const ContactPoint& o = past_[k].point;
+    if (past_used_[k] || o.body_a != point.body_a || o.body_b != point.body_b ||
+        o.geometry_a != point.geometry_a || o.geometry_b != point.geometry_b)
+      continue;
+    const double distance = (o.point - point.point).norm();
+    if (distance < best && o.frame.row(0).dot(point.frame.row(0)) > 0.8) {
+      best = distance;
+      found = static_cast<int>(k);
+    }
+  }
+  if (found < 0) return nullptr;
+  past_used_[static_cast<std::size_t>(found)] = 1;
+  return &past_[static_cast<std::size_t>(found)];
+}
+
+void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms, double h,
+                         const FullSimulationOptions& options) {
+  // Positive gaps may close within the step; penetration beyond the slop is undone in shares of β.
+  auto bias = [&](double gap) {
+    if (gap > 0) return gap / h;
+    return std::max(options.penetration_correction * std::min(0.0, gap + options.slop) / h,
+                    -options.max_correction_speed);
+  };
+  constraints_.assign(points_.size(), ContactConstraint{});
+  past_used_.assign(past_.size(), 0);
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const ContactPoint& p = points_[i];
+    ContactConstraint& c = constraints_[i];
+    c.friction = p.friction;
+    c.bias(0) = bias(p.gap);
+    double normal_speed = 0;
+    auto side = [&](int body, double sign, int& port, Matrix36& J) {
+      const FullContactor& contactor = contactors_[static_cast<std::size_t>(body)];
+      if (contactor.kind == FullContactor::Kind::kWorld) return;
+      port = port_offset_[static_cast<std::size_t>(body)];
+      const auto at = static_cast<std::size_t>(contactor.index);
+      const Vector3 center = contactor.kind == FullContactor::Kind::kFreeBody
+                                 ? free_bodies[at].center_W()
+                                 : mechanisms[at].Pose(contactor.body).translation();
+      J.rightCols<3>() = sign * p.frame;
+      J.leftCols<3>() = -sign * p.frame * Skew(p.point - center);
+      normal_speed += J.row(0).dot(velocities_.segment<6>(port));
+    };
+    side(p.body_a, -1, c.port_a, c.J_a);
+    side(p.body_b, 1, c.port_b, c.J_b);
+    if (const Past* past = FindPast(p)) {
+      c.impulse = p.frame * (past->point.frame.transpose() * past->impulse);
+      // (h/2) J̇_n V by difference: the same velocity seen by this step's row and by the last one's.
+      if (options.contact_curvature && past->impulse(0) > 0)
+        c.bias(0) += 0.5 * (normal_speed - past->normal_speed);
+    }
+  }
+  limits_.clear();
+  for (std::size_t i = 0; i < mechanisms.size(); ++i)
+    for (std::size_t k = 0; k < blocks_[i].limits.size(); ++k) {
+      const int at = blocks_[i].limits[k], coordinate = at / 2;
+      const bool upper = at % 2 == 1;
+      const double q = mechanisms[i].q()(coordinate);
+      LimitConstraint limit;
+      limit.row = blocks_[i].offset + 6 * static_cast<int>(blocks_[i].ports.size()) + static_cast<int>(k);
+      limit.sign = upper ? -1 : 1;
+      limit.bias =
+          bias(upper ? mechanisms[i].upper()(coordinate) - q : q - mechanisms[i].lower()(coordinate));
+      limit.impulse = blocks_[i].limit_impulses[static_cast<std::size_t>(at)];
+      limits_.push_back(limit);
+    }
+}
+
+void ContactSet::Open(const Mechanisms& mechanisms, const Bodies& free_bodies, double h,
+                      const FullSimulationOptions& options) {
+  LayOutPorts(mechanisms, free_bodies, h);
+  AddRows(free_bodies, mechanisms, h, options);
+}
+
+void ContactSet::ForgetImpulses() {
+  for (ContactConstraint& c : constraints_) c.impulse.setZero();
+  for (LimitConstraint& limit : limits_) limit.impulse = 0;
+}
+
+bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
+                       const ContactSolverOptions& options, ContactSolverReport& report) {
+  std::vector<VelocityBlock> velocity_blocks;
+  std::vector<MatrixX> responses(mechanisms.size());
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const FullMechanism& m = mechanisms[i];
+    Block& block = blocks_[i];
+    block.unknowns = m.free_unknowns();
+    if (block.rows == 0) continue;
+    block.J_T.setZero(m.num_unknowns(), block.rows);
+    for (const Port& port : block.ports) {
+      const int body = contactors_[static_cast<std::size_t>(port.contactor)].body,
+                column = m.ColumnOfBody(body);
+      if (column < 0) {
+        velocities_.segment<6>(port.offset) = InWorld(m.NextPose(body), m.NextTwist(body));
+        continue;
+      }
+      const Matrix3 R_T = m.NextPose(body).rotation().transpose();
+      block.J_T.block<3, 3>(column, port.offset - block.offset) = R_T;
+      block.J_T.block<3, 3>(column + 3, port.offset + 3 - block.offset) = R_T;
+    }
+    for (std::size_t k = 0; k < block.limits.size(); ++k)
+      block.J_T(m.ColumnOfCoordinate(block.limits[k] / 2),
+                6 * static_cast<Eigen::Index>(block.ports.size()) + static_cast<Eigen::Index>(k)) = 1;
+    responses[i] = block.J_T;
+    if (!m.solver().Solve(responses[i])) return false;
+    block.W = block.J_T.transpose() * responses[i];
+    block.W = (0.5 * (block.W + block.W.transpose())).eval();
+    const VectorX v = block.J_T.transpose() * block.unknowns;
+    for (const Port& port : block.ports)
+      if (m.ColumnOfBody(contactors_[static_cast<std::size_t>(port.contactor)].body) >= 0)
+        velocities_.segment<6>(port.offset) = v.segment<6>(port.offset - block.offset);
+    const auto limits = static_cast<Eigen::Index>(block.limits.size());
+    velocities_.segment(block.offset + block.rows - limits, limits) = v.tail(limits);
+    velocity_blocks.push_back({block.offset, block.rows, block.W.data(), block.rows});
+  }
+  std::vector<Matrix6> inverse(free_bodies.size());
+  free_twists_.resize(free_bodies.size());
+  for (std::size_t i = 0; i < free_bodies.size(); ++i) {
+    inverse[i] = free_bodies[i].InverseInertia();
+    free_twists_[i] = free_bodies[i].FreePortTwist();
+  }
+  for (const Port& port : free_ports_) {
+    const auto i = static_cast<std::size_t>(contactors_[static_cast<std::size_t>(port.contactor)].index);
+    velocities_.segment<6>(port.offset) = free_twists_[i];
+    velocity_blocks.push_back({port.offset, 6, inverse[i].data(), 6});
+  }
+  if (empty()) return true;
+
+  report = solver_.Solve(velocity_blocks, constraints_, limits_, velocities_, options);
+  VectorX impulses = VectorX::Zero(velocities_.size());
+  for (const ContactConstraint& c : constraints_) {
+    if (c.port_a >= 0) impulses.segment<6>(c.port_a) += c.J_a.transpose() * c.impulse;
+    if (c.port_b >= 0) impulses.segment<6>(c.port_b) += c.J_b.transpose() * c.impulse;
+  }
+  for (const LimitConstraint& limit : limits_) impulses(limit.row) += limit.sign * limit.impulse;
+  for (std::size_t i = 0; i < mechanisms.size(); ++i)
+    if (blocks_[i].rows > 0)
+      blocks_[i].unknowns += responses[i] * impulses.segment(blocks_[i].offset, blocks_[i].rows);
+  for (const Port& port : free_ports_)
+    free_twists_[static_cast<std::size_t>(contactors_[static_cast<std::size_t>(port.contactor)].index)] =
+        velocities_.segment<6>(port.offset);
+  return true;
+}
+
+Matrix6X ContactSet::OnBodies(std::size_t i, const FullMechanism& mechanism) const {
+  Matrix6X out = Matrix6X::Zero(6, mechanism.mechanism().num_bodies());
+  for (std::size_t k = 0; k < constraints_.size(); ++k) {
+    const ContactConstraint& c = constraints_[k];
+    auto add = [&](int body, const Matrix36& J) {
+      const FullContactor& contactor = contactors_[static_cast<std::size_t>(body)];
+      if (contactor.kind != FullContactor::Kind::kMechanism || static_cast<std::size_t>(contactor.index) != i)
+        return;
+      const Matrix3 R_T = mechanism.NextPose(contactor.body).rotation().transpose();
+      const Vector6 F = J.transpose() * c.impulse;
+      out.col(contactor.body).head<3>() += R_T * F.head<3>();
+      out.col(contactor.body).tail<3>() += R_T * F.tail<3>();
+    };
+    add(points_[k].body_a, c.J_a);
+    add(points_[k].body_b, c.J_b);
+  }
+  return out;
+}
+
+void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact>& contacts) {
+  past_.clear();
+  contacts.clear();
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const ContactConstraint& c = constraints_[i];
+    Past past{points_[i], c.impulse, 0};
+    if (c.port_a >= 0) past.normal_speed += c.J_a.row(0).dot(velocities_.segment<6>(c.port_a));
+    if (c.port_b >= 0) past.normal_speed += c.J_b.row(0).dot(velocities_.segment<6>(c.port_b));
+    past_.push_back(past);
+    FullContact& out = contacts.emplace_back();
+    out.point = points_[i];
+    out.point.body_a = contactors_[static_cast<std::size_t>(points_[i].body_a)].scene_body;
+    out.point.body_b = contactors_[static_cast<std::size_t>(points_[i].body_b)].scene_body;
+    out.force = points_[i].frame.transpose() * c.impulse / h;
+    if (c.impulse(0) > 0) {
+      ++report.contacts;
+      report.max_penetration = std::max(report.max_penetration, -points_[i].gap);
+    }
+  }
+  std::size_t next = 0;
+  for (Block& block : blocks_)
+    for (int at : block.limits) {
+      block.limit_impulses[static_cast<std::size_t>(at)] = limits_[next].impulse;
+      report.limits += limits_[next++].impulse > 0 ? 1 : 0;
+    }
+}
+
+}  // namespace fork1s::internal

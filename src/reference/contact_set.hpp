@@ -1,0 +1,97 @@
+// Contacts and joint limits of one step in full coordinates.
+//
+// The rows are those of the reduced simulator: the same points, frames, biases and curvature term. What
+// differs is the response to them, which comes from the factorised equations of all bodies.
+#pragma once
+
+#include <fork1s/reference/full_simulation.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "free_body.hpp"
+#include "full_mechanism.hpp"
+
+namespace fork1s::internal {
+
+/// What a collision body stands for.
+struct FullContactor {
+  enum class Kind { kWorld, kMechanism, kFreeBody };
+  Kind kind = Kind::kWorld;
+  int index = 0;        // mechanism or free body
+  int body = 0;         // of the mechanism, in whose frame the shapes are
+  int scene_body = -1;  // place in FullSimulation::bodies()
+  double radius = 0;    // m, about the frame
+};
+
+class ContactSet {
+ public:
+  using Mechanisms = std::vector<FullMechanism>;
+  using Bodies = std::vector<FullFreeBody>;
+
+  /// `interfaces`: per mechanism the bodies that may touch, besides its base.
+  Expected<void> Build(const Scene& scene, const Mechanisms& mechanisms, const Bodies& free_bodies,
+                       const std::vector<std::vector<int>>& interfaces, const CollisionOptions& options);
+
+  /// Contact points at the present poses; false when the detector ran out of room.
+  bool Detect(const Mechanisms& mechanisms, const Bodies& free_bodies, double h, const Vector3& gravity_W);
+  /// Ports, rows, biases and warm starts, from the state before the step.
+  void Open(const Mechanisms& mechanisms, const Bodies& free_bodies, double h,
+            const FullSimulationOptions& options);
+  /// Forgets all impulses, for a fresh start after Newton went astray.
+  void ForgetImpulses();
+  bool empty() const { return constraints_.empty() && limits_.empty(); }
+  /// Solves the contact law on the mechanisms' present linearisation. False for responses that are not
+  /// finite.
+  bool Solve(const Mechanisms& mechanisms, const Bodies& free_bodies, const ContactSolverOptions& options,
+             ContactSolverReport& report);
+  /// Unknowns of mechanism i with contact, after Solve.
+  const MatrixX& unknowns(std::size_t i) const { return blocks_[i].unknowns; }
+  Vector6 free_port_twist(std::size_t i) const { return free_twists_[i]; }
+  /// Contact impulses on the bodies of mechanism i, in their axes at the present guess (6 x bodies).
+  Matrix6X OnBodies(std::size_t i, const FullMechanism& mechanism) const;
+  /// Keeps what the next step compares with, and reports.
+  void Close(double h, FullStepReport& report, std::vector<FullContact>& contacts);
+
+ private:
+  struct Port {
+    int contactor = 0;
+    int offset = 0;  // in the stacked velocities
+  };
+  struct Block {
+    std::vector<Port> ports;
+    std::vector<int> limits;  // 2 coordinate + side, side 0 lower, 1 upper
+    int offset = 0, rows = 0;
+    MatrixX J_T, W, unknowns;
+    std::vector<double> limit_impulses;  // 2 a coordinate
+  };
+  struct Past {
+    ContactPoint point;
+    Vector3 impulse = Vector3::Zero();
+    double normal_speed = 0;
+  };
+  void LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h);
+  void AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms, double h,
+               const FullSimulationOptions& options);
+  const Past* FindPast(const ContactPoint& point);
+
+  std::unique_ptr<CollisionWorld> collision_;
+  std::vector<FullContactor> contactors_;
+  std::vector<RigidTransform> previous_pose_;
+  bool has_previous_pose_ = false;
+  double margin_max_ = 0.02;
+
+  ContactSolver solver_;
+  std::vector<ContactPoint> points_;
+  std::vector<ContactConstraint> constraints_;
+  std::vector<LimitConstraint> limits_;
+  std::vector<Block> blocks_;
+  std::vector<Port> free_ports_;
+  std::vector<int> port_offset_;  // per contactor, -1: none
+  VectorX velocities_;            // at the start of the step in Open, solved in Solve
+  std::vector<Vector6> free_twists_;
+  std::vector<Past> past_;
+  std::vector<char> past_used_;
+};
+
+}  // namespace fork1s::internal

@@ -1,0 +1,47 @@
+// A free rigid body, as the full-coordinate step moves it.
+#pragma once
+
+#include <fork1s/mechanism/scene.hpp>
+
+namespace fork1s::internal {
+
+/// Implicit Euler for the centre of mass; for the rotation I (ω⁺ - ω)/h + ω̄ x I ω̄ = τ with ω̄ the mean, which
+/// is also the turn of the step. Its port for contacts is [ω; velocity of the centre] in world axes.
+class FullFreeBody {
+ public:
+  explicit FullFreeBody(const FreeBodyDef& definition);
+
+  const RigidTransform& pose() const { return X_WB_; }
+  Vector3 center_W() const { return X_WB_ * inertia_.center; }
+  void SetState(const RigidTransform& X_WB, const Vector3& omega_W, const Vector3& velocity_of_origin_W);
+  void AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
+  Vector6 PortTwist() const;
+  /// [ω_W; velocity of the origin], world axes.
+  Vector6 Velocity() const;
+
+  void Begin(double h, const Vector3& gravity_W);
+  Matrix6 InverseInertia() const;
+  /// Port twist after one more Newton iteration on the rotation without contact.
+  Vector6 FreePortTwist() const;
+  /// Takes a port twist as the new guess; the largest change of the step's turn or path [rad, m].
+  double Accept(const Vector6& port_twist);
+  bool NextIsFinite() const { return omega_B_next_.allFinite() && velocity_next_.allFinite(); }
+  void Commit();
+  void Abandon();
+
+  double KineticEnergy() const;
+  double GravityEnergy(const Vector3& gravity_W) const { return -inertia_.mass * gravity_W.dot(center_W()); }
+  Vector6 Momentum() const;
+
+ private:
+  SpatialInertia inertia_;
+  Matrix3 inverse_rotational_;
+  RigidTransform X_WB_;
+  Vector3 omega_B_ = Vector3::Zero(), velocity_ = Vector3::Zero();  // of the centre, world axes
+  Vector3 force_W_ = Vector3::Zero(), moment_W_ = Vector3::Zero();  // about the centre
+  double h_ = 0;
+  Vector3 gravity_W_ = Vector3::Zero();
+  Vector3 omega_B_next_ = Vector3::Zero(), velocity_next_ = Vector3::Zero();
+};
+
+}  // namespace fork1s::internal

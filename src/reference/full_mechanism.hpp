@@ -1,0 +1,162 @@
+// One mechanism in full coordinates.
+//
+// Unknowns of a step, in this order: twists V_b of all moving bodies, each in its body's axes about its
+// origin; joint rates q̇; multipliers ν of the links (six a moving body that hangs on a parent) and of the
+// loops. With G the constraint rows, p the momentum at the start seen from the body's new pose (so that it is
+// carried along without loss), and everything on the right taken at the end of the step:
+//     I_b V_b  + G_bᵀ ν = p_b + h F_b(X) + contact impulses
+//     a q̇     + G_qᵀ ν = a q̇_0 + h τ(q, q̇)          a: armature
+//     G_b V + G_q q̇     = 0
+// Poses follow from q = q_0 + h q̇ and the base by solving the link and loop equations themselves.
+#pragma once
+
+#include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/mechanism/mechanism.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "saddle_solver.hpp"
+
+namespace fork1s::internal {
+
+/// A body hanging on its parent: X_pb = X_PB Exp(S_1 q_1) ... Exp(S_k q_k), none where it is welded. All six
+/// directions of Log(X_pb(q)⁻¹ X_p⁻¹ X_b) are rigid, q are unknowns of their own.
+struct Link {
+  int body = 0, parent = 0;
+  int first_joint = 0, num_joints = 0;
+  int offset = 0, size = 0;  // coordinates
+  int row = 0;               // first of six constraint rows, counted from the first constraint
+};
+
+/// Rows of a link on the twists of its two bodies and its joint rates: V_b + on_parent V_p + on_rates q̇ = 0.
+struct LinkRows {
+  Matrix6 on_parent;
+  Matrix6X on_rates;
+};
+
+class FullMechanism {
+ public:
+  static Expected<FullMechanism> Create(std::shared_ptr<const Mechanism> mechanism, const VectorX& q0,
+                                        const VectorX& q_dot0, const RigidTransform& X_WR,
+                                        const Vector6& V_R);
+
+  const Mechanism& mechanism() const { return *mechanism_; }
+  const std::vector<RigidTransform>& poses() const { return X_; }
+  RigidTransform Pose(int body) const { return X_[static_cast<std::size_t>(body)]; }
+  /// Twist of a body in its own axes about its origin.
+  Vector6 BodyTwist(int body) const { return V_.col(body); }
+  const VectorX& q() const { return q_; }
+  const VectorX& q_dot() const { return q_dot_; }
+  const VectorX& lower() const { return lower_; }
+  const VectorX& upper() const { return upper_; }
+  const std::vector<std::string>& warnings() const { return warnings_; }
+
+  VectorX controls;
+  RigidTransform driven_next;   // pose that a driven base reaches in the next step
+  bool implicit_drift = false;  // see FullSimulationOptions
+  /// Wrench on a body in world axes, for the next step only.
+  void AddWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
+
+  /// Opens a step: momenta and a first guess of its end.
+  bool Begin(double h, const Vector3& gravity_W);
+  /// Takes equations and their tangent at the present guess, with contact impulses `on_bodies` (6 x bodies,
+  /// body axes) as they were, whose directions turn with the bodies. Without `stiffening`, loads leave no
+  /// stiffness in the tangent: slower and safer.
+  bool Linearise(const Matrix6X& on_bodies, bool stiffening);
+  int num_unknowns() const { return num_velocities_ + num_rows_; }
+  /// First of the six unknowns of a body's twist, -1 for bodies whose motion is given.
+  int ColumnOfBody(int body) const { return column_[static_cast<std::size_t>(body)]; }
+  int ColumnOfCoordinate(int i) const { return num_body_columns_ + i; }
+  const SaddleSolver& solver() const { return dynamics_; }
+  /// Unknowns after this iteration, before contact impulses are added.
+  const MatrixX& free_unknowns() const { return free_; }
+  /// Accepts unknowns as the new guess and brings its poses up to date. Returns the largest change of a pose
+  /// [m].
+  double Accept(const MatrixX& unknowns);
+  const RigidTransform& NextPose(int body) const { return X_next_[static_cast<std::size_t>(body)]; }
+  Vector6 NextTwist(int body) const { return V_next_.col(body); }
+  bool NextIsFinite() const;
+  /// Largest opening of a link or loop at the guess [m].
+  double NextGap() const { return gap_; }
+  /// Ends the step: the guess becomes the state.
+  void Commit();
+  void Abandon();
+
+  double KineticEnergy() const;
+  double StoredEnergy() const;
+  double GravityEnergy(const Vector3& gravity_W) const;
+  Vector6 Momentum() const { return MomentumOf(X_, V_); }
+  VectorX ClosureForces() const;
+  /// Opening [m] of every link and closure, by name.
+  std::vector<std::pair<std::string, double>> Gaps() const;
+  std::vector<double> Frequencies(int count) const;
+
+ private:
+  void LayOut();
+  void StartMotion(const VectorX& q_dot0, const Vector6& V_R);
+  bool Moves(int body) const { return column_[static_cast<std::size_t>(body)] >= 0; }
+  int Row(int constraint) const { return num_velocities_ + constraint; }
+
+  // Geometry of constraints (mechanism_rows.cpp).
+  RigidTransform LinkPose(const Link& link, const VectorX& q) const;
+  LinkRows RowsOf(const Link& link, const std::vector<RigidTransform>& X, const VectorX& q) const;
+  /// Stiffness that link multipliers ν leave between joints stacked on one body, ν·[J_k, J_i].
+  void AddLinkStiffening(const Link& link, const LinkRows& rows, const Vector6& nu, double h);
+  Vector6 ClosureError(const ClosureDef& closure, const std::vector<RigidTransform>& X) const;
+  /// 6 x 12 on [V_a; V_b].
+  Eigen::Matrix<double, 6, 12> ClosureRows(const ClosureDef& closure, const RigidTransform& X_a,
+                                           const RigidTransform& X_b) const;
+  double CouplingError(const Mechanism::Coupling& coupling, const VectorX& q) const;
+  double CouplingSlope(const Mechanism::Coupling& coupling, const VectorX& q) const;
+  /// All rows G into `solver`, loop rows shifted by `epsilon`. `base_moves`: with the columns of a floating
+  /// base.
+  void AddConstraints(const std::vector<RigidTransform>& X, const VectorX& q, bool base_moves, double epsilon,
+                      SaddleSolver& solver) const;
+  /// G on twists that are given, such as a driven base's (num_rows).
+  VectorX GivenVelocities(const std::vector<RigidTransform>& X, const VectorX& q, const Matrix6X& V) const;
+
+  // The step (mechanism_step.cpp).
+  VectorX Unknowns() const;
+  void AddBodies(const Matrix6X& on_bodies, bool stiffening, MatrixX& right);
+  void AddJoints(MatrixX& right);
+  void AddClosures(bool stiffening, MatrixX& right);
+  // Poses that satisfy every constraint (mechanism_poses.cpp).
+  Vector6 MomentumOf(const std::vector<RigidTransform>& X, const Matrix6X& V) const;
+  /// Velocity of the centre of mass, world axes.
+  Vector3 Drift(const std::vector<RigidTransform>& X, const Matrix6X& V) const {
+    return MomentumOf(X, V).tail<3>() / mechanism_->total_mass();
+  }
+  RigidTransform NextBasePose() const;
+  double AdvancePoses();
+  double Project(std::vector<RigidTransform>& X, VectorX& q);
+
+  std::shared_ptr<const Mechanism> mechanism_;
+  std::vector<Link> links_;
+  std::vector<int> column_;  // per body
+  std::vector<Matrix6> inertia_;
+  int num_body_columns_ = 0, num_velocities_ = 0, num_rows_ = 0, first_loop_row_ = 0;
+  VectorX lower_, upper_;
+  std::vector<std::string> warnings_;
+
+  // State.
+  std::vector<RigidTransform> X_;
+  Matrix6X V_;
+  VectorX q_, q_dot_, nu_;
+  double h_last_ = 0;
+
+  // Of the step under way.
+  double h_ = 0;
+  Vector3 gravity_W_ = Vector3::Zero();
+  bool has_wrenches_ = false;
+  Matrix6X wrenches_W_;  // about the world's origin
+  Vector3 drift_W_ = Vector3::Zero();
+  std::vector<RigidTransform> X_next_;
+  Matrix6X V_next_;
+  VectorX q_next_, q_dot_next_, nu_next_;
+  double gap_ = 0;
+  SaddleSolver dynamics_, positions_;
+  MatrixX free_;
+};
+
+}  // namespace fork1s::internal

@@ -1,0 +1,136 @@
+// Energies, momentum, gaps and natural frequencies in full coordinates.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "full_mechanism.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+
+namespace fork1s::internal {
+
+double FullMechanism::KineticEnergy() const {
+  double energy = 0.5 * mechanism_->armature().dot(q_dot_.cwiseAbs2());
+  for (std::size_t b = 0; b < X_.size(); ++b) {
+    const Vector6 V = V_.col(static_cast<Eigen::Index>(b));
+    energy += 0.5 * V.dot(inertia_[b] * V);
+  }
+  return energy;
+}
+
+// As Simulation counts it: a servo's control is the set-point of the spring that holds the joint.
+double FullMechanism::StoredEnergy() const {
+  const Mechanism& m = *mechanism_;
+  double energy = 0.5 * m.stiffness().dot((q_ - m.rest()).cwiseAbs2());
+  for (const Mechanism::Spring& s : m.springs()) {
+    double stretch = -s.rest;
+    for (const auto& [i, c] : s.terms) stretch += c * q_(i);
+    energy += 0.5 * s.stiffness * stretch * stretch;
+  }
+  for (const ClosureDef& closure : m.closures()) {
+    const Vector6 k = closure.rigid.select(Vector6::Zero(), closure.stiffness);
+    energy += 0.5 * k.dot(ClosureError(closure, X_).cwiseAbs2());
+  }
+  for (std::size_t k = 0; k < m.controls().size(); ++k) {
+    const Mechanism::Control& control = m.controls()[k];
+    const double u = controls(static_cast<Eigen::Index>(k));
+    for (const auto& [i, c] : control.terms) energy -= control.gain * u * c * q_(i);
+    if (m.definition().controls[k].is_setpoint) energy += 0.5 * control.gain * u * u;
+  }
+  return energy;
+}
+
+double FullMechanism::GravityEnergy(const Vector3& gravity_W) const {
+  double energy = 0;
+  for (std::size_t b = 0; b < X_.size(); ++b) {
+    const SpatialInertia& I = mechanism_->bodies()[b].inertia_B;
+    energy -= I.mass * gravity_W.dot(X_[b] * I.center);
+  }
+  return energy;
+}
+
+Vector6 FullMechanism::MomentumOf(const std::vector<RigidTransform>& X, const Matrix6X& V) const {
+  Vector6 total = Vector6::Zero();
+  for (std::size_t b = 0; b < X_.size(); ++b)
+    total += AdjointTransposeApply(X[b].inverse(), inertia_[b] * V.col(static_cast<Eigen::Index>(b)));
+  return total;
+}
+
+VectorX FullMechanism::ClosureForces() const {
+  if (!(h_last_ > 0)) return VectorX::Zero(num_rows_ - first_loop_row_);
+  return -nu_.tail(num_rows_ - first_loop_row_) / h_last_;
+}
+
+std::vector<std::pair<std::string, double>> FullMechanism::Gaps() const {
+  std::vector<std::pair<std::string, double>> gaps;
+  const double L = mechanism_->length_scale();
+  auto size = [&](const Vector6& error) {
+    return std::max(L * error.head<3>().norm(), error.tail<3>().norm());
+  };
+  for (const Link& link : links_) {
+    const auto b = static_cast<std::size_t>(link.body);
+    const Vector6 error =
+        Log((X_[static_cast<std::size_t>(link.parent)] * LinkPose(link, q_)).inverse() * X_[b]);
+    gaps.emplace_back(link.num_joints > 0 ? mechanism_->joint(JointIndex(link.first_joint)).name
+                                          : mechanism_->bodies()[b].name,
+                      size(error));
+  }
+  for (const ClosureDef& closure : mechanism_->closures())
+    gaps.emplace_back(closure.name, size(closure.rigid.select(ClosureError(closure, X_), Vector6::Zero())));
+  return gaps;
+}
+
+// With Z a basis of the motions that G allows: ZᵀKZ v = ω² ZᵀMZ v.
+std::vector<double> FullMechanism::Frequencies(int count) const {
+  const Mechanism& m = *mechanism_;
+  if (num_velocities_ == 0) return {};
+  SaddleSolver rows;
+  rows.Begin(num_unknowns());
+  AddConstraints(X_, q_, true, 0, rows);
+  rows.Assemble();
+  MatrixX identity = MatrixX::Zero(num_unknowns(), num_velocities_);
+  identity.topRows(num_velocities_).setIdentity();
+  const MatrixX G = rows.Multiply(identity).bottomRows(num_rows_);
+
+  MatrixX M = MatrixX::Zero(num_velocities_, num_velocities_), K = M;
+  for (std::size_t b = 0; b < X_.size(); ++b)
+    if (column_[b] >= 0) M.block<6, 6>(column_[b], column_[b]) = inertia_[b];
+  const int n = m.num_coordinates();
+  M.block(num_body_columns_, num_body_columns_, n, n).diagonal() = m.armature();
+  auto K_q = K.block(num_body_columns_, num_body_columns_, n, n);
+  K_q.diagonal() = m.stiffness();
+  for (const Mechanism::Spring& s : m.springs())
+    for (const auto& [i, c] : s.terms)
+      for (const auto& [j, d] : s.terms) K_q(i, j) += s.stiffness * c * d;
+  for (const ClosureDef& closure : m.closures()) {
+    const Vector6 k = closure.rigid.select(Vector6::Zero(), closure.stiffness);
+    if (k.isZero(0)) continue;
+    const auto on_bodies = ClosureRows(closure, X_[closure.body_a.u()], X_[closure.body_b.u()]);
+    MatrixX row = MatrixX::Zero(6, num_velocities_);
+    if (Moves(closure.body_a.value()))
+      row.middleCols<6>(column_[closure.body_a.u()]) += on_bodies.leftCols<6>();
+    if (Moves(closure.body_b.value()))
+      row.middleCols<6>(column_[closure.body_b.u()]) += on_bodies.rightCols<6>();
+    K += row.transpose() * k.asDiagonal() * row;
+  }
+
+  MatrixX Z = MatrixX::Identity(num_velocities_, num_velocities_);
+  if (num_rows_ > 0) {
+    Eigen::ColPivHouseholderQR<MatrixX> qr(G.transpose());
+    qr.setThreshold(1e-10);  // rows of a loop closed twice differ by rounding
+    Z = (qr.householderQ() * Z).rightCols(num_velocities_ - qr.rank()).eval();
+  }
+  if (Z.cols() == 0) return {};
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixX> solved(Z.transpose() * K * Z, Z.transpose() * M * Z,
+                                                                 Eigen::EigenvaluesOnly);
+  const VectorX& squares = solved.eigenvalues();
+  std::vector<double> hertz;
+  // Motions that no spring feels come out as rounding of the stiffest one.
+  for (Eigen::Index i = 0; i < squares.size() && static_cast<int>(hertz.size()) < count; ++i)
+    if (squares(i) > 1e-11 * squares.tail<1>()(0))
+      hertz.push_back(std::sqrt(squares(i)) / (2 * std::numbers::pi));
+  return hertz;
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,208 @@
+// One Newton iteration of a step in full coordinates.
+#include <algorithm>
+#include <cmath>
+
+#include "full_mechanism.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+// A force whose direction stays in the world, seen from a body that turns by δ: F changes by (Rᵀf) x δ. The
+// symmetric part on [δ; translation], with the arm at which it acts.
+Matrix6 DeadForceStiffness(const Vector3& arm_B, const Vector3& force_B) {
+  const Matrix3 f = Skew(force_B);
+  const Matrix3 turn = Skew(arm_B) * f;
+  Matrix6 K;
+  K << 0.5 * (turn + turn.transpose()), 0.5 * f.transpose(), 0.5 * f, Matrix3::Zero();
+  return K;
+}
+
+double Length(const Mechanism::LinearForm& terms, const VectorX& q) {
+  double length = 0;
+  for (const auto& [i, c] : terms) length += c * q(i);
+  return length;
+}
+
+}  // namespace
+
+VectorX FullMechanism::Unknowns() const {
+  VectorX u(num_unknowns());
+  for (std::size_t b = 0; b < X_.size(); ++b)
+    if (column_[b] >= 0) u.segment<6>(column_[b]) = V_next_.col(static_cast<Eigen::Index>(b));
+  u.segment(num_body_columns_, mechanism_->num_coordinates()) = q_dot_next_;
+  u.tail(num_rows_) = nu_next_;
+  return u;
+}
+
+bool FullMechanism::Begin(double h, const Vector3& gravity_W) {
+  h_ = h;
+  gravity_W_ = gravity_W;
+  V_next_ = V_;
+  q_dot_next_ = q_dot_;
+  nu_next_ = h_last_ > 0 ? VectorX(nu_ * (h / h_last_)) : nu_;
+  X_next_ = X_;
+  q_next_ = q_;
+  if (mechanism_->base() == BaseKind::kDriven) V_next_.col(0) = Log(X_[0].inverse() * driven_next) / h;
+  drift_W_.setZero();
+  if (mechanism_->base() == BaseKind::kFloating) drift_W_ = Drift(X_, V_);
+  AdvancePoses();
+  return NextIsFinite();
+}
+
+void FullMechanism::AddBodies(const Matrix6X& on_bodies, bool stiffening, MatrixX& right) {
+  const double h = h_, on = stiffening ? 1 : 0;
+  for (int b = 0; b < mechanism_->num_bodies(); ++b) {
+    if (!Moves(b)) continue;
+    const auto i = static_cast<std::size_t>(b);
+    const SpatialInertia& I = mechanism_->bodies()[i].inertia_B;
+    const RigidTransform& X = X_next_[i];
+    const Vector3 weight_B = X.rotation().transpose() * (I.mass * gravity_W_);
+    Vector6 impulse = AdjointTransposeApply(X_[i].inverse() * X, inertia_[i] * V_.col(b));
+    impulse.head<3>() += h * I.center.cross(weight_B);
+    impulse.tail<3>() += h * weight_B;
+    if (has_wrenches_) impulse += h * AdjointTransposeApply(X, wrenches_W_.col(b));
+    right.block<6, 1>(column_[i], 0) += impulse - inertia_[i] * V_next_.col(b);
+    const Matrix6 tangent = inertia_[i] - on * h * DeadForceStiffness(I.center, h * weight_B) -
+                            on * h * DeadForceStiffness(Vector3::Zero(), on_bodies.col(b).tail<3>());
+    dynamics_.AddBlock(column_[i], column_[i], tangent);
+  }
+}
+
+void FullMechanism::AddJoints(MatrixX& right) {
+  const Mechanism& m = *mechanism_;
+  const double h = h_;
+  VectorX tau = m.stiffness().cwiseProduct(m.rest() - q_next_) - m.damping().cwiseProduct(q_dot_next_);
+  if (controls.size() > 0) AddControlForce(m, controls, tau);
+  for (int i = 0; i < m.num_coordinates(); ++i)
+    dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(i),
+                  m.armature()(i) + h * m.damping()(i) + h * h * m.stiffness()(i));
+  for (const Mechanism::Spring& s : m.springs()) {
+    const double pull =
+        s.stiffness * (s.rest - Length(s.terms, q_next_)) - s.damping * Length(s.terms, q_dot_next_);
+    for (const auto& [i, c] : s.terms) {
+      tau(i) += c * pull;
+      for (const auto& [j, d] : s.terms)
+        dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j),
+                      c * d * h * (s.damping + h * s.stiffness));
+    }
+  }
+  right.block(num_body_columns_, 0, m.num_coordinates(), 1) +=
+      m.armature().cwiseProduct(q_dot_ - q_dot_next_) + h * tau;
+}
+
+// Springy directions push by k c + d ċ; rigid ones by their multipliers. Either turns with the bodies.
+void FullMechanism::AddClosures(bool stiffening, MatrixX& right) {
+  const double h = h_;
+  int row = first_loop_row_;
+  for (const ClosureDef& closure : mechanism_->closures()) {
+    const int body[2] = {closure.body_a.value(), closure.body_b.value()};
+    const RigidTransform X[2] = {X_next_[closure.body_a.u()], X_next_[closure.body_b.u()]};
+    const auto rows = ClosureRows(closure, X[0], X[1]);
+    Eigen::Matrix<double, 12, 1> V;
+    V << V_next_.col(body[0]), V_next_.col(body[1]);
+    const Vector6 c = ClosureError(closure, X_next_), rate = rows * V;
+    const Vector6 spring = closure.stiffness.cwiseProduct(c) + closure.damping.cwiseProduct(rate);
+    Vector6 pull, soft;
+    for (int i = 0; i < 6; ++i) {
+      pull(i) = closure.rigid(i) ? nu_next_(row++) : h * spring(i);
+      soft(i) = closure.rigid(i) ? 0 : h * (closure.damping(i) + h * closure.stiffness(i));
+    }
+    Eigen::Matrix<double, 12, 12> tangent = rows.transpose() * soft.asDiagonal() * rows;
+    if (stiffening && !pull.isZero(0)) {
+      constexpr double kStep = 1e-6;  // central differences: 1e-12 of the pull is truncated, 1e-10 rounded
+      Eigen::Matrix<double, 12, 12> turn;
+      for (int i = 0; i < 12; ++i) {
+        const int side = i / 6;
+        RigidTransform ahead[2] = {X[0], X[1]}, back[2] = {X[0], X[1]};
+        ahead[side] = X[side] * Exp(kStep * Vector6::Unit(i % 6));
+        back[side] = X[side] * Exp(-kStep * Vector6::Unit(i % 6));
+        turn.col(i) =
+            (ClosureRows(closure, ahead[0], ahead[1]) - ClosureRows(closure, back[0], back[1])).transpose() *
+            pull / (2 * kStep);
+      }
+      tangent += 0.5 * h * (turn + turn.transpose());
+    }
+    const Vector6 soft_pull = closure.rigid.select(Vector6::Zero(), pull);
+    for (int s = 0; s < 2; ++s) {
+      if (!Moves(body[s])) continue;
+      const int at = column_[static_cast<std::size_t>(body[s])];
+      right.block<6, 1>(at, 0) -= rows.middleCols<6>(6 * s).transpose() * soft_pull;
+      for (int t = 0; t < 2; ++t)
+        if (Moves(body[t]))
+          dynamics_.AddBlock(at, column_[static_cast<std::size_t>(body[t])],
+                             tangent.block<6, 6>(6 * s, 6 * t));
+    }
+  }
+}
+
+bool FullMechanism::Linearise(const Matrix6X& on_bodies, bool stiffening) {
+  MatrixX right = MatrixX::Zero(num_unknowns(), 1);
+  dynamics_.Begin(num_unknowns());
+  AddBodies(on_bodies, stiffening, right);
+  AddJoints(right);
+  AddClosures(stiffening, right);
+  for (const Link& link : links_)
+    AddLinkStiffening(link, RowsOf(link, X_next_, q_next_), nu_next_.segment<6>(link.row),
+                      stiffening ? h_ : 0);
+  // Small beside 1/m, the size of the constraints' own responses.
+  const double mass = mechanism_->total_mass() > 0 ? mechanism_->total_mass() : 1;
+  AddConstraints(X_next_, q_next_, true, 1e-9 / mass, dynamics_);
+  if (!dynamics_.Factor()) return false;
+
+  // What is left of G_bᵀ ν and of G V: the matrix holds G on either side.
+  const VectorX u = Unknowns();
+  MatrixX part = u;
+  part.topRows(num_velocities_).setZero();
+  right.topRows(num_velocities_) -= dynamics_.Multiply(part).topRows(num_velocities_);
+  part = u;
+  part.bottomRows(num_rows_).setZero();
+  right.bottomRows(num_rows_) -= dynamics_.Multiply(part).bottomRows(num_rows_);
+  right.bottomRows(num_rows_) -= GivenVelocities(X_next_, q_next_, V_next_);
+  if (!dynamics_.Solve(right)) return false;
+  free_ = u + right;
+  return true;
+}
+
+double FullMechanism::Accept(const MatrixX& unknowns) {
+  for (std::size_t b = 0; b < X_.size(); ++b)
+    if (column_[b] >= 0) V_next_.col(static_cast<Eigen::Index>(b)) = unknowns.block<6, 1>(column_[b], 0);
+  q_dot_next_ = unknowns.block(num_body_columns_, 0, mechanism_->num_coordinates(), 1);
+  nu_next_ = unknowns.bottomRows(num_rows_);
+  return AdvancePoses();
+}
+
+bool FullMechanism::NextIsFinite() const {
+  return V_next_.allFinite() && q_next_.allFinite() && q_dot_next_.allFinite() && std::isfinite(gap_) &&
+         std::all_of(X_next_.begin(), X_next_.end(), [](const auto& X) { return X.IsFinite(); });
+}
+
+void FullMechanism::Commit() {
+  X_ = X_next_;
+  V_ = V_next_;
+  q_ = q_next_;
+  q_dot_ = q_dot_next_;
+  nu_ = nu_next_;
+  h_last_ = h_;
+  wrenches_W_.setZero();
+  has_wrenches_ = false;
+  // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
+  for (const Mechanism::Joint& joint : mechanism_->joints()) {
+    if (joint.kind != JointKind::kBall ||
+        !mechanism_->stiffness().segment(joint.offset, joint.size).isZero(0))
+      continue;
+    const Vector3 v = q_.segment<3>(joint.offset);
+    const double angle = v.norm();
+    if (angle <= M_PI) continue;
+    const Vector3 wrapped = v * (1 - 2 * M_PI / angle);
+    q_dot_.segment<3>(joint.offset) =
+        DexpInverseRotation(wrapped) * (DexpRotation(v) * q_dot_.segment<3>(joint.offset));
+    q_.segment<3>(joint.offset) = wrapped;
+  }
+}
+
+void FullMechanism::Abandon() {
+  wrenches_W_.setZero();
+  has_wrenches_ = false;
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,228 @@
+#include <algorithm>
+#include <cmath>
+#include <fork1s/reduction/frequencies.hpp>
+#include <fork1s/reference/full_simulation.hpp>
+#include <limits>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include "runs.hpp"
+
+namespace fork1s {
+namespace {
+
+using internal::Run;
+using internal::RunOptions;
+using internal::Sample;
+using internal::TrackedBody;
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+
+struct Distance {
+  double rms_mm = 0, max_mm = 0, rms_deg = 0, max_deg = 0;
+};
+
+// Between two runs, over all samples after the start and the bodies [first, last).
+Distance Between(const Run& a, const Run& b, std::size_t first, std::size_t last) {
+  Distance d;
+  int count = 0;
+  for (std::size_t i = 1; i < std::min(a.samples.size(), b.samples.size()); ++i)
+    for (std::size_t k = first; k < last; ++k, ++count) {
+      const RigidTransform &X = a.samples[i].X_WB[k], &Y = b.samples[i].X_WB[k];
+      const double mm = 1e3 * (X.translation() - Y.translation()).norm();
+      const double deg = kDegrees * LogRotation(X.rotation().transpose() * Y.rotation()).norm();
+      d.rms_mm += mm * mm;
+      d.rms_deg += deg * deg;
+      d.max_mm = std::max(d.max_mm, mm);
+      d.max_deg = std::max(d.max_deg, deg);
+    }
+  if (count > 0) {
+    d.rms_mm = std::sqrt(d.rms_mm / count);
+    d.rms_deg = std::sqrt(d.rms_deg / count);
+  }
+  return d;
+}
+
+EnergyDrift Drift(const Run& run) {
+  EnergyDrift drift{run.samples.front().energy, run.samples.back().energy, 0};
+  for (std::size_t i = 1; i < run.samples.size(); ++i)
+    drift.max_rise_J = std::max(drift.max_rise_J, run.samples[i].energy - run.samples[i - 1].energy);
+  return drift;
+}
+
+double LargestGap(const Run& run) {
+  double gap = 0;
+  for (const Sample& s : run.samples) gap = std::max(gap, s.gap);
+  return gap;
+}
+
+void CompareForces(const Run& a, const Run& b, Comparison& out) {
+  double difference = 0, size = 0;
+  int count = 0;
+  for (std::size_t i = 1; i < std::min(a.samples.size(), b.samples.size()); ++i)
+    for (std::size_t k = 0; k < a.samples[i].force.size(); ++k, ++count) {
+      const double d = (a.samples[i].force[k] - b.samples[i].force[k]).norm();
+      difference += d * d;
+      size += b.samples[i].force[k].squaredNorm();
+      out.force_max_N = std::max(out.force_max_N, d);
+    }
+  if (count > 0) out.force_rms_N = std::sqrt(difference / count);
+  if (difference > 0)
+    out.force_rms_percent =
+        size > 0 ? 100 * std::sqrt(difference / size) : std::numeric_limits<double>::quiet_NaN();
+}
+
+void KeepTraces(const std::vector<TrackedBody>& tracked, const Run& a, const Run& b, double interval,
+                Comparison& out) {
+  out.traces.resize(tracked.size());
+  for (std::size_t i = 0; i < std::min(a.samples.size(), b.samples.size()); ++i) {
+    out.times_s.push_back(static_cast<double>(i) * interval);
+    out.gap_reduced_mm.push_back(1e3 * a.samples[i].gap);
+    out.gap_other_mm.push_back(1e3 * b.samples[i].gap);
+    for (std::size_t k = 0; k < tracked.size(); ++k) {
+      out.traces[k].body = tracked[k].name;
+      out.traces[k].reduced_m.push_back(a.samples[i].X_WB[k].translation());
+      out.traces[k].other_m.push_back(b.samples[i].X_WB[k].translation());
+      out.traces[k].force_reduced_N.push_back(a.samples[i].force[k]);
+      out.traces[k].force_other_N.push_back(b.samples[i].force[k]);
+    }
+  }
+}
+
+Expected<void> AddFrequencies(const Scene& scene, const Simulation& reduced, int keyframe, Comparison& out) {
+  constexpr int kCount = 8;
+  for (const MechanismDynamics& m : reduced.world().mechanisms())
+    for (double hertz : ReducedFrequencies(m.model(), kCount)) out.frequencies_reduced_hz.push_back(hertz);
+  FullSimulationOptions options;
+  options.initial_keyframe = keyframe;
+  options.dt = reduced.dt();
+  options.interfaces = internal::InterfaceNames(reduced);
+  auto full = FullSimulation::Create(scene, options);
+  if (!full) return tl::unexpected(full.error());
+  for (int i = 0; i < full->num_mechanisms(); ++i)
+    for (double hertz : full->Frequencies(i, kCount)) out.frequencies_full_hz.push_back(hertz);
+  return {};
+}
+
+// Everything that follows from runs at one step and finer ones. `truth` is the other simulator at its finest.
+void Summarise(const std::vector<TrackedBody>& tracked, const std::vector<Run>& reduced,
+               const std::vector<Run>& other, const Run& base_other, const Run& truth, double interval,
+               Comparison& out) {
+  const Run& base = reduced.front();
+  for (std::size_t k = 0; k < tracked.size(); ++k) {
+    const Distance d = Between(base, base_other, k, k + 1);
+    (tracked[k].is_interface ? out.interface : out.free_bodies)
+        .push_back({tracked[k].name, d.rms_mm, d.max_mm, d.rms_deg, d.max_deg});
+  }
+  CompareForces(base, base_other, out);
+  out.gap_max_mm = 1e3 * LargestGap(base);
+  out.gap_max_other_mm = 1e3 * LargestGap(base_other);
+  out.energy_reduced = Drift(base);
+  out.energy_other = Drift(base_other);
+  out.wall_reduced_s = base.wall_s;
+  out.wall_other_s = base_other.wall_s;
+  out.wall_ratio = base.wall_s > 0 ? base_other.wall_s / base.wall_s : 0;
+  out.unconverged_reduced = base.unconverged;
+  out.unconverged_other = base_other.unconverged;
+  for (std::size_t i = 0; i < std::min(reduced.size(), other.size()); ++i) {
+    const Distance d = Between(reduced[i], other[i], 0, tracked.size());
+    out.equal_steps.push_back({reduced[i].dt, d.rms_mm, d.max_mm, reduced[i].wall_s, other[i].wall_s});
+  }
+  for (const auto* runs : {&reduced, &other})
+    for (const Run& run : *runs) {
+      if (&run == &truth) continue;
+      const Distance d = Between(run, truth, 0, tracked.size());
+      out.costs.push_back({run.simulator, run.dt, run.wall_s, d.rms_mm, d.max_mm});
+    }
+  for (const Run* run : {&base, &base_other})
+    for (const std::string& w : run->warnings)
+      if (std::find(out.warnings.begin(), out.warnings.end(), w) == out.warnings.end())
+        out.warnings.push_back(w);
+  KeepTraces(tracked, base, base_other, interval, out);
+}
+
+Expected<void> CheckControls(const ControlTrack& track, const Simulation& simulation) {
+  const auto missing = track.FindMissing(simulation);
+  if (missing.empty()) return {};
+  std::string known;
+  for (const std::string& n : simulation.control_names()) known += (known.empty() ? "" : ", ") + n;
+  return Fail(ErrorCode::kModel, "controls",
+              fmt::format("'{}' is no control of this model; there are: {}", missing.front(),
+                          known.empty() ? "none" : known));
+}
+
+}  // namespace
+
+Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions& options) {
+  FORK1S_REQUIRE(options.time > 0 && options.refinements >= 0, options.time, options.refinements);
+  const Scene& scene = imported.scene;
+  const bool mujoco = options.against == Against::kMuJoCo;
+  if (mujoco && imported.report.format != "MJCF")
+    return Fail(ErrorCode::kUsage, options.model_path,
+                "is not MJCF, which alone MuJoCo runs as the file says it");
+  RunOptions o;
+  o.interval = options.dt > 0 ? options.dt : scene.timestep;
+  o.samples = std::max(1, static_cast<int>(std::llround(options.time / o.interval)));
+  o.recovery = options.recovery;
+  o.initial_keyframe = imported.initial_keyframe;
+  o.controls = &options.controls;
+
+  auto probe = internal::MakeReduced(scene, o);
+  if (!probe) return tl::unexpected(probe.error());
+  if (auto ok = CheckControls(options.controls, *probe); !ok) return tl::unexpected(ok.error());
+  std::vector<TrackedBody> tracked;
+  for (std::size_t i = 0; i < probe->bodies().size(); ++i) {
+    const SceneBody& b = probe->bodies()[i];
+    if (b.is_interface || b.mechanism < 0) tracked.push_back({b.name, static_cast<int>(i), b.is_interface});
+  }
+  Comparison out;
+  out.scene = scene.name;
+  out.other = mujoco ? "mujoco" : "full";
+  out.dt_s = o.interval;
+  out.time_s = o.samples * o.interval;
+  if (auto ok = AddFrequencies(scene, *probe, o.initial_keyframe, out); !ok)
+    return tl::unexpected(ok.error());
+
+  // Work is shared out by steps; a full one counts fifty times.
+  double done = 0, all = mujoco ? 2.0 * 10 : 0;
+  for (int k = 0; k <= options.refinements; ++k) all += (1 << k) * (mujoco ? 1 : 51);
+  double weight = 1;
+  o.progress = [&] {
+    done += weight / o.samples;
+    if (options.progress) options.progress(std::min(1.0, done / all));
+  };
+  std::vector<Run> reduced, other;
+  for (int k = 0; k <= options.refinements; ++k) {
+    o.substeps = 1 << k;
+    weight = o.substeps;
+    auto run = internal::RunReduced(scene, tracked, o);
+    if (!run) return tl::unexpected(run.error());
+    reduced.push_back(std::move(*run));
+    if (mujoco) continue;
+    weight = 50.0 * o.substeps;
+    run = internal::RunFull(scene, tracked, o);
+    if (!run) return tl::unexpected(run.error());
+    other.push_back(std::move(*run));
+  }
+  if (!mujoco) {
+    out.other_dt_s = o.interval;
+    Summarise(tracked, reduced, other, other.front(), other.back(), o.interval, out);
+    return out;
+  }
+  weight = 10;
+  o.substeps = 1;
+  auto own = internal::RunMuJoCo(options.model_path, scene, tracked, 0, o);
+  if (!own) return tl::unexpected(own.error());
+  // At our step it may well become unstable, and that is an answer.
+  auto same = internal::RunMuJoCo(options.model_path, scene, tracked, o.interval, o);
+  if (same)
+    other.push_back(std::move(*same));
+  else
+    out.warnings.push_back(same.error().Text());
+  out.other_dt_s = own->dt;
+  Summarise(tracked, reduced, other, *own, *own, o.interval, out);
+  return out;
+}
+
+}  // namespace fork1s

@@ -1,0 +1,167 @@
+// mj_step on the file itself.
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <mutex>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "runs.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+// MuJoCo complains through global function pointers, so that one run goes at a time.
+std::mutex handler_mutex;
+
+class Handlers {
+ public:
+  Handlers() : lock_(handler_mutex), error_(mju_user_error), warning_(mju_user_warning) {
+    mju_user_error = [](const char* message) { throw std::runtime_error(message); };
+    mju_user_warning = [](const char*) {};  // counted in mjData
+  }
+  ~Handlers() {
+    mju_user_error = error_;
+    mju_user_warning = warning_;
+  }
+  Handlers(const Handlers&) = delete;
+  Handlers& operator=(const Handlers&) = delete;
+
+ private:
+  std::lock_guard<std::mutex> lock_;
+  void (*error_)(const char*);
+  void (*warning_)(const char*);
+};
+
+struct ModelDeleter {
+  void operator()(mjModel* m) const { mj_deleteModel(m); }
+};
+struct DataDeleter {
+  void operator()(mjData* d) const { mj_deleteData(d); }
+};
+
+RigidTransform PoseOf(const mjData* d, int body) {
+  const double* q = d->xquat + 4 * body;
+  return {Quaternion(q[0], q[1], q[2], q[3]), Vector3(Eigen::Map<const Vector3>(d->xpos + 3 * body))};
+}
+
+RigidTransform Between(const RigidTransform& a, const RigidTransform& b, double share) {
+  return {a.quaternion().slerp(share, b.quaternion()),
+          Vector3((1 - share) * a.translation() + share * b.translation())};
+}
+
+// Contact forces on every body, times the step.
+void AddImpulses(const mjModel* m, const mjData* d, double h, std::vector<Vector3>& impulse) {
+  for (int i = 0; i < d->ncon; ++i) {
+    mjtNum wrench[6];
+    mj_contactForce(m, d, i, wrench);
+    const mjContact& c = d->contact[i];
+    // Rows of the frame: normal from geom 1 to geom 2, tangents; the force acts on geom 2's body.
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> frame(c.frame);
+    const Vector3 force = frame.transpose() * Vector3(wrench[0], wrench[1], wrench[2]);
+    impulse[static_cast<std::size_t>(m->geom_bodyid[c.geom1])] -= h * force;
+    impulse[static_cast<std::size_t>(m->geom_bodyid[c.geom2])] += h * force;
+  }
+}
+
+Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
+                       double timestep, const RunOptions& options) {
+  char message[1000] = "";
+  const std::unique_ptr<mjModel, ModelDeleter> model(
+      mj_loadXML(path.c_str(), nullptr, message, static_cast<int>(sizeof message)));
+  if (!model) return Fail(ErrorCode::kModel, path, fmt::format("MuJoCo refuses it: {}", message));
+  mjModel* m = model.get();
+  if (timestep > 0) m->opt.timestep = timestep;
+  m->opt.enableflags |= mjENBL_ENERGY;
+  const std::unique_ptr<mjData, DataDeleter> data(mj_makeData(m));
+  mjData* d = data.get();
+  Run run{"mujoco", m->opt.timestep, 0, 0, {}, {}};
+  if (options.initial_keyframe >= 0) {
+    const std::string& name = scene.keyframes[static_cast<std::size_t>(options.initial_keyframe)].name;
+    const int key = mj_name2id(m, mjOBJ_KEY, name.c_str());
+    if (key >= 0) mj_resetDataKeyframe(m, d, key);
+  }
+
+  auto guide = MakeReduced(scene, options);
+  if (!guide) return tl::unexpected(guide.error());
+  std::vector<std::pair<int, int>> inputs;  // control of ours, actuator
+  for (std::size_t i = 0; i < guide->control_names().size(); ++i)
+    if (const int a = mj_name2id(m, mjOBJ_ACTUATOR, guide->control_names()[i].c_str()); a >= 0)
+      inputs.emplace_back(static_cast<int>(i), a);
+    else
+      run.warnings.push_back(fmt::format("control '{}' is no actuator of the file and does not act in MuJoCo",
+                                         guide->control_names()[i]));
+  auto apply = [&](double time) {
+    options.controls->Apply(time, *guide);
+    for (const auto& [control, actuator] : inputs) d->ctrl[actuator] = guide->controls()(control);
+  };
+  std::vector<int> id;
+  for (const TrackedBody& b : tracked) {
+    id.push_back(mj_name2id(m, mjOBJ_BODY, b.name.c_str()));
+    if (id.back() < 0)
+      return Fail(ErrorCode::kUsage, path,
+                  fmt::format("MuJoCo knows no body '{}'; give the bodies names to compare them", b.name));
+  }
+
+  apply(0);
+  mj_forward(m, d);
+  std::vector<RigidTransform> before(tracked.size());
+  std::vector<Vector3> impulse(static_cast<std::size_t>(m->nbody), Vector3::Zero());
+  auto measure = [&](double share) {
+    Sample sample;
+    for (std::size_t k = 0; k < tracked.size(); ++k) {
+      sample.X_WB.push_back(Between(before[k], PoseOf(d, id[k]), share));
+      sample.force.push_back(impulse[static_cast<std::size_t>(id[k])] / options.interval);
+    }
+    std::fill(impulse.begin(), impulse.end(), Vector3::Zero());
+    sample.energy = d->energy[0] + d->energy[1];
+    run.samples.push_back(std::move(sample));
+    if (options.progress) options.progress();
+  };
+  auto keep = [&] {
+    for (std::size_t k = 0; k < tracked.size(); ++k) before[k] = PoseOf(d, id[k]);
+  };
+  keep();
+  measure(1);
+  const double h = m->opt.timestep;
+  for (int step = 1; static_cast<int>(run.samples.size()) <= options.samples; ++step) {
+    const double time = step * h;
+    apply(time);
+    keep();
+    const auto start = std::chrono::steady_clock::now();
+    mj_step(m, d);
+    run.wall_s += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    AddImpulses(m, d, h, impulse);
+    for (int warning : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC})
+      if (d->warning[warning].number > 0)
+        return Fail(ErrorCode::kNumerics, "MuJoCo",
+                    fmt::format("became unstable at {:.4g} s with steps of {:.4g} s", time, h));
+    // mj_step leaves the poses of the start of the step behind.
+    mj_kinematics(m, d);
+    // Samples that fall into this step, on the straight line between its ends.
+    while (static_cast<int>(run.samples.size()) <= options.samples) {
+      const double at = static_cast<double>(run.samples.size()) * options.interval;
+      if (at > time * (1 + 1e-12)) break;
+      measure(std::clamp(1 - (time - at) / h, 0.0, 1.0));
+    }
+  }
+  return run;
+}
+
+}  // namespace
+
+Expected<Run> RunMuJoCo(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
+                        double timestep, const RunOptions& options) {
+  const Handlers handlers;
+  try {
+    return Simulate(path, scene, tracked, timestep, options);
+  } catch (const std::runtime_error& fault) {
+    return Fail(ErrorCode::kModel, path, fmt::format("MuJoCo stopped: {}", fault.what()));
+  }
+}
+
+}  // namespace fork1s::internal

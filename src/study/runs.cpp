@@ -1,0 +1,170 @@
+#include "runs.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <fork1s/recovery/recover.hpp>
+#include <fork1s/reference/full_simulation.hpp>
+
+#include <fmt/format.h>
+
+namespace fork1s::internal {
+namespace {
+
+double SecondsOf(const std::function<void()>& work) {
+  const auto start = std::chrono::steady_clock::now();
+  work();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+double LargestGap(const Simulation& simulation) {
+  double largest = 0;
+  std::vector<RigidTransform> X_RB;
+  for (const MechanismDynamics& m : simulation.world().mechanisms()) {
+    X_RB.clear();
+    const RigidTransform X_RW = m.state().X_WR.inverse();
+    for (int b = 0; b < m.mechanism().num_bodies(); ++b) X_RB.push_back(X_RW * m.BodyPose(BodyIndex(b)));
+    if (const auto gaps = MeasureJointGaps(m.mechanism(), X_RB); !gaps.empty())
+      largest = std::max(largest, gaps.front().gap);
+  }
+  return std::max(largest, simulation.ClosureGap());
+}
+
+// Place in bodies() of every contactor, -1 for the still world.
+std::vector<int> BodiesOfContactors(const Simulation& simulation) {
+  std::vector<int> place;
+  for (const Contactor& c : simulation.world().contactors()) {
+    int at = -1;
+    for (std::size_t i = 0; i < simulation.bodies().size(); ++i) {
+      const SceneBody& b = simulation.bodies()[i];
+      if (c.kind == Contactor::Kind::kFreeBody && b.mechanism < 0 && b.index == c.index)
+        at = static_cast<int>(i);
+      if (c.kind == Contactor::Kind::kGroup && b.mechanism == c.index) {
+        const auto& group = simulation.world()
+                                .mechanisms()[static_cast<std::size_t>(c.index)]
+                                .groups()[static_cast<std::size_t>(c.group)];
+        if (group.body.value() == b.index) at = static_cast<int>(i);
+      }
+    }
+    place.push_back(at);
+  }
+  return place;
+}
+
+void AddForce(const std::vector<TrackedBody>& tracked, int body, const Vector3& force, Sample& sample) {
+  for (std::size_t k = 0; k < tracked.size(); ++k)
+    if (tracked[k].index == body) sample.force[k] += force;
+}
+
+Sample Empty(std::size_t bodies) {
+  Sample sample;
+  sample.force.assign(bodies, Vector3::Zero());
+  return sample;
+}
+
+Error NotFinite(const std::string& simulator, double time, double dt) {
+  return {
+      ErrorCode::kNumerics, simulator + " simulation",
+      fmt::format("gave numbers that are not finite at {:.4g} s with steps of {:.4g} s; try a smaller --dt",
+                  time, dt)};
+}
+
+}  // namespace
+
+Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options) {
+  SimulationOptions o;
+  o.dt = options.interval / options.substeps;
+  o.recovery = options.recovery;
+  o.initial_keyframe = options.initial_keyframe;
+  return Simulation::Create(scene, o);
+}
+
+std::vector<std::vector<std::string>> InterfaceNames(const Simulation& simulation) {
+  std::vector<std::vector<std::string>> names;
+  for (const MechanismDynamics& m : simulation.world().mechanisms()) {
+    names.emplace_back();
+    for (BodyIndex b : m.model().interfaces) names.back().push_back(m.mechanism().body(b).name);
+  }
+  return names;
+}
+
+Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tracked,
+                         const RunOptions& options) {
+  auto made = MakeReduced(scene, options);
+  if (!made) return tl::unexpected(made.error());
+  Simulation& s = *made;
+  Run run{"reduced", s.dt(), 0, 0, {}, s.warnings()};
+  const std::vector<int> place = BodiesOfContactors(s);
+  auto measure = [&](Sample sample) {
+    for (const TrackedBody& b : tracked) sample.X_WB.push_back(s.Pose(b.index));
+    sample.energy = s.Energy();
+    sample.gap = LargestGap(s);
+    run.samples.push_back(std::move(sample));
+  };
+  options.controls->Apply(0, s);
+  measure(Empty(tracked.size()));
+  for (int i = 0; i < options.samples; ++i) {
+    Sample sample = Empty(tracked.size());
+    for (int k = 0; k < options.substeps; ++k) {
+      options.controls->Apply(s.time() + s.dt(), s);
+      StepReport report;
+      run.wall_s += SecondsOf([&] { report = s.Step(); });
+      if (!report.finite) return tl::unexpected(NotFinite("reduced", s.time(), s.dt()));
+      run.unconverged += report.solver.converged ? 0 : 1;
+      for (const ContactRecord& c : s.world().contacts()) {
+        const Vector3 force = c.point.frame.transpose() * c.impulse / options.interval;
+        AddForce(tracked, place[static_cast<std::size_t>(c.point.body_a)], -force, sample);
+        AddForce(tracked, place[static_cast<std::size_t>(c.point.body_b)], force, sample);
+      }
+    }
+    measure(std::move(sample));
+    if (options.progress) options.progress();
+  }
+  return run;
+}
+
+Expected<Run> RunFull(const Scene& scene, const std::vector<TrackedBody>& tracked,
+                      const RunOptions& options) {
+  // The reduced simulation stands still beside it: it turns the track into controls and knows the interfaces.
+  auto guide = MakeReduced(scene, options);
+  if (!guide) return tl::unexpected(guide.error());
+  FullSimulationOptions o;
+  o.dt = options.interval / options.substeps;
+  o.initial_keyframe = options.initial_keyframe;
+  o.interfaces = InterfaceNames(*guide);
+  o.collision = guide->options().collision;
+  auto made = FullSimulation::Create(scene, o);
+  if (!made) return tl::unexpected(made.error());
+  FullSimulation& s = *made;
+  Run run{"full", s.dt(), 0, 0, {}, s.warnings()};
+  auto apply = [&](double time) {
+    options.controls->Apply(time, *guide);
+    s.SetControls(guide->controls());
+  };
+  auto measure = [&](Sample sample) {
+    for (const TrackedBody& b : tracked) sample.X_WB.push_back(s.Pose(b.index));
+    sample.energy = s.Energy();
+    if (const auto gaps = s.JointGaps(); !gaps.empty()) sample.gap = gaps.front().gap;
+    run.samples.push_back(std::move(sample));
+  };
+  apply(0);
+  measure(Empty(tracked.size()));
+  for (int i = 0; i < options.samples; ++i) {
+    Sample sample = Empty(tracked.size());
+    for (int k = 0; k < options.substeps; ++k) {
+      apply(s.time() + s.dt());
+      FullStepReport report;
+      run.wall_s += SecondsOf([&] { report = s.Step(); });
+      if (!report.finite) return tl::unexpected(NotFinite("full", s.time(), s.dt()));
+      run.unconverged += report.converged ? 0 : 1;
+      for (const FullContact& c : s.contacts()) {
+        AddForce(tracked, c.point.body_a, -c.force / options.substeps, sample);
+        AddForce(tracked, c.point.body_b, c.force / options.substeps, sample);
+      }
+    }
+    measure(std::move(sample));
+    if (options.progress) options.progress();
+  }
+  return run;
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,56 @@
+// One simulator's run, sampled so that runs with other time steps can be held against it.
+#pragma once
+
+#include <fork1s/study/compare.hpp>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace fork1s::internal {
+
+/// A body that is compared; `index` is its place in Simulation::bodies(), which is that of FullSimulation
+/// too.
+struct TrackedBody {
+  std::string name;
+  int index = 0;
+  bool is_interface = false;
+};
+
+struct Sample {
+  std::vector<RigidTransform> X_WB;  // per tracked body
+  std::vector<Vector3> force;        // contact on it, world axes, mean since the sample before [N]
+  double energy = 0;                 // J
+  double gap = 0;                    // m
+};
+
+struct Run {
+  std::string simulator;
+  double dt = 0;
+  double wall_s = 0;            // of the steps alone
+  int unconverged = 0;          // steps
+  std::vector<Sample> samples;  // the start, then one every interval
+  std::vector<std::string> warnings;
+};
+
+struct RunOptions {
+  double interval = 0;  // s between samples
+  int samples = 0;      // after the start
+  int substeps = 1;     // steps an interval
+  Recovery recovery = Recovery::kExact;
+  int initial_keyframe = -1;
+  const ControlTrack* controls = nullptr;
+  std::function<void()> progress;  // called after every sample
+};
+
+Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options);
+/// Names of the bodies that may touch, mechanism by mechanism, as the reduction settled on them.
+std::vector<std::vector<std::string>> InterfaceNames(const Simulation& simulation);
+
+Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tracked,
+                         const RunOptions& options);
+Expected<Run> RunFull(const Scene& scene, const std::vector<TrackedBody>& tracked, const RunOptions& options);
+/// mj_step at `timestep`, 0 for the file's own. Bodies and actuators are found by name.
+Expected<Run> RunMuJoCo(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
+                        double timestep, const RunOptions& options);
+
+}  // namespace fork1s::internal

@@ -1,0 +1,63 @@
+// fork1s compare as a user types it.
+#include <string>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+TEST(Compare, HasThePromisedKeys) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const Outcome o = Fork1s("compare --json --time 0.5 " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  for (const char* key :
+       {"against", "interface", "free_bodies", "force_rms_percent", "frequencies_hz", "gap_max_mm",
+        "energy_J", "wall_s", "wall_ratio", "equal_dt", "cost", "unconverged_steps", "warnings"})
+    EXPECT_TRUE(json.contains(key)) << key;
+  ASSERT_EQ(json["interface"].size(), 1u);
+  for (const char* key : {"body", "rms_mm", "max_mm", "rms_deg"})
+    EXPECT_TRUE(json["interface"][0].contains(key)) << key;
+  EXPECT_EQ(json["interface"][0]["body"], "tip");
+  EXPECT_EQ(json["free_bodies"][0]["body"], "ball");
+  // A ball that falls: both take the same steps.
+  EXPECT_LT(json["free_bodies"][0]["max_mm"].get<double>(), 1e-3);
+  EXPECT_EQ(json["frequencies_hz"]["full"].size(), 2u);
+  EXPECT_EQ(json["equal_dt"].size(), 3u);
+}
+
+TEST(Compare, AgainstMuJoCo) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const Outcome o = Fork1s("compare --json --against mujoco --time 0.2 --dt 0.001 --refinements 0 " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  EXPECT_EQ(json["against"], "mujoco");
+  EXPECT_EQ(json["other_dt_s"], 0.002);
+  // First-order steps of 1 and 2 ms on a finger that swings by some centimetres.
+  EXPECT_LT(json["interface"][0]["max_mm"].get<double>(), 1);
+}
+
+TEST(Compare, WritesAReport) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const auto page = ScratchFolder() / "report.html";
+  const Outcome o =
+      Fork1s("compare --time 0.2 --refinements 1 --recovery twist --report " + page.string() + " " + model);
+  EXPECT_EQ(o.code, 0) << o.err;
+  EXPECT_NE(Slurp(page).find("</html>"), std::string::npos);
+  EXPECT_EQ(o.err.find('\r'), std::string::npos);  // no progress bar in a pipe
+  EXPECT_EQ(Fork1s("compare --time 0.1 --refinements 0 --report /nowhere/at/all.html " + model).code, 3);
+}
+
+TEST(Compare, RefusesAndSaysWhy) {
+  const std::string model = Write("finger.xml", FingerModel());
+  EXPECT_EQ(Fork1s("compare --against nobody " + model).code, 2);
+  EXPECT_EQ(Fork1s("compare --time -1 " + model).code, 2);
+  EXPECT_EQ(Fork1s("compare " + (ScratchFolder() / "missing.xml").string()).code, 3);
+  const std::string table = Write("wrong.csv", "time,twist_it\n0,0\n");
+  const Outcome o = Fork1s("compare --controls " + table + " " + model);
+  EXPECT_EQ(o.code, 3);
+  EXPECT_NE(o.err.find("twist_it"), std::string::npos) << o.err;
+}
+
+}  // namespace
+}  // namespace fork1s::test

@@ -1,0 +1,148 @@
+// The reduced model beside the full one and beside MuJoCo.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fork1s/study/compare.hpp>
+#include <stdexcept>
+
+namespace fork1s {
+namespace {
+
+ImportedScene LoadScene(const std::string& name) {
+  auto imported = LoadMechanism(std::string(FORK1S_SOURCE_DIR "/scenes/") + name + ".xml");
+  if (!imported) throw std::runtime_error(imported.error().Text());
+  return std::move(*imported);
+}
+
+/// A chain of ten sprung rods that hangs out to the side and falls, its last one the interface.
+ImportedScene LoadChain(int modes) {
+  std::string body, end;
+  for (int i = 1; i <= 10; ++i) {
+    const std::string n = std::to_string(i);
+    body +=
+        "<body name='link" + n + "' pos='" + (i == 1 ? "0 0 1" : "0.1 0 0") + "'><joint name='j" + n +
+        "' axis='0 1 0' stiffness='200' damping='0.5'/>"
+        "<geom type='capsule' fromto='0 0 0 0.1 0 0' size='0.005' mass='0.05' contype='0' conaffinity='0'/>";
+    end += "</body>";
+  }
+  ImportOptions options;
+  options.interfaces = {"link10"};
+  options.modes = modes;
+  auto imported = LoadMechanismFromString(
+      "<mujoco model='chain'><worldbody>" + body + end + "</worldbody></mujoco>", "chain", options);
+  if (!imported) throw std::runtime_error(imported.error().Text());
+  return std::move(*imported);
+}
+
+Comparison CompareOrThrow(const ImportedScene& scene, const CompareOptions& options) {
+  auto comparison = Compare(scene, options);
+  if (!comparison) throw std::runtime_error(comparison.error().Text());
+  return std::move(*comparison);
+}
+
+TEST(CompareFull, SmoothMotionOfTheHandIsWithinATenthOfAMillimetre) {
+  CompareOptions options;
+  options.time = 1.5;
+  options.refinements = 1;
+  options.controls.names = {"index_knuckle_flex", "middle_knuckle_flex", "ring_knuckle_flex", "palm.z",
+                            "palm.rz"};
+  options.controls.times = {0, 1, 1.5};
+  options.controls.rows = {{0, 0, 0, 0, 0}, {0.5, 0.6, 0.7, 0.05, 0.3}, {0.5, 0.6, 0.7, 0.05, 0.3}};
+  const Comparison c = CompareOrThrow(LoadScene("hand"), options);
+  ASSERT_EQ(c.interface.size(), 5u);
+  for (const BodyDifference& b : c.interface) {
+    EXPECT_LT(b.max_mm, 0.1) << b.body;  // what the project promises; 0.004 was seen
+    EXPECT_LE(b.rms_mm, b.max_mm) << b.body;
+  }
+  // They did move: fingertips by centimetres.
+  double moved = 0;
+  for (const ComparedTrace& t : c.traces)
+    moved = std::max(moved, (t.reduced_m.back() - t.reduced_m.front()).norm());
+  EXPECT_GT(moved, 0.03);
+  EXPECT_EQ(c.unconverged_reduced + c.unconverged_other, 0);
+  // Exact recovery leaves rounding.
+  EXPECT_LT(c.gap_max_mm, 1e-9);
+  EXPECT_LT(c.gap_max_other_mm, 1e-9);
+  // The box only lies there: both solve the same contact, the reduced one to 1e-4 of its force.
+  EXPECT_LT(c.force_rms_percent, 0.1);
+  EXPECT_GT(c.wall_ratio, 1);
+  EXPECT_EQ(c.times_s.size(), 91u);
+}
+
+TEST(CompareFull, FrequenciesAreThoseOfTheOtherRooms) {
+  CompareOptions options;
+  options.time = 0.1;
+  options.refinements = 0;
+  const Comparison c = CompareOrThrow(LoadScene("two_link_arm"), options);
+  ASSERT_EQ(c.frequencies_full_hz.size(), 2u);
+  ASSERT_EQ(c.frequencies_reduced_hz.size(), 2u);
+  // docs/method.md, known answers, to half a unit of their last digit.
+  EXPECT_NEAR(2 * M_PI * c.frequencies_full_hz[0], 7.5693, 5e-5);
+  EXPECT_NEAR(2 * M_PI * c.frequencies_full_hz[1], 19.8168, 5e-5);
+  EXPECT_NEAR(2 * M_PI * c.frequencies_reduced_hz[0], 7.5693, 5e-5);
+}
+
+TEST(CompareFull, ModesBringTheReducedModelNearer) {
+  CompareOptions options;
+  options.time = 1;
+  options.dt = 1.0 / 120;
+  options.refinements = 0;
+  const double none = CompareOrThrow(LoadChain(0), options).interface.front().rms_mm;
+  const double four = CompareOrThrow(LoadChain(4), options).interface.front().rms_mm;
+  // A stiff chain sags little, so that what differs is the interior's motion, and modes carry that.
+  EXPECT_LT(four, 0.5 * none) << none;
+}
+
+TEST(CompareFull, ErrorAgainstTheFinestStepFallsWithTheStep) {
+  CompareOptions options;
+  options.time = 0.5;
+  options.refinements = 3;
+  const Comparison c = CompareOrThrow(LoadChain(10), options);
+  ASSERT_EQ(c.equal_steps.size(), 4u);
+  ASSERT_EQ(c.costs.size(), 7u);  // four reduced, and the full ones but for the finest, which is the truth
+  double before = 1e9;
+  for (const CostPoint& p : c.costs) {
+    if (p.simulator != "full") continue;
+    // First order against 1/8 of the first step: 7 to 3 to 1 in theory.
+    EXPECT_LT(p.rms_mm, 0.7 * before) << p.dt_s;
+    before = p.rms_mm;
+  }
+}
+
+TEST(CompareMuJoCo, AgreesOnASlowlyFallingChain) {
+  CompareOptions options;
+  options.against = Against::kMuJoCo;
+  options.time = 0.5;
+  options.dt = 1e-3;
+  options.refinements = 0;
+  options.model_path = FORK1S_SOURCE_DIR "/scenes/hexapod.xml";
+  const Comparison c = CompareOrThrow(LoadScene("hexapod"), options);
+  ASSERT_EQ(c.interface.size(), 6u);
+  // MuJoCo's soft contacts let the feet in by about a millimetre.
+  for (const BodyDifference& b : c.interface) EXPECT_LT(b.max_mm, 2) << b.body;
+  EXPECT_EQ(c.other, "mujoco");
+  EXPECT_NEAR(c.other_dt_s, 0.002, 1e-12);  // MuJoCo's default
+}
+
+TEST(Compare, RefusesWhatItCannotRun) {
+  CompareOptions options;
+  options.controls.names = {"no such control"};
+  options.controls.times = {0};
+  options.controls.rows = {{0}};
+  const auto unknown = Compare(LoadScene("two_link_arm"), options);
+  ASSERT_FALSE(unknown);
+  EXPECT_EQ(unknown.error().code, ErrorCode::kModel);
+  EXPECT_NE(unknown.error().message.find("no such control"), std::string::npos);
+
+  options = {};
+  options.against = Against::kMuJoCo;
+  ImportedScene urdf = LoadScene("two_link_arm");
+  urdf.report.format = "URDF";
+  const auto refused = Compare(urdf, options);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kUsage);
+}
+
+}  // namespace
+}  // namespace fork1s
