@@ -1,0 +1,105 @@
+// Writes the control tables of scenes/: scene_motions FOLDER.
+//
+// Each motion is given by a function of time; rows stand 1/30 s apart, and values between rows are linear.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <numbers>
+#include <string>
+#include <vector>
+
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+using Row = std::map<std::string, double>;
+
+struct Motion {
+  std::string scene;
+  std::string comment;
+  double end;  // s
+  std::function<Row(double)> at;
+};
+
+// 0 before a, 1 after b, with no jump of speed or acceleration.
+double Ramp(double t, double a, double b) {
+  const double s = std::clamp((t - a) / (b - a), 0.0, 1.0);
+  return s * s * s * (10 + s * (6 * s - 15));
+}
+
+// ---- hexapod_terrain: a tripod gait. ----
+
+struct LegAngles {
+  double yaw, hip, knee;
+};
+
+// Set-points that put the foot of a leg at (x, y, z) from its hip, x outward in the reference, z up. The
+// femur reaches from (0.03, 0) to (0.1, 0.04), the tibia from there to the foot at (0.12, -0.08).
+LegAngles Reach(double x, double y, double z) {
+  constexpr double kCoxa = 0.03;
+  const double a = std::hypot(0.07, 0.04), b = std::hypot(0.02, 0.12);
+  const double reach = std::hypot(x, y) - kCoxa, d = std::hypot(reach, z);
+  const double at_hip = std::acos((a * a + d * d - b * b) / (2 * a * d));
+  const double at_knee = std::acos((a * a + b * b - d * d) / (2 * a * b));
+  const double femur = std::atan2(z, reach) + at_hip, tibia = femur - kPi + at_knee;
+  return {std::atan2(y, x), femur - std::atan2(0.04, 0.07), tibia - femur - (std::atan2(-0.12, 0.02) - std::atan2(0.04, 0.07))};
+}
+
+Row Walk(double t) {
+  constexpr double kStart = 4, kPeriod = 1.2, kStride = 0.05, kLift = 0.03;
+  const struct {
+    const char* name;
+    double azimuth;
+    int tripod;
+  } legs[] = {{"front_left", kPi / 4, 0},    {"middle_left", kPi / 2, 1},    {"rear_left", 3 * kPi / 4, 0},
+              {"front_right", -kPi / 4, 1}, {"middle_right", -kPi / 2, 0}, {"rear_right", -3 * kPi / 4, 1}};
+  Row row;
+  const double fade = Ramp(t, kStart, kStart + 0.5);
+  for (const auto& leg : legs) {
+    const double phase = std::fmod(std::max(t - kStart, 0.0) / kPeriod + 0.5 * leg.tripod, 1.0);
+    double forward = 0, up = 0;
+    if (phase < 0.5) {  // swing, from behind to the front
+      forward = kStride * (Ramp(phase, 0, 0.5) - 0.5);
+      up = kLift * std::pow(std::sin(2 * kPi * phase), 2);
+    } else {
+      forward = kStride * (0.5 - 2 * (phase - 0.5));
+    }
+    const double c = std::cos(leg.azimuth), s = std::sin(leg.azimuth);
+    const LegAngles q = Reach(0.12 + fade * forward * c, -fade * forward * s, -0.08 + fade * up);
+    row[std::string(leg.name) + "_yaw"] = q.yaw;
+    row[std::string(leg.name) + "_hip"] = q.hip;
+    row[std::string(leg.name) + "_knee"] = q.knee;
+  }
+  row["ram"] = 0.38 * (Ramp(t, 2, 2.5) - Ramp(t, 2.7, 3.4));
+  return row;
+}
+
+bool Write(const std::string& folder, const Motion& motion) {
+  const std::string path = folder + "/" + motion.scene + ".csv";
+  std::ofstream out(path);
+  out << "# " << motion.comment << "\ntime";
+  for (const auto& [name, value] : motion.at(0)) out << ',' << name;
+  out << '\n';
+  for (int i = 0; i <= static_cast<int>(std::lround(30 * motion.end)); ++i) {
+    const double t = i / 30.0;
+    out << std::round(t * 1e6) * 1e-6;
+    for (const auto& [name, value] : motion.at(t)) out << ',' << std::round(value * 1e6) * 1e-6 + 0.0;
+    out << '\n';
+  }
+  if (!out) std::fprintf(stderr, "%s cannot be written\n", path.c_str());
+  return static_cast<bool>(out);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) return std::fprintf(stderr, "usage: scene_motions FOLDER\n"), 2;
+  const std::vector<Motion> motions = {
+      {"hexapod_terrain", "Set-points in rad: stands, is pushed by the ram, walks in a tripod gait.", 12, Walk},
+  };
+  for (const Motion& motion : motions)
+    if (!Write(argv[1], motion)) return 1;
+}
