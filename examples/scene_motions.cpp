@@ -77,6 +77,32 @@ Row Walk(double t) {
   return row;
 }
 
+// ---- hammer: one blow on the anvil, one on the nail. ----
+
+Row Swing(double t) {
+  // 1: raised; 0: the pose of the blow; a little below it, so that the hammer is pressed on.
+  const double raised = Ramp(t, 0.2, 1.0) - 1.12 * Ramp(t, 1.1, 1.35) + 1.12 * Ramp(t, 1.8, 2.6) - 1.12 * Ramp(t, 3.0, 3.25) + 0.6 * Ramp(t, 3.4, 4.0);
+  // The constants hold the weight of arm and hammer.
+  return {{"shoulder_flex", 0.1 + 0.45 * raised},
+          {"elbow_flex", 0.06 + 0.9 * raised},
+          {"wrist_deviate", 0.07 + 0.35 * raised},
+          {"shoulder_turn", -0.35 * Ramp(t, 2.0, 2.7)}};
+}
+
+// ---- peg_in_hole: the peg goes straight down, by the shoulder, elbow and wrist of an arm in its plane. ----
+
+Row Insert(double t) {
+  // Upper arm from the shoulder at the origin to the elbow, forearm level from there.
+  const double upper = std::hypot(0.1, 0.28), fore = 0.26;
+  const double x = 0.36, z = -0.28 - 0.03 * Ramp(t, 0.2, 1.2) - 0.045 * Ramp(t, 1.5, 4);
+  const double d = std::hypot(x, z);
+  const double at_shoulder = std::acos((upper * upper + d * d - fore * fore) / (2 * upper * d));
+  const double at_elbow = std::acos((upper * upper + fore * fore - d * d) / (2 * upper * fore));
+  const double upper_angle = std::atan2(z, x) - at_shoulder, fore_angle = upper_angle + kPi - at_elbow;
+  const double flex = upper_angle - std::atan2(-0.28, 0.1), bend = fore_angle - flex;
+  return {{"shoulder_flex", flex}, {"elbow_flex", bend}, {"wrist_deviate", -fore_angle}};
+}
+
 bool Write(const std::string& folder, const Motion& motion) {
   const std::string path = folder + "/" + motion.scene + ".csv";
   std::ofstream out(path);
@@ -99,6 +125,8 @@ int main(int argc, char** argv) {
   if (argc != 2) return std::fprintf(stderr, "usage: scene_motions FOLDER\n"), 2;
   const std::vector<Motion> motions = {
       {"hexapod_terrain", "Set-points in rad: stands, is pushed by the ram, walks in a tripod gait.", 12, Walk},
+      {"hammer", "Set-points in rad: one blow on the anvil, one on the nail.", 5, Swing},
+      {"peg_in_hole", "Set-points in rad: the peg goes straight down by 75 mm.", 5, Insert},
   };
   for (const Motion& motion : motions)
     if (!Write(argv[1], motion)) return 1;
