@@ -81,11 +81,10 @@ Row Walk(double t) {
 
 Row Swing(double t) {
   // 1: raised; 0: the pose of the blow; a little below it, so that the hammer is pressed on.
-  const double raised = Ramp(t, 0.2, 1.0) - 1.12 * Ramp(t, 1.1, 1.35) + 1.12 * Ramp(t, 1.8, 2.6) - 1.12 * Ramp(t, 3.0, 3.25) + 0.6 * Ramp(t, 3.4, 4.0);
-  // The constants hold the weight of arm and hammer.
-  return {{"shoulder_flex", 0.1 + 0.45 * raised},
-          {"elbow_flex", 0.06 + 0.9 * raised},
-          {"wrist_deviate", 0.07 + 0.35 * raised},
+  const double raised = Ramp(t, 0.2, 1.0) - 1.06 * Ramp(t, 1.1, 1.35) + 1.06 * Ramp(t, 1.8, 2.6) - 1.06 * Ramp(t, 3.0, 3.25) + 0.6 * Ramp(t, 3.25, 3.9);
+  return {{"shoulder_flex", 0.45 * raised},
+          {"elbow_flex", 0.9 * raised},
+          {"wrist_deviate", 0.35 * raised},
           {"shoulder_turn", -0.35 * Ramp(t, 2.0, 2.7)}};
 }
 
@@ -102,6 +101,52 @@ Row Insert(double t) {
   const double flex = upper_angle - std::atan2(-0.28, 0.1), bend = fore_angle - flex;
   return {{"shoulder_flex", flex}, {"elbow_flex", bend}, {"wrist_deviate", -fore_angle}};
 }
+
+// ---- grasp_sphere, grasp_mug: close, squeeze, lift, shake, turn over, hold, turn back. ----
+
+struct Finger {
+  const char* name;
+  double y;                     // m, of its plane in the palm
+  double proximal, middle, tip; // m, lengths
+  double radius;                // m, of the pad
+  double kp[3];                 // N m/rad, of knuckle, middle and tip joint
+  double share;                 // of the grip
+};
+
+const Finger kFingers[] = {{"index", 0.033, 0.045, 0.025, 0.02, 0.008, {2, 1.5, 1}, 0.25},
+                           {"middle", 0.011, 0.048, 0.028, 0.021, 0.008, {2, 1.5, 1}, 0.25},
+                           {"ring", -0.011, 0.045, 0.026, 0.02, 0.008, {2, 1.5, 1}, 0.25},
+                           {"little", -0.033, 0.038, 0.021, 0.018, 0.0075, {2, 1.5, 1}, 0.25},
+                           {"thumb", 0, 0.04, 0.032, 0.025, 0.009, {5, 4, 3}, 1}};
+
+// Fingers stand beside a round object of `radius` whose middle is `below` the palm, pads upright.
+Row Grasp(double t, double radius, double below, double grip) {
+  constexpr double kKnuckle = 0.035;  // m, from the middle of the palm
+  Row row;
+  const double close = Ramp(t, 0, 1.2), squeeze = Ramp(t, 1.2, 1.8);
+  for (const Finger& f : kFingers) {
+    const double reach = radius + f.radius;
+    const double x = std::sqrt(reach * reach - f.y * f.y) - kKnuckle, down = below - 0.5 * f.tip;
+    const double d = std::hypot(x, down), a = f.proximal, b = f.middle;
+    const double first = std::atan2(down, x) - std::acos((a * a + d * d - b * b) / (2 * a * d));
+    const double bend = kPi - std::acos((a * a + b * b - d * d) / (2 * a * b));
+    // A level force at the middle of the pad turns the joints by its arm below each of them.
+    const double force = squeeze * grip * f.share;
+    const double arms[3] = {below, below - a * std::sin(first), 0.5 * f.tip};
+    const double angles[3] = {first, bend, kPi / 2 - first - bend};
+    const char* joints[3] = {"_knuckle_flex", "_middle_flex", "_tip_flex"};
+    for (int i = 0; i < 3; ++i)
+      row[std::string(f.name) + joints[i]] = close * angles[i] + force * arms[i] / f.kp[i];
+  }
+  const double shake = Ramp(t, 3, 3.3) - Ramp(t, 4.7, 5), wave = 0.02 * shake * std::sin(2 * kPi * 3 * (t - 3));
+  row["palm.z"] = 0.25 * Ramp(t, 2, 3) + (t < 4 ? wave : 0);
+  row["palm.x"] = t < 4 ? 0 : wave;
+  row["palm.rx"] = kPi * (Ramp(t, 5.5, 7.5) - Ramp(t, 8.5, 10.5));
+  return row;
+}
+
+Row GraspSphere(double t) { return Grasp(t, 0.045, 0.063, 12); }
+Row GraspMug(double t) { return Grasp(t, 0.04, 0.066, 12); }
 
 bool Write(const std::string& folder, const Motion& motion) {
   const std::string path = folder + "/" + motion.scene + ".csv";
@@ -127,6 +172,8 @@ int main(int argc, char** argv) {
       {"hexapod_terrain", "Set-points in rad: stands, is pushed by the ram, walks in a tripod gait.", 12, Walk},
       {"hammer", "Set-points in rad: one blow on the anvil, one on the nail.", 5, Swing},
       {"peg_in_hole", "Set-points in rad: the peg goes straight down by 75 mm.", 5, Insert},
+      {"grasp_sphere", "Set-points in rad, palm in m and rad: close, lift, shake, turn over and back.", 12, GraspSphere},
+      {"grasp_mug", "Set-points in rad, palm in m and rad: close, lift, shake, turn over and back.", 12, GraspMug},
   };
   for (const Motion& motion : motions)
     if (!Write(argv[1], motion)) return 1;
