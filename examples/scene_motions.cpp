@@ -45,7 +45,8 @@ LegAngles Reach(double x, double y, double z) {
   const double at_hip = std::acos((a * a + d * d - b * b) / (2 * a * d));
   const double at_knee = std::acos((a * a + b * b - d * d) / (2 * a * b));
   const double femur = std::atan2(z, reach) + at_hip, tibia = femur - kPi + at_knee;
-  return {std::atan2(y, x), femur - std::atan2(0.04, 0.07), tibia - femur - (std::atan2(-0.12, 0.02) - std::atan2(0.04, 0.07))};
+  return {std::atan2(y, x), femur - std::atan2(0.04, 0.07),
+          tibia - femur - (std::atan2(-0.12, 0.02) - std::atan2(0.04, 0.07))};
 }
 
 Row Walk(double t) {
@@ -54,7 +55,7 @@ Row Walk(double t) {
     const char* name;
     double azimuth;
     int tripod;
-  } legs[] = {{"front_left", kPi / 4, 0},    {"middle_left", kPi / 2, 1},    {"rear_left", 3 * kPi / 4, 0},
+  } legs[] = {{"front_left", kPi / 4, 0},   {"middle_left", kPi / 2, 1},   {"rear_left", 3 * kPi / 4, 0},
               {"front_right", -kPi / 4, 1}, {"middle_right", -kPi / 2, 0}, {"rear_right", -3 * kPi / 4, 1}};
   Row row;
   const double fade = Ramp(t, kStart, kStart + 0.5);
@@ -81,7 +82,8 @@ Row Walk(double t) {
 
 Row Swing(double t) {
   // 1: raised; 0: the pose of the blow; a little below it, so that the hammer is pressed on.
-  const double raised = Ramp(t, 0.2, 1.0) - 1.06 * Ramp(t, 1.1, 1.35) + 1.06 * Ramp(t, 1.8, 2.6) - 1.06 * Ramp(t, 3.0, 3.25) + 0.6 * Ramp(t, 3.25, 3.9);
+  const double raised = Ramp(t, 0.2, 1.0) - 1.06 * Ramp(t, 1.1, 1.35) + 1.06 * Ramp(t, 1.8, 2.6) -
+                        1.06 * Ramp(t, 3.0, 3.25) + 0.6 * Ramp(t, 3.25, 3.9);
   return {{"shoulder_flex", 0.45 * raised},
           {"elbow_flex", 0.9 * raised},
           {"wrist_deviate", 0.35 * raised},
@@ -93,7 +95,7 @@ Row Swing(double t) {
 Row Insert(double t) {
   // Upper arm from the shoulder at the origin to the elbow, forearm level from there.
   const double upper = std::hypot(0.1, 0.28), fore = 0.26;
-  const double x = 0.36, z = -0.28 - 0.03 * Ramp(t, 0.2, 1.2) - 0.045 * Ramp(t, 1.5, 4);
+  const double x = 0.36, z = -0.28 - 0.025 * Ramp(t, 0.2, 1.2) - 0.05 * Ramp(t, 1.5, 4);
   const double d = std::hypot(x, z);
   const double at_shoulder = std::acos((upper * upper + d * d - fore * fore) / (2 * upper * d));
   const double at_elbow = std::acos((upper * upper + fore * fore - d * d) / (2 * upper * fore));
@@ -106,11 +108,11 @@ Row Insert(double t) {
 
 struct Finger {
   const char* name;
-  double y;                     // m, of its plane in the palm
-  double proximal, middle, tip; // m, lengths
-  double radius;                // m, of the pad
-  double kp[3];                 // N m/rad, of knuckle, middle and tip joint
-  double share;                 // of the grip
+  double y;                      // m, of its plane in the palm
+  double proximal, middle, tip;  // m, lengths
+  double radius;                 // m, of the pad
+  double kp[3];                  // N m/rad, of knuckle, middle and tip joint
+  double share;                  // of the grip
 };
 
 const Finger kFingers[] = {{"index", 0.033, 0.045, 0.025, 0.02, 0.008, {2, 1.5, 1}, 0.25},
@@ -138,7 +140,8 @@ Row Grasp(double t, double radius, double below, double grip) {
     for (int i = 0; i < 3; ++i)
       row[std::string(f.name) + joints[i]] = close * angles[i] + force * arms[i] / f.kp[i];
   }
-  const double shake = Ramp(t, 3, 3.3) - Ramp(t, 4.7, 5), wave = 0.02 * shake * std::sin(2 * kPi * 3 * (t - 3));
+  const double shake = Ramp(t, 3, 3.3) - Ramp(t, 4.7, 5),
+               wave = 0.02 * shake * std::sin(2 * kPi * 3 * (t - 3));
   row["palm.z"] = 0.25 * Ramp(t, 2, 3) + (t < 4 ? wave : 0);
   row["palm.x"] = t < 4 ? 0 : wave;
   row["palm.rx"] = kPi * (Ramp(t, 5.5, 7.5) - Ramp(t, 8.5, 10.5));
@@ -169,11 +172,14 @@ bool Write(const std::string& folder, const Motion& motion) {
 int main(int argc, char** argv) {
   if (argc != 2) return std::fprintf(stderr, "usage: scene_motions FOLDER\n"), 2;
   const std::vector<Motion> motions = {
-      {"hexapod_terrain", "Set-points in rad: stands, is pushed by the ram, walks in a tripod gait.", 12, Walk},
+      {"hexapod_terrain", "Set-points in rad: stands, is pushed by the ram, walks in a tripod gait.", 12,
+       Walk},
       {"hammer", "Set-points in rad: one blow on the anvil, one on the nail.", 5, Swing},
       {"peg_in_hole", "Set-points in rad: the peg goes straight down by 75 mm.", 5, Insert},
-      {"grasp_sphere", "Set-points in rad, palm in m and rad: close, lift, shake, turn over and back.", 12, GraspSphere},
-      {"grasp_mug", "Set-points in rad, palm in m and rad: close, lift, shake, turn over and back.", 12, GraspMug},
+      {"grasp_sphere", "Set-points in rad, palm in m and rad: close, lift, shake, turn over and back.", 12,
+       GraspSphere},
+      {"grasp_mug", "Set-points in rad, palm in m and rad: close, lift, shake, turn over and back.", 12,
+       GraspMug},
   };
   for (const Motion& motion : motions)
     if (!Write(argv[1], motion)) return 1;
