@@ -17,20 +17,21 @@ TEST_P(Grasp, HoldsWhatItShakesAndTurnsOver) {
   auto in_palm = [&] {
     return Vector3(run.simulation().Pose("palm").inverse() * run.Position(GetParam().object));
   };
-  // Drift within a stretch in which the palm stands still: 0.1 mm is what slop of contact may take.
+  // Drift within a stretch in which the palm stands still: a tenth of the slop of contact.
   auto expect_held = [&](double until, const char* when) {
     const Vector3 before = in_palm();
     const Course course = run.Until(until);
     EXPECT_TRUE(course.finite) << when;
     EXPECT_EQ(course.unconverged, 0) << when;
-    EXPECT_LT((in_palm() - before).norm(), 1e-4) << when;
+    EXPECT_LT((in_palm() - before).norm(), 1e-5) << when;
     EXPECT_LT(course.penetration, 2e-4) << when;
   };
   run.Until(3);
   const Vector3 lifted = in_palm();
   EXPECT_GT(run.Position(GetParam().object).z(), 0.24) << "lifted by 0.25 m";
   run.Until(5.2);
-  EXPECT_LT((in_palm() - lifted).norm(), 1e-4) << "shaken by 20 mm at 3 Hz, 7 m/s²";
+  // Shaken by 20 mm at 3 Hz, 7 m/s²: the slop of contact on either side of the object.
+  EXPECT_LT((in_palm() - lifted).norm(), 2e-4);
   expect_held(5.4, "after shaking");
 
   run.Until(7.7);
