@@ -1,0 +1,53 @@
+// A bunny falls on a trampoline that two men hold: four loops through the trampoline, two through the ground.
+#include "run.hpp"
+
+namespace fork1s::examples {
+namespace {
+
+constexpr double kBunny = 5.02;  // kg
+
+TEST(Firemen, HoldTheBunny) {
+  SceneRun run("firemen");
+  Course course = run.Until(0.55);
+  EXPECT_EQ(course.force_max, 0) << "still falling";
+  double lowest = 10, highest_after = 0;
+  course = run.Until(2, [&](const StepReport&) {
+    const double z = run.Position("bunny").z();
+    lowest = std::min(lowest, z);
+    if (z > lowest) highest_after = std::max(highest_after, z);
+  });
+  EXPECT_TRUE(course.finite);
+  EXPECT_EQ(course.unconverged, 0);
+  EXPECT_LT(course.gap, 1e-5);          // 0.01 mm; recovery closes loops to 1e-9 m
+  EXPECT_LT(course.penetration, 5e-4);  // it lands at 5.7 m/s, 95 mm a step
+  EXPECT_GT(highest_after - lowest, 0.25) << "bounces by more than its own height";
+
+  run.Until(11);
+  const Vector3 before = run.Position("bunny");
+  course = run.Until(12);
+  EXPECT_TRUE(course.finite);
+  EXPECT_EQ(course.unconverged, 0);
+  EXPECT_LT(course.gap, 1e-5);
+  // The men sway at 0.5 Hz with little damping: what is left after 11 s moves by less than a millimetre.
+  EXPECT_LT((run.Position("bunny") - before).norm(), 1e-3);
+  const RigidTransform X_SB = run.simulation().Pose("sheet").inverse() * run.simulation().Pose("bunny");
+  EXPECT_LT(std::abs(X_SB.translation().x()), 0.5) << "on the sheet of 1 m by 0.8 m";
+  EXPECT_LT(std::abs(X_SB.translation().y()), 0.4);
+  EXPECT_GT(X_SB.translation().z(), 0.05);
+  // The sway accelerates it by up to 1 % of gravity.
+  EXPECT_NEAR(ContactForce(run.simulation(), "bunny").z(), kBunny * 9.81, 0.02 * kBunny * 9.81);
+}
+
+// Loops stay closed where the springs leave the step nothing to damp: the residual motion of stiff modes is
+// what would open them.
+TEST(Firemen, LoopsStayClosedStiffAndLightlyDamped) {
+  SceneRun run("firemen", 1e3, 1e-3);
+  const Course course = run.Until(3);
+  EXPECT_TRUE(course.finite);
+  EXPECT_LT(course.gap, 1e-5);
+  EXPECT_LT(course.penetration, 5e-4);
+  EXPECT_GT(run.Position("bunny").z(), run.Position("sheet").z());
+}
+
+}  // namespace
+}  // namespace fork1s::examples

@@ -1,0 +1,46 @@
+// Every scene at its own stiffness and far above it: bounded, closed, and no step gains energy.
+#include "run.hpp"
+
+namespace fork1s::examples {
+namespace {
+
+struct Case {
+  const char* scene;
+  double stiffness;
+  double time;  // s
+};
+std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.scene << " x" << c.stiffness; }
+
+class Stiffness : public testing::TestWithParam<Case> {};
+
+TEST_P(Stiffness, NoStepGainsEnergy) {
+  SceneRun run(GetParam().scene, GetParam().stiffness);
+  const Course course = run.Until(GetParam().time);
+  EXPECT_TRUE(course.finite);
+  EXPECT_GT(course.contacts_max, 0);
+  EXPECT_LT(course.gap, 1e-5);
+  const bool driven = run.simulation().scene().mechanisms[0].base == BaseKind::kDriven;
+  if (driven) {
+    // The motor that moves the palm may do any work. Hand and object of 0.6 kg follow it at up to 0.5 m/s.
+    EXPECT_LT(course.kinetic_max, 0.15);
+    return;
+  }
+  // Set-points and torques have done their work when the step begins. Penetration is pushed out again by a
+  // fifth a step, against at most the largest contact force. The rest is rounding of the energy guard's
+  // bisection.
+  const double pushed_out = 0.2 * course.penetration * course.force_max;
+  EXPECT_LT(course.rise_max, pushed_out + 1e-6 * course.kinetic_max);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, Stiffness,
+    testing::Values(Case{"firemen", 1, 3}, Case{"firemen", 100, 3}, Case{"firemen", 1e3, 3},
+                    Case{"vehicle", 1, 6}, Case{"vehicle", 100, 6}, Case{"vehicle", 1e3, 6},
+                    Case{"hexapod_terrain", 1, 6}, Case{"hexapod_terrain", 100, 6},
+                    Case{"hexapod_terrain", 1e3, 6}, Case{"hammer", 1, 4}, Case{"hammer", 100, 4},
+                    Case{"hammer", 1e3, 4}, Case{"peg_in_hole", 1, 5}, Case{"peg_in_hole", 100, 5},
+                    Case{"peg_in_hole", 1e3, 5}, Case{"grasp_sphere", 100, 6}, Case{"grasp_sphere", 1e3, 6},
+                    Case{"grasp_mug", 100, 6}, Case{"grasp_mug", 1e3, 6}));
+
+}  // namespace
+}  // namespace fork1s::examples
