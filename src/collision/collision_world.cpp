@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "collision_model.hpp"
+#include "margin_limit.hpp"
 #include "true_gap.hpp"
 
 // MuJoCo as a detector only: its model has one free body per moving collision body, and every call writes the
@@ -41,6 +42,8 @@ struct CollisionWorld::Detail {
   std::vector<int> first_posed;                // body -> first in `posed`; one more at the end
   std::vector<bool> moves;
   std::vector<std::pair<int, int>> excluded;  // sorted, smaller index first
+  double margin_limit = 0;                    // m, of every pair where pairs are not named
+  std::vector<double> pair_margin_limit;      // m, by MuJoCo's pair id
 
   bool IsExcluded(int a, int b) const {
     return std::binary_search(excluded.begin(), excluded.end(), std::pair<int, int>(std::minmax(a, b)));
@@ -101,6 +104,10 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
     detail.posed.insert(detail.posed.end(), by_body[b].begin(), by_body[b].end());
   }
   detail.first_posed.push_back(static_cast<int>(detail.posed.size()));
+  detail.margin_limit = internal::MarginLimit(m);
+  for (int i = 0; i < m->npair; ++i)
+    detail.pair_margin_limit.push_back(internal::MarginLimit(m, m->pair_geom1[i], m->pair_geom2[i]));
+  world.SetMargin(options.margin);
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     if (bodies[b].moves) world.SetPose(static_cast<int>(b), bodies[b].X_WB);
   }
@@ -121,8 +128,10 @@ void CollisionWorld::SetPose(int body, const RigidTransform& X_WB) {
 void CollisionWorld::SetMargin(double margin) {
   FORK1S_REQUIRE(margin >= 0 && std::isfinite(margin), margin);
   mjModel* model = detail_->model.get();
-  for (int i = 0; i < model->ngeom; ++i) model->geom_margin[i] = margin;
-  for (int i = 0; i < model->npair; ++i) model->pair_margin[i] = margin;
+  const double of_all = std::min(margin, detail_->margin_limit);
+  for (int i = 0; i < model->ngeom; ++i) model->geom_margin[i] = of_all;
+  for (int i = 0; i < model->npair; ++i)
+    model->pair_margin[i] = std::min(margin, detail_->pair_margin_limit[static_cast<std::size_t>(i)]);
 }
 
 bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {

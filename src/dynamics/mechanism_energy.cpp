@@ -31,7 +31,8 @@ const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
   const bool twist = options_.recovery == Recovery::kTwist;
   if (twist) {
     // Springs in the coordinates that the twist mode integrates.
-    pose_energy_.springs = 0.5 * state_.z.dot(model_.K_r.cwiseProduct(state_.z)) - f_ref_.dot(state_.z);
+    pose_energy_.springs =
+        springs_ref_ + 0.5 * state_.z.dot(model_.K_r.cwiseProduct(state_.z)) - f_ref_.dot(state_.z);
   } else {
     pose_energy_.springs = SpringEnergy(m, configuration_.kinematics, configuration_.q);
   }

@@ -10,6 +10,7 @@ void MechanismDynamics::TakeReferenceForces() {
   g_ref_.resize(model_.num_coordinates());
   SpringForce(m, kinematics, model_.q_ref, g_ref_);
   if (options_.recovery != Recovery::kTwist) return;
+  springs_ref_ = SpringEnergy(m, kinematics, model_.q_ref);
   const int r = model_.size();
   f_ref_ = model_.Q.transpose() * g_ref_;
   gravity_map_.resize(r, 3);
@@ -90,7 +91,7 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
   const bool turns = base_moves() && !state_.V_R.isZero(0);
   // What rests drifts by less than this; its velocity forces would be below 1e-12 of its inertia.
   constexpr double kRests = 1e-6;  // rad/s or m/s
-  if (turns || q_dot_.cwiseAbs().maxCoeff() > kRests)
+  if (turns || q_dot_.lpNorm<Eigen::Infinity>() > kRests)
     SubtractVelocityWrenches(m, configuration_.kinematics, configuration_.q, state_.V_R, q_dot_, q_ddot_,
                              body_V_, body_A_, F_);
   if (!A_R.isZero(0)) SubtractRigidMotionWrenches(m, configuration_.kinematics, Vector6::Zero(), A_R, F_);

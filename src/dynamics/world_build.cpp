@@ -123,8 +123,8 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   world.points_.reserve(room);
   world.contacts_.reserve(room);
   world.previous_.reserve(room);
-  world.normal_speed_.reserve(room);
-  world.previous_normal_speed_.reserve(room);
+  world.speed_W_.reserve(room);
+  world.previous_speed_W_.reserve(room);
   world.match_.reserve(room);
   world.previous_used_.reserve(room);
   world.constraints_.reserve(room);
@@ -226,7 +226,7 @@ Expected<void> World::BuildCollision(const Scene& scene, const Options& options)
 void World::ResetContacts() {
   contacts_.clear();
   previous_.clear();
-  previous_normal_speed_.clear();
+  previous_speed_W_.clear();
   curvature_valid_ = false;
   has_previous_pose_ = false;
   for (MechanismBlock& block : mechanism_blocks_)

@@ -239,24 +239,25 @@ void World::AssembleConstraints(const StepOptions& options) {
     c.bias(0) = bias(p.gap);
     const Contactor& a = contactors_[static_cast<std::size_t>(p.body_a)];
     const Contactor& b = contactors_[static_cast<std::size_t>(p.body_b)];
-    double normal_speed = 0;
+    Vector3 speed = Vector3::Zero();
     if (a.kind != Contactor::Kind::kWorld) {
       c.port_a = port_offset_[static_cast<std::size_t>(p.body_a)];
       c.J_a = -PortRows(a, p);
-      normal_speed += c.J_a.row(0).dot(velocities_.segment<6>(c.port_a));
+      speed += c.J_a * velocities_.segment<6>(c.port_a);
     }
     if (b.kind != Contactor::Kind::kWorld) {
       c.port_b = port_offset_[static_cast<std::size_t>(p.body_b)];
       c.J_b = PortRows(b, p);
-      normal_speed += c.J_b.row(0).dot(velocities_.segment<6>(c.port_b));
+      speed += c.J_b * velocities_.segment<6>(c.port_b);
     }
     if (match_[i] < 0) continue;
     const auto k = static_cast<std::size_t>(match_[i]);
     const ContactRecord& before = previous_[k];
     c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
-    // (h/2) J̇_n V by difference: the same velocity seen by this step's row and by the last one's.
+    // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's. On the normal it lets
+    // a ball roll in a bowl, on the tangents it keeps an object where a turning hand holds it.
     if (options.contact_curvature && curvature_valid_ && before.impulse(0) > 0)
-      c.bias(0) += 0.5 * (normal_speed - previous_normal_speed_[k]);
+      c.bias += 0.5 * (speed - p.frame * previous_speed_W_[k]);
   }
 
   limits_.clear();
@@ -319,16 +320,16 @@ void World::ApplyImpulses() {
 
 void World::KeepForNextStep(StepReport& report) {
   contacts_.resize(points_.size());
-  normal_speed_.resize(points_.size());
+  speed_W_.resize(points_.size());
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
     contacts_[i].point = points_[i];
     contacts_[i].impulse = c.impulse;
     contacts_[i].friction = c.friction;
-    double speed = 0;
-    if (c.port_a >= 0) speed += c.J_a.row(0).dot(velocities_.segment<6>(c.port_a));
-    if (c.port_b >= 0) speed += c.J_b.row(0).dot(velocities_.segment<6>(c.port_b));
-    normal_speed_[i] = speed;
+    Vector3 speed = Vector3::Zero();
+    if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
+    if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);
+    speed_W_[i] = points_[i].frame.transpose() * speed;
     if (c.impulse(0) > 0) {
       ++report.contacts;
       report.max_penetration = std::max(report.max_penetration, -points_[i].gap);

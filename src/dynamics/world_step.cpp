@@ -10,7 +10,7 @@ StepReport World::Step(const StepOptions& options) {
   FORK1S_REQUIRE(h > 0 && std::isfinite(h), h);
 
   previous_.swap(contacts_);
-  previous_normal_speed_.swap(normal_speed_);
+  previous_speed_W_.swap(speed_W_);
   FindContacts(options, report);
   LayOutPorts(options);
   MatchPrevious();
@@ -31,7 +31,7 @@ StepReport World::Step(const StepOptions& options) {
     for (MechanismDynamics& m : mechanisms_) m.Revert();
     for (FreeBody& b : free_bodies_) b.Revert();
     contacts_.swap(previous_);
-    normal_speed_.swap(previous_normal_speed_);
+    speed_W_.swap(previous_speed_W_);
     return report;
   }
   KeepForNextStep(report);

@@ -167,6 +167,7 @@ class MechanismDynamics {
   Eigen::LLT<MatrixX> factor_;
   double factored_h_ = -1;
   VectorX f_ref_;              // twist mode: Qᵀ g_ref
+  double springs_ref_ = 0;     // twist mode: J in the springs at the reference
   MatrixX gravity_map_;        // twist mode: r x 3, force per unit gravity in R at the reference
   MatrixX control_map_;        // twist mode: r x controls
   Matrix6X base_gravity_map_;  // 6 x 3

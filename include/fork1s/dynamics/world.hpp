@@ -19,7 +19,7 @@ struct StepOptions {
   double penetration_correction = 0.2;     // β: share of the penetration beyond the slop undone per step
   double slop = 1e-4;                      // m of penetration that is left alone
   double max_correction_speed = 3;         // m/s
-  bool contact_curvature = true;           // adds (h/2) J̇_n V to the normal rows
+  bool contact_curvature = true;           // adds (h/2) J̇ V to the rows of contacts that persist
   bool refresh = true;                     // move the reference when the pose has left it
   ContactSolverOptions contact;
 };
@@ -112,7 +112,7 @@ class World {
   ContactSolver solver_;
   std::vector<ContactPoint> points_;  // of this step, those that can touch within it
   std::vector<ContactRecord> contacts_, previous_;
-  std::vector<double> normal_speed_, previous_normal_speed_;  // J_n V after the solve
+  std::vector<Vector3> speed_W_, previous_speed_W_;           // relative, after the solve, world axes
   std::vector<int> match_;                                    // contact -> previous contact or -1
   std::vector<char> previous_used_;
   bool curvature_valid_ = false;  // no reference moved since the previous step
