@@ -144,18 +144,19 @@ void MechanismDynamics::Advance(double h, const Vector6& V_start) {
     UpdateConfiguration();
     return;
   }
-  const Vector3 drift_W = state_.X_WR.rotation() * drift_R_;
+  // As in Predict, beside the drift of the centre of mass, which only moves the base along. Contact asks that gaps stay
+  // closed at the end velocity, so what was pushed turns and drifts by that one; the mean would let a foot that lands
+  // sink by half of what it fell in the step.
+  Vector3 drift_R = drift_R_;
   if (pushed_) {
-    // Contact asks that gaps stay closed at the end velocity, so the base moves along the screw of that one; the mean
-    // would let a foot that lands sink by half of what it fell in the step.
-    state_.X_WR = state_.X_WR * Exp(h * x_.head<6>());
-    x_.segment<3>(3) -= drift_R_;
-  } else {
-    // As in Predict, beside the drift of the centre of mass, which only moves the base along.
-    x_.segment<3>(3) -= drift_R_;
-    state_.X_WR = state_.X_WR * Exp(0.5 * h * (V_start + x_.head<6>()));
-    state_.X_WR.translation() += h * drift_W;
+    momentum_.noalias() = M_full_ * x_;
+    drift_R = momentum_.segment<3>(3) / M_00_(5, 5);
   }
+  x_.segment<3>(3) -= drift_R;
+  const Vector3 drift_W = state_.X_WR.rotation() * drift_R;
+  const Vector6 mean = pushed_ ? Vector6(x_.head<6>()) : Vector6(0.5 * (V_start + x_.head<6>()));
+  state_.X_WR = state_.X_WR * Exp(h * mean);
+  state_.X_WR.translation() += h * drift_W;
   state_.X_WR.Orthonormalize();
   momentum_.noalias() = M_full_ * x_;
   const Vector6 p = momentum_.head<6>();

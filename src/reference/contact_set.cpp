@@ -99,7 +99,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     ContactConstraint& c = constraints_[i];
     c.friction = p.friction;
     c.bias(0) = bias(p.gap);
-    double normal_speed = 0;
+    Vector3 speed = Vector3::Zero();
     auto side = [&](int body, double sign, int& port, Matrix36& J) {
       const FullContactor& contactor = contactors_[static_cast<std::size_t>(body)];
       if (contactor.kind == FullContactor::Kind::kWorld) return;
@@ -110,15 +110,15 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
                                  : mechanisms[at].Pose(contactor.body).translation();
       J.rightCols<3>() = sign * p.frame;
       J.leftCols<3>() = -sign * p.frame * Skew(p.point - center);
-      normal_speed += J.row(0).dot(velocities_.segment<6>(port));
+      speed += J * velocities_.segment<6>(port);
     };
     side(p.body_a, -1, c.port_a, c.J_a);
     side(p.body_b, 1, c.port_b, c.J_b);
     if (const Past* past = FindPast(p)) {
       c.impulse = p.frame * (past->point.frame.transpose() * past->impulse);
-      // (h/2) J̇_n V by difference: the same velocity seen by this step's row and by the last one's.
+      // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's.
       if (options.contact_curvature && past->impulse(0) > 0)
-        c.bias(0) += 0.5 * (normal_speed - past->normal_speed);
+        c.bias += 0.5 * (speed - p.frame * past->speed_W);
     }
   }
   limits_.clear();
@@ -195,6 +195,8 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
     velocities_.segment<6>(port.offset) = free_twists_[i];
     velocity_blocks.push_back({port.offset, 6, inverse[i].data(), 6});
   }
+  pushes_mechanism_.assign(mechanisms.size(), 0);
+  pushes_free_body_.assign(free_bodies.size(), 0);
   if (empty()) return true;
 
   report = solver_.Solve(velocity_blocks, constraints_, limits_, velocities_, options);
@@ -205,8 +207,13 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
   }
   for (const LimitConstraint& limit : limits_) impulses(limit.row) += limit.sign * limit.impulse;
   for (std::size_t i = 0; i < mechanisms.size(); ++i)
-    if (blocks_[i].rows > 0)
+    if (blocks_[i].rows > 0) {
       blocks_[i].unknowns += responses[i] * impulses.segment(blocks_[i].offset, blocks_[i].rows);
+      pushes_mechanism_[i] = !impulses.segment(blocks_[i].offset, blocks_[i].rows).isZero(0);
+    }
+  for (const Port& port : free_ports_)
+    pushes_free_body_[static_cast<std::size_t>(contactors_[static_cast<std::size_t>(port.contactor)].index)] =
+        !impulses.segment<6>(port.offset).isZero(0);
   for (const Port& port : free_ports_)
     free_twists_[static_cast<std::size_t>(contactors_[static_cast<std::size_t>(port.contactor)].index)] =
         velocities_.segment<6>(port.offset);
@@ -237,10 +244,10 @@ void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact
   contacts.clear();
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
-    Past past{points_[i], c.impulse, 0};
-    if (c.port_a >= 0) past.normal_speed += c.J_a.row(0).dot(velocities_.segment<6>(c.port_a));
-    if (c.port_b >= 0) past.normal_speed += c.J_b.row(0).dot(velocities_.segment<6>(c.port_b));
-    past_.push_back(past);
+    Vector3 speed = Vector3::Zero();
+    if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
+    if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);
+    past_.push_back({points_[i], c.impulse, points_[i].frame.transpose() * speed});
     FullContact& out = contacts.emplace_back();
     out.point = points_[i];
     out.point.body_a = contactors_[static_cast<std::size_t>(points_[i].body_a)].scene_body;

@@ -48,6 +48,9 @@ class ContactSet {
   /// Unknowns of mechanism i with contact, after Solve.
   const MatrixX& unknowns(std::size_t i) const { return blocks_[i].unknowns; }
   Vector6 free_port_twist(std::size_t i) const { return free_twists_[i]; }
+  /// Whether a contact or limit carries an impulse on mechanism i, or a contact on free body i.
+  bool PushesMechanism(std::size_t i) const { return pushes_mechanism_[i] != 0; }
+  bool PushesFreeBody(std::size_t i) const { return pushes_free_body_[i] != 0; }
   /// Contact impulses on the bodies of mechanism i, in their axes at the present guess (6 x bodies).
   Matrix6X OnBodies(std::size_t i, const FullMechanism& mechanism) const;
   /// Keeps what the next step compares with, and reports.
@@ -68,7 +71,7 @@ class ContactSet {
   struct Past {
     ContactPoint point;
     Vector3 impulse = Vector3::Zero();
-    double normal_speed = 0;
+    Vector3 speed_W = Vector3::Zero();  // relative, after the solve, world axes
   };
   void LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h);
   void AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms, double h,
@@ -79,7 +82,7 @@ class ContactSet {
   std::vector<FullContactor> contactors_;
   std::vector<RigidTransform> previous_pose_;
   bool has_previous_pose_ = false;
-  double margin_max_ = 0.02;
+  double margin_max_ = 0.2;
 
   ContactSolver solver_;
   std::vector<ContactPoint> points_;
@@ -90,6 +93,7 @@ class ContactSet {
   std::vector<int> port_offset_;  // per contactor, -1: none
   VectorX velocities_;            // at the start of the step in Open, solved in Solve
   std::vector<Vector6> free_twists_;
+  std::vector<char> pushes_mechanism_, pushes_free_body_;
   std::vector<Past> past_;
   std::vector<char> past_used_;
 };

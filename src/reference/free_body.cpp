@@ -71,8 +71,9 @@ double FullFreeBody::Accept(const Vector6& port_twist) {
 }
 
 void FullFreeBody::Commit() {
-  const Vector3 center = center_W() + h_ * velocity_next_;
-  X_WB_.rotation() = X_WB_.rotation() * ExpRotation(0.5 * h_ * (omega_B_ + omega_B_next_));
+  const double start = pushed ? 0 : 0.5, end = 1 - start;
+  const Vector3 center = center_W() + h_ * (start * velocity_ + end * velocity_next_);
+  X_WB_.rotation() = X_WB_.rotation() * ExpRotation(h_ * (start * omega_B_ + end * omega_B_next_));
   X_WB_.Orthonormalize();
   X_WB_.translation() = center - X_WB_.rotation() * inertia_.center;
   omega_B_ = omega_B_next_;

@@ -19,6 +19,7 @@ class FullFreeBody {
   /// [ω_W; velocity of the origin], world axes.
   Vector6 Velocity() const;
 
+  bool pushed = false;  // contact acts in this step
   void Begin(double h, const Vector3& gravity_W);
   Matrix6 InverseInertia() const;
   /// Port twist after one more Newton iteration on the rotation without contact.

@@ -54,7 +54,7 @@ class FullMechanism {
 
   VectorX controls;
   RigidTransform driven_next;   // pose that a driven base reaches in the next step
-  bool implicit_drift = false;  // see FullSimulationOptions
+  bool pushed = false;          // contact acts in this step
   /// Wrench on a body in world axes, for the next step only.
   void AddWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
 

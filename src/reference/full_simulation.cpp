@@ -73,7 +73,6 @@ Expected<void> FullSimulation::Detail::AddMechanisms(const KeyframeDef* key) {
       mechanism->controls = key->mechanisms[i].controls;
     }
     for (const std::string& w : mechanism->warnings()) warnings.push_back(w);
-    mechanism->implicit_drift = options.implicit_drift;
     base_start.push_back(X_WR);
     mechanisms.push_back(std::move(*mechanism));
   }

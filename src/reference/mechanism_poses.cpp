@@ -7,15 +7,16 @@
 namespace fork1s::internal {
 
 // A floating base turns by the mean of its twists before and after, beside the drift of the centre of mass,
-// which only carries it along (docs/method.md, section 5: the midpoint rule).
+// which only carries it along (docs/method.md, section 5: the midpoint rule). Contact moves it by the twist after,
+// which is the one that keeps gaps (section 6).
 RigidTransform FullMechanism::NextBasePose() const {
   if (mechanism_->base() == BaseKind::kFixed) return X_[0];
   if (mechanism_->base() == BaseKind::kDriven) return driven_next;
-  const Vector3 drift_W = implicit_drift ? Drift(X_next_, V_next_) : drift_W_;
-  Vector6 mean = V_.col(0) + V_next_.col(0);
-  mean.tail<3>() -= X_[0].rotation().transpose() * drift_W_;
-  mean.tail<3>() -= X_next_[0].rotation().transpose() * drift_W;
-  RigidTransform X = X_[0] * Exp(0.5 * h_ * mean);
+  const Vector3 drift_W = pushed ? Drift(X_next_, V_next_) : drift_W_;
+  Vector6 start = V_.col(0), end = V_next_.col(0);
+  start.tail<3>() -= X_[0].rotation().transpose() * drift_W;
+  end.tail<3>() -= X_next_[0].rotation().transpose() * drift_W;
+  RigidTransform X = X_[0] * Exp(h_ * (pushed ? end : Vector6(0.5 * (start + end))));
   X.translation() += h_ * drift_W;
   return X;
 }

@@ -57,12 +57,14 @@ bool FullSimulation::Detail::Iterate(bool stiffening, FullStepReport& report) {
     report.residual = 0;
     double relative = 0;
     for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+      mechanisms[i].pushed = contact_set.PushesMechanism(i);
       const double change = mechanisms[i].Accept(contact_set.unknowns(i));
       if (!mechanisms[i].NextIsFinite()) return false;
       report.residual = std::max(report.residual, change);
       relative = std::max(relative, change / mechanisms[i].mechanism().length_scale());
     }
     for (std::size_t i = 0; i < free_bodies.size(); ++i) {
+      free_bodies[i].pushed = contact_set.PushesFreeBody(i);
       const double change = free_bodies[i].Accept(contact_set.free_port_twist(i));
       if (!free_bodies[i].NextIsFinite()) return false;
       report.residual = std::max(report.residual, change);

@@ -11,6 +11,44 @@ using testing::RandomSource;
 using testing::Spin;
 using testing::Still;
 
+// The ball of one body and no joint, as a mechanism with a floating base.
+Scene BallAsMechanism(double height) {
+  MechanismBuilder builder("ball", BaseKind::kFloating, testing::Ball(0.5, 0.1));
+  MechanismDef ball = builder.definition();
+  ball.bodies[0].name = "ball";
+  ball.bodies[0].geometries.push_back(testing::Geometry("skin", Sphere{0.1}, 0.8));
+  ball.interfaces = {"ball"};
+  ball.X_WR = RigidTransform(Vector3(0, 0, height));
+  Scene scene;
+  scene.world.push_back(testing::Geometry("floor", Plane{}, 0.8));
+  scene.mechanisms.push_back(ball);
+  return scene;
+}
+
+TEST(Floating, BallRollsDownASlopeLikeAFreeBody) {
+  const double theta = 0.2;
+  World world = testing::MustCreate(BallAsMechanism(0.1));
+  StepOptions options;
+  options.gravity = 9.81 * Vector3(std::sin(theta), 0, -std::cos(theta));
+  for (int i = 0; i < 120; ++i) world.Step(options);
+  const MechanismDynamics& ball = world.mechanisms()[0];
+  const double expected = 5.0 / 7 * 9.81 * std::sin(theta) * 2;
+  const Vector6 V = ball.BodyVelocity(BodyIndex(0));
+  // The solver's residual is 1e-4 or better of the step's impulse.
+  EXPECT_NEAR(V(3), expected, 1e-3 * expected);
+  EXPECT_NEAR(V(1) * 0.1, expected, 1e-3 * expected);
+  EXPECT_NEAR(ball.state().X_WR.translation().z(), 0.1, 2e-4);  // slop
+}
+
+TEST(Floating, LandsWithoutSinking) {
+  World world = testing::MustCreate(BallAsMechanism(0.6));
+  for (int i = 0; i < 90; ++i) {
+    world.Step(StepOptions());
+    // Within the slop of a tenth of a millimetre, from 3.1 m/s.
+    ASSERT_GT(world.mechanisms()[0].state().X_WR.translation().z(), 0.1 - 1.1e-4) << i;
+  }
+}
+
 TEST(Floating, FlightConservesMomentum) {
   for (const double stiffness : {0.2, 20.0, 2000.0})
     for (const bool feet : {true, false}) {

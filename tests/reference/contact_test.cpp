@@ -41,17 +41,15 @@ Scene AsMechanism(Scene scene) {
   return scene;
 }
 
-enum class Coordinates { kFreeBody, kMeanDrift, kImplicitDrift };
+enum class Coordinates { kFreeBody, kMechanism };
 
 class Ball : public ::testing::TestWithParam<Coordinates> {
  protected:
   FullSimulation Make(double height, double slope, double h) const {
     const Scene scene = BallOnPlane(height, slope, 1);
     const bool free = GetParam() == Coordinates::kFreeBody;
-    return Start(free ? scene : AsMechanism(scene), h, GetParam() == Coordinates::kImplicitDrift);
+    return Start(free ? scene : AsMechanism(scene), h);
   }
-  /// The mean of speeds is not that with which the contact law closes a gap.
-  bool consistent() const { return GetParam() != Coordinates::kMeanDrift; }
 };
 
 TEST_P(Ball, RestsWithItsWeight) {
@@ -67,9 +65,8 @@ TEST_P(Ball, RollsAtFiveSeventhsOfTheSlope) {
   constexpr double kSlope = 0.2;
   FullSimulation s = Make(kRadius, kSlope, 1.0 / 60);
   Advance(s, 1);
-  // Constant acceleration is exact for implicit Euler's velocities. The mean of two speeds in body axes that
-  // turn by up to 0.23 rad a step is not: some thousandths.
-  const double expected = 5.0 / 7 * kGravity * std::sin(kSlope), tolerance = consistent() ? 1e-6 : 1e-2;
+  // Constant acceleration is exact for implicit Euler's velocities.
+  const double expected = 5.0 / 7 * kGravity * std::sin(kSlope), tolerance = 1e-6;
   EXPECT_NEAR(s.Velocity(0)(3), expected, tolerance * expected);
   EXPECT_NEAR(s.Velocity(0)(1), expected / kRadius, tolerance * expected / kRadius);
 }
@@ -80,21 +77,16 @@ TEST_P(Ball, FallsAndStays) {
   for (int i = 0; i < 240; ++i) {
     ASSERT_TRUE(s.Step().converged) << i;
     lowest = std::min(lowest, s.Pose(0).translation().z());
-    // Implicit Euler falls a little less than its speed says, and landing takes energy. Penetration, which
-    // only the mean of speeds brings, is pushed out again and gives some.
-    if (consistent()) {
-      EXPECT_LE(s.Energy(), energy + 1e-6) << i;
-    }
+    // Flight follows the parabola, and landing takes energy.
+    EXPECT_LE(s.Energy(), energy + 1e-6) << i;
     energy = s.Energy();
   }
-  // By the mean of its speeds, half a step of 3.1 m/s goes below: 6.5 mm.
-  EXPECT_GT(lowest, kRadius - (consistent() ? 2e-4 : 7e-3));
+  EXPECT_GT(lowest, kRadius - 2e-4);  // the slop, twice
   EXPECT_NEAR(s.Velocity(0)(5), 0, 1e-3);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Ball,
-                         ::testing::Values(Coordinates::kFreeBody, Coordinates::kMeanDrift,
-                                           Coordinates::kImplicitDrift));
+                         ::testing::Values(Coordinates::kFreeBody, Coordinates::kMechanism));
 
 TEST(Box, SticksWhileTheSlopeIsBelowFriction) {
   constexpr double kFriction = 0.5;

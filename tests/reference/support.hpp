@@ -30,10 +30,9 @@ inline void StartAt(Scene& scene, const VectorX& q, const VectorX& q_dot,
   scene.keyframes = {key};
 }
 
-inline FullSimulation Start(Scene scene, double h, bool implicit_drift = false) {
+inline FullSimulation Start(Scene scene, double h) {
   FullSimulationOptions options;
   options.dt = h;
-  options.implicit_drift = implicit_drift;
   options.initial_keyframe = scene.keyframes.empty() ? -1 : 0;
   auto simulation = FullSimulation::Create(std::move(scene), options);
   if (!simulation) throw std::runtime_error(simulation.error().Text());

@@ -23,14 +23,11 @@ struct FullSimulationOptions {
   int initial_keyframe = -1;  // index in the scene
   /// Per mechanism the bodies that may touch; where empty, those that the definition names.
   std::vector<std::vector<std::string>> interfaces;
-  CollisionOptions collision = {.margin = 0.02};
+  CollisionOptions collision = {.margin = 0.2};
   double penetration_correction = 0.2;  // β: share of the penetration beyond the slop undone per step
   double slop = 1e-4;                   // m
   double max_correction_speed = 3;      // m/s
-  bool contact_curvature = true;        // adds (h/2) J̇_n V to the normal rows
-  /// Floating mechanisms: their centre of mass moves by its speed at the end of the step, as free bodies do
-  /// and as the contact law assumes, instead of by the mean of the speeds, as in the reduced simulator.
-  bool implicit_drift = false;
+  bool contact_curvature = true;        // adds (h/2) J̇ V to the rows of contacts that persist
   /// The truth is solved more finely than a simulation in real time needs.
   ContactSolverOptions contact = {.max_sweeps = 200, .tolerance = 1e-8};
   double tolerance = 1e-9;  // change of any pose in the last iteration, in lengths of its mechanism
