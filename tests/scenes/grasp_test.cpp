@@ -39,10 +39,9 @@ TEST_P(Grasp, HoldsWhatItShakesAndTurnsOver) {
   expect_held(8.4, "upside down");
   run.Until(10.7);
   expect_held(12, "turned back");
-  // What is held moves along the tangent of each step of the turn and not along its arc: half the step times
-  // the radius of 61 mm times the integral of the squared rate, 14 rad²/s over both turns, is 7 mm; slip of
-  // loaded fingers comes on top. Halving the step halves it.
-  EXPECT_LT((in_palm() - lifted).norm(), 0.012);
+  // Contact's slop. Without the curvature of the tangent rows it would be 8 mm: half the step times the radius of 61 mm
+  // times the integral of the squared rate, 14 rad²/s over both turns.
+  EXPECT_LT((in_palm() - lifted).norm(), 1e-4);
 }
 
 INSTANTIATE_TEST_SUITE_P(Objects, Grasp,
