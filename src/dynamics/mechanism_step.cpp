@@ -101,9 +101,9 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
   }
 }
 
-void MechanismDynamics::ApplyImpulse(const VectorX& p) {
-  pushed_ = !p.isZero(0);
-  if (!pushed_) return;
+void MechanismDynamics::ApplyImpulse(const VectorX& p, bool from_outside) {
+  if (p.isZero(0)) return;
+  pushed_ = pushed_ || from_outside;
   rhs_ = p;
   Solve(rhs_);
   x_ += rhs_;

@@ -282,6 +282,7 @@ void World::AssembleConstraints(const StepOptions& options) {
 void World::ApplyImpulses() {
   for (MechanismBlock& block : mechanism_blocks_)
     for (PartBlock& part : block.parts) part.port_impulse.head(part.rows).setZero();
+  for (MechanismBlock& block : mechanism_blocks_) block.pushed_from_outside = false;
   auto add = [&](int port, int contactor, const Vector6& F) {
     const Contactor& c = contactors_[static_cast<std::size_t>(contactor)];
     if (c.kind == Contactor::Kind::kFreeBody)
@@ -294,6 +295,12 @@ void World::ApplyImpulses() {
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
     if (c.impulse.isZero(0)) continue;
+    const Contactor& a = contactors_[static_cast<std::size_t>(points_[i].body_a)];
+    const Contactor& b = contactors_[static_cast<std::size_t>(points_[i].body_b)];
+    const bool own = a.kind == b.kind && a.index == b.index;
+    for (const Contactor* side : {&a, &b})
+      if (side->kind == Contactor::Kind::kGroup && !own)
+        mechanism_blocks_[static_cast<std::size_t>(side->index)].pushed_from_outside = true;
     if (c.port_a >= 0) add(c.port_a, points_[i].body_a, c.J_a.transpose() * c.impulse);
     if (c.port_b >= 0) add(c.port_b, points_[i].body_b, c.J_b.transpose() * c.impulse);
   }
@@ -314,7 +321,7 @@ void World::ApplyImpulses() {
           part.J_T.leftCols(part.rows) * part.port_impulse.head(part.rows);
       pushed = true;
     }
-    if (pushed) mechanisms_[i].ApplyImpulse(block.impulse);
+    if (pushed) mechanisms_[i].ApplyImpulse(block.impulse, block.pushed_from_outside);
   }
 }
 

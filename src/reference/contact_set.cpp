@@ -207,10 +207,18 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
   }
   for (const LimitConstraint& limit : limits_) impulses(limit.row) += limit.sign * limit.impulse;
   for (std::size_t i = 0; i < mechanisms.size(); ++i)
-    if (blocks_[i].rows > 0) {
+    if (blocks_[i].rows > 0)
       blocks_[i].unknowns += responses[i] * impulses.segment(blocks_[i].offset, blocks_[i].rows);
-      pushes_mechanism_[i] = !impulses.segment(blocks_[i].offset, blocks_[i].rows).isZero(0);
-    }
+  // Limits and self-contact are a mechanism's own affair: its base has no gap to keep for them.
+  for (std::size_t k = 0; k < constraints_.size(); ++k) {
+    if (constraints_[k].impulse.isZero(0)) continue;
+    const FullContactor& a = contactors_[static_cast<std::size_t>(points_[k].body_a)];
+    const FullContactor& b = contactors_[static_cast<std::size_t>(points_[k].body_b)];
+    const bool own = a.kind == b.kind && a.index == b.index;
+    for (const FullContactor* side : {&a, &b})
+      if (side->kind == FullContactor::Kind::kMechanism && !own)
+        pushes_mechanism_[static_cast<std::size_t>(side->index)] = 1;
+  }
   for (const Port& port : free_ports_)
     pushes_free_body_[static_cast<std::size_t>(contactors_[static_cast<std::size_t>(port.contactor)].index)] =
         !impulses.segment<6>(port.offset).isZero(0);

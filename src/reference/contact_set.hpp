@@ -48,7 +48,7 @@ class ContactSet {
   /// Unknowns of mechanism i with contact, after Solve.
   const MatrixX& unknowns(std::size_t i) const { return blocks_[i].unknowns; }
   Vector6 free_port_twist(std::size_t i) const { return free_twists_[i]; }
-  /// Whether a contact or limit carries an impulse on mechanism i, or a contact on free body i.
+  /// Whether contact with other bodies or the world carries an impulse on mechanism i, or on free body i.
   bool PushesMechanism(std::size_t i) const { return pushes_mechanism_[i] != 0; }
   bool PushesFreeBody(std::size_t i) const { return pushes_free_body_[i] != 0; }
   /// Contact impulses on the bodies of mechanism i, in their axes at the present guess (6 x bodies).

@@ -83,8 +83,9 @@ class MechanismDynamics {
   Vector6 GroupVelocity(int g) const { return BodyVelocity(groups_[static_cast<std::size_t>(g)].body); }
   /// Solves L Y = Jᵀ in place (columns of one part), L the Cholesky factor of A: W = Yᵀ Y.
   void HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) const;
-  /// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities].
-  void ApplyImpulse(const VectorX& p);
+  /// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities]. `from_outside`: other bodies or the world had part in
+  /// them, so the base has gaps to keep; limits and self-contact are the mechanism's own affair.
+  void ApplyImpulse(const VectorX& p, bool from_outside);
   /// Rate of coordinate i per unit of its part's velocities.
   void CoordinateRow(int i, const Part& part, Eigen::Ref<VectorX> row) const;
   double CoordinateRate(int i) const { return Q_now().row(i).dot(x_.tail(model_.size())); }
@@ -156,7 +157,7 @@ class MechanismDynamics {
   Vector6 V_R_before_ = Vector6::Zero();  // base twist at the start of the step
   Vector3 drift_R_ = Vector3::Zero();     // velocity of a floating mechanism's centre of mass at that time
   bool has_wrenches_ = false;
-  bool pushed_ = false;  // contact or a limit acted in this step
+  bool pushed_ = false;  // contact from outside acted in this step
   Matrix6X wrenches_W_;  // 6 x bodies about the world origin, world axes
 
   // Between refreshes.

@@ -139,6 +139,7 @@ class World {
     std::vector<PartBlock> parts;
     std::vector<double> limit_impulses;  // 2 per limited coordinate, for warm starts
     VectorX impulse;
+    bool pushed_from_outside = false;
   };
   std::vector<MechanismBlock> mechanism_blocks_;
   std::vector<Matrix6> free_W_;
