@@ -129,7 +129,9 @@ void CollisionWorld::SetMargin(double margin) {
   FORK1S_REQUIRE(margin >= 0 && std::isfinite(margin), margin);
   mjModel* model = detail_->model.get();
   const double of_all = std::min(margin, detail_->margin_limit);
-  for (int i = 0; i < model->ngeom; ++i) model->geom_margin[i] = of_all;
+  // A pair takes the larger margin of its two: planes, which bear any, give theirs to what falls on them.
+  for (int i = 0; i < model->ngeom; ++i)
+    model->geom_margin[i] = model->geom_type[i] == mjGEOM_PLANE ? margin : of_all;
   for (int i = 0; i < model->npair; ++i)
     model->pair_margin[i] = std::min(margin, detail_->pair_margin_limit[static_cast<std::size_t>(i)]);
 }

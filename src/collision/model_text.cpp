@@ -133,11 +133,22 @@ std::string GridText(const HeightGrid& grid, int index) {
               Numbers({grid.half_x, grid.half_y, height, depth}), "\"/>\n");
 }
 
+// General convex shapes, which bear only a margin below their own size: see margin_limit.hpp.
+bool IsGeneral(const GeometryDef& g) {
+  return !(std::holds_alternative<Plane>(g.shape) || std::holds_alternative<Sphere>(g.shape) ||
+           std::holds_alternative<Capsule>(g.shape) || std::holds_alternative<Box>(g.shape));
+}
+
 // Few geometries: every pair that may touch, named. The detector then goes through them one by one, which
-// costs less than its broad phase up to about this many.
+// costs less than its broad phase up to about 32 pairs. Named pairs also have margins of their own, which is
+// worth more of them where general shapes take part.
 std::string PairText(const ModelText& model, const std::vector<CollisionBodyDef>& bodies,
                      const std::vector<std::pair<int, int>>& excluded, const CollisionOptions& options) {
-  constexpr int kMostPairs = 32;
+  const bool general = std::any_of(model.geoms.begin(), model.geoms.end(), [&](const CollisionGeom& g) {
+    return IsGeneral(
+        bodies[static_cast<std::size_t>(g.body)].geometries[static_cast<std::size_t>(g.geometry)]);
+  });
+  const int most = general ? 256 : 32;
   std::string text;
   int count = 0;
   for (std::size_t i = 0; i < model.geoms.size(); ++i)
@@ -153,7 +164,7 @@ std::string PairText(const ModelText& model, const std::vector<CollisionBodyDef>
         return std::minmax(pair.first, pair.second) == std::minmax(a.body, b.body);
       };
       if (std::any_of(excluded.begin(), excluded.end(), same)) continue;
-      if (++count > kMostPairs) return "";
+      if (++count > most) return "";
       text += Text("<pair geom1=\"g", i, "\" geom2=\"g", j, "\" margin=\"", options.margin, "\"/>\n");
     }
   return text;

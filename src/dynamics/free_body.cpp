@@ -73,7 +73,8 @@ void FreeBody::SetPortTwist(const Vector6& V) {
 }
 
 void FreeBody::Integrate(double h) {
-  // Free flight follows its parabola by the mean velocity. Contact asks that gaps stay closed at the end velocity.
+  // Free flight follows its parabola by the mean velocity. Contact asks that gaps stay closed at the end
+  // velocity.
   const double start = pushed_ ? 0 : 0.5, end = 1 - start;
   const Vector3 center = center_W() + h * (start * velocity_before_ + end * velocity_);
   X_WB_.rotation() = X_WB_.rotation() * ExpRotation(h * (start * omega_B_before_ + end * omega_B_));

@@ -144,9 +144,9 @@ void MechanismDynamics::Advance(double h, const Vector6& V_start) {
     UpdateConfiguration();
     return;
   }
-  // As in Predict, beside the drift of the centre of mass, which only moves the base along. Contact asks that gaps stay
-  // closed at the end velocity, so what was pushed turns and drifts by that one; the mean would let a foot that lands
-  // sink by half of what it fell in the step.
+  // As in Predict, beside the drift of the centre of mass, which only moves the base along. Contact asks that
+  // gaps stay closed at the end velocity, so what was pushed turns and drifts by that one; the mean would let
+  // a foot that lands sink by half of what it fell in the step.
   Vector3 drift_R = drift_R_;
   if (pushed_) {
     momentum_.noalias() = M_full_ * x_;

@@ -254,8 +254,8 @@ void World::AssembleConstraints(const StepOptions& options) {
     const auto k = static_cast<std::size_t>(match_[i]);
     const ContactRecord& before = previous_[k];
     c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
-    // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's. On the normal it lets
-    // a ball roll in a bowl, on the tangents it keeps an object where a turning hand holds it.
+    // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's. On the
+    // normal it lets a ball roll in a bowl, on the tangents it keeps an object where a turning hand holds it.
     if (options.contact_curvature && curvature_valid_ && before.impulse(0) > 0)
       c.bias += 0.5 * (speed - p.frame * previous_speed_W_[k]);
   }

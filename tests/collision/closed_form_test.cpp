@@ -39,17 +39,19 @@ TEST(Collision, TiltedPlaneAndShapeOffset) {
 }
 
 TEST(Collision, WideMarginsDoNotMisleadGeneralShapes) {
-  // The detector inflates general shapes by the margin, and at 0.2 m puts this ellipsoid half a metre into the box.
+  // The detector inflates general shapes by the margin, and at 0.2 m puts this ellipsoid half a metre into
+  // the box.
   const CollisionOptions wide{.margin = 0.2};
   const CollisionBodyDef floor = Still(Box{Vector3(2.5, 2.5, 0.5)}, At(0, 0, -0.5));
-  std::vector<CollisionBodyDef> bodies = {floor, Moving(Ellipsoid{Vector3(0.14, 0.1, 0.1)}, At(0.2, 0.1, 0.105))};
+  std::vector<CollisionBodyDef> bodies = {floor,
+                                          Moving(Ellipsoid{Vector3(0.14, 0.1, 0.1)}, At(0.2, 0.1, 0.105))};
   const auto few = Contacts(bodies, {}, wide);
   ASSERT_EQ(few.size(), 1u);
   // The search ends at 1e-6.
   EXPECT_NEAR(few[0].gap, 0.005, 1e-5);
   EXPECT_GT(std::abs(Normal(few[0]).z()), 0.999);
   // The same among so many that pairs are not named one by one.
-  for (int i = 0; i < 12; ++i) bodies.push_back(Moving(Sphere{0.1}, At(i, 20, 5)));
+  for (int i = 0; i < 30; ++i) bodies.push_back(Moving(Sphere{0.1}, At(i, 20, 5)));
   const auto many = Contacts(bodies, {}, wide);
   ASSERT_EQ(many.size(), 1u);
   EXPECT_NEAR(many[0].gap, 0.005, 1e-5);

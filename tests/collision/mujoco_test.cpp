@@ -28,8 +28,9 @@ constexpr char kScene[] = R"(<mujoco>
   </worldbody>
 </mujoco>)";
 
-// MuJoCo finds a pair of convex shapes by an iterative search that it ends at mpr_tolerance = 1e-6; which of the
-// iterates it ends at depends on the last bit of the poses, and so on the instructions the compiler chose.
+// MuJoCo finds a pair of convex shapes by an iterative search that it ends at mpr_tolerance = 1e-6; which of
+// the iterates it ends at depends on the last bit of the poses, and so on the instructions the compiler
+// chose.
 constexpr double kSearchTolerance = 1e-6;
 
 struct Row {

@@ -191,8 +191,8 @@ TEST(FreeBodies, MassRatioOfAMillionStaysBounded) {
 }
 
 TEST(FreeBodies, StayWhereATurningTableHoldsThem) {
-  // A box on a table that turns about the vertical at 1 rad/s: moved along the tangent it would creep outward by
-  // h/2 of the distance it travels.
+  // A box on a table that turns about the vertical at 1 rad/s: moved along the tangent it would creep outward
+  // by h/2 of the distance it travels.
   MechanismBuilder builder("table", BaseKind::kDriven, testing::Brick(10, Vector3(0.5, 0.5, 0.02)));
   builder.SetInterfaces({"table"});
   MechanismDef table = builder.definition();

@@ -85,8 +85,7 @@ TEST_P(Ball, FallsAndStays) {
   EXPECT_NEAR(s.Velocity(0)(5), 0, 1e-3);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, Ball,
-                         ::testing::Values(Coordinates::kFreeBody, Coordinates::kMechanism));
+INSTANTIATE_TEST_SUITE_P(All, Ball, ::testing::Values(Coordinates::kFreeBody, Coordinates::kMechanism));
 
 TEST(Box, SticksWhileTheSlopeIsBelowFriction) {
   constexpr double kFriction = 0.5;

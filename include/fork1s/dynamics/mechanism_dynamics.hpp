@@ -83,8 +83,8 @@ class MechanismDynamics {
   Vector6 GroupVelocity(int g) const { return BodyVelocity(groups_[static_cast<std::size_t>(g)].body); }
   /// Solves L Y = Jᵀ in place (columns of one part), L the Cholesky factor of A: W = Yᵀ Y.
   void HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) const;
-  /// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities]. `from_outside`: other bodies or the world had part in
-  /// them, so the base has gaps to keep; limits and self-contact are the mechanism's own affair.
+  /// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities]. `from_outside`: other bodies or the world had
+  /// part in them, so the base has gaps to keep; limits and self-contact are the mechanism's own affair.
   void ApplyImpulse(const VectorX& p, bool from_outside);
   /// Rate of coordinate i per unit of its part's velocities.
   void CoordinateRow(int i, const Part& part, Eigen::Ref<VectorX> row) const;

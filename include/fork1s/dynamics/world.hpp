@@ -112,8 +112,8 @@ class World {
   ContactSolver solver_;
   std::vector<ContactPoint> points_;  // of this step, those that can touch within it
   std::vector<ContactRecord> contacts_, previous_;
-  std::vector<Vector3> speed_W_, previous_speed_W_;           // relative, after the solve, world axes
-  std::vector<int> match_;                                    // contact -> previous contact or -1
+  std::vector<Vector3> speed_W_, previous_speed_W_;  // relative, after the solve, world axes
+  std::vector<int> match_;                           // contact -> previous contact or -1
   std::vector<char> previous_used_;
   bool curvature_valid_ = false;  // no reference moved since the previous step
   std::vector<ContactConstraint> constraints_;
