@@ -101,7 +101,7 @@ void MechanismDynamics::Size() {
     M_full_.bottomLeftCorner(r, 6) = model_.M_0z.transpose();
   }
   M_full_.bottomRightCorner(r, r) = model_.M;
-  factor_ = Eigen::LLT<MatrixX>(nx);
+  factor_.compute(MatrixX::Identity(std::max(nx, 1), std::max(nx, 1)));
   factored_h_ = -1;
   x_.resize(nx);
   if (base_size_ > 0) x_.head<6>() = state_.V_R;

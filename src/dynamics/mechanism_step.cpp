@@ -73,7 +73,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
     state_.V_R.tail<3>() -= drift_R_;
     V_next = state_.V_R;
   }
-  if (guard_ && model_.has_complement) q_perp_before_ = state_.q_perp;
+  if (model_.has_complement) q_perp_before_ = state_.q_perp;
   LoadForces(state_.X_WR.rotation().transpose() * gravity_W, A_R);
   Q_before_h_ = h;
   if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
@@ -119,6 +119,7 @@ void MechanismDynamics::Revert() {
   state_.V_R = V_R_before_;
   if (base_size_ > 0) x_.head<6>() = V_R_before_;
   x_.tail(model_.size()) = state_.w;
+  if (model_.has_complement) state_.q_perp = q_perp_before_;
 }
 
 void MechanismDynamics::Integrate(double h) {

@@ -19,7 +19,7 @@ Configuration::Configuration(const ReducedModel& model)
   HA.resize(n, m);
   AHA.resize(m, m);
   AQ.resize(m, model.size());
-  factor = Eigen::LLT<MatrixX>(m);
+  factor.compute(MatrixX::Identity(m, m));
 }
 
 namespace {

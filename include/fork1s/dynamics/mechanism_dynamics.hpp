@@ -109,7 +109,9 @@ class MechanismDynamics {
   /// Springs, controls and gravity at the present pose [J].
   double PotentialEnergy(const Vector3& gravity_W) const;
   double ClosureGapNow() const;
-  bool IsFinite() const { return x_.allFinite() && state_.z.allFinite() && state_.X_WR.IsFinite(); }
+  bool IsFinite() const {
+    return x_.allFinite() && state_.z.allFinite() && state_.q_perp.allFinite() && state_.X_WR.IsFinite();
+  }
   /// Pose of a body in the world at the present state.
   RigidTransform BodyPose(BodyIndex b) const;
   /// Twist of a body in world axes about its own origin.
@@ -165,7 +167,8 @@ class MechanismDynamics {
   VectorX q_perp_offset_;  // n, leftover of the last refresh, fading
   MatrixX A_, M_full_;     // num_velocities²
   MatrixX A_inverse_;      // where A holds until the next refresh
-  Eigen::LLT<MatrixX> factor_;
+  Eigen::LLT<MatrixX> factor_{
+      MatrixX::Identity(1, 1)};  // never without content: Eigen copies its state as it is
   double factored_h_ = -1;
   VectorX f_ref_;              // twist mode: Qᵀ g_ref
   double springs_ref_ = 0;     // twist mode: J in the springs at the reference

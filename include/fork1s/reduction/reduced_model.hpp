@@ -91,7 +91,8 @@ struct Configuration {
   VectorX c_all, c, lambda, x;
   MatrixX A_all, A, HA;  // rows x n, m x n, n x m
   MatrixX AHA, AQ;       // m x m, m x r
-  Eigen::LLT<MatrixX> factor;
+  Eigen::LLT<MatrixX> factor{
+      MatrixX::Identity(1, 1)};  // never without content: Eigen copies its state as it is
 };
 
 /// q(z) = q_ref + Q z + q_perp, then Gauss-Newton steps q -= H⁻¹Aᵀ(A H⁻¹Aᵀ)⁻¹ c(q) with A at the present q,

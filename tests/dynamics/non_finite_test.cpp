@@ -1,0 +1,42 @@
+// A step that meets a number that is not finite is undone and says so.
+#include <dynamics/support.hpp>
+
+#include <limits>
+
+namespace fork1s {
+namespace {
+
+TEST(NonFinite, StepIsUndone) {
+  // Seven hinges of eight are interior, so that the static answer of the complement is there too.
+  MechanismDef walker = testing::Walker(BaseKind::kFloating, 30, 0.5);
+  walker.interfaces = {"shank0"};
+  Scene scene;
+  scene.mechanisms.push_back(walker);
+  scene.free_bodies.push_back(testing::BallBody("ball", 1, 0.1, Vector3(3, 0, 0), 0.5));
+  World world = testing::MustCreate(scene);
+  const StepOptions options;
+  for (int i = 0; i < 10; ++i) ASSERT_TRUE(world.Step(options).finite);
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  for (const bool on_ball : {false, true}) {
+    MechanismDynamics& m = world.mechanisms()[0];
+    FreeBody& ball = world.free_bodies()[0];
+    const ReducedState before = m.state();
+    const Vector3 ball_at = ball.pose().translation(), ball_speed = ball.velocity_of_center();
+    if (on_ball) {
+      ball.AddWrench(Vector3(kNaN, 0, 0), Vector3::Zero(), Vector3::Zero());
+    } else {
+      m.AddWrench(m.mechanism().FindBody("thigh2"), Vector3(0, kNaN, 0), Vector3::Zero(), Vector3::Zero());
+    }
+    EXPECT_FALSE(world.Step(options).finite);
+    EXPECT_EQ(m.state().z, before.z);
+    EXPECT_EQ(m.state().w, before.w);
+    EXPECT_EQ(m.state().q_perp, before.q_perp);
+    EXPECT_EQ(m.state().V_R, before.V_R);
+    EXPECT_EQ(ball.pose().translation(), ball_at);
+    EXPECT_EQ(ball.velocity_of_center(), ball_speed);
+    EXPECT_TRUE(world.Step(options).finite);
+  }
+}
+
+}  // namespace
+}  // namespace fork1s
