@@ -78,7 +78,10 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
   tau_.setZero();
   // The base's own rows get the same by carrying its momentum along.
   if (base_moves()) base_force_ = F_.rowwise().sum();
-  q_dot_.noalias() = configuration_.Q_now * state_.w;
+  if (model_.size() > 0)
+    q_dot_.noalias() = configuration_.Q_now * state_.w;
+  else
+    q_dot_.setZero();
   if (model_.loop_rank() > 0) {
     // Loops turn Q as they move: its rate by difference over the last step.
     if (Q_before_h_ > 0) {
@@ -108,7 +111,7 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
   }
   SpringForce(m, configuration_.kinematics, configuration_.q, g_);
   g_ += tau_;
-  f_z_.noalias() = configuration_.Q_now.transpose() * g_;
+  if (model_.size() > 0) f_z_.noalias() = configuration_.Q_now.transpose() * g_;
 }
 
 }  // namespace fork1s

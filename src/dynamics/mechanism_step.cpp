@@ -80,9 +80,11 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
 
   if (base_size_ == 0) {
     state_.V_R = V_next;
-    x_.noalias() = M_full_ * state_.w;
-    x_ += h * f_z_;
-    Solve(x_);
+    if (r > 0) {  // Eigen's products may not be asked for nothing
+      x_.noalias() = M_full_ * state_.w;
+      x_ += h * f_z_;
+      Solve(x_);
+    }
   } else {
     momentum_.noalias() -= M_full_.middleCols<3>(3) * drift_R_;
     const Vector6 p = momentum_.head<6>();

@@ -40,7 +40,7 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
                int max_corrections) {
   const Mechanism& mechanism = *model.mechanism;
   out.q = model.q_ref;
-  out.q.noalias() += model.Q * state.z;
+  if (model.size() > 0) out.q.noalias() += model.Q * state.z;
   if (state.q_perp.size() > 0) out.q += state.q_perp;
   ComputeKinematics(mechanism, out.q, out.kinematics);
   if (model.loop_rank() == 0) return;
