@@ -4,7 +4,6 @@
 #include <cmath>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/recording.hpp>
-#include <fork1s/recovery/recover.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>
 #include <optional>
@@ -26,25 +25,12 @@ struct Arguments {
 // What a run measures, step by step.
 struct Measured {
   std::vector<double> step_us;
-  int contacts_max = 0, unconverged = 0, refreshes = 0, failed_refreshes = 0;
+  int contacts_max = 0, unconverged = 0, fallbacks = 0, refreshes = 0, failed_refreshes = 0;
   double energy_first = 0, energy_last = 0, energy_increase = 0;
   double gap_max = 0, penetration_max = 0;
   bool contacts_dropped = false;
   std::int64_t failed_step = -1;
 };
-
-double LargestGap(const Simulation& simulation) {
-  double largest = 0;
-  std::vector<RigidTransform> X_RB;
-  for (const MechanismDynamics& m : simulation.world().mechanisms()) {
-    X_RB.clear();
-    const RigidTransform X_RW = m.state().X_WR.inverse();
-    for (int b = 0; b < m.mechanism().num_bodies(); ++b) X_RB.push_back(X_RW * m.BodyPose(BodyIndex(b)));
-    const auto gaps = MeasureJointGaps(m.mechanism(), X_RB);
-    if (!gaps.empty()) largest = std::max(largest, gaps.front().gap);
-  }
-  return largest;
-}
 
 Measured Simulate(Simulation& simulation, double time, const ControlTrack& track,
                   std::optional<Recorder>& recorder, Expected<void>& recorded) {
@@ -65,6 +51,7 @@ Measured Simulate(Simulation& simulation, double time, const ControlTrack& track
     out.step_us.push_back(spent.count());
     out.contacts_max = std::max(out.contacts_max, report.contacts);
     out.unconverged += report.solver.converged ? 0 : 1;
+    out.fallbacks += report.solver.fallback ? 1 : 0;
     out.refreshes += report.refreshes;
     out.failed_refreshes += report.failed_refreshes;
     out.contacts_dropped |= report.contacts_dropped;
@@ -72,7 +59,7 @@ Measured Simulate(Simulation& simulation, double time, const ControlTrack& track
     const double energy = simulation.Energy();
     out.energy_increase = std::max(out.energy_increase, energy - out.energy_last);
     out.energy_last = energy;
-    out.gap_max = std::max(out.gap_max, LargestGap(simulation));
+    out.gap_max = std::max(out.gap_max, simulation.JointGap());
     if (recorder)
       if (recorded = recorder->Append(simulation, report); !recorded) break;
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(steps));
@@ -116,6 +103,9 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   Json warnings = Json::array();
   for (const std::string& w : simulation.warnings()) warnings.push_back(w);
   if (m.contacts_dropped) warnings.push_back("the collision detector ran out of room and dropped contacts");
+  if (m.fallbacks > 0)
+    warnings.push_back(fmt::format(
+        "{} contact solves failed grossly and were replaced by ones that only take energy", m.fallbacks));
   if (m.failed_refreshes > 0)
     warnings.push_back(fmt::format("{} refreshes found no reduced model at their pose and kept the old one",
                                    m.failed_refreshes));

@@ -76,7 +76,7 @@ void MechanismDynamics::ScaleRelativeMotion(double s) {
   state_.w = x_.tail(r);
 }
 
-// Velocity forces are explicit, loops bend the springs within a step and, on a fixed base, M is that of the
+// Velocity forces are explicit, loops bend the springs within a step and a long mechanism keeps the M of its
 // reference: fast motion could feed on each. What a step gained beyond what contact put in is taken from the
 // velocity. False if the velocity held less than that.
 bool MechanismDynamics::TakeExcessEnergy() {

@@ -16,6 +16,22 @@ void CompositeInertia(const Mechanism& mechanism, const Kinematics& kinematics,
   for (std::size_t b = bodies.size(); b-- > 1;) composite[bodies[b].parent.u()] += composite[b];
 }
 
+// (d/dt dexp(x)) ẋ for x = S q of one joint, in its own frame. Central difference along ẋ: dexp is smooth on
+// the scale of a radian, so the step leaves 1e-9 of truncation and less of rounding.
+Vector6 DexpRate(const Mechanism& mechanism, const Mechanism::Joint& joint, const VectorX& q,
+                 const VectorX& q_dot) {
+  const auto S = mechanism.screws().middleCols(joint.offset, joint.size);
+  Vector6 x = Vector6::Zero(), x_dot = Vector6::Zero();
+  for (int i = 0; i < joint.size; ++i) {
+    x += S.col(i) * q(joint.offset + i);
+    x_dot += S.col(i) * q_dot(joint.offset + i);
+  }
+  const double speed = x_dot.norm();
+  if (speed == 0) return Vector6::Zero();
+  const double step = 1e-4 / speed;
+  return (Dexp(x + step * x_dot) - Dexp(x - step * x_dot)) * x_dot / (2 * step);
+}
+
 void FillMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics,
                     const std::vector<Matrix6>& composite, MatrixX& M) {
   const int n = mechanism.num_coordinates();
@@ -60,22 +76,6 @@ void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::
   for (const Mechanism::Joint& joint : mechanism.joints())
     M_0q.middleCols(joint.offset, joint.size).noalias() =
         composite[joint.body.u()] * kinematics.S.middleCols(joint.offset, joint.size);
-}
-
-// (d/dt dexp(x)) ẋ for x = S q of one joint, in its own frame. Central difference along ẋ: dexp is smooth on
-// the scale of a radian, so the step leaves 1e-9 of truncation and as much rounding.
-static Vector6 DexpRate(const Mechanism& mechanism, const Mechanism::Joint& joint, const VectorX& q,
-                        const VectorX& q_dot) {
-  const auto S = mechanism.screws().middleCols(joint.offset, joint.size);
-  Vector6 x = Vector6::Zero(), x_dot = Vector6::Zero();
-  for (int i = 0; i < joint.size; ++i) {
-    x += S.col(i) * q(joint.offset + i);
-    x_dot += S.col(i) * q_dot(joint.offset + i);
-  }
-  const double speed = x_dot.norm();
-  if (speed == 0) return Vector6::Zero();
-  const double step = 1e-4 / speed;
-  return (Dexp(x + step * x_dot) - Dexp(x - step * x_dot)) * x_dot / (2 * step);
 }
 
 void SubtractVelocityWrenches(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,

@@ -82,7 +82,7 @@ class ContactSet {
   std::vector<FullContactor> contactors_;
   std::vector<RigidTransform> previous_pose_;
   bool has_previous_pose_ = false;
-  double margin_max_ = 0.2;
+  double margin_max_ = 0;  // m
 
   ContactSolver solver_;
   std::vector<ContactPoint> points_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <fork1s/recovery/recover.hpp>
 
 namespace fork1s {
 
@@ -158,6 +159,19 @@ void Simulation::ApplyWrench(int body, const Vector3& force_W, const Vector3& mo
   else
     world_.mechanisms()[static_cast<std::size_t>(b.mechanism)].AddWrench(BodyIndex(b.index), force_W,
                                                                          moment_W, point_W);
+}
+
+double Simulation::JointGap() const {
+  double largest = ClosureGap();
+  std::vector<RigidTransform> X_RB;
+  for (const MechanismDynamics& m : world_.mechanisms()) {
+    X_RB.clear();
+    const RigidTransform X_RW = m.state().X_WR.inverse();
+    for (int b = 0; b < m.mechanism().num_bodies(); ++b) X_RB.push_back(X_RW * m.BodyPose(BodyIndex(b)));
+    if (const auto gaps = MeasureJointGaps(m.mechanism(), X_RB); !gaps.empty())
+      largest = std::max(largest, gaps.front().gap);
+  }
+  return largest;
 }
 
 double Simulation::ClosureGap() const {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <fork1s/recovery/recover.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 
 #include <fmt/format.h>
@@ -14,19 +13,6 @@ double SecondsOf(const std::function<void()>& work) {
   const auto start = std::chrono::steady_clock::now();
   work();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-double LargestGap(const Simulation& simulation) {
-  double largest = 0;
-  std::vector<RigidTransform> X_RB;
-  for (const MechanismDynamics& m : simulation.world().mechanisms()) {
-    X_RB.clear();
-    const RigidTransform X_RW = m.state().X_WR.inverse();
-    for (int b = 0; b < m.mechanism().num_bodies(); ++b) X_RB.push_back(X_RW * m.BodyPose(BodyIndex(b)));
-    if (const auto gaps = MeasureJointGaps(m.mechanism(), X_RB); !gaps.empty())
-      largest = std::max(largest, gaps.front().gap);
-  }
-  return std::max(largest, simulation.ClosureGap());
 }
 
 // Place in bodies() of every contactor, -1 for the still world.
@@ -97,7 +83,7 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
   auto measure = [&](Sample sample) {
     for (const TrackedBody& b : tracked) sample.X_WB.push_back(s.Pose(b.index));
     sample.energy = s.Energy();
-    sample.gap = LargestGap(s);
+    sample.gap = s.JointGap();
     run.samples.push_back(std::move(sample));
   };
   options.controls->Apply(0, s);

@@ -1,24 +1,12 @@
 // Detect must not touch the heap once its output has capacity.
-#include <atomic>
-#include <cstdlib>
+#include <allocation_counter.hpp>
 
 #include "scenes.hpp"
 
-namespace {
-std::atomic<long> allocations{0};
-}
-
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
-// Every road to the heap ends here, MuJoCo's and operator new's alike.
-extern "C" void* __libc_malloc(std::size_t size);
-extern "C" void* malloc(std::size_t size) noexcept {
-  allocations.fetch_add(1, std::memory_order_relaxed);
-  return __libc_malloc(size);
-}
-#endif
-
 namespace fork1s {
 namespace {
+
+using testing::allocations;
 
 using namespace testing;
 
@@ -33,6 +21,7 @@ TEST(CollisionAllocation, NoneInDetect) {
   std::vector<ContactPoint> contacts;
   contacts.reserve(100);
   const long before = allocations.load();
+  EXPECT_EQ(before > 0, testing::kCountsAllocations);
   std::size_t seen = 0;
   for (int k = 0; k < 100; ++k) {
     world->SetPose(1, At(0.001 * k, 0, 0.0995));

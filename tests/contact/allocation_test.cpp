@@ -1,27 +1,13 @@
 // Solve must not touch the heap once Reserve has been told the size.
 #include <gtest/gtest.h>
-
-#include <atomic>
-#include <cstdlib>
-#include <new>
+#include <allocation_counter.hpp>
 
 #include "problems.hpp"
 
-namespace {
-std::atomic<long> allocations{0};
-}
-
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
-// Every road to the heap ends here, Eigen's and operator new's alike.
-extern "C" void* __libc_malloc(std::size_t size);
-extern "C" void* malloc(std::size_t size) noexcept {
-  allocations.fetch_add(1, std::memory_order_relaxed);
-  return __libc_malloc(size);
-}
-#endif
-
 namespace fork1s {
 namespace {
+
+using testing::allocations;
 
 TEST(ContactAllocation, NoneAfterReserve) {
   std::mt19937 random(11);
@@ -37,6 +23,7 @@ TEST(ContactAllocation, NoneAfterReserve) {
   options.tolerance = 1e-7;
   int newton = 0;
   const long before = allocations.load();
+  EXPECT_EQ(before > 0, testing::kCountsAllocations);
   for (testing::Problem& p : problems) {
     newton += solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, options).newton_iterations;
   }

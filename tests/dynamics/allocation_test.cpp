@@ -1,24 +1,11 @@
 // A step without a refresh must not touch the heap once it is warm.
+#include <allocation_counter.hpp>
 #include <dynamics/support.hpp>
-
-#include <atomic>
-#include <cstdlib>
-
-namespace {
-std::atomic<long> allocations{0};
-}
-
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
-// Every road to the heap ends here, Eigen's and operator new's alike.
-extern "C" void* __libc_malloc(std::size_t size);
-extern "C" void* malloc(std::size_t size) noexcept {
-  allocations.fetch_add(1, std::memory_order_relaxed);
-  return __libc_malloc(size);
-}
-#endif
 
 namespace fork1s {
 namespace {
+
+using testing::allocations;
 
 TEST(WorldAllocation, NoneInAStep) {
   // A floating walker that stands, a loop with limits that touches a box, and a ball.
@@ -45,6 +32,7 @@ TEST(WorldAllocation, NoneInAStep) {
   for (int i = 0; i < 30; ++i) world.Step(step);
   int contacts = 0;
   const long before = allocations.load();
+  EXPECT_EQ(before > 0, testing::kCountsAllocations);
   for (int i = 0; i < 60; ++i) contacts += world.Step(step).contacts;
   const long after = allocations.load();
   EXPECT_EQ(after, before);

@@ -166,7 +166,7 @@ class MechanismDynamics {
   VectorX g_ref_;          // n, spring forces at the reference
   VectorX q_perp_offset_;  // n, leftover of the last refresh, fading
   MatrixX A_, M_full_;     // num_velocities²
-  MatrixX A_inverse_;      // where A holds until the next refresh
+  MatrixX A_inverse_;      // bases that do not float
   Eigen::LLT<MatrixX> factor_{
       MatrixX::Identity(1, 1)};  // never without content: Eigen copies its state as it is
   double factored_h_ = -1;

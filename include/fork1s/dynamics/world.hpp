@@ -104,7 +104,7 @@ class World {
   std::unique_ptr<CollisionWorld> collision_;
   std::vector<Contactor> contactors_;
   std::vector<std::string> warnings_;
-  double margin_max_ = 0.2;                     // m
+  double margin_max_ = 0;                       // m
   std::vector<double> contactor_radius_;        // m, about the contactor's frame
   std::vector<RigidTransform> contactor_pose_;  // at the previous detection
   bool has_previous_pose_ = false;

@@ -69,6 +69,8 @@ class Simulation {
   double Energy() const { return KineticEnergy() + PotentialEnergy(); }
   /// Largest opening of any loop [m].
   double ClosureGap() const;
+  /// Largest opening of any joint or loop, measured on the recovered poses [m].
+  double JointGap() const;
 
   /// 64-bit FNV-1a over the bits of the moving state: equal only if every coordinate is the same to the last
   /// bit.
