@@ -64,6 +64,7 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     one["interfaces"] = def.interfaces;
     one["interfaces_chosen"] = def.interfaces_chosen;
     one["modes"] = def.modes;
+    one["mode_choice"] = def.mode_choice == ModeChoice::kLowest ? "lowest" : "contribution";
     one["joint_table"] = Json::array();
     for (const auto& j : m.joints())
       one["joint_table"].push_back({{"name", j.name},

@@ -51,6 +51,11 @@ void ModelArguments::AddTo(CLI::App& command) {
   command.add_option("--modes", modes, "fixed-interface modes to keep at most (default: the file's, else 4)")
       ->check(CLI::NonNegativeNumber);
   command
+      .add_option("--mode-choice", mode_choice,
+                  "which modes to keep: lowest in frequency, or those of largest contribution to the motion "
+                  "of the interface (default: the file's, else lowest)")
+      ->check(CLI::IsMember({"lowest", "contribution"}));
+  command
       .add_option("--stiffness-scale", stiffness_scale,
                   "multiplies every joint spring by x, its damper by sqrt(x)")
       ->check(CLI::PositiveNumber);
@@ -70,6 +75,8 @@ Expected<ImportedScene> ModelArguments::Load() const {
   if (base == "floating") options.base = BaseKind::kFloating;
   if (base == "driven") options.base = BaseKind::kDriven;
   if (modes >= 0) options.modes = modes;
+  if (mode_choice == "lowest") options.mode_choice = ModeChoice::kLowest;
+  if (mode_choice == "contribution") options.mode_choice = ModeChoice::kContribution;
   options.stiffness_scale = stiffness_scale;
   options.keyframe = keyframe;
   for (const std::string& text : pd) {

@@ -16,6 +16,7 @@ struct ModelArguments {
   std::vector<std::string> interfaces;
   std::string base;
   int modes = -1;
+  std::string mode_choice;
   double stiffness_scale = 1;
   std::vector<std::string> pd;
   std::string keyframe;

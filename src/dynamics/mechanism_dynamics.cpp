@@ -144,15 +144,17 @@ void MechanismDynamics::Size() {
   TakeReferenceForces();
 }
 
-// M of the present pose. A floating base needs it at every pose (see the header). Held bases are served by
-// one that is half a degree old, so that what stands still keeps its factor. Long mechanisms keep that of the
-// reference: theirs would cost n² a step, and joints that share a long path move little each.
+// M of the present pose. A floating base needs it at every pose (see the header). On held bases it is renewed
+// once something moved, so that what stands still keeps its factor. An M that lags behind a motion (half a
+// degree was tried) changes kinetic energy in jumps, and the energy guard takes every jump upwards: damping
+// that no smaller time step removes. Long mechanisms keep that of the reference: theirs would cost n² a step,
+// and joints that share a long path move little each.
 void MechanismDynamics::UpdateInertia() {
   if (options_.recovery == Recovery::kTwist) return;
   const Kinematics& kinematics = configuration_.kinematics;
   const int r = model_.size(), n = model_.num_coordinates();
   if (base_size_ == 0) {
-    constexpr double kStale = 0.0087;  // rad, or lengths of the mechanism
+    constexpr double kStale = 1e-4;  // rad, or lengths of the mechanism: what a held grasp stays below
     if (n > kLong || LargestTurn(q_of_M_) < kStale) return;
   }
   q_of_M_ = configuration_.q;

@@ -28,6 +28,10 @@ const char* BaseName(BaseKind base) {
   return base == BaseKind::kFixed ? "fixed" : base == BaseKind::kFloating ? "floating" : "driven";
 }
 
+const char* ModeChoiceName(ModeChoice choice) {
+  return choice == ModeChoice::kLowest ? "lowest" : "contribution";
+}
+
 std::optional<Error> ApplyBase(Conversion& c, const ImportOptions& options) {
   std::optional<BaseKind> base = options.base;
   std::string where = "option base";
@@ -186,8 +190,18 @@ std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options) {
     }
     modes = static_cast<int>(*number);
   }
+  std::optional<ModeChoice> choice = options.mode_choice;
+  if (const auto text = CustomText(c.m, "fork1s_mode_choice"); text && !choice) {
+    const std::vector<std::string> words = SplitWords(*text);
+    for (ModeChoice known : {ModeChoice::kLowest, ModeChoice::kContribution})
+      if (words.size() == 1 && words[0] == ModeChoiceName(known)) choice = known;
+    if (!choice)
+      return c.ModelError("text 'fork1s_mode_choice'",
+                          fmt::format("'{}' is no choice of modes; write lowest or contribution", *text));
+  }
   for (MechanismDef& mechanism : c.scene.mechanisms) {
     if (modes) mechanism.modes = *modes;
+    if (choice) mechanism.mode_choice = *choice;
   }
   return ApplyInterfaces(c, options);
 }

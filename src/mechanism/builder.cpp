@@ -54,8 +54,9 @@ MechanismBuilder& MechanismBuilder::SetInterfaces(std::vector<std::string> bodie
   return *this;
 }
 
-MechanismBuilder& MechanismBuilder::SetModes(int modes) {
+MechanismBuilder& MechanismBuilder::SetModes(int modes, ModeChoice choice) {
   definition_.modes = modes;
+  definition_.mode_choice = choice;
   return *this;
 }
 

@@ -9,6 +9,11 @@
 namespace fork1s::internal {
 
 template <>
+struct EnumNames<ModeChoice> {
+  static constexpr std::pair<ModeChoice, const char*> kNames[] = {
+      {ModeChoice::kLowest, "lowest"}, {ModeChoice::kContribution, "contribution"}};
+};
+template <>
 struct EnumNames<BaseKind> {
   static constexpr std::pair<BaseKind, const char*> kNames[] = {
       {BaseKind::kFixed, "fixed"}, {BaseKind::kFloating, "floating"}, {BaseKind::kDriven, "driven"}};
@@ -120,10 +125,11 @@ void Fields(A& a, Like<ControlDef, A>& s) {
 template <class A>
 void Fields(A& a, Like<MechanismDef, A>& s) {
   auto& [name, base, X_WR, bodies, joints, closures, couplings, springs, controls, interfaces, chosen,
-         modes] = s;
+         modes, mode_choice] = s;
   a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
   a("closures", closures), a("couplings", couplings), a("springs", springs), a("controls", controls);
   a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);
+  a("mode_choice", mode_choice);
 }
 
 template <class A>

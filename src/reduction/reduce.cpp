@@ -7,6 +7,7 @@
 #include <Eigen/SVD>
 
 #include "elastic_basis.hpp"
+#include "mode_choice.hpp"
 #include "modes.hpp"
 
 namespace fork1s {
@@ -103,6 +104,7 @@ void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
   model.T.setZero(6, static_cast<Eigen::Index>(b) * r);
   model.M = model.Q.transpose() * mechanism.armature().asDiagonal() * model.Q;
   model.M_0z.setZero(6, r);
+  model.M_00.setZero();
   Matrix6X IT(6, r);
   std::size_t j = 0;
   const auto& joints = mechanism.joints();
@@ -121,6 +123,36 @@ void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
     model.M.noalias() += T.transpose() * IT;
   }
   model.M = 0.5 * (model.M + model.M.transpose()).eval();
+}
+
+// Q = [N, V Y_r, V Φ] and its stiffness.
+void FillBasis(ReducedModel& model, const internal::ElasticBasis& basis, const MatrixX& Y_r,
+               const MatrixX& modes) {
+  const int n = model.num_coordinates();
+  model.num_modes = static_cast<int>(modes.cols());
+  const int r = model.num_free + model.num_elastic + model.num_modes;
+  model.Q.resize(n, r);
+  if (model.num_free > 0) model.Q.leftCols(model.num_free) = basis.DenseFree(n);
+  for (int i = 0; i < model.num_elastic; ++i) model.Q.col(model.num_free + i) = basis.ApplyV(Y_r.col(i), n);
+  for (int i = 0; i < model.num_modes; ++i)
+    model.Q.col(model.num_free + model.num_elastic + i) = basis.ApplyV(modes.col(i), n);
+  model.K_r = VectorX::Ones(r);
+  model.K_r.head(model.num_free).setZero();
+}
+
+// Inertia and damping in the coordinates of Q.
+void FillOperators(ReducedModel& model, const Kinematics& kinematics) {
+  const Mechanism& mechanism = *model.mechanism;
+  FillInertia(model, kinematics);
+  model.D = mechanism.springs().empty() && mechanism.closures().empty()
+                ? MatrixX(model.Q.transpose() * mechanism.damping().asDiagonal() * model.Q)
+                : MatrixX(model.Q.transpose() * DampingMatrix(mechanism, kinematics, model.q_ref) * model.Q);
+}
+
+// Modes among which `wanted` are chosen by contribution: all, while their dense eigenproblem stays cheap.
+int CandidateModes(int elastic, int wanted) {
+  constexpr int kAll = 300;
+  return elastic <= kAll ? elastic : std::max(4 * wanted, 48);
 }
 
 void FillLoopMetric(ReducedModel& model, const Kinematics& kinematics) {
@@ -202,25 +234,19 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
   model.num_elastic = static_cast<int>(Y_r.cols());
   internal::Modes modes{MatrixX(e, 0), VectorX(0)};
   const int wanted = options.modes >= 0 ? options.modes : mechanism.definition().modes;
-  if (!complete) {
-    modes = internal::LowestModes(mechanism, kinematics, basis, Y_r, MatrixX(e, 0), MatrixX(0, 0), wanted);
-    model.num_modes = static_cast<int>(modes.vectors.cols());
+  const bool by_contribution = mechanism.definition().mode_choice == ModeChoice::kContribution;
+  if (!complete)
+    modes = internal::LowestModes(mechanism, kinematics, basis, Y_r, MatrixX(e, 0), MatrixX(0, 0),
+                                  by_contribution ? CandidateModes(e, wanted) : wanted);
+  FillBasis(model, basis, Y_r, modes.vectors);
+  FillOperators(model, kinematics);
+  if (by_contribution && model.num_modes > wanted) {
+    const MatrixX chosen = modes.vectors(Eigen::all, internal::ContributingModes(model, J, L, wanted)).eval();
+    FillBasis(model, basis, Y_r, chosen);
+    FillOperators(model, kinematics);
   }
-
-  const int r = model.num_free + model.num_elastic + model.num_modes;
-  model.Q.resize(n, r);
-  if (model.num_free > 0) model.Q.leftCols(model.num_free) = basis.DenseFree(n);
-  for (int i = 0; i < model.num_elastic; ++i) model.Q.col(model.num_free + i) = basis.ApplyV(Y_r.col(i), n);
-  for (int i = 0; i < model.num_modes; ++i)
-    model.Q.col(model.num_free + model.num_elastic + i) = basis.ApplyV(modes.vectors.col(i), n);
-  model.K_r = VectorX::Ones(r);
-  model.K_r.head(model.num_free).setZero();
-
-  FillInertia(model, kinematics);
-  model.D = mechanism.springs().empty() && mechanism.closures().empty()
-                ? MatrixX(model.Q.transpose() * mechanism.damping().asDiagonal() * model.Q)
-                : MatrixX(model.Q.transpose() * DampingMatrix(mechanism, kinematics, q_ref) * model.Q);
   FillLoopMetric(model, kinematics);
+  const int r = model.size();
 
   model.has_complement = model.num_elastic + model.num_modes < e;
   if (model.has_complement) {

@@ -213,6 +213,20 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   weight = 10;
   o.substeps = 1;
   auto own = internal::RunMuJoCo(options.model_path, scene, tracked, 0, o);
+  // A file may ask for a step that MuJoCo does not survive: then the first of its halves that it does is the
+  // truth.
+  constexpr int kHalvings = 12;
+  double step = scene.timestep;
+  for (int i = 0; i < kHalvings && !own && own.error().code == ErrorCode::kNumerics; ++i) {
+    const Error unstable = own.error();
+    step /= 2;
+    own = internal::RunMuJoCo(options.model_path, scene, tracked, step, o);
+    if (own)
+      out.warnings.push_back(
+          fmt::format("{}; compared with {:.4g} s, the first half of the file's step that it "
+                      "survives",
+                      unstable.Text(), step));
+  }
   if (!own) return tl::unexpected(own.error());
   // At our step it may well become unstable, and that is an answer.
   auto same = internal::RunMuJoCo(options.model_path, scene, tracked, o.interval, o);

@@ -44,6 +44,7 @@ struct ImportOptions {
   std::vector<std::string> interfaces;  // body names; replaces what the file says
   std::optional<BaseKind> base;         // replaces what the file says
   std::optional<int> modes;
+  std::optional<ModeChoice> mode_choice;
   double stiffness_scale = 1;
   std::optional<PdGains> pd;                // joints that no spring and no servo holds
   std::map<std::string, PdGains> joint_pd;  // by joint name, on top of whatever holds it

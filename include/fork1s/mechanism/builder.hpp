@@ -27,7 +27,7 @@ class MechanismBuilder {
   MechanismBuilder& AddSpring(SpringDef spring);
   MechanismBuilder& AddControl(ControlDef control);
   MechanismBuilder& SetInterfaces(std::vector<std::string> bodies);
-  MechanismBuilder& SetModes(int modes);
+  MechanismBuilder& SetModes(int modes, ModeChoice choice = ModeChoice::kLowest);
   MechanismBuilder& SetBasePose(const RigidTransform& X_WR);
 
   const MechanismDef& definition() const { return definition_; }

@@ -145,6 +145,12 @@ enum class BaseKind {
   kDriven,    ///< follows a prescribed pose
 };
 
+/// Which fixed-interface modes a reduced model keeps when it does not keep all.
+enum class ModeChoice {
+  kLowest,        ///< those of lowest frequency (Craig and Bampton)
+  kContribution,  ///< those that the interface bodies would miss most
+};
+
 /// Everything that makes one mechanism.
 struct MechanismDef {
   std::string name;
@@ -159,6 +165,7 @@ struct MechanismDef {
   std::vector<std::string> interfaces;  // names of the bodies that touch the world
   bool interfaces_chosen = true;        // false: picked by the importer, not named by the user
   int modes = 4;                        // fixed-interface modes to keep
+  ModeChoice mode_choice = ModeChoice::kLowest;
 
   BodyIndex FindBody(const std::string& body_name) const;
   JointIndex FindJoint(const std::string& joint_name) const;

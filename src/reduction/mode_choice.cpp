@@ -1,0 +1,102 @@
+#include "mode_choice.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numeric>
+
+#include <Eigen/LU>
+
+namespace fork1s::internal {
+namespace {
+
+using Complex = std::complex<double>;
+using MatrixXc = Eigen::MatrixXcd;
+
+constexpr double kStep = 1.0 / 60;    // s, the default step
+constexpr double kLowest = 0.05;      // Hz; slower motion is static to every mode that could be left out
+constexpr int kFrequencies = 48;      // 14 % apart: peaks of a step this damped are wider
+const double kHighest = 0.5 / kStep;  // Hz, what the step can show
+
+// s of the implicit Euler step at a frequency [Hz].
+Complex Laplace(double frequency) {
+  const double angle = 2 * M_PI * frequency * kStep;
+  return (1.0 - std::polar(1.0, -angle)) / kStep;
+}
+
+}  // namespace
+
+std::vector<int> ContributingModes(const ReducedModel& all, const MatrixX& J, double length, int count) {
+  const Mechanism& mechanism = *all.mechanism;
+  const int candidates = all.num_modes;
+  std::vector<int> order(static_cast<std::size_t>(candidates));
+  std::iota(order.begin(), order.end(), 0);
+  if (count >= candidates) return order;
+
+  const int base = mechanism.base() == BaseKind::kFloating ? 6 : 0;
+  const int seen = all.num_free + all.num_elastic, b = base + seen;
+  MatrixX M_B = MatrixX::Zero(b, b), D_B = MatrixX::Zero(b, b), m = MatrixX::Zero(b, candidates),
+          c = MatrixX::Zero(b, candidates), J_B = MatrixX::Zero(J.rows(), b);
+  M_B.bottomRightCorner(seen, seen) = all.M.topLeftCorner(seen, seen);
+  D_B.bottomRightCorner(seen, seen) = all.D.topLeftCorner(seen, seen);
+  m.bottomRows(seen) = all.M.topRightCorner(seen, candidates);
+  c.bottomRows(seen) = all.D.topRightCorner(seen, candidates);
+  J_B.rightCols(seen).noalias() = J * all.Q.leftCols(seen);
+  if (base > 0) {
+    M_B.topLeftCorner<6, 6>() = all.M_00;
+    M_B.topRightCorner(6, seen) = all.M_0z.leftCols(seen);
+    M_B.bottomLeftCorner(seen, 6) = all.M_0z.leftCols(seen).transpose();
+    m.topRows<6>() = all.M_0z.rightCols(candidates);
+    for (std::size_t e = 0; e < all.interfaces.size(); ++e) {
+      const Vector3 p = all.X_RB_ref[all.interfaces[e].u()].translation();
+      auto rows = J_B.middleRows(6 * static_cast<Eigen::Index>(e), 6);
+      rows.topLeftCorner<3, 3>() = length * Matrix3::Identity();
+      rows.block<3, 3>(3, 0) = -Skew(p);
+      rows.block<3, 3>(3, 3) = Matrix3::Identity();
+    }
+  }
+  VectorX K_B = VectorX::Zero(b);
+  K_B.tail(all.num_elastic).setOnes();
+  const VectorX mu = all.M.diagonal().tail(candidates), d = all.D.diagonal().tail(candidates);
+
+  std::vector<double> frequencies;
+  for (int i = 0; i < kFrequencies; ++i)
+    frequencies.push_back(kLowest * std::pow(kHighest / kLowest, i / double(kFrequencies - 1)));
+  for (int i = 0; i < candidates; ++i)
+    if (const double f = 1 / (2 * M_PI * std::sqrt(mu(i))); f > kLowest && f < kHighest)
+      frequencies.push_back(f);
+
+  // Loads: the weight of the whole on the interface, and gravity on all bodies (or, the same, an acceleration
+  // of the base), in every direction. A floating base falls with its bodies.
+  MatrixX f_B(b, J.rows() + 3), f(candidates, J.rows() + 3);
+  f_B << all.M_00(5, 5) * J_B.transpose(), MatrixX::Zero(b, 3);
+  f.setZero();
+  if (base == 0) {
+    f_B.rightCols(3) = all.M_0z.block(3, 0, 3, seen).transpose();
+    f.rightCols(3) = all.M_0z.block(3, seen, 3, candidates).transpose();
+  }
+
+  VectorX score = VectorX::Zero(candidates);
+  for (const double frequency : frequencies) {
+    const Complex s = Laplace(frequency);
+    MatrixXc A = s * D_B.cast<Complex>() + s * s * M_B.cast<Complex>();
+    A.diagonal() += K_B.cast<Complex>();
+    const MatrixXc w = s * s * m.cast<Complex>() + s * c.cast<Complex>();
+    const MatrixXc carried = A.partialPivLu().solve(w);
+    const MatrixXc moved = J_B.cast<Complex>() * carried;
+    const MatrixXc driven = f.cast<Complex>() - carried.transpose() * f_B.cast<Complex>();
+    for (int i = 0; i < candidates; ++i) {
+      const double now =
+          moved.col(i).norm() * driven.row(i).norm() / std::abs(1.0 + s * d(i) + s * s * mu(i));
+      if (std::isfinite(now)) score(i) = std::max(score(i), now);
+    }
+  }
+  // Among equals, as in a mechanism without damping or coupling, the lower frequency comes first.
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int i, int k) { return score(i) > (1 + 1e-9) * score(k); });
+  order.resize(static_cast<std::size_t>(count));
+  std::sort(order.begin(), order.end());
+  return order;
+}
+
+}  // namespace fork1s::internal

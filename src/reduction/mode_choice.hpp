@@ -1,0 +1,23 @@
+// Which of many fixed-interface modes matter to the interface bodies.
+#pragma once
+
+#include <fork1s/reduction/reduced_model.hpp>
+#include <vector>
+
+namespace fork1s::internal {
+
+/// `all` holds N, V Y_r and every candidate mode in Q, with M, M_0z and D. J [6E x n]: Jacobian of the
+/// interface bodies in joint coordinates, rotation rows times `length`. Returns at most `count` numbers of
+/// modes, counted from 0 among the candidates, in increasing order.
+///
+/// A mode left out takes w_i = s² m_i + s c_i away from what the coordinates B = [base, N, V Y_r] feel (m_i
+/// and c_i its coupling to them by mass and damping): its Schur complement. In the displacement of the
+/// interface under unit load that is, to first order,
+///
+///     score_i = max_s |J_B A_B(s)⁻¹ w_i(s)|² / |1 + s d_i + s² µ_i|,   A_B = K_B + s D_B + s² M_B.
+///
+/// s runs along s(ω) = (1 - exp(-iωh))/h, what implicit Euler with h = 1/60 s makes of iω, so that what such
+/// a step damps away does not count. docs/method.md, section 4.
+std::vector<int> ContributingModes(const ReducedModel& all, const MatrixX& J, double length, int count);
+
+}  // namespace fork1s::internal
