@@ -144,15 +144,18 @@ void MechanismDynamics::Size() {
   TakeReferenceForces();
 }
 
-// M of the present pose. A floating base needs it at every pose (see the header). Held bases are served by
-// one that is half a degree old, so that what stands still keeps its factor. Long mechanisms keep that of the
+// M of the present pose. A floating base needs it at every pose (see the header). Held bases keep it while they
+// stand still, and with it its factor. What moves must not: an old M measures the work of velocity forces
+// wrongly, and since the energy guard takes what is too much and gives nothing back, energy would be lost that
+// no smaller step brings back (Bricard's linkage: 3 J of 10 in 10 s with an M up to half a degree old). Long
+// mechanisms keep that of the
 // reference: theirs would cost n² a step, and joints that share a long path move little each.
 void MechanismDynamics::UpdateInertia() {
   if (options_.recovery == Recovery::kTwist) return;
   const Kinematics& kinematics = configuration_.kinematics;
   const int r = model_.size(), n = model_.num_coordinates();
   if (base_size_ == 0) {
-    constexpr double kStale = 0.0087;  // rad, or lengths of the mechanism
+    constexpr double kStale = 1e-4;  // rad, or lengths of the mechanism
     if (n > kLong || LargestTurn(q_of_M_) < kStale) return;
   }
   q_of_M_ = configuration_.q;
