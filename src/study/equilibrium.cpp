@@ -1,7 +1,10 @@
 #include "equilibrium.hpp"
 
+#include <algorithm>
+#include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <numbers>
 
 namespace fork1s::internal {
 namespace {
@@ -9,7 +12,7 @@ namespace {
 // s; h²K exceeds M by 1e7 and more for anything faster than a second. Longer steps cost digits in the
 // reactions, whose equations are scaled by h too.
 constexpr double kLongStep = 1e3;
-constexpr double kShare = 1e-12;  // of its mass that a body keeps where only the load is to weigh
+constexpr double kShare = 1e-10;  // of its mass that a body keeps where only the load is to weigh
 
 Scene HeldScene(const MechanismDef& definition) {
   Scene scene;
@@ -57,7 +60,7 @@ std::vector<RigidTransform> PosesOf(const Simulator& simulation) {
 
 Expected<std::vector<RigidTransform>> RestOfFull(const MechanismDef& definition, const RestLoad& load) {
   // The load is raised in steps, each an equilibrium, so that Newton stays on the branch.
-  constexpr int kLoadSteps = 12;
+  constexpr int kLoadSteps = 40;
   Scene scene = UndampedScene(definition);
   Vector3 gravity = load.gravity_W;
   if (load.body) {
@@ -101,27 +104,45 @@ Expected<std::vector<RigidTransform>> RestOfFull(const MechanismDef& definition,
 }
 
 Expected<std::vector<RigidTransform>> RestOfReduced(const MechanismDef& definition, const RestLoad& load) {
-  constexpr int kSteps = 6000;
   Scene scene = HeldScene(definition);
   scene.gravity = load.gravity_W;
+  auto mechanism = BuildMechanism(scene.mechanisms[0]);
+  if (!mechanism) return tl::unexpected(mechanism.error());
+  const auto hertz = FullFrequencies(*mechanism, VectorX::Zero(mechanism->num_coordinates()), 1);
+  if (hertz.empty()) return Fail(ErrorCode::kUnderdetermined, definition.name, "no spring holds it");
+  // Dampers of k τ, so that the slowest mode is damped critically and all others decay with exp(-t/τ). They
+  // also outweigh, in steps this short, the load's own stiffness, which the reduced step takes from its
+  // start.
+  const double tau = 1 / (std::numbers::pi * hertz.front());
+  constexpr int kStepsPerTau = 50, kRise = 10 * kStepsPerTau, kSteps = 60 * kStepsPerTau;
+  for (JointDef& joint : scene.mechanisms[0].joints)
+    for (FreedomDef& freedom : joint.freedoms) freedom.damping = tau * freedom.stiffness;
   SimulationOptions options;
-  options.dt = 1.0 / 120;
+  options.dt = tau / kStepsPerTau;
   auto simulation = Simulation::Create(std::move(scene), options);
   if (!simulation) return tl::unexpected(simulation.error());
   const int body = load.body ? simulation->FindBody(*load.body) : -1;
   std::vector<RigidTransform> before = PosesOf(*simulation);
+  bool rests = false;
   for (int i = 1; i <= kSteps; ++i) {
+    // Raised slowly, so that the motion stays on the branch that begins at the unloaded pose.
+    const double share = std::min(1.0, static_cast<double>(i) / kRise);
+    simulation->step_options().gravity = share * load.gravity_W;
     if (body >= 0)
-      simulation->ApplyWrench(body, load.force_W, Vector3::Zero(), simulation->Pose(body).translation());
+      simulation->ApplyWrench(body, share * load.force_W, Vector3::Zero(),
+                              simulation->Pose(body).translation());
     if (!simulation->Step().finite)
       return Fail(ErrorCode::kNumerics, definition.name, "the reduced simulator left the finite numbers");
-    if (i % 30 != 0) continue;
+    if (i < kRise || i % kStepsPerTau != 0) continue;
     std::vector<RigidTransform> now = PosesOf(*simulation);
     const double moved = LargestMove(before, now);
     before = std::move(now);
-    if (moved < 1e-13) break;
+    if (moved < 1e-12) return before;
+    rests = moved < 1e-8;
   }
-  return before;
+  // Loops jitter by what their correction leaves, and so do poses.
+  if (rests) return before;
+  return Fail(ErrorCode::kNumerics, definition.name, "the reduced simulator did not come to rest");
 }
 
 Expected<MatrixX> ComplianceOfFull(const MechanismDef& definition, const MatrixX& scale, double step) {

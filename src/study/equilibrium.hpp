@@ -22,7 +22,7 @@ struct RestLoad {
 /// equilibrium itself, since the full simulator solves the step as it is. A dead force is the weight of a
 /// mass at the body's origin.
 Expected<std::vector<RigidTransform>> RestOfFull(const MechanismDef& definition, const RestLoad& load);
-/// Reduced: steps under the load until nothing moves; springs damp as the definition says.
+/// Reduced: steps under the load until nothing moves, with dampers that bring it to rest soon.
 Expected<std::vector<RigidTransform>> RestOfReduced(const MechanismDef& definition, const RestLoad& load);
 
 /// Compliance of the definition's interface bodies at the reference, base held, as in WalkCompliance.
