@@ -1,6 +1,6 @@
 // Bricard's linkage: five rods on six edges of a cube, closed once more often than counting would allow.
 //
-// Problem A04 of the multibody benchmark of the IFToMM.
+// A problem of the multibody benchmark of the IFToMM.
 #include <fmt/format.h>
 #include <cmath>
 #include <numbers>
