@@ -100,18 +100,39 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
   if (!A_R.isZero(0)) SubtractRigidMotionWrenches(m, configuration_.kinematics, Vector6::Zero(), A_R, F_);
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
   if (controls_.size() > 0) AddControlForce(m, controls_, tau_);
-  if (model_.has_complement) {
-    g_ = g_ref_ + tau_;
-    ApplyComplement(model_, g_, state_.q_perp);
-    if (q_perp_offset_.size() == 0) {
-      // First loads after a refresh: what they ask for at once is kept back and fades, so that nothing jumps.
-      q_perp_offset_ = state_.q_perp;
-    }
-    state_.q_perp -= q_perp_offset_;
-  }
   SpringForce(m, configuration_.kinematics, configuration_.q, g_);
   g_ += tau_;
+  if (model_.has_complement) FollowLoads();
   if (model_.size() > 0) f_z_.noalias() = configuration_.Q_now.transpose() * g_;
+}
+
+// The interior's own displacement, one step of Newton with the stiffness of the reference towards rest under
+// g_, all joint forces of the present pose. On trees with linear springs that is C_perp (loads) exactly.
+// Loops turn with the pose: without their projector, reactions that are large and almost balanced would pass
+// for loads.
+void MechanismDynamics::FollowLoads() {
+  rest_ = g_;
+  ProjectOnLoops(model_, configuration_, rest_);
+  ApplyComplement(model_, rest_, q_perp_step_);
+  // First loads after a refresh: what they ask for at once is kept back and fades, so that nothing jumps.
+  if (q_perp_offset_.size() == 0) {
+    q_perp_offset_ = q_perp_step_;
+    q_perp_step_last_.setZero(q_perp_step_.size());
+    follow_ = 1;
+    overshoots_ = 0;
+  }
+  q_perp_step_ -= q_perp_offset_;
+  // Loads that stiffen the interior to more than twice its springs, a rope under tension, make such steps
+  // overshoot by more each time. Then they are shortened, until the next refresh.
+  constexpr double kShortest = 1.0 / 16;
+  const bool overshoots = q_perp_step_.dot(q_perp_step_last_) < -0.81 * q_perp_step_last_.squaredNorm();
+  overshoots_ = overshoots ? overshoots_ + 1 : 0;
+  if (overshoots_ >= 2 && follow_ > kShortest) {  // once is what a load that turns round does too
+    follow_ /= 2;
+    overshoots_ = 0;
+  }
+  state_.q_perp += follow_ * q_perp_step_;
+  q_perp_step_last_ = q_perp_step_;
 }
 
 }  // namespace fork1s

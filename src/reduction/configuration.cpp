@@ -65,4 +65,11 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
   out.Q_now.noalias() -= out.HA * out.AQ;
 }
 
+void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g) {
+  if (model.loop_rank() == 0) return;
+  c.lambda.noalias() = c.HA.transpose() * g;
+  c.factor.solveInPlace(c.lambda);
+  g.noalias() -= c.A.transpose() * c.lambda;
+}
+
 }  // namespace fork1s

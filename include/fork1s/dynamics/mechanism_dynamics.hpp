@@ -126,6 +126,7 @@ class MechanismDynamics {
   void TakeReferenceForces();
   void Factor(double h);
   void LoadForces(const Vector3& gravity_R, const Vector6& A_R);
+  void FollowLoads();
   void Solve(VectorX& x);
   bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
   void UpdateInertia();
@@ -163,10 +164,13 @@ class MechanismDynamics {
   Matrix6X wrenches_W_;  // 6 x bodies about the world origin, world axes
 
   // Between refreshes.
-  VectorX g_ref_;          // n, spring forces at the reference
-  VectorX q_perp_offset_;  // n, leftover of the last refresh, fading
-  MatrixX A_, M_full_;     // num_velocities²
-  MatrixX A_inverse_;      // bases that do not float
+  VectorX g_ref_;                                  // n, spring forces at the reference
+  VectorX q_perp_offset_;                          // n, leftover of the last refresh, fading
+  VectorX rest_, q_perp_step_, q_perp_step_last_;  // n
+  double follow_ = 1;                              // share of a step towards rest that the interior takes
+  int overshoots_ = 0;                             // in a row
+  MatrixX A_, M_full_;                             // num_velocities²
+  MatrixX A_inverse_;                              // bases that do not float
   Eigen::LLT<MatrixX> factor_{
       MatrixX::Identity(1, 1)};  // never without content: Eigen copies its state as it is
   double factored_h_ = -1;

@@ -100,6 +100,10 @@ struct Configuration {
 void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
                int max_corrections = 4);
 
+/// Joint forces g without what the loops' reactions take: g -= Aᵀ(A H⁻¹Aᵀ)⁻¹ A H⁻¹ g at the pose of `c`. No
+/// allocation.
+void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g);
+
 /// f_z = Q_nowᵀ g.
 inline void ProjectForce(const Configuration& c, const VectorX& g, VectorX& f_z) {
   f_z.noalias() = c.Q_now.transpose() * g;
