@@ -83,6 +83,20 @@ TEST(CompareFull, FrequenciesAreThoseOfTheOtherRooms) {
   EXPECT_NEAR(2 * M_PI * c.frequencies_reduced_hz[0], 7.5693, 5e-5);
 }
 
+// The scene that the method was made for: one body of fourteen coordinates stands for two men and a
+// trampoline.
+TEST(CompareFull, BunnyOnTheTrampolineIsWithinHalfAMillimetre) {
+  CompareOptions options;
+  options.time = 2;
+  options.refinements = 0;
+  const Comparison c = CompareOrThrow(LoadScene("firemen"), options);
+  ASSERT_EQ(c.interface.size(), 1u);
+  EXPECT_LT(c.interface[0].rms_mm, 0.5);  // what the project promises; 0.15 was seen
+  // The bunny tumbles: what differs at its first landing grows with every further one.
+  EXPECT_LT(c.free_bodies[0].rms_mm, 2);
+  EXPECT_EQ(c.unconverged_reduced, 0);
+}
+
 TEST(CompareFull, ModesBringTheReducedModelNearer) {
   CompareOptions options;
   options.time = 1;
