@@ -1,0 +1,19 @@
+import './ui/style.css';
+import { App } from './app';
+import { Notices } from './ui/notices';
+
+declare global {
+  // For tests and for the curious: the page's own objects.
+  var fork1s: App | undefined;
+}
+
+const root = document.getElementById('app');
+if (root) {
+  try {
+    const app = new App(root);
+    globalThis.fork1s = app;
+    app.connect(`ws://${location.host}/stream`);
+  } catch (error) {
+    new Notices(root).coverWith('The page cannot draw', error instanceof Error ? error.message : String(error));
+  }
+}
