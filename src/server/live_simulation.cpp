@@ -227,7 +227,7 @@ void LiveSimulation::ApplyPulls() {
   shown_.clear();
   if (pull_) {
     Pull& p = *pull_;
-    p.force_W = PullForce(simulation_, p.body, p.point_B, p.target_W, settings_.pull_stiffness, p.force_W);
+    p.force_W = PullForce(simulation_, p.body, p.point_B, p.target_W, settings_.pull_stiffness);
     const Vector3 point = simulation_.Pose(p.body) * p.point_B;
     simulation_.ApplyWrench(p.body, p.force_W, Vector3::Zero(), point);
     shown_.push_back({p.body, point, p.target_W, p.force_W});

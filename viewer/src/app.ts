@@ -184,6 +184,25 @@ export class App {
     return this.scene && this.frame ? bodyPoses(this.scene, this.frame, this.maps) : [];
   }
 
+  /** Largest distance [m] between a body on the GPU and in the reference, for the frame last drawn. */
+  poseError(): number {
+    if (!this.solver || !this.frame || this.fresh) this.draw();
+    const gpu = this.solver?.read(this.stage.renderer) ?? new Float32Array();
+    return Math.max(
+      0,
+      ...this.poses().map((X, b) =>
+        Math.hypot(X.p[0] - (gpu[7 * b] ?? NaN), X.p[1] - (gpu[7 * b + 1] ?? NaN), X.p[2] - (gpu[7 * b + 2] ?? NaN)),
+      ),
+    );
+  }
+
+  /** Where a point of a body lies on the page, in pixels. */
+  screenOf(body: number, point: readonly [number, number, number] = [0, 0, 0]): { x: number; y: number } {
+    const X = this.poses()[body];
+    const at = new THREE.Vector3(...(X ? apply(X, [...point]) : point)).project(this.stage.camera);
+    return { x: (0.5 + 0.5 * at.x) * this.root.clientWidth, y: (0.5 - 0.5 * at.y) * this.root.clientHeight };
+  }
+
   private placeCamera(): void {
     if (!this.scene || !this.frame || !this.geometry) return;
     if (this.geometry.meshes > 0 && this.meshes.length === 0) return;
