@@ -1,129 +1,214 @@
 // The page: what comes in is drawn, what the user does goes out.
 import * as THREE from 'three';
 import { LiveStream, type Request } from './net/live';
-import { PoseSolver } from './poses/gpu';
-import { bodyPoses } from './poses/reference';
-import { apply, type Rigid } from './poses/rigid';
-import { Arrows } from './scene/arrows';
-import { BodiesView } from './scene/bodies_view';
-import { Stage } from './scene/stage';
-import { COLORS, DARK, LIGHT } from './scene/theme';
+import { apply } from './poses/rigid';
+import { replayPage, Log, type RawMessage } from './replay/log';
+import { StreamRecorder } from './replay/recorder';
+import { Timeline } from './replay/timeline';
 import { Bar } from './ui/bar';
-import { element, withUnit } from './ui/dom';
+import { element, saveFile, withUnit } from './ui/dom';
+import { Help } from './ui/help';
+import { Legend } from './ui/legend';
 import { Notices } from './ui/notices';
+import { Panel, type ViewOptions } from './ui/panel';
+import { Picking } from './ui/picking';
+import { Plots } from './ui/plots';
 import { Pointer } from './ui/pointer';
+import { DARK, LIGHT } from './scene/theme';
+import { View } from './view';
 import { decodeBinary } from './wire/decode';
 import { Library } from './wire/library';
-import type { Frame, GeometryMessage, Maps, MeshData, SceneMessage, TextMessage } from './wire/messages';
+import type { Frame, TextMessage } from './wire/messages';
+
+const OPTIONS: ViewOptions = {
+  colouring: 'tips',
+  forces: true,
+  cones: false,
+  arrowScale: 0,
+  frames: false,
+  shadows: true,
+  follow: true,
+  collision: false,
+  reference: false,
+  copies: 1,
+};
 
 export class App {
-  readonly stage: Stage;
-  readonly bodies = new BodiesView();
-  readonly library = new Library();
-  solver: PoseSolver | null = null;
-  scene: SceneMessage | null = null;
-  frame: Frame | null = null;
-  framesDrawn = 0;
+  readonly view: View;
+  readonly recorder = new StreamRecorder();
+  timeline: Timeline | null = null;
   framesTaken = 0;
-  private maps: (Maps | null)[] = [];
-  private geometry: GeometryMessage | null = null;
-  private meshes: MeshData[] = [];
-  private fresh = false; // a frame that has not been drawn
-  private framed = false; // the camera has been placed
+  private library = new Library();
+  private recorded: RawMessage[] = [];
   private dark = window.matchMedia('(prefers-color-scheme: dark)').matches;
+  private drawnAt = 0;
+  private tipStart: THREE.Vector3 | null = null;
+  private live: LiveStream | null = null;
   private readonly bar: Bar;
   private readonly notices: Notices;
   private readonly pointer: Pointer;
-  private readonly contacts = new Arrows(COLORS.contact);
-  private readonly pulls = new Arrows(COLORS.pull);
+  private readonly panel: Panel;
+  private readonly plots: Plots;
+  private readonly picking: Picking;
+  private readonly legend: Legend;
+  private readonly help: Help;
   private readonly forceLabel: HTMLElement;
-  private live: LiveStream | null = null;
-  private modelSize = 1;
 
   constructor(private readonly root: HTMLElement) {
     const canvas = element('canvas', 'stage', root);
     canvas.tabIndex = 0;
     canvas.setAttribute('aria-label', 'The mechanism; drag a body to pull it, click to push it');
     this.notices = new Notices(root);
-    this.stage = new Stage(canvas);
-    this.stage.scene.add(this.bodies.group, this.contacts.group, this.pulls.group);
+    this.view = new View(canvas, { ...OPTIONS });
     this.forceLabel = element('div', 'force', root);
     this.forceLabel.hidden = true;
+    this.legend = new Legend(root);
+    this.plots = new Plots(root, saveFile);
+    this.help = new Help(root);
+    this.panel = new Panel(root, this.view.options, {
+      send: (request) => this.send(request),
+      changed: () => this.view.restyle(),
+    });
     this.bar = new Bar(root, {
       pause: () => this.togglePause(),
-      step: () => this.send({ type: 'step' }),
-      reset: () => this.send({ type: 'reset' }),
-      home: () => this.stage.goHome(),
+      step: () => this.stepOnce(),
+      reset: () => this.reset(),
+      home: () => this.view.stage.goHome(),
       theme: () => this.setDark(!this.dark),
+      record: () => this.toggleRecording(),
+      plots: () => this.togglePlots(),
+      pick: () => this.picking.toggle(),
+      help: () => this.help.toggle(),
     });
-    this.pointer = new Pointer(canvas, this.stage, this.bodies, {
-      canTouch: () => this.live !== null,
-      picking: () => false,
+    this.picking = new Picking(root, this.view, {
+      send: (request) => this.send(request),
+      changed: (on) => {
+        this.bar.setPicking(on);
+        canvas.classList.toggle('picking', on);
+      },
+    });
+    this.pointer = new Pointer(canvas, this.view.stage, this.view.bodies, {
+      canTouch: () => this.live !== null && this.timeline === null && this.view.options.copies === 1,
+      picking: () => this.picking.on,
       pull: (body, point, target) =>
         this.send({ type: 'pull', body, point: point.toArray(), target: target.toArray() }),
       release: () => this.send({ type: 'release' }),
       push: (body, point, direction) =>
         this.send({ type: 'push', body, point: point.toArray(), target: direction.toArray() }),
-      choose: () => undefined,
-      hover: () => undefined,
+      choose: (body) => this.picking.choose(body),
+      hover: (body) => this.legend.hover(this.view.scene?.bodies[body]),
       worldPoint: (body, point) => {
-        const X = this.poses()[body];
+        const X = this.view.poses()[body];
         return X ? new THREE.Vector3(...apply(X, point.toArray())) : point.clone();
       },
     });
+    this.recorder.onFull = () => {
+      this.notices.say('The recording is ten minutes long and ends here.');
+      this.toggleRecording();
+    };
     this.setDark(this.dark);
+    this.view.restyle();
+    if (root.clientWidth < 900) this.panel.close();
     window.addEventListener('keydown', (event) => this.key(event));
     new ResizeObserver(() => this.resize()).observe(root);
     this.resize();
-    this.stage.renderer.setAnimationLoop(() => this.draw());
+    this.view.stage.renderer.setAnimationLoop((now) => this.draw(now));
   }
 
+  /** Shows a running simulation. */
   connect(url: string): void {
     this.notices.coverWith('Connecting', 'Waiting for the simulation.');
     this.live = new LiveStream(url, {
-      opened: () => {
-        this.library.clear();
-        this.scene = null;
-      },
+      opened: () => this.library.clear(),
       message: (data) => this.take(data),
       closed: (reason) => {
         this.bar.setEnabled(false);
+        this.panel.setEnabled(false);
         if (reason) this.notices.say(`The program closed the connection: ${reason}`);
-        this.notices.coverWith('No connection', 'The simulation does not answer. This page tries again by itself.');
+        if (!this.timeline)
+          this.notices.coverWith('No connection', 'The simulation does not answer. This page tries again by itself.');
       },
     });
     this.live.start();
+  }
+
+  /** Plays a recording; without a stream behind it this is all the page does. */
+  play(messages: RawMessage[]): void {
+    const library = new Library();
+    // Shapes are the same for a whole session: those of a recording from this very stream are on the stage.
+    const log = new Log(messages, library, (message) => {
+      if (!this.live) this.takeShapes(message);
+    });
+    if (log.moments.length === 0) {
+      this.notices.say('The recording holds no frame.');
+      return;
+    }
+    this.recorded = messages;
+    this.timeline?.remove();
+    this.timeline = new Timeline(this.root, log, {
+      show: (index) => {
+        const frame = log.frameAt(index);
+        if (frame) this.show(frame, library);
+      },
+      ...(this.live ? { live: () => this.backToLive(), save: () => void this.saveReplay() } : {}),
+    });
+    this.notices.uncover();
+    this.panel.setEnabled(false);
+    this.bar.setReplay(true, this.live !== null);
+  }
+
+  private backToLive(): void {
+    this.timeline?.remove();
+    this.timeline = null;
+    this.bar.setReplay(false, true);
+    this.panel.setEnabled(true);
+  }
+
+  private async saveReplay(): Promise<void> {
+    const page = await (await fetch('/')).text();
+    saveFile('fork1s-replay.html', replayPage(page, this.recorded), 'text/html');
   }
 
   send(request: Request): void {
     this.live?.send(request);
   }
 
-  take(data: string | ArrayBuffer): void {
+  /** One message of the stream. */
+  take(data: RawMessage): void {
+    this.recorder.take(data);
     if (typeof data === 'string') {
-      this.takeText(JSON.parse(data) as TextMessage);
+      this.takeText(data);
       return;
     }
     const message = decodeBinary(data);
-    if (message.kind === 'meshes') {
-      this.meshes = message.meshes;
-      this.showShapes();
-    } else if (message.kind === 'maps') {
-      this.library.addMaps(message.maps);
-    } else {
-      this.takeFrame(message.frame);
+    if (message.kind === 'meshes') this.view.setMeshes(message.meshes);
+    else if (message.kind === 'maps') this.library.addMaps(message.maps);
+    else if (!this.timeline) {
+      this.show(message.frame, this.library);
+      this.library.keepOnly(message.frame);
     }
   }
 
-  private takeText(message: TextMessage): void {
+  private takeShapes(message: RawMessage): void {
+    if (typeof message === 'string') {
+      this.takeText(message);
+      return;
+    }
+    const binary = decodeBinary(message);
+    if (binary.kind === 'meshes') this.view.setMeshes(binary.meshes);
+  }
+
+  private takeText(text: string): void {
+    const message = JSON.parse(text) as TextMessage;
     switch (message.type) {
       case 'geometry':
-        this.geometry = message;
-        this.meshes = [];
-        if (message.meshes === 0) this.showShapes();
+        this.view.setGeometry(message);
         break;
       case 'scene':
         this.library.addScene(message);
+        break;
+      case 'settings':
+        this.panel.useSettings(message);
         break;
       case 'notice':
         this.notices.say(message.message);
@@ -131,184 +216,158 @@ export class App {
       case 'error':
         this.notices.coverWith('The model cannot be shown', message.message);
         break;
-      case 'settings':
-        break;
     }
   }
 
-  private takeFrame(frame: Frame): void {
-    const maps = this.library.mapsOf(frame);
-    const scene = this.library.scene(frame.epoch);
+  private show(frame: Frame, library: Library): void {
+    const maps = library.mapsOf(frame);
+    const scene = library.scene(frame.epoch);
     if (!maps || !scene) return; // what it refers to is still on its way
-    if (this.scene !== scene) this.useScene(scene);
-    this.frame = frame;
-    this.maps = maps;
-    this.fresh = true;
+    if (this.view.scene !== scene) {
+      this.bar.setTitle(scene.title);
+      this.panel.useScene(scene);
+      this.picking.useScene(scene);
+      this.tipStart = null;
+      for (const warning of this.view.scene ? [] : scene.warnings) this.notices.say(warning);
+    }
+    this.view.setFrame(scene, frame, maps);
     ++this.framesTaken;
-    this.library.keepOnly(frame);
+    this.addSample(frame);
     this.notices.uncover();
-    this.bar.setEnabled(this.live !== null);
-    if (!this.framed) this.placeCamera();
+    if (!this.timeline) {
+      this.bar.setEnabled(this.live !== null);
+      this.panel.setEnabled(true);
+    }
   }
 
-  private useScene(scene: SceneMessage): void {
-    this.scene = scene;
-    this.solver?.dispose();
-    this.solver = new PoseSolver(scene);
-    this.bodies.use(this.solver);
-    this.bar.setTitle(scene.title);
-    this.style();
-  }
-
-  private showShapes(): void {
-    if (!this.geometry) return;
-    this.bodies.show(this.geometry, this.meshes, false);
-    if (this.solver) this.bodies.use(this.solver);
-    this.style();
-    this.framed = false;
-  }
-
-  private style(): void {
-    if (!this.scene) return;
-    const styles = new Float32Array(4 * Math.max(1, this.scene.bodies.length));
-    const tone = new THREE.Color();
-    this.scene.bodies.forEach((body, b) => {
-      tone.set(body.interface ? COLORS.interface : COLORS.interior);
-      styles.set([tone.r, tone.g, tone.b, body.interface ? 0.85 : 0], 4 * b);
+  private addSample(frame: Frame): void {
+    const tip = this.view.scene?.bodies.findIndex((b) => b.interface) ?? -1;
+    const X = this.plots.shown && tip >= 0 ? this.view.poses()[tip] : undefined;
+    const at = X ? new THREE.Vector3(...X.p) : null;
+    this.tipStart ??= at;
+    this.plots.add({
+      time: this.scalar('time'),
+      values: [
+        this.scalar('real_time_factor'),
+        this.scalar('step_us'),
+        frame.contacts.reduce((sum, c) => sum + Math.hypot(...c.force), 0),
+        this.scalar('kinetic_energy') + this.scalar('potential_energy'),
+        1000 * this.scalar('joint_gap'),
+        at && this.tipStart ? 1000 * at.distanceTo(this.tipStart) : 0,
+      ],
     });
-    this.bodies.setStyles(styles);
   }
 
-  /** Poses of all bodies in the present frame, in double precision. */
-  poses(): Rigid[] {
-    return this.scene && this.frame ? bodyPoses(this.scene, this.frame, this.maps) : [];
+  scalar(name: string): number {
+    const at = this.view.scene?.scalars.indexOf(name) ?? -1;
+    return at < 0 ? NaN : (this.view.frame?.scalars[at] ?? NaN);
   }
 
-  /** Largest distance [m] between a body on the GPU and in the reference, for the frame last drawn. */
-  poseError(): number {
-    if (!this.solver || !this.frame || this.fresh) this.draw();
-    const gpu = this.solver?.read(this.stage.renderer) ?? new Float32Array();
-    return Math.max(
-      0,
-      ...this.poses().map((X, b) =>
-        Math.hypot(X.p[0] - (gpu[7 * b] ?? NaN), X.p[1] - (gpu[7 * b + 1] ?? NaN), X.p[2] - (gpu[7 * b + 2] ?? NaN)),
-      ),
-    );
-  }
-
-  /** Where a point of a body lies on the page, in pixels. */
-  screenOf(body: number, point: readonly [number, number, number] = [0, 0, 0]): { x: number; y: number } {
-    const X = this.poses()[body];
-    const at = new THREE.Vector3(...(X ? apply(X, [...point]) : point)).project(this.stage.camera);
-    return { x: (0.5 + 0.5 * at.x) * this.root.clientWidth, y: (0.5 - 0.5 * at.y) * this.root.clientHeight };
-  }
-
-  private placeCamera(): void {
-    if (!this.scene || !this.frame || !this.geometry) return;
-    if (this.geometry.meshes > 0 && this.meshes.length === 0) return;
-    const box = this.bodies.box(this.scene, this.poses());
-    const planes = this.bodies.planes.filter((p) => p.body < 0).map((p) => p.pose[2]);
-    this.stage.frame(box, planes.length > 0 ? Math.max(...planes) : box.min.z);
-    this.modelSize = box.getSize(new THREE.Vector3()).length();
-    this.framed = true;
-  }
-
-  private draw(): void {
-    if (this.fresh && this.solver && this.frame) {
-      this.fresh = false;
-      this.solver.set(this.frame, this.maps);
-      this.solver.solve(this.stage.renderer);
-      this.showForces(this.frame);
-      this.showState(this.frame);
-    }
+  private draw(now: number): void {
+    const seconds = Math.min(0.25, (now - this.drawnAt) / 1000);
+    this.drawnAt = now;
+    this.timeline?.advance(seconds);
     this.pointer.update();
+    if (this.view.draw()) this.showState();
     this.placeForceLabel();
-    this.stage.render();
-    ++this.framesDrawn;
-  }
-
-  private showForces(frame: Frame): void {
-    const width = 0.004 * this.modelSize;
-    const largest = Math.max(1e-9, ...frame.contacts.map((c) => Math.hypot(...c.force)));
-    const scale = (0.16 * this.modelSize) / largest;
-    this.contacts.begin();
-    for (const c of frame.contacts) {
-      const sign = c.b < 0 ? -1 : 1; // on the body that moves, if only one does
-      this.contacts.add(c.point, [sign * scale * c.force[0], sign * scale * c.force[1], sign * scale * c.force[2]], width);
-    }
-    this.contacts.end();
-    this.pulls.begin();
-    for (const p of frame.pulls)
-      this.pulls.add(
-        p.point,
-        [p.target[0] - p.point[0], p.target[1] - p.point[1], p.target[2] - p.point[2]],
-        0.6 * width,
-      );
-    this.pulls.end();
+    this.plots.draw(now);
   }
 
   private placeForceLabel(): void {
-    const pull = this.frame?.pulls[0];
+    const pull = this.view.frame?.pulls[0];
     this.forceLabel.hidden = !pull;
     if (!pull) return;
-    const at = new THREE.Vector3(...pull.target).project(this.stage.camera);
+    const at = new THREE.Vector3(...pull.target).project(this.view.stage.camera);
     this.forceLabel.style.left = `${(0.5 + 0.5 * at.x) * this.root.clientWidth}px`;
     this.forceLabel.style.top = `${(0.5 - 0.5 * at.y) * this.root.clientHeight}px`;
     this.forceLabel.textContent = withUnit(Math.hypot(...pull.force), 'N');
   }
 
-  scalar(name: string): number {
-    const at = this.scene?.scalars.indexOf(name) ?? -1;
-    return at < 0 ? NaN : (this.frame?.scalars[at] ?? NaN);
-  }
-
-  private showState(frame: Frame): void {
-    const factor = this.scalar('real_time_factor');
-    const parts = [
-      `${this.scalar('time').toFixed(2)} s`,
-      frame.paused ? 'paused' : `${factor.toFixed(2)} × real time`,
-      `${this.scalar('step_us').toFixed(0)} µs a step`,
-    ];
+  private showState(): void {
+    const { frame } = this.view;
+    if (!frame) return;
+    const parts = [`${this.scalar('time').toFixed(2)} s`];
+    if (this.timeline) parts.push('recording');
+    else {
+      parts.push(frame.paused ? 'paused' : `${this.scalar('real_time_factor').toFixed(2)} × real time`);
+      parts.push(`${this.scalar('step_us').toFixed(0)} µs a step`);
+      const reduce = this.scalar('reduce_ms');
+      if (reduce > 0) parts.push(`reduced in ${reduce.toPrecision(2)} ms`);
+    }
     this.bar.setState(parts.join('  ·  '));
-    this.bar.setPaused(frame.paused);
+    this.bar.setPaused(this.timeline ? !this.timeline.playing : frame.paused);
+    this.legend.show(this.view, frame, this.scalar('load_factor'));
   }
 
   private togglePause(): void {
-    if (this.frame) this.send({ type: 'pause', on: !this.frame.paused });
+    if (this.timeline) this.timeline.toggle();
+    else if (this.view.frame) this.send({ type: 'pause', on: !this.view.frame.paused });
+  }
+
+  private stepOnce(): void {
+    if (this.timeline) this.timeline.step(1);
+    else this.send({ type: 'step' });
+  }
+
+  private reset(): void {
+    if (this.timeline) this.timeline.rewind();
+    else this.send({ type: 'reset' });
+  }
+
+  private toggleRecording(): void {
+    if (this.timeline || !this.live) return;
+    if (this.recorder.recording) this.play(this.recorder.stop());
+    else this.recorder.start();
+    this.bar.setRecording(this.recorder.recording);
+  }
+
+  private togglePlots(): void {
+    this.plots.toggle();
+    this.root.classList.toggle('with-plots', this.plots.shown);
+    this.bar.setPlots(this.plots.shown);
   }
 
   private setDark(dark: boolean): void {
     this.dark = dark;
     document.documentElement.dataset['theme'] = dark ? 'dark' : 'light';
-    this.stage.setTheme(dark ? DARK : LIGHT);
+    this.view.stage.setTheme(dark ? DARK : LIGHT);
+    if (this.plots.shown) this.plots.build();
   }
+
+  private readonly keys: Record<string, () => void> = {
+    ' ': () => this.togglePause(),
+    ArrowRight: () => this.stepOnce(),
+    ArrowLeft: () => this.timeline?.step(-1),
+    Backspace: () => this.reset(),
+    f: () => this.view.stage.goHome(),
+    t: () => this.setDark(!this.dark),
+    r: () => this.toggleRecording(),
+    p: () => this.togglePlots(),
+    i: () => this.picking.toggle(),
+    s: () => this.panel.toggle(),
+    '?': () => this.help.toggle(),
+    Escape: () => this.help.close(),
+  };
 
   private key(event: KeyboardEvent): void {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.target instanceof HTMLInputElement || event.target instanceof HTMLSelectElement) return;
-    switch (event.key) {
-      case ' ':
-        this.togglePause();
-        break;
-      case 'ArrowRight':
-        this.send({ type: 'step' });
-        break;
-      case 'Backspace':
-        this.send({ type: 'reset' });
-        break;
-      case 'f':
-        this.stage.goHome();
-        break;
-      case 't':
-        this.setDark(!this.dark);
-        break;
-      default:
-        return;
-    }
+    const target = event.target;
+    // In a slider or list the arrows are its own.
+    if (target instanceof HTMLInputElement || target instanceof HTMLSelectElement) return;
+    if (event.key === ' ' && target instanceof HTMLButtonElement) return;
+    const act = this.keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (!act) return;
+    act();
     event.preventDefault();
   }
 
   private resize(): void {
-    this.stage.resize(this.root.clientWidth, this.root.clientHeight);
+    this.view.stage.resize(this.root.clientWidth, this.root.clientHeight);
+    if (this.plots.shown) this.plots.resize();
+  }
+
+  /** Where a point of a body lies on the page, in pixels. */
+  screenOf(body: number, point: readonly [number, number, number] = [0, 0, 0]): { x: number; y: number } {
+    return this.view.screenOf(body, point, this.root.clientWidth, this.root.clientHeight);
   }
 }

@@ -1,5 +1,6 @@
 import './ui/style.css';
 import { App } from './app';
+import { fromBase64, RECORDING_ID, unpack } from './replay/log';
 import { Notices } from './ui/notices';
 
 declare global {
@@ -12,7 +13,9 @@ if (root) {
   try {
     const app = new App(root);
     globalThis.fork1s = app;
-    app.connect(`ws://${location.host}/stream`);
+    const recording = document.getElementById(RECORDING_ID)?.textContent;
+    if (recording) app.play(unpack(fromBase64(recording)));
+    else app.connect(`ws://${location.host}/stream`);
   } catch (error) {
     new Notices(root).coverWith('The page cannot draw', error instanceof Error ? error.message : String(error));
   }

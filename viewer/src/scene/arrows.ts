@@ -15,7 +15,7 @@ export class Arrows {
     color: number,
     private readonly room = 256,
   ) {
-    const material = new THREE.MeshStandardMaterial({ color, roughness: 0.5, emissive: color, emissiveIntensity: 0.25 });
+    const material = new THREE.MeshStandardMaterial({ color, roughness: 0.5, emissive: color, emissiveIntensity: 0.25, depthTest: false });
     const shaft = new THREE.CylinderGeometry(1, 1, 1, 12).translate(0, 0.5, 0);
     const head = new THREE.ConeGeometry(1, 1, 16).translate(0, 0.5, 0);
     this.shafts = new THREE.InstancedMesh(shaft, material, room);
@@ -23,6 +23,7 @@ export class Arrows {
     for (const mesh of [this.shafts, this.heads]) {
       mesh.frustumCulled = false;
       mesh.count = 0;
+      mesh.renderOrder = 3; // forces inside a body are forces too: drawn over it
       this.group.add(mesh);
     }
   }

@@ -70,6 +70,10 @@ export class BodiesView {
     this.styles.needsUpdate = true;
   }
 
+  get geometry(): THREE.BufferGeometry | null {
+    return this.merged?.moving ?? null;
+  }
+
   get planes(): MergedShapes['planes'] {
     return this.merged?.planes ?? [];
   }

@@ -14,8 +14,8 @@ float lines(vec2 at, float width) {
   return 1.0 - min(min(d.x, d.y) / width, 1.0);
 }
 void main() {
-  float fine = 0.35 * lines(place / spacing, 1.0);
-  float coarse = 0.8 * lines(place / (5.0 * spacing), 1.3);
+  float fine = 0.22 * lines(place / spacing, 1.0);
+  float coarse = 0.5 * lines(place / (5.0 * spacing), 1.3);
   float fade = 1.0 - smoothstep(0.25, 1.0, length(place - centre) / reach);
   gl_FragColor = vec4(line, max(fine, coarse) * fade);
 }`;
@@ -95,6 +95,10 @@ export class Stage {
     this.sky.groundColor.set(theme.soil);
     this.sky.intensity = theme.dark ? 0.9 : 1.25;
     this.key.intensity = theme.dark ? 2.0 : 2.3;
+  }
+
+  setShadows(on: boolean): void {
+    this.key.castShadow = on;
   }
 
   /** Puts camera, light and ground around a box; `ground` is the height of the floor. */

@@ -54,3 +54,18 @@ export function withUnit(value: number, unit: string): string {
   if (a >= 1000 && unit === 'N') return `${(value / 1000).toPrecision(3)} kN`;
   return `${a >= 100 ? value.toFixed(0) : value.toPrecision(3)} ${unit}`;
 }
+
+/** The same without zeros at the end: for round numbers. */
+export function shortUnit(value: number, unit: string): string {
+  return `${Number(value.toPrecision(3))} ${unit}`;
+}
+
+/** Hands a text to the browser as a download. */
+export function saveFile(name: string, text: string, type = 'text/csv'): void {
+  const url = URL.createObjectURL(new Blob([text], { type }));
+  const link = element('a');
+  link.href = url;
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(url), 1000);
+}

@@ -23,24 +23,24 @@ describe.skipIf(!ready)('the page on a running hand', () => {
   it('shows the model and its name', async () => {
     expect(await page.title()).toContain('hand.xml');
     expect(await page.locator('.cover').isVisible()).toBe(false);
-    expect(await page.evaluate(() => fork1s?.bodies.triangles ?? 0)).toBeGreaterThan(1000);
+    expect(await page.evaluate(() => fork1s?.view.bodies.triangles ?? 0)).toBeGreaterThan(1000);
   });
 
   it('computes on the GPU the poses of the double-precision reference', async () => {
-    const error = await page.evaluate(() => fork1s?.poseError() ?? NaN);
+    const error = await page.evaluate(() => fork1s?.view.poseError() ?? NaN);
     expect(error).toBeLessThan(1e-6);
   });
 
   it('pauses with space, steps with the right arrow, resets with backspace', async () => {
     await page.keyboard.press('Space');
-    await page.waitForFunction(() => fork1s?.frame?.paused === true);
+    await page.waitForFunction(() => fork1s?.view.frame?.paused === true);
     const steps = await page.evaluate(() => fork1s?.scalar('steps') ?? 0);
     await page.keyboard.press('ArrowRight');
     await page.waitForFunction((n) => fork1s?.scalar('steps') === n + 1, steps);
     await page.keyboard.press('Backspace');
     await page.waitForFunction(() => fork1s?.scalar('steps') === 0);
     await page.keyboard.press('Space');
-    await page.waitForFunction(() => fork1s?.frame?.paused === false && fork1s.scalar('steps') > 2);
+    await page.waitForFunction(() => fork1s?.view.frame?.paused === false && fork1s.scalar('steps') > 2);
   });
 
   it('drags an interior body, and the force shows', async () => {
@@ -50,14 +50,14 @@ describe.skipIf(!ready)('the page on a running hand', () => {
     await page.mouse.move(at.x, at.y);
     await page.mouse.down();
     await page.mouse.move(at.x + 60, at.y - 30, { steps: 4 });
-    await page.waitForFunction(() => (fork1s?.frame?.pulls.length ?? 0) === 1);
+    await page.waitForFunction(() => (fork1s?.view.frame?.pulls.length ?? 0) === 1);
     await page.waitForFunction(() => /\d N$/.test(document.querySelector('.force')?.textContent ?? ''));
     await page.waitForTimeout(500);
-    const grabbed = await page.evaluate(() => fork1s?.scene?.bodies[fork1s.frame?.pulls[0]?.body ?? -1]);
+    const grabbed = await page.evaluate(() => fork1s?.view.scene?.bodies[fork1s.view.frame?.pulls[0]?.body ?? -1]);
     expect(grabbed?.interface).toBe(false);
     expect(distance(await poseOf(page, 'index_middle'), before)).toBeGreaterThan(1e-3);
     await page.mouse.up();
-    await page.waitForFunction(() => fork1s?.frame?.pulls.length === 0);
+    await page.waitForFunction(() => fork1s?.view.frame?.pulls.length === 0);
     expect(await page.locator('.force').isVisible()).toBe(false);
   });
 
@@ -70,7 +70,7 @@ describe.skipIf(!ready)('the page on a running hand', () => {
       const take = app.take.bind(app);
       app.take = (data) => {
         take(data);
-        if ((app.frame?.pulls.length ?? 0) > 0) (globalThis as { pushes?: number }).pushes = 1;
+        if ((app.view.frame?.pulls.length ?? 0) > 0) (globalThis as { pushes?: number }).pushes = 1;
       };
     });
     await page.mouse.click(at.x, at.y);
@@ -90,7 +90,7 @@ describe.skipIf(!ready)('poses in both modes, with loops', () => {
       try {
         const page = await open(browser, program.address);
         await running(page);
-        expect(await page.evaluate(() => fork1s?.poseError() ?? NaN)).toBeLessThan(1e-6);
+        expect(await page.evaluate(() => fork1s?.view.poseError() ?? NaN)).toBeLessThan(1e-6);
       } finally {
         await browser.close();
         await program.stop();

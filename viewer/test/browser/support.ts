@@ -77,15 +77,15 @@ export async function open(browser: Browser, address: string): Promise<Page> {
 
 /** Waits until the page has drawn frames of the stream. */
 export async function running(page: Page): Promise<void> {
-  await page.waitForFunction(() => (fork1s?.framesTaken ?? 0) > 2 && (fork1s?.framesDrawn ?? 0) > 2);
+  await page.waitForFunction(() => (fork1s?.framesTaken ?? 0) > 2 && (fork1s?.view.framesDrawn ?? 0) > 2);
 }
 
 /** Where a body's origin is on the page. */
 export function screenOf(page: Page, body: string, point: [number, number, number] = [0, 0, 0]): Promise<{ x: number; y: number }> {
   return page.evaluate(
     ([name, p]) => {
-      if (!fork1s?.scene) throw new Error('no scene');
-      return fork1s.screenOf(fork1s.scene.bodies.findIndex((b) => b.name === name), p);
+      if (!fork1s?.view.scene) throw new Error('no scene');
+      return fork1s.screenOf(fork1s.view.scene.bodies.findIndex((b) => b.name === name), p);
     },
     [body, point] as const,
   );
@@ -93,7 +93,7 @@ export function screenOf(page: Page, body: string, point: [number, number, numbe
 
 export function poseOf(page: Page, body: string): Promise<number[]> {
   return page.evaluate((name) => {
-    const at = fork1s?.scene?.bodies.findIndex((b) => b.name === name) ?? -1;
-    return fork1s?.poses()[at]?.p ?? [];
+    const at = fork1s?.view.scene?.bodies.findIndex((b) => b.name === name) ?? -1;
+    return fork1s?.view.poses()[at]?.p ?? [];
   }, body);
 }
