@@ -60,7 +60,15 @@ struct LiveServer::Detail {
   class Connection;
   class Viewer;
 
-  explicit Detail(const ServerOptions& o) : options(o), acceptor(context) {}
+  explicit Detail(const ServerOptions& o) : options(o) {
+    context.emplace(1);
+    acceptor.emplace(*context);
+  }
+  // Handlers that never ran hold viewers, and a viewer that goes tells the rest of this object.
+  ~Detail() {
+    acceptor.reset();
+    context.reset();
+  }
 
   void Accept();
   void Drop(int viewer);
@@ -68,8 +76,8 @@ struct LiveServer::Detail {
   bool Queue(Command command);
 
   ServerOptions options;
-  asio::io_context context{1};
-  tcp::acceptor acceptor;
+  std::optional<asio::io_context> context;
+  std::optional<tcp::acceptor> acceptor;
   std::map<int, std::weak_ptr<Viewer>> viewers;  // server thread only
   std::atomic<int> num_viewers{0};
   int next_viewer = 1;
@@ -94,6 +102,7 @@ class LiveServer::Detail::Viewer : public std::enable_shared_from_this<Viewer> {
     timeout.idle_timeout = std::chrono::seconds(20);
     timeout.keep_alive_pings = true;
     socket_.set_option(timeout);
+    socket_.auto_fragment(false);
     socket_.read_message_max(server_.options.max_message);
     socket_.async_accept(request, [self = shared_from_this()](ErrorOf error) {
       if (error) return;
@@ -233,7 +242,6 @@ class LiveServer::Detail::Connection : public std::enable_shared_from_this<Conne
       auto viewer = std::make_shared<Viewer>(server_, std::move(stream_), id);
       server_.viewers[id] = viewer;
       server_.num_viewers = static_cast<int>(server_.viewers.size());
-      if (!server_.options.model_error.empty()) viewer->Tell(Sentence("error", server_.options.model_error));
       return viewer->Start(request);
     }
     if (request.method() == http::verb::put && server_.options.take_file) {
@@ -273,7 +281,7 @@ class LiveServer::Detail::Connection : public std::enable_shared_from_this<Conne
 };
 
 void LiveServer::Detail::Accept() {
-  acceptor.async_accept([this](ErrorOf error, tcp::socket socket) {
+  acceptor->async_accept([this](ErrorOf error, tcp::socket socket) {
     if (error == asio::error::operation_aborted) return;
     if (!error) {
       ErrorOf ignored;
@@ -321,10 +329,10 @@ Expected<LiveServer> LiveServer::Create(const ServerOptions& options) {
   Detail& d = *server.detail_;
   const tcp::endpoint endpoint(asio::ip::make_address("127.0.0.1"), options.port);
   ErrorOf error;
-  d.acceptor.open(endpoint.protocol(), error);
-  if (!error) d.acceptor.set_option(asio::socket_base::reuse_address(true), error);
-  if (!error) d.acceptor.bind(endpoint, error);
-  if (!error) d.acceptor.listen(asio::socket_base::max_listen_connections, error);
+  d.acceptor->open(endpoint.protocol(), error);
+  if (!error) d.acceptor->set_option(asio::socket_base::reuse_address(true), error);
+  if (!error) d.acceptor->bind(endpoint, error);
+  if (!error) d.acceptor->listen(asio::socket_base::max_listen_connections, error);
   if (error)
     return Fail(
         ErrorCode::kModel, fmt::format("port {}", options.port),
@@ -332,19 +340,19 @@ Expected<LiveServer> LiveServer::Create(const ServerOptions& options) {
             "cannot be opened on 127.0.0.1 ({}); choose another with --port, or 0 for any that is free",
             error.message()));
   d.Accept();
-  d.thread = std::thread([&d] { d.context.run(); });
+  d.thread = std::thread([&d] { d.context->run(); });
   return server;
 }
 
 LiveServer::~LiveServer() {
   if (!detail_) return;
-  detail_->context.stop();
+  detail_->context->stop();
   if (detail_->thread.joinable()) detail_->thread.join();
 }
 
 unsigned short LiveServer::port() const {
   ErrorOf ignored;
-  return detail_->acceptor.local_endpoint(ignored).port();
+  return detail_->acceptor->local_endpoint(ignored).port();
 }
 
 void LiveServer::Publish(Snapshot snapshot) {
@@ -354,7 +362,7 @@ void LiveServer::Publish(Snapshot snapshot) {
     d.latest = std::move(snapshot);
   }
   if (d.notified.exchange(true)) return;  // the server thread has not come round yet
-  asio::post(d.context, [&d] {
+  asio::post(*d.context, [&d] {
     d.notified = false;
     for (auto& [id, viewer] : d.viewers)
       if (auto alive = viewer.lock()) alive->WriteNext();
@@ -371,7 +379,7 @@ std::vector<Command> LiveServer::TakeCommands() {
 
 void LiveServer::Tell(int viewer, const std::string& sentence) {
   Detail& d = *detail_;
-  asio::post(d.context, [&d, viewer, message = Sentence("notice", sentence)] {
+  asio::post(*d.context, [&d, viewer, message = Sentence("notice", sentence)] {
     for (auto& [id, weak] : d.viewers)
       if (viewer == 0 || id == viewer)
         if (auto alive = weak.lock()) alive->Tell(message);

@@ -4,6 +4,8 @@
 #include <fork1s/server/pull_spring.hpp>
 #include <nlohmann/json.hpp>
 
+#include "scene_description.hpp"
+
 namespace fork1s {
 namespace {
 
@@ -26,8 +28,6 @@ const char* BaseName(BaseKind kind) {
   }
   return "";
 }
-
-std::string Dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
 void AddMechanism(const MechanismDynamics& dynamics, Json& out) {
   const Mechanism& m = dynamics.mechanism();
@@ -107,20 +107,44 @@ Json ControlRange(const Mechanism& m, const Mechanism::Control& c, double radius
 
 }  // namespace
 
-std::string LiveSimulation::SceneMessage() const {
+nlohmann::json internal::DescribeScene(const Simulation& simulation, const std::string& title,
+                                       std::uint32_t epoch, bool separate) {
   Json out;
   out["type"] = "scene";
   out["version"] = 1;
-  out["epoch"] = latest_.epoch;
-  out["title"] = title_;
-  out["recovery"] = settings_.recovery == Recovery::kTwist ? "twist" : "exact";
-  out["radius"] = SceneRadius(simulation_);
+  out["epoch"] = epoch;
+  out["title"] = title;
+  out["recovery"] = simulation.options().recovery == Recovery::kTwist && !separate ? "twist" : "exact";
+  out["radius"] = SceneRadius(simulation);
   out["scalars"] = ScalarNames();
   for (const char* list : {"roots", "bodies", "joints", "screws", "controls", "groups", "warnings"})
     out[list] = Json::array();
-  for (const MechanismDynamics& m : simulation_.world().mechanisms()) AddMechanism(m, out);
-  for (const FreeBody& b : simulation_.world().free_bodies()) AddFreeBody(b, out);
+  for (const MechanismDynamics& m : simulation.world().mechanisms()) AddMechanism(m, out);
+  for (const FreeBody& b : simulation.world().free_bodies()) AddFreeBody(b, out);
+  if (!separate) return out;
+  out["roots"] = out["joints"] = out["screws"] = Json::array();
+  int number = 0;
+  for (Json& body : out["bodies"]) {
+    out["roots"].push_back({{"name", body["name"]},
+                            {"base", "free"},
+                            {"first_body", number},
+                            {"bodies", 1},
+                            {"first_coordinate", 0},
+                            {"coordinates", 0},
+                            {"mass", body["mass"]}});
+    body["root"] = number++;
+    body["last_joint"] = -1;
+    body["pose"] = Pose(RigidTransform());
+  }
+  return out;
+}
 
+std::string internal::Dump(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string LiveSimulation::SceneMessage() const {
+  Json out = internal::DescribeScene(simulation_, title_, latest_.epoch, false);
   const double radius = out["radius"].get<double>();
   std::size_t next = 0;
   for (const MechanismDynamics& m : simulation_.world().mechanisms())
@@ -137,7 +161,7 @@ std::string LiveSimulation::SceneMessage() const {
   for (const JointGroup& g : settings_.groups)
     out["groups"].push_back({{"name", g.name}, {"mechanism", g.mechanism}});
   for (const std::string& w : simulation_.warnings()) out["warnings"].push_back(w);
-  return Dump(out);
+  return internal::Dump(out);
 }
 
 std::string LiveSimulation::SettingsMessage() const {
@@ -160,7 +184,7 @@ std::string LiveSimulation::SettingsMessage() const {
   for (const JointGroup& g : s.groups) out["stiffness"].push_back(g.scale);
   out["controls"] = Json::array();
   for (Eigen::Index i = 0; i < targets_.size(); ++i) out["controls"].push_back(targets_(i));
-  return Dump(out);
+  return internal::Dump(out);
 }
 
 }  // namespace fork1s

@@ -153,13 +153,33 @@ export class App {
       ...(this.live ? { live: () => this.backToLive(), save: () => void this.saveReplay() } : {}),
     });
     this.notices.uncover();
-    this.panel.setEnabled(false);
+    this.root.classList.add('with-timeline');
     this.bar.setReplay(true, this.live !== null);
+    if (this.live) {
+      this.panel.setEnabled(false);
+      return;
+    }
+    this.panel.hideModel();
+    this.frameRecording = () => {
+      const last = log.moments.length - 1;
+      const sample = Array.from({ length: 24 }, (_, i) => log.frameAt(Math.round((i / 23) * last)));
+      this.view.frameMotion(
+        sample.flatMap((frame) => {
+          const maps = frame ? library.mapsOf(frame) : undefined;
+          return frame && maps ? [{ frame, maps }] : [];
+        }),
+      );
+    };
+    this.frameRecording();
   }
+
+  /** Puts the whole motion of a recording from disk in view. */
+  frameRecording: () => void = () => undefined;
 
   private backToLive(): void {
     this.timeline?.remove();
     this.timeline = null;
+    this.root.classList.remove('with-timeline');
     this.bar.setReplay(false, true);
     this.panel.setEnabled(true);
   }

@@ -1,5 +1,6 @@
 import './ui/style.css';
 import { App } from './app';
+import { film, filmSize } from './replay/film';
 import { fromBase64, RECORDING_ID, unpack } from './replay/log';
 import { Notices } from './ui/notices';
 
@@ -14,8 +15,11 @@ if (root) {
     const app = new App(root);
     globalThis.fork1s = app;
     const recording = document.getElementById(RECORDING_ID)?.textContent;
-    if (recording) app.play(unpack(fromBase64(recording)));
-    else app.connect(`ws://${location.host}/stream`);
+    if (recording) {
+      app.play(unpack(fromBase64(recording)));
+      const size = filmSize(location.hash);
+      if (size) void film(app, ...size);
+    } else app.connect(`ws://${location.host}/stream`);
   } catch (error) {
     new Notices(root).coverWith('The page cannot draw', error instanceof Error ? error.message : String(error));
   }

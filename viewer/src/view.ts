@@ -128,29 +128,41 @@ export class View {
     return this.scene && this.frame && this.maps.length > 0 ? bodyPoses(this.scene, this.frame, this.maps) : [];
   }
 
-  private placeCamera(): void {
+  /** Puts the whole of a motion in view: frames with the maps they need. */
+  frameMotion(moments: { frame: Frame; maps: (Maps | null)[] }[]): void {
+    const scene = this.scene;
+    if (!scene) return;
+    const box = new THREE.Box3();
+    for (const { frame, maps } of moments) box.union(this.bodies.box(scene, bodyPoses(scene, frame, maps)));
+    this.placeCamera(box);
+    this.options.follow = false;
+  }
+
+  private placeCamera(around?: THREE.Box3): void {
     if (!this.scene || !this.geometry) return;
     if (this.geometry.meshes > 0 && this.meshes.length === 0) return;
-    const box = this.bodies.box(this.scene, this.poses());
+    const box = around ?? this.bodies.box(this.scene, this.poses());
     const planes = this.bodies.planes.filter((p) => p.body < 0).map((p) => p.pose[2]);
-    const below = planes.filter((z) => z <= box.max.z);
+    const below = planes.filter((z) => z <= box.max.z && z > box.min.z - 1.5 * box.getSize(new THREE.Vector3()).length());
     this.stage.frame(box, below.length > 0 ? Math.max(...below) : box.min.z);
     this.modelSize = box.getSize(new THREE.Vector3()).length();
     this.framed = true;
     this.followed = null;
   }
 
-  /** Where the camera looks by itself: the first floating base, else nothing. */
+  /** The camera goes along with the first base that can move, softly: it should not shake with it. */
   private followBase(frame: Frame): void {
-    const at = this.scene?.roots.findIndex((r) => r.base === 'floating') ?? -1;
+    const at = this.scene?.roots.findIndex((r) => r.base === 'floating' || r.base === 'driven') ?? -1;
     const pose = frame.roots[at]?.pose;
     if (!this.options.follow || !pose) {
       this.followed = null;
       return;
     }
     const now = new THREE.Vector3(pose[0], pose[1], pose[2]);
-    if (this.followed) this.stage.follow(now.clone().sub(this.followed).setZ(0));
-    this.followed = now;
+    this.followed ??= now.clone();
+    const shift = now.sub(this.followed).multiplyScalar(0.15);
+    this.stage.follow(shift);
+    this.followed.add(shift);
   }
 
   /** Computes and draws; returns whether there was a new frame. */

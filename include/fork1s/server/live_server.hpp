@@ -18,7 +18,6 @@ namespace fork1s {
 struct ServerOptions {
   unsigned short port = 8080;  // 0: any that is free
   std::string_view page;       // HTML; must outlive the server
-  std::string model_error;     // a sentence shown in place of the stream
   std::size_t max_viewers = 32;
   std::size_t max_message = 64 << 10;  // bytes a viewer may send at once
   std::size_t max_queue = 1024;        // commands waiting for the simulation

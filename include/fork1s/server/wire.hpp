@@ -4,8 +4,10 @@
 #pragma once
 
 #include <cstdint>
+#include <fork1s/record/recording.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace fork1s {
@@ -55,5 +57,13 @@ std::string EncodeMaps(const MechanismDynamics& dynamics, std::uint32_t epoch, s
 std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::uint32_t sequence,
                         bool paused, const FrameScalars& scalars, const std::vector<std::uint32_t>& versions,
                         const std::vector<ShownPull>& pulls);
+
+/// A recording as the messages of a stream, sixty frames a second: for each message a word that is 1 for
+/// binary ones, a word for its length, then its bytes. Frames hold joint displacements (with `exact`
+/// recovery) or the poses of all bodies (with `twist`), as the recording does. Errors as of
+/// Simulation::Create.
+Expected<std::string> EncodeRecording(const Recording& recording, const std::string& title);
+/// The viewer's page with such a stream in it: one HTML file that plays without a server.
+std::string ReplayPage(std::string_view page, std::string_view stream);
 
 }  // namespace fork1s

@@ -56,6 +56,10 @@ export class Timeline {
     return this.index;
   }
 
+  get length(): number {
+    return this.log.moments.length;
+  }
+
   private setPlaying(playing: boolean): void {
     this.playing = playing;
     setIcon(this.playButton, playing ? 'pause' : 'play', playing ? 'Pause (space)' : 'Play (space)');

@@ -58,7 +58,7 @@ export class Panel {
     v.add(options, 'collision').name('collision shapes').onChange(changed);
     v.add(options, 'shadows').onChange(changed);
     v.add(options, 'follow').name('camera follows').onChange(changed);
-    v.add(options, 'copies', { one: 1, '100': 100, '1000': 1000 }).name('copies in time').onChange(changed);
+    v.add(options, 'copies', { '1': 1, '100': 100, '1000': 1000 }).name('copies, in time').onChange(changed);
     this.view.close();
   }
 
@@ -136,6 +136,15 @@ export class Panel {
 
   setEnabled(enabled: boolean): void {
     for (const controller of this.controllers.values()) controller.enable(enabled);
+  }
+
+  /** A recording from disk has no program behind it that could change the model. */
+  hideModel(): void {
+    this.model.hide();
+    this.controls?.hide();
+    this.stiffness?.hide();
+    this.view.open();
+    this.gui.close();
   }
 
   toggle(): void {

@@ -35,7 +35,7 @@ export function start(...args: string[]): Promise<Program> {
       if (!found?.[1]) return;
       const stop = (): Promise<void> =>
         new Promise((done) => {
-          if (child.exitCode !== null) return done();
+          if (child.exitCode !== null || child.signalCode !== null) return done();
           child.once('exit', () => done());
           child.kill();
         });
@@ -46,7 +46,7 @@ export function start(...args: string[]): Promise<Program> {
 }
 
 export const view = (scene: string, ...args: string[]): Promise<Program> =>
-  start('view', join(SOURCE, 'scenes', scene), '--port', '0', '--no-open', ...args);
+  start('view', join(SOURCE, 'scenes', scene), '--no-open', ...(args.includes('--port') ? [] : ['--port', '0']), ...args);
 
 export function launch(): Promise<Browser> {
   return chromium.launch({
