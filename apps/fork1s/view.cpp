@@ -4,6 +4,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
+#include <filesystem>
 #include <fork1s/server/live_server.hpp>
 #include <fork1s/server/live_simulation.hpp>
 #include <memory>
@@ -47,8 +48,10 @@ Expected<LiveSimulation> Prepare(const Arguments& args) {
   options.dt = args.dt;
   options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
   options.initial_keyframe = imported->initial_keyframe;
-  auto live = LiveSimulation::Create(std::move(imported->scene), options,
-                                     args.model.path.substr(args.model.path.find_last_of('/') + 1));
+  // With its folder: many models are called scene.xml.
+  const std::filesystem::path path(args.model.path);
+  const std::string title = (path.parent_path().filename() / path.filename()).string();
+  auto live = LiveSimulation::Create(std::move(imported->scene), options, title);
   if (!live) {
     Error error = live.error();
     error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);

@@ -50,6 +50,20 @@ void WriteContacts(const Simulation& simulation, ByteWriter& out) {
   }
 }
 
+// How each interface body gives way to a force at its origin [m/N], in the axes of R: C = J Q Qᵀ Jᵀ over the
+// directions with springs, whose stiffness is 1 in reduced coordinates.
+void WriteCompliance(const ReducedModel& model, ByteWriter& out) {
+  out.U32(static_cast<std::uint32_t>(model.interfaces.size()));
+  for (BodyIndex b : model.interfaces) {
+    Eigen::Matrix<double, 3, 6> at_origin;
+    at_origin << -Skew(model.X_RB_ref[b.u()].translation()), Matrix3::Identity();
+    const MatrixX J = at_origin * model.T_of(b).rightCols(model.size() - model.num_free);
+    const Matrix3 C = J * J.transpose();
+    out.U32(static_cast<std::uint32_t>(b.value()));
+    for (double c : {C(0, 0), C(1, 1), C(2, 2), C(0, 1), C(0, 2), C(1, 2)}) out.F32(c);
+  }
+}
+
 }  // namespace
 
 const std::vector<std::string>& ScalarNames() {
@@ -77,11 +91,15 @@ std::string EncodeMaps(const MechanismDynamics& dynamics, std::uint32_t epoch, s
   for (int i = 0; i < n; ++i) out.F64(model.q_ref(i));
   for (int i = 0; i < n; ++i)
     for (int k = 0; k < r; ++k) out.F32(model.Q(i, k));
-  if (!twist) return out.Take();
+  if (!twist) {
+    WriteCompliance(model, out);
+    return out.Take();
+  }
   for (int i = 0; i < b; ++i) out.Pose(model.X_RB_ref[static_cast<std::size_t>(i)]);
   for (int i = 0; i < b; ++i)
     for (int k = 0; k < r; ++k)
       for (int c = 0; c < 6; ++c) out.F32(model.T(c, i * r + k));
+  WriteCompliance(model, out);
   return out.Take();
 }
 

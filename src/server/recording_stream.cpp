@@ -32,6 +32,7 @@ std::string EmptyMaps(const Mechanism& m, std::uint32_t root) {
                              static_cast<std::uint32_t>(m.num_bodies()), 0u})
     out.U32(word);
   for (int i = 0; i < m.num_coordinates(); ++i) out.F64(0);
+  out.U32(0);
   return out.Take();
 }
 

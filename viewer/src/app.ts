@@ -30,6 +30,7 @@ const OPTIONS: ViewOptions = {
   follow: true,
   collision: false,
   reference: false,
+  compliance: false,
   copies: 1,
 };
 

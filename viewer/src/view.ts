@@ -7,6 +7,7 @@ import { Arrows } from './scene/arrows';
 import { BodiesView } from './scene/bodies_view';
 import { jointGaps, styles } from './scene/colouring';
 import { ContactsView } from './scene/contacts_view';
+import { EllipsoidsView } from './scene/ellipsoids_view';
 import { FramesView } from './scene/frames_view';
 import { Ghost } from './scene/ghost';
 import { Stage } from './scene/stage';
@@ -18,6 +19,7 @@ export class View {
   readonly stage: Stage;
   readonly bodies = new BodiesView();
   readonly contacts = new ContactsView();
+  readonly ellipsoids = new EllipsoidsView();
   readonly marked = new Set<number>();
   scene: SceneMessage | null = null;
   frame: Frame | null = null;
@@ -48,6 +50,7 @@ export class View {
       this.pulls.group,
       this.frames.lines,
       this.reference.group,
+      this.ellipsoids.mesh,
     );
   }
 
@@ -107,6 +110,9 @@ export class View {
     this.contacts.showCones = this.options.cones;
     this.contacts.metresPerNewton = this.options.arrowScale / 1000;
     this.frames.lines.visible = this.options.frames;
+    this.ellipsoids.mesh.visible = this.options.compliance;
+    // Copies stand in a field of their own; forces belong to one.
+    this.contacts.group.visible = this.pulls.group.visible = this.options.copies === 1;
     this.reference.group.visible = this.options.reference;
     this.style();
     this.fresh = true;
@@ -176,6 +182,7 @@ export class View {
       this.contacts.update(scene, frame, this.modelSize);
       this.showPulls(frame);
       if (this.options.colouring === 'gaps') this.style();
+      if (this.options.compliance) this.ellipsoids.update(scene, frame, this.maps, this.poses(), this.modelSize);
       if (this.options.frames) this.frames.update(this.poses(), 0.05 * this.modelSize);
     }
     this.stage.render();

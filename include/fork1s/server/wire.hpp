@@ -48,8 +48,8 @@ const std::vector<std::string>& ScalarNames();
 std::string EncodeGeometry(const Simulation& simulation);
 std::string EncodeMeshes(const Simulation& simulation);
 
-/// The maps of one mechanism about its present reference: q_ref and Q, and in twist mode T and the poses at
-/// q_ref.
+/// The maps of one mechanism about its present reference: q_ref and Q, in twist mode T and the poses at q_ref,
+/// and the compliance of the interface bodies.
 std::string EncodeMaps(const MechanismDynamics& dynamics, std::uint32_t epoch, std::uint32_t root,
                        std::uint32_t version);
 

@@ -94,7 +94,8 @@ export class Stage {
     this.sky.color.set(theme.sky);
     this.sky.groundColor.set(theme.soil);
     this.sky.intensity = theme.dark ? 0.9 : 1.25;
-    this.key.intensity = theme.dark ? 2.0 : 2.3;
+    this.key.intensity = theme.dark ? 2.2 : 2.3;
+    this.fill.intensity = theme.dark ? 1.4 : 0.55; // dark bodies need an edge against a dark page
   }
 
   setShadows(on: boolean): void {

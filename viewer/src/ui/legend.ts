@@ -34,6 +34,8 @@ export class Legend {
       const newton = arrowScale > 0 ? 10 : nice((0.1 * view.modelSize) / scale);
       parts.push([SWATCHES.contact, `${shortUnit(newton, 'N')} = ${shortUnit(1000 * newton * scale, 'mm')}`]);
     }
+    if (view.options.compliance && view.ellipsoids.newtons > 0)
+      parts.push([css(0x8a63c4), `compliance: motion under ${shortUnit(view.ellipsoids.newtons, 'N')}`]);
     if (Number.isFinite(loadFactor))
       parts.push(['', `grasp load factor ${loadFactor.toFixed(2)}${loadFactor < SAFE_LOAD_FACTOR ? ': may eject' : ''}`]);
     parts.push(['', `grid ${shortUnit(view.stage.gridSpacing, 'm')}`]);

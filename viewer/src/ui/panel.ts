@@ -14,6 +14,7 @@ export interface ViewOptions {
   follow: boolean;
   collision: boolean;
   reference: boolean;
+  compliance: boolean;
   copies: number;
 }
 
@@ -53,6 +54,7 @@ export class Panel {
     v.add(options, 'forces').name('contact forces').onChange(changed);
     v.add(options, 'arrowScale', 0, 100, 0.1).name('mm per N (0: auto)').onChange(changed);
     v.add(options, 'cones').name('friction cones').onChange(changed);
+    v.add(options, 'compliance').name('compliance ellipsoids').onChange(changed);
     v.add(options, 'reference').name('reference ghost').onChange(changed);
     v.add(options, 'frames').name('body frames').onChange(changed);
     v.add(options, 'collision').name('collision shapes').onChange(changed);

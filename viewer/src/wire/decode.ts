@@ -47,8 +47,10 @@ function decodeMaps(reader: Reader): Maps {
   const [epoch, root, version, n, r, bodies, twist] = reader.words(7) as unknown as number[] as [
     number, number, number, number, number, number, number,
   ];
-  const maps: Maps = { epoch, root, version, n, r, bodies, q_ref: reader.doubles(n), Q: reader.floats(n * r) };
+  const maps: Maps = { epoch, root, version, n, r, bodies, q_ref: reader.doubles(n), Q: reader.floats(n * r), compliance: [] };
   if (twist === 1) maps.twist = { poses: reader.doubles(bodies * 7), T: reader.floats(bodies * r * 6) };
+  for (let i = reader.u32(); i > 0; --i)
+    maps.compliance.push({ body: reader.u32(), C: [...reader.floats(6)] });
   return maps;
 }
 

@@ -111,6 +111,8 @@ export interface Maps {
   bodies: number;
   q_ref: Float64Array;
   Q: Float32Array; // n x r, row by row
+  /** of interface bodies: xx yy zz xy xz yz [m/N] in the root's axes; `body` counts within the root */
+  compliance: { body: number; C: number[] }[];
   twist?: { poses: Float64Array; T: Float32Array }; // bodies x 7, bodies x r x 6
 }
 
