@@ -27,7 +27,7 @@ struct ServerOptions {
 
 class LiveServer {
  public:
-  /// Starts listening. Errors (kUsage): the port is taken or not allowed.
+  /// Starts listening. Errors (kModel): the port is taken or not allowed.
   static Expected<LiveServer> Create(const ServerOptions& options);
   ~LiveServer();
   LiveServer(LiveServer&&) noexcept;
