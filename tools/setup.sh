@@ -7,7 +7,10 @@ packages=(
   libeigen3-dev libmujoco-dev libqhull-dev libtinyxml2-dev libcli11-dev libfmt-dev nlohmann-json3-dev
   libexpected-dev libhdf5-dev libtbb-dev libspectra-dev
   libgtest-dev librapidcheck-dev libbenchmark-dev
+  libboost-dev
 )
+# Programs that may be there without Debian's packages: command and package.
+programs=(node:nodejs npm:npm chromium:chromium ffmpeg:ffmpeg)
 
 missing=()
 for package in "${packages[@]}"; do
@@ -15,8 +18,13 @@ for package in "${packages[@]}"; do
     missing+=("$package")
   fi
 done
+for program in "${programs[@]}"; do
+  if ! command -v "${program%%:*}" >/dev/null; then
+    missing+=("${program##*:}")
+  fi
+done
 if [ ${#missing[@]} -eq 0 ]; then
-  echo "setup: all ${#packages[@]} packages are there"
+  echo "setup: all ${#packages[@]} packages and ${#programs[@]} programs are there"
   exit 0
 fi
 

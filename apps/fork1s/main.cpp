@@ -19,6 +19,7 @@ int main(int argc, char** argv) {
   AddCompare(app, action);
   AddReplay(app, action);
   AddExport(app, action);
+  AddView(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <fork1s/record/csv.hpp>
 #include <fork1s/record/recording.hpp>
 #include <memory>
 
@@ -37,16 +36,6 @@ int RunReplay(const std::string& path, bool json) {
   return result->identical ? kDone : kNumericsFailed;
 }
 
-int RunExport(const std::string& path, const std::string& folder, bool all_bodies) {
-  auto recording = Recording::Open(path);
-  if (!recording) return Report(recording.error(), false);
-  CsvOptions options;
-  options.all_bodies = all_bodies;
-  if (auto written = ExportCsv(*recording, folder, options); !written) return Report(written.error(), false);
-  fmt::print("wrote {} steps to {}/*.csv\n", recording->num_steps(), folder);
-  return kDone;
-}
-
 }  // namespace
 
 void AddReplay(CLI::App& app, Action& action) {
@@ -56,20 +45,6 @@ void AddReplay(CLI::App& app, Action& action) {
   command->add_option("recording", *path, "HDF5 file of 'fork1s run --record'")->required();
   command->add_flag("--json", *json, "print one JSON object and nothing else");
   command->callback([&action, path, json] { action = [path, json] { return RunReplay(*path, *json); }; });
-}
-
-void AddExport(CLI::App& app, Action& action) {
-  auto* command = app.add_subcommand("export", "write a recording as CSV tables");
-  auto path = std::make_shared<std::string>();
-  auto folder = std::make_shared<std::string>();
-  auto all = std::make_shared<bool>(false);
-  command->add_option("recording", *path, "HDF5 file of 'fork1s run --record'")->required();
-  command->add_option("folder", *folder, "folder for poses.csv, contacts.csv, controls.csv, energy.csv")
-      ->required();
-  command->add_flag("--all-bodies", *all, "poses of every body, not only of interface and free bodies");
-  command->callback([&action, path, folder, all] {
-    action = [path, folder, all] { return RunExport(*path, *folder, *all); };
-  });
 }
 
 }  // namespace fork1s::app

@@ -1,0 +1,96 @@
+#include <fmt/format.h>
+#include <filesystem>
+#include <fork1s/record/csv.hpp>
+#include <fork1s/record/recording.hpp>
+#include <fork1s/server/wire.hpp>
+#include <fstream>
+#include <memory>
+
+#include "output.hpp"
+#include "page.hpp"
+#include "video.hpp"
+
+namespace fork1s::app {
+namespace {
+
+struct Arguments {
+  std::string recording, out;
+  bool all_bodies = false, video = false;
+  VideoOptions options;
+};
+
+int WriteTables(const Recording& recording, const Arguments& args) {
+  CsvOptions options;
+  options.all_bodies = args.all_bodies;
+  if (auto written = ExportCsv(recording, args.out, options); !written) return Report(written.error(), false);
+  fmt::print("wrote {} steps to {}/*.csv\n", recording.num_steps(), args.out);
+  return kDone;
+}
+
+Expected<std::string> MakePage(const Recording& recording) {
+  if (ViewerPage().empty())
+    return Fail(ErrorCode::kFile, "export",
+                "this program was built without its page, because npm was not found; install nodejs and npm, "
+                "run cmake "
+                "again and build");
+  auto stream = EncodeRecording(recording, recording.scene().name);
+  if (!stream) return tl::unexpected(stream.error());
+  return ReplayPage(ViewerPage(), *stream);
+}
+
+int WritePage(const Recording& recording, const Arguments& args) {
+  auto page = MakePage(recording);
+  if (!page) return Report(page.error(), false);
+  std::ofstream file(args.out, std::ios::binary | std::ios::trunc);
+  file.write(page->data(), static_cast<std::streamsize>(page->size()));
+  file.close();
+  if (!file)
+    return Report({ErrorCode::kFile, args.out,
+                   "cannot be written; check the folder, its permissions and the disk's room"},
+                  false);
+  fmt::print("wrote {} ({:.2f} MB): open it in a browser, it needs no server\n", args.out,
+             static_cast<double>(page->size()) * 1e-6);
+  return kDone;
+}
+
+int Run(const Arguments& args) {
+  auto recording = Recording::Open(args.recording);
+  if (!recording) return Report(recording.error(), false);
+  const std::string extension = std::filesystem::path(args.out).extension().string();
+  if (args.video || extension == ".mp4") {
+    auto page = MakePage(*recording);
+    if (!page) return Report(page.error(), false);
+    auto frames = RenderVideo(*page, args.out, args.options);
+    if (!frames) return Report(frames.error(), false);
+    fmt::print("wrote {} frames to {}\n", *frames, args.out);
+    return kDone;
+  }
+  if (extension == ".html" || extension == ".htm") return WritePage(*recording, args);
+  return WriteTables(*recording, args);
+}
+
+}  // namespace
+
+void AddExport(CLI::App& app, Action& action) {
+  auto* command =
+      app.add_subcommand("export", "write a recording as CSV tables, a page that plays it, or a film");
+  auto args = std::make_shared<Arguments>();
+  command->add_option("recording", args->recording, "HDF5 file of 'fork1s run --record'")->required();
+  command
+      ->add_option("out", args->out,
+                   "a folder for poses.csv, contacts.csv, controls.csv, energy.csv; FILE.html: one page that "
+                   "plays from "
+                   "disk; FILE.mp4: a film; with --video a folder for PNG frames")
+      ->required();
+  command->add_flag("--all-bodies", args->all_bodies,
+                    "tables: poses of every body, not only of interface and free ones");
+  command->add_flag("--video", args->video,
+                    "draw frames in a headless Chromium: FILE.mp4 (needs ffmpeg) or a folder");
+  command->add_option("--width", args->options.width, "of the film in pixels (default 1280)")
+      ->check(CLI::Range(64, 3840));
+  command->add_option("--height", args->options.height, "of the film in pixels (default 720)")
+      ->check(CLI::Range(64, 2160));
+  command->callback([&action, args] { action = [args] { return Run(*args); }; });
+}
+
+}  // namespace fork1s::app

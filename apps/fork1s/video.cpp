@@ -1,0 +1,180 @@
+#include "video.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/wait.h>
+#include <unistd.h>
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fork1s/server/live_server.hpp>
+#include <fstream>
+#include <sstream>
+#include <thread>
+#include <vector>
+
+#include "progress.hpp"
+
+namespace fork1s::app {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string FindProgram(std::initializer_list<const char*> names) {
+  const char* path = std::getenv("PATH");
+  for (const char* name : names) {
+    std::stringstream folders(path ? path : "");
+    std::string folder;
+    while (std::getline(folders, folder, ':'))
+      if (const std::string file = folder + "/" + name; access(file.c_str(), X_OK) == 0) return file;
+  }
+  return {};
+}
+
+// A program without input, whose output goes nowhere.
+class Child {
+ public:
+  explicit Child(std::vector<std::string> arguments) {
+    std::vector<char*> argv;
+    for (std::string& a : arguments) argv.push_back(a.data());
+    argv.push_back(nullptr);
+    pid_ = fork();
+    if (pid_ != 0) return;
+    setpgid(0, 0);
+    const int nowhere = open("/dev/null", O_RDWR);
+    for (int fd : {0, 1, 2}) dup2(nowhere, fd);
+    execv(argv[0], argv.data());
+    _exit(127);
+  }
+  ~Child() {
+    if (pid_ <= 0) return;
+    kill(-pid_, SIGKILL);  // with the helpers that it started
+    waitpid(pid_, nullptr, 0);
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+
+  /// Exit code once it has ended, else -1.
+  int Ended() {
+    int status = 0;
+    if (pid_ <= 0 || waitpid(pid_, &status, WNOHANG) != pid_) return -1;
+    pid_ = -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128;
+  }
+
+ private:
+  pid_t pid_;
+};
+
+struct TemporaryFolder {
+  std::string path;
+  TemporaryFolder() {
+    std::string name = (fs::temp_directory_path() / "fork1s-film-XXXXXX").string();
+    if (mkdtemp(name.data())) path = name;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    if (!path.empty()) fs::remove_all(path, ignored);
+  }
+};
+
+// Frames come as PUT /frame/000001.png, then PUT /done.
+struct Frames {
+  std::string folder;
+  std::atomic<int> count{0}, total{0};
+  std::atomic<bool> done{false}, failed{false};
+
+  bool Take(const std::string& path, const std::string& body) {
+    if (path == "/done") return done = true;
+    if (path == "/total") return total = std::atoi(body.substr(0, 9).c_str()), true;
+    int number = 0;
+    if (std::sscanf(path.c_str(), "/frame/%6d.png", &number) != 1 || number < 0) return false;
+    std::ofstream file(fmt::format("{}/{:06}.png", folder, number), std::ios::binary | std::ios::trunc);
+    file.write(body.data(), static_cast<std::streamsize>(body.size()));
+    file.close();
+    if (!file) failed = true;
+    ++count;
+    return !failed;
+  }
+};
+
+Expected<void> Draw(std::string_view page, const std::string& chromium, const std::string& profile,
+                    const VideoOptions& options, Frames& frames) {
+  ServerOptions serve;
+  serve.port = 0;
+  serve.page = page;
+  serve.take_file = [&frames](const std::string& path, const std::string& body) {
+    return frames.Take(path, body);
+  };
+  auto server = LiveServer::Create(serve);
+  if (!server) return tl::unexpected(server.error());
+  Child browser(
+      {chromium, "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+       "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
+       "--disable-sync", "--hide-scrollbars", "--remote-debugging-port=0", "--user-data-dir=" + profile,
+       fmt::format("--window-size={},{}", options.width, options.height),
+       fmt::format("http://127.0.0.1:{}/#film={}x{}", server->port(), options.width, options.height)});
+  ProgressBar bar("drawing");
+  constexpr auto kPatience = std::chrono::seconds(60);
+  auto last = std::chrono::steady_clock::now();
+  for (int seen = 0; !frames.done;) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    if (frames.failed)
+      return Fail(ErrorCode::kFile, frames.folder,
+                  "cannot be written; check its permissions and the disk's room");
+    if (const int code = browser.Ended(); code >= 0 && !frames.done)
+      return Fail(ErrorCode::kFile, chromium,
+                  fmt::format("ended with code {} before the film was drawn", code));
+    const auto now = std::chrono::steady_clock::now();
+    if (frames.count > seen) {
+      seen = frames.count;
+      last = now;
+      if (frames.total > 0) bar.Update(static_cast<double>(seen) / frames.total);
+    }
+    if (now - last > kPatience)
+      return Fail(ErrorCode::kFile, chromium,
+                  "drew no frame for a minute; try a smaller --width and --height");
+  }
+  return {};
+}
+
+}  // namespace
+
+Expected<int> RenderVideo(std::string_view page, const std::string& out, const VideoOptions& options) {
+  std::signal(SIGPIPE, SIG_IGN);
+  const bool film = fs::path(out).extension() == ".mp4";
+  const std::string chromium = FindProgram({"chromium", "chromium-browser", "google-chrome"});
+  if (chromium.empty())
+    return Fail(ErrorCode::kFile, "chromium",
+                "was not found; frames are drawn by it: apt-get install chromium");
+  const std::string ffmpeg = film ? FindProgram({"ffmpeg"}) : std::string();
+  if (film && ffmpeg.empty())
+    return Fail(
+        ErrorCode::kFile, "ffmpeg",
+        "was not found; films are made by it: apt-get install ffmpeg, or name a folder for PNG frames");
+  const TemporaryFolder work;
+  if (work.path.empty())
+    return Fail(ErrorCode::kFile, fs::temp_directory_path(), "cannot hold a temporary folder");
+  Frames frames;
+  frames.folder = film ? work.path + "/frames" : out;
+  std::error_code failed;
+  fs::create_directories(frames.folder, failed);
+  if (failed) return Fail(ErrorCode::kFile, frames.folder, "cannot be made (" + failed.message() + ")");
+  if (auto drawn = Draw(page, chromium, work.path + "/profile", options, frames); !drawn)
+    return tl::unexpected(drawn.error());
+  if (!film) return frames.count.load();
+
+  Child encoder({ffmpeg, "-y", "-loglevel", "error", "-framerate", "60", "-i", frames.folder + "/%06d.png",
+                 "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart",
+                 out});
+  int code = -1;
+  while ((code = encoder.Ended()) < 0) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  if (code != 0)
+    return Fail(ErrorCode::kFile, out,
+                fmt::format("was not written: ffmpeg ended with code {}; check the folder", code));
+  return frames.count.load();
+}
+
+}  // namespace fork1s::app

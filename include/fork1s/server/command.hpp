@@ -1,0 +1,40 @@
+// What a viewer asks for.
+#pragma once
+
+#include <fork1s/base/error.hpp>
+#include <fork1s/base/types.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace fork1s {
+
+struct Command {
+  enum class Kind {
+    kPull,        ///< hold `point` of `body` with a spring to `target`, until released
+    kRelease,     ///< let go
+    kPush,        ///< a short push on `point` of `body` along `target`
+    kPause,       ///< stop or go on: `on`
+    kStep,        ///< one frame, then pause
+    kReset,       ///< back to the initial state
+    kSet,         ///< `setting` [index] = value
+    kInterfaces,  ///< the interface bodies of mechanism `index` are `bodies`
+    kLeft,        ///< the viewer has gone; made by the server, never read from the wire
+  };
+  Kind kind = Kind::kPause;
+  int viewer = 0;                    // who asks; set by the server
+  int body = -1;                     // place in Simulation::bodies()
+  Vector3 point = Vector3::Zero();   // m, in the body
+  Vector3 target = Vector3::Zero();  // m, in the world; push: a direction
+  bool on = false;
+  std::string setting;
+  int index = 0;
+  double value = 0;
+  std::vector<int> bodies;
+};
+
+/// Reads one message of a viewer. Every number is finite and no list longer than 4096. Errors (kFormat) say
+/// in one sentence what is wrong; whether bodies and settings exist is for the simulation to say.
+Expected<Command> ParseCommand(std::string_view text);
+
+}  // namespace fork1s

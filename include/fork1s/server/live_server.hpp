@@ -1,0 +1,51 @@
+// Serves the page on 127.0.0.1 and streams snapshots to every viewer, on a thread of its own.
+//
+// The newest snapshot wins: a viewer gets its next message when it has taken the one before, whatever was
+// published in between, so a slow or dead one costs the simulation nothing.
+#pragma once
+
+#include <fork1s/base/error.hpp>
+#include <fork1s/server/command.hpp>
+#include <fork1s/server/snapshot.hpp>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace fork1s {
+
+struct ServerOptions {
+  unsigned short port = 8080;  // 0: any that is free
+  std::string_view page;       // HTML; must outlive the server
+  std::size_t max_viewers = 32;
+  std::size_t max_message = 64 << 10;  // bytes a viewer may send at once
+  std::size_t max_queue = 1024;        // commands waiting for the simulation
+  /// Takes files that a page PUTs (frames of a video); empty: none are taken. Called on the server's thread.
+  std::function<bool(const std::string& path, const std::string& body)> take_file;
+};
+
+class LiveServer {
+ public:
+  /// Starts listening. Errors (kModel): the port is taken or not allowed.
+  static Expected<LiveServer> Create(const ServerOptions& options);
+  ~LiveServer();
+  LiveServer(LiveServer&&) noexcept;
+  LiveServer& operator=(LiveServer&&) noexcept;
+
+  unsigned short port() const;
+  /// Replaces what viewers get next. Never waits for any of them.
+  void Publish(Snapshot snapshot);
+  /// Commands since the last call, in the order in which they came.
+  std::vector<Command> TakeCommands();
+  /// Tells one viewer (or with viewer 0 all) a sentence.
+  void Tell(int viewer, const std::string& sentence);
+  int num_viewers() const;
+
+ private:
+  LiveServer();
+  struct Detail;
+  std::unique_ptr<Detail> detail_;
+};
+
+}  // namespace fork1s

@@ -1,0 +1,149 @@
+// The messages that repeat: maps after every refresh, frames sixty times a second.
+#include <fork1s/server/wire.hpp>
+
+#include "byte_writer.hpp"
+
+namespace fork1s {
+namespace {
+
+using internal::ByteWriter;
+
+// Joint displacements that z alone does not tell: the interior's static answer to loads and the closing of
+// loops. On trees that keep every direction it vanishes, and nothing is sent.
+VectorX Correction(const MechanismDynamics& dynamics) {
+  if (dynamics.recovery() == Recovery::kTwist) return {};
+  VectorX rest = dynamics.configuration().q - dynamics.model().q_ref;
+  if (dynamics.model().size() > 0) rest.noalias() -= dynamics.model().Q * dynamics.state().z;
+  constexpr double kInvisible = 1e-8;  // rad or m
+  if (rest.size() == 0 || rest.cwiseAbs().maxCoeff() < kInvisible) return {};
+  return rest;
+}
+
+// The body of the scene that a collision body stands for.
+int SceneBodyOf(const World& world, const Contactor& contactor) {
+  if (contactor.kind == Contactor::Kind::kWorld) return -1;
+  int first = 0;
+  const auto& mechanisms = world.mechanisms();
+  const int before =
+      contactor.kind == Contactor::Kind::kGroup ? contactor.index : static_cast<int>(mechanisms.size());
+  for (int i = 0; i < before; ++i) first += mechanisms[static_cast<std::size_t>(i)].mechanism().num_bodies();
+  if (contactor.kind == Contactor::Kind::kFreeBody) return first + contactor.index;
+  const auto& groups = mechanisms[static_cast<std::size_t>(contactor.index)].groups();
+  return first + groups[static_cast<std::size_t>(contactor.group)].body.value();
+}
+
+void WriteContacts(const Simulation& simulation, ByteWriter& out) {
+  const World& world = simulation.world();
+  const auto& contactors = world.contactors();
+  std::uint32_t count = 0;
+  for (const ContactRecord& c : world.contacts()) count += c.impulse.x() > 0 ? 1 : 0;
+  out.U32(count);
+  for (const ContactRecord& c : world.contacts()) {
+    if (!(c.impulse.x() > 0)) continue;
+    out.I32(SceneBodyOf(world, contactors[static_cast<std::size_t>(c.point.body_a)]));
+    out.I32(SceneBodyOf(world, contactors[static_cast<std::size_t>(c.point.body_b)]));
+    out.Vector(c.point.point);
+    out.Vector(c.point.frame.row(0).transpose());
+    out.Vector(c.point.frame.transpose() * c.impulse / simulation.step_options().h);
+    out.F32(c.point.gap);
+    out.F32(c.friction);
+  }
+}
+
+// How each interface body gives way to a force at its origin [m/N], in the axes of R: C = J Q Qᵀ Jᵀ over the
+// directions with springs, whose stiffness is 1 in reduced coordinates.
+void WriteCompliance(const ReducedModel& model, ByteWriter& out) {
+  out.U32(static_cast<std::uint32_t>(model.interfaces.size()));
+  for (BodyIndex b : model.interfaces) {
+    Eigen::Matrix<double, 3, 6> at_origin;
+    at_origin << -Skew(model.X_RB_ref[b.u()].translation()), Matrix3::Identity();
+    const MatrixX J = at_origin * model.T_of(b).rightCols(model.size() - model.num_free);
+    const Matrix3 C = J * J.transpose();
+    out.U32(static_cast<std::uint32_t>(b.value()));
+    for (double c : {C(0, 0), C(1, 1), C(2, 2), C(0, 1), C(0, 2), C(1, 2)}) out.F32(c);
+  }
+}
+
+}  // namespace
+
+const std::vector<std::string>& ScalarNames() {
+  static const std::vector<std::string> names = {
+      "time",      "real_time_factor", "step_us",  "steps",       "kinetic_energy", "potential_energy",
+      "joint_gap", "penetration",      "residual", "load_factor", "refreshes",      "reduce_ms",
+      "viewers"};
+  return names;
+}
+
+std::string EncodeMaps(const MechanismDynamics& dynamics, std::uint32_t epoch, std::uint32_t root,
+                       std::uint32_t version) {
+  const ReducedModel& model = dynamics.model();
+  const int n = model.num_coordinates(), r = model.size(), b = model.mechanism->num_bodies();
+  const bool twist = dynamics.recovery() == Recovery::kTwist;
+  ByteWriter out;
+  out.U32(static_cast<std::uint32_t>(WireKind::kMaps));
+  out.U32(epoch);
+  out.U32(root);
+  out.U32(version);
+  out.U32(static_cast<std::uint32_t>(n));
+  out.U32(static_cast<std::uint32_t>(r));
+  out.U32(static_cast<std::uint32_t>(b));
+  out.U32(twist ? 1 : 0);
+  for (int i = 0; i < n; ++i) out.F64(model.q_ref(i));
+  for (int i = 0; i < n; ++i)
+    for (int k = 0; k < r; ++k) out.F32(model.Q(i, k));
+  if (!twist) {
+    WriteCompliance(model, out);
+    return out.Take();
+  }
+  for (int i = 0; i < b; ++i) out.Pose(model.X_RB_ref[static_cast<std::size_t>(i)]);
+  for (int i = 0; i < b; ++i)
+    for (int k = 0; k < r; ++k)
+      for (int c = 0; c < 6; ++c) out.F32(model.T(c, i * r + k));
+  WriteCompliance(model, out);
+  return out.Take();
+}
+
+std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::uint32_t sequence,
+                        bool paused, const FrameScalars& s, const std::vector<std::uint32_t>& versions,
+                        const std::vector<ShownPull>& pulls) {
+  ByteWriter out;
+  out.U32(static_cast<std::uint32_t>(WireKind::kFrame));
+  out.U32(epoch);
+  out.U32(sequence);
+  out.U32(paused ? 1 : 0);
+  const double scalars[] = {s.time,           s.real_time_factor, s.step_us,   s.steps,
+                            s.kinetic_energy, s.potential_energy, s.joint_gap, s.penetration,
+                            s.residual,       s.load_factor,      s.refreshes, s.reduce_ms,
+                            s.viewers};
+  static_assert(std::size(scalars) == kNumScalars);
+  for (double v : scalars) out.F64(v);
+
+  const World& world = simulation.world();
+  out.U32(static_cast<std::uint32_t>(world.mechanisms().size() + world.free_bodies().size()));
+  for (std::size_t i = 0; i < world.mechanisms().size(); ++i) {
+    const MechanismDynamics& m = world.mechanisms()[i];
+    const VectorX correction = Correction(m);
+    out.U32(versions[i]);
+    out.U32(static_cast<std::uint32_t>(m.model().size()));
+    out.U32(static_cast<std::uint32_t>(correction.size()));
+    out.Pose(m.state().X_WR);
+    for (Eigen::Index k = 0; k < m.state().z.size(); ++k) out.F32(m.state().z(k));
+    for (Eigen::Index k = 0; k < correction.size(); ++k) out.F32(correction(k));
+  }
+  for (const FreeBody& body : world.free_bodies()) {
+    for (int i = 0; i < 3; ++i) out.U32(0);
+    out.Pose(body.pose());
+  }
+
+  WriteContacts(simulation, out);
+  out.U32(static_cast<std::uint32_t>(pulls.size()));
+  for (const ShownPull& p : pulls) {
+    out.I32(p.body);
+    out.Vector(p.point_W);
+    out.Vector(p.target_W);
+    out.Vector(p.force_W);
+  }
+  return out.Take();
+}
+
+}  // namespace fork1s

@@ -1,0 +1,126 @@
+// Shapes, told once.
+#include <cmath>
+#include <fork1s/server/wire.hpp>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "byte_writer.hpp"
+
+namespace fork1s {
+namespace {
+
+using Json = nlohmann::json;
+
+// Meshes and height grids in the order in which shapes first use them; shapes that share one share it here
+// too.
+struct MeshTable {
+  std::map<const void*, int> numbers;
+  std::vector<const TriangleMesh*> meshes;
+  std::vector<std::shared_ptr<const TriangleMesh>> made;
+
+  int Number(const TriangleMesh& mesh) { return Number(&mesh, mesh); }
+  int Number(const void* key, const TriangleMesh& mesh) {
+    const auto [at, is_new] = numbers.emplace(key, static_cast<int>(meshes.size()));
+    if (is_new) meshes.push_back(&mesh);
+    return at->second;
+  }
+  int Number(const HeightGrid& grid);
+};
+
+// A height grid becomes the triangles of its surface.
+int MeshTable::Number(const HeightGrid& grid) {
+  if (const auto at = numbers.find(&grid); at != numbers.end()) return at->second;
+  auto mesh = std::make_shared<TriangleMesh>();
+  mesh->name = grid.name;
+  for (int i = 0; i < grid.rows; ++i)
+    for (int j = 0; j < grid.columns; ++j) {
+      const double x = -grid.half_x + 2 * grid.half_x * j / std::max(1, grid.columns - 1);
+      const double y = -grid.half_y + 2 * grid.half_y * i / std::max(1, grid.rows - 1);
+      const double z = grid.max_height * grid.values[static_cast<std::size_t>(i * grid.columns + j)];
+      mesh->vertices.emplace_back(static_cast<float>(x), static_cast<float>(y), static_cast<float>(z));
+    }
+  for (int i = 0; i + 1 < grid.rows; ++i)
+    for (int j = 0; j + 1 < grid.columns; ++j) {
+      const int a = i * grid.columns + j, b = a + grid.columns;
+      mesh->triangles.emplace_back(a, a + 1, b);
+      mesh->triangles.emplace_back(b, a + 1, b + 1);
+    }
+  made.push_back(mesh);
+  return Number(&grid, *mesh);
+}
+
+Json Numbers(std::initializer_list<double> values) {
+  Json out = Json::array();
+  for (double v : values) out.push_back(std::isfinite(v) ? v : 0.0);
+  return out;
+}
+
+struct SizeOf {
+  Json& out;
+  MeshTable& meshes;
+  void operator()(const Plane& s) const { out["size"] = Numbers({s.half_x, s.half_y}); }
+  void operator()(const Sphere& s) const { out["size"] = Numbers({s.radius}); }
+  void operator()(const Capsule& s) const { out["size"] = Numbers({s.radius, s.half_length}); }
+  void operator()(const Cylinder& s) const { out["size"] = Numbers({s.radius, s.half_length}); }
+  void operator()(const Ellipsoid& s) const {
+    out["size"] = Numbers({s.radii.x(), s.radii.y(), s.radii.z()});
+  }
+  void operator()(const Box& s) const { out["size"] = Numbers({s.half.x(), s.half.y(), s.half.z()}); }
+  void operator()(const MeshShape& s) const { out["mesh"] = meshes.Number(*s.mesh); }
+  void operator()(const HeightField& s) const { out["mesh"] = meshes.Number(*s.grid); }
+};
+
+Json Collect(const Simulation& simulation, MeshTable& meshes) {
+  Json shapes = Json::array();
+  auto add = [&](int body, const std::vector<GeometryDef>& geometries) {
+    for (const GeometryDef& g : geometries) {
+      Json one;
+      one["body"] = body;
+      one["kind"] = ShapeName(g.shape);
+      const Vector3& p = g.X_BG.translation();
+      const Quaternion q = g.X_BG.quaternion();
+      one["pose"] = Numbers({p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()});
+      one["rgba"] = Numbers({g.rgba(0), g.rgba(1), g.rgba(2), g.rgba(3)});
+      one["group"] = g.group;
+      one["collides"] = g.Collides();
+      std::visit(SizeOf{one, meshes}, g.shape);
+      shapes.push_back(std::move(one));
+    }
+  };
+  int body = 0;
+  for (const MechanismDynamics& m : simulation.world().mechanisms())
+    for (const BodyDef& b : m.mechanism().definition().bodies) add(body++, b.geometries);
+  for (const FreeBodyDef& b : simulation.scene().free_bodies) add(body++, b.geometries);
+  add(-1, simulation.scene().world);
+  return shapes;
+}
+
+}  // namespace
+
+std::string EncodeGeometry(const Simulation& simulation) {
+  MeshTable meshes;
+  Json out;
+  out["type"] = "geometry";
+  out["shapes"] = Collect(simulation, meshes);
+  out["meshes"] = meshes.meshes.size();
+  return out.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string EncodeMeshes(const Simulation& simulation) {
+  MeshTable meshes;
+  Collect(simulation, meshes);
+  internal::ByteWriter out;
+  out.U32(static_cast<std::uint32_t>(WireKind::kMeshes));
+  out.U32(static_cast<std::uint32_t>(meshes.meshes.size()));
+  for (const TriangleMesh* mesh : meshes.meshes) {
+    out.U32(static_cast<std::uint32_t>(mesh->vertices.size()));
+    out.U32(static_cast<std::uint32_t>(mesh->triangles.size()));
+    for (const Eigen::Vector3f& v : mesh->vertices)
+      for (int i = 0; i < 3; ++i) out.F32(static_cast<double>(v(i)));
+    for (const Eigen::Vector3i& t : mesh->triangles)
+      for (int i = 0; i < 3; ++i) out.U32(static_cast<std::uint32_t>(t(i)));
+  }
+  return out.Take();
+}
+
+}  // namespace fork1s

@@ -1,0 +1,391 @@
+// The only file that knows Boost.
+#include <utility>  // Boost.Asio 1.74 uses std::exchange without including it
+
+#include <atomic>
+#include <boost/asio/bind_executor.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <deque>
+#include <fork1s/server/live_server.hpp>
+#include <map>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+
+#include <fmt/format.h>
+
+namespace fork1s {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using tcp = asio::ip::tcp;
+using ErrorOf = beast::error_code;
+
+constexpr std::size_t kMaxFile = 64u << 20;  // bytes of one PUT
+
+// A browser says who sent it (Origin) and whom it believes to talk to (Host). Both must be this machine: else
+// any page on the web could drive the simulation, by itself or through a name that it lets point here.
+bool IsLocal(std::string_view host) {
+  const auto colon = host.rfind(':');
+  if (colon != std::string_view::npos && host.find(']') == std::string_view::npos)
+    host = host.substr(0, colon);
+  return host == "127.0.0.1" || host == "localhost";
+}
+
+bool IsOwnOrigin(std::string_view origin) {
+  constexpr std::string_view kScheme = "http://";
+  return origin.empty() ||
+         (origin.substr(0, kScheme.size()) == kScheme && IsLocal(origin.substr(kScheme.size())));
+}
+
+std::string_view View(beast::string_view s) { return {s.data(), s.size()}; }
+
+Message Sentence(const char* type, const std::string& text) {
+  return std::make_shared<const std::string>(nlohmann::json{{"type", type}, {"message", text}}.dump(
+      -1, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+}  // namespace
+
+struct LiveServer::Detail {
+  class Connection;
+  class Viewer;
+
+  explicit Detail(const ServerOptions& o) : options(o) {
+    context.emplace(1);
+    acceptor.emplace(*context);
+  }
+  // Handlers that never ran hold viewers, and a viewer that goes tells the rest of this object.
+  ~Detail() {
+    acceptor.reset();
+    context.reset();
+  }
+
+  void Accept();
+  void Drop(int viewer);
+  /// False where the queue is full: the command is not taken.
+  bool Queue(Command command);
+
+  ServerOptions options;
+  std::optional<asio::io_context> context;
+  std::optional<tcp::acceptor> acceptor;
+  std::map<int, std::weak_ptr<Viewer>> viewers;  // server thread only
+  std::atomic<int> num_viewers{0};
+  int next_viewer = 1;
+
+  std::mutex mutex;
+  Snapshot latest;               // guarded
+  std::deque<Command> commands;  // guarded
+  std::atomic<bool> notified{false};
+  std::thread thread;
+};
+
+// One WebSocket. All on the server thread.
+class LiveServer::Detail::Viewer : public std::enable_shared_from_this<Viewer> {
+ public:
+  Viewer(Detail& server, beast::tcp_stream&& stream, int id)
+      : server_(server), socket_(std::move(stream)), id_(id) {}
+  ~Viewer() { server_.Drop(id_); }
+
+  void Start(const http::request<http::string_body>& request) {
+    beast::get_lowest_layer(socket_).expires_never();
+    auto timeout = websocket::stream_base::timeout::suggested(beast::role_type::server);
+    timeout.idle_timeout = std::chrono::seconds(20);
+    timeout.keep_alive_pings = true;
+    socket_.set_option(timeout);
+    socket_.auto_fragment(false);
+    socket_.read_message_max(server_.options.max_message);
+    socket_.async_accept(request, [self = shared_from_this()](ErrorOf error) {
+      if (error) return;
+      self->open_ = true;
+      self->Read();
+      self->WriteNext();
+    });
+  }
+
+  void Tell(Message message) {
+    constexpr std::size_t kMaxSentences = 16;
+    if (sentences_.size() < kMaxSentences) sentences_.push_back(std::move(message));
+    WriteNext();
+  }
+
+  void WriteNext() {
+    if (!open_ || writing_ || closing_) return;
+    bool binary = false;
+    writing_ = Choose(binary);
+    if (!writing_) return;
+    socket_.binary(binary);
+    socket_.async_write(asio::buffer(*writing_), [self = shared_from_this()](ErrorOf error, std::size_t) {
+      self->writing_.reset();
+      if (error) {
+        self->open_ = false;
+        return;
+      }
+      if (self->closing_)
+        self->Close();
+      else
+        self->WriteNext();
+    });
+  }
+
+ private:
+  // What this viewer lacks most: what a frame needs comes before the frame.
+  Message Choose(bool& binary) {
+    binary = false;
+    if (!sentences_.empty()) {
+      Message next = std::move(sentences_.front());
+      sentences_.pop_front();
+      return next;
+    }
+    const std::lock_guard<std::mutex> lock(server_.mutex);
+    const Snapshot& s = server_.latest;
+    if (!s.frame) return nullptr;
+    if (!geometry_sent_) return geometry_sent_ = true, s.geometry;
+    if (!meshes_sent_) return meshes_sent_ = true, binary = true, s.meshes;
+    if (epoch_ != s.epoch) {
+      epoch_ = s.epoch;
+      versions_.assign(s.maps.size(), 0);
+      return s.scene;
+    }
+    if (settings_version_ != s.settings_version) return settings_version_ = s.settings_version, s.settings;
+    binary = true;
+    for (std::size_t i = 0; i < s.maps.size(); ++i)
+      if (versions_[i] != s.versions[i]) return versions_[i] = s.versions[i], s.maps[i];
+    if (sequence_ == s.sequence) return nullptr;
+    return sequence_ = s.sequence, s.frame;
+  }
+
+  void Read() {
+    socket_.async_read(buffer_, [self = shared_from_this()](ErrorOf error, std::size_t) {
+      if (error) {
+        self->open_ = false;
+        return;
+      }
+      self->Take();
+    });
+  }
+
+  void Take() {
+    if (!socket_.got_text())
+      return Refuse(websocket::close_code::unknown_data, "only text messages are understood");
+    const std::string text = beast::buffers_to_string(buffer_.data());
+    buffer_.consume(buffer_.size());
+    auto command = ParseCommand(text);
+    if (!command) return Refuse(websocket::close_code::policy_error, command.error().message);
+    command->viewer = id_;
+    if (!server_.Queue(std::move(*command)))
+      Tell(Sentence("notice", "the simulation is busy; the last request was not taken"));
+    Read();
+  }
+
+  void Refuse(websocket::close_code code, const std::string& reason) {
+    closing_ = websocket::close_reason(code, reason.substr(0, 120));
+    if (!writing_) Close();
+  }
+
+  void Close() {
+    open_ = false;
+    socket_.async_close(*closing_, [self = shared_from_this()](ErrorOf) {});
+  }
+
+  Detail& server_;
+  websocket::stream<beast::tcp_stream> socket_;
+  int id_;
+  beast::flat_buffer buffer_;
+  bool open_ = false;
+  std::optional<websocket::close_reason> closing_;
+  Message writing_;
+  std::deque<Message> sentences_;
+  bool geometry_sent_ = false, meshes_sent_ = false;
+  std::uint32_t epoch_ = 0, settings_version_ = 0, sequence_ = 0;
+  std::vector<std::uint32_t> versions_;
+};
+
+// One HTTP connection, until it asks to become a WebSocket.
+class LiveServer::Detail::Connection : public std::enable_shared_from_this<Connection> {
+ public:
+  Connection(Detail& server, tcp::socket&& socket) : server_(server), stream_(std::move(socket)) {}
+
+  void Read() {
+    parser_.emplace();
+    parser_->header_limit(16 << 10);
+    parser_->body_limit(server_.options.take_file ? kMaxFile : 4096);
+    stream_.expires_after(std::chrono::seconds(20));
+    http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](ErrorOf error, std::size_t) {
+      if (!error) self->Answer(self->parser_->release());
+    });
+  }
+
+ private:
+  void Answer(const http::request<http::string_body>& request) {
+    if (!IsLocal(View(request[http::field::host])) || !IsOwnOrigin(View(request[http::field::origin])))
+      return Send(request, http::status::forbidden, "text/plain",
+                  "This viewer answers to pages of its own on this machine only.\n");
+    const std::string_view target = View(request.target());
+    const std::string_view path = target.substr(0, target.find('?'));
+    if (websocket::is_upgrade(request)) {
+      if (path != "/stream")
+        return Send(request, http::status::not_found, "text/plain", "The stream is at /stream.\n");
+      if (server_.viewers.size() >= server_.options.max_viewers)
+        return Send(request, http::status::service_unavailable, "text/plain",
+                    "Too many viewers; close one.\n");
+      const int id = server_.next_viewer++;
+      auto viewer = std::make_shared<Viewer>(server_, std::move(stream_), id);
+      server_.viewers[id] = viewer;
+      server_.num_viewers = static_cast<int>(server_.viewers.size());
+      return viewer->Start(request);
+    }
+    if (request.method() == http::verb::put && server_.options.take_file) {
+      const bool good = server_.options.take_file(std::string(path), request.body());
+      return Send(request, good ? http::status::ok : http::status::internal_server_error, "text/plain", "");
+    }
+    if (request.method() != http::verb::get && request.method() != http::verb::head)
+      return Send(request, http::status::method_not_allowed, "text/plain", "Only GET is answered.\n");
+    if (path != "/" && path != "/index.html")
+      return Send(request, http::status::not_found, "text/plain", "There is one page, at /.\n");
+    Send(request, http::status::ok, "text/html; charset=utf-8", server_.options.page);
+  }
+
+  void Send(const http::request<http::string_body>& request, http::status status, const char* type,
+            std::string_view body) {
+    auto response = std::make_shared<http::response<http::span_body<const char>>>(status, request.version());
+    response->set(http::field::content_type, type);
+    response->set(http::field::cache_control, "no-store");
+    response->set("X-Content-Type-Options", "nosniff");
+    response->set("X-Frame-Options", "DENY");
+    response->keep_alive(request.keep_alive());
+    response->body() = {body.data(), request.method() == http::verb::head ? 0 : body.size()};
+    response->content_length(body.size());
+    stream_.expires_after(std::chrono::seconds(20));
+    http::async_write(stream_, *response, [self = shared_from_this(), response](ErrorOf error, std::size_t) {
+      if (error) return;
+      if (response->keep_alive()) return self->Read();
+      ErrorOf ignored;
+      self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+    });
+  }
+
+  Detail& server_;
+  beast::tcp_stream stream_;
+  beast::flat_buffer buffer_;
+  std::optional<http::request_parser<http::string_body>> parser_;
+};
+
+void LiveServer::Detail::Accept() {
+  acceptor->async_accept([this](ErrorOf error, tcp::socket socket) {
+    if (error == asio::error::operation_aborted) return;
+    if (!error) {
+      ErrorOf ignored;
+      socket.set_option(tcp::no_delay(true), ignored);
+      std::make_shared<Connection>(*this, std::move(socket))->Read();
+    }
+    Accept();
+  });
+}
+
+void LiveServer::Detail::Drop(int viewer) {
+  if (viewers.erase(viewer) == 0) return;
+  num_viewers = static_cast<int>(viewers.size());
+  Command left;
+  left.kind = Command::Kind::kLeft;
+  left.viewer = viewer;
+  const std::lock_guard<std::mutex> lock(mutex);
+  commands.push_back(left);  // at most one a viewer, so it may exceed the bound
+}
+
+bool LiveServer::Detail::Queue(Command command) {
+  const std::lock_guard<std::mutex> lock(mutex);
+  // Of pulls in a row only the last matters, and so for one slider.
+  if (!commands.empty()) {
+    Command& last = commands.back();
+    if (last.viewer == command.viewer && last.kind == command.kind && last.setting == command.setting &&
+        last.index == command.index &&
+        (command.kind == Command::Kind::kPull || command.kind == Command::Kind::kSet)) {
+      last = std::move(command);
+      return true;
+    }
+  }
+  if (commands.size() >= options.max_queue) return false;
+  commands.push_back(std::move(command));
+  return true;
+}
+
+LiveServer::LiveServer() = default;
+LiveServer::LiveServer(LiveServer&&) noexcept = default;
+LiveServer& LiveServer::operator=(LiveServer&&) noexcept = default;
+
+Expected<LiveServer> LiveServer::Create(const ServerOptions& options) {
+  LiveServer server;
+  server.detail_ = std::make_unique<Detail>(options);
+  Detail& d = *server.detail_;
+  const tcp::endpoint endpoint(asio::ip::make_address("127.0.0.1"), options.port);
+  ErrorOf error;
+  d.acceptor->open(endpoint.protocol(), error);
+  if (!error) d.acceptor->set_option(asio::socket_base::reuse_address(true), error);
+  if (!error) d.acceptor->bind(endpoint, error);
+  if (!error) d.acceptor->listen(asio::socket_base::max_listen_connections, error);
+  if (error)
+    return Fail(
+        ErrorCode::kModel, fmt::format("port {}", options.port),
+        fmt::format(
+            "cannot be opened on 127.0.0.1 ({}); choose another with --port, or 0 for any that is free",
+            error.message()));
+  d.Accept();
+  d.thread = std::thread([&d] { d.context->run(); });
+  return server;
+}
+
+LiveServer::~LiveServer() {
+  if (!detail_) return;
+  detail_->context->stop();
+  if (detail_->thread.joinable()) detail_->thread.join();
+}
+
+unsigned short LiveServer::port() const {
+  ErrorOf ignored;
+  return detail_->acceptor->local_endpoint(ignored).port();
+}
+
+void LiveServer::Publish(Snapshot snapshot) {
+  Detail& d = *detail_;
+  {
+    const std::lock_guard<std::mutex> lock(d.mutex);
+    d.latest = std::move(snapshot);
+  }
+  if (d.notified.exchange(true)) return;  // the server thread has not come round yet
+  asio::post(*d.context, [&d] {
+    d.notified = false;
+    for (auto& [id, viewer] : d.viewers)
+      if (auto alive = viewer.lock()) alive->WriteNext();
+  });
+}
+
+std::vector<Command> LiveServer::TakeCommands() {
+  const std::lock_guard<std::mutex> lock(detail_->mutex);
+  std::vector<Command> out(std::make_move_iterator(detail_->commands.begin()),
+                           std::make_move_iterator(detail_->commands.end()));
+  detail_->commands.clear();
+  return out;
+}
+
+void LiveServer::Tell(int viewer, const std::string& sentence) {
+  Detail& d = *detail_;
+  asio::post(*d.context, [&d, viewer, message = Sentence("notice", sentence)] {
+    for (auto& [id, weak] : d.viewers)
+      if (viewer == 0 || id == viewer)
+        if (auto alive = weak.lock()) alive->Tell(message);
+  });
+}
+
+int LiveServer::num_viewers() const { return detail_->num_viewers; }
+
+}  // namespace fork1s

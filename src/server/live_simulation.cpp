@@ -1,0 +1,321 @@
+#include <fork1s/server/live_simulation.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <fork1s/server/pull_spring.hpp>
+
+#include <fmt/format.h>
+
+namespace fork1s {
+namespace {
+
+constexpr double kFrame = 1.0 / 60;  // s
+constexpr double kPushTime = 0.05;   // s
+constexpr std::size_t kMaxPushes = 16;
+
+double Now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+Message Share(std::string text) { return std::make_shared<const std::string>(std::move(text)); }
+
+}  // namespace
+
+Expected<LiveSimulation> LiveSimulation::Create(Scene scene, const SimulationOptions& options,
+                                                const std::string& title) {
+  Scene original = scene;
+  auto simulation = Simulation::Create(std::move(scene), options);
+  if (!simulation) return tl::unexpected(simulation.error());
+  LiveSimulation live(std::move(*simulation));
+  live.original_ = std::move(original);
+  live.options_ = options;
+  live.title_ = title;
+  LiveSettings& s = live.settings_;
+  s.dt = live.simulation_.dt();
+  s.gravity = live.original_.gravity;
+  s.recovery = options.recovery;
+  s.modes = options.reduction.modes;
+  s.pull_stiffness = SuggestPullStiffness(live.simulation_);
+  // Groups name joints by their place in the built mechanism; both definitions hold them in that order.
+  for (std::size_t i = 0; i < live.original_.mechanisms.size(); ++i)
+    live.original_.mechanisms[i] = live.simulation_.world().mechanisms()[i].mechanism().definition();
+  s.groups = FindJointGroups(live.original_.mechanisms);
+  s.interfaces.resize(live.original_.mechanisms.size());
+  for (const MechanismDynamics& m : live.simulation_.world().mechanisms())
+    live.base_origin_.push_back(m.state().X_WR);
+  live.targets_ = live.simulation_.controls();
+  live.latest_.geometry = Share(EncodeGeometry(live.simulation_));
+  live.latest_.meshes = Share(EncodeMeshes(live.simulation_));
+  live.AfterBuild();
+  return live;
+}
+
+// Everything that hangs on the identity of the reduced model.
+void LiveSimulation::AfterBuild() {
+  base_start_.clear();
+  for (const MechanismDynamics& m : simulation_.world().mechanisms()) base_start_.push_back(m.state().X_WR);
+  encoded_reference_.assign(simulation_.world().mechanisms().size(), VectorX());
+  latest_.maps.assign(encoded_reference_.size(), nullptr);
+  latest_.versions.resize(encoded_reference_.size(), 0);
+  ++latest_.epoch;
+  latest_.scene = Share(SceneMessage());
+  ++latest_.settings_version;
+  latest_.settings = Share(SettingsMessage());
+}
+
+KeyframeDef LiveSimulation::PresentState() const {
+  KeyframeDef key;
+  key.name = "present";
+  for (const MechanismDynamics& m : simulation_.world().mechanisms()) {
+    KeyframeDef::MechanismState s;
+    s.q = m.configuration().q;
+    s.q_dot = m.configuration().Q_now * m.state().w;
+    s.X_WR = m.state().X_WR;
+    s.V_R = m.mechanism().base() == BaseKind::kDriven ? Vector6(Vector6::Zero()) : m.state().V_R;
+    s.controls = m.controls();
+    key.mechanisms.push_back(std::move(s));
+  }
+  for (const FreeBody& b : simulation_.world().free_bodies()) {
+    const Vector6 V = b.OriginVelocity();
+    key.free_bodies.push_back({b.pose(), V.head<3>(), V.tail<3>()});
+  }
+  return key;
+}
+
+Expected<void> LiveSimulation::Rebuild(const LiveSettings& settings, bool keep_state) {
+  const double start = Now();
+  Scene scene = ApplySettings(original_, settings);
+  SimulationOptions options = options_;
+  options.dt = settings.dt;
+  options.recovery = settings.recovery;
+  options.reduction.modes = -1;  // the scene says
+  if (keep_state) {
+    scene.keyframes.push_back(PresentState());
+    options.initial_keyframe = static_cast<int>(scene.keyframes.size()) - 1;
+  }
+  const double time = keep_state ? time_offset_ + simulation_.time() : 0;
+  const double steps = keep_state ? steps_before_ + static_cast<double>(simulation_.steps()) : 0;
+  auto built = Simulation::Create(std::move(scene), options);
+  if (!built) return tl::unexpected(built.error());
+  simulation_ = std::move(*built);
+  time_offset_ = time;
+  steps_before_ = steps;
+  settings_ = settings;
+  if (!keep_state) {
+    targets_ = simulation_.controls();
+    pull_.reset();
+    pushes_.clear();
+    carry_ = 0;
+    scalars_.refreshes = 0;
+  }
+  scalars_.reduce_ms = 1e3 * (Now() - start);
+  AfterBuild();
+  return {};
+}
+
+std::optional<std::string> LiveSimulation::Handle(const Command& c) {
+  const int bodies = static_cast<int>(simulation_.bodies().size());
+  switch (c.kind) {
+    case Command::Kind::kPull:
+      if (c.body < 0 || c.body >= bodies) return fmt::format("there is no body {}", c.body);
+      if (pull_ && pull_->viewer != c.viewer) return "another viewer is dragging; wait until it lets go";
+      if (!pull_ || pull_->body != c.body) pull_ = Pull{c.viewer, c.body, c.point, c.target};
+      pull_->point_B = c.point;
+      pull_->target_W = c.target;
+      return {};
+    case Command::Kind::kLeft:
+    case Command::Kind::kRelease:
+      if (pull_ && pull_->viewer == c.viewer) pull_.reset();
+      return {};
+    case Command::Kind::kPush: {
+      if (c.body < 0 || c.body >= bodies) return fmt::format("there is no body {}", c.body);
+      const double length = c.target.norm();
+      if (!(length > 1e-9)) return "a push needs a direction";
+      if (pushes_.size() >= kMaxPushes) return "enough pushes at once; wait a moment";
+      // As hard as the spring pulls over a fifth of the model, for 50 ms.
+      const double force = 0.2 * SceneRadius(simulation_) * settings_.pull_stiffness;
+      pushes_.push_back({c.body, c.point, force / length * c.target,
+                         std::max(1, static_cast<int>(std::lround(kPushTime / simulation_.dt())))});
+      return {};
+    }
+    case Command::Kind::kPause:
+      paused_ = c.on;
+      return {};
+    case Command::Kind::kStep:
+      paused_ = step_requested_ = true;
+      return {};
+    case Command::Kind::kReset:
+      if (auto done = Rebuild(settings_, false); !done) return done.error().Text();
+      return {};
+    case Command::Kind::kSet:
+      return HandleSet(c);
+    case Command::Kind::kInterfaces:
+      return HandleInterfaces(c);
+  }
+  return {};
+}
+
+std::optional<std::string> LiveSimulation::HandleSet(const Command& c) {
+  if (c.setting == "control") {
+    if (c.index < 0 || c.index >= targets_.size()) return fmt::format("there is no control {}", c.index);
+    targets_(c.index) = c.value;
+  } else {
+    LiveSettings changed = settings_;
+    auto rebuild = ChangeSetting(c.setting, c.index, c.value, changed);
+    if (!rebuild) return rebuild.error().Text();
+    if (*rebuild) {
+      if (auto done = Rebuild(changed, true); !done) return done.error().Text();
+      return {};
+    }
+    settings_ = changed;
+    simulation_.step_options().gravity = settings_.gravity;
+  }
+  ++latest_.settings_version;
+  latest_.settings = Share(SettingsMessage());
+  return {};
+}
+
+std::optional<std::string> LiveSimulation::HandleInterfaces(const Command& c) {
+  if (c.index < 0 || c.index >= static_cast<int>(settings_.interfaces.size()))
+    return fmt::format("there is no mechanism {}", c.index);
+  LiveSettings changed = settings_;
+  auto& names = changed.interfaces[static_cast<std::size_t>(c.index)];
+  names.clear();
+  for (int body : c.bodies) {
+    if (body < 0 || body >= static_cast<int>(simulation_.bodies().size()))
+      return fmt::format("there is no body {}", body);
+    const SceneBody& b = simulation_.bodies()[static_cast<std::size_t>(body)];
+    if (b.mechanism != c.index) return fmt::format("body '{}' is no part of that mechanism", b.name);
+    if (b.index == 0) return fmt::format("body '{}' is the base, which always may touch the world", b.name);
+    if (std::find(names.begin(), names.end(), b.name) == names.end()) names.push_back(b.name);
+  }
+  if (names.empty()) return "a mechanism needs at least one interface body";
+  if (auto done = Rebuild(changed, true); !done) return done.error().Text();
+  return {};
+}
+
+// A driven base goes to where its sliders stand at a bounded speed; a jump would be a blow of any size.
+void LiveSimulation::ApplyTargets() {
+  constexpr double kSpeed = 1, kTurn = 3, kHaste = 10;  // m/s, rad/s, 1/s
+  const double h = simulation_.dt();
+  Eigen::Index next = 0;
+  for (const MechanismDynamics& m : simulation_.world().mechanisms())
+    for (Eigen::Index k = 0; k < m.controls().size(); ++k, ++next)
+      simulation_.SetControl(static_cast<int>(next), targets_(next));
+  for (std::size_t i = 0; i < base_start_.size(); ++i) {
+    const MechanismDynamics& m = simulation_.world().mechanisms()[i];
+    if (m.mechanism().base() != BaseKind::kDriven) continue;
+    const RigidTransform& now = m.state().X_WR;
+    const Matrix3 R_goal = ExpRotation(targets_.segment<3>(next + 3)) * base_origin_[i].rotation();
+    Vector3 move = base_origin_[i].translation() + targets_.segment<3>(next) - now.translation();
+    Vector3 turn = LogRotation(R_goal * now.rotation().transpose());
+    move *= std::min({1.0, kHaste * h, kSpeed * h / std::max(move.norm(), 1e-12)});
+    turn *= std::min({1.0, kHaste * h, kTurn * h / std::max(turn.norm(), 1e-12)});
+    const Vector3 shift = now.translation() + move - base_start_[i].translation();
+    const Vector3 rotation =
+        LogRotation(ExpRotation(turn) * now.rotation() * base_start_[i].rotation().transpose());
+    for (int k = 0; k < 3; ++k) {
+      simulation_.SetControl(static_cast<int>(next) + k, shift(k));
+      simulation_.SetControl(static_cast<int>(next) + 3 + k, rotation(k));
+    }
+    next += 6;
+  }
+}
+
+void LiveSimulation::ApplyPulls() {
+  shown_.clear();
+  if (pull_) {
+    Pull& p = *pull_;
+    p.force_W = PullForce(simulation_, p.body, p.point_B, p.target_W, settings_.pull_stiffness);
+    const Vector3 point = simulation_.Pose(p.body) * p.point_B;
+    simulation_.ApplyWrench(p.body, p.force_W, Vector3::Zero(), point);
+    shown_.push_back({p.body, point, p.target_W, p.force_W});
+  }
+  for (Push& p : pushes_) {
+    const Vector3 point = simulation_.Pose(p.body) * p.point_B;
+    simulation_.ApplyWrench(p.body, p.force_W, Vector3::Zero(), point);
+    shown_.push_back({p.body, point, point, p.force_W});
+    --p.steps_left;
+  }
+  std::erase_if(pushes_, [](const Push& p) { return p.steps_left <= 0; });
+}
+
+bool LiveSimulation::StepOnce() {
+  ApplyTargets();
+  ApplyPulls();
+  const StepReport report = simulation_.Step();
+  scalars_.penetration = report.max_penetration;
+  scalars_.residual = report.solver.residual;
+  scalars_.refreshes += report.refreshes;
+  if (report.finite) return true;
+  paused_ = true;
+  pull_.reset();
+  pushes_.clear();
+  fault_ = fmt::format(
+      "step {} gave numbers that are not finite; the state before it was kept and the simulation paused. "
+      "Take a "
+      "smaller dt or reset",
+      simulation_.steps());
+  return false;
+}
+
+void LiveSimulation::Advance(double wall_budget) {
+  if (paused_ && !step_requested_) {
+    if (!pull_) shown_.clear();
+    return;
+  }
+  const double start = Now();
+  const double h = simulation_.dt();
+  const double wanted = kFrame * settings_.speed;
+  carry_ += wanted;
+  int steps = static_cast<int>(std::floor(carry_ / h + 1e-9)), done = 0;
+  if (step_requested_) steps = std::max(steps, 1);
+  step_requested_ = false;
+  for (; done < steps; ++done) {
+    if (done > 0 && Now() - start > wall_budget) break;
+    if (!StepOnce()) break;
+  }
+  // What could not be computed in time is dropped: the motion becomes slower, never jerky.
+  carry_ = done == steps ? std::max(0.0, carry_ - done * h) : 0;
+  if (done > 0) scalars_.step_us = 1e6 * (Now() - start) / done;
+  const double share = steps > 0 ? static_cast<double>(done) / steps : real_time_share_;
+  real_time_share_ += 0.1 * (share - real_time_share_);
+}
+
+std::optional<std::string> LiveSimulation::TakeFault() {
+  std::optional<std::string> fault;
+  fault.swap(fault_);
+  return fault;
+}
+
+void LiveSimulation::EncodeChangedMaps() {
+  const auto& mechanisms = simulation_.world().mechanisms();
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const VectorX& reference = mechanisms[i].model().q_ref;
+    VectorX& encoded = encoded_reference_[i];
+    if (latest_.maps[i] && encoded.size() == reference.size() && encoded == reference) continue;
+    encoded = reference;
+    ++latest_.versions[i];
+    latest_.maps[i] =
+        Share(EncodeMaps(mechanisms[i], latest_.epoch, static_cast<std::uint32_t>(i), latest_.versions[i]));
+  }
+}
+
+Snapshot LiveSimulation::Capture(int viewers) {
+  EncodeChangedMaps();
+  scalars_.time = time_offset_ + simulation_.time();
+  scalars_.steps = steps_before_ + static_cast<double>(simulation_.steps());
+  scalars_.real_time_factor = paused_ ? 0 : real_time_share_ * settings_.speed;
+  scalars_.kinetic_energy = simulation_.KineticEnergy();
+  scalars_.potential_energy = simulation_.PotentialEnergy();
+  scalars_.joint_gap = simulation_.JointGap();
+  scalars_.load_factor = std::nan("");
+  scalars_.viewers = viewers;
+  ++latest_.sequence;
+  latest_.frame = Share(
+      EncodeFrame(simulation_, latest_.epoch, latest_.sequence, paused_, scalars_, latest_.versions, shown_));
+  return latest_;
+}
+
+}  // namespace fork1s

@@ -1,0 +1,190 @@
+// Names, trees and screws, told whenever the model is built anew; settings, told whenever one changes.
+#include <cmath>
+#include <fork1s/server/live_simulation.hpp>
+#include <fork1s/server/pull_spring.hpp>
+#include <nlohmann/json.hpp>
+
+#include "scene_description.hpp"
+
+namespace fork1s {
+namespace {
+
+using Json = nlohmann::json;
+
+Json Pose(const RigidTransform& X) {
+  const Vector3& p = X.translation();
+  const Quaternion q = X.quaternion();
+  return Json::array({p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()});
+}
+
+const char* BaseName(BaseKind kind) {
+  switch (kind) {
+    case BaseKind::kFixed:
+      return "fixed";
+    case BaseKind::kFloating:
+      return "floating";
+    case BaseKind::kDriven:
+      return "driven";
+  }
+  return "";
+}
+
+void AddMechanism(const MechanismDynamics& dynamics, Json& out) {
+  const Mechanism& m = dynamics.mechanism();
+  const ReducedModel& model = dynamics.model();
+  const auto first_body = static_cast<int>(out["bodies"].size());
+  const auto first_joint = static_cast<int>(out["joints"].size());
+  const auto first_coordinate = static_cast<int>(out["screws"].size());
+  const auto root = static_cast<int>(out["roots"].size());
+  Json one;
+  one["name"] = m.name();
+  one["base"] = BaseName(m.base());
+  one["first_body"] = first_body;
+  one["bodies"] = m.num_bodies();
+  one["first_coordinate"] = first_coordinate;
+  one["coordinates"] = m.num_coordinates();
+  one["mass"] = m.total_mass();
+  one["closures"] = m.closures().size();
+  one["reduced"] = {{"free", model.num_free}, {"elastic", model.num_elastic}, {"modes", model.num_modes}};
+  out["roots"].push_back(std::move(one));
+  for (int b = 0; b < m.num_bodies(); ++b) {
+    const Mechanism::Body& body = m.body(BodyIndex(b));
+    const bool is_interface =
+        std::find(model.interfaces.begin(), model.interfaces.end(), BodyIndex(b)) != model.interfaces.end();
+    out["bodies"].push_back({{"name", body.name},
+                             {"root", root},
+                             {"parent", body.parent.valid() ? first_body + body.parent.value() : -1},
+                             {"last_joint", body.last_joint < 0 ? -1 : first_joint + body.last_joint},
+                             {"interface", is_interface},
+                             {"mass", body.inertia_B.mass},
+                             {"pose", Pose(body.X_RB0)}});
+  }
+  for (const Mechanism::Joint& j : m.joints())
+    out["joints"].push_back({{"name", j.name},
+                             {"body", first_body + j.body.value()},
+                             {"previous", j.previous < 0 ? -1 : first_joint + j.previous},
+                             {"offset", first_coordinate + j.offset},
+                             {"size", j.size}});
+  for (int i = 0; i < m.num_coordinates(); ++i) {
+    Json screw = Json::array();
+    for (int k = 0; k < 6; ++k) screw.push_back(m.screws()(k, i));
+    out["screws"].push_back(std::move(screw));
+  }
+}
+
+void AddFreeBody(const FreeBody& body, Json& out) {
+  const auto root = static_cast<int>(out["roots"].size());
+  out["roots"].push_back({{"name", body.name()},
+                          {"base", "free"},
+                          {"first_body", out["bodies"].size()},
+                          {"bodies", 1},
+                          {"first_coordinate", out["screws"].size()},
+                          {"coordinates", 0},
+                          {"mass", body.inertia().mass}});
+  out["bodies"].push_back({{"name", body.name()},
+                           {"root", root},
+                           {"parent", -1},
+                           {"last_joint", -1},
+                           {"interface", false},
+                           {"mass", body.inertia().mass},
+                           {"pose", Pose(RigidTransform())}});
+}
+
+// The range of a slider: the control's own, else that of the joint it moves, else one that suits the model.
+Json ControlRange(const Mechanism& m, const Mechanism::Control& c, double radius) {
+  double low = c.lower, high = c.upper;
+  if (!(std::isfinite(low) && std::isfinite(high)) && c.terms.size() == 1) {
+    const auto i = static_cast<Eigen::Index>(c.terms[0].first);
+    const bool turns = m.screws().col(i).head<3>().squaredNorm() > 1e-18;
+    const double span = turns ? 1.6 : 0.3 * radius;
+    if (!std::isfinite(low)) low = std::isfinite(m.lower()(i)) ? m.lower()(i) : c.initial - span;
+    if (!std::isfinite(high)) high = std::isfinite(m.upper()(i)) ? m.upper()(i) : c.initial + span;
+  }
+  if (!std::isfinite(low)) low = c.initial - 1;
+  if (!std::isfinite(high)) high = c.initial + 1;
+  return Json::array({low, high});
+}
+
+}  // namespace
+
+nlohmann::json internal::DescribeScene(const Simulation& simulation, const std::string& title,
+                                       std::uint32_t epoch, bool separate) {
+  Json out;
+  out["type"] = "scene";
+  out["version"] = 1;
+  out["epoch"] = epoch;
+  out["title"] = title;
+  out["recovery"] = simulation.options().recovery == Recovery::kTwist && !separate ? "twist" : "exact";
+  out["radius"] = SceneRadius(simulation);
+  out["scalars"] = ScalarNames();
+  for (const char* list : {"roots", "bodies", "joints", "screws", "controls", "groups", "warnings"})
+    out[list] = Json::array();
+  for (const MechanismDynamics& m : simulation.world().mechanisms()) AddMechanism(m, out);
+  for (const FreeBody& b : simulation.world().free_bodies()) AddFreeBody(b, out);
+  if (!separate) return out;
+  out["roots"] = out["joints"] = out["screws"] = Json::array();
+  int number = 0;
+  for (Json& body : out["bodies"]) {
+    out["roots"].push_back({{"name", body["name"]},
+                            {"base", "free"},
+                            {"first_body", number},
+                            {"bodies", 1},
+                            {"first_coordinate", 0},
+                            {"coordinates", 0},
+                            {"mass", body["mass"]}});
+    body["root"] = number++;
+    body["last_joint"] = -1;
+    body["pose"] = Pose(RigidTransform());
+  }
+  return out;
+}
+
+std::string internal::Dump(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string LiveSimulation::SceneMessage() const {
+  Json out = internal::DescribeScene(simulation_, title_, latest_.epoch, false);
+  const double radius = out["radius"].get<double>();
+  std::size_t next = 0;
+  for (const MechanismDynamics& m : simulation_.world().mechanisms())
+    for (const Mechanism::Control& c : m.mechanism().controls())
+      out["controls"].push_back({{"name", simulation_.control_names()[next++]},
+                                 {"range", ControlRange(m.mechanism(), c, radius)},
+                                 {"base", false}});
+  for (; next < simulation_.control_names().size(); ++next) {
+    const std::string& name = simulation_.control_names()[next];
+    const bool turns = name.size() > 3 && name[name.size() - 2] == 'r';
+    const double span = turns ? 1.6 : radius;
+    out["controls"].push_back({{"name", name}, {"range", {-span, span}}, {"base", true}});
+  }
+  for (const JointGroup& g : settings_.groups)
+    out["groups"].push_back({{"name", g.name}, {"mechanism", g.mechanism}});
+  for (const std::string& w : simulation_.warnings()) out["warnings"].push_back(w);
+  return internal::Dump(out);
+}
+
+std::string LiveSimulation::SettingsMessage() const {
+  const LiveSettings& s = settings_;
+  Json out;
+  out["type"] = "settings";
+  out["dt"] = s.dt;
+  out["gravity"] = s.gravity.z();
+  out["damping"] = s.damping_scale;
+  out["friction"] = s.friction_scale;
+  int modes = s.modes;
+  for (const MechanismDynamics& m : simulation_.world().mechanisms())
+    if (s.modes < 0) modes = std::max(modes, m.mechanism().definition().modes);
+  out["modes"] = std::max(modes, 0);
+  out["detail"] = s.detail;
+  out["recovery"] = s.recovery == Recovery::kTwist ? 1 : 0;
+  out["pull_stiffness"] = s.pull_stiffness;
+  out["speed"] = s.speed;
+  out["stiffness"] = Json::array();
+  for (const JointGroup& g : s.groups) out["stiffness"].push_back(g.scale);
+  out["controls"] = Json::array();
+  for (Eigen::Index i = 0; i < targets_.size(); ++i) out["controls"].push_back(targets_(i));
+  return internal::Dump(out);
+}
+
+}  // namespace fork1s

@@ -1,0 +1,177 @@
+#include <fork1s/server/live_settings.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace fork1s {
+namespace {
+
+// The joints of each body and the bodies of each body.
+struct Tree {
+  std::vector<std::vector<int>> children, joints;
+  explicit Tree(const MechanismDef& def) : children(def.bodies.size()), joints(def.bodies.size()) {
+    for (std::size_t b = 1; b < def.bodies.size(); ++b)
+      children[def.bodies[b].parent.u()].push_back(static_cast<int>(b));
+    for (std::size_t j = 0; j < def.joints.size(); ++j)
+      joints[def.joints[j].body.u()].push_back(static_cast<int>(j));
+  }
+  void Gather(int body, std::vector<int>& out) const {
+    std::vector<int> open = {body};
+    while (!open.empty()) {
+      const auto b = static_cast<std::size_t>(open.back());
+      open.pop_back();
+      out.insert(out.end(), joints[b].begin(), joints[b].end());
+      open.insert(open.end(), children[b].begin(), children[b].end());
+    }
+  }
+};
+
+void FindGroups(const MechanismDef& def, int mechanism, std::vector<JointGroup>& groups) {
+  const Tree tree(def);
+  JointGroup trunk{def.bodies[0].name, mechanism, {}, 1};
+  std::size_t at = 0;
+  while (true) {
+    std::vector<int> branches;  // children that carry joints
+    for (int child : tree.children[at]) {
+      std::vector<int> joints;
+      tree.Gather(child, joints);
+      if (!joints.empty()) branches.push_back(child);
+    }
+    if (branches.size() == 1 && !(tree.children[static_cast<std::size_t>(branches[0])].empty())) {
+      at = static_cast<std::size_t>(branches[0]);
+      trunk.joints.insert(trunk.joints.end(), tree.joints[at].begin(), tree.joints[at].end());
+      continue;
+    }
+    if (!trunk.joints.empty() && branches.size() > 1) groups.push_back(trunk);
+    if (branches.size() <= 1) {  // a chain: one group
+      std::vector<int> all;
+      tree.Gather(0, all);
+      if (!all.empty()) groups.push_back({def.name, mechanism, all, 1});
+      return;
+    }
+    for (int branch : branches) {
+      JointGroup group{def.bodies[static_cast<std::size_t>(branch)].name, mechanism, {}, 1};
+      tree.Gather(branch, group.joints);
+      groups.push_back(std::move(group));
+    }
+    return;
+  }
+}
+
+// As ScaleStiffness does for a whole mechanism: dampers by the root, so that damping ratios stay.
+void ScaleGroup(const JointGroup& group, MechanismDef& def) {
+  if (group.scale == 1) return;
+  std::vector<char> mine(def.joints.size(), 0);
+  for (int j : group.joints) mine[static_cast<std::size_t>(j)] = 1;
+  auto inside = [&](const auto& terms) {
+    return !terms.empty() && std::all_of(terms.begin(), terms.end(),
+                                         [&](const auto& t) { return mine[t.first.joint.u()] != 0; });
+  };
+  const double root = std::sqrt(group.scale);
+  for (std::size_t j = 0; j < def.joints.size(); ++j)
+    if (mine[j])
+      for (FreedomDef& f : def.joints[j].freedoms) {
+        f.stiffness *= group.scale;
+        f.damping *= root;
+      }
+  for (SpringDef& s : def.springs)
+    if (inside(s.terms)) {
+      s.stiffness *= group.scale;
+      s.damping *= root;
+    }
+  for (ControlDef& c : def.controls)
+    if (c.is_setpoint && inside(c.terms)) c.gain *= group.scale;
+}
+
+void ScaleDamping(double scale, MechanismDef& def) {
+  for (JointDef& j : def.joints)
+    for (FreedomDef& f : j.freedoms) f.damping *= scale;
+  for (SpringDef& s : def.springs) s.damping *= scale;
+  for (ClosureDef& c : def.closures) c.damping *= scale;
+}
+
+void RefineInterfaces(int detail, MechanismDef& def) {
+  auto add = [&](const std::string& name) {
+    if (std::find(def.interfaces.begin(), def.interfaces.end(), name) == def.interfaces.end())
+      def.interfaces.push_back(name);
+  };
+  if (detail == 1)
+    for (const std::string& name : std::vector<std::string>(def.interfaces)) {
+      const BodyIndex body = def.FindBody(name);
+      if (!body.valid() || body.value() == 0) continue;
+      const BodyIndex parent = def.bodies[body.u()].parent;
+      if (parent.valid() && parent.value() > 0) add(def.bodies[parent.u()].name);
+    }
+  if (detail == 2)
+    for (std::size_t b = 1; b < def.bodies.size(); ++b) add(def.bodies[b].name);
+}
+
+}  // namespace
+
+std::vector<JointGroup> FindJointGroups(const std::vector<MechanismDef>& mechanisms) {
+  std::vector<JointGroup> groups;
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) FindGroups(mechanisms[i], static_cast<int>(i), groups);
+  return groups;
+}
+
+Scene ApplySettings(Scene scene, const LiveSettings& settings) {
+  for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
+    MechanismDef& def = scene.mechanisms[i];
+    for (const JointGroup& group : settings.groups)
+      if (group.mechanism == static_cast<int>(i)) ScaleGroup(group, def);
+    if (settings.damping_scale != 1) ScaleDamping(settings.damping_scale, def);
+    if (settings.modes >= 0) def.modes = settings.modes;
+    if (i < settings.interfaces.size() && !settings.interfaces[i].empty()) {
+      def.interfaces = settings.interfaces[i];
+      def.interfaces_chosen = true;
+    }
+    RefineInterfaces(settings.detail, def);
+  }
+  auto scale_friction = [&](std::vector<GeometryDef>& geometries) {
+    for (GeometryDef& g : geometries) g.friction *= settings.friction_scale;
+  };
+  for (MechanismDef& def : scene.mechanisms)
+    for (BodyDef& b : def.bodies) scale_friction(b.geometries);
+  for (FreeBodyDef& b : scene.free_bodies) scale_friction(b.geometries);
+  scale_friction(scene.world);
+  scene.gravity = settings.gravity;
+  return scene;
+}
+
+Expected<bool> ChangeSetting(const std::string& name, int index, double value, LiveSettings& settings) {
+  auto within = [&](double low, double high) -> Expected<void> {
+    if (value >= low && value <= high) return {};
+    return Fail(ErrorCode::kUsage, name,
+                fmt::format("must lie between {:g} and {:g}, not {:g}", low, high, value));
+  };
+  struct Range {
+    const char* name;
+    double low, high;
+  };
+  static constexpr Range kRanges[] = {
+      {"dt", 1e-4, 0.05}, {"gravity", -100, 100},  {"damping", 0, 100}, {"friction", 0, 10},
+      {"modes", 0, 64},   {"detail", 0, 2},        {"recovery", 0, 1},  {"pull_stiffness", 1e-3, 1e7},
+      {"speed", 0.01, 4}, {"stiffness", 1e-3, 1e4}};
+  const auto* range =
+      std::find_if(std::begin(kRanges), std::end(kRanges), [&](const Range& r) { return name == r.name; });
+  if (range == std::end(kRanges)) return Fail(ErrorCode::kUsage, name, "is no setting of this program");
+  if (auto fits = within(range->low, range->high); !fits) return tl::unexpected(fits.error());
+
+  if (name == "gravity") return settings.gravity = Vector3(0, 0, value), false;
+  if (name == "pull_stiffness") return settings.pull_stiffness = value, false;
+  if (name == "speed") return settings.speed = value, false;
+  if (name == "dt") return settings.dt = value, true;
+  if (name == "damping") return settings.damping_scale = value, true;
+  if (name == "friction") return settings.friction_scale = value, true;
+  if (name == "modes") return settings.modes = static_cast<int>(value), true;
+  if (name == "detail") return settings.detail = static_cast<int>(value), true;
+  if (name == "recovery") return settings.recovery = value > 0.5 ? Recovery::kTwist : Recovery::kExact, true;
+  if (index < 0 || index >= static_cast<int>(settings.groups.size()))
+    return Fail(ErrorCode::kUsage, name, fmt::format("has no joint group {}", index));
+  settings.groups[static_cast<std::size_t>(index)].scale = value;
+  return true;
+}
+
+}  // namespace fork1s

@@ -1,0 +1,206 @@
+// The server against viewers that behave and viewers that do not.
+#include <chrono>
+#include <fork1s/server/live_server.hpp>
+#include <thread>
+
+#include "socket_client.hpp"
+#include "support.hpp"
+
+namespace fork1s::test {
+namespace {
+
+constexpr std::string_view kPage = "<html>page</html>";
+
+// A server with a simulation behind it that this test steps itself.
+class Served : public testing::Test {
+ protected:
+  Served() : live_(Live("hand.xml", Recovery::kExact, "open")) {
+    ServerOptions options;
+    options.port = 0;
+    options.page = kPage;
+    options.max_viewers = 4;
+    auto server = LiveServer::Create(options);
+    if (!server) throw std::runtime_error(server.error().Text());
+    server_.emplace(std::move(*server));
+  }
+
+  void Frame() {
+    for (const Command& c : server_->TakeCommands())
+      if (auto refusal = live_.Handle(c)) server_->Tell(c.viewer, *refusal);
+    live_.Advance(kNoLimit);
+    server_->Publish(live_.Capture(server_->num_viewers()));
+  }
+  template <class Condition>
+  bool Until(Condition condition) {
+    for (int i = 0; i < 500; ++i) {
+      if (condition()) return true;
+      Frame();
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return false;
+  }
+
+  LiveSimulation live_;
+  std::optional<LiveServer> server_;
+};
+
+bool Starts(const std::string& text, const char* with) { return text.rfind(with, 0) == 0; }
+
+TEST_F(Served, GivesThePageAndNothingElse) {
+  SocketClient client(server_->port());
+  EXPECT_TRUE(Starts(client.Ask("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"), "HTTP/1.1 200"));
+  SocketClient other(server_->port());
+  EXPECT_TRUE(Starts(other.Ask("GET /../etc/passwd HTTP/1.1\r\nHost: localhost\r\n\r\n"), "HTTP/1.1 404"));
+  SocketClient put(server_->port());
+  EXPECT_TRUE(
+      Starts(put.Ask("PUT /x HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1\r\n\r\nx"), "HTTP/1.1 405"));
+}
+
+TEST_F(Served, StreamsGeometrySceneMapsThenFrames) {
+  SocketClient client(server_->port());
+  ASSERT_TRUE(Starts(client.Upgrade(), "HTTP/1.1 101"));
+  Frame();
+  std::vector<int> opcodes;
+  std::vector<std::uint32_t> kinds;
+  while (kinds.empty() || kinds.back() != 2) {
+    Frame();
+    const auto frame = client.ReadFrame();
+    ASSERT_TRUE(frame);
+    opcodes.push_back(frame->opcode);
+    if (frame->opcode != 2) continue;
+    std::uint32_t kind;
+    std::memcpy(&kind, frame->payload.data(), 4);
+    kinds.push_back(kind);
+  }
+  EXPECT_EQ(opcodes, (std::vector<int>{1, 2, 1, 1, 2, 2}));  // geometry, meshes, scene, settings, maps, frame
+  EXPECT_EQ(kinds, (std::vector<std::uint32_t>{3, 1, 2}));
+}
+
+TEST_F(Served, RefusesForeignPagesAndNames) {
+  for (const char* origin : {"http://example.org", "https://127.0.0.1.example.org", "null",
+                             "http://127.0.0.1.evil.com", "file://", "http://localhost@evil.com"}) {
+    SocketClient client(server_->port());
+    EXPECT_TRUE(Starts(client.Upgrade("Origin: " + std::string(origin) + "\r\n"), "HTTP/1.1 403")) << origin;
+  }
+  SocketClient rebound(server_->port());
+  EXPECT_TRUE(Starts(rebound.Upgrade("", "evil.com"), "HTTP/1.1 403"));
+  SocketClient own(server_->port());
+  EXPECT_TRUE(Starts(own.Upgrade("Origin: http://127.0.0.1:8080\r\n"), "HTTP/1.1 101"));
+}
+
+TEST_F(Served, ClosesOnMalformedMessagesWithAReasonAndGoesOn) {
+  const auto close_after = [&](int opcode, const std::string& payload) {
+    SocketClient client(server_->port());
+    client.Upgrade();
+    client.SendFrame(opcode, payload);
+    return client.ReadClose();
+  };
+  for (const char* text : {"", "{", "[]", R"({"type":"fly"})",
+                           R"({"type":"pull","body":1,"point":[0,0,1e999],"target":[0,0,0]})",
+                           R"({"type":"pull","body":1,"point":[0,0,NaN],"target":[0,0,0]})"}) {
+    const auto closed = close_after(1, text);
+    ASSERT_TRUE(closed) << text;
+    EXPECT_EQ(closed->code, 1008) << text;
+    EXPECT_GT(closed->reason.size(), 10u) << text;
+  }
+  EXPECT_EQ(close_after(2, "binary").value_or(SocketClient::Close{}).code, 1003);
+  EXPECT_EQ(close_after(1, "\xff\xfe\xfd").value_or(SocketClient::Close{}).code, 1007);
+  const auto huge = close_after(1, std::string(1 << 20, ' '));
+  EXPECT_TRUE(!huge || huge->code == 1009);  // or reset, while the rest was still on its way
+  const auto steps = live_.simulation().steps();
+  Frame();
+  EXPECT_GT(live_.simulation().steps(), steps);
+  SocketClient next(server_->port());
+  EXPECT_TRUE(Starts(next.Upgrade(), "HTTP/1.1 101"));
+}
+
+TEST_F(Served, GarbageBytesHarmNobody) {
+  for (const std::string& bytes :
+       {std::string("\x00\x01\x02", 3), std::string(100000, 'A'), std::string("GET / HTTP/9.9\r\n\r\n"),
+        "GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99999999999\r\n\r\n" + std::string(10, 'x')}) {
+    SocketClient client(server_->port());
+    client.Send(bytes);
+  }
+  SocketClient client(server_->port());
+  EXPECT_TRUE(Starts(client.Upgrade(), "HTTP/1.1 101"));
+}
+
+TEST_F(Served, ASlowViewerCostsTheSimulationNothingAndGetsTheNewest) {
+  SocketClient slow(server_->port(), 4096);
+  slow.Upgrade();
+  const auto start = std::chrono::steady_clock::now();
+  for (int i = 0; i < 3000; ++i) Frame();  // many times what the socket's buffers hold
+  EXPECT_LT(std::chrono::steady_clock::now() - start,
+            std::chrono::seconds(60));  // it never waited for a time-out
+  std::uint32_t newest = 0, frames = 0;
+  for (int i = 0; i < 3000 && newest < 3000; ++i) {
+    const auto frame = slow.ReadFrame();
+    ASSERT_TRUE(frame);
+    std::uint32_t head[3];
+    if (frame->opcode != 2 || frame->payload.size() < sizeof head) continue;
+    std::memcpy(head, frame->payload.data(), sizeof head);
+    if (head[0] != 2) continue;
+    ++frames;
+    newest = head[2];
+  }
+  EXPECT_EQ(newest, 3000u);
+  EXPECT_LT(frames, 3000u);
+}
+
+TEST_F(Served, TheOneWhoDragsAndDiesLetsGo) {
+  auto drags = std::make_unique<SocketClient>(server_->port());
+  drags->Upgrade();
+  drags->SendFrame(1, R"({"type":"pull","body":3,"point":[0,0,0],"target":[0,0,1]})");
+  ASSERT_TRUE(Until([&] { return live_.pulls().size() == 1; }));
+  SocketClient other(server_->port());
+  other.Upgrade();
+  other.SendFrame(1, R"({"type":"pull","body":4,"point":[0,0,0],"target":[0,0,1]})");
+  bool told = false;
+  for (int i = 0; i < 200 && !told; ++i) {
+    Frame();
+    const auto frame = other.ReadFrame();
+    told = frame && frame->payload.find("another viewer") != std::string::npos;
+  }
+  EXPECT_TRUE(told);
+  EXPECT_EQ(live_.pulls()[0].body, 3);
+  drags.reset();
+  EXPECT_TRUE(Until([&] { return live_.pulls().empty(); }));
+}
+
+TEST_F(Served, ManyViewersButNotAnyNumber) {
+  std::vector<std::unique_ptr<SocketClient>> clients;
+  for (int i = 0; i < 4; ++i) {
+    clients.push_back(std::make_unique<SocketClient>(server_->port()));
+    EXPECT_TRUE(Starts(clients.back()->Upgrade(), "HTTP/1.1 101"));
+  }
+  SocketClient fifth(server_->port());
+  EXPECT_TRUE(Starts(fifth.Upgrade(), "HTTP/1.1 503"));
+  clients.pop_back();
+  EXPECT_TRUE(Until([&] { return server_->num_viewers() == 3; }));
+  SocketClient sixth(server_->port());
+  EXPECT_TRUE(Starts(sixth.Upgrade(), "HTTP/1.1 101"));
+}
+
+TEST_F(Served, AFloodOfRequestsIsBounded) {
+  SocketClient client(server_->port());
+  client.Upgrade();
+  std::string flood;
+  for (int i = 0; i < 3000; ++i)
+    client.SendFrame(1, i % 2 ? R"({"type":"step"})" : R"({"type":"pause","on":true})");
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_LE(server_->TakeCommands().size(), 1024u);
+}
+
+TEST(LiveServer, APortThatIsTakenIsNamed) {
+  ServerOptions options;
+  options.port = 0;
+  auto first = LiveServer::Create(options);
+  ASSERT_TRUE(first);
+  options.port = first->port();
+  const auto second = LiveServer::Create(options);
+  ASSERT_FALSE(second);
+  EXPECT_NE(second.error().Text().find("--port"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace fork1s::test

@@ -1,0 +1,26 @@
+import './ui/style.css';
+import { App } from './app';
+import { film, filmSize } from './replay/film';
+import { fromBase64, RECORDING_ID, unpack } from './replay/log';
+import { Notices } from './ui/notices';
+
+declare global {
+  // For tests and for the curious: the page's own objects.
+  var fork1s: App | undefined;
+}
+
+const root = document.getElementById('app');
+if (root) {
+  try {
+    const app = new App(root);
+    globalThis.fork1s = app;
+    const recording = document.getElementById(RECORDING_ID)?.textContent;
+    if (recording) {
+      app.play(unpack(fromBase64(recording)));
+      const size = filmSize(location.hash);
+      if (size) void film(app, ...size);
+    } else app.connect(`ws://${location.host}/stream`);
+  } catch (error) {
+    new Notices(root).coverWith('The page cannot draw', error instanceof Error ? error.message : String(error));
+  }
+}

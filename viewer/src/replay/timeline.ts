@@ -1,0 +1,106 @@
+// Scrubbing and playing a recording.
+import { element, iconButton, setIcon } from '../ui/dom';
+import type { Log } from './log';
+
+export interface TimelineActions {
+  show(index: number): void;
+  /** Back to the running simulation; absent in a file from disk. */
+  live?: () => void;
+  /** Save as a file; absent in a file from disk. */
+  save?: () => void;
+}
+
+const FRAME = 1 / 60; // s
+
+export class Timeline {
+  readonly root: HTMLElement;
+  playing = true;
+  private index = 0;
+  private clock = 0; // s of play since the frame shown
+  private readonly slider: HTMLInputElement;
+  private readonly label: HTMLElement;
+  private readonly playButton: HTMLButtonElement;
+
+  constructor(
+    parent: HTMLElement,
+    private readonly log: Log,
+    private readonly actions: TimelineActions,
+  ) {
+    this.root = element('div', 'timeline box', parent);
+    const bar = element('div', 'bar', this.root);
+    this.playButton = iconButton('pause', 'Pause (space)', bar, () => this.toggle());
+    iconButton('step', 'One frame (right arrow)', bar, () => this.step(1));
+    this.slider = element('input', '', this.root);
+    this.slider.type = 'range';
+    this.slider.min = '0';
+    this.slider.max = String(Math.max(0, log.moments.length - 1));
+    this.slider.setAttribute('aria-label', 'Time');
+    this.slider.addEventListener('input', () => {
+      this.setPlaying(false);
+      this.go(Number(this.slider.value));
+    });
+    this.label = element('span', '', this.root);
+    const { live, save } = actions;
+    if (save) iconButton('save', 'Save as one HTML file', element('div', 'bar', this.root), save);
+    if (live) {
+      const button = element('button', 'text', element('div', 'bar', this.root));
+      button.type = 'button';
+      button.textContent = 'Live';
+      button.title = 'Back to the running simulation';
+      button.addEventListener('click', live);
+    }
+    this.go(0);
+  }
+
+  get at(): number {
+    return this.index;
+  }
+
+  get length(): number {
+    return this.log.moments.length;
+  }
+
+  private setPlaying(playing: boolean): void {
+    this.playing = playing;
+    setIcon(this.playButton, playing ? 'pause' : 'play', playing ? 'Pause (space)' : 'Play (space)');
+  }
+
+  toggle(): void {
+    if (!this.playing && this.index >= this.log.moments.length - 1) this.go(0);
+    this.setPlaying(!this.playing);
+  }
+
+  step(by: number): void {
+    this.setPlaying(false);
+    this.go(this.index + by);
+  }
+
+  rewind(): void {
+    this.go(0);
+  }
+
+  go(index: number): void {
+    this.index = Math.min(this.log.moments.length - 1, Math.max(0, index));
+    this.clock = 0;
+    this.slider.value = String(this.index);
+    const time = (this.log.moments[this.index]?.time ?? 0) - this.log.start;
+    this.label.textContent = `${time.toFixed(2)} / ${(this.log.end - this.log.start).toFixed(2)} s`;
+    this.actions.show(this.index);
+  }
+
+  /** Moves on by `seconds` of wall time; frames of a recording are 1/60 s apart. At the end it starts again. */
+  advance(seconds: number): void {
+    if (!this.playing || this.log.moments.length < 2) return;
+    this.clock += seconds;
+    const frames = Math.floor(this.clock / FRAME);
+    if (frames === 0) return;
+    const rest = this.clock - frames * FRAME;
+    const next = this.index + frames;
+    this.go(next >= this.log.moments.length ? 0 : next);
+    this.clock = rest;
+  }
+
+  remove(): void {
+    this.root.remove();
+  }
+}

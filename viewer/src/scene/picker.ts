@@ -1,0 +1,44 @@
+// Which body lies under the pointer, by drawing a single pixel.
+import * as THREE from 'three';
+
+export interface Hit {
+  body: number;
+  /** in the body's frame */
+  point: THREE.Vector3;
+}
+
+export class Picker {
+  private readonly target = new THREE.WebGLRenderTarget(1, 1, { format: THREE.RGBAFormat, type: THREE.FloatType });
+  private readonly scene = new THREE.Scene();
+  private readonly mesh = new THREE.Mesh();
+  private readonly pixel = new Float32Array(4);
+
+  constructor() {
+    this.mesh.frustumCulled = false;
+    this.scene.add(this.mesh);
+  }
+
+  use(geometry: THREE.BufferGeometry, material: THREE.ShaderMaterial): void {
+    this.mesh.geometry = geometry;
+    this.mesh.material = material;
+  }
+
+  /** x, y in pixels of the canvas, whose size is width x height. */
+  pick(renderer: THREE.WebGLRenderer, camera: THREE.PerspectiveCamera, x: number, y: number): Hit | null {
+    const { width, height } = renderer.domElement.getBoundingClientRect();
+    const before = renderer.getRenderTarget();
+    const clear = renderer.getClearColor(new THREE.Color());
+    const alpha = renderer.getClearAlpha();
+    camera.setViewOffset(width, height, x, y, 1, 1);
+    renderer.setRenderTarget(this.target);
+    renderer.setClearColor(0x000000, 0);
+    renderer.clear();
+    renderer.render(this.scene, camera);
+    renderer.setRenderTarget(before);
+    renderer.setClearColor(clear, alpha);
+    camera.clearViewOffset();
+    renderer.readRenderTargetPixels(this.target, 0, 0, 1, 1, this.pixel);
+    const [px = 0, py = 0, pz = 0, id = 0] = this.pixel;
+    return id > 0.5 ? { body: Math.round(id) - 1, point: new THREE.Vector3(px, py, pz) } : null;
+  }
+}

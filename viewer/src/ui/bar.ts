@@ -1,0 +1,85 @@
+// Title, state and the buttons that every viewer needs.
+import { element, iconButton, setIcon } from './dom';
+
+export interface BarActions {
+  pause(): void;
+  step(): void;
+  reset(): void;
+  home(): void;
+  theme(): void;
+  record(): void;
+  plots(): void;
+  pick(): void;
+  help(): void;
+}
+
+export class Bar {
+  readonly root: HTMLElement;
+  private readonly heading: HTMLElement;
+  private readonly state: HTMLElement;
+  private readonly pauseButton: HTMLButtonElement;
+  private readonly stepButton: HTMLButtonElement;
+  private readonly resetButton: HTMLButtonElement;
+  private readonly recordButton: HTMLButtonElement;
+  private readonly pickButton: HTMLButtonElement;
+  private readonly plotsButton: HTMLButtonElement;
+
+  constructor(parent: HTMLElement, actions: BarActions) {
+    this.root = element('div', 'head', parent);
+    const title = element('div', 'title box', this.root);
+    this.heading = element('h1', '', title);
+    this.state = element('p', '', title);
+    const bar = element('div', 'bar box', this.root);
+    bar.setAttribute('role', 'toolbar');
+    this.pauseButton = iconButton('pause', 'Pause (space)', bar, actions.pause);
+    this.stepButton = iconButton('step', 'One frame (right arrow)', bar, actions.step);
+    this.resetButton = iconButton('reset', 'Reset (backspace)', bar, actions.reset);
+    this.recordButton = iconButton('record', 'Record (R)', bar, actions.record);
+    this.pickButton = iconButton('pick', 'Pick the interface bodies (I)', bar, actions.pick);
+    this.plotsButton = iconButton('plots', 'Plots (P)', bar, actions.plots);
+    iconButton('home', 'Whole model in view (F)', bar, actions.home);
+    iconButton('theme', 'Light or dark (T)', bar, actions.theme);
+    iconButton('help', 'Keys (?)', bar, actions.help);
+  }
+
+  setTitle(text: string): void {
+    this.heading.textContent = text;
+    this.heading.title = text;
+    document.title = `${text} – FORK-1S`;
+  }
+
+  setState(text: string): void {
+    if (this.state.textContent !== text) this.state.textContent = text;
+  }
+
+  setPaused(paused: boolean): void {
+    setIcon(this.pauseButton, paused ? 'play' : 'pause', paused ? 'Go on (space)' : 'Pause (space)');
+  }
+
+  setEnabled(enabled: boolean): void {
+    for (const button of [this.pauseButton, this.stepButton, this.resetButton, this.recordButton, this.pickButton])
+      button.disabled = !enabled;
+  }
+
+  /** A recording has a timeline of its own; what only a running simulation can do goes away. */
+  setReplay(on: boolean, live: boolean): void {
+    for (const button of [this.pauseButton, this.stepButton, this.resetButton, this.recordButton, this.pickButton]) {
+      button.disabled = false;
+      button.hidden = on;
+    }
+    if (!live) this.root.classList.add('file');
+  }
+
+  setRecording(on: boolean): void {
+    setIcon(this.recordButton, on ? 'stop' : 'record', on ? 'End the recording (R)' : 'Record (R)');
+    this.recordButton.setAttribute('aria-pressed', String(on));
+  }
+
+  setPicking(on: boolean): void {
+    this.pickButton.setAttribute('aria-pressed', String(on));
+  }
+
+  setPlots(on: boolean): void {
+    this.plotsButton.setAttribute('aria-pressed', String(on));
+  }
+}

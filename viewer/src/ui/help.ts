@@ -1,0 +1,41 @@
+// Keys and gestures on one card.
+import { element } from './dom';
+
+const LINES: [string, string][] = [
+  ['drag a body', 'pull it by a spring'],
+  ['click a body', 'push it'],
+  ['drag beside', 'turn the camera; wheel zooms, right button shifts'],
+  ['space', 'pause, go on'],
+  ['→', 'one frame (← back, in a recording)'],
+  ['backspace', 'reset'],
+  ['R', 'record; again: look at the recording'],
+  ['I', 'pick the interface bodies'],
+  ['P', 'plots'],
+  ['S', 'settings'],
+  ['F', 'whole model in view'],
+  ['T', 'light or dark'],
+  ['?', 'this card'],
+];
+
+export class Help {
+  private readonly card: HTMLElement;
+
+  constructor(parent: HTMLElement) {
+    this.card = element('div', 'help box', parent);
+    this.card.hidden = true;
+    const list = element('dl', '', this.card);
+    for (const [key, meaning] of LINES) {
+      element('dt', '', list).textContent = key;
+      element('dd', '', list).textContent = meaning;
+    }
+    this.card.addEventListener('click', () => this.close());
+  }
+
+  toggle(): void {
+    this.card.hidden = !this.card.hidden;
+  }
+
+  close(): void {
+    this.card.hidden = true;
+  }
+}

@@ -1,0 +1,63 @@
+// What colours and lengths mean, and the body under the pointer.
+import type { BodyInfo, Frame } from '../wire/messages';
+import type { View } from '../view';
+import { element, shortUnit, withUnit } from './dom';
+
+/** Below this multiple of its contact forces a grasp is called near to ejecting its object. */
+const SAFE_LOAD_FACTOR = 1.3;
+
+const css = (color: number): string => `#${color.toString(16).padStart(6, '0')}`;
+export const SWATCHES = { interface: css(0xe08a2c), interior: css(0x93a1ae), free: css(0x5c8fbf), contact: css(0xd0413e) };
+
+export class Legend {
+  private readonly root: HTMLElement;
+  private hovered = '';
+  private shown = '';
+
+  constructor(parent: HTMLElement) {
+    this.root = element('div', 'legend box', parent);
+  }
+
+  hover(body: BodyInfo | undefined): void {
+    this.hovered = body ? `${body.name}${body.interface ? ' (interface)' : ''}, ${shortUnit(body.mass, 'kg')}` : '';
+  }
+
+  show(view: View, frame: Frame, loadFactor: number): void {
+    const { colouring, forces, arrowScale } = view.options;
+    const parts: [string, string][] = [];
+    if (this.hovered) parts.push(['', this.hovered]);
+    if (colouring === 'gaps') parts.push([SWATCHES.contact, `joint gap ${withUnit(1000 * view.fullGap, 'mm')}`]);
+    else if (colouring !== 'file') parts.push([SWATCHES.interface, 'interface']);
+    if (colouring === 'roles') parts.push([SWATCHES.interior, 'interior'], [SWATCHES.free, 'free']);
+    if (forces && frame.contacts.length > 0) {
+      const scale = view.contacts.scale;
+      const newton = arrowScale > 0 ? 10 : nice((0.1 * view.modelSize) / scale);
+      parts.push([SWATCHES.contact, `${shortUnit(newton, 'N')} = ${shortUnit(1000 * newton * scale, 'mm')}`]);
+    }
+    if (view.options.compliance && view.ellipsoids.newtons > 0)
+      parts.push([css(0x8a63c4), `compliance: motion under ${shortUnit(view.ellipsoids.newtons, 'N')}`]);
+    if (Number.isFinite(loadFactor))
+      parts.push(['', `grasp load factor ${loadFactor.toFixed(2)}${loadFactor < SAFE_LOAD_FACTOR ? ': may eject' : ''}`]);
+    parts.push(['', `grid ${shortUnit(view.stage.gridSpacing, 'm')}`]);
+    const text = JSON.stringify(parts);
+    if (text === this.shown) return;
+    this.shown = text;
+    this.root.replaceChildren(
+      ...parts.map(([color, label]) => {
+        const item = document.createElement('span');
+        if (color) {
+          const dot = element('i', '', item);
+          dot.style.background = color;
+        }
+        item.append(label);
+        return item;
+      }),
+    );
+  }
+}
+
+/** 1, 2 or 5 times a power of ten near x. */
+function nice(x: number): number {
+  const power = 10 ** Math.floor(Math.log10(x));
+  return power * (x >= 5 * power ? 5 : x >= 2 * power ? 2 : 1);
+}

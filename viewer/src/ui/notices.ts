@@ -1,0 +1,41 @@
+// Sentences to the user: passing ones on top, and one that covers the page while there is nothing to see.
+import { element } from './dom';
+
+const SHOWN_FOR = 6000; // ms
+
+export class Notices {
+  private readonly list: HTMLElement;
+  private readonly cover: HTMLElement;
+  private readonly heading: HTMLElement;
+  private readonly text: HTMLElement;
+
+  constructor(parent: HTMLElement) {
+    this.list = element('div', 'notices', parent);
+    this.list.setAttribute('role', 'status');
+    this.cover = element('div', 'cover', parent);
+    this.cover.hidden = true;
+    const box = element('div', 'box', this.cover);
+    box.setAttribute('role', 'alert');
+    this.heading = element('h2', '', box);
+    this.text = element('p', '', box);
+  }
+
+  say(sentence: string): void {
+    const existing = [...this.list.children].find((n) => n.textContent === sentence);
+    existing?.remove();
+    const box = element('div', 'notice box', this.list);
+    box.textContent = sentence;
+    while (this.list.childElementCount > 3) this.list.firstElementChild?.remove();
+    setTimeout(() => box.remove(), SHOWN_FOR);
+  }
+
+  coverWith(heading: string, text: string): void {
+    this.heading.textContent = heading;
+    this.text.textContent = text;
+    this.cover.hidden = false;
+  }
+
+  uncover(): void {
+    this.cover.hidden = true;
+  }
+}

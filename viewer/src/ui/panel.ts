@@ -1,0 +1,159 @@
+// Sliders for what the program can change while it runs, and for what the page shows.
+import GUI, { type Controller } from 'lil-gui';
+import type { Request } from '../net/live';
+import type { Colouring } from '../scene/colouring';
+import type { SceneMessage, SettingsMessage } from '../wire/messages';
+
+export interface ViewOptions {
+  colouring: Colouring;
+  forces: boolean;
+  cones: boolean;
+  arrowScale: number; // mm per N, 0: automatic
+  frames: boolean;
+  shadows: boolean;
+  follow: boolean;
+  collision: boolean;
+  reference: boolean;
+  compliance: boolean;
+  copies: number;
+}
+
+export interface PanelActions {
+  send(request: Request): void;
+  changed(): void;
+}
+
+const SLOW = ['modes', 'dt', 'damping', 'friction', 'stiffness', 'detail', 'recovery']; // build the model anew
+
+export class Panel {
+  private readonly gui: GUI;
+  private readonly model: GUI;
+  private readonly view: GUI;
+  private controls: GUI | null = null;
+  private stiffness: GUI | null = null;
+  private values: Record<string, number> = {};
+  private readonly controllers = new Map<string, Controller>();
+  private pullRange = 0; // N/m
+  private held = ''; // what the user is dragging now: not to be moved under the hand
+  private readonly report: Controller;
+  private readonly reportText = { reduced: '–' };
+
+  constructor(
+    parent: HTMLElement,
+    readonly options: ViewOptions,
+    private readonly actions: PanelActions,
+  ) {
+    this.gui = new GUI({ container: parent, title: 'Settings', width: 270 });
+    this.gui.domElement.classList.add('panel');
+    this.model = this.gui.addFolder('Model');
+    this.view = this.gui.addFolder('View');
+    this.report = this.model.add(this.reportText, 'reduced').name('reduced to').disable();
+    const v = this.view;
+    const changed = (): void => actions.changed();
+    v.add(options, 'colouring', { 'interface bodies': 'tips', roles: 'roles', 'joint gaps': 'gaps', file: 'file' }).onChange(changed);
+    v.add(options, 'forces').name('contact forces').onChange(changed);
+    v.add(options, 'arrowScale', 0, 100, 0.1).name('mm per N (0: auto)').onChange(changed);
+    v.add(options, 'cones').name('friction cones').onChange(changed);
+    v.add(options, 'compliance').name('compliance ellipsoids').onChange(changed);
+    v.add(options, 'reference').name('reference ghost').onChange(changed);
+    v.add(options, 'frames').name('body frames').onChange(changed);
+    v.add(options, 'collision').name('collision shapes').onChange(changed);
+    v.add(options, 'shadows').onChange(changed);
+    v.add(options, 'follow').name('camera follows').onChange(changed);
+    v.add(options, 'copies', { '1': 1, '100': 100, '1000': 1000 }).name('copies, in time').onChange(changed);
+    this.view.close();
+  }
+
+  private slider(gui: GUI, key: string, name: string, low: number, high: number, step: number, index?: number): void {
+    this.values[key] ??= 0;
+    const setting = key.split('/')[0] ?? key;
+    const send = (value: number): void => {
+      this.actions.send({ type: 'set', setting, ...(index === undefined ? {} : { index }), value });
+    };
+    const controller = gui.add(this.values, key, low, high, step).name(name).decimals(step < 0.001 ? 4 : 2);
+    controller.onChange((value: number) => {
+      this.held = key;
+      if (!SLOW.includes(setting)) send(value);
+    });
+    controller.onFinishChange((value: number) => {
+      this.held = '';
+      if (SLOW.includes(setting)) send(value);
+    });
+    this.controllers.set(key, controller);
+  }
+
+  private choice(gui: GUI, key: string, name: string, choices: Record<string, number>): void {
+    this.values[key] ??= 0;
+    const controller = gui.add(this.values, key, choices).name(name);
+    controller.onChange((value: number) => this.actions.send({ type: 'set', setting: key, value }));
+    this.controllers.set(key, controller);
+  }
+
+  private settings: SettingsMessage | null = null;
+
+  /** New lists of sliders where the model has other controls or groups. */
+  useScene(scene: SceneMessage): void {
+    const r = scene.roots.map((root) => root.reduced).filter((x) => x !== undefined);
+    const sum = (f: 'free' | 'elastic' | 'modes'): number => r.reduce((s, x) => s + x[f], 0);
+    const n = scene.screws.length;
+    this.reportText.reduced = `${sum('free') + sum('elastic') + sum('modes')} of ${n} (${sum('modes')} modes)`;
+    this.report.updateDisplay();
+    if (this.controls) return; // names and ranges stay for the session
+    this.choice(this.model, 'recovery', 'recovery', { exact: 0, twist: 1 });
+    this.choice(this.model, 'detail', 'detail level', { 'interface as given': 0, 'and their parents': 1, 'every body': 2 });
+    this.slider(this.model, 'modes', 'modes', 0, 16, 1);
+    this.slider(this.model, 'dt', 'dt [s]', 0.0005, 1 / 30, 0.0001);
+    this.slider(this.model, 'damping', 'damping ×', 0, 10, 0.01);
+    this.slider(this.model, 'friction', 'friction ×', 0, 3, 0.01);
+    this.slider(this.model, 'gravity', 'gravity [m/s²]', -20, 5, 0.01);
+    this.slider(this.model, 'speed', 'speed ×', 0.05, 2, 0.05);
+    this.slider(this.model, 'pull_stiffness', 'pull [N/m]', 1, 1, 0.1);
+    this.stiffness = this.gui.addFolder('Stiffness ×');
+    scene.groups.forEach((group, i) => this.slider(this.stiffness as GUI, `stiffness/${i}`, group.name, 0.05, 20, 0.05, i));
+    this.stiffness.close();
+    this.controls = this.gui.addFolder('Set-points');
+    scene.controls.forEach((control, i) => {
+      const [low, high] = control.range;
+      this.slider(this.controls as GUI, `control/${i}`, control.name, low, high, (high - low) / 1000, i);
+    });
+    if (scene.controls.length === 0) this.controls.hide();
+    if (scene.groups.length === 0) this.stiffness.hide();
+    this.controls.close();
+    if (this.settings) this.useSettings(this.settings);
+  }
+
+  useSettings(s: SettingsMessage): void {
+    this.settings = s;
+    for (const key of ['dt', 'gravity', 'damping', 'friction', 'modes', 'detail', 'recovery', 'pull_stiffness', 'speed'] as const)
+      this.values[key] = s[key];
+    s.stiffness.forEach((x, i) => (this.values[`stiffness/${i}`] = x));
+    s.controls.forEach((x, i) => (this.values[`control/${i}`] = x));
+    const pull = this.controllers.get('pull_stiffness');
+    if (pull && this.pullRange < 2 * s.pull_stiffness) {
+      this.pullRange = 5 * s.pull_stiffness;
+      pull.max(this.pullRange).step(s.pull_stiffness / 100);
+    }
+    for (const [key, controller] of this.controllers) if (key !== this.held) controller.updateDisplay();
+  }
+
+  setEnabled(enabled: boolean): void {
+    for (const controller of this.controllers.values()) controller.enable(enabled);
+  }
+
+  /** A recording from disk has no program behind it that could change the model. */
+  hideModel(): void {
+    this.model.hide();
+    this.controls?.hide();
+    this.stiffness?.hide();
+    this.view.open();
+    this.gui.close();
+  }
+
+  toggle(): void {
+    this.gui.open(this.gui._closed);
+  }
+
+  close(): void {
+    this.gui.close();
+  }
+}

@@ -1,0 +1,252 @@
+// Everything that is drawn: bodies, forces, ghosts, for the frame last given.
+import * as THREE from 'three';
+import { PoseSolver } from './poses/gpu';
+import { bodyPoses } from './poses/reference';
+import { apply, type Rigid } from './poses/rigid';
+import { Arrows } from './scene/arrows';
+import { BodiesView } from './scene/bodies_view';
+import { jointGaps, styles } from './scene/colouring';
+import { ContactsView } from './scene/contacts_view';
+import { EllipsoidsView } from './scene/ellipsoids_view';
+import { FramesView } from './scene/frames_view';
+import { Ghost } from './scene/ghost';
+import { Stage } from './scene/stage';
+import { COLORS } from './scene/theme';
+import type { ViewOptions } from './ui/panel';
+import type { Frame, GeometryMessage, Maps, MeshData, SceneMessage } from './wire/messages';
+
+export class View {
+  readonly stage: Stage;
+  readonly bodies = new BodiesView();
+  readonly contacts = new ContactsView();
+  readonly ellipsoids = new EllipsoidsView();
+  readonly marked = new Set<number>();
+  scene: SceneMessage | null = null;
+  frame: Frame | null = null;
+  framesDrawn = 0;
+  modelSize = 1;
+  private maps: (Maps | null)[] = [];
+  private solver: PoseSolver | null = null;
+  private referenceSolver: PoseSolver | null = null;
+  private geometry: GeometryMessage | null = null;
+  private meshes: MeshData[] = [];
+  private fresh = false; // a frame that has not been drawn
+  private framed = false; // the camera has been placed
+  private history: Frame[] = []; // newest first, of the present maps
+  private shownCollision = false;
+  private followed: THREE.Vector3 | null = null;
+  private readonly pulls = new Arrows(COLORS.pull);
+  private readonly frames = new FramesView();
+  private readonly reference = new Ghost(this.bodies.uniforms.styles, 0x7a8794);
+
+  constructor(
+    canvas: HTMLCanvasElement,
+    readonly options: ViewOptions,
+  ) {
+    this.stage = new Stage(canvas);
+    this.stage.scene.add(
+      this.bodies.group,
+      this.contacts.group,
+      this.pulls.group,
+      this.frames.lines,
+      this.reference.group,
+      this.ellipsoids.mesh,
+    );
+  }
+
+  setGeometry(message: GeometryMessage): void {
+    this.geometry = message;
+    this.meshes = [];
+    if (message.meshes === 0) this.showShapes();
+  }
+
+  setMeshes(meshes: MeshData[]): void {
+    this.meshes = meshes;
+    if (meshes.length > 0) this.showShapes();
+  }
+
+  private showShapes(): void {
+    if (!this.geometry) return;
+    this.shownCollision = this.options.collision;
+    this.bodies.show(this.geometry, this.meshes, this.options.collision);
+    this.framed = false;
+    if (this.scene) this.useScene(this.scene);
+  }
+
+  setFrame(scene: SceneMessage, frame: Frame, maps: (Maps | null)[]): void {
+    if (this.scene !== scene) this.useScene(scene);
+    if (maps.some((m, i) => m !== this.maps[i])) this.history = [];
+    this.frame = frame;
+    this.maps = maps;
+    this.fresh = true;
+    if (!this.framed) this.placeCamera();
+  }
+
+  private useScene(scene: SceneMessage): void {
+    this.scene = scene;
+    this.maps = [];
+    this.history = [];
+    this.solver?.dispose();
+    this.referenceSolver?.dispose();
+    this.solver = new PoseSolver(scene, this.options.copies);
+    this.referenceSolver = new PoseSolver(scene);
+    const columns = Math.ceil(Math.sqrt(this.options.copies));
+    this.bodies.use(this.solver, columns, this.options.copies > 1 ? 0.9 * this.modelSize : 0);
+    this.reference.use(this.referenceSolver, this.bodies.geometry);
+    this.style();
+  }
+
+  /** After a change of the options. */
+  restyle(): void {
+    if (this.shownCollision !== this.options.collision) this.showShapes();
+    if (this.scene && this.solver?.copies !== this.options.copies) {
+      const maps = this.maps;
+      this.useScene(this.scene);
+      this.maps = maps;
+    }
+    this.stage.renderer.shadowMap.enabled = this.options.shadows;
+    this.stage.setShadows(this.options.shadows);
+    this.contacts.showForces = this.options.forces;
+    this.contacts.showCones = this.options.cones;
+    this.contacts.metresPerNewton = this.options.arrowScale / 1000;
+    this.frames.lines.visible = this.options.frames;
+    this.ellipsoids.mesh.visible = this.options.compliance;
+    // Copies stand in a field of their own; forces belong to one.
+    this.contacts.group.visible = this.pulls.group.visible = this.options.copies === 1;
+    this.reference.group.visible = this.options.reference;
+    this.style();
+    this.fresh = true;
+  }
+
+  style(): void {
+    if (!this.scene) return;
+    const gaps = this.options.colouring === 'gaps' ? jointGaps(this.scene, this.poses()) : new Float64Array();
+    this.bodies.setStyles(styles(this.scene, this.options.colouring, gaps, this.fullGap, this.marked));
+  }
+
+  /** The gap [m] that is drawn hottest: a hundredth of the model. */
+  get fullGap(): number {
+    return 0.01 * this.modelSize;
+  }
+
+  /** Poses of all bodies in the present frame, in double precision. */
+  poses(): Rigid[] {
+    return this.scene && this.frame && this.maps.length > 0 ? bodyPoses(this.scene, this.frame, this.maps) : [];
+  }
+
+  /** Puts the whole of a motion in view: frames with the maps they need. */
+  frameMotion(moments: { frame: Frame; maps: (Maps | null)[] }[]): void {
+    const scene = this.scene;
+    if (!scene) return;
+    const box = new THREE.Box3();
+    for (const { frame, maps } of moments) box.union(this.bodies.box(scene, bodyPoses(scene, frame, maps)));
+    this.placeCamera(box);
+    this.options.follow = false;
+  }
+
+  private placeCamera(around?: THREE.Box3): void {
+    if (!this.scene || !this.geometry) return;
+    if (this.geometry.meshes > 0 && this.meshes.length === 0) return;
+    const box = around ?? this.bodies.box(this.scene, this.poses());
+    const planes = this.bodies.planes.filter((p) => p.body < 0).map((p) => p.pose[2]);
+    const below = planes.filter((z) => z <= box.max.z && z > box.min.z - 1.5 * box.getSize(new THREE.Vector3()).length());
+    this.stage.frame(box, below.length > 0 ? Math.max(...below) : box.min.z);
+    this.modelSize = box.getSize(new THREE.Vector3()).length();
+    this.framed = true;
+    this.followed = null;
+  }
+
+  /** The camera goes along with the first base that can move, softly: it should not shake with it. */
+  private followBase(frame: Frame): void {
+    const at = this.scene?.roots.findIndex((r) => r.base === 'floating' || r.base === 'driven') ?? -1;
+    const pose = frame.roots[at]?.pose;
+    if (!this.options.follow || !pose) {
+      this.followed = null;
+      return;
+    }
+    const now = new THREE.Vector3(pose[0], pose[1], pose[2]);
+    this.followed ??= now.clone();
+    const shift = now.sub(this.followed).multiplyScalar(0.15);
+    this.stage.follow(shift);
+    this.followed.add(shift);
+  }
+
+  /** Computes and draws; returns whether there was a new frame. */
+  draw(): boolean {
+    const { frame, scene, solver } = this;
+    const fresh = this.fresh && frame !== null && scene !== null && solver !== null && this.maps.length > 0;
+    if (fresh) {
+      this.fresh = false;
+      this.solve(frame, solver);
+      this.followBase(frame);
+      this.contacts.update(scene, frame, this.modelSize);
+      this.showPulls(frame);
+      if (this.options.colouring === 'gaps') this.style();
+      if (this.options.compliance) this.ellipsoids.update(scene, frame, this.maps, this.poses(), this.modelSize);
+      if (this.options.frames) this.frames.update(this.poses(), 0.05 * this.modelSize);
+    }
+    this.stage.render();
+    ++this.framesDrawn;
+    return fresh;
+  }
+
+  private solve(frame: Frame, solver: PoseSolver): void {
+    const renderer = this.stage.renderer;
+    solver.set(frame, this.maps);
+    if (solver.copies > 1) {
+      // Copy i shows the mechanism i frames ago: as many states as there are copies, in one draw.
+      this.history.unshift(frame);
+      this.history.length = Math.min(this.history.length, solver.copies);
+      for (let i = 1; i < solver.copies; ++i)
+        solver.set(this.history[i % this.history.length] ?? frame, this.maps, i);
+    }
+    solver.solve(renderer);
+    if (!this.options.reference || !this.referenceSolver) return;
+    const still = frame.roots.map((r) => ({
+      ...r,
+      z: new Float32Array(r.z.length),
+      correction: new Float32Array(r.correction.length),
+    }));
+    this.referenceSolver.set({ ...frame, roots: still }, this.maps);
+    this.referenceSolver.solve(renderer);
+  }
+
+  private showPulls(frame: Frame): void {
+    this.pulls.begin();
+    for (const p of frame.pulls) {
+      const stretch: [number, number, number] = [
+        p.target[0] - p.point[0],
+        p.target[1] - p.point[1],
+        p.target[2] - p.point[2],
+      ];
+      // A push has no target: it is drawn along its force.
+      const force = Math.hypot(...p.force);
+      const shown = Math.hypot(...stretch) > 0 ? stretch : scaled(p.force, (0.12 * this.modelSize) / (force || 1));
+      this.pulls.add(p.point, shown, 0.0028 * this.modelSize);
+    }
+    this.pulls.end();
+  }
+
+  /** Largest distance [m] between a body on the GPU and in the reference, for the present frame. */
+  poseError(): number {
+    if (this.fresh) this.draw();
+    const gpu = this.solver?.read(this.stage.renderer) ?? new Float32Array();
+    return Math.max(
+      0,
+      ...this.poses().map((X, b) =>
+        Math.hypot(X.p[0] - (gpu[7 * b] ?? NaN), X.p[1] - (gpu[7 * b + 1] ?? NaN), X.p[2] - (gpu[7 * b + 2] ?? NaN)),
+      ),
+    );
+  }
+
+  /** Where a point of a body lies on the page, in pixels of an area of this size. */
+  screenOf(body: number, point: readonly [number, number, number], width: number, height: number): { x: number; y: number } {
+    const X = this.poses()[body];
+    const at = new THREE.Vector3(...(X ? apply(X, [...point]) : point)).project(this.stage.camera);
+    return { x: (0.5 + 0.5 * at.x) * width, y: (0.5 - 0.5 * at.y) * height };
+  }
+}
+
+function scaled(v: readonly [number, number, number], s: number): [number, number, number] {
+  return [v[0] * s, v[1] * s, v[2] * s];
+}

@@ -1,0 +1,156 @@
+// The messages of the stream, as docs/wire.md describes them.
+
+/** x y z qw qx qy qz */
+export type PoseNumbers = [number, number, number, number, number, number, number];
+
+export interface RootInfo {
+  name: string;
+  base: 'fixed' | 'floating' | 'driven' | 'free';
+  first_body: number;
+  bodies: number;
+  first_coordinate: number;
+  coordinates: number;
+  mass: number;
+  closures?: number;
+  reduced?: { free: number; elastic: number; modes: number };
+}
+
+export interface BodyInfo {
+  name: string;
+  root: number;
+  parent: number;
+  last_joint: number;
+  interface: boolean;
+  mass: number;
+  pose: PoseNumbers;
+}
+
+export interface JointInfo {
+  name: string;
+  body: number;
+  previous: number;
+  offset: number;
+  size: number;
+}
+
+export interface ControlInfo {
+  name: string;
+  range: [number, number];
+  base: boolean;
+}
+
+export interface SceneMessage {
+  type: 'scene';
+  version: number;
+  epoch: number;
+  title: string;
+  recovery: 'exact' | 'twist';
+  radius: number;
+  scalars: string[];
+  roots: RootInfo[];
+  bodies: BodyInfo[];
+  joints: JointInfo[];
+  screws: number[][];
+  controls: ControlInfo[];
+  groups: { name: string; mechanism: number }[];
+  warnings: string[];
+}
+
+export interface SettingsMessage {
+  type: 'settings';
+  dt: number;
+  gravity: number;
+  damping: number;
+  friction: number;
+  modes: number;
+  detail: number;
+  recovery: number;
+  pull_stiffness: number;
+  speed: number;
+  stiffness: number[];
+  controls: number[];
+}
+
+export type ShapeKind = 'plane' | 'sphere' | 'capsule' | 'cylinder' | 'ellipsoid' | 'box' | 'mesh' | 'heightfield';
+
+export interface ShapeInfo {
+  body: number;
+  kind: ShapeKind;
+  pose: PoseNumbers;
+  rgba: [number, number, number, number];
+  group: number;
+  collides: boolean;
+  size?: number[];
+  mesh?: number;
+}
+
+export interface GeometryMessage {
+  type: 'geometry';
+  shapes: ShapeInfo[];
+  meshes: number;
+}
+
+export interface SentenceMessage {
+  type: 'notice' | 'error';
+  message: string;
+}
+
+export type TextMessage = SceneMessage | SettingsMessage | GeometryMessage | SentenceMessage;
+
+export interface MeshData {
+  positions: Float32Array;
+  triangles: Uint32Array;
+}
+
+export interface Maps {
+  epoch: number;
+  root: number;
+  version: number;
+  n: number;
+  r: number;
+  bodies: number;
+  q_ref: Float64Array;
+  Q: Float32Array; // n x r, row by row
+  /** of interface bodies: xx yy zz xy xz yz [m/N] in the root's axes; `body` counts within the root */
+  compliance: { body: number; C: number[] }[];
+  twist?: { poses: Float64Array; T: Float32Array }; // bodies x 7, bodies x r x 6
+}
+
+export interface RootState {
+  version: number;
+  pose: Float64Array; // 7
+  z: Float32Array;
+  correction: Float32Array; // empty or one per coordinate
+}
+
+export interface Contact {
+  a: number;
+  b: number;
+  point: [number, number, number];
+  normal: [number, number, number];
+  force: [number, number, number];
+  gap: number;
+  friction: number;
+}
+
+export interface Pull {
+  body: number;
+  point: [number, number, number];
+  target: [number, number, number];
+  force: [number, number, number];
+}
+
+export interface Frame {
+  epoch: number;
+  sequence: number;
+  paused: boolean;
+  scalars: Float64Array;
+  roots: RootState[];
+  contacts: Contact[];
+  pulls: Pull[];
+}
+
+export type BinaryMessage =
+  | { kind: 'maps'; maps: Maps }
+  | { kind: 'frame'; frame: Frame }
+  | { kind: 'meshes'; meshes: MeshData[] };

@@ -1,0 +1,99 @@
+import type { Browser, Page } from 'playwright-core';
+import { afterAll, beforeAll, describe, expect, it } from 'vitest';
+import { launch, open, poseOf, ready, running, screenOf, view, type Program } from './support';
+
+const distance = (a: number[], b: number[]): number => Math.hypot(...a.map((x, i) => x - (b[i] ?? 0)));
+
+describe.skipIf(!ready)('the page on a running hand', () => {
+  let program: Program;
+  let browser: Browser;
+  let page: Page;
+
+  beforeAll(async () => {
+    program = await view('hand.xml', '--keyframe', 'open');
+    browser = await launch();
+    page = await open(browser, program.address);
+    await running(page);
+  });
+  afterAll(async () => {
+    await browser?.close();
+    await program?.stop();
+  });
+
+  it('shows the model and its name', async () => {
+    expect(await page.title()).toContain('hand.xml');
+    expect(await page.locator('.cover').isVisible()).toBe(false);
+    expect(await page.evaluate(() => fork1s?.view.bodies.triangles ?? 0)).toBeGreaterThan(1000);
+  });
+
+  it('computes on the GPU the poses of the double-precision reference', async () => {
+    const error = await page.evaluate(() => fork1s?.view.poseError() ?? NaN);
+    expect(error).toBeLessThan(1e-6);
+  });
+
+  it('pauses with space, steps with the right arrow, resets with backspace', async () => {
+    await page.keyboard.press('Space');
+    await page.waitForFunction(() => fork1s?.view.frame?.paused === true);
+    const steps = await page.evaluate(() => fork1s?.scalar('steps') ?? 0);
+    await page.keyboard.press('ArrowRight');
+    await page.waitForFunction((n) => fork1s?.scalar('steps') === n + 1, steps);
+    await page.keyboard.press('Backspace');
+    await page.waitForFunction(() => fork1s?.scalar('steps') === 0);
+    await page.keyboard.press('Space');
+    await page.waitForFunction(() => fork1s?.view.frame?.paused === false && fork1s.scalar('steps') > 2);
+  });
+
+  it('drags an interior body, and the force shows', async () => {
+    const point: [number, number, number] = [0.03, 0, 0];
+    const before = await poseOf(page, 'index_middle');
+    const at = await screenOf(page, 'index_proximal', point);
+    await page.mouse.move(at.x, at.y);
+    await page.mouse.down();
+    await page.mouse.move(at.x + 60, at.y - 30, { steps: 4 });
+    await page.waitForFunction(() => (fork1s?.view.frame?.pulls.length ?? 0) === 1);
+    await page.waitForFunction(() => /\d N$/.test(document.querySelector('.force')?.textContent ?? ''));
+    await page.waitForTimeout(500);
+    const grabbed = await page.evaluate(() => fork1s?.view.scene?.bodies[fork1s.view.frame?.pulls[0]?.body ?? -1]);
+    expect(grabbed?.interface).toBe(false);
+    expect(distance(await poseOf(page, 'index_middle'), before)).toBeGreaterThan(1e-3);
+    await page.mouse.up();
+    await page.waitForFunction(() => fork1s?.view.frame?.pulls.length === 0);
+    expect(await page.locator('.force').isVisible()).toBe(false);
+  });
+
+  it('pushes with a click', async () => {
+    const at = await screenOf(page, 'box');
+    await page.evaluate(() => {
+      (globalThis as { pushes?: number }).pushes = 0;
+      const app = fork1s;
+      if (!app) return;
+      const take = app.take.bind(app);
+      app.take = (data) => {
+        take(data);
+        if ((app.view.frame?.pulls.length ?? 0) > 0) (globalThis as { pushes?: number }).pushes = 1;
+      };
+    });
+    await page.mouse.click(at.x, at.y);
+    await page.waitForFunction(() => (globalThis as { pushes?: number }).pushes === 1);
+  });
+});
+
+describe.skipIf(!ready)('poses in both modes, with loops', () => {
+  for (const [scene, mode] of [
+    ['firemen.xml', 'exact'],
+    ['firemen.xml', 'twist'],
+    ['hexapod.xml', 'exact'],
+  ] as const)
+    it(`${scene}, ${mode}`, async () => {
+      const program = await view(scene, '--recovery', mode);
+      const browser = await launch();
+      try {
+        const page = await open(browser, program.address);
+        await running(page);
+        expect(await page.evaluate(() => fork1s?.view.poseError() ?? NaN)).toBeLessThan(1e-6);
+      } finally {
+        await browser.close();
+        await program.stop();
+      }
+    });
+});

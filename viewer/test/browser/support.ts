@@ -1,0 +1,99 @@
+// A program, a browser, a page.
+import { spawn, type ChildProcess } from 'node:child_process';
+import { existsSync } from 'node:fs';
+import { join } from 'node:path';
+import { chromium, type Browser, type Page } from 'playwright-core';
+import type { App } from '../../src/app';
+
+export const BINARY = process.env['FORK1S_BINARY'] ?? '';
+export const SOURCE = process.env['FORK1S_SOURCE_DIR'] ?? '';
+export const CHROMIUM =
+  [process.env['FORK1S_CHROMIUM'] ?? '', '/usr/bin/chromium', '/usr/bin/chromium-browser'].find((p) => p && existsSync(p)) ??
+  '';
+export const ready = existsSync(BINARY) && CHROMIUM !== '';
+
+declare global {
+  var fork1s: App | undefined;
+}
+
+export interface Program {
+  address: string;
+  process: ChildProcess;
+  stop(): Promise<void>;
+}
+
+/** Starts `fork1s ARGUMENTS` and waits for the address it prints. */
+export function start(...args: string[]): Promise<Program> {
+  const child = spawn(BINARY, [...args, '--json'], { stdio: ['ignore', 'pipe', 'pipe'] });
+  return new Promise((resolve, reject) => {
+    let text = '';
+    let errors = '';
+    child.stderr.on('data', (data: Buffer) => (errors += data.toString()));
+    child.stdout.on('data', (data: Buffer) => {
+      text += data.toString();
+      const found = /"address":"([^"]+)"/.exec(text);
+      if (!found?.[1]) return;
+      const stop = (): Promise<void> =>
+        new Promise((done) => {
+          if (child.exitCode !== null || child.signalCode !== null) return done();
+          child.once('exit', () => done());
+          child.kill();
+        });
+      resolve({ address: found[1], process: child, stop });
+    });
+    child.once('exit', (code) => reject(new Error(`fork1s ended with ${code}: ${errors}`)));
+  });
+}
+
+export const view = (scene: string, ...args: string[]): Promise<Program> =>
+  start('view', join(SOURCE, 'scenes', scene), '--no-open', ...(args.includes('--port') ? [] : ['--port', '0']), ...args);
+
+export function launch(): Promise<Browser> {
+  return chromium.launch({
+    executablePath: CHROMIUM,
+    args: [
+      '--headless',
+      '--no-sandbox',
+      '--use-angle=swiftshader',
+      '--enable-unsafe-swiftshader',
+      '--disable-quic',
+      '--no-first-run',
+      '--disable-background-networking',
+      '--disable-component-update',
+      '--disable-sync',
+    ],
+  });
+}
+
+/** Opens a page and fails the test on any error in it. */
+export async function open(browser: Browser, address: string): Promise<Page> {
+  const page = await browser.newPage({ viewport: { width: 480, height: 320 } });
+  page.on('pageerror', (error) => {
+    throw error;
+  });
+  await page.goto(address);
+  return page;
+}
+
+/** Waits until the page has drawn frames of the stream. */
+export async function running(page: Page): Promise<void> {
+  await page.waitForFunction(() => (fork1s?.framesTaken ?? 0) > 2 && (fork1s?.view.framesDrawn ?? 0) > 2);
+}
+
+/** Where a body's origin is on the page. */
+export function screenOf(page: Page, body: string, point: [number, number, number] = [0, 0, 0]): Promise<{ x: number; y: number }> {
+  return page.evaluate(
+    ([name, p]) => {
+      if (!fork1s?.view.scene) throw new Error('no scene');
+      return fork1s.screenOf(fork1s.view.scene.bodies.findIndex((b) => b.name === name), p);
+    },
+    [body, point] as const,
+  );
+}
+
+export function poseOf(page: Page, body: string): Promise<number[]> {
+  return page.evaluate((name) => {
+    const at = fork1s?.view.scene?.bodies.findIndex((b) => b.name === name) ?? -1;
+    return fork1s?.view.poses()[at]?.p ?? [];
+  }, body);
+}

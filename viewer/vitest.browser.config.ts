@@ -1,0 +1,11 @@
+import { defineConfig } from 'vitest/config';
+
+// Each test drives a real program and a real browser without a GPU: slow, and nothing here asserts a time.
+export default defineConfig({
+  test: {
+    include: ['test/browser/**/*.test.ts'],
+    testTimeout: 120_000,
+    hookTimeout: 120_000,
+    fileParallelism: false,
+  },
+});
