@@ -23,7 +23,6 @@ constexpr std::array<Style, 5> kStyles{{{"#D55E00", "none", 'c'},
                                         {"#222222", "9 3 2 3", 'c'}}};
 constexpr double kPanelWidth = 312, kPanelHeight = 268, kHead = 78, kMargin = 8;
 constexpr double kLeft = 58, kRight = 300, kTop = 44, kBottom = 218;  // of the plot in its panel
-constexpr int kColumns = 3;
 
 std::string Marker(const Style& s, double x, double y, bool hollow) {
   const std::string paint =
@@ -102,8 +101,7 @@ class PanelDrawer {
     }
     svg += Grid(left, bottom, right, bottom, "#4a5160") + Grid(left, top, left, bottom, "#4a5160");
     if (f_.guide > 0) {
-      svg += Grid(left, Y(f_.guide), right, Y(f_.guide), "#8a909c");
-      svg += Text(right, Y(f_.guide) - 4, "end", fmt::format("{:g} %", f_.guide), " font-size=\"11\"");
+      svg += Grid(left, Y(f_.guide), right, Y(f_.guide), "#5b6270");
     }
     svg += Text(0.5 * (left + right), bottom + 34, "middle", f_.x_label, " fill=\"#4a5160\"");
     return svg;
@@ -129,7 +127,7 @@ class PanelDrawer {
 
 std::string DrawFigure(const Figure& figure) {
   const int panels = static_cast<int>(figure.panels.size());
-  const int columns = std::min(panels, kColumns), rows = (panels + columns - 1) / columns;
+  const int columns = panels == 4 ? 2 : std::min(panels, 3), rows = (panels + columns - 1) / columns;
   const double width = std::max(2, columns) * kPanelWidth + 2 * kMargin + 14;
   const double height = kHead + rows * kPanelHeight + kMargin;
   // Its own ground, so that it reads the same on a light and on a dark page.
@@ -141,6 +139,7 @@ std::string DrawFigure(const Figure& figure) {
       width, height, EscapeHtml(figure.title));
   svg += Text(22, 28, "start", figure.title, " font-size=\"16\" font-weight=\"600\"");
   double at = 26;
+  bool hollow = false;
   std::vector<std::string> shown;
   for (const FigurePanel& panel : figure.panels)
     for (const FigureSeries& s : panel.series) {
@@ -151,6 +150,11 @@ std::string DrawFigure(const Figure& figure) {
       svg += Text(at + 37, 56.5, "start", s.label);
       at += 60 + 7.2 * static_cast<double>(s.label.size());
     }
+  const double floor = std::pow(10.0, figure.low_decade);
+  for (const FigurePanel& panel : figure.panels)
+    for (const FigureSeries& s : panel.series)
+      for (const auto& [x, y] : s.points) hollow = hollow || y < floor;
+  if (hollow) svg += Text(at, 56.5, "start", "hollow: below the axis", " fill=\"#4a5160\"");
   svg += fmt::format(
       "<text transform=\"translate(18 {:.0f}) rotate(-90)\" text-anchor=\"middle\" "
       "fill=\"#4a5160\">{}</text>\n",

@@ -43,7 +43,7 @@ Expected<AccuracyResults> MeasureAccuracy(const std::string& scenes) {
     if (!tree) modes.push_back(StaticMode::kOpen);
     modes.push_back(StaticMode::kExact);
     if (!tree) modes.push_back(StaticMode::kRefreshed);
-    auto curve = MeasureStatics(c, {1, 2, 5, 10, 20, 30, 45}, modes);
+    auto curve = MeasureStatics(c, {0.5, 1, 2, 5, 10, 20, 30, 45}, modes);
     if (!curve) return tl::unexpected(curve.error());
     out.statics.push_back(std::move(*curve));
     auto gaps = MeasureGaps(c, {0.5, 1, 2, 5, 10, 20, 30, 45});

@@ -11,8 +11,8 @@
 namespace fork1s::internal {
 namespace {
 
-const std::vector<std::pair<double, std::string>> kAngleTicks{{1, "1"},   {2, "2"}, {5, "5"},  {10, "10"},
-                                                              {20, "20"}, {30, ""}, {45, "45"}};
+const std::vector<std::pair<double, std::string>> kAngleTicks{{0.5, "0.5"}, {1, "1"},   {2, "2"}, {5, "5"},
+                                                              {10, "10"},   {20, "20"}, {30, ""}, {45, "45"}};
 
 std::string Statics(const AccuracyResults& r) {
   Figure f{"Static error of the loaded body's position",
@@ -108,8 +108,9 @@ std::string Transients(const AccuracyResults& r) {
       full.points.emplace_back(1 / p.dt_s, p.full_percent);
       between.points.emplace_back(1 / p.dt_s, p.between_percent);
     }
-    f.panels.push_back(
-        {c.name, fmt::format("moves by {:.3g} mm RMS", c.motion_mm), {reduced, full, between}});
+    f.panels.push_back({c.name,
+                        fmt::format("moves by {:.{}f} mm RMS", c.motion_mm, c.motion_mm < 10 ? 1 : 0),
+                        {reduced, full, between}});
   }
   return DrawFigure(f);
 }
