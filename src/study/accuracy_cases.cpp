@@ -20,8 +20,8 @@ SpatialInertia Rod(double mass, const Vector3& end) {
   return I;
 }
 
-// Crank AB on a spring, passive pins B, C, D, and a sprung finger at C, in the plane x, z: two loops' worth
-// of pins and two freedoms.
+// Crank AB on a spring, passive pins B, C, D, and a sprung finger at C, in the plane x, z: one loop, two
+// freedoms.
 MechanismDef FourBar() {
   const Vector3 A(0, 0, 0), B(0, 0, 0.1), C(0.12, 0, 0.12), D(0.1, 0, 0), tip(0.17, 0, 0.17);
   MechanismBuilder builder("fourbar");

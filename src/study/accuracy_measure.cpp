@@ -1,6 +1,7 @@
 #include <filesystem>
 #include <fork1s/study/accuracy.hpp>
 #include <fstream>
+#include <utility>
 
 #include "accuracy_results.hpp"
 
@@ -66,6 +67,14 @@ Expected<AccuracyResults> MeasureAccuracy(const std::string& scenes) {
     auto curve = MeasureTransient(c, 4);  // 1/60 s to 1/960 s
     if (!curve) return tl::unexpected(curve.error());
     out.transients.push_back(std::move(*curve));
+    if (c.name != "firemen") continue;
+    for (auto [modes, place] : {std::pair{0, &out.firemen_without_modes}, {36, &out.firemen_with_all}}) {
+      TransientCase other = c;
+      other.scene.mechanisms[0].modes = modes;
+      auto measured = MeasureTransient(other, 3);
+      if (!measured) return tl::unexpected(measured.error());
+      *place = std::move(*measured);
+    }
   }
   return out;
 }

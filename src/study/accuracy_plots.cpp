@@ -101,8 +101,7 @@ std::string Transients(const AccuracyResults& r) {
            1,
            {}};
   for (const TransientCurve& c : r.transients) {
-    FigureSeries reduced{"reduced against the truth", 0, {}}, full{"full against the truth", 1, {}},
-        between{"reduced against full, same step", 3, {}};
+    FigureSeries reduced{"reduced", 0, {}}, full{"full", 1, {}}, between{"reduced against full", 3, {}};
     for (const auto& p : c.points) {
       reduced.points.emplace_back(1 / p.dt_s, p.reduced_percent);
       full.points.emplace_back(1 / p.dt_s, p.full_percent);

@@ -19,6 +19,7 @@ struct AccuracyResults {
   std::vector<GapCurve> gaps;
   std::vector<FrequencyCurve> frequencies;  // per mechanism: lowest, then contribution
   std::vector<TransientCurve> transients;
+  TransientCurve firemen_without_modes, firemen_with_all;
 };
 
 // Fits of the gap's slope: below, rounding would show; above, the next terms of the series do.
