@@ -7,10 +7,12 @@
 #include <fork1s/record/recording.hpp>
 #include <fork1s/record/reduced_model_file.hpp>
 #include <fork1s/recovery/recover.hpp>
+#include <fork1s/recovery/second_order.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reduction/statics.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/spatial/twist.hpp>
+#include <fork1s/study/accuracy.hpp>
 #include <fork1s/study/compare.hpp>

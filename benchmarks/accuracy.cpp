@@ -1,0 +1,23 @@
+// Accuracy of the method: docs/accuracy.md with its plots and tables.
+//
+//     build/release/benchmarks/accuracy [--out docs]     about two minutes
+#include <fmt/format.h>
+
+#include <cstring>
+#include <fork1s/study/accuracy.hpp>
+#include <string>
+
+int main(int argc, char** argv) {
+  std::string out = "docs";
+  if (argc == 3 && std::strcmp(argv[1], "--out") == 0) {
+    out = argv[2];
+  } else if (argc != 1) {
+    fmt::print(stderr, "usage: accuracy [--out FOLDER]\n");
+    return 1;
+  }
+  if (auto written = fork1s::WriteAccuracyPage(FORK1S_SCENES, out); !written) {
+    fmt::print(stderr, "{}\n", written.error().Text());
+    return 1;
+  }
+  fmt::print("{0}/accuracy.md and {0}/accuracy/\n", out);
+}

@@ -1,0 +1,43 @@
+// Where a reduced model comes to rest under a dead force, in each mode of recovery.
+#pragma once
+
+#include <fork1s/study/accuracy.hpp>
+
+namespace fork1s::internal {
+
+/// One model, one mode, one force; follows the equilibrium as the force grows.
+class ReducedEquilibrium {
+ public:
+  /// The case must outlive it.
+  static Expected<ReducedEquilibrium> Create(const StaticCase& c, StaticMode mode);
+
+  /// Raises the force [N] from that of the last call. False if Newton finds no equilibrium: from then on it
+  /// stays so.
+  bool Raise(double force_N);
+  /// Origin of the loaded body in R.
+  Vector3 Position();
+  /// Largest opening of a loop [m].
+  double LoopGap();
+
+ private:
+  ReducedEquilibrium(const StaticCase& c, StaticMode mode, ReducedModel model);
+  VectorX Residual(const VectorX& x, double force_N);
+  VectorX ExactResidual(const VectorX& x, double force_N);
+  bool Newton(VectorX& x, double force_N);
+  void SetState(const VectorX& x);
+  Vector3 PositionAt(const VectorX& x);
+  bool RefreshWhereDue();
+  bool has_perp() const;
+
+  const StaticCase* case_;
+  StaticMode mode_;
+  std::shared_ptr<ReducedModel> model_;
+  std::shared_ptr<Configuration> configuration_;
+  VectorX g_ref_;  // n, spring forces at the reference
+  VectorX x_;      // [z; q_perp]
+  ReducedState state_;
+  double force_N_ = 0;
+  bool lost_ = false;
+};
+
+}  // namespace fork1s::internal
