@@ -2,7 +2,8 @@
 //     twist         f_ref − K z + T_Bᵀ [p × F; F] = 0             as MechanismDynamics steps it
 //     second order  f_ref − K z + (∂p/∂z)ᵀ F = 0                  energy of the recovered poses
 //     open, exact   Q(q)ᵀ (g(q) + τ(q)) = 0,  q = q_ref + Q z + q_perp (+ loop correction),
-//                   q_perp = C_perp (g_ref + τ(q))                as MechanismDynamics steps it
+//                   0 = C_perp Pᵀ (g(q) + τ(q)), P the projector of the loops (open: left out), q_perp =
+//                   C_perp K q_perp which is where MechanismDynamics comes to rest
 // g(q) are the springs' forces, τ(q) those of the load in joint coordinates, both of the present pose.
 #include "equilibrium.hpp"
 
@@ -33,6 +34,7 @@ ReducedEquilibrium::ReducedEquilibrium(const StaticCase& c, StaticMode mode, Red
   Kinematics kinematics(*model_->mechanism);
   ComputeKinematics(*model_->mechanism, model_->q_ref, kinematics);
   SpringForce(*model_->mechanism, kinematics, model_->q_ref, g_ref_);
+  K_ref_ = StiffnessMatrix(*model_->mechanism, kinematics, model_->q_ref);
   x_ = VectorX::Zero(model_->size() + (has_perp() ? model_->num_coordinates() : 0));
 }
 
@@ -80,9 +82,11 @@ VectorX ReducedEquilibrium::ExactResidual(const VectorX& x, double force_N) {
   const MatrixX& Q = mode_ == StaticMode::kOpen ? model_->Q : configuration_->Q_now;
   residual.head(model_->size()) = Q.transpose() * (g + tau);
   if (has_perp()) {
-    VectorX q_perp;
-    ApplyComplement(*model_, g_ref_ + tau, q_perp);
-    residual.tail(model_->num_coordinates()) = q_perp - state_.q_perp;
+    VectorX rest = g + tau, asked, kept;
+    if (mode_ != StaticMode::kOpen) ProjectOnLoops(*model_, *configuration_, rest);
+    ApplyComplement(*model_, rest, asked);
+    ApplyComplement(*model_, K_ref_ * state_.q_perp, kept);
+    residual.tail(model_->num_coordinates()) = asked + kept - state_.q_perp;
   }
   return residual;
 }

@@ -33,6 +33,7 @@ class ReducedEquilibrium {
   StaticMode mode_;
   std::shared_ptr<ReducedModel> model_;
   std::shared_ptr<Configuration> configuration_;
+  MatrixX K_ref_;  // n x n
   VectorX g_ref_;  // n, spring forces at the reference
   VectorX x_;      // [z; q_perp]
   ReducedState state_;
