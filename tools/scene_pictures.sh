@@ -13,11 +13,11 @@ trap 'rm -rf "$work"' EXIT
 views="
 firemen          1   0.36   --from=-62,14 --zoom=1.3
 vehicle          5   3.6    --from=-50,18 --zoom=1.4
-hexapod_terrain  7   6.2    --from=-50,24 --zoom=1.5
-hammer           2   0.9    --from=-60,16 --zoom=1.3
-peg_in_hole      4   3.2    --from=-60,20 --zoom=1.3
+hexapod_terrain  7   6.2    --from=-50,22 --zoom=2.8 --look-at=trunk
+hammer           2   0.9    --from=-48,18 --zoom=1.0 --look-at=arm_upper
+peg_in_hole      4   3.2    --from=-70,18 --zoom=2.8 --look-at=peg
 grasp_sphere     4   3.1    --from=-50,12 --zoom=1.3
-grasp_mug        8   6.4    --from=-50,12 --zoom=1.3
+grasp_mug        8   3.1    --from=35,25 --zoom=1.3
 "
 
 while read -r scene time at camera; do

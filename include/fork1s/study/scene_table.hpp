@@ -39,7 +39,7 @@ struct SceneRow {
 /// Runs `folder`/`name`.xml, with `folder`/`name`.csv as controls where that exists. Errors: as of
 /// LoadMechanism, ReadControls, Simulation::Create; kNumerics where the full run does not survive 1/60 s.
 Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const std::string& name,
-                                             double time_limit_s = 12);
+                                             double time_limit_s = 6);
 
 std::string SceneTableCsv(const std::vector<SceneRow>& rows);
 /// One line a scene, the three simulators beside each other.
