@@ -2,8 +2,8 @@
 //
 //     build/release/benchmarks/scene_table [--out docs/scenes] [SCENE...]
 //
-// About two minutes for all on an idle core, 6 s of each scene at most. With names it runs those alone, prints their lines and writes nothing. Times
-// vary by machine; ratios come from one process.
+// About two minutes for all on an idle core, 6 s of each scene at most. With names it runs those alone,
+// prints their lines and writes nothing. Times vary by machine; ratios come from one process.
 #include <fmt/format.h>
 
 #include <fork1s/study/scene_table.hpp>

@@ -13,9 +13,9 @@ trap 'rm -rf "$work"' EXIT
 views="
 firemen          1   0.36   --from=-62,14 --zoom=1.3
 vehicle          5   3.6    --from=-50,18 --zoom=1.4
-hexapod_terrain  7   6.2    --from=-50,22 --zoom=2.8 --look-at=trunk
-hammer           2   0.9    --from=-48,18 --zoom=1.0 --look-at=arm_upper
-peg_in_hole      4   3.2    --from=-70,18 --zoom=2.8 --look-at=peg
+hexapod_terrain  7   6.2    --from=-50,22 --zoom=2.2 --look-at=trunk
+hammer           2   0.9    --from=-48,18 --zoom=1.0 --look-at=forearm
+peg_in_hole      4   3.2    --from=-70,18 --zoom=2.2 --look-at=peg
 grasp_sphere     4   3.1    --from=-50,12 --zoom=1.3
 grasp_mug        8   3.1    --from=35,25 --zoom=1.3
 "

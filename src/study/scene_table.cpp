@@ -234,9 +234,10 @@ std::string ScenePageMarkdown(const std::vector<SceneRow>& rows) {
       "|---|---|---|---|---|---|\n";
   for (const SceneRow& r : rows) {
     const bool survived = r.largest_stable_dt_s > 0;
-    const std::string distance = survived && r.simulator != "full"
-                                     ? fmt::format("{}, {}", Digits(r.rms_mm), Digits(r.max_mm))
-                                     : std::string("-");
+    const std::string measured = fmt::format("{}, {}", Digits(r.rms_mm), Digits(r.max_mm));
+    const std::string distance = !survived               ? "-"
+                                 : r.simulator == "full" ? "from its own half step: " + measured
+                                                         : measured;
     out += fmt::format("| {} | {} | {} | {} | {} | {} |\n", r.simulator == "mujoco" ? "MuJoCo" : r.simulator,
                        r.coordinates, StepText(r.largest_stable_dt_s), CostText(r),
                        survived ? Digits(r.real_time_factor) : "-", distance);

@@ -51,11 +51,11 @@ export async function film(app: App, wanted: Film): Promise<void> {
   const picture = wanted.at === undefined ? undefined : (app.timeline?.indexAt(wanted.at) ?? 0);
   // A picture shows one moment, so that its camera need not hold the whole path.
   app.frameRecording(picture);
+  app.timeline?.go(picture ?? 0);
   const body = wanted.body === undefined ? undefined : app.view.poses()[wanted.body];
   stage.lookFrom(wanted.azimuth, wanted.elevation, wanted.zoom ?? 1, body?.p);
   if (picture !== undefined) {
     await put('/total', '1');
-    app.timeline?.go(picture);
     await shoot(app, 0);
     await put('/done', '');
     return;
