@@ -14,10 +14,26 @@ namespace fork1s::app {
 namespace {
 
 struct Arguments {
-  std::string recording, out;
+  std::string recording, out, look_at;
   bool all_bodies = false, video = false;
   VideoOptions options;
+  std::vector<double> from;  // degrees
 };
+
+// The camera as the arguments want it.
+Expected<VideoOptions> Camera(const Recording& recording, const Arguments& args) {
+  VideoOptions options = args.options;
+  if (!args.from.empty()) {
+    options.azimuth = args.from[0];
+    options.elevation = args.from[1];
+  }
+  if (args.look_at.empty()) return options;
+  for (std::size_t i = 0; i < recording.bodies().size(); ++i)
+    if (recording.bodies()[i].name == args.look_at) options.body = static_cast<int>(i);
+  if (!options.body)
+    return Fail(ErrorCode::kUsage, "--look-at", fmt::format("the recording has no body '{}'", args.look_at));
+  return options;
+}
 
 int WriteTables(const Recording& recording, const Arguments& args) {
   CsvOptions options;
@@ -57,10 +73,14 @@ int Run(const Arguments& args) {
   auto recording = Recording::Open(args.recording);
   if (!recording) return Report(recording.error(), false);
   const std::string extension = std::filesystem::path(args.out).extension().string();
-  if (args.video || extension == ".mp4") {
+  if (args.video || extension == ".mp4" || extension == ".png") {
+    if ((extension == ".png") != args.options.at.has_value())
+      return Report({ErrorCode::kUsage, "--at", "belongs to a FILE.png, and a FILE.png needs it"}, false);
+    auto camera = Camera(*recording, args);
+    if (!camera) return Report(camera.error(), false);
     auto page = MakePage(*recording);
     if (!page) return Report(page.error(), false);
-    auto frames = RenderVideo(*page, args.out, args.options);
+    auto frames = RenderVideo(*page, args.out, *camera);
     if (!frames) return Report(frames.error(), false);
     fmt::print("wrote {} frames to {}\n", *frames, args.out);
     return kDone;
@@ -80,7 +100,7 @@ void AddExport(CLI::App& app, Action& action) {
       ->add_option("out", args->out,
                    "a folder for poses.csv, contacts.csv, controls.csv, energy.csv; FILE.html: one page that "
                    "plays from "
-                   "disk; FILE.mp4: a film; with --video a folder for PNG frames")
+                   "disk; FILE.mp4: a film; FILE.png: the moment --at; with --video a folder for PNG frames")
       ->required();
   command->add_flag("--all-bodies", args->all_bodies,
                     "tables: poses of every body, not only of interface and free ones");
@@ -90,6 +110,15 @@ void AddExport(CLI::App& app, Action& action) {
       ->check(CLI::Range(64, 3840));
   command->add_option("--height", args->options.height, "of the film in pixels (default 720)")
       ->check(CLI::Range(64, 2160));
+  command
+      ->add_option("--at", args->options.at, "seconds after the start: draw this moment alone, to FILE.png")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--from", args->from, "AZIMUTH,ELEVATION of the camera in degrees, 0,0: from +x")
+      ->delimiter(',')
+      ->expected(2);
+  command->add_option("--zoom", args->options.zoom, "how much nearer than to hold everything (default 1)")
+      ->check(CLI::Range(0.1, 50.0));
+  command->add_option("--look-at", args->look_at, "a body for the middle of the picture");
   command->callback([&action, args] { action = [args] { return Run(*args); }; });
 }
 

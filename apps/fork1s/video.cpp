@@ -80,6 +80,17 @@ struct TemporaryFolder {
   }
 };
 
+// What the page is asked to draw, behind the # of its address.
+std::string Wish(const VideoOptions& o) {
+  std::string wish = fmt::format("film={}x{}", o.width, o.height);
+  if (o.at) wish += fmt::format("&at={:.6f}", *o.at);
+  if (o.azimuth) wish += fmt::format("&azimuth={:.3f}", *o.azimuth);
+  if (o.elevation) wish += fmt::format("&elevation={:.3f}", *o.elevation);
+  if (o.zoom != 1) wish += fmt::format("&zoom={:.4f}", o.zoom);
+  if (o.body) wish += fmt::format("&body={}", *o.body);
+  return wish;
+}
+
 // Frames come as PUT /frame/000001.png, then PUT /done.
 struct Frames {
   std::string folder;
@@ -110,12 +121,12 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
   };
   auto server = LiveServer::Create(serve);
   if (!server) return tl::unexpected(server.error());
-  Child browser(
-      {chromium, "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-       "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-       "--disable-sync", "--hide-scrollbars", "--remote-debugging-port=0", "--user-data-dir=" + profile,
-       fmt::format("--window-size={},{}", options.width, options.height),
-       fmt::format("http://127.0.0.1:{}/#film={}x{}", server->port(), options.width, options.height)});
+  Child browser({chromium, "--headless", "--no-sandbox", "--use-angle=swiftshader",
+                 "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
+                 "--disable-background-networking", "--disable-component-update", "--disable-sync",
+                 "--hide-scrollbars", "--remote-debugging-port=0", "--user-data-dir=" + profile,
+                 fmt::format("--window-size={},{}", options.width, options.height),
+                 fmt::format("http://127.0.0.1:{}/#{}", server->port(), Wish(options))});
   ProgressBar bar("drawing");
   constexpr auto kPatience = std::chrono::seconds(60);
   auto last = std::chrono::steady_clock::now();
@@ -158,12 +169,17 @@ Expected<int> RenderVideo(std::string_view page, const std::string& out, const V
   if (work.path.empty())
     return Fail(ErrorCode::kFile, fs::temp_directory_path(), "cannot hold a temporary folder");
   Frames frames;
-  frames.folder = film ? work.path + "/frames" : out;
+  const bool picture = fs::path(out).extension() == ".png";
+  frames.folder = film || picture ? work.path + "/frames" : out;
   std::error_code failed;
   fs::create_directories(frames.folder, failed);
   if (failed) return Fail(ErrorCode::kFile, frames.folder, "cannot be made (" + failed.message() + ")");
   if (auto drawn = Draw(page, chromium, work.path + "/profile", options, frames); !drawn)
     return tl::unexpected(drawn.error());
+  if (picture) {
+    fs::copy_file(frames.folder + "/000000.png", out, fs::copy_options::overwrite_existing, failed);
+    if (failed) return Fail(ErrorCode::kFile, out, fmt::format("cannot be written ({})", failed.message()));
+  }
   if (!film) return frames.count.load();
 
   Child encoder({ffmpeg, "-y", "-loglevel", "error", "-framerate", "60", "-i", frames.folder + "/%06d.png",

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -9,9 +10,15 @@ namespace fork1s::app {
 
 struct VideoOptions {
   int width = 1280, height = 720;  // pixels
+  /// Draws this moment alone [s after the start], framed by itself: a film's camera holds the whole path.
+  std::optional<double> at;
+  std::optional<double> azimuth, elevation;  // degrees, of the camera; from x towards y, upwards
+  double zoom = 1;
+  std::optional<int> body;  // place in Simulation::bodies() of what the camera looks at; none: the middle
 };
 
-/// Draws every frame of the page's recording. `out` is FILE.mp4 (needs ffmpeg) or a folder for PNG files.
+/// Draws every frame of the page's recording. `out` is FILE.mp4 (needs ffmpeg), a folder for PNG files or,
+/// with `at`, FILE.png.
 /// Returns how many frames there were. Errors (kFile) name the program that is missing or failed.
 Expected<int> RenderVideo(std::string_view page, const std::string& out, const VideoOptions& options);
 

@@ -68,6 +68,28 @@ void AddImpulses(const mjModel* m, const mjData* d, double h, std::vector<Vector
   }
 }
 
+// A mocap body of the file, which is a driven base here: its six controls come one after the other.
+struct DrivenBase {
+  int control = 0, mocap = 0;
+  RigidTransform start;
+};
+
+std::vector<DrivenBase> FindDrivenBases(const mjModel* m, const Simulation& guide) {
+  std::vector<DrivenBase> bases;
+  for (int body = 0; body < m->nbody; ++body) {
+    const char* name = mj_id2name(m, mjOBJ_BODY, body);
+    if (m->body_mocapid[body] < 0 || !name) continue;
+    const int control = guide.FindControl(std::string(name) + ".x");
+    if (control < 0) continue;
+    const double* q = m->body_quat + 4 * body;
+    bases.push_back(
+        {control,
+         m->body_mocapid[body],
+         {Quaternion(q[0], q[1], q[2], q[3]), Vector3(Eigen::Map<const Vector3>(m->body_pos + 3 * body))}});
+  }
+  return bases;
+}
+
 Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
                        double timestep, const RunOptions& options) {
   char message[1000] = "";
@@ -80,6 +102,7 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
   const std::unique_ptr<mjData, DataDeleter> data(mj_makeData(m));
   mjData* d = data.get();
   Run run{"mujoco", m->opt.timestep, 0, 0, {}, {}};
+  run.coordinates = m->nv;
   if (options.initial_keyframe >= 0) {
     const std::string& name = scene.keyframes[static_cast<std::size_t>(options.initial_keyframe)].name;
     const int key = mj_name2id(m, mjOBJ_KEY, name.c_str());
@@ -89,8 +112,15 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
   auto guide = MakeReduced(scene, options);
   if (!guide) return tl::unexpected(guide.error());
   std::vector<std::pair<int, int>> inputs;  // control of ours, actuator
+  const std::vector<DrivenBase> bases = FindDrivenBases(m, *guide);
+  auto drives_base = [&](int control) {
+    return std::any_of(bases.begin(), bases.end(),
+                       [&](const DrivenBase& b) { return control >= b.control && control < b.control + 6; });
+  };
   for (std::size_t i = 0; i < guide->control_names().size(); ++i)
-    if (const int a = mj_name2id(m, mjOBJ_ACTUATOR, guide->control_names()[i].c_str()); a >= 0)
+    if (drives_base(static_cast<int>(i)))
+      continue;
+    else if (const int a = mj_name2id(m, mjOBJ_ACTUATOR, guide->control_names()[i].c_str()); a >= 0)
       inputs.emplace_back(static_cast<int>(i), a);
     else
       run.warnings.push_back(fmt::format("control '{}' is no actuator of the file and does not act in MuJoCo",
@@ -98,6 +128,13 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
   auto apply = [&](double time) {
     options.controls->Apply(time, *guide);
     for (const auto& [control, actuator] : inputs) d->ctrl[actuator] = guide->controls()(control);
+    for (const DrivenBase& b : bases) {
+      const Vector3 at = b.start.translation() + guide->controls().segment<3>(b.control);
+      const Quaternion q(
+          Matrix3(ExpRotation(guide->controls().segment<3>(b.control + 3)) * b.start.rotation()));
+      Eigen::Map<Vector3>(d->mocap_pos + 3 * b.mocap) = at;
+      Eigen::Map<Eigen::Vector4d>(d->mocap_quat + 4 * b.mocap) << q.w(), q.x(), q.y(), q.z();
+    }
   };
   std::vector<int> id;
   for (const TrackedBody& b : tracked) {
@@ -134,7 +171,8 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
     keep();
     const auto start = std::chrono::steady_clock::now();
     mj_step(m, d);
-    run.wall_s += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    run.step_s.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+    run.wall_s += run.step_s.back();
     AddImpulses(m, d, h, impulse);
     for (int warning : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC})
       if (d->warning[warning].number > 0)

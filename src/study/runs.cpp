@@ -9,10 +9,13 @@
 namespace fork1s::internal {
 namespace {
 
-double SecondsOf(const std::function<void()>& work) {
+// Times one step and books it.
+template <class Step>
+void Clock(Run& run, Step step) {
   const auto start = std::chrono::steady_clock::now();
-  work();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  step();
+  run.step_s.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+  run.wall_s += run.step_s.back();
 }
 
 // Place in bodies() of every contactor, -1 for the still world.
@@ -79,6 +82,9 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
   if (!made) return tl::unexpected(made.error());
   Simulation& s = *made;
   Run run{"reduced", s.dt(), 0, 0, {}, s.warnings()};
+  run.coordinates = 6 * static_cast<int>(s.world().free_bodies().size());
+  for (const MechanismDynamics& m : s.world().mechanisms())
+    run.coordinates += m.model().size() + (m.mechanism().base() == BaseKind::kFloating ? 6 : 0);
   const std::vector<int> place = BodiesOfContactors(s);
   auto measure = [&](Sample sample) {
     for (const TrackedBody& b : tracked) sample.X_WB.push_back(s.Pose(b.index));
@@ -93,7 +99,7 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
     for (int k = 0; k < options.substeps; ++k) {
       options.controls->Apply(s.time() + s.dt(), s);
       StepReport report;
-      run.wall_s += SecondsOf([&] { report = s.Step(); });
+      Clock(run, [&] { report = s.Step(); });
       if (!report.finite) return tl::unexpected(NotFinite("reduced", s.time(), s.dt()));
       run.unconverged += report.solver.converged ? 0 : 1;
       for (const ContactRecord& c : s.world().contacts()) {
@@ -122,6 +128,8 @@ Expected<Run> RunFull(const Scene& scene, const std::vector<TrackedBody>& tracke
   if (!made) return tl::unexpected(made.error());
   FullSimulation& s = *made;
   Run run{"full", s.dt(), 0, 0, {}, s.warnings()};
+  run.coordinates = 6 * static_cast<int>(s.bodies().size());
+  for (int i = 0; i < s.num_mechanisms(); ++i) run.coordinates += s.mechanism(i).num_coordinates();
   auto apply = [&](double time) {
     options.controls->Apply(time, *guide);
     s.SetControls(guide->controls());
@@ -139,7 +147,7 @@ Expected<Run> RunFull(const Scene& scene, const std::vector<TrackedBody>& tracke
     for (int k = 0; k < options.substeps; ++k) {
       apply(s.time() + s.dt());
       FullStepReport report;
-      run.wall_s += SecondsOf([&] { report = s.Step(); });
+      Clock(run, [&] { report = s.Step(); });
       if (!report.finite) return tl::unexpected(NotFinite("full", s.time(), s.dt()));
       run.unconverged += report.converged ? 0 : 1;
       for (const FullContact& c : s.contacts()) {

@@ -30,6 +30,8 @@ struct Run {
   int unconverged = 0;          // steps
   std::vector<Sample> samples;  // the start, then one every interval
   std::vector<std::string> warnings;
+  std::vector<double> step_s = {};  // wall time of every step
+  int coordinates = 0;              // velocities that a step solves for
 };
 
 struct RunOptions {

@@ -161,9 +161,10 @@ export class App {
       return;
     }
     this.panel.hideModel();
-    this.frameRecording = () => {
+    this.frameRecording = (only?: number) => {
       const last = log.moments.length - 1;
-      const sample = Array.from({ length: 24 }, (_, i) => log.frameAt(Math.round((i / 23) * last)));
+      const all = Array.from({ length: 24 }, (_, i) => Math.round((i / 23) * last));
+      const sample = (only === undefined ? all : [only]).map((i) => log.frameAt(i));
       this.view.frameMotion(
         sample.flatMap((frame) => {
           const maps = frame ? library.mapsOf(frame) : undefined;
@@ -174,8 +175,8 @@ export class App {
     this.frameRecording();
   }
 
-  /** Puts the whole motion of a recording from disk in view. */
-  frameRecording: () => void = () => undefined;
+  /** Puts the whole motion of a recording from disk in view, or one moment of it. */
+  frameRecording: (only?: number) => void = () => undefined;
 
   private backToLive(): void {
     this.timeline?.remove();

@@ -1,6 +1,6 @@
 import './ui/style.css';
 import { App } from './app';
-import { film, filmSize } from './replay/film';
+import { film, readFilm } from './replay/film';
 import { fromBase64, RECORDING_ID, unpack } from './replay/log';
 import { Notices } from './ui/notices';
 
@@ -17,8 +17,8 @@ if (root) {
     const recording = document.getElementById(RECORDING_ID)?.textContent;
     if (recording) {
       app.play(unpack(fromBase64(recording)));
-      const size = filmSize(location.hash);
-      if (size) void film(app, ...size);
+      const wanted = readFilm(location.hash);
+      if (wanted) void film(app, wanted);
     } else app.connect(`ws://${location.host}/stream`);
   } catch (error) {
     new Notices(root).coverWith('The page cannot draw', error instanceof Error ? error.message : String(error));

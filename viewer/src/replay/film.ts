@@ -6,27 +6,65 @@ async function put(path: string, body: Blob | string): Promise<void> {
   if (!answer.ok) throw new Error(`${path}: ${answer.status}`);
 }
 
-/** #film=WIDTHxHEIGHT in the page's address asks for it. */
-export function filmSize(hash: string): [number, number] | null {
-  const found = /^#film=(\d+)x(\d+)$/.exec(hash);
-  return found ? [Number(found[1]), Number(found[2])] : null;
+async function shoot(app: App, number: number): Promise<void> {
+  app.view.draw();
+  const canvas = app.view.stage.renderer.domElement;
+  const image = await new Promise<Blob | null>((done) => canvas.toBlob(done, 'image/png'));
+  if (!image) throw new Error('no image');
+  await put(`/frame/${String(number).padStart(6, '0')}.png`, image);
 }
 
-export async function film(app: App, width: number, height: number): Promise<void> {
+export interface Film {
+  width: number;
+  height: number;
+  /** A single picture, this many seconds after the recording's start; without it every frame. */
+  at?: number;
+  /** Degrees: where the camera stands about the target, counted from x towards y, and how high. */
+  azimuth?: number;
+  elevation?: number;
+  zoom?: number;
+  /** Place of a body that the camera looks at in place of the middle of the whole. */
+  body?: number;
+}
+
+const KEYS = ['at', 'azimuth', 'elevation', 'zoom', 'body'] as const;
+
+/** #film=WIDTHxHEIGHT&at=SECONDS&... in the page's address asks for it. */
+export function readFilm(hash: string): Film | null {
+  const found = /^#film=(\d+)x(\d+)((?:&[a-z]+=-?[\d.]+)*)$/.exec(hash);
+  if (!found) return null;
+  const out: Film = { width: Number(found[1]), height: Number(found[2]) };
+  const given = new URLSearchParams(found[3]);
+  for (const key of KEYS) {
+    const value = given.get(key);
+    if (value !== null && Number.isFinite(Number(value))) out[key] = Number(value);
+  }
+  return out;
+}
+
+export async function film(app: App, wanted: Film): Promise<void> {
   const { stage } = app.view;
   stage.renderer.setAnimationLoop(null);
   const root = document.getElementById('app');
-  if (root) Object.assign(root.style, { width: `${width}px`, height: `${height}px` });
+  if (root) Object.assign(root.style, { width: `${wanted.width}px`, height: `${wanted.height}px` });
   await new Promise((done) => setTimeout(done, 200)); // until the page has taken that size
-  app.frameRecording();
+  const picture = wanted.at === undefined ? undefined : (app.timeline?.indexAt(wanted.at) ?? 0);
+  // A picture shows one moment, so that its camera need not hold the whole path.
+  app.frameRecording(picture);
+  app.timeline?.go(picture ?? 0);
+  const body = wanted.body === undefined ? undefined : app.view.poses()[wanted.body];
+  stage.lookFrom(wanted.azimuth, wanted.elevation, wanted.zoom ?? 1, body?.p);
+  if (picture !== undefined) {
+    await put('/total', '1');
+    await shoot(app, 0);
+    await put('/done', '');
+    return;
+  }
   const frames = app.timeline?.length ?? 0;
   await put('/total', String(frames));
   for (let i = 0; i < frames; ++i) {
     app.timeline?.go(i);
-    app.view.draw();
-    const image = await new Promise<Blob | null>((done) => stage.renderer.domElement.toBlob(done, 'image/png'));
-    if (!image) throw new Error('no image');
-    await put(`/frame/${String(i).padStart(6, '0')}.png`, image);
+    await shoot(app, i);
   }
   await put('/done', '');
 }

@@ -56,6 +56,17 @@ export class Timeline {
     return this.index;
   }
 
+  /** The moment nearest to `seconds` after the start. */
+  indexAt(seconds: number): number {
+    const { moments, start } = this.log;
+    let best = 0;
+    moments.forEach((m, i) => {
+      const off = Math.abs(m.time - start - seconds);
+      if (off < Math.abs((moments[best]?.time ?? Infinity) - start - seconds)) best = i;
+    });
+    return best;
+  }
+
   get length(): number {
     return this.log.moments.length;
   }

@@ -143,6 +143,19 @@ export class Stage {
     this.controls.update();
   }
 
+  /** Turns the camera about the framed box, in degrees; `at` becomes the middle of the picture. */
+  lookFrom(azimuth?: number, elevation?: number, zoom = 1, at?: readonly [number, number, number]): void {
+    const arm = this.camera.position.clone().sub(this.controls.target);
+    const a = azimuth === undefined ? Math.atan2(arm.y, arm.x) : THREE.MathUtils.degToRad(azimuth);
+    const e = elevation === undefined ? Math.asin(arm.z / arm.length()) : THREE.MathUtils.degToRad(elevation);
+    const distance = arm.length() / zoom;
+    arm.set(Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), Math.sin(e)).multiplyScalar(distance);
+    if (at) this.controls.target.set(...at);
+    this.controls.minDistance = Math.min(this.controls.minDistance, distance);
+    this.camera.position.copy(this.controls.target).add(arm);
+    this.controls.update();
+  }
+
   private lightAround(centre: THREE.Vector3): void {
     this.key.target.position.copy(centre);
     this.key.position.copy(centre).addScaledVector(new THREE.Vector3(0.45, -0.5, 1).normalize(), 7 * this.radius);

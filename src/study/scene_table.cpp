@@ -1,0 +1,267 @@
+#include <fork1s/study/scene_table.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fork1s/record/csv.hpp>
+#include <fstream>
+#include <sstream>
+
+#include <fmt/format.h>
+
+#include "runs.hpp"
+
+namespace fork1s {
+namespace {
+
+using internal::Run;
+using internal::RunOptions;
+using internal::TrackedBody;
+
+constexpr double kStep = 1.0 / 60;  // s
+constexpr int kHalvings = 8;        // to 1/15360 s
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// What a stable run keeps to.
+struct Bounds {
+  double speed = 0;     // m a sample
+  double turn = 0;      // rad a sample
+  double distance = 0;  // m from the reference
+};
+
+double Turn(const RigidTransform& X, const RigidTransform& Y) {
+  return LogRotation(X.rotation().transpose() * Y.rotation()).norm();
+}
+
+Bounds BoundsOf(const Run& run) {
+  Bounds b;
+  Eigen::AlignedBox3d box;
+  for (std::size_t i = 0; i < run.samples.size(); ++i)
+    for (std::size_t k = 0; k < run.samples[i].X_WB.size(); ++k) {
+      const RigidTransform& X = run.samples[i].X_WB[k];
+      box.extend(X.translation());
+      if (i == 0) continue;
+      const RigidTransform& before = run.samples[i - 1].X_WB[k];
+      b.speed = std::max(b.speed, (X.translation() - before.translation()).norm());
+      b.turn = std::max(b.turn, Turn(before, X));
+    }
+  b.speed = 3 * b.speed + 1 * kStep;
+  b.turn = 3 * b.turn + 30 * kStep;
+  b.distance = box.diagonal().norm();
+  return b;
+}
+
+bool IsStable(const Run& run, const Run& reference, const Bounds& bounds) {
+  for (std::size_t i = 1; i < run.samples.size(); ++i)
+    for (std::size_t k = 0; k < run.samples[i].X_WB.size(); ++k) {
+      const RigidTransform &X = run.samples[i].X_WB[k], &before = run.samples[i - 1].X_WB[k];
+      const double off = (X.translation() - reference.samples[i].X_WB[k].translation()).norm();
+      // Written so that numbers that are not finite fail.
+      if (!((X.translation() - before.translation()).norm() <= bounds.speed)) return false;
+      if (!(Turn(before, X) <= bounds.turn)) return false;
+      if (!(off <= bounds.distance)) return false;
+    }
+  return true;
+}
+
+void SetDistance(const std::vector<TrackedBody>& tracked, const Run& a, const Run& b, SceneRow& row) {
+  double sum = 0;
+  int count = 0;
+  for (std::size_t i = 1; i < std::min(a.samples.size(), b.samples.size()); ++i)
+    for (std::size_t k = 0; k < tracked.size(); ++k) {
+      if (!tracked[k].is_interface) continue;
+      const double mm =
+          1e3 * (a.samples[i].X_WB[k].translation() - b.samples[i].X_WB[k].translation()).norm();
+      sum += mm * mm;
+      row.max_mm = std::max(row.max_mm, mm);
+      ++count;
+    }
+  row.rms_mm = count > 0 ? std::sqrt(sum / count) : 0;
+}
+
+void SetCost(const Run& run, double time, SceneRow& row) {
+  row.coordinates = run.coordinates;
+  row.dt_s = row.largest_stable_dt_s = run.dt;
+  row.step_us = 1e6 * Median(run.step_s);
+  row.real_time_factor = run.wall_s > 0 ? time / run.wall_s : 0;
+}
+
+// The first of 1/60 s and its halves whose run is stable.
+template <class Simulate>
+Expected<std::optional<Run>> FirstStable(const Run& reference, const Bounds& bounds, Simulate simulate) {
+  for (int k = 0; k <= kHalvings; ++k) {
+    Expected<Run> run = simulate(k);
+    if (!run && run.error().code != ErrorCode::kNumerics) return tl::unexpected(run.error());
+    if (run && IsStable(*run, reference, bounds)) return std::optional<Run>(std::move(*run));
+  }
+  return std::optional<Run>();
+}
+
+std::string StepText(double dt) {
+  return dt > 0 ? fmt::format("1/{:.0f}", 1 / dt) : fmt::format("< 1/{}", 60 << kHalvings);
+}
+
+// Three digits, without exponents.
+std::string Digits(double x) {
+  const int places = x > 0 ? std::clamp(2 - static_cast<int>(std::floor(std::log10(x))), 0, 4) : 0;
+  return fmt::format("{:.{}f}", x, places);
+}
+
+std::string CostText(const SceneRow& row) { return row.step_us > 0 ? Digits(row.step_us) : std::string("-"); }
+
+}  // namespace
+
+Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const std::string& name,
+                                             double time_limit_s) {
+  const std::string path = folder + "/" + name + ".xml", table = folder + "/" + name + ".csv";
+  auto imported = LoadMechanism(path);
+  if (!imported) return tl::unexpected(imported.error());
+  ImportOptions stiff;
+  stiff.stiffness_scale = 100;
+  auto stiffer = LoadMechanism(path, stiff);
+  if (!stiffer) return tl::unexpected(stiffer.error());
+  ControlTrack controls;
+  if (std::filesystem::exists(table)) {
+    auto read = ReadControls(table);
+    if (!read) return tl::unexpected(read.error());
+    controls = std::move(*read);
+  }
+  const Scene& scene = imported->scene;
+  RunOptions o;
+  o.interval = kStep;
+  const double wanted = controls.times.empty() ? time_limit_s : std::min(time_limit_s, controls.times.back());
+  o.samples = std::max(1, static_cast<int>(std::llround(wanted / kStep)));
+  o.initial_keyframe = imported->initial_keyframe;
+  o.controls = &controls;
+  auto probe = internal::MakeReduced(scene, o);
+  if (!probe) return tl::unexpected(probe.error());
+  std::vector<TrackedBody> tracked;
+  SceneRow base;
+  base.scene = name;
+  base.time_s = o.samples * kStep;
+  base.bodies = static_cast<int>(probe->bodies().size());
+  for (std::size_t i = 0; i < probe->bodies().size(); ++i) {
+    const SceneBody& b = probe->bodies()[i];
+    base.interface_bodies += b.is_interface ? 1 : 0;
+    if (b.is_interface || b.mechanism < 0) tracked.push_back({b.name, static_cast<int>(i), b.is_interface});
+  }
+
+  auto truth = internal::RunFull(scene, tracked, o);
+  if (!truth) return tl::unexpected(truth.error());
+  const Bounds bounds = BoundsOf(*truth);
+  SceneRow reduced = base, full = base, mujoco = base;
+
+  reduced.simulator = "reduced";
+  auto run = FirstStable(*truth, bounds, [&](int k) {
+    RunOptions at = o;
+    at.substeps = 1 << k;
+    return internal::RunReduced(scene, tracked, at);
+  });
+  if (!run) return tl::unexpected(run.error());
+  if (*run) {
+    SetCost(**run, base.time_s, reduced);
+    SetDistance(tracked, **run, *truth, reduced);
+  }
+  auto hard = internal::RunReduced(stiffer->scene, tracked, o);
+  if (!hard && hard.error().code != ErrorCode::kNumerics) return tl::unexpected(hard.error());
+  reduced.stable_stiff = hard && IsStable(*hard, *truth, bounds);
+
+  // It bounds itself, so that finite numbers are all that is asked of it here.
+  full.simulator = "full";
+  SetCost(*truth, base.time_s, full);
+  RunOptions half = o;
+  half.substeps = 2;
+  auto finer = internal::RunFull(scene, tracked, half);
+  if (!finer) return tl::unexpected(finer.error());
+  SetDistance(tracked, *truth, *finer, full);
+
+  mujoco.simulator = "mujoco";
+  run = FirstStable(*truth, bounds,
+                    [&](int k) { return internal::RunMuJoCo(path, scene, tracked, kStep / (1 << k), o); });
+  if (!run) return tl::unexpected(run.error());
+  if (*run) {
+    SetCost(**run, base.time_s, mujoco);
+    SetDistance(tracked, **run, *truth, mujoco);
+  }
+  std::vector<SceneRow> rows{reduced, full, mujoco};
+  for (SceneRow& row : rows) {
+    if (reduced.step_us > 0) row.step_ratio = row.step_us / reduced.step_us;
+    if (row.real_time_factor > 0) row.cost_ratio = reduced.real_time_factor / row.real_time_factor;
+  }
+  return rows;
+}
+
+std::string SceneTableCsv(const std::vector<SceneRow>& rows) {
+  std::string out =
+      "scene,simulator,interface_bodies,bodies,coordinates,simulated_s,dt_s,step_us,real_time_factor,"
+      "largest_stable_dt_s,stable_at_60_Hz_stiffness_x100,rms_mm,max_mm,step_ratio,cost_ratio\n";
+  for (const SceneRow& r : rows)
+    out += fmt::format("{},{},{},{},{},{:.6g},{:.6g},{:.4g},{:.4g},{:.6g},{},{:.4g},{:.4g},{:.4g},{:.4g}\n",
+                       r.scene, r.simulator, r.interface_bodies, r.bodies, r.coordinates, r.time_s, r.dt_s,
+                       r.step_us, r.real_time_factor, r.largest_stable_dt_s,
+                       r.stable_stiff ? (*r.stable_stiff ? "yes" : "no") : "", r.rms_mm, r.max_mm,
+                       r.step_ratio, r.cost_ratio);
+  return out;
+}
+
+std::string SceneTableMarkdown(const std::vector<SceneRow>& rows) {
+  std::string out =
+      "| scene | bodies | coordinates: reduced, full, MuJoCo | us a step: reduced, full, MuJoCo | "
+      "largest stable step [s]: reduced, full, MuJoCo | stable at 1/60 with 100 x stiffness | "
+      "reduced from full, RMS and max [mm] | time a simulated second, over reduced: full, MuJoCo |\n"
+      "|---|---|---|---|---|---|---|---|\n";
+  for (std::size_t i = 0; i + 2 < rows.size(); i += 3) {
+    const SceneRow &r = rows[i], &f = rows[i + 1], &m = rows[i + 2];
+    out += fmt::format("| [{}]({}.md) | {} | {}, {}, {} | {}, {}, {} | {}, {}, {} | {} | {}, {} | {}, {} |\n",
+                       r.scene, r.scene, r.bodies, r.coordinates, f.coordinates, m.coordinates, CostText(r),
+                       CostText(f), CostText(m), StepText(r.largest_stable_dt_s),
+                       StepText(f.largest_stable_dt_s), StepText(m.largest_stable_dt_s),
+                       r.stable_stiff.value_or(false) ? "yes" : "no", Digits(r.rms_mm), Digits(r.max_mm),
+                       Digits(f.cost_ratio), m.cost_ratio > 0 ? Digits(m.cost_ratio) : "-");
+  }
+  return out;
+}
+
+std::string ScenePageMarkdown(const std::vector<SceneRow>& rows) {
+  std::string out =
+      "| simulator | coordinates | step [s] | us a step | times real time | from full, RMS and max [mm] |\n"
+      "|---|---|---|---|---|---|\n";
+  for (const SceneRow& r : rows) {
+    const bool survived = r.largest_stable_dt_s > 0;
+    const std::string measured = fmt::format("{}, {}", Digits(r.rms_mm), Digits(r.max_mm));
+    const std::string distance = !survived               ? "-"
+                                 : r.simulator == "full" ? "from its own half step: " + measured
+                                                         : measured;
+    out += fmt::format("| {} | {} | {} | {} | {} | {} |\n", r.simulator == "mujoco" ? "MuJoCo" : r.simulator,
+                       r.coordinates, StepText(r.largest_stable_dt_s), CostText(r),
+                       survived ? Digits(r.real_time_factor) : "-", distance);
+  }
+  return out;
+}
+
+Expected<void> ReplaceTable(const std::string& path, const std::string& text) {
+  static const std::string kBegin = "<!-- table: begin -->\n", kEnd = "<!-- table: end -->";
+  std::ifstream in(path, std::ios::binary);
+  std::stringstream read;
+  read << in.rdbuf();
+  if (!in) return Fail(ErrorCode::kFile, path, "cannot be read");
+  std::string page = read.str();
+  const auto begin = page.find(kBegin), end = page.find(kEnd);
+  if (begin == std::string::npos || end == std::string::npos || end < begin)
+    return Fail(ErrorCode::kFormat, path, "has no lines <!-- table: begin --> and <!-- table: end -->");
+  const auto first = begin + kBegin.size();
+  page.replace(first, end - first, text);
+  std::ofstream out(path, std::ios::binary | std::ios::trunc);
+  out << page;
+  out.close();
+  if (!out) return Fail(ErrorCode::kFile, path, "cannot be written");
+  return {};
+}
+
+}  // namespace fork1s

@@ -1,0 +1,35 @@
+#!/usr/bin/env bash
+# Draws docs/scenes/NAME.png for every scene: runs it, takes one moment of the recording, and reduces its colours so
+# that the file stays small. Needs chromium and ffmpeg. With names it draws those alone.
+#
+#     bash tools/scene_pictures.sh [SCENE...]          FORK1S=path/to/fork1s for another program
+set -euo pipefail
+cd "$(dirname "$0")/.."
+fork1s=${FORK1S:-build/release/bin/fork1s}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# scene, seconds simulated, moment, then where the camera stands
+views="
+firemen          1   0.36   --from=-62,14 --zoom=1.3
+vehicle          5   3.6    --from=-50,18 --zoom=1.4
+hexapod_terrain  7   6.2    --from=-50,22 --zoom=2.2 --look-at=trunk
+hammer           2   0.9    --from=-48,18 --zoom=1.0 --look-at=forearm
+peg_in_hole      4   3.2    --from=-70,18 --zoom=2.2 --look-at=peg
+grasp_sphere     4   3.1    --from=-50,12 --zoom=1.3
+grasp_mug        8   3.1    --from=35,25 --zoom=1.3
+"
+
+while read -r scene time at camera; do
+  [ -n "$scene" ] || continue
+  if [ $# -gt 0 ] && [[ " $* " != *" $scene "* ]]; then continue; fi
+  controls=()
+  [ -f "scenes/$scene.csv" ] && controls=(--controls "scenes/$scene.csv")
+  "$fork1s" run "scenes/$scene.xml" "${controls[@]}" --time "$time" --record "$work/$scene.h5" >/dev/null 2>&1
+  # shellcheck disable=SC2086  # the camera is several words
+  "$fork1s" export "$work/$scene.h5" "$work/$scene.png" --at "$at" $camera --width 960 --height 540 </dev/null
+  ffmpeg -nostdin -y -loglevel error -i "$work/$scene.png" \
+    -vf "split[a][b];[a]palettegen=max_colors=128:stats_mode=full[p];[b][p]paletteuse=dither=none" \
+    -frames:v 1 -update 1 "docs/scenes/$scene.png"
+  echo "docs/scenes/$scene.png: $(stat -c %s "docs/scenes/$scene.png") bytes"
+done <<<"$views"
