@@ -1,9 +1,9 @@
-#include <fork1s/dynamics/load_factor.hpp>
 #include <fork1s/server/live_simulation.hpp>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <fork1s/dynamics/load_factor.hpp>
 #include <fork1s/server/pull_spring.hpp>
 
 #include <fmt/format.h>
