@@ -3,24 +3,10 @@
 #include <fork1s/dynamics/world.hpp>
 #include <map>
 
+#include "group_geometry.hpp"
+
 namespace fork1s {
 namespace {
-
-RigidTransform GroupFrame(const Mechanism& mechanism, const ContactGroup& group) {
-  return mechanism.body(group.body).X_RB0;
-}
-
-std::vector<GeometryDef> GroupGeometry(const Mechanism& mechanism, const ContactGroup& group) {
-  std::vector<GeometryDef> geometries;
-  const RigidTransform X_GR = GroupFrame(mechanism, group).inverse();
-  for (BodyIndex b : group.bodies)
-    for (GeometryDef g : mechanism.definition().bodies[b.u()].geometries) {
-      if (!g.Collides()) continue;
-      g.X_BG = X_GR * mechanism.body(b).X_RB0 * g.X_BG;
-      geometries.push_back(std::move(g));
-    }
-  return geometries;
-}
 
 // Neighbours across one joint or one closure overlap by design.
 bool AreNeighbours(const Mechanism& mechanism, const ContactGroup& a, const ContactGroup& b) {

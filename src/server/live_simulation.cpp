@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <fork1s/dynamics/load_factor.hpp>
 #include <fork1s/server/pull_spring.hpp>
 
 #include <fmt/format.h>
@@ -310,7 +311,12 @@ Snapshot LiveSimulation::Capture(int viewers) {
   scalars_.kinetic_energy = simulation_.KineticEnergy();
   scalars_.potential_energy = simulation_.PotentialEnergy();
   scalars_.joint_gap = simulation_.JointGap();
-  scalars_.load_factor = std::nan("");
+  // Every tenth frame: it costs more than a step, and a grasp changes slowly beside frames.
+  if (latest_.sequence % 10 == 0) {
+    const double factor =
+        ComputeLoadFactor(simulation_.world(), simulation_.scene(), simulation_.dt()).factor;
+    scalars_.load_factor = std::isfinite(factor) ? factor : std::nan("");
+  }
   scalars_.viewers = viewers;
   ++latest_.sequence;
   latest_.frame = Share(

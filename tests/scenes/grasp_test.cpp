@@ -1,4 +1,6 @@
 // A hand lifts, shakes and turns over what it holds.
+#include <fork1s/dynamics/load_factor.hpp>
+
 #include "run.hpp"
 
 namespace fork1s::examples {
@@ -28,6 +30,10 @@ TEST_P(Grasp, HoldsWhatItShakesAndTurnsOver) {
   };
   run.Until(3);
   const Vector3 lifted = in_palm();
+  const Simulation& simulation = run.simulation();
+  const LoadFactor load = ComputeLoadFactor(simulation.world(), simulation.scene(), simulation.dt());
+  EXPECT_GE(load.contacts, 2);
+  EXPECT_GT(load.factor, 1.3) << "the margin below which fork1s run warns";
   EXPECT_GT(run.Position(GetParam().object).z(), 0.24) << "lifted by 0.25 m";
   run.Until(5.2);
   // Shaken by 20 mm at 3 Hz, 7 m/s²: the slop of contact on either side of the object.
@@ -39,8 +45,8 @@ TEST_P(Grasp, HoldsWhatItShakesAndTurnsOver) {
   expect_held(8.4, "upside down");
   run.Until(10.7);
   expect_held(12, "turned back");
-  // Contact's slop. Without the curvature of the tangent rows it would be 8 mm: half the step times the radius of 61 mm
-  // times the integral of the squared rate, 14 rad²/s over both turns.
+  // Contact's slop. Without the curvature of the tangent rows it would be 8 mm: half the step times the
+  // radius of 61 mm times the integral of the squared rate, 14 rad²/s over both turns.
   EXPECT_LT((in_palm() - lifted).norm(), 1e-4);
 }
 

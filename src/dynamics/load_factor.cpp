@@ -1,0 +1,323 @@
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <fork1s/dynamics/load_factor.hpp>
+
+#include "group_geometry.hpp"
+#include "local_curvature.hpp"
+
+namespace fork1s {
+namespace {
+
+using Kind = Contactor::Kind;
+
+// A contact that carries force.
+struct LoadedContact {
+  int body_a, body_b;
+  Vector3 point;              // m
+  Vector3 force;              // N, on body b, world axes
+  Vector3 normal;             // from a to b
+  Matrix3 inverse_curvature;  // m: (κ_a + κ_b)⁻¹ on the tangent plane
+};
+
+// The coordinates x: of every mechanism that touches, base twist (where it floats, world axes about R's
+// origin) and z; of every free body that touches, ω and the velocity of the centre of mass in world axes.
+class Grasp {
+ public:
+  Grasp(const World& world, const Scene& scene, double h) : world_(world), scene_(scene) {
+    double largest = 0;
+    for (const ContactRecord& c : world.contacts()) largest = std::max(largest, c.impulse(0));
+    std::vector<int> holds(world.free_bodies().size(), 0);
+    mechanism_at_.assign(world.mechanisms().size(), -1);
+    free_at_.assign(world.free_bodies().size(), -1);
+    for (const ContactRecord& c : world.contacts()) {
+      if (c.impulse(0) <= 1e-9 * largest) continue;  // touches at most
+      contacts_.push_back(Load(c, h));
+      for (int side : {c.point.body_a, c.point.body_b}) {
+        const Contactor& body = contactor(side);
+        const auto i = static_cast<std::size_t>(body.index);
+        if (body.kind == Kind::kGroup) mechanism_at_[i] = 0;
+        if (body.kind != Kind::kFreeBody) continue;
+        free_at_[i] = 0;
+        holds_any_ |= ++holds[i] >= 2;
+      }
+    }
+    for (std::size_t i = 0; i < mechanism_at_.size(); ++i)
+      if (mechanism_at_[i] >= 0) {
+        mechanism_at_[i] = size_;
+        size_ += world.mechanisms()[i].num_velocities();
+      }
+    for (int& at : free_at_)
+      if (at >= 0) {
+        at = size_;
+        size_ += 6;
+      }
+    for (std::size_t i = 0; i < mechanism_at_.size(); ++i) {
+      configurations_.emplace_back(world.mechanisms()[i].model());
+      states_.push_back(world.mechanisms()[i].state());
+    }
+  }
+
+  bool holds_any() const { return holds_any_; }
+  int num_contacts() const { return static_cast<int>(contacts_.size()); }
+  int size() const { return size_; }
+
+  VectorX Stiffness() const {
+    VectorX K = VectorX::Zero(size_);
+    for (std::size_t i = 0; i < mechanism_at_.size(); ++i)
+      if (mechanism_at_[i] >= 0) {
+        const VectorX& K_r = world_.mechanisms()[i].model().K_r;
+        K.segment(mechanism_at_[i] + base_size(i), K_r.size()) = K_r;
+      }
+    return K;
+  }
+
+  // Puts everything at a displacement dx from the present state.
+  void Displace(const VectorX& dx) {
+    for (std::size_t i = 0; i < mechanism_at_.size(); ++i) {
+      if (mechanism_at_[i] < 0) continue;
+      const MechanismDynamics& m = world_.mechanisms()[i];
+      states_[i] = m.state();
+      const int base = base_size(i);
+      if (base > 0) states_[i].X_WR = Moved(m.state().X_WR, dx.segment<6>(mechanism_at_[i]));
+      states_[i].z += dx.segment(mechanism_at_[i] + base, m.model().size());
+      Configure(m.model(), states_[i], configurations_[i]);
+    }
+    centers_.clear();
+    for (std::size_t i = 0; i < free_at_.size(); ++i) {
+      centers_.push_back(world_.free_bodies()[i].center_W());
+      if (free_at_[i] >= 0) centers_[i] += dx.segment<3>(free_at_[i] + 3);
+    }
+  }
+
+  // Twist of a contactor in world axes about the point p per unit of x, at the displaced state.
+  Matrix6X Twist(int body, const Vector3& p) const {
+    Matrix6X J = Matrix6X::Zero(6, size_);
+    const Contactor& c = contactor(body);
+    const auto i = static_cast<std::size_t>(c.index);
+    if (c.kind == Kind::kWorld) return J;
+    if (c.kind == Kind::kFreeBody) {
+      J.middleCols<6>(free_at_[i]).setIdentity();
+      J.block<3, 3>(3, free_at_[i]) = -Skew(p - centers_[i]);
+      return J;
+    }
+    const MechanismDynamics& m = world_.mechanisms()[i];
+    const RigidTransform& X_WR = states_[i].X_WR;
+    const Matrix3& R = X_WR.rotation();
+    const int base = base_size(i), r = m.model().size();
+    if (base > 0) {
+      J.middleCols<6>(mechanism_at_[i]).setIdentity();
+      J.block<3, 3>(3, mechanism_at_[i]) = -Skew(p - X_WR.translation());
+    }
+    auto T = J.middleCols(mechanism_at_[i] + base, r);
+    int j = m.groups()[static_cast<std::size_t>(c.group)].last_joint;
+    for (; j >= 0; j = m.mechanism().joint(JointIndex(j)).previous) {
+      const auto& joint = m.mechanism().joint(JointIndex(j));
+      T.noalias() += configurations_[i].kinematics.S.middleCols(joint.offset, joint.size) *
+                     configurations_[i].Q_now.middleRows(joint.offset, joint.size);
+    }
+    // From R about its origin to world axes about p.
+    T.topRows<3>() = R * T.topRows<3>();
+    T.bottomRows<3>() = R * T.bottomRows<3>() - Skew(p - X_WR.translation()) * T.topRows<3>();
+    return J;
+  }
+
+  MatrixX ContactJacobian() const {
+    MatrixX J(3 * num_contacts(), size_);
+    for (int k = 0; k < num_contacts(); ++k) {
+      const LoadedContact& c = contacts_[static_cast<std::size_t>(k)];
+      J.middleRows<3>(3 * k) = (Twist(c.body_b, c.point) - Twist(c.body_a, c.point)).bottomRows<3>();
+    }
+    return J;
+  }
+
+  // Velocity of every contact point when all contacts roll at x: that of the material, and the migration u
+  // over both surfaces at which their normals stay opposite, (κ_a + κ_b) u = (ω_b - ω_a) × n.
+  std::vector<Vector3> PointVelocities(const VectorX& x) const {
+    std::vector<Vector3> velocities;
+    for (const LoadedContact& c : contacts_) {
+      const Vector6 a = Twist(c.body_a, c.point) * x, b = Twist(c.body_b, c.point) * x;
+      const Vector3 turn = b.head<3>() - a.head<3>();
+      velocities.push_back(a.tail<3>() + c.inverse_curvature * turn.cross(c.normal));
+    }
+    return velocities;
+  }
+
+  // J_cᵀλ at the displaced state with contact points moved by s times their velocities.
+  VectorX ContactForce(double s, const std::vector<Vector3>& velocities) const {
+    VectorX f = VectorX::Zero(size_);
+    for (std::size_t k = 0; k < contacts_.size(); ++k) {
+      const LoadedContact& c = contacts_[k];
+      const Vector3 p = c.point + s * velocities[k];
+      f += (Twist(c.body_b, p) - Twist(c.body_a, p)).bottomRows<3>().transpose() * c.force;
+    }
+    return f;
+  }
+
+  // Units in which a coordinate moves contacts by about a metre: for rank decisions.
+  VectorX Scale(const MatrixX& J) const {
+    VectorX scale = VectorX::Ones(size_);
+    const auto unit = [&](int begin, int count) {
+      const double largest = count > 0 ? J.middleCols(begin, count).colwise().norm().maxCoeff() : 0;
+      if (largest > 0) scale.segment(begin, count).setConstant(1 / largest);
+    };
+    for (std::size_t i = 0; i < mechanism_at_.size(); ++i) {
+      if (mechanism_at_[i] < 0) continue;
+      const int base = base_size(i);
+      if (base > 0) unit(mechanism_at_[i], 3);
+      unit(mechanism_at_[i] + base, world_.mechanisms()[i].model().size());
+    }
+    for (int at : free_at_)
+      if (at >= 0) unit(at, 3);
+    return scale;
+  }
+
+  // Free body of the largest scaled motion.
+  std::string LargestMover(const VectorX& scaled) const {
+    std::string name;
+    double largest = -1;
+    for (std::size_t i = 0; i < free_at_.size(); ++i) {
+      if (free_at_[i] < 0) continue;
+      const double motion = scaled.segment<6>(free_at_[i]).norm();
+      if (motion <= largest) continue;
+      largest = motion;
+      name = world_.free_bodies()[i].name();
+    }
+    return name;
+  }
+
+ private:
+  const Contactor& contactor(int i) const { return world_.contactors()[static_cast<std::size_t>(i)]; }
+  int base_size(std::size_t i) const {
+    return world_.mechanisms()[i].num_velocities() - world_.mechanisms()[i].model().size();
+  }
+  static RigidTransform Moved(const RigidTransform& X, const Vector6& dx) {
+    const double angle = dx.head<3>().norm();
+    const Vector3 axis = angle > 0 ? Vector3(dx.head<3>() / angle) : Vector3::UnitX();
+    return RigidTransform(Eigen::AngleAxisd(angle, axis).toRotationMatrix() * X.rotation(),
+                          X.translation() + dx.tail<3>());
+  }
+
+  // World axes.
+  Matrix3 Curvature(int body, int geometry, const Vector3& p, const Vector3& outward) const {
+    const Contactor& c = contactor(body);
+    RigidTransform X_WB;
+    GeometryDef g;
+    const auto at = static_cast<std::size_t>(geometry), i = static_cast<std::size_t>(c.index);
+    if (c.kind == Kind::kFreeBody) {
+      g = scene_.free_bodies[i].geometries[at];
+      X_WB = world_.free_bodies()[i].pose();
+    } else if (body == 0) {  // the scene's own still geometry comes first
+      g = scene_.world[at];
+    } else {
+      const MechanismDynamics& m = world_.mechanisms()[i];
+      g = GroupGeometry(m.mechanism(), m.groups()[static_cast<std::size_t>(c.group)])[at];
+      X_WB = m.GroupPose(c.group);
+    }
+    const RigidTransform X_WG = X_WB * g.X_BG;
+    const Matrix3& R = X_WG.rotation();
+    return R * LocalCurvature(g.shape, X_WG.inverse() * p, R.transpose() * outward) * R.transpose();
+  }
+
+  LoadedContact Load(const ContactRecord& c, double h) const {
+    const ContactPoint& p = c.point;
+    LoadedContact out{
+        p.body_a,       p.body_b, p.point, p.frame.transpose() * c.impulse / h, p.frame.row(0).transpose(),
+        Matrix3::Zero()};
+    const Matrix3 sum = Curvature(p.body_a, p.geometry_a, p.point, out.normal) +
+                        Curvature(p.body_b, p.geometry_b, p.point, -out.normal);
+    const Eigen::Matrix<double, 2, 3> tangents = p.frame.bottomRows<2>();
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(tangents * sum * tangents.transpose());
+    for (int i = 0; i < 2; ++i) {
+      // Flat on flat (radii of a kilometre) has no point that could migrate: further contacts hold the turn.
+      if (eigen.eigenvalues()(i) < 1e-3) continue;
+      const Vector3 d = tangents.transpose() * eigen.eigenvectors().col(i);
+      out.inverse_curvature += d * d.transpose() / eigen.eigenvalues()(i);
+    }
+    return out;
+  }
+
+  const World& world_;
+  const Scene& scene_;
+  std::vector<LoadedContact> contacts_;
+  bool holds_any_ = false;
+  int size_ = 0;
+  std::vector<int> mechanism_at_, free_at_;  // first coordinate or -1
+  std::vector<Configuration> configurations_;
+  std::vector<ReducedState> states_;
+  std::vector<Vector3> centers_;
+};
+
+// Largest real part of µ in -G v = µ K v, with its vector. Directions without spring follow the others.
+double LargestShare(const MatrixX& K, const MatrixX& G, VectorX& direction) {
+  const Eigen::SelfAdjointEigenSolver<MatrixX> springs(K);
+  const VectorX& k = springs.eigenvalues();
+  Eigen::Index u = 0;  // unsprung, first in ascending order
+  while (u < k.size() && k(u) <= 1e-9 * k(k.size() - 1)) ++u;
+  const Eigen::Index s = k.size() - u;
+  if (s == 0 || !(k(k.size() - 1) > 0)) return 0;
+  const MatrixX U = springs.eigenvectors().leftCols(u);
+  const MatrixX S = springs.eigenvectors().rightCols(s) * k.tail(s).cwiseSqrt().cwiseInverse().asDiagonal();
+  MatrixX B = -S.transpose() * G * S, follow = MatrixX::Zero(u, s);
+  if (u > 0) {
+    Eigen::CompleteOrthogonalDecomposition<MatrixX> G_uu;
+    // What load neither holds nor drives, such as a ball's spin about the axis of its two contacts, is left
+    // out: its entries are rounding of the difference quotient.
+    const MatrixX block = U.transpose() * G * U;
+    const double noise = 1e-7 * G.norm();
+    if (block.norm() > noise) {
+      G_uu.setThreshold(noise / block.norm());
+      G_uu.compute(block);
+      follow = -G_uu.solve(U.transpose() * G * S);
+      B -= S.transpose() * G * U * follow;
+    }
+  }
+  const Eigen::EigenSolver<MatrixX> eigen(B);
+  Eigen::Index largest = 0;
+  const double share = eigen.eigenvalues().real().maxCoeff(&largest);
+  const VectorX y = eigen.eigenvectors().col(largest).real();
+  direction = S * y + U * (follow * y);
+  return share;
+}
+
+}  // namespace
+
+LoadFactor ComputeLoadFactor(const World& world, const Scene& scene, double h) {
+  LoadFactor out;
+  Grasp grasp(world, scene, h);
+  if (!grasp.holds_any()) return out;
+  out.contacts = grasp.num_contacts();
+  grasp.Displace(VectorX::Zero(grasp.size()));
+  const MatrixX J = grasp.ContactJacobian();
+  const VectorX scale = grasp.Scale(J);
+  // Rows of contacts that share a flat face depend on each other up to rounding.
+  Eigen::JacobiSVD<MatrixX> svd(J * scale.asDiagonal(), Eigen::ComputeFullV);
+  svd.setThreshold(1e-7);
+  const Eigen::Index free = grasp.size() - svd.rank();
+  if (free == 0) return out;
+  const MatrixX N = scale.asDiagonal() * svd.matrixV().rightCols(free);
+
+  // Central differences: 1e-5 m beside radii of centimetres leaves a share of about 1e-7.
+  constexpr double kStep = 1e-5;
+  MatrixX G(free, free);
+  std::vector<std::vector<Vector3>> velocities;
+  for (Eigen::Index k = 0; k < free; ++k) velocities.push_back(grasp.PointVelocities(N.col(k)));
+  for (Eigen::Index k = 0; k < free; ++k) {
+    const auto& v = velocities[static_cast<std::size_t>(k)];
+    grasp.Displace(kStep * N.col(k));
+    VectorX change = grasp.ContactForce(kStep, v);
+    grasp.Displace(-kStep * N.col(k));
+    change -= grasp.ContactForce(-kStep, v);
+    G.col(k) = -N.transpose() * change / (2 * kStep);
+  }
+  const MatrixX K = N.transpose() * grasp.Stiffness().asDiagonal() * N;
+  if (!G.allFinite() || !K.allFinite()) return out;
+  VectorX direction;
+  const double share = LargestShare(K, G, direction);
+  if (!(share > 1e-9)) return out;  // no load within a thousand million times the present one
+  out.factor = 1 / share;
+  out.body = grasp.LargestMover((N * direction).cwiseQuotient(scale));
+  return out;
+}
+
+}  // namespace fork1s
