@@ -28,6 +28,9 @@ Vector6 TransportMomentum(double h, const Vector6& p, const Vector6& V, Vector6&
 }  // namespace
 
 void MechanismDynamics::Factor(double h) {
+  factored_h_ = h;
+  if (num_velocities() == 0)
+    return;  // a driven body without joints: Eigen's products may not be asked for nothing
   A_ = M_full_;
   A_.bottomRightCorner(model_.size(), model_.size()) += h * model_.D;
   A_.diagonal().tail(model_.size()) += h * h * model_.K_r;
@@ -37,7 +40,6 @@ void MechanismDynamics::Factor(double h) {
     A_inverse_.setIdentity();
     factor_.solveInPlace(A_inverse_);
   }
-  factored_h_ = h;
 }
 
 void MechanismDynamics::Solve(VectorX& x) {
