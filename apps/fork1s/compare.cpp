@@ -13,7 +13,7 @@ namespace {
 
 struct Arguments {
   ModelArguments model;
-  std::string against = "full", controls, recovery = "exact", report;
+  std::string against = "full", controls, recovery = "exact", report, detail;
   double time = 2, dt = 0;
   int refinements = 2;
 };
@@ -118,6 +118,11 @@ int Run(const Arguments& args) {
   options.dt = args.dt;
   options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
   options.refinements = args.refinements;
+  if (!args.detail.empty()) {
+    auto read = FidelityTrack::Parse(args.detail, {DetailLevel::kInterface, -1, options.recovery});
+    if (!read) return Report(read.error(), json);
+    options.detail = std::move(*read);
+  }
   options.model_path = args.model.path;
   if (!args.controls.empty()) {
     auto read = ReadControls(args.controls);
@@ -165,6 +170,8 @@ void AddCompare(CLI::App& app, Action& action) {
   command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(CLI::PositiveNumber);
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
   command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
+  command->add_option("--detail", args->detail,
+                      "level of detail of the reduced run, as of 'fork1s run'");
   command->add_option("--recovery", args->recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));
   command->add_option("--refinements", args->refinements, "further runs at dt/2, dt/4, ... (default 2)")

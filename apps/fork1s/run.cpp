@@ -21,7 +21,7 @@ struct Arguments {
   double time = 2;
   double dt = 0;
   bool no_load_factor = false;
-  std::string controls, recovery = "exact", record;
+  std::string controls, recovery = "exact", record, detail;
 };
 
 // What a run measures, step by step.
@@ -34,14 +34,41 @@ struct Measured {
   std::int64_t failed_step = -1;
   LoadFactor load_min;  // of what was still there at the next look
   double load_min_time = 0;
+  struct Switch {
+    double time = 0;  // s
+    Fidelity fidelity;
+    double ms = 0;
+    std::string refused;  // why not; empty: done
+  };
+  std::vector<Switch> switches;
+  bool held = false;        // contacts were frozen in some step
+  double hold_use_max = 0;  // see HoldForce
 };
+
+// Changes the level of detail when its time has come.
+void Switch(const FidelityTrack& track, std::size_t& next, Simulation& simulation, Measured& out) {
+  for (; next < track.entries.size() && track.entries[next].time <= simulation.time() + 1e-9; ++next) {
+    Measured::Switch done{simulation.time(), track.entries[next].fidelity, 0, ""};
+    const auto start = std::chrono::steady_clock::now();
+    if (auto set = simulation.SetFidelity(done.fidelity); !set) done.refused = set.error().Text();
+    done.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    out.switches.push_back(std::move(done));
+  }
+}
+
+void WatchHolds(const Simulation& simulation, Measured& out) {
+  for (const HoldForce& f : simulation.HoldForces()) {
+    out.held = true;
+    out.hold_use_max = std::max(out.hold_use_max, f.use);
+  }
+}
 
 // Looks at the grasp now and then: it costs more than a step.
 class LoadWatch {
  public:
   void Look(const Simulation& simulation, Measured& out) {
     if (simulation.steps() % 10 != 0) return;
-    const LoadFactor now = ComputeLoadFactor(simulation.world(), simulation.scene(), simulation.dt());
+    const LoadFactor now = ComputeLoadFactor(simulation.world(), simulation.present_scene(), simulation.dt());
     // An impact loads a contact for a single step: of two looks in a row the gentler one counts.
     const LoadFactor& held = now.factor > before_.factor ? now : before_;
     if (held.factor < out.load_min.factor) {
@@ -56,14 +83,16 @@ class LoadWatch {
 };
 
 Measured Simulate(Simulation& simulation, const Arguments& args, const ControlTrack& track,
-                  std::optional<Recorder>& recorder, Expected<void>& recorded) {
+                  const FidelityTrack& detail, std::optional<Recorder>& recorder, Expected<void>& recorded) {
   Measured out;
   const auto steps = static_cast<std::int64_t>(std::llround(args.time / simulation.dt()));
   out.step_us.reserve(static_cast<std::size_t>(std::max<std::int64_t>(steps, 0)));
   out.energy_first = out.energy_last = simulation.Energy();
   ProgressBar bar("simulating");
   LoadWatch watch;
+  std::size_t next_detail = 0;
   for (std::int64_t i = 0; i < steps; ++i) {
+    Switch(detail, next_detail, simulation, out);
     track.Apply(static_cast<double>(i + 1) * simulation.dt(), simulation);
     const auto start = std::chrono::steady_clock::now();
     const StepReport report = simulation.Step();
@@ -79,6 +108,7 @@ Measured Simulate(Simulation& simulation, const Arguments& args, const ControlTr
     out.refreshes += report.refreshes;
     out.failed_refreshes += report.failed_refreshes;
     out.contacts_dropped |= report.contacts_dropped;
+    WatchHolds(simulation, out);
     out.penetration_max = std::max(out.penetration_max, report.max_penetration);
     const double energy = simulation.Energy();
     out.energy_increase = std::max(out.energy_increase, energy - out.energy_last);
@@ -125,6 +155,16 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   const bool has_load = std::isfinite(m.load_min.factor);
   out["load_factor_min"] = has_load ? Json(m.load_min.factor) : Json(nullptr);
   out["step_us"] = {{"median", percentile(0.5)}, {"p99", percentile(0.99)}};
+  out["detail"] = Json::array();
+  for (const Measured::Switch& s : m.switches)
+    out["detail"].push_back({{"time_s", s.time},
+                             {"level", Name(s.fidelity.level)},
+                             {"modes", s.fidelity.modes >= 0 ? Json(s.fidelity.modes) : Json(nullptr)},
+                             {"recovery", s.fidelity.recovery == Recovery::kTwist ? "twist" : "exact"},
+                             {"took_ms", s.ms},
+                             {"refused", s.refused.empty() ? Json(nullptr) : Json(s.refused)}});
+  // What a contact that pulls uses of its friction has no bound.
+  out["hold_use_max"] = m.held && std::isfinite(m.hold_use_max) ? Json(m.hold_use_max) : Json(nullptr);
   out["unconverged_steps"] = m.unconverged;
   out["refreshes"] = m.refreshes;
   Json warnings = Json::array();
@@ -141,6 +181,15 @@ Json Summary(const Simulation& simulation, const Measured& m) {
         fmt::format("load factor {:.3g} at {:.4g} s: '{}' is ejected if contact forces grow to "
                     "that multiple; press less or grasp stiffer",
                     m.load_min.factor, m.load_min_time, m.load_min.body));
+  for (const Measured::Switch& s : m.switches)
+    if (!s.refused.empty())
+      warnings.push_back(fmt::format("at {:.4g} s the detail stayed as it was: {}", s.time, s.refused));
+  if (m.held && m.hold_use_max > 1)
+    warnings.push_back(
+        std::isfinite(m.hold_use_max)
+            ? fmt::format("a frozen contact needs {:.3g} times the friction it has: not frozen, it would slip",
+                          m.hold_use_max)
+            : std::string("a frozen contact pulls at what it holds: not frozen, it would part"));
   out["warnings"] = std::move(warnings);
   return out;
 }
@@ -160,6 +209,12 @@ void Print(const Json& d) {
              e["first"].get<double>(), e["last"].get<double>(), e["max_increase"].get<double>());
   fmt::print("  joint gap       {:.3g} mm at most\n", 1e3 * number("joint_gap_max_m"));
   fmt::print("  refreshes       {}\n", d["refreshes"].get<int>());
+  for (const Json& s : d["detail"])
+    if (s["refused"].is_null() && s["time_s"].get<double>() > 0)
+      fmt::print("  detail          {} from {:.4g} s on, changed in {:.2f} ms\n", s["level"].get<std::string>(),
+                 s["time_s"].get<double>(), s["took_ms"].get<double>());
+  if (!d["hold_use_max"].is_null())
+    fmt::print("  frozen contacts use {:.2f} of their friction at most\n", number("hold_use_max"));
   if (!d["load_factor_min"].is_null())
     fmt::print("  load factor     {:.3f} at least\n", number("load_factor_min"));
   for (const char* kind : {"interface", "free_bodies"})
@@ -171,10 +226,17 @@ void Print(const Json& d) {
   for (const Json& w : d["warnings"]) fmt::print("  warning: {}\n", w.get<std::string>());
 }
 
-Expected<Simulation> Prepare(const Arguments& args, ImportedScene& imported) {
+// With the detail of the first entry if that begins at once.
+Expected<Simulation> Prepare(const Arguments& args, ImportedScene& imported, const FidelityTrack& detail) {
   SimulationOptions options;
   options.dt = args.dt;
   options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+  if (!detail.entries.empty() && detail.entries.front().time == 0) {
+    const Fidelity& first = detail.entries.front().fidelity;
+    options.detail = first.level;
+    options.reduction.modes = first.modes;
+    options.recovery = first.recovery;
+  }
   options.initial_keyframe = imported.initial_keyframe;
   auto simulation = Simulation::Create(imported.scene, options);
   if (!simulation) {
@@ -190,7 +252,15 @@ int Run(const Arguments& args) {
   auto imported = args.model.Load();
   if (!imported) return Report(imported.error(), json);
   if (!json) PrintNotes(imported->report);
-  auto simulation = Prepare(args, *imported);
+  FidelityTrack detail;
+  if (!args.detail.empty()) {
+    Fidelity initial;
+    initial.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+    auto read = FidelityTrack::Parse(args.detail, initial);
+    if (!read) return Report(read.error(), json);
+    detail = std::move(*read);
+  }
+  auto simulation = Prepare(args, *imported, detail);
   if (!simulation) return Report(simulation.error(), json);
 
   ControlTrack track;
@@ -215,7 +285,7 @@ int Run(const Arguments& args) {
     if (!created) return Report(created.error(), json);
     recorder.emplace(std::move(*created));
   }
-  const Measured measured = Simulate(*simulation, args, track, recorder, recorded);
+  const Measured measured = Simulate(*simulation, args, track, detail, recorder, recorded);
   if (recorder && recorded) recorded = recorder->Finish();
 
   Json summary = Summary(*simulation, measured);
@@ -247,6 +317,9 @@ void AddRun(CLI::App& app, Action& action) {
   command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
   command->add_option("--recovery", args->recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));
+  command->add_option("--detail", args->detail,
+                      "how much is simulated, from what time on: [TIME:]WORD[+WORD...],... with object, "
+                      "interface, parents, all, modes=K, exact, twist; as in interface,2:object");
   command->add_option("--record", args->record, "write a recording to this HDF5 file");
   command->add_flag("--no-load-factor", args->no_load_factor,
                     "do not watch how much harder a grasp may press before it ejects what it holds");

@@ -200,7 +200,7 @@ Expected<void> World::BuildCollision(const Scene& scene, const Options& options)
         radius = std::max(radius, g.X_BG.translation().norm() + r);
     contactor_radius_.push_back(radius);
   }
-  contactor_pose_.resize(contactors_.size());
+  for (const CollisionBodyDef& body : bodies) contactor_pose_.push_back(body.X_WB);
   auto collision = CollisionWorld::Create(bodies, excluded, options.collision);
   if (!collision) return tl::unexpected(collision.error());
   collision_ = std::make_unique<CollisionWorld>(std::move(*collision));

@@ -8,7 +8,7 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 3;
+inline constexpr int kFormatVersion = 4;
 inline constexpr const char* kFormatName = "fork1s recording";
 
 /// Values per row.
@@ -54,6 +54,11 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/reduced_sizes", kS, n.mechanisms, 0, "",
            "number of reduced coordinates of every mechanism"},
     s.reduced_sizes);
+  f(Column{"steps/detail", kS, 1, 0, "",
+           "level of the step: 0 what is held alone, 1 interface bodies, 2 and their parents, 3 all bodies"},
+    s.detail);
+  f(Column{"steps/modes", kS, 1, 0, "", "fixed-interface modes of the step, -1: as the mechanisms say"}, s.modes);
+  f(Column{"steps/twist", kS, 1, 0, "", "1: poses recovered by the twist map, 0: exactly"}, s.twist);
   f(Column{"steps/kinetic_energy", kS, 1, 0, "J", ""}, s.kinetic_energy);
   f(Column{"steps/potential_energy", kS, 1, 0, "J", "springs, controls and gravity"}, s.potential_energy);
   f(Column{"steps/closure_gap", kS, 1, 0, "m", "largest opening of any loop"}, s.closure_gap);

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <chrono>
 #include <fork1s/record/recording.hpp>
-#include <set>
 
 #include "columns.hpp"
 #include "hdf5_file.hpp"
@@ -84,11 +83,8 @@ void WriteHeader(hid_t file, const Simulation& simulation) {
     is_interface.push_back(b.is_interface ? 1 : 0);
     AddPose(simulation.Pose(static_cast<int>(i)), poses);
   }
-  for (const MechanismDynamics& m : simulation.world().mechanisms()) {
-    mechanisms.push_back(m.mechanism().name());
-    for (int i = 0; i < m.mechanism().num_coordinates(); ++i)
-      coordinates.push_back(m.mechanism().CoordinateName(i));
-  }
+  for (const MechanismDef& def : simulation.scene().mechanisms) mechanisms.push_back(def.name);
+  for (const std::string& name : simulation.CoordinateNames()) coordinates.push_back(name);
   const Hdf5 names_group = CreateGroup(file, "names");
   WriteTexts(names_group.id(), "bodies", names, {"", "bodies of all mechanisms, then free bodies"});
   WriteTexts(names_group.id(), "controls", simulation.control_names(), {});
@@ -121,7 +117,6 @@ struct Recorder::Detail {
   std::vector<Hdf5> datasets;  // in the order of ForEachColumn; empty handles where a column has no width
   RecordedSteps pending;
   std::int64_t totals[kNumRows] = {};  // rows appended
-  std::vector<int> contactor_body;     // collision body -> place in Simulation::bodies(), -1: the world
   std::chrono::steady_clock::time_point last_flush = std::chrono::steady_clock::now();
   Expected<void> failure;
 
@@ -173,28 +168,8 @@ Expected<Recorder> Recorder::Create(const std::string& path, const Simulation& s
   d.widths.controls = static_cast<int>(simulation.control_names().size());
   d.widths.bodies = static_cast<int>(simulation.bodies().size());
   d.widths.mechanisms = static_cast<int>(world.mechanisms().size());
-  for (const MechanismDynamics& m : world.mechanisms())
-    d.widths.coordinates += m.mechanism().num_coordinates();
-
-  for (std::size_t i = 0; i < world.contactors().size(); ++i) {
-    const Contactor& c = world.contactors()[i];
-    int body = -1;
-    // The first is the still world; a fixed base is still too, and has a body.
-    if (i > 0 && c.kind != Contactor::Kind::kFreeBody) {
-      const MechanismDynamics& m = world.mechanisms()[static_cast<std::size_t>(c.index)];
-      body = m.groups()[static_cast<std::size_t>(c.group)].body.value();
-    }
-    for (std::size_t b = 0; b < simulation.bodies().size() && i > 0; ++b) {
-      const SceneBody& s = simulation.bodies()[b];
-      const bool same = c.kind == Contactor::Kind::kFreeBody ? s.mechanism < 0 && s.index == c.index
-                                                             : s.mechanism == c.index && s.index == body;
-      if (same) {
-        body = static_cast<int>(b);
-        break;
-      }
-    }
-    d.contactor_body.push_back(body);
-  }
+  for (int i = 0; i < d.widths.mechanisms; ++i)
+    d.widths.coordinates += static_cast<int>(simulation.JointCoordinates(i).size());
 
   try {
     {
@@ -235,8 +210,8 @@ void Recorder::Detail::CollectContacts(const Simulation& simulation) {
   for (const ContactRecord& c : simulation.world().contacts()) {
     if (!(c.impulse(0) > 0)) continue;
     const Vector3 force = c.point.frame.transpose() * c.impulse / h;
-    s.contact_body_a.push_back(contactor_body[static_cast<std::size_t>(c.point.body_a)]);
-    s.contact_body_b.push_back(contactor_body[static_cast<std::size_t>(c.point.body_b)]);
+    s.contact_body_a.push_back(simulation.BodyOfContactor(c.point.body_a));
+    s.contact_body_b.push_back(simulation.BodyOfContactor(c.point.body_b));
     for (int k = 0; k < 3; ++k) {
       s.contact_point.push_back(c.point.point(k));
       s.contact_normal.push_back(c.point.frame(0, k));
@@ -244,6 +219,17 @@ void Recorder::Detail::CollectContacts(const Simulation& simulation) {
     }
     s.contact_gap.push_back(c.point.gap);
     s.contact_friction.push_back(c.friction);
+  }
+  for (const HoldForce& f : simulation.HoldForces()) {
+    s.contact_body_a.push_back(f.body);
+    s.contact_body_b.push_back(f.held);
+    for (int k = 0; k < 3; ++k) {
+      s.contact_point.push_back(f.point_W(k));
+      s.contact_normal.push_back(f.normal_W(k));
+      s.contact_force.push_back(f.force_W(k));
+    }
+    s.contact_gap.push_back(0);
+    s.contact_friction.push_back(f.friction);
   }
 }
 
@@ -263,14 +249,19 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   s.hash.push_back(simulation.HashState());
   add(s.controls, simulation.controls());
   for (int b = 0; b < widths.bodies; ++b) AddPose(simulation.Pose(b), s.poses);
-  for (const MechanismDynamics& m : simulation.world().mechanisms()) {
-    add(s.coordinates, m.configuration().q);
+  for (std::size_t i = 0; i < simulation.world().mechanisms().size(); ++i) {
+    const MechanismDynamics& m = simulation.world().mechanisms()[i];
+    add(s.coordinates, simulation.JointCoordinates(static_cast<int>(i)));
     AddPose(m.state().X_WR, s.base_poses);
     add(s.base_twists, m.state().V_R);
     s.reduced_sizes.push_back(static_cast<int>(m.state().z.size()));
     add(s.z, m.state().z);
     add(s.w, m.state().w);
   }
+  const Fidelity& fidelity = simulation.fidelity();
+  s.detail.push_back(static_cast<std::uint8_t>(fidelity.level));
+  s.modes.push_back(fidelity.modes);
+  s.twist.push_back(fidelity.recovery == Recovery::kTwist ? 1 : 0);
   s.kinetic_energy.push_back(simulation.KineticEnergy());
   s.potential_energy.push_back(simulation.PotentialEnergy());
   s.closure_gap.push_back(simulation.ClosureGap());

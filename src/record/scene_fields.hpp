@@ -32,6 +32,14 @@ struct EnumNames<Recovery> {
                                                                 {Recovery::kTwist, "twist"}};
 };
 
+template <>
+struct EnumNames<DetailLevel> {
+  static constexpr std::pair<DetailLevel, const char*> kNames[] = {{DetailLevel::kObject, "object"},
+                                                                   {DetailLevel::kInterface, "interface"},
+                                                                   {DetailLevel::kParents, "parents"},
+                                                                   {DetailLevel::kAll, "all"}};
+};
+
 template <class A>
 void Fields(A& a, Like<Sphere, A>& s) {
   a("radius", s.radius);
@@ -194,9 +202,10 @@ void Fields(A& a, Like<ReductionOptions, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<SimulationOptions, A>& s) {
-  auto& [dt, recovery, reduction, refresh_angle, initial_keyframe, step, collision] = s;
+  auto& [dt, recovery, reduction, refresh_angle, initial_keyframe, step, collision, detail] = s;
   a("dt", dt), a("recovery", recovery), a("reduction", reduction), a("refresh_angle", refresh_angle);
   a("initial_keyframe", initial_keyframe), a("step", step), a("collision", collision);
+  a("detail", detail);
 }
 
 }  // namespace fork1s::internal

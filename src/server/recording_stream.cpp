@@ -1,4 +1,5 @@
 // Recordings as streams, and streams in pages.
+#include <algorithm>
 #include <cmath>
 #include <fork1s/server/wire.hpp>
 
@@ -121,7 +122,8 @@ Expected<std::string> EncodeRecording(const Recording& recording, const std::str
       recording.Coordinates(0).size() != static_cast<Eigen::Index>(h.coordinate_names.size()))
     return Fail(ErrorCode::kFormat, h.path,
                 "names other bodies or coordinates than its scene has; it is damaged");
-  const bool separate = h.options.recovery == Recovery::kTwist;
+  const std::vector<std::uint8_t>& twist = recording.data().twist;
+  const bool separate = std::find(twist.begin(), twist.end(), 1) != twist.end();
 
   std::string out;
   Append(out, false, EncodeGeometry(*simulation));

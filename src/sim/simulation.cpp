@@ -17,17 +17,18 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.step_options_.h = s.dt_;
   s.step_options_.gravity = scene.gravity;
 
-  World::Options o;
-  o.reduction = options.reduction;
-  o.reduction.interfaces.clear();
-  o.recovery = options.recovery;
-  o.refresh_angle = options.refresh_angle;
-  o.collision = options.collision;
+  if (options.detail == DetailLevel::kObject)
+    return Fail(ErrorCode::kUsage, "detail 'object'",
+                "needs contacts that hold a body, and there are none before the first step; switch to it later");
+  s.fidelity_ = {options.detail, options.reduction.modes, options.recovery};
+  World::Options o = s.WorldOptions(s.fidelity_);
   o.initial_keyframe = options.initial_keyframe;
-  auto world = World::Create(scene, o);
+  s.present_scene_ = RefineInterfaces(scene, options.detail);
+  auto world = World::Create(s.present_scene_, o);
   if (!world) return tl::unexpected(world.error());
   s.world_ = std::move(*world);
   s.scene_ = std::move(scene);
+  for (const MechanismDynamics& m : s.world_.mechanisms()) s.given_.push_back(m.model().mechanism);
 
   std::vector<double> values, lower, upper;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -56,17 +57,7 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.control_lower_ = to_vector(lower);
   s.control_upper_ = to_vector(upper);
 
-  for (std::size_t i = 0; i < s.world_.mechanisms().size(); ++i) {
-    const MechanismDynamics& m = s.world_.mechanisms()[i];
-    for (int b = 0; b < m.mechanism().num_bodies(); ++b) {
-      const auto& interfaces = m.model().interfaces;
-      s.bodies_.push_back(
-          {m.mechanism().body(BodyIndex(b)).name, static_cast<int>(i), b,
-           std::find(interfaces.begin(), interfaces.end(), BodyIndex(b)) != interfaces.end()});
-    }
-  }
-  for (std::size_t i = 0; i < s.world_.free_bodies().size(); ++i)
-    s.bodies_.push_back({s.world_.free_bodies()[i].name(), -1, static_cast<int>(i), false});
+  s.ListBodies();
   s.PassControls();
   return s;
 }

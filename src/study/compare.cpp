@@ -167,6 +167,7 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   o.recovery = options.recovery;
   o.initial_keyframe = imported.initial_keyframe;
   o.controls = &options.controls;
+  if (!options.detail.entries.empty()) o.fidelity = &options.detail;
 
   auto probe = internal::MakeReduced(scene, o);
   if (!probe) return tl::unexpected(probe.error());

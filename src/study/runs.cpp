@@ -18,27 +18,6 @@ void Clock(Run& run, Step step) {
   run.wall_s += run.step_s.back();
 }
 
-// Place in bodies() of every contactor, -1 for the still world.
-std::vector<int> BodiesOfContactors(const Simulation& simulation) {
-  std::vector<int> place;
-  for (const Contactor& c : simulation.world().contactors()) {
-    int at = -1;
-    for (std::size_t i = 0; i < simulation.bodies().size(); ++i) {
-      const SceneBody& b = simulation.bodies()[i];
-      if (c.kind == Contactor::Kind::kFreeBody && b.mechanism < 0 && b.index == c.index)
-        at = static_cast<int>(i);
-      if (c.kind == Contactor::Kind::kGroup && b.mechanism == c.index) {
-        const auto& group = simulation.world()
-                                .mechanisms()[static_cast<std::size_t>(c.index)]
-                                .groups()[static_cast<std::size_t>(c.group)];
-        if (group.body.value() == b.index) at = static_cast<int>(i);
-      }
-    }
-    place.push_back(at);
-  }
-  return place;
-}
-
 void AddForce(const std::vector<TrackedBody>& tracked, int body, const Vector3& force, Sample& sample) {
   for (std::size_t k = 0; k < tracked.size(); ++k)
     if (tracked[k].index == body) sample.force[k] += force;
@@ -48,6 +27,14 @@ Sample Empty(std::size_t bodies) {
   Sample sample;
   sample.force.assign(bodies, Vector3::Zero());
   return sample;
+}
+
+Expected<void> ApplyFidelity(const RunOptions& options, std::size_t& next, Simulation& simulation) {
+  if (!options.fidelity) return {};
+  const auto& entries = options.fidelity->entries;
+  for (; next < entries.size() && entries[next].time <= simulation.time() + 1e-9; ++next)
+    if (auto set = simulation.SetFidelity(entries[next].fidelity); !set) return set;
+  return {};
 }
 
 Error NotFinite(const std::string& simulator, double time, double dt) {
@@ -63,6 +50,12 @@ Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options) 
   SimulationOptions o;
   o.dt = options.interval / options.substeps;
   o.recovery = options.recovery;
+  if (options.fidelity && !options.fidelity->entries.empty() && options.fidelity->entries.front().time == 0) {
+    const Fidelity& first = options.fidelity->entries.front().fidelity;
+    o.detail = first.level;
+    o.reduction.modes = first.modes;
+    o.recovery = first.recovery;
+  }
   o.initial_keyframe = options.initial_keyframe;
   return Simulation::Create(scene, o);
 }
@@ -82,10 +75,7 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
   if (!made) return tl::unexpected(made.error());
   Simulation& s = *made;
   Run run{"reduced", s.dt(), 0, 0, {}, s.warnings()};
-  run.coordinates = 6 * static_cast<int>(s.world().free_bodies().size());
-  for (const MechanismDynamics& m : s.world().mechanisms())
-    run.coordinates += m.model().size() + (m.mechanism().base() == BaseKind::kFloating ? 6 : 0);
-  const std::vector<int> place = BodiesOfContactors(s);
+  std::size_t next_fidelity = 0;
   auto measure = [&](Sample sample) {
     for (const TrackedBody& b : tracked) sample.X_WB.push_back(s.Pose(b.index));
     sample.energy = s.Energy();
@@ -97,6 +87,7 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
   for (int i = 0; i < options.samples; ++i) {
     Sample sample = Empty(tracked.size());
     for (int k = 0; k < options.substeps; ++k) {
+      if (auto set = ApplyFidelity(options, next_fidelity, s); !set) return tl::unexpected(set.error());
       options.controls->Apply(s.time() + s.dt(), s);
       StepReport report;
       Clock(run, [&] { report = s.Step(); });
@@ -104,20 +95,29 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
       run.unconverged += report.solver.converged ? 0 : 1;
       for (const ContactRecord& c : s.world().contacts()) {
         const Vector3 force = c.point.frame.transpose() * c.impulse / options.interval;
-        AddForce(tracked, place[static_cast<std::size_t>(c.point.body_a)], -force, sample);
-        AddForce(tracked, place[static_cast<std::size_t>(c.point.body_b)], force, sample);
+        AddForce(tracked, s.BodyOfContactor(c.point.body_a), -force, sample);
+        AddForce(tracked, s.BodyOfContactor(c.point.body_b), force, sample);
+      }
+      for (const HoldForce& f : s.HoldForces()) {
+        const Vector3 force = f.force_W * (s.dt() / options.interval);
+        AddForce(tracked, f.body, -force, sample);
+        AddForce(tracked, f.held, force, sample);
       }
     }
     measure(std::move(sample));
     if (options.progress) options.progress();
   }
+  run.coordinates = 6 * static_cast<int>(s.world().free_bodies().size());
+  for (const MechanismDynamics& m : s.world().mechanisms()) run.coordinates += m.num_velocities();
   return run;
 }
 
 Expected<Run> RunFull(const Scene& scene, const std::vector<TrackedBody>& tracked,
                       const RunOptions& options) {
   // The reduced simulation stands still beside it: it turns the track into controls and knows the interfaces.
-  auto guide = MakeReduced(scene, options);
+  RunOptions as_given = options;
+  as_given.fidelity = nullptr;
+  auto guide = MakeReduced(scene, as_given);
   if (!guide) return tl::unexpected(guide.error());
   FullSimulationOptions o;
   o.dt = options.interval / options.substeps;

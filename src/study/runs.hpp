@@ -31,7 +31,7 @@ struct Run {
   std::vector<Sample> samples;  // the start, then one every interval
   std::vector<std::string> warnings;
   std::vector<double> step_s = {};  // wall time of every step
-  int coordinates = 0;              // velocities that a step solves for
+  int coordinates = 0;              // velocities that the last step solved for
 };
 
 struct RunOptions {
@@ -41,6 +41,7 @@ struct RunOptions {
   Recovery recovery = Recovery::kExact;
   int initial_keyframe = -1;
   const ControlTrack* controls = nullptr;
+  const FidelityTrack* fidelity = nullptr;  // of the reduced run; its first entry, if at 0, replaces `recovery`
   std::function<void()> progress;  // called after every sample
 };
 

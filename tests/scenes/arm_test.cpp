@@ -85,5 +85,40 @@ TEST_P(PegInHole, EndsInserted) {
 
 INSTANTIATE_TEST_SUITE_P(Gains, PegInHole, testing::Values(1, 100));
 
+// The same with a peg that fingertips hold by friction, frozen and let go on the way.
+class PegGrasp : public testing::TestWithParam<double> {};
+
+TEST_P(PegGrasp, IsInsertedWithContactsFrozenOnTheWay) {
+  SceneRun run("peg_grasp", GetParam(), 1, "peg_in_hole");
+  run.Until(0.5);
+  const RigidTransform before = run.simulation().Pose("peg");
+  auto set = run.simulation().SetFidelity({DetailLevel::kObject, -1, Recovery::kExact});
+  ASSERT_TRUE(set) << set.error().Text();
+  EXPECT_LT((run.simulation().Pose("peg").translation() - before.translation()).norm(), 1e-12);
+  EXPECT_GE(run.simulation().holds()[0].contacts.size(), 6u) << "fingertips and pads";
+
+  // Down into the hole as one body.
+  double use = 0;
+  Course course = run.Until(4.5, [&](const StepReport&) {
+    for (const HoldForce& f : run.simulation().HoldForces()) use = std::max(use, f.use);
+  });
+  EXPECT_TRUE(course.finite);
+  EXPECT_EQ(course.unconverged, 0);
+  EXPECT_LT(course.gap, 1e-5);
+  EXPECT_LT(course.penetration, 1e-4);  // slop
+  EXPECT_GT(PegPlace(run.simulation()).Depth(), 0.03);
+
+  // Fingers take over again.
+  const RigidTransform inside = run.simulation().Pose("peg");
+  ASSERT_TRUE(run.simulation().SetFidelity({}));
+  EXPECT_LT((run.simulation().Pose("peg").translation() - inside.translation()).norm(), 1e-12);
+  course = run.Until(5);
+  EXPECT_TRUE(course.finite);
+  EXPECT_LT((run.simulation().Pose("peg").translation() - inside.translation()).norm(), 2e-4) << "stays inside";
+  EXPECT_LT(run.simulation().KineticEnergy(), 1e-6);
+}
+
+INSTANTIATE_TEST_SUITE_P(Gains, PegGrasp, testing::Values(1, 100));
+
 }  // namespace
 }  // namespace fork1s::examples

@@ -23,9 +23,11 @@ struct Course {
 
 class SceneRun {
  public:
-  explicit SceneRun(const std::string& name, double stiffness = 1, double damping = 1)
+  /// `controls`: name of the control table, where it is not that of the scene.
+  explicit SceneRun(const std::string& name, double stiffness = 1, double damping = 1,
+                    const std::string& controls = "")
       : simulation_(Start(Definition(name, stiffness, damping))) {
-    const std::string table = FORK1S_SOURCE_DIR "/scenes/" + name + ".csv";
+    const std::string table = FORK1S_SOURCE_DIR "/scenes/" + (controls.empty() ? name : controls) + ".csv";
     if (std::filesystem::exists(table)) {
       auto track = ReadControls(table);
       if (!track) throw std::runtime_error(track.error().Text());

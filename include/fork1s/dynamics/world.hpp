@@ -76,6 +76,10 @@ class World {
   const std::vector<FreeBody>& free_bodies() const { return free_bodies_; }
   const std::vector<ContactRecord>& contacts() const { return contacts_; }
   const std::vector<Contactor>& contactors() const { return contactors_; }
+  /// Pose of a collision body when contacts() were found: at the start of the last step.
+  const RigidTransform& PoseAtDetection(int contactor) const {
+    return contactor_pose_[static_cast<std::size_t>(contactor)];
+  }
   const std::vector<std::string>& warnings() const { return warnings_; }
 
   /// One step of the scheme of docs/method.md, section 5. Never throws for numerical reasons: see StepReport.

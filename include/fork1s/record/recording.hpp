@@ -23,7 +23,7 @@ struct AppliedWrench {
 };
 void ApplyWrenches(const std::vector<AppliedWrench>& wrenches, Simulation& simulation);
 
-/// A contact that carried force.
+/// A contact that carried force, or one that is frozen (see Hold).
 struct RecordedContact {
   int body_a = -1;  // place in Simulation::bodies(), -1: the still world
   int body_b = -1;
@@ -42,10 +42,13 @@ struct RecordedSteps {
   std::vector<std::uint64_t> hash;  // Simulation::HashState() after the step
   std::vector<double> controls;     // x controls: inputs of the step
   std::vector<double> poses;        // x bodies x 7: x y z [m], qw qx qy qz
-  std::vector<double> coordinates;  // x joint coordinates of all mechanisms, from the reference [rad, m]
+  /// x joint coordinates of all mechanisms as the scene has them, from the reference [rad, m].
+  std::vector<double> coordinates;
   std::vector<double> base_poses;   // x mechanisms x 7
   std::vector<double> base_twists;  // x mechanisms x 6, in R about R's origin [rad/s, m/s]
   std::vector<int> reduced_sizes;   // x mechanisms: r, which a refresh may change
+  std::vector<std::uint8_t> detail, twist;               // Fidelity of the step
+  std::vector<int> modes;                                // the same
   std::vector<double> kinetic_energy, potential_energy;  // J
   std::vector<double> closure_gap;                       // m
   std::vector<double> residual;                          // of the contact solver
@@ -142,6 +145,8 @@ class Recording {
   std::vector<RecordedContact> Contacts(int step) const;
   std::vector<AppliedWrench> Wrenches(int step) const;
   StepReport Report(int step) const;
+  /// With what fidelity the step was made.
+  Fidelity FidelityOf(int step) const;
 
  private:
   Recording() = default;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <fork1s/dynamics/world.hpp>
 #include <fork1s/mechanism/scene.hpp>
+#include <fork1s/sim/fidelity.hpp>
 #include <string>
 #include <vector>
 
@@ -17,13 +18,14 @@ struct SimulationOptions {
   int initial_keyframe = -1;                  // index in the scene
   StepOptions step;                           // h and gravity are set from dt and the scene
   CollisionOptions collision = World::Options{}.collision;  // margin: how far ahead contacts are looked for, at most
+  DetailLevel detail = DetailLevel::kInterface;  // not kObject: nothing is held before the first step
 };
 
-/// A body of the scene by its place in Simulation::bodies().
+/// A body of the scene by its place in Simulation::bodies(), which stays the same whatever the fidelity.
 struct SceneBody {
   std::string name;
-  int mechanism = -1;  // -1: a free body
-  int index = 0;       // body of the mechanism, or free body
+  int mechanism = -1;  // of world(); -1: a free body
+  int index = 0;       // body of the mechanism, or free body, of world()
   bool is_interface = false;
 };
 
@@ -43,7 +45,30 @@ class Simulation {
   std::int64_t steps() const { return steps_; }
   double dt() const { return dt_; }
   const Scene& scene() const { return scene_; }
+  /// What world() was made of: the scene with interface bodies refined and held bodies taken into mechanisms.
+  const Scene& present_scene() const { return present_scene_; }
   const SimulationOptions& options() const { return options_; }
+
+  /// Simulates with more or less detail from the present state on: poses stay, velocities as far as the new
+  /// model can follow them. kObject freezes the contacts of every free body that two or more bodies of one
+  /// mechanism press on; other levels let go again. Errors leave everything as it was: kModel where nothing is
+  /// held or the mechanism cannot be reduced to the bodies asked for. Builds the world anew: milliseconds.
+  Expected<void> SetFidelity(const Fidelity& fidelity);
+  const Fidelity& fidelity() const { return fidelity_; }
+  /// What is frozen at present.
+  const std::vector<Hold>& holds() const { return holds_; }
+  /// Forces of the frozen contacts after the last step, in the order of holds().
+  std::vector<HoldForce> HoldForces() const;
+  /// The present state as a keyframe of scene().
+  KeyframeDef State() const;
+  /// Joint displacements of a mechanism in the order of its definition in scene(), what it holds left out.
+  VectorX JointCoordinates(int mechanism) const;
+  /// Names of the joint coordinates of all mechanisms, in that order.
+  std::vector<std::string> CoordinateNames() const;
+  /// Place in bodies() of a body of world(): of a mechanism, or -1 and a free body.
+  int BodyOf(int mechanism, int index) const;
+  /// Place in bodies() of a collision body of world(), -1: the still world.
+  int BodyOfContactor(int contactor) const;
 
   /// Inputs: the controls of all mechanisms, then for every driven base six coordinates BASE.x .y .z (m) and
   /// .rx .ry .rz (rotation vector, rad), all relative to its initial pose.
@@ -84,9 +109,14 @@ class Simulation {
 
  private:
   Simulation() = default;
+  World::Options WorldOptions(const Fidelity& fidelity) const;
+  void ListBodies();
   void PassControls();
 
-  Scene scene_;
+  Scene scene_, present_scene_;
+  std::vector<std::shared_ptr<const Mechanism>> given_;  // mechanisms of scene_, built
+  Fidelity fidelity_;
+  std::vector<Hold> holds_;
   SimulationOptions options_;
   StepOptions step_options_;
   double dt_ = 1.0 / 60;

@@ -1,0 +1,52 @@
+// What each level of detail costs and how far it is from the full model, for the grasped ball and the grasped
+// peg: benchmarks/results/detail_levels.csv and the table of docs/scenes/detail.md.
+//
+//     build/release/benchmarks/detail_levels [--out docs/scenes]
+//
+// A minute on an idle core. Times vary by machine; all levels of a scene are timed in one process.
+#include <fmt/format.h>
+
+#include <fork1s/study/detail_levels.hpp>
+#include <fork1s/study/scene_table.hpp>
+#include <fstream>
+
+namespace {
+
+int Report(const fork1s::Error& error) {
+  fmt::print(stderr, "{}\n", error.Text());
+  return 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using fork1s::DetailLevel;
+  using fork1s::Recovery;
+  const std::string source = FORK1S_SOURCE;
+  std::string out = source + "/docs/scenes";
+  if (argc == 3 && std::string(argv[1]) == "--out") {
+    out = argv[2];
+  } else if (argc != 1) {
+    fmt::print(stderr, "usage: detail_levels [--out FOLDER]\n");
+    return 1;
+  }
+  const std::vector<fork1s::Fidelity> levels = {
+      {DetailLevel::kObject, 0, Recovery::kExact},    {DetailLevel::kObject, -1, Recovery::kExact},
+      {DetailLevel::kInterface, 0, Recovery::kExact}, {DetailLevel::kInterface, -1, Recovery::kExact},
+      {DetailLevel::kInterface, -1, Recovery::kTwist}, {DetailLevel::kParents, -1, Recovery::kExact},
+      {DetailLevel::kAll, -1, Recovery::kExact}};
+  // The ball hangs in the hand at 3 s and is shaken until 5.5 s.
+  auto rows = fork1s::MeasureDetail(source + "/scenes", "grasp_sphere", 3, 5.5, levels);
+  if (!rows) return Report(rows.error());
+  const std::string csv = fork1s::DetailCsv("grasp_sphere", *rows);
+  fmt::print("{}", csv);
+  if (auto written = fork1s::ReplaceTable(out + "/detail.md", fork1s::DetailMarkdown(*rows)); !written)
+    return Report(written.error());
+  std::ofstream file(source + "/benchmarks/results/detail_levels.csv", std::ios::trunc);
+  file << csv;
+  file.close();
+  if (!file) {
+    fmt::print(stderr, "{}/benchmarks/results/detail_levels.csv cannot be written\n", source);
+    return 1;
+  }
+}

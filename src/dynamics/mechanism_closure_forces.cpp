@@ -1,0 +1,46 @@
+// What loops bear: the multipliers of the rigid closures.
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+
+#include <Eigen/QR>
+
+namespace fork1s {
+
+// After a step, with all forces g of the present pose, M q̈ and velocity forces among them, g = Aᵀλ. Modes that
+// were left out do not move, so that g is out of balance by their inertia; H spreads that as the interior's
+// springs would. Closures that depend on each other leave λ open: of all λ the one nearest to `near`,
+//     λ = near + (H^-½ Aᵀ)⁺ H^-½ (g - Aᵀ near).
+VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R,
+                                         const VectorX& near) const {
+  const Mechanism& m = mechanism();
+  FORK1S_REQUIRE(near.size() == m.num_constraints(), near.size(), m.num_constraints());
+  if (model_.loop_rank() == 0 || options_.recovery != Recovery::kExact)
+    return VectorX::Zero(m.num_constraints());
+  const Kinematics& kinematics = configuration_.kinematics;
+  const int n = m.num_coordinates();
+
+  const VectorX q_dot = configuration_.Q_now * state_.w;
+  // q_dot_ is that of the start of the step until the next one begins.
+  const VectorX q_ddot = q_dot_.size() == n ? VectorX((q_dot - q_dot_) / h) : VectorX(VectorX::Zero(n));
+  const Vector6 A_R = base_moves() ? Vector6((state_.V_R - V_R_before_) / h) : Vector6(Vector6::Zero());
+
+  Matrix6X F = contacts_R;
+  AddGravityWrenches(m, kinematics, state_.X_WR.rotation().transpose() * gravity_W_, F);
+  Matrix6X V(6, m.num_bodies()), A(6, m.num_bodies());
+  SubtractVelocityWrenches(m, kinematics, configuration_.q, state_.V_R, q_dot, VectorX::Zero(n), V, A, F);
+  SubtractRigidMotionWrenches(m, kinematics, Vector6::Zero(), A_R, F);
+  VectorX g(n), loads = VectorX::Zero(n), inertial;
+  AccumulateGeneralizedForce(m, kinematics.S, F, loads);
+  if (controls_.size() > 0) AddControlForce(m, controls_, loads);
+  SpringForce(m, kinematics, configuration_.q, g);
+  ApplyMass(m, kinematics, q_ddot, inertial);
+  g += loads - inertial - DampingMatrix(m, kinematics, configuration_.q) * q_dot;
+
+  const VectorX root = model_.h_inverse.cwiseSqrt();
+  const MatrixX A_T = configuration_.A_all.transpose();
+  Eigen::CompleteOrthogonalDecomposition<MatrixX> decomposition;
+  decomposition.setThreshold(1e-9);  // rows that depend on others do so to rounding
+  decomposition.compute(root.asDiagonal() * A_T);
+  return near + decomposition.solve(root.cwiseProduct(g - A_T * near));
+}
+
+}  // namespace fork1s

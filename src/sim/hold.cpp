@@ -1,0 +1,188 @@
+#include "hold.hpp"
+
+#include <algorithm>
+#include <fork1s/mechanism/kinematics.hpp>
+#include <set>
+
+namespace fork1s::internal {
+namespace {
+
+// The mechanism's body that a collision body stands for; -1 in `mechanism` for free bodies and the still world.
+struct Holder {
+  int mechanism = -1;
+  BodyIndex body;
+};
+
+Holder HolderOf(const World& world, int contactor) {
+  const Contactor& c = world.contactors()[static_cast<std::size_t>(contactor)];
+  // A fixed base is still world with a name of its own; contactor 0 is the world itself.
+  if (contactor == 0 || c.kind == Contactor::Kind::kFreeBody) return {};
+  const MechanismDynamics& m = world.mechanisms()[static_cast<std::size_t>(c.index)];
+  return {c.index, m.groups()[static_cast<std::size_t>(c.group)].body};
+}
+
+// What presses on one free body.
+struct Grip {
+  std::set<int> mechanisms;
+  std::set<int> bodies;                  // contactors
+  std::vector<const ContactRecord*> contacts;  // strongest first
+};
+
+Grip FindGrip(const World& world, int free_body) {
+  Grip grip;
+  for (const ContactRecord& c : world.contacts()) {
+    if (!(c.impulse(0) > 0)) continue;
+    const Contactor& a = world.contactors()[static_cast<std::size_t>(c.point.body_a)];
+    const Contactor& b = world.contactors()[static_cast<std::size_t>(c.point.body_b)];
+    const auto is_it = [&](const Contactor& x) {
+      return x.kind == Contactor::Kind::kFreeBody && x.index == free_body;
+    };
+    if (!is_it(a) && !is_it(b)) continue;
+    const int other = is_it(a) ? c.point.body_b : c.point.body_a;
+    const Holder holder = HolderOf(world, other);
+    if (holder.mechanism < 0) continue;
+    grip.mechanisms.insert(holder.mechanism);
+    grip.bodies.insert(other);
+    grip.contacts.push_back(&c);
+  }
+  std::stable_sort(grip.contacts.begin(), grip.contacts.end(),
+                   [](const auto* a, const auto* b) { return a->impulse(0) > b->impulse(0); });
+  return grip;
+}
+
+Vector6 WorldTwist(const Vector3& omega_W, const Vector3& velocity_W, const Vector3& origin_W) {
+  Vector6 V;
+  V << omega_W, velocity_W + origin_W.cross(omega_W);
+  return V;
+}
+
+// Adds the held body to the definition; returns its rates as coordinates of its joint.
+Vector6 AddHeldBody(const Hold& hold, const FreeBodyDef& body, const KeyframeDef::FreeBodyState& motion,
+                    const Mechanism& given, const KeyframeDef::MechanismState& state, MechanismDef& def) {
+  Kinematics kinematics(given);
+  ComputeKinematics(given, state.q, kinematics);
+  const auto pose = [&](BodyIndex b) { return state.X_WR * kinematics.X_RB[b.u()]; };
+
+  const BodyIndex carrier = given.FindBody(hold.contacts.front().body);
+  const RigidTransform X_WC = pose(carrier);
+  BodyDef held;
+  held.name = body.name;
+  held.parent = carrier;
+  held.X_PB = X_WC.inverse() * motion.X_WB;
+  held.inertia = body.inertia;
+  held.geometries = body.geometries;
+  const BodyIndex index(static_cast<int>(def.bodies.size()));
+  def.bodies.push_back(std::move(held));
+  def.joints.push_back(JointDef::Free(HoldName(body.name, 0), index));
+
+  std::set<int> holding;  // last joints of the groups
+  for (std::size_t k = 0; k < hold.contacts.size(); ++k) {
+    const Hold::Contact& contact = hold.contacts[k];
+    ClosureDef closure;
+    closure.name = HoldName(body.name, k + 1);
+    closure.body_a = given.FindBody(contact.body);
+    closure.body_b = index;
+    closure.X_AJ = contact.X_BC;
+    closure.X_BJ = motion.X_WB.inverse() * pose(closure.body_a) * contact.X_BC;
+    closure.rigid(3) = true;
+    closure.rigid(4) = closure.rigid(5) = !contact.frictionless;
+    holding.insert(given.body(closure.body_a).last_joint);
+    def.closures.push_back(std::move(closure));
+  }
+  std::erase_if(def.interfaces, [&](const std::string& name) {
+    const BodyIndex b = given.FindBody(name);
+    return b.valid() && holding.count(given.body(b).last_joint) > 0;
+  });
+  def.interfaces.push_back(body.name);
+
+  Vector6 V_R = state.V_R;
+  if (state.q_dot.size() > 0) V_R += BodyJacobian(given, kinematics, carrier) * state.q_dot;
+  const Vector6 carried = AdjointApply(state.X_WR, V_R);
+  const Vector6 own = WorldTwist(motion.omega_W, motion.velocity_W, motion.X_WB.translation());
+  return AdjointApply(motion.X_WB.inverse(), own - carried);
+}
+
+}  // namespace
+
+std::string HoldName(const std::string& held, std::size_t contact) {
+  std::string name = "hold:";
+  name += held;
+  if (contact > 0) name.append(":").append(std::to_string(contact));
+  return name;
+}
+
+VectorX CopyCoordinates(const Mechanism& from, const VectorX& q, const Mechanism& to) {
+  VectorX out = VectorX::Zero(to.num_coordinates());
+  for (const Mechanism::Joint& target : to.joints())
+    for (const Mechanism::Joint& source : from.joints())
+      if (source.name == target.name && source.size == target.size)
+        out.segment(target.offset, target.size) = q.segment(source.offset, source.size);
+  return out;
+}
+
+std::vector<Hold> FindHolds(const Scene& scene, const World& world, double h) {
+  std::vector<Hold> holds;
+  for (std::size_t f = 0; f < scene.free_bodies.size(); ++f) {
+    const Grip grip = FindGrip(world, static_cast<int>(f));
+    if (grip.mechanisms.size() != 1 || grip.bodies.size() < 2) continue;
+    Hold hold;
+    hold.mechanism = *grip.mechanisms.begin();
+    hold.free_body = static_cast<int>(f);
+    for (const ContactRecord* c : grip.contacts) {
+      const bool held_is_b = world.contactors()[static_cast<std::size_t>(c->point.body_b)].kind ==
+                             Contactor::Kind::kFreeBody;
+      const int other = held_is_b ? c->point.body_a : c->point.body_b;
+      Matrix3 axes = c->point.frame.transpose();
+      if (!held_is_b) axes.leftCols<2>() *= -1;  // normal towards what is held, still right-handed
+      const Holder holder = HolderOf(world, other);
+      const MechanismDynamics& m = world.mechanisms()[static_cast<std::size_t>(holder.mechanism)];
+      Hold::Contact contact;
+      contact.body = m.mechanism().body(holder.body).name;
+      // The point was found at the start of the step, and moved on with the body.
+      contact.X_BC = world.PoseAtDetection(other).inverse() * RigidTransform(axes, c->point.point);
+      // Impulses act on body b; with the roles changed, normal and first tangent point the other way.
+      contact.force_C = c->impulse / h;
+      if (!held_is_b) contact.force_C.z() *= -1;
+      contact.friction = c->friction;
+      contact.frictionless = c->friction == 0;
+      hold.contacts.push_back(std::move(contact));
+    }
+    holds.push_back(std::move(hold));
+  }
+  return holds;
+}
+
+Expected<void> HoldInScene(const std::vector<Hold>& holds,
+                           const std::vector<std::shared_ptr<const Mechanism>>& given, Scene& scene,
+                           KeyframeDef& state) {
+  std::set<int> changed, gone;
+  std::vector<std::pair<const Hold*, Vector6>> rates;
+  for (const Hold& hold : holds) {
+    const auto m = static_cast<std::size_t>(hold.mechanism), f = static_cast<std::size_t>(hold.free_body);
+    rates.emplace_back(&hold, AddHeldBody(hold, scene.free_bodies[f], state.free_bodies[f], *given[m],
+                                          state.mechanisms[m], scene.mechanisms[m]));
+    changed.insert(hold.mechanism);
+    gone.insert(hold.free_body);
+  }
+  for (int i : changed) {
+    const auto m = static_cast<std::size_t>(i);
+    auto built = BuildMechanism(scene.mechanisms[m]);
+    if (!built) return tl::unexpected(built.error());
+    KeyframeDef::MechanismState& s = state.mechanisms[m];
+    s.q = CopyCoordinates(*given[m], s.q, *built);
+    s.q_dot = s.q_dot.size() > 0 ? CopyCoordinates(*given[m], s.q_dot, *built)
+                                 : VectorX(VectorX::Zero(built->num_coordinates()));
+    for (const auto& [hold, rate] : rates)
+      for (const Mechanism::Joint& joint : built->joints())
+        if (hold->mechanism == i &&
+            joint.name == HoldName(scene.free_bodies[static_cast<std::size_t>(hold->free_body)].name, 0))
+          s.q_dot.segment<6>(joint.offset) = rate;
+  }
+  for (auto at = gone.rbegin(); at != gone.rend(); ++at) {
+    scene.free_bodies.erase(scene.free_bodies.begin() + *at);
+    state.free_bodies.erase(state.free_bodies.begin() + *at);
+  }
+  return {};
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,186 @@
+// Changing the level of detail while the simulation runs.
+#include <fork1s/sim/simulation.hpp>
+
+#include <algorithm>
+#include <fork1s/mechanism/kinematics.hpp>
+
+#include "hold.hpp"
+
+namespace fork1s {
+
+World::Options Simulation::WorldOptions(const Fidelity& fidelity) const {
+  World::Options o;
+  o.reduction = options_.reduction;
+  o.reduction.interfaces.clear();
+  o.reduction.modes = fidelity.modes;
+  o.recovery = fidelity.recovery;
+  o.refresh_angle = options_.refresh_angle;
+  o.collision = options_.collision;
+  return o;
+}
+
+void Simulation::ListBodies() {
+  bodies_.clear();
+  const auto is_interface = [&](std::size_t mechanism, int body) {
+    const auto& interfaces = world_.mechanisms()[mechanism].model().interfaces;
+    return std::find(interfaces.begin(), interfaces.end(), BodyIndex(body)) != interfaces.end();
+  };
+  for (std::size_t i = 0; i < given_.size(); ++i)
+    for (int b = 0; b < given_[i]->num_bodies(); ++b)
+      bodies_.push_back({given_[i]->body(BodyIndex(b)).name, static_cast<int>(i), b, is_interface(i, b)});
+  int free = 0;
+  for (std::size_t f = 0; f < scene_.free_bodies.size(); ++f) {
+    const std::string& name = scene_.free_bodies[f].name;
+    const auto hold = std::find_if(holds_.begin(), holds_.end(),
+                                   [&](const Hold& h) { return h.free_body == static_cast<int>(f); });
+    if (hold == holds_.end()) {
+      bodies_.push_back({name, -1, free++, false});
+      continue;
+    }
+    const auto m = static_cast<std::size_t>(hold->mechanism);
+    const int body = world_.mechanisms()[m].mechanism().FindBody(name).value();
+    bodies_.push_back({name, hold->mechanism, body, is_interface(m, body)});
+  }
+}
+
+int Simulation::BodyOf(int mechanism, int index) const {
+  for (std::size_t i = 0; i < bodies_.size(); ++i)
+    if (bodies_[i].mechanism == mechanism && bodies_[i].index == index) return static_cast<int>(i);
+  return -1;
+}
+
+int Simulation::BodyOfContactor(int contactor) const {
+  const Contactor& c = world_.contactors()[static_cast<std::size_t>(contactor)];
+  if (c.kind == Contactor::Kind::kFreeBody) return BodyOf(-1, c.index);
+  if (contactor == 0) return -1;  // the world itself; a fixed base is still too, and has a body
+  const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(c.index)];
+  return BodyOf(c.index, m.groups()[static_cast<std::size_t>(c.group)].body.value());
+}
+
+VectorX Simulation::JointCoordinates(int mechanism) const {
+  const auto i = static_cast<std::size_t>(mechanism);
+  const MechanismDynamics& m = world_.mechanisms()[i];
+  if (m.mechanism().num_coordinates() == given_[i]->num_coordinates()) return m.configuration().q;
+  return internal::CopyCoordinates(m.mechanism(), m.configuration().q, *given_[i]);
+}
+
+std::vector<std::string> Simulation::CoordinateNames() const {
+  std::vector<std::string> names;
+  for (const auto& m : given_)
+    for (int i = 0; i < m->num_coordinates(); ++i) names.push_back(m->CoordinateName(i));
+  return names;
+}
+
+KeyframeDef Simulation::State() const {
+  KeyframeDef key;
+  key.name = "present";
+  for (std::size_t i = 0; i < given_.size(); ++i) {
+    const MechanismDynamics& m = world_.mechanisms()[i];
+    KeyframeDef::MechanismState s;
+    s.q = JointCoordinates(static_cast<int>(i));
+    s.q_dot = m.configuration().Q_now * m.state().w;
+    if (s.q_dot.size() != s.q.size())
+      s.q_dot = internal::CopyCoordinates(m.mechanism(), s.q_dot, *given_[i]);
+    s.X_WR = m.state().X_WR;
+    s.V_R = m.state().V_R;
+    s.controls = m.controls();
+    key.mechanisms.push_back(std::move(s));
+  }
+  for (const SceneBody& b : bodies_) {
+    const bool of_mechanism = b.mechanism >= 0 && b.index < given_[static_cast<std::size_t>(b.mechanism)]->num_bodies();
+    if (of_mechanism) continue;
+    const int at = static_cast<int>(&b - bodies_.data());
+    const Vector6 V = Velocity(at);
+    key.free_bodies.push_back({Pose(at), V.head<3>(), V.tail<3>()});
+  }
+  return key;
+}
+
+Expected<void> Simulation::SetFidelity(const Fidelity& fidelity) {
+  if (fidelity == fidelity_) return {};
+  std::vector<Hold> holds;
+  if (fidelity.level == DetailLevel::kObject) {
+    holds = holds_.empty() ? internal::FindHolds(present_scene_, world_, dt_) : holds_;
+    if (holds.empty())
+      return Fail(ErrorCode::kModel, "scene '" + scene_.name + "'",
+                  "holds nothing at present: detail 'object' needs a free body on which two or more bodies of one "
+                  "mechanism press; switch once it is gripped");
+  }
+  Scene scene = RefineInterfaces(scene_, fidelity.level);
+  KeyframeDef state = State();
+  if (auto held = internal::HoldInScene(holds, given_, scene, state); !held)
+    return tl::unexpected(held.error());
+  // Keyframes of the scene know nothing of what is held.
+  scene.keyframes = {state};
+  World::Options options = WorldOptions(fidelity);
+  options.initial_keyframe = 0;
+  auto world = World::Create(scene, options);
+  if (!world) return tl::unexpected(world.error());
+  world_ = std::move(*world);
+  present_scene_ = std::move(scene);
+  fidelity_ = fidelity;
+  holds_ = std::move(holds);
+  ListBodies();
+  return {};
+}
+
+std::vector<HoldForce> Simulation::HoldForces() const {
+  std::vector<HoldForce> out;
+  for (const Hold& hold : holds_) {
+    const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(hold.mechanism)];
+    const Mechanism& mechanism = m.mechanism();
+    const RigidTransform& X_WR = m.state().X_WR;
+    // What the step's contacts did to the mechanism.
+    Matrix6X contacts_R = Matrix6X::Zero(6, mechanism.num_bodies());
+    for (const ContactRecord& c : world_.contacts()) {
+      const Vector3 force_W = c.point.frame.transpose() * c.impulse / dt_;
+      for (const auto& [contactor, sign] : {std::pair(c.point.body_a, -1.0), std::pair(c.point.body_b, 1.0)}) {
+        const Contactor& who = world_.contactors()[static_cast<std::size_t>(contactor)];
+        if (who.kind != Contactor::Kind::kGroup || who.index != hold.mechanism) continue;
+        Vector6 F_W;
+        F_W << sign * c.point.point.cross(force_W), sign * force_W;
+        contacts_R.col(m.groups()[static_cast<std::size_t>(who.group)].body.value()) +=
+            AdjointTransposeApply(X_WR, F_W);
+      }
+    }
+    const std::string& name = scene_.free_bodies[static_cast<std::size_t>(hold.free_body)].name;
+    const auto contact_of = [&](const ClosureDef& closure) -> const Hold::Contact* {
+      for (std::size_t k = 0; k < hold.contacts.size(); ++k)
+        if (closure.name == internal::HoldName(name, k + 1)) return &hold.contacts[k];
+      return nullptr;
+    };
+    VectorX near = VectorX::Zero(mechanism.num_constraints());
+    Eigen::Index row = 0;
+    for (const ClosureDef& closure : mechanism.closures()) {
+      const auto rows = closure.rigid.count();
+      if (const Hold::Contact* contact = contact_of(closure)) near.segment(row, rows) = -contact->force_C.head(rows);
+      row += rows;
+    }
+    const VectorX forces = m.ClosureForces(dt_, contacts_R, near);
+    row = 0;
+    for (const ClosureDef& closure : mechanism.closures()) {
+      const auto rows = closure.rigid.count();
+      if (const Hold::Contact* contact = contact_of(closure)) {
+        HoldForce f;
+        f.body = BodyOf(hold.mechanism, closure.body_a.value());
+        f.held = BodyOf(hold.mechanism, closure.body_b.value());
+        const RigidTransform X_WC = m.BodyPose(closure.body_a) * contact->X_BC;
+        f.point_W = X_WC.translation();
+        f.normal_W = X_WC.rotation().col(0);
+        Vector3 force_C = Vector3::Zero();
+        force_C.head(rows) = -forces.segment(row, rows);
+        f.force_W = X_WC.rotation() * force_C;
+        f.friction = contact->friction;
+        const double tangential = force_C.tail<2>().norm();
+        f.use = force_C(0) <= 0        ? std::numeric_limits<double>::infinity()
+                : contact->frictionless ? 0
+                                        : tangential / (contact->friction * force_C(0));
+        out.push_back(f);
+      }
+      row += rows;
+    }
+  }
+  return out;
+}
+
+}  // namespace fork1s
