@@ -31,8 +31,8 @@ int main(int argc, char** argv) {
     return 1;
   }
   const std::vector<fork1s::Fidelity> levels = {
-      {DetailLevel::kObject, 0, Recovery::kExact},    {DetailLevel::kObject, -1, Recovery::kExact},
-      {DetailLevel::kInterface, 0, Recovery::kExact}, {DetailLevel::kInterface, -1, Recovery::kExact},
+      {DetailLevel::kObject, 0, Recovery::kExact},     {DetailLevel::kObject, -1, Recovery::kExact},
+      {DetailLevel::kInterface, 0, Recovery::kExact},  {DetailLevel::kInterface, -1, Recovery::kExact},
       {DetailLevel::kInterface, -1, Recovery::kTwist}, {DetailLevel::kParents, -1, Recovery::kExact},
       {DetailLevel::kAll, -1, Recovery::kExact}};
   // The ball hangs in the hand at 3 s and is shaken until 5.5 s.

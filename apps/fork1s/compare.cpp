@@ -170,8 +170,7 @@ void AddCompare(CLI::App& app, Action& action) {
   command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(CLI::PositiveNumber);
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
   command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
-  command->add_option("--detail", args->detail,
-                      "level of detail of the reduced run, as of 'fork1s run'");
+  command->add_option("--detail", args->detail, "level of detail of the reduced run, as of 'fork1s run'");
   command->add_option("--recovery", args->recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));
   command->add_option("--refinements", args->refinements, "further runs at dt/2, dt/4, ... (default 2)")

@@ -187,8 +187,9 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   if (m.held && m.hold_use_max > 1)
     warnings.push_back(
         std::isfinite(m.hold_use_max)
-            ? fmt::format("a frozen contact needs {:.3g} times the friction it has: not frozen, it would slip",
-                          m.hold_use_max)
+            ? fmt::format(
+                  "a frozen contact needs {:.3g} times the friction it has: not frozen, it would slip",
+                  m.hold_use_max)
             : std::string("a frozen contact pulls at what it holds: not frozen, it would part"));
   out["warnings"] = std::move(warnings);
   return out;
@@ -211,8 +212,8 @@ void Print(const Json& d) {
   fmt::print("  refreshes       {}\n", d["refreshes"].get<int>());
   for (const Json& s : d["detail"])
     if (s["refused"].is_null() && s["time_s"].get<double>() > 0)
-      fmt::print("  detail          {} from {:.4g} s on, changed in {:.2f} ms\n", s["level"].get<std::string>(),
-                 s["time_s"].get<double>(), s["took_ms"].get<double>());
+      fmt::print("  detail          {} from {:.4g} s on, changed in {:.2f} ms\n",
+                 s["level"].get<std::string>(), s["time_s"].get<double>(), s["took_ms"].get<double>());
   if (!d["hold_use_max"].is_null())
     fmt::print("  frozen contacts use {:.2f} of their friction at most\n", number("hold_use_max"));
   if (!d["load_factor_min"].is_null())

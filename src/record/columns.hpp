@@ -57,7 +57,8 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/detail", kS, 1, 0, "",
            "level of the step: 0 what is held alone, 1 interface bodies, 2 and their parents, 3 all bodies"},
     s.detail);
-  f(Column{"steps/modes", kS, 1, 0, "", "fixed-interface modes of the step, -1: as the mechanisms say"}, s.modes);
+  f(Column{"steps/modes", kS, 1, 0, "", "fixed-interface modes of the step, -1: as the mechanisms say"},
+    s.modes);
   f(Column{"steps/twist", kS, 1, 0, "", "1: poses recovered by the twist map, 0: exactly"}, s.twist);
   f(Column{"steps/kinetic_energy", kS, 1, 0, "J", ""}, s.kinetic_energy);
   f(Column{"steps/potential_energy", kS, 1, 0, "J", "springs, controls and gravity"}, s.potential_energy);
@@ -70,7 +71,8 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/sweeps", kS, 1, 0, "", "Gauss-Seidel sweeps of the contact solver"}, s.sweeps);
   f(Column{"steps/newton_iterations", kS, 1, 0, "", ""}, s.newton_iterations);
   f(Column{"steps/splitting_iterations", kS, 1, 0, "", ""}, s.splitting_iterations);
-  f(Column{"steps/fallback", kS, 1, 0, "", "1: a failed contact solve was replaced by one that only takes energy"},
+  f(Column{"steps/fallback", kS, 1, 0, "",
+           "1: a failed contact solve was replaced by one that only takes energy"},
     s.fallback);
   f(Column{"steps/refreshes", kS, 1, 0, "", "mechanisms whose reference was moved"}, s.refreshes);
   f(Column{"steps/failed_refreshes", kS, 1, 0, "", ""}, s.failed_refreshes);

@@ -54,7 +54,8 @@ Expected<ReplayResult> Replay(const Recording& recording) {
       // Only what changed: an initial value may lie outside the limits to which a new value is moved.
       for (int k = 0; k < controls.size(); ++k)
         if (controls(k) != simulation->controls()(k)) simulation->SetControl(k, controls(k));
-      if (auto set = simulation->SetFidelity(recording.FidelityOf(i)); !set) return tl::unexpected(set.error());
+      if (auto set = simulation->SetFidelity(recording.FidelityOf(i)); !set)
+        return tl::unexpected(set.error());
       ApplyWrenches(recording.Wrenches(i), *simulation);
       simulation->Step();
       result.steps = i + 1;

@@ -132,8 +132,8 @@ void Fields(A& a, Like<ControlDef, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<MechanismDef, A>& s) {
-  auto& [name, base, X_WR, bodies, joints, closures, couplings, springs, controls, interfaces, chosen,
-         modes, mode_choice] = s;
+  auto& [name, base, X_WR, bodies, joints, closures, couplings, springs, controls, interfaces, chosen, modes,
+         mode_choice] = s;
   a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
   a("closures", closures), a("couplings", couplings), a("springs", springs), a("controls", controls);
   a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);

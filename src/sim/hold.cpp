@@ -7,7 +7,8 @@
 namespace fork1s::internal {
 namespace {
 
-// The mechanism's body that a collision body stands for; -1 in `mechanism` for free bodies and the still world.
+// The mechanism's body that a collision body stands for; -1 in `mechanism` for free bodies and the still
+// world.
 struct Holder {
   int mechanism = -1;
   BodyIndex body;
@@ -24,7 +25,7 @@ Holder HolderOf(const World& world, int contactor) {
 // What presses on one free body.
 struct Grip {
   std::set<int> mechanisms;
-  std::set<int> bodies;                  // contactors
+  std::set<int> bodies;                        // contactors
   std::vector<const ContactRecord*> contacts;  // strongest first
 };
 
@@ -129,8 +130,8 @@ std::vector<Hold> FindHolds(const Scene& scene, const World& world, double h) {
     hold.mechanism = *grip.mechanisms.begin();
     hold.free_body = static_cast<int>(f);
     for (const ContactRecord* c : grip.contacts) {
-      const bool held_is_b = world.contactors()[static_cast<std::size_t>(c->point.body_b)].kind ==
-                             Contactor::Kind::kFreeBody;
+      const bool held_is_b =
+          world.contactors()[static_cast<std::size_t>(c->point.body_b)].kind == Contactor::Kind::kFreeBody;
       const int other = held_is_b ? c->point.body_a : c->point.body_b;
       Matrix3 axes = c->point.frame.transpose();
       if (!held_is_b) axes.leftCols<2>() *= -1;  // normal towards what is held, still right-handed

@@ -18,8 +18,9 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.step_options_.gravity = scene.gravity;
 
   if (options.detail == DetailLevel::kObject)
-    return Fail(ErrorCode::kUsage, "detail 'object'",
-                "needs contacts that hold a body, and there are none before the first step; switch to it later");
+    return Fail(
+        ErrorCode::kUsage, "detail 'object'",
+        "needs contacts that hold a body, and there are none before the first step; switch to it later");
   s.fidelity_ = {options.detail, options.reduction.modes, options.recovery};
   World::Options o = s.WorldOptions(s.fidelity_);
   o.initial_keyframe = options.initial_keyframe;

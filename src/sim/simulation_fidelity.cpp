@@ -79,15 +79,15 @@ KeyframeDef Simulation::State() const {
     KeyframeDef::MechanismState s;
     s.q = JointCoordinates(static_cast<int>(i));
     s.q_dot = m.configuration().Q_now * m.state().w;
-    if (s.q_dot.size() != s.q.size())
-      s.q_dot = internal::CopyCoordinates(m.mechanism(), s.q_dot, *given_[i]);
+    if (s.q_dot.size() != s.q.size()) s.q_dot = internal::CopyCoordinates(m.mechanism(), s.q_dot, *given_[i]);
     s.X_WR = m.state().X_WR;
     s.V_R = m.state().V_R;
     s.controls = m.controls();
     key.mechanisms.push_back(std::move(s));
   }
   for (const SceneBody& b : bodies_) {
-    const bool of_mechanism = b.mechanism >= 0 && b.index < given_[static_cast<std::size_t>(b.mechanism)]->num_bodies();
+    const bool of_mechanism =
+        b.mechanism >= 0 && b.index < given_[static_cast<std::size_t>(b.mechanism)]->num_bodies();
     if (of_mechanism) continue;
     const int at = static_cast<int>(&b - bodies_.data());
     const Vector6 V = Velocity(at);
@@ -102,9 +102,10 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity) {
   if (fidelity.level == DetailLevel::kObject) {
     holds = holds_.empty() ? internal::FindHolds(present_scene_, world_, dt_) : holds_;
     if (holds.empty())
-      return Fail(ErrorCode::kModel, "scene '" + scene_.name + "'",
-                  "holds nothing at present: detail 'object' needs a free body on which two or more bodies of one "
-                  "mechanism press; switch once it is gripped");
+      return Fail(
+          ErrorCode::kModel, "scene '" + scene_.name + "'",
+          "holds nothing at present: detail 'object' needs a free body on which two or more bodies of one "
+          "mechanism press; switch once it is gripped");
   }
   Scene scene = RefineInterfaces(scene_, fidelity.level);
   KeyframeDef state = State();
@@ -134,7 +135,8 @@ std::vector<HoldForce> Simulation::HoldForces() const {
     Matrix6X contacts_R = Matrix6X::Zero(6, mechanism.num_bodies());
     for (const ContactRecord& c : world_.contacts()) {
       const Vector3 force_W = c.point.frame.transpose() * c.impulse / dt_;
-      for (const auto& [contactor, sign] : {std::pair(c.point.body_a, -1.0), std::pair(c.point.body_b, 1.0)}) {
+      for (const auto& [contactor, sign] :
+           {std::pair(c.point.body_a, -1.0), std::pair(c.point.body_b, 1.0)}) {
         const Contactor& who = world_.contactors()[static_cast<std::size_t>(contactor)];
         if (who.kind != Contactor::Kind::kGroup || who.index != hold.mechanism) continue;
         Vector6 F_W;
@@ -153,7 +155,8 @@ std::vector<HoldForce> Simulation::HoldForces() const {
     Eigen::Index row = 0;
     for (const ClosureDef& closure : mechanism.closures()) {
       const auto rows = closure.rigid.count();
-      if (const Hold::Contact* contact = contact_of(closure)) near.segment(row, rows) = -contact->force_C.head(rows);
+      if (const Hold::Contact* contact = contact_of(closure))
+        near.segment(row, rows) = -contact->force_C.head(rows);
       row += rows;
     }
     const VectorX forces = m.ClosureForces(dt_, contacts_R, near);
@@ -172,7 +175,7 @@ std::vector<HoldForce> Simulation::HoldForces() const {
         f.force_W = X_WC.rotation() * force_C;
         f.friction = contact->friction;
         const double tangential = force_C.tail<2>().norm();
-        f.use = force_C(0) <= 0        ? std::numeric_limits<double>::infinity()
+        f.use = force_C(0) <= 0         ? std::numeric_limits<double>::infinity()
                 : contact->frictionless ? 0
                                         : tangential / (contact->friction * force_C(0));
         out.push_back(f);

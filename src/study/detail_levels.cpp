@@ -33,8 +33,8 @@ int CountModes(const Simulation& simulation) {
 }
 
 // The level from `from` samples on, by itself: the shared runs do not tell a switch from a step.
-Expected<DetailRow> Measure(const Scene& scene, const std::vector<TrackedBody>& tracked, const RunOptions& options,
-                            int from, const Fidelity& level, const Run& truth) {
+Expected<DetailRow> Measure(const Scene& scene, const std::vector<TrackedBody>& tracked,
+                            const RunOptions& options, int from, const Fidelity& level, const Run& truth) {
   auto made = internal::MakeReduced(scene, options);
   if (!made) return tl::unexpected(made.error());
   Simulation& s = *made;
@@ -71,7 +71,8 @@ Expected<DetailRow> Measure(const Scene& scene, const std::vector<TrackedBody>& 
     }
   }
   row.rms_mm = std::sqrt(sum / std::max(1, count));
-  std::nth_element(step_us.begin(), step_us.begin() + static_cast<std::ptrdiff_t>(step_us.size() / 2), step_us.end());
+  std::nth_element(step_us.begin(), step_us.begin() + static_cast<std::ptrdiff_t>(step_us.size() / 2),
+                   step_us.end());
   row.step_us = step_us[step_us.size() / 2];
   row.modes = CountModes(s);
   for (const MechanismDynamics& m : s.world().mechanisms()) {
@@ -84,8 +85,9 @@ Expected<DetailRow> Measure(const Scene& scene, const std::vector<TrackedBody>& 
 
 }  // namespace
 
-Expected<std::vector<DetailRow>> MeasureDetail(const std::string& folder, const std::string& name, double from_s,
-                                               double time_s, const std::vector<Fidelity>& levels) {
+Expected<std::vector<DetailRow>> MeasureDetail(const std::string& folder, const std::string& name,
+                                               double from_s, double time_s,
+                                               const std::vector<Fidelity>& levels) {
   FORK1S_REQUIRE(from_s >= 0 && time_s > from_s, from_s, time_s);
   auto imported = LoadMechanism(folder + "/" + name + ".xml");
   if (!imported) return tl::unexpected(imported.error());
@@ -107,7 +109,8 @@ Expected<std::vector<DetailRow>> MeasureDetail(const std::string& folder, const 
   if (!truth) return tl::unexpected(truth.error());
   std::vector<DetailRow> rows;
   for (const Fidelity& level : levels) {
-    auto row = Measure(imported->scene, tracked, o, static_cast<int>(std::llround(from_s / kStep)), level, *truth);
+    auto row =
+        Measure(imported->scene, tracked, o, static_cast<int>(std::llround(from_s / kStep)), level, *truth);
     if (!row) return tl::unexpected(row.error());
     rows.push_back(*row);
   }
@@ -121,19 +124,20 @@ std::string DetailCsv(const std::string& scene, const std::vector<DetailRow>& ro
   for (const DetailRow& r : rows)
     out += fmt::format("{},{},{},{},{},{},{},{:.4g},{:.4g},{:.4g},{:.4g},{:.4g}\n", scene,
                        Name(r.fidelity.level), r.fidelity.modes >= 0 ? std::to_string(r.fidelity.modes) : "",
-                       r.fidelity.recovery == Recovery::kTwist ? "twist" : "exact", r.interface_bodies, r.modes,
-                       r.coordinates, r.switch_ms, r.step_us, r.rms_mm, r.max_mm, r.joint_gap_mm);
+                       r.fidelity.recovery == Recovery::kTwist ? "twist" : "exact", r.interface_bodies,
+                       r.modes, r.coordinates, r.switch_ms, r.step_us, r.rms_mm, r.max_mm, r.joint_gap_mm);
   return out;
 }
 
 std::string DetailMarkdown(const std::vector<DetailRow>& rows) {
   std::string out =
-      "| level | interface bodies | modes | coordinates | us a step | from full, RMS and max [mm] | joint gap at most "
+      "| level | interface bodies | modes | coordinates | us a step | from full, RMS and max [mm] | joint "
+      "gap at most "
       "[mm] | switched in [ms] |\n|---|---|---|---|---|---|---|---|\n";
   for (const DetailRow& r : rows)
-    out += fmt::format("| {} | {} | {} | {} | {:.1f} | {:.3g}, {:.3g} | {:.2g} | {:.1f} |\n", LevelText(r.fidelity),
-                       r.interface_bodies, r.modes, r.coordinates, r.step_us, r.rms_mm, r.max_mm, r.joint_gap_mm,
-                       r.switch_ms);
+    out += fmt::format("| {} | {} | {} | {} | {:.1f} | {:.3g}, {:.3g} | {:.2g} | {:.1f} |\n",
+                       LevelText(r.fidelity), r.interface_bodies, r.modes, r.coordinates, r.step_us, r.rms_mm,
+                       r.max_mm, r.joint_gap_mm, r.switch_ms);
   return out;
 }
 

@@ -41,7 +41,8 @@ struct RunOptions {
   Recovery recovery = Recovery::kExact;
   int initial_keyframe = -1;
   const ControlTrack* controls = nullptr;
-  const FidelityTrack* fidelity = nullptr;  // of the reduced run; its first entry, if at 0, replaces `recovery`
+  const FidelityTrack* fidelity =
+      nullptr;                     // of the reduced run; its first entry, if at 0, replaces `recovery`
   std::function<void()> progress;  // called after every sample
 };
 

@@ -34,7 +34,8 @@ TEST(RecordedFidelity, ReplaysBitByBitAndKeepsItsShape) {
   EXPECT_EQ(recording->FidelityOf(120), (Fidelity{DetailLevel::kObject, 1, Recovery::kExact}));
   EXPECT_EQ(recording->FidelityOf(199).level, DetailLevel::kAll);
   for (int i : {0, 119, 120, 159, 160, 199})
-    EXPECT_LT((recording->Pose(i, b).translation() - ball[static_cast<std::size_t>(i)].translation()).norm(), 1e-15);
+    EXPECT_LT((recording->Pose(i, b).translation() - ball[static_cast<std::size_t>(i)].translation()).norm(),
+              1e-15);
   // Grip: two contacts on the ball, frozen or not, each with half of its weight.
   for (int i : {119, 159, 199}) {
     const auto contacts = recording->Contacts(i);

@@ -114,7 +114,8 @@ TEST_P(PegGrasp, IsInsertedWithContactsFrozenOnTheWay) {
   EXPECT_LT((run.simulation().Pose("peg").translation() - inside.translation()).norm(), 1e-12);
   course = run.Until(5);
   EXPECT_TRUE(course.finite);
-  EXPECT_LT((run.simulation().Pose("peg").translation() - inside.translation()).norm(), 2e-4) << "stays inside";
+  EXPECT_LT((run.simulation().Pose("peg").translation() - inside.translation()).norm(), 2e-4)
+      << "stays inside";
   EXPECT_LT(run.simulation().KineticEnergy(), 1e-6);
 }
 

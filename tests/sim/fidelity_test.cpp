@@ -70,13 +70,14 @@ TEST(Fidelity, WhatIsHeldFeelsBothFingersAsOneSpring) {
   }
   const Vector3 moved = simulation.Pose(ball).translation() - rest;
   // Linear up to the square of displacement over size: (0.4 mm / 20 mm)².
-  const Vector3 linear(push.x() / (2 * gripper.k), push.y() / (2 * gripper.k_side), push.z() / (2 * gripper.k_side));
+  const Vector3 linear(push.x() / (2 * gripper.k), push.y() / (2 * gripper.k_side),
+                       push.z() / (2 * gripper.k_side));
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(moved(k), linear(k), 4e-4 * std::abs(linear(k))) << k;
 }
 
 TEST(Fidelity, NothingJumpsAtRest) {
-  for (const Fidelity& to :
-       {kObject, Fidelity{DetailLevel::kAll, 0, Recovery::kExact}, Fidelity{DetailLevel::kInterface, 2, Recovery::kExact}}) {
+  for (const Fidelity& to : {kObject, Fidelity{DetailLevel::kAll, 0, Recovery::kExact},
+                             Fidelity{DetailLevel::kInterface, 2, Recovery::kExact}}) {
     Simulation simulation = Holding({}), stays = Holding({});
     ASSERT_EQ(simulation.HashState(), stays.HashState());
     ASSERT_TRUE(simulation.SetFidelity(to)) << Name(to.level);
@@ -84,8 +85,8 @@ TEST(Fidelity, NothingJumpsAtRest) {
     for (int i = 0; i < 60; ++i) {
       Steps(simulation, 1);
       Steps(stays, 1);
-      // Contacts that are found again start without their past; the solver's tolerance, 1e-4, of what falls in a
-      // step, 2.7 mm, is how far from it they may settle.
+      // Contacts that are found again start without their past; the solver's tolerance, 1e-4, of what falls
+      // in a step, 2.7 mm, is how far from it they may settle.
       ASSERT_LT(Difference(simulation, stays), 3e-7) << Name(to.level) << ' ' << i;
     }
     ASSERT_TRUE(simulation.SetFidelity(kInterface));
@@ -121,8 +122,8 @@ TEST(Fidelity, NothingJumpsInMotion) {
     Steps(simulation, 1);
     Steps(stays, 1);
     speed = std::max(speed, simulation.Velocity(simulation.FindBody("ball")).tail<3>().norm());
-    // A frozen contact does not roll and one that is not frozen does, by its sag under acceleration: within the
-    // slop of contact.
+    // A frozen contact does not roll and one that is not frozen does, by its sag under acceleration: within
+    // the slop of contact.
     ASSERT_LT(Difference(simulation, stays), 1e-4) << i;
   }
   EXPECT_GT(speed, 0.15);
@@ -164,8 +165,8 @@ TEST(FidelityTrack, ReadsLevelsTimesAndModes) {
 }
 
 TEST(FidelityTrack, RefusesWhatItCannotRead) {
-  for (const char* text : {"", "fine", "modes=", "modes=-1", "modes=2x", "x:all", "-1:all", "1:", "2:all,1:object",
-                           "nan:all", "all+", "all,", "1:all,1:all"}) {
+  for (const char* text : {"", "fine", "modes=", "modes=-1", "modes=2x", "x:all", "-1:all",
+                           "1:", "2:all,1:object", "nan:all", "all+", "all,", "1:all,1:all"}) {
     auto track = FidelityTrack::Parse(text);
     ASSERT_FALSE(track) << text;
     EXPECT_EQ(track.error().code, ErrorCode::kUsage) << text;

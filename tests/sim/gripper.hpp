@@ -10,9 +10,9 @@
 namespace fork1s::testing {
 
 struct Gripper {
-  double k = 500;      // N/m, along the grip
-  double k_side = 200; // N/m, across it
-  double damping = 5;  // N·s/m
+  double k = 500;       // N/m, along the grip
+  double k_side = 200;  // N/m, across it
+  double damping = 5;   // N·s/m
   double friction = 0.5;
   double ball_mass = 0.1;     // kg
   double ball_radius = 0.02;  // m
@@ -38,8 +38,10 @@ struct Gripper {
       // Towards the ball, then across.
       const JointIndex grip = builder.AddJoint(
           JointDef::Slide(std::string(name) + "_grip", b, -side * Vector3::UnitX()).WithSpring(k, damping));
-      builder.AddJoint(JointDef::Slide(std::string(name) + "_y", b, Vector3::UnitY()).WithSpring(k_side, damping));
-      builder.AddJoint(JointDef::Slide(std::string(name) + "_z", b, Vector3::UnitZ()).WithSpring(k_side, damping));
+      builder.AddJoint(
+          JointDef::Slide(std::string(name) + "_y", b, Vector3::UnitY()).WithSpring(k_side, damping));
+      builder.AddJoint(
+          JointDef::Slide(std::string(name) + "_z", b, Vector3::UnitZ()).WithSpring(k_side, damping));
       ControlDef control;
       control.name = name;
       control.terms.emplace_back(FreedomRef{grip, 0}, 1.0);

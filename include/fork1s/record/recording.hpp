@@ -44,16 +44,17 @@ struct RecordedSteps {
   std::vector<double> poses;        // x bodies x 7: x y z [m], qw qx qy qz
   /// x joint coordinates of all mechanisms as the scene has them, from the reference [rad, m].
   std::vector<double> coordinates;
-  std::vector<double> base_poses;   // x mechanisms x 7
-  std::vector<double> base_twists;  // x mechanisms x 6, in R about R's origin [rad/s, m/s]
-  std::vector<int> reduced_sizes;   // x mechanisms: r, which a refresh may change
-  std::vector<std::uint8_t> detail, twist;               // Fidelity of the step
-  std::vector<int> modes;                                // the same
+  std::vector<double> base_poses;           // x mechanisms x 7
+  std::vector<double> base_twists;          // x mechanisms x 6, in R about R's origin [rad/s, m/s]
+  std::vector<int> reduced_sizes;           // x mechanisms: r, which a refresh may change
+  std::vector<std::uint8_t> detail, twist;  // Fidelity of the step
+  std::vector<int> modes;                   // the same
   std::vector<double> kinetic_energy, potential_energy;  // J
   std::vector<double> closure_gap;                       // m
   std::vector<double> residual;                          // of the contact solver
   std::vector<double> max_penetration;                   // m
-  std::vector<int> contacts, limits, sweeps, newton_iterations, splitting_iterations, refreshes, failed_refreshes;
+  std::vector<int> contacts, limits, sweeps, newton_iterations, splitting_iterations, refreshes,
+      failed_refreshes;
   std::vector<std::uint8_t> fallback, converged, contacts_dropped, finite;
   std::vector<std::uint64_t> checksum;  // of all other values of the step
 

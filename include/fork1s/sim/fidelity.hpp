@@ -46,8 +46,8 @@ struct FidelityTrack {
 /// A free body that is part of a mechanism as long as its contacts are frozen.
 struct Hold {
   struct Contact {
-    std::string body;  // of the mechanism
-    RigidTransform X_BC;  // contact frame on that body: x is the normal, towards what is held
+    std::string body;                   // of the mechanism
+    RigidTransform X_BC;                // contact frame on that body: x is the normal, towards what is held
     Vector3 force_C = Vector3::Zero();  // N on what is held, when it was frozen
     double friction = 0;
     bool frictionless = false;  // holds along the normal only
@@ -57,8 +57,8 @@ struct Hold {
   std::vector<Contact> contacts;
 };
 
-/// Force of one frozen contact. Where contacts share a load in a way that no balance decides, as several on one
-/// pair of bodies do, they keep the share they had when they were frozen.
+/// Force of one frozen contact. Where no yielding decides how contacts share a load, several on one pair of
+/// bodies or stretched fingers against each other, they keep the share they had when they were frozen.
 struct HoldForce {
   int body = -1;                       // that holds, place in Simulation::bodies()
   int held = -1;                       // the same of what is held

@@ -17,7 +17,8 @@ struct SimulationOptions {
   double refresh_angle = 0.2617993877991494;  // rad
   int initial_keyframe = -1;                  // index in the scene
   StepOptions step;                           // h and gravity are set from dt and the scene
-  CollisionOptions collision = World::Options{}.collision;  // margin: how far ahead contacts are looked for, at most
+  CollisionOptions collision =
+      World::Options{}.collision;                // margin: how far ahead contacts are looked for, at most
   DetailLevel detail = DetailLevel::kInterface;  // not kObject: nothing is held before the first step
 };
 
@@ -51,8 +52,8 @@ class Simulation {
 
   /// Simulates with more or less detail from the present state on: poses stay, velocities as far as the new
   /// model can follow them. kObject freezes the contacts of every free body that two or more bodies of one
-  /// mechanism press on; other levels let go again. Errors leave everything as it was: kModel where nothing is
-  /// held or the mechanism cannot be reduced to the bodies asked for. Builds the world anew: milliseconds.
+  /// mechanism press on; other levels let go again. Errors leave everything as it was: kModel where nothing
+  /// is held or the mechanism cannot be reduced to the bodies asked for. Builds the world anew: milliseconds.
   Expected<void> SetFidelity(const Fidelity& fidelity);
   const Fidelity& fidelity() const { return fidelity_; }
   /// What is frozen at present.

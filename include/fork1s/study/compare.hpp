@@ -21,7 +21,7 @@ struct CompareOptions {
   double dt = 0;    // s; 0: the scene's time step
   Recovery recovery = Recovery::kExact;
   ControlTrack controls;
-  FidelityTrack detail;  // of the reduced run
+  FidelityTrack detail;                  // of the reduced run
   int refinements = 2;                   // further runs at dt/2, dt/4, ...
   std::string model_path;                // the MJCF file, for kMuJoCo
   std::function<void(double)> progress;  // called with the share done, in [0, 1]

@@ -10,21 +10,23 @@ namespace fork1s {
 
 struct DetailRow {
   Fidelity fidelity;
-  int modes = 0;            // kept, of all mechanisms
+  int modes = 0;  // kept, of all mechanisms
   int interface_bodies = 0;
-  int coordinates = 0;      // velocities that a step solves for
-  double switch_ms = 0;     // from the level before; 0 where the run began with it
-  double step_us = 0;       // median, from the switch on
-  /// Origins of the scene's interface and free bodies against the full run at the same step, from `from_s` on.
+  int coordinates = 0;   // velocities that a step solves for
+  double switch_ms = 0;  // from the level before; 0 where the run began with it
+  double step_us = 0;    // median, from the switch on
+  /// Origins of the scene's interface and free bodies against the full run at the same step, from `from_s`
+  /// on.
   double rms_mm = 0, max_mm = 0;
   double joint_gap_mm = 0;  // largest, on the recovered poses
 };
 
-/// Runs `folder`/`name`.xml with `folder`/`name`.csv at 1/60 s for `time_s`, once for every one of `levels`. Each
-/// run goes as the file says until `from_s` and takes the level then, so that something is held for
+/// Runs `folder`/`name`.xml with `folder`/`name`.csv at 1/60 s for `time_s`, once for every one of `levels`.
+/// Each run goes as the file says until `from_s` and takes the level then, so that something is held for
 /// DetailLevel::kObject. Errors: as of LoadMechanism, ReadControls, Simulation::Create and SetFidelity.
-Expected<std::vector<DetailRow>> MeasureDetail(const std::string& folder, const std::string& name, double from_s,
-                                               double time_s, const std::vector<Fidelity>& levels);
+Expected<std::vector<DetailRow>> MeasureDetail(const std::string& folder, const std::string& name,
+                                               double from_s, double time_s,
+                                               const std::vector<Fidelity>& levels);
 
 std::string DetailCsv(const std::string& scene, const std::vector<DetailRow>& rows);
 std::string DetailMarkdown(const std::vector<DetailRow>& rows);
