@@ -1,3 +1,4 @@
+#include <cmath>
 #include <fork1s/record/recording.hpp>
 
 #include "recording_file.hpp"
@@ -137,6 +138,19 @@ StepReport Recording::Report(int step) const {
   r.contacts_dropped = data_.contacts_dropped[i] != 0;
   r.finite = data_.finite[i] != 0;
   return r;
+}
+
+std::vector<std::size_t> FirstOfEachFrame(const std::vector<double>& times, double fps) {
+  constexpr double kRounding = 1e-6;  // frames: a time on a frame must not slip behind it
+  std::vector<std::size_t> chosen;
+  double wanted = 0;  // frames since the first
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    const double frame = (times[i] - times[0]) * fps;
+    if (fps > 0 && frame < wanted - kRounding) continue;
+    wanted = std::floor(frame + kRounding) + 1;
+    chosen.push_back(i);
+  }
+  return chosen;
 }
 
 }  // namespace fork1s
