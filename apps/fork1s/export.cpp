@@ -1,6 +1,8 @@
 #include <fmt/format.h>
+#include <algorithm>
 #include <filesystem>
 #include <fork1s/record/csv.hpp>
+#include <fork1s/record/gltf.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/server/wire.hpp>
 #include <fstream>
@@ -17,7 +19,8 @@ struct Arguments {
   std::string recording, out, look_at;
   bool all_bodies = false, video = false;
   VideoOptions options;
-  std::vector<double> from;  // degrees
+  std::vector<double> from;   // degrees
+  std::optional<double> fps;  // keys a second of a glTF animation
 };
 
 // The camera as the arguments want it.
@@ -69,38 +72,67 @@ int WritePage(const Recording& recording, const Arguments& args) {
   return kDone;
 }
 
+int WriteGltf(const Recording& recording, const Arguments& args) {
+  GltfOptions options;
+  if (args.fps) options.fps = *args.fps;
+  if (auto written = ExportGltf(recording, args.out, options); !written)
+    return Report(written.error(), false);
+  std::error_code ignored;
+  fmt::print("wrote {} ({:.2f} MB): open it in Blender or any other program that reads glTF 2.0\n", args.out,
+             static_cast<double>(std::filesystem::file_size(args.out, ignored)) * 1e-6);
+  return kDone;
+}
+
+int WriteFilm(const Recording& recording, const Arguments& args) {
+  auto camera = Camera(recording, args);
+  if (!camera) return Report(camera.error(), false);
+  auto page = MakePage(recording);
+  if (!page) return Report(page.error(), false);
+  auto frames = RenderVideo(*page, args.out, *camera);
+  if (!frames) return Report(frames.error(), false);
+  fmt::print("wrote {} frames to {}\n", *frames, args.out);
+  return kDone;
+}
+
+// What to write, by the extension of the name; without one it is a folder.
 int Run(const Arguments& args) {
+  const std::filesystem::path out(args.out);
+  const std::string extension = out.extension().string();
+  auto is = [&](std::initializer_list<const char*> names) {
+    return std::find(names.begin(), names.end(), extension) != names.end();
+  };
+  const bool page = is({".html", ".htm"}), gltf = is({".glb", ".gltf"}), film = is({".mp4", ".png"});
+  if (!page && !gltf && !film && !extension.empty() && !args.video && !std::filesystem::is_directory(out))
+    return Report(
+        {ErrorCode::kUsage, args.out,
+         fmt::format("the extension '{0}' is not known; known are .html, .glb, .gltf, .mp4 and .png, "
+                     "and a folder for CSV tables: write {1}/ if it is the name of one",
+                     extension, args.out)},
+        false);
+  if (args.fps && !gltf)
+    return Report({ErrorCode::kUsage, "--fps", "belongs to a FILE.glb or FILE.gltf"}, false);
+  if ((extension == ".png") != args.options.at.has_value())
+    return Report({ErrorCode::kUsage, "--at", "belongs to a FILE.png, and a FILE.png needs it"}, false);
   auto recording = Recording::Open(args.recording);
   if (!recording) return Report(recording.error(), false);
-  const std::string extension = std::filesystem::path(args.out).extension().string();
-  if (args.video || extension == ".mp4" || extension == ".png") {
-    if ((extension == ".png") != args.options.at.has_value())
-      return Report({ErrorCode::kUsage, "--at", "belongs to a FILE.png, and a FILE.png needs it"}, false);
-    auto camera = Camera(*recording, args);
-    if (!camera) return Report(camera.error(), false);
-    auto page = MakePage(*recording);
-    if (!page) return Report(page.error(), false);
-    auto frames = RenderVideo(*page, args.out, *camera);
-    if (!frames) return Report(frames.error(), false);
-    fmt::print("wrote {} frames to {}\n", *frames, args.out);
-    return kDone;
-  }
-  if (extension == ".html" || extension == ".htm") return WritePage(*recording, args);
-  return WriteTables(*recording, args);
+  if (film || args.video) return WriteFilm(*recording, args);
+  if (gltf) return WriteGltf(*recording, args);
+  return page ? WritePage(*recording, args) : WriteTables(*recording, args);
 }
 
 }  // namespace
 
 void AddExport(CLI::App& app, Action& action) {
-  auto* command =
-      app.add_subcommand("export", "write a recording as CSV tables, a page that plays it, or a film");
+  auto* command = app.add_subcommand(
+      "export", "write a recording as CSV tables, a page that plays it, a glTF animation or a film");
   auto args = std::make_shared<Arguments>();
   command->add_option("recording", args->recording, "HDF5 file of 'fork1s run --record'")->required();
   command
       ->add_option("out", args->out,
                    "a folder for poses.csv, contacts.csv, controls.csv, energy.csv; FILE.html: one page that "
                    "plays from "
-                   "disk; FILE.mp4: a film; FILE.png: the moment --at; with --video a folder for PNG frames")
+                   "disk; FILE.glb, FILE.gltf: a moving scene for other programs; FILE.mp4: a film; "
+                   "FILE.png: the moment --at; with --video a folder for PNG frames")
       ->required();
   command->add_flag("--all-bodies", args->all_bodies,
                     "tables: poses of every body, not only of interface and free ones");
@@ -119,6 +151,10 @@ void AddExport(CLI::App& app, Action& action) {
   command->add_option("--zoom", args->options.zoom, "how much nearer than to hold everything (default 1)")
       ->check(CLI::Range(0.1, 50.0));
   command->add_option("--look-at", args->look_at, "a body for the middle of the picture");
+  command
+      ->add_option("--fps", args->fps,
+                   "glTF: keys a second at most (default 60); 0: one every step of the simulation")
+      ->check(CLI::NonNegativeNumber);
   command->callback([&action, args] { action = [args] { return Run(*args); }; });
 }
 

@@ -4,6 +4,7 @@
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/record/csv.hpp>
+#include <fork1s/record/gltf.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/record/reduced_model_file.hpp>
 #include <fork1s/recovery/recover.hpp>

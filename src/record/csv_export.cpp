@@ -3,9 +3,10 @@
 #include <filesystem>
 #include <fork1s/record/csv.hpp>
 #include <fstream>
-#include <map>
 
 #include <fmt/format.h>
+
+#include "body_names.hpp"
 
 namespace fork1s {
 namespace {
@@ -15,20 +16,6 @@ std::string Quoted(const std::string& name) {
   std::string quoted = "\"";
   for (char c : name) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
   return quoted + '"';
-}
-
-// One name per body, different from all others.
-std::vector<std::string> BodyNames(const Recording& recording) {
-  std::map<std::string, int> count;
-  for (const SceneBody& b : recording.bodies()) ++count[b.name];
-  std::vector<std::string> names;
-  for (const SceneBody& b : recording.bodies()) {
-    const bool alone = count[b.name] == 1;
-    const std::string owner =
-        b.mechanism < 0 ? "free" : recording.scene().mechanisms[static_cast<std::size_t>(b.mechanism)].name;
-    names.push_back(alone ? b.name : owner + '/' + b.name);
-  }
-  return names;
 }
 
 class Table {
@@ -136,7 +123,7 @@ Expected<void> ExportCsv(const Recording& recording, const std::string& director
   std::filesystem::create_directories(folder, error);
   if (!std::filesystem::is_directory(folder, error))
     return Fail(ErrorCode::kFile, directory, "cannot be made a folder; check the path and its permissions");
-  const std::vector<std::string> names = BodyNames(recording);
+  const std::vector<std::string> names = internal::BodyNames(recording);
   if (auto ok = WritePoses(recording, folder / "poses.csv", options, names); !ok) return ok;
   if (auto ok = WriteContacts(recording, folder / "contacts.csv", names); !ok) return ok;
   if (auto ok = WriteControls(recording, folder / "controls.csv"); !ok) return ok;

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <fork1s/record/recording.hpp>
 
 #include "recording_file.hpp"
@@ -145,6 +146,19 @@ Fidelity Recording::FidelityOf(int step) const {
   FORK1S_REQUIRE(data_.detail[i] <= static_cast<std::uint8_t>(DetailLevel::kAll), "no level of detail");
   return {static_cast<DetailLevel>(data_.detail[i]), data_.modes[i],
           data_.twist[i] != 0 ? Recovery::kTwist : Recovery::kExact};
+}
+
+std::vector<std::size_t> FirstOfEachFrame(const std::vector<double>& times, double fps) {
+  constexpr double kRounding = 1e-6;  // frames: a time on a frame must not slip behind it
+  std::vector<std::size_t> chosen;
+  double wanted = 0;  // frames since the first
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    const double frame = (times[i] - times[0]) * fps;
+    if (fps > 0 && frame < wanted - kRounding) continue;
+    wanted = std::floor(frame + kRounding) + 1;
+    chosen.push_back(i);
+  }
+  return chosen;
 }
 
 }  // namespace fork1s

@@ -153,6 +153,24 @@ class StepReader {
 
 }  // namespace
 
+namespace {
+
+// Whether every body of the list is the one that stands at its place in the scene.
+void CheckPlaces(const RecordingHeader& h) {
+  std::size_t next = 0;
+  auto check = [&](int mechanism, std::size_t index) {
+    const SceneBody& b = h.bodies[next++];
+    if (b.mechanism != mechanism || b.index != static_cast<int>(index))
+      throw Hdf5Fault("the list of bodies does not match the scene");
+  };
+  for (std::size_t m = 0; m < h.scene.mechanisms.size(); ++m)
+    for (std::size_t i = 0; i < h.scene.mechanisms[m].bodies.size(); ++i)
+      check(static_cast<int>(m), i);
+  for (std::size_t i = 0; i < h.scene.free_bodies.size(); ++i) check(-1, i);
+}
+
+}  // namespace
+
 Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const FileFacts& facts) {
   RecordingHeader h;
   h.path = path;
@@ -190,6 +208,7 @@ Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const 
     throw Hdf5Fault("the list of bodies does not match the scene");
   for (std::size_t i = 0; i < expected; ++i)
     h.bodies.push_back({bodies[i], owner[i], index[i], is_interface[i] != 0});
+  CheckPlaces(h);
 
   const Hdf5 initial = OpenGroup(file, "initial");
   h.first_step = ReadNumberAttribute(initial.id(), "step");

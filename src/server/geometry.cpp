@@ -1,5 +1,6 @@
 // Shapes, told once.
 #include <cmath>
+#include <fork1s/geometry/surface.hpp>
 #include <fork1s/server/wire.hpp>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -30,21 +31,7 @@ struct MeshTable {
 // A height grid becomes the triangles of its surface.
 int MeshTable::Number(const HeightGrid& grid) {
   if (const auto at = numbers.find(&grid); at != numbers.end()) return at->second;
-  auto mesh = std::make_shared<TriangleMesh>();
-  mesh->name = grid.name;
-  for (int i = 0; i < grid.rows; ++i)
-    for (int j = 0; j < grid.columns; ++j) {
-      const double x = -grid.half_x + 2 * grid.half_x * j / std::max(1, grid.columns - 1);
-      const double y = -grid.half_y + 2 * grid.half_y * i / std::max(1, grid.rows - 1);
-      const double z = grid.max_height * grid.values[static_cast<std::size_t>(i * grid.columns + j)];
-      mesh->vertices.emplace_back(static_cast<float>(x), static_cast<float>(y), static_cast<float>(z));
-    }
-  for (int i = 0; i + 1 < grid.rows; ++i)
-    for (int j = 0; j + 1 < grid.columns; ++j) {
-      const int a = i * grid.columns + j, b = a + grid.columns;
-      mesh->triangles.emplace_back(a, a + 1, b);
-      mesh->triangles.emplace_back(b, a + 1, b + 1);
-    }
+  auto mesh = std::make_shared<const TriangleMesh>(GridTriangles(grid));
   made.push_back(mesh);
   return Number(&grid, *mesh);
 }

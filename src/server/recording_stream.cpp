@@ -1,6 +1,7 @@
 // Recordings as streams, and streams in pages.
 #include <algorithm>
 #include <cmath>
+#include <fork1s/base/base64.hpp>
 #include <fork1s/server/wire.hpp>
 
 #include "byte_writer.hpp"
@@ -11,7 +12,7 @@ namespace {
 
 using internal::ByteWriter;
 
-constexpr double kFrame = 1.0 / 60;  // s
+constexpr double kFramesPerSecond = 60;
 
 void Append(std::string& out, bool binary, const std::string& message) {
   ByteWriter head;
@@ -135,32 +136,19 @@ Expected<std::string> EncodeRecording(const Recording& recording, const std::str
       Append(out, true, EmptyMaps(mechanisms[m].mechanism(), static_cast<std::uint32_t>(m)));
 
   const FrameOfRecording frames(recording, *simulation, separate);
-  const std::vector<double>& time = recording.data().time;
-  double wanted = 0;  // frames since the first
-  for (int i = 0; i < recording.num_steps(); ++i) {
-    const double frame = (time[static_cast<std::size_t>(i)] - time[0]) / kFrame;
-    if (frame < wanted - 1e-6) continue;
-    wanted = std::floor(frame + 1e-6) + 1;
-    Append(out, true, frames.Encode(i));
-  }
+  for (std::size_t i : FirstOfEachFrame(recording.data().time, kFramesPerSecond))
+    Append(out, true, frames.Encode(static_cast<int>(i)));
   return out;
 }
 
 std::string ReplayPage(std::string_view page, std::string_view stream) {
-  static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string text;
   text.reserve(page.size() + stream.size() * 4 / 3 + 128);
   // The end of the body is the last of that name: the program in the page's head may mention it too.
   const std::size_t end = std::min(page.rfind("</body>"), page.size());
   text += page.substr(0, end);
   text += "<script type=\"text/plain\" id=\"fork1s-recording\">";
-  for (std::size_t i = 0; i < stream.size(); i += 3) {
-    std::uint32_t bits = 0;
-    const std::size_t count = std::min<std::size_t>(3, stream.size() - i);
-    for (std::size_t k = 0; k < 3; ++k)
-      bits = bits << 8 | (k < count ? static_cast<unsigned char>(stream[i + k]) : 0u);
-    for (std::size_t k = 0; k < 4; ++k) text += k <= count ? kDigits[bits >> (18 - 6 * k) & 63] : '=';
-  }
+  AppendBase64(stream, text);
   text += "</script>\n";
   text += page.substr(end);
   return text;

@@ -107,6 +107,22 @@ TEST(Record, ReplaysAndExports) {
   EXPECT_GE(std::count(poses.begin(), poses.end(), '\n'), 61);
 }
 
+TEST(Record, ExportsMovingScenes) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const std::string file = (ScratchFolder() / "run.h5").string(),
+                    out = (ScratchFolder() / "run.glb").string();
+  ASSERT_EQ(Fork1s("run --time 1 --record " + file + " " + model).code, 0);
+  const Outcome o = Fork1s("export " + file + " " + out);
+  EXPECT_EQ(o.code, 0) << o.err;
+  const std::string sixty = Slurp(out);
+  EXPECT_EQ(sixty.substr(0, 4), "glTF");
+  ASSERT_EQ(Fork1s("export --fps 10 " + file + " " + out).code, 0);
+  EXPECT_LT(Slurp(out).size(), sixty.size());
+  const std::string text = (ScratchFolder() / "run.gltf").string();
+  ASSERT_EQ(Fork1s("export " + file + " " + text).code, 0);
+  EXPECT_EQ(nlohmann::json::parse(Slurp(text))["asset"]["version"], "2.0");
+}
+
 TEST(Json, PrintsNothingElseOnStandardOutput) {
   const std::string model = Write("finger.xml", FingerModel());
   for (const char* command : {"inspect", "reduce", "statics --body tip --force 0,0,1", "run --time 0.1"}) {

@@ -105,6 +105,24 @@ TEST(Files, MissingEmptyAndForeign) {
   EXPECT_EQ(Fork1s("run --record /no/such/folder/run.h5 " + model).code, 3);
 }
 
+TEST(Exports, UnknownExtensionsListTheKnown) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const std::string file = (ScratchFolder() / "short.h5").string();
+  ASSERT_EQ(Fork1s("run --time 0.1 --record " + file + " " + model).code, 0);
+  const std::string out = (ScratchFolder() / "run.fbx").string();
+  const Outcome o = Fork1s("export " + file + " " + out);
+  EXPECT_EQ(o.code, 2);
+  for (const char* known : {"'.fbx'", ".html", ".glb", ".gltf", ".mp4", ".png", "run.fbx/"})
+    EXPECT_NE(o.err.find(known), std::string::npos) << o.err;
+  EXPECT_FALSE(std::filesystem::exists(out));
+  EXPECT_EQ(Fork1s("export " + file + " " + out + "/").code, 0);  // a folder of that name, if it must be
+  EXPECT_EQ(Fork1s("export " + file + " " + out).code, 0);        // now it is one
+  EXPECT_TRUE(std::filesystem::exists(out + "/poses.csv"));
+  EXPECT_EQ(Fork1s("export --fps 30 " + file + " " + out).code, 2);  // tables have no keys
+  EXPECT_EQ(Fork1s("export --fps -1 " + file + " run.glb").code, 2);
+  EXPECT_EQ(Fork1s("export " + file + " /no/such/folder/run.glb").code, 3);
+}
+
 TEST(Files, TruncatedRecordings) {
   const std::string model = Write("finger.xml", FingerModel());
   const std::string file = (ScratchFolder() / "whole.h5").string();

@@ -121,6 +121,17 @@ TEST(DamagedRecording, SaysWhatIsWrong) {
     });
     EXPECT_EQ(e.code, ErrorCode::kFormat) << name;
   }
+  // Bodies are looked up in the scene by these.
+  for (const char* name : {"names/body_mechanism", "names/body_index"}) {
+    e = Spoil(fresh(), [&](hid_t file) {
+      const hid_t d = H5Dopen2(file, name, H5P_DEFAULT);
+      std::vector<int> places(static_cast<std::size_t>(H5Dget_storage_size(d)) / sizeof(int), 1000);
+      H5Dwrite(d, H5T_NATIVE_INT, H5S_ALL, H5S_ALL, H5P_DEFAULT, places.data());
+      H5Dclose(d);
+    });
+    EXPECT_EQ(e.code, ErrorCode::kFormat) << name;
+    EXPECT_NE(e.message.find("list of bodies"), std::string::npos) << e.message;
+  }
 }
 
 TEST(DamagedRecording, OtherFiles) {

@@ -157,6 +157,10 @@ class Recording {
   RecordedSteps data_;
 };
 
+/// Which of increasing times [s] to show at `fps` frames a second: the first, then the first at or after
+/// every further frame, which leaves out times where they are denser than the frames. fps 0: all.
+std::vector<std::size_t> FirstOfEachFrame(const std::vector<double>& times, double fps);
+
 struct ReplayResult {
   int steps = 0;                   // replayed
   bool identical = false;          // every hash is the recorded one
