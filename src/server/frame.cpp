@@ -1,4 +1,4 @@
-// The messages that repeat: maps after every refresh, frames sixty times a second.
+// The messages that repeat: maps after every refresh, frames and ghosts sixty times a second.
 #include <fork1s/server/wire.hpp>
 
 #include "byte_writer.hpp"
@@ -142,6 +142,21 @@ std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::
     out.Vector(p.point_W);
     out.Vector(p.target_W);
     out.Vector(p.force_W);
+  }
+  return out.Take();
+}
+
+std::string EncodeGhost(const GhostView& view, std::uint32_t epoch) {
+  ByteWriter out;
+  out.U32(static_cast<std::uint32_t>(WireKind::kGhost));
+  out.U32(epoch);
+  for (double v : {view.time, view.behind, view.distance}) out.F64(v);
+  out.I32(view.body);
+  out.U32(static_cast<std::uint32_t>(view.X_WB.size()));
+  for (const RigidTransform& X : view.X_WB) {
+    out.Vector(X.translation());
+    const Quaternion q = X.quaternion();
+    for (double c : {q.w(), q.x(), q.y(), q.z()}) out.F32(c);
   }
   return out.Take();
 }

@@ -124,9 +124,9 @@ Expected<std::string> EncodeRecording(const Recording& recording, const std::str
   const bool separate = h.options.recovery == Recovery::kTwist;
 
   std::string out;
-  Append(out, false, EncodeGeometry(*simulation));
+  Append(out, false, EncodeGeometry(*simulation, 1));
   Append(out, true, EncodeMeshes(*simulation));
-  Append(out, false, internal::Dump(internal::DescribeScene(*simulation, title, 1, separate)));
+  Append(out, false, internal::Dump(internal::DescribeScene(*simulation, title, 1, 1, separate)));
   const auto& mechanisms = simulation->world().mechanisms();
   if (!separate)
     for (std::size_t m = 0; m < mechanisms.size(); ++m)
