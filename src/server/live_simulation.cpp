@@ -263,9 +263,12 @@ bool LiveSimulation::StepOnce() {
 void LiveSimulation::Advance(double wall_budget) {
   if (paused_ && !step_requested_) {
     if (!pull_) shown_.clear();
+    advanced_at_ = 0;
     return;
   }
   const double start = Now();
+  const double since = advanced_at_ > 0 ? start - advanced_at_ : kFrame;
+  advanced_at_ = start;
   const double h = simulation_.dt();
   const double wanted = kFrame * settings_.speed;
   carry_ += wanted;
@@ -279,8 +282,12 @@ void LiveSimulation::Advance(double wall_budget) {
   // What could not be computed in time is dropped: the motion becomes slower, never jerky.
   carry_ = done == steps ? std::max(0.0, carry_ - done * h) : 0;
   if (done > 0) scalars_.step_us = 1e6 * (Now() - start) / done;
-  const double share = steps > 0 ? static_cast<double>(done) / steps : real_time_share_;
-  real_time_share_ += 0.1 * (share - real_time_share_);
+  // Over some ten frames: what was simulated against what the clock wanted, everything between frames
+  // included.
+  constexpr double kKept = 0.9;
+  simulated_ = kKept * simulated_ + done * h;
+  wanted_ = kKept * wanted_ + since * settings_.speed;
+  real_time_share_ = std::min(1.0, simulated_ / wanted_);
 }
 
 std::vector<LiveFault> LiveSimulation::TakeFaults() { return std::exchange(faults_, {}); }

@@ -259,7 +259,7 @@ export class App {
       this.picking.useScene(scene);
       this.tipStart = null;
       this.problems.clear('request', 'ghost'); // the model was built anew since
-      for (const warning of this.view.scene ? [] : scene.warnings) this.notices.say(warning);
+      if (!this.view.scene) this.notices.sayAll(scene.warnings);
     }
     if (!frame.paused) this.problems.clear('run');
     this.view.setFrame(scene, shapes, frame, maps);

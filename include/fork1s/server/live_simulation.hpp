@@ -106,6 +106,8 @@ class LiveSimulation {
 
   FrameScalars scalars_;
   double real_time_share_ = 1;
+  double simulated_ = 0, wanted_ = 0;  // s, of late
+  double advanced_at_ = 0;             // s, wall clock; 0: not going on
   Snapshot latest_;
   std::vector<VectorX> encoded_reference_;
 };
