@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "model_arguments.hpp"
+#include "model_watch.hpp"
 #include "output.hpp"
 #include "page.hpp"
 
@@ -20,7 +21,7 @@ namespace {
 struct Arguments {
   ModelArguments model;
   int port = 8080;
-  bool no_open = false;
+  bool no_open = false, no_watch = false;
   double dt = 0, time = 0;
   std::string recovery = "exact";
 };
@@ -60,17 +61,33 @@ Expected<LiveSimulation> Prepare(const Arguments& args) {
   return live;
 }
 
+// The model goes on as it was while its file cannot be used, and the pages say why.
+void TakeChangedFile(Expected<LiveSimulation> loaded, LiveSimulation& live) {
+  if (loaded)
+    live.Replace(std::move(*loaded));
+  else
+    live.SetFileProblem(loaded.error().Text());
+}
+
 // Sixty frames a second: commands, steps, one snapshot. The server thread does the rest.
-void Loop(LiveSimulation& live, LiveServer& server, double time) {
+void Loop(LiveSimulation& live, LiveServer& server, ModelWatch* watch, double time) {
   using Clock = std::chrono::steady_clock;
   const auto frame = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1.0 / 60));
   const auto start = Clock::now();
   auto next = start;
   while (!stop_requested) {
-    for (const Command& command : server.TakeCommands())
-      if (auto refusal = live.Handle(command)) server.Tell(command.viewer, *refusal);
+    if (watch)
+      if (auto loaded = watch->Take()) TakeChangedFile(std::move(*loaded), live);
+    for (const Command& command : server.TakeCommands()) {
+      const auto refusal = live.Handle(command);
+      if (!refusal) continue;
+      if (refusal->passing)
+        server.Tell(command.viewer, refusal->sentence);
+      else
+        server.TellProblem(command.viewer, "request", refusal->sentence);
+    }
     live.Advance(0.9 / 60);
-    if (auto fault = live.TakeFault()) server.Tell(0, *fault);
+    for (const LiveFault& fault : live.TakeFaults()) server.TellProblem(0, fault.about, fault.sentence);
     server.Publish(live.Capture(server.num_viewers()));
     if (time > 0 && Clock::now() - start > std::chrono::duration<double>(time)) break;
     next += frame;
@@ -88,6 +105,7 @@ int Run(const Arguments& args) {
          "this program was built without its page, because npm was not found; install nodejs and npm, run "
          "cmake again and build"},
         args.model.json);
+  const auto seen = StampOf(args.model.path);  // before it is read, so that no change is missed
   auto live = Prepare(args);
   if (!live) return Report(live.error(), args.model.json);
   ServerOptions options;
@@ -107,7 +125,9 @@ int Run(const Arguments& args) {
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGCHLD, SIG_IGN);
   if (!args.no_open) OpenBrowser(address);
-  Loop(*live, *server, args.time);
+  std::optional<ModelWatch> watch;
+  if (!args.no_watch) watch.emplace(args.model.path, seen, [&args] { return Prepare(args); });
+  Loop(*live, *server, watch ? &*watch : nullptr, args.time);
   return kDone;
 }
 
@@ -120,6 +140,7 @@ void AddView(CLI::App& app, Action& action) {
   command->add_option("--port", args->port, "port on 127.0.0.1 (default 8080; 0: any that is free)")
       ->check(CLI::Range(0, 65535));
   command->add_flag("--no-open", args->no_open, "only print the address, start no browser");
+  command->add_flag("--no-watch", args->no_watch, "do not load the model anew when its file changes");
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
   command->add_option("--recovery", args->recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));

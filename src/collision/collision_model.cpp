@@ -1,6 +1,7 @@
 #include "collision_model.hpp"
 
 #include <cstring>
+#include <fork1s/base/compiler_lock.hpp>
 #include <mutex>
 #include <stdexcept>
 
@@ -85,9 +86,7 @@ void CatchMujocoErrors() {
 }
 
 Expected<ModelPointer> CompileModel(const ModelText& text, const std::vector<CollisionBodyDef>& bodies) {
-  // MuJoCo's compiler keeps global state (locale, XML schema), so one model at a time.
-  static std::mutex mutex;
-  const std::lock_guard<std::mutex> lock(mutex);
+  const std::lock_guard<std::mutex> lock(CompilerLock());
   CatchMujocoErrors();
   std::string message;
   ModelPointer model = TryCompile(text, true, message);

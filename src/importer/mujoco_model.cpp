@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fork1s/base/compiler_lock.hpp>
 #include <fstream>
 #include <iterator>
 #include <mutex>
@@ -15,9 +16,9 @@
 namespace fork1s::internal {
 namespace {
 
-// MuJoCo reports through global function pointers, so that one compilation runs at a time.
-std::mutex mujoco_mutex;
-std::vector<std::string>* warnings_sink = nullptr;
+// MuJoCo reports through global function pointers. A simulation may step on another thread meanwhile: what
+// MuJoCo says there does not belong to the compilation, so only the thread that compiles has a sink.
+thread_local std::vector<std::string>* warnings_sink = nullptr;
 
 class MujocoFault : public std::runtime_error {
  public:
@@ -32,7 +33,7 @@ void KeepWarning(const char* message) {
 class HandlerScope {
  public:
   explicit HandlerScope(std::vector<std::string>* sink)
-      : lock_(mujoco_mutex), error_(mju_user_error), warning_(mju_user_warning) {
+      : lock_(CompilerLock()), error_(mju_user_error), warning_(mju_user_warning) {
     warnings_sink = sink;
     mju_user_error = ThrowFault;
     mju_user_warning = KeepWarning;

@@ -182,6 +182,11 @@ void FullSimulation::SetControls(const VectorX& values) {
   for (int i = 0; i < values.size(); ++i) SetControl(i, values(i));
 }
 
+void FullSimulation::SetGravity(const Vector3& gravity_W) {
+  FORK1S_REQUIRE(gravity_W.allFinite());
+  detail_->scene.gravity = gravity_W;
+}
+
 namespace {
 
 const FullBody& BodyAt(const std::vector<FullBody>& bodies, int body) {

@@ -51,10 +51,11 @@ Command Read(const Json& message) {
   if (!message.is_object()) throw Malformed{"a message must be a JSON object"};
   const Json& type = Member(message, "type");
   static const std::map<std::string, Command::Kind> kinds = {
-      {"pull", Command::Kind::kPull}, {"release", Command::Kind::kRelease},
-      {"push", Command::Kind::kPush}, {"pause", Command::Kind::kPause},
-      {"step", Command::Kind::kStep}, {"reset", Command::Kind::kReset},
-      {"set", Command::Kind::kSet},   {"interfaces", Command::Kind::kInterfaces}};
+      {"pull", Command::Kind::kPull},  {"release", Command::Kind::kRelease},
+      {"push", Command::Kind::kPush},  {"pause", Command::Kind::kPause},
+      {"step", Command::Kind::kStep},  {"reset", Command::Kind::kReset},
+      {"set", Command::Kind::kSet},    {"interfaces", Command::Kind::kInterfaces},
+      {"ghost", Command::Kind::kGhost}};
   const auto kind = type.is_string() ? kinds.find(type.get<std::string>()) : kinds.end();
   if (kind == kinds.end()) throw Malformed{"the message's 'type' is not one that this program knows"};
   Command c;
@@ -67,6 +68,7 @@ Command Read(const Json& message) {
       c.target = Vector(Member(message, "target"), "target");
       break;
     case Command::Kind::kPause:
+    case Command::Kind::kGhost:
       c.on = Flag(Member(message, "on"), "on");
       break;
     case Command::Kind::kSet: {

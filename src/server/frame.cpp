@@ -1,4 +1,4 @@
-// The messages that repeat: maps after every refresh, frames sixty times a second.
+// The messages that repeat: maps after every refresh, frames and ghosts sixty times a second.
 #include <fork1s/server/wire.hpp>
 
 #include "byte_writer.hpp"
@@ -19,29 +19,34 @@ VectorX Correction(const MechanismDynamics& dynamics) {
   return rest;
 }
 
+// The first body of every mechanism, then that of the free bodies.
+std::vector<int> FirstBodies(const World& world) {
+  std::vector<int> first = {0};
+  for (const MechanismDynamics& m : world.mechanisms())
+    first.push_back(first.back() + m.mechanism().num_bodies());
+  return first;
+}
+
 // The body of the scene that a collision body stands for.
-int SceneBodyOf(const World& world, const Contactor& contactor) {
+int SceneBodyOf(const World& world, const std::vector<int>& first, const Contactor& contactor) {
   if (contactor.kind == Contactor::Kind::kWorld) return -1;
-  int first = 0;
-  const auto& mechanisms = world.mechanisms();
-  const int before =
-      contactor.kind == Contactor::Kind::kGroup ? contactor.index : static_cast<int>(mechanisms.size());
-  for (int i = 0; i < before; ++i) first += mechanisms[static_cast<std::size_t>(i)].mechanism().num_bodies();
-  if (contactor.kind == Contactor::Kind::kFreeBody) return first + contactor.index;
-  const auto& groups = mechanisms[static_cast<std::size_t>(contactor.index)].groups();
-  return first + groups[static_cast<std::size_t>(contactor.group)].body.value();
+  if (contactor.kind == Contactor::Kind::kFreeBody) return first.back() + contactor.index;
+  const auto mechanism = static_cast<std::size_t>(contactor.index);
+  const auto& groups = world.mechanisms()[mechanism].groups();
+  return first[mechanism] + groups[static_cast<std::size_t>(contactor.group)].body.value();
 }
 
 void WriteContacts(const Simulation& simulation, ByteWriter& out) {
   const World& world = simulation.world();
   const auto& contactors = world.contactors();
+  const std::vector<int> first = FirstBodies(world);
   std::uint32_t count = 0;
   for (const ContactRecord& c : world.contacts()) count += c.impulse.x() > 0 ? 1 : 0;
   out.U32(count);
   for (const ContactRecord& c : world.contacts()) {
     if (!(c.impulse.x() > 0)) continue;
-    out.I32(SceneBodyOf(world, contactors[static_cast<std::size_t>(c.point.body_a)]));
-    out.I32(SceneBodyOf(world, contactors[static_cast<std::size_t>(c.point.body_b)]));
+    out.I32(SceneBodyOf(world, first, contactors[static_cast<std::size_t>(c.point.body_a)]));
+    out.I32(SceneBodyOf(world, first, contactors[static_cast<std::size_t>(c.point.body_b)]));
     out.Vector(c.point.point);
     out.Vector(c.point.frame.row(0).transpose());
     out.Vector(c.point.frame.transpose() * c.impulse / simulation.step_options().h);
@@ -142,6 +147,21 @@ std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::
     out.Vector(p.point_W);
     out.Vector(p.target_W);
     out.Vector(p.force_W);
+  }
+  return out.Take();
+}
+
+std::string EncodeGhost(const GhostView& view, std::uint32_t epoch) {
+  ByteWriter out;
+  out.U32(static_cast<std::uint32_t>(WireKind::kGhost));
+  out.U32(epoch);
+  for (double v : {view.time, view.behind, view.distance}) out.F64(v);
+  out.I32(view.body);
+  out.U32(static_cast<std::uint32_t>(view.X_WB.size()));
+  for (const RigidTransform& X : view.X_WB) {
+    out.Vector(X.translation());
+    const Quaternion q = X.quaternion();
+    for (double c : {q.w(), q.x(), q.y(), q.z()}) out.F32(c);
   }
   return out.Take();
 }

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "byte_writer.hpp"
+#include "scene_description.hpp"
 
 namespace fork1s {
 namespace {
@@ -84,13 +85,14 @@ Json Collect(const Simulation& simulation, MeshTable& meshes) {
 
 }  // namespace
 
-std::string EncodeGeometry(const Simulation& simulation) {
+std::string EncodeGeometry(const Simulation& simulation, std::uint32_t version) {
   MeshTable meshes;
   Json out;
   out["type"] = "geometry";
+  out["version"] = version;
   out["shapes"] = Collect(simulation, meshes);
   out["meshes"] = meshes.meshes.size();
-  return out.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return internal::Dump(out);
 }
 
 std::string EncodeMeshes(const Simulation& simulation) {

@@ -14,11 +14,13 @@
 #include <fork1s/server/live_server.hpp>
 #include <map>
 #include <mutex>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
 
 #include <fmt/format.h>
+
+#include "outbox.hpp"
+#include "scene_description.hpp"
 
 namespace fork1s {
 namespace {
@@ -49,9 +51,8 @@ bool IsOwnOrigin(std::string_view origin) {
 
 std::string_view View(beast::string_view s) { return {s.data(), s.size()}; }
 
-Message Sentence(const char* type, const std::string& text) {
-  return std::make_shared<const std::string>(nlohmann::json{{"type", type}, {"message", text}}.dump(
-      -1, ' ', false, nlohmann::json::error_handler_t::replace));
+Message Notice(const std::string& text) {
+  return std::make_shared<const std::string>(internal::Dump({{"type", "notice"}, {"message", text}}));
 }
 
 }  // namespace
@@ -74,6 +75,8 @@ struct LiveServer::Detail {
   void Drop(int viewer);
   /// False where the queue is full: the command is not taken.
   bool Queue(Command command);
+  /// One viewer, or with 0 all. From any thread.
+  void Tell(int viewer, Message message);
 
   ServerOptions options;
   std::optional<asio::io_context> context;
@@ -138,7 +141,6 @@ class LiveServer::Detail::Viewer : public std::enable_shared_from_this<Viewer> {
   }
 
  private:
-  // What this viewer lacks most: what a frame needs comes before the frame.
   Message Choose(bool& binary) {
     binary = false;
     if (!sentences_.empty()) {
@@ -147,21 +149,7 @@ class LiveServer::Detail::Viewer : public std::enable_shared_from_this<Viewer> {
       return next;
     }
     const std::lock_guard<std::mutex> lock(server_.mutex);
-    const Snapshot& s = server_.latest;
-    if (!s.frame) return nullptr;
-    if (!geometry_sent_) return geometry_sent_ = true, s.geometry;
-    if (!meshes_sent_) return meshes_sent_ = true, binary = true, s.meshes;
-    if (epoch_ != s.epoch) {
-      epoch_ = s.epoch;
-      versions_.assign(s.maps.size(), 0);
-      return s.scene;
-    }
-    if (settings_version_ != s.settings_version) return settings_version_ = s.settings_version, s.settings;
-    binary = true;
-    for (std::size_t i = 0; i < s.maps.size(); ++i)
-      if (versions_[i] != s.versions[i]) return versions_[i] = s.versions[i], s.maps[i];
-    if (sequence_ == s.sequence) return nullptr;
-    return sequence_ = s.sequence, s.frame;
+    return outbox_.Next(server_.latest, binary);
   }
 
   void Read() {
@@ -183,7 +171,7 @@ class LiveServer::Detail::Viewer : public std::enable_shared_from_this<Viewer> {
     if (!command) return Refuse(websocket::close_code::policy_error, command.error().message);
     command->viewer = id_;
     if (!server_.Queue(std::move(*command)))
-      Tell(Sentence("notice", "the simulation is busy; the last request was not taken"));
+      Tell(Notice("the simulation is busy; the last request was not taken"));
     Read();
   }
 
@@ -205,9 +193,7 @@ class LiveServer::Detail::Viewer : public std::enable_shared_from_this<Viewer> {
   std::optional<websocket::close_reason> closing_;
   Message writing_;
   std::deque<Message> sentences_;
-  bool geometry_sent_ = false, meshes_sent_ = false;
-  std::uint32_t epoch_ = 0, settings_version_ = 0, sequence_ = 0;
-  std::vector<std::uint32_t> versions_;
+  internal::Outbox outbox_;
 };
 
 // One HTTP connection, until it asks to become a WebSocket.
@@ -377,13 +363,18 @@ std::vector<Command> LiveServer::TakeCommands() {
   return out;
 }
 
-void LiveServer::Tell(int viewer, const std::string& sentence) {
-  Detail& d = *detail_;
-  asio::post(*d.context, [&d, viewer, message = Sentence("notice", sentence)] {
-    for (auto& [id, weak] : d.viewers)
+void LiveServer::Detail::Tell(int viewer, Message message) {
+  asio::post(*context, [this, viewer, message = std::move(message)] {
+    for (auto& [id, weak] : viewers)
       if (viewer == 0 || id == viewer)
         if (auto alive = weak.lock()) alive->Tell(message);
   });
+}
+
+void LiveServer::Tell(int viewer, const std::string& sentence) { detail_->Tell(viewer, Notice(sentence)); }
+
+void LiveServer::TellProblem(int viewer, const std::string& about, const std::string& sentence) {
+  detail_->Tell(viewer, std::make_shared<const std::string>(internal::ProblemMessage(about, sentence)));
 }
 
 int LiveServer::num_viewers() const { return detail_->num_viewers; }

@@ -5,8 +5,11 @@
 #include <cmath>
 #include <fork1s/dynamics/load_factor.hpp>
 #include <fork1s/server/pull_spring.hpp>
+#include <utility>
 
 #include <fmt/format.h>
+
+#include "scene_description.hpp"
 
 namespace fork1s {
 namespace {
@@ -46,10 +49,15 @@ Expected<LiveSimulation> LiveSimulation::Create(Scene scene, const SimulationOpt
   for (const MechanismDynamics& m : live.simulation_.world().mechanisms())
     live.base_origin_.push_back(m.state().X_WR);
   live.targets_ = live.simulation_.controls();
-  live.latest_.geometry = Share(EncodeGeometry(live.simulation_));
   live.latest_.meshes = Share(EncodeMeshes(live.simulation_));
+  live.ShowShapes(1);
   live.AfterBuild();
   return live;
+}
+
+void LiveSimulation::ShowShapes(std::uint32_t version) {
+  latest_.geometry_version = version;
+  latest_.geometry = Share(EncodeGeometry(simulation_, version));
 }
 
 // Everything that hangs on the identity of the reduced model.
@@ -63,6 +71,7 @@ void LiveSimulation::AfterBuild() {
   latest_.scene = Share(SceneMessage());
   ++latest_.settings_version;
   latest_.settings = Share(SettingsMessage());
+  if (ghost_on_) BeginGhost();
 }
 
 KeyframeDef LiveSimulation::PresentState() const {
@@ -115,12 +124,43 @@ Expected<void> LiveSimulation::Rebuild(const LiveSettings& settings, bool keep_s
   return {};
 }
 
-std::optional<std::string> LiveSimulation::Handle(const Command& c) {
+// A model that cannot be built leaves the present one as it is; the sliders go back to what holds.
+std::optional<Refusal> LiveSimulation::RebuildOrSay(const LiveSettings& settings, bool keep_state) {
+  auto done = Rebuild(settings, keep_state);
+  if (done) return {};
+  ++latest_.settings_version;
+  return Refusal{done.error().Text()};
+}
+
+void LiveSimulation::Replace(LiveSimulation next) {
+  next.latest_.sequence = latest_.sequence;
+  next.latest_.epoch = latest_.epoch;
+  next.latest_.settings_version = latest_.settings_version;
+  next.latest_.problem_version = latest_.problem_version;
+  next.latest_.problem = latest_.problem;
+  next.settings_.speed = settings_.speed;
+  next.paused_ = paused_;
+  next.ghost_ = std::move(ghost_);
+  next.ghost_on_ = ghost_on_;
+  next.latest_.ghost_sequence = latest_.ghost_sequence;
+  next.ShowShapes(latest_.geometry_version + 1);
+  next.AfterBuild();
+  *this = std::move(next);
+  if (latest_.problem_version > 0) SetFileProblem("");
+}
+
+void LiveSimulation::SetFileProblem(const std::string& sentence) {
+  ++latest_.problem_version;
+  latest_.problem = Share(internal::ProblemMessage("file", sentence));
+}
+
+std::optional<Refusal> LiveSimulation::Handle(const Command& c) {
   const int bodies = static_cast<int>(simulation_.bodies().size());
   switch (c.kind) {
     case Command::Kind::kPull:
-      if (c.body < 0 || c.body >= bodies) return fmt::format("there is no body {}", c.body);
-      if (pull_ && pull_->viewer != c.viewer) return "another viewer is dragging; wait until it lets go";
+      if (c.body < 0 || c.body >= bodies) return Refusal{fmt::format("there is no body {}", c.body)};
+      if (pull_ && pull_->viewer != c.viewer)
+        return Refusal{"another viewer is dragging; wait until it lets go", true};
       if (!pull_ || pull_->body != c.body) pull_ = Pull{c.viewer, c.body, c.point, c.target};
       pull_->point_B = c.point;
       pull_->target_W = c.target;
@@ -130,10 +170,10 @@ std::optional<std::string> LiveSimulation::Handle(const Command& c) {
       if (pull_ && pull_->viewer == c.viewer) pull_.reset();
       return {};
     case Command::Kind::kPush: {
-      if (c.body < 0 || c.body >= bodies) return fmt::format("there is no body {}", c.body);
+      if (c.body < 0 || c.body >= bodies) return Refusal{fmt::format("there is no body {}", c.body)};
       const double length = c.target.norm();
-      if (!(length > 1e-9)) return "a push needs a direction";
-      if (pushes_.size() >= kMaxPushes) return "enough pushes at once; wait a moment";
+      if (!(length > 1e-9)) return Refusal{"a push needs a direction"};
+      if (pushes_.size() >= kMaxPushes) return Refusal{"enough pushes at once; wait a moment", true};
       // As hard as the spring pulls over a fifth of the model, for 50 ms.
       const double force = 0.2 * SceneRadius(simulation_) * settings_.pull_stiffness;
       pushes_.push_back({c.body, c.point, force / length * c.target,
@@ -147,28 +187,31 @@ std::optional<std::string> LiveSimulation::Handle(const Command& c) {
       paused_ = step_requested_ = true;
       return {};
     case Command::Kind::kReset:
-      if (auto done = Rebuild(settings_, false); !done) return done.error().Text();
-      return {};
+      return RebuildOrSay(settings_, false);
     case Command::Kind::kSet:
       return HandleSet(c);
     case Command::Kind::kInterfaces:
       return HandleInterfaces(c);
+    case Command::Kind::kGhost:
+      SwitchGhost(c.on);
+      return {};
   }
   return {};
 }
 
-std::optional<std::string> LiveSimulation::HandleSet(const Command& c) {
+std::optional<Refusal> LiveSimulation::HandleSet(const Command& c) {
   if (c.setting == "control") {
-    if (c.index < 0 || c.index >= targets_.size()) return fmt::format("there is no control {}", c.index);
+    if (c.index < 0 || c.index >= targets_.size())
+      return Refusal{fmt::format("there is no control {}", c.index)};
     targets_(c.index) = c.value;
   } else {
     LiveSettings changed = settings_;
     auto rebuild = ChangeSetting(c.setting, c.index, c.value, changed);
-    if (!rebuild) return rebuild.error().Text();
-    if (*rebuild) {
-      if (auto done = Rebuild(changed, true); !done) return done.error().Text();
-      return {};
+    if (!rebuild) {
+      ++latest_.settings_version;
+      return Refusal{rebuild.error().Text()};
     }
+    if (*rebuild) return RebuildOrSay(changed, true);
     settings_ = changed;
     simulation_.step_options().gravity = settings_.gravity;
   }
@@ -177,69 +220,23 @@ std::optional<std::string> LiveSimulation::HandleSet(const Command& c) {
   return {};
 }
 
-std::optional<std::string> LiveSimulation::HandleInterfaces(const Command& c) {
+std::optional<Refusal> LiveSimulation::HandleInterfaces(const Command& c) {
   if (c.index < 0 || c.index >= static_cast<int>(settings_.interfaces.size()))
-    return fmt::format("there is no mechanism {}", c.index);
+    return Refusal{fmt::format("there is no mechanism {}", c.index)};
   LiveSettings changed = settings_;
   auto& names = changed.interfaces[static_cast<std::size_t>(c.index)];
   names.clear();
   for (int body : c.bodies) {
     if (body < 0 || body >= static_cast<int>(simulation_.bodies().size()))
-      return fmt::format("there is no body {}", body);
+      return Refusal{fmt::format("there is no body {}", body)};
     const SceneBody& b = simulation_.bodies()[static_cast<std::size_t>(body)];
-    if (b.mechanism != c.index) return fmt::format("body '{}' is no part of that mechanism", b.name);
-    if (b.index == 0) return fmt::format("body '{}' is the base, which always may touch the world", b.name);
+    if (b.mechanism != c.index) return Refusal{fmt::format("body '{}' is no part of that mechanism", b.name)};
+    if (b.index == 0)
+      return Refusal{fmt::format("body '{}' is the base, which always may touch the world", b.name)};
     if (std::find(names.begin(), names.end(), b.name) == names.end()) names.push_back(b.name);
   }
-  if (names.empty()) return "a mechanism needs at least one interface body";
-  if (auto done = Rebuild(changed, true); !done) return done.error().Text();
-  return {};
-}
-
-// A driven base goes to where its sliders stand at a bounded speed; a jump would be a blow of any size.
-void LiveSimulation::ApplyTargets() {
-  constexpr double kSpeed = 1, kTurn = 3, kHaste = 10;  // m/s, rad/s, 1/s
-  const double h = simulation_.dt();
-  Eigen::Index next = 0;
-  for (const MechanismDynamics& m : simulation_.world().mechanisms())
-    for (Eigen::Index k = 0; k < m.controls().size(); ++k, ++next)
-      simulation_.SetControl(static_cast<int>(next), targets_(next));
-  for (std::size_t i = 0; i < base_start_.size(); ++i) {
-    const MechanismDynamics& m = simulation_.world().mechanisms()[i];
-    if (m.mechanism().base() != BaseKind::kDriven) continue;
-    const RigidTransform& now = m.state().X_WR;
-    const Matrix3 R_goal = ExpRotation(targets_.segment<3>(next + 3)) * base_origin_[i].rotation();
-    Vector3 move = base_origin_[i].translation() + targets_.segment<3>(next) - now.translation();
-    Vector3 turn = LogRotation(R_goal * now.rotation().transpose());
-    move *= std::min({1.0, kHaste * h, kSpeed * h / std::max(move.norm(), 1e-12)});
-    turn *= std::min({1.0, kHaste * h, kTurn * h / std::max(turn.norm(), 1e-12)});
-    const Vector3 shift = now.translation() + move - base_start_[i].translation();
-    const Vector3 rotation =
-        LogRotation(ExpRotation(turn) * now.rotation() * base_start_[i].rotation().transpose());
-    for (int k = 0; k < 3; ++k) {
-      simulation_.SetControl(static_cast<int>(next) + k, shift(k));
-      simulation_.SetControl(static_cast<int>(next) + 3 + k, rotation(k));
-    }
-    next += 6;
-  }
-}
-
-void LiveSimulation::ApplyPulls() {
-  shown_.clear();
-  if (pull_) {
-    Pull& p = *pull_;
-    p.force_W = PullForce(simulation_, p.body, p.point_B, p.target_W, settings_.pull_stiffness);
-    const Vector3 point = simulation_.Pose(p.body) * p.point_B;
-    simulation_.ApplyWrench(p.body, p.force_W, Vector3::Zero(), point);
-    shown_.push_back({p.body, point, p.target_W, p.force_W});
-  }
-  for (Push& p : pushes_) {
-    const Vector3 point = simulation_.Pose(p.body) * p.point_B;
-    simulation_.ApplyWrench(p.body, p.force_W, Vector3::Zero(), point);
-    shown_.push_back({p.body, point, point, p.force_W});
-    --p.steps_left;
-  }
-  std::erase_if(pushes_, [](const Push& p) { return p.steps_left <= 0; });
+  if (names.empty()) return Refusal{"a mechanism needs at least one interface body"};
+  return RebuildOrSay(changed, true);
 }
 
 bool LiveSimulation::StepOnce() {
@@ -249,24 +246,29 @@ bool LiveSimulation::StepOnce() {
   scalars_.penetration = report.max_penetration;
   scalars_.residual = report.solver.residual;
   scalars_.refreshes += report.refreshes;
-  if (report.finite) return true;
+  if (report.finite) {
+    StepGhost();
+    return true;
+  }
   paused_ = true;
   pull_.reset();
   pushes_.clear();
-  fault_ = fmt::format(
-      "step {} gave numbers that are not finite; the state before it was kept and the simulation paused. "
-      "Take a "
-      "smaller dt or reset",
-      simulation_.steps());
+  faults_.push_back(
+      {"run", fmt::format("step {} gave numbers that are not finite; the state before it was kept and the "
+                          "simulation paused. Take a smaller dt or reset",
+                          simulation_.steps())});
   return false;
 }
 
 void LiveSimulation::Advance(double wall_budget) {
   if (paused_ && !step_requested_) {
     if (!pull_) shown_.clear();
+    advanced_at_ = 0;
     return;
   }
   const double start = Now();
+  const double since = advanced_at_ > 0 ? start - advanced_at_ : kFrame;
+  advanced_at_ = start;
   const double h = simulation_.dt();
   const double wanted = kFrame * settings_.speed;
   carry_ += wanted;
@@ -280,15 +282,15 @@ void LiveSimulation::Advance(double wall_budget) {
   // What could not be computed in time is dropped: the motion becomes slower, never jerky.
   carry_ = done == steps ? std::max(0.0, carry_ - done * h) : 0;
   if (done > 0) scalars_.step_us = 1e6 * (Now() - start) / done;
-  const double share = steps > 0 ? static_cast<double>(done) / steps : real_time_share_;
-  real_time_share_ += 0.1 * (share - real_time_share_);
+  // Over some ten frames: what was simulated against what the clock wanted, everything between frames
+  // included.
+  constexpr double kKept = 0.9;
+  simulated_ = kKept * simulated_ + done * h;
+  wanted_ = kKept * wanted_ + since * settings_.speed;
+  real_time_share_ = std::min(1.0, simulated_ / wanted_);
 }
 
-std::optional<std::string> LiveSimulation::TakeFault() {
-  std::optional<std::string> fault;
-  fault.swap(fault_);
-  return fault;
-}
+std::vector<LiveFault> LiveSimulation::TakeFaults() { return std::exchange(faults_, {}); }
 
 void LiveSimulation::EncodeChangedMaps() {
   const auto& mechanisms = simulation_.world().mechanisms();
@@ -321,6 +323,7 @@ Snapshot LiveSimulation::Capture(int viewers) {
   ++latest_.sequence;
   latest_.frame = Share(
       EncodeFrame(simulation_, latest_.epoch, latest_.sequence, paused_, scalars_, latest_.versions, shown_));
+  CaptureGhost(viewers);
   return latest_;
 }
 

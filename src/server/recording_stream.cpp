@@ -127,9 +127,9 @@ Expected<std::string> EncodeRecording(const Recording& recording, const std::str
   const bool separate = std::find(twist.begin(), twist.end(), 1) != twist.end();
 
   std::string out;
-  Append(out, false, EncodeGeometry(*simulation));
+  Append(out, false, EncodeGeometry(*simulation, 1));
   Append(out, true, EncodeMeshes(*simulation));
-  Append(out, false, internal::Dump(internal::DescribeScene(*simulation, title, 1, separate)));
+  Append(out, false, internal::Dump(internal::DescribeScene(*simulation, title, 1, 1, separate)));
   const auto& mechanisms = simulation->world().mechanisms();
   if (!separate)
     for (std::size_t m = 0; m < mechanisms.size(); ++m)

@@ -108,11 +108,12 @@ Json ControlRange(const Mechanism& m, const Mechanism::Control& c, double radius
 }  // namespace
 
 nlohmann::json internal::DescribeScene(const Simulation& simulation, const std::string& title,
-                                       std::uint32_t epoch, bool separate) {
+                                       std::uint32_t epoch, std::uint32_t geometry, bool separate) {
   Json out;
   out["type"] = "scene";
-  out["version"] = 1;
+  out["version"] = kWireVersion;
   out["epoch"] = epoch;
+  out["geometry"] = geometry;
   out["title"] = title;
   out["recovery"] = simulation.options().recovery == Recovery::kTwist && !separate ? "twist" : "exact";
   out["radius"] = SceneRadius(simulation);
@@ -143,8 +144,12 @@ std::string internal::Dump(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
+std::string internal::ProblemMessage(const std::string& about, const std::string& sentence) {
+  return Dump({{"type", "problem"}, {"about", about}, {"message", sentence}});
+}
+
 std::string LiveSimulation::SceneMessage() const {
-  Json out = internal::DescribeScene(simulation_, title_, latest_.epoch, false);
+  Json out = internal::DescribeScene(simulation_, title_, latest_.epoch, latest_.geometry_version, false);
   const double radius = out["radius"].get<double>();
   std::size_t next = 0;
   for (const MechanismDynamics& m : simulation_.world().mechanisms())
@@ -180,6 +185,7 @@ std::string LiveSimulation::SettingsMessage() const {
   out["recovery"] = s.recovery == Recovery::kTwist ? 1 : 0;
   out["pull_stiffness"] = s.pull_stiffness;
   out["speed"] = s.speed;
+  out["ghost"] = ghost_on_;
   out["stiffness"] = Json::array();
   for (const JointGroup& g : s.groups) out["stiffness"].push_back(g.scale);
   out["controls"] = Json::array();

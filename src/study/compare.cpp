@@ -2,6 +2,7 @@
 #include <cmath>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reference/full_simulation.hpp>
+#include <fork1s/sim/interface_names.hpp>
 #include <limits>
 #include <numbers>
 
@@ -97,7 +98,7 @@ Expected<void> AddFrequencies(const Scene& scene, const Simulation& reduced, int
   FullSimulationOptions options;
   options.initial_keyframe = keyframe;
   options.dt = reduced.dt();
-  options.interfaces = internal::InterfaceNames(reduced);
+  options.interfaces = InterfaceNames(reduced);
   auto full = FullSimulation::Create(scene, options);
   if (!full) return tl::unexpected(full.error());
   for (int i = 0; i < full->num_mechanisms(); ++i)

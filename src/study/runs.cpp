@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <fork1s/reference/full_simulation.hpp>
+#include <fork1s/sim/interface_names.hpp>
 
 #include <fmt/format.h>
 
@@ -58,15 +59,6 @@ Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options) 
   }
   o.initial_keyframe = options.initial_keyframe;
   return Simulation::Create(scene, o);
-}
-
-std::vector<std::vector<std::string>> InterfaceNames(const Simulation& simulation) {
-  std::vector<std::vector<std::string>> names;
-  for (const MechanismDynamics& m : simulation.world().mechanisms()) {
-    names.emplace_back();
-    for (BodyIndex b : m.model().interfaces) names.back().push_back(m.mechanism().body(b).name);
-  }
-  return names;
 }
 
 Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tracked,

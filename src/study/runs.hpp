@@ -47,8 +47,6 @@ struct RunOptions {
 };
 
 Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options);
-/// Names of the bodies that may touch, mechanism by mechanism, as the reduction settled on them.
-std::vector<std::vector<std::string>> InterfaceNames(const Simulation& simulation);
 
 Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tracked,
                          const RunOptions& options);

@@ -26,7 +26,7 @@ class Served : public testing::Test {
 
   void Frame() {
     for (const Command& c : server_->TakeCommands())
-      if (auto refusal = live_.Handle(c)) server_->Tell(c.viewer, *refusal);
+      if (auto refusal = live_.Handle(c)) server_->Tell(c.viewer, refusal->sentence);
     live_.Advance(kNoLimit);
     server_->Publish(live_.Capture(server_->num_viewers()));
   }

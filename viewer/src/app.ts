@@ -5,20 +5,22 @@ import { apply } from './poses/rigid';
 import { replayPage, Log, type RawMessage } from './replay/log';
 import { StreamRecorder } from './replay/recorder';
 import { Timeline } from './replay/timeline';
-import { Bar } from './ui/bar';
+import { Bar, ghostText } from './ui/bar';
 import { element, saveFile, withUnit } from './ui/dom';
 import { Help } from './ui/help';
+import { bindKeys } from './ui/keys';
 import { Legend } from './ui/legend';
 import { Notices } from './ui/notices';
 import { Panel, type ViewOptions } from './ui/panel';
 import { Picking } from './ui/picking';
 import { Plots } from './ui/plots';
 import { Pointer } from './ui/pointer';
+import { Problems } from './ui/problems';
 import { DARK, LIGHT } from './scene/theme';
 import { View } from './view';
 import { decodeBinary } from './wire/decode';
 import { Library } from './wire/library';
-import type { Frame, TextMessage } from './wire/messages';
+import { WIRE_VERSION, type Frame, type TextMessage } from './wire/messages';
 
 const OPTIONS: ViewOptions = {
   colouring: 'tips',
@@ -31,6 +33,7 @@ const OPTIONS: ViewOptions = {
   collision: false,
   reference: false,
   compliance: false,
+  ghostOffset: 0,
   copies: 1,
 };
 
@@ -45,8 +48,11 @@ export class App {
   private drawnAt = 0;
   private tipStart: THREE.Vector3 | null = null;
   private live: LiveStream | null = null;
+  private ghostOn = false;
+  private foreign = false; // the program speaks another version of the stream
   private readonly bar: Bar;
   private readonly notices: Notices;
+  private readonly problems: Problems;
   private readonly pointer: Pointer;
   private readonly panel: Panel;
   private readonly plots: Plots;
@@ -60,6 +66,7 @@ export class App {
     canvas.tabIndex = 0;
     canvas.setAttribute('aria-label', 'The mechanism; drag a body to pull it, click to push it');
     this.notices = new Notices(root);
+    this.problems = new Problems(root);
     this.view = new View(canvas, { ...OPTIONS });
     this.forceLabel = element('div', 'force', root);
     this.forceLabel.hidden = true;
@@ -110,7 +117,7 @@ export class App {
     this.setDark(this.dark);
     this.view.restyle();
     if (root.clientWidth < 900) this.panel.close();
-    window.addEventListener('keydown', (event) => this.key(event));
+    bindKeys(this.keys);
     new ResizeObserver(() => this.resize()).observe(root);
     this.resize();
     this.view.stage.renderer.setAnimationLoop((now) => this.draw(now));
@@ -120,7 +127,11 @@ export class App {
   connect(url: string): void {
     this.notices.coverWith('Connecting', 'Waiting for the simulation.');
     this.live = new LiveStream(url, {
-      opened: () => this.library.clear(),
+      opened: () => {
+        this.foreign = false;
+        this.library.clear();
+        this.problems.clearAll();
+      },
       message: (data) => this.take(data),
       closed: (reason) => {
         this.bar.setEnabled(false);
@@ -136,15 +147,13 @@ export class App {
   /** Plays a recording; without a stream behind it this is all the page does. */
   play(messages: RawMessage[]): void {
     const library = new Library();
-    // Shapes are the same for a whole session: those of a recording from this very stream are on the stage.
-    const log = new Log(messages, library, (message) => {
-      if (!this.live) this.takeShapes(message);
-    });
+    const log = new Log(messages, library);
     if (log.moments.length === 0) {
       this.notices.say('The recording holds no frame.');
       return;
     }
     this.recorded = messages;
+    this.view.setFull(null);
     this.timeline?.remove();
     this.timeline = new Timeline(this.root, log, {
       show: (index) => {
@@ -197,46 +206,44 @@ export class App {
 
   /** One message of the stream. */
   take(data: RawMessage): void {
+    if (this.foreign) return;
     this.recorder.take(data);
     if (typeof data === 'string') {
       this.takeText(data);
       return;
     }
     const message = decodeBinary(data);
-    if (message.kind === 'meshes') this.view.setMeshes(message.meshes);
+    if (message.kind === 'meshes') this.library.addMeshes(message.meshes);
     else if (message.kind === 'maps') this.library.addMaps(message.maps);
+    else if (message.kind === 'ghost') this.view.setFull(this.timeline ? null : message.ghost);
     else if (!this.timeline) {
       this.show(message.frame, this.library);
       this.library.keepOnly(message.frame);
     }
   }
 
-  private takeShapes(message: RawMessage): void {
-    if (typeof message === 'string') {
-      this.takeText(message);
-      return;
-    }
-    const binary = decodeBinary(message);
-    if (binary.kind === 'meshes') this.view.setMeshes(binary.meshes);
-  }
-
   private takeText(text: string): void {
     const message = JSON.parse(text) as TextMessage;
     switch (message.type) {
       case 'geometry':
-        this.view.setGeometry(message);
+        this.library.addGeometry(message);
         break;
       case 'scene':
-        this.library.addScene(message);
+        this.foreign = message.version !== WIRE_VERSION;
+        if (this.foreign)
+          this.notices.coverWith('Load this page again', 'It was made for another version of the program that now runs.');
+        else this.library.addScene(message);
         break;
       case 'settings':
         this.panel.useSettings(message);
+        this.ghostOn = message.ghost;
+        if (!message.ghost) this.view.setFull(null);
         break;
       case 'notice':
         this.notices.say(message.message);
         break;
-      case 'error':
-        this.notices.coverWith('The model cannot be shown', message.message);
+      case 'problem':
+        this.problems.say(message.about, message.message);
         break;
     }
   }
@@ -244,15 +251,18 @@ export class App {
   private show(frame: Frame, library: Library): void {
     const maps = library.mapsOf(frame);
     const scene = library.scene(frame.epoch);
-    if (!maps || !scene) return; // what it refers to is still on its way
+    const shapes = scene ? library.shapesOf(scene) : undefined;
+    if (!maps || !scene || !shapes) return; // what it refers to is still on its way
     if (this.view.scene !== scene) {
       this.bar.setTitle(scene.title);
       this.panel.useScene(scene);
       this.picking.useScene(scene);
       this.tipStart = null;
-      for (const warning of this.view.scene ? [] : scene.warnings) this.notices.say(warning);
+      this.problems.clear('request', 'ghost'); // the model was built anew since
+      if (!this.view.scene) this.notices.sayAll(scene.warnings);
     }
-    this.view.setFrame(scene, frame, maps);
+    if (!frame.paused) this.problems.clear('run');
+    this.view.setFrame(scene, shapes, frame, maps);
     ++this.framesTaken;
     this.addSample(frame);
     this.notices.uncover();
@@ -317,6 +327,7 @@ export class App {
       if (reduce > 0) parts.push(`reduced in ${reduce.toPrecision(2)} ms`);
     }
     this.bar.setState(parts.join('  ·  '));
+    this.bar.setGhost(this.ghostOn && !this.timeline ? ghostText(this.view.fullShown ? this.view.fullFrame : null, this.view.scene) : '');
     this.bar.setPaused(this.timeline ? !this.timeline.playing : frame.paused);
     this.legend.show(this.view, frame, this.scalar('load_factor'));
   }
@@ -368,20 +379,11 @@ export class App {
     i: () => this.picking.toggle(),
     s: () => this.panel.toggle(),
     '?': () => this.help.toggle(),
-    Escape: () => this.help.close(),
+    Escape: () => {
+      this.help.close();
+      this.problems.clearAll();
+    },
   };
-
-  private key(event: KeyboardEvent): void {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const target = event.target;
-    // In a slider or list the arrows are its own.
-    if (target instanceof HTMLInputElement || target instanceof HTMLSelectElement) return;
-    if (event.key === ' ' && target instanceof HTMLButtonElement) return;
-    const act = this.keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    if (!act) return;
-    act();
-    event.preventDefault();
-  }
 
   private resize(): void {
     this.view.stage.resize(this.root.clientWidth, this.root.clientHeight);

@@ -9,11 +9,12 @@ import { jointGaps, styles } from './scene/colouring';
 import { ContactsView } from './scene/contacts_view';
 import { EllipsoidsView } from './scene/ellipsoids_view';
 import { FramesView } from './scene/frames_view';
+import { FullGhost } from './scene/full_ghost';
 import { Ghost } from './scene/ghost';
 import { Stage } from './scene/stage';
 import { COLORS } from './scene/theme';
 import type { ViewOptions } from './ui/panel';
-import type { Frame, GeometryMessage, Maps, MeshData, SceneMessage } from './wire/messages';
+import type { Frame, GhostFrame, Maps, RootInfo, SceneMessage, Shapes } from './wire/messages';
 
 export class View {
   readonly stage: Stage;
@@ -28,15 +29,18 @@ export class View {
   private maps: (Maps | null)[] = [];
   private solver: PoseSolver | null = null;
   private referenceSolver: PoseSolver | null = null;
-  private geometry: GeometryMessage | null = null;
-  private meshes: MeshData[] = [];
+  private shapes: Shapes | null = null;
   private fresh = false; // a frame that has not been drawn
-  private framed = false; // the camera has been placed
+  private framed = false; // camera, light and ground stand around these shapes
+  private placed = false; // the camera has been placed before, and may have been moved by hand since
   private history: Frame[] = []; // newest first, of the present maps
   private shownCollision = false;
   private followed: THREE.Vector3 | null = null;
   private readonly pulls = new Arrows(COLORS.pull);
   private readonly frames = new FramesView();
+  readonly full = new FullGhost(this.bodies.uniforms.styles);
+  /** where the full simulation stands; null while it is off or has not begun */
+  fullFrame: GhostFrame | null = null;
   private readonly reference = new Ghost(this.bodies.uniforms.styles, 0x7a8794);
 
   constructor(
@@ -50,30 +54,23 @@ export class View {
       this.pulls.group,
       this.frames.lines,
       this.reference.group,
+      this.full.ghost.group,
       this.ellipsoids.mesh,
     );
   }
 
-  setGeometry(message: GeometryMessage): void {
-    this.geometry = message;
-    this.meshes = [];
-    if (message.meshes === 0) this.showShapes();
-  }
-
-  setMeshes(meshes: MeshData[]): void {
-    this.meshes = meshes;
-    if (meshes.length > 0) this.showShapes();
-  }
-
-  private showShapes(): void {
-    if (!this.geometry) return;
+  private showShapes(shapes: Shapes, roots: RootInfo[]): void {
+    this.shapes = shapes;
     this.shownCollision = this.options.collision;
-    this.bodies.show(this.geometry, this.meshes, this.options.collision);
+    this.bodies.show(shapes, roots, this.options.collision);
     this.framed = false;
-    if (this.scene) this.useScene(this.scene);
   }
 
-  setFrame(scene: SceneMessage, frame: Frame, maps: (Maps | null)[]): void {
+  setFrame(scene: SceneMessage, shapes: Shapes, frame: Frame, maps: (Maps | null)[]): void {
+    if (this.shapes !== shapes) {
+      this.showShapes(shapes, scene.roots);
+      this.scene = null;
+    }
     if (this.scene !== scene) this.useScene(scene);
     if (maps.some((m, i) => m !== this.maps[i])) this.history = [];
     this.frame = frame;
@@ -92,17 +89,22 @@ export class View {
     this.referenceSolver = new PoseSolver(scene);
     const columns = Math.ceil(Math.sqrt(this.options.copies));
     this.bodies.use(this.solver, columns, this.options.copies > 1 ? 0.9 * this.modelSize : 0);
-    this.reference.use(this.referenceSolver, this.bodies.geometry);
+    this.reference.use(this.referenceSolver, this.bodies.batches);
+    this.full.use(scene, this.bodies.batches);
+    if (this.fullFrame?.epoch === scene.epoch) this.full.set(this.fullFrame);
     this.style();
   }
 
   /** After a change of the options. */
   restyle(): void {
-    if (this.shownCollision !== this.options.collision) this.showShapes();
-    if (this.scene && this.solver?.copies !== this.options.copies) {
-      const maps = this.maps;
-      this.useScene(this.scene);
-      this.maps = maps;
+    if (this.scene && this.shapes) {
+      const otherShapes = this.shownCollision !== this.options.collision;
+      if (otherShapes) this.showShapes(this.shapes, this.scene.roots);
+      if (otherShapes || this.solver?.copies !== this.options.copies) {
+        const maps = this.maps;
+        this.useScene(this.scene);
+        this.maps = maps;
+      }
     }
     this.stage.renderer.shadowMap.enabled = this.options.shadows;
     this.stage.setShadows(this.options.shadows);
@@ -114,6 +116,7 @@ export class View {
     // Copies stand in a field of their own; forces belong to one.
     this.contacts.group.visible = this.pulls.group.visible = this.options.copies === 1;
     this.reference.group.visible = this.options.reference;
+    this.full.setOffset(this.options.ghostOffset);
     this.style();
     this.fresh = true;
   }
@@ -127,6 +130,11 @@ export class View {
   /** The gap [m] that is drawn hottest: a hundredth of the model. */
   get fullGap(): number {
     return 0.01 * this.modelSize;
+  }
+
+  /** How many shapes the present model has, drawn or not. */
+  get numShapes(): number {
+    return this.shapes?.geometry.shapes.length ?? 0;
   }
 
   /** Poses of all bodies in the present frame, in double precision. */
@@ -145,14 +153,16 @@ export class View {
   }
 
   private placeCamera(around?: THREE.Box3): void {
-    if (!this.scene || !this.geometry) return;
-    if (this.geometry.meshes > 0 && this.meshes.length === 0) return;
+    if (!this.scene) return;
     const box = around ?? this.bodies.box(this.scene, this.poses());
     const planes = this.bodies.planes.filter((p) => p.body < 0).map((p) => p.pose[2]);
     const below = planes.filter((z) => z <= box.max.z && z > box.min.z - 1.5 * box.getSize(new THREE.Vector3()).length());
-    this.stage.frame(box, below.length > 0 ? Math.max(...below) : box.min.z);
-    this.modelSize = box.getSize(new THREE.Vector3()).length();
-    this.framed = true;
+    const size = box.getSize(new THREE.Vector3()).length();
+    // Other shapes of much the same size are looked at from where the user looks now.
+    const stay = !around && this.placed && size > 0.5 * this.modelSize && size < 2 * this.modelSize;
+    this.stage.frame(box, below.length > 0 ? Math.max(...below) : box.min.z, stay);
+    this.modelSize = size;
+    this.framed = this.placed = true;
     this.followed = null;
   }
 
@@ -171,6 +181,17 @@ export class View {
     this.followed.add(shift);
   }
 
+  /** The full simulation beside the present scene; null: none. */
+  setFull(frame: GhostFrame | null): void {
+    this.fullFrame = frame;
+    if (frame && frame.epoch === this.scene?.epoch) this.full.set(frame);
+  }
+
+  /** It is drawn beside the scene that it began with, where that is the one shown. */
+  get fullShown(): boolean {
+    return this.fullFrame !== null && this.fullFrame.epoch === this.frame?.epoch && this.options.copies === 1;
+  }
+
   /** Computes and draws; returns whether there was a new frame. */
   draw(): boolean {
     const { frame, scene, solver } = this;
@@ -185,6 +206,7 @@ export class View {
       if (this.options.compliance) this.ellipsoids.update(scene, frame, this.maps, this.poses(), this.modelSize);
       if (this.options.frames) this.frames.update(this.poses(), 0.05 * this.modelSize);
     }
+    this.full.ghost.group.visible = this.fullShown;
     this.stage.render();
     ++this.framesDrawn;
     return fresh;
@@ -212,7 +234,7 @@ export class View {
   }
 
   private showPulls(frame: Frame): void {
-    this.pulls.begin();
+    this.pulls.begin(frame.pulls.length);
     for (const p of frame.pulls) {
       const stretch: [number, number, number] = [
         p.target[0] - p.point[0],

@@ -91,6 +91,7 @@ class FullSimulation {
   const VectorX& controls() const;
   void SetControl(int index, double value);
   void SetControls(const VectorX& values);
+  void SetGravity(const Vector3& gravity_W);  // m/s²; at first the scene's
   /// Force [N], moment [N·m] about `point_W` and point in world axes, for the next step only.
   void ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
 

@@ -19,6 +19,7 @@ struct Command {
     kReset,       ///< back to the initial state
     kSet,         ///< `setting` [index] = value
     kInterfaces,  ///< the interface bodies of mechanism `index` are `bodies`
+    kGhost,       ///< the full simulation beside the reduced one: `on`
     kLeft,        ///< the viewer has gone; made by the server, never read from the wire
   };
   Kind kind = Kind::kPause;

@@ -38,8 +38,10 @@ class LiveServer {
   void Publish(Snapshot snapshot);
   /// Commands since the last call, in the order in which they came.
   std::vector<Command> TakeCommands();
-  /// Tells one viewer (or with viewer 0 all) a sentence.
+  /// Tells one viewer (or with viewer 0 all) a sentence that passes.
   void Tell(int viewer, const std::string& sentence);
+  /// Tells one viewer (or with viewer 0 all) what went wrong; it stays on the page. `about`: docs/wire.md.
+  void TellProblem(int viewer, const std::string& about, const std::string& sentence);
   int num_viewers() const;
 
  private:

@@ -2,15 +2,28 @@
 #pragma once
 
 #include <fork1s/server/command.hpp>
+#include <fork1s/server/full_ghost.hpp>
 #include <fork1s/server/live_settings.hpp>
 #include <fork1s/server/snapshot.hpp>
 #include <fork1s/server/wire.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 namespace fork1s {
+
+/// Why a command was not carried out, for the viewer who asked.
+struct Refusal {
+  std::string sentence;
+  bool passing = false;  // nothing is wrong with the model or the request; it only came at a bad time
+};
+
+/// What stopped by itself, for all viewers. `about`: "run" or "ghost", as in docs/wire.md.
+struct LiveFault {
+  std::string about, sentence;
+};
 
 class LiveSimulation {
  public:
@@ -18,19 +31,26 @@ class LiveSimulation {
   static Expected<LiveSimulation> Create(Scene scene, const SimulationOptions& options,
                                          const std::string& title);
 
-  /// Carries out a command. Returns a sentence for the viewer who asked if it cannot be, and changes nothing
-  /// then.
-  std::optional<std::string> Handle(const Command& command);
+  /// Carries out a command. Returns why not if it cannot be, and changes nothing then.
+  std::optional<Refusal> Handle(const Command& command);
+  /// Goes on with another model from its start: the file read anew, say. Viewers, pause and speed stay, as do
+  /// the counts of messages; settings are those of `next`.
+  void Replace(LiveSimulation next);
+  /// What is wrong with the model's file as it now is, for all viewers, until Replace; empty: nothing.
+  void SetFileProblem(const std::string& sentence);
   /// One frame of 1/60 s times the speed, unless paused. Stops early when `wall_budget` [s] is spent.
   void Advance(double wall_budget);
   bool paused() const { return paused_; }
   const Simulation& simulation() const { return simulation_; }
   const LiveSettings& settings() const { return settings_; }
+  /// The full simulation beside it; null before it was first switched on.
+  const FullGhost* ghost() const { return ghost_.get(); }
   /// Pulls and pushes of the last step.
   const std::vector<ShownPull>& pulls() const { return shown_; }
-  /// Sentence on why the simulation stopped by itself, once.
-  std::optional<std::string> TakeFault();
+  /// What stopped by itself, once.
+  std::vector<LiveFault> TakeFaults();
 
+  /// The newest of everything. Without viewers the full simulation beside it is switched off.
   Snapshot Capture(int viewers);
 
  private:
@@ -48,13 +68,19 @@ class LiveSimulation {
   explicit LiveSimulation(Simulation simulation) : simulation_(std::move(simulation)) {}
   Expected<void> Rebuild(const LiveSettings& settings, bool keep_state);
   KeyframeDef PresentState() const;
-  std::optional<std::string> HandleSet(const Command& command);
-  std::optional<std::string> HandleInterfaces(const Command& command);
+  std::optional<Refusal> HandleSet(const Command& command);
+  std::optional<Refusal> HandleInterfaces(const Command& command);
+  std::optional<Refusal> RebuildOrSay(const LiveSettings& settings, bool keep_state);
   bool StepOnce();
   void ApplyPulls();
   void ApplyTargets();
+  void ShowShapes(std::uint32_t version);
   void AfterBuild();
   void EncodeChangedMaps();
+  void SwitchGhost(bool on);
+  void BeginGhost();
+  void StepGhost();
+  void CaptureGhost(int viewers);
   std::string SceneMessage() const;
   std::string SettingsMessage() const;
 
@@ -72,10 +98,16 @@ class LiveSimulation {
   std::vector<Push> pushes_;
   std::vector<ShownPull> shown_;
   bool paused_ = false, step_requested_ = false;
-  std::optional<std::string> fault_;
+  std::vector<LiveFault> faults_;
+  std::unique_ptr<FullGhost> ghost_;
+  bool ghost_on_ = false;
+  std::int64_t ghost_steps_ = -1;       // that the last message told
+  std::vector<GhostStep::Load> loads_;  // of the step under way
 
   FrameScalars scalars_;
   double real_time_share_ = 1;
+  double simulated_ = 0, wanted_ = 0;  // s, of late
+  double advanced_at_ = 0;             // s, wall clock; 0: not going on
   Snapshot latest_;
   std::vector<VectorX> encoded_reference_;
 };

@@ -11,16 +11,21 @@ namespace fork1s {
 using Message = std::shared_ptr<const std::string>;
 
 struct Snapshot {
-  Message geometry;  // JSON, the same for the whole session
+  Message geometry;  // JSON, anew with `meshes` whenever `geometry_version` counts on: another model
   Message meshes;    // binary
-  Message scene;     // JSON, anew whenever `epoch` counts on
+  std::uint32_t geometry_version = 0;
+  Message scene;  // JSON, anew whenever `epoch` counts on
   std::uint32_t epoch = 0;
   Message settings;  // JSON, anew whenever `settings_version` counts on
   std::uint32_t settings_version = 0;
+  Message problem;  // JSON: what is wrong with the model's file; none while `problem_version` is 0
+  std::uint32_t problem_version = 0;
   std::vector<Message> maps;  // one a mechanism
   std::vector<std::uint32_t> versions;
   Message frame;
   std::uint32_t sequence = 0;
+  Message ghost;  // none while it is off
+  std::uint32_t ghost_sequence = 0;
 };
 
 }  // namespace fork1s

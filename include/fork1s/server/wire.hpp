@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/server/full_ghost.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <string>
 #include <string_view>
@@ -12,8 +13,11 @@
 
 namespace fork1s {
 
+/// Counts on whenever a message changes its meaning; a page of another version asks to be loaded again.
+inline constexpr int kWireVersion = 2;
+
 /// First word of every binary message.
-enum class WireKind : std::uint32_t { kMaps = 1, kFrame = 2, kMeshes = 3 };
+enum class WireKind : std::uint32_t { kMaps = 1, kFrame = 2, kMeshes = 3, kGhost = 4 };
 
 /// A pull or a push on a body as it acts.
 struct ShownPull {
@@ -44,12 +48,12 @@ inline constexpr int kNumScalars = 13;
 const std::vector<std::string>& ScalarNames();
 
 /// Shapes of all bodies and of the still world: JSON; triangles stand in EncodeMeshes, in the order of the
-/// JSON's "mesh" numbers.
-std::string EncodeGeometry(const Simulation& simulation);
+/// JSON's "mesh" numbers. `version`: tells the geometries of one stream apart.
+std::string EncodeGeometry(const Simulation& simulation, std::uint32_t version);
 std::string EncodeMeshes(const Simulation& simulation);
 
-/// The maps of one mechanism about its present reference: q_ref and Q, in twist mode T and the poses at q_ref,
-/// and the compliance of the interface bodies.
+/// The maps of one mechanism about its present reference: q_ref and Q, in twist mode T and the poses at
+/// q_ref, and the compliance of the interface bodies.
 std::string EncodeMaps(const MechanismDynamics& dynamics, std::uint32_t epoch, std::uint32_t root,
                        std::uint32_t version);
 
@@ -57,6 +61,9 @@ std::string EncodeMaps(const MechanismDynamics& dynamics, std::uint32_t epoch, s
 std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::uint32_t sequence,
                         bool paused, const FrameScalars& scalars, const std::vector<std::uint32_t>& versions,
                         const std::vector<ShownPull>& pulls);
+
+/// Where the full simulation has its bodies.
+std::string EncodeGhost(const GhostView& view, std::uint32_t epoch);
 
 /// A recording as the messages of a stream, sixty frames a second: for each message a word that is 1 for
 /// binary ones, a word for its length, then its bytes. Frames hold joint displacements (with `exact`

@@ -4,7 +4,7 @@ export type Request =
   | { type: 'pull'; body: number; point: number[]; target: number[] }
   | { type: 'push'; body: number; point: number[]; target: number[] }
   | { type: 'release' | 'step' | 'reset' }
-  | { type: 'pause'; on: boolean }
+  | { type: 'pause' | 'ghost'; on: boolean }
   | { type: 'set'; setting: string; index?: number; value: number }
   | { type: 'interfaces'; mechanism: number; bodies: number[] };
 

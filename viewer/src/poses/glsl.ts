@@ -1,6 +1,14 @@
 // Rigid motions on the GPU. sin and cos of GPUs may be wrong by 1e-4, so the exponential uses polynomials: about
 // 1e-7 in single precision. The equations are those of rigid.ts.
 
+/** Textures as lists of four numbers: what is longer than a texture may be wide goes on in the next row (lists.ts). */
+export const LIST_GLSL = /* glsl */ `
+vec4 entry(highp sampler2D list, int i) {
+  int width = textureSize(list, 0).x;
+  return texelFetch(list, ivec2(i % width, i / width), 0);
+}
+`;
+
 export const RIGID_GLSL = /* glsl */ `
 vec3 turn(vec4 q, vec3 v) {
   vec3 t = cross(q.xyz, v);
@@ -49,75 +57,88 @@ void exponential(vec3 w, vec3 v, out vec4 q, out vec3 p) {
 }
 `;
 
+// Lists in order of their indices, the first one slowest. Fragments after the end of a list draw nothing.
+const PASS_GLSL = /* glsl */ `
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+uniform int roots;    // of one copy
+uniform int blocks;   // ceil(r/4)
+uniform int each;     // results of one copy
+uniform int count;    // of all copies
+uniform int width;    // of the target
+${LIST_GLSL}
+int fragment() { return int(gl_FragCoord.y) * width + int(gl_FragCoord.x); }
+`;
+
 /** One fragment a joint coordinate and copy: q = rest + Q z. */
 export const COORDINATE_SHADER = /* glsl */ `
-precision highp float;
-precision highp sampler2D;
-uniform sampler2D rests;      // coordinates x copies: q_ref + correction
-uniform sampler2D maps;       // ceil(r/4) x coordinates: Q
-uniform sampler2D reduced;    // ceil(r/4) x (roots * copies): z
-uniform sampler2D rootOf;     // coordinates x 1
-uniform int roots;
-uniform int blocks;
+${PASS_GLSL}
+uniform sampler2D rests;      // copy, coordinate: q_ref + correction
+uniform sampler2D maps;       // coordinate, block: Q
+uniform sampler2D reduced;    // copy, root, block: z
+uniform sampler2D rootOf;     // coordinate
 layout(location = 0) out vec4 result;
 void main() {
-  ivec2 at = ivec2(gl_FragCoord.xy);
-  int root = int(texelFetch(rootOf, ivec2(at.x, 0), 0).x);
-  float q = texelFetch(rests, at, 0).x;
-  for (int k = 0; k < blocks; ++k)
-    q += dot(texelFetch(maps, ivec2(k, at.x), 0), texelFetch(reduced, ivec2(k, at.y * roots + root), 0));
+  int i = fragment();
+  if (i >= count) discard;
+  int copy = i / each, coordinate = i % each;
+  int first = (copy * roots + int(entry(rootOf, coordinate).x)) * blocks;
+  float q = entry(rests, i).x;
+  for (int k = 0; k < blocks; ++k) q += dot(entry(maps, coordinate * blocks + k), entry(reduced, first + k));
   result = vec4(q, 0.0, 0.0, 1.0);
 }
 `;
 
 /** One fragment a body and copy: exact walks the body's path, twist takes one exponential. */
 export const POSE_SHADER = /* glsl */ `
-precision highp float;
-precision highp sampler2D;
-uniform sampler2D bodies;       // bodies x 3: (root, last joint), quaternion, position at q = 0
-uniform sampler2D joints;       // joints x 1: (previous, offset, size)
-uniform sampler2D screws;       // coordinates x 2: angular, linear
-uniform sampler2D coordinates;  // coordinates x copies
-uniform sampler2D reduced;
-uniform sampler2D twists;       // 2 r x bodies: T_B, angular and linear part of each column
-uniform sampler2D references;   // bodies x 2: quaternion, position at q_ref
-uniform sampler2D bases;        // 2 x (roots * copies): quaternion, position
-uniform int roots;
-uniform int blocks;
+${PASS_GLSL}
+uniform sampler2D bodies;       // body, 3: (root, last joint), quaternion, position at q = 0
+uniform sampler2D joints;       // joint: (previous, offset, size)
+uniform sampler2D screws;       // coordinate, 2: angular, linear
+uniform sampler2D coordinates;  // copy, coordinate
+uniform sampler2D reduced;      // copy, root, block: z
+uniform sampler2D twists;       // body, column, 2: T_B, angular and linear part
+uniform sampler2D references;   // body, 2: quaternion, position at q_ref
+uniform sampler2D bases;        // copy, root, 2: quaternion, position
+uniform int coordinatesEach;    // of one copy
 uniform bool twistMode;
 layout(location = 0) out vec4 quaternion;
 layout(location = 1) out vec4 position;
 ${RIGID_GLSL}
 void main() {
-  ivec2 at = ivec2(gl_FragCoord.xy);
-  vec4 info = texelFetch(bodies, ivec2(at.x, 0), 0);
-  int root = int(info.x);
-  vec4 q = texelFetch(bodies, ivec2(at.x, 1), 0);
-  vec3 p = texelFetch(bodies, ivec2(at.x, 2), 0).xyz;
+  int i = fragment();
+  if (i >= count) discard;
+  int copy = i / each, body = i % each;
+  vec4 info = entry(bodies, 3 * body);
+  int root = copy * roots + int(info.x);
+  vec4 q = entry(bodies, 3 * body + 1);
+  vec3 p = entry(bodies, 3 * body + 2).xyz;
   vec4 dq;
   vec3 dp;
   if (twistMode && info.z > 0.5) {
     vec3 w = vec3(0.0), v = vec3(0.0);
     for (int k = 0; k < blocks; ++k) {
-      vec4 z = texelFetch(reduced, ivec2(k, at.y * roots + root), 0);
+      vec4 z = entry(reduced, root * blocks + k);
       for (int c = 0; c < 4; ++c) {
-        w += z[c] * texelFetch(twists, ivec2(2 * (4 * k + c), at.x), 0).xyz;
-        v += z[c] * texelFetch(twists, ivec2(2 * (4 * k + c) + 1, at.x), 0).xyz;
+        int column = 2 * (4 * (body * blocks + k) + c);
+        w += z[c] * entry(twists, column).xyz;
+        v += z[c] * entry(twists, column + 1).xyz;
       }
     }
     exponential(w, v, dq, dp);
-    q = times(dq, texelFetch(references, ivec2(at.x, 0), 0));
-    p = turn(dq, texelFetch(references, ivec2(at.x, 1), 0).xyz) + dp;
+    q = times(dq, entry(references, 2 * body));
+    p = turn(dq, entry(references, 2 * body + 1).xyz) + dp;
   } else {
     int joint = int(info.y);
     while (joint >= 0) {
-      vec4 j = texelFetch(joints, ivec2(joint, 0), 0);
+      vec4 j = entry(joints, joint);
       vec3 w = vec3(0.0), v = vec3(0.0);
       int first = int(j.y), size = int(j.z);
-      for (int i = 0; i < size; ++i) {
-        float x = texelFetch(coordinates, ivec2(first + i, at.y), 0).x;
-        w += x * texelFetch(screws, ivec2(first + i, 0), 0).xyz;
-        v += x * texelFetch(screws, ivec2(first + i, 1), 0).xyz;
+      for (int c = first; c < first + size; ++c) {
+        float x = entry(coordinates, copy * coordinatesEach + c).x;
+        w += x * entry(screws, 2 * c).xyz;
+        v += x * entry(screws, 2 * c + 1).xyz;
       }
       exponential(w, v, dq, dp);
       q = times(dq, q);
@@ -125,8 +146,8 @@ void main() {
       joint = int(j.x);
     }
   }
-  dq = texelFetch(bases, ivec2(0, at.y * roots + root), 0);
-  dp = texelFetch(bases, ivec2(1, at.y * roots + root), 0).xyz;
+  dq = entry(bases, 2 * root);
+  dp = entry(bases, 2 * root + 1).xyz;
   quaternion = normalize(times(dq, q));
   position = vec4(turn(dq, p) + dp, 1.0);
 }

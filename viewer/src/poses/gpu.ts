@@ -2,24 +2,18 @@
 import * as THREE from 'three';
 import type { Frame, Maps, SceneMessage } from '../wire/messages';
 import { COORDINATE_SHADER, FULLSCREEN_VERTEX, POSE_SHADER } from './glsl';
+import { listSize, listTexture, numbers } from './lists';
 
-function floatTexture(width: number, height: number): THREE.DataTexture {
-  const texture = new THREE.DataTexture(
-    new Float32Array(4 * width * height),
-    width,
-    height,
-    THREE.RGBAFormat,
-    THREE.FloatType,
-  );
-  texture.needsUpdate = true;
-  return texture;
+/** Where the poses of all bodies of all copies stand: copy, body. */
+export interface PoseLists {
+  readonly quaternions: THREE.Texture;
+  readonly positions: THREE.Texture;
+  readonly bodies: number; // of one copy
+  readonly copies: number;
 }
 
-function pixels(texture: THREE.DataTexture): Float32Array {
-  return texture.image.data as Float32Array;
-}
-
-function target(width: number, height: number, count: number): THREE.WebGLRenderTarget {
+function target(entries: number, count: number): THREE.WebGLRenderTarget {
+  const [width, height] = listSize(entries);
   return new THREE.WebGLRenderTarget(width, height, {
     count,
     format: THREE.RGBAFormat,
@@ -50,7 +44,7 @@ function withoutTurns(q: number, screw: number[] | undefined): number {
   return unit && pitch < 1e-12 ? q - 2 * Math.PI * Math.round(q / (2 * Math.PI)) : q;
 }
 
-export class PoseSolver {
+export class PoseSolver implements PoseLists {
   readonly bodies: number;
   private readonly roots: number;
   private readonly coordinates: number;
@@ -61,9 +55,9 @@ export class PoseSolver {
   private readonly references: THREE.DataTexture;
   private readonly rests: THREE.DataTexture;
   private readonly bases: THREE.DataTexture;
-  private maps = floatTexture(1, 1);
-  private reduced = floatTexture(1, 1);
-  private twists = floatTexture(1, 1);
+  private maps = listTexture(1);
+  private reduced = listTexture(1);
+  private twists = listTexture(1);
   private blocks = 0;
   private current: (Maps | null)[] = [];
   private readonly coordinateTarget: THREE.WebGLRenderTarget;
@@ -81,25 +75,32 @@ export class PoseSolver {
     this.bodies = Math.max(1, model.bodies.length);
     this.roots = Math.max(1, model.roots.length);
     this.coordinates = Math.max(1, model.screws.length);
-    this.bodyInfo = floatTexture(this.bodies, 3);
-    this.joints = floatTexture(Math.max(1, model.joints.length), 1);
-    this.screws = floatTexture(this.coordinates, 2);
-    this.rootOf = floatTexture(this.coordinates, 1);
-    this.references = floatTexture(this.bodies, 2);
-    this.rests = floatTexture(this.coordinates, copies);
-    this.bases = floatTexture(2, this.roots * copies);
+    this.bodyInfo = listTexture(3 * this.bodies);
+    this.joints = listTexture(model.joints.length);
+    this.screws = listTexture(2 * this.coordinates);
+    this.rootOf = listTexture(this.coordinates);
+    this.references = listTexture(2 * this.bodies);
+    this.rests = listTexture(this.coordinates * copies);
+    this.bases = listTexture(2 * this.roots * copies);
     this.writeModel();
-    this.coordinateTarget = target(this.coordinates, copies, 1);
-    this.poseTarget = target(this.bodies, copies, 2);
+    this.coordinateTarget = target(this.coordinates * copies, 1);
+    this.poseTarget = target(this.bodies * copies, 2);
+    const list = (each: number): Record<string, THREE.IUniform> => ({
+      roots: { value: this.roots },
+      blocks: { value: 0 },
+      each: { value: each },
+      count: { value: each * copies },
+      width: { value: listSize(each * copies)[0] },
+    });
     this.coordinatePass = pass(COORDINATE_SHADER, {
+      ...list(this.coordinates),
       rests: { value: this.rests },
       maps: { value: this.maps },
       reduced: { value: this.reduced },
       rootOf: { value: this.rootOf },
-      roots: { value: this.roots },
-      blocks: { value: 0 },
     });
     this.posePass = pass(POSE_SHADER, {
+      ...list(this.bodies),
       bodies: { value: this.bodyInfo },
       joints: { value: this.joints },
       screws: { value: this.screws },
@@ -108,8 +109,7 @@ export class PoseSolver {
       twists: { value: this.twists },
       references: { value: this.references },
       bases: { value: this.bases },
-      roots: { value: this.roots },
-      blocks: { value: 0 },
+      coordinatesEach: { value: this.coordinates },
       twistMode: { value: model.recovery === 'twist' },
     });
     const triangle = new THREE.BufferGeometry();
@@ -119,7 +119,6 @@ export class PoseSolver {
     this.scene.add(this.quad);
   }
 
-  /** Quaternions and positions: bodies x copies. */
   get quaternions(): THREE.Texture {
     return this.poseTarget.textures[0] as THREE.Texture;
   }
@@ -128,22 +127,17 @@ export class PoseSolver {
   }
 
   private writeModel(): void {
-    const info = pixels(this.bodyInfo);
+    const info = numbers(this.bodyInfo);
     this.model.bodies.forEach((body, b) => {
       const [x, y, z, qw, qx, qy, qz] = body.pose;
       const moves = this.model.roots[body.root]?.base !== 'free';
-      info.set([body.root, body.last_joint, moves ? 1 : 0, 0], 4 * b);
-      info.set([qx, qy, qz, qw], 4 * (this.bodies + b));
-      info.set([x, y, z, 1], 4 * (2 * this.bodies + b));
+      info.set([body.root, body.last_joint, moves ? 1 : 0, 0, qx, qy, qz, qw, x, y, z, 1], 12 * b);
     });
-    const joints = pixels(this.joints);
+    const joints = numbers(this.joints);
     this.model.joints.forEach((joint, j) => joints.set([joint.previous, joint.offset, joint.size, 0], 4 * j));
-    const screws = pixels(this.screws);
-    this.model.screws.forEach((s, i) => {
-      screws.set([...s.slice(0, 3), 0], 4 * i);
-      screws.set([...s.slice(3, 6), 0], 4 * (this.coordinates + i));
-    });
-    const rootOf = pixels(this.rootOf);
+    const screws = numbers(this.screws);
+    this.model.screws.forEach((s, i) => screws.set([...s.slice(0, 3), 0, ...s.slice(3, 6), 0], 8 * i));
+    const rootOf = numbers(this.rootOf);
     this.model.roots.forEach((root, r) => {
       for (let i = 0; i < root.coordinates; ++i) rootOf[4 * (root.first_coordinate + i)] = r;
     });
@@ -156,9 +150,10 @@ export class PoseSolver {
       this.maps.dispose();
       this.reduced.dispose();
       this.twists.dispose();
-      this.maps = floatTexture(blocks, this.coordinates);
-      this.reduced = floatTexture(blocks, this.roots * this.copies);
-      this.twists = floatTexture(8 * blocks, this.bodies);
+      this.maps = listTexture(blocks * this.coordinates);
+      this.reduced = listTexture(blocks * this.roots * this.copies);
+      this.twists = listTexture(this.model.recovery === 'twist' ? 8 * blocks * this.bodies : 1);
+      this.current = [];
       for (const material of [this.coordinatePass, this.posePass]) {
         (material.uniforms['reduced'] as THREE.IUniform).value = this.reduced;
         (material.uniforms['blocks'] as THREE.IUniform).value = blocks;
@@ -166,19 +161,22 @@ export class PoseSolver {
       (this.coordinatePass.uniforms['maps'] as THREE.IUniform).value = this.maps;
       (this.posePass.uniforms['twists'] as THREE.IUniform).value = this.twists;
     }
-    const Q = pixels(this.maps).fill(0);
-    const T = pixels(this.twists).fill(0);
-    const X = pixels(this.references);
+    const Q = numbers(this.maps);
+    const T = numbers(this.twists);
+    const X = numbers(this.references);
     maps.forEach((m, i) => {
       const root = this.model.roots[i];
-      if (!m || !root) return;
-      for (let row = 0; row < m.n; ++row)
-        Q.set(m.Q.subarray(row * m.r, (row + 1) * m.r), 4 * blocks * (root.first_coordinate + row));
+      if (!m || !root || m === this.current[i]) return;
+      for (let row = 0; row < m.n; ++row) {
+        const at = 4 * blocks * (root.first_coordinate + row);
+        Q.fill(0, at, at + 4 * blocks); // the root may have had more directions before
+        Q.set(m.Q.subarray(row * m.r, (row + 1) * m.r), at);
+      }
       if (!m.twist) return;
       for (let b = 0; b < m.bodies; ++b) {
         const [x, y, z, qw, qx, qy, qz] = m.twist.poses.subarray(7 * b, 7 * b + 7);
-        X.set([qx ?? 0, qy ?? 0, qz ?? 0, qw ?? 1], 4 * (root.first_body + b));
-        X.set([x ?? 0, y ?? 0, z ?? 0, 1], 4 * (this.bodies + root.first_body + b));
+        X.set([qx ?? 0, qy ?? 0, qz ?? 0, qw ?? 1, x ?? 0, y ?? 0, z ?? 0, 1], 8 * (root.first_body + b));
+        T.fill(0, 32 * blocks * (root.first_body + b), 32 * blocks * (root.first_body + b + 1));
         for (let k = 0; k < m.r; ++k) {
           const from = (b * m.r + k) * 6;
           const to = 4 * (8 * blocks * (root.first_body + b) + 2 * k);
@@ -193,10 +191,11 @@ export class PoseSolver {
 
   /** Puts a frame in the place of one copy. Copies that share maps may be set one after the other. */
   set(frame: Frame, maps: (Maps | null)[], copy = 0): void {
-    if (maps.length !== this.current.length || maps.some((m, i) => m !== this.current[i])) this.writeMaps(maps);
-    const rests = pixels(this.rests);
-    const z = pixels(this.reduced);
-    const bases = pixels(this.bases);
+    if (maps !== this.current && (maps.length !== this.current.length || maps.some((m, i) => m !== this.current[i])))
+      this.writeMaps(maps);
+    const rests = numbers(this.rests);
+    const z = numbers(this.reduced);
+    const bases = numbers(this.bases);
     frame.roots.forEach((state, i) => {
       const root = this.model.roots[i];
       if (!root) return;
@@ -230,10 +229,14 @@ export class PoseSolver {
 
   /** Reads poses back: bodies x 7 (x y z qw qx qy qz) of one copy. Slow; for tests. */
   read(renderer: THREE.WebGLRenderer, copy = 0): Float32Array {
-    const q = new Float32Array(4 * this.bodies);
-    const p = new Float32Array(4 * this.bodies);
-    renderer.readRenderTargetPixels(this.poseTarget, 0, copy, this.bodies, 1, q, undefined, 0);
-    renderer.readRenderTargetPixels(this.poseTarget, 0, copy, this.bodies, 1, p, undefined, 1);
+    const { width, height } = this.poseTarget;
+    const read = (texture: number): Float32Array => {
+      const all = new Float32Array(4 * width * height);
+      renderer.readRenderTargetPixels(this.poseTarget, 0, 0, width, height, all, undefined, texture);
+      return all.subarray(4 * copy * this.bodies);
+    };
+    const q = read(0);
+    const p = read(1);
     const out = new Float32Array(7 * this.bodies);
     for (let b = 0; b < this.bodies; ++b) {
       out.set(p.subarray(4 * b, 4 * b + 3), 7 * b);

@@ -58,22 +58,22 @@ export interface Moment {
   message: ArrayBuffer;
 }
 
-/** Messages taken apart: what comes before frames goes to `others` and the library, frames stay as they are. */
+/** Messages taken apart: what comes before frames goes to the library, frames stay as they are. */
 export class Log {
   readonly moments: Moment[] = [];
 
-  constructor(messages: readonly RawMessage[], library: Library, others: (message: RawMessage) => void) {
+  constructor(messages: readonly RawMessage[], library: Library) {
     for (const message of messages) {
       if (typeof message === 'string') {
         const text = JSON.parse(message) as TextMessage;
         if (text.type === 'scene') library.addScene(text);
-        else if (text.type === 'geometry') others(message);
+        else if (text.type === 'geometry') library.addGeometry(text);
         continue;
       }
       const binary = decodeBinary(message);
       if (binary.kind === 'maps') library.addMaps(binary.maps);
-      else if (binary.kind === 'meshes') others(message);
-      else this.moments.push({ time: binary.frame.scalars[0] ?? 0, message });
+      else if (binary.kind === 'meshes') library.addMeshes(binary.meshes);
+      else if (binary.kind === 'frame') this.moments.push({ time: binary.frame.scalars[0] ?? 0, message });
     }
   }
 

@@ -23,13 +23,16 @@ export class StreamRecorder {
     let isFrame = false;
     if (typeof message === 'string') {
       const { type } = JSON.parse(message) as TextMessage;
-      if (type === 'geometry') this.geometry = message;
-      else if (type === 'scene') {
+      if (type === 'geometry') {
+        this.geometry = message;
+        this.meshes = null; // of another geometry; its own follow
+      } else if (type === 'scene') {
         this.scene = message;
         this.maps.clear();
       } else return;
     } else {
       const kind = new DataView(message).getUint32(0, true);
+      if (kind === 4) return; // the full simulation beside it lags by as much as it likes: no part of a recording
       isFrame = kind === 2;
       if (kind === 3) this.meshes = message;
       if (kind === 1) {

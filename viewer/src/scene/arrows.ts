@@ -11,15 +11,12 @@ export class Arrows {
   private readonly at = new THREE.Vector3();
   private readonly size = new THREE.Vector3();
 
-  constructor(
-    color: number,
-    private readonly room = 256,
-  ) {
+  constructor(color: number) {
     const material = new THREE.MeshStandardMaterial({ color, roughness: 0.5, emissive: color, emissiveIntensity: 0.25, depthTest: false });
     const shaft = new THREE.CylinderGeometry(1, 1, 1, 12).translate(0, 0.5, 0);
     const head = new THREE.ConeGeometry(1, 1, 16).translate(0, 0.5, 0);
-    this.shafts = new THREE.InstancedMesh(shaft, material, room);
-    this.heads = new THREE.InstancedMesh(head, material, room);
+    this.shafts = new THREE.InstancedMesh(shaft, material, FIRST_ROOM);
+    this.heads = new THREE.InstancedMesh(head, material, FIRST_ROOM);
     for (const mesh of [this.shafts, this.heads]) {
       mesh.frustumCulled = false;
       mesh.count = 0;
@@ -28,7 +25,10 @@ export class Arrows {
     }
   }
 
-  begin(): void {
+  /** At most `most` arrows follow. */
+  begin(most: number): void {
+    reserve(this.shafts, most);
+    reserve(this.heads, most);
     this.shafts.count = this.heads.count = 0;
   }
 
@@ -36,7 +36,7 @@ export class Arrows {
   add(from: [number, number, number], vector: [number, number, number], width: number): void {
     const length = Math.hypot(...vector);
     const i = this.shafts.count;
-    if (i >= this.room || length < 2 * width) return;
+    if (length < 2 * width) return;
     const headLength = Math.min(0.45 * length, 6 * width);
     this.direction.set(...vector).divideScalar(length);
     this.turn.setFromUnitVectors(UP, this.direction);
@@ -59,3 +59,12 @@ export class Arrows {
 }
 
 const UP = new THREE.Vector3(0, 1, 0);
+const FIRST_ROOM = 64;
+
+/** Room for `count` instances in a mesh that is written anew each frame. */
+export function reserve(mesh: THREE.InstancedMesh, count: number): void {
+  if (count <= mesh.instanceMatrix.count) return;
+  mesh.dispose(); // the buffer on the GPU, not the mesh
+  const room = 2 ** Math.ceil(Math.log2(count));
+  mesh.instanceMatrix = new THREE.InstancedBufferAttribute(new Float32Array(16 * room), 16);
+}

@@ -1,10 +1,9 @@
 // Contact forces as arrows, and the friction cones they must stay in.
 import * as THREE from 'three';
 import type { Frame, SceneMessage } from '../wire/messages';
-import { Arrows } from './arrows';
+import { Arrows, reserve } from './arrows';
 import { COLORS } from './theme';
 
-const ROOM = 128;
 const UP = new THREE.Vector3(0, 1, 0);
 
 export class ContactsView {
@@ -26,7 +25,7 @@ export class ContactsView {
       side: THREE.DoubleSide,
       depthWrite: false,
     });
-    this.cones = new THREE.InstancedMesh(cone, material, ROOM);
+    this.cones = new THREE.InstancedMesh(cone, material, 64);
     this.cones.frustumCulled = false;
     this.group.add(this.arrows.group, this.cones);
   }
@@ -43,7 +42,8 @@ export class ContactsView {
     const wanted = (0.17 * size) / largest;
     if (this.automatic === 0 || wanted < this.automatic || wanted > 4 * this.automatic) this.automatic = wanted;
     const scale = this.scale;
-    this.arrows.begin();
+    this.arrows.begin(frame.contacts.length);
+    if (this.showCones) reserve(this.cones, frame.contacts.length);
     let count = 0;
     const matrix = new THREE.Matrix4();
     for (const c of frame.contacts) {
@@ -51,7 +51,7 @@ export class ContactsView {
       const onA = c.b < 0 || (c.a >= 0 && isFree(c.a) && !isFree(c.b));
       const s = (onA ? -1 : 1) * scale;
       if (this.showForces) this.arrows.add(c.point, [s * c.force[0], s * c.force[1], s * c.force[2]], 0.0042 * size);
-      if (!this.showCones || count >= ROOM || c.friction <= 0) continue;
+      if (!this.showCones || c.friction <= 0) continue;
       const height = 0.07 * size;
       const normal = new THREE.Vector3(...c.normal).multiplyScalar(onA ? -1 : 1);
       matrix.compose(

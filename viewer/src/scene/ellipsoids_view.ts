@@ -3,9 +3,8 @@ import * as THREE from 'three';
 import type { Rigid } from '../poses/rigid';
 import { eigenSymmetric } from '../poses/symmetric';
 import type { Frame, Maps, SceneMessage } from '../wire/messages';
+import { reserve } from './arrows';
 import { roundDown } from './stage';
-
-const ROOM = 256;
 
 export class EllipsoidsView {
   readonly mesh: THREE.InstancedMesh;
@@ -20,7 +19,7 @@ export class EllipsoidsView {
       roughness: 0.6,
       depthWrite: false,
     });
-    this.mesh = new THREE.InstancedMesh(new THREE.SphereGeometry(1, 32, 20), material, ROOM);
+    this.mesh = new THREE.InstancedMesh(new THREE.SphereGeometry(1, 32, 20), material, 64);
     this.mesh.frustumCulled = false;
     this.mesh.visible = false;
     this.mesh.renderOrder = 2;
@@ -36,7 +35,8 @@ export class EllipsoidsView {
     const matrix = new THREE.Matrix4();
     const turn = new THREE.Quaternion();
     let count = 0;
-    for (const { root, body, values, vectors } of solved.slice(0, ROOM)) {
+    reserve(this.mesh, solved.length);
+    for (const { root, body, values, vectors } of solved) {
       const X = poses[body];
       const pose = frame.roots[root]?.pose;
       if (!X || !pose) continue;

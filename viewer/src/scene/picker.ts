@@ -10,17 +10,15 @@ export interface Hit {
 export class Picker {
   private readonly target = new THREE.WebGLRenderTarget(1, 1, { format: THREE.RGBAFormat, type: THREE.FloatType });
   private readonly scene = new THREE.Scene();
-  private readonly mesh = new THREE.Mesh();
   private readonly pixel = new Float32Array(4);
 
-  constructor() {
-    this.mesh.frustumCulled = false;
-    this.scene.add(this.mesh);
-  }
-
-  use(geometry: THREE.BufferGeometry, material: THREE.ShaderMaterial): void {
-    this.mesh.geometry = geometry;
-    this.mesh.material = material;
+  use(geometries: THREE.BufferGeometry[], material: THREE.ShaderMaterial): void {
+    this.scene.clear();
+    for (const geometry of geometries) {
+      const mesh = new THREE.Mesh(geometry, material);
+      mesh.frustumCulled = false;
+      this.scene.add(mesh);
+    }
   }
 
   /** x, y in pixels of the canvas, whose size is width x height. */

@@ -1,25 +1,55 @@
-// Materials that place every vertex by the pose texture: two texel fetches a vertex.
+// Materials that place every vertex by the lists of poses: two texel fetches a vertex.
 import * as THREE from 'three';
-import { RIGID_GLSL } from '../poses/glsl';
+import { LIST_GLSL, RIGID_GLSL } from '../poses/glsl';
+import type { PoseLists } from '../poses/gpu';
 
 export interface PosedUniforms {
   poseQ: THREE.IUniform<THREE.Texture | null>;
   poseP: THREE.IUniform<THREE.Texture | null>;
   styles: THREE.IUniform<THREE.Texture | null>;
   spread: THREE.IUniform<THREE.Vector3>;
+  copies: THREE.IUniform<number>;
+  bodies: THREE.IUniform<number>; // of one copy
 }
 
+export function posedUniforms(styles: PosedUniforms['styles'] = { value: null }): PosedUniforms {
+  return {
+    poseQ: { value: null },
+    poseP: { value: null },
+    styles,
+    spread: { value: new THREE.Vector3(1, 0, 0) },
+    copies: { value: 1 },
+    bodies: { value: 1 },
+  };
+}
+
+export function usePoses(uniforms: PosedUniforms, poses: PoseLists): void {
+  uniforms.poseQ.value = poses.quaternions;
+  uniforms.poseP.value = poses.positions;
+  uniforms.copies.value = poses.copies;
+  uniforms.bodies.value = poses.bodies;
+}
+
+// An instance is one member of a batch (shapes.ts) in one copy of the whole, the copies of a member one after the
+// other; `first` is the member's first body.
 const DECLARATIONS = /* glsl */ `
 in float body;
+in float first;
 uniform highp sampler2D poseQ;
 uniform highp sampler2D poseP;
-uniform sampler2D styles;
+uniform highp sampler2D styles;
+uniform int copies;
+uniform int bodies;
 uniform vec3 spread;  // columns, distance, half the width of a field of copies
+${LIST_GLSL}
 ${RIGID_GLSL}
-vec4 bodyQ() { return texelFetch(poseQ, ivec2(int(body + 0.5), gl_InstanceID), 0); }
+int bodyIndex() { return int(first + body + 0.5); }
+int copyIndex() { return gl_InstanceID % copies; }
+vec4 bodyQ() { return entry(poseQ, copyIndex() * bodies + bodyIndex()); }
 vec3 bodyP() {
-  float column = mod(float(gl_InstanceID), spread.x), row = floor(float(gl_InstanceID) / spread.x);
-  return texelFetch(poseP, ivec2(int(body + 0.5), gl_InstanceID), 0).xyz +
+  float copy = float(copyIndex());
+  float column = mod(copy, spread.x), row = floor(copy / spread.x);
+  return entry(poseP, copyIndex() * bodies + bodyIndex()).xyz +
     vec3(column * spread.y - spread.z, row * spread.y - spread.z, 0.0) * step(1.5, spread.x);
 }
 `;
@@ -35,7 +65,7 @@ function patch(material: THREE.Material, uniforms: PosedUniforms, withColour: bo
       vertex = vertex.replace(
         '#include <color_vertex>',
         `#include <color_vertex>
-         vec4 style = texelFetch(styles, ivec2(int(body + 0.5), 0), 0);
+         vec4 style = entry(styles, bodyIndex());
          vColor.rgb = mix(vColor.rgb, style.rgb, style.a);`,
       );
     shader.vertexShader = vertex;
@@ -44,7 +74,7 @@ function patch(material: THREE.Material, uniforms: PosedUniforms, withColour: bo
 
 export function posedSurface(uniforms: PosedUniforms, options: THREE.MeshStandardMaterialParameters): THREE.Material {
   const material = new THREE.MeshStandardMaterial({ vertexColors: true, ...options });
-  patch(material, uniforms, true);
+  patch(material, uniforms, material.vertexColors);
   return material;
 }
 
@@ -64,7 +94,7 @@ export function posedIdentity(uniforms: PosedUniforms): THREE.ShaderMaterial {
       flat out float identity;
       void main() {
         local = position;
-        identity = body + 1.0;
+        identity = float(bodyIndex() + 1);
         gl_Position = projectionMatrix * viewMatrix * vec4(turn(bodyQ(), position) + bodyP(), 1.0);
       }`,
     fragmentShader: /* glsl */ `

@@ -1,7 +1,8 @@
-// Shapes to triangles: one buffer for everything that moves, so that a mechanism is one draw.
+// Shapes to triangles. What looks the same many times over is told once and drawn by instances, a thousand equal hands
+// in one draw; everything else that moves is one buffer and one draw.
 import * as THREE from 'three';
 import { mergeVertices, toCreasedNormals } from 'three/addons/utils/BufferGeometryUtils.js';
-import type { GeometryMessage, MeshData, ShapeInfo } from '../wire/messages';
+import type { MeshData, RootInfo, ShapeInfo, Shapes } from '../wire/messages';
 
 /** Of MuJoCo's convention: groups from 3 on hold collision shapes that models do not show. */
 const FIRST_HIDDEN_GROUP = 3;
@@ -18,17 +19,19 @@ function meshGeometry(mesh: MeshData): THREE.BufferGeometry {
   return creased;
 }
 
-function shapeGeometry(shape: ShapeInfo, meshes: THREE.BufferGeometry[]): THREE.BufferGeometry | null {
+/** `detail`: share of the facets that a round shape gets where it may fill the page. */
+function shapeGeometry(shape: ShapeInfo, meshes: THREE.BufferGeometry[], detail: number): THREE.BufferGeometry | null {
   const [a = 0, b = 0, c = 0] = shape.size ?? [];
+  const facets = (most: number): number => Math.max(4, Math.round(most * detail));
   switch (shape.kind) {
     case 'sphere':
-      return new THREE.SphereGeometry(a, 32, 20);
+      return new THREE.SphereGeometry(a, facets(32), facets(20));
     case 'capsule':
-      return new THREE.CapsuleGeometry(a, 2 * b, 10, 28).applyMatrix4(ALONG_Z);
+      return new THREE.CapsuleGeometry(a, 2 * b, facets(10), facets(28)).applyMatrix4(ALONG_Z);
     case 'cylinder':
-      return new THREE.CylinderGeometry(a, a, 2 * b, 40).applyMatrix4(ALONG_Z);
+      return new THREE.CylinderGeometry(a, a, 2 * b, facets(40)).applyMatrix4(ALONG_Z);
     case 'ellipsoid':
-      return new THREE.SphereGeometry(1, 32, 20).scale(a, b, c);
+      return new THREE.SphereGeometry(1, facets(32), facets(20)).scale(a, b, c);
     case 'box':
       return new THREE.BoxGeometry(2 * a, 2 * b, 2 * c);
     case 'mesh':
@@ -39,12 +42,23 @@ function shapeGeometry(shape: ShapeInfo, meshes: THREE.BufferGeometry[]): THREE.
   }
 }
 
+/** Shapes that are drawn together: one draw, an instance for every entry of `firsts`. */
+export interface Batch {
+  /** position, normal, color, body: counted from an entry of `firsts` */
+  geometry: THREE.BufferGeometry;
+  firsts: Float32Array;
+}
+
 export interface MergedShapes {
-  /** position, normal, color, body; null where there is nothing */
-  moving: THREE.BufferGeometry | null;
+  moving: Batch[];
   still: THREE.BufferGeometry | null;
   planes: ShapeInfo[];
 }
+
+/** So many roots must look the same before instances pay. */
+const FEWEST_INSTANCES = 4;
+/** Facets are told apart while there are no more round shapes than this. */
+const MOST_FINE_SHAPES = 400;
 
 function poseMatrix(shape: ShapeInfo): THREE.Matrix4 {
   const [x, y, z, qw, qx, qy, qz] = shape.pose;
@@ -102,25 +116,69 @@ function isShown(shape: ShapeInfo, collision: boolean, seen: Set<number>): boole
   return shape.group < FIRST_HIDDEN_GROUP || !seen.has(shape.body);
 }
 
+/** Groups of roots whose shapes are the same, body by body; the shapes of a group count bodies from its first. */
+export function groupShapes(shapes: ShapeInfo[], roots: RootInfo[]): { shapes: ShapeInfo[]; firsts: number[] }[] {
+  const rootOf = new Map<number, number>();
+  roots.forEach((root, r) => {
+    for (let b = 0; b < root.bodies; ++b) rootOf.set(root.first_body + b, r);
+  });
+  const ofRoot = new Map<number, ShapeInfo[]>();
+  for (const shape of shapes) {
+    const root = rootOf.get(shape.body);
+    if (root === undefined) continue;
+    const first = roots[root]?.first_body ?? 0;
+    const list = ofRoot.get(root) ?? [];
+    list.push({ ...shape, body: shape.body - first });
+    ofRoot.set(root, list);
+  }
+  const groups = new Map<string, { shapes: ShapeInfo[]; firsts: number[] }>();
+  const alone: { shapes: ShapeInfo[]; firsts: number[] } = { shapes: [], firsts: [0] };
+  for (const [root, list] of ofRoot) {
+    const key = JSON.stringify(list);
+    const group = groups.get(key) ?? { shapes: list, firsts: [] };
+    group.firsts.push(roots[root]?.first_body ?? 0);
+    groups.set(key, group);
+  }
+  const out = [...groups.values()].filter((group) => group.firsts.length >= FEWEST_INSTANCES);
+  for (const group of groups.values())
+    if (group.firsts.length < FEWEST_INSTANCES)
+      for (const first of group.firsts) alone.shapes.push(...group.shapes.map((s) => ({ ...s, body: s.body + first })));
+  if (alone.shapes.length > 0) out.push(alone);
+  return out;
+}
+
+/** The triangles of a batch for every member and copy; buffers are shared. */
+export function instancesOf(batch: Batch, copies: number): THREE.InstancedBufferGeometry {
+  const instanced = new THREE.InstancedBufferGeometry();
+  instanced.setIndex(batch.geometry.index);
+  for (const name of ['position', 'normal', 'color', 'body'])
+    instanced.setAttribute(name, batch.geometry.getAttribute(name) as THREE.BufferAttribute);
+  instanced.setAttribute('first', new THREE.InstancedBufferAttribute(batch.firsts, 1, false, copies));
+  instanced.instanceCount = batch.firsts.length * copies;
+  return instanced;
+}
+
 /** `collision`: the shapes that contact sees in place of those that are meant to be seen. */
-export function mergeShapes(message: GeometryMessage, meshData: MeshData[], collision: boolean): MergedShapes {
+export function mergeShapes({ geometry: message, meshes: meshData }: Shapes, roots: RootInfo[], collision: boolean): MergedShapes {
   const meshes = meshData.map(meshGeometry);
   const seen = new Set(
     message.shapes.filter((s) => s.group < FIRST_HIDDEN_GROUP && s.rgba[3] > 0).map((s) => s.body),
   );
-  const moving: { geometry: THREE.BufferGeometry; shape: ShapeInfo }[] = [];
-  const still: typeof moving = [];
-  const planes: ShapeInfo[] = [];
-  for (const shape of message.shapes) {
-    if (shape.kind === 'plane') {
-      planes.push(shape);
-      continue;
-    }
-    if (!isShown(shape, collision, seen)) continue;
-    const geometry = shapeGeometry(shape, meshes);
-    if (!geometry) continue;
-    (shape.body < 0 ? still : moving).push({ geometry, shape });
-  }
+  const planes = message.shapes.filter((s) => s.kind === 'plane');
+  const shown = message.shapes.filter((s) => s.kind !== 'plane' && isShown(s, collision, seen));
+  const detail = Math.min(1, Math.max(0.3, Math.sqrt(MOST_FINE_SHAPES / Math.max(1, shown.length))));
+  const build = (shapes: ShapeInfo[]): THREE.BufferGeometry | null =>
+    merge(
+      shapes.flatMap((shape) => {
+        const geometry = shapeGeometry(shape, meshes, detail);
+        return geometry ? [{ geometry, shape }] : [];
+      }),
+    );
+  const moving = groupShapes(shown, roots).flatMap(({ shapes, firsts }) => {
+    const geometry = build(shapes);
+    return geometry ? [{ geometry, firsts: new Float32Array(firsts) }] : [];
+  });
+  const still = build(shown.filter((s) => s.body < 0));
   for (const mesh of meshes) mesh.dispose();
-  return { moving: merge(moving), still: merge(still), planes };
+  return { moving, still, planes };
 }

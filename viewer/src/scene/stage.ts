@@ -102,8 +102,8 @@ export class Stage {
     this.key.castShadow = on;
   }
 
-  /** Puts camera, light and ground around a box; `ground` is the height of the floor. */
-  frame(box: THREE.Box3, ground: number): void {
+  /** Puts camera, light and ground around a box; `ground` is the height of the floor. `stay`: not the camera. */
+  frame(box: THREE.Box3, ground: number, stay = false): void {
     const centre = box.getCenter(new THREE.Vector3());
     this.radius = Math.max(1e-3, 0.5 * box.getSize(new THREE.Vector3()).length());
     const half = THREE.MathUtils.degToRad(0.5 * this.camera.fov);
@@ -132,7 +132,7 @@ export class Stage {
     camera.far = 14 * this.radius;
     camera.updateProjectionMatrix();
     this.key.shadow.normalBias = 0.004 * this.radius;
-    this.goHome();
+    if (!stay) this.goHome();
     this.lightAround(centre);
   }
 

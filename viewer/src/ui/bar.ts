@@ -1,5 +1,19 @@
 // Title, state and the buttons that every viewer needs.
+import type { GhostFrame, SceneMessage } from '../wire/messages';
 import { element, iconButton, setIcon } from './dom';
+
+/** Behind by less than this [s] is no more than frames on their way. */
+const NOTICEABLE = 0.1;
+
+export function ghostText(ghost: GhostFrame | null, scene: SceneMessage | null): string {
+  if (!ghost) return 'full simulation: starting';
+  const mm = 1000 * ghost.distance;
+  const worst = scene?.bodies[ghost.body]?.name;
+  const away = mm < 0.01 ? 'less than 0.01' : mm >= 100 ? mm.toFixed(0) : mm.toPrecision(2);
+  const parts = [`full simulation: ${away} mm away${worst ? ` at ${worst}` : ''}`];
+  if (ghost.behind > NOTICEABLE) parts.push(`ghost ${ghost.behind.toFixed(1)} s behind`);
+  return parts.join('  ·  ');
+}
 
 export interface BarActions {
   pause(): void;
@@ -17,6 +31,7 @@ export class Bar {
   readonly root: HTMLElement;
   private readonly heading: HTMLElement;
   private readonly state: HTMLElement;
+  private readonly ghost: HTMLElement;
   private readonly pauseButton: HTMLButtonElement;
   private readonly stepButton: HTMLButtonElement;
   private readonly resetButton: HTMLButtonElement;
@@ -29,6 +44,8 @@ export class Bar {
     const title = element('div', 'title box', this.root);
     this.heading = element('h1', '', title);
     this.state = element('p', '', title);
+    this.ghost = element('p', 'ghost', title);
+    this.ghost.hidden = true;
     const bar = element('div', 'bar box', this.root);
     bar.setAttribute('role', 'toolbar');
     this.pauseButton = iconButton('pause', 'Pause (space)', bar, actions.pause);
@@ -50,6 +67,12 @@ export class Bar {
 
   setState(text: string): void {
     if (this.state.textContent !== text) this.state.textContent = text;
+  }
+
+  /** The line about the full simulation; empty: none. */
+  setGhost(text: string): void {
+    this.ghost.hidden = text === '';
+    if (this.ghost.textContent !== text) this.ghost.textContent = text;
   }
 
   setPaused(paused: boolean): void {

@@ -2,6 +2,7 @@
 import { element } from './dom';
 
 const SHOWN_FOR = 6000; // ms
+const MOST_SHOWN = 3;
 
 export class Notices {
   private readonly list: HTMLElement;
@@ -25,8 +26,15 @@ export class Notices {
     existing?.remove();
     const box = element('div', 'notice box', this.list);
     box.textContent = sentence;
-    while (this.list.childElementCount > 3) this.list.firstElementChild?.remove();
+    while (this.list.childElementCount > MOST_SHOWN) this.list.firstElementChild?.remove();
     setTimeout(() => box.remove(), SHOWN_FOR);
+  }
+
+  /** As many as there is room for; the last one counts the others. */
+  sayAll(sentences: readonly string[]): void {
+    const room = sentences.length > MOST_SHOWN ? MOST_SHOWN - 1 : MOST_SHOWN;
+    sentences.slice(0, room).forEach((sentence) => this.say(sentence));
+    if (sentences.length > room) this.say(`… and ${sentences.length - room} more; fork1s run tells all`);
   }
 
   coverWith(heading: string, text: string): void {

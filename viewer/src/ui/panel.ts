@@ -15,6 +15,7 @@ export interface ViewOptions {
   collision: boolean;
   reference: boolean;
   compliance: boolean;
+  ghostOffset: number; // m
   copies: number;
 }
 
@@ -23,6 +24,7 @@ export interface PanelActions {
   changed(): void;
 }
 
+const MOST_SLIDERS = 100; // of one kind: a thousand mechanisms have thousands
 const SLOW = ['modes', 'dt', 'damping', 'friction', 'stiffness', 'detail', 'recovery']; // build the model anew
 
 export class Panel {
@@ -33,9 +35,13 @@ export class Panel {
   private stiffness: GUI | null = null;
   private values: Record<string, number> = {};
   private readonly controllers = new Map<string, Controller>();
+  private lists = ''; // names and ranges that the sliders were made for
   private pullRange = 0; // N/m
   private held = ''; // what the user is dragging now: not to be moved under the hand
   private readonly report: Controller;
+  private readonly ghost: Controller;
+  private readonly ghostOffset: Controller;
+  private readonly ghostValue = { on: false };
   private readonly reportText = { reduced: '–' };
 
   constructor(
@@ -56,6 +62,11 @@ export class Panel {
     v.add(options, 'cones').name('friction cones').onChange(changed);
     v.add(options, 'compliance').name('compliance ellipsoids').onChange(changed);
     v.add(options, 'reference').name('reference ghost').onChange(changed);
+    this.ghost = v
+      .add(this.ghostValue, 'on')
+      .name('full simulation')
+      .onChange((on: boolean) => actions.send({ type: 'ghost', on }));
+    this.ghostOffset = v.add(options, 'ghostOffset', 0, 1, 0.001).name('…aside by [m]').onChange(changed);
     v.add(options, 'frames').name('body frames').onChange(changed);
     v.add(options, 'collision').name('collision shapes').onChange(changed);
     v.add(options, 'shadows').onChange(changed);
@@ -98,7 +109,15 @@ export class Panel {
     const n = scene.screws.length;
     this.reportText.reduced = `${sum('free') + sum('elastic') + sum('modes')} of ${n} (${sum('modes')} modes)`;
     this.report.updateDisplay();
-    if (this.controls) return; // names and ranges stay for the session
+    if (!this.controllers.has('recovery')) this.buildModel();
+    this.ghostOffset.max(Number((3 * scene.radius).toPrecision(2)));
+    const lists = JSON.stringify([scene.groups, scene.controls]);
+    if (lists !== this.lists) this.buildLists(scene);
+    this.lists = lists;
+    if (this.settings) this.useSettings(this.settings);
+  }
+
+  private buildModel(): void {
     this.choice(this.model, 'recovery', 'recovery', { exact: 0, twist: 1 });
     this.choice(this.model, 'detail', 'detail level', { 'interface as given': 0, 'and their parents': 1, 'every body': 2 });
     this.slider(this.model, 'modes', 'modes', 0, 16, 1);
@@ -108,26 +127,39 @@ export class Panel {
     this.slider(this.model, 'gravity', 'gravity [m/s²]', -20, 5, 0.01);
     this.slider(this.model, 'speed', 'speed ×', 0.05, 2, 0.05);
     this.slider(this.model, 'pull_stiffness', 'pull [N/m]', 1, 1, 0.1);
-    this.stiffness = this.gui.addFolder('Stiffness ×');
-    scene.groups.forEach((group, i) => this.slider(this.stiffness as GUI, `stiffness/${i}`, group.name, 0.05, 20, 0.05, i));
-    this.stiffness.close();
-    this.controls = this.gui.addFolder('Set-points');
-    scene.controls.forEach((control, i) => {
+  }
+
+  /** Names and ranges stay until another model file is read. */
+  private buildLists(scene: SceneMessage): void {
+    for (const key of [...this.controllers.keys()]) if (key.includes('/')) this.controllers.delete(key);
+    const stiffness = this.anew(this.stiffness, 'Stiffness ×', scene.groups.length);
+    scene.groups.slice(0, MOST_SLIDERS).forEach((group, i) => this.slider(stiffness, `stiffness/${i}`, group.name, 0.05, 20, 0.05, i));
+    const controls = this.anew(this.controls, 'Set-points', scene.controls.length);
+    scene.controls.slice(0, MOST_SLIDERS).forEach((control, i) => {
       const [low, high] = control.range;
-      this.slider(this.controls as GUI, `control/${i}`, control.name, low, high, (high - low) / 1000, i);
+      this.slider(controls, `control/${i}`, control.name, low, high, (high - low) / 1000, i);
     });
-    if (scene.controls.length === 0) this.controls.hide();
-    if (scene.groups.length === 0) this.stiffness.hide();
-    this.controls.close();
-    if (this.settings) this.useSettings(this.settings);
+    this.stiffness = stiffness;
+    this.controls = controls;
+  }
+
+  private anew(before: GUI | null, title: string, count: number): GUI {
+    const open = before !== null && !before._closed;
+    before?.destroy();
+    const gui = this.gui.addFolder(count > MOST_SLIDERS ? `${title} (${MOST_SLIDERS} of ${count})` : title);
+    if (count === 0) gui.hide();
+    if (!open) gui.close();
+    return gui;
   }
 
   useSettings(s: SettingsMessage): void {
     this.settings = s;
+    this.ghostValue.on = s.ghost;
+    this.ghost.updateDisplay();
     for (const key of ['dt', 'gravity', 'damping', 'friction', 'modes', 'detail', 'recovery', 'pull_stiffness', 'speed'] as const)
       this.values[key] = s[key];
-    s.stiffness.forEach((x, i) => (this.values[`stiffness/${i}`] = x));
-    s.controls.forEach((x, i) => (this.values[`control/${i}`] = x));
+    s.stiffness.slice(0, MOST_SLIDERS).forEach((x, i) => (this.values[`stiffness/${i}`] = x));
+    s.controls.slice(0, MOST_SLIDERS).forEach((x, i) => (this.values[`control/${i}`] = x));
     const pull = this.controllers.get('pull_stiffness');
     if (pull && this.pullRange < 2 * s.pull_stiffness) {
       this.pullRange = 5 * s.pull_stiffness;
@@ -137,7 +169,7 @@ export class Panel {
   }
 
   setEnabled(enabled: boolean): void {
-    for (const controller of this.controllers.values()) controller.enable(enabled);
+    for (const controller of [...this.controllers.values(), this.ghost]) controller.enable(enabled);
   }
 
   /** A recording from disk has no program behind it that could change the model. */
@@ -145,6 +177,8 @@ export class Panel {
     this.model.hide();
     this.controls?.hide();
     this.stiffness?.hide();
+    this.ghost.hide();
+    this.ghostOffset.hide();
     this.view.open();
     this.gui.close();
   }

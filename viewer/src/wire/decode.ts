@@ -1,5 +1,5 @@
 // Bytes to messages. A message that is shorter than it says it is throws a RangeError.
-import type { BinaryMessage, Contact, Frame, Maps, MeshData, Pull, RootState } from './messages';
+import type { BinaryMessage, Contact, Frame, GhostFrame, Maps, MeshData, Pull, RootState } from './messages';
 
 /** Numbers in every frame before its states: ScalarNames() of the program. */
 export const SCALARS = 13;
@@ -93,6 +93,13 @@ function decodeMeshes(reader: Reader): MeshData[] {
   return meshes;
 }
 
+function decodeGhost(reader: Reader): GhostFrame {
+  const epoch = reader.u32();
+  const [time, behind, distance] = reader.doubles(3) as unknown as [number, number, number];
+  const body = reader.i32();
+  return { epoch, time, behind, distance, body, poses: reader.floats(7 * reader.u32()) };
+}
+
 export function decodeBinary(data: ArrayBuffer): BinaryMessage {
   const reader = new Reader(data);
   switch (reader.u32()) {
@@ -102,6 +109,8 @@ export function decodeBinary(data: ArrayBuffer): BinaryMessage {
       return { kind: 'frame', frame: decodeFrame(reader) };
     case 3:
       return { kind: 'meshes', meshes: decodeMeshes(reader) };
+    case 4:
+      return { kind: 'ghost', ghost: decodeGhost(reader) };
     default:
       throw new RangeError('unknown kind of message');
   }

@@ -39,10 +39,14 @@ export interface ControlInfo {
   base: boolean;
 }
 
+/** Of the stream that this page understands: kWireVersion of the program. */
+export const WIRE_VERSION = 2;
+
 export interface SceneMessage {
   type: 'scene';
   version: number;
   epoch: number;
+  geometry: number; // version of the shapes that belong to it
   title: string;
   recovery: 'exact' | 'twist';
   radius: number;
@@ -67,6 +71,7 @@ export interface SettingsMessage {
   recovery: number;
   pull_stiffness: number;
   speed: number;
+  ghost: boolean;
   stiffness: number[];
   controls: number[];
 }
@@ -86,20 +91,33 @@ export interface ShapeInfo {
 
 export interface GeometryMessage {
   type: 'geometry';
+  version: number;
   shapes: ShapeInfo[];
   meshes: number;
 }
 
-export interface SentenceMessage {
-  type: 'notice' | 'error';
+export interface NoticeMessage {
+  type: 'notice';
   message: string;
 }
 
-export type TextMessage = SceneMessage | SettingsMessage | GeometryMessage | SentenceMessage;
+export interface ProblemMessage {
+  type: 'problem';
+  about: 'file' | 'request' | 'run' | 'ghost';
+  message: string; // empty: no longer so
+}
+
+export type TextMessage = SceneMessage | SettingsMessage | GeometryMessage | NoticeMessage | ProblemMessage;
 
 export interface MeshData {
   positions: Float32Array;
   triangles: Uint32Array;
+}
+
+/** What there is to draw. */
+export interface Shapes {
+  geometry: GeometryMessage;
+  meshes: MeshData[];
 }
 
 export interface Maps {
@@ -150,7 +168,18 @@ export interface Frame {
   pulls: Pull[];
 }
 
+/** Where the full simulation has got to. */
+export interface GhostFrame {
+  epoch: number;
+  time: number; // s
+  behind: number; // s after the reduced one
+  distance: number; // m between the origins of the worst body at `time`
+  body: number; // which one, -1: none moves
+  poses: Float32Array; // bodies x 7
+}
+
 export type BinaryMessage =
+  | { kind: 'ghost'; ghost: GhostFrame }
   | { kind: 'maps'; maps: Maps }
   | { kind: 'frame'; frame: Frame }
   | { kind: 'meshes'; meshes: MeshData[] };

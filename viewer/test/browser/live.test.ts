@@ -1,69 +1,55 @@
-import type { Browser, Page } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { launch, open, poseOf, ready, running, screenOf, view, type Program } from './support';
+import { describe, expect, it } from 'vitest';
+import { launch, open, poseOf, ready, running, screenOf, session, view } from './support';
 
 const distance = (a: number[], b: number[]): number => Math.hypot(...a.map((x, i) => x - (b[i] ?? 0)));
 
 describe.skipIf(!ready)('the page on a running hand', () => {
-  let program: Program;
-  let browser: Browser;
-  let page: Page;
-
-  beforeAll(async () => {
-    program = await view('hand.xml', '--keyframe', 'open');
-    browser = await launch();
-    page = await open(browser, program.address);
-    await running(page);
-  });
-  afterAll(async () => {
-    await browser?.close();
-    await program?.stop();
-  });
+  const live = session(() => view('hand.xml', '--keyframe', 'open'));
 
   it('shows the model and its name', async () => {
-    expect(await page.title()).toContain('hand.xml');
-    expect(await page.locator('.cover').isVisible()).toBe(false);
-    expect(await page.evaluate(() => fork1s?.view.bodies.triangles ?? 0)).toBeGreaterThan(1000);
+    expect(await live.page.title()).toContain('hand.xml');
+    expect(await live.page.locator('.cover').isVisible()).toBe(false);
+    expect(await live.page.evaluate(() => fork1s?.view.bodies.triangles ?? 0)).toBeGreaterThan(1000);
   });
 
   it('computes on the GPU the poses of the double-precision reference', async () => {
-    const error = await page.evaluate(() => fork1s?.view.poseError() ?? NaN);
+    const error = await live.page.evaluate(() => fork1s?.view.poseError() ?? NaN);
     expect(error).toBeLessThan(1e-6);
   });
 
   it('pauses with space, steps with the right arrow, resets with backspace', async () => {
-    await page.keyboard.press('Space');
-    await page.waitForFunction(() => fork1s?.view.frame?.paused === true);
-    const steps = await page.evaluate(() => fork1s?.scalar('steps') ?? 0);
-    await page.keyboard.press('ArrowRight');
-    await page.waitForFunction((n) => fork1s?.scalar('steps') === n + 1, steps);
-    await page.keyboard.press('Backspace');
-    await page.waitForFunction(() => fork1s?.scalar('steps') === 0);
-    await page.keyboard.press('Space');
-    await page.waitForFunction(() => fork1s?.view.frame?.paused === false && fork1s.scalar('steps') > 2);
+    await live.page.keyboard.press('Space');
+    await live.page.waitForFunction(() => fork1s?.view.frame?.paused === true);
+    const steps = await live.page.evaluate(() => fork1s?.scalar('steps') ?? 0);
+    await live.page.keyboard.press('ArrowRight');
+    await live.page.waitForFunction((n) => fork1s?.scalar('steps') === n + 1, steps);
+    await live.page.keyboard.press('Backspace');
+    await live.page.waitForFunction(() => fork1s?.scalar('steps') === 0);
+    await live.page.keyboard.press('Space');
+    await live.page.waitForFunction(() => fork1s?.view.frame?.paused === false && fork1s.scalar('steps') > 2);
   });
 
   it('drags an interior body, and the force shows', async () => {
     const point: [number, number, number] = [0.03, 0, 0];
-    const before = await poseOf(page, 'index_middle');
-    const at = await screenOf(page, 'index_proximal', point);
-    await page.mouse.move(at.x, at.y);
-    await page.mouse.down();
-    await page.mouse.move(at.x + 60, at.y - 30, { steps: 4 });
-    await page.waitForFunction(() => (fork1s?.view.frame?.pulls.length ?? 0) === 1);
-    await page.waitForFunction(() => /\d N$/.test(document.querySelector('.force')?.textContent ?? ''));
-    await page.waitForTimeout(500);
-    const grabbed = await page.evaluate(() => fork1s?.view.scene?.bodies[fork1s.view.frame?.pulls[0]?.body ?? -1]);
+    const before = await poseOf(live.page, 'index_middle');
+    const at = await screenOf(live.page, 'index_proximal', point);
+    await live.page.mouse.move(at.x, at.y);
+    await live.page.mouse.down();
+    await live.page.mouse.move(at.x + 60, at.y - 30, { steps: 4 });
+    await live.page.waitForFunction(() => (fork1s?.view.frame?.pulls.length ?? 0) === 1);
+    await live.page.waitForFunction(() => /\d N$/.test(document.querySelector('.force')?.textContent ?? ''));
+    await live.page.waitForTimeout(500);
+    const grabbed = await live.page.evaluate(() => fork1s?.view.scene?.bodies[fork1s.view.frame?.pulls[0]?.body ?? -1]);
     expect(grabbed?.interface).toBe(false);
-    expect(distance(await poseOf(page, 'index_middle'), before)).toBeGreaterThan(1e-3);
-    await page.mouse.up();
-    await page.waitForFunction(() => fork1s?.view.frame?.pulls.length === 0);
-    expect(await page.locator('.force').isVisible()).toBe(false);
+    expect(distance(await poseOf(live.page, 'index_middle'), before)).toBeGreaterThan(1e-3);
+    await live.page.mouse.up();
+    await live.page.waitForFunction(() => fork1s?.view.frame?.pulls.length === 0);
+    expect(await live.page.locator('.force').isVisible()).toBe(false);
   });
 
   it('pushes with a click', async () => {
-    const at = await screenOf(page, 'box');
-    await page.evaluate(() => {
+    const at = await screenOf(live.page, 'box');
+    await live.page.evaluate(() => {
       (globalThis as { pushes?: number }).pushes = 0;
       const app = fork1s;
       if (!app) return;
@@ -73,8 +59,8 @@ describe.skipIf(!ready)('the page on a running hand', () => {
         if ((app.view.frame?.pulls.length ?? 0) > 0) (globalThis as { pushes?: number }).pushes = 1;
       };
     });
-    await page.mouse.click(at.x, at.y);
-    await page.waitForFunction(() => (globalThis as { pushes?: number }).pushes === 1);
+    await live.page.mouse.click(at.x, at.y);
+    await live.page.waitForFunction(() => (globalThis as { pushes?: number }).pushes === 1);
   });
 });
 

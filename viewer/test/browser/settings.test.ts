@@ -2,38 +2,22 @@ import { execFileSync } from 'node:child_process';
 import { mkdtempSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import type { Browser, Page } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { BINARY, launch, open, poseOf, ready, running, screenOf, SOURCE, view, type Program } from './support';
+import { afterAll, describe, expect, it } from 'vitest';
+import { BINARY, open, poseOf, ready, running, screenOf, session, SOURCE, view } from './support';
 
 describe.skipIf(!ready)('settings, picking and recordings', () => {
-  let program: Program;
-  let browser: Browser;
-  let page: Page;
+  const live = session(() => view('hand.xml', '--keyframe', 'open'));
   const folder = mkdtempSync(join(tmpdir(), 'fork1s-viewer-'));
-
-  beforeAll(async () => {
-    program = await view('hand.xml', '--keyframe', 'open');
-    browser = await launch();
-    page = await open(browser, program.address);
-    await running(page);
-  });
-  afterAll(async () => {
-    await browser?.close();
-    await program?.stop();
-    rmSync(folder, { recursive: true, force: true });
-  });
+  afterAll(() => rmSync(folder, { recursive: true, force: true }));
 
   it('a slider moves the joint it names', async () => {
-    const before = await poseOf(page, 'index_tip');
-    await page.keyboard.press('s'); // the panel starts closed on small pages
-    await page.locator('.lil-gui .title', { hasText: 'Set-points' }).click();
-    const number = page
-      .locator('.lil-gui .controller', { hasText: 'index_knuckle_flex' })
-      .locator('input');
+    const before = await poseOf(live.page, 'index_tip');
+    await live.page.keyboard.press('s'); // the panel starts closed on small pages
+    await live.page.locator('.lil-gui .title', { hasText: 'Set-points' }).click();
+    const number = live.page.locator('.lil-gui .controller', { hasText: 'index_knuckle_flex' }).locator('input');
     await number.fill('0.2');
     await number.press('Enter');
-    await page.waitForFunction(
+    await live.page.waitForFunction(
       ([x, y, z]) => {
         const at = fork1s?.view.scene?.bodies.findIndex((b) => b.name === 'index_tip') ?? -1;
         const p = fork1s?.view.poses()[at]?.p ?? [0, 0, 0];
@@ -41,69 +25,62 @@ describe.skipIf(!ready)('settings, picking and recordings', () => {
       },
       before,
     );
-    await page.keyboard.press('Escape');
-    await page.locator('canvas.stage').focus();
-    await page.keyboard.press('s');
+    await live.page.keyboard.press('Escape');
+    await live.page.locator('canvas.stage').focus();
+    await live.page.keyboard.press('s');
   });
 
   it('recovery is switched while it runs, and the page says how long that took', async () => {
-    const epoch = await page.evaluate(() => fork1s?.view.scene?.epoch ?? 0);
-    await page.evaluate(() => fork1s?.send({ type: 'set', setting: 'recovery', value: 1 }));
-    await page.waitForFunction((n) => (fork1s?.view.scene?.epoch ?? 0) > n, epoch);
-    expect(await page.evaluate(() => fork1s?.view.scene?.recovery)).toBe('twist');
-    await page.waitForFunction(() => /reduced in [\d.e-]+ ms/.test(document.querySelector('.title p')?.textContent ?? ''));
-    expect(await page.evaluate(() => fork1s?.view.poseError() ?? NaN)).toBeLessThan(1e-6);
-    await page.evaluate(() => fork1s?.send({ type: 'set', setting: 'recovery', value: 0 }));
-    await page.waitForFunction(() => fork1s?.view.scene?.recovery === 'exact');
+    const epoch = await live.page.evaluate(() => fork1s?.view.scene?.epoch ?? 0);
+    await live.page.evaluate(() => fork1s?.send({ type: 'set', setting: 'recovery', value: 1 }));
+    await live.page.waitForFunction((n) => (fork1s?.view.scene?.epoch ?? 0) > n, epoch);
+    expect(await live.page.evaluate(() => fork1s?.view.scene?.recovery)).toBe('twist');
+    await live.page.waitForFunction(() => /reduced in [\d.e-]+ ms/.test(document.querySelector('.title p')?.textContent ?? ''));
+    expect(await live.page.evaluate(() => fork1s?.view.poseError() ?? NaN)).toBeLessThan(1e-6);
+    await live.page.evaluate(() => fork1s?.send({ type: 'set', setting: 'recovery', value: 0 }));
+    await live.page.waitForFunction(() => fork1s?.view.scene?.recovery === 'exact');
   });
 
   it('interface bodies are picked by clicking', async () => {
-    await page.locator('canvas.stage').focus();
-    await page.keyboard.press('Backspace');
-    await page.keyboard.press('Space');
-    await page.waitForFunction(() => fork1s?.view.frame?.paused === true);
-    await page.keyboard.press('i');
-    const at = await screenOf(page, 'index_proximal', [0.03, 0, 0]);
-    await page.mouse.click(at.x, at.y);
-    await page.waitForFunction(() => /index_(proximal|middle)/.test(document.querySelector('.pick p')?.textContent ?? ''));
-    await page.getByText('Reduce to these').click();
-    await page.waitForFunction(
+    await live.page.locator('canvas.stage').focus();
+    await live.page.keyboard.press('Backspace');
+    await live.page.keyboard.press('Space');
+    await live.page.waitForFunction(() => fork1s?.view.frame?.paused === true);
+    await live.page.keyboard.press('i');
+    const at = await screenOf(live.page, 'index_proximal', [0.03, 0, 0]);
+    await live.page.mouse.click(at.x, at.y);
+    await live.page.waitForFunction(() => /index_(proximal|middle)/.test(document.querySelector('.pick p')?.textContent ?? ''));
+    await live.page.getByText('Reduce to these').click();
+    await live.page.waitForFunction(
       () => fork1s?.view.scene?.bodies.some((b) => b.interface && /index_(proximal|middle)/.test(b.name)) === true,
     );
-    await page.keyboard.press('Space');
-  });
-
-  it('what the program refuses is a sentence in the page', async () => {
-    await page.evaluate(() => fork1s?.send({ type: 'interfaces', mechanism: 0, bodies: [] }));
-    await page.waitForFunction(() =>
-      (document.querySelector('.notices')?.textContent ?? '').includes('at least one interface body'),
-    );
+    await live.page.keyboard.press('Space');
   });
 
   it('records, scrubs and goes back', async () => {
-    await page.locator('canvas.stage').focus();
-    await page.keyboard.press('r');
-    await page.waitForFunction(() => (fork1s?.recorder.frames ?? 0) > 30);
-    await page.keyboard.press('r');
-    const slider = page.locator('.timeline input');
+    await live.page.locator('canvas.stage').focus();
+    await live.page.keyboard.press('r');
+    await live.page.waitForFunction(() => (fork1s?.recorder.frames ?? 0) > 30);
+    await live.page.keyboard.press('r');
+    const slider = live.page.locator('.timeline input');
     await slider.waitFor();
     await slider.fill('5');
-    await page.waitForFunction(() => fork1s?.timeline?.at === 5 && !fork1s.timeline.playing);
-    const early = await page.evaluate(() => fork1s?.scalar('time') ?? 0);
+    await live.page.waitForFunction(() => fork1s?.timeline?.at === 5 && !fork1s.timeline.playing);
+    const early = await live.page.evaluate(() => fork1s?.scalar('time') ?? 0);
     await slider.fill('25');
-    const late = await page.evaluate(() => fork1s?.scalar('time') ?? 0);
+    const late = await live.page.evaluate(() => fork1s?.scalar('time') ?? 0);
     expect(late).toBeGreaterThan(early);
-    const download = page.waitForEvent('download');
-    await page.getByLabel('Save as one HTML file').click();
+    const download = live.page.waitForEvent('download');
+    await live.page.getByLabel('Save as one HTML file').click();
     const file = join(folder, 'saved.html');
     await (await download).saveAs(file);
-    await page.getByText('Live', { exact: true }).click();
-    await page.waitForFunction((t) => (fork1s?.scalar('time') ?? 0) > t + 0.4, late);
+    await live.page.getByText('Live', { exact: true }).click();
+    await live.page.waitForFunction((t) => (fork1s?.scalar('time') ?? 0) > t + 0.4, late);
     await plays(file);
   });
 
   async function plays(file: string): Promise<void> {
-    const replay = await open(browser, `file://${file}`);
+    const replay = await open(live.browser, `file://${file}`);
     await running(replay);
     await replay.waitForFunction(() => (fork1s?.timeline?.at ?? 0) > 1);
     expect(await replay.evaluate(() => fork1s?.view.poseError() ?? NaN)).toBeLessThan(1e-6);
@@ -124,11 +101,11 @@ describe.skipIf(!ready)('settings, picking and recordings', () => {
     });
 
   it('says so when the program has gone, and comes back by itself', async () => {
-    const port = new URL(program.address).port;
-    await program.stop();
-    await page.waitForFunction(() => document.querySelector('.cover')?.textContent?.includes('No connection') === true);
-    program = await view('hand.xml', '--port', port);
-    await page.waitForFunction(() => document.querySelector<HTMLElement>('.cover')?.hidden === true);
-    await running(page);
+    const port = new URL(live.program.address).port;
+    await live.program.stop();
+    await live.page.waitForFunction(() => document.querySelector('.cover')?.textContent?.includes('No connection') === true);
+    live.program = await view('hand.xml', '--port', port);
+    await live.page.waitForFunction(() => document.querySelector<HTMLElement>('.cover')?.hidden === true);
+    await running(live.page);
   });
 });

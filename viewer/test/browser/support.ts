@@ -1,8 +1,9 @@
 // A program, a browser, a page.
 import { spawn, type ChildProcess } from 'node:child_process';
 import { existsSync } from 'node:fs';
-import { join } from 'node:path';
+import { isAbsolute, join } from 'node:path';
 import { chromium, type Browser, type Page } from 'playwright-core';
+import { afterAll, beforeAll } from 'vitest';
 import type { App } from '../../src/app';
 
 export const BINARY = process.env['FORK1S_BINARY'] ?? '';
@@ -20,6 +21,29 @@ export interface Program {
   address: string;
   process: ChildProcess;
   stop(): Promise<void>;
+}
+
+/** `fork1s view` and a page on it. A test may put another in the place of either. */
+export interface Session {
+  program: Program;
+  browser: Browser;
+  page: Page;
+}
+
+/** One session for all tests of the block that this is called in; `starts` runs before the first of them. */
+export function session(starts: () => Promise<Program>): Session {
+  const live = {} as Session;
+  beforeAll(async () => {
+    live.program = await starts();
+    live.browser = await launch();
+    live.page = await open(live.browser, live.program.address);
+    await running(live.page);
+  });
+  afterAll(async () => {
+    await live.browser?.close();
+    await live.program?.stop();
+  });
+  return live;
 }
 
 /** Starts `fork1s ARGUMENTS` and waits for the address it prints. */
@@ -45,8 +69,9 @@ export function start(...args: string[]): Promise<Program> {
   });
 }
 
+/** Of a scene of this project, or of a file by its full path. */
 export const view = (scene: string, ...args: string[]): Promise<Program> =>
-  start('view', join(SOURCE, 'scenes', scene), '--no-open', ...(args.includes('--port') ? [] : ['--port', '0']), ...args);
+  start('view', isAbsolute(scene) ? scene : join(SOURCE, 'scenes', scene), '--no-open', ...(args.includes('--port') ? [] : ['--port', '0']), ...args);
 
 export function launch(): Promise<Browser> {
   return chromium.launch({
@@ -70,6 +95,10 @@ export async function open(browser: Browser, address: string): Promise<Page> {
   const page = await browser.newPage({ viewport: { width: 480, height: 320 } });
   page.on('pageerror', (error) => {
     throw error;
+  });
+  // A shader that does not compile draws nothing and says so here only.
+  page.on('console', (message) => {
+    if (message.type() === 'error' || /WebGL/.test(message.text())) throw new Error(message.text());
   });
   await page.goto(address);
   return page;

@@ -1,0 +1,68 @@
+// The full simulation beside the live one: when it starts, what it is given, what viewers get of it.
+#include <fork1s/server/live_simulation.hpp>
+#include <fork1s/sim/interface_names.hpp>
+
+namespace fork1s {
+namespace {
+
+std::vector<Vector3> Origins(const Simulation& simulation) {
+  std::vector<Vector3> p_WB;
+  for (std::size_t b = 0; b < simulation.bodies().size(); ++b)
+    p_WB.push_back(simulation.Pose(static_cast<int>(b)).translation());
+  return p_WB;
+}
+
+}  // namespace
+
+void LiveSimulation::SwitchGhost(bool on) {
+  if (on == ghost_on_) return;
+  ghost_on_ = on;
+  latest_.ghost = nullptr;
+  if (on)
+    BeginGhost();
+  else
+    ghost_->End();
+  ++latest_.settings_version;
+  latest_.settings = std::make_shared<const std::string>(SettingsMessage());
+}
+
+void LiveSimulation::BeginGhost() {
+  if (!ghost_) ghost_ = std::make_unique<FullGhost>();
+  latest_.ghost = nullptr;
+  ghost_steps_ = -1;
+  GhostStart start;
+  start.scene = simulation_.scene();
+  start.scene.keyframes.push_back(PresentState());
+  start.options.dt = simulation_.dt();
+  start.options.initial_keyframe = static_cast<int>(start.scene.keyframes.size()) - 1;
+  start.options.interfaces = InterfaceNames(simulation_);
+  start.options.collision = simulation_.options().collision;
+  start.base_start = base_start_;
+  start.p_WB = Origins(simulation_);
+  start.time = time_offset_ + simulation_.time();
+  ghost_->Begin(std::move(start));
+}
+
+void LiveSimulation::StepGhost() {
+  if (!ghost_on_) return;
+  ghost_->Push({simulation_.controls(), simulation_.step_options().gravity, loads_, Origins(simulation_)});
+}
+
+void LiveSimulation::CaptureGhost(int viewers) {
+  if (!ghost_on_) return;
+  if (auto fault = ghost_->TakeFault()) {
+    faults_.push_back({"ghost", *fault});
+    return SwitchGhost(false);
+  }
+  if (viewers == 0) return SwitchGhost(false);  // it costs a processor
+  const std::optional<GhostView> view = ghost_->Newest();
+  if (!view) return;
+  // Where no step was done since, how far behind it is still is news, but not sixty times a second.
+  constexpr std::uint32_t kSeldom = 15;
+  if (view->steps == ghost_steps_ && latest_.sequence % kSeldom != 0) return;
+  ghost_steps_ = view->steps;
+  ++latest_.ghost_sequence;
+  latest_.ghost = std::make_shared<const std::string>(EncodeGhost(*view, latest_.epoch));
+}
+
+}  // namespace fork1s

@@ -1,0 +1,57 @@
+// What acts on a live simulation in a step: set-points, pulls and pushes.
+#include <algorithm>
+#include <fork1s/server/live_simulation.hpp>
+#include <fork1s/server/pull_spring.hpp>
+
+namespace fork1s {
+
+// A driven base goes to where its sliders stand at a bounded speed; a jump would be a blow of any size.
+void LiveSimulation::ApplyTargets() {
+  constexpr double kSpeed = 1, kTurn = 3, kHaste = 10;  // m/s, rad/s, 1/s
+  const double h = simulation_.dt();
+  Eigen::Index next = 0;
+  for (const MechanismDynamics& m : simulation_.world().mechanisms())
+    for (Eigen::Index k = 0; k < m.controls().size(); ++k, ++next)
+      simulation_.SetControl(static_cast<int>(next), targets_(next));
+  for (std::size_t i = 0; i < base_start_.size(); ++i) {
+    const MechanismDynamics& m = simulation_.world().mechanisms()[i];
+    if (m.mechanism().base() != BaseKind::kDriven) continue;
+    const RigidTransform& now = m.state().X_WR;
+    const Matrix3 R_goal = ExpRotation(targets_.segment<3>(next + 3)) * base_origin_[i].rotation();
+    Vector3 move = base_origin_[i].translation() + targets_.segment<3>(next) - now.translation();
+    Vector3 turn = LogRotation(R_goal * now.rotation().transpose());
+    move *= std::min({1.0, kHaste * h, kSpeed * h / std::max(move.norm(), 1e-12)});
+    turn *= std::min({1.0, kHaste * h, kTurn * h / std::max(turn.norm(), 1e-12)});
+    const Vector3 shift = now.translation() + move - base_start_[i].translation();
+    const Vector3 rotation =
+        LogRotation(ExpRotation(turn) * now.rotation() * base_start_[i].rotation().transpose());
+    for (int k = 0; k < 3; ++k) {
+      simulation_.SetControl(static_cast<int>(next) + k, shift(k));
+      simulation_.SetControl(static_cast<int>(next) + 3 + k, rotation(k));
+    }
+    next += 6;
+  }
+}
+
+void LiveSimulation::ApplyPulls() {
+  shown_.clear();
+  loads_.clear();
+  if (pull_) {
+    Pull& p = *pull_;
+    p.force_W = PullForce(simulation_, p.body, p.point_B, p.target_W, settings_.pull_stiffness);
+    const Vector3 point = simulation_.Pose(p.body) * p.point_B;
+    simulation_.ApplyWrench(p.body, p.force_W, Vector3::Zero(), point);
+    loads_.push_back({p.body, p.point_B, p.force_W});
+    shown_.push_back({p.body, point, p.target_W, p.force_W});
+  }
+  for (Push& p : pushes_) {
+    const Vector3 point = simulation_.Pose(p.body) * p.point_B;
+    simulation_.ApplyWrench(p.body, p.force_W, Vector3::Zero(), point);
+    loads_.push_back({p.body, p.point_B, p.force_W});
+    shown_.push_back({p.body, point, point, p.force_W});
+    --p.steps_left;
+  }
+  std::erase_if(pushes_, [](const Push& p) { return p.steps_left <= 0; });
+}
+
+}  // namespace fork1s

@@ -1,0 +1,55 @@
+// The full simulation as a ghost beside the reduced one.
+import { describe, expect, it } from 'vitest';
+import { ready, session, view } from './support';
+
+describe.skipIf(!ready)('the full simulation as a ghost', () => {
+  const live = session(() => view('hand.xml', '--keyframe', 'open'));
+
+  it('a checkbox starts it, and the page says how far it is away', async () => {
+    const { page } = live;
+    await page.keyboard.press('s'); // the panel starts closed on small pages
+    await page.locator('.lil-gui .title', { hasText: 'View' }).click();
+    const box = page.locator('.lil-gui .controller', { hasText: 'full simulation' }).locator('input');
+    expect(await box.isChecked()).toBe(false);
+    await box.check();
+    await page.waitForFunction(() => /full simulation: .*[\d.]+ mm away at \w+/.test(document.querySelector('.title p.ghost')?.textContent ?? ''));
+    await page.waitForFunction(() => (fork1s?.view.fullFrame?.time ?? 0) > 0.1 && fork1s?.view.full.ghost.group.visible === true);
+    await page.keyboard.press('Escape');
+    await page.locator('canvas.stage').focus();
+    await page.keyboard.press('s');
+  });
+
+  it('its bodies are drawn where it has them', async () => {
+    const { page } = live;
+    const apart = await page.evaluate(() => {
+      const ghost = fork1s?.view.fullFrame;
+      const poses = fork1s?.view.poses() ?? [];
+      if (!ghost) return [NaN];
+      return poses.map((X, b) => Math.hypot(...X.p.map((x, k) => x - (ghost.poses[7 * b + k] ?? NaN))));
+    });
+    expect(apart.length).toBeGreaterThan(10);
+    expect(Math.max(...apart)).toBeLessThan(0.01); // both hang at rest; the distance shown is the exact one
+    // Aside by a span it covers other pixels, and none once it is off.
+    const pixels = (): Promise<string> =>
+      page.evaluate(() => {
+        if (!fork1s) return '';
+        fork1s.view.restyle();
+        fork1s.view.draw();
+        return fork1s.view.stage.renderer.domElement.toDataURL();
+      });
+    await page.keyboard.press('Space');
+    await page.waitForFunction(() => fork1s?.view.frame?.paused === true);
+    await page.waitForFunction(() => (fork1s?.view.fullFrame?.behind ?? 1) === 0);
+    const over = await pixels();
+    await page.evaluate(() => fork1s && (fork1s.view.options.ghostOffset = 0.2));
+    const aside = await pixels();
+    expect(aside).not.toBe(over);
+    await page.evaluate(() => fork1s?.send({ type: 'ghost', on: false }));
+    await page.waitForFunction(() => fork1s?.view.fullFrame === null);
+    const without = await pixels();
+    expect(without).not.toBe(aside);
+    expect(without).not.toBe(over);
+    expect(await page.locator('.title p.ghost').isVisible()).toBe(false);
+    expect(await page.evaluate(() => fork1s?.view.full.ghost.group.visible)).toBe(false);
+  });
+});
