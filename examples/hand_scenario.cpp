@@ -13,8 +13,7 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kCloseEnd = 1.0, kSqueezeEnd = 1.5, kLiftStart = 1.7, kLiftEnd = 2.7, kShakeEnd = 4.7;
-constexpr double kRestStart = 5.7;  // a second after the shaking for what swings to come to rest
-constexpr double kLift = 0.15;      // m
+constexpr double kLift = 0.15;  // m
 
 struct Flexion {
   double knuckle, middle, tip;  // degrees
@@ -44,16 +43,19 @@ double Smooth(double s) {
   return s * s * s * (10 + s * (6 * s - 15));
 }
 
-void SetControls(Simulation& simulation, double t, const HandScenario& scenario) {
+}  // namespace
+
+std::vector<std::pair<std::string, double>> HandSetPoints(double t, const HandScenario& scenario) {
+  std::vector<std::pair<std::string, double>> values;
   const double close = Smooth(t / kCloseEnd), squeeze = Smooth((t - kCloseEnd) / (kSqueezeEnd - kCloseEnd));
   for (const auto& [finger, grasp] : Grasps()) {
     const Flexion open = OpenPose(finger);
     // A servo's pull at the same squeeze grows with its gain; the same force needs the squeeze divided by it.
     const double extra = squeeze * grasp.squeeze / scenario.stiffness_scale;
     auto angle = [&](double from, double to) { return kDegree * (from + close * (to - from) + extra); };
-    simulation.SetControl(finger + "_knuckle_flex", angle(open.knuckle, grasp.touch.knuckle));
-    simulation.SetControl(finger + "_middle_flex", angle(open.middle, grasp.touch.middle));
-    simulation.SetControl(finger + "_tip_flex", angle(open.tip, grasp.touch.tip));
+    values.emplace_back(finger + "_knuckle_flex", angle(open.knuckle, grasp.touch.knuckle));
+    values.emplace_back(finger + "_middle_flex", angle(open.middle, grasp.touch.middle));
+    values.emplace_back(finger + "_tip_flex", angle(open.tip, grasp.touch.tip));
   }
   double z = kLift * Smooth((t - kLiftStart) / (kLiftEnd - kLiftStart)), x = 0;
   if (scenario.shake && t > kLiftEnd && t < kShakeEnd) {
@@ -64,9 +66,12 @@ void SetControls(Simulation& simulation, double t, const HandScenario& scenario)
         0.02 * std::min({1.0, 4 * s, 4 * (1 - s)}) * std::sin(2 * std::numbers::pi * 3 * (t - kLiftEnd));
     (t < kLiftEnd + half ? z : x) += wave;
   }
-  simulation.SetControl("palm.z", z);
-  simulation.SetControl("palm.x", x);
+  values.emplace_back("palm.z", z);
+  values.emplace_back("palm.x", x);
+  return values;
 }
+
+namespace {
 
 void WriteControls(std::ofstream& out, const Simulation& simulation, double t) {
   if (t == 0) {
@@ -102,13 +107,14 @@ Vector3 ContactForce(const Simulation& simulation, double& thumb) {
 
 }  // namespace
 
-Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const HandScenario& scenario) {
+Expected<Scene> LoadHandScene(const std::string& scene_path, const HandScenario& scenario) {
   ImportOptions import;
   import.keyframe = "open";
   import.stiffness_scale = scenario.stiffness_scale;
   auto imported = LoadMechanism(scene_path, import);
   if (!imported) return tl::unexpected(imported.error());
   Scene scene = std::move(imported->scene);
+  scene.keyframes = {scene.keyframes[static_cast<std::size_t>(imported->initial_keyframe)]};
   for (auto& g : scene.world) g.friction = scenario.friction;
   for (auto& body : scene.mechanisms[0].bodies)
     for (auto& g : body.geometries) g.friction = scenario.friction;
@@ -117,10 +123,16 @@ Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const H
     body.inertia.rotational *= scenario.object_mass / body.inertia.mass;
     body.inertia.mass = scenario.object_mass;
   }
+  return scene;
+}
+
+Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const HandScenario& scenario) {
+  auto scene = LoadHandScene(scene_path, scenario);
+  if (!scene) return tl::unexpected(scene.error());
   SimulationOptions options;
   options.dt = scenario.dt;
-  options.initial_keyframe = imported->initial_keyframe;
-  auto created = Simulation::Create(std::move(scene), options);
+  options.initial_keyframe = 0;
+  auto created = Simulation::Create(std::move(*scene), options);
   if (!created) return tl::unexpected(created.error());
   Simulation& simulation = *created;
 
@@ -128,7 +140,7 @@ Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const H
   m.weight = scenario.object_mass * simulation.scene().gravity.norm();
   const double height_start = simulation.Pose("box").translation().z();
   Vector3 before_shake = Vector3::Zero(), at_rest = Vector3::Zero();
-  const double end = kRestStart + scenario.rest;
+  const double end = kHandRestStart + scenario.rest;
   const auto steps = static_cast<int>(std::lround(end / scenario.dt));
   std::ofstream controls;
   if (!scenario.controls_csv.empty()) {
@@ -139,7 +151,7 @@ Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const H
   }
   for (int i = 0; i < steps; ++i) {
     const double t = (i + 1) * scenario.dt;
-    SetControls(simulation, t, scenario);
+    for (const auto& [name, value] : HandSetPoints(t, scenario)) simulation.SetControl(name, value);
     if (controls.is_open()) WriteControls(controls, simulation, i * scenario.dt);
     const auto start = std::chrono::steady_clock::now();
     const StepReport report = simulation.Step();
@@ -150,7 +162,7 @@ Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const H
     ++m.steps;
     m.contacts_max = std::max(m.contacts_max, report.contacts);
     m.penetration_max = std::max(m.penetration_max, report.max_penetration);
-    (t > kRestStart ? m.unconverged_rest : m.unconverged_closing) += report.solver.converged ? 0 : 1;
+    (t > kHandRestStart ? m.unconverged_rest : m.unconverged_closing) += report.solver.converged ? 0 : 1;
     m.max_newton_iterations = std::max(m.max_newton_iterations, report.solver.newton_iterations);
     m.refreshes += report.refreshes;
 
@@ -158,7 +170,7 @@ Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const H
     if (t <= kLiftEnd) {
       before_shake = object;
       m.lift_height = simulation.Pose("box").translation().z() - height_start;
-    } else if (t <= kRestStart) {
+    } else if (t <= kHandRestStart) {
       m.sway_in_shake = std::max(m.sway_in_shake, (object - before_shake).norm());
       m.slip_by_shake = (object - before_shake).norm();
       at_rest = object;

@@ -4,9 +4,13 @@
 
 #include <fork1s/sim/simulation.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace fork1s::examples {
+
+/// s, when the rest begins: a second after the shaking, for what swings to come to rest.
+inline constexpr double kHandRestStart = 5.7;
 
 struct HandScenario {
   double friction = 0.8;       // of every surface
@@ -39,6 +43,13 @@ struct HandMeasurement {
   double max_speed_at_rest = 0;  // m/s, of any fingertip
   double final_height = 0;       // m, of the object's centre
 };
+
+/// The scene with the scenario's stiffness, friction and mass, and the open hand as its only keyframe.
+/// Errors: those of loading it.
+Expected<Scene> LoadHandScene(const std::string& scene_path, const HandScenario& scenario);
+
+/// Controls by name for a step that ends at t [s].
+std::vector<std::pair<std::string, double>> HandSetPoints(double t, const HandScenario& scenario);
 
 /// Runs the scenario on scenes/hand.xml. Errors: those of loading the scene.
 Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const HandScenario& scenario);

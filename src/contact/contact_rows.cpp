@@ -221,7 +221,8 @@ bool RowSet::PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitC
 
 bool RowSet::Prepare(const std::vector<VelocityBlock>& blocks,
                      const std::vector<ContactConstraint>& contact_list,
-                     const std::vector<LimitConstraint>& limit_list, const VectorX& velocities) {
+                     const std::vector<LimitConstraint>& limit_list,
+                     const Eigen::Ref<const VectorX>& velocities) {
   contacts.resize(contact_list.size());
   limits.resize(limit_list.size());
   storage.clear();

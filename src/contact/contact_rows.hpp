@@ -55,7 +55,7 @@ struct RowSet {
 
   /// Reads the problem. Returns false when anything in it is not finite.
   bool Prepare(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contact_list,
-               const std::vector<LimitConstraint>& limit_list, const VectorX& velocities);
+               const std::vector<LimitConstraint>& limit_list, const Eigen::Ref<const VectorX>& velocities);
   /// velocity = v* + W Jᵀ λ, afresh.
   void ResetVelocity();
   /// Sets the present impulses aside, and takes them back with the velocity that belongs to them.

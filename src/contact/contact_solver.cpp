@@ -55,7 +55,7 @@ void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities
 
 ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& blocks,
                                          std::vector<ContactConstraint>& contacts,
-                                         std::vector<LimitConstraint>& limits, VectorX& velocities,
+                                         std::vector<LimitConstraint>& limits, Eigen::Ref<VectorX> velocities,
                                          const ContactSolverOptions& options) {
   ContactSolverReport report;
   if (contacts.empty() && limits.empty()) {

@@ -113,6 +113,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   world.previous_speed_W_.reserve(room);
   world.match_.reserve(room);
   world.previous_used_.reserve(room);
+  world.previous_order_.reserve(room);
   world.constraints_.reserve(room);
   std::size_t blocks = world.free_bodies_.size();
   for (const MechanismDynamics& m : world.mechanisms_)
@@ -133,7 +134,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   world.limits_.reserve(static_cast<std::size_t>(limits));
   world.velocities_.setZero(velocities);
   world.free_W_.resize(world.free_bodies_.size());
-  world.solver_.Reserve(options.max_contacts, limits, velocities);
+  world.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities);
   return world;
 }
 

@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/dynamics/world.hpp>
+#include <numeric>
+#include <tuple>
 
 namespace fork1s {
 
@@ -165,18 +167,26 @@ void World::LayOutPorts(const StepOptions& options) {
 void World::MatchPrevious() {
   match_.assign(points_.size(), -1);
   previous_used_.assign(previous_.size(), 0);
+  const auto who = [](const ContactPoint& p) {
+    return std::tuple(p.body_a, p.body_b, p.geometry_a, p.geometry_b);
+  };
+  const auto of = [&](int k) -> const ContactPoint& { return previous_[static_cast<std::size_t>(k)].point; };
+  previous_order_.resize(previous_.size());
+  std::iota(previous_order_.begin(), previous_order_.end(), 0);
+  std::sort(previous_order_.begin(), previous_order_.end(),
+            [&](int k, int l) { return std::pair(who(of(k)), k) < std::pair(who(of(l)), l); });
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactPoint& p = points_[i];
     double best = 0.02;  // m; a contact point that moved farther than this in a step is another one
-    for (std::size_t k = 0; k < previous_.size(); ++k) {
-      const ContactPoint& o = previous_[k].point;
-      if (previous_used_[k] || o.body_a != p.body_a || o.body_b != p.body_b || o.geometry_a != p.geometry_a ||
-          o.geometry_b != p.geometry_b)
-        continue;
+    auto at = std::lower_bound(previous_order_.begin(), previous_order_.end(), p,
+                               [&](int k, const ContactPoint& point) { return who(of(k)) < who(point); });
+    for (; at != previous_order_.end() && who(of(*at)) == who(p); ++at) {
+      const ContactPoint& o = of(*at);
+      if (previous_used_[static_cast<std::size_t>(*at)]) continue;
       const double distance = (o.point - p.point).norm();
       if (distance < best && o.frame.row(0).dot(p.frame.row(0)) > 0.8) {
         best = distance;
-        match_[i] = static_cast<int>(k);
+        match_[i] = *at;
       }
     }
     if (match_[i] >= 0) previous_used_[static_cast<std::size_t>(match_[i])] = 1;
@@ -230,6 +240,11 @@ void World::AssembleConstraints(const StepOptions& options) {
     return std::max(options.penetration_correction * std::min(0.0, gap + options.slop) / h,
                     -options.max_correction_speed);
   };
+  // Rows before and after a change of reference are of different coordinates.
+  auto reference_moved = [&](const Contactor& c) {
+    return c.kind == Contactor::Kind::kGroup &&
+           mechanism_blocks_[static_cast<std::size_t>(c.index)].refreshed > 0;
+  };
   constraints_.resize(points_.size());
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactPoint& p = points_[i];
@@ -256,7 +271,8 @@ void World::AssembleConstraints(const StepOptions& options) {
     c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
     // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's. On the
     // normal it lets a ball roll in a bowl, on the tangents it keeps an object where a turning hand holds it.
-    if (options.contact_curvature && curvature_valid_ && before.impulse(0) > 0)
+    if (options.contact_curvature && curvature_valid_ && !reference_moved(a) && !reference_moved(b) &&
+        before.impulse(0) > 0)
       c.bias += 0.5 * (speed - p.frame * previous_speed_W_[k]);
   }
 

@@ -32,6 +32,16 @@ TEST_P(HeldMass, LiftsHoldsAndCarriesTheWeight) {
 
 INSTANTIATE_TEST_SUITE_P(Kilograms, HeldMass, testing::Values(0.1, 0.2, 0.3));
 
+TEST(Hand, HoldsForAMinuteWithoutDrift) {
+  HandScenario scenario;
+  scenario.rest = 60;
+  const HandMeasurement m = RunOn(scenario);
+  EXPECT_TRUE(m.finite);
+  EXPECT_GT(m.lift_height, 0.14);
+  EXPECT_LT(m.drift_at_rest, 1e-4);
+  EXPECT_EQ(m.unconverged_rest, 0);
+}
+
 TEST(Hand, DropsTheObjectOnSlipperySkin) {
   HandScenario scenario;
   scenario.friction = 0.2;

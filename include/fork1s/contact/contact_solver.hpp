@@ -75,7 +75,7 @@ class ContactSolver {
   /// that is not finite: no impulses, `velocities` as they were, converged = false.
   ContactSolverReport Solve(const std::vector<VelocityBlock>& blocks,
                             std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
-                            VectorX& velocities, const ContactSolverOptions& options = {});
+                            Eigen::Ref<VectorX> velocities, const ContactSolverOptions& options = {});
 
  private:
   struct Workspace;

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <fork1s/collision/collision_world.hpp>
-#include <fork1s/contact/contact_solver.hpp>
 #include <fork1s/dynamics/free_body.hpp>
+#include <fork1s/dynamics/island_solver.hpp>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <memory>
@@ -33,8 +33,8 @@ struct ContactRecord {
 
 struct StepReport {
   int contacts = 0;
-  int limits = 0;  // joint limits that acted
-  ContactSolverReport solver;
+  int limits = 0;              // joint limits that acted
+  ContactSolverReport solver;  // of all islands of contact: the worst of each
   double max_penetration = 0;  // m
   int refreshes = 0;
   int failed_refreshes = 0;
@@ -101,6 +101,8 @@ class World {
   void MatchPrevious();
   void ApplyImpulses();
   void KeepForNextStep(StepReport& report);
+  void MoveMechanisms(const StepOptions& options, StepReport& report);
+  int MechanismGrain() const;
   Matrix36 PortRows(const Contactor& contactor, const ContactPoint& point) const;
 
   std::vector<MechanismDynamics> mechanisms_;
@@ -113,13 +115,14 @@ class World {
   std::vector<RigidTransform> contactor_pose_;  // at the previous detection
   bool has_previous_pose_ = false;
 
-  ContactSolver solver_;
+  IslandSolver solver_;
   std::vector<ContactPoint> points_;  // of this step, those that can touch within it
   std::vector<ContactRecord> contacts_, previous_;
   std::vector<Vector3> speed_W_, previous_speed_W_;  // relative, after the solve, world axes
   std::vector<int> match_;                           // contact -> previous contact or -1
   std::vector<char> previous_used_;
-  bool curvature_valid_ = false;  // no reference moved since the previous step
+  std::vector<int> previous_order_;  // of previous_, by what touches what
+  bool curvature_valid_ = false;     // previous_speed_W_ is of the step before
   std::vector<ContactConstraint> constraints_;
   std::vector<LimitConstraint> limits_;
   std::vector<VelocityBlock> blocks_;
@@ -144,6 +147,7 @@ class World {
     std::vector<double> limit_impulses;  // 2 per limited coordinate, for warm starts
     VectorX impulse;
     bool pushed_from_outside = false;
+    int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
   };
   std::vector<MechanismBlock> mechanism_blocks_;
   std::vector<Matrix6> free_W_;

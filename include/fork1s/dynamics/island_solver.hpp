@@ -1,0 +1,58 @@
+// Contact solves of a scene, island by island: what no contact joins is solved apart.
+#pragma once
+
+#include <fork1s/contact/contact_solver.hpp>
+#include <vector>
+
+namespace fork1s {
+
+/// An island is a set of velocity blocks that contacts join. Solved together, islands would wait for the
+/// slowest of them, be judged beside the largest impulse anywhere, and together pass the size that Newton can
+/// take. Solved apart they do not know of each other, so that a hundred hands hold as one does, and many run
+/// at a time. The same bits for any number of threads.
+class IslandSolver {
+ public:
+  /// Reserves scratch so that solves of up to this size do not allocate while they run on one thread.
+  void Reserve(int num_contacts, int num_limits, int num_blocks, int num_velocities);
+
+  /// As ContactSolver::Solve. The report has the most sweeps, iterations and residual of any island;
+  /// converged only if all are.
+  ContactSolverReport Solve(const std::vector<VelocityBlock>& blocks,
+                            std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
+                            VectorX& velocities, const ContactSolverOptions& options);
+  /// In the last solve.
+  int num_islands() const { return static_cast<int>(islands_.size()); }
+
+ private:
+  // Ranges of block_order_, contact_order_ and limit_order_.
+  struct Island {
+    int blocks = 0, num_blocks = 0;
+    int contacts = 0, num_contacts = 0;
+    int limits = 0, num_limits = 0;
+  };
+  // A solver with the island at hand in numbers of its own.
+  struct Bench {
+    ContactSolver solver;
+    std::vector<VelocityBlock> blocks;
+    std::vector<ContactConstraint> contacts;
+    std::vector<LimitConstraint> limits;
+    VectorX velocities;
+    ContactSolverReport report;
+  };
+  void FindIslands(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contacts,
+                   const std::vector<LimitConstraint>& limits, Eigen::Index num_velocities);
+  int IslandOf(int block);
+  void SolveIsland(const Island& island, const std::vector<VelocityBlock>& blocks,
+                   std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
+                   VectorX& velocities, const ContactSolverOptions& options, Bench& bench) const;
+
+  std::vector<Bench> benches_;
+  std::vector<Island> islands_;
+  std::vector<int> block_of_;  // velocity row -> block
+  std::vector<int> parent_;    // of a block in the union of blocks
+  std::vector<int> island_of_;
+  std::vector<int> block_order_, contact_order_, limit_order_;
+  std::vector<int> new_offset_;  // block -> first row in its island
+};
+
+}  // namespace fork1s
