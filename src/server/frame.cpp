@@ -1,6 +1,7 @@
 // The messages that repeat: maps after every refresh, frames and ghosts sixty times a second.
 #include <fork1s/server/wire.hpp>
 
+#include "body_order.hpp"
 #include "byte_writer.hpp"
 
 namespace fork1s {
@@ -19,39 +20,38 @@ VectorX Correction(const MechanismDynamics& dynamics) {
   return rest;
 }
 
-// The first body of every mechanism, then that of the free bodies.
-std::vector<int> FirstBodies(const World& world) {
-  std::vector<int> first = {0};
-  for (const MechanismDynamics& m : world.mechanisms())
-    first.push_back(first.back() + m.mechanism().num_bodies());
-  return first;
-}
-
-// The body of the scene that a collision body stands for.
-int SceneBodyOf(const World& world, const std::vector<int>& first, const Contactor& contactor) {
+// The body on the wire that a collision body stands for.
+int BodyOf(const World& world, const internal::BodyOrder& order, const Contactor& contactor) {
   if (contactor.kind == Contactor::Kind::kWorld) return -1;
-  if (contactor.kind == Contactor::Kind::kFreeBody) return first.back() + contactor.index;
-  const auto mechanism = static_cast<std::size_t>(contactor.index);
-  const auto& groups = world.mechanisms()[mechanism].groups();
-  return first[mechanism] + groups[static_cast<std::size_t>(contactor.group)].body.value();
+  if (contactor.kind == Contactor::Kind::kFreeBody) return order.OnWire(-1, contactor.index);
+  const auto& groups = world.mechanisms()[static_cast<std::size_t>(contactor.index)].groups();
+  return order.OnWire(contactor.index, groups[static_cast<std::size_t>(contactor.group)].body.value());
 }
 
-void WriteContacts(const Simulation& simulation, ByteWriter& out) {
+// Those that act and those that are frozen.
+void WriteContacts(const Simulation& simulation, const internal::BodyOrder& order, ByteWriter& out) {
   const World& world = simulation.world();
   const auto& contactors = world.contactors();
-  const std::vector<int> first = FirstBodies(world);
-  std::uint32_t count = 0;
+  const std::vector<HoldForce> held = simulation.HoldForces();
+  auto count = static_cast<std::uint32_t>(held.size());
   for (const ContactRecord& c : world.contacts()) count += c.impulse.x() > 0 ? 1 : 0;
   out.U32(count);
   for (const ContactRecord& c : world.contacts()) {
     if (!(c.impulse.x() > 0)) continue;
-    out.I32(SceneBodyOf(world, first, contactors[static_cast<std::size_t>(c.point.body_a)]));
-    out.I32(SceneBodyOf(world, first, contactors[static_cast<std::size_t>(c.point.body_b)]));
+    out.I32(BodyOf(world, order, contactors[static_cast<std::size_t>(c.point.body_a)]));
+    out.I32(BodyOf(world, order, contactors[static_cast<std::size_t>(c.point.body_b)]));
     out.Vector(c.point.point);
     out.Vector(c.point.frame.row(0).transpose());
     out.Vector(c.point.frame.transpose() * c.impulse / simulation.step_options().h);
     out.F32(c.point.gap);
     out.F32(c.friction);
+  }
+  for (const HoldForce& f : held) {
+    out.I32(order.OnWire(f.body));
+    out.I32(order.OnWire(f.held));
+    for (const Vector3* v : {&f.point_W, &f.normal_W, &f.force_W}) out.Vector(*v);
+    out.F32(0);
+    out.F32(f.friction);
   }
 }
 
@@ -140,10 +140,11 @@ std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::
     out.Pose(body.pose());
   }
 
-  WriteContacts(simulation, out);
+  const internal::BodyOrder order(simulation);
+  WriteContacts(simulation, order, out);
   out.U32(static_cast<std::uint32_t>(pulls.size()));
   for (const ShownPull& p : pulls) {
-    out.I32(p.body);
+    out.I32(order.OnWire(p.body));
     out.Vector(p.point_W);
     out.Vector(p.target_W);
     out.Vector(p.force_W);
@@ -151,14 +152,16 @@ std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::
   return out.Take();
 }
 
-std::string EncodeGhost(const GhostView& view, std::uint32_t epoch) {
+std::string EncodeGhost(const GhostView& view, const Simulation& simulation, std::uint32_t epoch) {
+  const internal::BodyOrder order(simulation);
   ByteWriter out;
   out.U32(static_cast<std::uint32_t>(WireKind::kGhost));
   out.U32(epoch);
   for (double v : {view.time, view.behind, view.distance}) out.F64(v);
-  out.I32(view.body);
+  out.I32(order.OnWire(view.body));
   out.U32(static_cast<std::uint32_t>(view.X_WB.size()));
-  for (const RigidTransform& X : view.X_WB) {
+  for (int i = 0; i < order.size(); ++i) {
+    const RigidTransform& X = view.X_WB[static_cast<std::size_t>(order.InScene(i))];
     out.Vector(X.translation());
     const Quaternion q = X.quaternion();
     for (double c : {q.w(), q.x(), q.y(), q.z()}) out.F32(c);

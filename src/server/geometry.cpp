@@ -78,7 +78,7 @@ Json Collect(const Simulation& simulation, MeshTable& meshes) {
   int body = 0;
   for (const MechanismDynamics& m : simulation.world().mechanisms())
     for (const BodyDef& b : m.mechanism().definition().bodies) add(body++, b.geometries);
-  for (const FreeBodyDef& b : simulation.scene().free_bodies) add(body++, b.geometries);
+  for (const FreeBodyDef& b : simulation.present_scene().free_bodies) add(body++, b.geometries);
   add(-1, simulation.scene().world);
   return shapes;
 }

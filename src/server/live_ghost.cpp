@@ -62,7 +62,7 @@ void LiveSimulation::CaptureGhost(int viewers) {
   if (view->steps == ghost_steps_ && latest_.sequence % kSeldom != 0) return;
   ghost_steps_ = view->steps;
   ++latest_.ghost_sequence;
-  latest_.ghost = std::make_shared<const std::string>(EncodeGhost(*view, latest_.epoch));
+  latest_.ghost = std::make_shared<const std::string>(EncodeGhost(*view, simulation_, latest_.epoch));
 }
 
 }  // namespace fork1s

@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "body_order.hpp"
 #include "scene_description.hpp"
 
 namespace fork1s {
@@ -21,6 +22,8 @@ constexpr std::size_t kMaxPushes = 16;
 double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
+
+Fidelity FidelityOf(const LiveSettings& s) { return {s.detail, s.modes, s.recovery}; }
 
 Message Share(std::string text) { return std::make_shared<const std::string>(std::move(text)); }
 
@@ -40,6 +43,7 @@ Expected<LiveSimulation> LiveSimulation::Create(Scene scene, const SimulationOpt
   s.gravity = live.original_.gravity;
   s.recovery = options.recovery;
   s.modes = options.reduction.modes;
+  s.detail = options.detail;
   s.pull_stiffness = SuggestPullStiffness(live.simulation_);
   // Groups name joints by their place in the built mechanism; both definitions hold them in that order.
   for (std::size_t i = 0; i < live.original_.mechanisms.size(); ++i)
@@ -48,8 +52,8 @@ Expected<LiveSimulation> LiveSimulation::Create(Scene scene, const SimulationOpt
   s.interfaces.resize(live.original_.mechanisms.size());
   for (const MechanismDynamics& m : live.simulation_.world().mechanisms())
     live.base_origin_.push_back(m.state().X_WR);
+  live.base_start_ = live.base_origin_;
   live.targets_ = live.simulation_.controls();
-  live.latest_.meshes = Share(EncodeMeshes(live.simulation_));
   live.ShowShapes(1);
   live.AfterBuild();
   return live;
@@ -58,12 +62,11 @@ Expected<LiveSimulation> LiveSimulation::Create(Scene scene, const SimulationOpt
 void LiveSimulation::ShowShapes(std::uint32_t version) {
   latest_.geometry_version = version;
   latest_.geometry = Share(EncodeGeometry(simulation_, version));
+  latest_.meshes = Share(EncodeMeshes(simulation_));
 }
 
 // Everything that hangs on the identity of the reduced model.
 void LiveSimulation::AfterBuild() {
-  base_start_.clear();
-  for (const MechanismDynamics& m : simulation_.world().mechanisms()) base_start_.push_back(m.state().X_WR);
   encoded_reference_.assign(simulation_.world().mechanisms().size(), VectorX());
   latest_.maps.assign(encoded_reference_.size(), nullptr);
   latest_.versions.resize(encoded_reference_.size(), 0);
@@ -75,31 +78,23 @@ void LiveSimulation::AfterBuild() {
 }
 
 KeyframeDef LiveSimulation::PresentState() const {
-  KeyframeDef key;
-  key.name = "present";
-  for (const MechanismDynamics& m : simulation_.world().mechanisms()) {
-    KeyframeDef::MechanismState s;
-    s.q = m.configuration().q;
-    s.q_dot = m.configuration().Q_now * m.state().w;
-    s.X_WR = m.state().X_WR;
-    s.V_R = m.mechanism().base() == BaseKind::kDriven ? Vector6(Vector6::Zero()) : m.state().V_R;
-    s.controls = m.controls();
-    key.mechanisms.push_back(std::move(s));
-  }
-  for (const FreeBody& b : simulation_.world().free_bodies()) {
-    const Vector6 V = b.OriginVelocity();
-    key.free_bodies.push_back({b.pose(), V.head<3>(), V.tail<3>()});
-  }
+  KeyframeDef key = simulation_.State();
+  for (std::size_t i = 0; i < key.mechanisms.size(); ++i)
+    if (simulation_.world().mechanisms()[i].mechanism().base() == BaseKind::kDriven)
+      key.mechanisms[i].V_R.setZero();  // it is set down anew
   return key;
 }
 
-Expected<void> LiveSimulation::Rebuild(const LiveSettings& settings, bool keep_state) {
+Expected<void> LiveSimulation::Rebuild(LiveSettings settings, bool keep_state) {
   const double start = Now();
   Scene scene = ApplySettings(original_, settings);
+  const bool holds = settings.detail == DetailLevel::kObject;
+  if (holds && !keep_state) settings.detail = DetailLevel::kInterface;  // nothing is held at the start
   SimulationOptions options = options_;
   options.dt = settings.dt;
   options.recovery = settings.recovery;
-  options.reduction.modes = -1;  // the scene says
+  options.reduction.modes = settings.modes;
+  options.detail = holds ? DetailLevel::kInterface : settings.detail;
   if (keep_state) {
     scene.keyframes.push_back(PresentState());
     options.initial_keyframe = static_cast<int>(scene.keyframes.size()) - 1;
@@ -108,10 +103,15 @@ Expected<void> LiveSimulation::Rebuild(const LiveSettings& settings, bool keep_s
   const double steps = keep_state ? steps_before_ + static_cast<double>(simulation_.steps()) : 0;
   auto built = Simulation::Create(std::move(scene), options);
   if (!built) return tl::unexpected(built.error());
+  if (settings.detail == DetailLevel::kObject)
+    if (auto done = built->SetFidelity(FidelityOf(settings), simulation_.holds()); !done) return done;
+  const bool new_order = !simulation_.holds().empty() || !built->holds().empty();
   simulation_ = std::move(*built);
   time_offset_ = time;
   steps_before_ = steps;
-  settings_ = settings;
+  settings_ = std::move(settings);
+  base_start_.clear();
+  for (const MechanismDynamics& m : simulation_.world().mechanisms()) base_start_.push_back(m.state().X_WR);
   if (!keep_state) {
     targets_ = simulation_.controls();
     pull_.reset();
@@ -120,13 +120,24 @@ Expected<void> LiveSimulation::Rebuild(const LiveSettings& settings, bool keep_s
     scalars_.refreshes = 0;
   }
   scalars_.reduce_ms = 1e3 * (Now() - start);
+  if (new_order) ShowShapes(latest_.geometry_version + 1);
+  AfterBuild();
+  return {};
+}
+
+Expected<void> LiveSimulation::ChangeFidelity(const LiveSettings& settings) {
+  const double start = Now();
+  const bool held = !simulation_.holds().empty();
+  if (auto done = simulation_.SetFidelity(FidelityOf(settings)); !done) return done;
+  settings_ = settings;
+  scalars_.reduce_ms = 1e3 * (Now() - start);
+  if (held || !simulation_.holds().empty()) ShowShapes(latest_.geometry_version + 1);
   AfterBuild();
   return {};
 }
 
 // A model that cannot be built leaves the present one as it is; the sliders go back to what holds.
-std::optional<Refusal> LiveSimulation::RebuildOrSay(const LiveSettings& settings, bool keep_state) {
-  auto done = Rebuild(settings, keep_state);
+std::optional<Refusal> LiveSimulation::OrSay(const Expected<void>& done) {
   if (done) return {};
   ++latest_.settings_version;
   return Refusal{done.error().Text()};
@@ -155,13 +166,16 @@ void LiveSimulation::SetFileProblem(const std::string& sentence) {
 }
 
 std::optional<Refusal> LiveSimulation::Handle(const Command& c) {
-  const int bodies = static_cast<int>(simulation_.bodies().size());
+  const internal::BodyOrder order(simulation_);
+  const bool touches = c.kind == Command::Kind::kPull || c.kind == Command::Kind::kPush;
+  if (touches && (c.body < 0 || c.body >= order.size()))
+    return Refusal{fmt::format("there is no body {}", c.body)};
+  const int body = touches ? order.InScene(c.body) : -1;
   switch (c.kind) {
     case Command::Kind::kPull:
-      if (c.body < 0 || c.body >= bodies) return Refusal{fmt::format("there is no body {}", c.body)};
       if (pull_ && pull_->viewer != c.viewer)
         return Refusal{"another viewer is dragging; wait until it lets go", true};
-      if (!pull_ || pull_->body != c.body) pull_ = Pull{c.viewer, c.body, c.point, c.target};
+      if (!pull_ || pull_->body != body) pull_ = Pull{c.viewer, body, c.point, c.target};
       pull_->point_B = c.point;
       pull_->target_W = c.target;
       return {};
@@ -170,13 +184,12 @@ std::optional<Refusal> LiveSimulation::Handle(const Command& c) {
       if (pull_ && pull_->viewer == c.viewer) pull_.reset();
       return {};
     case Command::Kind::kPush: {
-      if (c.body < 0 || c.body >= bodies) return Refusal{fmt::format("there is no body {}", c.body)};
       const double length = c.target.norm();
       if (!(length > 1e-9)) return Refusal{"a push needs a direction"};
       if (pushes_.size() >= kMaxPushes) return Refusal{"enough pushes at once; wait a moment", true};
       // As hard as the spring pulls over a fifth of the model, for 50 ms.
       const double force = 0.2 * SceneRadius(simulation_) * settings_.pull_stiffness;
-      pushes_.push_back({c.body, c.point, force / length * c.target,
+      pushes_.push_back({body, c.point, force / length * c.target,
                          std::max(1, static_cast<int>(std::lround(kPushTime / simulation_.dt())))});
       return {};
     }
@@ -187,7 +200,7 @@ std::optional<Refusal> LiveSimulation::Handle(const Command& c) {
       paused_ = step_requested_ = true;
       return {};
     case Command::Kind::kReset:
-      return RebuildOrSay(settings_, false);
+      return OrSay(Rebuild(settings_, false));
     case Command::Kind::kSet:
       return HandleSet(c);
     case Command::Kind::kInterfaces:
@@ -206,12 +219,10 @@ std::optional<Refusal> LiveSimulation::HandleSet(const Command& c) {
     targets_(c.index) = c.value;
   } else {
     LiveSettings changed = settings_;
-    auto rebuild = ChangeSetting(c.setting, c.index, c.value, changed);
-    if (!rebuild) {
-      ++latest_.settings_version;
-      return Refusal{rebuild.error().Text()};
-    }
-    if (*rebuild) return RebuildOrSay(changed, true);
+    const auto kind = ChangeSetting(c.setting, c.index, c.value, changed);
+    if (!kind) return OrSay(tl::unexpected(kind.error()));
+    if (*kind == SettingKind::kFidelity) return OrSay(ChangeFidelity(changed));
+    if (*kind == SettingKind::kModel) return OrSay(Rebuild(changed, true));
     settings_ = changed;
     simulation_.step_options().gravity = settings_.gravity;
   }
@@ -226,17 +237,21 @@ std::optional<Refusal> LiveSimulation::HandleInterfaces(const Command& c) {
   LiveSettings changed = settings_;
   auto& names = changed.interfaces[static_cast<std::size_t>(c.index)];
   names.clear();
+  const internal::BodyOrder order(simulation_);
   for (int body : c.bodies) {
-    if (body < 0 || body >= static_cast<int>(simulation_.bodies().size()))
-      return Refusal{fmt::format("there is no body {}", body)};
-    const SceneBody& b = simulation_.bodies()[static_cast<std::size_t>(body)];
+    if (body < 0 || body >= order.size()) return Refusal{fmt::format("there is no body {}", body)};
+    const SceneBody& b = simulation_.bodies()[static_cast<std::size_t>(order.InScene(body))];
+    const bool is_held =
+        b.mechanism == c.index &&
+        b.index >= static_cast<int>(original_.mechanisms[static_cast<std::size_t>(c.index)].bodies.size());
+    if (is_held) continue;  // one in any case, as long as it is held
     if (b.mechanism != c.index) return Refusal{fmt::format("body '{}' is no part of that mechanism", b.name)};
     if (b.index == 0)
       return Refusal{fmt::format("body '{}' is the base, which always may touch the world", b.name)};
     if (std::find(names.begin(), names.end(), b.name) == names.end()) names.push_back(b.name);
   }
   if (names.empty()) return Refusal{"a mechanism needs at least one interface body"};
-  return RebuildOrSay(changed, true);
+  return OrSay(Rebuild(changed, true));
 }
 
 bool LiveSimulation::StepOnce() {
@@ -316,7 +331,7 @@ Snapshot LiveSimulation::Capture(int viewers) {
   // Every tenth frame: it costs more than a step, and a grasp changes slowly beside frames.
   if (latest_.sequence % 10 == 0) {
     const double factor =
-        ComputeLoadFactor(simulation_.world(), simulation_.scene(), simulation_.dt()).factor;
+        ComputeLoadFactor(simulation_.world(), simulation_.present_scene(), simulation_.dt()).factor;
     scalars_.load_factor = std::isfinite(factor) ? factor : std::nan("");
   }
   scalars_.viewers = viewers;

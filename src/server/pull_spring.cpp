@@ -124,9 +124,15 @@ double SceneRadius(const Simulation& simulation) {
     }
   };
   int body = 0;
-  for (const MechanismDynamics& m : simulation.world().mechanisms())
-    for (const BodyDef& b : m.mechanism().definition().bodies) add(body++, b.geometries);
-  for (const FreeBodyDef& b : simulation.scene().free_bodies) add(body++, b.geometries);
+  for (const SceneBody& b : simulation.bodies()) {
+    const auto index = static_cast<std::size_t>(b.index);
+    if (b.mechanism < 0) {
+      add(body++, simulation.present_scene().free_bodies[index].geometries);
+      continue;
+    }
+    const Mechanism& m = simulation.world().mechanisms()[static_cast<std::size_t>(b.mechanism)].mechanism();
+    add(body++, m.definition().bodies[index].geometries);
+  }
   return body == 0 ? 1 : std::max(1e-3, 0.5 * (high - low).norm());
 }
 

@@ -115,7 +115,7 @@ nlohmann::json internal::DescribeScene(const Simulation& simulation, const std::
   out["epoch"] = epoch;
   out["geometry"] = geometry;
   out["title"] = title;
-  out["recovery"] = simulation.options().recovery == Recovery::kTwist && !separate ? "twist" : "exact";
+  out["recovery"] = simulation.fidelity().recovery == Recovery::kTwist && !separate ? "twist" : "exact";
   out["radius"] = SceneRadius(simulation);
   out["scalars"] = ScalarNames();
   for (const char* list : {"roots", "bodies", "joints", "screws", "controls", "groups", "warnings"})
@@ -181,7 +181,7 @@ std::string LiveSimulation::SettingsMessage() const {
   for (const MechanismDynamics& m : simulation_.world().mechanisms())
     if (s.modes < 0) modes = std::max(modes, m.mechanism().definition().modes);
   out["modes"] = std::max(modes, 0);
-  out["detail"] = s.detail;
+  out["detail"] = static_cast<int>(s.detail);
   out["recovery"] = s.recovery == Recovery::kTwist ? 1 : 0;
   out["pull_stiffness"] = s.pull_stiffness;
   out["speed"] = s.speed;

@@ -92,22 +92,6 @@ void ScaleDamping(double scale, MechanismDef& def) {
   for (ClosureDef& c : def.closures) c.damping *= scale;
 }
 
-void RefineInterfaces(int detail, MechanismDef& def) {
-  auto add = [&](const std::string& name) {
-    if (std::find(def.interfaces.begin(), def.interfaces.end(), name) == def.interfaces.end())
-      def.interfaces.push_back(name);
-  };
-  if (detail == 1)
-    for (const std::string& name : std::vector<std::string>(def.interfaces)) {
-      const BodyIndex body = def.FindBody(name);
-      if (!body.valid() || body.value() == 0) continue;
-      const BodyIndex parent = def.bodies[body.u()].parent;
-      if (parent.valid() && parent.value() > 0) add(def.bodies[parent.u()].name);
-    }
-  if (detail == 2)
-    for (std::size_t b = 1; b < def.bodies.size(); ++b) add(def.bodies[b].name);
-}
-
 }  // namespace
 
 std::vector<JointGroup> FindJointGroups(const std::vector<MechanismDef>& mechanisms) {
@@ -122,12 +106,10 @@ Scene ApplySettings(Scene scene, const LiveSettings& settings) {
     for (const JointGroup& group : settings.groups)
       if (group.mechanism == static_cast<int>(i)) ScaleGroup(group, def);
     if (settings.damping_scale != 1) ScaleDamping(settings.damping_scale, def);
-    if (settings.modes >= 0) def.modes = settings.modes;
     if (i < settings.interfaces.size() && !settings.interfaces[i].empty()) {
       def.interfaces = settings.interfaces[i];
       def.interfaces_chosen = true;
     }
-    RefineInterfaces(settings.detail, def);
   }
   auto scale_friction = [&](std::vector<GeometryDef>& geometries) {
     for (GeometryDef& g : geometries) g.friction *= settings.friction_scale;
@@ -140,7 +122,8 @@ Scene ApplySettings(Scene scene, const LiveSettings& settings) {
   return scene;
 }
 
-Expected<bool> ChangeSetting(const std::string& name, int index, double value, LiveSettings& settings) {
+Expected<SettingKind> ChangeSetting(const std::string& name, int index, double value,
+                                    LiveSettings& settings) {
   auto within = [&](double low, double high) -> Expected<void> {
     if (value >= low && value <= high) return {};
     return Fail(ErrorCode::kUsage, name,
@@ -152,26 +135,32 @@ Expected<bool> ChangeSetting(const std::string& name, int index, double value, L
   };
   static constexpr Range kRanges[] = {
       {"dt", 1e-4, 0.05}, {"gravity", -100, 100},  {"damping", 0, 100}, {"friction", 0, 10},
-      {"modes", 0, 64},   {"detail", 0, 2},        {"recovery", 0, 1},  {"pull_stiffness", 1e-3, 1e7},
+      {"modes", 0, 64},   {"detail", 0, 3},        {"recovery", 0, 1},  {"pull_stiffness", 1e-3, 1e7},
       {"speed", 0.01, 4}, {"stiffness", 1e-3, 1e4}};
   const auto* range =
       std::find_if(std::begin(kRanges), std::end(kRanges), [&](const Range& r) { return name == r.name; });
   if (range == std::end(kRanges)) return Fail(ErrorCode::kUsage, name, "is no setting of this program");
   if (auto fits = within(range->low, range->high); !fits) return tl::unexpected(fits.error());
 
-  if (name == "gravity") return settings.gravity = Vector3(0, 0, value), false;
-  if (name == "pull_stiffness") return settings.pull_stiffness = value, false;
-  if (name == "speed") return settings.speed = value, false;
-  if (name == "dt") return settings.dt = value, true;
-  if (name == "damping") return settings.damping_scale = value, true;
-  if (name == "friction") return settings.friction_scale = value, true;
-  if (name == "modes") return settings.modes = static_cast<int>(value), true;
-  if (name == "detail") return settings.detail = static_cast<int>(value), true;
-  if (name == "recovery") return settings.recovery = value > 0.5 ? Recovery::kTwist : Recovery::kExact, true;
+  if (name == "gravity") return settings.gravity = Vector3(0, 0, value), SettingKind::kPlain;
+  if (name == "pull_stiffness") return settings.pull_stiffness = value, SettingKind::kPlain;
+  if (name == "speed") return settings.speed = value, SettingKind::kPlain;
+  if (name == "dt") return settings.dt = value, SettingKind::kModel;
+  if (name == "damping") return settings.damping_scale = value, SettingKind::kModel;
+  if (name == "friction") return settings.friction_scale = value, SettingKind::kModel;
+  if (name == "modes") return settings.modes = static_cast<int>(value), SettingKind::kFidelity;
+  if (name == "detail") {
+    settings.detail = static_cast<DetailLevel>(static_cast<int>(value));
+    return SettingKind::kFidelity;
+  }
+  if (name == "recovery") {
+    settings.recovery = value > 0.5 ? Recovery::kTwist : Recovery::kExact;
+    return SettingKind::kFidelity;
+  }
   if (index < 0 || index >= static_cast<int>(settings.groups.size()))
     return Fail(ErrorCode::kUsage, name, fmt::format("has no joint group {}", index));
   settings.groups[static_cast<std::size_t>(index)].scale = value;
-  return true;
+  return SettingKind::kModel;
 }
 
 }  // namespace fork1s

@@ -96,11 +96,12 @@ KeyframeDef Simulation::State() const {
   return key;
 }
 
-Expected<void> Simulation::SetFidelity(const Fidelity& fidelity) {
+Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vector<Hold>& known_holds) {
   if (fidelity == fidelity_) return {};
   std::vector<Hold> holds;
   if (fidelity.level == DetailLevel::kObject) {
-    holds = holds_.empty() ? internal::FindHolds(present_scene_, world_, dt_) : holds_;
+    holds = holds_.empty() ? known_holds : holds_;
+    if (holds.empty()) holds = internal::FindHolds(present_scene_, world_, dt_);
     if (holds.empty())
       return Fail(
           ErrorCode::kModel, "scene '" + scene_.name + "'",

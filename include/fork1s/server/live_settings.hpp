@@ -23,7 +23,7 @@ struct LiveSettings {
   double damping_scale = 1;
   double friction_scale = 1;
   int modes = -1;  // of every mechanism; negative: each its own
-  int detail = 0;  // 0: the interfaces given; 1: their parents too; 2: every body
+  DetailLevel detail = DetailLevel::kInterface;
   Recovery recovery = Recovery::kExact;
   double pull_stiffness = 100;  // N/m
   double speed = 1;             // simulated s per s
@@ -32,12 +32,19 @@ struct LiveSettings {
       interfaces;  // per mechanism: bodies picked by hand; empty: the model's
 };
 
-/// The scene with the settings worked in: scaled springs, dampers and friction, modes, interface bodies.
+/// The scene with the settings worked in: scaled springs, dampers and friction, picked interface bodies.
 Scene ApplySettings(Scene scene, const LiveSettings& settings);
 
+/// What a setting asks for when it changes.
+enum class SettingKind {
+  kPlain,     ///< nothing but to hold it
+  kFidelity,  ///< another level of detail of the same model
+  kModel,     ///< another model
+};
+
 /// Sets one number by its name on the wire: "dt", "gravity" (along z), "damping", "friction", "modes",
-/// "detail", "recovery" (0 exact, 1 twist), "pull_stiffness", "speed", "stiffness" [group]. Returns whether
-/// the reduced model must be built again. Errors (kUsage) name the setting and its range.
-Expected<bool> ChangeSetting(const std::string& name, int index, double value, LiveSettings& settings);
+/// "detail" (0 object, 1 interface, 2 parents, 3 all), "recovery" (0 exact, 1 twist), "pull_stiffness",
+/// "speed", "stiffness" [group]. Errors (kUsage) name the setting and its range.
+Expected<SettingKind> ChangeSetting(const std::string& name, int index, double value, LiveSettings& settings);
 
 }  // namespace fork1s

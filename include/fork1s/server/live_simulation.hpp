@@ -66,11 +66,12 @@ class LiveSimulation {
   };
 
   explicit LiveSimulation(Simulation simulation) : simulation_(std::move(simulation)) {}
-  Expected<void> Rebuild(const LiveSettings& settings, bool keep_state);
+  Expected<void> Rebuild(LiveSettings settings, bool keep_state);
+  Expected<void> ChangeFidelity(const LiveSettings& settings);
   KeyframeDef PresentState() const;
   std::optional<Refusal> HandleSet(const Command& command);
   std::optional<Refusal> HandleInterfaces(const Command& command);
-  std::optional<Refusal> RebuildOrSay(const LiveSettings& settings, bool keep_state);
+  std::optional<Refusal> OrSay(const Expected<void>& done);
   bool StepOnce();
   void ApplyPulls();
   void ApplyTargets();

@@ -14,7 +14,7 @@
 namespace fork1s {
 
 /// Counts on whenever a message changes its meaning; a page of another version asks to be loaded again.
-inline constexpr int kWireVersion = 2;
+inline constexpr int kWireVersion = 3;
 
 /// First word of every binary message.
 enum class WireKind : std::uint32_t { kMaps = 1, kFrame = 2, kMeshes = 3, kGhost = 4 };
@@ -62,8 +62,8 @@ std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::
                         bool paused, const FrameScalars& scalars, const std::vector<std::uint32_t>& versions,
                         const std::vector<ShownPull>& pulls);
 
-/// Where the full simulation has its bodies.
-std::string EncodeGhost(const GhostView& view, std::uint32_t epoch);
+/// Where the full simulation beside `simulation` has its bodies.
+std::string EncodeGhost(const GhostView& view, const Simulation& simulation, std::uint32_t epoch);
 
 /// A recording as the messages of a stream, sixty frames a second: for each message a word that is 1 for
 /// binary ones, a word for its length, then its bytes. Frames hold joint displacements (with `exact`

@@ -8,7 +8,7 @@
 namespace fork1s {
 
 /// Mechanism by mechanism, as the reduction settled on them: those that the definition names, else those it
-/// chose.
+/// chose. Bodies that hold one of the frozen contacts may touch, what they hold is named by nobody.
 std::vector<std::vector<std::string>> InterfaceNames(const Simulation& simulation);
 
 }  // namespace fork1s

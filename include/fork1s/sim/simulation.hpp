@@ -54,7 +54,9 @@ class Simulation {
   /// model can follow them. kObject freezes the contacts of every free body that two or more bodies of one
   /// mechanism press on; other levels let go again. Errors leave everything as it was: kModel where nothing
   /// is held or the mechanism cannot be reduced to the bodies asked for. Builds the world anew: milliseconds.
-  Expected<void> SetFidelity(const Fidelity& fidelity);
+  /// `known_holds`: what kObject freezes where contacts do not tell it, before the first step: holds() of
+  /// another simulation of the same bodies.
+  Expected<void> SetFidelity(const Fidelity& fidelity, const std::vector<Hold>& known_holds = {});
   const Fidelity& fidelity() const { return fidelity_; }
   /// What is frozen at present.
   const std::vector<Hold>& holds() const { return holds_; }

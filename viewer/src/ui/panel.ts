@@ -119,7 +119,7 @@ export class Panel {
 
   private buildModel(): void {
     this.choice(this.model, 'recovery', 'recovery', { exact: 0, twist: 1 });
-    this.choice(this.model, 'detail', 'detail level', { 'interface as given': 0, 'and their parents': 1, 'every body': 2 });
+    this.choice(this.model, 'detail', 'detail level', { 'what it holds': 0, 'interface as given': 1, 'and their parents': 2, 'every body': 3 });
     this.slider(this.model, 'modes', 'modes', 0, 16, 1);
     this.slider(this.model, 'dt', 'dt [s]', 0.0005, 1 / 30, 0.0001);
     this.slider(this.model, 'damping', 'damping ×', 0, 10, 0.01);

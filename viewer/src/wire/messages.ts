@@ -40,7 +40,7 @@ export interface ControlInfo {
 }
 
 /** Of the stream that this page understands: kWireVersion of the program. */
-export const WIRE_VERSION = 2;
+export const WIRE_VERSION = 3;
 
 export interface SceneMessage {
   type: 'scene';

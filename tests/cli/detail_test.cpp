@@ -1,0 +1,50 @@
+// Levels of detail from the command line: switched while a scene runs, refused where nothing is held.
+#include <string>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+const std::string kPeg = std::string(FORK1S_SOURCE_DIR) + "/scenes/peg_grasp.xml --controls " +
+                         FORK1S_SOURCE_DIR + "/scenes/peg_in_hole.csv";
+
+TEST(Detail, SwitchesWhileItRuns) {
+  const std::string file = (ScratchFolder() / "peg.h5").string();
+  const Outcome o =
+      Fork1s("run --json " + kPeg +
+             " --time 1 --detail interface,0.5:object,0.8:interface+modes=2+twist --record " + file);
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  ASSERT_EQ(json["detail"].size(), 2u) << json.dump(1);
+  EXPECT_EQ(json["detail"][0]["level"], "object");
+  EXPECT_TRUE(json["detail"][0]["refused"].is_null());
+  EXPECT_NEAR(json["detail"][0]["time_s"].get<double>(), 0.5, 1e-9);
+  EXPECT_EQ(json["detail"][1]["recovery"], "twist");
+  EXPECT_LT(json["hold_use_max"].get<double>(), 1);
+  const Outcome replay = Fork1s("replay " + file);
+  EXPECT_EQ(replay.code, 0) << replay.out << replay.err;
+}
+
+TEST(Detail, WordsThatAreNoneAreUsageErrors) {
+  for (const char* words :
+       {"--detail fingers", "--detail modes=x", "--detail 1:all,0.5:object", "--detail ''"}) {
+    const Outcome o = Fork1s("run " + kPeg + " --time 0.1 " + words);
+    EXPECT_EQ(o.code, 2) << words << o.err;
+    EXPECT_NE(o.err.find("detail"), std::string::npos) << o.err;
+  }
+}
+
+// Before the first step there is no contact to freeze; later it is said and the run goes on as it was.
+TEST(Detail, NothingHeldIsSaid) {
+  const Outcome first = Fork1s("run --json " + kPeg + " --time 0.1 --detail object");
+  EXPECT_EQ(first.code, 2);
+  EXPECT_NE(first.err.find("before the first step"), std::string::npos) << first.err;
+  const Outcome hand =
+      Fork1s("run --json " FORK1S_SOURCE_DIR "/scenes/hand.xml --time 0.1 --detail 0.05:object");
+  ASSERT_EQ(hand.code, 0) << hand.err;
+  EXPECT_NE(hand.Json()["warnings"].dump().find("holds nothing"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace fork1s::test
