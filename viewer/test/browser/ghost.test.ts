@@ -49,7 +49,7 @@ describe.skipIf(!ready)('the full simulation as a ghost', () => {
     const without = await pixels();
     expect(without).not.toBe(aside);
     expect(without).not.toBe(over);
-    expect(await page.locator('.title p.ghost').isVisible()).toBe(false);
+    await page.locator('.title p.ghost').waitFor({ state: 'hidden' });
     expect(await page.evaluate(() => fork1s?.view.full.ghost.group.visible)).toBe(false);
   });
 });

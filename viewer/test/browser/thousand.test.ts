@@ -3,7 +3,7 @@ import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { afterAll, describe, expect, it } from 'vitest';
-import { ready, screenOf, session, view } from './support';
+import { poseOf, ready, screenOf, session, view } from './support';
 
 const SIDE = 32;
 const ARMS = 1000;
@@ -69,8 +69,17 @@ describe.skipIf(!ready)('a thousand mechanisms', () => {
     const { page } = live;
     await page.keyboard.press('Space');
     await page.waitForFunction(() => fork1s?.view.frame?.paused === true);
-    await page.evaluate(() => fork1s?.view.draw());
     for (const name of ['upper_0', 'upper_517', 'upper_999', 'crate_3']) {
+      // From far away a beam is less than a pixel.
+      const [x = 0, y = 0, z = 0] = await poseOf(page, name);
+      await page.evaluate(
+        (p) => {
+          fork1s?.view.stage.goHome();
+          fork1s?.view.stage.lookFrom(undefined, undefined, 20, p);
+          fork1s?.view.draw();
+        },
+        [x, y, z] as const,
+      );
       const at = await screenOf(page, name, name.startsWith('upper') ? [0.1, 0, 0] : [0, 0, 0]);
       const hit = await page.evaluate(({ x, y }) => {
         const view = fork1s?.view;
