@@ -2,9 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/dynamics/load_factor.hpp>
-
-#include "group_geometry.hpp"
-#include "local_curvature.hpp"
+#include <fork1s/dynamics/rolling.hpp>
 
 namespace fork1s {
 namespace {
@@ -198,43 +196,14 @@ class Grasp {
                           X.translation() + dx.tail<3>());
   }
 
-  // World axes.
-  Matrix3 Curvature(int body, int geometry, const Vector3& p, const Vector3& outward) const {
-    const Contactor& c = contactor(body);
-    RigidTransform X_WB;
-    GeometryDef g;
-    const auto at = static_cast<std::size_t>(geometry), i = static_cast<std::size_t>(c.index);
-    if (c.kind == Kind::kFreeBody) {
-      g = scene_.free_bodies[i].geometries[at];
-      X_WB = world_.free_bodies()[i].pose();
-    } else if (body == 0) {  // the scene's own still geometry comes first
-      g = scene_.world[at];
-    } else {
-      const MechanismDynamics& m = world_.mechanisms()[i];
-      g = GroupGeometry(m.mechanism(), m.groups()[static_cast<std::size_t>(c.group)])[at];
-      X_WB = m.GroupPose(c.group);
-    }
-    const RigidTransform X_WG = X_WB * g.X_BG;
-    const Matrix3& R = X_WG.rotation();
-    return R * LocalCurvature(g.shape, X_WG.inverse() * p, R.transpose() * outward) * R.transpose();
-  }
-
   LoadedContact Load(const ContactRecord& c, double h) const {
     const ContactPoint& p = c.point;
-    LoadedContact out{
-        p.body_a,       p.body_b, p.point, p.frame.transpose() * c.impulse / h, p.frame.row(0).transpose(),
-        Matrix3::Zero()};
-    const Matrix3 sum = Curvature(p.body_a, p.geometry_a, p.point, out.normal) +
-                        Curvature(p.body_b, p.geometry_b, p.point, -out.normal);
-    const Eigen::Matrix<double, 2, 3> tangents = p.frame.bottomRows<2>();
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(tangents * sum * tangents.transpose());
-    for (int i = 0; i < 2; ++i) {
-      // Flat on flat (radii of a kilometre) has no point that could migrate: further contacts hold the turn.
-      if (eigen.eigenvalues()(i) < 1e-3) continue;
-      const Vector3 d = tangents.transpose() * eigen.eigenvectors().col(i);
-      out.inverse_curvature += d * d.transpose() / eigen.eigenvalues()(i);
-    }
-    return out;
+    return {p.body_a,
+            p.body_b,
+            p.point,
+            p.frame.transpose() * c.impulse / h,
+            p.frame.row(0).transpose(),
+            InverseCurvature(world_, scene_, p)};
   }
 
   const World& world_;

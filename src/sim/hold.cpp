@@ -1,6 +1,8 @@
 #include "hold.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <fork1s/dynamics/rolling.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <set>
 
@@ -87,6 +89,7 @@ Vector6 AddHeldBody(const Hold& hold, const FreeBodyDef& body, const KeyframeDef
     closure.X_BJ = motion.X_WB.inverse() * pose(closure.body_a) * contact.X_BC;
     closure.rigid(3) = true;
     closure.rigid(4) = closure.rigid(5) = !contact.frictionless;
+    closure.stiffness.segment<2>(1) = contact.rolling;
     holding.insert(given.body(closure.body_a).last_joint);
     def.closures.push_back(std::move(closure));
   }
@@ -101,6 +104,18 @@ Vector6 AddHeldBody(const Hold& hold, const FreeBodyDef& body, const KeyframeDef
   const Vector6 carried = AdjointApply(state.X_WR, V_R);
   const Vector6 own = WorldTwist(motion.omega_W, motion.velocity_W, motion.X_WB.translation());
   return AdjointApply(motion.X_WB.inverse(), own - carried);
+}
+
+// x towards what is held, y and z along the principal directions of rolling.
+Matrix3 HoldAxes(const ContactRecord& c, bool held_is_b, const Matrix3& inverse_curvature) {
+  const Vector3 x = (held_is_b ? 1 : -1) * c.point.frame.row(0).transpose();
+  const Eigen::Matrix<double, 3, 2> tangents = c.point.frame.bottomRows<2>().transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(tangents.transpose() * inverse_curvature *
+                                                             tangents);
+  const Vector3 y = tangents * eigen.eigenvectors().col(0);
+  Matrix3 axes;
+  axes << x, y, x.cross(y);
+  return axes;
 }
 
 }  // namespace
@@ -133,17 +148,20 @@ std::vector<Hold> FindHolds(const Scene& scene, const World& world, double h) {
       const bool held_is_b =
           world.contactors()[static_cast<std::size_t>(c->point.body_b)].kind == Contactor::Kind::kFreeBody;
       const int other = held_is_b ? c->point.body_a : c->point.body_b;
-      Matrix3 axes = c->point.frame.transpose();
-      if (!held_is_b) axes.leftCols<2>() *= -1;  // normal towards what is held, still right-handed
+      const Matrix3 inverse_curvature = InverseCurvature(world, scene, c->point);
+      const Matrix3 axes = HoldAxes(*c, held_is_b, inverse_curvature);
       const Holder holder = HolderOf(world, other);
       const MechanismDynamics& m = world.mechanisms()[static_cast<std::size_t>(holder.mechanism)];
       Hold::Contact contact;
       contact.body = m.mechanism().body(holder.body).name;
       // The point was found at the start of the step, and moved on with the body.
       contact.X_BC = world.PoseAtDetection(other).inverse() * RigidTransform(axes, c->point.point);
-      // Impulses act on body b; with the roles changed, normal and first tangent point the other way.
-      contact.force_C = c->impulse / h;
-      if (!held_is_b) contact.force_C.z() *= -1;
+      // Impulses act on body b.
+      contact.force_C = axes.transpose() * c->point.frame.transpose() * c->impulse / h;
+      if (!held_is_b) contact.force_C *= -1;
+      // Turning about y rolls along z.
+      const auto along = [&](int k) { return axes.col(k).dot(inverse_curvature * axes.col(k)); };
+      contact.rolling = std::max(0.0, contact.force_C.x()) * Eigen::Vector2d(along(2), along(1));
       contact.friction = c->friction;
       contact.frictionless = c->friction == 0;
       hold.contacts.push_back(std::move(contact));

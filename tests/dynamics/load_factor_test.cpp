@@ -6,6 +6,7 @@
 namespace fork1s {
 namespace {
 
+using testing::Geometry;
 using testing::MustCreate;
 using testing::Squeeze;
 using testing::Still;

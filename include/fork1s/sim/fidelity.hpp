@@ -51,6 +51,10 @@ struct Hold {
     Vector3 force_C = Vector3::Zero();  // N on what is held, when it was frozen
     double friction = 0;
     bool frictionless = false;  // holds along the normal only
+    /// N·m/rad about y and z of the contact frame, which are principal: the force of that moment times how
+    /// far its point migrates where the surfaces roll on each other. Without, a grasp under load is less
+    /// stable.
+    Eigen::Vector2d rolling = Eigen::Vector2d::Zero();
   };
   int mechanism = 0;
   int free_body = 0;  // of the scene
