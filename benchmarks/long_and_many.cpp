@@ -12,6 +12,7 @@
 #include <chrono>
 #include <cmath>
 #include <continuum_arm.hpp>
+#include <fork1s/base/percentile.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/study/scene_table.hpp>
@@ -39,14 +40,6 @@ struct Row {
   // Of the tip from the full model at the same step; of the full model from itself at half of it.
   std::optional<double> rms_mm, max_mm, full_rms_mm, full_step_us;
 };
-
-double Percentile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  const auto at =
-      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
 
 double Microseconds(Clock::time_point from) {
   return std::chrono::duration<double, std::micro>(Clock::now() - from).count();

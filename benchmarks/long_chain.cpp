@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
+#include <fork1s/base/percentile.hpp>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/recovery/recover.hpp>
@@ -20,12 +21,6 @@ using Clock = std::chrono::steady_clock;
 
 double Microseconds(Clock::time_point from) {
   return std::chrono::duration<double, std::micro>(Clock::now() - from).count();
-}
-
-double Median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
-                   values.end());
-  return values[values.size() / 2];
 }
 
 // Bytes in use, large blocks included.

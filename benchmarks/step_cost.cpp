@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
+#include <fork1s/base/percentile.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/sim/simulation.hpp>
@@ -23,13 +24,6 @@ namespace {
 
 using namespace fork1s;
 using Clock = std::chrono::steady_clock;
-
-double Median(std::vector<double>& values) {
-  if (values.empty()) return 0;
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
-                   values.end());
-  return values[values.size() / 2];
-}
 
 // Copies our state to MuJoCo's: hinges, slides, balls, free joints, mocap bodies and controls of the same
 // names.

@@ -1,4 +1,4 @@
-// Writes the control tables of scenes/: scene_motions FOLDER.
+// Writes the control tables of scenes/, and the ground of one: scene_motions FOLDER.
 //
 // Each motion is given by a function of time; rows stand 1/30 s apart, and values between rows are linear.
 #include <algorithm>
@@ -10,6 +10,8 @@
 #include <numbers>
 #include <string>
 #include <vector>
+
+#include "broken_ground.hpp"
 
 namespace {
 
@@ -183,4 +185,7 @@ int main(int argc, char** argv) {
   };
   for (const Motion& motion : motions)
     if (!Write(argv[1], motion)) return 1;
+  const std::string ground = std::string(argv[1]) + "/hexapod_terrain.hfield";
+  if (fork1s::examples::WriteBrokenGround(ground)) return 0;
+  return std::fprintf(stderr, "%s cannot be written\n", ground.c_str()), 1;
 }

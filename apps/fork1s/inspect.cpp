@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <fork1s/mechanism/mechanism.hpp>
+#include <fork1s/mechanism/names.hpp>
 #include <memory>
 
 #include "model_arguments.hpp"
@@ -7,38 +8,6 @@
 
 namespace fork1s::app {
 namespace {
-
-const char* BaseName(BaseKind kind) {
-  switch (kind) {
-    case BaseKind::kFixed:
-      return "fixed";
-    case BaseKind::kFloating:
-      return "floating";
-    case BaseKind::kDriven:
-      return "driven";
-  }
-  return "";
-}
-
-const char* KindName(JointKind kind) {
-  switch (kind) {
-    case JointKind::kHinge:
-      return "hinge";
-    case JointKind::kSlide:
-      return "slide";
-    case JointKind::kBall:
-      return "ball";
-    case JointKind::kCylindrical:
-      return "cylindrical";
-    case JointKind::kPlanar:
-      return "planar";
-    case JointKind::kFree:
-      return "free";
-    case JointKind::kGeneral:
-      return "general";
-  }
-  return "";
-}
 
 Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& posed) {
   Json out;
@@ -52,7 +21,7 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     const MechanismDef& def = m.definition();
     Json one;
     one["name"] = m.name();
-    one["base"] = BaseName(m.base());
+    one["base"] = Name(m.base());
     one["mass_kg"] = m.total_mass();
     one["bodies"] = m.num_bodies();
     one["joints"] = m.num_joints();
@@ -64,11 +33,11 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     one["interfaces"] = def.interfaces;
     one["interfaces_chosen"] = def.interfaces_chosen;
     one["modes"] = def.modes;
-    one["mode_choice"] = def.mode_choice == ModeChoice::kLowest ? "lowest" : "contribution";
+    one["mode_choice"] = Name(def.mode_choice);
     one["joint_table"] = Json::array();
     for (const auto& j : m.joints())
       one["joint_table"].push_back({{"name", j.name},
-                                    {"kind", KindName(j.kind)},
+                                    {"kind", Name(j.kind)},
                                     {"body", m.body(j.body).name},
                                     {"parent", m.body(m.body(j.body).parent).name}});
     out["mechanisms"].push_back(std::move(one));

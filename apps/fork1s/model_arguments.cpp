@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 #include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/mechanism/names.hpp>
 
 namespace fork1s::app {
 namespace {
@@ -71,12 +72,9 @@ void ModelArguments::AddTo(CLI::App& command) {
 Expected<ImportedScene> ModelArguments::Load() const {
   ImportOptions options;
   options.interfaces = interfaces;
-  if (base == "fixed") options.base = BaseKind::kFixed;
-  if (base == "floating") options.base = BaseKind::kFloating;
-  if (base == "driven") options.base = BaseKind::kDriven;
+  options.base = Named(kBaseKindNames, base);
   if (modes >= 0) options.modes = modes;
-  if (mode_choice == "lowest") options.mode_choice = ModeChoice::kLowest;
-  if (mode_choice == "contribution") options.mode_choice = ModeChoice::kContribution;
+  options.mode_choice = Named(kModeChoiceNames, mode_choice);
   options.stiffness_scale = stiffness_scale;
   options.keyframe = keyframe;
   for (const std::string& text : pd) {

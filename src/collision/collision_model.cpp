@@ -5,6 +5,8 @@
 #include <mutex>
 #include <stdexcept>
 
+#include "sphere_on_grid.hpp"
+
 namespace fork1s::internal {
 namespace {
 
@@ -88,6 +90,7 @@ void CatchMujocoErrors() {
 Expected<ModelPointer> CompileModel(const ModelText& text, const std::vector<CollisionBodyDef>& bodies) {
   const std::lock_guard<std::mutex> lock(CompilerLock());
   CatchMujocoErrors();
+  InstallSphereOnGrid();
   std::string message;
   ModelPointer model = TryCompile(text, true, message);
   if (!model && !text.meshes.empty()) {

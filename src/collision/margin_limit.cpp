@@ -36,7 +36,8 @@ double SmallestHalfSize(const mjModel* model, int geom) {
 
 double MarginLimit(const mjModel* model, int geom1, int geom2) {
   const int a = model->geom_type[geom1], b = model->geom_type[geom2];
-  if (a == mjGEOM_PLANE || b == mjGEOM_PLANE || !(IsGeneral(a) || IsGeneral(b))) return kNone;
+  const bool exact = (a == mjGEOM_HFIELD && b == mjGEOM_SPHERE) || (a == mjGEOM_SPHERE && b == mjGEOM_HFIELD);
+  if (exact || a == mjGEOM_PLANE || b == mjGEOM_PLANE || !(IsGeneral(a) || IsGeneral(b))) return kNone;
   return std::max(kLeast, kShare * std::min(SmallestHalfSize(model, geom1), SmallestHalfSize(model, geom2)));
 }
 

@@ -5,6 +5,8 @@
 #include <cstring>
 #include <utility>
 
+#include "sphere_on_grid.hpp"
+
 namespace fork1s::internal {
 namespace {
 
@@ -243,7 +245,8 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
   const std::size_t n = bodies.size() + 2;
   const std::size_t stack = 100000 + n * n + 64 * n;
   model.xml =
-      Text("<mujoco>\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<size njmax=\"1\" nconmax=\"",
+      Text("<mujoco model=\"", kCollisionModelName,
+           "\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<size njmax=\"1\" nconmax=\"",
            contacts, "\" nstack=\"", stack, "\"/>\n<asset>\n", asset, "</asset>\n<worldbody>\n", world,
            moving, "</worldbody>\n<contact>\n", contact, pairs, "</contact>\n<option collision=\"",
            pairs.empty() ? "dynamic" : "predefined", "\"/>\n</mujoco>\n");

@@ -37,7 +37,7 @@ double TrueGap(const mjModel* model, const mjData* data, const mjContact& contac
       return 2 * height;
     }
   }
-  if (type1 == mjGEOM_HFIELD) {
+  if (type1 == mjGEOM_HFIELD && type2 != mjGEOM_SPHERE) {
     const mjtNum* R = data->geom_xmat + 9 * contact.geom1;
     const double up = R[2] * contact.frame[0] + R[5] * contact.frame[1] + R[8] * contact.frame[2];
     const double margin = contact.includemargin;

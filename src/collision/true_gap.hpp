@@ -9,7 +9,8 @@ namespace fork1s::internal {
 ///  - box on box, faces: `dist` is half the gap, while the point is midway between the surfaces. Where the
 ///    normal is that of a face the gap is therefore twice the height of the point over that face. Edge on
 ///    edge is right as it is.
-///  - height fields: the margin enters twice, raising each prism by it and growing the other shape by half.
+///  - height fields under anything but spheres (sphere_on_grid.hpp): the margin enters twice, raising each
+///  prism by it and growing the other shape by half.
 double TrueGap(const mjModel* model, const mjData* data, const mjContact& contact);
 
 }  // namespace fork1s::internal

@@ -7,12 +7,12 @@ void MechanismDynamics::TakeReferenceForces() {
   const Mechanism& m = mechanism();
   Kinematics kinematics(m);
   ComputeKinematics(m, model_.q_ref, kinematics);
-  g_ref_.resize(model_.num_coordinates());
-  SpringForce(m, kinematics, model_.q_ref, g_ref_);
   if (options_.recovery != Recovery::kTwist) return;
+  VectorX g_ref(model_.num_coordinates());  // spring forces at the reference
+  SpringForce(m, kinematics, model_.q_ref, g_ref);
   springs_ref_ = SpringEnergy(m, kinematics, model_.q_ref);
   const int r = model_.size();
-  f_ref_ = model_.Q.transpose() * g_ref_;
+  f_ref_ = model_.Q.transpose() * g_ref;
   gravity_map_.resize(r, 3);
   base_gravity_map_.resize(6, 3);
   for (int axis = 0; axis < 3; ++axis) {

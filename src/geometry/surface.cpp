@@ -145,8 +145,8 @@ TriangleMesh GridTriangles(const HeightGrid& grid) {
   for (int i = 0; i + 1 < grid.rows; ++i)
     for (int j = 0; j + 1 < grid.columns; ++j) {
       const int a = i * grid.columns + j, b = a + grid.columns;
-      mesh.triangles.emplace_back(a, a + 1, b);
-      mesh.triangles.emplace_back(b, a + 1, b + 1);
+      mesh.triangles.emplace_back(a, a + 1, b + 1);  // the diagonal that collision has
+      mesh.triangles.emplace_back(a, b + 1, b);
     }
   return mesh;
 }

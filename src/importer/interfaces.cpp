@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <fork1s/mechanism/names.hpp>
 
 #include "conversion.hpp"
 #include "names.hpp"
@@ -24,14 +25,6 @@ std::optional<double> CustomNumber(const mjModel& m, const std::string& name) {
   return std::nullopt;
 }
 
-const char* BaseName(BaseKind base) {
-  return base == BaseKind::kFixed ? "fixed" : base == BaseKind::kFloating ? "floating" : "driven";
-}
-
-const char* ModeChoiceName(ModeChoice choice) {
-  return choice == ModeChoice::kLowest ? "lowest" : "contribution";
-}
-
 std::optional<Error> ApplyBase(Conversion& c, const ImportOptions& options) {
   std::optional<BaseKind> base = options.base;
   std::string where = "option base";
@@ -42,9 +35,7 @@ std::optional<Error> ApplyBase(Conversion& c, const ImportOptions& options) {
     where = "text 'fork1s_base'";
     code = ErrorCode::kModel;
     const std::vector<std::string> words = SplitWords(*text);
-    for (BaseKind kind : {BaseKind::kFixed, BaseKind::kFloating, BaseKind::kDriven}) {
-      if (words.size() == 1 && words[0] == BaseName(kind)) base = kind;
-    }
+    if (words.size() == 1) base = Named(kBaseKindNames, words[0]);
     if (!base)
       return c.ModelError(where, fmt::format("'{}' is no base; write fixed, floating or driven", *text));
   }
@@ -58,7 +49,7 @@ std::optional<Error> ApplyBase(Conversion& c, const ImportOptions& options) {
           code, fmt::format("{}, {}", c.file, where),
           fmt::format("mechanism '{}' stands on the world itself, so its base cannot be {}; put a body "
                       "without joints under it, or leave the base fixed",
-                      mechanism.name, BaseName(*base))};
+                      mechanism.name, Name(*base))};
     }
     mechanism.base = *base;
   }
@@ -193,8 +184,7 @@ std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options) {
   std::optional<ModeChoice> choice = options.mode_choice;
   if (const auto text = CustomText(c.m, "fork1s_mode_choice"); text && !choice) {
     const std::vector<std::string> words = SplitWords(*text);
-    for (ModeChoice known : {ModeChoice::kLowest, ModeChoice::kContribution})
-      if (words.size() == 1 && words[0] == ModeChoiceName(known)) choice = known;
+    if (words.size() == 1) choice = Named(kModeChoiceNames, words[0]);
     if (!choice)
       return c.ModelError("text 'fork1s_mode_choice'",
                           fmt::format("'{}' is no choice of modes; write lowest or contribution", *text));

@@ -4,27 +4,23 @@
 // field is forgotten by recordings. Then list it, and raise kFormatVersion.
 #pragma once
 
+#include <fork1s/mechanism/names.hpp>
+
 #include "json_archive.hpp"
 
 namespace fork1s::internal {
 
 template <>
 struct EnumNames<ModeChoice> {
-  static constexpr std::pair<ModeChoice, const char*> kNames[] = {
-      {ModeChoice::kLowest, "lowest"}, {ModeChoice::kContribution, "contribution"}};
+  static constexpr auto& kNames = kModeChoiceNames;
 };
 template <>
 struct EnumNames<BaseKind> {
-  static constexpr std::pair<BaseKind, const char*> kNames[] = {
-      {BaseKind::kFixed, "fixed"}, {BaseKind::kFloating, "floating"}, {BaseKind::kDriven, "driven"}};
+  static constexpr auto& kNames = kBaseKindNames;
 };
 template <>
 struct EnumNames<JointKind> {
-  static constexpr std::pair<JointKind, const char*> kNames[] = {
-      {JointKind::kHinge, "hinge"},    {JointKind::kSlide, "slide"},
-      {JointKind::kBall, "ball"},      {JointKind::kCylindrical, "cylindrical"},
-      {JointKind::kPlanar, "planar"},  {JointKind::kFree, "free"},
-      {JointKind::kGeneral, "general"}};
+  static constexpr auto& kNames = kJointKindNames;
 };
 template <>
 struct EnumNames<Recovery> {

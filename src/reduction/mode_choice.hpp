@@ -11,10 +11,14 @@ namespace fork1s::internal {
 /// modes, counted from 0 among the candidates, in increasing order.
 ///
 /// A mode left out takes w_i = s² m_i + s c_i away from what the coordinates B = [base, N, V Y_r] feel (m_i
-/// and c_i its coupling to them by mass and damping): its Schur complement. In the displacement of the
-/// interface under unit load that is, to first order,
+/// and c_i its coupling to them by mass and damping). A load f_B on them and f_i on the mode itself then moves
+/// the interface wrongly by, to first order,
 ///
-///     score_i = max_s |J_B A_B(s)⁻¹ w_i(s)|² / |1 + s d_i + s² µ_i|,   A_B = K_B + s D_B + s² M_B.
+///     score_i = max_s |J_B A_B(s)⁻¹ w_i(s)| |f_i - w_iᵀ A_B⁻¹ f_B| / |1 + s d_i + s² µ_i|,
+///     A_B = K_B + s D_B + s² M_B.
+///
+/// Loads are the weight of the whole on the interface, in every direction, and gravity on all bodies, or the
+/// same as an acceleration of the base; each norm goes over all of them.
 ///
 /// s runs along s(ω) = (1 - exp(-iωh))/h, what implicit Euler with h = 1/60 s makes of iω, so that what such
 /// a step damps away does not count. docs/method.md, section 4.

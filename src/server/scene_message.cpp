@@ -1,5 +1,6 @@
 // Names, trees and screws, told whenever the model is built anew; settings, told whenever one changes.
 #include <cmath>
+#include <fork1s/mechanism/names.hpp>
 #include <fork1s/server/live_simulation.hpp>
 #include <fork1s/server/pull_spring.hpp>
 #include <nlohmann/json.hpp>
@@ -17,18 +18,6 @@ Json Pose(const RigidTransform& X) {
   return Json::array({p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()});
 }
 
-const char* BaseName(BaseKind kind) {
-  switch (kind) {
-    case BaseKind::kFixed:
-      return "fixed";
-    case BaseKind::kFloating:
-      return "floating";
-    case BaseKind::kDriven:
-      return "driven";
-  }
-  return "";
-}
-
 void AddMechanism(const MechanismDynamics& dynamics, Json& out) {
   const Mechanism& m = dynamics.mechanism();
   const ReducedModel& model = dynamics.model();
@@ -38,7 +27,7 @@ void AddMechanism(const MechanismDynamics& dynamics, Json& out) {
   const auto root = static_cast<int>(out["roots"].size());
   Json one;
   one["name"] = m.name();
-  one["base"] = BaseName(m.base());
+  one["base"] = Name(m.base());
   one["first_body"] = first_body;
   one["bodies"] = m.num_bodies();
   one["first_coordinate"] = first_coordinate;

@@ -121,20 +121,20 @@ void Summarise(const std::vector<TrackedBody>& tracked, const std::vector<Run>& 
   out.gap_max_other_mm = 1e3 * LargestGap(base_other);
   out.energy_reduced = Drift(base);
   out.energy_other = Drift(base_other);
-  out.wall_reduced_s = base.wall_s;
-  out.wall_other_s = base_other.wall_s;
-  out.wall_ratio = base.wall_s > 0 ? base_other.wall_s / base.wall_s : 0;
+  out.wall_reduced_s = base.wall_s();
+  out.wall_other_s = base_other.wall_s();
+  out.wall_ratio = base.wall_s() > 0 ? base_other.wall_s() / base.wall_s() : 0;
   out.unconverged_reduced = base.unconverged;
   out.unconverged_other = base_other.unconverged;
   for (std::size_t i = 0; i < std::min(reduced.size(), other.size()); ++i) {
     const Distance d = Between(reduced[i], other[i], 0, tracked.size());
-    out.equal_steps.push_back({reduced[i].dt, d.rms_mm, d.max_mm, reduced[i].wall_s, other[i].wall_s});
+    out.equal_steps.push_back({reduced[i].dt, d.rms_mm, d.max_mm, reduced[i].wall_s(), other[i].wall_s()});
   }
   for (const auto* runs : {&reduced, &other})
     for (const Run& run : *runs) {
       if (&run == &truth) continue;
       const Distance d = Between(run, truth, 0, tracked.size());
-      out.costs.push_back({run.simulator, run.dt, run.wall_s, d.rms_mm, d.max_mm});
+      out.costs.push_back({run.simulator, run.dt, run.wall_s(), d.rms_mm, d.max_mm});
     }
   for (const Run* run : {&base, &base_other})
     for (const std::string& w : run->warnings)

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <fork1s/base/percentile.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/record/csv.hpp>
 
@@ -71,9 +72,7 @@ Expected<DetailRow> Measure(const Scene& scene, const std::vector<TrackedBody>& 
     }
   }
   row.rms_mm = std::sqrt(sum / std::max(1, count));
-  std::nth_element(step_us.begin(), step_us.begin() + static_cast<std::ptrdiff_t>(step_us.size() / 2),
-                   step_us.end());
-  row.step_us = step_us[step_us.size() / 2];
+  row.step_us = Median(step_us);
   row.modes = CountModes(s);
   for (const MechanismDynamics& m : s.world().mechanisms()) {
     row.coordinates += m.num_velocities();

@@ -1,6 +1,4 @@
 // mj_step on the file itself.
-#include <mujoco/mujoco.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -10,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "mujoco_handles.hpp"
 #include "runs.hpp"
 
 namespace fork1s::internal {
@@ -36,18 +35,6 @@ class Handlers {
   void (*error_)(const char*);
   void (*warning_)(const char*);
 };
-
-struct ModelDeleter {
-  void operator()(mjModel* m) const { mj_deleteModel(m); }
-};
-struct DataDeleter {
-  void operator()(mjData* d) const { mj_deleteData(d); }
-};
-
-RigidTransform PoseOf(const mjData* d, int body) {
-  const double* q = d->xquat + 4 * body;
-  return {Quaternion(q[0], q[1], q[2], q[3]), Vector3(Eigen::Map<const Vector3>(d->xpos + 3 * body))};
-}
 
 RigidTransform Between(const RigidTransform& a, const RigidTransform& b, double share) {
   return {a.quaternion().slerp(share, b.quaternion()),
@@ -93,15 +80,15 @@ std::vector<DrivenBase> FindDrivenBases(const mjModel* m, const Simulation& guid
 Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
                        double timestep, const RunOptions& options) {
   char message[1000] = "";
-  const std::unique_ptr<mjModel, ModelDeleter> model(
+  const MuJoCoModelPointer model(
       mj_loadXML(path.c_str(), nullptr, message, static_cast<int>(sizeof message)));
   if (!model) return Fail(ErrorCode::kModel, path, fmt::format("MuJoCo refuses it: {}", message));
   mjModel* m = model.get();
   if (timestep > 0) m->opt.timestep = timestep;
   m->opt.enableflags |= mjENBL_ENERGY;
-  const std::unique_ptr<mjData, DataDeleter> data(mj_makeData(m));
+  const MuJoCoDataPointer data(mj_makeData(m));
   mjData* d = data.get();
-  Run run{"mujoco", m->opt.timestep, 0, 0, {}, {}};
+  Run run{"mujoco", m->opt.timestep, 0, {}, {}};
   run.coordinates = m->nv;
   if (options.initial_keyframe >= 0) {
     const std::string& name = scene.keyframes[static_cast<std::size_t>(options.initial_keyframe)].name;
@@ -172,7 +159,6 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
     const auto start = std::chrono::steady_clock::now();
     mj_step(m, d);
     run.step_s.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
-    run.wall_s += run.step_s.back();
     AddImpulses(m, d, h, impulse);
     for (int warning : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC})
       if (d->warning[warning].number > 0)

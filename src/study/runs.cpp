@@ -16,7 +16,6 @@ void Clock(Run& run, Step step) {
   const auto start = std::chrono::steady_clock::now();
   step();
   run.step_s.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
-  run.wall_s += run.step_s.back();
 }
 
 void AddForce(const std::vector<TrackedBody>& tracked, int body, const Vector3& force, Sample& sample) {
@@ -66,7 +65,7 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
   auto made = MakeReduced(scene, options);
   if (!made) return tl::unexpected(made.error());
   Simulation& s = *made;
-  Run run{"reduced", s.dt(), 0, 0, {}, s.warnings()};
+  Run run{"reduced", s.dt(), 0, {}, s.warnings()};
   std::size_t next_fidelity = 0;
   auto measure = [&](Sample sample) {
     for (const TrackedBody& b : tracked) sample.X_WB.push_back(s.Pose(b.index));
@@ -119,7 +118,7 @@ Expected<Run> RunFull(const Scene& scene, const std::vector<TrackedBody>& tracke
   auto made = FullSimulation::Create(scene, o);
   if (!made) return tl::unexpected(made.error());
   FullSimulation& s = *made;
-  Run run{"full", s.dt(), 0, 0, {}, s.warnings()};
+  Run run{"full", s.dt(), 0, {}, s.warnings()};
   run.coordinates = 6 * static_cast<int>(s.bodies().size());
   for (int i = 0; i < s.num_mechanisms(); ++i) run.coordinates += s.mechanism(i).num_coordinates();
   auto apply = [&](double time) {

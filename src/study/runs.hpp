@@ -3,6 +3,7 @@
 
 #include <fork1s/study/compare.hpp>
 #include <functional>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -26,12 +27,13 @@ struct Sample {
 struct Run {
   std::string simulator;
   double dt = 0;
-  double wall_s = 0;            // of the steps alone
   int unconverged = 0;          // steps
   std::vector<Sample> samples;  // the start, then one every interval
   std::vector<std::string> warnings;
   std::vector<double> step_s = {};  // wall time of every step
   int coordinates = 0;              // velocities that the last step solved for
+
+  double wall_s() const { return std::accumulate(step_s.begin(), step_s.end(), 0.0); }  // of the steps alone
 };
 
 struct RunOptions {

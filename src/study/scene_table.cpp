@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <fork1s/base/percentile.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fstream>
 #include <sstream>
@@ -20,13 +21,6 @@ using internal::TrackedBody;
 
 constexpr double kStep = 1.0 / 60;  // s
 constexpr int kHalvings = 8;        // to 1/15360 s
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // What a stable run keeps to.
 struct Bounds {
@@ -89,7 +83,7 @@ void SetCost(const Run& run, double time, SceneRow& row) {
   row.coordinates = run.coordinates;
   row.dt_s = row.largest_stable_dt_s = run.dt;
   row.step_us = 1e6 * Median(run.step_s);
-  row.real_time_factor = run.wall_s > 0 ? time / run.wall_s : 0;
+  row.real_time_factor = run.wall_s() > 0 ? time / run.wall_s() : 0;
 }
 
 // The first of 1/60 s and its halves whose run is stable.

@@ -188,51 +188,5 @@ TEST(Collision, MultiPointForHulls) {
   EXPECT_GE(Contacts(bodies).size(), 3u);
 }
 
-HeightField Bumps(double max_height, bool flat) {
-  auto grid = std::make_shared<HeightGrid>();
-  grid->rows = 21;
-  grid->columns = 31;
-  grid->half_x = 0.3;
-  grid->half_y = 0.2;
-  grid->max_height = max_height;
-  for (int r = 0; r < 21; ++r) {
-    for (int c = 0; c < 31; ++c) {
-      // A slope along x, so that mixing up rows and columns would show.
-      grid->values.push_back(flat ? 0.5f : static_cast<float>(c) / 30);
-    }
-  }
-  return HeightField{grid};
-}
-
-TEST(Collision, SphereOnHeightField) {
-  const auto flat =
-      Contacts({Still(Bumps(0.1, true), At(0, 0, 1)), Moving(Sphere{0.05}, At(0.003, 0.004, 1.0995))});
-  ASSERT_GE(flat.size(), 1u);
-  double deepest = 1;
-  for (const ContactPoint& c : flat) {
-    EXPECT_EQ(c.body_a, 0);
-    EXPECT_GT(Normal(c).z(), 0.9);
-    deepest = std::min(deepest, c.gap);
-  }
-  EXPECT_NEAR(deepest, -0.0005, 1e-5);
-
-  // z = 0.1 (x + 0.3) / 0.6: normal (-1/6, 0, 1) normalised.
-  const Vector3 n = Vector3(-1.0 / 6, 0, 1).normalized();
-  const Vector3 on_slope(0.121, 0.051, 0.1 * 0.421 / 0.6);
-  const auto slope = Contacts(
-      {Still(Bumps(0.1, false)), Moving(Sphere{0.05}, RigidTransform(Vector3(on_slope + 0.0495 * n)))});
-  ASSERT_GE(slope.size(), 1u);
-  deepest = 1;
-  Vector3 best = Vector3::Zero();
-  for (const ContactPoint& c : slope) {
-    if (c.gap < deepest) best = Normal(c);
-    deepest = std::min(deepest, c.gap);
-  }
-  EXPECT_NEAR(deepest, -0.0005, 5e-5);
-  EXPECT_LT((best - n).norm(), 0.03);
-
-  EXPECT_GE(Contacts({Still(Bumps(0, false)), Moving(Sphere{0.05}, At(0, 0, 0.0495))}).size(), 1u);
-}
-
 }  // namespace
 }  // namespace fork1s

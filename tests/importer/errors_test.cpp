@@ -94,7 +94,12 @@ INSTANTIATE_TEST_SUITE_P(
         Bad{"bad_modes",
             Body("", R"(<geom size=".1"/>)", R"(<custom><numeric name="fork1s_modes" data="-2"/></custom>)"),
             ErrorCode::kModel,
-            {"fork1s_modes", "-2"}}),
+            {"fork1s_modes", "-2"}},
+        Bad{"bad_mode_choice",
+            Body("", R"(<geom size=".1"/>)",
+                 R"(<custom><text name="fork1s_mode_choice" data="best"/></custom>)"),
+            ErrorCode::kModel,
+            {"fork1s_mode_choice", "'best'", "contribution"}}),
     [](const auto& test) { return std::string(test.param.name); });
 
 TEST(ImportErrors, FilesThatCannotBeRead) {

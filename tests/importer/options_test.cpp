@@ -47,6 +47,16 @@ TEST(ImportOptionsTest, OptionsWin) {
   EXPECT_EQ(hand.base, BaseKind::kDriven);
 }
 
+TEST(ImportOptionsTest, ModeChoiceOfTheFileAndOfTheOption) {
+  std::string text = kHand;
+  EXPECT_EQ(MustLoad(text).scene.mechanisms[0].mode_choice, ModeChoice::kLowest);
+  text.replace(text.find("<custom>"), 8, R"(<custom><text name="fork1s_mode_choice" data="contribution"/>)");
+  EXPECT_EQ(MustLoad(text).scene.mechanisms[0].mode_choice, ModeChoice::kContribution);
+  ImportOptions options;
+  options.mode_choice = ModeChoice::kLowest;
+  EXPECT_EQ(MustLoad(text, options).scene.mechanisms[0].mode_choice, ModeChoice::kLowest);
+}
+
 TEST(ImportOptionsTest, NamesGoToTheMechanismThatOwnsThem) {
   const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody>
     <body name="a"><joint/><geom size=".1"/></body><body name="b"><joint/><geom size=".1"/></body>

@@ -50,6 +50,23 @@ TEST_P(Grasp, HoldsWhatItShakesAndTurnsOver) {
   EXPECT_LT((in_palm() - lifted).norm(), 1e-4);
 }
 
+// Set-points as they stand at 3 s, the object in the air.
+TEST_P(Grasp, HoldsForAMinuteWithoutDrift) {
+  SceneRun run(GetParam().scene);
+  run.Until(3);
+  Simulation& simulation = run.simulation();
+  const auto in_palm = [&] {
+    return Vector3(simulation.Pose("palm").inverse() * simulation.Pose(GetParam().object).translation());
+  };
+  const Vector3 before = in_palm();
+  double drift = 0;
+  while (simulation.time() < 63) {
+    ASSERT_TRUE(simulation.Step().finite);
+    drift = std::max(drift, (in_palm() - before).norm());
+  }
+  EXPECT_LT(drift, 1e-4);
+}
+
 INSTANTIATE_TEST_SUITE_P(Objects, Grasp,
                          testing::Values(Case{"grasp_sphere", "ball"}, Case{"grasp_mug", "mug"}));
 

@@ -171,7 +171,6 @@ class MechanismDynamics {
   Matrix6X wrenches_W_;  // 6 x bodies about the world origin, world axes
 
   // Between refreshes.
-  VectorX g_ref_;                                  // n, spring forces at the reference
   VectorX q_perp_offset_;                          // n, leftover of the last refresh, fading
   VectorX rest_, q_perp_step_, q_perp_step_last_;  // n
   double follow_ = 1;                              // share of a step towards rest that the interior takes

@@ -1,6 +1,7 @@
 // The four plots and the four tables of docs/accuracy.
 #include <algorithm>
 #include <cmath>
+#include <fork1s/mechanism/names.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -146,7 +147,7 @@ Expected<void> WriteAccuracyTables(const AccuracyResults& results, const std::st
     for (const auto& p : c.points)
       for (std::size_t i = 0; i < p.percent.size(); ++i)
         frequencies += fmt::format("{},{},{},{},{},{:.6g},{}\n", c.name,
-                                   c.choice == ModeChoice::kLowest ? "lowest" : "contribution", p.modes,
+                                   Name(c.choice), p.modes,
                                    p.size, i + 1, c.full_hz[i], Number(p.percent[i]));
   std::string transients =
       "scene,steps_per_second,motion_mm,reduced_percent,full_percent,reduced_against_full_percent,"

@@ -1,33 +1,21 @@
 #include "mujoco_model.hpp"
 
-#include <mujoco/mujoco.h>
-
 #include <Eigen/Dense>
 #include <cmath>
 #include <numbers>
+
+#include "../mujoco_handles.hpp"
 
 namespace fork1s::internal {
 namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-struct ModelDeleter {
-  void operator()(mjModel* m) const { mj_deleteModel(m); }
-};
-struct DataDeleter {
-  void operator()(mjData* d) const { mj_deleteData(d); }
-};
-
-RigidTransform PoseOf(const mjData* d, int body) {
-  const double* q = d->xquat + 4 * body;
-  return {Quaternion(q[0], q[1], q[2], q[3]), Vector3(Eigen::Map<const Vector3>(d->xpos + 3 * body))};
-}
-
 }  // namespace
 
 struct MuJoCoModel::Detail {
-  std::unique_ptr<mjModel, ModelDeleter> model;
-  std::unique_ptr<mjData, DataDeleter> data;
+  MuJoCoModelPointer model;
+  MuJoCoDataPointer data;
   std::vector<int> joints;  // velocities that are not of a free joint: those that move while the base is held
 
   // Positions, inertia and constraints at qpos, at rest.

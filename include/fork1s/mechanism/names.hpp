@@ -1,0 +1,40 @@
+// Words for the enumerations of definitions, as files, options, messages and recordings have them.
+#pragma once
+
+#include <fork1s/mechanism/definition.hpp>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+namespace fork1s {
+
+inline constexpr std::pair<BaseKind, const char*> kBaseKindNames[] = {
+    {BaseKind::kFixed, "fixed"}, {BaseKind::kFloating, "floating"}, {BaseKind::kDriven, "driven"}};
+inline constexpr std::pair<ModeChoice, const char*> kModeChoiceNames[] = {
+    {ModeChoice::kLowest, "lowest"}, {ModeChoice::kContribution, "contribution"}};
+inline constexpr std::pair<JointKind, const char*> kJointKindNames[] = {
+    {JointKind::kHinge, "hinge"},    {JointKind::kSlide, "slide"},
+    {JointKind::kBall, "ball"},      {JointKind::kCylindrical, "cylindrical"},
+    {JointKind::kPlanar, "planar"},  {JointKind::kFree, "free"},
+    {JointKind::kGeneral, "general"}};
+
+/// The word of a value in one of these lists; "" for what is none.
+template <class T, std::size_t count>
+constexpr const char* NameIn(const std::pair<T, const char*> (&names)[count], T value) {
+  for (const auto& [known, name] : names)
+    if (known == value) return name;
+  return "";
+}
+/// And back.
+template <class T, std::size_t count>
+constexpr std::optional<T> Named(const std::pair<T, const char*> (&names)[count], std::string_view word) {
+  for (const auto& [value, name] : names)
+    if (word == name) return value;
+  return std::nullopt;
+}
+
+constexpr const char* Name(BaseKind kind) { return NameIn(kBaseKindNames, kind); }
+constexpr const char* Name(ModeChoice choice) { return NameIn(kModeChoiceNames, choice); }
+constexpr const char* Name(JointKind kind) { return NameIn(kJointKindNames, kind); }
+
+}  // namespace fork1s

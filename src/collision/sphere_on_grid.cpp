@@ -1,0 +1,178 @@
+#include "sphere_on_grid.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <fork1s/spatial/rigid_transform.hpp>
+#include <mutex>
+#include <utility>
+
+namespace fork1s::internal {
+namespace {
+
+using Triangle = std::array<Vector3, 3>;
+
+// A point of a triangle, and how far the centre is from it: negative under the face.
+struct Nearest {
+  Triangle triangle;
+  Vector3 point, normal;  // of the contact
+  double distance = 0;
+};
+
+Vector3 Up(const Triangle& t) { return (t[1] - t[0]).cross(t[2] - t[0]).normalized(); }
+
+Vector3 OnSegment(const Vector3& a, const Vector3& b, const Vector3& c) {
+  const Vector3 d = b - a;
+  return a + std::clamp((c - a).dot(d) / d.squaredNorm(), 0.0, 1.0) * d;
+}
+
+// The point of a triangle nearest to c.
+Vector3 ClosestPoint(const Triangle& t, const Vector3& c) {
+  const Vector3 n = Up(t);
+  bool inside = true;
+  Vector3 best = t[0];
+  double least = 1e300;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vector3 &a = t[i], &b = t[(i + 1) % 3];
+    if (n.cross(b - a).dot(c - a) >= 0) continue;
+    inside = false;
+    const Vector3 p = OnSegment(a, b, c);
+    if (const double d = (p - c).squaredNorm(); d < least) {
+      least = d;
+      best = p;
+    }
+  }
+  return inside ? Vector3(c - n.dot(c - t[0]) * n) : best;
+}
+
+// The upper surface of MuJoCo's field, in its own frame: two triangles a cell, along the diagonal that
+// MuJoCo's prisms have.
+struct Grid {
+  const mjModel* model;
+  int rows, columns, first;
+  Vector3 half;  // half sizes along x and y, largest height
+
+  Grid(const mjModel* m, int geom) : model(m) {
+    const int id = m->geom_dataid[geom];
+    rows = m->hfield_nrow[id];
+    columns = m->hfield_ncol[id];
+    first = m->hfield_adr[id];
+    half = Eigen::Map<const Vector3>(m->hfield_size + 4 * id);
+  }
+  Vector3 Point(int row, int column) const {
+    return {2 * half.x() * column / (columns - 1) - half.x(), 2 * half.y() * row / (rows - 1) - half.y(),
+            half.z() * static_cast<double>(model->hfield_data[first + row * columns + column])};
+  }
+  Triangle Face(int row, int column, int which) const {
+    const Vector3 a = Point(row, column), b = Point(row + 1, column + 1);
+    return which == 0 ? Triangle{a, Point(row, column + 1), b} : Triangle{a, b, Point(row + 1, column)};
+  }
+  // Cells from one coordinate to another.
+  static std::pair<int, int> Cells(double from, double to, double half, int points) {
+    const double per_m = (points - 1) / (2 * half);
+    const auto cell = [&](double x) {
+      return static_cast<int>(std::floor(std::clamp((x + half) * per_m, -1.0, double(points))));
+    };
+    return {std::max(0, cell(from)), std::min(points - 2, cell(to))};
+  }
+};
+
+constexpr int kMost = 16;  // contacts, and faces that are told apart at once; MuJoCo has room for 50
+
+// Keeps the nearest ones, in order.
+class NearestFaces {
+ public:
+  void Add(const Nearest& item) {
+    int at = count_;
+    while (at > 0 && items_[static_cast<std::size_t>(at - 1)].distance > item.distance) --at;
+    if (at == kMost) return;
+    count_ = std::min(count_ + 1, kMost);
+    for (int i = count_ - 1; i > at; --i)
+      items_[static_cast<std::size_t>(i)] = items_[static_cast<std::size_t>(i - 1)];
+    items_[static_cast<std::size_t>(at)] = item;
+  }
+  int size() const { return count_; }
+  const Nearest& operator[](int i) const { return items_[static_cast<std::size_t>(i)]; }
+
+ private:
+  std::array<Nearest, kMost> items_;
+  int count_ = 0;
+};
+
+mjfCollision mujocos_own = nullptr;
+
+int SphereOnGridOrOwn(const mjModel* model, const mjData* data, mjContact* contacts, int geom1, int geom2,
+                      mjtNum margin) {
+  const bool ours = std::strcmp(model->names, kCollisionModelName) == 0;
+  return (ours ? SphereOnGrid : mujocos_own)(model, data, contacts, geom1, geom2, margin);
+}
+
+}  // namespace
+
+void InstallSphereOnGrid() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    mujocos_own = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE];
+    mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE] = &SphereOnGridOrOwn;
+  });
+}
+
+int SphereOnGrid(const mjModel* model, const mjData* data, mjContact* contacts, int geom_of_grid, int sphere,
+                 mjtNum margin) {
+  const Grid grid(model, geom_of_grid);
+  const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(data->geom_xmat + 9 * geom_of_grid);
+  const Eigen::Map<const Vector3> origin(data->geom_xpos + 3 * geom_of_grid),
+      center(data->geom_xpos + 3 * sphere);
+  const double radius = model->geom_size[3 * sphere], reach = radius + margin;
+  const Vector3 c = R.transpose() * (center - origin);
+
+  // Under the surface only what is right above or below counts.
+  const auto [column_from, column_to] =
+      Grid::Cells(c.x() - reach, c.x() + reach, grid.half.x(), grid.columns);
+  const auto [row_from, row_to] = Grid::Cells(c.y() - reach, c.y() + reach, grid.half.y(), grid.rows);
+  NearestFaces above, below;
+  bool is_under = false;
+  for (int row = row_from; row <= row_to; ++row)
+    for (int column = column_from; column <= column_to; ++column)
+      for (int which : {0, 1}) {
+        const Triangle face = grid.Face(row, column, which);
+        const Vector3 up = Up(face), p = ClosestPoint(face, c);
+        const double height = up.dot(c - face[0]), distance = (c - p).norm();
+        const bool inside = distance <= std::abs(height) * (1 + 1e-9) + 1e-15;
+        if (height < 0) {
+          Triangle flat = face;
+          for (Vector3& v : flat) v.z() = 0;
+          const Vector3 c_flat(c.x(), c.y(), 0);
+          is_under |= (ClosestPoint(flat, c_flat) - c_flat).norm() <= 1e-12 * grid.half.norm();
+          if (inside) below.Add({face, p, up, distance});
+        } else if (distance < reach) {
+          above.Add({face, p, inside ? up : Vector3((c - p) / distance), distance});
+        }
+      }
+
+  int count = 0;
+  auto report = [&](const Nearest& nearest, double gap) {
+    mjContact& out = contacts[count++];
+    out.dist = gap;
+    const Vector3 normal = R * nearest.normal, surface = R * nearest.point + origin;
+    Eigen::Map<Vector3>(out.frame) = normal;
+    Eigen::Map<Vector3>(out.frame + 3).setZero();
+    Eigen::Map<Vector3>(out.pos) = surface + 0.5 * gap * normal;
+  };
+  if (is_under) {
+    if (below.size() > 0) report(below[0], -below[0].distance - radius);
+    return count;
+  }
+  // Nearest among neighbours: no face that has this point too comes nearer. Of equal ones the first counts.
+  const double same = 1e-9 * grid.half.norm();
+  for (int i = 0; i < above.size(); ++i) {
+    bool is_least = true;
+    for (int k = 0; k < i && is_least; ++k)
+      is_least = (ClosestPoint(above[k].triangle, above[i].point) - above[i].point).norm() > same;
+    if (is_least) report(above[i], above[i].distance - radius);
+  }
+  return count;
+}
+
+}  // namespace fork1s::internal

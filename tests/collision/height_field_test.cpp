@@ -1,0 +1,156 @@
+// Spheres on height fields: one contact where a smooth slope has one, exact, whatever cells it is cut into.
+#include <cmath>
+#include <functional>
+#include <random>
+
+#include "scenes.hpp"
+
+namespace fork1s {
+namespace {
+
+using testing::At;
+using testing::Contacts;
+using testing::Moving;
+using testing::Still;
+
+// 0.6 x 0.4 m in cells of 20 x 10 mm, heights of up to 0.1 m by a function of x and y.
+HeightField Field(const std::function<double(double, double)>& height) {
+  auto grid = std::make_shared<HeightGrid>();
+  grid->name = "field";
+  grid->columns = 31;
+  grid->rows = 41;
+  grid->half_x = 0.3;
+  grid->half_y = 0.2;
+  grid->max_height = 0.1;
+  grid->base_depth = 0.1;
+  for (int i = 0; i < grid->rows; ++i)
+    for (int k = 0; k < grid->columns; ++k)
+      grid->values.push_back(static_cast<float>(height(-0.3 + 0.02 * k, -0.2 + 0.01 * i) / 0.1));
+  return HeightField{grid};
+}
+
+Vector3 Normal(const ContactPoint& c) { return c.frame.row(0).transpose(); }
+
+// MuJoCo holds heights as floats of 24 bits.
+constexpr double kFloat = 1e-8;  // m, of 0.1
+
+std::vector<ContactPoint> Under(const HeightField& field, double radius, const Vector3& center,
+                                double margin = 0.001) {
+  CollisionOptions options;
+  options.margin = margin;
+  return Contacts({Still(field), Moving(Sphere{radius}, RigidTransform(center))}, {}, options);
+}
+
+TEST(SphereOnGrid, AFlatFieldIsAPlane) {
+  const HeightField field = Field([](double, double) { return 0.05; });
+  // Inside of cells, on edges, on diagonals, on vertices; small beside the cells and large.
+  for (const double radius : {0.004, 0.05, 0.15})
+    for (const double x : {0.003, 0.02, 0.025, -0.2})
+      for (const double y : {0.004, 0.01, 0.0125, 0.0})
+        for (const double gap : {-0.002, 0.0, 0.0009}) {
+          const auto contacts = Under(field, radius, Vector3(x, y, 0.05 + radius + gap));
+          ASSERT_EQ(contacts.size(), 1u) << radius << ' ' << x << ' ' << y << ' ' << gap;
+          EXPECT_NEAR(contacts[0].gap, gap, kFloat);
+          EXPECT_LT((Normal(contacts[0]) - Vector3::UnitZ()).norm(), 1e-6);
+          EXPECT_LT((contacts[0].point - Vector3(x, y, 0.05 + gap / 2)).norm(), 1e-6);
+        }
+}
+
+TEST(SphereOnGrid, ATiltedFieldIsATiltedPlane) {
+  const HeightField field = Field([](double x, double y) { return 0.05 + 0.12 * x - 0.05 * y; });
+  const Vector3 n = Vector3(-0.12, 0.05, 1).normalized();
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> u(-1, 1);
+  for (int i = 0; i < 200; ++i) {
+    const double x = 0.2 * u(random), y = 0.1 * u(random), radius = 0.03 + 0.02 * u(random);
+    const Vector3 on(x, y, 0.05 + 0.12 * x - 0.05 * y);
+    const auto contacts = Under(field, radius, on + (radius - 0.0005) * n);
+    ASSERT_EQ(contacts.size(), 1u) << i;
+    EXPECT_NEAR(contacts[0].gap, -0.0005, kFloat);
+    EXPECT_LT((Normal(contacts[0]) - n).norm(), 2e-6);  // heights rounded to 1e-8 m over cells of 10 mm
+  }
+}
+
+TEST(SphereOnGrid, AValleyHasTwoContactsAndARidgeOne) {
+  for (const double side : {1.0, -1.0}) {
+    const double level = side > 0 ? 0 : 0.09;
+    const HeightField field = Field([&](double x, double) { return level + side * 0.3 * std::abs(x); });
+    const double slope = std::atan(0.3), radius = 0.02, gap = -0.0003;
+    // Over the middle: the distance from either slope, or from the edge between them.
+    const double above = side > 0 ? (radius + gap) / std::cos(slope) : radius + gap;
+    const auto contacts = Under(field, radius, Vector3(0, 0.003, level + above));
+    ASSERT_EQ(contacts.size(), side > 0 ? 2u : 1u);
+    for (const ContactPoint& c : contacts) {
+      EXPECT_NEAR(c.gap, gap, 2 * kFloat);
+      EXPECT_NEAR(Normal(c).z(), side > 0 ? std::cos(slope) : 1, 1e-6);
+    }
+  }
+}
+
+TEST(SphereOnGrid, WhatIsUnderTheSurfaceIsPushedUp) {
+  const HeightField field = Field([](double x, double) { return 0.05 + 0.1 * x; });
+  const Vector3 n = Vector3(-0.1, 0, 1).normalized();
+  const double radius = 0.01;
+  for (const double depth : {0.001, 0.01, 0.03}) {  // of the centre
+    const auto contacts = Under(field, radius, Vector3(0.051, 0.002, 0.0551) - depth * n);
+    ASSERT_EQ(contacts.size(), 1u) << depth;
+    EXPECT_NEAR(contacts[0].gap, -depth - radius, kFloat);
+    EXPECT_LT((Normal(contacts[0]) - n).norm(), 2e-6);
+  }
+}
+
+// On rough ground: the nearest of many sampled points of the surface, and no contact that has a nearer point
+// beside it.
+TEST(SphereOnGrid, RoughGroundAgreesWithSamples) {
+  std::mt19937 random(2);
+  std::uniform_real_distribution<double> u(0, 1);
+  std::vector<std::vector<double>> heights(41, std::vector<double>(31));
+  for (auto& row : heights)
+    for (double& z : row) z = 0.03 * static_cast<float>(u(random));
+  const HeightField field = Field([&](double x, double y) {
+    return heights[static_cast<std::size_t>(std::lround((y + 0.2) / 0.01))]
+                  [static_cast<std::size_t>(std::lround((x + 0.3) / 0.02))];
+  });
+  // The height anywhere, by the two triangles of a cell.
+  const auto height = [&](double x, double y) {
+    const double c = (x + 0.3) / 0.02, r = (y + 0.2) / 0.01;
+    const auto j = static_cast<std::size_t>(c), i = static_cast<std::size_t>(r);
+    const double s = c - static_cast<double>(j), t = r - static_cast<double>(i);
+    const double z00 = heights[i][j], z01 = heights[i][j + 1], z10 = heights[i + 1][j],
+                 z11 = heights[i + 1][j + 1];
+    return s > t ? z00 + s * (z01 - z00) + t * (z11 - z01) : z00 + t * (z10 - z00) + s * (z11 - z10);
+  };
+  int several = 0;
+  for (int k = 0; k < 100; ++k) {
+    const double x = 0.2 * (2 * u(random) - 1), y = 0.1 * (2 * u(random) - 1),
+                 radius = 0.01 + 0.02 * u(random);
+    // Lowered until it touches.
+    constexpr double kGrain = 2.5e-4;
+    const auto over = [&](double dx, double dy) {
+      return height(x + dx, y + dy) + std::sqrt(radius * radius - dx * dx - dy * dy);
+    };
+    double z = 0;
+    for (double dx = -radius; dx < radius; dx += kGrain)
+      for (double dy = -std::sqrt(radius * radius - dx * dx); dy * dy + dx * dx < radius * radius;
+           dy += kGrain)
+        z = std::max(z, over(dx, dy));
+    const auto contacts = Under(field, radius, Vector3(x, y, z), 0.002);
+    ASSERT_GE(contacts.size(), 1u) << k;
+    several += contacts.size() > 1 ? 1 : 0;
+    double least = 1;
+    for (const ContactPoint& c : contacts) {
+      least = std::min(least, c.gap);
+      const Vector3 p = c.point - 0.5 * c.gap * Normal(c);  // on the ground
+      EXPECT_NEAR(p.z(), height(p.x(), p.y()), 1e-6) << k;
+      EXPECT_NEAR((Vector3(x, y, z) - p).norm() - radius, c.gap, 1e-9) << k;
+    }
+    // Between samples the ground rises by its slope, up to 3 along y and 1.5 along x, and the sphere's rim as
+    // much.
+    EXPECT_LT(std::abs(least), 6 * kGrain) << k;
+    EXPECT_LT(least, kFloat) << k;
+  }
+  EXPECT_GT(several, 10);
+}
+
+}  // namespace
+}  // namespace fork1s
