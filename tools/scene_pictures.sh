@@ -5,6 +5,7 @@
 #     bash tools/scene_pictures.sh [SCENE...]          FORK1S=path/to/fork1s for another program
 set -euo pipefail
 cd "$(dirname "$0")/.."
+source tools/shrink_picture.sh
 fork1s=${FORK1S:-build/release/bin/fork1s}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -28,8 +29,19 @@ while read -r scene time at camera; do
   "$fork1s" run "scenes/$scene.xml" "${controls[@]}" --time "$time" --record "$work/$scene.h5" >/dev/null 2>&1
   # shellcheck disable=SC2086  # the camera is several words
   "$fork1s" export "$work/$scene.h5" "$work/$scene.png" --at "$at" $camera --width 960 --height 540 </dev/null
-  ffmpeg -nostdin -y -loglevel error -i "$work/$scene.png" \
-    -vf "split[a][b];[a]palettegen=max_colors=128:stats_mode=full[p];[b][p]paletteuse=dither=none" \
-    -frames:v 1 -update 1 "docs/scenes/$scene.png"
-  echo "docs/scenes/$scene.png: $(stat -c %s "docs/scenes/$scene.png") bytes"
+  shrink_picture "$work/$scene.png" "docs/scenes/$scene.png"
 done <<<"$views"
+
+# Scenes that are made in code: picture, half of the benchmark, moment, camera
+made="
+long_arm    arms   1.2   --from=-70,18 --zoom=1.5
+many_hands  hands  2.5   --from=-40,22 --zoom=2.6 --no-forces
+"
+while read -r scene half at camera; do
+  [ -n "$scene" ] || continue
+  if [ $# -gt 0 ] && [[ " $* " != *" $scene "* ]]; then continue; fi
+  build/release/benchmarks/long_and_many --record "$work/$scene.h5" "$half"
+  # shellcheck disable=SC2086
+  "$fork1s" export "$work/$scene.h5" "$work/$scene.png" --at "$at" $camera --width 960 --height 540 </dev/null
+  shrink_picture "$work/$scene.png" "docs/scenes/$scene.png"
+done <<<"$made"

@@ -150,6 +150,7 @@ void AddExport(CLI::App& app, Action& action) {
       ->expected(2);
   command->add_option("--zoom", args->options.zoom, "how much nearer than to hold everything (default 1)")
       ->check(CLI::Range(0.1, 50.0));
+  command->add_flag("!--no-forces", args->options.forces, "draw no contact forces");
   command->add_option("--look-at", args->look_at, "a body for the middle of the picture");
   command
       ->add_option("--fps", args->fps,

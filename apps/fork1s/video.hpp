@@ -14,6 +14,7 @@ struct VideoOptions {
   std::optional<double> at;
   std::optional<double> azimuth, elevation;  // degrees, of the camera; from x towards y, upwards
   double zoom = 1;
+  bool forces = true;       // arrows at contacts
   std::optional<int> body;  // place in Simulation::bodies() of what the camera looks at; none: the middle
 };
 

@@ -16,6 +16,8 @@ import { COLORS } from './scene/theme';
 import type { ViewOptions } from './ui/panel';
 import type { Frame, GhostFrame, Maps, RootInfo, SceneMessage, Shapes } from './wire/messages';
 
+const FOLLOW_TIME = 0.1; // s in which the camera makes up for two thirds of a move
+
 export class View {
   readonly stage: Stage;
   readonly bodies = new BodiesView();
@@ -36,6 +38,7 @@ export class View {
   private history: Frame[] = []; // newest first, of the present maps
   private shownCollision = false;
   private followed: THREE.Vector3 | null = null;
+  private followedAt = 0; // ms
   private readonly pulls = new Arrows(COLORS.pull);
   private readonly frames = new FramesView();
   readonly full = new FullGhost(this.bodies.uniforms.styles);
@@ -176,7 +179,9 @@ export class View {
     }
     const now = new THREE.Vector3(pose[0], pose[1], pose[2]);
     this.followed ??= now.clone();
-    const shift = now.sub(this.followed).multiplyScalar(0.15);
+    const elapsed = (performance.now() - this.followedAt) / 1000;
+    this.followedAt += 1000 * elapsed;
+    const shift = now.sub(this.followed).multiplyScalar(1 - Math.exp(-elapsed / FOLLOW_TIME));
     this.stage.follow(shift);
     this.followed.add(shift);
   }

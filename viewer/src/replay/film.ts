@@ -25,9 +25,11 @@ export interface Film {
   zoom?: number;
   /** Place of a body that the camera looks at in place of the middle of the whole. */
   body?: number;
+  /** 0: no contact forces. */
+  forces?: number;
 }
 
-const KEYS = ['at', 'azimuth', 'elevation', 'zoom', 'body'] as const;
+const KEYS = ['at', 'azimuth', 'elevation', 'zoom', 'body', 'forces'] as const;
 
 /** #film=WIDTHxHEIGHT&at=SECONDS&... in the page's address asks for it. */
 export function readFilm(hash: string): Film | null {
@@ -44,6 +46,10 @@ export function readFilm(hash: string): Film | null {
 
 export async function film(app: App, wanted: Film): Promise<void> {
   const { stage } = app.view;
+  if (wanted.forces === 0) {
+    app.view.options.forces = false;
+    app.view.restyle();
+  }
   stage.renderer.setAnimationLoop(null);
   const root = document.getElementById('app');
   if (root) Object.assign(root.style, { width: `${wanted.width}px`, height: `${wanted.height}px` });

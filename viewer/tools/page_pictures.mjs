@@ -1,0 +1,137 @@
+// Pictures of the live page for docs/: starts `fork1s view`, touches what is there, and takes the page.
+//
+//   node tools/page_pictures.mjs FOLDER [NAME...]     as tools/page_pictures.sh of the project does it
+import { spawn } from 'node:child_process';
+import { existsSync, mkdirSync, readFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { chromium } from 'playwright-core';
+
+const [folder = '.', ...only] = process.argv.slice(2);
+const binary = process.env['FORK1S_BINARY'];
+const scenes = join(process.env['FORK1S_SOURCE_DIR'] ?? '.', 'scenes');
+const executablePath = ['/usr/bin/chromium', '/usr/bin/chromium-browser'].find((p) => existsSync(p));
+if (!binary || !executablePath) throw new Error('needs FORK1S_BINARY and a chromium in /usr/bin');
+
+const seconds = (s) => new Promise((done) => setTimeout(done, 1000 * s));
+// Moves the sliders as a control table says, in its time.
+async function play(page, table, until) {
+  const [head, ...rows] = readFileSync(join(scenes, table), 'utf8')
+    .split('\n')
+    .filter((line) => line !== '' && !line.startsWith('#'))
+    .map((line) => line.split(','));
+  let before = 0;
+  for (const row of rows) {
+    const [time, ...values] = row.map(Number);
+    if (time > until) return;
+    await page.evaluate(
+      ([names, x]) => {
+        const index = new Map(fork1s.view.scene.controls.map((c, i) => [c.name, i]));
+        names.forEach((name, k) => fork1s.send({ type: 'set', setting: 'control', index: index.get(name), value: x[k] }));
+      },
+      [head.slice(1), values],
+    );
+    await seconds(time - before);
+    before = time;
+  }
+}
+// Drags with the mouse, so that the page shows what it shows a person.
+async function drag(page, body, dx, dy, point = [0, 0, 0]) {
+  const at = await page.evaluate(
+    ([name, p]) => fork1s.screenOf(fork1s.view.scene.bodies.findIndex((b) => b.name === name), p),
+    [body, point],
+  );
+  await page.mouse.move(at.x, at.y);
+  await page.mouse.down();
+  for (let i = 1; i <= 10; ++i) {
+    await page.mouse.move(at.x + (dx * i) / 10, at.y + (dy * i) / 10);
+    await seconds(0.05);
+  }
+  await seconds(1);
+}
+const options = (page, values) =>
+  page.evaluate((v) => {
+    Object.assign(fork1s.view.options, v);
+    fork1s.view.restyle();
+  }, values);
+const look = (page, azimuth, elevation, zoom, body) =>
+  page.evaluate(
+    ([a, e, z, name]) => {
+      const at = fork1s.view.scene.bodies.findIndex((b) => b.name === name);
+      fork1s.view.stage.lookFrom(a, e, z, name ? fork1s.view.poses()[at].p : undefined);
+    },
+    [azimuth, elevation, zoom, body],
+  );
+
+const pictures = {
+  page_hand: {
+    model: ['grasp_sphere.xml'],
+    async touch(page) {
+      await page.keyboard.press('p');
+      await play(page, 'grasp_sphere.csv', 3);
+      await options(page, { cones: true });
+      await seconds(2);
+      await look(page, -60, 10, 1.15, 'ball');
+      await seconds(1);
+      await drag(page, 'ball', -70, 70);
+    },
+  },
+  page_firemen: {
+    model: ['firemen.xml'],
+    async touch(page) {
+      await look(page, -62, 14, 1.35);
+      await options(page, { compliance: true });
+      await page.evaluate(() => fork1s.send({ type: 'ghost', on: true }));
+      await seconds(6);
+      await drag(page, 'bunny', 90, -120);
+    },
+  },
+  page_dark: {
+    model: ['hexapod_terrain.xml'],
+    async touch(page) {
+      await page.keyboard.press('t');
+      await look(page, -50, 24, 2.2, 'trunk');
+      await options(page, { cones: true });
+      await seconds(3);
+      await drag(page, 'trunk', 60, -60);
+    },
+  },
+  page_phone: {
+    model: ['firemen.xml'],
+    viewport: { width: 390, height: 760 },
+    async touch(page) {
+      await seconds(2);
+    },
+  },
+};
+
+function view(model) {
+  const child = spawn(binary, ['view', join(scenes, model[0]), ...model.slice(1), '--no-open', '--port', '0', '--json']);
+  return new Promise((done, fail) => {
+    let text = '';
+    child.stdout.on('data', (data) => {
+      text += data;
+      const found = /"address":"([^"]+)"/.exec(text);
+      if (found) done({ address: found[1], stop: () => child.kill() });
+    });
+    child.once('exit', (code) => fail(new Error(`fork1s ended with ${code}`)));
+  });
+}
+
+mkdirSync(folder, { recursive: true });
+const browser = await chromium.launch({
+  executablePath,
+  args: ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'],
+});
+for (const [name, picture] of Object.entries(pictures)) {
+  if (only.length > 0 && !only.includes(name)) continue;
+  const program = await view(picture.model);
+  const page = await browser.newPage({ viewport: picture.viewport ?? { width: 1280, height: 720 } });
+  await page.goto(program.address);
+  await page.waitForFunction(() => globalThis.fork1s?.framesTaken > 2 && fork1s.view.framesDrawn > 2);
+  await picture.touch(page);
+  await page.screenshot({ path: join(folder, `${name}.png`) });
+  await page.close();
+  program.stop();
+  process.stdout.write(`${join(folder, name)}.png\n`);
+}
+await browser.close();
