@@ -98,7 +98,7 @@ const pictures = {
   page_phone: {
     model: ['firemen.xml'],
     viewport: { width: 390, height: 760 },
-    async touch(page) {
+    async touch() {
       await seconds(2);
     },
   },
