@@ -17,6 +17,7 @@ vehicle          5   3.6    --from=-50,18 --zoom=1.4
 hexapod_terrain  7   6.2    --from=-50,22 --zoom=2.2 --look-at=trunk
 hammer           2   0.9    --from=-48,18 --zoom=1.0 --look-at=forearm
 peg_in_hole      4   3.2    --from=-70,18 --zoom=2.2 --look-at=peg
+peg_grasp        4   3      --from=-70,18 --zoom=2.2 --look-at=peg
 grasp_sphere     4   3.1    --from=-50,12 --zoom=1.3
 grasp_mug        8   3.1    --from=35,25 --zoom=1.3
 "
@@ -26,6 +27,8 @@ while read -r scene time at camera; do
   if [ $# -gt 0 ] && [[ " $* " != *" $scene "* ]]; then continue; fi
   controls=()
   [ -f "scenes/$scene.csv" ] && controls=(--controls "scenes/$scene.csv")
+  # Held by friction until 0.5 s, then with frozen contacts.
+  [ "$scene" != peg_grasp ] || controls=(--controls scenes/peg_in_hole.csv --detail "interface,0.5:object")
   "$fork1s" run "scenes/$scene.xml" "${controls[@]}" --time "$time" --record "$work/$scene.h5" >/dev/null 2>&1
   # shellcheck disable=SC2086  # the camera is several words
   "$fork1s" export "$work/$scene.h5" "$work/$scene.png" --at "$at" $camera --width 960 --height 540 </dev/null
