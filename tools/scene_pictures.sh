@@ -3,6 +3,9 @@
 # that the file stays small. Needs chromium and ffmpeg. With names it draws those alone.
 #
 #     bash tools/scene_pictures.sh [SCENE...]          FORK1S=path/to/fork1s for another program
+#
+# "legged" is three machines beside each other, from models that are not part of the project: build
+# benchmarks/legged first. MODELS=folder has them (../shared/models); without them it is left as it is.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source tools/shrink_picture.sh
@@ -48,3 +51,20 @@ while read -r scene half at camera; do
   "$fork1s" export "$work/$scene.h5" "$work/$scene.png" --at "$at" $camera --width 960 --height 540 </dev/null
   shrink_picture "$work/$scene.png" "docs/scenes/$scene.png"
 done <<<"$made"
+
+models=${MODELS:-../shared/models}
+if { [ $# -eq 0 ] || [[ " $* " == *" legged "* ]]; } && [ -d "$models" ]; then
+  while read -r machine camera; do
+    [ -n "$machine" ] || continue
+    build/release/benchmarks/legged --models "$models" --record "$work/$machine.h5" "$machine"
+    # shellcheck disable=SC2086
+    "$fork1s" export "$work/$machine.h5" "$work/$machine.png" --at 2.9 $camera --width 480 --height 540 </dev/null
+  done <<<"
+anymal --from=-50,15 --zoom=1.4
+cassie --from=-55,10 --zoom=1.2
+digit  --from=-55,10 --zoom=1.2
+"
+  ffmpeg -nostdin -y -loglevel error -i "$work/anymal.png" -i "$work/cassie.png" -i "$work/digit.png" \
+    -filter_complex hstack=inputs=3 -frames:v 1 -update 1 "$work/legged.png"
+  shrink_picture "$work/legged.png" docs/scenes/legged.png
+fi

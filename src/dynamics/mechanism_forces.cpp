@@ -51,6 +51,7 @@ void MechanismDynamics::TakeReferenceForces() {
 // f_z_ and base_force_ at the present pose; q_perp follows the loads of this pose.
 void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R) {
   const Mechanism& m = mechanism();
+  momentum_rate_.setZero();
   if (options_.recovery == Recovery::kTwist) {
     f_z_ = f_ref_;
     f_z_ -= model_.K_r.cwiseProduct(state_.z);
@@ -76,7 +77,7 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
     for (int b = 0; b < m.num_bodies(); ++b)
       F_.col(b) += AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
   tau_.setZero();
-  // The base's own rows get the same by carrying its momentum along.
+  // The base's own rows get the same by carrying its momentum along, and momentum_rate_.
   if (base_moves()) base_force_ = F_.rowwise().sum();
   if (model_.size() > 0)
     q_dot_.noalias() = configuration_.Q_now * state_.w;
@@ -99,6 +100,10 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
                              body_V_, body_A_, F_);
   if (!A_R.isZero(0)) SubtractRigidMotionWrenches(m, configuration_.kinematics, Vector6::Zero(), A_R, F_);
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
+  // The velocity wrenches of all bodies together are -(Ṁ x - ad(ξ)ᵀ p), p = M x the base's momentum.
+  if (base_size_ > 0)
+    momentum_rate_ = base_force_ - F_.col(0) +
+                     SmallAdjoint(state_.V_R).transpose() * (M_00_ * state_.V_R + M_0z_ * state_.w);
   if (controls_.size() > 0) AddControlForce(m, controls_, tau_);
   SpringForce(m, configuration_.kinematics, configuration_.q, g_);
   g_ += tau_;

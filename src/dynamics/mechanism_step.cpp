@@ -91,7 +91,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
     momentum_.noalias() -= M_full_.middleCols<3>(3) * drift_R_;
     const Vector6 p = momentum_.head<6>();
     transported_ = TransportMomentum(h, p, state_.V_R, V_next, [&](const Vector6& moved) {
-      x_.head<6>() = moved + h * base_force_;
+      x_.head<6>() = moved + h * (base_force_ - momentum_rate_);
       x_.tail(r) = momentum_.tail(r) + h * f_z_;
       factor_.solveInPlace(x_);
       return Vector6(x_.head<6>());
@@ -136,12 +136,14 @@ void MechanismDynamics::Integrate(double h) {
   }
   Vector6 V = V_R_before_;
   V.tail<3>() -= drift_R_;
-  Advance(h, V);
+  Advance(h, V, h * momentum_rate_);
   if (guard_ && !TakeExcessEnergy()) TakeShorterStep(h);
 }
 
 // Moves the state by x_ over h. V_start: the base twist that the midpoint rule starts from, without drift.
-void MechanismDynamics::Advance(double h, const Vector6& V_start) {
+// `by_pose`: momentum that x_ has with the M of the new pose beyond what it has with that of the old one, as
+// Predict foresaw it.
+void MechanismDynamics::Advance(double h, const Vector6& V_start, const Vector6& by_pose) {
   state_.w = x_.tail(model_.size());
   state_.z += h * state_.w;
   if (mechanism().base() == BaseKind::kDriven) state_.X_WR = driven_next_;
@@ -155,7 +157,7 @@ void MechanismDynamics::Advance(double h, const Vector6& V_start) {
   Vector3 drift_R = drift_R_;
   if (pushed_) {
     momentum_.noalias() = M_full_ * x_;
-    drift_R = momentum_.segment<3>(3) / M_00_(5, 5);
+    drift_R = (momentum_.segment<3>(3) + by_pose.tail<3>()) / M_00_(5, 5);
   }
   x_.segment<3>(3) -= drift_R;
   const Vector3 drift_W = state_.X_WR.rotation() * drift_R;
@@ -164,7 +166,7 @@ void MechanismDynamics::Advance(double h, const Vector6& V_start) {
   state_.X_WR.translation() += h * drift_W;
   state_.X_WR.Orthonormalize();
   momentum_.noalias() = M_full_ * x_;
-  const Vector6 p = momentum_.head<6>();
+  const Vector6 p = momentum_.head<6>() + by_pose;
   UpdateConfiguration();
   // The pose changed under the base: its momentum stays, its twist follows.
   if (options_.recovery == Recovery::kExact) x_.head<6>() = M_00_.llt().solve(p - M_0z_ * state_.w);
@@ -184,7 +186,7 @@ void MechanismDynamics::AdvanceShortened(double h, double s) {
   x_ = x_after_;
   if (base_size_ == 0) {
     x_ *= s;
-    Advance(h, Vector6::Zero());
+    Advance(h, Vector6::Zero(), Vector6::Zero());
     return;
   }
   x_.segment<3>(3) -= drift_R_;
@@ -195,7 +197,8 @@ void MechanismDynamics::AdvanceShortened(double h, double s) {
   const Vector6 p = M_00_ * V + M_0z_ * w_before_;
   const Vector6 locked = locked_inertia.solve(p);
   V = locked + s * (V - locked);
-  const Vector6 pushed = M_0 * x_ - transported_;
+  // A shortened step turns and bends less than was foreseen: its twist follows the pose afterwards.
+  const Vector6 pushed = M_0 * x_ - transported_ + h * momentum_rate_;
   x_.tail(r) *= s;
   Vector6 V_next = V;
   TransportMomentum(h, p, V, V_next, [&](const Vector6& moved) {
@@ -203,7 +206,7 @@ void MechanismDynamics::AdvanceShortened(double h, double s) {
   });
   x_.head<6>() = V_next;
   x_.segment<3>(3) += drift_R_;
-  Advance(h, V);
+  Advance(h, V, Vector6::Zero());
 }
 
 }  // namespace fork1s

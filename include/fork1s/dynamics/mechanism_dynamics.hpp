@@ -138,7 +138,7 @@ class MechanismDynamics {
   bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
   void UpdateInertia();
   double LargestTurn(const VectorX& since) const;
-  void Advance(double h, const Vector6& V_start);
+  void Advance(double h, const Vector6& V_start, const Vector6& by_pose);
   void AdvanceShortened(double h, double s);
   void ScaleRelativeMotion(double s);
   bool TakeExcessEnergy();
@@ -209,6 +209,9 @@ class MechanismDynamics {
   VectorX x_, rhs_, solved_, f_z_, g_, tau_, momentum_;
   Matrix6X F_;
   Vector6 base_force_;
+  // Ṁ x of the base's rows as the pose changes at the rates of now. The base's twist follows the pose, and what
+  // it gains by that pulls at the joints, whose rows must know of it in the same solve.
+  Vector6 momentum_rate_ = Vector6::Zero();
 };
 
 }  // namespace fork1s

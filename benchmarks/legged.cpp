@@ -1,0 +1,289 @@
+// Machines on legs that stand for a minute: benchmarks/results/legged.csv and the tables of
+// docs/scenes/legged.md.
+//
+//     build/release/benchmarks/legged [--models FOLDER] [--out docs/scenes] [hexapod|anymal|cassie|digit ...]
+//     build/release/benchmarks/legged [--models FOLDER] --record FILE.h5 MACHINE [flat]     the first three
+//     seconds
+//
+// About two minutes on an idle core. With names it measures those alone, prints them and writes nothing.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fork1s/record/recording.hpp>
+#include <fork1s/study/compare.hpp>
+#include <fork1s/study/scene_table.hpp>
+#include <fstream>
+#include <optional>
+
+#include "legged_mujoco.hpp"
+
+namespace {
+
+using namespace fork1s;
+using namespace fork1s::examples;
+
+constexpr double kSettling = 20, kTime = 80;  // s
+constexpr double kFine = 1.0 / 960;           // s, of a run of MuJoCo for its feet alone
+constexpr int kHalvings = 6;                  // of MuJoCo's step, from 1/60 s
+constexpr LeggedRobot kRobots[] = {LeggedRobot::kHexapod, LeggedRobot::kAnymal, LeggedRobot::kCassie,
+                                   LeggedRobot::kDigit};
+
+struct Row {
+  LeggedRobot robot = LeggedRobot::kHexapod;
+  LeggedGround ground = LeggedGround::kFlat;
+  int bodies = 0, reduced = 0, full = 0, mujoco = 0;  // the last three: velocities that a step solves for
+  double reduced_us = 0, full_us = 0;                 // a step: median, mean
+  double reduced_times = 0, full_times = 0;           // real time
+  std::optional<double> mujoco_us, mujoco_times;
+  double feet_um = 0, feet_default_um = 0, feet_stiff_um = 0;
+  double gap_um = 0, lean_deg = 0;
+  int unconverged = 0;
+  double rms_mm = 0, max_mm = 0, half_rms_mm = 0, half_max_mm = 0;
+  std::optional<double> mujoco_dt, mujoco_stiff_dt, mujoco_feet_um,
+      mujoco_fine_feet_um;  // none: was not run, or did not stand
+  bool has_mujoco = false;
+};
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Expected<StandMeasurement> Run(const LeggedScene& legged, const SimulationOptions& options) {
+  auto simulation = Simulation::Create(legged.imported.scene, options);
+  if (!simulation) return tl::unexpected(simulation.error());
+  StandMeasurement m = Stand(*simulation, legged, kSettling, kTime);
+  if (!m.finite)
+    return Fail(ErrorCode::kNumerics, legged.imported.scene.name, "gave numbers that are not finite");
+  if (m.lean > 0.5) return Fail(ErrorCode::kNumerics, legged.imported.scene.name, "fell over");
+  return m;
+}
+
+// The first of 1/60 s and its halves with which it stands.
+Expected<std::optional<std::pair<double, MuJoCoStand>>> FirstStanding(const LeggedScene& legged,
+                                                                      const std::string& file) {
+  for (int k = 0; k <= kHalvings; ++k) {
+    const double dt = 1.0 / 60 / (1 << k);
+    auto stand = StandInMuJoCo(legged, file, dt, kSettling, kTime);
+    if (!stand) return tl::unexpected(stand.error());
+    if (stand->stood) return std::optional(std::pair(dt, *stand));
+  }
+  return std::optional<std::pair<double, MuJoCoStand>>();
+}
+
+Expected<Row> Measure(LeggedRobot robot, LeggedOptions options) {
+  auto legged = LoadLegged(robot, options);
+  if (!legged) return tl::unexpected(legged.error());
+  options.gain_scale = 100;
+  auto stiff = LoadLegged(robot, options);
+  if (!stiff) return tl::unexpected(stiff.error());
+  Row row;
+  row.robot = robot;
+  row.ground = options.ground;
+  auto probe = Simulation::Create(legged->imported.scene, StandingOptions(*legged));
+  if (!probe) return tl::unexpected(probe.error());
+  row.bodies = static_cast<int>(probe->bodies().size());
+  row.full = 6 * row.bodies;
+  for (const MechanismDynamics& m : probe->world().mechanisms()) {
+    row.reduced += m.num_velocities();
+    row.full += m.mechanism().num_coordinates();
+  }
+
+  auto m = Run(*legged, StandingOptions(*legged));
+  if (!m) return tl::unexpected(m.error());
+  double all = 0;
+  for (double us : m->step_us) all += us;
+  row.reduced_us = Median(m->step_us);
+  row.reduced_times = 1e6 * kTime / all;
+  row.feet_um = 1e6 * m->foot_motion;
+  row.gap_um = 1e6 * m->joint_gap;
+  row.lean_deg = 57.29577951308232 * m->lean;
+  row.unconverged = m->unconverged;
+  if (m = Run(*stiff, StandingOptions(*stiff)); !m) return tl::unexpected(m.error());
+  row.feet_stiff_um = 1e6 * m->foot_motion;
+  row.gap_um = std::max(row.gap_um, 1e6 * m->joint_gap);
+  row.unconverged += m->unconverged;
+  SimulationOptions plain;
+  plain.initial_keyframe = legged->imported.initial_keyframe;
+  if (m = Run(*legged, plain); !m) return tl::unexpected(m.error());
+  row.feet_default_um = 1e6 * m->foot_motion;
+
+  CompareOptions compare;
+  compare.time = 2;
+  compare.refinements = 1;
+  auto comparison = Compare(legged->imported, compare);
+  if (!comparison) return tl::unexpected(comparison.error());
+  const EqualStep& equal = comparison->equal_steps.front();
+  row.rms_mm = equal.rms_mm;
+  row.max_mm = equal.max_mm;
+  row.full_us = 1e6 * equal.wall_other_s * equal.dt_s / comparison->time_s;
+  row.full_times = comparison->time_s / equal.wall_other_s;
+  for (const CostPoint& c : comparison->costs)
+    if (c.simulator == "full" && c.dt_s == equal.dt_s) {
+      row.half_rms_mm = c.rms_mm;
+      row.half_max_mm = c.max_mm;
+    }
+
+  // Digit is not there: its rods need other joints than its file has.
+  if (robot == LeggedRobot::kDigit) return row;
+  const std::string file =
+      robot == LeggedRobot::kHexapod
+          ? options.scenes + (options.ground == LeggedGround::kFlat ? "/hexapod.xml" : "/hexapod_terrain.xml")
+          : ModelFile(robot, options.models);
+  row.has_mujoco = true;
+  auto stand = FirstStanding(*legged, file);
+  if (!stand) return tl::unexpected(stand.error());
+  if (*stand) {
+    row.mujoco_dt = (*stand)->first;
+    row.mujoco = (*stand)->second.coordinates;
+    row.mujoco_us = (*stand)->second.step_us;
+    row.mujoco_times = (*stand)->second.real_time_factor;
+    row.mujoco_feet_um = 1e6 * (*stand)->second.foot_motion;
+  }
+  auto fine = StandInMuJoCo(*legged, file, kFine, kSettling, kTime);
+  if (!fine) return tl::unexpected(fine.error());
+  if (fine->stood) row.mujoco_fine_feet_um = 1e6 * fine->foot_motion;
+  if (stand = FirstStanding(*stiff, file); !stand) return tl::unexpected(stand.error());
+  if (*stand) row.mujoco_stiff_dt = (*stand)->first;
+  return row;
+}
+
+std::string CsvHead() {
+  return "machine,ground,bodies,reduced_coordinates,full_coordinates,mujoco_coordinates,reduced_step_us,"
+         "full_step_us,mujoco_step_us,reduced_real_time_factor,full_real_time_factor,mujoco_real_time_factor,"
+         "feet_um,feet_x100_um,feet_default_tolerance_um,mujoco_feet_um,mujoco_feet_960_Hz_um,lean_deg,"
+         "joint_gap_um,unconverged,rms_mm,max_mm,full_half_step_rms_mm,full_half_step_max_mm,"
+         "mujoco_largest_dt_s,mujoco_largest_dt_x100_s\n";
+}
+
+std::string Csv(const Row& r) {
+  auto text = [](const std::optional<double>& x) { return x ? fmt::format("{:.4g}", *x) : std::string(); };
+  return fmt::format("{},{},{},{},{},{},", Name(r.robot), Name(r.ground), r.bodies, r.reduced, r.full,
+                     r.mujoco > 0 ? fmt::format("{}", r.mujoco) : "") +
+         fmt::format("{:.4g},{:.4g},{},{:.4g},{:.4g},{},", r.reduced_us, r.full_us, text(r.mujoco_us),
+                     r.reduced_times, r.full_times, text(r.mujoco_times)) +
+         fmt::format("{:.3g},{:.3g},{:.3g},{},{},{:.3g},{:.3g},{},", r.feet_um, r.feet_stiff_um,
+                     r.feet_default_um, text(r.mujoco_feet_um), text(r.mujoco_fine_feet_um), r.lean_deg,
+                     r.gap_um, r.unconverged) +
+         fmt::format("{:.3g},{:.3g},{:.3g},{:.3g},{},{}\n", r.rms_mm, r.max_mm, r.half_rms_mm, r.half_max_mm,
+                     text(r.mujoco_dt), text(r.mujoco_stiff_dt));
+}
+
+std::string StepText(const Row& r, const std::optional<double>& dt) {
+  if (!r.has_mujoco) return "-";
+  return dt ? fmt::format("1/{:.0f}", 1 / *dt) : fmt::format("< 1/{}", 60 << kHalvings);
+}
+
+std::string Micrometres(const std::optional<double>& x) {
+  return !x ? "-" : *x < 100 ? fmt::format("{:.2f}", *x) : fmt::format("{:.0f}", *x);
+}
+
+std::string Markdown(const std::vector<Row>& rows) {
+  std::string out =
+      "| machine, ground | bodies | coordinates: reduced, full, MuJoCo | us a step: reduced, full, MuJoCo | "
+      "times real time: reduced, full, MuJoCo | largest step that stands [s]: reduced, MuJoCo | the same, "
+      "gains x 100 |\n|---|---|---|---|---|---|---|\n";
+  for (const Row& r : rows) {
+    const std::string nv = r.mujoco > 0 ? fmt::format("{}", r.mujoco) : "-";
+    const std::string us = r.mujoco_us ? fmt::format("{:.1f}", *r.mujoco_us) : "-";
+    const std::string times = r.mujoco_times ? fmt::format("{:.0f}", *r.mujoco_times) : "-";
+    out += fmt::format("| {}, {} | {} | {}, {}, {} | {:.1f}, {:.0f}, {} | {:.0f}, {:.1f}, {} |",
+                       Name(r.robot), Name(r.ground), r.bodies, r.reduced, r.full, nv, r.reduced_us,
+                       r.full_us, us, r.reduced_times, r.full_times, times);
+    out += fmt::format(" 1/60, {} | 1/60, {} |\n", StepText(r, r.mujoco_dt), StepText(r, r.mujoco_stiff_dt));
+  }
+  out +=
+      "\n| machine, ground | feet in 60 s at most [um]: own gains, x 100 | own gains, default tolerance | "
+      "MuJoCo, "
+      "own gains: largest step, 1/960 s | trunk from upright [degrees] | joint gap [um] | steps not "
+      "converged | "
+      "reduced from full in 2 s, RMS and max [mm] | full from its own half step, RMS and max [mm] |\n"
+      "|---|---|---|---|---|---|---|---|---|\n";
+  for (const Row& r : rows)
+    out += fmt::format(
+        "| {}, {} | {:.2f}, {:.2f} | {:.2f} | {}, {} | {:.2f} | {:.1g} | {} | {:.2g}, {:.2g} | {:.2g}, "
+        "{:.2g} |\n",
+        Name(r.robot), Name(r.ground), r.feet_um, r.feet_stiff_um, r.feet_default_um,
+        Micrometres(r.mujoco_feet_um), Micrometres(r.mujoco_fine_feet_um), r.lean_deg, r.gap_um,
+        r.unconverged, r.rms_mm, r.max_mm, r.half_rms_mm, r.half_max_mm);
+  return out;
+}
+
+int Report(const Error& error) {
+  fmt::print(stderr, "{}\n", error.Text());
+  return 1;
+}
+
+int Record(LeggedRobot robot, const LeggedOptions& options, const std::string& path) {
+  auto legged = LoadLegged(robot, options);
+  if (!legged) return Report(legged.error());
+  auto simulation = Simulation::Create(legged->imported.scene, StandingOptions(*legged));
+  if (!simulation) return Report(simulation.error());
+  auto recorder = Recorder::Create(path, *simulation);
+  if (!recorder) return Report(recorder.error());
+  while (simulation->time() < 3) {
+    const StepReport report = simulation->Step();
+    if (auto ok = recorder->Append(*simulation, report); !ok) return Report(ok.error());
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string source = FORK1S_SOURCE;
+  LeggedOptions options;
+  options.scenes = source + "/scenes";
+  options.models = source + "/../shared/models";
+  options.ground = LeggedGround::kUneven;
+  std::string out = source + "/docs/scenes", record;
+  std::vector<LeggedRobot> robots;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const auto named = std::find_if(std::begin(kRobots), std::end(kRobots),
+                                    [&](LeggedRobot r) { return argument == Name(r); });
+    if (argument == "--out" && i + 1 < argc)
+      out = argv[++i];
+    else if (argument == "--models" && i + 1 < argc)
+      options.models = argv[++i];
+    else if (argument == "--record" && i + 1 < argc)
+      record = argv[++i];
+    else if (argument == "flat")
+      options.ground = LeggedGround::kFlat;
+    else if (named != std::end(kRobots))
+      robots.push_back(*named);
+    else
+      return fmt::print(
+                 stderr,
+                 "usage: legged [--models FOLDER] [--out FOLDER] [--record FILE.h5] [MACHINE...] [flat]\n"),
+             1;
+  }
+  if (!record.empty()) return robots.empty() ? 1 : Record(robots.front(), options, record);
+  const bool all = robots.empty();
+  if (all) robots.assign(std::begin(kRobots), std::end(kRobots));
+  std::vector<Row> rows;
+  std::string csv = CsvHead();
+  fmt::print("{}", csv);
+  for (LeggedRobot robot : robots)
+    for (LeggedGround ground : {LeggedGround::kFlat, LeggedGround::kUneven}) {
+      options.ground = ground;
+      options.gain_scale = 1;
+      auto row = Measure(robot, options);
+      if (!row) return Report(row.error());
+      rows.push_back(*row);
+      csv += Csv(*row);
+      fmt::print("{}", Csv(*row));
+      std::fflush(stdout);
+    }
+  if (!all) return 0;
+  if (auto written = ReplaceTable(out + "/legged.md", Markdown(rows)); !written)
+    return Report(written.error());
+  std::ofstream file(source + "/benchmarks/results/legged.csv", std::ios::trunc);
+  file << csv;
+  file.close();
+  if (!file) {
+    fmt::print(stderr, "{}/benchmarks/results/legged.csv cannot be written\n", source);
+    return 1;
+  }
+}
