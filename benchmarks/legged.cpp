@@ -5,7 +5,7 @@
 //     build/release/benchmarks/legged [--models FOLDER] --record FILE.h5 MACHINE [flat]     the first three
 //     seconds
 //
-// About two minutes on an idle core. With names it measures those alone, prints them and writes nothing.
+// About a minute on an idle core. With names it measures those alone, prints them and writes nothing.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <limits>
-#include <numbers>
 #include <random>
 
 #include <fmt/format.h>

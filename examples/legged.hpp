@@ -17,7 +17,7 @@ enum class LeggedRobot {
 };
 enum class LeggedGround {
   kFlat,    ///< the plane z = 0
-  kUneven,  ///< tilted tiles at different heights, their highest corners at z = 0
+  kUneven,  ///< tilted tiles, their highest corners at z = 0; for the hexapod its own terrain
 };
 /// "hexapod", "anymal", "cassie" or "digit"; "flat" or "uneven".
 const char* Name(LeggedRobot robot);

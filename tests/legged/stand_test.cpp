@@ -21,7 +21,7 @@ TEST_P(Stands, ForAMinute) {
   EXPECT_LT(m.joint_gap, 1e-5);
   EXPECT_LT(m.penetration, 1.1e-4) << "slop of contact, and a tenth of it";
   EXPECT_GE(m.contacts_min, 3);
-  // Tiles differ in height by up to 38 mm under feet 0.25 m apart, or 20 mm under feet 0.2 m apart.
+  // The ground differs in height by up to 40 mm under feet 0.25 m apart, or 20 mm under feet 0.2 m apart.
   EXPECT_LT(m.lean, GetParam().ground == LeggedGround::kFlat ? 0.002 : 0.15);
 }
 
@@ -75,8 +75,8 @@ TEST_P(Biped, RestsInThePoseThatStaticsFound) {
 INSTANTIATE_TEST_SUITE_P(Bipeds, Biped,
                          testing::Values(Case{LeggedRobot::kCassie}, Case{LeggedRobot::kDigit}));
 
-// What stands because its servos are stiff falls where they are not: m g h = 290 N m/rad, and a tenth of the
-// gains leaves 100 N m/rad in each of the joints that bear it one after the other.
+// What stands because its servos are stiff falls where they are not: m g h = 290 N m/rad, and a twentieth of
+// the gains leaves 50 N m/rad in each of the joints that bear it one after the other.
 TEST(Cassie, FallsWithoutTheStiffnessToStand) {
   if (const std::string why = WhyMissing(LeggedRobot::kCassie); !why.empty()) GTEST_SKIP() << why;
   const LeggedScene legged = Load({LeggedRobot::kCassie, LeggedGround::kFlat, 0.05});
