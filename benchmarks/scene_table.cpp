@@ -37,10 +37,12 @@ int main(int argc, char** argv) {
   }
   const bool all = scenes.empty();
   if (all)
-    scenes = {"firemen", "vehicle", "hexapod_terrain", "hammer", "peg_in_hole", "grasp_sphere", "grasp_mug"};
+    scenes = {"firemen",   "vehicle",      "hexapod_terrain", "hammer",   "peg_in_hole",
+              "peg_grasp", "grasp_sphere", "grasp_box",       "grasp_mug"};
   std::vector<fork1s::SceneRow> rows;
   for (const std::string& scene : scenes) {
-    auto measured = fork1s::MeasureScene(source + "/scenes", scene);
+    auto measured =
+        fork1s::MeasureScene(source + "/scenes", scene, 6, scene == "peg_grasp" ? "peg_in_hole" : "");
     if (!measured) return Report(measured.error());
     fmt::print("{}",
                fork1s::SceneTableCsv(*measured).substr(rows.empty() ? 0 : fork1s::SceneTableCsv({}).size()));

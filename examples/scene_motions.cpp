@@ -106,7 +106,7 @@ Row Insert(double t) {
   return {{"shoulder_flex", flex}, {"elbow_flex", bend}, {"wrist_deviate", -fore_angle}};
 }
 
-// ---- grasp_sphere, grasp_mug: close, squeeze, lift, shake, turn over, hold, turn back. ----
+// ---- grasp_sphere, grasp_box, grasp_mug: close, squeeze, lift, shake, turn over, hold, turn back. ----
 
 struct Finger {
   const char* name;
@@ -123,14 +123,16 @@ const Finger kFingers[] = {{"index", 0.033, 0.045, 0.025, 0.02, 0.008, {2, 1.5, 
                            {"little", -0.033, 0.038, 0.021, 0.018, 0.0075, {2, 1.5, 1}, 0.25},
                            {"thumb", 0, 0.04, 0.032, 0.025, 0.009, {5, 4, 3}, 1}};
 
-// Fingers stand beside a round object of `radius` whose middle is `below` the palm, pads upright.
-Row Grasp(double t, double radius, double below, double grip) {
+// Fingers stand beside an object whose middle is `below` the palm, pads upright: a round one of `radius`, or
+// a flat one of that half width.
+Row Grasp(double t, double radius, double below, double grip, bool flat = false) {
   constexpr double kKnuckle = 0.035;  // m, from the middle of the palm
   Row row;
   const double close = Ramp(t, 0, 1.2), squeeze = Ramp(t, 1.2, 1.8);
   for (const Finger& f : kFingers) {
     const double reach = radius + f.radius;
-    const double x = std::sqrt(reach * reach - f.y * f.y) - kKnuckle, down = below - 0.5 * f.tip;
+    const double x = (flat ? reach : std::sqrt(reach * reach - f.y * f.y)) - kKnuckle,
+                 down = below - 0.5 * f.tip;
     const double d = std::hypot(x, down), a = f.proximal, b = f.middle;
     const double first = std::atan2(down, x) - std::acos((a * a + d * d - b * b) / (2 * a * d));
     const double bend = kPi - std::acos((a * a + b * b - d * d) / (2 * a * b));
@@ -151,6 +153,7 @@ Row Grasp(double t, double radius, double below, double grip) {
 }
 
 Row GraspSphere(double t) { return Grasp(t, 0.045, 0.063, 12); }
+Row GraspBox(double t) { return Grasp(t, 0.04, 0.063, 12, true); }
 Row GraspMug(double t) { return Grasp(t, 0.04, 0.066, 12); }
 
 bool Write(const std::string& folder, const Motion& motion) {
@@ -180,6 +183,8 @@ int main(int argc, char** argv) {
       {"peg_in_hole", "Set-points in rad: the peg goes straight down by 75 mm.", 5, Insert},
       {"grasp_sphere", "Set-points in rad, palm in m and rad: close, lift, shake, turn over and back.", 12,
        GraspSphere},
+      {"grasp_box", "Set-points in rad, palm in m and rad: close, lift, shake, turn over and back.", 12,
+       GraspBox},
       {"grasp_mug", "Set-points in rad, palm in m and rad: close, lift, shake, turn over and back.", 12,
        GraspMug},
   };

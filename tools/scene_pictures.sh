@@ -22,6 +22,7 @@ hammer           2   0.9    --from=-48,18 --zoom=1.0 --look-at=forearm
 peg_in_hole      4   3.2    --from=-70,18 --zoom=2.2 --look-at=peg
 peg_grasp        4   3      --from=-70,18 --zoom=2.2 --look-at=peg
 grasp_sphere     4   3.1    --from=-50,12 --zoom=1.3
+grasp_box        4   3.1    --from=-50,12 --zoom=1.3
 grasp_mug        8   3.1    --from=35,25 --zoom=1.3
 "
 

@@ -112,8 +112,9 @@ std::string CostText(const SceneRow& row) { return row.step_us > 0 ? Digits(row.
 }  // namespace
 
 Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const std::string& name,
-                                             double time_limit_s) {
-  const std::string path = folder + "/" + name + ".xml", table = folder + "/" + name + ".csv";
+                                             double time_limit_s, const std::string& controls_of) {
+  const std::string path = folder + "/" + name + ".xml",
+                    table = folder + "/" + (controls_of.empty() ? name : controls_of) + ".csv";
   auto imported = LoadMechanism(path);
   if (!imported) return tl::unexpected(imported.error());
   ImportOptions stiff;

@@ -68,7 +68,8 @@ TEST_P(Grasp, HoldsForAMinuteWithoutDrift) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Objects, Grasp,
-                         testing::Values(Case{"grasp_sphere", "ball"}, Case{"grasp_mug", "mug"}));
+                         testing::Values(Case{"grasp_sphere", "ball"}, Case{"grasp_box", "box"},
+                                         Case{"grasp_mug", "mug"}));
 
 }  // namespace
 }  // namespace fork1s::examples

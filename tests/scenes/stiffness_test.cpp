@@ -40,7 +40,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"hexapod_terrain", 1e3, 6}, Case{"hammer", 1, 4}, Case{"hammer", 100, 4},
                     Case{"hammer", 1e3, 4}, Case{"peg_in_hole", 1, 5}, Case{"peg_in_hole", 100, 5},
                     Case{"peg_in_hole", 1e3, 5}, Case{"grasp_sphere", 100, 6}, Case{"grasp_sphere", 1e3, 6},
-                    Case{"grasp_mug", 100, 6}, Case{"grasp_mug", 1e3, 6}));
+                    Case{"grasp_box", 100, 6}, Case{"grasp_mug", 100, 6}, Case{"grasp_mug", 1e3, 6}));
 
 }  // namespace
 }  // namespace fork1s::examples

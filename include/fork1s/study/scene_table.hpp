@@ -36,10 +36,11 @@ struct SceneRow {
   double cost_ratio = 0;  // time spent on a simulated second over the reduced one's
 };
 
-/// Runs `folder`/`name`.xml, with `folder`/`name`.csv as controls where that exists. Errors: as of
-/// LoadMechanism, ReadControls, Simulation::Create; kNumerics where the full run does not survive 1/60 s.
+/// Runs `folder`/`name`.xml, with `folder`/`controls`.csv (empty: `name`.csv) as controls where that exists.
+/// Errors: as of LoadMechanism, ReadControls, Simulation::Create; kNumerics where the full run does not
+/// survive 1/60 s.
 Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const std::string& name,
-                                             double time_limit_s = 6);
+                                             double time_limit_s = 6, const std::string& controls = "");
 
 std::string SceneTableCsv(const std::vector<SceneRow>& rows);
 /// One line a scene, the three simulators beside each other.
