@@ -6,6 +6,7 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
+#include <fork1s/base/unit_factor.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <memory>
@@ -91,8 +92,7 @@ struct Configuration {
   VectorX c_all, c, lambda, x;
   MatrixX A_all, A, HA;  // rows x n, m x n, n x m
   MatrixX AHA, AQ;       // m x m, m x r
-  Eigen::LLT<MatrixX> factor{
-      MatrixX::Identity(1, 1)};  // never without content: Eigen copies its state as it is
+  Eigen::LLT<MatrixX> factor = UnitFactor();
 };
 
 /// q(z) = q_ref + Q z + q_perp, then Gauss-Newton steps q -= H⁻¹Aᵀ(A H⁻¹Aᵀ)⁻¹ c(q) with A at the present q,
@@ -103,10 +103,5 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
 /// Joint forces g without what the loops' reactions take: g -= Aᵀ(A H⁻¹Aᵀ)⁻¹ A H⁻¹ g at the pose of `c`. No
 /// allocation.
 void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g);
-
-/// f_z = Q_nowᵀ g.
-inline void ProjectForce(const Configuration& c, const VectorX& g, VectorX& f_z) {
-  f_z.noalias() = c.Q_now.transpose() * g;
-}
 
 }  // namespace fork1s

@@ -13,20 +13,10 @@ struct SpatialInertia {
   Matrix3 rotational = Matrix3::Zero();
 
   /// 6x6 about the origin of B: [I_C - m [c][c], m [c]; -m [c], m 1], angular first.
-  Matrix6 Matrix() const {
-    const Matrix3 c = Skew(center);
-    Matrix6 I;
-    I.topLeftCorner<3, 3>() = rotational - mass * c * c;
-    I.topRightCorner<3, 3>() = mass * c;
-    I.bottomLeftCorner<3, 3>() = -mass * c;
-    I.bottomRightCorner<3, 3>() = mass * Matrix3::Identity();
-    return I;
-  }
+  Matrix6 Matrix() const;
 };
 
 /// The same inertia seen from frame A, for X_AB.
-inline SpatialInertia Transform(const RigidTransform& X, const SpatialInertia& I) {
-  return {I.mass, X * I.center, X.rotation() * I.rotational * X.rotation().transpose()};
-}
+SpatialInertia Transform(const RigidTransform& X, const SpatialInertia& I);
 
 }  // namespace fork1s

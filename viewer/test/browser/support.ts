@@ -98,7 +98,9 @@ export async function open(browser: Browser, address: string): Promise<Page> {
   });
   // A shader that does not compile draws nothing and says so here only.
   page.on('console', (message) => {
-    if (message.type() === 'error' || /WebGL/.test(message.text())) throw new Error(message.text());
+    const text = message.text();
+    if (/^WebSocket connection to/.test(text)) return; // of a page that tries again while its program is gone
+    if (message.type() === 'error' || /WebGL/.test(text)) throw new Error(text);
   });
   await page.goto(address);
   return page;
