@@ -133,6 +133,14 @@ Expected<void> CompareArm(const ContinuumArm& arm, Row& row) {
   return {};
 }
 
+// None without a path.
+Expected<std::optional<Recorder>> StartRecording(const std::string& path, const Simulation& simulation) {
+  if (path.empty()) return std::optional<Recorder>();
+  auto created = Recorder::Create(path, simulation);
+  if (!created) return tl::unexpected(created.error());
+  return std::optional<Recorder>(std::move(*created));
+}
+
 Expected<Row> MeasureArm(int joints, double stiffness, const std::string& record) {
   ContinuumArm arm;
   arm.joints = joints;
@@ -144,12 +152,8 @@ Expected<Row> MeasureArm(int joints, double stiffness, const std::string& record
   row.scene = scene.name;
   row.stiffness = stiffness;
   Describe(*simulation, row);
-  std::optional<Recorder> recorder;
-  if (!record.empty()) {
-    auto created = Recorder::Create(record, *simulation);
-    if (!created) return tl::unexpected(created.error());
-    recorder = std::move(*created);
-  }
+  auto recorder = StartRecording(record, *simulation);
+  if (!recorder) return tl::unexpected(recorder.error());
   const ControlTrack motion = ContinuumArmMotion();
   std::vector<double> step_us;
   while (simulation->time() < motion.times.back() - 1e-9) {
@@ -161,8 +165,8 @@ Expected<Row> MeasureArm(int joints, double stiffness, const std::string& record
     row.contacts_max = std::max(row.contacts_max, report.contacts);
     row.penetration_mm = std::max(row.penetration_mm, 1e3 * report.max_penetration);
     row.unconverged += report.solver.converged ? 0 : 1;
-    if (recorder)
-      if (auto ok = recorder->Append(*simulation, report); !ok) return tl::unexpected(ok.error());
+    if (*recorder)
+      if (auto ok = (*recorder)->Append(*simulation, report); !ok) return tl::unexpected(ok.error());
   }
   SetTimes(step_us, simulation->dt(), row);
   if (joints == 90 && stiffness == 1 && record.empty())
@@ -182,15 +186,11 @@ Expected<Row> MeasureHands(int count, int threads, const std::string& record) {
   row.scene = fmt::format("hands{}", count);
   row.threads = threads;
   Describe(*simulation, row);
-  std::optional<Recorder> recorder;
-  if (!record.empty()) {
-    auto created = Recorder::Create(record, *simulation);
-    if (!created) return tl::unexpected(created.error());
-    recorder = std::move(*created);
-  }
+  auto recorder = StartRecording(record, *simulation);
+  if (!recorder) return tl::unexpected(recorder.error());
   Expected<void> written;
   const ManyHandsMeasurement m = RunManyHands(*simulation, hands, [&](const StepReport& report) {
-    if (recorder && written) written = recorder->Append(*simulation, report);
+    if (*recorder && written) written = (*recorder)->Append(*simulation, report);
   });
   if (!written) return tl::unexpected(written.error());
   if (!m.finite || m.held < count)

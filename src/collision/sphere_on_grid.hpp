@@ -16,8 +16,9 @@ void InstallSphereOnGrid();
 
 /// Contacts of a sphere with the upper surface of a height field, in MuJoCo's form: one at every point of the
 /// surface that is nearest to the centre among its neighbours and nearer than radius + margin; where the
-/// centre is under the surface, one at the face through which it leaves soonest. Returns how many. The sides
-/// and the bottom of the field do not count.
+/// centre is under the surface, one at the face through which it leaves soonest. Returns how many. Only the
+/// 16 nearest faces are looked at: under a ball much larger than the cells, a second place farther off can be
+/// missed. The sides and the bottom of the field do not count.
 int SphereOnGrid(const mjModel* model, const mjData* data, mjContact* contacts, int grid, int sphere,
                  mjtNum margin);
 

@@ -44,7 +44,14 @@ void Simulation::ListBodies() {
 }
 
 int Simulation::BodyOf(int mechanism, int index) const {
-  for (std::size_t i = 0; i < bodies_.size(); ++i)
+  // Recorders ask this for every contact: a search of all bodies would cost more than a step of many hands.
+  std::size_t first = 0;
+  for (std::size_t i = 0; i < given_.size(); ++i) {
+    const int own = given_[i]->num_bodies();
+    if (static_cast<int>(i) == mechanism && index < own) return static_cast<int>(first) + index;
+    first += static_cast<std::size_t>(own);
+  }
+  for (std::size_t i = first; i < bodies_.size(); ++i)  // free bodies, held ones among them
     if (bodies_[i].mechanism == mechanism && bodies_[i].index == index) return static_cast<int>(i);
   return -1;
 }
