@@ -1,12 +1,11 @@
 // Energies, momentum, gaps and natural frequencies in full coordinates.
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
 
 #include "full_mechanism.hpp"
-
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 
 namespace fork1s::internal {
 
@@ -117,14 +116,24 @@ std::vector<double> FullMechanism::Frequencies(int count) const {
 
   MatrixX Z = MatrixX::Identity(num_velocities_, num_velocities_);
   if (num_rows_ > 0) {
-    Eigen::ColPivHouseholderQR<MatrixX> qr(G.transpose());
-    qr.setThreshold(1e-10);  // rows of a loop closed twice differ by rounding
-    Z = (qr.householderQ() * Z).rightCols(num_velocities_ - qr.rank()).eval();
+    // Radians and lengths of the mechanism on both sides, so that ranks can be decided.
+    const double L = m.length_scale();
+    VectorX unit = VectorX::Ones(num_velocities_), row = VectorX::Ones(num_rows_);
+    for (std::size_t b = 0; b < X_.size(); ++b)
+      if (column_[b] >= 0) unit.segment<3>(column_[b] + 3).setConstant(L);
+    for (int i = 0; i < m.num_coordinates(); ++i)
+      if (m.screws().col(i).head<3>().isZero(0)) unit(ColumnOfCoordinate(i)) = L;
+    for (const Link& link : links_) row.segment<3>(link.row + 3).setConstant(1 / L);
+    int next = first_loop_row_;
+    for (const ClosureDef& closure : m.closures())
+      for (int i = 0; i < 6; ++i)
+        if (closure.rigid(i)) row(next++) = i < 3 ? 1 : 1 / L;
+    MatrixX G_unit = row.asDiagonal() * G * unit.asDiagonal();
+    for (; next < num_rows_; ++next) G_unit.row(next) /= G_unit.row(next).cwiseAbs().maxCoeff();
+    Z = unit.asDiagonal() * ComputeNullSpace(G_unit).unseen;
   }
   if (Z.cols() == 0) return {};
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixX> solved(Z.transpose() * K * Z, Z.transpose() * M * Z,
-                                                                 Eigen::EigenvaluesOnly);
-  const VectorX& squares = solved.eigenvalues();
+  const VectorX squares = EigenvaluesOf(Z.transpose() * K * Z, Z.transpose() * M * Z);
   std::vector<double> hertz;
   // Motions that no spring feels come out as rounding of the stiffest one.
   for (Eigen::Index i = 0; i < squares.size() && static_cast<int>(hertz.size()) < count; ++i)
