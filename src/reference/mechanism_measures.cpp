@@ -81,10 +81,9 @@ std::vector<std::pair<std::string, double>> FullMechanism::Gaps() const {
   return gaps;
 }
 
-// With Z a basis of the motions that G allows: ZᵀKZ v = ω² ZᵀMZ v.
-std::vector<double> FullMechanism::Frequencies(int count) const {
+// Constraint rows G, inertia M and springs K on all velocities.
+FullMechanism::Matrices FullMechanism::LinearMatrices() const {
   const Mechanism& m = *mechanism_;
-  if (num_velocities_ == 0) return {};
   SaddleSolver rows;
   rows.Begin(num_unknowns());
   AddConstraints(X_, q_, true, 0, rows);
@@ -114,7 +113,19 @@ std::vector<double> FullMechanism::Frequencies(int count) const {
       row.middleCols<6>(column_[closure.body_b.u()]) += on_bodies.rightCols<6>();
     K += row.transpose() * k.asDiagonal() * row;
   }
+  return {G, M, K};
+}
 
+// Whether any motion stretches a spring. Where loops hold them all, the rounding of Z, 1e-16, is left
+// squared.
+static bool Stretches(const MatrixX& K_z, const MatrixX& K) {
+  return K_z.cwiseAbs().maxCoeff() > 1e-22 * K.cwiseAbs().maxCoeff();
+}
+
+// With Z a basis of the motions that G allows: ZᵀKZ v = ω² ZᵀMZ v.
+std::vector<double> FullMechanism::Frequencies(int count) const {
+  if (num_velocities_ == 0) return {};
+  const auto [G, M, K] = LinearMatrices();
   MatrixX Z = MatrixX::Identity(num_velocities_, num_velocities_);
   if (num_rows_ > 0) {
     Eigen::ColPivHouseholderQR<MatrixX> qr(G.transpose());
@@ -122,7 +133,9 @@ std::vector<double> FullMechanism::Frequencies(int count) const {
     Z = (qr.householderQ() * Z).rightCols(num_velocities_ - qr.rank()).eval();
   }
   if (Z.cols() == 0) return {};
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixX> solved(Z.transpose() * K * Z, Z.transpose() * M * Z,
+  const MatrixX K_z = Z.transpose() * K * Z;
+  if (!Stretches(K_z, K)) return {};
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixX> solved(K_z, Z.transpose() * M * Z,
                                                                  Eigen::EigenvaluesOnly);
   const VectorX& squares = solved.eigenvalues();
   std::vector<double> hertz;
@@ -131,6 +144,48 @@ std::vector<double> FullMechanism::Frequencies(int count) const {
     if (squares(i) > 1e-11 * squares.tail<1>()(0))
       hertz.push_back(std::sqrt(squares(i)) / (2 * std::numbers::pi));
   return hertz;
+}
+
+// C = E Z (ZᵀKZ)⁻¹ ZᵀEᵀ, E the twists of the bodies in world axes. Lengths are taken in units of the
+// mechanism's, or a millimetre would pass for rounding beside a radian.
+MatrixX FullMechanism::Compliance(const std::vector<BodyIndex>& bodies) const {
+  auto [G, M, K] = LinearMatrices();
+  const double L = mechanism_->length_scale();
+  VectorX unit = VectorX::Ones(num_velocities_);
+  for (int i = 0; i < num_body_columns_; ++i)
+    if (i % 6 >= 3) unit(i) = L;
+  for (int i = 0; i < mechanism_->num_coordinates(); ++i)
+    if (mechanism_->screws().col(i).head<3>().norm() < 1e-9) unit(num_body_columns_ + i) = L;
+  K = unit.asDiagonal() * K * unit.asDiagonal();
+  G = G * unit.asDiagonal();
+  // A floating base is held.
+  const Eigen::Index held = Moves(0) ? 6 : 0;
+  G.conservativeResize(num_rows_ + held, num_velocities_);
+  G.bottomRows(held).setZero();
+  if (held > 0) G.bottomRows(6).middleCols<6>(column_[0]).setIdentity();
+  for (Eigen::Index i = 0; i < G.rows(); ++i)
+    if (const double norm = G.row(i).norm(); norm > 0) G.row(i) /= norm;
+
+  MatrixX E = MatrixX::Zero(6 * static_cast<Eigen::Index>(bodies.size()), num_velocities_);
+  for (std::size_t i = 0; i < bodies.size(); ++i)
+    if (const auto b = bodies[i].u(); column_[b] >= 0)
+      for (int half = 0; half < 6; half += 3)
+        E.block<3, 3>(6 * static_cast<Eigen::Index>(i) + half, column_[b] + half) =
+            (half == 0 ? 1 : L) * X_[b].rotation();
+
+  MatrixX Z = MatrixX::Identity(num_velocities_, num_velocities_);
+  if (G.rows() > 0) {
+    Eigen::ColPivHouseholderQR<MatrixX> qr(G.transpose());
+    qr.setThreshold(1e-10);
+    Z = (qr.householderQ() * Z).rightCols(num_velocities_ - qr.rank()).eval();
+  }
+  if (Z.cols() == 0) return MatrixX::Zero(E.rows(), E.rows());
+  const MatrixX K_z = Z.transpose() * K * Z;
+  const Eigen::LDLT<MatrixX> factor(K_z);
+  const VectorX pivots = factor.vectorD();
+  if (!Stretches(K_z, K) || !(pivots.minCoeff() > 1e-13 * pivots.maxCoeff())) return {};
+  const MatrixX EZ = E * Z;
+  return EZ * factor.solve(EZ.transpose());
 }
 
 }  // namespace fork1s::internal

@@ -14,8 +14,8 @@ struct Compared {
   double difference = 2, free_distance = 2;
 };
 
-/// Free directions are projected off with the sketch's size for a length, whatever the library's was: the last
-/// projection to act decides, since each leaves only free directions out.
+/// Free directions are projected off with the sketch's size for a length, whatever the library's was: the
+/// last projection to act decides, since each leaves only free directions out.
 inline Compared CompareWithPlain(const ComplianceAnswer& found, const PlainAnswer& plain, double size) {
   Compared c;
   if (!found.exists) return c;

@@ -25,8 +25,8 @@ using MakePair = std::function<void(Sketch&, int a, int b, const Vector3& point)
 using DrawPoint = std::function<Vector3()>;
 
 // A chain of `links` bodies from body a at `from` to body b at `to`. Pins keep a distance of 0.3.
-void AddChain(RandomSource& random, Sketch& s, int a, const Vector3& from, int b, const Vector3& to, int links,
-              const DrawPoint& draw, const MakePair& make) {
+void AddChain(RandomSource& random, Sketch& s, int a, const Vector3& from, int b, const Vector3& to,
+              int links, const DrawPoint& draw, const MakePair& make) {
   int before = a;
   Vector3 at = from;
   for (int i = 0; i < links; ++i) {
@@ -53,9 +53,14 @@ void AddLoops(RandomSource& random, Sketch& s, int loops, const DrawPoint& draw,
     int a = 0, b = 0;
     if (loop > 0) {
       switch (random.Below(3)) {
-        case 0: b = 1 + random.Below(bodies - 1); break;            // beside the loops that are there
-        case 1: a = b = 1 + random.Below(bodies - 1); break;        // carried by one of their bodies
-        default: a = random.Below(bodies), b = random.Below(bodies);  // between two of them
+        case 0:
+          b = 1 + random.Below(bodies - 1);
+          break;  // beside the loops that are there
+        case 1:
+          a = b = 1 + random.Below(bodies - 1);
+          break;  // carried by one of their bodies
+        default:
+          a = random.Below(bodies), b = random.Below(bodies);  // between two of them
       }
     }
     int links = 1 + random.Below(4);
@@ -69,7 +74,9 @@ void AddLoops(RandomSource& random, Sketch& s, int loops, const DrawPoint& draw,
   }
 }
 
-PairKind Loosened(RandomSource& random, double balls) { return random.Chance(balls) ? PairKind::kBall : PairKind::kHinge; }
+PairKind Loosened(RandomSource& random, double balls) {
+  return random.Chance(balls) ? PairKind::kBall : PairKind::kHinge;
+}
 
 }  // namespace
 
@@ -82,7 +89,8 @@ Sketch PlanarLinkage(RandomSource& random, int loops) {
       [&](Sketch& sketch, int a, int b, const Vector3& point) {
         if (random.Chance(slides)) {
           const double angle = random.Uniform(-3, 3);
-          sketch.AddPair(a, b, PairKind::kSlide, point, FrameAlong(Vector3(std::cos(angle), std::sin(angle), 0)));
+          sketch.AddPair(a, b, PairKind::kSlide, point,
+                         FrameAlong(Vector3(std::cos(angle), std::sin(angle), 0)));
         } else if (random.Chance(cylinders)) {
           sketch.AddPair(a, b, PairKind::kCylindrical, point, FrameAlong(Vector3::UnitZ()));
         } else {
@@ -130,7 +138,8 @@ Sketch ParallelogramLinkage(RandomSource& random, int stages) {
 
 Sketch BennettLinkage(RandomSource& random) {
   Sketch s = Start(random, "bennett");
-  // sin α / a = sin β / b;  tan(θ₁/2) tan(θ₂/2) = sin((α+β)/2) / sin((β-α)/2) (Denavit and Hartenberg's signs).
+  // sin α / a = sin β / b;  tan(θ₁/2) tan(θ₂/2) = sin((α+β)/2) / sin((β-α)/2) (Denavit and Hartenberg's
+  // signs).
   const double alpha = random.Uniform(0.5, 1.0), beta = random.Uniform(1.2, 1.5), a = random.Uniform(0.5, 1);
   const double b = a * std::sin(beta) / std::sin(alpha);
   const double theta1 = random.Uniform(0.6, 2.4);
@@ -143,7 +152,7 @@ Sketch BennettLinkage(RandomSource& random) {
   for (std::size_t i = 0; i < 4; ++i) {
     hinge[i] = X;
     X = X * RigidTransform(ExpRotation(Vector3(0, 0, theta[i])), Vector3::Zero()) *
-        RigidTransform(ExpRotation(Vector3(twist[i], 0, 0)), Vector3(side[i], 0, 0) );
+        RigidTransform(ExpRotation(Vector3(twist[i], 0, 0)), Vector3(side[i], 0, 0));
   }
   if ((X.translation()).norm() + (X.rotation() - Matrix3::Identity()).norm() > 1e-12)
     throw std::logic_error("Bennett's loop stands open");
@@ -164,7 +173,8 @@ Sketch SarrusLinkage(RandomSource& random) {
   for (int i = 0; i < legs; ++i) {
     turn += random.Uniform(0.8, 1.8);
     const Vector3 out(std::cos(turn), std::sin(turn), 0), axis = Vector3::UnitZ().cross(out);
-    const Vector3 foot = 0.5 * out, knee = random.Uniform(0.7, 1.2) * out + Vector3(0, 0, random.Uniform(0.2, 0.6)),
+    const Vector3 foot = 0.5 * out,
+                  knee = random.Uniform(0.7, 1.2) * out + Vector3(0, 0, random.Uniform(0.2, 0.6)),
                   top = random.Uniform(0.2, 0.5) * out + Vector3(0, 0, 0.8);
     const int lower = AddBodyNear(random, s, foot), upper = AddBodyNear(random, s, knee);
     s.AddPair(0, lower, PairKind::kHinge, foot, FrameAlong(axis));
@@ -176,8 +186,8 @@ Sketch SarrusLinkage(RandomSource& random) {
 
 namespace {
 
-constexpr std::array<PairKind, 6> kPairs = {PairKind::kHinge,       PairKind::kBall,      PairKind::kUniversal,
-                                            PairKind::kCylindrical, PairKind::kSlide,     PairKind::kPlanar};
+constexpr std::array<PairKind, 6> kPairs = {PairKind::kHinge,       PairKind::kBall,  PairKind::kUniversal,
+                                            PairKind::kCylindrical, PairKind::kSlide, PairKind::kPlanar};
 
 int Count(PairKind kind) { return FreedomsOf(kind).turns + FreedomsOf(kind).slides; }
 
@@ -205,10 +215,11 @@ Sketch SpatialLinkage(RandomSource& random, int loops) {
     }
     freedoms += sum - 6;
     std::size_t next = 0;
-    AddChain(random, s, a, random.InBox(1), b, random.InBox(1), links, [&] { return random.InBox(1); },
-             [&](Sketch& sketch, int first, int second, const Vector3& point) {
-               sketch.AddPair(first, second, kinds[next++], point, random.Pose(1).rotation());
-             });
+    AddChain(
+        random, s, a, random.InBox(1), b, random.InBox(1), links, [&] { return random.InBox(1); },
+        [&](Sketch& sketch, int first, int second, const Vector3& point) {
+          sketch.AddPair(first, second, kinds[next++], point, random.Pose(1).rotation());
+        });
   }
   return s;
 }
@@ -226,7 +237,8 @@ Sketch PlatformLinkage(RandomSource& random, int legs) {
   for (int leg = 0; leg < legs; ++leg) {
     const auto& kinds = kLegs[static_cast<std::size_t>(random.Chance(0.06) ? 4 : random.Below(4))];
     const double turn = 2 * M_PI * leg / legs + random.Uniform(-0.3, 0.3);
-    const Vector3 foot(std::cos(turn), std::sin(turn), 0), top = 0.5 * Vector3(std::cos(turn), std::sin(turn), 2) + random.InBox(0.1);
+    const Vector3 foot(std::cos(turn), std::sin(turn), 0),
+        top = 0.5 * Vector3(std::cos(turn), std::sin(turn), 2) + random.InBox(0.1);
     const Vector3 knee = 0.5 * (foot + top) + random.InBox(0.2);
     const int lower = AddBodyNear(random, s, foot), upper = AddBodyNear(random, s, knee);
     s.AddPair(0, lower, kinds[0], foot, random.Pose(1).rotation());

@@ -1,7 +1,7 @@
 // Singular values by one-sided Jacobi rotations in extended precision.
 //
-// The plainest decomposition that reveals ranks: it shares nothing with the library's and keeps small singular
-// values to their own relative precision.
+// The plainest decomposition that reveals ranks: it shares nothing with the library's and keeps small
+// singular values to their own relative precision.
 #pragma once
 
 #include <algorithm>
@@ -66,7 +66,8 @@ inline Svd JacobiSvd(MatrixL B) {
   for (Eigen::Index i = 0; i < n; ++i) norms(i) = m > 0 ? B.col(i).norm() : 0;
   std::vector<Eigen::Index> order(static_cast<std::size_t>(n));
   std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return norms(a) > norms(b); });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Eigen::Index a, Eigen::Index b) { return norms(a) > norms(b); });
   out.U = MatrixL::Zero(m, n);
   out.V.resize(n, n);
   out.sigma.resize(n);

@@ -69,8 +69,10 @@ class Differences {
     return X;
   }
 
-  // [log R_E; p_E] of every closure, all six rows, and of every body in `bodies` [turn from its reference; place].
-  VectorL Values(const std::vector<Pose>& X, const std::vector<Pose>& X_0, const std::vector<BodyIndex>& bodies) const {
+  // [log R_E; p_E] of every closure, all six rows, and of every body in `bodies` [turn from its reference;
+  // place].
+  VectorL Values(const std::vector<Pose>& X, const std::vector<Pose>& X_0,
+                 const std::vector<BodyIndex>& bodies) const {
     VectorL y(6 * static_cast<Eigen::Index>(def_.closures.size() + bodies.size()));
     Eigen::Index row = 0;
     for (const ClosureDef& c : def_.closures) {
@@ -112,8 +114,8 @@ class Differences {
 struct Ranks {
   Real kept = 1, dropped = 0;
 
-  // Geometry of linkages spans few orders of magnitude, rounding of its data is 1e-16 times the distance from R:
-  // any figure between 1e-6 and 1e-11 decides alike, and values in between are called doubtful below.
+  // Geometry of linkages spans few orders of magnitude, rounding of its data is 1e-16 times the distance from
+  // R: any figure between 1e-6 and 1e-11 decides alike, and values in between are called doubtful below.
   Eigen::Index Decide(const VectorL& sigma, Real largest) {
     Eigen::Index rank = 0;
     if (!(largest > 0)) return 0;
@@ -143,9 +145,9 @@ MatrixL TimesInverseRoot(const MatrixL& B, MatrixL K) {
 }
 
 struct Rows {
-  MatrixL rigid;         // of closures and couplings, lengths and slides in units of `length`
-  MatrixL springs;       // of geometry, in the same units
-  VectorL stiffness;     // of each spring row, N·m
+  MatrixL rigid;      // of closures and couplings, lengths and slides in units of `length`
+  MatrixL springs;    // of geometry, in the same units
+  VectorL stiffness;  // of each spring row, N·m
 };
 
 Rows CollectRows(const Mechanism& mechanism, const MatrixL& closures, const VectorL& unit, Real length) {
@@ -161,8 +163,10 @@ Rows CollectRows(const Mechanism& mechanism, const MatrixL& closures, const Vect
   for (const ClosureDef& c : mechanism.closures())
     for (int i = 0; i < 6; ++i, ++row) {
       const Real in = i < 3 ? 1 : length;
-      if (c.rigid(i)) rigid.push_back(closures.row(row).transpose() / in);
-      else spring(closures.row(row).transpose() / in, static_cast<Real>(c.stiffness(i)) * in * in);
+      if (c.rigid(i))
+        rigid.push_back(closures.row(row).transpose() / in);
+      else
+        spring(closures.row(row).transpose() / in, static_cast<Real>(c.stiffness(i)) * in * in);
     }
   for (const Mechanism::Spring& s : mechanism.springs()) {
     VectorL form = VectorL::Zero(n);
@@ -178,7 +182,8 @@ Rows CollectRows(const Mechanism& mechanism, const MatrixL& closures, const Vect
   }
   Rows rows;
   rows.rigid.resize(static_cast<Eigen::Index>(rigid.size()), n);
-  for (std::size_t i = 0; i < rigid.size(); ++i) rows.rigid.row(static_cast<Eigen::Index>(i)) = rigid[i].transpose();
+  for (std::size_t i = 0; i < rigid.size(); ++i)
+    rows.rigid.row(static_cast<Eigen::Index>(i)) = rigid[i].transpose();
   rows.springs.resize(static_cast<Eigen::Index>(springs.size()), n);
   rows.stiffness.resize(static_cast<Eigen::Index>(springs.size()));
   for (std::size_t i = 0; i < springs.size(); ++i) {
@@ -250,8 +255,8 @@ PlainAnswer PlainRoad(const Mechanism& mechanism, const std::vector<BodyIndex>& 
   out.largest_dropped = static_cast<double>(ranks.dropped);
 
   // Data of a linkage at distance d from R carry 2⁻⁵³ d / length of rounding. A null space turns by that over
-  // the smallest singular value kept, and a soft motion takes up energy of the stiffest spring with the root of
-  // their ratio. Where the product is below 1e-10, two digits are left to every road's own rounding.
+  // the smallest singular value kept, and a soft motion takes up energy of the stiffest spring with the root
+  // of their ratio. Where the product is below 1e-10, two digits are left to every road's own rounding.
   Real distance = 1;
   for (const Mechanism::Body& b : mechanism.bodies())
     distance = std::max(distance, static_cast<Real>(b.X_RB0.translation().norm()) / length);
@@ -289,7 +294,8 @@ double SpanDistance(const MatrixX& A, const MatrixX& B, double length) {
   if (A.cols() != B.cols() || A.rows() != B.rows()) return 2;
   if (A.cols() == 0) return 0;
   const VectorL scale = LengthScale(A.rows(), static_cast<Real>(length));
-  const Svd a = JacobiSvd(scale.asDiagonal() * A.cast<Real>()), b = JacobiSvd(scale.asDiagonal() * B.cast<Real>());
+  const Svd a = JacobiSvd(scale.asDiagonal() * A.cast<Real>()),
+            b = JacobiSvd(scale.asDiagonal() * B.cast<Real>());
   return static_cast<double>((a.U - b.U * (b.U.transpose() * a.U)).norm());
 }
 

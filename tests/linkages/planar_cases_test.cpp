@@ -21,13 +21,15 @@ Sketch Plane(std::initializer_list<Vector2> origins) {
   for (const Vector2& p : origins) s.AddBody(RigidTransform(Vector3(p.x(), p.y(), 0)), Bar());
   return s;
 }
-Pair& Pin(Sketch& s, int a, int b, const Vector2& at, double stiffness = 0, PairKind kind = PairKind::kHinge) {
+Pair& Pin(Sketch& s, int a, int b, const Vector2& at, double stiffness = 0,
+          PairKind kind = PairKind::kHinge) {
   Pair& p = s.AddPair(a, b, kind, Vector3(at.x(), at.y(), 0), Matrix3::Identity());
   p.k_turn = stiffness;
   return p;
 }
 Pair& Slider(Sketch& s, int a, int b, const Vector2& at, const Vector2& along, double stiffness = 0) {
-  Pair& p = s.AddPair(a, b, PairKind::kSlide, Vector3(at.x(), at.y(), 0), FrameAlong(Vector3(along.x(), along.y(), 0)));
+  Pair& p = s.AddPair(a, b, PairKind::kSlide, Vector3(at.x(), at.y(), 0),
+                      FrameAlong(Vector3(along.x(), along.y(), 0)));
   p.k_slide = stiffness;
   return p;
 }
@@ -136,7 +138,8 @@ TEST(FiveBar, OfAnyShapeHasTwoElasticMotions) {
     bar.k_2 = std::pow(10, 6 * x[5] - 3);
     const Sketch s = bar.Draw(seed % 2 ? PairKind::kHinge : PairKind::kBall);
     for (const double angle : {0.0, 0.7}) {
-      const Sketch turned = WithRoot(s, RigidTransform(ExpRotation(Vector3(0.5 * angle, 0, angle)), Vector3::Zero()));
+      const Sketch turned =
+          WithRoot(s, RigidTransform(ExpRotation(Vector3(0.5 * angle, 0, angle)), Vector3::Zero()));
       ExpectRoads(Roads(turned, {.keep_order = true}), {.mobility = 2, .interface_rank = 2});
       ExpectRoads(Roads(turned, {.seed = seed}), {.mobility = 2, .interface_rank = 2});
     }

@@ -12,16 +12,26 @@ Sketch Family(RandomSource& random) {
   switch (random.Below(12)) {
     case 0:
     case 1:
-    case 2: return PlanarLinkage(random, 1 + random.Below(2));
-    case 3: return PlanarLinkage(random, 3 + random.Below(2));
-    case 4: return SphericalLinkage(random, 1 + random.Below(2));
-    case 5: return SphericalLinkage(random, 1 + random.Below(3));
-    case 6: return ParallelogramLinkage(random, 1 + random.Below(2));
-    case 7: return BennettLinkage(random);
-    case 8: return SarrusLinkage(random);
-    case 9: return SpatialLinkage(random, 1);
-    case 10: return SpatialLinkage(random, 2 + random.Below(2));
-    default: return PlatformLinkage(random, 2 + random.Below(3));
+    case 2:
+      return PlanarLinkage(random, 1 + random.Below(2));
+    case 3:
+      return PlanarLinkage(random, 3 + random.Below(2));
+    case 4:
+      return SphericalLinkage(random, 1 + random.Below(2));
+    case 5:
+      return SphericalLinkage(random, 1 + random.Below(3));
+    case 6:
+      return ParallelogramLinkage(random, 1 + random.Below(2));
+    case 7:
+      return BennettLinkage(random);
+    case 8:
+      return SarrusLinkage(random);
+    case 9:
+      return SpatialLinkage(random, 1);
+    case 10:
+      return SpatialLinkage(random, 2 + random.Below(2));
+    default:
+      return PlatformLinkage(random, 2 + random.Below(3));
   }
 }
 
@@ -60,11 +70,13 @@ std::vector<int> JointPairs(const Sketch& s) {
 
 void AddConnections(RandomSource& random, Sketch& s) {
   std::vector<int> free = SingleFreedoms(s, JointPairs(s));
-  for (std::size_t i = free.size(); i > 1; --i) std::swap(free[i - 1], free[static_cast<std::size_t>(random.Below(static_cast<int>(i)))]);
+  for (std::size_t i = free.size(); i > 1; --i)
+    std::swap(free[i - 1], free[static_cast<std::size_t>(random.Below(static_cast<int>(i)))]);
   auto coefficient = [&] { return (random.Chance(0.5) ? -1 : 1) * random.Uniform(0.2, 1.5); };
   if (free.size() >= 2 && random.Chance(0.3)) {
     Tendon t;
-    for (std::size_t i = 0; i < std::min<std::size_t>(free.size(), 2 + static_cast<std::size_t>(random.Below(3))); ++i)
+    for (std::size_t i = 0;
+         i < std::min<std::size_t>(free.size(), 2 + static_cast<std::size_t>(random.Below(3))); ++i)
       t.terms.push_back({free[i], coefficient()});
     t.stiffness = Stiffness(random);
     for (const TendonTerm& term : t.terms) s.pairs[static_cast<std::size_t>(term.pair)].in_tree = true;
@@ -99,7 +111,8 @@ Sketch RandomLinkage(unsigned seed) {
   const int wanted = std::min(bodies, 1 + random.Below(3));
   while (static_cast<int>(s.interfaces.size()) < wanted) {
     const int b = 1 + random.Below(bodies);
-    if (std::find(s.interfaces.begin(), s.interfaces.end(), b) == s.interfaces.end()) s.interfaces.push_back(b);
+    if (std::find(s.interfaces.begin(), s.interfaces.end(), b) == s.interfaces.end())
+      s.interfaces.push_back(b);
   }
   // The root: near in half of them, up to 100 sizes away in the rest.
   const double reach = random.Chance(0.5) ? 1 : std::pow(10, random.Uniform(0, 2));

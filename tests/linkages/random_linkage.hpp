@@ -5,8 +5,8 @@
 
 namespace fork1s::linkages {
 
-/// Family, springs over six orders of magnitude, tendons, gears, bushings, interfaces, a size from 1 mm to 10 m
-/// and a root up to 100 sizes away.
+/// Family, springs over six orders of magnitude, tendons, gears, bushings, interfaces, a size from 1 mm to 10
+/// m and a root up to 100 sizes away.
 Sketch RandomLinkage(unsigned seed);
 
 /// Numbers in [0, 1).

@@ -16,7 +16,8 @@ struct Counts {
 };
 
 inline void ExpectRoads(const Roads& r, const Counts& counts) {
-  ASSERT_TRUE(r.plain.well_posed) << "kept " << r.plain.smallest_kept << " dropped " << r.plain.largest_dropped;
+  ASSERT_TRUE(r.plain.well_posed) << "kept " << r.plain.smallest_kept << " dropped "
+                                  << r.plain.largest_dropped;
   EXPECT_EQ(r.mobility(), counts.mobility);
   EXPECT_EQ(r.plain.interface_rank, counts.interface_rank);
   EXPECT_EQ(r.plain.interface_free, counts.interface_free);

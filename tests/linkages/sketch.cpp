@@ -86,8 +86,12 @@ Tree Span(const Sketch& s, const Writing& writing, std::mt19937& engine) {
     for (std::size_t i = list.size(); i > 1; --i) std::swap(list[i - 1], list[engine() % i]);
   };
   if (!writing.keep_order) shuffle(pairs);
+  auto rank = [&](std::size_t k) {
+    const Pair& p = s.pairs[k];
+    return (p.in_tree ? 2 : 0) + (writing.sprung_joints && (p.k_turn > 0 || p.k_slide > 0) ? 1 : 0);
+  };
   std::stable_sort(pairs.begin(), pairs.end(),
-                   [&](std::size_t a, std::size_t b) { return s.pairs[a].in_tree > s.pairs[b].in_tree; });
+                   [&](std::size_t a, std::size_t b) { return rank(a) > rank(b); });
   std::vector<int> set(n);
   std::iota(set.begin(), set.end(), 0);
   Tree tree;
@@ -130,11 +134,21 @@ JointDef JointOf(const Pair& p, const std::string& name, BodyIndex body, const R
   const Vector3 axis = frame_B.col(2);
   JointDef joint;
   switch (p.kind) {
-    case PairKind::kHinge: joint = JointDef::Hinge(name, body, axis, point_B); break;
-    case PairKind::kSlide: joint = JointDef::Slide(name, body, axis); break;
-    case PairKind::kBall: joint = JointDef::Ball(name, body, point_B); break;
-    case PairKind::kCylindrical: joint = JointDef::Cylindrical(name, body, axis, point_B); break;
-    case PairKind::kPlanar: joint = JointDef::Planar(name, body, axis, point_B); break;
+    case PairKind::kHinge:
+      joint = JointDef::Hinge(name, body, axis, point_B);
+      break;
+    case PairKind::kSlide:
+      joint = JointDef::Slide(name, body, axis);
+      break;
+    case PairKind::kBall:
+      joint = JointDef::Ball(name, body, point_B);
+      break;
+    case PairKind::kCylindrical:
+      joint = JointDef::Cylindrical(name, body, axis, point_B);
+      break;
+    case PairKind::kPlanar:
+      joint = JointDef::Planar(name, body, axis, point_B);
+      break;
     default: {
       Matrix6X S(6, 2);
       for (int i = 0; i < 2; ++i) S.col(i) << frame_B.col(i), point_B.cross(frame_B.col(i));
@@ -153,14 +167,29 @@ ClosureDef ClosureOf(const Pair& p, const std::string& name) {
   ClosureDef c;
   c.name = name;
   switch (p.kind) {
-    case PairKind::kHinge: c.rigid << true, true, false, true, true, true; break;
-    case PairKind::kSlide: c.rigid << true, true, true, true, true, false; break;
-    case PairKind::kBall: c.rigid << false, false, false, true, true, true; break;
-    case PairKind::kCylindrical: c.rigid << true, true, false, true, true, false; break;
-    case PairKind::kUniversal: c.rigid << false, false, true, true, true, true; break;
-    case PairKind::kPlanar: c.rigid << true, true, false, false, false, true; break;
-    case PairKind::kWeld: c.rigid.setConstant(true); break;
-    case PairKind::kBushing: break;
+    case PairKind::kHinge:
+      c.rigid << true, true, false, true, true, true;
+      break;
+    case PairKind::kSlide:
+      c.rigid << true, true, true, true, true, false;
+      break;
+    case PairKind::kBall:
+      c.rigid << false, false, false, true, true, true;
+      break;
+    case PairKind::kCylindrical:
+      c.rigid << true, true, false, true, true, false;
+      break;
+    case PairKind::kUniversal:
+      c.rigid << false, false, true, true, true, true;
+      break;
+    case PairKind::kPlanar:
+      c.rigid << true, true, false, false, false, true;
+      break;
+    case PairKind::kWeld:
+      c.rigid.setConstant(true);
+      break;
+    case PairKind::kBushing:
+      break;
   }
   for (int i = 0; i < 6; ++i)
     if (!c.rigid(i) && (p.kind != PairKind::kBushing || (p.bushing >> i & 1u)))
@@ -175,7 +204,8 @@ MechanismDef Write(const Sketch& s, const Writing& writing) {
   std::mt19937 engine(writing.seed * 2654435761u + 7u);
   const Tree tree = Span(s, writing, engine);
   const RigidTransform X_RS = s.X[0].inverse();
-  const std::string body_prefix = writing.other_names ? "limb " : "b", pair_prefix = writing.other_names ? "pin " : "p";
+  const std::string body_prefix = writing.other_names ? "limb " : "b",
+                    pair_prefix = writing.other_names ? "pin " : "p";
   auto body_name = [&](int b) { return body_prefix + std::to_string(b); };
 
   MechanismDef def;
@@ -211,7 +241,8 @@ MechanismDef Write(const Sketch& s, const Writing& writing) {
     if (s.pairs[static_cast<std::size_t>(k)].kind != PairKind::kWeld) joint_pairs.push_back(k);
   }
   if (!writing.keep_order)
-    for (std::size_t i = joint_pairs.size(); i > 1; --i) std::swap(joint_pairs[i - 1], joint_pairs[engine() % i]);
+    for (std::size_t i = joint_pairs.size(); i > 1; --i)
+      std::swap(joint_pairs[i - 1], joint_pairs[engine() % i]);
   std::vector<int> joint_of(s.pairs.size(), -1);
   std::vector<double> sign(s.pairs.size(), 1);
   for (int k : joint_pairs) {
@@ -237,7 +268,9 @@ MechanismDef Write(const Sketch& s, const Writing& writing) {
     def.closures.push_back(std::move(c));
   }
 
-  auto reference = [&](int pair) { return FreedomRef{JointIndex(joint_of[static_cast<std::size_t>(pair)]), 0}; };
+  auto reference = [&](int pair) {
+    return FreedomRef{JointIndex(joint_of[static_cast<std::size_t>(pair)]), 0};
+  };
   for (const Tendon& t : s.tendons) {
     SpringDef spring;
     spring.name = "tendon" + std::to_string(def.springs.size());

@@ -19,20 +19,28 @@ struct PairFreedoms {
 };
 constexpr PairFreedoms FreedomsOf(PairKind kind) {
   switch (kind) {
-    case PairKind::kHinge: return {1, 0};
-    case PairKind::kSlide: return {0, 1};
-    case PairKind::kBall: return {3, 0};
-    case PairKind::kCylindrical: return {1, 1};
-    case PairKind::kUniversal: return {2, 0};
-    case PairKind::kPlanar: return {1, 2};
-    case PairKind::kWeld: return {0, 0};
-    case PairKind::kBushing: return {3, 3};
+    case PairKind::kHinge:
+      return {1, 0};
+    case PairKind::kSlide:
+      return {0, 1};
+    case PairKind::kBall:
+      return {3, 0};
+    case PairKind::kCylindrical:
+      return {1, 1};
+    case PairKind::kUniversal:
+      return {2, 0};
+    case PairKind::kPlanar:
+      return {1, 2};
+    case PairKind::kWeld:
+      return {0, 0};
+    case PairKind::kBushing:
+      return {3, 3};
   }
   return {0, 0};
 }
 
-/// Joins bodies a and b at a frame whose z axis is the pair's axis (hinge, slide, cylinder) or normal (plane);
-/// a universal joint turns about its x and y.
+/// Joins bodies a and b at a frame whose z axis is the pair's axis (hinge, slide, cylinder) or normal
+/// (plane); a universal joint turns about its x and y.
 struct Pair {
   int a = 0, b = 0;
   PairKind kind = PairKind::kHinge;
@@ -87,9 +95,10 @@ Sketch Moved(Sketch sketch, const RigidTransform& X_WS);
 
 /// How a sketch is written down.
 struct Writing {
-  unsigned seed = 0;          // spanning tree, order of bodies and joints
-  bool other_names = false;   // bodies and joints called otherwise
-  bool keep_order = false;    // tree from the pairs in their order, bodies in theirs where that can be
+  unsigned seed = 0;           // spanning tree, order of bodies and joints
+  bool other_names = false;    // bodies and joints called otherwise
+  bool keep_order = false;     // tree from the pairs in their order, bodies in theirs where that can be
+  bool sprung_joints = false;  // pairs with springs become joints before others do
 };
 
 /// The definition: body i is named "b<i>", pair k "p<k>" whatever the order.

@@ -34,8 +34,10 @@ struct Steering {
     s.AddBody(RigidTransform(Vector3(0.1, 0.7, 0.3)), Lump());
     s.AddBody(RigidTransform(Vector3(0.25, 0.2, 0.25)), Lump());
     s.AddBody(RigidTransform(Vector3(0.25, 0.3, 0.25)), Lump());
-    s.AddPair(0, kUpright, PairKind::kHinge, Vector3(0.1, 0.7, 0.3), FrameAlong(Vector3(-0.1, 0.15, 1))).k_turn = 40;
-    s.AddPair(0, kRack, PairKind::kSlide, Vector3(0.25, 0.2, 0.25), FrameAlong(Vector3::UnitY())).k_slide = 3e4;
+    s.AddPair(0, kUpright, PairKind::kHinge, Vector3(0.1, 0.7, 0.3), FrameAlong(Vector3(-0.1, 0.15, 1)))
+        .k_turn = 40;
+    s.AddPair(0, kRack, PairKind::kSlide, Vector3(0.25, 0.2, 0.25), FrameAlong(Vector3::UnitY())).k_slide =
+        3e4;
     s.AddPair(kRack, kRod, PairKind::kBall, Vector3(0.25, 0.3, 0.25), Matrix3::Identity()).k_turn = k_ball;
     s.AddPair(kRod, kUpright, PairKind::kBall, Vector3(0.24, 0.68, 0.31), Matrix3::Identity());
     s.interfaces = {kUpright};

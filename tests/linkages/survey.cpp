@@ -36,7 +36,8 @@ Sample Take(unsigned seed) {
   s.elastic = plain.elastic;
   s.interface_free = plain.interface_free;
   s.interface_rank = plain.interface_rank;
-  s.springs = static_cast<int>((m.stiffness().array() > 0).count() + static_cast<Eigen::Index>(m.springs().size()));
+  s.springs =
+      static_cast<int>((m.stiffness().array() > 0).count() + static_cast<Eigen::Index>(m.springs().size()));
   s.has_loops = m.num_constraints() > 0;
   s.overconstrained = plain.loop_rank < m.num_constraints();
 

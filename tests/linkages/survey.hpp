@@ -17,14 +17,14 @@ struct Sample {
   bool has_loops = false, overconstrained = false;
 
   bool walk_exists = false, dense_exists = false, free_is_said = false;
-  double walk = 0, dense = 0;            // against the plain road
+  double walk = 0, dense = 0;  // against the plain road
   int walk_rank = 0, dense_rank = 0;
   double walk_free = 0, dense_free = 0;  // distance of the spans of free directions
   bool walk_doubts = false, dense_doubts = false, model_doubts = false;
 
   bool refused = false;
-  std::string refusal;                // the whole of it
-  double named_share = 0;             // of the named joint in the hidden motions, 1 for the joint that moves most
+  std::string refusal;     // the whole of it
+  double named_share = 0;  // of the named joint in the hidden motions, 1 for the joint that moves most
   int model_loop_rank = 0, model_free = 0, model_elastic = 0;
   int frequencies = 0;
 

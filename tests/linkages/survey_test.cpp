@@ -13,13 +13,15 @@ namespace fork1s::linkages {
 namespace {
 
 std::ostream& operator<<(std::ostream& out, const Sample& s) {
-  return out << "seed " << s.seed << " (" << s.family << ", " << s.coordinates << " coordinates, loop rank " << s.loop_rank
-             << ", free " << s.free << " of which seen " << s.interface_free << ", elastic " << s.elastic
-             << " of which felt " << s.interface_rank << ", smallest kept " << s.smallest_kept << ")";
+  return out << "seed " << s.seed << " (" << s.family << ", " << s.coordinates << " coordinates, loop rank "
+             << s.loop_rank << ", free " << s.free << " of which seen " << s.interface_free << ", elastic "
+             << s.elastic << " of which felt " << s.interface_rank << ", smallest kept " << s.smallest_kept
+             << ")";
 }
 
 // Checks `holds` on the well-posed linkages that `concerns`; names the first few that fail and counts all.
-void ExpectOfEach(const std::function<bool(const Sample&)>& concerns, const std::function<bool(const Sample&)>& holds,
+void ExpectOfEach(const std::function<bool(const Sample&)>& concerns,
+                  const std::function<bool(const Sample&)>& holds,
                   const std::function<std::string(const Sample&)>& found) {
   int concerned = 0, failed = 0;
   std::ostringstream text;
@@ -57,7 +59,8 @@ TEST(Survey, HasManyOfEveryClass) {
       {"overconstrained", [](const Sample& s) { return s.overconstrained; }},
       {"two freedoms or more in loops with unsprung pins",
        [](const Sample& s) { return s.has_loops && s.elastic >= 2 && s.springs < s.coordinates; }},
-      {"interface held by rigid loops", [](const Sample& s) { return s.elastic > 0 && s.interface_rank == 0; }}};
+      {"interface held by rigid loops",
+       [](const Sample& s) { return s.elastic > 0 && s.interface_rank == 0; }}};
   const std::map<std::string, int> least = {{"held by springs", 1000},
                                             {"free at the interface", 300},
                                             {"hidden", 300},
@@ -84,7 +87,8 @@ TEST(Survey, NineOfTenAreWellPosed) {
 
 TEST(Survey, WalkIsThePlainRoad) {
   ExpectOfEach([](const Sample& s) { return s.interface_free == 0 || s.walk_exists; },
-               [](const Sample& s) { return s.walk < kSame; }, [](const Sample& s) { return Text("off by", s.walk); });
+               [](const Sample& s) { return s.walk < kSame; },
+               [](const Sample& s) { return Text("off by", s.walk); });
 }
 
 TEST(Survey, DenseIsThePlainRoad) {
@@ -94,9 +98,10 @@ TEST(Survey, DenseIsThePlainRoad) {
 }
 
 TEST(Survey, RanksOfTheComplianceAgree) {
-  ExpectOfEach([](const Sample& s) { return s.interface_free == 0 || s.free_is_said; },
-               [](const Sample& s) { return s.walk_rank == s.interface_rank && s.dense_rank == s.interface_rank; },
-               [](const Sample& s) { return Text("walk", s.walk_rank, "dense", s.dense_rank); });
+  ExpectOfEach(
+      [](const Sample& s) { return s.interface_free == 0 || s.free_is_said; },
+      [](const Sample& s) { return s.walk_rank == s.interface_rank && s.dense_rank == s.interface_rank; },
+      [](const Sample& s) { return Text("walk", s.walk_rank, "dense", s.dense_rank); });
 }
 
 TEST(Survey, FreeDirectionsOfTheInterfaceAgree) {
@@ -106,8 +111,9 @@ TEST(Survey, FreeDirectionsOfTheInterfaceAgree) {
 }
 
 TEST(Survey, HiddenMotionsAreRefused) {
-  ExpectOfEach([](const Sample& s) { return s.hidden() > 0; }, [](const Sample& s) { return s.refused; },
-               [](const Sample& s) { return Text("hidden", s.hidden(), "but reduced with", s.model_free, "free"); });
+  ExpectOfEach(
+      [](const Sample& s) { return s.hidden() > 0; }, [](const Sample& s) { return s.refused; },
+      [](const Sample& s) { return Text("hidden", s.hidden(), "but reduced with", s.model_free, "free"); });
 }
 
 TEST(Survey, RefusalsNameAJointThatMoves) {
@@ -123,26 +129,32 @@ TEST(Survey, OnlyHiddenMotionsAreRefused) {
 }
 
 TEST(Survey, ReducedModelHasTheRanksOfThePlainRoad) {
-  ExpectOfEach(
-      [](const Sample& s) { return s.hidden() == 0 && !s.refused; },
-      [](const Sample& s) {
-        // Beside free directions the model may count elastic motions that differ by a free one.
-        const bool elastic = s.model_elastic <= s.interface_rank && (s.model_elastic > 0) == (s.interface_rank > 0);
-        return s.model_loop_rank == s.loop_rank && s.model_free == s.free && (elastic || s.interface_free > 0);
-      },
-      [](const Sample& s) {
-        return Text("loop rank", s.model_loop_rank, "free", s.model_free, "elastic", s.model_elastic);
-      });
+  ExpectOfEach([](const Sample& s) { return s.hidden() == 0 && !s.refused; },
+               [](const Sample& s) {
+                 // Beside free directions the model may count elastic motions that differ by a free one.
+                 const bool elastic =
+                     s.model_elastic <= s.interface_rank && (s.model_elastic > 0) == (s.interface_rank > 0);
+                 return s.model_loop_rank == s.loop_rank && s.model_free == s.free &&
+                        (elastic || s.interface_free > 0);
+               },
+               [](const Sample& s) {
+                 return Text("loop rank", s.model_loop_rank, "free", s.model_free, "elastic",
+                             s.model_elastic);
+               });
 }
 
 TEST(Survey, EveryElasticMotionHasAFrequencyAndNoOther) {
-  ExpectOfEach(All, [](const Sample& s) { return s.frequencies == s.elastic; },
-               [](const Sample& s) { return Text(s.frequencies, "frequencies"); });
+  ExpectOfEach(
+      All, [](const Sample& s) { return s.frequencies == s.elastic; },
+      [](const Sample& s) { return Text(s.frequencies, "frequencies"); });
 }
 
 TEST(Survey, DoubtsAreKeptForTheIllPosed) {
-  ExpectOfEach(All, [](const Sample& s) { return !s.walk_doubts && !s.dense_doubts && !s.model_doubts; },
-               [](const Sample& s) { return Text("walk", s.walk_doubts, "dense", s.dense_doubts, "model", s.model_doubts); });
+  ExpectOfEach(
+      All, [](const Sample& s) { return !s.walk_doubts && !s.dense_doubts && !s.model_doubts; },
+      [](const Sample& s) {
+        return Text("walk", s.walk_doubts, "dense", s.dense_doubts, "model", s.model_doubts);
+      });
 }
 
 }  // namespace
