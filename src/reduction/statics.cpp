@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/solve.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/statics.hpp>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-#include <Eigen/QR>
 
 #include "elastic_basis.hpp"
 
@@ -54,7 +54,6 @@ class LoadedMechanism {
     }
     return g;
   }
-  const MatrixX& A() const { return A_; }
 
   // Size of the forces that have to balance.
   double Scale(const VectorX& q, double share) {
@@ -94,6 +93,30 @@ struct NewtonState {
   VectorX q, lambda;
 };
 
+// A step of Newton's method [dq; dλ] that closes the loops, A dq = -c, and balances g + K dq + Aᵀdλ = 0. Loops
+// first, by their rank in one unit; then the motions that they leave, and the reactions of least norm: loops
+// closed more often than needed share them.
+VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, const MatrixX& K,
+                   const VectorX& g, const VectorX& c) {
+  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  VectorX row;
+  const MatrixX A = ClosureRowsInOneUnit(mechanism, kinematics, q, unit, &row);
+  const NullSpace closed = ComputeNullSpace(A);
+  const MatrixX A_seen = A * closed.seen;
+  const MatrixX K_x = unit.coordinate.asDiagonal() * K * unit.coordinate.asDiagonal();
+  const VectorX g_x = unit.coordinate.cwiseProduct(g), c_x = row.cwiseProduct(c);
+  VectorX x = -closed.seen * LeastNormSolve(A_seen, c_x, kRankThreshold);
+  const MatrixX K_z = closed.unseen.transpose() * K_x * closed.unseen;
+  // What neither springs nor loads hold stays where it is: differences give its stiffness as rounding.
+  constexpr double kHeld = 1e-12;
+  x -= closed.unseen * LeastNormSolve(K_z, closed.unseen.transpose() * (g_x + K_x * x), kHeld);
+  const VectorX lambda =
+      -LeastNormSolve(A_seen.transpose(), closed.seen.transpose() * (g_x + K_x * x), kRankThreshold);
+  VectorX step(x.size() + lambda.size());
+  step << unit.coordinate.cwiseProduct(x), row.cwiseProduct(lambda);
+  return step;
+}
+
 // Newton at one load; false leaves the state where it was.
 bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const StaticsOptions& options,
                  double share, NewtonState& state, StaticsResult& result) {
@@ -106,7 +129,6 @@ bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const Stat
     rhs.head(n) = loaded.Residual(now.q, now.lambda, share);
     if (m > 0) ClosureResidual(mechanism, loaded.kinematics(), now.q, c);
     rhs.tail(m) = -c;
-    const MatrixX A = loaded.A();
     const double scale = loaded.Scale(now.q, share);
     const double error = rhs.head(n).cwiseAbs().maxCoeff() / scale;
     if (!std::isfinite(error)) return false;
@@ -116,20 +138,8 @@ bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const Stat
       return true;
     }
     const MatrixX K = loaded.Tangent(now.q, now.lambda, share);
-    VectorX step;
-    if (m == 0) {
-      step = Eigen::PartialPivLU<MatrixX>(-K).solve(rhs);
-    } else {
-      MatrixX S = MatrixX::Zero(n + m, n + m);
-      S.topLeftCorner(n, n) = -K;
-      S.topRightCorner(n, m) = -A.transpose();
-      S.bottomLeftCorner(m, n) = A;
-      // Overconstrained loops repeat rows: take the reactions of least norm.
-      Eigen::CompleteOrthogonalDecomposition<MatrixX> solver;
-      solver.setThreshold(1e-12);
-      solver.compute(S);
-      step = solver.solve(rhs);
-    }
+    const VectorX step = m == 0 ? VectorX(SolveSquare(-K, rhs))
+                                : ClosedStep(mechanism, loaded.kinematics(), now.q, K, rhs.head(n), c);
     if (!step.allFinite()) return false;
     const double largest = step.head(n).cwiseAbs().maxCoeff();
     const double damping = largest > 0.4 ? 0.4 / largest : 1.0;
@@ -173,12 +183,10 @@ StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const 
     MatrixX Z = MatrixX::Identity(state.q.size(), state.q.size());
     if (mechanism.num_constraints() > 0) {
       loaded.Residual(state.q, state.lambda, 1);
-      Z = internal::ComputeElasticBasis(mechanism, loaded.kinematics(), state.q).Z;
+      Z = internal::ClosedMotions(mechanism, loaded.kinematics(), state.q);
     }
     const MatrixX K_z = Z.transpose() * K * Z;
-    const VectorX eigenvalues =
-        Eigen::SelfAdjointEigenSolver<MatrixX>(0.5 * (K_z + K_z.transpose()), Eigen::EigenvaluesOnly)
-            .eigenvalues();
+    const VectorX eigenvalues = EigenvaluesOf(0.5 * (K_z + K_z.transpose()));
     result.stable = eigenvalues.size() == 0 || eigenvalues(0) > -1e-9 * eigenvalues.cwiseAbs().maxCoeff();
   }
   return result;

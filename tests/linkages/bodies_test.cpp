@@ -30,8 +30,9 @@ TEST(Bodies, ComplianceAndFrequencies) {
     const FullSimulation full = Reference(roads.linkage);
 
     const MatrixX C = full.Compliance(0, roads.linkage.interfaces);
-    EXPECT_EQ(C.size() > 0, roads.plain.free == 0);
-    if (C.size() > 0) {
+    if (roads.plain.interface_free > 0) {
+      EXPECT_EQ(C.size(), 0);
+    } else if (roads.plain.free == 0 && roads.plain.elastic > 0) {
       const double floor = roads.plain.interface_rank > 0 ? 0 : 1e-4 * roads.plain.open_compliance;
       const double difference = RelativeDifference(C, roads.plain.C, s.size, floor);
       worst = std::max(worst, difference);

@@ -9,21 +9,20 @@ namespace fork1s::linkages {
 /// Two digits above what double precision leaves of a well-posed linkage (plain_road.cpp).
 constexpr double kSame = 1e-8;
 
-/// Relative differences, 2 where there is nothing to compare.
+/// Relative difference of compliances, and distance of the spans of free directions.
 struct Compared {
-  double difference = 2, free_distance = 2;
+  double difference = 0, free_distance = 0;
 };
 
 /// Free directions are projected off with the sketch's size for a length, whatever the library's was: the
 /// last projection to act decides, since each leaves only free directions out.
-inline Compared CompareWithPlain(const ComplianceAnswer& found, const PlainAnswer& plain, double size) {
+inline Compared CompareWithPlain(const InterfaceCompliance& found, const PlainAnswer& plain, double size) {
   Compared c;
-  if (!found.exists) return c;
   const MatrixX P = ProjectOff(plain.free_d, size);
   // Where loops hold the interface, what is left is rounding of the springs' own compliance: 1e-12 of it.
   const double floor = plain.interface_rank > 0 ? 0 : 1e-4 * plain.open_compliance * size * size;
   c.difference = RelativeDifference(P * found.C * P.transpose(), plain.C, size, floor);
-  if (found.free) c.free_distance = SpanDistance(*found.free, plain.free_d, size);
+  c.free_distance = SpanDistance(found.free, plain.free_d, size);
   return c;
 }
 
@@ -43,7 +42,7 @@ struct Roads {
 
   Written linkage;
   PlainAnswer plain;
-  ComplianceAnswer walk, dense;
+  InterfaceCompliance walk, dense;
   Expected<ReducedModel> model;
   std::vector<double> frequencies;
   double size;

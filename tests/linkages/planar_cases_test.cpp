@@ -113,7 +113,6 @@ TEST(FiveBar, BothGroundSpringsAreFelt) {
   const MatrixX C = J * Vector2(1 / bar.k_1, 1 / bar.k_2).asDiagonal() * J.transpose();
   const Roads r(bar.Draw(), {.keep_order = true});
   EXPECT_LT(RelativeDifference(r.plain.C, C, bar.E.x(), 0), 1e-10);
-  ASSERT_TRUE(r.walk.exists && r.dense.exists);
   EXPECT_LT(RelativeDifference(r.walk.C, C, bar.E.x(), 0), 1e-10);
   EXPECT_LT(RelativeDifference(r.dense.C, C, bar.E.x(), 0), 1e-10);
 }

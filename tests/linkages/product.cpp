@@ -6,26 +6,16 @@
 namespace fork1s::linkages {
 namespace {
 
-ComplianceAnswer Answer(const Written& linkage, const Expected<MatrixX>& C) {
-  ComplianceAnswer answer;
-  answer.exists = C.has_value();
-  if (!C) return answer;
-  answer.C = *C;
-  answer.free = MatrixX(C->rows(), 0);
-  answer.rank = ComplianceRank(*C, linkage.mechanism->length_scale());
-  return answer;
-}
-
 VectorX Reference(const Written& linkage) { return VectorX::Zero(linkage.mechanism->num_coordinates()); }
 
 }  // namespace
 
-ComplianceAnswer Walk(const Written& linkage) {
-  return Answer(linkage, WalkCompliance(*linkage.mechanism, Reference(linkage), linkage.interfaces));
+InterfaceCompliance Walk(const Written& linkage) {
+  return WalkCompliance(*linkage.mechanism, Reference(linkage), linkage.interfaces);
 }
 
-ComplianceAnswer Dense(const Written& linkage) {
-  return Answer(linkage, DenseCompliance(*linkage.mechanism, Reference(linkage), linkage.interfaces));
+InterfaceCompliance Dense(const Written& linkage) {
+  return DenseCompliance(*linkage.mechanism, Reference(linkage), linkage.interfaces);
 }
 
 Expected<ReducedModel> ReduceAtReference(const Written& linkage) {
@@ -34,8 +24,6 @@ Expected<ReducedModel> ReduceAtReference(const Written& linkage) {
   options.modes = 0;
   return Reduce(linkage.mechanism, Reference(linkage), options);
 }
-
-bool IsDoubtful(const ReducedModel&) { return false; }
 
 std::string JointOf(const Error& error) {
   const std::string prefix = "joint '";

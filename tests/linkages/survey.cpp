@@ -41,10 +41,7 @@ Sample Take(unsigned seed) {
   s.has_loops = m.num_constraints() > 0;
   s.overconstrained = plain.loop_rank < m.num_constraints();
 
-  const ComplianceAnswer walk = Walk(linkage), dense = Dense(linkage);
-  s.walk_exists = walk.exists;
-  s.dense_exists = dense.exists;
-  s.free_is_said = walk.free.has_value() && dense.free.has_value();
+  const InterfaceCompliance walk = Walk(linkage), dense = Dense(linkage);
   const Compared w = CompareWithPlain(walk, plain, sketch.size),
                  d = CompareWithPlain(dense, plain, sketch.size);
   s.walk = w.difference;
@@ -53,8 +50,9 @@ Sample Take(unsigned seed) {
   s.dense_free = d.free_distance;
   s.walk_rank = walk.rank;
   s.dense_rank = dense.rank;
-  s.walk_doubts = walk.doubtful;
-  s.dense_doubts = dense.doubtful;
+  s.to_each_other = ComplianceDifference(walk, dense, sketch.size);
+  for (const auto* doubts : {&walk.doubts, &dense.doubts})
+    for (const RankDoubt& doubt : *doubts) s.doubts += doubt.Text() + "; ";
 
   const auto model = ReduceAtReference(linkage);
   s.refused = !model.has_value();
@@ -62,7 +60,7 @@ Sample Take(unsigned seed) {
     s.model_loop_rank = model->loop_rank();
     s.model_free = model->num_free;
     s.model_elastic = model->num_elastic;
-    s.model_doubts = IsDoubtful(*model);
+    for (const RankDoubt& doubt : model->doubts) s.doubts += doubt.Text() + "; ";
   } else {
     s.refusal = model.error().Text();
     s.named_share = ShareOf(m, plain.hidden_q, JointOf(model.error()));

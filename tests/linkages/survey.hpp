@@ -6,7 +6,7 @@
 
 namespace fork1s::linkages {
 
-/// A linkage of the survey. Differences are relative, 2 where there is nothing to compare.
+/// A linkage of the survey. Differences are relative.
 struct Sample {
   unsigned seed = 0;
   std::string family;
@@ -16,11 +16,11 @@ struct Sample {
   int springs = 0;
   bool has_loops = false, overconstrained = false;
 
-  bool walk_exists = false, dense_exists = false, free_is_said = false;
   double walk = 0, dense = 0;  // against the plain road
   int walk_rank = 0, dense_rank = 0;
   double walk_free = 0, dense_free = 0;  // distance of the spans of free directions
-  bool walk_doubts = false, dense_doubts = false, model_doubts = false;
+  double to_each_other = 0;  // as the library measures it
+  std::string doubts;        // that the library has, all of them
 
   bool refused = false;
   std::string refusal;     // the whole of it
