@@ -43,5 +43,9 @@ if found=$(grep -rnE "$decompositions" --include='*.cpp' --include='*.hpp' inclu
   echo "$found" | sed 's/^/check_arrows: decompositions belong in linalg: /' >&2
   failed=1
 fi
+if found=$(grep -rnE 'BDCSVD|bdcSvd' --include='*.cpp' --include='*.hpp' src include apps benchmarks examples | grep -v '//'); then
+  echo "$found" | sed 's/^/check_arrows: BDCSVD gives wrong vectors, take linalg: /' >&2
+  failed=1
+fi
 [ "$failed" -eq 0 ] && echo "check_arrows: every include follows the stated arrows (${#stated[@]} rooms)"
 exit "$failed"

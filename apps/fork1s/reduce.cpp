@@ -103,9 +103,16 @@ void Print(const Json& d, const Mechanism& m) {
   if (!C.is_null()) {
     fmt::print("  compliance of each interface body, world axes (diagonal; rad/(N m), m/N{}):\n",
                d.contains("compliance_world_base_held") ? "; base held" : "");
+    constexpr double kRounding = 1e-12;  // beside the largest of its kind: a hinge does not turn across its axis
+    double largest[2] = {0, 0};
+    for (std::size_t i = 0; i < C.size(); ++i)
+      largest[i % 6 / 3] = std::max(largest[i % 6 / 3], C[i][i].get<double>());
     for (std::size_t e = 0; e < d["interfaces"].size(); ++e) {
       fmt::print("    {:<20}", d["interfaces"][e].get<std::string>());
-      for (std::size_t i = 6 * e; i < 6 * e + 6; ++i) fmt::print(" {:>10.4g}", C[i][i].get<double>());
+      for (std::size_t i = 6 * e; i < 6 * e + 6; ++i) {
+        const double c = C[i][i].get<double>();
+        fmt::print(" {:>10.4g}", c > kRounding * largest[i % 6 / 3] ? c : 0.0);
+      }
       fmt::print("\n");
     }
   }

@@ -82,7 +82,7 @@ TEST(ClosedForms, FourBar) {
   VectorX j(6);
   j << 0, 0, w_coupler, -b.y(), b.x(), 0;  // the coupler's frame is at B
   const double k = bar.k_A + bar.k_D * w_rocker * w_rocker;
-  const MatrixX C = MustWalk(*m, "coupler", 1e-10);
+  const MatrixX C = MustWalk(*m, "coupler", 1e-10).C;
   EXPECT_LT((C - j * j.transpose() / k).cwiseAbs().maxCoeff(), 1e-12 * C.cwiseAbs().maxCoeff());
 
   // One freedom: half the inertia of three rods, each about its own centre plus its centre's motion.
