@@ -76,8 +76,8 @@ Slope SlopeUnder(const Written& linkage, const VectorX& load) {
   for (int level = 0; level < 3; ++level) {
     VectorX up, down;
     const double share = std::pow(0.5, level);
-    if (!Displacement(linkage, load, share, up) || !Displacement(linkage, load, -share, down))
-      out.converged = false;
+    out.converged &= Displacement(linkage, load, share, up);
+    out.converged &= Displacement(linkage, load, -share, down);
     slope[level] = (up - down) / (2 * share);
   }
   const VectorX first = (4 * slope[1] - slope[0]) / 3, second = (4 * slope[2] - slope[1]) / 3;
