@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <fork1s/linalg/rank.hpp>
+#include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/statics.hpp>
@@ -108,33 +108,28 @@ class LoadedMechanism {
 
 struct NewtonState {
   VectorX q, lambda;
-  int loop_rank = 0;  // where the loops were closed
 };
 
 // A step of Newton's method [dq; dλ] that closes the loops, A dq = -c, and balances g + K dq + Aᵀdλ = 0. Loops
 // first, by their rank in one unit; then the motions that they leave, and the reactions of least norm: loops
-// closed more often than needed share them. `rank`: that of the loops where they were closed. While they stand
-// open rows that repeat others differ from them by as much, which is no rank.
-VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, int rank,
-                   const MatrixX& K, const VectorX& g, const VectorX& c) {
+// closed more often than needed share them.
+VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, const MatrixX& K,
+                   const VectorX& g, const VectorX& c) {
   const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
   VectorX row;
   const MatrixX A = ClosureRowsInOneUnit(mechanism, kinematics, q, unit, &row);
   const MatrixX K_x = unit.coordinate.asDiagonal() * K * unit.coordinate.asDiagonal();
   const VectorX g_x = unit.coordinate.cwiseProduct(g), c_x = row.cwiseProduct(c);
-  const SingularSpectrum svd = RightSingular(A);
-  constexpr double kFarther = 10;  // a repeated row turns at most this fast as its loop opens
-  const double repeated = std::max(kRankThreshold, kFarther * c_x.norm());
-  rank = std::max(rank, static_cast<int>((svd.values.array() > repeated).count()));
-  const MatrixX seen = svd.vectors.leftCols(rank), unseen = svd.vectors.rightCols(A.cols() - rank);
-  const MatrixX A_seen = A * seen;
-  VectorX x = -seen * LeastNormSolve(A_seen, c_x, kRankThreshold);
+  const NullSpace closed = ComputeNullSpace(A);
+  const MatrixX& unseen = closed.unseen;
+  const MatrixX A_seen = A * closed.seen;
+  VectorX x = -closed.seen * LeastNormSolve(A_seen, c_x, kRankThreshold);
   const MatrixX K_z = unseen.transpose() * K_x * unseen;
   // What neither springs nor loads hold stays where it is: differences give its stiffness as rounding.
   constexpr double kHeld = 1e-12;
   x -= unseen * LeastNormSolve(K_z, unseen.transpose() * (g_x + K_x * x), kHeld);
   const VectorX lambda =
-      -LeastNormSolve(A_seen.transpose(), seen.transpose() * (g_x + K_x * x), kRankThreshold);
+      -LeastNormSolve(A_seen.transpose(), closed.seen.transpose() * (g_x + K_x * x), kRankThreshold);
   VectorX step(x.size() + lambda.size());
   step << unit.coordinate.cwiseProduct(x), row.cwiseProduct(lambda);
   return step;
@@ -161,8 +156,9 @@ bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const Stat
       return true;
     }
     const MatrixX K = loaded.Tangent(now.q, now.lambda, share);
+    loaded.Pose(now.q);  // differences left it beside
     const VectorX step = m == 0 ? VectorX(SolveSquare(-K, rhs))
-                                : ClosedStep(mechanism, loaded.kinematics(), now.q, now.loop_rank, K, rhs.head(n), c);
+                                : ClosedStep(mechanism, loaded.kinematics(), now.q, K, rhs.head(n), c);
     if (!step.allFinite()) return false;
     const double largest = step.head(n).cwiseAbs().maxCoeff();
     const double damping = largest > 0.4 ? 0.4 / largest : 1.0;
@@ -187,11 +183,6 @@ StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const 
   LoadedMechanism loaded(mechanism, q0, loads, options);
   StaticsResult result;
   NewtonState state{q0, VectorX::Zero(mechanism.num_constraints())};
-  if (mechanism.num_constraints() > 0) {
-    loaded.Pose(q0);
-    const MatrixX closed = internal::ClosedMotions(mechanism, loaded.kinematics(), q0);
-    state.loop_rank = static_cast<int>(q0.size() - closed.cols());
-  }
   double share = 0, increment = 1.0 / options.load_steps;
   bool ok = Equilibrate(mechanism, loaded, options, 0, state, result);
   while (ok && share < 1) {
