@@ -25,6 +25,12 @@ MatrixX ElasticBasis::DenseElastic(int n) const {
   return dense;
 }
 
+bool ElasticBasis::Feels(const MatrixX& J_x) const {
+  if (num_elastic() == 0 || J_x.rows() == 0) return false;
+  return (diagonal ? MatrixX(J_x(Eigen::all, sprung)) : MatrixX(J_x * elastic_x)).cwiseAbs().maxCoeff() >
+         kRankThreshold;
+}
+
 MatrixX ElasticBasis::DenseClosed(int n) const {
   if (!diagonal) return Z;
   return MatrixX(scale.asDiagonal()) * MatrixX::Identity(n, n);
@@ -93,6 +99,7 @@ ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& k
     basis.doubts.push_back(
         Doubt(mechanism, "springs hold", held.rank.kept, held.rank.dropped, Z_x * held.doubtful));
   basis.N = basis.Z * held.unseen;
+  basis.elastic_x = Z_x * held.seen;
   const MatrixX weighted = springs.weight.asDiagonal() * (stretch * held.seen);
   basis.V = basis.Z * (held.seen * OrthonormalisingFactor(weighted));
   return basis;

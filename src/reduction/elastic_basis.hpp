@@ -20,6 +20,7 @@ struct ElasticBasis {
   VectorX inverse_root;               // k^{-1/2} of the sprung ones
   // dense form (n rows); Z and N orthonormal in x
   MatrixX Z, N, V;
+  MatrixX elastic_x;                  // n x elastic: what V spans, orthonormal in x, springs aside
   std::vector<int> independent_rows;  // of the closure Jacobian
   std::vector<RankDoubt> doubts;
 
@@ -30,6 +31,8 @@ struct ElasticBasis {
   /// The free motions as x, orthonormal: n x num_free.
   MatrixX FreeInOneUnit(int n) const;
   MatrixX DenseElastic(int n) const;
+  /// Whether bodies with rows J_x (in one unit, on x) move in any elastic direction by more than rounding.
+  bool Feels(const MatrixX& J_x) const;
   /// All closed motions, n x num_closed.
   MatrixX DenseClosed(int n) const;
   /// V y and Vᵀ g without forming V.

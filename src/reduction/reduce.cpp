@@ -253,7 +253,11 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
 
   bool complete = true;
   const int e = basis.num_elastic();
-  const MatrixX Y_r = FeltDirections(basis.TimesV(J), options.rank_tolerance, complete);
+  // Bodies that loops hold still feel rounding of all springs; none of it is a direction.
+  const bool feels = basis.Feels(J * basis.scale.asDiagonal() / L);
+  const MatrixX Y_r =
+      feels ? FeltDirections(basis.TimesV(J), options.rank_tolerance, complete) : MatrixX(e, 0);
+  complete = complete && (feels || e == 0);
   model.num_free = basis.num_free();
   model.num_elastic = static_cast<int>(Y_r.cols());
   internal::Modes modes{MatrixX(e, 0), VectorX(0)};

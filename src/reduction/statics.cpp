@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/null_space.hpp>
+#include <limits>
+#include <fork1s/linalg/rank.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/statics.hpp>
@@ -15,13 +16,21 @@ namespace {
 // Everything that acts on joint coordinates at one pose: springs, controls, and a share s of the dead loads.
 class LoadedMechanism {
  public:
-  LoadedMechanism(const Mechanism& mechanism, const std::vector<DeadLoad>& loads,
+  LoadedMechanism(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
                   const StaticsOptions& options)
       : mechanism_(mechanism),
         loads_(loads),
         options_(options),
         kinematics_(mechanism),
-        F_(6, mechanism.num_bodies()) {}
+        F_(6, mechanism.num_bodies()) {
+    Pose(q0);
+    unit_ = ComputeOneUnit(mechanism, kinematics_);
+    const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics_, unit_);
+    double far = 0;
+    for (const RigidTransform& X : kinematics_.X_RB) far = std::max(far, X.translation().norm());
+    const double stiffest = springs.weight.size() > 0 ? springs.weight.cwiseAbs2().maxCoeff() : 0;
+    rounding_ = 8 * std::numeric_limits<double>::epsilon() * (1 + far / mechanism.length_scale()) * stiffest;
+  }
 
   void Pose(const VectorX& q) { ComputeKinematics(mechanism_, q, kinematics_); }
   const Kinematics& kinematics() const { return kinematics_; }
@@ -55,13 +64,19 @@ class LoadedMechanism {
     return g;
   }
 
-  // Size of the forces that have to balance.
+  // Size of the forces that have to balance, in one unit.
   double Scale(const VectorX& q, double share) {
     Pose(q);
     VectorX g;
     SpringForce(mechanism_, kinematics_, q, g);
-    return std::max({g.cwiseAbs().maxCoeff(), LoadForce(share).cwiseAbs().maxCoeff(), 1e-12});
+    const VectorX& x = unit_.coordinate;
+    return std::max(
+        {x.cwiseProduct(g).cwiseAbs().maxCoeff(), x.cwiseProduct(LoadForce(share)).cwiseAbs().maxCoeff(), 1e-300});
   }
+  double Size(const VectorX& g) const { return unit_.coordinate.cwiseProduct(g).cwiseAbs().maxCoeff(); }
+  // What the stiffest spring makes of the rounding of positions, in one unit: forces no smaller than this can
+  // balance.
+  double rounding() const { return rounding_; }
 
   // ∂g/∂q by central differences: covers loads that turn their lever arms, loop reactions and ball joints
   // alike.
@@ -85,33 +100,41 @@ class LoadedMechanism {
   const std::vector<DeadLoad>& loads_;
   const StaticsOptions& options_;
   Kinematics kinematics_;
+  OneUnit unit_;
+  double rounding_ = 0;
   Matrix6X F_;
   MatrixX A_;
 };
 
 struct NewtonState {
   VectorX q, lambda;
+  int loop_rank = 0;  // where the loops were closed
 };
 
 // A step of Newton's method [dq; dλ] that closes the loops, A dq = -c, and balances g + K dq + Aᵀdλ = 0. Loops
 // first, by their rank in one unit; then the motions that they leave, and the reactions of least norm: loops
-// closed more often than needed share them.
-VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, const MatrixX& K,
-                   const VectorX& g, const VectorX& c) {
+// closed more often than needed share them. `rank`: that of the loops where they were closed. While they stand
+// open rows that repeat others differ from them by as much, which is no rank.
+VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, int rank,
+                   const MatrixX& K, const VectorX& g, const VectorX& c) {
   const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
   VectorX row;
   const MatrixX A = ClosureRowsInOneUnit(mechanism, kinematics, q, unit, &row);
-  const NullSpace closed = ComputeNullSpace(A);
-  const MatrixX A_seen = A * closed.seen;
   const MatrixX K_x = unit.coordinate.asDiagonal() * K * unit.coordinate.asDiagonal();
   const VectorX g_x = unit.coordinate.cwiseProduct(g), c_x = row.cwiseProduct(c);
-  VectorX x = -closed.seen * LeastNormSolve(A_seen, c_x, kRankThreshold);
-  const MatrixX K_z = closed.unseen.transpose() * K_x * closed.unseen;
+  const SingularSpectrum svd = RightSingular(A);
+  constexpr double kFarther = 10;  // a repeated row turns at most this fast as its loop opens
+  const double repeated = std::max(kRankThreshold, kFarther * c_x.norm());
+  rank = std::max(rank, static_cast<int>((svd.values.array() > repeated).count()));
+  const MatrixX seen = svd.vectors.leftCols(rank), unseen = svd.vectors.rightCols(A.cols() - rank);
+  const MatrixX A_seen = A * seen;
+  VectorX x = -seen * LeastNormSolve(A_seen, c_x, kRankThreshold);
+  const MatrixX K_z = unseen.transpose() * K_x * unseen;
   // What neither springs nor loads hold stays where it is: differences give its stiffness as rounding.
   constexpr double kHeld = 1e-12;
-  x -= closed.unseen * LeastNormSolve(K_z, closed.unseen.transpose() * (g_x + K_x * x), kHeld);
+  x -= unseen * LeastNormSolve(K_z, unseen.transpose() * (g_x + K_x * x), kHeld);
   const VectorX lambda =
-      -LeastNormSolve(A_seen.transpose(), closed.seen.transpose() * (g_x + K_x * x), kRankThreshold);
+      -LeastNormSolve(A_seen.transpose(), seen.transpose() * (g_x + K_x * x), kRankThreshold);
   VectorX step(x.size() + lambda.size());
   step << unit.coordinate.cwiseProduct(x), row.cwiseProduct(lambda);
   return step;
@@ -130,16 +153,16 @@ bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const Stat
     if (m > 0) ClosureResidual(mechanism, loaded.kinematics(), now.q, c);
     rhs.tail(m) = -c;
     const double scale = loaded.Scale(now.q, share);
-    const double error = rhs.head(n).cwiseAbs().maxCoeff() / scale;
+    const double error = n > 0 ? loaded.Size(rhs.head(n)) / scale : 0;
     if (!std::isfinite(error)) return false;
     result.residual = error;
-    if (error < options.tolerance && (m == 0 || c.cwiseAbs().maxCoeff() < 1e-12)) {
+    if ((error < options.tolerance || error * scale < loaded.rounding()) && (m == 0 || c.cwiseAbs().maxCoeff() < 1e-12)) {
       state = now;
       return true;
     }
     const MatrixX K = loaded.Tangent(now.q, now.lambda, share);
     const VectorX step = m == 0 ? VectorX(SolveSquare(-K, rhs))
-                                : ClosedStep(mechanism, loaded.kinematics(), now.q, K, rhs.head(n), c);
+                                : ClosedStep(mechanism, loaded.kinematics(), now.q, now.loop_rank, K, rhs.head(n), c);
     if (!step.allFinite()) return false;
     const double largest = step.head(n).cwiseAbs().maxCoeff();
     const double damping = largest > 0.4 ? 0.4 / largest : 1.0;
@@ -161,9 +184,14 @@ bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const Stat
 
 StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
                            const StaticsOptions& options) {
-  LoadedMechanism loaded(mechanism, loads, options);
+  LoadedMechanism loaded(mechanism, q0, loads, options);
   StaticsResult result;
   NewtonState state{q0, VectorX::Zero(mechanism.num_constraints())};
+  if (mechanism.num_constraints() > 0) {
+    loaded.Pose(q0);
+    const MatrixX closed = internal::ClosedMotions(mechanism, loaded.kinematics(), q0);
+    state.loop_rank = static_cast<int>(q0.size() - closed.cols());
+  }
   double share = 0, increment = 1.0 / options.load_steps;
   bool ok = Equilibrate(mechanism, loaded, options, 0, state, result);
   while (ok && share < 1) {
@@ -194,7 +222,7 @@ StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const 
 
 Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0,
                                    const std::vector<DeadLoad>& loads, const StaticsOptions& options) {
-  LoadedMechanism loaded(mechanism, loads, options);
+  LoadedMechanism loaded(mechanism, q0, loads, options);
   loaded.Pose(q0);
   const auto basis = internal::ComputeElasticBasis(mechanism, loaded.kinematics(), q0);
   const VectorX g = loaded.Residual(q0, VectorX(), 1);
