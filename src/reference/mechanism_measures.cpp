@@ -151,8 +151,8 @@ std::vector<double> FullMechanism::Frequencies(int count) const {
   return hertz;
 }
 
-// [K Gᵀ; G 0][x; λ] = [Eᵀ; 0], C = E x with E the twists of the bodies in world axes: no basis of motions, and
-// so no rank is decided. Lengths are in units of the mechanism's, or a millimetre would pass for rounding
+// [K Gᵀ; G 0][x; λ] = [Eᵀ; 0], C = E x with E the twists of the bodies in world axes: no basis of motions,
+// and so no rank is decided. Lengths are in units of the mechanism's, or a millimetre would pass for rounding
 // beside a radian.
 MatrixX FullMechanism::Compliance(const std::vector<BodyIndex>& bodies) const {
   auto [G, M, K] = LinearMatrices();
@@ -199,7 +199,8 @@ MatrixX FullMechanism::Compliance(const std::vector<BodyIndex>& bodies) const {
   const MatrixX C = E * x.topRows(num_velocities_);
   // The work of the loads is what the springs store, unless a motion without spring takes part.
   const MatrixX stored = x.topRows(num_velocities_).transpose() * K * x.topRows(num_velocities_);
-  if (!((C - stored).cwiseAbs().maxCoeff() < 1e-6 * std::max(C.cwiseAbs().maxCoeff(), 1 / stiffest))) return {};
+  if (!((C - stored).cwiseAbs().maxCoeff() < 1e-6 * std::max(C.cwiseAbs().maxCoeff(), 1 / stiffest)))
+    return {};
   return C;
 }
 

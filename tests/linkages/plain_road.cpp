@@ -115,7 +115,7 @@ struct Ranks {
   Real kept = 1, dropped = 0;
 
   // Geometry of linkages spans few orders of magnitude, rounding of its data is 1e-16 times the distance from
-  // R: any figure between 1e-6 and 1e-11 decides alike, and values in between are called doubtful below.
+  // R: any figure between 1e-4 and 1e-11 decides alike, and what has a value in between is not well posed.
   Eigen::Index Decide(const VectorL& sigma, Real largest) {
     Eigen::Index rank = 0;
     if (!(largest > 0)) return 0;
@@ -266,7 +266,7 @@ PlainAnswer PlainRoad(const Mechanism& mechanism, const std::vector<BodyIndex>& 
     out.open_compliance = static_cast<double>(1 / rows.stiffness.minCoeff());
   }
   out.expected_error = static_cast<double>(std::pow(2.0L, -53) * distance / ranks.kept * std::sqrt(ratio));
-  out.well_posed = ranks.kept > 1e-6L && ranks.dropped < 1e-11L && out.expected_error < 1e-10;
+  out.well_posed = ranks.kept > 1e-4L && ranks.dropped < 1e-11L && out.expected_error < 1e-10;
   return out;
 }
 

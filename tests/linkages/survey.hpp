@@ -19,8 +19,8 @@ struct Sample {
   double walk = 0, dense = 0;  // against the plain road
   int walk_rank = 0, dense_rank = 0;
   double walk_free = 0, dense_free = 0;  // distance of the spans of free directions
-  double to_each_other = 0;  // as the library measures it
-  std::string doubts;        // that the library has, all of them
+  double to_each_other = 0;              // as the library measures it
+  std::string doubts;                    // that the library has, all of them
 
   bool refused = false;
   std::string refusal;     // the whole of it

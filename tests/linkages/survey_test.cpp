@@ -1,6 +1,7 @@
 // What must hold for every linkage, tried on 3000 random ones.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <functional>
 #include <iostream>
 #include <map>
@@ -31,6 +32,7 @@ void ExpectOfEach(const std::function<bool(const Sample&)>& concerns,
     if (holds(s)) continue;
     if (++failed <= 10) text << "  " << s << ": " << found(s) << '\n';
   }
+  if (failed > 0) text << "  ...\n";
   EXPECT_EQ(failed, 0) << "of " << concerned << " linkages; the first are\n" << text.str();
   EXPECT_GT(concerned, 0);
 }
@@ -86,15 +88,19 @@ TEST(Survey, NineOfTenAreWellPosed) {
 }
 
 TEST(Survey, WalkIsThePlainRoad) {
-  ExpectOfEach(All,
-               [](const Sample& s) { return s.walk < kSame; },
-               [](const Sample& s) { return Text("off by", s.walk); });
+  double walk = 0, dense = 0;
+  for (const Sample& s : TheSurvey())
+    if (s.well_posed) walk = std::max(walk, s.walk), dense = std::max(dense, s.dense);
+  std::cout << "worst: walk " << walk << ", dense " << dense << '\n';
+  ExpectOfEach(
+      All, [](const Sample& s) { return s.walk < kSame; },
+      [](const Sample& s) { return Text("off by", s.walk); });
 }
 
 TEST(Survey, DenseIsThePlainRoad) {
-  ExpectOfEach(All,
-               [](const Sample& s) { return s.dense < kSame; },
-               [](const Sample& s) { return Text("off by", s.dense); });
+  ExpectOfEach(
+      All, [](const Sample& s) { return s.dense < kSame; },
+      [](const Sample& s) { return Text("off by", s.dense); });
 }
 
 TEST(Survey, WalkIsDense) {
@@ -112,9 +118,9 @@ TEST(Survey, RanksOfTheComplianceAgree) {
 }
 
 TEST(Survey, FreeDirectionsOfTheInterfaceAgree) {
-  ExpectOfEach(All,
-               [](const Sample& s) { return s.walk_free < kSame && s.dense_free < kSame; },
-               [](const Sample& s) { return Text("walk", s.walk_free, "dense", s.dense_free); });
+  ExpectOfEach(
+      All, [](const Sample& s) { return s.walk_free < kSame && s.dense_free < kSame; },
+      [](const Sample& s) { return Text("walk", s.walk_free, "dense", s.dense_free); });
 }
 
 TEST(Survey, HiddenMotionsAreRefused) {
@@ -137,17 +143,32 @@ TEST(Survey, OnlyHiddenMotionsAreRefused) {
 
 TEST(Survey, ReducedModelHasTheRanksOfThePlainRoad) {
   ExpectOfEach([](const Sample& s) { return s.hidden() == 0 && !s.refused; },
+               [](const Sample& s) { return s.model_loop_rank == s.loop_rank && s.model_free == s.free; },
+               [](const Sample& s) { return Text("loop rank", s.model_loop_rank, "free", s.model_free); });
+}
+
+TEST(Survey, ReducedModelFeelsElasticMotionsOnly) {
+  // Beside free directions it may count elastic motions that differ by a free one.
+  ExpectOfEach([](const Sample& s) { return s.free == 0; },
                [](const Sample& s) {
-                 // Beside free directions the model may count elastic motions that differ by a free one.
-                 const bool elastic =
-                     s.model_elastic <= s.interface_rank && (s.model_elastic > 0) == (s.interface_rank > 0);
-                 return s.model_loop_rank == s.loop_rank && s.model_free == s.free &&
-                        (elastic || s.interface_free > 0);
+                 return s.model_elastic <= s.interface_rank &&
+                        (s.model_elastic > 0) == (s.interface_rank > 0);
                },
-               [](const Sample& s) {
-                 return Text("loop rank", s.model_loop_rank, "free", s.model_free, "elastic",
-                             s.model_elastic);
-               });
+               [](const Sample& s) { return Text("the model feels", s.model_elastic); });
+}
+
+TEST(Survey, OtherRanksAreDoubted) {
+  // Outside the well-posed, two roads may decide otherwise, but not silently.
+  int other = 0;
+  for (const Sample& s : TheSurvey()) {
+    const bool same =
+        s.walk_rank == s.interface_rank && s.dense_rank == s.interface_rank &&
+        (s.refused ? s.hidden() > 0 : s.model_loop_rank == s.loop_rank && s.model_free == s.free);
+    if (same) continue;
+    ++other;
+    EXPECT_FALSE(s.doubts.empty()) << Text(s);
+  }
+  std::cout << "other ranks: " << other << '\n';
 }
 
 TEST(Survey, EveryElasticMotionHasAFrequencyAndNoOther) {
@@ -158,10 +179,7 @@ TEST(Survey, EveryElasticMotionHasAFrequencyAndNoOther) {
 
 TEST(Survey, DoubtsAreKeptForTheIllPosed) {
   ExpectOfEach(
-      All, [](const Sample& s) { return s.doubts.empty(); },
-      [](const Sample& s) {
-        return s.doubts;
-      });
+      All, [](const Sample& s) { return s.doubts.empty(); }, [](const Sample& s) { return s.doubts; });
 }
 
 }  // namespace
