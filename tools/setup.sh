@@ -2,11 +2,12 @@
 # Installs what the build and the tests need from Debian's packages, and says so. Does nothing where all is there.
 set -euo pipefail
 
+# libqhull-dev has no header of ours: MuJoCo's CMake files name its folder, which must be there.
 packages=(
   g++ cmake ninja-build ccache
   libeigen3-dev libmujoco-dev libqhull-dev libtinyxml2-dev libcli11-dev libfmt-dev nlohmann-json3-dev
   libexpected-dev libhdf5-dev libtbb-dev libspectra-dev
-  libgtest-dev librapidcheck-dev libbenchmark-dev
+  libgtest-dev
   libboost-dev
 )
 # Programs that may be there without Debian's packages: command and package.

@@ -1,10 +1,11 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/dynamics/load_factor.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/dynamics/rolling.hpp>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/linalg/spectrum.hpp>
-#include <fork1s/dynamics/rolling.hpp>
 
 namespace fork1s {
 namespace {

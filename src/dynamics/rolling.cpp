@@ -1,3 +1,4 @@
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/dynamics/rolling.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 
