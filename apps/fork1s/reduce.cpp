@@ -110,8 +110,8 @@ void Print(const Json& d, const Mechanism& m) {
     for (std::size_t e = 0; e < d["interfaces"].size(); ++e) {
       fmt::print("    {:<20}", d["interfaces"][e].get<std::string>());
       for (std::size_t i = 6 * e; i < 6 * e + 6; ++i) {
-        const double c = C[i][i].get<double>();
-        fmt::print(" {:>10.4g}", c > kRounding * largest[i % 6 / 3] ? c : 0.0);
+        const double value = C[i][i].get<double>();
+        fmt::print(" {:>10.4g}", value > kRounding * largest[i % 6 / 3] ? value : 0.0);
       }
       fmt::print("\n");
     }

@@ -6,19 +6,16 @@
 #include <cmath>
 #include <random>
 
+#include "random_matrix.hpp"
+
 namespace fork1s {
 namespace {
 
-MatrixX Random(Eigen::Index rows, Eigen::Index cols, std::mt19937& engine) {
-  MatrixX m(rows, cols);
-  for (Eigen::Index j = 0; j < cols; ++j)
-    for (Eigen::Index i = 0; i < rows; ++i) m(i, j) = 2.0 * static_cast<double>(engine()) / 4294967295.0 - 1;
-  return m;
-}
+using testing::RandomMatrix;
 
 // Q with orthonormal columns, by Gram and Schmidt twice: nothing of what is tested.
 MatrixX Orthonormal(Eigen::Index rows, Eigen::Index cols, std::mt19937& engine) {
-  MatrixX Q = Random(rows, cols, engine);
+  MatrixX Q = RandomMatrix(rows, cols, engine);
   for (Eigen::Index j = 0; j < cols; ++j)
     for (int pass = 0; pass < 2; ++pass) {
       for (Eigen::Index k = 0; k < j; ++k) Q.col(j) -= Q.col(k).dot(Q.col(j)) * Q.col(k);
@@ -124,7 +121,7 @@ TEST(SingularSpectrumOf, RootsOfStiffness) {
     for (Eigen::Index i = 0; i < n; ++i) root(i, i) = 8 + 6 * uniform();
     for (Eigen::Index row = n; row < n + 2; ++row)
       for (int k = 0; k < 3; ++k) root(row, below(n)) += 10 * uniform();
-    root.bottomRows(6).leftCols(half) = 5 * Random(6, half, engine);
+    root.bottomRows(6).leftCols(half) = 5 * RandomMatrix(6, half, engine);
     MatrixX Z = MatrixX::Identity(n, n).rightCols(left);
     if (trial % 2) {
       Z.setZero();
@@ -146,7 +143,7 @@ TEST(Bases, GradedRowsKeepTheirOwnDigits) {
   // Springs 1e18 apart: what the weak one resists must come out to rounding all the same.
   std::mt19937 engine(6);
   for (int trial = 0; trial < 50; ++trial) {
-    const MatrixX rows = Random(7, 4, engine);
+    const MatrixX rows = RandomMatrix(7, 4, engine);
     VectorX weight(7);
     for (Eigen::Index i = 0; i < 7; ++i) weight(i) = i < 4 ? std::pow(10.0, 2.0 * static_cast<double>(i)) : 1e-3;
     const MatrixX B = weight.asDiagonal() * rows;

@@ -8,18 +8,15 @@
 #include <cmath>
 #include <random>
 
+#include "random_matrix.hpp"
+
 namespace fork1s {
 namespace {
 
-MatrixX Random(Eigen::Index rows, Eigen::Index cols, std::mt19937& engine) {
-  MatrixX m(rows, cols);
-  for (Eigen::Index j = 0; j < cols; ++j)
-    for (Eigen::Index i = 0; i < rows; ++i) m(i, j) = 2.0 * static_cast<double>(engine()) / 4294967295.0 - 1;
-  return m;
-}
+using testing::RandomMatrix;
 
 MatrixX Positive(Eigen::Index n, std::mt19937& engine) {
-  const MatrixX B = Random(n, n, engine);
+  const MatrixX B = RandomMatrix(n, n, engine);
   return B * B.transpose() + 0.1 * MatrixX::Identity(n, n);
 }
 
@@ -32,7 +29,7 @@ TEST(Cholesky, SolvesWithoutAllocating) {
     const MatrixX A = Positive(n, engine);
     Cholesky factor;
     ASSERT_TRUE(factor.Compute(A));
-    const VectorX b = Random(n, 1, engine);
+    const VectorX b = RandomMatrix(n, 1, engine);
     VectorX x = b;
     MatrixX X = b;
     const long before = testing::allocations.load();
@@ -52,14 +49,14 @@ TEST(Cholesky, SolvesWithoutAllocating) {
 TEST(Cholesky, SixBySix) {
   std::mt19937 engine(2);
   const Matrix6 A = Positive(6, engine);
-  const Vector6 b = Random(6, 1, engine);
+  const Vector6 b = RandomMatrix(6, 1, engine);
   EXPECT_LT((A * SolvePositive(A, b) - b).norm(), kRounding);
 }
 
 TEST(Solve, SymmetricIndefiniteSquareAndComplex) {
   std::mt19937 engine(3);
   for (int trial = 0; trial < 20; ++trial) {
-    const MatrixX B = Random(9, 9, engine), A = B + B.transpose() + 4 * MatrixX::Identity(9, 9), R = Random(9, 3, engine);
+    const MatrixX B = RandomMatrix(9, 9, engine), A = B + B.transpose() + 4 * MatrixX::Identity(9, 9), R = RandomMatrix(9, 3, engine);
     EXPECT_LT((A * SolveSymmetric(A, R) - R).cwiseAbs().maxCoeff(), 1e-8);
     EXPECT_LT((A * SolveSquare(A, R) - R).cwiseAbs().maxCoeff(), 1e-8);
     const Eigen::MatrixXcd C = A.cast<std::complex<double>>() + std::complex<double>(0, 1) * B;
@@ -101,7 +98,7 @@ TEST(Spectrum, ReproducesItsMatrix) {
   // det(A - µ M) = 0 for every generalized eigenvalue: the least singular value vanishes.
   for (const double mu : EigenvaluesOf(A, M)) EXPECT_LT(SingularValues(A - mu * M).minCoeff(), 1e-9);
   EXPECT_LT((PrincipalValues(Matrix3(Vector3(3, 1, 2).asDiagonal())) - Vector3(1, 2, 3)).norm(), 1e-14);
-  const MatrixX B = Random(5, 5, engine);
+  const MatrixX B = RandomMatrix(5, 5, engine);
   const GeneralSpectrum g = GeneralSpectrumOf(B);
   EXPECT_LT((B.cast<std::complex<double>>() * g.vectors - g.vectors * g.values.asDiagonal()).norm(), 1e-12);
 }

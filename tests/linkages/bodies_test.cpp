@@ -10,7 +10,7 @@
 namespace fork1s::linkages {
 namespace {
 
-FullSimulation Reference(const Written& linkage) {
+FullSimulation InFullCoordinates(const Written& linkage) {
   Scene scene;
   scene.mechanisms.push_back(linkage.mechanism->definition());
   auto simulation = FullSimulation::Create(std::move(scene));
@@ -27,7 +27,7 @@ TEST(Bodies, ComplianceAndFrequencies) {
     const Roads roads(s, {.seed = seed});
     if (!roads.plain.well_posed) continue;
     SCOPED_TRACE(::testing::Message() << "seed " << seed << " " << s.family);
-    const FullSimulation full = Reference(roads.linkage);
+    const FullSimulation full = InFullCoordinates(roads.linkage);
 
     const MatrixX C = full.Compliance(0, roads.linkage.interfaces);
     if (roads.plain.interface_free > 0) {

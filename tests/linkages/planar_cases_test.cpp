@@ -36,7 +36,7 @@ Pair& Slider(Sketch& s, int a, int b, const Vector2& at, const Vector2& along, d
 
 // Turned about the plane's normal and out of it, near the root and far from it, small and large, and written
 // down with other trees.
-void ForVariations(const Sketch& sketch, const std::function<void(const Sketch&, const Writing&)>& check) {
+void ForPlanarVariations(const Sketch& sketch, const std::function<void(const Sketch&, const Writing&)>& check) {
   unsigned seed = 0;
   for (const double angle : {0.0, 0.35, 0.7, 1.3, 2.9})
     for (const double scale : {1e-2, 1.0, 100.0}) {
@@ -119,7 +119,7 @@ TEST(FiveBar, BothGroundSpringsAreFelt) {
 
 TEST(FiveBar, HasTwoElasticMotionsHoweverItIsWritten) {
   for (const PairKind last : {PairKind::kHinge, PairKind::kBall})
-    ForVariations(FiveBar().Draw(last), [](const Sketch& s, const Writing& w) {
+    ForPlanarVariations(FiveBar().Draw(last), [](const Sketch& s, const Writing& w) {
       ExpectRoads(Roads(s, w), {.mobility = 2, .interface_rank = 2});
     });
 }
@@ -165,7 +165,7 @@ TEST(FourBar, IsOneMotionHoweverItIsClosed) {
     s.interfaces = {coupler};
     s.size = 0.15;
     const double first = Roads(s, {.keep_order = true}).frequencies.at(0);
-    ForVariations(s, [&](const Sketch& sketch, const Writing& w) {
+    ForPlanarVariations(s, [&](const Sketch& sketch, const Writing& w) {
       const Roads r(sketch, w);
       ExpectRoads(r, {.mobility = 1, .interface_rank = 1});
       // A turning spring knows no lengths, inertia grows with their square.
@@ -182,7 +182,7 @@ TEST(FourBar, TwoInSeriesAddTheirCompliances) {
     const int second = AddFourBar(s, first, {0.03, 0.16}, {0, 0.3}, {0.16, 0.27}, {0.13, 0.18}, k_2, 0);
     s.interfaces = {second, first};
     s.size = 0.15;
-    ForVariations(s, [](const Sketch& sketch, const Writing& w) {
+    ForPlanarVariations(s, [](const Sketch& sketch, const Writing& w) {
       ExpectRoads(Roads(sketch, w), {.mobility = 2, .interface_rank = 2});
     });
   }
@@ -197,7 +197,7 @@ TEST(SlideAndTwoHinges, OneSpringDecidesOneMotion) {
   Pin(s, 2, 3, {0.03, 0.12}, 0, PairKind::kBall);
   s.interfaces = {1, 3};
   s.size = 0.1;
-  ForVariations(s, [](const Sketch& sketch, const Writing& w) {
+  ForPlanarVariations(s, [](const Sketch& sketch, const Writing& w) {
     ExpectRoads(Roads(sketch, w), {.mobility = 1, .interface_rank = 1});
   });
 }
@@ -212,7 +212,7 @@ TEST(LockedSprings, HaveNoFrequency) {
       Pin(s, 2, 0, {0.1, -0.05}, sprung & 4 ? 0.01 : 0, last);
       s.interfaces = {2};
       s.size = 0.15;
-      ForVariations(s, [](const Sketch& sketch, const Writing& w) {
+      ForPlanarVariations(s, [](const Sketch& sketch, const Writing& w) {
         const Roads r(sketch, w);
         EXPECT_EQ(r.frequencies.size(), 0u);
         ExpectRoads(r, {});
@@ -231,7 +231,7 @@ TEST(LockedSprings, BehindTwoPointsOnTwoBodies) {
   s.interfaces = {2};
   s.size = 0.15;
   // The whole turns about the first hinge, and the interface with it; the slide is held.
-  ForVariations(s, [](const Sketch& sketch, const Writing& w) {
+  ForPlanarVariations(s, [](const Sketch& sketch, const Writing& w) {
     const Roads r(sketch, w);
     EXPECT_EQ(r.frequencies.size(), 0u);
     ExpectRoads(r, {.mobility = 1, .interface_free = 1});
@@ -247,7 +247,7 @@ TEST(LockedSprings, BesideAFreeInterface) {
   Pin(s, 0, 3, {0, -0.1});
   s.interfaces = {3};
   s.size = 0.1;
-  ForVariations(s, [](const Sketch& sketch, const Writing& w) {
+  ForPlanarVariations(s, [](const Sketch& sketch, const Writing& w) {
     const Roads r(sketch, w);
     EXPECT_EQ(r.frequencies.size(), 0u);
     ExpectRoads(r, {.mobility = 1, .interface_free = 1});

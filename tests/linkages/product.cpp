@@ -6,23 +6,23 @@
 namespace fork1s::linkages {
 namespace {
 
-VectorX Reference(const Written& linkage) { return VectorX::Zero(linkage.mechanism->num_coordinates()); }
+VectorX AtReference(const Written& linkage) { return VectorX::Zero(linkage.mechanism->num_coordinates()); }
 
 }  // namespace
 
 InterfaceCompliance Walk(const Written& linkage) {
-  return WalkCompliance(*linkage.mechanism, Reference(linkage), linkage.interfaces);
+  return WalkCompliance(*linkage.mechanism, AtReference(linkage), linkage.interfaces);
 }
 
 InterfaceCompliance Dense(const Written& linkage) {
-  return DenseCompliance(*linkage.mechanism, Reference(linkage), linkage.interfaces);
+  return DenseCompliance(*linkage.mechanism, AtReference(linkage), linkage.interfaces);
 }
 
 Expected<ReducedModel> ReduceAtReference(const Written& linkage) {
   ReductionOptions options;
   options.interfaces = linkage.interfaces;
   options.modes = 0;
-  return Reduce(linkage.mechanism, Reference(linkage), options);
+  return Reduce(linkage.mechanism, AtReference(linkage), options);
 }
 
 std::string JointOf(const Error& error) {
@@ -32,7 +32,7 @@ std::string JointOf(const Error& error) {
 }
 
 std::vector<double> AllFrequencies(const Written& linkage) {
-  return FullFrequencies(*linkage.mechanism, Reference(linkage), 1000);
+  return FullFrequencies(*linkage.mechanism, AtReference(linkage), 1000);
 }
 
 }  // namespace fork1s::linkages

@@ -13,7 +13,7 @@ namespace {
 
 SpatialInertia Lump() { return {0.5, Vector3(0.01, 0.02, 0), Vector3(1e-3, 2e-3, 2e-3).asDiagonal()}; }
 
-void ForVariations(const Sketch& sketch, const std::function<void(const Sketch&, const Writing&)>& check) {
+void ForSpatialVariations(const Sketch& sketch, const std::function<void(const Sketch&, const Writing&)>& check) {
   check(sketch, {.keep_order = true});
   for (unsigned seed = 0; seed < 12; ++seed) {
     SCOPED_TRACE(seed);
@@ -47,7 +47,7 @@ struct Steering {
 };
 
 TEST(TieRod, SpinsUnseenAndIsRefusedByName) {
-  ForVariations(Steering::Draw(), [](const Sketch& s, const Writing& w) {
+  ForSpatialVariations(Steering::Draw(), [](const Sketch& s, const Writing& w) {
     const Roads r(s, w);
     ExpectRoads(r, {.mobility = 2, .interface_rank = 1, .hidden = 1});
     ASSERT_FALSE(r.model);
@@ -60,13 +60,13 @@ TEST(TieRod, SpinsUnseenAndIsRefusedByName) {
 TEST(TieRod, IsSeenWhereItIsAnInterface) {
   Sketch s = Steering::Draw();
   s.interfaces = {Steering::kRod, Steering::kUpright};
-  ForVariations(s, [](const Sketch& sketch, const Writing& w) {
+  ForSpatialVariations(s, [](const Sketch& sketch, const Writing& w) {
     ExpectRoads(Roads(sketch, w), {.mobility = 2, .interface_rank = 1, .interface_free = 1});
   });
 }
 
 TEST(TieRod, IsHeldByASpringInItsBall) {
-  ForVariations(Steering::Draw(0.3), [](const Sketch& s, const Writing& w) {
+  ForSpatialVariations(Steering::Draw(0.3), [](const Sketch& s, const Writing& w) {
     ExpectRoads(Roads(s, w), {.mobility = 2, .interface_rank = 1});
   });
 }
@@ -97,7 +97,7 @@ TEST(Bricard, OneMotionWhereTheCountGivesNone) {
       s.AddPair(i, (i + 1) % 6, PairKind::kHinge, corner[i], FrameAlong(axis[i])).k_turn =
           springs >> i & 1 ? 1 + 10 * i : 0;
     s.interfaces = {3};
-    ForVariations(s, [](const Sketch& sketch, const Writing& w) {
+    ForSpatialVariations(s, [](const Sketch& sketch, const Writing& w) {
       const Roads r(sketch, w);
       ExpectRoads(r, {.mobility = 1, .interface_rank = 1});
       EXPECT_EQ(r.plain.loop_rank, 4);
