@@ -229,8 +229,8 @@ Expected<void> CheckInertia(const Mechanism& m) {
   return {};
 }
 
-// Where all bodies have one origin: the longest distance that anything else in the definition tells, so that it
-// follows the unit of length; 1 where nothing has any size.
+// Where all bodies have one origin: the longest distance that joints and closures tell, so that it follows the
+// unit of length; 1 where they have none, and nothing hangs on it.
 double FallbackLength(const MechanismDef& def) {
   double length = 0;
   for (const JointDef& j : def.joints)
@@ -239,10 +239,6 @@ double FallbackLength(const MechanismDef& def) {
         length = std::max(length, f.screw_B.tail<3>().norm() / turn);
   for (const ClosureDef& c : def.closures)
     length = std::max({length, c.X_AJ.translation().norm(), c.X_BJ.translation().norm()});
-  for (const BodyDef& b : def.bodies) {
-    length = std::max(length, b.inertia.center.norm());
-    if (b.inertia.mass > 0) length = std::max(length, std::sqrt(b.inertia.rotational.norm() / b.inertia.mass));
-  }
   return length > 0 ? length : 1;
 }
 
