@@ -11,14 +11,14 @@
 namespace fork1s::app {
 namespace {
 
-struct Arguments {
+struct CompareArguments {
   ModelArguments model;
   std::string against = "full", controls, recovery = "exact", report, detail;
   double time = 2, dt = 0;
   int refinements = 2;
 };
 
-Json ToJson(const std::vector<BodyDifference>& bodies) {
+Json ComparisonJson(const std::vector<BodyDifference>& bodies) {
   Json out = Json::array();
   for (const BodyDifference& b : bodies)
     out.push_back({{"body", b.body},
@@ -29,25 +29,26 @@ Json ToJson(const std::vector<BodyDifference>& bodies) {
   return out;
 }
 
-Json ToJson(const EnergyDrift& e) {
+Json ComparisonJson(const EnergyDrift& e) {
   return {{"first", e.first_J}, {"last", e.last_J}, {"max_increase", e.max_rise_J}};
 }
 
-Json ToJson(const Comparison& c) {
+Json ComparisonJson(const Comparison& c) {
   Json out;
   out["against"] = c.other;
   out["simulated_s"] = c.time_s;
   out["dt_s"] = c.dt_s;
   out["other_dt_s"] = c.other_dt_s;
-  out["interface"] = ToJson(c.interface);
-  out["free_bodies"] = ToJson(c.free_bodies);
+  out["interface"] = ComparisonJson(c.interface);
+  out["free_bodies"] = ComparisonJson(c.free_bodies);
   out["force_rms_N"] = c.force_rms_N;
   out["force_max_N"] = c.force_max_N;
   out["force_rms_percent"] = c.force_rms_percent;
   out["frequencies_hz"] = {{"reduced", c.frequencies_reduced_hz}, {"full", c.frequencies_full_hz}};
   out["gap_max_mm"] = c.gap_max_mm;
   out["gap_max_other_mm"] = c.gap_max_other_mm;
-  out["energy_J"] = {{"reduced", ToJson(c.energy_reduced)}, {"other", ToJson(c.energy_other)}};
+  out["energy_J"] = {{"reduced", ComparisonJson(c.energy_reduced)},
+                     {"other", ComparisonJson(c.energy_other)}};
   out["wall_s"] = {{"reduced", c.wall_reduced_s}, {"other", c.wall_other_s}};
   out["wall_ratio"] = c.wall_ratio;
   out["equal_dt"] = Json::array();
@@ -107,7 +108,7 @@ void Print(const Comparison& c) {
   for (const std::string& w : c.warnings) fmt::print("  warning: {}\n", w);
 }
 
-int Run(const Arguments& args) {
+int Run(const CompareArguments& args) {
   const bool json = args.model.json;
   auto imported = args.model.Load();
   if (!imported) return Report(imported.error(), json);
@@ -145,7 +146,7 @@ int Run(const Arguments& args) {
     comparison->warnings.push_back(
         "MuJoCo runs the file as it stands, without --base, --pd and --stiffness-scale");
   if (json) {
-    Json out = ToJson(*comparison);
+    Json out = ComparisonJson(*comparison);
     out["notes"] = NotesJson(imported->report);
     fmt::print("{}\n", out.dump(2));
   } else {
@@ -163,7 +164,7 @@ int Run(const Arguments& args) {
 void AddCompare(CLI::App& app, Action& action) {
   auto* command =
       app.add_subcommand("compare", "simulate a model beside the full-coordinate simulator or MuJoCo");
-  auto args = std::make_shared<Arguments>();
+  auto args = std::make_shared<CompareArguments>();
   args->model.AddTo(*command);
   command->add_option("--against", args->against, "full (default) or mujoco")
       ->check(CLI::IsMember({"full", "mujoco"}));

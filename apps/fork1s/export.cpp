@@ -15,7 +15,7 @@
 namespace fork1s::app {
 namespace {
 
-struct Arguments {
+struct ExportArguments {
   std::string recording, out, look_at;
   bool all_bodies = false, video = false;
   VideoOptions options;
@@ -24,7 +24,7 @@ struct Arguments {
 };
 
 // The camera as the arguments want it.
-Expected<VideoOptions> Camera(const Recording& recording, const Arguments& args) {
+Expected<VideoOptions> Camera(const Recording& recording, const ExportArguments& args) {
   VideoOptions options = args.options;
   if (!args.from.empty()) {
     options.azimuth = args.from[0];
@@ -38,7 +38,7 @@ Expected<VideoOptions> Camera(const Recording& recording, const Arguments& args)
   return options;
 }
 
-int WriteTables(const Recording& recording, const Arguments& args) {
+int WriteTables(const Recording& recording, const ExportArguments& args) {
   CsvOptions options;
   options.all_bodies = args.all_bodies;
   if (auto written = ExportCsv(recording, args.out, options); !written) return Report(written.error(), false);
@@ -57,7 +57,7 @@ Expected<std::string> MakePage(const Recording& recording) {
   return ReplayPage(ViewerPage(), *stream);
 }
 
-int WritePage(const Recording& recording, const Arguments& args) {
+int WritePage(const Recording& recording, const ExportArguments& args) {
   auto page = MakePage(recording);
   if (!page) return Report(page.error(), false);
   std::ofstream file(args.out, std::ios::binary | std::ios::trunc);
@@ -72,7 +72,7 @@ int WritePage(const Recording& recording, const Arguments& args) {
   return kDone;
 }
 
-int WriteGltf(const Recording& recording, const Arguments& args) {
+int WriteGltf(const Recording& recording, const ExportArguments& args) {
   GltfOptions options;
   if (args.fps) options.fps = *args.fps;
   if (auto written = ExportGltf(recording, args.out, options); !written)
@@ -83,7 +83,7 @@ int WriteGltf(const Recording& recording, const Arguments& args) {
   return kDone;
 }
 
-int WriteFilm(const Recording& recording, const Arguments& args) {
+int WriteFilm(const Recording& recording, const ExportArguments& args) {
   auto camera = Camera(recording, args);
   if (!camera) return Report(camera.error(), false);
   auto page = MakePage(recording);
@@ -95,7 +95,7 @@ int WriteFilm(const Recording& recording, const Arguments& args) {
 }
 
 // What to write, by the extension of the name; without one it is a folder.
-int Run(const Arguments& args) {
+int Run(const ExportArguments& args) {
   const std::filesystem::path out(args.out);
   const std::string extension = out.extension().string();
   auto is = [&](std::initializer_list<const char*> names) {
@@ -125,7 +125,7 @@ int Run(const Arguments& args) {
 void AddExport(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand(
       "export", "write a recording as CSV tables, a page that plays it, a glTF animation or a film");
-  auto args = std::make_shared<Arguments>();
+  auto args = std::make_shared<ExportArguments>();
   command->add_option("recording", args->recording, "HDF5 file of 'fork1s run --record'")->required();
   command
       ->add_option("out", args->out,

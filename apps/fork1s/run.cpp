@@ -16,7 +16,7 @@
 namespace fork1s::app {
 namespace {
 
-struct Arguments {
+struct RunArguments {
   ModelArguments model;
   double time = 2;
   double dt = 0;
@@ -82,7 +82,7 @@ class LoadWatch {
   LoadFactor before_;
 };
 
-Measured Simulate(Simulation& simulation, const Arguments& args, const ControlTrack& track,
+Measured Simulate(Simulation& simulation, const RunArguments& args, const ControlTrack& track,
                   const FidelityTrack& detail, std::optional<Recorder>& recorder, Expected<void>& recorded) {
   Measured out;
   const auto steps = static_cast<std::int64_t>(std::llround(args.time / simulation.dt()));
@@ -228,7 +228,7 @@ void Print(const Json& d) {
 }
 
 // With the detail of the first entry if that begins at once.
-Expected<Simulation> Prepare(const Arguments& args, ImportedScene& imported, const FidelityTrack& detail) {
+Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, const FidelityTrack& detail) {
   SimulationOptions options;
   options.dt = args.dt;
   options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
@@ -248,7 +248,7 @@ Expected<Simulation> Prepare(const Arguments& args, ImportedScene& imported, con
   return simulation;
 }
 
-int Run(const Arguments& args) {
+int Run(const RunArguments& args) {
   const bool json = args.model.json;
   auto imported = args.model.Load();
   if (!imported) return Report(imported.error(), json);
@@ -311,7 +311,7 @@ int Run(const Arguments& args) {
 
 void AddRun(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand("run", "simulate a model in contact");
-  auto args = std::make_shared<Arguments>();
+  auto args = std::make_shared<RunArguments>();
   args->model.AddTo(*command);
   command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(CLI::NonNegativeNumber);
   command->add_option("--dt", args->dt, "time step in s (default 1/60)")->check(CLI::PositiveNumber);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 
-struct Arguments {
+struct StaticsArguments {
   ModelArguments model;
   std::string body, force = "0,0,0", torque = "0,0,0", gravity;
 };
@@ -22,13 +22,13 @@ struct Deflection {
   double max_joint_rotation = 0;
 };
 
-Json ToJson(const Deflection& d) {
-  return {{"position_m", app::ToJson(d.position)},
-          {"rotation_vector_rad", app::ToJson(d.rotation)},
+Json DeflectionJson(const Deflection& d) {
+  return {{"position_m", ToJson(d.position)},
+          {"rotation_vector_rad", ToJson(d.rotation)},
           {"max_joint_rotation_deg", d.max_joint_rotation * kDegrees}};
 }
 
-int Run(const Arguments& args) {
+int Run(const StaticsArguments& args) {
   const bool json = args.model.json;
   auto force = ParseVector(args.force, "--force");
   auto torque = ParseVector(args.torque, "--torque");
@@ -104,10 +104,10 @@ int Run(const Arguments& args) {
   nonlinear.max_joint_rotation = MaxJointRotation(m, at->q, result.q);
 
   if (json) {
-    Json out = ToJson(nonlinear);
-    out["linear"] = ToJson(linear);
+    Json out = DeflectionJson(nonlinear);
+    out["linear"] = DeflectionJson(linear);
     out["body"] = args.body;
-    out["reference_position_m"] = app::ToJson(X_ref.translation());
+    out["reference_position_m"] = ToJson(X_ref.translation());
     out["iterations"] = result.iterations;
     out["residual"] = result.residual;
     out["stable"] = result.stable;
@@ -133,7 +133,7 @@ int Run(const Arguments& args) {
 
 void AddStatics(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand("statics", "linear and nonlinear deflection under a dead load");
-  auto args = std::make_shared<Arguments>();
+  auto args = std::make_shared<StaticsArguments>();
   args->model.AddTo(*command);
   command->add_option("--body", args->body, "body that is loaded, at its origin")->required();
   command->add_option("--force", args->force, "x,y,z in N, world axes, fixed in direction");

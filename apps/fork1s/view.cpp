@@ -18,7 +18,7 @@
 namespace fork1s::app {
 namespace {
 
-struct Arguments {
+struct ViewArguments {
   ModelArguments model;
   int port = 8080;
   bool no_open = false, no_watch = false;
@@ -41,7 +41,7 @@ void OpenBrowser(const std::string& address) {
   _exit(127);
 }
 
-Expected<LiveSimulation> Prepare(const Arguments& args) {
+Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   auto imported = args.model.Load();
   if (!imported) return tl::unexpected(imported.error());
   if (!args.model.json) PrintNotes(imported->report);
@@ -97,7 +97,7 @@ void Loop(LiveSimulation& live, LiveServer& server, ModelWatch* watch, double ti
   }
 }
 
-int Run(const Arguments& args) {
+int Run(const ViewArguments& args) {
   const std::string_view page = ViewerPage();
   if (page.empty())
     return Report(
@@ -135,7 +135,7 @@ int Run(const Arguments& args) {
 
 void AddView(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand("view", "watch and touch a model in the browser while it is simulated");
-  auto args = std::make_shared<Arguments>();
+  auto args = std::make_shared<ViewArguments>();
   args->model.AddTo(*command);
   command->add_option("--port", args->port, "port on 127.0.0.1 (default 8080; 0: any that is free)")
       ->check(CLI::Range(0, 65535));

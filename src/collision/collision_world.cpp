@@ -12,11 +12,6 @@
 namespace fork1s {
 namespace {
 
-struct PosedGeom {
-  int id = -1;          // MuJoCo's geom
-  RigidTransform X_BM;  // frame of MuJoCo's geom in the body; a mesh's sits at its centre of volume
-};
-
 /// As in MJCF: the higher priority decides, else the larger coefficient; a pair is frictionless when all who
 /// decide are.
 double PairFriction(const internal::CollisionGeom& a, const internal::CollisionGeom& b) {
@@ -35,6 +30,11 @@ void WriteGeomPose(mjData* data, int id, const RigidTransform& X_WM) {
 }  // namespace
 
 struct CollisionWorld::Detail {
+  struct PosedGeom {
+    int id = -1;          // MuJoCo's geom
+    RigidTransform X_BM;  // frame of MuJoCo's geom in the body; a mesh's sits at its centre of volume
+  };
+
   internal::ModelPointer model;
   internal::DataPointer data;
   std::vector<internal::CollisionGeom> geoms;  // by MuJoCo's geom id
@@ -81,7 +81,7 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
   std::sort(detail.excluded.begin(), detail.excluded.end());
 
   detail.geoms.resize(static_cast<std::size_t>(m->ngeom));
-  std::vector<std::vector<PosedGeom>> by_body(bodies.size());
+  std::vector<std::vector<Detail::PosedGeom>> by_body(bodies.size());
   for (std::size_t k = 0; k < text->geoms.size(); ++k) {
     const internal::CollisionGeom& geom = text->geoms[k];
     const int id = mj_name2id(m, mjOBJ_GEOM, internal::Text("g", k).c_str());
@@ -120,7 +120,7 @@ void CollisionWorld::SetPose(int body, const RigidTransform& X_WB) {
   const std::size_t b = static_cast<std::size_t>(body);
   FORK1S_REQUIRE(detail.moves[b], body);
   for (int k = detail.first_posed[b]; k < detail.first_posed[b + 1]; ++k) {
-    const PosedGeom& geom = detail.posed[static_cast<std::size_t>(k)];
+    const Detail::PosedGeom& geom = detail.posed[static_cast<std::size_t>(k)];
     WriteGeomPose(detail.data.get(), geom.id, X_WB * geom.X_BM);
   }
 }

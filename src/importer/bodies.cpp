@@ -7,9 +7,6 @@
 namespace fork1s::internal {
 namespace {
 
-Vector3 Vec3(const mjtNum* p) { return {p[0], p[1], p[2]}; }
-Quaternion Quat(const mjtNum* q) { return Quaternion(q[0], q[1], q[2], q[3]); }
-
 // Massless URDF links reach MuJoCo with this much, since it refuses none at all.
 constexpr double kMasslessBound = 2e-12;
 

@@ -6,8 +6,6 @@
 namespace fork1s::internal {
 namespace {
 
-Vector3 Vec3(const mjtNum* p) { return {p[0], p[1], p[2]}; }
-
 // Mechanism and body that stand for a body of the file in a closure; still bodies are part of the base.
 struct Anchor {
   BodyIndex body;

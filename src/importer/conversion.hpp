@@ -99,6 +99,10 @@ struct Conversion {
   Error ModelError(const std::string& where, const std::string& message) const;
 };
 
+/// MuJoCo's arrays as vectors and quaternions.
+inline Vector3 Vec3(const mjtNum* p) { return {p[0], p[1], p[2]}; }
+inline Quaternion Quat(const mjtNum* q) { return Quaternion(q[0], q[1], q[2], q[3]); }
+
 std::string NameOr(const mjModel& m, int address, const char* kind, int id);
 
 /// Which trees form which mechanism (components.cpp).

@@ -7,8 +7,6 @@
 namespace fork1s::internal {
 namespace {
 
-Vector3 Vec3(const mjtNum* p) { return {p[0], p[1], p[2]}; }
-
 std::shared_ptr<const TriangleMesh> ConvertMesh(const mjModel& m, int id) {
   auto mesh = std::make_shared<TriangleMesh>();
   mesh->name = NameOr(m, m.name_meshadr[id], "mesh", id);

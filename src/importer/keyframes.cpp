@@ -12,9 +12,6 @@
 namespace fork1s::internal {
 namespace {
 
-Vector3 Vec3(const mjtNum* p) { return {p[0], p[1], p[2]}; }
-Quaternion Quat(const mjtNum* q) { return Quaternion(q[0], q[1], q[2], q[3]); }
-
 // A free joint's qpos is a pose in the world, its qvel [velocity in world axes; rotation in body axes].
 RigidTransform FreePose(const mjtNum* qpos) { return {Quat(qpos + 3), Vec3(qpos)}; }
 Vector6 FreeTwist(const RigidTransform& X_WB, const mjtNum* qvel) {

@@ -69,6 +69,15 @@ Derivatives EvaluateDerivatives(double theta, const Coefficients& k) {
 
 }  // namespace
 
+RigidTransform::RigidTransform(const Quaternion& q, const Vector3& p)
+    : R_(q.normalized().toRotationMatrix()), p_(p) {}
+
+Quaternion RigidTransform::quaternion() const { return Quaternion(R_); }
+
+void RigidTransform::Orthonormalize() { R_ = Quaternion(R_).normalized().toRotationMatrix(); }
+
+bool RigidTransform::IsFinite() const { return R_.allFinite() && p_.allFinite(); }
+
 Matrix3 ExpRotation(const Vector3& w) { return Rotation(w, Evaluate(w.norm())); }
 
 Vector3 LogRotation(const Matrix3& R) {

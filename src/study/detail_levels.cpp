@@ -1,3 +1,4 @@
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/study/detail_levels.hpp>
 
 #include <algorithm>
@@ -18,7 +19,7 @@ using internal::Run;
 using internal::RunOptions;
 using internal::TrackedBody;
 
-constexpr double kStep = 1.0 / 60;  // s
+constexpr double kDetailStep = 1.0 / 60;  // s
 
 std::string LevelText(const Fidelity& f) {
   std::string text = Name(f.level);
@@ -93,8 +94,8 @@ Expected<std::vector<DetailRow>> MeasureDetail(const std::string& folder, const 
   auto controls = ReadControls(folder + "/" + name + ".csv");
   if (!controls) return tl::unexpected(controls.error());
   RunOptions o;
-  o.interval = kStep;
-  o.samples = static_cast<int>(std::llround(time_s / kStep));
+  o.interval = kDetailStep;
+  o.samples = static_cast<int>(std::llround(time_s / kDetailStep));
   o.initial_keyframe = imported->initial_keyframe;
   o.controls = &*controls;
   auto probe = internal::MakeReduced(imported->scene, o);
@@ -109,7 +110,8 @@ Expected<std::vector<DetailRow>> MeasureDetail(const std::string& folder, const 
   std::vector<DetailRow> rows;
   for (const Fidelity& level : levels) {
     auto row =
-        Measure(imported->scene, tracked, o, static_cast<int>(std::llround(from_s / kStep)), level, *truth);
+        Measure(imported->scene, tracked, o, static_cast<int>(std::llround(from_s / kDetailStep)), level,
+                *truth);
     if (!row) return tl::unexpected(row.error());
     rows.push_back(*row);
   }

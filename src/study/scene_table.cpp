@@ -19,7 +19,7 @@ using internal::Run;
 using internal::RunOptions;
 using internal::TrackedBody;
 
-constexpr double kStep = 1.0 / 60;  // s
+constexpr double kTableStep = 1.0 / 60;  // s
 constexpr int kHalvings = 8;        // to 1/15360 s
 
 // What a stable run keeps to.
@@ -45,8 +45,8 @@ Bounds BoundsOf(const Run& run) {
       b.speed = std::max(b.speed, (X.translation() - before.translation()).norm());
       b.turn = std::max(b.turn, Turn(before, X));
     }
-  b.speed = 3 * b.speed + 1 * kStep;
-  b.turn = 3 * b.turn + 30 * kStep;
+  b.speed = 3 * b.speed + 1 * kTableStep;
+  b.turn = 3 * b.turn + 30 * kTableStep;
   b.distance = box.diagonal().norm();
   return b;
 }
@@ -129,9 +129,9 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
   }
   const Scene& scene = imported->scene;
   RunOptions o;
-  o.interval = kStep;
+  o.interval = kTableStep;
   const double wanted = controls.times.empty() ? time_limit_s : std::min(time_limit_s, controls.times.back());
-  o.samples = std::max(1, static_cast<int>(std::llround(wanted / kStep)));
+  o.samples = std::max(1, static_cast<int>(std::llround(wanted / kTableStep)));
   o.initial_keyframe = imported->initial_keyframe;
   o.controls = &controls;
   auto probe = internal::MakeReduced(scene, o);
@@ -139,7 +139,7 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
   std::vector<TrackedBody> tracked;
   SceneRow base;
   base.scene = name;
-  base.time_s = o.samples * kStep;
+  base.time_s = o.samples * kTableStep;
   base.bodies = static_cast<int>(probe->bodies().size());
   for (std::size_t i = 0; i < probe->bodies().size(); ++i) {
     const SceneBody& b = probe->bodies()[i];
@@ -178,7 +178,9 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
 
   mujoco.simulator = "mujoco";
   run = FirstStable(*truth, bounds,
-                    [&](int k) { return internal::RunMuJoCo(path, scene, tracked, kStep / (1 << k), o); });
+                    [&](int k) {
+                      return internal::RunMuJoCo(path, scene, tracked, kTableStep / (1 << k), o);
+                    });
   if (!run) return tl::unexpected(run.error());
   if (*run) {
     SetCost(**run, base.time_s, mujoco);

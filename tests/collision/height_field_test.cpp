@@ -29,7 +29,7 @@ HeightField Field(const std::function<double(double, double)>& height) {
   return HeightField{grid};
 }
 
-Vector3 Normal(const ContactPoint& c) { return c.frame.row(0).transpose(); }
+Vector3 GroundNormal(const ContactPoint& c) { return c.frame.row(0).transpose(); }
 
 // MuJoCo holds heights as floats of 24 bits.
 constexpr double kFloat = 1e-8;  // m, of 0.1
@@ -51,7 +51,7 @@ TEST(SphereOnGrid, AFlatFieldIsAPlane) {
           const auto contacts = Under(field, radius, Vector3(x, y, 0.05 + radius + gap));
           ASSERT_EQ(contacts.size(), 1u) << radius << ' ' << x << ' ' << y << ' ' << gap;
           EXPECT_NEAR(contacts[0].gap, gap, kFloat);
-          EXPECT_LT((Normal(contacts[0]) - Vector3::UnitZ()).norm(), 1e-6);
+          EXPECT_LT((GroundNormal(contacts[0]) - Vector3::UnitZ()).norm(), 1e-6);
           EXPECT_LT((contacts[0].point - Vector3(x, y, 0.05 + gap / 2)).norm(), 1e-6);
         }
 }
@@ -67,7 +67,7 @@ TEST(SphereOnGrid, ATiltedFieldIsATiltedPlane) {
     const auto contacts = Under(field, radius, on + (radius - 0.0005) * n);
     ASSERT_EQ(contacts.size(), 1u) << i;
     EXPECT_NEAR(contacts[0].gap, -0.0005, kFloat);
-    EXPECT_LT((Normal(contacts[0]) - n).norm(), 2e-6);  // heights rounded to 1e-8 m over cells of 10 mm
+    EXPECT_LT((GroundNormal(contacts[0]) - n).norm(), 2e-6);  // heights rounded to 1e-8 m over cells of 10 mm
   }
 }
 
@@ -82,7 +82,7 @@ TEST(SphereOnGrid, AValleyHasTwoContactsAndARidgeOne) {
     ASSERT_EQ(contacts.size(), side > 0 ? 2u : 1u);
     for (const ContactPoint& c : contacts) {
       EXPECT_NEAR(c.gap, gap, 2 * kFloat);
-      EXPECT_NEAR(Normal(c).z(), side > 0 ? std::cos(slope) : 1, 1e-6);
+      EXPECT_NEAR(GroundNormal(c).z(), side > 0 ? std::cos(slope) : 1, 1e-6);
     }
   }
 }
@@ -95,7 +95,7 @@ TEST(SphereOnGrid, WhatIsUnderTheSurfaceIsPushedUp) {
     const auto contacts = Under(field, radius, Vector3(0.051, 0.002, 0.0551) - depth * n);
     ASSERT_EQ(contacts.size(), 1u) << depth;
     EXPECT_NEAR(contacts[0].gap, -depth - radius, kFloat);
-    EXPECT_LT((Normal(contacts[0]) - n).norm(), 2e-6);
+    EXPECT_LT((GroundNormal(contacts[0]) - n).norm(), 2e-6);
   }
 }
 
@@ -140,7 +140,7 @@ TEST(SphereOnGrid, RoughGroundAgreesWithSamples) {
     double least = 1;
     for (const ContactPoint& c : contacts) {
       least = std::min(least, c.gap);
-      const Vector3 p = c.point - 0.5 * c.gap * Normal(c);  // on the ground
+      const Vector3 p = c.point - 0.5 * c.gap * GroundNormal(c);  // on the ground
       EXPECT_NEAR(p.z(), height(p.x(), p.y()), 1e-6) << k;
       EXPECT_NEAR((Vector3(x, y, z) - p).norm() - radius, c.gap, 1e-9) << k;
     }

@@ -7,8 +7,6 @@
 namespace fork1s::mechanism_test {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
 TEST(Closures, AreClosedAtTheReference) {
   int closures = 0;
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
@@ -34,7 +32,7 @@ TEST(Closures, JacobianIsTheDerivativeOfTheResidual) {
       ClosureJacobian(m, At(m, q), q, A);
       ASSERT_EQ(A.rows(), c.size());
       // Within 0.3 of half a turn the rotation vector bends too sharply for differences of this step.
-      if (c.size() && c.cwiseAbs().maxCoeff() > kPi - 0.3) continue;
+      if (c.size() && c.cwiseAbs().maxCoeff() > std::numbers::pi - 0.3) continue;
       auto residual = [&](const VectorX& p) {
         VectorX r;
         ClosureResidual(m, At(m, p), p, r);

@@ -8,7 +8,7 @@ namespace fork1s::mechanism_test {
 namespace {
 
 // Sums over eight bodies of up to 2 kg some metres away: 1e-16 * 8 * 2 * 10², with room.
-constexpr double kRounding = 1e-12;
+constexpr double kInertiaRounding = 1e-12;
 
 Matrix6 BodyInertia(const Mechanism& m, const Kinematics& k, int b) {
   // Ad⁻ᵀ I Ad⁻¹, another road than the one the library takes.
@@ -34,21 +34,21 @@ TEST(MassMatrix, IsTheSumOverBodies) {
       const double scale = 1 + expected.cwiseAbs().maxCoeff() + base.cwiseAbs().maxCoeff();
       MatrixX M;
       MassMatrix(m, k, M);
-      EXPECT_LE((M - expected).cwiseAbs().maxCoeff(), kRounding * scale) << "seed " << seed;
-      EXPECT_LE((M - M.transpose()).cwiseAbs().maxCoeff(), kRounding * scale);
+      EXPECT_LE((M - expected).cwiseAbs().maxCoeff(), kInertiaRounding * scale) << "seed " << seed;
+      EXPECT_LE((M - M.transpose()).cwiseAbs().maxCoeff(), kInertiaRounding * scale);
       EXPECT_GT(Eigen::SelfAdjointEigenSolver<MatrixX>(M).eigenvalues()(0), 0) << "seed " << seed;
 
       Matrix6 M_00;
       Matrix6X M_0q;
       BaseInertia(m, k, M_00, M_0q);
-      EXPECT_LE((M_00 - base).cwiseAbs().maxCoeff(), kRounding * scale);
-      EXPECT_LE((M_0q - coupling).cwiseAbs().maxCoeff(), kRounding * scale);
+      EXPECT_LE((M_00 - base).cwiseAbs().maxCoeff(), kInertiaRounding * scale);
+      EXPECT_LE((M_0q - coupling).cwiseAbs().maxCoeff(), kInertiaRounding * scale);
 
       RandomSource random(seed);
       const VectorX x = random.Vector(m.num_coordinates(), 1);
       VectorX Mx;
       ApplyMass(m, k, x, Mx);
-      EXPECT_LE((Mx - expected * x).cwiseAbs().maxCoeff(), kRounding * scale) << "seed " << seed;
+      EXPECT_LE((Mx - expected * x).cwiseAbs().maxCoeff(), kInertiaRounding * scale) << "seed " << seed;
     }
   }
 }
@@ -58,10 +58,10 @@ TEST(MassMatrix, ReferenceInertiasAreThoseOfTheReferencePose) {
   const Kinematics k = At(m, VectorX::Zero(m.num_coordinates()));
   double mass = 0;
   for (int b = 0; b < m.num_bodies(); ++b) {
-    EXPECT_LE((m.body(BodyIndex(b)).inertia_R0.Matrix() - BodyInertia(m, k, b)).norm(), kRounding);
+    EXPECT_LE((m.body(BodyIndex(b)).inertia_R0.Matrix() - BodyInertia(m, k, b)).norm(), kInertiaRounding);
     mass += m.body(BodyIndex(b)).inertia_B.mass;
   }
-  EXPECT_NEAR(m.total_mass(), mass, kRounding);
+  EXPECT_NEAR(m.total_mass(), mass, kInertiaRounding);
 }
 
 // Two uniform rods of 1 kg and 1 m, elbow at 90 degrees, 100 N·m/rad in both joints.

@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 // Products of up to ten poses of a few metres: 1e-16 * 10 * 5, with room.
-constexpr double kRounding = 1e-13;
+constexpr double kPoseRounding = 1e-13;
 
 TEST(Poses, OfATwoLinkArmInClosedForm) {
   const double l1 = 0.7, l2 = 0.4;
@@ -30,11 +30,11 @@ TEST(Poses, OfATwoLinkArmInClosedForm) {
       EXPECT_LE(
           (p - Vector3(l1 * std::cos(a) + l2 * std::cos(a + b), l1 * std::sin(a) + l2 * std::sin(a + b), 0))
               .norm(),
-          kRounding);
+          kPoseRounding);
       EXPECT_LE((LogRotation(k.X_RB[tip.u()].rotation()).cwiseAbs() -
                  Vector3(0, 0, std::abs(std::remainder(a + b, 2 * kPi))))
                     .norm(),
-                10 * kRounding);
+                10 * kPoseRounding);
     }
 }
 
@@ -53,7 +53,7 @@ TEST(Poses, StackedJointsComposeFromTheParentOut) {
   const RigidTransform expected = X_PB * RigidTransform(anchor) * turn * RigidTransform(Vector3(-anchor)) *
                                   RigidTransform(Vector3(0, 0, 0.25));
   const Kinematics k = At(m, Vector3(0.4, -1.1, 0.25));
-  EXPECT_LE((PoseMatrix(k.X_RB[1]) - PoseMatrix(expected)).norm(), kRounding);
+  EXPECT_LE((PoseMatrix(k.X_RB[1]) - PoseMatrix(expected)).norm(), kPoseRounding);
 }
 
 TEST(Poses, AreProductsOfExponentialsInTheBodyFrames) {
@@ -73,7 +73,7 @@ TEST(Poses, AreProductsOfExponentialsInTheBodyFrames) {
           x += j.freedoms[static_cast<std::size_t>(i)].screw_B * q(joint.offset + i);
         X = X * Exp(x);
       }
-      EXPECT_LE((PoseMatrix(X) - PoseMatrix(k.X_RB[b])).norm(), 10 * kRounding) << "seed " << seed;
+      EXPECT_LE((PoseMatrix(X) - PoseMatrix(k.X_RB[b])).norm(), 10 * kPoseRounding) << "seed " << seed;
     }
   }
 }
@@ -178,8 +178,8 @@ TEST(GeneralizedForce, IsTheSumOfTransposedJacobians) {
     const Vector6 total = F.rowwise().sum();
     VectorX tau = start;
     AccumulateGeneralizedForce(m, k.S, F, tau);
-    EXPECT_LE((tau - expected).norm(), 10 * kRounding * (1 + expected.norm()));
-    EXPECT_LE((F.col(0) - total).norm(), kRounding * 10);
+    EXPECT_LE((tau - expected).norm(), 10 * kPoseRounding * (1 + expected.norm()));
+    EXPECT_LE((F.col(0) - total).norm(), kPoseRounding * 10);
   }
 }
 

@@ -6,7 +6,6 @@
 namespace fork1s::reference_test {
 namespace {
 
-constexpr double kGravity = 9.81;
 constexpr double kRadius = 0.1;
 
 /// A body over the plane z = 0, gravity tilted by `slope` about y so that downhill is +x.

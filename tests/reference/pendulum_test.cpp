@@ -7,9 +7,8 @@
 namespace fork1s::reference_test {
 namespace {
 
-constexpr double kGravity = 9.81;
 // An error e(h) = a h + b h² with b h much below a gives a slope of 1 within these; 1000 steps in 1 s do.
-constexpr double kSlope = 0.1;
+constexpr double kSlopeError = 0.1;
 
 Scene Falling(int links) { return Of(testing::Chain(links, 1, 1, 0), Vector3(0, -kGravity, 0)); }
 
@@ -21,7 +20,7 @@ double FinalError(const Scene& scene, const VectorX& expected, double h) {
 
 void ExpectFirstOrder(const Scene& scene, const VectorX& expected) {
   const double coarse = FinalError(scene, expected, 1e-3), fine = FinalError(scene, expected, 5e-4);
-  EXPECT_NEAR(std::log2(coarse / fine), 1, kSlope) << coarse << " " << fine;
+  EXPECT_NEAR(std::log2(coarse / fine), 1, kSlopeError) << coarse << " " << fine;
   // Of a swing of some radians.
   EXPECT_LT(fine, 0.02);
 }

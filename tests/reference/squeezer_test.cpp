@@ -71,7 +71,7 @@ const Angles kStart{-.0617138900142764496, 0,
                     .222668390165885884,   1.23054744454982119,
                     -.222668390165885884};
 
-FullSimulation Start(double h) {
+FullSimulation StartSqueezer(double h) {
   Scene scene = Of(Squeezer());
   StartAt(scene, kStart.Vector(), VectorX::Zero(7));
   return reference_test::Start(scene, h);
@@ -87,7 +87,7 @@ void Drive(FullSimulation& s) {
 
 TEST(Squeezer, StartsWithThePublishedAcceleration) {
   constexpr double h = 1e-8;
-  FullSimulation s = Start(h);
+  FullSimulation s = StartSqueezer(h);
   Drive(s);
   ASSERT_TRUE(s.Step().finite);
   // Digits: rates of 1e-4 rad/s are solved to about 1e-11 of their size.
@@ -100,7 +100,7 @@ TEST(Squeezer, StartsWithThePublishedAcceleration) {
 TEST(Squeezer, ReachesThePublishedPose) {
   constexpr double kTime = 0.03;
   auto end = [&](double h) {
-    FullSimulation s = Start(h);
+    FullSimulation s = StartSqueezer(h);
     const int steps = static_cast<int>(kTime / h + 0.5);
     for (int i = 0; i < steps; ++i) {
       Drive(s);

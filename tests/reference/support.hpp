@@ -10,6 +10,8 @@
 
 namespace fork1s::reference_test {
 
+inline constexpr double kGravity = 9.81;  // m/s²
+
 inline Scene Of(MechanismDef definition, const Vector3& gravity = Vector3::Zero()) {
   Scene scene;
   scene.name = definition.name;

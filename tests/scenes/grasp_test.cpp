@@ -6,13 +6,13 @@
 namespace fork1s::examples {
 namespace {
 
-struct Case {
+struct GraspCase {
   const char* scene;
   const char* object;
 };
-std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.scene; }
+std::ostream& operator<<(std::ostream& out, const GraspCase& c) { return out << c.scene; }
 
-class Grasp : public testing::TestWithParam<Case> {};
+class Grasp : public testing::TestWithParam<GraspCase> {};
 
 TEST_P(Grasp, HoldsWhatItShakesAndTurnsOver) {
   SceneRun run(GetParam().scene);
@@ -68,8 +68,8 @@ TEST_P(Grasp, HoldsForAMinuteWithoutDrift) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Objects, Grasp,
-                         testing::Values(Case{"grasp_sphere", "ball"}, Case{"grasp_box", "box"},
-                                         Case{"grasp_mug", "mug"}));
+                         testing::Values(GraspCase{"grasp_sphere", "ball"}, GraspCase{"grasp_box", "box"},
+                                         GraspCase{"grasp_mug", "mug"}));
 
 }  // namespace
 }  // namespace fork1s::examples

@@ -4,14 +4,14 @@
 namespace fork1s::examples {
 namespace {
 
-struct Case {
+struct Stiff {
   const char* scene;
   double stiffness;
   double time;  // s
 };
-std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.scene << " x" << c.stiffness; }
+std::ostream& operator<<(std::ostream& out, const Stiff& c) { return out << c.scene << " x" << c.stiffness; }
 
-class Stiffness : public testing::TestWithParam<Case> {};
+class Stiffness : public testing::TestWithParam<Stiff> {};
 
 TEST_P(Stiffness, NoStepGainsEnergy) {
   SceneRun run(GetParam().scene, GetParam().stiffness);
@@ -34,13 +34,13 @@ TEST_P(Stiffness, NoStepGainsEnergy) {
 
 INSTANTIATE_TEST_SUITE_P(
     Scenes, Stiffness,
-    testing::Values(Case{"firemen", 1, 3}, Case{"firemen", 100, 3}, Case{"firemen", 1e3, 3},
-                    Case{"vehicle", 1, 6}, Case{"vehicle", 100, 6}, Case{"vehicle", 1e3, 6},
-                    Case{"hexapod_terrain", 1, 6}, Case{"hexapod_terrain", 100, 6},
-                    Case{"hexapod_terrain", 1e3, 6}, Case{"hammer", 1, 4}, Case{"hammer", 100, 4},
-                    Case{"hammer", 1e3, 4}, Case{"peg_in_hole", 1, 5}, Case{"peg_in_hole", 100, 5},
-                    Case{"peg_in_hole", 1e3, 5}, Case{"grasp_sphere", 100, 6}, Case{"grasp_sphere", 1e3, 6},
-                    Case{"grasp_box", 100, 6}, Case{"grasp_mug", 100, 6}, Case{"grasp_mug", 1e3, 6}));
+    testing::Values(Stiff{"firemen", 1, 3}, Stiff{"firemen", 100, 3}, Stiff{"firemen", 1e3, 3},
+                    Stiff{"vehicle", 1, 6}, Stiff{"vehicle", 100, 6}, Stiff{"vehicle", 1e3, 6},
+                    Stiff{"hexapod_terrain", 1, 6}, Stiff{"hexapod_terrain", 100, 6},
+                    Stiff{"hexapod_terrain", 1e3, 6}, Stiff{"hammer", 1, 4}, Stiff{"hammer", 100, 4},
+                    Stiff{"hammer", 1e3, 4}, Stiff{"peg_in_hole", 1, 5}, Stiff{"peg_in_hole", 100, 5},
+                    Stiff{"peg_in_hole", 1e3, 5}, Stiff{"grasp_sphere", 100, 6}, Stiff{"grasp_sphere", 1e3, 6},
+                    Stiff{"grasp_box", 100, 6}, Stiff{"grasp_mug", 100, 6}, Stiff{"grasp_mug", 1e3, 6}));
 
 }  // namespace
 }  // namespace fork1s::examples

@@ -12,7 +12,7 @@ namespace {
 constexpr std::string_view kPage = "<html>page</html>";
 
 // A server with a simulation behind it that this test steps itself.
-class Served : public testing::Test {
+class Served : public ::testing::Test {
  protected:
   Served() : live_(Live("hand.xml", Recovery::kExact, "open")) {
     ServerOptions options;

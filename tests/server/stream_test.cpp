@@ -15,7 +15,7 @@ struct Case {
   const char* pulled;
 };
 
-class Streams : public testing::TestWithParam<Case> {};
+class Streams : public ::testing::TestWithParam<Case> {};
 
 void Append(std::ofstream& out, bool binary, const Message& message) {
   const std::uint32_t head[] = {binary ? 1u : 0u, static_cast<std::uint32_t>(message->size())};
@@ -63,7 +63,7 @@ TEST_P(Streams, AreWritten) {
 
 INSTANTIATE_TEST_SUITE_P(
     Scenes, Streams,
-    testing::Values(Case{"hand_exact", "hand.xml", Recovery::kExact, "open", "index_tip"},
+    ::testing::Values(Case{"hand_exact", "hand.xml", Recovery::kExact, "open", "index_tip"},
                     Case{"hand_twist", "hand.xml", Recovery::kTwist, "open", "index_tip"},
                     Case{"hexapod_exact", "hexapod.xml", Recovery::kExact, "", "trunk"},
                     Case{"firemen_exact", "firemen.xml", Recovery::kExact, "", "bunny"},

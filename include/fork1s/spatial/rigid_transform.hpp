@@ -14,7 +14,7 @@ class RigidTransform {
  public:
   RigidTransform() : R_(Matrix3::Identity()), p_(Vector3::Zero()) {}
   RigidTransform(const Matrix3& R, const Vector3& p) : R_(R), p_(p) {}
-  RigidTransform(const Quaternion& q, const Vector3& p) : R_(q.normalized().toRotationMatrix()), p_(p) {}
+  RigidTransform(const Quaternion& q, const Vector3& p);
   explicit RigidTransform(const Vector3& p) : R_(Matrix3::Identity()), p_(p) {}
 
   static RigidTransform Identity() { return {}; }
@@ -34,10 +34,10 @@ class RigidTransform {
   /// Maps a point given in B to A.
   Vector3 operator*(const Vector3& point) const { return R_ * point + p_; }
 
-  Quaternion quaternion() const { return Quaternion(R_); }
+  Quaternion quaternion() const;
   /// Removes the rounding that products of many poses gather in the rotation.
-  void Orthonormalize() { R_ = Quaternion(R_).normalized().toRotationMatrix(); }
-  bool IsFinite() const { return R_.allFinite() && p_.allFinite(); }
+  void Orthonormalize();
+  bool IsFinite() const;
 
  private:
   Matrix3 R_;

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/recovery/second_order.hpp>
 #include <fork1s/reduction/statics.hpp>
@@ -21,7 +22,7 @@ namespace fork1s::internal {
 namespace {
 
 // Differences of 1e-5 rad: truncation and rounding both near 1e-10 of a derivative.
-constexpr double kStep = 1e-5;
+constexpr double kDifferenceStep = 1e-5;
 constexpr double kRefreshAngle = 15 * std::numbers::pi / 180;  // the simulation's default
 
 }  // namespace
@@ -133,7 +134,7 @@ bool ReducedEquilibrium::Newton(VectorX& x, double force_N) {
     VectorX y = x;
     for (Eigen::Index i = 0; i < n; ++i) {
       const double unit = i < model_->size() ? model_->Q.col(i).cwiseAbs().maxCoeff() : 1.0;
-      const double step = kStep / std::max(1e-12, unit);  // a column of Q may be long
+      const double step = kDifferenceStep / std::max(1e-12, unit);  // a column of Q may be long
       y(i) = x(i) + step;
       const VectorX above = Residual(y, force_N);
       y(i) = x(i) - step;

@@ -21,8 +21,9 @@ constexpr std::array<Style, 5> kStyles{{{"#D55E00", "none", 'c'},
                                         {"#8A5A83", "2 3", 'd'},
                                         {"#007A5A", "none", 't'},
                                         {"#222222", "9 3 2 3", 'c'}}};
-constexpr double kPanelWidth = 312, kPanelHeight = 268, kHead = 78, kMargin = 8;
-constexpr double kLeft = 58, kRight = 300, kTop = 44, kBottom = 218;  // of the plot in its panel
+constexpr double kPanelWidth = 312, kPanelHeight = 268, kHeadHeight = 78, kMargin = 8;
+// Of the plot in its panel.
+constexpr double kPlotLeft = 58, kPlotRight = 300, kPlotTop = 44, kPlotBottom = 218;
 
 std::string Marker(const Style& s, double x, double y, bool hollow) {
   const std::string paint =
@@ -61,8 +62,8 @@ class PanelDrawer {
   PanelDrawer(const Figure& figure, double x0, double y0) : f_(figure), x0_(x0), y0_(y0) {}
 
   std::string Draw(const FigurePanel& panel) const {
-    std::string svg = Text(x0_ + kLeft, y0_ + 18, "start", panel.title, " font-weight=\"600\"");
-    svg += Text(x0_ + kLeft, y0_ + 35, "start", panel.note, " font-size=\"12\" fill=\"#4a5160\"");
+    std::string svg = Text(x0_ + kPlotLeft, y0_ + 18, "start", panel.title, " font-weight=\"600\"");
+    svg += Text(x0_ + kPlotLeft, y0_ + 35, "start", panel.note, " font-size=\"12\" fill=\"#4a5160\"");
     svg += Axes();
     for (const FigureSeries& s : panel.series) svg += DrawSeries(s);
     return svg;
@@ -72,11 +73,11 @@ class PanelDrawer {
   double X(double value) const {
     auto scale = [&](double v) { return f_.log_x ? std::log(v) : v; };
     const double low = scale(f_.x_ticks.front().first), high = scale(f_.x_ticks.back().first);
-    return x0_ + kLeft + (scale(value) - low) / (high - low) * (kRight - kLeft);
+    return x0_ + kPlotLeft + (scale(value) - low) / (high - low) * (kPlotRight - kPlotLeft);
   }
   double Y(double value) const {
     const double share = (std::log10(value) - f_.low_decade) / (f_.high_decade - f_.low_decade);
-    return y0_ + kBottom - std::max(0.0, share) * (kBottom - kTop);
+    return y0_ + kPlotBottom - std::max(0.0, share) * (kPlotBottom - kPlotTop);
   }
   bool IsBelow(double value) const { return value < std::pow(10.0, f_.low_decade); }
 
@@ -88,7 +89,8 @@ class PanelDrawer {
 
   std::string Axes() const {
     std::string svg;
-    const double left = x0_ + kLeft, right = x0_ + kRight, top = y0_ + kTop, bottom = y0_ + kBottom;
+    const double left = x0_ + kPlotLeft, right = x0_ + kPlotRight;
+    const double top = y0_ + kPlotTop, bottom = y0_ + kPlotBottom;
     for (const auto& [value, label] : f_.x_ticks) {
       svg += Grid(X(value), top, X(value), bottom, "#e3e6ea");
       svg += Text(X(value), bottom + 16, "middle", label);
@@ -129,7 +131,7 @@ std::string DrawFigure(const Figure& figure) {
   const int panels = static_cast<int>(figure.panels.size());
   const int columns = panels == 4 ? 2 : std::min(panels, 3), rows = (panels + columns - 1) / columns;
   const double width = std::max(2, columns) * kPanelWidth + 2 * kMargin + 14;
-  const double height = kHead + rows * kPanelHeight + kMargin;
+  const double height = kHeadHeight + rows * kPanelHeight + kMargin;
   // Its own ground, so that it reads the same on a light and on a dark page.
   std::string svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" "
@@ -158,10 +160,11 @@ std::string DrawFigure(const Figure& figure) {
   svg += fmt::format(
       "<text transform=\"translate(18 {:.0f}) rotate(-90)\" text-anchor=\"middle\" "
       "fill=\"#4a5160\">{}</text>\n",
-      kHead + 0.5 * rows * kPanelHeight, EscapeHtml(figure.y_label));
+      kHeadHeight + 0.5 * rows * kPanelHeight, EscapeHtml(figure.y_label));
   for (int i = 0; i < panels; ++i)
     svg +=
-        PanelDrawer(figure, kMargin + 14 + (i % columns) * kPanelWidth, kHead + (i / columns) * kPanelHeight)
+        PanelDrawer(figure, kMargin + 14 + (i % columns) * kPanelWidth,
+                    kHeadHeight + (i / columns) * kPanelHeight)
             .Draw(figure.panels[static_cast<std::size_t>(i)]);
   return svg + "</svg>\n";
 }

@@ -32,7 +32,7 @@ double At(const StaticCurve& c, StaticMode mode, double angle_deg) {
   return -1;
 }
 
-constexpr const char* kHead = R"(# How accurate the method is
+constexpr const char* kPageHead = R"(# How accurate the method is
 
 A reduced model is an approximation in four places: how body poses are recovered from its few coordinates, how many modes it
 keeps, how long its time steps are, and how well its joints hold together. This page measures each of them by itself, against
@@ -266,7 +266,7 @@ within a step what the full one solves at its end, and the difference falls with
 }  // namespace
 
 std::string AccuracyPage(const AccuracyResults& results) {
-  return kHead + StaticsSection(results) + GapsSection(results) + FrequenciesSection(results) +
+  return kPageHead + StaticsSection(results) + GapsSection(results) + FrequenciesSection(results) +
          TransientsSection(results);
 }
 

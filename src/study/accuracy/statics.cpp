@@ -12,7 +12,7 @@
 namespace fork1s {
 namespace {
 
-constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 // The full mechanism's equilibrium and its largest joint rotation.
 struct Truth {
@@ -23,7 +23,7 @@ struct Truth {
 Truth Solve(const StaticCase& c, double force_N) {
   Truth t;
   t.result = SolveStatics(*c.mechanism, c.q0, {{c.body, force_N * c.direction_R}});
-  if (t.result.converged) t.angle_deg = kDegrees * MaxJointRotation(*c.mechanism, c.q0, t.result.q);
+  if (t.result.converged) t.angle_deg = kDegreesPerRadian * MaxJointRotation(*c.mechanism, c.q0, t.result.q);
   return t;
 }
 
@@ -88,7 +88,7 @@ Expected<StaticCurve> MeasureStatics(const StaticCase& c, const std::vector<doub
   const std::vector<DeadLoad> newton{{c.body, c.direction_R}};
   auto linear = LinearDeflection(*c.mechanism, c.q0, newton);
   if (!linear) return tl::unexpected(linear.error());
-  const double per_newton = kDegrees * MaxJointRotation(*c.mechanism, c.q0, *linear);
+  const double per_newton = kDegreesPerRadian * MaxJointRotation(*c.mechanism, c.q0, *linear);
   Kinematics kinematics(*c.mechanism);
   ComputeKinematics(*c.mechanism, c.q0, kinematics);
   const Vector3 start = kinematics.X_RB[c.body.u()].translation();

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kGravity = 9.81;  // m/s²
 constexpr double kRadius = 0.1;    // m
-constexpr double kStep = 1.0 / 60;
+constexpr double kContactStep = 1.0 / 60;
 // The reduced simulator's contact solver stops at 1e-4 of a step's impulse, the full one's at 1e-8.
 constexpr double kSolver = 1e-3;
 const char* const kWhySolver = "the contact solver stops at 1e-4 of a step's impulse; ten times that";
@@ -22,7 +22,7 @@ struct Speeds {
 template <class Road>
 Speeds AfterOneSecond(const Shape& shape, const SpatialInertia& inertia, double height, double slope,
                       double friction) {
-  auto s = Road::Start(OnPlane(shape, inertia, height, slope, friction), kStep);
+  auto s = Road::Start(OnPlane(shape, inertia, height, slope, friction), kContactStep);
   Advance(s, 1);
   const Vector6 V = s.Velocity(s.FindBody("body"));
   return {V(3), V(1)};

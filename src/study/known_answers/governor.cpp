@@ -32,7 +32,7 @@ SpatialInertia RodWithBall() {
   return I;
 }
 
-MechanismDef Definition() {
+MechanismDef GovernorDefinition() {
   MechanismBuilder builder("governor");
   BodyDef shaft, slider;
   shaft.name = "shaft";
@@ -85,7 +85,7 @@ template <class Road>
 VectorX Heights(const std::vector<double>& steps, bool to_the_end) {
   std::vector<VectorX> heights;
   for (const double h : steps) {
-    Scene scene = SceneOf(Definition(), Vector3(0, 0, -9.81));
+    Scene scene = SceneOf(GovernorDefinition(), Vector3(0, 0, -9.81));
     VectorX q_dot = VectorX::Zero(8);
     q_dot(0) = 2 * std::numbers::pi;
     StartAt(scene, VectorX::Zero(8), q_dot);

@@ -20,7 +20,7 @@ constexpr double kSpring = 4530, kUnloaded = .07785, kTorque = .033;  // N/m, m,
 constexpr double kMass[] = {.04325, .00365, .02373, .00706, .07050, .00706, .05498};
 constexpr double kInertia[] = {2.194e-6, 4.410e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5};
 
-MechanismDef Definition() {
+MechanismDef SqueezerDefinition() {
   MechanismBuilder builder("squeezer");
   auto add = [&](int number, BodyIndex parent, double x, double y, double center_x, double center_y) {
     BodyDef body;
@@ -67,7 +67,7 @@ VectorX InitialAngles() {
 }
 
 Scene SceneAt(const VectorX& q) {
-  Scene scene = SceneOf(Definition());
+  Scene scene = SceneOf(SqueezerDefinition());
   StartAt(scene, q, VectorX::Zero(7));
   return scene;
 }
