@@ -1,6 +1,8 @@
-// All of fork1s.
+// What programs that simulate need: models from files or code, reduction, simulation, recording. Comparisons with
+// the full-coordinate simulator (reference/, study/) and the live page (server/) have headers of their own.
 #pragma once
 
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/record/csv.hpp>
@@ -12,8 +14,5 @@
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reduction/statics.hpp>
-#include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/spatial/twist.hpp>
-#include <fork1s/study/accuracy.hpp>
-#include <fork1s/study/compare.hpp>

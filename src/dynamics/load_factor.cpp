@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/dynamics/load_factor.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/dynamics/rolling.hpp>
 
 namespace fork1s {

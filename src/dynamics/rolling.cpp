@@ -1,4 +1,5 @@
 #include <Eigen/Dense>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/dynamics/rolling.hpp>
 
 #include "group_geometry.hpp"

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <cmath>
-#include <fork1s/dynamics/world.hpp>
 #include <map>
 
 #include "group_geometry.hpp"
+#include "world_detail.hpp"
 
 namespace fork1s {
 namespace {
@@ -58,8 +58,26 @@ Expected<void> CheckKeyframe(const Mechanism& m, const KeyframeDef::MechanismSta
 
 }  // namespace
 
+World::World() : detail_(std::make_unique<Detail>()) {}
+World::~World() = default;
+World::World(World&&) noexcept = default;
+World& World::operator=(World&&) noexcept = default;
+World World::Empty() { return World(); }
+
+std::vector<MechanismDynamics>& World::mechanisms() { return detail_->mechanisms_; }
+const std::vector<MechanismDynamics>& World::mechanisms() const { return detail_->mechanisms_; }
+std::vector<FreeBody>& World::free_bodies() { return detail_->free_bodies_; }
+const std::vector<FreeBody>& World::free_bodies() const { return detail_->free_bodies_; }
+const std::vector<ContactRecord>& World::contacts() const { return detail_->contacts_; }
+const std::vector<Contactor>& World::contactors() const { return detail_->contactors_; }
+const RigidTransform& World::PoseAtDetection(int contactor) const {
+  return detail_->contactor_pose_[static_cast<std::size_t>(contactor)];
+}
+const std::vector<std::string>& World::warnings() const { return detail_->warnings_; }
+
 Expected<World> World::Create(const Scene& scene, const Options& options) {
   World world;
+  Detail& detail = *world.detail_;
   const KeyframeDef* key = nullptr;
   if (options.initial_keyframe >= 0) {
     FORK1S_REQUIRE(options.initial_keyframe < static_cast<int>(scene.keyframes.size()));
@@ -89,56 +107,56 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     auto dynamics = MechanismDynamics::Create(mechanism, q, q_dot, X_WR, V_R, o);
     if (!dynamics) return tl::unexpected(dynamics.error());
     if (key && key->mechanisms[i].controls.size() > 0) dynamics->controls() = key->mechanisms[i].controls;
-    for (const std::string& w : dynamics->warnings()) world.warnings_.push_back(w);
-    world.mechanisms_.push_back(std::move(*dynamics));
+    for (const std::string& w : dynamics->warnings()) detail.warnings_.push_back(w);
+    detail.mechanisms_.push_back(std::move(*dynamics));
   }
   for (std::size_t i = 0; i < scene.free_bodies.size(); ++i) {
     const FreeBodyDef& def = scene.free_bodies[i];
     if (!(def.inertia.mass > 0) || !(def.inertia.rotational.determinant() > 0))
       return Fail(ErrorCode::kModel, "body '" + def.name + "'",
                   "moves freely and needs mass and rotational inertia above 0");
-    world.free_bodies_.emplace_back(def);
+    detail.free_bodies_.emplace_back(def);
     if (key) {
       const auto& state = key->free_bodies[i];
-      world.free_bodies_.back().SetState(state.X_WB, state.omega_W, state.velocity_W);
+      detail.free_bodies_.back().SetState(state.X_WB, state.omega_W, state.velocity_W);
     }
   }
-  if (auto ok = world.BuildCollision(scene, options); !ok) return tl::unexpected(ok.error());
+  if (auto ok = detail.BuildCollision(scene, options); !ok) return tl::unexpected(ok.error());
 
   const auto room = static_cast<std::size_t>(options.max_contacts);
-  world.points_.reserve(room);
-  world.contacts_.reserve(room);
-  world.previous_.reserve(room);
-  world.speed_W_.reserve(room);
-  world.previous_speed_W_.reserve(room);
-  world.match_.reserve(room);
-  world.previous_used_.reserve(room);
-  world.previous_order_.reserve(room);
-  world.constraints_.reserve(room);
-  std::size_t blocks = world.free_bodies_.size();
-  for (const MechanismDynamics& m : world.mechanisms_)
+  detail.points_.reserve(room);
+  detail.contacts_.reserve(room);
+  detail.previous_.reserve(room);
+  detail.speed_W_.reserve(room);
+  detail.previous_speed_W_.reserve(room);
+  detail.match_.reserve(room);
+  detail.previous_used_.reserve(room);
+  detail.previous_order_.reserve(room);
+  detail.constraints_.reserve(room);
+  std::size_t blocks = detail.free_bodies_.size();
+  for (const MechanismDynamics& m : detail.mechanisms_)
     blocks += m.groups().size() + m.limited_coordinates().size();
-  world.blocks_.reserve(blocks);
-  int velocities = 6 * static_cast<int>(world.free_bodies_.size());
+  detail.blocks_.reserve(blocks);
+  int velocities = 6 * static_cast<int>(detail.free_bodies_.size());
   int limits = 0, widest = 6;
-  for (const MechanismDynamics& m : world.mechanisms_) {
-    MechanismBlock block;
+  for (const MechanismDynamics& m : detail.mechanisms_) {
+    Detail::MechanismBlock block;
     const int limited = static_cast<int>(m.limited_coordinates().size());
     const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited;
     block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
-    world.mechanism_blocks_.push_back(std::move(block));
+    detail.mechanism_blocks_.push_back(std::move(block));
     velocities += rows;
     limits += 2 * limited;
     widest = std::max(widest, m.num_velocities());
   }
-  world.limits_.reserve(static_cast<std::size_t>(limits));
-  world.velocities_.setZero(velocities);
-  world.free_W_.resize(world.free_bodies_.size());
-  world.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities);
+  detail.limits_.reserve(static_cast<std::size_t>(limits));
+  detail.velocities_.setZero(velocities);
+  detail.free_W_.resize(detail.free_bodies_.size());
+  detail.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities);
   return world;
 }
 
-Expected<void> World::BuildCollision(const Scene& scene, const Options& options) {
+Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& options) {
   std::vector<CollisionBodyDef> bodies;
   std::map<std::string, int> index_of;
   auto add = [&](CollisionBodyDef body, Contactor contactor) {
@@ -211,26 +229,26 @@ Expected<void> World::BuildCollision(const Scene& scene, const Options& options)
 }
 
 void World::ResetContacts() {
-  contacts_.clear();
-  previous_.clear();
-  previous_speed_W_.clear();
-  curvature_valid_ = false;
-  has_previous_pose_ = false;
-  for (MechanismBlock& block : mechanism_blocks_)
+  detail_->contacts_.clear();
+  detail_->previous_.clear();
+  detail_->previous_speed_W_.clear();
+  detail_->curvature_valid_ = false;
+  detail_->has_previous_pose_ = false;
+  for (Detail::MechanismBlock& block : detail_->mechanism_blocks_)
     std::fill(block.limit_impulses.begin(), block.limit_impulses.end(), 0.0);
 }
 
 double World::KineticEnergy() const {
   double energy = 0;
-  for (const auto& m : mechanisms_) energy += m.KineticEnergy();
-  for (const auto& b : free_bodies_) energy += b.KineticEnergy();
+  for (const auto& m : detail_->mechanisms_) energy += m.KineticEnergy();
+  for (const auto& b : detail_->free_bodies_) energy += b.KineticEnergy();
   return energy;
 }
 
 double World::PotentialEnergy(const Vector3& gravity) const {
   double energy = 0;
-  for (const auto& m : mechanisms_) energy += m.PotentialEnergy(gravity);
-  for (const auto& b : free_bodies_) energy += b.PotentialEnergy(gravity);
+  for (const auto& m : detail_->mechanisms_) energy += m.PotentialEnergy(gravity);
+  for (const auto& b : detail_->free_bodies_) energy += b.PotentialEnergy(gravity);
   return energy;
 }
 

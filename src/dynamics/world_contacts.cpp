@@ -1,14 +1,15 @@
 #include <algorithm>
 #include <cmath>
-#include <fork1s/dynamics/world.hpp>
 #include <numeric>
 #include <tuple>
+
+#include "world_detail.hpp"
 
 namespace fork1s {
 
 // Rows of the contact frame on the twist of a port: mechanisms in their root frame about its origin, free
 // bodies in world axes about their centre of mass.
-Matrix36 World::PortRows(const Contactor& contactor, const ContactPoint& point) const {
+Matrix36 World::Detail::PortRows(const Contactor& contactor, const ContactPoint& point) const {
   Matrix36 J;
   if (contactor.kind == Contactor::Kind::kGroup) {
     const RigidTransform& X_WR = mechanisms_[static_cast<std::size_t>(contactor.index)].state().X_WR;
@@ -23,7 +24,7 @@ Matrix36 World::PortRows(const Contactor& contactor, const ContactPoint& point) 
   return J;
 }
 
-void World::FindContacts(const StepOptions& options, StepReport& report) {
+void World::Detail::FindContacts(const StepOptions& options, StepReport& report) {
   // What can close within a step: twice the last step's motion, what gravity adds, and a millimetre.
   double motion = 0;
   for (std::size_t i = 0; i < contactors_.size(); ++i) {
@@ -54,7 +55,7 @@ void World::FindContacts(const StepOptions& options, StepReport& report) {
 }
 
 // Room for every part of a mechanism; parts change only when its reference moves.
-void World::SizeBlocks(std::size_t mechanism) {
+void World::Detail::SizeBlocks(std::size_t mechanism) {
   const MechanismDynamics& m = mechanisms_[mechanism];
   MechanismBlock& block = mechanism_blocks_[mechanism];
   const std::size_t count = m.parts().size() + 1;
@@ -85,7 +86,7 @@ void World::SizeBlocks(std::size_t mechanism) {
 
 // Which ports and limits take part, and where they stand in the stacked velocities. Fills Jᵀ of every part
 // and, in velocities_, the twists at the start of the step.
-void World::LayOutPorts(const StepOptions& options) {
+void World::Detail::LayOutPorts(const StepOptions& options) {
   std::fill(port_offset_.begin(), port_offset_.end(), -1);
   for (const ContactPoint& p : points_)
     for (int side : {p.body_a, p.body_b})
@@ -164,7 +165,7 @@ void World::LayOutPorts(const StepOptions& options) {
   }
 }
 
-void World::MatchPrevious() {
+void World::Detail::MatchPrevious() {
   match_.assign(points_.size(), -1);
   previous_used_.assign(previous_.size(), 0);
   const auto who = [](const ContactPoint& p) {
@@ -194,7 +195,7 @@ void World::MatchPrevious() {
 }
 
 // After Predict: W of every block, the free velocities, and the rows of contacts and limits.
-void World::AssembleOperators() {
+void World::Detail::AssembleOperators() {
   blocks_.clear();
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     const MechanismDynamics& m = mechanisms_[i];
@@ -232,7 +233,7 @@ void World::AssembleOperators() {
     }
 }
 
-void World::AssembleConstraints(const StepOptions& options) {
+void World::Detail::AssembleConstraints(const StepOptions& options) {
   const double h = options.h;
   // Positive gaps may close within the step; penetration beyond the slop is undone in shares of β.
   auto bias = [&](double gap) {
@@ -295,7 +296,7 @@ void World::AssembleConstraints(const StepOptions& options) {
   }
 }
 
-void World::ApplyImpulses() {
+void World::Detail::ApplyImpulses() {
   for (MechanismBlock& block : mechanism_blocks_)
     for (PartBlock& part : block.parts) part.port_impulse.head(part.rows).setZero();
   for (MechanismBlock& block : mechanism_blocks_) block.pushed_from_outside = false;
@@ -341,7 +342,7 @@ void World::ApplyImpulses() {
   }
 }
 
-void World::KeepForNextStep(StepReport& report) {
+void World::Detail::KeepForNextStep(StepReport& report) {
   contacts_.resize(points_.size());
   speed_W_.resize(points_.size());
   for (std::size_t i = 0; i < points_.size(); ++i) {

@@ -1,18 +1,19 @@
 #include <algorithm>
 #include <cmath>
-#include <fork1s/dynamics/world.hpp>
 #include <fork1s/parallel/parallel_for.hpp>
+
+#include "world_detail.hpp"
 
 namespace fork1s {
 
 // Mechanisms that are worth a thread: some 200 joint coordinates, 30 us.
-int World::MechanismGrain() const {
+int World::Detail::MechanismGrain() const {
   int coordinates = 0;
   for (const MechanismDynamics& m : mechanisms_) coordinates += 1 + m.mechanism().num_coordinates();
   return coordinates == 0 ? 1 : std::max(1, 200 * static_cast<int>(mechanisms_.size()) / coordinates);
 }
 
-void World::MoveMechanisms(const StepOptions& options, StepReport& report) {
+void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& report) {
   ParallelFor(0, static_cast<int>(mechanisms_.size()), MechanismGrain(),
               [this, &options](int begin, int end) {
                 for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
@@ -29,7 +30,7 @@ void World::MoveMechanisms(const StepOptions& options, StepReport& report) {
   }
 }
 
-StepReport World::Step(const StepOptions& options) {
+StepReport World::Detail::Step(const StepOptions& options) {
   StepReport report;
   const double h = options.h;
   FORK1S_REQUIRE(h > 0 && std::isfinite(h), h);
@@ -69,5 +70,7 @@ StepReport World::Step(const StepOptions& options) {
   for (FreeBody& b : free_bodies_) b.Integrate(h);
   return report;
 }
+
+StepReport World::Step(const StepOptions& options) { return detail_->Step(options); }
 
 }  // namespace fork1s

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <chrono>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/record/recording.hpp>
 
 #include "columns.hpp"

@@ -1,4 +1,5 @@
 // The messages that repeat: maps after every refresh, frames and ghosts sixty times a second.
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/server/wire.hpp>
 
 #include "body_order.hpp"

@@ -1,5 +1,6 @@
 // Shapes, told once.
 #include <cmath>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/geometry/surface.hpp>
 #include <fork1s/server/wire.hpp>
 #include <map>

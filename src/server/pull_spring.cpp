@@ -1,3 +1,4 @@
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/server/pull_spring.hpp>
 
 #include <algorithm>

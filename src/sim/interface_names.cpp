@@ -1,3 +1,4 @@
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/sim/interface_names.hpp>
 
 #include <algorithm>

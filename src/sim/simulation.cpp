@@ -1,3 +1,4 @@
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
 
 #include <algorithm>

@@ -1,5 +1,6 @@
 // Mechanisms in contact: stiff gains, mass ratios, one mechanism against another.
 #include <dynamics/support.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 namespace fork1s {
 namespace {

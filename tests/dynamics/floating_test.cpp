@@ -1,6 +1,7 @@
 // Mechanisms in free flight, and on a base that is driven.
 #include <dynamics/support.hpp>
 #include <random_mechanism.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 namespace fork1s {
 namespace {

@@ -1,5 +1,6 @@
 // Free rigid bodies: falling, tumbling, rolling, sliding, sticking.
 #include <dynamics/support.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 namespace fork1s {
 namespace {

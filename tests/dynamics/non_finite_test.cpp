@@ -2,6 +2,7 @@
 #include <dynamics/support.hpp>
 
 #include <limits>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 namespace fork1s {
 namespace {

@@ -1,6 +1,7 @@
 // Moving the reference: nothing jumps, no energy appears.
 #include <dynamics/support.hpp>
 #include <random_mechanism.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 namespace fork1s {
 namespace {

@@ -1,5 +1,6 @@
 // Where motion comes to rest, against the equilibrium of the full mechanism.
 #include <dynamics/support.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/reduction/statics.hpp>
 

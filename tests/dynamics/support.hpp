@@ -2,6 +2,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/dynamics/world.hpp>
 #include <mechanisms.hpp>
 

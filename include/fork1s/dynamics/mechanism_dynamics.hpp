@@ -9,16 +9,11 @@
 // their geometric stiffness.
 #pragma once
 
+#include <fork1s/dynamics/recovery.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <vector>
 
 namespace fork1s {
-
-/// How interface poses follow from z, and with them all others.
-enum class Recovery {
-  kExact,  ///< product of exponentials, loops closed
-  kTwist,  ///< one exponential a body of the summed screws: the paper's parallel mode
-};
 
 /// A rigid group of bodies that may touch something: an interface body with all that is welded to it, or the
 /// base.

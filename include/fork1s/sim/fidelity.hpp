@@ -4,7 +4,7 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/dynamics/recovery.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <limits>
 #include <string>

@@ -1,0 +1,76 @@
+// The insides of a World: what it holds between steps, and the parts of a step.
+#pragma once
+
+#include <fork1s/dynamics/island_solver.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/dynamics/world.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+struct World::Detail {
+  StepReport Step(const StepOptions& options);
+  Expected<void> BuildCollision(const Scene& scene, const Options& options);
+  void FindContacts(const StepOptions& options, StepReport& report);
+  void LayOutPorts(const StepOptions& options);
+  void SizeBlocks(std::size_t mechanism);
+  void AssembleOperators();
+  void AssembleConstraints(const StepOptions& options);
+  void MatchPrevious();
+  void ApplyImpulses();
+  void KeepForNextStep(StepReport& report);
+  void MoveMechanisms(const StepOptions& options, StepReport& report);
+  int MechanismGrain() const;
+  Matrix36 PortRows(const Contactor& contactor, const ContactPoint& point) const;
+
+  std::vector<MechanismDynamics> mechanisms_;
+  std::vector<FreeBody> free_bodies_;
+  std::unique_ptr<CollisionWorld> collision_;
+  std::vector<Contactor> contactors_;
+  std::vector<std::string> warnings_;
+  double margin_max_ = 0;                       // m
+  std::vector<double> contactor_radius_;        // m, about the contactor's frame
+  std::vector<RigidTransform> contactor_pose_;  // at the previous detection
+  bool has_previous_pose_ = false;
+
+  IslandSolver solver_;
+  std::vector<ContactPoint> points_;  // of this step, those that can touch within it
+  std::vector<ContactRecord> contacts_, previous_;
+  std::vector<Vector3> speed_W_, previous_speed_W_;  // relative, after the solve, world axes
+  std::vector<int> match_;                           // contact -> previous contact or -1
+  std::vector<char> previous_used_;
+  std::vector<int> previous_order_;  // of previous_, by what touches what
+  bool curvature_valid_ = false;     // previous_speed_W_ is of the step before
+  std::vector<ContactConstraint> constraints_;
+  std::vector<LimitConstraint> limits_;
+  std::vector<VelocityBlock> blocks_;
+  std::vector<int> port_offset_;  // per contactor: row in the stacked velocities or -1
+  std::vector<int> port_part_;    // per contactor: part block of its mechanism
+  VectorX velocities_;
+  Matrix6X J_scratch_;
+
+  // Ports and limits of one part of a mechanism, or (the last one) of groups that only follow its driven
+  // base.
+  struct PartBlock {
+    std::vector<int> groups;  // in port order
+    std::vector<int> limits;  // 2 k + side of entries k of limited_coordinates(), side 0 lower, 1 upper
+    int offset = 0, rows = 0;
+    MatrixX J_T;  // size of the part x rows
+    MatrixX Y;    // L⁻¹ J_T
+    MatrixX W;    // YᵀY
+    VectorX port_impulse;
+  };
+  struct MechanismBlock {
+    std::vector<PartBlock> parts;
+    std::vector<double> limit_impulses;  // 2 per limited coordinate, for warm starts
+    VectorX impulse;
+    bool pushed_from_outside = false;
+    int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
+  };
+  std::vector<MechanismBlock> mechanism_blocks_;
+  std::vector<Matrix6> free_W_;
+};
+
+}  // namespace fork1s
