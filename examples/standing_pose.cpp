@@ -1,7 +1,10 @@
 #include "standing_pose.hpp"
 
 #include <cmath>
+#include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/solve.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/mechanism/one_unit.hpp>
 
 #include <fmt/format.h>
 
@@ -75,12 +78,9 @@ VectorX Weight(const Mechanism& mechanism, const Kinematics& kinematics, const s
 
 // Motions that the loops allow, as columns.
 MatrixX FreeMotions(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
-  MatrixX A;
-  ClosureJacobian(mechanism, kinematics, q, A);
-  if (A.rows() == 0) return MatrixX::Identity(q.size(), q.size());
-  Eigen::JacobiSVD<MatrixX> svd(A, Eigen::ComputeFullV);
-  svd.setThreshold(1e-8);
-  return svd.matrixV().rightCols(q.size() - svd.rank());
+  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  return unit.coordinate.asDiagonal() *
+         ComputeNullSpace(ClosureRowsInOneUnit(mechanism, kinematics, q, unit)).unseen;
 }
 
 }  // namespace
@@ -130,8 +130,7 @@ Expected<StandingPose> FindStandingPose(const MechanismDef& definition, const Ve
       all.col(count + static_cast<Eigen::Index>(k)) = VectorX::Unit(q0.size(), yielding[k]);
     // Zᵀ (τ + B u + f) = 0
     const MatrixX Z = FreeMotions(mechanism, kinematics, pose.q);
-    const VectorX forces =
-        (Z.transpose() * all).completeOrthogonalDecomposition().solve(-(Z.transpose() * tau));
+    const VectorX forces = LeastNormSolve(Z.transpose() * all, -(Z.transpose() * tau), kRankThreshold);
     pose.controls = forces.head(count);
     double change = 0;
     for (std::size_t k = 0; k < yielding.size(); ++k) {

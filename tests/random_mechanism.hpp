@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <random>
@@ -10,8 +11,6 @@
 #include <string>
 #include <utility>
 #include <vector>
-
-#include <Eigen/SVD>
 
 namespace fork1s::testing {
 
@@ -128,7 +127,7 @@ inline bool Independent(const JointDef& first, const JointDef& second) {
   for (const JointDef* joint : {&first, &second})
     for (const FreedomDef& f : joint->freedoms) S.col(column++) = f.screw_B;
   if (S.cols() > 6) return false;
-  const auto sigma = Eigen::JacobiSVD<MatrixX>(MatrixX(S)).singularValues();
+  const VectorX sigma = SingularValues(S);
   return sigma(sigma.size() - 1) > 0.05 * sigma(0);
 }
 

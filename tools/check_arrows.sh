@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Reads every include between rooms and holds it against the arrows that src/*/CMakeLists.txt state (ROOMS ...),
-# closed transitively. An arrow that is used but not stated, or a circle, fails.
+# closed transitively. An arrow that is used but not stated, or a circle, fails. So does a decomposition
+# of a matrix anywhere but in linalg: each file that instantiates one compiles for seconds longer, and ranks are
+# decided there.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -33,5 +35,17 @@ for room in "${!stated[@]}"; do
     fi
   done < <(grep -rnE '#include <fork1s/[a-z]+/' "src/$room" "include/fork1s/$room" 2>/dev/null || true)
 done
+decompositions='#include <(Eigen/(Cholesky|Dense|Eigen|Eigenvalues|Householder|LU|QR|SVD|Sparse[A-Z][A-Za-z]*|Jacobi)>|Spectra/)'
+decompositions+='|Eigen::[A-Za-z]*(LLT|LDLT|LU|Lu|QR|SVD|EigenSolver|OrthogonalDecomposition)\b'
+decompositions+='|\.(llt|ldlt|lu|partialPivLu|fullPivLu|householderQr|colPivHouseholderQr|jacobiSvd|bdcSvd|completeOrthogonalDecomposition)\(\)'
+if found=$(grep -rnE "$decompositions" --include='*.cpp' --include='*.hpp' include src apps benchmarks examples tests |
+  grep -vE '^(src/linalg/|include/fork1s/linalg/)|<Eigen/SparseCore>'); then
+  echo "$found" | sed 's/^/check_arrows: decompositions belong in linalg: /' >&2
+  failed=1
+fi
+if found=$(grep -rnE 'BDCSVD|bdcSvd' --include='*.cpp' --include='*.hpp' src include apps benchmarks examples | grep -v '//'); then
+  echo "$found" | sed 's/^/check_arrows: BDCSVD gives wrong vectors, take linalg: /' >&2
+  failed=1
+fi
 [ "$failed" -eq 0 ] && echo "check_arrows: every include follows the stated arrows (${#stated[@]} rooms)"
 exit "$failed"

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/mechanism/names.hpp>
+#include <fork1s/reduction/free_motion.hpp>
 #include <memory>
 
 #include "model_arguments.hpp"
@@ -51,6 +52,10 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
   out["holds"] = Json::array();
   for (const auto& h : imported.report.holds)
     out["holds"].push_back({{"joint", h.joint}, {"held_by", h.held_by}});
+  out["not_held"] = Json::array();
+  for (const PosedMechanism& p : posed)
+    for (const FreeMotion& motion : FindFreeMotions(*p.mechanism, p.q))
+      out["not_held"].push_back(motion.Text(*p.mechanism));
   out["notes"] = NotesJson(imported.report);
   return out;
 }
@@ -88,6 +93,8 @@ void Print(const ImportedScene& imported, const Json& d) {
   std::size_t width = 0;
   for (const JointHold& h : imported.report.holds) width = std::max(width, h.joint.size());
   for (const JointHold& h : imported.report.holds) fmt::print("  {:<{}}  {}\n", h.joint, width, h.held_by);
+  if (!d["not_held"].empty()) fmt::print("\nwhat nothing holds ({}):\n", d["not_held"].size());
+  for (const Json& motion : d["not_held"]) fmt::print("  {}\n", motion.get<std::string>());
   fmt::print("\nnotes of the import ({}):\n", imported.report.notes.size());
   for (const Json& n : d["notes"]) fmt::print("  {}\n", n.get<std::string>());
 }

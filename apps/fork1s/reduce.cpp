@@ -3,6 +3,7 @@
 #include <chrono>
 #include <fork1s/record/reduced_model_file.hpp>
 #include <fork1s/reduction/compliance.hpp>
+#include <fork1s/reduction/free_motion.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <memory>
 
@@ -11,6 +12,22 @@
 
 namespace fork1s::app {
 namespace {
+
+// [{body, joints, ties, motion, text}]: motions of interface bodies that no spring resists.
+Json FreeMotionsJson(const Mechanism& m, const VectorX& q, const std::vector<BodyIndex>& interfaces) {
+  Json all = Json::array();
+  for (const FreeMotion& motion : FindFreeMotions(m, q, interfaces)) {
+    Json one;
+    one["body"] = motion.body.valid() ? Json(m.body(motion.body).name) : Json(nullptr);
+    one["motion_world"] = std::vector<double>(motion.twist.data(), motion.twist.data() + 6);
+    one["joints"] = Json::array();
+    for (const JointIndex j : motion.joints) one["joints"].push_back(m.joint(j).name);
+    one["ties"] = motion.ties;
+    one["text"] = motion.Text(m);
+    all.push_back(std::move(one));
+  }
+  return all;
+}
 
 Expected<Json> ReduceOne(const PosedMechanism& posed, ReducedModel& model) {
   const Mechanism& m = *posed.mechanism;
@@ -33,15 +50,20 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, ReducedModel& model) {
 
   Json warnings = Json::array();
   for (const std::string& w : model.warnings) warnings.push_back(w);
-  // A compliance exists only where every motion of the interface meets a spring.
-  MatrixX C, K;
-  auto walked = WalkCompliance(m, posed.q, model.interfaces);
-  if (walked) {
-    C = std::move(*walked);
-    K = StiffnessFromCompliance(C, m.length_scale());
-  } else {
-    warnings.push_back(walked.error().Text());
-  }
+  // By two roads, which share no decision; where they part the figure is not to be trusted.
+  const InterfaceCompliance compliance = WalkCompliance(m, posed.q, model.interfaces);
+  const double apart =
+      ComplianceDifference(compliance, DenseCompliance(m, posed.q, model.interfaces), m.length_scale());
+  constexpr double kApart = 1e-6;  // seven orders above rounding
+  if (!(apart < kApart))
+    warnings.push_back(fmt::format(
+        "two computations of the compliance of '{}' differ by {:.2g} of it: take neither as right, and report "
+        "this model",
+        m.name(), apart));
+  const MatrixX& C = compliance.C;
+  const MatrixX K = StiffnessFromCompliance(compliance, m.length_scale());
+  out["compliance_rank"] = compliance.rank;
+  out["free_motions"] = FreeMotionsJson(m, posed.q, model.interfaces);
   out["compliance_world"] = floats ? Json(nullptr) : ToJson(C);
   if (floats) out["compliance_world_base_held"] = ToJson(C);
   out["stiffness_world"] = floats ? Json(nullptr) : ToJson(K);
@@ -81,11 +103,23 @@ void Print(const Json& d, const Mechanism& m) {
   if (!C.is_null()) {
     fmt::print("  compliance of each interface body, world axes (diagonal; rad/(N m), m/N{}):\n",
                d.contains("compliance_world_base_held") ? "; base held" : "");
+    constexpr double kRounding = 1e-12;  // beside the largest of its kind: a hinge does not turn across its axis
+    double largest[2] = {0, 0};
+    for (std::size_t i = 0; i < C.size(); ++i)
+      largest[i % 6 / 3] = std::max(largest[i % 6 / 3], C[i][i].get<double>());
     for (std::size_t e = 0; e < d["interfaces"].size(); ++e) {
       fmt::print("    {:<20}", d["interfaces"][e].get<std::string>());
-      for (std::size_t i = 6 * e; i < 6 * e + 6; ++i) fmt::print(" {:>10.4g}", C[i][i].get<double>());
+      for (std::size_t i = 6 * e; i < 6 * e + 6; ++i) {
+        const double c = C[i][i].get<double>();
+        fmt::print(" {:>10.4g}", c > kRounding * largest[i % 6 / 3] ? c : 0.0);
+      }
       fmt::print("\n");
     }
+  }
+  if (!d["free_motions"].empty()) {
+    fmt::print("  free of springs ({}), so that the compliance is that of loads which do no work on them:\n",
+               d["free_motions"].size());
+    for (const Json& motion : d["free_motions"]) fmt::print("    {}\n", motion["text"].get<std::string>());
   }
   for (const Json& w : d["warnings"]) fmt::print("  warning: {}\n", w.get<std::string>());
 }

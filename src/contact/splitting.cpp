@@ -2,8 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include <Eigen/Cholesky>
+#include <fork1s/linalg/cholesky.hpp>
 
 // Alternating direction method of multipliers with de Saxcé's correction, after Carpentier, Le Lidec and
 // Montaut, "From Compliant to Rigid Contact Simulation: a Unified and Efficient Approach" (2024). In impulses
@@ -134,15 +133,14 @@ int SplittingSolver::Iterate(RowSet& rows, bool associated, double enough, int m
     if (!factored) {
       factor = G;
       factor.diagonal().array() += kProximal + rho;
-      Eigen::LLT<Eigen::Ref<MatrixX>> llt(factor);
-      if (llt.info() != Eigen::Success) break;
+      if (!CholeskyInPlace(factor)) break;
       factored = true;
     }
     rhs.setZero();
     if (!associated) AddCorrection(rows, z_.data(), rhs_.data());
     rhs = kProximal * x + rho * y + z - g - rhs;
-    factor.triangularView<Eigen::Lower>().solveInPlace(rhs);
-    factor.triangularView<Eigen::Lower>().transpose().solveInPlace(rhs);
+    SolveLowerInPlace(factor, rhs);
+    SolveLowerTransposedInPlace(factor, rhs);
     x = rhs;
     y_before_.swap(y_);
     new (&y) Vector(y_.data(), n_);

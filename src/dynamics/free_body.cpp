@@ -1,7 +1,5 @@
 #include <fork1s/dynamics/free_body.hpp>
 
-#include <Eigen/LU>
-
 namespace fork1s {
 
 FreeBody::FreeBody(const FreeBodyDef& definition)

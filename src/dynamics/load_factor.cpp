@@ -1,9 +1,11 @@
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <fork1s/dynamics/load_factor.hpp>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/dynamics/rolling.hpp>
+#include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/solve.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 
 namespace fork1s {
 namespace {
@@ -220,32 +222,29 @@ class Grasp {
 
 // Largest real part of µ in -G v = µ K v, with its vector. Directions without spring follow the others.
 double LargestShare(const MatrixX& K, const MatrixX& G, VectorX& direction) {
-  const Eigen::SelfAdjointEigenSolver<MatrixX> springs(K);
-  const VectorX& k = springs.eigenvalues();
+  const SymmetricSpectrum springs = SpectrumOf(K);
+  const VectorX& k = springs.values;
   Eigen::Index u = 0;  // unsprung, first in ascending order
   while (u < k.size() && k(u) <= 1e-9 * k(k.size() - 1)) ++u;
   const Eigen::Index s = k.size() - u;
   if (s == 0 || !(k(k.size() - 1) > 0)) return 0;
-  const MatrixX U = springs.eigenvectors().leftCols(u);
-  const MatrixX S = springs.eigenvectors().rightCols(s) * k.tail(s).cwiseSqrt().cwiseInverse().asDiagonal();
+  const MatrixX U = springs.vectors.leftCols(u);
+  const MatrixX S = springs.vectors.rightCols(s) * k.tail(s).cwiseSqrt().cwiseInverse().asDiagonal();
   MatrixX B = -S.transpose() * G * S, follow = MatrixX::Zero(u, s);
   if (u > 0) {
-    Eigen::CompleteOrthogonalDecomposition<MatrixX> G_uu;
     // What load neither holds nor drives, such as a ball's spin about the axis of its two contacts, is left
     // out: its entries are rounding of the difference quotient.
     const MatrixX block = U.transpose() * G * U;
     const double noise = 1e-7 * G.norm();
     if (block.norm() > noise) {
-      G_uu.setThreshold(noise / block.norm());
-      G_uu.compute(block);
-      follow = -G_uu.solve(U.transpose() * G * S);
+      follow = -LeastNormSolve(block, U.transpose() * G * S, noise / block.norm());
       B -= S.transpose() * G * U * follow;
     }
   }
-  const Eigen::EigenSolver<MatrixX> eigen(B);
+  const GeneralSpectrum spectrum = GeneralSpectrumOf(B);
   Eigen::Index largest = 0;
-  const double share = eigen.eigenvalues().real().maxCoeff(&largest);
-  const VectorX y = eigen.eigenvectors().col(largest).real();
+  const double share = spectrum.values.real().maxCoeff(&largest);
+  const VectorX y = spectrum.vectors.col(largest).real();
   direction = S * y + U * (follow * y);
   return share;
 }
@@ -261,11 +260,9 @@ LoadFactor ComputeLoadFactor(const World& world, const Scene& scene, double h) {
   const MatrixX J = grasp.ContactJacobian();
   const VectorX scale = grasp.Scale(J);
   // Rows of contacts that share a flat face depend on each other up to rounding.
-  Eigen::JacobiSVD<MatrixX> svd(J * scale.asDiagonal(), Eigen::ComputeFullV);
-  svd.setThreshold(1e-7);
-  const Eigen::Index free = grasp.size() - svd.rank();
+  const MatrixX N = scale.asDiagonal() * ComputeNullSpace(J * scale.asDiagonal()).unseen;
+  const Eigen::Index free = N.cols();
   if (free == 0) return out;
-  const MatrixX N = scale.asDiagonal() * svd.matrixV().rightCols(free);
 
   // Central differences: 1e-5 m beside radii of centimetres leaves a share of about 1e-7.
   constexpr double kStep = 1e-5;

@@ -1,7 +1,6 @@
 // What loops bear: the multipliers of the rigid closures.
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
-
-#include <Eigen/QR>
+#include <fork1s/linalg/solve.hpp>
 
 namespace fork1s {
 
@@ -37,13 +36,11 @@ VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R, c
 
   const VectorX root = model_.h_inverse.cwiseSqrt();
   const MatrixX A_T = configuration_.A_all.transpose();
-  Eigen::CompleteOrthogonalDecomposition<MatrixX> decomposition;
   // Below a hundredth of the largest singular value the joints can hardly yield: a finger stretched against
   // another one bears 100 N for a thousandth of a millimetre, which contacts that are not frozen lose by
   // creep.
-  decomposition.setThreshold(0.01);
-  decomposition.compute(root.asDiagonal() * A_T);
-  return near + decomposition.solve(root.cwiseProduct(g - A_T * near));
+  constexpr double kYielding = 0.01;
+  return near + LeastNormSolve(root.asDiagonal() * A_T, root.cwiseProduct(g - A_T * near), kYielding);
 }
 
 }  // namespace fork1s

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/cholesky.hpp>
 
 namespace fork1s {
 namespace {
@@ -83,7 +84,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
     Kinematics kinematics(*mechanism);
     ComputeKinematics(*mechanism, q, kinematics);
     ApplyMass(*mechanism, kinematics, q_dot0, Mq);
-    dynamics.state_.w = dynamics.model_.M.ldlt().solve(dynamics.model_.Q.transpose() * Mq);
+    dynamics.state_.w = SolveSymmetric(dynamics.model_.M, dynamics.model_.Q.transpose() * Mq);
     dynamics.x_.tail(r) = dynamics.state_.w;
   }
   dynamics.UpdateConfiguration();
@@ -101,7 +102,7 @@ void MechanismDynamics::Size() {
     M_full_.bottomLeftCorner(r, 6) = model_.M_0z.transpose();
   }
   M_full_.bottomRightCorner(r, r) = model_.M;
-  factor_.compute(MatrixX::Identity(std::max(nx, 1), std::max(nx, 1)));
+  factor_.Compute(MatrixX::Identity(std::max(nx, 1), std::max(nx, 1)));
   factored_h_ = -1;
   x_.resize(nx);
   if (base_size_ > 0) x_.head<6>() = state_.V_R;

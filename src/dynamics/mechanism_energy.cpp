@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/cholesky.hpp>
 
-#include <Eigen/Cholesky>
 
 namespace fork1s {
 
@@ -68,7 +68,7 @@ void MechanismDynamics::ScaleRelativeMotion(double s) {
   const int r = model_.size();
   if (base_size_ > 0) {
     momentum_.noalias() = M_full_ * x_;
-    const Vector6 locked = M_00_.llt().solve(momentum_.head<6>());
+    const Vector6 locked = SolvePositive(M_00_, momentum_.head<6>());
     x_.head<6>() = locked + s * (x_.head<6>() - locked);
     state_.V_R = x_.head<6>();
   }
@@ -88,7 +88,7 @@ bool MechanismDynamics::TakeExcessEnergy() {
   momentum_.noalias() = M_full_ * x_;
   // KE = KE_locked + s² KE_relative, without a mixed term: relative motion carries no base momentum.
   double relative = 0.5 * x_.dot(momentum_);
-  if (base_size_ > 0) relative -= 0.5 * momentum_.head<6>().dot(M_00_.llt().solve(momentum_.head<6>()));
+  if (base_size_ > 0) relative -= 0.5 * momentum_.head<6>().dot(SolvePositive(M_00_, momentum_.head<6>()));
   if (!(relative > 0)) return false;
   ScaleRelativeMotion(std::sqrt(std::max(0.0, 1 - excess / relative)));
   return excess <= relative;

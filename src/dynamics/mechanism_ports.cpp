@@ -99,7 +99,7 @@ Vector6 MechanismDynamics::GroupTwist(int g, const Eigen::Ref<const MatrixX>& J_
 }
 
 void MechanismDynamics::HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) const {
-  const MatrixX& L = factor_.matrixLLT();
+  const MatrixX& L = factor_.L();
   if (part.size > 8) {
     L.block(part.begin, part.begin, part.size, part.size).triangularView<Eigen::Lower>().solveInPlace(Jt);
     return;

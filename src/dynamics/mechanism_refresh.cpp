@@ -3,8 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include <Eigen/Cholesky>
+#include <fork1s/linalg/cholesky.hpp>
 
 namespace fork1s {
 
@@ -63,7 +62,7 @@ bool MechanismDynamics::Refresh() {
   state_.w = VectorX::Zero(r);
   configuration_ = Configuration(model_);
   Size();
-  VectorX x = M_full_.ldlt().solve(p);
+  VectorX x = SolveSymmetric(M_full_, p);
   if (!x.allFinite()) x.setZero();
   auto energy = [&](const VectorX& v) { return 0.5 * v.dot(M_full_ * v); };
   if (energy(x) > energy_before) {
@@ -71,7 +70,7 @@ bool MechanismDynamics::Refresh() {
     // are scaled towards those at which the interior is locked, which is the least energy with this base
     // momentum.
     VectorX locked = VectorX::Zero(base_size_ + r);
-    if (base_size_ > 0) locked.head<6>() = model_.M_00.ldlt().solve(p_0);
+    if (base_size_ > 0) locked.head<6>() = SolvePositive(model_.M_00, p_0);
     const VectorX d = x - locked;
     const double a = 0.5 * d.dot(M_full_ * d), b = d.dot(M_full_ * locked),
                  c = energy(locked) - energy_before;
@@ -80,7 +79,7 @@ bool MechanismDynamics::Refresh() {
       s = std::clamp((-b + std::sqrt(std::max(0.0, b * b - 4 * a * c))) / (2 * a), 0.0, 1.0);
     x = locked + s * d;
     if (base_size_ > 0)  // the base takes what momentum the slower interior left
-      x.head<6>() = model_.M_00.ldlt().solve(p_0 - model_.M_0z * x.tail(r));
+      x.head<6>() = SolvePositive(model_.M_00, p_0 - model_.M_0z * x.tail(r));
   }
   x_ = x;
   state_.w = x.tail(r);

@@ -2,8 +2,8 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 #include <cmath>
+#include <fork1s/linalg/cholesky.hpp>
 
-#include <Eigen/Cholesky>
 
 namespace fork1s {
 namespace {
@@ -34,17 +34,17 @@ void MechanismDynamics::Factor(double h) {
   A_ = M_full_;
   A_.bottomRightCorner(model_.size(), model_.size()) += h * model_.D;
   A_.diagonal().tail(model_.size()) += h * h * model_.K_r;
-  factor_.compute(A_);
+  factor_.Compute(A_);
   // A dense product costs less than two triangular solves; a floating base's A changes too often to invert.
   if (base_size_ == 0) {
     A_inverse_.setIdentity();
-    factor_.solveInPlace(A_inverse_);
+    factor_.SolveInPlace(A_inverse_);
   }
 }
 
 void MechanismDynamics::Solve(VectorX& x) {
   if (base_size_ > 0) {
-    factor_.solveInPlace(x);
+    factor_.SolveInPlace(x);
     return;
   }
   solved_.noalias() = A_inverse_ * x;
@@ -93,7 +93,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
     transported_ = TransportMomentum(h, p, state_.V_R, V_next, [&](const Vector6& moved) {
       x_.head<6>() = moved + h * (base_force_ - momentum_rate_);
       x_.tail(r) = momentum_.tail(r) + h * f_z_;
-      factor_.solveInPlace(x_);
+      factor_.SolveInPlace(x_);
       return Vector6(x_.head<6>());
     });
     x_.segment<3>(3) += drift_R_;
@@ -169,7 +169,7 @@ void MechanismDynamics::Advance(double h, const Vector6& V_start, const Vector6&
   const Vector6 p = momentum_.head<6>() + by_pose;
   UpdateConfiguration();
   // The pose changed under the base: its momentum stays, its twist follows.
-  if (options_.recovery == Recovery::kExact) x_.head<6>() = M_00_.llt().solve(p - M_0z_ * state_.w);
+  if (options_.recovery == Recovery::kExact) x_.head<6>() = SolvePositive(M_00_, p - M_0z_ * state_.w);
   x_.segment<3>(3).noalias() += state_.X_WR.rotation().transpose() * drift_W;
   state_.V_R = x_.head<6>();
 }
@@ -191,18 +191,17 @@ void MechanismDynamics::AdvanceShortened(double h, double s) {
   }
   x_.segment<3>(3) -= drift_R_;
   const auto M_0 = M_full_.topRows<6>();
-  const Eigen::LLT<Matrix6> locked_inertia(M_00_);
   Vector6 V = V_R_before_;
   V.tail<3>() -= drift_R_;
   const Vector6 p = M_00_ * V + M_0z_ * w_before_;
-  const Vector6 locked = locked_inertia.solve(p);
+  const Vector6 locked = SolvePositive(M_00_, p);
   V = locked + s * (V - locked);
   // A shortened step turns and bends less than was foreseen: its twist follows the pose afterwards.
   const Vector6 pushed = M_0 * x_ - transported_ + h * momentum_rate_;
   x_.tail(r) *= s;
   Vector6 V_next = V;
   TransportMomentum(h, p, V, V_next, [&](const Vector6& moved) {
-    return Vector6(locked_inertia.solve(moved + pushed - M_0z_ * x_.tail(r)));
+    return SolvePositive(M_00_, moved + pushed - M_0z_ * x_.tail(r));
   });
   x_.head<6>() = V_next;
   x_.segment<3>(3) += drift_R_;

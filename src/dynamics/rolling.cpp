@@ -1,6 +1,6 @@
-#include <Eigen/Dense>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/dynamics/rolling.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 
 #include "group_geometry.hpp"
 #include "local_curvature.hpp"
@@ -37,13 +37,13 @@ Matrix3 InverseCurvature(const World& world, const Scene& scene, const ContactPo
   const Matrix3 sum = Curvature(world, scene, p.body_a, p.geometry_a, p.point, normal) +
                       Curvature(world, scene, p.body_b, p.geometry_b, p.point, -normal);
   const Eigen::Matrix<double, 2, 3> tangents = p.frame.bottomRows<2>();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(tangents * sum * tangents.transpose());
+  const SymmetricSpectrum bends = SpectrumOf(tangents * sum * tangents.transpose());
   Matrix3 inverse = Matrix3::Zero();
   for (int i = 0; i < 2; ++i) {
     constexpr double kFlat = 1e-3;  // 1/m: radii of a kilometre
-    if (eigen.eigenvalues()(i) < kFlat) continue;
-    const Vector3 d = tangents.transpose() * eigen.eigenvectors().col(i);
-    inverse += d * d.transpose() / eigen.eigenvalues()(i);
+    if (bends.values(i) < kFlat) continue;
+    const Vector3 d = tangents.transpose() * bends.vectors.col(i);
+    inverse += d * d.transpose() / bends.values(i);
   }
   return inverse;
 }

@@ -1,5 +1,5 @@
-#include <Eigen/Eigenvalues>
 #include <cmath>
+#include <fork1s/linalg/spectrum.hpp>
 #include <sstream>
 
 #include "names.hpp"
@@ -100,8 +100,7 @@ std::optional<Error> PrepareInertia(UrdfWork& work, XMLElement& link) {
     WriteInertia(*inertial, mass, solid.value_or(Matrix3(kTiny * Matrix3::Identity())));
     return std::nullopt;
   }
-  const Eigen::SelfAdjointEigenSolver<Matrix3> solver(I);
-  const Vector3 e = solver.eigenvalues();  // ascending
+  const Vector3 e = PrincipalValues(I);  // ascending
   if (e[0] < -1e-6 * e[2] || e[2] <= 0) {
     return work.Refuse(
         ErrorCode::kModel, *inertial,

@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/rank.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <numeric>
 #include <unordered_set>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 
 namespace fork1s {
 namespace {
@@ -46,7 +46,7 @@ Expected<void> CheckBodies(const MechanismDef& def) {
       return Refuse(where, fmt::format("has negative mass {} kg; masses must be 0 or more", I.mass));
     if ((I.rotational - I.rotational.transpose()).norm() > 1e-6 * I.rotational.norm())
       return Refuse(where, "has a rotational inertia that is not symmetric");
-    const double smallest = Eigen::SelfAdjointEigenSolver<Matrix3>(I.rotational).eigenvalues()(0);
+    const double smallest = PrincipalValues(I.rotational)(0);
     if (smallest < -1e-9 * std::max(1e-12, I.rotational.norm()))
       return Refuse(where,
                     fmt::format("has a rotational inertia with the negative principal moment {} kg·m²; "
@@ -54,6 +54,18 @@ Expected<void> CheckBodies(const MechanismDef& def) {
                                 smallest));
   }
   return {};
+}
+
+// Screws of one joint [ω; v / distance of their axes], each of length 1.
+MatrixX InOneUnit(Matrix6X S) {
+  double distance = 0;
+  for (Eigen::Index i = 0; i < S.cols(); ++i)
+    if (const double turn = S.col(i).head<3>().norm(); turn > 0)
+      distance = std::max(distance, S.col(i).tail<3>().norm() / turn);
+  if (distance > 0) S.bottomRows<3>() /= distance;
+  for (Eigen::Index i = 0; i < S.cols(); ++i)
+    if (const double size = S.col(i).norm(); size > 0) S.col(i) /= size;
+  return S;
 }
 
 Expected<void> CheckJoints(const MechanismDef& def) {
@@ -83,9 +95,7 @@ Expected<void> CheckJoints(const MechanismDef& def) {
         return Refuse(where, fmt::format("has limits {} to {}; the lower must not be above the upper",
                                          f.lower, f.upper));
     }
-    Eigen::ColPivHouseholderQR<Matrix6X> qr(S.colwise().normalized());
-    qr.setThreshold(1e-9);  // far above the rounding of screws computed from each other
-    if (qr.rank() < static_cast<Eigen::Index>(n))
+    if (DecideRank(SingularValues(InOneUnit(S))).value < static_cast<int>(n))
       return Refuse(where, "has freedoms that depend on each other, or an axis of length zero");
   }
   return {};
@@ -186,7 +196,7 @@ double RelativeInertia(const Matrix6& I, const Matrix6X& S, const VectorX& armat
   MatrixX block = S.transpose() * I * S;
   block.diagonal() += armature;
   block = scale.asDiagonal() * block * scale.asDiagonal();
-  return Eigen::SelfAdjointEigenSolver<MatrixX>(block).eigenvalues()(0);
+  return EigenvaluesOf(block)(0);
 }
 
 // Whatever moves must resist being moved, or its acceleration has no answer. Inertias are gathered in body
@@ -217,6 +227,23 @@ Expected<void> CheckInertia(const Mechanism& m) {
     return Refuse(Named("mechanism", def.name),
                   "floats but has no mass, or no rotational inertia about some axis");
   return {};
+}
+
+// Where all bodies have one origin: the longest distance that anything else in the definition tells, so that it
+// follows the unit of length; 1 where nothing has any size.
+double FallbackLength(const MechanismDef& def) {
+  double length = 0;
+  for (const JointDef& j : def.joints)
+    for (const FreedomDef& f : j.freedoms)
+      if (const double turn = f.screw_B.head<3>().norm(); turn > 0)
+        length = std::max(length, f.screw_B.tail<3>().norm() / turn);
+  for (const ClosureDef& c : def.closures)
+    length = std::max({length, c.X_AJ.translation().norm(), c.X_BJ.translation().norm()});
+  for (const BodyDef& b : def.bodies) {
+    length = std::max(length, b.inertia.center.norm());
+    if (b.inertia.mass > 0) length = std::max(length, std::sqrt(b.inertia.rotational.norm() / b.inertia.mass));
+  }
+  return length > 0 ? length : 1;
 }
 
 }  // namespace
@@ -253,7 +280,7 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
     }
     m.bodies_.push_back(std::move(body));
   }
-  if (lengths > 0) m.length_scale_ = length / lengths;
+  m.length_scale_ = lengths > 0 ? length / lengths : FallbackLength(def);
 
   int n = 0;
   for (const JointDef& j : def.joints) n += static_cast<int>(j.freedoms.size());

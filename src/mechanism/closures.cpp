@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <fork1s/linalg/solve.hpp>
+#include <fork1s/linalg/rank.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
-
-#include <Eigen/QR>
+#include <fork1s/mechanism/one_unit.hpp>
 
 namespace fork1s {
 namespace internal {
@@ -89,23 +91,24 @@ double ClosureGap(const Mechanism& mechanism, const Kinematics& kinematics, cons
 double CloseLoops(const Mechanism& mechanism, VectorX& q, int max_iterations) {
   if (mechanism.num_constraints() == 0) return 0;
   Kinematics kinematics(mechanism);
-  const VectorX& k = mechanism.stiffness();
-  const double k_max = std::max(k.size() ? k.maxCoeff() : 0.0, 1e-12);
-  const VectorX h_inverse = k.cwiseMax(1e-3 * k_max).cwiseInverse();
-  VectorX c;
-  MatrixX A;
+  ComputeKinematics(mechanism, q, kinematics);
+  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  // Of joints in one unit, softest 1: H^-½ of docs/method.md, section 2.
+  const VectorX k = mechanism.stiffness().cwiseProduct(unit.coordinate.cwiseAbs2());
+  const double least = 1e-3 * std::max(k.maxCoeff(), std::numeric_limits<double>::min());
+  const VectorX yielding = (k.cwiseMax(least) / least).cwiseSqrt().cwiseInverse();
+  VectorX c, row;
   double gap = 0;
   for (int i = 0; i <= max_iterations; ++i) {
     ComputeKinematics(mechanism, q, kinematics);
     gap = ClosureGap(mechanism, kinematics, q);
     if (i == max_iterations || gap < 1e-13 * mechanism.length_scale() || !std::isfinite(gap)) break;
     ClosureResidual(mechanism, kinematics, q, c);
-    ClosureJacobian(mechanism, kinematics, q, A);
-    const MatrixX AH = A * h_inverse.asDiagonal();
-    Eigen::CompleteOrthogonalDecomposition<MatrixX> solver;
-    solver.setThreshold(1e-10);
-    solver.compute(AH * A.transpose());
-    VectorX step = AH.transpose() * solver.solve(c);
+    // The smallest step in a metric in which stiff joints give way last.
+    const MatrixX A_x = ClosureRowsInOneUnit(mechanism, kinematics, q, unit, &row);
+    const VectorX step_x = yielding.cwiseProduct(
+        VectorX(LeastNormSolve(A_x * yielding.asDiagonal(), row.cwiseProduct(c), kRankThreshold)));
+    VectorX step = unit.coordinate.cwiseProduct(step_x);
     // Far from closed, half a radian a joint keeps the linearisation meaningful.
     const double largest = step.cwiseAbs().maxCoeff();
     if (largest > 0.5) step *= 0.5 / largest;

@@ -1,8 +1,9 @@
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/rank.hpp>
+#include <fork1s/linalg/solve.hpp>
 #include <fork1s/recovery/recover.hpp>
 
-#include <Eigen/QR>
 
 namespace fork1s {
 namespace {
@@ -33,7 +34,7 @@ Vector3 Anchor(const Mechanism& mechanism, const Stack& stack, BodyIndex body, d
     rows += 3;
   }
   if (rows == 0) return origin;
-  const Vector3 from_origin = A.topRows(rows).completeOrthogonalDecomposition().solve(b.head(rows));
+  const Vector3 from_origin = LeastNormSolve(A.topRows(rows), b.head(rows), kRankThreshold);
   apart = (A.topRows(rows) * from_origin - b.head(rows)).cwiseAbs().maxCoeff();
   return origin + from_origin;
 }
@@ -62,7 +63,7 @@ double FittedGap(const Mechanism& mechanism, const Stack& stack, const Vector3& 
     J.bottomRows<3>() -= Skew(at) * J.topRows<3>();
     J.topRows<3>() *= mechanism.length_scale();
     gap = error.tail<3>().norm();
-    VectorX step = J.completeOrthogonalDecomposition().solve(error);
+    VectorX step = LeastNormSolve(J, error, kRankThreshold);
     if (const double largest = step.cwiseAbs().maxCoeff(); largest > 1) step /= largest;
     q += step;
     if (step.norm() < 1e-13) break;
@@ -139,7 +140,7 @@ std::vector<JointGap> MeasureJointGaps(const Mechanism& mechanism, const std::ve
     if (slides.cols() > 0) {
       // Slide directions as the parent carries them.
       const Matrix3X carried = X_RP.rotation() * parent.X_RB0.rotation().transpose() * slides;
-      d -= carried * carried.completeOrthogonalDecomposition().solve(d);
+      d -= carried * LeastNormSolve(carried, d, kRankThreshold);
     }
     gaps.push_back({joint.name, d.norm()});
   }

@@ -1,32 +1,136 @@
+// The walk: compliance by adding joints along paths, conditioned by loops (docs/method.md, section 3).
+//
+// Under interface loads f, loop reactions λ and motions a of unsprung joints, with W the loops' rows on the
+// joints (rigid ones, tendons, springy directions of softness C_l),
+//     q_s = K⁻¹ (J_sᵀ f − W_sᵀ λ),      J_uᵀ f = W_uᵀ λ,      W_s q_s + W_u a = C_l λ,      d = J_s q_s + J_u a.
+// Motions a with W_u a = 0 are free: no spring, no loop sees them. For loads that do no work on them
+// λ = (W_uᵀ)⁺J_uᵀ f + Y η, Y a basis of null(W_uᵀ), and η makes the elastic energy least:
+//     G = [K^-½ J_sᵀ; 0] − E (W_uᵀ)⁺ J_uᵀ,   E = [K^-½ W_sᵀ; C_l^½],   C = Gᵀ (1 − Π) G,
+// Π the projector on the range of E Y. Joints in no loop stand apart: their terms of Gᵀ G are the sum over
+// shared paths. Nothing is subtracted but what Π takes, so that no compliance is left over as a difference of
+// large ones. Which loops are redundant is decided on E Y without its springs: by geometry alone.
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/solve.hpp>
 #include <fork1s/reduction/compliance.hpp>
 
-#include <fmt/format.h>
-#include <Eigen/QR>
-
-#include "world_axes.hpp"
+#include "elastic_basis.hpp"
+#include "free_motions.hpp"
 
 namespace fork1s {
 namespace {
 
-// Compliance along the paths of the body graph: prefix[j] = Σ S k⁻¹ Sᵀ over the joints from the root to j.
-// Two bodies share the prefix of their last common joint, which is what couples them.
+// Rows of everything that ties joints together, in one unit: rigid closures and couplings first (softness 0),
+// then tendons and springy directions.
+struct Loops {
+  MatrixX W;         // m x n
+  VectorX softness;  // m, in the rows' own unit
+  int rigid = 0;     // rows
+};
+
+Loops CollectLoops(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                   const OneUnit& unit) {
+  const MatrixX rigid = ClosureRowsInOneUnit(mechanism, kinematics, q, unit);
+  const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics, unit);
+  std::vector<int> soft;
+  for (std::size_t i = 0; i < springs.joint.size(); ++i)
+    if (springs.joint[i] < 0) soft.push_back(static_cast<int>(i));
+  Loops loops;
+  loops.rigid = static_cast<int>(rigid.rows());
+  loops.W.resize(rigid.rows() + static_cast<Eigen::Index>(soft.size()), mechanism.num_coordinates());
+  loops.W << rigid, springs.rows(soft, Eigen::all);
+  loops.softness = VectorX::Zero(loops.W.rows());
+  loops.softness.tail(static_cast<Eigen::Index>(soft.size())) = springs.weight(soft).cwiseAbs2().cwiseInverse();
+  return loops;
+}
+
+// Columns of joints that take part in loops, or have no spring of their own, and those of plain paths.
+struct Parts {
+  std::vector<int> path, looped, unsprung;  // coordinates; the first two are sprung
+};
+
+Parts Divide(const Mechanism& mechanism, const MatrixX& W) {
+  Parts parts;
+  for (int i = 0; i < mechanism.num_coordinates(); ++i) {
+    if (!(mechanism.stiffness()(i) > 0))
+      parts.unsprung.push_back(i);
+    else if (W.rows() > 0 && !W.col(i).isZero(0))
+      parts.looped.push_back(i);
+    else
+      parts.path.push_back(i);
+  }
+  return parts;
+}
+
+// What loops leave of the looped joints' and closures' motions: the columns of (1 − Π) G as rows of interface
+// displacement, 6e x (looped + soft). `flexibility` holds K^-½ of the looped joints and C_l^½ of the soft
+// rows; ones give the same motions without springs.
+class LoopedJoints {
+ public:
+  LoopedJoints(const Loops& loops, const Parts& parts, const MatrixX& J_x)
+      : J_s_(J_x(Eigen::all, parts.looped)), J_u_(J_x(Eigen::all, parts.unsprung)) {
+    const Eigen::Index m = loops.W.rows(), soft = m - loops.rigid;
+    E_ = MatrixX::Zero(J_s_.cols() + soft, m);
+    E_.topRows(J_s_.cols()) = loops.W(Eigen::all, parts.looped).transpose();
+    E_.bottomRightCorner(soft, soft).setIdentity();
+    const MatrixX W_u = loops.W(Eigen::all, parts.unsprung);
+    unsprung_ = ComputeNullSpace(W_u);
+    // (W_uᵀ)⁺ = U (Uᵀ W_u seen)^-ᵀ seenᵀ, U the range of W_u
+    const MatrixX held = W_u * unsprung_.seen;
+    const MatrixX U = GradedRangeBasis(held);
+    particular_ =
+        U * SolveSquare((U.transpose() * held).transpose(), (J_u_ * unsprung_.seen).transpose());
+    const MatrixX Y = OrthogonalComplement(U);
+    felt_ = E_ * Y;
+    independent_ = ComputeNullSpace(felt_);
+    Y_ = Y * independent_.seen;
+  }
+
+  /// How spring-free motions move the bodies.
+  MatrixX Free() const { return J_u_ * unsprung_.unseen; }
+
+  void AddDoubts(const Mechanism& mechanism, const Parts& parts, std::vector<RankDoubt>& doubts) const {
+    const auto add = [&](const NullSpace& decision, const char* what, const std::vector<int>& at,
+                         const VectorX& motion) {
+      VectorX x = VectorX::Zero(mechanism.num_coordinates());
+      for (std::size_t i = 0; i < at.size(); ++i) x(at[i]) = motion(static_cast<Eigen::Index>(i));
+      doubts.push_back(internal::Doubt(mechanism, what, decision.rank.kept, decision.rank.dropped, x));
+    };
+    if (unsprung_.doubtful.size() > 0) add(unsprung_, "loops hold", parts.unsprung, unsprung_.doubtful);
+    if (independent_.doubtful.size() > 0)
+      add(independent_, "loops hold", parts.looped, (felt_ * independent_.doubtful).head(J_s_.cols()));
+  }
+
+  MatrixX Root(const VectorX& flexibility) const {
+    const MatrixX E = flexibility.asDiagonal() * E_;
+    MatrixX G = -E * particular_;
+    G.topRows(J_s_.cols()) += flexibility.head(J_s_.cols()).asDiagonal() * J_s_.transpose();
+    const MatrixX taken = GradedRangeBasis(E * Y_);
+    // Twice: the first leaves rounding of what it took.
+    for (int pass = 0; pass < 2; ++pass) G -= taken * (taken.transpose() * G).eval();
+    return G.transpose();
+  }
+
+ private:
+  MatrixX J_s_, J_u_, E_, particular_, felt_, Y_;
+  NullSpace unsprung_, independent_;
+};
+
+// Compliance along the paths of the body graph: prefix[j] = Σ S k⁻¹ Sᵀ over joints of plain paths from the root
+// to j. Two bodies share the prefix of their last common joint, which is what couples them.
 class PathCompliance {
  public:
-  PathCompliance(const Mechanism& mechanism, const Kinematics& kinematics)
+  PathCompliance(const Mechanism& mechanism, const Matrix6X& S, const std::vector<int>& coordinates)
       : mechanism_(mechanism),
-        S_(kinematics.S),
-        prefix_(static_cast<std::size_t>(mechanism.num_joints())),
-        depth_(static_cast<std::size_t>(mechanism.num_joints())) {
+        prefix_(static_cast<std::size_t>(mechanism.num_joints()), Matrix6::Zero()),
+        depth_(prefix_.size()) {
+    for (const int i : coordinates)
+      prefix_[mechanism.CoordinateJoint(i).u()] += S.col(i) * (S.col(i) / mechanism.stiffness()(i)).transpose();
     for (std::size_t j = 0; j < prefix_.size(); ++j) {
-      const auto& joint = mechanism.joints()[j];
-      prefix_[j] =
-          joint.previous < 0 ? Matrix6(Matrix6::Zero()) : prefix_[static_cast<std::size_t>(joint.previous)];
-      depth_[j] = joint.previous < 0 ? 1 : depth_[static_cast<std::size_t>(joint.previous)] + 1;
-      for (int i = joint.offset; i < joint.offset + joint.size; ++i)
-        if (const double k = mechanism.stiffness()(i); k > 0)
-          prefix_[j] += S_.col(i) * (S_.col(i) / k).transpose();
+      const int previous = mechanism.joints()[j].previous;
+      depth_[j] = previous < 0 ? 1 : depth_[static_cast<std::size_t>(previous)] + 1;
+      if (previous >= 0) prefix_[j] += prefix_[static_cast<std::size_t>(previous)];
     }
   }
 
@@ -41,202 +145,60 @@ class PathCompliance {
     return i < 0 ? Matrix6(Matrix6::Zero()) : prefix_[static_cast<std::size_t>(i)];
   }
 
-  bool OnPath(int coordinate, BodyIndex b) const {
-    const int joint = mechanism_.CoordinateJoint(coordinate).value();
-    int j = mechanism_.body(b).last_joint;
-    while (j > joint) j = mechanism_.joint(JointIndex(j)).previous;
-    return j == joint;
-  }
-  Vector6 Column(int coordinate, BodyIndex b) const {
-    return OnPath(coordinate, b) ? Vector6(S_.col(coordinate)) : Vector6(Vector6::Zero());
-  }
-
  private:
   const Mechanism& mechanism_;
-  const Matrix6X& S_;
   std::vector<Matrix6> prefix_;
   std::vector<int> depth_;
 };
 
-// Something whose displacement is a linear map of body twists and coordinates: an interface, a closure, a
-// spring.
-struct Port {
-  std::vector<std::pair<BodyIndex, MatrixX>> bodies;  // rows x 6
-  std::vector<std::pair<int, double>> coordinates;    // one row
-  Eigen::Index rows = 0;
-};
-
-MatrixX CrossCompliance(const Mechanism& mechanism, const PathCompliance& path, const Port& a,
-                        const Port& b) {
-  MatrixX C = MatrixX::Zero(a.rows, b.rows);
-  for (const auto& [body_a, B_a] : a.bodies)
-    for (const auto& [body_b, B_b] : b.bodies) C += B_a * path.Between(body_a, body_b) * B_b.transpose();
-  auto inverse = [&](int i) { return mechanism.stiffness()(i) > 0 ? 1 / mechanism.stiffness()(i) : 0.0; };
-  for (const auto& [body_a, B_a] : a.bodies)
-    for (const auto& [i, c] : b.coordinates) C.col(0) += B_a * path.Column(i, body_a) * (c * inverse(i));
-  for (const auto& [i, c] : a.coordinates)
-    for (const auto& [body_b, B_b] : b.bodies)
-      C.row(0) += (B_b * path.Column(i, body_b)).transpose() * (c * inverse(i));
-  for (const auto& [i, ci] : a.coordinates)
-    for (const auto& [j, cj] : b.coordinates)
-      if (i == j) C(0, 0) += ci * cj * inverse(i);
-  return C;
-}
-
-VectorX FreeColumn(const PathCompliance& path, const Port& port, int coordinate) {
-  VectorX column = VectorX::Zero(port.rows);
-  for (const auto& [body, B] : port.bodies) column += B * path.Column(coordinate, body);
-  for (const auto& [i, c] : port.coordinates)
-    if (i == coordinate) column(0) += c;
-  return column;
-}
-
-// Twist of body b in R -> [rotation; translation of the body's origin].
-MatrixX AboutBodyOrigin(const Kinematics& kinematics, BodyIndex b) {
-  MatrixX B = MatrixX::Identity(6, 6);
+// Twist of a body in R -> [rotation; translation of the body's origin].
+Matrix6 AboutOrigin(const Kinematics& kinematics, BodyIndex b) {
+  Matrix6 B = Matrix6::Identity();
   B.bottomLeftCorner<3, 3>() = -Skew(kinematics.X_RB[b.u()].translation());
   return B;
 }
 
-struct Loops {
-  std::vector<Port> ports;
-  std::vector<VectorX> softness;  // compliance of the closure itself, per row; 0 = rigid
-};
-
-Loops CollectLoops(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
-  Loops loops;
-  for (const ClosureDef& closure : mechanism.closures()) {
-    const RigidTransform X_aJ = kinematics.X_RB[closure.body_a.u()] * closure.X_AJ;
-    const RigidTransform E = X_aJ.inverse() * (kinematics.X_RB[closure.body_b.u()] * closure.X_BJ);
-    Matrix6 L = Matrix6::Identity();
-    L.topLeftCorner<3, 3>() = DexpInverseRotation(LogRotation(E.rotation()));
-    L.bottomLeftCorner<3, 3>() = -Skew(E.translation());
-    const Matrix6 B = L * Adjoint(X_aJ.inverse());
-    std::vector<int> kept;
-    for (int i = 0; i < 6; ++i)
-      if (closure.rigid(i) || closure.stiffness(i) > 0) kept.push_back(i);
-    if (kept.empty()) continue;
-    Port port;
-    port.rows = static_cast<Eigen::Index>(kept.size());
-    MatrixX rows(port.rows, 6);
-    VectorX soft(port.rows);
-    for (Eigen::Index i = 0; i < port.rows; ++i) {
-      const int k = kept[static_cast<std::size_t>(i)];
-      rows.row(i) = B.row(k);
-      soft(i) = closure.rigid(k) ? 0 : 1 / closure.stiffness(k);
-    }
-    port.bodies = {{closure.body_b, rows}, {closure.body_a, -rows}};
-    loops.ports.push_back(std::move(port));
-    loops.softness.push_back(soft);
-  }
-  auto add_row = [&](std::vector<std::pair<int, double>> terms, double softness) {
-    Port port;
-    port.rows = 1;
-    port.coordinates = std::move(terms);
-    loops.ports.push_back(std::move(port));
-    loops.softness.push_back(VectorX::Constant(1, softness));
-  };
-  for (const Mechanism::Spring& s : mechanism.springs())
-    if (s.stiffness > 0) add_row(s.terms, 1 / s.stiffness);
-  for (const Mechanism::Coupling& k : mechanism.couplings()) {
-    std::vector<std::pair<int, double>> terms{{k.a, 1.0}};
-    if (k.b >= 0) {
-      const double x = q(k.b);
-      const auto& p = k.polynomial;
-      terms.emplace_back(k.b, -(p[1] + x * (2 * p[2] + x * (3 * p[3] + x * 4 * p[4]))));
-    }
-    add_row(std::move(terms), 0);
-  }
-  return loops;
-}
-
 }  // namespace
 
-Expected<MatrixX> WalkCompliance(const Mechanism& mechanism, const VectorX& q,
-                                 const std::vector<BodyIndex>& bodies) {
+InterfaceCompliance WalkCompliance(const Mechanism& mechanism, const VectorX& q,
+                                   const std::vector<BodyIndex>& bodies) {
+  const double L = mechanism.length_scale();
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q, kinematics);
-  const PathCompliance path(mechanism, kinematics);
-  const Eigen::Index e = static_cast<Eigen::Index>(bodies.size());
+  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  const Loops loops = CollectLoops(mechanism, kinematics, q, unit);
+  const Parts parts = Divide(mechanism, loops.W);
+  const MatrixX J_x =
+      internal::InLengths(internal::ScaledInterfaceJacobian(mechanism, kinematics, bodies, 1.0), L) *
+      unit.coordinate.asDiagonal();
 
-  std::vector<Port> ends;
-  for (BodyIndex b : bodies) {
-    Port port;
-    port.rows = 6;
-    port.bodies.push_back({b, AboutBodyOrigin(kinematics, b)});
-    ends.push_back(std::move(port));
-  }
+  const LoopedJoints looped(loops, parts, J_x);
+  const internal::FreeMotions free = internal::FreeMotionsOf(looped.Free());
+  const Eigen::Index joints = static_cast<Eigen::Index>(parts.looped.size()),
+                     soft = loops.softness.size() - loops.rigid;
+  VectorX flexibility(joints + soft);
+  flexibility.head(joints) = mechanism.stiffness()(parts.looped)
+                                 .cwiseSqrt()
+                                 .cwiseProduct(unit.coordinate(parts.looped))
+                                 .cwiseInverse();
+  flexibility.tail(soft) = loops.softness.tail(soft).cwiseSqrt();
+  MatrixX motions(J_x.rows(), static_cast<Eigen::Index>(parts.path.size()) + joints + soft);
+  motions << J_x(Eigen::all, parts.path), looped.Root(VectorX::Ones(joints + soft));
+  InterfaceCompliance out = internal::Assemble(mechanism, looped.Root(flexibility), free, motions);
+
+  const PathCompliance path(mechanism, kinematics.S, parts.path);
+  const Eigen::Index e = static_cast<Eigen::Index>(bodies.size());
   MatrixX C(6 * e, 6 * e);
   for (Eigen::Index i = 0; i < e; ++i)
-    for (Eigen::Index j = 0; j < e; ++j)
-      C.block<6, 6>(6 * i, 6 * j) = CrossCompliance(mechanism, path, ends[static_cast<std::size_t>(i)],
-                                                    ends[static_cast<std::size_t>(j)]);
-
-  const Loops loops = CollectLoops(mechanism, kinematics, q);
-  std::vector<int> unsprung;
-  for (int i = 0; i < mechanism.num_coordinates(); ++i)
-    if (mechanism.stiffness()(i) == 0) unsprung.push_back(i);
-
-  // Displacements are C (f - Wᵀλ) plus the unsprung joints' own motion F a. With loop reactions λ, loops
-  // closed and unsprung joints in equilibrium:
-  //     [ W C Wᵀ + C_l   -W_u ] [λ]   [ W C f   ]
-  //     [ -W_uᵀ             0 ] [a] = [ -J_uᵀ f ]
-  Eigen::Index m = 0;
-  for (const Port& p : loops.ports) m += p.rows;
-  const Eigen::Index u = static_cast<Eigen::Index>(unsprung.size());
-  if (m + u > 0) {
-    MatrixX S = MatrixX::Zero(m + u, m + u), B = MatrixX::Zero(m + u, 6 * e);
-    Eigen::Index row = 0;
-    for (std::size_t i = 0; i < loops.ports.size(); ++i) {
-      const Port& p = loops.ports[i];
-      Eigen::Index column = 0;
-      for (const Port& o : loops.ports) {
-        S.block(row, column, p.rows, o.rows) = CrossCompliance(mechanism, path, p, o);
-        column += o.rows;
-      }
-      S.block(row, row, p.rows, p.rows).diagonal() += loops.softness[i];
-      for (Eigen::Index k = 0; k < u; ++k) {
-        const VectorX w = FreeColumn(path, p, unsprung[static_cast<std::size_t>(k)]);
-        S.block(row, m + k, p.rows, 1) = -w;
-        S.block(m + k, row, 1, p.rows) = -w.transpose();
-      }
-      for (Eigen::Index j = 0; j < e; ++j)
-        B.block(row, 6 * j, p.rows, 6) =
-            CrossCompliance(mechanism, path, p, ends[static_cast<std::size_t>(j)]);
-      row += p.rows;
+    for (Eigen::Index j = 0; j < e; ++j) {
+      const BodyIndex a = bodies[static_cast<std::size_t>(i)], b = bodies[static_cast<std::size_t>(j)];
+      C.block<6, 6>(6 * i, 6 * j) =
+          AboutOrigin(kinematics, a) * path.Between(a, b) * AboutOrigin(kinematics, b).transpose();
     }
-    for (Eigen::Index k = 0; k < u; ++k)
-      for (Eigen::Index j = 0; j < e; ++j)
-        B.block(m + k, 6 * j, 1, 6) =
-            -FreeColumn(path, ends[static_cast<std::size_t>(j)], unsprung[static_cast<std::size_t>(k)])
-                 .transpose();
-
-    // Rows in rad/N·m, m/N and lengths differ by many orders: balance them before any rank is decided.
-    VectorX balance = VectorX::Ones(m + u);
-    for (int pass = 0; pass < 8; ++pass) {
-      const MatrixX scaled = balance.asDiagonal() * S * balance.asDiagonal();
-      for (Eigen::Index i = 0; i < m + u; ++i) {
-        const double largest = scaled.row(i).cwiseAbs().maxCoeff();
-        if (largest > 0) balance(i) /= std::sqrt(largest);
-      }
-    }
-    const MatrixX S_balanced = balance.asDiagonal() * S * balance.asDiagonal();
-    const MatrixX B_balanced = balance.asDiagonal() * B;
-    Eigen::CompleteOrthogonalDecomposition<MatrixX> solver;
-    solver.setThreshold(1e-10);
-    solver.compute(S_balanced);
-    const MatrixX X = solver.solve(B_balanced);
-    const double left = (S_balanced * X - B_balanced).cwiseAbs().maxCoeff();
-    if (left > 1e-7 * std::max(1e-300, B_balanced.cwiseAbs().maxCoeff()))
-      return Fail(
-          ErrorCode::kUnderdetermined, fmt::format("mechanism '{}'", mechanism.name()),
-          "has a spring-free motion that moves an interface body, so that its compliance does not exist");
-    // d = C f - B₁ᵀ λ + J_u a, and the lower part of B is -J_uᵀ: both signs agree.
-    C -= B_balanced.transpose() * X;
-  }
-  const MatrixX R = internal::WorldAxes(mechanism, bodies.size());
-  C = R * C * R.transpose();
-  return MatrixX(0.5 * (C + C.transpose()));
+  out.C += internal::WithoutFree(mechanism, C, free);
+  out.C = 0.5 * (out.C + out.C.transpose()).eval();
+  looped.AddDoubts(mechanism, parts, out.doubts);
+  return out;
 }
 
 }  // namespace fork1s

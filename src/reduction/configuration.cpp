@@ -1,7 +1,5 @@
 #include <fork1s/reduction/reduced_model.hpp>
 
-#include <Eigen/Cholesky>
-
 namespace fork1s {
 
 Configuration::Configuration(const ReducedModel& model)
@@ -19,7 +17,7 @@ Configuration::Configuration(const ReducedModel& model)
   HA.resize(n, m);
   AHA.resize(m, m);
   AQ.resize(m, model.size());
-  factor.compute(MatrixX::Identity(m, m));
+  factor.Compute(MatrixX::Identity(m, m));
 }
 
 namespace {
@@ -31,7 +29,7 @@ void FactorLoops(const ReducedModel& model, Configuration& out) {
     out.A.row(i) = out.A_all.row(model.loop_rows[static_cast<std::size_t>(i)]);
   out.HA.noalias() = model.h_inverse.asDiagonal() * out.A.transpose();
   out.AHA.noalias() = out.A * out.HA;
-  out.factor.compute(out.AHA);
+  out.factor.Compute(out.AHA);
 }
 
 }  // namespace
@@ -55,12 +53,12 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
     FactorLoops(model, out);
     if (i == max_corrections || out.c.cwiseAbs().maxCoeff() < kClosed) break;
     out.lambda = out.c;
-    out.factor.solveInPlace(out.lambda);
+    out.factor.SolveInPlace(out.lambda);
     out.q.noalias() -= out.HA * out.lambda;
     ComputeKinematics(mechanism, out.q, out.kinematics);
   }
   out.AQ.noalias() = out.A * model.Q;
-  out.factor.solveInPlace(out.AQ);
+  out.factor.SolveInPlace(out.AQ);
   out.Q_now = model.Q;
   out.Q_now.noalias() -= out.HA * out.AQ;
 }
@@ -68,7 +66,7 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
 void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g) {
   if (model.loop_rank() == 0) return;
   c.lambda.noalias() = c.HA.transpose() * g;
-  c.factor.solveInPlace(c.lambda);
+  c.factor.SolveInPlace(c.lambda);
   g.noalias() -= c.A.transpose() * c.lambda;
 }
 

@@ -2,28 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include <Eigen/QR>
-#include <Eigen/SVD>
+#include <fork1s/linalg/null_space.hpp>
 
 namespace fork1s::internal {
-namespace {
-
-// Closures that hold exactly at the reference leave rounding of about 1e-12 in rows that depend on others,
-// while independent rows of real mechanisms stay above 1e-4.
-constexpr double kRankTolerance = 1e-9;
-// Singular values of the root of K: a ratio of 1e-10 is a stiffness ratio of 1e-20, beyond any two springs of
-// one mechanism, and well above rounding.
-constexpr double kSpringTolerance = 1e-10;
-
-}  // namespace
-
-VectorX CoordinateScale(const Mechanism& mechanism) {
-  VectorX scale(mechanism.num_coordinates());
-  for (int i = 0; i < scale.size(); ++i)
-    scale(i) = mechanism.screws().col(i).head<3>().norm() > 1e-9 ? 1.0 : mechanism.length_scale();
-  return scale;
-}
 
 MatrixX ElasticBasis::DenseFree(int n) const {
   if (!diagonal) return N;
@@ -32,11 +13,27 @@ MatrixX ElasticBasis::DenseFree(int n) const {
   return dense;
 }
 
+MatrixX ElasticBasis::FreeInOneUnit(int n) const {
+  if (!diagonal) return scale.cwiseInverse().asDiagonal() * N;
+  return DenseFree(n);
+}
+
 MatrixX ElasticBasis::DenseElastic(int n) const {
   if (!diagonal) return V;
   MatrixX dense = MatrixX::Zero(n, num_elastic());
   for (int i = 0; i < num_elastic(); ++i) dense(sprung[static_cast<std::size_t>(i)], i) = inverse_root(i);
   return dense;
+}
+
+bool ElasticBasis::Feels(const MatrixX& J_x) const {
+  if (num_elastic() == 0 || J_x.rows() == 0) return false;
+  return (diagonal ? MatrixX(J_x(Eigen::all, sprung)) : MatrixX(J_x * elastic_x)).cwiseAbs().maxCoeff() >
+         kRankThreshold;
+}
+
+MatrixX ElasticBasis::DenseClosed(int n) const {
+  if (!diagonal) return Z;
+  return MatrixX(scale.asDiagonal()) * MatrixX::Identity(n, n);
 }
 
 VectorX ElasticBasis::ApplyV(const VectorX& y, int n) const {
@@ -61,9 +58,21 @@ MatrixX ElasticBasis::TimesV(const MatrixX& B) const {
   return out;
 }
 
+namespace {
+
+// x-space basis of the motions that keep loops closed.
+NullSpace Closed(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                 const OneUnit& unit) {
+  return ComputeNullSpace(ClosureRowsInOneUnit(mechanism, kinematics, q, unit));
+}
+
+}  // namespace
+
 ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
   const int n = mechanism.num_coordinates();
   ElasticBasis basis;
+  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  basis.scale = unit.coordinate;
   if (mechanism.is_tree() && mechanism.has_diagonal_stiffness()) {
     basis.diagonal = true;
     for (int i = 0; i < n; ++i) (mechanism.stiffness()(i) > 0 ? basis.sprung : basis.unsprung).push_back(i);
@@ -73,41 +82,32 @@ ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& k
     return basis;
   }
 
-  const VectorX scale = CoordinateScale(mechanism);
-  MatrixX Z_scaled = MatrixX::Identity(n, n);
+  MatrixX Z_x = MatrixX::Identity(n, n);
   if (mechanism.num_constraints() > 0) {
-    MatrixX A;
-    ClosureJacobian(mechanism, kinematics, q, A);
-    // Rows in lengths are made comparable with rows in radians.
-    int row = 0;
-    for (const ClosureDef& closure : mechanism.closures())
-      for (int i = 0; i < 6; ++i)
-        if (closure.rigid(i)) A.row(row++) *= i < 3 ? 1.0 : 1 / mechanism.length_scale();
-    const MatrixX A_scaled_T = (A * scale.asDiagonal()).transpose();
-    Eigen::ColPivHouseholderQR<MatrixX> qr(A_scaled_T);
-    qr.setThreshold(kRankTolerance);
-    const int rank = static_cast<int>(qr.rank());
-    for (int i = 0; i < rank; ++i)
-      basis.independent_rows.push_back(static_cast<int>(qr.colsPermutation().indices()(i)));
-    std::sort(basis.independent_rows.begin(), basis.independent_rows.end());
-    MatrixX full = qr.householderQ() * MatrixX::Identity(n, n);
-    Z_scaled = full.rightCols(n - rank);
+    NullSpace closed = Closed(mechanism, kinematics, q, unit);
+    if (closed.doubtful.size() > 0)
+      basis.doubts.push_back(
+          Doubt(mechanism, "loops hold", closed.rank.kept, closed.rank.dropped, closed.doubtful));
+    basis.independent_rows = std::move(closed.independent_rows);
+    Z_x = std::move(closed.unseen);
   }
-  basis.Z = scale.asDiagonal() * Z_scaled;
-  const MatrixX G = StiffnessRoot(mechanism, kinematics) * basis.Z;
-  const int nz = static_cast<int>(basis.Z.cols());
-  if (G.rows() == 0 || G.isZero(0)) {
-    basis.N = basis.Z;
-    basis.V.resize(n, 0);
-    return basis;
-  }
-  Eigen::BDCSVD<MatrixX> svd(G, Eigen::ComputeFullV);
-  const VectorX& sigma = svd.singularValues();
-  int elastic = 0;
-  while (elastic < sigma.size() && sigma(elastic) > kSpringTolerance * sigma(0)) ++elastic;
-  basis.V = basis.Z * svd.matrixV().leftCols(elastic) * sigma.head(elastic).cwiseInverse().asDiagonal();
-  basis.N = basis.Z * svd.matrixV().rightCols(nz - elastic);
+  basis.Z = basis.scale.asDiagonal() * Z_x;
+  const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics, unit);
+  const MatrixX stretch = springs.rows * Z_x;
+  const NullSpace held = ComputeNullSpace(stretch);
+  if (held.doubtful.size() > 0)
+    basis.doubts.push_back(
+        Doubt(mechanism, "springs hold", held.rank.kept, held.rank.dropped, Z_x * held.doubtful));
+  basis.N = basis.Z * held.unseen;
+  basis.elastic_x = Z_x * held.seen;
+  const MatrixX weighted = springs.weight.asDiagonal() * (stretch * held.seen);
+  basis.V = basis.Z * (held.seen * OrthonormalisingFactor(weighted));
   return basis;
+}
+
+MatrixX ClosedMotions(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
+  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  return unit.coordinate.asDiagonal() * Closed(mechanism, kinematics, q, unit).unseen;
 }
 
 MatrixX ScaledInterfaceJacobian(const Mechanism& mechanism, const Kinematics& kinematics,
@@ -122,15 +122,22 @@ MatrixX ScaledInterfaceJacobian(const Mechanism& mechanism, const Kinematics& ki
   return J;
 }
 
-MatrixX HiddenDirections(const MatrixX& J_N) {
-  const int f = static_cast<int>(J_N.cols());
-  if (f == 0) return MatrixX(0, 0);
-  if (J_N.rows() == 0 || J_N.isZero(0)) return MatrixX::Identity(f, f);
-  Eigen::JacobiSVD<MatrixX, Eigen::FullPivHouseholderQRPreconditioner> svd(J_N, Eigen::ComputeFullV);
-  int seen = 0;
-  while (seen < svd.singularValues().size() && svd.singularValues()(seen) > 1e-8 * svd.singularValues()(0))
-    ++seen;
-  return svd.matrixV().rightCols(f - seen);
+RankDoubt Doubt(const Mechanism& mechanism, const char* what, double kept, double dropped,
+                const VectorX& direction) {
+  RankDoubt doubt{what, kept, dropped, {}};
+  constexpr double kMuch = 0.1;  // of the largest
+  constexpr std::size_t kNames = 4;
+  std::vector<int> order;
+  for (int i = 0; i < direction.size(); ++i) order.push_back(i);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int i, int k) { return std::abs(direction(i)) > std::abs(direction(k)); });
+  for (const int i : order) {
+    if (doubt.joints.size() == kNames || !(std::abs(direction(i)) > kMuch * std::abs(direction(order[0])))) break;
+    const std::string& name = mechanism.joint(mechanism.CoordinateJoint(i)).name;
+    if (std::find(doubt.joints.begin(), doubt.joints.end(), name) == doubt.joints.end())
+      doubt.joints.push_back(name);
+  }
+  return doubt;
 }
 
 }  // namespace fork1s::internal

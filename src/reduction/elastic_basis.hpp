@@ -1,6 +1,8 @@
 // Closed, spring-free and elastic coordinates of a mechanism at one pose.
 #pragma once
 
+#include <fork1s/mechanism/one_unit.hpp>
+#include <fork1s/reduction/rank_doubt.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 
 namespace fork1s::internal {
@@ -8,20 +10,31 @@ namespace fork1s::internal {
 /// Columns of Z span null(A); within them N (no spring) and V with Vᵀ K V = 1.
 /// On trees whose springs act on single joints everything is diagonal and nothing dense is formed:
 /// V = diag(scale) on the sprung coordinates, N = unit vectors of the others.
+///
+/// What is free and what is elastic is geometry: which motions stretch springs, whatever their stiffness.
 struct ElasticBasis {
   bool diagonal = false;
+  VectorX scale;  // n: q = scale ∘ x, x in one unit
   // diagonal form
   std::vector<int> sprung, unsprung;  // coordinates
   VectorX inverse_root;               // k^{-1/2} of the sprung ones
-  // dense form (n rows)
+  // dense form (n rows); Z and N orthonormal in x
   MatrixX Z, N, V;
+  MatrixX elastic_x;                  // n x elastic: what V spans, orthonormal in x, springs aside
   std::vector<int> independent_rows;  // of the closure Jacobian
+  std::vector<RankDoubt> doubts;
 
   int num_free() const { return diagonal ? static_cast<int>(unsprung.size()) : static_cast<int>(N.cols()); }
   int num_elastic() const { return diagonal ? static_cast<int>(sprung.size()) : static_cast<int>(V.cols()); }
   /// Dense n x num_free and n x num_elastic.
   MatrixX DenseFree(int n) const;
+  /// The free motions as x, orthonormal: n x num_free.
+  MatrixX FreeInOneUnit(int n) const;
   MatrixX DenseElastic(int n) const;
+  /// Whether bodies with rows J_x (in one unit, on x) move in any elastic direction by more than rounding.
+  bool Feels(const MatrixX& J_x) const;
+  /// All closed motions, n x num_closed.
+  MatrixX DenseClosed(int n) const;
   /// V y and Vᵀ g without forming V.
   VectorX ApplyV(const VectorX& y, int n) const;
   VectorX ApplyVTransposed(const VectorX& g) const;
@@ -31,14 +44,15 @@ struct ElasticBasis {
 
 ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
 
+/// Motions that keep the loops closed: Z alone, n columns less the rank of the loops, orthonormal in one unit.
+MatrixX ClosedMotions(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
+
 /// Stacked Jacobians of the bodies (6e x n), rows about each body's origin; rotation rows times `length`.
 MatrixX ScaledInterfaceJacobian(const Mechanism& mechanism, const Kinematics& kinematics,
                                 const std::vector<BodyIndex>& bodies, double length);
 
-/// Coordinate scale: 1 for turning freedoms, the mechanism's length for sliding ones.
-VectorX CoordinateScale(const Mechanism& mechanism);
-
-/// Y (e x f): independent directions of free motion that J does not see, empty if all are seen.
-MatrixX HiddenDirections(const MatrixX& J_N);
+/// What a doubtful decision was about: the joints that move most in `direction` (n, in one unit).
+RankDoubt Doubt(const Mechanism& mechanism, const char* what, double kept, double dropped,
+                const VectorX& direction);
 
 }  // namespace fork1s::internal

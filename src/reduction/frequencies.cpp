@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
-
-#include <Eigen/Eigenvalues>
 
 #include "modes.hpp"
 
@@ -67,11 +67,9 @@ std::vector<double> ReducedFrequencies(const ReducedModel& model, int count) {
     }
     coupling.rightCols(f) = model.M.bottomLeftCorner(e, f);
     mass.bottomRightCorner(f, f) = model.M.topLeftCorner(f, f);
-    M -= coupling * mass.ldlt().solve(coupling.transpose());
+    M -= coupling * SolveSymmetric(mass, coupling.transpose());
   }
-  const VectorX mu = Eigen::SelfAdjointEigenSolver<MatrixX>(0.5 * (M + M.transpose()), Eigen::EigenvaluesOnly)
-                         .eigenvalues()
-                         .reverse();
+  const VectorX mu = EigenvaluesOf(0.5 * (M + M.transpose())).reverse();
   return ToHertz(mu, count);
 }
 

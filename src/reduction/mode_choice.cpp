@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <fork1s/linalg/solve.hpp>
 #include <numeric>
-
-#include <Eigen/LU>
 
 namespace fork1s::internal {
 namespace {
@@ -82,7 +81,7 @@ std::vector<int> ContributingModes(const ReducedModel& all, const MatrixX& J, do
     MatrixXc A = s * D_B.cast<Complex>() + s * s * M_B.cast<Complex>();
     A.diagonal() += K_B.cast<Complex>();
     const MatrixXc w = s * s * m.cast<Complex>() + s * c.cast<Complex>();
-    const MatrixXc carried = A.partialPivLu().solve(w);
+    const MatrixXc carried = SolveComplex(A, w);
     const MatrixXc moved = J_B.cast<Complex>() * carried;
     const MatrixXc driven = f.cast<Complex>() - carried.transpose() * f_B.cast<Complex>();
     for (int i = 0; i < candidates; ++i) {

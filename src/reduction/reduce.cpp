@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 
 #include <fmt/format.h>
-#include <Eigen/SVD>
 
 #include "elastic_basis.hpp"
 #include "mode_choice.hpp"
@@ -15,14 +16,15 @@ namespace {
 
 struct Hidden {
   BodyIndex body;  // that would show them as an interface
-  int coordinate = -1;
+  JointIndex joint;
+  Vector6 screw = Vector6::Zero();  // of that joint in the motion, in R
   int count = 0;
 };
 
-// The body that shows motions q = directions (n x k): that of the coordinate if it moves, since its name says
+// The body that shows motions q = directions (n x k): that of the joint if it moves, since its name says
 // where to look, else the one that moves most; none where freedoms of one body cancel each other.
 BodyIndex MovingBody(const Mechanism& mechanism, const Matrix6X& S, const MatrixX& directions,
-                     int coordinate) {
+                     JointIndex joint) {
   std::vector<Matrix6X> T(static_cast<std::size_t>(mechanism.num_bodies()),
                           Matrix6X::Zero(6, directions.cols()));
   std::vector<double> motion(T.size(), 0);
@@ -34,50 +36,69 @@ BodyIndex MovingBody(const Mechanism& mechanism, const Matrix6X& S, const Matrix
     for (; j < joints.size() && joints[j].body.u() == b; ++j)
       T[b] += S.middleCols(joints[j].offset, joints[j].size) *
               directions.middleRows(joints[j].offset, joints[j].size);
-    motion[b] = T[b].topRows<3>().norm() + T[b].bottomRows<3>().norm() / mechanism.length_scale();
+    // About the body's own origin: far from R's a turn would count as a long way.
+    const Vector3 origin = body.X_RB0.translation();
+    motion[b] = T[b].topRows<3>().norm() +
+                (T[b].bottomRows<3>() - Skew(origin) * T[b].topRows<3>()).norm() / mechanism.length_scale();
   }
-  const std::size_t own = mechanism.joint(mechanism.CoordinateJoint(coordinate)).body.u();
+  const std::size_t own = mechanism.joint(joint).body.u();
   const auto most = std::max_element(motion.begin(), motion.end());
-  // Motions that cancel leave rounding.
-  if (*most < 1e-6 * directions.norm()) return {};
-  if (motion[own] > 1e-6 * directions.norm()) return BodyIndex(static_cast<int>(own));
+  if (*most < kRankThreshold) return {};
+  if (motion[own] > kRankThreshold) return BodyIndex(static_cast<int>(own));
   return BodyIndex(static_cast<int>(most - motion.begin()));
 }
 
-// The coordinate with the largest share in the spring-free motions that the interface cannot see.
+// The joint with the largest share in the spring-free motions that the interface cannot see. Motions are in
+// one unit and J in lengths of the mechanism, so that a motion which is seen is seen near 1.
 Hidden FindHidden(const Mechanism& mechanism, const Matrix6X& S, const internal::ElasticBasis& basis,
-                  const MatrixX& J) {
+                  const MatrixX& J, std::vector<RankDoubt>& doubts) {
   Hidden hidden;
   if (basis.num_free() == 0) return hidden;
-  const MatrixX N = basis.DenseFree(mechanism.num_coordinates());
-  const MatrixX directions = internal::HiddenDirections(J * N);
-  hidden.count = static_cast<int>(directions.cols());
+  const MatrixX N_x = basis.FreeInOneUnit(mechanism.num_coordinates());
+  const MatrixX N = basis.scale.asDiagonal() * N_x;
+  const NullSpace seen = ComputeNullSpace(J * N / mechanism.length_scale());
+  if (seen.doubtful.size() > 0)
+    doubts.push_back(internal::Doubt(mechanism, "interface bodies see of free motions", seen.rank.kept,
+                                     seen.rank.dropped, N_x * seen.doubtful));
+  hidden.count = static_cast<int>(seen.unseen.cols());
   if (hidden.count == 0) return hidden;
-  const VectorX share =
-      ((N * directions).rowwise().norm().array() / internal::CoordinateScale(mechanism).array()).matrix();
-  Eigen::Index largest;
-  share.maxCoeff(&largest);
-  hidden.coordinate = static_cast<int>(largest);
-  hidden.body = MovingBody(mechanism, S, N * directions, hidden.coordinate);
+  const MatrixX x = N_x * seen.unseen, q = N * seen.unseen;
+  double largest = 0;
+  for (int j = 0; j < mechanism.num_joints(); ++j) {
+    const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
+    const double share = x.middleRows(joint.offset, joint.size).norm();
+    // Of equals the first, whatever the last digits say.
+    if (share < (1 + 1e-6) * largest + kRankThreshold) continue;
+    largest = share;
+    hidden.joint = JointIndex(j);
+    Eigen::Index most;
+    const auto own = x.middleRows(joint.offset, joint.size);
+    own.colwise().norm().maxCoeff(&most);
+    hidden.screw = S.middleCols(joint.offset, joint.size) * q.middleRows(joint.offset, joint.size).col(most);
+  }
+  hidden.body = MovingBody(mechanism, S, q, hidden.joint);
   return hidden;
 }
 
-std::string AxisText(const Mechanism& mechanism, int coordinate) {
-  const Vector6 s = mechanism.screws().col(coordinate);
-  const bool turns = s.head<3>().norm() > 1e-9;
-  const Vector3 axis = turns ? s.head<3>().normalized() : s.tail<3>().normalized();
+std::string AxisText(const Vector6& screw) {
+  const bool turns = screw.head<3>().norm() > 1e-9 * screw.tail<3>().norm();
+  Vector3 axis = turns ? screw.head<3>().normalized() : screw.tail<3>().normalized();
+  Eigen::Index largest;
+  axis.cwiseAbs().maxCoeff(&largest);
+  if (axis(largest) < 0) axis = -axis;  // a motion has no sign
+  axis = (axis.array().abs() < 5e-4).select(0.0, axis);
   return fmt::format("{} ({:.3f}, {:.3f}, {:.3f})", turns ? "turning about" : "sliding along", axis.x(),
                      axis.y(), axis.z());
 }
 
 Error HiddenError(const Mechanism& mechanism, const Hidden& hidden) {
-  const auto& joint = mechanism.joint(mechanism.CoordinateJoint(hidden.coordinate));
+  const auto& joint = mechanism.joint(hidden.joint);
   return {
       ErrorCode::kUnderdetermined, fmt::format("joint '{}'", joint.name),
       fmt::format(
           "has no spring and moves ({}) while every interface body stands still, so nothing determines it; "
           "give the joint a stiffness, hold it by PD control{}",
-          AxisText(mechanism, hidden.coordinate),
+          AxisText(hidden.screw),
           hidden.body.valid()
               ? fmt::format(", or make body '{}' an interface", mechanism.body(hidden.body).name)
               : std::string(", or remove it: another freedom undoes what it does"))};
@@ -88,13 +109,13 @@ MatrixX FeltDirections(const MatrixX& J_V, double tolerance, bool& complete) {
   const int e = static_cast<int>(J_V.cols());
   complete = true;
   if (e == 0) return MatrixX(0, 0);
-  Eigen::BDCSVD<MatrixX> svd(J_V.transpose(), Eigen::ComputeThinU);
-  const VectorX& sigma = svd.singularValues();
+  const SingularSpectrum felt = LeftSingular(J_V.transpose());
+  const VectorX& sigma = felt.values;
   int rank = 0;
   while (rank < sigma.size() && sigma(rank) > tolerance * sigma(0) && sigma(rank) > 0) ++rank;
   if (rank == e) return MatrixX::Identity(e, e);
   complete = false;
-  return svd.matrixU().leftCols(rank);
+  return felt.vectors.leftCols(rank);
 }
 
 void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
@@ -157,7 +178,9 @@ int CandidateModes(int elastic, int wanted) {
 
 void FillLoopMetric(ReducedModel& model, const Kinematics& kinematics) {
   const Mechanism& mechanism = *model.mechanism;
-  const VectorX scale = internal::CoordinateScale(mechanism);
+  VectorX scale(mechanism.num_coordinates());
+  for (int i = 0; i < scale.size(); ++i)
+    scale(i) = mechanism.screws().col(i).head<3>().norm() > 1e-9 ? 1.0 : mechanism.length_scale();
   VectorX k = mechanism.stiffness();
   if (!mechanism.has_diagonal_stiffness()) k = StiffnessMatrix(mechanism, kinematics, model.q_ref).diagonal();
   // Unsprung joints take up the correction: H = max(k, 1e-3 k_max), slides measured in lengths of the
@@ -212,11 +235,12 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
 
   const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q_ref);
   model.loop_rows = basis.independent_rows;
+  model.doubts = basis.doubts;
 
   const double L = mechanism.length_scale();
   MatrixX J = internal::ScaledInterfaceJacobian(mechanism, kinematics, model.interfaces, L);
-  for (Hidden hidden = FindHidden(mechanism, kinematics.S, basis, J); hidden.count > 0;
-       hidden = FindHidden(mechanism, kinematics.S, basis, J)) {
+  for (Hidden hidden = FindHidden(mechanism, kinematics.S, basis, J, model.doubts); hidden.count > 0;
+       hidden = FindHidden(mechanism, kinematics.S, basis, J, model.doubts)) {
     if (!options.promote_hidden) return tl::unexpected(HiddenError(mechanism, hidden));
     const BodyIndex body = hidden.body;
     if (!body.valid() ||
@@ -229,7 +253,11 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
 
   bool complete = true;
   const int e = basis.num_elastic();
-  const MatrixX Y_r = FeltDirections(basis.TimesV(J), options.rank_tolerance, complete);
+  // Bodies that loops hold still feel rounding of all springs; none of it is a direction.
+  const bool feels = basis.Feels(J * basis.scale.asDiagonal() / L);
+  const MatrixX Y_r =
+      feels ? FeltDirections(basis.TimesV(J), options.rank_tolerance, complete) : MatrixX(e, 0);
+  complete = complete && (feels || e == 0);
   model.num_free = basis.num_free();
   model.num_elastic = static_cast<int>(Y_r.cols());
   internal::Modes modes{MatrixX(e, 0), VectorX(0)};
@@ -269,6 +297,8 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
     model.warnings.push_back(fmt::format(
         "body '{}' became an interface because a joint without spring before it moves unseen by the others",
         mechanism.body(b).name));
+  for (const RankDoubt& doubt : model.doubts)
+    model.warnings.push_back(fmt::format("mechanism '{}': {}", mechanism.name(), doubt.Text()));
   if (!model.M.allFinite() || !model.Q.allFinite())
     return Fail(ErrorCode::kNumerics, fmt::format("mechanism '{}'", mechanism.name()),
                 "gives a reduced model that is not finite");

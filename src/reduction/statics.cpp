@@ -1,11 +1,12 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/solve.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/statics.hpp>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-#include <Eigen/QR>
 
 #include "elastic_basis.hpp"
 
@@ -15,13 +16,21 @@ namespace {
 // Everything that acts on joint coordinates at one pose: springs, controls, and a share s of the dead loads.
 class LoadedMechanism {
  public:
-  LoadedMechanism(const Mechanism& mechanism, const std::vector<DeadLoad>& loads,
+  LoadedMechanism(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
                   const StaticsOptions& options)
       : mechanism_(mechanism),
         loads_(loads),
         options_(options),
         kinematics_(mechanism),
-        F_(6, mechanism.num_bodies()) {}
+        F_(6, mechanism.num_bodies()) {
+    Pose(q0);
+    unit_ = ComputeOneUnit(mechanism, kinematics_);
+    const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics_, unit_);
+    double far = 0;
+    for (const RigidTransform& X : kinematics_.X_RB) far = std::max(far, X.translation().norm());
+    const double stiffest = springs.weight.size() > 0 ? springs.weight.cwiseAbs2().maxCoeff() : 0;
+    rounding_ = 8 * std::numeric_limits<double>::epsilon() * (1 + far / mechanism.length_scale()) * stiffest;
+  }
 
   void Pose(const VectorX& q) { ComputeKinematics(mechanism_, q, kinematics_); }
   const Kinematics& kinematics() const { return kinematics_; }
@@ -54,15 +63,20 @@ class LoadedMechanism {
     }
     return g;
   }
-  const MatrixX& A() const { return A_; }
 
-  // Size of the forces that have to balance.
+  // Size of the forces that have to balance, in one unit.
   double Scale(const VectorX& q, double share) {
     Pose(q);
     VectorX g;
     SpringForce(mechanism_, kinematics_, q, g);
-    return std::max({g.cwiseAbs().maxCoeff(), LoadForce(share).cwiseAbs().maxCoeff(), 1e-12});
+    const VectorX& x = unit_.coordinate;
+    return std::max(
+        {x.cwiseProduct(g).cwiseAbs().maxCoeff(), x.cwiseProduct(LoadForce(share)).cwiseAbs().maxCoeff(), 1e-300});
   }
+  double Size(const VectorX& g) const { return unit_.coordinate.cwiseProduct(g).cwiseAbs().maxCoeff(); }
+  // What the stiffest spring makes of the rounding of positions, in one unit: forces no smaller than this can
+  // balance.
+  double rounding() const { return rounding_; }
 
   // ∂g/∂q by central differences: covers loads that turn their lever arms, loop reactions and ball joints
   // alike.
@@ -86,6 +100,8 @@ class LoadedMechanism {
   const std::vector<DeadLoad>& loads_;
   const StaticsOptions& options_;
   Kinematics kinematics_;
+  OneUnit unit_;
+  double rounding_ = 0;
   Matrix6X F_;
   MatrixX A_;
 };
@@ -93,6 +109,31 @@ class LoadedMechanism {
 struct NewtonState {
   VectorX q, lambda;
 };
+
+// A step of Newton's method [dq; dλ] that closes the loops, A dq = -c, and balances g + K dq + Aᵀdλ = 0. Loops
+// first, by their rank in one unit; then the motions that they leave, and the reactions of least norm: loops
+// closed more often than needed share them.
+VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, const MatrixX& K,
+                   const VectorX& g, const VectorX& c) {
+  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  VectorX row;
+  const MatrixX A = ClosureRowsInOneUnit(mechanism, kinematics, q, unit, &row);
+  const MatrixX K_x = unit.coordinate.asDiagonal() * K * unit.coordinate.asDiagonal();
+  const VectorX g_x = unit.coordinate.cwiseProduct(g), c_x = row.cwiseProduct(c);
+  const NullSpace closed = ComputeNullSpace(A);
+  const MatrixX& unseen = closed.unseen;
+  const MatrixX A_seen = A * closed.seen;
+  VectorX x = -closed.seen * LeastNormSolve(A_seen, c_x, kRankThreshold);
+  const MatrixX K_z = unseen.transpose() * K_x * unseen;
+  // What neither springs nor loads hold stays where it is: differences give its stiffness as rounding.
+  constexpr double kHeld = 1e-12;
+  x -= unseen * LeastNormSolve(K_z, unseen.transpose() * (g_x + K_x * x), kHeld);
+  const VectorX lambda =
+      -LeastNormSolve(A_seen.transpose(), closed.seen.transpose() * (g_x + K_x * x), kRankThreshold);
+  VectorX step(x.size() + lambda.size());
+  step << unit.coordinate.cwiseProduct(x), row.cwiseProduct(lambda);
+  return step;
+}
 
 // Newton at one load; false leaves the state where it was.
 bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const StaticsOptions& options,
@@ -106,30 +147,18 @@ bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const Stat
     rhs.head(n) = loaded.Residual(now.q, now.lambda, share);
     if (m > 0) ClosureResidual(mechanism, loaded.kinematics(), now.q, c);
     rhs.tail(m) = -c;
-    const MatrixX A = loaded.A();
     const double scale = loaded.Scale(now.q, share);
-    const double error = rhs.head(n).cwiseAbs().maxCoeff() / scale;
+    const double error = n > 0 ? loaded.Size(rhs.head(n)) / scale : 0;
     if (!std::isfinite(error)) return false;
     result.residual = error;
-    if (error < options.tolerance && (m == 0 || c.cwiseAbs().maxCoeff() < 1e-12)) {
+    if ((error < options.tolerance || error * scale < loaded.rounding()) && (m == 0 || c.cwiseAbs().maxCoeff() < 1e-12)) {
       state = now;
       return true;
     }
     const MatrixX K = loaded.Tangent(now.q, now.lambda, share);
-    VectorX step;
-    if (m == 0) {
-      step = Eigen::PartialPivLU<MatrixX>(-K).solve(rhs);
-    } else {
-      MatrixX S = MatrixX::Zero(n + m, n + m);
-      S.topLeftCorner(n, n) = -K;
-      S.topRightCorner(n, m) = -A.transpose();
-      S.bottomLeftCorner(m, n) = A;
-      // Overconstrained loops repeat rows: take the reactions of least norm.
-      Eigen::CompleteOrthogonalDecomposition<MatrixX> solver;
-      solver.setThreshold(1e-12);
-      solver.compute(S);
-      step = solver.solve(rhs);
-    }
+    loaded.Pose(now.q);  // differences left it beside
+    const VectorX step = m == 0 ? VectorX(SolveSquare(-K, rhs))
+                                : ClosedStep(mechanism, loaded.kinematics(), now.q, K, rhs.head(n), c);
     if (!step.allFinite()) return false;
     const double largest = step.head(n).cwiseAbs().maxCoeff();
     const double damping = largest > 0.4 ? 0.4 / largest : 1.0;
@@ -151,7 +180,7 @@ bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const Stat
 
 StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
                            const StaticsOptions& options) {
-  LoadedMechanism loaded(mechanism, loads, options);
+  LoadedMechanism loaded(mechanism, q0, loads, options);
   StaticsResult result;
   NewtonState state{q0, VectorX::Zero(mechanism.num_constraints())};
   double share = 0, increment = 1.0 / options.load_steps;
@@ -173,12 +202,10 @@ StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const 
     MatrixX Z = MatrixX::Identity(state.q.size(), state.q.size());
     if (mechanism.num_constraints() > 0) {
       loaded.Residual(state.q, state.lambda, 1);
-      Z = internal::ComputeElasticBasis(mechanism, loaded.kinematics(), state.q).Z;
+      Z = internal::ClosedMotions(mechanism, loaded.kinematics(), state.q);
     }
     const MatrixX K_z = Z.transpose() * K * Z;
-    const VectorX eigenvalues =
-        Eigen::SelfAdjointEigenSolver<MatrixX>(0.5 * (K_z + K_z.transpose()), Eigen::EigenvaluesOnly)
-            .eigenvalues();
+    const VectorX eigenvalues = EigenvaluesOf(0.5 * (K_z + K_z.transpose()));
     result.stable = eigenvalues.size() == 0 || eigenvalues(0) > -1e-9 * eigenvalues.cwiseAbs().maxCoeff();
   }
   return result;
@@ -186,7 +213,7 @@ StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const 
 
 Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0,
                                    const std::vector<DeadLoad>& loads, const StaticsOptions& options) {
-  LoadedMechanism loaded(mechanism, loads, options);
+  LoadedMechanism loaded(mechanism, q0, loads, options);
   loaded.Pose(q0);
   const auto basis = internal::ComputeElasticBasis(mechanism, loaded.kinematics(), q0);
   const VectorX g = loaded.Residual(q0, VectorX(), 1);

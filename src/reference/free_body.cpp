@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include <Eigen/LU>
-
 namespace fork1s::internal {
 
 FullFreeBody::FullFreeBody(const FreeBodyDef& definition)

@@ -91,6 +91,7 @@ class FullMechanism {
   /// Opening [m] of every link and closure, by name.
   std::vector<std::pair<std::string, double>> Gaps() const;
   std::vector<double> Frequencies(int count) const;
+  MatrixX Compliance(const std::vector<BodyIndex>& bodies) const;
 
  private:
   void LayOut();
@@ -122,6 +123,10 @@ class FullMechanism {
   void AddJoints(MatrixX& right);
   void AddClosures(bool stiffening, MatrixX& right);
   // Poses that satisfy every constraint (mechanism_poses.cpp).
+  struct Matrices {
+    MatrixX G, M, K;
+  };
+  Matrices LinearMatrices() const;
   Vector6 MomentumOf(const std::vector<RigidTransform>& X, const Matrix6X& V) const;
   /// Velocity of the centre of mass, world axes.
   Vector3 Drift(const std::vector<RigidTransform>& X, const Matrix6X& V) const {

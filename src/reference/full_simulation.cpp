@@ -245,6 +245,10 @@ std::vector<double> FullSimulation::Frequencies(int mechanism, int count) const 
   return detail_->mechanisms.at(static_cast<std::size_t>(mechanism)).Frequencies(count);
 }
 
+MatrixX FullSimulation::Compliance(int mechanism, const std::vector<BodyIndex>& bodies) const {
+  return detail_->mechanisms.at(static_cast<std::size_t>(mechanism)).Compliance(bodies);
+}
+
 std::vector<FullGap> FullSimulation::JointGaps() const {
   std::vector<FullGap> gaps;
   for (const FullMechanism& m : detail_->mechanisms)

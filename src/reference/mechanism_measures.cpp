@@ -1,12 +1,11 @@
 // Energies, momentum, gaps and natural frequencies in full coordinates.
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
 
 #include "full_mechanism.hpp"
-
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 
 namespace fork1s::internal {
 
@@ -81,10 +80,9 @@ std::vector<std::pair<std::string, double>> FullMechanism::Gaps() const {
   return gaps;
 }
 
-// With Z a basis of the motions that G allows: ZᵀKZ v = ω² ZᵀMZ v.
-std::vector<double> FullMechanism::Frequencies(int count) const {
+// Constraint rows G, inertia M and springs K on all velocities.
+FullMechanism::Matrices FullMechanism::LinearMatrices() const {
   const Mechanism& m = *mechanism_;
-  if (num_velocities_ == 0) return {};
   SaddleSolver rows;
   rows.Begin(num_unknowns());
   AddConstraints(X_, q_, true, 0, rows);
@@ -114,23 +112,96 @@ std::vector<double> FullMechanism::Frequencies(int count) const {
       row.middleCols<6>(column_[closure.body_b.u()]) += on_bodies.rightCols<6>();
     K += row.transpose() * k.asDiagonal() * row;
   }
+  return {G, M, K};
+}
 
+// With Z a basis of the motions that G allows: ZᵀKZ v = ω² ZᵀMZ v.
+std::vector<double> FullMechanism::Frequencies(int count) const {
+  const Mechanism& m = *mechanism_;
+  if (num_velocities_ == 0) return {};
+  const auto [G, M, K] = LinearMatrices();
   MatrixX Z = MatrixX::Identity(num_velocities_, num_velocities_);
   if (num_rows_ > 0) {
-    Eigen::ColPivHouseholderQR<MatrixX> qr(G.transpose());
-    qr.setThreshold(1e-10);  // rows of a loop closed twice differ by rounding
-    Z = (qr.householderQ() * Z).rightCols(num_velocities_ - qr.rank()).eval();
+    // Radians and lengths of the mechanism on both sides, so that ranks can be decided.
+    const double L = m.length_scale();
+    VectorX unit = VectorX::Ones(num_velocities_), row = VectorX::Ones(num_rows_);
+    for (std::size_t b = 0; b < X_.size(); ++b)
+      if (column_[b] >= 0) unit.segment<3>(column_[b] + 3).setConstant(L);
+    for (int i = 0; i < m.num_coordinates(); ++i)
+      if (m.screws().col(i).head<3>().isZero(0)) unit(ColumnOfCoordinate(i)) = L;
+    for (const Link& link : links_) row.segment<3>(link.row + 3).setConstant(1 / L);
+    int next = first_loop_row_;
+    for (const ClosureDef& closure : m.closures())
+      for (int i = 0; i < 6; ++i)
+        if (closure.rigid(i)) row(next++) = i < 3 ? 1 : 1 / L;
+    MatrixX G_unit = row.asDiagonal() * G * unit.asDiagonal();
+    for (; next < num_rows_; ++next) G_unit.row(next) /= G_unit.row(next).cwiseAbs().maxCoeff();
+    Z = unit.asDiagonal() * ComputeNullSpace(G_unit).unseen;
   }
   if (Z.cols() == 0) return {};
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixX> solved(Z.transpose() * K * Z, Z.transpose() * M * Z,
-                                                                 Eigen::EigenvaluesOnly);
-  const VectorX& squares = solved.eigenvalues();
+  const MatrixX K_z = Z.transpose() * K * Z;
+  // Where loops hold every spring, the rounding of Z is left, squared.
+  if (!(K_z.cwiseAbs().maxCoeff() > 1e-22 * K.cwiseAbs().maxCoeff())) return {};
+  const VectorX squares = EigenvaluesOf(K_z, Z.transpose() * M * Z);
   std::vector<double> hertz;
   // Motions that no spring feels come out as rounding of the stiffest one.
   for (Eigen::Index i = 0; i < squares.size() && static_cast<int>(hertz.size()) < count; ++i)
     if (squares(i) > 1e-11 * squares.tail<1>()(0))
       hertz.push_back(std::sqrt(squares(i)) / (2 * std::numbers::pi));
   return hertz;
+}
+
+// [K Gᵀ; G 0][x; λ] = [Eᵀ; 0], C = E x with E the twists of the bodies in world axes: no basis of motions,
+// and so no rank is decided. Lengths are in units of the mechanism's, or a millimetre would pass for rounding
+// beside a radian.
+MatrixX FullMechanism::Compliance(const std::vector<BodyIndex>& bodies) const {
+  auto [G, M, K] = LinearMatrices();
+  const double L = mechanism_->length_scale();
+  VectorX unit = VectorX::Ones(num_velocities_);
+  for (std::size_t b = 0; b < X_.size(); ++b)
+    if (column_[b] >= 0) unit.segment<3>(column_[b] + 3).setConstant(L);
+  for (int i = 0; i < mechanism_->num_coordinates(); ++i)
+    if (mechanism_->screws().col(i).head<3>().isZero(0)) unit(ColumnOfCoordinate(i)) = L;
+  MatrixX E = MatrixX::Zero(6 * static_cast<Eigen::Index>(bodies.size()), num_velocities_);
+  for (std::size_t i = 0; i < bodies.size(); ++i)
+    if (const auto b = bodies[i].u(); column_[b] >= 0)
+      for (int half = 0; half < 6; half += 3)
+        E.block<3, 3>(6 * static_cast<Eigen::Index>(i) + half, column_[b] + half) = X_[b].rotation();
+  E = E * unit.asDiagonal();
+  K = unit.asDiagonal() * K * unit.asDiagonal();
+  G = G * unit.asDiagonal();
+  // A floating base is held.
+  const int held = Moves(0) ? 6 : 0;
+  G.conservativeResize(num_rows_ + held, num_velocities_);
+  G.bottomRows(held).setZero();
+  if (held > 0) G.bottomRows(6).middleCols<6>(column_[0]).setIdentity();
+  for (Eigen::Index i = 0; i < G.rows(); ++i)
+    if (const double norm = G.row(i).norm(); norm > 0) G.row(i) /= norm;
+
+  const double stiffest = K.cwiseAbs().maxCoeff();
+  if (!(stiffest > 0)) return {};
+  SaddleSolver solver;
+  solver.Begin(num_velocities_ + static_cast<int>(G.rows()));
+  for (int i = 0; i < num_velocities_; ++i)
+    for (int j = 0; j < num_velocities_; ++j)
+      if (K(i, j) != 0) solver.Add(i, j, K(i, j));
+  for (int i = 0; i < static_cast<int>(G.rows()); ++i) {
+    for (int j = 0; j < num_velocities_; ++j)
+      if (G(i, j) != 0) {
+        solver.Add(num_velocities_ + i, j, G(i, j));
+        solver.Add(j, num_velocities_ + i, G(i, j));
+      }
+    solver.Shift(num_velocities_ + i, 1e-8 / stiffest);
+  }
+  MatrixX x = MatrixX::Zero(solver.size(), E.rows());
+  x.topRows(num_velocities_) = E.transpose();
+  if (!solver.Factor() || !solver.Solve(x)) return {};
+  const MatrixX C = E * x.topRows(num_velocities_);
+  // The work of the loads is what the springs store, unless a motion without spring takes part.
+  const MatrixX stored = x.topRows(num_velocities_).transpose() * K * x.topRows(num_velocities_);
+  if (!((C - stored).cwiseAbs().maxCoeff() < 1e-6 * std::max(C.cwiseAbs().maxCoeff(), 1 / stiffest)))
+    return {};
+  return C;
 }
 
 }  // namespace fork1s::internal

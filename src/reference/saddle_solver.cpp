@@ -32,13 +32,9 @@ void SaddleSolver::Assemble() {
 bool SaddleSolver::Factor() {
   Assemble();
   if (size_ == 0) return true;
-  if (!factor_) factor_ = std::make_unique<Eigen::SparseLU<Eigen::SparseMatrix<double>>>();
-  if (analysed_entries_ != K_.nonZeros()) {
-    factor_->analyzePattern(K_);
-    analysed_entries_ = K_.nonZeros();
-  }
-  factor_->factorize(K_);
-  return factor_->info() == Eigen::Success;
+  const bool same_pattern = analysed_entries_ == K_.nonZeros();
+  analysed_entries_ = K_.nonZeros();
+  return factor_.Compute(K_, same_pattern);
 }
 
 MatrixX SaddleSolver::Multiply(const MatrixX& x) const {
@@ -49,7 +45,7 @@ MatrixX SaddleSolver::Multiply(const MatrixX& x) const {
 
 bool SaddleSolver::Solve(MatrixX& b) const {
   if (size_ == 0) return true;
-  MatrixX x = factor_->solve(b);
+  MatrixX x = factor_.Solve(b);
   if (!x.allFinite()) return false;
   // What ε leaves over shrinks by ε over an eigenvalue of the constraints each time; where it no longer
   // does, rounding is reached, or the rows contradict each other.
@@ -59,7 +55,7 @@ bool SaddleSolver::Solve(MatrixX& b) const {
     const double left = r.norm();
     if (!(left < 0.5 * before) || left <= 1e-16 * b.norm()) break;
     before = left;
-    const MatrixX better = x + factor_->solve(r);
+    const MatrixX better = x + factor_.Solve(r);
     if (!better.allFinite()) break;
     x = better;
   }

@@ -2,10 +2,8 @@
 #pragma once
 
 #include <fork1s/base/types.hpp>
-#include <memory>
+#include <fork1s/linalg/solve.hpp>
 #include <vector>
-
-#include <Eigen/SparseLU>
 
 namespace fork1s::internal {
 
@@ -37,8 +35,8 @@ class SaddleSolver {
   int size_ = 0;
   std::vector<Eigen::Triplet<double>> entries_;
   VectorX shift_;
-  Eigen::SparseMatrix<double> K_;                                         // shifted
-  std::unique_ptr<Eigen::SparseLU<Eigen::SparseMatrix<double>>> factor_;  // SparseLU itself cannot be moved
+  Eigen::SparseMatrix<double> K_;  // shifted
+  SparseLu factor_;
   Eigen::Index analysed_entries_ = -1;
 };
 

@@ -3,8 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include <Eigen/Cholesky>
+#include <fork1s/linalg/solve.hpp>
 
 namespace fork1s {
 namespace {
@@ -106,7 +105,7 @@ Vector3 PullForce(const Simulation& simulation, int body, const Vector3& point_B
   const double damper = 2 * std::sqrt(stiffness * std::min(1 / softest, std::max(s.mass, 1e-9)));
   const Matrix3 A = Matrix3::Identity() + (h * h * stiffness + h * damper) * s.W + stiffness * s.C;
   const Vector3 force =
-      A.partialPivLu().solve(Vector3(stiffness * (target_W - s.p_free) - damper * s.v_free));
+      SolveSquare(A, Vector3(stiffness * (target_W - s.p_free) - damper * s.v_free));
   return force.allFinite() ? force : Vector3(Vector3::Zero());
 }
 

@@ -1,7 +1,6 @@
 // Small contact problems with known answers, built on rigid bodies whose velocity is [ω; v] at their centre.
 #pragma once
 
-#include <Eigen/Dense>
 #include <fork1s/contact/contact_solver.hpp>
 #include <fork1s/spatial/rigid_transform.hpp>
 #include <random>

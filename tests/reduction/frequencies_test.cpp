@@ -1,11 +1,9 @@
 // Vibration: modes complete the reduction, bounds hold, free motions drop out.
 #include <gtest/gtest.h>
+#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <mechanisms.hpp>
 #include <random_mechanism.hpp>
-
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 
 namespace fork1s {
 namespace {
@@ -118,7 +116,7 @@ std::vector<double> Dense(const Mechanism& m, std::size_t count) {
   MassMatrix(m, kinematics, M);
   const VectorX root = m.stiffness().cwiseSqrt().cwiseInverse();
   const MatrixX scaled = root.asDiagonal() * M * root.asDiagonal();
-  const VectorX mu = Eigen::SelfAdjointEigenSolver<MatrixX>(scaled, Eigen::EigenvaluesOnly).eigenvalues().reverse();
+  const VectorX mu = EigenvaluesOf(scaled).reverse();
   std::vector<double> hertz;
   for (std::size_t i = 0; i < count; ++i)
     hertz.push_back(1 / (2 * M_PI * std::sqrt(mu(static_cast<Eigen::Index>(i)))));

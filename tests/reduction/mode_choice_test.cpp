@@ -1,12 +1,11 @@
 // Modes chosen by what the interface would miss without them.
 #include <gtest/gtest.h>
+#include <fork1s/linalg/solve.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <random_mechanism.hpp>
 
 #include <complex>
-
-#include <Eigen/LU>
 
 namespace fork1s {
 namespace {
@@ -24,7 +23,7 @@ Eigen::MatrixXcd DynamicCompliance(const ReducedModel& model, double frequency) 
   about_body.bottomLeftCorner<3, 3>() = -Skew(model.X_RB_ref[body.u()].translation());
   MatrixX J = about_body * model.T_of(body);
   J.topRows<3>() *= model.mechanism->length_scale();
-  return J.cast<Complex>() * A.partialPivLu().solve(J.transpose().cast<Complex>());
+  return J.cast<Complex>() * SolveComplex(A, J.transpose().cast<Complex>());
 }
 
 ReducedModel With(MechanismDef def, int modes, ModeChoice choice) {

@@ -49,23 +49,22 @@ TEST_P(Linear, Compliance) {
   const auto dense = DenseCompliance(*mechanism_, q0_, interfaces_);
   if (!expected_.contains(key) || expected_[key].is_null()) {
     // A spring-free motion that an interface follows.
-    ASSERT_FALSE(walk);
-    ASSERT_FALSE(dense);
-    EXPECT_EQ(walk.error().code, ErrorCode::kUnderdetermined);
-    EXPECT_EQ(dense.error().code, ErrorCode::kUnderdetermined);
+    EXPECT_GT(walk.free.cols(), 0);
+    EXPECT_GT(dense.free.cols(), 0);
     return;
   }
-  ASSERT_TRUE(walk) << walk.error().Text();
-  ASSERT_TRUE(dense) << dense.error().Text();
+  EXPECT_EQ(walk.free.cols(), 0);
+  EXPECT_EQ(dense.free.cols(), 0);
   const MatrixX C = Mat(expected_[key]);
   const double largest = C.cwiseAbs().maxCoeff();
-  EXPECT_LT((*walk - C).cwiseAbs().maxCoeff(), kCompliance * largest);
-  EXPECT_LT((*dense - C).cwiseAbs().maxCoeff(), kCompliance * largest);
+  EXPECT_LT((walk.C - C).cwiseAbs().maxCoeff(), kCompliance * largest);
+  EXPECT_LT((dense.C - C).cwiseAbs().maxCoeff(), kCompliance * largest);
   const double L = mechanism_->length_scale();
   if (expected_.contains("compliance_rank") && expected_["compliance_rank"].is_number()) {
-    EXPECT_EQ(ComplianceRank(*walk, L), expected_["compliance_rank"].get<int>());
+    EXPECT_EQ(walk.rank, expected_["compliance_rank"].get<int>());
+    EXPECT_EQ(dense.rank, expected_["compliance_rank"].get<int>());
   }
-  const MatrixX K = StiffnessFromCompliance(*walk, L);
+  const MatrixX K = StiffnessFromCompliance(walk, L);
   if (expected_["stiffness_world"].is_null()) {
     EXPECT_EQ(K.size(), 0);
   } else {

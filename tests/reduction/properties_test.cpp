@@ -1,5 +1,6 @@
 // What must hold for every mechanism, tried on random ones.
 #include <gtest/gtest.h>
+#include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/statics.hpp>
 #include <mechanisms.hpp>
@@ -31,11 +32,7 @@ std::vector<BodyIndex> Interfaces(const Mechanism& m) {
 void ExpectSameCompliance(const Mechanism& m, const VectorX& q, double tolerance) {
   const auto bodies = Interfaces(m);
   const auto walk = WalkCompliance(m, q, bodies), dense = DenseCompliance(m, q, bodies);
-  ASSERT_EQ(walk.has_value(), dense.has_value());
-  if (!walk) return;
-  // Loops may hold the interface still: what is left is rounding of the open tree's compliance, a few 1/k.
-  const double size = std::max(dense->cwiseAbs().maxCoeff(), 1 / m.stiffness().maxCoeff());
-  EXPECT_LT((*walk - *dense).cwiseAbs().maxCoeff(), tolerance * size);
+  EXPECT_LT(ComplianceDifference(walk, dense, m.length_scale()), tolerance);
 }
 
 TEST(ComplianceProperties, WalkIsDenseOnTrees) {
@@ -56,7 +53,7 @@ TEST(ComplianceProperties, WalkIsDenseOnLoops) {
     RandomMechanismOptions options = Loops();
     options.unsprung = seed % 3 == 0 ? 0.3 : 0;
     const auto m = testing::RandomMechanism(seed, options);
-    compared += WalkCompliance(m, VectorX::Zero(m.num_coordinates()), Interfaces(m)).has_value();
+    compared += WalkCompliance(m, VectorX::Zero(m.num_coordinates()), Interfaces(m)).free.cols() == 0;
     ExpectSameCompliance(m, VectorX::Zero(m.num_coordinates()), 1e-8);
   }
   EXPECT_GT(compared, static_cast<int>(kSeeds) / 2);
@@ -138,7 +135,7 @@ TEST(ReducedModelProperties, StaticResponseIsComplete) {
     }
     const double size = q.cwiseAbs().maxCoeff();
     if (r.mechanism->num_constraints() == 0) {
-      EXPECT_LT((q - r.K.ldlt().solve(g)).cwiseAbs().maxCoeff(), kRounding * size);
+      EXPECT_LT((q - SolveSymmetric(r.K, g)).cwiseAbs().maxCoeff(), kRounding * size);
     }
     const auto linear = LinearDeflection(*r.mechanism, r.q0, {}, statics);
     ASSERT_TRUE(linear) << linear.error().Text();

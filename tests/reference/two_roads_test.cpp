@@ -1,6 +1,6 @@
 // The same numbers by the joint coordinates of the mechanism room, which knows no bodies' coordinates.
-#include <Eigen/QR>
 #include <cmath>
+#include <fork1s/linalg/solve.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <random_mechanism.hpp>
@@ -53,7 +53,7 @@ VectorX ByJoints(const Mechanism& m, const VectorX& q, const VectorX& q_dot, con
   K.bottomLeftCorner(c, n) = A;
   VectorX right(n + c);
   right << f + tau, -(A_ahead - A_back) * q_dot / (2 * kStep);
-  return K.completeOrthogonalDecomposition().solve(right).head(n);
+  return LeastNormSolve(K, right, 1e-13).col(0).head(n);
 }
 
 // Relative distance of the two accelerations from a random state with rates up to `speed`.

@@ -172,7 +172,7 @@ class MechanismDynamics {
   int overshoots_ = 0;                             // in a row
   MatrixX A_, M_full_;                             // num_velocities²
   MatrixX A_inverse_;                              // bases that do not float
-  Eigen::LLT<MatrixX> factor_ = UnitFactor();
+  Cholesky factor_;
   double factored_h_ = -1;
   VectorX f_ref_;              // twist mode: Qᵀ g_ref
   double springs_ref_ = 0;     // twist mode: J in the springs at the reference

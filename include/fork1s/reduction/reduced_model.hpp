@@ -6,9 +6,10 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/base/unit_factor.hpp>
+#include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
+#include <fork1s/reduction/rank_doubt.hpp>
 #include <memory>
 #include <string>
 #include <vector>
@@ -18,7 +19,7 @@ namespace fork1s {
 struct ReductionOptions {
   std::vector<BodyIndex> interfaces;  // empty: those that the mechanism's definition names
   int modes = -1;                // fixed-interface modes to keep at most; negative: the definition's number
-  double rank_tolerance = 1e-4;  // singular values below this share of the largest are left to the statics
+  double rank_tolerance = 1e-4;  // what the interface feels less than this share of the most is left to the statics
   /// A spring-free motion that no interface body sees is an error; with this its body becomes an interface.
   bool promote_hidden = false;
 };
@@ -53,6 +54,7 @@ struct ReducedModel {
   VectorX h_inverse;  // n
 
   std::vector<BodyIndex> promoted;  // interfaces that were added for hidden motions
+  std::vector<RankDoubt> doubts;    // rank decisions that the numbers do not settle
   std::vector<std::string> warnings;
 
   int size() const { return static_cast<int>(K_r.size()); }
@@ -92,7 +94,7 @@ struct Configuration {
   VectorX c_all, c, lambda, x;
   MatrixX A_all, A, HA;  // rows x n, m x n, n x m
   MatrixX AHA, AQ;       // m x m, m x r
-  Eigen::LLT<MatrixX> factor = UnitFactor();
+  Cholesky factor;
 };
 
 /// q(z) = q_ref + Q z + q_perp, then Gauss-Newton steps q -= H⁻¹Aᵀ(A H⁻¹Aᵀ)⁻¹ c(q) with A at the present q,

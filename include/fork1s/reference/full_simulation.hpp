@@ -125,6 +125,10 @@ class FullSimulation {
   /// Lowest `count` natural frequencies [Hz] of a mechanism at the present pose, undamped and unloaded, free
   /// motions left out: a dense eigenproblem on the motions that the constraints leave.
   std::vector<double> Frequencies(int mechanism, int count = 8) const;
+  /// Compliance of bodies (6e x 6e) at the present pose, unloaded, the base held: displacement = C load, per body
+  /// [rotation; translation] and [moment; force] in world axes about its origin. Empty where a motion without
+  /// spring gives way to loads on them.
+  MatrixX Compliance(int mechanism, const std::vector<BodyIndex>& bodies) const;
 
  private:
   FullSimulation();

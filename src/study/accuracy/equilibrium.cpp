@@ -10,13 +10,12 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/linalg/solve.hpp>
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/recovery/second_order.hpp>
 #include <fork1s/reduction/statics.hpp>
 #include <numbers>
 #include <utility>
-
-#include <Eigen/LU>
 
 namespace fork1s::internal {
 namespace {
@@ -141,7 +140,7 @@ bool ReducedEquilibrium::Newton(VectorX& x, double force_N) {
       J.col(i) = (above - Residual(y, force_N)) / (2 * step);
       y(i) = x(i);
     }
-    VectorX step = -Eigen::PartialPivLU<MatrixX>(J).solve(r);
+    VectorX step = -SolveSquare(J, r);
     if (!step.allFinite()) return false;
     VectorX dq = model_->Q * step.head(model_->size());
     if (has_perp()) dq += step.tail(model_->num_coordinates());

@@ -1,7 +1,7 @@
 // Compliance, stiffness and frequencies that can be written down.
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
 #include <cmath>
+#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <numbers>
@@ -158,7 +158,7 @@ std::vector<KnownAnswer> StewartPlatform(Refinement) {
       "closed form at the cube's centre: K_t = 2k I, K_r eigenvalues k a² (½, ½, 2), no coupling";
   auto spread = [](const Matrix6& K) { return (K.block<3, 3>(3, 3) / K(3, 3) - Matrix3::Identity()).norm(); };
   auto turning = [](const Matrix6& K) {
-    return Vector3(Eigen::SelfAdjointEigenSolver<Matrix3>(K.block<3, 3>(0, 0)).eigenvalues());
+    return PrincipalValues(K.block<3, 3>(0, 0));
   };
   auto coupling = [&](const Matrix6& K) { return K.block<3, 3>(0, 3).norm() / (k * a); };
   const std::string why = std::string(kWhyDifference) + ", ten times more by the inversion";

@@ -1,7 +1,10 @@
 #include "mujoco_model.hpp"
 
-#include <Eigen/Dense>
 #include <cmath>
+#include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/solve.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
 
 #include "../mujoco_handles.hpp"
@@ -70,10 +73,7 @@ namespace {
 // Orthonormal basis of the motions that A x = 0 leaves.
 MatrixX Kernel(const MatrixX& A, Eigen::Index columns) {
   if (A.rows() == 0) return MatrixX::Identity(columns, columns);
-  const Eigen::JacobiSVD<MatrixX> svd(A, Eigen::ComputeFullV);
-  const VectorX s = svd.singularValues();
-  const auto rank = (s.array() > 1e-9 * s(0)).count();
-  return svd.matrixV().rightCols(columns - rank);
+  return ComputeNullSpace(A).unseen;
 }
 
 }  // namespace
@@ -111,7 +111,7 @@ std::vector<double> MuJoCoModel::Frequencies(int count) const {
   const MatrixX M = MassMatrix(), Z = Kernel(detail_->EqualityJacobian(), detail_->model->nv);
   const MatrixX K = Z.transpose() * detail_->Stiffness().asDiagonal() * Z;
   const VectorX squares =
-      Eigen::GeneralizedSelfAdjointEigenSolver<MatrixX>(K, Z.transpose() * M * Z).eigenvalues();
+      EigenvaluesOf(K, Z.transpose() * M * Z);
   std::vector<double> hertz;
   for (const double w : squares)
     if (w > 1e-9 * squares.maxCoeff() && static_cast<int>(hertz.size()) < count)
@@ -129,12 +129,13 @@ MatrixX MuJoCoModel::Compliance(const std::vector<std::string>& bodies) const {
   for (std::size_t i = 0; i < bodies.size(); ++i)
     J.middleRows<6>(static_cast<Eigen::Index>(6 * i)) = d.Columns(d.BodyJacobian(d.Body(bodies[i])));
   const MatrixX JZ = J * Z, K = Z.transpose() * k.asDiagonal() * Z;
-  return JZ * K.ldlt().solve(JZ.transpose());
+  return JZ * SolveSymmetric(K, JZ.transpose());
 }
 
 Expected<std::vector<RigidTransform>> MuJoCoModel::Rest(const RestLoad& load,
                                                         const std::vector<std::string>& bodies) const {
   constexpr int kLoadSteps = 8, kIterations = 40;
+  constexpr double kRepeated = 1e-12;  // pivots of rows that repeat others, beside the largest
   // Central differences of forces: 1e-5 rad leaves 1e-10 of the tangent, so that Newton still converges fast.
   constexpr double kDifference = 1e-5;
   const Detail& d = *detail_;
@@ -180,8 +181,8 @@ Expected<std::vector<RigidTransform>> MuJoCoModel::Rest(const RestLoad& load,
         K.col(i).head(n) = (force() - ahead) / (2 * kDifference);
       }
       // Rows that repeat others share their reactions.
-      const VectorX x = rows == 0 ? VectorX(K.partialPivLu().solve(right))
-                                  : VectorX(K.completeOrthogonalDecomposition().solve(right));
+      const VectorX x = rows == 0 ? VectorX(SolveSquare(K, right))
+                                  : VectorX(LeastNormSolve(K, right, kRepeated));
       move(x.head(n));
       std::copy(data->qpos, data->qpos + m->nq, qpos.begin());
       lambda += x.tail(rows);

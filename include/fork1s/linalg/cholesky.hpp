@@ -1,0 +1,52 @@
+// Factors of positive definite and symmetric matrices.
+#pragma once
+
+#include <fork1s/base/types.hpp>
+
+namespace fork1s {
+
+/// A = L Lᵀ. Holds its storage: computing and solving for a size it had before do not allocate.
+class Cholesky {
+ public:
+  /// Only the lower triangle of A is read. False where A is not positive definite.
+  bool Compute(const MatrixX& A);
+  bool ok() const { return ok_; }
+  int size() const { return static_cast<int>(L_.rows()); }
+  /// L in the lower triangle; what stands above it means nothing.
+  const MatrixX& L() const { return L_; }
+  /// x <- A⁻¹ x
+  void SolveInPlace(VectorX& x) const;
+  void SolveInPlace(MatrixX& x) const;
+
+ private:
+  MatrixX L_;
+  bool ok_ = false;
+};
+
+/// The same in place: the lower triangle of A becomes L. False where A is not positive definite.
+bool CholeskyInPlace(Eigen::Ref<MatrixX> A);
+
+/// x <- L⁻¹ x and x <- L⁻ᵀ x for the lower triangle of L.
+void SolveLowerInPlace(const Eigen::Ref<const MatrixX>& L, Eigen::Ref<MatrixX> x);
+void SolveLowerTransposedInPlace(const Eigen::Ref<const MatrixX>& L, Eigen::Ref<MatrixX> x);
+
+/// A⁻¹ b for positive definite A.
+Vector6 SolvePositive(const Matrix6& A, const Vector6& b);
+
+/// A = P Lᵀ D L Pᵀ of a symmetric matrix, indefinite or not; solves many right sides.
+class SymmetricFactor {
+ public:
+  SymmetricFactor() = default;
+  explicit SymmetricFactor(const MatrixX& A) { Compute(A); }
+  void Compute(const MatrixX& A);
+  MatrixX Solve(const MatrixX& B) const;
+
+ private:
+  MatrixX LD_;  // unit lower L, D on the diagonal
+  Eigen::Matrix<int, Eigen::Dynamic, 1> swaps_;
+};
+
+/// A⁻¹ B for symmetric A.
+MatrixX SolveSymmetric(const MatrixX& A, const MatrixX& B);
+
+}  // namespace fork1s

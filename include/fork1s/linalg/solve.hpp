@@ -1,0 +1,36 @@
+// Linear equations without symmetry, square or not.
+#pragma once
+
+#include <fork1s/base/types.hpp>
+#include <memory>
+#include <vector>
+
+#include <Eigen/SparseCore>
+
+namespace fork1s {
+
+/// A⁻¹ B by LU with row pivoting; not finite where A is singular.
+MatrixX SolveSquare(const MatrixX& A, const MatrixX& B);
+Eigen::MatrixXcd SolveComplex(const Eigen::MatrixXcd& A, const Eigen::MatrixXcd& B);
+
+/// Of all X that bring A X nearest to B the smallest. Pivots of the QR decomposition below `threshold` of the
+/// largest count as zero: kRankThreshold for matrices in one unit.
+MatrixX LeastNormSolve(const MatrixX& A, const MatrixX& B, double threshold);
+
+/// LU of a sparse matrix. With one pattern after another the fill-reducing order is found once.
+class SparseLu {
+ public:
+  SparseLu();
+  ~SparseLu();
+  SparseLu(SparseLu&&) noexcept;
+  SparseLu& operator=(SparseLu&&) noexcept;
+  /// False where A is singular. `same_pattern`: entries stand where those of the last call stood.
+  bool Compute(const Eigen::SparseMatrix<double>& A, bool same_pattern);
+  MatrixX Solve(const MatrixX& B) const;
+
+ private:
+  struct Detail;
+  std::unique_ptr<Detail> detail_;
+};
+
+}  // namespace fork1s

@@ -1,0 +1,27 @@
+// Motions of a mechanism that no spring resists, one by one, for people.
+#pragma once
+
+#include <fork1s/mechanism/mechanism.hpp>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+/// A motion of joints that keeps all loops closed and stretches no spring, with the base held.
+struct FreeMotion {
+  VectorX q;                      ///< n joint displacements, the largest 1 rad or one length of the mechanism
+  std::vector<JointIndex> joints; ///< that move, largest share first
+  std::vector<std::string> ties;  ///< tendons, springy closures, couplings and loops on these joints, which do not hold them
+  BodyIndex body;                 ///< of those asked for, the one that moves most; invalid where none moves
+  Vector6 twist = Vector6::Zero();  ///< of that body in world axes about its origin [rad, m]
+
+  /// One sentence: what moves, why nothing holds it, what would.
+  std::string Text(const Mechanism& mechanism) const;
+};
+
+/// All of them at the pose q, each with as few joints as its neighbours allow. `bodies`: those whose motion is
+/// of interest, all where empty.
+std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const VectorX& q,
+                                        std::vector<BodyIndex> bodies = {});
+
+}  // namespace fork1s

@@ -1,0 +1,88 @@
+// What nothing holds, as `reduce` and `inspect` tell it.
+#include <string>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+// Three links; a servo holds the sum of the last two joints only.
+std::string CoupledFinger() {
+  return R"(<mujoco model="finger">
+  <compiler angle="radian"/>
+  <custom><text name="fork1s_interface" data="tip"/></custom>
+  <worldbody>
+    <body name="palm"><geom size=".02" mass=".1"/>
+      <body name="proximal" pos=".03 0 0"><joint name="knuckle" axis="0 1 0" stiffness="2"/>
+        <geom size=".01" pos=".02 0 0" mass=".02"/>
+        <body name="middle" pos=".04 0 0"><joint name="J2" axis="0 1 0" damping=".01"/>
+          <geom size=".01" pos=".01 0 0" mass=".01"/>
+          <body name="tip" pos=".03 0 0"><joint name="J1" axis="0 1 0" damping=".01"/>
+            <geom size=".01" pos=".01 0 0" mass=".01"/></body></body></body></body>
+  </worldbody>
+  <tendon><fixed name="J0"><joint joint="J2" coef="1"/><joint joint="J1" coef="1"/></fixed></tendon>
+  <actuator><position name="servo" tendon="J0" kp="1"/></actuator>
+</mujoco>)";
+}
+
+void ExpectAll(const std::string& text, std::initializer_list<const char*> parts) {
+  for (const char* part : parts) EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
+}
+
+TEST(FreeMotion, ReduceGivesTheComplianceThatExists) {
+  const std::string model = Write("coupled.xml", CoupledFinger());
+  const Outcome json = Fork1s("reduce --json " + model);
+  ASSERT_EQ(json.code, 0) << json.err;
+  const auto d = json.Json();
+  ASSERT_EQ(d["free_motions"].size(), 1u);
+  const auto& motion = d["free_motions"][0];
+  EXPECT_EQ(motion["body"], "tip");
+  EXPECT_EQ(motion["joints"].size(), 2u);
+  EXPECT_EQ(motion["motion_world"].size(), 6u);
+  EXPECT_EQ(d["coordinates"]["free"], 1);
+  ASSERT_EQ(d["compliance_world"].size(), 6u);
+  EXPECT_GT(d["compliance_world"][1][1].get<double>(), 0.1);  // 1/2 and 1/1 rad/(N m) stand behind it
+  EXPECT_TRUE(d["stiffness_world"].is_null());
+  const Outcome text = Fork1s("reduce " + model);
+  ExpectAll(text.out, {"free of springs (1)", "body 'tip'", "'J1'", "'J2'", "tendon", "--pd J"});
+  // What it advises holds.
+  const Outcome held = Fork1s("reduce --json --pd J1=1,0.01 " + model);
+  ASSERT_EQ(held.code, 0) << held.err;
+  EXPECT_TRUE(held.Json()["free_motions"].empty());
+}
+
+TEST(FreeMotion, InspectDoesNotCallItHeld) {
+  const Outcome text = Fork1s("inspect " + Write("coupled.xml", CoupledFinger()));
+  ASSERT_EQ(text.code, 0) << text.err;
+  ExpectAll(text.out, {"what nothing holds (1)", "'J1'", "'J2'", "--pd J"});
+}
+
+TEST(FreeMotion, ATieRodThatSpinsUnseenIsRefused) {
+  // Upright on a sprung king pin, steered by a rod with a passive ball at either end.
+  const std::string model = Write("tie_rod.xml", R"(<mujoco model="steering">
+  <compiler angle="radian"/>
+  <custom><text name="fork1s_interface" data="upright"/></custom>
+  <worldbody>
+    <body name="rack"><geom size=".02" mass="1"/>
+      <body name="rod" pos="0 .2 .05"><joint name="inner" type="ball"/>
+        <geom type="capsule" fromto="0 0 0 .1 .25 -.02" size=".01" mass=".3"/></body>
+      <body name="upright" pos="0 .5 0"><joint name="king_pin" axis=".1 0 1" stiffness="50"/>
+        <geom size=".03" mass="2" pos=".02 0 0"/></body>
+    </body>
+  </worldbody>
+  <equality><connect name="outer" body1="rod" body2="upright" anchor=".1 .25 -.02"/></equality>
+</mujoco>)");
+  for (const char* command : {"reduce ", "run --time 0.1 "}) {
+    const Outcome o = Fork1s(command + model);
+    EXPECT_EQ(o.code, 3) << o.out;
+    ExpectAll(o.err, {"tie_rod.xml", "joint 'inner'", "turning about", "body 'rod' an interface"});
+  }
+  // Made an interface, it is a free motion like any other.
+  const Outcome seen = Fork1s("reduce --json --interface upright,rod " + model);
+  ASSERT_EQ(seen.code, 0) << seen.err;
+  ASSERT_EQ(seen.Json()["free_motions"].size(), 1u);
+  EXPECT_EQ(seen.Json()["free_motions"][0]["body"], "rod");
+}
+
+}  // namespace
+}  // namespace fork1s::test

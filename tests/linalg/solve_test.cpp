@@ -1,0 +1,124 @@
+// Factors and solvers against products, and no allocation where a step uses them.
+#include <gtest/gtest.h>
+#include <allocation_counter.hpp>
+#include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/solve.hpp>
+#include <fork1s/linalg/spectrum.hpp>
+
+#include <cmath>
+#include <random>
+
+namespace fork1s {
+namespace {
+
+MatrixX Random(Eigen::Index rows, Eigen::Index cols, std::mt19937& engine) {
+  MatrixX m(rows, cols);
+  for (Eigen::Index j = 0; j < cols; ++j)
+    for (Eigen::Index i = 0; i < rows; ++i) m(i, j) = 2.0 * static_cast<double>(engine()) / 4294967295.0 - 1;
+  return m;
+}
+
+MatrixX Positive(Eigen::Index n, std::mt19937& engine) {
+  const MatrixX B = Random(n, n, engine);
+  return B * B.transpose() + 0.1 * MatrixX::Identity(n, n);
+}
+
+// Condition numbers of these matrices stay below 1e4.
+constexpr double kRounding = 1e-11;
+
+TEST(Cholesky, SolvesWithoutAllocating) {
+  std::mt19937 engine(1);
+  for (const Eigen::Index n : {1, 2, 7, 40}) {
+    const MatrixX A = Positive(n, engine);
+    Cholesky factor;
+    ASSERT_TRUE(factor.Compute(A));
+    const VectorX b = Random(n, 1, engine);
+    VectorX x = b;
+    MatrixX X = b;
+    const long before = testing::allocations.load();
+    ASSERT_TRUE(factor.Compute(A));
+    factor.SolveInPlace(x);
+    EXPECT_EQ(testing::allocations.load(), before);
+    factor.SolveInPlace(X);
+    EXPECT_LT((A * x - b).norm(), kRounding * b.norm());
+    EXPECT_LT((X - x).norm(), kRounding * x.norm());
+  }
+  Cholesky factor;
+  EXPECT_FALSE(factor.Compute(-MatrixX::Identity(3, 3)));
+  EXPECT_FALSE(factor.ok());
+  EXPECT_TRUE(factor.Compute(MatrixX(0, 0)));
+}
+
+TEST(Cholesky, SixBySix) {
+  std::mt19937 engine(2);
+  const Matrix6 A = Positive(6, engine);
+  const Vector6 b = Random(6, 1, engine);
+  EXPECT_LT((A * SolvePositive(A, b) - b).norm(), kRounding);
+}
+
+TEST(Solve, SymmetricIndefiniteSquareAndComplex) {
+  std::mt19937 engine(3);
+  for (int trial = 0; trial < 20; ++trial) {
+    const MatrixX B = Random(9, 9, engine), A = B + B.transpose() + 4 * MatrixX::Identity(9, 9), R = Random(9, 3, engine);
+    EXPECT_LT((A * SolveSymmetric(A, R) - R).cwiseAbs().maxCoeff(), 1e-8);
+    EXPECT_LT((A * SolveSquare(A, R) - R).cwiseAbs().maxCoeff(), 1e-8);
+    const Eigen::MatrixXcd C = A.cast<std::complex<double>>() + std::complex<double>(0, 1) * B;
+    EXPECT_LT((C * SolveComplex(C, R.cast<std::complex<double>>()) - R).cwiseAbs().maxCoeff(), 1e-8);
+  }
+}
+
+TEST(Solve, LeastNorm) {
+  // x + y = 2 twice: of all solutions (1, 1), of all answers the nearest.
+  MatrixX A(2, 2), b(2, 1);
+  A << 1, 1, 1, 1;
+  b << 1, 3;
+  const MatrixX x = LeastNormSolve(A, b, 1e-6);
+  EXPECT_NEAR(x(0), 1, 1e-14);
+  EXPECT_NEAR(x(1), 1, 1e-14);
+  EXPECT_EQ(LeastNormSolve(MatrixX(0, 3), MatrixX(0, 1), 1e-6), MatrixX(MatrixX::Zero(3, 1)));
+}
+
+TEST(Solve, SparseOfOnePatternAfterAnother) {
+  SparseLu lu;
+  for (const double value : {2.0, 5.0}) {
+    Eigen::SparseMatrix<double> A(2, 2);
+    A.insert(0, 0) = value;
+    A.insert(0, 1) = 1;
+    A.insert(1, 0) = 1;
+    A.insert(1, 1) = 0.0;
+    A.makeCompressed();
+    ASSERT_TRUE(lu.Compute(A, value > 2));
+    EXPECT_LT((MatrixX(A) * lu.Solve(MatrixX::Identity(2, 2)) - MatrixX::Identity(2, 2)).norm(), 1e-14);
+  }
+}
+
+TEST(Spectrum, ReproducesItsMatrix) {
+  std::mt19937 engine(4);
+  const MatrixX A = Positive(8, engine), M = Positive(8, engine);
+  const SymmetricSpectrum s = SpectrumOf(A);
+  EXPECT_LT((s.vectors * s.values.asDiagonal() * s.vectors.transpose() - A).norm(), 1e-12);
+  EXPECT_LT((EigenvaluesOf(A) - s.values).norm(), 1e-12);
+  // det(A - µ M) = 0 for every generalized eigenvalue: the least singular value vanishes.
+  for (const double mu : EigenvaluesOf(A, M)) EXPECT_LT(SingularValues(A - mu * M).minCoeff(), 1e-9);
+  EXPECT_LT((PrincipalValues(Matrix3(Vector3(3, 1, 2).asDiagonal())) - Vector3(1, 2, 3)).norm(), 1e-14);
+  const MatrixX B = Random(5, 5, engine);
+  const GeneralSpectrum g = GeneralSpectrumOf(B);
+  EXPECT_LT((B.cast<std::complex<double>>() * g.vectors - g.vectors * g.values.asDiagonal()).norm(), 1e-12);
+}
+
+TEST(Spectrum, LanczosFindsTheLargest) {
+  const int n = 400;
+  VectorX diagonal(n);
+  for (int i = 0; i < n; ++i) diagonal(i) = 1 / std::pow(i + 1.0, 4);
+  VectorX values;
+  MatrixX vectors;
+  ASSERT_TRUE(LargestEigenpairs(
+      [&](const double* x, double* y) {
+        for (int i = 0; i < n; ++i) y[i] = diagonal(i) * x[i];
+      },
+      n, 4, values, vectors));
+  for (int i = 0; i < 4; ++i) EXPECT_NEAR(values(i), diagonal(i), 1e-12);
+}
+
+}  // namespace
+}  // namespace fork1s
