@@ -139,8 +139,7 @@ int SplittingSolver::Iterate(RowSet& rows, bool associated, double enough, int m
     rhs.setZero();
     if (!associated) AddCorrection(rows, z_.data(), rhs_.data());
     rhs = kProximal * x + rho * y + z - g - rhs;
-    SolveLowerInPlace(factor, rhs);
-    SolveLowerTransposedInPlace(factor, rhs);
+    SolveWithLowerInPlace(factor, rhs);
     x = rhs;
     y_before_.swap(y_);
     new (&y) Vector(y_.data(), n_);

@@ -15,11 +15,8 @@ bool Cholesky::Compute(const MatrixX& A) {
   return ok_;
 }
 
-void SolveLowerInPlace(const Eigen::Ref<const MatrixX>& L, Eigen::Ref<MatrixX> x) {
+void SolveWithLowerInPlace(const Eigen::Ref<const MatrixX>& L, Eigen::Ref<VectorX> x) {
   L.triangularView<Eigen::Lower>().solveInPlace(x);
-}
-
-void SolveLowerTransposedInPlace(const Eigen::Ref<const MatrixX>& L, Eigen::Ref<MatrixX> x) {
   L.triangularView<Eigen::Lower>().transpose().solveInPlace(x);
 }
 

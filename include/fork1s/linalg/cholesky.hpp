@@ -26,9 +26,8 @@ class Cholesky {
 /// The same in place: the lower triangle of A becomes L. False where A is not positive definite.
 bool CholeskyInPlace(Eigen::Ref<MatrixX> A);
 
-/// x <- L⁻¹ x and x <- L⁻ᵀ x for the lower triangle of L.
-void SolveLowerInPlace(const Eigen::Ref<const MatrixX>& L, Eigen::Ref<MatrixX> x);
-void SolveLowerTransposedInPlace(const Eigen::Ref<const MatrixX>& L, Eigen::Ref<MatrixX> x);
+/// x <- (L Lᵀ)⁻¹ x for the lower triangle of L.
+void SolveWithLowerInPlace(const Eigen::Ref<const MatrixX>& L, Eigen::Ref<VectorX> x);
 
 /// A⁻¹ b for positive definite A.
 Vector6 SolvePositive(const Matrix6& A, const Vector6& b);
