@@ -12,6 +12,7 @@
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/recovery/second_order.hpp>
 #include <fork1s/reduction/compliance.hpp>
+#include <fork1s/reduction/free_motion.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reduction/statics.hpp>
 #include <fork1s/sim/simulation.hpp>

@@ -79,11 +79,7 @@ MatrixX EchelonBasis(MatrixX B) {
   return B;
 }
 
-MatrixX RangeBasis(const MatrixX& A, Rank* rank) {
-  const NullSpace transposed = ComputeNullSpace(A.transpose());
-  if (rank) *rank = transposed.rank;
-  return transposed.seen;
-}
+MatrixX RangeBasis(const MatrixX& A) { return ComputeNullSpace(A.transpose()).seen; }
 
 namespace {
 

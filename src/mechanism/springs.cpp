@@ -56,29 +56,6 @@ MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics
   return K;
 }
 
-MatrixX StiffnessRoot(const Mechanism& mechanism, const Kinematics& kinematics) {
-  const int n = mechanism.num_coordinates();
-  int rows = static_cast<int>((mechanism.stiffness().array() > 0).count());
-  rows += static_cast<int>(mechanism.springs().size() + 6 * mechanism.closures().size());
-  MatrixX R = MatrixX::Zero(rows, n);
-  int row = 0;
-  for (int i = 0; i < n; ++i)
-    if (mechanism.stiffness()(i) > 0) R(row++, i) = std::sqrt(mechanism.stiffness()(i));
-  for (const Mechanism::Spring& s : mechanism.springs()) {
-    for (const auto& [i, c] : s.terms) R(row, i) += std::sqrt(s.stiffness) * c;
-    ++row;
-  }
-  for (const ClosureDef& closure : mechanism.closures()) {
-    const Vector6 root = Soft(closure, closure.stiffness).cwiseSqrt();
-    if (!root.isZero(0))
-      internal::ForEachClosureColumn(mechanism, closure, kinematics, [&](int i, const Vector6& column) {
-        R.block<6, 1>(row, i) += root.cwiseProduct(column);
-      });
-    row += 6;
-  }
-  return R;
-}
-
 MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX&) {
   MatrixX D = mechanism.damping().asDiagonal();
   for (const Mechanism::Spring& s : mechanism.springs())

@@ -18,13 +18,6 @@ MatrixX ElasticBasis::FreeInOneUnit(int n) const {
   return DenseFree(n);
 }
 
-MatrixX ElasticBasis::DenseElastic(int n) const {
-  if (!diagonal) return V;
-  MatrixX dense = MatrixX::Zero(n, num_elastic());
-  for (int i = 0; i < num_elastic(); ++i) dense(sprung[static_cast<std::size_t>(i)], i) = inverse_root(i);
-  return dense;
-}
-
 bool ElasticBasis::Feels(const MatrixX& J_x) const {
   if (num_elastic() == 0 || J_x.rows() == 0) return false;
   return (diagonal ? MatrixX(J_x(Eigen::all, sprung)) : MatrixX(J_x * elastic_x)).cwiseAbs().maxCoeff() >

@@ -26,11 +26,10 @@ struct ElasticBasis {
 
   int num_free() const { return diagonal ? static_cast<int>(unsprung.size()) : static_cast<int>(N.cols()); }
   int num_elastic() const { return diagonal ? static_cast<int>(sprung.size()) : static_cast<int>(V.cols()); }
-  /// Dense n x num_free and n x num_elastic.
+  /// Dense n x num_free.
   MatrixX DenseFree(int n) const;
   /// The free motions as x, orthonormal: n x num_free.
   MatrixX FreeInOneUnit(int n) const;
-  MatrixX DenseElastic(int n) const;
   /// Whether bodies with rows J_x (in one unit, on x) move in any elastic direction by more than rounding.
   bool Feels(const MatrixX& J_x) const;
   /// All closed motions, n x num_closed.

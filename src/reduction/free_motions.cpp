@@ -11,9 +11,7 @@ namespace fork1s {
 namespace internal {
 
 FreeMotions FreeMotionsOf(const MatrixX& moved) {
-  FreeMotions free;
-  free.basis = RangeBasis(moved, &free.rank);
-  return free;
+  return {RangeBasis(moved)};
 }
 
 namespace {

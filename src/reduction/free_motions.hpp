@@ -1,7 +1,6 @@
 // Spring-free motions of interface bodies, and what is left of displacements without them.
 #pragma once
 
-#include <fork1s/linalg/rank.hpp>
 #include <fork1s/reduction/compliance.hpp>
 
 namespace fork1s::internal {
@@ -9,7 +8,6 @@ namespace fork1s::internal {
 /// Displacements of interface bodies in lengths of the mechanism: [turn; displacement / L] per body.
 struct FreeMotions {
   MatrixX basis;  ///< 6e x f, orthonormal
-  Rank rank;
 
   /// Rows less their part along the free motions.
   MatrixX Without(const MatrixX& displacements) const {

@@ -1,4 +1,5 @@
 #include <fork1s/linalg/spectrum.hpp>
+#include <fork1s/mechanism/one_unit.hpp>
 #include "support.hpp"
 
 #include <gtest/gtest.h>
@@ -70,14 +71,17 @@ TEST(StiffnessMatrix, AndDampingAreSymmetricAndNowhereNegative) {
   }
 }
 
-TEST(StiffnessMatrix, IsTheSquareOfItsRoot) {
+TEST(StiffnessMatrix, IsTheSquareOfItsRowsInOneUnit) {
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
     RandomMechanismOptions options = Everything();
     options.unsprung = 0.2;
     const Mechanism m = RandomMechanism(seed, options);
     const VectorX q = RandomCoordinates(m, seed);
     const Kinematics k = At(m, q);
-    const MatrixX K = StiffnessMatrix(m, k, q), R = StiffnessRoot(m, k);
+    const OneUnit unit = ComputeOneUnit(m, k);
+    const SpringRows springs = SpringRowsInOneUnit(m, k, unit);
+    const MatrixX K = StiffnessMatrix(m, k, q), R = springs.weight.asDiagonal() * springs.rows *
+                                                    unit.coordinate.cwiseInverse().asDiagonal();
     EXPECT_LE((R.transpose() * R - K).norm(), 1e-13 * K.norm());  // sums of outer products
   }
 }

@@ -26,7 +26,7 @@ MatrixX OrthogonalComplement(const MatrixX& Y);
 MatrixX EchelonBasis(MatrixX B);
 
 /// Orthonormal basis of the range of A (m x n, in one unit): m x rank.
-MatrixX RangeBasis(const MatrixX& A, Rank* rank = nullptr);
+MatrixX RangeBasis(const MatrixX& A);
 
 /// For B (m x n) of full column rank, whose rows may differ by many orders of magnitude: W (n x n) with
 /// (B W)ᵀ(B W) = 1. Rows are sorted by size and columns pivoted, so that each row keeps its own digits (Cox

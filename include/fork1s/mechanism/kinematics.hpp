@@ -72,9 +72,6 @@ void SpringForce(const Mechanism& mechanism, const Kinematics& kinematics, const
 /// Stiffness matrix K_q (n x n) of joint springs, linear springs and springy closures at the present pose.
 MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
 MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
-/// A root R (s x n) of that matrix, K_q = RᵀR, one row a spring: keeps its digits where stiffnesses differ
-/// widely.
-MatrixX StiffnessRoot(const Mechanism& mechanism, const Kinematics& kinematics);
 /// Energy stored in all springs [J].
 double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
 /// τ += control forces for inputs u (one per Mechanism::controls()).
