@@ -195,6 +195,8 @@ Expected<LeggedScene> LoadCassie(const LeggedOptions& options) {
   auto pose = FindStandingPose(m, home, soles);
   if (!pose) return tl::unexpected(pose.error());
   KeepFeet(legged, m);
+  // Rods between two balls spin about themselves: no spring holds that and no foot sees it.
+  for (const char* rod : {"left-achilles-rod", "right-achilles-rod"}) m.interfaces.push_back(rod);
   LayGround(options.ground, {0.005, 0.02}, scene);
   if (auto ok = StandUp(legged, Matrix3::Identity(), pose->q, pose->controls); !ok)
     return tl::unexpected(ok.error());

@@ -1,4 +1,5 @@
 // The first half second of standing, beside the full-coordinate model.
+#include <algorithm>
 #include <fork1s/study/compare.hpp>
 
 #include "machines.hpp"
@@ -19,7 +20,14 @@ TEST_P(Standing, FollowsTheFullModel) {
   // Slop of contact. Where a foot first meets a slope it matters more when in the step it does: the full
   // model is as far from itself at half the step (benchmarks/legged), so ANYmal and Digit, which fall
   // deepest, are not held to this on uneven ground.
-  for (const BodyDifference& d : comparison->interface) EXPECT_LT(d.max_mm, 0.15) << d.body;
+  int feet = 0;
+  for (const BodyDifference& d : comparison->interface) {
+    // Cassie's rods are interfaces for their spin only.
+    if (std::none_of(legged.feet.begin(), legged.feet.end(), [&](const auto& f) { return f.body == d.body; })) continue;
+    EXPECT_LT(d.max_mm, 0.15) << d.body;
+    ++feet;
+  }
+  EXPECT_GE(feet, 2);
 }
 
 INSTANTIATE_TEST_SUITE_P(Machines, Standing,
