@@ -1,6 +1,6 @@
 // What nearly every file of the library and its programs includes, compiled once. Files still include what they
-// use: this is not for them to lean on (FORK1S_PCH=OFF builds without it), and it holds nothing that changes
-// from day to day.
+// use: this is not for them to lean on (FORK1S_PCH=OFF builds without it). It holds nothing that changes from day to
+// day, and nothing that only some files use: what is in here costs every file its loading.
 #pragma once
 
 #include <algorithm>

@@ -66,7 +66,7 @@ TEST(Adjoint, IsConjugation) {
   for (const Vector6& x : Samples()) {
     const RigidTransform X = Exp(x);
     const Vector6 y = RandomSix(random, 1);
-    const MatrixL<4> oracle = Homogeneous(X) * Hat(y) * Homogeneous(X).inverse();
+    const MatrixL<4> oracle = Homogeneous(X) * Hat(y) * Inverse<4>(Homogeneous(X));
     EXPECT_LE(Difference(Hat(Adjoint(X) * y), oracle), 2 * kTolerance * Scale(x)) << x.transpose();
     EXPECT_LE((AdjointApply(X, y) - Adjoint(X) * y).norm(), kTolerance * Scale(x));
     EXPECT_LE((AdjointTransposeApply(X, y) - Adjoint(X).transpose() * y).norm(), kTolerance * Scale(x));
@@ -85,7 +85,7 @@ TEST(Adjoint, OfAProductIsTheProduct) {
 
 TEST(Adjoint, OfExpIsTheExponentialOfTheSmallAdjoint) {
   for (const Vector6& x : Samples(6.0)) {
-    const MatrixL<6> oracle = SmallAdjointOracle(x).exp();
+    const MatrixL<6> oracle = Exponential<6>(SmallAdjointOracle(x));
     EXPECT_LE(Difference(Adjoint(Exp(x)), oracle), 2 * kTolerance * Scale(x)) << x.transpose();
   }
 }

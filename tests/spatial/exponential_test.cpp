@@ -53,9 +53,9 @@ TEST(Exp, AddsUpAlongOneScrew) {
 TEST(Log, IsTheMatrixLogarithm) {
   for (const Vector6& x : Samples()) {
     const double angle = x.head<3>().norm();
-    if (angle < 1e-12) continue;  // the oracle's own Schur form is absolute, not relative
+    if (angle < 1e-12) continue;  // the oracle's digits are absolute, not relative
     const RigidTransform X = Exp(x);
-    const MatrixL<4> oracle = Homogeneous(X).log();
+    const MatrixL<4> oracle = Logarithm<4>(Homogeneous(X));
     // The oracle also takes the part of X that rounding (1e-16) made not orthogonal, and two eigenvalues that
     // are 2(π - θ) apart across its cut magnify that part.
     const double tolerance = kTolerance + 1e-15 / (kPi - angle);
@@ -160,7 +160,7 @@ TEST(Dexp, InverseIsItsInverse) {
 
 TEST(Dexp, InverseMatchesTheOracle) {
   for (const Vector6& x : Samples()) {
-    const MatrixL<6> oracle = DexpOracle<6>(SmallAdjointOracle(x)).inverse();
+    const MatrixL<6> oracle = Inverse<6>(DexpOracle<6>(SmallAdjointOracle(x)));
     EXPECT_LE(Difference(DexpInverse(x), oracle), 2 * kTolerance * Scale(x)) << x.transpose();
   }
 }

@@ -1,5 +1,5 @@
-// Truth for SE(3): the matrix exponential and logarithm of Eigen's unsupported/MatrixFunctions in long
-// double, and the samples at which every law is tried.
+// Truth for SE(3): exponential, logarithm and inverse of matrices from their series and definitions in long double,
+// which know nothing of rotations, and the samples at which every law is tried.
 #pragma once
 
 #include <cmath>
@@ -7,8 +7,6 @@
 #include <numbers>
 #include <random>
 #include <vector>
-
-#include <unsupported/Eigen/MatrixFunctions>
 
 namespace fork1s::spatial_test {
 
@@ -37,7 +35,76 @@ inline MatrixL<4> Homogeneous(const RigidTransform& X) {
   return m;
 }
 
-inline MatrixL<4> ExpOracle(const Vector6& x) { return Hat(x).exp(); }
+/// Σ A^k/k!, of A halved until the series is short and squared as often.
+template <int n>
+MatrixL<n> Exponential(MatrixL<n> A) {
+  int halvings = 0;
+  for (; A.cwiseAbs().maxCoeff() > Real(0.1); ++halvings) A *= Real(0.5);
+  MatrixL<n> sum = MatrixL<n>::Identity(), term = sum;
+  for (int k = 1; k <= 20; ++k) {  // |A| <= 0.1 n: the last term is below 1e-20
+    term = (term * A / Real(k)).eval();
+    sum += term;
+  }
+  for (; halvings > 0; --halvings) sum = (sum * sum).eval();
+  return sum;
+}
+
+/// By Gauss and Jordan with pivots.
+template <int n>
+MatrixL<n> Inverse(MatrixL<n> A) {
+  MatrixL<n> B = MatrixL<n>::Identity();
+  for (int k = 0; k < n; ++k) {
+    int pivot = k;
+    for (int i = k + 1; i < n; ++i)
+      if (std::abs(A(i, k)) > std::abs(A(pivot, k))) pivot = i;
+    A.row(k).swap(A.row(pivot));
+    B.row(k).swap(B.row(pivot));
+    const Real d = 1 / A(k, k);
+    A.row(k) *= d;
+    B.row(k) *= d;
+    for (int i = 0; i < n; ++i) {
+      if (i == k) continue;
+      const Real f = A(i, k);
+      A.row(i) -= f * A.row(k);
+      B.row(i) -= f * B.row(k);
+    }
+  }
+  return B;
+}
+
+/// The principal square root, by the coupled Newton iteration of Denman and Beavers.
+template <int n>
+MatrixL<n> SquareRoot(const MatrixL<n>& A) {
+  MatrixL<n> Y = A, Z = MatrixL<n>::Identity();
+  for (int i = 0; i < 80; ++i) {  // near a half turn the angle to the cut only doubles at first
+    const MatrixL<n> y = Real(0.5) * (Y + Inverse<n>(Z)), z = Real(0.5) * (Z + Inverse<n>(Y));
+    const bool still = (y - Y).cwiseAbs().maxCoeff() <= Real(1e-18) * Y.cwiseAbs().maxCoeff();
+    Y = y;
+    Z = z;
+    if (still) break;
+  }
+  return Y;
+}
+
+/// The principal logarithm: 2^k log A^(1/2^k), log A = 2 Σ B^(2i+1)/(2i+1) with B = (A - I)(A + I)⁻¹.
+template <int n>
+MatrixL<n> Logarithm(MatrixL<n> A) {
+  const MatrixL<n> I = MatrixL<n>::Identity();
+  Real factor = 2;
+  for (int k = 0; k < 40 && (A - I).cwiseAbs().maxCoeff() > Real(0.1); ++k) {
+    A = SquareRoot<n>(A);
+    factor *= 2;
+  }
+  const MatrixL<n> B = (A - I) * Inverse<n>(A + I), square = B * B;
+  MatrixL<n> power = B, sum = B;
+  for (int i = 1; i <= 16; ++i) {  // |B| <= 0.06 n at most
+    power = (power * square).eval();
+    sum += power / Real(2 * i + 1);
+  }
+  return factor * sum;
+}
+
+inline MatrixL<4> ExpOracle(const Vector6& x) { return Exponential<4>(Hat(x)); }
 
 /// ad(x) from its definition [[x], [y]] on the 4x4 matrices, column by column.
 inline MatrixL<6> SmallAdjointOracle(const Vector6& x) {
@@ -56,7 +123,7 @@ MatrixL<n> DexpOracle(const MatrixL<n>& A) {
   MatrixL<2 * n> block = MatrixL<2 * n>::Zero();
   block.template topLeftCorner<n, n>() = A;
   block.template topRightCorner<n, n>().setIdentity();
-  const MatrixL<2 * n> e = block.exp();
+  const MatrixL<2 * n> e = Exponential<2 * n>(block);
   return e.template topRightCorner<n, n>();
 }
 
