@@ -186,7 +186,7 @@ class LiveServer::Detail::Viewer : public std::enable_shared_from_this<Viewer> {
   }
 
   Detail& server_;
-  websocket::stream<beast::tcp_stream, false> socket_;  // never compressed: the line never leaves this machine
+  websocket::stream<beast::tcp_stream, false> socket_;  // no compression: nothing leaves this machine
   int id_;
   beast::flat_buffer buffer_;
   bool open_ = false;
