@@ -34,7 +34,8 @@ target_compile_options(fork1s_warnings INTERFACE -Wall -Wextra -Wpedantic -Wshad
 if(FORK1S_WERROR)
   target_compile_options(fork1s_warnings INTERFACE -Werror)
 endif()
-# GCC collects its garbage less often: a tenth less time for a fifth more memory (2 GB at most).
+# GCC collects its garbage less often. dynamics, the largest room: 72 -> 68 and 78 -> 69 CPU seconds in two tries, for
+# 2.0 GB instead of 1.7.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   target_compile_options(fork1s_warnings INTERFACE --param=ggc-min-heapsize=800000)
 endif()
