@@ -160,7 +160,7 @@ Expected<MuJoCoStand> StandInMuJoCo(const LeggedScene& legged, const std::string
   mj_kinematics(model, data);
   const double height = PoseOf(model, data, legged.trunk).translation().z();
   MuJoCoStand out;
-  out.coordinates = model->nv;
+  out.coordinates = static_cast<int>(model->nv);
   std::vector<double> us;
   std::vector<Vector3> settled;
   double all = 0;

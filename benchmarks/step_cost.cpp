@@ -84,7 +84,7 @@ int Measure(int argc, char** argv) {
   for (int i = 0; i < steps; ++i) {
     track.Apply((i + 1) * simulation->dt(), *simulation);
     copier.Copy(d.get());
-    mju_zero(d->qvel, m->nv);
+    mju_zero(d->qvel, static_cast<int>(m->nv));
     auto start = Clock::now();
     mj_step(m.get(), d.get());
     const double mujoco_us = std::chrono::duration<double, std::micro>(Clock::now() - start).count();

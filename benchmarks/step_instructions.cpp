@@ -59,7 +59,7 @@ int Walk(int argc, char** argv) {
   double our_contacts = 0, their_contacts = 0;
   for (int i = 0; i < steps; ++i) {
     track.Apply((i + 1) * kTimeStep, *simulation);
-    mju_zero(d->qvel, m->nv);
+    mju_zero(d->qvel, static_cast<int>(m->nv));
     copier.Copy(d.get());
     mj_step(m.get(), d.get());
     our_contacts += simulation->Step().contacts;

@@ -126,8 +126,14 @@ function(fork1s_finish)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/fork1s DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
   configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/fork1sConfig.cmake.in
     ${PROJECT_BINARY_DIR}/fork1sConfig.cmake INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/fork1s)
+  if(mujoco_LIBRARY)  # not where the system has its own
+    install(FILES ${mujoco_LIBRARY} ${mujoco_LICENSE} DESTINATION ${CMAKE_INSTALL_LIBDIR}/fork1s/mujoco)
+    install(DIRECTORY ${mujoco_PLUGINS} DESTINATION ${CMAKE_INSTALL_LIBDIR}/fork1s/mujoco)
+    install(DIRECTORY ${mujoco_INCLUDE_DIR}/mujoco DESTINATION ${CMAKE_INSTALL_LIBDIR}/fork1s/mujoco/include)
+  endif()
   write_basic_package_version_file(${PROJECT_BINARY_DIR}/fork1sConfigVersion.cmake
     COMPATIBILITY SameMinorVersion)
   install(FILES ${PROJECT_BINARY_DIR}/fork1sConfig.cmake ${PROJECT_BINARY_DIR}/fork1sConfigVersion.cmake
+    ${PROJECT_SOURCE_DIR}/cmake/Findmujoco.cmake ${PROJECT_SOURCE_DIR}/cmake/mujoco.txt
     DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/fork1s)
 endfunction()

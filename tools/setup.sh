@@ -2,10 +2,10 @@
 # Installs what the build and the tests need from Debian's packages, and says so. Does nothing where all is there.
 set -euo pipefail
 
-# libqhull-dev has no header of ours: MuJoCo's CMake files name its folder, which must be there.
+# python3-pip fetches MuJoCo, which comes from Python's registry (cmake/Findmujoco.cmake).
 packages=(
   g++ cmake ninja-build ccache
-  libeigen3-dev libmujoco-dev libqhull-dev libtinyxml2-dev libcli11-dev libfmt-dev nlohmann-json3-dev
+  libeigen3-dev python3-pip libtinyxml2-dev libcli11-dev libfmt-dev nlohmann-json3-dev
   libexpected-dev libhdf5-dev libtbb-dev libspectra-dev
   libgtest-dev
   libboost-dev

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/study/compare.hpp>
+#include <map>
 #include <memory>
 
 #include "model_arguments.hpp"
@@ -14,6 +15,7 @@ namespace {
 struct CompareArguments {
   ModelArguments model;
   std::string against = "full", controls, recovery = "exact", report, detail;
+  MuJoCoIntegrator integrator = MuJoCoIntegrator::kOfFile;
   double time = 2, dt = 0;
   int refinements = 2;
 };
@@ -119,6 +121,7 @@ int Run(const CompareArguments& args) {
   options.dt = args.dt;
   options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
   options.refinements = args.refinements;
+  options.mujoco_integrator = args.integrator;
   if (!args.detail.empty()) {
     auto read = FidelityTrack::Parse(args.detail, {DetailLevel::kInterface, -1, options.recovery});
     if (!read) return Report(read.error(), json);
@@ -168,6 +171,14 @@ void AddCompare(CLI::App& app, Action& action) {
   args->model.AddTo(*command);
   command->add_option("--against", args->against, "full (default) or mujoco")
       ->check(CLI::IsMember({"full", "mujoco"}));
+  static const std::map<std::string, MuJoCoIntegrator> integrators = {
+      {"Euler", MuJoCoIntegrator::kEuler},
+      {"implicitfast", MuJoCoIntegrator::kImplicitFast},
+      {"discrete", MuJoCoIntegrator::kDiscrete}};
+  command
+      ->add_option("--mujoco-integrator", args->integrator,
+                   "with --against mujoco: Euler, implicitfast or discrete (default: the file's)")
+      ->transform(CLI::CheckedTransformer(integrators, CLI::ignore_case));
   command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(CLI::PositiveNumber);
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
   command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");

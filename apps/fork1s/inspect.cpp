@@ -1,9 +1,12 @@
 #include <fmt/format.h>
+
+#include <filesystem>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/mechanism/names.hpp>
 #include <fork1s/reduction/free_motion.hpp>
 #include <memory>
 
+#include "inspect_folder.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 
@@ -102,12 +105,18 @@ void Print(const ImportedScene& imported, const Json& d) {
 }  // namespace
 
 void AddInspect(CLI::App& app, Action& action) {
-  auto* command =
-      app.add_subcommand("inspect", "what was imported, what was dropped and why, what holds each joint");
+  auto* command = app.add_subcommand(
+      "inspect",
+      "what was imported, what was dropped and why, what holds each joint; of a folder: a table of its models");
   auto model = std::make_shared<ModelArguments>();
+  auto time = std::make_shared<double>(0);
   model->AddTo(*command);
-  command->callback([&action, model] {
-    action = [model]() -> int {
+  command->add_option("--time", *time, "of a folder: also run every model for so many seconds")
+      ->check(CLI::NonNegativeNumber);
+  command->callback([&action, model, time] {
+    action = [model, time]() -> int {
+      std::error_code ignored;
+      if (std::filesystem::is_directory(model->path, ignored)) return InspectFolder(*model, *time);
       auto imported = model->Load();
       if (!imported) return Report(imported.error(), model->json);
       auto posed = PoseMechanisms(*imported);

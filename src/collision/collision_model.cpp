@@ -21,16 +21,12 @@ class MemoryFiles {
   MemoryFiles& operator=(const MemoryFiles&) = delete;
 
   bool Add(const std::string& name, const std::string& content) {
-    if (mj_makeEmptyFileVFS(vfs_.get(), name.c_str(), static_cast<int>(content.size())) != 0) return false;
-    const int index = mj_findFileVFS(vfs_.get(), name.c_str());
-    if (index < 0) return false;
-    std::memcpy(vfs_->filedata[index], content.data(), content.size());
-    return true;
+    return mj_addBufferVFS(vfs_.get(), name.c_str(), content.data(), static_cast<int>(content.size())) == 0;
   }
   const mjVFS* get() const { return vfs_.get(); }
 
  private:
-  std::unique_ptr<mjVFS> vfs_;  // 2 MB: not for the stack
+  std::unique_ptr<mjVFS> vfs_;
 };
 
 /// The geometry that a compiler message speaks of ("... name = m3 ...").

@@ -4,11 +4,10 @@
 #include <cmath>
 
 #include "collision_model.hpp"
-#include "margin_limit.hpp"
-#include "true_gap.hpp"
 
 // MuJoCo as a detector only: its model has one free body per moving collision body, and every call writes the
-// poses of the geoms, which is all that mj_collision reads, and collects d->contact.
+// poses of bodies (read by the broad phase) and geoms (by the narrow one), which is all that mj_collision reads, and
+// collects d->contact.
 namespace fork1s {
 namespace {
 
@@ -22,9 +21,19 @@ double PairFriction(const internal::CollisionGeom& a, const internal::CollisionG
   return a.frictionless && b.frictionless ? 0 : std::max(a.friction, b.friction);
 }
 
+void WritePose(mjtNum* xpos, mjtNum* xmat, int id, const RigidTransform& X) {
+  Eigen::Map<Vector3>(xpos + 3 * id) = X.translation();
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(xmat + 9 * id) = X.rotation();
+}
 void WriteGeomPose(mjData* data, int id, const RigidTransform& X_WM) {
-  Eigen::Map<Vector3>(data->geom_xpos + 3 * id) = X_WM.translation();
-  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(data->geom_xmat + 9 * id) = X_WM.rotation();
+  WritePose(data->geom_xpos, data->geom_xmat, id, X_WM);
+}
+// Centres of mass are at the bodies' origins (model_text.cpp).
+void WriteBodyPose(mjData* data, int id, const RigidTransform& X_WB) {
+  WritePose(data->xpos, data->xmat, id, X_WB);
+  WritePose(data->xipos, data->ximat, id, X_WB);
+  const Quaternion q = X_WB.quaternion();
+  Eigen::Map<Eigen::Vector4d>(data->xquat + 4 * id) << q.w(), q.x(), q.y(), q.z();
 }
 
 }  // namespace
@@ -41,9 +50,8 @@ struct CollisionWorld::Detail {
   std::vector<PosedGeom> posed;                // geoms of moving bodies, body by body
   std::vector<int> first_posed;                // body -> first in `posed`; one more at the end
   std::vector<bool> moves;
+  std::vector<int> body_id;  // MuJoCo's body, -1 without geometry
   std::vector<std::pair<int, int>> excluded;  // sorted, smaller index first
-  double margin_limit = 0;                    // m, of every pair where pairs are not named
-  std::vector<double> pair_margin_limit;      // m, by MuJoCo's pair id
 
   bool IsExcluded(int a, int b) const {
     return std::binary_search(excluded.begin(), excluded.end(), std::pair<int, int>(std::minmax(a, b)));
@@ -71,9 +79,10 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
   Detail& detail = *world.detail_;
   detail.model = std::move(*compiled);
   mjModel* m = detail.model.get();
-  if (options.multi_point) m->opt.enableflags |= mjENBL_MULTICCD;
+  if (!options.multi_point) m->opt.disableflags |= mjDSBL_MULTICCD;
   detail.data.reset(mj_makeData(m));
   if (!detail.data) return Fail(ErrorCode::kModel, "collision model", "not enough memory");
+  mj_kinematics(m, detail.data.get());  // of what never moves
   // A full contact buffer is reported by Detect; with a count that is not zero MuJoCo does not print it too.
   detail.data->warning[mjWARN_CONTACTFULL].number = 1;
 
@@ -100,13 +109,11 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
   }
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     detail.moves.push_back(bodies[b].moves);
+    detail.body_id.push_back(mj_name2id(m, mjOBJ_BODY, internal::Text("b", b).c_str()));
     detail.first_posed.push_back(static_cast<int>(detail.posed.size()));
     detail.posed.insert(detail.posed.end(), by_body[b].begin(), by_body[b].end());
   }
   detail.first_posed.push_back(static_cast<int>(detail.posed.size()));
-  detail.margin_limit = internal::MarginLimit(m);
-  for (int i = 0; i < m->npair; ++i)
-    detail.pair_margin_limit.push_back(internal::MarginLimit(m, m->pair_geom1[i], m->pair_geom2[i]));
   world.SetMargin(options.margin);
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     if (bodies[b].moves) world.SetPose(static_cast<int>(b), bodies[b].X_WB);
@@ -119,6 +126,7 @@ void CollisionWorld::SetPose(int body, const RigidTransform& X_WB) {
   FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(detail.moves.size()), body);
   const std::size_t b = static_cast<std::size_t>(body);
   FORK1S_REQUIRE(detail.moves[b], body);
+  if (detail.body_id[b] >= 0) WriteBodyPose(detail.data.get(), detail.body_id[b], X_WB);
   for (int k = detail.first_posed[b]; k < detail.first_posed[b + 1]; ++k) {
     const Detail::PosedGeom& geom = detail.posed[static_cast<std::size_t>(k)];
     WriteGeomPose(detail.data.get(), geom.id, X_WB * geom.X_BM);
@@ -128,12 +136,10 @@ void CollisionWorld::SetPose(int body, const RigidTransform& X_WB) {
 void CollisionWorld::SetMargin(double margin) {
   FORK1S_REQUIRE(margin >= 0 && std::isfinite(margin), margin);
   mjModel* model = detail_->model.get();
-  const double of_all = std::min(margin, detail_->margin_limit);
-  // A pair takes the larger margin of its two: planes, which bear any, give theirs to what falls on them.
-  for (int i = 0; i < model->ngeom; ++i)
-    model->geom_margin[i] = model->geom_type[i] == mjGEOM_PLANE ? margin : of_all;
-  for (int i = 0; i < model->npair; ++i)
-    model->pair_margin[i] = std::min(margin, detail_->pair_margin_limit[static_cast<std::size_t>(i)]);
+  // The margins of two geoms are added.
+  std::fill_n(model->geom_margin, model->ngeom, 0.5 * margin);
+  std::fill_n(model->body_margin, model->nbody, 0.5 * margin);
+  std::fill_n(model->pair_margin, model->npair, margin);
 }
 
 bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
@@ -153,8 +159,7 @@ bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
     const internal::CollisionGeom& a = detail.geoms[static_cast<std::size_t>(in.geom1)];
     const internal::CollisionGeom& b = detail.geoms[static_cast<std::size_t>(in.geom2)];
     if (!detail.excluded.empty() && detail.IsExcluded(a.body, b.body)) continue;
-    const double gap = internal::TrueGap(detail.model.get(), d, in);
-    if (!(gap < in.includemargin)) continue;
+    if (!(in.dist < in.includemargin)) continue;
     ContactPoint& out = contacts.emplace_back();
     out.body_a = a.body;
     out.body_b = b.body;
@@ -162,7 +167,7 @@ bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
     out.geometry_b = b.geometry;
     out.point = Eigen::Map<const Vector3>(in.pos);
     out.frame = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(in.frame);
-    out.gap = gap;
+    out.gap = in.dist;
     out.friction = PairFriction(a, b);
   }
   return d->warning[mjWARN_CONTACTFULL].number == warnings;

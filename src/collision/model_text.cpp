@@ -135,22 +135,11 @@ std::string GridText(const HeightGrid& grid, int index) {
               Numbers({grid.half_x, grid.half_y, height, depth}), "\"/>\n");
 }
 
-// General convex shapes, which bear only a margin below their own size: see margin_limit.hpp.
-bool IsGeneral(const GeometryDef& g) {
-  return !(std::holds_alternative<Plane>(g.shape) || std::holds_alternative<Sphere>(g.shape) ||
-           std::holds_alternative<Capsule>(g.shape) || std::holds_alternative<Box>(g.shape));
-}
-
 // Few geometries: every pair that may touch, named. The detector then goes through them one by one, which
-// costs less than its broad phase up to about 32 pairs. Named pairs also have margins of their own, which is
-// worth more of them where general shapes take part.
+// costs less than its broad phase up to about 32 pairs.
 std::string PairText(const ModelText& model, const std::vector<CollisionBodyDef>& bodies,
                      const std::vector<std::pair<int, int>>& excluded, const CollisionOptions& options) {
-  const bool general = std::any_of(model.geoms.begin(), model.geoms.end(), [&](const CollisionGeom& g) {
-    return IsGeneral(
-        bodies[static_cast<std::size_t>(g.body)].geometries[static_cast<std::size_t>(g.geometry)]);
-  });
-  const int most = general ? 256 : 32;
+  constexpr int kMost = 32;
   std::string text;
   int count = 0;
   for (std::size_t i = 0; i < model.geoms.size(); ++i)
@@ -166,7 +155,7 @@ std::string PairText(const ModelText& model, const std::vector<CollisionBodyDef>
         return std::minmax(pair.first, pair.second) == std::minmax(a.body, b.body);
       };
       if (std::any_of(excluded.begin(), excluded.end(), same)) continue;
-      if (++count > most) return "";
+      if (++count > kMost) return "";
       text += Text("<pair geom1=\"g", i, "\" geom2=\"g", j, "\" margin=\"", options.margin, "\"/>\n");
     }
   return text;
@@ -183,12 +172,10 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
                                    const std::vector<std::pair<int, int>>& excluded,
                                    const CollisionOptions& options) {
   ModelText model;
-  std::string world, moving;
-  std::vector<bool> written(bodies.size(), false);
+  std::vector<std::string> geom_text;  // without what filters pairs
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const CollisionBodyDef& body = bodies[b];
     if (!body.X_WB.IsFinite()) return Fail(ErrorCode::kModel, "body " + body.name, "its pose is not finite");
-    std::string text;
     for (std::size_t g = 0; g < body.geometries.size(); ++g) {
       const GeometryDef& def = body.geometries[g];
       if (!def.Collides()) continue;
@@ -207,10 +194,22 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
       if (!writer.problem.empty()) {
         return Fail(ErrorCode::kModel, Place(body, static_cast<int>(g)), writer.problem);
       }
-      text +=
-          Text("<geom name=\"g", model.geoms.size(), "\"", shape, PoseText(geom.X_BG), " contype=\"",
-               def.contype, "\" conaffinity=\"", def.conaffinity, "\" margin=\"", options.margin, "\"/>\n");
+      geom_text.push_back(Text("<geom name=\"g", model.geoms.size(), "\"", shape, PoseText(geom.X_BG)));
       model.geoms.push_back(geom);
+    }
+  }
+  const std::string pairs = PairText(model, bodies, excluded, options);
+  std::string world, moving;
+  std::vector<bool> written(bodies.size(), false);
+  std::size_t next = 0;
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const CollisionBodyDef& body = bodies[b];
+    std::string text;
+    for (; next < geom_text.size() && model.geoms[next].body == static_cast<int>(b); ++next) {
+      // Pairs that are named are all there are.
+      const GeometryDef& def = body.geometries[static_cast<std::size_t>(model.geoms[next].geometry)];
+      text += Text(geom_text[next], " contype=\"", pairs.empty() ? def.contype : 0, "\" conaffinity=\"",
+                   pairs.empty() ? def.conaffinity : 0, "\" margin=\"", 0.5 * options.margin, "\"/>\n");
     }
     if (text.empty()) continue;
     if (body.moves) {
@@ -232,7 +231,6 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
     if (a == b || !written[static_cast<std::size_t>(a)] || !written[static_cast<std::size_t>(b)]) continue;
     contact += Text("<exclude body1=\"b", a, "\" body2=\"b", b, "\"/>\n");
   }
-  const std::string pairs = PairText(model, bodies, excluded, options);
   std::string asset;
   for (std::size_t k = 0; k < model.meshes.size(); ++k) {
     asset += Text("<mesh name=\"m", k, "\" file=\"m", k, ".msh\"/>\n");
@@ -240,16 +238,13 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
   for (std::size_t k = 0; k < model.grids.size(); ++k) {
     asset += GridText(*model.grids[k], static_cast<int>(k));
   }
-  const std::size_t contacts = std::max<std::size_t>(1000, 32 * model.geoms.size());
-  // Scratch: broad-phase pairs and boxes, and a height field's columns; ints and doubles counted alike.
+  // Room for contacts, broad-phase pairs and boxes, and a height field's columns.
   const std::size_t n = bodies.size() + 2;
-  const std::size_t stack = 100000 + n * n + 64 * n;
-  model.xml =
-      Text("<mujoco model=\"", kCollisionModelName,
-           "\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<size njmax=\"1\" nconmax=\"",
-           contacts, "\" nstack=\"", stack, "\"/>\n<asset>\n", asset, "</asset>\n<worldbody>\n", world,
-           moving, "</worldbody>\n<contact>\n", contact, pairs, "</contact>\n<option collision=\"",
-           pairs.empty() ? "dynamic" : "predefined", "\"/>\n</mujoco>\n");
+  const std::size_t bytes = (1u << 20) + 16 * n * n + 64000 * model.geoms.size();
+  model.xml = Text("<mujoco model=\"", kCollisionModelName,
+                   "\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<size memory=\"", bytes,
+                   "\"/>\n<asset>\n", asset, "</asset>\n<worldbody>\n", world, moving, "</worldbody>\n<contact>\n",
+                   contact, pairs, "</contact>\n</mujoco>\n");
   return model;
 }
 

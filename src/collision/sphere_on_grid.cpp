@@ -102,7 +102,7 @@ class NearestFaces {
 
 mjfCollision mujocos_own = nullptr;
 
-int SphereOnGridOrOwn(const mjModel* model, const mjData* data, mjContact* contacts, int geom1, int geom2,
+int SphereOnGridOrOwn(const mjModel* model, mjData* data, mjPreContact* contacts, int geom1, int geom2,
                       mjtNum margin) {
   const bool ours = std::strcmp(model->names, kCollisionModelName) == 0;
   return (ours ? SphereOnGrid : mujocos_own)(model, data, contacts, geom1, geom2, margin);
@@ -118,7 +118,7 @@ void InstallSphereOnGrid() {
   });
 }
 
-int SphereOnGrid(const mjModel* model, const mjData* data, mjContact* contacts, int geom_of_grid, int sphere,
+int SphereOnGrid(const mjModel* model, mjData* data, mjPreContact* contacts, int geom_of_grid, int sphere,
                  mjtNum margin) {
   const Grid grid(model, geom_of_grid);
   const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(data->geom_xmat + 9 * geom_of_grid);
@@ -153,11 +153,11 @@ int SphereOnGrid(const mjModel* model, const mjData* data, mjContact* contacts, 
 
   int count = 0;
   auto report = [&](const Nearest& nearest, double gap) {
-    mjContact& out = contacts[count++];
+    mjPreContact& out = contacts[count++];
     out.dist = gap;
     const Vector3 normal = R * nearest.normal, surface = R * nearest.point + origin;
-    Eigen::Map<Vector3>(out.frame) = normal;
-    Eigen::Map<Vector3>(out.frame + 3).setZero();
+    Eigen::Map<Vector3>(out.normal) = normal;
+    Eigen::Map<Vector3>(out.tangent).setZero();
     Eigen::Map<Vector3>(out.pos) = surface + 0.5 * gap * normal;
   };
   if (is_under) {

@@ -1,6 +1,6 @@
 // Spheres on height fields, exactly: feet on terrain.
 //
-// MuJoCo 2.2.2 takes each prism of the field for a convex body of its own and asks its general routine, which
+// MuJoCo takes each prism of the field for a convex body of its own and asks its general routine, which
 // iterates, to a tolerance, and meets the edges between prisms of a smooth slope as if they stuck out.
 #pragma once
 
@@ -19,7 +19,7 @@ void InstallSphereOnGrid();
 /// centre is under the surface, one at the face through which it leaves soonest. Returns how many. Only the
 /// 16 nearest faces are looked at: under a ball much larger than the cells, a second place farther off can be
 /// missed. The sides and the bottom of the field do not count.
-int SphereOnGrid(const mjModel* model, const mjData* data, mjContact* contacts, int grid, int sphere,
+int SphereOnGrid(const mjModel* model, mjData* data, mjPreContact* contacts, int grid, int sphere,
                  mjtNum margin);
 
 }  // namespace fork1s::internal

@@ -5,6 +5,7 @@ namespace fork1s {
 FreeBody::FreeBody(const FreeBodyDef& definition)
     : name_(definition.name),
       inertia_(definition.inertia),
+      weight_share_(1 - definition.gravity_compensation),
       inverse_rotational_(definition.inertia.rotational.inverse()),
       X_WB_(definition.X_WB) {}
 
@@ -25,7 +26,7 @@ void FreeBody::AddWrench(const Vector3& force_W, const Vector3& moment_W, const 
 void FreeBody::Predict(double h, const Vector3& gravity_W) {
   pushed_ = false;
   velocity_before_ = velocity_;
-  velocity_ += h * (gravity_W + force_W_ / inertia_.mass);
+  velocity_ += h * (weight_share_ * gravity_W + force_W_ / inertia_.mass);
   omega_B_before_ = omega_B_;
   // I (ω⁺ - ω)/h + ω̄ x I ω̄ = τ with ω̄ the mean: keeps energy and momentum of a tumbling body.
   const Matrix3& I = inertia_.rotational;

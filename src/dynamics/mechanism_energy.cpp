@@ -38,12 +38,12 @@ const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
   }
   pose_energy_.moment.setZero();
   for (int b = 0; b < m.num_bodies(); ++b) {
-    const SpatialInertia& I = m.bodies()[static_cast<std::size_t>(b)].inertia_B;
-    if (I.mass == 0) continue;
+    const Mechanism::Body& body = m.bodies()[static_cast<std::size_t>(b)];
+    if (body.weighed_mass == 0) continue;
     const RigidTransform X_RB =
         twist ? Exp(model_.T_of(BodyIndex(b)) * state_.z) * model_.X_RB_ref[std::size_t(b)]
               : configuration_.kinematics.X_RB[std::size_t(b)];
-    pose_energy_.moment += I.mass * (X_RB * I.center);
+    pose_energy_.moment += body.weighed_mass * (X_RB * body.inertia_B.center);
   }
   pose_energy_.valid = true;
   return pose_energy_;
@@ -52,7 +52,7 @@ const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
 double MechanismDynamics::PotentialEnergy(const Vector3& gravity_W) const {
   const Mechanism& m = mechanism();
   const PoseEnergy& pose = EnergyOfPose();
-  double energy = pose.springs - gravity_W.dot(m.total_mass() * state_.X_WR.translation() +
+  double energy = pose.springs - gravity_W.dot(m.weighed_mass() * state_.X_WR.translation() +
                                                state_.X_WR.rotation() * pose.moment);
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];

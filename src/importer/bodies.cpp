@@ -40,14 +40,18 @@ SpatialInertia Sum(const SpatialInertia& a, const SpatialInertia& b) {
 }
 
 void ConvertFreeBody(Conversion& c, const Component& component, const std::vector<int>& bodies) {
+  const mjModel& m = c.m;
   const int top = component.tops[0];
   FreeBodyDef body;
   body.name = c.body_names[top];
   body.X_WB = c.WorldPose(top);
   std::vector<std::string> merged;
+  double carried = 0;  // kg whose weight is compensated
   for (int b : bodies) {
     const RigidTransform X_TB = body.X_WB.inverse() * c.WorldPose(b);
-    body.inertia = Sum(body.inertia, Transform(X_TB, InertiaOf(c, b)));
+    const SpatialInertia I = Transform(X_TB, InertiaOf(c, b));
+    body.inertia = Sum(body.inertia, I);
+    carried += m.body_gravcomp[b] * I.mass;
     c.body[b].free_body = static_cast<int>(c.scene.free_bodies.size());
     if (b != top) merged.push_back(c.body_names[b]);
   }
@@ -55,6 +59,7 @@ void ConvertFreeBody(Conversion& c, const Component& component, const std::vecto
     c.Note(ImportNote::Kind::kChanged, fmt::format("body '{}'", name),
            fmt::format("welded to free body '{}', so both became one", body.name));
   }
+  if (body.inertia.mass > 0) body.gravity_compensation = carried / body.inertia.mass;
   c.scene.free_bodies.push_back(std::move(body));
 }
 
@@ -108,7 +113,7 @@ JointDef ConvertJoint(const Conversion& c, int j) {
     joint.freedoms[0].lower = m.jnt_range[2 * j] - q0;
     joint.freedoms[0].upper = m.jnt_range[2 * j + 1] - q0;
   }
-  if (m.opt.disableflags & mjDSBL_PASSIVE) {
+  if (m.opt.disableflags & mjDSBL_DAMPER) {
     for (FreedomDef& freedom : joint.freedoms) freedom.damping = 0;
   }
   return joint;
@@ -139,6 +144,7 @@ void ConvertMechanism(Conversion& c, const Component& component, const std::vect
     BodyDef body;
     body.name = c.body_names[b];
     body.inertia = InertiaOf(c, b);
+    body.gravity_compensation = m.body_gravcomp[b];
     if (b != component.base_body) {
       const int p = m.body_parentid[b];
       body.parent = p == 0 ? BodyIndex(0) : c.body[p].body;

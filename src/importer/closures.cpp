@@ -22,7 +22,8 @@ bool MovesRelative(const mjModel& m, int a, int b) { return m.body_weldid[a] != 
 
 void ConvertClosure(Conversion& c, int e) {
   const mjModel& m = c.m;
-  const int a = m.eq_obj1id[e], b = m.eq_obj2id[e];
+  const EqualityPlace on_a = PlaceOfEquality(m, e, 0), on_b = PlaceOfEquality(m, e, 1);
+  const int a = on_a.body, b = on_b.body;
   const std::string name = NameOr(m, m.name_eqadr[e], "equality", e);
   const std::string where = fmt::format("equality '{}'", name);
   const int mechanism = std::max(c.body[a].mechanism, c.body[b].mechanism);
@@ -35,12 +36,18 @@ void ConvertClosure(Conversion& c, int e) {
   const RigidTransform X_ab = c.WorldPose(a).inverse() * c.WorldPose(b);  // at the reference
   ClosureDef closure;
   if (m.eq_type[e] == mjEQ_CONNECT) {
-    const Vector3 point_a = Vec3(data), point_b = X_ab.inverse() * point_a;
+    const bool sites = HoldsSites(m, e);
+    const Vector3 point_a = sites ? on_a.X_BS.translation() : Vec3(data),
+                  point_b = sites ? on_b.X_BS.translation() : X_ab.inverse() * point_a;
     closure.X_AJ = at_a.X_AB * RigidTransform(point_a);
     closure.X_BJ = at_b.X_AB * RigidTransform(point_b);
     // The two frames start parallel, so that the rotation c leaves free is measured from the reference.
     closure.X_BJ.rotation() = at_b.X_AB.rotation() * X_ab.rotation().transpose();
     closure.rigid << false, false, false, true, true, true;
+  } else if (HoldsSites(m, e)) {
+    closure.X_AJ = at_a.X_AB * on_a.X_BS;
+    closure.X_BJ = at_b.X_AB * on_b.X_BS;
+    closure.rigid.setConstant(true);
   } else {
     // Point data[0..2] of body b stays on point data[3..5] of body a, turned by the quaternion data[6..9].
     const Quaternion turn(data[6], data[7], data[8], data[9]);
@@ -91,7 +98,7 @@ void ConvertEqualities(Conversion& c) {
     const std::string name = NameOr(m, m.name_eqadr[e], "equality", e);
     const int type = m.eq_type[e];
     if (c.used_equality[e]) continue;
-    if (!m.eq_active[e] || off) {
+    if (!m.eq_active0[e] || off) {
       inactive.push_back(name);
     } else if (type == mjEQ_TENDON) {
       tendons.push_back(name);
@@ -108,7 +115,7 @@ void ConvertEqualities(Conversion& c) {
   c.DroppedMany("equality constraint", others, "its kind is not simulated");
 
   for (int i = 0; i < m.nexclude; ++i) {
-    const int b1 = (m.exclude_signature[i] >> 16) - 1, b2 = (m.exclude_signature[i] & 0xFFFF) - 1;
+    const int b1 = m.exclude_signature[i] >> 16, b2 = m.exclude_signature[i] & 0xFFFF;
     if (b1 < 0 || b2 < 0 || b1 >= m.nbody || b2 >= m.nbody) continue;
     c.scene.excluded_pairs.emplace_back(SceneName(c, b1), SceneName(c, b2));
   }

@@ -78,6 +78,7 @@ void ChooseBase(Conversion& c, Component& component, bool touches_world, const s
 
 // Whether a weld asks for the relative pose that its bodies have at the reference.
 bool HoldsReference(const Conversion& c, int e) {
+  if (HoldsSites(c.m, e)) return false;
   const mjtNum* data = c.m.eq_data + mjNEQDATA * e;
   const Quaternion turn(data[6], data[7], data[8], data[9]);
   if (turn.norm() < 0.5) return true;
@@ -93,7 +94,7 @@ void ReplaceDragWelds(Conversion& c, const Component& component) {
   if (component.base != BaseKind::kDriven) return;
   for (int e = 0; e < m.neq; ++e) {
     if (!c.EqualityWorks(e) || m.eq_type[e] != mjEQ_WELD) continue;
-    int a = m.eq_obj1id[e], b = m.eq_obj2id[e];
+    int a = PlaceOfEquality(m, e, 0).body, b = PlaceOfEquality(m, e, 1).body;
     if (b == component.base_body) std::swap(a, b);
     if (a != component.base_body || !IsFreeTop(m, b) || c.rigid_root[b] || !HoldsReference(c, e)) continue;
     c.rigid_root[b] = true;
@@ -112,7 +113,7 @@ void FindComponents(Conversion& c) {
   const auto top_of = [&](int body) { return body == 0 ? 0 : m.body_rootid[body]; };
   const auto is_still = [&](int top) { return top == 0 || (joints[top] == 0 && !IsMocap(m, top)); };
 
-  Sets sets(m.nbody);
+  Sets sets(static_cast<int>(m.nbody));
   std::vector<int> touching;
   const auto tie = [&](int body_a, int body_b) {
     const int a = top_of(body_a), b = top_of(body_b);
@@ -127,19 +128,16 @@ void FindComponents(Conversion& c) {
   };
   for (int e = 0; e < m.neq; ++e) {
     if (!c.EqualityWorks(e)) continue;
-    const int a = m.eq_obj1id[e], b = m.eq_obj2id[e];
     if (m.eq_type[e] == mjEQ_JOINT) {
-      if (b >= 0) tie(m.jnt_bodyid[a], m.jnt_bodyid[b]);
+      if (m.eq_obj2id[e] >= 0) tie(m.jnt_bodyid[m.eq_obj1id[e]], m.jnt_bodyid[m.eq_obj2id[e]]);
     } else {
-      tie(a, b);
+      tie(PlaceOfEquality(m, e, 0).body, PlaceOfEquality(m, e, 1).body);
     }
   }
   for (int t = 0; t < m.ntendon; ++t) {
-    if (!TendonWorks(m, t)) continue;
-    const int begin = m.tendon_adr[t];
-    for (int w = begin + 1; w < begin + m.tendon_num[t]; ++w) {
-      tie(m.jnt_bodyid[m.wrap_objid[begin]], m.jnt_bodyid[m.wrap_objid[w]]);
-    }
+    if (!TendonWorks(m, c.d, t)) continue;
+    const std::vector<int> bodies = BodiesOfTendon(m, t);
+    for (int body : bodies) tie(bodies[0], body);
   }
 
   std::vector<int> component_of(m.nbody, -1);

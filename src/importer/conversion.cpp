@@ -15,14 +15,14 @@ void Conversion::Note(ImportNote::Kind kind, std::string where, std::string mess
   report.notes.push_back({kind, std::move(where), std::move(message)});
 }
 
-void Conversion::DroppedMany(const std::string& kind, const std::vector<std::string>& names,
-                             const std::string& why) {
+void Conversion::NoteMany(ImportNote::Kind note, const std::string& kind,
+                          const std::vector<std::string>& names, const std::string& message) {
   if (names.empty()) return;
   if (names.size() == 1) {
-    Dropped(fmt::format("{} '{}'", kind, names[0]), why);
+    Note(note, fmt::format("{} '{}'", kind, names[0]), message);
     return;
   }
-  Dropped(fmt::format("{} x {}", names.size(), kind), fmt::format("{}: {}", Quoted(names), why));
+  Note(note, fmt::format("{} x {}", names.size(), kind), fmt::format("{}: {}", Quoted(names), message));
 }
 
 RigidTransform Conversion::WorldPose(int b) const {
@@ -64,8 +64,15 @@ const char* Conversion::StiffnessUnit(int dof) const {
   return translates ? "N/m" : "N·m/rad";
 }
 
+EqualityPlace PlaceOfEquality(const mjModel& m, int e, int which) {
+  const int object = which == 0 ? m.eq_obj1id[e] : m.eq_obj2id[e];
+  if (!HoldsSites(m, e)) return {object, RigidTransform()};
+  return {m.site_bodyid[object],
+          RigidTransform(Quat(m.site_quat + 4 * object), Vec3(m.site_pos + 3 * object))};
+}
+
 bool Conversion::EqualityWorks(int e) const {
-  if (!m.eq_active[e] || (m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT))) return false;
+  if (!m.eq_active0[e] || (m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT))) return false;
   return m.eq_type[e] == mjEQ_CONNECT || m.eq_type[e] == mjEQ_WELD || m.eq_type[e] == mjEQ_JOINT;
 }
 

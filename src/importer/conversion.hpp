@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "actuator_law.hpp"
+
 namespace fork1s::internal {
 
 /// Where a body of the file ended up.
@@ -33,18 +35,9 @@ struct Component {
   bool free_body = false;  // a single rigid body without joints of its own
 };
 
-/// A single-input force linear in length and speed: F = gain u + b0 + b1 L + b2 dL/dt, L = Σ a (q + q0),
-/// and force a F on each freedom.
-struct LinearActuator {
-  int actuator = -1;
-  std::string name;
-  std::vector<std::pair<int, double>> terms;  // degree of freedom (MuJoCo), coefficient a with gear
-  double gain = 0, b0 = 0, b1 = 0, b2 = 0;
-};
-
 /// Bookkeeping beside a ControlDef.
 struct ControlSource {
-  int actuator = -1;   // -1: made by pd
+  int ctrl = -1;       // index of the file's control; -1: made by pd
   bool motor = false;  // pushes on one freedom and holds nothing
   std::vector<int> dofs;
   std::vector<std::pair<int, double>> pd;  // dof and rest, for controls made by pd
@@ -61,7 +54,7 @@ struct Conversion {
       : m(model), d(data), file(std::move(file_name)) {}
 
   const mjModel& m;
-  const mjData& d;   // kinematics at qpos0
+  const mjData& d;   // kinematics and lengths at qpos0
   std::string file;  // in messages
   bool is_urdf = false;
 
@@ -86,7 +79,14 @@ struct Conversion {
     Note(ImportNote::Kind::kDropped, std::move(where), std::move(message));
   }
   /// One note for several elements of a kind; nothing for none.
-  void DroppedMany(const std::string& kind, const std::vector<std::string>& names, const std::string& why);
+  void NoteMany(ImportNote::Kind note, const std::string& kind, const std::vector<std::string>& names,
+                const std::string& message);
+  void DroppedMany(const std::string& kind, const std::vector<std::string>& names, const std::string& why) {
+    NoteMany(ImportNote::Kind::kDropped, kind, names, why);
+  }
+  void ChangedMany(const std::string& kind, const std::vector<std::string>& names, const std::string& how) {
+    NoteMany(ImportNote::Kind::kChanged, kind, names, how);
+  }
 
   RigidTransform WorldPose(int body) const;  // at qpos0
   FreedomRef Freedom(int dof) const;         // joint invalid if the dof is not part of a mechanism
@@ -103,6 +103,14 @@ struct Conversion {
 inline Vector3 Vec3(const mjtNum* p) { return {p[0], p[1], p[2]}; }
 inline Quaternion Quat(const mjtNum* q) { return Quaternion(q[0], q[1], q[2], q[3]); }
 
+/// Where an equality holds on one of its two bodies (`which` 0 or 1): a body's origin, or a site on a body.
+struct EqualityPlace {
+  int body = 0;  // MuJoCo's
+  RigidTransform X_BS;
+};
+EqualityPlace PlaceOfEquality(const mjModel& m, int equality, int which);
+inline bool HoldsSites(const mjModel& m, int equality) { return m.eq_objtype[equality] == mjOBJ_SITE; }
+
 std::string NameOr(const mjModel& m, int address, const char* kind, int id);
 
 /// Which trees form which mechanism (components.cpp).
@@ -114,9 +122,8 @@ void ConvertGeoms(Conversion& c);
 /// Closures, couplings, excluded pairs (closures.cpp).
 void ConvertEqualities(Conversion& c);
 std::optional<Error> ConvertMimics(Conversion& c, const std::vector<Mimic>& mimics);
-/// Actuators as inputs and springs (actuators.cpp). The first list is also what joins trees by tendons.
-std::vector<LinearActuator> LinearActuators(const mjModel& m);
-bool TendonWorks(const mjModel& m, int tendon);
+/// Actuators as inputs and springs (actuators.cpp).
+bool TendonWorks(const mjModel& m, const mjData& d, int tendon);
 void ConvertActuators(Conversion& c);
 /// Springs of joints and tendons (springs.cpp); FinishSprings writes k and c into the freedoms.
 void ConvertSprings(Conversion& c);

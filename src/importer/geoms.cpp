@@ -87,9 +87,7 @@ class Shapes {
 void ConvertGeoms(Conversion& c) {
   const mjModel& m = c.m;
   Shapes shapes(m);
-  // With collision="predefined" only explicit pairs touch, and those are not read.
-  const bool contacts_off =
-      (m.opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) || m.opt.collision == mjCOL_PAIR;
+  const bool contacts_off = m.opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT);
   std::vector<std::string> torsional;
   for (int g = 0; g < m.ngeom; ++g) {
     std::optional<Shape> shape = shapes.Of(g);

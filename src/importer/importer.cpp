@@ -17,7 +17,7 @@ namespace {
 using internal::Conversion;
 
 // Names for the nameless, different from all names there are.
-std::vector<std::string> Names(const mjModel& m, int count, const int* addresses, const char* kind) {
+std::vector<std::string> Names(const mjModel& m, mjtSize count, const int* addresses, const char* kind) {
   std::set<std::string> taken;
   for (int i = 0; i < count; ++i) taken.insert(m.names + addresses[i]);
   std::vector<std::string> names;
@@ -43,7 +43,7 @@ void SetUp(Conversion& c) {
   c.coupled.assign(nv, false);
   c.body_names = Names(m, m.nbody, m.name_bodyadr, "body");
   c.joint_names = Names(m, m.njnt, m.name_jntadr, "joint");
-  c.actuator_names = Names(m, m.nu, m.name_actuatoradr, "actuator");
+  c.actuator_names = Names(m, m.nactuator, m.name_actuatoradr, "actuator");
   const std::string name = m.names;
   c.scene.name = name.empty() || name == "MuJoCo Model" ? internal::Stem(c.file) : name;
   c.scene.gravity = Vector3(m.opt.gravity[0], m.opt.gravity[1], m.opt.gravity[2]);

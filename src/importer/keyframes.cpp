@@ -36,7 +36,7 @@ BaseState BaseAt(const Conversion& c, const Component& component, const Mechanis
     state.X_WR = FreePose(m.key_qpos + key * m.nq + m.jnt_qposadr[j]);
     state.V_R = FreeTwist(state.X_WR, m.key_qvel + key * m.nv + m.jnt_dofadr[j]);
   } else if (m.body_mocapid[b] >= 0) {
-    const int i = key * m.nmocap + m.body_mocapid[b];
+    const auto i = key * m.nmocap + m.body_mocapid[b];
     state.X_WR = RigidTransform(Quat(m.key_mquat + 4 * i), Vec3(m.key_mpos + 3 * i));
   }
   return state;
@@ -94,7 +94,7 @@ KeyframeDef::MechanismState MechanismAt(const Conversion& c, const Component& co
   state.controls = VectorX::Zero(static_cast<Eigen::Index>(mechanism.controls.size()));
   for (std::size_t i = 0; i < mechanism.controls.size(); ++i) {
     const ControlDef& control = mechanism.controls[i];
-    const double u = m.key_ctrl[key * m.nu + c.controls[index][i].actuator];
+    const double u = m.key_ctrl[key * m.nu + c.controls[index][i].ctrl];
     state.controls[static_cast<Eigen::Index>(i)] = std::clamp(u, control.lower, control.upper);
   }
   return state;

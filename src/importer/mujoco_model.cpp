@@ -1,5 +1,6 @@
 #include "mujoco_model.hpp"
 
+#include <dlfcn.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -52,6 +53,19 @@ class HandlerScope {
   void (*warning_)(const char*);
 };
 
+// MuJoCo's own plugins lie beside its library; a file may ask for one of them.
+void LoadPlugins() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    Dl_info info{};
+    if (dladdr(reinterpret_cast<const void*>(&mj_versionString), &info) == 0) return;
+    const std::filesystem::path plugin =
+        std::filesystem::path(info.dli_fname).parent_path() / "plugin" / "libactuator.so";
+    std::error_code ignored;
+    if (std::filesystem::exists(plugin, ignored)) mj_loadPluginLibrary(plugin.c_str());
+  });
+}
+
 struct VfsDeleter {
   void operator()(mjVFS* vfs) const {
     mj_deleteVFS(vfs);
@@ -60,12 +74,28 @@ struct VfsDeleter {
 };
 using Vfs = std::unique_ptr<mjVFS, VfsDeleter>;
 
+struct SpecDeleter {
+  void operator()(mjSpec* spec) const { mj_deleteSpec(spec); }
+};
+
+// As mj_loadXML, but without the lengths that muscles can reach: the reader seeks them by simulation, refuses the
+// file where it finds none, and nothing here asks for them.
+std::unique_ptr<mjModel, void (*)(mjModel*)> Load(const char* path, const mjVFS* vfs, std::string& message) {
+  std::unique_ptr<mjModel, void (*)(mjModel*)> model(nullptr, mj_deleteModel);
+  char text[2048] = "";
+  const std::unique_ptr<mjSpec, SpecDeleter> spec(mj_parseXML(path, vfs, text, sizeof text));
+  if (spec) {
+    spec->compiler.LRopt.mode = mjLRMODE_NONE;
+    model.reset(mj_compile(spec.get(), vfs));
+    if (!model && mjs_getError(spec.get())) message = mjs_getError(spec.get());
+  } else {
+    message = text;
+  }
+  return model;
+}
+
 bool AddToVfs(mjVFS* vfs, const std::string& name, const std::string& content) {
-  if (mj_makeEmptyFileVFS(vfs, name.c_str(), static_cast<int>(content.size())) != 0) return false;
-  const int i = mj_findFileVFS(vfs, name.c_str());
-  if (i < 0) return false;
-  std::copy(content.begin(), content.end(), static_cast<char*>(vfs->filedata[i]));
-  return true;
+  return mj_addBufferVFS(vfs, name.c_str(), content.data(), static_cast<int>(content.size())) == 0;
 }
 
 std::string OneLine(std::string text) {
@@ -79,8 +109,8 @@ std::string OneLine(std::string text) {
 std::string Remedy(const std::string& message) {
   const auto says = [&](const char* part) { return message.find(part) != std::string::npos; };
   if (says("unrecognized attribute") || says("unrecognized element") || says("invalid keyword")) {
-    return "; if the word is right, it is newer than the MuJoCo 2.2.2 reader: remove it or write it the "
-           "older way";
+    return fmt::format("; if the word is right, this reader, MuJoCo {}, does not know it: remove it or write it the way "
+                       "that version does", mj_versionString());
   }
   if (says("DEPTH_EXCEEDED") || says("nesting is too deep")) {
     return "; the reader stops at about 96 nested bodies: split the chain into two trees joined by a weld "
@@ -89,7 +119,8 @@ std::string Remedy(const std::string& message) {
   if (says("mass and inertia of moving bodies")) {
     return "; give the body an <inertial> with positive mass and inertia, or a geom with mass";
   }
-  if (says("could not open") || says("Cannot open") || says("could not find") || says("resource not found")) {
+  if (says("could not open") || says("Cannot open") || says("could not find") || says("resource not found") ||
+      says("Error opening file")) {
     return "; put the file there, or mend 'file' and the compiler's meshdir";
   }
   if (says("balanceinertia")) {
@@ -117,9 +148,9 @@ Error Translate(const ModelSource& source, const std::string& message) {
   const bool format = message.rfind("XML", 0) == 0;
   error.code = format ? ErrorCode::kFormat : ErrorCode::kModel;
   std::string cause = message.substr(0, message.find("\nElement"));
-  cause = cause.substr(0, cause.find("Object name ="));
+  cause = cause.substr(0, cause.find("Element name"));
   std::string object;
-  static const std::regex object_pattern("Object name = ([^,\n]*),");
+  static const std::regex object_pattern("Element name '([^'\n]*)',");
   if (std::regex_search(message, match, object_pattern) && !match[1].str().empty()) object = match[1].str();
   std::string element;
   static const std::regex element_pattern("Element '([^']*)'");
@@ -127,11 +158,18 @@ Error Translate(const ModelSource& source, const std::string& message) {
 
   static const std::regex attribute_pattern("unrecognized attribute: '([^']*)'");
   static const std::regex keyword_pattern("invalid keyword: '([^']*)'");
+  static const std::regex file_pattern("Error opening file '([^']*)'");
   std::optional<XmlPlace> place;
   if (std::regex_search(message, match, attribute_pattern)) {
-    place = FindInXml(source.path, source.text, element, match[1].str(), "");
+    place = FindInXml(source.path, source.text, element, match[1].str(), std::nullopt);
   } else if (std::regex_search(message, match, keyword_pattern)) {
-    place = FindInXml(source.path, source.text, element, "", match[1].str());
+    place = FindInXml(source.path, source.text, element, std::nullopt, match[1].str());
+  } else if (std::regex_search(message, match, file_pattern)) {
+    // The reader names the file, with the folder it looked in; the element that asks for it has the last part.
+    const std::string name = match[1].str();
+    for (const char* asset : {"mesh", "hfield", "texture", "model", "skin"})
+      for (const std::string& value : {name, std::filesystem::path(name).filename().string()})
+        if (!place) place = FindInXml(source.path, source.text, asset, "file", value);
   }
   if (place) {  // included files come without a line from MuJoCo
     error.where = place->file;
@@ -157,7 +195,7 @@ std::optional<Error> FillVfs(const ModelSource& source, mjVFS* vfs) {
     }
     if (!AddToVfs(vfs, name, content)) {
       return Error{ErrorCode::kModel, source.path,
-                   fmt::format("too many mesh files: the reader takes {}", mjMAXVFS)};
+                   fmt::format("mesh file '{}' could not be handed to the reader", path)};
     }
   }
   return std::nullopt;
@@ -167,11 +205,12 @@ std::optional<Error> FillVfs(const ModelSource& source, mjVFS* vfs) {
 
 Expected<CompiledModel> CompileModel(const ModelSource& source) {
   CompiledModel compiled;
-  char message[2048] = "";
+  std::string message;
   HandlerScope handlers(&compiled.warnings);
+  LoadPlugins();
   try {
     if (source.text.empty()) {
-      compiled.model.reset(mj_loadXML(source.path.c_str(), nullptr, message, sizeof message));
+      compiled.model.reset(Load(source.path.c_str(), nullptr, message).release());
     } else {
       Vfs vfs(new mjVFS);
       mj_defaultVFS(vfs.get());
@@ -180,11 +219,14 @@ Expected<CompiledModel> CompileModel(const ModelSource& source) {
       if (!AddToVfs(vfs.get(), kName, source.text)) {
         return Fail(ErrorCode::kModel, source.path, "the model could not be handed to the reader");
       }
-      compiled.model.reset(mj_loadXML(kName, vfs.get(), message, sizeof message));
+      compiled.model.reset(Load(kName, vfs.get(), message).release());
     }
     if (!compiled.model) return tl::unexpected<Error>(Translate(source, message));
     compiled.data.reset(mj_makeData(compiled.model.get()));
     mj_kinematics(compiled.model.get(), compiled.data.get());
+    mj_comPos(compiled.model.get(), compiled.data.get());
+    mj_tendon(compiled.model.get(), compiled.data.get());
+    mj_transmission(compiled.model.get(), compiled.data.get());
   } catch (const std::exception& fault) {
     return Fail(ErrorCode::kModel, source.path,
                 fmt::format("the MuJoCo reader gave up: {}", OneLine(fault.what())));

@@ -1,10 +1,18 @@
-// Springs of joints and fixed tendons. All that acts on one freedom is gathered as force = c - k q.
+// Springs of joints and tendons. All that acts on one freedom is gathered as force = c - k q.
 #include <fmt/format.h>
 
 #include "conversion.hpp"
 
 namespace fork1s::internal {
 namespace {
+
+// What <option><flag> leaves of a tendon's spring and damper.
+double TendonStiffness(const mjModel& m, int t) {
+  return m.opt.disableflags & mjDSBL_SPRING ? 0 : m.tendon_stiffness[t];
+}
+double TendonDamping(const mjModel& m, int t) {
+  return m.opt.disableflags & mjDSBL_DAMPER ? 0 : m.tendon_damping[t];
+}
 
 void AddJointSpring(Conversion& c, int j) {
   const mjModel& m = c.m;
@@ -36,50 +44,39 @@ void AddJointSpring(Conversion& c, int j) {
 
 void AddTendonSpring(Conversion& c, int t) {
   const mjModel& m = c.m;
-  SpringDef spring;
-  spring.name = NameOr(m, m.name_tendonadr[t], "tendon", t);
-  int mechanism = -1, only = -1;
-  double factor = 0;
-  for (int w = m.tendon_adr[t]; w < m.tendon_adr[t] + m.tendon_num[t]; ++w) {
-    const int dof = m.jnt_dofadr[m.wrap_objid[w]];
-    if (m.wrap_prm[w] == 0) continue;
-    mechanism = c.MechanismOf(dof);
-    spring.terms.emplace_back(c.Freedom(dof), m.wrap_prm[w]);
-    only = dof;
-    factor = m.wrap_prm[w];
-  }
-  if (mechanism < 0) return;
-  const double k = m.tendon_stiffness[t];
-  const double rest = m.tendon_lengthspring[t] - m.tendon_length0[t];
-  if (spring.terms.size() == 1) {  // the same as a spring of that joint
-    c.k[only] += k * factor * factor;
-    c.c[only] += k * factor * rest;
-    c.FreedomOf(only).damping += m.tendon_damping[t] * factor * factor;
-    c.held_by[only].push_back(fmt::format("tendon '{}'", spring.name));
+  const Length length = TendonLength(m, c.d, t);
+  if (length.terms.empty()) return;
+  const auto& [first, arm] = length.terms[0];
+  const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
+  const double k = TendonStiffness(m, t), damping = TendonDamping(m, t);
+  const double rest = m.tendon_lengthspring[2 * t] - length.at_reference;
+  if (length.terms.size() == 1) {  // the same as a spring of that joint
+    c.k[first] += k * arm * arm;
+    c.c[first] += k * arm * rest;
+    c.FreedomOf(first).damping += damping * arm * arm;
+    c.held_by[first].push_back(fmt::format("tendon '{}'", name));
     return;
   }
+  SpringDef spring;
+  spring.name = name;
   spring.stiffness = k;
-  spring.damping = m.tendon_damping[t];
+  spring.damping = damping;
   spring.rest = rest;
-  for (int w = m.tendon_adr[t]; w < m.tendon_adr[t] + m.tendon_num[t]; ++w) {
-    const int dof = m.jnt_dofadr[m.wrap_objid[w]];
+  for (const auto& [dof, coefficient] : length.terms) {
+    spring.terms.emplace_back(c.Freedom(dof), coefficient);
     if (k > 0) c.in_spring[dof] = true;
-    c.held_by[dof].push_back(fmt::format("tendon '{}' over {} freedoms", spring.name, spring.terms.size()));
+    c.held_by[dof].push_back(fmt::format("tendon '{}' over {} freedoms", name, length.terms.size()));
   }
-  c.scene.mechanisms[mechanism].springs.push_back(std::move(spring));
+  c.scene.mechanisms[c.MechanismOf(first)].springs.push_back(std::move(spring));
 }
 
 }  // namespace
 
-bool TendonWorks(const mjModel& m, int t) {
-  for (int w = m.tendon_adr[t]; w < m.tendon_adr[t] + m.tendon_num[t]; ++w) {
-    if (m.wrap_type[w] != mjWRAP_JOINT) return false;
-  }
-  if (m.tendon_num[t] == 0) return false;
-  const bool passive = !(m.opt.disableflags & mjDSBL_PASSIVE);
-  if (passive && (m.tendon_stiffness[t] != 0 || m.tendon_damping[t] != 0)) return true;
+bool TendonWorks(const mjModel& m, const mjData& d, int t) {
+  if (m.tendon_num[t] == 0 || HearsFreeJoint(m, TendonLength(m, d, t))) return false;
+  if (TendonStiffness(m, t) != 0 || TendonDamping(m, t) != 0) return true;
   if (m.opt.disableflags & mjDSBL_ACTUATION) return false;
-  for (const LinearActuator& a : LinearActuators(m)) {
+  for (const LinearActuator& a : LinearActuators(m, d)) {
     if (m.actuator_trntype[a.actuator] == mjTRN_TENDON && m.actuator_trnid[2 * a.actuator] == t) return true;
   }
   return false;
@@ -87,14 +84,24 @@ bool TendonWorks(const mjModel& m, int t) {
 
 void ConvertSprings(Conversion& c) {
   const mjModel& m = c.m;
-  if (m.opt.disableflags & mjDSBL_PASSIVE) {
-    c.Note(ImportNote::Kind::kChanged, "option", "passive forces are switched off: no springs, no damping");
-    return;
-  }
-  for (int j = 0; j < m.njnt; ++j) AddJointSpring(c, j);
+  const bool no_springs = m.opt.disableflags & mjDSBL_SPRING, no_dampers = m.opt.disableflags & mjDSBL_DAMPER;
+  if (no_springs) c.Note(ImportNote::Kind::kChanged, "option", "springs of joints and tendons are switched off");
+  if (no_dampers) c.Note(ImportNote::Kind::kChanged, "option", "dampers of joints and tendons are switched off");
+  for (int j = 0; j < m.njnt && !no_springs; ++j) AddJointSpring(c, j);
+  std::vector<std::string> curved, slack, on_free;
   for (int t = 0; t < m.ntendon; ++t) {
-    if (TendonWorks(m, t) && (m.tendon_stiffness[t] != 0 || m.tendon_damping[t] != 0)) AddTendonSpring(c, t);
+    if (TendonStiffness(m, t) == 0 && TendonDamping(m, t) == 0) continue;
+    if (HearsFreeJoint(m, TendonLength(m, c.d, t))) {
+      on_free.push_back(NameOr(m, m.name_tendonadr[t], "tendon", t));
+      continue;
+    }
+    AddTendonSpring(c, t);
+    if (IsSpatial(m, t)) curved.push_back(NameOr(m, m.name_tendonadr[t], "tendon", t));
+    if (m.tendon_lengthspring[2 * t] < m.tendon_lengthspring[2 * t + 1]) slack.push_back(NameOr(m, m.name_tendonadr[t], "tendon", t));
   }
+  c.DroppedMany("spring of tendon", on_free, "it pulls on a free body");
+  c.ChangedMany("path of tendon", curved, "its lever arms are those of the reference pose");
+  c.ChangedMany("slack range of tendon", slack, "its spring pulls and pushes about the shorter length");
 }
 
 void FinishSprings(Conversion& c) {

@@ -8,7 +8,7 @@
 namespace fork1s::internal {
 namespace {
 
-bool Finite(const mjtNum* p, int n) {
+bool Finite(const mjtNum* p, mjtSize n) {
   for (int i = 0; i < n; ++i) {
     if (!std::isfinite(p[i])) return false;
   }
@@ -42,7 +42,7 @@ std::optional<Error> CheckJoint(const Conversion& c, int j) {
 std::optional<Error> CheckActuator(const Conversion& c, int i) {
   const mjModel& m = c.m;
   if (Finite(m.actuator_gainprm + mjNGAIN * i, mjNGAIN) &&
-      Finite(m.actuator_biasprm + mjNBIAS * i, mjNBIAS) && Finite(m.actuator_gear + 6 * i, 6)) {
+      Finite(m.actuator_biasprm + mjNBIAS * i, mjNBIAS) && Finite(m.actuator_gear + 6 * m.actuator_outadr[i], 6)) {
     return std::nullopt;
   }
   return c.ModelError(fmt::format("actuator '{}'", c.actuator_names[i]),
@@ -69,7 +69,7 @@ std::optional<Error> Validate(const Conversion& c) {
   for (int j = 0; j < m.njnt; ++j) {
     if (auto error = CheckJoint(c, j)) return error;
   }
-  for (int i = 0; i < m.nu; ++i) {
+  for (int i = 0; i < m.nactuator; ++i) {
     if (auto error = CheckActuator(c, i)) return error;
   }
   for (int t = 0; t < m.ntendon; ++t) {
@@ -91,7 +91,7 @@ std::optional<Error> Validate(const Conversion& c) {
 
 void ListUnsupported(Conversion& c) {
   const mjModel& m = c.m;
-  std::vector<std::string> friction, spatial, limited, rubbing;
+  std::vector<std::string> friction, limited, rubbing;
   for (int i = 0; i < m.nv; ++i) {
     const std::string& name = c.joint_names[m.dof_jntid[i]];
     if (m.dof_frictionloss[i] != 0 && (friction.empty() || friction.back() != name)) friction.push_back(name);
@@ -99,14 +99,12 @@ void ListUnsupported(Conversion& c) {
   c.DroppedMany("dry friction of joint", friction, "only viscous damping is simulated in joints");
   for (int t = 0; t < m.ntendon; ++t) {
     const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
-    if (m.tendon_num[t] > 0 && m.wrap_type[m.tendon_adr[t]] != mjWRAP_JOINT) spatial.push_back(name);
     if (m.tendon_limited[t]) limited.push_back(name);
     if (m.tendon_frictionloss[t] != 0) rubbing.push_back(name);
   }
-  c.DroppedMany("spatial tendon", spatial, "only fixed tendons are simulated");
   c.DroppedMany("length limit of tendon", limited, "lengths of tendons are not limited");
   c.DroppedMany("dry friction of tendon", rubbing, "it is not simulated");
-  const auto count = [&](int n, const char* what, const char* why) {
+  const auto count = [&](mjtSize n, const char* what, const char* why) {
     if (n > 0) c.Dropped(n == 1 ? fmt::format("1 {}", what) : fmt::format("{} {}s", n, what), why);
   };
   count(m.nsensor, "sensor", "recordings hold every pose and force instead");

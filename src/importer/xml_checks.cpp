@@ -142,14 +142,14 @@ std::optional<Error> CheckNumbers(const std::string& path, const std::string& te
 }
 
 std::optional<XmlPlace> FindInXml(const std::string& path, const std::string& text,
-                                  const std::string& element, const std::string& attribute,
-                                  const std::string& value) {
+                                  const std::string& element, const std::optional<std::string>& attribute,
+                                  const std::optional<std::string>& value) {
   std::optional<XmlPlace> place;
   const std::string folder = std::filesystem::path(path).parent_path().string();
   VisitFile(path, text, folder, 0, [&](const XMLElement& e, const std::string& file) {
     if (element != e.Name()) return false;
     for (const XMLAttribute* a = e.FirstAttribute(); a != nullptr; a = a->Next()) {
-      if (attribute.empty() ? value == a->Value() : attribute == a->Name()) {
+      if ((!attribute || *attribute == a->Name()) && (!value || *value == a->Value())) {
         place = XmlPlace{file, a->GetLineNum()};
         return true;
       }

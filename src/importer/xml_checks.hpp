@@ -26,10 +26,10 @@ int RemoveLateDeclaration(std::string& text);
 /// simulate them.
 std::optional<Error> CheckNumbers(const std::string& path, const std::string& text);
 
-/// First element of that name with that attribute (or, if `attribute` is empty, with an attribute of that
-/// value), in the file or in those it includes. `text` may be empty: the file is read.
+/// First element of that name with an attribute of that name, that value, or both, in the file or in those it
+/// includes. `text` may be empty: the file is read.
 std::optional<XmlPlace> FindInXml(const std::string& path, const std::string& text,
-                                  const std::string& element, const std::string& attribute,
-                                  const std::string& value);
+                                  const std::string& element, const std::optional<std::string>& attribute,
+                                  const std::optional<std::string>& value);
 
 }  // namespace fork1s::internal

@@ -42,6 +42,8 @@ Expected<void> CheckBodies(const MechanismDef& def) {
     const SpatialInertia& I = b.inertia;
     if (!std::isfinite(I.mass) || !I.center.allFinite() || !I.rotational.allFinite())
       return Refuse(where, "has a mass or inertia that is not finite; give finite numbers");
+    if (!std::isfinite(b.gravity_compensation))
+      return Refuse(where, "has a gravity compensation that is not finite; give a share such as 0 or 1");
     if (I.mass < 0)
       return Refuse(where, fmt::format("has negative mass {} kg; masses must be 0 or more", I.mass));
     if ((I.rotational - I.rotational.transpose()).norm() > 1e-6 * I.rotational.norm())
@@ -269,7 +271,9 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
     body.X_RB0.Orthonormalize();
     body.inertia_B = b.inertia;
     body.inertia_R0 = Transform(body.X_RB0, b.inertia);
+    body.weighed_mass = b.inertia.mass * (1 - b.gravity_compensation);
     m.total_mass_ += b.inertia.mass;
+    m.weighed_mass_ += body.weighed_mass;
     if (b.parent.valid() && b.X_PB.translation().norm() > 0) {
       length += b.X_PB.translation().norm();
       ++lengths;

@@ -92,11 +92,10 @@ void AddGravityWrenches(const Mechanism& mechanism, const Kinematics& kinematics
                         Matrix6X& F) {
   const auto& bodies = mechanism.bodies();
   for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const SpatialInertia& I = bodies[b].inertia_B;
-    if (I.mass == 0) continue;
-    const Vector3 weight = I.mass * g_R;
+    if (bodies[b].weighed_mass == 0) continue;
+    const Vector3 weight = bodies[b].weighed_mass * g_R;
     const auto column = static_cast<Eigen::Index>(b);
-    F.col(column).head<3>() += (kinematics.X_RB[b] * I.center).cross(weight);
+    F.col(column).head<3>() += (kinematics.X_RB[b] * bodies[b].inertia_B.center).cross(weight);
     F.col(column).tail<3>() += weight;
   }
 }

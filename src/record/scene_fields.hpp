@@ -90,8 +90,9 @@ void Fields(A& a, Like<JointDef, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<BodyDef, A>& s) {
-  auto& [name, parent, X_PB, inertia, geometries] = s;
+  auto& [name, parent, X_PB, inertia, geometries, compensation] = s;
   a("name", name), a("parent", parent), a("X_PB", X_PB), a("inertia", inertia), a("geometries", geometries);
+  a("gravity_compensation", compensation);
 }
 
 template <class A>
@@ -138,8 +139,9 @@ void Fields(A& a, Like<MechanismDef, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<FreeBodyDef, A>& s) {
-  auto& [name, X_WB, inertia, geometries] = s;
+  auto& [name, X_WB, inertia, geometries, compensation] = s;
   a("name", name), a("X_WB", X_WB), a("inertia", inertia), a("geometries", geometries);
+  a("gravity_compensation", compensation);
 }
 
 template <class A>

@@ -6,6 +6,7 @@ namespace fork1s::internal {
 
 FullFreeBody::FullFreeBody(const FreeBodyDef& definition)
     : inertia_(definition.inertia),
+      weight_share_(1 - definition.gravity_compensation),
       inverse_rotational_(definition.inertia.rotational.inverse()),
       X_WB_(definition.X_WB) {}
 
@@ -55,7 +56,7 @@ Vector6 FullFreeBody::FreePortTwist() const {
   const Vector3 omega =
       omega_B_ + h_ * (inverse_rotational_ * (torque - mean.cross(inertia_.rotational * mean)));
   Vector6 V;
-  V << X_WB_.rotation() * omega, velocity_ + h_ * (gravity_W_ + force_W_ / inertia_.mass);
+  V << X_WB_.rotation() * omega, velocity_ + h_ * (weight_share_ * gravity_W_ + force_W_ / inertia_.mass);
   return V;
 }
 

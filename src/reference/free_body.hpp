@@ -31,11 +31,14 @@ class FullFreeBody {
   void Abandon();
 
   double KineticEnergy() const;
-  double GravityEnergy(const Vector3& gravity_W) const { return -inertia_.mass * gravity_W.dot(center_W()); }
+  double GravityEnergy(const Vector3& gravity_W) const {
+    return -weight_share_ * inertia_.mass * gravity_W.dot(center_W());
+  }
   Vector6 Momentum() const;
 
  private:
   SpatialInertia inertia_;
+  double weight_share_ = 1;  // of the weight that nothing compensates
   Matrix3 inverse_rotational_;
   RigidTransform X_WB_;
   Vector3 omega_B_ = Vector3::Zero(), velocity_ = Vector3::Zero();  // of the centre, world axes

@@ -43,8 +43,8 @@ double FullMechanism::StoredEnergy() const {
 double FullMechanism::GravityEnergy(const Vector3& gravity_W) const {
   double energy = 0;
   for (std::size_t b = 0; b < X_.size(); ++b) {
-    const SpatialInertia& I = mechanism_->bodies()[b].inertia_B;
-    energy -= I.mass * gravity_W.dot(X_[b] * I.center);
+    const Mechanism::Body& body = mechanism_->bodies()[b];
+    energy -= body.weighed_mass * gravity_W.dot(X_[b] * body.inertia_B.center);
   }
   return energy;
 }

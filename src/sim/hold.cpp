@@ -74,6 +74,7 @@ Vector6 AddHeldBody(const Hold& hold, const FreeBodyDef& body, const KeyframeDef
   held.parent = carrier;
   held.X_PB = X_WC.inverse() * motion.X_WB;
   held.inertia = body.inertia;
+  held.gravity_compensation = body.gravity_compensation;
   held.geometries = body.geometries;
   const BodyIndex index(static_cast<int>(def.bodies.size()));
   def.bodies.push_back(std::move(held));

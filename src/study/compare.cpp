@@ -169,6 +169,7 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   o.recovery = options.recovery;
   o.initial_keyframe = imported.initial_keyframe;
   o.controls = &options.controls;
+  o.mujoco_integrator = options.mujoco_integrator;
   if (!options.detail.entries.empty()) o.fidelity = &options.detail;
 
   auto probe = internal::MakeReduced(scene, o);

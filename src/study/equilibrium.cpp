@@ -66,6 +66,7 @@ Expected<std::vector<RigidTransform>> RestOfFull(const MechanismDef& definition,
   if (load.body) {
     // Gravity of one kilogramme at the body's origin is the force; nothing else weighs.
     for (BodyDef& body : scene.mechanisms[0].bodies) {
+      body.gravity_compensation = 0;
       body.inertia.mass *= kShare;
       body.inertia.rotational *= kShare;
       if (body.name == *load.body) body.inertia = {1, Vector3::Zero(), body.inertia.rotational};

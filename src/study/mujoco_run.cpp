@@ -85,11 +85,24 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
   if (!model) return Fail(ErrorCode::kModel, path, fmt::format("MuJoCo refuses it: {}", message));
   mjModel* m = model.get();
   if (timestep > 0) m->opt.timestep = timestep;
+  switch (options.mujoco_integrator) {
+    case MuJoCoIntegrator::kOfFile:
+      break;
+    case MuJoCoIntegrator::kEuler:
+      m->opt.integrator = mjINT_EULER;
+      break;
+    case MuJoCoIntegrator::kImplicitFast:
+      m->opt.integrator = mjINT_IMPLICITFAST;
+      break;
+    case MuJoCoIntegrator::kDiscrete:
+      m->opt.integrator = mjINT_DISCRETE;
+      break;
+  }
   m->opt.enableflags |= mjENBL_ENERGY;
   const MuJoCoDataPointer data(mj_makeData(m));
   mjData* d = data.get();
   Run run{"mujoco", m->opt.timestep, 0, {}, {}};
-  run.coordinates = m->nv;
+  run.coordinates = static_cast<int>(m->nv);
   if (options.initial_keyframe >= 0) {
     const std::string& name = scene.keyframes[static_cast<std::size_t>(options.initial_keyframe)].name;
     const int key = mj_name2id(m, mjOBJ_KEY, name.c_str());

@@ -46,6 +46,7 @@ struct RunOptions {
   const FidelityTrack* fidelity =
       nullptr;                     // of the reduced run; its first entry, if at 0, replaces `recovery`
   std::function<void()> progress;  // called after every sample
+  MuJoCoIntegrator mujoco_integrator = MuJoCoIntegrator::kOfFile;
 };
 
 Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options);

@@ -16,7 +16,7 @@ using namespace testing;
 constexpr char kScene[] = R"(<mujoco>
   <option><flag multiccd="enable"/></option>
   <asset><mesh name="m" vertex="-0.02 -0.05 0  0.11 -0.03 0.01  0 0.12 0.02  0.03 0.01 0.14  0.09 0.08 0.1"/></asset>
-  <default><geom margin="0.001"/></default>
+  <default><geom margin="0.0005"/></default>
   <worldbody>
     <geom type="plane" size="0 0 1" friction="0.4"/>
     <geom type="box" size="0.3 0.1 0.05" pos="0.3 0 0.02" quat="0.98 0.1 0.1 0.2" friction="0.7"/>
@@ -28,10 +28,12 @@ constexpr char kScene[] = R"(<mujoco>
   </worldbody>
 </mujoco>)";
 
-// MuJoCo finds a pair of convex shapes by an iterative search that it ends at mpr_tolerance = 1e-6; which of
-// the iterates it ends at depends on the last bit of the poses, and so on the instructions the compiler
-// chose.
-constexpr double kSearchTolerance = 1e-6;
+// MuJoCo finds a pair of convex shapes by an iterative search that it ends at ccd_tolerance = 1e-6 of the gap; which
+// of the iterates it ends at depends on the last bit of the poses, and so on the instructions the compiler chose.
+constexpr double kGapTolerance = 1e-6;  // m
+// Along a surface of radius R = 0.1 m the gap grows by e²/2R: points may differ by sqrt(2R 1e-6), normals by that
+// over R.
+constexpr double kPointTolerance = 4.5e-4, kNormalTolerance = 4.5e-3;
 
 struct Row {
   std::array<double, 14> values;  // point, gap, frame, friction
@@ -42,8 +44,7 @@ TEST(CollisionAgainstMujoco, SameContactsAsMjForward) {
   const std::string xml = kScene;
   auto vfs = std::make_unique<mjVFS>();
   mj_defaultVFS(vfs.get());
-  ASSERT_EQ(mj_makeEmptyFileVFS(vfs.get(), "scene.xml", static_cast<int>(xml.size())), 0);
-  std::memcpy(vfs->filedata[0], xml.data(), xml.size());
+  ASSERT_EQ(mj_addBufferVFS(vfs.get(), "scene.xml", xml.data(), static_cast<int>(xml.size())), 0);
   char error[1000] = "";
   mjModel* m = mj_loadXML("scene.xml", vfs.get(), error, sizeof error);
   mj_deleteVFS(vfs.get());
@@ -115,8 +116,10 @@ TEST(CollisionAgainstMujoco, SameContactsAsMjForward) {
     std::sort(ours.begin(), ours.end());
     std::sort(theirs.begin(), theirs.end());
     for (std::size_t k = 0; k < ours.size(); ++k) {
-      for (std::size_t i = 0; i < 14; ++i)
-        ASSERT_NEAR(ours[k].values[i], theirs[k].values[i], kSearchTolerance) << trial;
+      for (std::size_t i = 0; i < 14; ++i) {
+        const double tolerance = i < 3 ? kPointTolerance : i == 3 || i == 13 ? kGapTolerance : kNormalTolerance;
+        ASSERT_NEAR(ours[k].values[i], theirs[k].values[i], tolerance) << trial << ", value " << i;
+      }
     }
     seen += static_cast<int>(ours.size());
   }

@@ -106,11 +106,11 @@ TEST(ImportForces, WhatIsNotSimulatedIsListed) {
               std::string(R"(<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>)").size(),
               0, R"(<site name="s0"/><site name="s1" pos="1 0 0"/>)"));
   for (const char* part :
-       {"'cable'", "'pull'", "'slow'", "'tips_over'", "'clipped'", "dry friction of joint 'ja'",
+       {"'pull'", "'slow'", "'tips_over'", "'clipped'", "dry friction of joint 'ja'",
         "tendon equality constraint", "inactive equality constraint 'off'", "2 sensors"}) {
     EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, part)) << part;
   }
-  EXPECT_EQ(loaded.scene.mechanisms[0].controls.size(), 1u);
+  EXPECT_EQ(loaded.scene.mechanisms[0].controls.size(), 2u);  // slow, clipped
 }
 
 TEST(ImportForces, BallSpringAndServo) {

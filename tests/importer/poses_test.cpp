@@ -138,7 +138,7 @@ TEST(ImportPoses, FreeBodyWithAWeldedChild) {
   EXPECT_LT((body.X_WB * body.inertia.center - Vector3(c[0], c[1], c[2])).norm(), 1e-12);
   // The 6x6 joint-space inertia of the free joint holds the rotational inertia about the body's origin.
   std::vector<mjtNum> M(static_cast<std::size_t>(peer.m->nv) * peer.m->nv);
-  mj_fullM(peer.m.get(), M.data(), peer.d->qM);
+  mj_fullM(peer.m.get(), peer.d.get(), M.data());
   const Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> full(M.data(), 7,
                                                                                                 7);
   EXPECT_LT((full.block<3, 3>(4, 4) - body.inertia.Matrix().topLeftCorner<3, 3>()).norm(), 1e-10);
@@ -162,7 +162,7 @@ TEST(ImportPoses, MassMatrixAgrees) {
   MatrixX M;
   MassMatrix(mechanism, kinematics, M);
   std::vector<mjtNum> raw(36);
-  mj_fullM(peer.m.get(), raw.data(), peer.d->qM);
+  mj_fullM(peer.m.get(), peer.d.get(), raw.data());
   const Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> full(raw.data());
   EXPECT_LT((full.topLeftCorner<3, 3>() - M.topLeftCorner<3, 3>()).norm(), 1e-10 * full.norm());
 }

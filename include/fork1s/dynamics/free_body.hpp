@@ -39,13 +39,14 @@ class FreeBody {
 
   double KineticEnergy() const;
   double PotentialEnergy(const Vector3& gravity_W) const {
-    return -inertia_.mass * gravity_W.dot(center_W());
+    return -weight_share_ * inertia_.mass * gravity_W.dot(center_W());
   }
   bool IsFinite() const { return X_WB_.IsFinite() && omega_B_.allFinite() && velocity_.allFinite(); }
 
  private:
   std::string name_;
   SpatialInertia inertia_;
+  double weight_share_ = 1;  // of the weight that nothing compensates
   Matrix3 inverse_rotational_;
   RigidTransform X_WB_;
   Vector3 omega_B_ = Vector3::Zero();

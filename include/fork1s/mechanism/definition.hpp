@@ -82,6 +82,7 @@ struct BodyDef {
   RigidTransform X_PB;     // pose in the parent at the reference
   SpatialInertia inertia;  // in B
   std::vector<GeometryDef> geometries;
+  double gravity_compensation = 0;  // share of the weight that something unseen carries; 1: all of it
 };
 
 /// Closes a loop between frame J on body a and frame J on body b. With E = X_aJ⁻¹ X_bJ the closure

@@ -21,6 +21,7 @@ class Mechanism {
     int last_joint = -1;   // last joint on the path from the root, -1 if none
     RigidTransform X_RB0;  // pose in R at q = 0
     SpatialInertia inertia_B;
+    double weighed_mass = 0;  // kg that gravity acts on: without the share that is compensated
     SpatialInertia inertia_R0;  // the same seen from R at q = 0
   };
   struct Joint {
@@ -80,6 +81,7 @@ class Mechanism {
   const VectorX& lower() const { return lower_; }          // n
   const VectorX& upper() const { return upper_; }          // n
   double total_mass() const { return total_mass_; }
+  double weighed_mass() const { return weighed_mass_; }
   /// Mean distance [m] between successive joints: the length that makes rotations and translations
   /// comparable in rank decisions and tolerances.
   double length_scale() const { return length_scale_; }
@@ -106,7 +108,7 @@ class Mechanism {
   VectorX stiffness_, damping_, armature_, rest_, lower_, upper_;
   int num_constraints_ = 0;
   int num_springy_rows_ = 0;
-  double total_mass_ = 0;
+  double total_mass_ = 0, weighed_mass_ = 0;
   double length_scale_ = 1;
 };
 

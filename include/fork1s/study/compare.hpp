@@ -15,6 +15,14 @@ enum class Against {
   kMuJoCo,  ///< mj_step on the same file
 };
 
+/// How MuJoCo integrates.
+enum class MuJoCoIntegrator {
+  kOfFile,        ///< as the file says
+  kEuler,         ///< semi-implicit, MuJoCo's default
+  kImplicitFast,  ///< implicit in velocity-dependent forces
+  kDiscrete,      ///< contacts solved in the metric M + hD + h²K, from MuJoCo 3.13 on
+};
+
 struct CompareOptions {
   Against against = Against::kFull;
   double time = 2;  // s
@@ -24,6 +32,7 @@ struct CompareOptions {
   FidelityTrack detail;                  // of the reduced run
   int refinements = 2;                   // further runs at dt/2, dt/4, ...
   std::string model_path;                // the MJCF file, for kMuJoCo
+  MuJoCoIntegrator mujoco_integrator = MuJoCoIntegrator::kOfFile;
   std::function<void(double)> progress;  // called with the share done, in [0, 1]
 };
 

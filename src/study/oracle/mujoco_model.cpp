@@ -1,5 +1,6 @@
 #include "mujoco_model.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/null_space.hpp>
@@ -23,7 +24,7 @@ struct MuJoCoModel::Detail {
 
   // Positions, inertia and constraints at qpos, at rest.
   void Forward() const {
-    mju_zero(data->qvel, model->nv);
+    std::fill_n(data->qvel, model->nv, 0.);
     mj_fwdPosition(model.get(), data.get());
     mj_fwdVelocity(model.get(), data.get());
   }
@@ -41,7 +42,7 @@ struct MuJoCoModel::Detail {
   }
   // Rows of the equality constraints; they come first, and these models have no others.
   MatrixX EqualityJacobian() const {
-    const int rows = data->ne, nv = model->nv;
+    const Eigen::Index rows = data->ne, nv = model->nv;
     // Row by row, since MuJoCo keeps large ones sparse.
     RowMajor A(rows, nv);
     VectorX row = VectorX::Zero(data->nefc);
@@ -103,7 +104,7 @@ int MuJoCoModel::JointVelocity(const std::string& joint) const {
 MatrixX MuJoCoModel::MassMatrix() const {
   detail_->Reset();
   RowMajor M(detail_->model->nv, detail_->model->nv);
-  mj_fullM(detail_->model.get(), M.data(), detail_->data->qM);
+  mj_fullM(detail_->model.get(), detail_->data.get(), M.data());
   return M;
 }
 
@@ -150,7 +151,7 @@ Expected<std::vector<RigidTransform>> MuJoCoModel::Rest(const RestLoad& load,
   auto move = [&](const VectorX& by) {
     VectorX step = VectorX::Zero(m->nv);
     for (Eigen::Index i = 0; i < n; ++i) step(d.joints[static_cast<std::size_t>(i)]) = by(i);
-    mju_copy(data->qpos, qpos.data(), m->nq);
+    std::copy_n(qpos.data(), m->nq, data->qpos);
     mj_integratePos(m, data->qpos, step.data(), 1);
     d.Forward();
   };

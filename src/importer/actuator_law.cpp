@@ -1,0 +1,162 @@
+#include "actuator_law.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdlib>
+
+#include "conversion.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+const mjtNum* Gain(const mjModel& m, int i) { return m.actuator_gainprm + mjNGAIN * i; }
+const mjtNum* Bias(const mjModel& m, int i) { return m.actuator_biasprm + mjNBIAS * i; }
+
+// What a plugin is called, empty for none.
+std::string PluginName(const mjModel& m, int i) {
+  const int instance = m.actuator_plugin[i];
+  if (instance < 0) return "";
+  const mjpPlugin* plugin = mjp_getPluginAtSlot(m.plugin[instance]);
+  return plugin != nullptr ? plugin->name : "unknown";
+}
+constexpr const char* kPidPlugin = "mujoco.pid";
+
+double PluginNumber(const mjModel& m, int i, const char* attribute) {
+  const char* text = mj_getPluginConfig(&m, m.actuator_plugin[i], attribute);
+  return text != nullptr ? std::strtod(text, nullptr) : 0;
+}
+
+std::optional<ActuatorRefusal> WhyNoTransmission(const mjModel& m, const mjData& d, int i) {
+  switch (m.actuator_trntype[i]) {
+    case mjTRN_JOINT:
+    case mjTRN_JOINTINPARENT:
+      if (m.jnt_type[m.actuator_trnid[2 * i]] == mjJNT_FREE) {
+        return ActuatorRefusal{"actuator on a free joint", "a free body is pushed by pulls, not by actuators"};
+      }
+      return std::nullopt;
+    case mjTRN_TENDON:
+    case mjTRN_SLIDERCRANK:
+    case mjTRN_SITE:
+      if (!HearsFreeJoint(m, ActuatorLength(m, d, i))) return std::nullopt;
+      return ActuatorRefusal{"actuator on a free body", "a push that turns with a free body is not simulated"};
+    case mjTRN_BODY:
+      return ActuatorRefusal{"adhesion actuator", "adhesion is not simulated"};
+    case mjTRN_SO3:
+      return ActuatorRefusal{"orientation servo", "that transmission is not simulated"};
+    default:
+      return ActuatorRefusal{"actuator", "its transmission is not simulated"};
+  }
+}
+
+std::optional<ActuatorRefusal> WhyNoForce(const mjModel& m, int i) {
+  const int dynamics = m.actuator_dyntype[i], gain = m.actuator_gaintype[i], bias = m.actuator_biastype[i];
+  if (const std::string plugin = PluginName(m, i); !plugin.empty() && plugin != kPidPlugin) {
+    return ActuatorRefusal{fmt::format("actuator of plugin {}", plugin), "what a plugin computes is not known here"};
+  }
+  if (dynamics == mjDYN_MUSCLE || gain == mjGAIN_MUSCLE || bias == mjBIAS_MUSCLE) {
+    return ActuatorRefusal{"muscle", "muscles are not simulated"};
+  }
+  if (dynamics == mjDYN_DCMOTOR || gain == mjGAIN_DCMOTOR || bias == mjBIAS_DCMOTOR) {
+    return ActuatorRefusal{"DC motor", "its electrical circuit is not simulated; write it as a general actuator with "
+                                       "affine bias"};
+  }
+  if (dynamics == mjDYN_USER || gain == mjGAIN_USER || bias == mjBIAS_USER) {
+    return ActuatorRefusal{"user-defined actuator", "its law is code that is not in the file"};
+  }
+  const bool varies = gain == mjGAIN_AFFINE && (Gain(m, i)[1] != 0 || Gain(m, i)[2] != 0);
+  if (varies || gain == mjGAIN_SO3) {
+    return ActuatorRefusal{"actuator with varying gain", "only a constant gain is simulated"};
+  }
+  if (bias != mjBIAS_NONE && bias != mjBIAS_AFFINE) {
+    return ActuatorRefusal{"actuator with its own bias function", "only an affine bias is simulated"};
+  }
+  if (dynamics == mjDYN_INTEGRATOR && !(bias == mjBIAS_AFFINE && Gain(m, i)[0] == -Bias(m, i)[1])) {
+    return ActuatorRefusal{"actuator that integrates its input", "only integrated set-points are simulated"};
+  }
+  const bool affine = bias == mjBIAS_AFFINE;
+  if (affine && Bias(m, i)[1] > 0) {
+    return ActuatorRefusal{"actuator with negative stiffness", "it pushes away from its target, which is unstable"};
+  }
+  if (affine && Bias(m, i)[2] > 0) {
+    return ActuatorRefusal{"actuator with negative damping", "it feeds energy into the motion, which is unstable"};
+  }
+  return std::nullopt;
+}
+
+void ReadPlugin(const mjModel& m, LinearActuator& a) {
+  const double kp = PluginNumber(m, a.actuator, "kp"), kd = PluginNumber(m, a.actuator, "kd");
+  a.b1 = -kp;
+  a.b2 = -kd;
+  a.inputs.push_back({a.name, m.actuator_ctrladr[a.actuator], kp, kp != 0});
+  if (PluginNumber(m, a.actuator, "ki") != 0) a.left_out.push_back("its integral gain");
+  if (PluginNumber(m, a.actuator, "slewmax") != 0) a.left_out.push_back("the slew limit of its set-point");
+}
+
+// kp (u_pos - L) + kv (u_vel - dL/dt) + u_ff, of which the inputs are those that the file asks for.
+void ReadPid(const mjModel& m, LinearActuator& a) {
+  const int i = a.actuator, spec = m.actuator_ctrlspec[i], count = m.actuator_ctrlnum[i];
+  int ctrl = m.actuator_ctrladr[i];
+  const auto add = [&](int flag, const char* suffix, double gain, bool setpoint) {
+    if (!(spec & flag)) return;
+    a.inputs.push_back({count == 1 ? a.name : fmt::format("{}.{}", a.name, suffix), ctrl++, gain, setpoint});
+  };
+  add(mjINPUT_POS, "pos", -a.b1, a.b1 < 0);
+  add(mjINPUT_VEL, "vel", -a.b2, false);
+  add(mjINPUT_FF, "ff", 1, false);
+  if (Gain(m, i)[0] != 0) a.left_out.push_back("its integral gain");
+  if (m.actuator_actnum[i] > (Gain(m, i)[0] != 0 ? 1 : 0)) a.left_out.push_back("the slew limit of its set-point");
+}
+
+LinearActuator Law(const mjModel& m, const mjData& d, int i) {
+  LinearActuator a;
+  a.actuator = i;
+  a.name = NameOr(m, m.name_actuatoradr[i], "actuator", i);
+  a.length = ActuatorLength(m, d, i);
+  if (m.actuator_plugin[i] >= 0) {
+    ReadPlugin(m, a);
+    return a;
+  }
+  if (m.actuator_biastype[i] == mjBIAS_AFFINE) {
+    a.b0 = Bias(m, i)[0];
+    a.b1 = Bias(m, i)[1];
+    a.b2 = Bias(m, i)[2];
+  }
+  switch (m.actuator_dyntype[i]) {
+    case mjDYN_FILTER:
+    case mjDYN_FILTEREXACT:
+      a.left_out.push_back(fmt::format("the lag of {:.4g} s of its input", m.actuator_dynprm[mjNDYN * i]));
+      break;
+    case mjDYN_INTEGRATOR:
+      a.left_out.push_back("the integration of its input, which is the set-point itself here,");
+      break;
+    default:
+      break;
+  }
+  if (m.actuator_delay[i] > 0) a.left_out.push_back(fmt::format("the delay of {:.4g} s of its input", m.actuator_delay[i]));
+  if (m.actuator_gaintype[i] == mjGAIN_PID) {
+    ReadPid(m, a);
+  } else {
+    a.inputs.push_back({a.name, m.actuator_ctrladr[i], Gain(m, i)[0], a.b1 < 0});
+  }
+  return a;
+}
+
+}  // namespace
+
+std::optional<ActuatorRefusal> WhyNoLaw(const mjModel& m, const mjData& d, int i) {
+  if (auto refusal = WhyNoForce(m, i)) return refusal;
+  return WhyNoTransmission(m, d, i);
+}
+
+std::vector<LinearActuator> LinearActuators(const mjModel& m, const mjData& d) {
+  std::vector<LinearActuator> actuators;
+  for (int i = 0; i < m.nactuator; ++i) {
+    if (WhyNoLaw(m, d, i)) continue;
+    LinearActuator a = Law(m, d, i);
+    if (!a.length.terms.empty()) actuators.push_back(std::move(a));
+  }
+  return actuators;
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,41 @@
+// The force of an actuator as a law that is linear in its inputs, its length and its speed.
+#pragma once
+
+#include <mujoco/mujoco.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "length.hpp"
+
+namespace fork1s::internal {
+
+/// One number that drives an actuator: adds gain * u to its force.
+struct ActuatorInput {
+  std::string name;  // of the actuator; with ".pos", ".vel" or ".ff" where it has several
+  int ctrl = -1;     // index in mjData::ctrl
+  double gain = 0;
+  bool setpoint = false;  // u is where the length is to be
+};
+
+/// F = Σ gain u + b0 + b1 L + b2 dL/dt, and force a F on each freedom of L.
+struct LinearActuator {
+  int actuator = -1;
+  std::string name;
+  Length length;  // gear included
+  std::vector<ActuatorInput> inputs;
+  double b0 = 0, b1 = 0, b2 = 0;
+  std::vector<std::string> left_out;  // parts of the law that are not simulated, each a phrase
+};
+
+/// Why an actuator has no such law.
+struct ActuatorRefusal {
+  std::string kind, why;
+};
+std::optional<ActuatorRefusal> WhyNoLaw(const mjModel& m, const mjData& d, int actuator);
+
+/// Laws of all actuators that have one and move something; `d` as for ActuatorLength.
+std::vector<LinearActuator> LinearActuators(const mjModel& m, const mjData& d);
+
+}  // namespace fork1s::internal
