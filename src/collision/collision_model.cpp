@@ -5,7 +5,7 @@
 #include <mutex>
 #include <stdexcept>
 
-#include "sphere_on_grid.hpp"
+#include "pair_routines.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -86,7 +86,7 @@ void CatchMujocoErrors() {
 Expected<ModelPointer> CompileModel(const ModelText& text, const std::vector<CollisionBodyDef>& bodies) {
   const std::lock_guard<std::mutex> lock(CompilerLock());
   CatchMujocoErrors();
-  InstallSphereOnGrid();
+  InstallPairRoutines();
   std::string message;
   ModelPointer model = TryCompile(text, true, message);
   if (!model && !text.meshes.empty()) {

@@ -4,10 +4,11 @@
 #include <cmath>
 
 #include "collision_model.hpp"
+#include "pair_routines.hpp"
 
 // MuJoCo as a detector only: its model has one free body per moving collision body, and every call writes the
-// poses of bodies (read by the broad phase) and geoms (by the narrow one), which is all that mj_collision reads, and
-// collects d->contact.
+// poses of bodies (read by the broad phase) and geoms (by the narrow one), which is all that mj_collision
+// reads, and collects d->contact.
 namespace fork1s {
 namespace {
 
@@ -50,7 +51,7 @@ struct CollisionWorld::Detail {
   std::vector<PosedGeom> posed;                // geoms of moving bodies, body by body
   std::vector<int> first_posed;                // body -> first in `posed`; one more at the end
   std::vector<bool> moves;
-  std::vector<int> body_id;  // MuJoCo's body, -1 without geometry
+  std::vector<int> body_id;                   // MuJoCo's body, -1 without geometry
   std::vector<std::pair<int, int>> excluded;  // sorted, smaller index first
 
   bool IsExcluded(int a, int b) const {
@@ -79,7 +80,7 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
   Detail& detail = *world.detail_;
   detail.model = std::move(*compiled);
   mjModel* m = detail.model.get();
-  if (!options.multi_point) m->opt.disableflags |= mjDSBL_MULTICCD;
+  internal::SetPairOptions(*m, options.multi_point);
   detail.data.reset(mj_makeData(m));
   if (!detail.data) return Fail(ErrorCode::kModel, "collision model", "not enough memory");
   mj_kinematics(m, detail.data.get());  // of what never moves

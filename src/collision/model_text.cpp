@@ -5,7 +5,7 @@
 #include <cstring>
 #include <utility>
 
-#include "sphere_on_grid.hpp"
+#include "pair_routines.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -238,13 +238,14 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
   for (std::size_t k = 0; k < model.grids.size(); ++k) {
     asset += GridText(*model.grids[k], static_cast<int>(k));
   }
-  // Room for contacts, broad-phase pairs and boxes, and a height field's columns.
+  // Room for contacts, broad-phase pairs and boxes, a height field's columns, and the search of a pair, which
+  // takes 480 kB at the most steps that it is allowed (pair_routines.cpp).
   const std::size_t n = bodies.size() + 2;
-  const std::size_t bytes = (1u << 20) + 16 * n * n + 64000 * model.geoms.size();
+  const std::size_t bytes = (3u << 19) + 16 * n * n + 64000 * model.geoms.size();
   model.xml = Text("<mujoco model=\"", kCollisionModelName,
                    "\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<size memory=\"", bytes,
-                   "\"/>\n<asset>\n", asset, "</asset>\n<worldbody>\n", world, moving, "</worldbody>\n<contact>\n",
-                   contact, pairs, "</contact>\n</mujoco>\n");
+                   "\"/>\n<asset>\n", asset, "</asset>\n<worldbody>\n", world, moving,
+                   "</worldbody>\n<contact>\n", contact, pairs, "</contact>\n</mujoco>\n");
   return model;
 }
 

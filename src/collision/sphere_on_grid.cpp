@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <fork1s/spatial/rigid_transform.hpp>
-#include <mutex>
 #include <utility>
 
 namespace fork1s::internal {
@@ -100,31 +98,20 @@ class NearestFaces {
   int count_ = 0;
 };
 
-mjfCollision mujocos_own = nullptr;
-
-int SphereOnGridOrOwn(const mjModel* model, mjData* data, mjPreContact* contacts, int geom1, int geom2,
-                      mjtNum margin) {
-  const bool ours = std::strcmp(model->names, kCollisionModelName) == 0;
-  return (ours ? SphereOnGrid : mujocos_own)(model, data, contacts, geom1, geom2, margin);
-}
-
 }  // namespace
 
-void InstallSphereOnGrid() {
-  static std::once_flag once;
-  std::call_once(once, [] {
-    mujocos_own = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE];
-    mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE] = &SphereOnGridOrOwn;
-  });
+int SphereOnGrid(const mjModel* model, mjData* data, mjPreContact* contacts, int grid, int sphere,
+                 mjtNum margin) {
+  return BallOnGrid(model, data, contacts, grid, Eigen::Map<const Vector3>(data->geom_xpos + 3 * sphere),
+                    model->geom_size[3 * sphere], margin);
 }
 
-int SphereOnGrid(const mjModel* model, mjData* data, mjPreContact* contacts, int geom_of_grid, int sphere,
-                 mjtNum margin) {
+int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts, int geom_of_grid,
+               const Vector3& center, double radius, double margin) {
   const Grid grid(model, geom_of_grid);
   const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(data->geom_xmat + 9 * geom_of_grid);
-  const Eigen::Map<const Vector3> origin(data->geom_xpos + 3 * geom_of_grid),
-      center(data->geom_xpos + 3 * sphere);
-  const double radius = model->geom_size[3 * sphere], reach = radius + margin;
+  const Eigen::Map<const Vector3> origin(data->geom_xpos + 3 * geom_of_grid);
+  const double reach = radius + margin;
   const Vector3 c = R.transpose() * (center - origin);
 
   // Under the surface only what is right above or below counts.

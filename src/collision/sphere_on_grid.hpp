@@ -1,18 +1,15 @@
 // Spheres on height fields, exactly: feet on terrain.
 //
-// MuJoCo takes each prism of the field for a convex body of its own and asks its general routine, which
-// iterates, to a tolerance, and meets the edges between prisms of a smooth slope as if they stuck out.
+// MuJoCo takes each column of the field for a convex body of its own. It finds the nearest point as exactly,
+// but beside it one for every column within the margin, 28 where the ground has 1.5, and pushes what lies
+// deeper than a cell is wide out through the sides of its column. docs/contact_detection.md has the figures.
 #pragma once
 
 #include <mujoco/mujoco.h>
 
+#include <fork1s/base/types.hpp>
+
 namespace fork1s::internal {
-
-/// Name of the models that this applies to; those of others stay with MuJoCo's own routine.
-inline constexpr const char* kCollisionModelName = "fork1s_collision";
-
-/// Puts the routine below into MuJoCo's table, once.
-void InstallSphereOnGrid();
 
 /// Contacts of a sphere with the upper surface of a height field, in MuJoCo's form: one at every point of the
 /// surface that is nearest to the centre among its neighbours and nearer than radius + margin; where the
@@ -21,5 +18,9 @@ void InstallSphereOnGrid();
 /// missed. The sides and the bottom of the field do not count.
 int SphereOnGrid(const mjModel* model, mjData* data, mjPreContact* contacts, int grid, int sphere,
                  mjtNum margin);
+
+/// The same of any ball, also of a point; the nearest first. Room for 16.
+int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts, int grid,
+               const Vector3& center, double radius, double margin);
 
 }  // namespace fork1s::internal

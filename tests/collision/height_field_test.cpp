@@ -152,5 +152,38 @@ TEST(SphereOnGrid, RoughGroundAgreesWithSamples) {
   EXPECT_GT(several, 10);
 }
 
+// MuJoCo has room for 50 columns of a field, which are a strip under a large box.
+TEST(ShapeOnGrid, ALargeBoxRestsOnItsCorners) {
+  const HeightField field = Field([](double, double) { return 0.05; });
+  const RigidTransform turn(ExpRotation(Vector3(0, 0, 0.3)), Vector3::Zero());
+  for (const double gap : {-0.0005, 0.0003}) {
+    const RigidTransform X(turn.rotation(), Vector3(0.01, 0.005, 0.1 + gap));
+    const auto contacts = Contacts({Still(field), Moving(Box{Vector3(0.15, 0.1, 0.05)}, X)});
+    int corners = 0;
+    for (const ContactPoint& c : contacts) {
+      EXPECT_NEAR(c.gap, gap, kFloat);
+      EXPECT_LT((GroundNormal(c) - Vector3::UnitZ()).norm(), 1e-6);
+      const Vector3 p = X.inverse() * c.point;
+      corners += std::abs(std::abs(p.x()) - 0.15) < 1e-6 && std::abs(std::abs(p.y()) - 0.1) < 1e-6 ? 1 : 0;
+    }
+    EXPECT_GE(corners, 4);
+  }
+}
+
+// Where the columns that come first are not the nearest: a box over ground that rises to the far side.
+TEST(ShapeOnGrid, TheNearestColumnIsFoundHoweverManyThereAre) {
+  const HeightField field = Field([](double x, double y) { return 0.05 + 0.05 * (x + y); });
+  const double half = 0.1, highest = 0.05 + 0.05 * (0.1 + 0.1);  // under a corner of the box
+  for (const double gap : {0.0005, 0.01, 0.03}) {
+    const auto contacts =
+        Contacts({Still(field), Moving(Box{Vector3(half, half, half)}, At(0, 0, highest + gap + half))}, {},
+                 {.margin = 0.05});
+    double least = 1;
+    for (const ContactPoint& c : contacts) least = std::min(least, c.gap);
+    // The corner over the slope.
+    EXPECT_NEAR(least, gap / std::sqrt(1 + 2 * 0.05 * 0.05), 2 * kFloat);
+  }
+}
+
 }  // namespace
 }  // namespace fork1s

@@ -1,0 +1,51 @@
+// Several contact points where two convex shapes rest on each other, of the faces that look at each other.
+#pragma once
+
+#include <array>
+#include <fork1s/base/types.hpp>
+#include <optional>
+
+namespace fork1s::internal {
+
+/// The part of a convex shape's surface that looks along a direction: a corner, an edge or the corners of a
+/// flat face one after another, in the world.
+struct SupportFace {
+  static constexpr int kMost = 32;
+  std::array<Vector3, kMost> corners;
+  int count = 0;
+
+  void Add(const Vector3& corner) { corners[static_cast<std::size_t>(count++)] = corner; }
+  const Vector3& operator[](int i) const { return corners[static_cast<std::size_t>(i)]; }
+};
+
+struct PatchPoint {
+  Vector3 point = Vector3::Zero();  // midway between the surfaces
+  double gap = 0;                   // along the normal, m
+};
+
+/// What may hold two shapes apart: the corners of the overlap of two faces, seen along the normal.
+class ContactPatch {
+ public:
+  /// `normal`: unit, from a to b.
+  explicit ContactPatch(const Vector3& normal) : normal_(normal) {}
+  /// The deepest point as a search found it. On a flat face that may be any point: a corner as deep counts
+  /// instead.
+  void SetDeepest(const PatchPoint& deepest) { deepest_ = deepest; }
+  void Add(const PatchPoint& point);
+  /// Adds the corners of the overlap that are nearer than `margin`.
+  void AddOverlap(const SupportFace& a, const SupportFace& b, double margin);
+  /// Keeps at most four: the deepest, the farthest from it, the one that makes the largest triangle with them
+  /// and the one that adds most to that. Equals: the first. Returns how many.
+  int ChooseSupport();
+  const PatchPoint& operator[](int i) const { return points_[static_cast<std::size_t>(i)]; }
+
+ private:
+  static constexpr int kMost = 2 * SupportFace::kMost + 1;
+
+  Vector3 normal_;
+  std::optional<PatchPoint> deepest_;
+  std::array<PatchPoint, kMost> points_;
+  int count_ = 0;
+};
+
+}  // namespace fork1s::internal

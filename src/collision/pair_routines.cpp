@@ -1,0 +1,272 @@
+#include "pair_routines.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <mutex>
+
+#include "box_box.hpp"
+#include "contact_patch.hpp"
+#include "sphere_on_grid.hpp"
+
+// MuJoCo's search for one point of two convex shapes is exact once its tolerance is set for it. Its several
+// points (multiccd) are not: with shapes apart they leave out the nearest point and turn the normal. So it is
+// asked for one, and the others are made of the faces there. Two boxes have a routine of their own in MuJoCo,
+// which overlooks contacts while they are apart; ours takes its place. On height fields MuJoCo stops at 50
+// columns, in the order of the grid and not of nearness; ours asks again for what is nearer.
+namespace fork1s::internal {
+namespace {
+
+using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+
+mjfCollision mujocos_convex = nullptr, mujocos_box_box = nullptr, mujocos_field = nullptr,
+             mujocos_field_sphere = nullptr, mujocos_plane_mesh = nullptr;
+
+bool IsOurs(const mjModel* m) { return std::strcmp(m->names, kCollisionModelName) == 0; }
+
+// MuJoCo asked for one point. The model is the world's own, and only one thread searches it at a time. It
+// cannot be told so for good: it gives routines room for as many points as the flag lets it expect.
+class OnePoint {
+ public:
+  explicit OnePoint(const mjModel* m) : flags_(const_cast<mjModel*>(m)->opt.disableflags), before_(flags_) {
+    flags_ |= mjDSBL_MULTICCD;
+  }
+  ~OnePoint() { flags_ = before_; }
+  OnePoint(const OnePoint&) = delete;
+  OnePoint& operator=(const OnePoint&) = delete;
+
+ private:
+  int& flags_;
+  int before_;
+};
+
+struct Posed {
+  Eigen::Map<const RowMajor> R;
+  Eigen::Map<const Vector3> p, size;
+
+  Posed(const mjModel* m, const mjData* d, int geom)
+      : R(d->geom_xmat + 9 * geom), p(d->geom_xpos + 3 * geom), size(m->geom_size + 3 * geom) {}
+  Vector3 Out(const Vector3& v) const { return R * v + p; }
+};
+
+void AddBoxFace(const Posed& box, const Vector3& n, SupportFace& face) {
+  Eigen::Index axis = 0;
+  n.cwiseAbs().maxCoeff(&axis);
+  const Eigen::Index u = (axis + 1) % 3, v = (axis + 2) % 3;
+  for (const auto& [side_u, side_v] :
+       {std::pair(-1, -1), std::pair(1, -1), std::pair(1, 1), std::pair(-1, 1)}) {
+    Vector3 corner;
+    corner[axis] = std::copysign(box.size[axis], n[axis]);
+    corner[u] = side_u * box.size[u];
+    corner[v] = side_v * box.size[v];
+    face.Add(box.Out(corner));
+  }
+}
+
+// A flat end as eight points of its rim, or the line of the side.
+void AddCylinderFace(const Posed& cylinder, const Vector3& n, SupportFace& face) {
+  const double radius = cylinder.size[0], half = cylinder.size[1], flat = std::hypot(n.x(), n.y());
+  if (std::abs(n.z()) > flat) {
+    constexpr int kRim = 8;
+    constexpr double kStep = 2 * 3.14159265358979323846 / kRim;
+    for (int k = 0; k < kRim; ++k)
+      face.Add(cylinder.Out(
+          {radius * std::cos(k * kStep), radius * std::sin(k * kStep), std::copysign(half, n.z())}));
+    return;
+  }
+  const double x = radius * n.x() / flat, y = radius * n.y() / flat;
+  face.Add(cylinder.Out({x, y, -half}));
+  face.Add(cylinder.Out({x, y, half}));
+}
+
+void AddCapsuleFace(const Posed& capsule, const Vector3& n, SupportFace& face) {
+  const Vector3 out = capsule.size[0] * n, half(0, 0, capsule.size[1]);
+  face.Add(capsule.Out(out - half));
+  face.Add(capsule.Out(out + half));
+}
+
+// The flat face of the hull that looks along n the most.
+void AddMeshFace(const mjModel* m, int geom, const Posed& mesh, const Vector3& n, SupportFace& face) {
+  const int id = m->geom_dataid[geom], first = m->mesh_polyadr[id];
+  int best = -1;
+  double most = 0;
+  for (int k = first; k < first + m->mesh_polynum[id]; ++k)
+    if (const double along = n.dot(Eigen::Map<const Vector3>(m->mesh_polynormal + 3 * k)); along > most) {
+      most = along;
+      best = k;
+    }
+  if (best < 0) return;
+  const int count = m->mesh_polyvertnum[best], kept = std::min(count, SupportFace::kMost);
+  for (int i = 0; i < kept; ++i) {
+    const int vertex = m->mesh_polyvert[m->mesh_polyvertadr[best] + i * count / kept];
+    face.Add(mesh.Out(
+        Eigen::Map<const Eigen::Vector3f>(m->mesh_vert + 3 * (m->mesh_vertadr[id] + vertex)).cast<double>()));
+  }
+}
+
+SupportFace FaceAlong(const mjModel* m, const mjData* d, int geom, const Vector3& n_W) {
+  const Posed posed(m, d, geom);
+  const Vector3 n = posed.R.transpose() * n_W;
+  SupportFace face;
+  switch (m->geom_type[geom]) {
+    case mjGEOM_BOX:
+      AddBoxFace(posed, n, face);
+      break;
+    case mjGEOM_CYLINDER:
+      AddCylinderFace(posed, n, face);
+      break;
+    case mjGEOM_CAPSULE:
+      AddCapsuleFace(posed, n, face);
+      break;
+    case mjGEOM_MESH:
+      AddMeshFace(m, geom, posed, n, face);
+      break;
+    default:
+      break;  // round: one point
+  }
+  return face;
+}
+
+// What is chosen of a patch; `room`: for how many.
+int WritePatch(ContactPatch& patch, const Vector3& normal, int room, mjPreContact* contacts) {
+  const int count = std::min(patch.ChooseSupport(), room);
+  for (int i = 0; i < count; ++i) {
+    contacts[i].dist = patch[i].gap;
+    Eigen::Map<Vector3>(contacts[i].pos) = patch[i].point;
+    Eigen::Map<Vector3>(contacts[i].normal) = normal;
+    Eigen::Map<Vector3>(contacts[i].tangent).setZero();
+  }
+  return count;
+}
+
+bool FindDeepest(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, double margin,
+                 Deepest& deepest) {
+  if (m->geom_type[a] == mjGEOM_BOX && m->geom_type[b] == mjGEOM_BOX) {
+    const Posed box_a(m, d, a), box_b(m, d, b);
+    return BoxBox(box_a.size, RigidTransform(Matrix3(box_a.R), box_a.p), box_b.size,
+                  RigidTransform(Matrix3(box_b.R), box_b.p), margin, deepest);
+  }
+  const OnePoint one(m);
+  if (mujocos_convex(m, d, contacts, a, b, margin) == 0) return false;
+  deepest.gap = contacts[0].dist;
+  deepest.normal = Eigen::Map<const Vector3>(contacts[0].normal);
+  deepest.point = Eigen::Map<const Vector3>(contacts[0].pos);
+  return true;
+}
+
+int ConvexPair(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
+  Deepest deepest;
+  if (!FindDeepest(m, d, contacts, a, b, margin, deepest)) return 0;
+  ContactPatch patch(deepest.normal);
+  patch.SetDeepest({deepest.point, deepest.gap});
+  if (!(m->opt.disableflags & mjDSBL_MULTICCD))
+    patch.AddOverlap(FaceAlong(m, d, a, deepest.normal), FaceAlong(m, d, b, -deepest.normal), margin);
+  return WritePatch(patch, deepest.normal, mj_maxContact(m, a, b, 1), contacts);
+}
+
+// MuJoCo names the nearest corner and some of its neighbours; a face that lies on the plane has more.
+int MeshOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, int mesh, mjtNum margin) {
+  const int found = mujocos_plane_mesh(m, d, contacts, plane, mesh, margin);
+  if (found == 0 || m->opt.disableflags & mjDSBL_MULTICCD) return found;
+  const Posed posed(m, d, plane);
+  const Vector3 n = posed.R.col(2);
+  ContactPatch patch(n);
+  const auto add = [&](const Vector3& corner) {
+    const double gap = n.dot(corner - posed.p);
+    if (gap < margin) patch.Add({corner - 0.5 * gap * n, gap});
+  };
+  for (int i = 0; i < found; ++i) patch.Add({Eigen::Map<const Vector3>(contacts[i].pos), contacts[i].dist});
+  const SupportFace face = FaceAlong(m, d, mesh, -n);
+  for (int i = 0; i < face.count; ++i) add(face[i]);
+  return WritePatch(patch, n, mj_maxContact(m, plane, mesh, 1), contacts);
+}
+
+// A shape over more columns than there is room for: those that MuJoCo took lie in one strip under it, and the
+// corners of its underside are what it rests on.
+void AddCorners(const mjModel* m, const mjData* d, int field, int shape, double margin,
+                mjPreContact* contacts) {
+  const Vector3 up = Posed(m, d, field).R.col(2);
+  const SupportFace face = FaceAlong(m, d, shape, -up);
+  constexpr int kMost = 8;
+  const int count = std::min(face.count, kMost);
+  std::array<mjPreContact, 16> nearest;
+  int place = mjMAXCONPAIR;
+  for (int i = 0; i < count; ++i)
+    if (BallOnGrid(m, d, nearest.data(), field, face[i * face.count / count], 0, margin) > 0)
+      contacts[--place] = nearest[0];
+}
+
+int ConvexOnField(const mjModel* m, mjData* d, mjPreContact* contacts, int field, int shape, mjtNum margin) {
+  const OnePoint one(m);
+  const double wanted = margin;
+  int count = mujocos_field(m, d, contacts, field, shape, margin);
+  std::array<mjPreContact, mjMAXCONPAIR> nearer;
+  std::array<double, mjMAXCONPAIR> gaps;
+  while (count == mjMAXCONPAIR && margin > 0) {
+    for (std::size_t i = 0; i < gaps.size(); ++i) gaps[i] = contacts[i].dist;
+    const auto middle = gaps.begin() + mjMAXCONPAIR / 2;
+    std::nth_element(gaps.begin(), middle, gaps.end());
+    // Half of them are nearer than the middle one, and so may be others that were never looked at. Where half
+    // are equally near, only those count that are nearer than all. MuJoCo's gaps are wrong at margins below
+    // zero.
+    double within = *middle;
+    if (!(within < margin)) within = *std::min_element(gaps.begin(), gaps.end());
+    within = std::max(within, 0.0);
+    if (!(within < margin)) break;
+    const int found = mujocos_field(m, d, nearer.data(), field, shape, within);
+    if (found == 0) break;
+    std::copy_n(nearer.begin(), found, contacts);
+    count = found;
+    margin = within;
+  }
+  if (count == mjMAXCONPAIR) AddCorners(m, d, field, shape, wanted, contacts);
+  return count;
+}
+
+int ConvexOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
+  return (IsOurs(m) ? ConvexPair : mujocos_convex)(m, d, contacts, a, b, margin);
+}
+int BoxBoxOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
+  return (IsOurs(m) ? ConvexPair : mujocos_box_box)(m, d, contacts, a, b, margin);
+}
+int PlaneMeshOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
+  return (IsOurs(m) ? MeshOnPlane : mujocos_plane_mesh)(m, d, contacts, a, b, margin);
+}
+int FieldOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
+  return (IsOurs(m) ? ConvexOnField : mujocos_field)(m, d, contacts, a, b, margin);
+}
+int FieldSphereOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
+  return (IsOurs(m) ? SphereOnGrid : mujocos_field_sphere)(m, d, contacts, a, b, margin);
+}
+
+}  // namespace
+
+void InstallPairRoutines() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    mujocos_convex = mjCOLLISIONFUNC[mjGEOM_ELLIPSOID][mjGEOM_CYLINDER];
+    mujocos_box_box = mjCOLLISIONFUNC[mjGEOM_BOX][mjGEOM_BOX];
+    mujocos_field = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_BOX];
+    mujocos_field_sphere = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE];
+    mujocos_plane_mesh = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH];
+    for (int a = 0; a < mjNGEOMTYPES; ++a)
+      for (int b = a; b < mjNGEOMTYPES; ++b) {
+        mjfCollision& routine = mjCOLLISIONFUNC[a][b];
+        if (routine == mujocos_convex) routine = &ConvexOrOwn;
+        if (routine == mujocos_field && b != mjGEOM_SPHERE) routine = &FieldOrOwn;
+      }
+    mjCOLLISIONFUNC[mjGEOM_BOX][mjGEOM_BOX] = &BoxBoxOrOwn;
+    mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH] = &PlaneMeshOrOwn;
+    mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE] = &FieldSphereOrOwn;
+  });
+}
+
+void SetPairOptions(mjModel& model, bool multi_point) {
+  if (!multi_point) model.opt.disableflags |= mjDSBL_MULTICCD;
+  // With MuJoCo's 1e-6 m and 35 steps, round shapes in penetration are wrong by up to 0.4 mm.
+  model.opt.ccd_tolerance = 1e-10;
+  model.opt.ccd_iterations = 1000;
+}
+
+}  // namespace fork1s::internal

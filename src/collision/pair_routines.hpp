@@ -1,0 +1,18 @@
+// What takes the place of MuJoCo's own routines for pairs of shapes, in models of ours.
+// docs/contact_detection.md has the figures.
+#pragma once
+
+#include <mujoco/mujoco.h>
+
+namespace fork1s::internal {
+
+/// Name of the models that this applies to; those of others stay with MuJoCo's own routines.
+inline constexpr const char* kCollisionModelName = "fork1s_collision";
+
+/// Puts our routines into MuJoCo's table, once.
+void InstallPairRoutines();
+
+/// How such a model is to be searched; `multi_point`: up to four points a pair of convex shapes.
+void SetPairOptions(mjModel& model, bool multi_point);
+
+}  // namespace fork1s::internal

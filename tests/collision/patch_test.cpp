@@ -1,0 +1,143 @@
+// Where flat shapes rest on each other: points that are on both surfaces, four at most, that hold what lies
+// there.
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "scenes.hpp"
+
+namespace fork1s {
+namespace {
+
+using namespace testing;
+
+// Vertices of meshes are floats: 6e-8 of 0.1 m.
+constexpr double kSingle = 1e-8;
+
+struct FlatPair {
+  Shape a, b;
+  double height_a, height_b;  // of the face that touches over the origin, along z
+  std::size_t points;
+};
+
+MeshShape Block(const Vector3& half) { return BoxMesh(half, Vector3::Zero()); }
+
+// Every kind that has a flat face on every other, turned about the normal and moved aside.
+TEST(Patch, FlatFacesRestOnFourPoints) {
+  const Vector3 large(0.2, 0.2, 0.1), small(0.05, 0.03, 0.04);
+  const std::vector<FlatPair> pairs = {{Box{large}, Box{small}, 0.1, 0.04, 4},
+                                       {Box{large}, Block(small), 0.1, 0.04, 4},
+                                       {Block(large), Block(small), 0.1, 0.04, 4},
+                                       {Box{large}, Cylinder{0.05, 0.04}, 0.1, 0.04, 4},
+                                       {Block(large), Cylinder{0.05, 0.04}, 0.1, 0.04, 4},
+                                       {Cylinder{0.3, 0.1}, Cylinder{0.05, 0.04}, 0.1, 0.04, 4}};
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> u(-1, 1);
+  for (std::size_t k = 0; k < pairs.size(); ++k)
+    for (const double gap : {-0.002, -1e-6, 1e-6, 0.0009}) {
+      const FlatPair& pair = pairs[k];
+      const RigidTransform X(ExpRotation(Vector3(u(random), u(random), u(random))),
+                             Vector3(u(random), u(random), u(random)));
+      const Vector3 aside(0.05 * u(random), 0.05 * u(random), pair.height_a + pair.height_b + gap);
+      const RigidTransform X_AB(ExpRotation(Vector3(0, 0, 3 * u(random))), aside);
+      const auto contacts = Contacts({Moving(pair.a, X), Moving(pair.b, X * X_AB)});
+      ASSERT_EQ(contacts.size(), pair.points) << k << ' ' << gap;
+      const Vector3 normal = X.rotation().col(2);
+      Vector3 low = Vector3::Constant(1), high = -low;  // of the points, in the frame of b
+      for (const ContactPoint& c : contacts) {
+        EXPECT_NEAR(c.gap, gap, 2 * kSingle) << k;
+        const double side = c.body_a == 0 ? 1 : -1;
+        EXPECT_LT((side * c.frame.row(0).transpose() - normal).norm(), 1e-6) << k;  // 2 floats over 0.05 m
+        const Vector3 p = (X * X_AB).inverse() * c.point;
+        EXPECT_NEAR(p.z(), -pair.height_b - gap / 2, 2 * kSingle) << k;
+        low = low.cwiseMin(p);
+        high = high.cwiseMax(p);
+      }
+      // They hold its weight wherever that is: as far out as the face, or the square in its round one.
+      const double half_x = std::holds_alternative<Cylinder>(pair.b) ? 0.05 / std::sqrt(2.0) : small.x();
+      const double half_y = std::holds_alternative<Cylinder>(pair.b) ? 0.05 / std::sqrt(2.0) : small.y();
+      EXPECT_LT(low.x(), -half_x + 2 * kSingle) << k;
+      EXPECT_GT(high.x(), half_x - 2 * kSingle) << k;
+      EXPECT_LT(low.y(), -half_y + 2 * kSingle) << k;
+      EXPECT_GT(high.y(), half_y - 2 * kSingle) << k;
+    }
+}
+
+TEST(Patch, AFaceThatOverhangsRestsOnWhatIsUnderIt) {
+  // The upper box lies over the corner of the lower one by 30 x 20 mm.
+  const auto contacts = Contacts(
+      {Moving(Box{Vector3(0.1, 0.1, 0.1)}), Moving(Box{Vector3(0.05, 0.05, 0.05)}, At(0.12, 0.13, 0.1495))});
+  ASSERT_EQ(contacts.size(), 4u);
+  for (const ContactPoint& c : contacts) {
+    EXPECT_NEAR(c.gap, -0.0005, 1e-12);
+    EXPECT_NEAR(std::abs(c.point.x() - 0.085), 0.015, 1e-12);
+    EXPECT_NEAR(std::abs(c.point.y() - 0.09), 0.01, 1e-12);
+  }
+}
+
+TEST(Patch, ATiltedFaceLooksAhead) {
+  // A box that will come down flat: its other corners are contacts before they touch.
+  const double tilt = 0.02, half = 0.05;
+  const RigidTransform X(ExpRotation(Vector3(0, tilt, 0)), Vector3(0, 0, 0.1));
+  const double lowest = 0.1 - half * (std::sin(tilt) + std::cos(tilt));
+  for (const Shape& shape :
+       {Shape(Box{Vector3(half, half, half)}), Shape(Block(Vector3(half, half, half)))}) {
+    const auto contacts =
+        Contacts({Moving(Box{Vector3(0.2, 0.2, 0.1)}, At(0, 0, -0.1 + lowest - 0.0002)), Moving(shape, X)},
+                 {}, {.margin = 0.01});
+    ASSERT_EQ(contacts.size(), 4u);
+    std::vector<double> gaps;
+    for (const ContactPoint& c : contacts) gaps.push_back(c.gap);
+    std::sort(gaps.begin(), gaps.end());
+    for (std::size_t i = 0; i < 4; ++i)
+      EXPECT_NEAR(gaps[i], i < 2 ? 0.0002 : 0.0002 + 2 * half * std::sin(tilt), kSingle);
+  }
+}
+
+TEST(Patch, LinesRestOnTwoPoints) {
+  const RigidTransform lying(ExpRotation(Vector3(0, 3.14159265358979323846 / 2, 0)), Vector3(0, 0, 0.0499));
+  for (const Shape& shape : {Shape(Capsule{0.05, 0.1}), Shape(Cylinder{0.05, 0.1})})
+    for (const Shape& ground : {Shape(Box{Vector3(0.2, 0.2, 0.1)}), Shape(Block(Vector3(0.2, 0.2, 0.1)))}) {
+      const auto contacts = Contacts({Moving(ground, At(0, 0, -0.1)), Moving(shape, lying)});
+      ASSERT_EQ(contacts.size(), 2u);
+      for (const ContactPoint& c : contacts) {
+        EXPECT_NEAR(c.gap, -0.0001, 2 * kSingle);
+        EXPECT_NEAR(std::abs(c.point.x()), 0.1,
+                    1e-6);  // the search ends at 1e-10 m of the gap, some of the place
+      }
+    }
+  // Across each other: one.
+  const RigidTransform across(ExpRotation(Vector3(0, 0, 1)) * lying.rotation(), Vector3(0, 0, 0.1499));
+  EXPECT_EQ(Contacts({Moving(Cylinder{0.05, 0.1}, lying), Moving(Cylinder{0.05, 0.1}, across)}, {},
+                     {.margin = 1e-6})
+                .size(),
+            1u);
+}
+
+TEST(Patch, OnePointWhereOneIsAskedFor) {
+  EXPECT_EQ(Contacts({Moving(Box{Vector3(0.2, 0.2, 0.1)}, At(0, 0, -0.1)),
+                      Moving(Box{Vector3(0.05, 0.05, 0.05)}, At(0, 0, 0.0495))},
+                     {}, {.multi_point = false})
+                .size(),
+            1u);
+}
+
+TEST(Patch, TheSameBitsEveryTime) {
+  auto world =
+      CollisionWorld::Create({Moving(Cylinder{0.1, 0.1}), Moving(Cylinder{0.07, 0.1}, At(0.03, 0.02, 0.199)),
+                              Moving(Block(Vector3(0.1, 0.05, 0.1)), At(0.01, 0.02, 0.398))},
+                             {});
+  ASSERT_TRUE(world.has_value());
+  std::vector<ContactPoint> first, again;
+  ASSERT_TRUE(world->Detect(first));
+  ASSERT_TRUE(world->Detect(again));
+  ASSERT_EQ(first.size(), 8u);
+  ASSERT_EQ(again.size(), first.size());
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    EXPECT_EQ(first[i].gap, again[i].gap);
+    EXPECT_EQ(first[i].point, again[i].point);
+  }
+}
+
+}  // namespace
+}  // namespace fork1s
