@@ -6,7 +6,7 @@ set -euo pipefail
 packages=(
   g++ cmake ninja-build ccache
   libeigen3-dev python3-pip libtinyxml2-dev libcli11-dev libfmt-dev nlohmann-json3-dev
-  libexpected-dev libhdf5-dev libtbb-dev libspectra-dev
+  libexpected-dev libhdf5-dev libtbb-dev libspectra-dev libassimp-dev
   libgtest-dev
   libboost-dev
 )

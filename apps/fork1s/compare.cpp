@@ -112,6 +112,14 @@ void Print(const Comparison& c) {
 
 int Run(const CompareArguments& args) {
   const bool json = args.model.json;
+  const bool starts_elsewhere =
+      !args.model.base_pose.empty() || !args.model.coordinates.empty() || !args.model.ground.empty();
+  if (args.against == "mujoco" && starts_elsewhere)
+    return Report(
+        {ErrorCode::kUsage, "--against mujoco",
+         "MuJoCo runs the file as it stands: write base pose, joint coordinates (as a keyframe) and ground "
+         "into it instead of --base-pose, --q and --ground"},
+        json);
   auto imported = args.model.Load();
   if (!imported) return Report(imported.error(), json);
   if (!json) PrintNotes(imported->report);

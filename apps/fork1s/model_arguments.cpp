@@ -1,7 +1,9 @@
 #include "model_arguments.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <sstream>
+#include <utility>
 
 #include <fmt/format.h>
 #include <fork1s/mechanism/kinematics.hpp>
@@ -33,6 +35,29 @@ Expected<std::vector<double>> ParseNumbers(const std::string& text, std::size_t 
   return numbers;
 }
 
+// NAME=VALUE at the last '=' (names may hold one) or the first (paths may).
+Expected<std::pair<std::string, std::string>> SplitAssignment(const std::string& text,
+                                                              const std::string& option,
+                                                              const std::string& form, bool last) {
+  const auto equals = last ? text.rfind('=') : text.find('=');
+  if (equals == std::string::npos || equals == 0 || equals + 1 == text.size())
+    return Fail(ErrorCode::kUsage, option, fmt::format("takes {}, not '{}'", form, text));
+  return std::pair(text.substr(0, equals), text.substr(equals + 1));
+}
+
+Expected<RigidTransform> ParsePose(const std::string& text, const std::string& option) {
+  const bool turned = std::count(text.begin(), text.end(), ',') > 2;
+  auto n = ParseNumbers(text, turned ? 6 : 3, option);
+  if (!n) return tl::unexpected(n.error());
+  RigidTransform X(Vector3((*n)[0], (*n)[1], (*n)[2]));
+  if (turned)
+    X.rotation() =
+        (Eigen::AngleAxisd((*n)[5], Vector3::UnitZ()) * Eigen::AngleAxisd((*n)[4], Vector3::UnitY()) *
+         Eigen::AngleAxisd((*n)[3], Vector3::UnitX()))
+            .toRotationMatrix();
+  return X;
+}
+
 }  // namespace
 
 Expected<Vector3> ParseVector(const std::string& text, const std::string& option) {
@@ -46,7 +71,8 @@ void ModelArguments::AddTo(CLI::App& command) {
   command
       .add_option("--interface", interfaces,
                   "bodies that touch the world (a,b,...); replaces what the file says")
-      ->delimiter(',');
+      ->delimiter(',')
+      ->allow_extra_args(false);  // the model may come next
   command.add_option("--base", base, "fixed, floating or driven; replaces what the file says")
       ->check(CLI::IsMember({"fixed", "floating", "driven"}));
   command.add_option("--modes", modes, "fixed-interface modes to keep at most (default: the file's, else 4)")
@@ -64,8 +90,24 @@ void ModelArguments::AddTo(CLI::App& command) {
       .add_option(
           "--pd", pd,
           "kp,kv: hold joints that nothing holds by PD control; NAME=kp,kv: one joint (may be repeated)")
-      ->take_all();
+      ->take_all()
+      ->allow_extra_args(false);  // the model may come next
   command.add_option("--keyframe", keyframe, "named initial state of the file");
+  command.add_option("--base-pose", base_pose,
+                     "x,y,z[,r,p,y]: where the base starts, in m and rad (as URDF's origin)");
+  command.add_option("--q", coordinates, "NAME=VALUE: where a joint starts, in rad or m (may be repeated)")
+      ->take_all()
+      ->allow_extra_args(false);
+  command.add_flag(
+      "--ground{under}", ground,
+      "a level plane: at z = 0 with --base-pose, else under the model; --ground=Z at a height in m");
+  command
+      .add_option(
+          "--package", packages,
+          "NAME=DIR: the folder of a ROS package that a URDF names (may be repeated); otherwise looked for "
+          "below AMENT_PREFIX_PATH, ROS_PACKAGE_PATH and above the file")
+      ->take_all()
+      ->allow_extra_args(false);
   command.add_flag("--json", json, "print one JSON object and nothing else");
 }
 
@@ -88,7 +130,35 @@ Expected<ImportedScene> ModelArguments::Load() const {
     else
       options.joint_pd[text.substr(0, equals)] = g;
   }
+  if (auto ok = ReadStart(options); !ok) return tl::unexpected(ok.error());
   return LoadMechanism(path, options);
+}
+
+Expected<void> ModelArguments::ReadStart(ImportOptions& options) const {
+  if (!base_pose.empty()) {
+    auto pose = ParsePose(base_pose, "--base-pose");
+    if (!pose) return tl::unexpected(pose.error());
+    options.base_pose = *pose;
+  }
+  for (const std::string& text : coordinates) {
+    auto split = SplitAssignment(text, "--q", "NAME=VALUE", true);
+    if (!split) return tl::unexpected(split.error());
+    auto value = ParseNumbers(split->second, 1, "--q " + split->first);
+    if (!value) return tl::unexpected(value.error());
+    options.joint_coordinates[split->first] = (*value)[0];
+  }
+  options.ground = !ground.empty();
+  if (options.ground && ground != "under") {
+    auto height = ParseNumbers(ground, 1, "--ground");
+    if (!height) return tl::unexpected(height.error());
+    options.ground_height = (*height)[0];
+  }
+  for (const std::string& text : packages) {
+    auto split = SplitAssignment(text, "--package", "NAME=DIR", false);
+    if (!split) return tl::unexpected(split.error());
+    options.packages[split->first] = split->second;
+  }
+  return {};
 }
 
 Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& imported) {

@@ -20,10 +20,17 @@ struct ModelArguments {
   double stiffness_scale = 1;
   std::vector<std::string> pd;
   std::string keyframe;
+  std::string base_pose;                 // "x,y,z[,r,p,y]"
+  std::vector<std::string> coordinates;  // "NAME=VALUE"
+  std::string ground;                    // "under", or a height
+  std::vector<std::string> packages;     // "NAME=DIR"
   bool json = false;
 
   void AddTo(CLI::App& command);
   Expected<ImportedScene> Load() const;
+
+ private:
+  Expected<void> ReadStart(ImportOptions& options) const;
 };
 
 /// One mechanism of a scene, built and with its loops closed at the requested keyframe.

@@ -199,7 +199,9 @@ bool RowSet::PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitC
   row.row = in.row;
   row.sign = in.sign < 0 ? -1 : 1;
   row.bias = in.bias;
-  if (!std::isfinite(in.bias) || !std::isfinite(in.impulse)) return false;
+  row.lower = in.lower;
+  row.upper = in.upper;
+  if (!std::isfinite(in.bias) || !std::isfinite(in.impulse) || !(in.lower <= in.upper)) return false;
   const VelocityBlock& block = blocks[static_cast<std::size_t>(BlockOf(blocks, in.row, 1))];
   const ConstW W = OperatorOf(block);
   const int local = in.row - block.offset;
@@ -211,7 +213,7 @@ bool RowSet::PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitC
   if (own > kImmovable * W.diagonal().cwiseAbs().maxCoeff()) {
     row.live = true;
     row.inverse = 1 / own;
-    row.impulse = std::max(0.0, in.impulse);
+    row.impulse = row.Bounded(in.impulse);
     const double own_speed = std::abs(velocity[static_cast<std::size_t>(in.row)]) + std::abs(in.bias);
     momentum = std::max(momentum, row.inverse * own_speed);
     speed = std::max(speed, own_speed);
@@ -274,7 +276,7 @@ void RowSet::RestoreImpulses() {
 double RowSet::LargestImpulse() const {
   double largest = 0;
   for (const ContactRow& row : contacts) largest = std::max(largest, row.impulse[0]);
-  for (const LimitRow& row : limits) largest = std::max(largest, row.impulse);
+  for (const LimitRow& row : limits) largest = std::max(largest, std::abs(row.impulse));
   return largest;
 }
 
@@ -301,7 +303,7 @@ double RowSet::Sweep() {
   worst = std::sqrt(worst);
   for (LimitRow& row : limits) {
     if (!row.live) continue;
-    const double next = std::max(0.0, row.impulse - row.inverse * LimitVelocity(row));
+    const double next = row.Bounded(row.impulse - row.inverse * LimitVelocity(row));
     const double delta = next - row.impulse;
     if (delta == 0) continue;
     row.impulse = next;
@@ -335,7 +337,7 @@ double RowSet::Residual() const {
   }
   for (const LimitRow& row : limits) {
     if (!row.live) continue;
-    note(std::abs(row.impulse - std::max(0.0, row.impulse - row.inverse * LimitVelocity(row))), row.inverse);
+    note(std::abs(row.impulse - row.Bounded(row.impulse - row.inverse * LimitVelocity(row))), row.inverse);
   }
   return worst;
 }

@@ -1,6 +1,7 @@
 // What the solvers keep of each constraint: its Jacobian in aligned form, its column of W Jᵀ, its local law.
 #pragma once
 
+#include <algorithm>
 #include <fork1s/contact/contact_solver.hpp>
 #include <vector>
 
@@ -36,10 +37,12 @@ struct ContactRow {
 
 struct LimitRow {
   int row = 0;
-  double sign = 1, bias = 0, impulse = 0;
+  double sign = 1, bias = 0, impulse = 0, lower = 0, upper = 0;
   ResponsePart part;
   double inverse = 0;  // 1 / W_rr
   bool live = false;
+
+  double Bounded(double value) const { return std::min(std::max(value, lower), upper); }
 };
 
 struct RowSet {

@@ -136,7 +136,7 @@ void NewtonSolver::WriteImpulses(const std::vector<double>& from, RowSet& rows) 
     x += 3;
   }
   for (LimitRow& row : rows.limits) {
-    if (row.live) row.impulse = std::max(0.0, *x);
+    if (row.live) row.impulse = row.Bounded(*x);
     ++x;
   }
 }
@@ -170,7 +170,7 @@ double NewtonSolver::Evaluate(const RowSet& rows, const std::vector<double>& x) 
     merit += F[0] * F[0] + F[1] * F[1] + F[2] * F[2];
   }
   for (const LimitRow& row : rows.limits) {
-    F_[i] = row.live ? x[i] - std::max(0.0, x[i] - row.inverse * u_[i]) : 0;
+    F_[i] = row.live ? x[i] - row.Bounded(x[i] - row.inverse * u_[i]) : 0;
     merit += F_[i] * F_[i];
     ++i;
   }
@@ -220,7 +220,8 @@ bool NewtonSolver::ComputeStep(const RowSet& rows) {
   for (const LimitRow& row : rows.limits) {
     const int at = i++;
     const double x = x_[static_cast<std::size_t>(at)], u = u_[static_cast<std::size_t>(at)];
-    if (row.live && x - row.inverse * u > 0) {
+    const double projected = x - row.inverse * u;
+    if (row.live && projected > row.lower && projected < row.upper) {
       G.row(at) = row.inverse * A.row(at);
       G(at, at) += regularisation_;
     } else {

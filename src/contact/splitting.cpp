@@ -71,7 +71,11 @@ void SplittingSolver::Project(const RowSet& rows, const double* x, double* y) co
     x += 3;
     y += 3;
   }
-  for (const LimitRow& row : rows.limits) *y++ = row.live ? std::max(0.0, *x) : 0, ++x;
+  for (const LimitRow& row : rows.limits) {
+    const double d = std::sqrt(row.inverse);  // impulses here are scaled by 1 / d
+    *y++ = row.live ? row.Bounded(d * *x) / d : 0;
+    ++x;
+  }
 }
 
 void SplittingSolver::AddCorrection(const RowSet& rows, const double* z, double* out) const {

@@ -65,16 +65,17 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
     dynamics.controls_(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
   // A pose outside the limits may be what springs and loops hold; pushing it inside would fight them for
   // ever.
-  dynamics.lower_ = mechanism->lower().cwiseMin(q);
-  dynamics.upper_ = mechanism->upper().cwiseMax(q);
   dynamics.warnings_ = dynamics.model_.warnings;
-  for (int i = 0; i < mechanism->num_coordinates(); ++i) {
-    if (std::isfinite(dynamics.lower_(i)) || std::isfinite(dynamics.upper_(i)))
-      dynamics.limited_.push_back(i);
-    const double outside = std::max(mechanism->lower()(i) - q(i), q(i) - mechanism->upper()(i));
+  dynamics.length_limits_ = mechanism->length_limits();
+  for (Mechanism::LengthLimit& limit : dynamics.length_limits_) {
+    double length = 0;
+    for (const auto& [i, c] : limit.terms) length += c * q(i);
+    const double outside = std::max(limit.lower - length, length - limit.upper);
+    limit.lower = std::min(limit.lower, length);
+    limit.upper = std::max(limit.upper, length);
     if (outside > 1e-3)
-      dynamics.warnings_.push_back("joint '" + mechanism->CoordinateName(i) +
-                                   "' starts outside its limits by " + std::to_string(outside) +
+      dynamics.warnings_.push_back(limit.WhatAndName() + " starts outside its limits by " +
+                                   std::to_string(outside) +
                                    " (rad or m); the limit was moved to the initial pose");
   }
   dynamics.wrenches_W_ = Matrix6X::Zero(6, mechanism->num_bodies());
@@ -141,6 +142,7 @@ void MechanismDynamics::Size() {
   } else {
     state_.q_perp.resize(0);
   }
+  SizeForceLimits();
   FindParts();
   TakeReferenceForces();
 }

@@ -60,7 +60,7 @@ double MechanismDynamics::PotentialEnergy(const Vector3& gravity_W) const {
     for (const auto& [k, c] : control.terms) energy -= control.gain * u * c * configuration_.q(k);
     if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
   }
-  return energy;
+  return energy - EnergyBeyondBounds();
 }
 
 // The motion relative to the locked mechanism is scaled by s: what a floating base carries of momentum stays.

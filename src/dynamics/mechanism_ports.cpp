@@ -26,12 +26,19 @@ void MechanismDynamics::FindParts() {
     run.size = last < 0 ? 0 : last + 1 - run.begin;
     return run;
   };
-  std::vector<Part> of_group, of_limited;
+  std::vector<Part> of_group, of_limited, of_friction;
   for (const ContactGroup& g : groups_) {
     const auto T = model_.T_of(g.body);
     of_group.push_back(support([&](int i) { return (T.col(i).array() == 0).all(); }));
   }
-  for (int k : limited_) of_limited.push_back(support([&](int i) { return model_.Q(k, i) == 0; }));
+  auto of_length = [&](const Mechanism::LinearForm& terms) {
+    return support([&](int i) {
+      return std::all_of(terms.begin(), terms.end(),
+                         [&](const auto& t) { return model_.Q(t.first, i) == 0; });
+    });
+  };
+  for (const auto& l : length_limits_) of_limited.push_back(of_length(l.terms));
+  for (const auto& f : mechanism().frictions()) of_friction.push_back(of_length(f.terms));
   if (base_size_ > 0 || model_.loop_rank() > 0) {
     join(0, nx - 1);
   } else {
@@ -41,8 +48,12 @@ void MechanismDynamics::FindParts() {
           join(i, j);
           break;
         }
-    for (const auto* runs : {&of_group, &of_limited})
+    for (const auto* runs : {&of_group, &of_limited, &of_friction})
       for (const Part& run : *runs) join(run.begin, run.begin + run.size - 1);
+    for (const auto& f : mechanism().force_limits()) {
+      const Part run = of_length(f.terms);
+      join(run.begin, run.begin + run.size - 1);
+    }
   }
   parts_.clear();
   std::vector<int> part_of(static_cast<std::size_t>(nx), 0);
@@ -61,6 +72,8 @@ void MechanismDynamics::FindParts() {
   part_of_limited_.clear();
   for (const Part& run : of_group) part_of_group_.push_back(part_of_run(run));
   for (const Part& run : of_limited) part_of_limited_.push_back(std::max(0, part_of_run(run)));
+  part_of_friction_.clear();
+  for (const Part& run : of_friction) part_of_friction_.push_back(std::max(0, part_of_run(run)));
 }
 
 void MechanismDynamics::GroupJacobian(int g, Eigen::Ref<Matrix6X> J) const {
@@ -117,10 +130,24 @@ void MechanismDynamics::HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) cons
   }
 }
 
-void MechanismDynamics::CoordinateRow(int i, const Part& part, Eigen::Ref<VectorX> row) const {
+void MechanismDynamics::LengthRow(const Mechanism::LinearForm& terms, const Part& part,
+                                  Eigen::Ref<VectorX> row) const {
   row.setZero();
   const int count = part.size - base_size_;
-  row.tail(count) = Q_now().row(i).segment(part.begin, count).transpose();
+  for (const auto& [i, c] : terms)
+    row.tail(count) += c * Q_now().row(i).segment(part.begin, count).transpose();
+}
+
+double MechanismDynamics::LengthRate(const Mechanism::LinearForm& terms) const {
+  double rate = 0;
+  for (const auto& [i, c] : terms) rate += c * Q_now().row(i).dot(x_.tail(model_.size()));
+  return rate;
+}
+
+double MechanismDynamics::Length(const Mechanism::LinearForm& terms) const {
+  double length = 0;
+  for (const auto& [i, c] : terms) length += c * configuration_.q(i);
+  return length;
 }
 
 }  // namespace fork1s

@@ -34,6 +34,7 @@ void MechanismDynamics::Factor(double h) {
   A_ = M_full_;
   A_.bottomRightCorner(model_.size(), model_.size()) += h * model_.D;
   A_.diagonal().tail(model_.size()) += h * h * model_.K_r;
+  TakeBoundedSpringsOut(h);
   factor_.Compute(A_);
   // A dense product costs less than two triangular solves; a floating base's A changes too often to invert.
   if (base_size_ == 0) {
@@ -52,13 +53,11 @@ void MechanismDynamics::Solve(VectorX& x) {
 }
 
 void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
-  if (h != factored_h_) Factor(h);
-  const int r = model_.size();
   V_R_before_ = state_.V_R;
   pushed_ = false;
   gravity_W_ = gravity_W;
   guard_ = mechanism().base() != BaseKind::kDriven && options_.recovery == Recovery::kExact && !has_wrenches_;
-  if (guard_) energy_budget_ = KineticEnergy() + PotentialEnergy(gravity_W);
+  if (guard_) energy_budget_ = energy_start_ = KineticEnergy() + PotentialEnergy(gravity_W);
   Vector6 A_R = Vector6::Zero();
   Vector6 V_next = state_.V_R;
   if (mechanism().base() == BaseKind::kDriven) {
@@ -80,29 +79,45 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
   Q_before_h_ = h;
   if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
 
+  if (base_size_ > 0) momentum_.noalias() -= M_full_.middleCols<3>(3) * drift_R_;
+  V_free_ = V_next;
+  if (!at_bound_.empty()) OpenForceLimits();
+  SolveFree(h);
+  if (has_wrenches_) {
+    wrenches_W_.setZero();
+    has_wrenches_ = false;
+  }
+}
+
+// x* from the forces and momenta at hand.
+void MechanismDynamics::SolveFree(double h) {
+  if (h != factored_h_) Factor(h);
+  if (!at_bound_.empty()) AddBoundedForces();
+  const int r = model_.size();
   if (base_size_ == 0) {
-    state_.V_R = V_next;
+    state_.V_R = V_free_;
     if (r > 0) {  // Eigen's products may not be asked for nothing
       x_.noalias() = M_full_ * state_.w;
       x_ += h * f_z_;
       Solve(x_);
     }
-  } else {
-    momentum_.noalias() -= M_full_.middleCols<3>(3) * drift_R_;
-    const Vector6 p = momentum_.head<6>();
-    transported_ = TransportMomentum(h, p, state_.V_R, V_next, [&](const Vector6& moved) {
-      x_.head<6>() = moved + h * (base_force_ - momentum_rate_);
-      x_.tail(r) = momentum_.tail(r) + h * f_z_;
-      factor_.SolveInPlace(x_);
-      return Vector6(x_.head<6>());
-    });
-    x_.segment<3>(3) += drift_R_;
-    state_.V_R = V_R_before_;
+    return;
   }
-  if (has_wrenches_) {
-    wrenches_W_.setZero();
-    has_wrenches_ = false;
-  }
+  Vector6 V_next = V_free_;
+  transported_ = TransportMomentum(h, momentum_.head<6>(), V_free_, V_next, [&](const Vector6& moved) {
+    x_.head<6>() = moved + h * (base_force_ - momentum_rate_);
+    x_.tail(r) = momentum_.tail(r) + h * f_z_;
+    factor_.SolveInPlace(x_);
+    return Vector6(x_.head<6>());
+  });
+  x_.segment<3>(3) += drift_R_;
+  state_.V_R = V_R_before_;
+}
+
+void MechanismDynamics::PredictAgain(double h) {
+  pushed_ = false;
+  if (guard_) energy_budget_ = energy_start_;
+  SolveFree(h);
 }
 
 void MechanismDynamics::ApplyImpulse(const VectorX& p, bool from_outside) {

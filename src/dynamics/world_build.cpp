@@ -135,23 +135,27 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.constraints_.reserve(room);
   std::size_t blocks = detail.free_bodies_.size();
   for (const MechanismDynamics& m : detail.mechanisms_)
-    blocks += m.groups().size() + m.limited_coordinates().size();
+    blocks += m.groups().size() + m.length_limits().size() + m.mechanism().frictions().size();
   detail.blocks_.reserve(blocks);
   int velocities = 6 * static_cast<int>(detail.free_bodies_.size());
   int limits = 0, widest = 6;
   for (const MechanismDynamics& m : detail.mechanisms_) {
     Detail::MechanismBlock block;
-    const int limited = static_cast<int>(m.limited_coordinates().size());
-    const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited;
+    const int limited = static_cast<int>(m.length_limits().size());
+    const int frictions = static_cast<int>(m.mechanism().frictions().size());
+    const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions;
     block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
+    block.friction_impulses.assign(static_cast<std::size_t>(frictions), 0.0);
+    detail.has_force_limits_ = detail.has_force_limits_ || !m.mechanism().force_limits().empty();
     detail.mechanism_blocks_.push_back(std::move(block));
     velocities += rows;
-    limits += 2 * limited;
+    limits += 2 * limited + frictions;
     widest = std::max(widest, m.num_velocities());
   }
   detail.limits_.reserve(static_cast<std::size_t>(limits));
   detail.velocities_.setZero(velocities);
   detail.free_W_.resize(detail.free_bodies_.size());
+  detail.free_velocity_.resize(detail.free_bodies_.size());
   detail.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities);
   return world;
 }
@@ -235,7 +239,8 @@ void World::ResetContacts() {
   detail_->curvature_valid_ = false;
   detail_->has_previous_pose_ = false;
   for (Detail::MechanismBlock& block : detail_->mechanism_blocks_)
-    std::fill(block.limit_impulses.begin(), block.limit_impulses.end(), 0.0);
+    for (std::vector<double>* impulses : {&block.limit_impulses, &block.friction_impulses})
+      std::fill(impulses->begin(), impulses->end(), 0.0);
 }
 
 double World::KineticEnergy() const {

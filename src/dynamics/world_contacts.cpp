@@ -64,18 +64,21 @@ void World::Detail::SizeBlocks(std::size_t mechanism) {
   if (fits) return;
   block.impulse.resize(m.num_velocities());
   block.parts.assign(count, PartBlock());
-  std::vector<int> groups(count, 0), limits(count, 0);
+  std::vector<int> groups(count, 0), limits(count, 0), frictions(count, 0);
   for (std::size_t g = 0; g < m.groups().size(); ++g) {
     const int part = m.PartOfGroup(static_cast<int>(g));
     ++groups[part < 0 ? count - 1 : static_cast<std::size_t>(part)];
   }
-  for (std::size_t k = 0; k < m.limited_coordinates().size(); ++k)
+  for (std::size_t k = 0; k < m.length_limits().size(); ++k)
     limits[static_cast<std::size_t>(m.PartOfLimited(k))] += 2;
+  for (std::size_t k = 0; k < m.mechanism().frictions().size(); ++k)
+    ++frictions[static_cast<std::size_t>(m.PartOfFriction(k))];
   for (std::size_t p = 0; p < count; ++p) {
     PartBlock& part = block.parts[p];
-    const int room = 6 * groups[p] + limits[p], size = p + 1 < count ? m.parts()[p].size : 0;
+    const int room = 6 * groups[p] + limits[p] + frictions[p], size = p + 1 < count ? m.parts()[p].size : 0;
     part.groups.reserve(static_cast<std::size_t>(groups[p]));
     part.limits.reserve(static_cast<std::size_t>(limits[p]));
+    part.frictions.reserve(static_cast<std::size_t>(frictions[p]));
     part.J_T.resize(size, room);
     part.Y.resize(size, room);
     part.W.setZero(room, room);
@@ -100,14 +103,16 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
     for (PartBlock& part : block.parts) {
       part.groups.clear();
       part.limits.clear();
+      part.frictions.clear();
     }
-    const auto& limited = m.limited_coordinates();
-    for (std::size_t k = 0; k < limited.size(); ++k) {
-      const int coordinate = limited[k];
-      const double q = m.configuration().q(coordinate), rate = m.CoordinateRate(coordinate);
+    for (std::size_t k = 0; k < m.mechanism().frictions().size(); ++k)
+      block.parts[static_cast<std::size_t>(m.PartOfFriction(k))].frictions.push_back(static_cast<int>(k));
+    for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
+      const Mechanism::LengthLimit& limit = m.length_limits()[k];
+      const double length = m.Length(limit.terms);
       // Near enough to be reached within the step, with room for what contacts may add.
-      const double reach = 0.02 + 2 * options.h * std::abs(rate);
-      const double gap[2] = {q - m.lower()(coordinate), m.upper()(coordinate) - q};
+      const double reach = 0.02 + 2 * options.h * std::abs(m.LengthRate(limit.terms));
+      const double gap[2] = {length - limit.lower, limit.upper - length};
       for (int side = 0; side < 2; ++side) {
         const int at = static_cast<int>(2 * k) + side;
         if (gap[side] < reach)
@@ -134,7 +139,7 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
     for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
       PartBlock& part = mechanism_blocks_[i].parts[p];
       part.offset = offset;
-      part.rows = static_cast<int>(6 * part.groups.size() + part.limits.size());
+      part.rows = static_cast<int>(6 * part.groups.size() + part.limits.size() + part.frictions.size());
       offset += part.rows;
       for (std::size_t g = 0; g < part.groups.size(); ++g) {
         const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
@@ -147,9 +152,12 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
       for (std::size_t k = 0; k < part.limits.size(); ++k) {
         const Eigen::Index column =
             6 * static_cast<Eigen::Index>(part.groups.size()) + static_cast<Eigen::Index>(k);
-        m.CoordinateRow(m.limited_coordinates()[static_cast<std::size_t>(part.limits[k] / 2)], m.parts()[p],
-                        part.J_T.col(column));
+        m.LengthRow(m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].terms, m.parts()[p],
+                    part.J_T.col(column));
       }
+      for (std::size_t k = 0; k < part.frictions.size(); ++k)
+        m.LengthRow(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].terms,
+                    m.parts()[p], part.J_T.col(part.FrictionRow(k)));
     }
   }
   for (std::size_t c = 0; c < contactors_.size(); ++c) {
@@ -220,7 +228,10 @@ void World::Detail::AssembleOperators() {
       for (std::size_t k = 0; k < part.limits.size(); ++k)
         velocities_(part.offset + 6 * static_cast<Eigen::Index>(part.groups.size()) +
                     static_cast<Eigen::Index>(k)) =
-            m.CoordinateRate(m.limited_coordinates()[static_cast<std::size_t>(part.limits[k] / 2)]);
+            m.LengthRate(m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].terms);
+      for (std::size_t k = 0; k < part.frictions.size(); ++k)
+        velocities_(part.offset + part.FrictionRow(k)) =
+            m.LengthRate(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].terms);
       blocks_.push_back({part.offset, part.rows, part.W.data(), static_cast<int>(part.W.rows())});
     }
   }
@@ -280,19 +291,29 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
   limits_.clear();
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     const MechanismDynamics& m = mechanisms_[i];
-    for (const PartBlock& part : mechanism_blocks_[i].parts)
+    for (const PartBlock& part : mechanism_blocks_[i].parts) {
       for (std::size_t k = 0; k < part.limits.size(); ++k) {
         const auto at = static_cast<std::size_t>(part.limits[k]);
-        const int coordinate = m.limited_coordinates()[at / 2];
+        const Mechanism::LengthLimit& stop = m.length_limits()[at / 2];
         const bool upper = at % 2 == 1;
-        const double q = m.configuration().q(coordinate);
+        const double length = m.Length(stop.terms);
         LimitConstraint limit;
         limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
         limit.sign = upper ? -1 : 1;
-        limit.bias = bias(upper ? m.upper()(coordinate) - q : q - m.lower()(coordinate));
+        limit.bias = bias(upper ? stop.upper - length : length - stop.lower);
         limit.impulse = mechanism_blocks_[i].limit_impulses[at];
         limits_.push_back(limit);
       }
+      for (std::size_t k = 0; k < part.frictions.size(); ++k) {
+        const auto at = static_cast<std::size_t>(part.frictions[k]);
+        LimitConstraint friction;
+        friction.row = part.offset + static_cast<int>(part.FrictionRow(k));
+        friction.upper = h * m.mechanism().frictions()[at].force;
+        friction.lower = -friction.upper;
+        friction.impulse = mechanism_blocks_[i].friction_impulses[at];
+        limits_.push_back(friction);
+      }
+    }
   }
 }
 
@@ -332,6 +353,10 @@ void World::Detail::ApplyImpulses() {
         part.port_impulse(limits_[next].row - part.offset) += limits_[next].sign * limits_[next].impulse;
         block.limit_impulses[static_cast<std::size_t>(part.limits[k])] = limits_[next].impulse;
       }
+      for (std::size_t k = 0; k < part.frictions.size(); ++k, ++next) {
+        part.port_impulse(part.FrictionRow(k)) += limits_[next].impulse;
+        block.friction_impulses[static_cast<std::size_t>(part.frictions[k])] = limits_[next].impulse;
+      }
       if (part.rows == 0 || part.J_T.rows() == 0) continue;
       const MechanismDynamics::Part& run = mechanisms_[i].parts()[p];
       block.impulse.segment(run.begin, run.size).noalias() =
@@ -359,7 +384,11 @@ void World::Detail::KeepForNextStep(StepReport& report) {
       report.max_penetration = std::max(report.max_penetration, -points_[i].gap);
     }
   }
-  for (const LimitConstraint& limit : limits_) report.limits += limit.impulse > 0 ? 1 : 0;
+  for (const LimitConstraint& row : limits_) {
+    const bool is_friction = row.lower < 0;
+    report.limits += !is_friction && row.impulse > 0 ? 1 : 0;
+  }
+  for (const MechanismDynamics& m : mechanisms_) report.forces_at_bound += m.NumForcesAtBound();
 }
 
 }  // namespace fork1s

@@ -19,6 +19,8 @@ struct World::Detail {
   void AssembleOperators();
   void AssembleConstraints(const StepOptions& options);
   void MatchPrevious();
+  void SolveContacts(const StepOptions& options, StepReport& report);
+  bool UpdateForceLimits(const StepOptions& options);
   void ApplyImpulses();
   void KeepForNextStep(StepReport& report);
   void MoveMechanisms(const StepOptions& options, StepReport& report);
@@ -55,22 +57,30 @@ struct World::Detail {
   // base.
   struct PartBlock {
     std::vector<int> groups;  // in port order
-    std::vector<int> limits;  // 2 k + side of entries k of limited_coordinates(), side 0 lower, 1 upper
+    std::vector<int> limits;  // 2 k + side of entries k of length_limits(), side 0 lower, 1 upper
+    std::vector<int> frictions;  // of the mechanism, all that this part moves
     int offset = 0, rows = 0;
     MatrixX J_T;  // size of the part x rows
     MatrixX Y;    // L⁻¹ J_T
     MatrixX W;    // YᵀY
     VectorX port_impulse;
+
+    Eigen::Index FrictionRow(std::size_t k) const {
+      return static_cast<Eigen::Index>(6 * groups.size() + limits.size() + k);
+    }
   };
   struct MechanismBlock {
     std::vector<PartBlock> parts;
-    std::vector<double> limit_impulses;  // 2 per limited coordinate, for warm starts
+    std::vector<double> limit_impulses;  // 2 per limited length, for warm starts
+    std::vector<double> friction_impulses;
     VectorX impulse;
     bool pushed_from_outside = false;
     int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
   };
   std::vector<MechanismBlock> mechanism_blocks_;
   std::vector<Matrix6> free_W_;
+  std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
+  bool has_force_limits_ = false;
 };
 
 }  // namespace fork1s

@@ -30,6 +30,35 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
   }
 }
 
+// Contact, and with it which servos are at the bounds of their forces: each round knows more of them, or lets
+// go those that contact took back.
+void World::Detail::SolveContacts(const StepOptions& options, StepReport& report) {
+  constexpr int kRounds = 50;  // rounds seldom pass three; a set that comes back has no end, and is said
+  if (has_force_limits_)
+    for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_velocity_[i] = free_bodies_[i].velocity();
+  for (int round = 0; round < kRounds; ++round) {
+    if (!points_.empty() || !limits_.empty()) {
+      AssembleOperators();
+      const ContactSolverReport solved =
+          solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
+      report.solver = solved;
+      ApplyImpulses();
+    }
+    if (!has_force_limits_ || !UpdateForceLimits(options)) return;
+  }
+  report.solver.converged = false;
+}
+
+bool World::Detail::UpdateForceLimits(const StepOptions& options) {
+  bool changed = false;
+  for (MechanismDynamics& m : mechanisms_)
+    if (m.UpdateForceLimits(options.h)) changed = true;
+  if (!changed) return false;
+  for (MechanismDynamics& m : mechanisms_) m.PredictAgain(options.h);
+  for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].ResetVelocity(free_velocity_[i]);
+  return true;
+}
+
 StepReport World::Detail::Step(const StepOptions& options) {
   StepReport report;
   const double h = options.h;
@@ -48,11 +77,7 @@ StepReport World::Detail::Step(const StepOptions& options) {
                   mechanisms_[static_cast<std::size_t>(i)].Predict(options.h, options.gravity);
               });
   for (FreeBody& b : free_bodies_) b.Predict(h, options.gravity);
-  if (!points_.empty() || !limits_.empty()) {
-    AssembleOperators();
-    report.solver = solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
-    ApplyImpulses();
-  }
+  SolveContacts(options, report);
 
   report.finite =
       std::all_of(mechanisms_.begin(), mechanisms_.end(), [](const auto& m) { return m.IsFinite(); }) &&

@@ -57,9 +57,9 @@ std::optional<ActuatorRefusal> WhyNoForce(const mjModel& m, int i) {
   if (dynamics == mjDYN_MUSCLE || gain == mjGAIN_MUSCLE || bias == mjBIAS_MUSCLE) {
     return ActuatorRefusal{"muscle", "muscles are not simulated"};
   }
-  if (dynamics == mjDYN_DCMOTOR || gain == mjGAIN_DCMOTOR || bias == mjBIAS_DCMOTOR) {
-    return ActuatorRefusal{"DC motor", "its electrical circuit is not simulated; write it as a general actuator with "
-                                       "affine bias"};
+  if (gain == mjGAIN_DCMOTOR) {
+    if (Gain(m, i)[0] > 0) return std::nullopt;
+    return ActuatorRefusal{"DC motor", "it has no resistance"};
   }
   if (dynamics == mjDYN_USER || gain == mjGAIN_USER || bias == mjBIAS_USER) {
     return ActuatorRefusal{"user-defined actuator", "its law is code that is not in the file"};
@@ -94,7 +94,7 @@ void ReadPlugin(const mjModel& m, LinearActuator& a) {
 }
 
 // kp (u_pos - L) + kv (u_vel - dL/dt) + u_ff, of which the inputs are those that the file asks for.
-void ReadPid(const mjModel& m, LinearActuator& a) {
+void AddPidInputs(const mjModel& m, LinearActuator& a) {
   const int i = a.actuator, spec = m.actuator_ctrlspec[i], count = m.actuator_ctrlnum[i];
   int ctrl = m.actuator_ctrladr[i];
   const auto add = [&](int flag, const char* suffix, double gain, bool setpoint) {
@@ -104,8 +104,33 @@ void ReadPid(const mjModel& m, LinearActuator& a) {
   add(mjINPUT_POS, "pos", -a.b1, a.b1 < 0);
   add(mjINPUT_VEL, "vel", -a.b2, false);
   add(mjINPUT_FF, "ff", 1, false);
+}
+
+void ReadPid(const mjModel& m, LinearActuator& a) {
+  const int i = a.actuator;
+  AddPidInputs(m, a);
   if (Gain(m, i)[0] != 0) a.left_out.push_back("its integral gain");
   if (m.actuator_actnum[i] > (Gain(m, i)[0] != 0 ? 1 : 0)) a.left_out.push_back("the slew limit of its set-point");
+}
+
+// A motor at voltage V gives K (V - K dL/dt)/R; its controller, where one is on board, makes the torque that
+// its gains ask for.
+void ReadDcMotor(const mjModel& m, LinearActuator& a) {
+  const int i = a.actuator, spec = m.actuator_ctrlspec[i];
+  const double resistance = Gain(m, i)[0], constant = Gain(m, i)[1];
+  if (spec & (mjINPUT_VOLTAGE | mjINPUT_NONE)) {
+    a.b2 = -constant * constant / resistance;
+    if (spec & mjINPUT_VOLTAGE)
+      a.inputs.push_back({a.name, m.actuator_ctrladr[i], constant / resistance, false});
+  } else {
+    a.b1 = -Gain(m, i)[4];
+    a.b2 = -Gain(m, i)[6];
+    AddPidInputs(m, a);
+    if (Gain(m, i)[5] != 0) a.left_out.push_back("its integral gain");
+  }
+  if (m.actuator_dynprm[mjNDYN * i] > 0) a.left_out.push_back("the inductance of its winding");
+  if (Bias(m, i)[0] != 0) a.left_out.push_back("its cogging");
+  if (Bias(m, i)[3] != 0) a.left_out.push_back("its LuGre friction");
 }
 
 LinearActuator Law(const mjModel& m, const mjData& d, int i) {
@@ -134,7 +159,9 @@ LinearActuator Law(const mjModel& m, const mjData& d, int i) {
       break;
   }
   if (m.actuator_delay[i] > 0) a.left_out.push_back(fmt::format("the delay of {:.4g} s of its input", m.actuator_delay[i]));
-  if (m.actuator_gaintype[i] == mjGAIN_PID) {
+  if (m.actuator_gaintype[i] == mjGAIN_DCMOTOR) {
+    ReadDcMotor(m, a);
+  } else if (m.actuator_gaintype[i] == mjGAIN_PID) {
     ReadPid(m, a);
   } else {
     a.inputs.push_back({a.name, m.actuator_ctrladr[i], Gain(m, i)[0], a.b1 < 0});

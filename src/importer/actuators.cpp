@@ -75,6 +75,27 @@ void AddHold(Conversion& c, const LinearActuator& a) {
   c.scene.mechanisms[c.MechanismOf(a.length.terms[0].first)].springs.push_back(std::move(spring));
 }
 
+// Damping and rotor of the actuator itself, which no bound of its force holds back.
+void AddDrive(Conversion& c, const LinearActuator& a) {
+  const double damping = c.m.actuator_damping[a.actuator], armature = c.m.actuator_armature[a.actuator];
+  if (a.length.terms.size() == 1) {
+    const auto [dof, coefficient] = a.length.terms[0];
+    c.FreedomOf(dof).damping += damping * coefficient * coefficient;
+    c.FreedomOf(dof).armature += armature * coefficient * coefficient;
+    return;
+  }
+  if (armature != 0)
+    c.Dropped(fmt::format("armature of actuator '{}'", a.name),
+              "rotors that several joints turn are not simulated");
+  if (damping == 0) return;
+  SpringDef damper;
+  damper.name = a.name + " damping";
+  for (const auto& [dof, coefficient] : a.length.terms)
+    damper.terms.emplace_back(c.Freedom(dof), coefficient);
+  damper.damping = damping;
+  c.scene.mechanisms[c.MechanismOf(a.length.terms[0].first)].springs.push_back(std::move(damper));
+}
+
 }  // namespace
 
 void ConvertActuators(Conversion& c) {
@@ -94,14 +115,14 @@ void ConvertActuators(Conversion& c) {
   for (const auto& [kind, entry] : refused) c.DroppedMany(kind, entry.second, entry.first);
   std::vector<bool> moves(static_cast<std::size_t>(m.nactuator), false);
   std::map<std::string, std::vector<std::string>> left_out;
-  std::vector<std::string> clipped, in_parent, curved;
+  std::vector<std::string> in_parent, curved;
   for (const LinearActuator& a : LinearActuators(m, c.d)) {
     moves[static_cast<std::size_t>(a.actuator)] = true;
     AddHold(c, a);
+    AddDrive(c, a);
     for (const ActuatorInput& input : a.inputs) AddControl(c, a, input);
     for (const std::string& part : a.left_out) left_out[part].push_back(a.name);
     if (!a.length.linear) curved.push_back(a.name);
-    if (m.actuator_forcelimited[a.actuator]) clipped.push_back(a.name);
     const bool turns = m.actuator_trntype[a.actuator] == mjTRN_JOINTINPARENT && a.length.terms.size() > 1;
     if (turns) in_parent.push_back(a.name);
   }
@@ -112,7 +133,6 @@ void ConvertActuators(Conversion& c) {
   c.ChangedMany("path of actuator", curved, "its lever arms are those of the reference pose");
   for (const auto& [part, names] : left_out)
     c.DroppedMany("part of actuator", names, fmt::format("{} is left out", part));
-  c.DroppedMany("force limit of actuator", clipped, "forces of actuators are not clipped");
   c.DroppedMany("parent axes of ball joint actuator", in_parent, "its torque turns with the child instead");
 }
 

@@ -125,6 +125,8 @@ std::optional<Error> ConvertMimics(Conversion& c, const std::vector<Mimic>& mimi
 /// Actuators as inputs and springs (actuators.cpp).
 bool TendonWorks(const mjModel& m, const mjData& d, int tendon);
 void ConvertActuators(Conversion& c);
+/// Dry friction, and bounds of what actuators give (bounded_forces.cpp); after ApplyPd.
+void ConvertBoundedForces(Conversion& c);
 /// Springs of joints and tendons (springs.cpp); FinishSprings writes k and c into the freedoms.
 void ConvertSprings(Conversion& c);
 void FinishSprings(Conversion& c);
@@ -132,6 +134,11 @@ void FinishSprings(Conversion& c);
 std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options);
 /// Initial states (keyframes.cpp).
 std::optional<Error> ConvertKeyframes(Conversion& c, const std::string& wanted);
+/// Base pose and joint coordinates of the options, loops closed (initial_state.cpp); before ApplyPd, which
+/// holds it.
+std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& options);
+/// A plane under the model (ground.cpp).
+std::optional<Error> ApplyGround(Conversion& c, const ImportOptions& options);
 /// Proportional-derivative control (pd.cpp).
 std::optional<Error> ApplyPd(Conversion& c, const ImportOptions& options);
 void ListHolds(Conversion& c);

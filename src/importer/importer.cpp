@@ -48,7 +48,8 @@ void SetUp(Conversion& c) {
   c.scene.name = name.empty() || name == "MuJoCo Model" ? internal::Stem(c.file) : name;
   c.scene.gravity = Vector3(m.opt.gravity[0], m.opt.gravity[1], m.opt.gravity[2]);
   if (m.opt.disableflags & mjDSBL_GRAVITY) c.scene.gravity.setZero();
-  // Steps of files are sized for explicit springs; taking them over would waste what the implicit step is for.
+  // Steps of files are sized for explicit springs; taking them over would waste what the implicit step is
+  // for.
   if (c.report.format == "MJCF" && std::abs(m.opt.timestep - c.scene.timestep) > 1e-5) {
     c.Note(ImportNote::Kind::kChosen, "option timestep",
            fmt::format("steps of 1/60 s are taken, not the file's {} s; --dt sets others", m.opt.timestep));
@@ -72,7 +73,10 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options,
   ListUnsupported(c);
   if (auto error = ApplyCustom(c, options)) return error;
   if (auto error = ConvertKeyframes(c, options.keyframe)) return error;
+  if (auto error = ApplyInitialState(c, options)) return error;
+  if (auto error = ApplyGround(c, options)) return error;
   if (auto error = ApplyPd(c, options)) return error;
+  ConvertBoundedForces(c);
   FinishSprings(c);
   ListHolds(c);
   if (!(options.stiffness_scale > 0) || !std::isfinite(options.stiffness_scale)) {
@@ -111,7 +115,7 @@ bool LooksLikeUrdf(const std::string& text) { return text.find("<robot") != std:
 
 Expected<ImportedScene> ImportUrdf(const std::string& path, const std::string& text, int declaration_line,
                                    const ImportOptions& options) {
-  auto urdf = internal::PrepareUrdf(path, text, options.base == BaseKind::kFloating);
+  auto urdf = internal::PrepareUrdf(path, text, options);
   if (!urdf) return tl::unexpected<Error>(urdf.error());
   if (declaration_line > 0) {
     urdf->notes.push_back({ImportNote::Kind::kChanged, fmt::format("line {}", declaration_line),
@@ -136,6 +140,10 @@ Expected<ImportedScene> ImportText(const std::string& path, std::string text, bo
   }
   if (auto error = internal::CheckNumbers(path, text)) return tl::unexpected<Error>(std::move(*error));
   if (*root == "robot") return ImportUrdf(path, text, declaration_line, options);
+  if (!options.packages.empty()) {
+    return Fail(ErrorCode::kUsage, fmt::format("{}, option package", path),
+                "this is MJCF, which names its files by path: only URDF speaks of packages");
+  }
   internal::ModelSource source;
   source.path = path;
   if (!on_disk) source.text = std::move(text);

@@ -198,6 +198,11 @@ std::optional<Error> FillVfs(const ModelSource& source, mjVFS* vfs) {
                    fmt::format("mesh file '{}' could not be handed to the reader", path)};
     }
   }
+  for (const auto& [name, content] : source.buffers) {
+    if (AddToVfs(vfs, name, content)) continue;
+    return Error{ErrorCode::kModel, source.path,
+                 fmt::format("mesh '{}' could not be handed to the reader", name)};
+  }
   return std::nullopt;
 }
 

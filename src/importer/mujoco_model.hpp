@@ -27,7 +27,8 @@ struct CompiledModel {
 struct ModelSource {
   std::string path;  // stands in messages; read from disk if `text` is empty
   std::string text;
-  std::map<std::string, std::string> files;  // name used in the text -> path on disk
+  std::map<std::string, std::string> files;    // name used in the text -> path on disk
+  std::map<std::string, std::string> buffers;  // name used in the text -> content
 };
 
 /// Compiles and computes the kinematics at qpos0. Errors: kFile, kFormat with line, kModel.

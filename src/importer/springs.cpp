@@ -74,7 +74,10 @@ void AddTendonSpring(Conversion& c, int t) {
 
 bool TendonWorks(const mjModel& m, const mjData& d, int t) {
   if (m.tendon_num[t] == 0 || HearsFreeJoint(m, TendonLength(m, d, t))) return false;
-  if (TendonStiffness(m, t) != 0 || TendonDamping(m, t) != 0) return true;
+  if (TendonStiffness(m, t) != 0 || TendonDamping(m, t) != 0 || m.tendon_frictionloss[t] != 0 ||
+      m.tendon_limited[t]) {
+    return true;
+  }
   if (m.opt.disableflags & mjDSBL_ACTUATION) return false;
   for (const LinearActuator& a : LinearActuators(m, d)) {
     if (m.actuator_trntype[a.actuator] == mjTRN_TENDON && m.actuator_trnid[2 * a.actuator] == t) return true;

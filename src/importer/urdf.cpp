@@ -1,6 +1,7 @@
 #include "urdf.hpp"
 
 #include <algorithm>
+#include <filesystem>
 #include <set>
 
 #include "names.hpp"
@@ -215,14 +216,20 @@ void Summarise(UrdfWork& work) {
                            : fmt::format("{} of {}: {}", what, Quoted(names), message)});
   };
   note(Kind::kDropped, work.massless, "inertia with zero mass", "the link weighs nothing");
+  note(Kind::kChosen, work.weightless, "no <inertial>", "the link weighs nothing");
   note(Kind::kChanged, work.balanced, "rotational inertia",
        "one principal moment exceeds the sum of the others, so all three became their mean");
-  note(Kind::kChanged, work.shaped, "zero rotational inertia",
-       "taken from the collision shape as a solid of the same mass, or none without such a shape");
+  for (const auto& [shape, links] : work.shaped) {
+    note(Kind::kChosen, links, "mass without rotational inertia",
+         fmt::format("taken as that of a solid {} of the same mass", shape).c_str());
+  }
+  note(Kind::kChosen, work.points, "mass without rotational inertia",
+       "there is no shape to take it from, so the mass is a point");
   note(Kind::kChosen, work.inferred, "no <inertial>", "taken from the collision shapes at 1000 kg/m³");
   note(Kind::kChanged, work.capsules, "capsule",
        "became a cylinder and two spheres, which is the same solid");
   note(Kind::kDropped, work.materials_dropped, "further <material> in one visual", "the first one counts");
+  for (const auto& [what, links] : work.shapes_dropped) note(Kind::kDropped, links, what.c_str(), "left out");
   for (auto& [reason, files] : work.visuals_dropped) {
     const std::size_t count = files.size();
     std::sort(files.begin(), files.end());
@@ -232,9 +239,31 @@ void Summarise(UrdfWork& work) {
   }
 }
 
+std::optional<Error> CheckPackages(const UrdfWork& work) {
+  for (const auto& [name, folder] : work.search.packages) {
+    std::error_code ignored;
+    if (std::filesystem::is_directory(folder, ignored)) continue;
+    return Error{
+        ErrorCode::kUsage, fmt::format("option package '{}'", name),
+        fmt::format("there is no folder '{}'; give the folder that holds the package's meshes", folder)};
+  }
+  return std::nullopt;
+}
+
+void NoteUnusedPackages(UrdfWork& work) {
+  const std::vector<std::string> named(work.packages.begin(), work.packages.end());
+  for (const auto& [name, folder] : work.search.packages) {
+    if (work.packages.count(name) > 0) continue;
+    work.out.notes.push_back({ImportNote::Kind::kDropped, fmt::format("option package '{}'", name),
+                              "no mesh of the file is of that package" + Suggestion(name, named)});
+  }
+}
+
 }  // namespace
 
-Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& text, bool floating) {
+Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& text,
+                                   const ImportOptions& options) {
+  const bool floating = options.base == BaseKind::kFloating;
   tinyxml2::XMLDocument document;
   if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
     return Fail(ErrorCode::kFormat, fmt::format("{}, line {}", path, document.ErrorLineNum()),
@@ -243,6 +272,8 @@ Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& t
   XMLElement& robot = *document.RootElement();
   UrdfWork work;
   work.path = path;
+  work.search = {path, options.packages};
+  if (auto error = CheckPackages(work)) return tl::unexpected<Error>(std::move(*error));
   Tree tree;
   if (auto error = ReadTree(work, robot, tree)) return tl::unexpected<Error>(std::move(*error));
   if (auto error = CheckJoints(work, tree)) return tl::unexpected<Error>(std::move(*error));
@@ -254,6 +285,7 @@ Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& t
   }
   if (auto error = WrapRoot(work, robot, tree, floating)) return tl::unexpected<Error>(std::move(*error));
   Summarise(work);
+  NoteUnusedPackages(work);
 
   XMLElement* mujoco = document.NewElement("mujoco");
   robot.InsertFirstChild(mujoco);

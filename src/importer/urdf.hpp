@@ -15,8 +15,10 @@ struct PreparedUrdf {
   std::vector<Mimic> mimics;
 };
 
-/// Errors: kFormat for joint types and shapes that URDF does not have, kModel for missing meshes, unknown
-/// links and impossible inertia; all with line, name and remedy.
-Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& text, bool floating);
+/// Errors: kFormat for joint types and shapes that URDF does not have and for damaged meshes, kModel for
+/// missing meshes, unknown links and impossible inertia, kUsage for packages that are no folder; all with
+/// line, name and remedy.
+Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& text,
+                                   const ImportOptions& options);
 
 }  // namespace fork1s::internal

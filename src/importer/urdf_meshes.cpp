@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 
 #include "names.hpp"
@@ -8,83 +9,83 @@
 namespace fork1s::internal {
 namespace {
 
-namespace fs = std::filesystem;
+// Mesh files of MuJoCo itself, which it reads as they are.
+bool IsMsh(const std::string& name) { return name.size() > 4 && name.substr(name.size() - 4) == ".msh"; }
 
-bool IsFile(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);
+std::string LowerCase(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return text;
 }
 
-// package://robot/meshes/a.stl names a file below some folder 'robot' that may be the URDF's own folder or
-// one above it; plain names are relative to the URDF.
-std::optional<fs::path> Resolve(const std::string& urdf, std::string name) {
-  const auto strip = [&](const std::string& prefix) {
-    if (name.rfind(prefix, 0) != 0) return false;
-    name = name.substr(prefix.size());
-    return true;
+// MuJoCo knows a mesh by its base name alone, so one name must mean one file at one scale.
+std::string UniqueName(const UrdfWork& work, const std::string& stem) {
+  const auto taken = [&](const std::string& candidate) {
+    return std::any_of(work.meshes.begin(), work.meshes.end(), [&](const auto& entry) {
+      return LowerCase(Stem(entry.second.name)) == LowerCase(candidate);
+    });
   };
-  std::string package;
-  if (strip("package://") || strip("model://")) {
-    const std::size_t slash = name.find('/');
-    if (slash == std::string::npos) return std::nullopt;
-    package = name.substr(0, slash);
-    name = name.substr(slash + 1);
-  } else {
-    strip("file://");
-    if (fs::path(name).is_absolute()) {
-      if (IsFile(name)) return fs::path(name);
-      return std::nullopt;
-    }
-  }
-  std::error_code ignored;
-  fs::path folder = fs::absolute(fs::path(urdf), ignored).parent_path();
-  for (int level = 0; level < 6; ++level) {
-    if (!package.empty() && IsFile(folder / package / name)) return folder / package / name;
-    if (IsFile(folder / name)) return folder / name;
-    if (folder == folder.parent_path()) break;
-    folder = folder.parent_path();
-  }
-  return std::nullopt;
+  std::string name = stem;
+  for (int i = 2; taken(name); ++i) name = fmt::format("{}_{}", stem, i);
+  return name;
 }
 
-std::string Extension(const std::string& name) {
-  std::string extension = fs::path(name).extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return extension;
+PreparedMesh ReadPreparedMesh(UrdfWork& work, const std::filesystem::path& file, const Vector3& scale) {
+  const auto mesh = ReadMeshFile(file.string(), scale);
+  if (!mesh) {
+    MeshFault fault = mesh.error();
+    fault.reason = fmt::format("file {}: {}", file.lexically_normal().string(), fault.reason);
+    return {"", std::move(fault)};
+  }
+  const std::string name = UniqueName(work, file.stem().string()) + ".obj";
+  Eigen::AlignedBox3f bounds;
+  for (const Eigen::Vector3f& v : mesh->vertices) bounds.extend(v);
+  work.mesh_extents[name] = bounds.sizes().cast<double>();
+  work.out.source.buffers[name] = WriteObj(*mesh);
+  return {name, std::nullopt};
 }
 
 }  // namespace
 
 std::optional<MeshFault> PrepareMesh(UrdfWork& work, tinyxml2::XMLElement& mesh) {
   const char* filename = mesh.Attribute("filename");
-  if (filename == nullptr) return MeshFault{"it has no filename", "name the file"};
-  const std::string extension = Extension(filename);
-  if (extension != ".stl" && extension != ".obj" && extension != ".msh") {
-    return MeshFault{fmt::format("{} files cannot be read", extension.empty() ? "nameless" : extension),
-                     "convert it to STL or OBJ"};
+  if (filename == nullptr) return MeshFault{ErrorCode::kModel, "it has no filename", "name the file"};
+  if (!IsKnownMesh(filename) && !IsMsh(filename)) {
+    const std::string extension = std::filesystem::path(filename).extension().string();
+    return MeshFault{ErrorCode::kFormat,
+                     fmt::format("{} files cannot be read", extension.empty() ? "nameless" : extension),
+                     "convert it to STL, OBJ, COLLADA (.dae) or glTF (.glb)"};
   }
-  const std::optional<fs::path> file = Resolve(work.path, filename);
-  if (!file) {
-    return MeshFault{"the file was not found beside the URDF or above it", "put it there or mend the path"};
+  FileFound found = FindNamedFile(work.search, filename);
+  if (!found.package.empty()) work.packages.insert(found.package);
+  if (!found.file) return MeshFault{ErrorCode::kModel, std::move(found.reason), std::move(found.remedy)};
+
+  Vector3 scale = Vector3::Ones();
+  const char* scale_text = mesh.Attribute("scale");
+  if (scale_text != nullptr) {
+    const std::vector<double> numbers = NumbersOf(&mesh, "scale");
+    if (numbers.size() == 3) scale << numbers[0], numbers[1], numbers[2];
+    if (numbers.size() != 3 || !scale.allFinite() || scale.prod() == 0) {
+      return MeshFault{ErrorCode::kModel,
+                       fmt::format("its scale '{}' is not three numbers other than 0", scale_text),
+                       "write three, 1 1 1 for the size in the file"};
+    }
   }
-  // MuJoCo knows a mesh by its base name alone, so one name must mean one file at one scale.
-  const std::string scale = mesh.Attribute("scale") != nullptr ? mesh.Attribute("scale") : "";
-  const std::string key = file->lexically_normal().string() + '|' + scale;
-  auto known = work.mesh_names.find(key);
-  if (known == work.mesh_names.end()) {
-    const std::string stem = file->stem().string();
-    std::string name = stem;
-    const auto taken = [&](const std::string& candidate) {
-      for (const auto& [other, other_name] : work.mesh_names) {
-        if (Stem(other_name) == candidate) return true;
-      }
-      return false;
-    };
-    for (int i = 2; taken(name); ++i) name = fmt::format("{}_{}", stem, i);
-    known = work.mesh_names.emplace(key, name + extension).first;
-    work.out.source.files[name + extension] = file->string();
+  const std::string key =
+      fmt::format("{}|{}|{}|{}", found.file->lexically_normal().string(), scale.x(), scale.y(), scale.z());
+  auto known = work.meshes.find(key);
+  if (known == work.meshes.end()) {
+    PreparedMesh prepared;
+    if (IsMsh(filename)) {
+      prepared.name = UniqueName(work, found.file->stem().string()) + ".msh";
+      work.out.source.files[prepared.name] = found.file->string();
+    } else {
+      prepared = ReadPreparedMesh(work, *found.file, scale);
+    }
+    known = work.meshes.emplace(key, std::move(prepared)).first;
   }
-  mesh.SetAttribute("filename", known->second.c_str());
+  if (known->second.fault) return known->second.fault;
+  mesh.SetAttribute("filename", known->second.name.c_str());
+  if (!IsMsh(filename)) mesh.DeleteAttribute("scale");  // applied
   return std::nullopt;
 }
 

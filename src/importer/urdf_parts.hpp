@@ -1,4 +1,4 @@
-// The parts of URDF preparation: links, meshes.
+// The parts of URDF preparation: links, inertia, meshes.
 #pragma once
 
 #include <fmt/format.h>
@@ -9,18 +9,31 @@
 #include <string>
 #include <vector>
 
+#include "mesh_file.hpp"
+#include "package_search.hpp"
 #include "urdf.hpp"
 
 namespace fork1s::internal {
+
+/// A mesh file under the name that the engine knows it by, or why it cannot be used.
+struct PreparedMesh {
+  std::string name;
+  std::optional<MeshFault> fault;
+};
 
 /// What the preparation of one file gathers.
 struct UrdfWork {
   std::string path;  // of the URDF
   PreparedUrdf out;
-  std::map<std::string, std::string> mesh_names;                    // file and scale -> unique name
+  FileSearch search;
+  std::map<std::string, PreparedMesh> meshes;                       // by file and scale
+  std::map<std::string, Vector3> mesh_extents;                      // m, by unique name
+  std::set<std::string> packages;                                   // that meshes name
   std::map<std::string, Vector4> materials;                         // colours that have a name
   std::map<std::string, const tinyxml2::XMLElement*> parent_joint;  // link -> joint above it
-  std::vector<std::string> massless, balanced, shaped, inferred, capsules, materials_dropped;
+  std::vector<std::string> massless, weightless, balanced, points, inferred, capsules, materials_dropped;
+  std::map<std::string, std::vector<std::string>> shaped;           // links by the shape that gave inertia
+  std::map<std::string, std::vector<std::string>> shapes_dropped;   // links by what was wrong
   std::map<std::string, std::vector<std::string>> visuals_dropped;  // by reason: link and file
   int next_material = 0;
 
@@ -30,6 +43,9 @@ struct UrdfWork {
   Error Refuse(ErrorCode code, const tinyxml2::XMLElement& element, std::string message) const {
     return {code, Where(element), std::move(message)};
   }
+  /// Refuses an attribute that is there and is no number.
+  std::optional<Error> CheckNumber(const tinyxml2::XMLElement* element, const char* attribute,
+                                   const std::string& link) const;
 };
 
 inline std::string NameOf(const tinyxml2::XMLElement& element) {
@@ -40,16 +56,18 @@ inline std::string NameOf(const tinyxml2::XMLElement& element) {
 /// Numbers of an attribute; as many as are there and are numbers.
 std::vector<double> NumbersOf(const tinyxml2::XMLElement* element, const char* attribute);
 
-/// Inertia, shapes and colours of one link.
+/// The first of them; 0 without.
+double NumberOf(const tinyxml2::XMLElement* element, const char* attribute);
+/// With all its digits.
+std::string NumberText(double value);
+
+/// Shapes, colours and inertia of one link.
 std::optional<Error> PrepareLink(UrdfWork& work, tinyxml2::XMLElement& link);
 
-/// Why a mesh cannot be used.
-struct MeshFault {
-  std::string reason;
-  std::string remedy;
-};
+/// Mass and inertia of one link whose shapes are prepared (urdf_inertia.cpp).
+std::optional<Error> PrepareInertia(UrdfWork& work, tinyxml2::XMLElement& link);
 
-/// Finds the file of a <mesh> and gives it a name of its own.
+/// Finds the file of a <mesh>, reads it and gives it a name of its own.
 std::optional<MeshFault> PrepareMesh(UrdfWork& work, tinyxml2::XMLElement& mesh);
 
 }  // namespace fork1s::internal

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "conversion.hpp"
@@ -91,19 +92,28 @@ std::optional<Error> Validate(const Conversion& c) {
 
 void ListUnsupported(Conversion& c) {
   const mjModel& m = c.m;
-  std::vector<std::string> friction, limited, rubbing;
-  for (int i = 0; i < m.nv; ++i) {
-    const std::string& name = c.joint_names[m.dof_jntid[i]];
-    if (m.dof_frictionloss[i] != 0 && (friction.empty() || friction.back() != name)) friction.push_back(name);
+  const auto any = [](const mjtNum* p, int n) {
+    return std::any_of(p, p + n, [](mjtNum x) { return x != 0; });
+  };
+  std::vector<std::string> joints, tendons, rotors, bound;
+  for (int j = 0; j < m.njnt; ++j) {
+    const int dof = m.jnt_dofadr[j];
+    if (any(m.jnt_stiffnesspoly + mjNPOLY * j, mjNPOLY) || any(m.dof_dampingpoly + mjNPOLY * dof, mjNPOLY))
+      joints.push_back(c.joint_names[j]);
   }
-  c.DroppedMany("dry friction of joint", friction, "only viscous damping is simulated in joints");
   for (int t = 0; t < m.ntendon; ++t) {
     const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
-    if (m.tendon_limited[t]) limited.push_back(name);
-    if (m.tendon_frictionloss[t] != 0) rubbing.push_back(name);
+    if (any(m.tendon_stiffnesspoly + mjNPOLY * t, mjNPOLY) ||
+        any(m.tendon_dampingpoly + mjNPOLY * t, mjNPOLY))
+      tendons.push_back(name);
+    if (m.tendon_armature[t] != 0) rotors.push_back(name);
+    if (m.tendon_actfrclimited[t]) bound.push_back(name);
   }
-  c.DroppedMany("length limit of tendon", limited, "lengths of tendons are not limited");
-  c.DroppedMany("dry friction of tendon", rubbing, "it is not simulated");
+  c.DroppedMany("higher terms of the spring or damper of joint", joints, "its linear part is simulated");
+  c.DroppedMany("higher terms of the spring or damper of tendon", tendons, "its linear part is simulated");
+  c.DroppedMany("inertia of tendon", rotors, "tendons have no mass here");
+  c.DroppedMany("force limit of the actuators of tendon", bound,
+                "only actuators and joints have such limits here");
   const auto count = [&](mjtSize n, const char* what, const char* why) {
     if (n > 0) c.Dropped(n == 1 ? fmt::format("1 {}", what) : fmt::format("{} {}s", n, what), why);
   };

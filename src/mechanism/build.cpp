@@ -112,6 +112,51 @@ Expected<void> CheckRef(const MechanismDef& def, const FreedomRef& ref, const st
   return {};
 }
 
+int FindControl(const MechanismDef& def, const std::string& name) {
+  for (std::size_t i = 0; i < def.controls.size(); ++i)
+    if (def.controls[i].name == name) return static_cast<int>(i);
+  return -1;
+}
+
+Expected<void> CheckBoundedForces(const MechanismDef& def) {
+  auto check_terms = [&](const auto& terms, const std::string& where) -> Expected<void> {
+    for (const auto& [ref, coefficient] : terms) {
+      if (auto ok = CheckRef(def, ref, where); !ok) return ok;
+      if (!std::isfinite(coefficient)) return Refuse(where, "has a coefficient that is not finite");
+    }
+    return {};
+  };
+  for (const DryFrictionDef& f : def.frictions) {
+    const std::string where = Named("dry friction", f.name);
+    if (auto ok = check_terms(f.terms, where); !ok) return ok;
+    if (!std::isfinite(f.force) || f.force < 0)
+      return Refuse(where, fmt::format("has the force {}; it must be finite and 0 or more", f.force));
+  }
+  for (const LengthLimitDef& l : def.length_limits) {
+    const std::string where = Named("length limit", l.name);
+    if (auto ok = check_terms(l.terms, where); !ok) return ok;
+    if (!(l.lower <= l.upper))
+      return Refuse(where, fmt::format("reaches from {} to {}; the lower must not be above the upper",
+                                       l.lower, l.upper));
+  }
+  for (const ForceLimitDef& f : def.force_limits) {
+    const std::string where = Named("force limit", f.name);
+    if (auto ok = check_terms(f.terms, where); !ok) return ok;
+    for (const auto& [name, share] : f.inputs)
+      if (FindControl(def, name) < 0 || !std::isfinite(share))
+        return Refuse(
+            where,
+            fmt::format("names the control '{}', which is not there, or a share that is not finite", name));
+    if (!std::isfinite(f.stiffness) || !std::isfinite(f.damping) || !std::isfinite(f.rest) ||
+        f.stiffness < 0 || f.damping < 0)
+      return Refuse(where, "has a stiffness, damping or rest length that is negative or not finite");
+    if (!(f.lower <= f.upper))
+      return Refuse(
+          where, fmt::format("has bounds {} to {}; the lower must not be above the upper", f.lower, f.upper));
+  }
+  return {};
+}
+
 Expected<void> CheckConnections(const MechanismDef& def) {
   for (const ClosureDef& c : def.closures) {
     const std::string where = Named("closure", c.name);
@@ -157,6 +202,7 @@ Expected<void> CheckConnections(const MechanismDef& def) {
     if (!std::isfinite(c.gain) || !std::isfinite(c.initial))
       return Refuse(where, "has a gain or value that is not finite");
   }
+  if (auto ok = CheckBoundedForces(def); !ok) return ok;
   for (const std::string& name : def.interfaces)
     if (!def.FindBody(name).valid())
       return Refuse(Named("interface", name),
@@ -187,6 +233,12 @@ void SortJoints(MechanismDef& def) {
     for (auto& t : s.terms) move(t.first);
   for (auto& c : def.controls)
     for (auto& t : c.terms) move(t.first);
+  for (auto& f : def.frictions)
+    for (auto& t : f.terms) move(t.first);
+  for (auto& f : def.force_limits)
+    for (auto& t : f.terms) move(t.first);
+  for (auto& l : def.length_limits)
+    for (auto& t : l.terms) move(t.first);
 }
 
 // Smallest eigenvalue of SᵀIS + diag(armature), each freedom scaled by the size of the terms that it sums, so
@@ -323,6 +375,21 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
     m.springs_.push_back({s.name, linear(s.terms), s.stiffness, s.damping, s.rest});
   for (const ControlDef& c : def.controls)
     m.controls_.push_back({c.name, linear(c.terms), c.gain, c.lower, c.upper, c.initial});
+  for (const DryFrictionDef& f : def.frictions) m.frictions_.push_back({f.name, linear(f.terms), f.force});
+  for (int i = 0; i < n; ++i)
+    if (std::isfinite(m.lower_(i)) || std::isfinite(m.upper_(i)))
+      m.length_limits_.push_back({m.CoordinateName(i), {{i, 1.0}}, m.lower_(i), m.upper_(i)});
+  for (const LengthLimitDef& l : def.length_limits)
+    m.length_limits_.push_back({l.name, linear(l.terms), l.lower, l.upper});
+  for (const ForceLimitDef& f : def.force_limits) {
+    Mechanism::LinearForm inputs;
+    for (const auto& [name, share] : f.inputs) {
+      const int control = FindControl(def, name);
+      inputs.emplace_back(control, share * def.controls[static_cast<std::size_t>(control)].gain);
+    }
+    m.force_limits_.push_back(
+        {f.name, linear(f.terms), std::move(inputs), f.stiffness, f.damping, f.rest, f.lower, f.upper});
+  }
   for (const CouplingDef& c : def.couplings) {
     Mechanism::Coupling coupling;
     coupling.name = c.name;

@@ -17,6 +17,10 @@ MechanismDef ScaleStiffness(MechanismDef definition, double factor) {
     spring.stiffness *= factor;
     spring.damping *= root;
   }
+  for (auto& limit : definition.force_limits) {
+    limit.stiffness *= factor;
+    limit.damping *= root;
+  }
   for (auto& closure : definition.closures) {
     closure.stiffness *= factor;
     closure.damping *= root;

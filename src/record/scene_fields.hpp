@@ -128,11 +128,31 @@ void Fields(A& a, Like<ControlDef, A>& s) {
 }
 
 template <class A>
+void Fields(A& a, Like<DryFrictionDef, A>& s) {
+  auto& [name, terms, force] = s;
+  a("name", name), a("terms", terms), a("force", force);
+}
+
+template <class A>
+void Fields(A& a, Like<LengthLimitDef, A>& s) {
+  auto& [name, terms, lower, upper] = s;
+  a("name", name), a("terms", terms), a("lower", lower), a("upper", upper);
+}
+
+template <class A>
+void Fields(A& a, Like<ForceLimitDef, A>& s) {
+  auto& [name, terms, inputs, stiffness, damping, rest, lower, upper] = s;
+  a("name", name), a("terms", terms), a("inputs", inputs), a("stiffness", stiffness), a("damping", damping);
+  a("rest", rest), a("lower", lower), a("upper", upper);
+}
+
+template <class A>
 void Fields(A& a, Like<MechanismDef, A>& s) {
-  auto& [name, base, X_WR, bodies, joints, closures, couplings, springs, controls, interfaces, chosen, modes,
-         mode_choice] = s;
+  auto& [name, base, X_WR, bodies, joints, closures, couplings, springs, controls, frictions, length_limits,
+         force_limits, interfaces, chosen, modes, mode_choice] = s;
   a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
   a("closures", closures), a("couplings", couplings), a("springs", springs), a("controls", controls);
+  a("frictions", frictions), a("length_limits", length_limits), a("force_limits", force_limits);
   a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);
   a("mode_choice", mode_choice);
 }

@@ -124,8 +124,9 @@ Expected<void> ContactSet::Build(const Scene& scene, const Mechanisms& mechanism
   port_offset_.assign(contactors_.size(), -1);
   blocks_.resize(mechanisms.size());
   for (std::size_t i = 0; i < mechanisms.size(); ++i)
-    blocks_[i].limit_impulses.assign(
-        2 * static_cast<std::size_t>(mechanisms[i].mechanism().num_coordinates()), 0.0);
+    blocks_[i].limit_impulses.assign(2 * mechanisms[i].mechanism().length_limits().size(), 0.0);
+  for (std::size_t i = 0; i < mechanisms.size(); ++i)
+    blocks_[i].friction_impulses.assign(mechanisms[i].mechanism().frictions().size(), 0.0);
   return {};
 }
 

@@ -38,10 +38,12 @@ void ContactSet::LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bo
     block.ports.clear();
     block.limits.clear();
     open(block.ports, FullContactor::Kind::kMechanism, i);
-    for (int k = 0; k < m.mechanism().num_coordinates(); ++k) {
+    for (int k = 0; k < static_cast<int>(m.length_limits().size()); ++k) {
+      const Mechanism::LengthLimit& limit = m.length_limits()[static_cast<std::size_t>(k)];
+      const double length = m.Length(limit.terms, m.q());
       // Near enough to be reached within the step, with room for what contacts may add.
-      const double reach = 0.02 + 2 * h * std::abs(m.q_dot()(k));
-      const double gap[2] = {m.q()(k) - m.lower()(k), m.upper()(k) - m.q()(k)};
+      const double reach = 0.02 + 2 * h * std::abs(m.Length(limit.terms, m.q_dot()));
+      const double gap[2] = {length - limit.lower, limit.upper - length};
       for (int side = 0; side < 2; ++side) {
         if (gap[side] < reach)
           block.limits.push_back(2 * k + side);
@@ -49,7 +51,7 @@ void ContactSet::LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bo
           block.limit_impulses[static_cast<std::size_t>(2 * k + side)] = 0;
       }
     }
-    offset += static_cast<int>(block.limits.size());
+    offset += static_cast<int>(block.limits.size() + m.mechanism().frictions().size());
     block.rows = offset - block.offset;
   }
   free_ports_.clear();
@@ -122,19 +124,30 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     }
   }
   limits_.clear();
-  for (std::size_t i = 0; i < mechanisms.size(); ++i)
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     for (std::size_t k = 0; k < blocks_[i].limits.size(); ++k) {
-      const int at = blocks_[i].limits[k], coordinate = at / 2;
+      const int at = blocks_[i].limits[k];
+      const Mechanism::LengthLimit& stop = mechanisms[i].length_limits()[static_cast<std::size_t>(at / 2)];
       const bool upper = at % 2 == 1;
-      const double q = mechanisms[i].q()(coordinate);
+      const double length = mechanisms[i].Length(stop.terms, mechanisms[i].q());
       LimitConstraint limit;
       limit.row = blocks_[i].offset + 6 * static_cast<int>(blocks_[i].ports.size()) + static_cast<int>(k);
       limit.sign = upper ? -1 : 1;
-      limit.bias =
-          bias(upper ? mechanisms[i].upper()(coordinate) - q : q - mechanisms[i].lower()(coordinate));
+      limit.bias = bias(upper ? stop.upper - length : length - stop.lower);
       limit.impulse = blocks_[i].limit_impulses[static_cast<std::size_t>(at)];
       limits_.push_back(limit);
     }
+    const auto& frictions = mechanisms[i].mechanism().frictions();
+    for (std::size_t k = 0; k < frictions.size(); ++k) {
+      LimitConstraint friction;
+      friction.row =
+          blocks_[i].offset + static_cast<int>(6 * blocks_[i].ports.size() + blocks_[i].limits.size() + k);
+      friction.upper = h * frictions[k].force;
+      friction.lower = -friction.upper;
+      friction.impulse = blocks_[i].friction_impulses[k];
+      limits_.push_back(friction);
+    }
+  }
 }
 
 void ContactSet::Open(const Mechanisms& mechanisms, const Bodies& free_bodies, double h,
@@ -170,8 +183,15 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
       block.J_T.block<3, 3>(column + 3, port.offset + 3 - block.offset) = R_T;
     }
     for (std::size_t k = 0; k < block.limits.size(); ++k)
-      block.J_T(m.ColumnOfCoordinate(block.limits[k] / 2),
-                6 * static_cast<Eigen::Index>(block.ports.size()) + static_cast<Eigen::Index>(k)) = 1;
+      for (const auto& [coordinate, c] :
+           m.length_limits()[static_cast<std::size_t>(block.limits[k] / 2)].terms)
+        block.J_T(m.ColumnOfCoordinate(coordinate),
+                  6 * static_cast<Eigen::Index>(block.ports.size()) + static_cast<Eigen::Index>(k)) += c;
+    const auto& frictions = m.mechanism().frictions();
+    for (std::size_t k = 0; k < frictions.size(); ++k)
+      for (const auto& [coordinate, c] : frictions[k].terms)
+        block.J_T(m.ColumnOfCoordinate(coordinate),
+                  static_cast<Eigen::Index>(6 * block.ports.size() + block.limits.size() + k)) += c;
     responses[i] = block.J_T;
     if (!m.solver().Solve(responses[i])) return false;
     block.W = block.J_T.transpose() * responses[i];
@@ -180,7 +200,7 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
     for (const Port& port : block.ports)
       if (m.ColumnOfBody(contactors_[static_cast<std::size_t>(port.contactor)].body) >= 0)
         velocities_.segment<6>(port.offset) = v.segment<6>(port.offset - block.offset);
-    const auto limits = static_cast<Eigen::Index>(block.limits.size());
+    const auto limits = static_cast<Eigen::Index>(block.limits.size() + frictions.size());
     velocities_.segment(block.offset + block.rows - limits, limits) = v.tail(limits);
     velocity_blocks.push_back({block.offset, block.rows, block.W.data(), block.rows});
   }
@@ -267,11 +287,13 @@ void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact
     }
   }
   std::size_t next = 0;
-  for (Block& block : blocks_)
+  for (Block& block : blocks_) {
     for (int at : block.limits) {
       block.limit_impulses[static_cast<std::size_t>(at)] = limits_[next].impulse;
       report.limits += limits_[next++].impulse > 0 ? 1 : 0;
     }
+    for (double& impulse : block.friction_impulses) impulse = limits_[next++].impulse;
+  }
 }
 
 }  // namespace fork1s::internal

@@ -63,10 +63,11 @@ class ContactSet {
   };
   struct Block {
     std::vector<Port> ports;
-    std::vector<int> limits;  // 2 coordinate + side, side 0 lower, 1 upper
+    std::vector<int> limits;  // 2 k + side of length limit k, side 0 lower, 1 upper
     int offset = 0, rows = 0;
     MatrixX J_T, W, unknowns;
-    std::vector<double> limit_impulses;  // 2 a coordinate
+    std::vector<double> limit_impulses;  // 2 a length limit
+    std::vector<double> friction_impulses;
   };
   struct Past {
     ContactPoint point;

@@ -41,12 +41,16 @@ Expected<FullMechanism> FullMechanism::Create(std::shared_ptr<const Mechanism> m
     m.controls(static_cast<Eigen::Index>(i)) = def.controls()[i].initial;
   // A pose outside the limits may be what springs and loops hold; pushing it inside would fight them for
   // ever.
-  m.lower_ = def.lower().cwiseMin(m.q_);
-  m.upper_ = def.upper().cwiseMax(m.q_);
-  for (int i = 0; i < def.num_coordinates(); ++i)
-    if (const double outside = std::max(def.lower()(i) - m.q_(i), m.q_(i) - def.upper()(i)); outside > 1e-3)
-      m.warnings_.push_back("joint '" + def.CoordinateName(i) + "' starts outside its limits by " +
-                            std::to_string(outside) + " (rad or m); the limit was moved to the initial pose");
+  m.length_limits_ = def.length_limits();
+  for (Mechanism::LengthLimit& limit : m.length_limits_) {
+    const double length = m.Length(limit.terms, m.q_);
+    const double outside = std::max(limit.lower - length, length - limit.upper);
+    limit.lower = std::min(limit.lower, length);
+    limit.upper = std::max(limit.upper, length);
+    if (outside > 1e-3)
+      m.warnings_.push_back(limit.WhatAndName() + " starts outside its limits by " + std::to_string(outside) +
+                            " (rad or m); the limit was moved to the initial pose");
+  }
   m.StartMotion(q_dot0, V_R);
   return m;
 }

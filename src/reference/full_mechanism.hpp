@@ -48,8 +48,13 @@ class FullMechanism {
   Vector6 BodyTwist(int body) const { return V_.col(body); }
   const VectorX& q() const { return q_; }
   const VectorX& q_dot() const { return q_dot_; }
-  const VectorX& lower() const { return lower_; }
-  const VectorX& upper() const { return upper_; }
+  static double Length(const Mechanism::LinearForm& terms, const VectorX& q) {
+    double length = 0;
+    for (const auto& [i, c] : terms) length += c * q(i);
+    return length;
+  }
+  /// Widened to the initial pose where that was outside.
+  const std::vector<Mechanism::LengthLimit>& length_limits() const { return length_limits_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
 
   VectorX controls;
@@ -121,6 +126,7 @@ class FullMechanism {
   VectorX Unknowns() const;
   void AddBodies(const Matrix6X& on_bodies, bool stiffening, MatrixX& right);
   void AddJoints(MatrixX& right);
+  double ServoForce(const Mechanism::ForceLimit& limit, const VectorX& q) const;  // at rest, without bounds
   void AddClosures(bool stiffening, MatrixX& right);
   // Poses that satisfy every constraint (mechanism_poses.cpp).
   struct Matrices {
@@ -141,7 +147,7 @@ class FullMechanism {
   std::vector<int> column_;  // per body
   std::vector<Matrix6> inertia_;
   int num_body_columns_ = 0, num_velocities_ = 0, num_rows_ = 0, first_loop_row_ = 0;
-  VectorX lower_, upper_;
+  std::vector<Mechanism::LengthLimit> length_limits_;
   std::vector<std::string> warnings_;
 
   // State.

@@ -37,6 +37,13 @@ double FullMechanism::StoredEnergy() const {
     for (const auto& [i, c] : control.terms) energy -= control.gain * u * c * q_(i);
     if (m.definition().controls[k].is_setpoint) energy += 0.5 * control.gain * u * u;
   }
+  // A servo at its bound F stores F times the length it is off, and not what its spring would.
+  for (const Mechanism::ForceLimit& limit : m.force_limits()) {
+    const double f = ServoForce(limit, q_), excess = f - std::min(std::max(f, limit.lower), limit.upper);
+    if (limit.stiffness > 0) energy -= excess * excess / (2 * limit.stiffness);
+    if (limit.stiffness == 0)
+      for (const auto& [i, c] : limit.terms) energy += excess * c * q_(i);
+  }
   return energy;
 }
 

@@ -17,13 +17,11 @@ Matrix6 DeadForceStiffness(const Vector3& arm_B, const Vector3& force_B) {
   return K;
 }
 
-double Length(const Mechanism::LinearForm& terms, const VectorX& q) {
-  double length = 0;
-  for (const auto& [i, c] : terms) length += c * q(i);
-  return length;
-}
-
 }  // namespace
+
+double FullMechanism::ServoForce(const Mechanism::ForceLimit& limit, const VectorX& q) const {
+  return Length(limit.inputs, controls) + limit.stiffness * (limit.rest - Length(limit.terms, q));
+}
 
 VectorX FullMechanism::Unknowns() const {
   VectorX u(num_unknowns());
@@ -85,6 +83,18 @@ void FullMechanism::AddJoints(MatrixX& right) {
       for (const auto& [j, d] : s.terms)
         dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j),
                       c * d * h * (s.damping + h * s.stiffness));
+    }
+  }
+  // What a servo cannot give is taken back, and its stiffness with it.
+  for (const Mechanism::ForceLimit& limit : m.force_limits()) {
+    const double f = ServoForce(limit, q_next_) - limit.damping * Length(limit.terms, q_dot_next_);
+    const double excess = f - std::min(std::max(f, limit.lower), limit.upper);
+    if (excess == 0) continue;
+    for (const auto& [i, c] : limit.terms) {
+      tau(i) -= c * excess;
+      for (const auto& [j, d] : limit.terms)
+        dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j),
+                      -c * d * h * (limit.damping + h * limit.stiffness));
     }
   }
   right.block(num_body_columns_, 0, m.num_coordinates(), 1) +=

@@ -81,6 +81,11 @@ void ScaleGroup(const JointGroup& group, MechanismDef& def) {
       s.stiffness *= group.scale;
       s.damping *= root;
     }
+  for (ForceLimitDef& f : def.force_limits)
+    if (inside(f.terms)) {
+      f.stiffness *= group.scale;
+      f.damping *= root;
+    }
   for (ControlDef& c : def.controls)
     if (c.is_setpoint && inside(c.terms)) c.gain *= group.scale;
 }
@@ -89,6 +94,7 @@ void ScaleDamping(double scale, MechanismDef& def) {
   for (JointDef& j : def.joints)
     for (FreedomDef& f : j.freedoms) f.damping *= scale;
   for (SpringDef& s : def.springs) s.damping *= scale;
+  for (ForceLimitDef& f : def.force_limits) f.damping *= scale;
   for (ClosureDef& c : def.closures) c.damping *= scale;
 }
 

@@ -56,6 +56,20 @@ TEST(ImportForces, JointSpringAwayFromItsReference) {
   ExpectSameForces(Model(R"(stiffness="7" damping=".3" springref=".8" ref=".2")", ""));
 }
 
+TEST(ImportForces, MotorsAtAVoltageAndWithControllersOfTheirOwn) {
+  ExpectSameForces(Model("", R"(<actuator>
+    <dcmotor name="at_voltage" joint="ja" resistance="2" motorconst=".5 .3" gear="3"/>
+    <dcmotor name="servo" joint="jb" resistance="2" motorconst=".5" input="pos" controller="3 0 .1"/>
+    <pid name="pid" joint="jc" input="vel" kp="2" kv=".4"/></actuator>)"));
+}
+
+TEST(ImportForces, DampingOfTheActuatorItself) {
+  ExpectSameForces(Model(
+      "",
+      R"(<tendon><fixed name="t"><joint joint="jb" coef=".4"/><joint joint="jc" coef="-2"/></fixed></tendon>
+    <actuator><motor name="m" joint="ja" damping=".5" gear="3"/><motor name="rope" tendon="t" damping=".7"/></actuator>)"));
+}
+
 TEST(ImportForces, ServoWithGearAndBias) {
   ExpectSameForces(Model(R"(stiffness="7" springref=".8" ref=".2")", R"(<actuator>
     <position name="p" joint="ja" kp="20" gear="3"/>
@@ -105,11 +119,14 @@ TEST(ImportForces, WhatIsNotSimulatedIsListed) {
           .replace(
               std::string(R"(<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>)").size(),
               0, R"(<site name="s0"/><site name="s1" pos="1 0 0"/>)"));
-  for (const char* part :
-       {"'pull'", "'slow'", "'tips_over'", "'clipped'", "dry friction of joint 'ja'",
-        "tendon equality constraint", "inactive equality constraint 'off'", "2 sensors"}) {
+  for (const char* part : {"'pull'", "'slow'", "'tips_over'", "tendon equality constraint",
+                           "inactive equality constraint 'off'", "2 sensors"}) {
     EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, part)) << part;
   }
+  ASSERT_EQ(loaded.scene.mechanisms[0].force_limits.size(), 1u);
+  EXPECT_EQ(loaded.scene.mechanisms[0].force_limits[0].name, "clipped");
+  ASSERT_EQ(loaded.scene.mechanisms[0].frictions.size(), 1u);
+  EXPECT_EQ(loaded.scene.mechanisms[0].frictions[0].force, 0.1);
   EXPECT_EQ(loaded.scene.mechanisms[0].controls.size(), 2u);  // slow, clipped
 }
 

@@ -32,7 +32,7 @@ struct ContactPoint {
 
 struct CollisionOptions {
   double margin = 0.001;    // m: contacts are reported from this gap on
-  bool multi_point = true;  // several points where flat convex shapes rest on each other
+  bool multi_point = true;  // up to four points where flat convex shapes rest on each other, else one
 };
 
 /// Bodies are numbered in the order given. Bodies that do not move never touch each other.

@@ -5,10 +5,12 @@
 //     v⁺ = v* + W Jᵀ λ
 // Contact c couples up to two six-vector ports. With u = Σ J v⁺ + bias (normal first, then two tangents):
 //     0 ≤ λ_n ⊥ u_n ≥ 0,   |λ_t| ≤ µ λ_n,   λ_t opposes u_t where it slides
-// Limits are single unilateral rows on one stacked velocity.
+// Limits are single rows on one stacked velocity whose impulse has bounds: a joint limit only pushes, dry
+// friction pushes either way up to its force.
 #pragma once
 
 #include <fork1s/base/types.hpp>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -34,12 +36,15 @@ struct ContactConstraint {
   Vector3 impulse = Vector3::Zero();  // in: warm start; out: solution [N·s]
 };
 
-/// One unilateral row: sign · v[row] + bias ≥ 0 with impulse ≥ 0 along sign.
+/// One row u = sign · v[row] + bias with an impulse λ along sign: u = 0 where λ is within its bounds, u ≥ 0
+/// at the lower, u ≤ 0 at the upper. By default unilateral, as a joint limit: 0 ≤ λ ⊥ u ≥ 0.
 struct LimitConstraint {
   int row = 0;
   double sign = 1;
   double bias = 0;
   double impulse = 0;  // in: warm start; out: solution
+  double lower = 0;    // of the impulse
+  double upper = std::numeric_limits<double>::infinity();
 };
 
 struct ContactSolverOptions {

@@ -33,6 +33,16 @@ class FreeBody {
   Matrix6 InverseInertia() const;
   /// The twist that contact leaves.
   void SetPortTwist(const Vector6& V);
+  /// The free velocity, and back to it as before SetPortTwist.
+  struct Velocity {
+    Vector3 omega_B = Vector3::Zero(), center = Vector3::Zero();
+  };
+  Velocity velocity() const { return {omega_B_, velocity_}; }
+  void ResetVelocity(const Velocity& free) {
+    omega_B_ = free.omega_B;
+    velocity_ = free.center;
+    pushed_ = false;
+  }
   void Integrate(double h);
   /// Takes the step back, before Integrate.
   void Revert();

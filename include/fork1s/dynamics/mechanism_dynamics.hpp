@@ -9,6 +9,7 @@
 // their geometric stiffness.
 #pragma once
 
+#include <algorithm>
 #include <fork1s/dynamics/recovery.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <vector>
@@ -66,7 +67,7 @@ class MechanismDynamics {
   const std::vector<Part>& parts() const { return parts_; }
   /// The part that moves group g; -1 where it only follows the base.
   int PartOfGroup(int g) const { return part_of_group_[static_cast<std::size_t>(g)]; }
-  /// The part that moves limited_coordinates()[k].
+  /// The part that moves length_limits()[k].
   int PartOfLimited(std::size_t k) const { return part_of_limited_[k]; }
   /// 6 x (size of its part) map from x to the twist of group g in R; the driven base's own twist comes on
   /// top.
@@ -81,14 +82,26 @@ class MechanismDynamics {
   /// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities]. `from_outside`: other bodies or the world had
   /// part in them, so the base has gaps to keep; limits and self-contact are the mechanism's own affair.
   void ApplyImpulse(const VectorX& p, bool from_outside);
-  /// Rate of coordinate i per unit of its part's velocities.
-  void CoordinateRow(int i, const Part& part, Eigen::Ref<VectorX> row) const;
-  double CoordinateRate(int i) const { return Q_now().row(i).dot(x_.tail(model_.size())); }
-  const std::vector<int>& limited_coordinates() const { return limited_; }
-  /// Limits in force [n]: those of the mechanism, widened to the initial pose where that was outside.
-  const VectorX& lower() const { return lower_; }
-  const VectorX& upper() const { return upper_; }
+  /// Rate of a length Σ coefficient q per unit of its part's velocities.
+  void LengthRow(const Mechanism::LinearForm& terms, const Part& part, Eigen::Ref<VectorX> row) const;
+  double LengthRate(const Mechanism::LinearForm& terms) const;
+  double Length(const Mechanism::LinearForm& terms) const;
+  /// The part that moves frictions()[k] of the mechanism.
+  int PartOfFriction(std::size_t k) const { return part_of_friction_[k]; }
+  /// Limits in force: those of the mechanism, widened to the initial pose where that was outside.
+  const std::vector<Mechanism::LengthLimit>& length_limits() const { return length_limits_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
+
+  /// After contact: which servos are at a bound of their force at the present velocity. True if that differs
+  /// from what the velocity was computed with; then PredictAgain and solve contact anew.
+  bool UpdateForceLimits(double h);
+  /// The free velocity again, as before contact acted, with the servos at their bounds that are there now.
+  void PredictAgain(double h);
+  /// Servos and motors that give all they can.
+  int NumForcesAtBound() const {
+    return static_cast<int>(
+        std::count_if(at_bound_.begin(), at_bound_.end(), [](signed char s) { return s != 0; }));
+  }
 
   /// Takes the free velocity back, before Integrate.
   void Revert();
@@ -130,6 +143,15 @@ class MechanismDynamics {
   void LoadForces(const Vector3& gravity_R, const Vector6& A_R);
   void FollowLoads();
   void Solve(VectorX& x);
+  void SolveFree(double h);
+  // Bounds of forces (force_limits.cpp).
+  void SizeForceLimits();
+  void OpenForceLimits();
+  bool AnyAtBound() const;
+  void TakeBoundedSpringsOut(double h);
+  void AddBoundedForces();
+  double UnboundedForce(const Mechanism::ForceLimit& limit) const;
+  double EnergyBeyondBounds() const;
   bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
   void UpdateInertia();
   double LargestTurn(const VectorX& since) const;
@@ -151,9 +173,9 @@ class MechanismDynamics {
   Configuration configuration_;
   std::vector<ContactGroup> groups_;
   std::vector<Part> parts_;
-  std::vector<int> part_of_group_, part_of_limited_;
-  std::vector<int> limited_;
-  VectorX lower_, upper_;
+  std::vector<int> part_of_group_, part_of_limited_, part_of_friction_;
+  std::vector<signed char> at_bound_;  // per force limit: 1 at the upper, -1 at the lower, 0 between
+  std::vector<Mechanism::LengthLimit> length_limits_;
   std::vector<std::string> warnings_;
   int base_size_ = 0;  // 6 where the base floats
 
@@ -193,6 +215,9 @@ class MechanismDynamics {
   Matrix6X body_V_, body_A_;
   VectorX q_dot_, q_ddot_;
   Vector3 gravity_W_ = Vector3::Zero();
+  VectorX limit_force_, limit_row_, f_z_of_springs_;  // force limits: f₀, Qᵀe, and f_z without bounds
+  Vector6 V_free_ = Vector6::Zero();  // base twist without drift that the free solve starts from
+  double energy_start_ = 0;           // J, at the start of the step
   double energy_budget_ = 0;  // J: at the start of the step plus what contact put in
   bool guard_ = false;
   mutable PoseEnergy pose_energy_;

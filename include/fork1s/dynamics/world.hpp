@@ -36,6 +36,7 @@ struct ContactRecord {
 struct StepReport {
   int contacts = 0;
   int limits = 0;              // joint limits that acted
+  int forces_at_bound = 0;     // servos and motors that gave all they can
   ContactSolverReport solver;  // of all islands of contact: the worst of each
   double max_penetration = 0;  // m
   int refreshes = 0;

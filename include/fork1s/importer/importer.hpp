@@ -49,12 +49,22 @@ struct ImportOptions {
   std::optional<PdGains> pd;                // joints that no spring and no servo holds
   std::map<std::string, PdGains> joint_pd;  // by joint name, on top of whatever holds it
   std::string keyframe;                     // name; empty: the file's reference pose
+
+  // Where it starts and what it stands on; all change the initial state only, on top of `keyframe`.
+  std::optional<RigidTransform> base_pose;          // X_WB of the base of the only mechanism or free body
+  std::map<std::string, double> joint_coordinates;  // by joint name, as the file counts them: rad or m
+  bool ground = false;                              // adds a level plane; refused where there is one
+  std::optional<double> ground_height;              // m; else 0 with a base pose, without: under the robot
+
+  /// URDF: folder of a ROS package, by name. A package without an entry is looked for below
+  /// AMENT_PREFIX_PATH, then ROS_PACKAGE_PATH, then in the folders above the file.
+  std::map<std::string, std::string> packages;
 };
 
 struct ImportedScene {
   Scene scene;
   ImportReport report;
-  int initial_keyframe = -1;  // index in scene.keyframes of the requested one
+  int initial_keyframe = -1;  // index in scene.keyframes: the requested one, or one made of the options
 };
 
 /// Reads a model file (.xml/.mjcf, .urdf; the root element decides). Errors: kFile (cannot be read),

@@ -128,6 +128,37 @@ struct SpringDef {
   double rest = 0;  // length at which it is unloaded
 };
 
+/// Dry friction: a force of at most `force` along the length Σ coefficient q, against its rate; it holds the
+/// length still as long as that is enough.
+struct DryFrictionDef {
+  std::string name;
+  std::vector<std::pair<FreedomRef, double>> terms;
+  double force = 0;  // N, or N·m where the length is an angle
+};
+
+/// A stop: the length Σ coefficient q stays within [lower, upper], as a rope that is not longer than it is.
+/// Limits of single freedoms stand in FreedomDef.
+struct LengthLimitDef {
+  std::string name;
+  std::vector<std::pair<FreedomRef, double>> terms;
+  double lower = -std::numeric_limits<double>::infinity();
+  double upper = std::numeric_limits<double>::infinity();
+};
+
+/// A servo or motor that can give no more: f = Σ share gain u - stiffness (ℓ - rest) - damping dℓ/dt on the
+/// length ℓ = Σ coefficient q stays within [lower, upper]. Spring, damper and controls stand elsewhere in the
+/// mechanism; here they are named again, so that what is beyond the bounds is taken back.
+struct ForceLimitDef {
+  std::string name;
+  std::vector<std::pair<FreedomRef, double>> terms;
+  std::vector<std::pair<std::string, double>> inputs;  // name of a control, its share in f
+  double stiffness = 0;                                // of the length: N/m or N·m/rad
+  double damping = 0;
+  double rest = 0;                                          // of the length
+  double lower = -std::numeric_limits<double>::infinity();  // N or N·m
+  double upper = std::numeric_limits<double>::infinity();
+};
+
 /// An input u that pushes with force gain·coefficient·u on each of its freedoms. For a servo the gain
 /// is its stiffness, so that u is the set-point; the stiffness itself stands in a joint or SpringDef.
 struct ControlDef {
@@ -163,6 +194,9 @@ struct MechanismDef {
   std::vector<CouplingDef> couplings;
   std::vector<SpringDef> springs;
   std::vector<ControlDef> controls;
+  std::vector<DryFrictionDef> frictions;
+  std::vector<LengthLimitDef> length_limits;
+  std::vector<ForceLimitDef> force_limits;
   std::vector<std::string> interfaces;  // names of the bodies that touch the world
   bool interfaces_chosen = true;        // false: picked by the importer, not named by the user
   int modes = 4;                        // fixed-interface modes to keep

@@ -51,6 +51,26 @@ class Mechanism {
     double gain, lower, upper, initial;
   };
 
+  struct DryFriction {
+    std::string name;
+    LinearForm terms;
+    double force;
+  };
+  struct LengthLimit {
+    std::string name;
+    LinearForm terms;
+    double lower, upper;
+
+    /// "joint 'elbow'", "tendon 'flexor'"
+    std::string WhatAndName() const { return (terms.size() == 1 ? "joint '" : "tendon '") + name + "'"; }
+  };
+  struct ForceLimit {
+    std::string name;
+    LinearForm terms;
+    LinearForm inputs;  // control, share times gain
+    double stiffness, damping, rest, lower, upper;
+  };
+
   const MechanismDef& definition() const { return definition_; }
   const std::string& name() const { return definition_.name; }
   BaseKind base() const { return definition_.base; }
@@ -61,6 +81,10 @@ class Mechanism {
   const std::vector<Coupling>& couplings() const { return couplings_; }
   const std::vector<Spring>& springs() const { return springs_; }
   const std::vector<Control>& controls() const { return controls_; }
+  const std::vector<DryFriction>& frictions() const { return frictions_; }
+  const std::vector<ForceLimit>& force_limits() const { return force_limits_; }
+  /// Those of single coordinates first.
+  const std::vector<LengthLimit>& length_limits() const { return length_limits_; }
   const Body& body(BodyIndex i) const { return bodies_[i.u()]; }
   const Joint& joint(JointIndex i) const { return joints_[i.u()]; }
 
@@ -104,6 +128,9 @@ class Mechanism {
   std::vector<Coupling> couplings_;
   std::vector<Spring> springs_;
   std::vector<Control> controls_;
+  std::vector<DryFriction> frictions_;
+  std::vector<ForceLimit> force_limits_;
+  std::vector<LengthLimit> length_limits_;
   Matrix6X screws_;
   VectorX stiffness_, damping_, armature_, rest_, lower_, upper_;
   int num_constraints_ = 0;

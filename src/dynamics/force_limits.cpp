@@ -1,0 +1,103 @@
+// Servos and motors that can give no more.
+//
+// The spring of a servo stands in A = M + hD + h²K, and its force at the end of the step is
+//     f = f₀ - (h k + d) eᵀx,   f₀ = Σ share gain u + k (rest - ℓ),   dℓ/dt = eᵀx
+// Where that is beyond a bound F, the servo pushes with F whatever the motion: its spring leaves A, and F
+// takes the place of f₀:
+//     A' = A - h (h k + d) e eᵀ,   rhs' = rhs + h (F - f₀) e
+// Which servos are at a bound follows from the velocity with contact, so the step solves, looks, and solves
+// again until none changes: Newton's method on a force that is piecewise linear in the velocity and never
+// grows with it.
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+
+#include <cmath>
+
+namespace fork1s {
+namespace {
+
+double Dot(const Mechanism::LinearForm& terms, const VectorX& values) {
+  double sum = 0;
+  for (const auto& [i, c] : terms) sum += c * values(i);
+  return sum;
+}
+
+// out = Qᵀ e
+void ReducedRow(const Mechanism::LinearForm& terms, const MatrixX& Q, VectorX& out) {
+  out.setZero();
+  for (const auto& [i, c] : terms) out.noalias() += c * Q.row(i).transpose();
+}
+
+}  // namespace
+
+double MechanismDynamics::UnboundedForce(const Mechanism::ForceLimit& limit) const {
+  return Dot(limit.inputs, controls_) + limit.stiffness * (limit.rest - Length(limit.terms));
+}
+
+void MechanismDynamics::SizeForceLimits() {
+  const auto count = mechanism().force_limits().size();
+  at_bound_.resize(count, 0);
+  limit_force_.resize(static_cast<Eigen::Index>(count));
+  limit_row_.resize(model_.size());
+}
+
+void MechanismDynamics::OpenForceLimits() {
+  const auto& limits = mechanism().force_limits();
+  for (std::size_t k = 0; k < limits.size(); ++k)
+    limit_force_(static_cast<Eigen::Index>(k)) = UnboundedForce(limits[k]);
+  f_z_of_springs_ = f_z_;
+  // A holds the springs of those that were at a bound in the last step no longer.
+  if (AnyAtBound()) factored_h_ = -1;
+}
+
+bool MechanismDynamics::AnyAtBound() const {
+  return std::any_of(at_bound_.begin(), at_bound_.end(), [](signed char side) { return side != 0; });
+}
+
+void MechanismDynamics::TakeBoundedSpringsOut(double h) {
+  const auto& limits = mechanism().force_limits();
+  auto A_z = A_.bottomRightCorner(model_.size(), model_.size());
+  for (std::size_t k = 0; k < limits.size(); ++k) {
+    const double s = h * (h * limits[k].stiffness + limits[k].damping);
+    if (at_bound_[k] == 0 || s == 0) continue;
+    ReducedRow(limits[k].terms, model_.Q, limit_row_);
+    A_z.noalias() -= s * limit_row_ * limit_row_.transpose();
+  }
+}
+
+void MechanismDynamics::AddBoundedForces() {
+  const auto& limits = mechanism().force_limits();
+  f_z_ = f_z_of_springs_;
+  for (std::size_t k = 0; k < limits.size(); ++k) {
+    if (at_bound_[k] == 0) continue;
+    const double bound = at_bound_[k] > 0 ? limits[k].upper : limits[k].lower;
+    ReducedRow(limits[k].terms, Q_now(), limit_row_);
+    f_z_ += (bound - limit_force_(static_cast<Eigen::Index>(k))) * limit_row_;
+  }
+}
+
+bool MechanismDynamics::UpdateForceLimits(double h) {
+  const auto& limits = mechanism().force_limits();
+  bool changed = false;
+  for (std::size_t k = 0; k < limits.size(); ++k) {
+    const double slope = h * limits[k].stiffness + limits[k].damping;
+    const double f = limit_force_(static_cast<Eigen::Index>(k)) - slope * LengthRate(limits[k].terms);
+    const signed char side = f > limits[k].upper ? 1 : f < limits[k].lower ? -1 : 0;
+    changed = changed || side != at_bound_[k];
+    at_bound_[k] = side;
+  }
+  if (changed) factored_h_ = -1;
+  return changed;
+}
+
+// Beyond its bound a servo stores F ℓ where its spring would store ½ k (ℓ - ℓ*)², f = k (ℓ* - ℓ).
+double MechanismDynamics::EnergyBeyondBounds() const {
+  double energy = 0;
+  for (const Mechanism::ForceLimit& limit : mechanism().force_limits()) {
+    const double f = UnboundedForce(limit), F = std::min(std::max(f, limit.lower), limit.upper);
+    if (f == F) continue;
+    energy += limit.stiffness > 0 ? (f - F) * (f - F) / (2 * limit.stiffness) : (F - f) * Length(limit.terms);
+  }
+  return energy;
+}
+
+}  // namespace fork1s

@@ -1,0 +1,181 @@
+// Dry friction of joints and tendons, stops of tendons, and bounds on what actuators give.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "conversion.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+std::vector<std::pair<FreedomRef, double>> Freedoms(const Conversion& c, const Length& length) {
+  std::vector<std::pair<FreedomRef, double>> terms;
+  for (const auto& [dof, coefficient] : length.terms) terms.emplace_back(c.Freedom(dof), coefficient);
+  return terms;
+}
+
+// Whether the inputs of an actuator are still there: PD control may have taken their place, under their
+// names.
+bool HasControls(const Conversion& c, const LinearActuator& a) {
+  const auto& sources = c.controls[c.MechanismOf(a.length.terms[0].first)];
+  return std::all_of(a.inputs.begin(), a.inputs.end(), [&](const ActuatorInput& input) {
+    return std::any_of(sources.begin(), sources.end(),
+                       [&](const ControlSource& source) { return source.ctrl == input.ctrl; });
+  });
+}
+
+struct Bounds {
+  double lower = -kInfinity, upper = kInfinity;
+  bool Bind() const { return lower > -kInfinity || upper < kInfinity; }
+};
+
+Bounds ForceRange(const mjModel& m, int actuator) {
+  if (!m.actuator_forcelimited[actuator]) return {};
+  return {m.actuator_forcerange[2 * actuator], m.actuator_forcerange[2 * actuator + 1]};
+}
+
+// The actuator's F on its length L; a PD hold that took its place has no bounds.
+ForceLimitDef LimitOf(const Conversion& c, const LinearActuator& a, const Bounds& bounds) {
+  ForceLimitDef limit;
+  limit.name = a.name;
+  limit.terms = Freedoms(c, a.length);
+  for (const ActuatorInput& input : a.inputs) limit.inputs.emplace_back(input.name, 1.0);
+  limit.stiffness = -a.b1;
+  limit.damping = -a.b2;
+  limit.rest = a.b1 < 0 ? a.b0 / -a.b1 - a.length.at_reference : 0;
+  limit.lower = bounds.lower;
+  limit.upper = bounds.upper;
+  return limit;
+}
+
+// All actuators of a joint together: force on the freedom itself.
+ForceLimitDef JointLimit(const Conversion& c, int dof, const std::vector<const LinearActuator*>& actuators,
+                         const Bounds& bounds) {
+  ForceLimitDef limit;
+  limit.name = c.DofName(dof) + " actuators";
+  limit.terms = {{c.Freedom(dof), 1.0}};
+  double constant = 0;
+  for (const LinearActuator* a : actuators) {
+    const double arm = a->length.terms[0].second;
+    for (const ActuatorInput& input : a->inputs) limit.inputs.emplace_back(input.name, arm);
+    limit.stiffness += -a->b1 * arm * arm;
+    limit.damping += -a->b2 * arm * arm;
+    constant += arm * (a->b0 + a->b1 * a->length.at_reference);
+  }
+  limit.rest = limit.stiffness > 0 ? constant / limit.stiffness : 0;
+  limit.lower = bounds.lower;
+  limit.upper = bounds.upper;
+  return limit;
+}
+
+void ConvertFriction(Conversion& c) {
+  const mjModel& m = c.m;
+  if (m.opt.disableflags & (mjDSBL_FRICTIONLOSS | mjDSBL_CONSTRAINT)) return;
+  const auto add = [&](const std::string& name, const Length& length, double force) {
+    const int mechanism = c.MechanismOf(length.terms[0].first);
+    c.scene.mechanisms[mechanism].frictions.push_back({name, Freedoms(c, length), force});
+  };
+  std::vector<std::string> on_free;
+  for (int dof = 0; dof < m.nv; ++dof) {
+    if (m.dof_frictionloss[dof] == 0) continue;
+    if (c.MechanismOf(dof) < 0) {
+      if (on_free.empty() || on_free.back() != c.joint_names[m.dof_jntid[dof]])
+        on_free.push_back(c.joint_names[m.dof_jntid[dof]]);
+      continue;
+    }
+    Length length;
+    length.terms = {{dof, 1.0}};
+    add(c.DofName(dof), length, m.dof_frictionloss[dof]);
+  }
+  c.DroppedMany("dry friction of joint", on_free, "its body moves freely");
+  for (int t = 0; t < m.ntendon; ++t) {
+    if (m.tendon_frictionloss[t] == 0) continue;
+    const Length length = TendonLength(m, c.d, t);
+    const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
+    if (length.terms.empty() || HearsFreeJoint(m, length))
+      c.Dropped(fmt::format("dry friction of tendon '{}'", name), "it moves nothing here, or a free body");
+    else
+      add(name, length, m.tendon_frictionloss[t]);
+  }
+}
+
+void ConvertTendonLimits(Conversion& c) {
+  const mjModel& m = c.m;
+  if (m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT)) return;
+  for (int t = 0; t < m.ntendon; ++t) {
+    if (!m.tendon_limited[t]) continue;
+    const Length length = TendonLength(m, c.d, t);
+    const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
+    if (length.terms.empty() || HearsFreeJoint(m, length)) {
+      c.Dropped(fmt::format("length limit of tendon '{}'", name), "it moves nothing here, or a free body");
+      continue;
+    }
+    LengthLimitDef limit;
+    limit.name = name;
+    limit.terms = Freedoms(c, length);
+    limit.lower = m.tendon_range[2 * t] - length.at_reference;
+    limit.upper = m.tendon_range[2 * t + 1] - length.at_reference;
+    c.scene.mechanisms[c.MechanismOf(length.terms[0].first)].length_limits.push_back(std::move(limit));
+  }
+}
+
+}  // namespace
+
+void ConvertBoundedForces(Conversion& c) {
+  const mjModel& m = c.m;
+  ConvertFriction(c);
+  ConvertTendonLimits(c);
+  if (m.opt.disableflags & mjDSBL_ACTUATION) return;
+  const std::vector<LinearActuator> actuators = LinearActuators(m, c.d);
+  // Of each joint with bounds on the sum, its actuators.
+  std::vector<std::vector<const LinearActuator*>> on_dof(static_cast<std::size_t>(m.nv));
+  std::vector<bool> shared(static_cast<std::size_t>(m.nv), false);
+  for (const LinearActuator& a : actuators)
+    for (const auto& term : a.length.terms) {
+      const auto dof = static_cast<std::size_t>(term.first);
+      if (a.length.terms.size() == 1) on_dof[dof].push_back(&a);
+      if (a.length.terms.size() > 1) shared[dof] = true;
+    }
+  std::vector<std::string> replaced, tangled;
+  for (const LinearActuator& a : actuators) {
+    Bounds bounds = ForceRange(m, a.actuator);
+    const int dof = a.length.terms[0].first, joint = m.dof_jntid[dof];
+    MechanismDef& mechanism = c.scene.mechanisms[c.MechanismOf(dof)];
+    const bool bound_joint = a.length.terms.size() == 1 && m.jnt_actfrclimited[joint];
+    const auto& together = on_dof[static_cast<std::size_t>(dof)];
+    if (bound_joint && shared[static_cast<std::size_t>(dof)]) tangled.push_back(c.joint_names[joint]);
+    const bool sum = bound_joint && !shared[static_cast<std::size_t>(dof)];
+    if (sum && together.size() == 1) {  // the narrower of the two
+      const double arm = a.length.terms[0].second;
+      double low = m.jnt_actfrcrange[2 * joint] / arm, high = m.jnt_actfrcrange[2 * joint + 1] / arm;
+      if (arm < 0) std::swap(low, high);
+      bounds = {std::max(bounds.lower, low), std::min(bounds.upper, high)};
+    } else if (sum) {
+      if (bounds.Bind()) tangled.push_back(a.name);
+      if (together[0] != &a) continue;
+      const bool all = std::all_of(together.begin(), together.end(),
+                                   [&](const LinearActuator* b) { return HasControls(c, *b); });
+      if (!all) {
+        replaced.push_back(c.DofName(dof));
+        continue;
+      }
+      mechanism.force_limits.push_back(
+          JointLimit(c, dof, together, {m.jnt_actfrcrange[2 * joint], m.jnt_actfrcrange[2 * joint + 1]}));
+      continue;
+    }
+    if (!bounds.Bind()) continue;
+    if (HasControls(c, a))
+      mechanism.force_limits.push_back(LimitOf(c, a, bounds));
+    else
+      replaced.push_back(a.name);
+  }
+  c.ChangedMany("force limit of actuator", replaced, "the PD control that took its place has no limit");
+  c.DroppedMany("force limit of", tangled,
+                "several actuators share the joint, and only the sum or each can be bound");
+}
+
+}  // namespace fork1s::internal

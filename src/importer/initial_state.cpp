@@ -1,0 +1,221 @@
+// Where the model starts when options say so: the pose of its base and coordinates of joints.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fork1s/mechanism/kinematics.hpp>
+
+#include "conversion.hpp"
+#include "names.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+// A coordinate that an option asks for.
+struct Asked {
+  std::string joint;
+  FreedomRef freedom;
+  int mechanism = 0;
+  double displacement = 0;  // from the reference
+};
+
+int CoordinateOf(const MechanismDef& mechanism, const FreedomRef& ref) {
+  int at = ref.freedom;
+  for (std::size_t j = 0; j < ref.joint.u(); ++j) at += static_cast<int>(mechanism.joints[j].freedoms.size());
+  return at;
+}
+
+// The initial state so far: the chosen keyframe, or the file's reference.
+KeyframeDef PresentStart(const Conversion& c) {
+  if (c.initial_keyframe >= 0) return c.scene.keyframes[c.initial_keyframe];
+  KeyframeDef start;
+  for (const MechanismDef& mechanism : c.scene.mechanisms) {
+    KeyframeDef::MechanismState state;
+    Eigen::Index n = 0;
+    for (const JointDef& joint : mechanism.joints) n += static_cast<Eigen::Index>(joint.freedoms.size());
+    state.q = VectorX::Zero(n);
+    state.q_dot = VectorX::Zero(n);
+    state.X_WR = mechanism.X_WR;
+    state.controls = VectorX::Zero(static_cast<Eigen::Index>(mechanism.controls.size()));
+    for (std::size_t k = 0; k < mechanism.controls.size(); ++k)
+      state.controls[static_cast<Eigen::Index>(k)] = mechanism.controls[k].initial;
+    start.mechanisms.push_back(std::move(state));
+  }
+  for (const FreeBodyDef& body : c.scene.free_bodies) start.free_bodies.push_back({body.X_WB});
+  return start;
+}
+
+Error RefusePose(const Conversion& c, std::string message) {
+  return {ErrorCode::kUsage, fmt::format("{}, option base-pose", c.file), std::move(message)};
+}
+
+std::optional<Error> PlaceMechanism(Conversion& c, const RigidTransform& X_WB) {
+  const mjModel& m = c.m;
+  const auto component = std::find_if(c.components.begin(), c.components.end(),
+                                      [](const Component& one) { return !one.free_body; });
+  MechanismDef& mechanism = c.scene.mechanisms[0];
+  if (component->base_body == 0) {
+    return RefusePose(
+        c, fmt::format("mechanism '{}' stands on the world itself, so it has no base to place; put a "
+                       "body without joints under it",
+                       mechanism.name));
+  }
+  for (int e = 0; e < m.neq; ++e) {
+    if (!c.EqualityWorks(e) || m.eq_type[e] == mjEQ_JOINT || c.used_equality[e]) continue;
+    const BodyPlace &a = c.body[PlaceOfEquality(m, e, 0).body], &b = c.body[PlaceOfEquality(m, e, 1).body];
+    if (a.still() == b.still()) continue;
+    return RefusePose(
+        c, fmt::format("equality '{}' ties mechanism '{}' to the world, so its base stays where it is",
+                       NameOr(m, m.name_eqadr[e], "equality", e), mechanism.name));
+  }
+  mechanism.X_WR = X_WB;
+  for (std::size_t key = 0; key < c.scene.keyframes.size(); ++key) {
+    // Other keyframes keep the pose that they give to a base that can move.
+    if (mechanism.base == BaseKind::kFixed || static_cast<int>(key) == c.initial_keyframe)
+      c.scene.keyframes[key].mechanisms[0].X_WR = X_WB;
+  }
+  return std::nullopt;
+}
+
+std::optional<Error> PlaceBase(Conversion& c, const RigidTransform& X_WB) {
+  if (!X_WB.IsFinite()) return RefusePose(c, "a number is not finite; write finite numbers");
+  if (c.scene.mechanisms.size() == 1) return PlaceMechanism(c, X_WB);
+  if (c.scene.mechanisms.empty() && c.scene.free_bodies.size() == 1) {
+    c.scene.free_bodies[0].X_WB = X_WB;
+    if (c.initial_keyframe >= 0) c.scene.keyframes[c.initial_keyframe].free_bodies[0].X_WB = X_WB;
+    return std::nullopt;
+  }
+  std::vector<std::string> names;
+  for (const MechanismDef& mechanism : c.scene.mechanisms) names.push_back(mechanism.name);
+  if (names.empty())
+    for (const FreeBodyDef& body : c.scene.free_bodies) names.push_back(body.name);
+  return RefusePose(
+      c, fmt::format("the file has {} movable parts, {}, and the option places one; write their poses in "
+                     "the file",
+                     names.size(), Quoted(names)));
+}
+
+Expected<Asked> FindAsked(Conversion& c, const std::string& name, double value) {
+  const mjModel& m = c.m;
+  const std::string where = fmt::format("{}, option q '{}'", c.file, name);
+  std::vector<std::string> known;
+  int found = -1;
+  for (int j = 0; j < m.njnt; ++j) {
+    if (c.joint_names[j] == name) found = j;
+    const bool scalar = m.jnt_type[j] == mjJNT_HINGE || m.jnt_type[j] == mjJNT_SLIDE;
+    if (scalar && c.joint[j].mechanism >= 0) known.push_back(c.joint_names[j]);
+  }
+  if (found < 0) {
+    return Fail(ErrorCode::kUsage, where,
+                fmt::format("no mechanism has a joint of that name{}", Suggestion(name, known)));
+  }
+  const int type = m.jnt_type[found];
+  if (type == mjJNT_FREE || c.joint[found].mechanism < 0) {
+    return Fail(
+        ErrorCode::kUsage, where,
+        "the joint moves freely and has no single coordinate; the pose of a base is set by --base-pose");
+  }
+  if (type == mjJNT_BALL)
+    return Fail(ErrorCode::kUsage, where,
+                "a ball joint has no single coordinate; set it by a keyframe of the file");
+  const int dof = m.jnt_dofadr[found];
+  const char* unit = type == mjJNT_SLIDE ? "m" : "rad";
+  if (!std::isfinite(value))
+    return Fail(ErrorCode::kUsage, where, "the value is not finite; write a finite number");
+  const double q0 = c.Reference(dof);
+  const FreedomDef& freedom = c.FreedomOf(dof);
+  Asked asked{name, c.Freedom(dof), c.MechanismOf(dof), value - q0};
+  constexpr double kRounding = 1e-9;  // rad or m; limits are written with that many digits
+  if (asked.displacement < freedom.lower - kRounding || asked.displacement > freedom.upper + kRounding) {
+    c.Note(ImportNote::Kind::kChosen, fmt::format("option q '{}'", name),
+           fmt::format("it starts at {:.4g} {}, outside its limits {:.4g} to {:.4g} {}, which push it back",
+                       value, unit, freedom.lower + q0, freedom.upper + q0, unit));
+  }
+  return asked;
+}
+
+// Closes loops and couplings with the asked coordinates held. It walks there in small steps, so that the
+// linkage stays on the branch on which it starts.
+std::optional<Error> MoveLoops(const Conversion& c, const MechanismDef& definition,
+                               const std::vector<Asked>& asked, VectorX& q) {
+  auto built = BuildMechanism(definition);
+  if (!built) return built.error();
+  CloseLoops(*built, q);
+  MechanismDef held = definition;
+  VectorX from(static_cast<Eigen::Index>(asked.size()));
+  double farthest = 0;
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < asked.size(); ++i) {
+    CouplingDef lock;
+    lock.name = fmt::format("q {}", asked[i].joint);
+    lock.a = asked[i].freedom;
+    held.couplings.push_back(lock);
+    from[static_cast<Eigen::Index>(i)] = q[CoordinateOf(definition, asked[i].freedom)];
+    farthest = std::max(farthest, std::abs(asked[i].displacement - from[static_cast<Eigen::Index>(i)]));
+    names.push_back(asked[i].joint);
+  }
+  constexpr double kStep = 0.1;  // rad or m
+  constexpr int kMostSteps = 100;
+  const int steps = std::clamp(static_cast<int>(std::ceil(std::min(farthest / kStep, 1e6))), 1, kMostSteps);
+  const std::size_t first = held.couplings.size() - asked.size();
+  double gap = 0;
+  for (int step = 1; step <= steps; ++step) {
+    for (std::size_t i = 0; i < asked.size(); ++i) {
+      const double start = from[static_cast<Eigen::Index>(i)], share = static_cast<double>(step) / steps;
+      double* polynomial = held.couplings[first + i].polynomial;
+      std::fill(polynomial, polynomial + 5, 0.0);
+      polynomial[0] = step == steps ? asked[i].displacement : start + share * (asked[i].displacement - start);
+    }
+    auto locked = BuildMechanism(held);
+    if (!locked) return locked.error();
+    gap = CloseLoops(*locked, q);
+  }
+  // The bound of every simulator here: a loop that cannot be closed to a micrometre is no loop of rigid
+  // parts.
+  if (gap <= 1e-6) return std::nullopt;
+  return Error{
+      ErrorCode::kUsage, fmt::format("{}, option q", c.file),
+      fmt::format("the loops and couplings of mechanism '{}' stay open by {:.2g} m with {} where {} asked; "
+                  "ask fewer joints, so that the others can follow, or smaller values",
+                  definition.name, gap, Quoted(names), names.size() == 1 ? "it is" : "they are")};
+}
+
+std::optional<Error> SetCoordinates(Conversion& c, const std::map<std::string, double>& coordinates) {
+  std::vector<std::vector<Asked>> asked(c.scene.mechanisms.size());
+  for (const auto& [name, value] : coordinates) {
+    auto one = FindAsked(c, name, value);
+    if (!one) return one.error();
+    asked[one->mechanism].push_back(std::move(*one));
+  }
+  KeyframeDef start = PresentStart(c);
+  for (std::size_t i = 0; i < asked.size(); ++i) {
+    if (asked[i].empty()) continue;
+    const MechanismDef& mechanism = c.scene.mechanisms[i];
+    VectorX& q = start.mechanisms[i].q;
+    if (!mechanism.closures.empty() || !mechanism.couplings.empty()) {
+      if (auto error = MoveLoops(c, mechanism, asked[i], q)) return error;
+    }
+    for (const Asked& one : asked[i]) q[CoordinateOf(mechanism, one.freedom)] = one.displacement;
+  }
+  start.name = "start";
+  const auto taken = [&] {
+    return std::any_of(c.scene.keyframes.begin(), c.scene.keyframes.end(),
+                       [&](const KeyframeDef& key) { return key.name == start.name; });
+  };
+  while (taken()) start.name += '_';
+  c.initial_keyframe = static_cast<int>(c.scene.keyframes.size());
+  c.scene.keyframes.push_back(std::move(start));
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& options) {
+  if (options.base_pose) {
+    if (auto error = PlaceBase(c, *options.base_pose)) return error;
+  }
+  if (options.joint_coordinates.empty()) return std::nullopt;
+  return SetCoordinates(c, options.joint_coordinates);
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,118 @@
+// Links with parts of their inertia or size missing: said by name, with what was taken, or refused.
+#include "helpers.hpp"
+#include "mesh_writers.hpp"
+#include "urdf_text.hpp"
+
+namespace fork1s::testing_importer {
+namespace {
+
+using Kind = ImportNote::Kind;
+
+constexpr const char* kOnlyMass = R"(<inertial><origin xyz=".01 0 0"/><mass value="2"/></inertial>)";
+constexpr const char* kZeros = R"(<inertial><mass value="2"/>
+  <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>)";
+
+const BodyDef& BodyA(const ImportedScene& loaded) { return loaded.scene.mechanisms[0].bodies[1]; }
+
+TEST(ImportUrdfInertia, MassAloneTakesTheInertiaOfTheShape) {
+  const std::string box = Part("collision", R"(<box size=".1 .2 .3"/>)");
+  for (const char* inertial : {kOnlyMass, kZeros}) {
+    const ImportedScene loaded = MustLoad(Arm(inertial + box));
+    EXPECT_TRUE(HasNote(loaded.report, Kind::kChosen, "link 'a': mass without rotational inertia"));
+    EXPECT_TRUE(HasNote(loaded.report, Kind::kChosen, "solid box of the same mass"));
+    // m (b² + c²) / 12; written with 17 digits and back, so rounding alone.
+    const Vector3 moments = 2.0 / 12 * Vector3(.04 + .09, .01 + .09, .01 + .04);
+    EXPECT_LT((BodyA(loaded).inertia.rotational - Matrix3(moments.asDiagonal())).norm(), 1e-12);
+    EXPECT_EQ(BodyA(loaded).inertia.mass, 2);
+  }
+  // The shape may be one to look at, or a mesh, which counts as the box around it.
+  const ImportedScene ball = MustLoad(Arm(kOnlyMass + Part("visual", R"(<sphere radius=".5"/>)")));
+  EXPECT_LT((BodyA(ball).inertia.rotational - .4 * 2 * .25 * Matrix3::Identity()).norm(), 1e-12);
+  WriteFile("part.dae", Dae(CornerTetrahedron(.1, .2, .3)));
+  const auto mesh = LoadMechanism(WriteFile("arm.urdf", Arm(kOnlyMass + MeshPart("collision", "part.dae"))));
+  ASSERT_TRUE(mesh) << mesh.error().Text();
+  EXPECT_TRUE(HasNote(mesh->report, Kind::kChosen, "solid box around its mesh"));
+  const Vector3 moments = 2.0 / 12 * Vector3(.04 + .09, .01 + .09, .01 + .04);
+  // Vertices pass through floats.
+  EXPECT_LT((BodyA(*mesh).inertia.rotational - Matrix3(moments.asDiagonal())).norm(), 1e-7);
+}
+
+TEST(ImportUrdfInertia, MassWithoutShapeIsAPoint) {
+  const ImportedScene loaded = MustLoad(Arm(kZeros));
+  EXPECT_TRUE(HasNote(loaded.report, Kind::kChosen, "link 'a': mass without rotational inertia"));
+  EXPECT_TRUE(HasNote(loaded.report, Kind::kChosen, "the mass is a point"));
+  EXPECT_EQ(BodyA(loaded).inertia.rotational, Matrix3::Zero());
+}
+
+TEST(ImportUrdfInertia, NothingAtAllIsSaid) {
+  const ImportedScene shaped = MustLoad(Arm(Part("collision", R"(<box size=".1 .1 .1"/>)")));
+  EXPECT_TRUE(
+      HasNote(shaped.report, Kind::kChosen, "link 'a': no <inertial>: taken from the collision shapes"));
+  EXPECT_NEAR(BodyA(shaped).inertia.mass, 1, 1e-12);  // a litre of water
+  // What is only drawn weighs nothing.
+  const ImportedScene drawn = MustLoad(
+      Arm(Part("collision", R"(<box size=".1 .1 .1"/>)") + Part("visual", R"(<box size="1 1 1"/>)")));
+  EXPECT_NEAR(BodyA(drawn).inertia.mass, 1, 1e-12);
+  const ImportedScene bare = MustLoad(Arm(""));
+  EXPECT_TRUE(HasNote(bare.report, Kind::kChosen, "link 'a': no <inertial>: the link weighs nothing"));
+  EXPECT_EQ(BodyA(bare).inertia.mass, 0);
+  const ImportedScene weightless = MustLoad(Arm("<inertial/>"));
+  EXPECT_TRUE(HasNote(weightless.report, Kind::kDropped, "link 'a': inertia with zero mass"));
+}
+
+TEST(ImportUrdfInertia, WordsAreNoNumbers) {
+  const auto mass = [](const std::string& value) {
+    return Arm("<inertial><mass value=\"" + value + "\"/></inertial>");
+  };
+  const Error xacro = MustFail(mass("${m}"));
+  EXPECT_EQ(xacro.code, ErrorCode::kModel);
+  EXPECT_CONTAINS(xacro.where, "line 4");
+  EXPECT_CONTAINS(xacro.message, "link 'a' has <mass value=\"${m}\">");
+  EXPECT_CONTAINS(xacro.message, "run xacro");
+  EXPECT_CONTAINS(MustFail(mass("2 kg")).message, "is no number");
+  EXPECT_CONTAINS(MustFail(mass("")).message, "is no number");
+  EXPECT_CONTAINS(MustFail(Arm(R"(<inertial><mass value="1"/><inertia ixx="x"/></inertial>)")).message,
+                  "ixx");
+}
+
+struct Sized {
+  const char* geometry;
+  const char* says;
+  bool refused;  // as a collision shape; one that has no extent at all is left out
+};
+
+TEST(ImportUrdfInertia, SizesOfZero) {
+  const Sized cases[] = {
+      {R"(<box size="0 0 0"/>)", "a box of size zero", false},
+      {R"(<sphere radius="0"/>)", "a sphere of size zero", false},
+      {R"(<cylinder radius="0" length="0"/>)", "a cylinder of size zero", false},
+      {R"(<box size=".1 .1 0"/>)", "a box with one size zero", true},
+      {R"(<cylinder radius=".1" length="0"/>)", "a cylinder with one size zero", true},
+      {R"(<box size=".1 -.1 .1"/>)", "negative size", true},
+      {R"(<box size=".1 .1"/>)", "without its size of three numbers", true},
+      {R"(<sphere/>)", "without its radius", true},
+      {R"(<cylinder radius=".1"/>)", "without its radius and length", true},
+      {R"(<capsule length=".1" radius="0"/>)", "a capsule with one size zero", true},
+  };
+  for (const Sized& one : cases) {
+    SCOPED_TRACE(one.geometry);
+    const std::string collision = Arm(kInertial + Part("collision", one.geometry));
+    if (one.refused) {
+      const Error error = MustFail(collision);
+      EXPECT_EQ(error.code, ErrorCode::kModel);
+      EXPECT_CONTAINS(error.where, "line 5");
+      EXPECT_CONTAINS(error.message, "link 'a'");
+      EXPECT_CONTAINS(error.message, one.says);
+    } else {
+      const ImportedScene loaded = MustLoad(collision);
+      EXPECT_TRUE(HasNote(loaded.report, Kind::kDropped, std::string("link 'a': ") + one.says));
+      EXPECT_TRUE(BodyA(loaded).geometries.empty());
+    }
+    const ImportedScene drawn = MustLoad(Arm(kInertial + Part("visual", one.geometry)));
+    EXPECT_TRUE(HasNote(drawn.report, Kind::kDropped, "link 'a'"));
+    EXPECT_TRUE(BodyA(drawn).geometries.empty());
+  }
+}
+
+}  // namespace
+}  // namespace fork1s::testing_importer
