@@ -30,6 +30,7 @@ struct Measured {
   int contacts_max = 0, unconverged = 0, fallbacks = 0, refreshes = 0, failed_refreshes = 0;
   double energy_first = 0, energy_last = 0, energy_increase = 0;
   double gap_max = 0, penetration_max = 0;
+  int steps_at_bound = 0, most_at_bound = 0;  // servos and motors that gave all they can
   bool contacts_dropped = false;
   std::int64_t failed_step = -1;
   LoadFactor load_min;  // of what was still there at the next look
@@ -107,6 +108,8 @@ Measured Simulate(Simulation& simulation, const RunArguments& args, const Contro
     out.fallbacks += report.solver.fallback ? 1 : 0;
     out.refreshes += report.refreshes;
     out.failed_refreshes += report.failed_refreshes;
+    out.steps_at_bound += report.forces_at_bound > 0 ? 1 : 0;
+    out.most_at_bound = std::max(out.most_at_bound, report.forces_at_bound);
     out.contacts_dropped |= report.contacts_dropped;
     WatchHolds(simulation, out);
     out.penetration_max = std::max(out.penetration_max, report.max_penetration);
@@ -167,6 +170,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   out["hold_use_max"] = m.held && std::isfinite(m.hold_use_max) ? Json(m.hold_use_max) : Json(nullptr);
   out["unconverged_steps"] = m.unconverged;
   out["refreshes"] = m.refreshes;
+  out["servos_at_limit"] = {{"steps", m.steps_at_bound}, {"most", m.most_at_bound}};
   Json warnings = Json::array();
   for (const std::string& w : simulation.warnings()) warnings.push_back(w);
   if (m.contacts_dropped) warnings.push_back("the collision detector ran out of room and dropped contacts");
@@ -210,6 +214,9 @@ void Print(const Json& d) {
              e["first"].get<double>(), e["last"].get<double>(), e["max_increase"].get<double>());
   fmt::print("  joint gap       {:.3g} mm at most\n", 1e3 * number("joint_gap_max_m"));
   fmt::print("  refreshes       {}\n", d["refreshes"].get<int>());
+  if (const Json& servos = d["servos_at_limit"]; servos["steps"].get<int>() > 0)
+    fmt::print("  servos          {} at most at the limit of their force, in {} steps\n", servos["most"].get<int>(),
+               servos["steps"].get<int>());
   for (const Json& s : d["detail"])
     if (s["refused"].is_null() && s["time_s"].get<double>() > 0)
       fmt::print("  detail          {} from {:.4g} s on, changed in {:.2f} ms\n",

@@ -12,14 +12,15 @@
 namespace fork1s {
 namespace {
 
-/// As in MJCF: the higher priority decides, else the larger coefficient; a pair is frictionless when all who
-/// decide are.
-double PairFriction(const internal::CollisionGeom& a, const internal::CollisionGeom& b) {
-  if (a.priority != b.priority) {
-    const internal::CollisionGeom& decides = a.priority > b.priority ? a : b;
-    return decides.frictionless ? 0 : decides.friction;
-  }
-  return a.frictionless && b.frictionless ? 0 : std::max(a.friction, b.friction);
+/// As in MJCF: the higher priority decides, else the larger coefficient and the more moments; a pair is
+/// frictionless when all who decide are.
+void SetFriction(const internal::CollisionGeom& a, const internal::CollisionGeom& b, ContactPoint& out) {
+  const internal::CollisionGeom& first = b.priority > a.priority ? b : a;
+  const internal::CollisionGeom& second = a.priority > b.priority ? a : b;
+  if (!first.frictionless || !second.frictionless) out.friction = std::max(first.friction, second.friction);
+  const int moments = std::max(first.moments, second.moments);
+  if (moments > 0) out.torsion = std::max(first.torsion, second.torsion);
+  if (moments > 1) out.rolling = std::max(first.rolling, second.rolling);
 }
 
 void WritePose(mjtNum* xpos, mjtNum* xmat, int id, const RigidTransform& X) {
@@ -169,7 +170,7 @@ bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
     out.point = Eigen::Map<const Vector3>(in.pos);
     out.frame = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(in.frame);
     out.gap = in.dist;
-    out.friction = PairFriction(a, b);
+    SetFriction(a, b, out);
   }
   return d->warning[mjWARN_CONTACTFULL].number == warnings;
 }

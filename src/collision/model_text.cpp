@@ -186,11 +186,16 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
       geom.friction = def.friction;
       geom.priority = def.priority;
       geom.frictionless = def.frictionless;
+      geom.torsion = def.torsion;
+      geom.rolling = def.rolling;
+      geom.moments = def.frictionless ? 0 : def.moments;
       ShapeWriter writer{model, geom, body.moves, ""};
       const std::string shape = std::visit(writer, def.shape);
       if (!def.X_BG.IsFinite()) writer.problem = "its pose is not finite";
       if (!(def.friction >= 0 && std::isfinite(def.friction)))
         writer.problem = "friction must not be negative";
+      if (!(def.torsion >= 0 && def.rolling >= 0 && std::isfinite(def.torsion + def.rolling)))
+        writer.problem = "torsional and rolling friction must not be negative";
       if (!writer.problem.empty()) {
         return Fail(ErrorCode::kModel, Place(body, static_cast<int>(g)), writer.problem);
       }

@@ -29,6 +29,8 @@ struct CollisionGeom {
   double friction = 0;
   int priority = 0;
   bool frictionless = false;
+  double torsion = 0, rolling = 0;
+  int moments = 0;
 };
 
 struct ModelText {

@@ -193,6 +193,54 @@ bool RowSet::PrepareContact(const std::vector<VelocityBlock>& blocks, const Cont
   return true;
 }
 
+bool RowSet::PrepareMoments(const std::vector<VelocityBlock>& blocks, const ContactConstraint& in,
+                            int contact) {
+  if (!(in.torsion > 0) && !(in.rolling > 0)) return FiniteSum(in.torsion + in.rolling);
+  if (!FiniteSum(in.torsion + in.rolling + in.moment.sum())) return false;
+  for (int axis = 0; axis < 3; ++axis) {
+    MomentRow row;
+    row.radius = axis == 0 ? in.torsion : in.rolling;
+    if (!(row.radius > 0)) continue;
+    row.contact = contact;
+    row.axis = axis;
+    row.port_a = in.port_a;
+    row.port_b = in.port_b;
+    row.J_a = in.J_a.block<1, 3>(axis, 3).transpose();
+    row.J_b = in.J_b.block<1, 3>(axis, 3).transpose();
+    double own = 0, natural = 0;
+    const int port[2] = {in.port_a, in.port_b};
+    const Vector3* J[2] = {&row.J_a, &row.J_b};
+    for (int side = 0; side < 2; ++side) {
+      if (port[side] < 0) continue;
+      const int index = BlockOf(blocks, port[side], 6);
+      const VelocityBlock& block = blocks[static_cast<std::size_t>(index)];
+      const bool shared = side == 1 && port[0] >= 0 && BlockOf(blocks, port[0], 6) == index;
+      ResponsePart& part = row.part[shared ? 0 : side];
+      if (!shared) part = {block.offset, block.size, Padded(block.size), Allocate(Padded(block.size), 1)};
+      const ConstW W = OperatorOf(block);
+      const int local = port[side] - block.offset;
+      Eigen::Map<VectorX> K(storage.data() + part.data, block.size);
+      for (int k = 0; k < 3; ++k) K += (*J[side])[k] * W.col(local + k);
+      natural += W.diagonal().segment<3>(local).sum();
+    }
+    for (int side = 0; side < 2; ++side) {
+      if (port[side] < 0) continue;
+      const ResponsePart& part =
+          row.part[side == 1 && port[0] >= 0 && row.part[1].stride == 0 ? 0 : side];
+      const double* K = storage.data() + part.data + (port[side] - part.offset);
+      for (int k = 0; k < 3; ++k) own += (*J[side])[k] * K[k];
+    }
+    if (!FiniteSum(own + natural)) return false;
+    if (own > kImmovable * natural) {
+      row.live = contacts[static_cast<std::size_t>(contact)].live;
+      row.inverse = 1 / own;
+      row.impulse = row.Bounded(in.moment[axis], in.impulse[0]);
+    }
+    moments.push_back(row);
+  }
+  return true;
+}
+
 bool RowSet::PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in,
                           LimitRow& row) {
   row = LimitRow{};
@@ -227,6 +275,7 @@ bool RowSet::Prepare(const std::vector<VelocityBlock>& blocks,
                      const Eigen::Ref<const VectorX>& velocities) {
   contacts.resize(contact_list.size());
   limits.resize(limit_list.size());
+  moments.clear();
   storage.clear();
   momentum = speed = 0;
   start.assign(static_cast<std::size_t>(velocities.size()) + 4, 0.0);
@@ -241,6 +290,9 @@ bool RowSet::Prepare(const std::vector<VelocityBlock>& blocks,
   for (std::size_t i = 0; i < contact_list.size(); ++i) {
     if (!PrepareContact(blocks, contact_list[i], contacts[i])) finite = false;
   }
+  for (std::size_t i = 0; i < contact_list.size(); ++i) {
+    if (!PrepareMoments(blocks, contact_list[i], static_cast<int>(i))) finite = false;
+  }
   for (std::size_t i = 0; i < limit_list.size(); ++i) {
     if (!PrepareLimit(blocks, limit_list[i], limits[i])) finite = false;
   }
@@ -252,6 +304,9 @@ void RowSet::ResetVelocity() {
   for (const ContactRow& row : contacts) {
     if (row.live) AddResponse(row, row.impulse);
   }
+  for (const MomentRow& row : moments) {
+    if (row.live) AddResponse(row, row.impulse);
+  }
   for (const LimitRow& row : limits) {
     if (row.live) AddResponse(row, row.impulse);
   }
@@ -260,6 +315,7 @@ void RowSet::ResetVelocity() {
 void RowSet::KeepImpulses() {
   kept.clear();
   for (const ContactRow& row : contacts) kept.insert(kept.end(), row.impulse, row.impulse + 3);
+  for (const MomentRow& row : moments) kept.push_back(row.impulse);
   for (const LimitRow& row : limits) kept.push_back(row.impulse);
 }
 
@@ -269,6 +325,7 @@ void RowSet::RestoreImpulses() {
     std::copy_n(from, 3, row.impulse);
     from += 3;
   }
+  for (MomentRow& row : moments) row.impulse = *from++;
   for (LimitRow& row : limits) row.impulse = *from++;
   ResetVelocity();
 }
@@ -301,6 +358,15 @@ double RowSet::Sweep() {
     worst = std::max(worst, change * row.change_weight);
   }
   worst = std::sqrt(worst);
+  for (MomentRow& row : moments) {
+    if (!row.live) continue;
+    const double next = row.Bounded(row.impulse - row.inverse * MomentVelocity(row), NormalImpulse(row));
+    const double delta = next - row.impulse;
+    if (delta == 0) continue;
+    row.impulse = next;
+    AddResponse(row, delta);
+    worst = std::max(worst, std::abs(delta) / row.radius);
+  }
   for (LimitRow& row : limits) {
     if (!row.live) continue;
     const double next = row.Bounded(row.impulse - row.inverse * LimitVelocity(row));
@@ -334,6 +400,12 @@ double RowSet::Residual() const {
     }
     const double e0 = row.impulse[0] - n, e1 = row.impulse[1] - t1, e2 = row.impulse[2] - t2;
     note(std::sqrt(e0 * e0 + e1 * e1 + e2 * e2), row.scale);
+  }
+  // A moment counts as the force that makes it at its radius.
+  for (const MomentRow& row : moments) {
+    if (!row.live) continue;
+    const double next = row.Bounded(row.impulse - row.inverse * MomentVelocity(row), NormalImpulse(row));
+    note(std::abs(row.impulse - next) / row.radius, row.inverse / (row.radius * row.radius));
   }
   for (const LimitRow& row : limits) {
     if (!row.live) continue;

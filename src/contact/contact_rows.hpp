@@ -35,6 +35,22 @@ struct ContactRow {
   bool live = false;         // false: nothing here can move, so no impulse can help
 };
 
+/// Moment of a contact about one axis: u = J_a ω_a + J_b ω_b, |impulse| <= radius times the normal impulse.
+struct MomentRow {
+  int contact = 0, axis = 0;  // 0 normal, 1 and 2 tangents, as given
+  int port_a = -1, port_b = -1;
+  Vector3 J_a = Vector3::Zero(), J_b = Vector3::Zero();
+  ResponsePart part[2];
+  double radius = 0, impulse = 0;
+  double inverse = 0;  // 1 / (J W Jᵀ)
+  bool live = false;
+
+  double Bounded(double value, double normal) const {
+    const double bound = radius * std::max(0.0, normal);
+    return std::min(std::max(value, -bound), bound);
+  }
+};
+
 struct LimitRow {
   int row = 0;
   double sign = 1, bias = 0, impulse = 0, lower = 0, upper = 0;
@@ -47,6 +63,7 @@ struct LimitRow {
 
 struct RowSet {
   std::vector<ContactRow> contacts;
+  std::vector<MomentRow> moments;
   std::vector<LimitRow> limits;
   std::vector<double> storage;   // response columns
   std::vector<int> block_of;     // velocity row -> block
@@ -76,12 +93,18 @@ struct RowSet {
   double LimitVelocity(const LimitRow& row) const {
     return row.sign * velocity[static_cast<std::size_t>(row.row)] + row.bias;
   }
+  double MomentVelocity(const MomentRow& row) const;
+  double NormalImpulse(const MomentRow& row) const {
+    return contacts[static_cast<std::size_t>(row.contact)].impulse[0];
+  }
+  void AddResponse(const MomentRow& row, double delta);
   void AddResponse(const ContactRow& row, const double* delta);
   void AddResponse(const LimitRow& row, double delta);
   double LargestImpulse() const;
 
  private:
   bool PrepareContact(const std::vector<VelocityBlock>& blocks, const ContactConstraint& in, ContactRow& row);
+  bool PrepareMoments(const std::vector<VelocityBlock>& blocks, const ContactConstraint& in, int contact);
   bool PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in, LimitRow& row);
   std::size_t Allocate(int stride, int columns);
   int BlockOf(const std::vector<VelocityBlock>& blocks, int row, int rows) const;
@@ -120,6 +143,23 @@ inline void RowSet::AddResponse(const ContactRow& row, const double* delta) {
       out += Eigen::Map<const Packet>(k + i) * d0 + Eigen::Map<const Packet>(k + n + i) * d1 +
              Eigen::Map<const Packet>(k + 2 * n + i) * d2;
     }
+  }
+}
+
+inline double RowSet::MomentVelocity(const MomentRow& row) const {
+  double u = 0;
+  for (int k = 0; k < 3; ++k) {
+    if (row.port_a >= 0) u += row.J_a[k] * velocity[static_cast<std::size_t>(row.port_a + k)];
+    if (row.port_b >= 0) u += row.J_b[k] * velocity[static_cast<std::size_t>(row.port_b + k)];
+  }
+  return u;
+}
+
+inline void RowSet::AddResponse(const MomentRow& row, double delta) {
+  for (const ResponsePart& part : row.part) {
+    const double* k = storage.data() + part.data;
+    double* v = velocity.data() + part.offset;
+    for (int i = 0; i < part.stride; ++i) v[i] += k[i] * delta;
   }
 }
 

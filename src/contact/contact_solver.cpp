@@ -34,21 +34,24 @@ ContactSolver::~ContactSolver() = default;
 ContactSolver::ContactSolver(ContactSolver&&) noexcept = default;
 ContactSolver& ContactSolver::operator=(ContactSolver&&) noexcept = default;
 
-void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities) {
+void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities, int num_moments) {
   const std::size_t contacts = static_cast<std::size_t>(std::max(0, num_contacts));
   const std::size_t limits = static_cast<std::size_t>(std::max(0, num_limits));
+  const std::size_t moments = static_cast<std::size_t>(std::max(0, num_moments));
   const std::size_t velocities = static_cast<std::size_t>(std::max(0, num_velocities));
   // A contact's response covers at most two blocks, which together are no longer than the velocities.
   const std::size_t longest = velocities + 8;
   internal::RowSet& rows = work_->rows;
   rows.contacts.reserve(contacts);
   rows.limits.reserve(limits);
-  rows.storage.reserve(longest * (3 * contacts + limits));
+  rows.moments.reserve(moments);
+  rows.storage.reserve(longest * (3 * contacts + limits + moments));
   rows.block_of.reserve(velocities);
   rows.start.reserve(velocities + 4);
   rows.velocity.reserve(velocities + 4);
-  rows.kept.reserve(3 * contacts + limits);
-  const int dense = std::min(static_cast<int>(3 * contacts + limits), ContactSolverOptions{}.max_newton_rows);
+  const std::size_t all = 3 * contacts + limits + moments;
+  rows.kept.reserve(all);
+  const int dense = std::min(static_cast<int>(all), ContactSolverOptions{}.max_newton_rows);
   work_->newton.Reserve(dense);
   work_->splitting.Reserve(dense);
 }
@@ -64,7 +67,10 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
   }
   internal::RowSet& rows = work_->rows;
   const auto give_up = [&] {
-    for (ContactConstraint& contact : contacts) contact.impulse.setZero();
+    for (ContactConstraint& contact : contacts) {
+      contact.impulse.setZero();
+      contact.moment.setZero();
+    }
     for (LimitConstraint& limit : limits) limit.impulse = 0;
     report.converged = false;
     return report;
@@ -82,7 +88,7 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
   }
   rows.ResetVelocity();
   report.residual = rows.Residual();
-  const int num_rows = static_cast<int>(3 * contacts.size() + limits.size());
+  const int num_rows = static_cast<int>(3 * contacts.size() + limits.size() + rows.moments.size());
   if (!(report.residual <= options.tolerance) && num_rows <= options.max_newton_rows) {
     report.newton_iterations = work_->newton.Solve(rows, options.tolerance, options.max_newton_iterations);
     report.residual = rows.Residual();
@@ -117,7 +123,10 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
     const internal::ContactRow& row = rows.contacts[i];
     const double* l = row.impulse;
     contacts[i].impulse = Vector3(l[0], row.c * l[1] - row.s * l[2], row.s * l[1] + row.c * l[2]);
+    contacts[i].moment.setZero();
   }
+  for (const internal::MomentRow& row : rows.moments)
+    contacts[static_cast<std::size_t>(row.contact)].moment[row.axis] = row.impulse;
   for (std::size_t i = 0; i < limits.size(); ++i) limits[i].impulse = rows.limits[i].impulse;
   return report;
 }

@@ -71,7 +71,8 @@ void NewtonSolver::Reserve(int num_rows) {
 void NewtonSolver::Assemble(const RowSet& rows) {
   const int contacts = static_cast<int>(rows.contacts.size());
   const int limits = static_cast<int>(rows.limits.size());
-  n_ = 3 * contacts + limits;
+  const int moments = static_cast<int>(rows.moments.size());
+  n_ = 3 * contacts + moments + limits;
   const std::size_t n = static_cast<std::size_t>(n_);
   A_data_.assign(n * n, 0.0);
   G_data_.resize(n * n);
@@ -95,11 +96,23 @@ void NewtonSolver::Assemble(const RowSet& rows) {
         }
       }
     }
+    for (int i = 0; i < moments; ++i) {
+      const MomentRow& row = rows.moments[static_cast<std::size_t>(i)];
+      for (const auto& [port, J] : {std::pair(row.port_a, &row.J_a), std::pair(row.port_b, &row.J_b)}) {
+        if (port < part.offset || port >= part.offset + part.size) continue;
+        for (int c = 0; c < columns; ++c) {
+          const Eigen::Map<const Vector3> k(data + c * part.stride + (port - part.offset));
+          A_data_[static_cast<std::size_t>(column + c) * n + static_cast<std::size_t>(3 * contacts + i)] +=
+              J->dot(k);
+        }
+      }
+    }
     for (int i = 0; i < limits; ++i) {
       const LimitRow& row = rows.limits[static_cast<std::size_t>(i)];
       if (row.row < part.offset || row.row >= part.offset + part.size) continue;
       for (int c = 0; c < columns; ++c) {
-        A_data_[static_cast<std::size_t>(column + c) * n + static_cast<std::size_t>(3 * contacts + i)] +=
+        A_data_[static_cast<std::size_t>(column + c) * n +
+                static_cast<std::size_t>(3 * contacts + moments + i)] +=
             row.sign * data[c * part.stride + (row.row - part.offset)];
       }
     }
@@ -109,9 +122,14 @@ void NewtonSolver::Assemble(const RowSet& rows) {
     if (!row.live) continue;
     for (const ResponsePart& part : row.part) add(3 * j, 3, part);
   }
+  for (int j = 0; j < moments; ++j) {
+    const MomentRow& row = rows.moments[static_cast<std::size_t>(j)];
+    if (!row.live) continue;
+    for (const ResponsePart& part : row.part) add(3 * contacts + j, 1, part);
+  }
   for (int j = 0; j < limits; ++j) {
     if (rows.limits[static_cast<std::size_t>(j)].live) {
-      add(3 * contacts + j, 1, rows.limits[static_cast<std::size_t>(j)].part);
+      add(3 * contacts + moments + j, 1, rows.limits[static_cast<std::size_t>(j)].part);
     }
   }
 }
@@ -119,6 +137,7 @@ void NewtonSolver::Assemble(const RowSet& rows) {
 void NewtonSolver::ReadImpulses(const RowSet& rows) {
   double* x = x_.data();
   for (const ContactRow& row : rows.contacts) x = std::copy_n(row.impulse, 3, x);
+  for (const MomentRow& row : rows.moments) *x++ = row.impulse;
   for (const LimitRow& row : rows.limits) *x++ = row.impulse;
 }
 
@@ -134,6 +153,10 @@ void NewtonSolver::WriteImpulses(const std::vector<double>& from, RowSet& rows) 
       row.impulse[2] = shrink * x[2];
     }
     x += 3;
+  }
+  for (MomentRow& row : rows.moments) {
+    if (row.live) row.impulse = row.Bounded(*x, rows.NormalImpulse(row));
+    ++x;
   }
   for (LimitRow& row : rows.limits) {
     if (row.live) row.impulse = row.Bounded(*x);
@@ -168,6 +191,12 @@ double NewtonSolver::Evaluate(const RowSet& rows, const std::vector<double>& x) 
     F[1] = l[1] - y1;
     F[2] = l[2] - y2;
     merit += F[0] * F[0] + F[1] * F[1] + F[2] * F[2];
+  }
+  for (const MomentRow& row : rows.moments) {
+    const double normal = x[static_cast<std::size_t>(3 * row.contact)];
+    F_[i] = row.live ? (x[i] - row.Bounded(x[i] - row.inverse * u_[i], normal)) / row.radius : 0;
+    merit += F_[i] * F_[i];
+    ++i;
   }
   for (const LimitRow& row : rows.limits) {
     F_[i] = row.live ? x[i] - row.Bounded(x[i] - row.inverse * u_[i]) : 0;
@@ -217,6 +246,18 @@ bool NewtonSolver::ComputeStep(const RowSet& rows) {
     G(at + 2, at + 1) -= p12;
     G(at + 2, at + 2) += 1 - p22;
   }
+  for (const MomentRow& row : rows.moments) {
+    const int at = i++;
+    const double x = x_[static_cast<std::size_t>(at)], normal = x_[static_cast<std::size_t>(3 * row.contact)];
+    const double projected = x - row.inverse * u_[static_cast<std::size_t>(at)];
+    if (row.live && row.Bounded(projected, normal) == projected) {
+      G.row(at) = row.inverse / row.radius * A.row(at);
+      G(at, at) += regularisation_;
+      continue;
+    }
+    G(at, at) = 1 / row.radius;
+    if (row.live && normal > 0) G(at, 3 * row.contact) = projected > 0 ? -1 : 1;
+  }
   for (const LimitRow& row : rows.limits) {
     const int at = i++;
     const double x = x_[static_cast<std::size_t>(at)], u = u_[static_cast<std::size_t>(at)];
@@ -246,6 +287,7 @@ int NewtonSolver::Solve(RowSet& rows, double enough, int max_iterations) {
       rows.ContactVelocity(row, u);
       b = std::copy_n(u, 3, b);
     }
+    for (const MomentRow& row : rows.moments) *b++ = rows.MomentVelocity(row);
     for (const LimitRow& row : rows.limits) *b++ = rows.LimitVelocity(row);
     std::swap(rows.velocity, rows.start);
   }

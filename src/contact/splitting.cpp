@@ -44,6 +44,11 @@ void SplittingSolver::Scale(const RowSet& rows, const std::vector<double>& A, co
       if (row.live) x_[i] = row.impulse[k] / d_[i];
     }
   }
+  for (const MomentRow& row : rows.moments) {
+    d_[i] = row.live ? std::sqrt(row.inverse) : 0;
+    if (row.live) x_[i] = row.impulse / d_[i];
+    ++i;
+  }
   for (const LimitRow& row : rows.limits) {
     d_[i] = row.live ? std::sqrt(row.inverse) : 0;
     if (row.live) x_[i] = row.impulse / d_[i];
@@ -56,6 +61,7 @@ void SplittingSolver::Scale(const RowSet& rows, const std::vector<double>& A, co
 }
 
 void SplittingSolver::Project(const RowSet& rows, const double* x, double* y) const {
+  const double* const first = y;
   for (const ContactRow& row : rows.contacts) {
     const double mu = row.law.friction, n = x[0], t = std::hypot(x[1], x[2]);
     double shrink = 1;
@@ -70,6 +76,12 @@ void SplittingSolver::Project(const RowSet& rows, const double* x, double* y) co
     y[2] = shrink * x[2];
     x += 3;
     y += 3;
+  }
+  for (const MomentRow& row : rows.moments) {
+    const double d = std::sqrt(row.inverse);
+    const auto at = static_cast<std::size_t>(3 * row.contact);
+    *y++ = row.live ? row.Bounded(d * *x, d_[at] * first[at]) / d : 0;
+    ++x;
   }
   for (const LimitRow& row : rows.limits) {
     const double d = std::sqrt(row.inverse);  // impulses here are scaled by 1 / d
@@ -104,6 +116,7 @@ int SplittingSolver::SolveSafely(RowSet& rows, const std::vector<double>& A, con
     g_[i] -= d_[i] * std::min(0.0, row.bias[0]);
     i += 3;
   }
+  i += rows.moments.size();
   for (const LimitRow& row : rows.limits) {
     g_[i] -= d_[i] * std::min(0.0, row.bias);
     ++i;
@@ -172,6 +185,10 @@ int SplittingSolver::Iterate(RowSet& rows, bool associated, double enough, int m
   for (ContactRow& row : rows.contacts)
     for (int k = 0; k < 3; ++k, ++i)
       if (row.live) row.impulse[k] = std::isfinite(y_[i]) ? d_[i] * y_[i] : 0;
+  for (MomentRow& row : rows.moments) {
+    if (row.live) row.impulse = std::isfinite(y_[i]) ? d_[i] * y_[i] : 0;
+    ++i;
+  }
   for (LimitRow& row : rows.limits) {
     if (row.live) row.impulse = std::isfinite(y_[i]) ? d_[i] * y_[i] : 0;
     ++i;

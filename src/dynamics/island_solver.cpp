@@ -44,12 +44,13 @@ void Sort(int items, Islands& islands, int Islands::value_type::*first, int Isla
 
 }  // namespace
 
-void IslandSolver::Reserve(int num_contacts, int num_limits, int num_blocks, int num_velocities) {
+void IslandSolver::Reserve(int num_contacts, int num_limits, int num_blocks, int num_velocities,
+                           int num_moments) {
   const auto contacts = static_cast<std::size_t>(num_contacts), limits = static_cast<std::size_t>(num_limits),
              blocks = static_cast<std::size_t>(num_blocks);
   if (benches_.empty()) benches_.emplace_back();
   Bench& bench = benches_.front();
-  bench.solver.Reserve(num_contacts, num_limits, num_velocities);
+  bench.solver.Reserve(num_contacts, num_limits, num_velocities, num_moments);
   bench.blocks.reserve(blocks);
   bench.contacts.reserve(contacts);
   bench.limits.reserve(limits);
@@ -162,9 +163,12 @@ void IslandSolver::SolveIsland(const Island& island, const std::vector<VelocityB
   Merge(bench.solver.Solve(bench.blocks, bench.contacts, bench.limits, bench.velocities.head(size), options),
         bench.report);
   each_block([&](int from, int to, int n) { velocities.segment(from, n) = bench.velocities.segment(to, n); });
-  for (int k = 0; k < island.num_contacts; ++k)
-    contacts[static_cast<std::size_t>(contact_order_[static_cast<std::size_t>(island.contacts + k)])]
-        .impulse = bench.contacts[static_cast<std::size_t>(k)].impulse;
+  for (int k = 0; k < island.num_contacts; ++k) {
+    ContactConstraint& c =
+        contacts[static_cast<std::size_t>(contact_order_[static_cast<std::size_t>(island.contacts + k)])];
+    c.impulse = bench.contacts[static_cast<std::size_t>(k)].impulse;
+    c.moment = bench.contacts[static_cast<std::size_t>(k)].moment;
+  }
   for (int k = 0; k < island.num_limits; ++k)
     limits[static_cast<std::size_t>(limit_order_[static_cast<std::size_t>(island.limits + k)])].impulse =
         bench.limits[static_cast<std::size_t>(k)].impulse;

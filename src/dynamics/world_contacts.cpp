@@ -263,6 +263,8 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
     ContactConstraint& c = constraints_[i];
     c = ContactConstraint{};
     c.friction = p.friction;
+    c.torsion = p.torsion;
+    c.rolling = p.rolling;
     c.bias(0) = bias(p.gap);
     const Contactor& a = contactors_[static_cast<std::size_t>(p.body_a)];
     const Contactor& b = contactors_[static_cast<std::size_t>(p.body_b)];
@@ -281,6 +283,7 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
     const auto k = static_cast<std::size_t>(match_[i]);
     const ContactRecord& before = previous_[k];
     c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
+    c.moment = p.frame * (before.point.frame.transpose() * before.moment);
     // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's. On the
     // normal it lets a ball roll in a bowl, on the tangents it keeps an object where a turning hand holds it.
     if (options.contact_curvature && curvature_valid_ && !reference_moved(a) && !reference_moved(b) &&
@@ -339,8 +342,8 @@ void World::Detail::ApplyImpulses() {
     for (const Contactor* side : {&a, &b})
       if (side->kind == Contactor::Kind::kGroup && !own)
         mechanism_blocks_[static_cast<std::size_t>(side->index)].pushed_from_outside = true;
-    if (c.port_a >= 0) add(c.port_a, points_[i].body_a, c.J_a.transpose() * c.impulse);
-    if (c.port_b >= 0) add(c.port_b, points_[i].body_b, c.J_b.transpose() * c.impulse);
+    if (c.port_a >= 0) add(c.port_a, points_[i].body_a, c.ImpulseOn(c.J_a));
+    if (c.port_b >= 0) add(c.port_b, points_[i].body_b, c.ImpulseOn(c.J_b));
   }
   std::size_t next = 0;
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
@@ -375,6 +378,7 @@ void World::Detail::KeepForNextStep(StepReport& report) {
     contacts_[i].point = points_[i];
     contacts_[i].impulse = c.impulse;
     contacts_[i].friction = c.friction;
+    contacts_[i].moment = c.moment;
     Vector3 speed = Vector3::Zero();
     if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
     if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);

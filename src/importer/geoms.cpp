@@ -88,7 +88,6 @@ void ConvertGeoms(Conversion& c) {
   const mjModel& m = c.m;
   Shapes shapes(m);
   const bool contacts_off = m.opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT);
-  std::vector<std::string> torsional;
   for (int g = 0; g < m.ngeom; ++g) {
     std::optional<Shape> shape = shapes.Of(g);
     const std::string name = NameOr(m, m.name_geomadr[g], "geom", g);
@@ -106,9 +105,11 @@ void ConvertGeoms(Conversion& c) {
     geometry.contype = contacts_off ? 0 : m.geom_contype[g];
     geometry.conaffinity = contacts_off ? 0 : m.geom_conaffinity[g];
     geometry.frictionless = m.geom_condim[g] == 1;
+    geometry.torsion = m.geom_friction[3 * g + 1];
+    geometry.rolling = m.geom_friction[3 * g + 2];
+    geometry.moments = m.geom_condim[g] >= 6 ? 2 : m.geom_condim[g] >= 4 ? 1 : 0;
     geometry.rgba = Colour(m, g);
     geometry.group = m.geom_group[g];
-    if (m.geom_condim[g] > 3 && geometry.Collides()) torsional.push_back(name);
 
     const int b = m.geom_bodyid[g];
     const BodyPlace& place = c.body[b];
@@ -124,7 +125,6 @@ void ConvertGeoms(Conversion& c) {
       c.scene.world.push_back(std::move(geometry));
     }
   }
-  c.DroppedMany("torsional or rolling friction", torsional, "contacts have sliding friction only");
   if (contacts_off)
     c.Note(ImportNote::Kind::kChanged, "option",
            "contact is switched off or left to explicit pairs, so no shape touches");

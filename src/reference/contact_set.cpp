@@ -100,6 +100,8 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     const ContactPoint& p = points_[i];
     ContactConstraint& c = constraints_[i];
     c.friction = p.friction;
+    c.torsion = p.torsion;
+    c.rolling = p.rolling;
     c.bias(0) = bias(p.gap);
     Vector3 speed = Vector3::Zero();
     auto side = [&](int body, double sign, int& port, Matrix36& J) {
@@ -118,6 +120,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     side(p.body_b, 1, c.port_b, c.J_b);
     if (const Past* past = FindPast(p)) {
       c.impulse = p.frame * (past->point.frame.transpose() * past->impulse);
+      c.moment = p.frame * (past->point.frame.transpose() * past->moment);
       // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's.
       if (options.contact_curvature && past->impulse(0) > 0)
         c.bias += 0.5 * (speed - p.frame * past->speed_W);
@@ -157,7 +160,10 @@ void ContactSet::Open(const Mechanisms& mechanisms, const Bodies& free_bodies, d
 }
 
 void ContactSet::ForgetImpulses() {
-  for (ContactConstraint& c : constraints_) c.impulse.setZero();
+  for (ContactConstraint& c : constraints_) {
+    c.impulse.setZero();
+    c.moment.setZero();
+  }
   for (LimitConstraint& limit : limits_) limit.impulse = 0;
 }
 
@@ -222,8 +228,8 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
   report = solver_.Solve(velocity_blocks, constraints_, limits_, velocities_, options);
   VectorX impulses = VectorX::Zero(velocities_.size());
   for (const ContactConstraint& c : constraints_) {
-    if (c.port_a >= 0) impulses.segment<6>(c.port_a) += c.J_a.transpose() * c.impulse;
-    if (c.port_b >= 0) impulses.segment<6>(c.port_b) += c.J_b.transpose() * c.impulse;
+    if (c.port_a >= 0) impulses.segment<6>(c.port_a) += c.ImpulseOn(c.J_a);
+    if (c.port_b >= 0) impulses.segment<6>(c.port_b) += c.ImpulseOn(c.J_b);
   }
   for (const LimitConstraint& limit : limits_) impulses(limit.row) += limit.sign * limit.impulse;
   for (std::size_t i = 0; i < mechanisms.size(); ++i)
@@ -257,7 +263,7 @@ Matrix6X ContactSet::OnBodies(std::size_t i, const FullMechanism& mechanism) con
       if (contactor.kind != FullContactor::Kind::kMechanism || static_cast<std::size_t>(contactor.index) != i)
         return;
       const Matrix3 R_T = mechanism.NextPose(contactor.body).rotation().transpose();
-      const Vector6 F = J.transpose() * c.impulse;
+      const Vector6 F = c.ImpulseOn(J);
       out.col(contactor.body).head<3>() += R_T * F.head<3>();
       out.col(contactor.body).tail<3>() += R_T * F.tail<3>();
     };
@@ -275,7 +281,7 @@ void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact
     Vector3 speed = Vector3::Zero();
     if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
     if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);
-    past_.push_back({points_[i], c.impulse, points_[i].frame.transpose() * speed});
+    past_.push_back({points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed});
     FullContact& out = contacts.emplace_back();
     out.point = points_[i];
     out.point.body_a = contactors_[static_cast<std::size_t>(points_[i].body_a)].scene_body;

@@ -71,7 +71,7 @@ class ContactSet {
   };
   struct Past {
     ContactPoint point;
-    Vector3 impulse = Vector3::Zero();
+    Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
     Vector3 speed_W = Vector3::Zero();  // relative, after the solve, world axes
   };
   void LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h);

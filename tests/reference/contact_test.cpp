@@ -131,5 +131,30 @@ TEST(Limits, HoldAJoint) {
   EXPECT_NEAR(s.Rates(0)(0), 0, 1e-6);
 }
 
+// Torsional friction by the full equations, as in the reduced simulator: ω falls by torsion m g h/I a step.
+TEST(Moments, ASpinSlowsAtTheRateOfItsTorsionalFriction) {
+  Scene scene = BallOnPlane(kRadius, 0, 1);
+  scene.world[0].torsion = 0;
+  scene.free_bodies[0].geometries[0].torsion = 0.004;
+  scene.free_bodies[0].geometries[0].moments = 1;
+  for (const bool free : {true, false}) {
+    Scene one = free ? scene : AsMechanism(scene);
+    KeyframeDef key;
+    if (free)
+      key.free_bodies.push_back({scene.free_bodies[0].X_WB, Vector3(0, 0, 30), Vector3::Zero()});
+    else
+      key.mechanisms.push_back({VectorX(), VectorX(), scene.free_bodies[0].X_WB,
+                                (Vector6() << 0, 0, 30, 0, 0, 0).finished(), VectorX()});
+    one.keyframes = {key};
+    FullSimulationOptions options;
+    options.initial_keyframe = 0;
+    auto s = FullSimulation::Create(one, options);
+    ASSERT_TRUE(s) << s.error().Text();
+    for (int i = 0; i < 30; ++i) s->Step();
+    const double rate = 0.004 * kGravity / (0.4 * kRadius * kRadius);
+    EXPECT_NEAR(s->Velocity(0)(2), 30 - rate * 30 * s->dt(), 1e-6 * 30) << free;
+  }
+}
+
 }  // namespace
 }  // namespace fork1s::reference_test

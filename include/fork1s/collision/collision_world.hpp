@@ -28,6 +28,7 @@ struct ContactPoint {
   Matrix3 frame = Matrix3::Identity();  // rows: normal from a to b, tangent 1, tangent 2
   double gap = 0;                       // m, negative in penetration
   double friction = 0;  // of the higher priority, else the larger; 0 if all who decide are frictionless
+  double torsion = 0, rolling = 0;  // m, likewise; 0 where the pair bears no such moment
 };
 
 struct CollisionOptions {

@@ -5,6 +5,8 @@
 //     v⁺ = v* + W Jᵀ λ
 // Contact c couples up to two six-vector ports. With u = Σ J v⁺ + bias (normal first, then two tangents):
 //     0 ≤ λ_n ⊥ u_n ≥ 0,   |λ_t| ≤ µ λ_n,   λ_t opposes u_t where it slides
+// Where a contact bears moments m too (torsional friction about the normal, rolling friction about the tangents), each
+// stays within its radius times λ_n and opposes the relative turning about its axis where that turns.
 // Limits are single rows on one stacked velocity whose impulse has bounds: a joint limit only pushes, dry
 // friction pushes either way up to its force.
 #pragma once
@@ -34,6 +36,16 @@ struct ContactConstraint {
   Vector3 bias = Vector3::Zero();     // m/s, added to u
   double friction = 0;                // µ
   Vector3 impulse = Vector3::Zero();  // in: warm start; out: solution [N·s]
+  double torsion = 0;                 // m: |moment about the normal| <= torsion λ_n
+  double rolling = 0;                 // m: the same about either tangent
+  Vector3 moment = Vector3::Zero();   // about normal and tangents; in: warm start; out: solution [N·m·s]
+
+  /// Impulse on the port whose rows are J: the linear part of the rows are the axes.
+  Vector6 ImpulseOn(const Matrix36& J) const {
+    Vector6 p = J.transpose() * impulse;
+    if (torsion > 0 || rolling > 0) p.head<3>() += J.rightCols<3>().transpose() * moment;
+    return p;
+  }
 };
 
 /// One row u = sign · v[row] + bias with an impulse λ along sign: u = 0 where λ is within its bounds, u ≥ 0
@@ -72,7 +84,8 @@ class ContactSolver {
   ContactSolver& operator=(ContactSolver&&) noexcept;
 
   /// Reserves scratch so that solves up to this size do not allocate.
-  void Reserve(int num_contacts, int num_limits, int num_velocities);
+  /// `num_moments`: 1 a contact with torsional friction, 3 with rolling friction too.
+  void Reserve(int num_contacts, int num_limits, int num_velocities, int num_moments = 0);
 
   /// Solves for the impulses. In: `velocities` = v*, blocks covering every port and limit row, warm starts in
   /// the constraints. Out: impulses in the constraints, `velocities` = v⁺. A contact that nothing can move

@@ -31,6 +31,7 @@ struct ContactRecord {
   ContactPoint point;
   Vector3 impulse = Vector3::Zero();  // normal, tangents [N·s], in the frame of the point, on body b
   double friction = 0;
+  Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
 };
 
 struct StepReport {

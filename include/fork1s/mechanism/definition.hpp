@@ -23,6 +23,9 @@ struct GeometryDef {
   int contype = 1;  // two shapes may touch if (contype1 & conaffinity2) | (contype2 & conaffinity1)
   int conaffinity = 1;
   bool frictionless = false;  // MJCF condim = 1
+  double torsion = 0.005;   // m: moment about the normal that a contact bears, as a share of the normal force
+  double rolling = 0.0001;  // m: the same about the tangents
+  int moments = 0;          // 0: contacts bear none, 1: torsion, 2: rolling too (condim 3, 4, 6); a pair takes the more
   Vector4 rgba = Vector4(0.6, 0.6, 0.6, 1);
   int group = 0;  // for drawing only
 
