@@ -29,19 +29,24 @@ constexpr int kHalvings = 6;                  // of MuJoCo's step, from 1/60 s
 constexpr LeggedRobot kRobots[] = {LeggedRobot::kHexapod, LeggedRobot::kAnymal, LeggedRobot::kCassie,
                                    LeggedRobot::kDigit};
 
+// What MuJoCo does with one integrator; none: was not run, or did not stand.
+struct MuJoCoColumns {
+  std::optional<double> us, times;     // a step at the largest step that stands: median; times real time
+  std::optional<double> dt, stiff_dt;  // s, the largest step that stands, and with 100 times the gains
+  std::optional<double> feet_um, fine_feet_um;
+};
+
 struct Row {
   LeggedRobot robot = LeggedRobot::kHexapod;
   LeggedGround ground = LeggedGround::kFlat;
   int bodies = 0, reduced = 0, full = 0, mujoco = 0;  // the last three: velocities that a step solves for
   double reduced_us = 0, full_us = 0;                 // a step: median, mean
   double reduced_times = 0, full_times = 0;           // real time
-  std::optional<double> mujoco_us, mujoco_times;
+  MuJoCoColumns euler, discrete;
   double feet_um = 0, feet_default_um = 0, feet_stiff_um = 0;
   double gap_um = 0, lean_deg = 0;
   int unconverged = 0;
   double rms_mm = 0, max_mm = 0, half_rms_mm = 0, half_max_mm = 0;
-  std::optional<double> mujoco_dt, mujoco_stiff_dt, mujoco_feet_um,
-      mujoco_fine_feet_um;  // none: was not run, or did not stand
   bool has_mujoco = false;
 };
 
@@ -63,10 +68,11 @@ Expected<StandMeasurement> Run(const LeggedScene& legged, const SimulationOption
 
 // The first of 1/60 s and its halves with which it stands.
 Expected<std::optional<std::pair<double, MuJoCoStand>>> FirstStanding(const LeggedScene& legged,
-                                                                      const std::string& file) {
+                                                                      const std::string& file,
+                                                                      bool discrete) {
   for (int k = 0; k <= kHalvings; ++k) {
     const double dt = 1.0 / 60 / (1 << k);
-    auto stand = StandInMuJoCo(legged, file, dt, kSettling, kTime);
+    auto stand = StandInMuJoCo(legged, file, discrete, dt, kSettling, kTime);
     if (!stand) return tl::unexpected(stand.error());
     if (stand->stood) return std::optional(std::pair(dt, *stand));
   }
@@ -133,42 +139,53 @@ Expected<Row> Measure(LeggedRobot robot, LeggedOptions options) {
           ? options.scenes + (options.ground == LeggedGround::kFlat ? "/hexapod.xml" : "/hexapod_terrain.xml")
           : ModelFile(robot, options.models);
   row.has_mujoco = true;
-  auto stand = FirstStanding(*legged, file);
-  if (!stand) return tl::unexpected(stand.error());
-  if (*stand) {
-    row.mujoco_dt = (*stand)->first;
-    row.mujoco = (*stand)->second.coordinates;
-    row.mujoco_us = (*stand)->second.step_us;
-    row.mujoco_times = (*stand)->second.real_time_factor;
-    row.mujoco_feet_um = 1e6 * (*stand)->second.foot_motion;
+  for (const bool discrete : {false, true}) {
+    MuJoCoColumns& out = discrete ? row.discrete : row.euler;
+    auto stand = FirstStanding(*legged, file, discrete);
+    if (!stand) return tl::unexpected(stand.error());
+    if (*stand) {
+      out.dt = (*stand)->first;
+      row.mujoco = (*stand)->second.coordinates;
+      out.us = (*stand)->second.step_us;
+      out.times = (*stand)->second.real_time_factor;
+      out.feet_um = 1e6 * (*stand)->second.foot_motion;
+    }
+    auto fine = StandInMuJoCo(*legged, file, discrete, kFine, kSettling, kTime);
+    if (!fine) return tl::unexpected(fine.error());
+    if (fine->stood) out.fine_feet_um = 1e6 * fine->foot_motion;
+    if (stand = FirstStanding(*stiff, file, discrete); !stand) return tl::unexpected(stand.error());
+    if (*stand) out.stiff_dt = (*stand)->first;
   }
-  auto fine = StandInMuJoCo(*legged, file, kFine, kSettling, kTime);
-  if (!fine) return tl::unexpected(fine.error());
-  if (fine->stood) row.mujoco_fine_feet_um = 1e6 * fine->foot_motion;
-  if (stand = FirstStanding(*stiff, file); !stand) return tl::unexpected(stand.error());
-  if (*stand) row.mujoco_stiff_dt = (*stand)->first;
   return row;
 }
 
 std::string CsvHead() {
-  return "machine,ground,bodies,reduced_coordinates,full_coordinates,mujoco_coordinates,reduced_step_us,"
-         "full_step_us,mujoco_step_us,reduced_real_time_factor,full_real_time_factor,mujoco_real_time_factor,"
-         "feet_um,feet_x100_um,feet_default_tolerance_um,mujoco_feet_um,mujoco_feet_960_Hz_um,lean_deg,"
-         "joint_gap_um,unconverged,rms_mm,max_mm,full_half_step_rms_mm,full_half_step_max_mm,"
-         "mujoco_largest_dt_s,mujoco_largest_dt_x100_s\n";
+  std::string out =
+      "machine,ground,bodies,reduced_coordinates,full_coordinates,mujoco_coordinates,reduced_step_us,"
+      "full_step_us,reduced_real_time_factor,full_real_time_factor,feet_um,feet_x100_um,"
+      "feet_default_tolerance_um,lean_deg,joint_gap_um,unconverged,rms_mm,max_mm,full_half_step_rms_mm,"
+      "full_half_step_max_mm";
+  for (const char* name : {"mujoco_euler", "mujoco_discrete"})
+    out += fmt::format(
+        ",{0}_step_us,{0}_real_time_factor,{0}_largest_dt_s,{0}_largest_dt_x100_s,{0}_feet_um,"
+        "{0}_feet_960_Hz_um",
+        name);
+  return out + "\n";
 }
 
 std::string Csv(const Row& r) {
   auto text = [](const std::optional<double>& x) { return x ? fmt::format("{:.4g}", *x) : std::string(); };
-  return fmt::format("{},{},{},{},{},{},", Name(r.robot), Name(r.ground), r.bodies, r.reduced, r.full,
-                     r.mujoco > 0 ? fmt::format("{}", r.mujoco) : "") +
-         fmt::format("{:.4g},{:.4g},{},{:.4g},{:.4g},{},", r.reduced_us, r.full_us, text(r.mujoco_us),
-                     r.reduced_times, r.full_times, text(r.mujoco_times)) +
-         fmt::format("{:.3g},{:.3g},{:.3g},{},{},{:.3g},{:.3g},{},", r.feet_um, r.feet_stiff_um,
-                     r.feet_default_um, text(r.mujoco_feet_um), text(r.mujoco_fine_feet_um), r.lean_deg,
-                     r.gap_um, r.unconverged) +
-         fmt::format("{:.3g},{:.3g},{:.3g},{:.3g},{},{}\n", r.rms_mm, r.max_mm, r.half_rms_mm, r.half_max_mm,
-                     text(r.mujoco_dt), text(r.mujoco_stiff_dt));
+  std::string out =
+      fmt::format("{},{},{},{},{},{},", Name(r.robot), Name(r.ground), r.bodies, r.reduced, r.full,
+                  r.mujoco > 0 ? fmt::format("{}", r.mujoco) : "") +
+      fmt::format("{:.4g},{:.4g},{:.4g},{:.4g},", r.reduced_us, r.full_us, r.reduced_times, r.full_times) +
+      fmt::format("{:.3g},{:.3g},{:.3g},{:.3g},{:.3g},{},", r.feet_um, r.feet_stiff_um, r.feet_default_um,
+                  r.lean_deg, r.gap_um, r.unconverged) +
+      fmt::format("{:.3g},{:.3g},{:.3g},{:.3g}", r.rms_mm, r.max_mm, r.half_rms_mm, r.half_max_mm);
+  for (const MuJoCoColumns* m : {&r.euler, &r.discrete})
+    for (const auto& x : {m->us, m->times, m->dt, m->stiff_dt, m->feet_um, m->fine_feet_um})
+      out += "," + text(x);
+  return out + "\n";
 }
 
 std::string StepText(const Row& r, const std::optional<double>& dt) {
@@ -182,32 +199,36 @@ std::string Micrometres(const std::optional<double>& x) {
 
 std::string Markdown(const std::vector<Row>& rows) {
   std::string out =
-      "| machine, ground | bodies | coordinates: reduced, full, MuJoCo | us a step: reduced, full, MuJoCo | "
-      "times real time: reduced, full, MuJoCo | largest step that stands [s]: reduced, MuJoCo | the same, "
-      "gains x 100 |\n|---|---|---|---|---|---|---|\n";
+      "| machine, ground | bodies | coordinates: reduced, full, MuJoCo | us a step: reduced, full, MuJoCo "
+      "Euler, discrete | times real time: reduced, full, MuJoCo Euler, discrete | largest step that stands "
+      "[s]: reduced, MuJoCo Euler, discrete | the same, gains x 100 |\n|---|---|---|---|---|---|---|\n";
+  const auto text = [](const std::optional<double>& x, int places) {
+    return x ? fmt::format("{:.{}f}", *x, places) : std::string("-");
+  };
   for (const Row& r : rows) {
     const std::string nv = r.mujoco > 0 ? fmt::format("{}", r.mujoco) : "-";
-    const std::string us = r.mujoco_us ? fmt::format("{:.1f}", *r.mujoco_us) : "-";
-    const std::string times = r.mujoco_times ? fmt::format("{:.0f}", *r.mujoco_times) : "-";
-    out += fmt::format("| {}, {} | {} | {}, {}, {} | {:.1f}, {:.0f}, {} | {:.0f}, {:.1f}, {} |",
+    out += fmt::format("| {}, {} | {} | {}, {}, {} | {:.1f}, {:.0f}, {}, {} | {:.0f}, {:.1f}, {}, {} |",
                        Name(r.robot), Name(r.ground), r.bodies, r.reduced, r.full, nv, r.reduced_us,
-                       r.full_us, us, r.reduced_times, r.full_times, times);
-    out += fmt::format(" 1/60, {} | 1/60, {} |\n", StepText(r, r.mujoco_dt), StepText(r, r.mujoco_stiff_dt));
+                       r.full_us, text(r.euler.us, 1), text(r.discrete.us, 1), r.reduced_times, r.full_times,
+                       text(r.euler.times, 0), text(r.discrete.times, 0));
+    out +=
+        fmt::format(" 1/60, {}, {} | 1/60, {}, {} |\n", StepText(r, r.euler.dt), StepText(r, r.discrete.dt),
+                    StepText(r, r.euler.stiff_dt), StepText(r, r.discrete.stiff_dt));
   }
   out +=
       "\n| machine, ground | feet in 60 s at most [um]: own gains, x 100 | own gains, default tolerance | "
-      "MuJoCo, "
-      "own gains: largest step, 1/960 s | trunk from upright [degrees] | joint gap [um] | steps not "
-      "converged | "
-      "reduced from full in 2 s, RMS and max [mm] | full from its own half step, RMS and max [mm] |\n"
-      "|---|---|---|---|---|---|---|---|---|\n";
+      "MuJoCo Euler, own gains: largest step, 1/960 s | MuJoCo discrete: the same | trunk from upright "
+      "[degrees] | joint gap [um] | steps not converged | reduced from full in 2 s, RMS and max [mm] | full "
+      "from its own half step, RMS and max [mm] |\n"
+      "|---|---|---|---|---|---|---|---|---|---|\n";
   for (const Row& r : rows)
     out += fmt::format(
-        "| {}, {} | {:.2f}, {:.2f} | {:.2f} | {}, {} | {:.2f} | {:.1g} | {} | {:.2g}, {:.2g} | {:.2g}, "
-        "{:.2g} |\n",
+        "| {}, {} | {:.2f}, {:.2f} | {:.2f} | {}, {} | {}, {} | {:.2f} | {:.1g} | {} | {:.2g}, {:.2g} | "
+        "{:.2g}, {:.2g} |\n",
         Name(r.robot), Name(r.ground), r.feet_um, r.feet_stiff_um, r.feet_default_um,
-        Micrometres(r.mujoco_feet_um), Micrometres(r.mujoco_fine_feet_um), r.lean_deg, r.gap_um,
-        r.unconverged, r.rms_mm, r.max_mm, r.half_rms_mm, r.half_max_mm);
+        Micrometres(r.euler.feet_um), Micrometres(r.euler.fine_feet_um), Micrometres(r.discrete.feet_um),
+        Micrometres(r.discrete.fine_feet_um), r.lean_deg, r.gap_um, r.unconverged, r.rms_mm, r.max_mm,
+        r.half_rms_mm, r.half_max_mm);
   return out;
 }
 

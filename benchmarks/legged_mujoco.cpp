@@ -131,8 +131,8 @@ RigidTransform PoseOf(const mjModel* model, const mjData* data, const std::strin
 
 }  // namespace
 
-Expected<MuJoCoStand> StandInMuJoCo(const LeggedScene& legged, const std::string& model_file, double dt,
-                                    double settling, double time) {
+Expected<MuJoCoStand> StandInMuJoCo(const LeggedScene& legged, const std::string& model_file, bool discrete,
+                                    double dt, double settling, double time) {
   const Scene& scene = legged.imported.scene;
   const bool own = legged.imported.initial_keyframe < 0;  // the file has its ground, and starts as it is
   std::string path = model_file;
@@ -147,6 +147,7 @@ Expected<MuJoCoStand> StandInMuJoCo(const LeggedScene& legged, const std::string
   if (!loaded) return tl::unexpected(loaded.error());
   mjModel* model = loaded->get();
   model->opt.timestep = dt;
+  model->opt.integrator = discrete ? mjINT_DISCRETE : mjINT_EULER;
   for (const MechanismDef& m : scene.mechanisms) TakeGains(m, model);
   if (!own) KeepFeet(legged, model);
   const std::unique_ptr<mjData, Deleter> holder(mj_makeData(model));

@@ -10,7 +10,8 @@ struct MuJoCoStand {
   double foot_motion = 0;  // m, as StandMeasurement has it
 };
 
-/// Steps of `dt` [s] with MuJoCo's default integrator. Errors: kModel where MuJoCo refuses the file.
+/// Steps of `dt` [s] with MuJoCo's default integrator, Euler, or with `discrete`. Errors: kModel where MuJoCo
+/// refuses the file.
 fork1s::Expected<MuJoCoStand> StandInMuJoCo(const fork1s::examples::LeggedScene& legged,
-                                            const std::string& model_file, double dt, double settling,
-                                            double time);
+                                            const std::string& model_file, bool discrete, double dt,
+                                            double settling, double time);

@@ -1,10 +1,11 @@
-// The steps whose instructions tools/step_instructions.sh counts under valgrind: ours, and mj_step on the same file
-// at the same time step.
+// The steps whose instructions tools/step_instructions.sh counts under valgrind: ours, and mj_step on the
+// same file at the same time step.
 //
-//     build/release/benchmarks/step_instructions MODEL [CONTROLS.csv|- [SECONDS]]
+//     build/release/benchmarks/step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete]]]
 //
-// Before each of its steps MuJoCo gets our joint positions, base and free-body poses and controls, so that both see
-// the same contacts. Prints the number of steps and how many contacts each saw in the mean.
+// MuJoCo integrates as the file says, or with `discrete`.
+// Before each of its steps MuJoCo gets our joint positions, base and free-body poses and controls, so that
+// both see the same contacts. Prints the number of steps and how many contacts each saw in the mean.
 #include <fmt/format.h>
 #include <mujoco/mujoco.h>
 #include <oneapi/tbb/global_control.h>
@@ -52,6 +53,7 @@ int Walk(int argc, char** argv) {
                                                  mj_deleteModel);
   if (!m) return Refuse(error);
   m->opt.timestep = kTimeStep;
+  if (argc > 4 && std::string(argv[4]) == "discrete") m->opt.integrator = mjINT_DISCRETE;
   std::unique_ptr<mjData, void (*)(mjData*)> d(mj_makeData(m.get()), mj_deleteData);
   const MuJoCoCopier copier(*simulation, m.get());
 
@@ -73,7 +75,7 @@ int Walk(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   if (argc < 2) {
-    fmt::print(stderr, "usage: step_instructions MODEL [CONTROLS.csv|- [SECONDS]]\n");
+    fmt::print(stderr, "usage: step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete]]]\n");
     return 2;
   }
   return Walk(argc, argv);

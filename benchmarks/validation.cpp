@@ -130,7 +130,8 @@ bool WriteOracle(const std::string& folder, std::string& page) {
   page +=
       "\nMechanisms whose numbers were computed apart from this program, twice each. Reduced, full and "
       "MuJoCo\n"
-      "(2.2.2) are deviations from the oracle: the largest, as a share of the largest number compared. "
+      "(" FORK1S_MUJOCO_VERSION
+      ") are deviations from the oracle: the largest, as a share of the largest number compared. "
       "Statics\n"
       "are poses of the full mechanism at rest under dead loads, compared as a share of the motion. The "
       "reduced\n"

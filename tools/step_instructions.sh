@@ -3,25 +3,27 @@
 # of 1/60 s, over the first second. Counted by valgrind, so the same program gives the same number on any machine,
 # however busy, of the same instruction set.
 #
-#     tools/step_instructions.sh [--build FOLDER] [--csv FILE] SCENE...
+#     tools/step_instructions.sh [--build FOLDER] [--csv FILE] [--discrete] SCENE...
 #
 # A SCENE is a name in scenes/ or a path to a model; a table of controls beside it, SCENE.csv, drives it.
+# --discrete: MuJoCo integrates so, and not as the file says.
 # --build names another build folder (build/release unless told), to compare two of them.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
 
-build=$root/build/release csv="" scenes=()
+build=$root/build/release csv="" integrator="" scenes=()
 while [ $# -gt 0 ]; do
   case "$1" in
     --build) build=$2 && shift ;;
     --csv) csv=$2 && shift ;;
+    --discrete) integrator=discrete ;;
     -*) scenes=() && break ;;
     *) scenes+=("$1") ;;
   esac
   shift
 done
 if [ ${#scenes[@]} -eq 0 ]; then
-  sed -n '2,9s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,10s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
 if ! command -v valgrind >/dev/null; then
@@ -57,7 +59,7 @@ for scene in "${scenes[@]}"; do
   [ -f "$controls" ] || controls=-
   # Only what runs within the two functions is collected.
   valgrind --tool=callgrind --callgrind-out-file="$work/profile" --toggle-collect='fork1s::World::Step(*' \
-    --toggle-collect=mj_step "$program" "$model" "$controls" >"$work/out" 2>"$work/log" || {
+    --toggle-collect=mj_step "$program" "$model" "$controls" 1 $integrator >"$work/out" 2>"$work/log" || {
     cat "$work/out" "$work/log" >&2
     exit 1
   }

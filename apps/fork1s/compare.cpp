@@ -35,6 +35,15 @@ Json ComparisonJson(const EnergyDrift& e) {
   return {{"first", e.first_J}, {"last", e.last_J}, {"max_increase", e.max_rise_J}};
 }
 
+Json PairsJson(const std::vector<ContactPair>& pairs, bool recorded) {
+  Json out = Json::array();
+  for (const ContactPair& p : pairs) {
+    out.push_back({{"bodies", {p.body_a, p.body_b}}});
+    if (recorded) out.back()["touched"] = p.touched;
+  }
+  return out;
+}
+
 Json ComparisonJson(const Comparison& c) {
   Json out;
   out["against"] = c.other;
@@ -43,6 +52,9 @@ Json ComparisonJson(const Comparison& c) {
   out["other_dt_s"] = c.other_dt_s;
   out["interface"] = ComparisonJson(c.interface);
   out["free_bodies"] = ComparisonJson(c.free_bodies);
+  if (c.other == "mujoco")
+    out["contact_pairs"] = {{"mujoco_only", PairsJson(c.pairs_only_other, true)},
+                            {"reduced_only", PairsJson(c.pairs_only_reduced, false)}};
   out["force_rms_N"] = c.force_rms_N;
   out["force_max_N"] = c.force_max_N;
   out["force_rms_percent"] = c.force_rms_percent;
@@ -81,6 +93,7 @@ void PrintFrequencies(const char* label, const std::vector<double>& hertz) {
 void Print(const Comparison& c) {
   fmt::print("reduced against {}: {:.4g} s at steps of {:.6g} s", c.other, c.time_s, c.dt_s);
   if (c.other_dt_s != c.dt_s) fmt::print(", {} at {:.6g} s", c.other, c.other_dt_s);
+  for (const std::string& line : PairLines(c)) fmt::print("\n  {}", line);
   fmt::print("\n  {:<24} {:>10} {:>10} {:>10} {:>10}\n", "", "RMS mm", "max mm", "RMS deg", "max deg");
   for (const auto* list : {&c.interface, &c.free_bodies})
     for (const BodyDifference& b : *list)

@@ -215,8 +215,8 @@ void Print(const Json& d) {
   fmt::print("  joint gap       {:.3g} mm at most\n", 1e3 * number("joint_gap_max_m"));
   fmt::print("  refreshes       {}\n", d["refreshes"].get<int>());
   if (const Json& servos = d["servos_at_limit"]; servos["steps"].get<int>() > 0)
-    fmt::print("  servos          {} at most at the limit of their force, in {} steps\n", servos["most"].get<int>(),
-               servos["steps"].get<int>());
+    fmt::print("  servos          {} at most at the limit of their force, in {} steps\n",
+               servos["most"].get<int>(), servos["steps"].get<int>());
   for (const Json& s : d["detail"])
     if (s["refused"].is_null() && s["time_s"].get<double>() > 0)
       fmt::print("  detail          {} from {:.4g} s on, changed in {:.2f} ms\n",

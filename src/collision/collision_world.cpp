@@ -175,4 +175,25 @@ bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
   return d->warning[mjWARN_CONTACTFULL].number == warnings;
 }
 
+std::vector<std::pair<int, int>> CollisionWorld::PairsThatMayTouch() const {
+  const Detail& detail = *detail_;
+  const mjModel* m = detail.model.get();
+  std::vector<std::pair<int, int>> pairs;
+  const auto add = [&](int geom_a, int geom_b) {
+    const int a = detail.geoms[static_cast<std::size_t>(geom_a)].body,
+              b = detail.geoms[static_cast<std::size_t>(geom_b)].body;
+    const bool moves = detail.moves[static_cast<std::size_t>(a)] || detail.moves[static_cast<std::size_t>(b)];
+    if (a != b && moves && !detail.IsExcluded(a, b)) pairs.emplace_back(std::minmax(a, b));
+  };
+  // Either every pair has a name or none has: model_text.cpp.
+  for (int k = 0; k < m->npair; ++k) add(m->pair_geom1[k], m->pair_geom2[k]);
+  for (int g = 0; g < m->ngeom; ++g)
+    for (int h = g + 1; h < m->ngeom; ++h)
+      if ((m->geom_contype[g] & m->geom_conaffinity[h]) || (m->geom_contype[h] & m->geom_conaffinity[g]))
+        add(g, h);
+  std::sort(pairs.begin(), pairs.end());
+  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  return pairs;
+}
+
 }  // namespace fork1s

@@ -225,8 +225,7 @@ bool RowSet::PrepareMoments(const std::vector<VelocityBlock>& blocks, const Cont
     }
     for (int side = 0; side < 2; ++side) {
       if (port[side] < 0) continue;
-      const ResponsePart& part =
-          row.part[side == 1 && port[0] >= 0 && row.part[1].stride == 0 ? 0 : side];
+      const ResponsePart& part = row.part[side == 1 && port[0] >= 0 && row.part[1].stride == 0 ? 0 : side];
       const double* K = storage.data() + part.data + (port[side] - part.offset);
       for (int k = 0; k < 3; ++k) own += (*J[side])[k] * K[k];
     }

@@ -83,6 +83,10 @@ std::vector<FreeBody>& World::free_bodies() { return detail_->free_bodies_; }
 const std::vector<FreeBody>& World::free_bodies() const { return detail_->free_bodies_; }
 const std::vector<ContactRecord>& World::contacts() const { return detail_->contacts_; }
 const std::vector<Contactor>& World::contactors() const { return detail_->contactors_; }
+std::vector<std::pair<int, int>> World::PairsThatMayTouch() const {
+  if (!detail_->collision_) return {};
+  return detail_->collision_->PairsThatMayTouch();
+}
 const RigidTransform& World::PoseAtDetection(int contactor) const {
   return detail_->contactor_pose_[static_cast<std::size_t>(contactor)];
 }

@@ -154,7 +154,29 @@ Expected<void> CheckControls(const ControlTrack& track, const Simulation& simula
                           known.empty() ? "none" : known));
 }
 
+// "a and b, c and world (touched)": those that touched first, ten at most.
+std::string PairList(std::vector<ContactPair> pairs) {
+  constexpr std::size_t kMost = 10;
+  std::stable_sort(pairs.begin(), pairs.end(),
+                   [](const ContactPair& a, const ContactPair& b) { return a.touched > b.touched; });
+  std::string text;
+  for (std::size_t i = 0; i < std::min(kMost, pairs.size()); ++i)
+    text += fmt::format("{}'{}' and '{}'{}", i == 0 ? "" : ", ", pairs[i].body_a, pairs[i].body_b,
+                        pairs[i].touched ? " (they did)" : "");
+  if (pairs.size() > kMost) text += fmt::format(" and {} more pairs", pairs.size() - kMost);
+  return text;
+}
+
 }  // namespace
+
+std::vector<std::string> PairLines(const Comparison& c) {
+  std::vector<std::string> lines;
+  if (!c.pairs_only_other.empty())
+    lines.push_back(fmt::format("may touch in {} alone: {}", c.other, PairList(c.pairs_only_other)));
+  if (!c.pairs_only_reduced.empty())
+    lines.push_back("may touch in the reduced model alone: " + PairList(c.pairs_only_reduced));
+  return lines;
+}
 
 Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions& options) {
   FORK1S_REQUIRE(options.time > 0 && options.refinements >= 0, options.time, options.refinements);
@@ -239,6 +261,8 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   else
     out.warnings.push_back(same.error().Text());
   out.other_dt_s = own->dt;
+  out.pairs_only_other = own->pairs_only_here;
+  out.pairs_only_reduced = own->pairs_only_reduced;
   Summarise(tracked, reduced, other, *own, *own, o.interval, out);
   return out;
 }

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/recovery/recover.hpp>
 #include <memory>
 #include <mutex>
 #include <stdexcept>
@@ -9,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "mujoco_handles.hpp"
+#include "mujoco_pairs.hpp"
 #include "runs.hpp"
 
 namespace fork1s::internal {
@@ -47,11 +50,12 @@ void AddImpulses(const mjModel* m, const mjData* d, double h, std::vector<Vector
     mjtNum wrench[6];
     mj_contactForce(m, d, i, wrench);
     const mjContact& c = d->contact[i];
+    if (c.geom[0] < 0 || c.geom[1] < 0) continue;  // a flexible body, which the reduced model has not
     // Rows of the frame: normal from geom 1 to geom 2, tangents; the force acts on geom 2's body.
     const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> frame(c.frame);
     const Vector3 force = frame.transpose() * Vector3(wrench[0], wrench[1], wrench[2]);
-    impulse[static_cast<std::size_t>(m->geom_bodyid[c.geom1])] -= h * force;
-    impulse[static_cast<std::size_t>(m->geom_bodyid[c.geom2])] += h * force;
+    impulse[static_cast<std::size_t>(m->geom_bodyid[c.geom[0]])] -= h * force;
+    impulse[static_cast<std::size_t>(m->geom_bodyid[c.geom[1]])] += h * force;
   }
 }
 
@@ -77,6 +81,56 @@ std::vector<DrivenBase> FindDrivenBases(const mjModel* m, const Simulation& guid
   return bases;
 }
 
+// Loops in MuJoCo's poses, measured as the reduced run's are: bodies by name, the base where it starts if the
+// file has no name for it. MuJoCo's joints are exact, so that what opens is a loop.
+class LoopGaps {
+ public:
+  LoopGaps(const mjModel* m, const Simulation& guide) : guide_(guide) {
+    for (const MechanismDynamics& mechanism : guide.world().mechanisms()) {
+      ids_.emplace_back();
+      const Mechanism& built = mechanism.mechanism();
+      for (int b = 0; b < built.num_bodies(); ++b) {
+        ids_.back().push_back(mj_name2id(m, mjOBJ_BODY, built.body(BodyIndex(b)).name.c_str()));
+        if (b > 0 && ids_.back().back() < 0 && !built.closures().empty())
+          unknown_ = built.body(BodyIndex(b)).name;
+      }
+    }
+  }
+  /// A body without a name in the file that keeps a loop from being measured; empty: none.
+  const std::string& unknown() const { return unknown_; }
+
+  void Measure(const mjData* d, Sample& sample) const {
+    for (std::size_t i = 0; i < ids_.size(); ++i) {
+      const MechanismDynamics& mechanism = guide_.world().mechanisms()[i];
+      if (mechanism.mechanism().closures().empty() || !unknown_.empty()) continue;
+      const RigidTransform X_WR = ids_[i][0] >= 0 ? PoseOf(d, ids_[i][0]) : mechanism.state().X_WR;
+      const RigidTransform X_RW = X_WR.inverse();
+      std::vector<RigidTransform> X_RB{RigidTransform()};
+      for (std::size_t b = 1; b < ids_[i].size(); ++b) X_RB.push_back(X_RW * PoseOf(d, ids_[i][b]));
+      for (const JointGap& gap : MeasureJointGaps(mechanism.mechanism(), X_RB))
+        sample.gap = std::max(sample.gap, gap.gap);
+      sample.loop_turn = std::max(sample.loop_turn, LoopTurn(mechanism.mechanism(), X_RB));
+    }
+  }
+
+ private:
+  const Simulation& guide_;
+  std::vector<std::vector<int>> ids_;  // per mechanism and body
+  std::string unknown_;
+};
+
+// What a user of MuJoCo sets where loops shall stay closed and grasps shall not creep: a time constant of
+// the loops of a tenth of the default, elliptic friction cones, and friction rows ten times as hard as normal
+// ones.
+void Tune(mjModel* m) {
+  for (int e = 0; e < m->neq; ++e) {
+    m->eq_solref[mjNREF * e] = 0.002;  // s
+    m->eq_solref[mjNREF * e + 1] = 1;  // critical damping
+  }
+  m->opt.cone = mjCONE_ELLIPTIC;
+  m->opt.impratio = 10;
+}
+
 Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
                        double timestep, const RunOptions& options) {
   char message[1000] = "";
@@ -98,7 +152,8 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
       m->opt.integrator = mjINT_DISCRETE;
       break;
   }
-  m->opt.enableflags |= mjENBL_ENERGY;
+  if (options.mujoco_tuned) Tune(m);
+  if (options.energy) m->opt.enableflags |= mjENBL_ENERGY;
   const MuJoCoDataPointer data(mj_makeData(m));
   mjData* d = data.get();
   Run run{"mujoco", m->opt.timestep, 0, {}, {}};
@@ -144,6 +199,12 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
                   fmt::format("MuJoCo knows no body '{}'; give the bodies names to compare them", b.name));
   }
 
+  PairDifference pairs(m, *guide);
+  const LoopGaps gaps(m, *guide);
+  if (!gaps.unknown().empty())
+    run.warnings.push_back(fmt::format(
+        "MuJoCo knows no body '{}'; give it a name to learn how far MuJoCo's loops open", gaps.unknown()));
+
   apply(0);
   mj_forward(m, d);
   std::vector<RigidTransform> before(tracked.size());
@@ -156,6 +217,7 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
     }
     std::fill(impulse.begin(), impulse.end(), Vector3::Zero());
     sample.energy = d->energy[0] + d->energy[1];
+    gaps.Measure(d, sample);
     run.samples.push_back(std::move(sample));
     if (options.progress) options.progress();
   };
@@ -173,6 +235,7 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
     mj_step(m, d);
     run.step_s.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
     AddImpulses(m, d, h, impulse);
+    pairs.Observe(d);
     for (int warning : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC})
       if (d->warning[warning].number > 0)
         return Fail(ErrorCode::kNumerics, "MuJoCo",
@@ -186,6 +249,8 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
       measure(std::clamp(1 - (time - at) / h, 0.0, 1.0));
     }
   }
+  run.pairs_only_here = pairs.OnlyMuJoCo();
+  run.pairs_only_reduced = pairs.OnlyReduced();
   return run;
 }
 

@@ -47,6 +47,18 @@ Error NotFinite(const std::string& simulator, double time, double dt) {
 
 }  // namespace
 
+double LoopTurn(const Mechanism& mechanism, const std::vector<RigidTransform>& X_RB) {
+  double largest = 0;
+  for (const ClosureDef& c : mechanism.closures()) {
+    const RigidTransform X_aJ = X_RB[c.body_a.u()] * c.X_AJ, X_bJ = X_RB[c.body_b.u()] * c.X_BJ;
+    Vector3 turn = LogRotation(X_aJ.rotation().transpose() * X_bJ.rotation());
+    for (int i = 0; i < 3; ++i)
+      if (!c.rigid(i)) turn(i) = 0;
+    largest = std::max(largest, turn.norm());
+  }
+  return largest;
+}
+
 Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options) {
   SimulationOptions o;
   o.dt = options.interval / options.substeps;
@@ -72,6 +84,12 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
     for (const TrackedBody& b : tracked) sample.X_WB.push_back(s.Pose(b.index));
     sample.energy = s.Energy();
     sample.gap = s.JointGap();
+    for (const MechanismDynamics& m : s.world().mechanisms()) {
+      std::vector<RigidTransform> X_RB;
+      const RigidTransform X_RW = m.state().X_WR.inverse();
+      for (int b = 0; b < m.mechanism().num_bodies(); ++b) X_RB.push_back(X_RW * m.BodyPose(BodyIndex(b)));
+      sample.loop_turn = std::max(sample.loop_turn, LoopTurn(m.mechanism(), X_RB));
+    }
     run.samples.push_back(std::move(sample));
   };
   options.controls->Apply(0, s);

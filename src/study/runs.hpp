@@ -22,6 +22,7 @@ struct Sample {
   std::vector<Vector3> force;        // contact on it, world axes, mean since the sample before [N]
   double energy = 0;                 // J
   double gap = 0;                    // m
+  double loop_turn = 0;  // rad, largest turn of a loop that should not turn; not of the full model
 };
 
 struct Run {
@@ -32,6 +33,8 @@ struct Run {
   std::vector<std::string> warnings;
   std::vector<double> step_s = {};  // wall time of every step
   int coordinates = 0;              // velocities that the last step solved for
+  // MuJoCo only: bodies that touch in one of the two simulators alone.
+  std::vector<ContactPair> pairs_only_here = {}, pairs_only_reduced = {};
 
   double wall_s() const { return std::accumulate(step_s.begin(), step_s.end(), 0.0); }  // of the steps alone
 };
@@ -47,7 +50,13 @@ struct RunOptions {
       nullptr;                     // of the reduced run; its first entry, if at 0, replaces `recovery`
   std::function<void()> progress;  // called after every sample
   MuJoCoIntegrator mujoco_integrator = MuJoCoIntegrator::kOfFile;
+  bool mujoco_tuned =
+      false;           // stiff loops and friction that creeps less than the file's defaults (mujoco_run.cpp)
+  bool energy = true;  // of MuJoCo, which computes it within its step and so takes a little longer
 };
+
+/// How far [rad] the two sides of a closure are turned against each other where it does not let them.
+double LoopTurn(const Mechanism& mechanism, const std::vector<RigidTransform>& X_RB);
 
 Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options);
 

@@ -107,6 +107,11 @@ std::string Digits(double x) {
   return fmt::format("{:.{}f}", x, places);
 }
 
+std::string NameOf(const std::string& simulator) {
+  if (simulator == "mujoco") return "MuJoCo";
+  return simulator == "mujoco_discrete" ? "MuJoCo discrete" : simulator;
+}
+
 std::string CostText(const SceneRow& row) { return row.step_us > 0 ? Digits(row.step_us) : std::string("-"); }
 
 }  // namespace
@@ -150,7 +155,7 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
   auto truth = internal::RunFull(scene, tracked, o);
   if (!truth) return tl::unexpected(truth.error());
   const Bounds bounds = BoundsOf(*truth);
-  SceneRow reduced = base, full = base, mujoco = base;
+  SceneRow reduced = base, full = base;
 
   reduced.simulator = "reduced";
   auto run = FirstStable(*truth, bounds, [&](int k) {
@@ -176,17 +181,22 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
   if (!finer) return tl::unexpected(finer.error());
   SetDistance(tracked, *truth, *finer, full);
 
-  mujoco.simulator = "mujoco";
-  run = FirstStable(*truth, bounds,
-                    [&](int k) {
-                      return internal::RunMuJoCo(path, scene, tracked, kTableStep / (1 << k), o);
-                    });
-  if (!run) return tl::unexpected(run.error());
-  if (*run) {
-    SetCost(**run, base.time_s, mujoco);
-    SetDistance(tracked, **run, *truth, mujoco);
+  std::vector<SceneRow> rows{reduced, full};
+  for (const bool discrete : {false, true}) {
+    SceneRow mujoco = base;
+    mujoco.simulator = discrete ? "mujoco_discrete" : "mujoco";
+    RunOptions at = o;
+    if (discrete) at.mujoco_integrator = MuJoCoIntegrator::kDiscrete;
+    run = FirstStable(*truth, bounds, [&](int k) {
+      return internal::RunMuJoCo(path, scene, tracked, kTableStep / (1 << k), at);
+    });
+    if (!run) return tl::unexpected(run.error());
+    if (*run) {
+      SetCost(**run, base.time_s, mujoco);
+      SetDistance(tracked, **run, *truth, mujoco);
+    }
+    rows.push_back(std::move(mujoco));
   }
-  std::vector<SceneRow> rows{reduced, full, mujoco};
   for (SceneRow& row : rows) {
     if (reduced.step_us > 0) row.step_ratio = row.step_us / reduced.step_us;
     if (row.real_time_factor > 0) row.cost_ratio = reduced.real_time_factor / row.real_time_factor;
@@ -209,18 +219,26 @@ std::string SceneTableCsv(const std::vector<SceneRow>& rows) {
 
 std::string SceneTableMarkdown(const std::vector<SceneRow>& rows) {
   std::string out =
-      "| scene | bodies | coordinates: reduced, full, MuJoCo | us a step: reduced, full, MuJoCo | "
-      "largest stable step [s]: reduced, full, MuJoCo | stable at 1/60 with 100 x stiffness | "
-      "reduced from full, RMS and max [mm] | time a simulated second, over reduced: full, MuJoCo |\n"
+      "| scene | bodies | coordinates: reduced, full, MuJoCo | us a step: reduced, full, MuJoCo as the file "
+      "has it, discrete | largest stable step [s]: reduced, full, MuJoCo, discrete | stable at 1/60 with 100 "
+      "x "
+      "stiffness | reduced from full, RMS and max [mm] | time a simulated second, over reduced: full, "
+      "MuJoCo, "
+      "discrete |\n"
       "|---|---|---|---|---|---|---|---|\n";
-  for (std::size_t i = 0; i + 2 < rows.size(); i += 3) {
-    const SceneRow &r = rows[i], &f = rows[i + 1], &m = rows[i + 2];
-    out += fmt::format("| [{}]({}.md) | {} | {}, {}, {} | {}, {}, {} | {}, {}, {} | {} | {}, {} | {}, {} |\n",
-                       r.scene, r.scene, r.bodies, r.coordinates, f.coordinates, m.coordinates, CostText(r),
-                       CostText(f), CostText(m), StepText(r.largest_stable_dt_s),
-                       StepText(f.largest_stable_dt_s), StepText(m.largest_stable_dt_s),
-                       r.stable_stiff.value_or(false) ? "yes" : "no", Digits(r.rms_mm), Digits(r.max_mm),
-                       Digits(f.cost_ratio), m.cost_ratio > 0 ? Digits(m.cost_ratio) : "-");
+  const auto ratio = [](const SceneRow& row) {
+    return row.cost_ratio > 0 ? Digits(row.cost_ratio) : std::string("-");
+  };
+  for (std::size_t i = 0; i + 3 < rows.size(); i += 4) {
+    const SceneRow &r = rows[i], &f = rows[i + 1], &m = rows[i + 2], &d = rows[i + 3];
+    out += fmt::format(
+        "| [{}]({}.md) | {} | {}, {}, {} | {}, {}, {}, {} | {}, {}, {}, {} | {} | {}, {} | {}, {}, {} |\n",
+        r.scene, r.scene, r.bodies, r.coordinates, f.coordinates,
+        std::max(m.coordinates, d.coordinates),  // 0 where no step was stable
+        CostText(r), CostText(f), CostText(m), CostText(d), StepText(r.largest_stable_dt_s),
+        StepText(f.largest_stable_dt_s), StepText(m.largest_stable_dt_s), StepText(d.largest_stable_dt_s),
+        r.stable_stiff.value_or(false) ? "yes" : "no", Digits(r.rms_mm), Digits(r.max_mm), ratio(f), ratio(m),
+        ratio(d));
   }
   return out;
 }
@@ -235,8 +253,8 @@ std::string ScenePageMarkdown(const std::vector<SceneRow>& rows) {
     const std::string distance = !survived               ? "-"
                                  : r.simulator == "full" ? "from its own half step: " + measured
                                                          : measured;
-    out += fmt::format("| {} | {} | {} | {} | {} | {} |\n", r.simulator == "mujoco" ? "MuJoCo" : r.simulator,
-                       r.coordinates, StepText(r.largest_stable_dt_s), CostText(r),
+    out += fmt::format("| {} | {} | {} | {} | {} | {} |\n", NameOf(r.simulator), r.coordinates,
+                       StepText(r.largest_stable_dt_s), CostText(r),
                        survived ? Digits(r.real_time_factor) : "-", distance);
   }
   return out;

@@ -33,6 +33,8 @@ TEST(Compare, AgainstMuJoCo) {
   const auto json = o.Json();
   EXPECT_EQ(json["against"], "mujoco");
   EXPECT_EQ(json["other_dt_s"], 0.002);
+  EXPECT_TRUE(json["contact_pairs"]["mujoco_only"].is_array());
+  EXPECT_TRUE(json["contact_pairs"]["reduced_only"].is_array());
   // First-order steps of 1 and 2 ms on a finger that swings by some centimetres.
   EXPECT_LT(json["interface"][0]["max_mm"].get<double>(), 1);
 }

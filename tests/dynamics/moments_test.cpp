@@ -30,7 +30,8 @@ World Begin(const Scene& scene) {
   return testing::MustCreate(scene, options);
 }
 
-// A disc on a point, or a ball: the moment is torsion times the weight until it stands still, and then what it takes.
+// A disc on a point, or a ball: the moment is torsion times the weight until it stands still, and then what
+// it takes.
 TEST(Moments, ASpinSlowsAtTheRateOfItsTorsionalFriction) {
   const double torsion = 0.004, inertia = 0.4 * kBallMass * kBall * kBall;
   const double rate = torsion * kBallMass * kFall / inertia;  // rad/s²
@@ -66,8 +67,8 @@ TEST(Moments, ARollingBallSlowsAtTheRateOfItsRollingFriction) {
   EXPECT_GT(world.free_bodies()[0].pose().translation().x(), 0.9 * speed * speed / (2 * slowing));
 }
 
-// Two balls on one another, the lower one held by the floor: torsion acts between moving bodies too, and keeps the
-// sum of their spins about the common axis when the floor bears none.
+// Two balls on one another, the lower one held by the floor: torsion acts between moving bodies too, and
+// keeps the sum of their spins about the common axis when the floor bears none.
 TEST(Moments, BetweenTwoBodiesTheyKeepTheSpinOfBoth) {
   Scene scene = OnPlane(0.004, 0, 1, Vector3(0, 0, 20), Vector3::Zero());
   scene.world[0].priority = 1;  // decides for its pairs: no moments, and no friction either

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <fork1s/study/compare.hpp>
+#include <fstream>
 #include <stdexcept>
 
 namespace fork1s {
@@ -168,6 +170,69 @@ TEST(CompareMuJoCo, FindsAStepThatMuJoCoSurvives) {
   EXPECT_LT(c.other_dt_s, 1.0 / 100);
   ASSERT_FALSE(c.warnings.empty());
   EXPECT_NE(c.warnings.front().find("that it survives"), std::string::npos) << c.warnings.front();
+  // Its loops are soft constraints, ours are solved to 1e-9 of the men's length.
+  EXPECT_GT(c.gap_max_other_mm, 1e-3);
+  EXPECT_LT(c.gap_max_mm, 1e-5);
+}
+
+std::vector<std::string> Names(const std::vector<ContactPair>& pairs) {
+  std::vector<std::string> names;
+  for (const ContactPair& p : pairs) names.push_back(p.body_a + "+" + p.body_b + (p.touched ? "!" : ""));
+  return names;
+}
+
+// A finger of three bodies of which only the tip is an interface, and a ball that falls on the first.
+Comparison CompareFinger(const std::string& contact) {
+  const std::string rod =
+      "<geom type='capsule' fromto='0 0 0 0.1 0 0' size='0.01'/><joint axis='0 1 0' stiffness='10' "
+      "damping='1'/>";
+  const std::string text =
+      "<mujoco model='finger'><custom><text name='fork1s_interface' data='tip'/></custom><worldbody>"
+      "<geom type='plane' size='1 1 0.1'/><body name='forearm' pos='0 0 0.5'>" +
+      rod + "<body name='hand' pos='0.1 0 0'>" + rod + "<body name='tip' pos='0.1 0 0'>" + rod +
+      "</body></body></body><body name='ball' pos='0.05 0 0.54'><freejoint/><geom "
+      "size='0.02'/></body></worldbody>" +
+      contact + "</mujoco>";
+  CompareOptions options;
+  options.model_path = (std::filesystem::path(::testing::TempDir()) / "finger_pairs.xml").string();
+  std::ofstream(options.model_path) << text;
+  options.against = Against::kMuJoCo;
+  options.time = 0.2;  // the ball falls 10 mm in 0.05 s
+  options.refinements = 0;
+  auto imported = LoadMechanism(options.model_path);
+  if (!imported) throw std::runtime_error(imported.error().Text());
+  return CompareOrThrow(*imported, options);
+}
+
+TEST(CompareMuJoCo, NamesThePairsThatTouchThereAlone) {
+  const Comparison c = CompareFinger("");
+  // Parent and child never touch in MuJoCo, but for children of the world; here no inner body does.
+  EXPECT_EQ(Names(c.pairs_only_other), (std::vector<std::string>{"ball+forearm!", "ball+hand", "forearm+tip",
+                                                                 "forearm+world", "hand+world"}));
+  EXPECT_TRUE(c.pairs_only_reduced.empty());
+  const auto lines = PairLines(c);
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_NE(lines[0].find("'ball' and 'forearm' (they did), 'ball' and 'hand'"), std::string::npos)
+      << lines[0];
+}
+
+TEST(CompareMuJoCo, ExcludedAndNamedPairsCount) {
+  const Comparison c = CompareFinger(
+      "<contact><exclude body1='ball' body2='forearm'/><exclude body1='tip' body2='world'/></contact>");
+  EXPECT_EQ(Names(c.pairs_only_other),
+            (std::vector<std::string>{"ball+hand", "forearm+tip", "forearm+world", "hand+world"}));
+  EXPECT_TRUE(c.pairs_only_reduced.empty());
+}
+
+TEST(CompareMuJoCo, SaysNothingOfPairsWhereAllAreTheSame) {
+  CompareOptions options;
+  options.against = Against::kMuJoCo;
+  options.time = 0.05;
+  options.refinements = 0;
+  for (const char* scene : {"hexapod", "firemen", "vehicle", "hand"}) {
+    options.model_path = FORK1S_SOURCE_DIR "/scenes/" + std::string(scene) + ".xml";
+    EXPECT_TRUE(PairLines(CompareOrThrow(LoadScene(scene), options)).empty()) << scene;
+  }
 }
 
 TEST(Compare, RefusesWhatItCannotRun) {

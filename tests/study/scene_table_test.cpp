@@ -25,9 +25,10 @@ std::string ReadBack(const std::string& path) {
 TEST(SceneTable, ThreeSimulatorsOnOneScene) {
   const auto rows = MeasureScene(FORK1S_SOURCE_DIR "/scenes", "two_link_arm", 0.5);
   ASSERT_TRUE(rows) << rows.error().Text();
-  ASSERT_EQ(rows->size(), 3u);
-  const SceneRow &reduced = (*rows)[0], &full = (*rows)[1], &mujoco = (*rows)[2];
+  ASSERT_EQ(rows->size(), 4u);
+  const SceneRow &reduced = (*rows)[0], &full = (*rows)[1], &mujoco = (*rows)[2], &discrete = (*rows)[3];
   EXPECT_EQ(reduced.simulator + full.simulator + mujoco.simulator, "reducedfullmujoco");
+  EXPECT_EQ(discrete.simulator, "mujoco_discrete");
   EXPECT_NEAR(reduced.largest_stable_dt_s, 1.0 / 60, 1e-12);
   EXPECT_EQ(reduced.stable_stiff, std::optional(true));
   EXPECT_LT(reduced.rms_mm, 0.01);
@@ -38,9 +39,10 @@ TEST(SceneTable, ThreeSimulatorsOnOneScene) {
     EXPECT_GT(row.step_us, 0) << row.simulator;
   }
   const std::string csv = SceneTableCsv(*rows);
-  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 4);
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 5);
   EXPECT_NE(SceneTableMarkdown(*rows).find("[two_link_arm](two_link_arm.md)"), std::string::npos);
   EXPECT_NE(ScenePageMarkdown(*rows).find("| MuJoCo |"), std::string::npos);
+  EXPECT_NE(ScenePageMarkdown(*rows).find("| MuJoCo discrete |"), std::string::npos);
 }
 
 // A simulator that never was stable has no cost and no distance, and the table says from where on it might

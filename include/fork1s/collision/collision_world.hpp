@@ -55,6 +55,8 @@ class CollisionWorld {
   /// Finds the contacts at the present poses. Replaces the content of `contacts`; does not allocate once
   /// `contacts` has capacity. Returns false when the detector dropped contacts for want of room.
   bool Detect(std::vector<ContactPoint>& contacts);
+  /// Pairs of bodies of which some shapes are tested against each other, the smaller index first, sorted.
+  std::vector<std::pair<int, int>> PairsThatMayTouch() const;
 
  private:
   CollisionWorld();

@@ -5,10 +5,10 @@
 //     v⁺ = v* + W Jᵀ λ
 // Contact c couples up to two six-vector ports. With u = Σ J v⁺ + bias (normal first, then two tangents):
 //     0 ≤ λ_n ⊥ u_n ≥ 0,   |λ_t| ≤ µ λ_n,   λ_t opposes u_t where it slides
-// Where a contact bears moments m too (torsional friction about the normal, rolling friction about the tangents), each
-// stays within its radius times λ_n and opposes the relative turning about its axis where that turns.
-// Limits are single rows on one stacked velocity whose impulse has bounds: a joint limit only pushes, dry
-// friction pushes either way up to its force.
+// Where a contact bears moments m too (torsional friction about the normal, rolling friction about the
+// tangents), each stays within its radius times λ_n and opposes the relative turning about its axis where
+// that turns. Limits are single rows on one stacked velocity whose impulse has bounds: a joint limit only
+// pushes, dry friction pushes either way up to its force.
 #pragma once
 
 #include <fork1s/base/types.hpp>

@@ -9,6 +9,7 @@
 #include <fork1s/reduction/reduced_model.hpp>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace fork1s {
@@ -83,6 +84,8 @@ class World {
   const std::vector<FreeBody>& free_bodies() const;
   const std::vector<ContactRecord>& contacts() const;
   const std::vector<Contactor>& contactors() const;
+  /// Pairs of contactors() that the collision detector tests, the smaller index first, sorted.
+  std::vector<std::pair<int, int>> PairsThatMayTouch() const;
   /// Pose of a collision body when contacts() were found: at the start of the last step.
   const RigidTransform& PoseAtDetection(int contactor) const;
   const std::vector<std::string>& warnings() const;

@@ -25,7 +25,8 @@ struct GeometryDef {
   bool frictionless = false;  // MJCF condim = 1
   double torsion = 0.005;   // m: moment about the normal that a contact bears, as a share of the normal force
   double rolling = 0.0001;  // m: the same about the tangents
-  int moments = 0;          // 0: contacts bear none, 1: torsion, 2: rolling too (condim 3, 4, 6); a pair takes the more
+  int moments =
+      0;  // 0: contacts bear none, 1: torsion, 2: rolling too (condim 3, 4, 6); a pair takes the more
   Vector4 rgba = Vector4(0.6, 0.6, 0.6, 1);
   int group = 0;  // for drawing only
 

@@ -61,6 +61,12 @@ struct EqualStep {
   double wall_reduced_s = 0, wall_other_s = 0;  // of Step alone
 };
 
+/// Two bodies that one of the simulators lets touch and the other does not. Still bodies are all "world".
+struct ContactPair {
+  std::string body_a, body_b;
+  bool touched = false;  // in the run; of pairs that the reduced simulation has alone it is not recorded
+};
+
 /// One body's path and load in both runs, sampled every dt.
 struct ComparedTrace {
   std::string body;
@@ -76,7 +82,8 @@ struct Comparison {
   double force_rms_percent = 0;  // of the other's RMS force; not a number where only the reduced run has any
   std::vector<double> frequencies_reduced_hz, frequencies_full_hz;  // at the start, mechanism after mechanism
   double gap_max_mm = 0;        // largest opening of a joint or loop in the reduced run
-  double gap_max_other_mm = 0;  // in the full run; 0 for MuJoCo, which does not tell
+  double gap_max_other_mm = 0;  // in the other run; MuJoCo's is measured on its poses, loops only
+  std::vector<ContactPair> pairs_only_other, pairs_only_reduced;  // against MuJoCo: contact pairs that differ
   EnergyDrift energy_reduced, energy_other;
   double wall_reduced_s = 0, wall_other_s = 0, wall_ratio = 0;  // of Step alone; other over reduced
   std::vector<EqualStep> equal_steps;
@@ -93,6 +100,10 @@ struct Comparison {
 /// FullSimulation::Create; kNumerics where a run gives numbers that are not finite; kModel for controls that
 /// the scene does not have; kUsage for files that MuJoCo cannot run.
 Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions& options);
+
+/// What to know before any percentage is read: sentences that name the contact pairs that differ. None
+/// where both simulators let the same bodies touch.
+std::vector<std::string> PairLines(const Comparison& comparison);
 
 /// One self-contained HTML page with tables and plots. Errors: kFile.
 Expected<void> WriteComparisonReport(const Comparison& comparison, const std::string& path);

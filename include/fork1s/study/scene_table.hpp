@@ -1,4 +1,5 @@
-// Every scene by three simulators in one process: what a step costs, how long it may be, how far it strays.
+// Every scene by three simulators in one process, MuJoCo with two integrators: what a step costs, how long it
+// may be, how far it strays.
 #pragma once
 
 #include <fork1s/base/error.hpp>
@@ -19,7 +20,7 @@ namespace fork1s {
 /// Energy itself does not decide: MuJoCo's leaves out what servos hold, and motors put some in.
 struct SceneRow {
   std::string scene;
-  std::string simulator;  // "reduced", "full", "mujoco"
+  std::string simulator;  // "reduced", "full", "mujoco" with the file's integrator, "mujoco_discrete"
   int interface_bodies = 0;
   int bodies = 0;                    // of the scene that may move, the free ones and a driven base included
   int coordinates = 0;               // velocities that a step solves for, constraints not taken off
@@ -43,7 +44,7 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
                                              double time_limit_s = 6, const std::string& controls = "");
 
 std::string SceneTableCsv(const std::vector<SceneRow>& rows);
-/// One line a scene, the three simulators beside each other.
+/// One line a scene, its four rows beside each other.
 std::string SceneTableMarkdown(const std::vector<SceneRow>& rows);
 /// One line a simulator.
 std::string ScenePageMarkdown(const std::vector<SceneRow>& rows_of_scene);

@@ -1,0 +1,50 @@
+// The reduced simulation and MuJoCo at one time step, each against a converged run of the full model.
+#pragma once
+
+#include <fork1s/base/error.hpp>
+#include <fork1s/sim/simulation.hpp>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+struct PeerOptions {
+  std::string scene;        // as the table calls it
+  std::string model_path;   // MJCF
+  std::string mujoco_path;  // what MuJoCo runs in its place, with the same names; empty: the same file
+  std::string keyframe;     // where the run starts; empty: the file's reference pose
+  ControlTrack controls;
+  double time = 1;          // s
+  double dt = 1.0 / 60;     // s, of the runs that are compared
+  int truth_substeps = 64;  // the full model's finest step is dt over this; the next to it is twice as long
+  int fine_substeps = 64;   // further rows at dt over this, where the time step hardly counts
+  int rounds = 5;           // every run is repeated as often, in turn, so that all meet the same other load
+};
+
+/// One simulator at one step. Errors are of the origins of interface and free bodies at every multiple of
+/// PeerOptions::dt, from the full model's at its finest step.
+struct PeerRow {
+  std::string scene;
+  std::string simulator;  // "fork1s", "MuJoCo Euler", "MuJoCo discrete, tuned", ..., "full"
+  double dt_s = 0;
+  double time_s = 0;      // simulated
+  bool survived = false;  // MuJoCo: none of its warnings of bad positions, speeds or accelerations
+  std::string end;        // how it ended where it did not
+  double rms_mm = 0, max_mm = 0;
+  double step_us = 0;     // median over all steps of all rounds
+  double step_ratio = 0;  // over fork1s at dt
+  bool has_loops = false;
+  double loop_gap_mm = 0;    // largest opening of a loop, of poses at every multiple of PeerOptions::dt
+  double loop_turn_deg = 0;  // and turn of one that should not turn; not measured in the full model
+};
+
+/// Rows at dt: fork1s, MuJoCo's three integrators, `discrete` tuned (loops with a time constant of 2 ms,
+/// elliptic friction cones, impratio 10), the full model. At the fine step: fork1s, MuJoCo Euler, and that
+/// tuned. Last the full model at twice its finest step, whose error says how far the truth is to be trusted.
+/// Errors: as of LoadMechanism, Simulation::Create and FullSimulation::Create; kModel for an unknown control.
+Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options);
+
+std::string PeerTableCsv(const std::vector<PeerRow>& rows);
+std::string PeerTableMarkdown(const std::vector<PeerRow>& rows);
+
+}  // namespace fork1s
