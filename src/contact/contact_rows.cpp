@@ -233,6 +233,8 @@ bool RowSet::PrepareMoments(const std::vector<VelocityBlock>& blocks, const Cont
     if (own > kImmovable * natural) {
       row.live = contacts[static_cast<std::size_t>(contact)].live;
       row.inverse = 1 / own;
+      if (row.live)
+        row.arm = std::sqrt(row.inverse / contacts[static_cast<std::size_t>(contact)].newton_scale);
       row.impulse = row.Bounded(in.moment[axis], in.impulse[0]);
     }
     moments.push_back(row);
@@ -364,7 +366,7 @@ double RowSet::Sweep() {
     if (delta == 0) continue;
     row.impulse = next;
     AddResponse(row, delta);
-    worst = std::max(worst, std::abs(delta) / row.radius);
+    worst = std::max(worst, std::abs(delta) / row.arm);
   }
   for (LimitRow& row : limits) {
     if (!row.live) continue;
@@ -400,11 +402,12 @@ double RowSet::Residual() const {
     const double e0 = row.impulse[0] - n, e1 = row.impulse[1] - t1, e2 = row.impulse[2] - t2;
     note(std::sqrt(e0 * e0 + e1 * e1 + e2 * e2), row.scale);
   }
-  // A moment counts as the force that makes it at its radius.
+  // A moment counts as the force that moves as much: the rolling friction of a shoe, a tenth of a millimetre
+  // times its load, need not be known to a share of itself.
   for (const MomentRow& row : moments) {
     if (!row.live) continue;
     const double next = row.Bounded(row.impulse - row.inverse * MomentVelocity(row), NormalImpulse(row));
-    note(std::abs(row.impulse - next) / row.radius, row.inverse / (row.radius * row.radius));
+    note(std::abs(row.impulse - next) / row.arm, row.inverse / (row.arm * row.arm));
   }
   for (const LimitRow& row : limits) {
     if (!row.live) continue;

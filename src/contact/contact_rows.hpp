@@ -43,6 +43,7 @@ struct MomentRow {
   ResponsePart part[2];
   double radius = 0, impulse = 0;
   double inverse = 0;  // 1 / (J W Jᵀ)
+  double arm = 1;      // m: at which a force of the contact turns as much as it pushes
   bool live = false;
 
   double Bounded(double value, double normal) const {

@@ -194,7 +194,7 @@ double NewtonSolver::Evaluate(const RowSet& rows, const std::vector<double>& x) 
   }
   for (const MomentRow& row : rows.moments) {
     const double normal = x[static_cast<std::size_t>(3 * row.contact)];
-    F_[i] = row.live ? (x[i] - row.Bounded(x[i] - row.inverse * u_[i], normal)) / row.radius : 0;
+    F_[i] = row.live ? (x[i] - row.Bounded(x[i] - row.inverse * u_[i], normal)) / row.arm : 0;
     merit += F_[i] * F_[i];
     ++i;
   }
@@ -251,12 +251,12 @@ bool NewtonSolver::ComputeStep(const RowSet& rows) {
     const double x = x_[static_cast<std::size_t>(at)], normal = x_[static_cast<std::size_t>(3 * row.contact)];
     const double projected = x - row.inverse * u_[static_cast<std::size_t>(at)];
     if (row.live && row.Bounded(projected, normal) == projected) {
-      G.row(at) = row.inverse / row.radius * A.row(at);
+      G.row(at) = row.inverse / row.arm * A.row(at);
       G(at, at) += regularisation_;
       continue;
     }
-    G(at, at) = 1 / row.radius;
-    if (row.live && normal > 0) G(at, 3 * row.contact) = projected > 0 ? -1 : 1;
+    G(at, at) = 1 / row.arm;
+    if (row.live && normal > 0) G(at, 3 * row.contact) = (projected > 0 ? -row.radius : row.radius) / row.arm;
   }
   for (const LimitRow& row : rows.limits) {
     const int at = i++;
