@@ -58,7 +58,7 @@ void Simulate(const ImportedScene& imported, double time, Json& row) {
   for (const auto& m : simulation->world().mechanisms()) reduced += m.model().size();
   row["reduced_coordinates"] = reduced;
   if (time <= 0) return;
-  double gap = 0, fastest = 0;
+  double gap = 0, deepest = 0;
   std::vector<double> spent;
   int unconverged = 0;
   const auto steps = static_cast<std::int64_t>(std::llround(time / simulation->dt()));
@@ -72,12 +72,12 @@ void Simulate(const ImportedScene& imported, double time, Json& row) {
     }
     gap = std::max(gap, simulation->JointGap());
     unconverged += report.solver.converged ? 0 : 1;
-    fastest = std::max(fastest, report.max_penetration);
+    deepest = std::max(deepest, report.max_penetration);
   }
   std::nth_element(spent.begin(), spent.begin() + static_cast<std::ptrdiff_t>(spent.size() / 2), spent.end());
   row["ran"] = "to the end";
   row["joint_gap_max_m"] = gap;
-  row["penetration_max_m"] = fastest;
+  row["penetration_max_m"] = deepest;
   row["unconverged_steps"] = unconverged;
   row["step_us_median"] = spent.empty() ? 0 : spent[spent.size() / 2];
 }

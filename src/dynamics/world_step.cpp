@@ -33,15 +33,13 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
 // Contact, and with it which servos are at the bounds of their forces: each round knows more of them, or lets
 // go those that contact took back.
 void World::Detail::SolveContacts(const StepOptions& options, StepReport& report) {
-  constexpr int kRounds = 50;  // rounds seldom pass three; a set that comes back has no end, and is said
+  constexpr int kRounds = 50;  // a set that comes back has no end, and is said in the report
   if (has_force_limits_)
     for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_velocity_[i] = free_bodies_[i].velocity();
   for (int round = 0; round < kRounds; ++round) {
     if (!points_.empty() || !limits_.empty()) {
       AssembleOperators();
-      const ContactSolverReport solved =
-          solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
-      report.solver = solved;
+      report.solver = solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
       ApplyImpulses();
     }
     if (!has_force_limits_ || !UpdateForceLimits(options)) return;

@@ -9,9 +9,12 @@ namespace {
 
 constexpr double kSettling = 20, kTime = 80;  // s; leaf springs swing for long, nothing damps them
 
-// Of 4800 steps. ANYmal's feet bear moments (condim 6); as they land, the contact solver misses its tolerance
-// once.
-int MostUnconverged(const Case& c) { return c.robot == LeggedRobot::kAnymal ? 1 : 0; }
+// ANYmal's feet bear moments (condim 6). On uneven ground its eight points with 24 moments stall the contact
+// solver in one of 4800 steps, as they land, at a residual of 6e-3; nowhere else.
+bool BearsMomentsOnUnevenGround(const Case& c) {
+  return c.robot == LeggedRobot::kAnymal && c.ground == LeggedGround::kUneven;
+}
+int MostUnconverged(const Case& c) { return BearsMomentsOnUnevenGround(c) && c.gain_scale == 1 ? 1 : 0; }
 
 class Stands : public testing::TestWithParam<Case> {};
 
@@ -27,7 +30,7 @@ TEST_P(Stands, ForAMinute) {
   EXPECT_LT(m.joint_gap, 1e-5);
   EXPECT_LT(m.penetration, 1.1e-4) << "slop of contact, and a tenth of it";
   // A stiff ANYmal balances on two feet across, which bear moments; points that bear none need a third.
-  EXPECT_GE(m.contacts_min, GetParam().robot == LeggedRobot::kAnymal ? 2 : 3);
+  EXPECT_GE(m.contacts_min, BearsMomentsOnUnevenGround(GetParam()) ? 2 : 3);
   // The ground differs in height by up to 40 mm under feet 0.25 m apart, or 20 mm under feet 0.2 m apart.
   EXPECT_LT(m.lean, GetParam().ground == LeggedGround::kFlat ? 0.002 : 0.15);
 }
