@@ -13,6 +13,7 @@ namespace fork1s::app {
 namespace {
 
 struct CompareArguments {
+  Integrator step_integrator = Integrator::kEuler;
   ModelArguments model;
   std::string against = "full", controls, recovery = "exact", report, detail;
   MuJoCoIntegrator integrator = MuJoCoIntegrator::kOfFile;
@@ -141,6 +142,7 @@ int Run(const CompareArguments& args) {
   options.time = args.time;
   options.dt = args.dt;
   options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+  options.integrator = args.step_integrator;
   options.refinements = args.refinements;
   options.mujoco_integrator = args.integrator;
   if (!args.detail.empty()) {
@@ -204,6 +206,7 @@ void AddCompare(CLI::App& app, Action& action) {
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
   command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
   command->add_option("--detail", args->detail, "level of detail of the reduced run, as of 'fork1s run'");
+  AddIntegratorTo(*command, args->step_integrator);
   command->add_option("--recovery", args->recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));
   command->add_option("--refinements", args->refinements, "further runs at dt/2, dt/4, ... (default 2)")

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <sstream>
 #include <utility>
 
@@ -109,6 +110,17 @@ void ModelArguments::AddTo(CLI::App& command) {
       ->take_all()
       ->allow_extra_args(false);
   command.add_flag("--json", json, "print one JSON object and nothing else");
+}
+
+void AddIntegratorTo(CLI::App& command, Integrator& integrator) {
+  static const std::map<std::string, Integrator> names = {{"euler", Integrator::kEuler},
+                                                          {"theta", Integrator::kTheta}};
+  command
+      .add_option("--integrator", integrator,
+                  "euler (default): implicit Euler, first order; theta: second order where a step can "
+                  "follow, implicit "
+                  "Euler where it cannot")
+      ->transform(CLI::CheckedTransformer(names, CLI::ignore_case));
 }
 
 Expected<ImportedScene> ModelArguments::Load() const {

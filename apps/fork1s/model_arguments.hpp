@@ -1,6 +1,7 @@
 // The arguments that say which model is meant, shared by all commands that take one.
 #pragma once
 
+#include <fork1s/dynamics/world.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <memory>
@@ -40,6 +41,9 @@ struct PosedMechanism {
   bool interfaces_chosen = true;
 };
 Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& imported);
+
+/// --integrator.
+void AddIntegratorTo(CLI::App& command, Integrator& integrator);
 
 /// "x,y,z" to a vector.
 Expected<Vector3> ParseVector(const std::string& text, const std::string& option);

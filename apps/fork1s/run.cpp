@@ -17,6 +17,7 @@ namespace fork1s::app {
 namespace {
 
 struct RunArguments {
+  Integrator step_integrator = Integrator::kEuler;
   ModelArguments model;
   double time = 2;
   double dt = 0;
@@ -239,6 +240,7 @@ Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, 
   SimulationOptions options;
   options.dt = args.dt;
   options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+  options.step.integrator = args.step_integrator;
   if (!detail.entries.empty() && detail.entries.front().time == 0) {
     const Fidelity& first = detail.entries.front().fidelity;
     options.detail = first.level;
@@ -323,6 +325,7 @@ void AddRun(CLI::App& app, Action& action) {
   command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(CLI::NonNegativeNumber);
   command->add_option("--dt", args->dt, "time step in s (default 1/60)")->check(CLI::PositiveNumber);
   command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
+  AddIntegratorTo(*command, args->step_integrator);
   command->add_option("--recovery", args->recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));
   command->add_option("--detail", args->detail,

@@ -19,6 +19,7 @@ namespace fork1s::app {
 namespace {
 
 struct ViewArguments {
+  Integrator step_integrator = Integrator::kEuler;
   ModelArguments model;
   int port = 8080;
   bool no_open = false, no_watch = false;
@@ -48,6 +49,7 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   SimulationOptions options;
   options.dt = args.dt;
   options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+  options.step.integrator = args.step_integrator;
   options.initial_keyframe = imported->initial_keyframe;
   // With its folder: many models are called scene.xml.
   const std::filesystem::path path(args.model.path);
@@ -142,6 +144,7 @@ void AddView(CLI::App& app, Action& action) {
   command->add_flag("--no-open", args->no_open, "only print the address, start no browser");
   command->add_flag("--no-watch", args->no_watch, "do not load the model anew when its file changes");
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
+  AddIntegratorTo(*command, args->step_integrator);
   command->add_option("--recovery", args->recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));
   command->add_option("--time", args->time, "end after this many seconds (default: when told to)")

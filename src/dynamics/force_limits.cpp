@@ -79,8 +79,10 @@ bool MechanismDynamics::UpdateForceLimits(double h) {
   const auto& limits = mechanism().force_limits();
   bool changed = false;
   for (std::size_t k = 0; k < limits.size(); ++k) {
-    const double slope = h * limits[k].stiffness + limits[k].damping;
-    const double f = limit_force_(static_cast<Eigen::Index>(k)) - slope * LengthRate(limits[k].terms);
+    const double stretch =
+        scheme_ == Scheme::kEuler ? h * LengthRate(limits[k].terms) : StretchToForce(limits[k], h);
+    const double f = limit_force_(static_cast<Eigen::Index>(k)) - limits[k].stiffness * stretch -
+                     limits[k].damping * LengthRate(limits[k].terms);
     const signed char side = f > limits[k].upper ? 1 : f < limits[k].lower ? -1 : 0;
     changed = changed || side != at_bound_[k];
     at_bound_[k] = side;

@@ -71,10 +71,22 @@ void FreeBody::SetPortTwist(const Vector6& V) {
   velocity_ = V.tail<3>();
 }
 
+void FreeBody::Begin(double h, bool middle) {
+  X_WB_before_ = X_WB_;
+  begun_ = true;
+  at_middle_ = middle;
+  if (!middle) return;
+  const Vector3 center = center_W() + 0.5 * h * velocity_;
+  X_WB_.rotation() = X_WB_.rotation() * ExpRotation(0.5 * h * omega_B_);
+  X_WB_.translation() = center - X_WB_.rotation() * inertia_.center;
+}
+
 void FreeBody::Integrate(double h) {
   // Free flight follows its parabola by the mean velocity. Contact asks that gaps stay closed at the end
   // velocity.
-  const double start = pushed_ ? 0 : 0.5, end = 1 - start;
+  const double start = pushed_ && !at_middle_ ? 0 : 0.5, end = 1 - start;
+  if (begun_) X_WB_ = X_WB_before_;
+  begun_ = at_middle_ = false;
   const Vector3 center = center_W() + h * (start * velocity_before_ + end * velocity_);
   X_WB_.rotation() = X_WB_.rotation() * ExpRotation(h * (start * omega_B_before_ + end * omega_B_));
   X_WB_.Orthonormalize();
@@ -82,6 +94,8 @@ void FreeBody::Integrate(double h) {
 }
 
 void FreeBody::Revert() {
+  if (begun_) X_WB_ = X_WB_before_;
+  begun_ = at_middle_ = false;
   omega_B_ = omega_B_before_;
   velocity_ = velocity_before_;
 }

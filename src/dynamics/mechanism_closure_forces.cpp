@@ -1,8 +1,27 @@
 // What loops bear: the multipliers of the rigid closures.
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+
+#include <algorithm>
 #include <fork1s/linalg/solve.hpp>
+#include <limits>
 
 namespace fork1s {
+
+namespace {
+
+// H⁻¹ = 1 / max(k, 1e-3 k_max), slides measured in lengths of the mechanism: how far each joint gives way.
+VectorX Compliances(const Mechanism& m, const Kinematics& kinematics, const VectorX& q) {
+  VectorX scale(m.num_coordinates());
+  for (int i = 0; i < scale.size(); ++i)
+    scale(i) = m.screws().col(i).head<3>().norm() > 1e-9 ? 1.0 : m.length_scale();
+  const VectorX k =
+      m.has_diagonal_stiffness() ? m.stiffness() : VectorX(StiffnessMatrix(m, kinematics, q).diagonal());
+  const VectorX scaled = k.cwiseProduct(scale.cwiseAbs2());
+  const double least = std::max(1e-3 * scaled.maxCoeff(), std::numeric_limits<double>::min());
+  return scale.cwiseAbs2().cwiseQuotient(scaled.cwiseMax(least));
+}
+
+}  // namespace
 
 // After a step, with all forces g of the present pose, M q̈ and velocity forces among them, g = Aᵀλ. Modes
 // that were left out do not move, so that g is out of balance by their inertia; H spreads that as the
@@ -34,7 +53,7 @@ VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R, c
   ApplyMass(m, kinematics, q_ddot, inertial);
   g += loads - inertial - DampingMatrix(m, kinematics, configuration_.q) * q_dot;
 
-  const VectorX root = model_.h_inverse.cwiseSqrt();
+  const VectorX root = Compliances(m, kinematics, configuration_.q).cwiseSqrt();
   const MatrixX A_T = configuration_.A_all.transpose();
   // Below a hundredth of the largest singular value the joints can hardly yield: a finger stretched against
   // another one bears 100 N for a thousandth of a millimetre, which contacts that are not frozen lose by

@@ -7,9 +7,6 @@
 namespace fork1s {
 namespace {
 
-// Joint coordinates up to which M of a held base follows the pose: forming it costs up to n².
-constexpr int kLong = 128;
-
 // Rigid groups that may touch something: one per interface body, and the base.
 std::vector<ContactGroup> MakeGroups(const ReducedModel& model) {
   const Mechanism& mechanism = *model.mechanism;
@@ -33,7 +30,12 @@ std::vector<ContactGroup> MakeGroups(const ReducedModel& model) {
 }  // namespace
 
 MechanismDynamics::MechanismDynamics(ReducedModel model)
-    : model_(std::move(model)), configuration_(model_), groups_(MakeGroups(model_)) {}
+    : model_(std::move(model)),
+      configuration_(model_),
+      rigid_parts_(*model_.mechanism),
+      jacobian_(model_),
+      groups_(MakeGroups(model_)),
+      elsewhere_(model_) {}
 
 Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mechanism> mechanism,
                                                       const VectorX& q0, const VectorX& q_dot0,
@@ -113,7 +115,6 @@ void MechanismDynamics::Size() {
   x_after_.resize(nx);
   z_before_.resize(r);
   w_before_.resize(r);
-  A_inverse_.resize(nx, nx);
   momentum_.resize(nx);
   f_z_.resize(r);
   g_.resize(n);
@@ -121,20 +122,13 @@ void MechanismDynamics::Size() {
   F_.resize(6, m.num_bodies());
   M_00_ = model_.M_00;
   M_0z_ = model_.M_0z;
-  M_0q_.resize(6, n);
   if (options_.recovery == Recovery::kExact) {
-    if (base_size_ > 0 || n <= kLong) {
-      M_q_.resize(n, n);
-      M_Q_.resize(n, r);
-    }
     body_V_.resize(6, m.num_bodies());
     body_A_.resize(6, m.num_bodies());
     q_dot_.resize(n);
   }
-  q_of_M_ = model_.q_ref;
   q_ddot_.setZero(n);
   Q_before_h_ = -1;
-  composite_.resize(static_cast<std::size_t>(m.num_bodies()));
   if (model_.has_complement) {
     state_.q_perp = VectorX::Zero(n);
     q_perp_before_ = q_perp_after_ = state_.q_perp;
@@ -144,32 +138,21 @@ void MechanismDynamics::Size() {
   }
   SizeForceLimits();
   FindParts();
+  SizeTheta();
   TakeReferenceForces();
 }
 
-// M of the present pose. A floating base needs it at every pose (see the header). On held bases it is renewed
-// once something moved, so that what stands still keeps its factor. An M that lags behind a motion (half a
-// degree was tried) changes kinetic energy in jumps, and the energy guard takes every jump upwards: damping
-// that no smaller time step removes. Long mechanisms keep that of the reference: theirs would cost n² a step,
-// and joints that share a long path move little each.
+// M of the present pose: O(joints x coordinates that reach them).
 void MechanismDynamics::UpdateInertia() {
-  if (options_.recovery == Recovery::kTwist) return;
-  const Kinematics& kinematics = configuration_.kinematics;
-  const int r = model_.size(), n = model_.num_coordinates();
-  if (base_size_ == 0) {
-    constexpr double kStale = 1e-4;  // rad, or lengths of the mechanism: what a held grasp stays below
-    if (n > kLong || LargestTurn(q_of_M_) < kStale) return;
-  }
-  q_of_M_ = configuration_.q;
-  FloatingMassMatrix(mechanism(), kinematics, composite_, M_q_, M_00_, M_0q_);
-  M_0z_.noalias() = M_0q_ * Q_now();
-  M_Q_.noalias() = M_q_ * Q_now();
+  jacobian_.Compute(model_, configuration_);
+  const int r = model_.size();
+  ReducedInertia(model_, rigid_parts_, configuration_, jacobian_, M_full_.bottomRightCorner(r, r), M_0z_,
+                 M_00_);
   if (base_size_ > 0) {
     M_full_.topLeftCorner<6, 6>() = M_00_;
     M_full_.topRightCorner(6, r) = M_0z_;
     M_full_.bottomLeftCorner(r, 6) = M_0z_.transpose();
   }
-  M_full_.bottomRightCorner(r, r).noalias() = Q_now().transpose() * M_Q_;
   factored_h_ = -1;
 }
 
@@ -205,12 +188,9 @@ Vector6 MechanismDynamics::BodyVelocity(BodyIndex b) const {
   Vector6 V = state_.V_R;
   if (options_.recovery == Recovery::kTwist) {
     V += Dexp(model_.T_of(b) * state_.z) * (model_.T_of(b) * state_.w);
-  } else {
-    for (int j = mechanism().body(b).last_joint; j >= 0; j = mechanism().joint(JointIndex(j)).previous) {
-      const auto& joint = mechanism().joint(JointIndex(j));
-      for (int i = joint.offset; i < joint.offset + joint.size; ++i)
-        V += configuration_.kinematics.S.col(i) * Q_now().row(i).dot(state_.w);
-    }
+  } else if (const int j = mechanism().body(b).last_joint; j >= 0) {
+    const auto T = jacobian_.T(j);
+    for (int k = 0; k < T.cols(); ++k) V += state_.w(jacobian_.begin(j) + k) * T.col(k);
   }
   const RigidTransform X_WB = BodyPose(b);
   const Vector6 V_W = AdjointApply(state_.X_WR, V);

@@ -50,10 +50,14 @@ const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
 }
 
 double MechanismDynamics::PotentialEnergy(const Vector3& gravity_W) const {
+  return PotentialEnergyOn(state_.X_WR, gravity_W);
+}
+
+double MechanismDynamics::PotentialEnergyOn(const RigidTransform& X_WR, const Vector3& gravity_W) const {
   const Mechanism& m = mechanism();
   const PoseEnergy& pose = EnergyOfPose();
-  double energy = pose.springs - gravity_W.dot(m.weighed_mass() * state_.X_WR.translation() +
-                                               state_.X_WR.rotation() * pose.moment);
+  double energy =
+      pose.springs - gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * pose.moment);
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];
     const double u = controls_(static_cast<Eigen::Index>(i));

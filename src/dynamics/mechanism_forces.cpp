@@ -83,7 +83,9 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
     q_dot_.noalias() = configuration_.Q_now * state_.w;
   else
     q_dot_.setZero();
-  if (model_.loop_rank() > 0) {
+  const bool by_formula =
+      scheme_ == Scheme::kEuler;  // else velocity forces come of the momentum carried along
+  if (by_formula && model_.loop_rank() > 0) {
     // Loops turn Q as they move: its rate by difference over the last step.
     if (Q_before_h_ > 0) {
       q_ddot_.noalias() = (1 / Q_before_h_) * (configuration_.Q_now * state_.w);
@@ -95,13 +97,13 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
   const bool turns = base_moves() && !state_.V_R.isZero(0);
   // What rests drifts by less than this; its velocity forces would be below 1e-12 of its inertia.
   constexpr double kRests = 1e-6;  // rad/s or m/s
-  if (turns || q_dot_.lpNorm<Eigen::Infinity>() > kRests)
+  if (by_formula && (turns || q_dot_.lpNorm<Eigen::Infinity>() > kRests))
     SubtractVelocityWrenches(m, configuration_.kinematics, configuration_.q, state_.V_R, q_dot_, q_ddot_,
                              body_V_, body_A_, F_);
   if (!A_R.isZero(0)) SubtractRigidMotionWrenches(m, configuration_.kinematics, Vector6::Zero(), A_R, F_);
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
   // The velocity wrenches of all bodies together are -(Ṁ x - ad(ξ)ᵀ p), p = M x the base's momentum.
-  if (base_size_ > 0)
+  if (by_formula && base_size_ > 0)
     momentum_rate_ = base_force_ - F_.col(0) +
                      SmallAdjoint(state_.V_R).transpose() * (M_00_ * state_.V_R + M_0z_ * state_.w);
   if (controls_.size() > 0) AddControlForce(m, controls_, tau_);

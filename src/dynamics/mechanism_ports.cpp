@@ -91,13 +91,12 @@ void MechanismDynamics::GroupJacobian(int g, Eigen::Ref<Matrix6X> J) const {
     T.noalias() = Dexp(T_ref * state_.z) * T_ref.middleCols(first, count);
     return;
   }
-  const Matrix6X& S = configuration_.kinematics.S;
-  for (int j = group.last_joint; j >= 0; j = mechanism().joint(JointIndex(j)).previous) {
-    const auto& joint = mechanism().joint(JointIndex(j));
-    for (int i = joint.offset; i < joint.offset + joint.size; ++i)
-      for (int k = 0; k < count; ++k)
-        if (const double q = Q_now()(i, first + k); q != 0) T.col(k) += q * S.col(i);
+  if (group.last_joint < 0) {
+    T.setZero();
+    return;
   }
+  T.middleCols(jacobian_.begin(group.last_joint) - first, jacobian_.size(group.last_joint)) =
+      jacobian_.T(group.last_joint);
 }
 
 Vector6 MechanismDynamics::GroupTwist(int g, const Eigen::Ref<const MatrixX>& J_T) const {

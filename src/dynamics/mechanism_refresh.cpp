@@ -42,7 +42,7 @@ bool MechanismDynamics::Refresh() {
   auto reduced = Reduce(model_.mechanism, q, options_.reduction);
   if (!reduced) return false;
 
-  const double energy_before = KineticEnergy(), h_before = Q_before_h_;
+  const double h_before = Q_before_h_;
   const Vector6 p_0 = base_size_ > 0 ? Vector6(M_full_.topRows<6>() * x_) : Vector6(Vector6::Zero());
 
   // Velocity by momentum: joints keep M(q) q̇ as the new coordinates see it, the base keeps its own.
@@ -60,27 +60,11 @@ bool MechanismDynamics::Refresh() {
   }
   state_.z = VectorX::Zero(r);
   state_.w = VectorX::Zero(r);
-  configuration_ = Configuration(model_);
+  configuration_ = elsewhere_ = Configuration(model_);
+  jacobian_ = ReducedJacobian(model_);
   Size();
   VectorX x = SolveSymmetric(M_full_, p);
   if (!x.allFinite()) x.setZero();
-  auto energy = [&](const VectorX& v) { return 0.5 * v.dot(M_full_ * v); };
-  if (energy(x) > energy_before) {
-    // The stale mass matrix of the old reference may have held less: give no energy away for nothing. Rates
-    // are scaled towards those at which the interior is locked, which is the least energy with this base
-    // momentum.
-    VectorX locked = VectorX::Zero(base_size_ + r);
-    if (base_size_ > 0) locked.head<6>() = SolvePositive(model_.M_00, p_0);
-    const VectorX d = x - locked;
-    const double a = 0.5 * d.dot(M_full_ * d), b = d.dot(M_full_ * locked),
-                 c = energy(locked) - energy_before;
-    double s = 0;
-    if (c < 0 && a > 0)
-      s = std::clamp((-b + std::sqrt(std::max(0.0, b * b - 4 * a * c))) / (2 * a), 0.0, 1.0);
-    x = locked + s * d;
-    if (base_size_ > 0)  // the base takes what momentum the slower interior left
-      x.head<6>() = SolvePositive(model_.M_00, p_0 - model_.M_0z * x.tail(r));
-  }
   x_ = x;
   state_.w = x.tail(r);
   if (base_size_ > 0) state_.V_R = x.head<6>();

@@ -36,25 +36,16 @@ void MechanismDynamics::Factor(double h) {
   A_.diagonal().tail(model_.size()) += h * h * model_.K_r;
   TakeBoundedSpringsOut(h);
   factor_.Compute(A_);
-  // A dense product costs less than two triangular solves; a floating base's A changes too often to invert.
-  if (base_size_ == 0) {
-    A_inverse_.setIdentity();
-    factor_.SolveInPlace(A_inverse_);
-  }
-}
-
-void MechanismDynamics::Solve(VectorX& x) {
-  if (base_size_ > 0) {
-    factor_.SolveInPlace(x);
-    return;
-  }
-  solved_.noalias() = A_inverse_ * x;
-  x.swap(solved_);
 }
 
 void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
-  V_R_before_ = state_.V_R;
   pushed_ = false;
+  if (scheme_ != Scheme::kEuler) {
+    PredictTheta(h);
+    SolveFreeTheta(h);
+    return;
+  }
+  V_R_before_ = state_.V_R;
   gravity_W_ = gravity_W;
   guard_ = mechanism().base() != BaseKind::kDriven && options_.recovery == Recovery::kExact && !has_wrenches_;
   if (guard_) energy_budget_ = energy_start_ = KineticEnergy() + PotentialEnergy(gravity_W);
@@ -99,7 +90,7 @@ void MechanismDynamics::SolveFree(double h) {
     if (r > 0) {  // Eigen's products may not be asked for nothing
       x_.noalias() = M_full_ * state_.w;
       x_ += h * f_z_;
-      Solve(x_);
+      factor_.SolveInPlace(x_);
     }
     return;
   }
@@ -116,6 +107,10 @@ void MechanismDynamics::SolveFree(double h) {
 
 void MechanismDynamics::PredictAgain(double h) {
   pushed_ = false;
+  if (scheme_ != Scheme::kEuler) {
+    SolveFreeTheta(h);
+    return;
+  }
   if (guard_) energy_budget_ = energy_start_;
   SolveFree(h);
 }
@@ -124,8 +119,12 @@ void MechanismDynamics::ApplyImpulse(const VectorX& p, bool from_outside) {
   if (p.isZero(0)) return;
   pushed_ = pushed_ || from_outside;
   rhs_ = p;
-  Solve(rhs_);
+  factor_.SolveInPlace(rhs_);
   x_ += rhs_;
+  if (scheme_ != Scheme::kEuler) {
+    impulse_ += p;
+    return;
+  }
   // Contact's work: by the mean velocity where M alone resists, by the end velocity where springs do.
   if (guard_) {
     rhs_.tail(model_.size()) = state_.w;
@@ -135,6 +134,13 @@ void MechanismDynamics::ApplyImpulse(const VectorX& p, bool from_outside) {
 }
 
 void MechanismDynamics::Revert() {
+  if (scheme_ != Scheme::kEuler) {
+    scheme_ = Scheme::kEuler;
+    state_.z = z_before_;
+    state_.X_WR = X_WR_before_;
+    if (model_.has_complement) state_.q_perp = q_perp_before_;
+    UpdateConfiguration();
+  }
   state_.V_R = V_R_before_;
   if (base_size_ > 0) x_.head<6>() = V_R_before_;
   x_.tail(model_.size()) = state_.w;
@@ -142,6 +148,11 @@ void MechanismDynamics::Revert() {
 }
 
 void MechanismDynamics::Integrate(double h) {
+  if (scheme_ != Scheme::kEuler) {
+    IntegrateTheta(h);
+    scheme_ = Scheme::kEuler;
+    return;
+  }
   if (guard_) {
     z_before_ = state_.z;
     w_before_ = state_.w;

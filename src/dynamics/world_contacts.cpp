@@ -48,6 +48,7 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
     motion = std::max(motion, (X.translation() - before.translation()).norm() + turn * contactor_radius_[i]);
     contactor_pose_[i] = X;
   }
+  if (by_theta_) motion = MotionWithin(middle_ ? 0.5 * options.h : options.h);
   const double needed = 0.001 + 2 * motion + options.gravity.norm() * options.h * options.h;
   collision_->SetMargin(std::min(margin_max_, needed));
   has_previous_pose_ = true;
@@ -247,8 +248,10 @@ void World::Detail::AssembleOperators() {
 void World::Detail::AssembleConstraints(const StepOptions& options) {
   const double h = options.h;
   // Positive gaps may close within the step; penetration beyond the slop is undone in shares of β.
+  // Half way through a step the other half is left to close a gap in.
+  const double left = middle_ ? 0.5 * h : h;
   auto bias = [&](double gap) {
-    if (gap > 0) return gap / h;
+    if (gap > 0) return gap / left;
     return std::max(options.penetration_correction * std::min(0.0, gap + options.slop) / h,
                     -options.max_correction_speed);
   };
@@ -286,8 +289,8 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
     c.moment = p.frame * (before.point.frame.transpose() * before.moment);
     // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's. On the
     // normal it lets a ball roll in a bowl, on the tangents it keeps an object where a turning hand holds it.
-    if (options.contact_curvature && curvature_valid_ && !reference_moved(a) && !reference_moved(b) &&
-        before.impulse(0) > 0)
+    if (options.contact_curvature && !by_theta_ && curvature_valid_ && !reference_moved(a) &&
+        !reference_moved(b) && before.impulse(0) > 0)
       c.bias += 0.5 * (speed - p.frame * previous_speed_W_[k]);
   }
 

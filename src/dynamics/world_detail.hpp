@@ -14,6 +14,13 @@ struct World::Detail {
   StepReport Step(const StepOptions& options);
   Expected<void> BuildCollision(const Scene& scene, const Options& options);
   void FindContacts(const StepOptions& options, StepReport& report);
+  void PrepareContacts(const StepOptions& options, StepReport& report);
+  // The step of second order (world_theta.cpp).
+  bool UsesTheta(const StepOptions& options) const;
+  void BeginTheta(const StepOptions& options, StepReport& report);
+  void MoveAllTo(const StepOptions& options, bool middle);
+  bool ClosesAtSpeed(const StepOptions& options) const;
+  double MotionWithin(double h) const;
   void LayOutPorts(const StepOptions& options);
   void SizeBlocks(std::size_t mechanism);
   void AssembleOperators();
@@ -44,6 +51,8 @@ struct World::Detail {
   std::vector<int> match_;                           // contact -> previous contact or -1
   std::vector<char> previous_used_;
   std::vector<int> previous_order_;  // of previous_, by what touches what
+  bool middle_ = false;              // contacts of this step are found half way
+  bool by_theta_ = false;
   bool curvature_valid_ = false;     // previous_speed_W_ is of the step before
   std::vector<ContactConstraint> constraints_;
   std::vector<LimitConstraint> limits_;

@@ -24,6 +24,9 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
                     mechanism_blocks_[i].refreshed = m.Refresh() ? 1 : -1;
                 }
               });
+  if (by_theta_)
+    for (const MechanismDynamics& m : mechanisms_)
+      report.newton_steps = std::max(report.newton_steps, m.NewtonSteps());
   for (const MechanismBlock& block : mechanism_blocks_) {
     report.refreshes += block.refreshed > 0 ? 1 : 0;
     report.failed_refreshes += block.refreshed < 0 ? 1 : 0;
@@ -57,6 +60,14 @@ bool World::Detail::UpdateForceLimits(const StepOptions& options) {
   return true;
 }
 
+void World::Detail::PrepareContacts(const StepOptions& options, StepReport& report) {
+  FindContacts(options, report);
+  LayOutPorts(options);
+  MatchPrevious();
+  // Rows first: the curvature term compares them on the velocities of the start of the step.
+  AssembleConstraints(options);
+}
+
 StepReport World::Detail::Step(const StepOptions& options) {
   StepReport report;
   const double h = options.h;
@@ -64,11 +75,12 @@ StepReport World::Detail::Step(const StepOptions& options) {
 
   previous_.swap(contacts_);
   previous_speed_W_.swap(speed_W_);
-  FindContacts(options, report);
-  LayOutPorts(options);
-  MatchPrevious();
-  // Rows first: the curvature term compares them on the velocities of the start of the step.
-  AssembleConstraints(options);
+  by_theta_ = UsesTheta(options);
+  middle_ = false;
+  if (by_theta_)
+    BeginTheta(options, report);
+  else
+    PrepareContacts(options, report);
   ParallelFor(0, static_cast<int>(mechanisms_.size()), MechanismGrain(),
               [this, &options](int begin, int end) {
                 for (int i = begin; i < end; ++i)
@@ -88,7 +100,7 @@ StepReport World::Detail::Step(const StepOptions& options) {
     return report;
   }
   KeepForNextStep(report);
-  curvature_valid_ = true;
+  curvature_valid_ = !by_theta_;
   MoveMechanisms(options, report);
   for (FreeBody& b : free_bodies_) b.Integrate(h);
   return report;

@@ -15,6 +15,66 @@ Eigen::MatrixXcd SolveComplex(const Eigen::MatrixXcd& A, const Eigen::MatrixXcd&
   return Eigen::PartialPivLU<Eigen::MatrixXcd>(A).solve(B);
 }
 
+namespace {
+
+// What PartialPivLU does not show: its row swaps.
+class LuWithSwaps : public Eigen::PartialPivLU<MatrixX> {
+ public:
+  const TranspositionType& swaps() const { return m_rowsTranspositions; }
+};
+
+}  // namespace
+
+struct LuFactor::Detail {
+  LuWithSwaps lu;
+
+  template <class Matrix>
+  void SolveInPlace(Matrix& x) const {
+    const MatrixX& LU = lu.matrixLU();
+    if (LU.size() == 0) return;
+    // Row swaps one by one: a product with the permutation would need a second x.
+    const auto& swaps = lu.swaps().indices();
+    for (Eigen::Index i = 0; i < swaps.size(); ++i)
+      if (swaps(i) != i) x.row(i).swap(x.row(swaps(i)));
+    LU.template triangularView<Eigen::UnitLower>().solveInPlace(x);
+    LU.template triangularView<Eigen::Upper>().solveInPlace(x);
+  }
+};
+
+LuFactor::LuFactor() : detail_(std::make_unique<Detail>()) {}
+LuFactor::~LuFactor() = default;
+LuFactor::LuFactor(const LuFactor& other) : detail_(std::make_unique<Detail>(*other.detail_)) {}
+LuFactor& LuFactor::operator=(const LuFactor& other) {
+  *detail_ = *other.detail_;
+  return *this;
+}
+LuFactor::LuFactor(LuFactor&&) noexcept = default;
+LuFactor& LuFactor::operator=(LuFactor&&) noexcept = default;
+
+void LuFactor::Compute(const MatrixX& A) {
+  if (A.size() > 0) detail_->lu.compute(A);
+}
+
+double LuFactor::PivotRatio() const {
+  const auto pivots = detail_->lu.matrixLU().diagonal().cwiseAbs();
+  if (pivots.size() == 0) return 1;
+  const double largest = pivots.maxCoeff();
+  return largest > 0 ? pivots.minCoeff() / largest : 0;
+}
+
+void LuFactor::SolveInPlace(VectorX& x) const { detail_->SolveInPlace(x); }
+void LuFactor::SolveInPlace(MatrixX& x) const { detail_->SolveInPlace(x); }
+
+void LuFactor::SolveTransposedInPlace(VectorX& x) const {
+  const MatrixX& LU = detail_->lu.matrixLU();
+  if (LU.size() == 0) return;
+  LU.triangularView<Eigen::Upper>().transpose().solveInPlace(x);
+  LU.triangularView<Eigen::UnitLower>().transpose().solveInPlace(x);
+  const auto& swaps = detail_->lu.swaps().indices();
+  for (Eigen::Index i = swaps.size(); i-- > 0;)
+    if (swaps(i) != i) x.row(i).swap(x.row(swaps(i)));
+}
+
 MatrixX LeastNormSolve(const MatrixX& A, const MatrixX& B, double threshold) {
   if (A.size() == 0) return MatrixX::Zero(A.cols(), B.cols());
   Eigen::CompleteOrthogonalDecomposition<MatrixX> decomposition;

@@ -174,6 +174,7 @@ Expected<ReducedModel> ReadAll(hid_t file, const std::string& path, std::size_t 
   }
   if (!model.Q.allFinite() || !model.M.allFinite() || !model.q_ref.allFinite() || !model.T.allFinite())
     throw Hdf5Fault("holds numbers that are not finite");
+  FillLoopDirections(model);
   return model;
 }
 

@@ -29,6 +29,12 @@ struct EnumNames<Recovery> {
 };
 
 template <>
+struct EnumNames<Integrator> {
+  static constexpr std::pair<Integrator, const char*> kNames[] = {{Integrator::kEuler, "euler"},
+                                                                  {Integrator::kTheta, "theta"}};
+};
+
+template <>
 struct EnumNames<DetailLevel> {
   static constexpr std::pair<DetailLevel, const char*> kNames[] = {{DetailLevel::kObject, "object"},
                                                                    {DetailLevel::kInterface, "interface"},
@@ -201,8 +207,9 @@ void Fields(A& a, Like<ContactSolverOptions, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<StepOptions, A>& s) {
-  auto& [h, gravity, correction, slop, max_speed, curvature, refresh, contact] = s;
-  a("h", h), a("gravity", gravity), a("penetration_correction", correction), a("slop", slop);
+  auto& [h, integrator, gravity, correction, slop, max_speed, curvature, refresh, contact] = s;
+  a("h", h), a("integrator", integrator), a("gravity", gravity);
+  a("penetration_correction", correction), a("slop", slop);
   a("max_correction_speed", max_speed), a("contact_curvature", curvature), a("refresh", refresh),
       a("contact", contact);
 }

@@ -1,6 +1,24 @@
+// The pose of reduced coordinates, loops closed along constant directions: docs/method.md, section 11.
 #include <fork1s/reduction/reduced_model.hpp>
 
+#include <algorithm>
+#include <cmath>
+
 namespace fork1s {
+
+void FillLoopDirections(ReducedModel& model) {
+  const Mechanism& mechanism = *model.mechanism;
+  const int m = model.loop_rank(), n = model.num_coordinates();
+  model.B.resize(n, m);
+  if (m == 0) return;
+  Kinematics kinematics(mechanism);
+  ComputeKinematics(mechanism, model.q_ref, kinematics);
+  MatrixX A;
+  ClosureJacobian(mechanism, kinematics, model.q_ref, A);
+  for (int i = 0; i < m; ++i)
+    model.B.col(i) =
+        model.h_inverse.cwiseProduct(A.row(model.loop_rows[static_cast<std::size_t>(i)]).transpose());
+}
 
 Configuration::Configuration(const ReducedModel& model)
     : q(model.q_ref), kinematics(*model.mechanism), Q_now(model.Q) {
@@ -8,28 +26,38 @@ Configuration::Configuration(const ReducedModel& model)
   if (m == 0) return;
   const int n = model.num_coordinates();
   const int rows = model.mechanism->num_constraints();
+  mu.setZero(m);
   c_all.resize(rows);
   c.resize(m);
-  lambda.resize(m);
-  x.resize(n);
+  d.resize(m);
+  z_of_mu.setZero(model.size());
+  q_bar.resize(n);
   A_all.resize(rows, n);
   A.resize(m, n);
-  HA.resize(n, m);
-  AHA.resize(m, m);
-  AQ.resize(m, model.size());
-  factor.Compute(MatrixX::Identity(m, m));
+  AB.resize(m, m);
+  W.setZero(m, model.size());
 }
 
 namespace {
 
-// A, H⁻¹Aᵀ and the factor of A H⁻¹Aᵀ at the present pose.
 void FactorLoops(const ReducedModel& model, Configuration& out) {
   ClosureJacobian(*model.mechanism, out.kinematics, out.q, out.A_all);
   for (int i = 0; i < model.loop_rank(); ++i)
     out.A.row(i) = out.A_all.row(model.loop_rows[static_cast<std::size_t>(i)]);
-  out.HA.noalias() = model.h_inverse.asDiagonal() * out.A.transpose();
-  out.AHA.noalias() = out.A * out.HA;
-  out.factor.Compute(out.AHA);
+  out.AB.noalias() = out.A * model.B;
+  out.factor.Compute(out.AB);
+  out.has_factor = true;
+}
+
+// Pose and residual at the µ at hand.
+void Place(const ReducedModel& model, Configuration& out) {
+  out.q = out.q_bar;
+  out.q.noalias() -= model.B * out.mu;
+  ComputeKinematics(*model.mechanism, out.q, out.kinematics);
+  ClosureResidual(*model.mechanism, out.kinematics, out.q, out.c_all);
+  for (int k = 0; k < model.loop_rank(); ++k)
+    out.c(k) = out.c_all(model.loop_rows[static_cast<std::size_t>(k)]);
+  out.loop_residual = out.c_all.cwiseAbs().maxCoeff();
 }
 
 }  // namespace
@@ -37,37 +65,57 @@ void FactorLoops(const ReducedModel& model, Configuration& out) {
 void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
                int max_corrections) {
   const Mechanism& mechanism = *model.mechanism;
-  out.q = model.q_ref;
-  if (model.size() > 0) out.q.noalias() += model.Q * state.z;
-  if (state.q_perp.size() > 0) out.q += state.q_perp;
-  ComputeKinematics(mechanism, out.q, out.kinematics);
-  if (model.loop_rank() == 0) return;
-
-  // Residuals mix radians and metres; below this both are far under the 0.01 mm that users see.
-  constexpr double kClosed = 1e-10;
-  for (int i = 0;; ++i) {
-    ClosureResidual(mechanism, out.kinematics, out.q, out.c_all);
-    for (int k = 0; k < model.loop_rank(); ++k)
-      out.c(k) = out.c_all(model.loop_rows[static_cast<std::size_t>(k)]);
-    out.loop_residual = out.c_all.cwiseAbs().maxCoeff();
-    FactorLoops(model, out);
-    if (i == max_corrections || out.c.cwiseAbs().maxCoeff() < kClosed) break;
-    out.lambda = out.c;
-    out.factor.SolveInPlace(out.lambda);
-    out.q.noalias() -= out.HA * out.lambda;
+  const bool loops = model.loop_rank() > 0;
+  VectorX& q_bar = loops ? out.q_bar : out.q;
+  q_bar = model.q_ref;
+  if (model.size() > 0) q_bar.noalias() += model.Q * state.z;
+  if (state.q_perp.size() > 0) q_bar += state.q_perp;
+  out.corrections = 0;
+  if (!loops) {
     ComputeKinematics(mechanism, out.q, out.kinematics);
+    return;
   }
-  out.AQ.noalias() = out.A * model.Q;
-  out.factor.SolveInPlace(out.AQ);
+
+  if (max_corrections == 0 || !out.mu.allFinite()) {
+    out.mu.setZero();
+  } else if (model.size() > 0) {  // along the tangent of the last pose
+    out.mu.noalias() += out.W * state.z;
+    out.mu.noalias() -= out.W * out.z_of_mu;
+  }
+  Place(model, out);
+  // A chord that gains less than this costs more than a new factor.
+  constexpr double kGain = 0.3;
+  // A linearised closure means nothing beyond half a radian, or half a length of the mechanism.
+  constexpr double kFarthest = 0.5;
+  double residual = out.c.cwiseAbs().maxCoeff();
+  bool stale = !out.has_factor;
+  for (; out.corrections < max_corrections && residual >= out.closed; ++out.corrections) {
+    if (stale) FactorLoops(model, out);
+    out.d = out.c;
+    out.factor.SolveInPlace(out.d);
+    out.q.noalias() = model.B * out.d;
+    const double step = std::sqrt((out.q.array().square() / model.h_inverse.array()).maxCoeff());
+    if (step > kFarthest) out.d *= kFarthest / step;
+    out.mu += out.d;
+    Place(model, out);
+    const double before = residual;
+    residual = out.c.cwiseAbs().maxCoeff();
+    stale = !(residual < kGain * before);
+  }
+  FactorLoops(model, out);
+  out.pivot_ratio = out.factor.PivotRatio();
+  out.z_of_mu = state.z;
+  out.W.noalias() = out.A * model.Q;
+  out.factor.SolveInPlace(out.W);
   out.Q_now = model.Q;
-  out.Q_now.noalias() -= out.HA * out.AQ;
+  out.Q_now.noalias() -= model.B * out.W;
 }
 
 void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g) {
   if (model.loop_rank() == 0) return;
-  c.lambda.noalias() = c.HA.transpose() * g;
-  c.factor.SolveInPlace(c.lambda);
-  g.noalias() -= c.A.transpose() * c.lambda;
+  c.d.noalias() = model.B.transpose() * g;
+  c.factor.SolveTransposedInPlace(c.d);
+  g.noalias() -= c.A.transpose() * c.d;
 }
 
 }  // namespace fork1s

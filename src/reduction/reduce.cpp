@@ -176,18 +176,14 @@ int CandidateModes(int elastic, int wanted) {
   return elastic <= kAll ? elastic : std::max(4 * wanted, 48);
 }
 
-void FillLoopMetric(ReducedModel& model, const Kinematics& kinematics) {
+void FillLoopMetric(ReducedModel& model) {
   const Mechanism& mechanism = *model.mechanism;
-  VectorX scale(mechanism.num_coordinates());
-  for (int i = 0; i < scale.size(); ++i)
-    scale(i) = mechanism.screws().col(i).head<3>().norm() > 1e-9 ? 1.0 : mechanism.length_scale();
-  VectorX k = mechanism.stiffness();
-  if (!mechanism.has_diagonal_stiffness()) k = StiffnessMatrix(mechanism, kinematics, model.q_ref).diagonal();
-  // Unsprung joints take up the correction: H = max(k, 1e-3 k_max), slides measured in lengths of the
-  // mechanism.
-  const VectorX scaled = k.cwiseProduct(scale.cwiseAbs2());
-  const double floor = std::max(1e-3 * (scaled.size() > 0 ? scaled.maxCoeff() : 0.0), 1e-12);
-  model.h_inverse = scale.cwiseAbs2().cwiseQuotient(scaled.cwiseMax(floor));
+  model.h_inverse.resize(mechanism.num_coordinates());
+  for (int i = 0; i < model.h_inverse.size(); ++i) {
+    const double s = mechanism.screws().col(i).head<3>().norm() > 1e-9 ? 1.0 : mechanism.length_scale();
+    model.h_inverse(i) = s * s;
+  }
+  FillLoopDirections(model);
 }
 
 Expected<std::vector<BodyIndex>> ResolveInterfaces(const Mechanism& mechanism,
@@ -273,7 +269,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
     FillBasis(model, basis, Y_r, chosen);
     FillOperators(model, kinematics);
   }
-  FillLoopMetric(model, kinematics);
+  FillLoopMetric(model);
   const int r = model.size();
 
   model.has_complement = model.num_elastic + model.num_modes < e;

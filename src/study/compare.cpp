@@ -189,6 +189,7 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   o.interval = options.dt > 0 ? options.dt : scene.timestep;
   o.samples = std::max(1, static_cast<int>(std::llround(options.time / o.interval)));
   o.recovery = options.recovery;
+  o.integrator = options.integrator;
   o.initial_keyframe = imported.initial_keyframe;
   o.controls = &options.controls;
   o.mujoco_integrator = options.mujoco_integrator;

@@ -63,6 +63,7 @@ Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options) 
   SimulationOptions o;
   o.dt = options.interval / options.substeps;
   o.recovery = options.recovery;
+  o.step.integrator = options.integrator;
   if (options.fidelity && !options.fidelity->entries.empty() && options.fidelity->entries.front().time == 0) {
     const Fidelity& first = options.fidelity->entries.front().fidelity;
     o.detail = first.level;

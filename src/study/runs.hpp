@@ -44,6 +44,7 @@ struct RunOptions {
   int samples = 0;      // after the start
   int substeps = 1;     // steps an interval
   Recovery recovery = Recovery::kExact;
+  Integrator integrator = Integrator::kEuler;  // of the reduced run
   int initial_keyframe = -1;
   const ControlTrack* controls = nullptr;
   const FidelityTrack* fidelity =

@@ -11,9 +11,13 @@ using testing::RandomMechanismOptions;
 using testing::RandomSource;
 using testing::Still;
 
-// The largest energy after the start, as a share of that at the start, over 300 steps without gravity or
-// damping.
-double LargestShare(unsigned seed, const RandomMechanismOptions& options, double scale) {
+struct Gain {
+  double above_start = 0,
+         step = 0;  // as shares of the energy at the start: of any later one; of a single step
+};
+
+// Over 300 steps without gravity or damping.
+Gain LargestGain(unsigned seed, const RandomMechanismOptions& options, double scale, Integrator integrator) {
   MechanismDef definition = testing::RandomMechanismDef(seed, options);
   definition = ScaleStiffness(definition, scale);
   RandomSource random(seed + 1000);
@@ -28,48 +32,61 @@ double LargestShare(unsigned seed, const RandomMechanismOptions& options, double
   World world = MustStart(definition, VectorX::Zero(n), q_dot, V, world_options);
   auto energy = [&] { return world.KineticEnergy() + world.PotentialEnergy(Vector3::Zero()); };
   const double start = energy();
-  double before = start, largest = 0;
+  double before = start;
+  Gain gain;
+  StepOptions step = Still();
+  step.integrator = integrator;
   for (int i = 0; i < 300; ++i) {
-    const StepReport report = world.Step(Still());
+    const StepReport report = world.Step(step);
     EXPECT_TRUE(report.finite);
     const double now = energy();
-    // No step adds any, whatever the steps before it lost.
-    largest = std::max(largest, (now - before) / start);
+    gain.above_start = std::max(gain.above_start, (now - start) / start);
+    gain.step = std::max(gain.step, (now - before) / start);
     before = now;
   }
-  return largest;
-}
-
-void ExpectNoGrowth(RandomMechanismOptions options, BaseKind base, double tolerance) {
-  options.base = base;
-  options.damping_ratio = 0;
-  for (unsigned seed = 0; seed < 12; ++seed)
-    for (const double scale : {1.0, 1e3, 1e6})
-      EXPECT_LT(LargestShare(seed, options, scale), tolerance)
-          << "seed " << seed << ", stiffness times " << scale;
+  return gain;
 }
 
 // A step's energies are differences of sums of a hundred terms.
 constexpr double kRounding = 1e-9;
+// Of a step of second order: joints too stiff for it creep as the spin of the whole turns past them, and what
+// their springs take or give then is foreseen by half a step: 0.27 % of the energy in the worst of 144 runs.
+constexpr double kCreep = 5e-3;
 
-TEST(Energy, FixedTreesNeverGain) { ExpectNoGrowth({}, BaseKind::kFixed, kRounding); }
+void ExpectNoGrowth(RandomMechanismOptions options, BaseKind base) {
+  options.base = base;
+  options.damping_ratio = 0;
+  for (unsigned seed = 0; seed < 12; ++seed)
+    for (const double scale : {1.0, 1e3, 1e6})
+      for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
+        SCOPED_TRACE("seed " + std::to_string(seed) + ", stiffness times " + std::to_string(scale) +
+                     (integrator == Integrator::kEuler ? ", euler" : ", theta"));
+        const Gain gain = LargestGain(seed, options, scale, integrator);
+        EXPECT_LT(gain.above_start, kRounding);
+        EXPECT_LT(gain.step, integrator == Integrator::kEuler ? kRounding : kCreep);
+      }
+}
 
-TEST(Energy, FloatingTreesNeverGain) { ExpectNoGrowth({}, BaseKind::kFloating, kRounding); }
+TEST(Energy, FixedTreesNeverGain) { ExpectNoGrowth({}, BaseKind::kFixed); }
+
+TEST(Energy, FloatingTreesNeverGain) { ExpectNoGrowth({}, BaseKind::kFloating); }
 
 TEST(Energy, LoopsNeverGain) {
   RandomMechanismOptions options;
   options.rigid_closures = 1;
   options.springs = 1;
-  // The guard takes what velocity forces and stale operators put in.
-  ExpectNoGrowth(options, BaseKind::kFixed, kRounding);
-  ExpectNoGrowth(options, BaseKind::kFloating, kRounding);
+  ExpectNoGrowth(options, BaseKind::kFixed);
+  ExpectNoGrowth(options, BaseKind::kFloating);
 }
 
 TEST(Energy, UnsprungJointsNeverGain) {
   RandomMechanismOptions options;
   options.unsprung = 0.3;
-  ExpectNoGrowth(options, BaseKind::kFixed, kRounding);
-  ExpectNoGrowth(options, BaseKind::kFloating, kRounding);
+  // A rotor on a ball joint weighs the rates of its rotation vector, which change where the vector passes
+  // half a turn.
+  options.armature = false;
+  ExpectNoGrowth(options, BaseKind::kFixed);
+  ExpectNoGrowth(options, BaseKind::kFloating);
 }
 
 TEST(Energy, StiffWalkerComesToRest) {

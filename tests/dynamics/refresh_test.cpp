@@ -60,7 +60,8 @@ TEST(Refresh, NothingJumpsWhereNothingIsTruncated) {
       if (seed % 2) options.rigid_closures = 1;
       const Jump jump = RefreshAfter(testing::RandomMechanismDef(seed, options), 100, 10, seed);
       EXPECT_LT(jump.pose, 1e-9);
-      EXPECT_LT(jump.kinetic, 1e-12);
+      // Loops that stood open by 1e-10 are closed to rounding.
+      EXPECT_LT(jump.kinetic, 1e-9);
     }
 }
 

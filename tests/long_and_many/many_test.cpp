@@ -30,7 +30,8 @@ TEST(ManyHands, DoWhatOneDoes) {
   const ManyHandsMeasurement alone = RunManyHands(one, Hands(1)), together = RunManyHands(many, Hands(36));
   EXPECT_TRUE(together.finite);
   EXPECT_EQ(together.held, 36);
-  EXPECT_EQ(together.contacts_max, 36 * alone.contacts_max);
+  // A corner that only just bears counts or not by its last digits.
+  EXPECT_NEAR(together.contacts_max, 36 * alone.contacts_max, 36);
   EXPECT_EQ(together.unconverged_closing, 0);
   // Places on the table differ by up to 2 m, whose rounding contacts may grow a little.
   EXPECT_NEAR(together.penetration_max, alone.penetration_max, 1e-9);

@@ -25,6 +25,9 @@ class FreeBody {
   void SetState(const RigidTransform& X_WB, const Vector3& omega_W, const Vector3& velocity_of_origin_W);
   void AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
 
+  /// Begins a step of second order: the body stands where its velocity takes it in half the step (`middle`),
+  /// or stays, until Integrate or Revert.
+  void Begin(double h, bool middle);
   /// Free velocity after h under gravity, gathered wrenches and gyroscopic moment (implicit midpoint).
   void Predict(double h, const Vector3& gravity_W);
   /// [R ω_B; v_centre]: the six-vector on which contacts work, about the centre of mass in world axes.
@@ -64,6 +67,9 @@ class FreeBody {
   Vector3 velocity_ = Vector3::Zero();
   Vector3 velocity_before_ = Vector3::Zero();
   bool pushed_ = false;  // contact acted in this step
+  RigidTransform X_WB_before_;
+  bool begun_ = false;      // X_WB_before_ is the start of the step at hand
+  bool at_middle_ = false;  // X_WB_ is the pose half way
   Vector3 force_W_ = Vector3::Zero();
   Vector3 moment_W_ = Vector3::Zero();  // about the centre of mass
 };

@@ -11,6 +11,9 @@
 
 #include <algorithm>
 #include <fork1s/dynamics/recovery.hpp>
+#include <fork1s/dynamics/theta_scheme.hpp>
+#include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/reduction/reduced_jacobian.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <vector>
 
@@ -55,15 +58,17 @@ class MechanismDynamics {
   /// Pose that a driven base reaches at the end of the next step.
   void DriveBase(const RigidTransform& X_WR_next) { driven_next_ = X_WR_next; }
 
+  /// Begins a step of second order (docs/method.md, section 5): from here to Integrate or Revert the
+  /// mechanism stands where its velocity takes it in half the step, and Predict, ports and lengths speak of
+  /// that pose. `middle` false: it stays where it is, and all forces act at the end of the step, as an impact
+  /// asks. Exact recovery only. Without this a step is implicit Euler's.
+  void Begin(double h, const Vector3& gravity_W, bool middle);
   /// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
   void Predict(double h, const Vector3& gravity_W);
   /// Velocities [begin, begin + size) that neither inertia nor damping nor any contact group couples to the
   /// others: the fingers of a hand whose palm is held, for instance. W is formed and contacts are solved part
   /// by part.
-  struct Part {
-    int begin = 0;
-    int size = 0;
-  };
+  using Part = VelocityRange;
   const std::vector<Part>& parts() const { return parts_; }
   /// The part that moves group g; -1 where it only follows the base.
   int PartOfGroup(int g) const { return part_of_group_[static_cast<std::size_t>(g)]; }
@@ -103,6 +108,9 @@ class MechanismDynamics {
         std::count_if(at_bound_.begin(), at_bound_.end(), [](signed char s) { return s != 0; }));
   }
 
+  /// Newton iterations of the last step beyond the first: where forces bent more within it than one could
+  /// follow.
+  int NewtonSteps() const { return newton_steps_; }
   /// Takes the free velocity back, before Integrate.
   void Revert();
   /// Phase 2: moves the state by x⁺ over h and brings poses up to date.
@@ -142,7 +150,6 @@ class MechanismDynamics {
   void Factor(double h);
   void LoadForces(const Vector3& gravity_R, const Vector6& A_R);
   void FollowLoads();
-  void Solve(VectorX& x);
   void SolveFree(double h);
   // Bounds of forces (force_limits.cpp).
   void SizeForceLimits();
@@ -154,6 +161,20 @@ class MechanismDynamics {
   double EnergyBeyondBounds() const;
   bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
   void UpdateInertia();
+  // The step of second order (theta_step.cpp, theta_minimum.cpp).
+  void SizeTheta();
+  void MoveToMiddle(double h);
+  void PredictTheta(double h);
+  void SolveFreeTheta(double h);
+  void IntegrateTheta(double h);
+  void TurnAndMove(double h, double share_of_end);
+  bool BendsTooMuch(double work);
+  void MinimiseAtEnd(double h);
+  double EndForces(VectorX& f_z);
+  void TakeVelocityAtEnd(double work, const VectorX& w_mean);
+  void MatchWork(double energy, const VectorX& w_mean);
+  double PotentialEnergyOn(const RigidTransform& X_WR, const Vector3& gravity_W) const;
+  double StretchToForce(const Mechanism::ForceLimit& limit, double h) const;
   double LargestTurn(const VectorX& since) const;
   void Advance(double h, const Vector6& V_start, const Vector6& by_pose);
   void AdvanceShortened(double h, double s);
@@ -171,6 +192,8 @@ class MechanismDynamics {
   ReducedModel model_;
   ReducedState state_;
   Configuration configuration_;
+  RigidParts rigid_parts_;
+  ReducedJacobian jacobian_;  // of configuration_
   std::vector<ContactGroup> groups_;
   std::vector<Part> parts_;
   std::vector<int> part_of_group_, part_of_limited_, part_of_friction_;
@@ -193,7 +216,6 @@ class MechanismDynamics {
   double follow_ = 1;                              // share of a step towards rest that the interior takes
   int overshoots_ = 0;                             // in a row
   MatrixX A_, M_full_;                             // num_velocities²
-  MatrixX A_inverse_;                              // bases that do not float
   Cholesky factor_;
   double factored_h_ = -1;
   VectorX f_ref_;              // twist mode: Qᵀ g_ref
@@ -205,11 +227,8 @@ class MechanismDynamics {
   MatrixX rigid_motion_map_;  // twist mode: r x 36, force per entry of ξξᵀ at the reference
 
   // Scratch of a step.
-  std::vector<Matrix6> composite_;
   Matrix6 M_00_;
-  Matrix6X M_0q_, M_0z_;  // of the present pose
-  MatrixX M_q_, M_Q_;
-  VectorX q_of_M_;    // n, the pose of M_full_
+  Matrix6X M_0z_;     // of the present pose
   MatrixX Q_before_;  // loops: Q_now of the last step, h ago
   double Q_before_h_ = -1;
   Matrix6X body_V_, body_A_;
@@ -231,6 +250,30 @@ class MechanismDynamics {
   // Ṁ x of the base's rows as the pose changes at the rates of now. The base's twist follows the pose, and what
   // it gains by that pulls at the joints, whose rows must know of it in the same solve.
   Vector6 momentum_rate_ = Vector6::Zero();
+
+  // A step of second order.
+  enum class Scheme { kEuler, kMiddle, kImpact };
+  Scheme scheme_ = Scheme::kEuler;
+  ThetaScheme theta_, at_end_;         // the modal rule, and all forces at the end
+  const ThetaScheme* rule_ = nullptr;  // of the two, in this step
+  Configuration elsewhere_;            // of the pose that configuration_ is not at
+  MaterialVelocities start_velocity_, other_velocity_;
+  Cholesky inertia_factor_;
+  VectorX u_;            // velocity of the start as the middle sees it
+  VectorX q_dot_start_;  // n
+  VectorX w_mean_, f_used_, f_turn_, f_wrench_;
+  Matrix6X F_parts_;
+  Vector6 base_wrench_;
+  VectorX impulse_;            // num_velocities: of contact and limits in this step
+  bool minimised_ = false;     // this step
+  int newton_steps_ = 0;       // beyond the first, in this step
+  struct BaseMotion {          // of a floating base over a step, world axes
+    Vector3 turn, center_end;  // rad; m
+  } base_motion_;
+  Vector3 center_W_, spin_W_, linear_W_;  // of a floating mechanism: centre of mass, momentum
+  double potential_start_ = 0;            // J
+  RigidTransform
+      weighed_on_;  // where a driven base stands while weights work, so that its own way counts for none
 };
 
 }  // namespace fork1s

@@ -16,8 +16,14 @@ namespace fork1s {
 
 class MechanismDynamics;  // mechanism_dynamics.hpp, for who looks into a mechanism
 
+/// How a step is taken. kEuler: all forces at its end, first order. kTheta: slow modes by the trapezoid, what
+/// a step cannot follow at its end, impacts likewise (docs/method.md, section 5); second order, for exact
+/// recovery.
+enum class Integrator { kEuler, kTheta };
+
 struct StepOptions {
   double h = 1.0 / 60;                     // s
+  Integrator integrator = Integrator::kEuler;
   Vector3 gravity = Vector3(0, 0, -9.81);  // m/s²
   double penetration_correction = 0.2;     // β: share of the penetration beyond the slop undone per step
   double slop = 1e-4;                      // m of penetration that is left alone
@@ -44,6 +50,8 @@ struct StepReport {
   int refreshes = 0;
   int failed_refreshes = 0;
   bool contacts_dropped = false;  // the collision detector ran out of room
+  int newton_steps = 0;           // beyond the first, of the mechanism that took most; second order only
+  bool impact = false;            // something closed a gap at speed: the step took its forces at its end
   bool finite = true;             // false: the step was undone and the state is that before it
 };
 

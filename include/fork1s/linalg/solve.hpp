@@ -13,6 +13,30 @@ namespace fork1s {
 MatrixX SolveSquare(const MatrixX& A, const MatrixX& B);
 Eigen::MatrixXcd SolveComplex(const Eigen::MatrixXcd& A, const Eigen::MatrixXcd& B);
 
+/// P A = L U with row pivoting. Holds its storage: computing and solving for a size it had before do not
+/// allocate.
+class LuFactor {
+ public:
+  LuFactor();
+  ~LuFactor();
+  LuFactor(const LuFactor& other);
+  LuFactor& operator=(const LuFactor& other);
+  LuFactor(LuFactor&&) noexcept;
+  LuFactor& operator=(LuFactor&&) noexcept;
+  void Compute(const MatrixX& A);
+  /// Smallest over largest pivot: 0 where A is singular, and near it where A nearly is.
+  double PivotRatio() const;
+  /// x <- A⁻¹ x
+  void SolveInPlace(VectorX& x) const;
+  void SolveInPlace(MatrixX& x) const;
+  /// x <- A⁻ᵀ x
+  void SolveTransposedInPlace(VectorX& x) const;
+
+ private:
+  struct Detail;
+  std::unique_ptr<Detail> detail_;
+};
+
 /// Of all X that bring A X nearest to B the smallest. Pivots of the QR decomposition below `threshold` of the
 /// largest count as zero: kRankThreshold for matrices in one unit.
 MatrixX LeastNormSolve(const MatrixX& A, const MatrixX& B, double threshold);

@@ -6,7 +6,7 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/solve.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/reduction/rank_doubt.hpp>
@@ -49,9 +49,12 @@ struct ReducedModel {
   VectorX k_inverse;  // n, trees with joint springs only: C_perp = diag(k_inverse) - Q_e Q_eᵀ
   MatrixX C_perp;     // n x n otherwise
 
-  /// Rows of the closure Jacobian that are independent at q_ref, and the metric of the loop correction.
+  /// Rows of the closure Jacobian that are independent at q_ref, and the metric in which joints give way to
+  /// close them: 1 for a turn, the square of the mechanism's length for a slide. Not the stiffness: the chart
+  /// of a crank-slider would end 8 degrees from its reference.
   std::vector<int> loop_rows;
   VectorX h_inverse;  // n
+  MatrixX B;          // n x m: H⁻¹A_refᵀ of those rows, the directions along which loops are closed
 
   std::vector<BodyIndex> promoted;  // interfaces that were added for hidden motions
   std::vector<RankDoubt> doubts;    // rank decisions that the numbers do not settle
@@ -81,6 +84,9 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism, const 
 /// q_perp = C_perp g.
 void ApplyComplement(const ReducedModel& model, const VectorX& g, VectorX& q_perp);
 
+/// Fills B from loop_rows and h_inverse at q_ref.
+void FillLoopDirections(ReducedModel& model);
+
 /// The map from reduced coordinates to joint displacements and body poses, loops closed: scratch and result.
 struct Configuration {
   explicit Configuration(const ReducedModel& model);
@@ -88,22 +94,30 @@ struct Configuration {
   VectorX q;  // n
   Kinematics kinematics;
   MatrixX Q_now;  // n x r: ∂q/∂z at the present pose (Q on trees)
-  double loop_residual = 0;
+  VectorX mu;     // m: q = q_ref + Q z + q_perp - B µ
+  double closed =
+      1e-10;            // rad and m: residual at which corrections end, far below the 0.01 mm that users see
+  int corrections = 0;  // iterations that closed the loops
+  double loop_residual = 0;  // of all rows, rad and m
+  double pivot_ratio = 1;    // of A B: the chart of these coordinates ends where it is 0
 
   // Loop scratch, m independent rows.
-  VectorX c_all, c, lambda, x;
-  MatrixX A_all, A, HA;  // rows x n, m x n, n x m
-  MatrixX AHA, AQ;       // m x m, m x r
-  Cholesky factor;
+  VectorX c_all, c, d, z_of_mu, q_bar;
+  MatrixX A_all, A;  // rows x n, m x n, at q
+  MatrixX AB, W;     // m x m; m x r: ∂µ/∂z
+  LuFactor factor;   // of AB at some pose before
+  bool has_factor = false;
 };
 
-/// q(z) = q_ref + Q z + q_perp, then Gauss-Newton steps q -= H⁻¹Aᵀ(A H⁻¹Aᵀ)⁻¹ c(q) with A at the present q,
-/// at most `max_corrections`. Fills kinematics and Q_now = (1 - H⁻¹Aᵀ(A H⁻¹Aᵀ)⁻¹A) Q. No allocation.
+/// q(z) = q_ref + Q z + q_perp - B µ with µ such that c(q) = 0 (docs/method.md, section 11): chords with the
+/// factor at hand from the tangent of the last pose, a new factor where they gain too little, at most
+/// `max_corrections`; 0 leaves the loops open. Since B stays, Q_now = (1 - B (A B)⁻¹ A) Q is the derivative
+/// of the pose that is computed. Fills kinematics. No allocation.
 void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
-               int max_corrections = 4);
+               int max_corrections = 60);
 
-/// Joint forces g without what the loops' reactions take: g -= Aᵀ(A H⁻¹Aᵀ)⁻¹ A H⁻¹ g at the pose of `c`. No
-/// allocation.
+/// Joint forces g without what the loops' reactions take: g -= Aᵀ(A B)⁻ᵀ Bᵀ g at the pose of `c`, what forces
+/// do on displacements that are closed along B. No allocation.
 void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g);
 
 }  // namespace fork1s

@@ -28,6 +28,7 @@ struct CompareOptions {
   double time = 2;  // s
   double dt = 0;    // s; 0: the scene's time step
   Recovery recovery = Recovery::kExact;
+  Integrator integrator = Integrator::kEuler;  // of the reduced run
   ControlTrack controls;
   FidelityTrack detail;                  // of the reduced run
   int refinements = 2;                   // further runs at dt/2, dt/4, ...

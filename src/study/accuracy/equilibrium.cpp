@@ -52,7 +52,10 @@ void ReducedEquilibrium::SetState(const VectorX& x) {
   state_.z = x.head(model_->size());
   if (has_perp()) state_.q_perp = x.tail(model_->num_coordinates());
   if (mode_ == StaticMode::kTwist || mode_ == StaticMode::kSecondOrder) return;
-  Configure(*model_, state_, *configuration_, mode_ == StaticMode::kOpen ? 0 : 4);
+  if (mode_ == StaticMode::kOpen)
+    Configure(*model_, state_, *configuration_, 0);
+  else
+    Configure(*model_, state_, *configuration_);
 }
 
 Vector3 ReducedEquilibrium::PositionAt(const VectorX& x) {

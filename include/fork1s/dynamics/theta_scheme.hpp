@@ -1,0 +1,32 @@
+// Which share of a step's forces acts at its end: the modal theta rule (docs/method.md, section 10).
+//
+// Slow modes take the trapezoid, which keeps their energy; modes that a step cannot follow take implicit
+// Euler, which brings them to rest; in between the share rises with y = h ω:
+//     θ = ½ + ½ y⁴/(c⁴ + y⁴),  c = 1.2;   Th = V diag(θ) VᵀM,  (ω², V) = eig(K, M) at the reference
+//     w⁺ = u + h M⁻¹ f(z + h Th w̄),   w̄ = Th w⁺ + (1 - Th) u,   z⁺ = z + h w̄
+#pragma once
+
+#include <fork1s/reduction/reduced_model.hpp>
+#include <vector>
+
+namespace fork1s {
+
+struct VelocityRange {
+  int begin = 0, size = 0;
+};
+
+/// Operators of the rule for one step length, all r x r. Euler: Th = 1.
+struct ThetaScheme {
+  double h = -1;  // s; -1: nothing computed
+  bool is_euler = false;
+  MatrixX Th;
+  MatrixX K_Th;            // K Th
+  MatrixX K_Th2;           // K Th²: stiffness in the operator
+  MatrixX K_Th_rest;       // K Th (1 - Th)
+  MatrixX D_end, D_start;  // damping at the end and at the start of a step
+
+  /// `ranges`: coordinates that nothing couples to others, each with modes of its own.
+  void Fill(const ReducedModel& model, const std::vector<VelocityRange>& ranges, double step, bool euler);
+};
+
+}  // namespace fork1s

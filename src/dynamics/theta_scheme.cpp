@@ -1,0 +1,95 @@
+#include <fork1s/dynamics/theta_scheme.hpp>
+
+#include <cmath>
+#include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/solve.hpp>
+#include <fork1s/linalg/spectrum.hpp>
+
+namespace fork1s {
+namespace {
+
+// Step times frequency at which a mode is half way from the trapezoid to implicit Euler.
+constexpr double kTurnover = 1.2;
+
+double Theta(double y) {
+  const double y4 = std::pow(y / kTurnover, 4);
+  return y4 < 1e30 ? 0.5 + 0.5 * y4 / (1 + y4) : 1;
+}
+
+// Inertia that the coordinates feel: what floats gives way.
+MatrixX FeltInertia(const ReducedModel& model) {
+  if (model.mechanism->base() != BaseKind::kFloating) return model.M;
+  return model.M - model.M_0z.transpose() * SolveSymmetric(model.M_00, model.M_0z);
+}
+
+// Largest growth in a step of free motion at the reference, all modes together.
+double Growth(const MatrixX& M, const VectorX& K, const MatrixX& D, const ThetaScheme& s,
+              const VelocityRange& run) {
+  const int n = run.size;
+  auto of = [&](const MatrixX& A) { return MatrixX(A.block(run.begin, run.begin, n, n)); };
+  const MatrixX one = MatrixX::Identity(n, n), Th = of(s.Th);
+  const MatrixX K_z = K.segment(run.begin, n).asDiagonal();
+  const double h = s.h;
+  const MatrixX A = M + h * of(s.D_end) + h * h * of(s.K_Th2);
+  MatrixX right(n, 2 * n);
+  right << -h * K_z, M - h * h * of(s.K_Th_rest) - h * (D - of(s.D_end));
+  const MatrixX v = SolveSquare(A, right);
+  MatrixX map(2 * n, 2 * n), w = Th * v;
+  w.rightCols(n) += one - Th;
+  map << MatrixX(h * w), v;
+  map.topLeftCorner(n, n) += one;
+  return GeneralSpectrumOf(map).values.cwiseAbs().maxCoeff();
+}
+
+}  // namespace
+
+void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRange>& ranges, double step,
+                       bool euler) {
+  const int r = model.size();
+  h = step;
+  is_euler = euler;
+  const MatrixX K = model.K_r.asDiagonal();
+  Th = MatrixX::Identity(r, r);
+  D_end = model.D;
+  D_start = MatrixX::Zero(r, r);
+  if (!euler) {
+    const MatrixX M = FeltInertia(model);
+    MatrixX root = MatrixX::Identity(r, r);  // V diag(√θ) VᵀM
+    for (const VelocityRange& run : ranges) {
+      if (run.size == 0) continue;
+      Cholesky factor;
+      // A mass matrix that is not positive is reported where the step factors it.
+      if (!factor.Compute(M.block(run.begin, run.begin, run.size, run.size))) continue;
+      const MatrixX L = factor.L().triangularView<Eigen::Lower>();
+      const MatrixX L_inverse = L.triangularView<Eigen::Lower>().solve(MatrixX::Identity(run.size, run.size));
+      const SymmetricSpectrum modes =
+          SpectrumOf(L_inverse * K.block(run.begin, run.begin, run.size, run.size) * L_inverse.transpose());
+      const VectorX theta =
+          modes.values.unaryExpr([step](double w2) { return Theta(step * std::sqrt(std::max(w2, 0.0))); });
+      const MatrixX V = L_inverse.transpose() * modes.vectors,
+                    back = modes.vectors.transpose() * L.transpose();
+      Th.block(run.begin, run.begin, run.size, run.size) = V * theta.asDiagonal() * back;
+      root.block(run.begin, run.begin, run.size, run.size) = V * theta.cwiseSqrt().asDiagonal() * back;
+    }
+    K_Th2 = K * Th * Th;
+    K_Th_rest = K * Th * (MatrixX::Identity(r, r) - Th);
+    for (const VelocityRange& run : ranges) {
+      if (run.size == 0) continue;
+      const int n = run.size;
+      const MatrixX D = model.D.block(run.begin, run.begin, n, n);
+      if (D.isZero(0)) continue;
+      const MatrixX S = root.block(run.begin, run.begin, n, n), middle = S.transpose() * D * S;
+      for (const double a : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+        D_end.block(run.begin, run.begin, n, n) = (1 - a) * middle + a * D;
+        // Rounding of eigenvalues that are double.
+        if (Growth(M.block(run.begin, run.begin, n, n), model.K_r, D, *this, run) <= 1 + 1e-9) break;
+      }
+    }
+    D_start = model.D - D_end;
+  }
+  K_Th = K * Th;
+  K_Th2 = K_Th * Th;
+  K_Th_rest = K_Th - K_Th2;
+}
+
+}  // namespace fork1s

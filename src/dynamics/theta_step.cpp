@@ -1,0 +1,306 @@
+// The step of second order: docs/method.md, section 5.
+//
+// Material moves straight on in the coordinates x = (axes, centre) of every rigid part, where inertia is
+// constant (rigid_parts.hpp). J(z) maps rates of z to ẋ; joints confine the mean velocity of a step to what
+// the pose half way allows, z_m = z + (h/2) w:
+//     u  = M_m⁻¹ J_mᵀ ẋ                        the old velocity as that pose sees it
+//     M_m (w⁺ - u) = h f(z + h Th w̄) + J_cᵀλ,   w̄ = Th w⁺ + (1 - Th) u,   z⁺ = z + h w̄
+//     ẋ⁺ = J_m (w⁺ + u) - ẋ,   w at the end = M(z⁺)⁻¹ J(z⁺)ᵀ ẋ⁺
+// Since ẋ⁺ + ẋ = J_m (w⁺ + u), kinetic energy changes by what forces work, ½ h (w⁺ + u)·f, and by nothing
+// else, however far the pose turns; seeing ẋ⁺ from z⁺ can only lose what the joints cannot do. No velocity
+// force is computed and none can feed itself. The forces' work is taken along the chord h w̄; where their
+// potential bends within the step, the difference to its true change is made up for along w̄, either way.
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+
+#include <cmath>
+
+namespace fork1s {
+namespace {
+
+// Centre of mass in R of an inertia about R's origin.
+Vector3 CenterOf(const Matrix6& M_00) { return Vector3(M_00(2, 4), M_00(0, 5), M_00(1, 3)) / M_00(5, 5); }
+
+// The root of a κ² + b κ = d that is nearest to 0; where there is none the lowest point.
+double SmallRoot(double a, double b, double d) {
+  const double inside = b * b + 4 * a * d;
+  if (inside <= 0) return a > 0 ? -b / (2 * a) : 0;
+  const double sum = b + std::copysign(std::sqrt(inside), b);
+  return sum != 0 ? 2 * d / sum : 0;
+}
+
+}  // namespace
+
+void MechanismDynamics::SizeTheta() {
+  const int r = model_.size(), n = model_.num_coordinates();
+  theta_.h = at_end_.h = -1;
+  u_.setZero(num_velocities());
+  q_dot_start_.setZero(n);
+  w_mean_.setZero(r);
+  f_used_.setZero(r);
+  f_turn_.setZero(r);
+  f_wrench_.setZero(r);
+  F_parts_.resize(6, rigid_parts_.size());
+}
+
+void MechanismDynamics::Begin(double h, const Vector3& gravity_W, bool middle) {
+  FORK1S_REQUIRE(options_.recovery == Recovery::kExact);
+  scheme_ = middle ? Scheme::kMiddle : Scheme::kImpact;
+  gravity_W_ = gravity_W;
+  guard_ = false;
+  z_before_ = state_.z;
+  w_before_ = state_.w;
+  X_WR_before_ = state_.X_WR;
+  V_R_before_ = state_.V_R;
+  if (model_.has_complement) q_perp_before_ = state_.q_perp;
+  if (model_.size() > 0)
+    q_dot_start_.noalias() = Q_now() * state_.w;
+  else
+    q_dot_start_.setZero();
+  ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_dot_start_,
+                            base_moves() ? state_.V_R : Vector6(Vector6::Zero()), start_velocity_);
+  if (base_size_ > 0) {
+    const Vector6 p = M_full_.topRows<6>() * x_;
+    const Matrix3& R = state_.X_WR.rotation();
+    const Vector3 c = CenterOf(M_00_);
+    center_W_ = state_.X_WR * c;
+    linear_W_ = R * p.tail<3>();
+    spin_W_ = R * (p.head<3>() - c.cross(p.tail<3>()));
+  }
+  if (mechanism().base() == BaseKind::kDriven) {
+    state_.V_R = Log(state_.X_WR.inverse() * driven_next_) / h;
+    weighed_on_ = middle ? state_.X_WR * Exp(0.5 * h * state_.V_R) : state_.X_WR;
+    potential_start_ = PotentialEnergyOn(weighed_on_, gravity_W);
+  } else {
+    potential_start_ = PotentialEnergy(gravity_W);
+  }
+  if (middle) MoveToMiddle(h);
+}
+
+void MechanismDynamics::MoveToMiddle(double h) {
+  std::swap(configuration_, elsewhere_);
+  state_.z += 0.5 * h * state_.w;
+  if (mechanism().base() == BaseKind::kDriven) state_.X_WR = state_.X_WR * Exp(0.5 * h * state_.V_R);
+  if (base_size_ > 0)
+    state_.X_WR.rotation() = state_.X_WR.rotation() * ExpRotation(0.5 * h * state_.V_R.head<3>());
+  UpdateConfiguration();
+  if (base_size_ > 0)
+    state_.X_WR.translation() =
+        center_W_ + 0.5 * h / M_00_(5, 5) * linear_W_ - state_.X_WR.rotation() * CenterOf(M_00_);
+}
+
+// u and the forces of the pose half way.
+void MechanismDynamics::PredictTheta(double h) {
+  const Matrix3 R_mW = state_.X_WR.rotation().transpose();
+  const int r = model_.size();
+  F_parts_.setZero();
+  AddMomentum(rigid_parts_, configuration_.kinematics, start_velocity_, R_mW * X_WR_before_.rotation(), 1,
+              F_parts_);
+  if (mechanism().base() == BaseKind::kDriven) {
+    // Joints see what is left beside the base's own mean motion.
+    tau_.setZero();
+    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, tau_, state_.V_R,
+                              other_velocity_);
+    AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
+  }
+  tau_ = mechanism().armature().cwiseProduct(q_dot_start_);
+  GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
+  if (r > 0) momentum_.tail(r).noalias() = Q_now().transpose() * tau_;
+  if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
+  u_ = momentum_;
+  if (num_velocities() > 0) {
+    inertia_factor_.Compute(M_full_);
+    inertia_factor_.SolveInPlace(u_);
+  }
+  LoadForces(R_mW * gravity_W_, Vector6::Zero());
+  if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
+  f_wrench_.setZero();
+  base_wrench_.setZero();
+  if (has_wrenches_) {
+    Matrix6X& F = F_;
+    F.setZero();
+    for (int b = 0; b < mechanism().num_bodies(); ++b)
+      F.col(b) = AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
+    base_wrench_ = F.rowwise().sum();
+    tau_.setZero();
+    AccumulateGeneralizedForce(mechanism(), configuration_.kinematics.S, F, tau_);
+    if (r > 0) f_wrench_.noalias() = Q_now().transpose() * tau_;
+    wrenches_W_.setZero();
+    has_wrenches_ = false;
+  }
+  if (!at_bound_.empty()) OpenForceLimits();
+}
+
+// x* from the momenta and forces at hand.
+void MechanismDynamics::SolveFreeTheta(double h) {
+  const int r = model_.size();
+  const bool euler = scheme_ == Scheme::kImpact || AnyAtBound();
+  ThetaScheme& rule = euler ? at_end_ : theta_;
+  if (rule.h != h) {
+    std::vector<VelocityRange> ranges = parts_;
+    if (base_size_ > 0) ranges = {{0, r}};
+    rule.Fill(model_, ranges, h, euler);
+  }
+  rule_ = &rule;
+  if (!at_bound_.empty()) AddBoundedForces();
+  if (num_velocities() == 0) return;
+  impulse_.setZero(num_velocities());
+  x_ = momentum_;
+  if (base_size_ > 0) x_.head<6>() += h * base_force_;
+  A_ = M_full_;
+  if (r > 0) {
+    A_.bottomRightCorner(r, r) += h * rule.D_end + h * h * rule.K_Th2;
+    auto rhs = x_.tail(r);
+    rhs += h * f_z_;
+    // f at z + h Th w̄ from f at the pose half way.
+    f_used_ = z_before_ - state_.z;
+    rhs -= h * model_.K_r.cwiseProduct(f_used_);
+    f_turn_ = u_.tail(r) - w_before_;
+    rhs.noalias() -= (h * h) * (rule.K_Th_rest * w_before_);
+    rhs.noalias() -= (h * h) * (rule.K_Th2 * f_turn_);
+    rhs.noalias() -= h * (rule.D_start * w_before_);
+    rhs.noalias() -= h * (rule.D_end * f_turn_);
+    for (std::size_t k = 0; k < at_bound_.size(); ++k) {
+      if (at_bound_[k] == 0) continue;
+      const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
+      double stretch = 0;
+      for (const auto& [i, c] : limit.terms) stretch += c * model_.Q.row(i).dot(f_used_);
+      for (const auto& [i, c] : limit.terms)
+        rhs += (h * limit.stiffness * stretch * c) * model_.Q.row(i).transpose();
+    }
+    if (euler) TakeBoundedSpringsOut(h);
+  }
+  factor_.Compute(A_);
+  factor_.SolveInPlace(x_);
+}
+
+// From the pose at which LoadForces found a servo's spring to where its force acts.
+double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, double h) const {
+  const int r = model_.size();
+  VectorX moved = z_before_ - state_.z;
+  const VectorX mean = rule_->Th * (x_.tail(r) + u_.tail(r) - 2 * w_before_) + w_before_;
+  moved.noalias() += h * (rule_->Th * mean);
+  double stretch = 0;
+  for (const auto& [i, c] : limit.terms) stretch += c * Q_now().row(i).dot(moved);
+  return stretch;
+}
+
+void MechanismDynamics::IntegrateTheta(double h) {
+  const int r = model_.size();
+  const bool driven = mechanism().base() == BaseKind::kDriven;
+  const Matrix3 R_m = state_.X_WR.rotation();
+  const RigidTransform X_m = state_.X_WR;
+  // An impact keeps gaps closed at the end velocity.
+  const double end = scheme_ == Scheme::kImpact && pushed_ ? 1 : 0.5;
+  minimised_ = false;
+  newton_steps_ = 0;
+  double work = 0;  // of springs, weight and controls along the chord
+  if (r > 0) {
+    f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_before_;
+    w_mean_.noalias() = rule_->Th * f_turn_;
+    w_mean_ += w_before_;
+    // f(z + h Th w̄); what springs bend by within the step is what `work` then misses.
+    f_used_ = z_before_ - state_.z;
+    f_used_.noalias() += h * (rule_->Th * w_mean_);
+    f_used_ = f_z_ - f_wrench_ - model_.K_r.cwiseProduct(f_used_);
+    work = h * w_mean_.dot(f_used_);
+    f_used_.noalias() = rule_->K_Th * w_mean_;
+    work += h * h * (w_mean_.dot(f_used_) - 0.5 * w_mean_.dot(model_.K_r.cwiseProduct(w_mean_)));
+  }
+  if (base_size_ > 0)
+    work += h * (end * x_.head<6>() + (1 - end) * u_.head<6>()).dot(base_force_ - base_wrench_);
+  TurnAndMove(h, end);
+  if (r > 0 && BendsTooMuch(work)) {
+    state_.X_WR = X_m;
+    MinimiseAtEnd(h);
+    TurnAndMove(h, end);
+  }
+
+  // ẋ⁺ + ẋ and its rates of joints, seen from the middle.
+  Vector6 V = Vector6::Zero();
+  if (driven) V = 2 * state_.V_R;
+  if (base_size_ > 0) V = x_.head<6>() + u_.head<6>();
+  q_ddot_.setZero();
+  if (r > 0) q_ddot_.noalias() = elsewhere_.Q_now * (x_.tail(r) + u_.tail(r));
+  ComputeMaterialVelocities(mechanism(), rigid_parts_, elsewhere_.kinematics, q_ddot_, V, other_velocity_);
+  q_ddot_ -= q_dot_start_;
+
+  UpdateInertia();
+  const Matrix3 R_eW = state_.X_WR.rotation().transpose();
+  F_parts_.setZero();
+  AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, R_eW * R_m, 1, F_parts_);
+  AddMomentum(rigid_parts_, configuration_.kinematics, start_velocity_, R_eW * X_WR_before_.rotation(), -1,
+              F_parts_);
+  tau_ = mechanism().armature().cwiseProduct(q_ddot_);
+  if (driven) {
+    q_ddot_.setZero();
+    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_ddot_, state_.V_R,
+                              other_velocity_);
+    AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
+  }
+  GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
+  q_dot_ = q_dot_start_;
+  TakeVelocityAtEnd(work, w_mean_);
+}
+
+// Pose at the end of the step from w_mean_ and x_: from the middle, to which elsewhere_ then belongs. The
+// centre of mass goes by momentum alone, so that a drift of the whole changes nothing else.
+void MechanismDynamics::TurnAndMove(double h, double end) {
+  const Matrix3 R_m = state_.X_WR.rotation();
+  state_.z = z_before_;
+  if (model_.size() > 0) state_.z += h * w_mean_;
+  state_.X_WR = mechanism().base() == BaseKind::kDriven ? driven_next_ : X_WR_before_;
+  if (base_size_ > 0) {
+    const Vector3 pushed = R_m * (M_full_.middleRows<3>(3) * x_ - momentum_.segment<3>(3));
+    base_motion_.turn = h * (R_m * (end * x_.head<3>() + (1 - end) * u_.head<3>()));
+    base_motion_.center_end = center_W_ + h / M_00_(5, 5) * (linear_W_ + end * pushed);
+    state_.X_WR.rotation() = ExpRotation(base_motion_.turn) * state_.X_WR.rotation();
+    state_.X_WR.Orthonormalize();
+  }
+  std::swap(configuration_, elsewhere_);
+  pose_energy_.valid = false;
+  Configure(model_, state_, configuration_);
+  if (base_size_ > 0)
+    state_.X_WR.translation() =
+        base_motion_.center_end -
+        state_.X_WR.rotation() * CenterOfParts(rigid_parts_, configuration_.kinematics);
+}
+
+// Whether springs came to hold so much more than foreseen that the step's kinetic energy cannot pay for it.
+bool MechanismDynamics::BendsTooMuch(double work) {
+  const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.X_WR;
+  const double potential = PotentialEnergyOn(X_WR, gravity_W_), missed = potential - potential_start_ + work;
+  // Sums of a hundred terms know no more digits than this.
+  constexpr double kRounding = 1e-12;
+  return missed >
+         0.25 * x_.dot(M_full_ * x_) + kRounding * (std::abs(potential) + std::abs(potential_start_));
+}
+
+// Adds `energy` to the kinetic energy along the relative velocity of the step; the momentum of the whole
+// stays.
+void MechanismDynamics::MatchWork(double energy, const VectorX& w_mean) {
+  rhs_.tail(model_.size()) = w_mean;
+  if (base_size_ > 0) rhs_.head<6>() = -SolvePositive(M_00_, M_0z_ * w_mean);
+  solved_.noalias() = M_full_ * rhs_;  // base rows 0: no momentum
+  x_ += SmallRoot(0.5 * solved_.dot(rhs_), solved_.dot(x_), energy) * rhs_;
+}
+
+// The velocity that ẋ⁺ leaves at the new pose, tau_ and F_parts_ its momentum, with the momentum of the whole
+// kept to rounding and the work of the chord corrected to the potential's true change.
+void MechanismDynamics::TakeVelocityAtEnd(double work, const VectorX& w_mean) {
+  const int r = model_.size();
+  if (num_velocities() == 0) return;
+  if (r > 0) momentum_.tail(r).noalias() = Q_now().transpose() * tau_;
+  if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
+  x_ = momentum_;
+  inertia_factor_.Compute(M_full_);
+  inertia_factor_.SolveInPlace(x_);
+  // What is known of the energy: truncated modes follow their loads at rest and take part in it unseen.
+  if (r > 0 && !model_.has_complement && !minimised_) {
+    const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.X_WR;
+    MatchWork(potential_start_ - PotentialEnergyOn(X_WR, gravity_W_) - work, w_mean);
+  }
+  state_.w = x_.tail(r);
+  if (base_size_ > 0) state_.V_R = x_.head<6>();
+}
+
+}  // namespace fork1s

@@ -1,0 +1,75 @@
+// The step of second order among contacts: where they are found, and what an impact is.
+#include <algorithm>
+#include <cmath>
+#include <fork1s/parallel/parallel_for.hpp>
+
+#include "world_detail.hpp"
+
+namespace fork1s {
+
+bool World::Detail::UsesTheta(const StepOptions& options) const {
+  return options.integrator == Integrator::kTheta &&
+         std::all_of(mechanisms_.begin(), mechanisms_.end(),
+                     [](const auto& m) { return m.recovery() == Recovery::kExact; });
+}
+
+// Largest way of a contactor within h at its present velocity [m].
+double World::Detail::MotionWithin(double h) const {
+  double motion = 0;
+  for (std::size_t i = 0; i < contactors_.size(); ++i) {
+    const Contactor& c = contactors_[i];
+    if (c.kind == Contactor::Kind::kWorld) continue;
+    const auto index = static_cast<std::size_t>(c.index);
+    const Vector6 V = c.kind == Contactor::Kind::kGroup ? mechanisms_[index].GroupVelocity(c.group)
+                                                        : free_bodies_[index].OriginVelocity();
+    motion = std::max(motion, h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]));
+  }
+  return motion;
+}
+
+void World::Detail::MoveAllTo(const StepOptions& options, bool middle) {
+  middle_ = middle;
+  ParallelFor(0, static_cast<int>(mechanisms_.size()), MechanismGrain(), [&](int begin, int end) {
+    for (int i = begin; i < end; ++i)
+      mechanisms_[static_cast<std::size_t>(i)].Begin(options.h, options.gravity, middle);
+  });
+  for (FreeBody& b : free_bodies_) b.Begin(options.h, middle);
+}
+
+// A contact that would close within the step at more speed than gravity gives in an eighth of it. Its rows
+// are at hand, velocities_ those of the start.
+bool World::Detail::ClosesAtSpeed(const StepOptions& options) const {
+  const double slow = options.gravity.norm() * options.h / 8;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const ContactConstraint& c = constraints_[i];
+    double speed = 0;
+    if (c.port_a >= 0) speed += c.J_a.row(0).dot(velocities_.segment<6>(c.port_a));
+    if (c.port_b >= 0) speed += c.J_b.row(0).dot(velocities_.segment<6>(c.port_b));
+    if (speed < -slow && points_[i].gap + (middle_ ? 0.5 : 1) * options.h * speed < 0) return true;
+  }
+  return false;
+}
+
+// What moves by less than a millimetre in half a step may be looked for there. Anything faster could be past
+// a fingertip by then: it is looked for at the start first, and an impact is taken from there.
+void World::Detail::BeginTheta(const StepOptions& options, StepReport& report) {
+  constexpr double kBlind = 1e-3;  // m
+  const bool fast = MotionWithin(0.5 * options.h) > kBlind;
+  if (fast) {
+    PrepareContacts(options, report);
+    report.impact = ClosesAtSpeed(options);
+  }
+  if (!report.impact) {
+    MoveAllTo(options, true);
+    PrepareContacts(options, report);
+    if (fast || !ClosesAtSpeed(options)) return;
+    report.impact = true;
+    for (MechanismDynamics& m : mechanisms_) m.Revert();
+    for (FreeBody& b : free_bodies_) b.Revert();
+    middle_ = false;
+    PrepareContacts(options, report);
+  }
+  MoveAllTo(options, false);
+}
+
+}  // namespace fork1s

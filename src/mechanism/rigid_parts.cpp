@@ -1,0 +1,92 @@
+#include <fork1s/mechanism/rigid_parts.hpp>
+
+namespace fork1s {
+namespace {
+
+RigidTransform PoseOf(const Kinematics& kinematics, std::size_t part) {
+  return part == 0 ? RigidTransform() : kinematics.P[part - 1];
+}
+
+}  // namespace
+
+RigidParts::RigidParts(const Mechanism& mechanism)
+    : parts(static_cast<std::size_t>(mechanism.num_joints()) + 1) {
+  std::vector<Matrix3> about_origin(parts.size(), Matrix3::Zero());
+  for (Part& p : parts) p.second_moment.setZero();
+  for (const Mechanism::Body& body : mechanism.bodies()) {
+    const auto i = static_cast<std::size_t>(body.last_joint + 1);
+    const SpatialInertia& I = body.inertia_R0;
+    const Matrix3 central = 0.5 * I.rotational.trace() * Matrix3::Identity() - I.rotational;
+    about_origin[i] += central + I.mass * I.center * I.center.transpose();
+    parts[i].inertia_R0.mass += I.mass;
+    parts[i].inertia_R0.center += I.mass * I.center;
+  }
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    SpatialInertia& I = parts[i].inertia_R0;
+    if (I.mass > 0) I.center /= I.mass;
+    parts[i].second_moment = about_origin[i] - I.mass * I.center * I.center.transpose();
+    I.rotational = parts[i].second_moment.trace() * Matrix3::Identity() - parts[i].second_moment;
+  }
+}
+
+void ComputeMaterialVelocities(const Mechanism& mechanism, const RigidParts& parts,
+                               const Kinematics& kinematics, const VectorX& q_dot, const Vector6& V_R,
+                               MaterialVelocities& out) {
+  out.c_dot.resize(3, parts.size());
+  out.R_dot.resize(3, 3 * parts.size());
+  out.twist.resize(6, parts.size());
+  out.twist.col(0) = V_R;
+  for (int j = 0; j < mechanism.num_joints(); ++j) {
+    const Mechanism::Joint& joint = mechanism.joints()[static_cast<std::size_t>(j)];
+    Vector6 V = out.twist.col(joint.previous + 1);
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i) V += q_dot(i) * kinematics.S.col(i);
+    out.twist.col(j + 1) = V;
+  }
+  for (int i = 0; i < parts.size(); ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    if (parts.parts[at].inertia_R0.mass == 0) continue;
+    const RigidTransform X = PoseOf(kinematics, at);
+    const Vector3 w = out.twist.col(i).head<3>();
+    out.c_dot.col(i) = out.twist.col(i).tail<3>() + w.cross(X * parts.parts[at].inertia_R0.center);
+    for (int k = 0; k < 3; ++k) out.R_dot.col(3 * i + k) = w.cross(Vector3(X.rotation().col(k)));
+  }
+}
+
+void AddMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& x,
+                 const Matrix3& R_now_then, double factor, Matrix6X& F) {
+  for (int i = 0; i < parts.size(); ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const RigidParts::Part& part = parts.parts[at];
+    if (part.inertia_R0.mass == 0) continue;
+    const RigidTransform X = PoseOf(kinematics, at);
+    const Vector3 p = factor * part.inertia_R0.mass * (R_now_then * x.c_dot.col(i));
+    // tr(Ṙ Σ (ω̂ R)ᵀ) = ω · axial(Ṙ Σ Rᵀ)
+    const Matrix3 B =
+        (R_now_then * x.R_dot.middleCols<3>(3 * i)) * (part.second_moment * X.rotation().transpose());
+    const Vector3 spin(B(2, 1) - B(1, 2), B(0, 2) - B(2, 0), B(1, 0) - B(0, 1));
+    F.col(i).head<3>() += (X * part.inertia_R0.center).cross(p) + factor * spin;
+    F.col(i).tail<3>() += p;
+  }
+}
+
+Vector3 CenterOfParts(const RigidParts& parts, const Kinematics& kinematics) {
+  Vector3 moment = Vector3::Zero();
+  double mass = 0;
+  for (std::size_t i = 0; i < parts.parts.size(); ++i) {
+    const SpatialInertia& I = parts.parts[i].inertia_R0;
+    if (I.mass == 0) continue;
+    mass += I.mass;
+    moment += I.mass * (PoseOf(kinematics, i) * I.center);
+  }
+  return moment / mass;
+}
+
+void GatherFromParts(const Mechanism& mechanism, const Matrix6X& S, Matrix6X& F, VectorX& tau) {
+  for (int j = mechanism.num_joints(); j-- > 0;) {
+    const Mechanism::Joint& joint = mechanism.joints()[static_cast<std::size_t>(j)];
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i) tau(i) += S.col(i).dot(F.col(j + 1));
+    F.col(joint.previous + 1) += F.col(j + 1);
+  }
+}
+
+}  // namespace fork1s
