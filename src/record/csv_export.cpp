@@ -1,7 +1,6 @@
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <fork1s/record/csv.hpp>
+#include <fork1s/record/output_file.hpp>
 #include <fstream>
 
 #include <fmt/format.h>
@@ -20,8 +19,9 @@ std::string Quoted(const std::string& name) {
 
 class Table {
  public:
-  Table(const std::filesystem::path& path) : path_(path), out_(path, std::ios::binary | std::ios::trunc) {
-    row_ = "time";
+  explicit Table(const std::filesystem::path& path)
+      : path_(path.string()), output_(OutputFile::Create(path_, {"a table of a recording", "time"})), row_("time") {
+    if (output_) out_.open(output_->part(), std::ios::binary);
   }
   void Name(const std::string& name) { row_ += ',' + Quoted(name); }
   void Start(double time) { row_ = fmt::format("{}", time); }
@@ -33,14 +33,15 @@ class Table {
   }
   void End() { out_ << row_ << '\n'; }
   Expected<void> Close() {
+    if (!output_) return tl::unexpected(output_.error());
     out_.close();
-    if (out_) return {};
-    return Fail(ErrorCode::kFile, path_.string(),
-                "cannot be written; check the folder, its permissions and free space");
+    if (out_) return output_->Keep();
+    return Fail(ErrorCode::kFile, path_, "cannot be written; check the folder, its permissions and free space");
   }
 
  private:
-  std::filesystem::path path_;
+  std::string path_;
+  Expected<OutputFile> output_;
   std::ofstream out_;
   std::string row_;
 };

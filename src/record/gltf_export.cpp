@@ -3,7 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fork1s/record/gltf.hpp>
-#include <fstream>
+#include <fork1s/record/output_file.hpp>
 
 #include "body_names.hpp"
 #include "gltf_meshes.hpp"
@@ -193,13 +193,8 @@ Expected<void> ExportGltf(const Recording& recording, const std::string& path, c
     return Fail(ErrorCode::kFormat, recording.header().path,
                 std::string("cannot be drawn (") + e.what() + "); the file is damaged, record it again");
   }
-  std::ofstream file(path, std::ios::binary | std::ios::trunc);
-  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  if (!file)
-    return Fail(ErrorCode::kFile, path,
-                "cannot be written; check the folder, its permissions and free space");
-  return {};
+  constexpr FileKind kBinary{"a binary glTF file", "glTF"}, kText{"a glTF file", "{"};
+  return WriteFile(path, extension == ".gltf" ? kText : kBinary, bytes);
 }
 
 }  // namespace fork1s
