@@ -9,6 +9,8 @@
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/mechanism/names.hpp>
 
+#include "checks.hpp"
+
 namespace fork1s::app {
 namespace {
 
@@ -18,16 +20,9 @@ Expected<std::vector<double>> ParseNumbers(const std::string& text, std::size_t 
   std::stringstream stream(text);
   std::string cell;
   while (std::getline(stream, cell, ',')) {
-    std::size_t used = 0;
-    double value = 0;
-    try {
-      value = std::stod(cell, &used);
-    } catch (const std::exception&) {
-      used = 0;
-    }
-    if (used == 0 || used != cell.size() || !std::isfinite(value))
-      return Fail(ErrorCode::kUsage, option, fmt::format("'{}' is not a finite number", cell));
-    numbers.push_back(value);
+    auto value = ParseNumber(cell, option);
+    if (!value) return tl::unexpected(value.error());
+    numbers.push_back(*value);
   }
   if (numbers.size() != count)
     return Fail(ErrorCode::kUsage, option,
@@ -85,7 +80,7 @@ void ModelArguments::AddTo(CLI::App& command) {
   command
       .add_option("--stiffness-scale", stiffness_scale,
                   "multiplies every joint spring by x, its damper by sqrt(x)")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveUpTo(kMostNumber));
   command
       .add_option(
           "--pd", pd,

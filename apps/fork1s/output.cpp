@@ -18,6 +18,10 @@ Json ToJson(const MatrixX& m) {
 Json ToJson(const Vector3& v) { return Json::array({v.x(), v.y(), v.z()}); }
 Json ToJson(const Quaternion& q) { return Json::array({q.w(), q.x(), q.y(), q.z()}); }
 
+std::string ToText(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
 namespace {
 
 const char* KindName(ImportNote::Kind kind) {
@@ -54,7 +58,7 @@ int Report(const Error& error, bool json) {
   if (json) {
     const Json object = {
         {"error", {{"where", error.where}, {"message", error.message}, {"exit_code", code}}}};
-    fmt::print("{}\n", object.dump(2));
+    fmt::print("{}\n", ToText(object, 2));
   }
   return code;
 }

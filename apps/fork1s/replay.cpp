@@ -22,7 +22,7 @@ int RunReplay(const std::string& path, bool json) {
         {"final_hash", fmt::format("{:016x}", result->final_hash)},
         {"finished", header.finished},
         {"program", header.program}};
-    fmt::print("{}\n", out.dump(2));
+    fmt::print("{}\n", ToText(out, 2));
   } else {
     if (!header.finished)
       fmt::print("the program that wrote this recording was stopped; it holds {} whole steps\n",

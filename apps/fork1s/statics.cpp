@@ -113,7 +113,7 @@ int Run(const StaticsArguments& args) {
     out["stable"] = result.stable;
     out["base_held"] = true;
     out["notes"] = NotesJson(imported->report);
-    fmt::print("{}\n", out.dump(2));
+    fmt::print("{}\n", ToText(out, 2));
     return kDone;
   }
   fmt::print("body '{}' under {} N, {} N m{}\n", args.body, args.force, args.torque,

@@ -9,6 +9,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <fork1s/record/output_file.hpp>
 #include <fork1s/server/live_server.hpp>
 #include <fstream>
 #include <sstream>
@@ -178,19 +179,25 @@ Expected<int> RenderVideo(std::string_view page, const std::string& out, const V
   if (auto drawn = Draw(page, chromium, work.path + "/profile", options, frames); !drawn)
     return tl::unexpected(drawn.error());
   if (picture) {
-    fs::copy_file(frames.folder + "/000000.png", out, fs::copy_options::overwrite_existing, failed);
-    if (failed) return Fail(ErrorCode::kFile, out, fmt::format("cannot be written ({})", failed.message()));
+    std::ifstream drawn(frames.folder + "/000000.png", std::ios::binary);
+    const std::string bytes((std::istreambuf_iterator<char>(drawn)), std::istreambuf_iterator<char>());
+    if (auto written = WriteFile(out, {"a PNG picture", "\211PNG"}, bytes); !written)
+      return tl::unexpected(written.error());
   }
   if (!film) return frames.count.load();
 
+  // The first bytes of an MP4 file are the length of what begins with "ftyp".
+  auto output = OutputFile::Create(out, {"an MP4 film", std::string_view("\0\0\0", 3)});
+  if (!output) return tl::unexpected(output.error());
   Child encoder({ffmpeg, "-y", "-loglevel", "error", "-framerate", "60", "-i", frames.folder + "/%06d.png",
                  "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart",
-                 out});
+                 output->part()});
   int code = -1;
   while ((code = encoder.Ended()) < 0) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   if (code != 0)
     return Fail(ErrorCode::kFile, out,
                 fmt::format("was not written: ffmpeg ended with code {}; check the folder", code));
+  if (auto kept = output->Keep(); !kept) return tl::unexpected(kept.error());
   return frames.count.load();
 }
 

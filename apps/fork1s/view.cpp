@@ -10,6 +10,7 @@
 #include <memory>
 #include <thread>
 
+#include "checks.hpp"
 #include "model_arguments.hpp"
 #include "model_watch.hpp"
 #include "output.hpp"
@@ -116,7 +117,7 @@ int Run(const ViewArguments& args) {
 
   const std::string address = fmt::format("http://127.0.0.1:{}/", server->port());
   if (args.model.json)
-    fmt::print("{}\n", Json{{"address", address}}.dump());
+    fmt::print("{}\n", ToText(Json{{"address", address}}));
   else
     fmt::print("watch and touch it at {}   (Ctrl-C ends it)\n", address);
   std::fflush(stdout);
@@ -141,11 +142,12 @@ void AddView(CLI::App& app, Action& action) {
       ->check(CLI::Range(0, 65535));
   command->add_flag("--no-open", args->no_open, "only print the address, start no browser");
   command->add_flag("--no-watch", args->no_watch, "do not load the model anew when its file changes");
-  command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
+  command->add_option("--dt", args->dt, "time step in s (default: the file's)")
+      ->check(PositiveUpTo(kMostStep));
   command->add_option("--recovery", args->recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));
   command->add_option("--time", args->time, "end after this many seconds (default: when told to)")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveUpTo(kMostSeconds));
   command->callback([&action, args] { action = [args] { return Run(*args); }; });
 }
 

@@ -20,7 +20,9 @@ std::string Quoted(const std::string& name) {
 class Table {
  public:
   explicit Table(const std::filesystem::path& path)
-      : path_(path.string()), output_(OutputFile::Create(path_, {"a table of a recording", "time"})), row_("time") {
+      : path_(path.string()),
+        output_(OutputFile::Create(path_, {"a table of a recording", "time"})),
+        row_("time") {
     if (output_) out_.open(output_->part(), std::ios::binary);
   }
   void Name(const std::string& name) { row_ += ',' + Quoted(name); }
@@ -36,7 +38,8 @@ class Table {
     if (!output_) return tl::unexpected(output_.error());
     out_.close();
     if (out_) return output_->Keep();
-    return Fail(ErrorCode::kFile, path_, "cannot be written; check the folder, its permissions and free space");
+    return Fail(ErrorCode::kFile, path_,
+                "cannot be written; check the folder, its permissions and free space");
   }
 
  private:

@@ -1,9 +1,9 @@
 // Writing HDF5 to a disk that may fail.
 //
 // HDF5 1.10 does not survive a write that fails: it cannot close the file any more, and on its way out of the
-// program it runs in circles or into a segmentation fault. So it never hears of one. This driver keeps the file
-// as it is at the first failure, which is how a kill leaves it (the marks of a writer included, so readers know),
-// takes all later writes into memory, and tells us.
+// program it runs in circles or into a segmentation fault. So it never hears of one. This driver keeps the
+// file as it is at the first failure, which is how a kill leaves it (the marks of a writer included, so
+// readers know), takes all later writes into memory, and tells us.
 #pragma once
 
 #include <string>

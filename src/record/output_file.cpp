@@ -37,8 +37,8 @@ fs::path Place(const std::string& path) {
   return place;
 }
 
-// A lock of this open file, which ends with it and is not the one that HDF5 takes. It stands on a byte where no
-// file has any. False where another has it; a file system without locks has no other.
+// A lock of this open file, which ends with it and is not the one that HDF5 takes. It stands on a byte where
+// no file has any. False where another has it; a file system without locks has no other.
 bool Lock(const Descriptor& file) {
 #ifdef F_OFD_SETLK
   struct flock lock {};

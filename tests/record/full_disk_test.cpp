@@ -1,4 +1,5 @@
-// Disks that end: whatever is left must open up to the last whole step, and nothing may be lost that was there.
+// Disks that end: whatever is left must open up to the last whole step, and nothing may be lost that was
+// there.
 #include <hdf5.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -12,8 +13,8 @@ namespace {
 
 constexpr int kStepsWanted = 400, kFlushed = 40;
 
-// What `work` returns in a process of its own whose files cannot grow beyond `limit`, or the signal that ended it as
-// a negative number. HDF5 closes in it as it does when a program ends.
+// What `work` returns in a process of its own whose files cannot grow beyond `limit`, or the signal that
+// ended it as a negative number. HDF5 closes in it as it does when a program ends.
 template <class Work>
 int WithLimit(std::size_t limit, Work&& work) {
   const pid_t child = fork();
@@ -67,13 +68,15 @@ TEST(FullDisk, KeepsEveryWholeStepWhereverItEnds) {
     ASSERT_TRUE(cut) << limit << ' ' << cut.error().Text();
     EXPECT_FALSE(cut->header().finished);
     for (int i = 0; i < cut->num_steps(); ++i)
-      ASSERT_EQ(cut->data().hash[static_cast<std::size_t>(i)], whole->data().hash[static_cast<std::size_t>(i)]);
+      ASSERT_EQ(cut->data().hash[static_cast<std::size_t>(i)],
+                whole->data().hash[static_cast<std::size_t>(i)]);
     most = std::max(most, cut->num_steps());
     std::filesystem::remove(path);
   }
   EXPECT_GT(cut_short, 10);
   EXPECT_GE(most, kStepsWanted - 3 * kFlushed);
-  for (const auto& entry : std::filesystem::directory_iterator(folder / "")) EXPECT_EQ(entry.path().filename(), "whole.h5");
+  for (const auto& entry : std::filesystem::directory_iterator(folder / ""))
+    EXPECT_EQ(entry.path().filename(), "whole.h5");
 }
 
 TEST(FullDisk, ARecordingThatCannotBeginLeavesTheOldOne) {
@@ -93,7 +96,8 @@ TEST(FullDisk, AReducedModelThatDoesNotFitLeavesTheOldOne) {
   ASSERT_TRUE(SaveReducedModel(*model, folder / "model.h5"));
   const std::string before = Bytes(folder / "model.h5");
   for (std::size_t limit = 0; limit < before.size(); limit += 1 + before.size() / 20) {
-    EXPECT_EQ(WithLimit(limit, [&] { return SaveReducedModel(*model, folder / "model.h5") ? 1 : 0; }), 0) << limit;
+    EXPECT_EQ(WithLimit(limit, [&] { return SaveReducedModel(*model, folder / "model.h5") ? 1 : 0; }), 0)
+        << limit;
     EXPECT_EQ(Bytes(folder / "model.h5"), before);
   }
 }

@@ -12,7 +12,8 @@ namespace fs = std::filesystem;
 constexpr FileKind kPlain{"a plain text", "text"};
 
 std::size_t FilesIn(const Folder& folder) {
-  return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder / ""), fs::directory_iterator()));
+  return static_cast<std::size_t>(
+      std::distance(fs::directory_iterator(folder / ""), fs::directory_iterator()));
 }
 
 TEST(OutputFile, TakesItsPlaceWhenKept) {
@@ -68,7 +69,8 @@ TEST(OutputFile, OneWriterAtATime) {
 
 TEST(OutputFile, TwoThatBeginTogetherAreToldApart) {
   Folder folder;
-  auto first = OutputFile::Create(folder / "out", kPlain), second = OutputFile::Create(folder / "out", kPlain);
+  auto first = OutputFile::Create(folder / "out", kPlain),
+       second = OutputFile::Create(folder / "out", kPlain);
   ASSERT_TRUE(first && second);
   WriteBytes(first->part(), "text of the first");
   ASSERT_TRUE(first->Keep());
@@ -93,8 +95,8 @@ TEST(OutputFile, FoldersDevicesAndPipes) {
   Folder folder;
   fs::create_directory(folder / "folder");
   ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
-  for (const std::string& path : {folder / "folder", folder / "pipe", std::string("/dev/full"), std::string(""),
-                                  folder / "no/such/folder", folder / "folder/"}) {
+  for (const std::string& path : {folder / "folder", folder / "pipe", std::string("/dev/full"),
+                                  std::string(""), folder / "no/such/folder", folder / "folder/"}) {
     const auto out = OutputFile::Create(path, kPlain);
     ASSERT_FALSE(out) << path;
     EXPECT_EQ(out.error().code, ErrorCode::kFile);

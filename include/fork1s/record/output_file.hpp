@@ -16,13 +16,14 @@ struct FileKind {
 inline constexpr FileKind kHdf5File{"an HDF5 file", "\211HDF\r\n\032\n"};
 inline constexpr FileKind kHtmlFile{"an HTML page", "<!doctype html"};
 
-/// A file that is written under another name beside its place and takes the place once it is whole: a program that
-/// fails or is killed leaves what was there before.
+/// A file that is written under another name beside its place and takes the place once it is whole: a program
+/// that fails or is killed leaves what was there before.
 ///
 /// - A file of another kind is not replaced: `--record model.xml` is a slip of the hand.
 /// - A symbolic link stays one; the file that it names is replaced, and keeps its permissions.
 /// - Folders are refused; devices and pipes too, as nothing can be renamed onto them.
-/// - The file is locked from the beginning until this object goes, whatever name it then has, and one that another
+/// - The file is locked from the beginning until this object goes, whatever name it then has, and one that
+/// another
 ///   program has locked so is refused. (Linux; on file systems that have locks.)
 class OutputFile {
  public:
@@ -44,7 +45,8 @@ class OutputFile {
   std::unique_ptr<Detail> detail_;
 };
 
-/// Writes a whole file this way. Devices and pipes are allowed here: they get the bytes as they are. Errors: kFile.
+/// Writes a whole file this way. Devices and pipes are allowed here: they get the bytes as they are. Errors:
+/// kFile.
 Expected<void> WriteFile(const std::string& path, const FileKind& kind, std::string_view bytes);
 
 }  // namespace fork1s
