@@ -5,6 +5,7 @@
 #include <fork1s/mechanism/mechanism.hpp>
 #include <set>
 
+#include "bounds.hpp"
 #include "conversion.hpp"
 #include "mujoco_model.hpp"
 #include "names.hpp"
@@ -144,6 +145,7 @@ Expected<ImportedScene> ImportText(const std::string& path, std::string text, bo
     return Fail(ErrorCode::kUsage, fmt::format("{}, option package", path),
                 "this is MJCF, which names its files by path: only URDF speaks of packages");
   }
+  if (auto error = internal::CheckBounds(path, text)) return tl::unexpected<Error>(std::move(*error));
   internal::ModelSource source;
   source.path = path;
   if (!on_disk) source.text = std::move(text);

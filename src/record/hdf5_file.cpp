@@ -33,6 +33,25 @@ Hdf5 TextType(std::size_t size) {
 
 std::string Quoted(const std::string& name) { return "'" + name + "'"; }
 
+// A link may lead to another file, or to a pipe that would be waited for. Recordings stand on their own.
+void CheckLinks(hid_t parent, const std::string& name) {
+  for (std::size_t end = 0; end != std::string::npos;) {
+    end = name.find('/', end + 1);
+    const std::string part = name.substr(0, end);
+    H5L_info_t link;
+    if (H5Lget_info(parent, part.c_str(), &link, H5P_DEFAULT) >= 0 && link.type != H5L_TYPE_HARD)
+      throw Hdf5Fault(Quoted(part) + " leads elsewhere, which is refused");
+  }
+}
+
+// The same for numbers that are stored outside the file.
+void CheckStorage(const Hdf5& dataset, const std::string& name) {
+  const Hdf5 layout =
+      Checked(H5Dget_create_plist(dataset.id()), H5Pclose, "dataset " + Quoted(name) + " is damaged");
+  if (H5Pget_external_count(layout.id()) != 0 || H5Pget_layout(layout.id()) == H5D_VIRTUAL)
+    throw Hdf5Fault(Quoted(name) + " has its numbers in another file, which is refused");
+}
+
 Hdf5 OpenAttribute(hid_t object, const std::string& name) {
   return Checked(H5Aopen(object, name.c_str(), H5P_DEFAULT), H5Aclose,
                  "attribute " + Quoted(name) + " is missing");
@@ -110,6 +129,7 @@ Hdf5 CreateGroup(hid_t parent, const std::string& name) {
                  "cannot write group " + Quoted(name));
 }
 Hdf5 OpenGroup(hid_t parent, const std::string& name) {
+  CheckLinks(parent, name);
   return Checked(H5Gopen2(parent, name.c_str(), H5P_DEFAULT), H5Gclose,
                  "group " + Quoted(name) + " is missing");
 }
@@ -193,8 +213,11 @@ void WriteTexts(hid_t parent, const std::string& name, const std::vector<std::st
 }
 
 Hdf5 OpenDataset(hid_t parent, const std::string& name) {
-  return Checked(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose,
-                 "dataset " + Quoted(name) + " is missing");
+  CheckLinks(parent, name);
+  Hdf5 dataset = Checked(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose,
+                         "dataset " + Quoted(name) + " is missing");
+  CheckStorage(dataset, name);
+  return dataset;
 }
 
 Dims DimsOf(const Hdf5& dataset) {
