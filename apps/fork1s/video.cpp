@@ -2,8 +2,10 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -34,6 +36,30 @@ std::string FindProgram(std::initializer_list<const char*> names) {
   return {};
 }
 
+std::atomic<bool> interrupted{false};
+void Interrupt(int) { interrupted = true; }
+
+// Ctrl-C and the like, while a film is made: the browser and its folder must not stay behind.
+class CatchSignals {
+ public:
+  CatchSignals() {
+    for (std::size_t i = 0; i < kSignals.size(); ++i) before_[i] = std::signal(kSignals[i], Interrupt);
+  }
+  ~CatchSignals() {
+    for (std::size_t i = 0; i < kSignals.size(); ++i) std::signal(kSignals[i], before_[i]);
+  }
+  CatchSignals(const CatchSignals&) = delete;
+  CatchSignals& operator=(const CatchSignals&) = delete;
+
+ private:
+  static constexpr std::array kSignals = {SIGINT, SIGTERM, SIGHUP};
+  std::array<void (*)(int), kSignals.size()> before_{};
+};
+
+tl::unexpected<Error> Interrupted(const std::string& out) {
+  return Fail(ErrorCode::kFile, out, "was not written: the film was interrupted");
+}
+
 // A program without input, whose output goes nowhere.
 class Child {
  public:
@@ -44,6 +70,7 @@ class Child {
     pid_ = fork();
     if (pid_ != 0) return;
     setpgid(0, 0);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);  // should this program be killed
     const int nowhere = open("/dev/null", O_RDWR);
     for (int fd : {0, 1, 2}) dup2(nowhere, fd);
     execv(argv[0], argv.data());
@@ -134,6 +161,7 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
   auto last = std::chrono::steady_clock::now();
   for (int seen = 0; !frames.done;) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    if (interrupted) return Interrupted(frames.folder);
     if (frames.failed)
       return Fail(ErrorCode::kFile, frames.folder,
                   "cannot be written; check its permissions and the disk's room");
@@ -157,6 +185,7 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
 
 Expected<int> RenderVideo(std::string_view page, const std::string& out, const VideoOptions& options) {
   std::signal(SIGPIPE, SIG_IGN);
+  const CatchSignals catching;
   const bool film = fs::path(out).extension() == ".mp4";
   const std::string chromium = FindProgram({"chromium", "chromium-browser", "google-chrome"});
   if (chromium.empty())
@@ -193,7 +222,10 @@ Expected<int> RenderVideo(std::string_view page, const std::string& out, const V
                  "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart",
                  output->part()});
   int code = -1;
-  while ((code = encoder.Ended()) < 0) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  while ((code = encoder.Ended()) < 0) {
+    if (interrupted) return Interrupted(out);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
   if (code != 0)
     return Fail(ErrorCode::kFile, out,
                 fmt::format("was not written: ffmpeg ended with code {}; check the folder", code));

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <sys/wait.h>
 #include <unistd.h>
 #include <atomic>
 #include <chrono>
@@ -7,10 +8,12 @@
 #include <filesystem>
 #include <fork1s/server/live_server.hpp>
 #include <fork1s/server/live_simulation.hpp>
+#include <fork1s/server/request_ration.hpp>
 #include <memory>
 #include <thread>
 
 #include "checks.hpp"
+#include "guarded_load.hpp"
 #include "model_arguments.hpp"
 #include "model_watch.hpp"
 #include "output.hpp"
@@ -22,20 +25,27 @@ namespace {
 struct ViewArguments {
   ModelArguments model;
   int port = 8080;
-  bool no_open = false, no_watch = false;
+  bool no_open = false, no_watch = false, only_load = false;
   double dt = 0, time = 0;
   std::string recovery = "exact";
 };
 
 std::atomic<bool> stop_requested{false};
 
-void RequestStop(int) { stop_requested = true; }
+// A step, a reduction or a file may take long, and nothing here is lost: after a second it ends in any case.
+void RequestStop(int) {
+  stop_requested = true;
+  alarm(1);
+}
+void EndNow(int) { _exit(kDone); }
 
 // Where there is a display; a browser that fails to start is no reason to stop.
 void OpenBrowser(const std::string& address) {
   if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return;
   const pid_t child = fork();
+  if (child > 0) waitpid(child, nullptr, 0);
   if (child != 0) return;
+  if (fork() != 0) _exit(0);  // nobody has to wait for the browser
   setsid();
   if (!std::freopen("/dev/null", "w", stdout) || !std::freopen("/dev/null", "w", stderr)) _exit(127);
   execlp("xdg-open", "xdg-open", address.c_str(), static_cast<char*>(nullptr));
@@ -62,6 +72,11 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   return live;
 }
 
+Expected<LiveSimulation> LoadAnew(const ViewArguments& args, const std::atomic<bool>& stop) {
+  if (auto apart = LoadApart(args.model.path, stop); !apart) return tl::unexpected(apart.error());
+  return Prepare(args);
+}
+
 // The model goes on as it was while its file cannot be used, and the pages say why.
 void TakeChangedFile(Expected<LiveSimulation> loaded, LiveSimulation& live) {
   if (loaded)
@@ -70,22 +85,32 @@ void TakeChangedFile(Expected<LiveSimulation> loaded, LiveSimulation& live) {
     live.SetFileProblem(loaded.error().Text());
 }
 
+void Answer(const std::optional<Refusal>& refusal, const Command& command, LiveServer& server) {
+  if (!refusal) return;
+  if (refusal->passing)
+    server.Tell(command.viewer, refusal->sentence);
+  else
+    server.TellProblem(command.viewer, "request", refusal->sentence);
+}
+
 // Sixty frames a second: commands, steps, one snapshot. The server thread does the rest.
 void Loop(LiveSimulation& live, LiveServer& server, ModelWatch* watch, double time) {
   using Clock = std::chrono::steady_clock;
   const auto frame = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1.0 / 60));
   const auto start = Clock::now();
-  auto next = start;
+  auto next = start, before = start;
+  RequestRation ration(0.5, 1.0 / 60);
   while (!stop_requested) {
     if (watch)
       if (auto loaded = watch->Take()) TakeChangedFile(std::move(*loaded), live);
-    for (const Command& command : server.TakeCommands()) {
-      const auto refusal = live.Handle(command);
-      if (!refusal) continue;
-      if (refusal->passing)
-        server.Tell(command.viewer, refusal->sentence);
-      else
-        server.TellProblem(command.viewer, "request", refusal->sentence);
+    const auto begun = Clock::now();
+    ration.Pass(std::chrono::duration<double>(begun - std::exchange(before, begun)).count());
+    while (ration.Allows()) {
+      const auto command = server.TakeCommand();
+      if (!command) break;
+      const auto asked = Clock::now();
+      Answer(live.Handle(*command), *command, server);
+      ration.Spend(std::chrono::duration<double>(Clock::now() - asked).count());
     }
     live.Advance(0.9 / 60);
     for (const LiveFault& fault : live.TakeFaults()) server.TellProblem(0, fault.about, fault.sentence);
@@ -109,6 +134,7 @@ int Run(const ViewArguments& args) {
   const auto seen = StampOf(args.model.path);  // before it is read, so that no change is missed
   auto live = Prepare(args);
   if (!live) return Report(live.error(), args.model.json);
+  if (args.only_load) return kDone;
   ServerOptions options;
   options.port = static_cast<unsigned short>(args.port);
   options.page = page;
@@ -124,10 +150,12 @@ int Run(const ViewArguments& args) {
   std::signal(SIGINT, RequestStop);
   std::signal(SIGTERM, RequestStop);
   std::signal(SIGPIPE, SIG_IGN);
-  std::signal(SIGCHLD, SIG_IGN);
+  std::signal(SIGALRM, EndNow);
   if (!args.no_open) OpenBrowser(address);
   std::optional<ModelWatch> watch;
-  if (!args.no_watch) watch.emplace(args.model.path, seen, [&args] { return Prepare(args); });
+  if (!args.no_watch)
+    watch.emplace(args.model.path, seen,
+                  [&args](const std::atomic<bool>& stop) { return LoadAnew(args, stop); });
   Loop(*live, *server, watch ? &*watch : nullptr, args.time);
   return kDone;
 }
@@ -144,6 +172,7 @@ void AddView(CLI::App& app, Action& action) {
   command->add_flag("--no-watch", args->no_watch, "do not load the model anew when its file changes");
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
       ->check(PositiveUpTo(kMostStep));
+  command->add_flag("--only-load", args->only_load, "read the model and end")->group("");
   command->add_option("--recovery", args->recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));
   command->add_option("--time", args->time, "end after this many seconds (default: when told to)")
