@@ -52,7 +52,8 @@ Expected<void> LoadApart(const std::string& path, const std::atomic<bool>& stop)
     if (stop || late) kill(child, SIGKILL);
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  if (!WIFSIGNALED(status) || (stop && !late)) return {};
+  if (stop) return Fail(ErrorCode::kModel, path, "was not read to its end");
+  if (!WIFSIGNALED(status)) return {};
   return Fail(
       ErrorCode::kModel, path,
       late ? std::string("could not be read in two minutes; simplify it")

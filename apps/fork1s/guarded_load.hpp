@@ -8,8 +8,8 @@
 namespace fork1s::app {
 
 /// Runs this very command once more with `--only-load`, until it ends or `stop` is set. Errors (kModel): it
-/// crashed, or did not end in two minutes. What is wrong with the file otherwise is for the caller to find,
-/// safely now.
+/// crashed, was stopped, or did not end in two minutes. What is wrong with the file otherwise is for the
+/// caller to find, safely now.
 Expected<void> LoadApart(const std::string& path, const std::atomic<bool>& stop);
 
 }  // namespace fork1s::app
