@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <fork1s/record/recording.hpp>
 #include <new>
 
 #include "command.hpp"
@@ -51,6 +52,7 @@ int Perform(const Action& action) {
 int main(int argc, char** argv) {
   using namespace fork1s::app;
   HoldStandardStreams();
+  fork1s::LeaveHdf5AsItIsAtExit();
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is told as a full disk is
   CLI::App app{
       "FORK-1S: compliant mechanisms reduced to the bodies that touch the world, simulated in contact"};

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstring>
 #include <filesystem>
+#include <fork1s/record/recording.hpp>
 #include <fstream>
 #include <utility>
 
@@ -310,3 +311,5 @@ FileFacts LookAt(const std::string& path) {
 }
 
 }  // namespace fork1s::internal
+
+void fork1s::LeaveHdf5AsItIsAtExit() { H5dont_atexit(); }

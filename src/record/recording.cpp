@@ -43,7 +43,9 @@ Expected<Recording> Recording::Open(const std::string& path) {
                 std::string(e.what()) + (e.code() == ErrorCode::kFormat
                                              ? "; the file is cut off or damaged, copy or record it again"
                                              : ""));
-  } catch (const std::exception& e) {  // such as memory that a damaged file asks for
+  } catch (const std::bad_alloc&) {
+    return Fail(ErrorCode::kFile, path, "does not fit into memory; open it on a machine that has more");
+  } catch (const std::exception& e) {
     return Fail(ErrorCode::kFormat, path,
                 std::string("cannot be read (") + e.what() + "); the file is damaged");
   }

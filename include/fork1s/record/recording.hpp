@@ -161,6 +161,10 @@ class Recording {
 /// every further frame, which leaves out times where they are denser than the frames. fps 0: all.
 std::vector<std::size_t> FirstOfEachFrame(const std::vector<double>& times, double fps);
 
+/// For programs, before anything else of this room: HDF5 shall not tidy up when the program ends. Files here
+/// close themselves, and what HDF5 keeps of a damaged one makes its tidying run in circles and print so.
+void LeaveHdf5AsItIsAtExit();
+
 struct ReplayResult {
   int steps = 0;                   // replayed
   bool identical = false;          // every hash is the recorded one
