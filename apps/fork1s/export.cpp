@@ -39,11 +39,14 @@ Expected<VideoOptions> Camera(const Recording& recording, const ExportArguments&
   return options;
 }
 
-int WriteTables(const Recording& recording, const ExportArguments& args) {
+int WriteTables(const ExportArguments& args) {
   CsvOptions options;
   options.all_bodies = args.all_bodies;
-  if (auto written = ExportCsv(recording, args.out, options); !written) return Report(written.error(), false);
-  fmt::print("wrote {} steps to {}/*.csv\n", recording.num_steps(), args.out);
+  auto recording = RecordingReader::Open(args.recording);
+  if (!recording) return Report(recording.error(), false);
+  const auto steps = ExportCsv(*recording, args.out, options);
+  if (!steps) return Report(steps.error(), false);
+  fmt::print("wrote {} steps to {}/*.csv\n", *steps, args.out);
   return kDone;
 }
 
@@ -109,11 +112,12 @@ int Run(const ExportArguments& args) {
   if ((extension == ".png") != args.options.at.has_value())
     return Report({ErrorCode::kUsage, "--at", "belongs to a FILE.png, and a FILE.png needs it"}, false);
   if (auto ok = RefuseInputs(args.out, {args.recording}); !ok) return Report(ok.error(), false);
+  if (!page && !gltf && !film && !args.video) return WriteTables(args);
   auto recording = Recording::Open(args.recording);
   if (!recording) return Report(recording.error(), false);
   if (film || args.video) return WriteFilm(*recording, args);
   if (gltf) return WriteGltf(*recording, args);
-  return page ? WritePage(*recording, args) : WriteTables(*recording, args);
+  return WritePage(*recording, args);
 }
 
 }  // namespace

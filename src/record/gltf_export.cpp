@@ -53,7 +53,7 @@ class SceneWriter {
     // x y z of ours is x -z y of glTF: a quarter turn about x.
     document_.Add("nodes", {{"name", "z_up"}, {"rotation", {-std::sqrt(0.5), 0, 0, std::sqrt(0.5)}}});
     GltfJson roots = GltfJson::array();
-    const std::vector<std::string> names = internal::BodyNames(recording_);
+    const std::vector<std::string> names = internal::BodyNames(recording_.header());
     for (std::size_t b = 0; b < names.size(); ++b) {
       const RigidTransform X_WB = recording_.Pose(-1, static_cast<int>(b));
       roots.push_back(AddBody(names[b], X_WB, Geometries(b)));

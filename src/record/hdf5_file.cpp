@@ -230,7 +230,7 @@ Dims DimsOf(const Hdf5& dataset) {
   return dims;
 }
 
-void ReadRows(const Hdf5& dataset, hid_t type, hsize_t rows, void* out) {
+void ReadRows(const Hdf5& dataset, hid_t type, hsize_t first, hsize_t rows, void* out) {
   const Hdf5 stored = Checked(H5Dget_type(dataset.id()), H5Tclose, "a dataset is damaged");
   // HDF5 converts between numbers as asked for; numbers that are of another kind belong to another file.
   if (H5Tget_class(stored.id()) != H5Tget_class(type))
@@ -241,11 +241,12 @@ void ReadRows(const Hdf5& dataset, hid_t type, hsize_t rows, void* out) {
     Check(H5Dread(dataset.id(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out), "a dataset cannot be read");
     return;
   }
-  if (rows > count[0]) throw Hdf5Fault("a dataset is shorter than the others");
+  if (first > count[0] || rows > count[0] - first) throw Hdf5Fault("a dataset is shorter than the others");
   count[0] = rows;
   for (hsize_t c : count)
     if (c == 0) return;
-  const Dims start(count.size(), 0);
+  Dims start(count.size(), 0);
+  start[0] = first;
   Check(H5Sselect_hyperslab(file_space.id(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr),
         "a dataset cannot be read");
   const Hdf5 memory = Space(count);
@@ -273,7 +274,7 @@ std::vector<std::string> ReadTexts(hid_t parent, const std::string& name, std::s
   if (dims.size() != 1 || size == 0 || dims[0] > most / size)
     throw Hdf5Fault(Quoted(name) + " is no list of texts, or is larger than its file");
   std::string packed(size * static_cast<std::size_t>(dims[0]), '\0');
-  if (!packed.empty()) ReadRows(dataset, type.id(), dims[0], packed.data());
+  if (!packed.empty()) ReadRows(dataset, type.id(), 0, dims[0], packed.data());
   std::vector<std::string> texts;
   for (std::size_t at = 0; at < packed.size(); at += size)
     texts.push_back(Unpadded(packed.data() + at, size));
