@@ -21,6 +21,7 @@
 
 #include "command_queue.hpp"
 #include "outbox.hpp"
+#include "request_origin.hpp"
 #include "scene_description.hpp"
 
 namespace fork1s {
@@ -34,22 +35,6 @@ using tcp = asio::ip::tcp;
 using ErrorOf = beast::error_code;
 
 constexpr std::size_t kMaxFile = 64u << 20;  // bytes of one PUT
-
-// A browser says who sent it (Origin) and whom it believes to talk to (Host). Both must be this machine: else
-// any page on the web could drive the simulation, by itself or through a name that it lets point here.
-bool IsLocal(std::string_view host) {
-  const auto colon = host.rfind(':');
-  if (colon != std::string_view::npos && host.find(']') == std::string_view::npos)
-    host = host.substr(0, colon);
-  return host == "127.0.0.1" || host == "localhost";
-}
-
-// With its port: another program of this machine may serve pages too.
-bool IsOwnOrigin(std::string_view origin, std::string_view host) {
-  constexpr std::string_view kScheme = "http://";
-  return origin.empty() ||
-         (origin.substr(0, kScheme.size()) == kScheme && origin.substr(kScheme.size()) == host);
-}
 
 // What a request that cannot be read deserves, none where the other side went or said nothing.
 std::optional<http::status> StatusOf(const ErrorOf& error) {
@@ -235,8 +220,8 @@ class LiveServer::Detail::Connection : public std::enable_shared_from_this<Conne
   }
 
   void Answer(const http::request<http::string_body>& request) {
-    if (!IsLocal(View(request[http::field::host])) ||
-        !IsOwnOrigin(View(request[http::field::origin]), View(request[http::field::host])))
+    if (!internal::IsLocal(View(request[http::field::host])) ||
+        !internal::IsOwnOrigin(View(request[http::field::origin]), View(request[http::field::host])))
       return Send(request, http::status::forbidden, "text/plain",
                   "This viewer answers to pages of its own on this machine only.\n");
     const std::string_view target = View(request.target());
