@@ -18,32 +18,14 @@ Json ToJson(const MatrixX& m) {
 Json ToJson(const Vector3& v) { return Json::array({v.x(), v.y(), v.z()}); }
 Json ToJson(const Quaternion& q) { return Json::array({q.w(), q.x(), q.y(), q.z()}); }
 
-namespace {
-
-const char* KindName(ImportNote::Kind kind) {
-  switch (kind) {
-    case ImportNote::Kind::kDropped:
-      return "dropped";
-    case ImportNote::Kind::kChanged:
-      return "changed";
-    case ImportNote::Kind::kChosen:
-      return "chosen";
-  }
-  return "";
-}
-
-}  // namespace
-
 Json NotesJson(const ImportReport& report) {
   Json notes = Json::array();
-  for (const ImportNote& n : report.notes)
-    notes.push_back(fmt::format("{}: {}: {}", KindName(n.kind), n.where, n.message));
+  for (const ImportNote& n : report.notes) notes.push_back(n.Text());
   return notes;
 }
 
 void PrintNotes(const ImportReport& report) {
-  for (const ImportNote& n : report.notes)
-    fmt::print(stderr, "note: {}: {}: {}\n", KindName(n.kind), n.where, n.message);
+  for (const ImportNote& n : report.notes) fmt::print(stderr, "note: {}\n", n.Text());
 }
 
 int Report(const Error& error, bool json) {

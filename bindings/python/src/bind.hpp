@@ -1,0 +1,15 @@
+// The parts of the module, one subject each.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+namespace fork1s::python {
+
+void BindLoad(nanobind::module_& m);
+void BindModel(nanobind::module_& m);
+void BindReduction(nanobind::module_& m);
+void BindSimulation(nanobind::module_& m);
+void BindControls(nanobind::module_& m);
+void BindStatics(nanobind::module_& m);
+
+}  // namespace fork1s::python
