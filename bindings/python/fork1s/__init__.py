@@ -17,6 +17,8 @@ import mujoco as _mujoco  # first: it loads the libmujoco that the module below 
 
 from ._contacts import CONTACT
 from ._core import (
+    Batch,
+    BatchReport,
     Controls,
     Deflection,
     Matrices,
@@ -41,6 +43,8 @@ from ._errors import (
 from ._load import load, scene
 
 __all__ = [
+    "Batch",
+    "BatchReport",
     "CONTACT",
     "Controls",
     "Deflection",

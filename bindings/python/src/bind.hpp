@@ -10,6 +10,7 @@ void BindModel(nanobind::module_& m);
 void BindReduction(nanobind::module_& m);
 void BindSimulation(nanobind::module_& m);
 void BindControls(nanobind::module_& m);
+void BindBatch(nanobind::module_& m);
 void BindStatics(nanobind::module_& m);
 
 }  // namespace fork1s::python

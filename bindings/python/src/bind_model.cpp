@@ -14,6 +14,7 @@
 #include "bind.hpp"
 #include "errors.hpp"
 #include "mechanism_view.hpp"
+#include "words.hpp"
 
 namespace fork1s::python {
 namespace {
@@ -62,12 +63,6 @@ std::vector<std::string> NotesOf(const ModelPtr& s) {
 
 MechanismView MechanismOfAll(const ModelPtr& s, const std::vector<std::string>& bodies) {
   return bodies.empty() ? OnlyMechanism(s) : MechanismOf(s, bodies.front());
-}
-
-std::vector<std::string> Words(const nb::args& args) {
-  std::vector<std::string> words;
-  for (nb::handle word : args) words.push_back(nb::cast<std::string>(word));
-  return words;
 }
 
 constexpr const char* kCompliance =

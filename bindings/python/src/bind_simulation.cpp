@@ -47,7 +47,7 @@ void SetDetail(Runner& runner, const std::optional<std::string>& level, const st
   });
 }
 
-void BindReport(nb::module_& m) {
+void BindStepReport(nb::module_& m) {
   nb::class_<StepsReport>(m, "StepReport", "What the steps of one call of `Simulation.step` were like.")
       .def_ro("steps", &StepsReport::steps, "Steps made: fewer than asked for where one was not finite.")
       .def_ro("contacts", &StepsReport::contacts, "Contact points in the last step.")
@@ -73,7 +73,7 @@ void BindReport(nb::module_& m) {
 }  // namespace
 
 void BindSimulation(nb::module_& m) {
-  BindReport(m);
+  BindStepReport(m);
   nb::class_<Runner>(m, "Simulation", R"(A model in motion, stepped by implicit Euler with contacts.
 
     sim = fork1s.Simulation(model, dt=1/60)
@@ -95,10 +95,7 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
           [](Runner* self, const std::shared_ptr<const Model>& model, const std::optional<double>& dt,
              const std::optional<std::string>& keyframe, const std::string& recovery,
              const std::string& detail) {
-            if (dt && !(*dt > 0 && std::isfinite(*dt)))
-              throw Refused{{ErrorCode::kUsage, "dt", std::to_string(*dt) + " is no time step above 0 s"}};
-            const RunOptions options{dt.value_or(0), keyframe.value_or(""), ReadRecovery(recovery),
-                                     ReadDetail(detail)};
+            const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail);
             const nb::gil_scoped_release others_run;
             new (self) Runner(model, options);
           },

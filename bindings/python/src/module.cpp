@@ -12,5 +12,6 @@ NB_MODULE(_core, m) {
   BindLoad(m);
   BindControls(m);
   BindSimulation(m);
+  BindBatch(m);
   BindStatics(m);
 }
