@@ -5,10 +5,8 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
-#include <fork1s/server/live_server.hpp>
-#include <fork1s/server/live_simulation.hpp>
+#include <fork1s/server/live_loop.hpp>
 #include <memory>
-#include <thread>
 
 #include "model_arguments.hpp"
 #include "model_watch.hpp"
@@ -69,42 +67,21 @@ void TakeChangedFile(Expected<LiveSimulation> loaded, LiveSimulation& live) {
     live.SetFileProblem(loaded.error().Text());
 }
 
-// Sixty frames a second: commands, steps, one snapshot. The server thread does the rest.
+// Until told to stop, or until `time` [s] has passed where it is above 0.
 void Loop(LiveSimulation& live, LiveServer& server, ModelWatch* watch, double time) {
   using Clock = std::chrono::steady_clock;
-  const auto frame = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1.0 / 60));
   const auto start = Clock::now();
-  auto next = start;
-  while (!stop_requested) {
+  RunLive(live, server, [&] {
     if (watch)
       if (auto loaded = watch->Take()) TakeChangedFile(std::move(*loaded), live);
-    for (const Command& command : server.TakeCommands()) {
-      const auto refusal = live.Handle(command);
-      if (!refusal) continue;
-      if (refusal->passing)
-        server.Tell(command.viewer, refusal->sentence);
-      else
-        server.TellProblem(command.viewer, "request", refusal->sentence);
-    }
-    live.Advance(0.9 / 60);
-    for (const LiveFault& fault : live.TakeFaults()) server.TellProblem(0, fault.about, fault.sentence);
-    server.Publish(live.Capture(server.num_viewers()));
-    if (time > 0 && Clock::now() - start > std::chrono::duration<double>(time)) break;
-    next += frame;
-    const auto now = Clock::now();
-    if (next < now) next = now;  // behind: go on from here rather than hurry
-    std::this_thread::sleep_until(next);
-  }
+    return !stop_requested && !(time > 0 && Clock::now() - start > std::chrono::duration<double>(time));
+  });
 }
 
 int Run(const ViewArguments& args) {
   const std::string_view page = ViewerPage();
   if (page.empty())
-    return Report(
-        {ErrorCode::kFile, "view",
-         "this program was built without its page, because npm was not found; install nodejs and npm, run "
-         "cmake again and build"},
-        args.model.json);
+    return Report(NoPage(), args.model.json);
   const auto seen = StampOf(args.model.path);  // before it is read, so that no change is missed
   auto live = Prepare(args);
   if (!live) return Report(live.error(), args.model.json);

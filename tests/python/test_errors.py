@@ -10,10 +10,11 @@ import fork1s
 
 
 def printed(*arguments):
-    program = pathlib.Path(fork1s.__file__).parent / "bin" / "fork1s"
-    done = subprocess.run([sys.executable, "-c", "from fork1s._command import main; main()", *map(str, arguments)],
-                          capture_output=True, text=True) if program.exists() else None
-    return done
+    """What the command line says; None where the package has no program (in a build folder)."""
+    if not (pathlib.Path(fork1s.__file__).parent / "bin" / "fork1s").exists():
+        return None
+    call = [sys.executable, "-c", "from fork1s._command import main; main()", *map(str, arguments)]
+    return subprocess.run(call, capture_output=True, text=True)
 
 
 @pytest.mark.parametrize(

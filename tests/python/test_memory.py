@@ -154,7 +154,8 @@ def test_other_threads_run_while_it_steps(gripper):
             counted += 1
 
     thread = threading.Thread(target=count)
-    # Python hands its lock over every half second only, which the steps are far from taking, so the other thread counts when `step` gives it up.
+    # Python hands its lock over every half second only, which the steps are far from taking, so the other thread
+    # counts when `step` gives it up.
     interval = sys.getswitchinterval()
     thread.start()
     sys.setswitchinterval(0.5)

@@ -19,6 +19,9 @@ from ._contacts import CONTACT
 from ._core import (
     Batch,
     BatchReport,
+    BodyDifference,
+    ComparedTrace,
+    Comparison,
     Controls,
     Deflection,
     Matrices,
@@ -27,9 +30,10 @@ from ._core import (
     Simulation,
     Statics,
     StepReport,
-    __version__,
+    compare,
     statics,
 )
+from ._core import version as __version__
 from ._errors import (
     Error,
     FileError,
@@ -41,11 +45,15 @@ from ._errors import (
     UsageError,
 )
 from ._load import load, scene
+from ._show import Page, show
 
 __all__ = [
     "Batch",
     "BatchReport",
+    "BodyDifference",
     "CONTACT",
+    "ComparedTrace",
+    "Comparison",
     "Controls",
     "Deflection",
     "Error",
@@ -56,6 +64,7 @@ __all__ = [
     "Model",
     "ModelError",
     "NumericsError",
+    "Page",
     "Simulation",
     "Statics",
     "StepReport",
@@ -63,8 +72,10 @@ __all__ = [
     "UnknownNameError",
     "UsageError",
     "__version__",
+    "compare",
     "load",
     "scene",
+    "show",
     "statics",
 ]
 

@@ -89,9 +89,9 @@ def load(
     if isinstance(source, mujoco.MjSpec):
         source = source.compile()
     if isinstance(source, mujoco.MjModel):
-        return _core._load_mujoco(source._address, "MjModel", options)
+        return _core.load_mujoco(source._address, "MjModel", options)
     if isinstance(source, str) and source.lstrip().startswith("<"):
-        return _core._load_text(source, "text", options)
+        return _core.load_text(source, "text", options)
     if isinstance(source, (str, os.PathLike)):
-        return _core._load_file(os.fspath(source), options)
+        return _core.load_file(os.fspath(source), options)
     raise UsageError(f"load takes a path, text, a mujoco.MjModel or a mujoco.MjSpec, not {type(source).__name__}")

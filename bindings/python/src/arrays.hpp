@@ -34,6 +34,8 @@ inline Array Own(std::vector<double> numbers, std::initializer_list<std::size_t>
   return Array(kept->data(), shape.size(), shape.begin(), owner);
 }
 
+inline Array ToArray(const std::vector<double>& numbers) { return Own(numbers, {numbers.size()}); }
+
 inline Array OwnMatrix(const MatrixX& m) {
   std::vector<double> rows(static_cast<std::size_t>(m.size()));
   Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(rows.data(), m.rows(),

@@ -11,6 +11,8 @@ void BindReduction(nanobind::module_& m);
 void BindSimulation(nanobind::module_& m);
 void BindControls(nanobind::module_& m);
 void BindBatch(nanobind::module_& m);
+void BindCompare(nanobind::module_& m);
+void BindShow(nanobind::module_& m);
 void BindStatics(nanobind::module_& m);
 
 }  // namespace fork1s::python

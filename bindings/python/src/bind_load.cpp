@@ -71,7 +71,7 @@ bool AsFileSays(const ImportOptions& o) {
 
 void BindLoad(nb::module_& m) {
   m.def(
-      "_load_file",
+      "load_file",
       [](const std::string& path, const nb::dict& given) {
         const ImportOptions options = ReadOptions(given);
         const nb::gil_scoped_release others_run;
@@ -81,7 +81,7 @@ void BindLoad(nb::module_& m) {
       },
       nb::arg("path"), nb::arg("options"));
   m.def(
-      "_load_text",
+      "load_text",
       [](const std::string& text, const std::string& name, const nb::dict& given) {
         const ImportOptions options = ReadOptions(given);
         const nb::gil_scoped_release others_run;
@@ -90,7 +90,7 @@ void BindLoad(nb::module_& m) {
       nb::arg("text"), nb::arg("name"), nb::arg("options"));
   // The address is of an mjModel of the very library that this module runs on, which Python's mujoco loaded.
   m.def(
-      "_load_mujoco",
+      "load_mujoco",
       [](std::uintptr_t address, const std::string& name, const nb::dict& given) {
         const ImportOptions options = ReadOptions(given);
         return Model::Create(LoadMujocoModel(*reinterpret_cast<const mjModel_*>(address), name, options),

@@ -33,8 +33,6 @@ nb::object StiffnessOf(const MechanismView& v, const std::vector<std::string>& b
   return K.size() == 0 ? nb::none() : nb::cast(OwnMatrix(K));
 }
 
-Array ToArray(const std::vector<double>& numbers) { return Own(numbers, {numbers.size()}); }
-
 Array FullFrequenciesOf(const MechanismView& v) {
   const int count = std::max(8, std::min(v.model->Reduction(v.index)->size(), 16));
   return ToArray(FullFrequencies(v.mechanism(), v.posed().q, count));

@@ -5,7 +5,7 @@
 NB_MODULE(_core, m) {
   using namespace fork1s::python;
   m.doc() = "Compiled half of fork1s. Use the names that the package itself offers.";
-  m.attr("__version__") = FORK1S_VERSION;
+  m.attr("version") = FORK1S_VERSION;
   BindErrors(m);
   BindModel(m);
   BindReduction(m);
@@ -14,4 +14,6 @@ NB_MODULE(_core, m) {
   BindSimulation(m);
   BindBatch(m);
   BindStatics(m);
+  BindCompare(m);
+  BindShow(m);
 }
