@@ -80,8 +80,7 @@ void Loop(LiveSimulation& live, LiveServer& server, ModelWatch* watch, double ti
 
 int Run(const ViewArguments& args) {
   const std::string_view page = ViewerPage();
-  if (page.empty())
-    return Report(NoPage(), args.model.json);
+  if (page.empty()) return Report(NoPage(), args.model.json);
   const auto seen = StampOf(args.model.path);  // before it is read, so that no change is missed
   auto live = Prepare(args);
   if (!live) return Report(live.error(), args.model.json);

@@ -1,5 +1,6 @@
 #include "batch.hpp"
 
+#include <chrono>
 #include <fork1s/parallel/parallel_for.hpp>
 #include <optional>
 
@@ -43,6 +44,7 @@ BatchReport Batch::Step(const double* controls, int steps) {
   const auto width = static_cast<Eigen::Index>(control_names_.size());
   BatchReport all{std::vector<int>(count), std::vector<double>(count), std::vector<double>(count),
                   std::vector<int>(count), std::vector<char>(count)};
+  const auto start = std::chrono::steady_clock::now();
   const std::lock_guard lock(mutex_);
   OnThreads([&](int i) {
     const auto at = static_cast<std::size_t>(i);
@@ -56,6 +58,7 @@ BatchReport Batch::Step(const double* controls, int steps) {
     all.unconverged[at] = report.unconverged;
     all.finite[at] = report.finite;
   });
+  all.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return all;
 }
 

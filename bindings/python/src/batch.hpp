@@ -17,6 +17,7 @@ struct BatchReport {
   std::vector<double> max_penetration, residual;
   std::vector<int> unconverged;
   std::vector<char> finite;
+  double wall = 0;  // s, of all steps together
 };
 
 /// The members never share anything that moves, so results do not depend on the number of threads.

@@ -189,7 +189,8 @@ void BindBatchReport(nb::module_& m) {
           "(n,) steps whose contacts were not solved to tolerance.")
       .def_prop_ro(
           "finite", [](const BatchReport& r) { return Flags(r.finite); }, kOwn,
-          "(n,) False: a step gave numbers that are not finite and was undone; reset that simulation.");
+          "(n,) False: a step gave numbers that are not finite and was undone; reset that simulation.")
+      .def_ro("wall", &BatchReport::wall, "s that the steps took, without what Python adds to the call.");
 }
 
 constexpr const char* kBatch = R"(Many simulations of one model, stepped together on threads.
