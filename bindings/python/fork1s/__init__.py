@@ -15,6 +15,7 @@ import collections.abc as _collections_abc
 
 import mujoco as _mujoco  # first: it loads the libmujoco that the module below was linked with, once for both
 
+from . import mujoco
 from ._contacts import CONTACT
 from ._core import (
     Batch,
@@ -74,6 +75,7 @@ __all__ = [
     "__version__",
     "compare",
     "load",
+    "mujoco",
     "scene",
     "show",
     "statics",

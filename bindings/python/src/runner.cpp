@@ -53,6 +53,32 @@ StepsReport Runner::Step(int steps) {
   return report;
 }
 
+void Runner::SetState(KeyframeDef state) {
+  const nb::gil_scoped_release others_run;
+  const std::lock_guard lock(mutex_);
+  Scene scene = simulation_.scene();
+  SimulationOptions options = simulation_.options();
+  scene.keyframes.resize(model_->scene().keyframes.size());  // without the one that was lent last time
+  scene.keyframes.push_back(std::move(state));
+  options.initial_keyframe = static_cast<int>(scene.keyframes.size()) - 1;
+  Simulation next = Take(Simulation::Create(scene, options), model_->origin());
+  // Of the keyframe that was lent; its controls are those that held before.
+  for (int i = 0; i < next.controls().size(); ++i) {
+    const std::string& name = next.control_names()[static_cast<std::size_t>(i)];
+    bool drives = false;
+    for (const MechanismDef& def : next.scene().mechanisms)
+      drives = drives || (def.base == BaseKind::kDriven && name.rfind(def.bodies[0].name + ".", 0) == 0);
+    if (!drives) next.SetControl(i, simulation_.controls()(i));
+  }
+  time_before_ += simulation_.time();
+  simulation_ = std::move(next);
+}
+
+double Runner::Time() {
+  const std::lock_guard lock(mutex_);
+  return time_before_ + simulation_.time();
+}
+
 void Runner::AddPush(const Push& push) {
   const std::lock_guard lock(mutex_);
   pushes_.push_back(push);

@@ -51,6 +51,10 @@ class Runner {
 
   const std::shared_ptr<const Model>& model() const { return model_; }
   StepsReport Step(int steps);
+  /// Goes on from this state instead, with the same controls; poses of driven bases count from there anew.
+  void SetState(KeyframeDef state);
+  /// s since the beginning, through all states that were set.
+  double Time();
   void AddPush(const Push& push);
 
   /// f(simulation) under the lock.
@@ -68,6 +72,7 @@ class Runner {
   std::mutex mutex_;
   Simulation simulation_;
   std::vector<Push> pushes_;
+  double time_before_ = 0;  // s, of simulations that were replaced
 };
 
 }  // namespace fork1s::python
