@@ -1,5 +1,9 @@
 """A Stepper in MuJoCo's place: the same data, our step."""
 
+import re
+import subprocess
+import sys
+
 import mujoco
 import numpy as np
 import pytest
@@ -111,3 +115,13 @@ def test_set_state(gripper):
         sim.set_state(poses={"left_jaw": pose})
     with pytest.raises(ValueError, match="qpos must be 6 numbers"):
         sim.set_state(qpos=[1])
+
+
+def test_a_box_is_held_where_mujoco_is_unstable(scenes, tmp_path):
+    example = str(scenes.parent / "examples" / "stepper.py")
+    ours = subprocess.run([sys.executable, example], capture_output=True, text=True, cwd=tmp_path)
+    assert ours.returncode == 0, ours.stderr
+    lifted, apart = (float(word) for word in re.findall(r"[0-9.]+(?= mm?\b)", ours.stdout))
+    assert lifted > 0.4 and apart < 70
+    theirs = subprocess.run([sys.executable, example, "--mujoco"], capture_output=True, text=True, cwd=tmp_path)
+    assert theirs.returncode == 1 and "unstable after 0." in theirs.stdout
