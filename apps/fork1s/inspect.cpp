@@ -4,6 +4,7 @@
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/mechanism/names.hpp>
 #include <fork1s/reduction/free_motion.hpp>
+#include <fork1s/study/posed_mechanism.hpp>
 #include <memory>
 
 #include "checks.hpp"

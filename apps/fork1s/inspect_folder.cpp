@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/study/posed_mechanism.hpp>
 #include <fstream>
 
 #include "output.hpp"

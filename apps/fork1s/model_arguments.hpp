@@ -2,8 +2,6 @@
 #pragma once
 
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/mechanism/mechanism.hpp>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -32,14 +30,6 @@ struct ModelArguments {
  private:
   Expected<void> ReadStart(ImportOptions& options) const;
 };
-
-/// One mechanism of a scene, built and with its loops closed at the requested keyframe.
-struct PosedMechanism {
-  std::shared_ptr<const Mechanism> mechanism;
-  VectorX q;
-  bool interfaces_chosen = true;
-};
-Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& imported);
 
 /// "x,y,z" to a vector.
 Expected<Vector3> ParseVector(const std::string& text, const std::string& option);

@@ -22,32 +22,14 @@ std::string ToText(const Json& json, int indent) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
 
-namespace {
-
-const char* KindName(ImportNote::Kind kind) {
-  switch (kind) {
-    case ImportNote::Kind::kDropped:
-      return "dropped";
-    case ImportNote::Kind::kChanged:
-      return "changed";
-    case ImportNote::Kind::kChosen:
-      return "chosen";
-  }
-  return "";
-}
-
-}  // namespace
-
 Json NotesJson(const ImportReport& report) {
   Json notes = Json::array();
-  for (const ImportNote& n : report.notes)
-    notes.push_back(fmt::format("{}: {}: {}", KindName(n.kind), n.where, n.message));
+  for (const ImportNote& n : report.notes) notes.push_back(n.Text());
   return notes;
 }
 
 void PrintNotes(const ImportReport& report) {
-  for (const ImportNote& n : report.notes)
-    fmt::print(stderr, "note: {}: {}: {}\n", KindName(n.kind), n.where, n.message);
+  for (const ImportNote& n : report.notes) fmt::print(stderr, "note: {}\n", n.Text());
 }
 
 int Report(const Error& error, bool json) {

@@ -5,6 +5,7 @@
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/free_motion.hpp>
 #include <fork1s/reduction/frequencies.hpp>
+#include <fork1s/study/posed_mechanism.hpp>
 #include <memory>
 
 #include "checks.hpp"

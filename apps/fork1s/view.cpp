@@ -6,11 +6,8 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
-#include <fork1s/server/live_server.hpp>
-#include <fork1s/server/live_simulation.hpp>
-#include <fork1s/server/request_ration.hpp>
+#include <fork1s/server/live_loop.hpp>
 #include <memory>
-#include <thread>
 
 #include "checks.hpp"
 #include "guarded_load.hpp"
@@ -85,52 +82,20 @@ void TakeChangedFile(Expected<LiveSimulation> loaded, LiveSimulation& live) {
     live.SetFileProblem(loaded.error().Text());
 }
 
-void Answer(const std::optional<Refusal>& refusal, const Command& command, LiveServer& server) {
-  if (!refusal) return;
-  if (refusal->passing)
-    server.Tell(command.viewer, refusal->sentence);
-  else
-    server.TellProblem(command.viewer, "request", refusal->sentence);
-}
-
-// Sixty frames a second: commands, steps, one snapshot. The server thread does the rest.
+// Until told to stop, or until `time` [s] has passed where it is above 0.
 void Loop(LiveSimulation& live, LiveServer& server, ModelWatch* watch, double time) {
   using Clock = std::chrono::steady_clock;
-  const auto frame = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1.0 / 60));
   const auto start = Clock::now();
-  auto next = start, before = start;
-  RequestRation ration(0.5, 1.0 / 60);
-  while (!stop_requested) {
+  RunLive(live, server, [&] {
     if (watch)
       if (auto loaded = watch->Take()) TakeChangedFile(std::move(*loaded), live);
-    const auto begun = Clock::now();
-    ration.Pass(std::chrono::duration<double>(begun - std::exchange(before, begun)).count());
-    while (ration.Allows()) {
-      const auto command = server.TakeCommand();
-      if (!command) break;
-      const auto asked = Clock::now();
-      Answer(live.Handle(*command), *command, server);
-      ration.Spend(std::chrono::duration<double>(Clock::now() - asked).count());
-    }
-    live.Advance(0.9 / 60);
-    for (const LiveFault& fault : live.TakeFaults()) server.TellProblem(0, fault.about, fault.sentence);
-    server.Publish(live.Capture(server.num_viewers()));
-    if (time > 0 && Clock::now() - start > std::chrono::duration<double>(time)) break;
-    next += frame;
-    const auto now = Clock::now();
-    if (next < now) next = now;  // behind: go on from here rather than hurry
-    std::this_thread::sleep_until(next);
-  }
+    return !stop_requested && !(time > 0 && Clock::now() - start > std::chrono::duration<double>(time));
+  });
 }
 
 int Run(const ViewArguments& args) {
   const std::string_view page = ViewerPage();
-  if (page.empty())
-    return Report(
-        {ErrorCode::kFile, "view",
-         "this program was built without its page, because npm was not found; install nodejs and npm, run "
-         "cmake again and build"},
-        args.model.json);
+  if (page.empty()) return Report(NoPage(), args.model.json);
   const auto seen = StampOf(args.model.path);  // before it is read, so that no change is missed
   auto live = Prepare(args);
   if (!live) return Report(live.error(), args.model.json);

@@ -207,6 +207,15 @@ Error Translate(const ModelSource& source, const std::string& message) {
   return error;
 }
 
+std::unique_ptr<mjData, MjDataDeleter> DataAtReference(const mjModel& model) {
+  std::unique_ptr<mjData, MjDataDeleter> data(mj_makeData(&model));
+  mj_kinematics(&model, data.get());
+  mj_comPos(&model, data.get());
+  mj_tendon(&model, data.get());
+  mj_transmission(&model, data.get());
+  return data;
+}
+
 std::optional<Error> FillVfs(const ModelSource& source, mjVFS* vfs) {
   for (const auto& [name, path] : source.files) {
     const auto content = ReadFile(path);
@@ -227,7 +236,21 @@ std::optional<Error> FillVfs(const ModelSource& source, mjVFS* vfs) {
   return std::nullopt;
 }
 
+tl::unexpected<Error> GaveUp(const std::string& path, const std::exception& fault) {
+  return Fail(ErrorCode::kModel, path, fmt::format("the MuJoCo reader gave up: {}", OneLine(fault.what())));
+}
+
 }  // namespace
+
+Expected<std::unique_ptr<mjData, MjDataDeleter>> ReferenceData(const mjModel& model,
+                                                               const std::string& name) {
+  HandlerScope handlers(nullptr);
+  try {
+    return DataAtReference(model);
+  } catch (const std::exception& fault) {
+    return GaveUp(name, fault);
+  }
+}
 
 Expected<CompiledModel> CompileModel(const ModelSource& source) {
   CompiledModel compiled;
@@ -248,14 +271,9 @@ Expected<CompiledModel> CompileModel(const ModelSource& source) {
       compiled.model.reset(Load(kName, vfs.get(), message).release());
     }
     if (!compiled.model) return tl::unexpected<Error>(Translate(source, message));
-    compiled.data.reset(mj_makeData(compiled.model.get()));
-    mj_kinematics(compiled.model.get(), compiled.data.get());
-    mj_comPos(compiled.model.get(), compiled.data.get());
-    mj_tendon(compiled.model.get(), compiled.data.get());
-    mj_transmission(compiled.model.get(), compiled.data.get());
+    compiled.data = DataAtReference(*compiled.model);
   } catch (const std::exception& fault) {
-    return Fail(ErrorCode::kModel, source.path,
-                fmt::format("the MuJoCo reader gave up: {}", OneLine(fault.what())));
+    return GaveUp(source.path, fault);
   }
   return compiled;
 }
