@@ -2,10 +2,10 @@
 # Installs what the build and the tests need from Debian's packages, and says so. Does nothing where all is there.
 set -euo pipefail
 
-# python3-pip fetches MuJoCo, which comes from Python's registry (cmake/Findmujoco.cmake).
+# python3-pip fetches MuJoCo, which comes from Python's registry (cmake/Findmujoco.cmake); the headers are for our module.
 packages=(
   g++ cmake ninja-build ccache
-  libeigen3-dev python3-pip libtinyxml2-dev libcli11-dev libfmt-dev nlohmann-json3-dev
+  libeigen3-dev python3-pip python3-dev python3-venv libtinyxml2-dev libcli11-dev libfmt-dev nlohmann-json3-dev
   libexpected-dev libhdf5-dev libtbb-dev libspectra-dev libassimp-dev
   libgtest-dev
   libboost-dev

@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 
+#include "checks.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "progress.hpp"
@@ -126,6 +127,8 @@ void Print(const Comparison& c) {
 
 int Run(const CompareArguments& args) {
   const bool json = args.model.json;
+  if (auto ok = RefuseInputs(args.report, {args.model.path, args.controls}); !ok)
+    return Report(ok.error(), json);
   const bool starts_elsewhere =
       !args.model.base_pose.empty() || !args.model.coordinates.empty() || !args.model.ground.empty();
   if (args.against == "mujoco" && starts_elsewhere)
@@ -174,7 +177,7 @@ int Run(const CompareArguments& args) {
   if (json) {
     Json out = ComparisonJson(*comparison);
     out["notes"] = NotesJson(imported->report);
-    fmt::print("{}\n", out.dump(2));
+    fmt::print("{}\n", ToText(out, 2));
   } else {
     Print(*comparison);
   }
@@ -202,8 +205,9 @@ void AddCompare(CLI::App& app, Action& action) {
       ->add_option("--mujoco-integrator", args->integrator,
                    "with --against mujoco: Euler, implicitfast or discrete (default: the file's)")
       ->transform(CLI::CheckedTransformer(integrators, CLI::ignore_case));
-  command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(CLI::PositiveNumber);
-  command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
+  command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(PositiveUpTo(1e5));
+  command->add_option("--dt", args->dt, "time step in s (default: the file's)")
+      ->check(PositiveUpTo(kMostStep));
   command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
   command->add_option("--detail", args->detail, "level of detail of the reduced run, as of 'fork1s run'");
   AddIntegratorTo(*command, args->step_integrator);

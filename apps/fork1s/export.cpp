@@ -3,11 +3,12 @@
 #include <filesystem>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/gltf.hpp>
+#include <fork1s/record/output_file.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/server/wire.hpp>
-#include <fstream>
 #include <memory>
 
+#include "checks.hpp"
 #include "output.hpp"
 #include "page.hpp"
 #include "video.hpp"
@@ -38,11 +39,14 @@ Expected<VideoOptions> Camera(const Recording& recording, const ExportArguments&
   return options;
 }
 
-int WriteTables(const Recording& recording, const ExportArguments& args) {
+int WriteTables(const ExportArguments& args) {
   CsvOptions options;
   options.all_bodies = args.all_bodies;
-  if (auto written = ExportCsv(recording, args.out, options); !written) return Report(written.error(), false);
-  fmt::print("wrote {} steps to {}/*.csv\n", recording.num_steps(), args.out);
+  auto recording = RecordingReader::Open(args.recording);
+  if (!recording) return Report(recording.error(), false);
+  const auto steps = ExportCsv(*recording, args.out, options);
+  if (!steps) return Report(steps.error(), false);
+  fmt::print("wrote {} steps to {}/*.csv\n", *steps, args.out);
   return kDone;
 }
 
@@ -60,13 +64,7 @@ Expected<std::string> MakePage(const Recording& recording) {
 int WritePage(const Recording& recording, const ExportArguments& args) {
   auto page = MakePage(recording);
   if (!page) return Report(page.error(), false);
-  std::ofstream file(args.out, std::ios::binary | std::ios::trunc);
-  file.write(page->data(), static_cast<std::streamsize>(page->size()));
-  file.close();
-  if (!file)
-    return Report({ErrorCode::kFile, args.out,
-                   "cannot be written; check the folder, its permissions and the disk's room"},
-                  false);
+  if (auto written = WriteFile(args.out, kHtmlFile, *page); !written) return Report(written.error(), false);
   fmt::print("wrote {} ({:.2f} MB): open it in a browser, it needs no server\n", args.out,
              static_cast<double>(page->size()) * 1e-6);
   return kDone;
@@ -113,11 +111,13 @@ int Run(const ExportArguments& args) {
     return Report({ErrorCode::kUsage, "--fps", "belongs to a FILE.glb or FILE.gltf"}, false);
   if ((extension == ".png") != args.options.at.has_value())
     return Report({ErrorCode::kUsage, "--at", "belongs to a FILE.png, and a FILE.png needs it"}, false);
+  if (auto ok = RefuseInputs(args.out, {args.recording}); !ok) return Report(ok.error(), false);
+  if (!page && !gltf && !film && !args.video) return WriteTables(args);
   auto recording = Recording::Open(args.recording);
   if (!recording) return Report(recording.error(), false);
   if (film || args.video) return WriteFilm(*recording, args);
   if (gltf) return WriteGltf(*recording, args);
-  return page ? WritePage(*recording, args) : WriteTables(*recording, args);
+  return WritePage(*recording, args);
 }
 
 }  // namespace
@@ -144,18 +144,19 @@ void AddExport(CLI::App& app, Action& action) {
       ->check(CLI::Range(64, 2160));
   command
       ->add_option("--at", args->options.at, "seconds after the start: draw this moment alone, to FILE.png")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NumberWithin(0, kMostSeconds));
   command->add_option("--from", args->from, "AZIMUTH,ELEVATION of the camera in degrees, 0,0: from +x")
       ->delimiter(',')
-      ->expected(2);
+      ->expected(2)
+      ->check(NumberWithin(-1e6, 1e6));
   command->add_option("--zoom", args->options.zoom, "how much nearer than to hold everything (default 1)")
-      ->check(CLI::Range(0.1, 50.0));
+      ->check(NumberWithin(0.1, 50));
   command->add_flag("!--no-forces", args->options.forces, "draw no contact forces");
   command->add_option("--look-at", args->look_at, "a body for the middle of the picture");
   command
       ->add_option("--fps", args->fps,
                    "glTF: keys a second at most (default 60); 0: one every step of the simulation")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NumberWithin(0, 1e6));
   command->callback([&action, args] { action = [args] { return Run(*args); }; });
 }
 

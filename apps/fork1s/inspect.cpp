@@ -4,8 +4,10 @@
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/mechanism/names.hpp>
 #include <fork1s/reduction/free_motion.hpp>
+#include <fork1s/study/posed_mechanism.hpp>
 #include <memory>
 
+#include "checks.hpp"
 #include "inspect_folder.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
@@ -112,7 +114,7 @@ void AddInspect(CLI::App& app, Action& action) {
   auto time = std::make_shared<double>(0);
   model->AddTo(*command);
   command->add_option("--time", *time, "of a folder: also run every model for so many seconds")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NumberWithin(0, kMostSeconds));
   command->callback([&action, model, time] {
     action = [model, time]() -> int {
       std::error_code ignored;
@@ -123,7 +125,7 @@ void AddInspect(CLI::App& app, Action& action) {
       if (!posed) return Report(posed.error(), model->json);
       const Json description = Describe(*imported, *posed);
       if (model->json)
-        fmt::print("{}\n", description.dump(2));
+        fmt::print("{}\n", ToText(description, 2));
       else
         Print(*imported, description);
       return kDone;

@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/study/posed_mechanism.hpp>
 #include <fstream>
 
 #include "output.hpp"
@@ -124,7 +125,7 @@ Json LookApart(const ModelArguments& arguments, double time) {
   }
   if (child == 0) {
     close(ends[0]);
-    const std::string text = Look(arguments, time).dump();
+    const std::string text = ToText(Look(arguments, time));
     for (std::size_t at = 0; at < text.size();) {
       const ssize_t wrote = write(ends[1], text.data() + at, text.size() - at);
       if (wrote <= 0) break;
@@ -200,7 +201,7 @@ int InspectFolder(const ModelArguments& given, double time) {
     table.push_back(std::move(row));
   }
   if (given.json)
-    fmt::print("{}\n", table.dump(2));
+    fmt::print("{}\n", ToText(table, 2));
   else
     fmt::print("{} of {} open\n", open, table.size());
   return kDone;

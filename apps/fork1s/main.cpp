@@ -1,11 +1,59 @@
 // The command line of fork1s.
-#include <fmt/core.h>
+#include <fcntl.h>
+#include <unistd.h>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
 #include <exception>
+#include <fork1s/record/recording.hpp>
+#include <new>
 
 #include "command.hpp"
 
+namespace fork1s::app {
+namespace {
+
+// A standard stream that was closed would be given to the next file that is opened, and what is printed would
+// stand in a recording. Opened the wrong way round, so that what is printed there is still noticed.
+void HoldStandardStreams() {
+  for (int stream : {0, 1, 2})
+    if (fcntl(stream, F_GETFD) < 0 && open("/dev/null", stream == 0 ? O_WRONLY : O_RDONLY) != stream)
+      _exit(kRefused);
+}
+
+// What was printed must have arrived, or whoever reads it takes half for the whole.
+int CheckPrinted(int code) {
+  errno = 0;
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
+  const int error = errno;
+  std::fprintf(stderr,
+               "fork1s: standard output: cannot be written%s%s; results are missing, send them elsewhere\n",
+               error != 0 ? ": " : "", error != 0 ? std::strerror(error) : "");
+  return code == kDone ? kRefused : code;
+}
+
+int Perform(const Action& action) {
+  try {
+    return action();
+  } catch (const std::bad_alloc&) {
+    std::fputs("fork1s: out of memory; what was recorded up to here can be opened\n", stderr);
+    return kRefused;
+  } catch (const std::exception& e) {
+    if (std::ferror(stdout) != 0) return kDone;  // it is about the printing, see CheckPrinted
+    std::fprintf(stderr, "fork1s: %s\n", e.what());
+    return kNumericsFailed;
+  }
+}
+
+}  // namespace
+}  // namespace fork1s::app
+
 int main(int argc, char** argv) {
   using namespace fork1s::app;
+  HoldStandardStreams();
+  fork1s::LeaveHdf5AsItIsAtExit();
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is told as a full disk is
   CLI::App app{
       "FORK-1S: compliant mechanisms reduced to the bodies that touch the world, simulated in contact"};
   app.require_subcommand(1);
@@ -23,12 +71,7 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? kDone : kBadUsage;
+    return CheckPrinted(app.exit(e) == 0 ? kDone : kBadUsage);
   }
-  try {
-    return action();
-  } catch (const std::exception& e) {
-    fmt::print(stderr, "fork1s: {}\n", e.what());
-    return kNumericsFailed;
-  }
+  return CheckPrinted(Perform(action));
 }

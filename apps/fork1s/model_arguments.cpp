@@ -7,8 +7,9 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/mechanism/names.hpp>
+
+#include "checks.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -19,16 +20,9 @@ Expected<std::vector<double>> ParseNumbers(const std::string& text, std::size_t 
   std::stringstream stream(text);
   std::string cell;
   while (std::getline(stream, cell, ',')) {
-    std::size_t used = 0;
-    double value = 0;
-    try {
-      value = std::stod(cell, &used);
-    } catch (const std::exception&) {
-      used = 0;
-    }
-    if (used == 0 || used != cell.size() || !std::isfinite(value))
-      return Fail(ErrorCode::kUsage, option, fmt::format("'{}' is not a finite number", cell));
-    numbers.push_back(value);
+    auto value = ParseNumber(cell, option);
+    if (!value) return tl::unexpected(value.error());
+    numbers.push_back(*value);
   }
   if (numbers.size() != count)
     return Fail(ErrorCode::kUsage, option,
@@ -86,7 +80,7 @@ void ModelArguments::AddTo(CLI::App& command) {
   command
       .add_option("--stiffness-scale", stiffness_scale,
                   "multiplies every joint spring by x, its damper by sqrt(x)")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveUpTo(kMostNumber));
   command
       .add_option(
           "--pd", pd,
@@ -171,29 +165,6 @@ Expected<void> ModelArguments::ReadStart(ImportOptions& options) const {
     options.packages[split->first] = split->second;
   }
   return {};
-}
-
-Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& imported) {
-  std::vector<PosedMechanism> posed;
-  for (std::size_t i = 0; i < imported.scene.mechanisms.size(); ++i) {
-    auto built = BuildMechanism(imported.scene.mechanisms[i]);
-    if (!built) return tl::unexpected(built.error());
-    PosedMechanism p;
-    p.mechanism = std::make_shared<const Mechanism>(std::move(*built));
-    p.interfaces_chosen = imported.scene.mechanisms[i].interfaces_chosen;
-    p.q = VectorX::Zero(p.mechanism->num_coordinates());
-    if (imported.initial_keyframe >= 0)
-      p.q = imported.scene.keyframes[static_cast<std::size_t>(imported.initial_keyframe)].mechanisms[i].q;
-    const double gap = CloseLoops(*p.mechanism, p.q);
-    if (gap > 1e-6)
-      return Fail(
-          ErrorCode::kModel, fmt::format("mechanism '{}'", p.mechanism->name()),
-          fmt::format("has loops that stay open by {:.3g} m; correct the closure frames or choose another "
-                      "keyframe",
-                      gap));
-    posed.push_back(std::move(p));
-  }
-  return posed;
 }
 
 }  // namespace fork1s::app

@@ -3,8 +3,6 @@
 
 #include <fork1s/dynamics/world.hpp>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/mechanism/mechanism.hpp>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -33,14 +31,6 @@ struct ModelArguments {
  private:
   Expected<void> ReadStart(ImportOptions& options) const;
 };
-
-/// One mechanism of a scene, built and with its loops closed at the requested keyframe.
-struct PosedMechanism {
-  std::shared_ptr<const Mechanism> mechanism;
-  VectorX q;
-  bool interfaces_chosen = true;
-};
-Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& imported);
 
 /// --integrator.
 void AddIntegratorTo(CLI::App& command, Integrator& integrator);

@@ -24,7 +24,9 @@ ModelWatch::~ModelWatch() {
 
 void ModelWatch::Look() {
   constexpr int kLooks = 10;  // short sleeps between two looks, so that ending never waits long
+  constexpr int kPatience = 4;  // looks without a file: editors take it away for a moment
   std::optional<FileStamp> before = seen_;
+  int missing = 0;
   while (true) {
     for (int i = 0; i < kLooks; ++i) {
       if (stop_) return;
@@ -34,12 +36,22 @@ void ModelWatch::Look() {
     // A change counts when two looks saw the same: files are often written in pieces.
     const bool settled = now == before;
     before = now;
+    missing = now ? 0 : missing + 1;
+    if (missing == kPatience) {
+      seen_.reset();  // when it comes back it is new, whatever its date
+      Offer(Fail(ErrorCode::kFile, path_,
+                 std::filesystem::is_directory(path_) ? "is a folder now; the model goes on as it was read"
+                                                      : "is gone; the model goes on as it was read"));
+    }
     if (!now || !settled || now == seen_) continue;
     seen_ = now;
-    auto loaded = load_();
-    const std::lock_guard<std::mutex> lock(mutex_);
-    loaded_.emplace(std::move(loaded));
+    Offer(load_(stop_));
   }
+}
+
+void ModelWatch::Offer(Expected<LiveSimulation> loaded) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  loaded_.emplace(std::move(loaded));
 }
 
 std::optional<Expected<LiveSimulation>> ModelWatch::Take() {

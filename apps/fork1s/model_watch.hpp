@@ -25,18 +25,20 @@ std::optional<FileStamp> StampOf(const std::string& path);
 /// reading a model with meshes takes longer than a frame. Files that it includes are not looked at.
 class ModelWatch {
  public:
-  using Load = std::function<Expected<LiveSimulation>()>;
-  /// `seen`: of the file as it was read first. `load` is called on another thread.
+  using Load = std::function<Expected<LiveSimulation>(const std::atomic<bool>& stop)>;
+  /// `seen`: of the file as it was read first. `load` is called on another thread, and may
+  /// end early once `stop` is set.
   ModelWatch(std::string path, std::optional<FileStamp> seen, Load load);
   ~ModelWatch();
   ModelWatch(const ModelWatch&) = delete;
   ModelWatch& operator=(const ModelWatch&) = delete;
 
-  /// What the newest change led to, once.
+  /// What the newest change led to, once; an error also where the file went.
   std::optional<Expected<LiveSimulation>> Take();
 
  private:
   void Look();
+  void Offer(Expected<LiveSimulation> loaded);
 
   const std::string path_;
   const Load load_;

@@ -18,32 +18,18 @@ Json ToJson(const MatrixX& m) {
 Json ToJson(const Vector3& v) { return Json::array({v.x(), v.y(), v.z()}); }
 Json ToJson(const Quaternion& q) { return Json::array({q.w(), q.x(), q.y(), q.z()}); }
 
-namespace {
-
-const char* KindName(ImportNote::Kind kind) {
-  switch (kind) {
-    case ImportNote::Kind::kDropped:
-      return "dropped";
-    case ImportNote::Kind::kChanged:
-      return "changed";
-    case ImportNote::Kind::kChosen:
-      return "chosen";
-  }
-  return "";
+std::string ToText(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
-
-}  // namespace
 
 Json NotesJson(const ImportReport& report) {
   Json notes = Json::array();
-  for (const ImportNote& n : report.notes)
-    notes.push_back(fmt::format("{}: {}: {}", KindName(n.kind), n.where, n.message));
+  for (const ImportNote& n : report.notes) notes.push_back(n.Text());
   return notes;
 }
 
 void PrintNotes(const ImportReport& report) {
-  for (const ImportNote& n : report.notes)
-    fmt::print(stderr, "note: {}: {}: {}\n", KindName(n.kind), n.where, n.message);
+  for (const ImportNote& n : report.notes) fmt::print(stderr, "note: {}\n", n.Text());
 }
 
 int Report(const Error& error, bool json) {
@@ -54,7 +40,7 @@ int Report(const Error& error, bool json) {
   if (json) {
     const Json object = {
         {"error", {{"where", error.where}, {"message", error.message}, {"exit_code", code}}}};
-    fmt::print("{}\n", object.dump(2));
+    fmt::print("{}\n", ToText(object, 2));
   }
   return code;
 }

@@ -5,8 +5,10 @@
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/free_motion.hpp>
 #include <fork1s/reduction/frequencies.hpp>
+#include <fork1s/study/posed_mechanism.hpp>
 #include <memory>
 
+#include "checks.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 
@@ -134,6 +136,7 @@ void AddReduce(CLI::App& app, Action& action) {
   command->add_option("--out", *file, "write the reduced model to this HDF5 file");
   command->callback([&action, model, file] {
     action = [model, file]() -> int {
+      if (auto ok = RefuseInputs(*file, {model->path}); !ok) return Report(ok.error(), model->json);
       auto imported = model->Load();
       if (!imported) return Report(imported.error(), model->json);
       auto posed = PoseMechanisms(*imported);
@@ -163,7 +166,7 @@ void AddReduce(CLI::App& app, Action& action) {
       if (model->json) {
         Json out = all.size() == 1 ? all[0] : Json{{"mechanisms", all}};
         out["notes"] = NotesJson(imported->report);
-        fmt::print("{}\n", out.dump(1));
+        fmt::print("{}\n", ToText(out, 1));
       }
       return kDone;
     };

@@ -8,7 +8,7 @@ namespace fork1s::app {
 namespace {
 
 int RunReplay(const std::string& path, bool json) {
-  auto recording = Recording::Open(path);
+  auto recording = RecordingReader::Open(path);
   if (!recording) return Report(recording.error(), json);
   auto result = Replay(*recording);
   if (!result) return Report(result.error(), json);
@@ -22,11 +22,11 @@ int RunReplay(const std::string& path, bool json) {
         {"final_hash", fmt::format("{:016x}", result->final_hash)},
         {"finished", header.finished},
         {"program", header.program}};
-    fmt::print("{}\n", out.dump(2));
+    fmt::print("{}\n", ToText(out, 2));
   } else {
     if (!header.finished)
       fmt::print("the program that wrote this recording was stopped; it holds {} whole steps\n",
-                 recording->num_steps());
+                 result->steps);
     fmt::print("replayed {} steps, final state hash {:016x}: ", result->steps, result->final_hash);
     if (result->identical)
       fmt::print("every step is identical to the recording\n");

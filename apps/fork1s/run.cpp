@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 
+#include "checks.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "progress.hpp"
@@ -84,11 +85,11 @@ class LoadWatch {
   LoadFactor before_;
 };
 
-Measured Simulate(Simulation& simulation, const RunArguments& args, const ControlTrack& track,
-                  const FidelityTrack& detail, std::optional<Recorder>& recorder, Expected<void>& recorded) {
+Measured Simulate(Simulation& simulation, const RunArguments& args, std::int64_t steps,
+                  const ControlTrack& track, const FidelityTrack& detail, std::optional<Recorder>& recorder,
+                  Expected<void>& recorded) {
   Measured out;
-  const auto steps = static_cast<std::int64_t>(std::llround(args.time / simulation.dt()));
-  out.step_us.reserve(static_cast<std::size_t>(std::max<std::int64_t>(steps, 0)));
+  out.step_us.reserve(static_cast<std::size_t>(std::min<std::int64_t>(steps, 1 << 20)));
   out.energy_first = out.energy_last = simulation.Energy();
   ProgressBar bar("simulating");
   LoadWatch watch;
@@ -259,6 +260,8 @@ Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, 
 
 int Run(const RunArguments& args) {
   const bool json = args.model.json;
+  if (auto ok = RefuseInputs(args.record, {args.model.path, args.controls}); !ok)
+    return Report(ok.error(), json);
   auto imported = args.model.Load();
   if (!imported) return Report(imported.error(), json);
   if (!json) PrintNotes(imported->report);
@@ -272,6 +275,8 @@ int Run(const RunArguments& args) {
   }
   auto simulation = Prepare(args, *imported, detail);
   if (!simulation) return Report(simulation.error(), json);
+  const auto steps = CountSteps(args.time, simulation->dt());
+  if (!steps) return Report(steps.error(), json);
 
   ControlTrack track;
   if (!args.controls.empty()) {
@@ -295,13 +300,13 @@ int Run(const RunArguments& args) {
     if (!created) return Report(created.error(), json);
     recorder.emplace(std::move(*created));
   }
-  const Measured measured = Simulate(*simulation, args, track, detail, recorder, recorded);
+  const Measured measured = Simulate(*simulation, args, *steps, track, detail, recorder, recorded);
   if (recorder && recorded) recorded = recorder->Finish();
 
   Json summary = Summary(*simulation, measured);
   summary["notes"] = NotesJson(imported->report);
   if (json)
-    fmt::print("{}\n", summary.dump(2));
+    fmt::print("{}\n", ToText(summary, 2));
   else
     Print(summary);
   if (!recorded) return Report(recorded.error(), false);
@@ -322,8 +327,9 @@ void AddRun(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand("run", "simulate a model in contact");
   auto args = std::make_shared<RunArguments>();
   args->model.AddTo(*command);
-  command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(CLI::NonNegativeNumber);
-  command->add_option("--dt", args->dt, "time step in s (default 1/60)")->check(CLI::PositiveNumber);
+  command->add_option("--time", args->time, "seconds to simulate (default 2)")
+      ->check(NumberWithin(0, kMostSeconds));
+  command->add_option("--dt", args->dt, "time step in s (default 1/60)")->check(PositiveUpTo(kMostStep));
   command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
   AddIntegratorTo(*command, args->step_integrator);
   command->add_option("--recovery", args->recovery, "exact or twist")

@@ -1,6 +1,6 @@
 #include <fmt/format.h>
 #include <cmath>
-#include <fork1s/reduction/statics.hpp>
+#include <fork1s/study/deflection.hpp>
 #include <memory>
 #include <numbers>
 
@@ -17,14 +17,9 @@ struct StaticsArguments {
   std::string body, force = "0,0,0", torque = "0,0,0", gravity;
 };
 
-struct Deflection {
-  Vector3 position, rotation;
-  double max_joint_rotation = 0;
-};
-
 Json DeflectionJson(const Deflection& d) {
-  return {{"position_m", ToJson(d.position)},
-          {"rotation_vector_rad", ToJson(d.rotation)},
+  return {{"position_m", ToJson(d.position_W)},
+          {"rotation_vector_rad", ToJson(d.rotation_W)},
           {"max_joint_rotation_deg", d.max_joint_rotation * kDegrees}};
 }
 
@@ -44,87 +39,36 @@ int Run(const StaticsArguments& args) {
   }
   auto posed = PoseMechanisms(*imported);
   if (!posed) return Report(posed.error(), json);
-  const PosedMechanism* at = nullptr;
-  BodyIndex body;
-  for (const PosedMechanism& p : *posed)
-    if (BodyIndex b = p.mechanism->FindBody(args.body); b.valid()) {
-      at = &p;
-      body = b;
-    }
-  if (!at) {
-    std::string names;
-    for (const PosedMechanism& p : *posed)
-      for (const auto& b : p.mechanism->bodies()) names += (names.empty() ? "" : ", ") + b.name;
-    return Report({ErrorCode::kModel, args.model.path,
-                   fmt::format("no mechanism has a body '{}'; there are: {}", args.body, names)},
-                  json);
-  }
   if (!json) PrintNotes(imported->report);
-  const Mechanism& m = *at->mechanism;
-  const RigidTransform X_WR = m.definition().X_WR;
-  const Matrix3 R_RW = X_WR.rotation().transpose();
-  StaticsOptions options;
-  options.gravity_R = R_RW * gravity_W;
-  options.controls.resize(static_cast<Eigen::Index>(m.controls().size()));
-  for (std::size_t i = 0; i < m.controls().size(); ++i)
-    options.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
-  const std::vector<DeadLoad> loads{{body, R_RW * *force, R_RW * *torque}};
-
-  Kinematics reference(m);
-  ComputeKinematics(m, at->q, reference);
-  const RigidTransform X_ref = X_WR * reference.X_RB[body.u()];
-
-  auto refuse = [&](Error error) {
-    error.where = args.model.path + ": " + error.where;
+  const auto result = Deflect(*posed, {args.body, *force, *torque}, gravity_W);
+  if (!result) {
+    Error error = result.error();
+    error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);
     return Report(error, json);
-  };
-  auto linear_q = LinearDeflection(m, at->q, loads, options);
-  if (!linear_q) return refuse(linear_q.error());
-  const Vector6 V = BodyJacobian(m, reference, body) * (*linear_q - at->q);
-  Deflection linear;
-  linear.rotation = X_WR.rotation() * V.head<3>();
-  linear.position =
-      X_ref.translation() +
-      X_WR.rotation() * (V.tail<3>() + V.head<3>().cross(reference.X_RB[body.u()].translation()));
-  linear.max_joint_rotation = MaxJointRotation(m, at->q, *linear_q);
-
-  const StaticsResult result = SolveStatics(m, at->q, loads, options);
-  if (!result.converged)
-    return refuse(
-        {ErrorCode::kNumerics, fmt::format("mechanism '{}'", m.name()),
-         fmt::format("found no equilibrium under this load after {} Newton steps (residual {:.2g} of the "
-                     "forces): it may buckle; lower the load or stiffen the joints",
-                     result.iterations, result.residual)});
-  Kinematics loaded(m);
-  ComputeKinematics(m, result.q, loaded);
-  const RigidTransform X = X_WR * loaded.X_RB[body.u()];
-  Deflection nonlinear;
-  nonlinear.position = X.translation();
-  nonlinear.rotation = LogRotation(X.rotation() * X_ref.rotation().transpose());
-  nonlinear.max_joint_rotation = MaxJointRotation(m, at->q, result.q);
+  }
 
   if (json) {
-    Json out = DeflectionJson(nonlinear);
-    out["linear"] = DeflectionJson(linear);
+    Json out = DeflectionJson(result->nonlinear);
+    out["linear"] = DeflectionJson(result->linear);
     out["body"] = args.body;
-    out["reference_position_m"] = ToJson(X_ref.translation());
-    out["iterations"] = result.iterations;
-    out["residual"] = result.residual;
-    out["stable"] = result.stable;
+    out["reference_position_m"] = ToJson(result->reference_position_W);
+    out["iterations"] = result->iterations;
+    out["residual"] = result->residual;
+    out["stable"] = result->stable;
     out["base_held"] = true;
     out["notes"] = NotesJson(imported->report);
-    fmt::print("{}\n", out.dump(2));
+    fmt::print("{}\n", ToText(out, 2));
     return kDone;
   }
   fmt::print("body '{}' under {} N, {} N m{}\n", args.body, args.force, args.torque,
-             m.base() == BaseKind::kFloating ? ", base held" : "");
+             result->floats ? ", base held" : "");
   fmt::print("  {:<10} {:>36} {:>36} {:>12}\n", "", "moved by mm", "turned by deg", "joints deg");
-  for (const auto& [name, d] : {std::pair{"linear", linear}, {"nonlinear", nonlinear}}) {
-    const Vector3 mm = 1e3 * (d.position - X_ref.translation()), deg = kDegrees * d.rotation;
+  for (const auto& [name, d] : {std::pair{"linear", result->linear}, {"nonlinear", result->nonlinear}}) {
+    const Vector3 mm = 1e3 * (d.position_W - result->reference_position_W), deg = kDegrees * d.rotation_W;
     fmt::print("  {:<10} {:>11.4f} {:>11.4f} {:>11.4f}  {:>11.4f} {:>11.4f} {:>11.4f} {:>12.3f}\n", name,
                mm.x(), mm.y(), mm.z(), deg.x(), deg.y(), deg.z(), d.max_joint_rotation * kDegrees);
   }
-  if (!result.stable)
+  if (!result->stable)
     fmt::print("  warning: this equilibrium is unstable; a slight push makes the mechanism leave it\n");
   return kDone;
 }

@@ -2,13 +2,16 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <fork1s/record/output_file.hpp>
 #include <fork1s/server/live_server.hpp>
 #include <fstream>
 #include <sstream>
@@ -33,6 +36,30 @@ std::string FindProgram(std::initializer_list<const char*> names) {
   return {};
 }
 
+std::atomic<bool> interrupted{false};
+void Interrupt(int) { interrupted = true; }
+
+// Ctrl-C and the like, while a film is made: the browser and its folder must not stay behind.
+class CatchSignals {
+ public:
+  CatchSignals() {
+    for (std::size_t i = 0; i < kSignals.size(); ++i) before_[i] = std::signal(kSignals[i], Interrupt);
+  }
+  ~CatchSignals() {
+    for (std::size_t i = 0; i < kSignals.size(); ++i) std::signal(kSignals[i], before_[i]);
+  }
+  CatchSignals(const CatchSignals&) = delete;
+  CatchSignals& operator=(const CatchSignals&) = delete;
+
+ private:
+  static constexpr std::array kSignals = {SIGINT, SIGTERM, SIGHUP};
+  std::array<void (*)(int), kSignals.size()> before_{};
+};
+
+tl::unexpected<Error> Interrupted(const std::string& out) {
+  return Fail(ErrorCode::kFile, out, "was not written: the film was interrupted");
+}
+
 // A program without input, whose output goes nowhere.
 class Child {
  public:
@@ -43,6 +70,7 @@ class Child {
     pid_ = fork();
     if (pid_ != 0) return;
     setpgid(0, 0);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);  // should this program be killed
     const int nowhere = open("/dev/null", O_RDWR);
     for (int fd : {0, 1, 2}) dup2(nowhere, fd);
     execv(argv[0], argv.data());
@@ -133,6 +161,7 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
   auto last = std::chrono::steady_clock::now();
   for (int seen = 0; !frames.done;) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    if (interrupted) return Interrupted(frames.folder);
     if (frames.failed)
       return Fail(ErrorCode::kFile, frames.folder,
                   "cannot be written; check its permissions and the disk's room");
@@ -156,6 +185,7 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
 
 Expected<int> RenderVideo(std::string_view page, const std::string& out, const VideoOptions& options) {
   std::signal(SIGPIPE, SIG_IGN);
+  const CatchSignals catching;
   const bool film = fs::path(out).extension() == ".mp4";
   const std::string chromium = FindProgram({"chromium", "chromium-browser", "google-chrome"});
   if (chromium.empty())
@@ -178,19 +208,28 @@ Expected<int> RenderVideo(std::string_view page, const std::string& out, const V
   if (auto drawn = Draw(page, chromium, work.path + "/profile", options, frames); !drawn)
     return tl::unexpected(drawn.error());
   if (picture) {
-    fs::copy_file(frames.folder + "/000000.png", out, fs::copy_options::overwrite_existing, failed);
-    if (failed) return Fail(ErrorCode::kFile, out, fmt::format("cannot be written ({})", failed.message()));
+    std::ifstream drawn(frames.folder + "/000000.png", std::ios::binary);
+    const std::string bytes((std::istreambuf_iterator<char>(drawn)), std::istreambuf_iterator<char>());
+    if (auto written = WriteFile(out, {"a PNG picture", "\211PNG"}, bytes); !written)
+      return tl::unexpected(written.error());
   }
   if (!film) return frames.count.load();
 
+  // The first bytes of an MP4 file are the length of what begins with "ftyp".
+  auto output = OutputFile::Create(out, {"an MP4 film", std::string_view("\0\0\0", 3)});
+  if (!output) return tl::unexpected(output.error());
   Child encoder({ffmpeg, "-y", "-loglevel", "error", "-framerate", "60", "-i", frames.folder + "/%06d.png",
                  "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart",
-                 out});
+                 output->part()});
   int code = -1;
-  while ((code = encoder.Ended()) < 0) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  while ((code = encoder.Ended()) < 0) {
+    if (interrupted) return Interrupted(out);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
   if (code != 0)
     return Fail(ErrorCode::kFile, out,
                 fmt::format("was not written: ffmpeg ended with code {}; check the folder", code));
+  if (auto kept = output->Keep(); !kept) return tl::unexpected(kept.error());
   return frames.count.load();
 }
 

@@ -1,15 +1,16 @@
 #include <fmt/format.h>
+#include <sys/wait.h>
 #include <unistd.h>
 #include <atomic>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
-#include <fork1s/server/live_server.hpp>
-#include <fork1s/server/live_simulation.hpp>
+#include <fork1s/server/live_loop.hpp>
 #include <memory>
-#include <thread>
 
+#include "checks.hpp"
+#include "guarded_load.hpp"
 #include "model_arguments.hpp"
 #include "model_watch.hpp"
 #include "output.hpp"
@@ -22,20 +23,27 @@ struct ViewArguments {
   Integrator step_integrator = Integrator::kEuler;
   ModelArguments model;
   int port = 8080;
-  bool no_open = false, no_watch = false;
+  bool no_open = false, no_watch = false, only_load = false;
   double dt = 0, time = 0;
   std::string recovery = "exact";
 };
 
 std::atomic<bool> stop_requested{false};
 
-void RequestStop(int) { stop_requested = true; }
+// A step, a reduction or a file may take long, and nothing here is lost: after a second it ends in any case.
+void RequestStop(int) {
+  stop_requested = true;
+  alarm(1);
+}
+void EndNow(int) { _exit(kDone); }
 
 // Where there is a display; a browser that fails to start is no reason to stop.
 void OpenBrowser(const std::string& address) {
   if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return;
   const pid_t child = fork();
+  if (child > 0) waitpid(child, nullptr, 0);
   if (child != 0) return;
+  if (fork() != 0) _exit(0);  // nobody has to wait for the browser
   setsid();
   if (!std::freopen("/dev/null", "w", stdout) || !std::freopen("/dev/null", "w", stderr)) _exit(127);
   execlp("xdg-open", "xdg-open", address.c_str(), static_cast<char*>(nullptr));
@@ -63,6 +71,11 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   return live;
 }
 
+Expected<LiveSimulation> LoadAnew(const ViewArguments& args, const std::atomic<bool>& stop) {
+  if (auto apart = LoadApart(args.model.path, stop); !apart) return tl::unexpected(apart.error());
+  return Prepare(args);
+}
+
 // The model goes on as it was while its file cannot be used, and the pages say why.
 void TakeChangedFile(Expected<LiveSimulation> loaded, LiveSimulation& live) {
   if (loaded)
@@ -71,45 +84,24 @@ void TakeChangedFile(Expected<LiveSimulation> loaded, LiveSimulation& live) {
     live.SetFileProblem(loaded.error().Text());
 }
 
-// Sixty frames a second: commands, steps, one snapshot. The server thread does the rest.
+// Until told to stop, or until `time` [s] has passed where it is above 0.
 void Loop(LiveSimulation& live, LiveServer& server, ModelWatch* watch, double time) {
   using Clock = std::chrono::steady_clock;
-  const auto frame = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1.0 / 60));
   const auto start = Clock::now();
-  auto next = start;
-  while (!stop_requested) {
+  RunLive(live, server, [&] {
     if (watch)
       if (auto loaded = watch->Take()) TakeChangedFile(std::move(*loaded), live);
-    for (const Command& command : server.TakeCommands()) {
-      const auto refusal = live.Handle(command);
-      if (!refusal) continue;
-      if (refusal->passing)
-        server.Tell(command.viewer, refusal->sentence);
-      else
-        server.TellProblem(command.viewer, "request", refusal->sentence);
-    }
-    live.Advance(0.9 / 60);
-    for (const LiveFault& fault : live.TakeFaults()) server.TellProblem(0, fault.about, fault.sentence);
-    server.Publish(live.Capture(server.num_viewers()));
-    if (time > 0 && Clock::now() - start > std::chrono::duration<double>(time)) break;
-    next += frame;
-    const auto now = Clock::now();
-    if (next < now) next = now;  // behind: go on from here rather than hurry
-    std::this_thread::sleep_until(next);
-  }
+    return !stop_requested && !(time > 0 && Clock::now() - start > std::chrono::duration<double>(time));
+  });
 }
 
 int Run(const ViewArguments& args) {
   const std::string_view page = ViewerPage();
-  if (page.empty())
-    return Report(
-        {ErrorCode::kFile, "view",
-         "this program was built without its page, because npm was not found; install nodejs and npm, run "
-         "cmake again and build"},
-        args.model.json);
+  if (page.empty()) return Report(NoPage(), args.model.json);
   const auto seen = StampOf(args.model.path);  // before it is read, so that no change is missed
   auto live = Prepare(args);
   if (!live) return Report(live.error(), args.model.json);
+  if (args.only_load) return kDone;
   ServerOptions options;
   options.port = static_cast<unsigned short>(args.port);
   options.page = page;
@@ -118,17 +110,19 @@ int Run(const ViewArguments& args) {
 
   const std::string address = fmt::format("http://127.0.0.1:{}/", server->port());
   if (args.model.json)
-    fmt::print("{}\n", Json{{"address", address}}.dump());
+    fmt::print("{}\n", ToText(Json{{"address", address}}));
   else
     fmt::print("watch and touch it at {}   (Ctrl-C ends it)\n", address);
   std::fflush(stdout);
   std::signal(SIGINT, RequestStop);
   std::signal(SIGTERM, RequestStop);
   std::signal(SIGPIPE, SIG_IGN);
-  std::signal(SIGCHLD, SIG_IGN);
+  std::signal(SIGALRM, EndNow);
   if (!args.no_open) OpenBrowser(address);
   std::optional<ModelWatch> watch;
-  if (!args.no_watch) watch.emplace(args.model.path, seen, [&args] { return Prepare(args); });
+  if (!args.no_watch)
+    watch.emplace(args.model.path, seen,
+                  [&args](const std::atomic<bool>& stop) { return LoadAnew(args, stop); });
   Loop(*live, *server, watch ? &*watch : nullptr, args.time);
   return kDone;
 }
@@ -143,12 +137,14 @@ void AddView(CLI::App& app, Action& action) {
       ->check(CLI::Range(0, 65535));
   command->add_flag("--no-open", args->no_open, "only print the address, start no browser");
   command->add_flag("--no-watch", args->no_watch, "do not load the model anew when its file changes");
-  command->add_option("--dt", args->dt, "time step in s (default: the file's)")->check(CLI::PositiveNumber);
+  command->add_option("--dt", args->dt, "time step in s (default: the file's)")
+      ->check(PositiveUpTo(kMostStep));
+  command->add_flag("--only-load", args->only_load, "read the model and end")->group("");
   AddIntegratorTo(*command, args->step_integrator);
   command->add_option("--recovery", args->recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));
   command->add_option("--time", args->time, "end after this many seconds (default: when told to)")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveUpTo(kMostSeconds));
   command->callback([&action, args] { action = [args] { return Run(*args); }; });
 }
 

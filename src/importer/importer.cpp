@@ -2,9 +2,11 @@
 
 #include <cmath>
 #include <fork1s/importer/importer.hpp>
+#include <fork1s/importer/mujoco_import.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <set>
 
+#include "bounds.hpp"
 #include "conversion.hpp"
 #include "mujoco_model.hpp"
 #include "names.hpp"
@@ -144,13 +146,28 @@ Expected<ImportedScene> ImportText(const std::string& path, std::string text, bo
     return Fail(ErrorCode::kUsage, fmt::format("{}, option package", path),
                 "this is MJCF, which names its files by path: only URDF speaks of packages");
   }
+  if (auto error = internal::CheckBounds(path, text)) return tl::unexpected<Error>(std::move(*error));
   internal::ModelSource source;
   source.path = path;
   if (!on_disk) source.text = std::move(text);
   return Import(source, options, nullptr);
 }
 
+const char* Name(ImportNote::Kind kind) {
+  switch (kind) {
+    case ImportNote::Kind::kDropped:
+      return "dropped";
+    case ImportNote::Kind::kChanged:
+      return "changed";
+    case ImportNote::Kind::kChosen:
+      return "chosen";
+  }
+  return "";
+}
+
 }  // namespace
+
+std::string ImportNote::Text() const { return fmt::format("{}: {}: {}", Name(kind), where, message); }
 
 Expected<ImportedScene> LoadMechanism(const std::string& path, const ImportOptions& options) {
   const auto text = internal::ReadFile(path);
@@ -163,6 +180,19 @@ Expected<ImportedScene> LoadMechanismFromString(const std::string& mjcf, const s
                                                 const ImportOptions& options) {
   if (mjcf.empty()) return Fail(ErrorCode::kFormat, name, "the text is empty; MJCF is expected");
   return ImportText(name, mjcf, false, options);
+}
+
+Expected<ImportedScene> LoadMujocoModel(const mjModel_& model, const std::string& name,
+                                        const ImportOptions& options) {
+  const auto data = internal::ReferenceData(model, name);
+  if (!data) return tl::unexpected<Error>(data.error());
+  Conversion c(model, **data, name);
+  c.report.format = "MJCF";
+  if (!options.packages.empty())
+    return Fail(ErrorCode::kUsage, fmt::format("{}, option package", name),
+                "this model is compiled, its files are read: only URDF speaks of packages");
+  if (auto error = Convert(c, options, {})) return tl::unexpected<Error>(std::move(*error));
+  return ImportedScene{std::move(c.scene), std::move(c.report), c.initial_keyframe};
 }
 
 }  // namespace fork1s

@@ -32,6 +32,12 @@ bool ReadNumber(std::string_view word, Number& value) {
   return error == std::errc() && end == word.data() + word.size();
 }
 
+// For a message: a word may fill the file.
+std::string Short(std::string_view word) {
+  constexpr std::size_t kMost = 40;
+  return word.size() <= kMost ? std::string(word) : fmt::format("{}...", word.substr(0, kMost));
+}
+
 MeshFault AtLine(int line, const std::string& what) {
   return {ErrorCode::kFormat, fmt::format("its line {} has {}", line, what), kWriteAgain};
 }
@@ -50,7 +56,7 @@ std::optional<MeshFault> ScanVertex(ObjScan& scan, const std::vector<std::string
   for (std::size_t i = 1; i < 4; ++i) {
     double value = 0;
     if (!ReadNumber(words[i], value) || !std::isfinite(value))
-      return AtLine(line, fmt::format("the coordinate '{}', which is no finite number", words[i]));
+      return AtLine(line, fmt::format("the coordinate '{}', which is no finite number", Short(words[i])));
     fmt::format_to(std::back_inserter(scan.clean), " {:.9g}", value);  // as many digits as a float has
   }
   scan.clean += '\n';
@@ -66,7 +72,8 @@ std::optional<MeshFault> ScanFace(ObjScan& scan, const std::vector<std::string_v
     const std::string_view word = words[i].substr(0, words[i].find('/'));
     long long index = 0;
     if (!ReadNumber(word, index) || index == 0)
-      return AtLine(line, fmt::format("the vertex '{}' in a face, which is no number from 1 up", words[i]));
+      return AtLine(line,
+                    fmt::format("the vertex '{}' in a face, which is no number from 1 up", Short(words[i])));
     // Negative ones count back from the vertex that was written last.
     if (index < 0 && -index > scan.vertices)
       return AtLine(line,

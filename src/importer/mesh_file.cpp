@@ -11,9 +11,10 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <map>
+
+#include "xml_checks.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -153,13 +154,6 @@ std::optional<MeshFault> CheckSolid(const MeshData& mesh) {
   return std::nullopt;
 }
 
-Expected<std::string> ReadContent(const std::string& path) {
-  std::ifstream stream(path, std::ios::binary);
-  std::string content((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
-  if (!stream.good() && content.empty() && !stream.eof()) return Fail(ErrorCode::kFile, path, "");
-  return content;
-}
-
 }  // namespace
 
 bool IsKnownMesh(const std::string& path) {
@@ -169,8 +163,8 @@ bool IsKnownMesh(const std::string& path) {
 
 tl::expected<MeshData, MeshFault> ReadMeshFile(const std::string& path, const Vector3& scale) {
   const auto fail = [](MeshFault fault) { return tl::unexpected<MeshFault>(std::move(fault)); };
-  Expected<std::string> content = ReadContent(path);
-  if (!content) return fail({ErrorCode::kFile, "it cannot be read", "check its permissions"});
+  Expected<std::string> content = ReadFile(path);
+  if (!content) return fail({ErrorCode::kFile, content.error().message, "check the path"});
   if (content->empty()) return fail(Damaged("it is empty"));
   const std::string extension = MeshExtension(path);
   std::string bytes;  // that the reader gets to see

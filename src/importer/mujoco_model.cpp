@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <filesystem>
 #include <fork1s/base/compiler_lock.hpp>
-#include <fstream>
-#include <iterator>
 #include <mutex>
 #include <regex>
 #include <stdexcept>
+
+#include <tinyxml2.h>
 
 #include "xml_checks.hpp"
 
@@ -135,6 +135,23 @@ std::string Remedy(const std::string& message) {
   return "; correct the element";
 }
 
+// The file of a mesh, height field or texture by its name, which is that of the file where none is given.
+std::string FileOfAsset(const ModelSource& source, const std::string& name) {
+  for (const auto& [key, path] : source.files)  // those that a URDF names
+    if (std::filesystem::path(key).stem() == name) return path;
+  std::string file;
+  VisitXml(source.path, source.text, [&](const tinyxml2::XMLElement& element, const std::string&) {
+    const std::string kind = element.Name();
+    const char* own = element.Attribute("name");
+    const char* from = element.Attribute("file");
+    if ((kind != "mesh" && kind != "hfield" && kind != "texture") || from == nullptr) return false;
+    if (name != (own != nullptr ? own : std::filesystem::path(from).stem().string())) return false;
+    file = from;
+    return true;
+  });
+  return file;
+}
+
 // MuJoCo's message carries element and line in several shapes; we want "file, line N" and one sentence.
 Error Translate(const ModelSource& source, const std::string& message) {
   Error error;
@@ -181,19 +198,32 @@ Error Translate(const ModelSource& source, const std::string& message) {
     if (cause.rfind(prefix, 0) == 0) cause = cause.substr(std::string(prefix).size());
   }
   if (!element.empty()) cause = fmt::format("element '{}': {}", element, cause);
-  if (!object.empty()) cause = fmt::format("'{}': {}", object, cause);
+  const std::string file = object.empty() ? "" : FileOfAsset(source, object);
+  if (!file.empty() && cause.find(file) == std::string::npos)
+    cause = fmt::format("'{}' of file '{}': {}", object, file, cause);
+  else if (!object.empty())
+    cause = fmt::format("'{}': {}", object, cause);
   error.message = cause + Remedy(message);
   return error;
 }
 
+std::unique_ptr<mjData, MjDataDeleter> DataAtReference(const mjModel& model) {
+  std::unique_ptr<mjData, MjDataDeleter> data(mj_makeData(&model));
+  mj_kinematics(&model, data.get());
+  mj_comPos(&model, data.get());
+  mj_tendon(&model, data.get());
+  mj_transmission(&model, data.get());
+  return data;
+}
+
 std::optional<Error> FillVfs(const ModelSource& source, mjVFS* vfs) {
   for (const auto& [name, path] : source.files) {
-    std::ifstream stream(path, std::ios::binary);
-    const std::string content((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
-    if (!stream.good() && content.empty()) {
-      return Error{ErrorCode::kModel, source.path, fmt::format("mesh file '{}' cannot be read", path)};
+    const auto content = ReadFile(path);
+    if (!content) {
+      return Error{ErrorCode::kModel, source.path,
+                   fmt::format("mesh file '{}': {}", path, content.error().message)};
     }
-    if (!AddToVfs(vfs, name, content)) {
+    if (!AddToVfs(vfs, name, *content)) {
       return Error{ErrorCode::kModel, source.path,
                    fmt::format("mesh file '{}' could not be handed to the reader", path)};
     }
@@ -206,7 +236,21 @@ std::optional<Error> FillVfs(const ModelSource& source, mjVFS* vfs) {
   return std::nullopt;
 }
 
+tl::unexpected<Error> GaveUp(const std::string& path, const std::exception& fault) {
+  return Fail(ErrorCode::kModel, path, fmt::format("the MuJoCo reader gave up: {}", OneLine(fault.what())));
+}
+
 }  // namespace
+
+Expected<std::unique_ptr<mjData, MjDataDeleter>> ReferenceData(const mjModel& model,
+                                                               const std::string& name) {
+  HandlerScope handlers(nullptr);
+  try {
+    return DataAtReference(model);
+  } catch (const std::exception& fault) {
+    return GaveUp(name, fault);
+  }
+}
 
 Expected<CompiledModel> CompileModel(const ModelSource& source) {
   CompiledModel compiled;
@@ -227,14 +271,9 @@ Expected<CompiledModel> CompileModel(const ModelSource& source) {
       compiled.model.reset(Load(kName, vfs.get(), message).release());
     }
     if (!compiled.model) return tl::unexpected<Error>(Translate(source, message));
-    compiled.data.reset(mj_makeData(compiled.model.get()));
-    mj_kinematics(compiled.model.get(), compiled.data.get());
-    mj_comPos(compiled.model.get(), compiled.data.get());
-    mj_tendon(compiled.model.get(), compiled.data.get());
-    mj_transmission(compiled.model.get(), compiled.data.get());
+    compiled.data = DataAtReference(*compiled.model);
   } catch (const std::exception& fault) {
-    return Fail(ErrorCode::kModel, source.path,
-                fmt::format("the MuJoCo reader gave up: {}", OneLine(fault.what())));
+    return GaveUp(source.path, fault);
   }
   return compiled;
 }

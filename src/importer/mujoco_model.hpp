@@ -31,6 +31,9 @@ struct ModelSource {
   std::map<std::string, std::string> buffers;  // name used in the text -> content
 };
 
+/// Kinematics, lengths and transmissions at qpos0. Errors: kModel, with `name` for the file.
+Expected<std::unique_ptr<mjData, MjDataDeleter>> ReferenceData(const mjModel& model, const std::string& name);
+
 /// Compiles and computes the kinematics at qpos0. Errors: kFile, kFormat with line, kModel.
 Expected<CompiledModel> CompileModel(const ModelSource& source);
 

@@ -7,7 +7,6 @@
 #include <cctype>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <iterator>
 #include <set>
 
@@ -38,49 +37,70 @@ bool IsNotFinite(std::string word) {
   return word == "nan" || word == "inf" || word == "infinity" || word.rfind("nan(", 0) == 0;
 }
 
-using Visitor = std::function<bool(const XMLElement&, const std::string& file)>;  // true stops
+// One walk over a file and what it includes. Each file counts once: the reader refuses a file that is
+// included twice, and files that include each other would multiply.
+class XmlWalk {
+ public:
+  XmlWalk(const std::string& path, const XmlVisitor& visit)
+      : folder_(std::filesystem::path(path).parent_path()), visit_(visit) {}
 
-bool VisitElements(const XMLElement* element, const std::string& file, const std::string& folder, int depth,
-                   const Visitor& visit);
+  bool File(const std::string& path, const std::string& text) {
+    std::error_code unresolved;
+    if (!seen_.insert(std::filesystem::weakly_canonical(path, unresolved).string()).second) return false;
+    XMLDocument document;
+    if (text.empty()) {
+      const auto read = ReadFile(path);
+      if (!read || document.Parse(read->data(), read->size()) != tinyxml2::XML_SUCCESS) return false;
+    } else if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
+      return false;
+    }
+    return Elements(document.RootElement(), path);
+  }
 
-bool VisitFile(const std::string& path, const std::string& text, const std::string& folder, int depth,
-               const Visitor& visit) {
-  XMLDocument document;
-  if (text.empty()) {
-    if (document.LoadFile(path.c_str()) != tinyxml2::XML_SUCCESS) return false;
-  } else if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
+ private:
+  bool Elements(const XMLElement* element, const std::string& file) {
+    for (; element != nullptr; element = element->NextSiblingElement()) {
+      if (visit_(*element, file)) return true;
+      const std::string name = element->Name();
+      const char* other = element->Attribute("file");
+      if ((name == "include" || name == "model") && other != nullptr && File((folder_ / other).string(), ""))
+        return true;
+      if (Elements(element->FirstChildElement(), file)) return true;
+    }
     return false;
   }
-  return VisitElements(document.RootElement(), path, folder, depth, visit);
-}
 
-bool VisitElements(const XMLElement* element, const std::string& file, const std::string& folder, int depth,
-                   const Visitor& visit) {
-  for (; element != nullptr; element = element->NextSiblingElement()) {
-    if (visit(*element, file)) return true;
-    const char* included = element->Attribute("file");
-    if (std::string(element->Name()) == "include" && included != nullptr && depth < 16) {
-      const std::string path = (std::filesystem::path(folder) / included).string();
-      if (VisitFile(path, "", folder, depth + 1, visit)) return true;
-    }
-    if (VisitElements(element->FirstChildElement(), file, folder, depth, visit)) return true;
-  }
-  return false;
-}
+  const std::filesystem::path folder_;  // the reader looks for all files from here
+  const XmlVisitor& visit_;
+  std::set<std::string> seen_;
+};
 
 }  // namespace
 
-Expected<std::string> ReadFile(const std::string& path) {
+Expected<void> CheckReadable(const std::string& path) {
   std::error_code ignored;
-  if (!std::filesystem::exists(path, ignored)) {
-    return Fail(ErrorCode::kFile, path, "there is no such file");
-  }
-  if (std::filesystem::is_directory(path, ignored)) {
-    return Fail(ErrorCode::kFile, path, "this is a folder; name the model file in it");
-  }
+  const auto status = std::filesystem::status(path, ignored);
+  if (!std::filesystem::exists(status)) return Fail(ErrorCode::kFile, path, "there is no such file");
+  if (std::filesystem::is_directory(status))
+    return Fail(ErrorCode::kFile, path, "this is a folder; name the file in it");
+  if (!std::filesystem::is_regular_file(status))
+    return Fail(ErrorCode::kFile, path,
+                "this is a pipe or a device, which may never end; copy what it gives to a file");
+  constexpr std::uintmax_t kMost = std::uintmax_t{1} << 30;
+  if (std::filesystem::file_size(path, ignored) > kMost)
+    return Fail(ErrorCode::kFile, path, "the file is larger than 1 GiB; simplify what it holds");
+  return {};
+}
+
+Expected<std::string> ReadFile(const std::string& path) {
+  if (auto ok = CheckReadable(path); !ok) return tl::unexpected<Error>(ok.error());
   std::ifstream stream(path, std::ios::binary);
   if (!stream) return Fail(ErrorCode::kFile, path, "the file cannot be read; check its permissions");
   return std::string((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
+}
+
+void VisitXml(const std::string& path, const std::string& text, const XmlVisitor& visit) {
+  XmlWalk(path, visit).File(path, text);
 }
 
 Expected<std::string> RootElement(const std::string& path, const std::string& text) {
@@ -121,8 +141,7 @@ int RemoveLateDeclaration(std::string& text) {
 
 std::optional<Error> CheckNumbers(const std::string& path, const std::string& text) {
   std::optional<Error> error;
-  const std::string folder = std::filesystem::path(path).parent_path().string();
-  VisitFile(path, text, folder, 0, [&](const XMLElement& element, const std::string& file) {
+  VisitXml(path, text, [&](const XMLElement& element, const std::string& file) {
     for (const XMLAttribute* a = element.FirstAttribute(); a != nullptr; a = a->Next()) {
       if (HoldsText(a->Name())) continue;
       for (const std::string& word : SplitWords(a->Value())) {
@@ -145,8 +164,7 @@ std::optional<XmlPlace> FindInXml(const std::string& path, const std::string& te
                                   const std::string& element, const std::optional<std::string>& attribute,
                                   const std::optional<std::string>& value) {
   std::optional<XmlPlace> place;
-  const std::string folder = std::filesystem::path(path).parent_path().string();
-  VisitFile(path, text, folder, 0, [&](const XMLElement& e, const std::string& file) {
+  VisitXml(path, text, [&](const XMLElement& e, const std::string& file) {
     if (element != e.Name()) return false;
     for (const XMLAttribute* a = e.FirstAttribute(); a != nullptr; a = a->Next()) {
       if ((!attribute || *attribute == a->Name()) && (!value || *value == a->Value())) {

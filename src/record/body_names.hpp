@@ -7,6 +7,6 @@
 namespace fork1s::internal {
 
 /// One name per body, different from all others: its own, or MECHANISM/BODY where two share it.
-std::vector<std::string> BodyNames(const Recording& recording);
+std::vector<std::string> BodyNames(const RecordingHeader& recording);
 
 }  // namespace fork1s::internal

@@ -60,8 +60,10 @@ std::optional<double> Number(const std::string& cell) {
 Expected<ControlTrack> ReadControls(const std::string& path) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return Fail(ErrorCode::kFile, path, "there is no such file");
-  std::ifstream in(path, std::ios::binary);
-  if (!in || !std::filesystem::is_regular_file(path, error))
+  std::ifstream in;
+  if (std::filesystem::is_regular_file(path, error))
+    in.open(path, std::ios::binary);  // a pipe would be waited for
+  if (!in.is_open())
     return Fail(ErrorCode::kFile, path, "cannot be read; check that it is a file and its permissions");
 
   ControlTrack track;

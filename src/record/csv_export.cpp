@@ -1,7 +1,7 @@
-#include <cerrno>
-#include <cstring>
+#include <array>
 #include <filesystem>
 #include <fork1s/record/csv.hpp>
+#include <fork1s/record/output_file.hpp>
 #include <fstream>
 
 #include <fmt/format.h>
@@ -20,8 +20,11 @@ std::string Quoted(const std::string& name) {
 
 class Table {
  public:
-  Table(const std::filesystem::path& path) : path_(path), out_(path, std::ios::binary | std::ios::trunc) {
-    row_ = "time";
+  explicit Table(const std::filesystem::path& path)
+      : path_(path.string()),
+        output_(OutputFile::Create(path_, {"a table of a recording", "time"})),
+        row_("time") {
+    if (output_) out_.open(output_->part(), std::ios::binary);
   }
   void Name(const std::string& name) { row_ += ',' + Quoted(name); }
   void Start(double time) { row_ = fmt::format("{}", time); }
@@ -33,101 +36,131 @@ class Table {
   }
   void End() { out_ << row_ << '\n'; }
   Expected<void> Close() {
+    if (!output_) return tl::unexpected(output_.error());
     out_.close();
-    if (out_) return {};
-    return Fail(ErrorCode::kFile, path_.string(),
+    if (out_) return output_->Keep();
+    return Fail(ErrorCode::kFile, path_,
                 "cannot be written; check the folder, its permissions and free space");
   }
 
  private:
-  std::filesystem::path path_;
+  std::string path_;
+  Expected<OutputFile> output_;
   std::ofstream out_;
   std::string row_;
 };
 
-Expected<void> WritePoses(const Recording& recording, const std::filesystem::path& path,
-                          const CsvOptions& options, const std::vector<std::string>& names) {
-  Table table(path);
-  std::vector<std::size_t> chosen;
-  for (std::size_t b = 0; b < names.size(); ++b) {
-    const SceneBody& body = recording.bodies()[b];
-    if (!options.all_bodies && !body.is_interface && body.mechanism >= 0) continue;
-    chosen.push_back(b);
-    for (const char* part : {".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz"}) table.Name(names[b] + part);
-  }
-  table.End();
-  const RecordedSteps& data = recording.data();
-  for (std::size_t i = 0; i < data.time.size(); ++i) {
-    table.Start(data.time[i]);
-    for (std::size_t b : chosen)
-      for (std::size_t k = 0; k < 7; ++k) table.Add(data.poses[7 * (i * names.size() + b) + k]);
-    table.End();
-  }
-  return table.Close();
-}
-
-Expected<void> WriteContacts(const Recording& recording, const std::filesystem::path& path,
-                             const std::vector<std::string>& names) {
-  Table table(path);
-  for (const char* name : {"body_a", "body_b", "point.x", "point.y", "point.z", "normal.x", "normal.y",
-                           "normal.z", "force.x", "force.y", "force.z", "gap", "friction"})
-    table.Name(name);
-  table.End();
-  auto body = [&](int b) { return b < 0 ? std::string("world") : names[static_cast<std::size_t>(b)]; };
-  for (int i = 0; i < recording.num_steps(); ++i)
-    for (const RecordedContact& c : recording.Contacts(i)) {
-      table.Start(recording.data().time[static_cast<std::size_t>(i)]);
-      table.Add(body(c.body_a));
-      table.Add(body(c.body_b));
-      for (const Vector3* v : {&c.point, &c.normal, &c.force}) table.AddAll(*v);
-      table.Add(c.gap);
-      table.Add(c.friction);
-      table.End();
+// The four tables of a recording, to which its steps are added stretch by stretch.
+class Tables {
+ public:
+  Tables(const RecordingHeader& header, const std::filesystem::path& folder, const CsvOptions& options)
+      : names_(internal::BodyNames(header)),
+        poses_(folder / "poses.csv"),
+        contacts_(folder / "contacts.csv"),
+        controls_(folder / "controls.csv"),
+        energy_(folder / "energy.csv") {
+    for (std::size_t b = 0; b < names_.size(); ++b) {
+      const SceneBody& body = header.bodies[b];
+      if (!options.all_bodies && !body.is_interface && body.mechanism >= 0) continue;
+      chosen_.push_back(b);
+      for (const char* part : {".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz"}) poses_.Name(names_[b] + part);
     }
-  return table.Close();
-}
-
-Expected<void> WriteControls(const Recording& recording, const std::filesystem::path& path) {
-  Table table(path);
-  for (const std::string& name : recording.header().control_names) table.Name(name);
-  table.End();
-  for (int i = 0; i < recording.num_steps(); ++i) {
-    table.Start(recording.data().time[static_cast<std::size_t>(i)]);
-    table.AddAll(recording.Controls(i));
-    table.End();
+    for (const char* name : {"body_a", "body_b", "point.x", "point.y", "point.z", "normal.x", "normal.y",
+                             "normal.z", "force.x", "force.y", "force.z", "gap", "friction"})
+      contacts_.Name(name);
+    for (const std::string& name : header.control_names) controls_.Name(name);
+    for (const char* name : {"kinetic", "potential", "total"}) energy_.Name(name);
+    for (Table* table : All()) table->End();
   }
-  return table.Close();
-}
 
-Expected<void> WriteEnergy(const Recording& recording, const std::filesystem::path& path) {
-  Table table(path);
-  for (const char* name : {"kinetic", "potential", "total"}) table.Name(name);
-  table.End();
-  const RecordedSteps& data = recording.data();
-  for (std::size_t i = 0; i < data.time.size(); ++i) {
-    table.Start(data.time[i]);
-    table.Add(data.kinetic_energy[i]);
-    table.Add(data.potential_energy[i]);
-    table.Add(data.kinetic_energy[i] + data.potential_energy[i]);
-    table.End();
+  void Add(const Recording& part) {
+    for (int i = 0; i < part.num_steps(); ++i) {
+      AddPoses(part, static_cast<std::size_t>(i));
+      AddContacts(part, i);
+      AddEnergy(part.data(), static_cast<std::size_t>(i));
+      controls_.Start(part.data().time[static_cast<std::size_t>(i)]);
+      controls_.AddAll(part.Controls(i));
+      controls_.End();
+    }
   }
-  return table.Close();
+
+  Expected<void> Close() {
+    for (Table* table : All())
+      if (auto ok = table->Close(); !ok) return ok;
+    return {};
+  }
+
+ private:
+  std::array<Table*, 4> All() { return {&poses_, &contacts_, &controls_, &energy_}; }
+
+  void AddPoses(const Recording& part, std::size_t i) {
+    poses_.Start(part.data().time[i]);
+    for (std::size_t b : chosen_)
+      for (std::size_t k = 0; k < 7; ++k) poses_.Add(part.data().poses[7 * (i * names_.size() + b) + k]);
+    poses_.End();
+  }
+  void AddContacts(const Recording& part, int i) {
+    const auto body = [&](int b) {
+      return b < 0 ? std::string("world") : names_[static_cast<std::size_t>(b)];
+    };
+    for (const RecordedContact& c : part.Contacts(i)) {
+      contacts_.Start(part.data().time[static_cast<std::size_t>(i)]);
+      contacts_.Add(body(c.body_a));
+      contacts_.Add(body(c.body_b));
+      for (const Vector3* v : {&c.point, &c.normal, &c.force}) contacts_.AddAll(*v);
+      contacts_.Add(c.gap);
+      contacts_.Add(c.friction);
+      contacts_.End();
+    }
+  }
+  void AddEnergy(const RecordedSteps& data, std::size_t i) {
+    energy_.Start(data.time[i]);
+    energy_.Add(data.kinetic_energy[i]);
+    energy_.Add(data.potential_energy[i]);
+    energy_.Add(data.kinetic_energy[i] + data.potential_energy[i]);
+    energy_.End();
+  }
+
+  std::vector<std::string> names_;
+  std::vector<std::size_t> chosen_;
+  Table poses_, contacts_, controls_, energy_;
+};
+
+Expected<std::filesystem::path> MakeFolder(const std::string& directory) {
+  const std::filesystem::path folder(directory);
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (!std::filesystem::is_directory(folder, error))
+    return Fail(ErrorCode::kFile, directory, "cannot be made a folder; check the path and its permissions");
+  return folder;
 }
 
 }  // namespace
 
 Expected<void> ExportCsv(const Recording& recording, const std::string& directory,
                          const CsvOptions& options) {
-  const std::filesystem::path folder(directory);
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (!std::filesystem::is_directory(folder, error))
-    return Fail(ErrorCode::kFile, directory, "cannot be made a folder; check the path and its permissions");
-  const std::vector<std::string> names = internal::BodyNames(recording);
-  if (auto ok = WritePoses(recording, folder / "poses.csv", options, names); !ok) return ok;
-  if (auto ok = WriteContacts(recording, folder / "contacts.csv", names); !ok) return ok;
-  if (auto ok = WriteControls(recording, folder / "controls.csv"); !ok) return ok;
-  return WriteEnergy(recording, folder / "energy.csv");
+  const auto folder = MakeFolder(directory);
+  if (!folder) return tl::unexpected(folder.error());
+  Tables tables(recording.header(), *folder, options);
+  tables.Add(recording);
+  return tables.Close();
+}
+
+Expected<std::int64_t> ExportCsv(RecordingReader& reader, const std::string& directory,
+                                 const CsvOptions& options) {
+  const auto folder = MakeFolder(directory);
+  if (!folder) return tl::unexpected(folder.error());
+  Tables tables(reader.header(), *folder, options);
+  std::int64_t steps = 0;
+  while (true) {
+    const auto part = reader.Next();
+    if (!part) return tl::unexpected(part.error());
+    if (part->num_steps() == 0) break;
+    tables.Add(*part);
+    steps += part->num_steps();
+  }
+  if (auto closed = tables.Close(); !closed) return tl::unexpected(closed.error());
+  return steps;
 }
 
 }  // namespace fork1s

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fork1s/record/gltf.hpp>
-#include <fstream>
+#include <fork1s/record/output_file.hpp>
 
 #include "body_names.hpp"
 #include "gltf_meshes.hpp"
@@ -53,7 +53,7 @@ class SceneWriter {
     // x y z of ours is x -z y of glTF: a quarter turn about x.
     document_.Add("nodes", {{"name", "z_up"}, {"rotation", {-std::sqrt(0.5), 0, 0, std::sqrt(0.5)}}});
     GltfJson roots = GltfJson::array();
-    const std::vector<std::string> names = internal::BodyNames(recording_);
+    const std::vector<std::string> names = internal::BodyNames(recording_.header());
     for (std::size_t b = 0; b < names.size(); ++b) {
       const RigidTransform X_WB = recording_.Pose(-1, static_cast<int>(b));
       roots.push_back(AddBody(names[b], X_WB, Geometries(b)));
@@ -193,13 +193,8 @@ Expected<void> ExportGltf(const Recording& recording, const std::string& path, c
     return Fail(ErrorCode::kFormat, recording.header().path,
                 std::string("cannot be drawn (") + e.what() + "); the file is damaged, record it again");
   }
-  std::ofstream file(path, std::ios::binary | std::ios::trunc);
-  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  if (!file)
-    return Fail(ErrorCode::kFile, path,
-                "cannot be written; check the folder, its permissions and free space");
-  return {};
+  constexpr FileKind kBinary{"a binary glTF file", "glTF"}, kText{"a glTF file", "{"};
+  return WriteFile(path, extension == ".gltf" ? kText : kBinary, bytes);
 }
 
 }  // namespace fork1s

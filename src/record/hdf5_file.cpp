@@ -3,6 +3,7 @@
 #include <array>
 #include <cstring>
 #include <filesystem>
+#include <fork1s/record/recording.hpp>
 #include <fstream>
 #include <utility>
 
@@ -32,6 +33,25 @@ Hdf5 TextType(std::size_t size) {
 }
 
 std::string Quoted(const std::string& name) { return "'" + name + "'"; }
+
+// A link may lead to another file, or to a pipe that would be waited for. Recordings stand on their own.
+void CheckLinks(hid_t parent, const std::string& name) {
+  for (std::size_t end = 0; end != std::string::npos;) {
+    end = name.find('/', end + 1);
+    const std::string part = name.substr(0, end);
+    H5L_info_t link;
+    if (H5Lget_info(parent, part.c_str(), &link, H5P_DEFAULT) >= 0 && link.type != H5L_TYPE_HARD)
+      throw Hdf5Fault(Quoted(part) + " leads elsewhere, which is refused");
+  }
+}
+
+// The same for numbers that are stored outside the file.
+void CheckStorage(const Hdf5& dataset, const std::string& name) {
+  const Hdf5 layout =
+      Checked(H5Dget_create_plist(dataset.id()), H5Pclose, "dataset " + Quoted(name) + " is damaged");
+  if (H5Pget_external_count(layout.id()) != 0 || H5Pget_layout(layout.id()) == H5D_VIRTUAL)
+    throw Hdf5Fault(Quoted(name) + " has its numbers in another file, which is refused");
+}
 
 Hdf5 OpenAttribute(hid_t object, const std::string& name) {
   return Checked(H5Aopen(object, name.c_str(), H5P_DEFAULT), H5Aclose,
@@ -110,6 +130,7 @@ Hdf5 CreateGroup(hid_t parent, const std::string& name) {
                  "cannot write group " + Quoted(name));
 }
 Hdf5 OpenGroup(hid_t parent, const std::string& name) {
+  CheckLinks(parent, name);
   return Checked(H5Gopen2(parent, name.c_str(), H5P_DEFAULT), H5Gclose,
                  "group " + Quoted(name) + " is missing");
 }
@@ -193,8 +214,11 @@ void WriteTexts(hid_t parent, const std::string& name, const std::vector<std::st
 }
 
 Hdf5 OpenDataset(hid_t parent, const std::string& name) {
-  return Checked(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose,
-                 "dataset " + Quoted(name) + " is missing");
+  CheckLinks(parent, name);
+  Hdf5 dataset = Checked(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose,
+                         "dataset " + Quoted(name) + " is missing");
+  CheckStorage(dataset, name);
+  return dataset;
 }
 
 Dims DimsOf(const Hdf5& dataset) {
@@ -206,7 +230,7 @@ Dims DimsOf(const Hdf5& dataset) {
   return dims;
 }
 
-void ReadRows(const Hdf5& dataset, hid_t type, hsize_t rows, void* out) {
+void ReadRows(const Hdf5& dataset, hid_t type, hsize_t first, hsize_t rows, void* out) {
   const Hdf5 stored = Checked(H5Dget_type(dataset.id()), H5Tclose, "a dataset is damaged");
   // HDF5 converts between numbers as asked for; numbers that are of another kind belong to another file.
   if (H5Tget_class(stored.id()) != H5Tget_class(type))
@@ -217,11 +241,12 @@ void ReadRows(const Hdf5& dataset, hid_t type, hsize_t rows, void* out) {
     Check(H5Dread(dataset.id(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out), "a dataset cannot be read");
     return;
   }
-  if (rows > count[0]) throw Hdf5Fault("a dataset is shorter than the others");
+  if (first > count[0] || rows > count[0] - first) throw Hdf5Fault("a dataset is shorter than the others");
   count[0] = rows;
   for (hsize_t c : count)
     if (c == 0) return;
-  const Dims start(count.size(), 0);
+  Dims start(count.size(), 0);
+  start[0] = first;
   Check(H5Sselect_hyperslab(file_space.id(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr),
         "a dataset cannot be read");
   const Hdf5 memory = Space(count);
@@ -249,7 +274,7 @@ std::vector<std::string> ReadTexts(hid_t parent, const std::string& name, std::s
   if (dims.size() != 1 || size == 0 || dims[0] > most / size)
     throw Hdf5Fault(Quoted(name) + " is no list of texts, or is larger than its file");
   std::string packed(size * static_cast<std::size_t>(dims[0]), '\0');
-  if (!packed.empty()) ReadRows(dataset, type.id(), dims[0], packed.data());
+  if (!packed.empty()) ReadRows(dataset, type.id(), 0, dims[0], packed.data());
   std::vector<std::string> texts;
   for (std::size_t at = 0; at < packed.size(); at += size)
     texts.push_back(Unpadded(packed.data() + at, size));
@@ -287,3 +312,5 @@ FileFacts LookAt(const std::string& path) {
 }
 
 }  // namespace fork1s::internal
+
+void fork1s::LeaveHdf5AsItIsAtExit() { H5dont_atexit(); }

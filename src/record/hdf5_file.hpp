@@ -127,8 +127,8 @@ void WriteTexts(hid_t parent, const std::string& name, const std::vector<std::st
 /// Dimensions of a dataset that is already open.
 Dims DimsOf(const Hdf5& dataset);
 Hdf5 OpenDataset(hid_t parent, const std::string& name);
-/// The first `rows` rows of a dataset into `out`, which must have room: see ReadArray.
-void ReadRows(const Hdf5& dataset, hid_t type, hsize_t rows, void* out);
+/// Rows [first, first + rows) of a dataset into `out`, which must have room: see ReadArray.
+void ReadRows(const Hdf5& dataset, hid_t type, hsize_t first, hsize_t rows, void* out);
 /// The whole dataset. Refuses to allocate more than `most` bytes, which a damaged file may ask for.
 template <class T>
 std::vector<T> ReadArray(hid_t parent, const std::string& name, Dims& dims, std::size_t most) {
@@ -141,7 +141,7 @@ std::vector<T> ReadArray(hid_t parent, const std::string& name, Dims& dims, std:
     count *= d;
   }
   std::vector<T> values(static_cast<std::size_t>(count));
-  if (count > 0) ReadRows(dataset, MemoryType<T>(), dims.empty() ? 1 : dims[0], values.data());
+  if (count > 0) ReadRows(dataset, MemoryType<T>(), 0, dims.empty() ? 1 : dims[0], values.data());
   return values;
 }
 template <class T>
@@ -163,6 +163,8 @@ struct FileFacts {
   bool is_hdf5 = false;
   bool is_open_for_writing = false;  // a writer is at it, or was killed
   std::size_t stored_size = 0;       // that it should have at least, 0 where it does not say
+  /// What a damaged file may make us allocate.
+  std::size_t MostBytes() const { return size + (std::size_t{16} << 20); }
 };
 FileFacts LookAt(const std::string& path);
 

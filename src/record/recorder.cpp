@@ -1,9 +1,12 @@
 #include <algorithm>
 #include <chrono>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/record/output_file.hpp>
 #include <fork1s/record/recording.hpp>
+#include <optional>
 
 #include "columns.hpp"
+#include "hdf5_disk.hpp"
 #include "hdf5_file.hpp"
 #include "model_store.hpp"
 
@@ -11,15 +14,6 @@ namespace fork1s {
 namespace {
 
 using namespace internal;
-
-// Single writer, many readers: HDF5 then orders its writes so that the file is whole at any moment, and a
-// program that is killed leaves it readable. It wants the 1.10 file format and every dataset made beforehand.
-Hdf5 AccessList() {
-  Hdf5 list(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-  if (H5Pset_libver_bounds(list.id(), H5F_LIBVER_V110, H5F_LIBVER_V110) < 0)
-    throw Hdf5Fault("this HDF5 library is too old", ErrorCode::kFile);
-  return list;
-}
 
 void CreateColumn(hid_t file, const Column& column, hid_t type) {
   if (column.width == 0) return;
@@ -56,7 +50,7 @@ void AppendRows(const Hdf5& dataset, hid_t type, hsize_t rows, const void* data)
                                nullptr) >= 0 &&
            H5Dwrite(dataset.id(), type, memory.id(), file_space.id(), H5P_DEFAULT, data) >= 0;
   }
-  if (!good) throw Hdf5Fault("cannot write (" + LastHdf5Message() + "); is the disk full?", ErrorCode::kFile);
+  if (!good) throw Hdf5Fault("cannot be written (" + LastHdf5Message() + ')', ErrorCode::kFile);
 }
 
 void WriteHeader(hid_t file, const Simulation& simulation) {
@@ -114,18 +108,23 @@ struct Recorder::Detail {
   std::string path;
   RecorderOptions options;
   Widths widths;
+  DiskState disk;  // before the file, which writes to it until it is closed
+  std::optional<OutputFile> output;
   Hdf5 file;
   std::vector<Hdf5> datasets;  // in the order of ForEachColumn; empty handles where a column has no width
   RecordedSteps pending;
   std::int64_t totals[kNumRows] = {};  // rows appended
+  std::int64_t steps_on_disk = 0;
   std::chrono::steady_clock::time_point last_flush = std::chrono::steady_clock::now();
   Expected<void> failure;
 
+  void MakeFile(const Simulation& simulation);
   void Open();
   void CollectStep(const Simulation& simulation, const StepReport& report,
                    const std::vector<AppliedWrench>& wrenches);
   void CollectContacts(const Simulation& simulation);
   void Write();
+  std::string Unwritable() const;
 
   template <class F>
   Expected<void> Guard(F&& work) {
@@ -172,34 +171,45 @@ Expected<Recorder> Recorder::Create(const std::string& path, const Simulation& s
   for (int i = 0; i < d.widths.mechanisms; ++i)
     d.widths.coordinates += static_cast<int>(simulation.JointCoordinates(i).size());
 
+  auto output = OutputFile::Create(path, kHdf5File);
+  if (!output) return tl::unexpected(output.error());
+  d.output.emplace(std::move(*output));
   try {
-    {
-      const Hdf5 access = AccessList();
-      Hdf5 file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), H5Fclose);
-      if (!file)
-        return Fail(ErrorCode::kFile, path,
-                    "cannot be written (" + LastHdf5Message() +
-                        "); check the folder, its permissions and that no "
-                        "program has the file open");
-      WriteHeader(file.id(), simulation);
-      CreateGroups(file.id());
-      ForEachColumn(d.pending, d.widths, [&](const Column& column, auto& values) {
-        CreateColumn(file.id(), column, MemoryType<typename std::decay_t<decltype(values)>::value_type>());
-      });
-      if (!file.Close()) throw Hdf5Fault("cannot be written (" + LastHdf5Message() + ')', ErrorCode::kFile);
-    }
+    d.MakeFile(simulation);
     d.Open();
   } catch (const Hdf5Fault& e) {
-    return Fail(ErrorCode::kFile, path, e.what());
+    d.datasets.clear();
+    d.file.Close();
+    return Fail(ErrorCode::kFile, path, d.disk.failed() ? d.Unwritable() : e.what());
   }
+  // Only now does a file that was there before give way.
+  if (auto kept = d.output->Keep(); !kept) return tl::unexpected(kept.error());
   recorder.detail_ = std::move(detail);
   return recorder;
 }
 
+std::string Recorder::Detail::Unwritable() const { return "cannot be written: " + disk.Reason(); }
+
+void Recorder::Detail::MakeFile(const Simulation& simulation) {
+  const Hdf5 access = DiskAccess(disk);
+  Hdf5 made(H5Fcreate(output->part().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), H5Fclose);
+  if (!made) throw Hdf5Fault("cannot be written (" + LastHdf5Message() + ')', ErrorCode::kFile);
+  WriteHeader(made.id(), simulation);
+  CreateGroups(made.id());
+  ForEachColumn(pending, widths, [&](const Column& column, auto& values) {
+    CreateColumn(made.id(), column, MemoryType<typename std::decay_t<decltype(values)>::value_type>());
+  });
+  if (!made.Close() || disk.failed())
+    throw Hdf5Fault("cannot be written (" + LastHdf5Message() + ')', ErrorCode::kFile);
+}
+
+// Single writer, many readers: HDF5 then orders its writes so that the file is whole at any moment, and a
+// program that is killed leaves it readable. It wants the 1.10 file format and every dataset made beforehand.
 void Recorder::Detail::Open() {
-  const Hdf5 access = AccessList();
-  file = Hdf5(H5Fopen(path.c_str(), H5F_ACC_RDWR | H5F_ACC_SWMR_WRITE, access.id()), H5Fclose);
-  if (!file) throw Hdf5Fault("cannot be opened again (" + LastHdf5Message() + ')', ErrorCode::kFile);
+  const Hdf5 access = DiskAccess(disk);
+  file = Hdf5(H5Fopen(output->part().c_str(), H5F_ACC_RDWR | H5F_ACC_SWMR_WRITE, access.id()), H5Fclose);
+  if (!file || disk.failed())
+    throw Hdf5Fault("cannot be opened again (" + LastHdf5Message() + ')', ErrorCode::kFile);
   ForEachColumn(pending, widths, [&](const Column& column, auto&) {
     datasets.push_back(column.width > 0 ? OpenDataset(file.id(), column.name) : Hdf5());
   });
@@ -310,8 +320,12 @@ void Recorder::Detail::Write() {
                  values.data());
     values.clear();
   });
-  if (H5Fflush(file.id(), H5F_SCOPE_LOCAL) < 0)
-    throw Hdf5Fault("cannot write (" + LastHdf5Message() + "); is the disk full?", ErrorCode::kFile);
+  if (H5Fflush(file.id(), H5F_SCOPE_LOCAL) < 0 && !disk.failed())
+    throw Hdf5Fault("cannot be written (" + LastHdf5Message() + ')', ErrorCode::kFile);
+  if (disk.failed())
+    throw Hdf5Fault(Unwritable() + ". Its first " + std::to_string(steps_on_disk) + " steps are safe",
+                    ErrorCode::kFile);
+  steps_on_disk = totals[static_cast<std::size_t>(Rows::kSteps)];
 }
 
 Expected<void> Recorder::Append(const Simulation& simulation, const StepReport& report,
@@ -344,9 +358,11 @@ Expected<void> Recorder::Finish() {
   static_cast<void>(d.Guard([&] { d.Write(); }));
   const QuietHdf5 quiet;
   d.datasets.clear();
-  if (!d.file.Close() && d.failure)
-    d.failure =
-        Fail(ErrorCode::kFile, d.path, "cannot be closed (" + LastHdf5Message() + "); is the disk full?");
+  const bool closed = d.file.Close();
+  if (d.failure && (!closed || d.disk.failed()))
+    d.failure = Fail(ErrorCode::kFile, d.path,
+                     d.disk.failed() ? d.Unwritable() : "cannot be closed (" + LastHdf5Message() + ')');
+  d.output.reset();  // unlocked
   return d.failure;
 }
 

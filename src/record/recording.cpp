@@ -2,51 +2,22 @@
 #include <fork1s/record/recording.hpp>
 
 #include "recording_file.hpp"
+#include "step_reader.hpp"
 
 namespace fork1s {
 
 using namespace internal;
 
 Expected<Recording> Recording::Open(const std::string& path) {
-  const QuietHdf5 quiet;
-  try {
-    const FileFacts facts = LookAt(path);
-    if (!facts.is_hdf5)
-      return Fail(facts.size == 0 ? ErrorCode::kFile : ErrorCode::kFormat, path,
-                  facts.size == 0 ? "is empty; the recording was never begun, record again"
-                                  : "is no HDF5 file; recordings are written by fork1s");
-    // Where a disk ran full, the end that is written down lies beyond the last whole step: that is worth
-    // reading.
-    if (!facts.is_open_for_writing && facts.size < facts.stored_size)
-      return Fail(ErrorCode::kFile, path,
-                  "is cut off: it has " + std::to_string(facts.size) + " of " +
-                      std::to_string(facts.stored_size) + " bytes; copy or record it again");
-    // A writer that lives or was killed has left its mark, and only this way of reading passes it.
-    const unsigned flags = H5F_ACC_RDONLY | (facts.is_open_for_writing ? H5F_ACC_SWMR_READ : 0u);
-    const Hdf5 access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-    // Where a checksum of HDF5's own is wrong it asks again, as a writer may be at it, and waits twice as
-    // long each time: 100 times by default, for ever. This is 1 ms.
-    H5Pset_metadata_read_attempts(access.id(), 20);
-    const Hdf5 file(H5Fopen(path.c_str(), flags, access.id()), H5Fclose);
-    if (!file)
-      return Fail(ErrorCode::kFile, path,
-                  "cannot be opened as HDF5 (" + LastHdf5Message() +
-                      "); it is cut off or damaged, copy or record it again");
-    auto header = ReadHeader(file.id(), path, facts);
-    if (!header) return tl::unexpected(header.error());
+  return Guarded(path, [&]() -> Expected<Recording> {
+    auto open = OpenRecordingFile(path);
+    if (!open) return tl::unexpected(open.error());
     Recording recording;
-    recording.header_ = std::move(*header);
-    recording.data_ = ReadSteps(file.id(), recording.header_, facts);
+    recording.header_ = std::move(open->header);
+    StepReader reader(open->file.id(), recording.header_, open->facts);
+    recording.data_ = reader.Next(reader.steps());
     return recording;
-  } catch (const Hdf5Fault& e) {
-    return Fail(e.code(), path,
-                std::string(e.what()) + (e.code() == ErrorCode::kFormat
-                                             ? "; the file is cut off or damaged, copy or record it again"
-                                             : ""));
-  } catch (const std::exception& e) {  // such as memory that a damaged file asks for
-    return Fail(ErrorCode::kFormat, path,
-                std::string("cannot be read (") + e.what() + "); the file is damaged");
-  }
+  });
 }
 
 RigidTransform Recording::Pose(int step, int body) const {

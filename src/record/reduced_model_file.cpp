@@ -1,8 +1,9 @@
 #include <cstdio>
-#include <filesystem>
+#include <fork1s/record/output_file.hpp>
 #include <fork1s/record/reduced_model_file.hpp>
 
 #include "columns.hpp"
+#include "hdf5_disk.hpp"
 #include "hdf5_file.hpp"
 #include "model_store.hpp"
 
@@ -183,25 +184,20 @@ Expected<ReducedModel> ReadAll(hid_t file, const std::string& path, std::size_t 
 Expected<void> SaveReducedModel(const ReducedModel& model, const std::string& path) {
   FORK1S_REQUIRE(model.mechanism != nullptr);
   const QuietHdf5 quiet;
-  const std::string part = path + ".part";
-  std::error_code error;
+  auto output = OutputFile::Create(path, kHdf5File);
+  if (!output) return tl::unexpected(output.error());
+  DiskState disk;
   try {
-    Hdf5 file(H5Fcreate(part.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose);
-    if (!file)
-      return Fail(ErrorCode::kFile, path,
-                  "cannot be written (" + LastHdf5Message() + "); check the folder and its permissions");
+    const Hdf5 access = DiskAccess(disk);
+    Hdf5 file(H5Fcreate(output->part().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), H5Fclose);
+    if (!file) throw Hdf5Fault("cannot be written (" + LastHdf5Message() + ')');
     WriteAll(file.id(), model);
-    if (!file.Close()) throw Hdf5Fault("cannot be written (" + LastHdf5Message() + "); is the disk full?");
+    if (!file.Close()) throw Hdf5Fault("cannot be written (" + LastHdf5Message() + ')');
   } catch (const Hdf5Fault& e) {
-    std::filesystem::remove(part, error);
-    return Fail(ErrorCode::kFile, path, e.what());
+    if (!disk.failed()) return Fail(ErrorCode::kFile, path, e.what());
   }
-  std::filesystem::rename(part, path, error);
-  if (!error) return {};
-  const std::string reason = error.message();
-  std::filesystem::remove(part, error);
-  return Fail(ErrorCode::kFile, path,
-              "cannot be written (" + reason + "); check the path and its permissions");
+  if (disk.failed()) return Fail(ErrorCode::kFile, path, "cannot be written: " + disk.Reason());
+  return output->Keep();
 }
 
 Expected<ReducedModel> LoadReducedModel(const std::string& path) {

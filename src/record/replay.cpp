@@ -1,5 +1,7 @@
 #include <cmath>
 #include <fork1s/record/recording.hpp>
+#include <optional>
+#include <utility>
 
 namespace fork1s {
 namespace {
@@ -26,14 +28,36 @@ Expected<void> CheckKeyframe(const RecordingHeader& h) {
   return {};
 }
 
+// Goes on from `result`.
+Expected<void> ReplaySteps(const Recording& recording, Simulation& simulation, ReplayResult& result) {
+  for (int i = 0; i < recording.num_steps(); ++i) {
+    const VectorX controls = recording.Controls(i);
+    // Only what changed: an initial value may lie outside the limits to which a new value is moved.
+    for (int k = 0; k < controls.size(); ++k)
+      if (controls(k) != simulation.controls()(k)) simulation.SetControl(k, controls(k));
+    if (auto set = simulation.SetFidelity(recording.FidelityOf(i)); !set) return set;
+    ApplyWrenches(recording.Wrenches(i), simulation);
+    simulation.Step();
+    ++result.steps;
+    result.final_hash = simulation.HashState();
+    if (result.first_difference_step < 0 &&
+        result.final_hash != recording.data().hash[static_cast<std::size_t>(i)])
+      result.first_difference_step = result.steps;
+  }
+  return {};
+}
+
 }  // namespace
 
 void ApplyWrenches(const std::vector<AppliedWrench>& wrenches, Simulation& simulation) {
   for (const AppliedWrench& w : wrenches) simulation.ApplyWrench(w.body, w.force_W, w.moment_W, w.point_W);
 }
 
-Expected<ReplayResult> Replay(const Recording& recording) {
-  const RecordingHeader& h = recording.header();
+namespace {
+
+// Calls `next` for one stretch after the other until there is none, or none with steps.
+template <class NextPart>
+Expected<ReplayResult> ReplayParts(const RecordingHeader& h, NextPart&& next) {
   if (h.first_step != 0)
     return Fail(ErrorCode::kUsage, h.path,
                 "begins after " + std::to_string(h.first_step) +
@@ -49,20 +73,11 @@ Expected<ReplayResult> Replay(const Recording& recording) {
     ReplayResult result;
     result.final_hash = simulation->HashState();
     if (result.final_hash != h.initial_hash) result.first_difference_step = 0;
-    for (int i = 0; i < recording.num_steps(); ++i) {
-      const VectorX controls = recording.Controls(i);
-      // Only what changed: an initial value may lie outside the limits to which a new value is moved.
-      for (int k = 0; k < controls.size(); ++k)
-        if (controls(k) != simulation->controls()(k)) simulation->SetControl(k, controls(k));
-      if (auto set = simulation->SetFidelity(recording.FidelityOf(i)); !set)
-        return tl::unexpected(set.error());
-      ApplyWrenches(recording.Wrenches(i), *simulation);
-      simulation->Step();
-      result.steps = i + 1;
-      result.final_hash = simulation->HashState();
-      if (result.first_difference_step < 0 &&
-          result.final_hash != recording.data().hash[static_cast<std::size_t>(i)])
-        result.first_difference_step = i + 1;
+    while (true) {
+      const Expected<const Recording*> part = next();
+      if (!part) return tl::unexpected(part.error());
+      if (*part == nullptr || (*part)->num_steps() == 0) break;
+      if (auto ok = ReplaySteps(**part, *simulation, result); !ok) return tl::unexpected(ok.error());
     }
     result.identical = result.first_difference_step < 0;
     return result;
@@ -70,6 +85,25 @@ Expected<ReplayResult> Replay(const Recording& recording) {
     return Fail(ErrorCode::kFormat, h.path,
                 std::string("cannot be replayed (") + e.what() + "); the file is damaged");
   }
+}
+
+}  // namespace
+
+Expected<ReplayResult> Replay(const Recording& recording) {
+  bool given = false;
+  return ReplayParts(recording.header(), [&]() -> Expected<const Recording*> {
+    return std::exchange(given, true) ? nullptr : &recording;
+  });
+}
+
+Expected<ReplayResult> Replay(RecordingReader& reader) {
+  std::optional<Recording> part;
+  return ReplayParts(reader.header(), [&]() -> Expected<const Recording*> {
+    auto next = reader.Next();
+    if (!next) return tl::unexpected(next.error());
+    part.emplace(std::move(*next));
+    return &*part;
+  });
 }
 
 }  // namespace fork1s

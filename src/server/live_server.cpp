@@ -6,7 +6,7 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
-#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
@@ -19,7 +19,9 @@
 
 #include <fmt/format.h>
 
+#include "command_queue.hpp"
 #include "outbox.hpp"
+#include "request_origin.hpp"
 #include "scene_description.hpp"
 
 namespace fork1s {
@@ -34,19 +36,14 @@ using ErrorOf = beast::error_code;
 
 constexpr std::size_t kMaxFile = 64u << 20;  // bytes of one PUT
 
-// A browser says who sent it (Origin) and whom it believes to talk to (Host). Both must be this machine: else
-// any page on the web could drive the simulation, by itself or through a name that it lets point here.
-bool IsLocal(std::string_view host) {
-  const auto colon = host.rfind(':');
-  if (colon != std::string_view::npos && host.find(']') == std::string_view::npos)
-    host = host.substr(0, colon);
-  return host == "127.0.0.1" || host == "localhost";
-}
-
-bool IsOwnOrigin(std::string_view origin) {
-  constexpr std::string_view kScheme = "http://";
-  return origin.empty() ||
-         (origin.substr(0, kScheme.size()) == kScheme && IsLocal(origin.substr(kScheme.size())));
+// What a request that cannot be read deserves, none where the other side went or said nothing.
+std::optional<http::status> StatusOf(const ErrorOf& error) {
+  if (error == http::error::body_limit) return http::status::payload_too_large;
+  if (error == http::error::header_limit) return http::status::request_header_fields_too_large;
+  if (error == http::error::end_of_stream || error == http::error::partial_message) return {};
+  if (error.category() == make_error_code(http::error::end_of_stream).category())
+    return http::status::bad_request;
+  return {};
 }
 
 std::string_view View(beast::string_view s) { return {s.data(), s.size()}; }
@@ -61,12 +58,14 @@ struct LiveServer::Detail {
   class Connection;
   class Viewer;
 
-  explicit Detail(const ServerOptions& o) : options(o) {
+  explicit Detail(const ServerOptions& o) : options(o), commands(o.max_queue) {
     context.emplace(1);
     acceptor.emplace(*context);
+    pause.emplace(*context);
   }
   // Handlers that never ran hold viewers, and a viewer that goes tells the rest of this object.
   ~Detail() {
+    pause.reset();
     acceptor.reset();
     context.reset();
   }
@@ -81,13 +80,14 @@ struct LiveServer::Detail {
   ServerOptions options;
   std::optional<asio::io_context> context;
   std::optional<tcp::acceptor> acceptor;
+  std::optional<asio::steady_timer> pause;       // before the next attempt to accept
   std::map<int, std::weak_ptr<Viewer>> viewers;  // server thread only
   std::atomic<int> num_viewers{0};
   int next_viewer = 1;
 
   std::mutex mutex;
-  Snapshot latest;               // guarded
-  std::deque<Command> commands;  // guarded
+  Snapshot latest;                  // guarded
+  internal::CommandQueue commands;  // guarded
   std::atomic<bool> notified{false};
   std::thread thread;
 };
@@ -207,13 +207,21 @@ class LiveServer::Detail::Connection : public std::enable_shared_from_this<Conne
     parser_->body_limit(server_.options.take_file ? kMaxFile : 4096);
     stream_.expires_after(std::chrono::seconds(20));
     http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](ErrorOf error, std::size_t) {
-      if (!error) self->Answer(self->parser_->release());
+      if (!error) return self->Answer(self->parser_->release());
+      if (const auto status = StatusOf(error)) self->Reject(*status);
     });
   }
 
  private:
+  void Reject(http::status status) {
+    http::request<http::string_body> unread{http::verb::get, "/", 11};
+    unread.keep_alive(false);
+    Send(unread, status, "text/plain", "This request cannot be used.\n");
+  }
+
   void Answer(const http::request<http::string_body>& request) {
-    if (!IsLocal(View(request[http::field::host])) || !IsOwnOrigin(View(request[http::field::origin])))
+    if (!internal::IsLocal(View(request[http::field::host])) ||
+        !internal::IsOwnOrigin(View(request[http::field::origin]), View(request[http::field::host])))
       return Send(request, http::status::forbidden, "text/plain",
                   "This viewer answers to pages of its own on this machine only.\n");
     const std::string_view target = View(request.target());
@@ -257,6 +265,16 @@ class LiveServer::Detail::Connection : public std::enable_shared_from_this<Conne
       if (response->keep_alive()) return self->Read();
       ErrorOf ignored;
       self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+      self->stream_.expires_after(std::chrono::seconds(2));
+      self->Drain();
+    });
+  }
+
+  // What still comes is read: a socket that is closed with bytes in it takes back the answer too.
+  void Drain() {
+    buffer_.consume(buffer_.size());
+    stream_.async_read_some(buffer_.prepare(4096), [self = shared_from_this()](ErrorOf error, std::size_t) {
+      if (!error) self->Drain();
     });
   }
 
@@ -269,11 +287,15 @@ class LiveServer::Detail::Connection : public std::enable_shared_from_this<Conne
 void LiveServer::Detail::Accept() {
   acceptor->async_accept([this](ErrorOf error, tcp::socket socket) {
     if (error == asio::error::operation_aborted) return;
-    if (!error) {
-      ErrorOf ignored;
-      socket.set_option(tcp::no_delay(true), ignored);
-      std::make_shared<Connection>(*this, std::move(socket))->Read();
+    if (error) {  // no descriptor is free, say: it will not be better at once
+      pause->expires_after(std::chrono::milliseconds(100));
+      return pause->async_wait([this](ErrorOf stopped) {
+        if (!stopped) Accept();
+      });
     }
+    ErrorOf ignored;
+    socket.set_option(tcp::no_delay(true), ignored);
+    std::make_shared<Connection>(*this, std::move(socket))->Read();
     Accept();
   });
 }
@@ -285,24 +307,12 @@ void LiveServer::Detail::Drop(int viewer) {
   left.kind = Command::Kind::kLeft;
   left.viewer = viewer;
   const std::lock_guard<std::mutex> lock(mutex);
-  commands.push_back(left);  // at most one a viewer, so it may exceed the bound
+  commands.PushAlways(left);  // at most one a viewer
 }
 
 bool LiveServer::Detail::Queue(Command command) {
   const std::lock_guard<std::mutex> lock(mutex);
-  // Of pulls in a row only the last matters, and so for one slider.
-  if (!commands.empty()) {
-    Command& last = commands.back();
-    if (last.viewer == command.viewer && last.kind == command.kind && last.setting == command.setting &&
-        last.index == command.index &&
-        (command.kind == Command::Kind::kPull || command.kind == Command::Kind::kSet)) {
-      last = std::move(command);
-      return true;
-    }
-  }
-  if (commands.size() >= options.max_queue) return false;
-  commands.push_back(std::move(command));
-  return true;
+  return commands.Push(std::move(command));
 }
 
 LiveServer::LiveServer() = default;
@@ -355,11 +365,14 @@ void LiveServer::Publish(Snapshot snapshot) {
   });
 }
 
-std::vector<Command> LiveServer::TakeCommands() {
+std::optional<Command> LiveServer::TakeCommand() {
   const std::lock_guard<std::mutex> lock(detail_->mutex);
-  std::vector<Command> out(std::make_move_iterator(detail_->commands.begin()),
-                           std::make_move_iterator(detail_->commands.end()));
-  detail_->commands.clear();
+  return detail_->commands.Pop();
+}
+
+std::vector<Command> LiveServer::TakeCommands() {
+  std::vector<Command> out;
+  while (auto command = TakeCommand()) out.push_back(std::move(*command));
   return out;
 }
 

@@ -1,4 +1,5 @@
 #include <fork1s/server/live_settings.hpp>
+#include <fork1s/sim/vary.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -117,13 +118,7 @@ Scene ApplySettings(Scene scene, const LiveSettings& settings) {
       def.interfaces_chosen = true;
     }
   }
-  auto scale_friction = [&](std::vector<GeometryDef>& geometries) {
-    for (GeometryDef& g : geometries) g.friction *= settings.friction_scale;
-  };
-  for (MechanismDef& def : scene.mechanisms)
-    for (BodyDef& b : def.bodies) scale_friction(b.geometries);
-  for (FreeBodyDef& b : scene.free_bodies) scale_friction(b.geometries);
-  scale_friction(scene.world);
+  scene = Vary(std::move(scene), {.friction = settings.friction_scale});
   scene.gravity = settings.gravity;
   return scene;
 }

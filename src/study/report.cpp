@@ -1,8 +1,8 @@
 // The comparison as one HTML page.
 #include <algorithm>
 #include <cmath>
+#include <fork1s/record/output_file.hpp>
 #include <fork1s/study/compare.hpp>
-#include <fstream>
 
 #include <fmt/format.h>
 
@@ -199,11 +199,7 @@ Expected<void> WriteComparisonReport(const Comparison& c, const std::string& pat
   for (const std::string& w : c.warnings) page += "<p>Warning: " + EscapeHtml(w) + "</p>\n";
   for (const std::string& line : PairLines(c)) page += "<p>" + EscapeHtml(line) + "</p>\n";
   page += Plots(c) + Tables(c) + "</body></html>\n";
-  std::ofstream file(path, std::ios::binary);
-  file << page;
-  file.close();
-  if (!file) return Fail(ErrorCode::kFile, path, "cannot be written; check the folder and the free space");
-  return {};
+  return WriteFile(path, kHtmlFile, page);
 }
 
 }  // namespace fork1s

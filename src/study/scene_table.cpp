@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fork1s/base/percentile.hpp>
 #include <fork1s/record/csv.hpp>
+#include <fork1s/record/output_file.hpp>
 #include <fstream>
 #include <sstream>
 
@@ -272,11 +273,7 @@ Expected<void> ReplaceTable(const std::string& path, const std::string& text) {
     return Fail(ErrorCode::kFormat, path, "has no lines <!-- table: begin --> and <!-- table: end -->");
   const auto first = begin + kBegin.size();
   page.replace(first, end - first, text);
-  std::ofstream out(path, std::ios::binary | std::ios::trunc);
-  out << page;
-  out.close();
-  if (!out) return Fail(ErrorCode::kFile, path, "cannot be written");
-  return {};
+  return WriteFile(path, {"the page that was read", page.substr(0, begin)}, page);
 }
 
 }  // namespace fork1s

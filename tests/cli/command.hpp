@@ -41,10 +41,10 @@ inline std::string Write(const std::string& name, const std::string& text) {
   return path.string();
 }
 
-inline Outcome Fork1s(const std::string& arguments) {
+inline Outcome Fork1s(const std::string& arguments, const std::string& before = "") {
   const auto out = ScratchFolder() / "stdout", err = ScratchFolder() / "stderr";
   const std::string line =
-      std::string(FORK1S_BINARY) + " " + arguments + " >" + out.string() + " 2>" + err.string();
+      before + " " + FORK1S_BINARY + " " + arguments + " >" + out.string() + " 2>" + err.string();
   const int status = std::system(line.c_str());
   Outcome outcome;
   outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);

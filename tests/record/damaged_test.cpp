@@ -1,6 +1,7 @@
 // Files that are cut off, damaged or something else.
 #include <hdf5.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <csignal>
 
@@ -132,6 +133,39 @@ TEST(DamagedRecording, SaysWhatIsWrong) {
     EXPECT_EQ(e.code, ErrorCode::kFormat) << name;
     EXPECT_NE(e.message.find("list of bodies"), std::string::npos) << e.message;
   }
+}
+
+// Reading must neither wait for a pipe nor take what another file says.
+TEST(DamagedRecording, NothingOutsideIsRead) {
+  Folder folder;
+  MakeRecording(folder / "whole.h5", 9);
+  ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
+  const auto fresh = [&] {
+    std::filesystem::copy_file(folder / "whole.h5", folder / "bad.h5",
+                               std::filesystem::copy_options::overwrite_existing);
+    return folder / "bad.h5";
+  };
+  for (const char* name : {"steps", "steps/time", "scene/json"})
+    for (const std::string& target : {folder / "pipe", folder / "whole.h5"}) {
+      const Error e = Spoil(fresh(), [&](hid_t file) {
+        H5Ldelete(file, name, H5P_DEFAULT);
+        H5Lcreate_external(target.c_str(), name, file, name, H5P_DEFAULT, H5P_DEFAULT);
+      });
+      EXPECT_EQ(e.code, ErrorCode::kFormat) << name;
+      EXPECT_NE(e.message.find("leads elsewhere"), std::string::npos) << e.message;
+    }
+  const Error e = Spoil(fresh(), [&](hid_t file) {
+    H5Ldelete(file, "steps/time", H5P_DEFAULT);
+    const hid_t layout = H5Pcreate(H5P_DATASET_CREATE);
+    H5Pset_external(layout, (folder / "pipe").c_str(), 0, H5F_UNLIMITED);
+    const hsize_t size = 9;
+    const hid_t space = H5Screate_simple(1, &size, nullptr);
+    H5Dclose(H5Dcreate2(file, "steps/time", H5T_NATIVE_DOUBLE, space, H5P_DEFAULT, layout, H5P_DEFAULT));
+    H5Sclose(space);
+    H5Pclose(layout);
+  });
+  EXPECT_EQ(e.code, ErrorCode::kFormat);
+  EXPECT_NE(e.message.find("another file"), std::string::npos) << e.message;
 }
 
 TEST(DamagedRecording, OtherFiles) {

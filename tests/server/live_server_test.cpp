@@ -1,4 +1,6 @@
 // The server against viewers that behave and viewers that do not.
+#include <sys/resource.h>
+
 #include <chrono>
 #include <fork1s/server/live_server.hpp>
 #include <thread>
@@ -84,8 +86,12 @@ TEST_F(Served, RefusesForeignPagesAndNames) {
   }
   SocketClient rebound(server_->port());
   EXPECT_TRUE(Starts(rebound.Upgrade("", "evil.com"), "HTTP/1.1 403"));
+  // Another program of this machine that serves pages, and its own page.
+  SocketClient neighbour(server_->port());
+  EXPECT_TRUE(
+      Starts(neighbour.Upgrade("Origin: http://127.0.0.1:3000\r\n", "127.0.0.1:8080"), "HTTP/1.1 403"));
   SocketClient own(server_->port());
-  EXPECT_TRUE(Starts(own.Upgrade("Origin: http://127.0.0.1:8080\r\n"), "HTTP/1.1 101"));
+  EXPECT_TRUE(Starts(own.Upgrade("Origin: http://127.0.0.1:8080\r\n", "127.0.0.1:8080"), "HTTP/1.1 101"));
 }
 
 TEST_F(Served, ClosesOnMalformedMessagesWithAReasonAndGoesOn) {
@@ -123,6 +129,70 @@ TEST_F(Served, GarbageBytesHarmNobody) {
   }
   SocketClient client(server_->port());
   EXPECT_TRUE(Starts(client.Upgrade(), "HTTP/1.1 101"));
+}
+
+TEST_F(Served, UnusableRequestsGetTheirStatus) {
+  const auto status = [&](const std::string& request) {
+    SocketClient client(server_->port());
+    return client.Ask(request).substr(0, 12);
+  };
+  EXPECT_EQ(status("GARBAGE\r\n\r\n"), "HTTP/1.1 400");
+  EXPECT_EQ(status("GET / HTTP/9.9\r\n\r\n"), "HTTP/1.1 400");
+  EXPECT_EQ(status("POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99999999999\r\n\r\nx"),
+            "HTTP/1.1 413");
+  EXPECT_EQ(status("GET / HTTP/1.1\r\nHost: localhost\r\nX: " + std::string(100000, 'A') + "\r\n\r\n"),
+            "HTTP/1.1 431");
+}
+
+// Without descriptors no connection can be taken; the server waits for better times and then goes on.
+TEST_F(Served, WaitsWhereNoDescriptorIsFree) {
+  rlimit before{};
+  getrlimit(RLIMIT_NOFILE, &before);
+  const int lowest_free = dup(0);
+  close(lowest_free);
+  SocketClient waiting(server_->port());
+  const rlimit none{static_cast<rlim_t>(lowest_free + 1), before.rlim_max};
+  // The client's own descriptor is the last one there is.
+  setrlimit(RLIMIT_NOFILE, &none);
+  SocketClient refused(server_->port());
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  setrlimit(RLIMIT_NOFILE, &before);
+  EXPECT_TRUE(Starts(waiting.Upgrade(), "HTTP/1.1 101"));
+}
+
+TEST_F(Served, OfASettingOnlyTheLastValueWaits) {
+  SocketClient one(server_->port()), two(server_->port());
+  one.Upgrade();
+  two.Upgrade();
+  const auto set = [](const char* setting, int value) {
+    return R"({"type":"set","setting":")" + std::string(setting) + R"(","value":)" + std::to_string(value) +
+           "}";
+  };
+  for (int i = 0; i < 600; ++i) {
+    one.SendFrame(1, set("friction", i));
+    one.SendFrame(1, set("damping", i));
+    two.SendFrame(1, set("friction", i));
+  }
+  one.SendFrame(1, R"({"type":"step"})");
+  two.SendFrame(1, R"({"type":"step"})");
+  std::vector<Command> waiting;
+  int steps = 0;
+  for (int i = 0; i < 500 && steps < 2; ++i) {
+    for (Command& c : server_->TakeCommands()) {
+      steps += c.kind == Command::Kind::kStep ? 1 : 0;
+      waiting.push_back(std::move(c));
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  ASSERT_EQ(steps, 2);
+  const auto last = [&](const char* setting) {
+    double value = -1;
+    for (const Command& c : waiting)
+      if (c.setting == setting) value = c.value;
+    return value;
+  };
+  EXPECT_EQ(last("friction"), 599);
+  EXPECT_EQ(last("damping"), 599);
 }
 
 TEST_F(Served, ASlowViewerCostsTheSimulationNothingAndGetsTheNewest) {

@@ -20,6 +20,9 @@ struct ImportNote {
   Kind kind;
   std::string where;    // element and name, "actuator 'grip'"
   std::string message;  // what happened and why
+
+  /// "dropped: WHERE: MESSAGE"
+  std::string Text() const;
 };
 
 /// What holds one joint coordinate.

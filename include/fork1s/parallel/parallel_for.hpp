@@ -10,4 +10,7 @@ namespace fork1s {
 /// threads, so results that depend only on their own items are the same bits.
 void ParallelFor(int first, int last, int grain, const std::function<void(int begin, int end)>& body);
 
+/// Runs `work` so that loops in it use at most that many threads, this one among them; 0: all cores.
+void WithThreads(int threads, const std::function<void()>& work);
+
 }  // namespace fork1s

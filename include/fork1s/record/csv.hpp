@@ -15,6 +15,10 @@ struct CsvOptions {
 /// Errors: kFile.
 Expected<void> ExportCsv(const Recording& recording, const std::string& directory,
                          const CsvOptions& options = {});
+/// The same from the file, whatever its length; returns the number of steps. Errors: also those of the
+/// reader.
+Expected<std::int64_t> ExportCsv(RecordingReader& reader, const std::string& directory,
+                                 const CsvOptions& options = {});
 
 /// Reads a table with the header `time,NAME,...`: time in seconds, increasing, and one column per control, in
 /// any order of columns. Lines that begin with # and empty lines are skipped; names with commas stand in

@@ -150,6 +150,7 @@ class Recording {
   Fidelity FidelityOf(int step) const;
 
  private:
+  friend class RecordingReader;
   Recording() = default;
   std::array<std::size_t, 2> ReducedRange(int step, int mechanism) const;
 
@@ -157,9 +158,33 @@ class Recording {
   RecordedSteps data_;
 };
 
+/// A recording of any length, a stretch of steps after the other: for files that do not fit into memory.
+class RecordingReader {
+ public:
+  /// `bytes`: about as much as a stretch may hold. Errors: as Recording::Open.
+  static Expected<RecordingReader> Open(const std::string& path, std::size_t bytes = std::size_t{32} << 20);
+  ~RecordingReader();
+  RecordingReader(RecordingReader&&) noexcept;
+  RecordingReader& operator=(RecordingReader&&) noexcept;
+
+  const RecordingHeader& header() const;
+  /// The next steps as a recording of their own, whose step 0 is the first of them; without steps at the end.
+  /// Errors: as Recording::Open, for damage in these steps.
+  Expected<Recording> Next();
+
+ private:
+  RecordingReader();
+  struct Detail;
+  std::unique_ptr<Detail> detail_;
+};
+
 /// Which of increasing times [s] to show at `fps` frames a second: the first, then the first at or after
 /// every further frame, which leaves out times where they are denser than the frames. fps 0: all.
 std::vector<std::size_t> FirstOfEachFrame(const std::vector<double>& times, double fps);
+
+/// For programs, before anything else of this room: HDF5 shall not tidy up when the program ends. Files here
+/// close themselves, and what HDF5 keeps of a damaged one makes its tidying run in circles and print so.
+void LeaveHdf5AsItIsAtExit();
 
 struct ReplayResult {
   int steps = 0;                   // replayed
@@ -172,5 +197,7 @@ struct ReplayResult {
 /// that wrote the recording gives the same bits; another compiler or instruction set may not. Errors: kUsage
 /// for a recording that began in the middle of a run; kFormat, kModel for scenes that cannot be built.
 Expected<ReplayResult> Replay(const Recording& recording);
+/// The same from the file, whatever its length.
+Expected<ReplayResult> Replay(RecordingReader& reader);
 
 }  // namespace fork1s

@@ -9,6 +9,7 @@
 #include <fork1s/server/snapshot.hpp>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -36,7 +37,10 @@ class LiveServer {
   unsigned short port() const;
   /// Replaces what viewers get next. Never waits for any of them.
   void Publish(Snapshot snapshot);
-  /// Commands since the last call, in the order in which they came.
+  /// The command that has waited longest. One that undoes another that still waits (a setting, a pull) takes
+  /// its place.
+  std::optional<Command> TakeCommand();
+  /// All that wait, in the order in which they came.
   std::vector<Command> TakeCommands();
   /// Tells one viewer (or with viewer 0 all) a sentence that passes.
   void Tell(int viewer, const std::string& sentence);

@@ -1,0 +1,74 @@
+#include "checks.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+
+namespace fork1s::app {
+namespace {
+
+// Also "nan" and "inf": they are numbers, and the message says what is wrong with them.
+bool ReadNumber(const std::string& text, double& value) {
+  char* end = nullptr;
+  value = std::strtod(text.c_str(), &end);
+  return !text.empty() && end == text.c_str() + text.size() && text.find_first_of(" \t\n") != 0;
+}
+
+CLI::Validator Check(const std::string& range, std::function<bool(double)> holds) {
+  return CLI::Validator(
+      [range, holds = std::move(holds)](const std::string& text) {
+        double value = 0;
+        if (ReadNumber(text, value) && std::isfinite(value) && holds(value)) return std::string();
+        return fmt::format("'{}' is no number {}", text, range);
+      },
+      "NUMBER");
+}
+
+}  // namespace
+
+CLI::Validator NumberWithin(double least, double most) {
+  return Check(fmt::format("from {:g} to {:g}", least, most),
+               [least, most](double v) { return v >= least && v <= most; });
+}
+
+CLI::Validator PositiveUpTo(double most) {
+  return Check(fmt::format("above 0 and up to {:g}", most), [most](double v) { return v > 0 && v <= most; });
+}
+
+Expected<double> ParseNumber(const std::string& text, const std::string& option) {
+  double value = 0;
+  if (!ReadNumber(text, value) || !std::isfinite(value))
+    return Fail(ErrorCode::kUsage, option, fmt::format("'{}' is not a finite number", text));
+  if (std::abs(value) > kMostNumber)
+    return Fail(ErrorCode::kUsage, option,
+                fmt::format("'{}' is beyond {:g}, which no quantity here can be", text, kMostNumber));
+  return value;
+}
+
+Expected<std::int64_t> CountSteps(double time, double dt) {
+  const double steps = std::round(time / dt);
+  constexpr double kMost = std::numeric_limits<int>::max();
+  if (!(steps <= kMost))
+    return Fail(ErrorCode::kUsage, "--time",
+                fmt::format("{:g} s are {:.3g} steps of {:g} s, and {:.0f} is the most; shorten --time or "
+                            "lengthen --dt",
+                            time, steps, dt, kMost));
+  return static_cast<std::int64_t>(steps);
+}
+
+Expected<void> RefuseInputs(const std::string& out, const std::vector<std::string>& inputs) {
+  for (const std::string& input : inputs) {
+    std::error_code none;
+    if (out.empty() || input.empty() || !std::filesystem::equivalent(out, input, none)) continue;
+    return Fail(
+        ErrorCode::kUsage, out,
+        fmt::format("would be overwritten, and it is '{}' that this command reads; choose another name",
+                    input));
+  }
+  return {};
+}
+
+}  // namespace fork1s::app

@@ -1,0 +1,30 @@
+// What is asked of arguments before anything is read or written.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <fork1s/base/error.hpp>
+#include <string>
+#include <vector>
+
+namespace fork1s::app {
+
+/// Numbers of this program are far smaller; what is larger is a slip, or would overflow when it is squared.
+inline constexpr double kMostNumber = 1e12;
+inline constexpr double kMostSeconds = 1e9;  // 30 years
+inline constexpr double kMostStep = 1000;    // s
+
+/// A finite number from `least` to `most`. CLI11's own checks compare, and nan passes every comparison.
+CLI::Validator NumberWithin(double least, double most);
+/// The same above 0.
+CLI::Validator PositiveUpTo(double most);
+/// The number that a text is, if it is one, finite and no larger than kMostNumber. Errors: kUsage.
+Expected<double> ParseNumber(const std::string& text, const std::string& option);
+
+/// Steps of `dt` that make `time`. Errors: kUsage where they are more than can be counted.
+Expected<std::int64_t> CountSteps(double time, double dt);
+
+/// Refuses to write to a file that the same command reads, by whatever name. Errors: kUsage.
+Expected<void> RefuseInputs(const std::string& out, const std::vector<std::string>& inputs);
+
+}  // namespace fork1s::app

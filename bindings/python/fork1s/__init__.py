@@ -1,0 +1,84 @@
+"""Compliant mechanisms in contact, reduced to the bodies that touch the world.
+
+    import fork1s
+
+    model = fork1s.load(fork1s.scene("hand"))
+    sim = fork1s.Simulation(model, dt=1 / 60)
+    report = sim.step(60)
+    print(sim.poses)
+
+Quantities are in m, kg, s, rad, N and in the world frame unless a line says otherwise; six-vectors are angular first;
+quaternions are w x y z. docs/python.md explains the package from the beginning.
+"""
+
+import collections.abc as _collections_abc
+
+import mujoco as _mujoco  # first: it loads the libmujoco that the module below was linked with, once for both
+
+from . import mujoco
+from ._contacts import CONTACT
+from ._core import (
+    Batch,
+    BatchReport,
+    BodyDifference,
+    ComparedTrace,
+    Comparison,
+    Controls,
+    Deflection,
+    Matrices,
+    Mechanism,
+    Model,
+    Simulation,
+    Statics,
+    StepReport,
+    compare,
+    statics,
+)
+from ._core import version as __version__
+from ._errors import (
+    Error,
+    FileError,
+    FormatError,
+    ModelError,
+    NumericsError,
+    UnderdeterminedError,
+    UnknownNameError,
+    UsageError,
+)
+from ._load import load, scene
+from ._show import Page, show
+
+__all__ = [
+    "Batch",
+    "BatchReport",
+    "BodyDifference",
+    "CONTACT",
+    "ComparedTrace",
+    "Comparison",
+    "Controls",
+    "Deflection",
+    "Error",
+    "FileError",
+    "FormatError",
+    "Matrices",
+    "Mechanism",
+    "Model",
+    "ModelError",
+    "NumericsError",
+    "Page",
+    "Simulation",
+    "Statics",
+    "StepReport",
+    "UnderdeterminedError",
+    "UnknownNameError",
+    "UsageError",
+    "__version__",
+    "compare",
+    "load",
+    "mujoco",
+    "scene",
+    "show",
+    "statics",
+]
+
+_collections_abc.Mapping.register(Controls)

@@ -1,0 +1,16 @@
+"""The fields of a contact."""
+
+import numpy as np
+
+CONTACT = np.dtype(
+    [
+        ("bodies", np.int32, (2,)),  # places in Simulation.bodies of a and b; -1: the still world
+        ("point", np.float64, (3,)),  # m
+        ("normal", np.float64, (3,)),  # unit vector from a to b
+        ("force", np.float64, (3,)),  # N, on b
+        ("torque", np.float64, (3,)),  # N·m about the point, on b: torsional and rolling friction
+        ("gap", np.float64),  # m, negative in penetration
+        ("friction", np.float64),  # coefficient
+    ]
+)
+"""numpy type of one row of `Simulation.contacts`, world axes."""

@@ -1,0 +1,97 @@
+"""Files, text and MuJoCo's own objects to models."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Union
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from . import _core
+from ._errors import UnknownNameError, UsageError
+
+Source = Union[str, "os.PathLike[str]", mujoco.MjModel, mujoco.MjSpec]
+Gains = tuple[float, float]
+
+
+def scene(name: str) -> Path:
+    """Path of a scene that comes with the package: 'hand', 'fourbar_gripper'. Raises UnknownNameError."""
+    folder = Path(__file__).parent / "scenes"
+    path = folder / f"{name}.xml"
+    if not path.is_file():
+        there = ", ".join(sorted(p.stem for p in folder.glob("*.xml")))
+        raise UnknownNameError(f"there is no scene '{name}'; there are: {there}")
+    return path
+
+
+def load(
+    source: Source,
+    *,
+    interface: str | Sequence[str] = (),
+    base: str | None = None,
+    modes: int | None = None,
+    mode_choice: str | None = None,
+    stiffness_scale: float = 1.0,
+    pd: Gains | Mapping[str, Gains] | None = None,
+    keyframe: str | None = None,
+    base_pose: npt.ArrayLike | None = None,
+    q: Mapping[str, float] | None = None,
+    ground: bool | float = False,
+    packages: Mapping[str, str | os.PathLike[str]] | None = None,
+) -> _core.Model:
+    """Reads a model: MJCF or URDF from a path or from text, or a `mujoco.MjModel` or `mujoco.MjSpec`.
+
+    Args:
+        source: a path; text that begins with `<`; or what MuJoCo has compiled or is about to. A MuJoCo model is only
+            read, and what was changed in it since it was compiled counts.
+        interface: names of the bodies that may touch the world; replaces what the file says.
+        base: 'fixed', 'floating' or 'driven'; replaces what the file says.
+        modes: fixed-interface modes to keep at most.
+        mode_choice: 'lowest' in frequency, or those of largest 'contribution' to the motion of the interface.
+        stiffness_scale: multiplies every joint spring; its damper by the square root.
+        pd: gains (kp, kv) in N·m/rad and N·m·s/rad (N/m, N·s/m) that hold every joint which nothing holds, or a
+            mapping from joint names to gains on top of whatever holds them.
+        keyframe: name of the initial state; default: the file's reference pose.
+        base_pose: where the base starts, world frame: (3,) m, (7,) with a quaternion w x y z, or (4, 4).
+        q: joint name to where it starts, rad or m.
+        ground: True adds a level plane under the model (at z = 0 with `base_pose`), a number one at that height in m.
+        packages: URDF: folders of ROS packages by name.
+
+    Raises:
+        FileError, FormatError, ModelError, UsageError: with file, place, cause and remedy.
+    """
+    gains: dict[str, Gains] = {}
+    everywhere = None
+    if isinstance(pd, Mapping):
+        gains = {name: (float(kp), float(kv)) for name, (kp, kv) in pd.items()}
+    elif pd is not None:
+        kp, kv = pd
+        everywhere = (float(kp), float(kv))
+    options: dict[str, Any] = {
+        "interface": [interface] if isinstance(interface, str) else list(interface),
+        "base": base,
+        "modes": modes,
+        "mode_choice": mode_choice,
+        "stiffness_scale": float(stiffness_scale),
+        "pd": everywhere,
+        "joint_pd": gains,
+        "keyframe": keyframe,
+        "base_pose": None if base_pose is None else np.asarray(base_pose, dtype=float),
+        "q": {name: float(value) for name, value in (q or {}).items()},
+        "ground": ground is not False,
+        "ground_height": None if isinstance(ground, bool) else float(ground),
+        "packages": {name: os.fspath(folder) for name, folder in (packages or {}).items()},
+    }
+    if isinstance(source, mujoco.MjSpec):
+        source = source.compile()
+    if isinstance(source, mujoco.MjModel):
+        return _core.load_mujoco(source._address, "MjModel", options)
+    if isinstance(source, str) and source.lstrip().startswith("<"):
+        return _core.load_text(source, "text", options)
+    if isinstance(source, (str, os.PathLike)):
+        return _core.load_file(os.fspath(source), options)
+    raise UsageError(f"load takes a path, text, a mujoco.MjModel or a mujoco.MjSpec, not {type(source).__name__}")

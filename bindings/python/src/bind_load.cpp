@@ -1,0 +1,102 @@
+// Files, text and MuJoCo's compiled models to Model.
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <fork1s/importer/mujoco_import.hpp>
+#include <fork1s/mechanism/names.hpp>
+
+#include "arrays.hpp"
+#include "bind.hpp"
+#include "errors.hpp"
+#include "model.hpp"
+
+namespace fork1s::python {
+namespace {
+
+using Gains = std::pair<double, double>;
+
+template <class T, std::size_t count>
+std::optional<T> Word(const std::pair<T, const char*> (&names)[count], const std::optional<std::string>& word,
+                      const char* argument) {
+  if (!word) return std::nullopt;
+  const std::optional<T> value = Named(names, *word);
+  if (value) return value;
+  std::string text = "'" + *word + "' is none of: ";
+  for (const auto& [known, name] : names) text += (&name == &names[0].second ? "" : ", ") + std::string(name);
+  throw Refused{{ErrorCode::kUsage, argument, text}};
+}
+
+PdGains Read(const Gains& gains) {
+  if (!(gains.first >= 0) || !(gains.second >= 0))
+    throw Refused{{ErrorCode::kUsage, "pd", "gains must be 0 or more"}};
+  return {gains.first, gains.second};
+}
+
+// The options of the importer as keyword arguments, filled by fork1s.load.
+ImportOptions ReadOptions(const nb::dict& given) {
+  ImportOptions options;
+  const auto get = [&](const char* name) { return nb::object(given[name]); };
+  options.interfaces = nb::cast<std::vector<std::string>>(get("interface"));
+  options.base = Word(kBaseKindNames, nb::cast<std::optional<std::string>>(get("base")), "base");
+  options.modes = nb::cast<std::optional<int>>(get("modes"));
+  if (options.modes && *options.modes < 0)
+    throw Refused{{ErrorCode::kUsage, "modes", "a number of modes is 0 or more"}};
+  options.mode_choice =
+      Word(kModeChoiceNames, nb::cast<std::optional<std::string>>(get("mode_choice")), "mode_choice");
+  options.stiffness_scale = nb::cast<double>(get("stiffness_scale"));
+  if (const auto pd = nb::cast<std::optional<Gains>>(get("pd"))) options.pd = Read(*pd);
+  for (const auto& [joint, gains] : nb::cast<std::map<std::string, Gains>>(get("joint_pd")))
+    options.joint_pd[joint] = Read(gains);
+  options.keyframe = nb::cast<std::optional<std::string>>(get("keyframe")).value_or("");
+  if (!get("base_pose").is_none()) options.base_pose = ReadPose(get("base_pose"), "base_pose");
+  options.joint_coordinates = nb::cast<std::map<std::string, double>>(get("q"));
+  options.ground = nb::cast<bool>(get("ground"));
+  options.ground_height = nb::cast<std::optional<double>>(get("ground_height"));
+  options.packages = nb::cast<std::map<std::string, std::string>>(get("packages"));
+  return options;
+}
+
+// Whether MuJoCo, given the same file, would simulate the same thing.
+bool AsFileSays(const ImportOptions& o) {
+  return !o.base && !o.pd && o.joint_pd.empty() && o.stiffness_scale == 1 && !o.base_pose &&
+         o.joint_coordinates.empty() && !o.ground;
+}
+
+}  // namespace
+
+void BindLoad(nb::module_& m) {
+  m.def(
+      "load_file",
+      [](const std::string& path, const nb::dict& given) {
+        const ImportOptions options = ReadOptions(given);
+        const nb::gil_scoped_release others_run;
+        Expected<ImportedScene> imported = LoadMechanism(path, options);
+        const bool runs = imported && imported->report.format == "MJCF" && AsFileSays(options);
+        return Model::Create(std::move(imported), path, runs ? path : "");
+      },
+      nb::arg("path"), nb::arg("options"));
+  m.def(
+      "load_text",
+      [](const std::string& text, const std::string& name, const nb::dict& given) {
+        const ImportOptions options = ReadOptions(given);
+        const nb::gil_scoped_release others_run;
+        return Model::Create(LoadMechanismFromString(text, name, options), name, "");
+      },
+      nb::arg("text"), nb::arg("name"), nb::arg("options"));
+  // The address is of an mjModel of the very library that this module runs on, which Python's mujoco loaded.
+  m.def(
+      "load_mujoco",
+      [](std::uintptr_t address, const std::string& name, const nb::dict& given) {
+        const ImportOptions options = ReadOptions(given);
+        return Model::Create(LoadMujocoModel(*reinterpret_cast<const mjModel_*>(address), name, options),
+                             name, "");
+      },
+      nb::arg("address"), nb::arg("name"), nb::arg("options"));
+}
+
+}  // namespace fork1s::python

@@ -1,0 +1,196 @@
+// Model and Mechanism: what a file is before anything moves.
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <fork1s/mechanism/names.hpp>
+#include <fork1s/reduction/frequencies.hpp>
+
+#include "arrays.hpp"
+#include "bind.hpp"
+#include "errors.hpp"
+#include "mechanism_view.hpp"
+#include "words.hpp"
+
+namespace fork1s::python {
+namespace {
+
+using ModelPtr = std::shared_ptr<const Model>;
+
+// A property that a model with one mechanism lends from it.
+#define FORK1S_OF_ONLY(function) [](const ModelPtr& s) { return function(OnlyMechanism(s)); }
+
+Array ComplianceOf(const MechanismView& v, const std::vector<std::string>& bodies) {
+  return OwnMatrix(v.Compliance(bodies).C);
+}
+
+nb::object StiffnessOf(const MechanismView& v, const std::vector<std::string>& bodies) {
+  const MatrixX K = StiffnessFromCompliance(v.Compliance(bodies), v.mechanism().length_scale());
+  return K.size() == 0 ? nb::none() : nb::cast(OwnMatrix(K));
+}
+
+Array FullFrequenciesOf(const MechanismView& v) {
+  const int count = std::max(8, std::min(v.model->Reduction(v.index)->size(), 16));
+  return ToArray(FullFrequencies(v.mechanism(), v.posed().q, count));
+}
+
+Array ReducedFrequenciesOf(const MechanismView& v) {
+  const auto reduction = v.model->Reduction(v.index);
+  return ToArray(ReducedFrequencies(*reduction, std::max(8, std::min(reduction->size(), 16))));
+}
+
+std::shared_ptr<const ReducedModel> MatricesOf(const MechanismView& v) { return v.model->Reduction(v.index); }
+
+// name -> (lower, upper, initial)
+std::map<std::string, std::tuple<double, double, double>> ControlsOf(const MechanismView& v) {
+  std::map<std::string, std::tuple<double, double, double>> controls;
+  for (const Mechanism::Control& c : v.mechanism().controls())
+    controls[c.name] = {c.lower, c.upper, c.initial};
+  return controls;
+}
+
+std::vector<std::string> NotesOf(const ModelPtr& s) {
+  std::vector<std::string> notes;
+  for (const ImportNote& n : s->imported().report.notes) notes.push_back(n.Text());
+  return notes;
+}
+
+MechanismView MechanismOfAll(const ModelPtr& s, const std::vector<std::string>& bodies) {
+  return bodies.empty() ? OnlyMechanism(s) : MechanismOf(s, bodies.front());
+}
+
+constexpr const char* kCompliance =
+    R"(Compliance that the named bodies (all interface bodies if none is named) feel with the base held.
+
+(6e, 6e): displacements [rotation; translation of the body's origin] of each body per load [moment about that origin;
+force], world axes; rad/(N·m), m/N. Taken at the pose where the simulation starts. Along motions that no spring
+resists it is 0: they are not elastic.
+
+Raises UnknownNameError.)";
+constexpr const char* kStiffness =
+    R"(Inverse of `compliance` of the same bodies (6e, 6e), or None where they cannot be pushed elastically in every way.)";
+constexpr const char* kFrequencies =
+    R"((k,) lowest undamped natural frequencies [Hz] of all joint coordinates, about the starting pose and unloaded; a
+floating base moves along. Motions that no spring resists are left out.)";
+constexpr const char* kReducedFrequencies =
+    R"((k,) the same frequencies [Hz] within the reduced coordinates.)";
+constexpr const char* kMatrices =
+    R"(M, D, K, T, Q of the reduced model (`Matrices`). Raises UnderdeterminedError, ModelError, NumericsError.)";
+
+void BindMechanism(nb::module_& m) {
+  nb::class_<MechanismView>(m, "Mechanism", "One mechanism of a model: bodies on joints, springs and loops.")
+      .def_prop_ro("name", [](const MechanismView& v) { return v.mechanism().name(); })
+      .def_prop_ro(
+          "base", [](const MechanismView& v) { return Name(v.mechanism().base()); },
+          "'fixed', 'floating' or 'driven'.")
+      .def_prop_ro(
+          "mass", [](const MechanismView& v) { return v.mechanism().total_mass(); }, "kg")
+      .def_prop_ro("bodies", &MechanismView::Bodies, "Names; the first is the base.")
+      .def_prop_ro("interfaces", &MechanismView::Interfaces, "Names of the bodies that may touch.")
+      .def_prop_ro("coordinates", &MechanismView::Coordinates, "Names of the n joint coordinates.")
+      .def_prop_ro("controls", ControlsOf, "Name -> (lower, upper, initial).")
+      .def(
+          "compliance", [](const MechanismView& v, const nb::args& b) { return ComplianceOf(v, Words(b)); },
+          kCompliance, nb::sig("def compliance(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64]"))
+      .def(
+          "stiffness", [](const MechanismView& v, const nb::args& b) { return StiffnessOf(v, Words(b)); },
+          kStiffness,
+          nb::sig("def stiffness(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64] | None"))
+      .def_prop_ro("frequencies", FullFrequenciesOf, kFrequencies, kOwn)
+      .def_prop_ro("reduced_frequencies", ReducedFrequenciesOf, kReducedFrequencies, kOwn)
+      .def_prop_ro("matrices", MatricesOf, kMatrices)
+      .def("__repr__", [](const MechanismView& v) {
+        return "<fork1s.Mechanism '" + v.mechanism().name() +
+               "': " + std::to_string(v.mechanism().num_bodies()) + " bodies, " +
+               std::to_string(v.mechanism().num_coordinates()) + " joint coordinates>";
+      });
+}
+
+}  // namespace
+
+void BindModel(nb::module_& m) {
+  BindMechanism(m);
+  nb::class_<Model>(m, "Model", R"(A model file as it was read; never changes. Made by `fork1s.load`.
+
+Where it has one mechanism, `compliance`, `frequencies`, `matrices` and so on are that mechanism's; where it has
+several, ask `mechanisms[i]`, or name a body.)")
+      .def_prop_ro("path", &Model::origin, "Where it came from.")
+      .def_prop_ro("name", [](const ModelPtr& s) { return s->scene().name; })
+      .def_prop_ro(
+          "format", [](const ModelPtr& s) { return s->imported().report.format; }, "'MJCF' or 'URDF'.")
+      .def_prop_ro("notes", NotesOf, "What was dropped, changed or chosen on reading, a sentence each.")
+      .def_prop_ro(
+          "holds",
+          [](const ModelPtr& s) {
+            std::map<std::string, std::string> holds;
+            for (const JointHold& h : s->imported().report.holds) holds[h.joint] = h.held_by;
+            return holds;
+          },
+          "What holds each joint coordinate: name -> 'spring 2 N·m/rad', 'nothing', ...")
+      .def_prop_ro(
+          "bodies", &Model::BodyNames,
+          "Names of all bodies, in the order of Simulation.poses: mechanism by mechanism, then free bodies.")
+      .def_prop_ro("mechanisms",
+                   [](const ModelPtr& s) {
+                     std::vector<MechanismView> views;
+                     for (std::size_t i = 0; i < s->mechanisms().size(); ++i) views.push_back({s, i});
+                     return views;
+                   })
+      .def_prop_ro(
+          "keyframes",
+          [](const ModelPtr& s) {
+            std::vector<std::string> names;
+            for (const KeyframeDef& key : s->scene().keyframes) names.push_back(key.name);
+            return names;
+          },
+          "Names of the initial states that the file has.")
+      .def_prop_ro(
+          "gravity", [](const ModelPtr& s) { return OwnVector(s->scene().gravity); },
+          "(3,) m/s², world axes.", kOwn)
+      .def_prop_ro(
+          "timestep", [](const ModelPtr& s) { return s->scene().timestep; },
+          "s, of a Simulation that names none.")
+      .def_prop_ro("interfaces", FORK1S_OF_ONLY([](const MechanismView& v) { return v.Interfaces(); }),
+                   "Names of the bodies that may touch.")
+      .def_prop_ro("coordinates", FORK1S_OF_ONLY([](const MechanismView& v) { return v.Coordinates(); }),
+                   "Names of the n joint coordinates.")
+      .def_prop_ro(
+          "controls",
+          [](const ModelPtr& s) {
+            std::map<std::string, std::tuple<double, double, double>> all;
+            for (std::size_t i = 0; i < s->mechanisms().size(); ++i) all.merge(ControlsOf({s, i}));
+            return all;
+          },
+          "Name -> (lower, upper, initial), of all mechanisms.")
+      .def(
+          "compliance",
+          [](const ModelPtr& s, const nb::args& args) {
+            const auto bodies = Words(args);
+            return ComplianceOf(MechanismOfAll(s, bodies), bodies);
+          },
+          kCompliance, nb::sig("def compliance(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64]"))
+      .def(
+          "stiffness",
+          [](const ModelPtr& s, const nb::args& args) {
+            const auto bodies = Words(args);
+            return StiffnessOf(MechanismOfAll(s, bodies), bodies);
+          },
+          kStiffness,
+          nb::sig("def stiffness(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64] | None"))
+      .def_prop_ro("frequencies", FORK1S_OF_ONLY(FullFrequenciesOf), kFrequencies, kOwn)
+      .def_prop_ro("reduced_frequencies", FORK1S_OF_ONLY(ReducedFrequenciesOf), kReducedFrequencies, kOwn)
+      .def_prop_ro("matrices", FORK1S_OF_ONLY(MatricesOf), kMatrices)
+      .def("__repr__", [](const ModelPtr& s) {
+        return "<fork1s.Model '" + s->scene().name + "' of " + s->origin() + ": " +
+               std::to_string(s->mechanisms().size()) + " mechanisms, " +
+               std::to_string(s->scene().free_bodies.size()) + " free bodies>";
+      });
+}
+
+#undef FORK1S_OF_ONLY
+
+}  // namespace fork1s::python

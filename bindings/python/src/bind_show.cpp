@@ -1,0 +1,83 @@
+// The live page of a simulation.
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+
+#include <atomic>
+#include <fork1s/server/live_loop.hpp>
+#include <optional>
+#include <thread>
+
+#include "bind.hpp"
+#include "errors.hpp"
+#include "page.hpp"
+#include "runner.hpp"
+
+namespace fork1s::python {
+namespace {
+
+/// A copy of a simulation that goes on by itself, with a thread of its own, until it is closed.
+class Page {
+ public:
+  Page(LiveSimulation live, LiveServer server)
+      : address_("http://127.0.0.1:" + std::to_string(server.port()) + "/"),
+        live_(std::move(live)),
+        server_(std::move(server)),
+        thread_([this] { RunLive(live_, *server_, [this] { return !stop_; }); }) {}
+  ~Page() { Close(); }
+  Page(const Page&) = delete;
+  Page& operator=(const Page&) = delete;
+
+  const std::string& address() const { return address_; }
+  bool closed() const { return stop_; }
+  int NumViewers() const { return server_ ? server_->num_viewers() : 0; }
+  void Close() {
+    stop_ = true;
+    if (thread_.joinable()) thread_.join();
+    server_.reset();
+  }
+
+ private:
+  std::string address_;
+  LiveSimulation live_;
+  std::optional<LiveServer> server_;
+  std::atomic<bool> stop_ = false;
+  std::thread thread_;
+};
+
+// The scene with the present state of the simulation to begin from.
+std::unique_ptr<Page> Open(Runner& runner, int port) {
+  if (app::ViewerPage().empty()) throw Refused{app::NoPage()};
+  if (port < 0 || port > 65535) throw Refused{{ErrorCode::kUsage, "port", "lies between 0 and 65535"}};
+  auto live = Take(runner.With([&](Simulation& s) {
+    Scene scene = s.scene();
+    SimulationOptions options = s.options();
+    scene.keyframes.push_back(s.State());
+    options.initial_keyframe = static_cast<int>(scene.keyframes.size()) - 1;
+    return LiveSimulation::Create(std::move(scene), options, runner.model()->origin());
+  }));
+  ServerOptions options;
+  options.port = static_cast<unsigned short>(port);
+  options.page = app::ViewerPage();
+  auto server = Take(LiveServer::Create(options));
+  return std::make_unique<Page>(std::move(live), std::move(server));
+}
+
+}  // namespace
+
+void BindShow(nb::module_& m) {
+  nb::class_<Page>(m, "LivePage", "What fork1s.Page holds.")
+      .def_prop_ro("address", &Page::address)
+      .def_prop_ro("closed", &Page::closed)
+      .def_prop_ro("viewers", &Page::NumViewers)
+      .def("close", &Page::Close);
+  m.def(
+      "show",
+      [](const std::shared_ptr<Runner>& runner, int port) {
+        const nb::gil_scoped_release others_run;
+        return Open(*runner, port).release();
+      },
+      nb::arg("simulation"), nb::arg("port"), nb::rv_policy::take_ownership);
+}
+
+}  // namespace fork1s::python

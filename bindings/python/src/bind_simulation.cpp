@@ -1,0 +1,206 @@
+// Simulation: a model in motion.
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "bind.hpp"
+#include "controls.hpp"
+#include "errors.hpp"
+#include "readings.hpp"
+#include "words.hpp"
+
+namespace fork1s::python {
+namespace {
+
+using RunnerPtr = std::shared_ptr<Runner>;
+
+void PushBody(Runner& runner, const std::string& body, const nb::object& force, const nb::object& torque,
+              const nb::object& point) {
+  Push push;
+  push.body = runner.FindBody(body);
+  push.force_W = ReadOrZero(force, "force");
+  push.moment_W = ReadOrZero(torque, "torque");
+  push.point_B = Vector3::Zero();
+  if (!point.is_none()) {
+    const Vector3 point_W = ReadVector3(point, "point");
+    push.point_B = runner.With([&](Simulation& s) { return s.Pose(push.body).inverse() * point_W; });
+  }
+  runner.AddPush(push);
+}
+
+StepsReport StepMany(Runner& runner, int steps) {
+  if (steps < 0) throw nb::value_error("a number of steps is 0 or more");
+  return runner.Step(steps);
+}
+
+void SetDetail(Runner& runner, const std::optional<std::string>& level, const std::optional<int>& modes,
+               const std::optional<std::string>& recovery) {
+  const nb::gil_scoped_release others_run;
+  runner.With([&](Simulation& s) {
+    Fidelity fidelity = s.fidelity();
+    if (level) fidelity.level = ReadDetail(*level);
+    if (modes) fidelity.modes = *modes;
+    if (recovery) fidelity.recovery = ReadRecovery(*recovery);
+    Take(s.SetFidelity(fidelity), runner.model()->origin());
+  });
+}
+
+void BindStepReport(nb::module_& m) {
+  nb::class_<StepsReport>(m, "StepReport", "What the steps of one call of `Simulation.step` were like.")
+      .def_ro("steps", &StepsReport::steps, "Steps made: fewer than asked for where one was not finite.")
+      .def_ro("contacts", &StepsReport::contacts, "Contact points in the last step.")
+      .def_ro("limits", &StepsReport::limits, "Joint limits that acted in the last step.")
+      .def_ro("forces_at_bound", &StepsReport::forces_at_bound,
+              "Servos and motors that gave all they can in the last step.")
+      .def_ro("max_penetration", &StepsReport::max_penetration, "m, the deepest of all steps.")
+      .def_ro("residual", &StepsReport::residual, "Of the contact solver, relative; the worst of all steps.")
+      .def_ro("unconverged", &StepsReport::unconverged, "Steps whose contacts were not solved to tolerance.")
+      .def_ro("refreshes", &StepsReport::refreshes, "Times that the reduced model was taken anew.")
+      .def_ro("failed_refreshes", &StepsReport::failed_refreshes,
+              "Times that it could not be; the old one stays.")
+      .def_ro("contacts_dropped", &StepsReport::contacts_dropped, "The collision detector ran out of room.")
+      .def_ro("finite", &StepsReport::finite,
+              "False: a step gave numbers that are not finite and was undone; the state is that before it.")
+      .def("__repr__", [](const StepsReport& r) {
+        return "<fork1s.StepReport steps=" + std::to_string(r.steps) +
+               " contacts=" + std::to_string(r.contacts) + " unconverged=" + std::to_string(r.unconverged) +
+               (r.finite ? ">" : " NOT FINITE>");
+      });
+}
+
+}  // namespace
+
+void BindSimulation(nb::module_& m) {
+  BindStepReport(m);
+  auto simulation =
+      nb::class_<Runner>(m, "Simulation", R"(A model in motion, stepped by implicit Euler with contacts.
+
+    sim = fork1s.Simulation(model, dt=1/60)
+    sim.controls["grip"] = 0.4
+    report = sim.step(10)
+    position = sim.pose("fingertip")[:3, 3]
+
+dt: time step in s (default: the model's, 1/60 s unless the file's format says otherwise). keyframe: name of an initial
+state of the file. recovery: 'exact' or 'twist', how poses follow from reduced coordinates. detail: 'interface',
+'parents' or 'all', which bodies may touch.
+
+All quantities are in the world frame and in m, kg, s, rad, N unless a line says otherwise. Arrays that it returns are
+those of the moment, and the caller's own. `step` lets other Python threads run; several may hold one simulation, and
+who asks it while it steps waits.
+
+Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameError.)")
+          .def(
+              "__init__",
+              [](Runner* self, const std::shared_ptr<const Model>& model, const std::optional<double>& dt,
+                 const std::optional<std::string>& keyframe, const std::string& recovery,
+                 const std::string& detail) {
+                const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail);
+                const nb::gil_scoped_release others_run;
+                new (self) Runner(model, options);
+              },
+              nb::arg("model"), nb::kw_only(), nb::arg("dt") = nb::none(), nb::arg("keyframe") = nb::none(),
+              nb::arg("recovery") = "exact", nb::arg("detail") = "interface")
+          .def("step", StepMany, nb::arg("steps") = 1,
+               "Advances by `steps` time steps of dt. What went wrong numerically stands in the report; the "
+               "state stays "
+               "finite.")
+          .def("push", PushBody, nb::arg("body"), nb::arg("force") = nb::none(),
+               nb::arg("torque") = nb::none(), nb::arg("point") = nb::none(),
+               "Force (3,) [N] and torque (3,) [N·m] on a body, world axes, through all steps of the next "
+               "call "
+               "of `step`.\n\n"
+               "point: (3,) m, where it acts now in the world; it then moves with the body. Default: the "
+               "body's "
+               "origin.\n"
+               "Pushes add up. Raises UnknownNameError, ValueError.",
+               nb::sig("def push(self, body: str, force: numpy.typing.ArrayLike | None = None, torque: "
+                       "numpy.typing.ArrayLike | None = None, point: numpy.typing.ArrayLike | None = None) "
+                       "-> None"))
+          .def("set_detail", SetDetail, nb::arg("level") = nb::none(), nb::kw_only(),
+               nb::arg("modes") = nb::none(), nb::arg("recovery") = nb::none(),
+               "Goes on with more or less detail from the present state.\n\nlevel: 'object' (contacts that "
+               "hold "
+               "a free "
+               "body are frozen), 'interface', 'parents' or 'all'. What is not given stays. Takes "
+               "milliseconds. "
+               "Raises "
+               "ModelError and leaves everything as it was where that cannot be.")
+          .def_prop_ro("model", [](const Runner& r) { return r.model(); })
+          .def_prop_ro(
+              "controls", [](const RunnerPtr& r) { return Controls{r}; }, "Set-points by name (`Controls`).")
+          .def_prop_rw(
+              "control_values",
+              [](Runner& r) { return r.With([](Simulation& s) { return OwnVector(s.controls()); }); },
+              [](Runner& r, const nb::object& values) {
+                const std::size_t count = r.With([](Simulation& s) { return s.control_names().size(); });
+                const VectorX read = ReadVector(values, count, "control_values");
+                r.With([&](Simulation& s) { s.SetControls(read); });
+              },
+              "(c,) all set-points, in the order of `controls.keys()`. Assign an array to set them; entries "
+              "of "
+              "the array "
+              "that was read change nothing.",
+              kOwn)
+          .def_prop_ro(
+              "time", [](Runner& r) { return r.Time(); }, "s")
+          .def_prop_ro("steps", [](Runner& r) { return r.With([](Simulation& s) { return s.steps(); }); })
+          .def_prop_ro(
+              "dt", [](Runner& r) { return r.With([](Simulation& s) { return s.dt(); }); }, "s")
+          .def_prop_ro(
+              "bodies", [](const Runner& r) { return r.model()->BodyNames(); },
+              "Names, in the order of `poses`.")
+          .def_prop_ro(
+              "poses", [](Runner& r) { return r.With(Poses); },
+              "(b, 7) of every body: position of its origin [m], unit quaternion w x y z with w >= 0.", kOwn)
+          .def_prop_ro(
+              "velocities", [](Runner& r) { return r.With(Velocities); },
+              "(b, 6) of every body: angular velocity [rad/s], velocity of its origin [m/s].", kOwn)
+          .def(
+              "pose",
+              [](Runner& r, const std::string& body) {
+                const int at = r.FindBody(body);
+                return OwnMatrix(Homogeneous(r.With([&](Simulation& s) { return s.Pose(at); })));
+              },
+              nb::arg("body"), "(4, 4) homogeneous pose of a body. Raises UnknownNameError.")
+          .def_prop_ro(
+              "qpos", [](Runner& r) { return r.With(JointCoordinates); },
+              "(n,) joint displacements of all mechanisms from the file's reference pose, rad or m; a base "
+              "that "
+              "moves and free bodies stand in `poses`.",
+              kOwn)
+          .def_prop_ro(
+              "qvel", [](Runner& r) { return r.With(JointRates); }, "(n,) their rates, rad/s or m/s.", kOwn)
+          .def_prop_ro(
+              "coordinates",
+              [](Runner& r) { return r.With([](Simulation& s) { return s.CoordinateNames(); }); },
+              "Names of the n joint coordinates.")
+          .def_prop_ro(
+              "contacts", [](Runner& r) { return r.With(Contacts); },
+              "Structured array of the contacts that bear force: `fork1s.CONTACT` has the fields.",
+              nb::sig("def contacts(self) -> numpy.typing.NDArray[numpy.void]"))
+          .def_prop_ro(
+              "kinetic_energy",
+              [](Runner& r) { return r.With([](Simulation& s) { return s.KineticEnergy(); }); }, "J")
+          .def_prop_ro(
+              "potential_energy",
+              [](Runner& r) { return r.With([](Simulation& s) { return s.PotentialEnergy(); }); },
+              "J, of springs, servos and gravity.")
+          .def_prop_ro(
+              "joint_gap", [](Runner& r) { return r.With([](Simulation& s) { return s.JointGap(); }); },
+              "Largest opening of any joint or loop [m].")
+          .def_prop_ro(
+              "warnings", [](Runner& r) { return r.With([](Simulation& s) { return s.warnings(); }); },
+              "Sentences about the model's reduction and its start.")
+          .def(
+              "hash", [](Runner& r) { return r.With([](Simulation& s) { return s.HashState(); }); },
+              "64-bit hash of the moving state: equal only if every coordinate is the same to the last bit.")
+          .def("__repr__", [](Runner& r) {
+            return "<fork1s.Simulation '" + r.model()->scene().name + "' at " + std::to_string(r.Time()) +
+                   " s>";
+          });
+  BindState(simulation);
+}
+
+}  // namespace fork1s::python

@@ -1,0 +1,104 @@
+// Setting the state of a simulation from outside.
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/string.h>
+
+#include "bind.hpp"
+#include "errors.hpp"
+#include "readings.hpp"
+#include "runner.hpp"
+
+namespace fork1s::python {
+namespace {
+
+using ByName = std::map<std::string, nb::object>;
+
+// Free bodies and bases that move, by name: where a state keeps them.
+struct Movers {
+  std::map<std::string, std::size_t> bases, free_bodies;
+  explicit Movers(const Scene& scene) {
+    for (std::size_t i = 0; i < scene.mechanisms.size(); ++i)
+      if (scene.mechanisms[i].base != BaseKind::kFixed) bases[scene.mechanisms[i].bodies[0].name] = i;
+    for (std::size_t f = 0; f < scene.free_bodies.size(); ++f) free_bodies[scene.free_bodies[f].name] = f;
+  }
+  [[noreturn]] void Refuse(const std::string& name) const {
+    std::vector<std::string> known;
+    for (const auto* map : {&bases, &free_bodies})
+      for (const auto& [mover, place] : *map) known.push_back(mover);
+    RefuseName("free body or moving base", name, known);
+  }
+};
+
+// Joint numbers of all mechanisms one after the other.
+void Spread(const VectorX& all, VectorX KeyframeDef::MechanismState::*part, KeyframeDef& state) {
+  Eigen::Index next = 0;
+  for (KeyframeDef::MechanismState& m : state.mechanisms) {
+    const Eigen::Index size = m.q.size();
+    m.*part = all.segment(next, size);
+    next += size;
+  }
+}
+
+void SetPoses(const ByName& poses, const Movers& movers, KeyframeDef& state) {
+  for (const auto& [name, given] : poses) {
+    const RigidTransform X = ReadPose(given, ("pose of '" + name + "'").c_str());
+    if (const auto base = movers.bases.find(name); base != movers.bases.end())
+      state.mechanisms[base->second].X_WR = X;
+    else if (const auto body = movers.free_bodies.find(name); body != movers.free_bodies.end())
+      state.free_bodies[body->second].X_WB = X;
+    else
+      movers.Refuse(name);
+  }
+}
+
+void SetVelocities(const ByName& velocities, const Movers& movers, KeyframeDef& state) {
+  for (const auto& [name, given] : velocities) {
+    const VectorX V = ReadVector(given, 6, ("velocity of '" + name + "'").c_str());
+    if (const auto base = movers.bases.find(name); base != movers.bases.end()) {
+      KeyframeDef::MechanismState& m = state.mechanisms[base->second];
+      const Matrix3 R_RW = m.X_WR.rotation().transpose();
+      m.V_R << R_RW * V.head<3>(), R_RW * V.tail<3>();
+    } else if (const auto body = movers.free_bodies.find(name); body != movers.free_bodies.end()) {
+      state.free_bodies[body->second].omega_W = V.head<3>();
+      state.free_bodies[body->second].velocity_W = V.tail<3>();
+    } else {
+      movers.Refuse(name);
+    }
+  }
+}
+
+void SetState(Runner& runner, const nb::object& qpos, const nb::object& qvel, const ByName& poses,
+              const ByName& velocities) {
+  KeyframeDef state = runner.With([](Simulation& s) { return s.State(); });
+  const Movers movers(runner.model()->scene());
+  std::size_t count = 0;
+  for (const auto& m : state.mechanisms) count += static_cast<std::size_t>(m.q.size());
+  if (!qpos.is_none()) Spread(ReadVector(qpos, count, "qpos"), &KeyframeDef::MechanismState::q, state);
+  if (!qvel.is_none()) Spread(ReadVector(qvel, count, "qvel"), &KeyframeDef::MechanismState::q_dot, state);
+  SetPoses(poses, movers, state);
+  SetVelocities(velocities, movers, state);
+  runner.SetState(std::move(state));
+}
+
+}  // namespace
+
+void BindState(nb::class_<Runner>& simulation) {
+  simulation.def(
+      "set_state", SetState, nb::arg("qpos") = nb::none(), nb::arg("qvel") = nb::none(), nb::kw_only(),
+      nb::arg("poses") = ByName(), nb::arg("velocities") = ByName(),
+      "Goes on from another state; what is not given stays, the time too.\n\nqpos, qvel: (n,) as the "
+      "properties of "
+      "these names; loops that they leave open are closed. poses: of free bodies and bases that move, by "
+      "name: (7,), "
+      "(4, 4) or (3,). velocities: (6,) angular first, world axes. Set-points of controls stay; those of a "
+      "driven base "
+      "count from its new pose. Contacts are found anew. Takes milliseconds. Raises UnknownNameError, "
+      "ValueError, and "
+      "as the constructor does.",
+      nb::sig("def set_state(self, qpos: numpy.typing.ArrayLike | None = None, qvel: numpy.typing.ArrayLike "
+              "| None = "
+              "None, *, poses: collections.abc.Mapping[str, numpy.typing.ArrayLike] = {}, velocities: "
+              "collections.abc.Mapping[str, numpy.typing.ArrayLike] = {}) -> None"));
+}
+
+}  // namespace fork1s::python

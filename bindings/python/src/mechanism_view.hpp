@@ -1,0 +1,30 @@
+// One mechanism of a model, as Python sees it.
+#pragma once
+
+#include <fork1s/reduction/compliance.hpp>
+#include <string>
+#include <vector>
+
+#include "model.hpp"
+
+namespace fork1s::python {
+
+struct MechanismView {
+  std::shared_ptr<const Model> model;
+  std::size_t index = 0;
+
+  const PosedMechanism& posed() const { return model->mechanisms()[index]; }
+  const Mechanism& mechanism() const { return *posed().mechanism; }
+  std::vector<std::string> Bodies() const;
+  std::vector<std::string> Interfaces() const;
+  std::vector<std::string> Coordinates() const;
+  /// Walked compliance of the named bodies. Throws for unknown names.
+  InterfaceCompliance Compliance(const std::vector<std::string>& bodies) const;
+};
+
+/// The mechanism that has a body of this name; throws UnknownName with all bodies of mechanisms.
+MechanismView MechanismOf(const std::shared_ptr<const Model>& model, const std::string& body);
+/// The only mechanism; throws ModelError where there are several or none.
+MechanismView OnlyMechanism(const std::shared_ptr<const Model>& model);
+
+}  // namespace fork1s::python

@@ -1,0 +1,41 @@
+// What a Python Model holds: the file as it was read, its mechanisms, their reductions when first asked for.
+#pragma once
+
+#include <fork1s/importer/importer.hpp>
+#include <fork1s/reduction/reduced_model.hpp>
+#include <fork1s/study/posed_mechanism.hpp>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+namespace fork1s::python {
+
+/// Never changed once it is made, so that any number of simulations and views share it.
+class Model {
+ public:
+  /// `origin`: the path, or what stands for it in messages. `file`: the MJCF file that MuJoCo itself could
+  /// run, empty where there is none or `options` changed what it says.
+  static std::shared_ptr<const Model> Create(Expected<ImportedScene> imported, std::string origin,
+                                             std::string file);
+
+  const std::string& origin() const { return origin_; }
+  const std::string& file() const { return file_; }
+  const ImportedScene& imported() const { return imported_; }
+  const Scene& scene() const { return imported_.scene; }
+  const std::vector<PosedMechanism>& mechanisms() const { return mechanisms_; }
+
+  /// The reduction of a mechanism at its pose. Throws Refused.
+  std::shared_ptr<const ReducedModel> Reduction(std::size_t mechanism) const;
+  /// Names of all bodies: those of the mechanisms, then free bodies.
+  std::vector<std::string> BodyNames() const;
+
+ private:
+  std::string origin_, file_;
+  ImportedScene imported_;
+  std::vector<PosedMechanism> mechanisms_;
+  mutable std::mutex mutex_;
+  mutable std::vector<std::shared_ptr<const ReducedModel>> reductions_;
+};
+
+}  // namespace fork1s::python

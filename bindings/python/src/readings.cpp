@@ -1,0 +1,87 @@
+#include "readings.hpp"
+
+namespace fork1s::python {
+namespace {
+
+// One row of the structured array; fork1s/_contacts.py describes the same bytes to numpy.
+struct ContactRow {
+  std::int32_t bodies[2];
+  double point[3], normal[3], force[3], torque[3];
+  double gap, friction;
+};
+static_assert(sizeof(ContactRow) == 8 + 14 * sizeof(double));
+
+ContactRow Row(int a, int b, const Vector3& point, const Vector3& normal, const Vector3& force) {
+  ContactRow row{};
+  row.bodies[0] = a;
+  row.bodies[1] = b;
+  Eigen::Map<Vector3>(row.point) = point;
+  Eigen::Map<Vector3>(row.normal) = normal;
+  Eigen::Map<Vector3>(row.force) = force;
+  return row;
+}
+
+}  // namespace
+
+Array Poses(const Simulation& simulation) {
+  const std::size_t count = simulation.bodies().size();
+  std::vector<double> rows(7 * count);
+  for (std::size_t i = 0; i < count; ++i) WritePose(simulation.Pose(static_cast<int>(i)), &rows[7 * i]);
+  return Own(std::move(rows), {count, 7});
+}
+
+Array Velocities(const Simulation& simulation) {
+  const std::size_t count = simulation.bodies().size();
+  std::vector<double> rows(6 * count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vector6 V = simulation.Velocity(static_cast<int>(i));
+    std::copy(V.data(), V.data() + 6, &rows[6 * i]);
+  }
+  return Own(std::move(rows), {count, 6});
+}
+
+Array JointCoordinates(const Simulation& simulation) {
+  std::vector<double> all;
+  for (std::size_t i = 0; i < simulation.scene().mechanisms.size(); ++i) {
+    const VectorX q = simulation.JointCoordinates(static_cast<int>(i));
+    all.insert(all.end(), q.data(), q.data() + q.size());
+  }
+  const std::size_t count = all.size();
+  return Own(std::move(all), {count});
+}
+
+Array JointRates(const Simulation& simulation) {
+  std::vector<double> all;
+  for (const auto& m : simulation.State().mechanisms)
+    all.insert(all.end(), m.q_dot.data(), m.q_dot.data() + m.q_dot.size());
+  const std::size_t count = all.size();
+  return Own(std::move(all), {count});
+}
+
+nb::object Contacts(const Simulation& simulation) {
+  std::vector<ContactRow> rows;
+  const double h = simulation.dt();
+  for (const ContactRecord& c : simulation.world().contacts()) {
+    if (!(c.impulse.x() > 0)) continue;
+    const Matrix3 axes = c.point.frame.transpose();
+    rows.push_back(Row(simulation.BodyOfContactor(c.point.body_a), simulation.BodyOfContactor(c.point.body_b),
+                       c.point.point, axes.col(0), axes * c.impulse / h));
+    Eigen::Map<Vector3>(rows.back().torque) = axes * c.moment / h;
+    rows.back().gap = c.point.gap;
+    rows.back().friction = c.friction;
+  }
+  for (const HoldForce& f : simulation.HoldForces()) {
+    rows.push_back(Row(f.body, f.held, f.point_W, f.normal_W, f.force_W));
+    rows.back().friction = f.friction;
+  }
+  const std::size_t bytes = rows.size() * sizeof(ContactRow);
+  auto* kept = new std::vector<ContactRow>(std::move(rows));
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<ContactRow>*>(p); });
+  // numpy wants an address even of nothing.
+  static std::uint8_t none = 0;
+  std::uint8_t* data = bytes > 0 ? reinterpret_cast<std::uint8_t*>(kept->data()) : &none;
+  const nb::object raw = nb::cast(nb::ndarray<nb::numpy, std::uint8_t>(data, 1, &bytes, owner));
+  return raw.attr("view")(nb::module_::import_("fork1s._contacts").attr("CONTACT"));
+}
+
+}  // namespace fork1s::python

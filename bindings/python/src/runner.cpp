@@ -1,0 +1,101 @@
+#include "runner.hpp"
+
+#include <algorithm>
+
+#include "errors.hpp"
+
+namespace fork1s::python {
+
+void StepsReport::Add(const StepReport& step) {
+  contacts = step.contacts;
+  limits = step.limits;
+  forces_at_bound = step.forces_at_bound;
+  max_penetration = std::max(max_penetration, step.max_penetration);
+  residual = std::max(residual, step.solver.residual);
+  unconverged += step.solver.converged ? 0 : 1;
+  refreshes += step.refreshes;
+  failed_refreshes += step.failed_refreshes;
+  contacts_dropped = contacts_dropped || step.contacts_dropped;
+  finite = finite && step.finite;
+  if (step.finite) ++steps;
+}
+
+SimulationOptions OptionsOf(const Model& model, const RunOptions& given) {
+  SimulationOptions options;
+  options.dt = given.dt;
+  options.recovery = given.recovery;
+  options.detail = given.detail;
+  options.initial_keyframe = model.imported().initial_keyframe;
+  if (given.keyframe.empty()) return options;
+  const auto& keys = model.scene().keyframes;
+  std::vector<std::string> names;
+  for (const KeyframeDef& key : keys) names.push_back(key.name);
+  const auto at = std::find(names.begin(), names.end(), given.keyframe);
+  if (at == names.end()) RefuseName("keyframe", given.keyframe, names);
+  options.initial_keyframe = static_cast<int>(at - names.begin());
+  return options;
+}
+
+Runner::Runner(std::shared_ptr<const Model> model, const RunOptions& options)
+    : model_(std::move(model)),
+      simulation_(Take(Simulation::Create(model_->scene(), OptionsOf(*model_, options)), model_->origin())) {}
+
+StepsReport Runner::Step(int steps) {
+  const nb::gil_scoped_release others_run;
+  const std::lock_guard lock(mutex_);
+  StepsReport report;
+  for (int i = 0; i < steps && report.finite; ++i) {
+    for (const Push& p : pushes_)
+      simulation_.ApplyWrench(p.body, p.force_W, p.moment_W, simulation_.Pose(p.body) * p.point_B);
+    report.Add(simulation_.Step());
+  }
+  pushes_.clear();
+  return report;
+}
+
+void Runner::SetState(KeyframeDef state) {
+  const nb::gil_scoped_release others_run;
+  const std::lock_guard lock(mutex_);
+  Scene scene = simulation_.scene();
+  SimulationOptions options = simulation_.options();
+  scene.keyframes.resize(model_->scene().keyframes.size());  // without the one that was lent last time
+  scene.keyframes.push_back(std::move(state));
+  options.initial_keyframe = static_cast<int>(scene.keyframes.size()) - 1;
+  Simulation next = Take(Simulation::Create(scene, options), model_->origin());
+  // Of the keyframe that was lent; its controls are those that held before.
+  for (int i = 0; i < next.controls().size(); ++i) {
+    const std::string& name = next.control_names()[static_cast<std::size_t>(i)];
+    bool drives = false;
+    for (const MechanismDef& def : next.scene().mechanisms)
+      drives = drives || (def.base == BaseKind::kDriven && name.rfind(def.bodies[0].name + ".", 0) == 0);
+    if (!drives) next.SetControl(i, simulation_.controls()(i));
+  }
+  time_before_ += simulation_.time();
+  simulation_ = std::move(next);
+}
+
+double Runner::Time() {
+  const std::lock_guard lock(mutex_);
+  return time_before_ + simulation_.time();
+}
+
+void Runner::AddPush(const Push& push) {
+  const std::lock_guard lock(mutex_);
+  pushes_.push_back(push);
+}
+
+int Runner::FindBody(const std::string& name) {
+  const int body = With([&](Simulation& s) { return s.FindBody(name); });
+  if (body < 0) RefuseName("body", name, model_->BodyNames());
+  return body;
+}
+
+int Runner::FindControl(const std::string& name) {
+  return With([&](Simulation& s) {
+    const int control = s.FindControl(name);
+    if (control < 0) RefuseName("control", name, s.control_names());
+    return control;
+  });
+}
+
+}  // namespace fork1s::python

@@ -1,0 +1,78 @@
+// A simulation that several Python threads may hold at a time.
+#pragma once
+
+#include <fork1s/sim/simulation.hpp>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model.hpp"
+
+namespace fork1s::python {
+
+struct RunOptions {
+  double dt = 0;  // s; 0: the scene's
+  std::string keyframe;
+  Recovery recovery = Recovery::kExact;
+  DetailLevel detail = DetailLevel::kInterface;
+};
+
+/// What a call of `step` tells of all its steps.
+struct StepsReport {
+  int steps = 0;  // that were made: fewer than asked for where one was not finite
+  int contacts = 0, limits = 0, forces_at_bound = 0;  // in the last step
+  double max_penetration = 0;                         // m, in any step
+  double residual = 0;                                // of the contact solver, the worst
+  int unconverged = 0;                                // steps
+  int refreshes = 0, failed_refreshes = 0;
+  bool contacts_dropped = false;
+  bool finite = true;
+
+  void Add(const StepReport& step);
+};
+
+/// A wrench on a point of a body through all steps of the next call.
+struct Push {
+  int body = 0;
+  Vector3 force_W, moment_W;  // N, N·m
+  Vector3 point_B;            // m
+};
+
+/// Options that a simulation of this model is made with. Throws Refused.
+SimulationOptions OptionsOf(const Model& model, const RunOptions& options);
+
+/// Every access takes the lock, Step for the whole of its steps and without Python's lock: other threads run,
+/// and who asks the same simulation meanwhile waits.
+class Runner {
+ public:
+  Runner(std::shared_ptr<const Model> model, const RunOptions& options);
+
+  const std::shared_ptr<const Model>& model() const { return model_; }
+  StepsReport Step(int steps);
+  /// Goes on from this state instead, with the same controls; poses of driven bases count from there anew.
+  void SetState(KeyframeDef state);
+  /// s since the beginning, through all states that were set.
+  double Time();
+  void AddPush(const Push& push);
+
+  /// f(simulation) under the lock.
+  template <class F>
+  auto With(F&& f) {
+    const std::lock_guard lock(mutex_);
+    return f(simulation_);
+  }
+  /// Place of a body or control; throws UnknownName.
+  int FindBody(const std::string& name);
+  int FindControl(const std::string& name);
+
+ private:
+  std::shared_ptr<const Model> model_;
+  std::mutex mutex_;
+  Simulation simulation_;
+  std::vector<Push> pushes_;
+  double time_before_ = 0;  // s, of simulations that were replaced
+};
+
+}  // namespace fork1s::python

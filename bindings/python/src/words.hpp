@@ -1,0 +1,45 @@
+// Words of the API for enumerations, as the command line has them.
+#pragma once
+
+#include <nanobind/stl/string.h>
+
+#include <cmath>
+#include <fork1s/sim/fidelity.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "errors.hpp"
+#include "runner.hpp"
+
+namespace fork1s::python {
+
+inline DetailLevel ReadDetail(const std::string& word) {
+  for (const DetailLevel level :
+       {DetailLevel::kObject, DetailLevel::kInterface, DetailLevel::kParents, DetailLevel::kAll})
+    if (word == Name(level)) return level;
+  throw Refused{{ErrorCode::kUsage, "detail", "'" + word + "' is none of: object, interface, parents, all"}};
+}
+
+inline Recovery ReadRecovery(const std::string& word) {
+  if (word == "exact") return Recovery::kExact;
+  if (word == "twist") return Recovery::kTwist;
+  throw Refused{{ErrorCode::kUsage, "recovery", "'" + word + "' is none of: exact, twist"}};
+}
+
+/// Options that Simulation and Batch share.
+inline RunOptions ReadRunOptions(const std::optional<double>& dt, const std::optional<std::string>& keyframe,
+                                 const std::string& recovery, const std::string& detail) {
+  if (dt && !(*dt > 0 && std::isfinite(*dt)))
+    throw Refused{{ErrorCode::kUsage, "dt", std::to_string(*dt) + " is no time step above 0 s"}};
+  return {dt.value_or(0), keyframe.value_or(""), ReadRecovery(recovery), ReadDetail(detail)};
+}
+
+/// Names given one by one.
+inline std::vector<std::string> Words(const nb::args& args) {
+  std::vector<std::string> words;
+  for (nb::handle word : args) words.push_back(nb::cast<std::string>(word));
+  return words;
+}
+
+}  // namespace fork1s::python

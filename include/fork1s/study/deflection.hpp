@@ -1,0 +1,39 @@
+// Where a body goes under a dead load, to first order and in full.
+#pragma once
+
+#include <fork1s/study/posed_mechanism.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+/// A force and moment of fixed direction at the origin of a body, world axes.
+struct BodyLoad {
+  std::string body;
+  Vector3 force_W = Vector3::Zero();   // N
+  Vector3 moment_W = Vector3::Zero();  // N·m
+};
+
+struct Deflection {
+  Vector3 position_W = Vector3::Zero();  // m, of the body's origin under load
+  Vector3 rotation_W = Vector3::Zero();  // rad, rotation vector from where it was
+  double max_joint_rotation = 0;         // rad, of any hinge or ball
+};
+
+struct LoadedBody {
+  Vector3 reference_position_W = Vector3::Zero();  // m, without load
+  Deflection linear, nonlinear;
+  bool floats = false;  // the base would move, and is held here
+  int iterations = 0;
+  double residual = 0;  // relative to the forces
+  bool stable = true;   // false: a slight push makes the mechanism leave this equilibrium
+};
+
+/// Deflection of the loaded body under load, gravity [m/s²] and the controls' initial values, the base held.
+/// Errors: kModel for a body that no mechanism has; as of LinearDeflection; kNumerics where no equilibrium is
+/// found.
+Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, const BodyLoad& load,
+                             const Vector3& gravity_W);
+
+}  // namespace fork1s

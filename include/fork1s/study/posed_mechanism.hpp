@@ -1,0 +1,23 @@
+// The mechanisms of a file at the pose where it starts: what compliance, frequencies and statics are asked
+// of.
+#pragma once
+
+#include <fork1s/base/error.hpp>
+#include <fork1s/importer/importer.hpp>
+#include <fork1s/mechanism/mechanism.hpp>
+#include <memory>
+#include <vector>
+
+namespace fork1s {
+
+/// One mechanism of a scene, built and with its loops closed at the requested keyframe.
+struct PosedMechanism {
+  std::shared_ptr<const Mechanism> mechanism;
+  VectorX q;
+  bool interfaces_chosen = true;
+};
+
+/// In the order of the scene. Errors: as of BuildMechanism; kModel where loops stay open.
+Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& imported);
+
+}  // namespace fork1s

@@ -1,0 +1,47 @@
+#include <fork1s/server/live_loop.hpp>
+
+#include <chrono>
+#include <fork1s/server/request_ration.hpp>
+#include <optional>
+#include <thread>
+#include <utility>
+
+namespace fork1s {
+namespace {
+
+void Answer(const std::optional<Refusal>& refusal, const Command& command, LiveServer& server) {
+  if (!refusal) return;
+  if (refusal->passing)
+    server.Tell(command.viewer, refusal->sentence);
+  else
+    server.TellProblem(command.viewer, "request", refusal->sentence);
+}
+
+}  // namespace
+
+void RunLive(LiveSimulation& live, LiveServer& server, const std::function<bool()>& go_on) {
+  using Clock = std::chrono::steady_clock;
+  const auto frame = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1.0 / 60));
+  auto next = Clock::now(), before = next;
+  RequestRation ration(0.5, 1.0 / 60);
+  while (go_on()) {
+    const auto begun = Clock::now();
+    ration.Pass(std::chrono::duration<double>(begun - std::exchange(before, begun)).count());
+    while (ration.Allows()) {
+      const auto command = server.TakeCommand();
+      if (!command) break;
+      const auto asked = Clock::now();
+      Answer(live.Handle(*command), *command, server);
+      ration.Spend(std::chrono::duration<double>(Clock::now() - asked).count());
+    }
+    live.Advance(0.9 / 60);
+    for (const LiveFault& fault : live.TakeFaults()) server.TellProblem(0, fault.about, fault.sentence);
+    server.Publish(live.Capture(server.num_viewers()));
+    next += frame;
+    const auto now = Clock::now();
+    if (next < now) next = now;  // behind: go on from here rather than hurry
+    std::this_thread::sleep_until(next);
+  }
+}
+
+}  // namespace fork1s

@@ -1,0 +1,70 @@
+#include <fmt/format.h>
+
+#include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/reduction/statics.hpp>
+#include <fork1s/study/deflection.hpp>
+
+namespace fork1s {
+
+Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, const BodyLoad& load,
+                             const Vector3& gravity_W) {
+  const PosedMechanism* at = nullptr;
+  BodyIndex body;
+  for (const PosedMechanism& p : mechanisms)
+    if (BodyIndex b = p.mechanism->FindBody(load.body); b.valid()) {
+      at = &p;
+      body = b;
+    }
+  if (!at) {
+    std::string names;
+    for (const PosedMechanism& p : mechanisms)
+      for (const auto& b : p.mechanism->bodies()) names += (names.empty() ? "" : ", ") + b.name;
+    return Fail(ErrorCode::kModel, "",
+                fmt::format("no mechanism has a body '{}'; there are: {}", load.body, names));
+  }
+  const Mechanism& m = *at->mechanism;
+  const RigidTransform X_WR = m.definition().X_WR;
+  const Matrix3 R_RW = X_WR.rotation().transpose();
+  StaticsOptions options;
+  options.gravity_R = R_RW * gravity_W;
+  options.controls.resize(static_cast<Eigen::Index>(m.controls().size()));
+  for (std::size_t i = 0; i < m.controls().size(); ++i)
+    options.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
+  const std::vector<DeadLoad> loads{{body, R_RW * load.force_W, R_RW * load.moment_W}};
+
+  Kinematics reference(m);
+  ComputeKinematics(m, at->q, reference);
+  const RigidTransform X_ref = X_WR * reference.X_RB[body.u()];
+  LoadedBody out;
+  out.reference_position_W = X_ref.translation();
+
+  auto linear_q = LinearDeflection(m, at->q, loads, options);
+  if (!linear_q) return tl::unexpected(linear_q.error());
+  const Vector6 V = BodyJacobian(m, reference, body) * (*linear_q - at->q);
+  out.linear.rotation_W = X_WR.rotation() * V.head<3>();
+  out.linear.position_W =
+      X_ref.translation() +
+      X_WR.rotation() * (V.tail<3>() + V.head<3>().cross(reference.X_RB[body.u()].translation()));
+  out.linear.max_joint_rotation = MaxJointRotation(m, at->q, *linear_q);
+
+  const StaticsResult result = SolveStatics(m, at->q, loads, options);
+  if (!result.converged)
+    return Fail(
+        ErrorCode::kNumerics, fmt::format("mechanism '{}'", m.name()),
+        fmt::format("found no equilibrium under this load after {} Newton steps (residual {:.2g} of the "
+                    "forces): it may buckle; lower the load or stiffen the joints",
+                    result.iterations, result.residual));
+  Kinematics loaded(m);
+  ComputeKinematics(m, result.q, loaded);
+  const RigidTransform X = X_WR * loaded.X_RB[body.u()];
+  out.nonlinear.position_W = X.translation();
+  out.nonlinear.rotation_W = LogRotation(X.rotation() * X_ref.rotation().transpose());
+  out.nonlinear.max_joint_rotation = MaxJointRotation(m, at->q, result.q);
+  out.floats = m.base() == BaseKind::kFloating;
+  out.iterations = result.iterations;
+  out.residual = result.residual;
+  out.stable = result.stable;
+  return out;
+}
+
+}  // namespace fork1s

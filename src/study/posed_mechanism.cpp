@@ -1,0 +1,31 @@
+#include <fmt/format.h>
+
+#include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/study/posed_mechanism.hpp>
+
+namespace fork1s {
+
+Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& imported) {
+  std::vector<PosedMechanism> posed;
+  for (std::size_t i = 0; i < imported.scene.mechanisms.size(); ++i) {
+    auto built = BuildMechanism(imported.scene.mechanisms[i]);
+    if (!built) return tl::unexpected(built.error());
+    PosedMechanism p;
+    p.mechanism = std::make_shared<const Mechanism>(std::move(*built));
+    p.interfaces_chosen = imported.scene.mechanisms[i].interfaces_chosen;
+    p.q = VectorX::Zero(p.mechanism->num_coordinates());
+    if (imported.initial_keyframe >= 0)
+      p.q = imported.scene.keyframes[static_cast<std::size_t>(imported.initial_keyframe)].mechanisms[i].q;
+    const double gap = CloseLoops(*p.mechanism, p.q);
+    if (gap > 1e-6)
+      return Fail(
+          ErrorCode::kModel, fmt::format("mechanism '{}'", p.mechanism->name()),
+          fmt::format("has loops that stay open by {:.3g} m; correct the closure frames or choose another "
+                      "keyframe",
+                      gap));
+    posed.push_back(std::move(p));
+  }
+  return posed;
+}
+
+}  // namespace fork1s

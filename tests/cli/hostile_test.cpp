@@ -1,0 +1,167 @@
+// Files that ask for all memory, all time, or more than they hold: refused with a sentence, no crash, no
+// hang.
+#include <cstdint>
+#include <cstring>
+#include <string>
+
+#include <sys/stat.h>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::string kBody =
+    "<worldbody><body pos=\"0 0 1\"><joint name=\"j\" type=\"slide\" stiffness=\"10\"/><geom "
+    "size=\".1\"/></body>"
+    "</worldbody>";
+
+std::string Model(const std::string& before) { return "<mujoco>" + before + kBody + "</mujoco>"; }
+
+// A program that waits for ever is ended and fails the test.
+Outcome Try(const std::string& arguments) { return Fork1s(arguments, "timeout -s KILL 60"); }
+
+template <class T>
+std::string Bits(std::initializer_list<T> values) {
+  std::string bytes(values.size() * sizeof(T), '\0');
+  std::memcpy(bytes.data(), values.begin(), bytes.size());
+  return bytes;
+}
+
+std::string Png(std::uint32_t width, std::uint32_t height) {
+  std::string png("\211PNG\r\n\032\n\0\0\0\rIHDR", 16);
+  for (const std::uint32_t n : {width, height})
+    for (int shift = 24; shift >= 0; shift -= 8) png += static_cast<char>(n >> shift);
+  return png + std::string(64, '\0');
+}
+
+TEST(Hostile, ModelsThatAskForTooMuch) {
+  Write("large.png", Png(30000, 30000));
+  Write("large.hfield", Bits<std::int32_t>({20000, 20000}) + std::string(64, '\0'));
+  const struct {
+    const char* text;
+    const char* named;
+  } cases[] = {
+      {"<size nkey=\"2000000000\"/>", "nkey"},
+      {"<size nuser_body=\"2000000000\"/>", "nuser_body"},
+      {"<asset><hfield name=\"h\" nrow=\"20000\" ncol=\"20000\" size=\"1 1 1 1\"/></asset>", "cells"},
+      {"<asset><hfield name=\"h\" file=\"large.png\" size=\"1 1 1 1\"/></asset>", "large.png"},
+      {"<asset><hfield name=\"h\" file=\"large.hfield\" size=\"1 1 1 1\"/></asset>", "large.hfield"},
+      {"<asset><texture name=\"t\" type=\"2d\" file=\"large.png\"/></asset>", "large.png"},
+      {"<asset><texture name=\"t\" type=\"2d\" builtin=\"flat\" width=\"30000\" height=\"30000\"/></asset>",
+       "pixels"},
+      {"<worldbody><replicate count=\"1000\"><replicate count=\"1000\"><geom "
+       "size=\".1\"/></replicate></replicate>"
+       "</worldbody>",
+       "copies"},
+  };
+  for (const auto& c : cases) {
+    const Outcome o = Try("inspect " + Write("large.xml", Model(c.text)));
+    EXPECT_EQ(o.code, 3) << c.text << o.err;
+    EXPECT_NE(o.err.find("large.xml, line 1"), std::string::npos) << o.err;
+    EXPECT_NE(o.err.find(c.named), std::string::npos) << o.err;
+  }
+}
+
+TEST(Hostile, IncludesThatMultiply) {
+  const std::string four = [] {
+    std::string text;
+    for (int i = 0; i < 4; ++i) text += "<include file=\"NEXT\"/>";
+    return text;
+  }();
+  const auto including = [&](const std::string& next) {
+    std::string text = four;
+    for (std::size_t at = 0; (at = text.find("NEXT")) != std::string::npos;) text.replace(at, 4, next);
+    return text;
+  };
+  EXPECT_EQ(Try("inspect " + Write("itself.xml", Model(including("itself.xml")))).code, 3);
+  for (int i = 0; i < 16; ++i)
+    Write("level" + std::to_string(i) + ".xml",
+          "<mujocoinclude>" + including("level" + std::to_string(i + 1) + ".xml") + "</mujocoinclude>");
+  Write("level16.xml", "<mujocoinclude><option/></mujocoinclude>");
+  EXPECT_EQ(Try("inspect " + Write("levels.xml", Model(including("level0.xml")))).code, 3);
+}
+
+TEST(Hostile, PipesAndDevicesInPlaceOfFiles) {
+  const fs::path pipe = ScratchFolder() / "pipe.stl";
+  mkfifo(pipe.c_str(), 0600);
+  fs::create_symlink("/dev/zero", ScratchFolder() / "zero.stl");
+  const std::string model = Write("finger.xml", FingerModel());
+  for (const std::string& path : {pipe.string(), std::string("/dev/zero")})
+    for (const char* command : {"inspect ", "replay ", "run --time 0.1 --controls "}) {
+      const bool table = std::string(command).find("controls") != std::string::npos;
+      const Outcome o = Try(command + path + (table ? " " + model : ""));
+      EXPECT_EQ(o.code, 3) << command << path << o.err;
+    }
+  for (const char* name : {"pipe.stl", "zero.stl"}) {
+    const std::string file(name);
+    for (const std::string& before :
+         {"<include file=\"" + file + "\"/>", "<asset><mesh name=\"m\" file=\"" + file + "\"/></asset>",
+          "<asset><hfield name=\"h\" size=\"1 1 1 1\" file=\"" + file + "\"/></asset>"}) {
+      const Outcome o = Try("inspect " + Write("pipes.xml", Model(before)));
+      EXPECT_EQ(o.code, 3) << before << o.err;
+      EXPECT_NE(o.err.find(file), std::string::npos) << o.err;
+    }
+    const Outcome o = Try("inspect " + Write("pipes.urdf",
+                                             "<robot name=\"r\"><link name=\"a\"><visual><geometry><mesh "
+                                             "filename=\"" +
+                                                 file +
+                                                 "\"/></geometry></visual><collision><geometry><mesh "
+                                                 "filename=\"" +
+                                                 file + "\"/></geometry></collision></link></robot>"));
+    EXPECT_EQ(o.code, 3) << o.err;
+  }
+}
+
+// A model whose only shape is a mesh, as MJCF and as URDF.
+std::vector<std::string> ModelsWith(const std::string& mesh) {
+  return {
+      Write("mesh.xml", "<mujoco><asset><mesh name=\"m\" file=\"" + mesh +
+                            "\"/></asset><worldbody><body pos=\"0 0 1\"><joint name=\"j\" type=\"slide\" "
+                            "stiffness=\"10\"/><geom type=\"mesh\" mesh=\"m\"/></body></worldbody></mujoco>"),
+      Write("mesh.urdf",
+            "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"><inertial><mass value=\"1\"/><inertia "
+            "ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial><collision>"
+            "<geometry><mesh filename=\"" +
+                mesh +
+                "\"/></geometry></collision></link><joint name=\"j\" type=\"revolute\"><parent "
+                "link=\"a\"/><child link=\"b\"/><axis xyz=\"0 0 1\"/><limit lower=\"-1\" "
+                "upper=\"1\" effort=\"1\" velocity=\"1\"/></joint></robot>")};
+}
+
+struct BadMesh {
+  std::string name, bytes;
+};
+
+std::vector<BadMesh> BadMeshes() {
+  const std::string corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
+  const std::string places = Bits<float>({0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1});
+  const std::string four = Bits<std::int32_t>({4, 0, 0, 4});
+  return {{"face_alone.obj", "f 1 2 3\n"},
+          {"past_the_end.obj", corners + "f 1 2 3\nf 1 2 999999999\n"},
+          {"before_the_start.obj", corners + "f -1 -2 -300000\n"},
+          {"digits.obj", "v " + std::string(200000, '1') + " 0 0\n" + corners + "f 1 2 3\n"},
+          {"nothing.obj", ""},
+          {"wild.msh", four + places + Bits<std::int32_t>({0, 1, 2, 0, 1, 3, 0, 2, 3, 1, 2, 123456789})},
+          {"below_zero.msh", four + places + Bits<std::int32_t>({0, 1, 2, 0, 1, 3, 0, 2, 3, 1, 2, -5})},
+          {"cut_off.msh", four + places},
+          {"huge.msh", Bits<std::int32_t>({2147483647, 0, 0, 2147483647}) + places},
+          {"many.stl", std::string(80, ' ') + Bits<std::uint32_t>({4294967295u}) + std::string(50, '\0')}};
+}
+
+TEST(Hostile, MeshesThatNameWhatIsNotThere) {
+  for (const BadMesh& bad : BadMeshes()) {
+    Write(bad.name, bad.bytes);
+    for (const std::string& model : ModelsWith(bad.name)) {
+      const Outcome o = Try("run --time 0.1 " + model);
+      EXPECT_EQ(o.code, 3) << bad.name << ' ' << model << o.err;
+      EXPECT_NE(o.err.find(bad.name), std::string::npos) << o.err.substr(0, 500);
+      EXPECT_LT(o.err.size(), 2000u);  // one sentence, not the file
+    }
+  }
+}
+
+}  // namespace
+}  // namespace fork1s::test

@@ -1,0 +1,184 @@
+// What is written: never over an input, never over another's work, whole or not at all, and told when it did
+// not arrive.
+#include <csignal>
+#include <string>
+
+#include <sys/mount.h>
+#include <sys/resource.h>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string At(const std::string& name) { return (ScratchFolder() / name).string(); }
+
+TEST(Outputs, NeverOverWhatIsRead) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const std::string table = Write("bend.csv", "time,bend\n0,0\n");
+  fs::remove(At("hard.h5"));
+  fs::create_hard_link(model, At("hard.h5"));
+  fs::remove(At("soft.h5"));
+  fs::create_symlink(model, At("soft.h5"));
+  for (const std::string& out :
+       {model, At("hard.h5"), At("soft.h5"), ScratchFolder().string() + "/./finger.xml"})
+    for (const char* command :
+         {"run --time 0.1 --record ", "reduce --out ", "compare --time 0.1 --report "}) {
+      const Outcome o = Fork1s(command + out + " " + model);
+      EXPECT_EQ(o.code, 2) << command << out << o.err;
+      EXPECT_NE(o.err.find("choose another name"), std::string::npos) << o.err;
+      ASSERT_EQ(Slurp(model), FingerModel()) << command << out;
+    }
+  EXPECT_EQ(Fork1s("run --time 0.1 --controls " + table + " --record " + table + " " + model).code, 2);
+  EXPECT_EQ(Slurp(table), "time,bend\n0,0\n");
+}
+
+TEST(Outputs, ExportsLeaveTheRecordingAlone) {
+  const std::string model = Write("finger.xml", FingerModel());
+  for (const char* name : {"a.h5", "a.glb", "a.gltf", "a.html"}) {
+    ASSERT_EQ(Fork1s("run --time 0.1 --record " + At(name) + " " + model).code, 0);
+    const std::string before = Slurp(At(name));
+    EXPECT_EQ(Fork1s("export " + At(name) + " " + At(name)).code, 2) << name;
+    EXPECT_EQ(Slurp(At(name)), before) << name;
+    fs::remove(At(name));
+  }
+}
+
+TEST(Outputs, NeverOverFilesOfAnotherKind) {
+  const std::string model = Write("finger.xml", FingerModel()),
+                    notes = Write("notes.txt", "remember the milk\n");
+  for (const char* command : {"run --time 0.1 --record ", "reduce --out ", "compare --time 0.1 --report "}) {
+    const Outcome o = Fork1s(command + notes + " " + model);
+    EXPECT_EQ(o.code, 3) << command << o.err;
+    EXPECT_NE(o.err.find("notes.txt"), std::string::npos) << o.err;
+    EXPECT_EQ(Slurp(notes), "remember the milk\n") << command;
+  }
+}
+
+TEST(Outputs, DevicesAndLinksAreLeftAsTheyAre) {
+  const std::string model = Write("finger.xml", FingerModel());
+  for (const char* device : {"/dev/full", "/dev/null"})
+    for (const char* command : {"run --time 0.1 --record ", "reduce --out "}) {
+      const Outcome o = Fork1s(std::string(command) + device + " " + model);
+      EXPECT_EQ(o.code, 3) << command << device << o.err;
+      EXPECT_NE(o.err.find("is a device"), std::string::npos) << o.err;
+      EXPECT_TRUE(fs::is_character_file(device));
+    }
+  fs::create_symlink("target.h5", At("link.h5"));
+  for (int i = 0; i < 2; ++i) {  // where it leads to nothing, and where it leads to a file
+    EXPECT_EQ(Fork1s("reduce --out " + At("link.h5") + " " + model).code, 0);
+    EXPECT_TRUE(fs::is_symlink(At("link.h5")));
+    EXPECT_GT(fs::file_size(At("target.h5")), 1000u);
+  }
+}
+
+TEST(Outputs, AnOldRecordingStaysUntilTheNewOneBegins) {
+  const std::string model = Write("finger.xml", FingerModel()), file = At("old.h5");
+  ASSERT_EQ(Fork1s("run --time 0.1 --record " + file + " " + model).code, 0);
+  const std::string before = Slurp(file);
+  for (const std::string& arguments :
+       {"--time 1e9 " + model, "--dt 1e-9 --time 1000 " + model, "--controls /no/such.csv " + model,
+        "--detail nothing " + model, std::string("/no/such/model.xml")}) {
+    const Outcome o = Fork1s("run --record " + file + " " + arguments);
+    EXPECT_TRUE(o.code == 2 || o.code == 3) << arguments << o.code << o.err;
+    EXPECT_EQ(Slurp(file), before) << arguments;
+  }
+}
+
+TEST(Outputs, OneRunARecording) {
+  const std::string model = Write("finger.xml", FingerModel()), file = At("shared.h5");
+  const pid_t first = fork();
+  if (first == 0) {
+    std::freopen("/dev/null", "w", stdout);
+    std::freopen("/dev/null", "w", stderr);
+    execl(FORK1S_BINARY, "fork1s", "run", "--no-load-factor", "--time", "1e6", "--record", file.c_str(),
+          model.c_str(), static_cast<char*>(nullptr));
+    _exit(127);
+  }
+  while (!fs::exists(file)) usleep(1000);
+  const Outcome second = Fork1s("run --time 0.1 --record " + file + " " + model);
+  EXPECT_EQ(second.code, 3);
+  EXPECT_NE(second.err.find("another run"), std::string::npos) << second.err;
+  EXPECT_EQ(Fork1s("reduce --out " + file + " " + model).code, 3);
+  kill(first, SIGKILL);
+  waitpid(first, nullptr, 0);
+  const Outcome replay = Fork1s("export " + file + " " + At("tables"));
+  EXPECT_EQ(replay.code, 0) << replay.err;
+  EXPECT_EQ(Fork1s("run --time 0.1 --record " + file + " " + model).code, 0);  // a dead one holds nothing
+}
+
+// A file system of `size` bytes, where it can be mounted.
+class SmallDisk {
+ public:
+  explicit SmallDisk(const std::string& size) : path_(At("disk" + size)) {
+    fs::create_directories(path_);
+    mounted_ = mount("none", path_.c_str(), "tmpfs", 0, ("size=" + size).c_str()) == 0;
+  }
+  ~SmallDisk() {
+    if (mounted_) umount(path_.c_str());
+  }
+  bool mounted() const { return mounted_; }
+  std::string operator/(const char* name) const { return path_ + "/" + name; }
+
+ private:
+  std::string path_;
+  bool mounted_ = false;
+};
+
+TEST(Outputs, AFullDiskKeepsEveryWholeStep) {
+  const SmallDisk small("8k"), larger("2m");
+  if (!small.mounted() || !larger.mounted()) GTEST_SKIP() << "mounting a small disk needs root";
+  const std::string model = Write("finger.xml", FingerModel());
+  for (const char* command : {"run --time 1 --record ", "reduce --out "}) {
+    const Outcome o = Fork1s(command + (small / "run.h5") + " " + model);
+    EXPECT_EQ(o.code, 3) << command << o.err;
+    EXPECT_NE(o.err.find("No space left"), std::string::npos) << o.err;
+    EXPECT_EQ(std::distance(fs::directory_iterator(small / ""), fs::directory_iterator()), 0);
+  }
+  const std::string file = larger / "run.h5";
+  const Outcome o = Fork1s("run --no-load-factor --time 1e4 --record " + file + " " + model);
+  EXPECT_EQ(o.code, 3);
+  EXPECT_NE(o.err.find("steps are safe"), std::string::npos) << o.err;
+  const Outcome replay = Fork1s("replay --json " + file);
+  EXPECT_EQ(replay.code, 0) << replay.err;
+  EXPECT_TRUE(replay.Json()["identical"].get<bool>());
+  EXPECT_GT(replay.Json()["steps"].get<int>(), 1000);
+}
+
+TEST(Outputs, FilesThatMayNotGrow) {
+  const std::string model = Write("finger.xml", FingerModel()), file = At("limited.h5");
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit limit{1 << 20, before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &limit);
+  const Outcome o = Fork1s("run --no-load-factor --time 1e4 --record " + file + " " + model);
+  setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_EQ(o.code, 3) << o.err;
+  const Outcome replay = Fork1s("replay --json " + file);
+  EXPECT_EQ(replay.code, 0) << replay.err;
+  EXPECT_GT(replay.Json()["steps"].get<int>(), 100);
+}
+
+TEST(Outputs, PrintedResultsMustArrive) {
+  const std::string model = Write("finger.xml", FingerModel()), file = At("closed.h5");
+  const auto code = [](const std::string& arguments) {
+    const int status =
+        std::system((std::string(FORK1S_BINARY) + " " + arguments + " 2>" + At("stderr")).c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+  };
+  for (const char* command :
+       {"inspect ", "inspect --json ", "reduce ", "run --time 0.1 ", "run --time 0.1 --json "}) {
+    EXPECT_EQ(code(command + model + " >/dev/full"), 3) << command;
+    EXPECT_NE(Slurp(At("stderr")).find("standard output"), std::string::npos);
+    EXPECT_EQ(code(command + model + " >&-"), 3) << command;
+  }
+  EXPECT_EQ(code("--help >/dev/full"), 3);
+  // The recording does not take the place of the closed stream.
+  EXPECT_EQ(code("run --time 0.1 --record " + file + " " + model + " >&-"), 3);
+  EXPECT_EQ(Fork1s("replay " + file).code, 0);
+}
+
+}  // namespace
+}  // namespace fork1s::test

@@ -1,0 +1,171 @@
+// A session that is watched and touched: no file that is saved over the model ends it, and Ctrl-C does.
+#include <csignal>
+#include <cstdlib>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "command.hpp"
+#include "server/socket_client.hpp"
+
+namespace fork1s::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+// `fork1s view` on a model, in a process group of its own.
+class Session {
+ public:
+  explicit Session(const std::string& model) : out_((ScratchFolder() / "view_out").string()) {
+    fs::remove(out_);
+    child_ = fork();
+    if (child_ == 0) {
+      setpgid(0, 0);
+      if (!std::freopen(out_.c_str(), "w", stdout) || !std::freopen("/dev/null", "w", stderr)) _exit(126);
+      execl(FORK1S_BINARY, "fork1s", "view", "--no-open", "--port", "0", "--json", "--time", "300",
+            model.c_str(), static_cast<char*>(nullptr));
+      _exit(127);
+    }
+    for (int i = 0; i < 3000 && port_ == 0; ++i) {
+      usleep(10000);
+      const std::string text = Slurp(out_);
+      if (const auto at = text.find("127.0.0.1:");
+          at != std::string::npos && text.find('}') != std::string::npos)
+        port_ = std::atoi(text.c_str() + at + 10);
+    }
+  }
+  ~Session() {
+    if (child_ <= 0) return;
+    kill(-child_, SIGKILL);
+    waitpid(child_, nullptr, 0);
+  }
+
+  int port() const { return port_; }
+  pid_t process() const { return child_; }
+  bool Runs() { return kill(child_, 0) == 0 && waitpid(child_, nullptr, WNOHANG) == 0; }
+  /// The exit code after a signal, or the signal that ended it as a negative number.
+  int End(int signal) {
+    kill(child_, signal);
+    int status = 0;
+    waitpid(child_, &status, 0);
+    child_ = -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+  }
+  /// Reads what the page gets until a problem with the file is told that holds `words`.
+  bool IsTold(SocketClient& page, const std::string& words) {
+    for (int i = 0; i < 3000; ++i) {
+      const auto frame = page.ReadFrame();
+      if (!frame) return false;
+      if (frame->opcode == 1 && frame->payload.find("\"problem\"") != std::string::npos &&
+          frame->payload.find(words) != std::string::npos)
+        return true;
+    }
+    return false;
+  }
+
+ private:
+  std::string out_;
+  pid_t child_ = -1;
+  int port_ = 0;
+};
+
+#define REQUIRE_PAGE(session) \
+  if (session.port() == 0) GTEST_SKIP() << "this program was built without its page"
+
+TEST(View, BadFilesSavedOverTheModelAreToldAndEndNothing) {
+  const std::string model = Write("watched.xml", FingerModel());
+  Session session(model);
+  REQUIRE_PAGE(session);
+  SocketClient page(static_cast<unsigned short>(session.port()));
+  page.Upgrade();
+  Write("face_alone.obj", "f 1 2 3\n");
+  Write("watched.xml",
+        "<mujoco><asset><mesh name=\"m\" file=\"face_alone.obj\"/></asset><worldbody><body><joint/>"
+        "<geom type=\"mesh\" mesh=\"m\"/></body></worldbody></mujoco>");
+  EXPECT_TRUE(session.IsTold(page, "face_alone.obj"));
+  Write("watched.xml", "<mujoco><size nuser_body=\"2000000000\"/><worldbody/></mujoco>");
+  EXPECT_TRUE(session.IsTold(page, "nuser_body"));
+  fs::remove(model);
+  EXPECT_TRUE(session.IsTold(page, "is gone"));
+  fs::create_directory(model);
+  EXPECT_TRUE(session.Runs());
+  fs::remove(model);
+  Write("watched.xml", FingerModel());
+  EXPECT_TRUE(session.IsTold(page, "\"message\":\"\""));  // all is well again
+  EXPECT_EQ(session.End(SIGINT), 0);
+}
+
+TEST(View, AFolderInPlaceOfTheModelIsTold) {
+  const std::string model = Write("replaced.xml", FingerModel());
+  Session session(model);
+  REQUIRE_PAGE(session);
+  SocketClient page(static_cast<unsigned short>(session.port()));
+  page.Upgrade();
+  fs::remove(model);
+  fs::create_directory(model);
+  EXPECT_TRUE(session.IsTold(page, "is a folder now"));
+  EXPECT_EQ(session.End(SIGTERM), 0);
+  fs::remove(model);
+}
+
+std::optional<pid_t> ChildOf(pid_t parent) {
+  for (const auto& task : fs::directory_iterator("/proc/" + std::to_string(parent) + "/task"))
+    if (const std::string children = Slurp(task.path() / "children"); !children.empty())
+      return std::atoi(children.c_str());
+  return {};
+}
+
+// A chain that takes the reader a while.
+std::string SlowModel() {
+  std::string text = "<robot name=\"slow\"><link name=\"l0\"/>";
+  for (int i = 1; i < 700; ++i) {
+    const std::string n = std::to_string(i), before = std::to_string(i - 1);
+    text += "<link name=\"l" + n +
+            "\"><inertial><mass value=\"0.1\"/><inertia ixx=\"1e-3\" iyy=\"1e-3\" izz=\"1e-3\" "
+            "ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link><joint name=\"j" +
+            n +
+            "\" type=\"revolute\"><parent "
+            "link=\"l" +
+            before + "\"/><child link=\"l" + n +
+            "\"/><origin xyz=\"0.01 0 0\"/><axis xyz=\"0 1 0\"/>"
+            "<limit lower=\"-1\" upper=\"1\" effort=\"1\" velocity=\"1\"/></joint>\n";
+  }
+  return text + "</robot>";
+}
+
+TEST(View, AReaderThatCrashesIsTold) {
+  const std::string model = Write("crashing.xml", FingerModel());
+  Session session(model);
+  REQUIRE_PAGE(session);
+  SocketClient page(static_cast<unsigned short>(session.port()));
+  page.Upgrade();
+  Write("crashing.xml", SlowModel());
+  std::optional<pid_t> reader;
+  for (int i = 0; i < 3000 && !reader; ++i) {
+    usleep(10000);
+    reader = ChildOf(session.process());
+  }
+  ASSERT_TRUE(reader) << "the model is not read in a process of its own";
+  kill(*reader, SIGSEGV);
+  EXPECT_TRUE(session.IsTold(page, "brought its reader down"));
+  EXPECT_TRUE(session.Runs());
+}
+
+TEST(View, EndsWhileItReads) {
+  const std::string model = Write("ending.xml", FingerModel());
+  Session session(model);
+  REQUIRE_PAGE(session);
+  Write("ending.xml", SlowModel());
+  std::optional<pid_t> reader;
+  for (int i = 0; i < 3000 && !reader; ++i) {
+    usleep(10000);
+    reader = ChildOf(session.process());
+  }
+  ASSERT_TRUE(reader);
+  EXPECT_EQ(session.End(SIGINT), 0);
+  for (int i = 0; i < 1000 && kill(*reader, 0) == 0; ++i) usleep(10000);
+  EXPECT_NE(kill(*reader, 0), 0) << "the reader outlives its session";
+}
+
+}  // namespace
+}  // namespace fork1s::test

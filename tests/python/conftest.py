@@ -1,0 +1,30 @@
+"""Models that several tests share. The package under test is the installed one; scenes are the repository's."""
+
+from pathlib import Path
+
+import pytest
+
+import fork1s
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+
+
+@pytest.fixture(scope="session")
+def scenes() -> Path:
+    return SCENES
+
+
+@pytest.fixture(scope="session")
+def arm() -> fork1s.Model:
+    """Two rods of 1 m and 1 kg, elbow at a right angle, springs of 100 N·m/rad about z."""
+    return fork1s.load(SCENES / "two_link_arm.xml")
+
+
+@pytest.fixture(scope="session")
+def gripper() -> fork1s.Model:
+    return fork1s.load(SCENES / "fourbar_gripper.xml")
+
+
+@pytest.fixture(scope="session")
+def hand() -> fork1s.Model:
+    return fork1s.load(SCENES / "hand.xml", keyframe="open")

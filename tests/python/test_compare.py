@@ -1,0 +1,48 @@
+"""Beside the full-coordinate simulator and MuJoCo."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import fork1s
+
+
+def test_against_the_full_coordinates(scenes):
+    model = fork1s.load(scenes / "two_link_arm.xml", q={"elbow": 0.2})
+    answer = fork1s.compare(model, time=0.2, dt=1e-3)
+    # Two springs, two reduced coordinates: nothing was left out, and both steps are of first order.
+    finer = fork1s.compare(model, time=0.2, dt=2.5e-4)
+    assert answer.against == "full" and answer.bodies["forearm"].rms_mm < 0.2
+    assert 3 < answer.bodies["forearm"].rms_mm / finer.bodies["forearm"].rms_mm < 5
+    assert_allclose(answer.frequencies_reduced, answer.frequencies_full, rtol=1e-9)
+    trace = answer.traces["forearm"]
+    assert trace.reduced.shape == trace.other.shape == (len(answer.times), 3)
+    assert answer.times[0] == 0 and answer.times[-1] == pytest.approx(0.2)
+    sim = fork1s.Simulation(model, dt=1e-3)
+    sim.step(sim_steps := len(answer.times) - 1)
+    assert_allclose(trace.reduced[sim_steps], sim.pose("forearm")[:3, 3], atol=1e-12)
+
+
+def test_against_mujoco_with_controls(gripper, tmp_path):
+    ramp = {"time": [0, 0.2], "left_grip": [0, 0.2], "right_grip": [0, 0.2]}
+    answer = fork1s.compare(gripper, against="mujoco", time=0.2, controls=ramp)
+    assert answer.against == "mujoco" and answer.bodies["left_jaw"].max_mm < 1.0
+    path = tmp_path / "report.html"
+    answer.write_report(str(path))
+    assert "<svg" in path.read_text()
+    with pytest.raises(fork1s.FileError):
+        answer.write_report(str(tmp_path / "no" / "report.html"))
+
+
+def test_refusals(gripper, scenes):
+    with pytest.raises(fork1s.UsageError, match="'peer' is none of: full, mujoco"):
+        fork1s.compare(gripper, against="peer")
+    text = fork1s.load((scenes / "two_link_arm.xml").read_text())
+    with pytest.raises(fork1s.UsageError, match="MuJoCo runs an MJCF file as it stands"):
+        fork1s.compare(text, against="mujoco")
+    with pytest.raises(fork1s.UsageError, match="needs a column 'time'"):
+        fork1s.compare(gripper, controls={"left_grip": [1]})
+    with pytest.raises(fork1s.UsageError, match="'left_grip' has 1 values for 2 times"):
+        fork1s.compare(gripper, controls={"time": [0, 1], "left_grip": [1]})
+    with pytest.raises(fork1s.ModelError, match="thumb"):
+        fork1s.compare(gripper, controls={"time": np.array([0, 1]), "thumb": [1, 1]})

@@ -1,0 +1,170 @@
+"""Views that outlive their owner, counts of references, threads."""
+
+import gc
+import os
+import subprocess
+import sys
+import threading
+
+import numpy as np
+from numpy.testing import assert_array_equal
+
+import fork1s
+
+
+def test_views_outlive_everything(scenes):
+    model = fork1s.load(scenes / "hand.xml")
+    views = {name: getattr(model.matrices, name) for name in ("M", "D", "Q", "T", "q_ref")}
+    copies = {name: view.copy() for name, view in views.items()}
+    parts = views["T"][3, :, 2:5]
+    part = parts.copy()
+    del model
+    gc.collect()
+    noise = [np.full(10000, np.nan) for _ in range(200)]  # freed memory would be written over
+    for name in views:
+        assert_array_equal(views[name], copies[name])
+    assert_array_equal(parts, part)
+    del noise
+
+
+def test_parts_outlive_their_simulation(gripper):
+    controls = fork1s.Simulation(gripper).controls
+    gc.collect()
+    controls["left_grip"] = 0.2
+    assert controls["left_grip"] == 0.2
+    sim = fork1s.Simulation(gripper)
+    sim.step(40)
+    poses, contacts = sim.poses, sim.contacts
+    kept = poses.copy(), contacts.copy()
+    model = sim.model
+    del sim
+    gc.collect()
+    assert_array_equal(poses, kept[0])
+    assert_array_equal(contacts, kept[1])
+    assert model.name == "fourbar_gripper"
+
+
+def test_references_are_given_back(arm):
+    gc.collect()
+    before = sys.getrefcount(arm)
+    for _ in range(10):
+        sim = fork1s.Simulation(arm)
+        sim.model, sim.controls, sim.poses, arm.matrices.M, arm.mechanisms
+    del sim
+    gc.collect()
+    assert sys.getrefcount(arm) == before
+
+
+def resident() -> float:
+    with open("/proc/self/statm") as statm:
+        return int(statm.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def test_memory_is_given_back(gripper):
+    def use():
+        sim = fork1s.Simulation(gripper)
+        for _ in range(20):
+            sim.step()
+            sim.poses, sim.velocities, sim.contacts, sim.qpos
+
+    for _ in range(20):
+        use()
+    gc.collect()
+    before = resident()
+    for _ in range(200):
+        use()
+    gc.collect()
+    # Each holds a quarter of a megabyte; what the allocator keeps in between is less.
+    assert resident() - before < 15
+
+
+def test_nothing_is_left_at_the_end(scenes):
+    program = f"""
+import fork1s
+model = fork1s.load({str(scenes / "fourbar_gripper.xml")!r})
+sim = fork1s.Simulation(model)
+controls, poses, M = sim.controls, sim.poses, model.matrices.M
+try:
+    sim.pose("x")
+except fork1s.Error:
+    pass
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0 and "leaked" not in done.stderr, done.stderr
+
+
+def test_one_library_of_mujoco(scenes):
+    program = f"""
+import fork1s, mujoco, mujoco.rollout
+model = fork1s.load({str(scenes / "hand.xml")!r})
+fork1s.Simulation(model).step()
+mj = mujoco.MjModel.from_xml_path({str(scenes / "hand.xml")!r})
+mujoco.mj_step(mj, mujoco.MjData(mj))
+print({{line.split()[-1] for line in open("/proc/self/maps") if "/libmujoco.so" in line}})
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("libmujoco.so") == 1, done.stdout
+
+
+def test_simulations_on_threads_are_those_of_one(hand):
+    def run(results, place):
+        sim = fork1s.Simulation(hand)
+        sim.controls["palm.z"] = 0.001 * place
+        for _ in range(10):
+            sim.step(10)
+        results[place] = sim.hash()
+
+    alone, together = {}, {}
+    for place in range(4):
+        run(alone, place)
+    threads = [threading.Thread(target=run, args=(together, place)) for place in range(4)]
+    for t in threads:
+        t.start()
+    for t in threads:
+        t.join()
+    assert together == alone
+
+
+def test_one_simulation_on_threads(gripper):
+    sim = fork1s.Simulation(gripper)
+
+    def use():
+        for _ in range(50):
+            sim.step(2)
+            assert np.isfinite(sim.poses).all()
+            sim.controls["left_grip"] = 0.1
+
+    threads = [threading.Thread(target=use) for _ in range(4)]
+    for t in threads:
+        t.start()
+    for t in threads:
+        t.join()
+    assert sim.steps == 400
+
+
+def test_other_threads_run_while_it_steps(gripper):
+    sim = fork1s.Simulation(gripper)
+    counted = 0
+    stop = threading.Event()
+
+    def count():
+        nonlocal counted
+        while not stop.is_set():
+            counted += 1
+
+    thread = threading.Thread(target=count)
+    # Python hands its lock over every half second only, which the steps are far from taking, so the other thread
+    # counts when `step` gives it up.
+    interval = sys.getswitchinterval()
+    thread.start()
+    sys.setswitchinterval(0.5)
+    try:
+        before = counted
+        sim.step(1000)
+        during = counted - before
+    finally:
+        sys.setswitchinterval(interval)
+        stop.set()
+        thread.join()
+    assert during > 0

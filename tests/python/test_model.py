@@ -1,0 +1,145 @@
+"""What a model says before anything moves, against closed forms and against MuJoCo."""
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import fork1s
+
+
+def test_compliance_of_two_links(arm):
+    # Elbow and shoulder turn about z; the forearm's origin is the elbow, 1 m along x from the shoulder.
+    k = 100.0
+    shoulder = np.array([0, 0, 1, 0, 1, 0.0])  # twist of the forearm's origin per joint rate, angular first
+    elbow = np.array([0, 0, 1, 0, 0, 0.0])
+    expected = (np.outer(shoulder, shoulder) + np.outer(elbow, elbow)) / k
+    assert_allclose(arm.compliance("forearm"), expected, atol=1e-15)
+    assert arm.compliance("upper_arm", "forearm").shape == (12, 12)
+    assert arm.stiffness("forearm") is None  # it cannot be pushed along z
+
+
+def test_stiffness_is_the_inverse_where_it_exists():
+    springs = "".join(
+        f'<joint type="{kind}" axis="{axis}" stiffness="{k}"/>'
+        for kind, axis, k in [
+            ("slide", "1 0 0", 10), ("slide", "0 1 0", 20), ("slide", "0 0 1", 30),
+            ("hinge", "1 0 0", 1), ("hinge", "0 1 0", 2), ("hinge", "0 0 1", 3),
+        ]
+    )
+    model = fork1s.load(
+        f'<mujoco><worldbody><body name="b">{springs}<geom size=".1" mass="1"/></body></worldbody></mujoco>',
+        interface="b",
+    )
+    assert_allclose(model.stiffness("b"), np.diag([1, 2, 3, 10, 20, 30]), atol=1e-9)
+
+
+def test_frequencies_of_two_links(arm):
+    expected = np.array([7.5693, 19.8168]) / (2 * np.pi)  # docs/method.md, known answers
+    assert_allclose(arm.frequencies, expected, rtol=1e-5)
+    assert_allclose(arm.reduced_frequencies, expected, rtol=1e-5)
+
+
+def test_matrices_have_the_frequencies(arm):
+    m = arm.matrices
+    assert m.M.shape == m.D.shape == m.K.shape == (2, 2)
+    omega2 = np.sort(np.linalg.eigvals(np.linalg.solve(m.M, m.K)).real)
+    assert_allclose(np.sqrt(omega2), [7.5693, 19.8168], rtol=1e-5)
+    assert m.Q.shape == (2, 2) and m.q_ref.shape == (2,)
+    assert m.T.shape == (3, 6, 2)
+    # Twist of the forearm about the base's origin: both joints turn about z, the elbow 1 m along x.
+    screws = np.array([[0, 0, 1, 0, 0, 0], [0, 0, 1, 0, -1, 0.0]]).T
+    at_base = arm.mechanisms[0].bodies.index("forearm")
+    turn = m.T[at_base] @ np.linalg.inv(m.Q)
+    assert_allclose(turn[:3], screws[:3], atol=1e-12)
+    assert_allclose(turn[:, 1] - turn[:, 0], [0, 0, 0, 0, -1, 0], atol=1e-12)
+
+
+def test_matrices_are_views_that_nobody_may_change(arm):
+    m = arm.matrices
+    for name in ("M", "D", "Q", "T", "q_ref"):
+        array = getattr(m, name)
+        assert array.dtype == np.float64 and not array.flags.owndata
+        with pytest.raises(ValueError):
+            array[...] = 0
+        again = getattr(m, name)
+        assert array.__array_interface__["data"][0] == again.__array_interface__["data"][0]
+
+
+def test_poses_are_those_of_mujoco(scenes):
+    mj_model = mujoco.MjModel.from_xml_path(str(scenes / "hand.xml"))
+    mj_data = mujoco.MjData(mj_model)
+    mujoco.mj_resetDataKeyframe(mj_model, mj_data, 0)
+    mujoco.mj_kinematics(mj_model, mj_data)
+    sim = fork1s.Simulation(fork1s.load(scenes / "hand.xml", keyframe="open"))
+    compared = 0
+    for name, pose in zip(sim.bodies, sim.poses):
+        body = mujoco.mj_name2id(mj_model, mujoco.mjtObj.mjOBJ_BODY, name)
+        if body < 0:
+            continue
+        quaternion = mj_data.xquat[body]
+        # Loops and servos are none of MuJoCo's kinematics; the mechanism starts exactly at the keyframe.
+        assert_allclose(pose[:3], mj_data.xpos[body], atol=1e-12)
+        assert_allclose(pose[3:], quaternion * np.sign(quaternion[0]), atol=1e-12)
+        compared += 1
+    assert compared == 22
+
+
+def test_what_the_file_has(hand):
+    assert hand.format == "MJCF" and hand.name == "hand"
+    assert hand.interfaces == ["index_tip", "middle_tip", "ring_tip", "little_tip", "thumb_tip"]
+    assert "open" in hand.keyframes
+    assert any("timestep" in note for note in hand.notes)
+    assert "2 N·m/rad" in hand.holds["index_knuckle_flex"]
+    assert_allclose(hand.gravity, [0, 0, -9.81])
+    lower, upper, initial = hand.controls["index_knuckle_flex"]
+    assert lower < initial < upper
+
+
+def test_interface_and_modes(scenes):
+    model = fork1s.load(scenes / "hand.xml", interface=["index_tip", "thumb_tip"], modes=3)
+    assert model.interfaces == ["index_tip", "thumb_tip"]
+    assert model.matrices.num_modes == 3
+    one = fork1s.load(scenes / "hand.xml", interface="index_tip", modes=0)
+    assert one.interfaces == ["index_tip"] and one.matrices.num_modes == 0
+
+
+@pytest.mark.parametrize("how", ["path", "text", "MjModel", "MjSpec"])
+def test_every_source_is_the_same_model(scenes, how):
+    path = scenes / "fourbar_gripper.xml"
+    source = {
+        "path": lambda: path,
+        "text": path.read_text,
+        "MjModel": lambda: mujoco.MjModel.from_xml_path(str(path)),
+        "MjSpec": lambda: mujoco.MjSpec.from_file(str(path)),
+    }[how]()
+    expected = fork1s.Simulation(fork1s.load(path))
+    sim = fork1s.Simulation(fork1s.load(source))
+    for s in (expected, sim):
+        s.controls["left_grip"] = 0.3
+        s.step(30)
+    assert sim.hash() == expected.hash()
+
+
+def test_a_changed_mujoco_model_counts(scenes):
+    mj_model = mujoco.MjModel.from_xml_path(str(scenes / "two_link_arm.xml"))
+    mj_model.jnt_stiffness[:] *= 4
+    assert_allclose(
+        fork1s.load(mj_model).frequencies, 2 * fork1s.load(scenes / "two_link_arm.xml").frequencies, rtol=1e-12
+    )
+
+
+def test_start_and_gains(scenes):
+    start = fork1s.load(scenes / "two_link_arm.xml", q={"elbow": 0.5})
+    assert_allclose(fork1s.Simulation(start).qpos, [0, 0.5])
+    held = fork1s.load(scenes / "two_link_arm.xml", pd={"elbow": (300, 2)})
+    # The elbow's spring and gains are side by side: 400 N·m/rad turns the forearm alone.
+    assert_allclose(held.compliance("forearm")[2, 2], 1 / 100 + 1 / 400, rtol=1e-12)
+    stiff = fork1s.load(scenes / "two_link_arm.xml", stiffness_scale=9)
+    assert_allclose(stiff.frequencies, 3 * fork1s.load(scenes / "two_link_arm.xml").frequencies, rtol=1e-12)
+
+
+def test_scenes_of_the_package():
+    assert fork1s.load(fork1s.scene("hand")).name == "hand"
+    with pytest.raises(fork1s.UnknownNameError, match="fourbar_gripper, hand"):
+        fork1s.scene("none")

@@ -1,0 +1,158 @@
+"""Motion against closed forms; what the arrays mean."""
+
+import collections.abc
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import fork1s
+
+BALL = """<mujoco><worldbody>
+  <body name="ball" pos="0 0 5"><freejoint/><geom size=".1" mass="2"/></body>
+</worldbody></mujoco>"""
+
+BOX = """<mujoco><worldbody>
+  <geom type="plane" size="1 1 1"/>
+  <body name="box" pos="0 0 .05"><freejoint/><geom type="box" size=".1 .1 .05" mass="2"/></body>
+</worldbody></mujoco>"""
+
+SLIDER = """<mujoco><option gravity="0 0 0"/><worldbody>
+  <body name="cart"><joint name="slide" type="slide" axis="1 0 0" stiffness="50" damping="3"/>
+  <geom size=".1" mass="2" contype="0" conaffinity="0"/></body>
+</worldbody></mujoco>"""
+
+
+def test_free_fall():
+    sim = fork1s.Simulation(fork1s.load(BALL), dt=0.01)
+    report = sim.step(50)
+    assert report.steps == 50 and report.finite and report.contacts == 0
+    # A free body's origin moves by the mean of the velocities before and after a step: the parabola itself.
+    assert_allclose(sim.poses[0], [0, 0, 5 - 9.81 * 0.5**2 / 2, 1, 0, 0, 0], atol=1e-12)
+    assert_allclose(sim.velocities[0], [0, 0, 0, 0, 0, -9.81 * 0.5], atol=1e-12)
+    assert sim.time == pytest.approx(0.5) and sim.steps == 50 and sim.dt == 0.01
+    assert_allclose(sim.pose("ball"), [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, sim.poses[0, 2]], [0, 0, 0, 1]])
+
+
+def test_implicit_spring_and_push():
+    sim = fork1s.Simulation(fork1s.load(SLIDER, interface="cart"), dt=0.02)
+    x = v = 0.0
+    for n in range(40):
+        force = 7.0 if n < 25 else 0.0
+        if n == 0:
+            sim.push("cart", force=[7, 0, 0])
+            sim.step(25)
+        elif n >= 25:
+            sim.step()
+        # (m + h c + h² k) v⁺ = m v + h (f - k x)
+        v = (2 * v + 0.02 * (force - 50 * x)) / (2 + 0.02 * 3 + 0.02**2 * 50)
+        x += 0.02 * v
+    assert_allclose(sim.qpos, [x], rtol=1e-10)
+    assert_allclose(sim.qvel, [v], rtol=1e-10)
+    assert sim.coordinates == ["slide"]
+    assert sim.kinetic_energy == pytest.approx(v * v) and sim.potential_energy == pytest.approx(25 * x * x)
+
+
+def test_push_at_a_point_moves_with_the_body():
+    sim = fork1s.Simulation(fork1s.load(BALL), dt=0.001)
+    sim.push("ball", force=[0, 0, 2 * 9.81], torque=[0, 0, 0])
+    sim.push("ball", force=[0, 0, 0.01], point=[0.1, 0, 5])
+    sim.step()
+    inertia = 0.4 * 2 * 0.1**2
+    assert_allclose(sim.velocities[0], [0, -0.001 * 0.01 * 0.1 / inertia, 0, 0, 0, 0.001 * 0.005], atol=1e-12)
+    before = sim.velocities[0].copy()
+    sim.step()  # a push is for one call
+    assert_allclose(sim.velocities[0] - before, [0, 0, 0, 0, 0, -0.00981], atol=1e-9)
+
+
+def test_contacts_carry_the_weight():
+    sim = fork1s.Simulation(fork1s.load(BOX))
+    report = sim.step(120)
+    contacts = sim.contacts
+    assert contacts.dtype == fork1s.CONTACT and len(contacts) == report.contacts == 4
+    weight = contacts["force"].sum(axis=0)
+    assert_allclose(weight, [0, 0, 2 * 9.81], atol=19.62e-4)  # the contact solver's tolerance
+    box = sim.bodies.index("box")
+    assert_allclose(contacts["bodies"], [[-1, box]] * 4)
+    assert_allclose(contacts["normal"], [[0, 0, 1]] * 4, atol=1e-6)
+    assert_allclose(np.abs(contacts["point"][:, :2]), 0.1, atol=1e-6)
+    moment = np.cross(contacts["point"] - sim.poses[box, :3], contacts["force"]).sum(axis=0)
+    assert_allclose(moment, 0, atol=1e-4)
+
+
+def test_no_contacts_are_an_empty_array(arm):
+    contacts = fork1s.Simulation(arm).contacts
+    assert contacts.dtype == fork1s.CONTACT and contacts.shape == (0,)
+    assert contacts["force"].shape == (0, 3)
+
+
+def test_controls_are_a_mapping(gripper):
+    sim = fork1s.Simulation(gripper)
+    assert list(sim.controls) == ["left_grip", "right_grip"] == list(sim.controls.keys())
+    sim.controls["left_grip"] = 0.25
+    assert sim.controls["left_grip"] == 0.25 and "left_grip" in sim.controls and "x" not in sim.controls
+    sim.controls["right_grip"] = 9.0
+    assert sim.controls["right_grip"] == 0.5  # its limit
+    sim.controls.update({"left_grip": 0.1, "right_grip": -0.1})
+    assert dict(sim.controls.items()) == {"left_grip": 0.1, "right_grip": -0.1}
+    assert_allclose(sim.control_values, [0.1, -0.1])
+    sim.control_values = [0.2, 0.3]
+    assert_allclose(sim.control_values, [0.2, 0.3])
+    assert len(sim.controls) == 2 and isinstance(sim.controls, collections.abc.Mapping)
+
+
+def test_a_gripper_holds(gripper):
+    sim = fork1s.Simulation(gripper)
+    sim.controls.update({"left_grip": 0.5, "right_grip": 0.5})
+    sim.step(60)
+    cube = sim.bodies.index("cube")
+    pads = [c for c in sim.contacts if cube in c["bodies"] and -1 not in c["bodies"]]
+    assert len(pads) >= 2
+    assert sim.joint_gap < 1e-4
+
+
+def test_driven_base(hand):
+    sim = fork1s.Simulation(hand)
+    start = sim.pose("palm")[:3, 3]
+    for step in range(60):
+        sim.controls["palm.z"] = 0.05 * (step + 1) / 60
+        sim.step()
+    assert_allclose(sim.pose("palm")[:3, 3] - start, [0, 0, 0.05], atol=1e-9)
+
+
+def test_arrays_are_of_the_moment():
+    sim = fork1s.Simulation(fork1s.load(BALL))
+    before = sim.poses
+    kept = before.copy()
+    sim.step(10)
+    assert_allclose(before, kept)
+    before[:] = 0  # the caller's own
+    assert sim.poses[0, 2] > 4
+
+
+def test_detail_while_it_runs(gripper):
+    sim = fork1s.Simulation(gripper)
+    sim.step(5)
+    before = sim.poses
+    sim.set_detail("all", modes=0)
+    assert_allclose(sim.poses, before, atol=1e-9)
+    sim.step(5)
+    with pytest.raises(fork1s.ModelError, match="holds nothing at present"):
+        fork1s.Simulation(gripper).set_detail("object")
+
+
+def test_keyframe(scenes):
+    model = fork1s.load(scenes / "hand.xml")
+    opened = fork1s.Simulation(model, keyframe="open")
+    assert_allclose(opened.qpos[1], 0.9076)
+    with pytest.raises(fork1s.UnknownNameError, match="there is no keyframe 'shut'; there are: open"):
+        fork1s.Simulation(model, keyframe="shut")
+
+
+def test_same_bits_again(hand):
+    hashes = set()
+    for _ in range(2):
+        sim = fork1s.Simulation(hand)
+        sim.step(100)
+        hashes.add(sim.hash())
+    assert len(hashes) == 1

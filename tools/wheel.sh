@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# Makes a wheel that needs nothing but numpy and the package of MuJoCo, installs it into a fresh environment and runs
+# the tests of tests/python there.
+#
+#     tools/wheel.sh [--from BUILD]      the wheel lies in build/wheel/dist
+#
+# --from takes the libraries that are in a build folder, and compiles only what is missing there (./check: nothing).
+# Without it everything is built from nothing, as `pip install .` does.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+from=()
+python=$(command -v python3)
+if [ "${1:-}" = --from ]; then
+  cmake --build "$2" --target fork1s_wheel >/dev/null
+  from=(--config-settings cmake.source-dir=bindings/python/from_build
+    --config-settings cmake.define.FORK1S_BUILD="$(realpath "$2")")
+  # The module is for the Python that CMake found there.
+  python=$(sed -n 's/^_\?Python_EXECUTABLE:[A-Z]*=//p' "$2/CMakeCache.txt" | head -1)
+else
+  bash tools/setup.sh
+fi
+work=build/wheel
+mkdir -p "$work"
+
+# Tools stay, as they are pinned; a change of their versions makes them anew.
+if ! cmp -s tools/wheel.txt "$work/tools.txt" || [ ! -x "$work/tools/bin/python" ]; then
+  echo "wheel: installing its tools into $work/tools"
+  rm -rf "$work/tools"
+  "$python" -m venv "$work/tools"
+  "$work/tools/bin/pip" install --quiet --disable-pip-version-check -r tools/wheel.txt
+  cp tools/wheel.txt "$work/tools.txt"
+fi
+tools=$PWD/$work/tools/bin
+
+echo "wheel: building ($work/dist)"
+rm -rf "$work/raw" "$work/dist"
+if ! PATH="$tools:$PATH" "$tools/pip" wheel . --verbose --disable-pip-version-check --no-deps --no-build-isolation \
+  --wheel-dir "$work/raw" "${from[@]}" >"$work/build.log" 2>&1; then
+  cat "$work/build.log" >&2
+  exit 1
+fi
+# Takes in the libraries of the system, under names of their own; libmujoco stays with its package.
+PATH="$tools:$PATH" "$tools/auditwheel" repair --exclude 'libmujoco.so*' --wheel-dir "$work/dist" \
+  "$work"/raw/*.whl >"$work/repair.log" 2>&1 || { cat "$work/repair.log" >&2; exit 1; }
+
+echo "wheel: testing $(cd "$work/dist" && ls ./*.whl | sed 's|^./||') in a fresh environment"
+rm -rf "$work/fresh"
+"$python" -m venv --without-pip "$work/fresh"
+# With the tools' pip, which saves installing one.
+"$tools/pip" --python "$work/fresh/bin/python" install --quiet --disable-pip-version-check "$work"/dist/*.whl \
+  "$(grep '^pytest==' tools/wheel.txt)"
+env -u PYTHONPATH "$work/fresh/bin/python" -m pytest tests/python
