@@ -35,6 +35,7 @@ struct Measured {
   int steps_at_bound = 0, most_at_bound = 0;  // servos and motors that gave all they can
   bool contacts_dropped = false;
   std::int64_t failed_step = -1;
+  std::string impossible;  // what a step ended with that no mechanism does; empty: nothing
   LoadFactor load_min;  // of what was still there at the next look
   double load_min_time = 0;
   struct Switch {
@@ -85,6 +86,23 @@ class LoadWatch {
   LoadFactor before_;
 };
 
+// Numbers that are finite, or were a step ago, and mean nothing.
+std::string Impossible(const Simulation& simulation, double energy) {
+  std::string body;
+  double fastest = 0;
+  for (std::size_t b = 0; b < simulation.bodies().size(); ++b) {
+    if (simulation.bodies()[b].mechanism >= 0 && !simulation.bodies()[b].is_interface) continue;
+    const double speed = simulation.Velocity(static_cast<int>(b)).tail<3>().norm();
+    if (speed <= fastest) continue;
+    fastest = speed;
+    body = simulation.bodies()[b].name;
+  }
+  constexpr double kLight = 299792458;  // m/s
+  if (std::isfinite(energy) && fastest < kLight) return "";
+  return fmt::format("after {:.6g} s body '{}' moves at {:.3g} m/s, energy {:.3g} J", simulation.time(), body,
+                     fastest, energy);
+}
+
 Measured Simulate(Simulation& simulation, const RunArguments& args, std::int64_t steps,
                   const ControlTrack& track, const FidelityTrack& detail, std::optional<Recorder>& recorder,
                   Expected<void>& recorded) {
@@ -122,6 +140,7 @@ Measured Simulate(Simulation& simulation, const RunArguments& args, std::int64_t
     if (!args.no_load_factor) watch.Look(simulation, out);
     if (recorder)
       if (recorded = recorder->Append(simulation, report); !recorded) break;
+    if (out.impossible = Impossible(simulation, energy); !out.impossible.empty()) break;
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(steps));
   }
   return out;
@@ -311,6 +330,12 @@ int Run(const RunArguments& args) {
     Print(summary);
   if (!recorded) return Report(recorded.error(), false);
   if (!args.record.empty()) fmt::print(stderr, "recorded to {}\n", args.record);
+  if (!measured.impossible.empty())
+    return Report(
+        {ErrorCode::kNumerics, args.model.path,
+         measured.impossible + ": the motion has blown up. Try a smaller --dt, --integrator theta, more "
+                               "--modes, or controls that move more slowly"},
+        false);
   if (measured.failed_step >= 0)
     return Report(
         {ErrorCode::kNumerics, args.model.path,

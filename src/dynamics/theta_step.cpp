@@ -265,14 +265,18 @@ void MechanismDynamics::TurnAndMove(double h, double end) {
         state_.X_WR.rotation() * CenterOfParts(rigid_parts_, configuration_.kinematics);
 }
 
-// Whether springs came to hold so much more than foreseen that the step's kinetic energy cannot pay for it.
+// Whether springs came to hold so much more than foreseen that the motion of the joints cannot pay for it.
 bool MechanismDynamics::BendsTooMuch(double work) {
   const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.X_WR;
   const double potential = PotentialEnergyOn(X_WR, gravity_W_), missed = potential - potential_start_ + work;
+  double twice_kinetic = x_.dot(M_full_ * x_);
+  if (base_size_ > 0) {  // what the whole carries along as one rigid body is not the joints' to give
+    const Vector6 p = M_full_.topRows<6>() * x_;
+    twice_kinetic -= p.dot(SolvePositive(M_00_, p));
+  }
   // Sums of a hundred terms know no more digits than this.
   constexpr double kRounding = 1e-12;
-  return missed >
-         0.25 * x_.dot(M_full_ * x_) + kRounding * (std::abs(potential) + std::abs(potential_start_));
+  return missed > 0.25 * twice_kinetic + kRounding * (std::abs(potential) + std::abs(potential_start_));
 }
 
 // Adds `energy` to the kinetic energy along the relative velocity of the step; the momentum of the whole

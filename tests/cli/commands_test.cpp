@@ -101,6 +101,19 @@ TEST(Run, TakesAnIntegrator) {
   EXPECT_EQ(Fork1s("run --integrator leapfrog " + model).code, 2);
 }
 
+TEST(Run, SaysWhenAMotionBlowsUp) {
+  // Exit 4 and a sentence with time and body, not a table of what means nothing.
+  const std::string thrown =
+      Write("thrown.xml",
+            "<mujoco><worldbody><body name='stone'><freejoint/><geom size='.01' mass='1'/></body></worldbody>"
+            "<keyframe><key name='k' qvel='4e8 0 0 0 0 0'/></keyframe></mujoco>");
+  const Outcome o = Fork1s("run --time 1 --keyframe k " + thrown);
+  EXPECT_EQ(o.code, 4);
+  EXPECT_NE(o.err.find("'stone'"), std::string::npos) << o.err;
+  EXPECT_NE(o.err.find("blown up"), std::string::npos) << o.err;
+  EXPECT_NE(o.err.find("0.0166667 s"), std::string::npos) << o.err;
+}
+
 TEST(Record, ReplaysAndExports) {
   const std::string model = Write("finger.xml", FingerModel());
   const std::string file = (ScratchFolder() / "run.h5").string(), folder = (ScratchFolder() / "csv").string();

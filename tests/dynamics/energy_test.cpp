@@ -29,6 +29,8 @@ Gain LargestGain(unsigned seed, const RandomMechanismOptions& options, double sc
   if (definition.base == BaseKind::kFloating) V = random.Six(1);
   World::Options world_options;
   world_options.reduction.promote_hidden = true;
+  // What is left out follows its loads at rest and holds energy that a step of second order does not count.
+  if (integrator == Integrator::kTheta) world_options.reduction.modes = 100;
   World world = MustStart(definition, VectorX::Zero(n), q_dot, V, world_options);
   auto energy = [&] { return world.KineticEnergy() + world.PotentialEnergy(Vector3::Zero()); };
   const double start = energy();

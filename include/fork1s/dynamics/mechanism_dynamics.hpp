@@ -1,12 +1,12 @@
 // One reduced mechanism in motion: forces, the implicit operator, refresh.
 //
 // docs/method.md, section 5. With x = [ξ; w] (base twist where the base floats, reduced rates):
-//     A x⁺ = M x + h (f(z) + loads) + Jᵀλ,   A = M + h D + h² K, factored once between refreshes.
-// M, where the base floats, is that of the present pose: with a stale one a body in free fall would push its
-// own legs about, the harder the faster it moves. On other bases it is at most 1e-4 rad old. Forces,
-// velocity forces included, are evaluated at the present pose in joint coordinates and projected, f_z = Q(q)ᵀ
-// g(q): on trees this is -K z + F_u u exactly, with loops it carries the projector, and dead loads bring
-// their geometric stiffness.
+//     A x⁺ = M x + h (f(z) + loads) + Jᵀλ,   A = M + h D + h² K, factored in each step.
+// M is that of the present pose (twist mode: of the reference): with a stale one a body in free fall would push its
+// own legs about, the harder the faster it moves. Forces, velocity forces included, are evaluated at the present
+// pose in joint coordinates and projected, f_z = Q(q)ᵀ g(q): on trees this is -K z + F_u u exactly, with loops it
+// carries the projector, and dead loads bring their geometric stiffness. A step of second order has equations
+// of its own: theta_step.cpp.
 #pragma once
 
 #include <algorithm>
