@@ -4,7 +4,7 @@
 // constant (rigid_parts.hpp). J(z) maps rates of z to ẋ; joints confine the mean velocity of a step to what
 // the pose half way allows, z_m = z + (h/2) w:
 //     u  = M_m⁻¹ J_mᵀ ẋ                        the old velocity as that pose sees it
-//     M_m (w⁺ - u) = h f(z + h Th w̄) + J_cᵀλ,   w̄ = Th w⁺ + (1 - Th) u,   z⁺ = z + h w̄
+//     M_m (w⁺ - u) = h f(z + h Th w̄) + J_cᵀλ,   w̄ = w + Th (w⁺ + u - 2 w),   z⁺ = z + h w̄
 //     ẋ⁺ = J_m (w⁺ + u) - ẋ,   w at the end = M(z⁺)⁻¹ J(z⁺)ᵀ ẋ⁺
 // Since ẋ⁺ + ẋ = J_m (w⁺ + u), kinetic energy changes by what forces work, ½ h (w⁺ + u)·f, and by nothing
 // else, however far the pose turns; seeing ẋ⁺ from z⁺ can only lose what the joints cannot do. No velocity

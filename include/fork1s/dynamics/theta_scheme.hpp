@@ -3,7 +3,8 @@
 // Slow modes take the trapezoid, which keeps their energy; modes that a step cannot follow take implicit
 // Euler, which brings them to rest; in between the share rises with y = h ω:
 //     θ = ½ + ½ y⁴/(c⁴ + y⁴),  c = 1.2;   Th = V diag(θ) VᵀM,  (ω², V) = eig(K, M) at the reference
-//     w⁺ = u + h M⁻¹ f(z + h Th w̄),   w̄ = Th w⁺ + (1 - Th) u,   z⁺ = z + h w̄
+//     w⁺ = u + h M⁻¹ f(z + h Th w̄),   w̄ = w + Th (w⁺ + u - 2 w),   z⁺ = z + h w̄
+// with w the rate at the start and u the same as the pose half way sees it.
 #pragma once
 
 #include <fork1s/reduction/reduced_model.hpp>
