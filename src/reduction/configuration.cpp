@@ -1,4 +1,4 @@
-// The pose of reduced coordinates, loops closed along constant directions: docs/method.md, section 11.
+// The pose of reduced coordinates, loops closed along constant directions: docs/method.md, section 2.
 #include <fork1s/reduction/reduced_model.hpp>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Which share of a step's forces acts at its end: the modal theta rule (docs/method.md, section 10).
+// Which share of a step's forces acts at its end: the modal theta rule (docs/method.md, section 5).
 //
 // Slow modes take the trapezoid, which keeps their energy; modes that a step cannot follow take implicit
 // Euler, which brings them to rest; in between the share rises with y = h ω:

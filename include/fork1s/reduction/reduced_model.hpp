@@ -109,7 +109,7 @@ struct Configuration {
   bool has_factor = false;
 };
 
-/// q(z) = q_ref + Q z + q_perp - B µ with µ such that c(q) = 0 (docs/method.md, section 11): chords with the
+/// q(z) = q_ref + Q z + q_perp - B µ with µ such that c(q) = 0 (docs/method.md, section 2): chords with the
 /// factor at hand from the tangent of the last pose, a new factor where they gain too little, at most
 /// `max_corrections`; 0 leaves the loops open. Since B stays, Q_now = (1 - B (A B)⁻¹ A) Q is the derivative
 /// of the pose that is computed. Fills kinematics. No allocation.
