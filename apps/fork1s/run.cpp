@@ -124,7 +124,7 @@ Measured Simulate(Simulation& simulation, const RunArguments& args, std::int64_t
     }
     out.step_us.push_back(spent.count());
     out.contacts_max = std::max(out.contacts_max, report.contacts);
-    out.unconverged += report.solver.converged ? 0 : 1;
+    out.unconverged += report.solver.converged && report.minimum_found ? 0 : 1;
     out.fallbacks += report.solver.fallback ? 1 : 0;
     out.refreshes += report.refreshes;
     out.failed_refreshes += report.failed_refreshes;

@@ -12,15 +12,8 @@ double MechanismDynamics::KineticEnergy() const {
   double energy = 0;
   // By columns, so that no product has to be kept.
   for (Eigen::Index i = 0; i < x_.size(); ++i) energy += 0.5 * x_(i) * M_full_.col(i).dot(x_);
-  if (mechanism().base() == BaseKind::kDriven) {
-    Matrix6 M_00 = model_.M_00;
-    Matrix6X M_0z = model_.M_0z;
-    if (options_.recovery == Recovery::kExact) {
-      BaseInertia(mechanism(), configuration_.kinematics, M_00, M_0z);
-      M_0z = (M_0z * Q_now()).eval();
-    }
-    energy += state_.V_R.dot(M_0z * state_.w) + 0.5 * state_.V_R.dot(M_00 * state_.V_R);
-  }
+  if (mechanism().base() == BaseKind::kDriven)
+    energy += state_.V_R.dot(M_0z_ * state_.w) + 0.5 * state_.V_R.dot(M_00_ * state_.V_R);
   return energy;
 }
 

@@ -8,6 +8,7 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 #include <algorithm>
+#include <cmath>
 
 namespace fork1s {
 
@@ -35,6 +36,7 @@ void MechanismDynamics::MinimiseAtEnd(double h) {
   constexpr int kHalvings = 40;
   const int r = model_.size();
   minimised_ = true;
+  minimum_found_ = false;
   const VectorX turn = u_.tail(r) - w_before_;
   const MatrixX& D = model_.D;
   VectorX f(r), f_next(r), gradient(num_velocities()), step, x = x_, x_next, w(r);
@@ -64,8 +66,12 @@ void MechanismDynamics::MinimiseAtEnd(double h) {
     step = -gradient;
     factor_.SolveInPlace(step);
     const double slope = gradient.dot(step);
+    if (!std::isfinite(slope)) break;
     // Below the digits of φ.
-    if (!(slope < -1e-14 * (std::abs(value) + 0.5 * x.dot(M_full_ * x)))) break;
+    if (!(slope < -1e-14 * (std::abs(value) + 0.5 * x.dot(M_full_ * x)))) {
+      minimum_found_ = true;
+      break;
+    }
     double s = 1, next = 0;
     int halvings = 0;
     for (; halvings < kHalvings; ++halvings, s *= 0.5) {

@@ -41,14 +41,18 @@ double Growth(const MatrixX& M, const VectorX& K, const MatrixX& D, const ThetaS
   return GeneralSpectrumOf(map).values.cwiseAbs().maxCoeff();
 }
 
+void Multiply(const VectorX& K, ThetaScheme& s) {
+  s.K_Th = K.asDiagonal() * s.Th;
+  s.K_Th2 = s.K_Th * s.Th;
+  s.K_Th_rest = s.K_Th - s.K_Th2;
+}
+
 }  // namespace
 
 void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRange>& ranges, double step,
                        bool euler) {
   const int r = model.size();
   h = step;
-  is_euler = euler;
-  const MatrixX K = model.K_r.asDiagonal();
   Th = MatrixX::Identity(r, r);
   D_end = model.D;
   D_start = MatrixX::Zero(r, r);
@@ -58,12 +62,12 @@ void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRang
     for (const VelocityRange& run : ranges) {
       if (run.size == 0) continue;
       Cholesky factor;
-      // A mass matrix that is not positive is reported where the step factors it.
+      // The step factors the same matrix, fails there and is reported.
       if (!factor.Compute(M.block(run.begin, run.begin, run.size, run.size))) continue;
       const MatrixX L = factor.L().triangularView<Eigen::Lower>();
       const MatrixX L_inverse = L.triangularView<Eigen::Lower>().solve(MatrixX::Identity(run.size, run.size));
       const SymmetricSpectrum modes =
-          SpectrumOf(L_inverse * K.block(run.begin, run.begin, run.size, run.size) * L_inverse.transpose());
+          SpectrumOf(L_inverse * model.K_r.segment(run.begin, run.size).asDiagonal() * L_inverse.transpose());
       const VectorX theta =
           modes.values.unaryExpr([step](double w2) { return Theta(step * std::sqrt(std::max(w2, 0.0))); });
       const MatrixX V = L_inverse.transpose() * modes.vectors,
@@ -71,8 +75,7 @@ void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRang
       Th.block(run.begin, run.begin, run.size, run.size) = V * theta.asDiagonal() * back;
       root.block(run.begin, run.begin, run.size, run.size) = V * theta.cwiseSqrt().asDiagonal() * back;
     }
-    K_Th2 = K * Th * Th;
-    K_Th_rest = K * Th * (MatrixX::Identity(r, r) - Th);
+    Multiply(model.K_r, *this);
     for (const VelocityRange& run : ranges) {
       if (run.size == 0) continue;
       const int n = run.size;
@@ -87,9 +90,7 @@ void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRang
     }
     D_start = model.D - D_end;
   }
-  K_Th = K * Th;
-  K_Th2 = K_Th * Th;
-  K_Th_rest = K_Th - K_Th2;
+  if (euler) Multiply(model.K_r, *this);
 }
 
 }  // namespace fork1s

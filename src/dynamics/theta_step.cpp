@@ -13,6 +13,7 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 #include <cmath>
+#include <limits>
 
 namespace fork1s {
 namespace {
@@ -26,6 +27,14 @@ double SmallRoot(double a, double b, double d) {
   if (inside <= 0) return a > 0 ? -b / (2 * a) : 0;
   const double sum = b + std::copysign(std::sqrt(inside), b);
   return sum != 0 ? 2 * d / sum : 0;
+}
+
+// x <- A⁻¹ x. An A that is no inertia gives no number, which World::Step finds, takes back and reports.
+void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x) {
+  if (factor.Compute(A))
+    factor.SolveInPlace(x);
+  else
+    x.setConstant(std::numeric_limits<double>::quiet_NaN());
 }
 
 }  // namespace
@@ -64,7 +73,6 @@ void MechanismDynamics::Begin(double h, const Vector3& gravity_W, bool middle) {
     const Vector3 c = CenterOf(M_00_);
     center_W_ = state_.X_WR * c;
     linear_W_ = R * p.tail<3>();
-    spin_W_ = R * (p.head<3>() - c.cross(p.tail<3>()));
   }
   if (mechanism().base() == BaseKind::kDriven) {
     state_.V_R = Log(state_.X_WR.inverse() * driven_next_) / h;
@@ -108,8 +116,7 @@ void MechanismDynamics::PredictTheta(double h) {
   if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
   u_ = momentum_;
   if (num_velocities() > 0) {
-    inertia_factor_.Compute(M_full_);
-    inertia_factor_.SolveInPlace(u_);
+    SolveOrFail(inertia_factor_, M_full_, u_);
   }
   LoadForces(R_mW * gravity_W_, Vector6::Zero());
   if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
@@ -133,14 +140,13 @@ void MechanismDynamics::PredictTheta(double h) {
 // x* from the momenta and forces at hand.
 void MechanismDynamics::SolveFreeTheta(double h) {
   const int r = model_.size();
-  const bool euler = scheme_ == Scheme::kImpact || AnyAtBound();
-  ThetaScheme& rule = euler ? at_end_ : theta_;
+  all_at_end_ = scheme_ == Scheme::kImpact || AnyAtBound();
+  ThetaScheme& rule = all_at_end_ ? at_end_ : theta_;
   if (rule.h != h) {
     std::vector<VelocityRange> ranges = parts_;
     if (base_size_ > 0) ranges = {{0, r}};
-    rule.Fill(model_, ranges, h, euler);
+    rule.Fill(model_, ranges, h, all_at_end_);
   }
-  rule_ = &rule;
   if (!at_bound_.empty()) AddBoundedForces();
   if (num_velocities() == 0) return;
   impulse_.setZero(num_velocities());
@@ -167,20 +173,21 @@ void MechanismDynamics::SolveFreeTheta(double h) {
       for (const auto& [i, c] : limit.terms)
         rhs += (h * limit.stiffness * stretch * c) * model_.Q.row(i).transpose();
     }
-    if (euler) TakeBoundedSpringsOut(h);
+    if (all_at_end_) TakeBoundedSpringsOut(h);
   }
-  factor_.Compute(A_);
-  factor_.SolveInPlace(x_);
+  SolveOrFail(factor_, A_, x_);
 }
 
 // From the pose at which LoadForces found a servo's spring to where its force acts.
-double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, double h) const {
+double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, double h) {
   const int r = model_.size();
-  VectorX moved = z_before_ - state_.z;
-  const VectorX mean = rule_->Th * (x_.tail(r) + u_.tail(r) - 2 * w_before_) + w_before_;
-  moved.noalias() += h * (rule_->Th * mean);
+  f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_before_;
+  w_mean_.noalias() = rule().Th * f_turn_;
+  w_mean_ += w_before_;
+  f_used_ = z_before_ - state_.z;
+  f_used_.noalias() += h * (rule().Th * w_mean_);
   double stretch = 0;
-  for (const auto& [i, c] : limit.terms) stretch += c * Q_now().row(i).dot(moved);
+  for (const auto& [i, c] : limit.terms) stretch += c * Q_now().row(i).dot(f_used_);
   return stretch;
 }
 
@@ -192,18 +199,19 @@ void MechanismDynamics::IntegrateTheta(double h) {
   // An impact keeps gaps closed at the end velocity.
   const double end = scheme_ == Scheme::kImpact && pushed_ ? 1 : 0.5;
   minimised_ = false;
+  minimum_found_ = true;
   newton_steps_ = 0;
   double work = 0;  // of springs, weight and controls along the chord
   if (r > 0) {
     f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_before_;
-    w_mean_.noalias() = rule_->Th * f_turn_;
+    w_mean_.noalias() = rule().Th * f_turn_;
     w_mean_ += w_before_;
     // f(z + h Th w̄); what springs bend by within the step is what `work` then misses.
     f_used_ = z_before_ - state_.z;
-    f_used_.noalias() += h * (rule_->Th * w_mean_);
+    f_used_.noalias() += h * (rule().Th * w_mean_);
     f_used_ = f_z_ - f_wrench_ - model_.K_r.cwiseProduct(f_used_);
     work = h * w_mean_.dot(f_used_);
-    f_used_.noalias() = rule_->K_Th * w_mean_;
+    f_used_.noalias() = rule().K_Th * w_mean_;
     work += h * h * (w_mean_.dot(f_used_) - 0.5 * w_mean_.dot(model_.K_r.cwiseProduct(w_mean_)));
   }
   if (base_size_ > 0)
@@ -239,7 +247,7 @@ void MechanismDynamics::IntegrateTheta(double h) {
   }
   GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
   q_dot_ = q_dot_start_;
-  TakeVelocityAtEnd(work, w_mean_);
+  TakeVelocityAtEnd(work);
 }
 
 // Pose at the end of the step from w_mean_ and x_: from the middle, to which elsewhere_ then belongs. The
@@ -249,11 +257,12 @@ void MechanismDynamics::TurnAndMove(double h, double end) {
   state_.z = z_before_;
   if (model_.size() > 0) state_.z += h * w_mean_;
   state_.X_WR = mechanism().base() == BaseKind::kDriven ? driven_next_ : X_WR_before_;
+  Vector3 center_end = Vector3::Zero();  // m, world axes
   if (base_size_ > 0) {
     const Vector3 pushed = R_m * (M_full_.middleRows<3>(3) * x_ - momentum_.segment<3>(3));
-    base_motion_.turn = h * (R_m * (end * x_.head<3>() + (1 - end) * u_.head<3>()));
-    base_motion_.center_end = center_W_ + h / M_00_(5, 5) * (linear_W_ + end * pushed);
-    state_.X_WR.rotation() = ExpRotation(base_motion_.turn) * state_.X_WR.rotation();
+    const Vector3 turn = h * (R_m * (end * x_.head<3>() + (1 - end) * u_.head<3>()));
+    center_end = center_W_ + h / M_00_(5, 5) * (linear_W_ + end * pushed);
+    state_.X_WR.rotation() = ExpRotation(turn) * state_.X_WR.rotation();
     state_.X_WR.Orthonormalize();
   }
   std::swap(configuration_, elsewhere_);
@@ -261,17 +270,17 @@ void MechanismDynamics::TurnAndMove(double h, double end) {
   Configure(model_, state_, configuration_);
   if (base_size_ > 0)
     state_.X_WR.translation() =
-        base_motion_.center_end -
-        state_.X_WR.rotation() * CenterOfParts(rigid_parts_, configuration_.kinematics);
+        center_end - state_.X_WR.rotation() * CenterOfParts(rigid_parts_, configuration_.kinematics);
 }
 
 // Whether springs came to hold so much more than foreseen that the motion of the joints cannot pay for it.
 bool MechanismDynamics::BendsTooMuch(double work) {
   const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.X_WR;
   const double potential = PotentialEnergyOn(X_WR, gravity_W_), missed = potential - potential_start_ + work;
-  double twice_kinetic = x_.dot(M_full_ * x_);
+  solved_.noalias() = M_full_ * x_;
+  double twice_kinetic = x_.dot(solved_);
   if (base_size_ > 0) {  // what the whole carries along as one rigid body is not the joints' to give
-    const Vector6 p = M_full_.topRows<6>() * x_;
+    const Vector6 p = solved_.head<6>();
     twice_kinetic -= p.dot(SolvePositive(M_00_, p));
   }
   // Sums of a hundred terms know no more digits than this.
@@ -281,27 +290,26 @@ bool MechanismDynamics::BendsTooMuch(double work) {
 
 // Adds `energy` to the kinetic energy along the relative velocity of the step; the momentum of the whole
 // stays.
-void MechanismDynamics::MatchWork(double energy, const VectorX& w_mean) {
-  rhs_.tail(model_.size()) = w_mean;
-  if (base_size_ > 0) rhs_.head<6>() = -SolvePositive(M_00_, M_0z_ * w_mean);
+void MechanismDynamics::MatchWork(double energy) {
+  rhs_.tail(model_.size()) = w_mean_;
+  if (base_size_ > 0) rhs_.head<6>() = -SolvePositive(M_00_, M_0z_ * w_mean_);
   solved_.noalias() = M_full_ * rhs_;  // base rows 0: no momentum
   x_ += SmallRoot(0.5 * solved_.dot(rhs_), solved_.dot(x_), energy) * rhs_;
 }
 
 // The velocity that ẋ⁺ leaves at the new pose, tau_ and F_parts_ its momentum, with the momentum of the whole
 // kept to rounding and the work of the chord corrected to the potential's true change.
-void MechanismDynamics::TakeVelocityAtEnd(double work, const VectorX& w_mean) {
+void MechanismDynamics::TakeVelocityAtEnd(double work) {
   const int r = model_.size();
   if (num_velocities() == 0) return;
   if (r > 0) momentum_.tail(r).noalias() = Q_now().transpose() * tau_;
   if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
   x_ = momentum_;
-  inertia_factor_.Compute(M_full_);
-  inertia_factor_.SolveInPlace(x_);
+  SolveOrFail(inertia_factor_, M_full_, x_);
   // What is known of the energy: truncated modes follow their loads at rest and take part in it unseen.
   if (r > 0 && !model_.has_complement && !minimised_) {
     const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.X_WR;
-    MatchWork(potential_start_ - PotentialEnergyOn(X_WR, gravity_W_) - work, w_mean);
+    MatchWork(potential_start_ - PotentialEnergyOn(X_WR, gravity_W_) - work);
   }
   state_.w = x_.tail(r);
   if (base_size_ > 0) state_.V_R = x_.head<6>();

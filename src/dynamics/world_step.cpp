@@ -25,8 +25,10 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
                 }
               });
   if (by_theta_)
-    for (const MechanismDynamics& m : mechanisms_)
+    for (const MechanismDynamics& m : mechanisms_) {
       report.newton_steps = std::max(report.newton_steps, m.NewtonSteps());
+      report.minimum_found = report.minimum_found && m.FoundMinimum();
+    }
   for (const MechanismBlock& block : mechanism_blocks_) {
     report.refreshes += block.refreshed > 0 ? 1 : 0;
     report.failed_refreshes += block.refreshed < 0 ? 1 : 0;

@@ -57,19 +57,8 @@ void MassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, Matrix
   FillMassMatrix(mechanism, kinematics, composite, M);
 }
 
-void FloatingMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics,
-                        std::vector<Matrix6>& scratch, MatrixX& M, Matrix6& M_00, Matrix6X& M_0q) {
-  BaseInertia(mechanism, kinematics, scratch, M_00, M_0q);
-  FillMassMatrix(mechanism, kinematics, scratch, M);
-}
-
 void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, Matrix6& M_00, Matrix6X& M_0q) {
-  std::vector<Matrix6> scratch;
-  BaseInertia(mechanism, kinematics, scratch, M_00, M_0q);
-}
-
-void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& composite,
-                 Matrix6& M_00, Matrix6X& M_0q) {
+  std::vector<Matrix6> composite;
   CompositeInertia(mechanism, kinematics, composite);
   M_00 = composite[0];
   M_0q.resize(6, mechanism.num_coordinates());

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <fork1s/recovery/recover.hpp>
 
+#include "integrator_fits.hpp"
+
 namespace fork1s {
 
 Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& options) {
@@ -14,6 +16,8 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.dt_ = options.dt > 0 ? options.dt : scene.timestep;
   if (!(s.dt_ > 0) || !std::isfinite(s.dt_))
     return Fail(ErrorCode::kModel, "scene '" + scene.name + "'", "needs a time step above 0 s");
+  if (auto fits = internal::IntegratorFits(options.step.integrator, options.recovery); !fits)
+    return tl::unexpected(fits.error());
   s.step_options_ = options.step;
   s.step_options_.h = s.dt_;
   s.step_options_.gravity = scene.gravity;

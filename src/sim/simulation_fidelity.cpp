@@ -6,6 +6,7 @@
 #include <fork1s/mechanism/kinematics.hpp>
 
 #include "hold.hpp"
+#include "integrator_fits.hpp"
 
 namespace fork1s {
 
@@ -106,6 +107,7 @@ KeyframeDef Simulation::State() const {
 
 Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vector<Hold>& known_holds) {
   if (fidelity == fidelity_) return {};
+  if (auto fits = internal::IntegratorFits(step_options_.integrator, fidelity.recovery); !fits) return fits;
   std::vector<Hold> holds;
   if (fidelity.level == DetailLevel::kObject) {
     holds = holds_.empty() ? known_holds : holds_;

@@ -26,17 +26,20 @@ TEST(WorldAllocation, NoneInAStep) {
   scene.free_bodies.push_back(testing::BallBody("ball", 0.1, 0.05, Vector3(1, 1, 0.05), 0.8));
   scene.free_bodies.push_back(
       testing::BoxBody("box", 1, Vector3(0.05, 0.05, 0.05), Vector3(2, 0.1, 0.18), 0.8));
-  World world = testing::MustCreate(scene);
-  StepOptions step;
-  step.refresh = false;
-  for (int i = 0; i < 30; ++i) world.Step(step);
-  int contacts = 0;
-  const long before = allocations.load();
-  EXPECT_EQ(before > 0, testing::kCountsAllocations);
-  for (int i = 0; i < 60; ++i) contacts += world.Step(step).contacts;
-  const long after = allocations.load();
-  EXPECT_EQ(after, before);
-  EXPECT_GT(contacts, 60);
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
+    World world = testing::MustCreate(scene);
+    StepOptions step;
+    step.integrator = integrator;
+    step.refresh = false;
+    for (int i = 0; i < 30; ++i) world.Step(step);
+    int contacts = 0;
+    const long before = allocations.load();
+    EXPECT_EQ(before > 0, testing::kCountsAllocations);
+    for (int i = 0; i < 60; ++i) contacts += world.Step(step).contacts;
+    const long after = allocations.load();
+    EXPECT_EQ(after, before);
+    EXPECT_GT(contacts, 60);
+  }
 }
 
 }  // namespace

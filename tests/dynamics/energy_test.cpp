@@ -41,6 +41,7 @@ Gain LargestGain(unsigned seed, const RandomMechanismOptions& options, double sc
   for (int i = 0; i < 300; ++i) {
     const StepReport report = world.Step(step);
     EXPECT_TRUE(report.finite);
+    EXPECT_TRUE(report.minimum_found);
     const double now = energy();
     gain.above_start = std::max(gain.above_start, (now - start) / start);
     gain.step = std::max(gain.step, (now - before) / start);

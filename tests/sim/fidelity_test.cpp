@@ -172,5 +172,20 @@ TEST(FidelityTrack, RefusesWhatItCannotRead) {
   }
 }
 
+TEST(Fidelity, ThetaAndTwistDoNotMix) {
+  SimulationOptions options;
+  options.step.integrator = Integrator::kTheta;
+  options.recovery = Recovery::kTwist;
+  const Scene scene = Gripper().Make();
+  auto refused = Simulation::Create(scene, options);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kUsage);
+  options.recovery = Recovery::kExact;
+  auto simulation = Simulation::Create(scene, options);
+  ASSERT_TRUE(simulation);
+  EXPECT_FALSE(simulation->SetFidelity({DetailLevel::kInterface, -1, Recovery::kTwist}));
+  EXPECT_TRUE(simulation->SetFidelity({DetailLevel::kAll, -1, Recovery::kExact}));
+}
+
 }  // namespace
 }  // namespace fork1s

@@ -111,6 +111,8 @@ class MechanismDynamics {
   /// Newton iterations of the last step beyond the first: where forces bent more within it than one could
   /// follow.
   int NewtonSteps() const { return newton_steps_; }
+  /// False where those iterations ended short of the minimum.
+  bool FoundMinimum() const { return minimum_found_; }
   /// Takes the free velocity back, before Integrate.
   void Revert();
   /// Phase 2: moves the state by x⁺ over h and brings poses up to date.
@@ -171,10 +173,11 @@ class MechanismDynamics {
   bool BendsTooMuch(double work);
   void MinimiseAtEnd(double h);
   double EndForces(VectorX& f_z);
-  void TakeVelocityAtEnd(double work, const VectorX& w_mean);
-  void MatchWork(double energy, const VectorX& w_mean);
+  const ThetaScheme& rule() const { return all_at_end_ ? at_end_ : theta_; }
+  void TakeVelocityAtEnd(double work);
+  void MatchWork(double energy);
   double PotentialEnergyOn(const RigidTransform& X_WR, const Vector3& gravity_W) const;
-  double StretchToForce(const Mechanism::ForceLimit& limit, double h) const;
+  double StretchToForce(const Mechanism::ForceLimit& limit, double h);
   double LargestTurn(const VectorX& since) const;
   void Advance(double h, const Vector6& V_start, const Vector6& by_pose);
   void AdvanceShortened(double h, double s);
@@ -255,7 +258,7 @@ class MechanismDynamics {
   enum class Scheme { kEuler, kMiddle, kImpact };
   Scheme scheme_ = Scheme::kEuler;
   ThetaScheme theta_, at_end_;         // the modal rule, and all forces at the end
-  const ThetaScheme* rule_ = nullptr;  // of the two, in this step
+  bool all_at_end_ = false;            // which of the two this step takes
   Configuration elsewhere_;            // of the pose that configuration_ is not at
   MaterialVelocities start_velocity_, other_velocity_;
   Cholesky inertia_factor_;
@@ -266,11 +269,9 @@ class MechanismDynamics {
   Vector6 base_wrench_;
   VectorX impulse_;            // num_velocities: of contact and limits in this step
   bool minimised_ = false;     // this step
+  bool minimum_found_ = true;  // in this step, where one was sought
   int newton_steps_ = 0;       // beyond the first, in this step
-  struct BaseMotion {          // of a floating base over a step, world axes
-    Vector3 turn, center_end;  // rad; m
-  } base_motion_;
-  Vector3 center_W_, spin_W_, linear_W_;  // of a floating mechanism: centre of mass, momentum
+  Vector3 center_W_, linear_W_;           // of a floating mechanism: centre of mass [m], momentum [N·s]
   double potential_start_ = 0;            // J
   RigidTransform
       weighed_on_;  // where a driven base stands while weights work, so that its own way counts for none

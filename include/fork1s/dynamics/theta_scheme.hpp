@@ -19,7 +19,6 @@ struct VelocityRange {
 /// Operators of the rule for one step length, all r x r. Euler: Th = 1.
 struct ThetaScheme {
   double h = -1;  // s; -1: nothing computed
-  bool is_euler = false;
   MatrixX Th;
   MatrixX K_Th;            // K Th
   MatrixX K_Th2;           // K Th²: stiffness in the operator

@@ -51,6 +51,7 @@ struct StepReport {
   int failed_refreshes = 0;
   bool contacts_dropped = false;  // the collision detector ran out of room
   int newton_steps = 0;           // beyond the first, of the mechanism that took most; second order only
+  bool minimum_found = true;      // false: those ended short of the end of the step that they sought
   bool impact = false;            // something closed a gap at speed: the step took its forces at its end
   bool finite = true;             // false: the step was undone and the state is that before it
 };

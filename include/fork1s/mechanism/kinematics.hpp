@@ -47,12 +47,6 @@ double ClosureGap(const Mechanism& mechanism, const Kinematics& kinematics, cons
 void MassMatrix(const Mechanism& mechanism, const Kinematics& kinematics, MatrixX& M);
 /// Inertia of the whole mechanism about R's origin (6 x 6) and its coupling to the joints (6 x n).
 void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, Matrix6& M_00, Matrix6X& M_0q);
-/// The same with scratch that is reused (one 6 x 6 a body), so that nothing is allocated.
-void BaseInertia(const Mechanism& mechanism, const Kinematics& kinematics, std::vector<Matrix6>& scratch,
-                 Matrix6& M_00, Matrix6X& M_0q);
-/// Joint-space mass matrix (n x n) and both of the above in one pass, without allocation.
-void FloatingMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics,
-                        std::vector<Matrix6>& scratch, MatrixX& M, Matrix6& M_00, Matrix6X& M_0q);
 /// Subtracts from F the wrenches that keep every body on its present course: centrifugal and Coriolis forces
 /// of the joint rates q_dot and of the base twist V_R at zero acceleration of ξ and joint accelerations
 /// q_ddot (n). Joints of several freedoms bring the rate of their dexp. `V` (6 x bodies) and `A` are scratch.
