@@ -131,6 +131,7 @@ Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const H
   if (!scene) return tl::unexpected(scene.error());
   SimulationOptions options;
   options.dt = scenario.dt;
+  options.step.integrator = scenario.integrator;
   options.initial_keyframe = 0;
   auto created = Simulation::Create(std::move(*scene), options);
   if (!created) return tl::unexpected(created.error());

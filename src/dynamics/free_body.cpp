@@ -28,19 +28,7 @@ void FreeBody::Predict(double h, const Vector3& gravity_W) {
   velocity_before_ = velocity_;
   velocity_ += h * (weight_share_ * gravity_W + force_W_ / inertia_.mass);
   omega_B_before_ = omega_B_;
-  // I (ω⁺ - ω)/h + ω̄ x I ω̄ = τ with ω̄ the mean: keeps energy and momentum of a tumbling body.
-  const Matrix3& I = inertia_.rotational;
-  const Vector3 torque = X_WB_.rotation().transpose() * moment_W_;
-  Vector3 next = omega_B_;
-  for (int i = 0; i < 8; ++i) {
-    const Vector3 mean = 0.5 * (omega_B_ + next);
-    const Vector3 residual = I * (next - omega_B_) + h * (mean.cross(I * mean) - torque);
-    const Matrix3 jacobian = I + 0.5 * h * (Skew(mean) * I - Skew(I * mean));
-    const Vector3 step = jacobian.inverse() * residual;
-    next -= step;
-    if (step.squaredNorm() < 1e-28 * (1 + next.squaredNorm())) break;
-  }
-  omega_B_ = next;
+  omega_B_ = TurnFreely(inertia_.rotational, omega_B_, X_WB_.rotation().transpose() * moment_W_, h);
   force_W_.setZero();
   moment_W_.setZero();
 }
@@ -84,7 +72,7 @@ void FreeBody::Begin(double h, bool middle) {
 void FreeBody::Integrate(double h) {
   // Free flight follows its parabola by the mean velocity. Contact asks that gaps stay closed at the end
   // velocity.
-  const double start = pushed_ && !at_middle_ ? 0 : 0.5, end = 1 - start;
+  const double start = pushed_ ? 0 : 0.5, end = 1 - start;
   if (begun_) X_WB_ = X_WB_before_;
   begun_ = at_middle_ = false;
   const Vector3 center = center_W() + h * (start * velocity_before_ + end * velocity_);

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace fork1s {
 
@@ -33,11 +34,12 @@ double MechanismDynamics::EndForces(VectorX& f_z) {
 
 void MechanismDynamics::MinimiseAtEnd(double h) {
   constexpr int kMost = 50;
+  constexpr double kRounding = 1e-13;  // potentials are sums of a hundred terms
   constexpr int kHalvings = 40;
   const int r = model_.size();
   minimised_ = true;
   minimum_found_ = false;
-  const VectorX turn = u_.tail(r) - w_before_;
+  const VectorX turn = u_.tail(r) - w_start_;
   const MatrixX& D = model_.D;
   VectorX f(r), f_next(r), gradient(num_velocities()), step, x = x_, x_next, w(r);
   // From where nothing has bent yet.
@@ -67,8 +69,9 @@ void MechanismDynamics::MinimiseAtEnd(double h) {
     factor_.SolveInPlace(step);
     const double slope = gradient.dot(step);
     if (!std::isfinite(slope)) break;
-    // Below the digits of φ.
-    if (!(slope < -1e-14 * (std::abs(value) + 0.5 * x.dot(M_full_ * x)))) {
+    // Below the digits of φ, or of any number.
+    const double size = std::abs(value) + std::abs(potential_start_) + 0.5 * x.dot(M_full_ * x);
+    if (!(slope < -kRounding * size - std::numeric_limits<double>::min())) {
       minimum_found_ = true;
       break;
     }

@@ -1,10 +1,11 @@
 // The step of second order: docs/method.md, section 5.
 //
-// Material moves straight on in the coordinates x = (axes, centre) of every rigid part, where inertia is
-// constant (rigid_parts.hpp). J(z) maps rates of z to ẋ; joints confine the mean velocity of a step to what
-// the pose half way allows, z_m = z + (h/2) w:
+// ẋ are velocities of the centre and, in its own axes, of the turn of every rigid part: inertia is constant
+// there, and a part left alone keeps its energy (rigid_parts.hpp). J(z) maps rates of z to ẋ; joints confine
+// the mean velocity of a step to what the pose half way allows, z_m = z + (h/2) w, ẋ having turned with it:
 //     u  = M_m⁻¹ J_mᵀ ẋ                        the old velocity as that pose sees it
 //     M_m (w⁺ - u) = h f(z + h Th w̄) + J_cᵀλ,   w̄ = w + Th (w⁺ + u - 2 w),   z⁺ = z + h w̄
+// (on a driven base w there is that beside the base's own motion of the start: w_start_)
 //     ẋ⁺ = J_m (w⁺ + u) - ẋ,   w at the end = M(z⁺)⁻¹ J(z⁺)ᵀ ẋ⁺
 // Since ẋ⁺ + ẋ = J_m (w⁺ + u), kinetic energy changes by what forces work, ½ h (w⁺ + u)·f, and by nothing
 // else, however far the pose turns; seeing ẋ⁺ from z⁺ can only lose what the joints cannot do. No velocity
@@ -17,6 +18,9 @@
 
 namespace fork1s {
 namespace {
+
+// Of potential energies: sums of a hundred terms know no more digits than this.
+constexpr double kRounding = 1e-13;
 
 // Centre of mass in R of an inertia about R's origin.
 Vector3 CenterOf(const Matrix6& M_00) { return Vector3(M_00(2, 4), M_00(0, 5), M_00(1, 3)) / M_00(5, 5); }
@@ -43,6 +47,8 @@ void MechanismDynamics::SizeTheta() {
   const int r = model_.size(), n = model_.num_coordinates();
   theta_.h = at_end_.h = -1;
   u_.setZero(num_velocities());
+  contact_shift_.setZero(num_velocities());
+  w_start_.setZero(r);
   q_dot_start_.setZero(n);
   w_mean_.setZero(r);
   f_used_.setZero(r);
@@ -54,6 +60,7 @@ void MechanismDynamics::SizeTheta() {
 void MechanismDynamics::Begin(double h, const Vector3& gravity_W, bool middle) {
   FORK1S_REQUIRE(options_.recovery == Recovery::kExact);
   scheme_ = middle ? Scheme::kMiddle : Scheme::kImpact;
+  touches_ = false;
   gravity_W_ = gravity_W;
   guard_ = false;
   z_before_ = state_.z;
@@ -81,7 +88,10 @@ void MechanismDynamics::Begin(double h, const Vector3& gravity_W, bool middle) {
   } else {
     potential_start_ = PotentialEnergy(gravity_W);
   }
-  if (middle) MoveToMiddle(h);
+  if (middle) {
+    TurnFreely(rigid_parts_, 0.5 * h, start_velocity_);
+    MoveToMiddle(h);
+  }
 }
 
 void MechanismDynamics::MoveToMiddle(double h) {
@@ -91,9 +101,16 @@ void MechanismDynamics::MoveToMiddle(double h) {
   if (base_size_ > 0)
     state_.X_WR.rotation() = state_.X_WR.rotation() * ExpRotation(0.5 * h * state_.V_R.head<3>());
   UpdateConfiguration();
-  if (base_size_ > 0)
-    state_.X_WR.translation() =
-        center_W_ + 0.5 * h / M_00_(5, 5) * linear_W_ - state_.X_WR.rotation() * CenterOf(M_00_);
+  if (base_size_ == 0) return;
+  const Matrix3& R = state_.X_WR.rotation();
+  const Vector3 center = CenterOf(M_00_);
+  state_.X_WR.translation() = center_W_ + 0.5 * h / M_00_(5, 5) * linear_W_ - R * center;
+  // The same angular rate and momentum in the axes that have turned meanwhile: what contacts see approach.
+  const Vector3 omega = R.transpose() * (X_WR_before_.rotation() * V_R_before_.head<3>());
+  Vector3 of_joints = Vector3::Zero();
+  if (model_.size() > 0) of_joints.noalias() = M_0z_.bottomRows<3>() * state_.w;
+  state_.V_R << omega, (R.transpose() * linear_W_ - of_joints) / M_00_(5, 5) - omega.cross(center);
+  x_.head<6>() = state_.V_R;
 }
 
 // u and the forces of the pose half way.
@@ -118,6 +135,21 @@ void MechanismDynamics::PredictTheta(double h) {
   if (num_velocities() > 0) {
     SolveOrFail(inertia_factor_, M_full_, u_);
   }
+  if (r > 0) {
+    if (scheme_ == Scheme::kImpact) {
+      w_start_ = u_.tail(r);
+    } else {
+      w_start_ = w_before_;
+      if (mechanism().base() == BaseKind::kDriven) {
+        // Half of what the change of the base's twist brings has come by the start, the other half comes by
+        // the end.
+        f_turn_.noalias() = M_0z_.transpose() * (V_R_before_ - state_.V_R);
+        inertia_factor_.SolveInPlace(f_turn_);
+        w_start_ += 0.5 * f_turn_;
+      }
+    }
+    contact_shift_.tail(r) = u_.tail(r) - w_start_;
+  }
   LoadForces(R_mW * gravity_W_, Vector6::Zero());
   if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
   f_wrench_.setZero();
@@ -140,7 +172,7 @@ void MechanismDynamics::PredictTheta(double h) {
 // x* from the momenta and forces at hand.
 void MechanismDynamics::SolveFreeTheta(double h) {
   const int r = model_.size();
-  all_at_end_ = scheme_ == Scheme::kImpact || AnyAtBound();
+  all_at_end_ = scheme_ == Scheme::kImpact || touches_ || AnyAtBound();
   ThetaScheme& rule = all_at_end_ ? at_end_ : theta_;
   if (rule.h != h) {
     std::vector<VelocityRange> ranges = parts_;
@@ -160,10 +192,10 @@ void MechanismDynamics::SolveFreeTheta(double h) {
     // f at z + h Th w̄ from f at the pose half way.
     f_used_ = z_before_ - state_.z;
     rhs -= h * model_.K_r.cwiseProduct(f_used_);
-    f_turn_ = u_.tail(r) - w_before_;
-    rhs.noalias() -= (h * h) * (rule.K_Th_rest * w_before_);
+    f_turn_ = u_.tail(r) - w_start_;
+    rhs.noalias() -= (h * h) * (rule.K_Th_rest * w_start_);
     rhs.noalias() -= (h * h) * (rule.K_Th2 * f_turn_);
-    rhs.noalias() -= h * (rule.D_start * w_before_);
+    rhs.noalias() -= h * (rule.D_start * w_start_);
     rhs.noalias() -= h * (rule.D_end * f_turn_);
     for (std::size_t k = 0; k < at_bound_.size(); ++k) {
       if (at_bound_[k] == 0) continue;
@@ -181,14 +213,27 @@ void MechanismDynamics::SolveFreeTheta(double h) {
 // From the pose at which LoadForces found a servo's spring to where its force acts.
 double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, double h) {
   const int r = model_.size();
-  f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_before_;
+  f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
   w_mean_.noalias() = rule().Th * f_turn_;
-  w_mean_ += w_before_;
+  w_mean_ += w_start_;
   f_used_ = z_before_ - state_.z;
   f_used_.noalias() += h * (rule().Th * w_mean_);
   double stretch = 0;
   for (const auto& [i, c] : limit.terms) stretch += c * Q_now().row(i).dot(f_used_);
   return stretch;
+}
+
+// Force of the reduced springs at z = `moved`, those of servos at their bounds left out.
+void MechanismDynamics::SpringPull(const VectorX& moved, VectorX& force) {
+  force = -model_.K_r.cwiseProduct(moved);
+  for (std::size_t k = 0; k < at_bound_.size(); ++k) {
+    if (at_bound_[k] == 0) continue;
+    const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
+    double stretch = 0;
+    for (const auto& [i, c] : limit.terms) stretch += c * model_.Q.row(i).dot(moved);
+    for (const auto& [i, c] : limit.terms)
+      force += (limit.stiffness * stretch * c) * model_.Q.row(i).transpose();
+  }
 }
 
 void MechanismDynamics::IntegrateTheta(double h) {
@@ -197,22 +242,24 @@ void MechanismDynamics::IntegrateTheta(double h) {
   const Matrix3 R_m = state_.X_WR.rotation();
   const RigidTransform X_m = state_.X_WR;
   // An impact keeps gaps closed at the end velocity.
-  const double end = scheme_ == Scheme::kImpact && pushed_ ? 1 : 0.5;
+  const double end = all_at_end_ && pushed_ ? 1 : 0.5;
   minimised_ = false;
   minimum_found_ = true;
   newton_steps_ = 0;
   double work = 0;  // of springs, weight and controls along the chord
   if (r > 0) {
-    f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_before_;
+    f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
     w_mean_.noalias() = rule().Th * f_turn_;
-    w_mean_ += w_before_;
+    w_mean_ += w_start_;
     // f(z + h Th w̄); what springs bend by within the step is what `work` then misses.
     f_used_ = z_before_ - state_.z;
     f_used_.noalias() += h * (rule().Th * w_mean_);
-    f_used_ = f_z_ - f_wrench_ - model_.K_r.cwiseProduct(f_used_);
-    work = h * w_mean_.dot(f_used_);
-    f_used_.noalias() = rule().K_Th * w_mean_;
-    work += h * h * (w_mean_.dot(f_used_) - 0.5 * w_mean_.dot(model_.K_r.cwiseProduct(w_mean_)));
+    SpringPull(f_used_, f_turn_);
+    work = h * w_mean_.dot(f_z_ - f_wrench_ + f_turn_);
+    f_used_.noalias() = rule().Th * w_mean_;
+    f_used_ -= 0.5 * w_mean_;
+    SpringPull(f_used_, f_turn_);
+    work -= h * h * w_mean_.dot(f_turn_);
   }
   if (base_size_ > 0)
     work += h * (end * x_.head<6>() + (1 - end) * u_.head<6>()).dot(base_force_ - base_wrench_);
@@ -228,16 +275,19 @@ void MechanismDynamics::IntegrateTheta(double h) {
   if (driven) V = 2 * state_.V_R;
   if (base_size_ > 0) V = x_.head<6>() + u_.head<6>();
   q_ddot_.setZero();
-  if (r > 0) q_ddot_.noalias() = elsewhere_.Q_now * (x_.tail(r) + u_.tail(r));
+  if (r > 0) {
+    f_turn_ = x_.tail(r) + u_.tail(r);
+    q_ddot_.noalias() = elsewhere_.Q_now * f_turn_;
+  }
   ComputeMaterialVelocities(mechanism(), rigid_parts_, elsewhere_.kinematics, q_ddot_, V, other_velocity_);
   q_ddot_ -= q_dot_start_;
+  SubtractFrom(other_velocity_, R_m.transpose() * X_WR_before_.rotation(), start_velocity_);
+  TurnFreely(rigid_parts_, scheme_ == Scheme::kMiddle ? 0.5 * h : h, start_velocity_);
 
   UpdateInertia();
   const Matrix3 R_eW = state_.X_WR.rotation().transpose();
   F_parts_.setZero();
-  AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, R_eW * R_m, 1, F_parts_);
-  AddMomentum(rigid_parts_, configuration_.kinematics, start_velocity_, R_eW * X_WR_before_.rotation(), -1,
-              F_parts_);
+  AddMomentum(rigid_parts_, configuration_.kinematics, start_velocity_, R_eW * R_m, 1, F_parts_);
   tau_ = mechanism().armature().cwiseProduct(q_ddot_);
   if (driven) {
     q_ddot_.setZero();
@@ -283,8 +333,6 @@ bool MechanismDynamics::BendsTooMuch(double work) {
     const Vector6 p = solved_.head<6>();
     twice_kinetic -= p.dot(SolvePositive(M_00_, p));
   }
-  // Sums of a hundred terms know no more digits than this.
-  constexpr double kRounding = 1e-12;
   return missed > 0.25 * twice_kinetic + kRounding * (std::abs(potential) + std::abs(potential_start_));
 }
 
@@ -309,7 +357,9 @@ void MechanismDynamics::TakeVelocityAtEnd(double work) {
   // What is known of the energy: truncated modes follow their loads at rest and take part in it unseen.
   if (r > 0 && !model_.has_complement && !minimised_) {
     const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.X_WR;
-    MatchWork(potential_start_ - PotentialEnergyOn(X_WR, gravity_W_) - work);
+    const double potential = PotentialEnergyOn(X_WR, gravity_W_), missed = potential_start_ - potential - work;
+    // Below the digits of the two it would keep alive what comes to rest.
+    if (std::abs(missed) > kRounding * (std::abs(potential) + std::abs(potential_start_))) MatchWork(missed);
   }
   state_.w = x_.tail(r);
   if (base_size_ > 0) state_.V_R = x_.head<6>();

@@ -248,10 +248,8 @@ void World::Detail::AssembleOperators() {
 void World::Detail::AssembleConstraints(const StepOptions& options) {
   const double h = options.h;
   // Positive gaps may close within the step; penetration beyond the slop is undone in shares of β.
-  // Half way through a step the other half is left to close a gap in.
-  const double left = middle_ ? 0.5 * h : h;
   auto bias = [&](double gap) {
-    if (gap > 0) return gap / left;
+    if (gap > 0) return gap / h;
     return std::max(options.penetration_correction * std::min(0.0, gap + options.slop) / h,
                     -options.max_correction_speed);
   };
@@ -262,13 +260,12 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
   };
   constraints_.resize(points_.size());
   for (std::size_t i = 0; i < points_.size(); ++i) {
-    const ContactPoint& p = points_[i];
+    ContactPoint& p = points_[i];
     ContactConstraint& c = constraints_[i];
     c = ContactConstraint{};
     c.friction = p.friction;
     c.torsion = p.torsion;
     c.rolling = p.rolling;
-    c.bias(0) = bias(p.gap);
     const Contactor& a = contactors_[static_cast<std::size_t>(p.body_a)];
     const Contactor& b = contactors_[static_cast<std::size_t>(p.body_b)];
     Vector3 speed = Vector3::Zero();
@@ -282,6 +279,9 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
       c.J_b = PortRows(b, p);
       speed += c.J_b * velocities_.segment<6>(c.port_b);
     }
+    // Half way stands what half a step of the old velocity has made of the gap that the start had.
+    if (middle_) p.gap -= 0.5 * h * speed(0);
+    c.bias(0) = bias(p.gap);
     if (match_[i] < 0) continue;
     const auto k = static_cast<std::size_t>(match_[i]);
     const ContactRecord& before = previous_[k];
@@ -306,7 +306,8 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
         LimitConstraint limit;
         limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
         limit.sign = upper ? -1 : 1;
-        limit.bias = bias(upper ? stop.upper - length : length - stop.lower);
+        const double moved = middle_ ? 0.5 * h * m.LengthRate(stop.terms) : 0;
+        limit.bias = bias(upper ? stop.upper - length + moved : length - moved - stop.lower);
         limit.impulse = mechanism_blocks_[i].limit_impulses[at];
         limits_.push_back(limit);
       }
@@ -321,6 +322,27 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
       }
     }
   }
+}
+
+// Rows bound the mean velocity of the step. What it has beyond the end velocity is known once all is
+// predicted.
+void World::Detail::ShiftRows() {
+  port_shift_.setZero(velocities_.size());
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+    const MechanismDynamics& m = mechanisms_[i];
+    for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size() && p < m.parts().size(); ++p) {
+      const PartBlock& part = mechanism_blocks_[i].parts[p];
+      const MechanismDynamics::Part& run = m.parts()[p];
+      if (part.rows > 0)
+        port_shift_.segment(part.offset, part.rows).noalias() =
+            part.J_T.leftCols(part.rows).transpose() * m.ContactShift().segment(run.begin, run.size);
+    }
+  }
+  for (ContactConstraint& c : constraints_) {
+    if (c.port_a >= 0) c.bias += c.J_a * port_shift_.segment<6>(c.port_a);
+    if (c.port_b >= 0) c.bias += c.J_b * port_shift_.segment<6>(c.port_b);
+  }
+  for (LimitConstraint& limit : limits_) limit.bias += limit.sign * port_shift_(limit.row);
 }
 
 void World::Detail::ApplyImpulses() {

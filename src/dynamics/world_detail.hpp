@@ -19,6 +19,8 @@ struct World::Detail {
   bool UsesTheta(const StepOptions& options) const;
   void BeginTheta(const StepOptions& options, StepReport& report);
   void MoveAllTo(const StepOptions& options, bool middle);
+  void ExpectContacts();
+  void ShiftRows();
   bool ClosesAtSpeed(const StepOptions& options) const;
   double MotionWithin(double h) const;
   void LayOutPorts(const StepOptions& options);
@@ -59,7 +61,7 @@ struct World::Detail {
   std::vector<VelocityBlock> blocks_;
   std::vector<int> port_offset_;  // per contactor: row in the stacked velocities or -1
   std::vector<int> port_part_;    // per contactor: part block of its mechanism
-  VectorX velocities_;
+  VectorX velocities_, port_shift_;
   Matrix6X J_scratch_;
 
   // Ports and limits of one part of a mechanism, or (the last one) of groups that only follow its driven

@@ -89,6 +89,7 @@ StepReport World::Detail::Step(const StepOptions& options) {
                   mechanisms_[static_cast<std::size_t>(i)].Predict(options.h, options.gravity);
               });
   for (FreeBody& b : free_bodies_) b.Predict(h, options.gravity);
+  if (middle_) ShiftRows();
   SolveContacts(options, report);
 
   report.finite =

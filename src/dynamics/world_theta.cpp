@@ -29,9 +29,9 @@ double World::Detail::MotionWithin(double h) const {
 
 void World::Detail::MoveAllTo(const StepOptions& options, bool middle) {
   middle_ = middle;
-  ParallelFor(0, static_cast<int>(mechanisms_.size()), MechanismGrain(), [&](int begin, int end) {
+  ParallelFor(0, static_cast<int>(mechanisms_.size()), MechanismGrain(), [this, &options](int begin, int end) {
     for (int i = begin; i < end; ++i)
-      mechanisms_[static_cast<std::size_t>(i)].Begin(options.h, options.gravity, middle);
+      mechanisms_[static_cast<std::size_t>(i)].Begin(options.h, options.gravity, middle_);
   });
   for (FreeBody& b : free_bodies_) b.Begin(options.h, middle);
 }
@@ -45,9 +45,24 @@ bool World::Detail::ClosesAtSpeed(const StepOptions& options) const {
     double speed = 0;
     if (c.port_a >= 0) speed += c.J_a.row(0).dot(velocities_.segment<6>(c.port_a));
     if (c.port_b >= 0) speed += c.J_b.row(0).dot(velocities_.segment<6>(c.port_b));
-    if (speed < -slow && points_[i].gap + (middle_ ? 0.5 : 1) * options.h * speed < 0) return true;
+    if (speed < -slow && points_[i].gap + options.h * speed < 0) return true;
   }
   return false;
+}
+
+// What may touch anything takes all forces at the end of the step.
+void World::Detail::ExpectContacts() {
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+    const auto& parts = mechanism_blocks_[i].parts;
+    const auto involves = [&](int contactor) {
+      const Contactor& c = contactors_[static_cast<std::size_t>(contactor)];
+      return c.kind == Contactor::Kind::kGroup && c.index == static_cast<int>(i);
+    };
+    mechanisms_[i].ExpectContact(
+        std::any_of(parts.begin(), parts.end(), [](const PartBlock& p) { return !p.limits.empty(); }) ||
+        std::any_of(points_.begin(), points_.end(),
+                    [&](const ContactPoint& p) { return involves(p.body_a) || involves(p.body_b); }));
+  }
 }
 
 // What moves by less than a millimetre in half a step may be looked for there. Anything faster could be past
@@ -62,7 +77,10 @@ void World::Detail::BeginTheta(const StepOptions& options, StepReport& report) {
   if (!report.impact) {
     MoveAllTo(options, true);
     PrepareContacts(options, report);
-    if (fast || !ClosesAtSpeed(options)) return;
+    if (fast || !ClosesAtSpeed(options)) {
+      ExpectContacts();
+      return;
+    }
     report.impact = true;
     for (MechanismDynamics& m : mechanisms_) m.Revert();
     for (FreeBody& b : free_bodies_) b.Revert();

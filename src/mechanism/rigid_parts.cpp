@@ -11,8 +11,8 @@ RigidTransform PoseOf(const Kinematics& kinematics, std::size_t part) {
 
 RigidParts::RigidParts(const Mechanism& mechanism)
     : parts(static_cast<std::size_t>(mechanism.num_joints()) + 1) {
+  // Σ = ∫ p pᵀ dm about R's origin: these add up.
   std::vector<Matrix3> about_origin(parts.size(), Matrix3::Zero());
-  for (Part& p : parts) p.second_moment.setZero();
   for (const Mechanism::Body& body : mechanism.bodies()) {
     const auto i = static_cast<std::size_t>(body.last_joint + 1);
     const SpatialInertia& I = body.inertia_R0;
@@ -24,8 +24,8 @@ RigidParts::RigidParts(const Mechanism& mechanism)
   for (std::size_t i = 0; i < parts.size(); ++i) {
     SpatialInertia& I = parts[i].inertia_R0;
     if (I.mass > 0) I.center /= I.mass;
-    parts[i].second_moment = about_origin[i] - I.mass * I.center * I.center.transpose();
-    I.rotational = parts[i].second_moment.trace() * Matrix3::Identity() - parts[i].second_moment;
+    const Matrix3 central = about_origin[i] - I.mass * I.center * I.center.transpose();
+    I.rotational = central.trace() * Matrix3::Identity() - central;
   }
 }
 
@@ -33,7 +33,7 @@ void ComputeMaterialVelocities(const Mechanism& mechanism, const RigidParts& par
                                const Kinematics& kinematics, const VectorX& q_dot, const Vector6& V_R,
                                MaterialVelocities& out) {
   out.c_dot.resize(3, parts.size());
-  out.R_dot.resize(3, 3 * parts.size());
+  out.omega.resize(3, parts.size());
   out.twist.resize(6, parts.size());
   out.twist.col(0) = V_R;
   for (int j = 0; j < mechanism.num_joints(); ++j) {
@@ -48,22 +48,33 @@ void ComputeMaterialVelocities(const Mechanism& mechanism, const RigidParts& par
     const RigidTransform X = PoseOf(kinematics, at);
     const Vector3 w = out.twist.col(i).head<3>();
     out.c_dot.col(i) = out.twist.col(i).tail<3>() + w.cross(X * parts.parts[at].inertia_R0.center);
-    for (int k = 0; k < 3; ++k) out.R_dot.col(3 * i + k) = w.cross(Vector3(X.rotation().col(k)));
+    out.omega.col(i).noalias() = X.rotation().transpose() * w;
   }
 }
 
-void AddMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& x,
+void TurnFreely(const RigidParts& parts, double t, MaterialVelocities& v) {
+  for (int i = 0; i < parts.size(); ++i) {
+    const SpatialInertia& I = parts.parts[static_cast<std::size_t>(i)].inertia_R0;
+    if (I.mass > 0) v.omega.col(i) = TurnFreely(I.rotational, v.omega.col(i), Vector3::Zero(), t);
+  }
+}
+
+void SubtractFrom(const MaterialVelocities& y, const Matrix3& R_now_then, MaterialVelocities& x) {
+  for (Eigen::Index i = 0; i < x.c_dot.cols(); ++i) {
+    x.c_dot.col(i) = y.c_dot.col(i) - R_now_then * x.c_dot.col(i);
+    x.omega.col(i) = y.omega.col(i) - x.omega.col(i);
+  }
+}
+
+void AddMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& v,
                  const Matrix3& R_now_then, double factor, Matrix6X& F) {
   for (int i = 0; i < parts.size(); ++i) {
     const auto at = static_cast<std::size_t>(i);
     const RigidParts::Part& part = parts.parts[at];
     if (part.inertia_R0.mass == 0) continue;
     const RigidTransform X = PoseOf(kinematics, at);
-    const Vector3 p = factor * part.inertia_R0.mass * (R_now_then * x.c_dot.col(i));
-    // tr(Ṙ Σ (ω̂ R)ᵀ) = ω · axial(Ṙ Σ Rᵀ)
-    const Matrix3 B =
-        (R_now_then * x.R_dot.middleCols<3>(3 * i)) * (part.second_moment * X.rotation().transpose());
-    const Vector3 spin(B(2, 1) - B(1, 2), B(0, 2) - B(2, 0), B(1, 0) - B(0, 1));
+    const Vector3 p = factor * part.inertia_R0.mass * (R_now_then * v.c_dot.col(i));
+    const Vector3 spin = X.rotation() * (part.inertia_R0.rotational * v.omega.col(i));
     F.col(i).head<3>() += (X * part.inertia_R0.center).cross(p) + factor * spin;
     F.col(i).tail<3>() += p;
   }

@@ -126,12 +126,16 @@ TEST(ForceLimit, BoundsThatAreNotReachedChangeNothing) {
 }
 
 // A servo swung past its bound by its own motion: what it stores is F per radian, so energy does not grow.
-TEST(ForceLimit, EnergyNeverGrows) {
+class ForceLimitEnergy : public ::testing::TestWithParam<Integrator> {};
+
+TEST_P(ForceLimitEnergy, NeverGrows) {
   World world = testing::MustStart(Arm(1e3, 0, 1), VectorX::Zero(1), VectorX::Constant(1, 8));
+  StepOptions step = testing::Still(1e-3);
+  step.integrator = GetParam();
   double before = world.KineticEnergy() + world.PotentialEnergy(Vector3::Zero()), first = before;
   double least = before;
   for (int i = 0; i < 600; ++i) {
-    world.Step(testing::Still(1e-3));
+    world.Step(step);
     const double energy = world.KineticEnergy() + world.PotentialEnergy(Vector3::Zero());
     EXPECT_LE(energy, before + 1e-9 * first);
     before = energy;
@@ -139,6 +143,9 @@ TEST(ForceLimit, EnergyNeverGrows) {
   }
   EXPECT_GT(least, 0.5 * first);  // implicit Euler at 1 ms takes a tenth of it or so, not the half
 }
+
+INSTANTIATE_TEST_SUITE_P(Integrators, ForceLimitEnergy,
+                         ::testing::Values(Integrator::kEuler, Integrator::kTheta));
 
 TEST(DryFriction, KeepsAPoseUnderAnyLoadBelowIt) {
   for (const double share : {0.1, 0.9, 0.999}) {

@@ -26,10 +26,14 @@ Scene BallAsMechanism(double height) {
   return scene;
 }
 
-TEST(Floating, BallRollsDownASlopeLikeAFreeBody) {
+class BallAsMechanismTest : public ::testing::TestWithParam<Integrator> {};
+
+// At the end it turns by 0.46 rad in a step.
+TEST_P(BallAsMechanismTest, RollsDownASlopeLikeAFreeBody) {
   const double theta = 0.2;
   World world = testing::MustCreate(BallAsMechanism(0.1));
   StepOptions options;
+  options.integrator = GetParam();
   options.gravity = 9.81 * Vector3(std::sin(theta), 0, -std::cos(theta));
   for (int i = 0; i < 120; ++i) world.Step(options);
   const MechanismDynamics& ball = world.mechanisms()[0];
@@ -40,6 +44,9 @@ TEST(Floating, BallRollsDownASlopeLikeAFreeBody) {
   EXPECT_NEAR(V(1) * 0.1, expected, 1e-3 * expected);
   EXPECT_NEAR(ball.state().X_WR.translation().z(), 0.1, 2e-4);  // slop
 }
+
+INSTANTIATE_TEST_SUITE_P(Integrators, BallAsMechanismTest,
+                         ::testing::Values(Integrator::kEuler, Integrator::kTheta));
 
 TEST(Floating, LandsWithoutSinking) {
   World world = testing::MustCreate(BallAsMechanism(0.6));
@@ -132,6 +139,39 @@ MechanismDef Slider(BaseKind base, double mass, double k, double d) {
   builder.AddJoint(JointDef::Slide("rail", b, Vector3::UnitX()).WithSpring(k, d));
   builder.SetInterfaces({"cart"});
   return builder.definition();
+}
+
+// By theta the same falls with the square of the step, to the motion that fourth-order Runge and Kutta find.
+TEST(Driven, BaseShakesASpringToSecondOrder) {
+  const double m = 2, k = 50, d = 1, T = 2;
+  const auto base = [](double t) { return 0.05 * (1 - std::cos(3 * t)); };
+  const auto rate = [&](double t, double x, double v) {
+    return -(k * x + d * v) / m - 0.45 * std::cos(3 * t);
+  };
+  double x = 0, v = 0;
+  const double s = 1e-3;
+  for (int i = 0; i < 2000; ++i) {
+    const double t = i * s;
+    const double a1 = rate(t, x, v), a2 = rate(t + s / 2, x + s / 2 * v, v + s / 2 * a1),
+                 a3 = rate(t + s / 2, x + s / 2 * v + s * s / 4 * a1, v + s / 2 * a2),
+                 a4 = rate(t + s, x + s * v + s * s / 2 * a2, v + s * a3);
+    x += s * v + s * s / 6 * (a1 + a2 + a3);
+    v += s / 6 * (a1 + 2 * a2 + 2 * a3 + a4);
+  }
+  double before = 0;
+  for (const int steps : {120, 240, 480}) {
+    World world = testing::MustCreate(Slider(BaseKind::kDriven, m, k, d));
+    StepOptions step = Still(T / steps);
+    step.integrator = Integrator::kTheta;
+    for (int i = 1; i <= steps; ++i) {
+      world.mechanisms()[0].DriveBase(RigidTransform(Vector3(base(T * i / steps), 0, 0)));
+      world.Step(step);
+    }
+    const double error = std::abs(world.mechanisms()[0].configuration().q(0) - x);
+    EXPECT_LT(error, 4e-4 * std::pow(120.0 / steps, 2));  // 1 % of the swing at 1/60 s
+    if (before > 0) EXPECT_NEAR(before / error, 4, 0.5);
+    before = error;
+  }
 }
 
 TEST(Driven, BaseShakesASpring) {

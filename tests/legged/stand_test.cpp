@@ -51,13 +51,17 @@ class StandsByDefault : public testing::TestWithParam<Case> {};
 TEST_P(StandsByDefault, ForAMinute) {
   if (const std::string why = WhyMissing(GetParam().robot); !why.empty()) GTEST_SKIP() << why;
   const LeggedScene legged = Load(GetParam());
-  SimulationOptions options;
-  options.initial_keyframe = legged.imported.initial_keyframe;
-  Simulation simulation = Start(legged.imported.scene, options);
-  const StandMeasurement m = Stand(simulation, legged, kSettling, kTime);
-  EXPECT_TRUE(m.finite);
-  EXPECT_LE(m.unconverged, MostUnconverged(GetParam()));
-  EXPECT_LT(m.foot_motion, 1e-4);
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
+    SCOPED_TRACE(integrator == Integrator::kTheta ? "theta" : "euler");
+    SimulationOptions options;
+    options.initial_keyframe = legged.imported.initial_keyframe;
+    options.step.integrator = integrator;
+    Simulation simulation = Start(legged.imported.scene, options);
+    const StandMeasurement m = Stand(simulation, legged, kSettling, kTime);
+    EXPECT_TRUE(m.finite);
+    EXPECT_LE(m.unconverged, MostUnconverged(GetParam()));
+    EXPECT_LT(m.foot_motion, 1e-4);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Machines, StandsByDefault,

@@ -63,6 +63,11 @@ class MechanismDynamics {
   /// that pose. `middle` false: it stays where it is, and all forces act at the end of the step, as an impact
   /// asks. Exact recovery only. Without this a step is implicit Euler's.
   void Begin(double h, const Vector3& gravity_W, bool middle);
+  /// Between Begin and Predict: whether anything may touch it in this step. Then all forces act at the end of
+  /// the step, as rows of contact ask: J (x⁺ + ContactShift()) is the mean velocity that they bound.
+  void ExpectContact(bool touches) { touches_ = touches; }
+  /// What the mean velocity of a step has beyond the end velocity x⁺, after Predict [num_velocities].
+  const VectorX& ContactShift() const { return contact_shift_; }
   /// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
   void Predict(double h, const Vector3& gravity_W);
   /// Velocities [begin, begin + size) that neither inertia nor damping nor any contact group couples to the
@@ -178,6 +183,7 @@ class MechanismDynamics {
   void MatchWork(double energy);
   double PotentialEnergyOn(const RigidTransform& X_WR, const Vector3& gravity_W) const;
   double StretchToForce(const Mechanism::ForceLimit& limit, double h);
+  void SpringPull(const VectorX& moved, VectorX& force);
   double LargestTurn(const VectorX& since) const;
   void Advance(double h, const Vector6& V_start, const Vector6& by_pose);
   void AdvanceShortened(double h, double s);
@@ -259,6 +265,9 @@ class MechanismDynamics {
   Scheme scheme_ = Scheme::kEuler;
   ThetaScheme theta_, at_end_;         // the modal rule, and all forces at the end
   bool all_at_end_ = false;            // which of the two this step takes
+  bool touches_ = false;               // something may touch it in this step
+  VectorX w_start_;                    // r: rates at the start beside the base's own motion of then
+  VectorX contact_shift_;              // num_velocities
   Configuration elsewhere_;            // of the pose that configuration_ is not at
   MaterialVelocities start_velocity_, other_velocity_;
   Cholesky inertia_factor_;

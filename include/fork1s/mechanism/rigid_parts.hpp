@@ -1,11 +1,12 @@
 // The rigid parts of a mechanism, their velocities as material sees them, and the momentum of one pose as
 // another pose feels it.
 //
-// A part is all that moves with one joint. Its motion in space is x = (R, c): axes and centre of mass, with
-// the kinetic metric
-//     <ẋ, ẏ> = m ċ·ċ' + tr(Ṙ Σ Ṙ'ᵀ),   Σ = ∫ p pᵀ dm about the centre at q = 0.
-// In these coordinates inertia is constant, and bodies move straight on unless forced: velocity forces need
-// no formula, they come from seeing the same ẋ from the next pose (docs/method.md, section 5).
+// A part is all that moves with one joint. Its velocity is v = (ċ, ω): of the centre of mass, and the angular
+// rate in the part's own axes, with the kinetic metric
+//     <v, v'> = m ċ·ċ' + ω·I ω',   I about the centre.
+// In these coordinates inertia is constant. Left alone the centre moves straight on and ω turns as that of a
+// free body; both keep their energy. Velocity forces need no formula: they come from seeing the same v from
+// the next pose (docs/method.md, section 5).
 #pragma once
 
 #include <fork1s/mechanism/kinematics.hpp>
@@ -19,17 +20,16 @@ struct RigidParts {
 
   struct Part {
     SpatialInertia inertia_R0;  // in R at q = 0; mass 0 where only another joint hangs on this one
-    Matrix3 second_moment;      // Σ, axes of R at q = 0 [kg·m²]
   };
   std::vector<Part> parts;
 
   int size() const { return static_cast<int>(parts.size()); }
 };
 
-/// ẋ of every part: rates of centres and axes along the axes of R at the time they were taken.
+/// v of every part: centres along the axes of R at the time they were taken, turns in the part's axes.
 struct MaterialVelocities {
   Matrix3X c_dot;  // 3 x parts [m/s]
-  Matrix3X R_dot;  // 3 x (3 parts) [1/s]
+  Matrix3X omega;  // 3 x parts [rad/s]
   Matrix6X twist;  // 6 x parts, scratch
 };
 
@@ -38,10 +38,16 @@ void ComputeMaterialVelocities(const Mechanism& mechanism, const RigidParts& par
                                const Kinematics& kinematics, const VectorX& q_dot, const Vector6& V_R,
                                MaterialVelocities& out);
 
-/// F [6 x parts] += factor times the momentum of velocities `x` as the parts of `kinematics` feel it: the
-/// wrench p in R about R's origin with p·V = <x, velocity under V>. `R_now_then` turns the axes of R then to
+/// ω of every part after it turned freely for a time t [s].
+void TurnFreely(const RigidParts& parts, double t, MaterialVelocities& v);
+
+/// x <- y - x with ċ of x turned by `R_now_then` first.
+void SubtractFrom(const MaterialVelocities& y, const Matrix3& R_now_then, MaterialVelocities& x);
+
+/// F [6 x parts] += factor times the momentum of velocities `v` as the parts of `kinematics` feel it: the
+/// wrench p in R about R's origin with p·V = <v, velocity under V>. `R_now_then` turns the axes of R then to
 /// those now.
-void AddMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& x,
+void AddMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& v,
                  const Matrix3& R_now_then, double factor, Matrix6X& F);
 
 /// Centre of mass of the whole in R.

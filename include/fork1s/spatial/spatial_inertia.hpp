@@ -19,4 +19,9 @@ struct SpatialInertia {
 /// The same inertia seen from frame A, for X_AB.
 SpatialInertia Transform(const RigidTransform& X, const SpatialInertia& I);
 
+/// Angular rate in a body's own axes after it turned freely for a time t [s] under a constant torque in those
+/// axes [N·m], from omega_B [rad/s]; I about the centre. Without torque kinetic energy stays to rounding and
+/// angular momentum to second order (implicit midpoint).
+Vector3 TurnFreely(const Matrix3& I, const Vector3& omega_B, const Vector3& torque_B, double t);
+
 }  // namespace fork1s
