@@ -30,14 +30,14 @@ void ReducedRow(const Mechanism::LinearForm& terms, const MatrixX& Q, VectorX& o
 }  // namespace
 
 double MechanismDynamics::UnboundedForce(const Mechanism::ForceLimit& limit) const {
-  return Dot(limit.inputs, controls_) + limit.stiffness * (limit.rest - Length(limit.terms));
+  return Dot(limit.inputs, state_.controls) + limit.stiffness * (limit.rest - Length(limit.terms));
 }
 
 void MechanismDynamics::SizeForceLimits() {
   const auto count = mechanism().force_limits().size();
-  at_bound_.resize(count, 0);
+  state_.at_bound.resize(count, 0);
   limit_force_.resize(static_cast<Eigen::Index>(count));
-  limit_row_.resize(model_.size());
+  limit_row_.resize(model().size());
 }
 
 void MechanismDynamics::OpenForceLimits() {
@@ -50,16 +50,16 @@ void MechanismDynamics::OpenForceLimits() {
 }
 
 bool MechanismDynamics::AnyAtBound() const {
-  return std::any_of(at_bound_.begin(), at_bound_.end(), [](signed char side) { return side != 0; });
+  return std::any_of(state_.at_bound.begin(), state_.at_bound.end(), [](signed char side) { return side != 0; });
 }
 
 void MechanismDynamics::TakeBoundedSpringsOut(double h) {
   const auto& limits = mechanism().force_limits();
-  auto A_z = A_.bottomRightCorner(model_.size(), model_.size());
+  auto A_z = A_.bottomRightCorner(model().size(), model().size());
   for (std::size_t k = 0; k < limits.size(); ++k) {
     const double s = h * (h * limits[k].stiffness + limits[k].damping);
-    if (at_bound_[k] == 0 || s == 0) continue;
-    ReducedRow(limits[k].terms, model_.Q, limit_row_);
+    if (state_.at_bound[k] == 0 || s == 0) continue;
+    ReducedRow(limits[k].terms, model().Q, limit_row_);
     A_z.noalias() -= s * limit_row_ * limit_row_.transpose();
   }
 }
@@ -68,8 +68,8 @@ void MechanismDynamics::AddBoundedForces() {
   const auto& limits = mechanism().force_limits();
   f_z_ = f_z_of_springs_;
   for (std::size_t k = 0; k < limits.size(); ++k) {
-    if (at_bound_[k] == 0) continue;
-    const double bound = at_bound_[k] > 0 ? limits[k].upper : limits[k].lower;
+    if (state_.at_bound[k] == 0) continue;
+    const double bound = state_.at_bound[k] > 0 ? limits[k].upper : limits[k].lower;
     ReducedRow(limits[k].terms, Q_now(), limit_row_);
     f_z_ += (bound - limit_force_(static_cast<Eigen::Index>(k))) * limit_row_;
   }
@@ -84,8 +84,8 @@ bool MechanismDynamics::UpdateForceLimits(double h) {
     const double f = limit_force_(static_cast<Eigen::Index>(k)) - limits[k].stiffness * stretch -
                      limits[k].damping * LengthRate(limits[k].terms);
     const signed char side = f > limits[k].upper ? 1 : f < limits[k].lower ? -1 : 0;
-    changed = changed || side != at_bound_[k];
-    at_bound_[k] = side;
+    changed = changed || side != state_.at_bound[k];
+    state_.at_bound[k] = side;
   }
   if (changed) factored_h_ = -1;
   return changed;

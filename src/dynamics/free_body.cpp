@@ -61,6 +61,8 @@ void FreeBody::SetPortTwist(const Vector6& V) {
 
 void FreeBody::Begin(double h, bool middle) {
   X_WB_before_ = X_WB_;
+  omega_B_before_ = omega_B_;
+  velocity_before_ = velocity_;
   begun_ = true;
   at_middle_ = middle;
   if (!middle) return;
@@ -86,6 +88,15 @@ void FreeBody::Revert() {
   begun_ = at_middle_ = false;
   omega_B_ = omega_B_before_;
   velocity_ = velocity_before_;
+}
+
+void FreeBody::Restore(const State& state) {
+  X_WB_ = state.X_WB;
+  omega_B_ = omega_B_before_ = state.omega_B;
+  velocity_ = velocity_before_ = state.velocity;
+  force_W_ = state.force_W;
+  moment_W_ = state.moment_W;
+  pushed_ = begun_ = at_middle_ = false;
 }
 
 double FreeBody::KineticEnergy() const {

@@ -31,24 +31,24 @@ VectorX Compliances(const Mechanism& m, const Kinematics& kinematics, const Vect
 VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R, const VectorX& near) const {
   const Mechanism& m = mechanism();
   FORK1S_REQUIRE(near.size() == m.num_constraints(), near.size(), m.num_constraints());
-  if (model_.loop_rank() == 0 || options_.recovery != Recovery::kExact)
+  if (model().loop_rank() == 0 || options_.recovery != Recovery::kExact)
     return VectorX::Zero(m.num_constraints());
   const Kinematics& kinematics = configuration_.kinematics;
   const int n = m.num_coordinates();
 
-  const VectorX q_dot = configuration_.Q_now * state_.w;
+  const VectorX q_dot = configuration_.Q_now * state_.reduced.w;
   // q_dot_ is that of the start of the step until the next one begins.
   const VectorX q_ddot = q_dot_.size() == n ? VectorX((q_dot - q_dot_) / h) : VectorX(VectorX::Zero(n));
-  const Vector6 A_R = base_moves() ? Vector6((state_.V_R - V_R_before_) / h) : Vector6(Vector6::Zero());
+  const Vector6 A_R = base_moves() ? Vector6((state_.reduced.V_R - V_R_before_) / h) : Vector6(Vector6::Zero());
 
   Matrix6X F = contacts_R;
-  AddGravityWrenches(m, kinematics, state_.X_WR.rotation().transpose() * gravity_W_, F);
+  AddGravityWrenches(m, kinematics, state_.reduced.X_WR.rotation().transpose() * gravity_W_, F);
   Matrix6X V(6, m.num_bodies()), A(6, m.num_bodies());
-  SubtractVelocityWrenches(m, kinematics, configuration_.q, state_.V_R, q_dot, VectorX::Zero(n), V, A, F);
+  SubtractVelocityWrenches(m, kinematics, configuration_.q, state_.reduced.V_R, q_dot, VectorX::Zero(n), V, A, F);
   SubtractRigidMotionWrenches(m, kinematics, Vector6::Zero(), A_R, F);
   VectorX g(n), loads = VectorX::Zero(n), inertial;
   AccumulateGeneralizedForce(m, kinematics.S, F, loads);
-  if (controls_.size() > 0) AddControlForce(m, controls_, loads);
+  if (state_.controls.size() > 0) AddControlForce(m, state_.controls, loads);
   SpringForce(m, kinematics, configuration_.q, g);
   ApplyMass(m, kinematics, q_ddot, inertial);
   g += loads - inertial - DampingMatrix(m, kinematics, configuration_.q) * q_dot;

@@ -27,15 +27,21 @@ std::vector<ContactGroup> MakeGroups(const ReducedModel& model) {
   return groups;
 }
 
+MechanismState StateOf(ReducedModel model) {
+  MechanismState state;
+  state.model = std::make_shared<const ReducedModel>(std::move(model));
+  return state;
+}
+
 }  // namespace
 
 MechanismDynamics::MechanismDynamics(ReducedModel model)
-    : model_(std::move(model)),
-      configuration_(model_),
-      rigid_parts_(*model_.mechanism),
-      jacobian_(model_),
-      groups_(MakeGroups(model_)),
-      elsewhere_(model_) {}
+    : state_(StateOf(std::move(model))),
+      configuration_(*state_.model),
+      rigid_parts_(*state_.model->mechanism),
+      jacobian_(*state_.model),
+      groups_(MakeGroups(*state_.model)),
+      elsewhere_(*state_.model) {}
 
 Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mechanism> mechanism,
                                                       const VectorX& q0, const VectorX& q_dot0,
@@ -53,21 +59,21 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   MechanismDynamics dynamics(std::move(*model));
   dynamics.options_ = options;
   // The interfaces that Reduce settled on are those of every later refresh.
-  dynamics.options_.reduction.interfaces = dynamics.model_.interfaces;
+  dynamics.options_.reduction.interfaces = dynamics.model().interfaces;
   dynamics.options_.reduction.promote_hidden = false;
   dynamics.base_size_ = mechanism->base() == BaseKind::kFloating ? 6 : 0;
-  const int r = dynamics.model_.size();
-  dynamics.state_.z = VectorX::Zero(r);
-  dynamics.state_.w = VectorX::Zero(r);
-  dynamics.state_.X_WR = X_WR;
-  dynamics.state_.V_R = mechanism->base() == BaseKind::kFixed ? Vector6(Vector6::Zero()) : V_R;
-  dynamics.driven_next_ = X_WR;
-  dynamics.controls_.resize(static_cast<Eigen::Index>(mechanism->controls().size()));
+  const int r = dynamics.model().size();
+  dynamics.state_.reduced.z = VectorX::Zero(r);
+  dynamics.state_.reduced.w = VectorX::Zero(r);
+  dynamics.state_.reduced.X_WR = X_WR;
+  dynamics.state_.reduced.V_R = mechanism->base() == BaseKind::kFixed ? Vector6(Vector6::Zero()) : V_R;
+  dynamics.state_.driven_next = X_WR;
+  dynamics.state_.controls.resize(static_cast<Eigen::Index>(mechanism->controls().size()));
   for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
-    dynamics.controls_(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
+    dynamics.state_.controls(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
   // A pose outside the limits may be what springs and loops hold; pushing it inside would fight them for
   // ever.
-  dynamics.warnings_ = dynamics.model_.warnings;
+  dynamics.warnings_ = dynamics.model().warnings;
   dynamics.length_limits_ = mechanism->length_limits();
   for (Mechanism::LengthLimit& limit : dynamics.length_limits_) {
     double length = 0;
@@ -80,36 +86,71 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
                                    std::to_string(outside) +
                                    " (rad or m); the limit was moved to the initial pose");
   }
-  dynamics.wrenches_W_ = Matrix6X::Zero(6, mechanism->num_bodies());
+  dynamics.state_.wrenches_W = Matrix6X::Zero(6, mechanism->num_bodies());
+  dynamics.StartAtReference();
   dynamics.Size();
   if (q_dot0.size() > 0 && !q_dot0.isZero(0)) {
     VectorX Mq;
     Kinematics kinematics(*mechanism);
     ComputeKinematics(*mechanism, q, kinematics);
     ApplyMass(*mechanism, kinematics, q_dot0, Mq);
-    dynamics.state_.w = SolveSymmetric(dynamics.model_.M, dynamics.model_.Q.transpose() * Mq);
-    dynamics.x_.tail(r) = dynamics.state_.w;
+    dynamics.state_.reduced.w = SolveSymmetric(dynamics.model().M, dynamics.model().Q.transpose() * Mq);
+    dynamics.x_.tail(r) = dynamics.state_.reduced.w;
   }
   dynamics.UpdateConfiguration();
   return dynamics;
 }
 
+// What a new reference makes of the interior's own displacement and of the last step.
+void MechanismDynamics::StartAtReference() {
+  const int n = model().num_coordinates();
+  state_.mu.setZero(configuration_.mu.size());
+  state_.Q_before_h = -1;
+  state_.q_perp_offset.resize(0);
+  if (model().has_complement)
+    state_.reduced.q_perp = VectorX::Zero(n);
+  else
+    state_.reduced.q_perp.resize(0);
+}
+
+void MechanismDynamics::Save(MechanismState& out) const {
+  out = state_;
+  out.mu = configuration_.mu;
+}
+
+void MechanismDynamics::Restore(const MechanismState& state) {
+  const bool same_model = state.model == state_.model;
+  state_ = state;
+  if (!same_model) {
+    configuration_ = elsewhere_ = Configuration(model());
+    jacobian_ = ReducedJacobian(model());
+    Size();
+  }
+  x_.tail(model().size()) = state_.reduced.w;
+  if (base_size_ > 0) x_.head<6>() = state_.reduced.V_R;
+  scheme_ = Scheme::kEuler;
+  factored_h_ = -1;
+  configuration_.mu = state_.mu;
+  UpdateConfiguration(true);
+}
+
+// Scratch of the sizes of the model.
 void MechanismDynamics::Size() {
   const Mechanism& m = mechanism();
-  const int r = model_.size(), n = model_.num_coordinates(), nx = num_velocities();
+  const int r = model().size(), n = model().num_coordinates(), nx = num_velocities();
   A_.resize(nx, nx);
   M_full_.resize(nx, nx);
   if (base_size_ > 0) {
-    M_full_.topLeftCorner<6, 6>() = model_.M_00;
-    M_full_.topRightCorner(6, r) = model_.M_0z;
-    M_full_.bottomLeftCorner(r, 6) = model_.M_0z.transpose();
+    M_full_.topLeftCorner<6, 6>() = model().M_00;
+    M_full_.topRightCorner(6, r) = model().M_0z;
+    M_full_.bottomLeftCorner(r, 6) = model().M_0z.transpose();
   }
-  M_full_.bottomRightCorner(r, r) = model_.M;
+  M_full_.bottomRightCorner(r, r) = model().M;
   factor_.Compute(MatrixX::Identity(std::max(nx, 1), std::max(nx, 1)));
   factored_h_ = -1;
   x_.resize(nx);
-  if (base_size_ > 0) x_.head<6>() = state_.V_R;
-  x_.tail(r) = state_.w;
+  if (base_size_ > 0) x_.head<6>() = state_.reduced.V_R;
+  x_.tail(r) = state_.reduced.w;
   rhs_.resize(nx);
   solved_.resize(nx);
   x_after_.resize(nx);
@@ -120,22 +161,15 @@ void MechanismDynamics::Size() {
   g_.resize(n);
   tau_.resize(n);
   F_.resize(6, m.num_bodies());
-  M_00_ = model_.M_00;
-  M_0z_ = model_.M_0z;
+  M_00_ = model().M_00;
+  M_0z_ = model().M_0z;
   if (options_.recovery == Recovery::kExact) {
     body_V_.resize(6, m.num_bodies());
     body_A_.resize(6, m.num_bodies());
     q_dot_.resize(n);
   }
   q_ddot_.setZero(n);
-  Q_before_h_ = -1;
-  if (model_.has_complement) {
-    state_.q_perp = VectorX::Zero(n);
-    q_perp_before_ = q_perp_after_ = state_.q_perp;
-    q_perp_offset_.setZero(0);
-  } else {
-    state_.q_perp.resize(0);
-  }
+  if (model().has_complement) q_perp_before_ = q_perp_after_ = state_.reduced.q_perp;
   SizeForceLimits();
   FindParts();
   SizeTheta();
@@ -144,9 +178,9 @@ void MechanismDynamics::Size() {
 
 // M of the present pose: O(joints x coordinates that reach them).
 void MechanismDynamics::UpdateInertia() {
-  jacobian_.Compute(model_, configuration_);
-  const int r = model_.size();
-  ReducedInertia(model_, rigid_parts_, configuration_, jacobian_, M_full_.bottomRightCorner(r, r), M_0z_,
+  jacobian_.Compute(model(), configuration_);
+  const int r = model().size();
+  ReducedInertia(model(), rigid_parts_, configuration_, jacobian_, M_full_.bottomRightCorner(r, r), M_0z_,
                  M_00_);
   if (base_size_ > 0) {
     M_full_.topLeftCorner<6, 6>() = M_00_;
@@ -156,23 +190,26 @@ void MechanismDynamics::UpdateInertia() {
   factored_h_ = -1;
 }
 
-void MechanismDynamics::UpdateConfiguration() {
+void MechanismDynamics::UpdateConfiguration(bool loops_are_closed) {
   pose_energy_.valid = false;
   if (options_.recovery == Recovery::kExact) {
-    Configure(model_, state_, configuration_);
+    if (loops_are_closed)
+      ConfigureClosed(model(), state_.reduced, configuration_);
+    else
+      Configure(model(), state_.reduced, configuration_);
     UpdateInertia();
     return;
   }
-  configuration_.q = model_.q_ref;
-  configuration_.q.noalias() += model_.Q * state_.z;
+  configuration_.q = model().q_ref;
+  configuration_.q.noalias() += model().Q * state_.reduced.z;
 }
 
 void MechanismDynamics::AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
                                   const Vector3& point_W) {
   FORK1S_REQUIRE(body.valid() && body.value() < mechanism().num_bodies(), body.value());
-  wrenches_W_.col(body.value()).head<3>() += moment_W + point_W.cross(force_W);
-  wrenches_W_.col(body.value()).tail<3>() += force_W;
-  has_wrenches_ = true;
+  state_.wrenches_W.col(body.value()).head<3>() += moment_W + point_W.cross(force_W);
+  state_.wrenches_W.col(body.value()).tail<3>() += force_W;
+  state_.has_wrenches = true;
 }
 
 RigidTransform MechanismDynamics::GroupPose(int g) const {
@@ -180,20 +217,20 @@ RigidTransform MechanismDynamics::GroupPose(int g) const {
 }
 
 RigidTransform MechanismDynamics::BodyPose(BodyIndex b) const {
-  if (options_.recovery == Recovery::kExact) return state_.X_WR * configuration_.kinematics.X_RB[b.u()];
-  return state_.X_WR * (Exp(model_.T_of(b) * state_.z) * model_.X_RB_ref[b.u()]);
+  if (options_.recovery == Recovery::kExact) return state_.reduced.X_WR * configuration_.kinematics.X_RB[b.u()];
+  return state_.reduced.X_WR * (Exp(model().T_of(b) * state_.reduced.z) * model().X_RB_ref[b.u()]);
 }
 
 Vector6 MechanismDynamics::BodyVelocity(BodyIndex b) const {
-  Vector6 V = state_.V_R;
+  Vector6 V = state_.reduced.V_R;
   if (options_.recovery == Recovery::kTwist) {
-    V += Dexp(model_.T_of(b) * state_.z) * (model_.T_of(b) * state_.w);
+    V += Dexp(model().T_of(b) * state_.reduced.z) * (model().T_of(b) * state_.reduced.w);
   } else if (const int j = mechanism().body(b).last_joint; j >= 0) {
     const auto T = jacobian_.T(j);
-    for (int k = 0; k < T.cols(); ++k) V += state_.w(jacobian_.begin(j) + k) * T.col(k);
+    for (int k = 0; k < T.cols(); ++k) V += state_.reduced.w(jacobian_.begin(j) + k) * T.col(k);
   }
   const RigidTransform X_WB = BodyPose(b);
-  const Vector6 V_W = AdjointApply(state_.X_WR, V);
+  const Vector6 V_W = AdjointApply(state_.reduced.X_WR, V);
   Vector6 out;
   out << V_W.head<3>(), V_W.tail<3>() + V_W.head<3>().cross(X_WB.translation());
   return out;
@@ -206,7 +243,7 @@ double MechanismDynamics::ClosureGapNow() const {
   Kinematics kinematics(mechanism());
   for (int b = 0; b < mechanism().num_bodies(); ++b)
     kinematics.X_RB[static_cast<std::size_t>(b)] =
-        Exp(model_.T_of(BodyIndex(b)) * state_.z) * model_.X_RB_ref[static_cast<std::size_t>(b)];
+        Exp(model().T_of(BodyIndex(b)) * state_.reduced.z) * model().X_RB_ref[static_cast<std::size_t>(b)];
   return ClosureGap(mechanism(), kinematics, configuration_.q);
 }
 

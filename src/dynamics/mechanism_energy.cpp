@@ -13,7 +13,7 @@ double MechanismDynamics::KineticEnergy() const {
   // By columns, so that no product has to be kept.
   for (Eigen::Index i = 0; i < x_.size(); ++i) energy += 0.5 * x_(i) * M_full_.col(i).dot(x_);
   if (mechanism().base() == BaseKind::kDriven)
-    energy += state_.V_R.dot(M_0z_ * state_.w) + 0.5 * state_.V_R.dot(M_00_ * state_.V_R);
+    energy += state_.reduced.V_R.dot(M_0z_ * state_.reduced.w) + 0.5 * state_.reduced.V_R.dot(M_00_ * state_.reduced.V_R);
   return energy;
 }
 
@@ -25,7 +25,7 @@ const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
   if (twist) {
     // Springs in the coordinates that the twist mode integrates.
     pose_energy_.springs =
-        springs_ref_ + 0.5 * state_.z.dot(model_.K_r.cwiseProduct(state_.z)) - f_ref_.dot(state_.z);
+        springs_ref_ + 0.5 * state_.reduced.z.dot(model().K_r.cwiseProduct(state_.reduced.z)) - f_ref_.dot(state_.reduced.z);
   } else {
     pose_energy_.springs = SpringEnergy(m, configuration_.kinematics, configuration_.q);
   }
@@ -34,7 +34,7 @@ const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
     const Mechanism::Body& body = m.bodies()[static_cast<std::size_t>(b)];
     if (body.weighed_mass == 0) continue;
     const RigidTransform X_RB =
-        twist ? Exp(model_.T_of(BodyIndex(b)) * state_.z) * model_.X_RB_ref[std::size_t(b)]
+        twist ? Exp(model().T_of(BodyIndex(b)) * state_.reduced.z) * model().X_RB_ref[std::size_t(b)]
               : configuration_.kinematics.X_RB[std::size_t(b)];
     pose_energy_.moment += body.weighed_mass * (X_RB * body.inertia_B.center);
   }
@@ -43,7 +43,7 @@ const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
 }
 
 double MechanismDynamics::PotentialEnergy(const Vector3& gravity_W) const {
-  return PotentialEnergyOn(state_.X_WR, gravity_W);
+  return PotentialEnergyOn(state_.reduced.X_WR, gravity_W);
 }
 
 double MechanismDynamics::PotentialEnergyOn(const RigidTransform& X_WR, const Vector3& gravity_W) const {
@@ -53,7 +53,7 @@ double MechanismDynamics::PotentialEnergyOn(const RigidTransform& X_WR, const Ve
       pose.springs - gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * pose.moment);
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];
-    const double u = controls_(static_cast<Eigen::Index>(i));
+    const double u = state_.controls(static_cast<Eigen::Index>(i));
     for (const auto& [k, c] : control.terms) energy -= control.gain * u * c * configuration_.q(k);
     if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
   }
@@ -62,15 +62,15 @@ double MechanismDynamics::PotentialEnergyOn(const RigidTransform& X_WR, const Ve
 
 // The motion relative to the locked mechanism is scaled by s: what a floating base carries of momentum stays.
 void MechanismDynamics::ScaleRelativeMotion(double s) {
-  const int r = model_.size();
+  const int r = model().size();
   if (base_size_ > 0) {
     momentum_.noalias() = M_full_ * x_;
     const Vector6 locked = SolvePositive(M_00_, momentum_.head<6>());
     x_.head<6>() = locked + s * (x_.head<6>() - locked);
-    state_.V_R = x_.head<6>();
+    state_.reduced.V_R = x_.head<6>();
   }
   x_.tail(r) *= s;
-  state_.w = x_.tail(r);
+  state_.reduced.w = x_.tail(r);
 }
 
 // Velocity forces are explicit, loops bend the springs within a step and a long mechanism keeps the M of its

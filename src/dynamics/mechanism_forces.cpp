@@ -6,13 +6,13 @@ namespace fork1s {
 void MechanismDynamics::TakeReferenceForces() {
   const Mechanism& m = mechanism();
   Kinematics kinematics(m);
-  ComputeKinematics(m, model_.q_ref, kinematics);
+  ComputeKinematics(m, model().q_ref, kinematics);
   if (options_.recovery != Recovery::kTwist) return;
-  VectorX g_ref(model_.num_coordinates());  // spring forces at the reference
-  SpringForce(m, kinematics, model_.q_ref, g_ref);
-  springs_ref_ = SpringEnergy(m, kinematics, model_.q_ref);
-  const int r = model_.size();
-  f_ref_ = model_.Q.transpose() * g_ref;
+  VectorX g_ref(model().num_coordinates());  // spring forces at the reference
+  SpringForce(m, kinematics, model().q_ref, g_ref);
+  springs_ref_ = SpringEnergy(m, kinematics, model().q_ref);
+  const int r = model().size();
+  f_ref_ = model().Q.transpose() * g_ref;
   gravity_map_.resize(r, 3);
   base_gravity_map_.resize(6, 3);
   for (int axis = 0; axis < 3; ++axis) {
@@ -20,7 +20,7 @@ void MechanismDynamics::TakeReferenceForces() {
     tau_.setZero();
     AddGravityWrenches(m, kinematics, Vector3::Unit(axis), F_);
     AccumulateGeneralizedForce(m, kinematics.S, F_, tau_);
-    gravity_map_.col(axis) = model_.Q.transpose() * tau_;
+    gravity_map_.col(axis) = model().Q.transpose() * tau_;
     base_gravity_map_.col(axis) = F_.col(0);
   }
   const auto controls = m.controls().size();
@@ -31,7 +31,7 @@ void MechanismDynamics::TakeReferenceForces() {
       tau_.setZero();
       SubtractRigidMotionWrenches(m, kinematics, V, Vector6::Zero(), F_);
       AccumulateGeneralizedForce(m, kinematics.S, F_, tau_);
-      return VectorX(model_.Q.transpose() * tau_);
+      return VectorX(model().Q.transpose() * tau_);
     };
     rigid_motion_map_.resize(r, 36);
     for (int i = 0; i < 6; ++i)
@@ -44,7 +44,7 @@ void MechanismDynamics::TakeReferenceForces() {
     tau_.setZero();
     AddControlForce(m, VectorX::Unit(static_cast<Eigen::Index>(controls), static_cast<Eigen::Index>(i)),
                     tau_);
-    control_map_.col(static_cast<Eigen::Index>(i)) = model_.Q.transpose() * tau_;
+    control_map_.col(static_cast<Eigen::Index>(i)) = model().Q.transpose() * tau_;
   }
 }
 
@@ -54,63 +54,63 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
   momentum_rate_.setZero();
   if (options_.recovery == Recovery::kTwist) {
     f_z_ = f_ref_;
-    f_z_ -= model_.K_r.cwiseProduct(state_.z);
+    f_z_ -= model().K_r.cwiseProduct(state_.reduced.z);
     f_z_.noalias() += gravity_map_ * gravity_R;
-    if (controls_.size() > 0) f_z_.noalias() += control_map_ * controls_;
+    if (state_.controls.size() > 0) f_z_.noalias() += control_map_ * state_.controls;
     base_force_.noalias() = base_gravity_map_ * gravity_R;
     if (base_moves()) {
-      f_z_.noalias() -= model_.M_0z.transpose() * A_R;
-      const Matrix6 VV = state_.V_R * state_.V_R.transpose();
+      f_z_.noalias() -= model().M_0z.transpose() * A_R;
+      const Matrix6 VV = state_.reduced.V_R * state_.reduced.V_R.transpose();
       f_z_.noalias() += rigid_motion_map_ * Eigen::Map<const Eigen::Matrix<double, 36, 1>>(VV.data());
     }
-    if (has_wrenches_)
+    if (state_.has_wrenches)
       for (int b = 0; b < m.num_bodies(); ++b) {
-        const Vector6 F = AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
-        f_z_.noalias() += model_.T_of(BodyIndex(b)).transpose() * F;
+        const Vector6 F = AdjointTransposeApply(state_.reduced.X_WR, state_.wrenches_W.col(b));
+        f_z_.noalias() += model().T_of(BodyIndex(b)).transpose() * F;
         base_force_ += F;
       }
     return;
   }
   F_.setZero();
   if (!gravity_R.isZero(0)) AddGravityWrenches(m, configuration_.kinematics, gravity_R, F_);
-  if (has_wrenches_)
+  if (state_.has_wrenches)
     for (int b = 0; b < m.num_bodies(); ++b)
-      F_.col(b) += AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
+      F_.col(b) += AdjointTransposeApply(state_.reduced.X_WR, state_.wrenches_W.col(b));
   tau_.setZero();
   // The base's own rows get the same by carrying its momentum along, and momentum_rate_.
   if (base_moves()) base_force_ = F_.rowwise().sum();
-  if (model_.size() > 0)
-    q_dot_.noalias() = configuration_.Q_now * state_.w;
+  if (model().size() > 0)
+    q_dot_.noalias() = configuration_.Q_now * state_.reduced.w;
   else
     q_dot_.setZero();
   const bool by_formula =
       scheme_ == Scheme::kEuler;  // else velocity forces come of the momentum carried along
-  if (by_formula && model_.loop_rank() > 0) {
+  if (by_formula && model().loop_rank() > 0) {
     // Loops turn Q as they move: its rate by difference over the last step.
-    if (Q_before_h_ > 0) {
-      q_ddot_.noalias() = (1 / Q_before_h_) * (configuration_.Q_now * state_.w);
-      q_ddot_.noalias() -= (1 / Q_before_h_) * (Q_before_ * state_.w);
+    if (state_.Q_before_h > 0) {
+      q_ddot_.noalias() = (1 / state_.Q_before_h) * (configuration_.Q_now * state_.reduced.w);
+      q_ddot_.noalias() -= (1 / state_.Q_before_h) * (state_.Q_before * state_.reduced.w);
       tau_ -= m.armature().cwiseProduct(q_ddot_);
     }
-    Q_before_ = configuration_.Q_now;
+    state_.Q_before = configuration_.Q_now;
   }
-  const bool turns = base_moves() && !state_.V_R.isZero(0);
+  const bool turns = base_moves() && !state_.reduced.V_R.isZero(0);
   // What rests drifts by less than this; its velocity forces would be below 1e-12 of its inertia.
   constexpr double kRests = 1e-6;  // rad/s or m/s
   if (by_formula && (turns || q_dot_.lpNorm<Eigen::Infinity>() > kRests))
-    SubtractVelocityWrenches(m, configuration_.kinematics, configuration_.q, state_.V_R, q_dot_, q_ddot_,
+    SubtractVelocityWrenches(m, configuration_.kinematics, configuration_.q, state_.reduced.V_R, q_dot_, q_ddot_,
                              body_V_, body_A_, F_);
   if (!A_R.isZero(0)) SubtractRigidMotionWrenches(m, configuration_.kinematics, Vector6::Zero(), A_R, F_);
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
   // The velocity wrenches of all bodies together are -(Ṁ x - ad(ξ)ᵀ p), p = M x the base's momentum.
   if (by_formula && base_size_ > 0)
     momentum_rate_ = base_force_ - F_.col(0) +
-                     SmallAdjoint(state_.V_R).transpose() * (M_00_ * state_.V_R + M_0z_ * state_.w);
-  if (controls_.size() > 0) AddControlForce(m, controls_, tau_);
+                     SmallAdjoint(state_.reduced.V_R).transpose() * (M_00_ * state_.reduced.V_R + M_0z_ * state_.reduced.w);
+  if (state_.controls.size() > 0) AddControlForce(m, state_.controls, tau_);
   SpringForce(m, configuration_.kinematics, configuration_.q, g_);
   g_ += tau_;
-  if (model_.has_complement) FollowLoads();
-  if (model_.size() > 0) f_z_.noalias() = configuration_.Q_now.transpose() * g_;
+  if (model().has_complement) FollowLoads();
+  if (model().size() > 0) f_z_.noalias() = configuration_.Q_now.transpose() * g_;
 }
 
 // The interior's own displacement, one step of Newton with the stiffness of the reference towards rest under
@@ -119,27 +119,27 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
 // for loads.
 void MechanismDynamics::FollowLoads() {
   rest_ = g_;
-  ProjectOnLoops(model_, configuration_, rest_);
-  ApplyComplement(model_, rest_, q_perp_step_);
+  ProjectOnLoops(model(), configuration_, rest_);
+  ApplyComplement(model(), rest_, q_perp_step_);
   // First loads after a refresh: what they ask for at once is kept back and fades, so that nothing jumps.
-  if (q_perp_offset_.size() == 0) {
-    q_perp_offset_ = q_perp_step_;
-    q_perp_step_last_.setZero(q_perp_step_.size());
-    follow_ = 1;
-    overshoots_ = 0;
+  if (state_.q_perp_offset.size() == 0) {
+    state_.q_perp_offset = q_perp_step_;
+    state_.q_perp_step_last.setZero(q_perp_step_.size());
+    state_.follow = 1;
+    state_.overshoots = 0;
   }
-  q_perp_step_ -= q_perp_offset_;
+  q_perp_step_ -= state_.q_perp_offset;
   // Loads that stiffen the interior to more than twice its springs, a rope under tension, make such steps
   // overshoot by more each time. Then they are shortened, until the next refresh.
   constexpr double kShortest = 1.0 / 16;
-  const bool overshoots = q_perp_step_.dot(q_perp_step_last_) < -0.81 * q_perp_step_last_.squaredNorm();
-  overshoots_ = overshoots ? overshoots_ + 1 : 0;
-  if (overshoots_ >= 2 && follow_ > kShortest) {  // once is what a load that turns round does too
-    follow_ /= 2;
-    overshoots_ = 0;
+  const bool overshoots = q_perp_step_.dot(state_.q_perp_step_last) < -0.81 * state_.q_perp_step_last.squaredNorm();
+  state_.overshoots = overshoots ? state_.overshoots + 1 : 0;
+  if (state_.overshoots >= 2 && state_.follow > kShortest) {  // once is what a load that turns round does too
+    state_.follow /= 2;
+    state_.overshoots = 0;
   }
-  state_.q_perp += follow_ * q_perp_step_;
-  q_perp_step_last_ = q_perp_step_;
+  state_.reduced.q_perp += state_.follow * q_perp_step_;
+  state_.q_perp_step_last = q_perp_step_;
 }
 
 }  // namespace fork1s

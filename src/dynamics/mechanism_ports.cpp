@@ -7,7 +7,7 @@ namespace fork1s {
 
 // Parts are runs of velocities: with fingers on a held palm the coordinates of each stand together.
 void MechanismDynamics::FindParts() {
-  const int r = model_.size(), nx = num_velocities();
+  const int r = model().size(), nx = num_velocities();
   std::vector<int> reach(static_cast<std::size_t>(std::max(nx, 1)));
   for (std::size_t i = 0; i < reach.size(); ++i) reach[i] = static_cast<int>(i);
   auto join = [&](int first, int last) {
@@ -28,23 +28,23 @@ void MechanismDynamics::FindParts() {
   };
   std::vector<Part> of_group, of_limited, of_friction;
   for (const ContactGroup& g : groups_) {
-    const auto T = model_.T_of(g.body);
+    const auto T = model().T_of(g.body);
     of_group.push_back(support([&](int i) { return (T.col(i).array() == 0).all(); }));
   }
   auto of_length = [&](const Mechanism::LinearForm& terms) {
     return support([&](int i) {
       return std::all_of(terms.begin(), terms.end(),
-                         [&](const auto& t) { return model_.Q(t.first, i) == 0; });
+                         [&](const auto& t) { return model().Q(t.first, i) == 0; });
     });
   };
   for (const auto& l : length_limits_) of_limited.push_back(of_length(l.terms));
   for (const auto& f : mechanism().frictions()) of_friction.push_back(of_length(f.terms));
-  if (base_size_ > 0 || model_.loop_rank() > 0) {
+  if (base_size_ > 0 || model().loop_rank() > 0) {
     join(0, nx - 1);
   } else {
     for (int i = 0; i < r; ++i)
       for (int j = r - 1; j > i; --j)
-        if (model_.M(i, j) != 0 || model_.D(i, j) != 0) {
+        if (model().M(i, j) != 0 || model().D(i, j) != 0) {
           join(i, j);
           break;
         }
@@ -65,7 +65,7 @@ void MechanismDynamics::FindParts() {
     i = last + 1;
   }
   auto part_of_run = [&](const Part& run) {
-    if (base_size_ > 0 || (model_.loop_rank() > 0 && run.size > 0)) return 0;
+    if (base_size_ > 0 || (model().loop_rank() > 0 && run.size > 0)) return 0;
     return run.size == 0 ? -1 : part_of[static_cast<std::size_t>(run.begin)];
   };
   part_of_group_.clear();
@@ -87,8 +87,8 @@ void MechanismDynamics::GroupJacobian(int g, Eigen::Ref<Matrix6X> J) const {
   const int first = part.begin, count = part.size - base_size_;
   auto T = J.rightCols(count);
   if (options_.recovery == Recovery::kTwist) {
-    const auto T_ref = model_.T_of(group.body);
-    T.noalias() = Dexp(T_ref * state_.z) * T_ref.middleCols(first, count);
+    const auto T_ref = model().T_of(group.body);
+    T.noalias() = Dexp(T_ref * state_.reduced.z) * T_ref.middleCols(first, count);
     return;
   }
   if (group.last_joint < 0) {
@@ -106,7 +106,7 @@ Vector6 MechanismDynamics::GroupTwist(int g, const Eigen::Ref<const MatrixX>& J_
     const Part& part = parts_[static_cast<std::size_t>(index)];
     for (int k = 0; k < part.size; ++k) V += x_(part.begin + k) * J_T.row(k).transpose();
   }
-  if (mechanism().base() == BaseKind::kDriven) V += state_.V_R;
+  if (mechanism().base() == BaseKind::kDriven) V += state_.reduced.V_R;
   return V;
 }
 
@@ -139,7 +139,7 @@ void MechanismDynamics::LengthRow(const Mechanism::LinearForm& terms, const Part
 
 double MechanismDynamics::LengthRate(const Mechanism::LinearForm& terms) const {
   double rate = 0;
-  for (const auto& [i, c] : terms) rate += c * Q_now().row(i).dot(x_.tail(model_.size()));
+  for (const auto& [i, c] : terms) rate += c * Q_now().row(i).dot(x_.tail(model().size()));
   return rate;
 }
 

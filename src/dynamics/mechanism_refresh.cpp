@@ -10,7 +10,7 @@ namespace fork1s {
 double MechanismDynamics::LargestTurn(const VectorX& since) const {
   double largest = 0;
   const Mechanism& m = mechanism();
-  for (int i = 0; i < model_.num_coordinates(); ++i) {
+  for (int i = 0; i < model().num_coordinates(); ++i) {
     const double moved = std::abs(configuration_.q(i) - since(i));
     const bool turns = m.screws().col(i).head<3>().squaredNorm() > 1e-18;
     largest = std::max(largest, turns ? moved : moved / m.length_scale());
@@ -18,14 +18,14 @@ double MechanismDynamics::LargestTurn(const VectorX& since) const {
   return largest;
 }
 
-double MechanismDynamics::Staleness() const { return LargestTurn(model_.q_ref) / options_.refresh_angle; }
+double MechanismDynamics::Staleness() const { return LargestTurn(model().q_ref) / options_.refresh_angle; }
 
 bool MechanismDynamics::Refresh() {
   const Mechanism& m = mechanism();
   VectorX q = configuration_.q;
   // In twist mode, and where loops were corrected in few steps, the joints get their exact closed pose first.
   if (m.num_constraints() > 0) CloseLoops(m, q);
-  VectorX q_dot = configuration_.Q_now * state_.w;
+  VectorX q_dot = configuration_.Q_now * state_.reduced.w;
 
   // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
   for (const Mechanism::Joint& joint : m.joints()) {
@@ -39,10 +39,12 @@ bool MechanismDynamics::Refresh() {
     q.segment<3>(joint.offset) = wrapped;
   }
 
-  auto reduced = Reduce(model_.mechanism, q, options_.reduction);
+  auto reduced = Reduce(model().mechanism, q, options_.reduction);
   if (!reduced) return false;
 
-  const double h_before = Q_before_h_;
+  MechanismState before;
+  Save(before);
+  const double h_before = state_.Q_before_h;
   const Vector6 p_0 = base_size_ > 0 ? Vector6(M_full_.topRows<6>() * x_) : Vector6(Vector6::Zero());
 
   // Velocity by momentum: joints keep M(q) q̇ as the new coordinates see it, the base keeps its own.
@@ -50,34 +52,38 @@ bool MechanismDynamics::Refresh() {
   ComputeKinematics(m, q, kinematics);
   VectorX Mq;
   ApplyMass(m, kinematics, q_dot, Mq);
-  model_ = std::move(*reduced);
-  const int r = model_.size();
+  state_.model = std::make_shared<const ReducedModel>(std::move(*reduced));
+  const int r = model().size();
   VectorX p = VectorX::Zero(base_size_ + r);
-  p.tail(r) = model_.Q.transpose() * Mq;
+  p.tail(r) = model().Q.transpose() * Mq;
   if (base_size_ > 0) {
     p.head<6>() = p_0;
-    p.tail(r) += model_.M_0z.transpose() * state_.V_R;
+    p.tail(r) += model().M_0z.transpose() * state_.reduced.V_R;
   }
-  state_.z = VectorX::Zero(r);
-  state_.w = VectorX::Zero(r);
-  configuration_ = elsewhere_ = Configuration(model_);
-  jacobian_ = ReducedJacobian(model_);
+  state_.reduced.z = VectorX::Zero(r);
+  state_.reduced.w = VectorX::Zero(r);
+  configuration_ = elsewhere_ = Configuration(model());
+  jacobian_ = ReducedJacobian(model());
+  StartAtReference();
   Size();
   VectorX x = SolveSymmetric(M_full_, p);
-  if (!x.allFinite()) x.setZero();
+  if (!x.allFinite()) {
+    Restore(before);
+    return false;
+  }
   x_ = x;
-  state_.w = x.tail(r);
-  if (base_size_ > 0) state_.V_R = x.head<6>();
+  state_.reduced.w = x.tail(r);
+  if (base_size_ > 0) state_.reduced.V_R = x.head<6>();
   UpdateConfiguration();
-  if (model_.loop_rank() > 0 && h_before > 0) {
+  if (model().loop_rank() > 0 && h_before > 0) {
     // The next step takes the rate of Q by difference: from where this motion was a step ago. Without it every
     // refresh costs the velocity forces of one step.
-    ReducedState behind = state_;
-    behind.z = -h_before * state_.w;
-    Configuration then(model_);
-    Configure(model_, behind, then);
-    Q_before_ = then.Q_now;
-    Q_before_h_ = h_before;
+    ReducedState behind = state_.reduced;
+    behind.z = -h_before * state_.reduced.w;
+    Configuration then(model());
+    Configure(model(), behind, then);
+    state_.Q_before = then.Q_now;
+    state_.Q_before_h = h_before;
   }
   return true;
 }

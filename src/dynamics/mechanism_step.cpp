@@ -32,8 +32,8 @@ void MechanismDynamics::Factor(double h) {
   if (num_velocities() == 0)
     return;  // a driven body without joints: Eigen's products may not be asked for nothing
   A_ = M_full_;
-  A_.bottomRightCorner(model_.size(), model_.size()) += h * model_.D;
-  A_.diagonal().tail(model_.size()) += h * h * model_.K_r;
+  A_.bottomRightCorner(model().size(), model().size()) += h * model().D;
+  A_.diagonal().tail(model().size()) += h * h * model().K_r;
   TakeBoundedSpringsOut(h);
   factor_.Compute(A_);
 }
@@ -45,16 +45,16 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
     SolveFreeTheta(h);
     return;
   }
-  V_R_before_ = state_.V_R;
+  V_R_before_ = state_.reduced.V_R;
   gravity_W_ = gravity_W;
-  guard_ = mechanism().base() != BaseKind::kDriven && options_.recovery == Recovery::kExact && !has_wrenches_;
+  guard_ = mechanism().base() != BaseKind::kDriven && options_.recovery == Recovery::kExact && !state_.has_wrenches;
   if (guard_) energy_budget_ = energy_start_ = KineticEnergy() + PotentialEnergy(gravity_W);
   Vector6 A_R = Vector6::Zero();
-  Vector6 V_next = state_.V_R;
+  Vector6 V_next = state_.reduced.V_R;
   if (mechanism().base() == BaseKind::kDriven) {
     // Twist that takes the base to its next pose; its change pushes the interior by inertia.
-    V_next = Log(state_.X_WR.inverse() * driven_next_) / h;
-    A_R = (V_next - state_.V_R) / h;
+    V_next = Log(state_.reduced.X_WR.inverse() * state_.driven_next) / h;
+    A_R = (V_next - state_.reduced.V_R) / h;
   }
   if (base_size_ > 0) {
     // The step is taken in a frame that keeps up with the centre of mass. Left in, its velocity v enters as
@@ -62,33 +62,33 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
     // once h v nears the size of the mechanism.
     momentum_.noalias() = M_full_ * x_;
     drift_R_ = momentum_.segment<3>(3) / M_00_(5, 5);
-    state_.V_R.tail<3>() -= drift_R_;
-    V_next = state_.V_R;
+    state_.reduced.V_R.tail<3>() -= drift_R_;
+    V_next = state_.reduced.V_R;
   }
-  if (model_.has_complement) q_perp_before_ = state_.q_perp;
-  LoadForces(state_.X_WR.rotation().transpose() * gravity_W, A_R);
-  Q_before_h_ = h;
-  if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
+  if (model().has_complement) q_perp_before_ = state_.reduced.q_perp;
+  LoadForces(state_.reduced.X_WR.rotation().transpose() * gravity_W, A_R);
+  state_.Q_before_h = h;
+  if (state_.q_perp_offset.size() > 0) state_.q_perp_offset *= std::exp(-h / options_.complement_relaxation);
 
   if (base_size_ > 0) momentum_.noalias() -= M_full_.middleCols<3>(3) * drift_R_;
   V_free_ = V_next;
-  if (!at_bound_.empty()) OpenForceLimits();
+  if (!state_.at_bound.empty()) OpenForceLimits();
   SolveFree(h);
-  if (has_wrenches_) {
-    wrenches_W_.setZero();
-    has_wrenches_ = false;
+  if (state_.has_wrenches) {
+    state_.wrenches_W.setZero();
+    state_.has_wrenches = false;
   }
 }
 
 // x* from the forces and momenta at hand.
 void MechanismDynamics::SolveFree(double h) {
   if (h != factored_h_) Factor(h);
-  if (!at_bound_.empty()) AddBoundedForces();
-  const int r = model_.size();
+  if (!state_.at_bound.empty()) AddBoundedForces();
+  const int r = model().size();
   if (base_size_ == 0) {
-    state_.V_R = V_free_;
+    state_.reduced.V_R = V_free_;
     if (r > 0) {  // Eigen's products may not be asked for nothing
-      x_.noalias() = M_full_ * state_.w;
+      x_.noalias() = M_full_ * state_.reduced.w;
       x_ += h * f_z_;
       factor_.SolveInPlace(x_);
     }
@@ -102,7 +102,7 @@ void MechanismDynamics::SolveFree(double h) {
     return Vector6(x_.head<6>());
   });
   x_.segment<3>(3) += drift_R_;
-  state_.V_R = V_R_before_;
+  state_.reduced.V_R = V_R_before_;
 }
 
 void MechanismDynamics::PredictAgain(double h) {
@@ -127,7 +127,7 @@ void MechanismDynamics::ApplyImpulse(const VectorX& p, bool from_outside) {
   }
   // Contact's work: by the mean velocity where M alone resists, by the end velocity where springs do.
   if (guard_) {
-    rhs_.tail(model_.size()) = state_.w;
+    rhs_.tail(model().size()) = state_.reduced.w;
     if (base_size_ > 0) rhs_.head<6>() = V_R_before_;
     energy_budget_ += std::max(p.dot(x_), 0.5 * (p.dot(x_) + p.dot(rhs_)));
   }
@@ -136,15 +136,15 @@ void MechanismDynamics::ApplyImpulse(const VectorX& p, bool from_outside) {
 void MechanismDynamics::Revert() {
   if (scheme_ != Scheme::kEuler) {
     scheme_ = Scheme::kEuler;
-    state_.z = z_before_;
-    state_.X_WR = X_WR_before_;
-    if (model_.has_complement) state_.q_perp = q_perp_before_;
+    state_.reduced.z = z_before_;
+    state_.reduced.X_WR = X_WR_before_;
+    if (model().has_complement) state_.reduced.q_perp = q_perp_before_;
     UpdateConfiguration();
   }
-  state_.V_R = V_R_before_;
+  state_.reduced.V_R = V_R_before_;
   if (base_size_ > 0) x_.head<6>() = V_R_before_;
-  x_.tail(model_.size()) = state_.w;
-  if (model_.has_complement) state_.q_perp = q_perp_before_;
+  x_.tail(model().size()) = state_.reduced.w;
+  if (model().has_complement) state_.reduced.q_perp = q_perp_before_;
 }
 
 void MechanismDynamics::Integrate(double h) {
@@ -154,11 +154,11 @@ void MechanismDynamics::Integrate(double h) {
     return;
   }
   if (guard_) {
-    z_before_ = state_.z;
-    w_before_ = state_.w;
-    X_WR_before_ = state_.X_WR;
+    z_before_ = state_.reduced.z;
+    w_before_ = state_.reduced.w;
+    X_WR_before_ = state_.reduced.X_WR;
     x_after_ = x_;
-    if (model_.has_complement) q_perp_after_ = state_.q_perp;
+    if (model().has_complement) q_perp_after_ = state_.reduced.q_perp;
   }
   Vector6 V = V_R_before_;
   V.tail<3>() -= drift_R_;
@@ -170,9 +170,9 @@ void MechanismDynamics::Integrate(double h) {
 // `by_pose`: momentum that x_ has with the M of the new pose beyond what it has with that of the old one, as
 // Predict foresaw it.
 void MechanismDynamics::Advance(double h, const Vector6& V_start, const Vector6& by_pose) {
-  state_.w = x_.tail(model_.size());
-  state_.z += h * state_.w;
-  if (mechanism().base() == BaseKind::kDriven) state_.X_WR = driven_next_;
+  state_.reduced.w = x_.tail(model().size());
+  state_.reduced.z += h * state_.reduced.w;
+  if (mechanism().base() == BaseKind::kDriven) state_.reduced.X_WR = state_.driven_next;
   if (base_size_ == 0) {
     UpdateConfiguration();
     return;
@@ -186,29 +186,29 @@ void MechanismDynamics::Advance(double h, const Vector6& V_start, const Vector6&
     drift_R = (momentum_.segment<3>(3) + by_pose.tail<3>()) / M_00_(5, 5);
   }
   x_.segment<3>(3) -= drift_R;
-  const Vector3 drift_W = state_.X_WR.rotation() * drift_R;
+  const Vector3 drift_W = state_.reduced.X_WR.rotation() * drift_R;
   const Vector6 mean = pushed_ ? Vector6(x_.head<6>()) : Vector6(0.5 * (V_start + x_.head<6>()));
-  state_.X_WR = state_.X_WR * Exp(h * mean);
-  state_.X_WR.translation() += h * drift_W;
-  state_.X_WR.Orthonormalize();
+  state_.reduced.X_WR = state_.reduced.X_WR * Exp(h * mean);
+  state_.reduced.X_WR.translation() += h * drift_W;
+  state_.reduced.X_WR.Orthonormalize();
   momentum_.noalias() = M_full_ * x_;
   const Vector6 p = momentum_.head<6>() + by_pose;
   UpdateConfiguration();
   // The pose changed under the base: its momentum stays, its twist follows.
-  if (options_.recovery == Recovery::kExact) x_.head<6>() = SolvePositive(M_00_, p - M_0z_ * state_.w);
-  x_.segment<3>(3).noalias() += state_.X_WR.rotation().transpose() * drift_W;
-  state_.V_R = x_.head<6>();
+  if (options_.recovery == Recovery::kExact) x_.head<6>() = SolvePositive(M_00_, p - M_0z_ * state_.reduced.w);
+  x_.segment<3>(3).noalias() += state_.reduced.X_WR.rotation().transpose() * drift_W;
+  state_.reduced.V_R = x_.head<6>();
 }
 
 // The relative motion of the step is shortened by s, as if it had been s times as fast from the start: at s =
 // 0 the mechanism moves on as one rigid body, which keeps its energy under the midpoint rule.
 void MechanismDynamics::AdvanceShortened(double h, double s) {
-  state_.z = z_before_;
-  state_.X_WR = X_WR_before_;
-  if (model_.has_complement) state_.q_perp = q_perp_before_;
+  state_.reduced.z = z_before_;
+  state_.reduced.X_WR = X_WR_before_;
+  if (model().has_complement) state_.reduced.q_perp = q_perp_before_;
   UpdateConfiguration();
-  if (model_.has_complement) state_.q_perp += s * (q_perp_after_ - q_perp_before_);
-  const int r = model_.size();
+  if (model().has_complement) state_.reduced.q_perp += s * (q_perp_after_ - q_perp_before_);
+  const int r = model().size();
   x_ = x_after_;
   if (base_size_ == 0) {
     x_ *= s;

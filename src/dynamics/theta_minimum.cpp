@@ -17,10 +17,10 @@ namespace fork1s {
 double MechanismDynamics::EndForces(VectorX& f_z) {
   const Mechanism& m = mechanism();
   F_.setZero();
-  AddGravityWrenches(m, configuration_.kinematics, state_.X_WR.rotation().transpose() * gravity_W_, F_);
+  AddGravityWrenches(m, configuration_.kinematics, state_.reduced.X_WR.rotation().transpose() * gravity_W_, F_);
   tau_.setZero();
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
-  if (controls_.size() > 0) AddControlForce(m, controls_, tau_);
+  if (state_.controls.size() > 0) AddControlForce(m, state_.controls, tau_);
   SpringForce(m, configuration_.kinematics, configuration_.q, g_);
   g_ += tau_;
   for (const Mechanism::ForceLimit& limit : m.force_limits()) {
@@ -29,25 +29,25 @@ double MechanismDynamics::EndForces(VectorX& f_z) {
   }
   f_z.noalias() = Q_now().transpose() * g_;
   pose_energy_.valid = false;
-  return PotentialEnergyOn(state_.X_WR, gravity_W_);
+  return PotentialEnergyOn(state_.reduced.X_WR, gravity_W_);
 }
 
 void MechanismDynamics::MinimiseAtEnd(double h) {
   constexpr int kMost = 50;
   constexpr double kRounding = 1e-13;  // potentials are sums of a hundred terms
   constexpr int kHalvings = 40;
-  const int r = model_.size();
+  const int r = model().size();
   minimised_ = true;
   minimum_found_ = false;
   const VectorX turn = u_.tail(r) - w_start_;
-  const MatrixX& D = model_.D;
+  const MatrixX& D = model().D;
   VectorX f(r), f_next(r), gradient(num_velocities()), step, x = x_, x_next, w(r);
   // From where nothing has bent yet.
   x.tail(r) = -turn;
   auto merit = [&](const VectorX& at, VectorX& force) {
     w = at.tail(r) + turn;
-    state_.z = z_before_ + h * w;
-    Configure(model_, state_, configuration_);
+    state_.reduced.z = z_before_ + h * w;
+    Configure(model(), state_.reduced, configuration_);
     const double U = EndForces(force);
     const VectorX moved = at - u_;
     double value = 0.5 * moved.dot(M_full_ * moved) + U + 0.5 * h * w.dot(D * w) - impulse_.dot(at) -

@@ -44,7 +44,7 @@ void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x) {
 }  // namespace
 
 void MechanismDynamics::SizeTheta() {
-  const int r = model_.size(), n = model_.num_coordinates();
+  const int r = model().size(), n = model().num_coordinates();
   theta_.h = at_end_.h = -1;
   u_.setZero(num_velocities());
   contact_shift_.setZero(num_velocities());
@@ -63,27 +63,27 @@ void MechanismDynamics::Begin(double h, const Vector3& gravity_W, bool middle) {
   touches_ = false;
   gravity_W_ = gravity_W;
   guard_ = false;
-  z_before_ = state_.z;
-  w_before_ = state_.w;
-  X_WR_before_ = state_.X_WR;
-  V_R_before_ = state_.V_R;
-  if (model_.has_complement) q_perp_before_ = state_.q_perp;
-  if (model_.size() > 0)
-    q_dot_start_.noalias() = Q_now() * state_.w;
+  z_before_ = state_.reduced.z;
+  w_before_ = state_.reduced.w;
+  X_WR_before_ = state_.reduced.X_WR;
+  V_R_before_ = state_.reduced.V_R;
+  if (model().has_complement) q_perp_before_ = state_.reduced.q_perp;
+  if (model().size() > 0)
+    q_dot_start_.noalias() = Q_now() * state_.reduced.w;
   else
     q_dot_start_.setZero();
   ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_dot_start_,
-                            base_moves() ? state_.V_R : Vector6(Vector6::Zero()), start_velocity_);
+                            base_moves() ? state_.reduced.V_R : Vector6(Vector6::Zero()), start_velocity_);
   if (base_size_ > 0) {
     const Vector6 p = M_full_.topRows<6>() * x_;
-    const Matrix3& R = state_.X_WR.rotation();
+    const Matrix3& R = state_.reduced.X_WR.rotation();
     const Vector3 c = CenterOf(M_00_);
-    center_W_ = state_.X_WR * c;
+    center_W_ = state_.reduced.X_WR * c;
     linear_W_ = R * p.tail<3>();
   }
   if (mechanism().base() == BaseKind::kDriven) {
-    state_.V_R = Log(state_.X_WR.inverse() * driven_next_) / h;
-    weighed_on_ = middle ? state_.X_WR * Exp(0.5 * h * state_.V_R) : state_.X_WR;
+    state_.reduced.V_R = Log(state_.reduced.X_WR.inverse() * state_.driven_next) / h;
+    weighed_on_ = middle ? state_.reduced.X_WR * Exp(0.5 * h * state_.reduced.V_R) : state_.reduced.X_WR;
     potential_start_ = PotentialEnergyOn(weighed_on_, gravity_W);
   } else {
     potential_start_ = PotentialEnergy(gravity_W);
@@ -96,34 +96,35 @@ void MechanismDynamics::Begin(double h, const Vector3& gravity_W, bool middle) {
 
 void MechanismDynamics::MoveToMiddle(double h) {
   std::swap(configuration_, elsewhere_);
-  state_.z += 0.5 * h * state_.w;
-  if (mechanism().base() == BaseKind::kDriven) state_.X_WR = state_.X_WR * Exp(0.5 * h * state_.V_R);
+  configuration_.TakeLoops(elsewhere_);
+  state_.reduced.z += 0.5 * h * state_.reduced.w;
+  if (mechanism().base() == BaseKind::kDriven) state_.reduced.X_WR = state_.reduced.X_WR * Exp(0.5 * h * state_.reduced.V_R);
   if (base_size_ > 0)
-    state_.X_WR.rotation() = state_.X_WR.rotation() * ExpRotation(0.5 * h * state_.V_R.head<3>());
+    state_.reduced.X_WR.rotation() = state_.reduced.X_WR.rotation() * ExpRotation(0.5 * h * state_.reduced.V_R.head<3>());
   UpdateConfiguration();
   if (base_size_ == 0) return;
-  const Matrix3& R = state_.X_WR.rotation();
+  const Matrix3& R = state_.reduced.X_WR.rotation();
   const Vector3 center = CenterOf(M_00_);
-  state_.X_WR.translation() = center_W_ + 0.5 * h / M_00_(5, 5) * linear_W_ - R * center;
+  state_.reduced.X_WR.translation() = center_W_ + 0.5 * h / M_00_(5, 5) * linear_W_ - R * center;
   // The same angular rate and momentum in the axes that have turned meanwhile: what contacts see approach.
   const Vector3 omega = R.transpose() * (X_WR_before_.rotation() * V_R_before_.head<3>());
   Vector3 of_joints = Vector3::Zero();
-  if (model_.size() > 0) of_joints.noalias() = M_0z_.bottomRows<3>() * state_.w;
-  state_.V_R << omega, (R.transpose() * linear_W_ - of_joints) / M_00_(5, 5) - omega.cross(center);
-  x_.head<6>() = state_.V_R;
+  if (model().size() > 0) of_joints.noalias() = M_0z_.bottomRows<3>() * state_.reduced.w;
+  state_.reduced.V_R << omega, (R.transpose() * linear_W_ - of_joints) / M_00_(5, 5) - omega.cross(center);
+  x_.head<6>() = state_.reduced.V_R;
 }
 
 // u and the forces of the pose half way.
 void MechanismDynamics::PredictTheta(double h) {
-  const Matrix3 R_mW = state_.X_WR.rotation().transpose();
-  const int r = model_.size();
+  const Matrix3 R_mW = state_.reduced.X_WR.rotation().transpose();
+  const int r = model().size();
   F_parts_.setZero();
   AddMomentum(rigid_parts_, configuration_.kinematics, start_velocity_, R_mW * X_WR_before_.rotation(), 1,
               F_parts_);
   if (mechanism().base() == BaseKind::kDriven) {
     // Joints see what is left beside the base's own mean motion.
     tau_.setZero();
-    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, tau_, state_.V_R,
+    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, tau_, state_.reduced.V_R,
                               other_velocity_);
     AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
   }
@@ -143,7 +144,7 @@ void MechanismDynamics::PredictTheta(double h) {
       if (mechanism().base() == BaseKind::kDriven) {
         // Half of what the change of the base's twist brings has come by the start, the other half comes by
         // the end.
-        f_turn_.noalias() = M_0z_.transpose() * (V_R_before_ - state_.V_R);
+        f_turn_.noalias() = M_0z_.transpose() * (V_R_before_ - state_.reduced.V_R);
         inertia_factor_.SolveInPlace(f_turn_);
         w_start_ += 0.5 * f_turn_;
       }
@@ -151,35 +152,35 @@ void MechanismDynamics::PredictTheta(double h) {
     contact_shift_.tail(r) = u_.tail(r) - w_start_;
   }
   LoadForces(R_mW * gravity_W_, Vector6::Zero());
-  if (q_perp_offset_.size() > 0) q_perp_offset_ *= std::exp(-h / options_.complement_relaxation);
+  if (state_.q_perp_offset.size() > 0) state_.q_perp_offset *= std::exp(-h / options_.complement_relaxation);
   f_wrench_.setZero();
   base_wrench_.setZero();
-  if (has_wrenches_) {
+  if (state_.has_wrenches) {
     Matrix6X& F = F_;
     F.setZero();
     for (int b = 0; b < mechanism().num_bodies(); ++b)
-      F.col(b) = AdjointTransposeApply(state_.X_WR, wrenches_W_.col(b));
+      F.col(b) = AdjointTransposeApply(state_.reduced.X_WR, state_.wrenches_W.col(b));
     base_wrench_ = F.rowwise().sum();
     tau_.setZero();
     AccumulateGeneralizedForce(mechanism(), configuration_.kinematics.S, F, tau_);
     if (r > 0) f_wrench_.noalias() = Q_now().transpose() * tau_;
-    wrenches_W_.setZero();
-    has_wrenches_ = false;
+    state_.wrenches_W.setZero();
+    state_.has_wrenches = false;
   }
-  if (!at_bound_.empty()) OpenForceLimits();
+  if (!state_.at_bound.empty()) OpenForceLimits();
 }
 
 // x* from the momenta and forces at hand.
 void MechanismDynamics::SolveFreeTheta(double h) {
-  const int r = model_.size();
+  const int r = model().size();
   all_at_end_ = scheme_ == Scheme::kImpact || touches_ || AnyAtBound();
   ThetaScheme& rule = all_at_end_ ? at_end_ : theta_;
   if (rule.h != h) {
     std::vector<VelocityRange> ranges = parts_;
     if (base_size_ > 0) ranges = {{0, r}};
-    rule.Fill(model_, ranges, h, all_at_end_);
+    rule.Fill(model(), ranges, h, all_at_end_);
   }
-  if (!at_bound_.empty()) AddBoundedForces();
+  if (!state_.at_bound.empty()) AddBoundedForces();
   if (num_velocities() == 0) return;
   impulse_.setZero(num_velocities());
   x_ = momentum_;
@@ -190,20 +191,20 @@ void MechanismDynamics::SolveFreeTheta(double h) {
     auto rhs = x_.tail(r);
     rhs += h * f_z_;
     // f at z + h Th w̄ from f at the pose half way.
-    f_used_ = z_before_ - state_.z;
-    rhs -= h * model_.K_r.cwiseProduct(f_used_);
+    f_used_ = z_before_ - state_.reduced.z;
+    rhs -= h * model().K_r.cwiseProduct(f_used_);
     f_turn_ = u_.tail(r) - w_start_;
     rhs.noalias() -= (h * h) * (rule.K_Th_rest * w_start_);
     rhs.noalias() -= (h * h) * (rule.K_Th2 * f_turn_);
     rhs.noalias() -= h * (rule.D_start * w_start_);
     rhs.noalias() -= h * (rule.D_end * f_turn_);
-    for (std::size_t k = 0; k < at_bound_.size(); ++k) {
-      if (at_bound_[k] == 0) continue;
+    for (std::size_t k = 0; k < state_.at_bound.size(); ++k) {
+      if (state_.at_bound[k] == 0) continue;
       const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
       double stretch = 0;
-      for (const auto& [i, c] : limit.terms) stretch += c * model_.Q.row(i).dot(f_used_);
+      for (const auto& [i, c] : limit.terms) stretch += c * model().Q.row(i).dot(f_used_);
       for (const auto& [i, c] : limit.terms)
-        rhs += (h * limit.stiffness * stretch * c) * model_.Q.row(i).transpose();
+        rhs += (h * limit.stiffness * stretch * c) * model().Q.row(i).transpose();
     }
     if (all_at_end_) TakeBoundedSpringsOut(h);
   }
@@ -212,11 +213,11 @@ void MechanismDynamics::SolveFreeTheta(double h) {
 
 // From the pose at which LoadForces found a servo's spring to where its force acts.
 double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, double h) {
-  const int r = model_.size();
+  const int r = model().size();
   f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
   w_mean_.noalias() = rule().Th * f_turn_;
   w_mean_ += w_start_;
-  f_used_ = z_before_ - state_.z;
+  f_used_ = z_before_ - state_.reduced.z;
   f_used_.noalias() += h * (rule().Th * w_mean_);
   double stretch = 0;
   for (const auto& [i, c] : limit.terms) stretch += c * Q_now().row(i).dot(f_used_);
@@ -225,22 +226,22 @@ double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, dou
 
 // Force of the reduced springs at z = `moved`, those of servos at their bounds left out.
 void MechanismDynamics::SpringPull(const VectorX& moved, VectorX& force) {
-  force = -model_.K_r.cwiseProduct(moved);
-  for (std::size_t k = 0; k < at_bound_.size(); ++k) {
-    if (at_bound_[k] == 0) continue;
+  force = -model().K_r.cwiseProduct(moved);
+  for (std::size_t k = 0; k < state_.at_bound.size(); ++k) {
+    if (state_.at_bound[k] == 0) continue;
     const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
     double stretch = 0;
-    for (const auto& [i, c] : limit.terms) stretch += c * model_.Q.row(i).dot(moved);
+    for (const auto& [i, c] : limit.terms) stretch += c * model().Q.row(i).dot(moved);
     for (const auto& [i, c] : limit.terms)
-      force += (limit.stiffness * stretch * c) * model_.Q.row(i).transpose();
+      force += (limit.stiffness * stretch * c) * model().Q.row(i).transpose();
   }
 }
 
 void MechanismDynamics::IntegrateTheta(double h) {
-  const int r = model_.size();
+  const int r = model().size();
   const bool driven = mechanism().base() == BaseKind::kDriven;
-  const Matrix3 R_m = state_.X_WR.rotation();
-  const RigidTransform X_m = state_.X_WR;
+  const Matrix3 R_m = state_.reduced.X_WR.rotation();
+  const RigidTransform X_m = state_.reduced.X_WR;
   // An impact keeps gaps closed at the end velocity.
   const double end = all_at_end_ && pushed_ ? 1 : 0.5;
   minimised_ = false;
@@ -252,7 +253,7 @@ void MechanismDynamics::IntegrateTheta(double h) {
     w_mean_.noalias() = rule().Th * f_turn_;
     w_mean_ += w_start_;
     // f(z + h Th w̄); what springs bend by within the step is what `work` then misses.
-    f_used_ = z_before_ - state_.z;
+    f_used_ = z_before_ - state_.reduced.z;
     f_used_.noalias() += h * (rule().Th * w_mean_);
     SpringPull(f_used_, f_turn_);
     work = h * w_mean_.dot(f_z_ - f_wrench_ + f_turn_);
@@ -265,14 +266,14 @@ void MechanismDynamics::IntegrateTheta(double h) {
     work += h * (end * x_.head<6>() + (1 - end) * u_.head<6>()).dot(base_force_ - base_wrench_);
   TurnAndMove(h, end);
   if (r > 0 && BendsTooMuch(work)) {
-    state_.X_WR = X_m;
+    state_.reduced.X_WR = X_m;
     MinimiseAtEnd(h);
     TurnAndMove(h, end);
   }
 
   // ẋ⁺ + ẋ and its rates of joints, seen from the middle.
   Vector6 V = Vector6::Zero();
-  if (driven) V = 2 * state_.V_R;
+  if (driven) V = 2 * state_.reduced.V_R;
   if (base_size_ > 0) V = x_.head<6>() + u_.head<6>();
   q_ddot_.setZero();
   if (r > 0) {
@@ -285,13 +286,13 @@ void MechanismDynamics::IntegrateTheta(double h) {
   TurnFreely(rigid_parts_, scheme_ == Scheme::kMiddle ? 0.5 * h : h, start_velocity_);
 
   UpdateInertia();
-  const Matrix3 R_eW = state_.X_WR.rotation().transpose();
+  const Matrix3 R_eW = state_.reduced.X_WR.rotation().transpose();
   F_parts_.setZero();
   AddMomentum(rigid_parts_, configuration_.kinematics, start_velocity_, R_eW * R_m, 1, F_parts_);
   tau_ = mechanism().armature().cwiseProduct(q_ddot_);
   if (driven) {
     q_ddot_.setZero();
-    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_ddot_, state_.V_R,
+    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_ddot_, state_.reduced.V_R,
                               other_velocity_);
     AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
   }
@@ -303,29 +304,30 @@ void MechanismDynamics::IntegrateTheta(double h) {
 // Pose at the end of the step from w_mean_ and x_: from the middle, to which elsewhere_ then belongs. The
 // centre of mass goes by momentum alone, so that a drift of the whole changes nothing else.
 void MechanismDynamics::TurnAndMove(double h, double end) {
-  const Matrix3 R_m = state_.X_WR.rotation();
-  state_.z = z_before_;
-  if (model_.size() > 0) state_.z += h * w_mean_;
-  state_.X_WR = mechanism().base() == BaseKind::kDriven ? driven_next_ : X_WR_before_;
+  const Matrix3 R_m = state_.reduced.X_WR.rotation();
+  state_.reduced.z = z_before_;
+  if (model().size() > 0) state_.reduced.z += h * w_mean_;
+  state_.reduced.X_WR = mechanism().base() == BaseKind::kDriven ? state_.driven_next : X_WR_before_;
   Vector3 center_end = Vector3::Zero();  // m, world axes
   if (base_size_ > 0) {
     const Vector3 pushed = R_m * (M_full_.middleRows<3>(3) * x_ - momentum_.segment<3>(3));
     const Vector3 turn = h * (R_m * (end * x_.head<3>() + (1 - end) * u_.head<3>()));
     center_end = center_W_ + h / M_00_(5, 5) * (linear_W_ + end * pushed);
-    state_.X_WR.rotation() = ExpRotation(turn) * state_.X_WR.rotation();
-    state_.X_WR.Orthonormalize();
+    state_.reduced.X_WR.rotation() = ExpRotation(turn) * state_.reduced.X_WR.rotation();
+    state_.reduced.X_WR.Orthonormalize();
   }
   std::swap(configuration_, elsewhere_);
+  configuration_.TakeLoops(elsewhere_);
   pose_energy_.valid = false;
-  Configure(model_, state_, configuration_);
+  Configure(model(), state_.reduced, configuration_);
   if (base_size_ > 0)
-    state_.X_WR.translation() =
-        center_end - state_.X_WR.rotation() * CenterOfParts(rigid_parts_, configuration_.kinematics);
+    state_.reduced.X_WR.translation() =
+        center_end - state_.reduced.X_WR.rotation() * CenterOfParts(rigid_parts_, configuration_.kinematics);
 }
 
 // Whether springs came to hold so much more than foreseen that the motion of the joints cannot pay for it.
 bool MechanismDynamics::BendsTooMuch(double work) {
-  const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.X_WR;
+  const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.reduced.X_WR;
   const double potential = PotentialEnergyOn(X_WR, gravity_W_), missed = potential - potential_start_ + work;
   solved_.noalias() = M_full_ * x_;
   double twice_kinetic = x_.dot(solved_);
@@ -339,7 +341,7 @@ bool MechanismDynamics::BendsTooMuch(double work) {
 // Adds `energy` to the kinetic energy along the relative velocity of the step; the momentum of the whole
 // stays.
 void MechanismDynamics::MatchWork(double energy) {
-  rhs_.tail(model_.size()) = w_mean_;
+  rhs_.tail(model().size()) = w_mean_;
   if (base_size_ > 0) rhs_.head<6>() = -SolvePositive(M_00_, M_0z_ * w_mean_);
   solved_.noalias() = M_full_ * rhs_;  // base rows 0: no momentum
   x_ += SmallRoot(0.5 * solved_.dot(rhs_), solved_.dot(x_), energy) * rhs_;
@@ -348,21 +350,21 @@ void MechanismDynamics::MatchWork(double energy) {
 // The velocity that ẋ⁺ leaves at the new pose, tau_ and F_parts_ its momentum, with the momentum of the whole
 // kept to rounding and the work of the chord corrected to the potential's true change.
 void MechanismDynamics::TakeVelocityAtEnd(double work) {
-  const int r = model_.size();
+  const int r = model().size();
   if (num_velocities() == 0) return;
   if (r > 0) momentum_.tail(r).noalias() = Q_now().transpose() * tau_;
   if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
   x_ = momentum_;
   SolveOrFail(inertia_factor_, M_full_, x_);
   // What is known of the energy: truncated modes follow their loads at rest and take part in it unseen.
-  if (r > 0 && !model_.has_complement && !minimised_) {
-    const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.X_WR;
+  if (r > 0 && !model().has_complement && !minimised_) {
+    const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.reduced.X_WR;
     const double potential = PotentialEnergyOn(X_WR, gravity_W_), missed = potential_start_ - potential - work;
     // Below the digits of the two it would keep alive what comes to rest.
     if (std::abs(missed) > kRounding * (std::abs(potential) + std::abs(potential_start_))) MatchWork(missed);
   }
-  state_.w = x_.tail(r);
-  if (base_size_ > 0) state_.V_R = x_.head<6>();
+  state_.reduced.w = x_.tail(r);
+  if (base_size_ > 0) state_.reduced.V_R = x_.head<6>();
 }
 
 }  // namespace fork1s

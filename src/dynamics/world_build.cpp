@@ -144,6 +144,8 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.points_.reserve(room);
   detail.contacts_.reserve(room);
   detail.previous_.reserve(room);
+  detail.before_.contacts.reserve(room);
+  detail.before_.speeds_W.reserve(room);
   detail.speed_W_.reserve(room);
   detail.previous_speed_W_.reserve(room);
   detail.match_.reserve(room);

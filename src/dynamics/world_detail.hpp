@@ -12,6 +12,10 @@ namespace fork1s {
 
 struct World::Detail {
   StepReport Step(const StepOptions& options);
+  void Save(WorldState& out) const;
+  void Restore(const WorldState& state);
+  bool IsFinite() const;
+  StepReport TakeBack(StepReport report);
   Expected<void> BuildCollision(const Scene& scene, const Options& options);
   void FindContacts(const StepOptions& options, StepReport& report);
   void PrepareContacts(const StepOptions& options, StepReport& report);
@@ -92,6 +96,7 @@ struct World::Detail {
   std::vector<Matrix6> free_W_;
   std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
   bool has_force_limits_ = false;
+  WorldState before_;  // of the step at hand
 };
 
 }  // namespace fork1s

@@ -70,11 +70,29 @@ void World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
   AssembleConstraints(options);
 }
 
+bool World::Detail::IsFinite() const {
+  return std::all_of(mechanisms_.begin(), mechanisms_.end(), [](const auto& m) { return m.IsFinite(); }) &&
+         std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
+}
+
+// As before the step, but for wrenches: they were meant for this step, and may be what was not finite.
+StepReport World::Detail::TakeBack(StepReport report) {
+  for (MechanismState& m : before_.mechanisms) {
+    m.wrenches_W.setZero();
+    m.has_wrenches = false;
+  }
+  for (FreeBody::State& b : before_.free_bodies) b.force_W = b.moment_W = Vector3::Zero();
+  Restore(before_);
+  report.finite = false;
+  return report;
+}
+
 StepReport World::Detail::Step(const StepOptions& options) {
   StepReport report;
   const double h = options.h;
   FORK1S_REQUIRE(h > 0 && std::isfinite(h), h);
 
+  Save(before_);
   previous_.swap(contacts_);
   previous_speed_W_.swap(speed_W_);
   by_theta_ = UsesTheta(options);
@@ -92,21 +110,14 @@ StepReport World::Detail::Step(const StepOptions& options) {
   if (middle_) ShiftRows();
   SolveContacts(options, report);
 
-  report.finite =
-      std::all_of(mechanisms_.begin(), mechanisms_.end(), [](const auto& m) { return m.IsFinite(); }) &&
-      std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
-  if (!report.finite) {
-    for (MechanismDynamics& m : mechanisms_) m.Revert();
-    for (FreeBody& b : free_bodies_) b.Revert();
-    contacts_.swap(previous_);
-    speed_W_.swap(previous_speed_W_);
-    return report;
-  }
+  if (!IsFinite()) return TakeBack(report);
   KeepForNextStep(report);
   curvature_valid_ = !by_theta_;
   MoveMechanisms(options, report);
   for (FreeBody& b : free_bodies_) b.Integrate(h);
-  return report;
+  for (const MechanismDynamics& m : mechanisms_)
+    report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
+  return IsFinite() ? report : TakeBack(report);
 }
 
 StepReport World::Step(const StepOptions& options) { return detail_->Step(options); }

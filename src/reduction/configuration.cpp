@@ -60,22 +60,49 @@ void Place(const ReducedModel& model, Configuration& out) {
   out.loop_residual = out.c_all.cwiseAbs().maxCoeff();
 }
 
-}  // namespace
-
-void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
-               int max_corrections) {
-  const Mechanism& mechanism = *model.mechanism;
+// What closing does not change. False where there is nothing to close: then the pose is done.
+bool Start(const ReducedModel& model, const ReducedState& state, Configuration& out) {
   const bool loops = model.loop_rank() > 0;
   VectorX& q_bar = loops ? out.q_bar : out.q;
   q_bar = model.q_ref;
   if (model.size() > 0) q_bar.noalias() += model.Q * state.z;
   if (state.q_perp.size() > 0) q_bar += state.q_perp;
   out.corrections = 0;
-  if (!loops) {
-    ComputeKinematics(mechanism, out.q, out.kinematics);
-    return;
-  }
+  if (!loops) ComputeKinematics(*model.mechanism, out.q, out.kinematics);
+  return loops;
+}
 
+// Factor, tangent and derivative at the pose that µ gives.
+void Finish(const ReducedModel& model, const ReducedState& state, Configuration& out) {
+  FactorLoops(model, out);
+  out.pivot_ratio = out.factor.PivotRatio();
+  out.z_of_mu = state.z;
+  out.W.noalias() = out.A * model.Q;
+  out.factor.SolveInPlace(out.W);
+  out.Q_now = model.Q;
+  out.Q_now.noalias() -= model.B * out.W;
+}
+
+}  // namespace
+
+void Configuration::TakeLoops(const Configuration& other) {
+  if (other.mu.size() == 0) return;
+  mu = other.mu;
+  z_of_mu = other.z_of_mu;
+  W = other.W;
+  factor = other.factor;
+  has_factor = other.has_factor;
+}
+
+void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Configuration& out) {
+  if (!Start(model, state, out)) return;
+  Place(model, out);
+  Finish(model, state, out);
+}
+
+void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
+               int max_corrections) {
+  if (!Start(model, state, out)) return;
   if (max_corrections == 0 || !out.mu.allFinite()) {
     out.mu.setZero();
   } else if (model.size() > 0) {  // along the tangent of the last pose
@@ -102,13 +129,7 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
     residual = out.c.cwiseAbs().maxCoeff();
     stale = !(residual < kGain * before);
   }
-  FactorLoops(model, out);
-  out.pivot_ratio = out.factor.PivotRatio();
-  out.z_of_mu = state.z;
-  out.W.noalias() = out.A * model.Q;
-  out.factor.SolveInPlace(out.W);
-  out.Q_now = model.Q;
-  out.Q_now.noalias() -= model.B * out.W;
+  Finish(model, state, out);
 }
 
 void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g) {

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <fork1s/recovery/recover.hpp>
 
 #include "integrator_fits.hpp"
@@ -29,8 +28,9 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.fidelity_ = {options.detail, options.reduction.modes, options.recovery};
   World::Options o = s.WorldOptions(s.fidelity_);
   o.initial_keyframe = options.initial_keyframe;
-  s.present_scene_ = RefineInterfaces(scene, options.detail);
-  auto world = World::Create(s.present_scene_, o);
+  s.world_keyframe_ = o.initial_keyframe;
+  s.present_scene_ = std::make_shared<const Scene>(RefineInterfaces(scene, options.detail));
+  auto world = World::Create(*s.present_scene_, o);
   if (!world) return tl::unexpected(world.error());
   s.world_ = std::move(*world);
   s.scene_ = std::move(scene);
@@ -175,39 +175,6 @@ double Simulation::ClosureGap() const {
   double gap = 0;
   for (const MechanismDynamics& m : world_.mechanisms()) gap = std::max(gap, m.ClosureGapNow());
   return gap;
-}
-
-std::uint64_t Simulation::HashState() const {
-  std::uint64_t hash = 14695981039346656037ull;
-  auto add = [&](const double* values, std::size_t count) {
-    for (std::size_t i = 0; i < count; ++i) {
-      std::uint64_t bits;
-      std::memcpy(&bits, &values[i], sizeof bits);
-      for (int byte = 0; byte < 8; ++byte) {
-        hash ^= (bits >> (8 * byte)) & 0xff;
-        hash *= 1099511628211ull;
-      }
-    }
-  };
-  auto add_pose = [&](const RigidTransform& X) {
-    add(X.rotation().data(), 9);
-    add(X.translation().data(), 3);
-  };
-  for (const MechanismDynamics& m : world_.mechanisms()) {
-    const ReducedState& s = m.state();
-    add(m.model().q_ref.data(), static_cast<std::size_t>(m.model().q_ref.size()));
-    add(s.z.data(), static_cast<std::size_t>(s.z.size()));
-    add(s.w.data(), static_cast<std::size_t>(s.w.size()));
-    add(s.q_perp.data(), static_cast<std::size_t>(s.q_perp.size()));
-    add_pose(s.X_WR);
-    add(s.V_R.data(), 6);
-  }
-  for (const FreeBody& b : world_.free_bodies()) {
-    add_pose(b.pose());
-    add(b.omega_B().data(), 3);
-    add(b.velocity_of_center().data(), 3);
-  }
-  return hash;
 }
 
 }  // namespace fork1s

@@ -111,7 +111,7 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   std::vector<Hold> holds;
   if (fidelity.level == DetailLevel::kObject) {
     holds = holds_.empty() ? known_holds : holds_;
-    if (holds.empty()) holds = internal::FindHolds(present_scene_, world_, dt_);
+    if (holds.empty()) holds = internal::FindHolds(*present_scene_, world_, dt_);
     if (holds.empty())
       return Fail(
           ErrorCode::kModel, "scene '" + scene_.name + "'",
@@ -129,7 +129,8 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   auto world = World::Create(scene, options);
   if (!world) return tl::unexpected(world.error());
   world_ = std::move(*world);
-  present_scene_ = std::move(scene);
+  present_scene_ = std::make_shared<const Scene>(std::move(scene));
+  world_keyframe_ = 0;
   fidelity_ = fidelity;
   holds_ = std::move(holds);
   ListBodies();

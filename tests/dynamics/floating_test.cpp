@@ -169,7 +169,9 @@ TEST(Driven, BaseShakesASpringToSecondOrder) {
     }
     const double error = std::abs(world.mechanisms()[0].configuration().q(0) - x);
     EXPECT_LT(error, 4e-4 * std::pow(120.0 / steps, 2));  // 1 % of the swing at 1/60 s
-    if (before > 0) EXPECT_NEAR(before / error, 4, 0.5);
+    if (before > 0) {
+      EXPECT_NEAR(before / error, 4, 0.5);
+    }
     before = error;
   }
 }

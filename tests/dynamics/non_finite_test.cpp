@@ -1,5 +1,7 @@
 // A step that meets a number that is not finite is undone and says so.
+#include <cmath>
 #include <dynamics/support.hpp>
+#include <random_mechanism.hpp>
 
 #include <limits>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
@@ -37,6 +39,39 @@ TEST(NonFinite, StepIsUndone) {
     EXPECT_EQ(ball.velocity_of_center(), ball_speed);
     EXPECT_TRUE(world.Step(options).finite);
   }
+}
+
+// Forces of any size: a step either ends in a state that the next one can go on from, or leaves every bit as it
+// was. Overflow comes late, when velocities are squared or a pose is refreshed.
+TEST(NonFinite, NothingOfItStays) {
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta})
+    for (const bool loop : {false, true}) {
+      testing::RandomMechanismOptions random;
+      random.rigid_closures = loop ? 1 : 0;
+      World world = testing::MustCreate(testing::RandomMechanismDef(3, random));
+      StepOptions options;
+      options.integrator = integrator;
+      int taken_back = 0;
+      for (int power = 20; power <= 320; power += 20) {
+        WorldState before, after;
+        world.Save(before);
+        MechanismDynamics& m = world.mechanisms()[0];
+        const double force = power > 308 ? std::numeric_limits<double>::infinity() : std::pow(10.0, power);
+        m.AddWrench(BodyIndex(m.mechanism().num_bodies() - 1), Vector3(0.3, force, 0.2), Vector3::Zero(),
+                    Vector3(0.1, 0, 0));
+        const bool finite = world.Step(options).finite;
+        world.Save(after);
+        if (!finite) {
+          EXPECT_EQ(HashOf(after), HashOf(before)) << power;
+          ++taken_back;
+        }
+        EXPECT_TRUE(m.IsFinite()) << power;
+        world.Restore(before);
+        EXPECT_TRUE(world.Step(options).finite) << power;  // as if nothing had been
+        world.Restore(before);
+      }
+      EXPECT_GE(taken_back, 1);
+    }
 }
 
 }  // namespace

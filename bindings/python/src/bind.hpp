@@ -11,6 +11,7 @@ void BindReduction(nanobind::module_& m);
 class Runner;
 /// What bind_simulation.cpp leaves to bind_state.cpp.
 void BindState(nanobind::class_<Runner>& simulation);
+void BindSnapshot(nanobind::module_& m);
 void BindSimulation(nanobind::module_& m);
 void BindControls(nanobind::module_& m);
 void BindBatch(nanobind::module_& m);

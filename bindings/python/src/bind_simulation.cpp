@@ -74,6 +74,7 @@ void BindStepReport(nb::module_& m) {
 
 void BindSimulation(nb::module_& m) {
   BindStepReport(m);
+  BindSnapshot(m);
   auto simulation =
       nb::class_<Runner>(m, "Simulation", R"(A model in motion, stepped by implicit Euler with contacts.
 
@@ -195,7 +196,8 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "Sentences about the model's reduction and its start.")
           .def(
               "hash", [](Runner& r) { return r.With([](Simulation& s) { return s.HashState(); }); },
-              "64-bit hash of the moving state: equal only if every coordinate is the same to the last bit.")
+              "64 bits over all that the next step reads, warm starts and set-points included: equal where every "
+              "bit of those is.")
           .def("__repr__", [](Runner& r) {
             return "<fork1s.Simulation '" + r.model()->scene().name + "' at " + std::to_string(r.Time()) +
                    " s>";

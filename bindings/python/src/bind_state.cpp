@@ -82,7 +82,23 @@ void SetState(Runner& runner, const nb::object& qpos, const nb::object& qvel, co
 
 }  // namespace
 
+void BindSnapshot(nb::module_& m) {
+  nb::class_<Runner::Snapshot>(m, "Snapshot",
+                               "A moment of a simulation, from `Simulation.save`. It is a copy and stays as it "
+                               "is, whatever the simulation does.")
+      .def("__repr__", [](const Runner::Snapshot& s) {
+        return "<fork1s.Snapshot after " + std::to_string(s.simulation.steps) + " steps>";
+      });
+}
+
 void BindState(nb::class_<Runner>& simulation) {
+  simulation.def("save", &Runner::Save,
+                 "A moment to come back to: state, set-points, pushes of the next call, time and detail.");
+  simulation.def("restore", &Runner::Restore, nb::arg("snapshot"),
+                 "Goes back to a moment that `save` gave, of this simulation or of another one of the same "
+                 "model and dt: the "
+                 "same steps from there give the same bits, and `hash` that of then. Raises UsageError and "
+                 "leaves everything as it was where the moment is of another model.");
   simulation.def(
       "set_state", SetState, nb::arg("qpos") = nb::none(), nb::arg("qvel") = nb::none(), nb::kw_only(),
       nb::arg("poses") = ByName(), nb::arg("velocities") = ByName(),

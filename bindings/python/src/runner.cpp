@@ -12,7 +12,7 @@ void StepsReport::Add(const StepReport& step) {
   forces_at_bound = step.forces_at_bound;
   max_penetration = std::max(max_penetration, step.max_penetration);
   residual = std::max(residual, step.solver.residual);
-  unconverged += step.solver.converged ? 0 : 1;
+  unconverged += step.solver.converged && step.minimum_found ? 0 : 1;
   refreshes += step.refreshes;
   failed_refreshes += step.failed_refreshes;
   contacts_dropped = contacts_dropped || step.contacts_dropped;
@@ -72,6 +72,19 @@ void Runner::SetState(KeyframeDef state) {
   }
   time_before_ += simulation_.time();
   simulation_ = std::move(next);
+}
+
+Runner::Snapshot Runner::Save() {
+  const std::lock_guard lock(mutex_);
+  return {simulation_.Save(), time_before_, pushes_};
+}
+
+void Runner::Restore(const Snapshot& snapshot) {
+  const nb::gil_scoped_release others_run;
+  const std::lock_guard lock(mutex_);
+  Take(simulation_.Restore(snapshot.simulation), model_->origin());
+  time_before_ = snapshot.time_before;
+  pushes_ = snapshot.pushes;
 }
 
 double Runner::Time() {

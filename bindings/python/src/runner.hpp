@@ -56,6 +56,15 @@ class Runner {
   /// s since the beginning, through all states that were set.
   double Time();
   void AddPush(const Push& push);
+  /// A moment to come back to: the simulation's, the clock and the pushes of the next call.
+  struct Snapshot {
+    Simulation::Snapshot simulation;
+    double time_before = 0;  // s
+    std::vector<Push> pushes;
+  };
+  Snapshot Save();
+  /// Throws Refused where it is of another scene.
+  void Restore(const Snapshot& snapshot);
 
   /// f(simulation) under the lock.
   template <class F>

@@ -49,6 +49,14 @@ class FreeBody {
   void Integrate(double h);
   /// Takes the step back, before Integrate.
   void Revert();
+  /// All that the next step depends on.
+  struct State {
+    RigidTransform X_WB;
+    Vector3 omega_B = Vector3::Zero(), velocity = Vector3::Zero();  // of the centre, world axes
+    Vector3 force_W = Vector3::Zero(), moment_W = Vector3::Zero();  // of the next step; about the centre
+  };
+  State Save() const { return {X_WB_, omega_B_, velocity_, force_W_, moment_W_}; }
+  void Restore(const State& state);
 
   double KineticEnergy() const;
   double PotentialEnergy(const Vector3& gravity_W) const {

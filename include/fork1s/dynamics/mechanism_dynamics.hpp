@@ -10,6 +10,7 @@
 #pragma once
 
 #include <algorithm>
+#include <fork1s/dynamics/mechanism_state.hpp>
 #include <fork1s/dynamics/recovery.hpp>
 #include <fork1s/dynamics/theta_scheme.hpp>
 #include <fork1s/linalg/cholesky.hpp>
@@ -41,22 +42,22 @@ class MechanismDynamics {
                                             const VectorX& q_dot0, const RigidTransform& X_WR,
                                             const Vector6& V_R, const Options& options);
 
-  const Mechanism& mechanism() const { return *model_.mechanism; }
-  const ReducedModel& model() const { return model_; }
-  const ReducedState& state() const { return state_; }
+  const Mechanism& mechanism() const { return *model().mechanism; }
+  const ReducedModel& model() const { return *state_.model; }
+  const ReducedState& state() const { return state_.reduced; }
   const Configuration& configuration() const { return configuration_; }
   const std::vector<ContactGroup>& groups() const { return groups_; }
   Recovery recovery() const { return options_.recovery; }
   /// Number of generalized velocities: r, plus 6 where the base floats.
-  int num_velocities() const { return base_size_ + model_.size(); }
+  int num_velocities() const { return base_size_ + model().size(); }
 
   /// Inputs; they hold until changed. `controls` one per Mechanism::controls().
-  VectorX& controls() { return controls_; }
-  const VectorX& controls() const { return controls_; }
+  VectorX& controls() { return state_.controls; }
+  const VectorX& controls() const { return state_.controls; }
   /// Wrench on a body in world axes about a point p_W that moves with nothing: applied in the next step only.
   void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
   /// Pose that a driven base reaches at the end of the next step.
-  void DriveBase(const RigidTransform& X_WR_next) { driven_next_ = X_WR_next; }
+  void DriveBase(const RigidTransform& X_WR_next) { state_.driven_next = X_WR_next; }
 
   /// Begins a step of second order (docs/method.md, section 5): from here to Integrate or Revert the
   /// mechanism stands where its velocity takes it in half the step, and Predict, ports and lengths speak of
@@ -110,7 +111,7 @@ class MechanismDynamics {
   /// Servos and motors that give all they can.
   int NumForcesAtBound() const {
     return static_cast<int>(
-        std::count_if(at_bound_.begin(), at_bound_.end(), [](signed char s) { return s != 0; }));
+        std::count_if(state_.at_bound.begin(), state_.at_bound.end(), [](signed char s) { return s != 0; }));
   }
 
   /// Newton iterations of the last step beyond the first: where forces bent more within it than one could
@@ -120,6 +121,10 @@ class MechanismDynamics {
   bool FoundMinimum() const { return minimum_found_; }
   /// Takes the free velocity back, before Integrate.
   void Revert();
+  /// All that the next step depends on, into `out`; does not allocate where `out` has its sizes. Between steps.
+  void Save(MechanismState& out) const;
+  /// Puts back what Save gave, here or of another that was created the same way.
+  void Restore(const MechanismState& state);
   /// Phase 2: moves the state by x⁺ over h and brings poses up to date.
   void Integrate(double h);
   /// Largest turn since the reference, as a share of the refresh angle.
@@ -140,7 +145,8 @@ class MechanismDynamics {
   /// recovery only, zeros else. Allocates.
   VectorX ClosureForces(double h, const Matrix6X& contacts_R, const VectorX& near) const;
   bool IsFinite() const {
-    return x_.allFinite() && state_.z.allFinite() && state_.q_perp.allFinite() && state_.X_WR.IsFinite();
+    return x_.allFinite() && state_.reduced.z.allFinite() && configuration_.q.allFinite() &&
+           state_.reduced.X_WR.IsFinite();
   }
   /// Pose of a body in the world at the present state.
   RigidTransform BodyPose(BodyIndex b) const;
@@ -151,8 +157,9 @@ class MechanismDynamics {
   explicit MechanismDynamics(ReducedModel model);
   const MatrixX& Q_now() const { return configuration_.Q_now; }
   void Size();
+  void StartAtReference();
   void FindParts();
-  void UpdateConfiguration();
+  void UpdateConfiguration(bool loops_are_closed = false);  // by the µ at hand
   void TakeReferenceForces();
   void Factor(double h);
   void LoadForces(const Vector3& gravity_R, const Vector6& A_R);
@@ -198,32 +205,23 @@ class MechanismDynamics {
   void TakeShorterStep(double h);
 
   Options options_;
-  ReducedModel model_;
-  ReducedState state_;
+  MechanismState state_;
   Configuration configuration_;
   RigidParts rigid_parts_;
   ReducedJacobian jacobian_;  // of configuration_
   std::vector<ContactGroup> groups_;
   std::vector<Part> parts_;
   std::vector<int> part_of_group_, part_of_limited_, part_of_friction_;
-  std::vector<signed char> at_bound_;  // per force limit: 1 at the upper, -1 at the lower, 0 between
   std::vector<Mechanism::LengthLimit> length_limits_;
   std::vector<std::string> warnings_;
   int base_size_ = 0;  // 6 where the base floats
 
-  VectorX controls_;
-  RigidTransform driven_next_;
   Vector6 V_R_before_ = Vector6::Zero();  // base twist at the start of the step
   Vector3 drift_R_ = Vector3::Zero();     // velocity of a floating mechanism's centre of mass at that time
-  bool has_wrenches_ = false;
   bool pushed_ = false;  // contact from outside acted in this step
-  Matrix6X wrenches_W_;  // 6 x bodies about the world origin, world axes
 
   // Between refreshes.
-  VectorX q_perp_offset_;                          // n, leftover of the last refresh, fading
-  VectorX rest_, q_perp_step_, q_perp_step_last_;  // n
-  double follow_ = 1;                              // share of a step towards rest that the interior takes
-  int overshoots_ = 0;                             // in a row
+  VectorX rest_, q_perp_step_;                     // n
   MatrixX A_, M_full_;                             // num_velocities²
   Cholesky factor_;
   double factored_h_ = -1;
@@ -238,8 +236,6 @@ class MechanismDynamics {
   // Scratch of a step.
   Matrix6 M_00_;
   Matrix6X M_0z_;     // of the present pose
-  MatrixX Q_before_;  // loops: Q_now of the last step, h ago
-  double Q_before_h_ = -1;
   Matrix6X body_V_, body_A_;
   VectorX q_dot_, q_ddot_;
   Vector3 gravity_W_ = Vector3::Zero();

@@ -5,6 +5,7 @@
 #include <fork1s/contact/contact_solver.hpp>
 #include <fork1s/dynamics/free_body.hpp>
 #include <fork1s/dynamics/recovery.hpp>
+#include <fork1s/dynamics/world_state.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <memory>
@@ -33,14 +34,6 @@ struct StepOptions {
   ContactSolverOptions contact;
 };
 
-/// A contact as it was solved.
-struct ContactRecord {
-  ContactPoint point;
-  Vector3 impulse = Vector3::Zero();  // normal, tangents [N·s], in the frame of the point, on body b
-  double friction = 0;
-  Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
-};
-
 struct StepReport {
   int contacts = 0;
   int limits = 0;              // joint limits that acted
@@ -53,6 +46,7 @@ struct StepReport {
   int newton_steps = 0;           // beyond the first, of the mechanism that took most; second order only
   bool minimum_found = true;      // false: those ended short of the end of the step that they sought
   bool impact = false;            // something closed a gap at speed: the step took its forces at its end
+  double loop_residual = 0;       // rad or m by which the rows of any loop are open, of the mechanism's own
   bool finite = true;             // false: the step was undone and the state is that before it
 };
 
@@ -104,6 +98,13 @@ class World {
 
   double KineticEnergy() const;
   double PotentialEnergy(const Vector3& gravity) const;
+  /// All that the next step depends on, into `out`; does not allocate where `out` has its sizes.
+  void Save(WorldState& out) const;
+  /// Puts back what Save gave, here or of a world made of the same scene with the same options: the next steps
+  /// give the same bits. Throws where CanRestore has an error.
+  void Restore(const WorldState& state);
+  /// kUsage where the state has other bodies, coordinates or controls than this world.
+  Expected<void> CanRestore(const WorldState& state) const;
   /// Forgets contacts and their warm starts, after a state was set from outside.
   void ResetContacts();
 

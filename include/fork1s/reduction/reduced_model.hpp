@@ -107,6 +107,9 @@ struct Configuration {
   MatrixX AB, W;     // m x m; m x r: ∂µ/∂z
   LuFactor factor;   // of AB at some pose before
   bool has_factor = false;
+
+  /// Corrections start from where those of `other`, at a pose near by, ended. No allocation.
+  void TakeLoops(const Configuration& other);
 };
 
 /// q(z) = q_ref + Q z + q_perp - B µ with µ such that c(q) = 0 (docs/method.md, section 2): chords with the
@@ -115,6 +118,9 @@ struct Configuration {
 /// of the pose that is computed. Fills kinematics. No allocation.
 void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
                int max_corrections = 60);
+
+/// The same where µ in `out` is known to close the loops: the bits that Configure left at this state.
+void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Configuration& out);
 
 /// Joint forces g without what the loops' reactions take: g -= Aᵀ(A B)⁻ᵀ Bᵀ g at the pose of `c`, what forces
 /// do on displacements that are closed along B. No allocation.

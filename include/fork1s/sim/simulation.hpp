@@ -5,6 +5,7 @@
 #include <fork1s/dynamics/world.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <fork1s/sim/fidelity.hpp>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -47,7 +48,7 @@ class Simulation {
   double dt() const { return dt_; }
   const Scene& scene() const { return scene_; }
   /// What world() was made of: the scene with interface bodies refined and held bodies taken into mechanisms.
-  const Scene& present_scene() const { return present_scene_; }
+  const Scene& present_scene() const { return *present_scene_; }
   const SimulationOptions& options() const { return options_; }
 
   /// Simulates with more or less detail from the present state on: poses stay, velocities as far as the new
@@ -100,9 +101,25 @@ class Simulation {
   /// Largest opening of any joint or loop, measured on the recovered poses [m].
   double JointGap() const;
 
-  /// 64-bit FNV-1a over the bits of the moving state: equal only if every coordinate is the same to the last
-  /// bit.
+  /// 64 bits over all that the next step reads: coordinates, rates, warm starts, inputs. Equal where every bit
+  /// of those is.
   std::uint64_t HashState() const;
+
+  /// A moment to come back to. Plain values, which may be copied; it outlives the simulation.
+  struct Snapshot {
+    std::int64_t steps = 0;
+    VectorX controls;
+    Fidelity fidelity;
+    std::vector<Hold> holds;
+    std::shared_ptr<const Scene> made_of;  // present_scene() of then
+    int keyframe = -1;                     // at which that world was made
+    std::vector<RigidTransform> base_start;  // where the controls of driven bases count from
+    WorldState world;
+  };
+  Snapshot Save() const;
+  /// Goes back to it: the same steps from there give the same bits. Options of the step (dt, gravity, contact)
+  /// are those of now. Errors leave everything as it was: kUsage for a snapshot of another scene.
+  Expected<void> Restore(const Snapshot& snapshot);
 
   const World& world() const { return world_; }
   World& world() { return world_; }
@@ -116,7 +133,9 @@ class Simulation {
   void ListBodies();
   void PassControls();
 
-  Scene scene_, present_scene_;
+  Scene scene_;
+  std::shared_ptr<const Scene> present_scene_;
+  int world_keyframe_ = -1;  // of present_scene_, at which world_ was made
   std::vector<std::shared_ptr<const Mechanism>> given_;  // mechanisms of scene_, built
   Fidelity fidelity_;
   std::vector<Hold> holds_;

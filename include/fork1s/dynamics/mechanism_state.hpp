@@ -1,0 +1,34 @@
+// What a step of a mechanism reads and changes, as plain values.
+#pragma once
+
+#include <fork1s/reduction/reduced_model.hpp>
+#include <memory>
+#include <vector>
+
+namespace fork1s {
+
+/// All that the next step of a mechanism depends on beside its definition and options: a copy that is put back
+/// gives the same bits. Sizes: n joint coordinates, r reduced ones, m loop rows.
+struct MechanismState {
+  std::shared_ptr<const ReducedModel> model;  // about the present reference
+  ReducedState reduced;
+  VectorX mu;  // m: how far loops are closed along B at this pose, where the next correction starts
+
+  VectorX controls;                   // hold until changed
+  RigidTransform driven_next;         // pose of a driven base at the end of the next step
+  Matrix6X wrenches_W;                // 6 x bodies about the world origin, world axes: of the next step only
+  bool has_wrenches = false;
+  std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between
+
+  // Static displacement of the interior.
+  VectorX q_perp_offset;     // n: leftover of the last refresh, fading; empty: not known yet
+  VectorX q_perp_step_last;  // n
+  double follow = 1;         // share of a step towards rest that the interior takes
+  int overshoots = 0;        // in a row
+
+  // Loops by implicit Euler.
+  MatrixX Q_before;        // n x r: dq/dz of the last step
+  double Q_before_h = -1;  // s ago; -1: not known
+};
+
+}  // namespace fork1s

@@ -1,0 +1,43 @@
+// What a step of a world reads and changes, as plain values.
+#pragma once
+
+#include <cstdint>
+#include <fork1s/collision/collision_world.hpp>
+#include <fork1s/dynamics/free_body.hpp>
+#include <fork1s/dynamics/mechanism_state.hpp>
+#include <vector>
+
+namespace fork1s {
+
+/// A contact as it was solved.
+struct ContactRecord {
+  ContactPoint point;
+  Vector3 impulse = Vector3::Zero();  // normal, tangents [N·s], in the frame of the point, on body b
+  double friction = 0;
+  Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
+};
+
+/// All that the next step of a world depends on beside what it was made of. For worlds made of the same scene
+/// with the same options.
+struct WorldState {
+  std::vector<MechanismState> mechanisms;
+  std::vector<FreeBody::State> free_bodies;
+
+  // Contact of the last step, from which the next one starts.
+  std::vector<ContactRecord> contacts;
+  std::vector<Vector3> speeds_W;  // of contacts after the solve, world axes [m/s]
+  bool speeds_are_last = false;   // they are of the step before
+  std::vector<RigidTransform> contactor_poses;
+  bool has_contactor_poses = false;
+  struct Rows {  // per mechanism
+    std::vector<double> limit_impulses, friction_impulses;
+    bool refreshed = false;  // at the end of the last step
+  };
+  std::vector<Rows> rows;
+};
+
+/// 64 bits over those of every field, sizes included; of a reduced model over the pose that it is about.
+/// `inputs`: what else the next step is given.
+std::uint64_t HashOf(const WorldState& state, const VectorX& inputs = VectorX());
+
+}  // namespace fork1s

@@ -1,0 +1,56 @@
+// Moments of a simulation: taken, gone back to, compared.
+#include <fork1s/sim/simulation.hpp>
+
+#include <cstring>
+
+namespace fork1s {
+
+Simulation::Snapshot Simulation::Save() const {
+  Snapshot snapshot{steps_, controls_, fidelity_, holds_, present_scene_, world_keyframe_, base_start_, {}};
+  world_.Save(snapshot.world);
+  return snapshot;
+}
+
+Expected<void> Simulation::Restore(const Snapshot& snapshot) {
+  const auto other = [&](const char* what) {
+    return Fail(ErrorCode::kUsage, "scene '" + scene_.name + "'",
+                std::string("cannot go back to a moment of another scene: it has ") + what +
+                    "; restore what this simulation, or one of the same scene, has saved");
+  };
+  if (!snapshot.made_of) return other("no scene, as a snapshot that nothing was saved to");
+  const Scene& then = *snapshot.made_of;
+  if (then.name != scene_.name) return other("another name");
+  if (then.mechanisms.size() != scene_.mechanisms.size()) return other("another number of mechanisms");
+  if (snapshot.controls.size() != controls_.size()) return other("another number of controls");
+  const bool same_world = fidelity_ == snapshot.fidelity && world_keyframe_ == snapshot.keyframe &&
+                          holds_.size() == snapshot.holds.size() &&
+                          (present_scene_ == snapshot.made_of || (holds_.empty() && world_keyframe_ < 0));
+  if (!same_world) {
+    World::Options options = WorldOptions(snapshot.fidelity);
+    options.initial_keyframe = snapshot.keyframe;
+    auto world = World::Create(then, options);
+    if (!world) return tl::unexpected(world.error());
+    if (auto fits = world->CanRestore(snapshot.world); !fits) return fits;
+    world_ = std::move(*world);
+  } else if (auto fits = world_.CanRestore(snapshot.world); !fits) {
+    return fits;
+  }
+  world_.Restore(snapshot.world);
+  present_scene_ = snapshot.made_of;
+  world_keyframe_ = snapshot.keyframe;
+  fidelity_ = snapshot.fidelity;
+  holds_ = snapshot.holds;
+  steps_ = snapshot.steps;
+  controls_ = snapshot.controls;
+  base_start_ = snapshot.base_start;
+  ListBodies();
+  return {};
+}
+
+std::uint64_t Simulation::HashState() const {
+  WorldState state;
+  world_.Save(state);
+  return HashOf(state, controls_);
+}
+
+}  // namespace fork1s
