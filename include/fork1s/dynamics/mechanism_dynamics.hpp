@@ -55,6 +55,8 @@ class MechanismDynamics {
   const VectorX& controls() const { return controls_; }
   /// Wrench on a body in world axes about a point p_W that moves with nothing: applied in the next step only.
   void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
+  /// Those added for the next step [6 x bodies], about the world's origin in world axes.
+  const Matrix6X& wrenches_W() const { return wrenches_W_; }
   /// Pose that a driven base reaches at the end of the next step.
   void DriveBase(const RigidTransform& X_WR_next) { driven_next_ = X_WR_next; }
 

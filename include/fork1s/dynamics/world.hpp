@@ -98,6 +98,9 @@ class World {
   /// Pose of a collision body when contacts() were found: at the start of the last step.
   const RigidTransform& PoseAtDetection(int contactor) const;
   const std::vector<std::string>& warnings() const;
+  /// τ += joint forces [n] of the stops and dry frictions that acted on a mechanism in the last step, of
+  /// length h.
+  void AddStopForces(int mechanism, double h, VectorX& tau) const;
 
   /// One step of the scheme of docs/method.md, section 5. Never throws for numerical reasons: see StepReport.
   StepReport Step(const StepOptions& options);
