@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "checks.hpp"
+#include "error_watch.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "progress.hpp"
@@ -23,6 +24,7 @@ struct RunArguments {
   double time = 2;
   double dt = 0;
   bool no_load_factor = false;
+  bool error = false;
   std::string controls, recovery = "exact", record, detail;
 };
 
@@ -45,6 +47,7 @@ struct Measured {
     std::string refused;  // why not; empty: done
   };
   std::vector<Switch> switches;
+  std::optional<ErrorWatch> error;
   bool held = false;        // contacts were frozen in some step
   double hold_use_max = 0;  // see HoldForce
 };
@@ -54,7 +57,10 @@ void Switch(const FidelityTrack& track, std::size_t& next, Simulation& simulatio
   for (; next < track.entries.size() && track.entries[next].time <= simulation.time() + 1e-9; ++next) {
     Measured::Switch done{simulation.time(), track.entries[next].fidelity, 0, ""};
     const auto start = std::chrono::steady_clock::now();
-    if (auto set = simulation.SetFidelity(done.fidelity); !set) done.refused = set.error().Text();
+    if (auto set = simulation.SetFidelity(done.fidelity); !set)
+      done.refused = set.error().Text();
+    else if (out.error)
+      out.error->Forget();
     done.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     out.switches.push_back(std::move(done));
   }
@@ -112,12 +118,15 @@ Measured Simulate(Simulation& simulation, const RunArguments& args, std::int64_t
   ProgressBar bar("simulating");
   LoadWatch watch;
   std::size_t next_detail = 0;
+  if (args.error) out.error.emplace();
   for (std::int64_t i = 0; i < steps; ++i) {
     Switch(detail, next_detail, simulation, out);
     track.Apply(static_cast<double>(i + 1) * simulation.dt(), simulation);
+    if (out.error) out.error->Begin(simulation);
     const auto start = std::chrono::steady_clock::now();
     const StepReport report = simulation.Step();
     const std::chrono::duration<double, std::micro> spent = std::chrono::steady_clock::now() - start;
+    if (out.error) out.error->End(simulation, report);
     if (!report.finite) {
       out.failed_step = i;
       break;
@@ -178,6 +187,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   out["penetration_max_m"] = m.penetration_max;
   const bool has_load = std::isfinite(m.load_min.factor);
   out["load_factor_min"] = has_load ? Json(m.load_min.factor) : Json(nullptr);
+  if (m.error) m.error->AddTo(out);
   out["step_us"] = {{"median", percentile(0.5)}, {"p99", percentile(0.99)}};
   out["detail"] = Json::array();
   for (const Measured::Switch& s : m.switches)
@@ -198,6 +208,8 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   if (m.fallbacks > 0)
     warnings.push_back(fmt::format(
         "{} contact solves failed grossly and were replaced by ones that only take energy", m.fallbacks));
+  if (m.error)
+    for (const std::string& w : m.error->Warnings()) warnings.push_back(w);
   if (m.failed_refreshes > 0)
     warnings.push_back(fmt::format("{} refreshes found no reduced model at their pose and kept the old one",
                                    m.failed_refreshes));
@@ -246,6 +258,7 @@ void Print(const Json& d) {
     fmt::print("  frozen contacts use {:.2f} of their friction at most\n", number("hold_use_max"));
   if (!d["load_factor_min"].is_null())
     fmt::print("  load factor     {:.3f} at least\n", number("load_factor_min"));
+  if (d.contains("error_estimate_mm")) PrintErrorEstimate(d);
   for (const char* kind : {"interface", "free_bodies"})
     for (const Json& b : d[kind]) {
       const Json& p = b["position_m"];
@@ -363,6 +376,9 @@ void AddRun(CLI::App& app, Action& action) {
                       "how much is simulated, from what time on: [TIME:]WORD[+WORD...],... with object, "
                       "interface, parents, all, modes=K, exact, twist; as in interface,2:object");
   command->add_option("--record", args->record, "write a recording to this HDF5 file");
+  command->add_flag("--error", args->error,
+                    "estimate how far the run is from the truth: what the reduction leaves out, what bends "
+                    "within a step, and the time step");
   command->add_flag("--no-load-factor", args->no_load_factor,
                     "do not watch how much harder a grasp may press before it ejects what it holds");
   command->callback([&action, args] { action = [args] { return Run(*args); }; });

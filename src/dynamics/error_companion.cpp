@@ -123,6 +123,10 @@ void ErrorCompanion::Residuals(const MechanismDynamics& m, const Vector3& gravit
     euler_.q_ddot = (v_[1] - v_[0]) / h_;
     euler_.V = V_[1];
     euler_.A = (V_[1] - V_[0]) / h_;
+    if (base_ > 0) {  // which moves by the midpoint rule
+      euler_.V = centred_.V;
+      euler_.A = centred_.A;
+    }
     Missing(m, gravity_W, q_[1], X_[1], euler_, loads_[0], full_);
     ToBasis(full_, euler);
   } else {
@@ -150,15 +154,24 @@ void ErrorCompanion::SplitOff(const MechanismDynamics& m, const Eigen::Ref<const
     seen.noalias() = seen_ * residual;
 }
 
-double ErrorCompanion::Moved(const MechanismDynamics& m) const {
+// Tangents hold what forces at the node do when it is moved, so they go stale with pose, rates and
+// accelerations; a change of rate counts by what it moves in the time that the tangents are old.
+double ErrorCompanion::Moved(const MechanismDynamics& m, double age) {
+  Centre();
   double moved = 0;
   for (int i = 0; i < q_linear_.size(); ++i) {
     const bool turns = m.mechanism().screws().col(i).head<3>().squaredNorm() > 1e-18;
-    const double by = std::abs(q_[1](i) - q_linear_(i));
+    const double by =
+        std::max({std::abs(q_[1](i) - q_linear_(i)), age * std::abs(centred_.q_dot(i) - linear_.q_dot(i)),
+                  age * age * std::abs(centred_.q_ddot(i) - linear_.q_ddot(i))});
     moved = std::max(moved, turns ? by : by / m.mechanism().length_scale());
   }
-  if (base_ > 0)
-    moved = std::max(moved, LogRotation(X_linear_.rotation().transpose() * X_[1].rotation()).norm());
+  if (base_ > 0) {
+    moved = std::max({moved, LogRotation(X_linear_.rotation().transpose() * X_[1].rotation()).norm(),
+                      age * (centred_.V - linear_.V).head<3>().norm(),
+                      age * age * (centred_.A - linear_.A).head<3>().norm(),
+                      age * age * (centred_.A - linear_.A).tail<3>().norm() / m.mechanism().length_scale()});
+  }
   return moved;
 }
 
@@ -203,6 +216,7 @@ void ErrorCompanion::Linearise(const MechanismDynamics& m, const Vector3& gravit
 
   // Tangents by central differences of all that is missing, loop reactions included.
   Centre();
+  linear_ = centred_;
   VectorX lambda;
   if (!tree_) {
     scratch_ = kinematics_;

@@ -14,6 +14,7 @@ class ErrorCompanion {
   explicit ErrorCompanion(const MechanismDynamics& m);
 
   int size() const { return base_ + static_cast<int>(B_.cols()); }
+  int base_size() const { return base_; }
 
   /// Loads of the coming step.
   void Begin(const MechanismDynamics& m);
@@ -26,8 +27,9 @@ class ErrorCompanion {
   /// New basis and tangent at the node: M, D, K of y. `from`: coefficients [size x k] of the old basis become
   /// those of the new one.
   void Linearise(const MechanismDynamics& m, const Vector3& gravity_W, MatrixX& from);
-  /// Largest turn [rad] of a joint or the base since then; slides in lengths of the mechanism.
-  double Moved(const MechanismDynamics& m) const;
+  /// By how much [rad] joints or base have left the motion of then, `age` [s] ago; slides in lengths of the
+  /// mechanism.
+  double Moved(const MechanismDynamics& m, double age);
   const MatrixX& M() const { return M_y_; }
   const MatrixX& D() const { return D_y_; }
   const MatrixX& K() const { return K_y_; }
@@ -73,7 +75,7 @@ class ErrorCompanion {
   Loads loads_[2], mean_;  // of the step to the node, and from it
   Kinematics kinematics_, scratch_;
   Matrix6X F_, F_base_, body_V_, body_A_;
-  Motion centred_, euler_;
+  Motion centred_, euler_, linear_;
   VectorX tau_, spring_, full_;
   VectorX q_linear_;
   RigidTransform X_linear_;
