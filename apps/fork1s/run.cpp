@@ -5,6 +5,7 @@
 #include <fork1s/dynamics/load_factor.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/sim/passing.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>
 #include <optional>
@@ -48,6 +49,7 @@ struct Measured {
   };
   std::vector<Switch> switches;
   std::optional<ErrorWatch> error;
+  std::vector<Passing> passed;  // bodies that touch nothing, and went into something
   bool held = false;        // contacts were frozen in some step
   double hold_use_max = 0;  // see HoldForce
 };
@@ -72,6 +74,35 @@ void WatchHolds(const Simulation& simulation, Measured& out) {
     out.hold_use_max = std::max(out.hold_use_max, f.use);
   }
 }
+
+// Watches bodies that are no interface; anew where the detail changed.
+class Passers {
+ public:
+  explicit Passers(const Simulation& simulation) { Watch(simulation); }
+  void Look(const Simulation& simulation, std::size_t switches, Measured& out) {
+    if (switches != switches_) {
+      Keep(out);
+      Watch(simulation);
+      switches_ = switches;
+    }
+    if (watch_) watch_->Look(simulation);
+  }
+  void Keep(Measured& out) const {
+    if (!watch_) return;
+    for (Passing& p : watch_->Found()) out.passed.push_back(std::move(p));
+  }
+
+ private:
+  void Watch(const Simulation& simulation) {
+    auto watch = PassingWatch::Create(simulation);
+    if (watch)
+      watch_.emplace(std::move(*watch));
+    else
+      watch_.reset();
+  }
+  std::optional<PassingWatch> watch_;
+  std::size_t switches_ = 0;
+};
 
 // Looks at the grasp now and then: it costs more than a step.
 class LoadWatch {
@@ -119,6 +150,7 @@ Measured Simulate(Simulation& simulation, const RunArguments& args, std::int64_t
   LoadWatch watch;
   std::size_t next_detail = 0;
   if (args.error) out.error.emplace();
+  Passers passers(simulation);
   for (std::int64_t i = 0; i < steps; ++i) {
     Switch(detail, next_detail, simulation, out);
     track.Apply(static_cast<double>(i + 1) * simulation.dt(), simulation);
@@ -147,11 +179,13 @@ Measured Simulate(Simulation& simulation, const RunArguments& args, std::int64_t
     out.energy_last = energy;
     out.gap_max = std::max(out.gap_max, simulation.JointGap());
     if (!args.no_load_factor) watch.Look(simulation, out);
+    passers.Look(simulation, out.switches.size(), out);
     if (recorder)
       if (recorded = recorder->Append(simulation, report); !recorded) break;
     if (out.impossible = Impossible(simulation, energy); !out.impossible.empty()) break;
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(steps));
   }
+  passers.Keep(out);
   return out;
 }
 
@@ -202,12 +236,29 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   out["unconverged_steps"] = m.unconverged;
   out["refreshes"] = m.refreshes;
   out["servos_at_limit"] = {{"steps", m.steps_at_bound}, {"most", m.most_at_bound}};
+  out["passed_through"] = Json::array();
+  for (const Passing& p : m.passed)
+    out["passed_through"].push_back({{"body", p.body},
+                                     {"other", p.other},
+                                     {"first_s", p.first},
+                                     {"depth_max_m", p.depth},
+                                     {"depth_max_s", p.when}});
   Json warnings = Json::array();
   for (const std::string& w : simulation.warnings()) warnings.push_back(w);
   if (m.contacts_dropped) warnings.push_back("the collision detector ran out of room and dropped contacts");
   if (m.fallbacks > 0)
     warnings.push_back(fmt::format(
         "{} contact solves failed grossly and were replaced by ones that only take energy", m.fallbacks));
+  constexpr std::size_t kTold = 5;  // the deepest; the others stand in `passed_through`
+  for (std::size_t i = 0; i < std::min(kTold, m.passed.size()); ++i)
+    warnings.push_back(fmt::format(
+        "'{}' is no interface body, so it touches nothing: from {:.4g} s on it went into '{}', {:.3g} mm "
+        "deep at "
+        "{:.4g} s; add it to --interface",
+        m.passed[i].body, m.passed[i].first, m.passed[i].other, 1e3 * m.passed[i].depth, m.passed[i].when));
+  if (m.passed.size() > kTold)
+    warnings.push_back(
+        fmt::format("{} more pairs of bodies passed through each other", m.passed.size() - kTold));
   if (m.error)
     for (const std::string& w : m.error->Warnings()) warnings.push_back(w);
   if (m.failed_refreshes > 0)

@@ -1,4 +1,4 @@
-// The linear companion of everything that moves: docs/method.md, section 7.
+// The linear companion of everything that moves: docs/method.md, section 8.
 #include <fork1s/dynamics/error_estimate.hpp>
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // How far the simulation is from the truth, estimated while it runs.
 //
-// docs/method.md, section 7. After every step the equations of motion of all coordinates are asked what is
+// docs/method.md, section 8. After every step the equations of motion of all coordinates are asked what is
 // missing at the poses that the step found; a linear companion in all coordinates turns that into
 // displacements.
 #pragma once
