@@ -20,6 +20,7 @@ void ErrorWatch::Begin(const Simulation& simulation) {
 
 void ErrorWatch::End(const Simulation& simulation, const StepReport& report) {
   estimate_->End(simulation.world(), simulation.step_options(), report);
+  theta_in_contact_ |= report.contacts > 0 && simulation.step_options().integrator == Integrator::kTheta;
   Keep();
 }
 
@@ -47,40 +48,59 @@ void ErrorWatch::Forget() {
   estimate_.reset();
 }
 
-void ErrorWatch::AddTo(Json& summary) const {
-  Json by_body = Json::object();
-  double motion = 0, total = 0, interior = 0, nonlinear = 0, time = 0;
+ErrorWatch::Largest ErrorWatch::largest() const {
+  Largest out;
+  out.finite = !failed_;
   for (const Body& b : bodies_) {
-    motion = std::max(motion, b.motion);
-    total = std::max(total, b.total);
-    interior = std::max(interior, b.interior);
-    nonlinear = std::max(nonlinear, b.nonlinear);
-    time = std::max(time, b.time);
+    out.motion = std::max(out.motion, b.motion);
+    out.total = std::max(out.total, b.total);
+    out.interior = std::max(out.interior, b.interior);
+    out.nonlinear = std::max(out.nonlinear, b.nonlinear);
+    out.time = std::max(out.time, b.time);
+  }
+  return out;
+}
+
+void ErrorWatch::AddTo(Json& summary) const {
+  const Largest all = largest();
+  Json by_body = Json::object();
+  for (const Body& b : bodies_)
     by_body[b.name] = {{"max", 1e3 * b.total},
                        {"last", 1e3 * b.last},
                        {"interior_max", 1e3 * b.interior},
                        {"nonlinear_max", 1e3 * b.nonlinear},
                        {"time_step_max", 1e3 * b.time},
                        {"motion", 1e3 * b.motion}};
-  }
-  auto percent = [&](double x) { return motion > 0 && !failed_ ? Json(100 * x / motion) : Json(nullptr); };
+  auto percent = [&](double x) {
+    return all.motion > 0 && all.finite ? Json(100 * x / all.motion) : Json(nullptr);
+  };
   summary["error_estimate_mm"] = std::move(by_body);
   summary["error_estimate_percent"] = {
-      {"total", percent(total)},         {"interior", percent(interior)},
-      {"nonlinear", percent(nonlinear)}, {"time_step", percent(time)},
-      {"of_mm", 1e3 * motion},           {"within_range", !failed_ && 100 * total <= kOutside * motion}};
+      {"total", percent(all.total)},
+      {"interior", percent(all.interior)},
+      {"nonlinear", percent(all.nonlinear)},
+      {"time_step", percent(all.time)},
+      {"of_mm", 1e3 * all.motion},
+      {"within_range", all.finite && 100 * all.total <= kOutside * all.motion}};
 }
 
 std::vector<std::string> ErrorWatch::Warnings() const {
   std::vector<std::string> out;
-  double motion = 0;
-  for (const Body& b : bodies_) motion = std::max(motion, b.motion);
+  const Largest all = largest();
+  std::string names;
   for (const Body& b : bodies_)
-    if (failed_ || 100 * b.total > kOutside * motion)
-      out.push_back(fmt::format(
-          "the estimated error of '{}' is more than {:.0f} % of the motion, past what the estimate "
-          "can tell: take a smaller --dt, --integrator theta or more --modes",
-          b.name, kOutside));
+    if (!all.finite || 100 * b.total > kOutside * all.motion)
+      names += (names.empty() ? "'" : ", '") + b.name + "'";
+  if (!names.empty())
+    out.push_back(fmt::format(
+        "estimated error above {:.0f} % of the motion, past what the estimate can tell, of {}: try "
+        "--integrator theta, a smaller --dt or more --modes",
+        kOutside, names));
+  if (theta_in_contact_)
+    out.push_back(
+        "with --integrator theta the error estimate leaves out what contact itself adds: where bodies stand "
+        "or are "
+        "held it may be too small by a factor of three");
   if (forgot_) out.push_back("the error estimate began anew where the detail changed");
   return out;
 }

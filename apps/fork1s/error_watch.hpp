@@ -19,6 +19,13 @@ class ErrorWatch {
   /// The simulation was built anew: what it missed before is forgotten.
   void Forget();
 
+  /// Of all bodies [m].
+  struct Largest {
+    double total = 0, interior = 0, nonlinear = 0, time = 0, motion = 0;
+    bool finite = true;
+  };
+  Largest largest() const;
+
   /// `error_estimate_mm` and `error_estimate_percent`.
   void AddTo(Json& summary) const;
   /// Sentences where the figure is none.
@@ -35,7 +42,7 @@ class ErrorWatch {
 
   std::optional<ErrorEstimate> estimate_;
   std::vector<Body> bodies_;
-  bool forgot_ = false, failed_ = false;
+  bool forgot_ = false, failed_ = false, theta_in_contact_ = false;
 };
 
 /// The lines that `run` prints for the keys of AddTo.

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cmath>
 #include <fork1s/dynamics/load_factor.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/sim/passing.hpp>
@@ -10,6 +11,7 @@
 #include <memory>
 #include <optional>
 
+#include "accuracy_choice.hpp"
 #include "checks.hpp"
 #include "error_watch.hpp"
 #include "model_arguments.hpp"
@@ -26,7 +28,9 @@ struct RunArguments {
   double dt = 0;
   bool no_load_factor = false;
   bool error = false;
-  std::string controls, recovery = "exact", record, detail;
+  double refresh_angle = SimulationOptions{}.refresh_angle;  // rad
+  bool integrator_given = false;
+  std::string controls, recovery = "exact", record, detail, accuracy;
 };
 
 // What a run measures, step by step.
@@ -309,6 +313,7 @@ void Print(const Json& d) {
     fmt::print("  frozen contacts use {:.2f} of their friction at most\n", number("hold_use_max"));
   if (!d["load_factor_min"].is_null())
     fmt::print("  load factor     {:.3f} at least\n", number("load_factor_min"));
+  if (d.contains("accuracy")) PrintAccuracy(d["accuracy"]);
   if (d.contains("error_estimate_mm")) PrintErrorEstimate(d);
   for (const char* kind : {"interface", "free_bodies"})
     for (const Json& b : d[kind]) {
@@ -325,6 +330,7 @@ Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, 
   options.dt = args.dt;
   options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
   options.step.integrator = args.step_integrator;
+  options.refresh_angle = args.refresh_angle;
   if (!detail.entries.empty() && detail.entries.front().time == 0) {
     const Fidelity& first = detail.entries.front().fidelity;
     options.detail = first.level;
@@ -341,7 +347,44 @@ Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, 
   return simulation;
 }
 
-int Run(const RunArguments& args) {
+// The run with one setting, for its error alone.
+Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported, const ControlTrack& track,
+                               const AccuracySetting& setting) {
+  RunArguments with = args;
+  with.dt = setting.dt;
+  with.step_integrator = setting.integrator;
+  with.refresh_angle = setting.refresh_angle;
+  if (setting.modes >= 0)
+    for (MechanismDef& m : imported.scene.mechanisms) m.modes = setting.modes;
+  auto simulation = Prepare(with, imported, {});
+  if (!simulation) return tl::unexpected(simulation.error());
+  const auto steps = CountSteps(args.time, simulation->dt());
+  if (!steps) return tl::unexpected(steps.error());
+  track.Apply(0, *simulation);
+  AccuracyTrial trial;
+  trial.setting = setting;
+  trial.exact = with.recovery != "twist";
+  for (const MechanismDynamics& m : simulation->world().mechanisms()) {
+    trial.modes_kept = std::max(trial.modes_kept, m.model().num_modes);
+    trial.leaves_something |= m.model().has_complement;
+  }
+  ErrorWatch watch;
+  ProgressBar bar("trying");
+  for (std::int64_t i = 0; i < *steps && trial.finite; ++i) {
+    track.Apply(static_cast<double>(i + 1) * simulation->dt(), *simulation);
+    watch.Begin(*simulation);
+    const StepReport report = simulation->Step();
+    trial.finite = report.finite;
+    if (trial.finite) watch.End(*simulation, report);
+    bar.Update(static_cast<double>(i + 1) / static_cast<double>(*steps));
+  }
+  trial.error = watch.largest();
+  trial.finite &= trial.error.finite;
+  return trial;
+}
+
+int Run(const RunArguments& given) {
+  RunArguments args = given;
   const bool json = args.model.json;
   if (auto ok = RefuseInputs(args.record, {args.model.path, args.controls}); !ok)
     return Report(ok.error(), json);
@@ -355,6 +398,31 @@ int Run(const RunArguments& args) {
     auto read = FidelityTrack::Parse(args.detail, initial);
     if (!read) return Report(read.error(), json);
     detail = std::move(*read);
+  }
+  std::optional<AccuracyChoice> choice;
+  if (!args.accuracy.empty()) {
+    const auto wanted = ParseAccuracy(args.accuracy);
+    if (!wanted) return Report(wanted.error(), json);
+    ControlTrack inputs;
+    if (!args.controls.empty()) {
+      auto read = ReadControls(args.controls);
+      if (!read) return Report(read.error(), json);
+      inputs = std::move(*read);
+    }
+    const AccuracySetting first{args.dt > 0 ? args.dt : imported->scene.timestep, args.step_integrator, -1,
+                                args.refresh_angle};
+    auto made = ChooseForAccuracy(
+        *wanted, first, !args.integrator_given,
+        [&](const AccuracySetting& setting) { return TryOut(args, *imported, inputs, setting); });
+    if (!made) return Report(made.error(), json);
+    choice = std::move(*made);
+    const AccuracySetting& best = choice->trials[choice->chosen].setting;
+    args.dt = best.dt;
+    args.step_integrator = best.integrator;
+    args.refresh_angle = best.refresh_angle;
+    args.error = true;
+    if (best.modes >= 0)
+      for (MechanismDef& m : imported->scene.mechanisms) m.modes = best.modes;
   }
   auto simulation = Prepare(args, *imported, detail);
   if (!simulation) return Report(simulation.error(), json);
@@ -388,6 +456,13 @@ int Run(const RunArguments& args) {
 
   Json summary = Summary(*simulation, measured);
   summary["notes"] = NotesJson(imported->report);
+  if (choice) {
+    summary["accuracy"] = AccuracyJson(args.accuracy, *choice);
+    if (!choice->met)
+      summary["warnings"].push_back(
+          fmt::format("--accuracy {} was not met by any of {} settings that were tried", args.accuracy,
+                      choice->trials.size()));
+  }
   if (json)
     fmt::print("{}\n", ToText(summary, 2));
   else
@@ -427,12 +502,22 @@ void AddRun(CLI::App& app, Action& action) {
                       "how much is simulated, from what time on: [TIME:]WORD[+WORD...],... with object, "
                       "interface, parents, all, modes=K, exact, twist; as in interface,2:object");
   command->add_option("--record", args->record, "write a recording to this HDF5 file");
+  command
+      ->add_option(
+          "--accuracy", args->accuracy,
+          "how far off the run may be, as in 0.5mm or 1% of the motion: tries it with other dt, "
+          "integrator, modes and refresh angles until its estimated error is below that, and says what "
+          "it chose")
+      ->excludes("--detail");
   command->add_flag("--error", args->error,
                     "estimate how far the run is from the truth: what the reduction leaves out, what bends "
                     "within a step, and the time step");
   command->add_flag("--no-load-factor", args->no_load_factor,
                     "do not watch how much harder a grasp may press before it ejects what it holds");
-  command->callback([&action, args] { action = [args] { return Run(*args); }; });
+  command->callback([&action, args, command] {
+    args->integrator_given = command->count("--integrator") > 0;
+    action = [args] { return Run(*args); };
+  });
 }
 
 }  // namespace fork1s::app

@@ -8,6 +8,13 @@
 
 namespace fork1s {
 
+Vector6 LoadAtNode(const Vector6& before, const Vector6& after, bool by_euler) {
+  constexpr double kGently = 0.5;
+  const double change = (after - before).tail<3>().norm();
+  const double size = std::max(after.tail<3>().norm(), before.tail<3>().norm());
+  return by_euler && change < kGently * size ? before : Vector6(0.5 * (before + after));
+}
+
 ErrorCompanion::ErrorCompanion(const MechanismDynamics& m)
     : kinematics_(m.mechanism()), scratch_(m.mechanism()) {
   const Mechanism& mechanism = m.mechanism();
@@ -40,8 +47,9 @@ void ErrorCompanion::Begin(const MechanismDynamics& m) {
 }
 
 void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_W, const VectorX& stops,
-                         double h) {
+                         double h, bool by_euler) {
   h_ = h;
+  by_euler_ = by_euler;
   loads_[1].F_W += contacts_W;
   loads_[1].stops = stops;
   loads_[1].controls = m.controls();
@@ -107,7 +115,10 @@ void ErrorCompanion::Centre() {
     centred_.A.tail<3>() += centred_.V.head<3>().cross(Vector3(centred_.V.tail<3>()));
     centred_.V.tail<3>().setZero();
   }
-  mean_.F_W = 0.5 * (loads_[0].F_W + loads_[1].F_W);
+  // What a step applies is what acts at its end, where it changes gently. A blow falls at some time within
+  // it.
+  for (Eigen::Index b = 0; b < mean_.F_W.cols(); ++b)
+    mean_.F_W.col(b) = LoadAtNode(loads_[0].F_W.col(b), loads_[1].F_W.col(b), by_euler_);
   mean_.controls = loads_[0].controls;  // inputs are those of the end of a step
   mean_.stops = 0.5 * (loads_[0].stops + loads_[1].stops);
 }

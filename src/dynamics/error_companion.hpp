@@ -7,6 +7,10 @@
 
 namespace fork1s {
 
+/// The load at a node between two steps [moment; force]. Implicit Euler applies what acts at the end of a
+/// step, the other scheme what acts half way.
+Vector6 LoadAtNode(const Vector6& before, const Vector6& after, bool by_euler);
+
 /// Coordinates y of a mechanism's error: a small turn and shift of a floating base in R, then motions of the
 /// joints that keep loops closed.
 class ErrorCompanion {
@@ -20,7 +24,8 @@ class ErrorCompanion {
   void Begin(const MechanismDynamics& m);
   /// The step's end: pose and the contacts' wrenches [6 x bodies] about the world's origin in world axes,
   /// forces of stops [n].
-  void End(const MechanismDynamics& m, const Matrix6X& contacts_W, const VectorX& stops, double h);
+  void End(const MechanismDynamics& m, const Matrix6X& contacts_W, const VectorX& stops, double h,
+           bool by_euler);
   /// Steps seen so far.
   int steps() const { return steps_; }
 
@@ -68,6 +73,7 @@ class ErrorCompanion {
 
   int base_ = 0, steps_ = 0;
   double h_ = 0;
+  bool by_euler_ = true;
   VectorX q_[3];           // of the node before, the node, the node after it
   RigidTransform X_[3];    // X_WR
   VectorX v_[3];           // between: before the node before, before the node, after it

@@ -8,13 +8,6 @@
 namespace fork1s {
 namespace {
 
-// Bodies of a mechanism that move as one, by the joint that carries them.
-struct RigidGroup {
-  int mechanism = -1;  // -1: a free body
-  int index = 0;       // body that names it, or free body
-  bool interior = false;
-};
-
 CollisionBodyDef GroupBody(const MechanismDynamics& m, int last_joint, BodyIndex& named_by) {
   const Mechanism& mechanism = m.mechanism();
   CollisionBodyDef body;
@@ -38,6 +31,12 @@ CollisionBodyDef GroupBody(const MechanismDynamics& m, int last_joint, BodyIndex
 }  // namespace
 
 struct PassingWatch::Detail {
+  // Bodies of a mechanism that move as one, or a free body.
+  struct RigidGroup {
+    int mechanism = -1;  // -1: a free body
+    int index = 0;       // body that names it, or free body
+    bool interior = false;
+  };
   std::vector<CollisionBodyDef> bodies;
   std::vector<RigidGroup> groups;  // of bodies[1] on; bodies[0] is the still world
   std::unique_ptr<CollisionWorld> collision;
