@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kMostTrials = 10;
 constexpr double kShortest = 1.0 / 64;  // of the first dt: below, another model is what is wanted
-constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr double kDegreesARadian = 180 / std::numbers::pi;
 
 // What the largest part asks for; false where nothing is left to try.
 bool Improve(const AccuracyTrial& trial, double first_dt, bool may_change_integrator, AccuracySetting& next) {
@@ -76,7 +76,7 @@ Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice) {
     return Json{{"dt_s", t.setting.dt},
                 {"integrator", t.setting.integrator == Integrator::kTheta ? "theta" : "euler"},
                 {"modes", t.modes_kept},
-                {"refresh_angle_deg", kDegrees * t.setting.refresh_angle}};
+                {"refresh_angle_deg", kDegreesARadian * t.setting.refresh_angle}};
   };
   Json trials = Json::array();
   for (const AccuracyTrial& t : choice.trials) {

@@ -225,7 +225,7 @@ void ErrorCompanion::Linearise(const MechanismDynamics& m, const Vector3& gravit
   basis.bottomRightCorner(n, k - base_) = B_;
   M_y_ = basis.transpose() * M_full * basis;
 
-  // Tangents by central differences of all that is missing, loop reactions included.
+  // Tangents by differences of all that is missing, loop reactions included.
   Centre();
   linear_ = centred_;
   VectorX lambda;
@@ -236,45 +236,48 @@ void ErrorCompanion::Linearise(const MechanismDynamics& m, const Vector3& gravit
   }
   K_y_.resize(k, k);
   D_y_.resize(k, k);
-  constexpr double kStep = 1e-6;
-  VectorX plus(base_ + n), minus(base_ + n);
+  constexpr double kStep = 1e-6;  // of a smooth function: half the digits to truncation, half to rounding
+  VectorX here(base_ + n), moved(base_ + n), q = q_[1];
   MatrixX A_moved;
-  auto missing = [&](int column, double by, bool rate, VectorX& out) {
-    Motion motion = centred_;
-    VectorX q = q_[1];
-    RigidTransform X = X_[1];
-    if (column < base_) {
-      const Vector6 e = by * Vector6::Unit(column);
-      if (rate) {
-        motion.V += e;
-        motion.A += Bracket(centred_.V, e);
-      } else {
-        X = X * Exp(e);
-        motion.V += Bracket(centred_.V, e);
-        motion.A += Bracket(centred_.A, e);
-      }
-    } else if (rate) {
-      motion.q_dot += by * B_.col(column - base_);
-    } else {
-      q += by * B_.col(column - base_);
-    }
-    if (column >= base_ && !rate)
-      ComputeKinematics(mechanism, q, scratch_);
-    else
-      scratch_ = kinematics_;
-    Missing(m, gravity_W, q, X, motion, mean_, out);
-    if (!tree_ && column >= base_ && !rate) {
-      ClosureJacobian(mechanism, scratch_, q, A_moved);
-      out.tail(n) += A_moved.transpose() * lambda;
-    }
+  Motion motion = centred_;
+  std::swap(scratch_, kinematics_);
+  Missing(m, gravity_W, q_[1], X_[1], centred_, mean_, here);
+  if (!tree_) here.tail(n) += A.transpose() * lambda;
+  auto set_column = [&](MatrixX& tangent, int i) {
+    full_ = (here - moved) / kStep;
+    ToBasis(full_, tangent.col(i));
   };
-  for (int i = 0; i < k; ++i)
-    for (const bool rate : {false, true}) {
-      missing(i, kStep, rate, plus);
-      missing(i, -kStep, rate, minus);
-      full_ = (minus - plus) / (2 * kStep);
-      ToBasis(full_, (rate ? D_y_ : K_y_).col(i));
+  for (int i = 0; i < base_; ++i) {
+    const Vector6 e = kStep * Vector6::Unit(i);
+    motion.V = centred_.V + Bracket(centred_.V, e);
+    motion.A = centred_.A + Bracket(centred_.A, e);
+    Missing(m, gravity_W, q_[1], X_[1] * Exp(e), motion, mean_, moved);
+    if (!tree_) moved.tail(n) += A.transpose() * lambda;
+    set_column(K_y_, i);
+    motion.V = centred_.V + e;
+    motion.A = centred_.A + Bracket(centred_.V, e);
+    Missing(m, gravity_W, q_[1], X_[1], motion, mean_, moved);
+    if (!tree_) moved.tail(n) += A.transpose() * lambda;
+    set_column(D_y_, i);
+  }
+  motion = centred_;
+  for (int i = base_; i < k; ++i) {
+    motion.q_dot = centred_.q_dot + kStep * B_.col(i - base_);
+    Missing(m, gravity_W, q_[1], X_[1], motion, mean_, moved);
+    if (!tree_) moved.tail(n) += A.transpose() * lambda;
+    set_column(D_y_, i);
+  }
+  std::swap(scratch_, kinematics_);
+  for (int i = base_; i < k; ++i) {
+    q = q_[1] + kStep * B_.col(i - base_);
+    ComputeKinematics(mechanism, q, scratch_);
+    Missing(m, gravity_W, q, X_[1], centred_, mean_, moved);
+    if (!tree_) {
+      ClosureJacobian(mechanism, scratch_, q, A_moved);
+      moved.tail(n) += A_moved.transpose() * lambda;
     }
+    set_column(K_y_, i);
+  }
 
   if (m.model().has_complement) {
     const int r = m.model().size();

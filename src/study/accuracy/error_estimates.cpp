@@ -15,11 +15,11 @@ using internal::TrackedBody;
 
 constexpr double kFrame = 1.0 / 60;  // s
 
-using Path = std::vector<std::vector<Vector3>>;  // frame, body
+using BodyPlaces = std::vector<std::vector<Vector3>>;  // frame, body
 
-Expected<Path> TruePath(const Scene& scene, const std::vector<TrackedBody>& tracked, RunOptions options,
-                        int substeps) {
-  Path path;
+Expected<BodyPlaces> TruePath(const Scene& scene, const std::vector<TrackedBody>& tracked, RunOptions options,
+                              int substeps) {
+  BodyPlaces path;
   for (int k = 1; k <= 2; ++k) {
     options.substeps = k * substeps;
     auto run = internal::RunFull(scene, tracked, options);
@@ -45,7 +45,7 @@ Expected<std::vector<ErrorEstimateCurve>> MeasureErrorEstimate(const TransientCa
   o.initial_keyframe = c.initial_keyframe;
   std::vector<ErrorEstimateCurve> curves;
   std::vector<TrackedBody> tracked;
-  Path truth;
+  BodyPlaces truth;
   for (const Integrator integrator : integrators) {
     o.integrator = integrator;
     o.substeps = 1;
