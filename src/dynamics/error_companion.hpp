@@ -42,6 +42,9 @@ class ErrorCompanion {
   /// Residual at the node, centred differences, and that of implicit Euler's equations there.
   void Residuals(const MechanismDynamics& m, const Vector3& gravity_W, Eigen::Ref<VectorX> centred,
                  Eigen::Ref<VectorX> euler);
+  /// Force [size] that the reduced equations do not know of: inertia and damping of the interior's own
+  /// displacement as it follows its loads.
+  void FollowingForce(const MechanismDynamics& m, Eigen::Ref<VectorX> force) const;
   /// Velocity of the start less the one that centred differences see: what the error's rate starts from.
   VectorX StartRate() const;
   /// The part of a residual [size] that the reduced coordinates see, by M.
@@ -76,6 +79,9 @@ class ErrorCompanion {
   bool by_euler_ = true;
   VectorX q_[3];           // of the node before, the node, the node after it
   RigidTransform X_[3];    // X_WR
+  VectorX perp_[3];        // q_perp at the nodes
+  VectorX q_ref_;
+  int since_refresh_ = 0;  // steps since q_perp began anew
   VectorX v_[3];           // between: before the node before, before the node, after it
   Vector6 V_[3];
   Loads loads_[2], mean_;  // of the step to the node, and from it

@@ -312,14 +312,17 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     c.Residuals(world.mechanisms()[i], options.gravity, centred, euler);
     c.SplitOff(world.mechanisms()[i], centred, seen);
     c.SplitOff(world.mechanisms()[i], euler, seen_euler);
-    d.rho.col(0).segment(at, size) = centred - seen;
+    VectorX following(size), seen_following(size);
+    c.FollowingForce(world.mechanisms()[i], following);
+    c.SplitOff(world.mechanisms()[i], following, seen_following);
+    d.rho.col(0).segment(at, size) = centred - seen + seen_following;
     // The other scheme solves equations of its own, beside which the split would be one of large numbers.
     if (by_euler) {
-      d.rho.col(1).segment(at, size) = seen_euler;
+      d.rho.col(1).segment(at, size) = seen_euler - seen_following;
       d.rho.col(2).segment(at, size) = seen - seen_euler;
     } else {
       d.rho.col(1).segment(at, size).setZero();
-      d.rho.col(2).segment(at, size) = seen;
+      d.rho.col(2).segment(at, size) = seen - seen_following;
     }
   }
   for (std::size_t i = 0; i < d.free_bodies.size(); ++i) {
