@@ -3,13 +3,17 @@
 #include <chrono>
 #include <cmath>
 #include <fork1s/dynamics/load_factor.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/sim/passing.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>
 #include <optional>
 
+#include "accuracy_choice.hpp"
 #include "checks.hpp"
+#include "error_watch.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "progress.hpp"
@@ -23,7 +27,10 @@ struct RunArguments {
   double time = 2;
   double dt = 0;
   bool no_load_factor = false;
-  std::string controls, recovery = "exact", record, detail;
+  bool error = false;
+  double refresh_angle = SimulationOptions{}.refresh_angle;  // rad
+  bool integrator_given = false;
+  std::string controls, recovery = "exact", record, detail, accuracy;
 };
 
 // What a run measures, step by step.
@@ -45,6 +52,8 @@ struct Measured {
     std::string refused;  // why not; empty: done
   };
   std::vector<Switch> switches;
+  std::optional<ErrorWatch> error;
+  std::vector<Passing> passed;  // bodies that touch nothing, and went into something
   bool held = false;        // contacts were frozen in some step
   double hold_use_max = 0;  // see HoldForce
 };
@@ -54,7 +63,10 @@ void Switch(const FidelityTrack& track, std::size_t& next, Simulation& simulatio
   for (; next < track.entries.size() && track.entries[next].time <= simulation.time() + 1e-9; ++next) {
     Measured::Switch done{simulation.time(), track.entries[next].fidelity, 0, ""};
     const auto start = std::chrono::steady_clock::now();
-    if (auto set = simulation.SetFidelity(done.fidelity); !set) done.refused = set.error().Text();
+    if (auto set = simulation.SetFidelity(done.fidelity); !set)
+      done.refused = set.error().Text();
+    else if (out.error)
+      out.error->Forget();
     done.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     out.switches.push_back(std::move(done));
   }
@@ -66,6 +78,35 @@ void WatchHolds(const Simulation& simulation, Measured& out) {
     out.hold_use_max = std::max(out.hold_use_max, f.use);
   }
 }
+
+// Watches bodies that are no interface; anew where the detail changed.
+class Passers {
+ public:
+  explicit Passers(const Simulation& simulation) { Watch(simulation); }
+  void Look(const Simulation& simulation, std::size_t switches, Measured& out) {
+    if (switches != switches_) {
+      Keep(out);
+      Watch(simulation);
+      switches_ = switches;
+    }
+    if (watch_) watch_->Look(simulation);
+  }
+  void Keep(Measured& out) const {
+    if (!watch_) return;
+    for (Passing& p : watch_->Found()) out.passed.push_back(std::move(p));
+  }
+
+ private:
+  void Watch(const Simulation& simulation) {
+    auto watch = PassingWatch::Create(simulation);
+    if (watch)
+      watch_.emplace(std::move(*watch));
+    else
+      watch_.reset();
+  }
+  std::optional<PassingWatch> watch_;
+  std::size_t switches_ = 0;
+};
 
 // Looks at the grasp now and then: it costs more than a step.
 class LoadWatch {
@@ -112,12 +153,16 @@ Measured Simulate(Simulation& simulation, const RunArguments& args, std::int64_t
   ProgressBar bar("simulating");
   LoadWatch watch;
   std::size_t next_detail = 0;
+  if (args.error) out.error.emplace();
+  Passers passers(simulation);
   for (std::int64_t i = 0; i < steps; ++i) {
     Switch(detail, next_detail, simulation, out);
     track.Apply(static_cast<double>(i + 1) * simulation.dt(), simulation);
+    if (out.error) out.error->Begin(simulation);
     const auto start = std::chrono::steady_clock::now();
     const StepReport report = simulation.Step();
     const std::chrono::duration<double, std::micro> spent = std::chrono::steady_clock::now() - start;
+    if (out.error) out.error->End(simulation, report);
     if (!report.finite) {
       out.failed_step = i;
       break;
@@ -138,11 +183,13 @@ Measured Simulate(Simulation& simulation, const RunArguments& args, std::int64_t
     out.energy_last = energy;
     out.gap_max = std::max(out.gap_max, simulation.JointGap());
     if (!args.no_load_factor) watch.Look(simulation, out);
+    passers.Look(simulation, out.switches.size(), out);
     if (recorder)
       if (recorded = recorder->Append(simulation, report); !recorded) break;
     if (out.impossible = Impossible(simulation, energy); !out.impossible.empty()) break;
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(steps));
   }
+  passers.Keep(out);
   return out;
 }
 
@@ -178,6 +225,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   out["penetration_max_m"] = m.penetration_max;
   const bool has_load = std::isfinite(m.load_min.factor);
   out["load_factor_min"] = has_load ? Json(m.load_min.factor) : Json(nullptr);
+  if (m.error) m.error->AddTo(out);
   out["step_us"] = {{"median", percentile(0.5)}, {"p99", percentile(0.99)}};
   out["detail"] = Json::array();
   for (const Measured::Switch& s : m.switches)
@@ -192,12 +240,31 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   out["unconverged_steps"] = m.unconverged;
   out["refreshes"] = m.refreshes;
   out["servos_at_limit"] = {{"steps", m.steps_at_bound}, {"most", m.most_at_bound}};
+  out["passed_through"] = Json::array();
+  for (const Passing& p : m.passed)
+    out["passed_through"].push_back({{"body", p.body},
+                                     {"other", p.other},
+                                     {"first_s", p.first},
+                                     {"depth_max_m", p.depth},
+                                     {"depth_max_s", p.when}});
   Json warnings = Json::array();
   for (const std::string& w : simulation.warnings()) warnings.push_back(w);
   if (m.contacts_dropped) warnings.push_back("the collision detector ran out of room and dropped contacts");
   if (m.fallbacks > 0)
     warnings.push_back(fmt::format(
         "{} contact solves failed grossly and were replaced by ones that only take energy", m.fallbacks));
+  constexpr std::size_t kTold = 5;  // the deepest; the others stand in `passed_through`
+  for (std::size_t i = 0; i < std::min(kTold, m.passed.size()); ++i)
+    warnings.push_back(fmt::format(
+        "'{}' is no interface body, so it touches nothing: from {:.4g} s on it went into '{}', {:.3g} mm "
+        "deep at "
+        "{:.4g} s; add it to --interface",
+        m.passed[i].body, m.passed[i].first, m.passed[i].other, 1e3 * m.passed[i].depth, m.passed[i].when));
+  if (m.passed.size() > kTold)
+    warnings.push_back(
+        fmt::format("{} more pairs of bodies passed through each other", m.passed.size() - kTold));
+  if (m.error)
+    for (const std::string& w : m.error->Warnings()) warnings.push_back(w);
   if (m.failed_refreshes > 0)
     warnings.push_back(fmt::format("{} refreshes found no reduced model at their pose and kept the old one",
                                    m.failed_refreshes));
@@ -246,6 +313,8 @@ void Print(const Json& d) {
     fmt::print("  frozen contacts use {:.2f} of their friction at most\n", number("hold_use_max"));
   if (!d["load_factor_min"].is_null())
     fmt::print("  load factor     {:.3f} at least\n", number("load_factor_min"));
+  if (d.contains("accuracy")) PrintAccuracy(d["accuracy"]);
+  if (d.contains("error_estimate_mm")) PrintErrorEstimate(d);
   for (const char* kind : {"interface", "free_bodies"})
     for (const Json& b : d[kind]) {
       const Json& p = b["position_m"];
@@ -261,6 +330,7 @@ Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, 
   options.dt = args.dt;
   options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
   options.step.integrator = args.step_integrator;
+  options.refresh_angle = args.refresh_angle;
   if (!detail.entries.empty() && detail.entries.front().time == 0) {
     const Fidelity& first = detail.entries.front().fidelity;
     options.detail = first.level;
@@ -277,7 +347,45 @@ Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, 
   return simulation;
 }
 
-int Run(const RunArguments& args) {
+// The run with one setting, for its error alone.
+Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported, const ControlTrack& track,
+                               const AccuracySetting& setting) {
+  RunArguments with = args;
+  with.dt = setting.dt;
+  with.step_integrator = setting.integrator;
+  with.refresh_angle = setting.refresh_angle;
+  if (setting.modes >= 0)
+    for (MechanismDef& m : imported.scene.mechanisms) m.modes = setting.modes;
+  auto simulation = Prepare(with, imported, {});
+  if (!simulation) return tl::unexpected(simulation.error());
+  const auto steps = CountSteps(args.time, simulation->dt());
+  if (!steps) return tl::unexpected(steps.error());
+  track.Apply(0, *simulation);
+  AccuracyTrial trial;
+  trial.setting = setting;
+  trial.exact = with.recovery != "twist";
+  for (const MechanismDynamics& m : simulation->world().mechanisms()) {
+    trial.modes_kept = std::max(trial.modes_kept, m.model().num_modes);
+    trial.leaves_something |= m.model().has_complement;
+  }
+  ErrorWatch watch;
+  ProgressBar bar("trying");
+  for (std::int64_t i = 0; i < *steps && trial.finite; ++i) {
+    track.Apply(static_cast<double>(i + 1) * simulation->dt(), *simulation);
+    watch.Begin(*simulation);
+    const StepReport report = simulation->Step();
+    trial.finite = report.finite;
+    trial.touches |= report.contacts > 0;
+    if (trial.finite) watch.End(*simulation, report);
+    bar.Update(static_cast<double>(i + 1) / static_cast<double>(*steps));
+  }
+  trial.error = watch.largest();
+  trial.finite &= trial.error.finite;
+  return trial;
+}
+
+int Run(const RunArguments& given) {
+  RunArguments args = given;
   const bool json = args.model.json;
   if (auto ok = RefuseInputs(args.record, {args.model.path, args.controls}); !ok)
     return Report(ok.error(), json);
@@ -291,6 +399,31 @@ int Run(const RunArguments& args) {
     auto read = FidelityTrack::Parse(args.detail, initial);
     if (!read) return Report(read.error(), json);
     detail = std::move(*read);
+  }
+  std::optional<AccuracyChoice> choice;
+  if (!args.accuracy.empty()) {
+    const auto wanted = ParseAccuracy(args.accuracy);
+    if (!wanted) return Report(wanted.error(), json);
+    ControlTrack inputs;
+    if (!args.controls.empty()) {
+      auto read = ReadControls(args.controls);
+      if (!read) return Report(read.error(), json);
+      inputs = std::move(*read);
+    }
+    const AccuracySetting first{args.dt > 0 ? args.dt : imported->scene.timestep, args.step_integrator, -1,
+                                args.refresh_angle};
+    auto made = ChooseForAccuracy(
+        *wanted, first, !args.integrator_given,
+        [&](const AccuracySetting& setting) { return TryOut(args, *imported, inputs, setting); });
+    if (!made) return Report(made.error(), json);
+    choice = std::move(*made);
+    const AccuracySetting& best = choice->trials[choice->chosen].setting;
+    args.dt = best.dt;
+    args.step_integrator = best.integrator;
+    args.refresh_angle = best.refresh_angle;
+    args.error = true;
+    if (best.modes >= 0)
+      for (MechanismDef& m : imported->scene.mechanisms) m.modes = best.modes;
   }
   auto simulation = Prepare(args, *imported, detail);
   if (!simulation) return Report(simulation.error(), json);
@@ -324,6 +457,13 @@ int Run(const RunArguments& args) {
 
   Json summary = Summary(*simulation, measured);
   summary["notes"] = NotesJson(imported->report);
+  if (choice) {
+    summary["accuracy"] = AccuracyJson(args.accuracy, *choice);
+    if (!choice->met)
+      summary["warnings"].push_back(
+          fmt::format("--accuracy {} was not met by any of {} settings that were tried", args.accuracy,
+                      choice->trials.size()));
+  }
   if (json)
     fmt::print("{}\n", ToText(summary, 2));
   else
@@ -363,9 +503,22 @@ void AddRun(CLI::App& app, Action& action) {
                       "how much is simulated, from what time on: [TIME:]WORD[+WORD...],... with object, "
                       "interface, parents, all, modes=K, exact, twist; as in interface,2:object");
   command->add_option("--record", args->record, "write a recording to this HDF5 file");
+  command
+      ->add_option(
+          "--accuracy", args->accuracy,
+          "how far off the run may be, as in 0.5mm or 1% of the motion: tries it with other dt, "
+          "integrator, modes and refresh angles until its estimated error is below that, and says what "
+          "it chose")
+      ->excludes("--detail");
+  command->add_flag("--error", args->error,
+                    "estimate how far the run is from the truth: what the reduction leaves out, what bends "
+                    "within a step, and the time step");
   command->add_flag("--no-load-factor", args->no_load_factor,
                     "do not watch how much harder a grasp may press before it ejects what it holds");
-  command->callback([&action, args] { action = [args] { return Run(*args); }; });
+  command->callback([&action, args, command] {
+    args->integrator_given = command->count("--integrator") > 0;
+    action = [args] { return Run(*args); };
+  });
 }
 
 }  // namespace fork1s::app

@@ -50,7 +50,8 @@ void MechanismDynamics::OpenForceLimits() {
 }
 
 bool MechanismDynamics::AnyAtBound() const {
-  return std::any_of(state_.at_bound.begin(), state_.at_bound.end(), [](signed char side) { return side != 0; });
+  return std::any_of(state_.at_bound.begin(), state_.at_bound.end(),
+                     [](signed char side) { return side != 0; });
 }
 
 void MechanismDynamics::TakeBoundedSpringsOut(double h) {

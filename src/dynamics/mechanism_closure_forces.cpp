@@ -39,12 +39,14 @@ VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R, c
   const VectorX q_dot = configuration_.Q_now * state_.reduced.w;
   // q_dot_ is that of the start of the step until the next one begins.
   const VectorX q_ddot = q_dot_.size() == n ? VectorX((q_dot - q_dot_) / h) : VectorX(VectorX::Zero(n));
-  const Vector6 A_R = base_moves() ? Vector6((state_.reduced.V_R - V_R_before_) / h) : Vector6(Vector6::Zero());
+  const Vector6 A_R =
+      base_moves() ? Vector6((state_.reduced.V_R - V_R_before_) / h) : Vector6(Vector6::Zero());
 
   Matrix6X F = contacts_R;
   AddGravityWrenches(m, kinematics, state_.reduced.X_WR.rotation().transpose() * gravity_W_, F);
   Matrix6X V(6, m.num_bodies()), A(6, m.num_bodies());
-  SubtractVelocityWrenches(m, kinematics, configuration_.q, state_.reduced.V_R, q_dot, VectorX::Zero(n), V, A, F);
+  SubtractVelocityWrenches(m, kinematics, configuration_.q, state_.reduced.V_R, q_dot, VectorX::Zero(n), V, A,
+                           F);
   SubtractRigidMotionWrenches(m, kinematics, Vector6::Zero(), A_R, F);
   VectorX g(n), loads = VectorX::Zero(n), inertial;
   AccumulateGeneralizedForce(m, kinematics.S, F, loads);

@@ -217,7 +217,8 @@ RigidTransform MechanismDynamics::GroupPose(int g) const {
 }
 
 RigidTransform MechanismDynamics::BodyPose(BodyIndex b) const {
-  if (options_.recovery == Recovery::kExact) return state_.reduced.X_WR * configuration_.kinematics.X_RB[b.u()];
+  if (options_.recovery == Recovery::kExact)
+    return state_.reduced.X_WR * configuration_.kinematics.X_RB[b.u()];
   return state_.reduced.X_WR * (Exp(model().T_of(b) * state_.reduced.z) * model().X_RB_ref[b.u()]);
 }
 

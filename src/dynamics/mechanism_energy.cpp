@@ -13,7 +13,8 @@ double MechanismDynamics::KineticEnergy() const {
   // By columns, so that no product has to be kept.
   for (Eigen::Index i = 0; i < x_.size(); ++i) energy += 0.5 * x_(i) * M_full_.col(i).dot(x_);
   if (mechanism().base() == BaseKind::kDriven)
-    energy += state_.reduced.V_R.dot(M_0z_ * state_.reduced.w) + 0.5 * state_.reduced.V_R.dot(M_00_ * state_.reduced.V_R);
+    energy += state_.reduced.V_R.dot(M_0z_ * state_.reduced.w) +
+              0.5 * state_.reduced.V_R.dot(M_00_ * state_.reduced.V_R);
   return energy;
 }
 
@@ -24,8 +25,9 @@ const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
   const bool twist = options_.recovery == Recovery::kTwist;
   if (twist) {
     // Springs in the coordinates that the twist mode integrates.
-    pose_energy_.springs =
-        springs_ref_ + 0.5 * state_.reduced.z.dot(model().K_r.cwiseProduct(state_.reduced.z)) - f_ref_.dot(state_.reduced.z);
+    pose_energy_.springs = springs_ref_ +
+                           0.5 * state_.reduced.z.dot(model().K_r.cwiseProduct(state_.reduced.z)) -
+                           f_ref_.dot(state_.reduced.z);
   } else {
     pose_energy_.springs = SpringEnergy(m, configuration_.kinematics, configuration_.q);
   }

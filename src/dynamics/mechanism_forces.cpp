@@ -98,14 +98,15 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
   // What rests drifts by less than this; its velocity forces would be below 1e-12 of its inertia.
   constexpr double kRests = 1e-6;  // rad/s or m/s
   if (by_formula && (turns || q_dot_.lpNorm<Eigen::Infinity>() > kRests))
-    SubtractVelocityWrenches(m, configuration_.kinematics, configuration_.q, state_.reduced.V_R, q_dot_, q_ddot_,
-                             body_V_, body_A_, F_);
+    SubtractVelocityWrenches(m, configuration_.kinematics, configuration_.q, state_.reduced.V_R, q_dot_,
+                             q_ddot_, body_V_, body_A_, F_);
   if (!A_R.isZero(0)) SubtractRigidMotionWrenches(m, configuration_.kinematics, Vector6::Zero(), A_R, F_);
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
   // The velocity wrenches of all bodies together are -(Ṁ x - ad(ξ)ᵀ p), p = M x the base's momentum.
   if (by_formula && base_size_ > 0)
     momentum_rate_ = base_force_ - F_.col(0) +
-                     SmallAdjoint(state_.reduced.V_R).transpose() * (M_00_ * state_.reduced.V_R + M_0z_ * state_.reduced.w);
+                     SmallAdjoint(state_.reduced.V_R).transpose() *
+                         (M_00_ * state_.reduced.V_R + M_0z_ * state_.reduced.w);
   if (state_.controls.size() > 0) AddControlForce(m, state_.controls, tau_);
   SpringForce(m, configuration_.kinematics, configuration_.q, g_);
   g_ += tau_;
@@ -132,7 +133,8 @@ void MechanismDynamics::FollowLoads() {
   // Loads that stiffen the interior to more than twice its springs, a rope under tension, make such steps
   // overshoot by more each time. Then they are shortened, until the next refresh.
   constexpr double kShortest = 1.0 / 16;
-  const bool overshoots = q_perp_step_.dot(state_.q_perp_step_last) < -0.81 * state_.q_perp_step_last.squaredNorm();
+  const bool overshoots =
+      q_perp_step_.dot(state_.q_perp_step_last) < -0.81 * state_.q_perp_step_last.squaredNorm();
   state_.overshoots = overshoots ? state_.overshoots + 1 : 0;
   if (state_.overshoots >= 2 && state_.follow > kShortest) {  // once is what a load that turns round does too
     state_.follow /= 2;

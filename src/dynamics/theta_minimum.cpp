@@ -17,7 +17,8 @@ namespace fork1s {
 double MechanismDynamics::EndForces(VectorX& f_z) {
   const Mechanism& m = mechanism();
   F_.setZero();
-  AddGravityWrenches(m, configuration_.kinematics, state_.reduced.X_WR.rotation().transpose() * gravity_W_, F_);
+  AddGravityWrenches(m, configuration_.kinematics, state_.reduced.X_WR.rotation().transpose() * gravity_W_,
+                     F_);
   tau_.setZero();
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
   if (state_.controls.size() > 0) AddControlForce(m, state_.controls, tau_);

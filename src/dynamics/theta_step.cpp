@@ -98,9 +98,11 @@ void MechanismDynamics::MoveToMiddle(double h) {
   std::swap(configuration_, elsewhere_);
   configuration_.TakeLoops(elsewhere_);
   state_.reduced.z += 0.5 * h * state_.reduced.w;
-  if (mechanism().base() == BaseKind::kDriven) state_.reduced.X_WR = state_.reduced.X_WR * Exp(0.5 * h * state_.reduced.V_R);
+  if (mechanism().base() == BaseKind::kDriven)
+    state_.reduced.X_WR = state_.reduced.X_WR * Exp(0.5 * h * state_.reduced.V_R);
   if (base_size_ > 0)
-    state_.reduced.X_WR.rotation() = state_.reduced.X_WR.rotation() * ExpRotation(0.5 * h * state_.reduced.V_R.head<3>());
+    state_.reduced.X_WR.rotation() =
+        state_.reduced.X_WR.rotation() * ExpRotation(0.5 * h * state_.reduced.V_R.head<3>());
   UpdateConfiguration();
   if (base_size_ == 0) return;
   const Matrix3& R = state_.reduced.X_WR.rotation();
@@ -292,8 +294,8 @@ void MechanismDynamics::IntegrateTheta(double h) {
   tau_ = mechanism().armature().cwiseProduct(q_ddot_);
   if (driven) {
     q_ddot_.setZero();
-    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_ddot_, state_.reduced.V_R,
-                              other_velocity_);
+    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_ddot_,
+                              state_.reduced.V_R, other_velocity_);
     AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
   }
   GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
@@ -359,7 +361,8 @@ void MechanismDynamics::TakeVelocityAtEnd(double work) {
   // What is known of the energy: truncated modes follow their loads at rest and take part in it unseen.
   if (r > 0 && !model().has_complement && !minimised_) {
     const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.reduced.X_WR;
-    const double potential = PotentialEnergyOn(X_WR, gravity_W_), missed = potential_start_ - potential - work;
+    const double potential = PotentialEnergyOn(X_WR, gravity_W_),
+                 missed = potential_start_ - potential - work;
     // Below the digits of the two it would keep alive what comes to rest.
     if (std::abs(missed) > kRounding * (std::abs(potential) + std::abs(potential_start_))) MatchWork(missed);
   }

@@ -47,7 +47,8 @@ void World::Restore(const WorldState& state) {
 
 Expected<void> World::CanRestore(const WorldState& state) const {
   const auto fail = [](const std::string& what) {
-    return Fail(ErrorCode::kUsage, "saved state", what + "; restore it where it was saved, or in the same scene");
+    return Fail(ErrorCode::kUsage, "saved state",
+                what + "; restore it where it was saved, or in the same scene");
   };
   const auto& mechanisms = detail_->mechanisms_;
   if (state.mechanisms.size() != mechanisms.size() || state.rows.size() != mechanisms.size() ||
@@ -63,7 +64,8 @@ Expected<void> World::CanRestore(const WorldState& state) const {
         there.num_constraints() != here.num_constraints() || there.base() != here.base() ||
         then.model->interfaces != mechanisms[i].model().interfaces ||
         then.controls.size() != mechanisms[i].controls().size())
-      return fail("has a mechanism '" + there.name() + "' that differs from '" + here.name() + "' of this world");
+      return fail("has a mechanism '" + there.name() + "' that differs from '" + here.name() +
+                  "' of this world");
   }
   return {};
 }

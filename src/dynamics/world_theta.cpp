@@ -29,10 +29,11 @@ double World::Detail::MotionWithin(double h) const {
 
 void World::Detail::MoveAllTo(const StepOptions& options, bool middle) {
   middle_ = middle;
-  ParallelFor(0, static_cast<int>(mechanisms_.size()), MechanismGrain(), [this, &options](int begin, int end) {
-    for (int i = begin; i < end; ++i)
-      mechanisms_[static_cast<std::size_t>(i)].Begin(options.h, options.gravity, middle_);
-  });
+  ParallelFor(0, static_cast<int>(mechanisms_.size()), MechanismGrain(),
+              [this, &options](int begin, int end) {
+                for (int i = begin; i < end; ++i)
+                  mechanisms_[static_cast<std::size_t>(i)].Begin(options.h, options.gravity, middle_);
+              });
   for (FreeBody& b : free_bodies_) b.Begin(options.h, middle);
 }
 

@@ -32,7 +32,7 @@ TEST_P(HeldMass, LiftsHoldsAndCarriesTheWeight) {
   EXPECT_LT(m.max_speed_at_rest, 1e-3);
 }
 
-INSTANTIATE_TEST_SUITE_P(Kilograms, HeldMass, 
+INSTANTIATE_TEST_SUITE_P(Kilograms, HeldMass,
                          testing::Combine(testing::Values(0.1, 0.2, 0.3),
                                           testing::Values(Integrator::kEuler, Integrator::kTheta)));
 

@@ -41,8 +41,8 @@ TEST(NonFinite, StepIsUndone) {
   }
 }
 
-// Forces of any size: a step either ends in a state that the next one can go on from, or leaves every bit as it
-// was. Overflow comes late, when velocities are squared or a pose is refreshed.
+// Forces of any size: a step either ends in a state that the next one can go on from, or leaves every bit as
+// it was. Overflow comes late, when velocities are squared or a pose is refreshed.
 TEST(NonFinite, NothingOfItStays) {
   for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta})
     for (const bool loop : {false, true}) {

@@ -37,7 +37,7 @@ Comparison Example() {
 
 std::string Page(const Comparison& c) {
   const auto path =
-      std::filesystem::path(testing::TempDir()) / ("fork1s_report_" + std::to_string(getpid()) + ".html");
+      std::filesystem::path(::testing::TempDir()) / ("fork1s_report_" + std::to_string(getpid()) + ".html");
   const auto written = WriteComparisonReport(c, path.string());
   EXPECT_TRUE(written);
   std::ifstream file(path);

@@ -196,7 +196,8 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "Sentences about the model's reduction and its start.")
           .def(
               "hash", [](Runner& r) { return r.With([](Simulation& s) { return s.HashState(); }); },
-              "64 bits over all that the next step reads, warm starts and set-points included: equal where every "
+              "64 bits over all that the next step reads, warm starts and set-points included: equal where "
+              "every "
               "bit of those is.")
           .def("__repr__", [](Runner& r) {
             return "<fork1s.Simulation '" + r.model()->scene().name + "' at " + std::to_string(r.Time()) +

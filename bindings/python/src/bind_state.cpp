@@ -83,9 +83,10 @@ void SetState(Runner& runner, const nb::object& qpos, const nb::object& qvel, co
 }  // namespace
 
 void BindSnapshot(nb::module_& m) {
-  nb::class_<Runner::Snapshot>(m, "Snapshot",
-                               "A moment of a simulation, from `Simulation.save`. It is a copy and stays as it "
-                               "is, whatever the simulation does.")
+  nb::class_<Runner::Snapshot>(
+      m, "Snapshot",
+      "A moment of a simulation, from `Simulation.save`. It is a copy and stays as it "
+      "is, whatever the simulation does.")
       .def("__repr__", [](const Runner::Snapshot& s) {
         return "<fork1s.Snapshot after " + std::to_string(s.simulation.steps) + " steps>";
       });

@@ -21,6 +21,11 @@ class FreeBody {
   /// Twist in world axes about the body's own origin.
   Vector6 OriginVelocity() const;
   Vector3 center_W() const { return X_WB_ * inertia_.center; }
+  /// Share of the weight that nothing compensates.
+  double weight_share() const { return weight_share_; }
+  /// Wrenches gathered for the next step: force [N], moment about the centre of mass [N·m], world axes.
+  const Vector3& force_W() const { return force_W_; }
+  const Vector3& moment_W() const { return moment_W_; }
 
   void SetState(const RigidTransform& X_WB, const Vector3& omega_W, const Vector3& velocity_of_origin_W);
   void AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);

@@ -56,6 +56,8 @@ class MechanismDynamics {
   const VectorX& controls() const { return state_.controls; }
   /// Wrench on a body in world axes about a point p_W that moves with nothing: applied in the next step only.
   void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
+  /// Those added for the next step [6 x bodies], about the world's origin in world axes.
+  const Matrix6X& wrenches_W() const { return state_.wrenches_W; }
   /// Pose that a driven base reaches at the end of the next step.
   void DriveBase(const RigidTransform& X_WR_next) { state_.driven_next = X_WR_next; }
 
@@ -121,7 +123,8 @@ class MechanismDynamics {
   bool FoundMinimum() const { return minimum_found_; }
   /// Takes the free velocity back, before Integrate.
   void Revert();
-  /// All that the next step depends on, into `out`; does not allocate where `out` has its sizes. Between steps.
+  /// All that the next step depends on, into `out`; does not allocate where `out` has its sizes. Between
+  /// steps.
   void Save(MechanismState& out) const;
   /// Puts back what Save gave, here or of another that was created the same way.
   void Restore(const MechanismState& state);
@@ -218,7 +221,7 @@ class MechanismDynamics {
 
   Vector6 V_R_before_ = Vector6::Zero();  // base twist at the start of the step
   Vector3 drift_R_ = Vector3::Zero();     // velocity of a floating mechanism's centre of mass at that time
-  bool pushed_ = false;  // contact from outside acted in this step
+  bool pushed_ = false;                   // contact from outside acted in this step
 
   // Between refreshes.
   VectorX rest_, q_perp_step_;                     // n
@@ -235,7 +238,7 @@ class MechanismDynamics {
 
   // Scratch of a step.
   Matrix6 M_00_;
-  Matrix6X M_0z_;     // of the present pose
+  Matrix6X M_0z_;  // of the present pose
   Matrix6X body_V_, body_A_;
   VectorX q_dot_, q_ddot_;
   Vector3 gravity_W_ = Vector3::Zero();

@@ -7,16 +7,16 @@
 
 namespace fork1s {
 
-/// All that the next step of a mechanism depends on beside its definition and options: a copy that is put back
-/// gives the same bits. Sizes: n joint coordinates, r reduced ones, m loop rows.
+/// All that the next step of a mechanism depends on beside its definition and options: a copy that is put
+/// back gives the same bits. Sizes: n joint coordinates, r reduced ones, m loop rows.
 struct MechanismState {
   std::shared_ptr<const ReducedModel> model;  // about the present reference
   ReducedState reduced;
   VectorX mu;  // m: how far loops are closed along B at this pose, where the next correction starts
 
-  VectorX controls;                   // hold until changed
-  RigidTransform driven_next;         // pose of a driven base at the end of the next step
-  Matrix6X wrenches_W;                // 6 x bodies about the world origin, world axes: of the next step only
+  VectorX controls;            // hold until changed
+  RigidTransform driven_next;  // pose of a driven base at the end of the next step
+  Matrix6X wrenches_W;         // 6 x bodies about the world origin, world axes: of the next step only
   bool has_wrenches = false;
   std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between
 

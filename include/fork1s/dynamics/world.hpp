@@ -92,6 +92,9 @@ class World {
   /// Pose of a collision body when contacts() were found: at the start of the last step.
   const RigidTransform& PoseAtDetection(int contactor) const;
   const std::vector<std::string>& warnings() const;
+  /// τ += joint forces [n] of the stops and dry frictions that acted on a mechanism in the last step, of
+  /// length h.
+  void AddStopForces(int mechanism, double h, VectorX& tau) const;
 
   /// One step of the scheme of docs/method.md, section 5. Never throws for numerical reasons: see StepReport.
   StepReport Step(const StepOptions& options);
@@ -100,8 +103,8 @@ class World {
   double PotentialEnergy(const Vector3& gravity) const;
   /// All that the next step depends on, into `out`; does not allocate where `out` has its sizes.
   void Save(WorldState& out) const;
-  /// Puts back what Save gave, here or of a world made of the same scene with the same options: the next steps
-  /// give the same bits. Throws where CanRestore has an error.
+  /// Puts back what Save gave, here or of a world made of the same scene with the same options: the next
+  /// steps give the same bits. Throws where CanRestore has an error.
   void Restore(const WorldState& state);
   /// kUsage where the state has other bodies, coordinates or controls than this world.
   Expected<void> CanRestore(const WorldState& state) const;

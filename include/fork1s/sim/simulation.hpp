@@ -101,8 +101,8 @@ class Simulation {
   /// Largest opening of any joint or loop, measured on the recovered poses [m].
   double JointGap() const;
 
-  /// 64 bits over all that the next step reads: coordinates, rates, warm starts, inputs. Equal where every bit
-  /// of those is.
+  /// 64 bits over all that the next step reads: coordinates, rates, warm starts, inputs. Equal where every
+  /// bit of those is.
   std::uint64_t HashState() const;
 
   /// A moment to come back to. Plain values, which may be copied; it outlives the simulation.
@@ -111,14 +111,14 @@ class Simulation {
     VectorX controls;
     Fidelity fidelity;
     std::vector<Hold> holds;
-    std::shared_ptr<const Scene> made_of;  // present_scene() of then
-    int keyframe = -1;                     // at which that world was made
+    std::shared_ptr<const Scene> made_of;    // present_scene() of then
+    int keyframe = -1;                       // at which that world was made
     std::vector<RigidTransform> base_start;  // where the controls of driven bases count from
     WorldState world;
   };
   Snapshot Save() const;
-  /// Goes back to it: the same steps from there give the same bits. Options of the step (dt, gravity, contact)
-  /// are those of now. Errors leave everything as it was: kUsage for a snapshot of another scene.
+  /// Goes back to it: the same steps from there give the same bits. Options of the step (dt, gravity,
+  /// contact) are those of now. Errors leave everything as it was: kUsage for a snapshot of another scene.
   Expected<void> Restore(const Snapshot& snapshot);
 
   const World& world() const { return world_; }
@@ -135,7 +135,7 @@ class Simulation {
 
   Scene scene_;
   std::shared_ptr<const Scene> present_scene_;
-  int world_keyframe_ = -1;  // of present_scene_, at which world_ was made
+  int world_keyframe_ = -1;                              // of present_scene_, at which world_ was made
   std::vector<std::shared_ptr<const Mechanism>> given_;  // mechanisms of scene_, built
   Fidelity fidelity_;
   std::vector<Hold> holds_;

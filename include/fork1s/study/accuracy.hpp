@@ -92,6 +92,7 @@ struct TransientCase {
   Scene scene;
   ControlTrack controls;
   double time = 1;  // s
+  int initial_keyframe = -1;
 };
 Expected<std::vector<TransientCase>> MakeTransientCases(const std::string& folder);
 
@@ -111,6 +112,31 @@ struct TransientCurve {
 /// Steps 1/60 s, halved `halvings` times; samples every 1/60 s. The truth is Richardson's extrapolation
 /// 2 x(h) − x(2h) of two full runs, h half of the smallest step: implicit Euler is of first order.
 Expected<TransientCurve> MeasureTransient(const TransientCase& c, int halvings);
+
+/// The live error estimate (dynamics/error_estimate.hpp) beside the error itself, at 1/60 s.
+struct ErrorEstimateCurve {
+  struct Point {
+    double time_s = 0;
+    double shown_mm = 0;   // the estimate, largest of the last quarter of a second
+    double true_mm = 0;    // the error, likewise
+    double motion_mm = 0;  // largest way so far
+  };
+  std::string name, body;
+  Integrator integrator = Integrator::kEuler;
+  std::vector<Point> points;
+};
+/// Every interface and free body under every integrator. The truth is Richardson's extrapolation of two full
+/// runs at 1/60 s over `substeps` and over twice that.
+Expected<std::vector<ErrorEstimateCurve>> MeasureErrorEstimate(const TransientCase& c,
+                                                               const std::vector<Integrator>& integrators,
+                                                               int substeps);
+/// Of the frames that count, those in which what is shown is between half and three times the truth. Errors
+/// below 0.02 % of the motion do not count. Above 10 % of the motion the program says only that it is more:
+/// right where the truth is above 5 %.
+struct EstimateShare {
+  int inside = 0, all = 0;
+};
+EstimateShare ShareInside(const ErrorEstimateCurve& curve);
 
 /// Measures all of the above and writes the page `folder`/accuracy.md with its plots and tables in
 /// `folder`/accuracy/.

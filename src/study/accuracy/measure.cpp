@@ -67,6 +67,9 @@ Expected<AccuracyResults> MeasureAccuracy(const std::string& scenes) {
     auto curve = MeasureTransient(c, 4);  // 1/60 s to 1/960 s
     if (!curve) return tl::unexpected(curve.error());
     out.transients.push_back(std::move(*curve));
+    auto estimates = MeasureErrorEstimate(c, {Integrator::kEuler, Integrator::kTheta}, 8);
+    if (!estimates) return tl::unexpected(estimates.error());
+    for (ErrorEstimateCurve& e : *estimates) out.estimates.push_back(std::move(e));
     if (c.name != "firemen") continue;
     for (auto [modes, place] : {std::pair{0, &out.firemen_without_modes}, {36, &out.firemen_with_all}}) {
       TransientCase other = c;

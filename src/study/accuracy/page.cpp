@@ -36,7 +36,7 @@ constexpr const char* kPageHead = R"(# How accurate the method is
 
 A reduced model is an approximation in four places: how body poses are recovered from its few coordinates, how many modes it
 keeps, how long its time steps are, and how well its joints hold together. This page measures each of them by itself, against
-the same mechanism in full coordinates. Everything below, plots and tables, is written by one command:
+the same mechanism in full coordinates, and at its end how well a run knows its own error. Everything below, plots and tables, is written by one command:
 
     build/release/benchmarks/accuracy --out docs
 
@@ -263,11 +263,63 @@ within a step what the full one solves at its end, and the difference falls with
                            Percent(chain.points[0].reduced_percent), Percent(chain.points[0].full_percent));
 }
 
+constexpr const char* kEstimates = R"(
+## 5 The error that a run tells of itself
+
+`fork1s run MODEL --error` says how far off a run is, without a second run: how it knows stands in
+[method.md](method.md), section 8. Read `error about 0.22 %, of 81 mm of motion` as: no interface or free body was off by more than
+about 0.2 mm while it ran. The three figures below it say what to do about it:
+
+| largest figure | do |
+|---|---|
+| time step | `--integrator theta`, or a smaller `--dt` |
+| interior left out | more `--modes`, or make the body that is loaded an `--interface` |
+| nonlinear | a smaller `--dt`; `--recovery exact` where it is `twist` |
+
+**What is measured.** The four motions of section 4 at 1/60 s, estimate and error side by side, each the largest of the last quarter of
+a second, for the body that moves most. The truth is Richardson's extrapolation of the full simulation at 1/480 and
+1/960 s.
+
+![estimated and true error](accuracy/estimates.svg)
+
+Share of frames, over all bodies, in which the estimate is between half and three times the error. Errors below 0.02 % of the
+motion do not count; above 10 % of the motion the program says only that it is more, which is right where the truth is above 5 %.
+
+| scene | implicit Euler | theta |
+|---|---|---|
+)";
+
+std::string EstimatesSection(const AccuracyResults& r) {
+  std::string out = kEstimates;
+  for (const TransientCurve& c : r.transients) {
+    EstimateShare share[2];
+    for (const ErrorEstimateCurve& e : r.estimates) {
+      if (e.name != c.name) continue;
+      const EstimateShare one = ShareInside(e);
+      EstimateShare& sum = share[e.integrator == Integrator::kEuler ? 0 : 1];
+      sum.inside += one.inside;
+      sum.all += one.all;
+    }
+    auto text = [](const EstimateShare& s) {
+      return s.all == 0 ? std::string("no error counts")
+                        : fmt::format("{:.1f} % of {}", 100.0 * s.inside / s.all, s.all);
+    };
+    out += fmt::format("| {} | {} | {} |\n", c.name, text(share[0]), text(share[1]));
+  }
+  return out + R"(
+These motions are ones that the estimate was tried on while it was made. `tests/study/error_estimate_test.cpp` holds 95 % on ten
+random mechanisms that it had not seen, trees and loops, fixed and floating, under either integrator (98.7 % and 98.0 % when written).
+What it cannot know shows on the firemen: once the bunny has bounced, the true one comes down at another time, and
+the sheet that it misses or meets by then is no small error of the sheet that was simulated. There the bunny's own error is above 10 %
+of its way, and `run` says so.
+)";
+}
+
 }  // namespace
 
 std::string AccuracyPage(const AccuracyResults& results) {
   return kPageHead + StaticsSection(results) + GapsSection(results) + FrequenciesSection(results) +
-         TransientsSection(results);
+         TransientsSection(results) + EstimatesSection(results);
 }
 
 }  // namespace fork1s::internal

@@ -115,6 +115,36 @@ std::string Transients(const AccuracyResults& r) {
   return DrawFigure(f);
 }
 
+// Of every scene the body that moves most, by implicit Euler.
+std::string Estimates(const AccuracyResults& r) {
+  Figure f{"Estimated and true error while a motion runs",
+           "s",
+           "error, % of the way so far",
+           {{0, "0"}, {0.25, "0.25"}, {0.5, "0.5"}, {0.75, "0.75"}, {1, "1"}},
+           false,
+           -3,
+           2,
+           10,
+           {}};
+  for (const TransientCurve& c : r.transients) {
+    const ErrorEstimateCurve* shown = nullptr;
+    for (const ErrorEstimateCurve& e : r.estimates)
+      if (e.name == c.name && e.integrator == Integrator::kEuler &&
+          (!shown || e.points.back().motion_mm > shown->points.back().motion_mm))
+        shown = &e;
+    if (!shown) continue;
+    FigureSeries truth{"true", 0, {}}, estimate{"estimated", 1, {}};
+    for (std::size_t i = 2; i < shown->points.size(); i += 3) {
+      const auto& p = shown->points[i];
+      if (p.time_s > 1) break;
+      truth.points.emplace_back(p.time_s, 100 * p.true_mm / p.motion_mm);
+      estimate.points.emplace_back(p.time_s, 100 * p.shown_mm / p.motion_mm);
+    }
+    f.panels.push_back({c.name, shown->body, {truth, estimate}});
+  }
+  return DrawFigure(f);
+}
+
 // Rounding differs from machine to machine; 0 stands for all that is below 1e-9 %.
 std::string Number(double v) { return std::isfinite(v) ? fmt::format("{:.4g}", v < 1e-9 ? 0 : v) : ""; }
 
@@ -124,7 +154,8 @@ Expected<void> WriteAccuracyPlots(const AccuracyResults& results, const std::str
   for (const auto& [name, text] : {std::pair{"statics", Statics(results)},
                                    {"gaps", Gaps(results)},
                                    {"frequencies", Frequencies(results)},
-                                   {"transients", Transients(results)}})
+                                   {"transients", Transients(results)},
+                                   {"estimates", Estimates(results)}})
     if (auto ok = WriteText(folder + "/" + name + ".svg", text); !ok) return ok;
   return {};
 }
@@ -157,10 +188,17 @@ Expected<void> WriteAccuracyTables(const AccuracyResults& results, const std::st
       transients += fmt::format("{},{:.0f},{:.5g},{},{},{},{}\n", c.name, 1 / p.dt_s, c.motion_mm,
                                 Number(p.reduced_percent), Number(p.full_percent), Number(p.between_percent),
                                 Number(c.truth_percent));
+  std::string estimates = "scene,body,integrator,time_s,estimated_mm,true_mm,motion_mm\n";
+  for (const ErrorEstimateCurve& c : results.estimates)
+    for (const auto& p : c.points)
+      estimates += fmt::format("{},{},{},{:.4f},{},{},{}\n", c.name, c.body,
+                               c.integrator == Integrator::kEuler ? "euler" : "theta", p.time_s,
+                               Number(p.shown_mm), Number(p.true_mm), Number(p.motion_mm));
   for (const auto& [name, text] : {std::pair{"statics", statics},
                                    {"gaps", gaps},
                                    {"frequencies", frequencies},
-                                   {"transients", transients}})
+                                   {"transients", transients},
+                                   {"estimates", estimates}})
     if (auto ok = WriteText(folder + "/" + name + ".csv", text); !ok) return ok;
   return {};
 }

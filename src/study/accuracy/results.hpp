@@ -20,6 +20,7 @@ struct AccuracyResults {
   std::vector<FrequencyCurve> frequencies;  // per mechanism: lowest, then contribution
   std::vector<TransientCurve> transients;
   TransientCurve firemen_without_modes, firemen_with_all;
+  std::vector<ErrorEstimateCurve> estimates;  // of every transient case, both integrators
 };
 
 // Fits of the gap's slope: below, rounding would show; above, the next terms of the series do.

@@ -1,0 +1,111 @@
+#include "accuracy_choice.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include "checks.hpp"
+
+namespace fork1s::app {
+namespace {
+
+constexpr std::size_t kMostTrials = 10;
+constexpr double kShortest = 1.0 / 64;  // of the first dt: below, another model is what is wanted
+constexpr double kDegreesARadian = 180 / std::numbers::pi;
+
+// What the largest part asks for; false where nothing is left to try.
+bool Improve(const AccuracyTrial& trial, double first_dt, bool may_change_integrator, AccuracySetting& next) {
+  next = trial.setting;
+  const ErrorWatch::Largest& e = trial.error;
+  if (trial.finite && e.interior > std::max(e.nonlinear, e.time) && trial.leaves_something) {
+    next.modes = std::max(4, 2 * trial.modes_kept);
+    return true;
+  }
+  // Where screws are summed what bends is the distance from the reference, not the step.
+  if (!trial.exact && e.nonlinear > e.time && next.refresh_angle > 0.01) {
+    next.refresh_angle /= 2;
+    return true;
+  }
+  if (may_change_integrator && trial.exact && !trial.touches && next.integrator == Integrator::kEuler) {
+    next.integrator = Integrator::kTheta;
+    return true;
+  }
+  if (next.dt / 2 < kShortest * first_dt) return false;
+  next.dt /= 2;
+  return true;
+}
+
+}  // namespace
+
+Expected<WantedAccuracy> ParseAccuracy(const std::string& text) {
+  for (const auto& [unit, scale] : {std::pair<std::string, double>{"mm", 1e-3}, {"m", 1}, {"%", 0.01}}) {
+    if (text.size() <= unit.size() || text.substr(text.size() - unit.size()) != unit) continue;
+    auto number = ParseNumber(text.substr(0, text.size() - unit.size()), "--accuracy");
+    if (!number) return tl::unexpected(number.error());
+    if (!(*number > 0)) break;
+    WantedAccuracy wanted;
+    (unit == "%" ? wanted.share : wanted.metres) = *number * scale;
+    return wanted;
+  }
+  return Fail(ErrorCode::kUsage, "--accuracy", "wants a length or a share of the motion, as in 0.5mm or 1%");
+}
+
+Expected<AccuracyChoice> ChooseForAccuracy(
+    const WantedAccuracy& wanted, const AccuracySetting& first, bool may_change_integrator,
+    const std::function<Expected<AccuracyTrial>(const AccuracySetting&)>& try_out) {
+  AccuracyChoice choice;
+  AccuracySetting next = first;
+  for (;;) {
+    auto trial = try_out(next);
+    if (!trial) return tl::unexpected(trial.error());
+    choice.trials.push_back(std::move(*trial));
+    const AccuracyTrial& now = choice.trials.back();
+    const AccuracyTrial& best = choice.trials[choice.chosen];
+    if (now.finite && (!best.finite || now.error.total < best.error.total))
+      choice.chosen = choice.trials.size() - 1;
+    choice.met = now.finite && wanted.Met(now.error);
+    if (choice.met || choice.trials.size() == kMostTrials) return choice;
+    if (!Improve(now, first.dt, may_change_integrator, next)) return choice;
+  }
+}
+
+Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice) {
+  auto setting = [](const AccuracyTrial& t) {
+    return Json{{"dt_s", t.setting.dt},
+                {"integrator", t.setting.integrator == Integrator::kTheta ? "theta" : "euler"},
+                {"modes", t.modes_kept},
+                {"refresh_angle_deg", kDegreesARadian * t.setting.refresh_angle}};
+  };
+  Json trials = Json::array();
+  for (const AccuracyTrial& t : choice.trials) {
+    Json one = setting(t);
+    one["error_mm"] = t.finite ? Json(1e3 * t.error.total) : Json(nullptr);
+    one["error_percent"] =
+        t.finite && t.error.motion > 0 ? Json(100 * t.error.total / t.error.motion) : Json(nullptr);
+    trials.push_back(std::move(one));
+  }
+  return Json{{"asked", asked},
+              {"met", choice.met},
+              {"chosen", setting(choice.trials[choice.chosen])},
+              {"trials", std::move(trials)}};
+}
+
+void PrintAccuracy(const Json& a) {
+  for (const Json& t : a["trials"])
+    fmt::print("  tried           dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees: {}\n",
+               1 / t["dt_s"].get<double>(), t["integrator"].get<std::string>(), t["modes"].get<int>(),
+               t["refresh_angle_deg"].get<double>(),
+               t["error_mm"].is_null()
+                   ? std::string("blew up")
+                   : fmt::format("{:.3g} mm, {:.2g} %", t["error_mm"].get<double>(),
+                                 t["error_percent"].is_null() ? 0 : t["error_percent"].get<double>()));
+  const Json& c = a["chosen"];
+  fmt::print("  accuracy        {} {}: dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees\n",
+             a["asked"].get<std::string>(), a["met"].get<bool>() ? "by" : "not met; best is",
+             1 / c["dt_s"].get<double>(), c["integrator"].get<std::string>(), c["modes"].get<int>(),
+             c["refresh_angle_deg"].get<double>());
+}
+
+}  // namespace fork1s::app

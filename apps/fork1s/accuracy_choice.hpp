@@ -1,0 +1,59 @@
+// `run --accuracy`: what dt, integrator, modes and refresh angle a wanted accuracy asks for.
+#pragma once
+
+#include <fork1s/dynamics/world.hpp>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "error_watch.hpp"
+
+namespace fork1s::app {
+
+/// What may be chosen.
+struct AccuracySetting {
+  double dt = 0;  // s
+  Integrator integrator = Integrator::kEuler;
+  int modes = -1;            // fixed-interface modes at most; -1: the file's
+  double refresh_angle = 0;  // rad
+};
+
+/// A run with one setting.
+struct AccuracyTrial {
+  AccuracySetting setting;
+  ErrorWatch::Largest error;
+  int modes_kept = 0;             // the most of any mechanism
+  bool leaves_something = false;  // more modes would change something
+  bool touches = false;           // something bore force in a contact
+  bool exact = true;              // recovery
+  bool finite = true;
+};
+
+struct WantedAccuracy {
+  double metres = 0;  // 0: not asked in metres
+  double share = 0;   // of the motion
+  bool Met(const ErrorWatch::Largest& e) const {
+    return metres > 0 ? e.total <= metres : e.total <= share * e.motion;
+  }
+};
+/// "0.5mm", "2e-4m", "1%". Errors: kUsage.
+Expected<WantedAccuracy> ParseAccuracy(const std::string& text);
+
+struct AccuracyChoice {
+  std::vector<AccuracyTrial> trials;
+  std::size_t chosen = 0;  // of trials: the first that is good enough, else the best
+  bool met = false;
+};
+/// Tries settings, from `first` on, each time changing what the largest part of the estimated error asks for.
+/// `may_change_integrator`: the second-order step may take the place of implicit Euler, where nothing
+/// touches: with contact the estimate does not know all of its error.
+Expected<AccuracyChoice> ChooseForAccuracy(
+    const WantedAccuracy& wanted, const AccuracySetting& first, bool may_change_integrator,
+    const std::function<Expected<AccuracyTrial>(const AccuracySetting&)>& try_out);
+
+/// The key `accuracy` of run's JSON.
+Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice);
+/// The lines that `run` prints for it.
+void PrintAccuracy(const Json& accuracy);
+
+}  // namespace fork1s::app

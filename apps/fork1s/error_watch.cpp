@@ -1,0 +1,126 @@
+#include "error_watch.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace fork1s::app {
+namespace {
+
+// What is linear about the estimate holds for errors that are small beside the motion.
+constexpr double kOutside = 10;  // percent of the motion
+
+}  // namespace
+
+void ErrorWatch::Begin(const Simulation& simulation) {
+  if (!estimate_) estimate_.emplace(simulation.world());
+  estimate_->Begin(simulation.world());
+}
+
+void ErrorWatch::End(const Simulation& simulation, const StepReport& report) {
+  estimate_->End(simulation.world(), simulation.step_options(), report);
+  theta_in_contact_ |= report.contacts > 0 && simulation.step_options().integrator == Integrator::kTheta;
+  Keep();
+}
+
+void ErrorWatch::Keep() {
+  for (const BodyError& now : estimate_->bodies()) {
+    auto at = std::find_if(bodies_.begin(), bodies_.end(), [&](const Body& b) { return b.name == now.body; });
+    if (at == bodies_.end()) {
+      bodies_.emplace_back();
+      at = bodies_.end() - 1;
+      at->name = now.body;
+      at->is_interface = now.mechanism >= 0;
+    }
+    at->last = now.shown;
+    at->motion = std::max(at->motion, now.motion);
+    at->total = std::max(at->total, now.shown);
+    at->interior = std::max(at->interior, now.shown_interior);
+    at->nonlinear = std::max(at->nonlinear, now.shown_nonlinear);
+    at->time = std::max(at->time, now.shown_time);
+    failed_ |= !std::isfinite(now.shown);
+  }
+}
+
+void ErrorWatch::Forget() {
+  forgot_ |= estimate_.has_value();
+  estimate_.reset();
+}
+
+ErrorWatch::Largest ErrorWatch::largest() const {
+  Largest out;
+  out.finite = !failed_;
+  for (const Body& b : bodies_) {
+    out.motion = std::max(out.motion, b.motion);
+    out.total = std::max(out.total, b.total);
+    out.interior = std::max(out.interior, b.interior);
+    out.nonlinear = std::max(out.nonlinear, b.nonlinear);
+    out.time = std::max(out.time, b.time);
+  }
+  return out;
+}
+
+void ErrorWatch::AddTo(Json& summary) const {
+  const Largest all = largest();
+  Json by_body = Json::object();
+  for (const Body& b : bodies_)
+    by_body[b.name] = {{"max", 1e3 * b.total},
+                       {"last", 1e3 * b.last},
+                       {"interior_max", 1e3 * b.interior},
+                       {"nonlinear_max", 1e3 * b.nonlinear},
+                       {"time_step_max", 1e3 * b.time},
+                       {"motion", 1e3 * b.motion}};
+  auto percent = [&](double x) {
+    return all.motion > 0 && all.finite ? Json(100 * x / all.motion) : Json(nullptr);
+  };
+  summary["error_estimate_mm"] = std::move(by_body);
+  summary["error_estimate_percent"] = {
+      {"total", percent(all.total)},
+      {"interior", percent(all.interior)},
+      {"nonlinear", percent(all.nonlinear)},
+      {"time_step", percent(all.time)},
+      {"of_mm", 1e3 * all.motion},
+      {"within_range", all.finite && 100 * all.total <= kOutside * all.motion}};
+}
+
+std::vector<std::string> ErrorWatch::Warnings() const {
+  std::vector<std::string> out;
+  const Largest all = largest();
+  std::string names;
+  for (const Body& b : bodies_)
+    if (!all.finite || 100 * b.total > kOutside * all.motion)
+      names += (names.empty() ? "'" : ", '") + b.name + "'";
+  if (!names.empty())
+    out.push_back(fmt::format(
+        "estimated error above {:.0f} % of the motion, past what the estimate can tell, of {}: try "
+        "--integrator theta, a smaller --dt or more --modes",
+        kOutside, names));
+  if (theta_in_contact_)
+    out.push_back(
+        "with --integrator theta the error estimate leaves out what contact itself adds: where bodies stand "
+        "or are "
+        "held it may be too small by a factor of three");
+  if (forgot_) out.push_back("the error estimate began anew where the detail changed");
+  return out;
+}
+
+void PrintErrorEstimate(const Json& d) {
+  const Json& percent = d["error_estimate_percent"];
+  if (percent["total"].is_null()) {
+    fmt::print("  error           not estimated: nothing moved\n");
+    return;
+  }
+  const bool inside = percent["within_range"].get<bool>();
+  auto share = [&](const char* key) { return percent[key].get<double>(); };
+  fmt::print("  error           about {}, of {:.4g} mm of motion\n",
+             inside ? fmt::format("{:.2g} %", share("total")) : fmt::format("> {:.0f} %", kOutside),
+             percent["of_mm"].get<double>());
+  fmt::print("                  time step {:.2g} %, interior left out {:.2g} %, nonlinear {:.2g} %\n",
+             share("time_step"), share("interior"), share("nonlinear"));
+  for (const auto& [body, e] : d["error_estimate_mm"].items())
+    fmt::print("    {:<20} {:.3g} mm at most, {:.3g} mm at the end\n", body, e["max"].get<double>(),
+               e["last"].get<double>());
+}
+
+}  // namespace fork1s::app

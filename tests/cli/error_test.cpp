@@ -1,0 +1,75 @@
+// What `run` says of its own error, and of bodies that pass through others.
+#include <string>
+
+#include <fmt/format.h>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+// A pendulum of two sprung links above a plank. The lower link swings through it where it is no interface.
+std::string Arm(const std::string& interface, double plank, int modes = 0) {
+  return fmt::format(R"(<mujoco model="arm"><custom><text name="fork1s_interface" data="{}"/>
+    <numeric name="fork1s_modes" data="{}"/></custom><worldbody>
+    <geom name="plank" type="box" size="1 0.1 0.01" pos="0 0 {}"/>
+    <body name="upper"><joint name="shoulder" type="hinge" axis="0 1 0" stiffness="2" damping="0.02"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.5"/>
+      <body name="lower" pos="0.3 0 0"><joint name="elbow" type="hinge" axis="0 1 0" stiffness="1" damping="0.01"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.3"/>
+        <body name="tip" pos="0.3 0 0"><joint name="wrist" type="hinge" axis="0 1 0" stiffness="1" damping="0.01"/>
+          <geom type="sphere" size="0.02" pos="0.03 0 0" mass="0.05"/></body></body></body>
+    </worldbody></mujoco>)",
+                     interface, modes, plank);
+}
+
+TEST(ErrorEstimate, IsToldWhereAskedFor) {
+  const std::string model = Write("arm_error.xml", Arm("tip", -5, 8));
+  EXPECT_FALSE(Fork1s("run --json --time 0.3 " + model).Json().contains("error_estimate_mm"));
+  const Outcome o = Fork1s("run --json --error --time 0.5 " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  const auto tip = json["error_estimate_mm"]["tip"];
+  EXPECT_GT(tip["max"].get<double>(), 0);
+  EXPECT_GE(tip["max"].get<double>(), tip["last"].get<double>());
+  const auto percent = json["error_estimate_percent"];
+  EXPECT_NEAR(percent["total"].get<double>(), 100 * tip["max"].get<double>() / percent["of_mm"].get<double>(),
+              1e-9);
+  // With all modes the time step alone errs, to first order: a quarter of the step, a quarter of it.
+  const auto finer = Fork1s("run --json --error --time 0.5 --dt 0.0041666666666666666 " + model).Json();
+  const double ratio = finer["error_estimate_mm"]["tip"]["max"].get<double>() / tip["max"].get<double>();
+  EXPECT_LT(ratio, 0.5);
+}
+
+TEST(ErrorEstimate, ChoosesWhatAnAccuracyAsksFor) {
+  const std::string model = Write("arm_accuracy.xml", Arm("tip", -5));
+  const auto json = Fork1s("run --json --accuracy 1mm --time 0.5 " + model).Json();
+  const auto accuracy = json["accuracy"];
+  ASSERT_TRUE(accuracy["met"].get<bool>()) << accuracy.dump();
+  EXPECT_GT(accuracy["trials"].size(), 1u);  // 1/60 s is not enough
+  EXPECT_LE(json["error_estimate_mm"]["tip"]["max"].get<double>(), 1);
+  EXPECT_EQ(json["dt_s"], accuracy["chosen"]["dt_s"]);
+  for (const char* wrong : {"0.5", "0mm", "-1%", "mm", "1in"})
+    EXPECT_NE(Fork1s(fmt::format("run --accuracy={} {}", wrong, model)).code, 0) << wrong;
+}
+
+TEST(Passing, IsToldOfBodiesThatAreNoInterface) {
+  const std::string model = Write("arm_plank.xml", Arm("upper", -0.2));
+  const auto json = Fork1s("run --json --time 1 " + model).Json();
+  ASSERT_FALSE(json["passed_through"].empty());
+  const std::string warnings = json["warnings"].dump();
+  EXPECT_NE(warnings.find("is no interface body"), std::string::npos) << warnings;
+  EXPECT_NE(warnings.find("'world'"), std::string::npos) << warnings;
+  bool lower = false;
+  for (const auto& p : json["passed_through"]) {
+    lower |= p["body"] == "lower";
+    EXPECT_GT(p["depth_max_m"].get<double>(), 1e-3);
+  }
+  EXPECT_TRUE(lower);
+  // With all of it as interface bodies there is nothing to tell, and the plank holds them.
+  const auto all = Fork1s("run --json --time 1 --interface upper,lower,tip " + model).Json();
+  EXPECT_TRUE(all["passed_through"].empty()) << all["passed_through"].dump();
+}
+
+}  // namespace
+}  // namespace fork1s::test
