@@ -171,7 +171,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   }
   detail.limits_.reserve(static_cast<std::size_t>(limits));
   detail.velocities_.setZero(velocities);
-  detail.free_W_.resize(detail.free_bodies_.size());
+  detail.free_Y_.resize(detail.free_bodies_.size());
   detail.free_velocity_.resize(detail.free_bodies_.size());
   detail.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities,
                          MomentsAContact(scene) * options.max_contacts);

@@ -82,7 +82,6 @@ void World::Detail::SizeBlocks(std::size_t mechanism) {
     part.frictions.reserve(static_cast<std::size_t>(frictions[p]));
     part.J_T.resize(size, room);
     part.Y.resize(size, room);
-    part.W.setZero(room, room);
     part.port_impulse.resize(room);
     if (J_scratch_.cols() < size) J_scratch_.resize(6, size);
   }
@@ -203,7 +202,7 @@ void World::Detail::MatchPrevious() {
   }
 }
 
-// After Predict: W of every block, the free velocities, and the rows of contacts and limits.
+// After Predict: Y of every block, the free velocities, and the rows of contacts and limits.
 void World::Detail::AssembleOperators() {
   blocks_.clear();
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
@@ -215,11 +214,6 @@ void World::Detail::AssembleOperators() {
         auto Y = part.Y.leftCols(part.rows);
         Y = part.J_T.leftCols(part.rows);
         m.HalfSolve(m.parts()[p], Y);
-        // Small parts: Eigen's blocked product costs more to set up than to do.
-        if (part.J_T.rows() <= 8)
-          part.W.topLeftCorner(part.rows, part.rows) = Y.transpose().lazyProduct(Y);
-        else
-          part.W.topLeftCorner(part.rows, part.rows).noalias() = Y.transpose() * Y;
       }
       for (std::size_t g = 0; g < part.groups.size(); ++g) {
         const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
@@ -233,28 +227,23 @@ void World::Detail::AssembleOperators() {
       for (std::size_t k = 0; k < part.frictions.size(); ++k)
         velocities_(part.offset + part.FrictionRow(k)) =
             m.LengthRate(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].terms);
-      blocks_.push_back({part.offset, part.rows, part.W.data(), static_cast<int>(part.W.rows())});
+      const int freedoms = static_cast<int>(part.Y.rows());
+      blocks_.push_back({part.offset, part.rows, part.Y.data(), freedoms, freedoms});
     }
   }
   for (std::size_t c = 0; c < contactors_.size(); ++c)
     if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] >= 0) {
       const auto b = static_cast<std::size_t>(contactors_[c].index);
       velocities_.segment<6>(port_offset_[c]) = free_bodies_[b].PortTwist();
-      free_W_[b] = free_bodies_[b].InverseInertia();
-      blocks_.push_back({port_offset_[c], 6, free_W_[b].data(), 6});
+      free_Y_[b] = free_bodies_[b].InverseInertiaRoot();
+      blocks_.push_back({port_offset_[c], 6, free_Y_[b].data(), 6, 6});
     }
 }
 
 void World::Detail::AssembleConstraints(const StepOptions& options) {
   const double h = options.h;
-  // Positive gaps may close within the step; penetration beyond the slop is undone in shares of β.
   // Half way through a step the other half is left to close a gap in.
   const double left = middle_ ? 0.5 * h : h;
-  auto bias = [&](double gap) {
-    if (gap > 0) return gap / left;
-    return std::max(options.penetration_correction * std::min(0.0, gap + options.slop) / h,
-                    -options.max_correction_speed);
-  };
   // Rows before and after a change of reference are of different coordinates.
   auto reference_moved = [&](const Contactor& c) {
     return c.kind == Contactor::Kind::kGroup &&
@@ -268,7 +257,6 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
     c.friction = p.friction;
     c.torsion = p.torsion;
     c.rolling = p.rolling;
-    c.bias(0) = bias(p.gap);
     const Contactor& a = contactors_[static_cast<std::size_t>(p.body_a)];
     const Contactor& b = contactors_[static_cast<std::size_t>(p.body_b)];
     Vector3 speed = Vector3::Zero();
@@ -282,11 +270,12 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
       c.J_b = PortRows(b, p);
       speed += c.J_b * velocities_.segment<6>(c.port_b);
     }
+    SetMaterial(options.material, p.gap, h, left, match_[i] < 0 ? 0 : previous_[static_cast<std::size_t>(match_[i])].impulse(0) / h, c);
     if (match_[i] < 0) continue;
     const auto k = static_cast<std::size_t>(match_[i]);
     const ContactRecord& before = previous_[k];
-    c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
-    c.moment = p.frame * (before.point.frame.transpose() * before.moment);
+    c.held = c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
+    c.held_moment = c.moment = p.frame * (before.point.frame.transpose() * before.moment);
     // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's. On the
     // normal it lets a ball roll in a bowl, on the tangents it keeps an object where a turning hand holds it.
     if (options.contact_curvature && !by_theta_ && curvature_valid_ && !reference_moved(a) &&
@@ -306,7 +295,7 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
         LimitConstraint limit;
         limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
         limit.sign = upper ? -1 : 1;
-        limit.bias = bias(upper ? stop.upper - length : length - stop.lower);
+        limit.bias = StopBias(options.material, upper ? stop.upper - length : length - stop.lower, h, left);
         limit.impulse = mechanism_blocks_[i].limit_impulses[at];
         limits_.push_back(limit);
       }
@@ -316,7 +305,7 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
         friction.row = part.offset + static_cast<int>(part.FrictionRow(k));
         friction.upper = h * m.mechanism().frictions()[at].force;
         friction.lower = -friction.upper;
-        friction.impulse = mechanism_blocks_[i].friction_impulses[at];
+        friction.held = friction.impulse = mechanism_blocks_[i].friction_impulses[at];
         limits_.push_back(friction);
       }
     }

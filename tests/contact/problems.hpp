@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/contact/contact_solver.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/spatial/rigid_transform.hpp>
 #include <random>
 #include <vector>
@@ -10,6 +11,7 @@ namespace fork1s::testing {
 
 struct Problem {
   std::vector<MatrixX> W;  // one a block
+  std::vector<MatrixX> Y;  // W = Yᵀ Y
   std::vector<VelocityBlock> blocks;
   std::vector<ContactConstraint> contacts;
   std::vector<LimitConstraint> limits;
@@ -19,9 +21,14 @@ struct Problem {
   void Finish() {
     int offset = 0;
     blocks.clear();
+    Y.clear();
     for (const MatrixX& w : W) {
-      const int size = static_cast<int>(w.rows());
-      blocks.push_back({offset, size, w.data(), size});
+      const SymmetricSpectrum spectrum = SpectrumOf(w);
+      Y.push_back(spectrum.values.cwiseMax(0).cwiseSqrt().asDiagonal() * spectrum.vectors.transpose());
+    }
+    for (const MatrixX& y : Y) {
+      const int size = static_cast<int>(y.cols());
+      blocks.push_back({offset, size, y.data(), size, size});
       offset += size;
     }
     velocity = VectorX::Zero(offset);

@@ -5,7 +5,7 @@
 #include <numeric>
 #include <string>
 
-#include "problems.hpp"
+#include "plain_sweeps.hpp"
 
 namespace fork1s {
 namespace {
@@ -34,48 +34,51 @@ Problem Draw(std::mt19937& random, int trial) {
   return p;
 }
 
+// Hard contact: what little it gives by itself shows in the law as 1e-9 of the inverse mass.
 TEST(ContactProperties, CoulombLawHolds) {
   std::mt19937 random(1);
   ContactSolver solver;
-  int failures = 0, newton = 0;
+  int failures = 0, helped = 0;
   const int trials = 3000;
   for (int trial = 0; trial < trials; ++trial) {
     Problem p = Draw(random, trial);
     const VectorX start = p.velocity;
     const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
-    newton += report.newton_iterations > 0;
+    helped += report.stage > 0;
     ASSERT_TRUE(p.velocity.allFinite()) << trial;
     if (!report.converged) {
       ++failures;
       continue;
     }
-    // The residual is in units of the largest impulse, this in units of velocity: a factor apart.
-    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-2) << trial;
+    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-4) << trial;
   }
   RecordProperty("failures", failures);
-  RecordProperty("newton", newton);
+  RecordProperty("helped", helped);
   EXPECT_LE(failures, trials / 200);
 }
 
-TEST(ContactProperties, TightToleranceIsMet) {
+// A second road to the same law, where its answer is unique.
+TEST(ContactProperties, PlainSweepsAgree) {
   std::mt19937 random(2);
   ContactSolver solver;
-  ContactSolverOptions options;
-  options.tolerance = 1e-9;
-  int failures = 0;
-  const int trials = 1000;
-  for (int trial = 0; trial < trials; ++trial) {
+  int compared = 0;
+  for (int trial = 0; trial < 300; ++trial) {
     Problem p = Draw(random, trial);
-    const VectorX start = p.velocity;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, options);
-    if (!report.converged) {
-      ++failures;
-      continue;
+    for (ContactConstraint& c : p.contacts) {
+      c.friction = std::min(c.friction, 0.3);
+      c.compliance_normal = c.compliance_tangent = 1e-2;
     }
-    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-7) << trial;
+    for (LimitConstraint& l : p.limits) l.compliance = 1e-2;
+    const Problem given = p;
+    ASSERT_TRUE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity).converged) << trial;
+    Problem same = given;  // with what the solver took as the material's
+    for (ContactConstraint& c : same.contacts) c.impulse.setZero();
+    const testing::SweepResult plain = testing::SweepPlainly(same, 1e-11, 20000);
+    if (!plain.settled) continue;
+    ++compared;
+    EXPECT_LT((plain.velocity - p.velocity).norm(), 1e-6 * (1 + p.velocity.norm())) << trial;
   }
-  RecordProperty("failures", failures);
-  EXPECT_LE(failures, trials / 200);
+  EXPECT_GT(compared, 250);
 }
 
 // With zero bias impulses take energy away: ½ v⁺ᵀW⁻¹v⁺ ≤ ½ v*ᵀW⁻¹v*.
@@ -94,46 +97,31 @@ TEST(ContactProperties, ImpulsesDoNoPositiveWork) {
   }
 }
 
-// Where the solution is unique (contacts on distinct bodies, little friction) the order cannot matter.
-TEST(ContactProperties, WhatHasNoAnswerTakesEnergyOnly) {
-  // Two limits that ask one row to move both ways: no impulse can do it.
+// Two limits that ask one row to move both ways: what they give meets in the middle.
+TEST(ContactProperties, LimitsThatContradictShareTheWay) {
   std::mt19937 random(8);
   ContactSolver solver;
-  int fallbacks = 0;
+  int failures = 0;
   for (int trial = 0; trial < 300; ++trial) {
     Problem p = Draw(random, 6 * trial + 2);
-    for (ContactConstraint& c : p.contacts) c.bias.setZero();
     p.limits.clear();
     p.limits.push_back({4, 1.0, -0.3, 0});
     p.limits.push_back({4, -1.0, -0.3, 0});
-    const VectorX start = p.velocity;
+    for (LimitConstraint& l : p.limits) l.compliance = 1e-3;
     const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
     ASSERT_TRUE(p.velocity.allFinite());
-    EXPECT_FALSE(report.converged);
-    if (!report.fallback) continue;
-    ++fallbacks;
-    // Impulses times the velocity they end with: the energy they bring, up to the solver's tolerance.
-    double work = 0, size = 0;
-    for (const ContactConstraint& c : p.contacts) {
-      Vector3 u = c.bias;
-      if (c.port_a >= 0) u += c.J_a * p.velocity.segment<6>(c.port_a);
-      if (c.port_b >= 0) u += c.J_b * p.velocity.segment<6>(c.port_b);
-      work += c.impulse.dot(u);
-      size += c.impulse.norm() * u.norm();
-    }
-    for (const LimitConstraint& l : p.limits) work += l.impulse * l.sign * p.velocity(l.row);
-    EXPECT_LT(work, 1e-3 * size + 1e-12) << trial;
-    EXPECT_LT(p.velocity.norm(), 10 * start.norm());
+    failures += report.converged ? 0 : 1;
+    EXPECT_TRUE(!report.converged || std::abs(p.velocity[4]) < 0.05) << trial;
   }
-  EXPECT_GT(fallbacks, 250);
+  EXPECT_LE(failures, 2);
 }
 
+// Where the solution is unique (contacts on distinct bodies, little friction) the order cannot matter.
 TEST(ContactProperties, OrderDoesNotMatter) {
   std::mt19937 random(4);
   ContactSolver solver;
   ContactSolverOptions options;
   options.tolerance = 1e-10;
-  options.max_sweeps = 2000;
   for (int trial = 0; trial < 200; ++trial) {
     Problem p = RandomProblem(random, 4, 0, 3, 0.3);
     Problem q;
@@ -163,15 +151,15 @@ TEST(ContactProperties, WarmStartAtSteadyState) {
     p.velocity = start;
     const ContactSolverReport again = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
     EXPECT_TRUE(again.converged) << trial;
-    EXPECT_LE(again.sweeps, 50) << trial;
-    EXPECT_LT(testing::LawViolation(p, start, p.velocity), 1e-2) << trial;
+    EXPECT_LE(again.newton_iterations, 2) << trial;
+    EXPECT_LT(testing::LawViolation(p, start, p.velocity), 1e-4) << trial;
   }
   // A box at rest: the answer of the step before is the answer.
   Problem p = testing::BoxOnPlane(1, 0.5);
   const VectorX start = p.velocity;
   solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
   p.velocity = start;
-  EXPECT_LE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity).sweeps, 2);
+  EXPECT_LE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity).newton_iterations, 1);
 }
 
 TEST(ContactProperties, SameInputSameBits) {
@@ -202,7 +190,7 @@ TEST(ContactProperties, RedundantContacts) {
     const VectorX start = p.velocity;
     const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
     EXPECT_TRUE(report.converged) << trial << " residual " << report.residual;
-    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-2) << trial;
+    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-4) << trial;
   }
 }
 

@@ -1,0 +1,18 @@
+// Decompositions on storage of the caller: nothing allocates, and the same numbers give the same bits wherever
+// they stand. Matrices are column-major without gaps.
+#pragma once
+
+namespace fork1s {
+
+/// Solves A x = x by LU with row pivoting; A n x n is overwritten. False where a pivot vanishes.
+bool SolveByLu(double* A, int n, int* pivots, double* x);
+
+/// Solves A x = x by A = L Lᵀ, of which only the lower triangle is read; A n x n is overwritten. False where A is
+/// not positive definite.
+bool SolveByCholesky(double* A, int n, double* x);
+
+/// A = Q R for A with rows >= columns, by Householder: R, upper triangular, in its first rows, zeros below its
+/// diagonal.
+void TriangularRoot(double* A, int rows, int columns);
+
+}  // namespace fork1s

@@ -1,0 +1,439 @@
+#include "compliant_rows.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fork1s/base/error.hpp>
+#include <limits>
+#include <numeric>
+#include <tuple>
+
+#include <fork1s/linalg/in_place.hpp>
+
+namespace fork1s::internal {
+namespace {
+
+constexpr double kRounding = std::numeric_limits<double>::epsilon();
+// Of the inverse mass at a contact: what a contact gives at least, so that hard ones (R = 0) have one answer.
+// Rounding of the impulses is this much worse than that of the velocities.
+constexpr double kLeastGive = 1e-9;
+
+using MutableH = Eigen::Map<MatrixX>;
+
+bool Finite(double sum) { return std::isfinite(sum); }
+
+// Plain loops over freedoms, not Eigen's: where Eigen starts its packets depends on the address, and with it the
+// last bit.
+void AddProduct(const double* const* y, const Vector6& t, int n, double* __restrict out) {
+  const double *y0 = y[0], *y1 = y[1], *y2 = y[2], *y3 = y[3], *y4 = y[4], *y5 = y[5];
+  for (int i = 0; i < n; ++i)
+    out[i] += y0[i] * t[0] + y1[i] * t[1] + y2[i] * t[2] + y3[i] * t[3] + y4[i] * t[4] + y5[i] * t[5];
+}
+
+}  // namespace
+
+void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities) {
+  const auto contacts = static_cast<std::size_t>(num_contacts), velocities = static_cast<std::size_t>(num_velocities);
+  ports.reserve(velocities / 6 + 1);
+  pairs.reserve(contacts);
+  points.reserve(contacts);
+  limits.reserve(static_cast<std::size_t>(num_limits));
+  block_of_.reserve(velocities);
+  port_of_.reserve(velocities);
+  order_.reserve(contacts);
+  blocks_.reserve(velocities);
+  S_ab_.reserve(contacts);
+  S_ba_.reserve(contacts);
+  push_.reserve(velocities);
+  F_.reserve(velocities);
+}
+
+void CompliantRows::LayOutBlocks(const std::vector<VelocityBlock>& blocks, int num_velocities) {
+  block_of_.assign(static_cast<std::size_t>(num_velocities), -1);
+  port_of_.assign(static_cast<std::size_t>(num_velocities), -1);
+  blocks_.resize(blocks.size());
+  std::size_t room = 0;
+  for (const VelocityBlock& block : blocks)
+    if (block.freedoms > block.size)
+      room += static_cast<std::size_t>(block.freedoms) * static_cast<std::size_t>(block.size);
+  storage_.resize(room);
+  room = 0;
+  freedoms_ = 0;
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    const VelocityBlock& block = blocks[b];
+    FORK1S_REQUIRE(block.offset >= 0 && block.offset + block.size <= num_velocities, b);
+    std::fill_n(block_of_.begin() + block.offset, block.size, static_cast<int>(b));
+    Freedoms& f = blocks_[b];
+    f = {block.Y, block.stride, freedoms_, block.freedoms, block.offset, block.size};
+    if (block.freedoms > block.size) {
+      // Ports move by no more than their rows can tell apart: Y = Q R, and R takes the place of Y.
+      double* R = storage_.data() + room;
+      for (int c = 0; c < block.size; ++c)
+        std::copy_n(block.Y + static_cast<std::ptrdiff_t>(c) * block.stride, block.freedoms,
+                    R + static_cast<std::ptrdiff_t>(c) * block.freedoms);
+      TriangularRoot(R, block.freedoms, block.size);
+      f = {R, block.freedoms, freedoms_, block.size, block.offset, block.size};
+      room += static_cast<std::size_t>(block.freedoms) * static_cast<std::size_t>(block.size);
+    }
+    freedoms_ += f.count;
+  }
+}
+
+int CompliantRows::PortAt(const std::vector<VelocityBlock>& blocks, int row) {
+  if (row < 0) return -1;
+  FORK1S_REQUIRE(row + 6 <= static_cast<int>(block_of_.size()), row);
+  int& known = port_of_[static_cast<std::size_t>(row)];
+  if (known >= 0) return known;
+  const int b = block_of_[static_cast<std::size_t>(row)];
+  FORK1S_REQUIRE(b >= 0, row);
+  const VelocityBlock& block = blocks[static_cast<std::size_t>(b)];
+  FORK1S_REQUIRE(row + 6 <= block.offset + block.size, row, block.offset, block.size);
+  const Freedoms& f = blocks_[static_cast<std::size_t>(b)];
+  known = static_cast<int>(ports.size());
+  PortRows& port = ports.emplace_back();
+  port.Y = f.Y + static_cast<std::ptrdiff_t>(row - block.offset) * f.stride;
+  port.stride = f.stride;
+  port.begin = f.begin;
+  port.freedoms = f.count;
+  port.row = row;
+  for (int c = 0; c < 6; ++c)
+    for (int r = 0; r <= c; ++r) {
+      double sum = 0;
+      for (int i = 0; i < port.freedoms; ++i)
+        sum += port.Y[static_cast<std::ptrdiff_t>(r) * port.stride + i] *
+               port.Y[static_cast<std::ptrdiff_t>(c) * port.stride + i];
+      port.W(r, c) = port.W(c, r) = sum;
+    }
+  return known;
+}
+
+bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pair, PointRows& out,
+                                 const Eigen::Ref<const VectorX>& velocities) const {
+  out.law.frozen_normal = -1;
+  out.offset.setZero();
+  out.angular_offset.setZero();
+  out.state = PointState::kOpen;
+  out.J_a = in.J_a;
+  out.J_b = in.J_b;
+  Vector3 u = in.bias, turning = Vector3::Zero();
+  double trace = 0, natural = 0, reach = u.cwiseAbs().sum();
+  const auto side = [&](int index, const Matrix36& J) {
+    if (index < 0) return;
+    const PortRows& port = ports[static_cast<std::size_t>(index)];
+    const auto V = velocities.segment<6>(port.row);
+    const Vector3 part = J * V;
+    u += part;
+    turning += J.rightCols<3>() * V.head<3>();
+    reach += part.cwiseAbs().sum();
+    trace += J.lazyProduct(port.W).cwiseProduct(J).sum();
+    natural += J.cwiseAbs2().colwise().sum().dot(port.W.diagonal());
+  };
+  side(pair.port_a, in.J_a);
+  side(pair.port_b, in.J_b);
+  if (!Finite(u.sum() + trace + in.held.sum() + in.held_moment.sum() + in.friction + in.torsion + in.rolling +
+              in.compliance_normal + in.compliance_tangent + in.impulse.sum() + in.moment.sum()))
+    return false;
+  out.inverse_mass = trace / 3;
+  out.least_R = kLeastGive * natural / 3;
+  out.reach = reach;
+  out.law.friction = std::max(0.0, in.friction);
+  out.torsion = std::max(0.0, in.torsion);
+  out.rolling = std::max(0.0, in.rolling);
+  out.R_n = in.compliance_normal;
+  out.R_t = in.compliance_tangent;
+  out.base = u;
+  out.angular_base = turning;
+  out.held = in.held.tail<2>();
+  out.held_normal = in.held[0];
+  out.held_moment = in.held_moment;
+  out.impulse = in.impulse;
+  out.moment = in.moment;
+  return true;
+}
+
+// Points of a pair are of one material: they give alike.
+void CompliantRows::SetGive(const PairRows& pair, double most_give) {
+  double R_n = std::numeric_limits<double>::infinity(), R_t = R_n, least = 0;
+  for (int i = pair.first; i < pair.first + pair.count; ++i) {
+    const PointRows& point = points[static_cast<std::size_t>(i)];
+    const double stiffer = std::min(1.0, most_give * point.inverse_mass / point.R_n);
+    R_n = std::min(R_n, stiffer * point.R_n);
+    R_t = std::min(R_t, stiffer * point.R_t);
+    least = std::max(least, point.least_R);
+  }
+  for (int i = pair.first; i < pair.first + pair.count; ++i) {
+    PointRows& point = points[static_cast<std::size_t>(i)];
+    point.law.R_n = point.R_n = std::max(R_n, least);
+    point.law.R_t = point.R_t = std::max(R_t, least);
+    point.noise = kRounding * std::sqrt(3 * point.inverse_mass) * point.reach / point.R_n;
+  }
+}
+
+// What tangents and moments bore before stays while nothing moves.
+void CompliantRows::AddMemory() {
+  for (PointRows& point : points) {
+    point.base.tail<2>() -= point.R_t * point.held;
+    if (point.HasMoments())
+      for (int k = 0; k < 3; ++k)
+        if (point.Radius(k) > 0) point.angular_base[k] -= point.AngularR(k, point.R_t) * point.held_moment[k];
+  }
+}
+
+bool CompliantRows::PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in,
+                                 LimitRows& out, const Eigen::Ref<const VectorX>& velocities) const {
+  FORK1S_REQUIRE(in.row >= 0 && in.row < static_cast<int>(block_of_.size()), in.row);
+  const int b = block_of_[static_cast<std::size_t>(in.row)];
+  FORK1S_REQUIRE(b >= 0, in.row);
+  const Freedoms& f = blocks_[static_cast<std::size_t>(b)];
+  out = LimitRows{};
+  out.Y = f.Y + static_cast<std::ptrdiff_t>(in.row - blocks[static_cast<std::size_t>(b)].offset) * f.stride;
+  out.begin = f.begin;
+  out.freedoms = f.count;
+  out.row = in.row;
+  out.sign = in.sign;
+  for (int i = 0; i < f.count; ++i) out.inverse_mass += out.Y[i] * out.Y[i];
+  out.R = out.material_R = std::max(in.compliance, kLeastGive * out.inverse_mass);
+  out.base = in.sign * velocities[in.row] + in.bias - out.R * in.held;
+  out.lower = in.lower;
+  out.upper = in.upper;
+  out.impulse = in.impulse;
+  out.noise = kRounding * std::sqrt(out.inverse_mass) * (std::abs(velocities[in.row]) + std::abs(in.bias)) / out.R;
+  return Finite(out.base + in.impulse + out.inverse_mass) && !std::isnan(in.lower + in.upper);
+}
+
+bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contacts,
+                            const std::vector<LimitConstraint>& limit_rows,
+                            const Eigen::Ref<const VectorX>& velocities, double most_give) {
+  LayOutBlocks(blocks, static_cast<int>(velocities.size()));
+  ports.clear();
+  pairs.clear();
+  points.resize(contacts.size());
+  limits.resize(limit_rows.size());
+  order_.resize(contacts.size());
+  std::iota(order_.begin(), order_.end(), 0);
+  const auto key = [&](int i) {
+    const ContactConstraint& c = contacts[static_cast<std::size_t>(i)];
+    return std::tuple(c.port_a, c.port_b, i);
+  };
+  const auto earlier = [&](int i, int j) { return key(i) < key(j); };
+  if (!std::is_sorted(order_.begin(), order_.end(), earlier)) std::sort(order_.begin(), order_.end(), earlier);
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    const ContactConstraint& c = contacts[static_cast<std::size_t>(order_[i])];
+    if (i == 0 || c.port_a != contacts[static_cast<std::size_t>(order_[i - 1])].port_a ||
+        c.port_b != contacts[static_cast<std::size_t>(order_[i - 1])].port_b)
+      pairs.push_back({PortAt(blocks, c.port_a), PortAt(blocks, c.port_b), static_cast<int>(i), 0});
+    ++pairs.back().count;
+    if (!PreparePoint(c, pairs.back(), points[i], velocities)) return false;
+  }
+  for (const PairRows& pair : pairs) SetGive(pair, most_give);
+  for (std::size_t i = 0; i < limit_rows.size(); ++i)
+    if (!PrepareLimit(blocks, limit_rows[i], limits[i], velocities)) return false;
+  S_ab_.resize(pairs.size());
+  S_ba_.resize(pairs.size());
+  push_.resize(static_cast<std::size_t>(freedoms_));
+  F_.resize(static_cast<std::size_t>(freedoms_));
+  FadeSqueeze();
+  AddMemory();
+  return true;
+}
+
+Vector3 CompliantRows::Speed(const PairRows& pair, const PointRows& point) const {
+  Vector3 w = point.base + point.offset;
+  if (pair.port_a >= 0) w += point.J_a.lazyProduct(ports[static_cast<std::size_t>(pair.port_a)].change);
+  if (pair.port_b >= 0) w += point.J_b.lazyProduct(ports[static_cast<std::size_t>(pair.port_b)].change);
+  return w;
+}
+
+Vector3 CompliantRows::Turning(const PairRows& pair, const PointRows& point) const {
+  Vector3 w = point.angular_base + point.angular_offset;
+  if (pair.port_a >= 0)
+    w += point.J_a.rightCols<3>() * ports[static_cast<std::size_t>(pair.port_a)].change.head<3>();
+  if (pair.port_b >= 0)
+    w += point.J_b.rightCols<3>() * ports[static_cast<std::size_t>(pair.port_b)].change.head<3>();
+  return w;
+}
+
+void CompliantRows::RespondMoments(PointRows& point, const Vector3& turning) const {
+  point.D_turn.setZero();
+  point.by_normal.setZero();
+  point.moment.setZero();
+  const bool frozen = point.law.frozen_normal >= 0;
+  for (int k = 0; k < 3; ++k) {
+    const double radius = point.Radius(k);
+    if (!(radius > 0)) continue;
+    const double R = point.AngularR(k, point.law.R_t), m = -turning[k] / R;
+    const double normal = frozen ? point.law.frozen_normal : point.impulse[0], bound = radius * normal;
+    if (std::abs(m) <= bound) {
+      point.moment[k] = m;
+      if (bound > 0) point.D_turn(k, k) = 1 / R;
+      continue;
+    }
+    const double side = m > 0 ? radius : -radius;
+    point.moment[k] = side * normal;
+    if (!frozen && normal > 0) point.by_normal[k] = side / point.law.R_n;
+  }
+}
+
+void CompliantRows::ClearSums(bool with_derivative) {
+  for (PortRows& port : ports) {
+    port.push.setZero();
+    if (with_derivative) port.S.setZero();
+  }
+  if (!with_derivative) return;
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    S_ab_[p].setZero();
+    S_ba_[p].setZero();
+  }
+}
+
+void CompliantRows::AddPush(const PairRows& pair, const PointRows& point) {
+  const auto add = [&](int index, const Matrix36& J) {
+    if (index < 0) return;
+    PortRows& port = ports[static_cast<std::size_t>(index)];
+    port.push += J.transpose().lazyProduct(point.impulse);
+    if (point.HasMoments()) port.push.head<3>() += J.rightCols<3>().transpose() * point.moment;
+  };
+  add(pair.port_a, point.J_a);
+  add(pair.port_b, point.J_b);
+}
+
+// Sums of J_leftᵀ D J_right, and of moments, whose rows are the axes on the angular part of the twist.
+void CompliantRows::AddDerivative(std::size_t p, const PointRows& point) {
+  const PairRows& pair = pairs[p];
+  const auto add = [&](const Matrix36& left, const Matrix36& right, Matrix6& S) {
+    S += left.transpose().lazyProduct(point.D.lazyProduct(right).eval());
+    if (!point.HasMoments()) return;
+    const Matrix3 axes = left.rightCols<3>().transpose();
+    S.topLeftCorner<3, 3>() += axes * point.D_turn * right.rightCols<3>();
+    S.topRows<3>() += axes * point.by_normal * right.row(0);
+  };
+  if (pair.port_a >= 0) add(point.J_a, point.J_a, ports[static_cast<std::size_t>(pair.port_a)].S);
+  if (pair.port_b >= 0) add(point.J_b, point.J_b, ports[static_cast<std::size_t>(pair.port_b)].S);
+  if (pair.port_a < 0 || pair.port_b < 0) return;
+  add(point.J_a, point.J_b, S_ab_[p]);
+  add(point.J_b, point.J_a, S_ba_[p]);
+}
+
+void CompliantRows::Evaluate(const double* d, bool with_derivative) {
+  for (PortRows& port : ports) port.SetChange(d);
+  ClearSums(with_derivative);
+  double noise = 0;
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    const PairRows& pair = pairs[p];
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      PointRows& point = points[static_cast<std::size_t>(i)];
+      if (!(point.law.R_n > 0)) {  // nothing can move it, and its material gives nothing
+        point.impulse.setZero();
+        point.moment.setZero();
+        continue;
+      }
+      point.state = Respond(point.law, Speed(pair, point), point.impulse, point.D);
+      if (point.HasMoments()) RespondMoments(point, Turning(pair, point));
+      if (point.state == PointState::kOpen && !(point.law.frozen_normal > 0)) continue;
+      noise += point.noise * point.noise;
+      AddPush(pair, point);
+      if (with_derivative) AddDerivative(p, point);
+    }
+  }
+  for (LimitRows& limit : limits) {
+    double change = 0;
+    for (int i = 0; i < limit.freedoms; ++i) change += limit.Y[i] * d[limit.begin + i];
+    limit.D = limit.impulse = 0;
+    if (!(limit.R > 0)) continue;
+    const double x = -(limit.base + limit.offset + limit.sign * change) / limit.R;
+    limit.impulse = std::min(std::max(x, limit.lower), limit.upper);
+    if (limit.impulse == x) limit.D = 1 / limit.R;
+    if (limit.D > 0) noise += limit.noise * limit.noise;
+  }
+  GatherPush();
+  double F2 = 0, push2 = 0;
+  for (std::size_t i = 0; i < F_.size(); ++i) {
+    F_[i] = d[i] - push_[i];
+    F2 += F_[i] * F_[i];
+    push2 += push_[i] * push_[i];
+  }
+  F_norm_ = std::sqrt(F2);
+  push_norm_ = std::sqrt(push2);
+  noise_ = std::sqrt(noise);
+}
+
+void CompliantRows::GatherPush() {
+  std::fill(push_.begin(), push_.end(), 0.0);
+  for (const PortRows& port : ports) port.AddTo(push_.data());
+  for (const LimitRows& limit : limits)
+    for (int i = 0; i < limit.freedoms; ++i)
+      push_[static_cast<std::size_t>(limit.begin + i)] += limit.sign * limit.impulse * limit.Y[i];
+}
+
+void CompliantRows::Push(double* into) {
+  ClearSums(false);
+  for (const PairRows& pair : pairs)
+    for (int i = pair.first; i < pair.first + pair.count; ++i) AddPush(pair, points[static_cast<std::size_t>(i)]);
+  GatherPush();
+  std::copy(push_.begin(), push_.end(), into);
+}
+
+void CompliantRows::AddChange(const double* d, Eigen::Ref<VectorX> velocities) const {
+  for (const Freedoms& f : blocks_)
+    for (int r = 0; r < f.rows; ++r) {
+      const double* y = f.Y + static_cast<std::ptrdiff_t>(r) * f.stride;
+      double change = 0;
+      for (int i = 0; i < f.count; ++i) change += y[i] * d[f.begin + i];
+      velocities[f.offset + r] += change;
+    }
+}
+
+void CompliantRows::AddBlocks(double* H_data, double diagonal) {
+  const auto n = static_cast<std::size_t>(freedoms_);
+  std::fill_n(H_data, n * n, 0.0);
+  for (std::size_t i = 0; i < n; ++i) H_data[i * (n + 1)] = diagonal;
+  const auto add = [&](const PortRows& left, const Matrix6& S, const PortRows& right) {
+    const double* y[6];
+    for (int k = 0; k < 6; ++k) y[k] = left.Y + static_cast<std::ptrdiff_t>(k) * left.stride;
+    for (int c = 0; c < right.freedoms; ++c) {
+      Vector6 row, t;
+      for (int k = 0; k < 6; ++k) row[k] = right.Y[static_cast<std::ptrdiff_t>(k) * right.stride + c];
+      t = S.lazyProduct(row);
+      AddProduct(y, t, left.freedoms,
+                 H_data + static_cast<std::ptrdiff_t>(right.begin + c) * freedoms_ + left.begin);
+    }
+  };
+  for (const PortRows& port : ports) add(port, port.S, port);
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    if (pairs[p].port_a < 0 || pairs[p].port_b < 0) continue;
+    const PortRows& a = ports[static_cast<std::size_t>(pairs[p].port_a)];
+    const PortRows& b = ports[static_cast<std::size_t>(pairs[p].port_b)];
+    add(a, S_ab_[p], b);
+    add(b, S_ba_[p], a);
+  }
+}
+
+void CompliantRows::Derivative(double* H_data) {
+  AddBlocks(H_data, 1);
+  MutableH H(H_data, freedoms_, freedoms_);
+  for (const LimitRows& limit : limits)
+    if (limit.D > 0)
+      for (int c = 0; c < limit.freedoms; ++c)
+        for (int r = 0; r < limit.freedoms; ++r)
+          H(limit.begin + r, limit.begin + c) += limit.D * limit.Y[r] * limit.Y[c];
+}
+
+void CompliantRows::Soften(double share) {
+  for (PointRows& point : points) {
+    const double least = share * point.inverse_mass;
+    point.law.R_n = std::max(point.R_n, least);
+    point.law.R_t = std::max(point.R_t, least);
+    point.offset = -Vector3(point.law.R_n - point.R_n, point.law.R_t - point.R_t, point.law.R_t - point.R_t)
+                        .cwiseProduct(point.impulse);
+    if (point.HasMoments())
+      for (int k = 0; k < 3; ++k)
+        if (point.Radius(k) > 0)
+          point.angular_offset[k] =
+              -(point.AngularR(k, point.law.R_t) - point.AngularR(k, point.R_t)) * point.moment[k];
+  }
+  for (LimitRows& limit : limits) {
+    limit.R = std::max(limit.material_R, share * limit.inverse_mass);
+    limit.offset = -(limit.R - limit.material_R) * limit.impulse;
+  }
+}
+
+}  // namespace fork1s::internal
