@@ -40,7 +40,8 @@ bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterati
     ++iterations;
     rows.Derivative(H_.data());
     for (std::size_t i = 0; i < n; ++i) step_[i] = -rows.F()[i];
-    if (!SolveByLu(H_.data(), static_cast<int>(n), pivots_.data(), step_.data())) return false;
+    if (!FactorLu(H_.data(), static_cast<int>(n), pivots_.data())) return false;
+    SolveWithLu(H_.data(), static_cast<int>(n), pivots_.data(), step_.data());
     const double start = Dot(step_, rows.F());
     const auto evaluate = [&](double length, bool with_derivative) {
       for (std::size_t i = 0; i < n; ++i) trial_[i] = d_[i] + length * step_[i];
@@ -84,7 +85,8 @@ bool CompliantNewton::ByPieces(CompliantRows& rows, double tolerance, int max_it
     rows.TakePieces(trial_.data());
     rows.Derivative(H_.data());
     step_ = rows.right_side();
-    if (!SolveByLu(H_.data(), n, pivots_.data(), step_.data())) return false;
+    if (!FactorLu(H_.data(), n, pivots_.data())) return false;
+    SolveWithLu(H_.data(), n, pivots_.data(), step_.data());
     trial_.swap(step_);
     rows.Evaluate(trial_.data(), false);
     if (Reached(rows, tolerance)) {
@@ -127,7 +129,11 @@ NewtonOutcome CompliantNewton::Solve(CompliantRows& rows, double tolerance, int 
   rows.Push(d_.data());
   kept_ = d_;
   out.converged = ByPieces(rows, tolerance, kPieces, out.iterations);
-  if (!out.converged) out.converged = Run(rows, tolerance, max_iterations, kPatience + static_cast<int>(rows.points.size()), out.iterations);
+  if (!out.converged) {
+    const int patience = kPatience + static_cast<int>(rows.points.size());
+    out.converged = Run(rows, tolerance, max_iterations, patience, out.iterations);
+    if (out.converged) Refactor(rows);
+  }
   if (!out.converged) {
     out.stage = 1;
     d_ = kept_;
@@ -143,10 +149,36 @@ NewtonOutcome CompliantNewton::Solve(CompliantRows& rows, double tolerance, int 
       out.converged = Frozen(rows, share > 0 ? 3 : 30, share > 0 ? 1e-2 : tolerance, out.iterations);
     }
   }
+  if (out.converged && out.stage > 0) Refactor(rows);
+  if (out.converged) Polish(rows);
   // The impulses and what they do belong together.
   rows.Push(d_.data());
   out.residual = rows.push_norm() > 0 ? rows.F_norm() / rows.push_norm() : 0;
   return out;
+}
+
+void CompliantNewton::Refactor(CompliantRows& rows) {
+  rows.Evaluate(d_.data(), true);
+  rows.Derivative(H_.data());
+  FactorLu(H_.data(), static_cast<int>(d_.size()), pivots_.data());
+}
+
+// Impulses λ = −w/R carry the rounding of w, R/w⁻¹ times as large as it should be. Beside the pieces that they are on
+// they need not be computed from w again: s = −H⁻¹F, d += s, λ −= D G s.
+void CompliantNewton::Polish(CompliantRows& rows) {
+  for (int round = 0; round < 3; ++round) {
+    rows.Push(step_.data());
+    double size2 = 0, F2 = 0;
+    for (std::size_t i = 0; i < d_.size(); ++i) {
+      size2 += step_[i] * step_[i];
+      step_[i] -= d_[i];
+      F2 += step_[i] * step_[i];
+    }
+    if (F2 <= 1e-30 * size2) return;
+    SolveWithLu(H_.data(), static_cast<int>(d_.size()), pivots_.data(), step_.data());
+    for (std::size_t i = 0; i < d_.size(); ++i) d_[i] += step_[i];
+    rows.MoveOnPieces(step_.data());
+  }
 }
 
 }  // namespace fork1s::internal

@@ -27,6 +27,8 @@ class CompliantNewton {
   bool Run(CompliantRows& rows, double tolerance, int max_iterations, int patience, int& iterations);
   bool ByPieces(CompliantRows& rows, double tolerance, int max_iterations, int& iterations);
   bool Frozen(CompliantRows& rows, int rounds, double tolerance, int& iterations);
+  void Refactor(CompliantRows& rows);
+  void Polish(CompliantRows& rows);
   bool Reached(const CompliantRows& rows, double tolerance) const {
     return rows.F_norm() <= tolerance * rows.push_norm() + rows.noise();
   }

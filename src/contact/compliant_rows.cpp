@@ -15,7 +15,7 @@ namespace {
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
 // Of the inverse mass at a contact: what a contact gives at least, so that hard ones (R = 0) have one answer.
 // Rounding of the impulses is this much worse than that of the velocities.
-constexpr double kLeastGive = 1e-9;
+constexpr double kLeastGive = 1e-11;
 
 using MutableH = Eigen::Map<MatrixX>;
 
@@ -31,7 +31,7 @@ void AddProduct(const double* const* y, const Vector6& t, int n, double* __restr
 
 }  // namespace
 
-void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities) {
+void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms) {
   const auto contacts = static_cast<std::size_t>(num_contacts), velocities = static_cast<std::size_t>(num_velocities);
   ports.reserve(velocities / 6 + 1);
   pairs.reserve(contacts);
@@ -45,6 +45,9 @@ void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities
   S_ba_.reserve(contacts);
   push_.reserve(velocities);
   F_.reserve(velocities);
+  squeeze_.reserve(velocities);
+  squeeze_H_.reserve(velocities * velocities);
+  storage_.reserve(velocities * static_cast<std::size_t>(num_freedoms));
 }
 
 void CompliantRows::LayOutBlocks(const std::vector<VelocityBlock>& blocks, int num_velocities) {
@@ -115,6 +118,7 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.J_a = in.J_a;
   out.J_b = in.J_b;
   Vector3 u = in.bias, turning = Vector3::Zero();
+  out.inverse_inertia.setZero();
   double trace = 0, natural = 0, reach = u.cwiseAbs().sum();
   const auto side = [&](int index, const Matrix36& J) {
     if (index < 0) return;
@@ -125,6 +129,11 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
     turning += J.rightCols<3>() * V.head<3>();
     reach += part.cwiseAbs().sum();
     trace += J.lazyProduct(port.W).cwiseProduct(J).sum();
+    if (in.torsion > 0 || in.rolling > 0)
+      out.inverse_inertia += (J.rightCols<3>() * port.W.topLeftCorner<3, 3>())
+                                 .cwiseProduct(J.rightCols<3>())
+                                 .rowwise()
+                                 .sum();
     natural += J.cwiseAbs2().colwise().sum().dot(port.W.diagonal());
   };
   side(pair.port_a, in.J_a);
@@ -164,6 +173,11 @@ void CompliantRows::SetGive(const PairRows& pair, double most_give) {
     PointRows& point = points[static_cast<std::size_t>(i)];
     point.law.R_n = point.R_n = std::max(R_n, least);
     point.law.R_t = point.R_t = std::max(R_t, least);
+    // Turning gives what the tangents do at a distance of the patch's size.
+    for (int k = 0; k < 3; ++k)
+      if (const double a = point.Radius(k); a > 0)
+        point.angular_R[k] =
+            std::max(std::min(point.R_t / (a * a), most_give * point.inverse_inertia[k]), least / (a * a) * kLeastGive);
     point.noise = kRounding * std::sqrt(3 * point.inverse_mass) * point.reach / point.R_n;
   }
 }

@@ -47,6 +47,7 @@ struct PointRows {
   PointLaw law;             // of the stage at hand
   double R_n = 0, R_t = 0;  // the material's
   double inverse_mass = 0;  // tr(G Gᵀ)/3
+  Vector3 inverse_inertia = Vector3::Zero(), angular_R = Vector3::Zero();  // about normal and tangents
   double torsion = 0, rolling = 0;
   Vector3 base = Vector3::Zero(), angular_base = Vector3::Zero();  // u* + bias − R λ₀, and of the moments
   Vector3 offset = Vector3::Zero(), angular_offset = Vector3::Zero();  // of a softer stage
@@ -64,11 +65,8 @@ struct PointRows {
 
   bool HasMoments() const { return torsion > 0 || rolling > 0; }
   double Radius(int axis) const { return axis == 0 ? torsion : rolling; }
-  /// Rate of turning per moment: what the tangents give at a distance of the patch's size.
-  double AngularR(int axis, double tangential) const {
-    const double radius = Radius(axis);
-    return tangential / (radius * radius);
-  }
+  /// Rate of turning per moment, where the tangents give `tangential`.
+  double AngularR(int axis, double tangential) const { return angular_R[axis] * (tangential / R_t); }
 };
 
 /// Points of one pair of ports, one after another.
@@ -90,7 +88,7 @@ struct LimitRows {
 
 class CompliantRows {
  public:
-  void Reserve(int num_contacts, int num_limits, int num_velocities);
+  void Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms);
   /// False where a number is not finite.
   bool Prepare(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contacts,
                const std::vector<LimitConstraint>& limits, const Eigen::Ref<const VectorX>& velocities,
@@ -99,6 +97,8 @@ class CompliantRows {
   /// pieces would lead, and `ImpulsesOfPieces` what they bear there.
   void TakePieces(const double* d);
   void ImpulsesOfPieces(const double* d);
+  /// λ −= D G s.
+  void MoveOnPieces(const double* s);
   const std::vector<double>& right_side() const { return push_; }
   /// The impulses at d and F. With `with_derivative` the blocks of it too.
   void Evaluate(const double* d, bool with_derivative);

@@ -34,8 +34,9 @@ ContactSolver::~ContactSolver() = default;
 ContactSolver::ContactSolver(ContactSolver&&) noexcept = default;
 ContactSolver& ContactSolver::operator=(ContactSolver&&) noexcept = default;
 
-void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities, int /*num_moments*/) {
-  work_->rows.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities));
+void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms) {
+  work_->rows.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities),
+                      std::max(0, num_freedoms));
   work_->newton.Reserve(std::max(0, num_velocities));
 }
 

@@ -43,7 +43,7 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
   for (int k = 0; k < 3; ++k) {
     const double radius = point.Radius(k);
     if (!(radius > 0)) continue;
-    const double R = point.AngularR(k, R_t), rho_m = rho_t / (radius * radius);
+    const double R = point.AngularR(k, R_t), rho_m = 1 / (point.inverse_inertia[k] + R);
     const double m = point.moment[k] - rho_m * (turning[k] + R * point.moment[k]);
     if (std::abs(m) <= radius * y_n)
       point.D_turn(k, k) = 1 / R;
@@ -104,6 +104,31 @@ void CompliantRows::ImpulsesOfPieces(const double* d) {
     double w = limit.base + limit.offset;
     for (int i = 0; i < limit.freedoms; ++i) w += limit.sign * limit.Y[i] * d[limit.begin + i];
     limit.impulse = limit.constant - limit.D * w;
+  }
+}
+
+void CompliantRows::MoveOnPieces(const double* s) {
+  for (PortRows& port : ports) port.SetChange(s);
+  for (const PairRows& pair : pairs)
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      PointRows& point = points[static_cast<std::size_t>(i)];
+      if (point.state == PointState::kOpen) continue;
+      Vector3 w = Vector3::Zero(), turning = Vector3::Zero();
+      const auto add = [&](int index, const Matrix36& J) {
+        if (index < 0) return;
+        const Vector6& change = ports[static_cast<std::size_t>(index)].change;
+        w += J.lazyProduct(change);
+        if (point.HasMoments()) turning += J.rightCols<3>() * change.head<3>();
+      };
+      add(pair.port_a, point.J_a);
+      add(pair.port_b, point.J_b);
+      point.impulse -= point.D * w;
+      if (point.HasMoments()) point.moment -= point.D_turn * turning + point.by_normal * w[0];
+    }
+  for (LimitRows& limit : limits) {
+    double w = 0;
+    for (int i = 0; i < limit.freedoms; ++i) w += limit.sign * limit.Y[i] * s[limit.begin + i];
+    limit.impulse -= limit.D * w;
   }
 }
 

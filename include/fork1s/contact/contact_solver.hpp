@@ -43,7 +43,7 @@ struct ContactConstraint {
   double torsion = 0;                 // m: |moment about the normal| <= torsion λ_n
   double rolling = 0;                 // m: the same about either tangent
   Vector3 moment = Vector3::Zero();   // about normal and tangents; in: warm start; out: solution [N·m·s]
-  /// R_n, R_t [m/s per N·s]; 0: hard, 1e-9 of the inverse mass. Contacts between the same two ports give alike, as
+  /// R_n, R_t [m/s per N·s]; 0: hard, 1e-11 of the inverse mass. Contacts between the same two ports give alike, as
   /// the stiffest of them.
   double compliance_normal = 0, compliance_tangent = 0;
   Vector3 held = Vector3::Zero();         // λ₀, in this frame
@@ -97,8 +97,8 @@ class ContactSolver {
   ContactSolver& operator=(ContactSolver&&) noexcept;
 
   /// Reserves scratch so that solves up to this size do not allocate.
-  /// `num_moments`: 1 a contact with torsional friction, 3 with rolling friction too.
-  void Reserve(int num_contacts, int num_limits, int num_velocities, int num_moments = 0);
+  /// `num_freedoms`: of the largest block that may have more of them than rows.
+  void Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms = 0);
 
   /// Solves for the impulses. In: `velocities` = v*, blocks covering every port and limit row, warm starts in
   /// the constraints. Out: impulses in the constraints, `velocities` = v⁺. A contact that nothing can move

@@ -4,8 +4,10 @@
 
 namespace fork1s {
 
-/// Solves A x = x by LU with row pivoting; A n x n is overwritten. False where a pivot vanishes.
-bool SolveByLu(double* A, int n, int* pivots, double* x);
+/// P A = L U with row pivoting; A n x n is overwritten. False where a pivot vanishes.
+bool FactorLu(double* A, int n, int* pivots);
+/// x <- A⁻¹ x
+void SolveWithLu(const double* LU, int n, const int* pivots, double* x);
 
 /// Solves A x = x by A = L Lᵀ, of which only the lower triangle is read; A n x n is overwritten. False where A is
 /// not positive definite.
