@@ -149,8 +149,9 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.rolling = std::max(0.0, in.rolling);
   out.R_n = in.compliance_normal;
   out.R_t = in.compliance_tangent;
-  out.base = u;
-  out.angular_base = turning;
+  out.start = u;
+  out.start_turning = turning;
+  out.give = in.give;
   out.held = in.held.tail<2>();
   out.held_normal = in.held[0];
   out.held_moment = in.held_moment;
@@ -160,36 +161,56 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
 }
 
 // Points of a pair are of one material: they give alike.
-void CompliantRows::SetGive(const PairRows& pair, double most_give) {
-  double R_n = std::numeric_limits<double>::infinity(), R_t = R_n, least = 0;
-  for (int i = pair.first; i < pair.first + pair.count; ++i) {
-    const PointRows& point = points[static_cast<std::size_t>(i)];
-    const double stiffer = std::min(1.0, most_give * point.inverse_mass / point.R_n);
-    R_n = std::min(R_n, stiffer * point.R_n);
-    R_t = std::min(R_t, stiffer * point.R_t);
-    least = std::max(least, point.least_R);
-  }
+void CompliantRows::SetGive(PairRows& pair, double most_give) {
+  pair.R_n = pair.R_t = std::numeric_limits<double>::infinity();
+  pair.least_R = 0;
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     PointRows& point = points[static_cast<std::size_t>(i)];
-    point.law.R_n = point.R_n = std::max(R_n, least);
-    point.law.R_t = point.R_t = std::max(R_t, least);
+    double stiffer = std::min(1.0, most_give * point.inverse_mass / point.R_n);
+    if (point.held_normal > 0) stiffer = std::min(stiffer, point.give / (point.held_normal * point.R_n));
+    pair.R_n = std::min(pair.R_n, stiffer * point.R_n);
+    pair.R_t = std::min(pair.R_t, stiffer * point.R_t);
+    pair.least_R = std::max(pair.least_R, point.least_R);
     // Turning gives what the tangents do at a distance of the patch's size.
     for (int k = 0; k < 3; ++k)
-      if (const double a = point.Radius(k); a > 0)
-        point.angular_R[k] =
-            std::max(std::min(point.R_t / (a * a), most_give * point.inverse_inertia[k]), least / (a * a) * kLeastGive);
-    point.noise = kRounding * std::sqrt(3 * point.inverse_mass) * point.reach / point.R_n;
+      if (const double radius = point.Radius(k); radius > 0)
+        point.angular_R[k] = std::max(std::min(point.R_t / (radius * radius), most_give * point.inverse_inertia[k]),
+                                      kLeastGive * point.inverse_inertia[k]);
   }
 }
 
-// What tangents and moments bore before stays while nothing moves.
-void CompliantRows::AddMemory() {
-  for (PointRows& point : points) {
-    point.base.tail<2>() -= point.R_t * point.held;
-    if (point.HasMoments())
-      for (int k = 0; k < 3; ++k)
-        if (point.Radius(k) > 0) point.angular_base[k] -= point.AngularR(k, point.R_t) * point.held_moment[k];
+// Rows with what the material gives, and with what tangents and moments bore before: it stays while nothing moves.
+void CompliantRows::ApplyGive(const PairRows& pair) {
+  const double R_n = std::max(pair.R_n, pair.least_R), R_t = std::max(pair.R_t, pair.least_R);
+  for (int i = pair.first; i < pair.first + pair.count; ++i) {
+    PointRows& point = points[static_cast<std::size_t>(i)];
+    point.law.R_n = point.R_n = R_n;
+    point.law.R_t = point.R_t = R_t;
+    point.noise = kRounding * std::sqrt(3 * point.inverse_mass) * point.reach / R_n;
+    point.base = point.start;
+    point.base.tail<2>() -= R_t * point.held;
+    point.angular_base = point.start_turning - point.angular_R.cwiseProduct(point.held_moment);
   }
+}
+
+bool CompliantRows::Stiffen() {
+  // Twice the depth is let pass: of what comes in one step the next one takes note.
+  constexpr double kLetPass = 2;
+  bool any = false;
+  for (PairRows& pair : pairs) {
+    double share = 1;
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      const PointRows& point = points[static_cast<std::size_t>(i)];
+      const double given = point.impulse[0] * point.R_n;
+      if (given > kLetPass * point.give) share = std::min(share, point.give / given);
+    }
+    if (share == 1 || pair.R_n * share < pair.least_R) continue;
+    pair.R_n *= share;
+    pair.R_t *= share;
+    ApplyGive(pair);
+    any = true;
+  }
+  return any;
 }
 
 bool CompliantRows::PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in,
@@ -234,11 +255,16 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks, const std:
     const ContactConstraint& c = contacts[static_cast<std::size_t>(order_[i])];
     if (i == 0 || c.port_a != contacts[static_cast<std::size_t>(order_[i - 1])].port_a ||
         c.port_b != contacts[static_cast<std::size_t>(order_[i - 1])].port_b)
-      pairs.push_back({PortAt(blocks, c.port_a), PortAt(blocks, c.port_b), static_cast<int>(i), 0});
+      {
+      PairRows& pair = pairs.emplace_back();
+      pair.port_a = PortAt(blocks, c.port_a);
+      pair.port_b = PortAt(blocks, c.port_b);
+      pair.first = static_cast<int>(i);
+    }
     ++pairs.back().count;
     if (!PreparePoint(c, pairs.back(), points[i], velocities)) return false;
   }
-  for (const PairRows& pair : pairs) SetGive(pair, most_give);
+  for (PairRows& pair : pairs) SetGive(pair, most_give);
   for (std::size_t i = 0; i < limit_rows.size(); ++i)
     if (!PrepareLimit(blocks, limit_rows[i], limits[i], velocities)) return false;
   S_ab_.resize(pairs.size());
@@ -246,7 +272,7 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks, const std:
   push_.resize(static_cast<std::size_t>(freedoms_));
   F_.resize(static_cast<std::size_t>(freedoms_));
   FadeSqueeze();
-  AddMemory();
+  for (const PairRows& pair : pairs) ApplyGive(pair);
   return true;
 }
 

@@ -49,6 +49,8 @@ struct PointRows {
   double inverse_mass = 0;  // tr(G Gᵀ)/3
   Vector3 inverse_inertia = Vector3::Zero(), angular_R = Vector3::Zero();  // about normal and tangents
   double torsion = 0, rolling = 0;
+  Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();  // u* + bias
+  double give = 0;
   Vector3 base = Vector3::Zero(), angular_base = Vector3::Zero();  // u* + bias − R λ₀, and of the moments
   Vector3 offset = Vector3::Zero(), angular_offset = Vector3::Zero();  // of a softer stage
   Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
@@ -73,6 +75,7 @@ struct PointRows {
 struct PairRows {
   int port_a = -1, port_b = -1;  // of `ports`
   int first = 0, count = 0;
+  double R_n = 0, R_t = 0, least_R = 0;
 };
 
 struct LimitRows {
@@ -110,6 +113,8 @@ class CompliantRows {
   void AddChange(const double* d, Eigen::Ref<VectorX> velocities) const;
   /// R' = max(R, share of the inverse mass) about the impulses at hand; share 0: the material's.
   void Soften(double share);
+  /// Makes pairs stiffer that were pressed in too deep by the impulses at hand. False where none was.
+  bool Stiffen();
   /// Original place of points[i].
   int place(std::size_t i) const { return order_[i]; }
 
@@ -134,7 +139,6 @@ class CompliantRows {
   };
   void LayOutBlocks(const std::vector<VelocityBlock>& blocks, int num_velocities);
   int PortAt(const std::vector<VelocityBlock>& blocks, int row);
-  // R_n, R_t of points are set by SetGive, and memory enters by AddMemory.
   bool PreparePoint(const ContactConstraint& in, const PairRows& pair, PointRows& out,
                     const Eigen::Ref<const VectorX>& velocities) const;
   bool PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in, LimitRows& out,
@@ -146,9 +150,9 @@ class CompliantRows {
   void AddPush(const PairRows& pair, const PointRows& point);
   void AddDerivative(std::size_t pair, const PointRows& point);
   void TakePiece(PointRows& point, const Vector3& w, const Vector3& turning) const;
-  void SetGive(const PairRows& pair, double most_give);
+  void SetGive(PairRows& pair, double most_give);
+  void ApplyGive(const PairRows& pair);
   void FadeSqueeze();
-  void AddMemory();
   void GatherPush();
   /// diagonal + Σ Y S Yᵀ
   void AddBlocks(double* H, double diagonal);

@@ -9,6 +9,8 @@ namespace fork1s {
 
 namespace {
 
+constexpr int kStiffer = 4;  // rounds; what they leave too deep the next step meets with its load known
+
 void Measure(const internal::CompliantRows& rows, ContactSolverReport& report) {
   double impulse = 0, speed = 0;
   for (const internal::PointRows& point : rows.points) {
@@ -60,8 +62,17 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
     return report;
   };
   if (!velocities.allFinite() || !rows.Prepare(blocks, contacts, limits, velocities, options.most_give)) return give_up();
-  const internal::NewtonOutcome outcome =
+  internal::NewtonOutcome outcome =
       work_->newton.Solve(rows, options.tolerance, options.max_newton_iterations);
+  // What comes down suddenly presses its material in too deep: once more with a stiffer one.
+  for (int round = 0; round < kStiffer && outcome.converged && rows.Stiffen(); ++round) {
+    const internal::NewtonOutcome again =
+        work_->newton.Solve(rows, options.tolerance, options.max_newton_iterations);
+    outcome.iterations += again.iterations;
+    outcome.stage = std::max(outcome.stage, again.stage);
+    outcome.converged = again.converged;
+    outcome.residual = again.residual;
+  }
   report.newton_iterations = outcome.iterations;
   report.stage = outcome.stage;
   report.residual = outcome.residual;

@@ -270,7 +270,7 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
       c.J_b = PortRows(b, p);
       speed += c.J_b * velocities_.segment<6>(c.port_b);
     }
-    SetMaterial(options.material, p.gap, h, left, match_[i] < 0 ? 0 : previous_[static_cast<std::size_t>(match_[i])].impulse(0) / h, c);
+    SetMaterial(options.material, p.gap, h, left, c);
     if (match_[i] < 0) continue;
     const auto k = static_cast<std::size_t>(match_[i]);
     const ContactRecord& before = previous_[k];

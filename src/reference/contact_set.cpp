@@ -119,7 +119,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     side(p.body_a, -1, c.port_a, c.J_a);
     side(p.body_b, 1, c.port_b, c.J_b);
     const Past* past = FindPast(p);
-    SetMaterial(options.material, p.gap, h, h, past ? past->impulse(0) / h : 0, c);
+    SetMaterial(options.material, p.gap, h, h, c);
     if (past) {
       c.held = c.impulse = p.frame * (past->point.frame.transpose() * past->impulse);
       c.held_moment = c.moment = p.frame * (past->point.frame.transpose() * past->moment);

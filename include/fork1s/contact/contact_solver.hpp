@@ -46,7 +46,9 @@ struct ContactConstraint {
   /// R_n, R_t [m/s per N·s]; 0: hard, 1e-11 of the inverse mass. Contacts between the same two ports give alike, as
   /// the stiffest of them.
   double compliance_normal = 0, compliance_tangent = 0;
-  Vector3 held = Vector3::Zero();         // λ₀, in this frame
+  /// m/s by which the normal gives at most: what presses harder meets stiffer material, R_n = give/λ_n.
+  double give = std::numeric_limits<double>::infinity();
+  Vector3 held = Vector3::Zero();  // λ₀, in this frame
   Vector3 held_moment = Vector3::Zero();
 
   /// Impulse on the port whose rows are J: the linear part of the rows are the axes.

@@ -13,16 +13,15 @@ namespace fork1s {
 
 struct ContactMaterial {
   double stiffness = 1e6;       // N/m: 2 E a of a pad of 100 MPa whose patch has a radius a of 5 mm
-  double depth = 1e-5;          // m: what presses a point in by more than this is met by a stiffer one
+  double depth = 1e-5;          // m: what would press a point in by more than this meets stiffer material
   double relaxation_steps = 4;  // τ/h: how fast a point that is pressed in too far comes back
   double max_push_speed = 1;    // m/s at which what overlaps is pushed apart
 };
 
-/// `load`: force that the point carried in the last step [N].
-inline void SetMaterial(const ContactMaterial& material, double gap, double h, double left, double load,
+inline void SetMaterial(const ContactMaterial& material, double gap, double h, double left,
                         ContactConstraint& c) {
-  const double k = std::max(material.stiffness, load / material.depth);
-  const double tau = material.relaxation_steps * h;
+  const double k = material.stiffness, tau = material.relaxation_steps * h;
+  c.give = material.depth / (left + tau);
   c.compliance_normal = 1 / (h * (left + tau) * k);
   c.compliance_tangent = 1 / (h * h * k);
   c.bias[0] = gap > 0 ? gap / left : std::max(gap / (left + tau), -material.max_push_speed);
