@@ -7,7 +7,7 @@
 namespace fork1s::internal {
 namespace {
 
-constexpr int kPieces = 10, kPatience = 12, kConvexIterations = 100;
+constexpr int kPieces = 16, kPatience = 12, kConvexIterations = 100;
 
 double Dot(const std::vector<double>& a, const std::vector<double>& b) {
   double sum = 0;
@@ -93,7 +93,8 @@ bool CompliantNewton::ByPieces(CompliantRows& rows, double tolerance, int max_it
       d_.swap(trial_);
       return true;
     }
-    if (iteration + 1 < max_iterations) rows.ImpulsesOfPieces(trial_.data());
+    if (iteration + 1 == max_iterations) break;
+    rows.ImpulsesOfPieces(trial_.data());
   }
   return false;
 }
@@ -152,8 +153,12 @@ NewtonOutcome CompliantNewton::Solve(CompliantRows& rows, double tolerance, int 
   if (out.converged && out.stage > 0) Refactor(rows);
   if (out.converged) Polish(rows);
   // The impulses and what they do belong together.
-  rows.Push(d_.data());
-  out.residual = rows.push_norm() > 0 ? rows.F_norm() / rows.push_norm() : 0;
+  rows.Push(trial_.data());
+  double F2 = 0;
+  for (std::size_t i = 0; i < n; ++i) F2 += (trial_[i] - d_[i]) * (trial_[i] - d_[i]);
+  d_.swap(trial_);
+  const double push2 = Dot(d_, d_);
+  out.residual = push2 > 0 ? std::sqrt(F2 / push2) : 0;
   return out;
 }
 

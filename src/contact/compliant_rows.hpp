@@ -58,7 +58,8 @@ struct PointRows {
   Matrix3 D = Matrix3::Zero(), D_turn = Matrix3::Zero();  // of the piece at hand
   Vector3 by_normal = Vector3::Zero();                    // −∂m/∂w_n
   Vector2 held = Vector2::Zero();  // tangents of λ₀
-  double held_normal = 0;
+  double held_normal = 0, held_use = 0;
+  double use = 0;  // |y| as a share of its bound
   bool fades = false;
   Vector3 held_moment = Vector3::Zero();
   double frozen_before = 0;
@@ -103,7 +104,7 @@ class CompliantRows {
   /// λ −= D G s.
   void MoveOnPieces(const double* s);
   const std::vector<double>& right_side() const { return push_; }
-  /// The impulses at d and F. With `with_derivative` the blocks of it too.
+  /// The impulses at d and F. With `with_derivative` the pieces too that they are on, and the blocks of F's derivative.
   void Evaluate(const double* d, bool with_derivative);
   /// H = ∂F/∂d of the last evaluation, which must have asked for it; freedoms x freedoms.
   void Derivative(double* H);
@@ -143,7 +144,7 @@ class CompliantRows {
                     const Eigen::Ref<const VectorX>& velocities) const;
   bool PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in, LimitRows& out,
                     const Eigen::Ref<const VectorX>& velocities) const;
-  void RespondMoments(PointRows& point, const Vector3& turning) const;
+  void RespondMoments(PointRows& point, const Vector3& turning, bool with_derivative) const;
   Vector3 Speed(const PairRows& pair, const PointRows& point) const;
   Vector3 Turning(const PairRows& pair, const PointRows& point) const;
   void ClearSums(bool with_derivative);

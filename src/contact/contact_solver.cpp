@@ -82,6 +82,7 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
     ContactConstraint& contact = contacts[static_cast<std::size_t>(rows.place(i))];
     contact.impulse = rows.points[i].impulse;
     contact.moment = rows.points[i].moment;
+    contact.use = rows.points[i].use;
   }
   for (std::size_t i = 0; i < limits.size(); ++i) limits[i].impulse = rows.limits[i].impulse;
   Measure(rows, report);

@@ -29,7 +29,8 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
   const double rho_t = 1 / (point.inverse_mass + R_t);
   const Vector2 y = point.impulse.tail<2>() - rho_t * (w.tail<2>() + R_t * point.impulse.tail<2>());
   const double size = y.norm(), bound = friction * y_n;
-  if (size <= bound) {
+  // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for ever.
+  if (size <= bound || y.dot(point.impulse.tail<2>()) < 0) {
     point.state = PointState::kSticking;
     point.D(1, 1) = point.D(2, 2) = 1 / R_t;
   } else {

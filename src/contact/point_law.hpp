@@ -19,13 +19,14 @@ struct PointLaw {
 
 enum class PointState { kOpen, kSticking, kSliding };
 
-/// λ for w, and D.
-inline PointState Respond(const PointLaw& law, const Vector3& w, Vector3& impulse, Matrix3& D) {
+/// λ for w, and D. `use`: |y| as a share of its bound, above 1 where it slides.
+inline PointState Respond(const PointLaw& law, const Vector3& w, Vector3& impulse, Matrix3& D, double& use) {
   const bool frozen = law.frozen_normal >= 0;
   const double give = 1 / law.R_n, normal = -w[0] * give;
   const bool open = !(normal > 0);
   impulse.setZero();
   D.setZero();
+  use = 0;
   if (open && !(law.frozen_normal > 0)) return PointState::kOpen;
   if (!open) {
     impulse[0] = normal;
@@ -33,13 +34,14 @@ inline PointState Respond(const PointLaw& law, const Vector3& w, Vector3& impuls
   }
   const double bound = law.friction * (frozen ? law.frozen_normal : normal), give_t = 1 / law.R_t;
   const double y1 = -w[1] * give_t, y2 = -w[2] * give_t, size2 = y1 * y1 + y2 * y2;
+  use = bound > 0 ? std::sqrt(size2) / bound : 0;
   if (size2 <= bound * bound) {
     impulse[1] = y1;
     impulse[2] = y2;
     D(1, 1) = D(2, 2) = give_t;
     return open ? PointState::kOpen : PointState::kSticking;
   }
-  const double size = std::sqrt(size2), e1 = y1 / size, e2 = y2 / size;
+  const double size = bound > 0 ? use * bound : std::sqrt(size2), e1 = y1 / size, e2 = y2 / size;
   impulse[1] = bound * e1;
   impulse[2] = bound * e2;
   const double across = bound * give_t / size;

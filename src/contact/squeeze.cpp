@@ -33,7 +33,7 @@ void CompliantRows::FadeSqueeze() {
   int sticking = 0;
   for (PointRows& point : points) {
     const double bound = point.law.friction * point.held_normal;
-    point.fades = bound > 0 && point.held.norm() < kInside * bound;
+    point.fades = bound > 0 && point.held_use < 1 / kInside;
     sticking += point.fades ? 1 : 0;
   }
   if (sticking < 2) return;

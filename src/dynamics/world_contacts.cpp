@@ -275,6 +275,7 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
     const auto k = static_cast<std::size_t>(match_[i]);
     const ContactRecord& before = previous_[k];
     c.held = c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
+    c.held_use = before.use;
     c.held_moment = c.moment = p.frame * (before.point.frame.transpose() * before.moment);
     // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's. On the
     // normal it lets a ball roll in a bowl, on the tangents it keeps an object where a turning hand holds it.
@@ -371,6 +372,7 @@ void World::Detail::KeepForNextStep(StepReport& report) {
     contacts_[i].impulse = c.impulse;
     contacts_[i].friction = c.friction;
     contacts_[i].moment = c.moment;
+    contacts_[i].use = c.use;
     Vector3 speed = Vector3::Zero();
     if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
     if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);

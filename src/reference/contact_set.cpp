@@ -122,6 +122,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     SetMaterial(options.material, p.gap, h, h, c);
     if (past) {
       c.held = c.impulse = p.frame * (past->point.frame.transpose() * past->impulse);
+      c.held_use = past->use;
       c.held_moment = c.moment = p.frame * (past->point.frame.transpose() * past->moment);
       // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's.
       if (options.contact_curvature && past->impulse(0) > 0)
@@ -287,7 +288,7 @@ void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact
     Vector3 speed = Vector3::Zero();
     if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
     if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);
-    past_.push_back({points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed});
+    past_.push_back({points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed, c.use});
     FullContact& out = contacts.emplace_back();
     out.point = points_[i];
     out.point.body_a = contactors_[static_cast<std::size_t>(points_[i].body_a)].scene_body;

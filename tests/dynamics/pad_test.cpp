@@ -8,7 +8,7 @@ namespace {
 using testing::BoxBody;
 using testing::MustCreate;
 
-constexpr double kG = 9.81;
+constexpr double kFallRate = 9.81;
 
 /// Impulses of the last step as forces [N], of contacts that bear something.
 std::vector<Vector3> Forces(const World& world, double h) {
@@ -33,8 +33,8 @@ TEST(Pad, ARestingBoxStandsOnEqualCorners) {
     const std::vector<Vector3> forces = Forces(world, step.h);
     ASSERT_EQ(forces.size(), 4u);
     for (const Vector3& f : forces) {
-      EXPECT_NEAR(f(0), mass * kG / 4, 1e-6 * mass * kG);
-      EXPECT_LT(f.tail<2>().norm(), 1e-6 * mass * kG);
+      EXPECT_NEAR(f(0), mass * kFallRate / 4, 1e-6 * mass * kFallRate);
+      EXPECT_LT(f.tail<2>().norm(), 1e-6 * mass * kFallRate);
     }
     EXPECT_GT(world.free_bodies()[0].pose().translation().z(), 0.05 - 1e-5) << "sinks by less than 10 µm";
     EXPECT_LT(world.free_bodies()[0].pose().translation().z(), 0.05);
@@ -51,8 +51,8 @@ TEST(Pad, ADroppedBoxComesToRestWithoutSqueeze) {
   const std::vector<Vector3> forces = Forces(world, step.h);
   ASSERT_EQ(forces.size(), 4u);
   for (const Vector3& f : forces) {
-    EXPECT_NEAR(f(0), kG / 4, 1e-4);
-    EXPECT_LT(f.tail<2>().norm(), 1e-6 * kG);
+    EXPECT_NEAR(f(0), kFallRate / 4, 1e-4);
+    EXPECT_LT(f.tail<2>().norm(), 1e-6 * kFallRate);
   }
 }
 
@@ -68,8 +68,8 @@ TEST(Pad, ATableStandsOnFourLegs) {
   const std::vector<Vector3> forces = Forces(world, step.h);
   ASSERT_EQ(forces.size(), 4u);
   for (const Vector3& f : forces) {
-    EXPECT_NEAR(f(0), 20 * kG / 4, 1e-6 * 20 * kG);
-    EXPECT_LT(f.tail<2>().norm(), 1e-6 * 20 * kG);
+    EXPECT_NEAR(f(0), 20 * kFallRate / 4, 1e-6 * 20 * kFallRate);
+    EXPECT_LT(f.tail<2>().norm(), 1e-6 * 20 * kFallRate);
   }
 }
 
@@ -102,19 +102,19 @@ struct Jaws {
     scene.mechanisms.push_back(builder.definition());
     return scene;
   }
-  double NeededFriction() const { return mass * kG / (2 * force); }
+  double NeededFriction() const { return mass * kFallRate / (2 * force); }
 };
 
-struct Held {
+struct Course {
   double fall = 0, tilt = 0;  // m, rad after a second
   int unconverged = 0;
 };
 
-Held AfterOneSecond(const Jaws& jaws, double h) {
+Course AfterOneSecond(const Jaws& jaws, double h) {
   World world = MustCreate(jaws.Make());
   StepOptions step;
   step.h = h;
-  Held held;
+  Course held;
   for (int i = 0; i < static_cast<int>(std::lround(1 / h)); ++i)
     held.unconverged += world.Step(step).solver.converged ? 0 : 1;
   const RigidTransform& X = world.free_bodies()[0].pose();
@@ -127,12 +127,12 @@ TEST(Pad, FlatJawsHoldAtTheFrictionTheyNeed) {
   for (const double h : {1.0 / 60, 0.004}) {
     Jaws jaws;
     jaws.friction = 1.02 * jaws.NeededFriction();
-    const Held held = AfterOneSecond(jaws, h);
+    const Course held = AfterOneSecond(jaws, h);
     EXPECT_EQ(held.unconverged, 0);
     EXPECT_LT(held.fall, 2e-4) << h;
     EXPECT_LT(held.tilt, 1e-6) << h;
     jaws.friction = 0.98 * jaws.NeededFriction();
-    const Held slips = AfterOneSecond(jaws, h);
+    const Course slips = AfterOneSecond(jaws, h);
     EXPECT_EQ(slips.unconverged, 0);
     // At 2 % of g from the start, until it is past the jaws.
     EXPECT_GT(slips.fall, 0.01) << h;

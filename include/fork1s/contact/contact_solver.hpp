@@ -49,6 +49,8 @@ struct ContactConstraint {
   /// m/s by which the normal gives at most: what presses harder meets stiffer material, R_n = give/λ_n.
   double give = std::numeric_limits<double>::infinity();
   Vector3 held = Vector3::Zero();  // λ₀, in this frame
+  double held_use = 0;             // `use` of the last step
+  double use = 0;                  // out: |y| as a share of µ λ_n: above 1 it slides
   Vector3 held_moment = Vector3::Zero();
 
   /// Impulse on the port whose rows are J: the linear part of the rows are the axes.

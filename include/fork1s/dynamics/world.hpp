@@ -38,6 +38,7 @@ struct ContactRecord {
   Vector3 impulse = Vector3::Zero();  // normal, tangents [N·s], in the frame of the point, on body b
   double friction = 0;
   Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
+  double use = 0;                    // of the cone, above 1 where it slides
 };
 
 struct StepReport {
