@@ -173,6 +173,7 @@ void CompliantRows::AddBlocks(double* H_data, double diagonal) {
   std::fill_n(H_data, n * n, 0.0);
   for (std::size_t i = 0; i < n; ++i) H_data[i * (n + 1)] = diagonal;
   const auto add = [&](const PortRows& left, const Matrix6& S, const PortRows& right) {
+    if (S.isZero(0)) return;  // nothing touches there
     const double* y[6];
     for (int k = 0; k < 6; ++k) y[k] = left.Y + static_cast<std::ptrdiff_t>(k) * left.stride;
     for (int c = 0; c < right.freedoms; ++c) {

@@ -88,6 +88,18 @@ int CompliantRows::PortAt(const std::vector<VelocityBlock>& blocks, int row) {
   port.begin = f.begin;
   port.freedoms = f.count;
   port.row = row;
+  // Freedoms before those of a finger do not move it.
+  const auto moves = [&](int i) {
+    for (int c = 0; c < 6; ++c)
+      if (port.Y[static_cast<std::ptrdiff_t>(c) * port.stride + i] != 0) return true;
+    return false;
+  };
+  while (port.freedoms > 0 && !moves(port.freedoms - 1)) --port.freedoms;
+  while (port.freedoms > 0 && !moves(0)) {
+    ++port.Y;
+    ++port.begin;
+    --port.freedoms;
+  }
   for (int c = 0; c < 6; ++c)
     for (int r = 0; r <= c; ++r) {
       double sum = 0;
