@@ -1,9 +1,10 @@
-// How the contact solver fares in scenes: iterations, what helped them, what was left unsolved, how deep contacts sink.
+// How the contact solver fares in scenes: iterations, what helped them, what was left unsolved, how deep
+// contacts sink.
 //
 //     build/release/benchmarks/contact_convergence SECONDS MODEL...
 //
-// A table of controls beside a model, MODEL with .csv in place of .xml, drives it. Steps of 1/60 s. One row of a Markdown
-// table a model; residuals are those of the worst step.
+// A table of controls beside a model, MODEL with .csv in place of .xml, drives it. Steps of 1/60 s. One row
+// of a Markdown table a model; residuals are those of the worst step.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -68,8 +69,8 @@ bool PrintRow(const std::string& path, double seconds) {
     return iterations[static_cast<std::size_t>(share * static_cast<double>(iterations.size() - 1))];
   };
   fmt::print("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.1e} | {:.1e} | {:.0f} |\n",
-             std::filesystem::path(path).stem().string(), steps, most, at(0.5), at(0.99), at(1), helped, softer,
-             unconverged, residual_impulse / kTimeStep, residual_speed, 1e6 * penetration);
+             std::filesystem::path(path).stem().string(), steps, most, at(0.5), at(0.99), at(1), helped,
+             softer, unconverged, residual_impulse / kTimeStep, residual_speed, 1e6 * penetration);
   return true;
 }
 
@@ -80,8 +81,10 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "usage: contact_convergence SECONDS MODEL...\n");
     return 2;
   }
-  fmt::print("| scene | steps | contacts, most | iterations, median | p99 | most | frozen bounds | softer | unsolved "
-             "| residual N | m/s | deepest µm |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+  fmt::print(
+      "| scene | steps | contacts, most | iterations, median | p99 | most | frozen bounds | softer | "
+      "unsolved "
+      "| residual N | m/s | deepest µm |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   bool good = true;
   for (int i = 2; i < argc; ++i) good = PrintRow(argv[i], std::atof(argv[1])) && good;
   return good ? 0 : 3;

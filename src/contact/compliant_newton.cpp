@@ -24,7 +24,8 @@ void CompliantNewton::Reserve(int freedoms) {
   for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->reserve(n);
 }
 
-bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterations, int patience, int& iterations) {
+bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterations, int patience,
+                          int& iterations) {
   double best = 1e300;
   int best_at = 0;
   const std::size_t n = d_.size();
@@ -108,8 +109,7 @@ bool CompliantNewton::Frozen(CompliantRows& rows, int rounds, double tolerance, 
   for (int round = 1; round <= rounds; ++round) {
     Run(rows, 1e-4, kConvexIterations, kConvexIterations, iterations);
     for (PointRows& point : rows.points)
-      point.frozen_before = point.law.frozen_normal =
-          0.5 * (point.law.frozen_normal + point.impulse[0]);
+      point.frozen_before = point.law.frozen_normal = 0.5 * (point.law.frozen_normal + point.impulse[0]);
     if (round % 3 != 0 && round != rounds) continue;
     set(false);
     kept_ = d_;
@@ -168,8 +168,8 @@ void CompliantNewton::Refactor(CompliantRows& rows) {
   FactorLu(H_.data(), static_cast<int>(d_.size()), pivots_.data());
 }
 
-// Impulses λ = −w/R carry the rounding of w, R/w⁻¹ times as large as it should be. Beside the pieces that they are on
-// they need not be computed from w again: s = −H⁻¹F, d += s, λ −= D G s.
+// Impulses λ = −w/R carry the rounding of w, R/w⁻¹ times as large as it should be. Beside the pieces that
+// they are on they need not be computed from w again: s = −H⁻¹F, d += s, λ −= D G s.
 void CompliantNewton::Polish(CompliantRows& rows) {
   for (int round = 0; round < 3; ++round) {
     rows.Push(step_.data());

@@ -6,8 +6,8 @@
 namespace fork1s::internal {
 namespace {
 
-// Plain loops over freedoms, not Eigen's: where Eigen starts its packets depends on the address, and with it the
-// last bit.
+// Plain loops over freedoms, not Eigen's: where Eigen starts its packets depends on the address, and with it
+// the last bit.
 void AddProduct(const double* const* y, const Vector6& t, int n, double* __restrict out) {
   const double *y0 = y[0], *y1 = y[1], *y2 = y[2], *y3 = y[3], *y4 = y[4], *y5 = y[5];
   for (int i = 0; i < n; ++i)
@@ -153,7 +153,8 @@ void CompliantRows::GatherPush() {
 void CompliantRows::Push(double* into) {
   ClearSums(false);
   for (const PairRows& pair : pairs)
-    for (int i = pair.first; i < pair.first + pair.count; ++i) AddPush(pair, points[static_cast<std::size_t>(i)]);
+    for (int i = pair.first; i < pair.first + pair.count; ++i)
+      AddPush(pair, points[static_cast<std::size_t>(i)]);
   GatherPush();
   std::copy(push_.begin(), push_.end(), into);
 }

@@ -1,10 +1,11 @@
 // Contacts, moments and limits of one problem as functions of d, and their sum F(d).
 //
-// A velocity block has freedoms of its own in which its implicit operator is the identity: d = Lᵀ(v − v*) with
-// A = L Lᵀ, so that a port sees v*_port + Yᵀ d, Y = L⁻¹ J_portᵀ, and with G = J Yᵀ the rows of a contact
+// A velocity block has freedoms of its own in which its implicit operator is the identity: d = Lᵀ(v − v*)
+// with A = L Lᵀ, so that a port sees v*_port + Yᵀ d, Y = L⁻¹ J_portᵀ, and with G = J Yᵀ the rows of a contact
 //     F(d) = d − Σ Gᵀ λ(u* + bias − R λ₀ + G d) = 0
 // is what the step asks for. λ₀ is what the tangents bore before, so that nothing creeps. Work is linear in
-// contacts: each adds to the 6 x 6 blocks of its two ports, which are mapped to freedoms once a port and pair.
+// contacts: each adds to the 6 x 6 blocks of its two ports, which are mapped to freedoms once a port and
+// pair.
 #pragma once
 
 #include <fork1s/contact/contact_solver.hpp>
@@ -17,8 +18,8 @@ namespace fork1s::internal {
 struct PortRows {
   const double* Y = nullptr;  // freedoms x 6
   int stride = 0;
-  int begin = 0, freedoms = 0;  // of d
-  int row = 0;                  // in the stacked velocities
+  int begin = 0, freedoms = 0;       // of d
+  int row = 0;                       // in the stacked velocities
   Vector6 change = Vector6::Zero();  // Yᵀ d
   Vector6 push = Vector6::Zero();    // impulse on the port
   Matrix6 S = Matrix6::Zero();       // Σ Jᵀ D J
@@ -44,9 +45,9 @@ struct PortRows {
 
 struct PointRows {
   Matrix36 J_a = Matrix36::Zero(), J_b = Matrix36::Zero();
-  PointLaw law;             // of the stage at hand
-  double R_n = 0, R_t = 0;  // the material's
-  double inverse_mass = 0;  // tr(G Gᵀ)/3
+  PointLaw law;                                                            // of the stage at hand
+  double R_n = 0, R_t = 0;                                                 // the material's
+  double inverse_mass = 0;                                                 // tr(G Gᵀ)/3
   Vector3 inverse_inertia = Vector3::Zero(), angular_R = Vector3::Zero();  // about normal and tangents
   double torsion = 0, rolling = 0;
   Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();  // u* + bias
@@ -57,7 +58,7 @@ struct PointRows {
   PointState state = PointState::kOpen;
   Matrix3 D = Matrix3::Zero(), D_turn = Matrix3::Zero();  // of the piece at hand
   Vector3 by_normal = Vector3::Zero();                    // −∂m/∂w_n
-  Vector2 held = Vector2::Zero();  // tangents of λ₀
+  Vector2 held = Vector2::Zero();                         // tangents of λ₀
   double held_normal = 0, held_use = 0;
   double use = 0;  // |y| as a share of its bound
   bool fades = false;
@@ -97,14 +98,15 @@ class CompliantRows {
   bool Prepare(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contacts,
                const std::vector<LimitConstraint>& limits, const Eigen::Ref<const VectorX>& velocities,
                double most_give);
-  /// The affine pieces of the law that (d, λ) are on, λ those at hand: λ = −D w. Then H d = right side is where the
-  /// pieces would lead, and `ImpulsesOfPieces` what they bear there.
+  /// The affine pieces of the law that (d, λ) are on, λ those at hand: λ = −D w. Then H d = right side is
+  /// where the pieces would lead, and `ImpulsesOfPieces` what they bear there.
   void TakePieces(const double* d);
   void ImpulsesOfPieces(const double* d);
   /// λ −= D G s.
   void MoveOnPieces(const double* s);
   const std::vector<double>& right_side() const { return push_; }
-  /// The impulses at d and F. With `with_derivative` the pieces too that they are on, and the blocks of F's derivative.
+  /// The impulses at d and F. With `with_derivative` the pieces too that they are on, and the blocks of F's
+  /// derivative.
   void Evaluate(const double* d, bool with_derivative);
   /// H = ∂F/∂d of the last evaluation, which must have asked for it; freedoms x freedoms.
   void Derivative(double* H);

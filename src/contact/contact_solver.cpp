@@ -61,7 +61,8 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
     report.converged = false;
     return report;
   };
-  if (!velocities.allFinite() || !rows.Prepare(blocks, contacts, limits, velocities, options.most_give)) return give_up();
+  if (!velocities.allFinite() || !rows.Prepare(blocks, contacts, limits, velocities, options.most_give))
+    return give_up();
   internal::NewtonOutcome outcome =
       work_->newton.Solve(rows, options.tolerance, options.max_newton_iterations);
   // What comes down suddenly presses its material in too deep: once more with a stiffer one.

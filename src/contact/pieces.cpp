@@ -1,13 +1,13 @@
 // Coulomb's law by its pieces.
 //
-// With λ beside d a second unknown, g = w + R λ what the material of a point has not taken yet, and y = λ − ρ g for
-// any ρ > 0, the law is λ = Π(y), the projection on the cone's section at µ max(0, y_n). Newton's step on that takes
-// each point as the piece that y is on,
+// With λ beside d a second unknown, g = w + R λ what the material of a point has not taken yet, and y = λ − ρ
+// g for any ρ > 0, the law is λ = Π(y), the projection on the cone's section at µ max(0, y_n). Newton's step
+// on that takes each point as the piece that y is on,
 //     open λ = 0,   sticking λ = −w/R,   sliding, e = y_t/|y_t|, β = µ y_n/|y_t|, κ = β ρ/(1 − β (1 − ρ R)):
 //     λ_n = −w_n/R_n,   λ_t = µ λ_n e − κ (1 − e eᵀ) w_t
-// so λ = −D w, and (1 + Σ GᵀDG) d = −Σ GᵀD w(0). ρ = 1/R is Newton's method in d alone, to which every point that
-// moves by more than its depth is another piece; ρ of the size of the mass at the point sees pieces as forces do, and
-// needs no line search near an answer.
+// so λ = −D w, and (1 + Σ GᵀDG) d = −Σ GᵀD w(0). ρ = 1/R is Newton's method in d alone, to which every point
+// that moves by more than its depth is another piece; ρ of the size of the mass at the point sees pieces as
+// forces do, and needs no line search near an answer.
 #include <algorithm>
 #include <cmath>
 
@@ -29,7 +29,8 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
   const double rho_t = 1 / (point.inverse_mass + R_t);
   const Vector2 y = point.impulse.tail<2>() - rho_t * (w.tail<2>() + R_t * point.impulse.tail<2>());
   const double size = y.norm(), bound = friction * y_n;
-  // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for ever.
+  // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for
+  // ever.
   if (size <= bound || y.dot(point.impulse.tail<2>()) < 0) {
     point.state = PointState::kSticking;
     point.D(1, 1) = point.D(2, 2) = 1 / R_t;

@@ -13,8 +13,9 @@ namespace fork1s::internal {
 namespace {
 
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
-// Of the inverse mass at a contact, before anything in it cancels: what a contact gives at least, so that hard ones
-// (R = 0) have one answer. Impulses λ = -w/R are found to rounding over this, 2e-5, before they are polished.
+// Of the inverse mass at a contact, before anything in it cancels: what a contact gives at least, so that
+// hard ones (R = 0) have one answer. Impulses λ = -w/R are found to rounding over this, 2e-5, before they are
+// polished.
 constexpr double kLeastGive = 1e-11;
 
 bool Finite(double sum) { return std::isfinite(sum); }
@@ -22,7 +23,8 @@ bool Finite(double sum) { return std::isfinite(sum); }
 }  // namespace
 
 void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms) {
-  const auto contacts = static_cast<std::size_t>(num_contacts), velocities = static_cast<std::size_t>(num_velocities);
+  const auto contacts = static_cast<std::size_t>(num_contacts),
+             velocities = static_cast<std::size_t>(num_velocities);
   ports.reserve(velocities / 6 + 1);
   pairs.reserve(contacts);
   points.reserve(contacts);
@@ -132,10 +134,8 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
     reach += part.cwiseAbs().sum();
     trace += J.lazyProduct(port.W).cwiseProduct(J).sum();
     if (in.torsion > 0 || in.rolling > 0)
-      out.inverse_inertia += (J.rightCols<3>() * port.W.topLeftCorner<3, 3>())
-                                 .cwiseProduct(J.rightCols<3>())
-                                 .rowwise()
-                                 .sum();
+      out.inverse_inertia +=
+          (J.rightCols<3>() * port.W.topLeftCorner<3, 3>()).cwiseProduct(J.rightCols<3>()).rowwise().sum();
     natural += J.cwiseAbs2().colwise().sum().dot(port.W.diagonal());
   };
   side(pair.port_a, in.J_a);
@@ -177,12 +177,14 @@ void CompliantRows::SetGive(PairRows& pair, double most_give) {
     // Turning gives what the tangents do at a distance of the patch's size.
     for (int k = 0; k < 3; ++k)
       if (const double radius = point.Radius(k); radius > 0)
-        point.angular_R[k] = std::max(std::min(point.R_t / (radius * radius), most_give * point.inverse_inertia[k]),
-                                      kLeastGive * point.inverse_inertia[k]);
+        point.angular_R[k] =
+            std::max(std::min(point.R_t / (radius * radius), most_give * point.inverse_inertia[k]),
+                     kLeastGive * point.inverse_inertia[k]);
   }
 }
 
-// Rows with what the material gives, and with what tangents and moments bore before: it stays while nothing moves.
+// Rows with what the material gives, and with what tangents and moments bore before: it stays while nothing
+// moves.
 void CompliantRows::ApplyGive(const PairRows& pair) {
   const double R_n = std::max(pair.R_n, pair.least_R), R_t = std::max(pair.R_t, pair.least_R);
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
@@ -234,11 +236,13 @@ bool CompliantRows::PrepareLimit(const std::vector<VelocityBlock>& blocks, const
   out.lower = in.lower;
   out.upper = in.upper;
   out.impulse = in.impulse;
-  out.noise = kRounding * std::sqrt(out.inverse_mass) * (std::abs(velocities[in.row]) + std::abs(in.bias)) / out.R;
+  out.noise =
+      kRounding * std::sqrt(out.inverse_mass) * (std::abs(velocities[in.row]) + std::abs(in.bias)) / out.R;
   return Finite(out.base + in.impulse + out.inverse_mass) && !std::isnan(in.lower + in.upper);
 }
 
-bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contacts,
+bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
+                            const std::vector<ContactConstraint>& contacts,
                             const std::vector<LimitConstraint>& limit_rows,
                             const Eigen::Ref<const VectorX>& velocities, double most_give) {
   LayOutBlocks(blocks, static_cast<int>(velocities.size()));
@@ -253,12 +257,12 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks, const std:
     return std::tuple(c.port_a, c.port_b, i);
   };
   const auto earlier = [&](int i, int j) { return key(i) < key(j); };
-  if (!std::is_sorted(order_.begin(), order_.end(), earlier)) std::sort(order_.begin(), order_.end(), earlier);
+  if (!std::is_sorted(order_.begin(), order_.end(), earlier))
+    std::sort(order_.begin(), order_.end(), earlier);
   for (std::size_t i = 0; i < order_.size(); ++i) {
     const ContactConstraint& c = contacts[static_cast<std::size_t>(order_[i])];
     if (i == 0 || c.port_a != contacts[static_cast<std::size_t>(order_[i - 1])].port_a ||
-        c.port_b != contacts[static_cast<std::size_t>(order_[i - 1])].port_b)
-      {
+        c.port_b != contacts[static_cast<std::size_t>(order_[i - 1])].port_b) {
       PairRows& pair = pairs.emplace_back();
       pair.port_a = PortAt(blocks, c.port_a);
       pair.port_b = PortAt(blocks, c.port_b);

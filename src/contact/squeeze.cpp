@@ -1,8 +1,8 @@
 // What sticking points bear against each other.
 //
-// Memory keeps tangential impulses as they first came, two fingertips that pull at one object in opposite directions
-// among them. Of all tangential impulses with the same effect Σ G_tᵀλ_t, the least in the metric of what friction
-// each could bear, M = µ λ_n, is
+// Memory keeps tangential impulses as they first came, two fingertips that pull at one object in opposite
+// directions among them. Of all tangential impulses with the same effect Σ G_tᵀλ_t, the least in the metric
+// of what friction each could bear, M = µ λ_n, is
 //     (Σ G_tᵀ M G_t + ε) y = Σ G_tᵀ λ_t,   λ_t' = M G_t y
 // and λ_t goes there as far as cones allow. ε keeps the sum definite where points push in few directions.
 #include <algorithm>
@@ -15,9 +15,10 @@ namespace fork1s::internal {
 namespace {
 
 constexpr double kProximal = 1e-12;  // of the mean eigenvalue
-constexpr double kInside = 0.95;    // of the cone: what fades brings no point to slide
+constexpr double kInside = 0.95;     // of the cone: what fades brings no point to slide
 
-/// Largest share of the way from `from` to `to` that stays within `bound`, or within |from| where that is more.
+/// Largest share of the way from `from` to `to` that stays within `bound`, or within |from| where that is
+/// more.
 double ShareWithin(const Vector2& from, const Vector2& to, double bound) {
   const double limit2 = std::max(bound * bound, from.squaredNorm());
   if (to.squaredNorm() <= limit2) return 1;
@@ -81,8 +82,10 @@ void CompliantRows::FadeSqueeze() {
         PointRows& point = points[static_cast<std::size_t>(i)];
         if (!point.fades) continue;
         Vector2 y = Vector2::Zero();
-        if (pair.port_a >= 0) y += point.J_a.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_a)].change;
-        if (pair.port_b >= 0) y += point.J_b.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_b)].change;
+        if (pair.port_a >= 0)
+          y += point.J_a.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_a)].change;
+        if (pair.port_b >= 0)
+          y += point.J_b.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_b)].change;
         const double M = point.law.friction * point.held_normal;
         if (pass == 0)
           share = std::min(share, ShareWithin(point.held, M * y, kInside * M));

@@ -160,8 +160,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.velocities_.setZero(velocities);
   detail.free_Y_.resize(detail.free_bodies_.size());
   detail.free_velocity_.resize(detail.free_bodies_.size());
-  detail.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities,
-                         widest);
+  detail.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities, widest);
   return world;
 }
 

@@ -43,7 +43,8 @@ TEST(Contact, MassRatioOfAMillion) {
   Problem p = HeavyOnLight(1e-3, 1e3);
   const ContactSolverReport report = SolveProblem(p);
   EXPECT_TRUE(report.converged);
-  // Hard contact gives 1e-11 of the inverse mass of the light one: 1e-5 of that of the heavy one, and so much less.
+  // Hard contact gives 1e-11 of the inverse mass of the light one: 1e-5 of that of the heavy one, and so much
+  // less.
   EXPECT_NEAR(p.contacts[0].impulse[0], (1e3 + 1e-3) * kGravity * kStep, 1e-4 * 163);
 }
 
@@ -185,7 +186,8 @@ TEST(Contact, OneFreedomOnly) {
 }
 
 TEST(Contact, JawsThatCannotYieldPressTheMaterialIn) {
-  // A free box between two driven jaws that close at 1 m/s each: the material gives, R λ = 1 m/s on either side.
+  // A free box between two driven jaws that close at 1 m/s each: the material gives, R λ = 1 m/s on either
+  // side.
   Problem p;
   p.W = {RigidBodyW(1, 0.01), MatrixX::Zero(6, 6), MatrixX::Zero(6, 6)};
   p.Finish();

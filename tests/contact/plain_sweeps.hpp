@@ -1,5 +1,5 @@
-// The same law by another road: projected Gauss-Seidel on the dense operator, row by row, with what the material
-// gives on the diagonal. Slow and plain; shares no code with the solver.
+// The same law by another road: projected Gauss-Seidel on the dense operator, row by row, with what the
+// material gives on the diagonal. Slow and plain; shares no code with the solver.
 #pragma once
 
 #include "problems.hpp"

@@ -155,7 +155,8 @@ inline double LawViolation(const Problem& p, const VectorX& v_start, const Vecto
   }
   for (const LimitConstraint& l : p.limits) {
     impulse_response -= W.col(l.row) * (l.sign * l.impulse);
-    const double D = W(l.row, l.row), u = l.sign * v_end[l.row] + l.bias + l.compliance * (l.impulse - l.held);
+    const double D = W(l.row, l.row),
+                 u = l.sign * v_end[l.row] + l.bias + l.compliance * (l.impulse - l.held);
     speed = std::max({speed, std::abs(l.sign * v_start[l.row] + l.bias), D * l.impulse});
     worst = std::max({worst, -D * l.impulse, -u, std::min(D * l.impulse, std::abs(u))});
   }

@@ -31,7 +31,8 @@ Problem Draw(std::mt19937& random, int trial) {
   const Shape& s = kShapes[trial % 6];
   const double mu = trial % 7 == 0 ? 0 : Uniform(random, 0.1, 1.2);
   Problem p = RandomProblem(random, s.ports, s.free, s.contacts, mu);
-  // 1e6 N/m at 1/60 s, beside inverse masses of 1 to 30; equal, so that the solver makes none stiffer than others.
+  // 1e6 N/m at 1/60 s, beside inverse masses of 1 to 30; equal, so that the solver makes none stiffer than
+  // others.
   for (ContactConstraint& c : p.contacts) c.compliance_normal = c.compliance_tangent = 7e-4;
   if (trial % 3 == 0 && s.ports > 0) {
     // Each its own row: opposite limits of one row may ask for what no velocity can do.

@@ -40,8 +40,8 @@ TEST(Moments, ASpinSlowsAtTheRateOfItsTorsionalFriction) {
   for (int i = 1; i <= 180; ++i) {
     world.Step(step);
     const double expected = std::max(0.0, 30 - rate * i * step.h);
-    // While the material takes up the load the ball sinks, at first at a thousandth of g h, and the normal impulses
-    // so far lack the momentum of that.
+    // While the material takes up the load the ball sinks, at first at a thousandth of g h, and the normal
+    // impulses so far lack the momentum of that.
     const double sinks = 1e-3 * kFall * step.h * rate / kFall;
     EXPECT_NEAR(world.free_bodies()[0].omega_W().z(), expected, sinks + 1e-12) << i;
   }

@@ -1,4 +1,5 @@
-// Where contact points are redundant, forces spread as on an elastic pad: symmetric, and without squeezing sideways.
+// Where contact points are redundant, forces spread as on an elastic pad: symmetric, and without squeezing
+// sideways.
 #include <dynamics/support.hpp>
 #include <fork1s/mechanism/builder.hpp>
 
@@ -27,7 +28,8 @@ Scene OnFloor(const FreeBodyDef& body, double friction) {
 
 TEST(Pad, ARestingBoxStandsOnEqualCorners) {
   for (const double mass : {0.05, 1.0, 50.0, 1000.0}) {
-    World world = MustCreate(OnFloor(BoxBody("box", mass, Vector3(0.05, 0.05, 0.05), Vector3(0, 0, 0.05), 0.8), 0.8));
+    World world =
+        MustCreate(OnFloor(BoxBody("box", mass, Vector3(0.05, 0.05, 0.05), Vector3(0, 0, 0.05), 0.8), 0.8));
     const StepOptions step;
     for (int i = 0; i < 120; ++i) EXPECT_TRUE(world.Step(step).solver.converged) << i;
     const std::vector<Vector3> forces = Forces(world, step.h);
@@ -90,7 +92,8 @@ struct Jaws {
       body.X_PB = RigidTransform(Vector3(side * 0.04, 0, 0));
       body.inertia.mass = 0.05;
       body.inertia.rotational = 1e-5 * Matrix3::Identity();
-      body.geometries.push_back(testing::Geometry(body.name + "_pad", Box{Vector3(0.01, 0.02, 0.02)}, friction));
+      body.geometries.push_back(
+          testing::Geometry(body.name + "_pad", Box{Vector3(0.01, 0.02, 0.02)}, friction));
       const BodyIndex b = builder.AddBody(body);
       JointDef slide = JointDef::General(body.name + "_slide", b, Matrix6X::Identity(6, 6).middleCols(3, 1));
       slide.freedoms[0].stiffness = kStiffness;
@@ -150,7 +153,8 @@ TEST(Pad, ASymmetricGraspNearItsLimitDoesNotTilt) {
 
 // What starts 20 mm deep comes out, at no more than the speed stated.
 TEST(Pad, ADeepStartIsPushedApartGently) {
-  World world = MustCreate(OnFloor(BoxBody("box", 1, Vector3(0.05, 0.05, 0.05), Vector3(0, 0, 0.03), 0.8), 0.8));
+  World world =
+      MustCreate(OnFloor(BoxBody("box", 1, Vector3(0.05, 0.05, 0.05), Vector3(0, 0, 0.03), 0.8), 0.8));
   const StepOptions step;
   double fastest = 0;
   for (int i = 0; i < 120; ++i) {

@@ -65,8 +65,8 @@ TEST_P(Ball, RollsAtFiveSeventhsOfTheSlope) {
   FullSimulation s = Make(kRadius, kSlope, 1.0 / 60);
   Advance(s, 1);
   // Constant acceleration is exact for implicit Euler's velocities.
-  // In the first steps the material takes up its loads and lets the ball slip by R λ, 1e-3 of what a step of its
-  // friction does to it: 2 / 7 of one step in 60.
+  // In the first steps the material takes up its loads and lets the ball slip by R λ, 1e-3 of what a step of
+  // its friction does to it: 2 / 7 of one step in 60.
   const double expected = 5.0 / 7 * kGravity * std::sin(kSlope), tolerance = 1e-3 / 60 * 2;
   EXPECT_NEAR(s.Velocity(0)(3), expected, tolerance * expected);
   EXPECT_NEAR(s.Velocity(0)(1), expected / kRadius, tolerance * expected / kRadius);

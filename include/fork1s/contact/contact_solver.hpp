@@ -1,17 +1,16 @@
 // The Coulomb contact solver. It knows operators, not mechanisms.
 //
-// Unknown impulses λ act on velocities with symmetric positive definite implicit operators A = L Lᵀ, one block a
-// mechanism or body, which the solver sees through Y = L⁻¹ Jᵀ of its ports (six-vectors) and rows:
+// Unknown impulses λ act on velocities with symmetric positive definite implicit operators A = L Lᵀ, one
+// block a mechanism or body, which the solver sees through Y = L⁻¹ Jᵀ of its ports (six-vectors) and rows:
 //     v⁺ = v* + Yᵀ Σ Y p
-// Contact c couples up to two ports. With w = Σ J v⁺ + bias (normal first, then two tangents), R what its material
-// gives and λ₀ what it bore in the last step,
+// Contact c couples up to two ports. With w = Σ J v⁺ + bias (normal first, then two tangents), R what its
+// material gives and λ₀ what it bore in the last step,
 //     λ_n = max(0, −w_n/R_n),   y = λ₀_t − w_t/R_t,   λ_t = y min(1, µ λ_n/|y|)
-// so Coulomb's law holds on w + R (λ − λ₀). R makes the impulses unique where points are redundant, and spreads them
-// as an elastic pad would. Where a contact bears moments m too (torsional friction about the normal, rolling
-// friction about the tangents), each is λ₀'s less its turning over R, within its radius times λ_n. Limits are single
-// rows on one velocity, λ = clamp(λ₀ − w/R, lower, upper): a joint limit only pushes, dry friction pushes either way
-// up to its force.
-// docs/method.md, section 6.
+// so Coulomb's law holds on w + R (λ − λ₀). R makes the impulses unique where points are redundant, and
+// spreads them as an elastic pad would. Where a contact bears moments m too (torsional friction about the
+// normal, rolling friction about the tangents), each is λ₀'s less its turning over R, within its radius times
+// λ_n. Limits are single rows on one velocity, λ = clamp(λ₀ − w/R, lower, upper): a joint limit only pushes,
+// dry friction pushes either way up to its force. docs/method.md, section 6.
 #pragma once
 
 #include <fork1s/base/types.hpp>
@@ -43,8 +42,8 @@ struct ContactConstraint {
   double torsion = 0;                 // m: |moment about the normal| <= torsion λ_n
   double rolling = 0;                 // m: the same about either tangent
   Vector3 moment = Vector3::Zero();   // about normal and tangents; in: warm start; out: solution [N·m·s]
-  /// R_n, R_t [m/s per N·s]; 0: hard, 1e-11 of the inverse mass. Contacts between the same two ports give alike, as
-  /// the stiffest of them.
+  /// R_n, R_t [m/s per N·s]; 0: hard, 1e-11 of the inverse mass. Contacts between the same two ports give
+  /// alike, as the stiffest of them.
   double compliance_normal = 0, compliance_tangent = 0;
   /// m/s by which the normal gives at most: what presses harder meets stiffer material, R_n = give/λ_n.
   double give = std::numeric_limits<double>::infinity();
@@ -61,8 +60,8 @@ struct ContactConstraint {
   }
 };
 
-/// One row w = sign · v[row] + bias with an impulse λ along sign: w = 0 (but for R) where λ is within its bounds,
-/// w ≥ 0 at the lower, w ≤ 0 at the upper. By default unilateral, as a joint limit.
+/// One row w = sign · v[row] + bias with an impulse λ along sign: w = 0 (but for R) where λ is within its
+/// bounds, w ≥ 0 at the lower, w ≤ 0 at the upper. By default unilateral, as a joint limit.
 struct LimitConstraint {
   int row = 0;
   double sign = 1;
@@ -77,8 +76,8 @@ struct LimitConstraint {
 struct ContactSolverOptions {
   double tolerance = 1e-8;  // of the velocities that contact changes, all weighed by inertia
   int max_newton_iterations = 60;
-  /// Contact gives no more than this share of the inverse mass at it: an impact within a step leaves no more of
-  /// its speed, however soft the material.
+  /// Contact gives no more than this share of the inverse mass at it: an impact within a step leaves no more
+  /// of its speed, however soft the material.
   double most_give = 1e-3;
 };
 

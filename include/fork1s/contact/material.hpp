@@ -1,8 +1,9 @@
 // What a contact gives: a spring and a damper beneath each point, in SI units.
 //
-// A point carries the force k (δ + τ δ̇) for a depth δ at the end of the step, never less than 0, and k s along its
-// tangents, s what the two surfaces have moved against each other since it touched, up to the cone. In the rows of
-// a step, δ the depth that it begins with and `left` the time in which its velocity acts on gaps,
+// A point carries the force k (δ + τ δ̇) for a depth δ at the end of the step, never less than 0, and k s
+// along its tangents, s what the two surfaces have moved against each other since it touched, up to the cone.
+// In the rows of a step, δ the depth that it begins with and `left` the time in which its velocity acts on
+// gaps,
 //     R_n = 1/(h (left + τ) k),   b_n = gap/left while open, gap/(left + τ) once closed,   R_t = 1/(h² k)
 #pragma once
 

@@ -1,5 +1,5 @@
-// Decompositions on storage of the caller: nothing allocates, and the same numbers give the same bits wherever
-// they stand. Matrices are column-major without gaps.
+// Decompositions on storage of the caller: nothing allocates, and the same numbers give the same bits
+// wherever they stand. Matrices are column-major without gaps.
 #pragma once
 
 namespace fork1s {
@@ -9,12 +9,12 @@ bool FactorLu(double* A, int n, int* pivots);
 /// x <- A⁻¹ x
 void SolveWithLu(const double* LU, int n, const int* pivots, double* x);
 
-/// Solves A x = x by A = L Lᵀ, of which only the lower triangle is read; A n x n is overwritten. False where A is
-/// not positive definite.
+/// Solves A x = x by A = L Lᵀ, of which only the lower triangle is read; A n x n is overwritten. False where
+/// A is not positive definite.
 bool SolveByCholesky(double* A, int n, double* x);
 
-/// A = Q R for A with rows >= columns, by Householder: R, upper triangular, in its first rows, zeros below its
-/// diagonal.
+/// A = Q R for A with rows >= columns, by Householder: R, upper triangular, in its first rows, zeros below
+/// its diagonal.
 void TriangularRoot(double* A, int rows, int columns);
 
 }  // namespace fork1s
