@@ -342,7 +342,6 @@ Expected<LeggedScene> LoadLegged(LeggedRobot robot, const LeggedOptions& options
 SimulationOptions StandingOptions(const LeggedScene& legged) {
   SimulationOptions options;
   options.initial_keyframe = legged.imported.initial_keyframe;
-  options.step.contact.tolerance = 1e-5;
   return options;
 }
 

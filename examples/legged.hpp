@@ -55,9 +55,7 @@ std::string ModelFile(LeggedRobot robot, const std::string& models);
 /// [rad] each way and up to `depth` [m] lower than the highest. Equal arguments give equal tiles.
 std::vector<GeometryDef> UnevenGround(double half, double pitch, double depth, double tilt);
 
-/// Starts it in its keyframe. The contact solve goes on to a residual of 1e-5, a tenth of the default: its
-/// errors push feet about within the slop of contact, 0.1 mm, and a biped that stands on short feet sways ten
-/// times as far. It costs next to nothing where contacts persist.
+/// Starts it in its keyframe.
 SimulationOptions StandingOptions(const LeggedScene& legged);
 
 /// What a robot did while it was to stand.

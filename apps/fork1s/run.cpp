@@ -36,7 +36,7 @@ struct RunArguments {
 // What a run measures, step by step.
 struct Measured {
   std::vector<double> step_us;
-  int contacts_max = 0, unconverged = 0, fallbacks = 0, refreshes = 0, failed_refreshes = 0;
+  int contacts_max = 0, unconverged = 0, refreshes = 0, failed_refreshes = 0;
   double energy_first = 0, energy_last = 0, energy_increase = 0;
   double gap_max = 0, penetration_max = 0;
   int steps_at_bound = 0, most_at_bound = 0;  // servos and motors that gave all they can
@@ -170,7 +170,6 @@ Measured Simulate(Simulation& simulation, const RunArguments& args, std::int64_t
     out.step_us.push_back(spent.count());
     out.contacts_max = std::max(out.contacts_max, report.contacts);
     out.unconverged += report.solver.converged && report.minimum_found ? 0 : 1;
-    out.fallbacks += report.solver.fallback ? 1 : 0;
     out.refreshes += report.refreshes;
     out.failed_refreshes += report.failed_refreshes;
     out.steps_at_bound += report.forces_at_bound > 0 ? 1 : 0;
@@ -250,9 +249,6 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   Json warnings = Json::array();
   for (const std::string& w : simulation.warnings()) warnings.push_back(w);
   if (m.contacts_dropped) warnings.push_back("the collision detector ran out of room and dropped contacts");
-  if (m.fallbacks > 0)
-    warnings.push_back(fmt::format(
-        "{} contact solves failed grossly and were replaced by ones that only take energy", m.fallbacks));
   constexpr std::size_t kTold = 5;  // the deepest; the others stand in `passed_through`
   for (std::size_t i = 0; i < std::min(kTold, m.passed.size()); ++i)
     warnings.push_back(fmt::format(

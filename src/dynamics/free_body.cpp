@@ -1,12 +1,24 @@
 #include <fork1s/dynamics/free_body.hpp>
 
+#include <cmath>
+#include <fork1s/linalg/cholesky.hpp>
+
 namespace fork1s {
+namespace {
+
+Matrix3 RootOf(const Matrix3& positive) {
+  MatrixX L = positive;
+  CholeskyInPlace(L);
+  return Matrix3(L.triangularView<Eigen::Lower>());
+}
+
+}  // namespace
 
 FreeBody::FreeBody(const FreeBodyDef& definition)
     : name_(definition.name),
       inertia_(definition.inertia),
       weight_share_(1 - definition.gravity_compensation),
-      inverse_rotational_(definition.inertia.rotational.inverse()),
+      rotational_root_(RootOf(definition.inertia.rotational.inverse())),
       X_WB_(definition.X_WB) {}
 
 void FreeBody::SetState(const RigidTransform& X_WB, const Vector3& omega_W,
@@ -45,12 +57,11 @@ Vector6 FreeBody::OriginVelocity() const {
   return V;
 }
 
-Matrix6 FreeBody::InverseInertia() const {
-  Matrix6 W = Matrix6::Zero();
-  const Matrix3& R = X_WB_.rotation();
-  W.topLeftCorner<3, 3>() = R * inverse_rotational_ * R.transpose();
-  W.bottomRightCorner<3, 3>() = Matrix3::Identity() / inertia_.mass;
-  return W;
+Matrix6 FreeBody::InverseInertiaRoot() const {
+  Matrix6 Y = Matrix6::Zero();
+  Y.topLeftCorner<3, 3>() = (X_WB_.rotation() * rotational_root_).transpose();
+  Y.bottomRightCorner<3, 3>() = Matrix3::Identity() / std::sqrt(inertia_.mass);
+  return Y;
 }
 
 void FreeBody::SetPortTwist(const Vector6& V) {

@@ -11,12 +11,15 @@ namespace {
 constexpr int kContactsABench = 64;
 
 void Merge(const ContactSolverReport& of_island, ContactSolverReport& report) {
-  report.sweeps = std::max(report.sweeps, of_island.sweeps);
   report.newton_iterations = std::max(report.newton_iterations, of_island.newton_iterations);
-  report.splitting_iterations = std::max(report.splitting_iterations, of_island.splitting_iterations);
+  report.stage = std::max(report.stage, of_island.stage);
   // Written so that a residual that is no number stays.
   if (!(of_island.residual <= report.residual)) report.residual = of_island.residual;
-  report.fallback = report.fallback || of_island.fallback;
+  report.residual_impulse = std::max(report.residual_impulse, of_island.residual_impulse);
+  report.residual_speed = std::max(report.residual_speed, of_island.residual_speed);
+  report.active += of_island.active;
+  report.sticking += of_island.sticking;
+  report.sliding += of_island.sliding;
   report.converged = report.converged && of_island.converged;
 }
 
@@ -45,12 +48,12 @@ void Sort(int items, Islands& islands, int Islands::value_type::*first, int Isla
 }  // namespace
 
 void IslandSolver::Reserve(int num_contacts, int num_limits, int num_blocks, int num_velocities,
-                           int num_moments) {
+                           int num_freedoms) {
   const auto contacts = static_cast<std::size_t>(num_contacts), limits = static_cast<std::size_t>(num_limits),
              blocks = static_cast<std::size_t>(num_blocks);
   if (benches_.empty()) benches_.emplace_back();
   Bench& bench = benches_.front();
-  bench.solver.Reserve(num_contacts, num_limits, num_velocities, num_moments);
+  bench.solver.Reserve(num_contacts, num_limits, num_velocities, num_freedoms);
   bench.blocks.reserve(blocks);
   bench.contacts.reserve(contacts);
   bench.limits.reserve(limits);

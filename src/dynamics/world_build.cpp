@@ -56,19 +56,6 @@ Expected<void> CheckKeyframe(const Mechanism& m, const KeyframeDef::MechanismSta
   return {};
 }
 
-// Moments that a contact of the scene may bear: 1 about the normal, 3 with rolling.
-int MomentsAContact(const Scene& scene) {
-  int most = 0;
-  const auto look = [&](const std::vector<GeometryDef>& geometries) {
-    for (const GeometryDef& g : geometries) most = std::max(most, g.moments == 2 ? 3 : g.moments);
-  };
-  look(scene.world);
-  for (const FreeBodyDef& b : scene.free_bodies) look(b.geometries);
-  for (const MechanismDef& m : scene.mechanisms)
-    for (const BodyDef& b : m.bodies) look(b.geometries);
-  return most;
-}
-
 }  // namespace
 
 World::World() : detail_(std::make_unique<Detail>()) {}
@@ -173,10 +160,9 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   }
   detail.limits_.reserve(static_cast<std::size_t>(limits));
   detail.velocities_.setZero(velocities);
-  detail.free_W_.resize(detail.free_bodies_.size());
+  detail.free_Y_.resize(detail.free_bodies_.size());
   detail.free_velocity_.resize(detail.free_bodies_.size());
-  detail.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities,
-                         MomentsAContact(scene) * options.max_contacts);
+  detail.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities, widest);
   return world;
 }
 

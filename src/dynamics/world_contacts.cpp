@@ -82,7 +82,6 @@ void World::Detail::SizeBlocks(std::size_t mechanism) {
     part.frictions.reserve(static_cast<std::size_t>(frictions[p]));
     part.J_T.resize(size, room);
     part.Y.resize(size, room);
-    part.W.setZero(room, room);
     part.port_impulse.resize(room);
     if (J_scratch_.cols() < size) J_scratch_.resize(6, size);
   }
@@ -203,7 +202,7 @@ void World::Detail::MatchPrevious() {
   }
 }
 
-// After Predict: W of every block, the free velocities, and the rows of contacts and limits.
+// After Predict: Y of every block, the free velocities, and the rows of contacts and limits.
 void World::Detail::AssembleOperators() {
   blocks_.clear();
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
@@ -215,11 +214,6 @@ void World::Detail::AssembleOperators() {
         auto Y = part.Y.leftCols(part.rows);
         Y = part.J_T.leftCols(part.rows);
         m.HalfSolve(m.parts()[p], Y);
-        // Small parts: Eigen's blocked product costs more to set up than to do.
-        if (part.J_T.rows() <= 8)
-          part.W.topLeftCorner(part.rows, part.rows) = Y.transpose().lazyProduct(Y);
-        else
-          part.W.topLeftCorner(part.rows, part.rows).noalias() = Y.transpose() * Y;
       }
       for (std::size_t g = 0; g < part.groups.size(); ++g) {
         const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
@@ -233,26 +227,21 @@ void World::Detail::AssembleOperators() {
       for (std::size_t k = 0; k < part.frictions.size(); ++k)
         velocities_(part.offset + part.FrictionRow(k)) =
             m.LengthRate(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].terms);
-      blocks_.push_back({part.offset, part.rows, part.W.data(), static_cast<int>(part.W.rows())});
+      const int freedoms = static_cast<int>(part.Y.rows());
+      blocks_.push_back({part.offset, part.rows, part.Y.data(), freedoms, freedoms});
     }
   }
   for (std::size_t c = 0; c < contactors_.size(); ++c)
     if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] >= 0) {
       const auto b = static_cast<std::size_t>(contactors_[c].index);
       velocities_.segment<6>(port_offset_[c]) = free_bodies_[b].PortTwist();
-      free_W_[b] = free_bodies_[b].InverseInertia();
-      blocks_.push_back({port_offset_[c], 6, free_W_[b].data(), 6});
+      free_Y_[b] = free_bodies_[b].InverseInertiaRoot();
+      blocks_.push_back({port_offset_[c], 6, free_Y_[b].data(), 6, 6});
     }
 }
 
 void World::Detail::AssembleConstraints(const StepOptions& options) {
   const double h = options.h;
-  // Positive gaps may close within the step; penetration beyond the slop is undone in shares of β.
-  auto bias = [&](double gap) {
-    if (gap > 0) return gap / h;
-    return std::max(options.penetration_correction * std::min(0.0, gap + options.slop) / h,
-                    -options.max_correction_speed);
-  };
   // Rows before and after a change of reference are of different coordinates.
   auto reference_moved = [&](const Contactor& c) {
     return c.kind == Contactor::Kind::kGroup &&
@@ -281,12 +270,13 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
     }
     // Half way stands what half a step of the old velocity has made of the gap that the start had.
     if (middle_) p.gap -= 0.5 * h * speed(0);
-    c.bias(0) = bias(p.gap);
+    SetMaterial(options.material, p.gap, h, h, c);
     if (match_[i] < 0) continue;
     const auto k = static_cast<std::size_t>(match_[i]);
     const ContactRecord& before = previous_[k];
-    c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
-    c.moment = p.frame * (before.point.frame.transpose() * before.moment);
+    c.held = c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
+    c.held_use = before.use;
+    c.held_moment = c.moment = p.frame * (before.point.frame.transpose() * before.moment);
     // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's. On the
     // normal it lets a ball roll in a bowl, on the tangents it keeps an object where a turning hand holds it.
     if (options.contact_curvature && !by_theta_ && curvature_valid_ && !reference_moved(a) &&
@@ -307,7 +297,8 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
         limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
         limit.sign = upper ? -1 : 1;
         const double moved = middle_ ? 0.5 * h * m.LengthRate(stop.terms) : 0;
-        limit.bias = bias(upper ? stop.upper - length + moved : length - moved - stop.lower);
+        limit.bias = StopBias(options.material,
+                              upper ? stop.upper - length + moved : length - moved - stop.lower, h, h);
         limit.impulse = mechanism_blocks_[i].limit_impulses[at];
         limits_.push_back(limit);
       }
@@ -317,7 +308,7 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
         friction.row = part.offset + static_cast<int>(part.FrictionRow(k));
         friction.upper = h * m.mechanism().frictions()[at].force;
         friction.lower = -friction.upper;
-        friction.impulse = mechanism_blocks_[i].friction_impulses[at];
+        friction.held = friction.impulse = mechanism_blocks_[i].friction_impulses[at];
         limits_.push_back(friction);
       }
     }
@@ -404,6 +395,7 @@ void World::Detail::KeepForNextStep(StepReport& report) {
     contacts_[i].impulse = c.impulse;
     contacts_[i].friction = c.friction;
     contacts_[i].moment = c.moment;
+    contacts_[i].use = c.use;
     Vector3 speed = Vector3::Zero();
     if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
     if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);

@@ -77,7 +77,6 @@ struct World::Detail {
     int offset = 0, rows = 0;
     MatrixX J_T;  // size of the part x rows
     MatrixX Y;    // L⁻¹ J_T
-    MatrixX W;    // YᵀY
     VectorX port_impulse;
 
     Eigen::Index FrictionRow(std::size_t k) const {
@@ -93,7 +92,7 @@ struct World::Detail {
     int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
   };
   std::vector<MechanismBlock> mechanism_blocks_;
-  std::vector<Matrix6> free_W_;
+  std::vector<Matrix6> free_Y_;
   std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
   bool has_force_limits_ = false;
   WorldState before_;  // of the step at hand

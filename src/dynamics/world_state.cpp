@@ -62,8 +62,8 @@ class Hash {
     Add(body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling);
   }
   void One(const ContactRecord& record) {
-    const auto& [point, impulse, friction, moment] = record;
-    Add(point, impulse, friction, moment);
+    const auto& [point, impulse, friction, moment, use] = record;
+    Add(point, impulse, friction, moment, use);
   }
   void One(const WorldState::Rows& rows) {
     const auto& [limit_impulses, friction_impulses, refreshed] = rows;

@@ -63,17 +63,15 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/kinetic_energy", kS, 1, 0, "J", ""}, s.kinetic_energy);
   f(Column{"steps/potential_energy", kS, 1, 0, "J", "springs, controls and gravity"}, s.potential_energy);
   f(Column{"steps/closure_gap", kS, 1, 0, "m", "largest opening of any loop"}, s.closure_gap);
-  f(Column{"steps/residual", kS, 1, 0, "1", "of the contact solver, relative to the largest impulse"},
+  f(Column{"steps/residual", kS, 1, 0, "1", "of the contact solver, relative to what contact changes"},
     s.residual);
   f(Column{"steps/max_penetration", kS, 1, 0, "m", ""}, s.max_penetration);
   f(Column{"steps/contacts", kS, 1, 0, "", "contacts that carried force"}, s.contacts);
   f(Column{"steps/limits", kS, 1, 0, "", "joint limits that acted"}, s.limits);
-  f(Column{"steps/sweeps", kS, 1, 0, "", "Gauss-Seidel sweeps of the contact solver"}, s.sweeps);
-  f(Column{"steps/newton_iterations", kS, 1, 0, "", ""}, s.newton_iterations);
-  f(Column{"steps/splitting_iterations", kS, 1, 0, "", ""}, s.splitting_iterations);
-  f(Column{"steps/fallback", kS, 1, 0, "",
-           "1: a failed contact solve was replaced by one that only takes energy"},
-    s.fallback);
+  f(Column{"steps/newton_iterations", kS, 1, 0, "", "of the contact solver"}, s.newton_iterations);
+  f(Column{"steps/contact_stage", kS, 1, 0, "",
+           "what helped the contact solver: 0 nothing, 1 frozen bounds of friction, 2 softer contact"},
+    s.contact_stage);
   f(Column{"steps/refreshes", kS, 1, 0, "", "mechanisms whose reference was moved"}, s.refreshes);
   f(Column{"steps/failed_refreshes", kS, 1, 0, "", ""}, s.failed_refreshes);
   f(Column{"steps/converged", kS, 1, 0, "", "1: the contact solver reached its tolerance"}, s.converged);

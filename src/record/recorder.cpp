@@ -280,10 +280,8 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   s.max_penetration.push_back(report.max_penetration);
   s.contacts.push_back(report.contacts);
   s.limits.push_back(report.limits);
-  s.sweeps.push_back(report.solver.sweeps);
   s.newton_iterations.push_back(report.solver.newton_iterations);
-  s.splitting_iterations.push_back(report.solver.splitting_iterations);
-  s.fallback.push_back(report.solver.fallback ? 1 : 0);
+  s.contact_stage.push_back(report.solver.stage);
   s.refreshes.push_back(report.refreshes);
   s.failed_refreshes.push_back(report.failed_refreshes);
   s.converged.push_back(report.solver.converged ? 1 : 0);

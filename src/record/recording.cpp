@@ -97,10 +97,8 @@ StepReport Recording::Report(int step) const {
   StepReport r;
   r.contacts = data_.contacts[i];
   r.limits = data_.limits[i];
-  r.solver.sweeps = data_.sweeps[i];
   r.solver.newton_iterations = data_.newton_iterations[i];
-  r.solver.splitting_iterations = data_.splitting_iterations[i];
-  r.solver.fallback = data_.fallback[i] != 0;
+  r.solver.stage = data_.contact_stage[i];
   r.solver.residual = data_.residual[i];
   r.solver.converged = data_.converged[i] != 0;
   r.max_penetration = data_.max_penetration[i];

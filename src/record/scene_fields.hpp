@@ -200,18 +200,22 @@ void Fields(A& a, Like<Scene, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<ContactSolverOptions, A>& s) {
-  auto& [max_sweeps, tolerance, max_newton_iterations, max_splitting_iterations, max_newton_rows] = s;
-  a("max_sweeps", max_sweeps), a("tolerance", tolerance), a("max_newton_iterations", max_newton_iterations);
-  a("max_splitting_iterations", max_splitting_iterations), a("max_newton_rows", max_newton_rows);
+  auto& [tolerance, max_newton_iterations, most_give] = s;
+  a("tolerance", tolerance), a("max_newton_iterations", max_newton_iterations), a("most_give", most_give);
+}
+
+template <class A>
+void Fields(A& a, Like<ContactMaterial, A>& s) {
+  auto& [stiffness, depth, relaxation_steps, max_push_speed] = s;
+  a("stiffness", stiffness), a("depth", depth), a("relaxation_steps", relaxation_steps);
+  a("max_push_speed", max_push_speed);
 }
 
 template <class A>
 void Fields(A& a, Like<StepOptions, A>& s) {
-  auto& [h, integrator, gravity, correction, slop, max_speed, curvature, refresh, contact] = s;
-  a("h", h), a("integrator", integrator), a("gravity", gravity);
-  a("penetration_correction", correction), a("slop", slop);
-  a("max_correction_speed", max_speed), a("contact_curvature", curvature), a("refresh", refresh),
-      a("contact", contact);
+  auto& [h, integrator, gravity, material, curvature, refresh, contact] = s;
+  a("h", h), a("integrator", integrator), a("gravity", gravity), a("material", material);
+  a("contact_curvature", curvature), a("refresh", refresh), a("contact", contact);
 }
 
 template <class A>

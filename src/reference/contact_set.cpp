@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/spectrum.hpp>
 
 namespace fork1s::internal {
 namespace {
@@ -11,6 +12,12 @@ Vector6 InWorld(const RigidTransform& X, const Vector6& V_B) {
   Vector6 V;
   V << X.rotation() * V_B.head<3>(), X.rotation() * V_B.tail<3>();
   return V;
+}
+
+// W <- Y with YᵀY = W.
+void RootOf(MatrixX& W) {
+  const SymmetricSpectrum spectrum = SpectrumOf(W);
+  W = spectrum.values.cwiseMax(0).cwiseSqrt().asDiagonal() * spectrum.vectors.transpose();
 }
 
 }  // namespace
@@ -88,12 +95,6 @@ const ContactSet::Past* ContactSet::FindPast(const ContactPoint& point) {
 
 void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms, double h,
                          const FullSimulationOptions& options) {
-  // Positive gaps may close within the step; penetration beyond the slop is undone in shares of β.
-  auto bias = [&](double gap) {
-    if (gap > 0) return gap / h;
-    return std::max(options.penetration_correction * std::min(0.0, gap + options.slop) / h,
-                    -options.max_correction_speed);
-  };
   constraints_.assign(points_.size(), ContactConstraint{});
   past_used_.assign(past_.size(), 0);
   for (std::size_t i = 0; i < points_.size(); ++i) {
@@ -102,7 +103,6 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     c.friction = p.friction;
     c.torsion = p.torsion;
     c.rolling = p.rolling;
-    c.bias(0) = bias(p.gap);
     Vector3 speed = Vector3::Zero();
     auto side = [&](int body, double sign, int& port, Matrix36& J) {
       const FullContactor& contactor = contactors_[static_cast<std::size_t>(body)];
@@ -118,9 +118,12 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     };
     side(p.body_a, -1, c.port_a, c.J_a);
     side(p.body_b, 1, c.port_b, c.J_b);
-    if (const Past* past = FindPast(p)) {
-      c.impulse = p.frame * (past->point.frame.transpose() * past->impulse);
-      c.moment = p.frame * (past->point.frame.transpose() * past->moment);
+    const Past* past = FindPast(p);
+    SetMaterial(options.material, p.gap, h, h, c);
+    if (past) {
+      c.held = c.impulse = p.frame * (past->point.frame.transpose() * past->impulse);
+      c.held_use = past->use;
+      c.held_moment = c.moment = p.frame * (past->point.frame.transpose() * past->moment);
       // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's.
       if (options.contact_curvature && past->impulse(0) > 0)
         c.bias += 0.5 * (speed - p.frame * past->speed_W);
@@ -136,7 +139,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
       LimitConstraint limit;
       limit.row = blocks_[i].offset + 6 * static_cast<int>(blocks_[i].ports.size()) + static_cast<int>(k);
       limit.sign = upper ? -1 : 1;
-      limit.bias = bias(upper ? stop.upper - length : length - stop.lower);
+      limit.bias = StopBias(options.material, upper ? stop.upper - length : length - stop.lower, h, h);
       limit.impulse = blocks_[i].limit_impulses[static_cast<std::size_t>(at)];
       limits_.push_back(limit);
     }
@@ -147,7 +150,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
           blocks_[i].offset + static_cast<int>(6 * blocks_[i].ports.size() + blocks_[i].limits.size() + k);
       friction.upper = h * frictions[k].force;
       friction.lower = -friction.upper;
-      friction.impulse = blocks_[i].friction_impulses[k];
+      friction.held = friction.impulse = blocks_[i].friction_impulses[k];
       limits_.push_back(friction);
     }
   }
@@ -208,7 +211,8 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
         velocities_.segment<6>(port.offset) = v.segment<6>(port.offset - block.offset);
     const auto limits = static_cast<Eigen::Index>(block.limits.size() + frictions.size());
     velocities_.segment(block.offset + block.rows - limits, limits) = v.tail(limits);
-    velocity_blocks.push_back({block.offset, block.rows, block.W.data(), block.rows});
+    RootOf(block.W);
+    velocity_blocks.push_back({block.offset, block.rows, block.W.data(), block.rows, block.rows});
   }
   std::vector<Matrix6> inverse(free_bodies.size());
   free_twists_.resize(free_bodies.size());
@@ -219,7 +223,10 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
   for (const Port& port : free_ports_) {
     const auto i = static_cast<std::size_t>(contactors_[static_cast<std::size_t>(port.contactor)].index);
     velocities_.segment<6>(port.offset) = free_twists_[i];
-    velocity_blocks.push_back({port.offset, 6, inverse[i].data(), 6});
+    MatrixX root = inverse[i];
+    RootOf(root);
+    inverse[i] = root;
+    velocity_blocks.push_back({port.offset, 6, inverse[i].data(), 6, 6});
   }
   pushes_mechanism_.assign(mechanisms.size(), 0);
   pushes_free_body_.assign(free_bodies.size(), 0);
@@ -281,7 +288,7 @@ void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact
     Vector3 speed = Vector3::Zero();
     if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
     if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);
-    past_.push_back({points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed});
+    past_.push_back({points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed, c.use});
     FullContact& out = contacts.emplace_back();
     out.point = points_[i];
     out.point.body_a = contactors_[static_cast<std::size_t>(points_[i].body_a)].scene_body;

@@ -73,6 +73,7 @@ class ContactSet {
     ContactPoint point;
     Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
     Vector3 speed_W = Vector3::Zero();  // relative, after the solve, world axes
+    double use = 0;                     // of the cone
   };
   void LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h);
   void AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms, double h,

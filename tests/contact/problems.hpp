@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/contact/contact_solver.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/spatial/rigid_transform.hpp>
 #include <random>
 #include <vector>
@@ -10,6 +11,7 @@ namespace fork1s::testing {
 
 struct Problem {
   std::vector<MatrixX> W;  // one a block
+  std::vector<MatrixX> Y;  // W = Yᵀ Y
   std::vector<VelocityBlock> blocks;
   std::vector<ContactConstraint> contacts;
   std::vector<LimitConstraint> limits;
@@ -19,9 +21,14 @@ struct Problem {
   void Finish() {
     int offset = 0;
     blocks.clear();
+    Y.clear();
     for (const MatrixX& w : W) {
-      const int size = static_cast<int>(w.rows());
-      blocks.push_back({offset, size, w.data(), size});
+      const SymmetricSpectrum spectrum = SpectrumOf(w);
+      Y.push_back(spectrum.values.cwiseMax(0).cwiseSqrt().asDiagonal() * spectrum.vectors.transpose());
+    }
+    for (const MatrixX& y : Y) {
+      const int size = static_cast<int>(y.cols());
+      blocks.push_back({offset, size, y.data(), size, size});
       offset += size;
     }
     velocity = VectorX::Zero(offset);
@@ -132,7 +139,9 @@ inline double LawViolation(const Problem& p, const VectorX& v_start, const Vecto
     const MatrixX J = p.RowsOf(c);
     impulse_response -= W * J.transpose() * c.impulse;
     const double D = (J * W * J.transpose()).trace() / 3;
-    const Vector3 u = J * v_end + c.bias;
+    Vector3 u = J * v_end + c.bias;  // beside what the material gives
+    u[0] += c.compliance_normal * c.impulse[0];
+    u.tail<2>() += c.compliance_tangent * (c.impulse - c.held).tail<2>();
     speed = std::max({speed, (J * v_start + c.bias).norm(), D * c.impulse.norm()});
     const double n = c.impulse[0], t = c.impulse.tail<2>().norm(), ut = u.tail<2>().norm();
     worst = std::max({worst, -D * n, -u[0], std::min(D * n, std::abs(u[0]))});
@@ -146,7 +155,8 @@ inline double LawViolation(const Problem& p, const VectorX& v_start, const Vecto
   }
   for (const LimitConstraint& l : p.limits) {
     impulse_response -= W.col(l.row) * (l.sign * l.impulse);
-    const double D = W(l.row, l.row), u = l.sign * v_end[l.row] + l.bias;
+    const double D = W(l.row, l.row),
+                 u = l.sign * v_end[l.row] + l.bias + l.compliance * (l.impulse - l.held);
     speed = std::max({speed, std::abs(l.sign * v_start[l.row] + l.bias), D * l.impulse});
     worst = std::max({worst, -D * l.impulse, -u, std::min(D * l.impulse, std::abs(u))});
   }

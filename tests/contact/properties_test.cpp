@@ -5,7 +5,7 @@
 #include <numeric>
 #include <string>
 
-#include "problems.hpp"
+#include "plain_sweeps.hpp"
 
 namespace fork1s {
 namespace {
@@ -14,6 +14,13 @@ using testing::LawViolation;
 using testing::Problem;
 using testing::RandomProblem;
 using testing::Uniform;
+
+// The compliance of the problem, none of it taken away for impacts' sake.
+ContactSolverOptions AsGiven() {
+  ContactSolverOptions options;
+  options.most_give = 1;
+  return options;
+}
 
 struct Shape {
   int ports, free, contacts;
@@ -24,6 +31,9 @@ Problem Draw(std::mt19937& random, int trial) {
   const Shape& s = kShapes[trial % 6];
   const double mu = trial % 7 == 0 ? 0 : Uniform(random, 0.1, 1.2);
   Problem p = RandomProblem(random, s.ports, s.free, s.contacts, mu);
+  // 1e6 N/m at 1/60 s, beside inverse masses of 1 to 30; equal, so that the solver makes none stiffer than
+  // others.
+  for (ContactConstraint& c : p.contacts) c.compliance_normal = c.compliance_tangent = 7e-4;
   if (trial % 3 == 0 && s.ports > 0) {
     // Each its own row: opposite limits of one row may ask for what no velocity can do.
     std::uniform_int_distribution<int> row(0, 2 * s.ports - 1);
@@ -37,45 +47,45 @@ Problem Draw(std::mt19937& random, int trial) {
 TEST(ContactProperties, CoulombLawHolds) {
   std::mt19937 random(1);
   ContactSolver solver;
-  int failures = 0, newton = 0;
+  int failures = 0, helped = 0;
   const int trials = 3000;
   for (int trial = 0; trial < trials; ++trial) {
     Problem p = Draw(random, trial);
     const VectorX start = p.velocity;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
-    newton += report.newton_iterations > 0;
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
+    helped += report.stage > 0;
     ASSERT_TRUE(p.velocity.allFinite()) << trial;
     if (!report.converged) {
       ++failures;
       continue;
     }
-    // The residual is in units of the largest impulse, this in units of velocity: a factor apart.
-    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-2) << trial;
+    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-6) << trial;
   }
   RecordProperty("failures", failures);
-  RecordProperty("newton", newton);
+  RecordProperty("helped", helped);
   EXPECT_LE(failures, trials / 200);
 }
 
-TEST(ContactProperties, TightToleranceIsMet) {
+// A second road to the same law, where its answer is unique.
+TEST(ContactProperties, PlainSweepsAgree) {
   std::mt19937 random(2);
   ContactSolver solver;
-  ContactSolverOptions options;
-  options.tolerance = 1e-9;
-  int failures = 0;
-  const int trials = 1000;
-  for (int trial = 0; trial < trials; ++trial) {
+  int compared = 0;
+  for (int trial = 0; trial < 300; ++trial) {
     Problem p = Draw(random, trial);
-    const VectorX start = p.velocity;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, options);
-    if (!report.converged) {
-      ++failures;
-      continue;
+    for (ContactConstraint& c : p.contacts) {
+      c.friction = std::min(c.friction, 0.3);
+      c.compliance_normal = c.compliance_tangent = 1e-2;
     }
-    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-7) << trial;
+    for (LimitConstraint& l : p.limits) l.compliance = 1e-2;
+    const Problem given = p;
+    ASSERT_TRUE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven()).converged) << trial;
+    const testing::SweepResult plain = testing::SweepPlainly(given, 1e-11, 20000);
+    if (!plain.settled) continue;
+    ++compared;
+    EXPECT_LT((plain.velocity - p.velocity).norm(), 1e-6 * (1 + p.velocity.norm())) << trial;
   }
-  RecordProperty("failures", failures);
-  EXPECT_LE(failures, trials / 200);
+  EXPECT_GT(compared, 250);
 }
 
 // With zero bias impulses take energy away: ½ v⁺ᵀW⁻¹v⁺ ≤ ½ v*ᵀW⁻¹v*.
@@ -86,7 +96,7 @@ TEST(ContactProperties, ImpulsesDoNoPositiveWork) {
     Problem p = Draw(random, trial);
     p.limits.clear();
     const VectorX start = p.velocity;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     if (!report.converged) continue;
     const SymmetricFactor W(p.FullW());
     const double before = start.dot(W.Solve(start).col(0)), after = p.velocity.dot(W.Solve(p.velocity).col(0));
@@ -94,46 +104,32 @@ TEST(ContactProperties, ImpulsesDoNoPositiveWork) {
   }
 }
 
-// Where the solution is unique (contacts on distinct bodies, little friction) the order cannot matter.
-TEST(ContactProperties, WhatHasNoAnswerTakesEnergyOnly) {
-  // Two limits that ask one row to move both ways: no impulse can do it.
+// Two limits that ask one row to move both ways: what they give meets in the middle.
+TEST(ContactProperties, LimitsThatContradictShareTheWay) {
   std::mt19937 random(8);
   ContactSolver solver;
-  int fallbacks = 0;
+  int failures = 0;
   for (int trial = 0; trial < 300; ++trial) {
     Problem p = Draw(random, 6 * trial + 2);
-    for (ContactConstraint& c : p.contacts) c.bias.setZero();
     p.limits.clear();
     p.limits.push_back({4, 1.0, -0.3, 0});
     p.limits.push_back({4, -1.0, -0.3, 0});
-    const VectorX start = p.velocity;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    for (LimitConstraint& l : p.limits) l.compliance = 1e-3;
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     ASSERT_TRUE(p.velocity.allFinite());
-    EXPECT_FALSE(report.converged);
-    if (!report.fallback) continue;
-    ++fallbacks;
-    // Impulses times the velocity they end with: the energy they bring, up to the solver's tolerance.
-    double work = 0, size = 0;
-    for (const ContactConstraint& c : p.contacts) {
-      Vector3 u = c.bias;
-      if (c.port_a >= 0) u += c.J_a * p.velocity.segment<6>(c.port_a);
-      if (c.port_b >= 0) u += c.J_b * p.velocity.segment<6>(c.port_b);
-      work += c.impulse.dot(u);
-      size += c.impulse.norm() * u.norm();
-    }
-    for (const LimitConstraint& l : p.limits) work += l.impulse * l.sign * p.velocity(l.row);
-    EXPECT_LT(work, 1e-3 * size + 1e-12) << trial;
-    EXPECT_LT(p.velocity.norm(), 10 * start.norm());
+    failures += report.converged ? 0 : 1;
+    EXPECT_TRUE(!report.converged || std::abs(p.velocity[4]) < 0.05) << trial;
   }
-  EXPECT_GT(fallbacks, 250);
+  EXPECT_LE(failures, 2);
 }
 
+// Where the solution is unique (contacts on distinct bodies, little friction) the order cannot matter.
 TEST(ContactProperties, OrderDoesNotMatter) {
   std::mt19937 random(4);
   ContactSolver solver;
   ContactSolverOptions options;
   options.tolerance = 1e-10;
-  options.max_sweeps = 2000;
+  options.most_give = 1;
   for (int trial = 0; trial < 200; ++trial) {
     Problem p = RandomProblem(random, 4, 0, 3, 0.3);
     Problem q;
@@ -156,22 +152,24 @@ TEST(ContactProperties, OrderDoesNotMatter) {
 TEST(ContactProperties, WarmStartAtSteadyState) {
   std::mt19937 random(5);
   ContactSolver solver;
+  int slow = 0;
   for (int trial = 0; trial < 300; ++trial) {
     Problem p = Draw(random, trial);
     const VectorX start = p.velocity;
-    if (!solver.Solve(p.blocks, p.contacts, p.limits, p.velocity).converged) continue;
+    if (!solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven()).converged) continue;
     p.velocity = start;
-    const ContactSolverReport again = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    const ContactSolverReport again = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     EXPECT_TRUE(again.converged) << trial;
-    EXPECT_LE(again.sweeps, 50) << trial;
-    EXPECT_LT(testing::LawViolation(p, start, p.velocity), 1e-2) << trial;
+    slow += again.newton_iterations > 2 ? 1 : 0;
+    EXPECT_LT(testing::LawViolation(p, start, p.velocity), 1e-4) << trial;
   }
+  EXPECT_LE(slow, 3);  // on the edge of a cone two pieces may take turns
   // A box at rest: the answer of the step before is the answer.
   Problem p = testing::BoxOnPlane(1, 0.5);
   const VectorX start = p.velocity;
-  solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+  solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
   p.velocity = start;
-  EXPECT_LE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity).sweeps, 2);
+  EXPECT_LE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven()).newton_iterations, 1);
 }
 
 TEST(ContactProperties, SameInputSameBits) {
@@ -200,9 +198,10 @@ TEST(ContactProperties, RedundantContacts) {
     std::vector<ContactConstraint> again = p.contacts;
     p.contacts.insert(p.contacts.end(), again.begin(), again.end());
     const VectorX start = p.velocity;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     EXPECT_TRUE(report.converged) << trial << " residual " << report.residual;
-    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-2) << trial;
+    // Hard contact: w is small beside its rounding over R, 2e-5, which decides on the edge of a cone.
+    EXPECT_LT(LawViolation(p, start, p.velocity), 2e-5) << trial;
   }
 }
 
@@ -222,7 +221,7 @@ TEST(ContactProperties, TowerStands) {
       }
     }
     ContactSolver solver;
-    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     EXPECT_TRUE(report.converged) << boxes << " residual " << report.residual;
     EXPECT_LT(p.velocity.cwiseAbs().maxCoeff(), 1e-3) << boxes;
     RecordProperty("newton_iterations_" + std::to_string(boxes), report.newton_iterations);

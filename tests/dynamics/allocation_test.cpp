@@ -37,7 +37,7 @@ TEST(WorldAllocation, NoneInAStep) {
     EXPECT_EQ(before > 0, testing::kCountsAllocations);
     for (int i = 0; i < 60; ++i) contacts += world.Step(step).contacts;
     const long after = allocations.load();
-    EXPECT_EQ(after, before);
+    EXPECT_EQ(after, before) << static_cast<int>(integrator);
     EXPECT_GT(contacts, 60);
   }
 }

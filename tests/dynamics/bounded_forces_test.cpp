@@ -73,7 +73,6 @@ TEST(ForceLimit, AServoAgainstAWallBearsItsLimit) {
     world.mechanisms()[0].controls()(0) = 1.2;
     StepReport report;
     StepOptions step = testing::Still();
-    step.contact.tolerance = 1e-7;  // of the impulse; the default stops at a tenth of 1e-4
     for (int i = 0; i < 600; ++i) report = world.Step(step);
     ASSERT_EQ(world.contacts().size(), 1u) << stiffness;
     const ContactRecord& c = world.contacts()[0];

@@ -55,19 +55,19 @@ TEST(Islands, GiveTheBitsOfEachAlone) {
   IslandSolver islands;
   const ContactSolverReport report =
       islands.Solve(all.blocks, all.contacts, all.limits, all.velocity, ContactSolverOptions{});
-  int sweeps = 0, newton = 0;
+  int stage = 0, newton = 0;
   Eigen::Index offset = 0;
   for (const Problem& given : problems) {
     Problem p = given;
     ContactSolver alone;
     const ContactSolverReport r = alone.Solve(p.blocks, p.contacts, p.limits, p.velocity);
-    sweeps = std::max(sweeps, r.sweeps);
+    stage = std::max(stage, r.stage);
     newton = std::max(newton, r.newton_iterations);
     EXPECT_EQ(all.velocity.segment(offset, p.velocity.size()), p.velocity);
     offset += p.velocity.size();
   }
   EXPECT_GE(islands.num_islands(), 80);
-  EXPECT_EQ(report.sweeps, sweeps);
+  EXPECT_EQ(report.stage, stage);
   EXPECT_EQ(report.newton_iterations, newton);
 }
 

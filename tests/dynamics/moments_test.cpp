@@ -40,8 +40,10 @@ TEST(Moments, ASpinSlowsAtTheRateOfItsTorsionalFriction) {
   for (int i = 1; i <= 180; ++i) {
     world.Step(step);
     const double expected = std::max(0.0, 30 - rate * i * step.h);
-    // The contact solver's tolerance: a tenth of 1e-4 of the impulse, in each step.
-    EXPECT_NEAR(world.free_bodies()[0].omega_W().z(), expected, 1e-5 * rate * step.h * i + 1e-12) << i;
+    // While the material takes up the load the ball sinks, at first at a thousandth of g h, and the normal
+    // impulses so far lack the momentum of that.
+    const double sinks = 1e-3 * kFall * step.h * rate / kFall;
+    EXPECT_NEAR(world.free_bodies()[0].omega_W().z(), expected, sinks + 1e-12) << i;
   }
   EXPECT_LT(world.free_bodies()[0].omega_W().norm(), 1e-9);
   EXPECT_GT(30 / rate, 0.2);  // it did turn for a while

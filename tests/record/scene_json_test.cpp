@@ -182,9 +182,8 @@ TEST(OptionsJson, RoundTrip) {
   options.reduction.promote_hidden = true;
   options.refresh_angle = 0.7;
   options.initial_keyframe = 3;
-  options.step.slop = 1e-5;
-  options.step.contact.max_sweeps = 11;
-  options.step.contact.max_newton_rows = 12;
+  options.step.material.depth = 2e-5;
+  options.step.contact.max_newton_iterations = 12;
   options.step.refresh = false;
   options.collision.margin = 0.003;
   options.collision.multi_point = false;
@@ -193,7 +192,7 @@ TEST(OptionsJson, RoundTrip) {
   EXPECT_EQ(read->recovery, Recovery::kTwist);
   EXPECT_EQ(read->reduction.modes, 7);
   EXPECT_EQ(read->reduction.rank_tolerance, 1.0 / 3e5);
-  EXPECT_EQ(read->step.contact.max_newton_rows, 12);
+  EXPECT_EQ(read->step.contact.max_newton_iterations, 12);
   EXPECT_FALSE(read->collision.multi_point);
   EXPECT_EQ(WriteOptions(*read), WriteOptions(options));
 }

@@ -34,8 +34,7 @@ TEST(Vehicle, DrivesOverCobblesAndRampAndTurns) {
   const Course course =
       run.Until(10, [&](const StepReport&) { highest = std::max(highest, run.Position("chassis").z()); });
   EXPECT_TRUE(course.finite);
-  // Of 600: a tyre rests on several points, among which the solver stalls once, at a residual of 4e-4.
-  EXPECT_LE(course.unconverged, 1);
+  EXPECT_EQ(course.unconverged, 0);
   EXPECT_LT(course.gap, 1e-5);
   // Where a wheel meets the ramp within a step, it sees the road ahead as level: 5 m/s / 60 * sin(0.12).
   EXPECT_LT(course.penetration, 0.01);

@@ -1,14 +1,16 @@
 // The Coulomb contact solver. It knows operators, not mechanisms.
 //
-// Unknown impulses λ act on stacked velocities v through symmetric positive semidefinite operators W
-// (the interface's inverse effective mass, implicit stiffness included), one block a mechanism or body:
-//     v⁺ = v* + W Jᵀ λ
-// Contact c couples up to two six-vector ports. With u = Σ J v⁺ + bias (normal first, then two tangents):
-//     0 ≤ λ_n ⊥ u_n ≥ 0,   |λ_t| ≤ µ λ_n,   λ_t opposes u_t where it slides
-// Where a contact bears moments m too (torsional friction about the normal, rolling friction about the
-// tangents), each stays within its radius times λ_n and opposes the relative turning about its axis where
-// that turns. Limits are single rows on one stacked velocity whose impulse has bounds: a joint limit only
-// pushes, dry friction pushes either way up to its force.
+// Unknown impulses λ act on velocities with symmetric positive definite implicit operators A = L Lᵀ, one
+// block a mechanism or body, which the solver sees through Y = L⁻¹ Jᵀ of its ports (six-vectors) and rows:
+//     v⁺ = v* + Yᵀ Σ Y p
+// Contact c couples up to two ports. With w = Σ J v⁺ + bias (normal first, then two tangents), R what its
+// material gives and λ₀ what it bore in the last step,
+//     λ_n = max(0, −w_n/R_n),   y = λ₀_t − w_t/R_t,   λ_t = y min(1, µ λ_n/|y|)
+// so Coulomb's law holds on w + R (λ − λ₀). R makes the impulses unique where points are redundant, and
+// spreads them as an elastic pad would. Where a contact bears moments m too (torsional friction about the
+// normal, rolling friction about the tangents), each is λ₀'s less its turning over R, within its radius times
+// λ_n. Limits are single rows on one velocity, λ = clamp(λ₀ − w/R, lower, upper): a joint limit only pushes,
+// dry friction pushes either way up to its force. docs/method.md, section 6.
 #pragma once
 
 #include <fork1s/base/types.hpp>
@@ -20,12 +22,13 @@ namespace fork1s {
 
 using Matrix36 = Eigen::Matrix<double, 3, 6>;
 
-/// A diagonal block of W: `size` rows starting at `offset` of the stacked velocities.
+/// A block that moves by itself: `size` rows starting at `offset` of the stacked velocities.
 struct VelocityBlock {
   int offset = 0;
   int size = 0;
-  const double* W = nullptr;  // size x size, column-major, leading dimension `stride`; not owned
+  const double* Y = nullptr;  // freedoms x size, column-major, leading dimension `stride`; not owned
   int stride = 0;
+  int freedoms = 0;
 };
 
 struct ContactConstraint {
@@ -39,6 +42,15 @@ struct ContactConstraint {
   double torsion = 0;                 // m: |moment about the normal| <= torsion λ_n
   double rolling = 0;                 // m: the same about either tangent
   Vector3 moment = Vector3::Zero();   // about normal and tangents; in: warm start; out: solution [N·m·s]
+  /// R_n, R_t [m/s per N·s]; 0: hard, 1e-11 of the inverse mass. Contacts between the same two ports give
+  /// alike, as the stiffest of them.
+  double compliance_normal = 0, compliance_tangent = 0;
+  /// m/s by which the normal gives at most: what presses harder meets stiffer material, R_n = give/λ_n.
+  double give = std::numeric_limits<double>::infinity();
+  Vector3 held = Vector3::Zero();  // λ₀, in this frame
+  double held_use = 0;             // `use` of the last step
+  double use = 0;                  // out: |y| as a share of µ λ_n: above 1 it slides
+  Vector3 held_moment = Vector3::Zero();
 
   /// Impulse on the port whose rows are J: the linear part of the rows are the axes.
   Vector6 ImpulseOn(const Matrix36& J) const {
@@ -48,8 +60,8 @@ struct ContactConstraint {
   }
 };
 
-/// One row u = sign · v[row] + bias with an impulse λ along sign: u = 0 where λ is within its bounds, u ≥ 0
-/// at the lower, u ≤ 0 at the upper. By default unilateral, as a joint limit: 0 ≤ λ ⊥ u ≥ 0.
+/// One row w = sign · v[row] + bias with an impulse λ along sign: w = 0 (but for R) where λ is within its
+/// bounds, w ≥ 0 at the lower, w ≤ 0 at the upper. By default unilateral, as a joint limit.
 struct LimitConstraint {
   int row = 0;
   double sign = 1;
@@ -57,23 +69,27 @@ struct LimitConstraint {
   double impulse = 0;  // in: warm start; out: solution
   double lower = 0;    // of the impulse
   double upper = std::numeric_limits<double>::infinity();
+  double compliance = 0;  // R, as of contacts
+  double held = 0;        // impulse of the last step, of rows that must not creep
 };
 
 struct ContactSolverOptions {
-  int max_sweeps = 50;
-  double tolerance = 1e-4;  // residual above which Newton takes over
-  int max_newton_iterations = 30;
-  int max_splitting_iterations = 300;  // of the method that helps Newton over a stall
-  int max_newton_rows = 450;  // 3 a contact, 1 a limit: Newton is dense, so larger problems only sweep
+  double tolerance = 1e-8;  // of the velocities that contact changes, all weighed by inertia
+  int max_newton_iterations = 60;
+  /// Contact gives no more than this share of the inverse mass at it: an impact within a step leaves no more
+  /// of its speed, however soft the material.
+  double most_give = 1e-3;
 };
 
 struct ContactSolverReport {
-  int sweeps = 0;
   int newton_iterations = 0;
-  int splitting_iterations = 0;
-  double residual = 0;    // natural-map residual, relative to impulses and to speeds
-  bool fallback = false;  // a grossly failed solve was replaced by one that only takes energy
-  bool converged = true;  // residual <= tolerance, without fallback
+  /// What helped Newton: 0 nothing; 1 rounds with frozen bounds of friction; 2 those through softer contact.
+  int stage = 0;
+  double residual = 0;          // of the velocities that contact changes, as `tolerance`
+  double residual_impulse = 0;  // N·s: what the largest contact impulse is off by, by that measure
+  double residual_speed = 0;    // m/s: likewise of the largest change of a contact velocity
+  int active = 0, sticking = 0, sliding = 0;  // contacts that bear something, and of these
+  bool converged = true;                      // residual <= tolerance
 };
 
 class ContactSolver {
@@ -84,13 +100,13 @@ class ContactSolver {
   ContactSolver& operator=(ContactSolver&&) noexcept;
 
   /// Reserves scratch so that solves up to this size do not allocate.
-  /// `num_moments`: 1 a contact with torsional friction, 3 with rolling friction too.
-  void Reserve(int num_contacts, int num_limits, int num_velocities, int num_moments = 0);
+  /// `num_freedoms`: of the largest block that may have more of them than rows.
+  void Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms = 0);
 
   /// Solves for the impulses. In: `velocities` = v*, blocks covering every port and limit row, warm starts in
   /// the constraints. Out: impulses in the constraints, `velocities` = v⁺. A contact that nothing can move
-  /// (both sides still, or rows of W that vanish) gets no impulse and does not count in the residual. Input
-  /// that is not finite: no impulses, `velocities` as they were, converged = false.
+  /// (both sides still, or columns of Y that vanish) gets no impulse. Input that is not finite: no impulses,
+  /// `velocities` as they were, converged = false.
   ContactSolverReport Solve(const std::vector<VelocityBlock>& blocks,
                             std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
                             Eigen::Ref<VectorX> velocities, const ContactSolverOptions& options = {});

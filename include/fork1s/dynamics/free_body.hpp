@@ -37,8 +37,8 @@ class FreeBody {
   void Predict(double h, const Vector3& gravity_W);
   /// [R ω_B; v_centre]: the six-vector on which contacts work, about the centre of mass in world axes.
   Vector6 PortTwist() const;
-  /// Inverse inertia on that six-vector.
-  Matrix6 InverseInertia() const;
+  /// Y with YᵀY the inverse inertia on that six-vector.
+  Matrix6 InverseInertiaRoot() const;
   /// The twist that contact leaves.
   void SetPortTwist(const Vector6& V);
   /// The free velocity, and back to it as before SetPortTwist.
@@ -73,7 +73,7 @@ class FreeBody {
   std::string name_;
   SpatialInertia inertia_;
   double weight_share_ = 1;  // of the weight that nothing compensates
-  Matrix3 inverse_rotational_;
+  Matrix3 rotational_root_;  // C: C Cᵀ = I_B⁻¹
   RigidTransform X_WB_;
   Vector3 omega_B_ = Vector3::Zero();
   Vector3 omega_B_before_ = Vector3::Zero();

@@ -13,9 +13,9 @@ namespace fork1s {
 class IslandSolver {
  public:
   /// Reserves scratch so that solves of up to this size do not allocate while they run on one thread.
-  void Reserve(int num_contacts, int num_limits, int num_blocks, int num_velocities, int num_moments = 0);
+  void Reserve(int num_contacts, int num_limits, int num_blocks, int num_velocities, int num_freedoms = 0);
 
-  /// As ContactSolver::Solve. The report has the most sweeps, iterations and residual of any island;
+  /// As ContactSolver::Solve. The report has the most iterations and the largest residual of any island;
   /// converged only if all are.
   ContactSolverReport Solve(const std::vector<VelocityBlock>& blocks,
                             std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,

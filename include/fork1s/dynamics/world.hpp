@@ -3,6 +3,7 @@
 
 #include <fork1s/collision/collision_world.hpp>
 #include <fork1s/contact/contact_solver.hpp>
+#include <fork1s/contact/material.hpp>
 #include <fork1s/dynamics/free_body.hpp>
 #include <fork1s/dynamics/recovery.hpp>
 #include <fork1s/dynamics/world_state.hpp>
@@ -26,9 +27,7 @@ struct StepOptions {
   double h = 1.0 / 60;                     // s
   Integrator integrator = Integrator::kEuler;
   Vector3 gravity = Vector3(0, 0, -9.81);  // m/s²
-  double penetration_correction = 0.2;     // β: share of the penetration beyond the slop undone per step
-  double slop = 1e-4;                      // m of penetration that is left alone
-  double max_correction_speed = 3;         // m/s
+  ContactMaterial material;
   bool contact_curvature = true;           // adds (h/2) J̇ V to the rows of contacts that persist
   bool refresh = true;                     // move the reference when the pose has left it
   ContactSolverOptions contact;

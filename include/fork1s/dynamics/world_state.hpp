@@ -15,6 +15,7 @@ struct ContactRecord {
   Vector3 impulse = Vector3::Zero();  // normal, tangents [N·s], in the frame of the point, on body b
   double friction = 0;
   Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
+  double use = 0;                    // of the cone, above 1 where it slides
 };
 
 /// All that the next step of a world depends on beside what it was made of. For worlds made of the same scene

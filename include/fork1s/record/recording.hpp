@@ -53,9 +53,8 @@ struct RecordedSteps {
   std::vector<double> closure_gap;                       // m
   std::vector<double> residual;                          // of the contact solver
   std::vector<double> max_penetration;                   // m
-  std::vector<int> contacts, limits, sweeps, newton_iterations, splitting_iterations, refreshes,
-      failed_refreshes;
-  std::vector<std::uint8_t> fallback, converged, contacts_dropped, finite;
+  std::vector<int> contacts, limits, newton_iterations, contact_stage, refreshes, failed_refreshes;
+  std::vector<std::uint8_t> converged, contacts_dropped, finite;
   std::vector<std::uint64_t> checksum;  // of all other values of the step
 
   // Tables in which a step has any number of rows: row `end` of the step before up to `end` of the step.

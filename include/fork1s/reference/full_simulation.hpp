@@ -10,6 +10,7 @@
 #include <fork1s/base/error.hpp>
 #include <fork1s/collision/collision_world.hpp>
 #include <fork1s/contact/contact_solver.hpp>
+#include <fork1s/contact/material.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <memory>
@@ -24,12 +25,9 @@ struct FullSimulationOptions {
   /// Per mechanism the bodies that may touch; where empty, those that the definition names.
   std::vector<std::vector<std::string>> interfaces;
   CollisionOptions collision = {.margin = 0.2};
-  double penetration_correction = 0.2;  // β: share of the penetration beyond the slop undone per step
-  double slop = 1e-4;                   // m
-  double max_correction_speed = 3;      // m/s
+  ContactMaterial material;
   bool contact_curvature = true;        // adds (h/2) J̇ V to the rows of contacts that persist
-  /// The truth is solved more finely than a simulation in real time needs.
-  ContactSolverOptions contact = {.max_sweeps = 200, .tolerance = 1e-8};
+  ContactSolverOptions contact;
   double tolerance = 1e-9;  // change of any pose in the last iteration, in lengths of its mechanism
   int max_iterations = 60;  // Newton steps
 };

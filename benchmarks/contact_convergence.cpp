@@ -1,0 +1,91 @@
+// How the contact solver fares in scenes: iterations, what helped them, what was left unsolved, how deep
+// contacts sink.
+//
+//     build/release/benchmarks/contact_convergence SECONDS MODEL...
+//
+// A table of controls beside a model, MODEL with .csv in place of .xml, drives it. Steps of 1/60 s. One row
+// of a Markdown table a model; residuals are those of the worst step.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fork1s/importer/importer.hpp>
+#include <fork1s/record/csv.hpp>
+#include <fork1s/sim/simulation.hpp>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace fork1s;
+
+constexpr double kTimeStep = 1.0 / 60;  // s
+
+bool PrintRow(const std::string& path, double seconds) {
+  auto imported = LoadMechanism(path);
+  if (!imported) {
+    fmt::print(stderr, "contact_convergence: {}\n", imported.error().Text());
+    return false;
+  }
+  SimulationOptions options;
+  options.dt = kTimeStep;
+  auto simulation = Simulation::Create(imported->scene, options);
+  if (!simulation) {
+    fmt::print(stderr, "contact_convergence: {}\n", simulation.error().Text());
+    return false;
+  }
+  ControlTrack track;
+  const auto controls = std::filesystem::path(path).replace_extension(".csv");
+  if (std::filesystem::exists(controls)) {
+    auto read = ReadControls(controls.string());
+    if (!read) {
+      fmt::print(stderr, "contact_convergence: {}\n", read.error().Text());
+      return false;
+    }
+    track = std::move(*read);
+  }
+  const int steps = static_cast<int>(std::lround(seconds / kTimeStep));
+  std::vector<int> iterations;
+  int helped = 0, softer = 0, unconverged = 0, most = 0;
+  double residual_impulse = 0, residual_speed = 0, penetration = 0;
+  for (int i = 0; i < steps; ++i) {
+    track.Apply((i + 1) * kTimeStep, *simulation);
+    const StepReport report = simulation->Step();
+    if (!report.finite) break;
+    if (report.solver.active > 0) iterations.push_back(report.solver.newton_iterations);
+    helped += report.solver.stage == 1;
+    softer += report.solver.stage == 2;
+    unconverged += !report.solver.converged;
+    most = std::max(most, report.contacts);
+    residual_impulse = std::max(residual_impulse, report.solver.residual_impulse);
+    residual_speed = std::max(residual_speed, report.solver.residual_speed);
+    penetration = std::max(penetration, report.max_penetration);
+  }
+  std::sort(iterations.begin(), iterations.end());
+  const auto at = [&](double share) {
+    if (iterations.empty()) return 0;
+    return iterations[static_cast<std::size_t>(share * static_cast<double>(iterations.size() - 1))];
+  };
+  fmt::print("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.1e} | {:.1e} | {:.0f} |\n",
+             std::filesystem::path(path).stem().string(), steps, most, at(0.5), at(0.99), at(1), helped,
+             softer, unconverged, residual_impulse / kTimeStep, residual_speed, 1e6 * penetration);
+  return true;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 3) {
+    fmt::print(stderr, "usage: contact_convergence SECONDS MODEL...\n");
+    return 2;
+  }
+  fmt::print(
+      "| scene | steps | contacts, most | iterations, median | p99 | most | frozen bounds | softer | "
+      "unsolved "
+      "| residual N | m/s | deepest µm |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+  bool good = true;
+  for (int i = 2; i < argc; ++i) good = PrintRow(argv[i], std::atof(argv[1])) && good;
+  return good ? 0 : 3;
+}

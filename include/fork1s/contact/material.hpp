@@ -1,0 +1,37 @@
+// What a contact gives: a spring and a damper beneath each point, in SI units.
+//
+// A point carries the force k (δ + τ δ̇) for a depth δ at the end of the step, never less than 0, and k s
+// along its tangents, s what the two surfaces have moved against each other since it touched, up to the cone.
+// In the rows of a step, δ the depth that it begins with and `left` the time in which its velocity acts on
+// gaps,
+//     R_n = 1/(h (left + τ) k),   b_n = gap/left while open, gap/(left + τ) once closed,   R_t = 1/(h² k)
+#pragma once
+
+#include <algorithm>
+#include <fork1s/contact/contact_solver.hpp>
+
+namespace fork1s {
+
+struct ContactMaterial {
+  double stiffness = 1e6;       // N/m: 2 E a of a pad of 100 MPa whose patch has a radius a of 5 mm
+  double depth = 1e-5;          // m: what would press a point in by more than this meets stiffer material
+  double relaxation_steps = 4;  // τ/h: how fast a point that is pressed in too far comes back
+  double max_push_speed = 1;    // m/s at which what overlaps is pushed apart
+};
+
+inline void SetMaterial(const ContactMaterial& material, double gap, double h, double left,
+                        ContactConstraint& c) {
+  const double k = material.stiffness, tau = material.relaxation_steps * h;
+  c.give = material.depth / (left + tau);
+  c.compliance_normal = 1 / (h * (left + tau) * k);
+  c.compliance_tangent = 1 / (h * h * k);
+  c.bias[0] = gap > 0 ? gap / left : std::max(gap / (left + tau), -material.max_push_speed);
+}
+
+/// A stop of a joint: the same gap, without a spring of its own.
+inline double StopBias(const ContactMaterial& material, double gap, double h, double left) {
+  return gap > 0 ? gap / left
+                 : std::max(gap / (left + material.relaxation_steps * h), -material.max_push_speed);
+}
+
+}  // namespace fork1s

@@ -1,0 +1,20 @@
+// Decompositions on storage of the caller: nothing allocates, and the same numbers give the same bits
+// wherever they stand. Matrices are column-major without gaps.
+#pragma once
+
+namespace fork1s {
+
+/// P A = L U with row pivoting; A n x n is overwritten. False where a pivot vanishes.
+bool FactorLu(double* A, int n, int* pivots);
+/// x <- A⁻¹ x
+void SolveWithLu(const double* LU, int n, const int* pivots, double* x);
+
+/// Solves A x = x by A = L Lᵀ, of which only the lower triangle is read; A n x n is overwritten. False where
+/// A is not positive definite.
+bool SolveByCholesky(double* A, int n, double* x);
+
+/// A = Q R for A with rows >= columns, by Householder: R, upper triangular, in its first rows, zeros below
+/// its diagonal.
+void TriangularRoot(double* A, int rows, int columns);
+
+}  // namespace fork1s

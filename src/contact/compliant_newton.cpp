@@ -1,0 +1,189 @@
+#include "compliant_newton.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fork1s/linalg/in_place.hpp>
+
+namespace fork1s::internal {
+namespace {
+
+constexpr int kPieces = 16, kPatience = 12, kConvexIterations = 100;
+
+double Dot(const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
+  return sum;
+}
+
+}  // namespace
+
+void CompliantNewton::Reserve(int freedoms) {
+  const auto n = static_cast<std::size_t>(freedoms);
+  H_.reserve(n * n);
+  pivots_.reserve(n);
+  for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->reserve(n);
+}
+
+bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterations, int patience,
+                          int& iterations) {
+  double best = 1e300;
+  int best_at = 0;
+  const std::size_t n = d_.size();
+  rows.Evaluate(d_.data(), true);
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    if (Reached(rows, tolerance)) return true;
+    if (rows.F_norm() < 0.5 * best) {
+      best = rows.F_norm();
+      best_at = iteration;
+    } else if (iteration - best_at >= patience) {
+      return false;
+    }
+    ++iterations;
+    rows.Derivative(H_.data());
+    for (std::size_t i = 0; i < n; ++i) step_[i] = -rows.F()[i];
+    if (!FactorLu(H_.data(), static_cast<int>(n), pivots_.data())) return false;
+    SolveWithLu(H_.data(), static_cast<int>(n), pivots_.data(), step_.data());
+    const double start = Dot(step_, rows.F());
+    const auto evaluate = [&](double length, bool with_derivative) {
+      for (std::size_t i = 0; i < n; ++i) trial_[i] = d_[i] + length * step_[i];
+      rows.Evaluate(trial_.data(), with_derivative);
+      return Dot(step_, rows.F());
+    };
+    double slope = evaluate(1, true);
+    if (!Reached(rows, tolerance) && start < 0 && slope > 0.1 * std::abs(start)) {
+      // The root of s·F on the way: bracketed by regula falsi (Illinois).
+      double low = 0, f_low = start, high = 1, f_high = slope, length = 1;
+      int side = 0;
+      for (int k = 0; k < 30 && std::abs(slope) > 0.1 * std::abs(start); ++k) {
+        length = low + (high - low) * f_low / (f_low - f_high);
+        if (!(length > low && length < high)) length = 0.5 * (low + high);
+        slope = evaluate(length, false);
+        if (slope > 0) {
+          high = length;
+          f_high = slope;
+          if (side == 1) f_low *= 0.5;
+          side = 1;
+        } else {
+          low = length;
+          f_low = slope;
+          if (side == -1) f_high *= 0.5;
+          side = -1;
+        }
+      }
+      evaluate(length, true);
+    }
+    d_.swap(trial_);
+  }
+  return Reached(rows, tolerance);
+}
+
+// Newton's method on pieces, from the impulses at hand and d_. Leaves d_ at the answer, or where it was.
+bool CompliantNewton::ByPieces(CompliantRows& rows, double tolerance, int max_iterations, int& iterations) {
+  const int n = static_cast<int>(d_.size());
+  trial_ = d_;
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    ++iterations;
+    rows.TakePieces(trial_.data());
+    rows.Derivative(H_.data());
+    step_ = rows.right_side();
+    if (!FactorLu(H_.data(), n, pivots_.data())) return false;
+    SolveWithLu(H_.data(), n, pivots_.data(), step_.data());
+    trial_.swap(step_);
+    rows.Evaluate(trial_.data(), false);
+    if (Reached(rows, tolerance)) {
+      d_.swap(trial_);
+      return true;
+    }
+    if (iteration + 1 == max_iterations) break;
+    rows.ImpulsesOfPieces(trial_.data());
+  }
+  return false;
+}
+
+// Rounds of the convex problem whose friction bounds are frozen, half way to what the last one bore each.
+bool CompliantNewton::Frozen(CompliantRows& rows, int rounds, double tolerance, int& iterations) {
+  for (PointRows& point : rows.points) point.law.frozen_normal = point.impulse[0];
+  const auto set = [&](bool frozen) {
+    for (PointRows& point : rows.points) point.law.frozen_normal = frozen ? point.frozen_before : -1;
+  };
+  for (int round = 1; round <= rounds; ++round) {
+    Run(rows, 1e-4, kConvexIterations, kConvexIterations, iterations);
+    for (PointRows& point : rows.points)
+      point.frozen_before = point.law.frozen_normal = 0.5 * (point.law.frozen_normal + point.impulse[0]);
+    if (round % 3 != 0 && round != rounds) continue;
+    set(false);
+    kept_ = d_;
+    if (Run(rows, tolerance, kPatience, kPatience, iterations)) return true;
+    d_ = kept_;
+    set(round < rounds);
+  }
+  rows.Evaluate(d_.data(), false);
+  return false;
+}
+
+NewtonOutcome CompliantNewton::Solve(CompliantRows& rows, double tolerance, int max_iterations) {
+  NewtonOutcome out;
+  const auto n = static_cast<std::size_t>(rows.freedoms());
+  H_.resize(n * n);
+  pivots_.resize(n);
+  for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->assign(n, 0.0);
+  rows.Push(d_.data());
+  kept_ = d_;
+  out.converged = ByPieces(rows, tolerance, kPieces, out.iterations);
+  if (!out.converged) {
+    const int patience = kPatience + static_cast<int>(rows.points.size());
+    out.converged = Run(rows, tolerance, max_iterations, patience, out.iterations);
+    if (out.converged) Refactor(rows);
+  }
+  if (!out.converged) {
+    out.stage = 1;
+    d_ = kept_;
+    rows.Evaluate(d_.data(), false);
+    out.converged = Frozen(rows, 12, tolerance, out.iterations);
+  }
+  if (!out.converged) {
+    out.stage = 2;
+    std::fill(d_.begin(), d_.end(), 0.0);
+    rows.Evaluate(d_.data(), false);
+    for (double share : {0.1, 0.01, 0.001, 0.0}) {
+      rows.Soften(share);
+      out.converged = Frozen(rows, share > 0 ? 3 : 30, share > 0 ? 1e-2 : tolerance, out.iterations);
+    }
+  }
+  if (out.converged && out.stage > 0) Refactor(rows);
+  if (out.converged) Polish(rows);
+  // The impulses and what they do belong together.
+  rows.Push(trial_.data());
+  double F2 = 0;
+  for (std::size_t i = 0; i < n; ++i) F2 += (trial_[i] - d_[i]) * (trial_[i] - d_[i]);
+  d_.swap(trial_);
+  const double push2 = Dot(d_, d_);
+  out.residual = push2 > 0 ? std::sqrt(F2 / push2) : 0;
+  return out;
+}
+
+void CompliantNewton::Refactor(CompliantRows& rows) {
+  rows.Evaluate(d_.data(), true);
+  rows.Derivative(H_.data());
+  FactorLu(H_.data(), static_cast<int>(d_.size()), pivots_.data());
+}
+
+// Impulses λ = −w/R carry the rounding of w, R/w⁻¹ times as large as it should be. Beside the pieces that
+// they are on they need not be computed from w again: s = −H⁻¹F, d += s, λ −= D G s.
+void CompliantNewton::Polish(CompliantRows& rows) {
+  for (int round = 0; round < 3; ++round) {
+    rows.Push(step_.data());
+    double size2 = 0, F2 = 0;
+    for (std::size_t i = 0; i < d_.size(); ++i) {
+      size2 += step_[i] * step_[i];
+      step_[i] -= d_[i];
+      F2 += step_[i] * step_[i];
+    }
+    if (F2 <= 1e-30 * size2) return;
+    SolveWithLu(H_.data(), static_cast<int>(d_.size()), pivots_.data(), step_.data());
+    for (std::size_t i = 0; i < d_.size(); ++i) d_[i] += step_[i];
+    rows.MoveOnPieces(step_.data());
+  }
+}
+
+}  // namespace fork1s::internal

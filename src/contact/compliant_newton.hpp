@@ -1,0 +1,41 @@
+// Newton's method on F(d) = 0, and what helps it where it stalls.
+#pragma once
+
+#include <vector>
+
+#include "compliant_rows.hpp"
+
+namespace fork1s::internal {
+
+struct NewtonOutcome {
+  int iterations = 0;
+  int stage = 0;  // 0: warm start alone; 1: softer contact on the way; 2: frozen bounds on the way
+  bool converged = false;
+  double residual = 0;  // |F| / |Σ Gᵀλ|
+  double softness = 0;  // of the answer kept where not converged
+};
+
+class CompliantNewton {
+ public:
+  void Reserve(int freedoms);
+  /// From the impulses in `rows`. Leaves impulses of the answer there.
+  NewtonOutcome Solve(CompliantRows& rows, double tolerance, int max_iterations);
+  /// Σ Gᵀλ of the answer.
+  const std::vector<double>& change() const { return d_; }
+
+ private:
+  bool Run(CompliantRows& rows, double tolerance, int max_iterations, int patience, int& iterations);
+  bool ByPieces(CompliantRows& rows, double tolerance, int max_iterations, int& iterations);
+  bool Frozen(CompliantRows& rows, int rounds, double tolerance, int& iterations);
+  void Refactor(CompliantRows& rows);
+  void Polish(CompliantRows& rows);
+  bool Reached(const CompliantRows& rows, double tolerance) const {
+    return rows.F_norm() <= tolerance * rows.push_norm() + rows.noise();
+  }
+
+  std::vector<double> d_, trial_, step_, kept_;
+  std::vector<double> H_;
+  std::vector<int> pivots_;
+};
+
+}  // namespace fork1s::internal

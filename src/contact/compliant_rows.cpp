@@ -1,0 +1,208 @@
+#include "compliant_rows.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fork1s::internal {
+namespace {
+
+// Plain loops over freedoms, not Eigen's: where Eigen starts its packets depends on the address, and with it
+// the last bit.
+void AddProduct(const double* const* y, const Vector6& t, int n, double* __restrict out) {
+  const double *y0 = y[0], *y1 = y[1], *y2 = y[2], *y3 = y[3], *y4 = y[4], *y5 = y[5];
+  for (int i = 0; i < n; ++i)
+    out[i] += y0[i] * t[0] + y1[i] * t[1] + y2[i] * t[2] + y3[i] * t[3] + y4[i] * t[4] + y5[i] * t[5];
+}
+
+}  // namespace
+
+Vector3 CompliantRows::Speed(const PairRows& pair, const PointRows& point) const {
+  Vector3 w = point.base + point.offset;
+  if (pair.port_a >= 0) w += point.J_a.lazyProduct(ports[static_cast<std::size_t>(pair.port_a)].change);
+  if (pair.port_b >= 0) w += point.J_b.lazyProduct(ports[static_cast<std::size_t>(pair.port_b)].change);
+  return w;
+}
+
+Vector3 CompliantRows::Turning(const PairRows& pair, const PointRows& point) const {
+  Vector3 w = point.angular_base + point.angular_offset;
+  if (pair.port_a >= 0)
+    w += point.J_a.rightCols<3>() * ports[static_cast<std::size_t>(pair.port_a)].change.head<3>();
+  if (pair.port_b >= 0)
+    w += point.J_b.rightCols<3>() * ports[static_cast<std::size_t>(pair.port_b)].change.head<3>();
+  return w;
+}
+
+void CompliantRows::RespondMoments(PointRows& point, const Vector3& turning, bool with_derivative) const {
+  Matrix3 D = Matrix3::Zero();
+  Vector3 by_normal = Vector3::Zero();
+  point.moment.setZero();
+  const bool frozen = point.law.frozen_normal >= 0;
+  for (int k = 0; k < 3; ++k) {
+    const double radius = point.Radius(k);
+    if (!(radius > 0)) continue;
+    const double R = point.AngularR(k, point.law.R_t), m = -turning[k] / R;
+    const double normal = frozen ? point.law.frozen_normal : point.impulse[0], bound = radius * normal;
+    if (std::abs(m) <= bound) {
+      point.moment[k] = m;
+      if (bound > 0) D(k, k) = 1 / R;
+      continue;
+    }
+    const double side = m > 0 ? radius : -radius;
+    point.moment[k] = side * normal;
+    if (!frozen && normal > 0) by_normal[k] = side / point.law.R_n;
+  }
+  if (!with_derivative) return;
+  point.D_turn = D;
+  point.by_normal = by_normal;
+}
+
+void CompliantRows::ClearSums(bool with_derivative) {
+  for (PortRows& port : ports) {
+    port.push.setZero();
+    if (with_derivative) port.S.setZero();
+  }
+  if (!with_derivative) return;
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    S_ab_[p].setZero();
+    S_ba_[p].setZero();
+  }
+}
+
+void CompliantRows::AddPush(const PairRows& pair, const PointRows& point) {
+  const auto add = [&](int index, const Matrix36& J) {
+    if (index < 0) return;
+    PortRows& port = ports[static_cast<std::size_t>(index)];
+    port.push += J.transpose().lazyProduct(point.impulse);
+    if (point.HasMoments()) port.push.head<3>() += J.rightCols<3>().transpose() * point.moment;
+  };
+  add(pair.port_a, point.J_a);
+  add(pair.port_b, point.J_b);
+}
+
+// Sums of J_leftᵀ D J_right, and of moments, whose rows are the axes on the angular part of the twist.
+void CompliantRows::AddDerivative(std::size_t p, const PointRows& point) {
+  const PairRows& pair = pairs[p];
+  const auto add = [&](const Matrix36& left, const Matrix36& right, Matrix6& S) {
+    S += left.transpose().lazyProduct(point.D.lazyProduct(right).eval());
+    if (!point.HasMoments()) return;
+    const Matrix3 axes = left.rightCols<3>().transpose();
+    S.topLeftCorner<3, 3>() += axes * point.D_turn * right.rightCols<3>();
+    S.topRows<3>() += axes * point.by_normal * right.row(0);
+  };
+  if (pair.port_a >= 0) add(point.J_a, point.J_a, ports[static_cast<std::size_t>(pair.port_a)].S);
+  if (pair.port_b >= 0) add(point.J_b, point.J_b, ports[static_cast<std::size_t>(pair.port_b)].S);
+  if (pair.port_a < 0 || pair.port_b < 0) return;
+  add(point.J_a, point.J_b, S_ab_[p]);
+  add(point.J_b, point.J_a, S_ba_[p]);
+}
+
+void CompliantRows::Evaluate(const double* d, bool with_derivative) {
+  for (PortRows& port : ports) port.SetChange(d);
+  ClearSums(with_derivative);
+  double noise = 0;
+  Matrix3 D;
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    const PairRows& pair = pairs[p];
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      PointRows& point = points[static_cast<std::size_t>(i)];
+      if (!(point.law.R_n > 0)) {  // nothing can move it, and its material gives nothing
+        point.impulse.setZero();
+        point.moment.setZero();
+        continue;
+      }
+      point.state = Respond(point.law, Speed(pair, point), point.impulse, D, point.use);
+      if (with_derivative) point.D = D;
+      if (point.HasMoments()) RespondMoments(point, Turning(pair, point), with_derivative);
+      if (point.state == PointState::kOpen && !(point.law.frozen_normal > 0)) continue;
+      noise += point.noise * point.noise;
+      AddPush(pair, point);
+      if (with_derivative) AddDerivative(p, point);
+    }
+  }
+  for (LimitRows& limit : limits) {
+    double change = 0;
+    for (int i = 0; i < limit.freedoms; ++i) change += limit.Y[i] * d[limit.begin + i];
+    limit.impulse = 0;
+    if (with_derivative) limit.D = 0;
+    if (!(limit.R > 0)) continue;
+    const double x = -(limit.base + limit.offset + limit.sign * change) / limit.R;
+    limit.impulse = std::min(std::max(x, limit.lower), limit.upper);
+    if (with_derivative && limit.impulse == x) limit.D = 1 / limit.R;
+    if (limit.impulse == x) noise += limit.noise * limit.noise;
+  }
+  GatherPush();
+  double F2 = 0, push2 = 0;
+  for (std::size_t i = 0; i < F_.size(); ++i) {
+    F_[i] = d[i] - push_[i];
+    F2 += F_[i] * F_[i];
+    push2 += push_[i] * push_[i];
+  }
+  F_norm_ = std::sqrt(F2);
+  push_norm_ = std::sqrt(push2);
+  noise_ = std::sqrt(noise);
+}
+
+void CompliantRows::GatherPush() {
+  std::fill(push_.begin(), push_.end(), 0.0);
+  for (const PortRows& port : ports) port.AddTo(push_.data());
+  for (const LimitRows& limit : limits)
+    for (int i = 0; i < limit.freedoms; ++i)
+      push_[static_cast<std::size_t>(limit.begin + i)] += limit.sign * limit.impulse * limit.Y[i];
+}
+
+void CompliantRows::Push(double* into) {
+  ClearSums(false);
+  for (const PairRows& pair : pairs)
+    for (int i = pair.first; i < pair.first + pair.count; ++i)
+      AddPush(pair, points[static_cast<std::size_t>(i)]);
+  GatherPush();
+  std::copy(push_.begin(), push_.end(), into);
+}
+
+void CompliantRows::AddChange(const double* d, Eigen::Ref<VectorX> velocities) const {
+  for (const Freedoms& f : blocks_)
+    for (int r = 0; r < f.rows; ++r) {
+      const double* y = f.Y + static_cast<std::ptrdiff_t>(r) * f.stride;
+      double change = 0;
+      for (int i = 0; i < f.count; ++i) change += y[i] * d[f.begin + i];
+      velocities[f.offset + r] += change;
+    }
+}
+
+void CompliantRows::AddBlocks(double* H_data, double diagonal) {
+  const auto n = static_cast<std::size_t>(freedoms_);
+  std::fill_n(H_data, n * n, 0.0);
+  for (std::size_t i = 0; i < n; ++i) H_data[i * (n + 1)] = diagonal;
+  const auto add = [&](const PortRows& left, const Matrix6& S, const PortRows& right) {
+    if (S.isZero(0)) return;  // nothing touches there
+    const double* y[6];
+    for (int k = 0; k < 6; ++k) y[k] = left.Y + static_cast<std::ptrdiff_t>(k) * left.stride;
+    for (int c = 0; c < right.freedoms; ++c) {
+      Vector6 row, t;
+      for (int k = 0; k < 6; ++k) row[k] = right.Y[static_cast<std::ptrdiff_t>(k) * right.stride + c];
+      t = S.lazyProduct(row);
+      AddProduct(y, t, left.freedoms,
+                 H_data + static_cast<std::ptrdiff_t>(right.begin + c) * freedoms_ + left.begin);
+    }
+  };
+  for (const PortRows& port : ports) add(port, port.S, port);
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    if (pairs[p].port_a < 0 || pairs[p].port_b < 0) continue;
+    const PortRows& a = ports[static_cast<std::size_t>(pairs[p].port_a)];
+    const PortRows& b = ports[static_cast<std::size_t>(pairs[p].port_b)];
+    add(a, S_ab_[p], b);
+    add(b, S_ba_[p], a);
+  }
+}
+
+void CompliantRows::Derivative(double* H_data) {
+  AddBlocks(H_data, 1);
+  Eigen::Map<MatrixX> H(H_data, freedoms_, freedoms_);
+  for (const LimitRows& limit : limits)
+    if (limit.D > 0)
+      for (int c = 0; c < limit.freedoms; ++c)
+        for (int r = 0; r < limit.freedoms; ++r)
+          H(limit.begin + r, limit.begin + c) += limit.D * limit.Y[r] * limit.Y[c];
+}
+
+}  // namespace fork1s::internal

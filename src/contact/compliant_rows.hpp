@@ -1,0 +1,173 @@
+// Contacts, moments and limits of one problem as functions of d, and their sum F(d).
+//
+// A velocity block has freedoms of its own in which its implicit operator is the identity: d = Lᵀ(v − v*)
+// with A = L Lᵀ, so that a port sees v*_port + Yᵀ d, Y = L⁻¹ J_portᵀ, and with G = J Yᵀ the rows of a contact
+//     F(d) = d − Σ Gᵀ λ(u* + bias − R λ₀ + G d) = 0
+// is what the step asks for. λ₀ is what the tangents bore before, so that nothing creeps. Work is linear in
+// contacts: each adds to the 6 x 6 blocks of its two ports, which are mapped to freedoms once a port and
+// pair.
+#pragma once
+
+#include <fork1s/contact/contact_solver.hpp>
+#include <vector>
+
+#include "point_law.hpp"
+
+namespace fork1s::internal {
+
+struct PortRows {
+  const double* Y = nullptr;  // freedoms x 6
+  int stride = 0;
+  int begin = 0, freedoms = 0;       // of d
+  int row = 0;                       // in the stacked velocities
+  Vector6 change = Vector6::Zero();  // Yᵀ d
+  Vector6 push = Vector6::Zero();    // impulse on the port
+  Matrix6 S = Matrix6::Zero();       // Σ Jᵀ D J
+  Matrix6 W = Matrix6::Zero();       // Yᵀ Y
+
+  void SetChange(const double* d) {
+    for (int c = 0; c < 6; ++c) {
+      const double *y = Y + static_cast<std::ptrdiff_t>(c) * stride, *x = d + begin;
+      double sum = 0;
+      for (int i = 0; i < freedoms; ++i) sum += y[i] * x[i];
+      change[c] = sum;
+    }
+  }
+  /// sum += Y push
+  void AddTo(double* sum) const {
+    for (int c = 0; c < 6; ++c) {
+      const double* y = Y + static_cast<std::ptrdiff_t>(c) * stride;
+      double* out = sum + begin;
+      for (int i = 0; i < freedoms; ++i) out[i] += push[c] * y[i];
+    }
+  }
+};
+
+struct PointRows {
+  Matrix36 J_a = Matrix36::Zero(), J_b = Matrix36::Zero();
+  PointLaw law;                                                            // of the stage at hand
+  double R_n = 0, R_t = 0;                                                 // the material's
+  double inverse_mass = 0;                                                 // tr(G Gᵀ)/3
+  Vector3 inverse_inertia = Vector3::Zero(), angular_R = Vector3::Zero();  // about normal and tangents
+  double torsion = 0, rolling = 0;
+  Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();  // u* + bias
+  double give = 0;
+  Vector3 base = Vector3::Zero(), angular_base = Vector3::Zero();  // u* + bias − R λ₀, and of the moments
+  Vector3 offset = Vector3::Zero(), angular_offset = Vector3::Zero();  // of a softer stage
+  Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
+  PointState state = PointState::kOpen;
+  Matrix3 D = Matrix3::Zero(), D_turn = Matrix3::Zero();  // of the piece at hand
+  Vector3 by_normal = Vector3::Zero();                    // −∂m/∂w_n
+  Vector2 held = Vector2::Zero();                         // tangents of λ₀
+  double held_normal = 0, held_use = 0;
+  double use = 0;  // |y| as a share of its bound
+  bool fades = false;
+  Vector3 held_moment = Vector3::Zero();
+  double frozen_before = 0;
+  double reach = 0, least_R = 0;  // sizes before anything cancels
+  double noise = 0;               // rounding of Gᵀ λ
+
+  bool HasMoments() const { return torsion > 0 || rolling > 0; }
+  double Radius(int axis) const { return axis == 0 ? torsion : rolling; }
+  /// Rate of turning per moment, where the tangents give `tangential`.
+  double AngularR(int axis, double tangential) const { return angular_R[axis] * (tangential / R_t); }
+};
+
+/// Points of one pair of ports, one after another.
+struct PairRows {
+  int port_a = -1, port_b = -1;  // of `ports`
+  int first = 0, count = 0;
+  double R_n = 0, R_t = 0, least_R = 0;
+};
+
+struct LimitRows {
+  const double* Y = nullptr;  // freedoms
+  int begin = 0, freedoms = 0;
+  int row = 0;
+  double sign = 1, base = 0, offset = 0;
+  double material_R = 0, R = 0, inverse_mass = 0;
+  double lower = 0, upper = 0;
+  double impulse = 0, D = 0, noise = 0;
+  double constant = 0;  // of the piece at hand: λ = constant − D w
+};
+
+class CompliantRows {
+ public:
+  void Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms);
+  /// False where a number is not finite.
+  bool Prepare(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contacts,
+               const std::vector<LimitConstraint>& limits, const Eigen::Ref<const VectorX>& velocities,
+               double most_give);
+  /// The affine pieces of the law that (d, λ) are on, λ those at hand: λ = −D w. Then H d = right side is
+  /// where the pieces would lead, and `ImpulsesOfPieces` what they bear there.
+  void TakePieces(const double* d);
+  void ImpulsesOfPieces(const double* d);
+  /// λ −= D G s.
+  void MoveOnPieces(const double* s);
+  const std::vector<double>& right_side() const { return push_; }
+  /// The impulses at d and F. With `with_derivative` the pieces too that they are on, and the blocks of F's
+  /// derivative.
+  void Evaluate(const double* d, bool with_derivative);
+  /// H = ∂F/∂d of the last evaluation, which must have asked for it; freedoms x freedoms.
+  void Derivative(double* H);
+  /// Sum of Gᵀ λ over the impulses at hand.
+  void Push(double* into);
+  /// The answer's twists: velocities += Yᵀ d.
+  void AddChange(const double* d, Eigen::Ref<VectorX> velocities) const;
+  /// R' = max(R, share of the inverse mass) about the impulses at hand; share 0: the material's.
+  void Soften(double share);
+  /// Makes pairs stiffer that were pressed in too deep by the impulses at hand. False where none was.
+  bool Stiffen();
+  /// Original place of points[i].
+  int place(std::size_t i) const { return order_[i]; }
+
+  int freedoms() const { return freedoms_; }
+  /// Of the last evaluation: F, |Σ Gᵀ λ|, |F|, the rounding in it.
+  const std::vector<double>& F() const { return F_; }
+  double push_norm() const { return push_norm_; }
+  double F_norm() const { return F_norm_; }
+  double noise() const { return noise_; }
+
+  std::vector<PortRows> ports;
+  std::vector<PairRows> pairs;
+  std::vector<PointRows> points;
+  std::vector<LimitRows> limits;
+
+ private:
+  // A block in freedoms: its own, or as many as it has rows where those are fewer.
+  struct Freedoms {
+    const double* Y = nullptr;
+    int stride = 0, begin = 0, count = 0;
+    int offset = 0, rows = 0;  // in the stacked velocities
+  };
+  void LayOutBlocks(const std::vector<VelocityBlock>& blocks, int num_velocities);
+  int PortAt(const std::vector<VelocityBlock>& blocks, int row);
+  bool PreparePoint(const ContactConstraint& in, const PairRows& pair, PointRows& out,
+                    const Eigen::Ref<const VectorX>& velocities) const;
+  bool PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in, LimitRows& out,
+                    const Eigen::Ref<const VectorX>& velocities) const;
+  void RespondMoments(PointRows& point, const Vector3& turning, bool with_derivative) const;
+  Vector3 Speed(const PairRows& pair, const PointRows& point) const;
+  Vector3 Turning(const PairRows& pair, const PointRows& point) const;
+  void ClearSums(bool with_derivative);
+  void AddPush(const PairRows& pair, const PointRows& point);
+  void AddDerivative(std::size_t pair, const PointRows& point);
+  void TakePiece(PointRows& point, const Vector3& w, const Vector3& turning) const;
+  void SetGive(PairRows& pair, double most_give);
+  void ApplyGive(const PairRows& pair);
+  void FadeSqueeze();
+  void GatherPush();
+  /// diagonal + Σ Y S Yᵀ
+  void AddBlocks(double* H, double diagonal);
+
+  int freedoms_ = 0;
+  double push_norm_ = 0, F_norm_ = 0, noise_ = 0;
+  std::vector<int> block_of_, port_of_, order_;
+  std::vector<Freedoms> blocks_;
+  std::vector<double> storage_;       // Y of blocks with fewer rows than freedoms
+  std::vector<Matrix6> S_ab_, S_ba_;  // a pair
+  std::vector<double> push_, F_;
+  std::vector<double> squeeze_H_, squeeze_;
+};
+
+}  // namespace fork1s::internal

@@ -1,0 +1,137 @@
+// Coulomb's law by its pieces.
+//
+// With λ beside d a second unknown, g = w + R λ what the material of a point has not taken yet, and y = λ − ρ
+// g for any ρ > 0, the law is λ = Π(y), the projection on the cone's section at µ max(0, y_n). Newton's step
+// on that takes each point as the piece that y is on,
+//     open λ = 0,   sticking λ = −w/R,   sliding, e = y_t/|y_t|, β = µ y_n/|y_t|, κ = β ρ/(1 − β (1 − ρ R)):
+//     λ_n = −w_n/R_n,   λ_t = µ λ_n e − κ (1 − e eᵀ) w_t
+// so λ = −D w, and (1 + Σ GᵀDG) d = −Σ GᵀD w(0). ρ = 1/R is Newton's method in d alone, to which every point
+// that moves by more than its depth is another piece; ρ of the size of the mass at the point sees pieces as
+// forces do, and needs no line search near an answer.
+#include <algorithm>
+#include <cmath>
+
+#include "compliant_rows.hpp"
+
+namespace fork1s::internal {
+
+void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3& turning) const {
+  const double R_n = point.law.R_n, R_t = point.law.R_t, friction = point.law.friction;
+  point.D.setZero();
+  point.D_turn.setZero();
+  point.by_normal.setZero();
+  point.state = PointState::kOpen;
+  if (!(R_n > 0)) return;
+  const double rho = 1 / (point.inverse_mass + R_n);
+  const double y_n = point.impulse[0] - rho * (w[0] + R_n * point.impulse[0]);
+  if (!(y_n > 0)) return;
+  point.D(0, 0) = 1 / R_n;
+  const double rho_t = 1 / (point.inverse_mass + R_t);
+  const Vector2 y = point.impulse.tail<2>() - rho_t * (w.tail<2>() + R_t * point.impulse.tail<2>());
+  const double size = y.norm(), bound = friction * y_n;
+  // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for
+  // ever.
+  if (size <= bound || y.dot(point.impulse.tail<2>()) < 0) {
+    point.state = PointState::kSticking;
+    point.D(1, 1) = point.D(2, 2) = 1 / R_t;
+  } else {
+    point.state = PointState::kSliding;
+    const Vector2 e = y / size;
+    const double beta = bound / size, kappa = beta * rho_t / (1 - beta * (1 - rho_t * R_t));
+    point.D.block<2, 1>(1, 0) = friction / R_n * e;
+    point.D.bottomRightCorner<2, 2>() = kappa * (Eigen::Matrix2d::Identity() - e * e.transpose());
+  }
+  if (!point.HasMoments()) return;
+  for (int k = 0; k < 3; ++k) {
+    const double radius = point.Radius(k);
+    if (!(radius > 0)) continue;
+    const double R = point.AngularR(k, R_t), rho_m = 1 / (point.inverse_inertia[k] + R);
+    const double m = point.moment[k] - rho_m * (turning[k] + R * point.moment[k]);
+    if (std::abs(m) <= radius * y_n)
+      point.D_turn(k, k) = 1 / R;
+    else
+      point.by_normal[k] = (m > 0 ? radius : -radius) / R_n;
+  }
+}
+
+void CompliantRows::TakePieces(const double* d) {
+  for (PortRows& port : ports) port.SetChange(d);
+  ClearSums(true);
+  for (std::size_t p = 0; p < pairs.size(); ++p)
+    for (int i = pairs[p].first; i < pairs[p].first + pairs[p].count; ++i) {
+      PointRows& point = points[static_cast<std::size_t>(i)];
+      const bool moments = point.HasMoments();
+      TakePiece(point, Speed(pairs[p], point), moments ? Turning(pairs[p], point) : Vector3::Zero());
+      const Vector3 impulse = point.impulse, moment = point.moment;
+      // What the piece bears at d = 0.
+      const Vector3 w = point.base + point.offset;
+      point.impulse = -point.D * w;
+      if (moments)
+        point.moment = -point.D_turn * (point.angular_base + point.angular_offset) - point.by_normal * w[0];
+      if (point.state != PointState::kOpen) {
+        AddPush(pairs[p], point);
+        AddDerivative(p, point);
+      }
+      point.impulse = impulse;
+      point.moment = moment;
+    }
+  for (LimitRows& limit : limits) {
+    double w = limit.base + limit.offset;
+    const double at_rest = w;
+    for (int i = 0; i < limit.freedoms; ++i) w += limit.sign * limit.Y[i] * d[limit.begin + i];
+    limit.D = limit.constant = 0;
+    const double impulse = limit.impulse;
+    if (limit.R > 0) {
+      const double y = impulse - (w + limit.R * impulse) / (limit.inverse_mass + limit.R);
+      if (y > limit.lower && y < limit.upper)
+        limit.D = 1 / limit.R;
+      else
+        limit.constant = y > limit.lower ? limit.upper : limit.lower;
+    }
+    limit.impulse = limit.constant - limit.D * at_rest;
+  }
+  GatherPush();
+}
+
+void CompliantRows::ImpulsesOfPieces(const double* d) {
+  for (PortRows& port : ports) port.SetChange(d);
+  for (const PairRows& pair : pairs)
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      PointRows& point = points[static_cast<std::size_t>(i)];
+      const Vector3 w = Speed(pair, point);
+      point.impulse = -point.D * w;
+      if (point.HasMoments()) point.moment = -point.D_turn * Turning(pair, point) - point.by_normal * w[0];
+    }
+  for (LimitRows& limit : limits) {
+    double w = limit.base + limit.offset;
+    for (int i = 0; i < limit.freedoms; ++i) w += limit.sign * limit.Y[i] * d[limit.begin + i];
+    limit.impulse = limit.constant - limit.D * w;
+  }
+}
+
+void CompliantRows::MoveOnPieces(const double* s) {
+  for (PortRows& port : ports) port.SetChange(s);
+  for (const PairRows& pair : pairs)
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      PointRows& point = points[static_cast<std::size_t>(i)];
+      if (point.state == PointState::kOpen) continue;
+      Vector3 w = Vector3::Zero(), turning = Vector3::Zero();
+      const auto add = [&](int index, const Matrix36& J) {
+        if (index < 0) return;
+        const Vector6& change = ports[static_cast<std::size_t>(index)].change;
+        w += J.lazyProduct(change);
+        if (point.HasMoments()) turning += J.rightCols<3>() * change.head<3>();
+      };
+      add(pair.port_a, point.J_a);
+      add(pair.port_b, point.J_b);
+      point.impulse -= point.D * w;
+      if (point.HasMoments()) point.moment -= point.D_turn * turning + point.by_normal * w[0];
+    }
+  for (LimitRows& limit : limits) {
+    double w = 0;
+    for (int i = 0; i < limit.freedoms; ++i) w += limit.sign * limit.Y[i] * s[limit.begin + i];
+    limit.impulse -= limit.D * w;
+  }
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,305 @@
+// The rows of a problem: blocks in freedoms, ports, points in order of their pairs, what each gives.
+#include <algorithm>
+#include <cmath>
+#include <fork1s/base/error.hpp>
+#include <fork1s/linalg/in_place.hpp>
+#include <limits>
+#include <numeric>
+#include <tuple>
+
+#include "compliant_rows.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+constexpr double kRounding = std::numeric_limits<double>::epsilon();
+// Of the inverse mass at a contact, before anything in it cancels: what a contact gives at least, so that
+// hard ones (R = 0) have one answer. Impulses λ = -w/R are found to rounding over this, 2e-5, before they are
+// polished.
+constexpr double kLeastGive = 1e-11;
+
+bool Finite(double sum) { return std::isfinite(sum); }
+
+}  // namespace
+
+void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms) {
+  const auto contacts = static_cast<std::size_t>(num_contacts),
+             velocities = static_cast<std::size_t>(num_velocities);
+  ports.reserve(velocities / 6 + 1);
+  pairs.reserve(contacts);
+  points.reserve(contacts);
+  limits.reserve(static_cast<std::size_t>(num_limits));
+  block_of_.reserve(velocities);
+  port_of_.reserve(velocities);
+  order_.reserve(contacts);
+  blocks_.reserve(velocities);
+  S_ab_.reserve(contacts);
+  S_ba_.reserve(contacts);
+  push_.reserve(velocities);
+  F_.reserve(velocities);
+  squeeze_.reserve(velocities);
+  squeeze_H_.reserve(velocities * velocities);
+  storage_.reserve(velocities * static_cast<std::size_t>(num_freedoms));
+}
+
+void CompliantRows::LayOutBlocks(const std::vector<VelocityBlock>& blocks, int num_velocities) {
+  block_of_.assign(static_cast<std::size_t>(num_velocities), -1);
+  port_of_.assign(static_cast<std::size_t>(num_velocities), -1);
+  blocks_.resize(blocks.size());
+  std::size_t room = 0;
+  for (const VelocityBlock& block : blocks)
+    if (block.freedoms > block.size)
+      room += static_cast<std::size_t>(block.freedoms) * static_cast<std::size_t>(block.size);
+  storage_.resize(room);
+  room = 0;
+  freedoms_ = 0;
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    const VelocityBlock& block = blocks[b];
+    FORK1S_REQUIRE(block.offset >= 0 && block.offset + block.size <= num_velocities, b);
+    std::fill_n(block_of_.begin() + block.offset, block.size, static_cast<int>(b));
+    Freedoms& f = blocks_[b];
+    f = {block.Y, block.stride, freedoms_, block.freedoms, block.offset, block.size};
+    if (block.freedoms > block.size) {
+      // Ports move by no more than their rows can tell apart: Y = Q R, and R takes the place of Y.
+      double* R = storage_.data() + room;
+      for (int c = 0; c < block.size; ++c)
+        std::copy_n(block.Y + static_cast<std::ptrdiff_t>(c) * block.stride, block.freedoms,
+                    R + static_cast<std::ptrdiff_t>(c) * block.freedoms);
+      TriangularRoot(R, block.freedoms, block.size);
+      f = {R, block.freedoms, freedoms_, block.size, block.offset, block.size};
+      room += static_cast<std::size_t>(block.freedoms) * static_cast<std::size_t>(block.size);
+    }
+    freedoms_ += f.count;
+  }
+}
+
+int CompliantRows::PortAt(const std::vector<VelocityBlock>& blocks, int row) {
+  if (row < 0) return -1;
+  FORK1S_REQUIRE(row + 6 <= static_cast<int>(block_of_.size()), row);
+  int& known = port_of_[static_cast<std::size_t>(row)];
+  if (known >= 0) return known;
+  const int b = block_of_[static_cast<std::size_t>(row)];
+  FORK1S_REQUIRE(b >= 0, row);
+  const VelocityBlock& block = blocks[static_cast<std::size_t>(b)];
+  FORK1S_REQUIRE(row + 6 <= block.offset + block.size, row, block.offset, block.size);
+  const Freedoms& f = blocks_[static_cast<std::size_t>(b)];
+  known = static_cast<int>(ports.size());
+  PortRows& port = ports.emplace_back();
+  port.Y = f.Y + static_cast<std::ptrdiff_t>(row - block.offset) * f.stride;
+  port.stride = f.stride;
+  port.begin = f.begin;
+  port.freedoms = f.count;
+  port.row = row;
+  // Freedoms before those of a finger do not move it.
+  const auto moves = [&](int i) {
+    for (int c = 0; c < 6; ++c)
+      if (port.Y[static_cast<std::ptrdiff_t>(c) * port.stride + i] != 0) return true;
+    return false;
+  };
+  while (port.freedoms > 0 && !moves(port.freedoms - 1)) --port.freedoms;
+  while (port.freedoms > 0 && !moves(0)) {
+    ++port.Y;
+    ++port.begin;
+    --port.freedoms;
+  }
+  for (int c = 0; c < 6; ++c)
+    for (int r = 0; r <= c; ++r) {
+      double sum = 0;
+      for (int i = 0; i < port.freedoms; ++i)
+        sum += port.Y[static_cast<std::ptrdiff_t>(r) * port.stride + i] *
+               port.Y[static_cast<std::ptrdiff_t>(c) * port.stride + i];
+      port.W(r, c) = port.W(c, r) = sum;
+    }
+  return known;
+}
+
+bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pair, PointRows& out,
+                                 const Eigen::Ref<const VectorX>& velocities) const {
+  out.law.frozen_normal = -1;
+  out.offset.setZero();
+  out.angular_offset.setZero();
+  out.state = PointState::kOpen;
+  out.J_a = in.J_a;
+  out.J_b = in.J_b;
+  Vector3 u = in.bias, turning = Vector3::Zero();
+  out.inverse_inertia.setZero();
+  double trace = 0, natural = 0, reach = u.cwiseAbs().sum();
+  const auto side = [&](int index, const Matrix36& J) {
+    if (index < 0) return;
+    const PortRows& port = ports[static_cast<std::size_t>(index)];
+    const auto V = velocities.segment<6>(port.row);
+    const Vector3 part = J * V;
+    u += part;
+    turning += J.rightCols<3>() * V.head<3>();
+    reach += part.cwiseAbs().sum();
+    trace += J.lazyProduct(port.W).cwiseProduct(J).sum();
+    if (in.torsion > 0 || in.rolling > 0)
+      out.inverse_inertia +=
+          (J.rightCols<3>() * port.W.topLeftCorner<3, 3>()).cwiseProduct(J.rightCols<3>()).rowwise().sum();
+    natural += J.cwiseAbs2().colwise().sum().dot(port.W.diagonal());
+  };
+  side(pair.port_a, in.J_a);
+  side(pair.port_b, in.J_b);
+  if (!Finite(u.sum() + trace + in.held.sum() + in.held_moment.sum() + in.friction + in.torsion + in.rolling +
+              in.compliance_normal + in.compliance_tangent + in.impulse.sum() + in.moment.sum()))
+    return false;
+  out.inverse_mass = trace / 3;
+  out.least_R = kLeastGive * natural / 3;
+  out.reach = reach;
+  out.law.friction = std::max(0.0, in.friction);
+  out.torsion = std::max(0.0, in.torsion);
+  out.rolling = std::max(0.0, in.rolling);
+  out.R_n = in.compliance_normal;
+  out.R_t = in.compliance_tangent;
+  out.start = u;
+  out.start_turning = turning;
+  out.give = in.give;
+  out.held = in.held.tail<2>();
+  out.held_normal = in.held[0];
+  out.held_use = in.held_use;
+  out.held_moment = in.held_moment;
+  out.impulse = in.impulse;
+  out.moment = in.moment;
+  return true;
+}
+
+// Points of a pair are of one material: they give alike.
+void CompliantRows::SetGive(PairRows& pair, double most_give) {
+  pair.R_n = pair.R_t = std::numeric_limits<double>::infinity();
+  pair.least_R = 0;
+  for (int i = pair.first; i < pair.first + pair.count; ++i) {
+    PointRows& point = points[static_cast<std::size_t>(i)];
+    double stiffer = std::min(1.0, most_give * point.inverse_mass / point.R_n);
+    if (point.held_normal > 0) stiffer = std::min(stiffer, point.give / (point.held_normal * point.R_n));
+    pair.R_n = std::min(pair.R_n, stiffer * point.R_n);
+    pair.R_t = std::min(pair.R_t, stiffer * point.R_t);
+    pair.least_R = std::max(pair.least_R, point.least_R);
+    // Turning gives what the tangents do at a distance of the patch's size.
+    for (int k = 0; k < 3; ++k)
+      if (const double radius = point.Radius(k); radius > 0)
+        point.angular_R[k] =
+            std::max(std::min(point.R_t / (radius * radius), most_give * point.inverse_inertia[k]),
+                     kLeastGive * point.inverse_inertia[k]);
+  }
+}
+
+// Rows with what the material gives, and with what tangents and moments bore before: it stays while nothing
+// moves.
+void CompliantRows::ApplyGive(const PairRows& pair) {
+  const double R_n = std::max(pair.R_n, pair.least_R), R_t = std::max(pair.R_t, pair.least_R);
+  for (int i = pair.first; i < pair.first + pair.count; ++i) {
+    PointRows& point = points[static_cast<std::size_t>(i)];
+    point.law.R_n = point.R_n = R_n;
+    point.law.R_t = point.R_t = R_t;
+    point.noise = kRounding * std::sqrt(3 * point.inverse_mass) * point.reach / R_n;
+    point.base = point.start;
+    point.base.tail<2>() -= R_t * point.held;
+    point.angular_base = point.start_turning - point.angular_R.cwiseProduct(point.held_moment);
+  }
+}
+
+bool CompliantRows::Stiffen() {
+  // Twice the depth is let pass: of what comes in one step the next one takes note.
+  constexpr double kLetPass = 2;
+  bool any = false;
+  for (PairRows& pair : pairs) {
+    double share = 1;
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      const PointRows& point = points[static_cast<std::size_t>(i)];
+      const double given = point.impulse[0] * point.R_n;
+      if (given > kLetPass * point.give) share = std::min(share, point.give / given);
+    }
+    if (share == 1 || pair.R_n * share < pair.least_R) continue;
+    pair.R_n *= share;
+    pair.R_t *= share;
+    ApplyGive(pair);
+    any = true;
+  }
+  return any;
+}
+
+bool CompliantRows::PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in,
+                                 LimitRows& out, const Eigen::Ref<const VectorX>& velocities) const {
+  FORK1S_REQUIRE(in.row >= 0 && in.row < static_cast<int>(block_of_.size()), in.row);
+  const int b = block_of_[static_cast<std::size_t>(in.row)];
+  FORK1S_REQUIRE(b >= 0, in.row);
+  const Freedoms& f = blocks_[static_cast<std::size_t>(b)];
+  out = LimitRows{};
+  out.Y = f.Y + static_cast<std::ptrdiff_t>(in.row - blocks[static_cast<std::size_t>(b)].offset) * f.stride;
+  out.begin = f.begin;
+  out.freedoms = f.count;
+  out.row = in.row;
+  out.sign = in.sign;
+  for (int i = 0; i < f.count; ++i) out.inverse_mass += out.Y[i] * out.Y[i];
+  out.R = out.material_R = std::max(in.compliance, kLeastGive * out.inverse_mass);
+  out.base = in.sign * velocities[in.row] + in.bias - out.R * in.held;
+  out.lower = in.lower;
+  out.upper = in.upper;
+  out.impulse = in.impulse;
+  out.noise =
+      kRounding * std::sqrt(out.inverse_mass) * (std::abs(velocities[in.row]) + std::abs(in.bias)) / out.R;
+  return Finite(out.base + in.impulse + out.inverse_mass) && !std::isnan(in.lower + in.upper);
+}
+
+bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
+                            const std::vector<ContactConstraint>& contacts,
+                            const std::vector<LimitConstraint>& limit_rows,
+                            const Eigen::Ref<const VectorX>& velocities, double most_give) {
+  LayOutBlocks(blocks, static_cast<int>(velocities.size()));
+  ports.clear();
+  pairs.clear();
+  points.resize(contacts.size());
+  limits.resize(limit_rows.size());
+  order_.resize(contacts.size());
+  std::iota(order_.begin(), order_.end(), 0);
+  const auto key = [&](int i) {
+    const ContactConstraint& c = contacts[static_cast<std::size_t>(i)];
+    return std::tuple(c.port_a, c.port_b, i);
+  };
+  const auto earlier = [&](int i, int j) { return key(i) < key(j); };
+  if (!std::is_sorted(order_.begin(), order_.end(), earlier))
+    std::sort(order_.begin(), order_.end(), earlier);
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    const ContactConstraint& c = contacts[static_cast<std::size_t>(order_[i])];
+    if (i == 0 || c.port_a != contacts[static_cast<std::size_t>(order_[i - 1])].port_a ||
+        c.port_b != contacts[static_cast<std::size_t>(order_[i - 1])].port_b) {
+      PairRows& pair = pairs.emplace_back();
+      pair.port_a = PortAt(blocks, c.port_a);
+      pair.port_b = PortAt(blocks, c.port_b);
+      pair.first = static_cast<int>(i);
+    }
+    ++pairs.back().count;
+    if (!PreparePoint(c, pairs.back(), points[i], velocities)) return false;
+  }
+  for (PairRows& pair : pairs) SetGive(pair, most_give);
+  for (std::size_t i = 0; i < limit_rows.size(); ++i)
+    if (!PrepareLimit(blocks, limit_rows[i], limits[i], velocities)) return false;
+  S_ab_.resize(pairs.size());
+  S_ba_.resize(pairs.size());
+  push_.resize(static_cast<std::size_t>(freedoms_));
+  F_.resize(static_cast<std::size_t>(freedoms_));
+  FadeSqueeze();
+  for (const PairRows& pair : pairs) ApplyGive(pair);
+  return true;
+}
+
+void CompliantRows::Soften(double share) {
+  for (PointRows& point : points) {
+    const double least = share * point.inverse_mass;
+    point.law.R_n = std::max(point.R_n, least);
+    point.law.R_t = std::max(point.R_t, least);
+    point.offset = -Vector3(point.law.R_n - point.R_n, point.law.R_t - point.R_t, point.law.R_t - point.R_t)
+                        .cwiseProduct(point.impulse);
+    if (point.HasMoments())
+      for (int k = 0; k < 3; ++k)
+        if (point.Radius(k) > 0)
+          point.angular_offset[k] =
+              -(point.AngularR(k, point.law.R_t) - point.AngularR(k, point.R_t)) * point.moment[k];
+  }
+  for (LimitRows& limit : limits) {
+    limit.R = std::max(limit.material_R, share * limit.inverse_mass);
+    limit.offset = -(limit.R - limit.material_R) * limit.impulse;
+  }
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,98 @@
+// What sticking points bear against each other.
+//
+// Memory keeps tangential impulses as they first came, two fingertips that pull at one object in opposite
+// directions among them. Of all tangential impulses with the same effect Σ G_tᵀλ_t, the least in the metric
+// of what friction each could bear, M = µ λ_n, is
+//     (Σ G_tᵀ M G_t + ε) y = Σ G_tᵀ λ_t,   λ_t' = M G_t y
+// and λ_t goes there as far as cones allow. ε keeps the sum definite where points push in few directions.
+#include <algorithm>
+#include <cmath>
+#include <fork1s/linalg/in_place.hpp>
+
+#include "compliant_rows.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+constexpr double kProximal = 1e-12;  // of the mean eigenvalue
+constexpr double kInside = 0.95;     // of the cone: what fades brings no point to slide
+
+/// Largest share of the way from `from` to `to` that stays within `bound`, or within |from| where that is
+/// more.
+double ShareWithin(const Vector2& from, const Vector2& to, double bound) {
+  const double limit2 = std::max(bound * bound, from.squaredNorm());
+  if (to.squaredNorm() <= limit2) return 1;
+  const Vector2 way = to - from;
+  const double a = way.squaredNorm(), b = from.dot(way), c = from.squaredNorm() - limit2;
+  return std::clamp((-b + std::sqrt(std::max(0.0, b * b - a * c))) / a, 0.0, 1.0);
+}
+
+}  // namespace
+
+void CompliantRows::FadeSqueeze() {
+  const auto n = static_cast<std::size_t>(freedoms_);
+  int sticking = 0;
+  for (PointRows& point : points) {
+    const double bound = point.law.friction * point.held_normal;
+    point.fades = bound > 0 && point.held_use < 1 / kInside;
+    sticking += point.fades ? 1 : 0;
+  }
+  if (sticking < 2) return;
+  for (PortRows& port : ports) {
+    port.S.setZero();
+    port.push.setZero();
+  }
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    S_ab_[p].setZero();
+    S_ba_[p].setZero();
+    for (int i = pairs[p].first; i < pairs[p].first + pairs[p].count; ++i) {
+      const PointRows& point = points[static_cast<std::size_t>(i)];
+      if (!point.fades) continue;
+      const double M = point.law.friction * point.held_normal;
+      const auto a = point.J_a.bottomRows<2>(), b = point.J_b.bottomRows<2>();
+      if (pairs[p].port_a >= 0) {
+        PortRows& port = ports[static_cast<std::size_t>(pairs[p].port_a)];
+        port.S += M * a.transpose().lazyProduct(a);
+        port.push += a.transpose() * point.held;
+      }
+      if (pairs[p].port_b >= 0) {
+        PortRows& port = ports[static_cast<std::size_t>(pairs[p].port_b)];
+        port.S += M * b.transpose().lazyProduct(b);
+        port.push += b.transpose() * point.held;
+      }
+      if (pairs[p].port_a >= 0 && pairs[p].port_b >= 0) S_ab_[p] += M * a.transpose().lazyProduct(b);
+    }
+    S_ba_[p] = S_ab_[p].transpose();
+  }
+  squeeze_H_.resize(n * n);
+  squeeze_.resize(n);
+  AddBlocks(squeeze_H_.data(), 0);
+  double trace = 0;
+  for (std::size_t i = 0; i < n; ++i) trace += squeeze_H_[i * (n + 1)];
+  if (!(trace > 0)) return;
+  for (std::size_t i = 0; i < n; ++i) squeeze_H_[i * (n + 1)] += kProximal * trace / static_cast<double>(n);
+  std::fill(squeeze_.begin(), squeeze_.end(), 0.0);
+  for (const PortRows& port : ports) port.AddTo(squeeze_.data());
+  if (!SolveByCholesky(squeeze_H_.data(), freedoms_, squeeze_.data())) return;
+  for (PortRows& port : ports) port.SetChange(squeeze_.data());
+  double share = 1;
+  for (int pass = 0; pass < 2; ++pass)
+    for (const PairRows& pair : pairs)
+      for (int i = pair.first; i < pair.first + pair.count; ++i) {
+        PointRows& point = points[static_cast<std::size_t>(i)];
+        if (!point.fades) continue;
+        Vector2 y = Vector2::Zero();
+        if (pair.port_a >= 0)
+          y += point.J_a.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_a)].change;
+        if (pair.port_b >= 0)
+          y += point.J_b.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_b)].change;
+        const double M = point.law.friction * point.held_normal;
+        if (pass == 0)
+          share = std::min(share, ShareWithin(point.held, M * y, kInside * M));
+        else
+          point.held += share * (M * y - point.held);
+        if (pass == 1) point.impulse.tail<2>() = point.held;
+      }
+}
+
+}  // namespace fork1s::internal
