@@ -158,13 +158,11 @@ void MechanismDynamics::PredictTheta(double h) {
   f_wrench_.setZero();
   base_wrench_.setZero();
   if (state_.has_wrenches) {
-    Matrix6X& F = F_;
-    F.setZero();
     for (int b = 0; b < mechanism().num_bodies(); ++b)
-      F.col(b) = AdjointTransposeApply(state_.reduced.X_WR, state_.wrenches_W.col(b));
-    base_wrench_ = F.rowwise().sum();
+      F_.col(b) = AdjointTransposeApply(state_.reduced.X_WR, state_.wrenches_W.col(b));
+    base_wrench_ = F_.rowwise().sum();
     tau_.setZero();
-    AccumulateGeneralizedForce(mechanism(), configuration_.kinematics.S, F, tau_);
+    AccumulateGeneralizedForce(mechanism(), configuration_.kinematics.S, F_, tau_);
     if (r > 0) f_wrench_.noalias() = Q_now().transpose() * tau_;
     state_.wrenches_W.setZero();
     state_.has_wrenches = false;
@@ -194,20 +192,13 @@ void MechanismDynamics::SolveFreeTheta(double h) {
     rhs += h * f_z_;
     // f at z + h Th w̄ from f at the pose half way.
     f_used_ = z_before_ - state_.reduced.z;
-    rhs -= h * model().K_r.cwiseProduct(f_used_);
+    SpringPull(f_used_, f_turn_);
+    rhs += h * f_turn_;
     f_turn_ = u_.tail(r) - w_start_;
     rhs.noalias() -= (h * h) * (rule.K_Th_rest * w_start_);
     rhs.noalias() -= (h * h) * (rule.K_Th2 * f_turn_);
     rhs.noalias() -= h * (rule.D_start * w_start_);
     rhs.noalias() -= h * (rule.D_end * f_turn_);
-    for (std::size_t k = 0; k < state_.at_bound.size(); ++k) {
-      if (state_.at_bound[k] == 0) continue;
-      const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
-      double stretch = 0;
-      for (const auto& [i, c] : limit.terms) stretch += c * model().Q.row(i).dot(f_used_);
-      for (const auto& [i, c] : limit.terms)
-        rhs += (h * limit.stiffness * stretch * c) * model().Q.row(i).transpose();
-    }
     if (all_at_end_) TakeBoundedSpringsOut(h);
   }
   SolveOrFail(factor_, A_, x_);
@@ -299,7 +290,7 @@ void MechanismDynamics::IntegrateTheta(double h) {
     AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
   }
   GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
-  q_dot_ = q_dot_start_;
+  q_dot_ = q_dot_start_;  // ClosureForces takes the rate of joint rates from it
   TakeVelocityAtEnd(work);
 }
 

@@ -1,3 +1,4 @@
+#include <bit>
 #include <cmath>
 #include <fork1s/record/recording.hpp>
 #include <optional>
@@ -28,13 +29,16 @@ Expected<void> CheckKeyframe(const RecordingHeader& h) {
   return {};
 }
 
+// 0 and -0 are two inputs.
+std::uint64_t Bits(double value) { return std::bit_cast<std::uint64_t>(value); }
+
 // Goes on from `result`.
 Expected<void> ReplaySteps(const Recording& recording, Simulation& simulation, ReplayResult& result) {
   for (int i = 0; i < recording.num_steps(); ++i) {
     const VectorX controls = recording.Controls(i);
     // Only what changed: an initial value may lie outside the limits to which a new value is moved.
     for (int k = 0; k < controls.size(); ++k)
-      if (controls(k) != simulation.controls()(k)) simulation.SetControl(k, controls(k));
+      if (Bits(controls(k)) != Bits(simulation.controls()(k))) simulation.SetControl(k, controls(k));
     if (auto set = simulation.SetFidelity(recording.FidelityOf(i)); !set) return set;
     ApplyWrenches(recording.Wrenches(i), simulation);
     simulation.Step();

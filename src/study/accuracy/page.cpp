@@ -308,7 +308,7 @@ std::string EstimatesSection(const AccuracyResults& r) {
   }
   return out + R"(
 These motions are ones that the estimate was tried on while it was made. `tests/study/error_estimate_test.cpp` holds 95 % on ten
-random mechanisms that it had not seen, trees and loops, fixed and floating, under either integrator (98.7 % and 98.0 % when written).
+random mechanisms that it had not seen, trees and loops, fixed and floating, under either integrator.
 What it cannot know shows on the firemen: once the bunny has bounced, the true one comes down at another time, and
 the sheet that it misses or meets by then is no small error of the sheet that was simulated. There the bunny's own error is above 10 %
 of its way, and `run` says so.

@@ -93,6 +93,7 @@ export function launch(): Promise<Browser> {
 /** Opens a page and fails the test on any error in it. */
 export async function open(browser: Browser, address: string): Promise<Page> {
   const page = await browser.newPage({ viewport: { width: 480, height: 320 } });
+  page.setDefaultTimeout(120_000); // a page drawn in software beside other work loads in 30 s or not: no test is about that
   page.on('pageerror', (error) => {
     throw error;
   });
