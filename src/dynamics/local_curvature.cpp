@@ -6,7 +6,7 @@ namespace fork1s {
 namespace {
 
 constexpr double kSharp = 1e6;  // 1/m
-// Points stand midway between two surfaces that overlap by the slop of 0.1 mm.
+// Points stand midway between two surfaces that overlap, by 10 µm at rest, by more while something lands.
 constexpr double kOnEdge = 2e-4;  // m
 
 struct AtPoint {

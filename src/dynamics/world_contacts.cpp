@@ -270,7 +270,7 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
     }
     // Half way stands what half a step of the old velocity has made of the gap that the start had.
     if (middle_) p.gap -= 0.5 * h * speed(0);
-    SetMaterial(options.material, p.gap, h, h, c);
+    SetMaterial(options.material, p.gap, h, c);
     if (match_[i] < 0) continue;
     const auto k = static_cast<std::size_t>(match_[i]);
     const ContactRecord& before = previous_[k];
@@ -297,8 +297,8 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
         limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
         limit.sign = upper ? -1 : 1;
         const double moved = middle_ ? 0.5 * h * m.LengthRate(stop.terms) : 0;
-        limit.bias = StopBias(options.material,
-                              upper ? stop.upper - length + moved : length - moved - stop.lower, h, h);
+        limit.bias =
+            StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
         limit.impulse = mechanism_blocks_[i].limit_impulses[at];
         limits_.push_back(limit);
       }

@@ -119,7 +119,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     side(p.body_a, -1, c.port_a, c.J_a);
     side(p.body_b, 1, c.port_b, c.J_b);
     const Past* past = FindPast(p);
-    SetMaterial(options.material, p.gap, h, h, c);
+    SetMaterial(options.material, p.gap, h, c);
     if (past) {
       c.held = c.impulse = p.frame * (past->point.frame.transpose() * past->impulse);
       c.held_use = past->use;
@@ -139,7 +139,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
       LimitConstraint limit;
       limit.row = blocks_[i].offset + 6 * static_cast<int>(blocks_[i].ports.size()) + static_cast<int>(k);
       limit.sign = upper ? -1 : 1;
-      limit.bias = StopBias(options.material, upper ? stop.upper - length : length - stop.lower, h, h);
+      limit.bias = StopBias(options.material, upper ? stop.upper - length : length - stop.lower, h);
       limit.impulse = blocks_[i].limit_impulses[static_cast<std::size_t>(at)];
       limits_.push_back(limit);
     }

