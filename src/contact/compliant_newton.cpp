@@ -100,6 +100,15 @@ bool CompliantNewton::ByPieces(CompliantRows& rows, double tolerance, int max_it
   return false;
 }
 
+// From the answer without friction, a convex problem, along the path of answers.
+bool CompliantNewton::ByPath(CompliantRows& rows, double tolerance, int& iterations) {
+  std::fill(d_.begin(), d_.end(), 0.0);
+  rows.SetFrictionShare(0);
+  const bool started = Run(rows, tolerance, kConvexIterations, kConvexIterations, iterations);
+  rows.SetFrictionShare(1);
+  return started && path_.Follow(rows, d_, tolerance, iterations);
+}
+
 // Rounds of the convex problem whose friction bounds are frozen, half way to what the last one bore each.
 bool CompliantNewton::Frozen(CompliantRows& rows, int rounds, double tolerance, int& iterations) {
   for (PointRows& point : rows.points) point.law.frozen_normal = point.impulse[0];
@@ -148,6 +157,18 @@ NewtonOutcome CompliantNewton::Solve(CompliantRows& rows, double tolerance, int 
     for (double share : {0.1, 0.01, 0.001, 0.0}) {
       rows.Soften(share);
       out.converged = Frozen(rows, share > 0 ? 3 : 30, share > 0 ? 1e-2 : tolerance, out.iterations);
+    }
+  }
+  if (!out.converged) {
+    out.stage = 3;
+    const std::vector<PointRows> points = rows.points;
+    const std::vector<LimitRows> limits = rows.limits;
+    kept_ = d_;
+    out.converged = ByPath(rows, tolerance, out.iterations);
+    if (!out.converged) {  // what softer contact left
+      rows.points = points;
+      rows.limits = limits;
+      d_ = kept_;
     }
   }
   if (out.converged && out.stage > 0) Refactor(rows);

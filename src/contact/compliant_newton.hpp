@@ -4,15 +4,15 @@
 #include <vector>
 
 #include "compliant_rows.hpp"
+#include "friction_path.hpp"
 
 namespace fork1s::internal {
 
 struct NewtonOutcome {
   int iterations = 0;
-  int stage = 0;  // 0: warm start alone; 1: softer contact on the way; 2: frozen bounds on the way
+  int stage = 0;  // of ContactSolverReport
   bool converged = false;
   double residual = 0;  // |F| / |Σ Gᵀλ|
-  double softness = 0;  // of the answer kept where not converged
 };
 
 class CompliantNewton {
@@ -26,6 +26,7 @@ class CompliantNewton {
  private:
   bool Run(CompliantRows& rows, double tolerance, int max_iterations, int patience, int& iterations);
   bool ByPieces(CompliantRows& rows, double tolerance, int max_iterations, int& iterations);
+  bool ByPath(CompliantRows& rows, double tolerance, int& iterations);
   bool Frozen(CompliantRows& rows, int rounds, double tolerance, int& iterations);
   void Refactor(CompliantRows& rows);
   void Polish(CompliantRows& rows);
@@ -34,6 +35,7 @@ class CompliantNewton {
   }
 
   std::vector<double> d_, trial_, step_, kept_;
+  FrictionPath path_;
   std::vector<double> H_;
   std::vector<int> pivots_;
 };

@@ -41,13 +41,14 @@ void CompliantRows::RespondMoments(PointRows& point, const Vector3& turning, boo
     const double radius = point.Radius(k);
     if (!(radius > 0)) continue;
     const double R = point.AngularR(k, point.law.R_t), m = -turning[k] / R;
-    const double normal = frozen ? point.law.frozen_normal : point.impulse[0], bound = radius * normal;
+    const double normal = frozen ? point.law.frozen_normal : point.impulse[0],
+                 bound = share_ * radius * normal;
     if (std::abs(m) <= bound) {
       point.moment[k] = m;
       if (bound > 0) D(k, k) = 1 / R;
       continue;
     }
-    const double side = m > 0 ? radius : -radius;
+    const double side = share_ * (m > 0 ? radius : -radius);
     point.moment[k] = side * normal;
     if (!frozen && normal > 0) by_normal[k] = side / point.law.R_n;
   }
@@ -68,12 +69,13 @@ void CompliantRows::ClearSums(bool with_derivative) {
   }
 }
 
-void CompliantRows::AddPush(const PairRows& pair, const PointRows& point) {
+void CompliantRows::AddPush(const PairRows& pair, const PointRows& point, const Vector3& impulse,
+                            const Vector3& moment) {
   const auto add = [&](int index, const Matrix36& J) {
     if (index < 0) return;
     PortRows& port = ports[static_cast<std::size_t>(index)];
-    port.push += J.transpose().lazyProduct(point.impulse);
-    if (point.HasMoments()) port.push.head<3>() += J.rightCols<3>().transpose() * point.moment;
+    port.push += J.transpose().lazyProduct(impulse);
+    if (point.HasMoments()) port.push.head<3>() += J.rightCols<3>().transpose() * moment;
   };
   add(pair.port_a, point.J_a);
   add(pair.port_b, point.J_b);
@@ -115,7 +117,7 @@ void CompliantRows::Evaluate(const double* d, bool with_derivative) {
       if (point.HasMoments()) RespondMoments(point, Turning(pair, point), with_derivative);
       if (point.state == PointState::kOpen && !(point.law.frozen_normal > 0)) continue;
       noise += point.noise * point.noise;
-      AddPush(pair, point);
+      AddPush(pair, point, point.impulse, point.moment);
       if (with_derivative) AddDerivative(p, point);
     }
   }
@@ -153,8 +155,10 @@ void CompliantRows::GatherPush() {
 void CompliantRows::Push(double* into) {
   ClearSums(false);
   for (const PairRows& pair : pairs)
-    for (int i = pair.first; i < pair.first + pair.count; ++i)
-      AddPush(pair, points[static_cast<std::size_t>(i)]);
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      const PointRows& point = points[static_cast<std::size_t>(i)];
+      AddPush(pair, point, point.impulse, point.moment);
+    }
   GatherPush();
   std::copy(push_.begin(), push_.end(), into);
 }

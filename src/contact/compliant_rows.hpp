@@ -49,7 +49,7 @@ struct PointRows {
   double R_n = 0, R_t = 0;                                                 // the material's
   double inverse_mass = 0;                                                 // tr(G Gᵀ)/3
   Vector3 inverse_inertia = Vector3::Zero(), angular_R = Vector3::Zero();  // about normal and tangents
-  double torsion = 0, rolling = 0;
+  double friction = 0, torsion = 0, rolling = 0;
   Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();  // u* + bias
   double give = 0;
   Vector3 base = Vector3::Zero(), angular_base = Vector3::Zero();  // u* + bias − R λ₀, and of the moments
@@ -58,6 +58,7 @@ struct PointRows {
   PointState state = PointState::kOpen;
   Matrix3 D = Matrix3::Zero(), D_turn = Matrix3::Zero();  // of the piece at hand
   Vector3 by_normal = Vector3::Zero();                    // −∂m/∂w_n
+  Vector3 by_share = Vector3::Zero(), turn_by_share = Vector3::Zero();  // ∂λ/∂σ, ∂m/∂σ
   Vector2 held = Vector2::Zero();                         // tangents of λ₀
   double held_normal = 0, held_use = 0;
   double use = 0;  // |y| as a share of its bound
@@ -68,6 +69,7 @@ struct PointRows {
   double noise = 0;               // rounding of Gᵀ λ
 
   bool HasMoments() const { return torsion > 0 || rolling > 0; }
+  /// Moment about an axis per normal impulse, at most, with all of the friction.
   double Radius(int axis) const { return axis == 0 ? torsion : rolling; }
   /// Rate of turning per moment, where the tangents give `tangential`.
   double AngularR(int axis, double tangential) const { return angular_R[axis] * (tangential / R_t); }
@@ -99,9 +101,14 @@ class CompliantRows {
                const std::vector<LimitConstraint>& limits, const Eigen::Ref<const VectorX>& velocities,
                double most_give);
   /// The affine pieces of the law that (d, λ) are on, λ those at hand: λ = −D w. Then H d = right side is
-  /// where the pieces would lead, and `ImpulsesOfPieces` what they bear there.
+  /// where the pieces would lead, and `ImpulsesOfPieces` what they bear there, with that much more of
+  /// friction.
   void TakePieces(const double* d);
-  void ImpulsesOfPieces(const double* d);
+  void ImpulsesOfPieces(const double* d, double more_share = 0);
+  /// Share σ of friction and radii that the law at hand has.
+  void SetFrictionShare(double share);
+  /// Sum of Gᵀ ∂λ/∂σ over the pieces at hand.
+  void PushByShare(double* into);
   /// λ −= D G s.
   void MoveOnPieces(const double* s);
   const std::vector<double>& right_side() const { return push_; }
@@ -150,7 +157,7 @@ class CompliantRows {
   Vector3 Speed(const PairRows& pair, const PointRows& point) const;
   Vector3 Turning(const PairRows& pair, const PointRows& point) const;
   void ClearSums(bool with_derivative);
-  void AddPush(const PairRows& pair, const PointRows& point);
+  void AddPush(const PairRows& pair, const PointRows& point, const Vector3& impulse, const Vector3& moment);
   void AddDerivative(std::size_t pair, const PointRows& point);
   void TakePiece(PointRows& point, const Vector3& w, const Vector3& turning) const;
   void SetGive(PairRows& pair, double most_give);
@@ -161,6 +168,7 @@ class CompliantRows {
   void AddBlocks(double* H, double diagonal);
 
   int freedoms_ = 0;
+  double share_ = 1;  // σ
   double push_norm_ = 0, F_norm_ = 0, noise_ = 0;
   std::vector<int> block_of_, port_of_, order_;
   std::vector<Freedoms> blocks_;

@@ -20,6 +20,8 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
   point.D.setZero();
   point.D_turn.setZero();
   point.by_normal.setZero();
+  point.by_share.setZero();
+  point.turn_by_share.setZero();
   point.state = PointState::kOpen;
   if (!(R_n > 0)) return;
   const double rho = 1 / (point.inverse_mass + R_n);
@@ -31,7 +33,7 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
   const double size = y.norm(), bound = friction * y_n;
   // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for
   // ever.
-  if (size <= bound || y.dot(point.impulse.tail<2>()) < 0) {
+  if (size <= bound || (share_ == 1 && y.dot(point.impulse.tail<2>()) < 0)) {
     point.state = PointState::kSticking;
     point.D(1, 1) = point.D(2, 2) = 1 / R_t;
   } else {
@@ -40,6 +42,7 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
     const double beta = bound / size, kappa = beta * rho_t / (1 - beta * (1 - rho_t * R_t));
     point.D.block<2, 1>(1, 0) = friction / R_n * e;
     point.D.bottomRightCorner<2, 2>() = kappa * (Eigen::Matrix2d::Identity() - e * e.transpose());
+    point.by_share.tail<2>() = point.friction * y_n * e;
   }
   if (!point.HasMoments()) return;
   for (int k = 0; k < 3; ++k) {
@@ -47,10 +50,12 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
     if (!(radius > 0)) continue;
     const double R = point.AngularR(k, R_t), rho_m = 1 / (point.inverse_inertia[k] + R);
     const double m = point.moment[k] - rho_m * (turning[k] + R * point.moment[k]);
-    if (std::abs(m) <= radius * y_n)
+    if (std::abs(m) <= share_ * radius * y_n) {
       point.D_turn(k, k) = 1 / R;
-    else
-      point.by_normal[k] = (m > 0 ? radius : -radius) / R_n;
+    } else {
+      point.by_normal[k] = share_ * (m > 0 ? radius : -radius) / R_n;
+      point.turn_by_share[k] = (m > 0 ? radius : -radius) * y_n;
+    }
   }
 }
 
@@ -69,7 +74,7 @@ void CompliantRows::TakePieces(const double* d) {
       if (moments)
         point.moment = -point.D_turn * (point.angular_base + point.angular_offset) - point.by_normal * w[0];
       if (point.state != PointState::kOpen) {
-        AddPush(pairs[p], point);
+        AddPush(pairs[p], point, point.impulse, point.moment);
         AddDerivative(p, point);
       }
       point.impulse = impulse;
@@ -93,20 +98,38 @@ void CompliantRows::TakePieces(const double* d) {
   GatherPush();
 }
 
-void CompliantRows::ImpulsesOfPieces(const double* d) {
+void CompliantRows::ImpulsesOfPieces(const double* d, double more_share) {
   for (PortRows& port : ports) port.SetChange(d);
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
       const Vector3 w = Speed(pair, point);
-      point.impulse = -point.D * w;
-      if (point.HasMoments()) point.moment = -point.D_turn * Turning(pair, point) - point.by_normal * w[0];
+      point.impulse = more_share * point.by_share - point.D * w;
+      if (point.HasMoments())
+        point.moment =
+            more_share * point.turn_by_share - point.D_turn * Turning(pair, point) - point.by_normal * w[0];
     }
   for (LimitRows& limit : limits) {
     double w = limit.base + limit.offset;
     for (int i = 0; i < limit.freedoms; ++i) w += limit.sign * limit.Y[i] * d[limit.begin + i];
     limit.impulse = limit.constant - limit.D * w;
   }
+}
+
+void CompliantRows::SetFrictionShare(double share) {
+  share_ = share;
+  for (PointRows& point : points) point.law.friction = share * point.friction;
+}
+
+void CompliantRows::PushByShare(double* into) {
+  ClearSums(false);
+  for (const PairRows& pair : pairs)
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      const PointRows& point = points[static_cast<std::size_t>(i)];
+      AddPush(pair, point, point.by_share, point.turn_by_share);
+    }
+  std::fill_n(into, freedoms_, 0.0);
+  for (const PortRows& port : ports) port.AddTo(into);
 }
 
 void CompliantRows::MoveOnPieces(const double* s) {

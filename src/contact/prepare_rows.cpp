@@ -146,7 +146,7 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.inverse_mass = trace / 3;
   out.least_R = kLeastGive * natural / 3;
   out.reach = reach;
-  out.law.friction = std::max(0.0, in.friction);
+  out.law.friction = out.friction = std::max(0.0, in.friction);
   out.torsion = std::max(0.0, in.torsion);
   out.rolling = std::max(0.0, in.rolling);
   out.R_n = in.compliance_normal;
@@ -246,6 +246,7 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
                             const std::vector<LimitConstraint>& limit_rows,
                             const Eigen::Ref<const VectorX>& velocities, double most_give) {
   LayOutBlocks(blocks, static_cast<int>(velocities.size()));
+  share_ = 1;
   ports.clear();
   pairs.clear();
   points.resize(contacts.size());

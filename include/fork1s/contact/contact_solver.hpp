@@ -83,7 +83,8 @@ struct ContactSolverOptions {
 
 struct ContactSolverReport {
   int newton_iterations = 0;
-  /// What helped Newton: 0 nothing; 1 rounds with frozen bounds of friction; 2 those through softer contact.
+  /// What helped Newton: 0 nothing; 1 rounds with frozen bounds of friction; 2 those through softer contact;
+  /// 3 the path of answers from none of the friction to all of it.
   int stage = 0;
   double residual = 0;          // of the velocities that contact changes, as `tolerance`
   double residual_impulse = 0;  // N·s: what the largest contact impulse is off by, by that measure

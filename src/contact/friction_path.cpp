@@ -1,0 +1,175 @@
+// Answers of the law with a share σ of its friction, F(d, σ) = 0, form paths. At σ = 0 the problem is convex
+// and has one answer, from which one path starts; impulses never do work on what they are given, so d stays
+// bounded for all σ, and the path can only end at σ = 1. It may turn back on the way, where answers come in
+// threes: so it is followed by its length, not by σ (Allgower and Georg, Introduction to Numerical
+// Continuation Methods). Pieces of the law (pieces.cpp) make it a chain of smooth arcs. On each
+//     H ḋ = σ̇ Σ Gᵀ ∂λ/∂σ,   σ̇ of the sign of det H
+// is the way on, since the sign of det H changes where the path turns back and nowhere else.
+#include "friction_path.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fork1s/linalg/in_place.hpp>
+
+namespace fork1s::internal {
+namespace {
+
+constexpr int kSteps = 400, kCorrections = 8, kPieces = 16, kCorners = 6;
+constexpr double kOnPath = 1e-5;                // |F| / |Σ Gᵀλ| of places on the way
+constexpr double kFirst = 0.1, kLongest = 0.5;  // of the path's length, which is 1 where nothing changes
+constexpr double kCorner = 1e-7;                // shorter than any arc that need be seen
+
+double Dot(const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
+  return sum;
+}
+
+bool Reached(const CompliantRows& rows, double tolerance) {
+  return rows.F_norm() <= tolerance * rows.push_norm() + rows.noise();
+}
+
+}  // namespace
+
+// Factors H of the pieces at a place; a and b: where they lead, and that by share.
+bool FrictionPath::Linearize(CompliantRows& rows, const Place& at) {
+  const int n = rows.freedoms();
+  rows.SetFrictionShare(at.share);
+  rows.TakePieces(at.d.data());
+  rows.Derivative(H_.data());
+  a_ = rows.right_side();
+  rows.PushByShare(b_.data());
+  if (!FactorLu(H_.data(), n, pivots_.data())) return false;
+  SolveWithLu(H_.data(), n, pivots_.data(), a_.data());
+  SolveWithLu(H_.data(), n, pivots_.data(), b_.data());
+  return true;
+}
+
+void FrictionPath::DirectionHere(Direction& out) const {
+  const std::size_t n = b_.size();
+  bool negative = false;
+  for (std::size_t k = 0; k < n; ++k)
+    negative ^= (H_[k * (n + 1)] < 0) != (pivots_[k] != static_cast<int>(k));
+  out.share = (negative ? -1 : 1) / std::sqrt(1 + Dot(b_, b_) / scale2_);
+  out.d = b_;
+  for (double& x : out.d) x *= out.share;
+}
+
+// Newton's method back to the path, across the way. `ahead`: the way on by the pieces where it began.
+bool FrictionPath::Correct(CompliantRows& rows, const Direction& along, double length, Place& place,
+                           int& iterations, Direction& ahead) {
+  predicted_ = place;
+  for (int k = 0; k < kCorrections; ++k) {
+    ++iterations;
+    if (!Linearize(rows, place)) return false;
+    if (k == 0) {
+      DirectionHere(ahead);
+      ahead_points_ = rows.points;
+      ahead_limits_ = rows.limits;
+    }
+    double off = along.share * (place.share - predicted_.share), rate = along.share;
+    for (std::size_t i = 0; i < a_.size(); ++i) {
+      off += along.d[i] * (a_[i] - predicted_.d[i]) / scale2_;
+      rate += along.d[i] * b_[i] / scale2_;
+    }
+    const double more = -off / rate;
+    for (std::size_t i = 0; i < a_.size(); ++i) place.d[i] = a_[i] + more * b_[i];
+    place.share += more;
+    if (!std::isfinite(place.share) || std::abs(place.share - predicted_.share) > 1) return false;
+    rows.SetFrictionShare(place.share);
+    rows.Evaluate(place.d.data(), false);
+    const bool reached = Reached(rows, kOnPath);
+    rows.ImpulsesOfPieces(place.d.data(), more);
+    if (!reached) continue;
+    double moved2 = (place.share - predicted_.share) * (place.share - predicted_.share);
+    for (std::size_t i = 0; i < a_.size(); ++i)
+      moved2 += (place.d[i] - predicted_.d[i]) * (place.d[i] - predicted_.d[i]) / scale2_;
+    return moved2 < length * length;  // else it has leapt to another path
+  }
+  return false;
+}
+
+bool FrictionPath::Arrive(CompliantRows& rows, Place& place, double tolerance, int& iterations) {
+  const int n = rows.freedoms();
+  last_points_ = rows.points;
+  last_limits_ = rows.limits;
+  rows.SetFrictionShare(1);
+  last_ = place;
+  for (int k = 0; k < kPieces; ++k) {
+    ++iterations;
+    rows.TakePieces(last_.d.data());
+    rows.Derivative(H_.data());
+    last_.d = rows.right_side();
+    if (!FactorLu(H_.data(), n, pivots_.data())) break;
+    SolveWithLu(H_.data(), n, pivots_.data(), last_.d.data());
+    rows.Evaluate(last_.d.data(), false);
+    if (Reached(rows, tolerance)) {
+      place = last_;
+      return true;
+    }
+    rows.ImpulsesOfPieces(last_.d.data());
+  }
+  rows.points = last_points_;
+  rows.limits = last_limits_;
+  return false;
+}
+
+bool FrictionPath::Follow(CompliantRows& rows, std::vector<double>& d, double tolerance, int& iterations) {
+  const std::size_t n = d.size();
+  for (std::vector<double>* v : {&a_, &b_}) v->assign(n, 0.0);
+  H_.resize(n * n);
+  pivots_.resize(n);
+  here_.d = d;
+  here_.share = 0;
+  scale2_ = std::max(Dot(d, d), 1e-300);
+  double length = kFirst;
+  bool there = false;
+  for (int step = 0; step < kSteps && !there; ++step) {
+    if (!Linearize(rows, here_)) break;
+    DirectionHere(along_);
+    if (here_.share + length * along_.share >= 1 && Arrive(rows, here_, tolerance, iterations)) {
+      there = true;
+      break;
+    }
+    rows.SetFrictionShare(here_.share);
+    if (!Linearize(rows, here_)) break;
+    points_ = rows.points;
+    limits_ = rows.limits;
+    int corners = 0;
+    bool found = false;
+    while (!found && corners <= kCorners) {
+      trial_ = here_;
+      for (std::size_t i = 0; i < n; ++i) trial_.d[i] += length * along_.d[i];
+      trial_.share += length * along_.share;
+      rows.points = points_;
+      rows.limits = limits_;
+      rows.ImpulsesOfPieces(trial_.d.data(), length * along_.share);
+      found = Correct(rows, along_, length, trial_, iterations, ahead_);
+      if (found && trial_.share > 1) {
+        if (Arrive(rows, trial_, tolerance, iterations)) {
+          there = true;
+          break;
+        }
+        found = false;  // the answer is nearer
+      }
+      if (found) break;
+      length *= 0.25;
+      if (length > kCorner) continue;
+      // Where the path turns by more than a right angle, the next arc does not come by the plane across this
+      // one: on along that arc.
+      ++corners;
+      std::swap(along_, ahead_);
+      points_.swap(ahead_points_);
+      limits_.swap(ahead_limits_);
+      length = 1e-3;
+    }
+    if (!found && !there) break;
+    std::swap(here_, trial_);
+    length = std::min(2 * length, kLongest);
+  }
+  rows.SetFrictionShare(1);
+  if (there) d = here_.d;
+  return there;
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,49 @@
+// Problems as scenes pose them, drawn at random: heaps, stacks, wedges, grasps with redundant points, and
+// jams that no scene poses.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "random_problems.hpp"
+
+namespace fork1s {
+namespace {
+
+using testing::Family;
+using testing::Problem;
+
+class Families : public ::testing::TestWithParam<std::pair<Family, int>> {};
+
+TEST_P(Families, AreSolvedAndObeyTheLaw) {
+  const auto [family, count] = GetParam();
+  std::mt19937 random(11);
+  ContactSolver solver;
+  ContactSolverOptions options;
+  options.most_give = 1;  // as given: impacts are made no harder
+  int unsolved = 0;
+  for (int i = 0; i < count; ++i) {
+    Problem p = testing::DrawFamily(random, family);
+    testing::GiveDefaultMaterial(p);
+    for (ContactConstraint& c : p.contacts) c.give = std::numeric_limits<double>::infinity();
+    const VectorX start = p.velocity;
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, options);
+    ASSERT_TRUE(p.velocity.allFinite()) << i;
+    unsolved += !report.converged;
+    // The residual is 1e-8 of what contact changes, weighed by inertia: a light body's velocity is that of
+    // 1e6 times its mass off by a thousand times as much.
+    if (report.converged) {
+      EXPECT_LT(testing::LawViolation(p, start, p.velocity), 1e-5) << i;
+    }
+  }
+  RecordProperty("unsolved", unsolved);
+  EXPECT_LE(unsolved, family == Family::kJam ? count / 100 : 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Random, Families,
+                         ::testing::Values(std::pair(Family::kJam, 100), std::pair(Family::kHeap, 60),
+                                           std::pair(Family::kStack, 500), std::pair(Family::kWedge, 1000),
+                                           std::pair(Family::kGrasp, 400)),
+                         [](const auto& drawn) { return std::string(testing::NameOf(drawn.param.first)); });
+
+}  // namespace
+}  // namespace fork1s
