@@ -43,7 +43,7 @@ struct Row {
   double reduced_us = 0, full_us = 0;                 // a step: median, mean
   double reduced_times = 0, full_times = 0;           // real time
   MuJoCoColumns euler, discrete;
-  double feet_um = 0, feet_default_um = 0, feet_stiff_um = 0;
+  double feet_um = 0, feet_stiff_um = 0;
   double gap_um = 0, lean_deg = 0;
   int unconverged = 0;
   double rms_mm = 0, max_mm = 0, half_rms_mm = 0, half_max_mm = 0;
@@ -111,10 +111,6 @@ Expected<Row> Measure(LeggedRobot robot, LeggedOptions options) {
   row.feet_stiff_um = 1e6 * m->foot_motion;
   row.gap_um = std::max(row.gap_um, 1e6 * m->joint_gap);
   row.unconverged += m->unconverged;
-  SimulationOptions plain;
-  plain.initial_keyframe = legged->imported.initial_keyframe;
-  if (m = Run(*legged, plain); !m) return tl::unexpected(m.error());
-  row.feet_default_um = 1e6 * m->foot_motion;
 
   CompareOptions compare;
   compare.time = 2;
@@ -163,7 +159,7 @@ std::string CsvHead() {
   std::string out =
       "machine,ground,bodies,reduced_coordinates,full_coordinates,mujoco_coordinates,reduced_step_us,"
       "full_step_us,reduced_real_time_factor,full_real_time_factor,feet_um,feet_x100_um,"
-      "feet_default_tolerance_um,lean_deg,joint_gap_um,unconverged,rms_mm,max_mm,full_half_step_rms_mm,"
+      "lean_deg,joint_gap_um,unconverged,rms_mm,max_mm,full_half_step_rms_mm,"
       "full_half_step_max_mm";
   for (const char* name : {"mujoco_euler", "mujoco_discrete"})
     out += fmt::format(
@@ -179,8 +175,8 @@ std::string Csv(const Row& r) {
       fmt::format("{},{},{},{},{},{},", Name(r.robot), Name(r.ground), r.bodies, r.reduced, r.full,
                   r.mujoco > 0 ? fmt::format("{}", r.mujoco) : "") +
       fmt::format("{:.4g},{:.4g},{:.4g},{:.4g},", r.reduced_us, r.full_us, r.reduced_times, r.full_times) +
-      fmt::format("{:.3g},{:.3g},{:.3g},{:.3g},{:.3g},{},", r.feet_um, r.feet_stiff_um, r.feet_default_um,
-                  r.lean_deg, r.gap_um, r.unconverged) +
+      fmt::format("{:.3g},{:.3g},{:.3g},{:.3g},{},", r.feet_um, r.feet_stiff_um, r.lean_deg, r.gap_um,
+                  r.unconverged) +
       fmt::format("{:.3g},{:.3g},{:.3g},{:.3g}", r.rms_mm, r.max_mm, r.half_rms_mm, r.half_max_mm);
   for (const MuJoCoColumns* m : {&r.euler, &r.discrete})
     for (const auto& x : {m->us, m->times, m->dt, m->stiff_dt, m->feet_um, m->fine_feet_um})
@@ -216,17 +212,17 @@ std::string Markdown(const std::vector<Row>& rows) {
                     StepText(r, r.euler.stiff_dt), StepText(r, r.discrete.stiff_dt));
   }
   out +=
-      "\n| machine, ground | feet in 60 s at most [um]: own gains, x 100 | own gains, default tolerance | "
+      "\n| machine, ground | feet in 60 s at most [um]: own gains, x 100 | "
       "MuJoCo Euler, own gains: largest step, 1/960 s | MuJoCo discrete: the same | trunk from upright "
       "[degrees] | joint gap [um] | steps not converged | reduced from full in 2 s, RMS and max [mm] | full "
       "from its own half step, RMS and max [mm] |\n"
-      "|---|---|---|---|---|---|---|---|---|---|\n";
+      "|---|---|---|---|---|---|---|---|---|\n";
   for (const Row& r : rows)
     out += fmt::format(
-        "| {}, {} | {:.2f}, {:.2f} | {:.2f} | {}, {} | {}, {} | {:.2f} | {:.1g} | {} | {:.2g}, {:.2g} | "
+        "| {}, {} | {:.2f}, {:.2f} | {}, {} | {}, {} | {:.2f} | {:.1g} | {} | {:.2g}, {:.2g} | "
         "{:.2g}, {:.2g} |\n",
-        Name(r.robot), Name(r.ground), r.feet_um, r.feet_stiff_um, r.feet_default_um,
-        Micrometres(r.euler.feet_um), Micrometres(r.euler.fine_feet_um), Micrometres(r.discrete.feet_um),
+        Name(r.robot), Name(r.ground), r.feet_um, r.feet_stiff_um, Micrometres(r.euler.feet_um),
+        Micrometres(r.euler.fine_feet_um), Micrometres(r.discrete.feet_um),
         Micrometres(r.discrete.fine_feet_um), r.lean_deg, r.gap_um, r.unconverged, r.rms_mm, r.max_mm,
         r.half_rms_mm, r.half_max_mm);
   return out;

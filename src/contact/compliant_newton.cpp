@@ -9,12 +9,6 @@ namespace {
 
 constexpr int kPieces = 16, kPatience = 12, kConvexIterations = 100;
 
-double Dot(const std::vector<double>& a, const std::vector<double>& b) {
-  double sum = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
-  return sum;
-}
-
 }  // namespace
 
 void CompliantNewton::Reserve(int freedoms) {
@@ -31,7 +25,7 @@ bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterati
   const std::size_t n = d_.size();
   rows.Evaluate(d_.data(), true);
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    if (Reached(rows, tolerance)) return true;
+    if (rows.Reached(tolerance)) return true;
     if (rows.F_norm() < 0.5 * best) {
       best = rows.F_norm();
       best_at = iteration;
@@ -50,7 +44,7 @@ bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterati
       return Dot(step_, rows.F());
     };
     double slope = evaluate(1, true);
-    if (!Reached(rows, tolerance) && start < 0 && slope > 0.1 * std::abs(start)) {
+    if (!rows.Reached(tolerance) && start < 0 && slope > 0.1 * std::abs(start)) {
       // The root of s·F on the way: bracketed by regula falsi (Illinois).
       double low = 0, f_low = start, high = 1, f_high = slope, length = 1;
       int side = 0;
@@ -74,7 +68,7 @@ bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterati
     }
     d_.swap(trial_);
   }
-  return Reached(rows, tolerance);
+  return rows.Reached(tolerance);
 }
 
 // Newton's method on pieces, from the impulses at hand and d_. Leaves d_ at the answer, or where it was.
@@ -90,7 +84,7 @@ bool CompliantNewton::ByPieces(CompliantRows& rows, double tolerance, int max_it
     SolveWithLu(H_.data(), n, pivots_.data(), step_.data());
     trial_.swap(step_);
     rows.Evaluate(trial_.data(), false);
-    if (Reached(rows, tolerance)) {
+    if (rows.Reached(tolerance)) {
       d_.swap(trial_);
       return true;
     }

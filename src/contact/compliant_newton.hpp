@@ -30,9 +30,6 @@ class CompliantNewton {
   bool Frozen(CompliantRows& rows, int rounds, double tolerance, int& iterations);
   void Refactor(CompliantRows& rows);
   void Polish(CompliantRows& rows);
-  bool Reached(const CompliantRows& rows, double tolerance) const {
-    return rows.F_norm() <= tolerance * rows.push_norm() + rows.noise();
-  }
 
   std::vector<double> d_, trial_, step_, kept_;
   FrictionPath path_;

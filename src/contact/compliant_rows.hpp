@@ -93,6 +93,12 @@ struct LimitRows {
   double constant = 0;  // of the piece at hand: λ = constant − D w
 };
 
+inline double Dot(const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
+  return sum;
+}
+
 class CompliantRows {
  public:
   void Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms);
@@ -134,6 +140,7 @@ class CompliantRows {
   double push_norm() const { return push_norm_; }
   double F_norm() const { return F_norm_; }
   double noise() const { return noise_; }
+  bool Reached(double tolerance) const { return F_norm_ <= tolerance * push_norm_ + noise_; }
 
   std::vector<PortRows> ports;
   std::vector<PairRows> pairs;

@@ -14,20 +14,10 @@
 namespace fork1s::internal {
 namespace {
 
-constexpr int kSteps = 400, kCorrections = 8, kPieces = 16, kCorners = 6;
+constexpr int kSteps = 400, kCorrections = 8, kArrivals = 16, kCorners = 6;
 constexpr double kOnPath = 1e-5;                // |F| / |Σ Gᵀλ| of places on the way
 constexpr double kFirst = 0.1, kLongest = 0.5;  // of the path's length, which is 1 where nothing changes
 constexpr double kCorner = 1e-7;                // shorter than any arc that need be seen
-
-double Dot(const std::vector<double>& a, const std::vector<double>& b) {
-  double sum = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
-  return sum;
-}
-
-bool Reached(const CompliantRows& rows, double tolerance) {
-  return rows.F_norm() <= tolerance * rows.push_norm() + rows.noise();
-}
 
 }  // namespace
 
@@ -78,7 +68,7 @@ bool FrictionPath::Correct(CompliantRows& rows, const Direction& along, double l
     if (!std::isfinite(place.share) || std::abs(place.share - predicted_.share) > 1) return false;
     rows.SetFrictionShare(place.share);
     rows.Evaluate(place.d.data(), false);
-    const bool reached = Reached(rows, kOnPath);
+    const bool reached = rows.Reached(kOnPath);
     rows.ImpulsesOfPieces(place.d.data(), more);
     if (!reached) continue;
     double moved2 = (place.share - predicted_.share) * (place.share - predicted_.share);
@@ -95,7 +85,7 @@ bool FrictionPath::Arrive(CompliantRows& rows, Place& place, double tolerance, i
   last_limits_ = rows.limits;
   rows.SetFrictionShare(1);
   last_ = place;
-  for (int k = 0; k < kPieces; ++k) {
+  for (int k = 0; k < kArrivals; ++k) {
     ++iterations;
     rows.TakePieces(last_.d.data());
     rows.Derivative(H_.data());
@@ -103,7 +93,7 @@ bool FrictionPath::Arrive(CompliantRows& rows, Place& place, double tolerance, i
     if (!FactorLu(H_.data(), n, pivots_.data())) break;
     SolveWithLu(H_.data(), n, pivots_.data(), last_.d.data());
     rows.Evaluate(last_.d.data(), false);
-    if (Reached(rows, tolerance)) {
+    if (rows.Reached(tolerance)) {
       place = last_;
       return true;
     }
