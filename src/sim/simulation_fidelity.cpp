@@ -6,6 +6,7 @@
 #include <fork1s/mechanism/kinematics.hpp>
 
 #include "hold.hpp"
+#include "hold_shares.hpp"
 #include "integrator_fits.hpp"
 
 namespace fork1s {
@@ -164,14 +165,19 @@ std::vector<HoldForce> Simulation::HoldForces() const {
       return nullptr;
     };
     VectorX near = VectorX::Zero(mechanism.num_constraints());
+    std::vector<internal::HoldRows> shares;
     Eigen::Index row = 0;
     for (const ClosureDef& closure : mechanism.closures()) {
       const auto rows = closure.rigid.count();
-      if (const Hold::Contact* contact = contact_of(closure))
+      if (const Hold::Contact* contact = contact_of(closure)) {
         near.segment(row, rows) = -contact->force_C.head(rows);
+        shares.push_back({row, contact->friction, contact->frictionless});
+      }
       row += rows;
     }
-    const VectorX forces = m.ClosureForces(dt_, contacts_R, near);
+    const auto balance = [&](const VectorX& x) { return m.ClosureForces(dt_, contacts_R, x); };
+    const VectorX forces = internal::ShareWithinFriction(balance(near), shares, balance);
+    const double largest = forces.size() > 0 ? forces.cwiseAbs().maxCoeff() : 0;
     row = 0;
     for (const ClosureDef& closure : mechanism.closures()) {
       const auto rows = closure.rigid.count();
@@ -187,7 +193,9 @@ std::vector<HoldForce> Simulation::HoldForces() const {
         f.force_W = X_WC.rotation() * force_C;
         f.friction = contact->friction;
         const double tangential = force_C.tail<2>().norm();
-        f.use = force_C(0) <= 0         ? std::numeric_limits<double>::infinity()
+        constexpr double kNothing = 1e-6;  // beside the grip's largest force: it carries nothing
+        f.use = force_C.norm() <= kNothing * largest ? 0
+                : force_C(0) <= 0       ? std::numeric_limits<double>::infinity()
                 : contact->frictionless ? 0
                                         : tangential / (contact->friction * force_C(0));
         out.push_back(f);

@@ -26,6 +26,18 @@ TEST(Detail, SwitchesWhileItRuns) {
   EXPECT_EQ(replay.code, 0) << replay.out << replay.err;
 }
 
+// Where a face meets a capsule the surfaces roll about one axis only; about the other the stiffness is 0, and
+// rounding must not make it less.
+TEST(Detail, FacesOnCapsulesAreFrozenToo) {
+  const std::string scenes = std::string(FORK1S_SOURCE_DIR) + "/scenes/";
+  const Outcome o = Fork1s("run --json " + scenes + "grasp_box.xml --controls " + scenes +
+                           "grasp_box.csv --time 3.5 --detail interface,3:object");
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  ASSERT_EQ(json["detail"].size(), 2u);
+  EXPECT_TRUE(json["detail"][1]["refused"].is_null()) << json["detail"].dump(1);
+}
+
 TEST(Detail, WordsThatAreNoneAreUsageErrors) {
   for (const char* words :
        {"--detail fingers", "--detail modes=x", "--detail 1:all,0.5:object"}) {
