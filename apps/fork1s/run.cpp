@@ -183,13 +183,7 @@ void AddRun(CLI::App& app, Action& action) {
   command->add_option("--dt", args->dt, "time step in s (default 1/60)")->check(PositiveUpTo(kMostStep));
   command->add_option("--controls", args->inputs.controls,
                       "CSV of control values and pushes: time,NAME,...,force:BODY:x,...");
-  command
-      ->add_option("--push", args->inputs.pushes,
-                   "BODY:FX,FY,FZ[,MX,MY,MZ][@PX,PY,PZ][:T0..T1]: a force in N (and a moment in N m), world "
-                   "axes, at a point of the body in m (its own axes; default its origin), from T0 to T1 s "
-                   "(default all the time); may be repeated")
-      ->take_all()
-      ->allow_extra_args(false);
+  AddPushTo(*command, args->inputs.pushes);
   AddIntegratorTo(*command, args->step_integrator);
   command->add_option("--recovery", args->inputs.recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));

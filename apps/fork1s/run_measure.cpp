@@ -134,7 +134,7 @@ std::string Impossible(const Simulation& simulation, double energy) {
 std::vector<AppliedWrench> ApplyPushes(const RunInputs& inputs, double end, Simulation& simulation) {
   std::vector<AppliedWrench> applied;
   for (const PushTrack& track : inputs.pushes)
-    for (const PushNow& p : track.Over(end, simulation))
+    for (const PushNow& p : track.Over(end, simulation.dt(), simulation))
       applied.push_back({p.body, p.force_W, p.moment_W, p.point_W});
   ApplyWrenches(applied, simulation);
   return applied;

@@ -149,9 +149,8 @@ std::vector<std::string> PushTrack::FindMissing(const Simulation& simulation) co
   return missing;
 }
 
-std::vector<PushNow> PushTrack::Over(double end, const Simulation& simulation) const {
+std::vector<PushNow> PushTrack::Over(double end, double h, const Simulation& simulation) const {
   std::vector<PushNow> out;
-  const double h = simulation.dt();
   for (const Push& p : pushes) {
     PushNow now;
     now.body = simulation.FindBody(p.body);
@@ -169,6 +168,7 @@ std::vector<PushNow> PushTrack::Over(double end, const Simulation& simulation) c
       now.force_W = wrench.tail<3>();
     }
     if (now.force_W.isZero(0) && now.moment_W.isZero(0)) continue;
+    now.point_B = p.point_B;
     now.point_W = simulation.Pose(now.body) * p.point_B;
     out.push_back(now);
   }

@@ -38,6 +38,25 @@ TEST(Detail, FacesOnCapsulesAreFrozenToo) {
   EXPECT_TRUE(json["detail"][1]["refused"].is_null()) << json["detail"].dump(1);
 }
 
+// How two balls of a jaw share what it bears no balance tells; contacts share so that none slips, where they can.
+TEST(Detail, AFirmGripIsNoWarning) {
+  const std::string scene = std::string(FORK1S_SOURCE_DIR) + "/scenes/fourbar_gripper.xml";
+  const auto frozen = [&](const std::string& options) {
+    const Outcome o = Fork1s("run --json --time 1.5 --detail interface,1:object " + options + " " + scene);
+    EXPECT_EQ(o.code, 0) << o.err;
+    const auto json = o.Json();
+    EXPECT_TRUE(json["detail"][1]["refused"].is_null()) << json["detail"].dump(1);
+    return json["warnings"].dump().find("a frozen contact") != std::string::npos;
+  };
+  for (const char* closed : {"0.18", "0.2", "0.22", "0.25"}) {
+    const std::string table = Write("close.csv", std::string("time,left_grip,right_grip\n0,0,0\n0.5,") + closed +
+                                                     "," + closed + "\n");
+    EXPECT_FALSE(frozen("--controls " + table)) << closed;
+    // Torn at by far more than the jaws press, it would slip, and that is said.
+    EXPECT_TRUE(frozen("--controls " + table + " --push cube:0,0,20:1.2..1.5")) << closed;
+  }
+}
+
 TEST(Detail, WordsThatAreNoneAreUsageErrors) {
   for (const char* words :
        {"--detail fingers", "--detail modes=x", "--detail 1:all,0.5:object"}) {

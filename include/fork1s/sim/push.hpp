@@ -13,7 +13,8 @@ struct PushNow {
   int body = 0;                        // place in Simulation::bodies()
   Vector3 force_W = Vector3::Zero();   // N
   Vector3 moment_W = Vector3::Zero();  // N·m
-  Vector3 point_W = Vector3::Zero();   // m
+  Vector3 point_B = Vector3::Zero();   // m, in the body's axes
+  Vector3 point_W = Vector3::Zero();   // m, the same where the body of this simulation is at present
 };
 
 /// World axes, fixed in direction, at `point_B` of the body (its own axes; 0: its origin).
@@ -39,8 +40,8 @@ struct PushTrack {
 
   /// Bodies that the simulation does not have.
   std::vector<std::string> FindMissing(const Simulation& simulation) const;
-  /// What acts in the step that ends at `end`, a window that covers part of it by its mean.
-  std::vector<PushNow> Over(double end, const Simulation& simulation) const;
+  /// What acts in the step of h [s] that ends at `end`, a window that covers part of it by its mean.
+  std::vector<PushNow> Over(double end, double h, const Simulation& simulation) const;
 };
 
 }  // namespace fork1s
