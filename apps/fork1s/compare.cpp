@@ -221,7 +221,8 @@ void AddCompare(CLI::App& app, Action& action) {
   command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(PositiveUpTo(1e5));
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
       ->check(PositiveUpTo(kMostStep));
-  command->add_option("--controls", args->controls, "CSV of control values and pushes: time,NAME,...,force:BODY:x,...");
+  command->add_option("--controls", args->controls,
+                      "CSV of control values and pushes: time,NAME,...,force:BODY:x,...");
   AddPushTo(*command, args->pushes);
   command->add_option("--detail", args->detail, "level of detail of the reduced run, as of 'fork1s run'");
   AddIntegratorTo(*command, args->step_integrator);

@@ -93,8 +93,10 @@ void SayWhereItEnds(const Recording& recording, double at) {
   const double dt = recording.header().options.dt;
   const double end = times.empty() ? 0 : times.back() - times.front() + dt;
   if (at > end + 0.5 * dt)
-    fmt::print(stderr, "warning: --at {:g} s is after the end of the recording at {:.6g} s, whose last moment is "
-                       "drawn\n", at, end);
+    fmt::print(stderr,
+               "warning: --at {:g} s is after the end of the recording at {:.6g} s, whose last moment is "
+               "drawn\n",
+               at, end);
 }
 
 int WriteFilm(const Recording& recording, const ExportArguments& args) {
@@ -151,7 +153,8 @@ void AddExport(CLI::App& app, Action& action) {
   command->add_option("recording", args->recording, "HDF5 file of 'fork1s run --record'")->required();
   command
       ->add_option("out", args->out,
-                   "a folder for poses.csv, contacts.csv, pairs.csv, controls.csv, energy.csv; FILE.html: one page that "
+                   "a folder for poses.csv, contacts.csv, pairs.csv, controls.csv, energy.csv; FILE.html: "
+                   "one page that "
                    "plays from "
                    "disk; FILE.glb, FILE.gltf: a moving scene for other programs; FILE.mp4: a film; "
                    "FILE.png: the moment --at; with --video a folder for PNG frames")
@@ -173,7 +176,8 @@ void AddExport(CLI::App& app, Action& action) {
       ->check(NumberWithin(-1e6, 1e6));
   command->add_option("--zoom", args->options.zoom, "how much nearer than to hold everything (default 1)")
       ->check(NumberWithin(0.1, 50));
-  static const std::map<std::string, int> colourings = {{"file", 0}, {"interface", 1}, {"roles", 2}, {"gaps", 3}};
+  static const std::map<std::string, int> colourings = {
+      {"file", 0}, {"interface", 1}, {"roles", 2}, {"gaps", 3}};
   args->color_by_option =
       command
           ->add_option("--color-by", args->options.colouring,

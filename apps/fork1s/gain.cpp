@@ -32,7 +32,8 @@ void PrintGain(const Json& gain) {
 void PrintStepTimes(const Json& times) {
   if (times.is_null()) return;
   const double few = times["interface"].get<double>(), all = times["all_bodies"].get<double>();
-  fmt::print("a step of {:.4g} s takes {:.3g} us from the start on, {:.3g} us if every body might touch", times["dt_s"].get<double>(), few, all);
+  fmt::print("a step of {:.4g} s takes {:.3g} us from the start on, {:.3g} us if every body might touch",
+             times["dt_s"].get<double>(), few, all);
   if (few > 0 && all > 1.1 * few) fmt::print(": {:.1f} times quicker", all / few);
   fmt::print("\n");
 }

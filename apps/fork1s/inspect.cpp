@@ -44,7 +44,8 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     ReductionOptions options;
     options.promote_hidden = !p.interfaces_chosen;
     auto reduced = Reduce(p.mechanism, p.q, options);
-    one["gain"] = reduced ? GainJson(MeasureInterfaceGain(p, *reduced, imported.scene.timestep)) : Json(nullptr);
+    one["gain"] =
+        reduced ? GainJson(MeasureInterfaceGain(p, *reduced, imported.scene.timestep)) : Json(nullptr);
     one["joint_table"] = Json::array();
     for (const auto& j : m.joints())
       one["joint_table"].push_back({{"name", j.name},
@@ -66,9 +67,8 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
   for (const PosedMechanism& p : posed)
     for (const FreeMotion& motion : FindFreeMotions(*p.mechanism, p.q))
       out["not_held"].push_back(motion.Text(*p.mechanism));
-  out["step_us"] = posed.empty()
-                       ? Json(nullptr)
-                       : StepTimesJson(MeasureStepTimes(imported.scene, imported.initial_keyframe));
+  out["step_us"] = posed.empty() ? Json(nullptr)
+                                 : StepTimesJson(MeasureStepTimes(imported.scene, imported.initial_keyframe));
   out["notes"] = NotesJson(imported.report);
   return out;
 }

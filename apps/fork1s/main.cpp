@@ -35,7 +35,8 @@ int CheckPrinted(int code) {
   return code == kDone ? kRefused : code;
 }
 
-// Where in our sources a requirement stands helps whoever mends it; the folder that it was built in helps nobody.
+// Where in our sources a requirement stands helps whoever mends it; the folder that it was built in helps
+// nobody.
 std::string WithoutFolder(std::string text) {
   const auto open = text.find(" (/");
   if (open == std::string::npos) return text;

@@ -136,7 +136,8 @@ int Run(const RunArguments& given) {
     if (!created) return Report(created.error(), json);
     recorder.emplace(std::move(*created));
   }
-  const Measured measured = Simulate(*simulation, *inputs, *steps, {!args.no_load_factor, args.error}, recorder, recorded);
+  const Measured measured =
+      Simulate(*simulation, *inputs, *steps, {!args.no_load_factor, args.error}, recorder, recorded);
   if (recorder && recorded) recorded = recorder->Finish();
 
   Json summary = Summary(*simulation, measured);

@@ -54,9 +54,10 @@ std::string Beyond(const ControlTrack& track, std::size_t column, const Range& r
   }
   // What rounding of a table written with six digits leaves is nobody's wish.
   if (!(worst > 1e-6 * std::max(1.0, std::abs(value)))) return "";
-  return fmt::format("asks '{}' for {:.6g} at {:.6g} s; its range is {:.6g} to {:.6g}, and it is held at {:.6g}",
-                     track.names[column], value, when, range.lower, range.upper,
-                     value > range.upper ? range.upper : range.lower);
+  return fmt::format(
+      "asks '{}' for {:.6g} at {:.6g} s; its range is {:.6g} to {:.6g}, and it is held at {:.6g}",
+      track.names[column], value, when, range.lower, range.upper,
+      value > range.upper ? range.upper : range.lower);
 }
 
 }  // namespace
@@ -89,7 +90,8 @@ Expected<RunInputs> ReadInputs(const InputArguments& args) {
   return inputs;
 }
 
-Expected<void> CheckInputs(const RunInputs& inputs, const InputArguments& args, const Simulation& simulation) {
+Expected<void> CheckInputs(const RunInputs& inputs, const InputArguments& args,
+                           const Simulation& simulation) {
   if (const auto missing = inputs.controls.FindMissing(simulation); !missing.empty())
     return Fail(ErrorCode::kModel, args.controls,
                 fmt::format("column '{}' is no control of this model; there are: {}", missing.front(),
@@ -112,9 +114,10 @@ std::vector<std::string> InputLimits(const RunInputs& inputs, const InputArgumen
         out.push_back(args.controls + " " + beyond);
   const double rounding = 1e-9 * std::max(1.0, time);
   if (!track.times.empty() && track.times.back() > time + rounding)
-    out.push_back(fmt::format("{} goes on to {:.6g} s and the run ends at {:.6g} s: lengthen --time to see the "
-                              "rest",
-                              args.controls, track.times.back(), time));
+    out.push_back(
+        fmt::format("{} goes on to {:.6g} s and the run ends at {:.6g} s: lengthen --time to see the "
+                    "rest",
+                    args.controls, track.times.back(), time));
   for (std::size_t i = 0; i < args.pushes.size(); ++i)
     if (inputs.pushes.back().pushes[i].from >= time - rounding)
       out.push_back(fmt::format("--push {} begins after the end of the run at {:.6g} s, and does nothing",

@@ -1,4 +1,5 @@
-// What `run` is moved by: the table of --controls, --push, --detail; and what of it is not taken as it stands.
+// What `run` is moved by: the table of --controls, --push, --detail; and what of it is not taken as it
+// stands.
 #pragma once
 
 #include <string>

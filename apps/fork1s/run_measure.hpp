@@ -34,7 +34,7 @@ struct Measured {
   bool contacts_dropped = false;
   std::int64_t failed_step = -1;
   std::string impossible;  // what a step ended with that no mechanism does; empty: nothing
-  LoadFactor load_min;  // of what was still there at the next look
+  LoadFactor load_min;     // of what was still there at the next look
   double load_min_time = 0;
   struct Load {
     double time = 0;  // s
@@ -50,9 +50,9 @@ struct Measured {
   };
   std::vector<Switch> switches;
   std::optional<ErrorWatch> error;
-  std::vector<Passing> passed;  // bodies that touch nothing, and went into something
-  bool held = false;        // contacts were frozen in some step
-  double hold_use_max = 0;  // see HoldForce
+  std::vector<Passing> passed;         // bodies that touch nothing, and went into something
+  bool held = false;                   // contacts were frozen in some step
+  double hold_use_max = 0;             // see HoldForce
   std::vector<double> base_speed_max;  // m/s, of each mechanism's base
 };
 

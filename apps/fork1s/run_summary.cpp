@@ -53,7 +53,9 @@ Json EndsJson(const std::vector<EndReached>& ends) {
   Json out = Json::array();
   for (const EndReached& e : ends)
     out.push_back({{"name", e.name},
-                   {"end", e.upper && e.lower ? "both" : e.upper ? "upper" : "lower"},
+                   {"end", e.upper && e.lower ? "both"
+                           : e.upper          ? "upper"
+                                              : "lower"},
                    {"steps", e.steps},
                    {"first_s", e.first},
                    {"last_s", e.last}});
@@ -203,11 +205,13 @@ void PrintBases(const Json& bases) {
                                   q[3].get<double>());
     const double tilt = std::acos(std::clamp((turn * Vector3::UnitZ()).z(), -1.0, 1.0));
     const Json& p = b["position_m"];
-    fmt::print("  base {:<10} at ({:.5f}, {:.5f}, {:.5f}) m, its z axis {:.3g} degrees from the vertical, velocity {} m/s, {} rad/s; "
-               "{:.3g} m/s at most\n",
-               b["body"].get<std::string>(), p[0].get<double>(), p[1].get<double>(), p[2].get<double>(),
-               tilt * 57.29577951308232, VectorText(b["velocity_m_per_s"]),
-               VectorText(b["angular_velocity_rad_per_s"]), b["speed_max_m_per_s"].get<double>());
+    fmt::print(
+        "  base {:<10} at ({:.5f}, {:.5f}, {:.5f}) m, its z axis {:.3g} degrees from the vertical, velocity "
+        "{} m/s, {} rad/s; "
+        "{:.3g} m/s at most\n",
+        b["body"].get<std::string>(), p[0].get<double>(), p[1].get<double>(), p[2].get<double>(),
+        tilt * 57.29577951308232, VectorText(b["velocity_m_per_s"]),
+        VectorText(b["angular_velocity_rad_per_s"]), b["speed_max_m_per_s"].get<double>());
   }
   More(bases.size(), "bases");
 }
@@ -215,8 +219,9 @@ void PrintBases(const Json& bases) {
 void PrintEnds(const Json& ends, const char* what) {
   for (std::size_t i = 0; i < std::min(kLines, ends.size()); ++i)
     fmt::print("    {} {}, {} steps from {:.4g} s to {:.4g} s\n", ends[i]["name"].get<std::string>(),
-               ends[i]["end"] == "both" ? std::string(what) + " on both sides" : what, ends[i]["steps"].get<std::int64_t>(),
-               ends[i]["first_s"].get<double>(), ends[i]["last_s"].get<double>());
+               ends[i]["end"] == "both" ? std::string(what) + " on both sides" : what,
+               ends[i]["steps"].get<std::int64_t>(), ends[i]["first_s"].get<double>(),
+               ends[i]["last_s"].get<double>());
   More(ends.size(), "of them");
 }
 

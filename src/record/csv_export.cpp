@@ -65,17 +65,17 @@ class Tables {
         energy_(folder / "energy.csv") {
     for (std::size_t b = 0; b < names_.size(); ++b) {
       const SceneBody& body = header.bodies[b];
-      const bool is_base = body.mechanism >= 0 && body.index == 0 && MovesBase(header.scene, body.mechanism);
-      if (!options.all_bodies && !body.is_interface && body.mechanism >= 0 && !is_base) continue;
-      chosen_.push_back(b);
-      for (const char* part : {".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz"}) poses_.Name(names_[b] + part);
+      if (options.all_bodies || body.is_interface || body.mechanism < 0) AddPoseColumns(b);
     }
     for (std::size_t b = 0; b < names_.size(); ++b) {
       const SceneBody& body = header.bodies[b];
       if (body.mechanism < 0 || body.index != 0 || !MovesBase(header.scene, body.mechanism)) continue;
+      if (!options.all_bodies && !body.is_interface) AddPoseColumns(b);
       bases_.push_back(body.mechanism);
-      for (const char* part : {".vx", ".vy", ".vz", ".wx", ".wy", ".wz"}) poses_.Name(names_[b] + part);
+      base_names_.push_back(names_[b]);
     }
+    for (const std::string& base : base_names_)
+      for (const char* part : {".vx", ".vy", ".vz", ".wx", ".wy", ".wz"}) poses_.Name(base + part);
     num_mechanisms_ = header.scene.mechanisms.size();
     for (const char* name : {"body_a", "body_b", "force.x", "force.y", "force.z", "moment.x", "moment.y",
                              "moment.z", "contacts"})
@@ -108,6 +108,10 @@ class Tables {
 
  private:
   std::array<Table*, 5> All() { return {&poses_, &contacts_, &pairs_, &controls_, &energy_}; }
+  void AddPoseColumns(std::size_t body) {
+    chosen_.push_back(body);
+    for (const char* part : {".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz"}) poses_.Name(names_[body] + part);
+  }
   static bool MovesBase(const Scene& scene, int mechanism) {
     return scene.mechanisms[static_cast<std::size_t>(mechanism)].base != BaseKind::kFixed;
   }
@@ -178,6 +182,7 @@ class Tables {
   std::vector<std::string> names_;
   std::vector<std::size_t> chosen_;
   std::vector<int> bases_;  // mechanisms whose base moves
+  std::vector<std::string> base_names_;
   std::size_t num_mechanisms_ = 0;
   Table poses_, contacts_, pairs_, controls_, energy_;
 };

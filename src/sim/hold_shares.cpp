@@ -38,9 +38,9 @@ bool Within(const std::vector<HoldRows>& contacts, const VectorX& x) {
 
 }  // namespace
 
-// Projections onto the balance and onto the cones by turns, with Dykstra's correction on the cones so that the
-// nearest common point is found and not just any. The balance is affine, x -> c + N x; its columns are found
-// once, by asking.
+// Projections onto the balance and onto the cones by turns, with Dykstra's correction on the cones so that
+// the nearest common point is found and not just any. The balance is affine, x -> c + N x; its columns are
+// found once, by asking.
 VectorX ShareWithinFriction(const VectorX& balanced, const std::vector<HoldRows>& contacts,
                             const std::function<VectorX(const VectorX&)>& balance) {
   if (contacts.empty() || Within(contacts, balanced)) return balanced;

@@ -43,8 +43,8 @@ Vector3 TakePoint(std::string& text) {
 }
 
 Vector6 RowAt(const Push& push, double time) {
-  const auto after =
-      static_cast<std::size_t>(std::upper_bound(push.times.begin(), push.times.end(), time) - push.times.begin());
+  const auto after = static_cast<std::size_t>(std::upper_bound(push.times.begin(), push.times.end(), time) -
+                                              push.times.begin());
   if (after == 0) return push.rows.front();
   if (after == push.times.size()) return push.rows.back();
   const double share = (time - push.times[after - 1]) / (push.times[after] - push.times[after - 1]);
@@ -60,10 +60,11 @@ struct Column {
 
 Expected<Column> ReadColumn(const std::string& name, bool is_force, const std::string& where) {
   auto refuse = [&] {
-    return Fail(ErrorCode::kFormat, where,
-                "column '" + name +
-                    "' is no push: write force:BODY:x or torque:BODY:x, the axis x, y or z, for a point of the "
-                    "body \"force:BODY@0,0,0.1:x\" in quotes");
+    return Fail(
+        ErrorCode::kFormat, where,
+        "column '" + name +
+            "' is no push: write force:BODY:x or torque:BODY:x, the axis x, y or z, for a point of the "
+            "body \"force:BODY@0,0,0.1:x\" in quotes");
   };
   std::string rest = name.substr(name.find(':') + 1);
   const auto colon = rest.rfind(':');
@@ -83,7 +84,8 @@ Expected<Column> ReadColumn(const std::string& name, bool is_force, const std::s
 Expected<Push> PushTrack::Parse(const std::string& text, const std::string& option) {
   auto refuse = [&](const std::string& what) {
     return Fail(ErrorCode::kUsage, option,
-                what + " in '" + text + "'; it takes BODY:FX,FY,FZ[,MX,MY,MZ][@PX,PY,PZ][:T0..T1] in N, N·m, m and s");
+                what + " in '" + text +
+                    "'; it takes BODY:FX,FY,FZ[,MX,MY,MZ][@PX,PY,PZ][:T0..T1] in N, N·m, m and s");
   };
   Push push;
   std::string rest = text;

@@ -84,6 +84,10 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
 
 StepReport Simulation::Step() {
   PassControls();
+  // HoldForces asks for them after the step, which forgets them.
+  pushed_W_.clear();
+  if (!holds_.empty())
+    for (const MechanismDynamics& m : world_.mechanisms()) pushed_W_.push_back(m.wrenches_W());
   const StepReport report = world_.Step(step_options_);
   if (report.finite) ++steps_;
   return report;

@@ -134,6 +134,7 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   world_keyframe_ = 0;
   fidelity_ = fidelity;
   holds_ = std::move(holds);
+  pushed_W_.clear();
   ListBodies();
   return {};
 }
@@ -144,8 +145,12 @@ std::vector<HoldForce> Simulation::HoldForces() const {
     const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(hold.mechanism)];
     const Mechanism& mechanism = m.mechanism();
     const RigidTransform& X_WR = m.state().X_WR;
-    // What the step's contacts did to the mechanism.
+    // What the step's contacts and pushes did to the mechanism.
     Matrix6X contacts_R = Matrix6X::Zero(6, mechanism.num_bodies());
+    const auto i = static_cast<std::size_t>(hold.mechanism);
+    if (i < pushed_W_.size() && pushed_W_[i].cols() == contacts_R.cols())
+      for (Eigen::Index b = 0; b < contacts_R.cols(); ++b)
+        contacts_R.col(b) = AdjointTransposeApply(X_WR, pushed_W_[i].col(b));
     for (const ContactRecord& c : world_.contacts()) {
       const Vector3 force_W = c.point.frame.transpose() * c.impulse / dt_;
       for (const auto& [contactor, sign] :
@@ -195,9 +200,9 @@ std::vector<HoldForce> Simulation::HoldForces() const {
         const double tangential = force_C.tail<2>().norm();
         constexpr double kNothing = 1e-6;  // beside the grip's largest force: it carries nothing
         f.use = force_C.norm() <= kNothing * largest ? 0
-                : force_C(0) <= 0       ? std::numeric_limits<double>::infinity()
-                : contact->frictionless ? 0
-                                        : tangential / (contact->friction * force_C(0));
+                : force_C(0) <= 0                    ? std::numeric_limits<double>::infinity()
+                : contact->frictionless              ? 0
+                                                     : tangential / (contact->friction * force_C(0));
         out.push_back(f);
       }
       row += rows;

@@ -6,9 +6,9 @@
 namespace fork1s {
 namespace {
 
-constexpr double kAtCone = 0.99;    // share of the friction from which a contact may slide
-constexpr double kAtStop = 1e-4;    // rad or m that a stop may be off
-constexpr double kSlides = 1e-4;    // m/s: solvers leave less
+constexpr double kAtCone = 0.99;  // share of the friction from which a contact may slide
+constexpr double kAtStop = 1e-4;  // rad or m that a stop may be off
+constexpr double kSlides = 1e-4;  // m/s: solvers leave less
 
 void Count(EndReached& end, double time, bool upper) {
   if (end.steps == 0) end.first = time;
@@ -52,8 +52,8 @@ void RunTally::LookAtContacts(const Simulation& simulation) {
     const Vector3 force = sign * (c.point.frame.transpose() * c.impulse) / h;
     pair.force_W += force;
     const Vector3 origin = b < 0 ? Vector3::Zero() : simulation.Pose(b).translation();
-    pair.moment_W += sign * (c.point.frame.transpose() * c.moment) / h +
-                     Vector3(c.point.point - origin).cross(force);
+    pair.moment_W +=
+        sign * (c.point.frame.transpose() * c.moment) / h + Vector3(c.point.point - origin).cross(force);
     const double tangential = c.impulse.tail<2>().norm();
     if (!(c.friction > 0) || tangential < kAtCone * c.friction * c.impulse(0)) continue;
     const Vector3 relative =

@@ -185,8 +185,8 @@ std::vector<std::string> DifferenceLines(const Comparison& c) {
   for (std::size_t i = 0; i < std::min(kMost, c.dropped.size()); ++i)
     lines.push_back(c.other + " has, and the reduced model has not, " + c.dropped[i]);
   if (c.dropped.size() > kMost)
-    lines.push_back(fmt::format("{} more elements of the file that the reduced model has not",
-                                c.dropped.size() - kMost));
+    lines.push_back(
+        fmt::format("{} more elements of the file that the reduced model has not", c.dropped.size() - kMost));
   return lines;
 }
 

@@ -76,8 +76,8 @@ InterfaceGain MeasureInterfaceGain(const PosedMechanism& posed, const ReducedMod
     const auto& shapes = m.definition().bodies[b].geometries;
     const bool touches = std::find(model.interfaces.begin(), model.interfaces.end(),
                                    BodyIndex(static_cast<int>(b))) != model.interfaces.end();
-    gain.shaped +=
-        touches || std::any_of(shapes.begin(), shapes.end(), [](const GeometryDef& g) { return g.Collides(); });
+    gain.shaped += touches || std::any_of(shapes.begin(), shapes.end(),
+                                          [](const GeometryDef& g) { return g.Collides(); });
   }
   if (model.num_coordinates() <= kMostCoordinates) {
     const std::vector<double> hertz = FullFrequencies(m, posed.q, model.num_coordinates());
@@ -92,17 +92,20 @@ std::vector<std::string> InterfaceGain::Sentences() const {
   std::vector<std::string> out;
   out.push_back(
       coordinates < coordinates_full
-          ? fmt::format("{} of {} joint coordinates are simulated, the others follow at rest with their loads",
-                        coordinates, coordinates_full)
-      : coordinates == 1 ? "its one joint coordinate moves an interface body and is simulated"
+          ? fmt::format(
+                "{} of {} joint coordinates are simulated, the others follow at rest with their loads",
+                coordinates, coordinates_full)
+      : coordinates == 1
+          ? "its one joint coordinate moves an interface body and is simulated"
           : fmt::format("all {} joint coordinates move an interface body, so all are simulated and "
                         "nothing is left out",
                         coordinates));
-  out.push_back(touching < shaped
-                    ? fmt::format("contact is looked for at {} of {} bodies that have shapes", touching, shaped)
-                    : fmt::format("contact is looked for at {}",
-                                  touching == 1 ? "the one body that has shapes"
-                                                : fmt::format("all {} bodies that have shapes", touching)));
+  out.push_back(
+      touching < shaped
+          ? fmt::format("contact is looked for at {} of {} bodies that have shapes", touching, shaped)
+          : fmt::format("contact is looked for at {}",
+                        touching == 1 ? "the one body that has shapes"
+                                      : fmt::format("all {} bodies that have shapes", touching)));
   if (explicit_step_s > 0 && explicit_step_s < kWorthSaying * step_s)
     out.push_back(
         fmt::format("its fastest spring swings at {:.3g} Hz: explicit steps diverge above {:.3g} ms, the "

@@ -57,7 +57,8 @@ std::vector<std::string> MuJoCoLaws(const mjModel* m) {
     std::string text = "contacts of MuJoCo are springs, those here are hard: " + contact.Text();
     if (contact.time_high > 0) {
       // At rest (1 - d) g = d r / (d_max tc)^2, and d is least at the surface.
-      const double g = std::hypot(m->opt.gravity[0], m->opt.gravity[1], m->opt.gravity[2]), d = contact.impedance_low;
+      const double g = std::hypot(m->opt.gravity[0], m->opt.gravity[1], m->opt.gravity[2]),
+                   d = contact.impedance_low;
       const double sink = g * (1 - d) / d * contact.time_high * contact.time_high;
       if (sink > 1e-6) text += fmt::format("; a body at rest sinks in by up to {:.2g} mm", 1e3 * sink);
     }
@@ -68,10 +69,11 @@ std::vector<std::string> MuJoCoLaws(const mjModel* m) {
             "friction is bounded by a pyramid in MuJoCo (option cone), by Coulomb's cone here: between its "
             "two tangents MuJoCo holds up to 29 % less");
       if (m->opt.noslip_iterations == 0)
-        laws.push_back(fmt::format(
-            "what is held creeps in MuJoCo, whose friction resists a rate and no way (option impratio {:.3g}, "
-            "noslip_iterations 0); here it rests",
-            m->opt.impratio));
+        laws.push_back(
+            fmt::format("what is held creeps in MuJoCo, whose friction resists a rate and no way (option "
+                        "impratio {:.3g}, "
+                        "noslip_iterations 0); here it rests",
+                        m->opt.impratio));
     }
   }
   Softness loops;
@@ -83,7 +85,8 @@ std::vector<std::string> MuJoCoLaws(const mjModel* m) {
   }
   if (count > 0)
     laws.push_back("loops and couplings of MuJoCo are springs, those here stay closed: " + loops.Text());
-  const bool has_limits = std::any_of(m->jnt_limited, m->jnt_limited + m->njnt, [](auto limited) { return limited != 0; });
+  const bool has_limits =
+      std::any_of(m->jnt_limited, m->jnt_limited + m->njnt, [](auto limited) { return limited != 0; });
   if (has_limits && constraints && (m->opt.disableflags & mjDSBL_LIMIT) == 0) {
     Softness limits;
     for (int j = 0; j < m->njnt; ++j)

@@ -50,8 +50,9 @@ TEST(Compare, SaysWhatMuJoCoDoesDifferently) {
   EXPECT_LT(laws, figures);
   EXPECT_NE(o.out.find("pyramid"), std::string::npos) << o.out;
   // A file that asks for other laws gets other sentences.
-  std::string text = FingerModel("<tendon><spatial name='rope' rgba='1 0 0 1'><site site='s'/><site "
-                                 "site='t'/></spatial></tendon><sensor><jointpos joint='end'/></sensor>");
+  std::string text = FingerModel(
+      "<tendon><spatial name='rope' rgba='1 0 0 1'><site site='s'/><site "
+      "site='t'/></spatial></tendon><sensor><jointpos joint='end'/></sensor>");
   text.replace(text.find("<option "), 8, "<option cone='elliptic' noslip_iterations='3' ");
   text.replace(text.find("<geom name=\"floor\""), 0, "<site name='s'/><site name='t' pos='0 0 1'/>");
   const auto json = Fork1s(options + "--json " + Write("elliptic.xml", text)).Json();

@@ -6,7 +6,7 @@
 namespace fork1s::test {
 namespace {
 
-// Two fingers of three hinges each on a palm; all springs are given.
+// Two bent fingers of three hinges each on a palm: each tip moves in three ways, all that its hinges allow.
 std::string Hand(const std::string& interfaces, const std::string& stiffness = "1") {
   std::string fingers;
   for (const char* name : {"left", "right"}) {
@@ -14,14 +14,15 @@ std::string Hand(const std::string& interfaces, const std::string& stiffness = "
     const std::string shape = "<geom type='capsule' fromto='0 0 0 0 0 .03' size='.005' mass='.02'/>";
     const std::string spring = "' axis='0 1 0' stiffness='" + stiffness + "' damping='.01'/>";
     fingers += "<body name='" + n + "_a' pos='" + side + " 0 0'><joint name='" + n + "_1" + spring + shape +
-               "<body name='" + n + "_b' pos='0 0 .03'><joint name='" + n + "_2" + spring + shape +
+               "<body name='" + n + "_b' pos='.01 0 .03'><joint name='" + n + "_2" + spring + shape +
                "<body name='" + n + "_tip' pos='0 0 .03'><joint name='" + n + "_3" + spring + shape +
                "</body></body></body>";
   }
-  return Write("gain.xml", "<mujoco><custom><text name='fork1s_interface' data='" + interfaces +
-                               "'/><numeric name='fork1s_modes' data='0'/></custom><worldbody><body name='palm'>"
-                               "<geom type='box' size='.04 .01 .01' mass='.1'/>" +
-                               fingers + "</body></worldbody></mujoco>");
+  return Write("gain.xml",
+               "<mujoco><custom><text name='fork1s_interface' data='" + interfaces +
+                   "'/><numeric name='fork1s_modes' data='0'/></custom><worldbody><body name='palm'>"
+                   "<geom type='box' size='.04 .01 .01' mass='.1'/>" +
+                   fingers + "</body></worldbody></mujoco>");
 }
 
 TEST(Gain, NamesWhatTouchesAndWhatFewerWouldLeave) {
@@ -58,7 +59,8 @@ TEST(Gain, StiffSpringsAskAnExplicitStepForMore) {
 TEST(Gain, BodiesThatCannotBeLeftOutAreNamed) {
   const auto json = Fork1s("reduce --json " + Hand("left_tip right_tip", "0")).Json();
   EXPECT_EQ(json["gain"]["must_stay"].size(), 2u) << json["gain"].dump(1);
-  EXPECT_NE(json["gain"]["text"].dump().find("cannot be left out"), std::string::npos) << json["gain"].dump(1);
+  EXPECT_NE(json["gain"]["text"].dump().find("cannot be left out"), std::string::npos)
+      << json["gain"].dump(1);
 }
 
 TEST(Interfaces, BlanksAndCommasBothDivideNames) {

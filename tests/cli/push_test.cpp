@@ -40,8 +40,8 @@ TEST(Push, AtAPointItTurns) {
 }
 
 TEST(Push, TableAndOptionAgree) {
-  const std::string table =
-      Write("push.csv", "time,force:block:x,\"force:block@0.05,0,0:z\",torque:block:y\n0,4,1,0.05\n1,4,1,0.05\n");
+  const std::string table = Write(
+      "push.csv", "time,force:block:x,\"force:block@0.05,0,0:z\",torque:block:y\n0,4,1,0.05\n1,4,1,0.05\n");
   const Outcome by_table = Fork1s("run --json --time 0.5 --controls " + table + " " + Block());
   ASSERT_EQ(by_table.code, 0) << by_table.err;
   const Outcome by_option =
@@ -53,7 +53,8 @@ TEST(Push, TableAndOptionAgree) {
 TEST(Push, IsRecordedAndReplays) {
   const std::string model = Write("finger.xml", FingerModel()), file = (ScratchFolder() / "push.h5").string();
   const Outcome still = Fork1s("run --json --time 1 " + model);
-  const Outcome pushed = Fork1s("run --json --time 1 --push tip:0,0,0.2:0.2..0.8 --record " + file + " " + model);
+  const Outcome pushed =
+      Fork1s("run --json --time 1 --push tip:0,0,0.2:0.2..0.8 --record " + file + " " + model);
   ASSERT_EQ(pushed.code, 0) << pushed.err;
   EXPECT_NE(still.Json()["interface"], pushed.Json()["interface"]);
   const Outcome replay = Fork1s("replay --json " + file);
@@ -66,8 +67,12 @@ TEST(Push, RefusalsNameWhatIsWrong) {
   const struct {
     const char* text;
     const char* says;
-  } cases[] = {{"block", "':'"},          {"block:1,2", "three or six"},   {"block:1,2,x", "three or six"},
-               {"nobody:1,0,0", "block"}, {"block:1,0,0:2..1", "begins"}, {"block:1,0,0:a..b", "span of time"},
+  } cases[] = {{"block", "':'"},
+               {"block:1,2", "three or six"},
+               {"block:1,2,x", "three or six"},
+               {"nobody:1,0,0", "block"},
+               {"block:1,0,0:2..1", "begins"},
+               {"block:1,0,0:a..b", "span of time"},
                {"block:inf,0,0", "three or six"}};
   for (const auto& c : cases) {
     const Outcome o = Fork1s(std::string("run --time 0.1 --push ") + c.text + " " + model);

@@ -76,7 +76,8 @@ TEST(RunReport, StopsAndServosAtTheirEndsAreNamed) {
       Write("weak.xml", FingerModel("<actuator><position name='weak' joint='knuckle' kp='1' "
                                     "forcelimited='true' forcerange='-.001 .001'/></actuator>"));
   const std::string table = Write("weak.csv", "time,weak\n0,0.5\n");
-  const auto servos = Fork1s("run --json --time 1 --controls " + table + " " + weak).Json()["servos_at_limit"];
+  const auto servos =
+      Fork1s("run --json --time 1 --controls " + table + " " + weak).Json()["servos_at_limit"];
   ASSERT_GE(servos["which"].size(), 1u) << servos.dump(1);
   EXPECT_EQ(servos["which"][0]["name"], "actuator 'weak'");
   EXPECT_EQ(servos["which"][0]["steps"], servos["steps"]);
@@ -84,8 +85,7 @@ TEST(RunReport, StopsAndServosAtTheirEndsAreNamed) {
 
 TEST(RunReport, LoadFactorOverTime) {
   const std::string scenes = std::string(FORK1S_SOURCE_DIR) + "/scenes/";
-  const std::string run =
-      "run --time 3.5 " + scenes + "grasp_box.xml --controls " + scenes + "grasp_box.csv";
+  const std::string run = "run --time 3.5 " + scenes + "grasp_box.xml --controls " + scenes + "grasp_box.csv";
   const Outcome o = Fork1s(run + " --json");
   ASSERT_EQ(o.code, 0) << o.err;
   const auto json = o.Json();
@@ -139,7 +139,8 @@ TEST(RunReport, TablesHoldTheSame) {
 }
 
 TEST(Export, AMomentAfterTheEndIsSaid) {
-  const std::string file = (ScratchFolder() / "short.h5").string(), out = (ScratchFolder() / "late.png").string();
+  const std::string file = (ScratchFolder() / "short.h5").string(),
+                    out = (ScratchFolder() / "late.png").string();
   ASSERT_EQ(Fork1s("run --time 0.2 --record " + file + " " + Sledge()).code, 0);
   // Said before the picture is drawn, for which a browser may be missing.
   EXPECT_NE(Fork1s("export --at 5 " + file + " " + out).err.find("after the end of the recording at 0.2 s"),

@@ -13,9 +13,9 @@ namespace fork1s {
 
 /// All that two bodies did to each other through their contacts, frozen ones included.
 struct PairLoad {
-  int body_a = -1, body_b = -1;  // places in Simulation::bodies(), a < b; -1: the still world
-  Vector3 force_W = Vector3::Zero();   // N on b, in the last step
-  Vector3 moment_W = Vector3::Zero();  // N·m on b about its origin, in the last step
+  int body_a = -1, body_b = -1;           // places in Simulation::bodies(), a < b; -1: the still world
+  Vector3 force_W = Vector3::Zero();      // N on b, in the last step
+  Vector3 moment_W = Vector3::Zero();     // N·m on b about its origin, in the last step
   double force_max = 0, force_max_s = 0;  // N, and when
   double touched_s = 0;                   // s in which a contact bore force
   double slip = 0;         // m: way of the contact that slid fastest, while friction gave all it can
@@ -25,7 +25,7 @@ struct PairLoad {
 
 /// A stop or a servo that was at its end.
 struct EndReached {
-  std::string name;   // "joint 'elbow'", "actuator 'grip'"
+  std::string name;  // "joint 'elbow'", "actuator 'grip'"
   std::int64_t steps = 0;
   double first = 0, last = 0;  // s
   bool upper = false, lower = false;

@@ -31,7 +31,7 @@ struct CompareOptions {
   Recovery recovery = Recovery::kExact;
   Integrator integrator = Integrator::kEuler;  // of the reduced run
   ControlTrack controls;
-  PushTrack pushes;  // in every run
+  PushTrack pushes;                      // in every run
   FidelityTrack detail;                  // of the reduced run
   int refinements = 2;                   // further runs at dt/2, dt/4, ...
   std::string model_path;                // the MJCF file, for kMuJoCo

@@ -36,8 +36,8 @@ struct InterfaceGain {
 /// `step_s` is the step that a simulation takes.
 InterfaceGain MeasureInterfaceGain(const PosedMechanism& posed, const ReducedModel& model, double step_s);
 
-/// Median times of a step from the scene's start on, taken by turns, by the scene's interface and with every body one:
-/// the same solver, so that their ratio is what the reduction and its fewer contacts gain.
+/// Median times of a step from the scene's start on, taken by turns, by the scene's interface and with every
+/// body one: the same solver, so that their ratio is what the reduction and its fewer contacts gain.
 struct StepTimes {
   double interface_us = 0, all_us = 0;
   double dt = 0;  // s, that both took
