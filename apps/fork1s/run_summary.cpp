@@ -216,12 +216,13 @@ void PrintBases(const Json& bases) {
   More(bases.size(), "bases");
 }
 
-void PrintEnds(const Json& ends, const char* what) {
-  for (std::size_t i = 0; i < std::min(kLines, ends.size()); ++i)
-    fmt::print("    {} {}, {} steps from {:.4g} s to {:.4g} s\n", ends[i]["name"].get<std::string>(),
-               ends[i]["end"] == "both" ? std::string(what) + " on both sides" : what,
-               ends[i]["steps"].get<std::int64_t>(), ends[i]["first_s"].get<double>(),
-               ends[i]["last_s"].get<double>());
+void PrintEnds(const Json& ends, const char* where) {
+  for (std::size_t i = 0; i < std::min(kLines, ends.size()); ++i) {
+    const Json& e = ends[i];
+    const std::string end = e["end"] == "both" ? "upper and lower" : e["end"].get<std::string>();
+    fmt::print("    {} at its {} {}, {} steps from {:.4g} s to {:.4g} s\n", e["name"].get<std::string>(), end,
+               where, e["steps"].get<std::int64_t>(), e["first_s"].get<double>(), e["last_s"].get<double>());
+  }
   More(ends.size(), "of them");
 }
 
@@ -258,9 +259,9 @@ void PrintSummary(const Json& d) {
   if (const Json& servos = d["servos_at_limit"]; servos["steps"].get<int>() > 0)
     fmt::print("  servos          {} at most at the limit of their force, in {} steps\n",
                servos["most"].get<int>(), servos["steps"].get<int>());
-  PrintEnds(d["servos_at_limit"]["which"], "at the limit of its force");
+  PrintEnds(d["servos_at_limit"]["which"], "limit of force");
   if (!d["stops_reached"].empty()) fmt::print("  stops\n");
-  PrintEnds(d["stops_reached"], "at its stop");
+  PrintEnds(d["stops_reached"], "stop");
   for (const Json& s : d["detail"])
     if (s["refused"].is_null() && s["time_s"].get<double>() > 0)
       fmt::print("  detail          {} from {:.4g} s on, changed in {:.2f} ms\n",

@@ -13,6 +13,7 @@ struct Softness {
   double time_low = 0, time_high = 0;  // s
   bool direct = false;                 // solref that names stiffness and damping
   double impedance_low = 1;            // the least d of solimp
+  double give = 0;                     // s²: largest way by unit acceleration against it
 
   void Take(const mjtNum* solref, const mjtNum* solimp, double timestep, bool safe) {
     impedance_low = std::min(impedance_low, solimp[0]);
@@ -24,6 +25,7 @@ struct Softness {
     const double time = safe ? std::max(solref[0], 2 * timestep) : solref[0];
     time_low = time_low == 0 ? time : std::min(time_low, time);
     time_high = std::max(time_high, time);
+    if (solimp[0] > 0) give = std::max(give, (1 - solimp[0]) / solimp[0] * time * time);
   }
   std::string Text() const {
     std::string text;
@@ -55,13 +57,9 @@ std::vector<std::string> MuJoCoLaws(const mjModel* m) {
     laws.push_back("the file switches contact off in MuJoCo; here bodies touch");
   } else if (colliding > 1) {
     std::string text = "contacts of MuJoCo are springs, those here are hard: " + contact.Text();
-    if (contact.time_high > 0) {
-      // At rest (1 - d) g = d r / (d_max tc)^2, and d is least at the surface.
-      const double g = std::hypot(m->opt.gravity[0], m->opt.gravity[1], m->opt.gravity[2]),
-                   d = contact.impedance_low;
-      const double sink = g * (1 - d) / d * contact.time_high * contact.time_high;
-      if (sink > 1e-6) text += fmt::format("; a body at rest sinks in by up to {:.2g} mm", 1e3 * sink);
-    }
+    // Gravity against it: (1 - d) g = d r / tc², d least at the surface.
+    const double sink = contact.give * std::hypot(m->opt.gravity[0], m->opt.gravity[1], m->opt.gravity[2]);
+    if (sink > 1e-6) text += fmt::format("; a body at rest sinks in by up to {:.2g} mm", 1e3 * sink);
     laws.push_back(text);
     if (frictional > 0) {
       if (m->opt.cone == mjCONE_PYRAMIDAL)
