@@ -17,6 +17,7 @@ struct CompareArguments {
   Integrator step_integrator = Integrator::kEuler;
   ModelArguments model;
   std::string against = "full", controls, recovery = "exact", report, detail;
+  std::vector<std::string> pushes;
   MuJoCoIntegrator integrator = MuJoCoIntegrator::kOfFile;
   double time = 2, dt = 0;
   int refinements = 2;
@@ -57,6 +58,8 @@ Json ComparisonJson(const Comparison& c) {
   if (c.other == "mujoco")
     out["contact_pairs"] = {{"mujoco_only", PairsJson(c.pairs_only_other, true)},
                             {"reduced_only", PairsJson(c.pairs_only_reduced, false)}};
+  if (c.other == "mujoco") out["laws"] = c.laws;
+  if (c.other == "mujoco") out["dropped"] = c.dropped;
   out["force_rms_N"] = c.force_rms_N;
   out["force_max_N"] = c.force_max_N;
   out["force_rms_percent"] = c.force_rms_percent;
@@ -95,7 +98,9 @@ void PrintFrequencies(const char* label, const std::vector<double>& hertz) {
 void Print(const Comparison& c) {
   fmt::print("reduced against {}: {:.4g} s at steps of {:.6g} s", c.other, c.time_s, c.dt_s);
   if (c.other_dt_s != c.dt_s) fmt::print(", {} at {:.6g} s", c.other, c.other_dt_s);
-  for (const std::string& line : PairLines(c)) fmt::print("\n  {}", line);
+  const std::vector<std::string> differences = DifferenceLines(c);
+  if (!differences.empty()) fmt::print("\nwhat the two do differently, before any number:");
+  for (const std::string& line : differences) fmt::print("\n  {}", line);
   fmt::print("\n  {:<24} {:>10} {:>10} {:>10} {:>10}\n", "", "RMS mm", "max mm", "RMS deg", "max deg");
   for (const auto* list : {&c.interface, &c.free_bodies})
     for (const BodyDifference& b : *list)
@@ -157,7 +162,15 @@ int Run(const CompareArguments& args) {
   if (!args.controls.empty()) {
     auto read = ReadControls(args.controls);
     if (!read) return Report(read.error(), json);
+    auto pushes = PushTrack::TakeFrom(*read, args.controls);
+    if (!pushes) return Report(pushes.error(), json);
+    options.pushes = std::move(*pushes);
     options.controls = std::move(*read);
+  }
+  for (const std::string& text : args.pushes) {
+    auto push = PushTrack::Parse(text, "--push");
+    if (!push) return Report(push.error(), json);
+    options.pushes.pushes.push_back(std::move(*push));
   }
   Expected<Comparison> comparison = [&] {
     ProgressBar bar("comparing");
@@ -208,7 +221,9 @@ void AddCompare(CLI::App& app, Action& action) {
   command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(PositiveUpTo(1e5));
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
       ->check(PositiveUpTo(kMostStep));
-  command->add_option("--controls", args->controls, "CSV of control values: time,NAME,...");
+  command->add_option("--controls", args->controls,
+                      "CSV of control values and pushes: time,NAME,...,force:BODY:x,...");
+  AddPushTo(*command, args->pushes);
   command->add_option("--detail", args->detail, "level of detail of the reduced run, as of 'fork1s run'");
   AddIntegratorTo(*command, args->step_integrator);
   command->add_option("--recovery", args->recovery, "exact or twist")

@@ -6,6 +6,7 @@
 #include <fork1s/record/output_file.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/server/wire.hpp>
+#include <map>
 #include <memory>
 
 #include "checks.hpp"
@@ -22,6 +23,7 @@ struct ExportArguments {
   VideoOptions options;
   std::vector<double> from;   // degrees
   std::optional<double> fps;  // keys a second of a glTF animation
+  CLI::Option* color_by_option = nullptr;
 };
 
 // The camera as the arguments want it.
@@ -34,8 +36,12 @@ Expected<VideoOptions> Camera(const Recording& recording, const ExportArguments&
   if (args.look_at.empty()) return options;
   for (std::size_t i = 0; i < recording.bodies().size(); ++i)
     if (recording.bodies()[i].name == args.look_at) options.body = static_cast<int>(i);
-  if (!options.body)
-    return Fail(ErrorCode::kUsage, "--look-at", fmt::format("the recording has no body '{}'", args.look_at));
+  if (!options.body) {
+    std::string known;
+    for (const SceneBody& b : recording.bodies()) known += (known.empty() ? "" : ", ") + b.name;
+    return Fail(ErrorCode::kUsage, "--look-at",
+                fmt::format("the recording has no body '{}'; there are: {}", args.look_at, known));
+  }
   return options;
 }
 
@@ -81,9 +87,22 @@ int WriteGltf(const Recording& recording, const ExportArguments& args) {
   return kDone;
 }
 
+// The last moment is drawn where the asked one is beyond it.
+void SayWhereItEnds(const Recording& recording, double at) {
+  const std::vector<double>& times = recording.data().time;
+  const double dt = recording.header().options.dt;
+  const double end = times.empty() ? 0 : times.back() - times.front() + dt;
+  if (at > end + 0.5 * dt)
+    fmt::print(stderr,
+               "warning: --at {:g} s is after the end of the recording at {:.6g} s, whose last moment is "
+               "drawn\n",
+               at, end);
+}
+
 int WriteFilm(const Recording& recording, const ExportArguments& args) {
   auto camera = Camera(recording, args);
   if (!camera) return Report(camera.error(), false);
+  if (args.options.at) SayWhereItEnds(recording, *args.options.at);
   auto page = MakePage(recording);
   if (!page) return Report(page.error(), false);
   auto frames = RenderVideo(*page, args.out, *camera);
@@ -107,6 +126,11 @@ int Run(const ExportArguments& args) {
                      "and a folder for CSV tables: write {1}/ if it is the name of one",
                      extension, args.out)},
         false);
+  if (args.color_by_option->count() > 0 && !film && !args.video)
+    return Report({ErrorCode::kUsage, "--color-by",
+                   "belongs to films and pictures; other exports hold the file's colours, and the page has a "
+                   "choice of its own"},
+                  false);
   if (args.fps && !gltf)
     return Report({ErrorCode::kUsage, "--fps", "belongs to a FILE.glb or FILE.gltf"}, false);
   if ((extension == ".png") != args.options.at.has_value())
@@ -129,7 +153,8 @@ void AddExport(CLI::App& app, Action& action) {
   command->add_option("recording", args->recording, "HDF5 file of 'fork1s run --record'")->required();
   command
       ->add_option("out", args->out,
-                   "a folder for poses.csv, contacts.csv, controls.csv, energy.csv; FILE.html: one page that "
+                   "a folder for poses.csv, contacts.csv, pairs.csv, controls.csv, energy.csv; FILE.html: "
+                   "one page that "
                    "plays from "
                    "disk; FILE.glb, FILE.gltf: a moving scene for other programs; FILE.mp4: a film; "
                    "FILE.png: the moment --at; with --video a folder for PNG frames")
@@ -151,6 +176,14 @@ void AddExport(CLI::App& app, Action& action) {
       ->check(NumberWithin(-1e6, 1e6));
   command->add_option("--zoom", args->options.zoom, "how much nearer than to hold everything (default 1)")
       ->check(NumberWithin(0.1, 50));
+  static const std::map<std::string, int> colourings = {
+      {"file", 0}, {"interface", 1}, {"roles", 2}, {"gaps", 3}};
+  args->color_by_option =
+      command
+          ->add_option("--color-by", args->options.colouring,
+                       "of films and pictures: file (default), interface: bodies that may touch stand out, "
+                       "roles: interface, interior and free bodies, gaps: how far joints open")
+          ->transform(CLI::CheckedTransformer(colourings));
   command->add_flag("!--no-forces", args->options.forces, "draw no contact forces");
   command->add_option("--look-at", args->look_at, "a body for the middle of the picture");
   command

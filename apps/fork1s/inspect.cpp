@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "checks.hpp"
+#include "gain.hpp"
 #include "inspect_folder.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
@@ -40,6 +41,11 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     one["interfaces_chosen"] = def.interfaces_chosen;
     one["modes"] = def.modes;
     one["mode_choice"] = Name(def.mode_choice);
+    ReductionOptions options;
+    options.promote_hidden = !p.interfaces_chosen;
+    auto reduced = Reduce(p.mechanism, p.q, options);
+    one["gain"] =
+        reduced ? GainJson(MeasureInterfaceGain(p, *reduced, imported.scene.timestep)) : Json(nullptr);
     one["joint_table"] = Json::array();
     for (const auto& j : m.joints())
       one["joint_table"].push_back({{"name", j.name},
@@ -61,6 +67,8 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
   for (const PosedMechanism& p : posed)
     for (const FreeMotion& motion : FindFreeMotions(*p.mechanism, p.q))
       out["not_held"].push_back(motion.Text(*p.mechanism));
+  out["step_us"] = posed.empty() ? Json(nullptr)
+                                 : StepTimesJson(MeasureStepTimes(imported.scene, imported.initial_keyframe));
   out["notes"] = NotesJson(imported.report);
   return out;
 }
@@ -81,7 +89,10 @@ void Print(const ImportedScene& imported, const Json& d) {
     names.clear();
     for (const Json& c : m["controls"]) names += (names.empty() ? "" : ", ") + c.get<std::string>();
     if (!names.empty()) fmt::print("  controls: {}\n", names);
+    if (!m["gain"].is_null()) PrintGain(m["gain"]);
   }
+  if (!d["step_us"].is_null()) fmt::print("\n");
+  PrintStepTimes(d["step_us"]);
   if (!d["free_bodies"].empty()) {
     fmt::print("\nfree bodies:");
     for (const Json& b : d["free_bodies"])

@@ -117,6 +117,16 @@ void AddIntegratorTo(CLI::App& command, Integrator& integrator) {
       ->transform(CLI::CheckedTransformer(names, CLI::ignore_case));
 }
 
+void AddPushTo(CLI::App& command, std::vector<std::string>& pushes) {
+  command
+      .add_option("--push", pushes,
+                  "BODY:FX,FY,FZ[,MX,MY,MZ][@PX,PY,PZ][:T0..T1]: a force in N (and a moment in N m), world "
+                  "axes, at a point of the body in m (its own axes; default its origin), from T0 to T1 s "
+                  "(default all the time); may be repeated")
+      ->take_all()
+      ->allow_extra_args(false);
+}
+
 Expected<ImportedScene> ModelArguments::Load() const {
   ImportOptions options;
   options.interfaces = interfaces;

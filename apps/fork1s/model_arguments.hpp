@@ -35,6 +35,9 @@ struct ModelArguments {
 /// --integrator.
 void AddIntegratorTo(CLI::App& command, Integrator& integrator);
 
+/// --push: texts for PushTrack::Parse.
+void AddPushTo(CLI::App& command, std::vector<std::string>& pushes);
+
 /// "x,y,z" to a vector.
 Expected<Vector3> ParseVector(const std::string& text, const std::string& option);
 

@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "checks.hpp"
+#include "gain.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 
@@ -31,7 +32,7 @@ Json FreeMotionsJson(const Mechanism& m, const VectorX& q, const std::vector<Bod
   return all;
 }
 
-Expected<Json> ReduceOne(const PosedMechanism& posed, ReducedModel& model) {
+Expected<Json> ReduceOne(const PosedMechanism& posed, double step_s, ReducedModel& model) {
   const Mechanism& m = *posed.mechanism;
   ReductionOptions options;
   options.promote_hidden = !posed.interfaces_chosen;
@@ -74,6 +75,7 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, ReducedModel& model) {
                            {"reduced", ReducedFrequencies(model, count)}};
   out["coordinates"] = {{"elastic", model.num_elastic}, {"free", model.num_free}, {"modes", model.num_modes}};
   out["reduction_ms"] = spent.count();
+  out["gain"] = GainJson(MeasureInterfaceGain(posed, model, step_s));
   out["warnings"] = std::move(warnings);
   return out;
 }
@@ -123,6 +125,7 @@ void Print(const Json& d, const Mechanism& m) {
                d["free_motions"].size());
     for (const Json& motion : d["free_motions"]) fmt::print("    {}\n", motion["text"].get<std::string>());
   }
+  PrintGain(d["gain"]);
   for (const Json& w : d["warnings"]) fmt::print("  warning: {}\n", w.get<std::string>());
 }
 
@@ -149,7 +152,7 @@ void AddReduce(CLI::App& app, Action& action) {
       std::vector<Json> all;
       for (std::size_t i = 0; i < posed->size(); ++i) {
         ReducedModel reduced;
-        auto one = ReduceOne((*posed)[i], reduced);
+        auto one = ReduceOne((*posed)[i], imported->scene.timestep, reduced);
         if (!one) {
           Error error = one.error();
           error.where = model->path + ": " + error.where;
@@ -163,8 +166,11 @@ void AddReduce(CLI::App& app, Action& action) {
         if (!model->json) Print(*one, *(*posed)[i].mechanism);
         all.push_back(std::move(*one));
       }
+      const Json times = StepTimesJson(MeasureStepTimes(imported->scene, imported->initial_keyframe));
+      if (!model->json) PrintStepTimes(times);
       if (model->json) {
         Json out = all.size() == 1 ? all[0] : Json{{"mechanisms", all}};
+        out["step_us"] = times;
         out["notes"] = NotesJson(imported->report);
         fmt::print("{}\n", ToText(out, 1));
       }

@@ -116,6 +116,7 @@ std::string Wish(const VideoOptions& o) {
   if (o.elevation) wish += fmt::format("&elevation={:.3f}", *o.elevation);
   if (o.zoom != 1) wish += fmt::format("&zoom={:.4f}", o.zoom);
   if (!o.forces) wish += "&forces=0";
+  if (o.colouring != 0) wish += fmt::format("&colouring={}", o.colouring);
   if (o.body) wish += fmt::format("&body={}", *o.body);
   return wish;
 }

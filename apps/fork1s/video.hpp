@@ -15,6 +15,7 @@ struct VideoOptions {
   std::optional<double> azimuth, elevation;  // degrees, of the camera; from x towards y, upwards
   double zoom = 1;
   bool forces = true;       // arrows at contacts
+  int colouring = 0;        // 0: the file's colours, 1: interface bodies, 2: roles, 3: gaps at joints
   std::optional<int> body;  // place in Simulation::bodies() of what the camera looks at; none: the middle
 };
 

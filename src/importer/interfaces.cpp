@@ -133,13 +133,26 @@ std::optional<Error> DistributeNames(Conversion& c, const std::vector<std::strin
   return std::nullopt;
 }
 
+// Names with blanks or commas between; a comma within the name of a body is part of it.
+std::vector<std::string> InterfaceWords(const Conversion& c, const std::string& text) {
+  std::vector<std::string> names;
+  for (std::string word : SplitWords(text)) {
+    const bool known = std::any_of(c.scene.mechanisms.begin(), c.scene.mechanisms.end(),
+                                   [&](const MechanismDef& m) { return m.FindBody(word).valid(); });
+    if (!known) std::replace(word.begin(), word.end(), ',', ' ');
+    for (const std::string& name : known ? std::vector<std::string>{word} : SplitWords(word))
+      names.push_back(name);
+  }
+  return names;
+}
+
 std::optional<Error> ApplyInterfaces(Conversion& c, const ImportOptions& options) {
   std::vector<std::string> names = options.interfaces;
   std::string where = "option interfaces";
   if (names.empty()) {
     if (const auto text = CustomText(c.m, "fork1s_interface")) {
       where = "text 'fork1s_interface'";
-      names = SplitWords(*text);
+      names = InterfaceWords(c, *text);
       if (names.empty()) {
         return c.ModelError(where, "it names no body; list the bodies that touch, or remove the text");
       }

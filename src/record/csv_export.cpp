@@ -1,8 +1,11 @@
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/output_file.hpp>
 #include <fstream>
+#include <map>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -50,21 +53,33 @@ class Table {
   std::string row_;
 };
 
-// The four tables of a recording, to which its steps are added stretch by stretch.
+// The tables of a recording, to which its steps are added stretch by stretch.
 class Tables {
  public:
   Tables(const RecordingHeader& header, const std::filesystem::path& folder, const CsvOptions& options)
       : names_(internal::BodyNames(header)),
         poses_(folder / "poses.csv"),
         contacts_(folder / "contacts.csv"),
+        pairs_(folder / "pairs.csv"),
         controls_(folder / "controls.csv"),
         energy_(folder / "energy.csv") {
     for (std::size_t b = 0; b < names_.size(); ++b) {
       const SceneBody& body = header.bodies[b];
-      if (!options.all_bodies && !body.is_interface && body.mechanism >= 0) continue;
-      chosen_.push_back(b);
-      for (const char* part : {".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz"}) poses_.Name(names_[b] + part);
+      if (options.all_bodies || body.is_interface || body.mechanism < 0) AddPoseColumns(b);
     }
+    for (std::size_t b = 0; b < names_.size(); ++b) {
+      const SceneBody& body = header.bodies[b];
+      if (body.mechanism < 0 || body.index != 0 || !MovesBase(header.scene, body.mechanism)) continue;
+      if (!options.all_bodies && !body.is_interface) AddPoseColumns(b);
+      bases_.push_back(body.mechanism);
+      base_names_.push_back(names_[b]);
+    }
+    for (const std::string& base : base_names_)
+      for (const char* part : {".vx", ".vy", ".vz", ".wx", ".wy", ".wz"}) poses_.Name(base + part);
+    num_mechanisms_ = header.scene.mechanisms.size();
+    for (const char* name : {"body_a", "body_b", "force.x", "force.y", "force.z", "moment.x", "moment.y",
+                             "moment.z", "contacts"})
+      pairs_.Name(name);
     for (const char* name : {"body_a", "body_b", "point.x", "point.y", "point.z", "normal.x", "normal.y",
                              "normal.z", "force.x", "force.y", "force.z", "gap", "friction"})
       contacts_.Name(name);
@@ -77,6 +92,7 @@ class Tables {
     for (int i = 0; i < part.num_steps(); ++i) {
       AddPoses(part, static_cast<std::size_t>(i));
       AddContacts(part, i);
+      AddPairs(part, i);
       AddEnergy(part.data(), static_cast<std::size_t>(i));
       controls_.Start(part.data().time[static_cast<std::size_t>(i)]);
       controls_.AddAll(part.Controls(i));
@@ -91,22 +107,64 @@ class Tables {
   }
 
  private:
-  std::array<Table*, 4> All() { return {&poses_, &contacts_, &controls_, &energy_}; }
+  std::array<Table*, 5> All() { return {&poses_, &contacts_, &pairs_, &controls_, &energy_}; }
+  void AddPoseColumns(std::size_t body) {
+    chosen_.push_back(body);
+    for (const char* part : {".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz"}) poses_.Name(names_[body] + part);
+  }
+  static bool MovesBase(const Scene& scene, int mechanism) {
+    return scene.mechanisms[static_cast<std::size_t>(mechanism)].base != BaseKind::kFixed;
+  }
 
   void AddPoses(const Recording& part, std::size_t i) {
     poses_.Start(part.data().time[i]);
     for (std::size_t b : chosen_)
       for (std::size_t k = 0; k < 7; ++k) poses_.Add(part.data().poses[7 * (i * names_.size() + b) + k]);
+    for (const int m : bases_) AddVelocity(part.data(), i * num_mechanisms_ + static_cast<std::size_t>(m));
     poses_.End();
   }
-  void AddContacts(const Recording& part, int i) {
-    const auto body = [&](int b) {
-      return b < 0 ? std::string("world") : names_[static_cast<std::size_t>(b)];
+  // Of the base's origin, world axes; the recording has it in R about R's origin.
+  void AddVelocity(const RecordedSteps& data, std::size_t at) {
+    const double* pose = data.base_poses.data() + 7 * at;
+    const Vector6 V_R = Eigen::Map<const Vector6>(data.base_twists.data() + 6 * at);
+    const Matrix3 R = Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]).toRotationMatrix();
+    poses_.AddAll(Vector3(R * V_R.tail<3>()));
+    poses_.AddAll(Vector3(R * V_R.head<3>()));
+  }
+  // All contacts of two bodies together.
+  void AddPairs(const Recording& part, int i) {
+    struct Load {
+      Vector3 force = Vector3::Zero(), moment = Vector3::Zero();
+      int contacts = 0;
     };
+    std::map<std::pair<int, int>, Load> loads;
+    for (const RecordedContact& c : part.Contacts(i)) {
+      const int a = std::min(c.body_a, c.body_b), b = std::max(c.body_a, c.body_b);
+      Load& load = loads[{a, b}];
+      const Vector3 force = c.body_b == b ? c.force : Vector3(-c.force);
+      const Vector3 origin = b < 0 ? Vector3(Vector3::Zero()) : part.Pose(i, b).translation();
+      load.force += force;
+      load.moment += Vector3(c.point - origin).cross(force);
+      ++load.contacts;
+    }
+    for (const auto& [bodies, load] : loads) {
+      pairs_.Start(part.data().time[static_cast<std::size_t>(i)]);
+      pairs_.Add(NameOf(bodies.first));
+      pairs_.Add(NameOf(bodies.second));
+      pairs_.AddAll(load.force);
+      pairs_.AddAll(load.moment);
+      pairs_.Add(load.contacts);
+      pairs_.End();
+    }
+  }
+  std::string NameOf(int b) const {
+    return b < 0 ? std::string("world") : names_[static_cast<std::size_t>(b)];
+  }
+  void AddContacts(const Recording& part, int i) {
     for (const RecordedContact& c : part.Contacts(i)) {
       contacts_.Start(part.data().time[static_cast<std::size_t>(i)]);
-      contacts_.Add(body(c.body_a));
-      contacts_.Add(body(c.body_b));
+      contacts_.Add(NameOf(c.body_a));
+      contacts_.Add(NameOf(c.body_b));
       for (const Vector3* v : {&c.point, &c.normal, &c.force}) contacts_.AddAll(*v);
       contacts_.Add(c.gap);
       contacts_.Add(c.friction);
@@ -123,7 +181,10 @@ class Tables {
 
   std::vector<std::string> names_;
   std::vector<std::size_t> chosen_;
-  Table poses_, contacts_, controls_, energy_;
+  std::vector<int> bases_;  // mechanisms whose base moves
+  std::vector<std::string> base_names_;
+  std::size_t num_mechanisms_ = 0;
+  Table poses_, contacts_, pairs_, controls_, energy_;
 };
 
 Expected<std::filesystem::path> MakeFolder(const std::string& directory) {

@@ -283,11 +283,6 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
       const auto Q_e = model.Q.rightCols(r - model.num_free);
       model.C_perp = basis.V * basis.V.transpose() - Q_e * Q_e.transpose();
     }
-  } else if (r == n - model.loop_rank() && r > 0) {
-    model.warnings.push_back(fmt::format(
-        "every coordinate of '{}' reaches an interface body: the reduced model has all {} of them, and "
-        "saves nothing over the full one",
-        mechanism.name(), r));
   }
   for (BodyIndex b : model.promoted)
     model.warnings.push_back(fmt::format(

@@ -162,7 +162,11 @@ std::vector<Hold> FindHolds(const Scene& scene, const World& world, double h) {
       contact.force_C = axes.transpose() * c->point.frame.transpose() * c->impulse / h;
       if (!held_is_b) contact.force_C *= -1;
       // Turning about y rolls along z.
-      const auto along = [&](int k) { return axes.col(k).dot(inverse_curvature * axes.col(k)); };
+      // The map is positive semidefinite, its quadratic form only up to rounding: a flat direction may give
+      // -1e-35, which no spring may have.
+      const auto along = [&](int k) {
+        return std::max(0.0, axes.col(k).dot(inverse_curvature * axes.col(k)));
+      };
       contact.rolling = std::max(0.0, contact.force_C.x()) * Eigen::Vector2d(along(2), along(1));
       contact.friction = c->friction;
       contact.frictionless = c->friction == 0;

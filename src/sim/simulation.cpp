@@ -8,6 +8,20 @@
 #include "integrator_fits.hpp"
 
 namespace fork1s {
+namespace {
+
+// A name comes from a user as often as from a program: the answer is in those words.
+[[noreturn]] void ThrowUnknown(const char* what, const std::string& name,
+                               const std::vector<std::string>& known) {
+  constexpr std::size_t kMost = 40;
+  std::string list;
+  for (std::size_t i = 0; i < known.size() && i < kMost; ++i) list += (i == 0 ? "'" : ", '") + known[i] + "'";
+  if (known.size() > kMost) list += ", ...";
+  throw std::invalid_argument("there is no " + std::string(what) + " '" + name + "'; there " +
+                              (known.empty() ? "are none" : "are " + list));
+}
+
+}  // namespace
 
 Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& options) {
   Simulation s;
@@ -70,6 +84,10 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
 
 StepReport Simulation::Step() {
   PassControls();
+  // HoldForces asks for them after the step, which forgets them.
+  pushed_W_.clear();
+  if (!holds_.empty())
+    for (const MechanismDynamics& m : world_.mechanisms()) pushed_W_.push_back(m.wrenches_W());
   const StepReport report = world_.Step(step_options_);
   if (report.finite) ++steps_;
   return report;
@@ -105,7 +123,7 @@ void Simulation::SetControl(int index, double value) {
 
 void Simulation::SetControl(const std::string& name, double value) {
   const int index = FindControl(name);
-  FORK1S_REQUIRE(index >= 0, "no control named", name);
+  if (index < 0) ThrowUnknown("control", name, control_names_);
   SetControl(index, value);
 }
 
@@ -129,7 +147,11 @@ RigidTransform Simulation::Pose(int body) const {
 
 RigidTransform Simulation::Pose(const std::string& body) const {
   const int index = FindBody(body);
-  FORK1S_REQUIRE(index >= 0, "no body named", body);
+  if (index < 0) {
+    std::vector<std::string> names;
+    for (const SceneBody& b : bodies_) names.push_back(b.name);
+    ThrowUnknown("body", body, names);
+  }
   return Pose(index);
 }
 

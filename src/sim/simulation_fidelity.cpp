@@ -6,6 +6,7 @@
 #include <fork1s/mechanism/kinematics.hpp>
 
 #include "hold.hpp"
+#include "hold_shares.hpp"
 #include "integrator_fits.hpp"
 
 namespace fork1s {
@@ -133,6 +134,7 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   world_keyframe_ = 0;
   fidelity_ = fidelity;
   holds_ = std::move(holds);
+  pushed_W_.clear();
   ListBodies();
   return {};
 }
@@ -143,8 +145,12 @@ std::vector<HoldForce> Simulation::HoldForces() const {
     const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(hold.mechanism)];
     const Mechanism& mechanism = m.mechanism();
     const RigidTransform& X_WR = m.state().X_WR;
-    // What the step's contacts did to the mechanism.
+    // What the step's contacts and pushes did to the mechanism.
     Matrix6X contacts_R = Matrix6X::Zero(6, mechanism.num_bodies());
+    const auto i = static_cast<std::size_t>(hold.mechanism);
+    if (i < pushed_W_.size() && pushed_W_[i].cols() == contacts_R.cols())
+      for (Eigen::Index b = 0; b < contacts_R.cols(); ++b)
+        contacts_R.col(b) = AdjointTransposeApply(X_WR, pushed_W_[i].col(b));
     for (const ContactRecord& c : world_.contacts()) {
       const Vector3 force_W = c.point.frame.transpose() * c.impulse / dt_;
       for (const auto& [contactor, sign] :
@@ -164,14 +170,19 @@ std::vector<HoldForce> Simulation::HoldForces() const {
       return nullptr;
     };
     VectorX near = VectorX::Zero(mechanism.num_constraints());
+    std::vector<internal::HoldRows> shares;
     Eigen::Index row = 0;
     for (const ClosureDef& closure : mechanism.closures()) {
       const auto rows = closure.rigid.count();
-      if (const Hold::Contact* contact = contact_of(closure))
+      if (const Hold::Contact* contact = contact_of(closure)) {
         near.segment(row, rows) = -contact->force_C.head(rows);
+        shares.push_back({row, contact->friction, contact->frictionless});
+      }
       row += rows;
     }
-    const VectorX forces = m.ClosureForces(dt_, contacts_R, near);
+    const auto balance = [&](const VectorX& x) { return m.ClosureForces(dt_, contacts_R, x); };
+    const VectorX forces = internal::ShareWithinFriction(balance(near), shares, balance);
+    const double largest = forces.size() > 0 ? forces.cwiseAbs().maxCoeff() : 0;
     row = 0;
     for (const ClosureDef& closure : mechanism.closures()) {
       const auto rows = closure.rigid.count();
@@ -187,9 +198,11 @@ std::vector<HoldForce> Simulation::HoldForces() const {
         f.force_W = X_WC.rotation() * force_C;
         f.friction = contact->friction;
         const double tangential = force_C.tail<2>().norm();
-        f.use = force_C(0) <= 0         ? std::numeric_limits<double>::infinity()
-                : contact->frictionless ? 0
-                                        : tangential / (contact->friction * force_C(0));
+        constexpr double kNothing = 1e-6;  // beside the grip's largest force: it carries nothing
+        f.use = force_C.norm() <= kNothing * largest ? 0
+                : force_C(0) <= 0                    ? std::numeric_limits<double>::infinity()
+                : contact->frictionless              ? 0
+                                                     : tangential / (contact->friction * force_C(0));
         out.push_back(f);
       }
       row += rows;

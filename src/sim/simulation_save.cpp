@@ -43,6 +43,7 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   steps_ = snapshot.steps;
   controls_ = snapshot.controls;
   base_start_ = snapshot.base_start;
+  pushed_W_.clear();
   ListBodies();
   return {};
 }

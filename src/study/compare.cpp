@@ -178,6 +178,18 @@ std::vector<std::string> PairLines(const Comparison& c) {
   return lines;
 }
 
+std::vector<std::string> DifferenceLines(const Comparison& c) {
+  std::vector<std::string> lines = PairLines(c);
+  lines.insert(lines.end(), c.laws.begin(), c.laws.end());
+  constexpr std::size_t kMost = 10;
+  for (std::size_t i = 0; i < std::min(kMost, c.dropped.size()); ++i)
+    lines.push_back(c.other + " has, and the reduced model has not, " + c.dropped[i]);
+  if (c.dropped.size() > kMost)
+    lines.push_back(
+        fmt::format("{} more elements of the file that the reduced model has not", c.dropped.size() - kMost));
+  return lines;
+}
+
 Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions& options) {
   FORK1S_REQUIRE(options.time > 0 && options.refinements >= 0, options.time, options.refinements);
   const Scene& scene = imported.scene;
@@ -192,12 +204,15 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   o.integrator = options.integrator;
   o.initial_keyframe = imported.initial_keyframe;
   o.controls = &options.controls;
+  if (!options.pushes.pushes.empty()) o.pushes = &options.pushes;
   o.mujoco_integrator = options.mujoco_integrator;
   if (!options.detail.entries.empty()) o.fidelity = &options.detail;
 
   auto probe = internal::MakeReduced(scene, o);
   if (!probe) return tl::unexpected(probe.error());
   if (auto ok = CheckControls(options.controls, *probe); !ok) return tl::unexpected(ok.error());
+  if (const auto missing = options.pushes.FindMissing(*probe); !missing.empty())
+    return Fail(ErrorCode::kModel, "pushes", fmt::format("the model has no body '{}'", missing.front()));
   std::vector<TrackedBody> tracked;
   for (std::size_t i = 0; i < probe->bodies().size(); ++i) {
     const SceneBody& b = probe->bodies()[i];
@@ -264,6 +279,9 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   out.other_dt_s = own->dt;
   out.pairs_only_other = own->pairs_only_here;
   out.pairs_only_reduced = own->pairs_only_reduced;
+  out.laws = own->laws;
+  for (const ImportNote& note : imported.report.notes)
+    if (note.kind == ImportNote::Kind::kDropped) out.dropped.push_back(note.where + ": " + note.message);
   Summarise(tracked, reduced, other, *own, *own, o.interval, out);
   return out;
 }

@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "mujoco_handles.hpp"
+#include "mujoco_laws.hpp"
 #include "mujoco_pairs.hpp"
 #include "runs.hpp"
 
@@ -119,6 +120,19 @@ class LoopGaps {
   std::string unknown_;
 };
 
+// Pushes of the step that ends at `time`, as forces and moments at centres of mass.
+void ApplyPushes(const mjModel* m, mjData* d, const PushTrack& pushes, double time, const Simulation& guide) {
+  std::fill(d->xfrc_applied, d->xfrc_applied + 6 * m->nbody, 0);
+  for (const PushNow& p : pushes.Over(time, m->opt.timestep, guide)) {
+    const int body = mj_name2id(m, mjOBJ_BODY, guide.bodies()[static_cast<std::size_t>(p.body)].name.c_str());
+    if (body < 0) continue;
+    const Vector3 arm = PoseOf(d, body) * p.point_B - Vector3(Eigen::Map<const Vector3>(d->xipos + 3 * body));
+    Eigen::Map<Vector6> wrench(d->xfrc_applied + 6 * body);
+    wrench.head<3>() += p.force_W;
+    wrench.tail<3>() += p.moment_W + arm.cross(p.force_W);
+  }
+}
+
 // What a user of MuJoCo sets where loops shall stay closed and grasps shall not creep: a time constant of
 // the loops of a tenth of the default, elliptic friction cones, and friction rows ten times as hard as normal
 // ones.
@@ -199,6 +213,13 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
                   fmt::format("MuJoCo knows no body '{}'; give the bodies names to compare them", b.name));
   }
 
+  if (options.pushes)
+    for (const Push& push : options.pushes->pushes)
+      if (mj_name2id(m, mjOBJ_BODY, push.body.c_str()) < 0)
+        return Fail(ErrorCode::kUsage, path,
+                    fmt::format("MuJoCo knows no body '{}' to push; give it a name in the file", push.body));
+
+  run.laws = MuJoCoLaws(m);
   PairDifference pairs(m, *guide);
   const LoopGaps gaps(m, *guide);
   if (!gaps.unknown().empty())
@@ -230,6 +251,7 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
   for (int step = 1; static_cast<int>(run.samples.size()) <= options.samples; ++step) {
     const double time = step * h;
     apply(time);
+    if (options.pushes) ApplyPushes(m, d, *options.pushes, time, *guide);
     keep();
     const auto start = std::chrono::steady_clock::now();
     mj_step(m, d);

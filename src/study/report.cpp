@@ -197,7 +197,7 @@ Expected<void> WriteComparisonReport(const Comparison& c, const std::string& pat
       EscapeHtml(c.scene), EscapeHtml(c.other), kStyle, c.time_s, 1e3 * c.dt_s,
       c.other_dt_s != c.dt_s ? fmt::format(", {} at {:.4g} ms", c.other, 1e3 * c.other_dt_s) : "");
   for (const std::string& w : c.warnings) page += "<p>Warning: " + EscapeHtml(w) + "</p>\n";
-  for (const std::string& line : PairLines(c)) page += "<p>" + EscapeHtml(line) + "</p>\n";
+  for (const std::string& line : DifferenceLines(c)) page += "<p>" + EscapeHtml(line) + "</p>\n";
   page += Plots(c) + Tables(c) + "</body></html>\n";
   return WriteFile(path, kHtmlFile, page);
 }

@@ -100,6 +100,9 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
     for (int k = 0; k < options.substeps; ++k) {
       if (auto set = ApplyFidelity(options, next_fidelity, s); !set) return tl::unexpected(set.error());
       options.controls->Apply(s.time() + s.dt(), s);
+      if (options.pushes)
+        for (const PushNow& p : options.pushes->Over(s.time() + s.dt(), s.dt(), s))
+          s.ApplyWrench(p.body, p.force_W, p.moment_W, p.point_W);
       StepReport report;
       Clock(run, [&] { report = s.Step(); });
       if (!report.finite) return tl::unexpected(NotFinite("reduced", s.time(), s.dt()));
@@ -157,6 +160,9 @@ Expected<Run> RunFull(const Scene& scene, const std::vector<TrackedBody>& tracke
     Sample sample = Empty(tracked.size());
     for (int k = 0; k < options.substeps; ++k) {
       apply(s.time() + s.dt());
+      if (options.pushes)
+        for (const PushNow& p : options.pushes->Over(s.time() + s.dt(), s.dt(), *guide))
+          s.ApplyWrench(p.body, p.force_W, p.moment_W, s.Pose(p.body) * p.point_B);
       FullStepReport report;
       Clock(run, [&] { report = s.Step(); });
       if (!report.finite) return tl::unexpected(NotFinite("full", s.time(), s.dt()));

@@ -1,6 +1,7 @@
 // One simulator's run, sampled so that runs with other time steps can be held against it.
 #pragma once
 
+#include <fork1s/sim/push.hpp>
 #include <fork1s/study/compare.hpp>
 #include <functional>
 #include <numeric>
@@ -35,6 +36,7 @@ struct Run {
   int coordinates = 0;              // velocities that the last step solved for
   // MuJoCo only: bodies that touch in one of the two simulators alone.
   std::vector<ContactPair> pairs_only_here = {}, pairs_only_reduced = {};
+  std::vector<std::string> laws = {};  // MuJoCo only: what it computes by other laws
 
   double wall_s() const { return std::accumulate(step_s.begin(), step_s.end(), 0.0); }  // of the steps alone
 };
@@ -47,6 +49,7 @@ struct RunOptions {
   Integrator integrator = Integrator::kEuler;  // of the reduced run
   int initial_keyframe = -1;
   const ControlTrack* controls = nullptr;
+  const PushTrack* pushes = nullptr;
   const FidelityTrack* fidelity =
       nullptr;                     // of the reduced run; its first entry, if at 0, replaces `recovery`
   std::function<void()> progress;  // called after every sample

@@ -39,6 +39,29 @@ TEST(Compare, AgainstMuJoCo) {
   EXPECT_LT(json["interface"][0]["max_mm"].get<double>(), 1);
 }
 
+// Before any figure: by what laws MuJoCo computes the file, and what of it only MuJoCo has.
+TEST(Compare, SaysWhatMuJoCoDoesDifferently) {
+  const std::string soft = Write("soft.xml", FingerModel());
+  const std::string options = "compare --against mujoco --time 0.1 --dt 0.002 --refinements 0 ";
+  const Outcome o = Fork1s(options + soft);
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto laws = o.out.find("time constant of 0.02 s"), figures = o.out.find("RMS mm");
+  ASSERT_NE(laws, std::string::npos) << o.out;
+  EXPECT_LT(laws, figures);
+  EXPECT_NE(o.out.find("pyramid"), std::string::npos) << o.out;
+  // A file that asks for other laws gets other sentences.
+  std::string text = FingerModel(
+      "<tendon><spatial name='rope' rgba='1 0 0 1'><site site='s'/><site "
+      "site='t'/></spatial></tendon><sensor><jointpos joint='end'/></sensor>");
+  text.replace(text.find("<option "), 8, "<option cone='elliptic' noslip_iterations='3' ");
+  text.replace(text.find("<geom name=\"floor\""), 0, "<site name='s'/><site name='t' pos='0 0 1'/>");
+  const auto json = Fork1s(options + "--json " + Write("elliptic.xml", text)).Json();
+  EXPECT_EQ(json["laws"].dump().find("pyramid"), std::string::npos) << json["laws"].dump(1);
+  EXPECT_EQ(json["laws"].dump().find("creeps"), std::string::npos) << json["laws"].dump(1);
+  EXPECT_EQ(json["laws"].size(), 1u) << json["laws"].dump(1);
+  EXPECT_FALSE(json["dropped"].empty());
+}
+
 TEST(Compare, WritesAReport) {
   const std::string model = Write("finger.xml", FingerModel());
   const auto page = ScratchFolder() / "report.html";

@@ -27,6 +27,38 @@ TEST(Detail, SwitchesWhileItRuns) {
   EXPECT_EQ(replay.code, 0) << replay.out << replay.err;
 }
 
+// Where a face meets a capsule the surfaces roll about one axis only; about the other the stiffness is 0, and
+// rounding must not make it less.
+TEST(Detail, FacesOnCapsulesAreFrozenToo) {
+  const std::string scenes = std::string(FORK1S_SOURCE_DIR) + "/scenes/";
+  const Outcome o = Fork1s("run --json " + scenes + "grasp_box.xml --controls " + scenes +
+                           "grasp_box.csv --time 3.5 --detail interface,3:object");
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  ASSERT_EQ(json["detail"].size(), 2u);
+  EXPECT_TRUE(json["detail"][1]["refused"].is_null()) << json["detail"].dump(1);
+}
+
+// How two balls of a jaw share what it bears no balance tells; contacts share so that none slips, where they
+// can.
+TEST(Detail, AFirmGripIsNoWarning) {
+  const std::string scene = std::string(FORK1S_SOURCE_DIR) + "/scenes/fourbar_gripper.xml";
+  const auto frozen = [&](const std::string& options) {
+    const Outcome o = Fork1s("run --json --time 1.5 --detail interface,1:object " + options + " " + scene);
+    EXPECT_EQ(o.code, 0) << o.err;
+    const auto json = o.Json();
+    EXPECT_TRUE(json["detail"][1]["refused"].is_null()) << json["detail"].dump(1);
+    return json["warnings"].dump().find("a frozen contact") != std::string::npos;
+  };
+  for (const char* closed : {"0.18", "0.2", "0.22", "0.25"}) {
+    const std::string table = Write(
+        "close.csv", std::string("time,left_grip,right_grip\n0,0,0\n0.5,") + closed + "," + closed + "\n");
+    EXPECT_FALSE(frozen("--controls " + table)) << closed;
+    // Along the jaws, where nothing but friction holds it, 20 N are far more than they press: it would slip.
+    EXPECT_TRUE(frozen("--controls " + table + " --push cube:0,20,0:1.2..1.5")) << closed;
+  }
+}
+
 TEST(Detail, WordsThatAreNoneAreUsageErrors) {
   for (const char* words :
        {"--detail fingers", "--detail modes=x", "--detail 1:all,0.5:object"}) {

@@ -62,7 +62,7 @@ TEST(RecordingReader, ReplaysAndExportsTheSame) {
   const auto steps = ExportCsv(*reader, folder / "parts");
   ASSERT_TRUE(steps);
   EXPECT_EQ(*steps, 60);
-  for (const char* table : {"/poses.csv", "/contacts.csv", "/controls.csv", "/energy.csv"})
+  for (const char* table : {"/poses.csv", "/contacts.csv", "/pairs.csv", "/controls.csv", "/energy.csv"})
     EXPECT_EQ(Bytes(folder / ("parts" + std::string(table))), Bytes(folder / ("whole" + std::string(table))));
 }
 

@@ -61,13 +61,16 @@ export class App {
   private readonly help: Help;
   private readonly forceLabel: HTMLElement;
 
-  constructor(private readonly root: HTMLElement) {
+  constructor(
+    private readonly root: HTMLElement,
+    colouring = OPTIONS.colouring,
+  ) {
     const canvas = element('canvas', 'stage', root);
     canvas.tabIndex = 0;
     canvas.setAttribute('aria-label', 'The mechanism; drag a body to pull it, click to push it');
     this.notices = new Notices(root);
     this.problems = new Problems(root);
-    this.view = new View(canvas, { ...OPTIONS });
+    this.view = new View(canvas, { ...OPTIONS, colouring });
     this.forceLabel = element('div', 'force', root);
     this.forceLabel.hidden = true;
     this.legend = new Legend(root);

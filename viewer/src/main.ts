@@ -12,9 +12,10 @@ declare global {
 const root = document.getElementById('app');
 if (root) {
   try {
-    const app = new App(root);
-    globalThis.fork1s = app;
     const recording = document.getElementById(RECORDING_ID)?.textContent;
+    // What is exported looks as its file says; whoever experiments wants to see what may touch.
+    const app = new App(root, recording ? 'file' : 'tips');
+    globalThis.fork1s = app;
     if (recording) {
       app.play(unpack(fromBase64(recording)));
       const wanted = readFilm(location.hash);

@@ -147,6 +147,7 @@ class Simulation {
   std::vector<std::string> control_names_;
   VectorX controls_, control_lower_, control_upper_;
   std::vector<RigidTransform> base_start_;  // per mechanism
+  std::vector<Matrix6X> pushed_W_;  // wrenches of the last step, per mechanism; empty where nothing is held
   std::vector<SceneBody> bodies_;
 };
 

@@ -3,6 +3,7 @@
 
 #include <fork1s/base/error.hpp>
 #include <fork1s/importer/importer.hpp>
+#include <fork1s/sim/push.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <functional>
 #include <string>
@@ -30,6 +31,7 @@ struct CompareOptions {
   Recovery recovery = Recovery::kExact;
   Integrator integrator = Integrator::kEuler;  // of the reduced run
   ControlTrack controls;
+  PushTrack pushes;                      // in every run
   FidelityTrack detail;                  // of the reduced run
   int refinements = 2;                   // further runs at dt/2, dt/4, ...
   std::string model_path;                // the MJCF file, for kMuJoCo
@@ -85,6 +87,8 @@ struct Comparison {
   double gap_max_mm = 0;        // largest opening of a joint or loop in the reduced run
   double gap_max_other_mm = 0;  // in the other run; MuJoCo's is measured on its poses, loops only
   std::vector<ContactPair> pairs_only_other, pairs_only_reduced;  // against MuJoCo: contact pairs that differ
+  std::vector<std::string> laws;     // against MuJoCo: sentences on contact, friction and loops
+  std::vector<std::string> dropped;  // against MuJoCo: what of the file it has and the import left out
   EnergyDrift energy_reduced, energy_other;
   double wall_reduced_s = 0, wall_other_s = 0, wall_ratio = 0;  // of Step alone; other over reduced
   std::vector<EqualStep> equal_steps;
@@ -105,6 +109,9 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
 /// What to know before any percentage is read: sentences that name the contact pairs that differ. None
 /// where both simulators let the same bodies touch.
 std::vector<std::string> PairLines(const Comparison& comparison);
+
+/// These, the laws that differ and what was dropped.
+std::vector<std::string> DifferenceLines(const Comparison& comparison);
 
 /// One self-contained HTML page with tables and plots. Errors: kFile.
 Expected<void> WriteComparisonReport(const Comparison& comparison, const std::string& path);

@@ -1,5 +1,6 @@
 // Every frame of a recording as a PNG, handed to the program that opened this page for it.
 import type { App } from '../app';
+import type { Colouring } from '../scene/colouring';
 
 async function put(path: string, body: Blob | string): Promise<void> {
   const answer = await fetch(path, { method: 'PUT', body });
@@ -27,9 +28,14 @@ export interface Film {
   body?: number;
   /** 0: no contact forces. */
   forces?: number;
+  /** Place in COLOURINGS; without it the file's colours. */
+  colouring?: number;
 }
 
-const KEYS = ['at', 'azimuth', 'elevation', 'zoom', 'body', 'forces'] as const;
+/** In the order that the program counts them. */
+export const COLOURINGS: readonly Colouring[] = ['file', 'tips', 'roles', 'gaps'];
+
+const KEYS = ['at', 'azimuth', 'elevation', 'zoom', 'body', 'forces', 'colouring'] as const;
 
 /** #film=WIDTHxHEIGHT&at=SECONDS&... in the page's address asks for it. */
 export function readFilm(hash: string): Film | null {
@@ -46,10 +52,9 @@ export function readFilm(hash: string): Film | null {
 
 export async function film(app: App, wanted: Film): Promise<void> {
   const { stage } = app.view;
-  if (wanted.forces === 0) {
-    app.view.options.forces = false;
-    app.view.restyle();
-  }
+  app.view.options.forces = wanted.forces !== 0;
+  app.view.options.colouring = COLOURINGS[wanted.colouring ?? 0] ?? 'file';
+  app.view.restyle();
   stage.renderer.setAnimationLoop(null);
   const root = document.getElementById('app');
   if (root) Object.assign(root.style, { width: `${wanted.width}px`, height: `${wanted.height}px` });

@@ -7,7 +7,7 @@ describe('readFilm', () => {
   });
 
   it('reads one moment and a camera, negative and broken numbers included', () => {
-    expect(readFilm('#film=960x540&at=1.5&azimuth=-62&elevation=14.25&zoom=1.3&body=7&forces=0')).toEqual({
+    expect(readFilm('#film=960x540&at=1.5&azimuth=-62&elevation=14.25&zoom=1.3&body=7&forces=0&colouring=2')).toEqual({
       width: 960,
       height: 540,
       at: 1.5,
@@ -16,6 +16,7 @@ describe('readFilm', () => {
       zoom: 1.3,
       body: 7,
       forces: 0,
+      colouring: 2,
     });
   });
 

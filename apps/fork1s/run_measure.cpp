@@ -1,0 +1,207 @@
+#include "run_measure.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+
+#include "progress.hpp"
+
+namespace fork1s::app {
+namespace {
+
+// Changes the level of detail when its time has come.
+void Switch(const FidelityTrack& track, std::size_t& next, Simulation& simulation, Measured& out) {
+  for (; next < track.entries.size() && track.entries[next].time <= simulation.time() + 1e-9; ++next) {
+    Measured::Switch done{simulation.time(), track.entries[next].fidelity, 0, ""};
+    const auto start = std::chrono::steady_clock::now();
+    if (auto set = simulation.SetFidelity(done.fidelity); !set)
+      done.refused = set.error().Text();
+    else if (out.error)
+      out.error->Forget();
+    done.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    out.switches.push_back(std::move(done));
+  }
+}
+
+void WatchHolds(const Simulation& simulation, Measured& out) {
+  for (const HoldForce& f : simulation.HoldForces()) {
+    out.held = true;
+    out.hold_use_max = std::max(out.hold_use_max, f.use);
+  }
+}
+
+// Watches bodies that are no interface; anew where the detail changed.
+class Passers {
+ public:
+  explicit Passers(const Simulation& simulation) { Watch(simulation); }
+  void Look(const Simulation& simulation, std::size_t switches, Measured& out) {
+    if (switches != switches_) {
+      Keep(out);
+      Watch(simulation);
+      switches_ = switches;
+    }
+    if (watch_) watch_->Look(simulation);
+  }
+  void Keep(Measured& out) const {
+    if (!watch_) return;
+    for (Passing& p : watch_->Found()) out.passed.push_back(std::move(p));
+  }
+
+ private:
+  void Watch(const Simulation& simulation) {
+    auto watch = PassingWatch::Create(simulation);
+    if (watch)
+      watch_.emplace(std::move(*watch));
+    else
+      watch_.reset();
+  }
+  std::optional<PassingWatch> watch_;
+  std::size_t switches_ = 0;
+};
+
+// Looks at the grasp now and then: it costs more than a step.
+class LoadWatch {
+ public:
+  void Look(const Simulation& simulation, Measured& out) {
+    if (simulation.steps() % 10 != 0) return;
+    const LoadFactor now = ComputeLoadFactor(simulation.world(), simulation.present_scene(), simulation.dt());
+    // An impact loads a contact for a single step: of two looks in a row the gentler one counts.
+    const LoadFactor& held = now.factor > before_.factor ? now : before_;
+    if (held.factor < out.load_min.factor) {
+      out.load_min = held;
+      out.load_min_time = simulation.time();
+    }
+    Keep(simulation.time(), held, out.loads);
+    before_ = now;
+  }
+
+ private:
+  // A long run keeps the smaller one of two neighbours, again and again, so that its course stays readable.
+  void Keep(double time, const LoadFactor& load, std::vector<Measured::Load>& loads) {
+    if (!std::isfinite(load.factor)) return;
+    if (in_last_ > 0 && in_last_ < stride_) {
+      if (load.factor < loads.back().load.factor) loads.back() = {time, load};
+      ++in_last_;
+      return;
+    }
+    constexpr std::size_t kMost = 500;
+    if (loads.size() >= kMost) {
+      for (std::size_t i = 0; 2 * i + 1 < loads.size(); ++i)
+        loads[i] = loads[2 * i].load.factor < loads[2 * i + 1].load.factor ? loads[2 * i] : loads[2 * i + 1];
+      loads.resize(loads.size() / 2);
+      stride_ *= 2;
+    }
+    loads.push_back({time, load});
+    in_last_ = 1;
+  }
+
+  LoadFactor before_;
+  std::int64_t stride_ = 1, in_last_ = 0;
+};
+
+// The fastest that every base that is not fixed has been.
+void WatchBases(const Simulation& simulation, Measured& out) {
+  const auto& mechanisms = simulation.world().mechanisms();
+  out.base_speed_max.resize(mechanisms.size(), 0);
+  for (std::size_t i = 0; i < mechanisms.size(); ++i)
+    if (mechanisms[i].mechanism().base() != BaseKind::kFixed)
+      out.base_speed_max[i] =
+          std::max(out.base_speed_max[i], mechanisms[i].BodyVelocity(BodyIndex(0)).tail<3>().norm());
+}
+
+// Numbers that are finite, or were a step ago, and mean nothing.
+std::string Impossible(const Simulation& simulation, double energy) {
+  std::string body;
+  double fastest = 0;
+  for (std::size_t b = 0; b < simulation.bodies().size(); ++b) {
+    if (simulation.bodies()[b].mechanism >= 0 && !simulation.bodies()[b].is_interface) continue;
+    const double speed = simulation.Velocity(static_cast<int>(b)).tail<3>().norm();
+    if (speed <= fastest) continue;
+    fastest = speed;
+    body = simulation.bodies()[b].name;
+  }
+  constexpr double kLight = 299792458;  // m/s
+  if (std::isfinite(energy) && fastest < kLight) return "";
+  return fmt::format("after {:.6g} s body '{}' moves at {:.3g} m/s, energy {:.3g} J", simulation.time(), body,
+                     fastest, energy);
+}
+
+void Note(const ContactSolverReport& report, double h, Measured::Solver& out) {
+  if (report.active == 0) return;
+  ++out.solves;
+  out.iterations += report.newton_iterations;
+  out.iterations_max = std::max(out.iterations_max, report.newton_iterations);
+  out.helped += report.stage > 0 ? 1 : 0;
+  out.active_max = std::max(out.active_max, report.active);
+  out.sliding_max = std::max(out.sliding_max, report.sliding);
+  out.force_max = std::max(out.force_max, report.residual_impulse / h);
+  out.speed_max = std::max(out.speed_max, report.residual_speed);
+}
+
+}  // namespace
+
+std::vector<AppliedWrench> ApplyPushes(const RunInputs& inputs, double end, Simulation& simulation) {
+  std::vector<AppliedWrench> applied;
+  for (const PushTrack& track : inputs.pushes)
+    for (const PushNow& p : track.Over(end, simulation.dt(), simulation))
+      applied.push_back({p.body, p.force_W, p.moment_W, p.point_W});
+  ApplyWrenches(applied, simulation);
+  return applied;
+}
+
+Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t steps, const Watches& watches,
+                  std::optional<Recorder>& recorder, Expected<void>& recorded) {
+  Measured out;
+  out.step_us.reserve(static_cast<std::size_t>(std::min<std::int64_t>(steps, 1 << 20)));
+  out.energy_first = out.energy_last = simulation.Energy();
+  ProgressBar bar("simulating");
+  LoadWatch watch;
+  std::size_t next_detail = 0;
+  if (watches.error) out.error.emplace();
+  Passers passers(simulation);
+  for (std::int64_t i = 0; i < steps; ++i) {
+    Switch(inputs.detail, next_detail, simulation, out);
+    const double end = static_cast<double>(i + 1) * simulation.dt();
+    inputs.controls.Apply(end, simulation);
+    const std::vector<AppliedWrench> applied = ApplyPushes(inputs, end, simulation);
+    if (out.error) out.error->Begin(simulation);
+    const auto start = std::chrono::steady_clock::now();
+    const StepReport report = simulation.Step();
+    const std::chrono::duration<double, std::micro> spent = std::chrono::steady_clock::now() - start;
+    if (out.error) out.error->End(simulation, report);
+    if (!report.finite) {
+      out.failed_step = i;
+      break;
+    }
+    out.step_us.push_back(spent.count());
+    out.contacts_max = std::max(out.contacts_max, report.contacts);
+    out.unconverged += report.solver.converged && report.minimum_found ? 0 : 1;
+    Note(report.solver, simulation.dt(), out.solver);
+    out.refreshes += report.refreshes;
+    out.failed_refreshes += report.failed_refreshes;
+    out.steps_at_bound += report.forces_at_bound > 0 ? 1 : 0;
+    out.most_at_bound = std::max(out.most_at_bound, report.forces_at_bound);
+    out.contacts_dropped |= report.contacts_dropped;
+    WatchHolds(simulation, out);
+    WatchBases(simulation, out);
+    out.tally.Look(simulation, report);
+    out.penetration_max = std::max(out.penetration_max, report.max_penetration);
+    const double energy = simulation.Energy();
+    out.energy_increase = std::max(out.energy_increase, energy - out.energy_last);
+    out.energy_last = energy;
+    out.gap_max = std::max(out.gap_max, simulation.JointGap());
+    if (watches.load_factor) watch.Look(simulation, out);
+    passers.Look(simulation, out.switches.size(), out);
+    if (recorder)
+      if (recorded = recorder->Append(simulation, report, applied); !recorded) break;
+    if (out.impossible = Impossible(simulation, energy); !out.impossible.empty()) break;
+    bar.Update(static_cast<double>(i + 1) / static_cast<double>(steps));
+  }
+  passers.Keep(out);
+  return out;
+}
+
+}  // namespace fork1s::app

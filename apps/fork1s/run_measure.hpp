@@ -1,0 +1,74 @@
+// A run, step by step, and what is watched beside it.
+#pragma once
+
+#include <fork1s/dynamics/load_factor.hpp>
+#include <fork1s/record/recording.hpp>
+#include <fork1s/sim/passing.hpp>
+#include <fork1s/sim/push.hpp>
+#include <fork1s/sim/tally.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "error_watch.hpp"
+
+namespace fork1s::app {
+
+/// What moves the run from outside.
+struct RunInputs {
+  ControlTrack controls;
+  std::vector<PushTrack> pushes;  // of the table, of the command line
+  FidelityTrack detail;
+};
+
+/// The pushes of the step that begins now, applied and as a recording keeps them.
+std::vector<AppliedWrench> ApplyPushes(const RunInputs& inputs, double end, Simulation& simulation);
+
+/// What a run measures, step by step.
+struct Measured {
+  std::vector<double> step_us;
+  int contacts_max = 0, unconverged = 0, refreshes = 0, failed_refreshes = 0;
+  struct Solver {
+    std::int64_t solves = 0, iterations = 0;  // steps with a contact that bore something
+    int iterations_max = 0, helped = 0;       // steps in which Newton's method needed help
+    int active_max = 0, sliding_max = 0;      // contacts
+    double force_max = 0, speed_max = 0;      // N, m/s: residuals
+  } solver;
+  double energy_first = 0, energy_last = 0, energy_increase = 0;
+  double gap_max = 0, penetration_max = 0;
+  int steps_at_bound = 0, most_at_bound = 0;  // servos and motors that gave all they can
+  bool contacts_dropped = false;
+  std::int64_t failed_step = -1;
+  std::string impossible;  // what a step ended with that no mechanism does; empty: nothing
+  LoadFactor load_min;     // of what was still there at the next look
+  double load_min_time = 0;
+  struct Load {
+    double time = 0;  // s
+    LoadFactor load;
+  };
+  std::vector<Load> loads;  // over time, see LoadWatch
+  RunTally tally;
+  struct Switch {
+    double time = 0;  // s
+    Fidelity fidelity;
+    double ms = 0;
+    std::string refused;  // why not; empty: done
+  };
+  std::vector<Switch> switches;
+  std::optional<ErrorWatch> error;
+  std::vector<Passing> passed;         // bodies that touch nothing, and went into something
+  bool held = false;                   // contacts were frozen in some step
+  double hold_use_max = 0;             // see HoldForce
+  std::vector<double> base_speed_max;  // m/s, of each mechanism's base
+};
+
+struct Watches {
+  bool load_factor = true;
+  bool error = false;
+};
+
+/// Runs `steps` steps; `recorded` says why the recorder failed, and the run ends there.
+Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t steps, const Watches& watches,
+                  std::optional<Recorder>& recorder, Expected<void>& recorded);
+
+}  // namespace fork1s::app

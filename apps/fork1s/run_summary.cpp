@@ -1,0 +1,293 @@
+#include "run_summary.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fork1s/base/percentile.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+
+#include "accuracy_choice.hpp"
+
+namespace fork1s::app {
+namespace {
+
+std::string NameOf(const Simulation& simulation, int body) {
+  return body < 0 ? "world" : simulation.bodies()[static_cast<std::size_t>(body)].name;
+}
+
+Json ContactsJson(const Simulation& simulation, const std::vector<PairLoad>& pairs) {
+  Json out = Json::array();
+  for (const PairLoad& p : pairs)
+    out.push_back({{"bodies", {NameOf(simulation, p.body_a), NameOf(simulation, p.body_b)}},
+                   {"force_N", ToJson(p.force_W)},
+                   {"moment_Nm", ToJson(p.moment_W)},
+                   {"force_max_N", p.force_max},
+                   {"force_max_s", p.force_max_s},
+                   {"touched_s", p.touched_s},
+                   {"slip_m", p.slip},
+                   {"slip_s", p.slip_s},
+                   {"slip_first_s", p.slip_first < 0 ? Json(nullptr) : Json(p.slip_first)}});
+  return out;
+}
+
+Json BasesJson(const Simulation& simulation, const Measured& m) {
+  Json out = Json::array();
+  const auto& mechanisms = simulation.world().mechanisms();
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    if (mechanisms[i].mechanism().base() == BaseKind::kFixed) continue;
+    const BodyIndex base(0);
+    const RigidTransform X = mechanisms[i].BodyPose(base);
+    const Vector6 V = mechanisms[i].BodyVelocity(base);
+    out.push_back({{"body", mechanisms[i].mechanism().body(base).name},
+                   {"position_m", ToJson(X.translation())},
+                   {"quaternion_wxyz", ToJson(X.quaternion())},
+                   {"velocity_m_per_s", ToJson(Vector3(V.tail<3>()))},
+                   {"angular_velocity_rad_per_s", ToJson(Vector3(V.head<3>()))},
+                   {"speed_max_m_per_s", i < m.base_speed_max.size() ? m.base_speed_max[i] : 0.0}});
+  }
+  return out;
+}
+
+Json EndsJson(const std::vector<EndReached>& ends) {
+  Json out = Json::array();
+  for (const EndReached& e : ends)
+    out.push_back({{"name", e.name},
+                   {"end", e.upper && e.lower ? "both"
+                           : e.upper          ? "upper"
+                                              : "lower"},
+                   {"steps", e.steps},
+                   {"first_s", e.first},
+                   {"last_s", e.last}});
+  return out;
+}
+
+}  // namespace
+
+Json Summary(const Simulation& simulation, const Measured& m) {
+  Json out;
+  double wall = 0;
+  for (double us : m.step_us) wall += us * 1e-6;
+  auto percentile = [&](double p) { return m.step_us.empty() ? 0.0 : Percentile(m.step_us, p); };
+  out["steps"] = m.step_us.size();
+  out["dt_s"] = simulation.dt();
+  out["simulated_s"] = simulation.time();
+  out["wall_s"] = wall;
+  out["real_time_factor"] = wall > 0 ? Json(simulation.time() / wall) : Json(nullptr);
+  out["contacts_max"] = m.contacts_max;
+  out["energy_J"] = {{"first", m.energy_first}, {"last", m.energy_last}, {"max_increase", m.energy_increase}};
+  out["interface"] = Json::array();
+  out["free_bodies"] = Json::array();
+  for (std::size_t i = 0; i < simulation.bodies().size(); ++i) {
+    const SceneBody& b = simulation.bodies()[i];
+    if (!b.is_interface && b.mechanism >= 0) continue;
+    const RigidTransform X = simulation.Pose(static_cast<int>(i));
+    out[b.mechanism < 0 ? "free_bodies" : "interface"].push_back(
+        {{"body", b.name},
+         {"position_m", ToJson(X.translation())},
+         {"quaternion_wxyz", ToJson(X.quaternion())}});
+  }
+  out["bases"] = BasesJson(simulation, m);
+  out["contacts"] = ContactsJson(simulation, m.tally.Pairs());
+  out["joint_gap_max_m"] = m.gap_max;
+  out["penetration_max_m"] = m.penetration_max;
+  const bool has_load = std::isfinite(m.load_min.factor);
+  out["load_factor_min"] = has_load ? Json(m.load_min.factor) : Json(nullptr);
+  out["load_factor"] = Json::array();
+  for (const Measured::Load& l : m.loads)
+    out["load_factor"].push_back({{"time_s", l.time}, {"factor", l.load.factor}, {"body", l.load.body}});
+  if (m.error) m.error->AddTo(out);
+  out["step_us"] = {{"median", percentile(0.5)}, {"p99", percentile(0.99)}};
+  out["detail"] = Json::array();
+  for (const Measured::Switch& s : m.switches)
+    out["detail"].push_back({{"time_s", s.time},
+                             {"level", Name(s.fidelity.level)},
+                             {"modes", s.fidelity.modes >= 0 ? Json(s.fidelity.modes) : Json(nullptr)},
+                             {"recovery", s.fidelity.recovery == Recovery::kTwist ? "twist" : "exact"},
+                             {"took_ms", s.ms},
+                             {"refused", s.refused.empty() ? Json(nullptr) : Json(s.refused)}});
+  // What a contact that pulls uses of its friction has no bound.
+  out["hold_use_max"] = m.held && std::isfinite(m.hold_use_max) ? Json(m.hold_use_max) : Json(nullptr);
+  out["unconverged_steps"] = m.unconverged;
+  const auto solves = static_cast<double>(m.solver.solves);
+  out["contact_solver"] = {
+      {"steps", m.solver.solves},
+      {"iterations_mean",
+       m.solver.solves > 0 ? Json(static_cast<double>(m.solver.iterations) / solves) : Json(nullptr)},
+      {"iterations_max", m.solver.iterations_max},
+      {"helped_steps", m.solver.helped},
+      {"bearing_max", m.solver.active_max},
+      {"sliding_max", m.solver.sliding_max},
+      {"residual_max_N", m.solver.force_max},
+      {"residual_max_m_s", m.solver.speed_max}};
+  out["refreshes"] = m.refreshes;
+  out["servos_at_limit"] = {
+      {"steps", m.steps_at_bound}, {"most", m.most_at_bound}, {"which", EndsJson(m.tally.Servos())}};
+  out["stops_reached"] = EndsJson(m.tally.Stops());
+  out["passed_through"] = Json::array();
+  for (const Passing& p : m.passed)
+    out["passed_through"].push_back({{"body", p.body},
+                                     {"other", p.other},
+                                     {"first_s", p.first},
+                                     {"depth_max_m", p.depth},
+                                     {"depth_max_s", p.when}});
+  Json warnings = Json::array();
+  for (const std::string& w : simulation.warnings()) warnings.push_back(w);
+  if (m.contacts_dropped) warnings.push_back("the collision detector ran out of room and dropped contacts");
+  constexpr std::size_t kTold = 5;  // the deepest; the others stand in `passed_through`
+  for (std::size_t i = 0; i < std::min(kTold, m.passed.size()); ++i)
+    warnings.push_back(fmt::format(
+        "'{}' is no interface body, so it touches nothing: from {:.4g} s on it went into '{}', {:.3g} mm "
+        "deep at "
+        "{:.4g} s; add it to --interface",
+        m.passed[i].body, m.passed[i].first, m.passed[i].other, 1e3 * m.passed[i].depth, m.passed[i].when));
+  if (m.passed.size() > kTold)
+    warnings.push_back(
+        fmt::format("{} more pairs of bodies passed through each other", m.passed.size() - kTold));
+  if (m.error)
+    for (const std::string& w : m.error->Warnings()) warnings.push_back(w);
+  if (m.failed_refreshes > 0)
+    warnings.push_back(fmt::format("{} refreshes found no reduced model at their pose and kept the old one",
+                                   m.failed_refreshes));
+  if (m.load_min.factor < 1.3)  // springs and radii of a real hand are hardly known better than to a third
+    warnings.push_back(
+        fmt::format("load factor {:.3g} at {:.4g} s: '{}' is ejected if contact forces grow to "
+                    "that multiple; press less or grasp stiffer",
+                    m.load_min.factor, m.load_min_time, m.load_min.body));
+  for (const Measured::Switch& s : m.switches)
+    if (!s.refused.empty())
+      warnings.push_back(fmt::format("at {:.4g} s the detail stayed as it was: {}", s.time, s.refused));
+  if (m.held && m.hold_use_max > 1)
+    warnings.push_back(
+        std::isfinite(m.hold_use_max)
+            ? fmt::format(
+                  "a frozen contact needs {:.3g} times the friction it has: not frozen, it would slip",
+                  m.hold_use_max)
+            : std::string("a frozen contact pulls at what it holds: not frozen, it would part"));
+  out["warnings"] = std::move(warnings);
+  return out;
+}
+
+namespace {
+
+std::string VectorText(const Json& v) {
+  // Rounding is no load: what is a thousandth of the largest stands as 0.
+  double x[3], most = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    x[i] = v[i].get<double>();
+    most = std::max(most, std::abs(x[i]));
+  }
+  for (double& value : x)
+    if (std::abs(value) <= 1e-3 * most) value = 0;
+  return fmt::format("({:.3g}, {:.3g}, {:.3g})", x[0], x[1], x[2]);
+}
+
+constexpr std::size_t kLines = 8;  // of a kind; the rest stands in the JSON
+
+void More(std::size_t count, const char* what) {
+  if (count > kLines) fmt::print("    {} more {} in --json\n", count - kLines, what);
+}
+
+void PrintContacts(const Json& contacts) {
+  if (contacts.empty()) return;
+  fmt::print("  contact by pair of bodies: force and moment at the end, on the second about its origin\n");
+  for (std::size_t i = 0; i < std::min(kLines, contacts.size()); ++i) {
+    const Json& c = contacts[i];
+    fmt::print("    {} on {}: {} N, {} N m; {:.3g} N at most, at {:.4g} s", c["bodies"][0].get<std::string>(),
+               c["bodies"][1].get<std::string>(), VectorText(c["force_N"]), VectorText(c["moment_Nm"]),
+               c["force_max_N"].get<double>(), c["force_max_s"].get<double>());
+    constexpr double kSlipped = 1e-4;  // m
+    if (c["slip_m"].get<double>() > kSlipped)
+      fmt::print("; slipped {:.3g} mm from {:.4g} s on", 1e3 * c["slip_m"].get<double>(),
+                 c["slip_first_s"].get<double>());
+    fmt::print("\n");
+  }
+  More(contacts.size(), "pairs");
+}
+
+void PrintBases(const Json& bases) {
+  for (std::size_t i = 0; i < std::min(kLines, bases.size()); ++i) {
+    const Json& b = bases[i];
+    const Json& q = b["quaternion_wxyz"];
+    const Eigen::Quaterniond turn(q[0].get<double>(), q[1].get<double>(), q[2].get<double>(),
+                                  q[3].get<double>());
+    const double tilt = std::acos(std::clamp((turn * Vector3::UnitZ()).z(), -1.0, 1.0));
+    const Json& p = b["position_m"];
+    fmt::print(
+        "  base {:<10} at ({:.5f}, {:.5f}, {:.5f}) m, its z axis {:.3g} degrees from the vertical, velocity "
+        "{} m/s, {} rad/s; "
+        "{:.3g} m/s at most\n",
+        b["body"].get<std::string>(), p[0].get<double>(), p[1].get<double>(), p[2].get<double>(),
+        tilt * 57.29577951308232, VectorText(b["velocity_m_per_s"]),
+        VectorText(b["angular_velocity_rad_per_s"]), b["speed_max_m_per_s"].get<double>());
+  }
+  More(bases.size(), "bases");
+}
+
+void PrintEnds(const Json& ends, const char* where) {
+  for (std::size_t i = 0; i < std::min(kLines, ends.size()); ++i) {
+    const Json& e = ends[i];
+    const std::string end = e["end"] == "both" ? "upper and lower" : e["end"].get<std::string>();
+    fmt::print("    {} at its {} {}, {} steps from {:.4g} s to {:.4g} s\n", e["name"].get<std::string>(), end,
+               where, e["steps"].get<std::int64_t>(), e["first_s"].get<double>(), e["last_s"].get<double>());
+  }
+  More(ends.size(), "of them");
+}
+
+// A handful of moments of its course.
+void PrintLoadFactor(const Json& d) {
+  if (d["load_factor_min"].is_null()) return;
+  fmt::print("  load factor     {:.3f} at least", d["load_factor_min"].get<double>());
+  const Json& course = d["load_factor"];
+  constexpr std::size_t kMoments = 6;
+  const std::size_t stride = std::max<std::size_t>(1, (course.size() + kMoments - 1) / kMoments);
+  for (std::size_t i = 0; i < course.size() && course.size() > 1; i += stride)
+    fmt::print("{} {:.3g} at {:.3g} s", i == 0 ? ":" : ",", course[i]["factor"].get<double>(),
+               course[i]["time_s"].get<double>());
+  fmt::print("\n");
+}
+
+}  // namespace
+
+void PrintSummary(const Json& d) {
+  auto number = [&](const char* key) { return d[key].get<double>(); };
+  fmt::print("{} steps of {:.6g} s: {:.4g} s simulated in {:.4g} s ({:.1f} times real time)\n",
+             d["steps"].get<std::size_t>(), number("dt_s"), number("simulated_s"), number("wall_s"),
+             d["real_time_factor"].is_null() ? 0.0 : number("real_time_factor"));
+  fmt::print("  step            {:.1f} us median, {:.1f} us at the 99th percentile\n",
+             d["step_us"]["median"].get<double>(), d["step_us"]["p99"].get<double>());
+  fmt::print("  contacts        {} at most, penetration {:.4f} mm at most, {} steps not converged\n",
+             d["contacts_max"].get<int>(), 1e3 * number("penetration_max_m"),
+             d["unconverged_steps"].get<int>());
+  const Json& e = d["energy_J"];
+  fmt::print("  energy          {:.6g} J first, {:.6g} J last, largest rise in a step {:.3g} J\n",
+             e["first"].get<double>(), e["last"].get<double>(), e["max_increase"].get<double>());
+  fmt::print("  joint gap       {:.3g} mm at most\n", 1e3 * number("joint_gap_max_m"));
+  fmt::print("  refreshes       {}\n", d["refreshes"].get<int>());
+  if (const Json& servos = d["servos_at_limit"]; servos["steps"].get<int>() > 0)
+    fmt::print("  servos          {} at most at the limit of their force, in {} steps\n",
+               servos["most"].get<int>(), servos["steps"].get<int>());
+  PrintEnds(d["servos_at_limit"]["which"], "limit of force");
+  if (!d["stops_reached"].empty()) fmt::print("  stops\n");
+  PrintEnds(d["stops_reached"], "stop");
+  for (const Json& s : d["detail"])
+    if (s["refused"].is_null() && s["time_s"].get<double>() > 0)
+      fmt::print("  detail          {} from {:.4g} s on, changed in {:.2f} ms\n",
+                 s["level"].get<std::string>(), s["time_s"].get<double>(), s["took_ms"].get<double>());
+  if (!d["hold_use_max"].is_null())
+    fmt::print("  frozen contacts use {:.2f} of their friction at most\n", number("hold_use_max"));
+  PrintLoadFactor(d);
+  if (d.contains("accuracy")) PrintAccuracy(d["accuracy"]);
+  if (d.contains("error_estimate_mm")) PrintErrorEstimate(d);
+  PrintContacts(d["contacts"]);
+  PrintBases(d["bases"]);
+  for (const char* kind : {"interface", "free_bodies"})
+    for (const Json& b : d[kind]) {
+      const Json& p = b["position_m"];
+      fmt::print("  {:<15} at ({:.5f}, {:.5f}, {:.5f}) m\n", b["body"].get<std::string>(), p[0].get<double>(),
+                 p[1].get<double>(), p[2].get<double>());
+    }
+  for (const Json& w : d["warnings"]) fmt::print("  warning: {}\n", w.get<std::string>());
+}
+
+}  // namespace fork1s::app

@@ -1,0 +1,53 @@
+// What a run did, gathered step by step: loads between bodies, what slipped, which stops and servos were at
+// their ends.
+#pragma once
+
+#include <cstdint>
+#include <fork1s/sim/simulation.hpp>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fork1s {
+
+/// All that two bodies did to each other through their contacts, frozen ones included.
+struct PairLoad {
+  int body_a = -1, body_b = -1;           // places in Simulation::bodies(), a < b; -1: the still world
+  Vector3 force_W = Vector3::Zero();      // N on b, in the last step
+  Vector3 moment_W = Vector3::Zero();     // N·m on b about its origin, in the last step
+  double force_max = 0, force_max_s = 0;  // N, and when
+  double touched_s = 0;                   // s in which a contact bore force
+  double slip = 0;         // m: way of the contact that slid fastest, while friction gave all it can
+  double slip_s = 0;       // s in which one slid
+  double slip_first = -1;  // s; -1: never
+};
+
+/// A stop or a servo that was at its end.
+struct EndReached {
+  std::string name;  // "joint 'elbow'", "actuator 'grip'"
+  std::int64_t steps = 0;
+  double first = 0, last = 0;  // s
+  bool upper = false, lower = false;
+};
+
+class RunTally {
+ public:
+  /// After every step.
+  void Look(const Simulation& simulation, const StepReport& report);
+  /// Strongest first.
+  std::vector<PairLoad> Pairs() const;
+  /// Joints and tendons that a stop held, longest first.
+  std::vector<EndReached> Stops() const;
+  /// Servos and motors at the limit of their force, longest first.
+  std::vector<EndReached> Servos() const;
+
+ private:
+  PairLoad& Pair(int a, int b);
+  void LookAtContacts(const Simulation& simulation);
+  void LookAtHolds(const Simulation& simulation);
+  std::map<std::pair<int, int>, PairLoad> pairs_;
+  std::map<std::pair<int, std::size_t>, EndReached> stops_, servos_;  // by mechanism and place there
+};
+
+}  // namespace fork1s

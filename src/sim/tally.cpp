@@ -1,0 +1,133 @@
+#include <fork1s/sim/tally.hpp>
+
+#include <algorithm>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+
+namespace fork1s {
+namespace {
+
+constexpr double kAtCone = 0.99;  // share of the friction from which a contact may slide
+constexpr double kAtStop = 1e-4;  // rad or m that a stop may be off
+constexpr double kSlides = 1e-4;  // m/s: solvers leave less
+
+void Count(EndReached& end, double time, bool upper) {
+  if (end.steps == 0) end.first = time;
+  ++end.steps;
+  end.last = time;
+  (upper ? end.upper : end.lower) = true;
+}
+
+std::vector<EndReached> Longest(const std::map<std::pair<int, std::size_t>, EndReached>& all) {
+  std::vector<EndReached> out;
+  for (const auto& [key, end] : all) out.push_back(end);
+  std::stable_sort(out.begin(), out.end(),
+                   [](const EndReached& a, const EndReached& b) { return a.steps > b.steps; });
+  return out;
+}
+
+Vector3 VelocityAt(const Simulation& simulation, int body, const Vector3& point_W) {
+  if (body < 0) return Vector3::Zero();
+  const Vector6 V = simulation.Velocity(body);
+  return V.tail<3>() + V.head<3>().cross(Vector3(point_W - simulation.Pose(body).translation()));
+}
+
+}  // namespace
+
+PairLoad& RunTally::Pair(int a, int b) {
+  PairLoad& pair = pairs_[{a, b}];
+  pair.body_a = a;
+  pair.body_b = b;
+  return pair;
+}
+
+void RunTally::LookAtContacts(const Simulation& simulation) {
+  const double h = simulation.dt();
+  std::map<std::pair<int, int>, double> fastest;  // of contacts that slide
+  for (const ContactRecord& c : simulation.world().contacts()) {
+    if (!(c.impulse(0) > 0)) continue;
+    int a = simulation.BodyOfContactor(c.point.body_a), b = simulation.BodyOfContactor(c.point.body_b);
+    const double sign = a <= b ? 1 : -1;  // contacts act on their b
+    if (a > b) std::swap(a, b);
+    PairLoad& pair = Pair(a, b);
+    const Vector3 force = sign * (c.point.frame.transpose() * c.impulse) / h;
+    pair.force_W += force;
+    const Vector3 origin = b < 0 ? Vector3::Zero() : simulation.Pose(b).translation();
+    pair.moment_W +=
+        sign * (c.point.frame.transpose() * c.moment) / h + Vector3(c.point.point - origin).cross(force);
+    const double tangential = c.impulse.tail<2>().norm();
+    if (!(c.friction > 0) || tangential < kAtCone * c.friction * c.impulse(0)) continue;
+    const Vector3 relative =
+        VelocityAt(simulation, b, c.point.point) - VelocityAt(simulation, a, c.point.point);
+    const double speed = (c.point.frame.bottomRows<2>() * relative).norm();
+    if (speed > kSlides) fastest[{a, b}] = std::max(fastest[{a, b}], speed);
+  }
+  for (const auto& [key, speed] : fastest) {
+    PairLoad& pair = pairs_[key];
+    if (pair.slip_first < 0) pair.slip_first = simulation.time();
+    pair.slip += speed * h;
+    pair.slip_s += h;
+  }
+}
+
+void RunTally::LookAtHolds(const Simulation& simulation) {
+  for (const HoldForce& f : simulation.HoldForces()) {
+    const bool swapped = f.body > f.held;
+    PairLoad& pair = Pair(std::min(f.body, f.held), std::max(f.body, f.held));
+    const Vector3 force = swapped ? Vector3(-f.force_W) : f.force_W;
+    pair.force_W += force;
+    pair.moment_W += Vector3(f.point_W - simulation.Pose(pair.body_b).translation()).cross(force);
+  }
+}
+
+void RunTally::Look(const Simulation& simulation, const StepReport& report) {
+  for (auto& [key, pair] : pairs_) {
+    pair.force_W.setZero();
+    pair.moment_W.setZero();
+  }
+  LookAtContacts(simulation);
+  LookAtHolds(simulation);
+  for (auto& [key, pair] : pairs_) {
+    const double force = pair.force_W.norm();
+    if (force > 0) pair.touched_s += simulation.dt();
+    if (force <= pair.force_max) continue;
+    pair.force_max = force;
+    pair.force_max_s = simulation.time();
+  }
+  const auto& mechanisms = simulation.world().mechanisms();
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const MechanismDynamics& m = mechanisms[i];
+    if (report.limits > 0)
+      for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
+        const Mechanism::LengthLimit& limit = m.length_limits()[k];
+        const double length = m.Length(limit.terms);
+        const bool upper = length > limit.upper - kAtStop;
+        if (!upper && length > limit.lower + kAtStop) continue;
+        EndReached& end = stops_[{static_cast<int>(i), k}];
+        end.name = limit.WhatAndName();
+        Count(end, simulation.time(), upper);
+      }
+    if (m.NumForcesAtBound() == 0) continue;
+    MechanismState state;
+    m.Save(state);
+    const auto& limits = m.mechanism().force_limits();
+    for (std::size_t k = 0; k < state.at_bound.size() && k < limits.size(); ++k) {
+      if (state.at_bound[k] == 0) continue;
+      EndReached& end = servos_[{static_cast<int>(i), k}];
+      end.name = "actuator '" + limits[k].name + "'";
+      Count(end, simulation.time(), state.at_bound[k] > 0);
+    }
+  }
+}
+
+std::vector<PairLoad> RunTally::Pairs() const {
+  std::vector<PairLoad> out;
+  for (const auto& [key, pair] : pairs_) out.push_back(pair);
+  std::stable_sort(out.begin(), out.end(),
+                   [](const PairLoad& a, const PairLoad& b) { return a.force_max > b.force_max; });
+  return out;
+}
+
+std::vector<EndReached> RunTally::Stops() const { return Longest(stops_); }
+std::vector<EndReached> RunTally::Servos() const { return Longest(servos_); }
+
+}  // namespace fork1s

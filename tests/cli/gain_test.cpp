@@ -1,0 +1,81 @@
+// What the choice of interface bodies gains: said by inspect and reduce, and never as if it gained nothing.
+#include <string>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+// Two bent fingers of three hinges each on a palm: each tip moves in three ways, all that its hinges allow.
+std::string Hand(const std::string& interfaces, const std::string& stiffness = "1") {
+  std::string fingers;
+  for (const char* name : {"left", "right"}) {
+    const std::string side = name[0] == 'l' ? "-.03" : ".03", n = name;
+    const std::string shape = "<geom type='capsule' fromto='0 0 0 0 0 .03' size='.005' mass='.02'/>";
+    const std::string spring = "' axis='0 1 0' stiffness='" + stiffness + "' damping='.01'/>";
+    fingers += "<body name='" + n + "_a' pos='" + side + " 0 0'><joint name='" + n + "_1" + spring + shape +
+               "<body name='" + n + "_b' pos='.01 0 .03'><joint name='" + n + "_2" + spring + shape +
+               "<body name='" + n + "_tip' pos='0 0 .03'><joint name='" + n + "_3" + spring + shape +
+               "</body></body></body>";
+  }
+  return Write("gain.xml",
+               "<mujoco><custom><text name='fork1s_interface' data='" + interfaces +
+                   "'/><numeric name='fork1s_modes' data='0'/></custom><worldbody><body name='palm'>"
+                   "<geom type='box' size='.04 .01 .01' mass='.1'/>" +
+                   fingers + "</body></worldbody></mujoco>");
+}
+
+TEST(Gain, NamesWhatTouchesAndWhatFewerWouldLeave) {
+  for (const char* command : {"inspect ", "reduce "}) {
+    const Outcome o = Fork1s(command + Hand("left_tip right_tip"));
+    ASSERT_EQ(o.code, 0) << o.err;
+    EXPECT_EQ(o.out.find("saves nothing"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find("all 6 joint coordinates"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find("2 of 7 bodies that have shapes"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find("_tip leaves 3 coordinates"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find("if every body might touch"), std::string::npos) << o.out;
+  }
+  // The advice holds: followed, it leaves what was said.
+  const auto all = Fork1s("reduce --json " + Hand("left_tip right_tip")).Json();
+  ASSERT_EQ(all["gain"]["fewer"].size(), 1u) << all["gain"].dump(1);
+  const auto& fewer = all["gain"]["fewer"][0];
+  const auto one = Fork1s("reduce --json --interface " + fewer["interfaces"][0].get<std::string>() + " " +
+                          Hand("left_tip right_tip"))
+                       .Json();
+  EXPECT_EQ(one["gain"]["coordinates"]["reduced"], fewer["coordinates"]);
+  EXPECT_EQ(one["gain"]["coordinates"]["full"], 6);
+  EXPECT_TRUE(all["step_us"]["interface"].is_number());
+}
+
+TEST(Gain, StiffSpringsAskAnExplicitStepForMore) {
+  // Told only where the step taken here is longer than an explicit one may be.
+  EXPECT_EQ(Fork1s("reduce " + Hand("left_tip", "1e-4")).out.find("explicit steps"), std::string::npos);
+  const auto json = Fork1s("reduce --json " + Hand("left_tip", "100")).Json();
+  EXPECT_NE(json["gain"]["text"].dump().find("explicit steps"), std::string::npos) << json["gain"].dump(1);
+  EXPECT_NEAR(json["gain"]["explicit_step_s"].get<double>() * json["gain"]["fastest_hz"].get<double>(),
+              1 / 3.14159265358979, 1e-9);
+}
+
+TEST(Gain, BodiesThatCannotBeLeftOutAreNamed) {
+  const auto json = Fork1s("reduce --json " + Hand("left_tip right_tip", "0")).Json();
+  EXPECT_EQ(json["gain"]["must_stay"].size(), 2u) << json["gain"].dump(1);
+  EXPECT_NE(json["gain"]["text"].dump().find("cannot be left out"), std::string::npos)
+      << json["gain"].dump(1);
+}
+
+TEST(Interfaces, BlanksAndCommasBothDivideNames) {
+  const auto names = [](const std::string& data) {
+    return Fork1s("inspect --json " + Hand(data)).Json()["mechanisms"][0]["interfaces"];
+  };
+  EXPECT_EQ(names("left_tip, right_tip"), names("left_tip right_tip"));
+  EXPECT_EQ(names("left_tip,right_tip"), names("left_tip right_tip"));
+}
+
+TEST(Gain, ARunDoesNotWarnOfIt) {
+  const Outcome o = Fork1s("run --json --time 0.1 " + Hand("left_tip right_tip"));
+  ASSERT_EQ(o.code, 0) << o.err;
+  EXPECT_TRUE(o.Json()["warnings"].empty()) << o.Json()["warnings"].dump(1);
+}
+
+}  // namespace
+}  // namespace fork1s::test

@@ -1,0 +1,160 @@
+// What a run says at its end: loads by pair of bodies, bases, slip, stops and servos; and its tables.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <sstream>
+#include <string>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+const double kG = 9.81;
+
+// A sledge of 2 kg on the floor, with a mast on a spring; it floats, so that it has a base.
+std::string Sledge(const std::string& friction = "0.5") {
+  return Write("sledge.xml", R"(<mujoco model="sledge"><option gravity="0 0 -9.81"/>
+  <custom><text name="fork1s_interface" data="mast"/></custom>
+  <worldbody><geom name="floor" type="plane" size="9 9 .1" friction=")" +
+                                 friction + R"( 0 0"/>
+    <body name="sledge" pos="0 0 .05"><freejoint/>
+      <geom type="box" size=".1 .1 .05" mass="1.9" friction=")" +
+                                 friction + R"( 0 0"/>
+      <body name="mast" pos="0 0 .05"><joint name="hinge" type="hinge" axis="0 1 0" stiffness="5" damping=".1"
+                                             limited="true" range="-20 20"/>
+        <geom type="capsule" fromto="0 0 .02 0 0 .1" size=".01" mass=".1" contype="0" conaffinity="0"/></body>
+    </body></worldbody></mujoco>)");
+}
+
+const nlohmann::json* Pair(const nlohmann::json& run, const std::string& a, const std::string& b) {
+  for (const auto& c : run["contacts"])
+    if (c["bodies"][0] == a && c["bodies"][1] == b) return &c;
+  return nullptr;
+}
+
+TEST(RunReport, ForcesByPairCarryTheWeight) {
+  const Outcome o = Fork1s("run --json --time 2 " + Sledge());
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  const auto* floor = Pair(json, "world", "sledge");
+  ASSERT_NE(floor, nullptr) << json["contacts"].dump(1);
+  EXPECT_NEAR((*floor)["force_N"][2].get<double>(), 2 * kG, 1e-3);
+  EXPECT_NEAR((*floor)["moment_Nm"][1].get<double>(), 0, 1e-3);
+  EXPECT_GE((*floor)["force_max_N"].get<double>(), (*floor)["force_N"][2].get<double>() - 1e-9);
+  EXPECT_LT((*floor)["slip_m"].get<double>(), 1e-4);
+  EXPECT_TRUE((*floor)["slip_first_s"].is_null());
+}
+
+TEST(RunReport, WhatSlipsIsNamed) {
+  // 15 N against 0.5 * 19.6 N of friction: 2.6 m/s² for half a second, 0.32 m, and as far again to rest, less
+  // what friction takes then.
+  const Outcome o = Fork1s("run --json --time 0.5 --push sledge:15,0,0 " + Sledge());
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  const auto* floor = Pair(json, "world", "sledge");
+  ASSERT_NE(floor, nullptr);
+  const double moved = json["bases"][0]["position_m"][0].get<double>();
+  EXPECT_GT(moved, 0.25);
+  EXPECT_NEAR((*floor)["slip_m"].get<double>(), moved, 0.1 * moved);
+  EXPECT_NEAR((*floor)["force_N"][0].get<double>(), -0.5 * 2 * kG, 0.3);
+  EXPECT_NEAR(json["bases"][0]["velocity_m_per_s"][0].get<double>(), (15 - kG) / 2 * 0.5, 0.1);
+  EXPECT_NE(Fork1s("run --time 0.5 --push sledge:15,0,0 " + Sledge()).out.find("slipped"), std::string::npos);
+}
+
+TEST(RunReport, StopsAndServosAtTheirEndsAreNamed) {
+  const Outcome o = Fork1s("run --json --time 1 --push mast:0,0,0,0,4,0 " + Sledge());
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto stops = o.Json()["stops_reached"];
+  ASSERT_EQ(stops.size(), 1u) << stops.dump(1);
+  EXPECT_EQ(stops[0]["name"], "joint 'hinge'");
+  EXPECT_EQ(stops[0]["end"], "upper");
+  EXPECT_GT(stops[0]["steps"].get<int>(), 10);
+  EXPECT_TRUE(Fork1s("run --json --time 1 " + Sledge()).Json()["stops_reached"].empty());
+
+  const std::string weak =
+      Write("weak.xml", FingerModel("<actuator><position name='weak' joint='knuckle' kp='1' "
+                                    "forcelimited='true' forcerange='-.001 .001'/></actuator>"));
+  const std::string table = Write("weak.csv", "time,weak\n0,0.5\n");
+  const auto servos =
+      Fork1s("run --json --time 1 --controls " + table + " " + weak).Json()["servos_at_limit"];
+  ASSERT_GE(servos["which"].size(), 1u) << servos.dump(1);
+  EXPECT_EQ(servos["which"][0]["name"], "actuator 'weak'");
+  EXPECT_EQ(servos["which"][0]["steps"], servos["steps"]);
+}
+
+TEST(RunReport, LoadFactorOverTime) {
+  const std::string scenes = std::string(FORK1S_SOURCE_DIR) + "/scenes/";
+  const std::string run = "run --time 3.5 " + scenes + "grasp_box.xml --controls " + scenes + "grasp_box.csv";
+  const Outcome o = Fork1s(run + " --json");
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  const auto& course = json["load_factor"];
+  ASSERT_GT(course.size(), 3u);
+  double least = 1e300, before = -1;
+  for (const auto& moment : course) {
+    EXPECT_GT(moment["time_s"].get<double>(), before);
+    before = moment["time_s"].get<double>();
+    least = std::min(least, moment["factor"].get<double>());
+    EXPECT_EQ(moment["body"], "box");
+  }
+  EXPECT_DOUBLE_EQ(least, json["load_factor_min"].get<double>());
+  const std::string text = Fork1s(run).out;
+  EXPECT_NE(text.find("thumb_tip on box"), std::string::npos) << text;
+  EXPECT_NE(text.find("base palm"), std::string::npos) << text;
+  EXPECT_NE(text.find("at least: "), std::string::npos) << text;
+}
+
+// The last row of a table by the names of its columns.
+std::map<std::string, std::string> LastRow(const std::string& path) {
+  std::stringstream text(Slurp(path));
+  std::string header, line, last;
+  std::getline(text, header);
+  while (std::getline(text, line)) last = line;
+  std::map<std::string, std::string> row;
+  std::stringstream names(header), values(last);
+  std::string name, value;
+  while (std::getline(names, name, ',') && std::getline(values, value, ',')) row[name] = value;
+  return row;
+}
+
+TEST(RunReport, TablesHoldTheSame) {
+  const std::string file = (ScratchFolder() / "sledge.h5").string(),
+                    folder = (ScratchFolder() / "sledge").string();
+  const Outcome o = Fork1s("run --json --time 0.5 --push sledge:15,0,0 --record " + file + " " + Sledge());
+  ASSERT_EQ(o.code, 0) << o.err;
+  ASSERT_EQ(Fork1s("export " + file + " " + folder).code, 0);
+  const auto json = o.Json();
+  auto poses = LastRow(folder + "/poses.csv"), pairs = LastRow(folder + "/pairs.csv");
+  const auto& base = json["bases"][0];
+  EXPECT_DOUBLE_EQ(std::stod(poses["sledge.x"]), base["position_m"][0].get<double>());
+  EXPECT_NEAR(std::stod(poses["sledge.vx"]), base["velocity_m_per_s"][0].get<double>(), 1e-12);
+  EXPECT_NEAR(std::stod(poses["sledge.wy"]), base["angular_velocity_rad_per_s"][1].get<double>(), 1e-12);
+  EXPECT_EQ(pairs["body_a"], "world");
+  EXPECT_EQ(pairs["body_b"], "sledge");
+  const auto* floor = Pair(json, "world", "sledge");
+  ASSERT_NE(floor, nullptr);
+  EXPECT_NEAR(std::stod(pairs["force.x"]), (*floor)["force_N"][0].get<double>(), 1e-9);
+  EXPECT_NEAR(std::stod(pairs["force.z"]), (*floor)["force_N"][2].get<double>(), 1e-9);
+}
+
+TEST(Export, AMomentAfterTheEndIsSaid) {
+  const std::string file = (ScratchFolder() / "short.h5").string(),
+                    out = (ScratchFolder() / "late.png").string();
+  ASSERT_EQ(Fork1s("run --time 0.2 --record " + file + " " + Sledge()).code, 0);
+  // Said before the picture is drawn, for which a browser may be missing.
+  EXPECT_NE(Fork1s("export --at 5 " + file + " " + out).err.find("after the end of the recording at 0.2 s"),
+            std::string::npos);
+}
+
+TEST(Export, ColoursAreTheFilesUnlessAsked) {
+  const std::string file = (ScratchFolder() / "short.h5").string();
+  ASSERT_EQ(Fork1s("run --time 0.1 --record " + file + " " + Sledge()).code, 0);
+  const Outcome o = Fork1s("export --color-by gaps " + file + " " + (ScratchFolder() / "c.glb").string());
+  EXPECT_EQ(o.code, 2);
+  EXPECT_NE(o.err.find("the file's colours"), std::string::npos) << o.err;
+  EXPECT_EQ(Fork1s("export --color-by rainbow " + file + " " + (ScratchFolder() / "c.png").string()).code, 2);
+}
+
+}  // namespace
+}  // namespace fork1s::test

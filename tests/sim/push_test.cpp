@@ -1,0 +1,97 @@
+// Pushes over time: their grammar, their impulse whatever the step, and what frozen contacts bear of them.
+#include <cmath>
+#include <fork1s/sim/push.hpp>
+#include <fork1s/sim/tally.hpp>
+#include <functional>
+
+#include "sim/gripper.hpp"
+
+namespace fork1s {
+namespace {
+
+using testing::Gripper;
+using testing::Squeeze;
+using testing::Steps;
+
+TEST(Push, NamesMayHoldColonsAndAts) {
+  const auto push = PushTrack::Parse("robot:arm@left:1,2,3,4,5,6@0.1,0,-0.2:0.5..", "--push");
+  ASSERT_TRUE(push) << push.error().Text();
+  EXPECT_EQ(push->body, "robot:arm@left");
+  EXPECT_EQ(push->force_W, Vector3(1, 2, 3));
+  EXPECT_EQ(push->moment_W, Vector3(4, 5, 6));
+  EXPECT_EQ(push->point_B, Vector3(0.1, 0, -0.2));
+  EXPECT_EQ(push->from, 0.5);
+  EXPECT_TRUE(std::isinf(push->to));
+}
+
+TEST(Push, TakesItsColumnsOutOfATable) {
+  ControlTrack track;
+  track.names = {"force:a:b:x", "grip", "torque:a:b:z", "force:a:b@0,0,1:x"};
+  track.times = {0, 1};
+  track.rows = {{0, 7, 2, 5}, {4, 8, 2, 5}};
+  const auto pushes = PushTrack::TakeFrom(track, "table");
+  ASSERT_TRUE(pushes) << pushes.error().Text();
+  EXPECT_EQ(track.names, std::vector<std::string>{"grip"});
+  EXPECT_EQ(track.rows, (std::vector<std::vector<double>>{{7}, {8}}));
+  ASSERT_EQ(pushes->pushes.size(), 2u);  // at the origin, and at a point
+  EXPECT_EQ(pushes->pushes[0].body, "a:b");
+  EXPECT_EQ(pushes->pushes[0].rows[1], (Vector6() << 0, 0, 2, 4, 0, 0).finished());
+  EXPECT_EQ(pushes->pushes[1].point_B, Vector3(0, 0, 1));
+}
+
+TEST(Push, HasTheSameImpulseAtEveryStep) {
+  const Gripper gripper;
+  const Simulation simulation = gripper.Start();
+  PushTrack track;
+  track.pushes.push_back(*PushTrack::Parse("ball:3,0,0:0.0123..0.0789", "--push"));
+  for (const double h : {0.1, 1.0 / 60, 0.004, 0.0001}) {
+    double impulse = 0;
+    for (int i = 1; i * h < 0.2; ++i)
+      for (const PushNow& p : track.Over(i * h, h, simulation)) impulse += h * p.force_W.x();
+    EXPECT_NEAR(impulse, 3 * (0.0789 - 0.0123), 1e-12) << h;
+  }
+}
+
+// A push that the grip cannot yield to does not move anything, and still is borne by the frozen contacts.
+TEST(Tally, FrozenContactsBearWhatPushes) {
+  const Gripper gripper;
+  Simulation simulation = gripper.Start();
+  Squeeze(simulation, 0.01);
+  Steps(simulation, 240);
+  ASSERT_TRUE(simulation.SetFidelity({DetailLevel::kObject, -1, Recovery::kExact}));
+  const int ball = simulation.FindBody("ball");
+  const Vector3 push(0, 0.3, 0);
+  RunTally tally;
+  for (int i = 0; i < 600; ++i) {
+    simulation.ApplyWrench(ball, push, Vector3::Zero(), simulation.Pose(ball).translation());
+    const StepReport report = simulation.Step();
+    tally.Look(simulation, report);
+  }
+  Vector3 sum = Vector3::Zero();
+  for (const PairLoad& pair : tally.Pairs()) {
+    const bool is_second = pair.body_b == ball;
+    ASSERT_TRUE(is_second || pair.body_a == ball);
+    sum += (is_second ? 1 : -1) * pair.force_W;
+    EXPECT_EQ(pair.slip, 0);
+  }
+  // At rest what the fingers give balances weight and push.
+  EXPECT_NEAR((sum + push - Vector3(0, 0, gripper.ball_mass * 9.81)).norm(), 0, 1e-4);
+}
+
+TEST(Simulation, UnknownNamesAreAnsweredInTheUsersWords) {
+  Simulation simulation = Gripper().Start();
+  for (const auto& call : {std::function<void()>([&] { simulation.Pose("bal"); }),
+                           std::function<void()>([&] { simulation.SetControl("bal", 1); })})
+    try {
+      call();
+      ADD_FAILURE() << "took a name that is none";
+    } catch (const std::invalid_argument& e) {
+      const std::string text = e.what();
+      EXPECT_NE(text.find("'bal'"), std::string::npos) << text;
+      EXPECT_NE(text.find("'left'"), std::string::npos) << text;
+      EXPECT_EQ(text.find(".cpp"), std::string::npos) << text;
+    }
+}
+
+}  // namespace
+}  // namespace fork1s
