@@ -25,7 +25,8 @@ Response OfFreeBody(FreeBody body, const Vector3& point_B, double h, const Vecto
   body.Predict(h, gravity);
   out.v_free = J * body.PortTwist();
   out.p_free = p + h * out.v_free;
-  out.W = J * body.InverseInertia() * J.transpose();
+  const Eigen::Matrix<double, 6, 3> Y = body.InverseInertiaRoot() * J.transpose();
+  out.W = Y.transpose() * Y;
   out.mass = body.inertia().mass;
   return out;
 }
