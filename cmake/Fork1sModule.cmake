@@ -40,8 +40,9 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   target_compile_options(fork1s_warnings INTERFACE --param=ggc-min-heapsize=800000)
 endif()
 if(FORK1S_SANITIZE)
-  target_compile_options(fork1s_options INTERFACE -fsanitize=address,undefined
-    -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
+  # All but targets with the property FORK1S_UNSANITIZED.
+  target_compile_options(fork1s_options INTERFACE "$<$<NOT:$<BOOL:$<TARGET_PROPERTY:FORK1S_UNSANITIZED>>>:\
+-fsanitize=address,undefined;-fno-sanitize-recover=undefined;-fno-omit-frame-pointer>")
   target_link_options(fork1s_options INTERFACE -fsanitize=address,undefined)
 endif()
 
@@ -69,6 +70,9 @@ endfunction()
 # Compiles a target's files together, with the precompiled header of the given name. SEPARATE: each file alone.
 function(fork1s_compile_together target precompiled)
   cmake_parse_arguments(ARG "SEPARATE" "" "" ${ARGN})
+  if(FORK1S_SANITIZE)  # where all rooms have one level of optimisation
+    set(precompiled fork1s_precompiled_outer)
+  endif()
   if(FORK1S_UNITY AND NOT ARG_SEPARATE)
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 0)
   endif()

@@ -15,17 +15,12 @@ Eigen::MatrixXcd SolveComplex(const Eigen::MatrixXcd& A, const Eigen::MatrixXcd&
   return Eigen::PartialPivLU<Eigen::MatrixXcd>(A).solve(B);
 }
 
-namespace {
-
-// What PartialPivLU does not show: its row swaps.
-class LuWithSwaps : public Eigen::PartialPivLU<MatrixX> {
- public:
-  const TranspositionType& swaps() const { return m_rowsTranspositions; }
-};
-
-}  // namespace
-
 struct LuFactor::Detail {
+  // What PartialPivLU does not show: its row swaps.
+  class LuWithSwaps : public Eigen::PartialPivLU<MatrixX> {
+   public:
+    const TranspositionType& swaps() const { return m_rowsTranspositions; }
+  };
   LuWithSwaps lu;
 
   template <class Matrix>
