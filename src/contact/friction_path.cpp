@@ -18,6 +18,7 @@ constexpr int kSteps = 400, kCorrections = 8, kArrivals = 16, kCorners = 6;
 constexpr double kOnPath = 1e-5;                // |F| / |Σ Gᵀλ| of places on the way
 constexpr double kFirst = 0.1, kLongest = 0.5;  // of the path's length, which is 1 where nothing changes
 constexpr double kCorner = 1e-7;                // shorter than any arc that need be seen
+constexpr double kAroundCorner = 1e-3;
 
 }  // namespace
 
@@ -104,6 +105,41 @@ bool FrictionPath::Arrive(CompliantRows& rows, Place& place, double tolerance, i
   return false;
 }
 
+// From `here_` on to `trial_`, by `length` or less. `there`: that is the answer with all of the friction.
+bool FrictionPath::Advance(CompliantRows& rows, double& length, double tolerance, int& iterations,
+                           bool& there) {
+  points_ = rows.points;
+  limits_ = rows.limits;
+  for (int corners = 0; corners <= kCorners;) {
+    trial_ = here_;
+    for (std::size_t i = 0; i < trial_.d.size(); ++i) trial_.d[i] += length * along_.d[i];
+    trial_.share += length * along_.share;
+    rows.points = points_;
+    rows.limits = limits_;
+    rows.ImpulsesOfPieces(trial_.d.data(), length * along_.share);
+    bool found = Correct(rows, along_, length, trial_, iterations, ahead_);
+    if (found && length > 4 * kCorner) {
+      // Arcs that come together in a cusp lie side by side: what points back after a step that can be shorter
+      // may be the one that it came from.
+      if (!Linearize(rows, trial_)) return false;
+      DirectionHere(next_);
+      found = next_.share * along_.share + Dot(next_.d, along_.d) / scale2_ > 0;
+    }
+    // Past all of the friction the answer is nearer.
+    if (found && (trial_.share <= 1 || (there = Arrive(rows, trial_, tolerance, iterations)))) return true;
+    length *= 0.25;
+    if (length > kCorner) continue;
+    // Where the path turns by more than a right angle, the next arc does not come by the plane across this
+    // one: on along that arc.
+    ++corners;
+    std::swap(along_, ahead_);
+    points_.swap(ahead_points_);
+    limits_.swap(ahead_limits_);
+    length = kAroundCorner;
+  }
+  return false;
+}
+
 bool FrictionPath::Follow(CompliantRows& rows, std::vector<double>& d, double tolerance, int& iterations) {
   const std::size_t n = d.size();
   for (std::vector<double>* v : {&a_, &b_}) v->assign(n, 0.0);
@@ -117,43 +153,9 @@ bool FrictionPath::Follow(CompliantRows& rows, std::vector<double>& d, double to
   for (int step = 0; step < kSteps && !there; ++step) {
     if (!Linearize(rows, here_)) break;
     DirectionHere(along_);
-    if (here_.share + length * along_.share >= 1 && Arrive(rows, here_, tolerance, iterations)) {
-      there = true;
-      break;
-    }
-    rows.SetFrictionShare(here_.share);
-    if (!Linearize(rows, here_)) break;
-    points_ = rows.points;
-    limits_ = rows.limits;
-    int corners = 0;
-    bool found = false;
-    while (!found && corners <= kCorners) {
-      trial_ = here_;
-      for (std::size_t i = 0; i < n; ++i) trial_.d[i] += length * along_.d[i];
-      trial_.share += length * along_.share;
-      rows.points = points_;
-      rows.limits = limits_;
-      rows.ImpulsesOfPieces(trial_.d.data(), length * along_.share);
-      found = Correct(rows, along_, length, trial_, iterations, ahead_);
-      if (found && trial_.share > 1) {
-        if (Arrive(rows, trial_, tolerance, iterations)) {
-          there = true;
-          break;
-        }
-        found = false;  // the answer is nearer
-      }
-      if (found) break;
-      length *= 0.25;
-      if (length > kCorner) continue;
-      // Where the path turns by more than a right angle, the next arc does not come by the plane across this
-      // one: on along that arc.
-      ++corners;
-      std::swap(along_, ahead_);
-      points_.swap(ahead_points_);
-      limits_.swap(ahead_limits_);
-      length = 1e-3;
-    }
-    if (!found && !there) break;
+    there = here_.share + length * along_.share >= 1 && Arrive(rows, here_, tolerance, iterations);
+    if (there) break;
+    if (!Advance(rows, length, tolerance, iterations, there)) break;
     std::swap(here_, trial_);
     length = std::min(2 * length, kLongest);
   }

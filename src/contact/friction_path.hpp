@@ -28,13 +28,14 @@ class FrictionPath {
   void DirectionHere(Direction& out) const;
   bool Correct(CompliantRows& rows, const Direction& along, double length, Place& place, int& iterations,
                Direction& ahead);
+  bool Advance(CompliantRows& rows, double& length, double tolerance, int& iterations, bool& there);
   bool Arrive(CompliantRows& rows, Place& place, double tolerance, int& iterations);
 
   double scale2_ = 1;  // of d against the share
   std::vector<double> H_, a_, b_;
   std::vector<int> pivots_;
   Place here_, predicted_, trial_, last_;
-  Direction along_, ahead_;
+  Direction along_, ahead_, next_;
   std::vector<PointRows> points_, ahead_points_, last_points_;  // with the pieces that they are on
   std::vector<LimitRows> limits_, ahead_limits_, last_limits_;
 };
