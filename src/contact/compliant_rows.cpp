@@ -122,15 +122,22 @@ void CompliantRows::Evaluate(const double* d, bool with_derivative) {
     }
   }
   for (LimitRows& limit : limits) {
-    double change = 0;
-    for (int i = 0; i < limit.freedoms; ++i) change += limit.Y[i] * d[limit.begin + i];
+    double change = 0, reach = limit.reach;
+    for (int i = 0; i < limit.freedoms; ++i) {
+      const double part = limit.Y[i] * d[limit.begin + i];
+      change += part;
+      reach += std::abs(part);
+    }
     limit.impulse = 0;
     if (with_derivative) limit.D = 0;
     if (!(limit.R > 0)) continue;
     const double x = -(limit.base + limit.offset + limit.sign * change) / limit.R;
     limit.impulse = std::min(std::max(x, limit.lower), limit.upper);
     if (with_derivative && limit.impulse == x) limit.D = 1 / limit.R;
-    if (limit.impulse == x) noise += limit.noise * limit.noise;
+    if (limit.impulse == x) {
+      const double rounding = kRounding * reach / limit.R;
+      noise += limit.inverse_mass * rounding * rounding;
+    }
   }
   GatherPush();
   double F2 = 0, push2 = 0;

@@ -9,11 +9,14 @@
 #pragma once
 
 #include <fork1s/contact/contact_solver.hpp>
+#include <limits>
 #include <vector>
 
 #include "point_law.hpp"
 
 namespace fork1s::internal {
+
+constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
 struct PortRows {
   const double* Y = nullptr;  // freedoms x 6
@@ -89,7 +92,8 @@ struct LimitRows {
   double sign = 1, base = 0, offset = 0;
   double material_R = 0, R = 0, inverse_mass = 0;
   double lower = 0, upper = 0;
-  double impulse = 0, D = 0, noise = 0;
+  double impulse = 0, D = 0;
+  double reach = 0;     // size of v* and bias, before they cancel
   double constant = 0;  // of the piece at hand: λ = constant − D w
 };
 

@@ -12,7 +12,6 @@
 namespace fork1s::internal {
 namespace {
 
-constexpr double kRounding = std::numeric_limits<double>::epsilon();
 // Of the inverse mass at a contact, before anything in it cancels: what a contact gives at least, so that
 // hard ones (R = 0) have one answer. Impulses λ = -w/R are found to rounding over this, 2e-5, before they are
 // polished.
@@ -236,8 +235,7 @@ bool CompliantRows::PrepareLimit(const std::vector<VelocityBlock>& blocks, const
   out.lower = in.lower;
   out.upper = in.upper;
   out.impulse = in.impulse;
-  out.noise =
-      kRounding * std::sqrt(out.inverse_mass) * (std::abs(velocities[in.row]) + std::abs(in.bias)) / out.R;
+  out.reach = std::abs(velocities[in.row]) + std::abs(in.bias);
   return Finite(out.base + in.impulse + out.inverse_mass) && !std::isnan(in.lower + in.upper);
 }
 

@@ -123,6 +123,28 @@ TEST(ContactProperties, LimitsThatContradictShareTheWay) {
   EXPECT_LE(failures, 2);
 }
 
+// Dry friction of the joints of an arm: hard rows, some slide fast and others hardly move. What a row that
+// sticks bears is found to the rounding of what the others do to it, and the solver knows that.
+TEST(ContactProperties, DryFrictionOfManyJointsTakesFewIterations) {
+  std::mt19937 random(9);
+  ContactSolver solver;
+  for (int trial = 0; trial < 500; ++trial) {
+    Problem p = RandomProblem(random, 1, 0, 0, 0);
+    for (int row = 0; row < 6; ++row) {
+      p.velocity[row] = Uniform(random, -1, 1) * (row % 2 == 0 ? 0.3 : 1e-6);
+      LimitConstraint friction;
+      friction.row = row;
+      friction.upper = 0.1 * std::pow(10, Uniform(random, -3, 0));
+      friction.lower = -friction.upper;
+      p.limits.push_back(friction);
+    }
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    EXPECT_TRUE(report.converged) << trial << ": " << report.residual;
+    EXPECT_EQ(report.stage, 0) << trial;
+    EXPECT_LE(report.newton_iterations, 12) << trial;
+  }
+}
+
 // Where the solution is unique (contacts on distinct bodies, little friction) the order cannot matter.
 TEST(ContactProperties, OrderDoesNotMatter) {
   std::mt19937 random(4);
