@@ -1,7 +1,6 @@
 // The command line of fork1s.
 #include <fcntl.h>
 #include <unistd.h>
-#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -9,7 +8,6 @@
 #include <exception>
 #include <fork1s/record/recording.hpp>
 #include <new>
-#include <string>
 
 #include "command.hpp"
 
@@ -35,16 +33,6 @@ int CheckPrinted(int code) {
   return code == kDone ? kRefused : code;
 }
 
-// Where in our sources a requirement stands helps whoever mends it; the folder that it was built in helps
-// nobody.
-std::string WithoutFolder(std::string text) {
-  const auto open = text.find(" (/");
-  if (open == std::string::npos) return text;
-  const auto close = std::min(text.find(')', open), text.size());
-  const auto slash = text.rfind('/', close);
-  return text.erase(open + 2, slash - open - 1);
-}
-
 int Perform(const Action& action) {
   try {
     return action();
@@ -53,7 +41,7 @@ int Perform(const Action& action) {
     return kRefused;
   } catch (const std::exception& e) {
     if (std::ferror(stdout) != 0) return kDone;  // it is about the printing, see CheckPrinted
-    std::fprintf(stderr, "fork1s: %s\n", WithoutFolder(e.what()).c_str());
+    std::fprintf(stderr, "fork1s: %s\n", e.what());
     return kNumericsFailed;
   }
 }
