@@ -16,6 +16,7 @@ void CompliantNewton::Reserve(int freedoms) {
   H_.reserve(n * n);
   pivots_.reserve(n);
   for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->reserve(n);
+  pieces_.Reserve(freedoms);
 }
 
 bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterations, int patience,
@@ -71,29 +72,6 @@ bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterati
   return rows.Reached(tolerance);
 }
 
-// Newton's method on pieces, from the impulses at hand and d_. Leaves d_ at the answer, or where it was.
-bool CompliantNewton::ByPieces(CompliantRows& rows, double tolerance, int max_iterations, int& iterations) {
-  const int n = static_cast<int>(d_.size());
-  trial_ = d_;
-  for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    ++iterations;
-    rows.TakePieces(trial_.data());
-    rows.Derivative(H_.data());
-    step_ = rows.right_side();
-    if (!FactorLu(H_.data(), n, pivots_.data())) return false;
-    SolveWithLu(H_.data(), n, pivots_.data(), step_.data());
-    trial_.swap(step_);
-    rows.Evaluate(trial_.data(), false);
-    if (rows.Reached(tolerance)) {
-      d_.swap(trial_);
-      return true;
-    }
-    if (iteration + 1 == max_iterations) break;
-    rows.ImpulsesOfPieces(trial_.data());
-  }
-  return false;
-}
-
 // From the answer without friction, a convex problem, along the path of answers.
 bool CompliantNewton::ByPath(CompliantRows& rows, double tolerance, int& iterations) {
   std::fill(d_.begin(), d_.end(), 0.0);
@@ -124,6 +102,16 @@ bool CompliantNewton::Frozen(CompliantRows& rows, int rounds, double tolerance, 
   return false;
 }
 
+// What was found in d alone, taken up by pieces: their impulses are free of rounding.
+bool CompliantNewton::Settle(CompliantRows& rows, double tolerance, int& iterations) {
+  trial_ = d_;
+  if (pieces_.Solve(rows, trial_, tolerance, kPieces, iterations)) {
+    d_.swap(trial_);
+    return true;
+  }
+  return pieces_.Settle(rows, d_, tolerance);
+}
+
 NewtonOutcome CompliantNewton::Solve(CompliantRows& rows, double tolerance, int max_iterations) {
   NewtonOutcome out;
   const auto n = static_cast<std::size_t>(rows.freedoms());
@@ -132,73 +120,41 @@ NewtonOutcome CompliantNewton::Solve(CompliantRows& rows, double tolerance, int 
   for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->assign(n, 0.0);
   rows.Push(d_.data());
   kept_ = d_;
-  out.converged = ByPieces(rows, tolerance, kPieces, out.iterations);
+  out.converged = pieces_.Solve(rows, d_, tolerance, kPieces, out.iterations);
   if (!out.converged) {
+    d_ = kept_;
     const int patience = kPatience + static_cast<int>(rows.points.size());
-    out.converged = Run(rows, tolerance, max_iterations, patience, out.iterations);
-    if (out.converged) Refactor(rows);
+    out.converged = Run(rows, tolerance, max_iterations, patience, out.iterations) &&
+                    Settle(rows, tolerance, out.iterations);
   }
   if (!out.converged) {
     out.stage = 1;
     d_ = kept_;
     rows.Evaluate(d_.data(), false);
-    out.converged = Frozen(rows, 12, tolerance, out.iterations);
+    out.converged = Frozen(rows, 12, tolerance, out.iterations) && Settle(rows, tolerance, out.iterations);
   }
   if (!out.converged) {
     out.stage = 2;
     std::fill(d_.begin(), d_.end(), 0.0);
     rows.Evaluate(d_.data(), false);
+    bool found = false;
     for (double share : {0.1, 0.01, 0.001, 0.0}) {
       rows.Soften(share);
-      out.converged = Frozen(rows, share > 0 ? 3 : 30, share > 0 ? 1e-2 : tolerance, out.iterations);
+      found = Frozen(rows, share > 0 ? 3 : 30, share > 0 ? 1e-2 : tolerance, out.iterations);
     }
+    out.converged = found && Settle(rows, tolerance, out.iterations);
   }
   if (!out.converged) {
     out.stage = 3;
-    const std::vector<PointRows> points = rows.points;
-    const std::vector<LimitRows> limits = rows.limits;
     kept_ = d_;
-    out.converged = ByPath(rows, tolerance, out.iterations);
+    out.converged = ByPath(rows, tolerance, out.iterations) && Settle(rows, tolerance, out.iterations);
     if (!out.converged) {  // what softer contact left
-      rows.points = points;
-      rows.limits = limits;
       d_ = kept_;
+      pieces_.Settle(rows, d_, tolerance);
     }
   }
-  if (out.converged && out.stage > 0) Refactor(rows);
-  if (out.converged) Polish(rows);
-  // The impulses and what they do belong together.
-  rows.Push(trial_.data());
-  double F2 = 0;
-  for (std::size_t i = 0; i < n; ++i) F2 += (trial_[i] - d_[i]) * (trial_[i] - d_[i]);
-  d_.swap(trial_);
-  const double push2 = Dot(d_, d_);
-  out.residual = push2 > 0 ? std::sqrt(F2 / push2) : 0;
+  out.residual = pieces_.Residual(rows);
   return out;
-}
-
-void CompliantNewton::Refactor(CompliantRows& rows) {
-  rows.Evaluate(d_.data(), true);
-  rows.Derivative(H_.data());
-  FactorLu(H_.data(), static_cast<int>(d_.size()), pivots_.data());
-}
-
-// Impulses λ = −w/R carry the rounding of w, R/w⁻¹ times as large as it should be. Beside the pieces that
-// they are on they need not be computed from w again: s = −H⁻¹F, d += s, λ −= D G s.
-void CompliantNewton::Polish(CompliantRows& rows) {
-  for (int round = 0; round < 3; ++round) {
-    rows.Push(step_.data());
-    double size2 = 0, F2 = 0;
-    for (std::size_t i = 0; i < d_.size(); ++i) {
-      size2 += step_[i] * step_[i];
-      step_[i] -= d_[i];
-      F2 += step_[i] * step_[i];
-    }
-    if (F2 <= 1e-30 * size2) return;
-    SolveWithLu(H_.data(), static_cast<int>(d_.size()), pivots_.data(), step_.data());
-    for (std::size_t i = 0; i < d_.size(); ++i) d_[i] += step_[i];
-    rows.MoveOnPieces(step_.data());
-  }
 }
 
 }  // namespace fork1s::internal

@@ -5,6 +5,7 @@
 
 #include "compliant_rows.hpp"
 #include "friction_path.hpp"
+#include "piece_newton.hpp"
 
 namespace fork1s::internal {
 
@@ -12,7 +13,7 @@ struct NewtonOutcome {
   int iterations = 0;
   int stage = 0;  // of ContactSolverReport
   bool converged = false;
-  double residual = 0;  // |F| / |Σ Gᵀλ|
+  double residual = 0;  // PieceNewton's
 };
 
 class CompliantNewton {
@@ -25,13 +26,12 @@ class CompliantNewton {
 
  private:
   bool Run(CompliantRows& rows, double tolerance, int max_iterations, int patience, int& iterations);
-  bool ByPieces(CompliantRows& rows, double tolerance, int max_iterations, int& iterations);
   bool ByPath(CompliantRows& rows, double tolerance, int& iterations);
   bool Frozen(CompliantRows& rows, int rounds, double tolerance, int& iterations);
-  void Refactor(CompliantRows& rows);
-  void Polish(CompliantRows& rows);
+  bool Settle(CompliantRows& rows, double tolerance, int& iterations);
 
   std::vector<double> d_, trial_, step_, kept_;
+  PieceNewton pieces_;
   FrictionPath path_;
   std::vector<double> H_;
   std::vector<int> pivots_;

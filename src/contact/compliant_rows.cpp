@@ -57,16 +57,8 @@ void CompliantRows::RespondMoments(PointRows& point, const Vector3& turning, boo
   point.by_normal = by_normal;
 }
 
-void CompliantRows::ClearSums(bool with_derivative) {
-  for (PortRows& port : ports) {
-    port.push.setZero();
-    if (with_derivative) port.S.setZero();
-  }
-  if (!with_derivative) return;
-  for (std::size_t p = 0; p < pairs.size(); ++p) {
-    S_ab_[p].setZero();
-    S_ba_[p].setZero();
-  }
+void CompliantRows::ClearPush() {
+  for (PortRows& port : ports) port.push.setZero();
 }
 
 void CompliantRows::AddPush(const PairRows& pair, const PointRows& point, const Vector3& impulse,
@@ -100,11 +92,10 @@ void CompliantRows::AddDerivative(std::size_t p, const PointRows& point) {
 
 void CompliantRows::Evaluate(const double* d, bool with_derivative) {
   for (PortRows& port : ports) port.SetChange(d);
-  ClearSums(with_derivative);
+  ClearPush();
   double noise = 0;
   Matrix3 D;
-  for (std::size_t p = 0; p < pairs.size(); ++p) {
-    const PairRows& pair = pairs[p];
+  for (const PairRows& pair : pairs) {
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
       if (!(point.law.R_n > 0)) {  // nothing can move it, and its material gives nothing
@@ -115,10 +106,9 @@ void CompliantRows::Evaluate(const double* d, bool with_derivative) {
       point.state = Respond(point.law, Speed(pair, point), point.impulse, D, point.use);
       if (with_derivative) point.D = D;
       if (point.HasMoments()) RespondMoments(point, Turning(pair, point), with_derivative);
-      if (point.state == PointState::kOpen && !(point.law.frozen_normal > 0)) continue;
+      if (!point.Bears()) continue;
       noise += point.noise * point.noise;
       AddPush(pair, point, point.impulse, point.moment);
-      if (with_derivative) AddDerivative(p, point);
     }
   }
   for (LimitRows& limit : limits) {
@@ -139,7 +129,7 @@ void CompliantRows::Evaluate(const double* d, bool with_derivative) {
       noise += limit.inverse_mass * rounding * rounding;
     }
   }
-  GatherPush();
+  GatherPush(&LimitRows::impulse);
   double F2 = 0, push2 = 0;
   for (std::size_t i = 0; i < F_.size(); ++i) {
     F_[i] = d[i] - push_[i];
@@ -151,22 +141,22 @@ void CompliantRows::Evaluate(const double* d, bool with_derivative) {
   noise_ = std::sqrt(noise);
 }
 
-void CompliantRows::GatherPush() {
+void CompliantRows::GatherPush(double LimitRows::*borne) {
   std::fill(push_.begin(), push_.end(), 0.0);
   for (const PortRows& port : ports) port.AddTo(push_.data());
   for (const LimitRows& limit : limits)
     for (int i = 0; i < limit.freedoms; ++i)
-      push_[static_cast<std::size_t>(limit.begin + i)] += limit.sign * limit.impulse * limit.Y[i];
+      push_[static_cast<std::size_t>(limit.begin + i)] += limit.sign * limit.*borne * limit.Y[i];
 }
 
 void CompliantRows::Push(double* into) {
-  ClearSums(false);
+  ClearPush();
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       const PointRows& point = points[static_cast<std::size_t>(i)];
       AddPush(pair, point, point.impulse, point.moment);
     }
-  GatherPush();
+  GatherPush(&LimitRows::impulse);
   std::copy(push_.begin(), push_.end(), into);
 }
 
@@ -207,6 +197,13 @@ void CompliantRows::AddBlocks(double* H_data, double diagonal) {
 }
 
 void CompliantRows::Derivative(double* H_data) {
+  for (PortRows& port : ports) port.S.setZero();
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    S_ab_[p].setZero();
+    S_ba_[p].setZero();
+    for (int i = pairs[p].first; i < pairs[p].first + pairs[p].count; ++i)
+      if (points[static_cast<std::size_t>(i)].Bears()) AddDerivative(p, points[static_cast<std::size_t>(i)]);
+  }
   AddBlocks(H_data, 1);
   Eigen::Map<MatrixX> H(H_data, freedoms_, freedoms_);
   for (const LimitRows& limit : limits)

@@ -71,6 +71,8 @@ struct PointRows {
   double reach = 0, least_R = 0;  // sizes before anything cancels
   double noise = 0;               // rounding of Gᵀ λ
 
+  /// Whether it adds to F's derivative: open ones do where bounds are frozen.
+  bool Bears() const { return state != PointState::kOpen || law.frozen_normal > 0; }
   bool HasMoments() const { return torsion > 0 || rolling > 0; }
   /// Moment about an axis per normal impulse, at most, with all of the friction.
   double Radius(int axis) const { return axis == 0 ? torsion : rolling; }
@@ -95,6 +97,7 @@ struct LimitRows {
   double impulse = 0, D = 0;
   double reach = 0;     // size of v* and bias, before they cancel
   double constant = 0;  // of the piece at hand: λ = constant − D w
+  double at_rest = 0;   // and at d = 0
 };
 
 inline double Dot(const std::vector<double>& a, const std::vector<double>& b) {
@@ -112,8 +115,11 @@ class CompliantRows {
                double most_give);
   /// The affine pieces of the law that (d, λ) are on, λ those at hand: λ = −D w. Then H d = right side is
   /// where the pieces would lead, and `ImpulsesOfPieces` what they bear there, with that much more of
-  /// friction.
+  /// friction. How far (d, λ) are from the law itself: `law_gap`, and the rounding in it.
   void TakePieces(const double* d);
+  /// |λ − Π(y)|, weighed as F is (pieces.cpp).
+  double law_gap() const { return law_gap_; }
+  double law_noise() const { return law_noise_; }
   void ImpulsesOfPieces(const double* d, double more_share = 0);
   /// Share σ of friction and radii that the law at hand has.
   void SetFrictionShare(double share);
@@ -122,10 +128,9 @@ class CompliantRows {
   /// λ −= D G s.
   void MoveOnPieces(const double* s);
   const std::vector<double>& right_side() const { return push_; }
-  /// The impulses at d and F. With `with_derivative` the pieces too that they are on, and the blocks of F's
-  /// derivative.
+  /// The impulses at d and F. With `with_derivative` the pieces too that they are on.
   void Evaluate(const double* d, bool with_derivative);
-  /// H = ∂F/∂d of the last evaluation, which must have asked for it; freedoms x freedoms.
+  /// H = ∂F/∂d of the pieces at hand; freedoms x freedoms.
   void Derivative(double* H);
   /// Sum of Gᵀ λ over the impulses at hand.
   void Push(double* into);
@@ -167,20 +172,23 @@ class CompliantRows {
   void RespondMoments(PointRows& point, const Vector3& turning, bool with_derivative) const;
   Vector3 Speed(const PairRows& pair, const PointRows& point) const;
   Vector3 Turning(const PairRows& pair, const PointRows& point) const;
-  void ClearSums(bool with_derivative);
+  void ClearPush();
   void AddPush(const PairRows& pair, const PointRows& point, const Vector3& impulse, const Vector3& moment);
   void AddDerivative(std::size_t pair, const PointRows& point);
-  void TakePiece(PointRows& point, const Vector3& w, const Vector3& turning) const;
+  void TakePiece(PointRows& point, const Vector3& w, const Vector3& turning);
+  void TakeMoments(PointRows& point, const Vector3& turning, double y_n);
+  void AddGap(double inverse_mass, double gap2, double rounding);
   void SetGive(PairRows& pair, double most_give);
   void ApplyGive(const PairRows& pair);
   void FadeSqueeze();
-  void GatherPush();
+  void GatherPush(double LimitRows::*borne);
   /// diagonal + Σ Y S Yᵀ
   void AddBlocks(double* H, double diagonal);
 
   int freedoms_ = 0;
   double share_ = 1;  // σ
   double push_norm_ = 0, F_norm_ = 0, noise_ = 0;
+  double law_gap_ = 0, law_noise_ = 0;
   std::vector<int> block_of_, port_of_, order_;
   std::vector<Freedoms> blocks_;
   std::vector<double> storage_;       // Y of blocks with fewer rows than freedoms

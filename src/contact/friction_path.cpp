@@ -81,24 +81,13 @@ bool FrictionPath::Correct(CompliantRows& rows, const Direction& along, double l
 }
 
 bool FrictionPath::Arrive(CompliantRows& rows, Place& place, double tolerance, int& iterations) {
-  const int n = rows.freedoms();
   last_points_ = rows.points;
   last_limits_ = rows.limits;
   rows.SetFrictionShare(1);
   last_ = place;
-  for (int k = 0; k < kArrivals; ++k) {
-    ++iterations;
-    rows.TakePieces(last_.d.data());
-    rows.Derivative(H_.data());
-    last_.d = rows.right_side();
-    if (!FactorLu(H_.data(), n, pivots_.data())) break;
-    SolveWithLu(H_.data(), n, pivots_.data(), last_.d.data());
-    rows.Evaluate(last_.d.data(), false);
-    if (rows.Reached(tolerance)) {
-      place = last_;
-      return true;
-    }
-    rows.ImpulsesOfPieces(last_.d.data());
+  if (pieces_.Solve(rows, last_.d, tolerance, kArrivals, iterations)) {
+    place = last_;
+    return true;
   }
   rows.points = last_points_;
   rows.limits = last_limits_;

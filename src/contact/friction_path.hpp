@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "compliant_rows.hpp"
+#include "piece_newton.hpp"
 
 namespace fork1s::internal {
 
@@ -34,6 +35,7 @@ class FrictionPath {
   double scale2_ = 1;  // of d against the share
   std::vector<double> H_, a_, b_;
   std::vector<int> pivots_;
+  PieceNewton pieces_;
   Place here_, predicted_, trial_, last_;
   Direction along_, ahead_, next_;
   std::vector<PointRows> points_, ahead_points_, last_points_;  // with the pieces that they are on

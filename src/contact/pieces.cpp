@@ -15,7 +15,13 @@
 
 namespace fork1s::internal {
 
-void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3& turning) const {
+// |λ − Π(y)| of a point or row, and its rounding.
+void CompliantRows::AddGap(double inverse_mass, double gap2, double rounding) {
+  law_gap_ += inverse_mass * gap2;
+  law_noise_ += inverse_mass * rounding * rounding;
+}
+
+void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3& turning) {
   const double R_n = point.law.R_n, R_t = point.law.R_t, friction = point.law.friction;
   point.D.setZero();
   point.D_turn.setZero();
@@ -23,14 +29,22 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
   point.by_share.setZero();
   point.turn_by_share.setZero();
   point.state = PointState::kOpen;
+  point.use = 0;
   if (!(R_n > 0)) return;
-  const double rho = 1 / (point.inverse_mass + R_n);
+  const double rho = 1 / (point.inverse_mass + R_n), rho_t = 1 / (point.inverse_mass + R_t);
   const double y_n = point.impulse[0] - rho * (w[0] + R_n * point.impulse[0]);
-  if (!(y_n > 0)) return;
+  const double rounding = kRounding * (rho * point.reach + point.impulse.cwiseAbs().sum());
+  if (!(y_n > 0)) {
+    AddGap(point.inverse_mass, point.impulse.squaredNorm(), rounding);
+    return;
+  }
   point.D(0, 0) = 1 / R_n;
-  const double rho_t = 1 / (point.inverse_mass + R_t);
   const Vector2 y = point.impulse.tail<2>() - rho_t * (w.tail<2>() + R_t * point.impulse.tail<2>());
   const double size = y.norm(), bound = friction * y_n;
+  const double off = point.impulse[0] - y_n;
+  AddGap(point.inverse_mass,
+         off * off + (point.impulse.tail<2>() - (size > bound ? bound / size : 1) * y).squaredNorm(), rounding);
+  if (bound > 0) point.use = w.tail<2>().norm() / (R_t * bound);
   // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for
   // ever.
   if (size <= bound || (share_ == 1 && y.dot(point.impulse.tail<2>()) < 0)) {
@@ -44,16 +58,22 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
     point.D.bottomRightCorner<2, 2>() = kappa * (Eigen::Matrix2d::Identity() - e * e.transpose());
     point.by_share.tail<2>() = point.friction * y_n * e;
   }
-  if (!point.HasMoments()) return;
+  if (point.HasMoments()) TakeMoments(point, turning, y_n);
+}
+
+void CompliantRows::TakeMoments(PointRows& point, const Vector3& turning, double y_n) {
   for (int k = 0; k < 3; ++k) {
-    const double radius = point.Radius(k);
+    const double radius = point.Radius(k), inverse = point.inverse_inertia[k];
     if (!(radius > 0)) continue;
-    const double R = point.AngularR(k, R_t), rho_m = 1 / (point.inverse_inertia[k] + R);
-    const double m = point.moment[k] - rho_m * (turning[k] + R * point.moment[k]);
-    if (std::abs(m) <= share_ * radius * y_n) {
+    const double R = point.AngularR(k, point.law.R_t), rho = 1 / (inverse + R);
+    const double m = point.moment[k] - rho * (turning[k] + R * point.moment[k]);
+    const double most = share_ * radius * y_n, gap = point.moment[k] - std::clamp(m, -most, most);
+    AddGap(inverse, gap * gap,
+           kRounding * (rho * std::abs(point.angular_base[k]) + std::abs(point.moment[k])));
+    if (std::abs(m) <= most) {
       point.D_turn(k, k) = 1 / R;
     } else {
-      point.by_normal[k] = share_ * (m > 0 ? radius : -radius) / R_n;
+      point.by_normal[k] = share_ * (m > 0 ? radius : -radius) / point.law.R_n;
       point.turn_by_share[k] = (m > 0 ? radius : -radius) * y_n;
     }
   }
@@ -61,41 +81,43 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
 
 void CompliantRows::TakePieces(const double* d) {
   for (PortRows& port : ports) port.SetChange(d);
-  ClearSums(true);
-  for (std::size_t p = 0; p < pairs.size(); ++p)
-    for (int i = pairs[p].first; i < pairs[p].first + pairs[p].count; ++i) {
+  ClearPush();
+  law_gap_ = law_noise_ = 0;
+  for (const PairRows& pair : pairs)
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
       const bool moments = point.HasMoments();
-      TakePiece(point, Speed(pairs[p], point), moments ? Turning(pairs[p], point) : Vector3::Zero());
-      const Vector3 impulse = point.impulse, moment = point.moment;
+      TakePiece(point, Speed(pair, point), moments ? Turning(pair, point) : Vector3::Zero());
+      if (point.state == PointState::kOpen) continue;
       // What the piece bears at d = 0.
       const Vector3 w = point.base + point.offset;
-      point.impulse = -point.D * w;
+      Vector3 moment = Vector3::Zero();
       if (moments)
-        point.moment = -point.D_turn * (point.angular_base + point.angular_offset) - point.by_normal * w[0];
-      if (point.state != PointState::kOpen) {
-        AddPush(pairs[p], point, point.impulse, point.moment);
-        AddDerivative(p, point);
-      }
-      point.impulse = impulse;
-      point.moment = moment;
+        moment = -point.D_turn * (point.angular_base + point.angular_offset) - point.by_normal * w[0];
+      AddPush(pair, point, -point.D * w, moment);
     }
   for (LimitRows& limit : limits) {
-    double w = limit.base + limit.offset;
-    const double at_rest = w;
-    for (int i = 0; i < limit.freedoms; ++i) w += limit.sign * limit.Y[i] * d[limit.begin + i];
-    limit.D = limit.constant = 0;
-    const double impulse = limit.impulse;
-    if (limit.R > 0) {
-      const double y = impulse - (w + limit.R * impulse) / (limit.inverse_mass + limit.R);
-      if (y > limit.lower && y < limit.upper)
-        limit.D = 1 / limit.R;
-      else
-        limit.constant = y > limit.lower ? limit.upper : limit.lower;
+    const double at_rest = limit.base + limit.offset;
+    double w = at_rest, reach = limit.reach;
+    for (int i = 0; i < limit.freedoms; ++i) {
+      const double part = limit.Y[i] * d[limit.begin + i];
+      w += limit.sign * part;
+      reach += std::abs(part);
     }
-    limit.impulse = limit.constant - limit.D * at_rest;
+    limit.D = limit.constant = limit.at_rest = 0;
+    if (!(limit.R > 0)) continue;
+    const double rho = 1 / (limit.inverse_mass + limit.R), y = limit.impulse - rho * (w + limit.R * limit.impulse);
+    const double gap = limit.impulse - std::min(std::max(y, limit.lower), limit.upper);
+    AddGap(limit.inverse_mass, gap * gap, kRounding * (rho * reach + std::abs(limit.impulse)));
+    if (y > limit.lower && y < limit.upper)
+      limit.D = 1 / limit.R;
+    else
+      limit.constant = y > limit.lower ? limit.upper : limit.lower;
+    limit.at_rest = limit.constant - limit.D * at_rest;
   }
-  GatherPush();
+  law_gap_ = std::sqrt(law_gap_);
+  law_noise_ = std::sqrt(law_noise_);
+  GatherPush(&LimitRows::at_rest);
 }
 
 void CompliantRows::ImpulsesOfPieces(const double* d, double more_share) {
@@ -122,7 +144,7 @@ void CompliantRows::SetFrictionShare(double share) {
 }
 
 void CompliantRows::PushByShare(double* into) {
-  ClearSums(false);
+  ClearPush();
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       const PointRows& point = points[static_cast<std::size_t>(i)];

@@ -1,0 +1,76 @@
+#include "piece_newton.hpp"
+
+#include <cmath>
+#include <fork1s/linalg/in_place.hpp>
+
+namespace fork1s::internal {
+namespace {
+
+// |d − Σ Gᵀλ| / |Σ Gᵀλ| that needs no more of it: rounding, where impulses a thousand times as large cancel.
+constexpr double kRefined = 1e-13;
+
+}  // namespace
+
+void PieceNewton::Reserve(int freedoms) {
+  const auto n = static_cast<std::size_t>(freedoms);
+  H_.reserve(n * n);
+  step_.reserve(n);
+  pivots_.reserve(n);
+}
+
+bool PieceNewton::Factor(CompliantRows& rows) {
+  const auto n = static_cast<std::size_t>(rows.freedoms());
+  H_.resize(n * n);
+  step_.resize(n);
+  pivots_.resize(n);
+  rows.Derivative(H_.data());
+  return FactorLu(H_.data(), rows.freedoms(), pivots_.data());
+}
+
+// Impulses λ = −D w carry the rounding of w, (inverse mass)/R times as large as it should be: 1e11 times for
+// rows that give nothing. On their pieces they need not be computed from w again: s = −H⁻¹F, d += s,
+// λ −= D G s.
+void PieceNewton::Refine(CompliantRows& rows, std::vector<double>& d) {
+  for (double before = 1e300;;) {
+    rows.Push(step_.data());
+    double push2 = 0, F2 = 0;
+    for (std::size_t i = 0; i < d.size(); ++i) {
+      push2 += step_[i] * step_[i];
+      F2 += (step_[i] - d[i]) * (step_[i] - d[i]);
+    }
+    push_norm_ = std::sqrt(push2);
+    if (F2 <= kRefined * kRefined * push2 || !(F2 < 0.25 * before)) break;
+    before = F2;
+    for (std::size_t i = 0; i < d.size(); ++i) step_[i] -= d[i];
+    SolveWithLu(H_.data(), static_cast<int>(d.size()), pivots_.data(), step_.data());
+    for (std::size_t i = 0; i < d.size(); ++i) d[i] += step_[i];
+    rows.MoveOnPieces(step_.data());
+  }
+  d = step_;
+}
+
+bool PieceNewton::Solve(CompliantRows& rows, std::vector<double>& d, double tolerance, int max_iterations,
+                        int& iterations) {
+  rows.TakePieces(d.data());
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    ++iterations;
+    if (!Factor(rows)) return false;
+    d = rows.right_side();
+    SolveWithLu(H_.data(), rows.freedoms(), pivots_.data(), d.data());
+    rows.ImpulsesOfPieces(d.data());
+    Refine(rows, d);
+    rows.TakePieces(d.data());
+    if (Reached(rows, tolerance)) return true;
+  }
+  return false;
+}
+
+bool PieceNewton::Settle(CompliantRows& rows, std::vector<double>& d, double tolerance) {
+  rows.Evaluate(d.data(), true);
+  if (!Factor(rows)) return false;
+  Refine(rows, d);
+  rows.TakePieces(d.data());
+  return Reached(rows, tolerance);
+}
+
+}  // namespace fork1s::internal
