@@ -43,7 +43,8 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
   const double size = y.norm(), bound = friction * y_n;
   const double off = point.impulse[0] - y_n;
   AddGap(point.inverse_mass,
-         off * off + (point.impulse.tail<2>() - (size > bound ? bound / size : 1) * y).squaredNorm(), rounding);
+         off * off + (point.impulse.tail<2>() - (size > bound ? bound / size : 1) * y).squaredNorm(),
+         rounding);
   if (bound > 0) point.use = w.tail<2>().norm() / (R_t * bound);
   // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for
   // ever.
@@ -106,7 +107,8 @@ void CompliantRows::TakePieces(const double* d) {
     }
     limit.D = limit.constant = limit.at_rest = 0;
     if (!(limit.R > 0)) continue;
-    const double rho = 1 / (limit.inverse_mass + limit.R), y = limit.impulse - rho * (w + limit.R * limit.impulse);
+    const double rho = 1 / (limit.inverse_mass + limit.R),
+                 y = limit.impulse - rho * (w + limit.R * limit.impulse);
     const double gap = limit.impulse - std::min(std::max(y, limit.lower), limit.upper);
     AddGap(limit.inverse_mass, gap * gap, kRounding * (rho * reach + std::abs(limit.impulse)));
     if (y > limit.lower && y < limit.upper)

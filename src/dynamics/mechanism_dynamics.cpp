@@ -40,6 +40,7 @@ MechanismDynamics::MechanismDynamics(ReducedModel model)
       configuration_(*state_.model),
       rigid_parts_(*state_.model->mechanism),
       jacobian_(*state_.model),
+      inertia_(*state_.model),
       groups_(MakeGroups(*state_.model)),
       elsewhere_(*state_.model) {}
 
@@ -124,6 +125,7 @@ void MechanismDynamics::Restore(const MechanismState& state) {
   if (!same_model) {
     configuration_ = elsewhere_ = Configuration(model());
     jacobian_ = ReducedJacobian(model());
+    inertia_ = ReducedInertia(model());
     Size();
   }
   x_.tail(model().size()) = state_.reduced.w;
@@ -180,8 +182,8 @@ void MechanismDynamics::Size() {
 void MechanismDynamics::UpdateInertia() {
   jacobian_.Compute(model(), configuration_);
   const int r = model().size();
-  ReducedInertia(model(), rigid_parts_, configuration_, jacobian_, M_full_.bottomRightCorner(r, r), M_0z_,
-                 M_00_);
+  inertia_.Compute(model(), rigid_parts_, configuration_, jacobian_, M_full_.bottomRightCorner(r, r), M_0z_,
+                   M_00_);
   if (base_size_ > 0) {
     M_full_.topLeftCorner<6, 6>() = M_00_;
     M_full_.topRightCorner(6, r) = M_0z_;

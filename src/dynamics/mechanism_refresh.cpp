@@ -64,6 +64,7 @@ bool MechanismDynamics::Refresh() {
   state_.reduced.w = VectorX::Zero(r);
   configuration_ = elsewhere_ = Configuration(model());
   jacobian_ = ReducedJacobian(model());
+  inertia_ = ReducedInertia(model());
   StartAtReference();
   Size();
   VectorX x = SolveSymmetric(M_full_, p);

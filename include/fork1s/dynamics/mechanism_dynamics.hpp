@@ -212,6 +212,7 @@ class MechanismDynamics {
   Configuration configuration_;
   RigidParts rigid_parts_;
   ReducedJacobian jacobian_;  // of configuration_
+  ReducedInertia inertia_;
   std::vector<ContactGroup> groups_;
   std::vector<Part> parts_;
   std::vector<int> part_of_group_, part_of_limited_, part_of_friction_;

@@ -33,9 +33,30 @@ class ReducedJacobian {
   Matrix6X T_;
 };
 
-/// M_zz = Σ Tᵀ I T + Qᵀ diag(armature) Q (r x r), M_0z = Σ I T (6 x r), M_00 = Σ I at the pose of `c`.
-/// Entries of coordinates that no part shares stay exactly 0. No allocation.
-void ReducedInertia(const ReducedModel& model, const RigidParts& parts, const Configuration& c,
-                    const ReducedJacobian& jacobian, Eigen::Ref<MatrixX> M_zz, Matrix6X& M_0z, Matrix6& M_00);
+/// M_zz = Σ Tᵀ I T + Qᵀ diag(armature) Q (r x r), M_0z = Σ I T (6 x r), M_00 = Σ I at a pose, all in R about
+/// R's origin, by inertias of all that a joint carries (Featherstone, Rigid Body Dynamics Algorithms, 6.2).
+class ReducedInertia {
+ public:
+  explicit ReducedInertia(const ReducedModel& model);
+
+  /// At the pose of `c`, with the Jacobians there. Entries of coordinates that no part shares stay exactly 0.
+  /// O(joints x columns that reach them, squared), no allocation.
+  void Compute(const ReducedModel& model, const RigidParts& parts, const Configuration& c,
+               const ReducedJacobian& jacobian, Eigen::Ref<MatrixX> M_zz, Matrix6X& M_0z, Matrix6& M_00);
+
+ private:
+  // About R's origin, so that inertias add.
+  struct Sum {
+    double mass = 0;
+    Vector3 moment = Vector3::Zero();  // mass times centre
+    Matrix3 rotational = Matrix3::Zero();
+
+    void Add(const SpatialInertia& I);
+    void Add(const Sum& other);
+    Vector6 operator*(const Vector6& V) const;
+  };
+  std::vector<Sum> sums_;  // per joint
+  VectorX q_, h_;
+};
 
 }  // namespace fork1s
