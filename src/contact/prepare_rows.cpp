@@ -14,7 +14,7 @@ namespace {
 
 // Of the inverse mass at a contact, before anything in it cancels: what a contact gives at least, so that
 // hard ones (R = 0) have one answer. Impulses λ = -w/R are found to rounding over this, 2e-5, before they are
-// polished.
+// refined (piece_newton.cpp).
 constexpr double kLeastGive = 1e-11;
 
 bool Finite(double sum) { return std::isfinite(sum); }

@@ -59,7 +59,9 @@ TEST(ContactProperties, CoulombLawHolds) {
       ++failures;
       continue;
     }
-    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-6) << trial;
+    // 1e-12 of what contact changes, weighed by inertia, as one point of bodies 1 : 30 sees it; rows that give
+    // nothing among them, whose impulses rounding of velocities would change by 1e-5.
+    EXPECT_LT(LawViolation(p, start, p.velocity), 1e-8) << trial;
   }
   RecordProperty("failures", failures);
   RecordProperty("helped", helped);
