@@ -56,7 +56,8 @@ struct PointRows {
   Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();  // u* + bias
   double give = 0;
   Vector3 base = Vector3::Zero(), angular_base = Vector3::Zero();  // u* + bias − R λ₀, and of the moments
-  Vector3 offset = Vector3::Zero(), angular_offset = Vector3::Zero();  // of a softer stage
+  Vector3 offset = Vector3::Zero(), angular_offset = Vector3::Zero();  // of a stage
+  Vector3 shift = Vector3::Zero();                                     // of w without friction, on a path
   Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
   PointState state = PointState::kOpen;
   Matrix3 D = Matrix3::Zero(), D_turn = Matrix3::Zero();  // of the piece at hand
@@ -121,7 +122,7 @@ class CompliantRows {
   double law_gap() const { return law_gap_; }
   double law_noise() const { return law_noise_; }
   void ImpulsesOfPieces(const double* d, double more_share = 0);
-  /// Share σ of friction and radii that the law at hand has.
+  /// Share σ of friction and radii that the law at hand has, and 1 − σ of the points' shifts.
   void SetFrictionShare(double share);
   /// Sum of Gᵀ ∂λ/∂σ over the pieces at hand.
   void PushByShare(double* into);

@@ -59,6 +59,7 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
     point.D.bottomRightCorner<2, 2>() = kappa * (Eigen::Matrix2d::Identity() - e * e.transpose());
     point.by_share.tail<2>() = point.friction * y_n * e;
   }
+  point.by_share += point.D * point.shift;
   if (point.HasMoments()) TakeMoments(point, turning, y_n);
 }
 
@@ -142,7 +143,10 @@ void CompliantRows::ImpulsesOfPieces(const double* d, double more_share) {
 
 void CompliantRows::SetFrictionShare(double share) {
   share_ = share;
-  for (PointRows& point : points) point.law.friction = share * point.friction;
+  for (PointRows& point : points) {
+    point.law.friction = share * point.friction;
+    point.offset = (1 - share) * point.shift;
+  }
 }
 
 void CompliantRows::PushByShare(double* into) {

@@ -116,6 +116,7 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
                                  const Eigen::Ref<const VectorX>& velocities) const {
   out.law.frozen_normal = -1;
   out.offset.setZero();
+  out.shift.setZero();
   out.angular_offset.setZero();
   out.state = PointState::kOpen;
   out.J_a = in.J_a;

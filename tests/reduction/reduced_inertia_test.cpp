@@ -12,7 +12,9 @@ using testing::RandomMechanismOptions;
 // Poses away from the reference; loops need not close for an inertia to be one.
 void ExpectInertiaOfBodies(const RandomMechanismOptions& options, unsigned seed) {
   const auto m = std::make_shared<const Mechanism>(testing::RandomMechanism(seed, options));
-  const auto model = Reduce(m, VectorX::Zero(m->num_coordinates()), {.promote_hidden = true});
+  ReductionOptions reduction;
+  reduction.promote_hidden = true;
+  const auto model = Reduce(m, VectorX::Zero(m->num_coordinates()), reduction);
   ASSERT_TRUE(model.has_value()) << model.error().Text();
   const int r = model->size();
   ReducedState state;
