@@ -172,6 +172,12 @@ void MechanismDynamics::Size() {
   }
   q_ddot_.setZero(n);
   if (model().has_complement) q_perp_before_ = q_perp_after_ = state_.reduced.q_perp;
+  coordinate_reach_.setZero(r);
+  if (n > 0 && r > 0)
+    coordinate_reach_ = (model().h_inverse.cwiseSqrt().cwiseInverse().asDiagonal() * model().Q)
+                          .cwiseAbs()
+                          .colwise()
+                          .maxCoeff();
   SizeForceLimits();
   FindParts();
   SizeTheta();

@@ -2,6 +2,8 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 #include <algorithm>
+#include <cmath>
+#include <fork1s/linalg/rank.hpp>
 
 namespace fork1s {
 
@@ -133,8 +135,15 @@ void MechanismDynamics::LengthRow(const Mechanism::LinearForm& terms, const Part
                                   Eigen::Ref<VectorX> row) const {
   row.setZero();
   const int count = part.size - base_size_;
-  for (const auto& [i, c] : terms)
+  double unit = 0;
+  for (const auto& [i, c] : terms) {
     row.tail(count) += c * Q_now().row(i).segment(part.begin, count).transpose();
+    unit += std::abs(c) * std::sqrt(model().h_inverse(i));
+  }
+  // Where loops hold a joint its row is the rounding of their closing. Nothing moves it, and a stop or dry
+  // friction that pushed with such a lever would push with the inverse of rounding.
+  const auto reach = coordinate_reach_.segment(part.begin, count).array();
+  if (!(row.tail(count).array().abs() > kRankThreshold * unit * reach).any()) row.setZero();
 }
 
 double MechanismDynamics::LengthRate(const Mechanism::LinearForm& terms) const {

@@ -215,6 +215,7 @@ class MechanismDynamics {
   ReducedInertia inertia_;
   std::vector<ContactGroup> groups_;
   std::vector<Part> parts_;
+  VectorX coordinate_reach_;  // r: most that a joint moves per z, slides in lengths of the mechanism
   std::vector<int> part_of_group_, part_of_limited_, part_of_friction_;
   std::vector<Mechanism::LengthLimit> length_limits_;
   std::vector<std::string> warnings_;

@@ -1,0 +1,62 @@
+// Stops of joints where loops have a say.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "support.hpp"
+
+namespace fork1s {
+namespace {
+
+// A link on a floating base that carries a triangle of two rods, pinned to it and to each other: none of the
+// three turns against another, whatever the springs. Both rods stand at their stops.
+MechanismDef LinkWithTriangle(unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  const auto vector = [&] { return Vector3(uniform(random), uniform(random), uniform(random)); };
+  const Vector3 axis = vector().normalized();
+  MechanismBuilder builder("link with a triangle", BaseKind::kFloating, testing::Rod(1, 0.3));
+  BodyDef link;
+  link.name = "link";
+  link.parent = builder.base();
+  link.inertia = testing::Rod(1, 0.3);
+  const BodyIndex carrier = builder.AddBody(link);
+  builder.AddJoint(JointDef::Hinge("knee", carrier, axis).WithSpring(5));
+  const Vector3 apex = 0.2 * vector();
+  BodyIndex rods[2];
+  for (int i = 0; i < 2; ++i) {
+    BodyDef rod;
+    rod.name = i == 0 ? "first rod" : "second rod";
+    rod.parent = carrier;
+    rod.X_PB = RigidTransform(Matrix3::Identity(), 0.2 * vector());
+    rod.inertia = testing::Rod(0.3, 0.2);
+    rods[i] = builder.AddBody(rod);
+    builder.AddJoint(JointDef::Hinge(rod.name + " pin", rods[i], axis).WithSpring(0.1).WithLimits(0, 0.5));
+  }
+  const auto in = [&](int i) {
+    return Vector3(apex - builder.definition().bodies[static_cast<std::size_t>(rods[i].value())].X_PB.translation());
+  };
+  builder.AddClosure(ClosureDef::Connect("apex", rods[0], rods[1], in(0), in(1)));
+  builder.SetInterfaces({"link"});
+  return builder.definition();
+}
+
+TEST(Stops, OfJointsThatLoopsHoldPushNothing) {
+  for (unsigned seed = 0; seed < 40; ++seed) {
+    SCOPED_TRACE(seed);
+    VectorX rates = VectorX::Zero(3);
+    rates(0) = 2;
+    World world = testing::MustStart(LinkWithTriangle(seed), VectorX::Zero(3), rates);
+    const double before = world.KineticEnergy() + world.PotentialEnergy(Vector3::Zero());
+    for (int i = 0; i < 60; ++i) {
+      const StepReport report = world.Step(testing::Still());
+      ASSERT_TRUE(report.finite) << i;
+      ASSERT_TRUE(report.solver.converged) << i;
+    }
+    EXPECT_LE(world.KineticEnergy() + world.PotentialEnergy(Vector3::Zero()), before * (1 + 1e-9));
+    EXPECT_LT(world.mechanisms()[0].configuration().q.tail(2).cwiseAbs().maxCoeff(), 1e-8);
+  }
+}
+
+}  // namespace
+}  // namespace fork1s
