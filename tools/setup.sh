@@ -1,9 +1,13 @@
 #!/usr/bin/env bash
 # Installs what the build and the tests need from Debian's packages, and says so. Does nothing where all is there.
+#
+#     tools/setup.sh [build|rest]     what compiling needs; what only tests, films and pictures need; both unless told
+#
+# ./check and ./demo fetch the rest, which is the larger part, while they compile.
 set -euo pipefail
 
 # python3-pip fetches MuJoCo, which comes from Python's registry (cmake/Findmujoco.cmake); the headers are for our module.
-packages=(
+build_packages=(
   g++ cmake ninja-build ccache
   libeigen3-dev python3-pip python3-dev python3-venv libtinyxml2-dev libcli11-dev libfmt-dev nlohmann-json3-dev
   libexpected-dev libhdf5-dev libtbb-dev libspectra-dev libassimp-dev
@@ -11,10 +15,22 @@ packages=(
   libboost-dev
 )
 # Programs that may be there without Debian's packages: command and package.
-programs=(node:nodejs npm:npm chromium:chromium ffmpeg:ffmpeg)
+build_programs=(node:nodejs npm:npm)
+rest_programs=(chromium:chromium ffmpeg:ffmpeg)
+
+packages=() programs=()
+case "${1:-all}" in
+  build) packages=("${build_packages[@]}") programs=("${build_programs[@]}") ;;
+  rest) programs=("${rest_programs[@]}") ;;
+  all) packages=("${build_packages[@]}") programs=("${build_programs[@]}" "${rest_programs[@]}") ;;
+  *)
+    sed -n '2,6s/^# \{0,1\}//p' "$0" >&2
+    exit 2
+    ;;
+esac
 
 missing=()
-for package in "${packages[@]}"; do
+for package in ${packages[@]+"${packages[@]}"}; do
   if ! dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'install ok installed'; then
     missing+=("$package")
   fi
@@ -24,6 +40,12 @@ for program in "${programs[@]}"; do
     missing+=("${program##*:}")
   fi
 done
+# The rest is installed in the background, where nobody can be asked for a password.
+if [ "${1:-all}" = build ] && [ "$(id -u)" -ne 0 ] && command -v sudo >/dev/null; then
+  for program in "${rest_programs[@]}"; do
+    command -v "${program%%:*}" >/dev/null || { sudo -v; break; }
+  done
+fi
 if [ ${#missing[@]} -eq 0 ]; then
   echo "setup: all ${#packages[@]} packages and ${#programs[@]} programs are there"
   exit 0
@@ -38,6 +60,10 @@ if [ "$(id -u)" -ne 0 ]; then
   as_root=(sudo)
 fi
 echo "setup: installing ${missing[*]}"
-"${as_root[@]}" apt-get update -qq
+# A list of packages that is an hour old is that of the first part.
+if [ -z "$(find /var/lib/apt/lists -maxdepth 1 -name '*Packages*' -mmin -60 2>/dev/null | head -1)" ] ||
+  [ "${1:-all}" != rest ]; then
+  "${as_root[@]}" apt-get update -qq
+fi
 "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 echo "setup: done"

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <string>
 
+#include "draws.hpp"
 #include "plain_sweeps.hpp"
 
 namespace fork1s {
@@ -48,7 +49,7 @@ TEST(ContactProperties, CoulombLawHolds) {
   std::mt19937 random(1);
   ContactSolver solver;
   int failures = 0, helped = 0;
-  const int trials = 3000;
+  const int trials = testing::Draws(3000);
   for (int trial = 0; trial < trials; ++trial) {
     Problem p = Draw(random, trial);
     const VectorX start = p.velocity;

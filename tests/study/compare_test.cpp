@@ -129,7 +129,7 @@ TEST(CompareFull, ErrorAgainstTheFinestStepFallsWithTheStep) {
 // With every mode the two are one mechanism: what is left is the time step's.
 TEST(CompareFull, WithAllModesTheDifferenceVanishesWithTheStep) {
   CompareOptions options;
-  options.time = 1;
+  options.time = 0.4;  // nearly all the time goes into the full model at an eighth of the step
   options.refinements = 3;
   ImportOptions all;
   all.modes = 1000;

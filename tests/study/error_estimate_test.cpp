@@ -59,7 +59,7 @@ TEST(ErrorEstimate, IsWithinHalfAndThriceTheErrorOnTenMechanismsItWasNotMadeOn) 
   EstimateShare euler, theta;
   for (unsigned seed = 101; seed <= 110; ++seed) {
     const TransientCase c = RandomCase(seed);
-    auto curves = MeasureErrorEstimate(c, {Integrator::kEuler, Integrator::kTheta}, 8);
+    auto curves = MeasureErrorEstimate(c, {Integrator::kEuler, Integrator::kTheta}, 4);
     ASSERT_TRUE(curves) << c.name << ": " << curves.error().Text();
     for (const ErrorEstimateCurve& curve : *curves) {
       const EstimateShare share = ShareInside(curve);

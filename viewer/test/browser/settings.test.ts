@@ -3,7 +3,7 @@ import { mkdtempSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { afterAll, describe, expect, it } from 'vitest';
-import { BINARY, open, poseOf, ready, running, screenOf, session, SOURCE, view } from './support';
+import { BINARY, open, poseOf, ready, running, screenOf, session, SOURCE, unseen, view } from './support';
 
 describe.skipIf(!ready)('settings, picking and recordings', () => {
   const live = session(() => view('hand.xml', '--keyframe', 'open'));
@@ -76,7 +76,7 @@ describe.skipIf(!ready)('settings, picking and recordings', () => {
     await (await download).saveAs(file);
     await live.page.getByText('Live', { exact: true }).click();
     await live.page.waitForFunction((t) => (fork1s?.scalar('time') ?? 0) > t + 0.4, late);
-    await plays(file);
+    await unseen(live.page, () => plays(file));
   });
 
   async function plays(file: string): Promise<void> {
@@ -97,7 +97,7 @@ describe.skipIf(!ready)('settings, picking and recordings', () => {
         stdio: 'ignore',
       });
       execFileSync(BINARY, ['export', recording, file], { stdio: 'ignore' });
-      await plays(file);
+      await unseen(live.page, () => plays(file));
     });
 
   it('says so when the program has gone, and comes back by itself', async () => {

@@ -3,15 +3,13 @@ import { spawn, type ChildProcess } from 'node:child_process';
 import { existsSync } from 'node:fs';
 import { isAbsolute, join } from 'node:path';
 import { chromium, type Browser, type Page } from 'playwright-core';
-import { afterAll, beforeAll } from 'vitest';
+import { afterAll, beforeAll, inject } from 'vitest';
 import type { App } from '../../src/app';
 
 export const BINARY = process.env['FORK1S_BINARY'] ?? '';
 export const SOURCE = process.env['FORK1S_SOURCE_DIR'] ?? '';
-export const CHROMIUM =
-  [process.env['FORK1S_CHROMIUM'] ?? '', '/usr/bin/chromium', '/usr/bin/chromium-browser'].find((p) => p && existsSync(p)) ??
-  '';
-export const ready = existsSync(BINARY) && CHROMIUM !== '';
+const BROWSER = inject('browser'); // started by one_browser.ts
+export const ready = existsSync(BINARY) && BROWSER !== '';
 
 declare global {
   var fork1s: App | undefined;
@@ -73,26 +71,33 @@ export function start(...args: string[]): Promise<Program> {
 export const view = (scene: string, ...args: string[]): Promise<Program> =>
   start('view', isAbsolute(scene) ? scene : join(SOURCE, 'scenes', scene), '--no-open', ...(args.includes('--port') ? [] : ['--port', '0']), ...args);
 
-export function launch(): Promise<Browser> {
-  return chromium.launch({
-    executablePath: CHROMIUM,
-    args: [
-      '--headless',
-      '--no-sandbox',
-      '--use-angle=swiftshader',
-      '--enable-unsafe-swiftshader',
-      '--disable-quic',
-      '--no-first-run',
-      '--disable-background-networking',
-      '--disable-component-update',
-      '--disable-sync',
-    ],
-  });
+/** The browser of all tests, with nothing open in it. Closing it closes what was opened through it. */
+export const launch = (): Promise<Browser> => chromium.connect(BROWSER);
+
+// Drawn in software a picture takes both cores of a small machine for a tenth of a second, and no test looks at more
+// than a few: four a second, by a page that is not looked at one in two seconds, leave the cores to what is tested.
+const PICTURE_MS = 250;
+const UNSEEN_PICTURE_MS = 2000;
+declare global {
+  var pictureTime: number; // ms
+}
+function drawSeldom(milliseconds: number): void {
+  globalThis.pictureTime = milliseconds;
+  const draw = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = (callback) => window.setTimeout(() => draw(callback), globalThis.pictureTime);
+}
+
+/** Runs something that does not look at the page. */
+export async function unseen(page: Page, task: () => Promise<void>): Promise<void> {
+  await page.evaluate((time) => (globalThis.pictureTime = time), UNSEEN_PICTURE_MS);
+  await task();
+  await page.evaluate((time) => (globalThis.pictureTime = time), PICTURE_MS);
 }
 
 /** Opens a page and fails the test on any error in it. */
 export async function open(browser: Browser, address: string): Promise<Page> {
   const page = await browser.newPage({ viewport: { width: 480, height: 320 } });
+  await page.addInitScript(drawSeldom, PICTURE_MS);
   page.setDefaultTimeout(120_000); // a page drawn in software beside other work loads in 30 s or not: no test is about that
   page.on('pageerror', (error) => {
     throw error;
