@@ -114,11 +114,14 @@ FlatWrap WrapInside(const Vector2& a, const Vector2& b, double radius) {
   return way;
 }
 
-// `side` as the circle sees it: brought to its rim, or within it.
-FlatWrap WrapCircle(const Vector2& a, const Vector2& b, double radius, const Vector2* side) {
+// `side`, where there is one, in the obstacle's axes, which the circle's axes x and y are given in too.
+FlatWrap WrapCircle(const Vector2& a, const Vector2& b, double radius, const Vector3* side, const Vector3& x,
+                    const Vector3& y) {
   if (side == nullptr) return WrapOutside(a, b, radius, nullptr);
   if (side->norm() < radius) return WrapInside(a, b, radius);
-  const Vector2 on_rim = radius * side->normalized();
+  const Vector2 seen(side->dot(x), side->dot(y));
+  // Straight above the centre it tells no side, and MuJoCo takes x.
+  const Vector2 on_rim = radius * (seen.norm() < kNothing ? Vector2(Vector2::UnitX()) : Vector2(seen.normalized()));
   return WrapOutside(a, b, radius, &on_rim);
 }
 
@@ -139,8 +142,7 @@ Wrap WrapSphere(const Vector3& a, const Vector3& b, double radius, const Vector3
   }
   const Vector3 y = normal.cross(x).normalized();
   const auto flat = [&](const Vector3& p) { return Vector2(p.dot(x), p.dot(y)); };
-  const Vector2 flat_side = side != nullptr ? flat(*side) : Vector2(Vector2::Zero());
-  const FlatWrap way = WrapCircle(flat(a), flat(b), radius, side != nullptr ? &flat_side : nullptr);
+  const FlatWrap way = WrapCircle(flat(a), flat(b), radius, side, x, y);
   out.touches = way.touches;
   if (!way.touches) return out;
   out.first = way.first.x() * x + way.first.y() * y;
@@ -153,8 +155,7 @@ Wrap WrapCylinder(const Vector3& a, const Vector3& b, double radius, const Vecto
   Wrap out;
   if (a.norm() < kNothing || b.norm() < kNothing) return out;
   const Vector2 flat_a = a.head<2>(), flat_b = b.head<2>();
-  const Vector2 flat_side = side != nullptr ? Vector2(side->head<2>()) : Vector2(Vector2::Zero());
-  const FlatWrap way = WrapCircle(flat_a, flat_b, radius, side != nullptr ? &flat_side : nullptr);
+  const FlatWrap way = WrapCircle(flat_a, flat_b, radius, side, Vector3::UnitX(), Vector3::UnitY());
   out.touches = way.touches;
   if (!way.touches) return out;
   // Rolled out flat it is one straight line, which climbs at a constant rate.
