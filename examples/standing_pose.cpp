@@ -116,7 +116,6 @@ Expected<StandingPose> FindStandingPose(const MechanismDef& definition, const Ve
   const std::size_t first = definition.couplings.size();
 
   StandingPose pose{q0, VectorX::Zero(count)};
-  Kinematics kinematics(mechanism);
   for (int i = 0; i < 40; ++i) {
     auto placed = PlaceFeet(bent, pose.q, footings);
     if (!placed) return tl::unexpected(placed.error());

@@ -90,7 +90,8 @@ double MechanismDynamics::EnergyBeyondBounds() const {
   for (const Mechanism::ForceLimit& limit : mechanism().force_limits()) {
     const double f = UnboundedForce(limit), F = std::min(std::max(f, limit.lower), limit.upper);
     if (f == F) continue;
-    energy += limit.stiffness > 0 ? (f - F) * (f - F) / (2 * limit.stiffness) : (F - f) * Length(limit.length);
+    energy +=
+        limit.stiffness > 0 ? (f - F) * (f - F) / (2 * limit.stiffness) : (F - f) * Length(limit.length);
   }
   return energy;
 }

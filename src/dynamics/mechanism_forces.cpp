@@ -44,8 +44,8 @@ void MechanismDynamics::TakeReferenceForces() {
   control_map_.resize(r, static_cast<Eigen::Index>(controls));
   for (std::size_t i = 0; i < controls; ++i) {
     tau_.setZero();
-    AddControlForce(m, kinematics, VectorX::Unit(static_cast<Eigen::Index>(controls), static_cast<Eigen::Index>(i)),
-                    tau_);
+    AddControlForce(m, kinematics,
+                    VectorX::Unit(static_cast<Eigen::Index>(controls), static_cast<Eigen::Index>(i)), tau_);
     control_map_.col(static_cast<Eigen::Index>(i)) = model().Q.transpose() * tau_;
   }
 }

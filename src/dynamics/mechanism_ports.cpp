@@ -34,8 +34,7 @@ void MechanismDynamics::FindParts() {
   auto of_length = [&](const Mechanism::Length& length) {
     const std::vector<int> coordinates = mechanism().CoordinatesOf(length);
     return support([&](int i) {
-      return std::all_of(coordinates.begin(), coordinates.end(),
-                         [&](int k) { return model().Q(k, i) == 0; });
+      return std::all_of(coordinates.begin(), coordinates.end(), [&](int k) { return model().Q(k, i) == 0; });
     });
   };
   for (const auto& l : length_limits_) of_limited.push_back(of_length(l.length));

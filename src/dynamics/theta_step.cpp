@@ -224,7 +224,8 @@ void MechanismDynamics::SpringPull(const VectorX& moved, VectorX& force) {
     if (state_.at_bound[k] == 0) continue;
     const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
     double stretch = 0;
-    ForEachArm(limit.length, paths_ref_, [&](int i, double c) { stretch += c * model().Q.row(i).dot(moved); });
+    ForEachArm(limit.length, paths_ref_,
+               [&](int i, double c) { stretch += c * model().Q.row(i).dot(moved); });
     ForEachArm(limit.length, paths_ref_, [&](int i, double c) {
       force += (limit.stiffness * stretch * c) * model().Q.row(i).transpose();
     });

@@ -139,7 +139,8 @@ void FindComponents(Conversion& c) {
     if (!TendonWorks(m, c.d, t)) continue;
     const std::vector<int> bodies = BodiesOfTendon(m, t);
     // Two trees that a tendon ties together do not touch each other by way of the still world.
-    const auto moving = std::find_if(bodies.begin(), bodies.end(), [&](int b) { return !is_still(top_of(b)); });
+    const auto moving =
+        std::find_if(bodies.begin(), bodies.end(), [&](int b) { return !is_still(top_of(b)); });
     if (moving == bodies.end()) continue;
     for (int body : bodies) tie(*moving, body);
   }

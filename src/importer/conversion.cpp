@@ -96,7 +96,8 @@ int Conversion::PathOf(const Length& length) {
         e.X_BE = RigidTransform(point(id, e.body));
         break;
       default: {
-        e.kind = m.wrap_type[w] == mjWRAP_SPHERE ? PathElementDef::Kind::kSphere : PathElementDef::Kind::kCylinder;
+        e.kind =
+            m.wrap_type[w] == mjWRAP_SPHERE ? PathElementDef::Kind::kSphere : PathElementDef::Kind::kCylinder;
         const Anchor at = AnchorIn(*this, mechanism, m.geom_bodyid[id]);
         e.body = at.body;
         e.X_BE = at.X_AB * RigidTransform(Quat(m.geom_quat + 4 * id), Vec3(m.geom_pos + 3 * id));

@@ -72,7 +72,7 @@ struct Conversion {
   std::vector<std::vector<std::string>> held_by;
   std::vector<bool> in_spring, coupled;
   std::vector<std::vector<ControlSource>> controls;  // parallel to MechanismDef::controls
-  std::vector<int> path_of_tendon;  // in its mechanism; -1: not yet made
+  std::vector<int> path_of_tendon;                   // in its mechanism; -1: not yet made
   int initial_keyframe = -1;
 
   void Note(ImportNote::Kind kind, std::string where, std::string message);

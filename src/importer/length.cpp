@@ -20,8 +20,8 @@ std::vector<std::pair<int, double>> Row(const mjtNum* values, const int* columns
   return terms;
 }
 
-// Degrees of freedom that move a part of a tendon's path against another: those that some of its elements hang
-// on, and not all.
+// Degrees of freedom that move a part of a tendon's path against another: those that some of its elements
+// hang on, and not all.
 std::vector<int> DofsOfPath(const mjModel& m, int t) {
   const std::vector<int> bodies = BodiesOfTendon(m, t);
   std::vector<int> on(static_cast<std::size_t>(m.nv), 0);
@@ -31,7 +31,8 @@ std::vector<int> DofsOfPath(const mjModel& m, int t) {
         ++on[static_cast<std::size_t>(dof)];
   std::vector<int> dofs;
   for (int dof = 0; dof < m.nv; ++dof)
-    if (const int count = on[static_cast<std::size_t>(dof)]; count > 0 && count < static_cast<int>(bodies.size()))
+    if (const int count = on[static_cast<std::size_t>(dof)];
+        count > 0 && count < static_cast<int>(bodies.size()))
       dofs.push_back(dof);
   return dofs;
 }

@@ -12,10 +12,10 @@ namespace fork1s::internal {
 /// tendon through space times a gear.
 struct Length {
   double at_reference = 0;
-  std::vector<std::pair<int, double>> terms;  // degree of freedom (MuJoCo), a; of a tendon through space those
-                                              // that may change it, with their arms at the reference
-  int tendon = -1;                            // through space; -1: none
-  double gear = 1;                            // of that
+  std::vector<std::pair<int, double>> terms;  // degree of freedom (MuJoCo), a; of a tendon through space
+                                              // those that may change it, with their arms at the reference
+  int tendon = -1;     // through space; -1: none
+  double gear = 1;     // of that
   bool linear = true;  // false: not a tendon, yet no sum: the arms a are those of the reference pose
 
   bool is_single() const { return tendon < 0 && terms.size() == 1; }

@@ -1,6 +1,7 @@
 // Tendons through space: their length and its gradient at a pose.
 //
-// A straight part from point p on body P to point r on body B, u the unit vector from p to r, grows at the rate
+// A straight part from point p on body P to point r on body B, u the unit vector from p to r, grows at the
+// rate
 //     u · (v_r - v_p) = [p x u; u]ᵀ (V_B - V_P)
 // and a coordinate on the way to one of the bodies but not to the other brings its screw times that. Where a
 // thread lies on an obstacle its length is stationary under shifts of the two points of touch (wrap.hpp), so
@@ -73,7 +74,8 @@ void ComputePath(const Mechanism& mechanism, const Mechanism::Path& path, const 
     const PathElementDef& end = path.elements[e + 2];
     const PathPoint b{end.body.value(), place(end.body, end.X_BE.translation())};
     const RigidTransform X_RE = kinematics.X_RB[next.body.u()] * next.X_BE, X_ER = X_RE.inverse();
-    const Vector3 side = next.has_side ? Vector3(X_ER * place(next.side_body, next.side_B)) : Vector3(Vector3::Zero());
+    const Vector3 side =
+        next.has_side ? Vector3(X_ER * place(next.side_body, next.side_B)) : Vector3(Vector3::Zero());
     const auto wrap = next.kind == Kind::kSphere ? WrapSphere : WrapCylinder;
     const Wrap way = wrap(X_ER * a.p_R, X_ER * b.p_R, next.radius, next.has_side ? &side : nullptr);
     if (!way.touches) {

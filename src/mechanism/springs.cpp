@@ -80,7 +80,8 @@ double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, co
   return energy;
 }
 
-void AddControlForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& u, VectorX& tau) {
+void AddControlForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& u,
+                     VectorX& tau) {
   const auto& controls = mechanism.controls();
   for (std::size_t k = 0; k < controls.size(); ++k) {
     const double force = controls[k].gain * u(static_cast<Eigen::Index>(k));

@@ -55,8 +55,7 @@ FlatWrap WrapOutside(const Vector2& a, const Vector2& b, double radius, const Ve
     way.touches = true;
     way.first = Touch(a, radius, turn);
     way.last = Touch(b, radius, -turn);
-    double angle =
-        turn * std::atan2(Cross(way.first, way.last), way.first.dot(way.last));  // (-π, π]
+    double angle = turn * std::atan2(Cross(way.first, way.last), way.first.dot(way.last));  // (-π, π]
     if (angle < 0) angle += kTurn;
     way.along = radius * angle;
     const Vector2 middle = way.first + way.last;
@@ -121,7 +120,8 @@ FlatWrap WrapCircle(const Vector2& a, const Vector2& b, double radius, const Vec
   if (side->norm() < radius) return WrapInside(a, b, radius);
   const Vector2 seen(side->dot(x), side->dot(y));
   // Straight above the centre it tells no side, and MuJoCo takes x.
-  const Vector2 on_rim = radius * (seen.norm() < kNothing ? Vector2(Vector2::UnitX()) : Vector2(seen.normalized()));
+  const Vector2 on_rim =
+      radius * (seen.norm() < kNothing ? Vector2(Vector2::UnitX()) : Vector2(seen.normalized()));
   return WrapOutside(a, b, radius, &on_rim);
 }
 

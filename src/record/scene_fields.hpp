@@ -180,10 +180,11 @@ void Fields(A& a, Like<ForceLimitDef, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<MechanismDef, A>& s) {
-  auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs, controls, frictions, length_limits,
-         force_limits, interfaces, chosen, modes, mode_choice] = s;
+  auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs, controls, frictions,
+         length_limits, force_limits, interfaces, chosen, modes, mode_choice] = s;
   a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
-  a("closures", closures), a("couplings", couplings), a("paths", paths), a("springs", springs), a("controls", controls);
+  a("closures", closures), a("couplings", couplings), a("paths", paths), a("springs", springs),
+      a("controls", controls);
   a("frictions", frictions), a("length_limits", length_limits), a("force_limits", force_limits);
   a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);
   a("mode_choice", mode_choice);

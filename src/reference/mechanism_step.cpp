@@ -78,8 +78,8 @@ void FullMechanism::AddJoints(MatrixX& right) {
     dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(i),
                   m.armature()(i) + h * m.damping()(i) + h * h * m.stiffness()(i));
   for (const Mechanism::Spring& s : m.springs()) {
-    const double pull =
-        s.stiffness * (s.rest - Length(s.length, q_next_)) - s.damping * LengthRate(s.length, q_next_, q_dot_next_);
+    const double pull = s.stiffness * (s.rest - Length(s.length, q_next_)) -
+                        s.damping * LengthRate(s.length, q_next_, q_dot_next_);
     ForEachArmAt(s.length, q_next_, [&](int i, double c) {
       tau(i) += c * pull;
       ForEachArmAt(s.length, q_next_, [&](int j, double d) {
@@ -90,7 +90,8 @@ void FullMechanism::AddJoints(MatrixX& right) {
   }
   // What a servo cannot give is taken back, and its stiffness with it.
   for (const Mechanism::ForceLimit& limit : m.force_limits()) {
-    const double f = ServoForce(limit, q_next_) - limit.damping * LengthRate(limit.length, q_next_, q_dot_next_);
+    const double f =
+        ServoForce(limit, q_next_) - limit.damping * LengthRate(limit.length, q_next_, q_dot_next_);
     const double excess = f - std::min(std::max(f, limit.lower), limit.upper);
     if (excess == 0) continue;
     ForEachArmAt(limit.length, q_next_, [&](int i, double c) {

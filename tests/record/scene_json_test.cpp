@@ -92,8 +92,8 @@ class BitList {
   }
   void Add(const MechanismDef& m) {
     Add(m.name), Add(static_cast<int>(m.base)), Add(m.X_WR), Add(m.bodies), Add(m.joints), Add(m.closures);
-    Add(m.couplings), Add(m.paths), Add(m.springs), Add(m.controls), Add(m.interfaces), Add(m.interfaces_chosen),
-        Add(m.modes);
+    Add(m.couplings), Add(m.paths), Add(m.springs), Add(m.controls), Add(m.interfaces),
+        Add(m.interfaces_chosen), Add(m.modes);
   }
   void Add(const FreeBodyDef& b) { Add(b.name), Add(b.X_WB), Add(b.inertia), Add(b.geometries); }
   void Add(const KeyframeDef::MechanismState& s) {

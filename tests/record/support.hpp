@@ -171,7 +171,8 @@ inline Scene SceneWithEverything(unsigned seed) {
     m.controls[0].upper = random.Uniform(1, 2);
     m.controls[0].initial = -0.0;
     PathDef path{"path", {}};
-    for (const auto kind : {PathElementDef::Kind::kPoint, PathElementDef::Kind::kSphere, PathElementDef::Kind::kPulley}) {
+    for (const auto kind :
+         {PathElementDef::Kind::kPoint, PathElementDef::Kind::kSphere, PathElementDef::Kind::kPulley}) {
       PathElementDef e;
       e.kind = kind;
       e.body = BodyIndex(random.Below(3));

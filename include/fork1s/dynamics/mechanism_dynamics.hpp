@@ -250,7 +250,7 @@ class MechanismDynamics {
   Matrix6X body_V_, body_A_;
   VectorX q_dot_, q_ddot_;
   Vector3 gravity_W_ = Vector3::Zero();
-  std::vector<PathState> paths_ref_;                      // at the reference of the model
+  std::vector<PathState> paths_ref_;                  // at the reference of the model
   VectorX limit_force_, limit_row_, f_z_of_springs_;  // force limits: f₀, Qᵀe, and f_z without bounds
   Vector6 V_free_ = Vector6::Zero();  // base twist without drift that the free solve starts from
   double energy_start_ = 0;           // J, at the start of the step

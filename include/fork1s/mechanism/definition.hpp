@@ -123,17 +123,17 @@ struct CouplingDef {
   double polynomial[5] = {0, 1, 0, 0, 0};
 };
 
-/// What a tendon through space passes, in its order: a point of a body, a round obstacle that it lies on where
-/// the straight way would go through, or a pulley, after which a further branch begins.
+/// What a tendon through space passes, in its order: a point of a body, a round obstacle that it lies on
+/// where the straight way would go through, or a pulley, after which a further branch begins.
 struct PathElementDef {
   enum class Kind { kPoint, kSphere, kCylinder, kPulley };
   Kind kind = Kind::kPoint;
-  BodyIndex body;            // not of a pulley
-  RigidTransform X_BE;       // point: its place; sphere: centre; cylinder: centre, its axis along z
-  double radius = 0;         // m, of an obstacle
-  double divisor = 1;        // pulley: what follows counts by 1 / divisor
-  bool has_side = false;     // an obstacle that is passed on the side of a point; a point within it: inside it
-  BodyIndex side_body;       // that point's
+  BodyIndex body;         // not of a pulley
+  RigidTransform X_BE;    // point: its place; sphere: centre; cylinder: centre, its axis along z
+  double radius = 0;      // m, of an obstacle
+  double divisor = 1;     // pulley: what follows counts by 1 / divisor
+  bool has_side = false;  // an obstacle that is passed on the side of a point; a point within it: inside it
+  BodyIndex side_body;    // that point's
   Vector3 side_B = Vector3::Zero();  // m, in side_body
 };
 
@@ -145,7 +145,7 @@ struct PathDef {
 
 /// A path as a length: gear times how much longer it is than at the reference.
 struct PathUse {
-  int path = -1;    // index in MechanismDef::paths; -1: none
+  int path = -1;  // index in MechanismDef::paths; -1: none
   double gear = 1;
 };
 
@@ -194,8 +194,9 @@ struct ForceLimitDef {
   PathUse along = {};
 };
 
-/// An input u that pushes with force gain·coefficient·u on each of its freedoms, and gain·u along a path. For a servo the gain
-/// is its stiffness, so that u is the set-point; the stiffness itself stands in a joint or SpringDef.
+/// An input u that pushes with force gain·coefficient·u on each of its freedoms, and gain·u along a path. For
+/// a servo the gain is its stiffness, so that u is the set-point; the stiffness itself stands in a joint or
+/// SpringDef.
 struct ControlDef {
   std::string name;
   std::vector<std::pair<FreedomRef, double>> terms;

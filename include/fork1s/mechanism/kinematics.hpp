@@ -88,7 +88,8 @@ MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, 
 /// Energy stored in all springs [J].
 double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
 /// τ += control forces for inputs u (one per Mechanism::controls()).
-void AddControlForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& u, VectorX& tau);
+void AddControlForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& u,
+                     VectorX& tau);
 
 /// Moves q onto the closures by Gauss-Newton in the metric H = max(k, 1e-3 k_max). Returns the gap left [m].
 /// Used to repair an initial pose; `max_iterations` Newton steps at most.
