@@ -7,7 +7,7 @@
 namespace fork1s {
 namespace {
 
-constexpr double kG = 9.81;
+constexpr double kWeight = 9.81;
 
 // 2 m square, cells of 0.1 m, heights above `low`.
 GeometryDef Ground(const std::function<double(double, double)>& height, double low, double friction) {
@@ -48,7 +48,7 @@ TEST(HeightFieldRest, ABallSettlesAtTheBottomOfAFunnel) {
   EXPECT_NEAR(at.z(), kRadius * std::sqrt(1 + 2 * kSlope * kSlope), 3e-5);  // it sinks by 10 µm as designed
   Vector3 force = Vector3::Zero();
   for (const ContactRecord& c : world.contacts()) force += c.point.frame.transpose() * c.impulse / step.h;
-  EXPECT_NEAR(force.z(), kMass * kG, 1e-4 * kMass * kG);
+  EXPECT_NEAR(force.z(), kMass * kWeight, 1e-4 * kMass * kWeight);
 }
 
 // A box on an even slope stays, level with the slope, and the ground carries its weight. (Sliding over cells
@@ -80,7 +80,7 @@ TEST(HeightFieldRest, ABoxStaysOnASlope) {
   EXPECT_LT((box.pose().translation() - before).norm(), 1e-6);
   Vector3 force = Vector3::Zero();
   for (const ContactRecord& c : world.contacts()) force += c.point.frame.transpose() * c.impulse / step.h;
-  EXPECT_LT((force - Vector3(0, 0, kMass * kG)).norm(), 1e-4 * kMass * kG);
+  EXPECT_LT((force - Vector3(0, 0, kMass * kWeight)).norm(), 1e-4 * kMass * kWeight);
 }
 
 }  // namespace
