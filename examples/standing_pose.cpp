@@ -93,9 +93,11 @@ Expected<StandingPose> FindStandingPose(const MechanismDef& definition, const Ve
   const auto count = static_cast<Eigen::Index>(mechanism.controls().size());
   // Forces that may act: those of the controls, then of the springs that none of them reaches.
   MatrixX B = MatrixX::Zero(q0.size(), count);
+  Kinematics kinematics(mechanism);
+  ComputeKinematics(mechanism, q0, kinematics);
   for (Eigen::Index i = 0; i < count; ++i) {
     VectorX column = VectorX::Zero(q0.size());
-    AddControlForce(mechanism, VectorX::Unit(count, i), column);
+    AddControlForce(mechanism, kinematics, VectorX::Unit(count, i), column);
     B.col(i) = column;
   }
   std::vector<Eigen::Index> yielding;
@@ -114,7 +116,6 @@ Expected<StandingPose> FindStandingPose(const MechanismDef& definition, const Ve
   const std::size_t first = definition.couplings.size();
 
   StandingPose pose{q0, VectorX::Zero(count)};
-  Kinematics kinematics(mechanism);
   for (int i = 0; i < 40; ++i) {
     auto placed = PlaceFeet(bent, pose.q, footings);
     if (!placed) return tl::unexpected(placed.error());

@@ -96,7 +96,7 @@ void ErrorCompanion::Missing(const MechanismDynamics& m, const Vector3& gravity_
   tau_ = loads.stops;
   tau_ -= mechanism.armature().cwiseProduct(motion.q_ddot);
   AccumulateGeneralizedForce(mechanism, kinematics.S, F_, tau_);
-  if (loads.controls.size() > 0) AddControlForce(mechanism, loads.controls, tau_);
+  if (loads.controls.size() > 0) AddControlForce(mechanism, kinematics, loads.controls, tau_);
   SpringForce(mechanism, kinematics, q, spring_);
   tau_ += spring_;
   tau_.noalias() -= damping_ * motion.q_dot;

@@ -21,16 +21,10 @@ double Dot(const Mechanism::LinearForm& terms, const VectorX& values) {
   return sum;
 }
 
-// out = Qᵀ e
-void ReducedRow(const Mechanism::LinearForm& terms, const MatrixX& Q, VectorX& out) {
-  out.setZero();
-  for (const auto& [i, c] : terms) out.noalias() += c * Q.row(i).transpose();
-}
-
 }  // namespace
 
 double MechanismDynamics::UnboundedForce(const Mechanism::ForceLimit& limit) const {
-  return Dot(limit.inputs, state_.controls) + limit.stiffness * (limit.rest - Length(limit.terms));
+  return Dot(limit.inputs, state_.controls) + limit.stiffness * (limit.rest - Length(limit.length));
 }
 
 void MechanismDynamics::SizeForceLimits() {
@@ -56,12 +50,10 @@ bool MechanismDynamics::AnyAtBound() const {
 
 void MechanismDynamics::TakeBoundedSpringsOut(double h) {
   const auto& limits = mechanism().force_limits();
-  auto A_z = A_.bottomRightCorner(model().size(), model().size());
   for (std::size_t k = 0; k < limits.size(); ++k) {
     const double s = h * (h * limits[k].stiffness + limits[k].damping);
     if (state_.at_bound[k] == 0 || s == 0) continue;
-    ReducedRow(limits[k].terms, model().Q, limit_row_);
-    A_z.noalias() -= s * limit_row_ * limit_row_.transpose();
+    AddSpringOf(limits[k].length, -s);
   }
 }
 
@@ -71,7 +63,7 @@ void MechanismDynamics::AddBoundedForces() {
   for (std::size_t k = 0; k < limits.size(); ++k) {
     if (state_.at_bound[k] == 0) continue;
     const double bound = state_.at_bound[k] > 0 ? limits[k].upper : limits[k].lower;
-    ReducedRow(limits[k].terms, Q_now(), limit_row_);
+    ReducedRow(limits[k].length, Paths(), Q_now(), limit_row_);
     f_z_ += (bound - limit_force_(static_cast<Eigen::Index>(k))) * limit_row_;
   }
 }
@@ -81,9 +73,9 @@ bool MechanismDynamics::UpdateForceLimits(double h) {
   bool changed = false;
   for (std::size_t k = 0; k < limits.size(); ++k) {
     const double stretch =
-        scheme_ == Scheme::kEuler ? h * LengthRate(limits[k].terms) : StretchToForce(limits[k], h);
+        scheme_ == Scheme::kEuler ? h * LengthRate(limits[k].length) : StretchToForce(limits[k], h);
     const double f = limit_force_(static_cast<Eigen::Index>(k)) - limits[k].stiffness * stretch -
-                     limits[k].damping * LengthRate(limits[k].terms);
+                     limits[k].damping * LengthRate(limits[k].length);
     const signed char side = f > limits[k].upper ? 1 : f < limits[k].lower ? -1 : 0;
     changed = changed || side != state_.at_bound[k];
     state_.at_bound[k] = side;
@@ -98,7 +90,8 @@ double MechanismDynamics::EnergyBeyondBounds() const {
   for (const Mechanism::ForceLimit& limit : mechanism().force_limits()) {
     const double f = UnboundedForce(limit), F = std::min(std::max(f, limit.lower), limit.upper);
     if (f == F) continue;
-    energy += limit.stiffness > 0 ? (f - F) * (f - F) / (2 * limit.stiffness) : (F - f) * Length(limit.terms);
+    energy +=
+        limit.stiffness > 0 ? (f - F) * (f - F) / (2 * limit.stiffness) : (F - f) * Length(limit.length);
   }
   return energy;
 }

@@ -50,7 +50,7 @@ VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R, c
   SubtractRigidMotionWrenches(m, kinematics, Vector6::Zero(), A_R, F);
   VectorX g(n), loads = VectorX::Zero(n), inertial;
   AccumulateGeneralizedForce(m, kinematics.S, F, loads);
-  if (state_.controls.size() > 0) AddControlForce(m, state_.controls, loads);
+  if (state_.controls.size() > 0) AddControlForce(m, kinematics, state_.controls, loads);
   SpringForce(m, kinematics, configuration_.q, g);
   ApplyMass(m, kinematics, q_ddot, inertial);
   g += loads - inertial - DampingMatrix(m, kinematics, configuration_.q) * q_dot;

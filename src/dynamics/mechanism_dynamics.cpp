@@ -76,9 +76,10 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   // ever.
   dynamics.warnings_ = dynamics.model().warnings;
   dynamics.length_limits_ = mechanism->length_limits();
+  Kinematics start(*mechanism);
+  ComputeKinematics(*mechanism, q, start);
   for (Mechanism::LengthLimit& limit : dynamics.length_limits_) {
-    double length = 0;
-    for (const auto& [i, c] : limit.terms) length += c * q(i);
+    const double length = LengthOf(*mechanism, limit.length, start, q);
     const double outside = std::max(limit.lower - length, length - limit.upper);
     limit.lower = std::min(limit.lower, length);
     limit.upper = std::max(limit.upper, length);

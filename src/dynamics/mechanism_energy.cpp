@@ -56,7 +56,7 @@ double MechanismDynamics::PotentialEnergyOn(const RigidTransform& X_WR, const Ve
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];
     const double u = state_.controls(static_cast<Eigen::Index>(i));
-    for (const auto& [k, c] : control.terms) energy -= control.gain * u * c * configuration_.q(k);
+    energy -= control.gain * u * Length(control.length);
     if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
   }
   return energy - EnergyBeyondBounds();

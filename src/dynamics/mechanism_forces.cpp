@@ -7,7 +7,9 @@ void MechanismDynamics::TakeReferenceForces() {
   const Mechanism& m = mechanism();
   Kinematics kinematics(m);
   ComputeKinematics(m, model().q_ref, kinematics);
+  paths_ref_ = kinematics.paths;
   if (options_.recovery != Recovery::kTwist) return;
+  configuration_.kinematics.paths = kinematics.paths;
   VectorX g_ref(model().num_coordinates());  // spring forces at the reference
   SpringForce(m, kinematics, model().q_ref, g_ref);
   springs_ref_ = SpringEnergy(m, kinematics, model().q_ref);
@@ -42,8 +44,8 @@ void MechanismDynamics::TakeReferenceForces() {
   control_map_.resize(r, static_cast<Eigen::Index>(controls));
   for (std::size_t i = 0; i < controls; ++i) {
     tau_.setZero();
-    AddControlForce(m, VectorX::Unit(static_cast<Eigen::Index>(controls), static_cast<Eigen::Index>(i)),
-                    tau_);
+    AddControlForce(m, kinematics,
+                    VectorX::Unit(static_cast<Eigen::Index>(controls), static_cast<Eigen::Index>(i)), tau_);
     control_map_.col(static_cast<Eigen::Index>(i)) = model().Q.transpose() * tau_;
   }
 }
@@ -107,7 +109,7 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
     momentum_rate_ = base_force_ - F_.col(0) +
                      SmallAdjoint(state_.reduced.V_R).transpose() *
                          (M_00_ * state_.reduced.V_R + M_0z_ * state_.reduced.w);
-  if (state_.controls.size() > 0) AddControlForce(m, state_.controls, tau_);
+  if (state_.controls.size() > 0) AddControlForce(m, configuration_.kinematics, state_.controls, tau_);
   SpringForce(m, configuration_.kinematics, configuration_.q, g_);
   g_ += tau_;
   if (model().has_complement) FollowLoads();

@@ -2,8 +2,6 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 #include <algorithm>
-#include <cmath>
-#include <fork1s/linalg/rank.hpp>
 
 namespace fork1s {
 
@@ -33,14 +31,14 @@ void MechanismDynamics::FindParts() {
     const auto T = model().T_of(g.body);
     of_group.push_back(support([&](int i) { return (T.col(i).array() == 0).all(); }));
   }
-  auto of_length = [&](const Mechanism::LinearForm& terms) {
+  auto of_length = [&](const Mechanism::Length& length) {
+    const std::vector<int> coordinates = mechanism().CoordinatesOf(length);
     return support([&](int i) {
-      return std::all_of(terms.begin(), terms.end(),
-                         [&](const auto& t) { return model().Q(t.first, i) == 0; });
+      return std::all_of(coordinates.begin(), coordinates.end(), [&](int k) { return model().Q(k, i) == 0; });
     });
   };
-  for (const auto& l : length_limits_) of_limited.push_back(of_length(l.terms));
-  for (const auto& f : mechanism().frictions()) of_friction.push_back(of_length(f.terms));
+  for (const auto& l : length_limits_) of_limited.push_back(of_length(l.length));
+  for (const auto& f : mechanism().frictions()) of_friction.push_back(of_length(f.length));
   if (base_size_ > 0 || model().loop_rank() > 0) {
     join(0, nx - 1);
   } else {
@@ -53,7 +51,13 @@ void MechanismDynamics::FindParts() {
     for (const auto* runs : {&of_group, &of_limited, &of_friction})
       for (const Part& run : *runs) join(run.begin, run.begin + run.size - 1);
     for (const auto& f : mechanism().force_limits()) {
-      const Part run = of_length(f.terms);
+      const Part run = of_length(f.length);
+      join(run.begin, run.begin + run.size - 1);
+    }
+    // Springs of paths turn in A as the pose does.
+    for (const auto& s : mechanism().springs()) {
+      if (s.length.path < 0) continue;
+      const Part run = of_length(s.length);
       join(run.begin, run.begin + run.size - 1);
     }
   }
@@ -129,33 +133,6 @@ void MechanismDynamics::HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) cons
       for (int i = k + 1; i < part.size; ++i) y[i] -= l[i] * y[k];
     }
   }
-}
-
-void MechanismDynamics::LengthRow(const Mechanism::LinearForm& terms, const Part& part,
-                                  Eigen::Ref<VectorX> row) const {
-  row.setZero();
-  const int count = part.size - base_size_;
-  double unit = 0;
-  for (const auto& [i, c] : terms) {
-    row.tail(count) += c * Q_now().row(i).segment(part.begin, count).transpose();
-    unit += std::abs(c) * std::sqrt(model().h_inverse(i));
-  }
-  // Where loops hold a joint its row is the rounding of their closing. Nothing moves it, and a stop or dry
-  // friction that pushed with such a lever would push with the inverse of rounding.
-  const auto reach = coordinate_reach_.segment(part.begin, count).array();
-  if (!(row.tail(count).array().abs() > kRankThreshold * unit * reach).any()) row.setZero();
-}
-
-double MechanismDynamics::LengthRate(const Mechanism::LinearForm& terms) const {
-  double rate = 0;
-  for (const auto& [i, c] : terms) rate += c * Q_now().row(i).dot(x_.tail(model().size()));
-  return rate;
-}
-
-double MechanismDynamics::Length(const Mechanism::LinearForm& terms) const {
-  double length = 0;
-  for (const auto& [i, c] : terms) length += c * configuration_.q(i);
-  return length;
 }
 
 }  // namespace fork1s

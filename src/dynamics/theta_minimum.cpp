@@ -21,12 +21,12 @@ double MechanismDynamics::EndForces(VectorX& f_z) {
                      F_);
   tau_.setZero();
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
-  if (state_.controls.size() > 0) AddControlForce(m, state_.controls, tau_);
+  if (state_.controls.size() > 0) AddControlForce(m, configuration_.kinematics, state_.controls, tau_);
   SpringForce(m, configuration_.kinematics, configuration_.q, g_);
   g_ += tau_;
   for (const Mechanism::ForceLimit& limit : m.force_limits()) {
     const double f = UnboundedForce(limit), excess = f - std::clamp(f, limit.lower, limit.upper);
-    for (const auto& [i, c] : limit.terms) g_(i) -= excess * c;
+    AddLengthForce(limit.length, -excess, g_);
   }
   f_z.noalias() = Q_now().transpose() * g_;
   pose_energy_.valid = false;

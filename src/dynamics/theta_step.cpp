@@ -213,7 +213,7 @@ double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, dou
   f_used_ = z_before_ - state_.reduced.z;
   f_used_.noalias() += h * (rule().Th * w_mean_);
   double stretch = 0;
-  for (const auto& [i, c] : limit.terms) stretch += c * Q_now().row(i).dot(f_used_);
+  ForEachArm(limit.length, Paths(), [&](int i, double c) { stretch += c * Q_now().row(i).dot(f_used_); });
   return stretch;
 }
 
@@ -224,9 +224,11 @@ void MechanismDynamics::SpringPull(const VectorX& moved, VectorX& force) {
     if (state_.at_bound[k] == 0) continue;
     const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
     double stretch = 0;
-    for (const auto& [i, c] : limit.terms) stretch += c * model().Q.row(i).dot(moved);
-    for (const auto& [i, c] : limit.terms)
+    ForEachArm(limit.length, paths_ref_,
+               [&](int i, double c) { stretch += c * model().Q.row(i).dot(moved); });
+    ForEachArm(limit.length, paths_ref_, [&](int i, double c) {
       force += (limit.stiffness * stretch * c) * model().Q.row(i).transpose();
+    });
   }
 }
 

@@ -109,9 +109,9 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
       block.parts[static_cast<std::size_t>(m.PartOfFriction(k))].frictions.push_back(static_cast<int>(k));
     for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
       const Mechanism::LengthLimit& limit = m.length_limits()[k];
-      const double length = m.Length(limit.terms);
+      const double length = m.Length(limit.length);
       // Near enough to be reached within the step, with room for what contacts may add.
-      const double reach = 0.02 + 2 * options.h * std::abs(m.LengthRate(limit.terms));
+      const double reach = 0.02 + 2 * options.h * std::abs(m.LengthRate(limit.length));
       const double gap[2] = {length - limit.lower, limit.upper - length};
       for (int side = 0; side < 2; ++side) {
         const int at = static_cast<int>(2 * k) + side;
@@ -152,11 +152,11 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
       for (std::size_t k = 0; k < part.limits.size(); ++k) {
         const Eigen::Index column =
             6 * static_cast<Eigen::Index>(part.groups.size()) + static_cast<Eigen::Index>(k);
-        m.LengthRow(m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].terms, m.parts()[p],
+        m.LengthRow(m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].length, m.parts()[p],
                     part.J_T.col(column));
       }
       for (std::size_t k = 0; k < part.frictions.size(); ++k)
-        m.LengthRow(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].terms,
+        m.LengthRow(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].length,
                     m.parts()[p], part.J_T.col(part.FrictionRow(k)));
     }
   }
@@ -223,10 +223,10 @@ void World::Detail::AssembleOperators() {
       for (std::size_t k = 0; k < part.limits.size(); ++k)
         velocities_(part.offset + 6 * static_cast<Eigen::Index>(part.groups.size()) +
                     static_cast<Eigen::Index>(k)) =
-            m.LengthRate(m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].terms);
+            m.LengthRate(m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].length);
       for (std::size_t k = 0; k < part.frictions.size(); ++k)
         velocities_(part.offset + part.FrictionRow(k)) =
-            m.LengthRate(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].terms);
+            m.LengthRate(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].length);
       const int freedoms = static_cast<int>(part.Y.rows());
       blocks_.push_back({part.offset, part.rows, part.Y.data(), freedoms, freedoms});
     }
@@ -292,11 +292,11 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
         const auto at = static_cast<std::size_t>(part.limits[k]);
         const Mechanism::LengthLimit& stop = m.length_limits()[at / 2];
         const bool upper = at % 2 == 1;
-        const double length = m.Length(stop.terms);
+        const double length = m.Length(stop.length);
         LimitConstraint limit;
         limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
         limit.sign = upper ? -1 : 1;
-        const double moved = middle_ ? 0.5 * h * m.LengthRate(stop.terms) : 0;
+        const double moved = middle_ ? 0.5 * h * m.LengthRate(stop.length) : 0;
         limit.bias =
             StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
         limit.impulse = mechanism_blocks_[i].limit_impulses[at];

@@ -18,7 +18,7 @@ void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& inp
   const int mechanism = c.MechanismOf(a.length.terms[0].first);
   ControlDef control;
   control.name = input.name;
-  for (const auto& [dof, coefficient] : a.length.terms) control.terms.emplace_back(c.Freedom(dof), coefficient);
+  c.PutLength(a.length, control);
   control.gain = input.gain;
   control.is_setpoint = input.setpoint;
   const bool integrates = m.actuator_dyntype[a.actuator] == mjDYN_INTEGRATOR;
@@ -38,7 +38,7 @@ void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& inp
 }
 
 void AddHold(Conversion& c, const LinearActuator& a) {
-  if (a.length.terms.size() == 1) {
+  if (a.length.is_single()) {
     const auto [dof, coefficient] = a.length.terms[0];
     const double k = -a.b1 * coefficient * coefficient;
     c.k[dof] += k;
@@ -63,8 +63,9 @@ void AddHold(Conversion& c, const LinearActuator& a) {
   }
   SpringDef spring;
   spring.name = a.name;
-  for (const auto& [dof, coefficient] : a.length.terms) {
-    spring.terms.emplace_back(c.Freedom(dof), coefficient);
+  c.PutLength(a.length, spring);
+  for (const auto& term : a.length.terms) {
+    const int dof = term.first;
     if (a.b1 < 0) c.in_spring[dof] = true;
     c.held_by[dof].push_back(
         fmt::format("actuator '{}' over {} freedoms, {:.4g} per unit length", a.name, a.length.terms.size(), -a.b1));
@@ -78,7 +79,7 @@ void AddHold(Conversion& c, const LinearActuator& a) {
 // Damping and rotor of the actuator itself, which no bound of its force holds back.
 void AddDrive(Conversion& c, const LinearActuator& a) {
   const double damping = c.m.actuator_damping[a.actuator], armature = c.m.actuator_armature[a.actuator];
-  if (a.length.terms.size() == 1) {
+  if (a.length.is_single()) {
     const auto [dof, coefficient] = a.length.terms[0];
     c.FreedomOf(dof).damping += damping * coefficient * coefficient;
     c.FreedomOf(dof).armature += armature * coefficient * coefficient;
@@ -90,8 +91,7 @@ void AddDrive(Conversion& c, const LinearActuator& a) {
   if (damping == 0) return;
   SpringDef damper;
   damper.name = a.name + " damping";
-  for (const auto& [dof, coefficient] : a.length.terms)
-    damper.terms.emplace_back(c.Freedom(dof), coefficient);
+  c.PutLength(a.length, damper);
   damper.damping = damping;
   c.scene.mechanisms[c.MechanismOf(a.length.terms[0].first)].springs.push_back(std::move(damper));
 }

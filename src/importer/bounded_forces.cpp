@@ -12,12 +12,6 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-std::vector<std::pair<FreedomRef, double>> Freedoms(const Conversion& c, const Length& length) {
-  std::vector<std::pair<FreedomRef, double>> terms;
-  for (const auto& [dof, coefficient] : length.terms) terms.emplace_back(c.Freedom(dof), coefficient);
-  return terms;
-}
-
 // Whether the inputs of an actuator are still there: PD control may have taken their place, under their
 // names.
 bool HasControls(const Conversion& c, const LinearActuator& a) {
@@ -39,10 +33,10 @@ Bounds ForceRange(const mjModel& m, int actuator) {
 }
 
 // The actuator's F on its length L; a PD hold that took its place has no bounds.
-ForceLimitDef LimitOf(const Conversion& c, const LinearActuator& a, const Bounds& bounds) {
+ForceLimitDef LimitOf(Conversion& c, const LinearActuator& a, const Bounds& bounds) {
   ForceLimitDef limit;
   limit.name = a.name;
-  limit.terms = Freedoms(c, a.length);
+  c.PutLength(a.length, limit);
   for (const ActuatorInput& input : a.inputs) limit.inputs.emplace_back(input.name, 1.0);
   limit.stiffness = -a.b1;
   limit.damping = -a.b2;
@@ -77,7 +71,9 @@ void ConvertFriction(Conversion& c) {
   if (m.opt.disableflags & (mjDSBL_FRICTIONLOSS | mjDSBL_CONSTRAINT)) return;
   const auto add = [&](const std::string& name, const Length& length, double force) {
     const int mechanism = c.MechanismOf(length.terms[0].first);
-    c.scene.mechanisms[mechanism].frictions.push_back({name, Freedoms(c, length), force});
+    DryFrictionDef friction{name, {}, force, {}};
+    c.PutLength(length, friction);
+    c.scene.mechanisms[mechanism].frictions.push_back(std::move(friction));
   };
   std::vector<std::string> on_free;
   for (int dof = 0; dof < m.nv; ++dof) {
@@ -116,7 +112,7 @@ void ConvertTendonLimits(Conversion& c) {
     }
     LengthLimitDef limit;
     limit.name = name;
-    limit.terms = Freedoms(c, length);
+    c.PutLength(length, limit);
     limit.lower = m.tendon_range[2 * t] - length.at_reference;
     limit.upper = m.tendon_range[2 * t + 1] - length.at_reference;
     c.scene.mechanisms[c.MechanismOf(length.terms[0].first)].length_limits.push_back(std::move(limit));
@@ -137,15 +133,17 @@ void ConvertBoundedForces(Conversion& c) {
   for (const LinearActuator& a : actuators)
     for (const auto& term : a.length.terms) {
       const auto dof = static_cast<std::size_t>(term.first);
-      if (a.length.terms.size() == 1) on_dof[dof].push_back(&a);
-      if (a.length.terms.size() > 1) shared[dof] = true;
+      if (a.length.is_single())
+        on_dof[dof].push_back(&a);
+      else
+        shared[dof] = true;
     }
   std::vector<std::string> replaced, tangled;
   for (const LinearActuator& a : actuators) {
     Bounds bounds = ForceRange(m, a.actuator);
     const int dof = a.length.terms[0].first, joint = m.dof_jntid[dof];
     MechanismDef& mechanism = c.scene.mechanisms[c.MechanismOf(dof)];
-    const bool bound_joint = a.length.terms.size() == 1 && m.jnt_actfrclimited[joint];
+    const bool bound_joint = a.length.is_single() && m.jnt_actfrclimited[joint];
     const auto& together = on_dof[static_cast<std::size_t>(dof)];
     if (bound_joint && shared[static_cast<std::size_t>(dof)]) tangled.push_back(c.joint_names[joint]);
     const bool sum = bound_joint && !shared[static_cast<std::size_t>(dof)];

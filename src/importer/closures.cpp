@@ -6,18 +6,6 @@
 namespace fork1s::internal {
 namespace {
 
-// Mechanism and body that stand for a body of the file in a closure; still bodies are part of the base.
-struct Anchor {
-  BodyIndex body;
-  RigidTransform X_AB;  // the file's body in it
-};
-
-Anchor AnchorIn(const Conversion& c, int mechanism, int b) {
-  const BodyPlace& place = c.body[b];
-  if (place.mechanism == mechanism) return {place.body, RigidTransform()};
-  return {BodyIndex(0), c.scene.mechanisms[mechanism].X_WR.inverse() * c.WorldPose(b)};
-}
-
 bool MovesRelative(const mjModel& m, int a, int b) { return m.body_weldid[a] != m.body_weldid[b]; }
 
 void ConvertClosure(Conversion& c, int e) {

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <numeric>
 
 #include "conversion.hpp"
@@ -137,7 +138,11 @@ void FindComponents(Conversion& c) {
   for (int t = 0; t < m.ntendon; ++t) {
     if (!TendonWorks(m, c.d, t)) continue;
     const std::vector<int> bodies = BodiesOfTendon(m, t);
-    for (int body : bodies) tie(bodies[0], body);
+    // Two trees that a tendon ties together do not touch each other by way of the still world.
+    const auto moving =
+        std::find_if(bodies.begin(), bodies.end(), [&](int b) { return !is_still(top_of(b)); });
+    if (moving == bodies.end()) continue;
+    for (int body : bodies) tie(*moving, body);
   }
 
   std::vector<int> component_of(m.nbody, -1);

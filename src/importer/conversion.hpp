@@ -72,6 +72,7 @@ struct Conversion {
   std::vector<std::vector<std::string>> held_by;
   std::vector<bool> in_spring, coupled;
   std::vector<std::vector<ControlSource>> controls;  // parallel to MechanismDef::controls
+  std::vector<int> path_of_tendon;                   // in its mechanism; -1: not yet made
   int initial_keyframe = -1;
 
   void Note(ImportNote::Kind kind, std::string where, std::string message);
@@ -96,12 +97,29 @@ struct Conversion {
   double Reference(int dof) const;     // qpos0 of a hinge or slide, 0 otherwise
   const char* StiffnessUnit(int dof) const;
   bool EqualityWorks(int equality) const;  // switched on and understood
+  /// What a length is in a definition: `terms` of freedoms, or the path of a tendon through space, which is
+  /// made where it is asked for the first time.
+  template <class Def>
+  void PutLength(const Length& length, Def& def) {
+    if (length.tendon >= 0)
+      def.along = {PathOf(length), length.gear};
+    else
+      for (const auto& [dof, coefficient] : length.terms) def.terms.emplace_back(Freedom(dof), coefficient);
+  }
+  int PathOf(const Length& length);
   Error ModelError(const std::string& where, const std::string& message) const;
 };
 
 /// MuJoCo's arrays as vectors and quaternions.
 inline Vector3 Vec3(const mjtNum* p) { return {p[0], p[1], p[2]}; }
 inline Quaternion Quat(const mjtNum* q) { return Quaternion(q[0], q[1], q[2], q[3]); }
+
+/// Body of a mechanism that stands for a body of the file; still bodies are part of the base.
+struct Anchor {
+  BodyIndex body;
+  RigidTransform X_AB;  // the file's body in it
+};
+Anchor AnchorIn(const Conversion& c, int mechanism, int body);
 
 /// Where an equality holds on one of its two bodies (`which` 0 or 1): a body's origin, or a site on a body.
 struct EqualityPlace {

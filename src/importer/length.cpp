@@ -20,6 +20,23 @@ std::vector<std::pair<int, double>> Row(const mjtNum* values, const int* columns
   return terms;
 }
 
+// Degrees of freedom that move a part of a tendon's path against another: those that some of its elements
+// hang on, and not all.
+std::vector<int> DofsOfPath(const mjModel& m, int t) {
+  const std::vector<int> bodies = BodiesOfTendon(m, t);
+  std::vector<int> on(static_cast<std::size_t>(m.nv), 0);
+  for (const int body : bodies)
+    for (int b = body; b > 0; b = m.body_parentid[b])
+      for (int dof = m.body_dofadr[b]; dof >= 0 && dof < m.body_dofadr[b] + m.body_dofnum[b]; ++dof)
+        ++on[static_cast<std::size_t>(dof)];
+  std::vector<int> dofs;
+  for (int dof = 0; dof < m.nv; ++dof)
+    if (const int count = on[static_cast<std::size_t>(dof)];
+        count > 0 && count < static_cast<int>(bodies.size()))
+      dofs.push_back(dof);
+  return dofs;
+}
+
 }  // namespace
 
 bool IsSpatial(const mjModel& m, int t) {
@@ -56,10 +73,15 @@ std::vector<int> BodiesOfTendon(const mjModel& m, int t) {
 Length TendonLength(const mjModel& m, const mjData& d, int t) {
   Length length;
   if (IsSpatial(m, t)) {
-    length.linear = false;
+    length.tendon = t;
     length.at_reference = d.ten_length[t];
     const int at = m.ten_J_rowadr[t];
-    length.terms = Row(d.ten_J + at, m.ten_J_colind + at, m.ten_J_rownnz[t]);
+    for (const int dof : DofsOfPath(m, t)) {
+      double arm = 0;
+      for (int k = at; k < at + m.ten_J_rownnz[t]; ++k)
+        if (m.ten_J_colind[k] == dof) arm = d.ten_J[k];
+      length.terms.emplace_back(dof, arm);
+    }
     return length;
   }
   for (int w = m.tendon_adr[t]; w < m.tendon_adr[t] + m.tendon_num[t]; ++w) {
@@ -89,6 +111,7 @@ Length ActuatorLength(const mjModel& m, const mjData& d, int i) {
       length = TendonLength(m, d, target);
       length.at_reference *= gear[0];
       for (auto& term : length.terms) term.second *= gear[0];
+      length.gear = gear[0];
       if (gear[0] == 0) length.terms.clear();
       return length;
     default: {

@@ -8,14 +8,20 @@
 
 namespace fork1s::internal {
 
-/// A length about the reference pose: at_reference + Σ a q, with q counted from the reference.
+/// A length about the reference pose: at_reference + Σ a q, with q counted from the reference, or that of a
+/// tendon through space times a gear.
 struct Length {
   double at_reference = 0;
-  std::vector<std::pair<int, double>> terms;  // degree of freedom (MuJoCo), a
-  bool linear = true;  // false: a path through space, whose arms a are those of the reference pose
+  std::vector<std::pair<int, double>> terms;  // degree of freedom (MuJoCo), a; of a tendon through space
+                                              // those that may change it, with their arms at the reference
+  int tendon = -1;     // through space; -1: none
+  double gear = 1;     // of that
+  bool linear = true;  // false: not a tendon, yet no sum: the arms a are those of the reference pose
+
+  bool is_single() const { return tendon < 0 && terms.size() == 1; }
 };
 
-/// `data` at qpos0, with what mj_transmission computes. A path round geometry is the reader's own.
+/// `data` at qpos0, with what mj_transmission computes.
 Length TendonLength(const mjModel& m, const mjData& d, int tendon);
 Length ActuatorLength(const mjModel& m, const mjData& d, int actuator);  // gear included
 

@@ -50,7 +50,7 @@ void AddTendonSpring(Conversion& c, int t) {
   const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
   const double k = TendonStiffness(m, t), damping = TendonDamping(m, t);
   const double rest = m.tendon_lengthspring[2 * t] - length.at_reference;
-  if (length.terms.size() == 1) {  // the same as a spring of that joint
+  if (length.is_single()) {  // the same as a spring of that joint
     c.k[first] += k * arm * arm;
     c.c[first] += k * arm * rest;
     c.FreedomOf(first).damping += damping * arm * arm;
@@ -62,8 +62,9 @@ void AddTendonSpring(Conversion& c, int t) {
   spring.stiffness = k;
   spring.damping = damping;
   spring.rest = rest;
-  for (const auto& [dof, coefficient] : length.terms) {
-    spring.terms.emplace_back(c.Freedom(dof), coefficient);
+  c.PutLength(length, spring);
+  for (const auto& term : length.terms) {
+    const int dof = term.first;
     if (k > 0) c.in_spring[dof] = true;
     c.held_by[dof].push_back(fmt::format("tendon '{}' over {} freedoms", name, length.terms.size()));
   }
@@ -91,7 +92,7 @@ void ConvertSprings(Conversion& c) {
   if (no_springs) c.Note(ImportNote::Kind::kChanged, "option", "springs of joints and tendons are switched off");
   if (no_dampers) c.Note(ImportNote::Kind::kChanged, "option", "dampers of joints and tendons are switched off");
   for (int j = 0; j < m.njnt && !no_springs; ++j) AddJointSpring(c, j);
-  std::vector<std::string> curved, slack, on_free;
+  std::vector<std::string> slack, on_free;
   for (int t = 0; t < m.ntendon; ++t) {
     if (TendonStiffness(m, t) == 0 && TendonDamping(m, t) == 0) continue;
     if (HearsFreeJoint(m, TendonLength(m, c.d, t))) {
@@ -99,11 +100,9 @@ void ConvertSprings(Conversion& c) {
       continue;
     }
     AddTendonSpring(c, t);
-    if (IsSpatial(m, t)) curved.push_back(NameOr(m, m.name_tendonadr[t], "tendon", t));
     if (m.tendon_lengthspring[2 * t] < m.tendon_lengthspring[2 * t + 1]) slack.push_back(NameOr(m, m.name_tendonadr[t], "tendon", t));
   }
   c.DroppedMany("spring of tendon", on_free, "it pulls on a free body");
-  c.ChangedMany("path of tendon", curved, "its lever arms are those of the reference pose");
   c.ChangedMany("slack range of tendon", slack, "its spring pulls and pushes about the shorter length");
 }
 

@@ -109,8 +109,10 @@ void ListUnsupported(Conversion& c) {
     if (m.tendon_armature[t] != 0) rotors.push_back(name);
     if (m.tendon_actfrclimited[t]) bound.push_back(name);
   }
-  c.DroppedMany("higher terms of the spring or damper of joint", joints, "its linear part is simulated");
-  c.DroppedMany("higher terms of the spring or damper of tendon", tendons, "its linear part is simulated");
+  c.DroppedMany("higher terms of the spring or damper of joint", joints,
+                "springs and dampers are linear here, and its linear part is simulated");
+  c.DroppedMany("higher terms of the spring or damper of tendon", tendons,
+                "springs and dampers are linear here, and its linear part is simulated");
   c.DroppedMany("inertia of tendon", rotors, "tendons have no mass here");
   c.DroppedMany("force limit of the actuators of tendon", bound,
                 "only actuators and joints have such limits here");

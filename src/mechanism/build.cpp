@@ -8,6 +8,8 @@
 
 #include <fmt/format.h>
 
+#include "paths.hpp"
+
 namespace fork1s {
 namespace {
 
@@ -112,6 +114,23 @@ Expected<void> CheckRef(const MechanismDef& def, const FreedomRef& ref, const st
   return {};
 }
 
+Expected<void> CheckUse(const MechanismDef& def, const PathUse& use, const std::string& where) {
+  if (use.path < -1 || use.path >= static_cast<int>(def.paths.size()))
+    return Refuse(where, "acts along a path that does not exist");
+  if (!std::isfinite(use.gear)) return Refuse(where, "acts along a path with a gear that is not finite");
+  return {};
+}
+
+// Terms and path of whatever acts on a length.
+template <class Def>
+Expected<void> CheckLength(const MechanismDef& def, const Def& d, const std::string& where) {
+  for (const auto& [ref, coefficient] : d.terms) {
+    if (auto ok = CheckRef(def, ref, where); !ok) return ok;
+    if (!std::isfinite(coefficient)) return Refuse(where, "has a coefficient that is not finite");
+  }
+  return CheckUse(def, d.along, where);
+}
+
 int FindControl(const MechanismDef& def, const std::string& name) {
   for (std::size_t i = 0; i < def.controls.size(); ++i)
     if (def.controls[i].name == name) return static_cast<int>(i);
@@ -119,29 +138,22 @@ int FindControl(const MechanismDef& def, const std::string& name) {
 }
 
 Expected<void> CheckBoundedForces(const MechanismDef& def) {
-  auto check_terms = [&](const auto& terms, const std::string& where) -> Expected<void> {
-    for (const auto& [ref, coefficient] : terms) {
-      if (auto ok = CheckRef(def, ref, where); !ok) return ok;
-      if (!std::isfinite(coefficient)) return Refuse(where, "has a coefficient that is not finite");
-    }
-    return {};
-  };
   for (const DryFrictionDef& f : def.frictions) {
     const std::string where = Named("dry friction", f.name);
-    if (auto ok = check_terms(f.terms, where); !ok) return ok;
+    if (auto ok = CheckLength(def, f, where); !ok) return ok;
     if (!std::isfinite(f.force) || f.force < 0)
       return Refuse(where, fmt::format("has the force {}; it must be finite and 0 or more", f.force));
   }
   for (const LengthLimitDef& l : def.length_limits) {
     const std::string where = Named("length limit", l.name);
-    if (auto ok = check_terms(l.terms, where); !ok) return ok;
+    if (auto ok = CheckLength(def, l, where); !ok) return ok;
     if (!(l.lower <= l.upper))
       return Refuse(where, fmt::format("reaches from {} to {}; the lower must not be above the upper",
                                        l.lower, l.upper));
   }
   for (const ForceLimitDef& f : def.force_limits) {
     const std::string where = Named("force limit", f.name);
-    if (auto ok = check_terms(f.terms, where); !ok) return ok;
+    if (auto ok = CheckLength(def, f, where); !ok) return ok;
     for (const auto& [name, share] : f.inputs)
       if (FindControl(def, name) < 0 || !std::isfinite(share))
         return Refuse(
@@ -180,22 +192,18 @@ Expected<void> CheckConnections(const MechanismDef& def) {
     for (double p : c.polynomial)
       if (!std::isfinite(p)) return Refuse(where, "has a coefficient that is not finite");
   }
+  for (const PathDef& p : def.paths)
+    if (auto ok = internal::CheckPath(def, p); !ok) return ok;
   for (const SpringDef& s : def.springs) {
     const std::string where = Named("spring", s.name);
-    for (const auto& [ref, coefficient] : s.terms) {
-      if (auto ok = CheckRef(def, ref, where); !ok) return ok;
-      if (!std::isfinite(coefficient)) return Refuse(where, "has a coefficient that is not finite");
-    }
+    if (auto ok = CheckLength(def, s, where); !ok) return ok;
     if (!std::isfinite(s.stiffness) || !std::isfinite(s.damping) || !std::isfinite(s.rest) ||
         s.stiffness < 0 || s.damping < 0)
       return Refuse(where, "has a stiffness, damping or rest length that is negative or not finite");
   }
   for (const ControlDef& c : def.controls) {
     const std::string where = Named("control", c.name);
-    for (const auto& [ref, coefficient] : c.terms) {
-      if (auto ok = CheckRef(def, ref, where); !ok) return ok;
-      if (!std::isfinite(coefficient)) return Refuse(where, "has a coefficient that is not finite");
-    }
+    if (auto ok = CheckLength(def, c, where); !ok) return ok;
     if (!(c.lower <= c.upper))
       return Refuse(
           where, fmt::format("has limits {} to {}; the lower must not be above the upper", c.lower, c.upper));
@@ -366,21 +374,35 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
   }
 
   auto coordinate = [&](const FreedomRef& ref) { return m.joints_[ref.joint.u()].offset + ref.freedom; };
-  auto linear = [&](const std::vector<std::pair<FreedomRef, double>>& terms) {
-    Mechanism::LinearForm form;
-    for (const auto& [ref, c] : terms) form.emplace_back(coordinate(ref), c);
+  for (const PathDef& p : def.paths) {
+    Mechanism::Path path;
+    path.name = p.name;
+    path.elements = p.elements;
+    internal::FindCoordinates(m, static_cast<int>(m.paths_.size()), path);
+    m.paths_.push_back(std::move(path));
+  }
+  if (!m.paths_.empty()) {
+    Kinematics reference(m);
+    ComputeKinematics(m, VectorX::Zero(n), reference);
+    for (std::size_t i = 0; i < m.paths_.size(); ++i) m.paths_[i].at_reference = reference.paths[i].length;
+  }
+  auto length_of = [&](const auto& d) {
+    Mechanism::Length form;
+    for (const auto& [ref, c] : d.terms) form.terms.emplace_back(coordinate(ref), c);
+    form.path = d.along.path;
+    form.gear = form.path < 0 ? 0 : d.along.gear;
     return form;
   };
   for (const SpringDef& s : def.springs)
-    m.springs_.push_back({s.name, linear(s.terms), s.stiffness, s.damping, s.rest});
+    m.springs_.push_back({s.name, length_of(s), s.stiffness, s.damping, s.rest});
   for (const ControlDef& c : def.controls)
-    m.controls_.push_back({c.name, linear(c.terms), c.gain, c.lower, c.upper, c.initial});
-  for (const DryFrictionDef& f : def.frictions) m.frictions_.push_back({f.name, linear(f.terms), f.force});
+    m.controls_.push_back({c.name, length_of(c), c.gain, c.lower, c.upper, c.initial});
+  for (const DryFrictionDef& f : def.frictions) m.frictions_.push_back({f.name, length_of(f), f.force});
   for (int i = 0; i < n; ++i)
     if (std::isfinite(m.lower_(i)) || std::isfinite(m.upper_(i)))
-      m.length_limits_.push_back({m.CoordinateName(i), {{i, 1.0}}, m.lower_(i), m.upper_(i)});
+      m.length_limits_.push_back({m.CoordinateName(i), {{{i, 1.0}}}, m.lower_(i), m.upper_(i)});
   for (const LengthLimitDef& l : def.length_limits)
-    m.length_limits_.push_back({l.name, linear(l.terms), l.lower, l.upper});
+    m.length_limits_.push_back({l.name, length_of(l), l.lower, l.upper});
   for (const ForceLimitDef& f : def.force_limits) {
     Mechanism::LinearForm inputs;
     for (const auto& [name, share] : f.inputs) {
@@ -388,7 +410,7 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
       inputs.emplace_back(control, share * def.controls[static_cast<std::size_t>(control)].gain);
     }
     m.force_limits_.push_back(
-        {f.name, linear(f.terms), std::move(inputs), f.stiffness, f.damping, f.rest, f.lower, f.upper});
+        {f.name, length_of(f), std::move(inputs), f.stiffness, f.damping, f.rest, f.lower, f.upper});
   }
   for (const CouplingDef& c : def.couplings) {
     Mechanism::Coupling coupling;

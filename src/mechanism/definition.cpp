@@ -121,6 +121,21 @@ ClosureDef ClosureDef::Connect(std::string name, BodyIndex a, BodyIndex b, const
   return closure;
 }
 
+std::vector<JointIndex> MechanismDef::JointsOfPath(int path) const {
+  // How many elements hang on each body; what all hang on changes nothing.
+  std::vector<int> on(bodies.size(), 0);
+  int elements = 0;
+  for (const PathElementDef& e : paths[static_cast<std::size_t>(path)].elements) {
+    if (e.kind == PathElementDef::Kind::kPulley) continue;
+    ++elements;
+    for (BodyIndex b = e.body; b.valid(); b = bodies[b.u()].parent) ++on[b.u()];
+  }
+  std::vector<JointIndex> out;
+  for (std::size_t j = 0; j < joints.size(); ++j)
+    if (const int count = on[joints[j].body.u()]; count > 0 && count < elements) out.emplace_back(j);
+  return out;
+}
+
 BodyIndex MechanismDef::FindBody(const std::string& body_name) const {
   for (std::size_t i = 0; i < bodies.size(); ++i)
     if (bodies[i].name == body_name) return BodyIndex(i);

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "paths.hpp"
+
 namespace fork1s {
 namespace {
 
@@ -32,7 +34,11 @@ RigidTransform ExpScrew(const Vector6& s, double q) {
 Kinematics::Kinematics(const Mechanism& mechanism)
     : P(static_cast<std::size_t>(mechanism.num_joints())),
       X_RB(static_cast<std::size_t>(mechanism.num_bodies())),
-      S(mechanism.screws()) {}
+      S(mechanism.screws()),
+      paths(mechanism.paths().size()) {
+  for (std::size_t i = 0; i < paths.size(); ++i)
+    for (const int coordinate : mechanism.paths()[i].coordinates) paths[i].arms.emplace_back(coordinate, 0.0);
+}
 
 void ComputeKinematics(const Mechanism& mechanism, const VectorX& q, Kinematics& out) {
   const Matrix6X& screws = mechanism.screws();
@@ -61,6 +67,8 @@ void ComputeKinematics(const Mechanism& mechanism, const VectorX& q, Kinematics&
     out.X_RB[b] = bodies[b].last_joint < 0
                       ? bodies[b].X_RB0
                       : out.P[static_cast<std::size_t>(bodies[b].last_joint)] * bodies[b].X_RB0;
+  for (std::size_t i = 0; i < out.paths.size(); ++i)
+    internal::ComputePath(mechanism, mechanism.paths()[i], out, out.paths[i]);
 }
 
 Matrix6X BodyJacobian(const Mechanism& mechanism, const Kinematics& kinematics, BodyIndex b) {

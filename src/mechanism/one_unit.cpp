@@ -89,7 +89,7 @@ SpringRows SpringRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kin
       add(VectorX::Unit(n, i), std::sqrt(k) * unit.coordinate(i), i);
   for (const Mechanism::Spring& s : mechanism.springs()) {
     VectorX row = VectorX::Zero(n);
-    for (const auto& [i, c] : s.terms) row(i) += c * unit.coordinate(i);
+    ForEachArm(s.length, kinematics.paths, [&](int i, double c) { row(i) += c * unit.coordinate(i); });
     const double size = row.norm();
     if (s.stiffness > 0 && size > 0) add(row / size, std::sqrt(s.stiffness) * size, -1);
   }

@@ -7,14 +7,16 @@
 namespace fork1s {
 namespace {
 
-double Length(const Mechanism::LinearForm& terms, const VectorX& q) {
-  double length = 0;
-  for (const auto& [i, c] : terms) length += c * q(i);
-  return length;
-}
-
 Vector6 Soft(const ClosureDef& closure, const Vector6& weights) {
   return closure.rigid.select(Vector6::Zero(), weights);
+}
+
+// out += weight ∂ℓ/∂qᵀ ∂ℓ/∂q
+void AddLengthMatrix(const Mechanism::Length& length, const std::vector<PathState>& paths, double weight,
+                     MatrixX& out) {
+  ForEachArm(length, paths, [&](int i, double ci) {
+    ForEachArm(length, paths, [&](int j, double cj) { out(i, j) += weight * ci * cj; });
+  });
 }
 
 // out += Σ rowsᵀ diag(weights) rows over the springy directions of all closures.
@@ -35,8 +37,8 @@ void AddClosureMatrix(const Mechanism& mechanism, const Kinematics& kinematics, 
 void SpringForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, VectorX& tau) {
   tau = mechanism.stiffness().cwiseProduct(mechanism.rest() - q);
   for (const Mechanism::Spring& s : mechanism.springs()) {
-    const double force = s.stiffness * (s.rest - Length(s.terms, q));
-    for (const auto& [i, c] : s.terms) tau(i) += c * force;
+    const double force = s.stiffness * (s.rest - LengthOf(mechanism, s.length, kinematics, q));
+    ForEachArm(s.length, kinematics.paths, [&](int i, double c) { tau(i) += c * force; });
   }
   for (const ClosureDef& closure : mechanism.closures()) {
     const Vector6 k = Soft(closure, closure.stiffness);
@@ -50,8 +52,7 @@ void SpringForce(const Mechanism& mechanism, const Kinematics& kinematics, const
 MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX&) {
   MatrixX K = mechanism.stiffness().asDiagonal();
   for (const Mechanism::Spring& s : mechanism.springs())
-    for (const auto& [i, ci] : s.terms)
-      for (const auto& [j, cj] : s.terms) K(i, j) += s.stiffness * ci * cj;
+    AddLengthMatrix(s.length, kinematics.paths, s.stiffness, K);
   AddClosureMatrix(mechanism, kinematics, &ClosureDef::stiffness, K);
   return K;
 }
@@ -59,8 +60,7 @@ MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics
 MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX&) {
   MatrixX D = mechanism.damping().asDiagonal();
   for (const Mechanism::Spring& s : mechanism.springs())
-    for (const auto& [i, ci] : s.terms)
-      for (const auto& [j, cj] : s.terms) D(i, j) += s.damping * ci * cj;
+    AddLengthMatrix(s.length, kinematics.paths, s.damping, D);
   AddClosureMatrix(mechanism, kinematics, &ClosureDef::damping, D);
   return D;
 }
@@ -68,7 +68,7 @@ MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, 
 double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
   double energy = 0.5 * mechanism.stiffness().dot((q - mechanism.rest()).cwiseAbs2());
   for (const Mechanism::Spring& s : mechanism.springs()) {
-    const double stretch = Length(s.terms, q) - s.rest;
+    const double stretch = LengthOf(mechanism, s.length, kinematics, q) - s.rest;
     energy += 0.5 * s.stiffness * stretch * stretch;
   }
   for (const ClosureDef& closure : mechanism.closures()) {
@@ -80,11 +80,13 @@ double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, co
   return energy;
 }
 
-void AddControlForce(const Mechanism& mechanism, const VectorX& u, VectorX& tau) {
+void AddControlForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& u,
+                     VectorX& tau) {
   const auto& controls = mechanism.controls();
-  for (std::size_t k = 0; k < controls.size(); ++k)
-    for (const auto& [i, c] : controls[k].terms)
-      tau(i) += controls[k].gain * c * u(static_cast<Eigen::Index>(k));
+  for (std::size_t k = 0; k < controls.size(); ++k) {
+    const double force = controls[k].gain * u(static_cast<Eigen::Index>(k));
+    ForEachArm(controls[k].length, kinematics.paths, [&](int i, double c) { tau(i) += c * force; });
+  }
 }
 
 }  // namespace fork1s

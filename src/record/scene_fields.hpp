@@ -23,6 +23,10 @@ struct EnumNames<JointKind> {
   static constexpr auto& kNames = kJointKindNames;
 };
 template <>
+struct EnumNames<PathElementDef::Kind> {
+  static constexpr auto& kNames = kPathElementNames;
+};
+template <>
 struct EnumNames<Recovery> {
   static constexpr std::pair<Recovery, const char*> kNames[] = {{Recovery::kExact, "exact"},
                                                                 {Recovery::kTwist, "twist"}};
@@ -123,43 +127,64 @@ void Fields(A& a, Like<CouplingDef, A>& s) {
 }
 
 template <class A>
+void Fields(A& a, Like<PathElementDef, A>& s) {
+  auto& [kind, body, X_BE, radius, divisor, has_side, side_body, side_B] = s;
+  a("kind", kind), a("body", body), a("X_BE", X_BE), a("radius", radius), a("divisor", divisor);
+  a("has_side", has_side), a("side_body", side_body), a("side_B", side_B);
+}
+
+template <class A>
+void Fields(A& a, Like<PathDef, A>& s) {
+  auto& [name, elements] = s;
+  a("name", name), a("elements", elements);
+}
+
+template <class A>
+void Fields(A& a, Like<PathUse, A>& s) {
+  auto& [path, gear] = s;
+  a("path", path), a("gear", gear);
+}
+
+template <class A>
 void Fields(A& a, Like<SpringDef, A>& s) {
-  auto& [name, terms, stiffness, damping, rest] = s;
+  auto& [name, terms, stiffness, damping, rest, along] = s;
   a("name", name), a("terms", terms), a("stiffness", stiffness), a("damping", damping), a("rest", rest);
+  a("along", along);
 }
 
 template <class A>
 void Fields(A& a, Like<ControlDef, A>& s) {
-  auto& [name, terms, gain, is_setpoint, lower, upper, initial] = s;
+  auto& [name, terms, gain, is_setpoint, lower, upper, initial, along] = s;
   a("name", name), a("terms", terms), a("gain", gain), a("is_setpoint", is_setpoint);
-  a("lower", lower), a("upper", upper), a("initial", initial);
+  a("lower", lower), a("upper", upper), a("initial", initial), a("along", along);
 }
 
 template <class A>
 void Fields(A& a, Like<DryFrictionDef, A>& s) {
-  auto& [name, terms, force] = s;
-  a("name", name), a("terms", terms), a("force", force);
+  auto& [name, terms, force, along] = s;
+  a("name", name), a("terms", terms), a("force", force), a("along", along);
 }
 
 template <class A>
 void Fields(A& a, Like<LengthLimitDef, A>& s) {
-  auto& [name, terms, lower, upper] = s;
-  a("name", name), a("terms", terms), a("lower", lower), a("upper", upper);
+  auto& [name, terms, lower, upper, along] = s;
+  a("name", name), a("terms", terms), a("lower", lower), a("upper", upper), a("along", along);
 }
 
 template <class A>
 void Fields(A& a, Like<ForceLimitDef, A>& s) {
-  auto& [name, terms, inputs, stiffness, damping, rest, lower, upper] = s;
+  auto& [name, terms, inputs, stiffness, damping, rest, lower, upper, along] = s;
   a("name", name), a("terms", terms), a("inputs", inputs), a("stiffness", stiffness), a("damping", damping);
-  a("rest", rest), a("lower", lower), a("upper", upper);
+  a("rest", rest), a("lower", lower), a("upper", upper), a("along", along);
 }
 
 template <class A>
 void Fields(A& a, Like<MechanismDef, A>& s) {
-  auto& [name, base, X_WR, bodies, joints, closures, couplings, springs, controls, frictions, length_limits,
-         force_limits, interfaces, chosen, modes, mode_choice] = s;
+  auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs, controls, frictions,
+         length_limits, force_limits, interfaces, chosen, modes, mode_choice] = s;
   a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
-  a("closures", closures), a("couplings", couplings), a("springs", springs), a("controls", controls);
+  a("closures", closures), a("couplings", couplings), a("paths", paths), a("springs", springs),
+      a("controls", controls);
   a("frictions", frictions), a("length_limits", length_limits), a("force_limits", force_limits);
   a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);
   a("mode_choice", mode_choice);

@@ -19,7 +19,8 @@ bool Moves(const VectorX& x, int coordinate) { return std::abs(x(coordinate)) > 
 std::vector<std::string> TiesOf(const Mechanism& m, const VectorX& x) {
   std::vector<std::string> ties;
   for (const Mechanism::Spring& s : m.springs())
-    if (std::any_of(s.terms.begin(), s.terms.end(), [&](const auto& term) { return Moves(x, term.first); }))
+    if (const std::vector<int> on = m.CoordinatesOf(s.length);
+        std::any_of(on.begin(), on.end(), [&](int i) { return Moves(x, i); }))
       ties.push_back(fmt::format("tendon '{}'", s.name));
   for (const Mechanism::Coupling& c : m.couplings())
     if (Moves(x, c.a) || (c.b >= 0 && Moves(x, c.b))) ties.push_back(fmt::format("coupling '{}'", c.name));

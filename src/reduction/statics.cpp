@@ -55,7 +55,7 @@ class LoadedMechanism {
     Pose(q);
     VectorX g;
     SpringForce(mechanism_, kinematics_, q, g);
-    if (options_.controls.size() > 0) AddControlForce(mechanism_, options_.controls, g);
+    if (options_.controls.size() > 0) AddControlForce(mechanism_, kinematics_, options_.controls, g);
     g += LoadForce(share);
     if (lambda.size() > 0) {
       ClosureJacobian(mechanism_, kinematics_, q, A_);

@@ -47,9 +47,9 @@ void ContactSet::LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bo
     open(block.ports, FullContactor::Kind::kMechanism, i);
     for (int k = 0; k < static_cast<int>(m.length_limits().size()); ++k) {
       const Mechanism::LengthLimit& limit = m.length_limits()[static_cast<std::size_t>(k)];
-      const double length = m.Length(limit.terms, m.q());
+      const double length = m.Length(limit.length, m.q());
       // Near enough to be reached within the step, with room for what contacts may add.
-      const double reach = 0.02 + 2 * h * std::abs(m.Length(limit.terms, m.q_dot()));
+      const double reach = 0.02 + 2 * h * std::abs(m.LengthRate(limit.length, m.q(), m.q_dot()));
       const double gap[2] = {length - limit.lower, limit.upper - length};
       for (int side = 0; side < 2; ++side) {
         if (gap[side] < reach)
@@ -135,7 +135,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
       const int at = blocks_[i].limits[k];
       const Mechanism::LengthLimit& stop = mechanisms[i].length_limits()[static_cast<std::size_t>(at / 2)];
       const bool upper = at % 2 == 1;
-      const double length = mechanisms[i].Length(stop.terms, mechanisms[i].q());
+      const double length = mechanisms[i].Length(stop.length, mechanisms[i].q());
       LimitConstraint limit;
       limit.row = blocks_[i].offset + 6 * static_cast<int>(blocks_[i].ports.size()) + static_cast<int>(k);
       limit.sign = upper ? -1 : 1;
@@ -191,16 +191,18 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
       block.J_T.block<3, 3>(column, port.offset - block.offset) = R_T;
       block.J_T.block<3, 3>(column + 3, port.offset + 3 - block.offset) = R_T;
     }
+    // Lengths as at the start of the step, where their gaps were taken.
+    const auto add_length = [&](const Mechanism::Length& length, std::size_t row) {
+      m.ForEachArmAt(length, m.q(), [&](int coordinate, double c) {
+        block.J_T(m.ColumnOfCoordinate(coordinate), static_cast<Eigen::Index>(row)) += c;
+      });
+    };
     for (std::size_t k = 0; k < block.limits.size(); ++k)
-      for (const auto& [coordinate, c] :
-           m.length_limits()[static_cast<std::size_t>(block.limits[k] / 2)].terms)
-        block.J_T(m.ColumnOfCoordinate(coordinate),
-                  6 * static_cast<Eigen::Index>(block.ports.size()) + static_cast<Eigen::Index>(k)) += c;
+      add_length(m.length_limits()[static_cast<std::size_t>(block.limits[k] / 2)].length,
+                 6 * block.ports.size() + k);
     const auto& frictions = m.mechanism().frictions();
     for (std::size_t k = 0; k < frictions.size(); ++k)
-      for (const auto& [coordinate, c] : frictions[k].terms)
-        block.J_T(m.ColumnOfCoordinate(coordinate),
-                  static_cast<Eigen::Index>(6 * block.ports.size() + block.limits.size() + k)) += c;
+      add_length(frictions[k].length, 6 * block.ports.size() + block.limits.size() + k);
     responses[i] = block.J_T;
     if (!m.solver().Solve(responses[i])) return false;
     block.W = block.J_T.transpose() * responses[i];

@@ -43,7 +43,7 @@ Expected<FullMechanism> FullMechanism::Create(std::shared_ptr<const Mechanism> m
   // ever.
   m.length_limits_ = def.length_limits();
   for (Mechanism::LengthLimit& limit : m.length_limits_) {
-    const double length = m.Length(limit.terms, m.q_);
+    const double length = m.Length(limit.length, m.q_);
     const double outside = std::max(limit.lower - length, length - limit.upper);
     limit.lower = std::min(limit.lower, length);
     limit.upper = std::max(limit.upper, length);
@@ -53,6 +53,14 @@ Expected<FullMechanism> FullMechanism::Create(std::shared_ptr<const Mechanism> m
   }
   m.StartMotion(q_dot0, V_R);
   return m;
+}
+
+const Kinematics& FullMechanism::At(const VectorX& q) const {
+  if (!posed_.empty() && (mechanism_->paths().empty() || posed_at_ == q)) return posed_[0];
+  if (posed_.empty()) posed_.emplace_back(*mechanism_);
+  posed_at_ = q;
+  ComputeKinematics(*mechanism_, q, posed_[0]);
+  return posed_[0];
 }
 
 void FullMechanism::LayOut() {

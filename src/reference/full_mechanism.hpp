@@ -48,10 +48,19 @@ class FullMechanism {
   Vector6 BodyTwist(int body) const { return V_.col(body); }
   const VectorX& q() const { return q_; }
   const VectorX& q_dot() const { return q_dot_; }
-  static double Length(const Mechanism::LinearForm& terms, const VectorX& q) {
-    double length = 0;
-    for (const auto& [i, c] : terms) length += c * q(i);
-    return length;
+  /// What a length is at q, and its rate there; paths of the joint coordinates.
+  double Length(const Mechanism::Length& length, const VectorX& q) const {
+    return LengthOf(*mechanism_, length, At(q), q);
+  }
+  double LengthRate(const Mechanism::Length& length, const VectorX& q, const VectorX& q_dot) const {
+    double rate = 0;
+    ForEachArm(length, At(q).paths, [&](int i, double c) { rate += c * q_dot(i); });
+    return rate;
+  }
+  /// f(coordinate, ∂length/∂q)
+  template <class F>
+  void ForEachArmAt(const Mechanism::Length& length, const VectorX& q, F&& f) const {
+    ForEachArm(length, At(q).paths, f);
   }
   /// Widened to the initial pose where that was outside.
   const std::vector<Mechanism::LengthLimit>& length_limits() const { return length_limits_; }
@@ -100,6 +109,8 @@ class FullMechanism {
 
  private:
   void LayOut();
+  /// Joints posed by their coordinates alone, where paths ask for it. Kept for the last q.
+  const Kinematics& At(const VectorX& q) const;
   void StartMotion(const VectorX& q_dot0, const Vector6& V_R);
   bool Moves(int body) const { return column_[static_cast<std::size_t>(body)] >= 0; }
   int Row(int constraint) const { return num_velocities_ + constraint; }
@@ -143,6 +154,8 @@ class FullMechanism {
   double Project(std::vector<RigidTransform>& X, VectorX& q);
 
   std::shared_ptr<const Mechanism> mechanism_;
+  mutable std::vector<Kinematics> posed_;  // none or one
+  mutable VectorX posed_at_;
   std::vector<Link> links_;
   std::vector<int> column_;  // per body
   std::vector<Matrix6> inertia_;

@@ -23,8 +23,7 @@ double FullMechanism::StoredEnergy() const {
   const Mechanism& m = *mechanism_;
   double energy = 0.5 * m.stiffness().dot((q_ - m.rest()).cwiseAbs2());
   for (const Mechanism::Spring& s : m.springs()) {
-    double stretch = -s.rest;
-    for (const auto& [i, c] : s.terms) stretch += c * q_(i);
+    const double stretch = Length(s.length, q_) - s.rest;
     energy += 0.5 * s.stiffness * stretch * stretch;
   }
   for (const ClosureDef& closure : m.closures()) {
@@ -34,15 +33,14 @@ double FullMechanism::StoredEnergy() const {
   for (std::size_t k = 0; k < m.controls().size(); ++k) {
     const Mechanism::Control& control = m.controls()[k];
     const double u = controls(static_cast<Eigen::Index>(k));
-    for (const auto& [i, c] : control.terms) energy -= control.gain * u * c * q_(i);
+    energy -= control.gain * u * Length(control.length, q_);
     if (m.definition().controls[k].is_setpoint) energy += 0.5 * control.gain * u * u;
   }
   // A servo at its bound F stores F times the length it is off, and not what its spring would.
   for (const Mechanism::ForceLimit& limit : m.force_limits()) {
     const double f = ServoForce(limit, q_), excess = f - std::min(std::max(f, limit.lower), limit.upper);
     if (limit.stiffness > 0) energy -= excess * excess / (2 * limit.stiffness);
-    if (limit.stiffness == 0)
-      for (const auto& [i, c] : limit.terms) energy += excess * c * q_(i);
+    if (limit.stiffness == 0) energy += excess * Length(limit.length, q_);
   }
   return energy;
 }
@@ -106,8 +104,9 @@ FullMechanism::Matrices FullMechanism::LinearMatrices() const {
   auto K_q = K.block(num_body_columns_, num_body_columns_, n, n);
   K_q.diagonal() = m.stiffness();
   for (const Mechanism::Spring& s : m.springs())
-    for (const auto& [i, c] : s.terms)
-      for (const auto& [j, d] : s.terms) K_q(i, j) += s.stiffness * c * d;
+    ForEachArmAt(s.length, q_, [&](int i, double c) {
+      ForEachArmAt(s.length, q_, [&](int j, double d) { K_q(i, j) += s.stiffness * c * d; });
+    });
   for (const ClosureDef& closure : m.closures()) {
     const Vector6 k = closure.rigid.select(Vector6::Zero(), closure.stiffness);
     if (k.isZero(0)) continue;

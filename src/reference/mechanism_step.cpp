@@ -20,7 +20,9 @@ Matrix6 DeadForceStiffness(const Vector3& arm_B, const Vector3& force_B) {
 }  // namespace
 
 double FullMechanism::ServoForce(const Mechanism::ForceLimit& limit, const VectorX& q) const {
-  return Length(limit.inputs, controls) + limit.stiffness * (limit.rest - Length(limit.terms, q));
+  double force = limit.stiffness * (limit.rest - Length(limit.length, q));
+  for (const auto& [i, share] : limit.inputs) force += share * controls(i);
+  return force;
 }
 
 VectorX FullMechanism::Unknowns() const {
@@ -71,31 +73,34 @@ void FullMechanism::AddJoints(MatrixX& right) {
   const Mechanism& m = *mechanism_;
   const double h = h_;
   VectorX tau = m.stiffness().cwiseProduct(m.rest() - q_next_) - m.damping().cwiseProduct(q_dot_next_);
-  if (controls.size() > 0) AddControlForce(m, controls, tau);
+  if (controls.size() > 0) AddControlForce(m, At(q_next_), controls, tau);
   for (int i = 0; i < m.num_coordinates(); ++i)
     dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(i),
                   m.armature()(i) + h * m.damping()(i) + h * h * m.stiffness()(i));
   for (const Mechanism::Spring& s : m.springs()) {
-    const double pull =
-        s.stiffness * (s.rest - Length(s.terms, q_next_)) - s.damping * Length(s.terms, q_dot_next_);
-    for (const auto& [i, c] : s.terms) {
+    const double pull = s.stiffness * (s.rest - Length(s.length, q_next_)) -
+                        s.damping * LengthRate(s.length, q_next_, q_dot_next_);
+    ForEachArmAt(s.length, q_next_, [&](int i, double c) {
       tau(i) += c * pull;
-      for (const auto& [j, d] : s.terms)
+      ForEachArmAt(s.length, q_next_, [&](int j, double d) {
         dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j),
                       c * d * h * (s.damping + h * s.stiffness));
-    }
+      });
+    });
   }
   // What a servo cannot give is taken back, and its stiffness with it.
   for (const Mechanism::ForceLimit& limit : m.force_limits()) {
-    const double f = ServoForce(limit, q_next_) - limit.damping * Length(limit.terms, q_dot_next_);
+    const double f =
+        ServoForce(limit, q_next_) - limit.damping * LengthRate(limit.length, q_next_, q_dot_next_);
     const double excess = f - std::min(std::max(f, limit.lower), limit.upper);
     if (excess == 0) continue;
-    for (const auto& [i, c] : limit.terms) {
+    ForEachArmAt(limit.length, q_next_, [&](int i, double c) {
       tau(i) -= c * excess;
-      for (const auto& [j, d] : limit.terms)
+      ForEachArmAt(limit.length, q_next_, [&](int j, double d) {
         dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j),
                       -c * d * h * (limit.damping + h * limit.stiffness));
-    }
+      });
+    });
   }
   right.block(num_body_columns_, 0, m.num_coordinates(), 1) +=
       m.armature().cwiseProduct(q_dot_ - q_dot_next_) + h * tau;

@@ -66,9 +66,11 @@ void ScaleGroup(const JointGroup& group, MechanismDef& def) {
   if (group.scale == 1) return;
   std::vector<char> mine(def.joints.size(), 0);
   for (int j : group.joints) mine[static_cast<std::size_t>(j)] = 1;
-  auto inside = [&](const auto& terms) {
-    return !terms.empty() && std::all_of(terms.begin(), terms.end(),
-                                         [&](const auto& t) { return mine[t.first.joint.u()] != 0; });
+  auto inside = [&](const auto& d) {
+    std::vector<JointIndex> on;
+    if (d.along.path >= 0) on = def.JointsOfPath(d.along.path);
+    for (const auto& term : d.terms) on.push_back(term.first.joint);
+    return !on.empty() && std::all_of(on.begin(), on.end(), [&](JointIndex j) { return mine[j.u()] != 0; });
   };
   const double root = std::sqrt(group.scale);
   for (std::size_t j = 0; j < def.joints.size(); ++j)
@@ -78,17 +80,17 @@ void ScaleGroup(const JointGroup& group, MechanismDef& def) {
         f.damping *= root;
       }
   for (SpringDef& s : def.springs)
-    if (inside(s.terms)) {
+    if (inside(s)) {
       s.stiffness *= group.scale;
       s.damping *= root;
     }
   for (ForceLimitDef& f : def.force_limits)
-    if (inside(f.terms)) {
+    if (inside(f)) {
       f.stiffness *= group.scale;
       f.damping *= root;
     }
   for (ControlDef& c : def.controls)
-    if (c.is_setpoint && inside(c.terms)) c.gain *= group.scale;
+    if (c.is_setpoint && inside(c)) c.gain *= group.scale;
 }
 
 void ScaleDamping(double scale, MechanismDef& def) {

@@ -99,7 +99,7 @@ void RunTally::Look(const Simulation& simulation, const StepReport& report) {
     if (report.limits > 0)
       for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
         const Mechanism::LengthLimit& limit = m.length_limits()[k];
-        const double length = m.Length(limit.terms);
+        const double length = m.Length(limit.length);
         const bool upper = length > limit.upper - kAtStop;
         if (!upper && length > limit.lower + kAtStop) continue;
         EndReached& end = stops_[{static_cast<int>(i), k}];

@@ -34,7 +34,7 @@ void ExpectSameForces(const std::string& text, double tolerance = 1e-10) {
     VectorX tau = VectorX::Zero(n);
     SpringForce(mechanism, kinematics, q, tau);
     tau -= DampingMatrix(mechanism, kinematics, q) * v;
-    AddControlForce(mechanism, u, tau);
+    AddControlForce(mechanism, kinematics, u, tau);
     for (const auto& joint : mechanism.joints()) {
       const int dof = peer.Dof(joint.name);
       EXPECT_NEAR(tau[joint.offset], d.qfrc_passive[dof] + d.qfrc_actuator[dof], tolerance) << joint.name;

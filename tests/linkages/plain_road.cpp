@@ -170,7 +170,7 @@ Rows CollectRows(const Mechanism& mechanism, const MatrixL& closures, const Vect
     }
   for (const Mechanism::Spring& s : mechanism.springs()) {
     VectorL form = VectorL::Zero(n);
-    for (const auto& [i, c] : s.terms) form(i) += static_cast<Real>(c) * unit(i);
+    for (const auto& [i, c] : s.length.terms) form(i) += static_cast<Real>(c) * unit(i);
     const Real size = form.norm();
     if (size > 0) spring(form / size, static_cast<Real>(s.stiffness) * size * size);
   }

@@ -128,10 +128,10 @@ TEST(Poses, FreedomReferencesFollowSortedJoints) {
     }
     for (std::size_t i = 0; i < def.springs.size(); ++i)
       for (std::size_t t = 0; t < def.springs[i].terms.size(); ++t)
-        check(def.springs[i].terms[t].first, m.springs()[i].terms[t].first);
+        check(def.springs[i].terms[t].first, m.springs()[i].length.terms[t].first);
     for (std::size_t i = 0; i < def.controls.size(); ++i)
       for (std::size_t t = 0; t < def.controls[i].terms.size(); ++t)
-        check(def.controls[i].terms[t].first, m.controls()[i].terms[t].first);
+        check(def.controls[i].terms[t].first, m.controls()[i].length.terms[t].first);
     // The result's own definition builds the same mechanism again.
     const Mechanism again = BuildOrThrow(m.definition());
     EXPECT_EQ(again.screws(), m.screws());

@@ -150,7 +150,7 @@ TEST(ControlForce, OfASetpointBalancesTheSpringThere) {
     const VectorX u = random.Vector(m.num_coordinates(), 1);
     VectorX tau;
     SpringForce(m, At(m, u), u, tau);
-    AddControlForce(m, u, tau);
+    AddControlForce(m, At(m, u), u, tau);
     EXPECT_LE(tau.norm(), 1e-13 * m.stiffness().norm());  // k u - k u
   }
 }
@@ -163,9 +163,9 @@ TEST(ControlForce, SumsTermsAndControls) {
   const VectorX u = random.Vector(4, 2);
   VectorX tau = VectorX::Ones(m.num_coordinates()), expected = tau;
   for (Eigen::Index c = 0; c < 4; ++c)
-    for (const auto& [i, w] : m.controls()[static_cast<std::size_t>(c)].terms)
+    for (const auto& [i, w] : m.controls()[static_cast<std::size_t>(c)].length.terms)
       expected(i) += m.controls()[static_cast<std::size_t>(c)].gain * w * u(c);
-  AddControlForce(m, u, tau);
+  AddControlForce(m, At(m, VectorX::Zero(m.num_coordinates())), u, tau);
   EXPECT_LE((tau - expected).norm(), 1e-13 * expected.norm());
 }
 

@@ -77,14 +77,23 @@ class BitList {
     Add(c.name), Add(c.a), Add(c.b);
     for (double p : c.polynomial) Add(p);
   }
-  void Add(const SpringDef& s) { Add(s.name), Add(s.terms), Add(s.stiffness), Add(s.damping), Add(s.rest); }
+  void Add(const PathElementDef& e) {
+    Add(static_cast<int>(e.kind)), Add(e.body.value()), Add(e.X_BE), Add(e.radius), Add(e.divisor);
+    Add(e.has_side), Add(e.side_body.value()), Add(e.side_B);
+  }
+  void Add(const PathDef& p) { Add(p.name), Add(p.elements); }
+  void Add(const PathUse& u) { Add(u.path), Add(u.gear); }
+  void Add(const SpringDef& s) {
+    Add(s.name), Add(s.terms), Add(s.stiffness), Add(s.damping), Add(s.rest), Add(s.along);
+  }
   void Add(const ControlDef& c) {
     Add(c.name), Add(c.terms), Add(c.gain), Add(c.is_setpoint), Add(c.lower), Add(c.upper), Add(c.initial);
+    Add(c.along);
   }
   void Add(const MechanismDef& m) {
     Add(m.name), Add(static_cast<int>(m.base)), Add(m.X_WR), Add(m.bodies), Add(m.joints), Add(m.closures);
-    Add(m.couplings), Add(m.springs), Add(m.controls), Add(m.interfaces), Add(m.interfaces_chosen),
-        Add(m.modes);
+    Add(m.couplings), Add(m.paths), Add(m.springs), Add(m.controls), Add(m.interfaces),
+        Add(m.interfaces_chosen), Add(m.modes);
   }
   void Add(const FreeBodyDef& b) { Add(b.name), Add(b.X_WB), Add(b.inertia), Add(b.geometries); }
   void Add(const KeyframeDef::MechanismState& s) {

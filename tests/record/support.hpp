@@ -170,6 +170,23 @@ inline Scene SceneWithEverything(unsigned seed) {
     m.joints[0].freedoms[0].lower = -random.Uniform(0, 2);
     m.controls[0].upper = random.Uniform(1, 2);
     m.controls[0].initial = -0.0;
+    PathDef path{"path", {}};
+    for (const auto kind :
+         {PathElementDef::Kind::kPoint, PathElementDef::Kind::kSphere, PathElementDef::Kind::kPulley}) {
+      PathElementDef e;
+      e.kind = kind;
+      e.body = BodyIndex(random.Below(3));
+      e.X_BE = random.Pose(1);
+      e.radius = random.Uniform(0, 1);
+      e.divisor = random.Uniform(1, 2);
+      e.has_side = random.Chance(0.5);
+      e.side_body = BodyIndex(random.Below(3));
+      e.side_B = random.InBox(1);
+      path.elements.push_back(e);
+    }
+    m.paths = {path, path};
+    m.springs[0].along = {1, random.Uniform(0, 1)};
+    m.controls[1].along = {0, -0.5};
   }
   auto mesh = std::make_shared<TriangleMesh>();
   mesh->name = "tetrahedron";

@@ -122,7 +122,7 @@ TEST(ReducedModelProperties, StaticResponseIsComplete) {
     statics.controls = random.Vector(static_cast<int>(r.mechanism->controls().size()), 1);
     statics.gravity_R = random.InBox(10);
     VectorX g = VectorX::Zero(r.q0.size());
-    if (statics.controls.size() > 0) AddControlForce(*r.mechanism, statics.controls, g);
+    if (statics.controls.size() > 0) AddControlForce(*r.mechanism, r.kinematics, statics.controls, g);
     Matrix6X F = Matrix6X::Zero(6, r.mechanism->num_bodies());
     AddGravityWrenches(*r.mechanism, r.kinematics, statics.gravity_R, F);
     AccumulateGeneralizedForce(*r.mechanism, r.kinematics.S, F, g);

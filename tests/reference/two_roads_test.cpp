@@ -35,7 +35,7 @@ VectorX ByJoints(const Mechanism& m, const VectorX& q, const VectorX& q_dot, con
   VectorX f, tau = VectorX::Zero(n);
   SpringForce(m, k, q, f);
   f -= DampingMatrix(m, k, q) * q_dot;
-  AddControlForce(m, u, f);
+  AddControlForce(m, k, u, f);
   Matrix6X F = Matrix6X::Zero(6, m.num_bodies()), V = F, scratch = F;
   AddGravityWrenches(m, k, m.definition().X_WR.rotation().transpose() * gravity_W, F);
   SubtractVelocityWrenches(m, k, q, Vector6::Zero(), q_dot, VectorX::Zero(n), V, scratch, F);

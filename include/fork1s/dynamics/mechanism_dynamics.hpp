@@ -95,10 +95,13 @@ class MechanismDynamics {
   /// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities]. `from_outside`: other bodies or the world had
   /// part in them, so the base has gaps to keep; limits and self-contact are the mechanism's own affair.
   void ApplyImpulse(const VectorX& p, bool from_outside);
-  /// Rate of a length Σ coefficient q per unit of its part's velocities.
-  void LengthRow(const Mechanism::LinearForm& terms, const Part& part, Eigen::Ref<VectorX> row) const;
-  double LengthRate(const Mechanism::LinearForm& terms) const;
-  double Length(const Mechanism::LinearForm& terms) const;
+  /// Rate of a length per unit of its part's velocities, at the present pose (twist mode: the reference's).
+  void LengthRow(const Mechanism::Length& length, const Part& part, Eigen::Ref<VectorX> row) const;
+  double LengthRate(const Mechanism::Length& length) const;
+  /// Counted from q = 0.
+  double Length(const Mechanism::Length& length) const;
+  /// tau [n] += what a force along a length is on the joints.
+  void AddLengthForce(const Mechanism::Length& length, double force, VectorX& tau) const;
   /// The part that moves frictions()[k] of the mechanism.
   int PartOfFriction(std::size_t k) const { return part_of_friction_[k]; }
   /// Limits in force: those of the mechanism, widened to the initial pose where that was outside.
@@ -173,6 +176,11 @@ class MechanismDynamics {
   void OpenForceLimits();
   bool AnyAtBound() const;
   void TakeBoundedSpringsOut(double h);
+  void TurnPathSprings(double h);
+  void AddSpringOf(const Mechanism::Length& length, double weight);
+  void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const MatrixX& Q,
+                  VectorX& out) const;
+  const std::vector<PathState>& Paths() const { return configuration_.kinematics.paths; }
   void AddBoundedForces();
   double UnboundedForce(const Mechanism::ForceLimit& limit) const;
   double EnergyBeyondBounds() const;
@@ -244,6 +252,7 @@ class MechanismDynamics {
   Matrix6X body_V_, body_A_;
   VectorX q_dot_, q_ddot_;
   Vector3 gravity_W_ = Vector3::Zero();
+  std::vector<PathState> paths_ref_;                  // at the reference of the model
   VectorX limit_force_, limit_row_, f_z_of_springs_;  // force limits: f₀, Qᵀe, and f_z without bounds
   Vector6 V_free_ = Vector6::Zero();  // base twist without drift that the free solve starts from
   double energy_start_ = 0;           // J, at the start of the step

@@ -123,13 +123,41 @@ struct CouplingDef {
   double polynomial[5] = {0, 1, 0, 0, 0};
 };
 
-/// A spring on the length Σ coefficient q, such as a servo that pulls a tendon over several joints.
+/// What a tendon through space passes, in its order: a point of a body, a round obstacle that it lies on
+/// where the straight way would go through, or a pulley, after which a further branch begins.
+struct PathElementDef {
+  enum class Kind { kPoint, kSphere, kCylinder, kPulley };
+  Kind kind = Kind::kPoint;
+  BodyIndex body;         // not of a pulley
+  RigidTransform X_BE;    // point: its place; sphere: centre; cylinder: centre, its axis along z
+  double radius = 0;      // m, of an obstacle
+  double divisor = 1;     // pulley: what follows counts by 1 / divisor
+  bool has_side = false;  // an obstacle that is passed on the side of a point; a point within it: inside it
+  BodyIndex side_body;    // that point's
+  Vector3 side_B = Vector3::Zero();  // m, in side_body
+};
+
+/// A tendon through space. Every branch begins and ends with a point, obstacles stand between points.
+struct PathDef {
+  std::string name;
+  std::vector<PathElementDef> elements;
+};
+
+/// A path as a length: gear times how much longer it is than at the reference.
+struct PathUse {
+  int path = -1;  // index in MechanismDef::paths; -1: none
+  double gear = 1;
+};
+
+/// A spring on the length ℓ = Σ coefficient q, such as a servo that pulls a tendon over several joints, or on
+/// that of a path: ℓ counts from the reference, where it is 0. Both are summed, here and in what follows.
 struct SpringDef {
   std::string name;
   std::vector<std::pair<FreedomRef, double>> terms;
   double stiffness = 0;  // N/m or N·m/rad of the length
   double damping = 0;
   double rest = 0;  // length at which it is unloaded
+  PathUse along = {};
 };
 
 /// Dry friction: a force of at most `force` along the length Σ coefficient q, against its rate; it holds the
@@ -138,6 +166,7 @@ struct DryFrictionDef {
   std::string name;
   std::vector<std::pair<FreedomRef, double>> terms;
   double force = 0;  // N, or N·m where the length is an angle
+  PathUse along = {};
 };
 
 /// A stop: the length Σ coefficient q stays within [lower, upper], as a rope that is not longer than it is.
@@ -147,6 +176,7 @@ struct LengthLimitDef {
   std::vector<std::pair<FreedomRef, double>> terms;
   double lower = -std::numeric_limits<double>::infinity();
   double upper = std::numeric_limits<double>::infinity();
+  PathUse along = {};
 };
 
 /// A servo or motor that can give no more: f = Σ share gain u - stiffness (ℓ - rest) - damping dℓ/dt on the
@@ -161,10 +191,12 @@ struct ForceLimitDef {
   double rest = 0;                                          // of the length
   double lower = -std::numeric_limits<double>::infinity();  // N or N·m
   double upper = std::numeric_limits<double>::infinity();
+  PathUse along = {};
 };
 
-/// An input u that pushes with force gain·coefficient·u on each of its freedoms. For a servo the gain
-/// is its stiffness, so that u is the set-point; the stiffness itself stands in a joint or SpringDef.
+/// An input u that pushes with force gain·coefficient·u on each of its freedoms, and gain·u along a path. For
+/// a servo the gain is its stiffness, so that u is the set-point; the stiffness itself stands in a joint or
+/// SpringDef.
 struct ControlDef {
   std::string name;
   std::vector<std::pair<FreedomRef, double>> terms;
@@ -173,6 +205,7 @@ struct ControlDef {
   double lower = -std::numeric_limits<double>::infinity();
   double upper = std::numeric_limits<double>::infinity();
   double initial = 0;
+  PathUse along = {};
 };
 
 enum class BaseKind {
@@ -196,6 +229,7 @@ struct MechanismDef {
   std::vector<JointDef> joints;
   std::vector<ClosureDef> closures;
   std::vector<CouplingDef> couplings;
+  std::vector<PathDef> paths;
   std::vector<SpringDef> springs;
   std::vector<ControlDef> controls;
   std::vector<DryFrictionDef> frictions;
@@ -206,6 +240,8 @@ struct MechanismDef {
   int modes = 4;                        // fixed-interface modes to keep
   ModeChoice mode_choice = ModeChoice::kLowest;
 
+  /// Joints that move a part of a path against another and so may change its length, ascending.
+  std::vector<JointIndex> JointsOfPath(int path) const;
   BodyIndex FindBody(const std::string& body_name) const;
   JointIndex FindJoint(const std::string& joint_name) const;
 };

@@ -11,6 +11,12 @@
 
 namespace fork1s {
 
+/// A path at a pose: its length and what every coordinate adds to it.
+struct PathState {
+  double length = 0;           // m
+  Mechanism::LinearForm arms;  // coordinate, ∂length/∂q (m or m/rad); the path's coordinates, in their order
+};
+
 /// Scratch and result of a pass over the mechanism at one q. Sized once, reused without allocation.
 struct Kinematics {
   explicit Kinematics(const Mechanism& mechanism);
@@ -18,10 +24,22 @@ struct Kinematics {
   std::vector<RigidTransform> P;     // per joint: prefix including the joint
   std::vector<RigidTransform> X_RB;  // per body
   Matrix6X S;                        // present screws, 6 x n
+  std::vector<PathState> paths;      // per Mechanism::paths()
 };
 
-/// Fills prefixes, body poses and present screws at q [n].
+/// Fills prefixes, body poses, present screws and paths at q [n].
 void ComputeKinematics(const Mechanism& mechanism, const VectorX& q, Kinematics& out);
+
+/// f(coordinate, ∂length/∂q) for every term of a length, paths as `paths` has them.
+template <class F>
+void ForEachArm(const Mechanism::Length& length, const std::vector<PathState>& paths, F&& f) {
+  for (const auto& [i, c] : length.terms) f(i, c);
+  if (length.path < 0) return;
+  for (const auto& [i, arm] : paths[static_cast<std::size_t>(length.path)].arms) f(i, length.gear * arm);
+}
+/// What a length is at q, counted from the reference; `kinematics` of the same q.
+double LengthOf(const Mechanism& mechanism, const Mechanism::Length& length, const Kinematics& kinematics,
+                const VectorX& q);
 
 /// Jacobian of body b (6 x n): twist in R about R's origin per coordinate rate.
 Matrix6X BodyJacobian(const Mechanism& mechanism, const Kinematics& kinematics, BodyIndex b);
@@ -64,12 +82,14 @@ void ApplyMass(const Mechanism& mechanism, const Kinematics& kinematics, const V
 /// Force of all springs at rest-relative displacement: τ = f0 - K q, springy closures included.
 void SpringForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, VectorX& tau);
 /// Stiffness matrix K_q (n x n) of joint springs, linear springs and springy closures at the present pose.
+/// What a loaded path or closure adds by turning its arms is not in it: forces bring that by themselves.
 MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
 MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
 /// Energy stored in all springs [J].
 double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
 /// τ += control forces for inputs u (one per Mechanism::controls()).
-void AddControlForce(const Mechanism& mechanism, const VectorX& u, VectorX& tau);
+void AddControlForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& u,
+                     VectorX& tau);
 
 /// Moves q onto the closures by Gauss-Newton in the metric H = max(k, 1e-3 k_max). Returns the gap left [m].
 /// Used to repair an initial pose; `max_iterations` Newton steps at most.

@@ -34,9 +34,27 @@ class Mechanism {
   };
   /// Σ coefficient q[index]
   using LinearForm = std::vector<std::pair<int, double>>;
+  /// A length that springs, stops and motors act on, counted from the reference: Σ coefficient q[index] plus
+  /// gear (length of a path - its length at q = 0). What it is at a pose: LengthOf, ForEachArm.
+  struct Length {
+    LinearForm terms;
+    int path = -1;  // index in paths(); -1: none
+    double gear = 0;
+
+    /// One coordinate alone.
+    bool is_single() const { return path < 0 && terms.size() == 1; }
+  };
+  /// A tendon through space: its definition, and the coordinates that may change its length.
+  struct Path {
+    std::string name;
+    std::vector<PathElementDef> elements;
+    std::vector<int> coordinates;  // ascending
+    std::vector<int> slot;         // per coordinate: its place among those, -1
+    double at_reference = 0;       // m, at q = 0
+  };
   struct Spring {
     std::string name;
-    LinearForm terms;
+    Length length;
     double stiffness, damping, rest;
   };
   struct Coupling {
@@ -47,26 +65,26 @@ class Mechanism {
   };
   struct Control {
     std::string name;
-    LinearForm terms;
+    Length length;
     double gain, lower, upper, initial;
   };
 
   struct DryFriction {
     std::string name;
-    LinearForm terms;
+    Length length;
     double force;
   };
   struct LengthLimit {
     std::string name;
-    LinearForm terms;
+    Length length;
     double lower, upper;
 
     /// "joint 'elbow'", "tendon 'flexor'"
-    std::string WhatAndName() const { return (terms.size() == 1 ? "joint '" : "tendon '") + name + "'"; }
+    std::string WhatAndName() const { return (length.is_single() ? "joint '" : "tendon '") + name + "'"; }
   };
   struct ForceLimit {
     std::string name;
-    LinearForm terms;
+    Length length;
     LinearForm inputs;  // control, share times gain
     double stiffness, damping, rest, lower, upper;
   };
@@ -79,12 +97,15 @@ class Mechanism {
   const std::vector<Joint>& joints() const { return joints_; }
   const std::vector<ClosureDef>& closures() const { return definition_.closures; }
   const std::vector<Coupling>& couplings() const { return couplings_; }
+  const std::vector<Path>& paths() const { return paths_; }
   const std::vector<Spring>& springs() const { return springs_; }
   const std::vector<Control>& controls() const { return controls_; }
   const std::vector<DryFriction>& frictions() const { return frictions_; }
   const std::vector<ForceLimit>& force_limits() const { return force_limits_; }
   /// Those of single coordinates first.
   const std::vector<LengthLimit>& length_limits() const { return length_limits_; }
+  /// Coordinates that a length may depend on, each once for every term.
+  std::vector<int> CoordinatesOf(const Length& length) const;
   const Body& body(BodyIndex i) const { return bodies_[i.u()]; }
   const Joint& joint(JointIndex i) const { return joints_[i.u()]; }
 
@@ -126,6 +147,7 @@ class Mechanism {
   std::vector<Joint> joints_;
   std::vector<int> coordinate_joint_;
   std::vector<Coupling> couplings_;
+  std::vector<Path> paths_;
   std::vector<Spring> springs_;
   std::vector<Control> controls_;
   std::vector<DryFriction> frictions_;

@@ -17,6 +17,11 @@ inline constexpr std::pair<JointKind, const char*> kJointKindNames[] = {
     {JointKind::kBall, "ball"},      {JointKind::kCylindrical, "cylindrical"},
     {JointKind::kPlanar, "planar"},  {JointKind::kFree, "free"},
     {JointKind::kGeneral, "general"}};
+inline constexpr std::pair<PathElementDef::Kind, const char*> kPathElementNames[] = {
+    {PathElementDef::Kind::kPoint, "point"},
+    {PathElementDef::Kind::kSphere, "sphere"},
+    {PathElementDef::Kind::kCylinder, "cylinder"},
+    {PathElementDef::Kind::kPulley, "pulley"}};
 
 /// The word of a value in one of these lists; "" for what is none.
 template <class T, std::size_t count>

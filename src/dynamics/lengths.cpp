@@ -1,0 +1,77 @@
+// Lengths that springs, stops and motors act on: what they are and how they change at the present pose.
+#include <cmath>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/linalg/rank.hpp>
+
+namespace fork1s {
+
+void MechanismDynamics::LengthRow(const Mechanism::Length& length, const Part& part,
+                                  Eigen::Ref<VectorX> row) const {
+  row.setZero();
+  const int count = part.size - base_size_;
+  double unit = 0;
+  ForEachArm(length, Paths(), [&](int i, double c) {
+    row.tail(count) += c * Q_now().row(i).segment(part.begin, count).transpose();
+    unit += std::abs(c) * std::sqrt(model().h_inverse(i));
+  });
+  // Where loops hold a joint its row is the rounding of their closing. Nothing moves it, and a stop or dry
+  // friction that pushed with such a lever would push with the inverse of rounding.
+  const auto reach = coordinate_reach_.segment(part.begin, count).array();
+  if (!(row.tail(count).array().abs() > kRankThreshold * unit * reach).any()) row.setZero();
+}
+
+double MechanismDynamics::LengthRate(const Mechanism::Length& length) const {
+  double rate = 0;
+  ForEachArm(length, Paths(),
+             [&](int i, double c) { rate += c * Q_now().row(i).dot(x_.tail(model().size())); });
+  return rate;
+}
+
+double MechanismDynamics::Length(const Mechanism::Length& length) const {
+  double value = LengthOf(mechanism(), length, configuration_.kinematics, configuration_.q);
+  // In twist mode paths are those of the reference, and lengths go on along their arms.
+  if (length.path >= 0 && options_.recovery == Recovery::kTwist)
+    for (const auto& [i, arm] : Paths()[static_cast<std::size_t>(length.path)].arms)
+      value += length.gear * arm * (configuration_.q(i) - model().q_ref(i));
+  return value;
+}
+
+void MechanismDynamics::AddLengthForce(const Mechanism::Length& length, double force, VectorX& tau) const {
+  ForEachArm(length, Paths(), [&](int i, double c) { tau(i) += c * force; });
+}
+
+// out = Qᵀ ∂ℓ/∂q
+void MechanismDynamics::ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths,
+                                   const MatrixX& Q, VectorX& out) const {
+  out.setZero();
+  ForEachArm(length, paths, [&](int i, double c) { out.noalias() += c * Q.row(i).transpose(); });
+}
+
+// A += weight e eᵀ, e the row that the spring of a length has in A: that of the pose for a path in a step of
+// implicit Euler, else that of the reference, as in K_r.
+void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weight) {
+  auto A_z = A_.bottomRightCorner(model().size(), model().size());
+  if (length.path >= 0 && scheme_ == Scheme::kEuler && options_.recovery == Recovery::kExact)
+    ReducedRow(length, Paths(), Q_now(), limit_row_);
+  else
+    ReducedRow(length, paths_ref_, model().Q, limit_row_);
+  A_z.noalias() += weight * limit_row_ * limit_row_.transpose();
+}
+
+// Springs and dampers of paths stand in K_r and D as they are at the reference. A thread's arms may double
+// before the next refresh, and a stiff spring that A knows by half would swing up: in A they turn with the
+// pose. A step of second order keeps the reference's, and looks for the end of a step anew where springs bend
+// (theta_minimum.cpp); the dampers' arms are those of the last refresh there.
+void MechanismDynamics::TurnPathSprings(double h) {
+  if (Paths().empty() || scheme_ != Scheme::kEuler || options_.recovery != Recovery::kExact) return;
+  auto A_z = A_.bottomRightCorner(model().size(), model().size());
+  for (const Mechanism::Spring& s : mechanism().springs()) {
+    if (s.length.path < 0) continue;
+    const double weight = h * (h * s.stiffness + s.damping);
+    ReducedRow(s.length, paths_ref_, model().Q, limit_row_);
+    A_z.noalias() -= weight * limit_row_ * limit_row_.transpose();
+    AddSpringOf(s.length, weight);
+  }
+}
+
+}  // namespace fork1s
