@@ -181,7 +181,6 @@ TEST(ImportTendons, HigherTermsOfSpringsAndDampersAreListed) {
       <geom size=".1"/><site name="sa" pos="0 0 .1"/></body></worldbody>
     <tendon><spatial name="t" stiffness="9 2" damping=".2"><site site="w"/><site site="sa"/></spatial></tendon></mujoco>)";
   const ImportedScene loaded = MustLoad(text);
-  using Kind = ImportNote::Kind;
   EXPECT_TRUE(HasNote(loaded.report, Kind::kDropped, "higher terms of the spring or damper of joint 'ja'"));
   EXPECT_TRUE(HasNote(loaded.report, Kind::kDropped, "higher terms of the spring or damper of tendon 't'"));
   const Mechanism m = MustBuild(loaded.scene.mechanisms[0]);
