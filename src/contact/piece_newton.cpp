@@ -2,12 +2,16 @@
 
 #include <cmath>
 #include <fork1s/linalg/in_place.hpp>
+#include <limits>
 
 namespace fork1s::internal {
 namespace {
 
 // |d − Σ Gᵀλ| / |Σ Gᵀλ| that needs no more of it: rounding, where impulses a thousand times as large cancel.
 constexpr double kRefined = 1e-13;
+// |λ − Π(y)| / |Σ Gᵀλ| that a step or two more usually reach, since they converge by squares. Two rows both at
+// the end of what they bear may take turns a little above it.
+constexpr double kAim = 1e-12;
 
 }  // namespace
 
@@ -52,6 +56,7 @@ void PieceNewton::Refine(CompliantRows& rows, std::vector<double>& d) {
 bool PieceNewton::Solve(CompliantRows& rows, std::vector<double>& d, double tolerance, int max_iterations,
                         int& iterations) {
   rows.TakePieces(d.data());
+  double before = std::numeric_limits<double>::infinity();
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
     ++iterations;
     if (!Factor(rows)) return false;
@@ -60,9 +65,10 @@ bool PieceNewton::Solve(CompliantRows& rows, std::vector<double>& d, double tole
     rows.ImpulsesOfPieces(d.data());
     Refine(rows, d);
     rows.TakePieces(d.data());
-    if (Reached(rows, tolerance)) return true;
+    if (Reached(rows, kAim) || (Reached(rows, tolerance) && !(rows.law_gap() < 0.5 * before))) return true;
+    before = rows.law_gap();
   }
-  return false;
+  return Reached(rows, tolerance);
 }
 
 bool PieceNewton::Settle(CompliantRows& rows, std::vector<double>& d, double tolerance) {

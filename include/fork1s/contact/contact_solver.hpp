@@ -74,7 +74,7 @@ struct LimitConstraint {
 };
 
 struct ContactSolverOptions {
-  double tolerance = 1e-12;  // of the velocities that contact changes, all weighed by inertia
+  double tolerance = 1e-10;  // of the velocities that contact changes, all weighed by inertia
   int max_newton_iterations = 60;
   /// Contact gives no more than this share of the inverse mass at it: an impact within a step leaves no more
   /// of its speed, however soft the material.
