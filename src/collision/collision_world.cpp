@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/mechanism/restitution.hpp>
 
 #include "collision_model.hpp"
 #include "pair_routines.hpp"
@@ -21,6 +22,15 @@ void SetFriction(const internal::CollisionGeom& a, const internal::CollisionGeom
   const int moments = std::max(first.moments, second.moments);
   if (moments > 0) out.torsion = std::max(first.torsion, second.torsion);
   if (moments > 1) out.rolling = std::max(first.rolling, second.rolling);
+}
+
+/// As MuJoCo mixes `solref`: the mean of both damping ratios, or that of the higher priority.
+void SetRestitution(const internal::CollisionGeom& a, const internal::CollisionGeom& b, ContactPoint& out) {
+  const internal::CollisionGeom& first = b.priority > a.priority ? b : a;
+  const internal::CollisionGeom& second = a.priority > b.priority ? a : b;
+  if (first.restitution == 0 && second.restitution == 0) return;
+  out.restitution =
+      RestitutionOf(0.5 * (DampingRatioOf(first.restitution) + DampingRatioOf(second.restitution)));
 }
 
 void WritePose(mjtNum* xpos, mjtNum* xmat, int id, const RigidTransform& X) {
@@ -171,6 +181,7 @@ bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
     out.frame = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(in.frame);
     out.gap = in.dist;
     SetFriction(a, b, out);
+    SetRestitution(a, b, out);
   }
   return d->warning[mjWARN_CONTACTFULL].number == warnings;
 }

@@ -188,6 +188,7 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
       geom.frictionless = def.frictionless;
       geom.torsion = def.torsion;
       geom.rolling = def.rolling;
+      geom.restitution = def.restitution;
       geom.moments = def.frictionless ? 0 : def.moments;
       ShapeWriter writer{model, geom, body.moves, ""};
       const std::string shape = std::visit(writer, def.shape);
@@ -196,6 +197,7 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
         writer.problem = "friction must not be negative";
       if (!(def.torsion >= 0 && def.rolling >= 0 && std::isfinite(def.torsion + def.rolling)))
         writer.problem = "torsional and rolling friction must not be negative";
+      if (!(def.restitution >= 0 && def.restitution <= 1)) writer.problem = "restitution must be 0 to 1";
       if (!writer.problem.empty()) {
         return Fail(ErrorCode::kModel, Place(body, static_cast<int>(g)), writer.problem);
       }

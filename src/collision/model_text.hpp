@@ -30,6 +30,7 @@ struct CollisionGeom {
   int priority = 0;
   bool frictionless = false;
   double torsion = 0, rolling = 0;
+  double restitution = 0;
   int moments = 0;
 };
 

@@ -248,6 +248,7 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
            mechanism_blocks_[static_cast<std::size_t>(c.index)].refreshed > 0;
   };
   constraints_.resize(points_.size());
+  approach_.assign(points_.size(), 0.0);
   for (std::size_t i = 0; i < points_.size(); ++i) {
     ContactPoint& p = points_[i];
     ContactConstraint& c = constraints_[i];
@@ -271,9 +272,11 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
     // Half way stands what half a step of the old velocity has made of the gap that the start had.
     if (middle_) p.gap -= 0.5 * h * speed(0);
     SetMaterial(options.material, p.gap, h, c);
+    if (p.restitution > 0 && !middle_) approach_[i] = std::max(0.0, -speed(0));
     if (match_[i] < 0) continue;
     const auto k = static_cast<std::size_t>(match_[i]);
     const ContactRecord& before = previous_[k];
+    if (before.impulse(0) > 0) approach_[i] = 0;  // it has met already
     c.held = c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
     c.held_use = before.use;
     c.held_moment = c.moment = p.frame * (before.point.frame.transpose() * before.moment);
@@ -312,6 +315,19 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
         limits_.push_back(friction);
       }
     }
+  }
+}
+
+// What is met within the step and has restitution parts again, once the free motion is known.
+void World::Detail::Rebound(double h) {
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    if (approach_[i] == 0) continue;
+    ContactConstraint& c = constraints_[i];
+    double free_speed = 0;
+    if (c.port_a >= 0) free_speed += c.J_a.row(0).dot(velocities_.segment<6>(c.port_a));
+    if (c.port_b >= 0) free_speed += c.J_b.row(0).dot(velocities_.segment<6>(c.port_b));
+    const double speed = ReboundSpeed(points_[i].restitution, approach_[i], free_speed, points_[i].gap, h);
+    if (speed > 0) c.bias[0] = -speed;
   }
 }
 

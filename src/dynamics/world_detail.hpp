@@ -25,6 +25,7 @@ struct World::Detail {
   void MoveAllTo(const StepOptions& options, bool middle);
   void ExpectContacts();
   void ShiftRows();
+  void Rebound(double h);
   bool ClosesAtSpeed(const StepOptions& options) const;
   double MotionWithin(double h) const;
   void LayOutPorts(const StepOptions& options);
@@ -60,6 +61,7 @@ struct World::Detail {
   bool middle_ = false;              // contacts of this step are found half way
   bool by_theta_ = false;
   bool curvature_valid_ = false;     // previous_speed_W_ is of the step before
+  std::vector<double> approach_;     // m/s, of points that may part again; 0 for others
   std::vector<ContactConstraint> constraints_;
   std::vector<LimitConstraint> limits_;
   std::vector<VelocityBlock> blocks_;

@@ -58,8 +58,9 @@ class Hash {
     Add(X_WB, omega_B, velocity, force_W, moment_W);
   }
   void One(const ContactPoint& p) {
-    const auto& [body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling] = p;
-    Add(body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling);
+    const auto& [body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling,
+                 restitution] = p;
+    Add(body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling, restitution);
   }
   void One(const ContactRecord& record) {
     const auto& [point, impulse, friction, moment, use] = record;

@@ -44,6 +44,7 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
   for (int round = 0; round < kRounds; ++round) {
     if (!points_.empty() || !limits_.empty()) {
       AssembleOperators();
+      if (round == 0) Rebound(options.h);
       report.solver = solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
       ApplyImpulses();
     }

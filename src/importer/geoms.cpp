@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <cmath>
+#include <fork1s/mechanism/restitution.hpp>
 #include <memory>
 
 #include "conversion.hpp"
@@ -82,6 +84,13 @@ class Shapes {
   std::vector<std::shared_ptr<const HeightGrid>> grids_;
 };
 
+// The damping ratio that `solref` gives contacts of a geom: named, or by stiffness and damping per mass.
+double DampingRatio(const mjModel& m, int g) {
+  const mjtNum* solref = m.opt.enableflags & mjENBL_OVERRIDE ? m.opt.o_solref : m.geom_solref + mjNREF * g;
+  if (solref[0] > 0) return solref[1];
+  return solref[0] < 0 ? -solref[1] / (2 * std::sqrt(-solref[0])) : 1;
+}
+
 }  // namespace
 
 void ConvertGeoms(Conversion& c) {
@@ -108,6 +117,7 @@ void ConvertGeoms(Conversion& c) {
     geometry.torsion = m.geom_friction[3 * g + 1];
     geometry.rolling = m.geom_friction[3 * g + 2];
     geometry.moments = m.geom_condim[g] >= 6 ? 2 : m.geom_condim[g] >= 4 ? 1 : 0;
+    geometry.restitution = RestitutionOf(DampingRatio(m, g));
     geometry.rgba = Colour(m, g);
     geometry.group = m.geom_group[g];
 

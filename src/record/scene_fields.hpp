@@ -80,10 +80,11 @@ void Fields(A& a, Like<SpatialInertia, A>& s) {
 template <class A>
 void Fields(A& a, Like<GeometryDef, A>& s) {
   auto& [name, shape, X_BG, friction, priority, contype, conaffinity, frictionless, torsion, rolling, moments,
-         rgba, group] = s;
+         restitution, rgba, group] = s;
   a("name", name), a("shape", shape), a("X_BG", X_BG), a("friction", friction), a("priority", priority);
   a("contype", contype), a("conaffinity", conaffinity), a("frictionless", frictionless);
   a("torsion", torsion), a("rolling", rolling), a("moments", moments);
+  a("restitution", restitution);
   a("rgba", rgba), a("group", group);
 }
 

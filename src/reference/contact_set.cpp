@@ -93,10 +93,20 @@ const ContactSet::Past* ContactSet::FindPast(const ContactPoint& point) {
   return &past_[static_cast<std::size_t>(found)];
 }
 
+// Relative velocity in the contact's frame.
+Vector3 ContactSet::Speed(const ContactConstraint& c) const {
+  Vector3 speed = Vector3::Zero();
+  if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
+  if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);
+  return speed;
+}
+
 void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms, double h,
                          const FullSimulationOptions& options) {
   constraints_.assign(points_.size(), ContactConstraint{});
   past_used_.assign(past_.size(), 0);
+  approach_.assign(points_.size(), 0.0);
+  bias_.resize(points_.size());
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactPoint& p = points_[i];
     ContactConstraint& c = constraints_[i];
@@ -128,6 +138,8 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
       if (options.contact_curvature && past->impulse(0) > 0)
         c.bias += 0.5 * (speed - p.frame * past->speed_W);
     }
+    if (p.restitution > 0 && !(past && past->impulse(0) > 0)) approach_[i] = std::max(0.0, -speed(0));
+    bias_[i] = c.bias[0];
   }
   limits_.clear();
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
@@ -158,6 +170,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
 
 void ContactSet::Open(const Mechanisms& mechanisms, const Bodies& free_bodies, double h,
                       const FullSimulationOptions& options) {
+  h_ = h;
   LayOutPorts(mechanisms, free_bodies, h);
   AddRows(free_bodies, mechanisms, h, options);
 }
@@ -234,6 +247,12 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
   pushes_free_body_.assign(free_bodies.size(), 0);
   if (empty()) return true;
 
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    ContactConstraint& c = constraints_[i];
+    const Vector3 speed = Speed(c);
+    const double rebound = ReboundSpeed(points_[i].restitution, approach_[i], speed(0), points_[i].gap, h_);
+    c.bias[0] = rebound > 0 ? -rebound : bias_[i];
+  }
   report = solver_.Solve(velocity_blocks, constraints_, limits_, velocities_, options);
   VectorX impulses = VectorX::Zero(velocities_.size());
   for (const ContactConstraint& c : constraints_) {
@@ -287,9 +306,7 @@ void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact
   contacts.clear();
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
-    Vector3 speed = Vector3::Zero();
-    if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
-    if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);
+    const Vector3 speed = Speed(c);
     past_.push_back({points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed, c.use});
     FullContact& out = contacts.emplace_back();
     out.point = points_[i];

@@ -78,6 +78,7 @@ class ContactSet {
   void LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h);
   void AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms, double h,
                const FullSimulationOptions& options);
+  Vector3 Speed(const ContactConstraint& c) const;
   const Past* FindPast(const ContactPoint& point);
 
   std::unique_ptr<CollisionWorld> collision_;
@@ -85,9 +86,11 @@ class ContactSet {
   std::vector<RigidTransform> previous_pose_;
   bool has_previous_pose_ = false;
   double margin_max_ = 0;  // m
+  double h_ = 0;           // s, of the step at hand
 
   ContactSolver solver_;
   std::vector<ContactPoint> points_;
+  std::vector<double> approach_, bias_;  // per point: speed of approach where it may part again, plain bias
   std::vector<ContactConstraint> constraints_;
   std::vector<LimitConstraint> limits_;
   std::vector<Block> blocks_;

@@ -80,6 +80,25 @@ TEST(CollisionFilters, FrictionOfAPair) {
   EXPECT_EQ(friction(0, 0, false, 0, 0, false), 0);
 }
 
+TEST(CollisionFilters, RestitutionOfAPair) {
+  const auto restitution = [](double e1, int p1, double e2, int p2) {
+    CollisionBodyDef a = Still(Plane{}), b = BallOn(0);
+    a.geometries[0].restitution = e1;
+    a.geometries[0].priority = p1;
+    b.geometries[0].restitution = e2;
+    b.geometries[0].priority = p2;
+    const auto contacts = Contacts({a, b});
+    EXPECT_EQ(contacts.size(), 1u);
+    return contacts.empty() ? -1 : contacts[0].restitution;
+  };
+  EXPECT_EQ(restitution(0, 0, 0, 0), 0);
+  EXPECT_NEAR(restitution(0.7, 0, 0.7, 0), 0.7, 1e-15);
+  EXPECT_NEAR(restitution(0.9, 1, 0.2, 0), 0.9, 1e-15);
+  EXPECT_EQ(restitution(0.9, 0, 0, 1), 0);
+  // One that does not bounce damps critically: the mean ratio of 1 and 0 is that of exp(-π/√3).
+  EXPECT_NEAR(restitution(1, 0, 0, 0), std::exp(-M_PI / std::sqrt(3)), 1e-15);
+}
+
 TEST(CollisionErrors, NameTheGeometry) {
   const auto error = [](Shape shape) {
     CollisionBodyDef body = Moving(std::move(shape));

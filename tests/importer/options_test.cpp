@@ -154,5 +154,20 @@ TEST(ImportOptionsTest, ShapesAndTheirContactData) {
   EXPECT_EQ(hill.values.size(), 12u);
 }
 
+// A damping ratio below 1 bounces, whether it is named or follows from stiffness and damping.
+TEST(ImportOptionsTest, SolrefSaysWhatBounces) {
+  const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+    <geom name="lively" size=".1" pos="0 0 1" solref=".02 .2"/>
+    <geom name="direct" size=".1" pos="0 0 2" solref="-2500 -20"/>
+    <geom name="damped" size=".1" pos="0 0 3" solref=".02 1.5"/></worldbody></mujoco>)");
+  const auto& world = loaded.scene.world;
+  ASSERT_EQ(world.size(), 4u);
+  EXPECT_EQ(world[0].restitution, 0);
+  // exp(-π ζ/√(1 - ζ²)) for ζ = 0.2: 20/(2 √2500) in the second.
+  EXPECT_NEAR(world[1].restitution, std::exp(-M_PI * 0.2 / std::sqrt(0.96)), 1e-12);
+  EXPECT_NEAR(world[2].restitution, world[1].restitution, 1e-12);
+  EXPECT_EQ(world[3].restitution, 0);
+}
+
 }  // namespace
 }  // namespace fork1s::testing_importer

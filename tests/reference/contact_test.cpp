@@ -51,6 +51,22 @@ class Ball : public ::testing::TestWithParam<Coordinates> {
   }
 };
 
+TEST_P(Ball, BouncesToTheSquareOfItsRestitution) {
+  constexpr double kDrop = 0.5, kShare = 0.7, h = 1.0 / 240;
+  Scene scene = BallOnPlane(kRadius + kDrop, 0, 1);
+  scene.world[0].restitution = scene.free_bodies[0].geometries[0].restitution = kShare;
+  FullSimulation s = Start(GetParam() == Coordinates::kFreeBody ? scene : AsMechanism(scene), h);
+  double highest = 0;
+  bool met = false;
+  for (int i = 0; i < 150; ++i) {
+    Advance(s, h);
+    met = met || !s.contacts().empty();
+    if (met) highest = std::max(highest, s.Pose(0).translation().z() - kRadius);
+  }
+  // Material and the time between samples take some thousandths.
+  EXPECT_NEAR(highest, kShare * kShare * kDrop, 0.01 * kDrop);
+}
+
 TEST_P(Ball, RestsWithItsWeight) {
   FullSimulation s = Make(kRadius, 0, 1.0 / 60);
   Advance(s, 1);

@@ -29,6 +29,7 @@ struct ContactPoint {
   double gap = 0;                       // m, negative in penetration
   double friction = 0;  // of the higher priority, else the larger; 0 if all who decide are frictionless
   double torsion = 0, rolling = 0;  // m, likewise; 0 where the pair bears no such moment
+  double restitution = 0;           // share of the speed of approach that is left
 };
 
 struct CollisionOptions {

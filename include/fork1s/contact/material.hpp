@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <fork1s/contact/contact_solver.hpp>
 
 namespace fork1s {
@@ -24,6 +25,19 @@ inline void SetMaterial(const ContactMaterial& material, double gap, double h, C
   c.compliance_normal = 1 / (h * (h + tau) * k);
   c.compliance_tangent = 1 / (h * h * k);
   c.bias[0] = gap > 0 ? gap / h : std::max(gap / (h + tau), -material.max_push_speed);
+}
+
+/// Normal speed [m/s] at which a contact parts at the end of a step within which it is met, 0 where it stays.
+/// `approach`: speed of approach before the step; `free_speed`: normal speed after it if nothing were met.
+/// What is left of the energy at touch, e² of it, is that of the end of the step: with the acceleration a of
+/// the free motion and the place gap + h u,
+///     u²/2 + a (gap + h u) = e² u_c²/2,   u_c² = approach² + 2 a gap
+inline double ReboundSpeed(double restitution, double approach, double free_speed, double gap, double h) {
+  if (!(restitution > 0 && approach > 0) || gap + h * free_speed >= 0) return 0;
+  const double gained = -free_speed - approach;  // a h
+  const double fall = 2 * gained / h * gap;
+  const double left = restitution * restitution * std::max(0.0, approach * approach + fall) - fall;
+  return left > 0 ? std::sqrt(gained * gained + left) - gained : 0;
 }
 
 /// A stop of a joint: the same gap, without a spring of its own.

@@ -27,6 +27,8 @@ struct GeometryDef {
   double rolling = 0.0001;  // m: the same about the tangents
   int moments =
       0;  // 0: contacts bear none, 1: torsion, 2: rolling too (condim 3, 4, 6); a pair takes the more
+  double restitution = 0;  // share of its speed with which parts again what meets it, 0 to 1; a pair has the
+                           // mean of its damping ratios (restitution.hpp), or the higher priority's
   Vector4 rgba = Vector4(0.6, 0.6, 0.6, 1);
   int group = 0;  // for drawing only
 
