@@ -8,20 +8,20 @@
 namespace fork1s {
 namespace {
 
-constexpr double kRadius = 0.05, kDrop = 0.5;
+constexpr double kBallRadius = 0.05, kDrop = 0.5;
 
 // A ball over a plane whose pair has a given restitution, dropped from a height that no step ends at.
 Scene BallOverPlane(double restitution) {
   Scene scene;
   scene.world.push_back(testing::Geometry("ground", Plane{}, 0.5));
-  scene.free_bodies.push_back(testing::BallBody("ball", 0.3, kRadius, Vector3(0, 0, kRadius + kDrop), 0.5));
+  scene.free_bodies.push_back(testing::BallBody("ball", 0.3, kBallRadius, Vector3(0, 0, kBallRadius + kDrop), 0.5));
   scene.world[0].restitution = scene.free_bodies[0].geometries[0].restitution = restitution;
   return scene;
 }
 
 double EnergyOf(const World& world) {
   // Above that of the ball on the ground.
-  return world.KineticEnergy() + world.PotentialEnergy(Vector3(0, 0, -9.81)) - 0.3 * 9.81 * kRadius;
+  return world.KineticEnergy() + world.PotentialEnergy(Vector3(0, 0, -9.81)) - 0.3 * 9.81 * kBallRadius;
 }
 
 TEST(Bounce, EveryBounceLeavesTheSquareOfRestitution) {
@@ -61,7 +61,7 @@ TEST(Bounce, NothingGainsAndAllComesToRest) {
     before = EnergyOf(world);
   }
   EXPECT_LT(world.free_bodies()[0].velocity().center.norm(), 1e-9);
-  EXPECT_NEAR(world.free_bodies()[0].pose().translation().z(), kRadius, 2e-5);  // 10 µm of material
+  EXPECT_NEAR(world.free_bodies()[0].pose().translation().z(), kBallRadius, 2e-5);  // 10 µm of material
 }
 
 TEST(Bounce, WithoutRestitutionItStays) {
@@ -71,7 +71,7 @@ TEST(Bounce, WithoutRestitutionItStays) {
   bool met = false;
   for (int i = 0; i < 120; ++i) {
     met = world.Step(step).solver.active > 0 || met;
-    if (met) highest = std::max(highest, world.free_bodies()[0].pose().translation().z() - kRadius);
+    if (met) highest = std::max(highest, world.free_bodies()[0].pose().translation().z() - kBallRadius);
   }
   EXPECT_TRUE(met);
   EXPECT_LT(highest, 1e-4);
@@ -82,7 +82,7 @@ TEST(Bounce, TwoBallsExchangeTheirSpeeds) {
   Scene scene;
   for (int i = 0; i < 2; ++i) {
     scene.free_bodies.push_back(
-        testing::BallBody(i == 0 ? "first" : "second", 0.3, kRadius, Vector3(0.33 * i, 0, 0), 0));
+        testing::BallBody(i == 0 ? "first" : "second", 0.3, kBallRadius, Vector3(0.33 * i, 0, 0), 0));
     scene.free_bodies.back().geometries[0].restitution = 1;
   }
   KeyframeDef key;
