@@ -159,7 +159,8 @@ TEST(ImportOptionsTest, SolrefSaysWhatBounces) {
   const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody><geom type="plane" size="1 1 1"/>
     <geom name="lively" size=".1" pos="0 0 1" solref=".02 .2"/>
     <geom name="direct" size=".1" pos="0 0 2" solref="-2500 -20"/>
-    <geom name="damped" size=".1" pos="0 0 3" solref=".02 1.5"/></worldbody></mujoco>)");
+    <geom name="damped" size=".1" pos="0 0 3" solref=".02 1.5"/>
+    <body pos="0 0 5"><freejoint/><geom size=".1"/></body></worldbody></mujoco>)");
   const auto& world = loaded.scene.world;
   ASSERT_EQ(world.size(), 4u);
   EXPECT_EQ(world[0].restitution, 0);
