@@ -276,7 +276,6 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
     if (match_[i] < 0) continue;
     const auto k = static_cast<std::size_t>(match_[i]);
     const ContactRecord& before = previous_[k];
-    if (before.impulse(0) > 0) approach_[i] = 0;  // it has met already
     c.held = c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
     c.held_use = before.use;
     c.held_moment = c.moment = p.frame * (before.point.frame.transpose() * before.moment);

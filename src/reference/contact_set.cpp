@@ -138,7 +138,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
       if (options.contact_curvature && past->impulse(0) > 0)
         c.bias += 0.5 * (speed - p.frame * past->speed_W);
     }
-    if (p.restitution > 0 && !(past && past->impulse(0) > 0)) approach_[i] = std::max(0.0, -speed(0));
+    if (p.restitution > 0) approach_[i] = std::max(0.0, -speed(0));
     bias_[i] = c.bias[0];
   }
   limits_.clear();

@@ -32,9 +32,12 @@ inline void SetMaterial(const ContactMaterial& material, double gap, double h, C
 /// What is left of the energy at touch, e² of it, is that of the end of the step: with the acceleration a of
 /// the free motion and the place gap + h u,
 ///     u²/2 + a (gap + h u) = e² u_c²/2,   u_c² = approach² + 2 a gap
+/// A bounce that would end below the gap has no such u: the contact closes in this step and parts in the
+/// next. What approaches no faster than the free motion makes it within one step stays.
 inline double ReboundSpeed(double restitution, double approach, double free_speed, double gap, double h) {
   if (!(restitution > 0 && approach > 0) || gap + h * free_speed >= 0) return 0;
   const double gained = -free_speed - approach;  // a h
+  if (approach <= gained) return 0;
   const double fall = 2 * gained / h * gap;
   const double left = restitution * restitution * std::max(0.0, approach * approach + fall) - fall;
   return left > 0 ? std::sqrt(gained * gained + left) - gained : 0;
