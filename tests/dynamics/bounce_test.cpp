@@ -8,21 +8,21 @@
 namespace fork1s {
 namespace {
 
-constexpr double kBallRadius = 0.05, kDrop = 0.5, kMass = 0.3;
+constexpr double kBallRadius = 0.05, kDrop = 0.5, kBallMass = 0.3;
 
 // A ball over a plane whose pair has a given restitution, dropped from a height that no step ends at.
 Scene BallOverPlane(double restitution) {
   Scene scene;
   scene.world.push_back(testing::Geometry("ground", Plane{}, 0.5));
   scene.free_bodies.push_back(
-      testing::BallBody("ball", kMass, kBallRadius, Vector3(0, 0, kBallRadius + kDrop), 0.5));
+      testing::BallBody("ball", kBallMass, kBallRadius, Vector3(0, 0, kBallRadius + kDrop), 0.5));
   scene.world[0].restitution = scene.free_bodies[0].geometries[0].restitution = restitution;
   return scene;
 }
 
 double EnergyOf(const World& world) {
   // Above that of the ball on the ground.
-  return world.KineticEnergy() + world.PotentialEnergy(Vector3(0, 0, -9.81)) - kMass * 9.81 * kBallRadius;
+  return world.KineticEnergy() + world.PotentialEnergy(Vector3(0, 0, -9.81)) - kBallMass * 9.81 * kBallRadius;
 }
 
 TEST(Bounce, EveryBounceLeavesTheSquareOfRestitution) {
@@ -43,7 +43,7 @@ TEST(Bounce, EveryBounceLeavesTheSquareOfRestitution) {
           ++bounces;
           // The material gives a thousandth of the change of speed, 1 + 1/e times the speed that is left. A
           // bounce lower than the way of a step begins a step late, with g h less of its speed of touch.
-          const double touch = std::sqrt(2 * before / kMass),
+          const double touch = std::sqrt(2 * before / kBallMass),
                        late = e * e * touch < 9.81 * h ? 9.81 * h / touch : 0;
           EXPECT_LE(last, e * e * before * (1 + 0.003 * (1 + 1 / e))) << i;
           EXPECT_GE(last, e * e * before * (1 - 0.003 * (1 + 1 / e) - 2 * late)) << i;
