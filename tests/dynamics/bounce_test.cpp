@@ -8,21 +8,22 @@
 namespace fork1s {
 namespace {
 
-constexpr double kBallRadius = 0.05, kDrop = 0.5, kBallMass = 0.3;
+constexpr double kBouncingRadius = 0.05, kDrop = 0.5, kBouncingMass = 0.3;
 
 // A ball over a plane whose pair has a given restitution, dropped from a height that no step ends at.
 Scene BallOverPlane(double restitution) {
   Scene scene;
   scene.world.push_back(testing::Geometry("ground", Plane{}, 0.5));
   scene.free_bodies.push_back(
-      testing::BallBody("ball", kBallMass, kBallRadius, Vector3(0, 0, kBallRadius + kDrop), 0.5));
+      testing::BallBody("ball", kBouncingMass, kBouncingRadius, Vector3(0, 0, kBouncingRadius + kDrop), 0.5));
   scene.world[0].restitution = scene.free_bodies[0].geometries[0].restitution = restitution;
   return scene;
 }
 
 double EnergyOf(const World& world) {
   // Above that of the ball on the ground.
-  return world.KineticEnergy() + world.PotentialEnergy(Vector3(0, 0, -9.81)) - kBallMass * 9.81 * kBallRadius;
+  return world.KineticEnergy() + world.PotentialEnergy(Vector3(0, 0, -9.81)) -
+         kBouncingMass * 9.81 * kBouncingRadius;
 }
 
 TEST(Bounce, EveryBounceLeavesTheSquareOfRestitution) {
@@ -43,7 +44,7 @@ TEST(Bounce, EveryBounceLeavesTheSquareOfRestitution) {
           ++bounces;
           // The material gives a thousandth of the change of speed, 1 + 1/e times the speed that is left. A
           // bounce lower than the way of a step begins a step late, with g h less of its speed of touch.
-          const double touch = std::sqrt(2 * before / kBallMass),
+          const double touch = std::sqrt(2 * before / kBouncingMass),
                        late = e * e * touch < 9.81 * h ? 9.81 * h / touch : 0;
           EXPECT_LE(last, e * e * before * (1 + 0.003 * (1 + 1 / e))) << i;
           EXPECT_GE(last, e * e * before * (1 - 0.003 * (1 + 1 / e) - 2 * late)) << i;
@@ -70,7 +71,7 @@ TEST(Bounce, NothingGainsAndAllComesToRest) {
     before = EnergyOf(world);
   }
   EXPECT_LT(world.free_bodies()[0].velocity().center.norm(), 1e-9);
-  EXPECT_NEAR(world.free_bodies()[0].pose().translation().z(), kBallRadius, 2e-5);  // 10 µm of material
+  EXPECT_NEAR(world.free_bodies()[0].pose().translation().z(), kBouncingRadius, 2e-5);  // 10 µm of material
 }
 
 TEST(Bounce, WithoutRestitutionItStays) {
@@ -80,7 +81,7 @@ TEST(Bounce, WithoutRestitutionItStays) {
   bool met = false;
   for (int i = 0; i < 120; ++i) {
     met = world.Step(step).solver.active > 0 || met;
-    if (met) highest = std::max(highest, world.free_bodies()[0].pose().translation().z() - kBallRadius);
+    if (met) highest = std::max(highest, world.free_bodies()[0].pose().translation().z() - kBouncingRadius);
   }
   EXPECT_TRUE(met);
   EXPECT_LT(highest, 1e-4);
@@ -91,7 +92,7 @@ TEST(Bounce, TwoBallsExchangeTheirSpeeds) {
   Scene scene;
   for (int i = 0; i < 2; ++i) {
     scene.free_bodies.push_back(
-        testing::BallBody(i == 0 ? "first" : "second", 0.3, kBallRadius, Vector3(0.33 * i, 0, 0), 0));
+        testing::BallBody(i == 0 ? "first" : "second", 0.3, kBouncingRadius, Vector3(0.33 * i, 0, 0), 0));
     scene.free_bodies.back().geometries[0].restitution = 1;
   }
   KeyframeDef key;

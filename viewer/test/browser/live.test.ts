@@ -8,7 +8,7 @@ describe.skipIf(!ready)('the page on a running hand', () => {
 
   it('shows the model and its name', async () => {
     expect(await live.page.title()).toContain('hand.xml');
-    expect(await live.page.locator('.cover').isVisible()).toBe(false);
+    await live.page.locator('.cover').waitFor({ state: 'hidden' });
     expect(await live.page.evaluate(() => fork1s?.view.bodies.triangles ?? 0)).toBeGreaterThan(1000);
   });
 
@@ -44,7 +44,7 @@ describe.skipIf(!ready)('the page on a running hand', () => {
     expect(distance(await poseOf(live.page, 'index_middle'), before)).toBeGreaterThan(1e-3);
     await live.page.mouse.up();
     await live.page.waitForFunction(() => fork1s?.view.frame?.pulls.length === 0);
-    expect(await live.page.locator('.force').isVisible()).toBe(false);
+    await live.page.locator('.force').waitFor({ state: 'hidden' });
   });
 
   it('pushes with a click', async () => {

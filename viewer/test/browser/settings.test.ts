@@ -84,7 +84,7 @@ describe.skipIf(!ready)('settings, picking and recordings', () => {
     await running(replay);
     await replay.waitForFunction(() => (fork1s?.timeline?.at ?? 0) > 1);
     expect(await replay.evaluate(() => fork1s?.view.poseError() ?? NaN)).toBeLessThan(1e-6);
-    expect(await replay.locator('.cover').isVisible()).toBe(false);
+    await replay.locator('.cover').waitFor({ state: 'hidden' });
     await replay.close();
   }
 
