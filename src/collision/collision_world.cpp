@@ -13,24 +13,18 @@
 namespace fork1s {
 namespace {
 
-/// As in MJCF: the higher priority decides, else the larger coefficient and the more moments; a pair is
-/// frictionless when all who decide are.
-void SetFriction(const internal::CollisionGeom& a, const internal::CollisionGeom& b, ContactPoint& out) {
+/// As in MJCF: the higher priority decides, else the larger coefficient, the more moments and the mean of
+/// both damping ratios; a pair is frictionless when all who decide are.
+void SetLaw(const internal::CollisionGeom& a, const internal::CollisionGeom& b, ContactPoint& out) {
   const internal::CollisionGeom& first = b.priority > a.priority ? b : a;
   const internal::CollisionGeom& second = a.priority > b.priority ? a : b;
   if (!first.frictionless || !second.frictionless) out.friction = std::max(first.friction, second.friction);
   const int moments = std::max(first.moments, second.moments);
   if (moments > 0) out.torsion = std::max(first.torsion, second.torsion);
   if (moments > 1) out.rolling = std::max(first.rolling, second.rolling);
-}
-
-/// As MuJoCo mixes `solref`: the mean of both damping ratios, or that of the higher priority.
-void SetRestitution(const internal::CollisionGeom& a, const internal::CollisionGeom& b, ContactPoint& out) {
-  const internal::CollisionGeom& first = b.priority > a.priority ? b : a;
-  const internal::CollisionGeom& second = a.priority > b.priority ? a : b;
-  if (first.restitution == 0 && second.restitution == 0) return;
-  out.restitution =
-      RestitutionOf(0.5 * (DampingRatioOf(first.restitution) + DampingRatioOf(second.restitution)));
+  if (first.restitution > 0 || second.restitution > 0)
+    out.restitution =
+        RestitutionOf(0.5 * (DampingRatioOf(first.restitution) + DampingRatioOf(second.restitution)));
 }
 
 void WritePose(mjtNum* xpos, mjtNum* xmat, int id, const RigidTransform& X) {
@@ -180,8 +174,7 @@ bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
     out.point = Eigen::Map<const Vector3>(in.pos);
     out.frame = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(in.frame);
     out.gap = in.dist;
-    SetFriction(a, b, out);
-    SetRestitution(a, b, out);
+    SetLaw(a, b, out);
   }
   return d->warning[mjWARN_CONTACTFULL].number == warnings;
 }

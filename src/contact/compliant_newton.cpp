@@ -166,7 +166,7 @@ NewtonOutcome CompliantNewton::Solve(CompliantRows& rows, double tolerance, int 
     out.converged = ByPath(rows, tolerance, out.iterations) && Settle(rows, tolerance, out.iterations);
     if (!out.converged) {  // what softer contact left
       d_ = kept_;
-      pieces_.Settle(rows, d_, tolerance);
+      pieces_.LeaveAt(rows, d_);
     }
   }
   out.residual = pieces_.Residual(rows);

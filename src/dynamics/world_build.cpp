@@ -139,6 +139,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.previous_used_.reserve(room);
   detail.previous_order_.reserve(room);
   detail.constraints_.reserve(room);
+  detail.approach_.reserve(room);
   std::size_t blocks = detail.free_bodies_.size();
   for (const MechanismDynamics& m : detail.mechanisms_)
     blocks += m.groups().size() + m.length_limits().size() + m.mechanism().frictions().size();

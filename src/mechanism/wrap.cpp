@@ -97,12 +97,10 @@ FlatWrap WrapInside(const Vector2& a, const Vector2& b, double radius) {
   };
   double theta = std::numbers::pi / 2;
   if (std::cos(G) <= 1 - kNothing && f(theta) <= 0) {
-    constexpr int kMost = 50;  // six are enough: it converges by squares
-    for (int i = 0; i < kMost; ++i) {
-      const double next = theta - f(theta) / (slope(theta, A) + slope(theta, B) - 2);
-      const bool done = !(next < theta);
-      theta = std::min(theta, next);
-      if (done) break;
+    // By squares, until rounding lets it fall no more.
+    for (double next = theta;; theta = next) {
+      next = theta - f(theta) / (slope(theta, A) + slope(theta, B) - 2);
+      if (!(next < theta)) break;
     }
     const bool from_a = Cross(a, b) > 0;
     const Vector2 axis = from_a ? Vector2(a / la) : Vector2(b / lb);

@@ -42,6 +42,26 @@ TEST_P(Families, AreSolvedAndObeyTheLaw) {
   EXPECT_LE(unsolved, family == Family::kJam ? std::max(1, count / 100) : 0);
 }
 
+// Jams that the solver leaves unsolved, and says so: even then nothing pulls, and friction keeps its bound.
+TEST(Unsolved, ImpulsesStayWithinTheirCones) {
+  ContactSolver solver;
+  for (unsigned seed : {47u, 114u, 169u, 194u}) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    Problem p = testing::DrawFamily(random, Family::kJam);
+    testing::GiveDefaultMaterial(p);
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    double size = 0;
+    for (const ContactConstraint& c : p.contacts) size = std::max(size, c.impulse.norm());
+    // Bounds hold to rounding; where it is solved after all, to the solver's tolerance.
+    const double tolerance = (report.converged ? 1e-6 : 1e-12) * size;
+    for (const ContactConstraint& c : p.contacts) {
+      EXPECT_GE(c.impulse[0], -tolerance);
+      EXPECT_LE(c.impulse.tail<2>().norm(), c.friction * c.impulse[0] + tolerance);
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Random, Families,
                          ::testing::Values(std::pair(Family::kJam, 100), std::pair(Family::kHeap, 60),
                                            std::pair(Family::kStack, 500), std::pair(Family::kWedge, 1000),
