@@ -116,7 +116,7 @@ std::optional<double> ClosedForm(const Shape& a, const RigidTransform& X_A, cons
 // A height field as the prisms under its triangles.
 class Field {
  public:
-  Field(const HeightGrid& grid, const RigidTransform& X) : grid_(grid), X_(X) {
+  Field(const HeightGrid& grid, const RigidTransform& X) : X_(X) {
     const auto point = [&](int row, int column) {
       return Vector3(
           2 * grid.half_x * column / (grid.columns - 1) - grid.half_x,
@@ -174,7 +174,6 @@ class Field {
     ConvexBody body;
     Vector3 middle = Vector3::Zero();
   };
-  const HeightGrid& grid_;
   RigidTransform X_;
   std::vector<Prism> prisms_;
 };

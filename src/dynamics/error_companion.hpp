@@ -95,7 +95,7 @@ class ErrorCompanion {
   MatrixX to_basis_;  // nB x n: B y = q  =>  y = to_basis q; not on trees
   MatrixX seen_;      // size x size: M Q (QᵀMQ)⁻¹ Qᵀ
   MatrixX M_y_, D_y_, K_y_, damping_;
-  bool tree_ = true, complement_ = false;
+  bool tree_ = true;
 };
 
 }  // namespace fork1s

@@ -169,8 +169,11 @@ void IslandSolver::SolveIsland(const Island& island, const std::vector<VelocityB
   for (int k = 0; k < island.num_contacts; ++k) {
     ContactConstraint& c =
         contacts[static_cast<std::size_t>(contact_order_[static_cast<std::size_t>(island.contacts + k)])];
-    c.impulse = bench.contacts[static_cast<std::size_t>(k)].impulse;
-    c.moment = bench.contacts[static_cast<std::size_t>(k)].moment;
+    // All of it, so that nothing that a solve says is lost.
+    const int port_a = c.port_a, port_b = c.port_b;
+    c = bench.contacts[static_cast<std::size_t>(k)];
+    c.port_a = port_a;
+    c.port_b = port_b;
   }
   for (int k = 0; k < island.num_limits; ++k)
     limits[static_cast<std::size_t>(limit_order_[static_cast<std::size_t>(island.limits + k)])].impulse =

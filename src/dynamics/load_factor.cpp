@@ -25,7 +25,7 @@ struct LoadedContact {
 // origin) and z; of every free body that touches, ω and the velocity of the centre of mass in world axes.
 class Grasp {
  public:
-  Grasp(const World& world, const Scene& scene, double h) : world_(world), scene_(scene) {
+  Grasp(const World& world, double h) : world_(world) {
     double largest = 0;
     for (const ContactRecord& c : world.contacts()) largest = std::max(largest, c.impulse(0));
     std::vector<int> holds(world.free_bodies().size(), 0);
@@ -206,11 +206,10 @@ class Grasp {
             p.point,
             p.frame.transpose() * c.impulse / h,
             p.frame.row(0).transpose(),
-            InverseCurvature(world_, scene_, p)};
+            InverseCurvature(world_, p)};
   }
 
   const World& world_;
-  const Scene& scene_;
   std::vector<LoadedContact> contacts_;
   bool holds_any_ = false;
   int size_ = 0;
@@ -251,9 +250,9 @@ double LargestShare(const MatrixX& K, const MatrixX& G, VectorX& direction) {
 
 }  // namespace
 
-LoadFactor ComputeLoadFactor(const World& world, const Scene& scene, double h) {
+LoadFactor ComputeLoadFactor(const World& world, double h) {
   LoadFactor out;
-  Grasp grasp(world, scene, h);
+  Grasp grasp(world, h);
   if (!grasp.holds_any()) return out;
   out.contacts = grasp.num_contacts();
   grasp.Displace(VectorX::Zero(grasp.size()));

@@ -77,6 +77,9 @@ std::vector<std::pair<int, int>> World::PairsThatMayTouch() const {
 const RigidTransform& World::PoseAtDetection(int contactor) const {
   return detail_->contactor_pose_[static_cast<std::size_t>(contactor)];
 }
+const GeometryDef& World::geometry(int contactor, int geometry) const {
+  return detail_->geometries_[static_cast<std::size_t>(contactor)][static_cast<std::size_t>(geometry)];
+}
 const std::vector<std::string>& World::warnings() const { return detail_->warnings_; }
 
 Expected<World> World::Create(const Scene& scene, const Options& options) {
@@ -133,8 +136,12 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.previous_.reserve(room);
   detail.before_.contacts.reserve(room);
   detail.before_.speeds_W.reserve(room);
+  detail.before_.missed_W.reserve(room);
   detail.speed_W_.reserve(room);
   detail.previous_speed_W_.reserve(room);
+  detail.missed_W_.reserve(room);
+  detail.previous_missed_W_.reserve(room);
+  detail.found_frame_.reserve(room);
   detail.match_.reserve(room);
   detail.previous_used_.reserve(room);
   detail.previous_order_.reserve(room);
@@ -234,8 +241,10 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
   auto collision = CollisionWorld::Create(bodies, excluded, options.collision);
   if (!collision) return tl::unexpected(collision.error());
   collision_ = std::make_unique<CollisionWorld>(std::move(*collision));
+  for (CollisionBodyDef& body : bodies) geometries_.push_back(std::move(body.geometries));
   port_offset_.assign(contactors_.size(), -1);
   port_part_.assign(contactors_.size(), 0);
+  last_twist_.assign(contactors_.size(), Vector6::Zero());
   return {};
 }
 
@@ -243,6 +252,7 @@ void World::ResetContacts() {
   detail_->contacts_.clear();
   detail_->previous_.clear();
   detail_->previous_speed_W_.clear();
+  detail_->previous_missed_W_.clear();
   detail_->curvature_valid_ = false;
   detail_->has_previous_pose_ = false;
   for (Detail::MechanismBlock& block : detail_->mechanism_blocks_)

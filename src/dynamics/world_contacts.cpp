@@ -7,23 +7,6 @@
 
 namespace fork1s {
 
-// Rows of the contact frame on the twist of a port: mechanisms in their root frame about its origin, free
-// bodies in world axes about their centre of mass.
-Matrix36 World::Detail::PortRows(const Contactor& contactor, const ContactPoint& point) const {
-  Matrix36 J;
-  if (contactor.kind == Contactor::Kind::kGroup) {
-    const RigidTransform& X_WR = mechanisms_[static_cast<std::size_t>(contactor.index)].state().X_WR;
-    const Vector3 p = X_WR.rotation().transpose() * (point.point - X_WR.translation());
-    J.rightCols<3>().noalias() = point.frame * X_WR.rotation();
-    J.leftCols<3>().noalias() = -J.rightCols<3>() * Skew(p);
-  } else {
-    const Vector3 arm = point.point - free_bodies_[static_cast<std::size_t>(contactor.index)].center_W();
-    J.rightCols<3>() = point.frame;
-    J.leftCols<3>().noalias() = -point.frame * Skew(arm);
-  }
-  return J;
-}
-
 void World::Detail::FindContacts(const StepOptions& options, StepReport& report) {
   // What can close within a step: twice the last step's motion, what gravity adds, and a millimetre.
   double motion = 0;
@@ -240,117 +223,6 @@ void World::Detail::AssembleOperators() {
     }
 }
 
-void World::Detail::AssembleConstraints(const StepOptions& options) {
-  const double h = options.h;
-  // Rows before and after a change of reference are of different coordinates.
-  auto reference_moved = [&](const Contactor& c) {
-    return c.kind == Contactor::Kind::kGroup &&
-           mechanism_blocks_[static_cast<std::size_t>(c.index)].refreshed > 0;
-  };
-  constraints_.resize(points_.size());
-  approach_.assign(points_.size(), 0.0);
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    ContactPoint& p = points_[i];
-    ContactConstraint& c = constraints_[i];
-    c = ContactConstraint{};
-    c.friction = p.friction;
-    c.torsion = p.torsion;
-    c.rolling = p.rolling;
-    const Contactor& a = contactors_[static_cast<std::size_t>(p.body_a)];
-    const Contactor& b = contactors_[static_cast<std::size_t>(p.body_b)];
-    Vector3 speed = Vector3::Zero();
-    if (a.kind != Contactor::Kind::kWorld) {
-      c.port_a = port_offset_[static_cast<std::size_t>(p.body_a)];
-      c.J_a = -PortRows(a, p);
-      speed += c.J_a * velocities_.segment<6>(c.port_a);
-    }
-    if (b.kind != Contactor::Kind::kWorld) {
-      c.port_b = port_offset_[static_cast<std::size_t>(p.body_b)];
-      c.J_b = PortRows(b, p);
-      speed += c.J_b * velocities_.segment<6>(c.port_b);
-    }
-    // Half way stands what half a step of the old velocity has made of the gap that the start had.
-    if (middle_) p.gap -= 0.5 * h * speed(0);
-    SetMaterial(options.material, p.gap, h, c);
-    if (p.restitution > 0 && !middle_) approach_[i] = std::max(0.0, -speed(0));
-    if (match_[i] < 0) continue;
-    const auto k = static_cast<std::size_t>(match_[i]);
-    const ContactRecord& before = previous_[k];
-    c.held = c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
-    c.held_use = before.use;
-    c.held_moment = c.moment = p.frame * (before.point.frame.transpose() * before.moment);
-    // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's. On the
-    // normal it lets a ball roll in a bowl, on the tangents it keeps an object where a turning hand holds it.
-    if (options.contact_curvature && !by_theta_ && curvature_valid_ && !reference_moved(a) &&
-        !reference_moved(b) && before.impulse(0) > 0)
-      c.bias += 0.5 * (speed - p.frame * previous_speed_W_[k]);
-  }
-
-  limits_.clear();
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    const MechanismDynamics& m = mechanisms_[i];
-    for (const PartBlock& part : mechanism_blocks_[i].parts) {
-      for (std::size_t k = 0; k < part.limits.size(); ++k) {
-        const auto at = static_cast<std::size_t>(part.limits[k]);
-        const Mechanism::LengthLimit& stop = m.length_limits()[at / 2];
-        const bool upper = at % 2 == 1;
-        const double length = m.Length(stop.length);
-        LimitConstraint limit;
-        limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
-        limit.sign = upper ? -1 : 1;
-        const double moved = middle_ ? 0.5 * h * m.LengthRate(stop.length) : 0;
-        limit.bias =
-            StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
-        limit.impulse = mechanism_blocks_[i].limit_impulses[at];
-        limits_.push_back(limit);
-      }
-      for (std::size_t k = 0; k < part.frictions.size(); ++k) {
-        const auto at = static_cast<std::size_t>(part.frictions[k]);
-        LimitConstraint friction;
-        friction.row = part.offset + static_cast<int>(part.FrictionRow(k));
-        friction.upper = h * m.mechanism().frictions()[at].force;
-        friction.lower = -friction.upper;
-        friction.held = friction.impulse = mechanism_blocks_[i].friction_impulses[at];
-        limits_.push_back(friction);
-      }
-    }
-  }
-}
-
-// What is met within the step and has restitution parts again, once the free motion is known.
-void World::Detail::Rebound(double h) {
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    if (approach_[i] == 0) continue;
-    ContactConstraint& c = constraints_[i];
-    double free_speed = 0;
-    if (c.port_a >= 0) free_speed += c.J_a.row(0).dot(velocities_.segment<6>(c.port_a));
-    if (c.port_b >= 0) free_speed += c.J_b.row(0).dot(velocities_.segment<6>(c.port_b));
-    const double speed = ReboundSpeed(points_[i].restitution, approach_[i], free_speed, points_[i].gap, h);
-    if (speed > 0) c.bias[0] = -speed;
-  }
-}
-
-// Rows bound the mean velocity of the step. What it has beyond the end velocity is known once all is
-// predicted.
-void World::Detail::ShiftRows() {
-  port_shift_.setZero(velocities_.size());
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    const MechanismDynamics& m = mechanisms_[i];
-    for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size() && p < m.parts().size(); ++p) {
-      const PartBlock& part = mechanism_blocks_[i].parts[p];
-      const MechanismDynamics::Part& run = m.parts()[p];
-      if (part.rows > 0)
-        port_shift_.segment(part.offset, part.rows).noalias() =
-            part.J_T.leftCols(part.rows).transpose() * m.ContactShift().segment(run.begin, run.size);
-    }
-  }
-  for (ContactConstraint& c : constraints_) {
-    if (c.port_a >= 0) c.bias += c.J_a * port_shift_.segment<6>(c.port_a);
-    if (c.port_b >= 0) c.bias += c.J_b * port_shift_.segment<6>(c.port_b);
-  }
-  for (LimitConstraint& limit : limits_) limit.bias += limit.sign * port_shift_(limit.row);
-}
-
 void World::Detail::ApplyImpulses() {
   for (MechanismBlock& block : mechanism_blocks_)
     for (PartBlock& part : block.parts) part.port_impulse.head(part.rows).setZero();
@@ -401,9 +273,10 @@ void World::Detail::ApplyImpulses() {
   }
 }
 
-void World::Detail::KeepForNextStep(StepReport& report) {
+void World::Detail::KeepForNextStep(double h, StepReport& report) {
   contacts_.resize(points_.size());
   speed_W_.resize(points_.size());
+  missed_W_.resize(points_.size());
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
     contacts_[i].point = points_[i];
@@ -411,15 +284,15 @@ void World::Detail::KeepForNextStep(StepReport& report) {
     contacts_[i].friction = c.friction;
     contacts_[i].moment = c.moment;
     contacts_[i].use = c.use;
-    Vector3 speed = Vector3::Zero();
-    if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
-    if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);
-    speed_W_[i] = points_[i].frame.transpose() * speed;
+    speed_W_[i] = points_[i].frame.transpose() * RelativeSpeed(c);
+    missed_W_[i] = by_theta_ ? Vector3(Vector3::Zero()) : MissedWay(h, i);
     if (c.impulse(0) > 0) {
       ++report.contacts;
       report.max_penetration = std::max(report.max_penetration, -points_[i].gap);
     }
   }
+  for (std::size_t c = 0; c < contactors_.size(); ++c)
+    if (port_offset_[c] >= 0) last_twist_[c] = velocities_.segment<6>(port_offset_[c]);
   for (const LimitConstraint& row : limits_) {
     const bool is_friction = row.lower < 0;
     report.limits += !is_friction && row.impulse > 0 ? 1 : 0;

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include <fork1s/dynamics/contact_motion.hpp>
+
 namespace fork1s {
 
 struct World::Detail {
@@ -36,10 +38,17 @@ struct World::Detail {
   void SolveContacts(const StepOptions& options, StepReport& report);
   bool UpdateForceLimits(const StepOptions& options);
   void ApplyImpulses();
-  void KeepForNextStep(StepReport& report);
+  void KeepForNextStep(double h, StepReport& report);
   void MoveMechanisms(const StepOptions& options, StepReport& report);
   int MechanismGrain() const;
-  Matrix36 PortRows(const Contactor& contactor, const ContactPoint& point) const;
+  RigidTransform PortFrame(int contactor, double ahead) const;
+  Matrix36 PortRows(int contactor, const ContactPoint& point, double ahead) const;
+  MaterialMotion MotionAt(int contactor, const Vector3& point) const;
+  bool AdvanceHalf(double h, ContactPoint& point) const;
+  bool Reparametrised(int contactor) const;
+  Vector3 MissedWay(double h, std::size_t contact) const;
+  Vector3 RelativeSpeed(const ContactConstraint& c) const;
+  Vector3 CoordinateCurvature(int contactor, const Matrix36& J) const;
 
   std::vector<MechanismDynamics> mechanisms_;
   std::vector<FreeBody> free_bodies_;
@@ -47,7 +56,8 @@ struct World::Detail {
   std::vector<Contactor> contactors_;
   std::vector<std::string> warnings_;
   double margin_max_ = 0;                       // m
-  std::vector<double> contactor_radius_;        // m, about the contactor's frame
+  std::vector<std::vector<GeometryDef>> geometries_;  // per contactor
+  std::vector<double> contactor_radius_;              // m, about the contactor's frame
   std::vector<RigidTransform> contactor_pose_;  // at the previous detection
   bool has_previous_pose_ = false;
 
@@ -60,7 +70,10 @@ struct World::Detail {
   std::vector<int> previous_order_;  // of previous_, by what touches what
   bool middle_ = false;              // contacts of this step are found half way
   bool by_theta_ = false;
-  bool curvature_valid_ = false;     // previous_speed_W_ is of the step before
+  std::vector<Vector3> missed_W_, previous_missed_W_;  // MissedWay()
+  std::vector<Matrix3> found_frame_;                   // of points_, before they were taken half a step on
+  std::vector<Vector6> last_twist_;                    // per contactor: of its port after the solve
+  bool curvature_valid_ = false;                       // these are of the step before
   std::vector<double> approach_;     // m/s, of points that may part again; 0 for others
   std::vector<ContactConstraint> constraints_;
   std::vector<LimitConstraint> limits_;

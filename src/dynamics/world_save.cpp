@@ -17,6 +17,8 @@ void World::Detail::Save(WorldState& out) const {
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) out.free_bodies[i] = free_bodies_[i].Save();
   out.contacts = contacts_;
   out.speeds_W = speed_W_;
+  out.missed_W = missed_W_;
+  out.port_twists = last_twist_;
   out.speeds_are_last = curvature_valid_;
   out.contactor_poses = contactor_pose_;
   out.has_contactor_poses = has_previous_pose_;
@@ -33,6 +35,8 @@ void World::Detail::Restore(const WorldState& state) {
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].Restore(state.free_bodies[i]);
   contacts_ = state.contacts;
   speed_W_ = state.speeds_W;
+  missed_W_ = state.missed_W;
+  last_twist_ = state.port_twists;
   curvature_valid_ = state.speeds_are_last;
   contactor_pose_ = state.contactor_poses;
   has_previous_pose_ = state.has_contactor_poses;
@@ -53,7 +57,8 @@ Expected<void> World::CanRestore(const WorldState& state) const {
   const auto& mechanisms = detail_->mechanisms_;
   if (state.mechanisms.size() != mechanisms.size() || state.rows.size() != mechanisms.size() ||
       state.free_bodies.size() != detail_->free_bodies_.size() ||
-      state.contactor_poses.size() != detail_->contactor_pose_.size())
+      state.contactor_poses.size() != detail_->contactor_pose_.size() ||
+      state.port_twists.size() != detail_->contactor_pose_.size())
     return fail("has another number of mechanisms, free bodies or touching bodies than this world");
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     const Mechanism& here = mechanisms[i].mechanism();

@@ -77,11 +77,11 @@ class Hash {
 }  // namespace
 
 std::uint64_t HashOf(const WorldState& state, const VectorX& inputs) {
-  const auto& [mechanisms, free_bodies, contacts, speeds_W, speeds_are_last, contactor_poses,
-               has_contactor_poses, rows] = state;
+  const auto& [mechanisms, free_bodies, contacts, speeds_W, missed_W, port_twists, speeds_are_last,
+               contactor_poses, has_contactor_poses, rows] = state;
   Hash hash;
-  hash.Add(mechanisms, free_bodies, contacts, speeds_W, speeds_are_last, contactor_poses, has_contactor_poses,
-           rows, inputs);
+  hash.Add(mechanisms, free_bodies, contacts, speeds_W, missed_W, port_twists, speeds_are_last,
+           contactor_poses, has_contactor_poses, rows, inputs);
   return hash.value();
 }
 

@@ -96,6 +96,7 @@ StepReport World::Detail::Step(const StepOptions& options) {
   Save(before_);
   previous_.swap(contacts_);
   previous_speed_W_.swap(speed_W_);
+  previous_missed_W_.swap(missed_W_);
   by_theta_ = UsesTheta(options);
   middle_ = false;
   if (by_theta_)
@@ -112,7 +113,7 @@ StepReport World::Detail::Step(const StepOptions& options) {
   SolveContacts(options, report);
 
   if (!IsFinite()) return TakeBack(report);
-  KeepForNextStep(report);
+  KeepForNextStep(h, report);
   curvature_valid_ = !by_theta_;
   MoveMechanisms(options, report);
   for (FreeBody& b : free_bodies_) b.Integrate(h);

@@ -331,8 +331,7 @@ Snapshot LiveSimulation::Capture(int viewers) {
   scalars_.joint_gap = simulation_.JointGap();
   // Every tenth frame: it costs more than a step, and a grasp changes slowly beside frames.
   if (latest_.sequence % 10 == 0) {
-    const double factor =
-        ComputeLoadFactor(simulation_.world(), simulation_.present_scene(), simulation_.dt()).factor;
+    const double factor = ComputeLoadFactor(simulation_.world(), simulation_.dt()).factor;
     scalars_.load_factor = std::isfinite(factor) ? factor : std::nan("");
   }
   scalars_.viewers = viewers;

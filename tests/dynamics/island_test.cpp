@@ -57,6 +57,7 @@ TEST(Islands, GiveTheBitsOfEachAlone) {
       islands.Solve(all.blocks, all.contacts, all.limits, all.velocity, ContactSolverOptions{});
   int stage = 0, newton = 0;
   Eigen::Index offset = 0;
+  std::vector<Problem> solved;
   for (const Problem& given : problems) {
     Problem p = given;
     ContactSolver alone;
@@ -65,7 +66,22 @@ TEST(Islands, GiveTheBitsOfEachAlone) {
     newton = std::max(newton, r.newton_iterations);
     EXPECT_EQ(all.velocity.segment(offset, p.velocity.size()), p.velocity);
     offset += p.velocity.size();
+    solved.push_back(std::move(p));
   }
+  // All that a solve says, of every contact and limit.
+  std::size_t contact = 0, limit = 0;
+  for (std::size_t i = 0; limit < all.limits.size() || contact < all.contacts.size(); ++i)
+    for (const Problem& p : solved) {
+      if (i < p.contacts.size()) {
+        const ContactConstraint& c = all.contacts[contact++];
+        EXPECT_EQ(c.impulse, p.contacts[i].impulse);
+        EXPECT_EQ(c.moment, p.contacts[i].moment);
+        EXPECT_EQ(c.use, p.contacts[i].use);
+      }
+      if (i < p.limits.size()) {
+        EXPECT_EQ(all.limits[limit++].impulse, p.limits[i].impulse);
+      }
+    }
   EXPECT_GE(islands.num_islands(), 80);
   EXPECT_EQ(report.stage, stage);
   EXPECT_EQ(report.newton_iterations, newton);

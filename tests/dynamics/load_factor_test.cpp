@@ -27,7 +27,7 @@ TEST_P(CriticalForce, IsTangentialStiffnessTimesTheSumOfRadii) {
     World world = MustCreate(scene);
     const StepOptions step = Still(1e-3);
     for (int i = 0; i < 300; ++i) ASSERT_TRUE(world.Step(step).finite);
-    const LoadFactor load = ComputeLoadFactor(world, scene, step.h);
+    const LoadFactor load = ComputeLoadFactor(world, step.h);
     EXPECT_EQ(load.contacts, 2);
     EXPECT_EQ(load.body, "ball");
     const double critical = c.Critical();
@@ -48,7 +48,7 @@ double TurnAfterPush(double share, double& factor) {
   World world = MustCreate(scene);
   const StepOptions step = Still(1e-3);
   for (int i = 0; i < 4000; ++i) {
-    if (i == 300) factor = ComputeLoadFactor(world, scene, step.h).factor;
+    if (i == 300) factor = ComputeLoadFactor(world, step.h).factor;
     if (i >= 300 && i < 500)
       world.free_bodies()[0].AddWrench(Vector3::Zero(), c.SmallTorque() * Vector3::UnitY(), Vector3::Zero());
     if (!world.Step(step).finite) return std::nan("");
@@ -72,7 +72,7 @@ TEST(LoadFactor, IsInfiniteWhereNothingIsHeld) {
   World world = MustCreate(scene);
   StepOptions step;
   for (int i = 0; i < 10; ++i) ASSERT_TRUE(world.Step(step).finite);
-  EXPECT_TRUE(std::isinf(ComputeLoadFactor(world, scene, step.h).factor));
+  EXPECT_TRUE(std::isinf(ComputeLoadFactor(world, step.h).factor));
 }
 
 }  // namespace

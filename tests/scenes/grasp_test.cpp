@@ -35,7 +35,7 @@ TEST_P(Grasp, HoldsWhatItShakesAndTurnsOver) {
   run.Until(3);
   const Vector3 lifted = in_palm();
   const Simulation& simulation = run.simulation();
-  const LoadFactor load = ComputeLoadFactor(simulation.world(), simulation.scene(), simulation.dt());
+  const LoadFactor load = ComputeLoadFactor(simulation.world(), simulation.dt());
   EXPECT_GE(load.contacts, 2);
   EXPECT_GT(load.factor, 1.3) << "the margin below which fork1s run warns";
   EXPECT_GT(run.Position(GetParam().object).z(), 0.24) << "lifted by 0.25 m";

@@ -16,8 +16,8 @@ struct LoadFactor {
 };
 
 /// docs/method.md, section 6: eigenvalues of the contacts' geometric stiffness against that of the springs,
-/// on motions in which every loaded contact rolls without sliding. `scene` is the one that `world` was made
-/// of, h [s] the length of its last step. Allocates: not meant for every step.
-LoadFactor ComputeLoadFactor(const World& world, const Scene& scene, double h);
+/// on motions in which every loaded contact rolls without sliding. h [s]: the length of the world's last
+/// step. Allocates: not meant for every step.
+LoadFactor ComputeLoadFactor(const World& world, double h);
 
 }  // namespace fork1s

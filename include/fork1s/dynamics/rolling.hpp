@@ -7,8 +7,7 @@ namespace fork1s {
 
 /// (κ_a + κ_b)⁻¹ [m] on the tangent plane of a contact at the present poses, world axes, zero along the
 /// normal: when b turns against a by φ, the point moves along both surfaces by this times φ x n. Zero in
-/// directions in which flat lies on flat, where further contacts hold the turn. `scene` is the one that
-/// `world` was made of. docs/method.md, (6.2).
-Matrix3 InverseCurvature(const World& world, const Scene& scene, const ContactPoint& point);
+/// directions in which flat lies on flat, where further contacts hold the turn. docs/method.md, (6.2).
+Matrix3 InverseCurvature(const World& world, const ContactPoint& point);
 
 }  // namespace fork1s

@@ -90,6 +90,8 @@ class World {
   std::vector<std::pair<int, int>> PairsThatMayTouch() const;
   /// Pose of a collision body when contacts() were found: at the start of the last step.
   const RigidTransform& PoseAtDetection(int contactor) const;
+  /// A shape of a contactor, as the points of contacts() name it.
+  const GeometryDef& geometry(int contactor, int geometry) const;
   const std::vector<std::string>& warnings() const;
   /// τ += joint forces [n] of the stops and dry frictions that acted on a mechanism in the last step, of
   /// length h.

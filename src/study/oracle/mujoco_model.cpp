@@ -138,7 +138,7 @@ Expected<std::vector<RigidTransform>> MuJoCoModel::Rest(const RestLoad& load,
   constexpr int kLoadSteps = 8, kIterations = 40;
   constexpr double kRepeated = 1e-12;  // pivots of rows that repeat others, beside the largest
   // Central differences of forces: 1e-5 rad leaves 1e-10 of the tangent, so that Newton still converges fast.
-  constexpr double kDifference = 1e-5;
+  constexpr double kForceDifference = 1e-5;
   const Detail& d = *detail_;
   mjModel* m = d.model.get();
   mjData* data = d.data.get();
@@ -176,10 +176,10 @@ Expected<std::vector<RigidTransform>> MuJoCoModel::Rest(const RestLoad& load,
       K.topRightCorner(n, rows) = -A.transpose();
       K.bottomLeftCorner(rows, n) = A;
       for (Eigen::Index i = 0; i < n; ++i) {
-        move(kDifference * VectorX::Unit(n, i));
+        move(kForceDifference * VectorX::Unit(n, i));
         const VectorX ahead = force();
-        move(-kDifference * VectorX::Unit(n, i));
-        K.col(i).head(n) = (force() - ahead) / (2 * kDifference);
+        move(-kForceDifference * VectorX::Unit(n, i));
+        K.col(i).head(n) = (force() - ahead) / (2 * kForceDifference);
       }
       // Rows that repeat others share their reactions.
       const VectorX x = rows == 0 ? VectorX(SolveSquare(K, right))

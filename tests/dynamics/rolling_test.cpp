@@ -1,0 +1,185 @@
+// Contacts that roll: where the point goes, and what energy says of it.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fork1s/collision/collision_world.hpp>
+#include <fork1s/dynamics/contact_motion.hpp>
+#include <random>
+
+#include "support.hpp"
+
+namespace fork1s {
+namespace {
+
+constexpr double kEllipsoidMass = 0.1;
+const Vector3 kSemiAxes(0.03, 0.04, 0.05);
+
+// Stands on its longest axis but for a hair, and tumbles down.
+Scene PassiveEllipsoid() {
+  Scene scene;
+  scene.world.push_back(testing::Geometry("ground", Plane{}, 1));
+  FreeBodyDef body = testing::BallBody("egg", kEllipsoidMass, 0.04, Vector3::Zero(), 1);
+  const Vector3 squares = kSemiAxes.cwiseAbs2();
+  body.inertia.rotational = kEllipsoidMass / 5 * (squares.sum() * Vector3::Ones() - squares).asDiagonal();
+  body.geometries = {testing::Geometry("egg", Ellipsoid{kSemiAxes}, 1)};
+  body.X_WB = RigidTransform(ExpRotation(Vector3(1e-3, 2e-3, 0.1)), Vector3(0, 0, kSemiAxes.z() + 1e-6));
+  scene.free_bodies.push_back(body);
+  return scene;
+}
+
+double EggEnergy(const World& world) {
+  return world.KineticEnergy() + world.PotentialEnergy(Vector3(0, 0, -9.81));
+}
+
+TEST(Rolling, PassiveEllipsoidNeverGains) {
+  for (double h : {1.0 / 60, 0.004}) {
+    SCOPED_TRACE(h);
+    World world = testing::MustCreate(PassiveEllipsoid());
+    StepOptions step;
+    step.h = h;
+    const double start = EggEnergy(world);
+    double least = start, fastest = 0;
+    for (int i = 0; i < 120 / h; ++i) {
+      const StepReport report = world.Step(step);
+      ASSERT_TRUE(report.solver.converged);
+      const double now = EggEnergy(world);
+      // Rows foreseen by the old velocity leave the gap O(h³) open, which the next step lifts it by: weight
+      // times the third power of what it turns in a step, 0.2 at most here.
+      ASSERT_LE(now, least + 2e-4 * start) << i;
+      ASSERT_LE(now, start * (1 + 1e-6)) << i;
+      least = std::min(least, now);
+      fastest = std::max(fastest, world.free_bodies()[0].PortTwist().head<3>().norm());
+    }
+    EXPECT_GT(fastest, 5);  // it did roll
+  }
+}
+
+// What implicit Euler takes is of first order, so little is left of it at small steps.
+TEST(Rolling, LossIsOfFirstOrder) {
+  double loss[3];
+  for (int k = 0; k < 3; ++k) {
+    Scene scene = PassiveEllipsoid();
+    scene.free_bodies[0].X_WB = RigidTransform(ExpRotation(Vector3(0.3, 0.5, 0.1)), Vector3(0, 0, 0.06));
+    World world = testing::MustCreate(scene);
+    StepOptions step;
+    step.h = 0.002 / (1 << k);
+    double landed = 0;
+    const int steps = static_cast<int>(std::lround(1 / step.h));
+    for (int i = 0; i < steps; ++i) {
+      world.Step(step);
+      if (i == steps / 5) landed = EggEnergy(world);  // it falls for 0.06 s
+    }
+    loss[k] = landed - EggEnergy(world);
+    EXPECT_GT(loss[k], 0);
+  }
+  EXPECT_NEAR(loss[0] / loss[1], 2, 0.3);
+  EXPECT_NEAR(loss[1] / loss[2], 2, 0.3);
+}
+
+struct Rolled {
+  const char* name;
+  Shape a, b;
+};
+
+// The detector asked a moment later and a moment before is the other road.
+TEST(Rolling, PointAndNormalGoWhereTheDetectorFindsThemNext) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> u(-1, 1);
+  const auto any = [&](double size) { return Vector3(size * u(random), size * u(random), size * u(random)); };
+  const Rolled pairs[] = {
+      {"plane - ellipsoid", Plane{}, Ellipsoid{Vector3(0.05, 0.07, 0.04)}},
+      {"plane - box", Plane{}, Box{Vector3(0.05, 0.07, 0.04)}},
+      {"plane - cylinder", Plane{}, Cylinder{0.05, 0.07}},
+      {"plane - capsule", Plane{}, Capsule{0.05, 0.07}},
+      {"sphere - ellipsoid", Sphere{0.06}, Ellipsoid{Vector3(0.05, 0.07, 0.04)}},
+      {"sphere - cylinder", Sphere{0.06}, Cylinder{0.05, 0.07}},
+      {"sphere - box", Sphere{0.06}, Box{Vector3(0.05, 0.07, 0.04)}},
+      {"capsule - capsule", Capsule{0.05, 0.07}, Capsule{0.03, 0.09}},
+      {"ellipsoid - ellipsoid", Ellipsoid{Vector3(0.08, 0.05, 0.06)}, Ellipsoid{Vector3(0.05, 0.07, 0.04)}}};
+  for (const Rolled& pair : pairs) {
+    int tried = 0;
+    for (int trial = 0; trial < 40; ++trial) {
+      SCOPED_TRACE(::testing::Message() << pair.name << " " << trial);
+      RigidTransform X[2] = {RigidTransform(ExpRotation(any(2)), any(0.1)),
+                             RigidTransform(ExpRotation(any(2)), any(0.1))};
+      const bool on_plane = std::holds_alternative<Plane>(pair.a);
+      X[1].translation() = X[0].translation() + 0.2 * (on_plane ? Vector3(X[0].rotation().col(2)) : any(1));
+      const auto detect = [&](const RigidTransform& A, const RigidTransform& B) {
+        std::vector<CollisionBodyDef> bodies(2);
+        bodies[0] = {"a", {testing::Geometry("a", pair.a, 1)}, !on_plane, A};
+        bodies[1] = {"b", {testing::Geometry("b", pair.b, 1)}, true, B};
+        auto world = CollisionWorld::Create(bodies, {}, {.margin = 1});
+        std::vector<ContactPoint> points;
+        if (!world || !world->Detect(points)) throw std::runtime_error("no detector");
+        std::sort(points.begin(), points.end(), [](const auto& l, const auto& r) { return l.gap < r.gap; });
+        return points;
+      };
+      auto points = detect(X[0], X[1]);
+      ASSERT_FALSE(points.empty());
+      X[1].translation() -= points[0].gap * points[0].frame.row(0).transpose() *
+                            (points[0].body_a == 0 ? 1 : -1);  // so that they touch
+      points = detect(X[0], X[1]);
+      ASSERT_FALSE(points.empty());
+      const ContactPoint p = points[0];
+      if (std::abs(p.gap) > 1e-8) continue;  // other sides of the two were nearer by now
+      const std::vector<GeometryDef> g = {testing::Geometry("a", pair.a, 1),
+                                          testing::Geometry("b", pair.b, 1)};
+      const auto ia = static_cast<std::size_t>(p.body_a), ib = static_cast<std::size_t>(p.body_b);
+      const PairCurvature curvature = CurvatureOf(g[ia], X[ia], g[ib], X[ib], p);
+      ASSERT_TRUE(curvature.known);
+      // So near an edge that it is taken for the edge, or over it within the time looked at.
+      const auto changes = [&](const Vector3& aside) {
+        ContactPoint near = p;
+        near.point += p.frame.transpose() * aside;
+        const PairCurvature other = CurvatureOf(g[ia], X[ia], g[ib], X[ib], near);
+        const Matrix3 sum = curvature.a + curvature.b;
+        return (other.a + other.b - sum).norm() > 0.5 * sum.norm();
+      };
+      const bool is_corner = (curvature.a + curvature.b).norm() > 1e5;
+      if (!is_corner && (changes({0, 1e-3, 0}) || changes({0, -1e-3, 0}) || changes({0, 0, 1e-3}) ||
+                         changes({0, 0, -1e-3})))
+        continue;
+      // Twists about the contact, that keep them in touch.
+      MaterialMotion motion[2] = {{any(1), any(0.1)}, {any(1), any(0.1)}};
+      if (on_plane) motion[0] = {};
+      const Vector3 n = p.frame.row(0).transpose();
+      motion[1].velocity -= n * n.dot(motion[1].velocity - motion[0].velocity);
+      const ContactMotion found = MotionOf(curvature, p.frame, motion[ia], motion[ib]);
+      // Turned round, nothing changes.
+      PairCurvature turned = curvature;
+      std::swap(turned.a, turned.b);
+      Matrix3 frame = p.frame;
+      frame.topRows<2>() *= -1;
+      const ContactMotion again = MotionOf(turned, frame, motion[ib], motion[ia]);
+      // A corner's curvature stands for 1e6 / m, and rounding of 1e-12 m/s for 1e-6 rad/s there.
+      EXPECT_LT((again.velocity - found.velocity).norm(), 1e-9);
+      EXPECT_LT((again.omega - found.omega).norm(), 1e-6);
+
+      const double dt = 1e-3;
+      const auto at = [&](double t) {
+        RigidTransform Y[2];
+        for (std::size_t i = 0; i < 2; ++i) {
+          const Matrix3 R = ExpRotation(t * motion[i].omega);
+          Y[i] = RigidTransform(R * X[i].rotation(),
+                                p.point + R * (X[i].translation() - p.point) + t * motion[i].velocity);
+        }
+        return detect(Y[0], Y[1]).front();
+      };
+      const ContactPoint before = at(-dt), after = at(dt);
+      // Over an edge it jumps to the next.
+      if ((after.point - before.point).norm() > 0.005) continue;
+      ++tried;
+      const Vector3 velocity = (after.point - before.point) / (2 * dt);
+      const Vector3 n_dot = (after.frame.row(0) - before.frame.row(0)).transpose() / (2 * dt);
+      // The detector's 1e-10 m of search are 2e-6 m of place on a round surface and 5e-5 of its normal.
+      EXPECT_LT((velocity - found.velocity).norm(), 0.005)
+          << velocity.transpose() << " for " << found.velocity.transpose();
+      EXPECT_LT((n_dot - found.omega.cross(n)).norm(), 0.1)
+          << n_dot.transpose() << " for " << found.omega.cross(n).transpose();
+    }
+    EXPECT_GT(tried, 10) << pair.name;
+  }
+}
+
+}  // namespace
+}  // namespace fork1s
