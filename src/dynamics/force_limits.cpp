@@ -53,7 +53,7 @@ void MechanismDynamics::TakeBoundedSpringsOut(double h) {
   for (std::size_t k = 0; k < limits.size(); ++k) {
     const double s = h * (h * limits[k].stiffness + limits[k].damping);
     if (state_.at_bound[k] == 0 || s == 0) continue;
-    AddSpringOf(limits[k].length, -s);
+    AddSpringOf(limits[k].length, -s, false);
   }
 }
 

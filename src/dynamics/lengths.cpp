@@ -47,11 +47,11 @@ void MechanismDynamics::ReducedRow(const Mechanism::Length& length, const std::v
   ForEachArm(length, paths, [&](int i, double c) { out.noalias() += c * Q.row(i).transpose(); });
 }
 
-// A += weight e eᵀ, e the row that the spring of a length has in A: that of the pose for a path in a step of
-// implicit Euler, else that of the reference, as in K_r.
-void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weight) {
+// A += weight e eᵀ, e the row that the spring of a length has in A: that of the pose for a path or a spring
+// that is not linear in a step of implicit Euler, else that of the reference, as in K_r.
+void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weight, bool bends) {
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
-  if (length.path >= 0 && scheme_ == Scheme::kEuler && options_.recovery == Recovery::kExact)
+  if ((bends || length.path >= 0) && scheme_ == Scheme::kEuler && options_.recovery == Recovery::kExact)
     ReducedRow(length, Paths(), Q_now(), limit_row_);
   else
     ReducedRow(length, paths_ref_, model().Q, limit_row_);
@@ -62,15 +62,23 @@ void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weig
 // before the next refresh, and a stiff spring that A knows by half would swing up: in A they turn with the
 // pose. A step of second order keeps the reference's, and looks for the end of a step anew where springs bend
 // (theta_minimum.cpp); the dampers' arms are those of the last refresh there.
-void MechanismDynamics::TurnPathSprings(double h) {
-  if (Paths().empty() || scheme_ != Scheme::kEuler || options_.recovery != Recovery::kExact) return;
+//
+// Springs and dampers that are not linear likewise, by the stiffness and the damping of the pose and its rates.
+// By second order their dampers are linear, those of the rates 0 of the reference.
+void MechanismDynamics::TurnSprings(double h) {
+  if (!has_bent_springs_ || scheme_ != Scheme::kEuler || options_.recovery != Recovery::kExact) return;
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
-  for (const Mechanism::Spring& s : mechanism().springs()) {
-    if (s.length.path < 0) continue;
-    const double weight = h * (h * s.stiffness + s.damping);
+  const auto& springs = mechanism().springs();
+  for (std::size_t k = 0; k < springs.size(); ++k) {
+    const Mechanism::Spring& s = springs[k];
+    if (s.length.path < 0 && s.is_linear()) continue;
+    double rate = 0;
+    ForEachArm(s.length, Paths(), [&](int i, double c) { rate += c * Q_now().row(i).dot(state_.reduced.w); });
+    const double reference = h * (h * spring_stiffness_ref_[k] + s.DampingAt(0)),
+                 now = h * (h * s.StiffnessAt(Length(s.length)) + s.DampingAt(rate));
     ReducedRow(s.length, paths_ref_, model().Q, limit_row_);
-    A_z.noalias() -= weight * limit_row_ * limit_row_.transpose();
-    AddSpringOf(s.length, weight);
+    A_z.noalias() -= reference * limit_row_ * limit_row_.transpose();
+    AddSpringOf(s.length, now, true);
   }
 }
 

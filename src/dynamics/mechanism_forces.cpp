@@ -8,6 +8,12 @@ void MechanismDynamics::TakeReferenceForces() {
   Kinematics kinematics(m);
   ComputeKinematics(m, model().q_ref, kinematics);
   paths_ref_ = kinematics.paths;
+  spring_stiffness_ref_.clear();
+  has_bent_springs_ = false;
+  for (const Mechanism::Spring& s : m.springs()) {
+    spring_stiffness_ref_.push_back(s.StiffnessAt(LengthOf(m, s.length, kinematics, model().q_ref)));
+    has_bent_springs_ = has_bent_springs_ || s.length.path >= 0 || !s.is_linear();
+  }
   if (options_.recovery != Recovery::kTwist) return;
   configuration_.kinematics.paths = kinematics.paths;
   VectorX g_ref(model().num_coordinates());  // spring forces at the reference

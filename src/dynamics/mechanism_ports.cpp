@@ -54,9 +54,9 @@ void MechanismDynamics::FindParts() {
       const Part run = of_length(f.length);
       join(run.begin, run.begin + run.size - 1);
     }
-    // Springs of paths turn in A as the pose does.
+    // Springs of paths turn in A as the pose does, and those that are not linear stiffen.
     for (const auto& s : mechanism().springs()) {
-      if (s.length.path < 0) continue;
+      if (s.length.path < 0 && s.is_linear()) continue;
       const Part run = of_length(s.length);
       join(run.begin, run.begin + run.size - 1);
     }

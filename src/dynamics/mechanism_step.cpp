@@ -34,7 +34,7 @@ void MechanismDynamics::Factor(double h) {
   A_ = M_full_;
   A_.bottomRightCorner(model().size(), model().size()) += h * model().D;
   A_.diagonal().tail(model().size()) += h * h * model().K_r;
-  TurnPathSprings(h);
+  TurnSprings(h);
   TakeBoundedSpringsOut(h);
   factor_.Compute(A_);
 }

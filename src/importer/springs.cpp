@@ -1,6 +1,8 @@
 // Springs of joints and tendons. All that acts on one freedom is gathered as force = c - k q.
 #include <fmt/format.h>
 
+#include <array>
+
 #include "conversion.hpp"
 
 namespace fork1s::internal {
@@ -14,10 +16,40 @@ double TendonDamping(const mjModel& m, int t) {
   return m.opt.disableflags & mjDSBL_DAMPER ? 0 : m.tendon_damping[t];
 }
 
+std::array<double, 2> Higher(const mjtNum* poly, int index, bool off) {
+  static_assert(mjNPOLY == 2);
+  return off ? std::array<double, 2>{} : std::array<double, 2>{poly[2 * index], poly[2 * index + 1]};
+}
+
+// Higher terms make it a spring of its own; the damper's linear term stays with the joint.
+bool AddBentSpring(Conversion& c, int j) {
+  const mjModel& m = c.m;
+  const int dof = m.jnt_dofadr[j], at = m.jnt_qposadr[j], flags = m.opt.disableflags;
+  if (m.jnt_type[j] != mjJNT_HINGE && m.jnt_type[j] != mjJNT_SLIDE) return false;
+  SpringDef spring;
+  spring.higher_stiffness = Higher(m.jnt_stiffnesspoly, j, flags & mjDSBL_SPRING);
+  spring.higher_damping = Higher(m.dof_dampingpoly, dof, flags & mjDSBL_DAMPER);
+  const std::array<double, 2> none = {};
+  if (spring.higher_stiffness == none && spring.higher_damping == none) return false;
+  spring.name = c.joint_names[j];
+  spring.terms = {{c.Freedom(dof), 1.0}};
+  spring.rest = m.qpos_spring[at] - m.qpos0[at];
+  const bool bends = spring.higher_stiffness != none;
+  if (bends) {
+    spring.stiffness = m.jnt_stiffness[j];
+    c.in_spring[dof] = true;
+    c.held_by[dof].push_back(fmt::format("spring {:.4g} s + {:.4g} s² + {:.4g} s³", spring.stiffness,
+                                         spring.higher_stiffness[0], spring.higher_stiffness[1]));
+  }
+  c.scene.mechanisms[c.MechanismOf(dof)].springs.push_back(std::move(spring));
+  return bends;
+}
+
 void AddJointSpring(Conversion& c, int j) {
   const mjModel& m = c.m;
-  const double k = m.jnt_stiffness[j];
-  if (k == 0 || c.joint[j].mechanism < 0) return;
+  if (c.joint[j].mechanism < 0 || AddBentSpring(c, j)) return;
+  const double k = m.opt.disableflags & mjDSBL_SPRING ? 0 : m.jnt_stiffness[j];
+  if (k == 0) return;
   const int dof = m.jnt_dofadr[j], at = m.jnt_qposadr[j];
   const auto hold = [&](int i, double rest) {
     c.k[i] += k;
@@ -42,6 +74,13 @@ void AddJointSpring(Conversion& c, int j) {
   }
 }
 
+bool HasSpringOrDamper(const mjModel& m, int t) {
+  const std::array<double, 2> none = {};
+  return TendonStiffness(m, t) != 0 || TendonDamping(m, t) != 0 ||
+         Higher(m.tendon_stiffnesspoly, t, m.opt.disableflags & mjDSBL_SPRING) != none ||
+         Higher(m.tendon_dampingpoly, t, m.opt.disableflags & mjDSBL_DAMPER) != none;
+}
+
 void AddTendonSpring(Conversion& c, int t) {
   const mjModel& m = c.m;
   const Length length = TendonLength(m, c.d, t);
@@ -50,7 +89,10 @@ void AddTendonSpring(Conversion& c, int t) {
   const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
   const double k = TendonStiffness(m, t), damping = TendonDamping(m, t);
   const double rest = m.tendon_lengthspring[2 * t] - length.at_reference;
-  if (length.is_single()) {  // the same as a spring of that joint
+  const auto higher_stiffness = Higher(m.tendon_stiffnesspoly, t, m.opt.disableflags & mjDSBL_SPRING),
+             higher_damping = Higher(m.tendon_dampingpoly, t, m.opt.disableflags & mjDSBL_DAMPER);
+  const std::array<double, 2> none = {};
+  if (length.is_single() && higher_stiffness == none && higher_damping == none) {  // a spring of that joint
     c.k[first] += k * arm * arm;
     c.c[first] += k * arm * rest;
     c.FreedomOf(first).damping += damping * arm * arm;
@@ -62,10 +104,12 @@ void AddTendonSpring(Conversion& c, int t) {
   spring.stiffness = k;
   spring.damping = damping;
   spring.rest = rest;
+  spring.higher_stiffness = higher_stiffness;
+  spring.higher_damping = higher_damping;
   c.PutLength(length, spring);
   for (const auto& term : length.terms) {
     const int dof = term.first;
-    if (k > 0) c.in_spring[dof] = true;
+    if (k > 0 || higher_stiffness != none) c.in_spring[dof] = true;
     c.held_by[dof].push_back(fmt::format("tendon '{}' over {} freedoms", name, length.terms.size()));
   }
   c.scene.mechanisms[c.MechanismOf(first)].springs.push_back(std::move(spring));
@@ -75,8 +119,7 @@ void AddTendonSpring(Conversion& c, int t) {
 
 bool TendonWorks(const mjModel& m, const mjData& d, int t) {
   if (m.tendon_num[t] == 0 || HearsFreeJoint(m, TendonLength(m, d, t))) return false;
-  if (TendonStiffness(m, t) != 0 || TendonDamping(m, t) != 0 || m.tendon_frictionloss[t] != 0 ||
-      m.tendon_limited[t]) {
+  if (HasSpringOrDamper(m, t) || m.tendon_frictionloss[t] != 0 || m.tendon_limited[t]) {
     return true;
   }
   if (m.opt.disableflags & mjDSBL_ACTUATION) return false;
@@ -91,10 +134,10 @@ void ConvertSprings(Conversion& c) {
   const bool no_springs = m.opt.disableflags & mjDSBL_SPRING, no_dampers = m.opt.disableflags & mjDSBL_DAMPER;
   if (no_springs) c.Note(ImportNote::Kind::kChanged, "option", "springs of joints and tendons are switched off");
   if (no_dampers) c.Note(ImportNote::Kind::kChanged, "option", "dampers of joints and tendons are switched off");
-  for (int j = 0; j < m.njnt && !no_springs; ++j) AddJointSpring(c, j);
+  for (int j = 0; j < m.njnt; ++j) AddJointSpring(c, j);
   std::vector<std::string> slack, on_free;
   for (int t = 0; t < m.ntendon; ++t) {
-    if (TendonStiffness(m, t) == 0 && TendonDamping(m, t) == 0) continue;
+    if (!HasSpringOrDamper(m, t)) continue;
     if (HearsFreeJoint(m, TendonLength(m, c.d, t))) {
       on_free.push_back(NameOr(m, m.name_tendonadr[t], "tendon", t));
       continue;

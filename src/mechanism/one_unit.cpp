@@ -74,7 +74,8 @@ MatrixX ClosureRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kinem
   return A;
 }
 
-SpringRows SpringRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kinematics, const OneUnit& unit) {
+SpringRows SpringRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                               const OneUnit& unit) {
   const int n = mechanism.num_coordinates();
   std::vector<VectorX> rows;
   std::vector<double> weights;
@@ -91,7 +92,8 @@ SpringRows SpringRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kin
     VectorX row = VectorX::Zero(n);
     ForEachArm(s.length, kinematics.paths, [&](int i, double c) { row(i) += c * unit.coordinate(i); });
     const double size = row.norm();
-    if (s.stiffness > 0 && size > 0) add(row / size, std::sqrt(s.stiffness) * size, -1);
+    const double stiffness = s.StiffnessAt(LengthOf(mechanism, s.length, kinematics, q));
+    if (stiffness > 0 && size > 0) add(row / size, std::sqrt(stiffness) * size, -1);
   }
   for (std::size_t c = 0; c < mechanism.closures().size(); ++c) {
     const ClosureDef& closure = mechanism.closures()[c];

@@ -16,6 +16,8 @@ MechanismDef ScaleStiffness(MechanismDef definition, double factor) {
   for (auto& spring : definition.springs) {
     spring.stiffness *= factor;
     spring.damping *= root;
+    for (double& higher : spring.higher_stiffness) higher *= factor;
+    for (double& higher : spring.higher_damping) higher *= root;
   }
   for (auto& limit : definition.force_limits) {
     limit.stiffness *= factor;

@@ -37,7 +37,7 @@ void AddClosureMatrix(const Mechanism& mechanism, const Kinematics& kinematics, 
 void SpringForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, VectorX& tau) {
   tau = mechanism.stiffness().cwiseProduct(mechanism.rest() - q);
   for (const Mechanism::Spring& s : mechanism.springs()) {
-    const double force = s.stiffness * (s.rest - LengthOf(mechanism, s.length, kinematics, q));
+    const double force = s.Force(LengthOf(mechanism, s.length, kinematics, q));
     ForEachArm(s.length, kinematics.paths, [&](int i, double c) { tau(i) += c * force; });
   }
   for (const ClosureDef& closure : mechanism.closures()) {
@@ -49,10 +49,10 @@ void SpringForce(const Mechanism& mechanism, const Kinematics& kinematics, const
   }
 }
 
-MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX&) {
+MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
   MatrixX K = mechanism.stiffness().asDiagonal();
   for (const Mechanism::Spring& s : mechanism.springs())
-    AddLengthMatrix(s.length, kinematics.paths, s.stiffness, K);
+    AddLengthMatrix(s.length, kinematics.paths, s.StiffnessAt(LengthOf(mechanism, s.length, kinematics, q)), K);
   AddClosureMatrix(mechanism, kinematics, &ClosureDef::stiffness, K);
   return K;
 }
@@ -68,8 +68,7 @@ MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, 
 double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
   double energy = 0.5 * mechanism.stiffness().dot((q - mechanism.rest()).cwiseAbs2());
   for (const Mechanism::Spring& s : mechanism.springs()) {
-    const double stretch = LengthOf(mechanism, s.length, kinematics, q) - s.rest;
-    energy += 0.5 * s.stiffness * stretch * stretch;
+    energy += s.Energy(LengthOf(mechanism, s.length, kinematics, q));
   }
   for (const ClosureDef& closure : mechanism.closures()) {
     const Vector6 k = Soft(closure, closure.stiffness);

@@ -1,6 +1,7 @@
 // One list of fields per struct serves writing and reading: see scene_fields.hpp.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <concepts>
 #include <cstdint>
@@ -85,6 +86,12 @@ class JsonWriter {
   Json Encode(Index<Tag> value) {
     return value.value();
   }
+  template <class T, std::size_t size>
+  Json Encode(const std::array<T, size>& value) {
+    Json array = Json::array();
+    for (const T& v : value) array.push_back(Encode(v));
+    return array;
+  }
   template <class A, class B>
   Json Encode(const std::pair<A, B>& value) {
     return Json::array({Encode(value.first), Encode(value.second)});
@@ -144,6 +151,11 @@ class JsonReader {
       node_ = outer;
       path_ = outer_path;
     }
+  }
+  template <class T, std::size_t size>
+  void Decode(const Json& j, std::array<T, size>& value, const JsonPath& path) {
+    CheckSize(j, size, path);
+    for (std::size_t i = 0; i < size; ++i) Decode(j[i], value[i], {&path, nullptr, i});
   }
   void Decode(const Json& j, bool& value, const JsonPath& path) {
     if (!j.is_boolean()) throw JsonFault(path, "should be true or false");

@@ -148,9 +148,9 @@ void Fields(A& a, Like<PathUse, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<SpringDef, A>& s) {
-  auto& [name, terms, stiffness, damping, rest, along] = s;
+  auto& [name, terms, stiffness, damping, rest, along, higher_stiffness, higher_damping] = s;
   a("name", name), a("terms", terms), a("stiffness", stiffness), a("damping", damping), a("rest", rest);
-  a("along", along);
+  a("along", along), a("higher_stiffness", higher_stiffness), a("higher_damping", higher_damping);
 }
 
 template <class A>

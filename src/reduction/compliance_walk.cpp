@@ -32,7 +32,7 @@ struct Loops {
 Loops CollectLoops(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
                    const OneUnit& unit) {
   const MatrixX rigid = ClosureRowsInOneUnit(mechanism, kinematics, q, unit);
-  const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics, unit);
+  const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics, q, unit);
   std::vector<int> soft;
   for (std::size_t i = 0; i < springs.joint.size(); ++i)
     if (springs.joint[i] < 0) soft.push_back(static_cast<int>(i));

@@ -85,7 +85,7 @@ ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& k
     Z_x = std::move(closed.unseen);
   }
   basis.Z = basis.scale.asDiagonal() * Z_x;
-  const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics, unit);
+  const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics, q, unit);
   const MatrixX stretch = springs.rows * Z_x;
   const NullSpace held = ComputeNullSpace(stretch);
   if (held.doubtful.size() > 0)

@@ -25,7 +25,7 @@ class LoadedMechanism {
         F_(6, mechanism.num_bodies()) {
     Pose(q0);
     unit_ = ComputeOneUnit(mechanism, kinematics_);
-    const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics_, unit_);
+    const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics_, q0, unit_);
     double far = 0;
     for (const RigidTransform& X : kinematics_.X_RB) far = std::max(far, X.translation().norm());
     const double stiffest = springs.weight.size() > 0 ? springs.weight.cwiseAbs2().maxCoeff() : 0;

@@ -24,7 +24,8 @@ double FullMechanism::StoredEnergy() const {
   double energy = 0.5 * m.stiffness().dot((q_ - m.rest()).cwiseAbs2());
   for (const Mechanism::Spring& s : m.springs()) {
     const double stretch = Length(s.length, q_) - s.rest;
-    energy += 0.5 * s.stiffness * stretch * stretch;
+    energy += 0.5 * s.stiffness * stretch * stretch + s.higher_stiffness[0] * std::pow(stretch, 3) / 3 +
+              s.higher_stiffness[1] * std::pow(stretch, 4) / 4;
   }
   for (const ClosureDef& closure : m.closures()) {
     const Vector6 k = closure.rigid.select(Vector6::Zero(), closure.stiffness);
@@ -105,7 +106,8 @@ FullMechanism::Matrices FullMechanism::LinearMatrices() const {
   K_q.diagonal() = m.stiffness();
   for (const Mechanism::Spring& s : m.springs())
     ForEachArmAt(s.length, q_, [&](int i, double c) {
-      ForEachArmAt(s.length, q_, [&](int j, double d) { K_q(i, j) += s.stiffness * c * d; });
+      const double k = s.StiffnessAt(Length(s.length, q_));
+      ForEachArmAt(s.length, q_, [&](int j, double d) { K_q(i, j) += k * c * d; });
     });
   for (const ClosureDef& closure : m.closures()) {
     const Vector6 k = closure.rigid.select(Vector6::Zero(), closure.stiffness);

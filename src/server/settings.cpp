@@ -83,6 +83,8 @@ void ScaleGroup(const JointGroup& group, MechanismDef& def) {
     if (inside(s)) {
       s.stiffness *= group.scale;
       s.damping *= root;
+      for (double& higher : s.higher_stiffness) higher *= group.scale;
+      for (double& higher : s.higher_damping) higher *= root;
     }
   for (ForceLimitDef& f : def.force_limits)
     if (inside(f)) {
@@ -96,7 +98,10 @@ void ScaleGroup(const JointGroup& group, MechanismDef& def) {
 void ScaleDamping(double scale, MechanismDef& def) {
   for (JointDef& j : def.joints)
     for (FreedomDef& f : j.freedoms) f.damping *= scale;
-  for (SpringDef& s : def.springs) s.damping *= scale;
+  for (SpringDef& s : def.springs) {
+    s.damping *= scale;
+    for (double& higher : s.higher_damping) higher *= scale;
+  }
   for (ForceLimitDef& f : def.force_limits) f.damping *= scale;
   for (ClosureDef& c : def.closures) c.damping *= scale;
 }

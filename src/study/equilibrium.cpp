@@ -29,7 +29,10 @@ Scene UndampedScene(const MechanismDef& definition) {
   for (JointDef& joint : m.joints)
     for (FreedomDef& freedom : joint.freedoms) freedom.damping = 0;
   for (ClosureDef& closure : m.closures) closure.damping.setZero();
-  for (SpringDef& spring : m.springs) spring.damping = 0;
+  for (SpringDef& spring : m.springs) {
+    spring.damping = 0;
+    spring.higher_damping = {};
+  }
   return scene;
 }
 

@@ -174,19 +174,43 @@ TEST(ImportTendons, ATendonFromTheWorldOverTwoTreesTiesThem) {
   EXPECT_EQ(MustBuild(loaded.scene.mechanisms[0]).paths()[0].coordinates, (std::vector<int>{0, 1}));
 }
 
-// Springs and dampers with more than one coefficient: what is left of them is said, by name.
-TEST(ImportTendons, HigherTermsOfSpringsAndDampersAreListed) {
+// Springs and dampers with more than one coefficient. MuJoCo's forces at some poses: `qfrc_passive` of 4.0.1.
+TEST(ImportTendons, HigherTermsOfSpringsAndDampers) {
   const std::string text = R"(<mujoco><worldbody><site name="w"/>
     <body name="a" pos="1 0 0"><joint name="ja" axis="0 1 0" stiffness="3 0.5" damping=".1 0 .02"/>
       <geom size=".1"/><site name="sa" pos="0 0 .1"/></body></worldbody>
     <tendon><spatial name="t" stiffness="9 2" damping=".2"><site site="w"/><site site="sa"/></spatial></tendon></mujoco>)";
-  const ImportedScene loaded = MustLoad(text);
-  EXPECT_TRUE(HasNote(loaded.report, Kind::kDropped, "higher terms of the spring or damper of joint 'ja'"));
-  EXPECT_TRUE(HasNote(loaded.report, Kind::kDropped, "higher terms of the spring or damper of tendon 't'"));
-  const Mechanism m = MustBuild(loaded.scene.mechanisms[0]);
-  EXPECT_EQ(m.stiffness()(0), 3);
+  const Mechanism m = MustBuild(MustLoad(text).scene.mechanisms[0]);
+  using Higher = std::array<double, 2>;
+  ASSERT_EQ(m.springs().size(), 2u);
+  EXPECT_EQ(m.stiffness()(0), 0);
   EXPECT_EQ(m.damping()(0), 0.1);
-  EXPECT_EQ(m.springs()[0].stiffness, 9);
+  EXPECT_EQ(m.springs()[0].stiffness, 3);
+  EXPECT_EQ(m.springs()[0].higher_stiffness, (Higher{0.5, 0}));
+  EXPECT_EQ(m.springs()[0].higher_damping, (Higher{0, 0.02}));
+  EXPECT_EQ(m.springs()[1].stiffness, 9);
+  EXPECT_EQ(m.springs()[1].higher_stiffness, (Higher{2, 0}));
+
+  const Mechanism hinge = MustBuild(MustLoad(R"(<mujoco><worldbody><body><joint name="j" axis="0 1 0"
+    stiffness="3 5 7" damping="2 4 6"/><geom size=".1"/></body></worldbody></mujoco>)").scene.mechanisms[0]);
+  for (const auto& [q, force] : {std::pair(0.1, -0.357), {-0.1, 0.257}, {0.5, -3.625}}) {
+    Kinematics k(hinge);
+    const VectorX at = VectorX::Constant(1, q);
+    ComputeKinematics(hinge, at, k);
+    VectorX tau;
+    SpringForce(hinge, k, at, tau);
+    EXPECT_NEAR(tau(0), force, 1e-14) << q;
+  }
+  const Mechanism::Spring& s = hinge.springs()[0];
+  for (const auto& [rate, force] : {std::pair(0.1, -0.246), {-0.1, 0.246}, {0.5, -2.75}})
+    EXPECT_NEAR(-rate * (hinge.damping()(0) + s.DampingAt(rate)), force, 1e-14) << rate;
+}
+
+TEST(ImportTendons, HigherTermsOfABallAreListed) {
+  const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody><body><joint name="ball" type="ball" stiffness="3 5"/>
+    <geom size=".1"/></body></worldbody></mujoco>)");
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped,
+                      "higher terms of the spring or damper of joint 'ball'"));
 }
 
 // A tendon within a robot that floats does not hear where the robot is; one from the world to it is left out.

@@ -53,6 +53,7 @@ inline RandomMechanismOptions Everything() {
   options.springy_closures = 2;
   options.couplings = 2;
   options.springs = 3;
+  options.bent_springs = true;
   options.controls = 3;
   options.rest = true;
   return options;

@@ -18,6 +18,7 @@ testing::RandomMechanismOptions Everything(unsigned seed) {
   options.springy_closures = 1;
   options.couplings = 1;
   options.springs = 2;
+  options.bent_springs = seed % 2 == 1;
   options.controls = 2;
   options.rest = true;
   return options;

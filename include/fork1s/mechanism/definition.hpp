@@ -1,6 +1,7 @@
 // Definition structs: what a user or an importer writes down before a Mechanism is built.
 #pragma once
 
+#include <array>
 #include <fork1s/base/error.hpp>
 #include <fork1s/base/index.hpp>
 #include <fork1s/geometry/shape.hpp>
@@ -160,6 +161,9 @@ struct SpringDef {
   double damping = 0;
   double rest = 0;  // length at which it is unloaded
   PathUse along = {};
+  // Beyond what is linear, per power: N/m² and N/m³ of the stretch s from rest, N·s²/m² and N·s³/m³ of its rate v,
+  // or those of an angle. The force is -(k s + k₂ s² + k₃ s³) - (d v + d₂ v |v| + d₃ v³).
+  std::array<double, 2> higher_stiffness = {}, higher_damping = {};
 };
 
 /// Dry friction: a force of at most `force` along the length Σ coefficient q, against its rate; it holds the

@@ -1,6 +1,9 @@
 // The immutable mechanism: bodies in a spanning tree, joints as constant screws, closures, springs.
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <fork1s/mechanism/definition.hpp>
 #include <string>
 #include <utility>
@@ -56,6 +59,30 @@ class Mechanism {
     std::string name;
     Length length;
     double stiffness, damping, rest;
+    std::array<double, 2> higher_stiffness = {}, higher_damping = {};
+
+    bool is_linear() const {
+      const std::array<double, 2> none = {};
+      return higher_stiffness == none && higher_damping == none;
+    }
+    /// Pull of the spring at a length, without its damper.
+    double Force(double at) const {
+      const double s = at - rest;
+      return -s * (stiffness + s * (higher_stiffness[0] + s * higher_stiffness[1]));
+    }
+    double Energy(double at) const {
+      const double s = at - rest;
+      return s * s * (stiffness / 2 + s * (higher_stiffness[0] / 3 + s * higher_stiffness[1] / 4));
+    }
+    /// How the pull falls with the length; 0 where it grows, and nothing would hold by it.
+    double StiffnessAt(double at) const {
+      const double s = at - rest;
+      return std::max(0.0, stiffness + s * (2 * higher_stiffness[0] + 3 * s * higher_stiffness[1]));
+    }
+    /// Share of the rate that the damper's force is; never negative.
+    double DampingAt(double rate) const {
+      return std::max(0.0, damping + std::abs(rate) * higher_damping[0] + rate * rate * higher_damping[1]);
+    }
   };
   struct Coupling {
     std::string name;

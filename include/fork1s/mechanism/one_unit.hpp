@@ -28,6 +28,7 @@ struct SpringRows {
   VectorX weight;          ///< s: root of stiffness times what a row was divided by
   std::vector<int> joint;  ///< s: coordinate of a row that is a joint's own spring, else -1
 };
-SpringRows SpringRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kinematics, const OneUnit& unit);
+SpringRows SpringRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                               const OneUnit& unit);
 
 }  // namespace fork1s
