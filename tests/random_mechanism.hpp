@@ -88,7 +88,7 @@ struct RandomMechanismOptions {
   int springy_closures = 0;  ///< random springy directions, unloaded at the reference
   int couplings = 0;         ///< polynomials through the origin, so closed at the reference
   int springs = 0;           ///< tendons over two to four freedoms
-  bool bent_springs = false; ///< with higher terms
+  bool bent_springs = false;  ///< with higher terms
   int controls = 0;
   int interfaces = 2;           ///< the last leaves
   bool joints_in_order = true;  ///< false: joints are added out of body order

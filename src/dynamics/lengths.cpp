@@ -63,8 +63,8 @@ void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weig
 // pose. A step of second order keeps the reference's, and looks for the end of a step anew where springs bend
 // (theta_minimum.cpp); the dampers' arms are those of the last refresh there.
 //
-// Springs and dampers that are not linear likewise, by the stiffness and the damping of the pose and its rates.
-// By second order their dampers are linear, those of the rates 0 of the reference.
+// Springs and dampers that are not linear likewise, by the stiffness and the damping of the pose and its
+// rates. By second order their dampers are linear, those of the rates 0 of the reference.
 void MechanismDynamics::TurnSprings(double h) {
   if (!has_bent_springs_ || scheme_ != Scheme::kEuler || options_.recovery != Recovery::kExact) return;
   auto A_z = A_.bottomRightCorner(model().size(), model().size());

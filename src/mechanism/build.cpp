@@ -202,7 +202,8 @@ Expected<void> CheckConnections(const MechanismDef& def) {
       return Refuse(where, "has a stiffness, damping or rest length that is negative or not finite");
     for (const auto& higher : {s.higher_stiffness, s.higher_damping})
       for (const double term : higher)
-        if (!std::isfinite(term)) return Refuse(where, "has a higher term of stiffness or damping that is not finite");
+        if (!std::isfinite(term))
+          return Refuse(where, "has a higher term of stiffness or damping that is not finite");
   }
   for (const ControlDef& c : def.controls) {
     const std::string where = Named("control", c.name);
@@ -397,7 +398,8 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
     return form;
   };
   for (const SpringDef& s : def.springs)
-    m.springs_.push_back({s.name, length_of(s), s.stiffness, s.damping, s.rest, s.higher_stiffness, s.higher_damping});
+    m.springs_.push_back(
+        {s.name, length_of(s), s.stiffness, s.damping, s.rest, s.higher_stiffness, s.higher_damping});
   for (const ControlDef& c : def.controls)
     m.controls_.push_back({c.name, length_of(c), c.gain, c.lower, c.upper, c.initial});
   for (const DryFrictionDef& f : def.frictions) m.frictions_.push_back({f.name, length_of(f), f.force});

@@ -52,7 +52,8 @@ void SpringForce(const Mechanism& mechanism, const Kinematics& kinematics, const
 MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
   MatrixX K = mechanism.stiffness().asDiagonal();
   for (const Mechanism::Spring& s : mechanism.springs())
-    AddLengthMatrix(s.length, kinematics.paths, s.StiffnessAt(LengthOf(mechanism, s.length, kinematics, q)), K);
+    AddLengthMatrix(s.length, kinematics.paths, s.StiffnessAt(LengthOf(mechanism, s.length, kinematics, q)),
+                    K);
   AddClosureMatrix(mechanism, kinematics, &ClosureDef::stiffness, K);
   return K;
 }

@@ -90,8 +90,7 @@ void FullMechanism::AddJoints(MatrixX& right) {
     ForEachArmAt(s.length, q_next_, [&](int i, double c) {
       tau(i) += c * pull;
       ForEachArmAt(s.length, q_next_, [&](int j, double d) {
-        dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j),
-                      c * d * h * (damping + h * stiffness));
+        dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j), c * d * h * (damping + h * stiffness));
       });
     });
   }

@@ -65,11 +65,13 @@ TEST(BentSpring, CompliesAsStiffAsItIsThere) {
     const auto model = Reduce(m, at);
     ASSERT_TRUE(model);
     // K_r is 1 in coordinates that are scaled to it: Q Qᵀ is the compliance.
-    EXPECT_NEAR((model->Q * model->Q.transpose())(0, 0) * (kSledStiffness + 80 * q + 15000 * q * q), 1, 1e-12);
+    EXPECT_NEAR((model->Q * model->Q.transpose())(0, 0) * (kSledStiffness + 80 * q + 15000 * q * q), 1,
+                1e-12);
   }
 }
 
-// Quarter of a swing from rest at x₀: ∫ dx / √(2 (U(x₀) - U(x))/m), with x = x₀ sin φ so that nothing is singular.
+// Quarter of a swing from rest at x₀: ∫ dx / √(2 (U(x₀) - U(x))/m), with x = x₀ sin φ so that nothing is
+// singular.
 double QuarterSwing(double x0) {
   const auto U = [](double x) { return x * x * (15 + x * (40.0 / 3 + x * 1250)); };
   const int n = 20000;

@@ -180,7 +180,9 @@ TEST(ImportTendons, HigherTermsOfSpringsAndDampers) {
     <body name="a" pos="1 0 0"><joint name="ja" axis="0 1 0" stiffness="3 0.5" damping=".1 0 .02"/>
       <geom size=".1"/><site name="sa" pos="0 0 .1"/></body></worldbody>
     <tendon><spatial name="t" stiffness="9 2" damping=".2"><site site="w"/><site site="sa"/></spatial></tendon></mujoco>)";
-  const Mechanism m = MustBuild(MustLoad(text).scene.mechanisms[0]);
+  const ImportedScene loaded = MustLoad(text);
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChanged, "damper of joint 'ja'"));
+  const Mechanism m = MustBuild(loaded.scene.mechanisms[0]);
   using Higher = std::array<double, 2>;
   ASSERT_EQ(m.springs().size(), 2u);
   EXPECT_EQ(m.stiffness()(0), 0);
@@ -192,7 +194,8 @@ TEST(ImportTendons, HigherTermsOfSpringsAndDampers) {
   EXPECT_EQ(m.springs()[1].higher_stiffness, (Higher{2, 0}));
 
   const Mechanism hinge = MustBuild(MustLoad(R"(<mujoco><worldbody><body><joint name="j" axis="0 1 0"
-    stiffness="3 5 7" damping="2 4 6"/><geom size=".1"/></body></worldbody></mujoco>)").scene.mechanisms[0]);
+    stiffness="3 5 7" damping="2 4 6"/><geom size=".1"/></body></worldbody></mujoco>)")
+                                        .scene.mechanisms[0]);
   for (const auto& [q, force] : {std::pair(0.1, -0.357), {-0.1, 0.257}, {0.5, -3.625}}) {
     Kinematics k(hinge);
     const VectorX at = VectorX::Constant(1, q);
@@ -207,7 +210,8 @@ TEST(ImportTendons, HigherTermsOfSpringsAndDampers) {
 }
 
 TEST(ImportTendons, HigherTermsOfABallAreListed) {
-  const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody><body><joint name="ball" type="ball" stiffness="3 5"/>
+  const ImportedScene loaded =
+      MustLoad(R"(<mujoco><worldbody><body><joint name="ball" type="ball" stiffness="3 5"/>
     <geom size=".1"/></body></worldbody></mujoco>)");
   EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped,
                       "higher terms of the spring or damper of joint 'ball'"));

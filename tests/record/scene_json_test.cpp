@@ -85,7 +85,8 @@ class BitList {
   void Add(const PathUse& u) { Add(u.path), Add(u.gear); }
   void Add(const SpringDef& s) {
     Add(s.name), Add(s.terms), Add(s.stiffness), Add(s.damping), Add(s.rest), Add(s.along);
-    for (double higher : {s.higher_stiffness[0], s.higher_stiffness[1], s.higher_damping[0], s.higher_damping[1]})
+    for (double higher :
+         {s.higher_stiffness[0], s.higher_stiffness[1], s.higher_damping[0], s.higher_damping[1]})
       Add(higher);
   }
   void Add(const ControlDef& c) {

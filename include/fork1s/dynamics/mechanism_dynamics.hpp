@@ -253,8 +253,8 @@ class MechanismDynamics {
   VectorX q_dot_, q_ddot_;
   Vector3 gravity_W_ = Vector3::Zero();
   std::vector<PathState> paths_ref_;                  // at the reference of the model
-  std::vector<double> spring_stiffness_ref_;  // of springs() at the reference
-  bool has_bent_springs_ = false;             // of paths, or not linear
+  std::vector<double> spring_stiffness_ref_;          // of springs() at the reference
+  bool has_bent_springs_ = false;                     // of paths, or not linear
   VectorX limit_force_, limit_row_, f_z_of_springs_;  // force limits: f₀, Qᵀe, and f_z without bounds
   Vector6 V_free_ = Vector6::Zero();  // base twist without drift that the free solve starts from
   double energy_start_ = 0;           // J, at the start of the step

@@ -161,8 +161,8 @@ struct SpringDef {
   double damping = 0;
   double rest = 0;  // length at which it is unloaded
   PathUse along = {};
-  // Beyond what is linear, per power: N/m² and N/m³ of the stretch s from rest, N·s²/m² and N·s³/m³ of its rate v,
-  // or those of an angle. The force is -(k s + k₂ s² + k₃ s³) - (d v + d₂ v |v| + d₃ v³).
+  // Beyond what is linear, per power: N/m² and N/m³ of the stretch s from rest, N·s²/m² and N·s³/m³ of its
+  // rate v, or those of an angle. The force is -(k s + k₂ s² + k₃ s³) - (d v + d₂ v |v| + d₃ v³).
   std::array<double, 2> higher_stiffness = {}, higher_damping = {};
 };
 
