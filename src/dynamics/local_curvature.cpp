@@ -52,8 +52,7 @@ struct AtPoint {
 }  // namespace
 
 Matrix3 LocalCurvature(const Shape& shape, const Vector3& p, const Vector3& n) {
-  const Matrix3 tangent = Matrix3::Identity() - n * n.transpose();
-  return tangent * std::visit(AtPoint{p, n}, shape) * tangent;
+  return std::visit(AtPoint{p, n}, shape);
 }
 
 }  // namespace fork1s

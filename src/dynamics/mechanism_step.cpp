@@ -55,7 +55,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
   Vector6 V_next = state_.reduced.V_R;
   if (mechanism().base() == BaseKind::kDriven) {
     // Twist that takes the base to its next pose; its change pushes the interior by inertia.
-    V_next = Log(state_.reduced.X_WR.inverse() * state_.driven_next) / h;
+    V_next = DrivenTwist(h);
     A_R = (V_next - state_.reduced.V_R) / h;
   }
   if (base_size_ > 0) {

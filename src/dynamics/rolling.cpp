@@ -13,10 +13,10 @@ Matrix3 InverseCurvature(const World& world, const ContactPoint& p) {
     if (body == 0) return RigidTransform();  // the scene's own still geometry comes first
     return world.mechanisms()[i].GroupPose(c.group);
   };
-  return InverseOf(CurvatureOf(world.geometry(p.body_a, p.geometry_a), pose(p.body_a),
-                               world.geometry(p.body_b, p.geometry_b), pose(p.body_b), p),
-                   p.frame)
-      .inverse;
+  const Eigen::Matrix<double, 2, 3> tangents = p.frame.bottomRows<2>();
+  const PairCurvature curvature = CurvatureOf(world.geometry(p.body_a, p.geometry_a), pose(p.body_a),
+                                              world.geometry(p.body_b, p.geometry_b), pose(p.body_b), p);
+  return tangents.transpose() * InverseOf(curvature).inverse * tangents;
 }
 
 }  // namespace fork1s

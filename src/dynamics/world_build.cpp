@@ -141,7 +141,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.previous_speed_W_.reserve(room);
   detail.missed_W_.reserve(room);
   detail.previous_missed_W_.reserve(room);
-  detail.found_frame_.reserve(room);
+  detail.foresight_.reserve(room);
   detail.match_.reserve(room);
   detail.previous_used_.reserve(room);
   detail.previous_order_.reserve(room);
@@ -168,6 +168,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   }
   detail.limits_.reserve(static_cast<std::size_t>(limits));
   detail.velocities_.setZero(velocities);
+  detail.change_.setZero(velocities);
   detail.free_Y_.resize(detail.free_bodies_.size());
   detail.free_velocity_.resize(detail.free_bodies_.size());
   detail.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities, widest);

@@ -277,6 +277,7 @@ void World::Detail::KeepForNextStep(double h, StepReport& report) {
   contacts_.resize(points_.size());
   speed_W_.resize(points_.size());
   missed_W_.resize(points_.size());
+  change_ = velocities_ - change_;
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
     contacts_[i].point = points_[i];

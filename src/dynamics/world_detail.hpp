@@ -43,8 +43,16 @@ struct World::Detail {
   int MechanismGrain() const;
   RigidTransform PortFrame(int contactor, double ahead) const;
   Matrix36 PortRows(int contactor, const ContactPoint& point, double ahead) const;
-  MaterialMotion MotionAt(int contactor, const Vector3& point) const;
-  bool AdvanceHalf(double h, ContactPoint& point) const;
+  // What is known of a contact half a step ahead.
+  struct Foresight {
+    bool used = false;  // by the rows
+    PairCurvature curvature;
+    CurvatureInverse inverse;
+    Matrix3 frame = Matrix3::Identity();  // where it was found
+  };
+  MaterialMotion MotionAt(int contactor, const Vector3& point, const VectorX& velocities) const;
+  ContactMotion MotionBy(const VectorX& velocities, const ContactPoint& point, const Foresight& seen) const;
+  bool AdvanceHalf(double h, ContactPoint& point, Foresight& out) const;
   bool Reparametrised(int contactor) const;
   Vector3 MissedWay(double h, std::size_t contact) const;
   Vector3 RelativeSpeed(const ContactConstraint& c) const;
@@ -71,7 +79,9 @@ struct World::Detail {
   bool middle_ = false;              // contacts of this step are found half way
   bool by_theta_ = false;
   std::vector<Vector3> missed_W_, previous_missed_W_;  // MissedWay()
-  std::vector<Matrix3> found_frame_;                   // of points_, before they were taken half a step on
+  std::vector<Foresight> foresight_;                   // of points_
+  VectorX
+      change_;  // the velocities that contacts are foreseen by; after the solve, how those of the end differ
   std::vector<Vector6> last_twist_;                    // per contactor: of its port after the solve
   bool curvature_valid_ = false;                       // these are of the step before
   std::vector<double> approach_;     // m/s, of points that may part again; 0 for others
@@ -103,6 +113,7 @@ struct World::Detail {
     std::vector<double> limit_impulses;  // 2 per limited length, for warm starts
     std::vector<double> friction_impulses;
     VectorX impulse;
+    RigidTransform X_WR_half;  // of a driven base, half a step ahead
     bool pushed_from_outside = false;
     int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
   };

@@ -7,7 +7,8 @@
 namespace fork1s {
 
 // The frame that the twist of a port is given in and about: of mechanisms their root, of free bodies world
-// axes at their centre of mass. `ahead`: as many seconds later, by the velocities at hand.
+// axes at their centre of mass. `ahead`: as many seconds later, by the velocities at hand; above 0 it is half
+// a step.
 RigidTransform World::Detail::PortFrame(int contactor, double ahead) const {
   const Contactor& c = contactors_[static_cast<std::size_t>(contactor)];
   const auto i = static_cast<std::size_t>(c.index);
@@ -15,9 +16,9 @@ RigidTransform World::Detail::PortFrame(int contactor, double ahead) const {
     const Vector3 velocity = velocities_.segment<3>(port_offset_[static_cast<std::size_t>(contactor)] + 3);
     return RigidTransform(Matrix3::Identity(), free_bodies_[i].center_W() + ahead * velocity);
   }
-  const ReducedState& state = mechanisms_[i].state();
-  if (ahead == 0 || mechanisms_[i].mechanism().base() != BaseKind::kDriven) return state.X_WR;
-  return state.X_WR * Exp(ahead * state.V_R);
+  if (ahead > 0 && mechanisms_[i].mechanism().base() == BaseKind::kDriven)
+    return mechanism_blocks_[i].X_WR_half;
+  return mechanisms_[i].state().X_WR;
 }
 
 // Rows of the contact frame on the twist of a port.
@@ -30,14 +31,14 @@ Matrix36 World::Detail::PortRows(int contactor, const ContactPoint& point, doubl
   return J;
 }
 
-// Of a body's material at a point, by the velocities at hand.
-MaterialMotion World::Detail::MotionAt(int contactor, const Vector3& point) const {
+// Of a body's material at a point, by velocities stacked as velocities_ are.
+MaterialMotion World::Detail::MotionAt(int contactor, const Vector3& point, const VectorX& velocities) const {
   const auto c = static_cast<std::size_t>(contactor);
   if (contactors_[c].kind == Contactor::Kind::kWorld) return {};
   const RigidTransform X_WP = PortFrame(contactor, 0);
-  const Vector6 V = velocities_.segment<6>(port_offset_[c]);
-  const Vector3 omega = X_WP.rotation() * V.head<3>();
-  return {omega, X_WP.rotation() * V.tail<3>() + omega.cross(point - X_WP.translation())};
+  const auto V = velocities.segment<6>(port_offset_[c]);
+  const Vector3 omega = X_WP.rotation().lazyProduct(V.head<3>());
+  return {omega, X_WP.rotation().lazyProduct(V.tail<3>()) + omega.cross(point - X_WP.translation())};
 }
 
 // Its coordinates are about another reference than in the step before.
@@ -58,24 +59,30 @@ Vector3 World::Detail::CoordinateCurvature(int contactor, const Matrix36& J) con
 // Takes a contact to where it will be half a step later; false where the shapes do not tell, and on a
 // floating base, whose frame drifts with the centre of mass but turns with the base: no one frame half way is
 // that of all its rows.
-bool World::Detail::AdvanceHalf(double h, ContactPoint& p) const {
+bool World::Detail::AdvanceHalf(double h, ContactPoint& p, Foresight& out) const {
   const auto a = static_cast<std::size_t>(p.body_a), b = static_cast<std::size_t>(p.body_b);
   for (const std::size_t side : {a, b})
     if (const Contactor& c = contactors_[side];
         c.kind == Contactor::Kind::kGroup &&
         mechanisms_[static_cast<std::size_t>(c.index)].mechanism().base() == BaseKind::kFloating)
       return false;
-  const PairCurvature curvature =
-      CurvatureOf(geometries_[a][static_cast<std::size_t>(p.geometry_a)], contactor_pose_[a],
-                  geometries_[b][static_cast<std::size_t>(p.geometry_b)], contactor_pose_[b], p);
-  if (!curvature.known) return false;
-  // The point stands midway; what rolls are the surfaces.
-  const Vector3 to_b = 0.5 * p.gap * p.frame.row(0).transpose();
-  const ContactMotion motion =
-      MotionOf(curvature, p.frame, MotionAt(p.body_a, p.point - to_b), MotionAt(p.body_b, p.point + to_b));
+  out.curvature = CurvatureOf(geometries_[a][static_cast<std::size_t>(p.geometry_a)], contactor_pose_[a],
+                              geometries_[b][static_cast<std::size_t>(p.geometry_b)], contactor_pose_[b], p);
+  if (!out.curvature.known) return false;
+  out.inverse = InverseOf(out.curvature);
+  out.frame = p.frame;
+  const ContactMotion motion = MotionBy(change_, p, out);
   p.point += 0.5 * h * motion.velocity;
   p.frame = p.frame * ExpRotation(0.5 * h * motion.omega).transpose();
   return true;
+}
+
+ContactMotion World::Detail::MotionBy(const VectorX& velocities, const ContactPoint& p,
+                                      const Foresight& seen) const {
+  // The point stands midway; what rolls are the surfaces.
+  const Vector3 to_b = 0.5 * p.gap * seen.frame.row(0).transpose();
+  return MotionOf(seen.curvature, seen.inverse, seen.frame, MotionAt(p.body_a, p.point - to_b, velocities),
+                  MotionAt(p.body_b, p.point + to_b, velocities));
 }
 
 // How far [m, world axes] what sticks goes along the surface since the velocities of the start, and not those
@@ -83,15 +90,22 @@ bool World::Detail::AdvanceHalf(double h, ContactPoint& p) const {
 // things go to and fro on one path, but in circles it adds up, and a ball that is shaken crept by 0.2 mm.
 Vector3 World::Detail::MissedWay(double h, std::size_t contact) const {
   const ContactConstraint& c = constraints_[contact];
-  ContactPoint at = points_[contact];
-  const Vector3 used = at.frame.transpose() * RelativeSpeed(c);
-  at.frame = found_frame_[contact];
-  if (!(c.impulse(0) > 0) || !AdvanceHalf(h, at)) return Vector3::Zero();
-  ContactConstraint ended = c;
-  if (c.port_a >= 0) ended.J_a = -PortRows(at.body_a, at, 0.5 * h);
-  if (c.port_b >= 0) ended.J_b = PortRows(at.body_b, at, 0.5 * h);
-  const Vector3 missed = h * (at.frame.transpose() * RelativeSpeed(ended) - used);
-  const Vector3 n = at.frame.row(0).transpose();
+  const ContactPoint& p = points_[contact];
+  const Foresight& seen = foresight_[contact];
+  if (!seen.used || !(c.impulse(0) > 0)) return Vector3::Zero();
+  // Motions are linear in velocities: how much farther the point goes, and beside it what the arms end at.
+  const Vector3 farther = MotionBy(change_, p, seen).velocity;
+  const auto slip = [&](int body) -> Vector3 {
+    const auto i = static_cast<std::size_t>(body);
+    if (contactors_[i].kind == Contactor::Kind::kWorld) return Vector3::Zero();
+    const int row = port_offset_[i];
+    const Vector3 omega = PortFrame(body, 0).rotation().lazyProduct(velocities_.segment<3>(row));
+    if (contactors_[i].kind == Contactor::Kind::kFreeBody)
+      return omega.cross(farther - change_.segment<3>(row + 3));
+    return omega.cross(farther);
+  };
+  const Vector3 missed = 0.5 * h * h * (slip(p.body_b) - slip(p.body_a));
+  const Vector3 n = p.frame.row(0).transpose();
   const double sticks = c.use > 1 ? 1 / c.use : 1;  // as much as the law leaves of what would hold it
   return sticks * (missed - n * n.dot(missed));     // along the normal the gap says it
 }
@@ -107,7 +121,18 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
   const double h = options.h;
   constraints_.resize(points_.size());
   approach_.assign(points_.size(), 0.0);
-  found_frame_.resize(points_.size());
+  foresight_.resize(points_.size());
+  // Bases move as they are driven in this step, whatever they did in the last.
+  change_ = velocities_;
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i)
+    if (const MechanismDynamics& m = mechanisms_[i]; m.mechanism().base() == BaseKind::kDriven) {
+      const Vector6 V_R = m.DrivenTwist(h);
+      mechanism_blocks_[i].X_WR_half = m.state().X_WR * Exp(0.5 * h * V_R);
+      for (std::size_t c = 0; c < contactors_.size(); ++c)
+        if (contactors_[c].kind == Contactor::Kind::kGroup && contactors_[c].index == static_cast<int>(i) &&
+            port_offset_[c] >= 0)
+          change_.segment<6>(port_offset_[c]) += V_R - m.state().V_R;
+    }
   for (std::size_t i = 0; i < points_.size(); ++i) {
     ContactPoint& p = points_[i];
     ContactConstraint& c = constraints_[i];
@@ -122,9 +147,8 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
     const bool lasts = options.contact_curvature && !by_theta_ && curvature_valid_ && match_[i] >= 0 &&
                        previous_[static_cast<std::size_t>(match_[i])].impulse(0) > 0;
     ContactPoint at = p;
-    const bool foreseen = lasts && AdvanceHalf(h, at);
+    const bool foreseen = foresight_[i].used = lasts && AdvanceHalf(h, at, foresight_[i]);
     const double ahead = foreseen ? 0.5 * h : 0;
-    found_frame_[i] = p.frame;
     p.frame = at.frame;
     if (a.kind != Contactor::Kind::kWorld) {
       c.port_a = port_offset_[static_cast<std::size_t>(p.body_a)];

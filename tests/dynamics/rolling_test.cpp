@@ -132,7 +132,7 @@ TEST(Rolling, PointAndNormalGoWhereTheDetectorFindsThemNext) {
         ContactPoint near = p;
         near.point += p.frame.transpose() * aside;
         const PairCurvature other = CurvatureOf(g[ia], X[ia], g[ib], X[ib], near);
-        const Matrix3 sum = curvature.a + curvature.b;
+        const Eigen::Matrix2d sum = curvature.a + curvature.b;
         return (other.a + other.b - sum).norm() > 0.5 * sum.norm();
       };
       const bool is_corner = (curvature.a + curvature.b).norm() > 1e5;
@@ -144,13 +144,17 @@ TEST(Rolling, PointAndNormalGoWhereTheDetectorFindsThemNext) {
       if (on_plane) motion[0] = {};
       const Vector3 n = p.frame.row(0).transpose();
       motion[1].velocity -= n * n.dot(motion[1].velocity - motion[0].velocity);
-      const ContactMotion found = MotionOf(curvature, p.frame, motion[ia], motion[ib]);
+      const ContactMotion found = MotionOf(curvature, InverseOf(curvature), p.frame, motion[ia], motion[ib]);
       // Turned round, nothing changes.
       PairCurvature turned = curvature;
       std::swap(turned.a, turned.b);
       Matrix3 frame = p.frame;
       frame.topRows<2>() *= -1;
-      const ContactMotion again = MotionOf(turned, frame, motion[ib], motion[ia]);
+      for (Eigen::Matrix2d* K : {&turned.a, &turned.b}) {
+        (*K)(0, 1) *= -1;
+        (*K)(1, 0) *= -1;
+      }
+      const ContactMotion again = MotionOf(turned, InverseOf(turned), frame, motion[ib], motion[ia]);
       // A corner's curvature stands for 1e6 / m, and rounding of 1e-12 m/s for 1e-6 rad/s there.
       EXPECT_LT((again.velocity - found.velocity).norm(), 1e-9);
       EXPECT_LT((again.omega - found.omega).norm(), 1e-6);

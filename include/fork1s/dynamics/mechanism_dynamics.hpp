@@ -60,6 +60,8 @@ class MechanismDynamics {
   const Matrix6X& wrenches_W() const { return state_.wrenches_W; }
   /// Pose that a driven base reaches at the end of the next step.
   void DriveBase(const RigidTransform& X_WR_next) { state_.driven_next = X_WR_next; }
+  /// Twist in R [6] that takes a driven base to its next pose within h [s].
+  Vector6 DrivenTwist(double h) const { return Log(state_.reduced.X_WR.inverse() * state_.driven_next) / h; }
 
   /// Begins a step of second order (docs/method.md, section 5): from here to Integrate or Revert the
   /// mechanism stands where its velocity takes it in half the step, and Predict, ports and lengths speak of
