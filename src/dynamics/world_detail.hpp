@@ -113,7 +113,8 @@ struct World::Detail {
     std::vector<double> limit_impulses;  // 2 per limited length, for warm starts
     std::vector<double> friction_impulses;
     VectorX impulse;
-    RigidTransform X_WR_half;  // of a driven base, half a step ahead
+    Vector6 V_R_foreseen = Vector6::Zero();  // of a driven base, as contacts are foreseen
+    RigidTransform X_WR_half;                // half a step ahead by that
     bool pushed_from_outside = false;
     int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
   };

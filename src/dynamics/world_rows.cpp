@@ -96,13 +96,22 @@ Vector3 World::Detail::MissedWay(double h, std::size_t contact) const {
   // Motions are linear in velocities: how much farther the point goes, and beside it what the arms end at.
   const Vector3 farther = MotionBy(change_, p, seen).velocity;
   const auto slip = [&](int body) -> Vector3 {
-    const auto i = static_cast<std::size_t>(body);
-    if (contactors_[i].kind == Contactor::Kind::kWorld) return Vector3::Zero();
-    const int row = port_offset_[i];
-    const Vector3 omega = PortFrame(body, 0).rotation().lazyProduct(velocities_.segment<3>(row));
-    if (contactors_[i].kind == Contactor::Kind::kFreeBody)
-      return omega.cross(farther - change_.segment<3>(row + 3));
-    return omega.cross(farther);
+    const auto k = static_cast<std::size_t>(body);
+    const Contactor& touching = contactors_[k];
+    if (touching.kind == Contactor::Kind::kWorld) return Vector3::Zero();
+    const auto V = velocities_.segment<6>(port_offset_[k]);
+    if (touching.kind == Contactor::Kind::kFreeBody)
+      return V.head<3>().cross(farther - change_.segment<3>(port_offset_[k] + 3));
+    const auto i = static_cast<std::size_t>(touching.index);
+    const ReducedState& state = mechanisms_[i].state();
+    const Matrix3& R = state.X_WR.rotation();
+    const Vector3 omega = R * V.head<3>();
+    if (mechanisms_[i].mechanism().base() != BaseKind::kDriven) return omega.cross(farther);
+    // The frame of the base, which V is given in, turns and moves on with the change of its own twist.
+    const Vector6 base = state.V_R - mechanism_blocks_[i].V_R_foreseen;
+    const Vector3 turn = R * base.head<3>();
+    return turn.cross(R * V.tail<3>()) + turn.cross(omega).cross(p.point - state.X_WR.translation()) +
+           omega.cross(farther - R * base.tail<3>());
   };
   const Vector3 missed = 0.5 * h * h * (slip(p.body_b) - slip(p.body_a));
   const Vector3 n = p.frame.row(0).transpose();
@@ -122,16 +131,13 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
   constraints_.resize(points_.size());
   approach_.assign(points_.size(), 0.0);
   foresight_.resize(points_.size());
-  // Bases move as they are driven in this step, whatever they did in the last.
   change_ = velocities_;
+  // Bases too go on as they did, though it is known how they are driven: what they hold does not know yet.
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-    if (const MechanismDynamics& m = mechanisms_[i]; m.mechanism().base() == BaseKind::kDriven) {
-      const Vector6 V_R = m.DrivenTwist(h);
-      mechanism_blocks_[i].X_WR_half = m.state().X_WR * Exp(0.5 * h * V_R);
-      for (std::size_t c = 0; c < contactors_.size(); ++c)
-        if (contactors_[c].kind == Contactor::Kind::kGroup && contactors_[c].index == static_cast<int>(i) &&
-            port_offset_[c] >= 0)
-          change_.segment<6>(port_offset_[c]) += V_R - m.state().V_R;
+    if (mechanisms_[i].mechanism().base() == BaseKind::kDriven) {
+      MechanismBlock& block = mechanism_blocks_[i];
+      block.V_R_foreseen = mechanisms_[i].state().V_R;
+      block.X_WR_half = mechanisms_[i].state().X_WR * Exp(0.5 * h * block.V_R_foreseen);
     }
   for (std::size_t i = 0; i < points_.size(); ++i) {
     ContactPoint& p = points_[i];
