@@ -42,7 +42,7 @@ void MechanismDynamics::AddLengthForce(const Mechanism::Length& length, double f
 
 // out = Qᵀ ∂ℓ/∂q
 void MechanismDynamics::ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths,
-                                   const MatrixX& Q, VectorX& out) const {
+                                   const RowMatrixX& Q, VectorX& out) const {
   out.setZero();
   ForEachArm(length, paths, [&](int i, double c) { out.noalias() += c * Q.row(i).transpose(); });
 }
@@ -54,7 +54,7 @@ void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weig
   if ((bends || length.path >= 0) && scheme_ == Scheme::kEuler && options_.recovery == Recovery::kExact)
     ReducedRow(length, Paths(), Q_now(), limit_row_);
   else
-    ReducedRow(length, paths_ref_, model().Q, limit_row_);
+    ReducedRow(length, paths_ref_, model().Q_rows, limit_row_);
   A_z.noalias() += weight * limit_row_ * limit_row_.transpose();
 }
 
@@ -76,7 +76,7 @@ void MechanismDynamics::TurnSprings(double h) {
     ForEachArm(s.length, Paths(), [&](int i, double c) { rate += c * Q_now().row(i).dot(state_.reduced.w); });
     const double reference = h * (h * spring_stiffness_ref_[k] + s.DampingAt(0)),
                  now = h * (h * s.StiffnessAt(Length(s.length)) + s.DampingAt(rate));
-    ReducedRow(s.length, paths_ref_, model().Q, limit_row_);
+    ReducedRow(s.length, paths_ref_, model().Q_rows, limit_row_);
     A_z.noalias() -= reference * limit_row_ * limit_row_.transpose();
     AddSpringOf(s.length, now, true);
   }

@@ -56,7 +56,9 @@ VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R, c
   g += loads - inertial - DampingMatrix(m, kinematics, configuration_.q) * q_dot;
 
   const VectorX root = Compliances(m, kinematics, configuration_.q).cwiseSqrt();
-  const MatrixX A_T = configuration_.A_all.transpose();
+  MatrixX rows;
+  ClosureJacobian(m, kinematics, configuration_.q, rows);
+  const MatrixX A_T = rows.transpose();
   // Below a hundredth of the largest singular value the joints can hardly yield: a finger stretched against
   // another one bears 100 N for a thousandth of a millimetre, which contacts that are not frozen lose by
   // creep.

@@ -100,14 +100,21 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
     dynamics.x_.tail(r) = dynamics.state_.reduced.w;
   }
   dynamics.UpdateConfiguration();
+  dynamics.KeepJointRates();
   return dynamics;
+}
+
+// At the pose at hand, which a step of implicit Euler leaves afterwards.
+void MechanismDynamics::KeepJointRates() {
+  if (model().loop_rank() == 0 || options_.recovery != Recovery::kExact) return;
+  state_.q_dot.setZero(model().num_coordinates());
+  AddMotion(model(), Q_now(), state_.reduced.w, state_.q_dot);
 }
 
 // What a new reference makes of the interior's own displacement and of the last step.
 void MechanismDynamics::StartAtReference() {
   const int n = model().num_coordinates();
   state_.mu.setZero(configuration_.mu.size());
-  state_.Q_before_h = -1;
   state_.q_perp_offset.resize(0);
   if (model().has_complement)
     state_.reduced.q_perp = VectorX::Zero(n);
@@ -149,6 +156,7 @@ void MechanismDynamics::Size() {
     M_full_.bottomLeftCorner(r, 6) = model().M_0z.transpose();
   }
   M_full_.bottomRightCorner(r, r) = model().M;
+  factor_ = Cholesky();
   factor_.Compute(MatrixX::Identity(std::max(nx, 1), std::max(nx, 1)));
   factored_h_ = -1;
   x_.resize(nx);
@@ -210,7 +218,7 @@ void MechanismDynamics::UpdateConfiguration(bool loops_are_closed) {
     return;
   }
   configuration_.q = model().q_ref;
-  configuration_.q.noalias() += model().Q * state_.reduced.z;
+  AddMotion(model(), model().Q_rows, state_.reduced.z, configuration_.q);
 }
 
 void MechanismDynamics::AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W,

@@ -73,6 +73,7 @@ void MechanismDynamics::ScaleRelativeMotion(double s) {
   }
   x_.tail(r) *= s;
   state_.reduced.w = x_.tail(r);
+  state_.q_dot *= s;
 }
 
 // Velocity forces are explicit, loops bend the springs within a step and a long mechanism keeps the M of its

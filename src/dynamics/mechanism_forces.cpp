@@ -57,7 +57,7 @@ void MechanismDynamics::TakeReferenceForces() {
 }
 
 // f_z_ and base_force_ at the present pose; q_perp follows the loads of this pose.
-void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R) {
+void MechanismDynamics::LoadForces(double h, const Vector3& gravity_R, const Vector6& A_R) {
   const Mechanism& m = mechanism();
   momentum_rate_.setZero();
   if (options_.recovery == Recovery::kTwist) {
@@ -87,25 +87,23 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
   tau_.setZero();
   // The base's own rows get the same by carrying its momentum along, and momentum_rate_.
   if (base_moves()) base_force_ = F_.rowwise().sum();
-  if (model().size() > 0)
-    q_dot_.noalias() = configuration_.Q_now * state_.reduced.w;
-  else
-    q_dot_.setZero();
+  q_dot_.setZero();
+  AddMotion(model(), Q_now(), state_.reduced.w, q_dot_);
   const bool by_formula =
       scheme_ == Scheme::kEuler;  // else velocity forces come of the momentum carried along
-  if (by_formula && model().loop_rank() > 0) {
-    // Loops turn Q as they move: its rate by difference over the last step.
-    if (state_.Q_before_h > 0) {
-      q_ddot_.noalias() = (1 / state_.Q_before_h) * (configuration_.Q_now * state_.reduced.w);
-      q_ddot_.noalias() -= (1 / state_.Q_before_h) * (state_.Q_before * state_.reduced.w);
-      tau_ -= m.armature().cwiseProduct(q_ddot_);
-    }
-    state_.Q_before = configuration_.Q_now;
-  }
   const bool turns = base_moves() && !state_.reduced.V_R.isZero(0);
   // What rests drifts by less than this; its velocity forces would be below 1e-12 of its inertia.
   constexpr double kRests = 1e-6;  // rad/s or m/s
-  if (by_formula && (turns || q_dot_.lpNorm<Eigen::Infinity>() > kRests))
+  const bool moves = q_dot_.lpNorm<Eigen::Infinity>() > kRests;
+  q_ddot_.setZero();
+  if (by_formula && moves && state_.q_dot.size() > 0) {
+    // Loops turn Q as they move: of the joint rates that the last step left the motions of this pose keep what
+    // they can, Qᵀ M (Q w⁺ - q̇) = h f, and that never adds energy. Ȧ q̇ in closed form would be of second order,
+    // and blows up where loops are nearly singular.
+    q_ddot_ = (q_dot_ - state_.q_dot) / h;
+    tau_ -= m.armature().cwiseProduct(q_ddot_);
+  }
+  if (by_formula && (turns || moves))
     SubtractVelocityWrenches(m, configuration_.kinematics, configuration_.q, state_.reduced.V_R, q_dot_,
                              q_ddot_, body_V_, body_A_, F_);
   if (!A_R.isZero(0)) SubtractRigidMotionWrenches(m, configuration_.kinematics, Vector6::Zero(), A_R, F_);
@@ -119,7 +117,7 @@ void MechanismDynamics::LoadForces(const Vector3& gravity_R, const Vector6& A_R)
   SpringForce(m, configuration_.kinematics, configuration_.q, g_);
   g_ += tau_;
   if (model().has_complement) FollowLoads();
-  if (model().size() > 0) f_z_.noalias() = configuration_.Q_now.transpose() * g_;
+  ReduceForce(model(), Q_now(), g_, f_z_);
 }
 
 // The interior's own displacement, one step of Newton with the stiffness of the reference towards rest under

@@ -5,7 +5,7 @@
 
 namespace fork1s {
 
-// Parts are runs of velocities: with fingers on a held palm the coordinates of each stand together.
+// Parts are runs of velocities: what a finger on a held palm moves by stands together.
 void MechanismDynamics::FindParts() {
   const int r = model().size(), nx = num_velocities();
   std::vector<int> reach(static_cast<std::size_t>(std::max(nx, 1)));
@@ -14,52 +14,41 @@ void MechanismDynamics::FindParts() {
     if (first <= last)
       reach[static_cast<std::size_t>(first)] = std::max(reach[static_cast<std::size_t>(first)], last);
   };
-  // Zeros are exact where paths do not meet: they come from sums without terms.
-  auto support = [&](auto is_zero) {
-    Part run;
-    int last = -1;
-    for (int i = 0; i < r; ++i)
-      if (!is_zero(i)) {
-        if (last < 0) run.begin = i;
-        last = i;
-      }
-    run.size = last < 0 ? 0 : last + 1 - run.begin;
-    return run;
+  // Columns that move a joint at any pose.
+  const auto of_joint = [&](int joint) {
+    return joint < 0 ? Part{} : Part{jacobian_.begin(joint), jacobian_.size(joint)};
+  };
+  const auto of_length = [&](const Mechanism::Length& length) {
+    int first = r, last = -1;
+    for (const int i : mechanism().CoordinatesOf(length)) {
+      const Part run = of_joint(mechanism().CoordinateJoint(i).value());
+      if (run.size == 0) continue;
+      first = std::min(first, run.begin);
+      last = std::max(last, run.begin + run.size - 1);
+    }
+    return last < 0 ? Part{} : Part{first, last + 1 - first};
   };
   std::vector<Part> of_group, of_limited, of_friction;
-  for (const ContactGroup& g : groups_) {
-    const auto T = model().T_of(g.body);
-    of_group.push_back(support([&](int i) { return (T.col(i).array() == 0).all(); }));
-  }
-  auto of_length = [&](const Mechanism::Length& length) {
-    const std::vector<int> coordinates = mechanism().CoordinatesOf(length);
-    return support([&](int i) {
-      return std::all_of(coordinates.begin(), coordinates.end(), [&](int k) { return model().Q(k, i) == 0; });
-    });
-  };
+  for (const ContactGroup& g : groups_) of_group.push_back(of_joint(g.last_joint));
   for (const auto& l : length_limits_) of_limited.push_back(of_length(l.length));
   for (const auto& f : mechanism().frictions()) of_friction.push_back(of_length(f.length));
-  if (base_size_ > 0 || model().loop_rank() > 0) {
+  if (base_size_ > 0) {
     join(0, nx - 1);
   } else {
+    const auto join_run = [&](const Part& run) { join(run.begin, run.begin + run.size - 1); };
+    for (int j = 0; j < mechanism().num_joints(); ++j) join_run(of_joint(j));
     for (int i = 0; i < r; ++i)
       for (int j = r - 1; j > i; --j)
-        if (model().M(i, j) != 0 || model().D(i, j) != 0) {
+        if (model().D(i, j) != 0) {
           join(i, j);
           break;
         }
-    for (const auto* runs : {&of_group, &of_limited, &of_friction})
-      for (const Part& run : *runs) join(run.begin, run.begin + run.size - 1);
-    for (const auto& f : mechanism().force_limits()) {
-      const Part run = of_length(f.length);
-      join(run.begin, run.begin + run.size - 1);
-    }
+    for (const auto* runs : {&of_limited, &of_friction})
+      for (const Part& run : *runs) join_run(run);
+    for (const auto& f : mechanism().force_limits()) join_run(of_length(f.length));
     // Springs of paths turn in A as the pose does, and those that are not linear stiffen.
-    for (const auto& s : mechanism().springs()) {
-      if (s.length.path < 0 && s.is_linear()) continue;
-      const Part run = of_length(s.length);
-      join(run.begin, run.begin + run.size - 1);
-    }
+    for (const auto& s : mechanism().springs())
+      if (s.length.path >= 0 || !s.is_linear()) join_run(of_length(s.length));
   }
   parts_.clear();
   std::vector<int> part_of(static_cast<std::size_t>(nx), 0);
@@ -70,8 +59,11 @@ void MechanismDynamics::FindParts() {
     parts_.push_back({i, last + 1 - i});
     i = last + 1;
   }
+  std::vector<DiagonalBlock> blocks;
+  for (const Part& part : parts_) blocks.push_back({part.begin, part.size});
+  factor_.Divide(std::move(blocks));
   auto part_of_run = [&](const Part& run) {
-    if (base_size_ > 0 || (model().loop_rank() > 0 && run.size > 0)) return 0;
+    if (base_size_ > 0) return 0;
     return run.size == 0 ? -1 : part_of[static_cast<std::size_t>(run.begin)];
   };
   part_of_group_.clear();

@@ -26,6 +26,7 @@ bool MechanismDynamics::Refresh() {
   // In twist mode, and where loops were corrected in few steps, the joints get their exact closed pose first.
   if (m.num_constraints() > 0) CloseLoops(m, q);
   VectorX q_dot = configuration_.Q_now * state_.reduced.w;
+  VectorX q_dot_left = state_.q_dot;  // the next step finds there how loops turn, as if nothing had moved
 
   // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
   for (const Mechanism::Joint& joint : m.joints()) {
@@ -34,8 +35,9 @@ bool MechanismDynamics::Refresh() {
     const double angle = v.norm();
     if (angle <= M_PI) continue;
     const Vector3 wrapped = v * (1 - 2 * M_PI / angle);
-    q_dot.segment<3>(joint.offset) =
-        DexpInverseRotation(wrapped) * (DexpRotation(v) * q_dot.segment<3>(joint.offset));
+    const Matrix3 rewrite = DexpInverseRotation(wrapped) * DexpRotation(v);
+    q_dot.segment<3>(joint.offset) = rewrite * q_dot.segment<3>(joint.offset);
+    if (q_dot_left.size() > 0) q_dot_left.segment<3>(joint.offset) = rewrite * q_dot_left.segment<3>(joint.offset);
     q.segment<3>(joint.offset) = wrapped;
   }
 
@@ -44,7 +46,6 @@ bool MechanismDynamics::Refresh() {
 
   MechanismState before;
   Save(before);
-  const double h_before = state_.Q_before_h;
   const Vector6 p_0 = base_size_ > 0 ? Vector6(M_full_.topRows<6>() * x_) : Vector6(Vector6::Zero());
 
   // Velocity by momentum: joints keep M(q) q̇ as the new coordinates see it, the base keeps its own.
@@ -62,6 +63,7 @@ bool MechanismDynamics::Refresh() {
   }
   state_.reduced.z = VectorX::Zero(r);
   state_.reduced.w = VectorX::Zero(r);
+  state_.q_dot = q_dot_left;
   configuration_ = elsewhere_ = Configuration(model());
   jacobian_ = ReducedJacobian(model());
   inertia_ = ReducedInertia(model());
@@ -76,16 +78,6 @@ bool MechanismDynamics::Refresh() {
   state_.reduced.w = x.tail(r);
   if (base_size_ > 0) state_.reduced.V_R = x.head<6>();
   UpdateConfiguration();
-  if (model().loop_rank() > 0 && h_before > 0) {
-    // The next step takes the rate of Q by difference: from where this motion was a step ago. Without it every
-    // refresh costs the velocity forces of one step.
-    ReducedState behind = state_.reduced;
-    behind.z = -h_before * state_.reduced.w;
-    Configuration then(model());
-    Configure(model(), behind, then);
-    state_.Q_before = then.Q_now;
-    state_.Q_before_h = h_before;
-  }
   return true;
 }
 

@@ -68,8 +68,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
     V_next = state_.reduced.V_R;
   }
   if (model().has_complement) q_perp_before_ = state_.reduced.q_perp;
-  LoadForces(state_.reduced.X_WR.rotation().transpose() * gravity_W, A_R);
-  state_.Q_before_h = h;
+  LoadForces(h, state_.reduced.X_WR.rotation().transpose() * gravity_W, A_R);
   if (state_.q_perp_offset.size() > 0) state_.q_perp_offset *= std::exp(-h / options_.complement_relaxation);
 
   if (base_size_ > 0) momentum_.noalias() -= M_full_.middleCols<3>(3) * drift_R_;
@@ -174,6 +173,7 @@ void MechanismDynamics::Integrate(double h) {
 void MechanismDynamics::Advance(double h, const Vector6& V_start, const Vector6& by_pose) {
   state_.reduced.w = x_.tail(model().size());
   state_.reduced.z += h * state_.reduced.w;
+  KeepJointRates();
   if (mechanism().base() == BaseKind::kDriven) state_.reduced.X_WR = state_.driven_next;
   if (base_size_ == 0) {
     UpdateConfiguration();

@@ -153,7 +153,7 @@ void MechanismDynamics::PredictTheta(double h) {
     }
     contact_shift_.tail(r) = u_.tail(r) - w_start_;
   }
-  LoadForces(R_mW * gravity_W_, Vector6::Zero());
+  LoadForces(h, R_mW * gravity_W_, Vector6::Zero());
   if (state_.q_perp_offset.size() > 0) state_.q_perp_offset *= std::exp(-h / options_.complement_relaxation);
   f_wrench_.setZero();
   base_wrench_.setZero();
@@ -360,6 +360,7 @@ void MechanismDynamics::TakeVelocityAtEnd(double work) {
     if (std::abs(missed) > kRounding * (std::abs(potential) + std::abs(potential_start_))) MatchWork(missed);
   }
   state_.reduced.w = x_.tail(r);
+  KeepJointRates();
   if (base_size_ > 0) state_.reduced.V_R = x_.head<6>();
 }
 

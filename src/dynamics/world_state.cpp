@@ -48,10 +48,10 @@ class Hash {
     Add(z, w, q_perp, X_WR, V_R);
   }
   void One(const MechanismState& state) {
-    const auto& [model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, q_perp_offset,
-                 q_perp_step_last, follow, overshoots, Q_before, Q_before_h] = state;
-    Add(model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, q_perp_offset,
-        q_perp_step_last, follow, overshoots, Q_before, Q_before_h);
+    const auto& [model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, q_dot,
+                 q_perp_offset, q_perp_step_last, follow, overshoots] = state;
+    Add(model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, q_dot, q_perp_offset,
+        q_perp_step_last, follow, overshoots);
   }
   void One(const FreeBody::State& state) {
     const auto& [X_WB, omega_B, velocity, force_W, moment_W] = state;

@@ -1,6 +1,7 @@
 #include <fork1s/linalg/cholesky.hpp>
 
 #include <Eigen/Cholesky>
+#include <cmath>
 
 namespace fork1s {
 
@@ -9,9 +10,61 @@ bool CholeskyInPlace(Eigen::Ref<MatrixX> A) {
   return llt.info() == Eigen::Success;
 }
 
+namespace {
+
+// Up to here plain loops cost less than setting up blocked ones.
+constexpr int kSmall = 32;
+
+// Of a block that begins at L, columns `stride` apart; what stands above the diagonal is not touched.
+bool FactorBlock(double* L, std::ptrdiff_t stride, int n) {
+  for (int k = 0; k < n; ++k) {
+    double* __restrict lk = L + k * stride;
+    if (!(lk[k] > 0) || !std::isfinite(lk[k])) return false;
+    lk[k] = std::sqrt(lk[k]);
+    const double inverse = 1 / lk[k];
+    for (int i = k + 1; i < n; ++i) lk[i] *= inverse;
+    for (int j = k + 1; j < n; ++j) {
+      const double factor = lk[j];
+      if (factor == 0) continue;
+      double* __restrict lj = L + j * stride;
+      for (int i = j; i < n; ++i) lj[i] -= factor * lk[i];
+    }
+  }
+  return true;
+}
+
+void SolveBlock(const double* L, std::ptrdiff_t stride, int n, double* __restrict x) {
+  for (int k = 0; k < n; ++k) {
+    const double* __restrict lk = L + k * stride;
+    const double value = x[k] /= lk[k];
+    for (int i = k + 1; i < n; ++i) x[i] -= lk[i] * value;
+  }
+  for (int k = n - 1; k >= 0; --k) {
+    const double* lk = L + k * stride;
+    double sum = x[k];
+    for (int i = k + 1; i < n; ++i) sum -= lk[i] * x[i];
+    x[k] = sum / lk[k];
+  }
+}
+
+}  // namespace
+
 bool Cholesky::Compute(const MatrixX& A) {
-  L_ = A;
-  ok_ = L_.size() == 0 || CholeskyInPlace(L_);
+  if (blocks_.empty()) {
+    L_ = A;
+    ok_ = L_.size() == 0 || CholeskyInPlace(L_);
+    return ok_;
+  }
+  L_.resize(A.rows(), A.cols());
+  ok_ = true;
+  for (const DiagonalBlock& b : blocks_) {
+    auto L = L_.block(b.begin, b.begin, b.size, b.size);
+    L = A.block(b.begin, b.begin, b.size, b.size);
+    if (b.size <= kSmall)
+      ok_ = FactorBlock(L.data(), L.outerStride(), b.size) && ok_;
+    else
+      ok_ = CholeskyInPlace(L) && ok_;
+  }
   return ok_;
 }
 
@@ -22,12 +75,26 @@ void SolveWithLowerInPlace(const Eigen::Ref<const MatrixX>& L, Eigen::Ref<Vector
 
 void Cholesky::SolveInPlace(VectorX& x) const {
   if (L_.size() == 0) return;
+  for (const DiagonalBlock& b : blocks_) {
+    const auto L = L_.block(b.begin, b.begin, b.size, b.size);
+    if (b.size <= kSmall)
+      SolveBlock(L.data(), L.outerStride(), b.size, x.data() + b.begin);
+    else
+      SolveWithLowerInPlace(L, x.segment(b.begin, b.size));
+  }
+  if (!blocks_.empty()) return;
   L_.triangularView<Eigen::Lower>().solveInPlace(x);
   L_.triangularView<Eigen::Lower>().transpose().solveInPlace(x);
 }
 
 void Cholesky::SolveInPlace(MatrixX& x) const {
   if (L_.size() == 0 || x.cols() == 0) return;
+  for (const DiagonalBlock& b : blocks_) {
+    const auto L = L_.block(b.begin, b.begin, b.size, b.size).triangularView<Eigen::Lower>();
+    L.solveInPlace(x.middleRows(b.begin, b.size));
+    L.transpose().solveInPlace(x.middleRows(b.begin, b.size));
+  }
+  if (!blocks_.empty()) return;
   L_.triangularView<Eigen::Lower>().solveInPlace(x);
   L_.triangularView<Eigen::Lower>().transpose().solveInPlace(x);
 }

@@ -1,5 +1,7 @@
+#include <fork1s/base/quad.hpp>
 #include <fork1s/linalg/in_place.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <utility>
@@ -7,9 +9,49 @@
 namespace fork1s {
 namespace {
 
-// Plain loops, not Eigen's: where Eigen starts its packets depends on the address, and with it the last bit.
+// Plain loops, or fours from the start: where Eigen's own loops start their packets depends on the address, and with
+// it the last bit.
 void Subtract(double factor, const double* __restrict x, int n, double* __restrict y) {
   for (int i = 0; i < n; ++i) y[i] -= factor * x[i];
+}
+
+// kColumns right sides next to each other, rows swapped already.
+template <int kColumns>
+void SolveColumnsWithLu(const double* LU, int n, std::ptrdiff_t stride, double* x) {
+  using Columns = Eigen::Matrix<double, kColumns, 1>;
+  const auto at = [](double* p) { return Eigen::Map<Columns>(p); };
+  for (int k = 0; k < n; ++k) {
+    const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
+    const Columns value = at(x + k * stride);
+    for (int i = k + 1; i < n; ++i) at(x + i * stride) -= ak[i] * value;
+  }
+  for (int k = n - 1; k >= 0; --k) {
+    const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
+    const Columns value = at(x + k * stride) * (1 / ak[k]);
+    at(x + k * stride) = value;
+    for (int i = 0; i < k; ++i) at(x + i * stride) -= ak[i] * value;
+  }
+}
+
+// Columns c to c + 3 below row k, less what stands in row k times x: x is read once for the four.
+void SubtractFromFour(const double* x, int rest, int k, int n, double* c) {
+  double *c0 = c + k, *c1 = c0 + n, *c2 = c1 + n, *c3 = c2 + n;
+  const double f0 = *c0++, f1 = *c1++, f2 = *c2++, f3 = *c3++;
+  if (f0 == 0 && f1 == 0 && f2 == 0 && f3 == 0) return;
+  int i = 0;
+  for (; i + 4 <= rest; i += 4) {
+    const Quad four = QuadAt(x + i);
+    QuadAt(c0 + i) -= f0 * four;
+    QuadAt(c1 + i) -= f1 * four;
+    QuadAt(c2 + i) -= f2 * four;
+    QuadAt(c3 + i) -= f3 * four;
+  }
+  for (; i < rest; ++i) {
+    c0[i] -= f0 * x[i];
+    c1[i] -= f1 * x[i];
+    c2[i] -= f2 * x[i];
+    c3[i] -= f3 * x[i];
+  }
 }
 
 double* Column(double* A, int n, int k) { return A + static_cast<std::ptrdiff_t>(k) * n; }
@@ -30,10 +72,9 @@ bool FactorLu(double* A, int n, int* pivots) {
     double* lower = ak + k + 1;
     const double inverse = 1 / ak[k];
     for (int i = 0; i < rest; ++i) lower[i] *= inverse;
-    for (int j = k + 1; j < n; ++j) {
-      double* aj = Column(A, n, j);
-      if (aj[k] != 0) Subtract(aj[k], lower, rest, aj + k + 1);
-    }
+    int j = k + 1;
+    for (; j + 4 <= n; j += 4) SubtractFromFour(lower, rest, k, n, Column(A, n, j));
+    for (; j < n; ++j) Subtract(Column(A, n, j)[k], lower, rest, Column(A, n, j) + k + 1);
   }
   return true;
 }
@@ -50,6 +91,33 @@ void SolveWithLu(const double* LU, int n, const int* pivots, double* x) {
     x[k] /= ak[k];
     Subtract(x[k], ak, k, x);
   }
+}
+
+void SolveRowsWithLu(const double* LU, int n, const int* pivots, int columns, double* x) {
+  const auto row = [&](int i) { return x + static_cast<std::ptrdiff_t>(i) * columns; };
+  for (int k = 0; k < n; ++k)
+    if (pivots[k] != k) std::swap_ranges(row(k), row(k) + columns, row(pivots[k]));
+  int c = 0;
+  for (; c + 8 <= columns; c += 8) SolveColumnsWithLu<8>(LU, n, columns, x + c);
+  for (; c + 4 <= columns; c += 4) SolveColumnsWithLu<4>(LU, n, columns, x + c);
+  for (; c < columns; ++c) SolveColumnsWithLu<1>(LU, n, columns, x + c);
+}
+
+void SolveTransposedWithLu(const double* LU, int n, const int* pivots, double* x) {
+  for (int k = 0; k < n; ++k) {
+    const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
+    double sum = x[k];
+    for (int i = 0; i < k; ++i) sum -= ak[i] * x[i];
+    x[k] = sum / ak[k];
+  }
+  for (int k = n - 1; k >= 0; --k) {
+    const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
+    double sum = x[k];
+    for (int i = k + 1; i < n; ++i) sum -= ak[i] * x[i];
+    x[k] = sum;
+  }
+  for (int k = n - 1; k >= 0; --k)
+    if (pivots[k] != k) std::swap(x[k], x[pivots[k]]);
 }
 
 bool SolveByCholesky(double* A, int n, double* x) {

@@ -50,25 +50,8 @@ void LuFactor::Compute(const MatrixX& A) {
   if (A.size() > 0) detail_->lu.compute(A);
 }
 
-double LuFactor::PivotRatio() const {
-  const auto pivots = detail_->lu.matrixLU().diagonal().cwiseAbs();
-  if (pivots.size() == 0) return 1;
-  const double largest = pivots.maxCoeff();
-  return largest > 0 ? pivots.minCoeff() / largest : 0;
-}
-
 void LuFactor::SolveInPlace(VectorX& x) const { detail_->SolveInPlace(x); }
 void LuFactor::SolveInPlace(MatrixX& x) const { detail_->SolveInPlace(x); }
-
-void LuFactor::SolveTransposedInPlace(VectorX& x) const {
-  const MatrixX& LU = detail_->lu.matrixLU();
-  if (LU.size() == 0) return;
-  LU.triangularView<Eigen::Upper>().transpose().solveInPlace(x);
-  LU.triangularView<Eigen::UnitLower>().transpose().solveInPlace(x);
-  const auto& swaps = detail_->lu.swaps().indices();
-  for (Eigen::Index i = swaps.size(); i-- > 0;)
-    if (swaps(i) != i) x.row(i).swap(x.row(swaps(i)));
-}
 
 MatrixX LeastNormSolve(const MatrixX& A, const MatrixX& B, double threshold) {
   if (A.size() == 0) return MatrixX::Zero(A.cols(), B.cols());

@@ -25,17 +25,6 @@ Vector6 ClosureError(const ClosureDef& closure, const Kinematics& kinematics, Ri
 
 }  // namespace internal
 
-namespace {
-
-double Polynomial(const double (&p)[5], double x) {
-  return p[0] + x * (p[1] + x * (p[2] + x * (p[3] + x * p[4])));
-}
-double PolynomialSlope(const double (&p)[5], double x) {
-  return p[1] + x * (2 * p[2] + x * (3 * p[3] + x * 4 * p[4]));
-}
-
-}  // namespace
-
 void ClosureResidual(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, VectorX& c) {
   c.resize(mechanism.num_constraints());
   int row = 0;
@@ -45,7 +34,7 @@ void ClosureResidual(const Mechanism& mechanism, const Kinematics& kinematics, c
       if (closure.rigid(i)) c(row++) = e(i);
   }
   for (const Mechanism::Coupling& k : mechanism.couplings())
-    c(row++) = q(k.a) - Polynomial(k.polynomial, k.b >= 0 ? q(k.b) : 0);
+    c(row++) = q(k.a) - k.Value(q);
 }
 
 void ClosureJacobian(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, MatrixX& A) {
@@ -62,9 +51,24 @@ void ClosureJacobian(const Mechanism& mechanism, const Kinematics& kinematics, c
   }
   for (const Mechanism::Coupling& k : mechanism.couplings()) {
     A(row, k.a) = 1;
-    if (k.b >= 0) A(row, k.b) -= PolynomialSlope(k.polynomial, q(k.b));
+    if (k.b >= 0) A(row, k.b) -= k.Slope(q);
     ++row;
   }
+}
+
+std::vector<int> ClosureCoordinates(const Mechanism& mechanism, const ClosureDef& closure) {
+  std::vector<int> coordinates;
+  internal::ForEachJointBetween(mechanism, closure, [&](const Mechanism::Joint& joint, double) {
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i) coordinates.push_back(i);
+  });
+  return coordinates;
+}
+
+void ClosureColumns(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
+                    Eigen::Ref<Matrix6X> columns) {
+  Eigen::Index next = 0;
+  internal::ForEachClosureColumn(mechanism, closure, kinematics,
+                                 [&](int, const Vector6& column) { columns.col(next++) = column; });
 }
 
 double ClosureGap(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
@@ -80,7 +84,7 @@ double ClosureGap(const Mechanism& mechanism, const Kinematics& kinematics, cons
     gap = std::max({gap, L * turn.norm(), shift.norm()});
   }
   for (const Mechanism::Coupling& k : mechanism.couplings()) {
-    const double off = std::abs(q(k.a) - Polynomial(k.polynomial, k.b >= 0 ? q(k.b) : 0));
+    const double off = std::abs(q(k.a) - k.Value(q));
     // A slide's mismatch is a length already.
     const bool turns = mechanism.screws().col(k.a).head<3>().norm() > 0;
     gap = std::max(gap, turns ? L * off : off);

@@ -9,8 +9,21 @@ namespace fork1s::internal {
 Vector6 ClosureError(const ClosureDef& closure, const Kinematics& kinematics, RigidTransform* X_aJ = nullptr,
                      RigidTransform* E = nullptr);
 
-/// Calls sink(i, ∂c/∂q_i) for every coordinate i on the path of either body, once per path: the columns of
-/// body b as they are, those of body a negated. Returns c. Does not allocate.
+/// Calls visit(joint, sign) for every joint between the bodies of a closure: 1 on the way up from body b, then -1
+/// from body a. Joints that carry both move its two frames alike.
+template <class Visit>
+void ForEachJointBetween(const Mechanism& mechanism, const ClosureDef& closure, Visit visit) {
+  const auto above = [&](int j) { return mechanism.joint(JointIndex(j)).previous; };
+  const int last_a = mechanism.body(closure.body_a).last_joint, last_b = mechanism.body(closure.body_b).last_joint;
+  int a = last_a, b = last_b;  // joints come after those that carry them
+  while (a != b) (a > b ? a : b) = above(a > b ? a : b);
+  const int common = a;
+  for (int j = last_b; j != common; j = above(j)) visit(mechanism.joint(JointIndex(j)), 1.0);
+  for (int j = last_a; j != common; j = above(j)) visit(mechanism.joint(JointIndex(j)), -1.0);
+}
+
+/// Calls sink(i, ∂c/∂q_i) for every coordinate i between the bodies of a closure, once each, in the order of
+/// ClosureCoordinates. Returns c. Does not allocate.
 template <class Sink>
 Vector6 ForEachClosureColumn(const Mechanism& mechanism, const ClosureDef& closure,
                              const Kinematics& kinematics, Sink sink) {
@@ -19,20 +32,15 @@ Vector6 ForEachClosureColumn(const Mechanism& mechanism, const ClosureDef& closu
   // Ė E⁻¹ = Ad(X_aJ⁻¹)(V_b - V_a) = [ω; v];  d log R_E = dexp⁻¹ ω,  d p_E = v + ω x p_E
   const RigidTransform X_Ja = X_aJ.inverse();
   const Matrix3 D = DexpInverseRotation(c.head<3>());
-  auto walk = [&](BodyIndex body, double sign) {
-    for (int j = mechanism.body(body).last_joint; j >= 0; j = mechanism.joint(JointIndex(j)).previous) {
-      const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
-      for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
-        const Vector6 V = AdjointApply(X_Ja, kinematics.S.col(i));
-        const Vector3 w = V.head<3>();
-        Vector6 column;
-        column << sign * (D * w), sign * (V.tail<3>() + w.cross(E.translation()));
-        sink(i, column);
-      }
+  ForEachJointBetween(mechanism, closure, [&](const Mechanism::Joint& joint, double sign) {
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
+      const Vector6 V = AdjointApply(X_Ja, kinematics.S.col(i));
+      const Vector3 w = V.head<3>();
+      Vector6 column;
+      column << sign * (D * w), sign * (V.tail<3>() + w.cross(E.translation()));
+      sink(i, column);
     }
-  };
-  walk(closure.body_b, 1);
-  walk(closure.body_a, -1);
+  });
   return c;
 }
 

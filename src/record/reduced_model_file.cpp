@@ -175,7 +175,7 @@ Expected<ReducedModel> ReadAll(hid_t file, const std::string& path, std::size_t 
   }
   if (!model.Q.allFinite() || !model.M.allFinite() || !model.q_ref.allFinite() || !model.T.allFinite())
     throw Hdf5Fault("holds numbers that are not finite");
-  FillLoopDirections(model);
+  FillDerived(model);
   return model;
 }
 

@@ -6,57 +6,104 @@
 
 namespace fork1s {
 
-void FillLoopDirections(ReducedModel& model) {
+namespace {
+
+// Columns that may move each coordinate, whatever the pose: loops let what moves one coordinate of a group move all.
+std::vector<ReducedModel::Run> RunsOf(const ReducedModel& model) {
+  const int n = model.num_coordinates(), r = model.size();
+  std::vector<ReducedModel::Run> runs(static_cast<std::size_t>(n));
+  const auto join = [](ReducedModel::Run& a, const ReducedModel::Run& b) {
+    if (b.size == 0) return;
+    if (a.size == 0) {
+      a = b;
+      return;
+    }
+    const int end = std::max(a.begin + a.size, b.begin + b.size);
+    a.begin = std::min(a.begin, b.begin);
+    a.size = end - a.begin;
+  };
+  for (int i = 0; i < n; ++i)
+    for (int k = 0; k < r; ++k)
+      if (model.Q(i, k) != 0) join(runs[static_cast<std::size_t>(i)], {k, 1});
+  for (const std::vector<int>& group : model.loops.GroupCoordinates()) {
+    ReducedModel::Run all;
+    for (const int i : group) join(all, runs[static_cast<std::size_t>(i)]);
+    for (const int i : group) runs[static_cast<std::size_t>(i)] = all;
+  }
+  return runs;
+}
+
+}  // namespace
+
+void FillDerived(ReducedModel& model) {
   const Mechanism& mechanism = *model.mechanism;
-  const int m = model.loop_rank(), n = model.num_coordinates();
-  model.B.resize(n, m);
-  if (m == 0) return;
+  model.Q_rows = model.Q;
+  model.loops = LoopRows(mechanism, model.loop_rows);
+  model.runs = RunsOf(model);
+  model.B.resize(model.loops.num_values());
+  if (model.loop_rank() == 0) return;
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, model.q_ref, kinematics);
-  MatrixX A;
-  ClosureJacobian(mechanism, kinematics, model.q_ref, A);
-  for (int i = 0; i < m; ++i)
-    model.B.col(i) =
-        model.h_inverse.cwiseProduct(A.row(model.loop_rows[static_cast<std::size_t>(i)]).transpose());
+  Matrix6X scratch;
+  model.loops.Fill(mechanism, kinematics, model.q_ref, scratch, model.B);
+  model.loops.ScaleCoordinates(model.h_inverse, model.B);
+}
+
+void AddMotion(const ReducedModel& model, const RowMatrixX& Q, const VectorX& z, VectorX& q) {
+  const auto r = Q.cols();
+  for (Eigen::Index i = 0; i < Q.rows(); ++i) {
+    const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
+    const double *row = Q.data() + i * r + run.begin, *rates = z.data() + run.begin;
+    double sum = 0;
+    for (int k = 0; k < run.size; ++k) sum += row[k] * rates[k];
+    q(i) += sum;
+  }
+}
+
+void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& g, VectorX& f) {
+  const auto r = Q.cols();
+  f.setZero(r);
+  for (Eigen::Index i = 0; i < Q.rows(); ++i) {
+    const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
+    const double* __restrict row = Q.data() + i * r + run.begin;
+    double* __restrict out = f.data() + run.begin;
+    const double force = g(i);
+    for (int k = 0; k < run.size; ++k) out[k] += row[k] * force;
+  }
 }
 
 Configuration::Configuration(const ReducedModel& model)
-    : q(model.q_ref), kinematics(*model.mechanism), Q_now(model.Q) {
+    : q(model.q_ref), kinematics(*model.mechanism), Q_now(model.Q_rows) {
   const int m = model.loop_rank();
   if (m == 0) return;
-  const int n = model.num_coordinates();
-  const int rows = model.mechanism->num_constraints();
+  const int n = model.num_coordinates(), rows = model.mechanism->num_constraints();
   mu.setZero(m);
   c_all.resize(rows);
   c.resize(m);
   d.resize(m);
-  z_of_mu.setZero(model.size());
   q_bar.resize(n);
-  A_all.resize(rows, n);
-  A.resize(m, n);
-  AB.resize(m, m);
-  W.setZero(m, model.size());
+  q_bar_before.resize(n);
+  q_move.resize(n);
+  columns.resize(6, model.loops.longest());
+  A.resize(model.loops.num_values());
+  W.setZero(m, (model.size() + 3) / 4 * 4);
+  factor = LoopFactor(model.loops);
 }
 
 namespace {
 
 void FactorLoops(const ReducedModel& model, Configuration& out) {
-  ClosureJacobian(*model.mechanism, out.kinematics, out.q, out.A_all);
-  for (int i = 0; i < model.loop_rank(); ++i)
-    out.A.row(i) = out.A_all.row(model.loop_rows[static_cast<std::size_t>(i)]);
-  out.AB.noalias() = out.A * model.B;
-  out.factor.Compute(out.AB);
-  out.has_factor = true;
+  model.loops.Fill(*model.mechanism, out.kinematics, out.q, out.columns, out.A);
+  out.factor.Compute(model.loops, out.A, model.B);
 }
 
 // Pose and residual at the µ at hand.
 void Place(const ReducedModel& model, Configuration& out) {
   out.q = out.q_bar;
-  out.q.noalias() -= model.B * out.mu;
+  model.loops.SubtractTransposed(model.B, out.mu, out.q);
   ComputeKinematics(*model.mechanism, out.q, out.kinematics);
   ClosureResidual(*model.mechanism, out.kinematics, out.q, out.c_all);
-  for (int k = 0; k < model.loop_rank(); ++k)
-    out.c(k) = out.c_all(model.loop_rows[static_cast<std::size_t>(k)]);
+  for (int k = 0; k < model.loop_rank(); ++k) out.c(k) = out.c_all(model.loops.row(k));
   out.loop_residual = out.c_all.cwiseAbs().maxCoeff();
 }
 
@@ -65,63 +112,67 @@ bool Start(const ReducedModel& model, const ReducedState& state, Configuration& 
   const bool loops = model.loop_rank() > 0;
   VectorX& q_bar = loops ? out.q_bar : out.q;
   q_bar = model.q_ref;
-  if (model.size() > 0) q_bar.noalias() += model.Q * state.z;
+  AddMotion(model, model.Q_rows, state.z, q_bar);
   if (state.q_perp.size() > 0) q_bar += state.q_perp;
   out.corrections = 0;
   if (!loops) ComputeKinematics(*model.mechanism, out.q, out.kinematics);
   return loops;
 }
 
-// Factor, tangent and derivative at the pose that µ gives.
-void Finish(const ReducedModel& model, const ReducedState& state, Configuration& out) {
+// µ along the tangent of the last pose, closed and factored: A (Δq_bar - B Δµ) = 0. Its second derivative would
+// save a chord in a step, and costs as much.
+void Foresee(const ReducedModel& model, Configuration& out) {
+  out.q_move = out.q_bar - out.q_bar_before;
+  model.loops.Apply(out.A, out.q_move, out.d);
+  out.factor.SolveInPlace(out.d);
+  out.mu += out.d;
+}
+
+// Factor and derivative at the pose that µ gives.
+void Finish(const ReducedModel& model, Configuration& out) {
   FactorLoops(model, out);
-  out.pivot_ratio = out.factor.PivotRatio();
-  out.z_of_mu = state.z;
-  out.W.noalias() = out.A * model.Q;
+  out.q_bar_before = out.q_bar;
+  out.foresees = out.factor.ok();
+  model.loops.Apply(out.A, model.Q_rows, out.W);
   out.factor.SolveInPlace(out.W);
-  out.Q_now = model.Q;
-  out.Q_now.noalias() -= model.B * out.W;
+  out.Q_now = model.Q_rows;
+  model.loops.SubtractTransposed(model.B, out.W, out.Q_now);
 }
 
 }  // namespace
 
 void Configuration::TakeLoops(const Configuration& other) {
   if (other.mu.size() == 0) return;
-  mu = other.mu;
-  z_of_mu = other.z_of_mu;
-  W = other.W;
-  factor = other.factor;
-  has_factor = other.has_factor;
+  *this = other;
 }
 
 void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Configuration& out) {
   if (!Start(model, state, out)) return;
   Place(model, out);
-  Finish(model, state, out);
+  Finish(model, out);
 }
 
 void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
                int max_corrections) {
   if (!Start(model, state, out)) return;
-  if (max_corrections == 0 || !out.mu.allFinite()) {
+  if (max_corrections == 0 || !out.mu.allFinite())
     out.mu.setZero();
-  } else if (model.size() > 0) {  // along the tangent of the last pose
-    out.mu.noalias() += out.W * state.z;
-    out.mu.noalias() -= out.W * out.z_of_mu;
-  }
+  else if (out.foresees)
+    Foresee(model, out);
   Place(model, out);
   // A chord that gains less than this costs more than a new factor.
   constexpr double kGain = 0.3;
   // A linearised closure means nothing beyond half a radian, or half a length of the mechanism.
   constexpr double kFarthest = 0.5;
   double residual = out.c.cwiseAbs().maxCoeff();
-  bool stale = !out.has_factor;
+  bool stale = !out.foresees;
   for (; out.corrections < max_corrections && residual >= out.closed; ++out.corrections) {
     if (stale) FactorLoops(model, out);
     out.d = out.c;
     out.factor.SolveInPlace(out.d);
-    out.q.noalias() = model.B * out.d;
-    const double step = std::sqrt((out.q.array().square() / model.h_inverse.array()).maxCoeff());
+    out.q_move.setZero();
+    model.loops.SubtractTransposed(model.B, out.d, out.q_move);
+    const double step = std::sqrt((out.q_move.array().square() / model.h_inverse.array()).maxCoeff());
     if (step > kFarthest) out.d *= kFarthest / step;
     out.mu += out.d;
     Place(model, out);
@@ -129,14 +180,14 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
     residual = out.c.cwiseAbs().maxCoeff();
     stale = !(residual < kGain * before);
   }
-  Finish(model, state, out);
+  Finish(model, out);
 }
 
 void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g) {
   if (model.loop_rank() == 0) return;
-  c.d.noalias() = model.B.transpose() * g;
+  model.loops.Apply(model.B, g, c.d);
   c.factor.SolveTransposedInPlace(c.d);
-  g.noalias() -= c.A.transpose() * c.d;
+  model.loops.SubtractTransposed(c.A, c.d, g);
 }
 
 }  // namespace fork1s

@@ -4,7 +4,35 @@
 #include <cmath>
 #include <fork1s/linalg/null_space.hpp>
 
+#include "coordinate_groups.hpp"
+
 namespace fork1s::internal {
+
+ElasticBasis ElasticBasis::ElasticOf(const Part& part) const {
+  ElasticBasis out;
+  out.diagonal = diagonal;
+  out.scale = scale;
+  if (diagonal) {
+    const auto begin = sprung.begin() + part.elastic;
+    out.sprung.assign(begin, begin + part.num_elastic);
+    out.inverse_root = inverse_root.segment(part.elastic, part.num_elastic);
+  } else {
+    out.V = V.middleCols(part.elastic, part.num_elastic);
+  }
+  return out;
+}
+
+int ElasticBasis::PartOfElastic(Eigen::Index column) const {
+  int p = 0;
+  while (parts[static_cast<std::size_t>(p)].elastic + parts[static_cast<std::size_t>(p)].num_elastic <= column) ++p;
+  return p;
+}
+
+int ElasticBasis::PartOfFree(Eigen::Index column) const {
+  int p = 0;
+  while (parts[static_cast<std::size_t>(p)].free + parts[static_cast<std::size_t>(p)].num_free <= column) ++p;
+  return p;
+}
 
 MatrixX ElasticBasis::DenseFree(int n) const {
   if (!diagonal) return N;
@@ -61,40 +89,93 @@ NullSpace Closed(const Mechanism& mechanism, const Kinematics& kinematics, const
 
 }  // namespace
 
+namespace {
+
+// A column of the rows `of` of an n-vector.
+VectorX Embedded(const VectorX& x, const std::vector<int>& of, int n) {
+  VectorX out = VectorX::Zero(n);
+  out(of) = x;
+  return out;
+}
+
+// Appends columns that live on the coordinates `of`.
+void Append(const MatrixX& columns, const std::vector<int>& of, MatrixX& to) {
+  const Eigen::Index before = to.cols();
+  to.conservativeResize(Eigen::NoChange, before + columns.cols());
+  to.rightCols(columns.cols()).setZero();
+  for (Eigen::Index k = 0; k < columns.cols(); ++k) to.col(before + k)(of) = columns.col(k);
+}
+
+// Rows of A that have anything in the columns `of`.
+std::vector<int> RowsOn(const MatrixX& A, const std::vector<int>& of) {
+  std::vector<int> rows;
+  for (Eigen::Index i = 0; i < A.rows(); ++i)
+    if (std::any_of(of.begin(), of.end(), [&](int k) { return A(i, k) != 0; })) rows.push_back(static_cast<int>(i));
+  return rows;
+}
+
+void AddDiagonalPart(const Mechanism& mechanism, const std::vector<int>& group, ElasticBasis& basis) {
+  ElasticBasis::Part part{basis.num_free(), 0, basis.num_elastic(), 0};
+  for (const int i : group) (mechanism.stiffness()(i) > 0 ? basis.sprung : basis.unsprung).push_back(i);
+  part.num_free = basis.num_free() - part.free;
+  part.num_elastic = basis.num_elastic() - part.elastic;
+  basis.parts.push_back(part);
+}
+
+// `A` and `springs`: rows of all loops and springs in one unit.
+void AddDensePart(const Mechanism& mechanism, const std::vector<int>& group, const MatrixX& A,
+                  const SpringRows& springs, ElasticBasis& basis) {
+  const int n = mechanism.num_coordinates();
+  const auto size = static_cast<Eigen::Index>(group.size());
+  ElasticBasis::Part part{basis.num_free(), 0, basis.num_elastic(), 0};
+  MatrixX Z_x = MatrixX::Identity(size, size);
+  if (const std::vector<int> rows = RowsOn(A, group); !rows.empty()) {
+    NullSpace closed = ComputeNullSpace(A(rows, group));
+    if (closed.doubtful.size() > 0)
+      basis.doubts.push_back(Doubt(mechanism, "loops hold", closed.rank.kept, closed.rank.dropped,
+                                   Embedded(closed.doubtful, group, n)));
+    for (const int i : closed.independent_rows) basis.independent_rows.push_back(rows[static_cast<std::size_t>(i)]);
+    Z_x = std::move(closed.unseen);
+  }
+  const VectorX scale = basis.scale(group);
+  Append(scale.asDiagonal() * Z_x, group, basis.Z);
+  const std::vector<int> rows = RowsOn(springs.rows, group);
+  const MatrixX stretch = springs.rows(rows, group) * Z_x;
+  const NullSpace held = ComputeNullSpace(stretch);
+  if (held.doubtful.size() > 0)
+    basis.doubts.push_back(Doubt(mechanism, "springs hold", held.rank.kept, held.rank.dropped,
+                                 Embedded(Z_x * held.doubtful, group, n)));
+  Append(scale.asDiagonal() * (Z_x * held.unseen), group, basis.N);
+  Append(Z_x * held.seen, group, basis.elastic_x);
+  const VectorX weight = springs.weight(rows);
+  const MatrixX weighted = weight.asDiagonal() * (stretch * held.seen);
+  Append(scale.asDiagonal() * (Z_x * (held.seen * OrthonormalisingFactor(weighted))), group, basis.V);
+  part.num_free = basis.num_free() - part.free;
+  part.num_elastic = basis.num_elastic() - part.elastic;
+  basis.parts.push_back(part);
+}
+
+}  // namespace
+
 ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
   const int n = mechanism.num_coordinates();
   ElasticBasis basis;
   const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
   basis.scale = unit.coordinate;
-  if (mechanism.is_tree() && mechanism.has_diagonal_stiffness()) {
-    basis.diagonal = true;
-    for (int i = 0; i < n; ++i) (mechanism.stiffness()(i) > 0 ? basis.sprung : basis.unsprung).push_back(i);
+  basis.diagonal = mechanism.is_tree() && mechanism.has_diagonal_stiffness();
+  const std::vector<std::vector<int>> groups = CoordinateGroups(mechanism);
+  if (basis.diagonal) {
+    for (const std::vector<int>& group : groups) AddDiagonalPart(mechanism, group, basis);
     basis.inverse_root.resize(basis.num_elastic());
     for (int i = 0; i < basis.num_elastic(); ++i)
       basis.inverse_root(i) = 1 / std::sqrt(mechanism.stiffness()(basis.sprung[static_cast<std::size_t>(i)]));
     return basis;
   }
-
-  MatrixX Z_x = MatrixX::Identity(n, n);
-  if (mechanism.num_constraints() > 0) {
-    NullSpace closed = Closed(mechanism, kinematics, q, unit);
-    if (closed.doubtful.size() > 0)
-      basis.doubts.push_back(
-          Doubt(mechanism, "loops hold", closed.rank.kept, closed.rank.dropped, closed.doubtful));
-    basis.independent_rows = std::move(closed.independent_rows);
-    Z_x = std::move(closed.unseen);
-  }
-  basis.Z = basis.scale.asDiagonal() * Z_x;
+  for (MatrixX* columns : {&basis.Z, &basis.N, &basis.V, &basis.elastic_x}) columns->resize(n, 0);
+  const MatrixX A = ClosureRowsInOneUnit(mechanism, kinematics, q, unit);
   const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics, q, unit);
-  const MatrixX stretch = springs.rows * Z_x;
-  const NullSpace held = ComputeNullSpace(stretch);
-  if (held.doubtful.size() > 0)
-    basis.doubts.push_back(
-        Doubt(mechanism, "springs hold", held.rank.kept, held.rank.dropped, Z_x * held.doubtful));
-  basis.N = basis.Z * held.unseen;
-  basis.elastic_x = Z_x * held.seen;
-  const MatrixX weighted = springs.weight.asDiagonal() * (stretch * held.seen);
-  basis.V = basis.Z * (held.seen * OrthonormalisingFactor(weighted));
+  for (const std::vector<int>& group : groups) AddDensePart(mechanism, group, A, springs, basis);
+  std::sort(basis.independent_rows.begin(), basis.independent_rows.end());
   return basis;
 }
 

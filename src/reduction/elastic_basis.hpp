@@ -12,8 +12,14 @@ namespace fork1s::internal {
 /// V = diag(scale) on the sprung coordinates, N = unit vectors of the others.
 ///
 /// What is free and what is elastic is geometry: which motions stretch springs, whatever their stiffness.
+///
+/// Every column is of one group of coordinates that hear each other, and the columns of a group stand together.
 struct ElasticBasis {
+  struct Part {
+    int free = 0, num_free = 0, elastic = 0, num_elastic = 0;  // columns of N and of V
+  };
   bool diagonal = false;
+  std::vector<Part> parts;
   VectorX scale;  // n: q = scale ∘ x, x in one unit
   // diagonal form
   std::vector<int> sprung, unsprung;  // coordinates
@@ -26,6 +32,11 @@ struct ElasticBasis {
 
   int num_free() const { return diagonal ? static_cast<int>(unsprung.size()) : static_cast<int>(N.cols()); }
   int num_elastic() const { return diagonal ? static_cast<int>(sprung.size()) : static_cast<int>(V.cols()); }
+  /// The same with the elastic columns of one part alone.
+  ElasticBasis ElasticOf(const Part& part) const;
+  /// The part of an elastic or of a free column.
+  int PartOfElastic(Eigen::Index column) const;
+  int PartOfFree(Eigen::Index column) const;
   /// Dense n x num_free.
   MatrixX DenseFree(int n) const;
   /// The free motions as x, orthonormal: n x num_free.

@@ -53,20 +53,21 @@ std::vector<double> FullFrequencies(const Mechanism& mechanism, const VectorX& q
 }
 
 std::vector<double> ReducedFrequencies(const ReducedModel& model, int count) {
-  const int f = model.num_free, e = model.size() - f;
-  const int b = model.mechanism->base() == BaseKind::kFloating ? 6 : 0;
+  const std::vector<int> sprung = model.SprungColumns(), free = model.FreeColumns();
+  const auto f = static_cast<Eigen::Index>(free.size()), e = static_cast<Eigen::Index>(sprung.size());
+  const Eigen::Index b = model.mechanism->base() == BaseKind::kFloating ? 6 : 0;
   if (e == 0) return {};
-  MatrixX M = model.M.bottomRightCorner(e, e);
+  MatrixX M = model.M(sprung, sprung);
   if (b + f > 0) {
     MatrixX coupling(e, b + f), mass(b + f, b + f);
     if (b > 0) {
-      coupling.leftCols(6) = model.M_0z.rightCols(e).transpose();
+      coupling.leftCols(6) = model.M_0z(Eigen::all, sprung).transpose();
       mass.topLeftCorner<6, 6>() = model.M_00;
-      mass.topRightCorner(6, f) = model.M_0z.leftCols(f);
-      mass.bottomLeftCorner(f, 6) = model.M_0z.leftCols(f).transpose();
+      mass.topRightCorner(6, f) = model.M_0z(Eigen::all, free);
+      mass.bottomLeftCorner(f, 6) = mass.topRightCorner(6, f).transpose();
     }
-    coupling.rightCols(f) = model.M.bottomLeftCorner(e, f);
-    mass.bottomRightCorner(f, f) = model.M.topLeftCorner(f, f);
+    coupling.rightCols(f) = model.M(sprung, free);
+    mass.bottomRightCorner(f, f) = model.M(free, free);
     M -= coupling * SolveSymmetric(mass, coupling.transpose());
   }
   const VectorX mu = EigenvaluesOf(0.5 * (M + M.transpose())).reverse();

@@ -42,11 +42,9 @@ class MassOperator {
   SymmetricFactor factor_;
 };
 
-Modes DenseModes(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis,
-                 const MatrixX& Y, const MatrixX& extra, const MatrixX& extra_mass, int count) {
+Modes DenseModes(const MatrixX& M, const ElasticBasis& basis, const MatrixX& Y, const MatrixX& extra,
+                 const MatrixX& extra_mass, int count) {
   const int e = basis.num_elastic();
-  MatrixX M;
-  MassMatrix(mechanism, kinematics, M);
   const MatrixX MV = basis.TimesV(M);
   MatrixX M_V = basis.TimesV(MV.transpose());
   if (extra.cols() > 0) M_V -= extra * SolveSymmetric(extra_mass, extra.transpose());
@@ -57,10 +55,9 @@ Modes DenseModes(const Mechanism& mechanism, const Kinematics& kinematics, const
           spectrum.values.tail(count).reverse()};
 }
 
-}  // namespace
-
-Modes LowestModes(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis,
-                  const MatrixX& Y, const MatrixX& extra, const MatrixX& extra_mass, int count) {
+// `M`: of all joints, made by the first that needs it.
+Modes ModesOf(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis,
+              const MatrixX& Y, const MatrixX& extra, const MatrixX& extra_mass, int count, MatrixX& M) {
   const int e = basis.num_elastic();
   count = std::min(count, e - static_cast<int>(Y.cols()));
   if (count <= 0) return {MatrixX(e, 0), VectorX(0)};
@@ -69,7 +66,45 @@ Modes LowestModes(const Mechanism& mechanism, const Kinematics& kinematics, cons
     Modes modes;
     if (LargestEigenpairs(op, e, count, modes.mu, modes.vectors)) return modes;
   }
-  return DenseModes(mechanism, kinematics, basis, Y, extra, extra_mass, count);
+  if (M.size() == 0) MassMatrix(mechanism, kinematics, M);
+  return DenseModes(M, basis, Y, extra, extra_mass, count);
+}
+
+}  // namespace
+
+Modes LowestModes(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis,
+                  const MatrixX& Y, const MatrixX& extra, const MatrixX& extra_mass, int count) {
+  MatrixX M;
+  if (basis.parts.size() <= 1 || extra.cols() > 0)
+    return ModesOf(mechanism, kinematics, basis, Y, extra, extra_mass, count, M);
+  // Parts hear nothing of each other: each has modes of its own, and the lowest of all are wanted.
+  std::vector<Modes> of_part;
+  for (const ElasticBasis::Part& part : basis.parts) {
+    std::vector<int> own;
+    for (Eigen::Index k = 0; k < Y.cols(); ++k)
+      if (!Y.col(k).segment(part.elastic, part.num_elastic).isZero(0)) own.push_back(static_cast<int>(k));
+    const MatrixX Y_part = Y.middleRows(part.elastic, part.num_elastic)(Eigen::all, own);
+    of_part.push_back(ModesOf(mechanism, kinematics, basis.ElasticOf(part), Y_part, MatrixX(part.num_elastic, 0),
+                              MatrixX(0, 0), count, M));
+  }
+  const int e = basis.num_elastic();
+  count = std::min(count, e - static_cast<int>(Y.cols()));
+  Modes modes{MatrixX::Zero(e, count), VectorX::Zero(count)};
+  std::vector<Eigen::Index> next(of_part.size(), 0);
+  for (int k = 0; k < count; ++k) {
+    std::size_t lowest = of_part.size();
+    for (std::size_t p = 0; p < of_part.size(); ++p) {
+      if (next[p] == of_part[p].mu.size()) continue;
+      // Of equals, as fingers of one kind have them, that of the first, whatever the last digits say.
+      if (lowest == of_part.size() ||
+          of_part[p].mu(next[p]) > (1 + 1e-9) * of_part[lowest].mu(next[lowest]))
+        lowest = p;
+    }
+    const ElasticBasis::Part& part = basis.parts[lowest];
+    modes.mu(k) = of_part[lowest].mu(next[lowest]);
+    modes.vectors.col(k).segment(part.elastic, part.num_elastic) = of_part[lowest].vectors.col(next[lowest]++);
+  }
+  return modes;
 }
 
 }  // namespace fork1s::internal

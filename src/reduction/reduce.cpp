@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/spectrum.hpp>
+#include <numeric>
 
 #include <fmt/format.h>
 
@@ -104,18 +105,37 @@ Error HiddenError(const Mechanism& mechanism, const Hidden& hidden) {
               : std::string(", or remove it: another freedom undoes what it does"))};
 }
 
-// Elastic directions that the interface feels: orthonormal Y_r (e x r).
-MatrixX FeltDirections(const MatrixX& J_V, double tolerance, bool& complete) {
+// Elastic directions that the interface feels: orthonormal Y_r (e x r), part by part.
+MatrixX FeltDirections(const MatrixX& J_V, const internal::ElasticBasis& basis, double tolerance,
+                       bool& complete) {
   const int e = static_cast<int>(J_V.cols());
   complete = true;
-  if (e == 0) return MatrixX(0, 0);
-  const SingularSpectrum felt = LeftSingular(J_V.transpose());
-  const VectorX& sigma = felt.values;
-  int rank = 0;
-  while (rank < sigma.size() && sigma(rank) > tolerance * sigma(0) && sigma(rank) > 0) ++rank;
-  if (rank == e) return MatrixX::Identity(e, e);
-  complete = false;
-  return felt.vectors.leftCols(rank);
+  std::vector<SingularSpectrum> felt(basis.parts.size());
+  double most = 0;
+  for (std::size_t p = 0; p < felt.size(); ++p) {
+    const auto& part = basis.parts[p];
+    if (part.num_elastic == 0) continue;
+    felt[p] = LeftSingular(J_V.middleCols(part.elastic, part.num_elastic).transpose());
+    most = std::max(most, felt[p].values(0));
+  }
+  MatrixX Y(e, 0);
+  for (std::size_t p = 0; p < felt.size(); ++p) {
+    const auto& part = basis.parts[p];
+    const VectorX& sigma = felt[p].values;
+    int rank = 0;
+    while (rank < sigma.size() && sigma(rank) > tolerance * most && sigma(rank) > 0) ++rank;
+    if (part.num_elastic == 0) continue;
+    Y.conservativeResize(Eigen::NoChange, Y.cols() + rank);
+    Y.rightCols(rank).setZero();
+    auto own = Y.block(part.elastic, Y.cols() - rank, part.num_elastic, rank);
+    if (rank == part.num_elastic) {
+      own.setIdentity();
+    } else {
+      complete = false;
+      own = felt[p].vectors.leftCols(rank);
+    }
+  }
+  return Y;
 }
 
 void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
@@ -161,6 +181,27 @@ void FillBasis(ReducedModel& model, const internal::ElasticBasis& basis, const M
   model.K_r.head(model.num_free).setZero();
 }
 
+// Puts the columns of Q part by part, within each as they were.
+void SortByPart(ReducedModel& model, const internal::ElasticBasis& basis, const MatrixX& Y_r,
+                const MatrixX& modes) {
+  std::vector<int> part, order(static_cast<std::size_t>(model.size()));
+  const auto first_entry = [](const auto& column) {
+    Eigen::Index i = 0;
+    while (column(i) == 0) ++i;
+    return i;
+  };
+  for (int i = 0; i < model.num_free; ++i) part.push_back(basis.PartOfFree(i));
+  for (const MatrixX* columns : {&Y_r, &modes})
+    for (Eigen::Index i = 0; i < columns->cols(); ++i)
+      part.push_back(basis.PartOfElastic(first_entry(columns->col(i))));
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return part[static_cast<std::size_t>(a)] < part[static_cast<std::size_t>(b)];
+  });
+  model.Q = MatrixX(model.Q(Eigen::all, order));
+  model.K_r = VectorX(model.K_r(order));
+}
+
 // Inertia and damping in the coordinates of Q.
 void FillOperators(ReducedModel& model, const Kinematics& kinematics) {
   const Mechanism& mechanism = *model.mechanism;
@@ -183,7 +224,7 @@ void FillLoopMetric(ReducedModel& model) {
     const double s = mechanism.screws().col(i).head<3>().norm() > 1e-9 ? 1.0 : mechanism.length_scale();
     model.h_inverse(i) = s * s;
   }
-  FillLoopDirections(model);
+  FillDerived(model);
 }
 
 Expected<std::vector<BodyIndex>> ResolveInterfaces(const Mechanism& mechanism,
@@ -252,7 +293,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
   // Bodies that loops hold still feel rounding of all springs; none of it is a direction.
   const bool feels = basis.Feels(J * basis.scale.asDiagonal() / L);
   const MatrixX Y_r =
-      feels ? FeltDirections(basis.TimesV(J), options.rank_tolerance, complete) : MatrixX(e, 0);
+      feels ? FeltDirections(basis.TimesV(J), basis, options.rank_tolerance, complete) : MatrixX(e, 0);
   complete = complete && (feels || e == 0);
   model.num_free = basis.num_free();
   model.num_elastic = static_cast<int>(Y_r.cols());
@@ -263,14 +304,14 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
     modes = internal::LowestModes(mechanism, kinematics, basis, Y_r, MatrixX(e, 0), MatrixX(0, 0),
                                   by_contribution ? CandidateModes(e, wanted) : wanted);
   FillBasis(model, basis, Y_r, modes.vectors);
-  FillOperators(model, kinematics);
   if (by_contribution && model.num_modes > wanted) {
-    const MatrixX chosen = modes.vectors(Eigen::all, internal::ContributingModes(model, J, L, wanted)).eval();
-    FillBasis(model, basis, Y_r, chosen);
     FillOperators(model, kinematics);
+    modes.vectors = modes.vectors(Eigen::all, internal::ContributingModes(model, J, L, wanted)).eval();
+    FillBasis(model, basis, Y_r, modes.vectors);
   }
+  SortByPart(model, basis, Y_r, modes.vectors);
+  FillOperators(model, kinematics);
   FillLoopMetric(model);
-  const int r = model.size();
 
   model.has_complement = model.num_elastic + model.num_modes < e;
   if (model.has_complement) {
@@ -280,7 +321,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
         model.k_inverse(basis.sprung[static_cast<std::size_t>(i)]) =
             basis.inverse_root(i) * basis.inverse_root(i);
     } else {
-      const auto Q_e = model.Q.rightCols(r - model.num_free);
+      const MatrixX Q_e = model.Q(Eigen::all, model.SprungColumns());
       model.C_perp = basis.V * basis.V.transpose() - Q_e * Q_e.transpose();
     }
   }
@@ -296,14 +337,28 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
   return model;
 }
 
+std::vector<int> ReducedModel::SprungColumns() const {
+  std::vector<int> columns;
+  for (int i = 0; i < size(); ++i)
+    if (K_r(i) != 0) columns.push_back(i);
+  return columns;
+}
+
+std::vector<int> ReducedModel::FreeColumns() const {
+  std::vector<int> columns;
+  for (int i = 0; i < size(); ++i)
+    if (K_r(i) == 0) columns.push_back(i);
+  return columns;
+}
+
 void ApplyComplement(const ReducedModel& model, const VectorX& g, VectorX& q_perp) {
   if (model.C_perp.size() > 0) {
     q_perp.noalias() = model.C_perp * g;
     return;
   }
-  const auto Q_e = model.Q.rightCols(model.size() - model.num_free);
   q_perp = model.k_inverse.cwiseProduct(g);
-  for (Eigen::Index i = 0; i < Q_e.cols(); ++i) q_perp -= Q_e.col(i).dot(g) * Q_e.col(i);
+  for (int i = 0; i < model.size(); ++i)
+    if (model.K_r(i) != 0) q_perp -= model.Q.col(i).dot(g) * model.Q.col(i);
 }
 
 }  // namespace fork1s

@@ -1,55 +1,84 @@
 #include <fork1s/reduction/reduced_jacobian.hpp>
 
 #include <algorithm>
+#include <fork1s/base/quad.hpp>
 #include <fork1s/spatial/rigid_transform.hpp>
 
 namespace fork1s {
 
 ReducedJacobian::ReducedJacobian(const ReducedModel& model) {
   const Mechanism& m = *model.mechanism;
-  const int r = model.size();
   runs_.resize(static_cast<std::size_t>(m.num_joints()));
-  Eigen::Index next = 0;
+  std::vector<int> anchor(runs_.size());  // where the fours of a tree of joints begin
   for (int j = 0; j < m.num_joints(); ++j) {
     const Mechanism::Joint& joint = m.joints()[static_cast<std::size_t>(j)];
-    int first = r, last = -1;
-    if (model.loop_rank() > 0) {  // loops let every coordinate turn into every joint
-      first = 0;
-      last = r - 1;
-    }
-    if (joint.previous >= 0 && size(joint.previous) > 0) {
-      first = std::min(first, begin(joint.previous));
-      last = std::max(last, begin(joint.previous) + size(joint.previous) - 1);
-    }
+    int first = model.size(), end = 0;
+    const auto join = [&](int begin, int size) {
+      if (size == 0) return;
+      first = std::min(first, begin);
+      end = std::max(end, begin + size);
+    };
+    if (joint.previous >= 0) join(begin(joint.previous), size(joint.previous));
     for (int i = joint.offset; i < joint.offset + joint.size; ++i)
-      for (int k = 0; k < r; ++k)
-        if (model.Q(i, k) != 0) {
-          first = std::min(first, k);
-          last = std::max(last, k);
-        }
-    Run& run = runs_[static_cast<std::size_t>(j)];
-    run.begin = last < 0 ? 0 : first;
-    run.size = last < 0 ? 0 : last + 1 - first;
-    run.at = next;
-    next += run.size;
+      join(model.runs[static_cast<std::size_t>(i)].begin, model.runs[static_cast<std::size_t>(i)].size);
+    if (end <= first) continue;
+    runs_[static_cast<std::size_t>(j)].begin = first;
+    runs_[static_cast<std::size_t>(j)].size = end - first;
   }
-  T_.setZero(6, next);
+  for (std::size_t j = 0; j < runs_.size(); ++j) anchor[j] = runs_[j].begin;
+  for (std::size_t j = runs_.size(); j-- > 0;) {
+    const int above = m.joints()[j].previous;
+    if (above < 0 || runs_[j].size == 0) continue;
+    int& up = anchor[static_cast<std::size_t>(above)];
+    up = size(above) > 0 ? std::min(up, anchor[j]) : anchor[j];
+  }
+  for (std::size_t j = 0; j < runs_.size(); ++j) {
+    const int above = m.joints()[j].previous;
+    if (above >= 0 && size(above) > 0) anchor[j] = anchor[static_cast<std::size_t>(above)];
+    Run& run = runs_[j];
+    if (run.size == 0) continue;
+    run.at = static_cast<Eigen::Index>(T_.size());
+    run.first = anchor[j] + (run.begin - anchor[j]) / 4 * 4;
+    run.padded = (run.begin + run.size - run.first + 3) / 4 * 4;
+    T_.resize(T_.size() + 6 * static_cast<std::size_t>(run.padded), 0.0);
+  }
+  Q_at_.resize(static_cast<std::size_t>(m.num_coordinates()));
+  for (int j = 0; j < m.num_joints(); ++j) {
+    const Mechanism::Joint& joint = m.joints()[static_cast<std::size_t>(j)];
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
+      Q_at_[static_cast<std::size_t>(i)] = static_cast<Eigen::Index>(Q_.size());
+      Q_.resize(Q_.size() + static_cast<std::size_t>(run(j).padded), 0.0);
+    }
+  }
 }
 
 void ReducedJacobian::Compute(const ReducedModel& model, const Configuration& c) {
   const Mechanism& m = *model.mechanism;
   for (int j = 0; j < m.num_joints(); ++j) {
     const Mechanism::Joint& joint = m.joints()[static_cast<std::size_t>(j)];
-    const Run& run = runs_[static_cast<std::size_t>(j)];
-    auto T = T_.middleCols(run.at, run.size);
-    T.setZero();
-    if (joint.previous >= 0) {
-      const Run& up = runs_[static_cast<std::size_t>(joint.previous)];
-      T.middleCols(up.begin - run.begin, up.size) = T_.middleCols(up.at, up.size);
+    const Run& own = run(j);
+    double* T = T_.data() + own.at;
+    const bool carried = joint.previous >= 0 && size(joint.previous) > 0;
+    const bool alike = carried && run(joint.previous).padded == own.padded;
+    if (!alike) std::fill(T, T + 6 * own.padded, 0.0);
+    if (carried) {
+      const Run& up = run(joint.previous);
+      const double* T_up = T_.data() + up.at;
+      double* ahead = T + (up.first - own.first);
+      for (int row = 0; row < 6; ++row, T_up += up.padded, ahead += own.padded)
+        for (int k = 0; k < up.padded; k += 4) QuadAt(ahead + k) = QuadAt(T_up + k);
     }
-    for (int i = joint.offset; i < joint.offset + joint.size; ++i)
-      for (int k = 0; k < run.size; ++k)
-        if (const double q = c.Q_now(i, run.begin + k); q != 0) T.col(k) += q * c.kinematics.S.col(i);
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
+      const double* row_of_Q = c.Q_now.data() + i * c.Q_now.cols() + own.begin;
+      double* q = Q_.data() + Q_at_[static_cast<std::size_t>(i)];
+      std::copy(row_of_Q, row_of_Q + own.size, q + (own.begin - own.first));
+      const Vector6 s = c.kinematics.S.col(i);
+      for (int k = 0; k < own.padded; k += 4) {
+        const Quad x = QuadAt(q + k);
+        double* t = T + k;
+        for (int row = 0; row < 6; ++row, t += own.padded) QuadAt(t) += s[row] * x;
+      }
+    }
   }
 }
 
@@ -75,9 +104,12 @@ Vector6 ReducedInertia::Sum::operator*(const Vector6& V) const {
 }
 
 ReducedInertia::ReducedInertia(const ReducedModel& model)
-    : sums_(static_cast<std::size_t>(model.mechanism->num_joints())),
-      q_(VectorX::Zero(model.size())),
-      h_(VectorX::Zero(model.size())) {}
+    : sums_(static_cast<std::size_t>(model.mechanism->num_joints())), padded_(model.size() + 3) {
+  const auto size = static_cast<std::size_t>(padded_);
+  h_.resize(size);
+  M_zz_.resize(size * size);
+  M_0z_.resize(6 * size);
+}
 
 // With Ic_j the inertia of all that joint j carries, T_j = T + s qᵀ and T that of the joint before it,
 //     Σ T_jᵀ I_j T_j = Σ T_jᵀ Ic_j T_j − Tᵀ Ic_j T = Σ h qᵀ + q hᵀ,   h = Tᵀ Ic_j s + ½ (sᵀ Ic_j s) q
@@ -86,42 +118,49 @@ void ReducedInertia::Compute(const ReducedModel& model, const RigidParts& parts,
                              const ReducedJacobian& jacobian, Eigen::Ref<MatrixX> M_zz, Matrix6X& M_0z,
                              Matrix6& M_00) {
   const Mechanism& m = *model.mechanism;
-  M_zz.setZero();
-  M_0z.setZero();
+  std::fill(M_zz_.begin(), M_zz_.end(), 0.0);
+  std::fill(M_0z_.begin(), M_0z_.end(), 0.0);
   for (Sum& sum : sums_) sum = Sum{};
   Sum all;
   all.Add(parts.parts[0].inertia_R0);
+  double* h = h_.data();
   for (int j = m.num_joints() - 1; j >= 0; --j) {
     const Mechanism::Joint& joint = m.joints()[static_cast<std::size_t>(j)];
     Sum& I = sums_[static_cast<std::size_t>(j)];
     const SpatialInertia& at_zero = parts.parts[static_cast<std::size_t>(j) + 1].inertia_R0;
     if (at_zero.mass != 0) I.Add(Transform(c.kinematics.P[static_cast<std::size_t>(j)], at_zero));
     (joint.previous >= 0 ? sums_[static_cast<std::size_t>(joint.previous)] : all).Add(I);
-    const int begin = jacobian.begin(j), size = jacobian.size(j);
-    double *q = q_.data(), *h = h_.data();
+    const ReducedJacobian::Run& run = jacobian.run(j);
     for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
       const Vector6 s = c.kinematics.S.col(i), f = I * s;
+      const double* q = jacobian.Q(i);
       const double own = 0.5 * (s.dot(f) + m.armature()(i));
-      for (int k = 0; k < size; ++k) {
-        q[k] = c.Q_now(i, begin + k);
-        h[k] = own * q[k];
-      }
+      int ahead = 0, carried = 0;  // where the columns of the joint before begin in these, and how many
+      const double* T = nullptr;
       if (joint.previous >= 0) {
-        const auto T = jacobian.T(joint.previous);
-        const int ahead = jacobian.begin(joint.previous) - begin;
-        for (int k = 0; k < jacobian.size(joint.previous); ++k) h[ahead + k] += T.col(k).dot(f);
+        const ReducedJacobian::Run& up = jacobian.run(joint.previous);
+        T = jacobian.T_.data() + up.at;
+        ahead = up.first - run.first;
+        carried = up.padded;
+      }
+      double* M_0 = M_0z_.data() + run.first;
+      for (int k = 0; k < run.padded; k += 4) {
+        const Quad x = QuadAt(q + k);
+        Quad y = own * x;
+        if (k >= ahead && k < ahead + carried) {
+          const double* t = T + (k - ahead);
+          for (int row = 0; row < 6; ++row, t += carried) y += f[row] * QuadAt(t);
+        }
+        QuadAt(h + k) = y;
+        double* M = M_0 + k;
+        for (int row = 0; row < 6; ++row, M += padded_) QuadAt(M) += f[row] * x;
       }
       for (int e = joint.offset; e < i; ++e) {
         const double share = c.kinematics.S.col(e).dot(f);
-        for (int k = 0; k < size; ++k) h[k] += share * c.Q_now(e, begin + k);
+        const double* q_e = jacobian.Q(e);
+        for (int k = 0; k < run.padded; k += 4) QuadAt(h + k) += share * QuadAt(q_e + k);
       }
-      for (int k = 0; k < size; ++k) {
-        const double q_k = q[k], h_k = h[k];
-        if (q_k != 0) M_0z.col(begin + k) += q_k * f;
-        if (q_k == 0 && h_k == 0) continue;
-        double* column = &M_zz(begin, begin + k);
-        for (int l = k; l < size; ++l) column[l] += q_k * h[l] + h_k * q[l];
-      }
+      AddSymmetric(q, run.first, run.padded);
     }
   }
   M_00.topLeftCorner<3, 3>() = all.rotational;
@@ -129,8 +168,30 @@ void ReducedInertia::Compute(const ReducedModel& model, const RigidParts& parts,
   M_00.bottomLeftCorner<3, 3>() = -M_00.topRightCorner<3, 3>();
   M_00.bottomRightCorner<3, 3>() = all.mass * Matrix3::Identity();
   const int r = model.size();
-  for (int k = 0; k < r; ++k)
-    for (int l = k + 1; l < r; ++l) M_zz(k, l) = M_zz(l, k);
+  for (int k = 0; k < r; ++k) {
+    const double* column = M_zz_.data() + k * padded_;
+    for (int l = k; l < r; ++l) M_zz(l, k) = M_zz(k, l) = column[l];
+    for (int row = 0; row < 6; ++row) M_0z(row, k) = M_0z_[static_cast<std::size_t>(row * padded_ + k)];
+  }
+}
+
+// M_zz += h qᵀ + q hᵀ from column `first` on, below the diagonal and in the fours that it meets.
+void ReducedInertia::AddSymmetric(const double* q, int first, int padded) {
+  const double* h = h_.data();
+  const std::ptrdiff_t stride = padded_;
+  for (int k = 0; k < padded; k += 4) {
+    const double q0 = q[k], q1 = q[k + 1], q2 = q[k + 2], q3 = q[k + 3];
+    const double h0 = h[k], h1 = h[k + 1], h2 = h[k + 2], h3 = h[k + 3];
+    double* column = M_zz_.data() + (first + k) * stride + first;
+    for (int l = k; l < padded; l += 4) {
+      const Quad x = QuadAt(q + l), y = QuadAt(h + l);
+      double* M = column + l;
+      QuadAt(M) += q0 * y + h0 * x;
+      QuadAt(M + stride) += q1 * y + h1 * x;
+      QuadAt(M + 2 * stride) += q2 * y + h2 * x;
+      QuadAt(M + 3 * stride) += q3 * y + h3 * x;
+    }
+  }
 }
 
 }  // namespace fork1s

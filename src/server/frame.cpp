@@ -63,7 +63,7 @@ void WriteCompliance(const ReducedModel& model, ByteWriter& out) {
   for (BodyIndex b : model.interfaces) {
     Eigen::Matrix<double, 3, 6> at_origin;
     at_origin << -Skew(model.X_RB_ref[b.u()].translation()), Matrix3::Identity();
-    const MatrixX J = at_origin * model.T_of(b).rightCols(model.size() - model.num_free);
+    const MatrixX J = at_origin * model.T_of(b)(Eigen::all, model.SprungColumns());
     const Matrix3 C = J * J.transpose();
     out.U32(static_cast<std::uint32_t>(b.value()));
     for (double c : {C(0, 0), C(1, 1), C(2, 2), C(0, 1), C(0, 2), C(1, 2)}) out.F32(c);

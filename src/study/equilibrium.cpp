@@ -195,10 +195,10 @@ Expected<MatrixX> ComplianceOfReduced(const ReducedModel& model) {
     J.middleRows<3>(row) = R_WR * T.topRows<3>();
     J.middleRows<3>(row + 3) = R_WR * (T.bottomRows<3>() - Skew(p) * T.topRows<3>());
   }
-  if (model.num_free > 0 && J.leftCols(model.num_free).cwiseAbs().maxCoeff() > 1e-9)
+  if (model.num_free > 0 && J(Eigen::all, model.FreeColumns()).cwiseAbs().maxCoeff() > 1e-9)
     return Fail(ErrorCode::kUnderdetermined, model.mechanism->name(),
                 "a spring-free motion moves an interface");
-  const auto elastic = J.rightCols(model.size() - model.num_free);
+  const MatrixX elastic = J(Eigen::all, model.SprungColumns());
   return MatrixX(elastic * elastic.transpose());
 }
 

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <allocation_counter.hpp>
 #include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/in_place.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 
@@ -44,6 +45,56 @@ TEST(Cholesky, SolvesWithoutAllocating) {
   EXPECT_FALSE(factor.Compute(-MatrixX::Identity(3, 3)));
   EXPECT_FALSE(factor.ok());
   EXPECT_TRUE(factor.Compute(MatrixX(0, 0)));
+}
+
+TEST(Cholesky, ReadsNothingBetweenItsBlocks) {
+  std::mt19937 engine(5);
+  const std::vector<DiagonalBlock> blocks{{0, 3}, {3, 1}, {4, 6}, {10, 40}};  // small ones and one of Eigen's
+  MatrixX A = MatrixX::Constant(50, 50, std::nan("")), whole = MatrixX::Zero(50, 50);
+  for (const DiagonalBlock& b : blocks)
+    A.block(b.begin, b.begin, b.size, b.size) = whole.block(b.begin, b.begin, b.size, b.size) =
+        Positive(b.size, engine);
+  Cholesky factor;
+  factor.Divide(blocks);
+  ASSERT_TRUE(factor.Compute(A));
+  const VectorX b = RandomMatrix(50, 1, engine);
+  VectorX x = b;
+  const long before = testing::allocations.load();
+  ASSERT_TRUE(factor.Compute(A));
+  factor.SolveInPlace(x);
+  EXPECT_EQ(testing::allocations.load(), before);
+  EXPECT_LT((whole * x - b).norm(), kRounding * b.norm());
+  MatrixX X = b;
+  factor.SolveInPlace(X);
+  EXPECT_LT((X - x).norm(), kRounding * x.norm());
+  A(3, 3) = -1;
+  EXPECT_FALSE(factor.Compute(A));
+}
+
+TEST(InPlace, LuSolvesForwardTransposedAndByRows) {
+  std::mt19937 engine(6);
+  for (const int n : {1, 2, 3, 4, 5, 8, 17, 48}) {
+    MatrixX A = RandomMatrix(n, n, engine);
+    if (n > 4) A.topRightCorner(n / 2, n - n / 2).setZero();  // columns that a pivot leaves as they are
+    MatrixX LU = A;
+    std::vector<int> pivots(static_cast<std::size_t>(n));
+    ASSERT_TRUE(FactorLu(LU.data(), n, pivots.data()));
+    const VectorX b = RandomMatrix(n, 1, engine);
+    // Condition numbers of random matrices of this size stay below 1e5.
+    VectorX x = b;
+    SolveWithLu(LU.data(), n, pivots.data(), x.data());
+    EXPECT_LT((A * x - b).norm(), 1e-10 * b.norm()) << n;
+    VectorX y = b;
+    SolveTransposedWithLu(LU.data(), n, pivots.data(), y.data());
+    EXPECT_LT((A.transpose() * y - b).norm(), 1e-10 * b.norm()) << n;
+    RowMatrixX rows = RandomMatrix(n, 13, engine);  // taken by eights, fours and ones
+    const MatrixX right = rows;
+    SolveRowsWithLu(LU.data(), n, pivots.data(), 13, rows.data());
+    EXPECT_LT((A * rows - right).norm(), 1e-10 * right.norm()) << n;
+  }
+  MatrixX singular = MatrixX::Zero(3, 3);
+  int pivots[3];
+  EXPECT_FALSE(FactorLu(singular.data(), 3, pivots));
 }
 
 TEST(Cholesky, SixBySix) {

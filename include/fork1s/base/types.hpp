@@ -16,6 +16,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Matrix3X = Eigen::Matrix<double, 3, Eigen::Dynamic>;
 using Matrix6X = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 using MatrixX = Eigen::MatrixXd;
+using RowMatrixX = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using Quaternion = Eigen::Quaterniond;
 
 }  // namespace fork1s

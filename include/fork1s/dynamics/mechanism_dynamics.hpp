@@ -163,14 +163,15 @@ class MechanismDynamics {
 
  private:
   explicit MechanismDynamics(ReducedModel model);
-  const MatrixX& Q_now() const { return configuration_.Q_now; }
+  const RowMatrixX& Q_now() const { return configuration_.Q_now; }
   void Size();
   void StartAtReference();
   void FindParts();
   void UpdateConfiguration(bool loops_are_closed = false);  // by the µ at hand
   void TakeReferenceForces();
   void Factor(double h);
-  void LoadForces(const Vector3& gravity_R, const Vector6& A_R);
+  void LoadForces(double h, const Vector3& gravity_R, const Vector6& A_R);
+  void KeepJointRates();
   void FollowLoads();
   void SolveFree(double h);
   // Bounds of forces (force_limits.cpp).
@@ -180,7 +181,7 @@ class MechanismDynamics {
   void TakeBoundedSpringsOut(double h);
   void TurnSprings(double h);
   void AddSpringOf(const Mechanism::Length& length, double weight, bool bends);
-  void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const MatrixX& Q,
+  void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const RowMatrixX& Q,
                   VectorX& out) const;
   const std::vector<PathState>& Paths() const { return configuration_.kinematics.paths; }
   void AddBoundedForces();

@@ -2,12 +2,21 @@
 #pragma once
 
 #include <fork1s/base/types.hpp>
+#include <utility>
+#include <vector>
 
 namespace fork1s {
+
+/// Rows and columns [begin, begin + size) of a matrix.
+struct DiagonalBlock {
+  int begin = 0, size = 0;
+};
 
 /// A = L Lᵀ. Holds its storage: computing and solving for a size it had before do not allocate.
 class Cholesky {
  public:
+  /// From now on A is 0 outside of these blocks, which cover it in their order. What is outside is not read.
+  void Divide(std::vector<DiagonalBlock> blocks) { blocks_ = std::move(blocks); }
   /// Only the lower triangle of A is read. False where A is not positive definite.
   bool Compute(const MatrixX& A);
   bool ok() const { return ok_; }
@@ -20,6 +29,7 @@ class Cholesky {
 
  private:
   MatrixX L_;
+  std::vector<DiagonalBlock> blocks_;  // none: the whole
   bool ok_ = false;
 };
 

@@ -8,6 +8,10 @@ namespace fork1s {
 bool FactorLu(double* A, int n, int* pivots);
 /// x <- A⁻¹ x
 void SolveWithLu(const double* LU, int n, const int* pivots, double* x);
+/// The same for `columns` right sides, x [n x columns] row by row without gaps.
+void SolveRowsWithLu(const double* LU, int n, const int* pivots, int columns, double* x);
+/// x <- A⁻ᵀ x
+void SolveTransposedWithLu(const double* LU, int n, const int* pivots, double* x);
 
 /// Solves A x = x by A = L Lᵀ, of which only the lower triangle is read; A n x n is overwritten. False where
 /// A is not positive definite.

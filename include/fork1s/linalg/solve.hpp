@@ -24,13 +24,9 @@ class LuFactor {
   LuFactor(LuFactor&&) noexcept;
   LuFactor& operator=(LuFactor&&) noexcept;
   void Compute(const MatrixX& A);
-  /// Smallest over largest pivot: 0 where A is singular, and near it where A nearly is.
-  double PivotRatio() const;
   /// x <- A⁻¹ x
   void SolveInPlace(VectorX& x) const;
   void SolveInPlace(MatrixX& x) const;
-  /// x <- A⁻ᵀ x
-  void SolveTransposedInPlace(VectorX& x) const;
 
  private:
   struct Detail;

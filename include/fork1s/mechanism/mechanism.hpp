@@ -89,6 +89,15 @@ class Mechanism {
     int a;       // coordinate
     int b = -1;  // coordinate or -1
     double polynomial[5];
+    /// What q(a) is, and its derivative by q(b).
+    double Value(const VectorX& q) const {
+      const double x = b >= 0 ? q(b) : 0, *p = polynomial;
+      return p[0] + x * (p[1] + x * (p[2] + x * (p[3] + x * p[4])));
+    }
+    double Slope(const VectorX& q) const {
+      const double x = b >= 0 ? q(b) : 0, *p = polynomial;
+      return p[1] + x * (2 * p[2] + x * (3 * p[3] + x * 4 * p[4]));
+    }
   };
   struct Control {
     std::string name;

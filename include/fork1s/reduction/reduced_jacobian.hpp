@@ -16,21 +16,32 @@ class ReducedJacobian {
   /// At the pose of `c`. O(joints x columns that reach them), no allocation.
   void Compute(const ReducedModel& model, const Configuration& c);
   /// Columns [begin, begin + size) that move joint j.
-  int begin(int joint) const { return runs_[static_cast<std::size_t>(joint)].begin; }
-  int size(int joint) const { return runs_[static_cast<std::size_t>(joint)].size; }
+  int begin(int joint) const { return run(joint).begin; }
+  int size(int joint) const { return run(joint).size; }
   /// 6 x size(joint)
   auto T(int joint) const {
-    const Run& run = runs_[static_cast<std::size_t>(joint)];
-    return T_.middleCols(run.at, run.size);
+    const Run& at = run(joint);
+    return Eigen::Map<const Rows, 0, Eigen::OuterStride<>>(T_.data() + at.at + at.begin - at.first, 6, at.size,
+                                                           Eigen::OuterStride<>(at.padded));
   }
 
  private:
+  friend class ReducedInertia;
+  using Rows = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::RowMajor>;
+  // Rows of T stand in fours of columns, the same fours for all joints and 0 where they are none of the run's, so
+  // that arithmetic goes four at a time without ends.
   struct Run {
     int begin = 0, size = 0;
-    Eigen::Index at = 0;  // first column in T_
+    int first = 0, padded = 0;  // multiples of four
+    Eigen::Index at = 0;        // in T_: six rows of padded length
   };
-  std::vector<Run> runs_;  // per joint
-  Matrix6X T_;
+  const Run& run(int joint) const { return runs_[static_cast<std::size_t>(joint)]; }
+  // A row of Q_now on the fours of its joint's run.
+  const double* Q(int coordinate) const { return Q_.data() + Q_at_[static_cast<std::size_t>(coordinate)]; }
+
+  std::vector<Run> runs_;            // per joint
+  std::vector<Eigen::Index> Q_at_;   // per coordinate
+  std::vector<double> T_, Q_;
 };
 
 /// M_zz = Σ Tᵀ I T + Qᵀ diag(armature) Q (r x r), M_0z = Σ I T (6 x r), M_00 = Σ I at a pose, all in R about
@@ -55,8 +66,11 @@ class ReducedInertia {
     void Add(const Sum& other);
     Vector6 operator*(const Vector6& V) const;
   };
+  void AddSymmetric(const double* q, int first, int padded);
+
   std::vector<Sum> sums_;  // per joint
-  VectorX q_, h_;
+  int padded_ = 0;         // r in whole fours
+  std::vector<double> h_, M_zz_, M_0z_;
 };
 
 }  // namespace fork1s

@@ -1,14 +1,15 @@
 // The reduced model: a mechanism seen from its interface bodies, about one pose.
 //
-// docs/method.md, sections 3 and 4. Joint displacements are q = q_ref + Q z + q_perp (+ loop correction);
-// the columns of Q are, in this order, free directions N (no spring), elastic directions V Y_r that the
-// interface can feel, and fixed-interface modes. In these coordinates the stiffness is diag(0, 1).
+// docs/method.md, sections 3 and 4. Joint displacements are q = q_ref + Q z + q_perp (+ loop correction).
+// Joint coordinates that hear each other while the base is held (a finger) have columns of Q of their own, which
+// stand together: in this order free directions N (no spring), elastic directions V Y_r that the interface can
+// feel, and fixed-interface modes. In these coordinates the stiffness is diagonal, 0 for free directions and 1 else.
 #pragma once
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
+#include <fork1s/reduction/loop_rows.hpp>
 #include <fork1s/reduction/rank_doubt.hpp>
 #include <memory>
 #include <string>
@@ -54,7 +55,14 @@ struct ReducedModel {
   /// of a crank-slider would end 8 degrees from its reference.
   std::vector<int> loop_rows;
   VectorX h_inverse;  // n
-  MatrixX B;          // n x m: H⁻¹A_refᵀ of those rows, the directions along which loops are closed
+  // What follows is made of the above by FillDerived.
+  struct Run {
+    int begin = 0, size = 0;
+  };
+  RowMatrixX Q_rows;      // Q
+  std::vector<Run> runs;  // n: columns of Q, and of Q_now at any pose, that may move a coordinate
+  LoopRows loops;         // those rows, group by group
+  VectorX B;              // their A_ref H⁻¹: Bᵀ, the directions along which loops are closed
 
   std::vector<BodyIndex> promoted;  // interfaces that were added for hidden motions
   std::vector<RankDoubt> doubts;    // rank decisions that the numbers do not settle
@@ -63,6 +71,8 @@ struct ReducedModel {
   int size() const { return static_cast<int>(K_r.size()); }
   int num_coordinates() const { return static_cast<int>(q_ref.size()); }
   int loop_rank() const { return static_cast<int>(loop_rows.size()); }
+  std::vector<int> FreeColumns() const;
+  std::vector<int> SprungColumns() const;
   auto T_of(BodyIndex b) const { return T.middleCols(b.value() * size(), size()); }
 };
 
@@ -84,8 +94,11 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism, const 
 /// q_perp = C_perp g.
 void ApplyComplement(const ReducedModel& model, const VectorX& g, VectorX& q_perp);
 
-/// Fills B from loop_rows and h_inverse at q_ref.
-void FillLoopDirections(ReducedModel& model);
+/// Fills what the reduced model holds twice: rows of Q, their runs, loops and their directions at q_ref.
+void FillDerived(ReducedModel& model);
+/// q += Q z and f = Qᵀ g for the rows of Q or of Q_now, as far as they reach. No allocation where f has its size.
+void AddMotion(const ReducedModel& model, const RowMatrixX& Q, const VectorX& z, VectorX& q);
+void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& g, VectorX& f);
 
 /// The map from reduced coordinates to joint displacements and body poses, loops closed: scratch and result.
 struct Configuration {
@@ -93,27 +106,27 @@ struct Configuration {
 
   VectorX q;  // n
   Kinematics kinematics;
-  MatrixX Q_now;  // n x r: ∂q/∂z at the present pose (Q on trees)
+  RowMatrixX Q_now;  // n x r: ∂q/∂z at the present pose (Q on trees)
   VectorX mu;     // m: q = q_ref + Q z + q_perp - B µ
   double closed =
       1e-10;            // rad and m: residual at which corrections end, far below the 0.01 mm that users see
   int corrections = 0;  // iterations that closed the loops
   double loop_residual = 0;  // of all rows, rad and m
-  double pivot_ratio = 1;    // of A B: the chart of these coordinates ends where it is 0
 
-  // Loop scratch, m independent rows.
-  VectorX c_all, c, d, z_of_mu, q_bar;
-  MatrixX A_all, A;  // rows x n, m x n, at q
-  MatrixX AB, W;     // m x m; m x r: ∂µ/∂z
-  LuFactor factor;   // of AB at some pose before
-  bool has_factor = false;
+  // Loop scratch, m independent rows in the order of LoopRows.
+  VectorX c_all, c, d, q_bar, q_bar_before, q_move;
+  Matrix6X columns;
+  VectorX A;          // of those rows at q
+  RowMatrixX W;       // m x r in whole fours of columns: ∂µ/∂z
+  LoopFactor factor;  // of A B at some pose before
+  bool foresees = false;  // A, factor and q_bar_before are of one pose with closed loops
 
   /// Corrections start from where those of `other`, at a pose near by, ended. No allocation.
   void TakeLoops(const Configuration& other);
 };
 
-/// q(z) = q_ref + Q z + q_perp - B µ with µ such that c(q) = 0 (docs/method.md, section 2): chords with the
-/// factor at hand from the tangent of the last pose, a new factor where they gain too little, at most
+/// q(z) = q_ref + Q z + q_perp - B µ with µ such that c(q) = 0 (docs/method.md, section 2): from the tangent of
+/// the last pose by chords with the factor at hand, a new factor where they gain too little, at most
 /// `max_corrections`; 0 leaves the loops open. Since B stays, Q_now = (1 - B (A B)⁻¹ A) Q is the derivative
 /// of the pose that is computed. Fills kinematics. No allocation.
 void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,

@@ -82,7 +82,7 @@ VectorX ReducedEquilibrium::ExactResidual(const VectorX& x, double force_N) {
   SpringForce(m, kinematics, configuration_->q, g);
   VectorX residual(x.size());
   // Loops that are left open have no present direction of their own: that of the reference stays.
-  const MatrixX& Q = mode_ == StaticMode::kOpen ? model_->Q : configuration_->Q_now;
+  const RowMatrixX& Q = mode_ == StaticMode::kOpen ? model_->Q_rows : configuration_->Q_now;
   residual.head(model_->size()) = Q.transpose() * (g + tau);
   if (has_perp()) {
     VectorX rest = g + tau, asked, kept;

@@ -1,0 +1,44 @@
+#include "coordinate_groups.hpp"
+
+#include <fork1s/mechanism/kinematics.hpp>
+#include <numeric>
+
+namespace fork1s::internal {
+
+std::vector<std::vector<int>> CoordinateGroups(const Mechanism& mechanism) {
+  const auto n = static_cast<std::size_t>(mechanism.num_coordinates());
+  std::vector<std::size_t> above(n);  // towards the first coordinate of the group
+  std::iota(above.begin(), above.end(), std::size_t{0});
+  const auto first = [&](std::size_t i) {
+    while (above[i] != i) i = above[i] = above[above[i]];
+    return i;
+  };
+  const auto join = [&](int a, int b) {
+    const std::size_t x = first(static_cast<std::size_t>(a)), y = first(static_cast<std::size_t>(b));
+    above[std::max(x, y)] = std::min(x, y);
+  };
+  const auto join_all = [&](const std::vector<int>& coordinates) {
+    for (const int i : coordinates) join(coordinates.front(), i);
+  };
+  for (const Mechanism::Joint& joint : mechanism.joints()) {
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i) join(joint.offset, i);
+    if (joint.previous >= 0 && joint.size > 0) join(mechanism.joint(JointIndex(joint.previous)).offset, joint.offset);
+  }
+  for (const ClosureDef& closure : mechanism.closures()) join_all(ClosureCoordinates(mechanism, closure));
+  for (const Mechanism::Coupling& k : mechanism.couplings())
+    if (k.b >= 0) join(k.a, k.b);
+  for (const Mechanism::Spring& s : mechanism.springs()) join_all(mechanism.CoordinatesOf(s.length));
+
+  std::vector<std::vector<int>> groups;
+  std::vector<std::size_t> at(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (first(i) == i) {
+      at[i] = groups.size();
+      groups.emplace_back();
+    }
+    groups[at[first(i)]].push_back(static_cast<int>(i));
+  }
+  return groups;
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,327 @@
+#include <fork1s/reduction/loop_rows.hpp>
+
+#include <algorithm>
+#include <fork1s/base/quad.hpp>
+#include <fork1s/linalg/in_place.hpp>
+#include <limits>
+#include <map>
+
+namespace fork1s {
+namespace {
+
+const double* Row(const RowMatrixX& X, int i) { return X.data() + i * X.cols(); }
+double* Row(RowMatrixX& X, int i) { return X.data() + i * X.cols(); }
+
+// Rows of a block by its coordinates: `values` kRows from `stride` to `stride`, `row_of[k]` the row of X for each.
+struct BlockView {
+  const double* values;
+  int stride;
+  const int* row_of;
+  int count;
+};
+
+// Y (kRows rows) += values X, `columns` of them.
+template <int kRows>
+void AddApplied(const BlockView& b, const double* X, Eigen::Index X_stride, int columns, double* Y,
+                Eigen::Index Y_stride) {
+  int c = 0;
+  for (; c + 4 <= columns; c += 4) {
+    Quad sum[kRows];
+    for (int r = 0; r < kRows; ++r) sum[r] = QuadAt(Y + r * Y_stride + c);
+    const double* v = b.values;
+    for (int k = 0; k < b.count; ++k, v += b.stride) {
+      const Quad x = QuadAt(X + b.row_of[k] * X_stride + c);
+      for (int r = 0; r < kRows; ++r) sum[r] += v[r] * x;
+    }
+    for (int r = 0; r < kRows; ++r) QuadAt(Y + r * Y_stride + c) = sum[r];
+  }
+  for (; c < columns; ++c) {
+    const double* v = b.values;
+    for (int k = 0; k < b.count; ++k, v += b.stride)
+      for (int r = 0; r < kRows; ++r) Y[r * Y_stride + c] += v[r] * X[b.row_of[k] * X_stride + c];
+  }
+}
+
+// X -= valuesᵀ Y.
+template <int kRows>
+void SubtractAppliedTransposed(const BlockView& b, const double* Y, Eigen::Index Y_stride, int columns, double* X,
+                               Eigen::Index X_stride) {
+  const double* v = b.values;
+  for (int k = 0; k < b.count; ++k, v += b.stride) {
+    double* x = X + b.row_of[k] * X_stride;
+    int c = 0;
+    for (; c + 4 <= columns; c += 4) {
+      Quad rest = QuadAt(x + c);
+      for (int r = 0; r < kRows; ++r) rest -= v[r] * QuadAt(Y + r * Y_stride + c);
+      QuadAt(x + c) = rest;
+    }
+    for (; c < columns; ++c)
+      for (int r = 0; r < kRows; ++r) x[c] -= v[r] * Y[r * Y_stride + c];
+  }
+}
+
+// f.operator()<rows>() for the number of rows that a closure may have.
+template <class F>
+void ForRows(int rows, F&& f) {
+  switch (rows) {
+    case 1: return f.template operator()<1>();
+    case 2: return f.template operator()<2>();
+    case 3: return f.template operator()<3>();
+    case 4: return f.template operator()<4>();
+    case 5: return f.template operator()<5>();
+    default: return f.template operator()<6>();
+  }
+}
+
+}  // namespace
+
+LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
+  const auto& closures = mechanism.closures();
+  const auto& couplings = mechanism.couplings();
+  std::vector<bool> kept(static_cast<std::size_t>(mechanism.num_constraints()), false);
+  for (const int row : rows) kept[static_cast<std::size_t>(row)] = true;
+
+  // Blocks with the rows of ClosureJacobian that are theirs, group by union-find over shared coordinates.
+  struct Draft {
+    Block block;
+    std::vector<int> rows, coordinates;
+    int group = 0;
+  };
+  std::vector<Draft> drafts;
+  int row = 0;
+  const auto keep = [&](Draft draft) {
+    if (draft.rows.empty()) return;
+    draft.group = static_cast<int>(drafts.size());
+    drafts.push_back(std::move(draft));
+  };
+  for (std::size_t c = 0; c < closures.size(); ++c) {
+    Draft draft;
+    draft.block.source = static_cast<int>(c);
+    for (int i = 0; i < 6; ++i) {
+      if (!closures[c].rigid(i)) continue;
+      if (kept[static_cast<std::size_t>(row)]) {
+        draft.block.component[draft.rows.size()] = i;
+        draft.rows.push_back(row);
+      }
+      ++row;
+    }
+    if (!draft.rows.empty()) draft.coordinates = ClosureCoordinates(mechanism, closures[c]);
+    keep(std::move(draft));
+  }
+  for (std::size_t c = 0; c < couplings.size(); ++c, ++row) {
+    if (!kept[static_cast<std::size_t>(row)]) continue;
+    Draft draft;
+    draft.block.source = static_cast<int>(closures.size() + c);
+    draft.rows = {row};
+    draft.coordinates = {couplings[c].a};
+    if (couplings[c].b >= 0) draft.coordinates.push_back(couplings[c].b);
+    keep(std::move(draft));
+  }
+  std::map<int, std::size_t> first;  // block that hears a coordinate
+  const auto root = [&](std::size_t b) {
+    while (static_cast<std::size_t>(drafts[b].group) != b) b = static_cast<std::size_t>(drafts[b].group);
+    return b;
+  };
+  for (std::size_t b = 0; b < drafts.size(); ++b)
+    for (const int i : drafts[b].coordinates) {
+      const std::size_t r = root(first.emplace(i, b).first->second), own = root(b);
+      drafts[std::max(r, own)].group = static_cast<int>(std::min(r, own));
+    }
+  for (std::size_t b = 0; b < drafts.size(); ++b) drafts[b].group = static_cast<int>(root(b));
+  std::stable_sort(drafts.begin(), drafts.end(), [](const Draft& a, const Draft& b) { return a.group < b.group; });
+
+  for (std::size_t d = 0; d < drafts.size(); ++d) {
+    Draft& draft = drafts[d];
+    Block& block = draft.block;
+    block.begin = static_cast<int>(rows_.size());
+    block.rows = static_cast<int>(draft.rows.size());
+    block.coordinates = static_cast<int>(coordinates_.size());
+    block.count = static_cast<int>(draft.coordinates.size());
+    block.at = num_values_;
+    longest_ = std::max(longest_, block.count);
+    block.stride = (block.rows + 3) / 4 * 4;
+    num_values_ += block.stride * block.count;
+    rows_.insert(rows_.end(), draft.rows.begin(), draft.rows.end());
+    coordinates_.insert(coordinates_.end(), draft.coordinates.begin(), draft.coordinates.end());
+    if (d == 0 || draft.group != drafts[d - 1].group) groups_.push_back({block.begin, 0, 0, 0});
+    groups_.back().size += block.rows;
+    blocks_.push_back(block);
+  }
+
+  num_values_ += 4;  // kernels read six rows at a time, past those of the last block
+  for (Group& group : groups_) {
+    group.first_pair = static_cast<int>(pairs_.size());
+    const auto in_group = [&](const Block& b) { return b.begin >= group.begin && b.begin < group.begin + group.size; };
+    for (std::size_t i = 0; i < blocks_.size(); ++i)
+      for (std::size_t j = 0; j < blocks_.size(); ++j) {
+        const Block &a = blocks_[i], &b = blocks_[j];
+        if (!in_group(a) || !in_group(b)) continue;
+        Pair pair{static_cast<int>(i), static_cast<int>(j), static_cast<int>(shared_.size()), 0};
+        for (int k = 0; k < a.count; ++k)
+          for (int l = 0; l < b.count; ++l)
+            if (coordinates_[static_cast<std::size_t>(a.coordinates + k)] ==
+                coordinates_[static_cast<std::size_t>(b.coordinates + l)])
+              shared_.push_back({a.at + k * a.stride, b.at + l * b.stride});
+        pair.last = static_cast<int>(shared_.size());
+        if (pair.last > pair.first) pairs_.push_back(pair);
+      }
+    group.last_pair = static_cast<int>(pairs_.size());
+  }
+}
+
+void LoopRows::Fill(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, Matrix6X& scratch,
+                    VectorX& values) const {
+  if (scratch.cols() < longest_) scratch.resize(6, longest_);
+  const auto& closures = mechanism.closures();
+  values.setZero(num_values_);
+  for (const Block& block : blocks_) {
+    double* out = values.data() + block.at;
+    if (block.source < static_cast<int>(closures.size())) {
+      ClosureColumns(mechanism, closures[static_cast<std::size_t>(block.source)], kinematics, scratch);
+      for (int k = 0; k < block.count; ++k, out += block.stride)
+        for (int r = 0; r < block.rows; ++r) out[r] = scratch(block.component[r], k);
+    } else {
+      const auto& k = mechanism.couplings()[static_cast<std::size_t>(block.source) - closures.size()];
+      out[0] = 1;
+      if (k.b >= 0) out[block.stride] = -k.Slope(q);
+    }
+  }
+}
+
+void LoopRows::ScaleCoordinates(const VectorX& h, VectorX& values) const {
+  for (const Block& block : blocks_)
+    for (int k = 0; k < block.count; ++k)
+      values.segment(block.at + k * block.stride, block.rows) *=
+          h(coordinates_[static_cast<std::size_t>(block.coordinates + k)]);
+}
+
+void LoopRows::Apply(const VectorX& A, const VectorX& x, VectorX& y) const {
+  y.setZero(size());
+  for (const Block& b : blocks_) {
+    const double* values = A.data() + b.at;
+    const int* coordinate = coordinates_.data() + b.coordinates;
+    double* out = y.data() + b.begin;
+    for (int k = 0; k < b.count; ++k, values += b.stride)
+      for (int r = 0; r < b.rows; ++r) out[r] += values[r] * x[coordinate[k]];
+  }
+}
+
+void LoopRows::Apply(const VectorX& A, const RowMatrixX& X, RowMatrixX& Y) const {
+  FORK1S_REQUIRE(Y.rows() == size() && Y.cols() >= X.cols(), Y.rows(), Y.cols());
+  Y.setZero();
+  const auto columns = static_cast<int>(X.cols());
+  for (const Block& b : blocks_)
+    ForRows(b.rows, [&]<int kRows>() {
+      AddApplied<kRows>({A.data() + b.at, b.stride, coordinates_.data() + b.coordinates, b.count}, X.data(),
+                        X.cols(), columns, Row(Y, b.begin), Y.cols());
+    });
+}
+
+void LoopRows::SubtractTransposed(const VectorX& A, const VectorX& y, VectorX& x) const {
+  for (const Block& b : blocks_) {
+    const double* values = A.data() + b.at;
+    const int* coordinate = coordinates_.data() + b.coordinates;
+    const double* in = y.data() + b.begin;
+    for (int k = 0; k < b.count; ++k, values += b.stride)
+      for (int r = 0; r < b.rows; ++r) x[coordinate[k]] -= values[r] * in[r];
+  }
+}
+
+void LoopRows::SubtractTransposed(const VectorX& A, const RowMatrixX& Y, RowMatrixX& X) const {
+  FORK1S_REQUIRE(Y.rows() == size() && Y.cols() >= X.cols(), Y.rows(), Y.cols());
+  const auto columns = static_cast<int>(X.cols());
+  for (const Block& b : blocks_)
+    ForRows(b.rows, [&]<int kRows>() {
+      SubtractAppliedTransposed<kRows>({A.data() + b.at, b.stride, coordinates_.data() + b.coordinates, b.count},
+                                       Row(Y, b.begin), Y.cols(), columns, X.data(), X.cols());
+    });
+}
+
+std::vector<std::vector<int>> LoopRows::GroupCoordinates() const {
+  std::vector<std::vector<int>> out;
+  for (const Group& group : groups_) {
+    std::vector<int> all;
+    for (const Block& b : blocks_)
+      if (b.begin >= group.begin && b.begin < group.begin + group.size)
+        all.insert(all.end(), coordinates_.begin() + b.coordinates,
+                   coordinates_.begin() + b.coordinates + b.count);
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    out.push_back(std::move(all));
+  }
+  return out;
+}
+
+LoopFactor::LoopFactor(const LoopRows& rows) {
+  std::size_t at = 0;
+  for (const LoopRows::Group& g : rows.groups_) {
+    parts_.push_back({g.begin, g.size, at});
+    at += static_cast<std::size_t>(g.size) * static_cast<std::size_t>(g.size);
+  }
+  values_.resize(at);
+  pivots_.resize(static_cast<std::size_t>(rows.size()));
+}
+
+namespace {
+
+// out (from row to row, `size` from column to column) += Σ_k A_k B_kᵀ over pairs of values, kQuads fours of rows by
+// kColumns columns of which `rows` x `columns` count.
+template <int kQuads, int kColumns, class Shared>
+void AddProducts(const double* A, const double* B, const Shared* first, const Shared* last, int rows, int columns,
+                 double* out, int size) {
+  Quad sum[kColumns][kQuads];
+  for (auto& column : sum)
+    for (Quad& s : column) s.setZero();
+  for (const Shared* s = first; s != last; ++s)
+    for (int q = 0; q < kQuads; ++q) {
+      const Quad a = QuadAt(A + s->a + 4 * q);
+      for (int j = 0; j < kColumns; ++j) sum[j][q] += B[s->b + j] * a;
+    }
+  for (int j = 0; j < columns; ++j)
+    for (int i = 0; i < rows; ++i) out[static_cast<std::ptrdiff_t>(j) * size + i] = sum[j][i / 4](i % 4);
+}
+
+}  // namespace
+
+void LoopFactor::Compute(const LoopRows& rows, const VectorX& A, const VectorX& B) {
+  std::fill(values_.begin(), values_.end(), 0.0);
+  ok_ = true;
+  for (std::size_t g = 0; g < parts_.size(); ++g) {
+    const Part& part = parts_[g];
+    double* LU = values_.data() + part.at;
+    for (int p = rows.groups_[g].first_pair; p < rows.groups_[g].last_pair; ++p) {
+      const LoopRows::Pair& pair = rows.pairs_[static_cast<std::size_t>(p)];
+      const LoopRows::Block& a = rows.blocks_[static_cast<std::size_t>(pair.block_a)];
+      const LoopRows::Block& b = rows.blocks_[static_cast<std::size_t>(pair.block_b)];
+      const auto add = a.rows <= 4 ? b.rows <= 3 ? &AddProducts<1, 3, LoopRows::Shared> : &AddProducts<1, 6, LoopRows::Shared>
+                       : b.rows <= 3 ? &AddProducts<2, 3, LoopRows::Shared>
+                                     : &AddProducts<2, 6, LoopRows::Shared>;
+      add(A.data(), B.data(), rows.shared_.data() + pair.first, rows.shared_.data() + pair.last, a.rows, b.rows,
+          LU + static_cast<std::ptrdiff_t>(b.begin - part.begin) * part.size + (a.begin - part.begin), part.size);
+    }
+    ok_ = FactorLu(LU, part.size, pivots_.data() + part.begin) && ok_;
+  }
+}
+
+// What a singular A Bᵀ gives is not a number, and is seen as such.
+void LoopFactor::SolveInPlace(VectorX& x) const {
+  if (!ok_) return x.setConstant(std::numeric_limits<double>::quiet_NaN()), void();
+  for (const Part& part : parts_)
+    SolveWithLu(values_.data() + part.at, part.size, pivots_.data() + part.begin, x.data() + part.begin);
+}
+
+void LoopFactor::SolveInPlace(RowMatrixX& x) const {
+  if (!ok_) return x.setConstant(std::numeric_limits<double>::quiet_NaN()), void();
+  const auto columns = static_cast<int>(x.cols());
+  for (const Part& part : parts_)
+    SolveRowsWithLu(values_.data() + part.at, part.size, pivots_.data() + part.begin, columns, Row(x, part.begin));
+}
+
+void LoopFactor::SolveTransposedInPlace(VectorX& x) const {
+  if (!ok_) return x.setConstant(std::numeric_limits<double>::quiet_NaN()), void();
+  for (const Part& part : parts_)
+    SolveTransposedWithLu(values_.data() + part.at, part.size, pivots_.data() + part.begin,
+                          x.data() + part.begin);
+}
+
+}  // namespace fork1s
