@@ -82,4 +82,29 @@ void MechanismDynamics::TurnSprings(double h) {
   }
 }
 
+// Loops turn Q as the pose moves, and with it what dampers of joints and of straight tendons are in reduced
+// coordinates. Springs too, but their forces are those of the pose wherever A has its stiffness; a damper acts through
+// A alone. Springy closures keep the damping of the reference.
+void MechanismDynamics::TurnDampers(double h) {
+  if (model().loop_rank() == 0 || scheme_ != Scheme::kEuler || options_.recovery != Recovery::kExact) return;
+  const Mechanism& m = mechanism();
+  auto A_z = A_.bottomRightCorner(model().size(), model().size());
+  const auto add = [&](const ReducedModel::Run& run, double weight, const auto& now, const auto& then) {
+    auto block = A_z.block(run.begin, run.begin, run.size, run.size);
+    for (int k = 0; k < run.size; ++k)
+      block.col(k) += (weight * now(run.begin + k)) * now.segment(run.begin, run.size).transpose() -
+                      (weight * then(run.begin + k)) * then.segment(run.begin, run.size).transpose();
+  };
+  for (int i = 0; i < m.num_coordinates(); ++i)
+    if (m.damping()(i) > 0)
+      add(model().runs[static_cast<std::size_t>(i)], h * m.damping()(i), Q_now().row(i), model().Q_rows.row(i));
+  for (const Mechanism::Spring& s : m.springs()) {
+    if (s.length.path >= 0 || !s.is_linear() || s.damping == 0) continue;
+    ReducedRow(s.length, Paths(), Q_now(), limit_row_);
+    A_z.noalias() += h * s.damping * limit_row_ * limit_row_.transpose();
+    ReducedRow(s.length, paths_ref_, model().Q_rows, limit_row_);
+    A_z.noalias() -= h * s.damping * limit_row_ * limit_row_.transpose();
+  }
+}
+
 }  // namespace fork1s

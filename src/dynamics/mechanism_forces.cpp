@@ -97,9 +97,9 @@ void MechanismDynamics::LoadForces(double h, const Vector3& gravity_R, const Vec
   const bool moves = q_dot_.lpNorm<Eigen::Infinity>() > kRests;
   q_ddot_.setZero();
   if (by_formula && moves && state_.q_dot.size() > 0) {
-    // Loops turn Q as they move: of the joint rates that the last step left the motions of this pose keep what
-    // they can, Qᵀ M (Q w⁺ - q̇) = h f, and that never adds energy. Ȧ q̇ in closed form would be of second order,
-    // and blows up where loops are nearly singular.
+    // Loops turn Q as they move: of the joint rates that the last step left the motions of this pose keep
+    // what they can, Qᵀ M (Q w⁺ - q̇) = h f, and that never adds energy. Ȧ q̇ in closed form would be of second
+    // order, and blows up where loops are nearly singular.
     q_ddot_ = (q_dot_ - state_.q_dot) / h;
     tau_ -= m.armature().cwiseProduct(q_ddot_);
   }

@@ -37,7 +37,8 @@ bool MechanismDynamics::Refresh() {
     const Vector3 wrapped = v * (1 - 2 * M_PI / angle);
     const Matrix3 rewrite = DexpInverseRotation(wrapped) * DexpRotation(v);
     q_dot.segment<3>(joint.offset) = rewrite * q_dot.segment<3>(joint.offset);
-    if (q_dot_left.size() > 0) q_dot_left.segment<3>(joint.offset) = rewrite * q_dot_left.segment<3>(joint.offset);
+    if (q_dot_left.size() > 0)
+      q_dot_left.segment<3>(joint.offset) = rewrite * q_dot_left.segment<3>(joint.offset);
     q.segment<3>(joint.offset) = wrapped;
   }
 

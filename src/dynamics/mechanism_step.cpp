@@ -35,6 +35,7 @@ void MechanismDynamics::Factor(double h) {
   A_.bottomRightCorner(model().size(), model().size()) += h * model().D;
   A_.diagonal().tail(model().size()) += h * h * model().K_r;
   TurnSprings(h);
+  TurnDampers(h);
   TakeBoundedSpringsOut(h);
   factor_.Compute(A_);
 }

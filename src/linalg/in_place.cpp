@@ -9,8 +9,8 @@
 namespace fork1s {
 namespace {
 
-// Plain loops, or fours from the start: where Eigen's own loops start their packets depends on the address, and with
-// it the last bit.
+// Plain loops, or fours from the start: where Eigen's own loops start their packets depends on the address,
+// and with it the last bit.
 void Subtract(double factor, const double* __restrict x, int n, double* __restrict y) {
   for (int i = 0; i < n; ++i) y[i] -= factor * x[i];
 }

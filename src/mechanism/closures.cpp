@@ -33,8 +33,7 @@ void ClosureResidual(const Mechanism& mechanism, const Kinematics& kinematics, c
     for (int i = 0; i < 6; ++i)
       if (closure.rigid(i)) c(row++) = e(i);
   }
-  for (const Mechanism::Coupling& k : mechanism.couplings())
-    c(row++) = q(k.a) - k.Value(q);
+  for (const Mechanism::Coupling& k : mechanism.couplings()) c(row++) = q(k.a) - k.Value(q);
 }
 
 void ClosureJacobian(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, MatrixX& A) {

@@ -9,12 +9,13 @@ namespace fork1s::internal {
 Vector6 ClosureError(const ClosureDef& closure, const Kinematics& kinematics, RigidTransform* X_aJ = nullptr,
                      RigidTransform* E = nullptr);
 
-/// Calls visit(joint, sign) for every joint between the bodies of a closure: 1 on the way up from body b, then -1
-/// from body a. Joints that carry both move its two frames alike.
+/// Calls visit(joint, sign) for every joint between the bodies of a closure: 1 on the way up from body b,
+/// then -1 from body a. Joints that carry both move its two frames alike.
 template <class Visit>
 void ForEachJointBetween(const Mechanism& mechanism, const ClosureDef& closure, Visit visit) {
   const auto above = [&](int j) { return mechanism.joint(JointIndex(j)).previous; };
-  const int last_a = mechanism.body(closure.body_a).last_joint, last_b = mechanism.body(closure.body_b).last_joint;
+  const int last_a = mechanism.body(closure.body_a).last_joint,
+            last_b = mechanism.body(closure.body_b).last_joint;
   int a = last_a, b = last_b;  // joints come after those that carry them
   while (a != b) (a > b ? a : b) = above(a > b ? a : b);
   const int common = a;

@@ -8,7 +8,8 @@ namespace fork1s {
 
 namespace {
 
-// Columns that may move each coordinate, whatever the pose: loops let what moves one coordinate of a group move all.
+// Columns that may move each coordinate, whatever the pose: loops let what moves one coordinate of a group
+// move all.
 std::vector<ReducedModel::Run> RunsOf(const ReducedModel& model) {
   const int n = model.num_coordinates(), r = model.size();
   std::vector<ReducedModel::Run> runs(static_cast<std::size_t>(n));
@@ -119,8 +120,8 @@ bool Start(const ReducedModel& model, const ReducedState& state, Configuration& 
   return loops;
 }
 
-// µ along the tangent of the last pose, closed and factored: A (Δq_bar - B Δµ) = 0. Its second derivative would
-// save a chord in a step, and costs as much.
+// µ along the tangent of the last pose, closed and factored: A (Δq_bar - B Δµ) = 0. Its second derivative
+// would save a chord in a step, and costs as much.
 void Foresee(const ReducedModel& model, Configuration& out) {
   out.q_move = out.q_bar - out.q_bar_before;
   model.loops.Apply(out.A, out.q_move, out.d);

@@ -22,7 +22,8 @@ std::vector<std::vector<int>> CoordinateGroups(const Mechanism& mechanism) {
   };
   for (const Mechanism::Joint& joint : mechanism.joints()) {
     for (int i = joint.offset; i < joint.offset + joint.size; ++i) join(joint.offset, i);
-    if (joint.previous >= 0 && joint.size > 0) join(mechanism.joint(JointIndex(joint.previous)).offset, joint.offset);
+    if (joint.previous >= 0 && joint.size > 0)
+      join(mechanism.joint(JointIndex(joint.previous)).offset, joint.offset);
   }
   for (const ClosureDef& closure : mechanism.closures()) join_all(ClosureCoordinates(mechanism, closure));
   for (const Mechanism::Coupling& k : mechanism.couplings())

@@ -6,8 +6,9 @@
 
 namespace fork1s::internal {
 
-/// Joint coordinates that joints on one path, loops, couplings or springs join, ascending, in the order of their first.
-/// While the base is held or driven, what one group does no other hears: fingers of a hand on its wrist.
+/// Joint coordinates that joints on one path, loops, couplings or springs join, ascending, in the order of
+/// their first. While the base is held or driven, what one group does no other hears: fingers of a hand on
+/// its wrist.
 std::vector<std::vector<int>> CoordinateGroups(const Mechanism& mechanism);
 
 }  // namespace fork1s::internal

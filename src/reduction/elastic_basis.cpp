@@ -24,7 +24,9 @@ ElasticBasis ElasticBasis::ElasticOf(const Part& part) const {
 
 int ElasticBasis::PartOfElastic(Eigen::Index column) const {
   int p = 0;
-  while (parts[static_cast<std::size_t>(p)].elastic + parts[static_cast<std::size_t>(p)].num_elastic <= column) ++p;
+  while (parts[static_cast<std::size_t>(p)].elastic + parts[static_cast<std::size_t>(p)].num_elastic <=
+         column)
+    ++p;
   return p;
 }
 
@@ -110,7 +112,8 @@ void Append(const MatrixX& columns, const std::vector<int>& of, MatrixX& to) {
 std::vector<int> RowsOn(const MatrixX& A, const std::vector<int>& of) {
   std::vector<int> rows;
   for (Eigen::Index i = 0; i < A.rows(); ++i)
-    if (std::any_of(of.begin(), of.end(), [&](int k) { return A(i, k) != 0; })) rows.push_back(static_cast<int>(i));
+    if (std::any_of(of.begin(), of.end(), [&](int k) { return A(i, k) != 0; }))
+      rows.push_back(static_cast<int>(i));
   return rows;
 }
 
@@ -134,7 +137,8 @@ void AddDensePart(const Mechanism& mechanism, const std::vector<int>& group, con
     if (closed.doubtful.size() > 0)
       basis.doubts.push_back(Doubt(mechanism, "loops hold", closed.rank.kept, closed.rank.dropped,
                                    Embedded(closed.doubtful, group, n)));
-    for (const int i : closed.independent_rows) basis.independent_rows.push_back(rows[static_cast<std::size_t>(i)]);
+    for (const int i : closed.independent_rows)
+      basis.independent_rows.push_back(rows[static_cast<std::size_t>(i)]);
     Z_x = std::move(closed.unseen);
   }
   const VectorX scale = basis.scale(group);

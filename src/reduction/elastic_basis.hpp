@@ -13,7 +13,8 @@ namespace fork1s::internal {
 ///
 /// What is free and what is elastic is geometry: which motions stretch springs, whatever their stiffness.
 ///
-/// Every column is of one group of coordinates that hear each other, and the columns of a group stand together.
+/// Every column is of one group of coordinates that hear each other, and the columns of a group stand
+/// together.
 struct ElasticBasis {
   struct Part {
     int free = 0, num_free = 0, elastic = 0, num_elastic = 0;  // columns of N and of V

@@ -12,7 +12,8 @@ namespace {
 const double* Row(const RowMatrixX& X, int i) { return X.data() + i * X.cols(); }
 double* Row(RowMatrixX& X, int i) { return X.data() + i * X.cols(); }
 
-// Rows of a block by its coordinates: `values` kRows from `stride` to `stride`, `row_of[k]` the row of X for each.
+// Rows of a block by its coordinates: `values` kRows from `stride` to `stride`, `row_of[k]` the row of X for
+// each.
 struct BlockView {
   const double* values;
   int stride;
@@ -44,8 +45,8 @@ void AddApplied(const BlockView& b, const double* X, Eigen::Index X_stride, int 
 
 // X -= valuesᵀ Y.
 template <int kRows>
-void SubtractAppliedTransposed(const BlockView& b, const double* Y, Eigen::Index Y_stride, int columns, double* X,
-                               Eigen::Index X_stride) {
+void SubtractAppliedTransposed(const BlockView& b, const double* Y, Eigen::Index Y_stride, int columns,
+                               double* X, Eigen::Index X_stride) {
   const double* v = b.values;
   for (int k = 0; k < b.count; ++k, v += b.stride) {
     double* x = X + b.row_of[k] * X_stride;
@@ -64,12 +65,18 @@ void SubtractAppliedTransposed(const BlockView& b, const double* Y, Eigen::Index
 template <class F>
 void ForRows(int rows, F&& f) {
   switch (rows) {
-    case 1: return f.template operator()<1>();
-    case 2: return f.template operator()<2>();
-    case 3: return f.template operator()<3>();
-    case 4: return f.template operator()<4>();
-    case 5: return f.template operator()<5>();
-    default: return f.template operator()<6>();
+    case 1:
+      return f.template operator()<1>();
+    case 2:
+      return f.template operator()<2>();
+    case 3:
+      return f.template operator()<3>();
+    case 4:
+      return f.template operator()<4>();
+    case 5:
+      return f.template operator()<5>();
+    default:
+      return f.template operator()<6>();
   }
 }
 
@@ -128,7 +135,8 @@ LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
       drafts[std::max(r, own)].group = static_cast<int>(std::min(r, own));
     }
   for (std::size_t b = 0; b < drafts.size(); ++b) drafts[b].group = static_cast<int>(root(b));
-  std::stable_sort(drafts.begin(), drafts.end(), [](const Draft& a, const Draft& b) { return a.group < b.group; });
+  std::stable_sort(drafts.begin(), drafts.end(),
+                   [](const Draft& a, const Draft& b) { return a.group < b.group; });
 
   for (std::size_t d = 0; d < drafts.size(); ++d) {
     Draft& draft = drafts[d];
@@ -151,7 +159,9 @@ LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
   num_values_ += 4;  // kernels read six rows at a time, past those of the last block
   for (Group& group : groups_) {
     group.first_pair = static_cast<int>(pairs_.size());
-    const auto in_group = [&](const Block& b) { return b.begin >= group.begin && b.begin < group.begin + group.size; };
+    const auto in_group = [&](const Block& b) {
+      return b.begin >= group.begin && b.begin < group.begin + group.size;
+    };
     for (std::size_t i = 0; i < blocks_.size(); ++i)
       for (std::size_t j = 0; j < blocks_.size(); ++j) {
         const Block &a = blocks_[i], &b = blocks_[j];
@@ -169,8 +179,8 @@ LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
   }
 }
 
-void LoopRows::Fill(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, Matrix6X& scratch,
-                    VectorX& values) const {
+void LoopRows::Fill(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                    Matrix6X& scratch, VectorX& values) const {
   if (scratch.cols() < longest_) scratch.resize(6, longest_);
   const auto& closures = mechanism.closures();
   values.setZero(num_values_);
@@ -232,8 +242,9 @@ void LoopRows::SubtractTransposed(const VectorX& A, const RowMatrixX& Y, RowMatr
   const auto columns = static_cast<int>(X.cols());
   for (const Block& b : blocks_)
     ForRows(b.rows, [&]<int kRows>() {
-      SubtractAppliedTransposed<kRows>({A.data() + b.at, b.stride, coordinates_.data() + b.coordinates, b.count},
-                                       Row(Y, b.begin), Y.cols(), columns, X.data(), X.cols());
+      SubtractAppliedTransposed<kRows>(
+          {A.data() + b.at, b.stride, coordinates_.data() + b.coordinates, b.count}, Row(Y, b.begin),
+          Y.cols(), columns, X.data(), X.cols());
     });
 }
 
@@ -264,11 +275,11 @@ LoopFactor::LoopFactor(const LoopRows& rows) {
 
 namespace {
 
-// out (from row to row, `size` from column to column) += Σ_k A_k B_kᵀ over pairs of values, kQuads fours of rows by
-// kColumns columns of which `rows` x `columns` count.
+// out (from row to row, `size` from column to column) += Σ_k A_k B_kᵀ over pairs of values, kQuads fours of
+// rows by kColumns columns of which `rows` x `columns` count.
 template <int kQuads, int kColumns, class Shared>
-void AddProducts(const double* A, const double* B, const Shared* first, const Shared* last, int rows, int columns,
-                 double* out, int size) {
+void AddProducts(const double* A, const double* B, const Shared* first, const Shared* last, int rows,
+                 int columns, double* out, int size) {
   Quad sum[kColumns][kQuads];
   for (auto& column : sum)
     for (Quad& s : column) s.setZero();
@@ -293,11 +304,13 @@ void LoopFactor::Compute(const LoopRows& rows, const VectorX& A, const VectorX& 
       const LoopRows::Pair& pair = rows.pairs_[static_cast<std::size_t>(p)];
       const LoopRows::Block& a = rows.blocks_[static_cast<std::size_t>(pair.block_a)];
       const LoopRows::Block& b = rows.blocks_[static_cast<std::size_t>(pair.block_b)];
-      const auto add = a.rows <= 4 ? b.rows <= 3 ? &AddProducts<1, 3, LoopRows::Shared> : &AddProducts<1, 6, LoopRows::Shared>
-                       : b.rows <= 3 ? &AddProducts<2, 3, LoopRows::Shared>
+      const auto add = a.rows <= 4   ? b.rows <= 3 ? &AddProducts<1, 3, LoopRows::Shared>
+                                                   : &AddProducts<1, 6, LoopRows::Shared>
+                         : b.rows <= 3 ? &AddProducts<2, 3, LoopRows::Shared>
                                      : &AddProducts<2, 6, LoopRows::Shared>;
-      add(A.data(), B.data(), rows.shared_.data() + pair.first, rows.shared_.data() + pair.last, a.rows, b.rows,
-          LU + static_cast<std::ptrdiff_t>(b.begin - part.begin) * part.size + (a.begin - part.begin), part.size);
+      add(A.data(), B.data(), rows.shared_.data() + pair.first, rows.shared_.data() + pair.last, a.rows,
+          b.rows, LU + static_cast<std::ptrdiff_t>(b.begin - part.begin) * part.size + (a.begin - part.begin),
+          part.size);
     }
     ok_ = FactorLu(LU, part.size, pivots_.data() + part.begin) && ok_;
   }
@@ -314,7 +327,8 @@ void LoopFactor::SolveInPlace(RowMatrixX& x) const {
   if (!ok_) return x.setConstant(std::numeric_limits<double>::quiet_NaN()), void();
   const auto columns = static_cast<int>(x.cols());
   for (const Part& part : parts_)
-    SolveRowsWithLu(values_.data() + part.at, part.size, pivots_.data() + part.begin, columns, Row(x, part.begin));
+    SolveRowsWithLu(values_.data() + part.at, part.size, pivots_.data() + part.begin, columns,
+                    Row(x, part.begin));
 }
 
 void LoopFactor::SolveTransposedInPlace(VectorX& x) const {

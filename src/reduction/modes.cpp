@@ -84,8 +84,8 @@ Modes LowestModes(const Mechanism& mechanism, const Kinematics& kinematics, cons
     for (Eigen::Index k = 0; k < Y.cols(); ++k)
       if (!Y.col(k).segment(part.elastic, part.num_elastic).isZero(0)) own.push_back(static_cast<int>(k));
     const MatrixX Y_part = Y.middleRows(part.elastic, part.num_elastic)(Eigen::all, own);
-    of_part.push_back(ModesOf(mechanism, kinematics, basis.ElasticOf(part), Y_part, MatrixX(part.num_elastic, 0),
-                              MatrixX(0, 0), count, M));
+    of_part.push_back(ModesOf(mechanism, kinematics, basis.ElasticOf(part), Y_part,
+                              MatrixX(part.num_elastic, 0), MatrixX(0, 0), count, M));
   }
   const int e = basis.num_elastic();
   count = std::min(count, e - static_cast<int>(Y.cols()));
@@ -96,13 +96,13 @@ Modes LowestModes(const Mechanism& mechanism, const Kinematics& kinematics, cons
     for (std::size_t p = 0; p < of_part.size(); ++p) {
       if (next[p] == of_part[p].mu.size()) continue;
       // Of equals, as fingers of one kind have them, that of the first, whatever the last digits say.
-      if (lowest == of_part.size() ||
-          of_part[p].mu(next[p]) > (1 + 1e-9) * of_part[lowest].mu(next[lowest]))
+      if (lowest == of_part.size() || of_part[p].mu(next[p]) > (1 + 1e-9) * of_part[lowest].mu(next[lowest]))
         lowest = p;
     }
     const ElasticBasis::Part& part = basis.parts[lowest];
     modes.mu(k) = of_part[lowest].mu(next[lowest]);
-    modes.vectors.col(k).segment(part.elastic, part.num_elastic) = of_part[lowest].vectors.col(next[lowest]++);
+    modes.vectors.col(k).segment(part.elastic, part.num_elastic) =
+        of_part[lowest].vectors.col(next[lowest]++);
   }
   return modes;
 }

@@ -60,13 +60,15 @@ TEST(Closures, HearTheCoordinatesBetweenTheirBodiesAlone) {
       Matrix6X columns(6, static_cast<Eigen::Index>(heard.size()));
       ClosureColumns(m, closure, kinematics, columns);
       // Joints that carry both bodies move its frames alike, and those of no body on the way not at all.
-      const Matrix6X whole = BodyJacobian(m, kinematics, closure.body_b) - BodyJacobian(m, kinematics, closure.body_a);
+      const Matrix6X whole =
+          BodyJacobian(m, kinematics, closure.body_b) - BodyJacobian(m, kinematics, closure.body_a);
       for (int i = 0; i < m.num_coordinates(); ++i)
         EXPECT_EQ(std::count(heard.begin(), heard.end(), i), whole.col(i).isZero(0) ? 0 : 1) << seed;
       for (int k = 0; k < 6; ++k) {
         if (!closure.rigid(k)) continue;
         VectorX expected = VectorX::Zero(m.num_coordinates());
-        for (std::size_t i = 0; i < heard.size(); ++i) expected(heard[i]) = columns(k, static_cast<Eigen::Index>(i));
+        for (std::size_t i = 0; i < heard.size(); ++i)
+          expected(heard[i]) = columns(k, static_cast<Eigen::Index>(i));
         // The same formula inlined twice.
         EXPECT_LE((A.row(row++).transpose() - expected).norm(), 1e-15 * (1 + expected.norm())) << seed;
       }

@@ -30,7 +30,8 @@ MechanismDef FourBars(int count) {
     const BodyIndex crank = link("crank", builder.base(), at, 0.1);
     const BodyIndex coupler = link("coupler", crank, Vector3(0.1, 0, 0), 0.2);
     const BodyIndex rocker = link("rocker", builder.base(), at + Vector3(0.2, 0, 0.05), 0.15);
-    ClosureDef pin = ClosureDef::Connect(name("pin"), coupler, rocker, Vector3(0.2, 0, 0), Vector3(0.1, 0, -0.05));
+    ClosureDef pin =
+        ClosureDef::Connect(name("pin"), coupler, rocker, Vector3(0.2, 0, 0), Vector3(0.1, 0, -0.05));
     builder.AddClosure(pin);
     interfaces.push_back(name("rocker"));
   }
@@ -77,7 +78,8 @@ void ExpectDense(const Mechanism& m, const std::vector<int>& kept, unsigned seed
   EXPECT_TRUE(Y.rightCols(2).isZero(0));
   RowMatrixX X_moved = X;
   rows.SubtractTransposed(b, Y, X_moved);
-  EXPECT_LE((X_moved - (X - B.transpose() * Y.leftCols(6))).norm(), kRounding * (1 + B.norm() * Y.norm())) << seed;
+  EXPECT_LE((X_moved - (X - B.transpose() * Y.leftCols(6))).norm(), kRounding * (1 + B.norm() * Y.norm()))
+      << seed;
 
   LoopFactor factor(rows);
   factor.Compute(rows, a, b);
@@ -135,14 +137,16 @@ TEST(LoopRows, LoopsWithNothingInCommonAreGroupsOfTheirOwn) {
   ASSERT_TRUE(model) << model.error().Text();
   const auto groups = model->loops.GroupCoordinates();
   ASSERT_EQ(groups.size(), 3u);
-  for (int g = 0; g < 3; ++g) EXPECT_EQ(groups[static_cast<std::size_t>(g)], (std::vector<int>{3 * g, 3 * g + 1, 3 * g + 2}));
+  for (int g = 0; g < 3; ++g)
+    EXPECT_EQ(groups[static_cast<std::size_t>(g)], (std::vector<int>{3 * g, 3 * g + 1, 3 * g + 2}));
   // Each has one freedom, and a column of Q that moves it alone.
   ASSERT_EQ(model->size(), 3);
   for (int g = 0; g < 3; ++g)
     for (int k = 0; k < 3; ++k) EXPECT_EQ(model->Q.block(3 * g, k, 3, 1).isZero(0), g != k) << g << k;
 }
 
-// Three fingers of unlike joints on one palm: the interface feels less than all of each, and modes are left out.
+// Three fingers of unlike joints on one palm: the interface feels less than all of each, and modes are left
+// out.
 TEST(Parts, FingersHaveColumnsOfTheirOwn) {
   for (const BaseKind base : {BaseKind::kFixed, BaseKind::kDriven, BaseKind::kFloating}) {
     MechanismBuilder builder("hand", base, testing::Ball(0.3, 0.05));
@@ -159,7 +163,8 @@ TEST(Parts, FingersHaveColumnsOfTheirOwn) {
         body.X_PB = RigidTransform(j == 0 ? Vector3(0.1 * f, 0, 0) : Vector3(0, 0, 0.03));
         body.inertia = testing::Ball(0.01, 0.01);
         const BodyIndex b = builder.AddBody(body);
-        builder.AddJoint(JointDef::Hinge("j" + body.name, b, random.Direction()).WithSpring(random.Uniform(1, 4), 0.01));
+        builder.AddJoint(
+            JointDef::Hinge("j" + body.name, b, random.Direction()).WithSpring(random.Uniform(1, 4), 0.01));
         ends[static_cast<std::size_t>(f)] = b;
         finger_of.push_back(f);
         if (j == 8) tips.push_back(body.name);
@@ -190,8 +195,9 @@ TEST(Parts, FingersHaveColumnsOfTheirOwn) {
         bool shared = false;
         for (int i = 0; i < 27; ++i)
           for (int j = 0; j < 27; ++j)
-            shared = shared || (model->Q(i, k) != 0 && model->Q(j, l) != 0 &&
-                                finger_of[static_cast<std::size_t>(i)] == finger_of[static_cast<std::size_t>(j)]);
+            shared =
+                shared || (model->Q(i, k) != 0 && model->Q(j, l) != 0 &&
+                           finger_of[static_cast<std::size_t>(i)] == finger_of[static_cast<std::size_t>(j)]);
         if (!shared) {
           EXPECT_EQ(model->M(k, l), 0);
           EXPECT_EQ(model->D(k, l), 0);

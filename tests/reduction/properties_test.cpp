@@ -12,9 +12,9 @@ namespace {
 using testing::RandomMechanismOptions;
 using testing::RandomSource;
 
-constexpr unsigned kSeeds = 30;
+constexpr unsigned kMechanisms = 30;
 
-RandomMechanismOptions Loops() {
+RandomMechanismOptions WithLoops() {
   RandomMechanismOptions options;
   options.rigid_closures = 2;
   options.springy_closures = 1;
@@ -23,20 +23,20 @@ RandomMechanismOptions Loops() {
   return options;
 }
 
-std::vector<BodyIndex> Interfaces(const Mechanism& m) {
+std::vector<BodyIndex> InterfacesOf(const Mechanism& m) {
   std::vector<BodyIndex> bodies;
   for (const std::string& name : m.definition().interfaces) bodies.push_back(m.FindBody(name));
   return bodies;
 }
 
 void ExpectSameCompliance(const Mechanism& m, const VectorX& q, double tolerance) {
-  const auto bodies = Interfaces(m);
+  const auto bodies = InterfacesOf(m);
   const auto walk = WalkCompliance(m, q, bodies), dense = DenseCompliance(m, q, bodies);
   EXPECT_LT(ComplianceDifference(walk, dense, m.length_scale()), tolerance);
 }
 
 TEST(ComplianceProperties, WalkIsDenseOnTrees) {
-  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+  for (unsigned seed = 0; seed < kMechanisms; ++seed) {
     SCOPED_TRACE(seed);
     RandomMechanismOptions options;
     options.stiffness_low = 1e-2;
@@ -48,20 +48,20 @@ TEST(ComplianceProperties, WalkIsDenseOnTrees) {
 
 TEST(ComplianceProperties, WalkIsDenseOnLoops) {
   int compared = 0;
-  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+  for (unsigned seed = 0; seed < kMechanisms; ++seed) {
     SCOPED_TRACE(seed);
-    RandomMechanismOptions options = Loops();
+    RandomMechanismOptions options = WithLoops();
     options.unsprung = seed % 3 == 0 ? 0.3 : 0;
     const auto m = testing::RandomMechanism(seed, options);
-    compared += WalkCompliance(m, VectorX::Zero(m.num_coordinates()), Interfaces(m)).free.cols() == 0;
+    compared += WalkCompliance(m, VectorX::Zero(m.num_coordinates()), InterfacesOf(m)).free.cols() == 0;
     ExpectSameCompliance(m, VectorX::Zero(m.num_coordinates()), 1e-8);
   }
-  EXPECT_GT(compared, static_cast<int>(kSeeds) / 2);
+  EXPECT_GT(compared, static_cast<int>(kMechanisms) / 2);
 }
 
 // The model, the basis of stiffness and the interface's view of it.
-struct Reduced {
-  Reduced(unsigned seed, const RandomMechanismOptions& options, const ReductionOptions& reduction)
+struct ReducedCase {
+  ReducedCase(unsigned seed, const RandomMechanismOptions& options, const ReductionOptions& reduction)
       : mechanism(std::make_shared<const Mechanism>(testing::RandomMechanism(seed, options))),
         q0(VectorX::Zero(mechanism->num_coordinates())),
         model(Reduce(mechanism, q0, reduction)),
@@ -77,46 +77,46 @@ struct Reduced {
 };
 
 // QᵀKQ in double precision loses what stiffness ratios of 40 and a few dozen coordinates cost.
-constexpr double kRounding = 1e-9;
+constexpr double kUnitRounding = 1e-9;
 
 TEST(ReducedModelProperties, StiffnessIsDiagonal) {
-  for (unsigned seed = 0; seed < 2 * kSeeds; ++seed) {
+  for (unsigned seed = 0; seed < 2 * kMechanisms; ++seed) {
     SCOPED_TRACE(seed);
-    RandomMechanismOptions options = seed % 2 ? Loops() : RandomMechanismOptions();
+    RandomMechanismOptions options = seed % 2 ? WithLoops() : RandomMechanismOptions();
     options.unsprung = 0.2;
     ReductionOptions reduction;
     reduction.promote_hidden = true;
-    const Reduced r(seed, options, reduction);
+    const ReducedCase r(seed, options, reduction);
     ASSERT_TRUE(r.model) << r.model.error().Text();
     const MatrixX K_r = r.model->Q.transpose() * r.K * r.model->Q;
-    EXPECT_LT((K_r - MatrixX(r.model->K_r.asDiagonal())).cwiseAbs().maxCoeff(), kRounding);
+    EXPECT_LT((K_r - MatrixX(r.model->K_r.asDiagonal())).cwiseAbs().maxCoeff(), kUnitRounding);
     EXPECT_EQ(static_cast<int>(r.model->FreeColumns().size()), r.model->num_free);
     EXPECT_EQ(static_cast<int>(r.model->SprungColumns().size()), r.model->num_elastic + r.model->num_modes);
     // Reduced motions keep the loops closed to first order.
     MatrixX A;
     ClosureJacobian(*r.mechanism, r.kinematics, r.q0, A);
     if (A.size() > 0) {
-      EXPECT_LT((A * r.model->Q).cwiseAbs().maxCoeff(), kRounding);
+      EXPECT_LT((A * r.model->Q).cwiseAbs().maxCoeff(), kUnitRounding);
     }
     // M = QᵀM_qQ.
     MatrixX M;
     MassMatrix(*r.mechanism, r.kinematics, M);
     const MatrixX M_r = r.model->Q.transpose() * M * r.model->Q;
-    EXPECT_LT((M_r - r.model->M).cwiseAbs().maxCoeff(), kRounding * (1 + M_r.cwiseAbs().maxCoeff()));
+    EXPECT_LT((M_r - r.model->M).cwiseAbs().maxCoeff(), kUnitRounding * (1 + M_r.cwiseAbs().maxCoeff()));
     const MatrixX D_r = r.model->Q.transpose() * DampingMatrix(*r.mechanism, r.kinematics, r.q0) * r.model->Q;
-    EXPECT_LT((D_r - r.model->D).cwiseAbs().maxCoeff(), kRounding * (1 + D_r.cwiseAbs().maxCoeff()));
+    EXPECT_LT((D_r - r.model->D).cwiseAbs().maxCoeff(), kUnitRounding * (1 + D_r.cwiseAbs().maxCoeff()));
   }
 }
 
 TEST(ReducedModelProperties, StaticResponseIsComplete) {
-  for (unsigned seed = 0; seed < 2 * kSeeds; ++seed) {
+  for (unsigned seed = 0; seed < 2 * kMechanisms; ++seed) {
     SCOPED_TRACE(seed);
-    RandomMechanismOptions options = seed % 2 ? Loops() : RandomMechanismOptions();
+    RandomMechanismOptions options = seed % 2 ? WithLoops() : RandomMechanismOptions();
     options.interfaces = 1;
     options.controls = 3;
     ReductionOptions reduction;
     reduction.modes = 2;
-    const Reduced r(seed, options, reduction);
+    const ReducedCase r(seed, options, reduction);
     ASSERT_TRUE(r.model) << r.model.error().Text();
     RandomSource random(seed);
     StaticsOptions statics;
@@ -136,18 +136,18 @@ TEST(ReducedModelProperties, StaticResponseIsComplete) {
     }
     const double size = q.cwiseAbs().maxCoeff();
     if (r.mechanism->num_constraints() == 0) {
-      EXPECT_LT((q - SolveSymmetric(r.K, g)).cwiseAbs().maxCoeff(), kRounding * size);
+      EXPECT_LT((q - SolveSymmetric(r.K, g)).cwiseAbs().maxCoeff(), kUnitRounding * size);
     }
     const auto linear = LinearDeflection(*r.mechanism, r.q0, {}, statics);
     ASSERT_TRUE(linear) << linear.error().Text();
-    EXPECT_LT((q - *linear).cwiseAbs().maxCoeff(), kRounding * size);
+    EXPECT_LT((q - *linear).cwiseAbs().maxCoeff(), kUnitRounding * size);
   }
 }
 
 TEST(ReducedModelProperties, BodyTwistsSumTheScrewsOfTheirPaths) {
-  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+  for (unsigned seed = 0; seed < kMechanisms; ++seed) {
     SCOPED_TRACE(seed);
-    const Reduced r(seed, seed % 2 ? Loops() : RandomMechanismOptions(), {});
+    const ReducedCase r(seed, seed % 2 ? WithLoops() : RandomMechanismOptions(), {});
     ASSERT_TRUE(r.model) << r.model.error().Text();
     for (int b = 0; b < r.mechanism->num_bodies(); ++b) {
       const MatrixX T = BodyJacobian(*r.mechanism, r.kinematics, BodyIndex(b)) * r.model->Q;

@@ -1,7 +1,7 @@
 // Four doubles at a time, wherever they stand.
 //
-// Eigen's own loops begin their packets where the address is aligned, and sums in another order differ in the last
-// bit. What must give the same bits in any place goes by fours from its first number on.
+// Eigen's own loops begin their packets where the address is aligned, and sums in another order differ in the
+// last bit. What must give the same bits in any place goes by fours from its first number on.
 #pragma once
 
 #include <fork1s/base/types.hpp>

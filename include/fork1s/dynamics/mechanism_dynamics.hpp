@@ -180,6 +180,7 @@ class MechanismDynamics {
   bool AnyAtBound() const;
   void TakeBoundedSpringsOut(double h);
   void TurnSprings(double h);
+  void TurnDampers(double h);
   void AddSpringOf(const Mechanism::Length& length, double weight, bool bends);
   void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const RowMatrixX& Q,
                   VectorX& out) const;

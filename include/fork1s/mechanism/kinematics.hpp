@@ -57,10 +57,11 @@ void ClosureResidual(const Mechanism& mechanism, const Kinematics& kinematics, c
 /// Jacobian A = ∂c/∂q (num_constraints x n).
 void ClosureJacobian(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, MatrixX& A);
 
-/// Coordinates between the two bodies of a closure: on the way up from its body b, then from its body a, to where
-/// the ways meet. No other moves its two frames against each other.
+/// Coordinates between the two bodies of a closure: on the way up from its body b, then from its body a, to
+/// where the ways meet. No other moves its two frames against each other.
 std::vector<int> ClosureCoordinates(const Mechanism& mechanism, const ClosureDef& closure);
-/// Derivatives of the six errors of a closure, rigid or not, by those coordinates in that order [6 x their number].
+/// Derivatives of the six errors of a closure, rigid or not, by those coordinates in that order [6 x their
+/// number].
 void ClosureColumns(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
                     Eigen::Ref<Matrix6X> columns);
 

@@ -7,9 +7,9 @@
 
 namespace fork1s {
 
-/// Independent rows of the closure Jacobian A = ∂c/∂q by closure: a closure hears the coordinates between its two
-/// bodies and no others. Closures that share none, over however many others, form groups of their own, which are
-/// factored apart. Holds where values stand; the values of a pose are arrays of the caller.
+/// Independent rows of the closure Jacobian A = ∂c/∂q by closure: a closure hears the coordinates between its
+/// two bodies and no others. Closures that share none, over however many others, form groups of their own,
+/// which are factored apart. Holds where values stand; the values of a pose are arrays of the caller.
 class LoopRows {
  public:
   LoopRows() = default;
@@ -43,9 +43,9 @@ class LoopRows {
 
  private:
   friend class LoopFactor;
-  struct Block {          // of one closure or coupling
-    int source = 0;       // closure, or closures + coupling
-    int begin = 0;        // its first row here
+  struct Block {     // of one closure or coupling
+    int source = 0;  // closure, or closures + coupling
+    int begin = 0;   // its first row here
     int rows = 0;
     int component[6];     // of the closure, by row
     int coordinates = 0;  // begin in coordinates_

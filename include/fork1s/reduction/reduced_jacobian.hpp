@@ -21,15 +21,15 @@ class ReducedJacobian {
   /// 6 x size(joint)
   auto T(int joint) const {
     const Run& at = run(joint);
-    return Eigen::Map<const Rows, 0, Eigen::OuterStride<>>(T_.data() + at.at + at.begin - at.first, 6, at.size,
-                                                           Eigen::OuterStride<>(at.padded));
+    return Eigen::Map<const Rows, 0, Eigen::OuterStride<>>(T_.data() + at.at + at.begin - at.first, 6,
+                                                           at.size, Eigen::OuterStride<>(at.padded));
   }
 
  private:
   friend class ReducedInertia;
   using Rows = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::RowMajor>;
-  // Rows of T stand in fours of columns, the same fours for all joints and 0 where they are none of the run's, so
-  // that arithmetic goes four at a time without ends.
+  // Rows of T stand in fours of columns, the same fours for all joints and 0 where they are none of the
+  // run's, so that arithmetic goes four at a time without ends.
   struct Run {
     int begin = 0, size = 0;
     int first = 0, padded = 0;  // multiples of four
@@ -39,8 +39,8 @@ class ReducedJacobian {
   // A row of Q_now on the fours of its joint's run.
   const double* Q(int coordinate) const { return Q_.data() + Q_at_[static_cast<std::size_t>(coordinate)]; }
 
-  std::vector<Run> runs_;            // per joint
-  std::vector<Eigen::Index> Q_at_;   // per coordinate
+  std::vector<Run> runs_;           // per joint
+  std::vector<Eigen::Index> Q_at_;  // per coordinate
   std::vector<double> T_, Q_;
 };
 

@@ -1,9 +1,10 @@
 // The reduced model: a mechanism seen from its interface bodies, about one pose.
 //
 // docs/method.md, sections 3 and 4. Joint displacements are q = q_ref + Q z + q_perp (+ loop correction).
-// Joint coordinates that hear each other while the base is held (a finger) have columns of Q of their own, which
-// stand together: in this order free directions N (no spring), elastic directions V Y_r that the interface can
-// feel, and fixed-interface modes. In these coordinates the stiffness is diagonal, 0 for free directions and 1 else.
+// Joint coordinates that hear each other while the base is held (a finger) have columns of Q of their own,
+// which stand together: in this order free directions N (no spring), elastic directions V Y_r that the
+// interface can feel, and fixed-interface modes. In these coordinates the stiffness is diagonal, 0 for free
+// directions and 1 else.
 #pragma once
 
 #include <fork1s/base/error.hpp>
@@ -96,7 +97,8 @@ void ApplyComplement(const ReducedModel& model, const VectorX& g, VectorX& q_per
 
 /// Fills what the reduced model holds twice: rows of Q, their runs, loops and their directions at q_ref.
 void FillDerived(ReducedModel& model);
-/// q += Q z and f = Qᵀ g for the rows of Q or of Q_now, as far as they reach. No allocation where f has its size.
+/// q += Q z and f = Qᵀ g for the rows of Q or of Q_now, as far as they reach. No allocation where f has its
+/// size.
 void AddMotion(const ReducedModel& model, const RowMatrixX& Q, const VectorX& z, VectorX& q);
 void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& g, VectorX& f);
 
@@ -116,17 +118,17 @@ struct Configuration {
   // Loop scratch, m independent rows in the order of LoopRows.
   VectorX c_all, c, d, q_bar, q_bar_before, q_move;
   Matrix6X columns;
-  VectorX A;          // of those rows at q
-  RowMatrixX W;       // m x r in whole fours of columns: ∂µ/∂z
-  LoopFactor factor;  // of A B at some pose before
+  VectorX A;              // of those rows at q
+  RowMatrixX W;           // m x r in whole fours of columns: ∂µ/∂z
+  LoopFactor factor;      // of A B at some pose before
   bool foresees = false;  // A, factor and q_bar_before are of one pose with closed loops
 
   /// Corrections start from where those of `other`, at a pose near by, ended. No allocation.
   void TakeLoops(const Configuration& other);
 };
 
-/// q(z) = q_ref + Q z + q_perp - B µ with µ such that c(q) = 0 (docs/method.md, section 2): from the tangent of
-/// the last pose by chords with the factor at hand, a new factor where they gain too little, at most
+/// q(z) = q_ref + Q z + q_perp - B µ with µ such that c(q) = 0 (docs/method.md, section 2): from the tangent
+/// of the last pose by chords with the factor at hand, a new factor where they gain too little, at most
 /// `max_corrections`; 0 leaves the loops open. Since B stays, Q_now = (1 - B (A B)⁻¹ A) Q is the derivative
 /// of the pose that is computed. Fills kinematics. No allocation.
 void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
