@@ -82,6 +82,18 @@ void MechanismDynamics::TurnSprings(double h) {
   }
 }
 
+// A (its lower triangle) += weight q qᵀ for the row of Q of a coordinate.
+void MechanismDynamics::AddJointDamping(const RowMatrixX& Q, int coordinate, double weight,
+                                        Eigen::Ref<MatrixX> A) const {
+  const ReducedModel::Run run = model().runs[static_cast<std::size_t>(coordinate)];
+  const double* q = Q.data() + coordinate * Q.cols() + run.begin;
+  for (int k = 0; k < run.size; ++k) {
+    const double factor = weight * q[k];
+    double* __restrict column = &A(run.begin, run.begin + k);
+    for (int l = k; l < run.size; ++l) column[l] += factor * q[l];
+  }
+}
+
 // Loops turn Q as the pose moves, and with it what dampers of joints and of straight tendons are in reduced
 // coordinates. Springs too, but their forces are those of the pose wherever A has its stiffness; a damper acts through
 // A alone. Springy closures keep the damping of the reference.
@@ -89,15 +101,9 @@ void MechanismDynamics::TurnDampers(double h) {
   if (model().loop_rank() == 0 || scheme_ != Scheme::kEuler || options_.recovery != Recovery::kExact) return;
   const Mechanism& m = mechanism();
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
-  const auto add = [&](const ReducedModel::Run& run, double weight, const auto& now, const auto& then) {
-    auto block = A_z.block(run.begin, run.begin, run.size, run.size);
-    for (int k = 0; k < run.size; ++k)
-      block.col(k) += (weight * now(run.begin + k)) * now.segment(run.begin, run.size).transpose() -
-                      (weight * then(run.begin + k)) * then.segment(run.begin, run.size).transpose();
-  };
+  A_z -= h * joint_damping_ref_;
   for (int i = 0; i < m.num_coordinates(); ++i)
-    if (m.damping()(i) > 0)
-      add(model().runs[static_cast<std::size_t>(i)], h * m.damping()(i), Q_now().row(i), model().Q_rows.row(i));
+    if (m.damping()(i) > 0) AddJointDamping(Q_now(), i, h * m.damping()(i), A_z);
   for (const Mechanism::Spring& s : m.springs()) {
     if (s.length.path >= 0 || !s.is_linear() || s.damping == 0) continue;
     ReducedRow(s.length, Paths(), Q_now(), limit_row_);

@@ -187,6 +187,9 @@ void MechanismDynamics::Size() {
                           .cwiseAbs()
                           .colwise()
                           .maxCoeff();
+  joint_damping_ref_.setZero(r, r);
+  for (int i = 0; i < n; ++i)
+    if (m.damping()(i) > 0) AddJointDamping(model().Q_rows, i, m.damping()(i), joint_damping_ref_);
   SizeForceLimits();
   FindParts();
   SizeTheta();

@@ -181,6 +181,7 @@ class MechanismDynamics {
   void TakeBoundedSpringsOut(double h);
   void TurnSprings(double h);
   void TurnDampers(double h);
+  void AddJointDamping(const RowMatrixX& Q, int coordinate, double weight, Eigen::Ref<MatrixX> A) const;
   void AddSpringOf(const Mechanism::Length& length, double weight, bool bends);
   void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const RowMatrixX& Q,
                   VectorX& out) const;
@@ -239,6 +240,7 @@ class MechanismDynamics {
 
   // Between refreshes.
   VectorX rest_, q_perp_step_;                     // n
+  MatrixX joint_damping_ref_;  // r x r, lower triangle, with loops: what dampers of joints are in D of the model
   MatrixX A_, M_full_;                             // num_velocities²
   Cholesky factor_;
   double factored_h_ = -1;
