@@ -186,13 +186,32 @@ void CompliantRows::AddBlocks(double* H_data, double diagonal) {
                  H_data + static_cast<std::ptrdiff_t>(right.begin + c) * freedoms_ + left.begin);
     }
   };
-  for (const PortRows& port : ports) add(port, port.S, port);
+  // The same with what stands apart in the place of the rest.
+  const auto apart = [](const PortRows& port) {
+    PortRows out;
+    out.Y = port.Y_apart;
+    out.stride = port.stride;
+    out.begin = port.begin_apart;
+    out.freedoms = port.freedoms_apart;
+    return out;
+  };
+  const auto add_apart = [&](const PortRows& left, const Matrix6& S, const PortRows& right) {
+    if (left.freedoms_apart > 0) add(apart(left), S, right);
+    if (right.freedoms_apart > 0) add(left, S, apart(right));
+    if (left.freedoms_apart > 0 && right.freedoms_apart > 0) add(apart(left), S, apart(right));
+  };
+  for (const PortRows& port : ports) {
+    add(port, port.S, port);
+    add_apart(port, port.S, port);
+  }
   for (std::size_t p = 0; p < pairs.size(); ++p) {
     if (pairs[p].port_a < 0 || pairs[p].port_b < 0) continue;
     const PortRows& a = ports[static_cast<std::size_t>(pairs[p].port_a)];
     const PortRows& b = ports[static_cast<std::size_t>(pairs[p].port_b)];
     add(a, S_ab_[p], b);
     add(b, S_ba_[p], a);
+    add_apart(a, S_ab_[p], b);
+    add_apart(b, S_ba_[p], a);
   }
 }
 

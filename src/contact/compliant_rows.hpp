@@ -21,7 +21,10 @@ constexpr double kRounding = std::numeric_limits<double>::epsilon();
 struct PortRows {
   const double* Y = nullptr;  // freedoms x 6
   int stride = 0;
-  int begin = 0, freedoms = 0;       // of d
+  int begin = 0, freedoms = 0;  // of d
+  // A foot has its leg's and, with those of other legs between them, the base's.
+  const double* Y_apart = nullptr;  // freedoms_apart x 6, of the same stride
+  int begin_apart = 0, freedoms_apart = 0;
   int row = 0;                       // in the stacked velocities
   Vector6 change = Vector6::Zero();  // Yᵀ d
   Vector6 push = Vector6::Zero();    // impulse on the port
@@ -29,20 +32,29 @@ struct PortRows {
   Matrix6 W = Matrix6::Zero();       // Yᵀ Y
 
   void SetChange(const double* d) {
-    for (int c = 0; c < 6; ++c) {
-      const double *y = Y + static_cast<std::ptrdiff_t>(c) * stride, *x = d + begin;
-      double sum = 0;
-      for (int i = 0; i < freedoms; ++i) sum += y[i] * x[i];
-      change[c] = sum;
-    }
+    for (int c = 0; c < 6; ++c)
+      change[c] = Change(Y + static_cast<std::ptrdiff_t>(c) * stride, d + begin, freedoms);
+    if (freedoms_apart == 0) return;
+    for (int c = 0; c < 6; ++c)
+      change[c] += Change(Y_apart + static_cast<std::ptrdiff_t>(c) * stride, d + begin_apart, freedoms_apart);
   }
   /// sum += Y push
   void AddTo(double* sum) const {
-    for (int c = 0; c < 6; ++c) {
-      const double* y = Y + static_cast<std::ptrdiff_t>(c) * stride;
-      double* out = sum + begin;
-      for (int i = 0; i < freedoms; ++i) out[i] += push[c] * y[i];
-    }
+    for (int c = 0; c < 6; ++c)
+      Add(push[c], Y + static_cast<std::ptrdiff_t>(c) * stride, freedoms, sum + begin);
+    if (freedoms_apart == 0) return;
+    for (int c = 0; c < 6; ++c)
+      Add(push[c], Y_apart + static_cast<std::ptrdiff_t>(c) * stride, freedoms_apart, sum + begin_apart);
+  }
+
+ private:
+  static double Change(const double* y, const double* x, int n) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) sum += y[i] * x[i];
+    return sum;
+  }
+  static void Add(double factor, const double* y, int n, double* out) {
+    for (int i = 0; i < n; ++i) out[i] += factor * y[i];
   }
 };
 

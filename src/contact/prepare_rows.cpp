@@ -19,6 +19,37 @@ constexpr double kLeastGive = 1e-11;
 
 bool Finite(double sum) { return std::isfinite(sum); }
 
+// As many freedoms, a body's or a finger's, are not looked through for some that move nothing.
+constexpr int kAllMove = 6;
+
+// From the first freedom that moves the port to the last, apart at the longest gap between them.
+void FindFreedoms(const double* Y, int begin, int freedoms, PortRows& port) {
+  const auto moves = [&](int i) {
+    for (int c = 0; c < 6; ++c)
+      if (Y[static_cast<std::ptrdiff_t>(c) * port.stride + i] != 0) return true;
+    return false;
+  };
+  int first = 0, last = freedoms - 1, gap_begin = 0, gap = 0;
+  while (first < freedoms && !moves(first)) ++first;
+  while (last >= first && !moves(last)) --last;
+  if (freedoms > kAllMove)
+    for (int i = first + 1, before = first; i <= last; ++i) {
+      if (!moves(i)) continue;
+      if (i - before - 1 > gap) {
+        gap_begin = before + 1;
+        gap = i - before - 1;
+      }
+      before = i;
+    }
+  const int end = gap > 0 ? gap_begin : last + 1;
+  port.Y = Y + first;
+  port.begin = begin + first;
+  port.freedoms = std::max(0, end - first);
+  port.Y_apart = Y + gap_begin + gap;
+  port.begin_apart = begin + gap_begin + gap;
+  port.freedoms_apart = gap > 0 ? last + 1 - gap_begin - gap : 0;
+}
+
 }  // namespace
 
 void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms) {
@@ -45,10 +76,23 @@ void CompliantRows::LayOutBlocks(const std::vector<VelocityBlock>& blocks, int n
   block_of_.assign(static_cast<std::size_t>(num_velocities), -1);
   port_of_.assign(static_cast<std::size_t>(num_velocities), -1);
   blocks_.resize(blocks.size());
+  const auto moves = [](const VelocityBlock& block, int freedom) {
+    for (int c = 0; c < block.size; ++c)
+      if (block.Y[static_cast<std::ptrdiff_t>(c) * block.stride + freedom] != 0) return true;
+    return false;
+  };
   std::size_t room = 0;
-  for (const VelocityBlock& block : blocks)
-    if (block.freedoms > block.size)
-      room += static_cast<std::size_t>(block.freedoms) * static_cast<std::size_t>(block.size);
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    const VelocityBlock& block = blocks[b];
+    int moving = block.freedoms;
+    if (moving > kAllMove) {
+      moving = 0;
+      for (int i = 0; i < block.freedoms; ++i) moving += moves(block, i) ? 1 : 0;
+    }
+    blocks_[b].count = moving;
+    if (moving < block.freedoms || moving > block.size)
+      room += static_cast<std::size_t>(moving) * static_cast<std::size_t>(block.size);
+  }
   storage_.resize(room);
   room = 0;
   freedoms_ = 0;
@@ -57,16 +101,26 @@ void CompliantRows::LayOutBlocks(const std::vector<VelocityBlock>& blocks, int n
     FORK1S_REQUIRE(block.offset >= 0 && block.offset + block.size <= num_velocities, b);
     std::fill_n(block_of_.begin() + block.offset, block.size, static_cast<int>(b));
     Freedoms& f = blocks_[b];
-    f = {block.Y, block.stride, freedoms_, block.freedoms, block.offset, block.size};
-    if (block.freedoms > block.size) {
-      // Ports move by no more than their rows can tell apart: Y = Q R, and R takes the place of Y.
-      double* R = storage_.data() + room;
-      for (int c = 0; c < block.size; ++c)
-        std::copy_n(block.Y + static_cast<std::ptrdiff_t>(c) * block.stride, block.freedoms,
-                    R + static_cast<std::ptrdiff_t>(c) * block.freedoms);
-      TriangularRoot(R, block.freedoms, block.size);
-      f = {R, block.freedoms, freedoms_, block.size, block.offset, block.size};
-      room += static_cast<std::size_t>(block.freedoms) * static_cast<std::size_t>(block.size);
+    const int moving = f.count;
+    f = {block.Y, block.stride, freedoms_, moving, block.offset, block.size};
+    if (moving < block.freedoms || moving > block.size) {
+      // Legs that touch nothing are left out.
+      double* Y = storage_.data() + room;
+      for (int i = 0, next = 0; i < block.freedoms; ++i) {
+        if (!moves(block, i)) continue;
+        for (int c = 0; c < block.size; ++c)
+          Y[static_cast<std::ptrdiff_t>(c) * moving + next] =
+              block.Y[static_cast<std::ptrdiff_t>(c) * block.stride + i];
+        ++next;
+      }
+      f.Y = Y;
+      f.stride = moving;
+      if (moving > block.size) {
+        // Ports move by no more than their rows can tell apart: Y = Q R, and R takes the place of Y.
+        TriangularRoot(Y, moving, block.size);
+        f.count = block.size;
+      }
+      room += static_cast<std::size_t>(moving) * static_cast<std::size_t>(block.size);
     }
     freedoms_ += f.count;
   }
@@ -84,29 +138,17 @@ int CompliantRows::PortAt(const std::vector<VelocityBlock>& blocks, int row) {
   const Freedoms& f = blocks_[static_cast<std::size_t>(b)];
   known = static_cast<int>(ports.size());
   PortRows& port = ports.emplace_back();
-  port.Y = f.Y + static_cast<std::ptrdiff_t>(row - block.offset) * f.stride;
   port.stride = f.stride;
-  port.begin = f.begin;
-  port.freedoms = f.count;
   port.row = row;
-  // Freedoms before those of a finger do not move it.
-  const auto moves = [&](int i) {
-    for (int c = 0; c < 6; ++c)
-      if (port.Y[static_cast<std::ptrdiff_t>(c) * port.stride + i] != 0) return true;
-    return false;
-  };
-  while (port.freedoms > 0 && !moves(port.freedoms - 1)) --port.freedoms;
-  while (port.freedoms > 0 && !moves(0)) {
-    ++port.Y;
-    ++port.begin;
-    --port.freedoms;
-  }
+  const double* Y = f.Y + static_cast<std::ptrdiff_t>(row - block.offset) * f.stride;
+  FindFreedoms(Y, f.begin, f.count, port);
   for (int c = 0; c < 6; ++c)
     for (int r = 0; r <= c; ++r) {
+      const auto r_at = static_cast<std::ptrdiff_t>(r) * port.stride,
+                 c_at = static_cast<std::ptrdiff_t>(c) * port.stride;
       double sum = 0;
-      for (int i = 0; i < port.freedoms; ++i)
-        sum += port.Y[static_cast<std::ptrdiff_t>(r) * port.stride + i] *
-               port.Y[static_cast<std::ptrdiff_t>(c) * port.stride + i];
+      for (int i = 0; i < port.freedoms; ++i) sum += port.Y[r_at + i] * port.Y[c_at + i];
+      for (int i = 0; i < port.freedoms_apart; ++i) sum += port.Y_apart[r_at + i] * port.Y_apart[c_at + i];
       port.W(r, c) = port.W(c, r) = sum;
     }
   return known;

@@ -2,6 +2,7 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 #include <algorithm>
+#include <fork1s/linalg/in_place.hpp>
 
 namespace fork1s {
 
@@ -61,7 +62,7 @@ void MechanismDynamics::FindParts() {
   }
   std::vector<DiagonalBlock> blocks;
   for (const Part& part : parts_) blocks.push_back({part.begin, part.size});
-  factor_.Divide(std::move(blocks));
+  factor_.Divide(std::move(blocks), true);
   auto part_of_run = [&](const Part& run) {
     if (base_size_ > 0) return 0;
     return run.size == 0 ? -1 : part_of[static_cast<std::size_t>(run.begin)];
@@ -108,23 +109,13 @@ Vector6 MechanismDynamics::GroupTwist(int g, const Eigen::Ref<const MatrixX>& J_
   return V;
 }
 
+// From the last row to the first, as the factor goes: a foot then moves its own leg and the base, and no
+// other leg.
 void MechanismDynamics::HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) const {
   const MatrixX& L = factor_.L();
-  if (part.size > 8) {
-    L.block(part.begin, part.begin, part.size, part.size).triangularView<Eigen::Lower>().solveInPlace(Jt);
-    return;
-  }
-  // A finger's worth: Eigen's blocked solver costs more to set up than this does.
-  double inverse[8];
-  for (int i = 0; i < part.size; ++i) inverse[i] = 1 / L(part.begin + i, part.begin + i);
-  for (Eigen::Index c = 0; c < Jt.cols(); ++c) {
-    double* y = Jt.col(c).data();
-    for (int k = 0; k < part.size; ++k) {
-      y[k] *= inverse[k];
-      const double* l = L.data() + static_cast<std::ptrdiff_t>(part.begin + k) * L.rows() + part.begin;
-      for (int i = k + 1; i < part.size; ++i) y[i] -= l[i] * y[k];
-    }
-  }
+  for (Eigen::Index c = 0; c < Jt.cols(); ++c) std::reverse(Jt.col(c).data(), Jt.col(c).data() + part.size);
+  SolveLower(&L(part.begin, part.begin), part.size, static_cast<int>(L.rows()), Jt.data(),
+             static_cast<int>(Jt.cols()), static_cast<int>(Jt.outerStride()));
 }
 
 }  // namespace fork1s

@@ -37,6 +37,7 @@ void SolveBlock(const double* L, std::ptrdiff_t stride, int n, double* __restric
   for (int k = 0; k < n; ++k) {
     const double* __restrict lk = L + k * stride;
     const double value = x[k] /= lk[k];
+    if (value == 0) continue;
     for (int i = k + 1; i < n; ++i) x[i] -= lk[i] * value;
   }
   for (int k = n - 1; k >= 0; --k) {
@@ -59,7 +60,11 @@ bool Cholesky::Compute(const MatrixX& A) {
   ok_ = true;
   for (const DiagonalBlock& b : blocks_) {
     auto L = L_.block(b.begin, b.begin, b.size, b.size);
-    L = A.block(b.begin, b.begin, b.size, b.size);
+    const auto own = A.block(b.begin, b.begin, b.size, b.size);
+    if (last_first_)
+      L = own.reverse().transpose();  // the lower triangle becomes the lower one again
+    else
+      L = own;
     if (b.size <= kSmall)
       ok_ = FactorBlock(L.data(), L.outerStride(), b.size) && ok_;
     else
@@ -77,10 +82,12 @@ void Cholesky::SolveInPlace(VectorX& x) const {
   if (L_.size() == 0) return;
   for (const DiagonalBlock& b : blocks_) {
     const auto L = L_.block(b.begin, b.begin, b.size, b.size);
+    if (last_first_) x.segment(b.begin, b.size).reverseInPlace();
     if (b.size <= kSmall)
       SolveBlock(L.data(), L.outerStride(), b.size, x.data() + b.begin);
     else
       SolveWithLowerInPlace(L, x.segment(b.begin, b.size));
+    if (last_first_) x.segment(b.begin, b.size).reverseInPlace();
   }
   if (!blocks_.empty()) return;
   L_.triangularView<Eigen::Lower>().solveInPlace(x);
@@ -91,8 +98,11 @@ void Cholesky::SolveInPlace(MatrixX& x) const {
   if (L_.size() == 0 || x.cols() == 0) return;
   for (const DiagonalBlock& b : blocks_) {
     const auto L = L_.block(b.begin, b.begin, b.size, b.size).triangularView<Eigen::Lower>();
-    L.solveInPlace(x.middleRows(b.begin, b.size));
-    L.transpose().solveInPlace(x.middleRows(b.begin, b.size));
+    auto rows = x.middleRows(b.begin, b.size);
+    if (last_first_) rows.colwise().reverseInPlace();
+    L.solveInPlace(rows);
+    L.transpose().solveInPlace(rows);
+    if (last_first_) rows.colwise().reverseInPlace();
   }
   if (!blocks_.empty()) return;
   L_.triangularView<Eigen::Lower>().solveInPlace(x);

@@ -120,6 +120,43 @@ void SolveTransposedWithLu(const double* LU, int n, const int* pivots, double* x
     if (pivots[k] != k) std::swap(x[k], x[pivots[k]]);
 }
 
+void SolveLower(const double* L, int n, int stride, double* Y, int columns, int Y_stride) {
+  int c = 0;
+  for (; c + 4 <= columns; c += 4) {
+    double* y0 = Y + static_cast<std::ptrdiff_t>(c) * Y_stride;
+    double *y1 = y0 + Y_stride, *y2 = y1 + Y_stride, *y3 = y2 + Y_stride;
+    for (int k = 0; k < n; ++k) {
+      if (y0[k] == 0 && y1[k] == 0 && y2[k] == 0 && y3[k] == 0) continue;
+      const double* l = L + static_cast<std::ptrdiff_t>(k) * stride;
+      const double inverse = 1 / l[k];
+      const double v0 = y0[k] *= inverse, v1 = y1[k] *= inverse, v2 = y2[k] *= inverse, v3 = y3[k] *= inverse;
+      int i = k + 1;
+      for (; i + 4 <= n; i += 4) {
+        const Quad four = QuadAt(l + i);
+        QuadAt(y0 + i) -= v0 * four;
+        QuadAt(y1 + i) -= v1 * four;
+        QuadAt(y2 + i) -= v2 * four;
+        QuadAt(y3 + i) -= v3 * four;
+      }
+      for (; i < n; ++i) {
+        y0[i] -= v0 * l[i];
+        y1[i] -= v1 * l[i];
+        y2[i] -= v2 * l[i];
+        y3[i] -= v3 * l[i];
+      }
+    }
+  }
+  for (; c < columns; ++c) {
+    double* y = Y + static_cast<std::ptrdiff_t>(c) * Y_stride;
+    for (int k = 0; k < n; ++k) {
+      if (y[k] == 0) continue;
+      const double* l = L + static_cast<std::ptrdiff_t>(k) * stride;
+      y[k] *= 1 / l[k];
+      Subtract(y[k], l + k + 1, n - k - 1, y + k + 1);
+    }
+  }
+}
+
 bool SolveByCholesky(double* A, int n, double* x) {
   for (int k = 0; k < n; ++k) {
     double* ak = Column(A, n, k);

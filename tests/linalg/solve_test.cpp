@@ -54,21 +54,48 @@ TEST(Cholesky, ReadsNothingBetweenItsBlocks) {
   for (const DiagonalBlock& b : blocks)
     A.block(b.begin, b.begin, b.size, b.size) = whole.block(b.begin, b.begin, b.size, b.size) =
         Positive(b.size, engine);
+  const VectorX b = RandomMatrix(50, 1, engine);
+  for (const bool last_first : {false, true}) {
+    Cholesky factor;
+    factor.Divide(blocks, last_first);
+    ASSERT_TRUE(factor.Compute(A));
+    VectorX x = b;
+    const long before = testing::allocations.load();
+    ASSERT_TRUE(factor.Compute(A));
+    factor.SolveInPlace(x);
+    EXPECT_EQ(testing::allocations.load(), before);
+    EXPECT_LT((whole * x - b).norm(), kRounding * b.norm());
+    MatrixX X = b;
+    factor.SolveInPlace(X);
+    EXPECT_LT((X - x).norm(), kRounding * x.norm());
+  }
   Cholesky factor;
   factor.Divide(blocks);
-  ASSERT_TRUE(factor.Compute(A));
-  const VectorX b = RandomMatrix(50, 1, engine);
-  VectorX x = b;
-  const long before = testing::allocations.load();
-  ASSERT_TRUE(factor.Compute(A));
-  factor.SolveInPlace(x);
-  EXPECT_EQ(testing::allocations.load(), before);
-  EXPECT_LT((whole * x - b).norm(), kRounding * b.norm());
-  MatrixX X = b;
-  factor.SolveInPlace(X);
-  EXPECT_LT((X - x).norm(), kRounding * x.norm());
   A(3, 3) = -1;
   EXPECT_FALSE(factor.Compute(A));
+}
+
+// A base couples its legs, which hear nothing of each other: from the last to the first nothing else fills
+// in.
+TEST(Cholesky, LegsStayApartFromTheLastToTheFirst) {
+  std::mt19937 engine(7);
+  MatrixX A = Positive(6 + 4 * 3, engine);
+  for (int i = 0; i < 4; ++i)
+    for (int j = 0; j < 4; ++j)
+      if (i != j) A.block<3, 3>(6 + 3 * i, 6 + 3 * j).setZero();
+  A.diagonal().array() += 20;
+  Cholesky factor;
+  factor.Divide({{0, 18}}, true);
+  ASSERT_TRUE(factor.Compute(A));
+  // Legs come first there, the base last.
+  for (int i = 0; i < 12; ++i)
+    for (int j = 0; j < i; ++j) {
+      if (i / 3 != j / 3) {
+        EXPECT_EQ(factor.L()(i, j), 0) << i << " " << j;
+      }
+    }
+  MatrixX L = factor.L().triangularView<Eigen::Lower>();
+  EXPECT_LT((L * L.transpose() - MatrixX(A.reverse())).norm(), kRounding * A.norm());
 }
 
 TEST(InPlace, LuSolvesForwardTransposedAndByRows) {
@@ -91,6 +118,17 @@ TEST(InPlace, LuSolvesForwardTransposedAndByRows) {
     const MatrixX right = rows;
     SolveRowsWithLu(LU.data(), n, pivots.data(), 13, rows.data());
     EXPECT_LT((A * rows - right).norm(), 1e-10 * right.norm()) << n;
+  }
+  for (const int n : {1, 3, 6, 11}) {
+    const MatrixX L = RandomMatrix(n, n, engine) + 3 * MatrixX::Identity(n, n);
+    MatrixX Y = RandomMatrix(n + 2, 7, engine), right = Y;  // a four and three, not without gaps
+    Y.topRows(n / 2).leftCols(4).setZero();
+    right = Y;
+    SolveLower(L.data(), n, n, Y.data(), 7, n + 2);
+    const MatrixX lower = L.triangularView<Eigen::Lower>();
+    EXPECT_LT((lower * Y.topRows(n) - right.topRows(n)).norm(), 1e-10 * right.norm()) << n;
+    EXPECT_EQ(Y.bottomRows(2), right.bottomRows(2));
+    EXPECT_TRUE(Y.topRows(n / 2).leftCols(4).isZero(0));
   }
   MatrixX singular = MatrixX::Zero(3, 3);
   int pivots[3];

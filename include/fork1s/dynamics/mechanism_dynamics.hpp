@@ -92,7 +92,8 @@ class MechanismDynamics {
   RigidTransform GroupPose(int g) const;
   /// Twist of group g in world axes about the origin of the body that names it.
   Vector6 GroupVelocity(int g) const { return BodyVelocity(groups_[static_cast<std::size_t>(g)].body); }
-  /// Solves L Y = Jᵀ in place (columns of one part), L the Cholesky factor of A: W = Yᵀ Y.
+  /// Solves L Y = Jᵀ in place (columns of one part), A = L Lᵀ with the part's velocities from the last to the
+  /// first, as the rows of Y are then: W = Yᵀ Y.
   void HalfSolve(const Part& part, Eigen::Ref<MatrixX> Jt) const;
   /// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities]. `from_outside`: other bodies or the world had
   /// part in them, so the base has gaps to keep; limits and self-contact are the mechanism's own affair.

@@ -16,12 +16,18 @@ struct DiagonalBlock {
 class Cholesky {
  public:
   /// From now on A is 0 outside of these blocks, which cover it in their order. What is outside is not read.
-  void Divide(std::vector<DiagonalBlock> blocks) { blocks_ = std::move(blocks); }
+  /// With `last_first` L is that of each block with its rows and columns from the last to the first: what the
+  /// first ones couple, a base its legs, then fills nothing else in.
+  void Divide(std::vector<DiagonalBlock> blocks, bool last_first = false) {
+    blocks_ = std::move(blocks);
+    last_first_ = last_first;
+  }
   /// Only the lower triangle of A is read. False where A is not positive definite.
   bool Compute(const MatrixX& A);
   bool ok() const { return ok_; }
   int size() const { return static_cast<int>(L_.rows()); }
-  /// L in the lower triangle; what stands above it means nothing.
+  /// L in the lower triangle, of a block that goes from its last to its first in that order; what stands
+  /// above it means nothing.
   const MatrixX& L() const { return L_; }
   /// x <- A⁻¹ x
   void SolveInPlace(VectorX& x) const;
@@ -30,6 +36,7 @@ class Cholesky {
  private:
   MatrixX L_;
   std::vector<DiagonalBlock> blocks_;  // none: the whole
+  bool last_first_ = false;
   bool ok_ = false;
 };
 

@@ -13,6 +13,10 @@ void SolveRowsWithLu(const double* LU, int n, const int* pivots, int columns, do
 /// x <- A⁻ᵀ x
 void SolveTransposedWithLu(const double* LU, int n, const int* pivots, double* x);
 
+/// Y <- L⁻¹ Y for the lower triangle of L (n x n), columns of L and of Y (n x columns) `stride` and
+/// `Y_stride` apart. What is 0 at the top of four columns costs nothing.
+void SolveLower(const double* L, int n, int stride, double* Y, int columns, int Y_stride);
+
 /// Solves A x = x by A = L Lᵀ, of which only the lower triangle is read; A n x n is overwritten. False where
 /// A is not positive definite.
 bool SolveByCholesky(double* A, int n, double* x);
