@@ -89,10 +89,6 @@ NullSpace Closed(const Mechanism& mechanism, const Kinematics& kinematics, const
   return ComputeNullSpace(ClosureRowsInOneUnit(mechanism, kinematics, q, unit));
 }
 
-}  // namespace
-
-namespace {
-
 // A column of the rows `of` of an n-vector.
 VectorX Embedded(const VectorX& x, const std::vector<int>& of, int n) {
   VectorX out = VectorX::Zero(n);
