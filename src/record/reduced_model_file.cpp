@@ -156,7 +156,10 @@ Expected<ReducedModel> ReadAll(hid_t file, const std::string& path, std::size_t 
   Require(model.C_perp.size() == 0 || (model.C_perp.rows() == n && model.C_perp.cols() == n), "C_perp");
   Require(!model.has_complement || model.C_perp.size() > 0 || model.k_inverse.size() == n, "k_inverse");
   model.loop_rows = ReadList<int>(file, "loop_rows", most);
-  for (int row : model.loop_rows) Require(row >= 0 && row < m.num_constraints(), "loop_rows");
+  for (std::size_t i = 0; i < model.loop_rows.size(); ++i) {
+    const int row = model.loop_rows[i];
+    Require(row >= 0 && row < m.num_constraints() && (i == 0 || row > model.loop_rows[i - 1]), "loop_rows");
+  }
   Require(model.loop_rows.empty() || model.h_inverse.size() == n, "h_inverse");
 
   Dims dims;

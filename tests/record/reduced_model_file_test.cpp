@@ -115,6 +115,23 @@ TEST(ReducedModelFile, DatasetsHaveTheShapesThatTheySay) {
   H5Fclose(file);
 }
 
+// Rows of loops are places in arrays.
+TEST(ReducedModelFile, LoopRowsThatRepeatAreRefused) {
+  Folder folder;
+  int tried = 0;
+  for (unsigned seed = 1; seed <= 9; ++seed) {
+    ReducedModel model = Model(seed);
+    if (model.loop_rows.size() < 2) continue;
+    ++tried;
+    model.loop_rows[1] = model.loop_rows[0];
+    ASSERT_TRUE(SaveReducedModel(model, folder / "model.h5"));
+    const auto loaded = LoadReducedModel(folder / "model.h5");
+    ASSERT_FALSE(loaded);
+    EXPECT_NE(loaded.error().message.find("loop_rows"), std::string::npos) << loaded.error().message;
+  }
+  EXPECT_GT(tried, 0);
+}
+
 TEST(ReducedModelFile, DamagedFilesAreRefused) {
   Folder folder;
   ASSERT_TRUE(SaveReducedModel(Model(1), folder / "model.h5"));
