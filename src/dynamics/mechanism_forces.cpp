@@ -123,9 +123,14 @@ void MechanismDynamics::LoadForces(double h, const Vector3& gravity_R, const Vec
 // The interior's own displacement, one step of Newton with the stiffness of the reference towards rest under
 // g_, all joint forces of the present pose. On trees with linear springs that is C_perp (loads) exactly.
 // Loops turn with the pose: without their projector, reactions that are large and almost balanced would pass
-// for loads.
+// for loads. Nor is the inertia of changing joint rates among them: they are known as a difference over one
+// step, the displacement turns the loops in its turn, and short steps would feed that back on itself.
 void MechanismDynamics::FollowLoads() {
   rest_ = g_;
+  if (!q_ddot_.isZero(0)) {
+    ApplyMass(mechanism(), configuration_.kinematics, q_ddot_, inertial_);
+    rest_ += inertial_;
+  }
   ProjectOnLoops(model(), configuration_, rest_);
   ApplyComplement(model(), rest_, q_perp_step_);
   // First loads after a refresh: what they ask for at once is kept back and fades, so that nothing jumps.

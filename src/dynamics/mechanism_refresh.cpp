@@ -26,7 +26,7 @@ bool MechanismDynamics::Refresh() {
   // In twist mode, and where loops were corrected in few steps, the joints get their exact closed pose first.
   if (m.num_constraints() > 0) CloseLoops(m, q);
   VectorX q_dot = configuration_.Q_now * state_.reduced.w;
-  VectorX q_dot_left = state_.q_dot;  // the next step finds there how loops turn, as if nothing had moved
+  VectorX q_dot_left = state_.q_dot;  // of which the next step finds how loops turn
 
   // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
   for (const Mechanism::Joint& joint : m.joints()) {
@@ -64,7 +64,6 @@ bool MechanismDynamics::Refresh() {
   }
   state_.reduced.z = VectorX::Zero(r);
   state_.reduced.w = VectorX::Zero(r);
-  state_.q_dot = q_dot_left;
   configuration_ = elsewhere_ = Configuration(model());
   jacobian_ = ReducedJacobian(model());
   inertia_ = ReducedInertia(model());
@@ -79,6 +78,8 @@ bool MechanismDynamics::Refresh() {
   state_.reduced.w = x.tail(r);
   if (base_size_ > 0) state_.reduced.V_R = x.head<6>();
   UpdateConfiguration();
+  // What the new coordinates do not have is no acceleration, which a moving base would feel.
+  if (q_dot_left.size() > 0) state_.q_dot = q_dot_left + Q_now() * state_.reduced.w - q_dot;
   return true;
 }
 

@@ -240,7 +240,7 @@ class MechanismDynamics {
   bool pushed_ = false;                   // contact from outside acted in this step
 
   // Between refreshes.
-  VectorX rest_, q_perp_step_;                     // n
+  VectorX rest_, inertial_, q_perp_step_;  // n
   MatrixX joint_damping_ref_;  // r x r, lower triangle, with loops: what dampers of joints are in D of the model
   MatrixX A_, M_full_;                             // num_velocities²
   Cholesky factor_;
