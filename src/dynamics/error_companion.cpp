@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/mechanism/one_unit.hpp>
 
 namespace fork1s {
@@ -224,14 +225,14 @@ void ErrorCompanion::Linearise(const MechanismDynamics& m, const Vector3& gravit
     ClosureJacobian(mechanism, kinematics, q_[1], A);
     const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
     const MatrixX N = ComputeNullSpace(ClosureRowsInOneUnit(mechanism, kinematics, q_[1], unit)).unseen;
-    to_basis_ = N.transpose() * unit.coordinate.cwiseInverse().asDiagonal();
+    to_basis_ = ScaledColumns(N.transpose(), unit.coordinate.cwiseInverse());
     if (from.cols() > 0) {
       MatrixX now(base_ + N.cols(), from.cols());
       now.topRows(base_) = from.topRows(base_);
-      now.bottomRows(N.cols()) = to_basis_ * (B_ * from.bottomRows(from.rows() - base_));
+      now.bottomRows(N.cols()) = Times(to_basis_, Times(B_, from.bottomRows(from.rows() - base_)));
       from = now;
     }
-    B_ = unit.coordinate.asDiagonal() * N;
+    B_ = ScaledRows(unit.coordinate, N);
   }
   const int k = size();
   MatrixX Mq;
@@ -249,7 +250,7 @@ void ErrorCompanion::Linearise(const MechanismDynamics& m, const Vector3& gravit
   MatrixX basis = MatrixX::Zero(base_ + n, k);
   basis.topLeftCorner(base_, base_).setIdentity();
   basis.bottomRightCorner(n, k - base_) = B_;
-  M_y_ = basis.transpose() * M_full * basis;
+  M_y_ = Congruence(M_full, basis);
 
   // Tangents by differences of all that is missing, loop reactions included.
   Centre();
@@ -315,7 +316,7 @@ void ErrorCompanion::Linearise(const MechanismDynamics& m, const Vector3& gravit
     else
       Q_y.bottomRightCorner(k - base_, r) = to_basis_ * Q;
     const MatrixX MQ = M_y_ * Q_y;
-    seen_ = MQ * SolveSymmetric(Q_y.transpose() * MQ, Q_y.transpose());
+    seen_ = Times(MQ, SolveSymmetric(TransposedTimes(Q_y, MQ), Q_y.transpose()));
   }
 }
 

@@ -4,6 +4,7 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/dynamics/rolling.hpp>
 #include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 
@@ -228,16 +229,16 @@ double LargestShare(const MatrixX& K, const MatrixX& G, VectorX& direction) {
   const Eigen::Index s = k.size() - u;
   if (s == 0 || !(k(k.size() - 1) > 0)) return 0;
   const MatrixX U = springs.vectors.leftCols(u);
-  const MatrixX S = springs.vectors.rightCols(s) * k.tail(s).cwiseSqrt().cwiseInverse().asDiagonal();
-  MatrixX B = -S.transpose() * G * S, follow = MatrixX::Zero(u, s);
+  const MatrixX S = ScaledColumns(springs.vectors.rightCols(s), k.tail(s).cwiseSqrt().cwiseInverse());
+  MatrixX B = -Congruence(G, S), follow = MatrixX::Zero(u, s);
   if (u > 0) {
     // What load neither holds nor drives, such as a ball's spin about the axis of its two contacts, is left
     // out: its entries are rounding of the difference quotient.
-    const MatrixX block = U.transpose() * G * U;
+    const MatrixX block = Congruence(G, U), G_US = TransposedTimes(U, Times(G, S));
     const double noise = 1e-7 * G.norm();
     if (block.norm() > noise) {
-      follow = -LeastNormSolve(block, U.transpose() * G * S, noise / block.norm());
-      B -= S.transpose() * G * U * follow;
+      follow = -LeastNormSolve(block, G_US, noise / block.norm());
+      B -= Times(TransposedTimes(S, Times(G, U)), follow);
     }
   }
   const GeneralSpectrum spectrum = GeneralSpectrumOf(B);
@@ -259,7 +260,7 @@ LoadFactor ComputeLoadFactor(const World& world, double h) {
   const MatrixX J = grasp.ContactJacobian();
   const VectorX scale = grasp.Scale(J);
   // Rows of contacts that share a flat face depend on each other up to rounding.
-  const MatrixX N = scale.asDiagonal() * ComputeNullSpace(J * scale.asDiagonal()).unseen;
+  const MatrixX N = ScaledRows(scale, ComputeNullSpace(ScaledColumns(J, scale)).unseen);
   const Eigen::Index free = N.cols();
   if (free == 0) return out;
 
@@ -276,7 +277,7 @@ LoadFactor ComputeLoadFactor(const World& world, double h) {
     change -= grasp.ContactForce(-kStep, v);
     G.col(k) = -N.transpose() * change / (2 * kStep);
   }
-  const MatrixX K = N.transpose() * grasp.Stiffness().asDiagonal() * N;
+  const MatrixX K = DiagonalCongruence(grasp.Stiffness(), N);
   if (!G.allFinite() || !K.allFinite()) return out;
   VectorX direction;
   const double share = LargestShare(K, G, direction);

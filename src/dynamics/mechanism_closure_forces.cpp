@@ -1,5 +1,6 @@
 // What loops bear: the multipliers of the rigid closures.
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/linalg/products.hpp>
 
 #include <algorithm>
 #include <fork1s/linalg/solve.hpp>
@@ -63,7 +64,7 @@ VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R, c
   // another one bears 100 N for a thousandth of a millimetre, which contacts that are not frozen lose by
   // creep.
   constexpr double kYielding = 0.01;
-  return near + LeastNormSolve(root.asDiagonal() * A_T, root.cwiseProduct(g - A_T * near), kYielding);
+  return near + LeastNormSolve(ScaledRows(root, A_T), root.cwiseProduct(g - A_T * near), kYielding);
 }
 
 }  // namespace fork1s

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 
@@ -19,7 +20,7 @@ double Theta(double y) {
 // Inertia that the coordinates feel: what floats gives way.
 MatrixX FeltInertia(const ReducedModel& model) {
   if (model.mechanism->base() != BaseKind::kFloating) return model.M;
-  return model.M - model.M_0z.transpose() * SolveSymmetric(model.M_00, model.M_0z);
+  return model.M - TransposedTimes(model.M_0z, SolveSymmetric(model.M_00, model.M_0z));
 }
 
 // Largest growth in a step of free motion at the reference, all modes together.
@@ -34,7 +35,7 @@ double Growth(const MatrixX& M, const VectorX& K, const MatrixX& D, const ThetaS
   MatrixX right(n, 2 * n);
   right << -h * K_z, M - h * h * of(s.K_Th_rest) - h * (D - of(s.D_end));
   const MatrixX v = SolveSquare(A, right);
-  MatrixX map(2 * n, 2 * n), w = Th * v;
+  MatrixX map(2 * n, 2 * n), w = Times(Th, v);
   w.rightCols(n) += one - Th;
   map << MatrixX(h * w), v;
   map.topLeftCorner(n, n) += one;
@@ -42,8 +43,8 @@ double Growth(const MatrixX& M, const VectorX& K, const MatrixX& D, const ThetaS
 }
 
 void Multiply(const VectorX& K, ThetaScheme& s) {
-  s.K_Th = K.asDiagonal() * s.Th;
-  s.K_Th2 = s.K_Th * s.Th;
+  s.K_Th = ScaledRows(K, s.Th);
+  s.K_Th2 = Times(s.K_Th, s.Th);
   s.K_Th_rest = s.K_Th - s.K_Th2;
 }
 
@@ -67,13 +68,12 @@ void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRang
       const MatrixX L = factor.L().triangularView<Eigen::Lower>();
       const MatrixX L_inverse = L.triangularView<Eigen::Lower>().solve(MatrixX::Identity(run.size, run.size));
       const SymmetricSpectrum modes =
-          SpectrumOf(L_inverse * model.K_r.segment(run.begin, run.size).asDiagonal() * L_inverse.transpose());
+          SpectrumOf(DiagonalCongruence(model.K_r.segment(run.begin, run.size), L_inverse.transpose()));
       const VectorX theta =
           modes.values.unaryExpr([step](double w2) { return Theta(step * std::sqrt(std::max(w2, 0.0))); });
-      const MatrixX V = L_inverse.transpose() * modes.vectors,
-                    back = modes.vectors.transpose() * L.transpose();
-      Th.block(run.begin, run.begin, run.size, run.size) = V * theta.asDiagonal() * back;
-      root.block(run.begin, run.begin, run.size, run.size) = V * theta.cwiseSqrt().asDiagonal() * back;
+      const MatrixX V = TransposedTimes(L_inverse, modes.vectors), back = Times(L, modes.vectors).transpose();
+      Th.block(run.begin, run.begin, run.size, run.size) = Times(V, ScaledRows(theta, back));
+      root.block(run.begin, run.begin, run.size, run.size) = Times(V, ScaledRows(theta.cwiseSqrt(), back));
     }
     Multiply(model.K_r, *this);
     for (const VelocityRange& run : ranges) {
@@ -81,7 +81,7 @@ void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRang
       const int n = run.size;
       const MatrixX D = model.D.block(run.begin, run.begin, n, n);
       if (D.isZero(0)) continue;
-      const MatrixX S = root.block(run.begin, run.begin, n, n), middle = S.transpose() * D * S;
+      const MatrixX S = root.block(run.begin, run.begin, n, n), middle = Congruence(D, S);
       for (const double a : {0.0, 0.25, 0.5, 0.75, 1.0}) {
         D_end.block(run.begin, run.begin, n, n) = (1 - a) * middle + a * D;
         // Rounding of eigenvalues that are double.

@@ -156,33 +156,59 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
   }
 }
 
+// A contact is the one of the last step that lies at the same place of either body: a corner of one keeps its
+// place there however far it slides on the other, and where neither keeps its place it is the nearest one. Of
+// all such pairs the nearest first, whatever order the detector found them in.
 void World::Detail::MatchPrevious() {
   match_.assign(points_.size(), -1);
-  previous_used_.assign(previous_.size(), 0);
   const auto who = [](const ContactPoint& p) {
     return std::tuple(p.body_a, p.body_b, p.geometry_a, p.geometry_b);
   };
   const auto of = [&](int k) -> const ContactPoint& { return previous_[static_cast<std::size_t>(k)].point; };
+  const auto before = [&](int k, int l) { return std::pair(who(of(k)), k) < std::pair(who(of(l)), l); };
   previous_order_.resize(previous_.size());
   std::iota(previous_order_.begin(), previous_order_.end(), 0);
-  std::sort(previous_order_.begin(), previous_order_.end(),
-            [&](int k, int l) { return std::pair(who(of(k)), k) < std::pair(who(of(l)), l); });
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    const ContactPoint& p = points_[i];
-    double best = 0.02;  // m; a contact point that moved farther than this in a step is another one
-    auto at = std::lower_bound(previous_order_.begin(), previous_order_.end(), p,
-                               [&](int k, const ContactPoint& point) { return who(of(k)) < who(point); });
-    for (; at != previous_order_.end() && who(of(*at)) == who(p); ++at) {
-      const ContactPoint& o = of(*at);
-      if (previous_used_[static_cast<std::size_t>(*at)]) continue;
-      const double distance = (o.point - p.point).norm();
-      if (distance < best && o.frame.row(0).dot(p.frame.row(0)) > 0.8) {
-        best = distance;
-        match_[i] = *at;
-      }
+  if (!std::is_sorted(previous_order_.begin(), previous_order_.end(), before))
+    std::sort(previous_order_.begin(), previous_order_.end(), before);
+  previous_used_.assign(previous_.size(), 0);
+  // Points between the same two shapes follow each other.
+  for (std::size_t begin = 0, end = 0; begin < points_.size(); begin = end) {
+    const auto shapes = who(points_[begin]);
+    while (end < points_.size() && who(points_[end]) == shapes) ++end;
+    const auto first = std::lower_bound(previous_order_.begin(), previous_order_.end(), shapes,
+                                        [&](int k, const auto& wanted) { return who(of(k)) < wanted; });
+    candidates_.clear();
+    const bool only = end == begin + 1 && (first == previous_order_.end() ||
+                                           first + 1 == previous_order_.end() || who(of(first[1])) != shapes);
+    for (auto at = first; at != previous_order_.end() && who(of(*at)) == shapes; ++at)
+      for (std::size_t i = begin; i < end; ++i) AddCandidate(i, *at, only);
+    std::sort(candidates_.begin(), candidates_.end());
+    for (const auto& [moved, i, k] : candidates_) {
+      if (match_[static_cast<std::size_t>(i)] >= 0 || previous_used_[static_cast<std::size_t>(k)]) continue;
+      match_[static_cast<std::size_t>(i)] = k;
+      previous_used_[static_cast<std::size_t>(k)] = 1;
     }
-    if (match_[i] >= 0) previous_used_[static_cast<std::size_t>(match_[i])] = 1;
   }
+}
+
+// `only`: no other pair will be compared with it.
+void World::Detail::AddCandidate(std::size_t contact, int previous, bool only) {
+  constexpr double kFarthest = 0.02;  // m: what moved farther over both bodies is another contact
+  const ContactPoint& p = points_[contact];
+  const ContactPoint& o = previous_[static_cast<std::size_t>(previous)].point;
+  if (o.frame.row(0).dot(p.frame.row(0)) <= 0.8) return;
+  double moved = (o.point - p.point).squaredNorm();
+  if (!only || moved >= kFarthest * kFarthest) {
+    const auto on = [&](int contactor) {
+      const RigidTransform &X = contactor_pose_[static_cast<std::size_t>(contactor)],
+                           &X_o = previous_pose_[static_cast<std::size_t>(contactor)];
+      return (X.rotation().transpose() * (p.point - X.translation()) -
+              X_o.rotation().transpose() * (o.point - X_o.translation()))
+          .squaredNorm();
+    };
+    moved = std::min({moved, on(p.body_a), on(p.body_b)});
+  }
+  if (moved < kFarthest * kFarthest) candidates_.push_back({moved, static_cast<int>(contact), previous});
 }
 
 // After Predict: Y of every block, the free velocities, and the rows of contacts and limits.

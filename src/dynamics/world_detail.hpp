@@ -6,6 +6,7 @@
 #include <fork1s/dynamics/world.hpp>
 #include <memory>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include <fork1s/dynamics/contact_motion.hpp>
@@ -35,6 +36,7 @@ struct World::Detail {
   void AssembleOperators();
   void AssembleConstraints(const StepOptions& options);
   void MatchPrevious();
+  void AddCandidate(std::size_t contact, int previous, bool only);
   void SolveContacts(const StepOptions& options, StepReport& report);
   bool UpdateForceLimits(const StepOptions& options);
   void ApplyImpulses();
@@ -67,6 +69,7 @@ struct World::Detail {
   std::vector<std::vector<GeometryDef>> geometries_;  // per contactor
   std::vector<double> contactor_radius_;              // m, about the contactor's frame
   std::vector<RigidTransform> contactor_pose_;  // at the previous detection
+  std::vector<RigidTransform> previous_pose_;   // of the contacts of the step before
   bool has_previous_pose_ = false;
 
   IslandSolver solver_;
@@ -76,6 +79,7 @@ struct World::Detail {
   std::vector<int> match_;                           // contact -> previous contact or -1
   std::vector<char> previous_used_;
   std::vector<int> previous_order_;  // of previous_, by what touches what
+  std::vector<std::tuple<double, int, int>> candidates_;  // for match_: m², contact, previous contact
   bool middle_ = false;              // contacts of this step are found half way
   bool by_theta_ = false;
   std::vector<Vector3> missed_W_, previous_missed_W_;  // MissedWay()

@@ -95,6 +95,7 @@ StepReport World::Detail::Step(const StepOptions& options) {
 
   Save(before_);
   previous_.swap(contacts_);
+  previous_pose_ = contactor_pose_;
   previous_speed_W_.swap(speed_W_);
   previous_missed_W_.swap(missed_W_);
   by_theta_ = UsesTheta(options);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/rank.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
@@ -259,9 +260,9 @@ double RelativeInertia(const Matrix6& I, const Matrix6X& S, const VectorX& armat
   const VectorX size = (S.cwiseAbs().transpose() * I.cwiseAbs() * S.cwiseAbs()).diagonal() + armature;
   if (!(size.minCoeff() > 0)) return 0;
   const VectorX scale = size.cwiseSqrt().cwiseInverse();
-  MatrixX block = S.transpose() * I * S;
+  MatrixX block = Congruence(I, S);
   block.diagonal() += armature;
-  block = scale.asDiagonal() * block * scale.asDiagonal();
+  block = ScaledColumns(ScaledRows(scale, block), scale);
   return EigenvaluesOf(block)(0);
 }
 

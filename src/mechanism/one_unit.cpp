@@ -1,3 +1,4 @@
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/mechanism/one_unit.hpp>
 
 #include <algorithm>
@@ -69,7 +70,7 @@ MatrixX ClosureRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kinem
         scale(row++) = i < 3 ? 1.0 : 1 / unit.closure(static_cast<Eigen::Index>(c));
   A = A * unit.coordinate.asDiagonal();
   for (; row < A.rows(); ++row) scale(row) = 1 / A.row(row).cwiseAbs().maxCoeff();  // couplings
-  A = scale.asDiagonal() * A;
+  A = ScaledRows(scale, A);
   if (row_scale) *row_scale = scale;
   return A;
 }

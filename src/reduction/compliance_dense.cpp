@@ -1,3 +1,4 @@
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/reduction/compliance.hpp>
 
 #include "elastic_basis.hpp"
@@ -14,7 +15,7 @@ InterfaceCompliance DenseCompliance(const Mechanism& mechanism, const VectorX& q
   const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q);
   const MatrixX J =
       internal::InLengths(internal::ScaledInterfaceJacobian(mechanism, kinematics, bodies, 1.0), L);
-  const MatrixX moved = J * basis.scale.asDiagonal() * basis.FreeInOneUnit(n);
+  const MatrixX moved = Times(J, ScaledRows(basis.scale, basis.FreeInOneUnit(n)));
   const internal::FreeMotions free = internal::FreeMotionsOf(moved);
   InterfaceCompliance out = internal::Assemble(mechanism, basis.TimesV(J), free, J * basis.DenseClosed(n));
   out.doubts = basis.doubts;

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/reduction/compliance.hpp>
 
@@ -79,8 +80,7 @@ class LoopedJoints {
     // (W_uᵀ)⁺ = U (Uᵀ W_u seen)^-ᵀ seenᵀ, U the range of W_u
     const MatrixX held = W_u * unsprung_.seen;
     const MatrixX U = GradedRangeBasis(held);
-    particular_ =
-        U * SolveSquare((U.transpose() * held).transpose(), (J_u_ * unsprung_.seen).transpose());
+    particular_ = Times(U, SolveSquare(TransposedTimes(held, U), Times(J_u_, unsprung_.seen).transpose()));
     const MatrixX Y = OrthogonalComplement(U);
     felt_ = E_ * Y;
     independent_ = ComputeNullSpace(felt_);
@@ -103,12 +103,12 @@ class LoopedJoints {
   }
 
   MatrixX Root(const VectorX& flexibility) const {
-    const MatrixX E = flexibility.asDiagonal() * E_;
+    const MatrixX E = ScaledRows(flexibility, E_);
     MatrixX G = -E * particular_;
-    G.topRows(J_s_.cols()) += flexibility.head(J_s_.cols()).asDiagonal() * J_s_.transpose();
+    G.topRows(J_s_.cols()) += ScaledColumns(J_s_, flexibility.head(J_s_.cols())).transpose();
     const MatrixX taken = GradedRangeBasis(E * Y_);
     // Twice: the first leaves rounding of what it took.
-    for (int pass = 0; pass < 2; ++pass) G -= taken * (taken.transpose() * G).eval();
+    for (int pass = 0; pass < 2; ++pass) G -= Times(taken, TransposedTimes(taken, G));
     return G.transpose();
   }
 

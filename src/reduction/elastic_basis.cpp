@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
 
 #include "coordinate_groups.hpp"
 
@@ -44,7 +45,7 @@ MatrixX ElasticBasis::DenseFree(int n) const {
 }
 
 MatrixX ElasticBasis::FreeInOneUnit(int n) const {
-  if (!diagonal) return scale.cwiseInverse().asDiagonal() * N;
+  if (!diagonal) return ScaledRows(scale.cwiseInverse(), N);
   return DenseFree(n);
 }
 
@@ -138,18 +139,18 @@ void AddDensePart(const Mechanism& mechanism, const std::vector<int>& group, con
     Z_x = std::move(closed.unseen);
   }
   const VectorX scale = basis.scale(group);
-  Append(scale.asDiagonal() * Z_x, group, basis.Z);
+  Append(ScaledRows(scale, Z_x), group, basis.Z);
   const std::vector<int> rows = RowsOn(springs.rows, group);
   const MatrixX stretch = springs.rows(rows, group) * Z_x;
   const NullSpace held = ComputeNullSpace(stretch);
   if (held.doubtful.size() > 0)
     basis.doubts.push_back(Doubt(mechanism, "springs hold", held.rank.kept, held.rank.dropped,
                                  Embedded(Z_x * held.doubtful, group, n)));
-  Append(scale.asDiagonal() * (Z_x * held.unseen), group, basis.N);
+  Append(ScaledRows(scale, Times(Z_x, held.unseen)), group, basis.N);
   Append(Z_x * held.seen, group, basis.elastic_x);
   const VectorX weight = springs.weight(rows);
-  const MatrixX weighted = weight.asDiagonal() * (stretch * held.seen);
-  Append(scale.asDiagonal() * (Z_x * (held.seen * OrthonormalisingFactor(weighted))), group, basis.V);
+  const MatrixX weighted = ScaledRows(weight, Times(stretch, held.seen));
+  Append(ScaledRows(scale, Times(Z_x, Times(held.seen, OrthonormalisingFactor(weighted)))), group, basis.V);
   part.num_free = basis.num_free() - part.free;
   part.num_elastic = basis.num_elastic() - part.elastic;
   basis.parts.push_back(part);
@@ -181,7 +182,7 @@ ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& k
 
 MatrixX ClosedMotions(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
   const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
-  return unit.coordinate.asDiagonal() * Closed(mechanism, kinematics, q, unit).unseen;
+  return ScaledRows(unit.coordinate, Closed(mechanism, kinematics, q, unit).unseen);
 }
 
 MatrixX ScaledInterfaceJacobian(const Mechanism& mechanism, const Kinematics& kinematics,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <limits>
 
 #include "world_axes.hpp"
@@ -36,18 +37,18 @@ InterfaceCompliance Assemble(const Mechanism& mechanism, const MatrixX& root, co
   const MatrixX R = WorldAxes(mechanism, static_cast<std::size_t>(root.rows()) / 6);
   const MatrixX left = R * FromLengths(free.Without(root), L);
   InterfaceCompliance out;
-  out.C = left * left.transpose();
-  out.free = R * FromLengths(free.basis, L);
+  out.C = TimesTransposed(left, left);
+  out.free = Times(R, FromLengths(free.basis, L));
   out.rank = ComputeNullSpace(free.Without(motions)).rank.value;
   return out;
 }
 
 MatrixX WithoutFree(const Mechanism& mechanism, const MatrixX& C, const FreeMotions& free) {
   const MatrixX R = WorldAxes(mechanism, static_cast<std::size_t>(C.rows()) / 6);
-  if (free.basis.cols() == 0) return R * C * R.transpose();
+  if (free.basis.cols() == 0) return Times(R, TimesTransposed(C, R));
   const double L = mechanism.length_scale();
-  const MatrixX once = R * FromLengths(free.Without(InLengths(C, L)), L);
-  return R * FromLengths(free.Without(InLengths(once.transpose(), L)), L);
+  const MatrixX once = Times(R, FromLengths(free.Without(InLengths(C, L)), L));
+  return Times(R, FromLengths(free.Without(InLengths(once.transpose(), L)), L));
 }
 
 }  // namespace internal

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
 
@@ -68,7 +69,7 @@ std::vector<double> ReducedFrequencies(const ReducedModel& model, int count) {
     }
     coupling.rightCols(f) = model.M(sprung, free);
     mass.bottomRightCorner(f, f) = model.M(free, free);
-    M -= coupling * SolveSymmetric(mass, coupling.transpose());
+    M -= Times(coupling, SolveSymmetric(mass, coupling.transpose()));
   }
   const VectorX mu = EigenvaluesOf(0.5 * (M + M.transpose())).reverse();
   return ToHertz(mu, count);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 
 namespace fork1s::internal {
@@ -47,11 +48,11 @@ Modes DenseModes(const MatrixX& M, const ElasticBasis& basis, const MatrixX& Y, 
   const int e = basis.num_elastic();
   const MatrixX MV = basis.TimesV(M);
   MatrixX M_V = basis.TimesV(MV.transpose());
-  if (extra.cols() > 0) M_V -= extra * SolveSymmetric(extra_mass, extra.transpose());
+  if (extra.cols() > 0) M_V -= Times(extra, SolveSymmetric(extra_mass, extra.transpose()));
   const MatrixX complement = Y.cols() > 0 ? OrthogonalComplement(Y) : MatrixX(MatrixX::Identity(e, e));
-  const MatrixX restricted = complement.transpose() * M_V * complement;
+  const MatrixX restricted = Congruence(M_V, complement);
   const SymmetricSpectrum spectrum = SpectrumOf(0.5 * (restricted + restricted.transpose()));
-  return {complement * spectrum.vectors.rightCols(count).rowwise().reverse(),
+  return {Times(complement, spectrum.vectors.rightCols(count).rowwise().reverse()),
           spectrum.values.tail(count).reverse()};
 }
 

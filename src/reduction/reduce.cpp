@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <numeric>
 
@@ -56,14 +57,14 @@ Hidden FindHidden(const Mechanism& mechanism, const Matrix6X& S, const internal:
   Hidden hidden;
   if (basis.num_free() == 0) return hidden;
   const MatrixX N_x = basis.FreeInOneUnit(mechanism.num_coordinates());
-  const MatrixX N = basis.scale.asDiagonal() * N_x;
-  const NullSpace seen = ComputeNullSpace(J * N / mechanism.length_scale());
+  const MatrixX N = ScaledRows(basis.scale, N_x);
+  const NullSpace seen = ComputeNullSpace(Times(J, N) / mechanism.length_scale());
   if (seen.doubtful.size() > 0)
     doubts.push_back(internal::Doubt(mechanism, "interface bodies see of free motions", seen.rank.kept,
-                                     seen.rank.dropped, N_x * seen.doubtful));
+                                     seen.rank.dropped, Times(N_x, seen.doubtful)));
   hidden.count = static_cast<int>(seen.unseen.cols());
   if (hidden.count == 0) return hidden;
-  const MatrixX x = N_x * seen.unseen, q = N * seen.unseen;
+  const MatrixX x = Times(N_x, seen.unseen), q = Times(N, seen.unseen);
   double largest = 0;
   for (int j = 0; j < mechanism.num_joints(); ++j) {
     const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
@@ -143,7 +144,7 @@ void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
   const int r = model.size();
   const int b = mechanism.num_bodies();
   model.T.setZero(6, static_cast<Eigen::Index>(b) * r);
-  model.M = model.Q.transpose() * mechanism.armature().asDiagonal() * model.Q;
+  model.M = DiagonalCongruence(mechanism.armature(), model.Q);
   model.M_0z.setZero(6, r);
   model.M_00.setZero();
   Matrix6X IT(6, r);
@@ -207,8 +208,8 @@ void FillOperators(ReducedModel& model, const Kinematics& kinematics) {
   const Mechanism& mechanism = *model.mechanism;
   FillInertia(model, kinematics);
   model.D = mechanism.springs().empty() && mechanism.closures().empty()
-                ? MatrixX(model.Q.transpose() * mechanism.damping().asDiagonal() * model.Q)
-                : MatrixX(model.Q.transpose() * DampingMatrix(mechanism, kinematics, model.q_ref) * model.Q);
+                ? DiagonalCongruence(mechanism.damping(), model.Q)
+                : Congruence(DampingMatrix(mechanism, kinematics, model.q_ref), model.Q);
 }
 
 // Modes among which `wanted` are chosen by contribution: all, while their dense eigenproblem stays cheap.
@@ -322,7 +323,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
             basis.inverse_root(i) * basis.inverse_root(i);
     } else {
       const MatrixX Q_e = model.Q(Eigen::all, model.SprungColumns());
-      model.C_perp = basis.V * basis.V.transpose() - Q_e * Q_e.transpose();
+      model.C_perp = TimesTransposed(basis.V, basis.V) - TimesTransposed(Q_e, Q_e);
     }
   }
   for (BodyIndex b : model.promoted)

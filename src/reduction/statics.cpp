@@ -1,10 +1,11 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/statics.hpp>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -118,13 +119,13 @@ VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, con
   const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
   VectorX row;
   const MatrixX A = ClosureRowsInOneUnit(mechanism, kinematics, q, unit, &row);
-  const MatrixX K_x = unit.coordinate.asDiagonal() * K * unit.coordinate.asDiagonal();
+  const MatrixX K_x = ScaledColumns(ScaledRows(unit.coordinate, K), unit.coordinate);
   const VectorX g_x = unit.coordinate.cwiseProduct(g), c_x = row.cwiseProduct(c);
   const NullSpace closed = ComputeNullSpace(A);
   const MatrixX& unseen = closed.unseen;
-  const MatrixX A_seen = A * closed.seen;
+  const MatrixX A_seen = Times(A, closed.seen);
   VectorX x = -closed.seen * LeastNormSolve(A_seen, c_x, kRankThreshold);
-  const MatrixX K_z = unseen.transpose() * K_x * unseen;
+  const MatrixX K_z = Congruence(K_x, unseen);
   // What neither springs nor loads hold stays where it is: differences give its stiffness as rounding.
   constexpr double kHeld = 1e-12;
   x -= unseen * LeastNormSolve(K_z, unseen.transpose() * (g_x + K_x * x), kHeld);
@@ -204,7 +205,7 @@ StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const 
       loaded.Residual(state.q, state.lambda, 1);
       Z = internal::ClosedMotions(mechanism, loaded.kinematics(), state.q);
     }
-    const MatrixX K_z = Z.transpose() * K * Z;
+    const MatrixX K_z = Congruence(K, Z);
     const VectorX eigenvalues = EigenvaluesOf(0.5 * (K_z + K_z.transpose()));
     result.stable = eigenvalues.size() == 0 || eigenvalues(0) > -1e-9 * eigenvalues.cwiseAbs().maxCoeff();
   }

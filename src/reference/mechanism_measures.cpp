@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
 
@@ -118,7 +119,7 @@ FullMechanism::Matrices FullMechanism::LinearMatrices() const {
       row.middleCols<6>(column_[closure.body_a.u()]) += on_bodies.leftCols<6>();
     if (Moves(closure.body_b.value()))
       row.middleCols<6>(column_[closure.body_b.u()]) += on_bodies.rightCols<6>();
-    K += row.transpose() * k.asDiagonal() * row;
+    K += DiagonalCongruence(k, row);
   }
   return {G, M, K};
 }
@@ -142,15 +143,15 @@ std::vector<double> FullMechanism::Frequencies(int count) const {
     for (const ClosureDef& closure : m.closures())
       for (int i = 0; i < 6; ++i)
         if (closure.rigid(i)) row(next++) = i < 3 ? 1 : 1 / L;
-    MatrixX G_unit = row.asDiagonal() * G * unit.asDiagonal();
+    MatrixX G_unit = ScaledColumns(ScaledRows(row, G), unit);
     for (; next < num_rows_; ++next) G_unit.row(next) /= G_unit.row(next).cwiseAbs().maxCoeff();
-    Z = unit.asDiagonal() * ComputeNullSpace(G_unit).unseen;
+    Z = ScaledRows(unit, ComputeNullSpace(G_unit).unseen);
   }
   if (Z.cols() == 0) return {};
-  const MatrixX K_z = Z.transpose() * K * Z;
+  const MatrixX K_z = Congruence(K, Z);
   // Where loops hold every spring, the rounding of Z is left, squared.
   if (!(K_z.cwiseAbs().maxCoeff() > 1e-22 * K.cwiseAbs().maxCoeff())) return {};
-  const VectorX squares = EigenvaluesOf(K_z, Z.transpose() * M * Z);
+  const VectorX squares = EigenvaluesOf(K_z, Congruence(M, Z));
   std::vector<double> hertz;
   // Motions that no spring feels come out as rounding of the stiffest one.
   for (Eigen::Index i = 0; i < squares.size() && static_cast<int>(hertz.size()) < count; ++i)
@@ -176,7 +177,7 @@ MatrixX FullMechanism::Compliance(const std::vector<BodyIndex>& bodies) const {
       for (int half = 0; half < 6; half += 3)
         E.block<3, 3>(6 * static_cast<Eigen::Index>(i) + half, column_[b] + half) = X_[b].rotation();
   E = E * unit.asDiagonal();
-  K = unit.asDiagonal() * K * unit.asDiagonal();
+  K = ScaledColumns(ScaledRows(unit, K), unit);
   G = G * unit.asDiagonal();
   // A floating base is held.
   const int held = Moves(0) ? 6 : 0;
@@ -206,7 +207,7 @@ MatrixX FullMechanism::Compliance(const std::vector<BodyIndex>& bodies) const {
   if (!solver.Factor() || !solver.Solve(x)) return {};
   const MatrixX C = E * x.topRows(num_velocities_);
   // The work of the loads is what the springs store, unless a motion without spring takes part.
-  const MatrixX stored = x.topRows(num_velocities_).transpose() * K * x.topRows(num_velocities_);
+  const MatrixX stored = Congruence(K, x.topRows(num_velocities_));
   if (!((C - stored).cwiseAbs().maxCoeff() < 1e-6 * std::max(C.cwiseAbs().maxCoeff(), 1 / stiffest)))
     return {};
   return C;

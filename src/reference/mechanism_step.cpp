@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fork1s/linalg/products.hpp>
 #include "full_mechanism.hpp"
 
 namespace fork1s::internal {
@@ -129,7 +130,7 @@ void FullMechanism::AddClosures(bool stiffening, MatrixX& right) {
       pull(i) = closure.rigid(i) ? nu_next_(row++) : h * spring(i);
       soft(i) = closure.rigid(i) ? 0 : h * (closure.damping(i) + h * closure.stiffness(i));
     }
-    Eigen::Matrix<double, 12, 12> tangent = rows.transpose() * soft.asDiagonal() * rows;
+    Eigen::Matrix<double, 12, 12> tangent = DiagonalCongruence(soft, rows);
     if (stiffening && !pull.isZero(0)) {
       constexpr double kStep = 1e-6;  // central differences: 1e-12 of the pull is truncated, 1e-10 rounded
       Eigen::Matrix<double, 12, 12> turn;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
@@ -110,9 +111,8 @@ MatrixX MuJoCoModel::MassMatrix() const {
 
 std::vector<double> MuJoCoModel::Frequencies(int count) const {
   const MatrixX M = MassMatrix(), Z = Kernel(detail_->EqualityJacobian(), detail_->model->nv);
-  const MatrixX K = Z.transpose() * detail_->Stiffness().asDiagonal() * Z;
-  const VectorX squares =
-      EigenvaluesOf(K, Z.transpose() * M * Z);
+  const MatrixX K = DiagonalCongruence(detail_->Stiffness(), Z);
+  const VectorX squares = EigenvaluesOf(K, Congruence(M, Z));
   std::vector<double> hertz;
   for (const double w : squares)
     if (w > 1e-9 * squares.maxCoeff() && static_cast<int>(hertz.size()) < count)
@@ -129,7 +129,7 @@ MatrixX MuJoCoModel::Compliance(const std::vector<std::string>& bodies) const {
   MatrixX J(static_cast<Eigen::Index>(6 * bodies.size()), n);
   for (std::size_t i = 0; i < bodies.size(); ++i)
     J.middleRows<6>(static_cast<Eigen::Index>(6 * i)) = d.Columns(d.BodyJacobian(d.Body(bodies[i])));
-  const MatrixX JZ = J * Z, K = Z.transpose() * k.asDiagonal() * Z;
+  const MatrixX JZ = Times(J, Z), K = DiagonalCongruence(k, Z);
   return JZ * SolveSymmetric(K, JZ.transpose());
 }
 

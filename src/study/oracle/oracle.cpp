@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fork1s/importer/importer.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/study/oracle.hpp>
@@ -156,7 +157,7 @@ class Case {
     G.bottomRightCorner(P->cols() - base, r) = model->Q;
     if (base > 0) M << model->M_00, model->M_0z, model->M_0z.transpose(), model->M;
     if (base == 0) M = model->M;
-    const MatrixX PG = *P * G, known = PG.transpose() * mujoco_.MassMatrix() * PG;
+    const MatrixX PG = Times(*P, G), known = Congruence(mujoco_.MassMatrix(), PG);
     const auto full = MassByEnergy(G, known);
     if (!full) return tl::unexpected(full.error());
     rows_.push_back({name_,

@@ -1,0 +1,15 @@
+#include <fork1s/linalg/products.hpp>
+
+namespace fork1s {
+
+MatrixX Times(const MatrixView& A, const MatrixView& B) { return A * B; }
+MatrixX TransposedTimes(const MatrixView& A, const MatrixView& B) { return A.transpose() * B; }
+MatrixX TimesTransposed(const MatrixView& A, const MatrixView& B) { return A * B.transpose(); }
+MatrixX ScaledRows(const VectorView& d, const MatrixView& A) { return d.asDiagonal() * A; }
+MatrixX ScaledColumns(const MatrixView& A, const VectorView& d) { return A * d.asDiagonal(); }
+MatrixX Congruence(const MatrixView& M, const MatrixView& A) { return Times(TransposedTimes(A, M), A); }
+MatrixX DiagonalCongruence(const VectorView& d, const MatrixView& A) {
+  return TransposedTimes(A, ScaledRows(d, A));
+}
+
+}  // namespace fork1s
