@@ -68,7 +68,7 @@ class Fuzzed : public testing::TestWithParam<Registered> {};
 
 TEST_P(Fuzzed, CorpusAndChangesOfIt) {
   const Registered& target = GetParam();
-  current_file = std::string("fuzz_input_") + target.name;
+  current_file = testing::TempDir() + "fuzz_input_" + target.name;
   for (int signal : {SIGSEGV, SIGABRT, SIGFPE, SIGBUS, SIGILL, SIGALRM}) std::signal(signal, KeepInput);
   slowest = 0;
   Stepped() = 0;
