@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <fork1s/record/recording.hpp>
@@ -33,27 +34,24 @@ int CheckPrinted(int code) {
   return code == kDone ? kRefused : code;
 }
 
-int Perform(const Action& action) {
+constexpr const char* kOutOfMemory = "fork1s: out of memory; what was recorded up to here can be opened\n";
+
+// Where not even what clears up after a failure gets memory: the JSON library's destructors ask for some.
+[[noreturn]] void EndWithSentence() {
   try {
-    return action();
+    if (const std::exception_ptr current = std::current_exception()) std::rethrow_exception(current);
   } catch (const std::bad_alloc&) {
-    std::fputs("fork1s: out of memory; what was recorded up to here can be opened\n", stderr);
-    return kRefused;
+    std::fputs(kOutOfMemory, stderr);
+    _exit(kRefused);
   } catch (const std::exception& e) {
-    if (std::ferror(stdout) != 0) return kDone;  // it is about the printing, see CheckPrinted
-    std::fprintf(stderr, "fork1s: %s\n", e.what());
-    return kNumericsFailed;
+    std::fprintf(stderr, "fork1s: ended in the middle: %s\n", e.what());
+  } catch (...) {
   }
+  std::abort();
 }
 
-}  // namespace
-}  // namespace fork1s::app
-
-int main(int argc, char** argv) {
-  using namespace fork1s::app;
-  HoldStandardStreams();
-  fork1s::LeaveHdf5AsItIsAtExit();
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is told as a full disk is
+// What the command line asks for.
+int Perform(int argc, char** argv) {
   CLI::App app{
       "FORK-1S: compliant mechanisms reduced to the bodies that touch the world, simulated in contact"};
   app.require_subcommand(1);
@@ -71,7 +69,32 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return CheckPrinted(app.exit(e) == 0 ? kDone : kBadUsage);
+    return app.exit(e) == 0 ? kDone : kBadUsage;
   }
-  return CheckPrinted(Perform(action));
+  return action();
+}
+
+int Guard(int argc, char** argv) {
+  try {
+    return Perform(argc, argv);
+  } catch (const std::bad_alloc&) {
+    std::fputs(kOutOfMemory, stderr);
+    return kRefused;
+  } catch (const std::exception& e) {
+    if (std::ferror(stdout) != 0) return kDone;  // it is about the printing, see CheckPrinted
+    std::fprintf(stderr, "fork1s: %s\n", e.what());
+    return kNumericsFailed;
+  }
+}
+
+}  // namespace
+}  // namespace fork1s::app
+
+int main(int argc, char** argv) {
+  using namespace fork1s::app;
+  HoldStandardStreams();
+  std::set_terminate(EndWithSentence);
+  fork1s::LeaveHdf5AsItIsAtExit();
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is told as a full disk is
+  return CheckPrinted(Guard(argc, argv));
 }

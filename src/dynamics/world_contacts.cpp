@@ -88,7 +88,10 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
       part.limits.clear();
       part.frictions.clear();
     }
-    for (std::size_t k = 0; k < m.mechanism().frictions().size(); ++k)
+    // Loops may hold a mechanism on a fixed base altogether: then it has no part that stops or friction could
+    // act in.
+    const bool moves = !m.parts().empty();
+    for (std::size_t k = 0; moves && k < m.mechanism().frictions().size(); ++k)
       block.parts[static_cast<std::size_t>(m.PartOfFriction(k))].frictions.push_back(static_cast<int>(k));
     for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
       const Mechanism::LengthLimit& limit = m.length_limits()[k];
@@ -98,7 +101,7 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
       const double gap[2] = {length - limit.lower, limit.upper - length};
       for (int side = 0; side < 2; ++side) {
         const int at = static_cast<int>(2 * k) + side;
-        if (gap[side] < reach)
+        if (moves && gap[side] < reach)
           block.parts[static_cast<std::size_t>(m.PartOfLimited(k))].limits.push_back(at);
         else
           block.limit_impulses[static_cast<std::size_t>(at)] = 0;

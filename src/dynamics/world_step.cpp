@@ -72,7 +72,12 @@ void World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
 }
 
 bool World::Detail::IsFinite() const {
-  return std::all_of(mechanisms_.begin(), mechanisms_.end(), [](const auto& m) { return m.IsFinite(); }) &&
+  // Joints may be out of all proportion and finite, and the poses they lead to not.
+  const auto is_finite = [](const MechanismDynamics& m) {
+    const auto& X_RB = m.configuration().kinematics.X_RB;
+    return m.IsFinite() && std::all_of(X_RB.begin(), X_RB.end(), [](const auto& X) { return X.IsFinite(); });
+  };
+  return std::all_of(mechanisms_.begin(), mechanisms_.end(), is_finite) &&
          std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
 }
 

@@ -36,14 +36,29 @@ std::uint64_t Count(const DaeElement& element, const char* attribute, std::optio
   return value;
 }
 
+constexpr const char* kSpace = " \t\r\n";
+
 std::uint64_t CountWords(const char* text) {
-  constexpr const char* kSpace = " \t\r\n";
   std::uint64_t count = 0;
   while (text != nullptr && *(text += std::strspn(text, kSpace)) != '\0') {
     text += std::strcspn(text, kSpace);
     ++count;
   }
   return count;
+}
+
+// Corners and sides are whole numbers; of any other word Assimp makes zeros until memory is full.
+void CheckWholeNumbers(const DaeElement& list) {
+  const char* text = list.GetText();
+  while (text != nullptr && *(text += std::strspn(text, kSpace)) != '\0') {
+    const std::string_view word(text, std::strcspn(text, kSpace));
+    std::uint32_t value = 0;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+    if (error != std::errc() || end != word.data() + word.size())
+      throw DaeFault{
+          &list, fmt::format("<{}> holds '{}', which is no whole number", list.Name(), word.substr(0, 40))};
+    text += word.size();
+  }
 }
 
 bool EndsWith(std::string_view text, std::string_view end) {
@@ -74,6 +89,8 @@ class DaeCheck {
       accessors_.push_back(&element);
     } else if (kind == "triangles" || kind == "polylist" || kind == "polygons") {
       CheckFaces(element);
+    } else if (kind == "p" || kind == "vcount") {
+      CheckWholeNumbers(element);
     } else if (kind == "node") {
       nodes_[&element] = false;
       for (const char* attribute : {"id", "name", "sid"})

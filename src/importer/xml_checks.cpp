@@ -106,7 +106,8 @@ void VisitXml(const std::string& path, const std::string& text, const XmlVisitor
 Expected<std::string> RootElement(const std::string& path, const std::string& text) {
   XMLDocument document;
   const tinyxml2::XMLError status = document.Parse(text.data(), text.size());
-  if (status == tinyxml2::XML_ERROR_EMPTY_DOCUMENT) {
+  if (status == tinyxml2::XML_ERROR_EMPTY_DOCUMENT ||
+      (status == tinyxml2::XML_SUCCESS && document.RootElement() == nullptr)) {  // a comment alone
     return Fail(ErrorCode::kFormat, path, "the file holds no XML element; MJCF or URDF is expected");
   }
   if (status == tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED) {

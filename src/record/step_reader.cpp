@@ -108,7 +108,8 @@ RecordedSteps StepReader::Read(std::size_t count) const {
                static_cast<std::size_t>(ends[k]->back() - before_[k]));
   const std::size_t good = CountIntact(s);
   if (finished_ && good < count)
-    throw Hdf5Fault("step " + std::to_string(done_ + good + 1) + " does not match its checksum");
+    throw Hdf5Fault("step " + std::to_string(done_ + good + 1) +
+                    " does not match its checksum, or holds what no run writes");
   Shorten(s, good);
   return s;
 }
@@ -164,6 +165,7 @@ std::size_t StepReader::CountIntact(const RecordedSteps& s) const {
       rows.last[k + 1] = static_cast<std::size_t>((*ends[k])[i] - before_[k]);
     }
     if (StepChecksum(s, widths_, rows) != s.checksum[i]) return i;
+    if (s.detail[i] > static_cast<std::uint8_t>(DetailLevel::kAll)) return i;
     for (std::size_t c = rows.first[2]; c < rows.last[2]; ++c)
       for (int b : {s.contact_body_a[c], s.contact_body_b[c]})
         if (b < -1 || b >= bodies) return i;

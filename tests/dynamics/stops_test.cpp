@@ -58,5 +58,25 @@ TEST(Stops, OfJointsThatLoopsHoldPushNothing) {
   }
 }
 
+// A triangle of rods pinned to each other and to the ground: nothing is left to move, and its joints have
+// stops and dry friction all the same.
+TEST(Stops, OfAMechanismThatCannotMove) {
+  MechanismDef def = LinkWithTriangle(1);
+  def.base = BaseKind::kFixed;
+  def.joints.erase(def.joints.begin());
+  DryFrictionDef friction;
+  friction.name = "in a pin";
+  friction.terms = {{FreedomRef{JointIndex(0), 0}, 1.0}};
+  friction.force = 1;
+  def.frictions.push_back(friction);
+  World world = testing::MustStart(def, VectorX::Zero(2), VectorX::Zero(2));
+  ASSERT_EQ(world.mechanisms()[0].model().size(), 0);
+  for (int i = 0; i < 3; ++i) {
+    const StepReport report = world.Step({});
+    EXPECT_TRUE(report.finite);
+    EXPECT_EQ(report.limits, 0);
+  }
+}
+
 }  // namespace
 }  // namespace fork1s

@@ -30,6 +30,7 @@ TEST_P(BadFile, IsRefusedWithASentence) {
 INSTANTIATE_TEST_SUITE_P(
     Importer, BadFile,
     ::testing::Values(
+        Bad{"a_comment_alone", "<!-- nothing -->\n", ErrorCode::kFormat, {"the file holds no XML element"}},
         Bad{"nan_mass",
             Body("", R"(<geom size=".1" mass="nan"/>)"),
             ErrorCode::kModel,

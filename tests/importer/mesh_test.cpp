@@ -202,6 +202,8 @@ std::vector<Damage> Damages() {
       {"dae_past_list", "l.dae", replaced(dae, "count=\"4\" stride", "count=\"5\" stride"),
        "past the 12 values"},
       {"dae_faces", "l.dae", replaced(dae, "<p>", "<p/><p>"), "has 4 faces and has 2 lists"},
+      {"dae_words", "l.dae", replaced(dae, "<p>", "<p>0 2VVV "),
+       "<p> holds '2VVV', which is no whole number"},
       {"dae_skew", "l.dae", Dae(solid, {"1", "Z_UP", "<skew>1 1 0 0 0 1 0</skew>"}), "<skew> is not read"},
       {"dae_circle", "l.dae", Dae(solid, {"1", "Z_UP", "<instance_node url=\"#n\"/>"}),
        "<node> shows itself"},
