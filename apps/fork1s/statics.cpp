@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <algorithm>
 #include <cmath>
 #include <fork1s/study/deflection.hpp>
 #include <memory>
@@ -23,6 +24,11 @@ Json DeflectionJson(const Deflection& d) {
           {"max_joint_rotation_deg", d.max_joint_rotation * kDegrees}};
 }
 
+bool Has(const std::vector<PosedMechanism>& mechanisms, const std::string& body) {
+  return std::any_of(mechanisms.begin(), mechanisms.end(),
+                     [&](const PosedMechanism& p) { return p.mechanism->FindBody(body).valid(); });
+}
+
 int Run(const StaticsArguments& args) {
   const bool json = args.model.json;
   auto force = ParseVector(args.force, "--force");
@@ -44,6 +50,10 @@ int Run(const StaticsArguments& args) {
   if (!result) {
     Error error = result.error();
     error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);
+    if (!Has(*posed, args.body)) {  // a word of the command line, not of the file
+      error.code = ErrorCode::kUsage;
+      error.where = args.model.path + ", --body";
+    }
     return Report(error, json);
   }
 
