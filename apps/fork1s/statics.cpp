@@ -4,6 +4,7 @@
 #include <fork1s/study/deflection.hpp>
 #include <memory>
 #include <numbers>
+#include <vector>
 
 #include "model_arguments.hpp"
 #include "output.hpp"
@@ -56,9 +57,12 @@ int Run(const StaticsArguments& args) {
     }
     return Report(error, json);
   }
+  // Gravity and set-points move it too, far if the pose is none where servos hold it.
+  const auto unloaded = Deflect(*posed, {args.body, Vector3::Zero(), Vector3::Zero()}, gravity_W);
 
   if (json) {
     Json out = DeflectionJson(result->nonlinear);
+    out["unloaded"] = unloaded ? DeflectionJson(unloaded->nonlinear) : Json(nullptr);
     out["linear"] = DeflectionJson(result->linear);
     out["body"] = args.body;
     out["reference_position_m"] = ToJson(result->reference_position_W);
@@ -73,7 +77,10 @@ int Run(const StaticsArguments& args) {
   fmt::print("body '{}' under {} N, {} N m{}\n", args.body, args.force, args.torque,
              result->floats ? ", base held" : "");
   fmt::print("  {:<10} {:>36} {:>36} {:>12}\n", "", "moved by mm", "turned by deg", "joints deg");
-  for (const auto& [name, d] : {std::pair{"linear", result->linear}, {"nonlinear", result->nonlinear}}) {
+  std::vector<std::pair<const char*, Deflection>> rows = {{"linear", result->linear},
+                                                          {"nonlinear", result->nonlinear}};
+  if (unloaded) rows.emplace_back("unloaded", unloaded->nonlinear);
+  for (const auto& [name, d] : rows) {
     const Vector3 mm = 1e3 * (d.position_W - result->reference_position_W), deg = kDegrees * d.rotation_W;
     fmt::print("  {:<10} {:>11.4f} {:>11.4f} {:>11.4f}  {:>11.4f} {:>11.4f} {:>11.4f} {:>12.3f}\n", name,
                mm.x(), mm.y(), mm.z(), deg.x(), deg.y(), deg.z(), d.max_joint_rotation * kDegrees);

@@ -166,5 +166,19 @@ TEST(Progress, SilentInAPipe) {
   EXPECT_EQ(o.err.find('\r'), std::string::npos);
 }
 
+// What gravity does without the load is said beside what the load does with it; a pose that servos do not
+// hold shows there.
+TEST(Statics, WhatItIsWithoutTheLoadStandsBesideIt) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const auto at = [&](const std::string& options) {
+    return Fork1s("statics --json --body tip " + options + model).Json();
+  };
+  const auto loaded = at("--force 0,0,0.1 "), alone = at("");
+  EXPECT_EQ(loaded["unloaded"]["position_m"], alone["position_m"]);
+  EXPECT_NE(loaded["position_m"], alone["position_m"]);
+  const auto moved = at("--gravity 0,0,0 --q end=0.5 ")["unloaded"]["max_joint_rotation_deg"].get<double>();
+  EXPECT_NEAR(moved, 0.5 * 57.29577951308232, 1e-6);  // its servo asks for 0
+}
+
 }  // namespace
 }  // namespace fork1s::test
