@@ -70,6 +70,7 @@ int Run(const StaticsArguments& args) {
     out["residual"] = result->residual;
     out["stable"] = result->stable;
     out["base_held"] = true;
+    out["warnings"] = result->beyond_stops;
     out["notes"] = NotesJson(imported->report);
     fmt::print("{}\n", ToText(out, 2));
     return kDone;
@@ -85,6 +86,7 @@ int Run(const StaticsArguments& args) {
     fmt::print("  {:<10} {:>11.4f} {:>11.4f} {:>11.4f}  {:>11.4f} {:>11.4f} {:>11.4f} {:>12.3f}\n", name,
                mm.x(), mm.y(), mm.z(), deg.x(), deg.y(), deg.z(), d.max_joint_rotation * kDegrees);
   }
+  for (const std::string& sentence : result->beyond_stops) fmt::print("  warning: {}\n", sentence);
   if (!result->stable)
     fmt::print("  warning: this equilibrium is unstable; a slight push makes the mechanism leave it\n");
   return kDone;

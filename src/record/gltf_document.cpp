@@ -56,6 +56,7 @@ int GltfDocument::AddFloats(View view, const float* values, std::size_t count, i
   GltfJson accessor = {{"componentType", kFloat},
                        {"count", count},
                        {"type", width == 1   ? "SCALAR"
+                                : width == 2 ? "VEC2"
                                 : width == 3 ? "VEC3"
                                              : "VEC4"}};
   if (with_bounds) {
@@ -78,6 +79,11 @@ int GltfDocument::AddFloats(View view, const float* values, std::size_t count, i
 int GltfDocument::AddVertices(const std::vector<Eigen::Vector3f>& values, bool with_bounds) {
   static_assert(sizeof(Eigen::Vector3f) == 3 * sizeof(float));
   return AddFloats(kVertices, values.front().data(), values.size(), 3, with_bounds);
+}
+
+int GltfDocument::AddTexturePlaces(const std::vector<Eigen::Vector2f>& values) {
+  static_assert(sizeof(Eigen::Vector2f) == 2 * sizeof(float));
+  return AddFloats(kPlaces, values.front().data(), values.size(), 2, false);
 }
 
 int GltfDocument::AddKeys(const std::vector<float>& values, int width, bool with_bounds) {
@@ -106,7 +112,8 @@ GltfJson GltfDocument::Whole() const {
   for (View view : used_) {
     GltfJson one = {{"buffer", 0}, {"byteOffset", offset}, {"byteLength", views_[view].size()}};
     if (view == kVertices) one["byteStride"] = 3 * sizeof(float);
-    if (view != kKeys) one["target"] = view == kVertices ? kArrayBuffer : kElementArrayBuffer;
+    if (view == kPlaces) one["byteStride"] = 2 * sizeof(float);
+    if (view != kKeys) one["target"] = view == kIndices ? kElementArrayBuffer : kArrayBuffer;
     whole["bufferViews"].push_back(std::move(one));
     offset += views_[view].size();
   }

@@ -119,6 +119,8 @@ TEST(Clamps, AreSaid) {
   EXPECT_NE(said.find("held at 1"), std::string::npos) << said;
   EXPECT_NE(said.find("far.csv goes on to 3 s"), std::string::npos) << said;
   EXPECT_NE(said.find("0.5..3 goes on to 3 s"), std::string::npos) << said;
+  const std::string short_run = Fork1s("run --time 1 --dt 0.7 " + model).err;
+  EXPECT_NE(short_run.find("0.7 s are simulated"), std::string::npos) << short_run;
   // What is within range and time is no news.
   const std::string fine = Write("fine.csv", "time,bend\n0,0\n1,0.9\n");
   EXPECT_EQ(Fork1s("run --time 1 --controls " + fine + " " + model).err.find("warning"), std::string::npos);
