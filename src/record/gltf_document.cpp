@@ -106,6 +106,11 @@ int GltfDocument::AddTriangles(const std::vector<Eigen::Vector3i>& triangles, st
   return AddAccessor(kIndices, std::move(accessor), bytes.data(), bytes.size());
 }
 
+int GltfDocument::AddImage(const std::string& name, std::string png) {
+  images_.push_back(std::move(png));
+  return Add("images", {{"name", name}, {"mimeType", "image/png"}});
+}
+
 GltfJson GltfDocument::Whole() const {
   GltfJson whole = json_;
   std::size_t offset = 0;
@@ -117,6 +122,12 @@ GltfJson GltfDocument::Whole() const {
     whole["bufferViews"].push_back(std::move(one));
     offset += views_[view].size();
   }
+  for (std::size_t i = 0; i < images_.size(); ++i) {
+    whole["images"][i]["bufferView"] = used_.size() + i;
+    whole["bufferViews"].push_back(
+        {{"buffer", 0}, {"byteOffset", offset}, {"byteLength", images_[i].size()}});
+    offset += (images_[i].size() + 3) / 4 * 4;
+  }
   if (used_.empty()) return whole;
   whole["accessors"] = accessors_;
   whole["buffers"] = GltfJson::array({{{"byteLength", offset}}});
@@ -126,6 +137,10 @@ GltfJson GltfDocument::Whole() const {
 std::string GltfDocument::Bytes() const {
   std::string bytes;
   for (View view : used_) bytes += views_[view];
+  for (const std::string& image : images_) {
+    bytes += image;
+    Pad(bytes, '\0');
+  }
   return bytes;
 }
 

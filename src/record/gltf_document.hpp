@@ -32,6 +32,8 @@ class GltfDocument {
   int AddTexturePlaces(const std::vector<Eigen::Vector2f>& values);
   int AddTriangles(const std::vector<Eigen::Vector3i>& triangles, std::size_t vertices);
   int AddKeys(const std::vector<float>& values, int width, bool with_bounds);
+  /// A PNG in a view of its own; returns its place among the images.
+  int AddImage(const std::string& name, std::string png);
 
   /// The file as text with its buffer in base64 (3.6.1.1), or as one binary (4.4).
   /// Errors (kFormat): `where` and that a binary of 4 GiB cannot be.
@@ -50,6 +52,7 @@ class GltfDocument {
   GltfJson accessors_ = GltfJson::array();
   std::array<std::string, 4> views_;
   std::vector<View> used_;  // views by their number in the document
+  std::vector<std::string> images_;  // a view each, after these
 };
 
 }  // namespace fork1s::internal

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/base/base64.hpp>
 #include <fork1s/geometry/surface.hpp>
 
 #include "pictures.hpp"
@@ -64,9 +63,7 @@ int GltfMeshes::PrimitiveNumber(const GeometryDef& geometry, double plane_half) 
 
 int GltfMeshes::Texture(const Picture& picture) {
   if (const auto known = textures_.find(&picture); known != textures_.end()) return known->second;
-  std::string uri = "data:image/png;base64,";
-  AppendBase64(Png(picture), uri);
-  const int image = document_.Add("images", {{"name", picture.name}, {"uri", std::move(uri)}});
+  const int image = document_.AddImage(picture.name, Png(picture));
   return textures_[&picture] = document_.Add("textures", {{"source", image}});  // repeats beyond its edges
 }
 

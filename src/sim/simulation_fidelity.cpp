@@ -22,8 +22,8 @@ World::Options Simulation::WorldOptions(const Fidelity& fidelity) const {
   return o;
 }
 
-// What is doubtful about frozen contacts is nobody's to mend: they were closed where they touched, many of
-// them say the same, and the rows that say it to the last digits are as good kept as left out.
+// What frozen contacts leave doubtful is no mistake of the file's: they repeat each other, and their points
+// and directions are those of contact detection, to 1e-7 or so, where a rank takes places for typed ones.
 void Simulation::ListWarnings() {
   own_warnings_.resize(given_.size());
   warnings_.clear();
