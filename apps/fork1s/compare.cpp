@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 #include <cmath>
-#include <fork1s/record/csv.hpp>
 #include <fork1s/study/compare.hpp>
 #include <map>
 #include <memory>
@@ -9,6 +8,7 @@
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "progress.hpp"
+#include "run_inputs.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -16,8 +16,8 @@ namespace {
 struct CompareArguments {
   Integrator step_integrator = Integrator::kEuler;
   ModelArguments model;
-  std::string against = "full", controls, recovery = "exact", report, detail;
-  std::vector<std::string> pushes;
+  std::string against = "full", report;
+  InputArguments inputs;
   MuJoCoIntegrator integrator = MuJoCoIntegrator::kOfFile;
   double time = 2, dt = 0;
   int refinements = 2;
@@ -130,9 +130,30 @@ void Print(const Comparison& c) {
   for (const std::string& w : c.warnings) fmt::print("  warning: {}\n", w);
 }
 
+// The inputs as both sides take them, and sentences on what neither takes as it stands.
+Expected<std::vector<std::string>> TakeInputs(const CompareArguments& args, const ImportedScene& imported,
+                                              CompareOptions& options) {
+  auto inputs = ReadInputs(args.inputs);
+  if (!inputs) return tl::unexpected(inputs.error());
+  std::vector<std::string> limits;
+  SimulationOptions probed;
+  probed.dt = args.dt;
+  probed.initial_keyframe = imported.initial_keyframe;
+  // What no simulation can be made of is refused by the comparison itself, with its reason.
+  if (const auto probe = Simulation::Create(imported.scene, probed)) {
+    if (auto ok = CheckInputs(*inputs, args.inputs, *probe); !ok) return tl::unexpected(ok.error());
+    limits = InputLimits(*inputs, args.inputs, *probe, args.time);
+  }
+  options.controls = std::move(inputs->controls);
+  options.detail = std::move(inputs->detail);
+  for (PushTrack& track : inputs->pushes)
+    for (Push& push : track.pushes) options.pushes.pushes.push_back(std::move(push));
+  return limits;
+}
+
 int Run(const CompareArguments& args) {
   const bool json = args.model.json;
-  if (auto ok = RefuseInputs(args.report, {args.model.path, args.controls}); !ok)
+  if (auto ok = RefuseInputs(args.report, {args.model.path, args.inputs.controls}); !ok)
     return Report(ok.error(), json);
   const bool starts_elsewhere =
       !args.model.base_pose.empty() || !args.model.coordinates.empty() || !args.model.ground.empty();
@@ -149,29 +170,13 @@ int Run(const CompareArguments& args) {
   options.against = args.against == "mujoco" ? Against::kMuJoCo : Against::kFull;
   options.time = args.time;
   options.dt = args.dt;
-  options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+  options.recovery = args.inputs.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
   options.integrator = args.step_integrator;
   options.refinements = args.refinements;
   options.mujoco_integrator = args.integrator;
-  if (!args.detail.empty()) {
-    auto read = FidelityTrack::Parse(args.detail, {DetailLevel::kInterface, -1, options.recovery});
-    if (!read) return Report(read.error(), json);
-    options.detail = std::move(*read);
-  }
   options.model_path = args.model.path;
-  if (!args.controls.empty()) {
-    auto read = ReadControls(args.controls);
-    if (!read) return Report(read.error(), json);
-    auto pushes = PushTrack::TakeFrom(*read, args.controls);
-    if (!pushes) return Report(pushes.error(), json);
-    options.pushes = std::move(*pushes);
-    options.controls = std::move(*read);
-  }
-  for (const std::string& text : args.pushes) {
-    auto push = PushTrack::Parse(text, "--push");
-    if (!push) return Report(push.error(), json);
-    options.pushes.pushes.push_back(std::move(*push));
-  }
+  const auto limits = TakeInputs(args, *imported, options);
+  if (!limits) return Report(limits.error(), json);
   Expected<Comparison> comparison = [&] {
     ProgressBar bar("comparing");
     options.progress = [&](double share) { bar.Update(share); };
@@ -187,6 +192,7 @@ int Run(const CompareArguments& args) {
       (!args.model.base.empty() || !args.model.pd.empty() || args.model.stiffness_scale != 1))
     comparison->warnings.push_back(
         "MuJoCo runs the file as it stands, without --base, --pd and --stiffness-scale");
+  comparison->warnings.insert(comparison->warnings.end(), limits->begin(), limits->end());
   if (json) {
     Json out = ComparisonJson(*comparison);
     out["notes"] = NotesJson(imported->report);
@@ -221,12 +227,13 @@ void AddCompare(CLI::App& app, Action& action) {
   command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(PositiveUpTo(1e5));
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
       ->check(PositiveUpTo(kMostStep));
-  command->add_option("--controls", args->controls,
+  command->add_option("--controls", args->inputs.controls,
                       "CSV of control values and pushes: time,NAME,...,force:BODY:x,...");
-  AddPushTo(*command, args->pushes);
-  command->add_option("--detail", args->detail, "level of detail of the reduced run, as of 'fork1s run'");
+  AddPushTo(*command, args->inputs.pushes);
+  command->add_option("--detail", args->inputs.detail,
+                      "level of detail of the reduced run, as of 'fork1s run'");
   AddIntegratorTo(*command, args->step_integrator);
-  command->add_option("--recovery", args->recovery, "exact or twist")
+  command->add_option("--recovery", args->inputs.recovery, "exact or twist")
       ->check(CLI::IsMember({"exact", "twist"}));
   command->add_option("--refinements", args->refinements, "further runs at dt/2, dt/4, ... (default 2)")
       ->check(CLI::Range(0, 8));

@@ -53,6 +53,29 @@ Expected<RigidTransform> ParsePose(const std::string& text, const std::string& o
   return X;
 }
 
+// The importer names its own options; whoever typed a word looks for it behind the option that was typed.
+std::string AsTyped(std::string where) {
+  static const std::pair<const char*, const char*> kTyped[] = {{"interfaces", "--interface"},
+                                                               {"joint-pd", "--pd"},
+                                                               {"pd", "--pd"},
+                                                               {"q", "--q"},
+                                                               {"keyframe", "--keyframe"},
+                                                               {"base-pose", "--base-pose"},
+                                                               {"base", "--base"},
+                                                               {"ground", "--ground"},
+                                                               {"package", "--package"},
+                                                               {"modes", "--modes"},
+                                                               {"stiffness-scale", "--stiffness-scale"}};
+  for (const auto& [own, typed] : kTyped) {
+    const std::string words = std::string("option ") + own;
+    const auto at = where.find(words);
+    const auto end = at + words.size();
+    if (at == std::string::npos || (end < where.size() && where[end] != ' ' && where[end] != ',')) continue;
+    return where.replace(at, words.size(), typed);
+  }
+  return where;
+}
+
 }  // namespace
 
 Expected<Vector3> ParseVector(const std::string& text, const std::string& option) {
@@ -147,7 +170,14 @@ Expected<ImportedScene> ModelArguments::Load() const {
       options.joint_pd[text.substr(0, equals)] = g;
   }
   if (auto ok = ReadStart(options); !ok) return tl::unexpected(ok.error());
-  return LoadMechanism(path, options);
+  auto loaded = LoadMechanism(path, options);
+  if (!loaded) {
+    Error error = loaded.error();
+    error.where = AsTyped(error.where);
+    return tl::unexpected(error);
+  }
+  for (ImportNote& note : loaded->report.notes) note.where = AsTyped(note.where);
+  return loaded;
 }
 
 Expected<void> ModelArguments::ReadStart(ImportOptions& options) const {

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <algorithm>
+#include <cmath>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <memory>
 #include <optional>
@@ -126,8 +127,13 @@ int Run(const RunArguments& given) {
 
   if (auto ok = CheckInputs(*inputs, args.inputs, *simulation); !ok) return Report(ok.error(), json);
   inputs->controls.Apply(0, *simulation);
-  const std::vector<std::string> limits =
-      InputLimits(*inputs, args.inputs, *simulation, static_cast<double>(*steps) * simulation->dt());
+  const double end = static_cast<double>(*steps) * simulation->dt();
+  std::vector<std::string> limits = InputLimits(*inputs, args.inputs, *simulation, end);
+  constexpr double kNoticed = 0.01;  // of the time asked for
+  if (std::abs(end - args.time) > kNoticed * args.time)
+    limits.push_back(
+        fmt::format("--time {:.6g} s is no whole number of steps of {:.6g} s: {:.6g} s are simulated",
+                    args.time, simulation->dt(), end));
   for (const std::string& sentence : limits) fmt::print(stderr, "warning: {}\n", sentence);
   std::optional<Recorder> recorder;
   Expected<void> recorded;

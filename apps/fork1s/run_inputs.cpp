@@ -118,10 +118,15 @@ std::vector<std::string> InputLimits(const RunInputs& inputs, const InputArgumen
         fmt::format("{} goes on to {:.6g} s and the run ends at {:.6g} s: lengthen --time to see the "
                     "rest",
                     args.controls, track.times.back(), time));
-  for (std::size_t i = 0; i < args.pushes.size(); ++i)
-    if (inputs.pushes.back().pushes[i].from >= time - rounding)
+  for (std::size_t i = 0; i < args.pushes.size(); ++i) {
+    const Push& push = inputs.pushes.back().pushes[i];
+    if (push.from >= time - rounding)
       out.push_back(fmt::format("--push {} begins after the end of the run at {:.6g} s, and does nothing",
                                 args.pushes[i], time));
+    else if (std::isfinite(push.to) && push.to > time + rounding)
+      out.push_back(fmt::format("--push {} goes on to {:.6g} s and the run ends at {:.6g} s", args.pushes[i],
+                                push.to, time));
+  }
   for (const FidelityTrack::Entry& e : inputs.detail.entries)
     if (e.time > time - rounding)
       out.push_back(fmt::format("--detail names {} s, after the end of the run at {:.6g} s", e.time, time));

@@ -170,9 +170,9 @@ Json Summary(const Simulation& simulation, const Measured& m) {
 
 namespace {
 
-std::string VectorText(const Json& v) {
-  // Rounding is no load: what is a thousandth of the largest stands as 0.
-  double x[3], most = 0;
+std::string VectorText(const Json& v, double floor = 0) {
+  // Rounding is no load: what is a thousandth of the largest, or below the floor, stands as 0.
+  double x[3], most = floor;
   for (std::size_t i = 0; i < 3; ++i) {
     x[i] = v[i].get<double>();
     most = std::max(most, std::abs(x[i]));
@@ -193,8 +193,10 @@ void PrintContacts(const Json& contacts) {
   fmt::print("  contact by pair of bodies: force and moment at the end, on the second about its origin\n");
   for (std::size_t i = 0; i < std::min(kLines, contacts.size()); ++i) {
     const Json& c = contacts[i];
+    constexpr double kRounding = 1e-6;  // m: a lever arm that is none
     fmt::print("    {} on {}: {} N, {} N m; {:.3g} N at most, at {:.4g} s", c["bodies"][0].get<std::string>(),
-               c["bodies"][1].get<std::string>(), VectorText(c["force_N"]), VectorText(c["moment_Nm"]),
+               c["bodies"][1].get<std::string>(), VectorText(c["force_N"]),
+               VectorText(c["moment_Nm"], kRounding * c["force_max_N"].get<double>()),
                c["force_max_N"].get<double>(), c["force_max_s"].get<double>());
     constexpr double kSlipped = 1e-4;  // m
     if (c["slip_m"].get<double>() > kSlipped)

@@ -1,8 +1,10 @@
 #include <fmt/format.h>
+#include <algorithm>
 #include <cmath>
 #include <fork1s/study/deflection.hpp>
 #include <memory>
 #include <numbers>
+#include <vector>
 
 #include "model_arguments.hpp"
 #include "output.hpp"
@@ -21,6 +23,11 @@ Json DeflectionJson(const Deflection& d) {
   return {{"position_m", ToJson(d.position_W)},
           {"rotation_vector_rad", ToJson(d.rotation_W)},
           {"max_joint_rotation_deg", d.max_joint_rotation * kDegrees}};
+}
+
+bool Has(const std::vector<PosedMechanism>& mechanisms, const std::string& body) {
+  return std::any_of(mechanisms.begin(), mechanisms.end(),
+                     [&](const PosedMechanism& p) { return p.mechanism->FindBody(body).valid(); });
 }
 
 int Run(const StaticsArguments& args) {
@@ -44,11 +51,18 @@ int Run(const StaticsArguments& args) {
   if (!result) {
     Error error = result.error();
     error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);
+    if (!Has(*posed, args.body)) {  // a word of the command line, not of the file
+      error.code = ErrorCode::kUsage;
+      error.where = args.model.path + ", --body";
+    }
     return Report(error, json);
   }
+  // Gravity and set-points move it too, far if the pose is none where servos hold it.
+  const auto unloaded = Deflect(*posed, {args.body, Vector3::Zero(), Vector3::Zero()}, gravity_W);
 
   if (json) {
     Json out = DeflectionJson(result->nonlinear);
+    out["unloaded"] = unloaded ? DeflectionJson(unloaded->nonlinear) : Json(nullptr);
     out["linear"] = DeflectionJson(result->linear);
     out["body"] = args.body;
     out["reference_position_m"] = ToJson(result->reference_position_W);
@@ -56,6 +70,7 @@ int Run(const StaticsArguments& args) {
     out["residual"] = result->residual;
     out["stable"] = result->stable;
     out["base_held"] = true;
+    out["warnings"] = result->beyond_stops;
     out["notes"] = NotesJson(imported->report);
     fmt::print("{}\n", ToText(out, 2));
     return kDone;
@@ -63,11 +78,15 @@ int Run(const StaticsArguments& args) {
   fmt::print("body '{}' under {} N, {} N m{}\n", args.body, args.force, args.torque,
              result->floats ? ", base held" : "");
   fmt::print("  {:<10} {:>36} {:>36} {:>12}\n", "", "moved by mm", "turned by deg", "joints deg");
-  for (const auto& [name, d] : {std::pair{"linear", result->linear}, {"nonlinear", result->nonlinear}}) {
+  std::vector<std::pair<const char*, Deflection>> rows = {{"linear", result->linear},
+                                                          {"nonlinear", result->nonlinear}};
+  if (unloaded) rows.emplace_back("unloaded", unloaded->nonlinear);
+  for (const auto& [name, d] : rows) {
     const Vector3 mm = 1e3 * (d.position_W - result->reference_position_W), deg = kDegrees * d.rotation_W;
     fmt::print("  {:<10} {:>11.4f} {:>11.4f} {:>11.4f}  {:>11.4f} {:>11.4f} {:>11.4f} {:>12.3f}\n", name,
                mm.x(), mm.y(), mm.z(), deg.x(), deg.y(), deg.z(), d.max_joint_rotation * kDegrees);
   }
+  for (const std::string& sentence : result->beyond_stops) fmt::print("  warning: {}\n", sentence);
   if (!result->stable)
     fmt::print("  warning: this equilibrium is unstable; a slight push makes the mechanism leave it\n");
   return kDone;

@@ -11,6 +11,7 @@ namespace fork1s::internal {
 namespace {
 
 struct Face {
+  std::size_t number;      // of the triangle
   Eigen::Vector3i points;  // numbers of welded vertices
   Vector3 unit_normal;
   Vector3 area_normal;
@@ -30,15 +31,16 @@ std::vector<int> Weld(const std::vector<Eigen::Vector3f>& vertices) {
 
 std::vector<Face> Faces(const TriangleMesh& mesh, const std::vector<int>& welded) {
   std::vector<Face> faces;
-  for (const Eigen::Vector3i& t : mesh.triangles) {
+  for (std::size_t number = 0; number < mesh.triangles.size(); ++number) {
+    const Eigen::Vector3i& t = mesh.triangles[number];
     FORK1S_REQUIRE(t.minCoeff() >= 0 && t.maxCoeff() < static_cast<int>(mesh.vertices.size()), mesh.name,
                    t.transpose(), mesh.vertices.size());
     auto at = [&](int k) -> Vector3 { return mesh.vertices[static_cast<std::size_t>(t(k))].cast<double>(); };
     const Vector3 normal = (at(1) - at(0)).cross(at(2) - at(0));
     const double twice_area = normal.norm();
     if (!(twice_area > 0)) continue;
-    auto number = [&](int k) { return welded[static_cast<std::size_t>(t(k))]; };
-    faces.push_back({{number(0), number(1), number(2)}, normal / twice_area, normal});
+    auto place = [&](int k) { return welded[static_cast<std::size_t>(t(k))]; };
+    faces.push_back({number, {place(0), place(1), place(2)}, normal / twice_area, normal});
   }
   return faces;
 }
@@ -46,6 +48,9 @@ std::vector<Face> Faces(const TriangleMesh& mesh, const std::vector<int>& welded
 }  // namespace
 
 Surface WithNormals(const TriangleMesh& mesh, double crease) {
+  const bool has_uv = !mesh.corner_uv.empty();
+  FORK1S_REQUIRE(!has_uv || mesh.corner_uv.size() == 3 * mesh.triangles.size(), mesh.name,
+                 mesh.corner_uv.size(), mesh.triangles.size());
   const std::vector<int> welded = Weld(mesh.vertices);
   const std::vector<Face> faces = Faces(mesh, welded);
   std::vector<Eigen::Vector3f> place(mesh.vertices.size());
@@ -66,13 +71,18 @@ Surface WithNormals(const TriangleMesh& mesh, double crease) {
       for (const Face* other : around[point])
         if (other == &face || other->unit_normal.dot(face.unit_normal) >= least) sum += other->area_normal;
       const Eigen::Vector3f normal = sum.normalized().cast<float>();
+      const Eigen::Vector2f uv =
+          has_uv ? mesh.corner_uv[3 * face.number + static_cast<std::size_t>(k)] : Eigen::Vector2f::Zero();
       int vertex = -1;
       for (int known : written[point])
-        if (out.normals[static_cast<std::size_t>(known)] == normal) vertex = known;
+        if (out.normals[static_cast<std::size_t>(known)] == normal &&
+            (!has_uv || out.uv[static_cast<std::size_t>(known)] == uv))
+          vertex = known;
       if (vertex < 0) {
         vertex = static_cast<int>(out.vertices.size());
         out.vertices.push_back(place[point]);
         out.normals.push_back(normal);
+        if (has_uv) out.uv.push_back(uv);
         written[point].push_back(vertex);
       }
       triangle(k) = vertex;

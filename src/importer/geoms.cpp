@@ -18,6 +18,11 @@ std::shared_ptr<const TriangleMesh> ConvertMesh(const mjModel& m, int id) {
   const int* f = m.mesh_face + 3 * m.mesh_faceadr[id];
   for (int i = 0; i < m.mesh_facenum[id]; ++i)
     mesh->triangles.emplace_back(f[3 * i], f[3 * i + 1], f[3 * i + 2]);
+  if (m.mesh_texcoordadr[id] < 0) return mesh;
+  const float* uv = m.mesh_texcoord + 2 * m.mesh_texcoordadr[id];
+  const int* corners = m.mesh_facetexcoord + 3 * m.mesh_faceadr[id];
+  for (int i = 0; i < 3 * m.mesh_facenum[id]; ++i)
+    mesh->corner_uv.emplace_back(uv[2 * corners[i]], uv[2 * corners[i] + 1]);
   return mesh;
 }
 
@@ -84,6 +89,53 @@ class Shapes {
   std::vector<std::shared_ptr<const HeightGrid>> grids_;
 };
 
+// Pictures of materials, each converted once.
+class Pictures {
+ public:
+  explicit Pictures(const mjModel& model) : m(model), known_(static_cast<std::size_t>(model.ntex)) {}
+
+  // Puts on a geom what its material shows; cube maps, and pictures on shapes that have no uv, are not shown.
+  void Put(int g, GeometryDef& geometry) {
+    const int material = m.geom_matid[g];
+    if (material < 0) return;
+    const int* roles = m.mat_texid + mjNTEXROLE * material;
+    const int id = roles[mjTEXROLE_RGB] >= 0 ? roles[mjTEXROLE_RGB] : roles[mjTEXROLE_RGBA];
+    if (id < 0 || m.tex_type[id] != mjTEXTURE_2D) return;
+    const auto* plane = std::get_if<Plane>(&geometry.shape);
+    const auto* mesh = std::get_if<MeshShape>(&geometry.shape);
+    if (!plane && !(mesh && !mesh->mesh->corner_uv.empty())) return;
+    geometry.picture = Convert(id);
+    if (!plane || !geometry.picture) return;
+    // `texrepeat` counts over the whole of a plane, or over 2 m of one without end or with texuniform.
+    const float* repeat = m.mat_texrepeat + 2 * material;
+    const bool uniform = m.mat_texuniform[material];
+    geometry.picture_x =
+        0.5 * static_cast<double>(repeat[0]) / (plane->half_x > 0 && !uniform ? plane->half_x : 1);
+    geometry.picture_y =
+        0.5 * static_cast<double>(repeat[1]) / (plane->half_y > 0 && !uniform ? plane->half_y : 1);
+  }
+
+ private:
+  std::shared_ptr<const Picture> Convert(int id) {
+    auto& known = known_[static_cast<std::size_t>(id)];
+    const int channels = m.tex_nchannel[id];
+    if (known || m.tex_width[id] <= 0 || m.tex_height[id] <= 0 || channels < 1) return known;
+    auto picture = std::make_shared<Picture>();
+    picture->name = NameOr(m, m.name_texadr[id], "texture", id);
+    picture->width = m.tex_width[id];
+    picture->height = m.tex_height[id];
+    const auto pixels = static_cast<std::size_t>(picture->width) * static_cast<std::size_t>(picture->height);
+    const mjtByte* data = m.tex_data + m.tex_adr[id];
+    picture->rgb.reserve(3 * pixels);
+    for (std::size_t i = 0; i < pixels; ++i, data += channels)
+      for (int k = 0; k < 3; ++k) picture->rgb.push_back(data[channels >= 3 ? k : 0]);
+    return known = std::move(picture);
+  }
+
+  const mjModel& m;
+  std::vector<std::shared_ptr<const Picture>> known_;
+};
+
 // The damping ratio that `solref` gives contacts of a geom: named, or by stiffness and damping per mass.
 double DampingRatio(const mjModel& m, int g) {
   const mjtNum* solref = m.opt.enableflags & mjENBL_OVERRIDE ? m.opt.o_solref : m.geom_solref + mjNREF * g;
@@ -96,6 +148,7 @@ double DampingRatio(const mjModel& m, int g) {
 void ConvertGeoms(Conversion& c) {
   const mjModel& m = c.m;
   Shapes shapes(m);
+  Pictures pictures(m);
   const bool contacts_off = m.opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT);
   for (int g = 0; g < m.ngeom; ++g) {
     std::optional<Shape> shape = shapes.Of(g);
@@ -120,6 +173,7 @@ void ConvertGeoms(Conversion& c) {
     geometry.restitution = RestitutionOf(DampingRatio(m, g));
     geometry.rgba = Colour(m, g);
     geometry.group = m.geom_group[g];
+    pictures.Put(g, geometry);
 
     const int b = m.geom_bodyid[g];
     const BodyPlace& place = c.body[b];

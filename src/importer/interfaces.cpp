@@ -104,8 +104,12 @@ std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* b
   return {};
 }
 
+// Words of the caller are at fault where these are no names; words of the file where its own are not.
 std::optional<Error> DistributeNames(Conversion& c, const std::vector<std::string>& names,
-                                     const std::string& where) {
+                                     const std::string& where, ErrorCode code) {
+  const auto refuse = [&](std::string message) {
+    return Error{code, fmt::format("{}, {}", c.file, where), std::move(message)};
+  };
   std::vector<std::string> known;
   for (const MechanismDef& mechanism : c.scene.mechanisms) {
     for (const BodyDef& body : mechanism.bodies) known.push_back(body.name);
@@ -122,13 +126,11 @@ std::optional<Error> DistributeNames(Conversion& c, const std::vector<std::strin
     if (found) continue;
     for (const FreeBodyDef& body : c.scene.free_bodies) {
       if (body.name == name) {
-        return c.ModelError(where,
-                            fmt::format("body '{}' is a free body, which always touches; name bodies of a "
-                                        "mechanism only",
-                                        name));
+        return refuse(fmt::format(
+            "body '{}' is a free body, which always touches; name bodies of a mechanism only", name));
       }
     }
-    return c.ModelError(where, fmt::format("no mechanism has a body '{}'{}", name, Suggestion(name, known)));
+    return refuse(fmt::format("no mechanism has a body '{}'{}", name, Suggestion(name, known)));
   }
   return std::nullopt;
 }
@@ -149,16 +151,18 @@ std::vector<std::string> InterfaceWords(const Conversion& c, const std::string& 
 std::optional<Error> ApplyInterfaces(Conversion& c, const ImportOptions& options) {
   std::vector<std::string> names = options.interfaces;
   std::string where = "option interfaces";
+  ErrorCode code = ErrorCode::kUsage;
   if (names.empty()) {
     if (const auto text = CustomText(c.m, "fork1s_interface")) {
       where = "text 'fork1s_interface'";
+      code = ErrorCode::kModel;
       names = InterfaceWords(c, *text);
       if (names.empty()) {
         return c.ModelError(where, "it names no body; list the bodies that touch, or remove the text");
       }
     }
   }
-  if (auto error = DistributeNames(c, names, where)) return error;
+  if (auto error = DistributeNames(c, names, where, code)) return error;
   constexpr std::size_t kNotes = 6;  // a grid of small mechanisms need not say it a hundred times
   std::size_t chosen = 0;
   for (MechanismDef& mechanism : c.scene.mechanisms) {

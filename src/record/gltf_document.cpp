@@ -56,6 +56,7 @@ int GltfDocument::AddFloats(View view, const float* values, std::size_t count, i
   GltfJson accessor = {{"componentType", kFloat},
                        {"count", count},
                        {"type", width == 1   ? "SCALAR"
+                                : width == 2 ? "VEC2"
                                 : width == 3 ? "VEC3"
                                              : "VEC4"}};
   if (with_bounds) {
@@ -80,6 +81,11 @@ int GltfDocument::AddVertices(const std::vector<Eigen::Vector3f>& values, bool w
   return AddFloats(kVertices, values.front().data(), values.size(), 3, with_bounds);
 }
 
+int GltfDocument::AddTexturePlaces(const std::vector<Eigen::Vector2f>& values) {
+  static_assert(sizeof(Eigen::Vector2f) == 2 * sizeof(float));
+  return AddFloats(kPlaces, values.front().data(), values.size(), 2, false);
+}
+
 int GltfDocument::AddKeys(const std::vector<float>& values, int width, bool with_bounds) {
   return AddFloats(kKeys, values.data(), values.size() / static_cast<std::size_t>(width), width, with_bounds);
 }
@@ -100,15 +106,27 @@ int GltfDocument::AddTriangles(const std::vector<Eigen::Vector3i>& triangles, st
   return AddAccessor(kIndices, std::move(accessor), bytes.data(), bytes.size());
 }
 
+int GltfDocument::AddImage(const std::string& name, std::string png) {
+  images_.push_back(std::move(png));
+  return Add("images", {{"name", name}, {"mimeType", "image/png"}});
+}
+
 GltfJson GltfDocument::Whole() const {
   GltfJson whole = json_;
   std::size_t offset = 0;
   for (View view : used_) {
     GltfJson one = {{"buffer", 0}, {"byteOffset", offset}, {"byteLength", views_[view].size()}};
     if (view == kVertices) one["byteStride"] = 3 * sizeof(float);
-    if (view != kKeys) one["target"] = view == kVertices ? kArrayBuffer : kElementArrayBuffer;
+    if (view == kPlaces) one["byteStride"] = 2 * sizeof(float);
+    if (view != kKeys) one["target"] = view == kIndices ? kElementArrayBuffer : kArrayBuffer;
     whole["bufferViews"].push_back(std::move(one));
     offset += views_[view].size();
+  }
+  for (std::size_t i = 0; i < images_.size(); ++i) {
+    whole["images"][i]["bufferView"] = used_.size() + i;
+    whole["bufferViews"].push_back(
+        {{"buffer", 0}, {"byteOffset", offset}, {"byteLength", images_[i].size()}});
+    offset += (images_[i].size() + 3) / 4 * 4;
   }
   if (used_.empty()) return whole;
   whole["accessors"] = accessors_;
@@ -119,6 +137,10 @@ GltfJson GltfDocument::Whole() const {
 std::string GltfDocument::Bytes() const {
   std::string bytes;
   for (View view : used_) bytes += views_[view];
+  for (const std::string& image : images_) {
+    bytes += image;
+    Pad(bytes, '\0');
+  }
   return bytes;
 }
 

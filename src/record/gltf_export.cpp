@@ -97,7 +97,7 @@ class SceneWriter {
     });
     for (const GeometryDef& g : geometries) {
       if (!(g.rgba(3) > 0) || (has_visible && g.group >= kFirstHiddenGroup)) continue;
-      const auto mesh = meshes_.Mesh(g.shape, g.rgba, PlaneHalf(g.shape, X_WB * g.X_BG));
+      const auto mesh = meshes_.Mesh(g, PlaneHalf(g.shape, X_WB * g.X_BG));
       if (!mesh) continue;
       GltfJson node;
       if (!g.name.empty()) node["name"] = g.name;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <fork1s/geometry/shape.hpp>
+#include <fork1s/mechanism/definition.hpp>
 #include <map>
 #include <optional>
 #include <string>
@@ -15,23 +15,25 @@ class GltfMeshes {
  public:
   explicit GltfMeshes(GltfDocument& document) : document_(document) {}
 
-  /// Number of the mesh that shows a shape in a colour (sRGB and opacity, 0 to 1); none for shapes without
+  /// Number of the mesh that shows a shape in its colour and with its picture; none for shapes without
   /// triangles. `plane_half` [m] is half the side of planes without end.
   /// Throws std::invalid_argument for shapes that cannot be drawn.
-  std::optional<int> Mesh(const Shape& shape, const Vector4& rgba, double plane_half);
+  std::optional<int> Mesh(const GeometryDef& geometry, double plane_half);
 
  private:
   struct Primitive {
-    int position = 0, normal = 0, indices = 0;  // accessors
+    int position = 0, normal = 0, indices = 0, uv = -1;  // accessors
   };
-  int PrimitiveNumber(const Shape& shape, double plane_half);  // -1: no triangles
-  int Material(const Vector4& rgba);
+  int PrimitiveNumber(const GeometryDef& geometry, double plane_half);  // -1: no triangles
+  int Material(const Vector4& rgba, const Picture* picture);
+  int Texture(const Picture& picture);
 
   GltfDocument& document_;
   std::vector<Primitive> primitives_;
   std::map<std::string, int> by_bytes_;  // numbers of primitives by the bytes of their surface
-  std::map<const void*, int> by_mesh_;   // and of shared meshes and grids
-  std::map<std::array<double, 4>, int> materials_;
+  std::map<std::pair<const void*, bool>, int> by_mesh_;  // and of shared meshes and grids, with uv or not
+  std::map<std::pair<std::array<double, 4>, const Picture*>, int> materials_;
+  std::map<const Picture*, int> textures_;
   std::map<std::pair<int, int>, int> meshes_;  // of primitive and material
 };
 

@@ -114,11 +114,12 @@ class JsonWriter {
     return {{"R", Encode(X.rotation())}, {"p", Encode(X.translation())}};
   }
   Json Encode(const Shape& shape);
+  Json Encode(const std::shared_ptr<const Picture>& picture);
 
  private:
   ModelText& tables_;
   Json* node_ = nullptr;
-  std::unordered_map<const void*, int> known_;  // mesh or grid -> place in its table
+  std::unordered_map<const void*, int> known_;  // mesh, grid or picture -> place in its table
 };
 
 class JsonReader {
@@ -203,6 +204,7 @@ class JsonReader {
     Decode(Member(j, "p", p), X.translation(), p);
   }
   void Decode(const Json& j, Shape& shape, const JsonPath& path);
+  void Decode(const Json& j, std::shared_ptr<const Picture>& picture, const JsonPath& path);
 
  private:
   static const Json& Member(const Json& object, const char* key, const JsonPath& path) {

@@ -80,12 +80,13 @@ void Fields(A& a, Like<SpatialInertia, A>& s) {
 template <class A>
 void Fields(A& a, Like<GeometryDef, A>& s) {
   auto& [name, shape, X_BG, friction, priority, contype, conaffinity, frictionless, torsion, rolling, moments,
-         restitution, rgba, group] = s;
+         restitution, rgba, group, picture, picture_x, picture_y] = s;
   a("name", name), a("shape", shape), a("X_BG", X_BG), a("friction", friction), a("priority", priority);
   a("contype", contype), a("conaffinity", conaffinity), a("frictionless", frictionless);
   a("torsion", torsion), a("rolling", rolling), a("moments", moments);
   a("restitution", restitution);
   a("rgba", rgba), a("group", group);
+  a("picture", picture), a("picture_x", picture_x), a("picture_y", picture_y);
 }
 
 template <class A>

@@ -69,6 +69,16 @@ void JsonReader::Decode(const Json& j, double& value, const JsonPath& path) {
     throw JsonFault(path, "should be a number");
 }
 
+Json JsonWriter::Encode(const std::shared_ptr<const Picture>& picture) {
+  return Place(picture, tables_.pictures, known_);
+}
+
+void JsonReader::Decode(const Json& j, std::shared_ptr<const Picture>& picture, const JsonPath& path) {
+  int place = -1;
+  Decode(j, place, path);
+  picture = Look(place, tables_.pictures, path);
+}
+
 Json JsonWriter::Encode(const Shape& shape) {
   Json j = {{"kind", ShapeName(shape)}};
   std::visit(
@@ -167,7 +177,7 @@ Expected<MechanismDef> ReadMechanism(const ModelText& text, const std::string& w
   return internal::Read<MechanismDef>(text, where);
 }
 Expected<SimulationOptions> ReadOptions(const std::string& json, const std::string& where) {
-  return internal::Read<SimulationOptions>(ModelText{json, {}, {}}, where);
+  return internal::Read<SimulationOptions>(ModelText{json, {}, {}, {}}, where);
 }
 
 }  // namespace fork1s

@@ -177,6 +177,21 @@ std::vector<Hold> FindHolds(const Scene& scene, const World& world, double h) {
   return holds;
 }
 
+std::string HeldTogether(const Scene& scene, const World& world) {
+  for (std::size_t f = 0; f < scene.free_bodies.size(); ++f) {
+    const Grip grip = FindGrip(world, static_cast<int>(f));
+    if (grip.mechanisms.size() < 2) continue;
+    std::string names;
+    for (const int m : grip.mechanisms)
+      names += (names.empty() ? "'" : ", '") + scene.mechanisms[static_cast<std::size_t>(m)].name + "'";
+    return "mechanisms " + names + " hold '" + scene.free_bodies[f].name +
+           "' together, and detail 'object' takes what one mechanism holds: put what holds it on one base, a "
+           "body "
+           "without joints around them in the file, or keep detail 'interface'";
+  }
+  return "";
+}
+
 Expected<void> HoldInScene(const std::vector<Hold>& holds,
                            const std::vector<std::shared_ptr<const Mechanism>>& given, Scene& scene,
                            KeyframeDef& state) {

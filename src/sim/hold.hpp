@@ -3,6 +3,7 @@
 
 #include <fork1s/dynamics/world.hpp>
 #include <fork1s/sim/fidelity.hpp>
+#include <string>
 
 namespace fork1s::internal {
 
@@ -10,6 +11,9 @@ namespace fork1s::internal {
 /// was made of `scene`, h [s] is the length of that step. Those that several mechanisms hold are left out:
 /// they would tie these together.
 std::vector<Hold> FindHolds(const Scene& scene, const World& world, double h);
+
+/// Which free body several mechanisms hold together, if any does, and what to do about it; else empty.
+std::string HeldTogether(const Scene& scene, const World& world);
 
 /// Takes what is held out of scene.free_bodies and into its mechanism, on a joint that leaves it free and one
 /// closure per frozen contact. It becomes an interface body in place of those that hold it. `state` is a

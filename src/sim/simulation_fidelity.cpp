@@ -22,7 +22,21 @@ World::Options Simulation::WorldOptions(const Fidelity& fidelity) const {
   return o;
 }
 
+// What frozen contacts leave doubtful is no mistake of the file's: they repeat each other, and their points
+// and directions are those of contact detection, to 1e-7 or so, where a rank takes places for typed ones.
+void Simulation::ListWarnings() {
+  own_warnings_.resize(given_.size());
+  warnings_.clear();
+  for (std::size_t i = 0; i < given_.size(); ++i) {
+    const bool holds = std::any_of(holds_.begin(), holds_.end(),
+                                   [&](const Hold& h) { return h.mechanism == static_cast<int>(i); });
+    if (!holds) own_warnings_[i] = world_.mechanisms()[i].warnings();
+    warnings_.insert(warnings_.end(), own_warnings_[i].begin(), own_warnings_[i].end());
+  }
+}
+
 void Simulation::ListBodies() {
+  ListWarnings();
   bodies_.clear();
   const auto is_interface = [&](std::size_t mechanism, int body) {
     const auto& interfaces = world_.mechanisms()[mechanism].model().interfaces;
@@ -113,6 +127,9 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   if (fidelity.level == DetailLevel::kObject) {
     holds = holds_.empty() ? known_holds : holds_;
     if (holds.empty()) holds = internal::FindHolds(*present_scene_, world_, dt_);
+    if (holds.empty())
+      if (const std::string together = internal::HeldTogether(*present_scene_, world_); !together.empty())
+        return Fail(ErrorCode::kModel, "scene '" + scene_.name + "'", together);
     if (holds.empty())
       return Fail(
           ErrorCode::kModel, "scene '" + scene_.name + "'",

@@ -64,6 +64,15 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   out.iterations = result.iterations;
   out.residual = result.residual;
   out.stable = result.stable;
+  for (Eigen::Index i = 0; i < result.q.size(); ++i) {
+    const double q = result.q(i), low = m.lower()(i), high = m.upper()(i);
+    constexpr double kRounding = 1e-6;
+    if (q >= low - kRounding && q <= high + kRounding) continue;
+    out.beyond_stops.push_back(fmt::format(
+        "joint coordinate '{}' ends at {:.4g}, beyond its stop at {:.4g}, which statics does not know: 'run' "
+        "holds it there",
+        m.CoordinateName(static_cast<int>(i)), q, q < low ? low : high));
+  }
   return out;
 }
 

@@ -8,14 +8,39 @@
 namespace fork1s::internal {
 namespace {
 
+// The impedance d at a depth r: the power curve of MuJoCo's manual ("Solver parameters").
+double Impedance(const mjtNum* solimp, double r) {
+  const double width = std::max(solimp[2], mjtNum(mjMINVAL)),
+               middle = std::clamp(double(solimp[3]), 1e-4, 1 - 1e-4),
+               power = std::max(1.0, double(solimp[4])), x = std::min(r / width, 1.0);
+  const double y = x <= middle ? std::pow(x, power) / std::pow(middle, power - 1)
+                               : 1 - std::pow(1 - x, power) / std::pow(1 - middle, power - 1);
+  return std::clamp(solimp[0] + y * (solimp[1] - solimp[0]), mjtNum(mjMINIMP), mjtNum(mjMAXIMP));
+}
+
+// The depth at which a contact bears `load`, from its law a + d (b v + d k r) = (1 - d) load at rest, with
+// k = 1 / (d_max time)².
+double Sink(double time, const mjtNum* solimp, double load) {
+  const double d_max = std::clamp(solimp[1], mjtNum(mjMINIMP), mjtNum(mjMAXIMP)),
+               k = 1 / (d_max * d_max * time * time);
+  const auto excess = [&](double r) {
+    const double d = Impedance(solimp, r);
+    return d * d * k * r - (1 - d) * load;
+  };
+  double low = 0, high = 1e-9;
+  while (excess(high) < 0 && high < 1e3) high *= 2;
+  for (int i = 0; i < 60; ++i) (excess(0.5 * (low + high)) < 0 ? low : high) = 0.5 * (low + high);
+  return high;
+}
+
 // How constraints of a kind give way: solref and solimp, as far as they are all alike.
 struct Softness {
   double time_low = 0, time_high = 0;  // s
   bool direct = false;                 // solref that names stiffness and damping
   double impedance_low = 1;            // the least d of solimp
-  double give = 0;                     // s²: largest way by unit acceleration against it
+  double sink = 0;                     // m: where `load`, an acceleration against it, comes to rest
 
-  void Take(const mjtNum* solref, const mjtNum* solimp, double timestep, bool safe) {
+  void Take(const mjtNum* solref, const mjtNum* solimp, double timestep, bool safe, double load = 0) {
     impedance_low = std::min(impedance_low, solimp[0]);
     if (solref[0] <= 0) {
       direct = true;
@@ -25,7 +50,7 @@ struct Softness {
     const double time = safe ? std::max(solref[0], 2 * timestep) : solref[0];
     time_low = time_low == 0 ? time : std::min(time_low, time);
     time_high = std::max(time_high, time);
-    if (solimp[0] > 0) give = std::max(give, (1 - solimp[0]) / solimp[0] * time * time);
+    sink = std::max(sink, Sink(time * solref[1], solimp, load));
   }
   std::string Text() const {
     std::string text;
@@ -46,20 +71,20 @@ std::vector<std::string> MuJoCoLaws(const mjModel* m) {
   std::vector<std::string> laws;
   const bool constraints = (m->opt.disableflags & mjDSBL_CONSTRAINT) == 0;
   Softness contact;
+  const double gravity = std::hypot(m->opt.gravity[0], m->opt.gravity[1], m->opt.gravity[2]);
   int colliding = 0, frictional = 0;
   for (int g = 0; g < m->ngeom; ++g) {
     if (m->geom_contype[g] == 0 && m->geom_conaffinity[g] == 0) continue;
     ++colliding;
     frictional += m->geom_condim[g] > 1 && m->geom_friction[3 * g] > 0;
-    contact.Take(m->geom_solref + mjNREF * g, m->geom_solimp + mjNIMP * g, m->opt.timestep, Safe(m));
+    contact.Take(m->geom_solref + mjNREF * g, m->geom_solimp + mjNIMP * g, m->opt.timestep, Safe(m), gravity);
   }
   if (colliding > 1 && !(constraints && (m->opt.disableflags & mjDSBL_CONTACT) == 0)) {
     laws.push_back("the file switches contact off in MuJoCo; here bodies touch");
   } else if (colliding > 1) {
     std::string text = "contacts of MuJoCo are springs, those here are hard: " + contact.Text();
-    // Gravity against it: (1 - d) g = d r / tc², d least at the surface.
-    const double sink = contact.give * std::hypot(m->opt.gravity[0], m->opt.gravity[1], m->opt.gravity[2]);
-    if (sink > 1e-6) text += fmt::format("; a body at rest sinks in by up to {:.2g} mm", 1e3 * sink);
+    if (contact.sink > 1e-6)
+      text += fmt::format("; a body at rest sinks in by up to {:.2g} mm", 1e3 * contact.sink);
     laws.push_back(text);
     if (frictional > 0) {
       if (m->opt.cone == mjCONE_PYRAMIDAL)

@@ -41,16 +41,18 @@ inline std::string Write(const std::string& name, const std::string& text) {
   return path.string();
 }
 
-inline Outcome Fork1s(const std::string& arguments, const std::string& before = "") {
+inline Outcome Shell(const std::string& command) {
   const auto out = ScratchFolder() / "stdout", err = ScratchFolder() / "stderr";
-  const std::string line =
-      before + " " + FORK1S_BINARY + " " + arguments + " >" + out.string() + " 2>" + err.string();
-  const int status = std::system(line.c_str());
+  const int status = std::system(("(" + command + ") >" + out.string() + " 2>" + err.string()).c_str());
   Outcome outcome;
   outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
   outcome.out = Slurp(out);
   outcome.err = Slurp(err);
   return outcome;
+}
+
+inline Outcome Fork1s(const std::string& arguments, const std::string& before = "") {
+  return Shell(before + " " + FORK1S_BINARY + " " + arguments);
 }
 
 // A finger of two hinges over a floor, with a servo and a ball to touch.

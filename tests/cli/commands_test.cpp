@@ -166,5 +166,35 @@ TEST(Progress, SilentInAPipe) {
   EXPECT_EQ(o.err.find('\r'), std::string::npos);
 }
 
+// Statics has no stops, and says where that matters.
+TEST(Statics, JointsBeyondTheirStopsAreNamed) {
+  const std::string model = Write(
+      "stop.xml",
+      "<mujoco><worldbody><body name='lever'><joint name='pivot' axis='0 1 0' range='-10 10' stiffness='1'/>"
+      "<geom type='capsule' fromto='0 0 0 .1 0 0' size='.01' mass='.1'/><body name='end' pos='.1 0 0'>"
+      "<geom size='.01' mass='.1'/></body></body></worldbody></mujoco>");
+  const auto warnings = [&](const std::string& load) {
+    return Fork1s("statics --json --body end --gravity 0,0,0 --force 0,0," + load + " " + model)
+        .Json()["warnings"];
+  };
+  EXPECT_TRUE(warnings("1").empty());  // 0.1 N m: 5.7 degrees
+  EXPECT_EQ(warnings("3").size(), 1u);
+  EXPECT_NE(warnings("3").dump().find("pivot"), std::string::npos) << warnings("3");
+}
+
+// What gravity does without the load is said beside what the load does with it; a pose that servos do not
+// hold shows there.
+TEST(Statics, WhatItIsWithoutTheLoadStandsBesideIt) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const auto at = [&](const std::string& options) {
+    return Fork1s("statics --json --body tip " + options + model).Json();
+  };
+  const auto loaded = at("--force 0,0,0.1 "), alone = at("");
+  EXPECT_EQ(loaded["unloaded"]["position_m"], alone["position_m"]);
+  EXPECT_NE(loaded["position_m"], alone["position_m"]);
+  const auto moved = at("--gravity 0,0,0 --q end=0.5 ")["unloaded"]["max_joint_rotation_deg"].get<double>();
+  EXPECT_NEAR(moved, 0.5 * 57.29577951308232, 1e-6);  // its servo asks for 0
+}
+
 }  // namespace
 }  // namespace fork1s::test

@@ -62,6 +62,23 @@ TEST(Compare, SaysWhatMuJoCoDoesDifferently) {
   EXPECT_FALSE(json["dropped"].empty());
 }
 
+// How deep a body sinks in is what it does in the run: a ball whose contact starts soft and hardens within 30
+// mm.
+TEST(Compare, SaysHowDeepBodiesSinkInMuJoCo) {
+  const std::string model = Write(
+      "sink.xml",
+      "<mujoco><default><geom solimp='.015 1 .03'/></default><worldbody><geom type='plane' size='1 1 .1'/>"
+      "<body name='ball' pos='0 0 .05'><freejoint/><geom type='sphere' size='.05' mass='1'/></body>"
+      "</worldbody></mujoco>");
+  const auto json = Fork1s("compare --json --against mujoco --time 3 --refinements 0 " + model).Json();
+  const std::string laws = json["laws"].dump(), words = "sinks in by up to ";
+  const auto at = laws.find(words);
+  ASSERT_NE(at, std::string::npos) << laws;
+  const double said = std::stod(laws.substr(at + words.size()));
+  // Two digits are said; the ball has come to rest long before the end, from above.
+  EXPECT_NEAR(json["free_bodies"][0]["rms_mm"].get<double>(), said, 0.1 * said) << laws;
+}
+
 TEST(Compare, WritesAReport) {
   const std::string model = Write("finger.xml", FingerModel());
   const auto page = ScratchFolder() / "report.html";

@@ -37,6 +37,8 @@ TEST(Detail, FacesOnCapsulesAreFrozenToo) {
   const auto json = o.Json();
   ASSERT_EQ(json["detail"].size(), 2u);
   EXPECT_TRUE(json["detail"][1]["refused"].is_null()) << json["detail"].dump(1);
+  // That fourteen frozen contacts repeat each other to the last digits is nothing a user could mend.
+  EXPECT_EQ(json["warnings"].dump().find("last digits"), std::string::npos) << json["warnings"].dump(1);
 }
 
 // How two balls of a jaw share what it bears no balance tells; contacts share so that none slips, where they
@@ -57,6 +59,46 @@ TEST(Detail, AFirmGripIsNoWarning) {
     // Along the jaws, where nothing but friction holds it, 20 N are far more than they press: it would slip.
     EXPECT_TRUE(frozen("--controls " + table + " --push cube:0,20,0:1.2..1.5")) << closed;
   }
+}
+
+// Two arms that squeeze a box from both sides, each a mechanism of its own or both on one table.
+std::string TwoArms(bool on_one_table) {
+  std::string arms;
+  for (const char* name : {"left", "right"}) {
+    const std::string n = name, side = name[0] == 'l' ? "-" : "";
+    arms += "<body name='" + n + "_foot' pos='" + side +
+            ".1 0 .1'><geom type='box' size='.01 .02 .1' mass='1' contype='0' "
+            "conaffinity='0'/><body name='" +
+            n + "_hand' pos='0 0 .1'><joint name='" + n + "' type='slide' axis='" +
+            (side.empty() ? "-1" : "1") +
+            " 0 0' damping='20'/><geom type='box' size='.02 .05 .05' mass='.2'/></body></body>";
+  }
+  if (on_one_table) arms = "<body name='table'>" + arms + "</body>";
+  return Write(on_one_table ? "table.xml" : "apart.xml",
+               "<mujoco><option timestep='.01'/><custom><text name='fork1s_interface' data='left_hand "
+               "right_hand'/></custom>"
+               "<worldbody>" +
+                   arms +
+                   "<body name='box' pos='0 0 .2'><freejoint/><geom type='box' size='.078 .03 .03' "
+                   "mass='.5'/></body></worldbody><actuator><position name='left' joint='left' kp='500'/>"
+                   "<position name='right' joint='right' kp='500'/></actuator></mujoco>");
+}
+
+TEST(Detail, WhatSeveralMechanismsHoldIsNamedAndCanBeMendedInTheFile) {
+  const std::string table = Write("squeeze.csv", "time,left,right\n0,.02,.02\n");
+  const auto run = [&](bool on_one_table) {
+    const Outcome o = Fork1s("run --json --time 1 --controls " + table + " --detail interface,.5:object " +
+                             TwoArms(on_one_table));
+    EXPECT_EQ(o.code, 0) << o.err;
+    return o.Json();
+  };
+  const std::string refused = run(false)["detail"][1]["refused"].dump();
+  for (const char* said : {"'left_foot'", "'right_foot'", "'box'", "one base"})
+    EXPECT_NE(refused.find(said), std::string::npos) << refused;
+  const auto joined = run(true);
+  EXPECT_TRUE(joined["detail"][1]["refused"].is_null()) << joined["detail"].dump(1);
+  EXPECT_LT(joined["hold_use_max"].get<double>(), 1);
+  EXPECT_NE(joined["interface"].dump().find("\"box\""), std::string::npos);  // part of the mechanism now
 }
 
 TEST(Detail, WordsThatAreNoneAreUsageErrors) {

@@ -111,6 +111,16 @@ TEST(Clamps, AreSaid) {
   EXPECT_NE(o.err.find("does nothing"), std::string::npos) << o.err;
   const auto warnings = Fork1s("run --json --time 1 --controls " + table + " " + model).Json()["warnings"];
   EXPECT_NE(warnings.dump().find("held at 1"), std::string::npos);
+  // A comparison clamps the same on both sides, and says so.
+  const Outcome compared = Fork1s("compare --json --time 1 --refinements 0 --controls " + table +
+                                  " --push tip:0,0,1:0.5..3 " + model);
+  ASSERT_EQ(compared.code, 0) << compared.err;
+  const std::string said = compared.Json()["warnings"].dump();
+  EXPECT_NE(said.find("held at 1"), std::string::npos) << said;
+  EXPECT_NE(said.find("far.csv goes on to 3 s"), std::string::npos) << said;
+  EXPECT_NE(said.find("0.5..3 goes on to 3 s"), std::string::npos) << said;
+  const std::string short_run = Fork1s("run --time 1 --dt 0.7 " + model).err;
+  EXPECT_NE(short_run.find("0.7 s are simulated"), std::string::npos) << short_run;
   // What is within range and time is no news.
   const std::string fine = Write("fine.csv", "time,bend\n0,0\n1,0.9\n");
   EXPECT_EQ(Fork1s("run --time 1 --controls " + fine + " " + model).err.find("warning"), std::string::npos);

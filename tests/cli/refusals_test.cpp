@@ -1,5 +1,7 @@
 // Bad input: exit code 3 (or 2 for usage), one sentence that names the place, no crash.
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "command.hpp"
 
@@ -82,12 +84,41 @@ TEST(Usage, ExitCodeTwo) {
 TEST(Names, UnknownOnesListWhatThereIs) {
   const std::string model = Write("finger.xml", FingerModel());
   const Outcome body = Fork1s("statics --force 0,0,1 --body thumb " + model);
-  EXPECT_EQ(body.code, 3);
+  EXPECT_EQ(body.code, 2);  // the word on the command line is at fault
   EXPECT_NE(body.err.find("tip"), std::string::npos) << body.err;
   const Outcome control = Fork1s("run --controls " + Write("c.csv", "time,twist\n0,1\n") + " " + model);
   EXPECT_EQ(control.code, 3);
   EXPECT_NE(control.err.find("bend"), std::string::npos) << control.err;
-  EXPECT_EQ(Fork1s("run --keyframe home " + model).code, 2);  // the word on the command line is at fault
+  EXPECT_EQ(Fork1s("run --keyframe home " + model).code, 2);
+}
+
+// A wrong name is refused by every command behind the option as it was typed, and no line of ours is in it.
+TEST(Names, AreRefusedInTheUsersWords) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const std::string file = (ScratchFolder() / "named.h5").string();
+  ASSERT_EQ(Fork1s("run --time 0.1 --record " + file + " " + model).code, 0);
+  std::vector<std::pair<std::string, std::string>> lines;  // command, option
+  for (const char* command :
+       {"inspect", "reduce", "statics --body tip", "run", "compare", "view --no-open --port 0"})
+    for (const char* option : {"--interface", "--keyframe", "--q", "--pd"}) {
+      const std::string value = std::string(option) == "--q"    ? "nobody=1"
+                                : std::string(option) == "--pd" ? "nobody=1,1"
+                                                                : "nobody";
+      lines.emplace_back(std::string(command) + " " + option + " " + value + " " + model, option);
+    }
+  for (const char* command : {"run", "compare"})
+    lines.emplace_back(std::string(command) + " --push nobody:1,0,0 " + model, "--push");
+  lines.emplace_back("statics --body nobody --force 0,0,1 " + model, "--body");
+  lines.emplace_back("export --look-at nobody --at 0 " + file + " " + (ScratchFolder() / "n.png").string(),
+                     "--look-at");
+  for (const auto& [line, option] : lines) {
+    const Outcome o = Fork1s(line);
+    EXPECT_EQ(o.code, 2) << line << "\n" << o.err;
+    EXPECT_NE(o.err.find(option), std::string::npos) << line << "\n" << o.err;
+    EXPECT_NE(o.err.find("'nobody'"), std::string::npos) << line << "\n" << o.err;
+    for (const char* ours : {".cpp", ".hpp", "requirement"})
+      EXPECT_EQ(o.err.find(ours), std::string::npos) << line << "\n" << o.err;
+  }
 }
 
 TEST(Files, MissingEmptyAndForeign) {

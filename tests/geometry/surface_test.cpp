@@ -179,6 +179,38 @@ TEST(Surface, HeightfieldsStandWhereTheirValuesSay) {
     EXPECT_LT((n.cast<double>() - Vector3(-0.5, 0, 4).normalized()).norm(), 1e-6);
 }
 
+// A vertex that two triangles see in different places of a picture is written twice, else once.
+TEST(Surface, PlacesInAPictureFollowTheirCorners) {
+  auto mesh = std::make_shared<TriangleMesh>();
+  mesh->vertices = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
+  mesh->triangles = {{0, 1, 2}, {2, 2, 2}, {0, 2, 3}};  // the second is none, its corners go with it
+  EXPECT_TRUE(MakeSurface(MeshShape{mesh}).uv.empty());
+  const Eigen::Vector2f nowhere(9, 9);
+  mesh->corner_uv = {{0, 0}, {1, 0}, {1, 1}, nowhere, nowhere, nowhere, {0, 0}, {0.5, 0.5}, {0, 1}};
+  const Surface s = MakeSurface(MeshShape{mesh});
+  ASSERT_EQ(s.uv.size(), s.vertices.size());
+  EXPECT_EQ(s.vertices.size(), 5u);
+  for (std::size_t t = 0; t < 2; ++t)
+    for (int k = 0; k < 3; ++k)
+      EXPECT_EQ(s.uv[static_cast<std::size_t>(s.triangles[t](k))],
+                mesh->corner_uv[6 * t + static_cast<std::size_t>(k)]);
+  mesh->corner_uv.pop_back();
+  EXPECT_THROW(MakeSurface(MeshShape{mesh}), std::invalid_argument);
+}
+
+#ifdef NDEBUG
+TEST(Requirements, NameNoPlaceInOurSources) {
+  try {
+    MakeSurface(Sphere{1}, {.sides = 3});
+    FAIL() << "three sides were taken";
+  } catch (const std::invalid_argument& e) {
+    const std::string text = e.what();
+    EXPECT_NE(text.find("options.sides"), std::string::npos) << text;
+    EXPECT_EQ(text.find(".cpp"), std::string::npos) << text;
+  }
+}
+#endif
+
 TEST(Surface, BrokenMeshesAreRefusedAndMissingOnesEmpty) {
   EXPECT_TRUE(MakeSurface(MeshShape{}).vertices.empty());
   auto mesh = Cube();

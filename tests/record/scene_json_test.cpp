@@ -42,6 +42,8 @@ class BitList {
   void Add(const GeometryDef& g) {
     Add(g.name), Add(static_cast<int>(g.shape.index())), Add(g.X_BG), Add(g.friction), Add(g.priority);
     Add(g.contype), Add(g.conaffinity), Add(g.frictionless), Add(g.rgba), Add(g.group);
+    Add(g.picture != nullptr), Add(g.picture_x), Add(g.picture_y);
+    if (g.picture) Add(g.picture->name), Add(g.picture->width), Add(static_cast<int>(g.picture->rgb.size()));
     if (auto* s = std::get_if<Plane>(&g.shape)) Add(s->half_x), Add(s->half_y);
     if (auto* s = std::get_if<Sphere>(&g.shape)) Add(s->radius);
     if (auto* s = std::get_if<Capsule>(&g.shape)) Add(s->radius), Add(s->half_length);
@@ -131,6 +133,7 @@ TEST(SceneJson, SharesMeshesAgain) {
   const ModelText text = WriteScene(SceneWithEverything(1));
   EXPECT_EQ(text.meshes.size(), 1u);
   EXPECT_EQ(text.grids.size(), 1u);
+  EXPECT_EQ(text.pictures.size(), 1u);
   const auto read = ReadScene(text, "test");
   ASSERT_TRUE(read);
   const auto& a = std::get<MeshShape>(read->world[6].shape).mesh;

@@ -195,6 +195,8 @@ inline Scene SceneWithEverything(unsigned seed) {
   auto grid = std::make_shared<HeightGrid>();
   *grid = {"hills", 3, 4, random.Uniform(0, 1), random.Uniform(0, 1), random.Uniform(0, 1), 0.1, {}};
   for (int i = 0; i < 12; ++i) grid->values.push_back(static_cast<float>(random.Uniform(0, 1)));
+  auto picture = std::make_shared<Picture>();
+  *picture = {"stripes", 2, 1, {255, 0, 0, 0, 0, 255}};
   FreeBodyDef body;
   body.name = "free";
   body.X_WB = random.Pose(1);
@@ -218,6 +220,8 @@ inline Scene SceneWithEverything(unsigned seed) {
     g.conaffinity = random.Below(4);
     g.frictionless = random.Chance(0.5);
     g.rgba = Vector4(0.1, random.Uniform(0, 1), 1.0 / 3, 1);
+    if (random.Chance(0.5)) g.picture = picture;
+    g.picture_x = random.Uniform(0, 1);
     g.group = random.Below(5);
     body.geometries.push_back(g);
   }

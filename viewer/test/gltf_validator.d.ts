@@ -6,7 +6,7 @@ declare module 'gltf-validator' {
       numWarnings: number;
       messages: { code: string; message: string; pointer?: string; severity: number }[];
     };
-    info: { animationCount: number; drawCallCount: number; totalTriangleCount: number };
+    info: { animationCount: number; drawCallCount: number; hasTextures: boolean; totalTriangleCount: number };
   }
   export function validateBytes(data: Uint8Array): Promise<Report>;
 }

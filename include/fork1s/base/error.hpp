@@ -41,7 +41,12 @@ template <class... Values>
 [[noreturn]] void ThrowRequirement(const char* condition, const char* file, int line,
                                    const Values&... values) {
   std::ostringstream text;
-  text << "requirement not met: " << condition << " (" << file << ':' << line << ')';
+  text << "requirement not met: " << condition;
+#ifdef NDEBUG  // whoever runs a release has no use for a place in our sources
+  static_cast<void>(file), static_cast<void>(line);
+#else
+  text << " (" << file << ':' << line << ')';
+#endif
   ((text << ' ' << values), ...);
   throw std::invalid_argument(text.str());
 }

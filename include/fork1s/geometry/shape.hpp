@@ -15,6 +15,16 @@ struct TriangleMesh {
   std::string name;
   std::vector<Eigen::Vector3f> vertices;
   std::vector<Eigen::Vector3i> triangles;
+  /// Where a picture is seen: three a triangle, a corner each, (0, 0) being the picture's upper left and
+  /// (1, 1) its lower right; or none.
+  std::vector<Eigen::Vector2f> corner_uv;
+};
+
+/// What is drawn on a surface, again and again beyond its edges.
+struct Picture {
+  std::string name;
+  int width = 0, height = 0;      // pixels
+  std::vector<std::uint8_t> rgb;  // three bytes a pixel (sRGB), rows from the top
 };
 
 /// Heights over a regular grid, row-major from (-x, -y); heights [m] are above the frame's z = 0.

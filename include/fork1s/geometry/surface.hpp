@@ -11,6 +11,7 @@ struct Surface {
   std::vector<Eigen::Vector3f> vertices;
   std::vector<Eigen::Vector3f> normals;    // one a vertex, unit, outwards
   std::vector<Eigen::Vector3i> triangles;  // vertex numbers
+  std::vector<Eigen::Vector2f> uv;         // one a vertex, of meshes that have corner_uv; else none
 };
 
 struct SurfaceOptions {

@@ -8,6 +8,7 @@
 #include <fork1s/spatial/rigid_transform.hpp>
 #include <fork1s/spatial/spatial_inertia.hpp>
 #include <limits>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -32,6 +33,9 @@ struct GeometryDef {
                            // mean of its damping ratios (restitution.hpp), or the higher priority's
   Vector4 rgba = Vector4(0.6, 0.6, 0.6, 1);
   int group = 0;  // for drawing only
+  /// For drawing only, of meshes with corner_uv and of planes; it multiplies rgba. None: nullptr.
+  std::shared_ptr<const Picture> picture;
+  double picture_x = 0, picture_y = 0;  // 1/m: pictures along x and y of a plane, one in its middle
 
   bool Collides() const { return contype != 0 || conaffinity != 0; }
 };

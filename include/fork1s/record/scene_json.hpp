@@ -10,12 +10,13 @@
 
 namespace fork1s {
 
-/// JSON with what is too large for it beside it: shapes name their mesh or height grid by its place here.
-/// Shapes that share a mesh share it again after reading.
+/// JSON with what is too large for it beside it: shapes name their mesh, height grid or picture by its place
+/// here. Shapes that share a mesh share it again after reading.
 struct ModelText {
   std::string json;
   std::vector<std::shared_ptr<const TriangleMesh>> meshes;
   std::vector<std::shared_ptr<const HeightGrid>> grids;
+  std::vector<std::shared_ptr<const Picture>> pictures = {};
 };
 
 /// Finite doubles are written with the digits that give the same bits back, others as "inf", "-inf" and

@@ -125,14 +125,18 @@ class Simulation {
   World& world() { return world_; }
   StepOptions& step_options() { return step_options_; }
   const StepOptions& step_options() const { return step_options_; }
-  const std::vector<std::string>& warnings() const { return world_.warnings(); }
+  /// Sentences about doubtful decisions in the reduction of the mechanisms as the scene gives them.
+  const std::vector<std::string>& warnings() const { return warnings_; }
 
  private:
   Simulation() = default;
   World::Options WorldOptions(const Fidelity& fidelity) const;
   void ListBodies();
+  void ListWarnings();
   void PassControls();
 
+  std::vector<std::string> warnings_;
+  std::vector<std::vector<std::string>> own_warnings_;  // of each mechanism while it held nothing
   Scene scene_;
   std::shared_ptr<const Scene> present_scene_;
   int world_keyframe_ = -1;                              // of present_scene_, at which world_ was made

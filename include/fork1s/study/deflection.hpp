@@ -28,6 +28,8 @@ struct LoadedBody {
   int iterations = 0;
   double residual = 0;  // relative to the forces
   bool stable = true;   // false: a slight push makes the mechanism leave this equilibrium
+  /// Sentences on joints that the load bends beyond their stops, which statics does not know.
+  std::vector<std::string> beyond_stops;
 };
 
 /// Deflection of the loaded body under load, gravity [m/s²] and the controls' initial values, the base held.

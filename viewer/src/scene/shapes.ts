@@ -9,10 +9,26 @@ const FIRST_HIDDEN_GROUP = 3;
 
 const ALONG_Z = new THREE.Matrix4().makeRotationX(Math.PI / 2); // three's cylinders stand along y
 
+function linearColors(colors: Uint32Array): Float32Array {
+  const out = new Float32Array(3 * colors.length);
+  const tone = new THREE.Color();
+  colors.forEach((c, k) => {
+    tone.setRGB((c & 255) / 255, ((c >> 8) & 255) / 255, ((c >> 16) & 255) / 255, THREE.SRGBColorSpace);
+    out.set([tone.r, tone.g, tone.b], 3 * k);
+  });
+  return out;
+}
+
 function meshGeometry(mesh: MeshData): THREE.BufferGeometry {
-  const geometry = new THREE.BufferGeometry();
+  let geometry = new THREE.BufferGeometry();
   geometry.setAttribute('position', new THREE.BufferAttribute(mesh.positions, 3));
   geometry.setIndex(new THREE.BufferAttribute(mesh.triangles, 1));
+  if (mesh.colors.length > 0) {
+    const corners = geometry.toNonIndexed();
+    geometry.dispose();
+    geometry = corners;
+    geometry.setAttribute('color', new THREE.BufferAttribute(linearColors(mesh.colors), 3));
+  }
   // Files give no normals here: smooth where the surface is, sharp at edges of more than 40 degrees.
   const creased = toCreasedNormals(mergeVertices(geometry, 1e-6), (40 * Math.PI) / 180);
   geometry.dispose();
@@ -91,7 +107,14 @@ function merge(parts: { geometry: THREE.BufferGeometry; shape: ShapeInfo }[]): T
     position.set(p.array as Float32Array, 3 * v);
     normal.set(geometry.getAttribute('normal').array as Float32Array, 3 * v);
     tone.setRGB(shape.rgba[0], shape.rgba[1], shape.rgba[2], THREE.SRGBColorSpace);
-    for (let k = 0; k < p.count; ++k) color.set([tone.r, tone.g, tone.b], 3 * (v + k));
+    const picture = geometry.getAttribute('color'); // of a picture, see MeshData
+    for (let k = 0; k < p.count; ++k)
+      color.set(
+        picture
+          ? [tone.r * picture.getX(k), tone.g * picture.getY(k), tone.b * picture.getZ(k)]
+          : [tone.r, tone.g, tone.b],
+        3 * (v + k),
+      );
     body.fill(shape.body, v, v + p.count);
     const own = geometry.index;
     const count = own?.count ?? p.count;

@@ -88,7 +88,12 @@ function decodeMeshes(reader: Reader): MeshData[] {
   for (let i = reader.u32(); i > 0; --i) {
     const vertices = reader.u32();
     const triangles = reader.u32();
-    meshes.push({ positions: reader.floats(vertices * 3), triangles: reader.words(triangles * 3) });
+    const colors = reader.u32();
+    meshes.push({
+      positions: reader.floats(vertices * 3),
+      triangles: reader.words(triangles * 3),
+      colors: reader.words(colors),
+    });
   }
   return meshes;
 }

@@ -40,7 +40,7 @@ export interface ControlInfo {
 }
 
 /** Of the stream that this page understands: kWireVersion of the program. */
-export const WIRE_VERSION = 3;
+export const WIRE_VERSION = 4;
 
 export interface SceneMessage {
   type: 'scene';
@@ -112,6 +112,7 @@ export type TextMessage = SceneMessage | SettingsMessage | GeometryMessage | Not
 export interface MeshData {
   positions: Float32Array;
   triangles: Uint32Array;
+  colors: Uint32Array; // of the corners of its triangles, red in the lowest byte (sRGB); or none
 }
 
 /** What there is to draw. */

@@ -1,6 +1,6 @@
 // Files of `fork1s export` under the eyes of others: Khronos' validator and three.js' loader.
 import { execFileSync } from 'node:child_process';
-import { existsSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { validateBytes } from 'gltf-validator';
@@ -56,6 +56,25 @@ describe.skipIf(!existsSync(BINARY))('glTF files', () => {
         expect(report.info.animationCount).toBe(1);
         expect(report.info.totalTriangleCount).toBeGreaterThan(100);
       });
+
+  it('is valid with pictures on a mesh and a floor', async () => {
+    const model = join(folder, 'picture.xml');
+    writeFileSync(
+      model,
+      `<mujoco><asset><texture name="squares" type="2d" builtin="checker" rgb1="1 0 0" rgb2="0 0 1" width="8" height="6"/>
+       <material name="squares" texture="squares" texrepeat="5 5" texuniform="true"/>
+       <mesh name="tetra" vertex="0 0 0 .1 0 0 0 .1 0 0 0 .1" face="0 2 1 0 1 3 0 3 2 1 2 3" texcoord="0 0 1 0 0 1 .5 .5"/></asset>
+       <worldbody><geom type="plane" size="0 0 .1" material="squares"/>
+       <body pos="0 0 .3"><freejoint/><geom type="mesh" mesh="tetra" material="squares"/></body></worldbody></mujoco>`,
+    );
+    fork1s('run', model, '--time', '0.1', '--record', join(folder, 'picture.h5'));
+    for (const kind of ['glb', 'gltf']) {
+      fork1s('export', join(folder, 'picture.h5'), join(folder, `picture.${kind}`));
+      const report = await validateBytes(new Uint8Array(readFileSync(join(folder, `picture.${kind}`))));
+      expect(report.issues.messages.filter((m) => m.severity < 2)).toEqual([]);
+      expect(report.info.hasTextures).toBe(true);
+    }
+  });
 
   for (const name of scenes)
     it(`${name} plays in three.js as it was simulated`, async () => {

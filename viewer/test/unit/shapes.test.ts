@@ -53,6 +53,22 @@ describe('mergeShapes', () => {
     expect(new Set(moving[0]?.geometry.getAttribute('body').array)).toEqual(new Set([2]));
   });
 
+  it('multiplies the colour of a shape by those of its mesh, corner by corner', () => {
+    const meshes = [
+      {
+        positions: new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0]),
+        triangles: new Uint32Array([0, 1, 2]),
+        colors: new Uint32Array([0x0000ff, 0x00ff00, 0xff0000]),
+      },
+      { positions: new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0]), triangles: new Uint32Array([0, 1, 2]), colors: new Uint32Array() },
+    ];
+    const shapes = [0, 1].map((mesh) => shape(0, [], { kind: 'mesh', mesh, rgba: [1, 1, 0, 1] }));
+    const { moving } = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 2 }, meshes }, [root(0, 1)], false);
+    const color = [...(moving[0]?.geometry.getAttribute('color').array ?? [])];
+    expect(color.slice(0, 9)).toEqual([1, 0, 0, 0, 1, 0, 0, 0, 0]);
+    expect(color.slice(9)).toEqual([1, 1, 0, 1, 1, 0, 1, 1, 0]);
+  });
+
   it('gives round shapes fewer facets where there are many', () => {
     const count = (n: number): number => {
       const roots = Array.from({ length: n }, (_, i) => root(i, 1));

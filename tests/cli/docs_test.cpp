@@ -1,0 +1,115 @@
+// Pages that a reader follows word by word: their files are written, their commands run in order in one
+// folder, and every line of output that they show is said today, but for what a clock said.
+#include <cmath>
+#include <regex>
+#include <string>
+#include <vector>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+struct PageFence {
+  std::string kind, name;  // the name that the text before it gives a file
+  std::vector<std::string> lines;
+};
+
+std::vector<PageFence> FencesOf(const std::string& page) {
+  std::vector<PageFence> fences;
+  std::stringstream text(page);
+  std::string said;  // what was last put in backticks before a fence
+  bool inside = false;
+  for (std::string line; std::getline(text, line);) {
+    if (line.rfind("```", 0) == 0) {
+      inside = !inside;
+      if (inside) fences.push_back({line.substr(3), said, {}});
+      continue;
+    }
+    if (inside) {
+      fences.back().lines.push_back(line);
+      continue;
+    }
+    static const std::regex kSave("[Ss]ave this as `([^`]+)`");
+    if (std::smatch found; std::regex_search(line, found, kSave)) said = found[1];
+  }
+  EXPECT_FALSE(inside) << "a fence is never closed";
+  return fences;
+}
+
+// Words and numbers of a line; a number stands as '#' among the words.
+std::pair<std::string, std::vector<double>> Taken(const std::string& line) {
+  static const std::regex kNumber("[-+]?(\\d+\\.?\\d*|\\.\\d+)([eE][-+]?\\d+)?"), kBlanks("\\s+");
+  std::vector<double> numbers;
+  for (std::sregex_iterator at(line.begin(), line.end(), kNumber), end; at != end; ++at)
+    numbers.push_back(std::stod(at->str()));
+  return {std::regex_replace(std::regex_replace(line, kNumber, "#"), kBlanks, " "), numbers};
+}
+
+bool SaysTheSame(const std::string& shown, const std::string& said) {
+  const auto [words, numbers] = Taken(shown);
+  const auto [other_words, others] = Taken(said);
+  if (words != other_words) return false;
+  if (shown.find("times real time") != std::string::npos) return true;
+  for (std::size_t i = 0; i < numbers.size(); ++i)
+    if (std::abs(numbers[i] - others[i]) > 0.02 * std::abs(numbers[i]) + 2e-5) return false;
+  return true;
+}
+
+bool IsSaid(const std::string& line, const Outcome& o) {
+  for (const std::string* stream : {&o.out, &o.err}) {
+    std::stringstream text(*stream);
+    for (std::string said; std::getline(text, said);)
+      if (SaysTheSame(line, said)) return true;
+  }
+  return false;
+}
+
+void FollowPage(const std::string& name) {
+  const std::filesystem::path source = FORK1S_SOURCE_DIR, folder = ScratchFolder() / name;
+  std::filesystem::create_directories(folder);
+  std::filesystem::create_directory_symlink(source / "scenes", folder / "scenes");
+  int commands = 0, shown = 0;
+  for (const PageFence& fence : FencesOf(Slurp(source / "docs" / name))) {
+    if (fence.kind != "console") {
+      ASSERT_FALSE(fence.name.empty()) << "no name for a fence of " << fence.kind;
+      std::ofstream file(folder / fence.name);
+      for (const std::string& line : fence.lines) file << line << '\n';
+      continue;
+    }
+    Outcome o;
+    bool skipped = false;
+    for (const std::string& line : fence.lines) {
+      if (line.rfind("$ ", 0) == 0) {
+        std::string command = line.substr(2);
+        if (command.rfind("fork1s ", 0) == 0) command = FORK1S_BINARY + command.substr(6);
+        // Whoever reads the page has a browser, and ends the session himself.
+        if (line.rfind("$ fork1s view ", 0) == 0) command += " --no-open --port 0 --time 0.2";
+        o = Shell("cd '" + folder.string() + "' && " + command);
+        skipped = o.err.find("built without its page") != std::string::npos;
+        EXPECT_TRUE(o.code == 0 || skipped) << line << "\n" << o.err;
+        ++commands;
+      } else if (line != "..." && !skipped) {
+        EXPECT_TRUE(IsSaid(line, o)) << "docs/" << name << " shows\n"
+                                     << line << "\nand the program says\n"
+                                     << o.out << o.err;
+        ++shown;
+      }
+    }
+  }
+  EXPECT_GE(commands, 5);
+  EXPECT_GE(shown, 10);
+}
+
+TEST(Docs, TheGripperPageSaysWhatRuns) { FollowPage("gripper_in_ten_minutes.md"); }
+TEST(Docs, TheHandPageSaysWhatRuns) { FollowPage("hand_stiffness.md"); }
+
+// The two above find what went stale: a line with another word or number is not what was said.
+TEST(Docs, AnotherNumberIsNotTheSame) {
+  EXPECT_TRUE(SaysTheSame("  held by 7.31 N,  0.0000 mm", "  held by 7.312 N, -0.00001 mm"));
+  EXPECT_FALSE(SaysTheSame("  held by 7.31 N", "  held by 7.51 N"));
+  EXPECT_FALSE(SaysTheSame("  held by 7.31 N", "  kept by 7.31 N"));
+}
+
+}  // namespace
+}  // namespace fork1s::test
