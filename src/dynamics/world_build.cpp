@@ -134,6 +134,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.points_.reserve(room);
   detail.contacts_.reserve(room);
   detail.previous_.reserve(room);
+  detail.places_.reserve(16);
   detail.candidates_.reserve(16);  // a patch of four beside one of four
   detail.before_.contacts.reserve(room);
   detail.before_.speeds_W.reserve(room);

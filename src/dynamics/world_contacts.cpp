@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <tuple>
@@ -180,11 +181,11 @@ void World::Detail::MatchPrevious() {
     while (end < points_.size() && who(points_[end]) == shapes) ++end;
     const auto first = std::lower_bound(previous_order_.begin(), previous_order_.end(), shapes,
                                         [&](int k, const auto& wanted) { return who(of(k)) < wanted; });
-    candidates_.clear();
-    const bool only = end == begin + 1 && (first == previous_order_.end() ||
-                                           first + 1 == previous_order_.end() || who(of(first[1])) != shapes);
-    for (auto at = first; at != previous_order_.end() && who(of(*at)) == shapes; ++at)
-      for (std::size_t i = begin; i < end; ++i) AddCandidate(i, *at, only);
+    auto last = first;
+    while (last != previous_order_.end() && who(of(*last)) == shapes) ++last;
+    const int* order = previous_order_.data();
+    AddCandidates(begin, end, order + (first - previous_order_.begin()),
+                  order + (last - previous_order_.begin()));
     std::sort(candidates_.begin(), candidates_.end());
     for (const auto& [moved, i, k] : candidates_) {
       if (match_[static_cast<std::size_t>(i)] >= 0 || previous_used_[static_cast<std::size_t>(k)]) continue;
@@ -194,24 +195,49 @@ void World::Detail::MatchPrevious() {
   }
 }
 
-// `only`: no other pair will be compared with it.
-void World::Detail::AddCandidate(std::size_t contact, int previous, bool only) {
-  constexpr double kFarthest = 0.02;  // m: what moved farther over both bodies is another contact
-  const ContactPoint& p = points_[contact];
-  const ContactPoint& o = previous_[static_cast<std::size_t>(previous)].point;
-  if (o.frame.row(0).dot(p.frame.row(0)) <= 0.8) return;
-  double moved = (o.point - p.point).squaredNorm();
-  if (!only || moved >= kFarthest * kFarthest) {
-    const auto on = [&](int contactor) {
-      const RigidTransform &X = contactor_pose_[static_cast<std::size_t>(contactor)],
-                           &X_o = previous_pose_[static_cast<std::size_t>(contactor)];
-      return (X.rotation().transpose() * (p.point - X.translation()) -
-              X_o.rotation().transpose() * (o.point - X_o.translation()))
-          .squaredNorm();
+void World::Detail::AddCandidates(std::size_t begin, std::size_t end, const int* first, const int* last) {
+  constexpr double kFarthest = 0.02 * 0.02;  // m²: what moved farther over both bodies is another contact
+  constexpr double kStays = 1e-4 * 1e-4;     // m²: points nearer than that carry what one of them carries
+  candidates_.clear();
+  const auto add = [&](const auto& distance) {
+    double farthest = 0;  // of the points that are nearest to each
+    for (std::size_t i = begin; i < end; ++i) {
+      double nearest = kFarthest;
+      for (const int* k = first; k != last; ++k) {
+        const ContactPoint& o = previous_[static_cast<std::size_t>(*k)].point;
+        if (o.frame.row(0).dot(points_[i].frame.row(0)) <= 0.8) continue;
+        const double moved = distance(i, k, o);
+        nearest = std::min(nearest, moved);
+        if (moved < kFarthest) candidates_.push_back({moved, static_cast<int>(i), *k});
+      }
+      farthest = std::max(farthest, nearest);
+    }
+    return farthest;
+  };
+  const double farthest = add([&](std::size_t i, const int*, const ContactPoint& o) {
+    return (o.point - points_[i].point).squaredNorm();
+  });
+  const bool one_each = end == begin + 1 && last == first + 1;
+  if (first == last || farthest < (one_each ? kFarthest : kStays)) return;
+
+  places_.clear();
+  const auto keep = [&](const ContactPoint& p, const std::vector<RigidTransform>& poses) {
+    const auto on = [&](int contactor) -> Vector3 {
+      const RigidTransform& X = poses[static_cast<std::size_t>(contactor)];
+      return X.rotation().transpose() * (p.point - X.translation());
     };
-    moved = std::min({moved, on(p.body_a), on(p.body_b)});
-  }
-  if (moved < kFarthest * kFarthest) candidates_.push_back({moved, static_cast<int>(contact), previous});
+    places_.push_back({on(p.body_a), on(p.body_b)});
+  };
+  for (const int* k = first; k != last; ++k)
+    keep(previous_[static_cast<std::size_t>(*k)].point, previous_pose_);
+  for (std::size_t i = begin; i < end; ++i) keep(points_[i], contactor_pose_);
+  candidates_.clear();
+  add([&](std::size_t i, const int* k, const ContactPoint& o) {
+    const auto &then = places_[static_cast<std::size_t>(k - first)],
+               &now = places_[static_cast<std::size_t>(last - first) + i - begin];
+    return std::min({(o.point - points_[i].point).squaredNorm(), (now[0] - then[0]).squaredNorm(),
+                     (now[1] - then[1]).squaredNorm()});
+  });
 }
 
 // After Predict: Y of every block, the free velocities, and the rows of contacts and limits.

@@ -1,6 +1,7 @@
 // The insides of a World: what it holds between steps, and the parts of a step.
 #pragma once
 
+#include <array>
 #include <fork1s/dynamics/island_solver.hpp>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/dynamics/world.hpp>
@@ -36,7 +37,7 @@ struct World::Detail {
   void AssembleOperators();
   void AssembleConstraints(const StepOptions& options);
   void MatchPrevious();
-  void AddCandidate(std::size_t contact, int previous, bool only);
+  void AddCandidates(std::size_t begin, std::size_t end, const int* first, const int* last);
   void SolveContacts(const StepOptions& options, StepReport& report);
   bool UpdateForceLimits(const StepOptions& options);
   void ApplyImpulses();
@@ -80,6 +81,7 @@ struct World::Detail {
   std::vector<char> previous_used_;
   std::vector<int> previous_order_;  // of previous_, by what touches what
   std::vector<std::tuple<double, int, int>> candidates_;  // for match_: m², contact, previous contact
+  std::vector<std::array<Vector3, 2>> places_;            // of points on body a and b, in their axes
   bool middle_ = false;              // contacts of this step are found half way
   bool by_theta_ = false;
   std::vector<Vector3> missed_W_, previous_missed_W_;  // MissedWay()
