@@ -97,10 +97,10 @@ TEST(Stiffness, OfARightAngledArmAtItsTip) {
   const Kinematics k = At(arm, Vector2::Zero());
   const Vector3 tip = k.X_RB[2] * Vector3(1, 0, 0);
   const Matrix6X J = BodyJacobian(arm, k, BodyIndex(2));
-  const MatrixX J_tip = (J.bottomRows(3) - Skew(tip) * J.topRows(3)).topRows(2);
-  const MatrixX K_tip =
-      J_tip.inverse().transpose() * StiffnessMatrix(arm, k, Vector2::Zero()) * J_tip.inverse();
-  MatrixX expected(2, 2);
+  const Eigen::Matrix2d J_tip = (J.bottomRows(3) - Skew(tip) * J.topRows(3)).topRows(2);
+  const Eigen::Matrix2d from_tip = J_tip.inverse(), K = StiffnessMatrix(arm, k, Vector2::Zero());
+  const Eigen::Matrix2d K_tip = from_tip.transpose() * K * from_tip;
+  Eigen::Matrix2d expected;
   expected << 100, 100, 100, 200;
   EXPECT_LE((K_tip - expected).norm(), 1e-11);  // entries of 100 through two inverses
 }

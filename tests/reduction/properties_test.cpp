@@ -1,6 +1,7 @@
 // What must hold for every mechanism, tried on random ones.
 #include <gtest/gtest.h>
 #include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/statics.hpp>
 #include <mechanisms.hpp>
@@ -88,7 +89,7 @@ TEST(ReducedModelProperties, StiffnessIsDiagonal) {
     reduction.promote_hidden = true;
     const ReducedCase r(seed, options, reduction);
     ASSERT_TRUE(r.model) << r.model.error().Text();
-    const MatrixX K_r = r.model->Q.transpose() * r.K * r.model->Q;
+    const MatrixX K_r = Congruence(r.K, r.model->Q);
     EXPECT_LT((K_r - MatrixX(r.model->K_r.asDiagonal())).cwiseAbs().maxCoeff(), kUnitRounding);
     EXPECT_EQ(static_cast<int>(r.model->FreeColumns().size()), r.model->num_free);
     EXPECT_EQ(static_cast<int>(r.model->SprungColumns().size()), r.model->num_elastic + r.model->num_modes);
@@ -101,7 +102,7 @@ TEST(ReducedModelProperties, StiffnessIsDiagonal) {
     // M = QᵀM_qQ.
     MatrixX M;
     MassMatrix(*r.mechanism, r.kinematics, M);
-    const MatrixX M_r = r.model->Q.transpose() * M * r.model->Q;
+    const MatrixX M_r = Congruence(M, r.model->Q);
     EXPECT_LT((M_r - r.model->M).cwiseAbs().maxCoeff(), kUnitRounding * (1 + M_r.cwiseAbs().maxCoeff()));
     const MatrixX D_r = r.model->Q.transpose() * DampingMatrix(*r.mechanism, r.kinematics, r.q0) * r.model->Q;
     EXPECT_LT((D_r - r.model->D).cwiseAbs().maxCoeff(), kUnitRounding * (1 + D_r.cwiseAbs().maxCoeff()));
