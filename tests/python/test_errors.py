@@ -70,7 +70,7 @@ def test_unknown_names(hand, gripper):
         with pytest.raises(fork1s.UnknownNameError, match="^there is no .* 'thumb'; there are: ") as caught:
             reach()
         assert isinstance(caught.value, KeyError)
-    with pytest.raises(fork1s.ModelError, match="thumb"):
+    with pytest.raises(fork1s.UsageError, match="thumb"):
         fork1s.load(fork1s.scene("hand"), interface="thumb")
 
 
