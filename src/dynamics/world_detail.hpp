@@ -19,6 +19,7 @@ struct World::Detail {
   void Save(WorldState& out) const;
   void Restore(const WorldState& state);
   bool IsFinite() const;
+  bool PosesAreFinite() const;
   StepReport TakeBack(StepReport report);
   Expected<void> BuildCollision(const Scene& scene, const Options& options);
   void FindContacts(const StepOptions& options, StepReport& report);

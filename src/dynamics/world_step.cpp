@@ -72,13 +72,16 @@ void World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
 }
 
 bool World::Detail::IsFinite() const {
-  // Joints may be out of all proportion and finite, and the poses they lead to not.
-  const auto is_finite = [](const MechanismDynamics& m) {
-    const auto& X_RB = m.configuration().kinematics.X_RB;
-    return m.IsFinite() && std::all_of(X_RB.begin(), X_RB.end(), [](const auto& X) { return X.IsFinite(); });
-  };
-  return std::all_of(mechanisms_.begin(), mechanisms_.end(), is_finite) &&
+  return std::all_of(mechanisms_.begin(), mechanisms_.end(), [](const auto& m) { return m.IsFinite(); }) &&
          std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
+}
+
+// Joints may be out of all proportion and finite, and the poses they lead to not.
+bool World::Detail::PosesAreFinite() const {
+  return std::all_of(mechanisms_.begin(), mechanisms_.end(), [](const MechanismDynamics& m) {
+    const auto& X_RB = m.configuration().kinematics.X_RB;
+    return std::all_of(X_RB.begin(), X_RB.end(), [](const auto& X) { return X.IsFinite(); });
+  });
 }
 
 // As before the step, but for wrenches: they were meant for this step, and may be what was not finite.
@@ -125,7 +128,7 @@ StepReport World::Detail::Step(const StepOptions& options) {
   for (FreeBody& b : free_bodies_) b.Integrate(h);
   for (const MechanismDynamics& m : mechanisms_)
     report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
-  return IsFinite() ? report : TakeBack(report);
+  return IsFinite() && PosesAreFinite() ? report : TakeBack(report);
 }
 
 StepReport World::Step(const StepOptions& options) { return detail_->Step(options); }
