@@ -7,7 +7,11 @@
 #include <fork1s/study/accuracy.hpp>
 #include <string>
 
-int main(int argc, char** argv) {
+#include "benchmarks.hpp"
+
+namespace fork1s::benchmarks::accuracy {
+
+int Main(int argc, char** argv) {
   std::string out = "docs";
   if (argc == 3 && std::strcmp(argv[1], "--out") == 0) {
     out = argv[2];
@@ -15,9 +19,12 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "usage: accuracy [--out FOLDER]\n");
     return 1;
   }
-  if (auto written = fork1s::WriteAccuracyPage(FORK1S_SCENES, out); !written) {
+  if (auto written = fork1s::WriteAccuracyPage(FORK1S_SOURCE "/scenes", out); !written) {
     fmt::print(stderr, "{}\n", written.error().Text());
     return 1;
   }
   fmt::print("{0}/accuracy.md and {0}/accuracy/\n", out);
+  return 0;
 }
+
+}  // namespace fork1s::benchmarks::accuracy

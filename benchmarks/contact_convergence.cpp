@@ -17,9 +17,10 @@
 #include <string>
 #include <vector>
 
-namespace {
+#include "benchmarks.hpp"
 
-using namespace fork1s;
+namespace fork1s::benchmarks::contact_convergence {
+namespace {
 
 constexpr double kTimeStep = 1.0 / 60;  // s
 
@@ -76,7 +77,7 @@ bool PrintRow(const std::string& path, double seconds) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   if (argc < 3) {
     fmt::print(stderr, "usage: contact_convergence SECONDS MODEL...\n");
     return 2;
@@ -89,3 +90,5 @@ int main(int argc, char** argv) {
   for (int i = 2; i < argc; ++i) good = PrintRow(argv[i], std::atof(argv[1])) && good;
   return good ? 0 : 3;
 }
+
+}  // namespace fork1s::benchmarks::contact_convergence

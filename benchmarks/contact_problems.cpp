@@ -15,9 +15,10 @@
 #include <string>
 #include <vector>
 
-namespace {
+#include "benchmarks.hpp"
 
-using namespace fork1s;
+namespace fork1s::benchmarks::contact_problems {
+namespace {
 using namespace fork1s::testing;
 
 struct Tally {
@@ -73,7 +74,7 @@ void Print(Family family, int count) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   const int count = argc > 1 ? std::atoi(argv[1]) : 0;
   if (count <= 0) {
     fmt::print(stderr, "usage: contact_problems PROBLEMS_A_FAMILY [jam heap stack wedge grasp]\n");
@@ -88,3 +89,5 @@ int main(int argc, char** argv) {
       Print(family, count);
   return 0;
 }
+
+}  // namespace fork1s::benchmarks::contact_problems

@@ -10,6 +10,9 @@
 #include <fork1s/study/scene_table.hpp>
 #include <fstream>
 
+#include "benchmarks.hpp"
+
+namespace fork1s::benchmarks::detail_levels {
 namespace {
 
 int Report(const fork1s::Error& error) {
@@ -19,7 +22,7 @@ int Report(const fork1s::Error& error) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   using fork1s::DetailLevel;
   using fork1s::Recovery;
   const std::string source = FORK1S_SOURCE;
@@ -49,4 +52,7 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "{}/benchmarks/results/detail_levels.csv cannot be written\n", source);
     return 1;
   }
+  return 0;
 }
+
+}  // namespace fork1s::benchmarks::detail_levels

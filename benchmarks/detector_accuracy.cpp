@@ -18,12 +18,11 @@
 #include <optional>
 #include <random>
 
+#include "benchmarks.hpp"
 #include "certified_gap.hpp"
 
+namespace fork1s::benchmarks::detector_accuracy {
 namespace {
-
-using namespace fork1s;
-using namespace fork1s::benchmarks;
 
 constexpr double kMargin = 0.03;    // m
 constexpr double kDeepest = -4e-3;  // m
@@ -380,7 +379,7 @@ std::string TableLine(const Row& r) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   int count = 10000;
   bool multi_point = true;
   std::vector<std::string> wanted;
@@ -427,3 +426,5 @@ int main(int argc, char** argv) {
   }
   return 0;
 }
+
+}  // namespace fork1s::benchmarks::detector_accuracy

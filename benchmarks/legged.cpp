@@ -16,11 +16,11 @@
 #include <fstream>
 #include <optional>
 
+#include "benchmarks.hpp"
 #include "legged_mujoco.hpp"
 
+namespace fork1s::benchmarks::legged {
 namespace {
-
-using namespace fork1s;
 using namespace fork1s::examples;
 
 constexpr double kSettling = 20, kTime = 80;  // s
@@ -249,7 +249,7 @@ int Record(LeggedRobot robot, const LeggedOptions& options, const std::string& p
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   const std::string source = FORK1S_SOURCE;
   LeggedOptions options;
   options.scenes = source + "/scenes";
@@ -304,4 +304,7 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "{}/benchmarks/results/legged.csv cannot be written\n", source);
     return 1;
   }
+  return 0;
 }
+
+}  // namespace fork1s::benchmarks::legged

@@ -18,11 +18,11 @@
 
 #include <fmt/format.h>
 
+#include "benchmarks.hpp"
 #include "../tests/server/socket_client.hpp"
 
+namespace fork1s::benchmarks::live_rate {
 namespace {
-
-using namespace fork1s;
 using Json = nlohmann::json;
 using Clock = std::chrono::steady_clock;
 
@@ -105,7 +105,7 @@ std::optional<Frame> Next(test::SocketClient& client, int& body) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   if (argc < 2) {
     fmt::print(stderr, "usage: live_rate MODEL [OPTIONS OF view]\n");
     return 2;
@@ -156,4 +156,7 @@ int main(int argc, char** argv) {
   fmt::print("{},{:.2f},{:.1f},{:.3f},{:.1f},{:.0f},{:.0f},{:.0f}\n", argv[1],
              static_cast<double>(between_ms.size()) / seconds, Percentile(between_ms, 0.99), Median(rates),
              Median(step_us), Median(bytes), Median(answers), Percentile(answers, 1));
+  return 0;
 }
+
+}  // namespace fork1s::benchmarks::live_rate

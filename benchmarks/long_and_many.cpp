@@ -23,9 +23,10 @@
 
 #include <oneapi/tbb/global_control.h>
 
-namespace {
+#include "benchmarks.hpp"
 
-using namespace fork1s;
+namespace fork1s::benchmarks::long_and_many {
+namespace {
 using namespace fork1s::examples;
 using Clock = std::chrono::steady_clock;
 
@@ -260,7 +261,7 @@ int Usage() {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   const std::string source = FORK1S_SOURCE;
   std::string out = source + "/docs/scenes", record, only;
   for (int i = 1; i < argc; ++i) {
@@ -308,4 +309,7 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "{}/benchmarks/results/long_and_many.csv cannot be written\n", source);
     return 1;
   }
+  return 0;
 }
+
+}  // namespace fork1s::benchmarks::long_and_many

@@ -14,9 +14,10 @@
 #include <fork1s/recovery/recover.hpp>
 #include <vector>
 
-namespace {
+#include "benchmarks.hpp"
 
-using namespace fork1s;
+namespace fork1s::benchmarks::long_chain {
+namespace {
 using Clock = std::chrono::steady_clock;
 
 double Microseconds(Clock::time_point from) {
@@ -82,10 +83,13 @@ void Measure(int joints) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   std::vector<int> sizes;
   for (int i = 1; i < argc; ++i) sizes.push_back(std::atoi(argv[i]));
   if (sizes.empty()) sizes = {100, 200, 500, 1000, 2000, 5000};
   fmt::print("joints,reduce_ms,step_exact_us,step_twist_us,heap_MB\n");
   for (int joints : sizes) Measure(joints);
+  return 0;
 }
+
+}  // namespace fork1s::benchmarks::long_chain

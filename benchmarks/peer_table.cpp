@@ -21,9 +21,10 @@
 #include <utility>
 #include <vector>
 
-namespace {
+#include "benchmarks.hpp"
 
-using namespace fork1s;
+namespace fork1s::benchmarks::peer_table {
+namespace {
 
 struct Case {
   const char* scene;  // as the table calls it
@@ -81,7 +82,7 @@ Expected<ControlTrack> GraspControls(const std::string& model) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   // MuJoCo steps on one thread, so that we do as well.
   const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
   const std::string source = FORK1S_SOURCE;
@@ -137,4 +138,7 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "{}/benchmarks/results/peer_table.csv cannot be written\n", source);
     return 1;
   }
+  return 0;
 }
+
+}  // namespace fork1s::benchmarks::peer_table

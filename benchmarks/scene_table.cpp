@@ -11,6 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "benchmarks.hpp"
+
+namespace fork1s::benchmarks::scene_table {
 namespace {
 
 int Report(const fork1s::Error& error) {
@@ -20,7 +23,7 @@ int Report(const fork1s::Error& error) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   const std::string source = FORK1S_SOURCE;
   std::string out = source + "/docs/scenes";
   std::vector<std::string> scenes;
@@ -64,4 +67,7 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "{}/benchmarks/results/scene_table.csv cannot be written\n", source);
     return 1;
   }
+  return 0;
 }
+
+}  // namespace fork1s::benchmarks::scene_table

@@ -22,9 +22,10 @@
 #include <string>
 #include <vector>
 
-namespace {
+#include "benchmarks.hpp"
 
-using namespace fork1s;
+namespace fork1s::benchmarks::soak {
+namespace {
 
 constexpr double kPeriod = 10, kPush = 0.5;  // s
 
@@ -168,7 +169,7 @@ int Soak(int argc, char** argv) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   if (argc < 3 || !(std::atof(argv[2]) > 0)) {
     std::fputs("usage: soak MODEL HOURS [CONTROLS.csv [BODY:FX,FY,FZ [TOLERANCE]]]\n", stderr);
     return 2;
@@ -179,4 +180,7 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "{}\n", e.what());
     return 4;
   }
+  return 0;
 }
+
+}  // namespace fork1s::benchmarks::soak

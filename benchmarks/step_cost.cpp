@@ -21,11 +21,11 @@
 #include <string>
 #include <vector>
 
+#include "benchmarks.hpp"
 #include "mujoco_copier.hpp"
 
+namespace fork1s::benchmarks::step_cost {
 namespace {
-
-using namespace fork1s;
 using Clock = std::chrono::steady_clock;
 
 double ReductionMs(const Simulation& simulation) {
@@ -107,10 +107,12 @@ int Measure(int argc, char** argv) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   if (argc < 2) {
     std::fprintf(stderr, "usage: step_cost MODEL [CONTROLS.csv|- [SECONDS [FROM]]]\n");
     return 2;
   }
   return Measure(argc, argv);
 }
+
+}  // namespace fork1s::benchmarks::step_cost

@@ -18,11 +18,11 @@
 #include <memory>
 #include <string>
 
+#include "benchmarks.hpp"
 #include "mujoco_copier.hpp"
 
+namespace fork1s::benchmarks::step_instructions {
 namespace {
-
-using namespace fork1s;
 
 constexpr double kTimeStep = 1.0 / 60;  // s
 
@@ -73,10 +73,12 @@ int Walk(int argc, char** argv) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   if (argc < 2) {
     fmt::print(stderr, "usage: step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete]]]\n");
     return 2;
   }
   return Walk(argc, argv);
 }
+
+}  // namespace fork1s::benchmarks::step_instructions

@@ -17,9 +17,10 @@
 #include <string>
 #include <vector>
 
-namespace {
+#include "benchmarks.hpp"
 
-using namespace fork1s;
+namespace fork1s::benchmarks::validation {
+namespace {
 
 const char* const kOracleTitle = "## Oracle cases\n";
 
@@ -165,7 +166,7 @@ std::string OracleOf(const std::string& path) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   std::string oracle, out = "docs/validation.md";
   for (int i = 1; i + 1 < argc; i += 2) {
     if (std::strcmp(argv[i], "--oracle") == 0)
@@ -193,3 +194,5 @@ int main(int argc, char** argv) {
   }
   return missed > 0 ? 1 : 0;
 }
+
+}  // namespace fork1s::benchmarks::validation

@@ -109,6 +109,10 @@ void Cholesky::SolveInPlace(MatrixX& x) const {
   L_.triangularView<Eigen::Lower>().transpose().solveInPlace(x);
 }
 
+void Cholesky::SolveLowerInPlace(MatrixX& x) const {
+  if (L_.size() > 0 && x.cols() > 0) L_.triangularView<Eigen::Lower>().solveInPlace(x);
+}
+
 Vector6 SolvePositive(const Matrix6& A, const Vector6& b) { return A.llt().solve(b); }
 
 void SymmetricFactor::Compute(const MatrixX& A) {

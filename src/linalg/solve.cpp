@@ -10,9 +10,13 @@ MatrixX SolveSquare(const MatrixX& A, const MatrixX& B) {
   return Eigen::PartialPivLU<MatrixX>(A).solve(B);
 }
 
-Eigen::MatrixXcd SolveComplex(const Eigen::MatrixXcd& A, const Eigen::MatrixXcd& B) {
-  if (A.size() == 0) return Eigen::MatrixXcd(0, B.cols());
-  return Eigen::PartialPivLU<Eigen::MatrixXcd>(A).solve(B);
+ComplexMatrix SolveComplex(const ComplexMatrix& A, const ComplexMatrix& B) {
+  const Eigen::Index n = A.re.rows(), columns = B.re.cols();
+  MatrixX both(2 * n, 2 * n), right(2 * n, columns);
+  both << A.re, -A.im, A.im, A.re;
+  right << B.re, B.im;
+  const MatrixX x = SolveSquare(both, right);
+  return {x.topRows(n), x.bottomRows(n)};
 }
 
 struct LuFactor::Detail {

@@ -1,5 +1,8 @@
 #include <fork1s/linalg/spectrum.hpp>
 
+#include <fork1s/linalg/cholesky.hpp>
+#include <limits>
+
 #include <Eigen/Eigenvalues>
 
 namespace fork1s {
@@ -20,8 +23,13 @@ Vector3 PrincipalValues(const Matrix3& symmetric) {
 }
 
 VectorX EigenvaluesOf(const MatrixX& K, const MatrixX& M) {
-  if (K.size() == 0) return VectorX(0);
-  return Eigen::GeneralizedSelfAdjointEigenSolver<MatrixX>(K, M, Eigen::EigenvaluesOnly).eigenvalues();
+  Cholesky of_M;
+  if (!of_M.Compute(M)) return VectorX::Constant(K.rows(), std::numeric_limits<double>::quiet_NaN());
+  MatrixX Z = K;
+  of_M.SolveLowerInPlace(Z);
+  Z.transposeInPlace();
+  of_M.SolveLowerInPlace(Z);  // L⁻¹ K L⁻ᵀ
+  return EigenvaluesOf(Z);
 }
 
 GeneralSpectrum GeneralSpectrumOf(const MatrixX& A) {

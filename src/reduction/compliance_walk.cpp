@@ -13,6 +13,7 @@
 #include <cmath>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
+#include <fork1s/linalg/select.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/reduction/compliance.hpp>
 
@@ -40,9 +41,9 @@ Loops CollectLoops(const Mechanism& mechanism, const Kinematics& kinematics, con
   Loops loops;
   loops.rigid = static_cast<int>(rigid.rows());
   loops.W.resize(rigid.rows() + static_cast<Eigen::Index>(soft.size()), mechanism.num_coordinates());
-  loops.W << rigid, springs.rows(soft, Eigen::all);
+  loops.W << rigid, Rows(springs.rows, soft);
   loops.softness = VectorX::Zero(loops.W.rows());
-  loops.softness.tail(static_cast<Eigen::Index>(soft.size())) = springs.weight(soft).cwiseAbs2().cwiseInverse();
+  loops.softness.tail(static_cast<Eigen::Index>(soft.size())) = Entries(springs.weight, soft).cwiseAbs2().cwiseInverse();
   return loops;
 }
 
@@ -70,25 +71,25 @@ Parts Divide(const Mechanism& mechanism, const MatrixX& W) {
 class LoopedJoints {
  public:
   LoopedJoints(const Loops& loops, const Parts& parts, const MatrixX& J_x)
-      : J_s_(J_x(Eigen::all, parts.looped)), J_u_(J_x(Eigen::all, parts.unsprung)) {
+      : J_s_(Columns(J_x, parts.looped)), J_u_(Columns(J_x, parts.unsprung)) {
     const Eigen::Index m = loops.W.rows(), soft = m - loops.rigid;
     E_ = MatrixX::Zero(J_s_.cols() + soft, m);
-    E_.topRows(J_s_.cols()) = loops.W(Eigen::all, parts.looped).transpose();
+    E_.topRows(J_s_.cols()) = Columns(loops.W, parts.looped).transpose();
     E_.bottomRightCorner(soft, soft).setIdentity();
-    const MatrixX W_u = loops.W(Eigen::all, parts.unsprung);
+    const MatrixX W_u = Columns(loops.W, parts.unsprung);
     unsprung_ = ComputeNullSpace(W_u);
     // (W_uᵀ)⁺ = U (Uᵀ W_u seen)^-ᵀ seenᵀ, U the range of W_u
-    const MatrixX held = W_u * unsprung_.seen;
+    const MatrixX held = Times(W_u, unsprung_.seen);
     const MatrixX U = GradedRangeBasis(held);
     particular_ = Times(U, SolveSquare(TransposedTimes(held, U), Times(J_u_, unsprung_.seen).transpose()));
     const MatrixX Y = OrthogonalComplement(U);
-    felt_ = E_ * Y;
+    felt_ = Times(E_, Y);
     independent_ = ComputeNullSpace(felt_);
-    Y_ = Y * independent_.seen;
+    Y_ = Times(Y, independent_.seen);
   }
 
   /// How spring-free motions move the bodies.
-  MatrixX Free() const { return J_u_ * unsprung_.unseen; }
+  MatrixX Free() const { return Times(J_u_, unsprung_.unseen); }
 
   void AddDoubts(const Mechanism& mechanism, const Parts& parts, std::vector<RankDoubt>& doubts) const {
     const auto add = [&](const NullSpace& decision, const char* what, const std::vector<int>& at,
@@ -99,14 +100,14 @@ class LoopedJoints {
     };
     if (unsprung_.doubtful.size() > 0) add(unsprung_, "loops hold", parts.unsprung, unsprung_.doubtful);
     if (independent_.doubtful.size() > 0)
-      add(independent_, "loops hold", parts.looped, (felt_ * independent_.doubtful).head(J_s_.cols()));
+      add(independent_, "loops hold", parts.looped, Times(felt_, independent_.doubtful).col(0).head(J_s_.cols()));
   }
 
   MatrixX Root(const VectorX& flexibility) const {
     const MatrixX E = ScaledRows(flexibility, E_);
-    MatrixX G = -E * particular_;
+    MatrixX G = -Times(E, particular_);
     G.topRows(J_s_.cols()) += ScaledColumns(J_s_, flexibility.head(J_s_.cols())).transpose();
-    const MatrixX taken = GradedRangeBasis(E * Y_);
+    const MatrixX taken = GradedRangeBasis(Times(E, Y_));
     // Twice: the first leaves rounding of what it took.
     for (int pass = 0; pass < 2; ++pass) G -= Times(taken, TransposedTimes(taken, G));
     return G.transpose();
@@ -177,13 +178,13 @@ InterfaceCompliance WalkCompliance(const Mechanism& mechanism, const VectorX& q,
   const Eigen::Index joints = static_cast<Eigen::Index>(parts.looped.size()),
                      soft = loops.softness.size() - loops.rigid;
   VectorX flexibility(joints + soft);
-  flexibility.head(joints) = mechanism.stiffness()(parts.looped)
+  flexibility.head(joints) = Entries(mechanism.stiffness(), parts.looped)
                                  .cwiseSqrt()
-                                 .cwiseProduct(unit.coordinate(parts.looped))
+                                 .cwiseProduct(Entries(unit.coordinate, parts.looped))
                                  .cwiseInverse();
   flexibility.tail(soft) = loops.softness.tail(soft).cwiseSqrt();
   MatrixX motions(J_x.rows(), static_cast<Eigen::Index>(parts.path.size()) + joints + soft);
-  motions << J_x(Eigen::all, parts.path), looped.Root(VectorX::Ones(joints + soft));
+  motions << Columns(J_x, parts.path), looped.Root(VectorX::Ones(joints + soft));
   InterfaceCompliance out = internal::Assemble(mechanism, looped.Root(flexibility), free, motions);
 
   const PathCompliance path(mechanism, kinematics.S, parts.path);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
+#include <fork1s/linalg/select.hpp>
 
 #include "coordinate_groups.hpp"
 
@@ -51,7 +52,7 @@ MatrixX ElasticBasis::FreeInOneUnit(int n) const {
 
 bool ElasticBasis::Feels(const MatrixX& J_x) const {
   if (num_elastic() == 0 || J_x.rows() == 0) return false;
-  return (diagonal ? MatrixX(J_x(Eigen::all, sprung)) : MatrixX(J_x * elastic_x)).cwiseAbs().maxCoeff() >
+  return (diagonal ? Columns(J_x, sprung) : Times(J_x, elastic_x)).cwiseAbs().maxCoeff() >
          kRankThreshold;
 }
 
@@ -61,21 +62,21 @@ MatrixX ElasticBasis::DenseClosed(int n) const {
 }
 
 VectorX ElasticBasis::ApplyV(const VectorX& y, int n) const {
-  if (!diagonal) return V * y;
+  if (!diagonal) return Times(V, y);
   VectorX q = VectorX::Zero(n);
   for (int i = 0; i < num_elastic(); ++i) q(sprung[static_cast<std::size_t>(i)]) = inverse_root(i) * y(i);
   return q;
 }
 
 VectorX ElasticBasis::ApplyVTransposed(const VectorX& g) const {
-  if (!diagonal) return V.transpose() * g;
+  if (!diagonal) return TransposedTimes(V, g);
   VectorX y(num_elastic());
   for (int i = 0; i < num_elastic(); ++i) y(i) = inverse_root(i) * g(sprung[static_cast<std::size_t>(i)]);
   return y;
 }
 
 MatrixX ElasticBasis::TimesV(const MatrixX& B) const {
-  if (!diagonal) return B * V;
+  if (!diagonal) return Times(B, V);
   MatrixX out(B.rows(), num_elastic());
   for (int i = 0; i < num_elastic(); ++i)
     out.col(i) = inverse_root(i) * B.col(sprung[static_cast<std::size_t>(i)]);
@@ -90,19 +91,13 @@ NullSpace Closed(const Mechanism& mechanism, const Kinematics& kinematics, const
   return ComputeNullSpace(ClosureRowsInOneUnit(mechanism, kinematics, q, unit));
 }
 
-// A column of the rows `of` of an n-vector.
-VectorX Embedded(const VectorX& x, const std::vector<int>& of, int n) {
-  VectorX out = VectorX::Zero(n);
-  out(of) = x;
-  return out;
-}
-
 // Appends columns that live on the coordinates `of`.
 void Append(const MatrixX& columns, const std::vector<int>& of, MatrixX& to) {
-  const Eigen::Index before = to.cols();
-  to.conservativeResize(Eigen::NoChange, before + columns.cols());
-  to.rightCols(columns.cols()).setZero();
-  for (Eigen::Index k = 0; k < columns.cols(); ++k) to.col(before + k)(of) = columns.col(k);
+  MatrixX both(to.rows(), to.cols() + columns.cols());
+  both.leftCols(to.cols()) = to;
+  for (Eigen::Index k = 0; k < columns.cols(); ++k)
+    both.col(to.cols() + k) = Spread(columns.col(k), of, static_cast<int>(to.rows()));
+  to.swap(both);
 }
 
 // Rows of A that have anything in the columns `of`.
@@ -130,25 +125,25 @@ void AddDensePart(const Mechanism& mechanism, const std::vector<int>& group, con
   ElasticBasis::Part part{basis.num_free(), 0, basis.num_elastic(), 0};
   MatrixX Z_x = MatrixX::Identity(size, size);
   if (const std::vector<int> rows = RowsOn(A, group); !rows.empty()) {
-    NullSpace closed = ComputeNullSpace(A(rows, group));
+    NullSpace closed = ComputeNullSpace(RowsAndColumns(A, rows, group));
     if (closed.doubtful.size() > 0)
       basis.doubts.push_back(Doubt(mechanism, "loops hold", closed.rank.kept, closed.rank.dropped,
-                                   Embedded(closed.doubtful, group, n)));
+                                   Spread(closed.doubtful, group, n)));
     for (const int i : closed.independent_rows)
       basis.independent_rows.push_back(rows[static_cast<std::size_t>(i)]);
     Z_x = std::move(closed.unseen);
   }
-  const VectorX scale = basis.scale(group);
+  const VectorX scale = Entries(basis.scale, group);
   Append(ScaledRows(scale, Z_x), group, basis.Z);
   const std::vector<int> rows = RowsOn(springs.rows, group);
-  const MatrixX stretch = springs.rows(rows, group) * Z_x;
+  const MatrixX stretch = Times(RowsAndColumns(springs.rows, rows, group), Z_x);
   const NullSpace held = ComputeNullSpace(stretch);
   if (held.doubtful.size() > 0)
     basis.doubts.push_back(Doubt(mechanism, "springs hold", held.rank.kept, held.rank.dropped,
-                                 Embedded(Z_x * held.doubtful, group, n)));
+                                 Spread(Times(Z_x, held.doubtful).col(0), group, n)));
   Append(ScaledRows(scale, Times(Z_x, held.unseen)), group, basis.N);
-  Append(Z_x * held.seen, group, basis.elastic_x);
-  const VectorX weight = springs.weight(rows);
+  Append(Times(Z_x, held.seen), group, basis.elastic_x);
+  const VectorX weight = Entries(springs.weight, rows);
   const MatrixX weighted = ScaledRows(weight, Times(stretch, held.seen));
   Append(ScaledRows(scale, Times(Z_x, Times(held.seen, OrthonormalisingFactor(weighted)))), group, basis.V);
   part.num_free = basis.num_free() - part.free;

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
 
 #include <fmt/format.h>
 
 #include "elastic_basis.hpp"
+#include "printed_axis.hpp"
 #include "world_axes.hpp"
 
 namespace fork1s {
@@ -48,11 +50,7 @@ std::string List(const std::vector<std::string>& names, std::size_t most) {
 std::string MotionText(const Vector6& twist, double length) {
   const double turn = twist.head<3>().norm(), shift = twist.tail<3>().norm() / length;
   const auto along = [](Vector3 axis) {
-    Eigen::Index largest;
-    axis.normalize();
-    axis.cwiseAbs().maxCoeff(&largest);
-    if (axis(largest) < 0) axis = -axis;
-    axis = (axis.array().abs() < 5e-4).select(0.0, axis);
+    axis = internal::PrintedAxis(axis);
     return fmt::format("({:.3g}, {:.3g}, {:.3g})", axis.x(), axis.y(), axis.z());
   };
   std::string text;
@@ -87,8 +85,8 @@ std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const Vector
   const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q);
   const MatrixX N = EchelonBasis(basis.FreeInOneUnit(mechanism.num_coordinates()));
   const double L = mechanism.length_scale();
-  const MatrixX J = internal::WorldAxes(mechanism, bodies.size()) *
-                    internal::ScaledInterfaceJacobian(mechanism, kinematics, bodies, 1.0);
+  const MatrixX J = Times(internal::WorldAxes(mechanism, bodies.size()),
+                          internal::ScaledInterfaceJacobian(mechanism, kinematics, bodies, 1.0));
   std::vector<FreeMotion> motions;
   for (Eigen::Index k = 0; k < N.cols(); ++k) {
     const VectorX x = N.col(k);
@@ -104,7 +102,7 @@ std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const Vector
     std::stable_sort(motion.joints.begin(), motion.joints.end(),
                      [&](JointIndex a, JointIndex b) { return share(a) > (1 + 1e-6) * share(b); });
     motion.ties = TiesOf(mechanism, x);
-    const VectorX moved = J * motion.q;
+    const VectorX moved = Times(J, motion.q);
     double most = kStill;
     for (std::size_t b = 0; b < bodies.size(); ++b) {
       const Vector6 twist = moved.segment<6>(6 * static_cast<Eigen::Index>(b));

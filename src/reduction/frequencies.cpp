@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/products.hpp>
+#include <fork1s/linalg/select.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
 
@@ -58,17 +59,17 @@ std::vector<double> ReducedFrequencies(const ReducedModel& model, int count) {
   const auto f = static_cast<Eigen::Index>(free.size()), e = static_cast<Eigen::Index>(sprung.size());
   const Eigen::Index b = model.mechanism->base() == BaseKind::kFloating ? 6 : 0;
   if (e == 0) return {};
-  MatrixX M = model.M(sprung, sprung);
+  MatrixX M = RowsAndColumns(model.M, sprung, sprung);
   if (b + f > 0) {
     MatrixX coupling(e, b + f), mass(b + f, b + f);
     if (b > 0) {
-      coupling.leftCols(6) = model.M_0z(Eigen::all, sprung).transpose();
+      coupling.leftCols(6) = Columns(model.M_0z, sprung).transpose();
       mass.topLeftCorner<6, 6>() = model.M_00;
-      mass.topRightCorner(6, f) = model.M_0z(Eigen::all, free);
+      mass.topRightCorner(6, f) = Columns(model.M_0z, free);
       mass.bottomLeftCorner(f, 6) = mass.topRightCorner(6, f).transpose();
     }
-    coupling.rightCols(f) = model.M(sprung, free);
-    mass.bottomRightCorner(f, f) = model.M(free, free);
+    coupling.rightCols(f) = RowsAndColumns(model.M, sprung, free);
+    mass.bottomRightCorner(f, f) = RowsAndColumns(model.M, free, free);
     M -= Times(coupling, SolveSymmetric(mass, coupling.transpose()));
   }
   const VectorX mu = EigenvaluesOf(0.5 * (M + M.transpose())).reverse();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <numeric>
 
@@ -10,7 +11,6 @@ namespace fork1s::internal {
 namespace {
 
 using Complex = std::complex<double>;
-using MatrixXc = Eigen::MatrixXcd;
 
 constexpr double kStep = 1.0 / 60;    // s, the default step
 constexpr double kLowest = 0.05;      // Hz; slower motion is static to every mode that could be left out
@@ -77,16 +77,18 @@ std::vector<int> ContributingModes(const ReducedModel& all, const MatrixX& J, do
 
   VectorX score = VectorX::Zero(candidates);
   for (const double frequency : frequencies) {
-    const Complex s = Laplace(frequency);
-    MatrixXc A = s * D_B.cast<Complex>() + s * s * M_B.cast<Complex>();
-    A.diagonal() += K_B.cast<Complex>();
-    const MatrixXc w = s * s * m.cast<Complex>() + s * c.cast<Complex>();
-    const MatrixXc carried = SolveComplex(A, w);
-    const MatrixXc moved = J_B.cast<Complex>() * carried;
-    const MatrixXc driven = f.cast<Complex>() - carried.transpose() * f_B.cast<Complex>();
+    const Complex s = Laplace(frequency), s2 = s * s;
+    ComplexMatrix A{s.real() * D_B + s2.real() * M_B, s.imag() * D_B + s2.imag() * M_B};
+    A.re.diagonal() += K_B;
+    const ComplexMatrix w{s2.real() * m + s.real() * c, s2.imag() * m + s.imag() * c};
+    const ComplexMatrix carried = SolveComplex(A, w);
+    const MatrixX moved_re = Times(J_B, carried.re), moved_im = Times(J_B, carried.im);
+    const MatrixX driven_re = f - TransposedTimes(carried.re, f_B);
+    const MatrixX driven_im = TransposedTimes(carried.im, f_B);
     for (int i = 0; i < candidates; ++i) {
-      const double now =
-          moved.col(i).norm() * driven.row(i).norm() / std::abs(1.0 + s * d(i) + s * s * mu(i));
+      const double moved = std::hypot(moved_re.col(i).norm(), moved_im.col(i).norm());
+      const double driven = std::hypot(driven_re.row(i).norm(), driven_im.row(i).norm());
+      const double now = moved * driven / std::abs(1.0 + s * d(i) + s2 * mu(i));
       if (std::isfinite(now)) score(i) = std::max(score(i), now);
     }
   }

@@ -4,6 +4,7 @@
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
+#include <fork1s/linalg/select.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 
 namespace fork1s::internal {
@@ -84,7 +85,7 @@ Modes LowestModes(const Mechanism& mechanism, const Kinematics& kinematics, cons
     std::vector<int> own;
     for (Eigen::Index k = 0; k < Y.cols(); ++k)
       if (!Y.col(k).segment(part.elastic, part.num_elastic).isZero(0)) own.push_back(static_cast<int>(k));
-    const MatrixX Y_part = Y.middleRows(part.elastic, part.num_elastic)(Eigen::all, own);
+    const MatrixX Y_part = Columns(Y.middleRows(part.elastic, part.num_elastic), own);
     of_part.push_back(ModesOf(mechanism, kinematics, basis.ElasticOf(part), Y_part,
                               MatrixX(part.num_elastic, 0), MatrixX(0, 0), count, M));
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
+#include <fork1s/linalg/select.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <numeric>
 
@@ -12,6 +13,7 @@
 #include "elastic_basis.hpp"
 #include "mode_choice.hpp"
 #include "modes.hpp"
+#include "printed_axis.hpp"
 
 namespace fork1s {
 namespace {
@@ -36,8 +38,8 @@ BodyIndex MovingBody(const Mechanism& mechanism, const Matrix6X& S, const Matrix
     const Mechanism::Body& body = mechanism.bodies()[b];
     if (body.parent.valid()) T[b] = T[body.parent.u()];
     for (; j < joints.size() && joints[j].body.u() == b; ++j)
-      T[b] += S.middleCols(joints[j].offset, joints[j].size) *
-              directions.middleRows(joints[j].offset, joints[j].size);
+      T[b] += Times(S.middleCols(joints[j].offset, joints[j].size),
+                    directions.middleRows(joints[j].offset, joints[j].size));
     // About the body's own origin: far from R's a turn would count as a long way.
     const Vector3 origin = body.X_RB0.translation();
     motion[b] = T[b].topRows<3>().norm() +
@@ -76,7 +78,8 @@ Hidden FindHidden(const Mechanism& mechanism, const Matrix6X& S, const internal:
     Eigen::Index most;
     const auto own = x.middleRows(joint.offset, joint.size);
     own.colwise().norm().maxCoeff(&most);
-    hidden.screw = S.middleCols(joint.offset, joint.size) * q.middleRows(joint.offset, joint.size).col(most);
+    hidden.screw =
+        Times(S.middleCols(joint.offset, joint.size), q.middleRows(joint.offset, joint.size).col(most)).col(0);
   }
   hidden.body = MovingBody(mechanism, S, q, hidden.joint);
   return hidden;
@@ -84,11 +87,7 @@ Hidden FindHidden(const Mechanism& mechanism, const Matrix6X& S, const internal:
 
 std::string AxisText(const Vector6& screw) {
   const bool turns = screw.head<3>().norm() > 1e-9 * screw.tail<3>().norm();
-  Vector3 axis = turns ? screw.head<3>().normalized() : screw.tail<3>().normalized();
-  Eigen::Index largest;
-  axis.cwiseAbs().maxCoeff(&largest);
-  if (axis(largest) < 0) axis = -axis;  // a motion has no sign
-  axis = (axis.array().abs() < 5e-4).select(0.0, axis);
+  const Vector3 axis = internal::PrintedAxis(turns ? screw.head<3>() : screw.tail<3>());
   return fmt::format("{} ({:.3f}, {:.3f}, {:.3f})", turns ? "turning about" : "sliding along", axis.x(),
                      axis.y(), axis.z());
 }
@@ -155,14 +154,14 @@ void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
     auto T = model.T.middleCols(static_cast<Eigen::Index>(i) * r, r);
     if (body.parent.valid()) T = model.T.middleCols(static_cast<Eigen::Index>(body.parent.value()) * r, r);
     for (; j < joints.size() && joints[j].body.value() == i; ++j)
-      T.noalias() += kinematics.S.middleCols(joints[j].offset, joints[j].size) *
-                     model.Q.middleRows(joints[j].offset, joints[j].size);
+      T += Times(kinematics.S.middleCols(joints[j].offset, joints[j].size),
+                 model.Q.middleRows(joints[j].offset, joints[j].size));
     const Matrix6 I = Transform(kinematics.X_RB[static_cast<std::size_t>(i)], body.inertia_B).Matrix();
     model.M_00 += I;
     if (body.last_joint < 0) continue;
-    IT.noalias() = I * T;
+    IT = Times(I, T);
     model.M_0z += IT;
-    model.M.noalias() += T.transpose() * IT;
+    model.M += TransposedTimes(T, IT);
   }
   model.M = 0.5 * (model.M + model.M.transpose()).eval();
 }
@@ -199,8 +198,8 @@ void SortByPart(ReducedModel& model, const internal::ElasticBasis& basis, const 
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
     return part[static_cast<std::size_t>(a)] < part[static_cast<std::size_t>(b)];
   });
-  model.Q = MatrixX(model.Q(Eigen::all, order));
-  model.K_r = VectorX(model.K_r(order));
+  model.Q = Columns(model.Q, order);
+  model.K_r = Entries(model.K_r, order);
 }
 
 // Inertia and damping in the coordinates of Q.
@@ -292,7 +291,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
   bool complete = true;
   const int e = basis.num_elastic();
   // Bodies that loops hold still feel rounding of all springs; none of it is a direction.
-  const bool feels = basis.Feels(J * basis.scale.asDiagonal() / L);
+  const bool feels = basis.Feels(ScaledColumns(J, basis.scale / L));
   const MatrixX Y_r =
       feels ? FeltDirections(basis.TimesV(J), basis, options.rank_tolerance, complete) : MatrixX(e, 0);
   complete = complete && (feels || e == 0);
@@ -307,7 +306,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
   FillBasis(model, basis, Y_r, modes.vectors);
   if (by_contribution && model.num_modes > wanted) {
     FillOperators(model, kinematics);
-    modes.vectors = modes.vectors(Eigen::all, internal::ContributingModes(model, J, L, wanted)).eval();
+    modes.vectors = Columns(modes.vectors, internal::ContributingModes(model, J, L, wanted));
     FillBasis(model, basis, Y_r, modes.vectors);
   }
   SortByPart(model, basis, Y_r, modes.vectors);
@@ -322,7 +321,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
         model.k_inverse(basis.sprung[static_cast<std::size_t>(i)]) =
             basis.inverse_root(i) * basis.inverse_root(i);
     } else {
-      const MatrixX Q_e = model.Q(Eigen::all, model.SprungColumns());
+      const MatrixX Q_e = Columns(model.Q, model.SprungColumns());
       model.C_perp = TimesTransposed(basis.V, basis.V) - TimesTransposed(Q_e, Q_e);
     }
   }

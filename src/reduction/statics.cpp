@@ -60,7 +60,7 @@ class LoadedMechanism {
     g += LoadForce(share);
     if (lambda.size() > 0) {
       ClosureJacobian(mechanism_, kinematics_, q, A_);
-      g += A_.transpose() * lambda;
+      g += TransposedTimes(A_, lambda);
     }
     return g;
   }
@@ -124,13 +124,13 @@ VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, con
   const NullSpace closed = ComputeNullSpace(A);
   const MatrixX& unseen = closed.unseen;
   const MatrixX A_seen = Times(A, closed.seen);
-  VectorX x = -closed.seen * LeastNormSolve(A_seen, c_x, kRankThreshold);
+  VectorX x = -Times(closed.seen, LeastNormSolve(A_seen, c_x, kRankThreshold));
   const MatrixX K_z = Congruence(K_x, unseen);
   // What neither springs nor loads hold stays where it is: differences give its stiffness as rounding.
   constexpr double kHeld = 1e-12;
-  x -= unseen * LeastNormSolve(K_z, unseen.transpose() * (g_x + K_x * x), kHeld);
+  x -= Times(unseen, LeastNormSolve(K_z, TransposedTimes(unseen, g_x + Times(K_x, x)), kHeld));
   const VectorX lambda =
-      -LeastNormSolve(A_seen.transpose(), closed.seen.transpose() * (g_x + K_x * x), kRankThreshold);
+      -LeastNormSolve(A_seen.transpose(), TransposedTimes(closed.seen, g_x + Times(K_x, x)), kRankThreshold);
   VectorX step(x.size() + lambda.size());
   step << unit.coordinate.cwiseProduct(x), row.cwiseProduct(lambda);
   return step;
@@ -220,7 +220,7 @@ Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0
   const VectorX g = loaded.Residual(q0, VectorX(), 1);
   const MatrixX N = basis.DenseFree(mechanism.num_coordinates());
   if (N.cols() > 0) {
-    const VectorX taken = N.transpose() * g;
+    const VectorX taken = TransposedTimes(N, g);
     if (taken.cwiseAbs().maxCoeff() > 1e-9 * std::max(1e-300, g.cwiseAbs().maxCoeff())) {
       Eigen::Index direction, coordinate;
       taken.cwiseAbs().maxCoeff(&direction);

@@ -1,5 +1,6 @@
 // The messages that repeat: maps after every refresh, frames and ghosts sixty times a second.
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/linalg/select.hpp>
 #include <fork1s/server/wire.hpp>
 
 #include "body_order.hpp"
@@ -63,7 +64,7 @@ void WriteCompliance(const ReducedModel& model, ByteWriter& out) {
   for (BodyIndex b : model.interfaces) {
     Eigen::Matrix<double, 3, 6> at_origin;
     at_origin << -Skew(model.X_RB_ref[b.u()].translation()), Matrix3::Identity();
-    const MatrixX J = at_origin * model.T_of(b)(Eigen::all, model.SprungColumns());
+    const MatrixX J = at_origin * Columns(model.T_of(b), model.SprungColumns());
     const Matrix3 C = J * J.transpose();
     out.U32(static_cast<std::uint32_t>(b.value()));
     for (double c : {C(0, 0), C(1, 1), C(2, 2), C(0, 1), C(0, 2), C(1, 2)}) out.F32(c);

@@ -1,6 +1,7 @@
 #include "equilibrium.hpp"
 
 #include <algorithm>
+#include <fork1s/linalg/select.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/simulation.hpp>
@@ -195,10 +196,10 @@ Expected<MatrixX> ComplianceOfReduced(const ReducedModel& model) {
     J.middleRows<3>(row) = R_WR * T.topRows<3>();
     J.middleRows<3>(row + 3) = R_WR * (T.bottomRows<3>() - Skew(p) * T.topRows<3>());
   }
-  if (model.num_free > 0 && J(Eigen::all, model.FreeColumns()).cwiseAbs().maxCoeff() > 1e-9)
+  if (model.num_free > 0 && Columns(J, model.FreeColumns()).cwiseAbs().maxCoeff() > 1e-9)
     return Fail(ErrorCode::kUnderdetermined, model.mechanism->name(),
                 "a spring-free motion moves an interface");
-  const MatrixX elastic = J(Eigen::all, model.SprungColumns());
+  const MatrixX elastic = Columns(J, model.SprungColumns());
   return MatrixX(elastic * elastic.transpose());
 }
 

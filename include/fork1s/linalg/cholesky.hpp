@@ -32,6 +32,8 @@ class Cholesky {
   /// x <- A⁻¹ x
   void SolveInPlace(VectorX& x) const;
   void SolveInPlace(MatrixX& x) const;
+  /// x <- L⁻¹ x, of a matrix that was not divided.
+  void SolveLowerInPlace(MatrixX& x) const;
 
  private:
   MatrixX L_;

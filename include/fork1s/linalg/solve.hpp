@@ -11,7 +11,13 @@ namespace fork1s {
 
 /// A⁻¹ B by LU with row pivoting; not finite where A is singular.
 MatrixX SolveSquare(const MatrixX& A, const MatrixX& B);
-Eigen::MatrixXcd SolveComplex(const Eigen::MatrixXcd& A, const Eigen::MatrixXcd& B);
+
+/// re + i im. Kept apart, since a compiler makes every product and sum of complex matrices anew.
+struct ComplexMatrix {
+  MatrixX re, im;
+};
+/// A⁻¹ B, as real equations of twice the size.
+ComplexMatrix SolveComplex(const ComplexMatrix& A, const ComplexMatrix& B);
 
 /// P A = L U with row pivoting. Holds its storage: computing and solving for a size it had before do not
 /// allocate.
