@@ -45,8 +45,10 @@ from ._errors import (
     UnknownNameError,
     UsageError,
 )
+from ._fit import StiffnessFit, fit_stiffness
 from ._load import load, scene
 from ._show import Page, show
+from ._sweep import sweep
 
 __all__ = [
     "Batch",
@@ -69,16 +71,19 @@ __all__ = [
     "Simulation",
     "Statics",
     "StepReport",
+    "StiffnessFit",
     "UnderdeterminedError",
     "UnknownNameError",
     "UsageError",
     "__version__",
     "compare",
+    "fit_stiffness",
     "load",
     "mujoco",
     "scene",
     "show",
     "statics",
+    "sweep",
 ]
 
 _collections_abc.Mapping.register(Controls)
