@@ -21,7 +21,7 @@ Gains = tuple[float, float]
 
 
 def scene(name: str) -> Path:
-    """Path of a scene that comes with the package: 'hand', 'fourbar_gripper'. Raises UnknownNameError."""
+    """Path of a scene that comes with the package: 'hand', 'fourbar_gripper', 'peg_gripper', 'quadruped'. Raises UnknownNameError."""
     folder = Path(__file__).parent / "scenes"
     path = folder / f"{name}.xml"
     if not path.is_file():
