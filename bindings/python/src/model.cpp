@@ -55,8 +55,7 @@ std::map<std::string, double> Model::Stiffnesses() const {
   return all;
 }
 
-std::shared_ptr<const Model> Model::WithStiffness(const std::map<std::string, double>& stiffness) const {
-  ImportedScene changed = imported_;
+Scene Model::SetStiffnesses(Scene scene, const std::map<std::string, double>& stiffness) const {
   const std::vector<Coordinate> coordinates = CoordinatesOf(*this);
   for (const auto& [name, value] : stiffness) {
     const auto c = std::find_if(coordinates.begin(), coordinates.end(),
@@ -68,9 +67,15 @@ std::shared_ptr<const Model> Model::WithStiffness(const std::map<std::string, do
     }
     if (!(std::isfinite(value) && value >= 0))
       throw Refused{{ErrorCode::kUsage, name, "a stiffness must be finite and 0 or more"}};
-    MechanismDef& def = changed.scene.mechanisms[c->mechanism];
+    MechanismDef& def = scene.mechanisms[c->mechanism];
     def = SetStiffness(std::move(def), c->freedom, value);
   }
+  return scene;
+}
+
+std::shared_ptr<const Model> Model::WithStiffness(const std::map<std::string, double>& stiffness) const {
+  ImportedScene changed = imported_;
+  changed.scene = SetStiffnesses(std::move(changed.scene), stiffness);
   return Create(std::move(changed), origin_, "");
 }
 

@@ -22,6 +22,8 @@ class Model {
 
   /// The same with other stiffnesses: coordinate name -> N·m/rad or N/m. Throws Refused or UnknownName.
   std::shared_ptr<const Model> WithStiffness(const std::map<std::string, double>& stiffness) const;
+  /// A scene of this model's mechanisms with other stiffnesses. Throws likewise.
+  Scene SetStiffnesses(Scene scene, const std::map<std::string, double>& stiffness) const;
   /// What holds every joint coordinate of all mechanisms, springs and servos together, by name.
   std::map<std::string, double> Stiffnesses() const;
 

@@ -1,6 +1,7 @@
 #include "runner.hpp"
 
 #include <algorithm>
+#include <fork1s/sim/continue.hpp>
 
 #include "errors.hpp"
 
@@ -58,7 +59,9 @@ void Runner::SetState(KeyframeDef state) {
   const std::lock_guard lock(mutex_);
   Scene scene = simulation_.scene();
   SimulationOptions options = simulation_.options();
-  scene.keyframes.resize(model_->scene().keyframes.size());  // without the one that was lent last time
+  // Without the one that was lent last time, and without any that is of another state of the scene.
+  if (scene.keyframes.size() > model_->scene().keyframes.size())
+    scene.keyframes.resize(model_->scene().keyframes.size());
   scene.keyframes.push_back(std::move(state));
   options.initial_keyframe = static_cast<int>(scene.keyframes.size()) - 1;
   Simulation next = Take(Simulation::Create(scene, options), model_->origin());
@@ -72,6 +75,20 @@ void Runner::SetState(KeyframeDef state) {
   }
   time_before_ += simulation_.time();
   simulation_ = std::move(next);
+}
+
+void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
+  const std::lock_guard lock(mutex_);
+  Scene scene = model_->SetStiffnesses(simulation_.scene(), stiffness);
+  Simulation next = Take(Continue(simulation_, std::move(scene)), model_->origin());
+  time_before_ += simulation_.time();
+  simulation_ = std::move(next);
+}
+
+std::optional<BodyHit> Runner::Ray(const Vector3& origin, const Vector3& direction, double reach) {
+  const std::lock_guard lock(mutex_);
+  if (!rays_) rays_ = Take(RayCaster::Create(simulation_), model_->origin());
+  return rays_->Cast(simulation_, origin, direction, reach);
 }
 
 Runner::Snapshot Runner::Save() {
