@@ -147,21 +147,20 @@ def test_dask_and_a_killed_worker(scenes, tmp_path):
     distributed = pytest.importorskip("distributed", reason="pip install distributed, for Dask")
     points = {"grip": np.linspace(0, 0.5, 25), "push": np.linspace(0, 0.1, 40)}
     killed = []
-    with distributed.LocalCluster(2, threads_per_worker=1, processes=True, dashboard_address=None,
+    with distributed.LocalCluster(2, threads_per_worker=1, processes=True, dashboard_address=":0",
                                   silence_logs=50) as cluster, distributed.Client(cluster) as client:
 
         def kill_one(done, total):
             if done >= 300 and not killed:
-                killed.append(next(iter(client.scheduler_info()["workers"].values()))["id"])
+                assert done < total
                 victim = next(iter(cluster.workers.values())).process.process.pid
                 os.kill(victim, signal.SIGKILL)
+                killed.append(victim)
 
         client.run(sys.path.insert, 0, str(Path(__file__).parent))
         table = fork1s.sweep(scenes / "fourbar_gripper.xml", points, asked.slid, client.get_executor(),
                              path=tmp_path / "t.parquet", progress=kill_one)
     assert killed and len(table) == 1000 and table["error"].isna().all()
-    # The killed worker answered some, two others the rest: the second and the one that took the first's place.
-    assert table["worker"].nunique() == 3
     kept = pandas.read_parquet(tmp_path / "t.parquet")
     assert len(kept) == 1000 and kept[["grip", "push"]].drop_duplicates().shape[0] == 1000
     # And what they answered is what this process computes.
