@@ -48,7 +48,7 @@ def test_the_error_figure_is_the_one_that_is_shown():
 
 
 def test_the_example_in_cpp_is_the_one_that_is_shown():
-    """The pages show a file that every build compiles, the README line by line."""
+    """The pages show a file that a test builds against the installed library, the README line by line."""
     assert '--8<-- "first_steps.cpp"' in (DOCS / "cpp.md").read_text()
     example = (DOCS.parent / "examples" / "first_steps.cpp").read_text()
     readme = (DOCS.parent / "README.md").read_text()

@@ -48,7 +48,7 @@ from ._errors import (
 )
 from ._fit import StiffnessFit, fit_stiffness
 from ._load import load, scene
-from ._show import Page, show
+from ._show import Page, Replay, replay, show
 from ._sweep import sweep
 
 __all__ = [
@@ -70,6 +70,7 @@ __all__ = [
     "NumericsError",
     "Page",
     "RayHit",
+    "Replay",
     "Simulation",
     "Statics",
     "StepReport",
@@ -82,6 +83,7 @@ __all__ = [
     "fit_stiffness",
     "load",
     "mujoco",
+    "replay",
     "scene",
     "show",
     "statics",

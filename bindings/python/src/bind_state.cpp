@@ -109,6 +109,32 @@ void BindSnapshot(nb::module_& m) {
 
 void BindState(nb::class_<Runner>& simulation) {
   simulation.def(
+      "record",
+      [](Runner& r, const nb::object& path) {
+        r.Record(nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path)));
+      },
+      nb::arg("path"),
+      "Every step from now on goes into a recording (HDF5), until `stop_recording`: `fork1s replay`, "
+      "`export` "
+      "and `replay` read it. Begun before the first step it replays bit by bit. A file of another kind is "
+      "not replaced. Raises FileError, UsageError.",
+      nb::sig("def record(self, path: str | os.PathLike[str]) -> None"));
+  simulation.def(
+      "stop_recording", &Runner::StopRecording,
+      "Ends the recording. A program that is killed leaves what it had written, half a second ago at most. "
+      "Raises FileError.");
+  simulation.def("_flush_recording", &Runner::FlushRecording);
+  simulation.def(
+      "replay",
+      [](const nb::object& self, int height) {
+        return nb::module_::import_("fork1s._show").attr("replay_of")(self, height);
+      },
+      nb::arg("height") = 480,
+      "What was recorded so far as a page that plays it, which a notebook shows in its cell (`Replay`). "
+      "Raises "
+      "UsageError where `record` was not called.",
+      nb::sig("def replay(self, height: int = 480) -> 'fork1s.Replay'"));
+  simulation.def(
       "ray",
       [](Runner& r, const nb::object& origin, const nb::object& direction, double reach) {
         const Vector3 along = ReadVector3(direction, "direction");

@@ -45,10 +45,15 @@ StepsReport Runner::Step(int steps) {
   const nb::gil_scoped_release others_run;
   const std::lock_guard lock(mutex_);
   StepsReport report;
+  std::vector<AppliedWrench> wrenches;
   for (int i = 0; i < steps && report.finite; ++i) {
+    wrenches.clear();
     for (const Push& p : pushes_)
-      simulation_.ApplyWrench(p.body, p.force_W, p.moment_W, simulation_.Pose(p.body) * p.point_B);
-    report.Add(simulation_.Step());
+      wrenches.push_back({p.body, p.force_W, p.moment_W, simulation_.Pose(p.body) * p.point_B});
+    ApplyWrenches(wrenches, simulation_);
+    const StepReport step = simulation_.Step();
+    report.Add(step);
+    if (recorder_) Take(recorder_->Append(simulation_, step, wrenches), recording_);
   }
   pushes_.clear();
   return report;
@@ -57,6 +62,7 @@ StepsReport Runner::Step(int steps) {
 void Runner::SetState(KeyframeDef state) {
   const nb::gil_scoped_release others_run;
   const std::lock_guard lock(mutex_);
+  RefuseWhileRecording("set_state");
   Scene scene = simulation_.scene();
   SimulationOptions options = simulation_.options();
   // Without the one that was lent last time, and without any that is of another state of the scene.
@@ -77,8 +83,39 @@ void Runner::SetState(KeyframeDef state) {
   simulation_ = std::move(next);
 }
 
+void Runner::RefuseWhileRecording(const char* what) const {
+  if (recorder_)
+    throw Refused{
+        {ErrorCode::kUsage, what, "a recording goes on, which could not tell it; call stop_recording first"}};
+}
+
+void Runner::Record(const std::string& path) {
+  const nb::gil_scoped_release others_run;
+  const std::lock_guard lock(mutex_);
+  RefuseWhileRecording("record");
+  recorder_ = Take(Recorder::Create(path, simulation_), path);
+  recording_ = path;
+}
+
+void Runner::StopRecording() {
+  const nb::gil_scoped_release others_run;
+  const std::lock_guard lock(mutex_);
+  if (!recorder_) return;
+  auto finished = recorder_->Finish();
+  recorder_.reset();
+  Take(std::move(finished), recording_);
+}
+
+std::string Runner::FlushRecording() {
+  const nb::gil_scoped_release others_run;
+  const std::lock_guard lock(mutex_);
+  if (recorder_) Take(recorder_->Flush(), recording_);
+  return recording_;
+}
+
 void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
   const std::lock_guard lock(mutex_);
+  RefuseWhileRecording("set_stiffness");
   Scene scene = model_->SetStiffnesses(simulation_.scene(), stiffness);
   Simulation next = Take(Continue(simulation_, std::move(scene)), model_->origin());
   time_before_ += simulation_.time();
@@ -99,6 +136,7 @@ Runner::Snapshot Runner::Save() {
 void Runner::Restore(const Snapshot& snapshot) {
   const nb::gil_scoped_release others_run;
   const std::lock_guard lock(mutex_);
+  RefuseWhileRecording("restore");
   Take(simulation_.Restore(snapshot.simulation), model_->origin());
   time_before_ = snapshot.time_before;
   pushes_ = snapshot.pushes;

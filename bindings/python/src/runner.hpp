@@ -1,6 +1,7 @@
 // A simulation that several Python threads may hold at a time.
 #pragma once
 
+#include <fork1s/record/recording.hpp>
 #include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <map>
@@ -55,6 +56,12 @@ class Runner {
   StepsReport Step(int steps);
   /// Goes on from this state instead, with the same controls; poses of driven bases count from there anew.
   void SetState(KeyframeDef state);
+  /// Every step from now on goes into a recording, until StopRecording. Throws Refused.
+  void Record(const std::string& path);
+  /// Throws Refused where the file could not be written whole. Without a recording it does nothing.
+  void StopRecording();
+  /// Where the recording is, with all steps so far; empty where none was begun.
+  std::string FlushRecording();
   /// Goes on with other stiffnesses of joints. Throws as Model::SetStiffnesses.
   void SetStiffness(const std::map<std::string, double>& stiffness);
   /// The first body along a ray, world frame; none within `reach` [m].
@@ -87,6 +94,10 @@ class Runner {
   std::mutex mutex_;
   Simulation simulation_;
   std::optional<RayCaster> rays_;  // when first asked for
+  std::optional<Recorder> recorder_;
+  std::string recording_;  // the file of the last recording
+  /// What a recording has no word for is refused while one goes on.
+  void RefuseWhileRecording(const char* what) const;
   std::vector<Push> pushes_;
   double time_before_ = 0;  // s, of simulations that were replaced
 };
