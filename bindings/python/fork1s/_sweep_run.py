@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
+import multiprocessing.connection
 import os
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -57,6 +59,18 @@ class Progress:
             print(f"\r{self._done} of {self._total} points", end="", file=sys.stderr, flush=True)
 
 
+def _end_with_parent() -> None:
+    """In a worker: a sweep that is killed leaves nobody waiting for ever for its next task."""
+
+    def watch() -> None:
+        parent = multiprocessing.parent_process()
+        if parent is not None:
+            multiprocessing.connection.wait([parent.sentinel])
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
 class LocalProcesses:
     """Processes of this machine, made anew when one of them ends."""
 
@@ -67,7 +81,9 @@ class LocalProcesses:
     def submit(self, *task: Any) -> Future[Any]:
         if self._pool is None:
             # Not forked: a fork has none of the threads that may hold locks at that moment.
-            self._pool = ProcessPoolExecutor(self.count, mp_context=multiprocessing.get_context("spawn"))
+            self._pool = ProcessPoolExecutor(
+                self.count, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent
+            )
         return self._pool.submit(*task)
 
     def close(self) -> None:

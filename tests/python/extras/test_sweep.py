@@ -1,9 +1,11 @@
 """Sweeps: every point once, whatever ends on the way."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +113,21 @@ def test_goes_on_where_it_stopped_and_asks_nothing_twice(arm, tmp_path):
     assert len(log.read_text().split()) == counts.sum() + 10
 
 
+def _runs(process):
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def _gone(processes):
+    for _ in range(3000):
+        if not any(map(_runs, processes)):
+            return True
+        time.sleep(0.01)
+    return False
+
+
 def test_a_sweep_that_is_killed_loses_nothing(arm, tmp_path):
     program = tmp_path / "program.py"
     program.write_text(f"""
@@ -125,7 +142,9 @@ if __name__ == "__main__":
                  progress=end, in_flight=2)
 """)
     assert subprocess.run([sys.executable, program], cwd=tmp_path).returncode == -signal.SIGKILL
-    table = fork1s.sweep(arm, {"seed": range(50), "log": ["log"]}, lambda model, point: 0, progress=False)
+    rows = [json.loads(line) for line in (tmp_path / "t.parquet.journal").read_text().splitlines()[1:-1]]
+    workers = {int(row["row"]["worker"].split(":")[1]) for row in rows}
+    assert workers and _gone(workers), "workers outlive the sweep that was killed"
     with pytest.raises(fork1s.UsageError, match="another model or metric"):
         fork1s.sweep(arm, {"seed": [1]}, asked.deflection, path=tmp_path / "t.parquet", progress=False)
     os.chdir(tmp_path)
