@@ -59,7 +59,7 @@ def sweep(
             goes on where it stopped. Rows are safe as soon as they come, in a journal beside the file.
         progress: a bar on standard error (tqdm where it is installed, else a line), or a function of (done, total).
         retry_errors: asks again at points whose row in `path` has an error.
-        in_flight: points handed to the executor and not yet answered, at most; default: 1000 tasks.
+        in_flight: points handed out and not yet answered, at most; default: 8 tasks a process, 1000 of an executor given.
         chunk: points a task. More than one where a point takes a few ms only and a task of the executor 1 ms.
 
     Returns:
