@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes a wheel that needs nothing but numpy and the package of MuJoCo, installs it into a fresh environment and runs
-# the tests of tests/python there.
+# the tests of tests/python there; those of tests/python/extras in one with the optional packages.
 #
 #     tools/wheel.sh [--from BUILD]      the wheel lies in build/wheel/dist
 #
@@ -49,4 +49,18 @@ rm -rf "$work/fresh"
 # With the tools' pip, which saves installing one.
 "$tools/pip" --python "$work/fresh/bin/python" install --quiet --disable-pip-version-check "$work"/dist/*.whl \
   "$(grep '^pytest==' tools/wheel.txt)"
-env -u PYTHONPATH "$work/fresh/bin/python" -m pytest tests/python
+env -u PYTHONPATH "$work/fresh/bin/python" -m pytest tests/python --ignore tests/python/extras
+
+# And with the optional packages, whose environment stays, as it is pinned.
+if ! cmp -s tools/wheel_extras.txt "$work/extras.txt" || [ ! -x "$work/extras/bin/python" ]; then
+  echo "wheel: installing optional packages into $work/extras"
+  rm -rf "$work/extras" "$work/extras.txt"
+  "$python" -m venv --without-pip "$work/extras"
+  "$tools/pip" --python "$work/extras/bin/python" install --quiet --disable-pip-version-check --no-compile \
+    --require-hashes -r tools/wheel_extras.txt
+  cp tools/wheel_extras.txt "$work/extras.txt"
+fi
+"$tools/pip" --python "$work/extras/bin/python" install --quiet --disable-pip-version-check --force-reinstall --no-deps \
+  "$work"/dist/*.whl "mujoco-core==$(sed -n 's/^mujoco-core==\([0-9.]*\).*/\1/p' cmake/mujoco.txt)"
+echo "wheel: testing with optional packages: sweeps, environments for learning"
+env -u PYTHONPATH "$work/extras/bin/python" -m pytest tests/python/extras

@@ -5,6 +5,7 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/builder.hpp>
+#include <fork1s/mechanism/set_stiffness.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/gltf.hpp>
 #include <fork1s/record/recording.hpp>
@@ -15,5 +16,7 @@
 #include <fork1s/reduction/free_motion.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reduction/statics.hpp>
+#include <fork1s/sim/ask.hpp>
+#include <fork1s/sim/continue.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/spatial/twist.hpp>

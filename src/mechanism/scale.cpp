@@ -1,4 +1,5 @@
 #include <fork1s/mechanism/mechanism.hpp>
+#include <fork1s/mechanism/set_stiffness.hpp>
 
 #include <cmath>
 
@@ -29,6 +30,28 @@ MechanismDef ScaleStiffness(MechanismDef definition, double factor) {
   }
   for (auto& control : definition.controls)
     if (control.is_setpoint) control.gain *= factor;
+  return definition;
+}
+
+MechanismDef SetStiffness(MechanismDef definition, FreedomRef freedom, double stiffness) {
+  FORK1S_REQUIRE(stiffness >= 0 && std::isfinite(stiffness), stiffness);
+  FreedomDef& own =
+      definition.joints.at(freedom.joint.u()).freedoms.at(static_cast<std::size_t>(freedom.freedom));
+  const double factor = own.stiffness > 0 ? stiffness / own.stiffness : 1;
+  const double root = std::sqrt(factor);
+  const auto pulls_it_alone = [&](const auto& d) {
+    return d.along.path < 0 && d.terms.size() == 1 && d.terms[0].first.joint == freedom.joint &&
+           d.terms[0].first.freedom == freedom.freedom;
+  };
+  own.stiffness = stiffness;
+  own.damping *= root;
+  for (ForceLimitDef& limit : definition.force_limits)
+    if (pulls_it_alone(limit)) {
+      limit.stiffness *= factor;
+      limit.damping *= root;
+    }
+  for (ControlDef& control : definition.controls)
+    if (control.is_setpoint && pulls_it_alone(control)) control.gain *= factor;
   return definition;
 }
 

@@ -1,6 +1,9 @@
-"""The code of docs/python.md runs, from top to bottom as one program."""
+"""The code and the commands of the pages run."""
 
 import re
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -17,3 +20,36 @@ def test_python_page(tmp_path, monkeypatch):
     blocks = re.findall(r"```python\n(.*?)```", (DOCS / "python.md").read_text(), flags=re.DOTALL)
     assert len(blocks) >= 6
     exec(compile("\n".join(blocks), "docs/python.md", "exec"), {})
+
+
+def run(command):
+    """The program of the package beside this Python, in the folder of the repository."""
+    program = Path(sys.executable).parent / "fork1s"
+    if not program.exists():
+        pytest.skip("the command is not installed beside this Python")
+    return subprocess.run([program, *shlex.split(command)[1:]], cwd=DOCS.parent, capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("page", ["legs_and_urdf.md", "vehicles.md"])
+def test_commands_of_pages(page):
+    commands = re.findall(r"^    (fork1s (?:inspect|run|reduce|statics) scenes/.*)$", (DOCS / page).read_text(), flags=re.MULTILINE)
+    assert commands
+    for command in commands:
+        done = run(re.sub(r"--time [0-9.]+", "--time 0.2", command))
+        assert done.returncode == 0, f"{command}: {done.stderr}"
+
+
+def test_the_error_figure_is_the_one_that_is_shown():
+    [block] = re.findall(r"```console\n\$ (.*?)```", (DOCS / "error_figure.md").read_text(), flags=re.DOTALL)
+    command, *shown = block.splitlines()
+    printed = run(command).stdout.splitlines()
+    for line in shown:
+        assert line == "..." or line in printed, line
+
+
+def test_the_example_in_cpp_is_the_one_that_is_shown():
+    """The pages show a file that a test builds against the installed library, the README line by line."""
+    assert '--8<-- "first_steps.cpp"' in (DOCS / "cpp.md").read_text()
+    example = (DOCS.parent / "examples" / "first_steps.cpp").read_text()
+    readme = (DOCS.parent / "README.md").read_text()
+    assert all(line.strip() in readme for line in example.splitlines() if line.startswith("  "))

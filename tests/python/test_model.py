@@ -141,5 +141,5 @@ def test_start_and_gains(scenes):
 
 def test_scenes_of_the_package():
     assert fork1s.load(fork1s.scene("hand")).name == "hand"
-    with pytest.raises(fork1s.UnknownNameError, match="fourbar_gripper, hand"):
+    with pytest.raises(fork1s.UnknownNameError, match="fourbar_gripper, hand, peg_gripper, quadruped"):
         fork1s.scene("none")

@@ -156,3 +156,37 @@ def test_same_bits_again(hand):
         sim.step(100)
         hashes.add(sim.hash())
     assert len(hashes) == 1
+
+
+def test_rays_meet_bodies(gripper):
+    sim = fork1s.Simulation(gripper)
+    hit = sim.ray([0, 0, 0.05], [0, 0, -3])
+    assert hit.body == "cube"
+    assert_allclose([hit.distance, *hit.point, *hit.normal], [0.05 - 0.024, 0, 0, 0.024, 0, 0, 1], atol=1e-9)
+    assert sim.ray([0.2, 0, 0.5], [0, 0, -1]).body == "world"
+    # A bar touches nothing and is seen all the same.
+    assert sim.ray([-1, 0, 0.1], [1, 0, 0]).body.startswith("left_")
+    assert sim.ray([0, 0, 0.05], [0, 0, -1], reach=0.01) is None and sim.ray([0, 0, 1], [0, 0, 1]) is None
+    with pytest.raises(ValueError, match="direction must not be zero"):
+        sim.ray([0, 0, 0], [0, 0, 0])
+
+
+def test_gains_change_while_it_runs(gripper):
+    sim = fork1s.Simulation(gripper, dt=1 / 60)
+    sim.controls.update({"left_grip": 0.4, "right_grip": 0.4})
+    sim.step(60)
+
+    def pressed():
+        return np.abs(sim.contacts["force"][:, 0]).max()
+
+    before, pose, time = pressed(), sim.pose("cube"), sim.time
+    sim.set_stiffness({"left_crank": 2 * gripper.stiffnesses["left_crank"],
+                       "right_crank": 2 * gripper.stiffnesses["right_crank"]})
+    assert_allclose(sim.pose("cube"), pose, atol=1e-9)
+    assert sim.time == time and sim.controls["left_grip"] == 0.4
+    sim.step(60)
+    assert 1.6 < pressed() / before < 2.1  # the servos press twice as hard, flexures of the rockers do not help
+    sim.set_state(poses={"cube": [0.2, 0, 0.012]})
+    sim.step(1)
+    with pytest.raises(fork1s.UnknownNameError, match="no joint coordinate 'knee'"):
+        sim.set_stiffness({"knee": 1})

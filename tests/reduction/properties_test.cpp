@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/products.hpp>
+#include <fork1s/mechanism/set_stiffness.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/statics.hpp>
 #include <mechanisms.hpp>
@@ -58,6 +59,42 @@ TEST(ComplianceProperties, WalkIsDenseOnLoops) {
     ExpectSameCompliance(m, VectorX::Zero(m.num_coordinates()), 1e-8);
   }
   EXPECT_GT(compared, static_cast<int>(kMechanisms) / 2);
+}
+
+// The gradient by stiffness against the compliance itself, by the other road, at two stiffnesses.
+TEST(ComplianceProperties, GradientIsThatOfTheWalk) {
+  int sprung = 0;
+  for (unsigned seed = 0; seed < kMechanisms; ++seed) {
+    SCOPED_TRACE(seed);
+    RandomMechanismOptions options = seed % 2 ? WithLoops() : RandomMechanismOptions();
+    options.unsprung = seed % 3 == 0 ? 0.3 : 0;
+    const auto m = testing::RandomMechanism(seed, options);
+    const VectorX q = VectorX::Zero(m.num_coordinates());
+    const MatrixX Y = InterfaceResponse(m, q, InterfacesOf(m));
+    ASSERT_EQ(Y.cols(), m.num_coordinates());
+    const double size = Y.squaredNorm();
+    int coordinate = -1;
+    for (std::size_t j = 0; j < m.definition().joints.size(); ++j)
+      for (std::size_t f = 0; f < m.definition().joints[j].freedoms.size(); ++f) {
+        ++coordinate;
+        const double k = m.definition().joints[j].freedoms[f].stiffness;
+        if (!(k > 0)) continue;
+        const double step = 1e-4 * k;
+        const auto at = [&](double stiffness) {
+          const FreedomRef freedom{JointIndex(static_cast<int>(j)), static_cast<int>(f)};
+          const auto changed = BuildMechanism(SetStiffness(m.definition(), freedom, stiffness));
+          return WalkCompliance(*changed, q, InterfacesOf(*changed)).C;
+        };
+        const MatrixX slope = (at(k + step) - at(k - step)) / (2 * step);
+        const VectorX y = Y.col(coordinate);
+        // The central difference is off by (step / k)^2 of the slope, and by rounding of C over the step.
+        // Where loops hold the bodies still, all is rounding of 1 / k^2.
+        EXPECT_LT((slope + y * y.transpose()).cwiseAbs().maxCoeff(),
+                  1e-6 * (y.squaredNorm() + 1e-3 * size) + 1e-16 / (k * k));
+        ++sprung;
+      }
+  }
+  EXPECT_GT(sprung, 100);
 }
 
 // The model, the basis of stiffness and the interface's view of it.

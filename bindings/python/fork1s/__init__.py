@@ -28,6 +28,7 @@ from ._core import (
     Matrices,
     Mechanism,
     Model,
+    RayHit,
     Simulation,
     Statics,
     StepReport,
@@ -45,8 +46,10 @@ from ._errors import (
     UnknownNameError,
     UsageError,
 )
+from ._fit import StiffnessFit, fit_stiffness
 from ._load import load, scene
-from ._show import Page, show
+from ._show import Page, Replay, replay, show
+from ._sweep import sweep
 
 __all__ = [
     "Batch",
@@ -66,19 +69,25 @@ __all__ = [
     "ModelError",
     "NumericsError",
     "Page",
+    "RayHit",
+    "Replay",
     "Simulation",
     "Statics",
     "StepReport",
+    "StiffnessFit",
     "UnderdeterminedError",
     "UnknownNameError",
     "UsageError",
     "__version__",
     "compare",
+    "fit_stiffness",
     "load",
     "mujoco",
+    "replay",
     "scene",
     "show",
     "statics",
+    "sweep",
 ]
 
 _collections_abc.Mapping.register(Controls)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import copyreg
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,7 +21,7 @@ Gains = tuple[float, float]
 
 
 def scene(name: str) -> Path:
-    """Path of a scene that comes with the package: 'hand', 'fourbar_gripper'. Raises UnknownNameError."""
+    """Path of a scene that comes with the package: 'hand', 'fourbar_gripper', 'peg_gripper', 'quadruped'. Raises UnknownNameError."""
     folder = Path(__file__).parent / "scenes"
     path = folder / f"{name}.xml"
     if not path.is_file():
@@ -64,6 +66,28 @@ def load(
     Raises:
         FileError, FormatError, ModelError, UsageError: with file, place, cause and remedy.
     """
+    given = dict(
+        interface=interface, base=base, modes=modes, mode_choice=mode_choice, stiffness_scale=stiffness_scale, pd=pd,
+        keyframe=keyframe, base_pose=base_pose, q=q, ground=ground, packages=packages,
+    )
+    if isinstance(source, mujoco.MjSpec):
+        source = source.compile()
+    model = _read(source, _options(**given))
+    # As it is now: a path wherever one stands, a model of MuJoCo's before its owner changes it.
+    if isinstance(source, mujoco.MjModel):
+        source = copy.copy(source)
+    elif not (isinstance(source, str) and source.lstrip().startswith("<")):
+        source = os.path.abspath(source)
+    model._recipe = (source, {name: v for name, v in given.items() if v is not _DEFAULTS[name]}, {})
+    return model
+
+
+_DEFAULTS = load.__kwdefaults__
+
+
+def _options(
+    *, interface: Any, stiffness_scale: Any, pd: Any, base_pose: Any, q: Any, ground: Any, packages: Any, **others: Any
+) -> dict[str, Any]:
     gains: dict[str, Gains] = {}
     everywhere = None
     if isinstance(pd, Mapping):
@@ -71,23 +95,21 @@ def load(
     elif pd is not None:
         kp, kv = pd
         everywhere = (float(kp), float(kv))
-    options: dict[str, Any] = {
+    return {
+        **others,
         "interface": [interface] if isinstance(interface, str) else list(interface),
-        "base": base,
-        "modes": modes,
-        "mode_choice": mode_choice,
         "stiffness_scale": float(stiffness_scale),
         "pd": everywhere,
         "joint_pd": gains,
-        "keyframe": keyframe,
         "base_pose": None if base_pose is None else np.asarray(base_pose, dtype=float),
         "q": {name: float(value) for name, value in (q or {}).items()},
         "ground": ground is not False,
         "ground_height": None if isinstance(ground, bool) else float(ground),
         "packages": {name: os.fspath(folder) for name, folder in (packages or {}).items()},
     }
-    if isinstance(source, mujoco.MjSpec):
-        source = source.compile()
+
+
+def _read(source: Any, options: dict[str, Any]) -> _core.Model:
     if isinstance(source, mujoco.MjModel):
         return _core.load_mujoco(source._address, "MjModel", options)
     if isinstance(source, str) and source.lstrip().startswith("<"):
@@ -95,3 +117,24 @@ def load(
     if isinstance(source, (str, os.PathLike)):
         return _core.load_file(os.fspath(source), options)
     raise UsageError(f"load takes a path, text, a mujoco.MjModel or a mujoco.MjSpec, not {type(source).__name__}")
+
+
+def with_stiffness(model: _core.Model, stiffness: Mapping[str, float]) -> _core.Model:
+    changed = model._with_stiffness({name: float(k) for name, k in stiffness.items()})
+    source, options, before = recipe_of(model)
+    changed._recipe = (source, options, {**before, **{name: float(k) for name, k in stiffness.items()}})
+    return changed
+
+
+def recipe_of(model: _core.Model) -> tuple[Any, dict[str, Any], dict[str, float]]:
+    """What `load` was given, its options, and the stiffnesses that were set since."""
+    return model._recipe
+
+
+def _again(source: Any, options: dict[str, Any], stiffness: dict[str, float]) -> _core.Model:
+    model = load(source, **options)
+    return with_stiffness(model, stiffness) if stiffness else model
+
+
+# A model goes to other processes as what it was read from: a path stays a path, which must be there too.
+copyreg.pickle(_core.Model, lambda model: (_again, recipe_of(model)))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import atexit
+import html
 import os
 import sys
 import webbrowser
+from pathlib import Path
 
 from . import _core
+from ._errors import FileError, UsageError
 
 _open: set[Page] = set()
 
@@ -56,6 +59,49 @@ class Page:
 
     def __repr__(self) -> str:
         return f"<fork1s.Page {'closed' if self.closed else 'at ' + self.address}>"
+
+
+class Replay:
+    """A recording as one page that plays it, with everything in it. A notebook shows it in its cell."""
+
+    def __init__(self, page: str, height: int) -> None:
+        self.page = page
+        self._height = height
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the page to a file, which any browser opens from a disk."""
+        try:
+            Path(path).write_text(self.page, encoding="utf-8")
+        except OSError as error:
+            raise FileError(f"{os.fspath(path)}: {error.strerror}") from error
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe srcdoc="{html.escape(self.page, quote=True)}" width="100%" height="{self._height}" '
+            'style="border:0" title="fork1s"></iframe>'
+        )
+
+    def __repr__(self) -> str:
+        return f"<fork1s.Replay of {len(self.page) / 1e6:.1f} MB>"
+
+
+def replay(path: str | os.PathLike[str], *, height: int = 480) -> Replay:
+    """A recording, of `Simulation.record` or of `fork1s run --record`, as a page that plays it.
+
+    Args:
+        height: of a notebook's cell, pixels.
+
+    Raises:
+        FileError: it cannot be read, or the package was built without its page. FormatError: it is damaged.
+    """
+    return Replay(_core.replay_page(os.fspath(path)), height)
+
+
+def replay_of(sim: _core.Simulation, height: int) -> Replay:
+    path = sim._flush_recording()
+    if not path:
+        raise UsageError("replay: nothing was recorded; call record(path) before the first step")
+    return replay(path, height=height)
 
 
 @atexit.register

@@ -39,7 +39,7 @@ class Stepper:
 
     Raises:
         UsageError: the model has what a Stepper cannot carry: ball joints within a mechanism, activations of actuators.
-        Others as `fork1s.load` and `fork1s.Simulation` do.
+        ModelError: and others, as `fork1s.load` and `fork1s.Simulation` do.
 
     Attributes:
         simulation: the `fork1s.Simulation` inside.

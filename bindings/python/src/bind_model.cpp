@@ -33,6 +33,10 @@ nb::object StiffnessOf(const MechanismView& v, const std::vector<std::string>& b
   return K.size() == 0 ? nb::none() : nb::cast(OwnMatrix(K));
 }
 
+Array ResponseOf(const MechanismView& v, const std::vector<std::string>& bodies) {
+  return OwnMatrix(InterfaceResponse(v.mechanism(), v.posed().q, v.FindBodies(bodies)));
+}
+
 Array FullFrequenciesOf(const MechanismView& v) {
   const int count = std::max(8, std::min(v.model->Reduction(v.index)->size(), 16));
   return ToArray(FullFrequencies(v.mechanism(), v.posed().q, count));
@@ -73,6 +77,13 @@ resists it is 0: they are not elastic.
 Raises UnknownNameError.)";
 constexpr const char* kStiffness =
     R"(Inverse of `compliance` of the same bodies (6e, 6e), or None where they cannot be pushed elastically in every way.)";
+constexpr const char* kResponse =
+    R"(How the named bodies (all interface bodies if none is named) move per force along each joint coordinate.
+
+(6e, n): rows as of `compliance`, columns as of `coordinates`; rad/(N·m), m/(N·m) of hinges, rad/N, m/N of slides.
+Column j is y_j, and the compliance changes with the stiffness of coordinate j by -outer(y_j, y_j), exactly.
+
+Raises UnknownNameError.)";
 constexpr const char* kFrequencies =
     R"((k,) lowest undamped natural frequencies [Hz] of all joint coordinates, about the starting pose and unloaded; a
 floating base moves along. Motions that no spring resists are left out.)";
@@ -100,6 +111,9 @@ void BindMechanism(nb::module_& m) {
           "stiffness", [](const MechanismView& v, const nb::args& b) { return StiffnessOf(v, Words(b)); },
           kStiffness,
           nb::sig("def stiffness(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64] | None"))
+      .def(
+          "response", [](const MechanismView& v, const nb::args& b) { return ResponseOf(v, Words(b)); },
+          kResponse, nb::sig("def response(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro("frequencies", FullFrequenciesOf, kFrequencies, kOwn)
       .def_prop_ro("reduced_frequencies", ReducedFrequenciesOf, kReducedFrequencies, kOwn)
       .def_prop_ro("matrices", MatricesOf, kMatrices)
@@ -114,7 +128,10 @@ void BindMechanism(nb::module_& m) {
 
 void BindModel(nb::module_& m) {
   BindMechanism(m);
-  nb::class_<Model>(m, "Model", R"(A model file as it was read; never changes. Made by `fork1s.load`.
+  // With attributes of its own, for fork1s._load notes there how it was read: so it can go to other
+  // processes.
+  nb::class_<Model>(m, "Model", nb::dynamic_attr(),
+                    R"(A model file as it was read; never changes. Made by `fork1s.load`.
 
 Where it has one mechanism, `compliance`, `frequencies`, `matrices` and so on are that mechanism's; where it has
 several, ask `mechanisms[i]`, or name a body.)")
@@ -181,6 +198,40 @@ several, ask `mechanisms[i]`, or name a body.)")
           },
           kStiffness,
           nb::sig("def stiffness(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64] | None"))
+      .def(
+          "response",
+          [](const ModelPtr& s, const nb::args& args) {
+            const auto bodies = Words(args);
+            return ResponseOf(MechanismOfAll(s, bodies), bodies);
+          },
+          kResponse, nb::sig("def response(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64]"))
+      .def_prop_ro(
+          "stiffnesses", [](const ModelPtr& s) { return s->Stiffnesses(); },
+          "Joint coordinate -> what holds it, its spring and the servos on it together: N·m/rad or N/m.")
+      .def("_with_stiffness",
+           [](const ModelPtr& s, const std::map<std::string, double>& k) { return s->WithStiffness(k); })
+      .def(
+          "with_stiffness",
+          [](const nb::object& self, const nb::object& stiffness) {
+            return nb::module_::import_("fork1s._load").attr("with_stiffness")(self, stiffness);
+          },
+          nb::arg("stiffness"),
+          "The same model with other stiffnesses of joints.\n\nstiffness: joint coordinate -> what holds it, "
+          "its spring and the servos that pull it alone together, N·m/rad or N/m; their shares stay, damping "
+          "goes with the root. Raises UnknownNameError, UsageError.",
+          nb::sig("def with_stiffness(self, stiffness: collections.abc.Mapping[str, float]) -> Model"))
+      .def(
+          "fit_stiffness",
+          [](const nb::object& self, const nb::args& given, const nb::kwargs& named) {
+            return nb::module_::import_("fork1s._fit").attr("fit_stiffness")(self, *given, **named);
+          },
+          "Stiffnesses of joints with which bodies have a wanted compliance; needs scipy. "
+          "`fork1s.fit_stiffness` "
+          "explains its arguments.",
+          nb::sig("def fit_stiffness(self, target: numpy.typing.ArrayLike | collections.abc.Mapping[str, "
+                  "numpy.typing.ArrayLike], joints: collections.abc.Sequence[str] | None = None, *, bounds: "
+                  "tuple[float, float] | collections.abc.Mapping[str, tuple[float, float]] = (0.01, 100), "
+                  "tolerance: float = 0.01) -> 'fork1s.StiffnessFit'"))
       .def_prop_ro("frequencies", FORK1S_OF_ONLY(FullFrequenciesOf), kFrequencies, kOwn)
       .def_prop_ro("reduced_frequencies", FORK1S_OF_ONLY(ReducedFrequenciesOf), kReducedFrequencies, kOwn)
       .def_prop_ro("matrices", FORK1S_OF_ONLY(MatricesOf), kMatrices)

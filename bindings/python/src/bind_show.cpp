@@ -4,7 +4,9 @@
 #include <nanobind/stl/string.h>
 
 #include <atomic>
+#include <fork1s/record/recording.hpp>
 #include <fork1s/server/live_loop.hpp>
+#include <fork1s/server/wire.hpp>
 #include <optional>
 #include <thread>
 
@@ -66,6 +68,15 @@ std::unique_ptr<Page> Open(Runner& runner, int port) {
 }  // namespace
 
 void BindShow(nb::module_& m) {
+  m.def(
+      "replay_page",
+      [](const std::string& path) {
+        if (app::ViewerPage().empty()) throw Refused{app::NoPage()};
+        const nb::gil_scoped_release others_run;
+        const Recording recording = Take(Recording::Open(path), path);
+        return ReplayPage(app::ViewerPage(), Take(EncodeRecording(recording, recording.scene().name), path));
+      },
+      nb::arg("path"));
   nb::class_<Page>(m, "LivePage", "What fork1s.Page holds.")
       .def_prop_ro("address", &Page::address)
       .def_prop_ro("closed", &Page::closed)

@@ -1,8 +1,12 @@
 // Setting the state of a simulation from outside.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
+#include <limits>
+
+#include "arrays.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
 #include "readings.hpp"
@@ -83,6 +87,17 @@ void SetState(Runner& runner, const nb::object& qpos, const nb::object& qvel, co
 }  // namespace
 
 void BindSnapshot(nb::module_& m) {
+  nb::class_<BodyHit>(m, "RayHit", "Where a ray meets a body: `Simulation.ray`.")
+      .def_ro("body", &BodyHit::name, "Name of the body, 'world' for the still world.")
+      .def_ro("distance", &BodyHit::distance, "m")
+      .def_prop_ro(
+          "point", [](const BodyHit& h) { return OwnVector(h.point_W); }, "(3,) m, world frame", kOwn)
+      .def_prop_ro(
+          "normal", [](const BodyHit& h) { return OwnVector(h.normal_W); },
+          "(3,) unit normal of the surface, towards where the ray came from", kOwn)
+      .def("__repr__", [](const BodyHit& h) {
+        return "<fork1s.RayHit '" + h.name + "' at " + std::to_string(h.distance) + " m>";
+      });
   nb::class_<Runner::Snapshot>(
       m, "Snapshot",
       "A moment of a simulation, from `Simulation.save`. It is a copy and stays as it "
@@ -93,6 +108,57 @@ void BindSnapshot(nb::module_& m) {
 }
 
 void BindState(nb::class_<Runner>& simulation) {
+  simulation.def(
+      "record",
+      [](Runner& r, const nb::object& path) {
+        r.Record(nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path)));
+      },
+      nb::arg("path"),
+      "Every step from now on goes into a recording (HDF5), until `stop_recording`: `fork1s replay`, "
+      "`export` "
+      "and `replay` read it. Begun before the first step it replays bit by bit. A file of another kind is "
+      "not replaced. Raises FileError, UsageError.",
+      nb::sig("def record(self, path: str | os.PathLike[str]) -> None"));
+  simulation.def(
+      "stop_recording", &Runner::StopRecording,
+      "Ends the recording. A program that is killed leaves what it had written, half a second ago at most. "
+      "Raises FileError.");
+  simulation.def("_flush_recording", &Runner::FlushRecording);
+  simulation.def(
+      "replay",
+      [](const nb::object& self, int height) {
+        return nb::module_::import_("fork1s._show").attr("replay_of")(self, height);
+      },
+      nb::arg("height") = 480,
+      "What was recorded so far as a page that plays it, which a notebook shows in its cell (`Replay`). "
+      "Raises "
+      "UsageError where `record` was not called.",
+      nb::sig("def replay(self, height: int = 480) -> 'fork1s.Replay'"));
+  simulation.def(
+      "ray",
+      [](Runner& r, const nb::object& origin, const nb::object& direction, double reach) {
+        const Vector3 along = ReadVector3(direction, "direction");
+        if (!(along.norm() > 0)) throw nb::value_error("direction must not be zero");
+        if (!(reach >= 0)) throw nb::value_error("reach must be 0 m or more");
+        return r.Ray(ReadVector3(origin, "origin"), along, reach);
+      },
+      nb::arg("origin"), nb::arg("direction"), nb::arg("reach") = std::numeric_limits<double>::infinity(),
+      "The first body that a ray meets (`RayHit`), or None.\n\norigin: (3,) m; direction: (3,), of any "
+      "length "
+      "above 0; reach: m, how far it is followed. All bodies are seen, by the shapes that collide, or by all "
+      "of a "
+      "body that has none of these; meshes are their convex hulls. Raises ValueError.",
+      nb::sig("def ray(self, origin: numpy.typing.ArrayLike, direction: numpy.typing.ArrayLike, reach: float "
+              "= float('inf')) -> RayHit | None"));
+  simulation.def(
+      "set_stiffness", &Runner::SetStiffness, nb::arg("stiffness"),
+      "Goes on with other stiffnesses of joints, from the present state.\n\nstiffness: joint coordinate -> "
+      "what "
+      "holds it, springs and servos together, N·m/rad or N/m, as `Model.with_stiffness`. Set-points stay; "
+      "contacts "
+      "are found anew; those of a driven base count from its present pose. A snapshot from before cannot be "
+      "restored. Takes milliseconds. Raises UnknownNameError, UsageError, ModelError.",
+      nb::sig("def set_stiffness(self, stiffness: collections.abc.Mapping[str, float]) -> None"));
   simulation.def("save", &Runner::Save,
                  "A moment to come back to: state, set-points, pushes of the next call, time and detail.");
   simulation.def("restore", &Runner::Restore, nb::arg("snapshot"),

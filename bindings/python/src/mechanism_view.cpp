@@ -22,14 +22,18 @@ std::vector<std::string> MechanismView::Coordinates() const {
   return names;
 }
 
-InterfaceCompliance MechanismView::Compliance(const std::vector<std::string>& names) const {
+std::vector<BodyIndex> MechanismView::FindBodies(const std::vector<std::string>& names) const {
   std::vector<BodyIndex> bodies;
   for (const std::string& name : names) {
     bodies.push_back(mechanism().FindBody(name));
     if (!bodies.back().valid()) RefuseName("body", name, Bodies());
   }
   if (bodies.empty()) bodies = model->Reduction(index)->interfaces;
-  return WalkCompliance(mechanism(), posed().q, bodies);
+  return bodies;
+}
+
+InterfaceCompliance MechanismView::Compliance(const std::vector<std::string>& names) const {
+  return WalkCompliance(mechanism(), posed().q, FindBodies(names));
 }
 
 MechanismView MechanismOf(const std::shared_ptr<const Model>& model, const std::string& body) {

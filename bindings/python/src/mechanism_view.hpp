@@ -18,6 +18,8 @@ struct MechanismView {
   std::vector<std::string> Bodies() const;
   std::vector<std::string> Interfaces() const;
   std::vector<std::string> Coordinates() const;
+  /// The named bodies, or all interface bodies if none is named. Throws for unknown names.
+  std::vector<BodyIndex> FindBodies(const std::vector<std::string>& names) const;
   /// Walked compliance of the named bodies. Throws for unknown names.
   InterfaceCompliance Compliance(const std::vector<std::string>& bodies) const;
 };

@@ -1,5 +1,9 @@
 #include "model.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <fork1s/mechanism/set_stiffness.hpp>
+
 #include "errors.hpp"
 
 namespace fork1s::python {
@@ -13,6 +17,66 @@ std::shared_ptr<const Model> Model::Create(Expected<ImportedScene> imported, std
   model->origin_ = std::move(origin);
   model->file_ = std::move(file);
   return model;
+}
+
+namespace {
+
+// A joint coordinate, by the places of its freedom in the scene: builders sort joints, scenes do not.
+struct Coordinate {
+  std::string name;
+  std::size_t mechanism = 0;
+  FreedomRef freedom;
+};
+
+std::vector<Coordinate> CoordinatesOf(const Model& model) {
+  std::vector<Coordinate> all;
+  for (std::size_t i = 0; i < model.mechanisms().size(); ++i) {
+    const Mechanism& mechanism = *model.mechanisms()[i].mechanism;
+    int at = 0;
+    for (const JointDef& joint : mechanism.definition().joints)
+      for (std::size_t f = 0; f < joint.freedoms.size(); ++f)
+        all.push_back({mechanism.CoordinateName(at++),
+                       i,
+                       {model.scene().mechanisms[i].FindJoint(joint.name), static_cast<int>(f)}});
+  }
+  return all;
+}
+
+const FreedomDef& FreedomOf(const Model& model, const Coordinate& c) {
+  return model.scene().mechanisms[c.mechanism].joints[c.freedom.joint.u()].freedoms[static_cast<std::size_t>(
+      c.freedom.freedom)];
+}
+
+}  // namespace
+
+std::map<std::string, double> Model::Stiffnesses() const {
+  std::map<std::string, double> all;
+  for (const Coordinate& c : CoordinatesOf(*this)) all[c.name] = FreedomOf(*this, c).stiffness;
+  return all;
+}
+
+Scene Model::SetStiffnesses(Scene scene, const std::map<std::string, double>& stiffness) const {
+  const std::vector<Coordinate> coordinates = CoordinatesOf(*this);
+  for (const auto& [name, value] : stiffness) {
+    const auto c = std::find_if(coordinates.begin(), coordinates.end(),
+                                [&wanted = name](const Coordinate& at) { return at.name == wanted; });
+    if (c == coordinates.end()) {
+      std::vector<std::string> known;
+      for (const Coordinate& at : coordinates) known.push_back(at.name);
+      RefuseName("joint coordinate", name, known);
+    }
+    if (!(std::isfinite(value) && value >= 0))
+      throw Refused{{ErrorCode::kUsage, name, "a stiffness must be finite and 0 or more"}};
+    MechanismDef& def = scene.mechanisms[c->mechanism];
+    def = SetStiffness(std::move(def), c->freedom, value);
+  }
+  return scene;
+}
+
+std::shared_ptr<const Model> Model::WithStiffness(const std::map<std::string, double>& stiffness) const {
+  ImportedScene changed = imported_;
+  changed.scene = SetStiffnesses(std::move(changed.scene), stiffness);
+  return Create(std::move(changed), origin_, "");
 }
 
 std::shared_ptr<const ReducedModel> Model::Reduction(std::size_t mechanism) const {

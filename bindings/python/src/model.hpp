@@ -4,6 +4,7 @@
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <fork1s/study/posed_mechanism.hpp>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -18,6 +19,13 @@ class Model {
   /// run, empty where there is none or `options` changed what it says.
   static std::shared_ptr<const Model> Create(Expected<ImportedScene> imported, std::string origin,
                                              std::string file);
+
+  /// The same with other stiffnesses: coordinate name -> N·m/rad or N/m. Throws Refused or UnknownName.
+  std::shared_ptr<const Model> WithStiffness(const std::map<std::string, double>& stiffness) const;
+  /// A scene of this model's mechanisms with other stiffnesses. Throws likewise.
+  Scene SetStiffnesses(Scene scene, const std::map<std::string, double>& stiffness) const;
+  /// What holds every joint coordinate of all mechanisms, springs and servos together, by name.
+  std::map<std::string, double> Stiffnesses() const;
 
   const std::string& origin() const { return origin_; }
   const std::string& file() const { return file_; }

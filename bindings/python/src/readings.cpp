@@ -1,5 +1,7 @@
 #include "readings.hpp"
 
+#include <fork1s/sim/ask.hpp>
+
 namespace fork1s::python {
 namespace {
 
@@ -60,19 +62,11 @@ Array JointRates(const Simulation& simulation) {
 
 nb::object Contacts(const Simulation& simulation) {
   std::vector<ContactRow> rows;
-  const double h = simulation.dt();
-  for (const ContactRecord& c : simulation.world().contacts()) {
-    if (!(c.impulse.x() > 0)) continue;
-    const Matrix3 axes = c.point.frame.transpose();
-    rows.push_back(Row(simulation.BodyOfContactor(c.point.body_a), simulation.BodyOfContactor(c.point.body_b),
-                       c.point.point, axes.col(0), axes * c.impulse / h));
-    Eigen::Map<Vector3>(rows.back().torque) = axes * c.moment / h;
-    rows.back().gap = c.point.gap;
-    rows.back().friction = c.friction;
-  }
-  for (const HoldForce& f : simulation.HoldForces()) {
-    rows.push_back(Row(f.body, f.held, f.point_W, f.normal_W, f.force_W));
-    rows.back().friction = f.friction;
+  for (const BodyContact& c : fork1s::Contacts(simulation)) {
+    ContactRow& row = rows.emplace_back(Row(c.body_a, c.body_b, c.point_W, c.normal_W, c.force_W));
+    Eigen::Map<Vector3>(row.torque) = c.moment_W;
+    row.gap = c.gap;
+    row.friction = c.friction;
   }
   const std::size_t bytes = rows.size() * sizeof(ContactRow);
   auto* kept = new std::vector<ContactRow>(std::move(rows));

@@ -1,6 +1,7 @@
 #include "runner.hpp"
 
 #include <algorithm>
+#include <fork1s/sim/continue.hpp>
 
 #include "errors.hpp"
 
@@ -44,10 +45,15 @@ StepsReport Runner::Step(int steps) {
   const nb::gil_scoped_release others_run;
   const std::lock_guard lock(mutex_);
   StepsReport report;
+  std::vector<AppliedWrench> wrenches;
   for (int i = 0; i < steps && report.finite; ++i) {
+    wrenches.clear();
     for (const Push& p : pushes_)
-      simulation_.ApplyWrench(p.body, p.force_W, p.moment_W, simulation_.Pose(p.body) * p.point_B);
-    report.Add(simulation_.Step());
+      wrenches.push_back({p.body, p.force_W, p.moment_W, simulation_.Pose(p.body) * p.point_B});
+    ApplyWrenches(wrenches, simulation_);
+    const StepReport step = simulation_.Step();
+    report.Add(step);
+    if (recorder_) Take(recorder_->Append(simulation_, step, wrenches), recording_);
   }
   pushes_.clear();
   return report;
@@ -56,9 +62,12 @@ StepsReport Runner::Step(int steps) {
 void Runner::SetState(KeyframeDef state) {
   const nb::gil_scoped_release others_run;
   const std::lock_guard lock(mutex_);
+  RefuseWhileRecording("set_state");
   Scene scene = simulation_.scene();
   SimulationOptions options = simulation_.options();
-  scene.keyframes.resize(model_->scene().keyframes.size());  // without the one that was lent last time
+  // Without the one that was lent last time, and without any that is of another state of the scene.
+  if (scene.keyframes.size() > model_->scene().keyframes.size())
+    scene.keyframes.resize(model_->scene().keyframes.size());
   scene.keyframes.push_back(std::move(state));
   options.initial_keyframe = static_cast<int>(scene.keyframes.size()) - 1;
   Simulation next = Take(Simulation::Create(scene, options), model_->origin());
@@ -74,6 +83,51 @@ void Runner::SetState(KeyframeDef state) {
   simulation_ = std::move(next);
 }
 
+void Runner::RefuseWhileRecording(const char* what) const {
+  if (recorder_)
+    throw Refused{
+        {ErrorCode::kUsage, what, "a recording goes on, which could not tell it; call stop_recording first"}};
+}
+
+void Runner::Record(const std::string& path) {
+  const nb::gil_scoped_release others_run;
+  const std::lock_guard lock(mutex_);
+  RefuseWhileRecording("record");
+  recorder_ = Take(Recorder::Create(path, simulation_), path);
+  recording_ = path;
+}
+
+void Runner::StopRecording() {
+  const nb::gil_scoped_release others_run;
+  const std::lock_guard lock(mutex_);
+  if (!recorder_) return;
+  auto finished = recorder_->Finish();
+  recorder_.reset();
+  Take(std::move(finished), recording_);
+}
+
+std::string Runner::FlushRecording() {
+  const nb::gil_scoped_release others_run;
+  const std::lock_guard lock(mutex_);
+  if (recorder_) Take(recorder_->Flush(), recording_);
+  return recording_;
+}
+
+void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
+  const std::lock_guard lock(mutex_);
+  RefuseWhileRecording("set_stiffness");
+  Scene scene = model_->SetStiffnesses(simulation_.scene(), stiffness);
+  Simulation next = Take(Continue(simulation_, std::move(scene)), model_->origin());
+  time_before_ += simulation_.time();
+  simulation_ = std::move(next);
+}
+
+std::optional<BodyHit> Runner::Ray(const Vector3& origin, const Vector3& direction, double reach) {
+  const std::lock_guard lock(mutex_);
+  if (!rays_) rays_ = Take(RayCaster::Create(simulation_), model_->origin());
+  return rays_->Cast(simulation_, origin, direction, reach);
+}
+
 Runner::Snapshot Runner::Save() {
   const std::lock_guard lock(mutex_);
   return {simulation_.Save(), time_before_, pushes_};
@@ -82,6 +136,7 @@ Runner::Snapshot Runner::Save() {
 void Runner::Restore(const Snapshot& snapshot) {
   const nb::gil_scoped_release others_run;
   const std::lock_guard lock(mutex_);
+  RefuseWhileRecording("restore");
   Take(simulation_.Restore(snapshot.simulation), model_->origin());
   time_before_ = snapshot.time_before;
   pushes_ = snapshot.pushes;

@@ -1,7 +1,10 @@
 // A simulation that several Python threads may hold at a time.
 #pragma once
 
+#include <fork1s/record/recording.hpp>
+#include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -53,6 +56,16 @@ class Runner {
   StepsReport Step(int steps);
   /// Goes on from this state instead, with the same controls; poses of driven bases count from there anew.
   void SetState(KeyframeDef state);
+  /// Every step from now on goes into a recording, until StopRecording. Throws Refused.
+  void Record(const std::string& path);
+  /// Throws Refused where the file could not be written whole. Without a recording it does nothing.
+  void StopRecording();
+  /// Where the recording is, with all steps so far; empty where none was begun.
+  std::string FlushRecording();
+  /// Goes on with other stiffnesses of joints. Throws as Model::SetStiffnesses.
+  void SetStiffness(const std::map<std::string, double>& stiffness);
+  /// The first body along a ray, world frame; none within `reach` [m].
+  std::optional<BodyHit> Ray(const Vector3& origin, const Vector3& direction, double reach);
   /// s since the beginning, through all states that were set.
   double Time();
   void AddPush(const Push& push);
@@ -80,6 +93,11 @@ class Runner {
   std::shared_ptr<const Model> model_;
   std::mutex mutex_;
   Simulation simulation_;
+  std::optional<RayCaster> rays_;  // when first asked for
+  std::optional<Recorder> recorder_;
+  std::string recording_;  // the file of the last recording
+  /// What a recording has no word for is refused while one goes on.
+  void RefuseWhileRecording(const char* what) const;
   std::vector<Push> pushes_;
   double time_before_ = 0;  // s, of simulations that were replaced
 };

@@ -32,6 +32,11 @@ InterfaceCompliance WalkCompliance(const Mechanism& mechanism, const VectorX& q,
 InterfaceCompliance DenseCompliance(const Mechanism& mechanism, const VectorX& q,
                                     const std::vector<BodyIndex>& bodies);
 
+/// How the bodies move, as rows of C, per force along each joint coordinate: Y, 6e x n, projected as C is. A
+/// spring of stiffness k on the length tᵀq gives ∂C/∂k = -(Y t)(Y t)ᵀ; for the spring of joint j that is
+/// -y_j y_jᵀ, y_j the j-th column.
+MatrixX InterfaceResponse(const Mechanism& mechanism, const VectorX& q, const std::vector<BodyIndex>& bodies);
+
 /// Largest difference of two compliances of the same bodies, relative to the largest entry of either, turns
 /// measured in `length`; infinity where they have different ranks or numbers of free directions.
 double ComplianceDifference(const InterfaceCompliance& a, const InterfaceCompliance& b, double length);

@@ -1,0 +1,209 @@
+"""Points to an executor and rows back, whatever becomes of its workers."""
+
+from __future__ import annotations
+
+import multiprocessing
+import multiprocessing.connection
+import os
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from queue import SimpleQueue
+from typing import Any
+
+from ._errors import UsageError
+from ._sweep_journal import Journal
+from ._sweep_task import answer
+
+Point = tuple[str, dict[str, Any]]  # key and values
+_WINDOW = 1000
+
+
+class Progress:
+    """How far it is, on standard error or to a function."""
+
+    def __init__(self, wish: bool | Callable[[int, int], None], done: int, total: int) -> None:
+        self._done, self._total = done, total
+        self._tell = wish if callable(wish) else None
+        self._bar: Any = None
+        self._line = False
+        self._told = 0.0
+        if wish is True:
+            try:
+                from tqdm.auto import tqdm
+
+                self._bar = tqdm(total=total, initial=done, unit="point")
+            except ModuleNotFoundError:
+                self._line = sys.stderr.isatty()
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
+        if self._line:
+            print(f"\r{self._done} of {self._total} points", file=sys.stderr)
+
+    def add(self, count: int) -> None:
+        self._done += count
+        if self._bar is not None:
+            self._bar.update(count)
+        if self._tell is not None:
+            self._tell(self._done, self._total)
+        if self._line and time.monotonic() > self._told + 0.2:
+            self._told = time.monotonic()
+            print(f"\r{self._done} of {self._total} points", end="", file=sys.stderr, flush=True)
+
+
+def _end_with_parent() -> None:
+    """In a worker: a sweep that is killed leaves nobody waiting for ever for its next task."""
+
+    def watch() -> None:
+        parent = multiprocessing.parent_process()
+        if parent is not None:
+            multiprocessing.connection.wait([parent.sentinel])
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+class LocalProcesses:
+    """Processes of this machine, made anew when one of them ends."""
+
+    def __init__(self, tasks: int) -> None:
+        self.count = max(1, min(tasks, len(os.sched_getaffinity(0))))
+        self._pool: ProcessPoolExecutor | None = None
+
+    def submit(self, *task: Any) -> Future[Any]:
+        if self._pool is None:
+            # Not forked: a fork has none of the threads that may hold locks at that moment.
+            self._pool = ProcessPoolExecutor(
+                self.count, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent
+            )
+        return self._pool.submit(*task)
+
+    def close(self) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+            self._pool = None
+
+    def check(self) -> None:
+        """UsageError where processes cannot even begin."""
+        self.close()
+        try:
+            self.submit(os.getpid).result()
+        except BrokenExecutor:
+            raise UsageError(
+                "worker processes end as soon as they begin: a program that calls fork1s.sweep does so below "
+                "`if __name__ == '__main__':`, since every worker reads the program first"
+            ) from None
+
+
+class Sweeping:
+    """Asks points; their rows go to the journal in the order in which they come.
+
+    Whose point ended a worker process, Python's pool cannot tell: all that were out with it come back broken. They are
+    suspects, and go out again one at a time with nothing beside them; the one that ends its process then is the one.
+    """
+
+    def __init__(
+        self,
+        task: bytes,
+        points: list[Point],
+        executor: Executor | None,
+        journal: Journal,
+        progress: Progress,
+        in_flight: int | None,
+        chunk: int,
+    ) -> None:
+        self._task, self._journal, self._progress = task, journal, progress
+        self._own = LocalProcesses(len(points)) if executor is None else None
+        self._submit = self._own.submit if self._own is not None else executor.submit
+        self._to_ask = deque(points[i : i + chunk] for i in range(0, len(points), chunk))
+        self._suspects: deque[list[Point]] = deque()
+        self._out: dict[Future[Any], list[Point]] = {}
+        self._done: SimpleQueue[Future[Any]] = SimpleQueue()
+        self._answered = False
+        self._window = max(1, (in_flight or (8 * self._own.count if self._own else _WINDOW) * chunk) // chunk)
+
+    def run(self) -> None:
+        try:
+            while self._to_ask or self._suspects or self._out:
+                self._send()
+                self._receive()
+        finally:
+            for future in self._out:
+                future.cancel()
+            if self._own is not None:
+                self._own.close()
+
+    def _send(self) -> None:
+        if self._suspects:
+            if not self._out:
+                self._ask(self._suspects)
+            return
+        while self._to_ask and len(self._out) < self._window:
+            if not self._ask(self._to_ask):
+                return
+
+    def _ask(self, queue: deque[list[Point]]) -> bool:
+        try:
+            future = self._submit(answer, self._task, queue[0])
+        except BrokenExecutor:
+            if self._own is None:
+                raise
+            if not self._out:
+                self._own.close()
+            return False
+        self._out[future] = queue.popleft()
+        future.add_done_callback(self._done.put)
+        return True
+
+    def _receive(self) -> None:
+        if not self._out:
+            return
+        alone = len(self._out) == 1 and len(next(iter(self._out.values()))) == 1
+        done = [self._done.get()]
+        while not self._done.empty():
+            done.append(self._done.get())
+        if self._own is not None and any(isinstance(f.exception(), BrokenExecutor) for f in done):
+            while len(done) < len(self._out):  # the others are broken as well, or were finished before
+                done.append(self._done.get())
+        broken = []
+        for future in done:
+            asked = self._out.pop(future)
+            try:
+                self._keep(asked, future.result())
+            except BrokenExecutor:
+                if self._own is None:
+                    raise
+                broken.append(asked)
+            except Exception as problem:  # noqa: BLE001 - such as Dask's word that it killed several workers
+                if len(asked) > 1:
+                    self._suspects.extend([point] for point in asked)
+                else:
+                    self._fail(asked, f"{type(problem).__name__}: {problem}")
+        if broken:
+            self._own.close()
+            if not self._answered:
+                self._own.check()
+            if alone:
+                self._fail(broken[0], "the process that computed this point ended: killed, or a crash below Python")
+            else:
+                self._suspects.extend([point] for asked in broken for point in asked)
+        self._journal.flush()
+
+    def _keep(self, asked: list[Point], rows: list[tuple[str, dict[str, Any]]]) -> None:
+        self._answered = True
+        points = dict(asked)
+        for key, row in rows:
+            self._journal.add(key, points[key], row)
+        self._progress.add(len(rows))
+
+    def _fail(self, asked: list[Point], sentence: str) -> None:
+        row = {"error": sentence, "seconds": None, "worker": None}
+        self._keep(asked, [(key, dict(row)) for key, _ in asked])

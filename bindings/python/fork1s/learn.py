@@ -1,0 +1,175 @@
+"""Environments of Gymnasium on batches of simulations: one, or many that step as one.
+
+    import gymnasium, fork1s.learn
+    env = gymnasium.make("fork1s/GraspLift-v0")
+    many = gymnasium.make_vec("fork1s/Quadruped-v0", num_envs=64)       # a fork1s.Batch inside
+
+docs/learning.md explains them from the beginning. Needs `pip install 'fork1s[learn]'`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+try:
+    import gymnasium
+except ModuleNotFoundError:
+    raise ModuleNotFoundError("fork1s.learn needs gymnasium: pip install 'fork1s[learn]'") from None
+
+from ._core import Batch
+from ._errors import UsageError
+from ._load import load, scene
+from ._tasks import TASKS, GraspLift, Now, PegInsertion, Quadruped, Task
+
+__all__ = ["Environment", "GraspLift", "Now", "PegInsertion", "Quadruped", "Task", "VectorEnvironment", "TASKS"]
+
+Randomise = Mapping[str, tuple[float, float]] | bool
+_LARGEST = 10.0  # of what is observed
+
+
+class _Members:
+    """A task on a batch: what both kinds of environment are made of."""
+
+    def __init__(self, task: type[Task], count: int, randomise: Randomise, threads: int | None, model: Any) -> None:
+        self.model = load(scene(task.scene) if model is None else model, **task.load)
+        self.ranges = dict(task.randomise) if randomise is True else dict(randomise or {})
+        for name, (low, high) in self.ranges.items():
+            if name not in ("stiffness", "friction", "mass"):
+                raise UsageError(f"randomise: '{name}' is none of: stiffness, friction, mass")
+            if not 0 < low <= high < np.inf:
+                raise UsageError(f"randomise: '{name}' must be 0 < smallest <= largest, not {low} and {high}")
+        self.factors = {name: np.ones(count) for name in ("stiffness", "friction", "mass")}
+        self.batch = Batch(self.model, count, dt=task.dt, **({} if threads is None else {"threads": threads}))
+        self.task = task(count, self.batch.controls)
+        self.limit = task.seconds
+        self.now = self._read()
+
+    def _read(self) -> Now:
+        names = self.task.bodies
+        poses, velocities = self.batch.poses(*names), self.batch.velocities(*names)
+        return Now(
+            {name: poses[:, i] for i, name in enumerate(names)},
+            {name: velocities[:, i] for i, name in enumerate(names)},
+            self.batch.qpos, self.batch.qvel, self.batch.time,
+        )
+
+    def begin(self, mask: npt.NDArray[np.bool_], rng: np.random.Generator) -> None:
+        count = int(mask.sum())
+        for name, (low, high) in self.ranges.items():
+            # As likely to be halved as to be doubled.
+            self.factors[name][mask] = np.exp(rng.uniform(np.log(low), np.log(high), count))
+        self.task.begin(mask, rng)
+        self.batch.reset(mask, **self.factors)
+        self.now = self._read()
+
+    def observation(self) -> npt.NDArray[np.float32]:
+        return np.clip(self.task.observe(self.now), -_LARGEST, _LARGEST).astype(np.float32)
+
+    def advance(self, actions: npt.ArrayLike) -> tuple[npt.NDArray[np.float64], ...]:
+        """Reward, terminated, truncated, done what was asked, numbers finite: (n,) each."""
+        action = np.clip(np.asarray(actions, dtype=float).reshape(self.task.count, self.task.actions), -1, 1)
+        if not np.isfinite(action).all():
+            raise UsageError("actions must be finite")
+        before = self.now
+        report = self.batch.step(self.task.act(action), steps=self.task.steps)
+        self.now = self._read()
+        reward, terminated, success = self.task.judge(before, self.now, action)
+        # A step whose numbers were not finite was undone; nothing is to be learnt from it.
+        terminated = terminated | ~report.finite
+        return reward, terminated, self.now.time > self.limit - 1e-9, success, report.finite
+
+    def info(self) -> dict[str, npt.NDArray[np.float64]]:
+        return {name: values.copy() for name, values in self.factors.items()}
+
+
+def _spaces(task: type[Task]) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
+    return (
+        gymnasium.spaces.Box(-_LARGEST, _LARGEST, (task.observations,), np.float32),
+        gymnasium.spaces.Box(-1, 1, (task.actions,), np.float32),
+    )
+
+
+class Environment(gymnasium.Env):
+    """One member.
+
+    Args:
+        task: a class of TASKS, or one of your own.
+        randomise: ranges of factors of stiffness, friction and mass, drawn anew at every reset; True: the task's own,
+            False: none.
+        model: what `load` takes in place of the task's scene.
+    """
+
+    metadata = {"render_modes": []}
+
+    def __init__(self, task: type[Task], *, randomise: Randomise = True, model: Any = None, render_mode: None = None) -> None:
+        self.observation_space, self.action_space = _spaces(task)
+        self.render_mode = render_mode
+        self.members = _Members(task, 1, randomise, 1, model)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.members.begin(np.ones(1, dtype=bool), self.np_random)
+        return self.members.observation()[0], {k: float(v[0]) for k, v in self.members.info().items()}
+
+    def step(self, action: npt.ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        reward, terminated, truncated, success, finite = self.members.advance(action)
+        info = {"success": bool(success[0]), "finite": bool(finite[0])}
+        return self.members.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
+
+
+class VectorEnvironment(gymnasium.vector.VectorEnv):
+    """Many members that step as one, on threads; a member that is done starts anew in the step after.
+
+    Args:
+        num_envs: members.
+        threads: of the batch; default: as many as there are cores.
+        task: as of Environment.
+        randomise: as of Environment; factors are drawn for each member.
+        model: as of Environment.
+    """
+
+    metadata = {"render_modes": [], "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP}
+
+    def __init__(
+        self, num_envs: int, task: type[Task], *, randomise: Randomise = True, threads: int | None = None, model: Any = None,
+        render_mode: None = None,
+    ) -> None:
+        self.num_envs = num_envs
+        self.render_mode = render_mode
+        self.single_observation_space, self.single_action_space = _spaces(task)
+        self.observation_space = gymnasium.vector.utils.batch_space(self.single_observation_space, num_envs)
+        self.action_space = gymnasium.vector.utils.batch_space(self.single_action_space, num_envs)
+        self.members = _Members(task, num_envs, randomise, threads, model)
+        self._ended = np.zeros(num_envs, dtype=bool)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        super().reset(seed=seed)
+        mask = np.ones(self.num_envs, dtype=bool)
+        if options and "reset_mask" in options:
+            mask = np.asarray(options["reset_mask"], dtype=bool)
+        self.members.begin(mask, self.np_random)
+        self._ended[mask] = False
+        return self.members.observation(), self.members.info()
+
+    def step(self, actions: npt.ArrayLike) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        again = self._ended
+        reward, terminated, truncated, success, finite = self.members.advance(actions)
+        if again.any():
+            self.members.begin(again, self.np_random)
+            reward, terminated, truncated, success = (np.where(again, 0, a) for a in (reward, terminated, truncated, success))
+        terminated, truncated = terminated.astype(bool), truncated.astype(bool)
+        self._ended = terminated | truncated
+        return self.members.observation(), reward, terminated, truncated, {"success": success.astype(bool), "finite": finite}
+
+
+for _task in TASKS:
+    gymnasium.register(
+        f"fork1s/{_task.name}-v0",
+        entry_point="fork1s.learn:Environment",
+        vector_entry_point="fork1s.learn:VectorEnvironment",
+        kwargs={"task": _task},
+    )

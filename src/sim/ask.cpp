@@ -1,0 +1,101 @@
+#include <fork1s/sim/ask.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+namespace fork1s {
+namespace {
+
+tl::unexpected<Error> NoSuch(const char* what, const std::string& name,
+                             const std::vector<std::string>& known) {
+  std::string text = std::string("there is no ") + what + " of this name; there are: ";
+  for (const std::string& k : known) text += (&k == &known.front() ? "" : ", ") + k;
+  return Fail(ErrorCode::kUsage, name, known.empty() ? std::string("there is no ") + what : text);
+}
+
+std::string NameAt(const Simulation& simulation, int body) {
+  return body < 0 ? "world" : simulation.bodies()[static_cast<std::size_t>(body)].name;
+}
+
+}  // namespace
+
+Expected<int> BodyNamed(const Simulation& simulation, const std::string& name) {
+  const int at = simulation.FindBody(name);
+  if (at >= 0) return at;
+  std::vector<std::string> known;
+  for (const SceneBody& body : simulation.bodies()) known.push_back(body.name);
+  return NoSuch("body", name, known);
+}
+
+Expected<int> ControlNamed(const Simulation& simulation, const std::string& name) {
+  const int at = simulation.FindControl(name);
+  if (at >= 0) return at;
+  return NoSuch("control", name, simulation.control_names());
+}
+
+Expected<void> TrySetControl(Simulation& simulation, const std::string& name, double value) {
+  const Expected<int> at = ControlNamed(simulation, name);
+  if (!at) return tl::unexpected(at.error());
+  if (!std::isfinite(value)) return Fail(ErrorCode::kUsage, name, "a set-point must be finite");
+  simulation.SetControl(*at, value);
+  return {};
+}
+
+std::vector<BodyContact> Contacts(const Simulation& simulation) {
+  std::vector<BodyContact> all;
+  const auto name = [&](BodyContact& c) {
+    c.name_a = NameAt(simulation, c.body_a);
+    c.name_b = NameAt(simulation, c.body_b);
+  };
+  const double h = simulation.dt();
+  for (const ContactRecord& record : simulation.world().contacts()) {
+    if (!(record.impulse.x() > 0)) continue;
+    const Matrix3 axes = record.point.frame.transpose();
+    BodyContact& c = all.emplace_back();
+    c.body_a = simulation.BodyOfContactor(record.point.body_a);
+    c.body_b = simulation.BodyOfContactor(record.point.body_b);
+    c.point_W = record.point.point;
+    c.normal_W = axes.col(0);
+    c.force_W = axes * record.impulse / h;
+    c.moment_W = axes * record.moment / h;
+    c.gap = record.point.gap;
+    c.friction = record.friction;
+    name(c);
+  }
+  for (const HoldForce& held : simulation.HoldForces()) {
+    BodyContact& c = all.emplace_back();
+    c.body_a = held.body;
+    c.body_b = held.held;
+    c.point_W = held.point_W;
+    c.normal_W = held.normal_W;
+    c.force_W = held.force_W;
+    c.friction = held.friction;
+    name(c);
+  }
+  return all;
+}
+
+Expected<RayCaster> RayCaster::Create(const Simulation& simulation) {
+  // In the order of Simulation::bodies(): mechanism by mechanism, then free bodies; the world last.
+  std::vector<CollisionBodyDef> bodies;
+  for (const MechanismDef& mechanism : simulation.scene().mechanisms)
+    for (const BodyDef& body : mechanism.bodies) bodies.push_back({body.name, body.geometries, true, {}});
+  for (const FreeBodyDef& body : simulation.scene().free_bodies)
+    bodies.push_back({body.name, body.geometries, true, {}});
+  bodies.push_back({"world", simulation.scene().world, false, {}});
+  auto world = RayWorld::Create(std::move(bodies));
+  if (!world) return tl::unexpected(world.error());
+  return RayCaster(std::move(*world));
+}
+
+std::optional<BodyHit> RayCaster::Cast(const Simulation& simulation, const Vector3& origin,
+                                       const Vector3& direction, double reach) {
+  const int count = static_cast<int>(simulation.bodies().size());
+  for (int b = 0; b < count; ++b) world_.SetPose(b, simulation.Pose(b));
+  const auto hit = world_.Cast(origin, direction, reach);
+  if (!hit) return std::nullopt;
+  const int body = hit->body < count ? hit->body : -1;
+  return BodyHit{body, NameAt(simulation, body), hit->distance, hit->point, hit->normal};
+}
+
+}  // namespace fork1s

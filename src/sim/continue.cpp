@@ -1,0 +1,95 @@
+#include <fork1s/mechanism/mechanism.hpp>
+#include <fork1s/sim/continue.hpp>
+
+#include <map>
+#include <utility>
+
+namespace fork1s {
+namespace {
+
+template <class T>
+int PlaceOf(const std::vector<T>& all, const std::string& name) {
+  for (std::size_t i = 0; i < all.size(); ++i)
+    if (all[i].name == name) return static_cast<int>(i);
+  return -1;
+}
+
+std::map<std::string, int> CoordinatesByName(const Mechanism& mechanism) {
+  std::map<std::string, int> places;
+  for (int i = 0; i < mechanism.num_coordinates(); ++i) places[mechanism.CoordinateName(i)] = i;
+  return places;
+}
+
+// The state of a mechanism as its definition has it, with what `before` says of joints and controls of the
+// same name.
+Expected<KeyframeDef::MechanismState> StateOf(const MechanismDef& def, const MechanismDef* known,
+                                              const KeyframeDef::MechanismState* before) {
+  auto built = BuildMechanism(def);
+  if (!built) return tl::unexpected(built.error());
+  KeyframeDef::MechanismState state;
+  state.q = state.q_dot = VectorX::Zero(built->num_coordinates());
+  state.X_WR = def.X_WR;
+  state.controls = VectorX(static_cast<Eigen::Index>(def.controls.size()));
+  for (std::size_t c = 0; c < def.controls.size(); ++c)
+    state.controls(static_cast<Eigen::Index>(c)) = def.controls[c].initial;
+  if (!known) return state;
+  const auto old = BuildMechanism(*known);
+  if (!old) return tl::unexpected(old.error());
+  const auto places = CoordinatesByName(*old);
+  for (const auto& [name, at] : CoordinatesByName(*built))
+    if (const auto found = places.find(name); found != places.end()) {
+      state.q(at) = before->q(found->second);
+      state.q_dot(at) = before->q_dot(found->second);
+    }
+  for (std::size_t c = 0; c < def.controls.size(); ++c)
+    if (const int at = PlaceOf(known->controls, def.controls[c].name);
+        at >= 0 && at < before->controls.size())
+      state.controls(static_cast<Eigen::Index>(c)) = before->controls(at);
+  if (def.base != BaseKind::kFixed) {
+    state.X_WR = before->X_WR;
+    state.V_R = before->V_R;
+  }
+  return state;
+}
+
+}  // namespace
+
+Expected<Simulation> Continue(const Simulation& from, Scene scene) {
+  const KeyframeDef present = from.State();
+  const Scene& before = from.scene();
+  KeyframeDef key;
+  key.name = "continued";
+  for (const MechanismDef& def : scene.mechanisms) {
+    const int at = PlaceOf(before.mechanisms, def.name);
+    const auto place = static_cast<std::size_t>(at);
+    auto state = at < 0 ? StateOf(def, nullptr, nullptr)
+                        : StateOf(def, &before.mechanisms[place], &present.mechanisms[place]);
+    if (!state) return tl::unexpected(state.error());
+    key.mechanisms.push_back(std::move(*state));
+  }
+  for (const FreeBodyDef& def : scene.free_bodies) {
+    const int at = PlaceOf(before.free_bodies, def.name);
+    key.free_bodies.push_back(at < 0 ? KeyframeDef::FreeBodyState{def.X_WB}
+                                     : present.free_bodies[static_cast<std::size_t>(at)]);
+  }
+  SimulationOptions options = from.options();
+  options.dt = from.dt();
+  options.initial_keyframe = 0;
+  // Alone, since keyframes of the file may be of other joints than the scene has now.
+  scene.keyframes = {std::move(key)};
+  auto next = Simulation::Create(std::move(scene), options);
+  if (!next) return next;
+  for (int i = 0; i < next->controls().size(); ++i) {
+    const std::string& name = next->control_names()[static_cast<std::size_t>(i)];
+    bool drives = false;  // a driven base, which counts from where it is now
+    for (const MechanismDef& def : next->scene().mechanisms)
+      drives = drives || (def.base == BaseKind::kDriven && name.rfind(def.bodies[0].name + ".", 0) == 0);
+    const int at = from.FindControl(name);
+    if (!drives && at >= 0) next->SetControl(i, from.controls()(at));
+  }
+  if (auto detailed = next->SetFidelity(from.fidelity(), from.holds()); !detailed)
+    return tl::unexpected(detailed.error());
+  return next;
+}
+
+}  // namespace fork1s

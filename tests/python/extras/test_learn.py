@@ -1,0 +1,168 @@
+"""Environments: Gymnasium's own checker, one and many alike, and that each can be done."""
+
+import warnings
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import fork1s
+
+gymnasium = pytest.importorskip("gymnasium", reason="pip install 'fork1s[learn]'")
+
+import fork1s.learn as learn  # noqa: E402
+
+NAMES = [f"fork1s/{task.name}-v0" for task in learn.TASKS]
+
+
+@pytest.fixture(autouse=True)
+def scenes_of_the_repository(scenes, monkeypatch):
+    monkeypatch.setattr(learn, "scene", lambda name: scenes / f"{name}.xml")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gymnasiums_checker(name):
+    from gymnasium.utils.env_checker import check_env
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(name).unwrapped)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_many_are_as_one(name):
+    one, many = gymnasium.make(name, randomise=False), gymnasium.make_vec(name, num_envs=3, randomise=False)
+    assert isinstance(many.unwrapped, learn.VectorEnvironment)
+    seen, _ = one.reset(seed=5)
+    all_seen, info = many.reset(seed=5)
+    assert all_seen.shape == (3, *one.observation_space.shape) and set(info) == {"stiffness", "friction", "mass"}
+    # The first of three draws what one alone draws only if its numbers come first, so give all the same.
+    task, single = many.unwrapped.members.task, one.unwrapped.members.task
+    for drawn in ("offset", "phase"):
+        if hasattr(task, drawn):
+            getattr(task, drawn)[:] = getattr(single, drawn)
+    rng = np.random.default_rng(1)
+    for _ in range(12):
+        action = rng.uniform(-1, 1, one.action_space.shape)
+        seen, reward, *ends, _ = one.step(action)
+        all_seen, rewards, *all_ends, _ = many.step(np.tile(action, (3, 1)))
+        for i in range(3):
+            assert_array_equal(all_seen[i], seen)
+            assert rewards[i] == reward
+        assert not any(ends) and not np.any(all_ends)
+
+
+def test_factors_are_drawn_and_felt():
+    many = gymnasium.make_vec("fork1s/Quadruped-v0", num_envs=8)
+    _, info = many.reset(seed=2)
+    for name, (low, high) in learn.Quadruped.randomise.items():
+        assert len(set(info[name])) == 8 and (info[name] >= low).all() and (info[name] <= high).all()
+    for _ in range(20):
+        many.step(np.zeros((8, 12)))
+    # The heavier it is for its servos, the deeper it stands.
+    height = many.unwrapped.members.now.poses["trunk"][:, 2]
+    assert np.corrcoef(info["mass"] / info["stiffness"], height)[0, 1] < -0.9
+    _, again = many.reset(seed=2)
+    for name in info:
+        assert_array_equal(info[name], again[name])
+
+
+def test_who_is_done_begins_anew():
+    many = gymnasium.make_vec("fork1s/GraspLift-v0", num_envs=2, randomise={"mass": (1, 1)})
+    seen, _ = many.reset(seed=3)
+    lifting = np.array([[1.0, -1.0], [-1.0, -1.0]])
+    for step in range(200):
+        lifting[0, 1] = 1.0 if step > 15 else -1.0
+        _, reward, terminated, truncated, info = many.step(lifting)
+        if terminated[0]:
+            break
+    assert terminated[0] and info["success"][0] and reward[0] > 0.9 and not terminated[1]
+    cube = many.unwrapped.members.now.poses["cube"][:, 2]
+    assert cube[0] > 0.06 and cube[1] < 0.02
+    seen, reward, terminated, _, _ = many.step(lifting)
+    assert reward[0] == 0 and not terminated[0]
+    now = many.unwrapped.members.now
+    assert now.time[0] == 0 and now.time[1] > 0.5 and now.poses["cube"][0, 2] < 0.02
+    for _ in range(200):
+        _, _, _, truncated, _ = many.step(lifting)
+        if truncated[1]:
+            break
+    assert truncated[1] and now.time[1] < learn.GraspLift.seconds
+
+
+def test_one_that_learns_a_little():
+    """Cross-entropy on two numbers, when to lift and how tightly to hold: from none to most in a few rounds."""
+    many = gymnasium.make_vec("fork1s/GraspLift-v0", num_envs=32)
+    rng = np.random.default_rng(0)
+    middle, spread = np.array([0.0, -0.5]), np.array([0.5, 0.5])
+    rates = []
+    for generation in range(4):
+        tried = middle + spread * rng.standard_normal((32, 2))
+        many.reset(seed=generation)
+        done, total = np.zeros(32, dtype=bool), np.zeros(32)
+        for step in range(100):
+            action = np.stack([tried[:, 0], np.where(step > 20, tried[:, 1], -1)], axis=1)
+            _, reward, _, _, info = many.step(action)
+            total += np.where(done, 0, reward)
+            done |= info["success"]
+        best = np.argsort(-total)[:8]
+        middle, spread = tried[best].mean(axis=0), tried[best].std(axis=0) + 0.05
+        rates.append(done.mean())
+    assert rates[0] < 0.2 and rates[-1] > 0.6
+
+
+def test_refusals():
+    with pytest.raises(fork1s.UsageError, match="none of: stiffness, friction, mass"):
+        gymnasium.make(NAMES[0], randomise={"colour": (1, 2)})
+    with pytest.raises(fork1s.UsageError, match="smallest <= largest"):
+        gymnasium.make(NAMES[0], randomise={"mass": (2, 1)})
+    many = gymnasium.make_vec(NAMES[0], num_envs=2)
+    many.reset(seed=1)
+    with pytest.raises(fork1s.UsageError, match="finite"):
+        many.step(np.full((2, 2), np.nan))
+
+
+def test_world_vectors_in_the_axes_of_bodies():
+    q = np.array([[np.sqrt(0.5), 0, 0, np.sqrt(0.5)]])  # a quarter turn about z
+    assert_allclose(fork1s._tasks.turned_back(q, np.array([[1.0, 0, 0]])), [[0, -1, 0]], atol=1e-15)
+
+
+def run_page(docs, page, blocks):
+    import re
+
+    code = re.findall(r"```python\n(.*?)```", (docs / page).read_text(), flags=re.DOTALL)
+    assert len(code) == blocks
+    names = {}
+    exec(compile("\n".join(code), page, "exec"), names)
+    return names
+
+
+def test_the_pages(scenes):
+    from pathlib import Path
+
+    if not (Path(fork1s.__file__).parent / "scenes").exists():
+        pytest.skip("the package has no scenes in a build folder")
+    assert run_page(scenes.parent / "docs", "learning.md", 1)["done"].all()
+    assert run_page(scenes.parent / "docs", "legs_and_urdf.md", 1)["sim"].pose("trunk")[2, 3] > 0.25
+
+
+def test_what_was_learnt_still_walks(scenes):
+    import json
+    import runpy
+
+    pytest.importorskip("cma", reason="pip install 'fork1s[learn]'")
+    example = runpy.run_path(str(scenes.parent / "examples" / "learn_quadruped.py"))
+    numbers = np.array(json.loads((scenes.parent / "docs" / "learning" / "quadruped.json").read_text()))
+    many = gymnasium.make_vec("fork1s/Quadruped-v0", num_envs=8)
+    _, reached = example["episode"](many, np.tile(numbers, (8, 1)), seed=77)
+    _, stood = example["episode"](many, np.zeros((8, 18)), seed=77)
+    assert np.median(reached) > 2.5 and np.abs(stood).max() < 0.1
+
+
+def test_feeding_straight_down_is_not_enough():
+    many = gymnasium.make_vec("fork1s/PegInsertion-v0", num_envs=16)
+    many.reset(seed=1)
+    done = np.zeros(16, dtype=bool)
+    for _ in range(80):
+        done |= many.step(np.tile([0, 0, 0, 0, 1.0], (16, 1)))[4]["success"]
+    assert not done.any()

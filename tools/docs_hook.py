@@ -1,0 +1,34 @@
+"""Pages that are made of the sources, when mkdocs builds the site."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+ROOMS = ["sim", "importer", "mechanism", "reduction", "recovery", "record", "study", "geometry", "spatial", "dynamics", "contact",
+         "collision", "reference", "parallel", "server", "base", "linalg"]
+
+
+def _body(text: str) -> str:
+    """A header without what is the same in all of them."""
+    text = re.sub(r"^#(pragma once|include).*\n", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^(namespace fork1s \{|\}  // namespace fork1s)\n", "", text, flags=re.MULTILINE)
+    return re.sub(r"\n{3,}", "\n\n", text).strip()
+
+
+def on_page_markdown(markdown: str, page, **_) -> str:
+    if page.file.src_uri != "api_cpp.md":
+        return markdown
+    out = []
+    for room in ROOMS:
+        out.append(f"## {room}\n")
+        for header in sorted((ROOT / "include" / "fork1s" / room).glob("*.hpp")):
+            text = header.read_text(encoding="utf-8")
+            says = re.match(r"((?://.*\n)+)", text)
+            title = " ".join(line.lstrip("/ ").strip() for line in says[1].splitlines()) if says else ""
+            code = _body(text[says.end():] if says else text)
+            inside = "\n".join("    " + line if line else "" for line in f"```cpp\n{code}\n```".splitlines())
+            out.append(f'??? note "`fork1s/{room}/{header.name}`"\n\n    {title}\n\n{inside}\n')
+    folders = {p.name for p in (ROOT / "include" / "fork1s").iterdir() if p.is_dir()}
+    if folders != set(ROOMS):
+        raise ValueError(f"tools/docs_hook.py has other rooms than include/fork1s: {sorted(folders ^ set(ROOMS))}")
+    return markdown.replace("<!-- headers -->", "\n".join(out))
