@@ -135,7 +135,7 @@ TEST(TwistRecovery, SameBitsInParallel) {
     const auto i = static_cast<std::size_t>(b);
     ASSERT_EQ(std::memcmp(&serial[i], &parallel[i], sizeof serial[i]), 0) << b;
     const RigidTransform own = Exp(model.T_of(BodyIndex(b)) * state.z) * model.X_RB_ref[i];
-    ASSERT_LT(Log(own.inverse() * parallel[i]).norm(), 1e-14) << b;
+    ASSERT_LT(Log(own.inverse() * parallel[i]).norm(), 1e-13) << b;  // rounding of turns, on metres
   }
 }
 
