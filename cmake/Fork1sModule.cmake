@@ -45,8 +45,8 @@ endif()
 if(FORK1S_SANITIZE)
   # All but targets with the property FORK1S_UNSANITIZED.
   target_compile_options(fork1s_options INTERFACE "$<$<NOT:$<BOOL:$<TARGET_PROPERTY:FORK1S_UNSANITIZED>>>:\
--fsanitize=address,undefined;-fno-sanitize-recover=undefined;-fno-omit-frame-pointer>")
-  target_link_options(fork1s_options INTERFACE -fsanitize=address,undefined)
+-fsanitize=${FORK1S_SANITIZE};-fno-sanitize-recover=undefined;-fno-omit-frame-pointer>")
+  target_link_options(fork1s_options INTERFACE -fsanitize=${FORK1S_SANITIZE})
 endif()
 if(FORK1S_FUZZ)
   # libFuzzer follows which branches an input takes. Eigen counts on from null where a matrix is empty, and reads nothing

@@ -9,7 +9,7 @@ namespace fork1s::testing {
 inline std::atomic<long> allocations{0};
 
 // Sanitizers bring a malloc of their own; there the count stays zero and only the code under test is watched.
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
+#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 inline constexpr bool kCountsAllocations = true;
 #else
 inline constexpr bool kCountsAllocations = false;
@@ -17,7 +17,7 @@ inline constexpr bool kCountsAllocations = false;
 
 }  // namespace fork1s::testing
 
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
+#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 // Every road to the heap ends here, that of Eigen, MuJoCo and operator new.
 extern "C" void* __libc_malloc(std::size_t size);
 extern "C" void* malloc(std::size_t size) noexcept {

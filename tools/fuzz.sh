@@ -23,8 +23,8 @@ for target in "${targets[@]}"; do
   [[ " ${all[*]} " == *" $target "* ]] || { echo "fuzz: there is no target '$target'; there are ${all[*]}" >&2; exit 2; }
 done
 if ! command -v clang++-16 >/dev/null || [ ! -e "$(clang++-16 -print-file-name=libclang_rt.fuzzer-x86_64.a)" ]; then
-  echo "fuzz: needs clang 16 with its runtime library: apt-get install clang-16 libclang-rt-16-dev" >&2
-  exit 1
+  echo "fuzz: nothing is searched: needs clang 16 with its runtime library: apt-get install clang-16 libclang-rt-16-dev" >&2
+  exit 77  # as for tests that are skipped
 fi
 
 mujoco=()
@@ -37,7 +37,7 @@ cmake -S . -B build/fuzz -G Ninja -DCMAKE_C_COMPILER=clang-16 -DCMAKE_CXX_COMPIL
   -DFORK1S_BUILD_BENCHMARKS=OFF -DFORK1S_BUILD_EXAMPLES=OFF -DFORK1S_BUILD_PYTHON=OFF "${mujoco[@]}" >/dev/null
 cmake --build build/fuzz --target "${targets[@]/#/fuzz_}"
 
-seconds=$(awk -v h="$hours" -v n=${#targets[@]} 'BEGIN { s = int(3600 * h / n); print s > 0 ? s : 1 }')
+seconds=$(awk -v h="$hours" -v n=${#targets[@]} 'BEGIN { s = int(3600 * h / n); print (s > 0 ? s : 1) }')
 source=$PWD
 failed=""
 for target in "${targets[@]}"; do

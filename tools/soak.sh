@@ -1,8 +1,10 @@
 #!/usr/bin/env bash
 # Simulated days at full speed: whether memory, energy, loops or poses go anywhere, and whether every step converges.
 #
-#     tools/soak.sh [HOURS [SCENE...]]     24 simulated hours each; hand hexapod firemen vehicle
+#     tools/soak.sh [HOURS [SCENE...]]     24 simulated hours each; hand hexapod firemen vehicle page
 #
+# `page` is the live server with three viewers, one of which drags and one of which hardly reads
+# (tests/server/soak_test.cpp, which fails where memory grows, a step fails or a viewer is forgotten).
 # Builds build/release/benchmarks/soak if need be, prints a row a simulated hour (benchmarks/soak.cpp says what) into
 # build/soak/SCENE.csv, and at the end what the first hour and the last differ by. Minutes a scene. Fails where a step was
 # undone, did not converge or dropped contacts, where memory grew by more than 1 MB after the first hour, or where
@@ -13,7 +15,7 @@ cd "$(dirname "$0")/.."
 hours=${1:-24}
 shift || true
 scenes=("${@:-}")
-[ -n "${scenes[0]}" ] || scenes=(hand hexapod firemen vehicle)
+[ -n "${scenes[0]}" ] || scenes=(hand hexapod firemen vehicle page)
 declare -A arguments=(
   [hand]="grasp_sphere.xml grasp_sphere.csv ball:0.3,0,0"
   [hexapod]="hexapod_terrain.xml hexapod_terrain.csv trunk:2,1,0"
@@ -24,7 +26,16 @@ cmake --build --preset release --target soak >/dev/null
 mkdir -p build/soak
 failed=""
 for scene in "${scenes[@]}"; do
-  [ -n "${arguments[$scene]:-}" ] || { echo "soak: there is no scene '$scene'; there are ${!arguments[*]}" >&2; exit 2; }
+  if [ "$scene" = page ]; then
+    cmake --build --preset release --target test_server >/dev/null
+    FORK1S_SOAK_HOURS=$hours build/release/tests/test_server --gtest_filter='ServerSoak.*' >build/soak/page.log || failed=yes
+    grep -E '^(hour|[0-9]+),' build/soak/page.log >build/soak/page.csv || failed=yes
+    awk -F, 'NR == 2 { memory = $3 } NR > 1 { us += $2; last = $0 }
+      END { split(last, f, ","); printf "soak: page: %d hours at %.1f us a frame; memory %.2f -> %.2f MB; viewers read %d frames, the slow one %d\n", \
+              NR - 1, us / (NR - 1), memory, f[3], f[5], f[6] }' build/soak/page.csv
+    continue
+  fi
+  [ -n "${arguments[$scene]:-}" ] || { echo "soak: there is no scene '$scene'; there are ${!arguments[*]} page" >&2; exit 2; }
   read -r model controls push <<<"${arguments[$scene]}"
   [ "$controls" = - ] || controls=scenes/$controls
   file=build/soak/$scene.csv

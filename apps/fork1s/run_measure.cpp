@@ -162,8 +162,11 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
   std::size_t next_detail = 0;
   if (watches.error) out.error.emplace();
   Passers passers(simulation);
+  PlausibleWatch plausible(simulation);
   for (std::int64_t i = 0; i < steps; ++i) {
+    const std::size_t switches = out.switches.size();
     Switch(inputs.detail, next_detail, simulation, out);
+    if (out.switches.size() != switches) plausible.Changed(simulation);
     const double end = static_cast<double>(i + 1) * simulation.dt();
     inputs.controls.Apply(end, simulation);
     const std::vector<AppliedWrench> applied = ApplyPushes(inputs, end, simulation);
@@ -192,7 +195,9 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     const double energy = simulation.Energy();
     out.energy_increase = std::max(out.energy_increase, energy - out.energy_last);
     out.energy_last = energy;
-    out.gap_max = std::max(out.gap_max, simulation.JointGap());
+    const double gap = simulation.JointGap();
+    out.gap_max = std::max(out.gap_max, gap);
+    plausible.Look(simulation, {energy, simulation.KineticEnergy(), gap, !applied.empty()});
     if (watches.load_factor) watch.Look(simulation, out);
     passers.Look(simulation, out.switches.size(), out);
     if (recorder)
@@ -201,6 +206,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(steps));
   }
   passers.Keep(out);
+  out.implausible = plausible.Sentences();
   return out;
 }
 

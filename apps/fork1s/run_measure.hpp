@@ -4,6 +4,7 @@
 #include <fork1s/dynamics/load_factor.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/sim/passing.hpp>
+#include <fork1s/sim/plausible.hpp>
 #include <fork1s/sim/push.hpp>
 #include <fork1s/sim/tally.hpp>
 #include <optional>
@@ -56,6 +57,7 @@ struct Measured {
   };
   std::vector<Switch> switches;
   std::optional<ErrorWatch> error;
+  std::vector<std::string> implausible;  // sentences of PlausibleWatch
   std::vector<Passing> passed;         // bodies that touch nothing, and went into something
   bool held = false;                   // contacts were frozen in some step
   double hold_use_max = 0;             // see HoldForce

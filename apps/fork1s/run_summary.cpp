@@ -134,6 +134,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   Json warnings = Json::array();
   for (const std::string& w : simulation.warnings()) warnings.push_back(w);
   if (m.contacts_dropped) warnings.push_back("the collision detector ran out of room and dropped contacts");
+  for (const std::string& w : m.implausible) warnings.push_back(w);
   constexpr std::size_t kTold = 5;  // the deepest; the others stand in `passed_through`
   for (std::size_t i = 0; i < std::min(kTold, m.passed.size()); ++i)
     warnings.push_back(fmt::format(

@@ -3,16 +3,47 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 
+#ifdef FORK1S_THREAD_SANITIZER
+#include <sanitizer/tsan_interface.h>
+#endif
+
 namespace fork1s {
+namespace {
+
+// The library of threads is not compiled with the thread sanitizer, which therefore does not see what a loop
+// promises: the caller's writes come before every range, and every range before the return. Between two
+// ranges nothing is promised.
+class LoopOrder {
+ public:
+#ifdef FORK1S_THREAD_SANITIZER
+  LoopOrder() { __tsan_release(&begun_); }
+  ~LoopOrder() { __tsan_acquire(&ended_); }
+  void BeginRange() { __tsan_acquire(&begun_); }
+  void EndRange() { __tsan_release(&ended_); }
+
+ private:
+  char begun_ = 0, ended_ = 0;
+#else
+  void BeginRange() {}
+  void EndRange() {}
+#endif
+};
+
+}  // namespace
 
 void ParallelFor(int first, int last, int grain, const std::function<void(int begin, int end)>& body) {
   if (last - first <= grain) {
     if (last > first) body(first, last);
     return;
   }
+  LoopOrder order;
   tbb::parallel_for(
       tbb::blocked_range<int>(first, last, static_cast<std::size_t>(grain)),
-      [&](const tbb::blocked_range<int>& range) { body(range.begin(), range.end()); },
+      [&](const tbb::blocked_range<int>& range) {
+        order.BeginRange();
+        body(range.begin(), range.end());
+        order.EndRange();
+      },
       tbb::simple_partitioner());
 }
 

@@ -84,9 +84,10 @@ std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const Vector
   ComputeKinematics(mechanism, q, kinematics);
   const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q);
   const MatrixX N = EchelonBasis(basis.FreeInOneUnit(mechanism.num_coordinates()));
+  if (N.cols() == 0) return {};
   const double L = mechanism.length_scale();
-  const MatrixX J = Times(internal::WorldAxes(mechanism, bodies.size()),
-                          internal::ScaledInterfaceJacobian(mechanism, kinematics, bodies, 1.0));
+  const Matrix6 to_world = internal::WorldAxes(mechanism, 1);
+  const MatrixX J = internal::ScaledInterfaceJacobian(mechanism, kinematics, bodies, 1.0);
   std::vector<FreeMotion> motions;
   for (Eigen::Index k = 0; k < N.cols(); ++k) {
     const VectorX x = N.col(k);
@@ -105,7 +106,7 @@ std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const Vector
     const VectorX moved = Times(J, motion.q);
     double most = kStill;
     for (std::size_t b = 0; b < bodies.size(); ++b) {
-      const Vector6 twist = moved.segment<6>(6 * static_cast<Eigen::Index>(b));
+      const Vector6 twist = to_world * moved.segment<6>(6 * static_cast<Eigen::Index>(b));
       const double size = twist.head<3>().norm() + twist.tail<3>().norm() / L;
       if (size < (1 + 1e-6) * most) continue;
       most = size;

@@ -105,6 +105,20 @@ Error HiddenError(const Mechanism& mechanism, const Hidden& hidden) {
               : std::string(", or remove it: another freedom undoes what it does"))};
 }
 
+// A body shows six of them at most, and each that becomes an interface costs a null space of all: a chain of
+// a thousand links without a spring took minutes, and was not reduced by then.
+constexpr int kMostHidden = 6 * 32;
+
+Error TooManyHidden(const Mechanism& mechanism, const Hidden& hidden) {
+  return {
+      ErrorCode::kUnderdetermined, fmt::format("mechanism '{}'", mechanism.name()),
+      fmt::format(
+          "has {} motions of joints without spring while every interface body stands still, that of joint "
+          "'{}' for one, and {} at most are made visible by more interface bodies; give joints a "
+          "stiffness, hold them by PD control (--pd), or name the bodies that touch",
+          hidden.count, mechanism.joint(hidden.joint).name, kMostHidden)};
+}
+
 // Elastic directions that the interface feels: orthonormal Y_r (e x r), part by part.
 MatrixX FeltDirections(const MatrixX& J_V, const internal::ElasticBasis& basis, double tolerance,
                        bool& complete) {
@@ -279,6 +293,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
   for (Hidden hidden = FindHidden(mechanism, kinematics.S, basis, J, model.doubts); hidden.count > 0;
        hidden = FindHidden(mechanism, kinematics.S, basis, J, model.doubts)) {
     if (!options.promote_hidden) return tl::unexpected(HiddenError(mechanism, hidden));
+    if (hidden.count > kMostHidden) return tl::unexpected(TooManyHidden(mechanism, hidden));
     const BodyIndex body = hidden.body;
     if (!body.valid() ||
         std::find(model.interfaces.begin(), model.interfaces.end(), body) != model.interfaces.end())

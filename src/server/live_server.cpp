@@ -295,6 +295,8 @@ void LiveServer::Detail::Accept() {
     }
     ErrorOf ignored;
     socket.set_option(tcp::no_delay(true), ignored);
+    // The system would take megabytes for a page that reads slowly, and show it what was minutes ago.
+    socket.set_option(asio::socket_base::send_buffer_size(64 << 10), ignored);
     std::make_shared<Connection>(*this, std::move(socket))->Read();
     Accept();
   });

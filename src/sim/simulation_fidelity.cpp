@@ -22,16 +22,30 @@ World::Options Simulation::WorldOptions(const Fidelity& fidelity) const {
   return o;
 }
 
-// What frozen contacts leave doubtful is no mistake of the file's: they repeat each other, and their points
-// and directions are those of contact detection, to 1e-7 or so, where a rank takes places for typed ones.
+// Of the ranks that frozen contacts leave doubtful, most are no mistake of anyone's: contacts repeat each
+// other, and their points and directions are those of contact detection, to 1e-7 or so, so that what is
+// dropped is never nothing. What is kept, and is hardly more, is another matter: two contacts nearly at one
+// place hold a body against turning, or do not.
 void Simulation::ListWarnings() {
+  constexpr double kClearlyKept =
+      3e-5;  // in one unit: far above contact detection, and above what Rank calls clear
   own_warnings_.resize(given_.size());
   warnings_.clear();
   for (std::size_t i = 0; i < given_.size(); ++i) {
+    const MechanismDynamics& m = world_.mechanisms()[i];
     const bool holds = std::any_of(holds_.begin(), holds_.end(),
                                    [&](const Hold& h) { return h.mechanism == static_cast<int>(i); });
-    if (!holds) own_warnings_[i] = world_.mechanisms()[i].warnings();
+    if (!holds) own_warnings_[i] = m.warnings();
     warnings_.insert(warnings_.end(), own_warnings_[i].begin(), own_warnings_[i].end());
+    if (!holds) continue;
+    for (const RankDoubt& doubt : m.model().doubts) {
+      const std::string own = "mechanism '" + m.mechanism().name() + "': " + doubt.Text();
+      if (!(doubt.kept < kClearlyKept) ||
+          std::count(own_warnings_[i].begin(), own_warnings_[i].end(), own) > 0)
+        continue;
+      warnings_.push_back("with frozen contacts, " + own +
+                          "; or keep detail 'interface', where none are frozen");
+    }
   }
 }
 

@@ -12,7 +12,7 @@
 namespace fork1s {
 namespace {
 
-constexpr int kMostCoordinates = 200;  // of what is tried out: a reduction is cubic in them
+constexpr int kMostCoordinates = 200;  // of what is tried out: a reduction to all bodies is cubic in them
 constexpr std::size_t kMostInterfaces = 12;
 constexpr double kWorthSaying = 0.8;  // share of what there is that is a gain
 
@@ -138,6 +138,8 @@ std::vector<std::string> InterfaceGain::Sentences() const {
 }
 
 std::optional<StepTimes> MeasureStepTimes(const Scene& scene, int initial_keyframe) {
+  for (const MechanismDef& m : scene.mechanisms)
+    if (static_cast<int>(m.joints.size()) > kMostCoordinates) return std::nullopt;
   SimulationOptions options;
   options.initial_keyframe = initial_keyframe;
   auto few = Simulation::Create(scene, options);

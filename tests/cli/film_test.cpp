@@ -1,7 +1,8 @@
-// A film that is interrupted leaves nothing behind.
+// A film that is interrupted, or whose browser dies, leaves nothing behind.
 #include <csignal>
 #include <cstdlib>
 #include <string>
+#include <vector>
 
 #include "command.hpp"
 
@@ -10,15 +11,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Whether a process was started with these words.
-bool IsRunning(const std::string& words) {
+// Processes that were started with these words.
+std::vector<pid_t> Running(const std::string& words) {
+  std::vector<pid_t> found;
   std::error_code gone;
   for (fs::directory_iterator it("/proc", gone), end; it != end; it.increment(gone))
     if (std::isdigit(static_cast<unsigned char>(it->path().filename().string()[0])) != 0 &&
         Slurp(it->path() / "cmdline").find(words) != std::string::npos)
-      return true;
-  return false;
+      found.push_back(std::atoi(it->path().filename().c_str()));
+  return found;
 }
+
+bool IsRunning(const std::string& words) { return !Running(words).empty(); }
 
 TEST(Film, InterruptedLeavesNoBrowserAndNoFolder) {
   if (std::system("which chromium >/dev/null 2>&1") != 0) GTEST_SKIP() << "films are drawn by chromium";
@@ -26,7 +30,7 @@ TEST(Film, InterruptedLeavesNoBrowserAndNoFolder) {
   const std::string file = (ScratchFolder() / "film.h5").string(),
                     out = (ScratchFolder() / "frames").string();
   ASSERT_EQ(Fork1s("run --time 60 --no-load-factor --record " + file + " " + model).code, 0);
-  for (const int signal : {SIGINT, SIGHUP}) {
+  for (const int signal : {SIGINT, SIGHUP, SIGKILL}) {  // the last one to the browser
     const fs::path temporary = ScratchFolder() / "temporary";
     fs::create_directories(temporary);
     const pid_t child = fork();
@@ -46,7 +50,10 @@ TEST(Film, InterruptedLeavesNoBrowserAndNoFolder) {
     }
     if (ended && WEXITSTATUS(status) == 3) GTEST_SKIP() << "this program was built without its page";
     ASSERT_FALSE(ended);
-    kill(child, signal);
+    if (signal == SIGKILL)
+      for (const pid_t browser : Running(temporary.string())) kill(browser, signal);
+    else
+      kill(child, signal);
     waitpid(child, &status, 0);
     EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 3) << signal << ' ' << status;
     EXPECT_TRUE(fs::is_empty(temporary)) << signal;

@@ -115,6 +115,26 @@ TEST(Hostile, PipesAndDevicesInPlaceOfFiles) {
   }
 }
 
+// A thousand links: whoever looks at them all at once looks at 6000 by 1000 numbers, and did for minutes.
+TEST(Hostile, ChainsOfAThousandLinks) {
+  std::string text = "<robot name=\"chain\"><link name=\"l0\"/>";
+  for (int i = 1; i < 1000; ++i) {
+    const std::string n = std::to_string(i);
+    text += "<link name=\"l" + n +
+            "\"><inertial><mass value=\"0.1\"/><inertia ixx=\"1e-3\" iyy=\"1e-3\" izz=\"1e-3\" ixy=\"0\" "
+            "ixz=\"0\" "
+            "iyz=\"0\"/></inertial></link><joint name=\"j" +
+            n + "\" type=\"revolute\"><parent link=\"l" + std::to_string(i - 1) + "\"/><child link=\"l" + n +
+            "\"/><origin xyz=\"0.01 0 0\"/><axis xyz=\"0 1 0\"/><limit lower=\"-1\" upper=\"1\" effort=\"1\" "
+            "velocity=\"1\"/></joint>";
+  }
+  const std::string model = Write("chain.urdf", text + "</robot>");
+  EXPECT_EQ(Try("inspect --pd 100,1 " + model).code, 0);
+  const Outcome o = Try("run --time 0.1 " + model);  // nothing holds them
+  EXPECT_EQ(o.code, 3);
+  EXPECT_NE(o.err.find("--pd"), std::string::npos) << o.err;
+}
+
 // A model whose only shape is a mesh, as MJCF and as URDF.
 std::vector<std::string> ModelsWith(const std::string& mesh) {
   return {

@@ -175,6 +175,12 @@ TEST(Outputs, PrintedResultsMustArrive) {
     EXPECT_EQ(code(command + model + " >&-"), 3) << command;
   }
   EXPECT_EQ(code("--help >/dev/full"), 3);
+  // A pipe that nobody reads any more.
+  int ends[2];
+  ASSERT_EQ(pipe(ends), 0);
+  close(ends[0]);
+  EXPECT_NE(code("inspect " + model + " >&" + std::to_string(ends[1])), 0);
+  close(ends[1]);
   // The recording does not take the place of the closed stream.
   EXPECT_EQ(code("run --time 0.1 --record " + file + " " + model + " >&-"), 3);
   EXPECT_EQ(Fork1s("replay " + file).code, 0);

@@ -55,6 +55,29 @@ TEST(Fidelity, FrozenContactsBearWhatContactsBore) {
   EXPECT_NEAR((sum - Vector3(0, 0, weight)).norm(), 0, 1e-6 * weight);  // at rest to rounding of the springs
 }
 
+// Contacts that repeat each other are no news; two that are a hair apart decide whether the ball can turn.
+TEST(Fidelity, FrozenContactsThatHoldByAHairAreTold) {
+  const Gripper gripper;
+  Simulation held = Holding(gripper);
+  ASSERT_TRUE(held.SetFidelity(kObject));
+  EXPECT_TRUE(held.warnings().empty()) << held.warnings().front();
+  for (const auto& [apart, told] : {std::pair<double, bool>{0, false}, {1e-2, false}, {3e-7, true}}) {
+    std::vector<Hold> holds = held.holds();
+    Hold::Contact again = holds[0].contacts[0];
+    again.X_BC = again.X_BC * RigidTransform(Vector3(0, apart, 0));
+    holds[0].contacts.push_back(again);
+    Simulation fresh = gripper.Start();
+    const auto set = fresh.SetFidelity(kObject, holds);
+    ASSERT_TRUE(set) << set.error().Text();
+    EXPECT_EQ(fresh.warnings().size(), told ? 1u : 0u) << apart;
+    if (told && !fresh.warnings().empty()) {
+      EXPECT_NE(fresh.warnings()[0].find("with frozen contacts"), std::string::npos) << fresh.warnings()[0];
+    }
+    ASSERT_TRUE(fresh.SetFidelity(kInterface));
+    EXPECT_TRUE(fresh.warnings().empty()) << apart;
+  }
+}
+
 TEST(Fidelity, WhatIsHeldFeelsBothFingersAsOneSpring) {
   const Gripper gripper;
   Simulation simulation = Holding(gripper);

@@ -42,7 +42,7 @@ struct StepTimes {
   double interface_us = 0, all_us = 0;
   double dt = 0;  // s, that both took
 };
-/// Nothing where a run cannot be made or takes longer than a moment.
+/// Nothing where a run cannot be made or takes longer than a moment, or a mechanism has hundreds of joints.
 std::optional<StepTimes> MeasureStepTimes(const Scene& scene, int initial_keyframe);
 
 }  // namespace fork1s

@@ -1,0 +1,53 @@
+// What a simulation may do by its equations and no machine does: said, since a table of it looks like any
+// other.
+#pragma once
+
+#include <fork1s/sim/simulation.hpp>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+/// Watches a run for steps that mean little: too fast or spinning too fast for the time step, deep in each
+/// other, with joints apart, or with energy out of nowhere. Of each kind the worst moment is kept.
+class PlausibleWatch {
+ public:
+  explicit PlausibleWatch(const Simulation& simulation);
+
+  /// What the caller of Look has at hand.
+  struct Seen {
+    double energy = 0;    // J, after the step
+    double kinetic = 0;   // J, of that
+    double gap = 0;       // m, Simulation::JointGap()
+    bool pushed = false;  // a force from outside acted in the step
+  };
+  /// After every step.
+  void Look(const Simulation& simulation, const Seen& seen);
+  /// Another level of detail: other bodies touch, and energy is another.
+  void Changed(const Simulation& simulation);
+  /// A sentence for each kind that was beyond the plausible.
+  std::vector<std::string> Sentences() const;
+
+ private:
+  struct Worst {
+    double times = 0;  // of what would be plausible
+    std::string sentence;
+  };
+  enum Kind { kFast, kSpins, kDeep, kApart, kEnergy, kKinds };
+  template <class Sentence>
+  void Note(Kind kind, double times, const Sentence& sentence);
+  void LookAtSpeeds(const Simulation& simulation);
+  void LookAtDepths(const Simulation& simulation);
+  void LookAtEnergy(const Simulation& simulation, const Seen& seen);
+  bool IsDriven(const Simulation& simulation, const Seen& seen);
+
+  std::vector<double> radii_;  // m, of contactors; infinite for the still world
+  std::vector<bool> is_setpoint_;
+  double size_ = 0;  // m, of the smallest mechanism
+  Worst worst_[kKinds];
+  VectorX controls_;
+  bool driven_before_ = true;  // in the step before
+  double energy_ = 0, kinetic_ = 0;
+};
+
+}  // namespace fork1s

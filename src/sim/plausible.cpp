@@ -1,0 +1,181 @@
+#include <fork1s/sim/plausible.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <limits>
+
+namespace fork1s {
+namespace {
+
+// What is still taken for plausible.
+constexpr double kDeepest = 0.25;  // of the radius of the smaller body
+constexpr double kOpen = 0.01;     // of the size of the mechanism
+constexpr double kRise = 0.1;      // of the largest kinetic energy so far
+constexpr double kHalfTurn = 3.141592653589793;
+
+std::string Print(const char* format, double a, double b, double c) {
+  char text[200];
+  std::snprintf(text, sizeof text, format, a, b, c);
+  return text;
+}
+
+double Reach(const RigidTransform& X, const std::vector<GeometryDef>& geometries) {
+  double radius = 0;
+  for (const GeometryDef& g : geometries)
+    if (g.Collides()) radius = std::max(radius, (X * g.X_BG).translation().norm() + BoundingRadius(g.shape));
+  return radius;
+}
+
+// Of a sphere about the body that names a contactor, which holds all its shapes.
+double RadiusOf(const Simulation& simulation, int contactor) {
+  const Contactor& c = simulation.world().contactors()[static_cast<std::size_t>(contactor)];
+  const auto index = static_cast<std::size_t>(c.index);
+  if (c.kind == Contactor::Kind::kFreeBody)
+    return Reach(RigidTransform(), simulation.present_scene().free_bodies[index].geometries);
+  const MechanismDynamics& m = simulation.world().mechanisms()[index];
+  const int last_joint = m.groups()[static_cast<std::size_t>(c.group)].last_joint;
+  const SceneBody& named =
+      simulation.bodies()[static_cast<std::size_t>(simulation.BodyOfContactor(contactor))];
+  const RigidTransform X_BR = m.mechanism().body(BodyIndex(named.index)).X_RB0.inverse();
+  double radius = 0;
+  for (std::size_t b = 0; b < m.mechanism().bodies().size(); ++b)
+    if (const Mechanism::Body& part = m.mechanism().bodies()[b]; part.last_joint == last_joint)
+      radius = std::max(radius, Reach(X_BR * part.X_RB0, m.mechanism().definition().bodies[b].geometries));
+  return radius;
+}
+
+double SizeOf(const MechanismDynamics& m) {
+  double size = 0;
+  const Vector3 base = m.BodyPose(BodyIndex(0)).translation();
+  for (int b = 1; b < m.mechanism().num_bodies(); ++b)
+    size = std::max(size, (m.BodyPose(BodyIndex(b)).translation() - base).norm());
+  return size;
+}
+
+std::string Quoted(const Simulation& simulation, int body) {
+  return body < 0 ? "the world" : "'" + simulation.bodies()[static_cast<std::size_t>(body)].name + "'";
+}
+
+}  // namespace
+
+PlausibleWatch::PlausibleWatch(const Simulation& simulation) { Changed(simulation); }
+
+void PlausibleWatch::Changed(const Simulation& simulation) {
+  const World& world = simulation.world();
+  radii_.assign(world.contactors().size(), std::numeric_limits<double>::infinity());
+  for (std::size_t c = 0; c < radii_.size(); ++c)
+    if (world.contactors()[c].kind != Contactor::Kind::kWorld &&
+        simulation.BodyOfContactor(static_cast<int>(c)) >= 0)
+      radii_[c] = RadiusOf(simulation, static_cast<int>(c));
+  size_ = std::numeric_limits<double>::infinity();
+  is_setpoint_.clear();
+  for (const MechanismDynamics& m : world.mechanisms()) {
+    if (const double size = SizeOf(m); size > 0) size_ = std::min(size_, size);
+    for (const ControlDef& c : m.mechanism().definition().controls) is_setpoint_.push_back(c.is_setpoint);
+  }
+  controls_ = simulation.controls();
+  driven_before_ = true;
+  energy_ = simulation.Energy();
+  kinetic_ = std::max(kinetic_, simulation.KineticEnergy());
+}
+
+template <class Sentence>
+void PlausibleWatch::Note(Kind kind, double times, const Sentence& sentence) {
+  Worst& worst = worst_[kind];
+  if (!(times > 1) || !(times > worst.times)) return;
+  worst.times = times;
+  worst.sentence = sentence();
+}
+
+void PlausibleWatch::LookAtSpeeds(const Simulation& simulation) {
+  const double h = simulation.dt(), t = simulation.time();
+  for (std::size_t c = 0; c < radii_.size(); ++c) {
+    if (!std::isfinite(radii_[c])) continue;
+    const int body = simulation.BodyOfContactor(static_cast<int>(c));
+    if (body < 0) continue;
+    const Vector6 V = simulation.Velocity(body);
+    const double turn = V.head<3>().norm() * h, way = V.tail<3>().norm() * h;
+    const double seen = simulation.options().collision.margin + 2 * radii_[c];
+    Note(kFast, way / seen, [&] {
+      return "at " + Print("%.4g s ", t, 0, 0) + Quoted(simulation, body) +
+             Print(
+                 " moves %.3g m in a step, and contact is looked for %.3g m ahead: it may pass through what "
+                 "is in its way or get far into it; try --dt %.1g",
+                 way, seen, h * seen / way);
+    });
+    Note(kSpins, turn / kHalfTurn, [&] {
+      return "at " + Print("%.4g s ", t, 0, 0) + Quoted(simulation, body) +
+             Print(
+                 " turns by %.3g rad in a step; from half a turn on no step knows which way it turns, and "
+                 "what it hits may give it energy; try --dt %.1g",
+                 turn, h / turn, 0);
+    });
+  }
+}
+
+void PlausibleWatch::LookAtDepths(const Simulation& simulation) {
+  for (const ContactRecord& c : simulation.world().contacts()) {
+    const double depth = -c.point.gap;
+    if (!(depth > 0)) continue;
+    const double radius = std::min(radii_[static_cast<std::size_t>(c.point.body_a)],
+                                   radii_[static_cast<std::size_t>(c.point.body_b)]);
+    Note(kDeep, depth / (kDeepest * radius), [&] {
+      return "at " + Print("%.4g s ", simulation.time(), 0, 0) +
+             Quoted(simulation, simulation.BodyOfContactor(c.point.body_b)) + " is " +
+             Print("%.3g mm deep in ", 1e3 * depth, 0, 0) +
+             Quoted(simulation, simulation.BodyOfContactor(c.point.body_a)) +
+             Print(
+                 ", and the smaller of the two has a radius of %.3g mm; try a smaller --dt, or place them "
+                 "apart at the start",
+                 1e3 * radius, 0, 0);
+    });
+  }
+}
+
+// Whether something outside may have done work: an input that moved, now or a step ago, or a motor.
+bool PlausibleWatch::IsDriven(const Simulation& simulation, const Seen& seen) {
+  const VectorX& controls = simulation.controls();
+  bool driven = seen.pushed || controls.size() != controls_.size() || controls != controls_;
+  for (std::size_t i = 0; i < is_setpoint_.size() && static_cast<int>(i) < controls.size(); ++i)
+    driven |= !is_setpoint_[i] && controls(static_cast<int>(i)) != 0;
+  controls_ = controls;
+  return driven;
+}
+
+void PlausibleWatch::LookAtEnergy(const Simulation& simulation, const Seen& seen) {
+  const bool driven = IsDriven(simulation, seen);
+  const double rise = seen.energy - energy_;
+  const double rounding = 1e-6 * std::max(std::abs(seen.energy), std::abs(energy_));
+  if (!driven && !driven_before_ && rise > rounding)
+    Note(kEnergy, rise / (kRise * kinetic_), [&] {
+      return Print("in the step to %.4g s energy rises by %.3g J to %.4g J, and no input did work: ",
+                   simulation.time(), rise, seen.energy) +
+             "the motion is not to be trusted; try a smaller --dt";
+    });
+  driven_before_ = driven;
+  energy_ = seen.energy;
+  kinetic_ = std::max(kinetic_, seen.kinetic);
+}
+
+void PlausibleWatch::Look(const Simulation& simulation, const Seen& seen) {
+  LookAtSpeeds(simulation);
+  LookAtDepths(simulation);
+  Note(kApart, seen.gap / (kOpen * size_), [&] {
+    return Print("at %.4g s a joint or loop is %.3g mm apart, in a mechanism of %.3g m: ", simulation.time(),
+                 1e3 * seen.gap, size_) +
+           "forces or speeds are beyond what a step holds together; try --recovery exact, a smaller --dt or "
+           "gentler inputs";
+  });
+  LookAtEnergy(simulation, seen);
+}
+
+std::vector<std::string> PlausibleWatch::Sentences() const {
+  std::vector<std::string> out;
+  for (const Worst& worst : worst_)
+    if (worst.times > 1) out.push_back(worst.sentence);
+  return out;
+}
+
+}  // namespace fork1s

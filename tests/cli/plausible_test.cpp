@@ -1,0 +1,88 @@
+// What steps of this length cannot follow is said, with time and body; what a machine does is not.
+#include <string>
+
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+std::string Thrown(const std::string& velocity) {
+  return Write(
+      "thrown.xml",
+      "<mujoco><worldbody><geom name='floor' type='plane' size='9 9 .1'/><body name='box' pos='0 0 1'>"
+      "<freejoint/><geom type='box' size='.1 .05 .02' mass='1'/></body></worldbody>"
+      "<keyframe><key name='k' qpos='0 0 1 1 0 0 0' qvel='" +
+          velocity + "'/></keyframe></mujoco>");
+}
+
+std::string WarningsOf(const std::string& arguments, int code = 0) {
+  const Outcome o = Fork1s("run --json --time 1 " + arguments);
+  EXPECT_EQ(o.code, code) << o.err;
+  return o.code == code && !o.out.empty() ? o.Json()["warnings"].dump() : "";
+}
+
+TEST(Plausible, WhatAMachineDoesIsNotRemarkedUpon) {
+  EXPECT_EQ(WarningsOf("--keyframe k " + Thrown("1 0 -3 2 1 0")), "[]");
+  EXPECT_EQ(WarningsOf(Write("finger.xml", FingerModel())), "[]");
+}
+
+// At 1e4 m/s it ends 160 m under the floor.
+TEST(Plausible, TooFastForTheStep) {
+  const std::string said = WarningsOf("--keyframe k " + Thrown("0 0 -1e4 0 0 0"));
+  EXPECT_NE(said.find("'box' moves 167 m in a step"), std::string::npos) << said;
+  EXPECT_NE(said.find("deep in the world"), std::string::npos) << said;
+}
+
+// At 1e4 rad/s it takes off from the floor with a multiple of its energy.
+TEST(Plausible, SpinsTooFastForTheStep) {
+  const std::string said = WarningsOf("--keyframe k " + Thrown("0 0 0 3e3 1e4 100"));
+  EXPECT_NE(said.find("'box' turns by "), std::string::npos) << said;
+  EXPECT_NE(said.find("no input did work"), std::string::npos) << said;
+}
+
+// A loop of four bars that is pulled at harder than recovery by twists holds together.
+TEST(Plausible, JointsThatOpen) {
+  const std::string model = Write("loop.xml", R"(<mujoco><option gravity="0 0 0"/>
+  <custom><text name="fork1s_interface" data="tip"/></custom><worldbody>
+    <body name="left"><joint name="a" axis="0 1 0" stiffness="1" damping=".01"/>
+      <geom type="capsule" fromto="0 0 0 0 0 .1" size=".005" mass=".1"/>
+      <body name="tip" pos="0 0 .1"><joint name="b" axis="0 1 0" stiffness="1" damping=".01"/>
+        <geom type="capsule" fromto="0 0 0 .1 0 0" size=".005" mass=".1"/></body></body>
+    <body name="right" pos=".1 0 0"><joint name="c" axis="0 1 0" stiffness="1" damping=".01"/>
+      <geom type="capsule" fromto="0 0 0 0 0 .1" size=".005" mass=".1"/></body></worldbody>
+  <equality><connect body1="tip" body2="right" anchor=".1 0 0"/></equality></mujoco>)");
+  EXPECT_EQ(WarningsOf("--recovery twist --push tip:0.3,0,0 " + model), "[]");
+  const std::string said = WarningsOf("--recovery twist --push tip:30,0,0 " + model);
+  EXPECT_NE(said.find("mm apart"), std::string::npos) << said;
+}
+
+// A set-point that jumps by 1000 rad: the joint opened to 1e145 m, and the program said that all was well.
+TEST(Plausible, SetPointsThatJump) {
+  std::string text = FingerModel();
+  const std::string range = " ctrllimited=\"true\" ctrlrange=\"-1 1\"";
+  text.erase(text.find(range), range.size());
+  const std::string model = Write("free_finger.xml", text),
+                    jump = Write("jump.csv", "time,bend\n0,0\n0.5,1000\n");
+  const std::string file = (ScratchFolder() / "jump.h5").string(),
+                    folder = (ScratchFolder() / "jump").string();
+  const Outcome o = Fork1s("run --json --time 1 --record " + file + " --controls " + jump + " " + model);
+  EXPECT_TRUE(o.code == 4 || o.Json()["warnings"].dump() != "[]") << o.out;
+  ASSERT_EQ(Fork1s("export " + file + " " + folder).code, 0);
+  for (const auto& table : std::filesystem::directory_iterator(folder))
+    for (const char* none : {",inf", ",-inf", ",nan", ",-nan"})
+      EXPECT_EQ(Slurp(table.path()).find(none), std::string::npos) << table.path() << none;
+}
+
+// What a mechanism of light bodies ends with when it is thrown about: exit 4, and tables of what was before.
+TEST(Plausible, TablesOfWhatBlewUpAreFinite) {
+  const std::string file = (ScratchFolder() / "blown.h5").string(),
+                    folder = (ScratchFolder() / "blown").string();
+  WarningsOf("--record " + file + " --keyframe k " + Thrown("4e8 0 0 0 0 0"), 4);
+  ASSERT_EQ(Fork1s("export " + file + " " + folder).code, 0);
+  for (const auto& table : std::filesystem::directory_iterator(folder))
+    for (const char* none : {",inf", ",-inf", ",nan", ",-nan"})
+      EXPECT_EQ(Slurp(table.path()).find(none), std::string::npos) << table.path() << none;
+}
+
+}  // namespace
+}  // namespace fork1s::test
