@@ -11,31 +11,20 @@ import { Help } from './ui/help';
 import { bindKeys } from './ui/keys';
 import { Legend } from './ui/legend';
 import { Notices } from './ui/notices';
-import { Panel, type ViewOptions } from './ui/panel';
+import { defaultOptions } from './ui/options';
+import { Panel } from './ui/panel';
 import { Picking } from './ui/picking';
 import { Plots } from './ui/plots';
 import { Pointer } from './ui/pointer';
+import { ModelTree } from './ui/model_tree';
 import { Problems } from './ui/problems';
+import { SidePanel } from './ui/side_panel';
+import type { Colouring } from './scene/colouring';
 import { DARK, LIGHT } from './scene/theme';
 import { View } from './view';
 import { decodeBinary } from './wire/decode';
 import { Library } from './wire/library';
 import { WIRE_VERSION, type Frame, type TextMessage } from './wire/messages';
-
-const OPTIONS: ViewOptions = {
-  colouring: 'tips',
-  forces: true,
-  cones: false,
-  arrowScale: 0,
-  frames: false,
-  shadows: true,
-  follow: true,
-  collision: false,
-  reference: false,
-  compliance: false,
-  ghostOffset: 0,
-  copies: 1,
-};
 
 export class App {
   readonly view: View;
@@ -59,27 +48,20 @@ export class App {
   private readonly picking: Picking;
   private readonly legend: Legend;
   private readonly help: Help;
+  private readonly side: SidePanel;
+  readonly tree: ModelTree;
   private readonly forceLabel: HTMLElement;
 
   constructor(
     private readonly root: HTMLElement,
-    colouring = OPTIONS.colouring,
+    colouring: Colouring = 'tips',
   ) {
     const canvas = element('canvas', 'stage', root);
     canvas.tabIndex = 0;
     canvas.setAttribute('aria-label', 'The mechanism; drag a body to pull it, click to push it');
-    this.notices = new Notices(root);
-    this.problems = new Problems(root);
-    this.view = new View(canvas, { ...OPTIONS, colouring });
+    this.view = new View(canvas, defaultOptions(colouring));
     this.forceLabel = element('div', 'force', root);
     this.forceLabel.hidden = true;
-    this.legend = new Legend(root);
-    this.plots = new Plots(root, saveFile);
-    this.help = new Help(root);
-    this.panel = new Panel(root, this.view.options, {
-      send: (request) => this.send(request),
-      changed: () => this.view.restyle(),
-    });
     this.bar = new Bar(root, {
       pause: () => this.togglePause(),
       step: () => this.stepOnce(),
@@ -89,8 +71,26 @@ export class App {
       record: () => this.toggleRecording(),
       plots: () => this.togglePlots(),
       pick: () => this.picking.toggle(),
+      side: () => this.side.toggle(),
       help: () => this.help.toggle(),
     });
+    // In the order in which the Tab key goes through them.
+    this.side = new SidePanel(root, (open) => {
+      this.bar.setSide(open);
+      if (open && this.isNarrow) this.panel.close();
+    });
+    this.tree = new ModelTree(this.side.add('model', 'Model'), this.view, () => undefined);
+    const messages = element('div', 'messages', root);
+    this.notices = new Notices(root, messages);
+    this.problems = new Problems(messages);
+    this.legend = new Legend(root);
+    this.panel = new Panel(root, this.view.options, {
+      send: (request) => this.send(request),
+      changed: () => this.view.restyle(),
+      opened: () => this.isNarrow && this.side.close(),
+    });
+    this.plots = new Plots(root, saveFile);
+    this.help = new Help(root);
     this.picking = new Picking(root, this.view, {
       send: (request) => this.send(request),
       changed: (on) => {
@@ -101,6 +101,8 @@ export class App {
     this.pointer = new Pointer(canvas, this.view.stage, this.view.bodies, {
       canTouch: () => this.live !== null && this.timeline === null && this.view.options.copies === 1,
       picking: () => this.picking.on,
+      selecting: () => this.side.shown === 'model' || this.side.shown === 'tune',
+      select: (body) => this.tree.choose(body),
       pull: (body, point, target) =>
         this.send({ type: 'pull', body, point: point.toArray(), target: target.toArray() }),
       release: () => this.send({ type: 'release' }),
@@ -260,6 +262,7 @@ export class App {
       this.bar.setTitle(scene.title);
       this.panel.useScene(scene);
       this.picking.useScene(scene);
+      this.tree.useScene(scene, shapes);
       this.tipStart = null;
       this.problems.clear('request', 'ghost'); // the model was built anew since
       if (!this.view.scene) this.notices.sayAll(scene.warnings);
@@ -381,12 +384,18 @@ export class App {
     p: () => this.togglePlots(),
     i: () => this.picking.toggle(),
     s: () => this.panel.toggle(),
+    m: () => this.side.toggle('model'),
     '?': () => this.help.toggle(),
     Escape: () => {
       this.help.close();
       this.problems.clearAll();
     },
   };
+
+  /** One panel at a time has room. */
+  private get isNarrow(): boolean {
+    return this.root.clientWidth <= 640;
+  }
 
   private resize(): void {
     this.view.stage.resize(this.root.clientWidth, this.root.clientHeight);

@@ -46,8 +46,10 @@ export function styles(
   gaps: Float64Array,
   fullGap: number,
   marked: ReadonlySet<number>,
+  shown: (body: number) => number = () => 1,
 ): Float32Array {
-  const out = new Float32Array(4 * Math.max(1, scene.bodies.length));
+  const count = scene.bodies.length;
+  const out = new Float32Array(8 * Math.max(1, count));
   const tone = new THREE.Color();
   scene.bodies.forEach((body, b) => {
     const free = scene.roots[body.root]?.base === 'free';
@@ -68,6 +70,7 @@ export function styles(
       share = Math.max(share, 0.55);
     }
     out.set([tone.r, tone.g, tone.b, share], 4 * b);
+    out[4 * (count + b)] = shown(b);
   });
   return out;
 }

@@ -43,4 +43,8 @@ export const COLORS = {
   contact: 0xd0413e,
   pull: 0x2f7fd8,
   cone: 0x3f9b72,
+  hinge: 0x1d9a8a,
+  slide: 0xc98a1b,
+  center: 0xb0449a,
+  tendon: 0xb5532f,
 };

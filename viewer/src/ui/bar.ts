@@ -24,6 +24,7 @@ export interface BarActions {
   record(): void;
   plots(): void;
   pick(): void;
+  side(): void;
   help(): void;
 }
 
@@ -38,6 +39,7 @@ export class Bar {
   private readonly recordButton: HTMLButtonElement;
   private readonly pickButton: HTMLButtonElement;
   private readonly plotsButton: HTMLButtonElement;
+  private readonly sideButton: HTMLButtonElement;
 
   constructor(parent: HTMLElement, actions: BarActions) {
     this.root = element('div', 'head', parent);
@@ -48,11 +50,13 @@ export class Bar {
     this.ghost.hidden = true;
     const bar = element('div', 'bar box', this.root);
     bar.setAttribute('role', 'toolbar');
+    bar.setAttribute('aria-label', 'Simulation and view');
     this.pauseButton = iconButton('pause', 'Pause (space)', bar, actions.pause);
     this.stepButton = iconButton('step', 'One frame (right arrow)', bar, actions.step);
     this.resetButton = iconButton('reset', 'Reset (backspace)', bar, actions.reset);
     this.recordButton = iconButton('record', 'Record (R)', bar, actions.record);
     this.pickButton = iconButton('pick', 'Pick the interface bodies (I)', bar, actions.pick);
+    this.sideButton = iconButton('tree', 'Model, tuning, signals (M, U, L)', bar, actions.side);
     this.plotsButton = iconButton('plots', 'Plots (P)', bar, actions.plots);
     iconButton('home', 'Whole model in view (F)', bar, actions.home);
     iconButton('theme', 'Light or dark (T)', bar, actions.theme);
@@ -100,6 +104,10 @@ export class Bar {
 
   setPicking(on: boolean): void {
     this.pickButton.setAttribute('aria-pressed', String(on));
+  }
+
+  setSide(on: boolean): void {
+    this.sideButton.setAttribute('aria-pressed', String(on));
   }
 
   setPlots(on: boolean): void {

@@ -9,6 +9,7 @@ const LINES: [string, string][] = [
   ['→', 'one frame (← back, in a recording)'],
   ['backspace', 'reset'],
   ['R', 'record; again: look at the recording'],
+  ['M, U, L', 'model tree, tuning, list of signals; a click then chooses a body, shift-click pushes'],
   ['I', 'pick the interface bodies'],
   ['P', 'plots'],
   ['S', 'settings'],

@@ -1,27 +1,13 @@
 // Sliders for what the program can change while it runs, and for what the page shows.
 import GUI, { type Controller } from 'lil-gui';
 import type { Request } from '../net/live';
-import type { Colouring } from '../scene/colouring';
+import type { ViewOptions } from './options';
 import type { SceneMessage, SettingsMessage } from '../wire/messages';
-
-export interface ViewOptions {
-  colouring: Colouring;
-  forces: boolean;
-  cones: boolean;
-  arrowScale: number; // mm per N, 0: automatic
-  frames: boolean;
-  shadows: boolean;
-  follow: boolean;
-  collision: boolean;
-  reference: boolean;
-  compliance: boolean;
-  ghostOffset: number; // m
-  copies: number;
-}
 
 export interface PanelActions {
   send(request: Request): void;
   changed(): void;
+  opened(): void;
 }
 
 const MOST_SLIDERS = 100; // of one kind: a thousand mechanisms have thousands
@@ -51,6 +37,17 @@ export class Panel {
   ) {
     this.gui = new GUI({ container: parent, title: 'Settings', width: 270 });
     this.gui.domElement.classList.add('panel');
+    this.gui.onOpenClose((changed) => {
+      if (changed === this.gui && !this.gui._closed) actions.opened();
+    });
+    // German and many other keyboards write 0,2: it is 0.2, not 0.
+    this.gui.domElement.addEventListener(
+      'input',
+      ({ target }) => {
+        if (target instanceof HTMLInputElement && target.type === 'text' && target.value.includes(',')) target.value = target.value.replace(',', '.');
+      },
+      { capture: true },
+    );
     this.model = this.gui.addFolder('Model');
     this.view = this.gui.addFolder('View');
     this.report = this.model.add(this.reportText, 'reduced').name('reduced to').disable();
@@ -68,7 +65,6 @@ export class Panel {
       .onChange((on: boolean) => actions.send({ type: 'ghost', on }));
     this.ghostOffset = v.add(options, 'ghostOffset', 0, 1, 0.001).name('…aside by [m]').onChange(changed);
     v.add(options, 'frames').name('body frames').onChange(changed);
-    v.add(options, 'collision').name('collision shapes').onChange(changed);
     v.add(options, 'shadows').onChange(changed);
     v.add(options, 'follow').name('camera follows').onChange(changed);
     v.add(options, 'copies', { '1': 1, '100': 100, '1000': 1000 }).name('copies, in time').onChange(changed);

@@ -22,11 +22,14 @@ export interface BodyInfo {
   last_joint: number;
   interface: boolean;
   mass: number;
+  center: [number, number, number]; // of mass, in the body
+  inertia: number[]; // xx yy zz xy xz yz about the centre, in the body's axes
   pose: PoseNumbers;
 }
 
 export interface JointInfo {
   name: string;
+  kind: 'hinge' | 'slide' | 'ball' | 'cylindrical' | 'planar' | 'free' | 'general';
   body: number;
   previous: number;
   offset: number;
@@ -37,10 +40,24 @@ export interface ControlInfo {
   name: string;
   range: [number, number];
   base: boolean;
+  joints: number[]; // that it moves
+}
+
+/** What a thread passes; obstacles stand between two points, after a pulley a further branch begins. */
+export interface TendonInfo {
+  name: string;
+  root: number;
+  elements: {
+    kind: 'point' | 'sphere' | 'cylinder' | 'pulley';
+    body?: number;
+    pose?: PoseNumbers; // in the body
+    radius?: number;
+    side?: { body: number; at: [number, number, number] };
+  }[];
 }
 
 /** Of the stream that this page understands: kWireVersion of the program. */
-export const WIRE_VERSION = 4;
+export const WIRE_VERSION = 5;
 
 export interface SceneMessage {
   type: 'scene';
@@ -55,6 +72,7 @@ export interface SceneMessage {
   bodies: BodyInfo[];
   joints: JointInfo[];
   screws: number[][];
+  tendons: TendonInfo[];
   controls: ControlInfo[];
   groups: { name: string; mechanism: number }[];
   warnings: string[];
@@ -80,6 +98,7 @@ export type ShapeKind = 'plane' | 'sphere' | 'capsule' | 'cylinder' | 'ellipsoid
 
 export interface ShapeInfo {
   body: number;
+  name: string;
   kind: ShapeKind;
   pose: PoseNumbers;
   rgba: [number, number, number, number];
