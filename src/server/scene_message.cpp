@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "scene_description.hpp"
+#include "signals.hpp"
 
 namespace fork1s {
 namespace {
@@ -148,7 +149,7 @@ nlohmann::json internal::DescribeScene(const Simulation& simulation, const std::
   out["radius"] = SceneRadius(simulation);
   out["scalars"] = ScalarNames();
   for (const char* list :
-       {"roots", "bodies", "joints", "screws", "tendons", "controls", "groups", "warnings"})
+       {"roots", "bodies", "joints", "screws", "tendons", "controls", "groups", "signals", "warnings"})
     out[list] = Json::array();
   for (const MechanismDynamics& m : simulation.world().mechanisms()) AddMechanism(m, out);
   for (const FreeBody& b : simulation.world().free_bodies()) AddFreeBody(b, out);
@@ -197,6 +198,8 @@ std::string LiveSimulation::SceneMessage() const {
     const double span = turns ? 1.6 : radius;
     out["controls"].push_back({{"name", name}, {"range", {-span, span}}, {"base", true}, {"joints", Json::array()}});
   }
+  for (const internal::SignalInfo& s : internal::ListSignals(simulation_))
+    out["signals"].push_back({{"name", s.name}, {"group", s.group}, {"unit", s.unit}, {"body", s.body}});
   for (const JointGroup& g : settings_.groups)
     out["groups"].push_back({{"name", g.name}, {"mechanism", g.mechanism}});
   for (const std::string& w : simulation_.warnings()) out["warnings"].push_back(w);
@@ -220,6 +223,9 @@ std::string LiveSimulation::SettingsMessage() const {
   out["pull_stiffness"] = s.pull_stiffness;
   out["speed"] = s.speed;
   out["ghost"] = ghost_on_;
+  out["signals"] = s.signals;
+  out["error"] = s.error;
+  out["accuracy"] = s.accuracy;
   out["stiffness"] = Json::array();
   for (const JointGroup& g : s.groups) out["stiffness"].push_back(g.scale);
   out["controls"] = Json::array();

@@ -2,9 +2,12 @@
 import * as THREE from 'three';
 import { LiveStream, type Request } from './net/live';
 import { apply } from './poses/rigid';
-import { replayPage, Log, type RawMessage } from './replay/log';
+import type { RawMessage } from './replay/log';
+import { RollingPast } from './replay/past';
+import { Player } from './replay/player';
 import { StreamRecorder } from './replay/recorder';
-import { Timeline } from './replay/timeline';
+import type { Timeline } from './replay/timeline';
+import { SignalStore } from './signals/store';
 import { Bar, ghostText } from './ui/bar';
 import { element, saveFile, withUnit } from './ui/dom';
 import { Help } from './ui/help';
@@ -16,9 +19,8 @@ import { Panel } from './ui/panel';
 import { Picking } from './ui/picking';
 import { Plots } from './ui/plots';
 import { Pointer } from './ui/pointer';
-import { ModelTree } from './ui/model_tree';
 import { Problems } from './ui/problems';
-import { SidePanel } from './ui/side_panel';
+import { Workbench } from './ui/workbench';
 import type { Colouring } from './scene/colouring';
 import { DARK, LIGHT } from './scene/theme';
 import { View } from './view';
@@ -29,10 +31,12 @@ import { WIRE_VERSION, type Frame, type TextMessage } from './wire/messages';
 export class App {
   readonly view: View;
   readonly recorder = new StreamRecorder();
-  timeline: Timeline | null = null;
+  readonly past = new RollingPast();
+  readonly store = new SignalStore();
+  readonly player: Player;
+  readonly bench: Workbench;
   framesTaken = 0;
   private library = new Library();
-  private recorded: RawMessage[] = [];
   private dark = window.matchMedia('(prefers-color-scheme: dark)').matches;
   private drawnAt = 0;
   private tipStart: THREE.Vector3 | null = null;
@@ -44,12 +48,10 @@ export class App {
   private readonly problems: Problems;
   private readonly pointer: Pointer;
   private readonly panel: Panel;
-  private readonly plots: Plots;
+  readonly plots: Plots;
   private readonly picking: Picking;
   private readonly legend: Legend;
   private readonly help: Help;
-  private readonly side: SidePanel;
-  readonly tree: ModelTree;
   private readonly forceLabel: HTMLElement;
 
   constructor(
@@ -69,28 +71,43 @@ export class App {
       home: () => this.view.stage.goHome(),
       theme: () => this.setDark(!this.dark),
       record: () => this.toggleRecording(),
-      plots: () => this.togglePlots(),
+      plots: () => this.showPlots(!this.plots.shown),
       pick: () => this.picking.toggle(),
-      side: () => this.side.toggle(),
+      side: () => this.bench.side.toggle(),
+      past: () => this.lookBack(),
+      keep: () => this.bench.moment.ask(0),
       help: () => this.help.toggle(),
     });
     // In the order in which the Tab key goes through them.
-    this.side = new SidePanel(root, (open) => {
-      this.bar.setSide(open);
-      if (open && this.isNarrow) this.panel.close();
+    const messages = element('div', 'messages');
+    this.plots = new Plots(root, this.store, saveFile);
+    this.bench = new Workbench(root, messages, this.view, this.store, this.plots, {
+      send: (request) => this.send(request),
+      showPlots: () => this.showPlots(true),
+      opened: (open) => {
+        this.bar.setSide(open);
+        if (open && this.isNarrow) this.panel.close();
+      },
     });
-    this.tree = new ModelTree(this.side.add('model', 'Model'), this.view, () => undefined);
-    const messages = element('div', 'messages', root);
+    root.append(messages);
     this.notices = new Notices(root, messages);
     this.problems = new Problems(messages);
     this.legend = new Legend(root);
     this.panel = new Panel(root, this.view.options, {
       send: (request) => this.send(request),
       changed: () => this.view.restyle(),
-      opened: () => this.isNarrow && this.side.close(),
+      opened: () => this.isNarrow && this.bench.side.close(),
+      colouringChanged: () => this.bench.askForSignals(),
     });
-    this.plots = new Plots(root, saveFile);
+    root.append(this.plots.root);
     this.help = new Help(root);
+    this.player = new Player(root, this.view, {
+      show: (frame, library) => this.show(frame, library),
+      say: (sentence) => this.notices.say(sentence),
+      send: (request) => this.send(request),
+      keep: (sequence) => this.bench.moment.ask(sequence),
+      changed: (playing) => this.playerChanged(playing),
+    });
     this.picking = new Picking(root, this.view, {
       send: (request) => this.send(request),
       changed: (on) => {
@@ -101,8 +118,8 @@ export class App {
     this.pointer = new Pointer(canvas, this.view.stage, this.view.bodies, {
       canTouch: () => this.live !== null && this.timeline === null && this.view.options.copies === 1,
       picking: () => this.picking.on,
-      selecting: () => this.side.shown === 'model' || this.side.shown === 'tune',
-      select: (body) => this.tree.choose(body),
+      selecting: () => this.bench.selecting,
+      select: (body) => this.bench.tree.choose(body),
       pull: (body, point, target) =>
         this.send({ type: 'pull', body, point: point.toArray(), target: target.toArray() }),
       release: () => this.send({ type: 'release' }),
@@ -135,12 +152,15 @@ export class App {
       opened: () => {
         this.foreign = false;
         this.library.clear();
+        this.past.clear();
         this.problems.clearAll();
+        this.bench.setLive(this.timeline === null);
       },
       message: (data) => this.take(data),
       closed: (reason) => {
         this.bar.setEnabled(false);
         this.panel.setEnabled(false);
+        this.bench.setLive(false);
         if (reason) this.notices.say(`The program closed the connection: ${reason}`);
         if (!this.timeline)
           this.notices.coverWith('No connection', 'The simulation does not answer. This page tries again by itself.');
@@ -150,59 +170,36 @@ export class App {
   }
 
   /** Plays a recording; without a stream behind it this is all the page does. */
-  play(messages: RawMessage[]): void {
-    const library = new Library();
-    const log = new Log(messages, library);
-    if (log.moments.length === 0) {
-      this.notices.say('The recording holds no frame.');
-      return;
-    }
-    this.recorded = messages;
-    this.view.setFull(null);
-    this.timeline?.remove();
-    this.timeline = new Timeline(this.root, log, {
-      show: (index) => {
-        const frame = log.frameAt(index);
-        if (frame) this.show(frame, library);
-      },
-      ...(this.live ? { live: () => this.backToLive(), save: () => void this.saveReplay() } : {}),
-    });
-    this.notices.uncover();
-    this.root.classList.add('with-timeline');
-    this.bar.setReplay(true, this.live !== null);
-    if (this.live) {
-      this.panel.setEnabled(false);
-      return;
-    }
-    this.panel.hideModel();
-    this.frameRecording = (only?: number) => {
-      const last = log.moments.length - 1;
-      const all = Array.from({ length: 24 }, (_, i) => Math.round((i / 23) * last));
-      const sample = (only === undefined ? all : [only]).map((i) => log.frameAt(i));
-      this.view.frameMotion(
-        sample.flatMap((frame) => {
-          const maps = frame ? library.mapsOf(frame) : undefined;
-          return frame && maps ? [{ frame, maps }] : [];
-        }),
-      );
-    };
-    this.frameRecording();
+  play(messages: RawMessage[], past = false): void {
+    if (!this.player.play(messages, this.live !== null, past)) return;
+    if (!this.live) this.panel.hideModel();
   }
 
-  /** Puts the whole motion of a recording from disk in view, or one moment of it. */
-  frameRecording: (only?: number) => void = () => undefined;
-
-  private backToLive(): void {
-    this.timeline?.remove();
-    this.timeline = null;
-    this.root.classList.remove('with-timeline');
-    this.bar.setReplay(false, true);
-    this.panel.setEnabled(true);
+  /** The last minute, held at its end, with the simulation paused. */
+  private lookBack(): void {
+    if (this.timeline) {
+      this.timeline.step(-1);
+      return;
+    }
+    if (!this.live || this.past.length === 0) return;
+    this.send({ type: 'pause', on: true });
+    this.play(this.past.recording(), true);
   }
 
-  private async saveReplay(): Promise<void> {
-    const page = await (await fetch('/')).text();
-    saveFile('fork1s-replay.html', replayPage(page, this.recorded), 'text/html');
+  private playerChanged(playing: boolean): void {
+    this.root.classList.toggle('with-timeline', playing);
+    this.bar.setReplay(playing, this.live !== null);
+    this.panel.setEnabled(!playing);
+    this.bench.setLive(!playing && this.live !== null);
+    if (playing) this.notices.uncover();
+  }
+
+  get timeline(): Timeline | null {
+    return this.player.timeline;
+  }
+
+  frameRecording(only?: number): void {
+    this.player.frameRecording(only);
   }
 
   send(request: Request): void {
@@ -213,6 +210,7 @@ export class App {
   take(data: RawMessage): void {
     if (this.foreign) return;
     this.recorder.take(data);
+    this.past.take(data);
     if (typeof data === 'string') {
       this.takeText(data);
       return;
@@ -241,6 +239,7 @@ export class App {
         break;
       case 'settings':
         this.panel.useSettings(message);
+        this.bench.useSettings(message);
         this.ghostOn = message.ghost;
         if (!message.ghost) this.view.setFull(null);
         break;
@@ -250,6 +249,8 @@ export class App {
       case 'problem':
         this.problems.say(message.about, message.message);
         break;
+      default:
+        this.bench.take(message);
     }
   }
 
@@ -262,7 +263,7 @@ export class App {
       this.bar.setTitle(scene.title);
       this.panel.useScene(scene);
       this.picking.useScene(scene);
-      this.tree.useScene(scene, shapes);
+      this.bench.useScene(scene, shapes);
       this.tipStart = null;
       this.problems.clear('request', 'ghost'); // the model was built anew since
       if (!this.view.scene) this.notices.sayAll(scene.warnings);
@@ -270,7 +271,8 @@ export class App {
     if (!frame.paused) this.problems.clear('run');
     this.view.setFrame(scene, shapes, frame, maps);
     ++this.framesTaken;
-    this.addSample(frame);
+    // What is looked at again does not happen again.
+    if (!this.timeline || !this.live) this.addSample(frame);
     this.notices.uncover();
     if (!this.timeline) {
       this.bar.setEnabled(this.live !== null);
@@ -283,17 +285,8 @@ export class App {
     const X = this.plots.shown && tip >= 0 ? this.view.poses()[tip] : undefined;
     const at = X ? new THREE.Vector3(...X.p) : null;
     this.tipStart ??= at;
-    this.plots.add({
-      time: this.scalar('time'),
-      values: [
-        this.scalar('real_time_factor'),
-        this.scalar('step_us'),
-        frame.contacts.reduce((sum, c) => sum + Math.hypot(...c.force), 0),
-        this.scalar('kinetic_energy') + this.scalar('potential_energy'),
-        1000 * this.scalar('joint_gap'),
-        at && this.tipStart ? 1000 * at.distanceTo(this.tipStart) : 0,
-      ],
-    });
+    const scene = this.view.scene;
+    if (scene) this.store.add(scene, frame, at && this.tipStart ? at.distanceTo(this.tipStart) : 0);
   }
 
   scalar(name: string): number {
@@ -309,6 +302,7 @@ export class App {
     if (this.view.draw()) this.showState();
     this.placeForceLabel();
     this.plots.draw(now);
+    this.bench.draw(now);
   }
 
   private placeForceLabel(): void {
@@ -332,6 +326,8 @@ export class App {
       const reduce = this.scalar('reduce_ms');
       if (reduce > 0) parts.push(`reduced in ${reduce.toPrecision(2)} ms`);
     }
+    const error = 1000 * this.scalar('error');
+    if (Number.isFinite(error)) parts.splice(1, 0, `± ${error < 0.001 ? '< 0.001' : error.toPrecision(2)} mm`);
     this.bar.setState(parts.join('  ·  '));
     this.bar.setGhost(this.ghostOn && !this.timeline ? ghostText(this.view.fullShown ? this.view.fullFrame : null, this.view.scene) : '');
     this.bar.setPaused(this.timeline ? !this.timeline.playing : frame.paused);
@@ -360,8 +356,9 @@ export class App {
     this.bar.setRecording(this.recorder.recording);
   }
 
-  private togglePlots(): void {
-    this.plots.toggle();
+  private showPlots(on: boolean): void {
+    this.plots.show(on);
+    this.bench.askForSignals();
     this.root.classList.toggle('with-plots', this.plots.shown);
     this.bar.setPlots(this.plots.shown);
   }
@@ -376,18 +373,22 @@ export class App {
   private readonly keys: Record<string, () => void> = {
     ' ': () => this.togglePause(),
     ArrowRight: () => this.stepOnce(),
-    ArrowLeft: () => this.timeline?.step(-1),
+    ArrowLeft: () => this.lookBack(),
     Backspace: () => this.reset(),
     f: () => this.view.stage.goHome(),
     t: () => this.setDark(!this.dark),
     r: () => this.toggleRecording(),
-    p: () => this.togglePlots(),
+    p: () => this.showPlots(!this.plots.shown),
     i: () => this.picking.toggle(),
     s: () => this.panel.toggle(),
-    m: () => this.side.toggle('model'),
+    m: () => this.bench.side.toggle('model'),
+    u: () => this.bench.side.toggle('tune'),
+    l: () => this.bench.side.toggle('signals'),
+    k: () => this.live && this.bench.moment.ask(0),
     '?': () => this.help.toggle(),
     Escape: () => {
       this.help.close();
+      this.bench.moment.close();
       this.problems.clearAll();
     },
   };

@@ -4,7 +4,7 @@ import { apply, fromNumbers, type Rigid } from '../poses/rigid';
 import type { SceneMessage } from '../wire/messages';
 import { COLORS } from './theme';
 
-export type Colouring = 'file' | 'tips' | 'roles' | 'gaps';
+export type Colouring = 'file' | 'tips' | 'roles' | 'gaps' | 'error';
 
 /** Distance [m] at every body between its joint's anchor seen from the body and seen from its parent. */
 export function jointGaps(scene: SceneMessage, poses: Rigid[]): Float64Array {
@@ -33,8 +33,19 @@ export function jointGaps(scene: SceneMessage, poses: Rigid[]): Float64Array {
   return gaps;
 }
 
+/** Estimated error [m] of every body that has one, 0 for the others. */
+export function bodyErrors(scene: SceneMessage, signals: Float32Array): Float64Array {
+  const errors = new Float64Array(scene.bodies.length);
+  if (signals.length === scene.signals.length)
+    scene.signals.forEach((s, i) => {
+      const value = 1e-3 * (signals[i] ?? 0);
+      if (s.group === 'error' && Number.isFinite(value)) errors[s.body] = value;
+    });
+  return errors;
+}
+
 /** Cold to hot: share of `full`, on a root scale so that small gaps show. */
-function heat(share: number, out: THREE.Color): THREE.Color {
+export function heat(share: number, out: THREE.Color): THREE.Color {
   const t = Math.sqrt(Math.min(1, Math.max(0, share)));
   return out.setHSL(0.6 - 0.6 * t, 0.75, 0.45 + 0.1 * t);
 }
@@ -54,7 +65,7 @@ export function styles(
   scene.bodies.forEach((body, b) => {
     const free = scene.roots[body.root]?.base === 'free';
     let share = 0;
-    if (colouring === 'gaps') {
+    if (colouring === 'gaps' || colouring === 'error') {
       heat((gaps[b] ?? 0) / fullGap, tone);
       share = 0.9;
     } else if (colouring === 'roles') {

@@ -28,7 +28,7 @@ export const DARK: Theme = {
   dark: true,
   background: 0x15181c,
   ground: 0x1b1f24,
-  line: 0x4d5863,
+  line: 0x9fb0c0,
   text: '#e6e9ec',
   faint: '#8d98a3',
   sky: 0xdfe8f2,

@@ -25,6 +25,8 @@ export interface BarActions {
   plots(): void;
   pick(): void;
   side(): void;
+  past(): void;
+  keep(): void;
   help(): void;
 }
 
@@ -36,6 +38,8 @@ export class Bar {
   private readonly pauseButton: HTMLButtonElement;
   private readonly stepButton: HTMLButtonElement;
   private readonly resetButton: HTMLButtonElement;
+  private readonly pastButton: HTMLButtonElement;
+  private readonly keepButton: HTMLButtonElement;
   private readonly recordButton: HTMLButtonElement;
   private readonly pickButton: HTMLButtonElement;
   private readonly plotsButton: HTMLButtonElement;
@@ -54,6 +58,8 @@ export class Bar {
     this.pauseButton = iconButton('pause', 'Pause (space)', bar, actions.pause);
     this.stepButton = iconButton('step', 'One frame (right arrow)', bar, actions.step);
     this.resetButton = iconButton('reset', 'Reset (backspace)', bar, actions.reset);
+    this.pastButton = iconButton('past', 'The last minute (left arrow)', bar, actions.past);
+    this.keepButton = iconButton('save', 'Keep this moment (K)', bar, actions.keep);
     this.recordButton = iconButton('record', 'Record (R)', bar, actions.record);
     this.pickButton = iconButton('pick', 'Pick the interface bodies (I)', bar, actions.pick);
     this.sideButton = iconButton('tree', 'Model, tuning, signals (M, U, L)', bar, actions.side);
@@ -83,14 +89,18 @@ export class Bar {
     setIcon(this.pauseButton, paused ? 'play' : 'pause', paused ? 'Go on (space)' : 'Pause (space)');
   }
 
+  private get liveButtons(): HTMLButtonElement[] {
+    return [this.pauseButton, this.stepButton, this.resetButton, this.pastButton, this.keepButton, this.recordButton, this.pickButton];
+  }
+
   setEnabled(enabled: boolean): void {
-    for (const button of [this.pauseButton, this.stepButton, this.resetButton, this.recordButton, this.pickButton])
+    for (const button of this.liveButtons)
       button.disabled = !enabled;
   }
 
   /** A recording has a timeline of its own; what only a running simulation can do goes away. */
   setReplay(on: boolean, live: boolean): void {
-    for (const button of [this.pauseButton, this.stepButton, this.resetButton, this.recordButton, this.pickButton]) {
+    for (const button of this.liveButtons) {
       button.disabled = false;
       button.hidden = on;
     }

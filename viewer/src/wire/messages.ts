@@ -75,6 +75,7 @@ export interface SceneMessage {
   tendons: TendonInfo[];
   controls: ControlInfo[];
   groups: { name: string; mechanism: number }[];
+  signals: { name: string; group: string; unit: string; body: number }[]; // of a frame's signals
   warnings: string[];
 }
 
@@ -90,6 +91,9 @@ export interface SettingsMessage {
   pull_stiffness: number;
   speed: number;
   ghost: boolean;
+  signals: boolean;
+  error: boolean;
+  accuracy: number; // m, 0: none is asked for
   stiffness: number[];
   controls: number[];
 }
@@ -126,7 +130,46 @@ export interface ProblemMessage {
   message: string; // empty: no longer so
 }
 
-export type TextMessage = SceneMessage | SettingsMessage | GeometryMessage | NoticeMessage | ProblemMessage;
+/** A number of the model that can be changed. */
+export interface TunableInfo {
+  of: 'joint' | 'actuator' | 'body' | 'world';
+  owner: string;
+  quantity: string;
+  unit: string;
+  value: number | null; // null: no bound
+  original: number | null; // of the file
+}
+
+export interface TuningMessage {
+  type: 'tuning';
+  items: TunableInfo[];
+  writes: boolean; // a copy of the file can be made
+}
+
+/** What was kept, to the viewer who asked. */
+export interface WrittenMessage {
+  type: 'written';
+  path: string; // of the copy; empty: none was asked for
+  text: string; // of the moment
+  notes: string[]; // what found no place in it
+}
+
+/** Bodies that passed through others because they are no interface. */
+export interface AdviceMessage {
+  type: 'advice';
+  epoch: number;
+  items: { body: number; name: string; other: string; depth: number; time: number }[];
+}
+
+export type TextMessage =
+  | SceneMessage
+  | SettingsMessage
+  | GeometryMessage
+  | NoticeMessage
+  | ProblemMessage
+  | TuningMessage
+  | WrittenMessage
+  | AdviceMessage;
 
 export interface MeshData {
   positions: Float32Array;
@@ -186,6 +229,7 @@ export interface Frame {
   roots: RootState[];
   contacts: Contact[];
   pulls: Pull[];
+  signals: Float32Array; // as the scene lists them, or none
 }
 
 /** Where the full simulation has got to. */

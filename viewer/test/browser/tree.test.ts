@@ -63,7 +63,7 @@ describe.skipIf(!ready)('the model tree', () => {
       });
     await page.evaluate(() => {
       const at = fork1s?.view.scene?.bodies.findIndex((b) => b.name === 'ball') ?? -1;
-      fork1s?.tree.choose(at);
+      fork1s?.bench.tree.choose(at);
       fork1s?.view.stage.lookFrom(undefined, 60, 3, fork1s.view.poses()[at]?.p);
     });
     const whole = await picture();
