@@ -9,7 +9,8 @@ import { StreamRecorder } from './replay/recorder';
 import type { Timeline } from './replay/timeline';
 import { SignalStore } from './signals/store';
 import { Bar, ghostText } from './ui/bar';
-import { element, saveFile, withUnit } from './ui/dom';
+import { element, saveFile } from './ui/dom';
+import { ForceLabel } from './ui/force_label';
 import { Help } from './ui/help';
 import { bindKeys } from './ui/keys';
 import { Legend } from './ui/legend';
@@ -42,6 +43,7 @@ export class App {
   private tipStart: THREE.Vector3 | null = null;
   private live: LiveStream | null = null;
   private ghostOn = false;
+  private goesOn = false; // it ran when the user looked back
   private foreign = false; // the program speaks another version of the stream
   private readonly bar: Bar;
   private readonly notices: Notices;
@@ -52,7 +54,7 @@ export class App {
   private readonly picking: Picking;
   private readonly legend: Legend;
   private readonly help: Help;
-  private readonly forceLabel: HTMLElement;
+  private readonly forceLabel: ForceLabel;
 
   constructor(
     private readonly root: HTMLElement,
@@ -62,8 +64,7 @@ export class App {
     canvas.tabIndex = 0;
     canvas.setAttribute('aria-label', 'The mechanism; drag a body to pull it, click to push it');
     this.view = new View(canvas, defaultOptions(colouring));
-    this.forceLabel = element('div', 'force', root);
-    this.forceLabel.hidden = true;
+    this.forceLabel = new ForceLabel(root);
     this.bar = new Bar(root, {
       pause: () => this.togglePause(),
       step: () => this.stepOnce(),
@@ -182,6 +183,7 @@ export class App {
       return;
     }
     if (!this.live || this.past.length === 0) return;
+    this.goesOn = this.view.frame?.paused === false;
     this.send({ type: 'pause', on: true });
     this.play(this.past.recording(), true);
   }
@@ -192,6 +194,7 @@ export class App {
     this.panel.setEnabled(!playing);
     this.bench.setLive(!playing && this.live !== null);
     if (playing) this.notices.uncover();
+    else if (this.goesOn) this.send({ type: 'pause', on: false });
   }
 
   get timeline(): Timeline | null {
@@ -300,19 +303,9 @@ export class App {
     this.timeline?.advance(seconds);
     this.pointer.update();
     if (this.view.draw()) this.showState();
-    this.placeForceLabel();
+    this.forceLabel.place(this.view.frame, this.view.stage.camera);
     this.plots.draw(now);
     this.bench.draw(now);
-  }
-
-  private placeForceLabel(): void {
-    const pull = this.view.frame?.pulls[0];
-    this.forceLabel.hidden = !pull;
-    if (!pull) return;
-    const at = new THREE.Vector3(...pull.target).project(this.view.stage.camera);
-    this.forceLabel.style.left = `${(0.5 + 0.5 * at.x) * this.root.clientWidth}px`;
-    this.forceLabel.style.top = `${(0.5 - 0.5 * at.y) * this.root.clientHeight}px`;
-    this.forceLabel.textContent = withUnit(Math.hypot(...pull.force), 'N');
   }
 
   private showState(): void {

@@ -6,6 +6,13 @@ import { DRAGGED, type Plots } from './plots';
 const MOST_SHOWN = 400;
 const UPDATE_MS = 250;
 
+/** Nine characters at most. */
+function short(value: number): string {
+  if (!Number.isFinite(value)) return '–';
+  const size = Math.abs(value);
+  return size !== 0 && (size < 1e-3 || size >= 1e6) ? value.toExponential(2) : String(Number(value.toPrecision(4)));
+}
+
 export class SignalList {
   private readonly list: HTMLElement;
   private readonly filter: HTMLInputElement;
@@ -85,7 +92,7 @@ export class SignalList {
     if (this.stale) this.build();
     for (const [key, cell] of this.numbers) {
       const value = this.store.now(key);
-      const text = Number.isFinite(value) ? String(Number(value.toPrecision(4))) : '–';
+      const text = short(value);
       if (cell.textContent !== text) cell.textContent = text;
     }
   }

@@ -2,8 +2,8 @@
 import { copyFileSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import { afterAll, describe, expect, it } from 'vitest';
-import { open, poseOf, ready, session, SOURCE, start, unseen, view } from './support';
+import { afterAll, beforeAll, describe, expect, it } from 'vitest';
+import { open, poseOf, ready, session, SOURCE, start, unseen, view, withoutPicture } from './support';
 
 describe.skipIf(!ready)('the past, and every signal', () => {
   const folder = mkdtempSync(join(tmpdir(), 'fork1s-viewer-'));
@@ -12,6 +12,8 @@ describe.skipIf(!ready)('the past, and every signal', () => {
   afterAll(() => rmSync(folder, { recursive: true, force: true }));
   const live = session(() => view(file, '--keyframe', 'open'));
   const time = (): Promise<number> => live.page.evaluate(() => fork1s?.scalar('time') ?? NaN);
+
+  beforeAll(() => withoutPicture(live.page));
 
   it('is scrubbed without having been recorded, and gone on from', async () => {
     const { page } = live;

@@ -2,8 +2,8 @@
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import { afterAll, describe, expect, it } from 'vitest';
-import { poseOf, ready, session, view } from './support';
+import { afterAll, beforeAll, describe, expect, it } from 'vitest';
+import { poseOf, ready, session, view, withoutPicture } from './support';
 
 const ARM = `<mujoco model="arm">
   <!-- what a person wrote stays -->
@@ -31,6 +31,8 @@ describe.skipIf(!ready)('tuning', () => {
   afterAll(() => rmSync(folder, { recursive: true, force: true }));
   const live = session(() => view(file));
   const field = (name: string) => live.page.getByLabel(name, { exact: true });
+
+  beforeAll(() => withoutPicture(live.page));
 
   it('shows each number with its unit, servo and joint apart', async () => {
     const { page } = live;
