@@ -72,7 +72,8 @@ T At(const std::string& bytes, std::size_t place) {
   return value;
 }
 
-// docs/wire.md: kind, epoch, sequence, flags, scalars, ... and pulls last, each 40 bytes.
+// docs/wire.md: kind, epoch, sequence, flags, scalars, ... and pulls, each 40 bytes, before signals, of which
+// there are none.
 struct Frame {
   std::uint32_t sequence;
   double real_time_factor, step_us;
@@ -81,7 +82,7 @@ struct Frame {
 };
 Frame Read(const std::string& f) {
   constexpr std::size_t kPull = 40;
-  const bool pulled = f.size() > kPull + 4 && At<std::uint32_t>(f, f.size() - kPull - 4) == 1;
+  const bool pulled = f.size() > kPull + 8 && At<std::uint32_t>(f, f.size() - kPull - 8) == 1;
   return {At<std::uint32_t>(f, 8), At<double>(f, 24), At<double>(f, 32), f.size(), pulled};
 }
 

@@ -150,7 +150,7 @@ void AddPushTo(CLI::App& command, std::vector<std::string>& pushes) {
       ->allow_extra_args(false);
 }
 
-Expected<ImportedScene> ModelArguments::Load() const {
+Expected<ImportOptions> ModelArguments::Options() const {
   ImportOptions options;
   options.interfaces = interfaces;
   options.base = Named(kBaseKindNames, base);
@@ -170,7 +170,13 @@ Expected<ImportedScene> ModelArguments::Load() const {
       options.joint_pd[text.substr(0, equals)] = g;
   }
   if (auto ok = ReadStart(options); !ok) return tl::unexpected(ok.error());
-  auto loaded = LoadMechanism(path, options);
+  return options;
+}
+
+Expected<ImportedScene> ModelArguments::Load() const {
+  const auto options = Options();
+  if (!options) return tl::unexpected(options.error());
+  auto loaded = LoadMechanism(path, *options);
   if (!loaded) {
     Error error = loaded.error();
     error.where = AsTyped(error.where);

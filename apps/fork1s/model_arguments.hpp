@@ -27,6 +27,7 @@ struct ModelArguments {
 
   void AddTo(CLI::App& command);
   Expected<ImportedScene> Load() const;
+  Expected<ImportOptions> Options() const;
 
  private:
   Expected<void> ReadStart(ImportOptions& options) const;

@@ -10,6 +10,7 @@
 #include <memory>
 
 #include "checks.hpp"
+#include "copy_writer.hpp"
 #include "guarded_load.hpp"
 #include "model_arguments.hpp"
 #include "model_watch.hpp"
@@ -62,7 +63,8 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   // With its folder: many models are called scene.xml.
   const std::filesystem::path path(args.model.path);
   const std::string title = (path.parent_path().filename() / path.filename()).string();
-  auto live = LiveSimulation::Create(std::move(imported->scene), options, title);
+  ModelFile file = FileOf(args.model, imported->report);
+  auto live = LiveSimulation::Create(std::move(imported->scene), options, title, std::move(file));
   if (!live) {
     Error error = live.error();
     error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);

@@ -121,6 +121,9 @@ void ConvertActuators(Conversion& c) {
     AddHold(c, a);
     AddDrive(c, a);
     for (const ActuatorInput& input : a.inputs) AddControl(c, a, input);
+    if (a.inputs.size() == 1)
+      c.report.servos.push_back({c.MechanismOf(a.length.terms[0].first), a.inputs[0].name, -a.b1, -a.b2, a.b0,
+                                 a.length.at_reference});
     for (const std::string& part : a.left_out) left_out[part].push_back(a.name);
     if (!a.length.linear) curved.push_back(a.name);
     const bool turns = m.actuator_trntype[a.actuator] == mjTRN_JOINTINPARENT && a.length.terms.size() > 1;

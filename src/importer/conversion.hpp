@@ -163,5 +163,7 @@ void ListHolds(Conversion& c);
 /// Numbers that MuJoCo accepts and no simulation survives (validate.cpp).
 std::optional<Error> Validate(const Conversion& c);
 void ListUnsupported(Conversion& c);
+/// A state in the order of c.scene as a <key> of MJCF (moment_text.cpp).
+std::string MomentText(const Conversion& c, const KeyframeDef& state, const std::string& name, double time);
 
 }  // namespace fork1s::internal

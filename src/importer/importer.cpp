@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <fork1s/importer/importer.hpp>
+#include <fork1s/importer/model_copy.hpp>
 #include <fork1s/importer/mujoco_import.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <set>
@@ -89,6 +90,11 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options,
     for (MechanismDef& mechanism : c.scene.mechanisms) {
       mechanism = ScaleStiffness(std::move(mechanism), options.stiffness_scale);
     }
+    for (ServoGains& servo : c.report.servos) {
+      servo.stiffness *= options.stiffness_scale;
+      servo.bias *= options.stiffness_scale;
+      servo.damping *= std::sqrt(options.stiffness_scale);
+    }
   }
   return std::nullopt;
 }
@@ -174,6 +180,27 @@ Expected<ImportedScene> LoadMechanism(const std::string& path, const ImportOptio
   if (!text) return tl::unexpected<Error>(text.error());
   if (text->empty()) return Fail(ErrorCode::kFormat, path, "the file is empty; MJCF or URDF is expected");
   return ImportText(path, *text, true, options);
+}
+
+Expected<std::string> MomentAsMjcf(const std::string& path, const ImportOptions& options,
+                                   const KeyframeDef& state, const std::string& name, double time) {
+  const auto text = internal::ReadFile(path);
+  if (!text) return tl::unexpected<Error>(text.error());
+  const auto root = internal::RootElement(path, *text);
+  if (!root || *root != "mujoco")
+    return Fail(ErrorCode::kModel, path, "is no MJCF, which alone has keyframes; save a recording instead");
+  internal::ModelSource source;
+  source.path = path;
+  const auto compiled = internal::CompileModel(source);
+  if (!compiled) return tl::unexpected<Error>(compiled.error());
+  Conversion c(*compiled->model, *compiled->data, path);
+  c.report.format = "MJCF";
+  if (auto error = Convert(c, options, {})) return tl::unexpected<Error>(std::move(*error));
+  if (c.scene.mechanisms.size() != state.mechanisms.size() ||
+      c.scene.free_bodies.size() != state.free_bodies.size())
+    return Fail(ErrorCode::kModel, path,
+                "has changed: it has other mechanisms or free bodies than the state");
+  return internal::MomentText(c, state, name, time);
 }
 
 Expected<ImportedScene> LoadMechanismFromString(const std::string& mjcf, const std::string& name,

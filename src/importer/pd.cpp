@@ -49,6 +49,10 @@ void Hold(Conversion& c, int dof, const PdGains& gains) {
   ControlSource source;
   source.dofs = {dof};
   source.pd = {{dof, rest}};
+  std::erase_if(c.report.servos, [&](const ServoGains& s) {  // of the motor whose place it takes
+    return s.mechanism == mechanism && s.control == control.name;
+  });
+  c.report.servos.push_back({mechanism, control.name, gains.kp, gains.kv, 0, -rest});
   c.scene.mechanisms[mechanism].controls.push_back(std::move(control));
   c.controls[mechanism].push_back(std::move(source));
   // Each keyframe is held at its own pose.

@@ -51,11 +51,12 @@ Command Read(const Json& message) {
   if (!message.is_object()) throw Malformed{"a message must be a JSON object"};
   const Json& type = Member(message, "type");
   static const std::map<std::string, Command::Kind> kinds = {
-      {"pull", Command::Kind::kPull},  {"release", Command::Kind::kRelease},
-      {"push", Command::Kind::kPush},  {"pause", Command::Kind::kPause},
-      {"step", Command::Kind::kStep},  {"reset", Command::Kind::kReset},
-      {"set", Command::Kind::kSet},    {"interfaces", Command::Kind::kInterfaces},
-      {"ghost", Command::Kind::kGhost}};
+      {"pull", Command::Kind::kPull},   {"release", Command::Kind::kRelease},
+      {"push", Command::Kind::kPush},   {"pause", Command::Kind::kPause},
+      {"step", Command::Kind::kStep},   {"reset", Command::Kind::kReset},
+      {"set", Command::Kind::kSet},     {"interfaces", Command::Kind::kInterfaces},
+      {"ghost", Command::Kind::kGhost}, {"resume", Command::Kind::kResume},
+      {"write", Command::Kind::kWrite}};
   const auto kind = type.is_string() ? kinds.find(type.get<std::string>()) : kinds.end();
   if (kind == kinds.end()) throw Malformed{"the message's 'type' is not one that this program knows"};
   Command c;
@@ -87,6 +88,14 @@ Command Read(const Json& message) {
       for (const Json& b : bodies) c.bodies.push_back(Whole(b, "bodies"));
       break;
     }
+    case Command::Kind::kResume:
+      c.index = Whole(Member(message, "sequence"), "sequence");
+      break;
+    case Command::Kind::kWrite:
+      c.tuned = Flag(Member(message, "tuned"), "tuned");
+      c.moment = Whole(Member(message, "moment"), "moment");
+      c.text_only = Flag(Member(message, "text_only"), "text_only");
+      break;
     default:
       break;
   }

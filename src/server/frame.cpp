@@ -74,10 +74,13 @@ void WriteCompliance(const ReducedModel& model, ByteWriter& out) {
 }  // namespace
 
 const std::vector<std::string>& ScalarNames() {
-  static const std::vector<std::string> names = {
-      "time",      "real_time_factor", "step_us",  "steps",       "kinetic_energy", "potential_energy",
-      "joint_gap", "penetration",      "residual", "load_factor", "refreshes",      "reduce_ms",
-      "viewers"};
+  static const std::vector<std::string> names = {"time",           "real_time_factor",
+                                                 "step_us",        "steps",
+                                                 "kinetic_energy", "potential_energy",
+                                                 "joint_gap",      "penetration",
+                                                 "residual",       "load_factor",
+                                                 "refreshes",      "reduce_ms",
+                                                 "viewers",        "error"};
   return names;
 }
 
@@ -112,16 +115,19 @@ std::string EncodeMaps(const MechanismDynamics& dynamics, std::uint32_t epoch, s
 
 std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::uint32_t sequence,
                         bool paused, const FrameScalars& s, const std::vector<std::uint32_t>& versions,
-                        const std::vector<ShownPull>& pulls) {
+                        const std::vector<ShownPull>& pulls, const std::vector<double>& signals) {
   ByteWriter out;
   out.U32(static_cast<std::uint32_t>(WireKind::kFrame));
   out.U32(epoch);
   out.U32(sequence);
   out.U32(paused ? 1 : 0);
-  const double scalars[] = {s.time,           s.real_time_factor, s.step_us,   s.steps,
-                            s.kinetic_energy, s.potential_energy, s.joint_gap, s.penetration,
-                            s.residual,       s.load_factor,      s.refreshes, s.reduce_ms,
-                            s.viewers};
+  const double scalars[] = {s.time,           s.real_time_factor,
+                            s.step_us,        s.steps,
+                            s.kinetic_energy, s.potential_energy,
+                            s.joint_gap,      s.penetration,
+                            s.residual,       s.load_factor,
+                            s.refreshes,      s.reduce_ms,
+                            s.viewers,        s.error};
   static_assert(std::size(scalars) == kNumScalars);
   for (double v : scalars) out.F64(v);
 
@@ -151,6 +157,8 @@ std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::
     out.Vector(p.target_W);
     out.Vector(p.force_W);
   }
+  out.U32(static_cast<std::uint32_t>(signals.size()));
+  for (double v : signals) out.F32(v);
   return out.Take();
 }
 

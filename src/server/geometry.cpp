@@ -96,6 +96,7 @@ Json Collect(const Simulation& simulation, MeshTable& meshes) {
     for (const GeometryDef& g : geometries) {
       Json one;
       one["body"] = body;
+      one["name"] = g.name;
       one["kind"] = ShapeName(g.shape);
       const Vector3& p = g.X_BG.translation();
       const Quaternion q = g.X_BG.quaternion();

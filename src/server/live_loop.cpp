@@ -36,6 +36,7 @@ void RunLive(LiveSimulation& live, LiveServer& server, const std::function<bool(
     }
     live.Advance(0.9 / 60);
     for (const LiveFault& fault : live.TakeFaults()) server.TellProblem(0, fault.about, fault.sentence);
+    for (const LiveReply& reply : live.TakeReplies()) server.Send(reply.viewer, reply.message);
     server.Publish(live.Capture(server.num_viewers()));
     next += frame;
     const auto now = Clock::now();

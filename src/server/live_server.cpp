@@ -386,6 +386,10 @@ void LiveServer::Detail::Tell(int viewer, Message message) {
   });
 }
 
+void LiveServer::Send(int viewer, const std::string& message) {
+  detail_->Tell(viewer, std::make_shared<const std::string>(message));
+}
+
 void LiveServer::Tell(int viewer, const std::string& sentence) { detail_->Tell(viewer, Notice(sentence)); }
 
 void LiveServer::TellProblem(int viewer, const std::string& about, const std::string& sentence) {

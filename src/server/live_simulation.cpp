@@ -12,6 +12,7 @@
 
 #include "body_order.hpp"
 #include "scene_description.hpp"
+#include "signals.hpp"
 
 namespace fork1s {
 namespace {
@@ -31,7 +32,7 @@ Message Share(std::string text) { return std::make_shared<const std::string>(std
 }  // namespace
 
 Expected<LiveSimulation> LiveSimulation::Create(Scene scene, const SimulationOptions& options,
-                                                const std::string& title) {
+                                                const std::string& title, ModelFile file) {
   Scene original = scene;
   auto simulation = Simulation::Create(std::move(scene), options);
   if (!simulation) return tl::unexpected(simulation.error());
@@ -50,12 +51,18 @@ Expected<LiveSimulation> LiveSimulation::Create(Scene scene, const SimulationOpt
   for (std::size_t i = 0; i < live.original_.mechanisms.size(); ++i)
     live.original_.mechanisms[i] = live.simulation_.world().mechanisms()[i].mechanism().definition();
   s.groups = FindJointGroups(live.original_.mechanisms);
+  s.servos = file.servos;
+  s.tunables = FindTunables(live.original_, s.servos);
+  live.file_ = std::move(file);
+  live.first_dt_ = s.dt;
   s.interfaces.resize(live.original_.mechanisms.size());
   for (const MechanismDynamics& m : live.simulation_.world().mechanisms())
     live.base_origin_.push_back(m.state().X_WR);
   live.base_start_ = live.base_origin_;
   live.targets_ = live.simulation_.controls();
+  live.past_ = Past(live.simulation_.bodies().size());
   live.ShowShapes(1);
+  live.ShowTuning();
   live.AfterBuild();
   return live;
 }
@@ -68,6 +75,9 @@ void LiveSimulation::ShowShapes(std::uint32_t version) {
 
 // Everything that hangs on the identity of the reduced model.
 void LiveSimulation::AfterBuild() {
+  passing_.reset();
+  servos_ = ServosNow(original_, settings_);
+  ForgetError();
   encoded_reference_.assign(simulation_.world().mechanisms().size(), VectorX());
   latest_.maps.assign(encoded_reference_.size(), nullptr);
   latest_.versions.resize(encoded_reference_.size(), 0);
@@ -78,15 +88,18 @@ void LiveSimulation::AfterBuild() {
   if (ghost_on_) BeginGhost();
 }
 
-KeyframeDef LiveSimulation::PresentState() const {
-  KeyframeDef key = simulation_.State();
+KeyframeDef LiveSimulation::PresentState() const { return SetDown(simulation_.State()); }
+
+KeyframeDef LiveSimulation::SetDown(KeyframeDef key) const {
   for (std::size_t i = 0; i < key.mechanisms.size(); ++i)
     if (simulation_.world().mechanisms()[i].mechanism().base() == BaseKind::kDriven)
       key.mechanisms[i].V_R.setZero();  // it is set down anew
   return key;
 }
 
-Expected<void> LiveSimulation::Rebuild(LiveSettings settings, bool keep_state) {
+// At `state`, or from the start.
+Expected<void> LiveSimulation::Rebuild(LiveSettings settings, const KeyframeDef* state) {
+  const bool keep_state = state != nullptr;
   const double start = Now();
   Scene scene = ApplySettings(original_, settings);
   const bool holds = settings.detail == DetailLevel::kObject;
@@ -97,7 +110,7 @@ Expected<void> LiveSimulation::Rebuild(LiveSettings settings, bool keep_state) {
   options.reduction.modes = settings.modes;
   options.detail = holds ? DetailLevel::kInterface : settings.detail;
   if (keep_state) {
-    scene.keyframes.push_back(PresentState());
+    scene.keyframes.push_back(*state);
     options.initial_keyframe = static_cast<int>(scene.keyframes.size()) - 1;
   }
   const double time = keep_state ? time_offset_ + simulation_.time() : 0;
@@ -150,12 +163,16 @@ void LiveSimulation::Replace(LiveSimulation next) {
   next.latest_.settings_version = latest_.settings_version;
   next.latest_.problem_version = latest_.problem_version;
   next.latest_.problem = latest_.problem;
+  next.latest_.tuning_version = latest_.tuning_version;
   next.settings_.speed = settings_.speed;
+  next.settings_.signals = settings_.signals;
+  next.settings_.error = settings_.error;
   next.paused_ = paused_;
   next.ghost_ = std::move(ghost_);
   next.ghost_on_ = ghost_on_;
   next.latest_.ghost_sequence = latest_.ghost_sequence;
   next.ShowShapes(latest_.geometry_version + 1);
+  next.ShowTuning();
   next.AfterBuild();
   *this = std::move(next);
   if (latest_.problem_version > 0) SetFileProblem("");
@@ -201,11 +218,15 @@ std::optional<Refusal> LiveSimulation::Handle(const Command& c) {
       paused_ = step_requested_ = true;
       return {};
     case Command::Kind::kReset:
-      return OrSay(Rebuild(settings_, false));
+      return OrSay(Rebuild(settings_, nullptr));
     case Command::Kind::kSet:
       return HandleSet(c);
     case Command::Kind::kInterfaces:
       return HandleInterfaces(c);
+    case Command::Kind::kResume:
+      return HandleResume(c);
+    case Command::Kind::kWrite:
+      return HandleWrite(c);
     case Command::Kind::kGhost:
       SwitchGhost(c.on);
       return {};
@@ -223,7 +244,12 @@ std::optional<Refusal> LiveSimulation::HandleSet(const Command& c) {
     const auto kind = ChangeSetting(c.setting, c.index, c.value, changed);
     if (!kind) return OrSay(tl::unexpected(kind.error()));
     if (*kind == SettingKind::kFidelity) return OrSay(ChangeFidelity(changed));
-    if (*kind == SettingKind::kModel) return OrSay(Rebuild(changed, true));
+    if (*kind == SettingKind::kModel) {
+      const KeyframeDef now = PresentState();
+      auto refusal = OrSay(Rebuild(changed, &now));
+      if (c.setting == "tune") ShowTuning();
+      return refusal;
+    }
     settings_ = changed;
     simulation_.step_options().gravity = settings_.gravity;
   }
@@ -252,13 +278,16 @@ std::optional<Refusal> LiveSimulation::HandleInterfaces(const Command& c) {
     if (std::find(names.begin(), names.end(), b.name) == names.end()) names.push_back(b.name);
   }
   if (names.empty()) return Refusal{"a mechanism needs at least one interface body"};
-  return OrSay(Rebuild(changed, true));
+  const KeyframeDef now = PresentState();
+  return OrSay(Rebuild(changed, &now));
 }
 
 bool LiveSimulation::StepOnce() {
   ApplyTargets();
   ApplyPulls();
+  BeginError();
   const StepReport report = simulation_.Step();
+  EndError(report);
   scalars_.penetration = report.max_penetration;
   scalars_.residual = report.solver.residual;
   scalars_.refreshes += report.refreshes;
@@ -322,6 +351,8 @@ void LiveSimulation::EncodeChangedMaps() {
 }
 
 Snapshot LiveSimulation::Capture(int viewers) {
+  if (viewers == 0) settings_.signals = settings_.error = false;  // they cost time
+  KeepAccuracy();
   EncodeChangedMaps();
   scalars_.time = time_offset_ + simulation_.time();
   scalars_.steps = steps_before_ + static_cast<double>(simulation_.steps());
@@ -336,8 +367,12 @@ Snapshot LiveSimulation::Capture(int viewers) {
   }
   scalars_.viewers = viewers;
   ++latest_.sequence;
-  latest_.frame = Share(
-      EncodeFrame(simulation_, latest_.epoch, latest_.sequence, paused_, scalars_, latest_.versions, shown_));
+  signals_.clear();
+  if (settings_.signals) internal::MeasureSignals(simulation_, servos_, error_.get(), signals_);
+  latest_.frame = Share(EncodeFrame(simulation_, latest_.epoch, latest_.sequence, paused_, scalars_,
+                                    latest_.versions, shown_, signals_));
+  KeepMoment();
+  LookForPassing();
   CaptureGhost(viewers);
   return latest_;
 }

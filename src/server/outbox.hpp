@@ -25,6 +25,7 @@ class Outbox {
       return s.scene;
     }
     if (settings_ != s.settings_version) return settings_ = s.settings_version, s.settings;
+    if (tuning_ != s.tuning_version) return tuning_ = s.tuning_version, s.tuning;
     if (problem_ != s.problem_version) return problem_ = s.problem_version, s.problem;
     binary = true;
     for (std::size_t i = 0; i < s.maps.size(); ++i)
@@ -40,7 +41,8 @@ class Outbox {
 
  private:
   bool meshes_sent_ = false;
-  std::uint32_t geometry_ = 0, epoch_ = 0, settings_ = 0, problem_ = 0, sequence_ = 0, ghost_ = 0;
+  std::uint32_t geometry_ = 0, epoch_ = 0, settings_ = 0, tuning_ = 0, problem_ = 0, sequence_ = 0,
+                ghost_ = 0;
   bool ghost_next_ = false;
   std::vector<std::uint32_t> versions_;
 };

@@ -55,7 +55,7 @@ class FrameOfRecording {
     const double unknown = std::nan("");
     for (double v :
          {d.time[i], 1.0, unknown, static_cast<double>(step + 1), d.kinetic_energy[i], d.potential_energy[i],
-          d.closure_gap[i], d.max_penetration[i], d.residual[i], unknown, unknown, 0.0, 1.0})
+          d.closure_gap[i], d.max_penetration[i], d.residual[i], unknown, unknown, 0.0, 1.0, unknown})
       out.F64(v);
     WriteRoots(step, out);
     const std::vector<RecordedContact> contacts = recording_.Contacts(step);
@@ -73,6 +73,9 @@ class FrameOfRecording {
       out.I32(w.body);
       for (const Vector3* v : {&w.point_W, &w.point_W, &w.force_W}) out.Vector(*v);
     }
+    const VectorX q = recording_.Coordinates(step);
+    out.U32(static_cast<std::uint32_t>(q.size()));
+    for (Eigen::Index k = 0; k < q.size(); ++k) out.F32(q(k));
     return out.Take();
   }
 
@@ -130,7 +133,10 @@ Expected<std::string> EncodeRecording(const Recording& recording, const std::str
   std::string out;
   Append(out, false, EncodeGeometry(*simulation, 1));
   Append(out, true, EncodeMeshes(*simulation));
-  Append(out, false, internal::Dump(internal::DescribeScene(*simulation, title, 1, 1, separate)));
+  nlohmann::json scene = internal::DescribeScene(*simulation, title, 1, 1, separate);
+  for (const std::string& name : h.coordinate_names)
+    scene["signals"].push_back({{"name", name}, {"group", "position"}, {"unit", "rad, m"}, {"body", -1}});
+  Append(out, false, internal::Dump(scene));
   const auto& mechanisms = simulation->world().mechanisms();
   if (!separate)
     for (std::size_t m = 0; m < mechanisms.size(); ++m)

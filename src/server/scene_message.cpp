@@ -1,4 +1,5 @@
 // Names, trees and screws, told whenever the model is built anew; settings, told whenever one changes.
+#include <algorithm>
 #include <cmath>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/names.hpp>
@@ -7,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "scene_description.hpp"
+#include "signals.hpp"
 
 namespace fork1s {
 namespace {
@@ -17,6 +19,25 @@ Json Pose(const RigidTransform& X) {
   const Vector3& p = X.translation();
   const Quaternion q = X.quaternion();
   return Json::array({p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()});
+}
+
+Json Numbers(const Vector3& v) { return Json::array({v.x(), v.y(), v.z()}); }
+
+// xx yy zz xy xz yz about the centre of mass, in the axes of the body.
+Json Moments(const SpatialInertia& inertia) {
+  const Matrix3& I = inertia.rotational;
+  return Json::array({I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2)});
+}
+
+Json PathElement(const PathElementDef& e, int first_body) {
+  Json one = {{"kind", NameIn(kPathElementNames, e.kind)}};
+  if (e.kind == PathElementDef::Kind::kPulley) return one;
+  one["body"] = first_body + e.body.value();
+  one["pose"] = Pose(e.X_BE);
+  if (e.kind == PathElementDef::Kind::kPoint) return one;
+  one["radius"] = e.radius;
+  if (e.has_side) one["side"] = {{"body", first_body + e.side_body.value()}, {"at", Numbers(e.side_B)}};
+  return one;
 }
 
 void AddMechanism(const MechanismDynamics& dynamics, Json& out) {
@@ -47,10 +68,13 @@ void AddMechanism(const MechanismDynamics& dynamics, Json& out) {
                              {"last_joint", body.last_joint < 0 ? -1 : first_joint + body.last_joint},
                              {"interface", is_interface},
                              {"mass", body.inertia_B.mass},
+                             {"center", Numbers(body.inertia_B.center)},
+                             {"inertia", Moments(body.inertia_B)},
                              {"pose", Pose(body.X_RB0)}});
   }
   for (const Mechanism::Joint& j : m.joints())
     out["joints"].push_back({{"name", j.name},
+                             {"kind", Name(j.kind)},
                              {"body", first_body + j.body.value()},
                              {"previous", j.previous < 0 ? -1 : first_joint + j.previous},
                              {"offset", first_coordinate + j.offset},
@@ -59,6 +83,11 @@ void AddMechanism(const MechanismDynamics& dynamics, Json& out) {
     Json screw = Json::array();
     for (int k = 0; k < 6; ++k) screw.push_back(m.screws()(k, i));
     out["screws"].push_back(std::move(screw));
+  }
+  for (const Mechanism::Path& path : m.paths()) {
+    Json elements = Json::array();
+    for (const PathElementDef& e : path.elements) elements.push_back(PathElement(e, first_body));
+    out["tendons"].push_back({{"name", path.name}, {"root", root}, {"elements", std::move(elements)}});
   }
 }
 
@@ -77,6 +106,8 @@ void AddFreeBody(const FreeBody& body, Json& out) {
                            {"last_joint", -1},
                            {"interface", false},
                            {"mass", body.inertia().mass},
+                           {"center", Numbers(body.inertia().center)},
+                           {"inertia", Moments(body.inertia())},
                            {"pose", Pose(RigidTransform())}});
 }
 
@@ -95,6 +126,15 @@ Json ControlRange(const Mechanism& m, const Mechanism::Control& c, double radius
   return Json::array({low, high});
 }
 
+// What an actuator moves: places in the list of joints, each once.
+Json JointsOf(const Mechanism& m, const Mechanism::Control& c, int first_joint) {
+  std::vector<int> joints;
+  for (int i : m.CoordinatesOf(c.length)) joints.push_back(first_joint + m.CoordinateJoint(i).value());
+  std::sort(joints.begin(), joints.end());
+  joints.erase(std::unique(joints.begin(), joints.end()), joints.end());
+  return joints;
+}
+
 }  // namespace
 
 nlohmann::json internal::DescribeScene(const Simulation& simulation, const std::string& title,
@@ -108,7 +148,8 @@ nlohmann::json internal::DescribeScene(const Simulation& simulation, const std::
   out["recovery"] = simulation.fidelity().recovery == Recovery::kTwist && !separate ? "twist" : "exact";
   out["radius"] = SceneRadius(simulation);
   out["scalars"] = ScalarNames();
-  for (const char* list : {"roots", "bodies", "joints", "screws", "controls", "groups", "warnings"})
+  for (const char* list :
+       {"roots", "bodies", "joints", "screws", "tendons", "controls", "groups", "signals", "warnings"})
     out[list] = Json::array();
   for (const MechanismDynamics& m : simulation.world().mechanisms()) AddMechanism(m, out);
   for (const FreeBody& b : simulation.world().free_bodies()) AddFreeBody(b, out);
@@ -142,17 +183,23 @@ std::string LiveSimulation::SceneMessage() const {
   Json out = internal::DescribeScene(simulation_, title_, latest_.epoch, latest_.geometry_version, false);
   const double radius = out["radius"].get<double>();
   std::size_t next = 0;
-  for (const MechanismDynamics& m : simulation_.world().mechanisms())
+  int first_joint = 0;
+  for (const MechanismDynamics& m : simulation_.world().mechanisms()) {
     for (const Mechanism::Control& c : m.mechanism().controls())
       out["controls"].push_back({{"name", simulation_.control_names()[next++]},
                                  {"range", ControlRange(m.mechanism(), c, radius)},
-                                 {"base", false}});
+                                 {"base", false},
+                                 {"joints", JointsOf(m.mechanism(), c, first_joint)}});
+    first_joint += m.mechanism().num_joints();
+  }
   for (; next < simulation_.control_names().size(); ++next) {
     const std::string& name = simulation_.control_names()[next];
     const bool turns = name.size() > 3 && name[name.size() - 2] == 'r';
     const double span = turns ? 1.6 : radius;
-    out["controls"].push_back({{"name", name}, {"range", {-span, span}}, {"base", true}});
+    out["controls"].push_back({{"name", name}, {"range", {-span, span}}, {"base", true}, {"joints", Json::array()}});
   }
+  for (const internal::SignalInfo& s : internal::ListSignals(simulation_))
+    out["signals"].push_back({{"name", s.name}, {"group", s.group}, {"unit", s.unit}, {"body", s.body}});
   for (const JointGroup& g : settings_.groups)
     out["groups"].push_back({{"name", g.name}, {"mechanism", g.mechanism}});
   for (const std::string& w : simulation_.warnings()) out["warnings"].push_back(w);
@@ -176,6 +223,9 @@ std::string LiveSimulation::SettingsMessage() const {
   out["pull_stiffness"] = s.pull_stiffness;
   out["speed"] = s.speed;
   out["ghost"] = ghost_on_;
+  out["signals"] = s.signals;
+  out["error"] = s.error;
+  out["accuracy"] = s.accuracy;
   out["stiffness"] = Json::array();
   for (const JointGroup& g : s.groups) out["stiffness"].push_back(g.scale);
   out["controls"] = Json::array();

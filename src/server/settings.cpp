@@ -115,6 +115,7 @@ std::vector<JointGroup> FindJointGroups(const std::vector<MechanismDef>& mechani
 }
 
 Scene ApplySettings(Scene scene, const LiveSettings& settings) {
+  ApplyTunables(settings.tunables, settings.servos, scene);
   for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
     MechanismDef& def = scene.mechanisms[i];
     for (const JointGroup& group : settings.groups)
@@ -130,6 +131,25 @@ Scene ApplySettings(Scene scene, const LiveSettings& settings) {
   return scene;
 }
 
+std::vector<ServoShare> ServosNow(const Scene& scene, const LiveSettings& settings) {
+  std::vector<ServoShare> servos = TunedServos(settings.tunables, settings.servos);
+  for (ServoShare& s : servos) {
+    s.damping *= settings.damping_scale;
+    for (const ControlDef& c : scene.mechanisms[static_cast<std::size_t>(s.mechanism)].controls) {
+      if (c.name != s.control || c.terms.empty()) continue;
+      const auto joint = static_cast<int>(c.terms[0].first.joint.value());
+      for (const JointGroup& g : settings.groups)
+        if (g.mechanism == s.mechanism &&
+            std::find(g.joints.begin(), g.joints.end(), joint) != g.joints.end()) {
+          s.stiffness *= g.scale;
+          s.bias *= g.scale;
+          s.damping *= std::sqrt(g.scale);
+        }
+    }
+  }
+  return servos;
+}
+
 Expected<SettingKind> ChangeSetting(const std::string& name, int index, double value,
                                     LiveSettings& settings) {
   auto within = [&](double low, double high) -> Expected<void> {
@@ -142,9 +162,10 @@ Expected<SettingKind> ChangeSetting(const std::string& name, int index, double v
     double low, high;
   };
   static constexpr Range kRanges[] = {
-      {"dt", 1e-4, 0.05}, {"gravity", -100, 100},  {"damping", 0, 100}, {"friction", 0, 10},
-      {"modes", 0, 64},   {"detail", 0, 3},        {"recovery", 0, 1},  {"pull_stiffness", 1e-3, 1e7},
-      {"speed", 0.01, 4}, {"stiffness", 1e-3, 1e4}};
+      {"dt", 1e-4, 0.05}, {"gravity", -100, 100},   {"damping", 0, 100}, {"friction", 0, 10},
+      {"modes", 0, 64},   {"detail", 0, 3},         {"recovery", 0, 1},  {"pull_stiffness", 1e-3, 1e7},
+      {"speed", 0.01, 4}, {"stiffness", 1e-3, 1e4}, {"signals", 0, 1},   {"error", 0, 1},
+      {"accuracy", 0, 1}, {"tune", -1e7, 1e7}};
   const auto* range =
       std::find_if(std::begin(kRanges), std::end(kRanges), [&](const Range& r) { return name == r.name; });
   if (range == std::end(kRanges)) return Fail(ErrorCode::kUsage, name, "is no setting of this program");
@@ -152,6 +173,27 @@ Expected<SettingKind> ChangeSetting(const std::string& name, int index, double v
 
   if (name == "gravity") return settings.gravity = Vector3(0, 0, value), SettingKind::kPlain;
   if (name == "pull_stiffness") return settings.pull_stiffness = value, SettingKind::kPlain;
+  if (name == "signals") return settings.signals = value > 0.5, SettingKind::kPlain;
+  if (name == "error") {
+    settings.error = value > 0.5;
+    if (!settings.error) settings.accuracy = 0;
+    return SettingKind::kPlain;
+  }
+  if (name == "accuracy") {
+    settings.accuracy = value;
+    settings.error |= value > 0;
+    return SettingKind::kPlain;
+  }
+  if (name == "tune") {
+    if (index < 0 || index >= static_cast<int>(settings.tunables.size()))
+      return Fail(ErrorCode::kUsage, name, fmt::format("has no number {}", index));
+    Tunable& t = settings.tunables[static_cast<std::size_t>(index)];
+    if (value < t.least)
+      return Fail(ErrorCode::kUsage, fmt::format("{} of {} '{}'", Name(t.quantity), Name(t.of), t.owner),
+                  fmt::format("must be {:g} or more, not {:g}", t.least, value));
+    t.value = value;
+    return SettingKind::kModel;
+  }
   if (name == "speed") return settings.speed = value, SettingKind::kPlain;
   if (name == "dt") return settings.dt = value, SettingKind::kModel;
   if (name == "damping") return settings.damping_scale = value, SettingKind::kModel;

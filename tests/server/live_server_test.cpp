@@ -74,7 +74,8 @@ TEST_F(Served, StreamsGeometrySceneMapsThenFrames) {
     std::memcpy(&kind, frame->payload.data(), 4);
     kinds.push_back(kind);
   }
-  EXPECT_EQ(opcodes, (std::vector<int>{1, 2, 1, 1, 2, 2}));  // geometry, meshes, scene, settings, maps, frame
+  EXPECT_EQ(opcodes, (std::vector<int>{1, 2, 1, 1, 1, 2,
+                                       2}));  // geometry, meshes, scene, settings, tuning, maps, frame
   EXPECT_EQ(kinds, (std::vector<std::uint32_t>{3, 1, 2}));
 }
 

@@ -2,84 +2,69 @@
 import * as THREE from 'three';
 import { LiveStream, type Request } from './net/live';
 import { apply } from './poses/rigid';
-import { replayPage, Log, type RawMessage } from './replay/log';
+import type { RawMessage } from './replay/log';
+import { RollingPast } from './replay/past';
+import { Player } from './replay/player';
 import { StreamRecorder } from './replay/recorder';
-import { Timeline } from './replay/timeline';
+import type { Timeline } from './replay/timeline';
+import { SignalStore } from './signals/store';
 import { Bar, ghostText } from './ui/bar';
-import { element, saveFile, withUnit } from './ui/dom';
+import { element, saveFile } from './ui/dom';
+import { ForceLabel } from './ui/force_label';
 import { Help } from './ui/help';
 import { bindKeys } from './ui/keys';
 import { Legend } from './ui/legend';
 import { Notices } from './ui/notices';
-import { Panel, type ViewOptions } from './ui/panel';
+import { defaultOptions } from './ui/options';
+import { Panel } from './ui/panel';
 import { Picking } from './ui/picking';
 import { Plots } from './ui/plots';
 import { Pointer } from './ui/pointer';
 import { Problems } from './ui/problems';
+import { Workbench } from './ui/workbench';
+import type { Colouring } from './scene/colouring';
 import { DARK, LIGHT } from './scene/theme';
 import { View } from './view';
 import { decodeBinary } from './wire/decode';
 import { Library } from './wire/library';
 import { WIRE_VERSION, type Frame, type TextMessage } from './wire/messages';
 
-const OPTIONS: ViewOptions = {
-  colouring: 'tips',
-  forces: true,
-  cones: false,
-  arrowScale: 0,
-  frames: false,
-  shadows: true,
-  follow: true,
-  collision: false,
-  reference: false,
-  compliance: false,
-  ghostOffset: 0,
-  copies: 1,
-};
-
 export class App {
   readonly view: View;
   readonly recorder = new StreamRecorder();
-  timeline: Timeline | null = null;
+  readonly past = new RollingPast();
+  readonly store = new SignalStore();
+  readonly player: Player;
+  readonly bench: Workbench;
   framesTaken = 0;
   private library = new Library();
-  private recorded: RawMessage[] = [];
   private dark = window.matchMedia('(prefers-color-scheme: dark)').matches;
   private drawnAt = 0;
   private tipStart: THREE.Vector3 | null = null;
   private live: LiveStream | null = null;
   private ghostOn = false;
+  private goesOn = false; // it ran when the user looked back
   private foreign = false; // the program speaks another version of the stream
   private readonly bar: Bar;
   private readonly notices: Notices;
   private readonly problems: Problems;
   private readonly pointer: Pointer;
   private readonly panel: Panel;
-  private readonly plots: Plots;
+  readonly plots: Plots;
   private readonly picking: Picking;
   private readonly legend: Legend;
   private readonly help: Help;
-  private readonly forceLabel: HTMLElement;
+  private readonly forceLabel: ForceLabel;
 
   constructor(
     private readonly root: HTMLElement,
-    colouring = OPTIONS.colouring,
+    colouring: Colouring = 'tips',
   ) {
     const canvas = element('canvas', 'stage', root);
     canvas.tabIndex = 0;
     canvas.setAttribute('aria-label', 'The mechanism; drag a body to pull it, click to push it');
-    this.notices = new Notices(root);
-    this.problems = new Problems(root);
-    this.view = new View(canvas, { ...OPTIONS, colouring });
-    this.forceLabel = element('div', 'force', root);
-    this.forceLabel.hidden = true;
-    this.legend = new Legend(root);
-    this.plots = new Plots(root, saveFile);
-    this.help = new Help(root);
-    this.panel = new Panel(root, this.view.options, {
-      send: (request) => this.send(request),
-      changed: () => this.view.restyle(),
-    });
+    this.view = new View(canvas, defaultOptions(colouring));
+    this.forceLabel = new ForceLabel(root);
     this.bar = new Bar(root, {
       pause: () => this.togglePause(),
       step: () => this.stepOnce(),
@@ -87,9 +72,42 @@ export class App {
       home: () => this.view.stage.goHome(),
       theme: () => this.setDark(!this.dark),
       record: () => this.toggleRecording(),
-      plots: () => this.togglePlots(),
+      plots: () => this.showPlots(!this.plots.shown),
       pick: () => this.picking.toggle(),
+      side: () => this.bench.side.toggle(),
+      past: () => this.lookBack(),
+      keep: () => this.bench.moment.ask(0),
       help: () => this.help.toggle(),
+    });
+    // In the order in which the Tab key goes through them.
+    const messages = element('div', 'messages');
+    this.plots = new Plots(root, this.store, saveFile);
+    this.bench = new Workbench(root, messages, this.view, this.store, this.plots, {
+      send: (request) => this.send(request),
+      showPlots: () => this.showPlots(true),
+      opened: (open) => {
+        this.bar.setSide(open);
+        if (open && this.isNarrow) this.panel.close();
+      },
+    });
+    root.append(messages);
+    this.notices = new Notices(root, messages);
+    this.problems = new Problems(messages);
+    this.legend = new Legend(root);
+    this.panel = new Panel(root, this.view.options, {
+      send: (request) => this.send(request),
+      changed: () => this.view.restyle(),
+      opened: () => this.isNarrow && this.bench.side.close(),
+      colouringChanged: () => this.bench.askForSignals(),
+    });
+    root.append(this.plots.root);
+    this.help = new Help(root);
+    this.player = new Player(root, this.view, {
+      show: (frame, library) => this.show(frame, library),
+      say: (sentence) => this.notices.say(sentence),
+      send: (request) => this.send(request),
+      keep: (sequence) => this.bench.moment.ask(sequence),
+      changed: (playing) => this.playerChanged(playing),
     });
     this.picking = new Picking(root, this.view, {
       send: (request) => this.send(request),
@@ -101,6 +119,8 @@ export class App {
     this.pointer = new Pointer(canvas, this.view.stage, this.view.bodies, {
       canTouch: () => this.live !== null && this.timeline === null && this.view.options.copies === 1,
       picking: () => this.picking.on,
+      selecting: () => this.bench.selecting,
+      select: (body) => this.bench.tree.choose(body),
       pull: (body, point, target) =>
         this.send({ type: 'pull', body, point: point.toArray(), target: target.toArray() }),
       release: () => this.send({ type: 'release' }),
@@ -133,12 +153,15 @@ export class App {
       opened: () => {
         this.foreign = false;
         this.library.clear();
+        this.past.clear();
         this.problems.clearAll();
+        this.bench.setLive(this.timeline === null);
       },
       message: (data) => this.take(data),
       closed: (reason) => {
         this.bar.setEnabled(false);
         this.panel.setEnabled(false);
+        this.bench.setLive(false);
         if (reason) this.notices.say(`The program closed the connection: ${reason}`);
         if (!this.timeline)
           this.notices.coverWith('No connection', 'The simulation does not answer. This page tries again by itself.');
@@ -148,59 +171,38 @@ export class App {
   }
 
   /** Plays a recording; without a stream behind it this is all the page does. */
-  play(messages: RawMessage[]): void {
-    const library = new Library();
-    const log = new Log(messages, library);
-    if (log.moments.length === 0) {
-      this.notices.say('The recording holds no frame.');
-      return;
-    }
-    this.recorded = messages;
-    this.view.setFull(null);
-    this.timeline?.remove();
-    this.timeline = new Timeline(this.root, log, {
-      show: (index) => {
-        const frame = log.frameAt(index);
-        if (frame) this.show(frame, library);
-      },
-      ...(this.live ? { live: () => this.backToLive(), save: () => void this.saveReplay() } : {}),
-    });
-    this.notices.uncover();
-    this.root.classList.add('with-timeline');
-    this.bar.setReplay(true, this.live !== null);
-    if (this.live) {
-      this.panel.setEnabled(false);
-      return;
-    }
-    this.panel.hideModel();
-    this.frameRecording = (only?: number) => {
-      const last = log.moments.length - 1;
-      const all = Array.from({ length: 24 }, (_, i) => Math.round((i / 23) * last));
-      const sample = (only === undefined ? all : [only]).map((i) => log.frameAt(i));
-      this.view.frameMotion(
-        sample.flatMap((frame) => {
-          const maps = frame ? library.mapsOf(frame) : undefined;
-          return frame && maps ? [{ frame, maps }] : [];
-        }),
-      );
-    };
-    this.frameRecording();
+  play(messages: RawMessage[], past = false): void {
+    if (!this.player.play(messages, this.live !== null, past)) return;
+    if (!this.live) this.panel.hideModel();
   }
 
-  /** Puts the whole motion of a recording from disk in view, or one moment of it. */
-  frameRecording: (only?: number) => void = () => undefined;
-
-  private backToLive(): void {
-    this.timeline?.remove();
-    this.timeline = null;
-    this.root.classList.remove('with-timeline');
-    this.bar.setReplay(false, true);
-    this.panel.setEnabled(true);
+  /** The last minute, held at its end, with the simulation paused. */
+  private lookBack(): void {
+    if (this.timeline) {
+      this.timeline.step(-1);
+      return;
+    }
+    if (!this.live || this.past.length === 0) return;
+    this.goesOn = this.view.frame?.paused === false;
+    this.send({ type: 'pause', on: true });
+    this.play(this.past.recording(), true);
   }
 
-  private async saveReplay(): Promise<void> {
-    const page = await (await fetch('/')).text();
-    saveFile('fork1s-replay.html', replayPage(page, this.recorded), 'text/html');
+  private playerChanged(playing: boolean): void {
+    this.root.classList.toggle('with-timeline', playing);
+    this.bar.setReplay(playing, this.live !== null);
+    this.panel.setEnabled(!playing);
+    this.bench.setLive(!playing && this.live !== null);
+    if (playing) this.notices.uncover();
+    else if (this.goesOn) this.send({ type: 'pause', on: false });
+  }
+
+  get timeline(): Timeline | null {
+    return this.player.timeline;
+  }
+
+  frameRecording(only?: number): void {
+    this.player.frameRecording(only);
   }
 
   send(request: Request): void {
@@ -211,6 +213,7 @@ export class App {
   take(data: RawMessage): void {
     if (this.foreign) return;
     this.recorder.take(data);
+    this.past.take(data);
     if (typeof data === 'string') {
       this.takeText(data);
       return;
@@ -239,6 +242,7 @@ export class App {
         break;
       case 'settings':
         this.panel.useSettings(message);
+        this.bench.useSettings(message);
         this.ghostOn = message.ghost;
         if (!message.ghost) this.view.setFull(null);
         break;
@@ -248,6 +252,8 @@ export class App {
       case 'problem':
         this.problems.say(message.about, message.message);
         break;
+      default:
+        this.bench.take(message);
     }
   }
 
@@ -260,6 +266,7 @@ export class App {
       this.bar.setTitle(scene.title);
       this.panel.useScene(scene);
       this.picking.useScene(scene);
+      this.bench.useScene(scene, shapes);
       this.tipStart = null;
       this.problems.clear('request', 'ghost'); // the model was built anew since
       if (!this.view.scene) this.notices.sayAll(scene.warnings);
@@ -267,7 +274,8 @@ export class App {
     if (!frame.paused) this.problems.clear('run');
     this.view.setFrame(scene, shapes, frame, maps);
     ++this.framesTaken;
-    this.addSample(frame);
+    // What is looked at again does not happen again.
+    if (!this.timeline || !this.live) this.addSample(frame);
     this.notices.uncover();
     if (!this.timeline) {
       this.bar.setEnabled(this.live !== null);
@@ -280,17 +288,8 @@ export class App {
     const X = this.plots.shown && tip >= 0 ? this.view.poses()[tip] : undefined;
     const at = X ? new THREE.Vector3(...X.p) : null;
     this.tipStart ??= at;
-    this.plots.add({
-      time: this.scalar('time'),
-      values: [
-        this.scalar('real_time_factor'),
-        this.scalar('step_us'),
-        frame.contacts.reduce((sum, c) => sum + Math.hypot(...c.force), 0),
-        this.scalar('kinetic_energy') + this.scalar('potential_energy'),
-        1000 * this.scalar('joint_gap'),
-        at && this.tipStart ? 1000 * at.distanceTo(this.tipStart) : 0,
-      ],
-    });
+    const scene = this.view.scene;
+    if (scene) this.store.add(scene, frame, at && this.tipStart ? at.distanceTo(this.tipStart) : 0);
   }
 
   scalar(name: string): number {
@@ -304,18 +303,9 @@ export class App {
     this.timeline?.advance(seconds);
     this.pointer.update();
     if (this.view.draw()) this.showState();
-    this.placeForceLabel();
+    this.forceLabel.place(this.view.frame, this.view.stage.camera);
     this.plots.draw(now);
-  }
-
-  private placeForceLabel(): void {
-    const pull = this.view.frame?.pulls[0];
-    this.forceLabel.hidden = !pull;
-    if (!pull) return;
-    const at = new THREE.Vector3(...pull.target).project(this.view.stage.camera);
-    this.forceLabel.style.left = `${(0.5 + 0.5 * at.x) * this.root.clientWidth}px`;
-    this.forceLabel.style.top = `${(0.5 - 0.5 * at.y) * this.root.clientHeight}px`;
-    this.forceLabel.textContent = withUnit(Math.hypot(...pull.force), 'N');
+    this.bench.draw(now);
   }
 
   private showState(): void {
@@ -329,6 +319,8 @@ export class App {
       const reduce = this.scalar('reduce_ms');
       if (reduce > 0) parts.push(`reduced in ${reduce.toPrecision(2)} ms`);
     }
+    const error = 1000 * this.scalar('error');
+    if (Number.isFinite(error)) parts.splice(1, 0, `± ${error < 0.001 ? '< 0.001' : error.toPrecision(2)} mm`);
     this.bar.setState(parts.join('  ·  '));
     this.bar.setGhost(this.ghostOn && !this.timeline ? ghostText(this.view.fullShown ? this.view.fullFrame : null, this.view.scene) : '');
     this.bar.setPaused(this.timeline ? !this.timeline.playing : frame.paused);
@@ -357,8 +349,9 @@ export class App {
     this.bar.setRecording(this.recorder.recording);
   }
 
-  private togglePlots(): void {
-    this.plots.toggle();
+  private showPlots(on: boolean): void {
+    this.plots.show(on);
+    this.bench.askForSignals();
     this.root.classList.toggle('with-plots', this.plots.shown);
     this.bar.setPlots(this.plots.shown);
   }
@@ -373,20 +366,30 @@ export class App {
   private readonly keys: Record<string, () => void> = {
     ' ': () => this.togglePause(),
     ArrowRight: () => this.stepOnce(),
-    ArrowLeft: () => this.timeline?.step(-1),
+    ArrowLeft: () => this.lookBack(),
     Backspace: () => this.reset(),
     f: () => this.view.stage.goHome(),
     t: () => this.setDark(!this.dark),
     r: () => this.toggleRecording(),
-    p: () => this.togglePlots(),
+    p: () => this.showPlots(!this.plots.shown),
     i: () => this.picking.toggle(),
     s: () => this.panel.toggle(),
+    m: () => this.bench.side.toggle('model'),
+    u: () => this.bench.side.toggle('tune'),
+    l: () => this.bench.side.toggle('signals'),
+    k: () => this.live && this.bench.moment.ask(0),
     '?': () => this.help.toggle(),
     Escape: () => {
       this.help.close();
+      this.bench.moment.close();
       this.problems.clearAll();
     },
   };
+
+  /** One panel at a time has room. */
+  private get isNarrow(): boolean {
+    return this.root.clientWidth <= 640;
+  }
 
   private resize(): void {
     this.view.stage.resize(this.root.clientWidth, this.root.clientHeight);

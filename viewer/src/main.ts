@@ -1,4 +1,6 @@
 import './ui/style.css';
+import './ui/workbench.css';
+import './ui/phone.css';
 import { App } from './app';
 import { film, readFilm } from './replay/film';
 import { fromBase64, RECORDING_ID, unpack } from './replay/log';

@@ -3,9 +3,10 @@ import * as THREE from 'three';
 import { PoseSolver } from './poses/gpu';
 import { bodyPoses } from './poses/reference';
 import { apply, type Rigid } from './poses/rigid';
+import { AnatomyView } from './scene/anatomy_view';
 import { Arrows } from './scene/arrows';
 import { BodiesView } from './scene/bodies_view';
-import { jointGaps, styles } from './scene/colouring';
+import { bodyErrors, jointGaps, styles } from './scene/colouring';
 import { ContactsView } from './scene/contacts_view';
 import { EllipsoidsView } from './scene/ellipsoids_view';
 import { FramesView } from './scene/frames_view';
@@ -13,7 +14,8 @@ import { FullGhost } from './scene/full_ghost';
 import { Ghost } from './scene/ghost';
 import { Stage } from './scene/stage';
 import { COLORS } from './scene/theme';
-import type { ViewOptions } from './ui/panel';
+import { Visibility } from './scene/visibility';
+import type { ViewOptions } from './ui/options';
 import type { Frame, GhostFrame, Maps, RootInfo, SceneMessage, Shapes } from './wire/messages';
 
 const FOLLOW_TIME = 0.1; // s in which the camera makes up for two thirds of a move
@@ -23,7 +25,10 @@ export class View {
   readonly bodies = new BodiesView();
   readonly contacts = new ContactsView();
   readonly ellipsoids = new EllipsoidsView();
-  readonly marked = new Set<number>();
+  readonly anatomy = new AnatomyView();
+  readonly visibility = new Visibility();
+  readonly marked = new Set<number>(); // picked as interface bodies
+  selected: string | null = null; // body, by name: it outlives a model that is built anew
   scene: SceneMessage | null = null;
   frame: Frame | null = null;
   framesDrawn = 0;
@@ -36,7 +41,7 @@ export class View {
   private framed = false; // camera, light and ground stand around these shapes
   private placed = false; // the camera has been placed before, and may have been moved by hand since
   private history: Frame[] = []; // newest first, of the present maps
-  private shownCollision = false;
+  private shownChoice = '';
   private followed: THREE.Vector3 | null = null;
   private followedAt = 0; // ms
   private readonly pulls = new Arrows(COLORS.pull);
@@ -59,13 +64,14 @@ export class View {
       this.reference.group,
       this.full.ghost.group,
       this.ellipsoids.mesh,
+      this.anatomy.group,
     );
   }
 
   private showShapes(shapes: Shapes, roots: RootInfo[]): void {
     this.shapes = shapes;
-    this.shownCollision = this.options.collision;
-    this.bodies.show(shapes, roots, this.options.collision);
+    this.shownChoice = this.choice;
+    this.bodies.show(shapes, roots, this.options);
     this.framed = false;
   }
 
@@ -98,10 +104,14 @@ export class View {
     this.style();
   }
 
+  private get choice(): string {
+    return JSON.stringify([this.options.shapes, [...this.options.hiddenGroups]]);
+  }
+
   /** After a change of the options. */
   restyle(): void {
     if (this.scene && this.shapes) {
-      const otherShapes = this.shownCollision !== this.options.collision;
+      const otherShapes = this.shownChoice !== this.choice;
       if (otherShapes) this.showShapes(this.shapes, this.scene.roots);
       if (otherShapes || this.solver?.copies !== this.options.copies) {
         const maps = this.maps;
@@ -115,6 +125,8 @@ export class View {
     this.contacts.showCones = this.options.cones;
     this.contacts.metresPerNewton = this.options.arrowScale / 1000;
     this.frames.lines.visible = this.options.frames;
+    this.anatomy.group.visible = this.options.copies === 1;
+    this.bodies.showStill(this.options.world);
     this.ellipsoids.mesh.visible = this.options.compliance;
     // Copies stand in a field of their own; forces belong to one.
     this.contacts.group.visible = this.pulls.group.visible = this.options.copies === 1;
@@ -126,8 +138,21 @@ export class View {
 
   style(): void {
     if (!this.scene) return;
-    const gaps = this.options.colouring === 'gaps' ? jointGaps(this.scene, this.poses()) : new Float64Array();
-    this.bodies.setStyles(styles(this.scene, this.options.colouring, gaps, this.fullGap, this.marked));
+    const { colouring } = this.options;
+    const gaps =
+      colouring === 'gaps'
+        ? jointGaps(this.scene, this.poses())
+        : colouring === 'error'
+          ? bodyErrors(this.scene, this.frame?.signals ?? new Float32Array())
+          : new Float64Array();
+    const { scene, selected } = this;
+    const marked = new Set(this.marked);
+    if (selected !== null) scene.bodies.forEach((body, b) => body.name === selected && marked.add(b));
+    this.bodies.setStyles(styles(scene, colouring, gaps, this.fullGap, marked, (b) => this.shareOf(b)));
+  }
+
+  private shareOf(body: number): number {
+    return this.visibility.of(this.scene?.bodies[body]?.name ?? '');
   }
 
   /** The gap [m] that is drawn hottest: a hundredth of the model. */
@@ -207,14 +232,21 @@ export class View {
       this.followBase(frame);
       this.contacts.update(scene, frame, this.modelSize);
       this.showPulls(frame);
-      if (this.options.colouring === 'gaps') this.style();
+      if (this.options.colouring === 'gaps' || this.options.colouring === 'error') this.style();
       if (this.options.compliance) this.ellipsoids.update(scene, frame, this.maps, this.poses(), this.modelSize);
+      this.anatomy.update(scene, frame, this.maps, this.anatomyPoses(), this.modelSize, this.options, (b) => this.shareOf(b) > 0);
       if (this.options.frames) this.frames.update(this.poses(), 0.05 * this.modelSize);
     }
     this.full.ghost.group.visible = this.fullShown;
     this.stage.render();
     ++this.framesDrawn;
     return fresh;
+  }
+
+  /** Poses on the processor cost time: only where something is drawn by them. */
+  private anatomyPoses(): Rigid[] {
+    const { axes, centers, inertia, tendons } = this.options;
+    return axes || centers || inertia || tendons ? this.poses() : [];
   }
 
   private solve(frame: Frame, solver: PoseSolver): void {

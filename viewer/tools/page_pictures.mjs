@@ -95,6 +95,51 @@ const pictures = {
       await drag(page, 'trunk', 60, -60);
     },
   },
+  page_tree: {
+    model: ['grasp_sphere.xml'],
+    async touch(page) {
+      await page.keyboard.press('m');
+      await play(page, 'grasp_sphere.csv', 3);
+      await options(page, { axes: true, centers: true, inertia: true });
+      for (const name of ['joint axes', 'centres of mass', 'inertia boxes']) await page.getByLabel(name).check();
+      await page.evaluate(() => {
+        fork1s.bench.tree.choose(fork1s.view.scene.bodies.findIndex((b) => b.name === 'index_middle'));
+        fork1s.view.visibility.setShare('palm', 0.35);
+        fork1s.view.restyle();
+      });
+      await look(page, -60, 18, 1.2, 'ball');
+      await seconds(2);
+    },
+  },
+  page_tune: {
+    model: ['hand.xml', '--keyframe', 'open'],
+    async touch(page) {
+      await page.keyboard.press('u');
+      await page.keyboard.press('p');
+      await page.evaluate(() => {
+        fork1s.plots.toggle('joint_gap', false);
+        fork1s.plots.toggle('tip', false);
+        fork1s.plots.toggle('q:index_knuckle_flex', true);
+        fork1s.plots.toggle('f:index_knuckle_flex', true);
+        fork1s.plots.overlay(fork1s.plots.signals.length - 1, 'tau:index_knuckle_flex');
+        fork1s.bench.tree.choose(fork1s.view.scene.bodies.findIndex((b) => b.name === 'index_proximal'));
+      });
+      await page.getByLabel('only what is chosen in the scene').check();
+      const kp = page.getByLabel('stiffness of actuator index_knuckle_flex', { exact: true });
+      const set = (value) =>
+        page.evaluate((v) => {
+          const index = fork1s.view.scene.controls.findIndex((c) => c.name === 'index_knuckle_flex');
+          fork1s.send({ type: 'set', setting: 'control', index, value: v });
+        }, value);
+      await set(0.6);
+      await seconds(3);
+      await kp.fill('0,4');
+      await kp.press('Enter');
+      await seconds(2);
+      await set(0.2);
+      await seconds(2);
+    },
+  },
   page_phone: {
     model: ['firemen.xml'],
     viewport: { width: 390, height: 760 },

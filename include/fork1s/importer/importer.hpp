@@ -31,10 +31,21 @@ struct JointHold {
   std::string held_by;  // "spring 2 N·m/rad", "position actuator 'a' 10 N·m/rad", "nothing", ...
 };
 
+/// What a servo of one input brings to the stiffness and damping of its joint, or to the spring of its name,
+/// per unit of its own length ℓ from the reference: F = gain u + bias - stiffness (at_reference + ℓ) -
+/// damping dℓ/dt. In the scene these stand in one sum with those of the joint.
+struct ServoGains {
+  int mechanism = 0;    // of the scene
+  std::string control;  // ControlDef::name
+  double stiffness = 0, damping = 0;
+  double bias = 0, at_reference = 0;
+};
+
 struct ImportReport {
   std::string format;  // "MJCF" or "URDF"
   std::vector<ImportNote> notes;
   std::vector<JointHold> holds;
+  std::vector<ServoGains> servos;
 };
 
 /// Stiffness and damping that hold a joint by proportional-derivative control at its initial displacement.

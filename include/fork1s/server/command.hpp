@@ -19,6 +19,8 @@ struct Command {
     kReset,       ///< back to the initial state
     kSet,         ///< `setting` [index] = value
     kInterfaces,  ///< the interface bodies of mechanism `index` are `bodies`
+    kResume,      ///< back to the frame `index`, or the kept moment before it
+    kWrite,       ///< into a copy of the file, `tuned` numbers, the `moment`, or both
     kGhost,       ///< the full simulation beside the reduced one: `on`
     kLeft,        ///< the viewer has gone; made by the server, never read from the wire
   };
@@ -32,6 +34,9 @@ struct Command {
   int index = 0;
   double value = 0;
   std::vector<int> bodies;
+  bool tuned = false;      // write: the numbers that were changed
+  bool text_only = false;  // write: no file
+  int moment = -1;         // write: -1 none, 0 the present, else that of a frame
 };
 
 /// Reads one message of a viewer. Every number is finite and no list longer than 4096. Errors (kFormat) say

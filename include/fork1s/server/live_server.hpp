@@ -42,6 +42,8 @@ class LiveServer {
   std::optional<Command> TakeCommand();
   /// All that wait, in the order in which they came.
   std::vector<Command> TakeCommands();
+  /// One viewer, or with viewer 0 all, a message of docs/wire.md.
+  void Send(int viewer, const std::string& message);
   /// Tells one viewer (or with viewer 0 all) a sentence that passes.
   void Tell(int viewer, const std::string& sentence);
   /// Tells one viewer (or with viewer 0 all) what went wrong; it stays on the page. `about`: docs/wire.md.

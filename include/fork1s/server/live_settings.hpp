@@ -1,6 +1,7 @@
 // What a viewer can change about the model while it runs.
 #pragma once
 
+#include <fork1s/server/tunables.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <string>
 #include <vector>
@@ -27,13 +28,21 @@ struct LiveSettings {
   Recovery recovery = Recovery::kExact;
   double pull_stiffness = 100;  // N/m
   double speed = 1;             // simulated s per s
+  bool signals = false;         // every frame tells all signals
+  bool error = false;           // the error is estimated
+  double accuracy = 0;          // m that the estimate is to stay below; 0: dt and modes stay as they are
   std::vector<JointGroup> groups;
+  std::vector<ServoShare> servos;
+  std::vector<Tunable> tunables;
   std::vector<std::vector<std::string>>
       interfaces;  // per mechanism: bodies picked by hand; empty: the model's
 };
 
 /// The scene with the settings worked in: scaled springs, dampers and friction, picked interface bodies.
 Scene ApplySettings(Scene scene, const LiveSettings& settings);
+
+/// The servos of the scene as the settings scale them.
+std::vector<ServoShare> ServosNow(const Scene& scene, const LiveSettings& settings);
 
 /// What a setting asks for when it changes.
 enum class SettingKind {
@@ -44,7 +53,8 @@ enum class SettingKind {
 
 /// Sets one number by its name on the wire: "dt", "gravity" (along z), "damping", "friction", "modes",
 /// "detail" (0 object, 1 interface, 2 parents, 3 all), "recovery" (0 exact, 1 twist), "pull_stiffness",
-/// "speed", "stiffness" [group]. Errors (kUsage) name the setting and its range.
+/// "speed", "stiffness" [group], "tune" [tunable], "signals", "error" (0 or 1), "accuracy" (m). Errors
+/// (kUsage) name the setting and its range.
 Expected<SettingKind> ChangeSetting(const std::string& name, int index, double value, LiveSettings& settings);
 
 }  // namespace fork1s

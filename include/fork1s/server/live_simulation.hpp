@@ -1,9 +1,12 @@
 // A simulation that viewers watch and touch: commands in, snapshots out. No network, no clock.
 #pragma once
 
+#include <fork1s/dynamics/error_estimate.hpp>
 #include <fork1s/server/command.hpp>
 #include <fork1s/server/full_ghost.hpp>
 #include <fork1s/server/live_settings.hpp>
+#include <fork1s/server/model_file.hpp>
+#include <fork1s/server/past.hpp>
 #include <fork1s/server/snapshot.hpp>
 #include <fork1s/server/wire.hpp>
 #include <fork1s/sim/simulation.hpp>
@@ -25,11 +28,19 @@ struct LiveFault {
   std::string about, sentence;
 };
 
+/// A message for one viewer, or with viewer 0 for all, once.
+struct LiveReply {
+  int viewer = 0;
+  std::string message;  // JSON, as in docs/wire.md
+};
+
+class PassingWatch;
+
 class LiveSimulation {
  public:
   /// `title` is shown on the page. Errors as of Simulation::Create.
   static Expected<LiveSimulation> Create(Scene scene, const SimulationOptions& options,
-                                         const std::string& title);
+                                         const std::string& title, ModelFile file = {});
 
   /// Carries out a command. Returns why not if it cannot be, and changes nothing then.
   std::optional<Refusal> Handle(const Command& command);
@@ -49,6 +60,8 @@ class LiveSimulation {
   const std::vector<ShownPull>& pulls() const { return shown_; }
   /// What stopped by itself, once.
   std::vector<LiveFault> TakeFaults();
+  /// What was written, what was found: to be sent.
+  std::vector<LiveReply> TakeReplies();
 
   /// The newest of everything. Without viewers the full simulation beside it is switched off.
   Snapshot Capture(int viewers);
@@ -66,11 +79,14 @@ class LiveSimulation {
   };
 
   explicit LiveSimulation(Simulation simulation) : simulation_(std::move(simulation)) {}
-  Expected<void> Rebuild(LiveSettings settings, bool keep_state);
+  Expected<void> Rebuild(LiveSettings settings, const KeyframeDef* state);
   Expected<void> ChangeFidelity(const LiveSettings& settings);
   KeyframeDef PresentState() const;
+  KeyframeDef SetDown(KeyframeDef state) const;
   std::optional<Refusal> HandleSet(const Command& command);
   std::optional<Refusal> HandleInterfaces(const Command& command);
+  std::optional<Refusal> HandleWrite(const Command& command);
+  std::optional<Refusal> HandleResume(const Command& command);
   std::optional<Refusal> OrSay(const Expected<void>& done);
   bool StepOnce();
   void ApplyPulls();
@@ -82,6 +98,15 @@ class LiveSimulation {
   void BeginGhost();
   void StepGhost();
   void CaptureGhost(int viewers);
+  // live_file.cpp, live_past.cpp, live_fidelity.cpp
+  std::string TuningMessage() const;
+  void ShowTuning();
+  void KeepMoment();
+  void ForgetError();
+  void BeginError();
+  void EndError(const StepReport& report);
+  void KeepAccuracy();
+  void LookForPassing();
   std::string SceneMessage() const;
   std::string SettingsMessage() const;
 
@@ -104,6 +129,17 @@ class LiveSimulation {
   bool ghost_on_ = false;
   std::int64_t ghost_steps_ = -1;       // that the last message told
   std::vector<GhostStep::Load> loads_;  // of the step under way
+
+  ModelFile file_;
+  Past past_;
+  std::vector<LiveReply> replies_;
+  std::unique_ptr<ErrorEstimate> error_;
+  std::shared_ptr<PassingWatch> passing_;  // of the present model
+  std::string advised_;
+  std::uint32_t chosen_at_ = 0;     // sequence of the last choice for the wanted accuracy
+  double first_dt_ = 0;             // s
+  std::vector<ServoShare> servos_;  // as the settings have them
+  std::vector<double> signals_;     // of the frame under way
 
   FrameScalars scalars_;
   double real_time_share_ = 1;

@@ -18,6 +18,8 @@ struct Snapshot {
   std::uint32_t epoch = 0;
   Message settings;  // JSON, anew whenever `settings_version` counts on
   std::uint32_t settings_version = 0;
+  Message tuning;  // JSON, anew whenever `tuning_version` counts on
+  std::uint32_t tuning_version = 0;
   Message problem;  // JSON: what is wrong with the model's file; none while `problem_version` is 0
   std::uint32_t problem_version = 0;
   std::vector<Message> maps;  // one a mechanism

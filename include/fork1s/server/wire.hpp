@@ -14,7 +14,7 @@
 namespace fork1s {
 
 /// Counts on whenever a message changes its meaning; a page of another version asks to be loaded again.
-inline constexpr int kWireVersion = 4;
+inline constexpr int kWireVersion = 5;
 
 /// First word of every binary message.
 enum class WireKind : std::uint32_t { kMaps = 1, kFrame = 2, kMeshes = 3, kGhost = 4 };
@@ -42,8 +42,9 @@ struct FrameScalars {
   double refreshes = 0;    // since the start
   double reduce_ms = 0;    // what the last building of the reduced model took
   double viewers = 0;
+  double error = 0;  // m, largest estimated error of a body; NaN while nobody asks for it
 };
-inline constexpr int kNumScalars = 13;
+inline constexpr int kNumScalars = 14;
 /// Their names, in the order in which a frame holds them.
 const std::vector<std::string>& ScalarNames();
 
@@ -57,10 +58,10 @@ std::string EncodeMeshes(const Simulation& simulation);
 std::string EncodeMaps(const MechanismDynamics& dynamics, std::uint32_t epoch, std::uint32_t root,
                        std::uint32_t version);
 
-/// What moves. `versions`: of the maps, one a mechanism.
+/// What moves. `versions`: of the maps, one a mechanism. `signals`: as the scene lists them, or none.
 std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::uint32_t sequence,
                         bool paused, const FrameScalars& scalars, const std::vector<std::uint32_t>& versions,
-                        const std::vector<ShownPull>& pulls);
+                        const std::vector<ShownPull>& pulls, const std::vector<double>& signals = {});
 
 /// Where the full simulation beside `simulation` has its bodies.
 std::string EncodeGhost(const GhostView& view, const Simulation& simulation, std::uint32_t epoch);

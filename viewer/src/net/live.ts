@@ -6,6 +6,8 @@ export type Request =
   | { type: 'release' | 'step' | 'reset' }
   | { type: 'pause' | 'ghost'; on: boolean }
   | { type: 'set'; setting: string; index?: number; value: number }
+  | { type: 'resume'; sequence: number }
+  | { type: 'write'; tuned: boolean; moment: number; text_only: boolean }
   | { type: 'interfaces'; mechanism: number; bodies: number[] };
 
 export interface LiveHandlers {

@@ -8,6 +8,10 @@ export interface TimelineActions {
   live?: () => void;
   /** Save as a file; absent in a file from disk. */
   save?: () => void;
+  /** Goes on from the moment shown; absent in a file from disk. */
+  resume?: () => void;
+  /** Keeps the moment shown. */
+  keep?: () => void;
 }
 
 const FRAME = 1 / 60; // s
@@ -35,20 +39,25 @@ export class Timeline {
     this.slider.min = '0';
     this.slider.max = String(Math.max(0, log.moments.length - 1));
     this.slider.setAttribute('aria-label', 'Time');
+    this.root.setAttribute('role', 'group');
+    this.root.setAttribute('aria-label', 'Recording');
     this.slider.addEventListener('input', () => {
       this.setPlaying(false);
       this.go(Number(this.slider.value));
     });
     this.label = element('span', '', this.root);
-    const { live, save } = actions;
-    if (save) iconButton('save', 'Save as one HTML file', element('div', 'bar', this.root), save);
-    if (live) {
+    const { live, save, resume, keep } = actions;
+    const word = (text: string, title: string, act: () => void): void => {
       const button = element('button', 'text', element('div', 'bar', this.root));
       button.type = 'button';
-      button.textContent = 'Live';
-      button.title = 'Back to the running simulation';
-      button.addEventListener('click', live);
-    }
+      button.textContent = text;
+      button.title = title;
+      button.addEventListener('click', act);
+    };
+    if (resume) word('Resume here', 'The simulation goes on from this moment', resume);
+    if (keep) word('Keep', 'This moment as a keyframe', keep);
+    if (save) iconButton('save', 'Save as one HTML file', element('div', 'bar', this.root), save);
+    if (live) word('Live', 'Back to the running simulation', live);
     this.go(0);
   }
 
@@ -74,6 +83,12 @@ export class Timeline {
   private setPlaying(playing: boolean): void {
     this.playing = playing;
     setIcon(this.playButton, playing ? 'pause' : 'play', playing ? 'Pause (space)' : 'Play (space)');
+  }
+
+  /** The last moment, held. */
+  goToEnd(): void {
+    this.setPlaying(false);
+    this.go(this.length - 1);
   }
 
   toggle(): void {

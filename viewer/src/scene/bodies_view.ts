@@ -7,7 +7,7 @@ import type { Rigid } from '../poses/rigid';
 import { apply } from '../poses/rigid';
 import { posedDepth, posedIdentity, posedSurface, posedUniforms, usePoses, type PosedUniforms } from './posed_material';
 import { Picker } from './picker';
-import { instancesOf, mergeShapes, type Batch, type MergedShapes } from './shapes';
+import { instancesOf, mergeShapes, type Batch, type MergedShapes, type ShapeChoice } from './shapes';
 
 export class BodiesView {
   readonly group = new THREE.Group();
@@ -18,17 +18,19 @@ export class BodiesView {
   private readonly identity = posedIdentity(this.uniforms);
   private readonly stillMaterial = new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.85 });
   private merged: MergedShapes | null = null;
+  private stillOn = true;
   private readonly moving: THREE.Mesh[] = [];
   private styles: THREE.DataTexture | null = null;
 
-  show(shapes: Shapes, roots: RootInfo[], collision: boolean): void {
+  show(shapes: Shapes, roots: RootInfo[], choice: ShapeChoice): void {
     this.group.clear();
     for (const batch of this.batches) batch.geometry.dispose();
     this.merged?.still?.dispose();
-    this.merged = mergeShapes(shapes, roots, collision);
+    this.merged = mergeShapes(shapes, roots, choice);
     if (this.merged.still) {
       const still = new THREE.Mesh(this.merged.still, this.stillMaterial);
       still.castShadow = still.receiveShadow = true;
+      still.visible = this.stillOn;
       this.group.add(still);
     }
     for (const mesh of this.moving) mesh.geometry.dispose();
@@ -57,7 +59,15 @@ export class BodiesView {
     );
   }
 
-  /** Tones over the file's colours: rgb and how much of it, four numbers from 0 to 1 a body. */
+  /** The still world's shapes. */
+  showStill(on: boolean): void {
+    this.stillOn = on;
+    for (const child of this.group.children)
+      if (child instanceof THREE.Mesh && child.material === this.stillMaterial) child.visible = on;
+  }
+
+  /** Tones over the file's colours: rgb and how much of it, four numbers from 0 to 1 a body; then four more a body, the
+   * first of which is how much of it is shown. */
   setStyles(styles: Float32Array): void {
     const list = this.styles;
     if (!list || numbers(list).length < styles.length) {

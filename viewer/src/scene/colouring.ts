@@ -4,7 +4,7 @@ import { apply, fromNumbers, type Rigid } from '../poses/rigid';
 import type { SceneMessage } from '../wire/messages';
 import { COLORS } from './theme';
 
-export type Colouring = 'file' | 'tips' | 'roles' | 'gaps';
+export type Colouring = 'file' | 'tips' | 'roles' | 'gaps' | 'error';
 
 /** Distance [m] at every body between its joint's anchor seen from the body and seen from its parent. */
 export function jointGaps(scene: SceneMessage, poses: Rigid[]): Float64Array {
@@ -33,8 +33,19 @@ export function jointGaps(scene: SceneMessage, poses: Rigid[]): Float64Array {
   return gaps;
 }
 
+/** Estimated error [m] of every body that has one, 0 for the others. */
+export function bodyErrors(scene: SceneMessage, signals: Float32Array): Float64Array {
+  const errors = new Float64Array(scene.bodies.length);
+  if (signals.length === scene.signals.length)
+    scene.signals.forEach((s, i) => {
+      const value = 1e-3 * (signals[i] ?? 0);
+      if (s.group === 'error' && Number.isFinite(value)) errors[s.body] = value;
+    });
+  return errors;
+}
+
 /** Cold to hot: share of `full`, on a root scale so that small gaps show. */
-function heat(share: number, out: THREE.Color): THREE.Color {
+export function heat(share: number, out: THREE.Color): THREE.Color {
   const t = Math.sqrt(Math.min(1, Math.max(0, share)));
   return out.setHSL(0.6 - 0.6 * t, 0.75, 0.45 + 0.1 * t);
 }
@@ -46,13 +57,15 @@ export function styles(
   gaps: Float64Array,
   fullGap: number,
   marked: ReadonlySet<number>,
+  shown: (body: number) => number = () => 1,
 ): Float32Array {
-  const out = new Float32Array(4 * Math.max(1, scene.bodies.length));
+  const count = scene.bodies.length;
+  const out = new Float32Array(8 * Math.max(1, count));
   const tone = new THREE.Color();
   scene.bodies.forEach((body, b) => {
     const free = scene.roots[body.root]?.base === 'free';
     let share = 0;
-    if (colouring === 'gaps') {
+    if (colouring === 'gaps' || colouring === 'error') {
       heat((gaps[b] ?? 0) / fullGap, tone);
       share = 0.9;
     } else if (colouring === 'roles') {
@@ -68,6 +81,7 @@ export function styles(
       share = Math.max(share, 0.55);
     }
     out.set([tone.r, tone.g, tone.b, share], 4 * b);
+    out[4 * (count + b)] = shown(b);
   });
   return out;
 }

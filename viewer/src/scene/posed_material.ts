@@ -44,6 +44,9 @@ uniform vec3 spread;  // columns, distance, half the width of a field of copies
 ${LIST_GLSL}
 ${RIGID_GLSL}
 int bodyIndex() { return int(first + body + 0.5); }
+// The second half of the styles: how much of a body is shown.
+float bodyShown() { return entry(styles, bodies + bodyIndex()).x; }
+const vec4 NOWHERE = vec4(2.0, 2.0, 2.0, 1.0);
 int copyIndex() { return gl_InstanceID % copies; }
 vec4 bodyQ() { return entry(poseQ, copyIndex() * bodies + bodyIndex()); }
 vec3 bodyP() {
@@ -54,11 +57,27 @@ vec3 bodyP() {
 }
 `;
 
+// A body that is shown in part leaves out pixels by a fixed pattern of 4 x 4: no order of drawing matters.
+const FADE = /* glsl */ `
+flat in float share;
+const float PATTERN[16] = float[16](0.0, 8.0, 2.0, 10.0, 12.0, 4.0, 14.0, 6.0, 3.0, 11.0, 1.0, 9.0, 15.0, 7.0, 13.0, 5.0);
+bool isLeftOut() {
+  ivec2 at = ivec2(gl_FragCoord.xy) & 3;
+  return share < 1.0 && share * 16.0 <= PATTERN[at.x + 4 * at.y];
+}
+`;
+
 function patch(material: THREE.Material, uniforms: PosedUniforms, withColour: boolean): void {
   material.onBeforeCompile = (shader) => {
     Object.assign(shader.uniforms, uniforms);
     let vertex = shader.vertexShader
-      .replace('#include <common>', `#include <common>\n${DECLARATIONS}`)
+      .replace('#include <common>', `#include <common>\n${DECLARATIONS}\nflat out float share;`)
+      .replace(
+        '#include <project_vertex>',
+        `#include <project_vertex>
+         share = bodyShown();
+         if (share <= 0.0) gl_Position = NOWHERE;`,
+      )
       .replace('#include <begin_vertex>', 'vec3 transformed = turn(bodyQ(), position) + bodyP();')
       .replace('#include <beginnormal_vertex>', 'vec3 objectNormal = turn(bodyQ(), normal);');
     if (withColour)
@@ -69,6 +88,9 @@ function patch(material: THREE.Material, uniforms: PosedUniforms, withColour: bo
          vColor.rgb = mix(vColor.rgb, style.rgb, style.a);`,
       );
     shader.vertexShader = vertex;
+    shader.fragmentShader = shader.fragmentShader
+      .replace('#include <common>', `#include <common>\n${FADE}`)
+      .replace('#include <alphatest_fragment>', '#include <alphatest_fragment>\n  if (isLeftOut()) discard;');
   };
 }
 
@@ -96,6 +118,7 @@ export function posedIdentity(uniforms: PosedUniforms): THREE.ShaderMaterial {
         local = position;
         identity = float(bodyIndex() + 1);
         gl_Position = projectionMatrix * viewMatrix * vec4(turn(bodyQ(), position) + bodyP(), 1.0);
+        if (bodyShown() < 0.3) gl_Position = NOWHERE; // what is hardly seen is not in the pointer's way
       }`,
     fragmentShader: /* glsl */ `
       in vec3 local;

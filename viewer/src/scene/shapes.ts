@@ -132,10 +132,17 @@ function merge(parts: { geometry: THREE.BufferGeometry; shape: ShapeInfo }[]): T
   return merged;
 }
 
+/** Shapes that are meant to be seen, those that contact sees, or all; and MuJoCo's groups that are left out. */
+export interface ShapeChoice {
+  shapes: 'visual' | 'collision' | 'both';
+  hiddenGroups: ReadonlySet<number>;
+}
+
 /** Bodies whose only shapes are hidden ones show them after all: better a hull than nothing. */
-function isShown(shape: ShapeInfo, collision: boolean, seen: Set<number>): boolean {
-  if (shape.rgba[3] === 0) return false;
-  if (collision) return shape.collides;
+function isShown(shape: ShapeInfo, choice: ShapeChoice, seen: Set<number>): boolean {
+  if (shape.rgba[3] === 0 || choice.hiddenGroups.has(shape.group)) return false;
+  if (choice.shapes === 'both') return true;
+  if (choice.shapes === 'collision') return shape.collides;
   return shape.group < FIRST_HIDDEN_GROUP || !seen.has(shape.body);
 }
 
@@ -157,7 +164,7 @@ export function groupShapes(shapes: ShapeInfo[], roots: RootInfo[]): { shapes: S
   const groups = new Map<string, { shapes: ShapeInfo[]; firsts: number[] }>();
   const alone: { shapes: ShapeInfo[]; firsts: number[] } = { shapes: [], firsts: [0] };
   for (const [root, list] of ofRoot) {
-    const key = JSON.stringify(list);
+    const key = JSON.stringify(list, (name: string, value: unknown) => (name === 'name' ? undefined : value));
     const group = groups.get(key) ?? { shapes: list, firsts: [] };
     group.firsts.push(roots[root]?.first_body ?? 0);
     groups.set(key, group);
@@ -181,14 +188,13 @@ export function instancesOf(batch: Batch, copies: number): THREE.InstancedBuffer
   return instanced;
 }
 
-/** `collision`: the shapes that contact sees in place of those that are meant to be seen. */
-export function mergeShapes({ geometry: message, meshes: meshData }: Shapes, roots: RootInfo[], collision: boolean): MergedShapes {
+export function mergeShapes({ geometry: message, meshes: meshData }: Shapes, roots: RootInfo[], choice: ShapeChoice): MergedShapes {
   const meshes = meshData.map(meshGeometry);
   const seen = new Set(
     message.shapes.filter((s) => s.group < FIRST_HIDDEN_GROUP && s.rgba[3] > 0).map((s) => s.body),
   );
   const planes = message.shapes.filter((s) => s.kind === 'plane');
-  const shown = message.shapes.filter((s) => s.kind !== 'plane' && isShown(s, collision, seen));
+  const shown = message.shapes.filter((s) => s.kind !== 'plane' && isShown(s, choice, seen));
   const detail = Math.min(1, Math.max(0.3, Math.sqrt(MOST_FINE_SHAPES / Math.max(1, shown.length))));
   const build = (shapes: ShapeInfo[]): THREE.BufferGeometry | null =>
     merge(

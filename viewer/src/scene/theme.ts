@@ -28,7 +28,7 @@ export const DARK: Theme = {
   dark: true,
   background: 0x15181c,
   ground: 0x1b1f24,
-  line: 0x4d5863,
+  line: 0x9fb0c0,
   text: '#e6e9ec',
   faint: '#8d98a3',
   sky: 0xdfe8f2,
@@ -43,4 +43,8 @@ export const COLORS = {
   contact: 0xd0413e,
   pull: 0x2f7fd8,
   cone: 0x3f9b72,
+  hinge: 0x1d9a8a,
+  slide: 0xc98a1b,
+  center: 0xb0449a,
+  tendon: 0xb5532f,
 };

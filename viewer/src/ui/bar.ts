@@ -24,6 +24,9 @@ export interface BarActions {
   record(): void;
   plots(): void;
   pick(): void;
+  side(): void;
+  past(): void;
+  keep(): void;
   help(): void;
 }
 
@@ -35,9 +38,12 @@ export class Bar {
   private readonly pauseButton: HTMLButtonElement;
   private readonly stepButton: HTMLButtonElement;
   private readonly resetButton: HTMLButtonElement;
+  private readonly pastButton: HTMLButtonElement;
+  private readonly keepButton: HTMLButtonElement;
   private readonly recordButton: HTMLButtonElement;
   private readonly pickButton: HTMLButtonElement;
   private readonly plotsButton: HTMLButtonElement;
+  private readonly sideButton: HTMLButtonElement;
 
   constructor(parent: HTMLElement, actions: BarActions) {
     this.root = element('div', 'head', parent);
@@ -48,11 +54,15 @@ export class Bar {
     this.ghost.hidden = true;
     const bar = element('div', 'bar box', this.root);
     bar.setAttribute('role', 'toolbar');
+    bar.setAttribute('aria-label', 'Simulation and view');
     this.pauseButton = iconButton('pause', 'Pause (space)', bar, actions.pause);
     this.stepButton = iconButton('step', 'One frame (right arrow)', bar, actions.step);
     this.resetButton = iconButton('reset', 'Reset (backspace)', bar, actions.reset);
+    this.pastButton = iconButton('past', 'The last minute (left arrow)', bar, actions.past);
+    this.keepButton = iconButton('save', 'Keep this moment (K)', bar, actions.keep);
     this.recordButton = iconButton('record', 'Record (R)', bar, actions.record);
     this.pickButton = iconButton('pick', 'Pick the interface bodies (I)', bar, actions.pick);
+    this.sideButton = iconButton('tree', 'Model, tuning, signals (M, U, L)', bar, actions.side);
     this.plotsButton = iconButton('plots', 'Plots (P)', bar, actions.plots);
     iconButton('home', 'Whole model in view (F)', bar, actions.home);
     iconButton('theme', 'Light or dark (T)', bar, actions.theme);
@@ -79,14 +89,18 @@ export class Bar {
     setIcon(this.pauseButton, paused ? 'play' : 'pause', paused ? 'Go on (space)' : 'Pause (space)');
   }
 
+  private get liveButtons(): HTMLButtonElement[] {
+    return [this.pauseButton, this.stepButton, this.resetButton, this.pastButton, this.keepButton, this.recordButton, this.pickButton];
+  }
+
   setEnabled(enabled: boolean): void {
-    for (const button of [this.pauseButton, this.stepButton, this.resetButton, this.recordButton, this.pickButton])
+    for (const button of this.liveButtons)
       button.disabled = !enabled;
   }
 
   /** A recording has a timeline of its own; what only a running simulation can do goes away. */
   setReplay(on: boolean, live: boolean): void {
-    for (const button of [this.pauseButton, this.stepButton, this.resetButton, this.recordButton, this.pickButton]) {
+    for (const button of this.liveButtons) {
       button.disabled = false;
       button.hidden = on;
     }
@@ -100,6 +114,10 @@ export class Bar {
 
   setPicking(on: boolean): void {
     this.pickButton.setAttribute('aria-pressed', String(on));
+  }
+
+  setSide(on: boolean): void {
+    this.sideButton.setAttribute('aria-pressed', String(on));
   }
 
   setPlots(on: boolean): void {

@@ -15,7 +15,8 @@ const ICONS: Record<string, string> = {
   pause: '<path d="M5 3v10M11 3v10"/>',
   play: '<path d="M5 3l8 5-8 5z"/>',
   step: '<path d="M4 3l6 5-6 5zM12.5 3v10"/>',
-  reset: '<path d="M3.5 5.5a5.2 5.2 0 1 1-.6 4M3 2.5v3.3h3.3"/>',
+  reset: '<path d="M12.500 3v10M10.500 3L4 8l6.500 5zM3 3v10"/>',
+  past: '<path d="M8 4.500v4l2.500 1.500M3.500 5.500a5.200 5.200 0 1 1-.6 4M3 2.500v3.300h3.300"/>',
   home: '<path d="M2.5 6V2.5H6M10 2.5h3.5V6M13.5 10v3.5H10M6 13.5H2.5V10"/>',
   record: '<circle cx="8" cy="8" r="4.5"/>',
   stop: '<rect x="4" y="4" width="8" height="8"/>',
@@ -23,6 +24,7 @@ const ICONS: Record<string, string> = {
   theme: '<circle cx="8" cy="8" r="5"/><path d="M8 3v10a5 5 0 0 0 0-10z" fill="currentColor"/>',
   plots: '<path d="M2.5 12.5l3.5-5 3 3 4.5-7"/>',
   panel: '<path d="M2.5 4.5h11M2.5 8h11M2.5 11.5h11M5 3v3M10.5 6.5v3M6.5 10v3"/>',
+  tree: '<path d="M2.5 3.5h5M5 6v6.500h3M5 8.200h3M9.500 8.200h4M9.500 12.500h4"/>',
   pick: '<circle cx="8" cy="8" r="4.5"/><path d="M8 1.5v3M8 11.5v3M1.5 8h3M11.5 8h3"/>',
   help: '<path d="M5.6 6a2.4 2.4 0 1 1 3.3 2.3c-.6.3-.9.7-.9 1.5M8 12.4v.1"/>',
 };
@@ -37,6 +39,25 @@ export function iconButton(icon: string, label: string, parent: HTMLElement, act
     button.blur(); // so that the next space means pause, not this button again
   });
   return button;
+}
+
+/** A button with a word. */
+export function textButton(text: string, parent: HTMLElement, act: () => void): HTMLButtonElement {
+  const button = element('button', 'text', parent);
+  button.type = 'button';
+  button.textContent = text;
+  button.addEventListener('click', act);
+  return button;
+}
+
+export function checkbox(label: string, on: boolean, parent: HTMLElement, changed: (on: boolean) => void): HTMLInputElement {
+  const outer = element('label', '', parent);
+  const box = element('input', '', outer);
+  box.type = 'checkbox';
+  box.checked = on;
+  box.addEventListener('change', () => changed(box.checked));
+  outer.append(` ${label}`);
+  return box;
 }
 
 export function setIcon(button: HTMLButtonElement, icon: string, label: string): void {

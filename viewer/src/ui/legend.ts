@@ -16,6 +16,8 @@ export class Legend {
 
   constructor(parent: HTMLElement) {
     this.root = element('div', 'legend box', parent);
+    this.root.setAttribute('role', 'note');
+    this.root.setAttribute('aria-label', 'Legend');
   }
 
   hover(body: BodyInfo | undefined): void {
@@ -26,7 +28,8 @@ export class Legend {
     const { colouring, forces, arrowScale } = view.options;
     const parts: [string, string][] = [];
     if (this.hovered) parts.push(['', this.hovered]);
-    if (colouring === 'gaps') parts.push([SWATCHES.contact, `joint gap ${withUnit(1000 * view.fullGap, 'mm')}`]);
+    if (colouring === 'gaps') parts.push(['bar', `joint gap 0 to ${withUnit(1000 * view.fullGap, 'mm')}`]);
+    else if (colouring === 'error') parts.push(['bar', `estimated error 0 to ${withUnit(1000 * view.fullGap, 'mm')}`]);
     else if (colouring !== 'file') parts.push([SWATCHES.interface, 'interface']);
     if (colouring === 'roles') parts.push([SWATCHES.interior, 'interior'], [SWATCHES.free, 'free']);
     if (forces && frame.contacts.length > 0) {
@@ -45,7 +48,8 @@ export class Legend {
     this.root.replaceChildren(
       ...parts.map(([color, label]) => {
         const item = document.createElement('span');
-        if (color) {
+        if (color === 'bar') element('i', 'colours', item);
+        else if (color) {
           const dot = element('i', '', item);
           dot.style.background = color;
         }

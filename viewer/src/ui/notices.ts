@@ -10,8 +10,9 @@ export class Notices {
   private readonly heading: HTMLElement;
   private readonly text: HTMLElement;
 
-  constructor(parent: HTMLElement) {
-    this.list = element('div', 'notices', parent);
+  /** `passing`: where sentences stand that pass. */
+  constructor(parent: HTMLElement, passing: HTMLElement = parent) {
+    this.list = element('div', 'notices', passing);
     this.list.setAttribute('role', 'status');
     this.cover = element('div', 'cover', parent);
     this.cover.hidden = true;

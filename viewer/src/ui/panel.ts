@@ -1,31 +1,18 @@
 // Sliders for what the program can change while it runs, and for what the page shows.
 import GUI, { type Controller } from 'lil-gui';
 import type { Request } from '../net/live';
-import type { Colouring } from '../scene/colouring';
+import type { ViewOptions } from './options';
 import type { SceneMessage, SettingsMessage } from '../wire/messages';
-
-export interface ViewOptions {
-  colouring: Colouring;
-  forces: boolean;
-  cones: boolean;
-  arrowScale: number; // mm per N, 0: automatic
-  frames: boolean;
-  shadows: boolean;
-  follow: boolean;
-  collision: boolean;
-  reference: boolean;
-  compliance: boolean;
-  ghostOffset: number; // m
-  copies: number;
-}
 
 export interface PanelActions {
   send(request: Request): void;
   changed(): void;
+  opened(): void;
+  colouringChanged(): void;
 }
 
 const MOST_SLIDERS = 100; // of one kind: a thousand mechanisms have thousands
-const SLOW = ['modes', 'dt', 'damping', 'friction', 'stiffness', 'detail', 'recovery']; // build the model anew
+const SLOW = ['accuracy', 'modes', 'dt', 'damping', 'friction', 'stiffness', 'detail', 'recovery']; // build the model anew
 
 export class Panel {
   private readonly gui: GUI;
@@ -51,12 +38,26 @@ export class Panel {
   ) {
     this.gui = new GUI({ container: parent, title: 'Settings', width: 270 });
     this.gui.domElement.classList.add('panel');
+    this.gui.onOpenClose((changed) => {
+      if (changed === this.gui && !this.gui._closed) actions.opened();
+    });
+    // German and many other keyboards write 0,2: it is 0.2, not 0.
+    this.gui.domElement.addEventListener(
+      'input',
+      ({ target }) => {
+        if (target instanceof HTMLInputElement && target.type === 'text' && target.value.includes(',')) target.value = target.value.replace(',', '.');
+      },
+      { capture: true },
+    );
     this.model = this.gui.addFolder('Model');
     this.view = this.gui.addFolder('View');
     this.report = this.model.add(this.reportText, 'reduced').name('reduced to').disable();
     const v = this.view;
     const changed = (): void => actions.changed();
-    v.add(options, 'colouring', { 'interface bodies': 'tips', roles: 'roles', 'joint gaps': 'gaps', file: 'file' }).onChange(changed);
+    v.add(options, 'colouring', { 'interface bodies': 'tips', roles: 'roles', 'joint gaps': 'gaps', 'estimated error': 'error', file: 'file' }).onChange(() => {
+      changed();
+      actions.colouringChanged();
+    });
     v.add(options, 'forces').name('contact forces').onChange(changed);
     v.add(options, 'arrowScale', 0, 100, 0.1).name('mm per N (0: auto)').onChange(changed);
     v.add(options, 'cones').name('friction cones').onChange(changed);
@@ -68,7 +69,6 @@ export class Panel {
       .onChange((on: boolean) => actions.send({ type: 'ghost', on }));
     this.ghostOffset = v.add(options, 'ghostOffset', 0, 1, 0.001).name('…aside by [m]').onChange(changed);
     v.add(options, 'frames').name('body frames').onChange(changed);
-    v.add(options, 'collision').name('collision shapes').onChange(changed);
     v.add(options, 'shadows').onChange(changed);
     v.add(options, 'follow').name('camera follows').onChange(changed);
     v.add(options, 'copies', { '1': 1, '100': 100, '1000': 1000 }).name('copies, in time').onChange(changed);
@@ -79,7 +79,9 @@ export class Panel {
     this.values[key] ??= 0;
     const setting = key.split('/')[0] ?? key;
     const send = (value: number): void => {
-      this.actions.send({ type: 'set', setting, ...(index === undefined ? {} : { index }), value });
+      // Shown in mm, told in m.
+      const told = setting === 'accuracy' ? value / 1000 : value;
+      this.actions.send({ type: 'set', setting, ...(index === undefined ? {} : { index }), value: told });
     };
     const controller = gui.add(this.values, key, low, high, step).name(name).decimals(step < 0.001 ? 4 : 2);
     controller.onChange((value: number) => {
@@ -120,6 +122,7 @@ export class Panel {
   private buildModel(): void {
     this.choice(this.model, 'recovery', 'recovery', { exact: 0, twist: 1 });
     this.choice(this.model, 'detail', 'detail level', { 'what it holds': 0, 'interface as given': 1, 'and their parents': 2, 'every body': 3 });
+    this.slider(this.model, 'accuracy', 'accuracy [mm], 0: off', 0, 10, 0.001);
     this.slider(this.model, 'modes', 'modes', 0, 16, 1);
     this.slider(this.model, 'dt', 'dt [s]', 0.0005, 1 / 30, 0.0001);
     this.slider(this.model, 'damping', 'damping ×', 0, 10, 0.01);
@@ -158,6 +161,7 @@ export class Panel {
     this.ghost.updateDisplay();
     for (const key of ['dt', 'gravity', 'damping', 'friction', 'modes', 'detail', 'recovery', 'pull_stiffness', 'speed'] as const)
       this.values[key] = s[key];
+    this.values['accuracy'] = 1000 * s.accuracy;
     s.stiffness.slice(0, MOST_SLIDERS).forEach((x, i) => (this.values[`stiffness/${i}`] = x));
     s.controls.slice(0, MOST_SLIDERS).forEach((x, i) => (this.values[`control/${i}`] = x));
     const pull = this.controllers.get('pull_stiffness');

@@ -1,120 +1,166 @@
-// A strip of plots over the last seconds, and their numbers as a table.
+// A strip of plots over the last seconds: each shows one signal or several over each other.
 import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
+import type { SignalStore } from '../signals/store';
 import { element, iconButton, setIcon } from './dom';
 
-export interface Sample {
-  time: number;
-  values: number[];
-}
-
-export const CURVES = [
-  { key: 'real_time_factor', title: 'real-time factor', unit: '×' },
-  { key: 'step_us', title: 'step', unit: 'µs' },
-  { key: 'contact_force', title: 'contact force, sum', unit: 'N' },
-  { key: 'energy', title: 'energy', unit: 'J' },
-  { key: 'joint_gap', title: 'joint gap', unit: 'mm' },
-  { key: 'tip', title: 'tip motion', unit: 'mm' },
-] as const;
-
+/** What a page begins with. */
+const FIRST = ['real_time_factor', 'step_us', 'contact_force', 'energy', 'joint_gap', 'tip'];
 const SPAN = 10; // s
-const KEPT = 36_000; // samples for the table: ten minutes
+const HEIGHT = 84;
+/** Of the second curve of a plot and those after it. */
+const COLORS = ['', '#d0413e', '#3f9b72', '#b07a1e', '#8a63c4', '#1d9a8a'];
+export const DRAGGED = 'text/x-fork1s-signal';
 
-export function toCsv(samples: readonly Sample[]): string {
-  const head = ['time_s', ...CURVES.map((c) => `${c.key}_${c.unit}`)].join(',');
-  return [head, ...samples.map((s) => [s.time, ...s.values].join(','))].join('\n') + '\n';
+interface Cell {
+  keys: string[];
+  figure: HTMLElement;
+  plot: uPlot;
 }
 
 export class Plots {
   readonly root: HTMLElement;
-  private samples: Sample[] = [];
-  private plots: uPlot[] = [];
+  private cells: Cell[] = [];
+  private keys: string[][] = FIRST.map((key) => [key]);
   private paused = false;
   private drawn = 0;
   private readonly pauseButton: HTMLButtonElement;
+  /** Called when other signals are shown. */
+  onChange: () => void = () => undefined;
 
   constructor(
     parent: HTMLElement,
+    private readonly store: SignalStore,
     private readonly save: (name: string, text: string) => void,
   ) {
-    this.root = element('div', 'plots box', parent);
+    this.root = element('section', 'plots box', parent);
     this.root.hidden = true;
+    this.root.setAttribute('aria-label', 'Plots');
     const bar = element('div', 'bar', this.root);
     this.pauseButton = iconButton('pause', 'Hold the plots', bar, () => {
       this.paused = !this.paused;
       setIcon(this.pauseButton, this.paused ? 'play' : 'pause', this.paused ? 'Let the plots run' : 'Hold the plots');
     });
-    iconButton('save', 'Save as CSV', bar, () => this.save('fork1s.csv', toCsv(this.samples)));
+    iconButton('save', 'Save as CSV', bar, () => this.save('fork1s.csv', this.store.csv()));
+    this.acceptDrops(this.root, (key) => this.toggle(key, true));
+  }
+
+  private acceptDrops(target: HTMLElement, take: (key: string) => void): void {
+    target.addEventListener('dragover', (event) => {
+      if (event.dataTransfer?.types.includes(DRAGGED)) event.preventDefault();
+    });
+    target.addEventListener('drop', (event) => {
+      const key = event.dataTransfer?.getData(DRAGGED);
+      if (!key) return;
+      event.preventDefault();
+      event.stopPropagation();
+      take(key);
+    });
   }
 
   get shown(): boolean {
     return !this.root.hidden;
   }
 
-  get count(): number {
-    return this.samples.length;
+  /** What each plot shows. */
+  get signals(): readonly (readonly string[])[] {
+    return this.keys;
   }
 
-  toggle(): void {
-    this.root.hidden = !this.root.hidden;
-    if (this.shown && this.plots.length === 0) this.build();
+  has(key: string): boolean {
+    return this.keys.some((keys) => keys.includes(key));
+  }
+
+  /** A plot of its own for a signal, or none of it any more. */
+  toggle(key: string, on = !this.has(key)): void {
+    if (on === this.has(key)) return;
+    if (on) this.keys.push([key]);
+    else this.keys = this.keys.map((keys) => keys.filter((k) => k !== key)).filter((keys) => keys.length > 0);
+    this.rebuild();
+  }
+
+  /** Over what a plot shows already. */
+  overlay(plot: number, key: string): void {
+    const keys = this.keys[plot];
+    if (!keys || keys.includes(key)) return;
+    keys.push(key);
+    this.rebuild();
+  }
+
+  private rebuild(): void {
+    if (this.shown) this.build();
     this.drawn = 0;
+    this.onChange();
+  }
+
+  show(on = !this.shown): void {
+    this.root.hidden = !on;
+    if (this.shown && this.cells.length === 0) this.build();
+    this.drawn = 0;
+    this.onChange();
   }
 
   /** Colours are part of a plot: a change of theme builds them anew. */
   build(): void {
-    for (const plot of this.plots) plot.root.parentElement?.remove();
+    for (const { plot, figure } of this.cells) {
+      plot.destroy();
+      figure.remove();
+    }
     const style = getComputedStyle(document.documentElement);
     const text = style.getPropertyValue('--faint').trim();
     const edge = style.getPropertyValue('--edge').trim();
     const accent = style.getPropertyValue('--accent').trim();
     const font = '10px system-ui, sans-serif';
-    this.plots = CURVES.map((curve) => {
-      const cell = element('figure', 'plot', this.root);
-      element('figcaption', '', cell).textContent = `${curve.title} [${curve.unit}]`;
+    this.cells = this.keys.map((keys, at) => {
+      const figure = element('figure', 'plot', this.root);
+      const caption = element('figcaption', '', figure);
+      keys.forEach((key, i) => {
+        const signal = this.store.find(key);
+        const label = element('span', '', caption);
+        const prefix = signal && ['joint_force', 'actuator', 'error'].includes(signal.group) ? `${key.split(':')[0] ?? ''} ` : '';
+        label.textContent = `${prefix}${signal?.title ?? key}${signal?.unit ? ` [${signal.unit}]` : ''}`;
+        if (i > 0) label.style.color = COLORS[i % COLORS.length] ?? accent;
+      });
+      const close = element('button', 'close', caption);
+      close.type = 'button';
+      close.textContent = '×';
+      close.setAttribute('aria-label', `Close the plot of ${this.store.find(keys[0] ?? '')?.title ?? ''}`);
+      close.addEventListener('click', () => keys.slice().forEach((key) => this.toggle(key, false)));
       const axis: uPlot.Axis = { stroke: text, font, grid: { stroke: edge, width: 1 }, ticks: { show: false } };
-      return new uPlot(
+      const curve = { width: 1.4, points: { show: false }, spanGaps: false };
+      const plot = new uPlot(
         {
           width: this.cellWidth(),
-          height: 84,
+          height: HEIGHT,
           legend: { show: false },
           cursor: { show: false },
           scales: { x: { time: false }, y: { range: (_, low, high) => widen(low, high) } },
-          axes: [{ ...axis, size: 16, space: 60 }, { ...axis, size: 46, space: 22, values: (_, at) => at.map((v) => String(Number(v.toPrecision(4)))) }],
-          series: [{}, { stroke: accent, width: 1.4, points: { show: false } }],
+          axes: [{ ...axis, size: 16, space: 60 }, { ...axis, size: 46, space: 22, values: (_, ticks) => ticks.map((v) => String(Number(v.toPrecision(4)))) }],
+          series: [{}, ...keys.map((_, i) => ({ ...curve, stroke: i === 0 ? accent : (COLORS[i % COLORS.length] ?? accent) }))],
         },
-        [[], []],
-        cell,
+        [[], ...keys.map(() => [])] as uPlot.AlignedData,
+        figure,
       );
+      this.acceptDrops(figure, (key) => this.overlay(at, key));
+      return { keys, figure, plot };
     });
   }
 
-  /** All curves share the width; narrow pages scroll. */
+  /** They share the width as long as each has enough; more of them scroll, and narrow pages have rows of two. */
   private cellWidth(): number {
-    return Math.max(150, (this.root.clientWidth - 60) / CURVES.length - 6);
+    const width = this.root.clientWidth;
+    if (width <= 620) return Math.max(130, (width - 34) / 2);
+    return Math.max(170, (width - 60) / Math.max(1, this.keys.length) - 6);
   }
 
   resize(): void {
-    for (const plot of this.plots) plot.setSize({ width: this.cellWidth(), height: 84 });
-  }
-
-  add(sample: Sample): void {
-    const last = this.samples.at(-1);
-    if (last && sample.time < last.time) this.samples = []; // reset or another recording
-    if (last && sample.time === last.time) return;
-    this.samples.push(sample);
-    if (this.samples.length > KEPT) this.samples.splice(0, KEPT / 10);
+    for (const { plot } of this.cells) plot.setSize({ width: this.cellWidth(), height: HEIGHT });
   }
 
   draw(now: number): void {
     if (!this.shown || this.paused || now - this.drawn < 100) return;
     this.drawn = now;
-    const end = this.samples.at(-1)?.time ?? 0;
-    let first = this.samples.length;
-    while (first > 0 && (this.samples[first - 1]?.time ?? 0) > end - SPAN) --first;
-    const part = this.samples.slice(first);
-    const times = part.map((s) => s.time);
-    this.plots.forEach((plot, i) => plot.setData([times, part.map((s) => s.values[i] ?? null)]));
+    for (const { plot, keys } of this.cells) plot.setData(this.store.last(SPAN, keys) as uPlot.AlignedData);
   }
 }
 

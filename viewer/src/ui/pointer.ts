@@ -7,6 +7,9 @@ import type { Stage } from '../scene/stage';
 export interface PointerActions {
   canTouch(): boolean;
   picking(): boolean;
+  /** A click chooses a body to look at, rather than pushing it. */
+  selecting(): boolean;
+  select(body: number): void;
   pull(body: number, point: THREE.Vector3, target: THREE.Vector3): void;
   release(): void;
   push(body: number, point: THREE.Vector3, direction: THREE.Vector3): void;
@@ -44,7 +47,7 @@ export class Pointer {
   }
 
   private down(event: PointerEvent): void {
-    if (event.button !== 0 || !event.isPrimary || !this.actions.canTouch()) return;
+    if (event.button !== 0 || !event.isPrimary || !(this.actions.canTouch() || this.actions.selecting())) return;
     const at = this.place(event);
     this.hit = this.bodies.picker.pick(this.stage.renderer, this.stage.camera, at.x, at.y);
     this.start = at;
@@ -70,7 +73,7 @@ export class Pointer {
       return;
     }
     if (Math.hypot(at.x - this.start.x, at.y - this.start.y) > CLICK_PIXELS) this.moved = true;
-    if (!this.moved || this.actions.picking()) return;
+    if (!this.moved || this.actions.picking() || !this.actions.canTouch()) return;
     const target = this.target(at);
     if (target) this.actions.pull(this.hit.body, this.hit.point, target);
     this.canvas.classList.add('pulling');
@@ -83,7 +86,8 @@ export class Pointer {
     this.drop();
     if (!clicked) return;
     if (this.actions.picking()) this.actions.choose(hit.body);
-    else this.actions.push(hit.body, hit.point, this.ray.ray.direction.copy(this.rayAt(this.start)));
+    else if (this.actions.selecting() && !event.shiftKey) this.actions.select(hit.body);
+    else if (this.actions.canTouch()) this.actions.push(hit.body, hit.point, this.ray.ray.direction.copy(this.rayAt(this.start)));
   }
 
   private rayAt(at: { x: number; y: number }): THREE.Vector3 {

@@ -2,7 +2,7 @@
 import type { BinaryMessage, Contact, Frame, GhostFrame, Maps, MeshData, Pull, RootState } from './messages';
 
 /** Numbers in every frame before its states: ScalarNames() of the program. */
-export const SCALARS = 13;
+export const SCALARS = 14;
 
 class Reader {
   private at = 0;
@@ -80,7 +80,8 @@ function decodeFrame(reader: Reader): Frame {
   const pulls: Pull[] = [];
   for (let i = reader.u32(); i > 0; --i)
     pulls.push({ body: reader.i32(), point: reader.vector(), target: reader.vector(), force: reader.vector() });
-  return { epoch, sequence, paused, scalars, roots, contacts, pulls };
+  const signals = reader.floats(reader.u32());
+  return { epoch, sequence, paused, scalars, roots, contacts, pulls, signals };
 }
 
 function decodeMeshes(reader: Reader): MeshData[] {

@@ -22,11 +22,14 @@ export interface BodyInfo {
   last_joint: number;
   interface: boolean;
   mass: number;
+  center: [number, number, number]; // of mass, in the body
+  inertia: number[]; // xx yy zz xy xz yz about the centre, in the body's axes
   pose: PoseNumbers;
 }
 
 export interface JointInfo {
   name: string;
+  kind: 'hinge' | 'slide' | 'ball' | 'cylindrical' | 'planar' | 'free' | 'general';
   body: number;
   previous: number;
   offset: number;
@@ -37,10 +40,24 @@ export interface ControlInfo {
   name: string;
   range: [number, number];
   base: boolean;
+  joints: number[]; // that it moves
+}
+
+/** What a thread passes; obstacles stand between two points, after a pulley a further branch begins. */
+export interface TendonInfo {
+  name: string;
+  root: number;
+  elements: {
+    kind: 'point' | 'sphere' | 'cylinder' | 'pulley';
+    body?: number;
+    pose?: PoseNumbers; // in the body
+    radius?: number;
+    side?: { body: number; at: [number, number, number] };
+  }[];
 }
 
 /** Of the stream that this page understands: kWireVersion of the program. */
-export const WIRE_VERSION = 4;
+export const WIRE_VERSION = 5;
 
 export interface SceneMessage {
   type: 'scene';
@@ -55,8 +72,10 @@ export interface SceneMessage {
   bodies: BodyInfo[];
   joints: JointInfo[];
   screws: number[][];
+  tendons: TendonInfo[];
   controls: ControlInfo[];
   groups: { name: string; mechanism: number }[];
+  signals: { name: string; group: string; unit: string; body: number }[]; // of a frame's signals
   warnings: string[];
 }
 
@@ -72,6 +91,9 @@ export interface SettingsMessage {
   pull_stiffness: number;
   speed: number;
   ghost: boolean;
+  signals: boolean;
+  error: boolean;
+  accuracy: number; // m, 0: none is asked for
   stiffness: number[];
   controls: number[];
 }
@@ -80,6 +102,7 @@ export type ShapeKind = 'plane' | 'sphere' | 'capsule' | 'cylinder' | 'ellipsoid
 
 export interface ShapeInfo {
   body: number;
+  name: string;
   kind: ShapeKind;
   pose: PoseNumbers;
   rgba: [number, number, number, number];
@@ -107,7 +130,46 @@ export interface ProblemMessage {
   message: string; // empty: no longer so
 }
 
-export type TextMessage = SceneMessage | SettingsMessage | GeometryMessage | NoticeMessage | ProblemMessage;
+/** A number of the model that can be changed. */
+export interface TunableInfo {
+  of: 'joint' | 'actuator' | 'body' | 'world';
+  owner: string;
+  quantity: string;
+  unit: string;
+  value: number | null; // null: no bound
+  original: number | null; // of the file
+}
+
+export interface TuningMessage {
+  type: 'tuning';
+  items: TunableInfo[];
+  writes: boolean; // a copy of the file can be made
+}
+
+/** What was kept, to the viewer who asked. */
+export interface WrittenMessage {
+  type: 'written';
+  path: string; // of the copy; empty: none was asked for
+  text: string; // of the moment
+  notes: string[]; // what found no place in it
+}
+
+/** Bodies that passed through others because they are no interface. */
+export interface AdviceMessage {
+  type: 'advice';
+  epoch: number;
+  items: { body: number; name: string; other: string; depth: number; time: number }[];
+}
+
+export type TextMessage =
+  | SceneMessage
+  | SettingsMessage
+  | GeometryMessage
+  | NoticeMessage
+  | ProblemMessage
+  | TuningMessage
+  | WrittenMessage
+  | AdviceMessage;
 
 export interface MeshData {
   positions: Float32Array;
@@ -167,6 +229,7 @@ export interface Frame {
   roots: RootState[];
   contacts: Contact[];
   pulls: Pull[];
+  signals: Float32Array; // as the scene lists them, or none
 }
 
 /** Where the full simulation has got to. */

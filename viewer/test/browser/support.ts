@@ -94,6 +94,12 @@ export async function unseen(page: Page, task: () => Promise<void>): Promise<voi
   await page.evaluate((time) => (globalThis.pictureTime = time), PICTURE_MS);
 }
 
+/** For tests of what stands around the picture: nothing is drawn into it any more, which in software takes seconds. */
+export const withoutPicture = (page: Page): Promise<void> =>
+  page.evaluate(() => {
+    if (fork1s) fork1s.view.stage.render = () => undefined;
+  });
+
 /** Opens a page and fails the test on any error in it. */
 export async function open(browser: Browser, address: string): Promise<Page> {
   const page = await browser.newPage({ viewport: { width: 480, height: 320 } });

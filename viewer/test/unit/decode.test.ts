@@ -41,7 +41,7 @@ describe.skipIf(!haveStreams())('a stream of the program', () => {
 
 describe('Library', () => {
   it('knows no maps for a frame that came too early', () => {
-    const frame = { epoch: 1, sequence: 1, paused: false, scalars: new Float64Array(), roots: [], contacts: [], pulls: [] };
+    const frame = { epoch: 1, sequence: 1, paused: false, scalars: new Float64Array(), roots: [], contacts: [], pulls: [], signals: new Float32Array() };
     expect(new Library().mapsOf(frame)).toBeUndefined();
   });
 });

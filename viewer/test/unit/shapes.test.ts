@@ -1,9 +1,11 @@
 import { describe, expect, it } from 'vitest';
-import { groupShapes, mergeShapes } from '../../src/scene/shapes';
+import { groupShapes, mergeShapes, type ShapeChoice } from '../../src/scene/shapes';
 import type { RootInfo, ShapeInfo } from '../../src/wire/messages';
 
+const VISUAL: ShapeChoice = { shapes: 'visual', hiddenGroups: new Set() };
 const shape = (body: number, size: number[], more: Partial<ShapeInfo> = {}): ShapeInfo => ({
   body,
+  name: '',
   kind: 'box',
   pose: [0, 0, 0, 1, 0, 0, 0],
   rgba: [1, 0, 0, 1],
@@ -45,7 +47,7 @@ describe('mergeShapes', () => {
   it('tells every triangle of a group once, and bodies from their first', () => {
     const roots = Array.from({ length: 6 }, (_, i) => root(3 * i, 3));
     const shapes = roots.flatMap((_, i) => [shape(3 * i + 2, [1, 1, 1])]);
-    const { moving, still } = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 0 }, meshes: [] }, roots, false);
+    const { moving, still } = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 0 }, meshes: [] }, roots, VISUAL);
     expect(still).toBeNull();
     expect(moving.length).toBe(1);
     expect([...(moving[0]?.firsts ?? [])]).toEqual([0, 3, 6, 9, 12, 15]);
@@ -63,7 +65,7 @@ describe('mergeShapes', () => {
       { positions: new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0]), triangles: new Uint32Array([0, 1, 2]), colors: new Uint32Array() },
     ];
     const shapes = [0, 1].map((mesh) => shape(0, [], { kind: 'mesh', mesh, rgba: [1, 1, 0, 1] }));
-    const { moving } = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 2 }, meshes }, [root(0, 1)], false);
+    const { moving } = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 2 }, meshes }, [root(0, 1)], VISUAL);
     const color = [...(moving[0]?.geometry.getAttribute('color').array ?? [])];
     expect(color.slice(0, 9)).toEqual([1, 0, 0, 0, 1, 0, 0, 0, 0]);
     expect(color.slice(9)).toEqual([1, 1, 0, 1, 1, 0, 1, 1, 0]);
@@ -73,7 +75,7 @@ describe('mergeShapes', () => {
     const count = (n: number): number => {
       const roots = Array.from({ length: n }, (_, i) => root(i, 1));
       const shapes = roots.map((_, i) => shape(i, [1], { kind: 'sphere' }));
-      const shown = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 0 }, meshes: [] }, roots, false);
+      const shown = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 0 }, meshes: [] }, roots, VISUAL);
       return shown.moving[0]?.geometry.index?.count ?? 0;
     };
     expect(count(10)).toBe(count(400));

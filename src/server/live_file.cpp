@@ -1,0 +1,65 @@
+// Numbers that viewers tune, and what is written into a copy of the file.
+#include <cmath>
+#include <fork1s/server/live_simulation.hpp>
+#include <nlohmann/json.hpp>
+
+#include <fmt/format.h>
+
+#include "scene_description.hpp"
+
+namespace fork1s {
+namespace {
+
+using Json = nlohmann::json;
+
+Json OrNull(double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); }
+
+}  // namespace
+
+std::string LiveSimulation::TuningMessage() const {
+  Json out = {{"type", "tuning"}, {"items", Json::array()}, {"writes", static_cast<bool>(file_.write)}};
+  for (const Tunable& t : settings_.tunables)
+    out["items"].push_back({{"of", Name(t.of)},
+                            {"owner", t.owner},
+                            {"quantity", Name(t.quantity)},
+                            {"unit", t.unit},
+                            {"value", OrNull(t.value)},
+                            {"original", OrNull(t.original)}});
+  return internal::Dump(out);
+}
+
+void LiveSimulation::ShowTuning() {
+  ++latest_.tuning_version;
+  latest_.tuning = std::make_shared<const std::string>(TuningMessage());
+}
+
+std::optional<Refusal> LiveSimulation::HandleWrite(const Command& c) {
+  if (!file_.write) return Refusal{"this session has no file that a copy could be made of"};
+  CopyRequest request;
+  request.write_file = !c.text_only;
+  request.scene = &original_;
+  if (c.tuned)
+    for (const Tunable& t : settings_.tunables)
+      if (t.value != t.original) request.changed.push_back(t);
+  if (c.moment == 0) {
+    request.moment = simulation_.State();
+    request.time = time_offset_ + simulation_.time();
+  } else if (c.moment > 0) {
+    const PastMoment* past = past_.Find(static_cast<std::uint32_t>(c.moment));
+    if (!past) return Refusal{"that moment is no longer kept; scrub to a later one"};
+    request.moment = past->state;
+    request.time = past->time;
+  }
+  if (request.changed.empty() && !request.moment)
+    return Refusal{"nothing differs from the file, so there is nothing to write", true};
+  const auto written = file_.write(request);
+  if (!written) return Refusal{written.error().Text()};
+  Json reply = {
+      {"type", "written"}, {"path", written->path}, {"text", written->text}, {"notes", written->notes}};
+  replies_.push_back({c.viewer, internal::Dump(reply)});
+  return {};
+}
+
+std::vector<LiveReply> LiveSimulation::TakeReplies() { return std::exchange(replies_, {}); }
+
+}  // namespace fork1s
