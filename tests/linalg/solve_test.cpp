@@ -148,8 +148,9 @@ TEST(Solve, SymmetricIndefiniteSquareAndComplex) {
     const MatrixX B = RandomMatrix(9, 9, engine), A = B + B.transpose() + 4 * MatrixX::Identity(9, 9), R = RandomMatrix(9, 3, engine);
     EXPECT_LT((A * SolveSymmetric(A, R) - R).cwiseAbs().maxCoeff(), 1e-8);
     EXPECT_LT((A * SolveSquare(A, R) - R).cwiseAbs().maxCoeff(), 1e-8);
-    const Eigen::MatrixXcd C = A.cast<std::complex<double>>() + std::complex<double>(0, 1) * B;
-    EXPECT_LT((C * SolveComplex(C, R.cast<std::complex<double>>()) - R).cwiseAbs().maxCoeff(), 1e-8);
+    const ComplexMatrix x = SolveComplex({A, B}, {R, 2 * R});
+    EXPECT_LT((A * x.re - B * x.im - R).cwiseAbs().maxCoeff(), 1e-8);
+    EXPECT_LT((A * x.im + B * x.re - 2 * R).cwiseAbs().maxCoeff(), 1e-8);
   }
 }
 
