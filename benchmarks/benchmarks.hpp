@@ -1,4 +1,5 @@
-// What every benchmark is to the program that holds them all: a name, and what it does with the words behind it.
+// What every benchmark is to the program that holds them all: a name, and what it does with the words behind
+// it.
 #pragma once
 
 namespace fork1s::benchmarks::accuracy {

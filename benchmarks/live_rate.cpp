@@ -18,8 +18,8 @@
 
 #include <fmt/format.h>
 
-#include "benchmarks.hpp"
 #include "../tests/server/socket_client.hpp"
+#include "benchmarks.hpp"
 
 namespace fork1s::benchmarks::live_rate {
 namespace {

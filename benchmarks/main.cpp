@@ -1,5 +1,5 @@
-// All benchmarks in one program, since most of what each compiles and links is the same: `bench NAME ...`, or by a
-// link of that name beside it, as the build makes them.
+// All benchmarks in one program, since most of what each compiles and links is the same: `bench NAME ...`, or
+// by a link of that name beside it, as the build makes them.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -16,22 +16,21 @@ struct Benchmark {
   int (*main)(int argc, char** argv);
 };
 
-constexpr Benchmark kBenchmarks[] = {
-    {"accuracy", accuracy::Main},
-    {"contact_convergence", contact_convergence::Main},
-    {"contact_problems", contact_problems::Main},
-    {"detail_levels", detail_levels::Main},
-    {"detector_accuracy", detector_accuracy::Main},
-    {"legged", legged::Main},
-    {"live_rate", live_rate::Main},
-    {"long_and_many", long_and_many::Main},
-    {"long_chain", long_chain::Main},
-    {"peer_table", peer_table::Main},
-    {"scene_table", scene_table::Main},
-    {"soak", soak::Main},
-    {"step_cost", step_cost::Main},
-    {"step_instructions", step_instructions::Main},
-    {"validation", validation::Main}};
+constexpr Benchmark kBenchmarks[] = {{"accuracy", accuracy::Main},
+                                     {"contact_convergence", contact_convergence::Main},
+                                     {"contact_problems", contact_problems::Main},
+                                     {"detail_levels", detail_levels::Main},
+                                     {"detector_accuracy", detector_accuracy::Main},
+                                     {"legged", legged::Main},
+                                     {"live_rate", live_rate::Main},
+                                     {"long_and_many", long_and_many::Main},
+                                     {"long_chain", long_chain::Main},
+                                     {"peer_table", peer_table::Main},
+                                     {"scene_table", scene_table::Main},
+                                     {"soak", soak::Main},
+                                     {"step_cost", step_cost::Main},
+                                     {"step_instructions", step_instructions::Main},
+                                     {"validation", validation::Main}};
 
 const Benchmark* Find(const std::string& name) {
   const auto at = std::find_if(std::begin(kBenchmarks), std::end(kBenchmarks),

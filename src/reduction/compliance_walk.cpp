@@ -43,7 +43,8 @@ Loops CollectLoops(const Mechanism& mechanism, const Kinematics& kinematics, con
   loops.W.resize(rigid.rows() + static_cast<Eigen::Index>(soft.size()), mechanism.num_coordinates());
   loops.W << rigid, Rows(springs.rows, soft);
   loops.softness = VectorX::Zero(loops.W.rows());
-  loops.softness.tail(static_cast<Eigen::Index>(soft.size())) = Entries(springs.weight, soft).cwiseAbs2().cwiseInverse();
+  loops.softness.tail(static_cast<Eigen::Index>(soft.size())) =
+      Entries(springs.weight, soft).cwiseAbs2().cwiseInverse();
   return loops;
 }
 
@@ -100,7 +101,8 @@ class LoopedJoints {
     };
     if (unsprung_.doubtful.size() > 0) add(unsprung_, "loops hold", parts.unsprung, unsprung_.doubtful);
     if (independent_.doubtful.size() > 0)
-      add(independent_, "loops hold", parts.looped, Times(felt_, independent_.doubtful).col(0).head(J_s_.cols()));
+      add(independent_, "loops hold", parts.looped,
+          Times(felt_, independent_.doubtful).col(0).head(J_s_.cols()));
   }
 
   MatrixX Root(const VectorX& flexibility) const {

@@ -52,8 +52,7 @@ MatrixX ElasticBasis::FreeInOneUnit(int n) const {
 
 bool ElasticBasis::Feels(const MatrixX& J_x) const {
   if (num_elastic() == 0 || J_x.rows() == 0) return false;
-  return (diagonal ? Columns(J_x, sprung) : Times(J_x, elastic_x)).cwiseAbs().maxCoeff() >
-         kRankThreshold;
+  return (diagonal ? Columns(J_x, sprung) : Times(J_x, elastic_x)).cwiseAbs().maxCoeff() > kRankThreshold;
 }
 
 MatrixX ElasticBasis::DenseClosed(int n) const {

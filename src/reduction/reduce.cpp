@@ -79,7 +79,8 @@ Hidden FindHidden(const Mechanism& mechanism, const Matrix6X& S, const internal:
     const auto own = x.middleRows(joint.offset, joint.size);
     own.colwise().norm().maxCoeff(&most);
     hidden.screw =
-        Times(S.middleCols(joint.offset, joint.size), q.middleRows(joint.offset, joint.size).col(most)).col(0);
+        Times(S.middleCols(joint.offset, joint.size), q.middleRows(joint.offset, joint.size).col(most))
+            .col(0);
   }
   hidden.body = MovingBody(mechanism, S, q, hidden.joint);
   return hidden;

@@ -196,7 +196,8 @@ std::string LiveSimulation::SceneMessage() const {
     const std::string& name = simulation_.control_names()[next];
     const bool turns = name.size() > 3 && name[name.size() - 2] == 'r';
     const double span = turns ? 1.6 : radius;
-    out["controls"].push_back({{"name", name}, {"range", {-span, span}}, {"base", true}, {"joints", Json::array()}});
+    out["controls"].push_back(
+        {{"name", name}, {"range", {-span, span}}, {"base", true}, {"joints", Json::array()}});
   }
   for (const internal::SignalInfo& s : internal::ListSignals(simulation_))
     out["signals"].push_back({{"name", s.name}, {"group", s.group}, {"unit", s.unit}, {"body", s.body}});

@@ -67,7 +67,8 @@ class StayingViewer {
 
 TEST(ServerSoak, ViewersThatStay) {
   const char* wanted = std::getenv("FORK1S_SOAK_HOURS");
-  const double hours = wanted ? std::atof(wanted) : 0.04;  // the first half longer than the minute that is kept to go back to
+  const double hours =
+      wanted ? std::atof(wanted) : 0.04;  // the first half longer than the minute that is kept to go back to
   const auto frames = static_cast<std::uint32_t>(hours * 3600 * 60);
   const std::uint32_t an_hour = wanted ? 3600 * 60 : frames / 2;
   LiveSimulation live = Live("hand.xml", Recovery::kExact, "open");
