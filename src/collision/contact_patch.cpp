@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace fork1s::internal {
@@ -92,9 +93,10 @@ void ContactPatch::AddOverlap(const SupportFace& a, const SupportFace& b, double
 }
 
 int ContactPatch::ChooseSupport() {
+  double lowest = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < count_; ++i) lowest = std::min(lowest, points_[static_cast<std::size_t>(i)].gap);
   int first = 0;
-  for (int i = 1; i < count_; ++i)
-    if (points_[static_cast<std::size_t>(i)].gap < points_[static_cast<std::size_t>(first)].gap) first = i;
+  while (first + 1 < count_ && points_[static_cast<std::size_t>(first)].gap > lowest + kExact) ++first;
   if (deepest_ && (count_ == 0 || points_[static_cast<std::size_t>(first)].gap > deepest_->gap + kExact)) {
     if (count_ == kMost) --count_;
     first = count_;

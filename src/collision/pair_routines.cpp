@@ -182,19 +182,117 @@ int MeshOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, 
   return WritePatch(patch, n, mj_maxContact(m, plane, mesh, 1), contacts);
 }
 
-// A shape over more columns than there is room for: those that MuJoCo took lie in one strip under it, and the
-// corners of its underside are what it rests on.
-void AddCorners(const mjModel* m, const mjData* d, int field, int shape, double margin,
-                mjPreContact* contacts) {
-  const Vector3 up = Posed(m, d, field).R.col(2);
-  const SupportFace face = FaceAlong(m, d, shape, -up);
-  constexpr int kMost = 8;
-  const int count = std::min(face.count, kMost);
-  std::array<mjPreContact, 16> nearest;
-  int place = mjMAXCONPAIR;
-  for (int i = 0; i < count; ++i)
-    if (BallOnGrid(m, d, nearest.data(), field, face[i * face.count / count], 0, margin) > 0)
-      contacts[--place] = nearest[0];
+constexpr double kSameNormal =
+    1 - 5e-9;  // cosine of 1e-4 rad: one face of the ground, seen by several columns
+
+// Contacts of a convex shape with a field: of each normal at most four.
+class FieldContacts {
+ public:
+  void Add(const mjPreContact& contact) {
+    if (count_ < kMost) contacts_[static_cast<std::size_t>(count_++)] = contact;
+  }
+  int Write(mjPreContact* out) {
+    int written = 0;
+    std::array<bool, kMost> used{};
+    for (int i = 0; i < count_ && written < mjMAXCONPAIR; ++i) {
+      if (used[static_cast<std::size_t>(i)]) continue;
+      const Vector3 n = Normal(i);
+      ContactPatch patch(n);
+      for (int k = i; k < count_; ++k) {
+        if (used[static_cast<std::size_t>(k)] || !(n.dot(Normal(k)) > kSameNormal)) continue;
+        used[static_cast<std::size_t>(k)] = true;
+        const mjPreContact& c = contacts_[static_cast<std::size_t>(k)];
+        patch.Add({Eigen::Map<const Vector3>(c.pos), c.dist});
+      }
+      written += WritePatch(patch, n, mjMAXCONPAIR - written, out + written);
+    }
+    return written;
+  }
+
+ private:
+  Vector3 Normal(int i) const {
+    return Eigen::Map<const Vector3>(contacts_[static_cast<std::size_t>(i)].normal);
+  }
+  static constexpr int kMost = 4 * mjMAXCONPAIR;
+  std::array<mjPreContact, kMost> contacts_;
+  int count_ = 0;
+};
+
+// Corners of a shape that look at the ground, each once; of a capsule the middles of its ends.
+class FieldCorners {
+ public:
+  FieldCorners(const mjModel* m, const mjData* d, int shape)
+      : model_(m), data_(d), shape_(shape), is_capsule_(m->geom_type[shape] == mjGEOM_CAPSULE) {}
+
+  void AddFace(const Vector3& normal) {
+    const SupportFace face = FaceAlong(model_, data_, shape_, -normal);
+    for (int i = 0; i < face.count && count_ < kMost; ++i) {
+      const Vector3 corner = face[i] + Radius() * normal;
+      const auto end = corners_.begin() + count_;
+      if (std::none_of(corners_.begin(), end, [&](const Vector3& c) { return (c - corner).norm() < kLevel; }))
+        corners_[static_cast<std::size_t>(count_++)] = corner;
+    }
+  }
+  // Each with the places of the ground nearest to it, where that corner is the shape's nearest.
+  void Report(int field, double margin, FieldContacts& contacts) const {
+    std::array<mjPreContact, 16> nearest;
+    for (int i = 0; i < count_; ++i) {
+      const Vector3& corner = corners_[static_cast<std::size_t>(i)];
+      const int found = BallOnGrid(model_, data_, nearest.data(), field, corner, Radius(), margin);
+      for (int k = 0; k < found; ++k) {  // several in a valley
+        const mjPreContact& place = nearest[static_cast<std::size_t>(k)];
+        if (is_capsule_ || IsLowest(corner, Eigen::Map<const Vector3>(place.normal))) contacts.Add(place);
+      }
+    }
+  }
+
+ private:
+  double Radius() const { return is_capsule_ ? model_->geom_size[3 * shape_] : 0; }
+  bool IsLowest(const Vector3& corner, const Vector3& normal) const {
+    const SupportFace lowest = FaceAlong(model_, data_, shape_, -normal);
+    for (int i = 0; i < lowest.count; ++i)
+      if (normal.dot(lowest[i] - corner) < -kLevel) return false;
+    return true;
+  }
+  static constexpr int kMost = 64;
+  static constexpr double kLevel = 1e-6;  // m
+  const mjModel* model_;
+  const mjData* data_;
+  int shape_;
+  bool is_capsule_;
+  std::array<Vector3, kMost> corners_;
+  int count_ = 0;
+};
+
+// MuJoCo takes each column for a body of its own. What it finds at the side of one, where another stands, is
+// left out, or what slides would catch there. In its place count the corners of the shape, which are where it
+// rests on ground that is even or hollow; what columns say right are the peaks and ridges.
+int OfTheSurface(const mjModel* m, const mjData* d, int field, int shape, double margin, int count,
+                 mjPreContact* contacts) {
+  FieldCorners corners(m, d, shape);
+  std::array<Vector3, mjMAXCONPAIR> faces;  // normals of the ground here
+  int num_faces = 0, num_right = 0;
+  const auto add_face = [&](const Vector3& n) {
+    const auto end = faces.begin() + num_faces;
+    if (std::any_of(faces.begin(), end, [&](const Vector3& f) { return f.dot(n) > kSameNormal; })) return;
+    faces[static_cast<std::size_t>(num_faces++)] = n;
+    corners.AddFace(n);
+  };
+  for (int i = 0; i < count; ++i) {
+    const Vector3 n = Eigen::Map<const Vector3>(contacts[i].normal);
+    const Vector3 on_ground = Eigen::Map<const Vector3>(contacts[i].pos) - 0.5 * contacts[i].dist * n;
+    std::array<mjPreContact, 16> nearest;
+    if (SupportsFromBelow(m, d, field, on_ground, n)) {
+      contacts[num_right++] = contacts[i];
+      add_face(n);
+    } else if (BallOnGrid(m, d, nearest.data(), field, on_ground, 0, 1e-3) > 0) {
+      add_face(Eigen::Map<const Vector3>(nearest[0].normal));
+    }
+  }
+  FieldContacts kept;
+  corners.Report(field, margin, kept);
+  for (int i = 0; i < num_right; ++i) kept.Add(contacts[i]);  // after corners, which count first among equals
+  return kept.Write(contacts);
 }
 
 int ConvexOnField(const mjModel* m, mjData* d, mjPreContact* contacts, int field, int shape, mjtNum margin) {
@@ -220,8 +318,7 @@ int ConvexOnField(const mjModel* m, mjData* d, mjPreContact* contacts, int field
     count = found;
     margin = within;
   }
-  if (count == mjMAXCONPAIR) AddCorners(m, d, field, shape, wanted, contacts);
-  return count;
+  return OfTheSurface(m, d, field, shape, wanted, count, contacts);
 }
 
 int ConvexOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {

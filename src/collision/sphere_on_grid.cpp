@@ -76,6 +76,20 @@ struct Grid {
   }
 };
 
+// Two faces that have a corner in common, each of which stands above the other's plane: what is under both is
+// held by both.
+bool MakeValley(const Triangle& a, const Triangle& b) {
+  constexpr double kRises = 1e-3;  // rad: less is level but for rounding
+  const auto stands_above = [](const Triangle& t, const Triangle& other) {
+    const Vector3 way = (t[0] + t[1] + t[2]) / 3 - other[0];
+    return Up(other).dot(way) > kRises * way.norm();
+  };
+  const bool meet = std::any_of(
+      a.begin(), a.end(), [&](const Vector3& v) { return std::find(b.begin(), b.end(), v) != b.end(); });
+  return meet && stands_above(a, b) && stands_above(b, a);
+}
+
+constexpr double kNear = 1e-6;  // m
 constexpr int kMost = 16;  // contacts, and faces that are told apart at once; MuJoCo has room for 50
 
 // Keeps the nearest ones, in order.
@@ -119,6 +133,7 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
       Grid::Cells(c.x() - reach, c.x() + reach, grid.half.x(), grid.columns);
   const auto [row_from, row_to] = Grid::Cells(c.y() - reach, c.y() + reach, grid.half.y(), grid.rows);
   NearestFaces above, below;
+  Nearest right_above;
   bool is_under = false;
   for (int row = row_from; row <= row_to; ++row)
     for (int column = column_from; column <= column_to; ++column)
@@ -131,7 +146,10 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
           Triangle flat = face;
           for (Vector3& v : flat) v.z() = 0;
           const Vector3 c_flat(c.x(), c.y(), 0);
-          is_under |= (ClosestPoint(flat, c_flat) - c_flat).norm() <= 1e-12 * grid.half.norm();
+          if ((ClosestPoint(flat, c_flat) - c_flat).norm() <= 1e-12 * grid.half.norm()) {
+            is_under = true;
+            right_above = {face, c - height * up, up, -height};
+          }
           if (inside) below.Add({face, p, up, distance});
         } else if (distance < reach) {
           above.Add({face, p, inside ? up : Vector3((c - p) / distance), distance});
@@ -147,8 +165,26 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
     Eigen::Map<Vector3>(out.tangent).setZero();
     Eigen::Map<Vector3>(out.pos) = surface + 0.5 * gap * normal;
   };
+  // What is about the bottom of a valley is held by both sides, also where only one is straight above or
+  // below.
+  auto report_valley = [&](const Nearest& nearest, double height_of_nearest) {
+    for (int row = row_from; row <= row_to; ++row)
+      for (int column = column_from; column <= column_to; ++column)
+        for (int which : {0, 1}) {
+          const Triangle face = grid.Face(row, column, which);
+          const Vector3 up = Up(face);
+          const double height = up.dot(c - face[0]);
+          if (count == kMost || !(height < reach) || !MakeValley(face, nearest.triangle)) continue;
+          const Vector3 foot = c - height * up;
+          const double beside = (ClosestPoint(face, foot) - foot).norm();
+          if (height < 0 || (beside > 0 && beside <= std::min(height_of_nearest, kNear) + kNear))
+            report({face, foot, up, 0}, height - radius);
+        }
+  };
   if (is_under) {
-    if (below.size() > 0) report(below[0], -below[0].distance - radius);
+    const Nearest nearest = below.size() > 0 ? below[0] : right_above;  // none: under the bottom of a valley
+    report(nearest, -nearest.distance - radius);
+    report_valley(nearest, 0);
     return count;
   }
   // Nearest among neighbours: no face that has this point too comes nearer. Of equal ones the first counts.
@@ -159,7 +195,31 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
       is_least = (ClosestPoint(above[k].triangle, above[i].point) - above[i].point).norm() > same;
     if (is_least) report(above[i], above[i].distance - radius);
   }
+  if (radius == 0 && above.size() > 0) report_valley(above[0], above[0].distance);
   return count;
+}
+
+bool SupportsFromBelow(const mjModel* model, const mjData* data, int geom_of_grid, const Vector3& point,
+                       const Vector3& normal) {
+  constexpr double kOn = 1e-6;    // m: MuJoCo keeps heights as floats
+  constexpr double kBend = 1e-3;  // rad that a neighbour may rise by: what is level but for rounding
+  const Grid grid(model, geom_of_grid);
+  const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(data->geom_xmat + 9 * geom_of_grid);
+  const Vector3 p = R.transpose() * (point - Eigen::Map<const Vector3>(data->geom_xpos + 3 * geom_of_grid));
+  const Vector3 n = R.transpose() * normal;
+  const auto [column_from, column_to] = Grid::Cells(p.x() - kOn, p.x() + kOn, grid.half.x(), grid.columns);
+  const auto [row_from, row_to] = Grid::Cells(p.y() - kOn, p.y() + kOn, grid.half.y(), grid.rows);
+  bool on_it = false;
+  for (int row = row_from; row <= row_to; ++row)
+    for (int column = column_from; column <= column_to; ++column)
+      for (int which : {0, 1}) {
+        const Triangle face = grid.Face(row, column, which);
+        if ((ClosestPoint(face, p) - p).norm() > kOn) continue;
+        on_it = true;
+        for (const Vector3& corner : face)
+          if (n.dot(corner - p) > kBend * (corner - p).norm() + kOn) return false;
+      }
+  return on_it;
 }
 
 }  // namespace fork1s::internal

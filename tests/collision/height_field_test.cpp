@@ -185,5 +185,31 @@ TEST(ShapeOnGrid, TheNearestColumnIsFoundHoweverManyThereAre) {
   }
 }
 
+// An edge of a box along the bottom of a valley is held by both of its sides, at both ends, a little above
+// the bottom as under it, where neither side is straight above.
+TEST(ShapeOnGrid, AnEdgeInAValleyLeansOnBothSides) {
+  constexpr double kSlope = 0.3, kHalf = 0.05;
+  const HeightField field = Field([](double x, double) { return 0.01 + kSlope * std::abs(x); });
+  const double steep = 1 / std::sqrt(1 + kSlope * kSlope);
+  for (const double above : {1e-4, 2e-6, 0.0, -2e-6, -1e-4})
+    for (const double beside : {0.0, 1e-7, -1e-6}) {
+      const RigidTransform X(ExpRotation(Vector3(0, 0.25 * 3.14159265358979323846, 0)),
+                             Vector3(beside, 0.003, 0.01 + above + std::sqrt(2.0) * kHalf));
+      const auto contacts =
+          Contacts({Still(field), Moving(Box{Vector3(kHalf, 0.06, kHalf)}, X)}, {}, {.margin = 0.001});
+      for (const int side : {-1, 1}) {
+        double front = -1, back = 1;
+        for (const ContactPoint& c : contacts) {
+          if ((GroundNormal(c) - steep * Vector3(side * kSlope, 0, 1)).norm() > 1e-6) continue;
+          EXPECT_NEAR(c.gap, steep * (above + side * kSlope * beside), 2 * kFloat);
+          front = std::max(front, c.point.y());
+          back = std::min(back, c.point.y());
+        }
+        EXPECT_NEAR(front, 0.063, 1e-5) << above << ' ' << beside << ' ' << side;
+        EXPECT_NEAR(back, -0.057, 1e-5) << above << ' ' << beside << ' ' << side;
+      }
+    }
+}
+
 }  // namespace
 }  // namespace fork1s
