@@ -60,26 +60,31 @@ tl::unexpected<Error> Interrupted(const std::string& out) {
   return Fail(ErrorCode::kFile, out, "was not written: the film was interrupted");
 }
 
-// A program without input, whose output goes nowhere.
+// A program without input, whose output goes nowhere, and whose temporary files go into `temporary`: a
+// browser that is killed removes none of its own.
 class Child {
  public:
-  explicit Child(std::vector<std::string> arguments) {
+  Child(std::vector<std::string> arguments, const std::string& temporary) {
     std::vector<char*> argv;
     for (std::string& a : arguments) argv.push_back(a.data());
     argv.push_back(nullptr);
+    prctl(PR_SET_CHILD_SUBREAPER, 1);  // helpers that outlive the child are waited for, here
     pid_ = fork();
+    group_ = pid_;
+    if (pid_ > 0) setpgid(pid_, pid_);  // on both sides: whichever comes first
     if (pid_ != 0) return;
     setpgid(0, 0);
     prctl(PR_SET_PDEATHSIG, SIGKILL);  // should this program be killed
+    setenv("TMPDIR", temporary.c_str(), 1);
     const int nowhere = open("/dev/null", O_RDWR);
     for (int fd : {0, 1, 2}) dup2(nowhere, fd);
     execv(argv[0], argv.data());
     _exit(127);
   }
   ~Child() {
-    if (pid_ <= 0) return;
-    kill(-pid_, SIGKILL);  // with the helpers that it started
-    waitpid(pid_, nullptr, 0);
+    if (group_ <= 0 || waitpid(-group_, nullptr, WNOHANG) < 0) return;  // none is left
+    kill(-group_, SIGKILL);  // with the helpers that it started, which may write until they are gone
+    while (waitpid(-group_, nullptr, 0) > 0) continue;
   }
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
@@ -93,7 +98,7 @@ class Child {
   }
 
  private:
-  pid_t pid_;
+  pid_t pid_, group_;
 };
 
 struct TemporaryFolder {
@@ -141,7 +146,7 @@ struct Frames {
   }
 };
 
-Expected<void> Draw(std::string_view page, const std::string& chromium, const std::string& profile,
+Expected<void> Draw(std::string_view page, const std::string& chromium, const std::string& folder,
                     const VideoOptions& options, Frames& frames) {
   ServerOptions serve;
   serve.port = 0;
@@ -154,9 +159,10 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
   Child browser({chromium, "--headless", "--no-sandbox", "--use-angle=swiftshader",
                  "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
                  "--disable-background-networking", "--disable-component-update", "--disable-sync",
-                 "--hide-scrollbars", "--remote-debugging-port=0", "--user-data-dir=" + profile,
+                 "--hide-scrollbars", "--remote-debugging-port=0", "--user-data-dir=" + folder + "/profile",
                  fmt::format("--window-size={},{}", options.width, options.height),
-                 fmt::format("http://127.0.0.1:{}/#{}", server->port(), Wish(options))});
+                 fmt::format("http://127.0.0.1:{}/#{}", server->port(), Wish(options))},
+                folder);
   ProgressBar bar("drawing");
   constexpr auto kPatience = std::chrono::seconds(60);
   auto last = std::chrono::steady_clock::now();
@@ -206,7 +212,7 @@ Expected<int> RenderVideo(std::string_view page, const std::string& out, const V
   std::error_code failed;
   fs::create_directories(frames.folder, failed);
   if (failed) return Fail(ErrorCode::kFile, frames.folder, "cannot be made (" + failed.message() + ")");
-  if (auto drawn = Draw(page, chromium, work.path + "/profile", options, frames); !drawn)
+  if (auto drawn = Draw(page, chromium, work.path, options, frames); !drawn)
     return tl::unexpected(drawn.error());
   if (picture) {
     std::ifstream drawn(frames.folder + "/000000.png", std::ios::binary);
@@ -219,9 +225,10 @@ Expected<int> RenderVideo(std::string_view page, const std::string& out, const V
   // The first bytes of an MP4 file are the length of what begins with "ftyp".
   auto output = OutputFile::Create(out, {"an MP4 film", std::string_view("\0\0\0", 3)});
   if (!output) return tl::unexpected(output.error());
-  Child encoder({ffmpeg, "-y", "-loglevel", "error", "-framerate", "60", "-i", frames.folder + "/%06d.png",
-                 "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart",
-                 output->part()});
+  Child encoder(
+      {ffmpeg, "-y", "-loglevel", "error", "-framerate", "60", "-i", frames.folder + "/%06d.png", "-vf",
+       "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart", output->part()},
+      work.path);
   int code = -1;
   while ((code = encoder.Ended()) < 0) {
     if (interrupted) return Interrupted(out);

@@ -43,7 +43,12 @@ TEST(Film, InterruptedLeavesNoBrowserAndNoFolder) {
     }
     int status = 0;
     bool ended = false;
-    const auto drawing = [&] { return !fs::is_empty(temporary) && IsRunning(temporary.string()); };
+    const auto drawing =
+        [&] {  // its profile lies there: it is past its first words, at any moment of its start
+          for (const fs::directory_entry& work : fs::directory_iterator(temporary))
+            if (fs::exists(work.path() / "profile")) return IsRunning(temporary.string());
+          return false;
+        };
     for (int i = 0; i < 3000 && !ended && !drawing(); ++i) {
       usleep(10000);
       ended = waitpid(child, &status, WNOHANG) == child;
