@@ -4,18 +4,6 @@
 #include <cmath>
 
 namespace fork1s::internal {
-namespace {
-
-// Plain loops over freedoms, not Eigen's: where Eigen starts its packets depends on the address, and with it
-// the last bit.
-void AddProduct(const double* const* y, const Vector6& t, int n, double* __restrict out) {
-  const double *y0 = y[0], *y1 = y[1], *y2 = y[2], *y3 = y[3], *y4 = y[4], *y5 = y[5];
-  for (int i = 0; i < n; ++i)
-    out[i] += y0[i] * t[0] + y1[i] * t[1] + y2[i] * t[2] + y3[i] * t[3] + y4[i] * t[4] + y5[i] * t[5];
-}
-
-}  // namespace
-
 Vector3 CompliantRows::Speed(const PairRows& pair, const PointRows& point) const {
   Vector3 w = point.base + point.offset;
   if (pair.port_a >= 0) w += point.J_a.lazyProduct(ports[static_cast<std::size_t>(pair.port_a)].change);
@@ -168,51 +156,6 @@ void CompliantRows::AddChange(const double* d, Eigen::Ref<VectorX> velocities) c
       for (int i = 0; i < f.count; ++i) change += y[i] * d[f.begin + i];
       velocities[f.offset + r] += change;
     }
-}
-
-void CompliantRows::AddBlocks(double* H_data, double diagonal) {
-  const auto n = static_cast<std::size_t>(freedoms_);
-  std::fill_n(H_data, n * n, 0.0);
-  for (std::size_t i = 0; i < n; ++i) H_data[i * (n + 1)] = diagonal;
-  const auto add = [&](const PortRows& left, const Matrix6& S, const PortRows& right) {
-    if (S.isZero(0)) return;  // nothing touches there
-    const double* y[6];
-    for (int k = 0; k < 6; ++k) y[k] = left.Y + static_cast<std::ptrdiff_t>(k) * left.stride;
-    for (int c = 0; c < right.freedoms; ++c) {
-      Vector6 row, t;
-      for (int k = 0; k < 6; ++k) row[k] = right.Y[static_cast<std::ptrdiff_t>(k) * right.stride + c];
-      t = S.lazyProduct(row);
-      AddProduct(y, t, left.freedoms,
-                 H_data + static_cast<std::ptrdiff_t>(right.begin + c) * freedoms_ + left.begin);
-    }
-  };
-  // The same with what stands apart in the place of the rest.
-  const auto apart = [](const PortRows& port) {
-    PortRows out;
-    out.Y = port.Y_apart;
-    out.stride = port.stride;
-    out.begin = port.begin_apart;
-    out.freedoms = port.freedoms_apart;
-    return out;
-  };
-  const auto add_apart = [&](const PortRows& left, const Matrix6& S, const PortRows& right) {
-    if (left.freedoms_apart > 0) add(apart(left), S, right);
-    if (right.freedoms_apart > 0) add(left, S, apart(right));
-    if (left.freedoms_apart > 0 && right.freedoms_apart > 0) add(apart(left), S, apart(right));
-  };
-  for (const PortRows& port : ports) {
-    add(port, port.S, port);
-    add_apart(port, port.S, port);
-  }
-  for (std::size_t p = 0; p < pairs.size(); ++p) {
-    if (pairs[p].port_a < 0 || pairs[p].port_b < 0) continue;
-    const PortRows& a = ports[static_cast<std::size_t>(pairs[p].port_a)];
-    const PortRows& b = ports[static_cast<std::size_t>(pairs[p].port_b)];
-    add(a, S_ab_[p], b);
-    add(b, S_ba_[p], a);
-    add_apart(a, S_ab_[p], b);
-    add_apart(b, S_ba_[p], a);
-  }
 }
 
 void CompliantRows::Derivative(double* H_data) {

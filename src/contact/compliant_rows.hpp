@@ -13,50 +13,11 @@
 #include <vector>
 
 #include "point_law.hpp"
+#include "port_rows.hpp"
 
 namespace fork1s::internal {
 
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
-
-struct PortRows {
-  const double* Y = nullptr;  // freedoms x 6
-  int stride = 0;
-  int begin = 0, freedoms = 0;  // of d
-  // A foot has its leg's and, with those of other legs between them, the base's.
-  const double* Y_apart = nullptr;  // freedoms_apart x 6, of the same stride
-  int begin_apart = 0, freedoms_apart = 0;
-  int row = 0;                       // in the stacked velocities
-  Vector6 change = Vector6::Zero();  // Yᵀ d
-  Vector6 push = Vector6::Zero();    // impulse on the port
-  Matrix6 S = Matrix6::Zero();       // Σ Jᵀ D J
-  Matrix6 W = Matrix6::Zero();       // Yᵀ Y
-
-  void SetChange(const double* d) {
-    for (int c = 0; c < 6; ++c)
-      change[c] = Change(Y + static_cast<std::ptrdiff_t>(c) * stride, d + begin, freedoms);
-    if (freedoms_apart == 0) return;
-    for (int c = 0; c < 6; ++c)
-      change[c] += Change(Y_apart + static_cast<std::ptrdiff_t>(c) * stride, d + begin_apart, freedoms_apart);
-  }
-  /// sum += Y push
-  void AddTo(double* sum) const {
-    for (int c = 0; c < 6; ++c)
-      Add(push[c], Y + static_cast<std::ptrdiff_t>(c) * stride, freedoms, sum + begin);
-    if (freedoms_apart == 0) return;
-    for (int c = 0; c < 6; ++c)
-      Add(push[c], Y_apart + static_cast<std::ptrdiff_t>(c) * stride, freedoms_apart, sum + begin_apart);
-  }
-
- private:
-  static double Change(const double* y, const double* x, int n) {
-    double sum = 0;
-    for (int i = 0; i < n; ++i) sum += y[i] * x[i];
-    return sum;
-  }
-  static void Add(double factor, const double* y, int n, double* out) {
-    for (int i = 0; i < n; ++i) out[i] += factor * y[i];
-  }
-};
 
 struct PointRows {
   Matrix36 J_a = Matrix36::Zero(), J_b = Matrix36::Zero();
@@ -96,6 +57,7 @@ struct PointRows {
 /// Points of one pair of ports, one after another.
 struct PairRows {
   int port_a = -1, port_b = -1;  // of `ports`
+  int next_of_a = -1, next_of_b = -1;  // pair of the same port
   int first = 0, count = 0;
   double R_n = 0, R_t = 0, least_R = 0;
 };
@@ -195,8 +157,10 @@ class CompliantRows {
   void ApplyGive(const PairRows& pair);
   void FadeSqueeze();
   void GatherPush(double LimitRows::*borne);
-  /// diagonal + Σ Y S Yᵀ
+  /// diagonal + Σ Y S Yᵀ (blocks.cpp)
   void AddBlocks(double* H, double diagonal);
+  void MeetLeft(const PortRows& left, const Matrix6& S);
+  void MeetRight(const double* Y, int stride, int begin, int freedoms, double* H) const;
 
   int freedoms_ = 0;
   double share_ = 1;  // σ
@@ -208,6 +172,11 @@ class CompliantRows {
   std::vector<Matrix6> S_ab_, S_ba_;  // a pair
   std::vector<double> push_, F_;
   std::vector<double> squeeze_H_, squeeze_;
+  std::vector<double> U_;  // freedoms x 6
+  struct Span {
+    int begin, end;
+  };
+  std::vector<Span> spans_;  // rows of U_ that are not zero
 };
 
 }  // namespace fork1s::internal

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 #include <tuple>
+#include <utility>
 
 #include "compliant_rows.hpp"
 
@@ -68,6 +69,8 @@ void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities
   push_.reserve(velocities);
   F_.reserve(velocities);
   squeeze_.reserve(velocities);
+  U_.reserve(6 * velocities);
+  spans_.reserve(velocities);
   squeeze_H_.reserve(velocities * velocities);
   storage_.reserve(velocities * static_cast<std::size_t>(num_freedoms));
 }
@@ -142,15 +145,7 @@ int CompliantRows::PortAt(const std::vector<VelocityBlock>& blocks, int row) {
   port.row = row;
   const double* Y = f.Y + static_cast<std::ptrdiff_t>(row - block.offset) * f.stride;
   FindFreedoms(Y, f.begin, f.count, port);
-  for (int c = 0; c < 6; ++c)
-    for (int r = 0; r <= c; ++r) {
-      const auto r_at = static_cast<std::ptrdiff_t>(r) * port.stride,
-                 c_at = static_cast<std::ptrdiff_t>(c) * port.stride;
-      double sum = 0;
-      for (int i = 0; i < port.freedoms; ++i) sum += port.Y[r_at + i] * port.Y[c_at + i];
-      for (int i = 0; i < port.freedoms_apart; ++i) sum += port.Y_apart[r_at + i] * port.Y_apart[c_at + i];
-      port.W(r, c) = port.W(c, r) = sum;
-    }
+  port.SetW();
   return known;
 }
 
@@ -308,6 +303,11 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
       PairRows& pair = pairs.emplace_back();
       pair.port_a = PortAt(blocks, c.port_a);
       pair.port_b = PortAt(blocks, c.port_b);
+      const int here = static_cast<int>(pairs.size()) - 1;
+      if (pair.port_a >= 0)
+        pair.next_of_a = std::exchange(ports[static_cast<std::size_t>(pair.port_a)].first_pair, here);
+      if (pair.port_b >= 0)
+        pair.next_of_b = std::exchange(ports[static_cast<std::size_t>(pair.port_b)].first_pair, here);
       pair.first = static_cast<int>(i);
     }
     ++pairs.back().count;

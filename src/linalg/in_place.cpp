@@ -9,10 +9,8 @@
 namespace fork1s {
 namespace {
 
-// Plain loops, or fours from the start: where Eigen's own loops start their packets depends on the address,
-// and with it the last bit.
-void Subtract(double factor, const double* __restrict x, int n, double* __restrict y) {
-  for (int i = 0; i < n; ++i) y[i] -= factor * x[i];
+void Subtract(double factor, const double* x, int n, double* y) {
+  ByFours(n, [&](const auto& at) { at(y) -= factor * at(x); });
 }
 
 // kColumns right sides next to each other, rows swapped already.
@@ -33,25 +31,18 @@ void SolveColumnsWithLu(const double* LU, int n, std::ptrdiff_t stride, double* 
   }
 }
 
-// Columns c to c + 3 below row k, less what stands in row k times x: x is read once for the four.
-void SubtractFromFour(const double* x, int rest, int k, int n, double* c) {
-  double *c0 = c + k, *c1 = c0 + n, *c2 = c1 + n, *c3 = c2 + n;
-  const double f0 = *c0++, f1 = *c1++, f2 = *c2++, f3 = *c3++;
+// Four columns of length `stride` apart, less `factors` times x: x is read once for the four.
+void SubtractFromFour(const double* x, int n, const double* factors, int stride, double* c0) {
+  double *c1 = c0 + stride, *c2 = c1 + stride, *c3 = c2 + stride;
+  const double f0 = factors[0], f1 = factors[1], f2 = factors[2], f3 = factors[3];
   if (f0 == 0 && f1 == 0 && f2 == 0 && f3 == 0) return;
-  int i = 0;
-  for (; i + 4 <= rest; i += 4) {
-    const Quad four = QuadAt(x + i);
-    QuadAt(c0 + i) -= f0 * four;
-    QuadAt(c1 + i) -= f1 * four;
-    QuadAt(c2 + i) -= f2 * four;
-    QuadAt(c3 + i) -= f3 * four;
-  }
-  for (; i < rest; ++i) {
-    c0[i] -= f0 * x[i];
-    c1[i] -= f1 * x[i];
-    c2[i] -= f2 * x[i];
-    c3[i] -= f3 * x[i];
-  }
+  ByFours(n, [&](const auto& at) {
+    const typename decltype(at(x))::PlainObject some = at(x);
+    at(c0) -= f0 * some;
+    at(c1) -= f1 * some;
+    at(c2) -= f2 * some;
+    at(c3) -= f3 * some;
+  });
 }
 
 double* Column(double* A, int n, int k) { return A + static_cast<std::ptrdiff_t>(k) * n; }
@@ -62,18 +53,26 @@ bool FactorLu(double* A, int n, int* pivots) {
   for (int k = 0; k < n; ++k) {
     double* ak = Column(A, n, k);
     int pivot = k;
+    double largest = std::abs(ak[k]);
     for (int i = k + 1; i < n; ++i)
-      if (std::abs(ak[i]) > std::abs(ak[pivot])) pivot = i;
-    if (!(std::abs(ak[pivot]) > 1e-300)) return false;
+      if (std::abs(ak[i]) > largest) {
+        largest = std::abs(ak[i]);
+        pivot = i;
+      }
+    if (!(largest > 1e-300)) return false;
     pivots[k] = pivot;
     if (pivot != k)
       for (int j = 0; j < n; ++j) std::swap(Column(A, n, j)[k], Column(A, n, j)[pivot]);
     const int rest = n - k - 1;
     double* lower = ak + k + 1;
     const double inverse = 1 / ak[k];
-    for (int i = 0; i < rest; ++i) lower[i] *= inverse;
+    ByFours(rest, [&](const auto& at) { at(lower) *= inverse; });
     int j = k + 1;
-    for (; j + 4 <= n; j += 4) SubtractFromFour(lower, rest, k, n, Column(A, n, j));
+    for (; j + 4 <= n; j += 4) {
+      double* c = Column(A, n, j);
+      const double factors[] = {c[k], Column(c, n, 1)[k], Column(c, n, 2)[k], Column(c, n, 3)[k]};
+      SubtractFromFour(lower, rest, factors, n, c + k + 1);
+    }
     for (; j < n; ++j) Subtract(Column(A, n, j)[k], lower, rest, Column(A, n, j) + k + 1);
   }
   return true;
@@ -130,20 +129,14 @@ void SolveLower(const double* L, int n, int stride, double* Y, int columns, int 
       const double* l = L + static_cast<std::ptrdiff_t>(k) * stride;
       const double inverse = 1 / l[k];
       const double v0 = y0[k] *= inverse, v1 = y1[k] *= inverse, v2 = y2[k] *= inverse, v3 = y3[k] *= inverse;
-      int i = k + 1;
-      for (; i + 4 <= n; i += 4) {
-        const Quad four = QuadAt(l + i);
-        QuadAt(y0 + i) -= v0 * four;
-        QuadAt(y1 + i) -= v1 * four;
-        QuadAt(y2 + i) -= v2 * four;
-        QuadAt(y3 + i) -= v3 * four;
-      }
-      for (; i < n; ++i) {
-        y0[i] -= v0 * l[i];
-        y1[i] -= v1 * l[i];
-        y2[i] -= v2 * l[i];
-        y3[i] -= v3 * l[i];
-      }
+      const double* below = l + k + 1;
+      ByFours(n - k - 1, [&](const auto& at) {
+        const typename decltype(at(below))::PlainObject some = at(below);
+        at(y0 + k + 1) -= v0 * some;
+        at(y1 + k + 1) -= v1 * some;
+        at(y2 + k + 1) -= v2 * some;
+        at(y3 + k + 1) -= v3 * some;
+      });
     }
   }
   for (; c < columns; ++c) {
@@ -164,7 +157,10 @@ bool SolveByCholesky(double* A, int n, double* x) {
     const double root = std::sqrt(ak[k]), inverse = 1 / root;
     ak[k] = root;
     for (int i = k + 1; i < n; ++i) ak[i] *= inverse;
-    for (int j = k + 1; j < n; ++j)
+    int j = k + 1;
+    for (; j + 4 <= n; j += 4)  // above the diagonal nobody reads
+      SubtractFromFour(ak + j, n - j, ak + j, n, Column(A, n, j) + j);
+    for (; j < n; ++j)
       if (ak[j] != 0) Subtract(ak[j], ak + j, n - j, Column(A, n, j) + j);
     x[k] *= inverse;
     Subtract(x[k], ak + k + 1, n - k - 1, x + k + 1);

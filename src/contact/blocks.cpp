@@ -1,0 +1,68 @@
+// The sum over ports that touch, Σ Y_left S Y_rightᵀ, in freedoms.
+//
+// Every port is on the right once: what stands left of it, U = Σ Y_left S, is summed over all that it
+// touches, and each of its freedoms then meets the whole of U. A finger that has the freedoms of its hand
+// would else pass over them once for itself and once for each thing that it touches.
+#include <algorithm>
+#include <fork1s/base/quad.hpp>
+
+#include "compliant_rows.hpp"
+
+namespace fork1s::internal {
+void CompliantRows::MeetLeft(const PortRows& left, const Matrix6& S) {
+  if (S.isZero(0)) return;  // nothing touches there
+  const auto meet = [&](const double* Y, int begin, int freedoms) {
+    if (freedoms == 0) return;
+    for (int c = 0; c < 6; ++c)
+      AddSixColumns(Y, left.stride, S.data() + static_cast<std::ptrdiff_t>(c) * 6, freedoms,
+                    U_.data() + static_cast<std::ptrdiff_t>(c) * freedoms_ + begin);
+    Span span{begin, begin + freedoms};
+    std::erase_if(spans_, [&](const Span& other) {
+      if (other.end < span.begin || span.end < other.begin) return false;
+      span = {std::min(span.begin, other.begin), std::max(span.end, other.end)};
+      return true;
+    });
+    spans_.push_back(span);
+  };
+  meet(left.Y, left.begin, left.freedoms);
+  meet(left.Y_apart, left.begin_apart, left.freedoms_apart);
+}
+
+void CompliantRows::MeetRight(const double* Y, int stride, int begin, int freedoms, double* H) const {
+  for (int c = 0; c < freedoms; ++c) {
+    double row[6];
+    for (int k = 0; k < 6; ++k) row[k] = Y[static_cast<std::ptrdiff_t>(k) * stride + c];
+    double* column = H + static_cast<std::ptrdiff_t>(begin + c) * freedoms_;
+    for (const Span& span : spans_)
+      AddSixColumns(U_.data() + span.begin, freedoms_, row, span.end - span.begin, column + span.begin);
+  }
+}
+
+void CompliantRows::AddBlocks(double* H, double diagonal) {
+  const auto n = static_cast<std::size_t>(freedoms_);
+  std::fill_n(H, n * n, 0.0);
+  for (std::size_t i = 0; i < n; ++i) H[i * (n + 1)] = diagonal;
+  U_.assign(6 * n, 0.0);
+  for (std::size_t r = 0; r < ports.size(); ++r) {
+    const PortRows& right = ports[r];
+    MeetLeft(right, right.S);
+    for (int p = right.first_pair; p >= 0;) {
+      const auto at = static_cast<std::size_t>(p);
+      const PairRows& pair = pairs[at];
+      const bool is_a = pair.port_a == static_cast<int>(r);
+      const int other = is_a ? pair.port_b : pair.port_a;
+      if (other >= 0) MeetLeft(ports[static_cast<std::size_t>(other)], is_a ? S_ba_[at] : S_ab_[at]);
+      p = is_a ? pair.next_of_a : pair.next_of_b;
+    }
+    MeetRight(right.Y, right.stride, right.begin, right.freedoms, H);
+    MeetRight(right.Y_apart, right.stride, right.begin_apart, right.freedoms_apart, H);
+    for (const Span& span : spans_)
+      for (std::ptrdiff_t c = 0; c < 6; ++c) {
+        double* u = U_.data() + c * freedoms_ + span.begin;
+        ByFours(span.end - span.begin, [&](const auto& at) { at(u).setZero(); });
+      }
+    spans_.clear();
+  }
+}
+
+}  // namespace fork1s::internal

@@ -1,0 +1,65 @@
+#include "port_rows.hpp"
+
+#include <fork1s/base/quad.hpp>
+
+namespace fork1s::internal {
+namespace {
+
+// Yᵀ x, Y of n rows and six columns.
+Vector6 SixDots(const double* Y, int stride, const double* x, int n) {
+  const double *y0 = Y, *y1 = y0 + stride, *y2 = y1 + stride, *y3 = y2 + stride, *y4 = y3 + stride,
+               *y5 = y4 + stride;
+  Quad s0 = Quad::Zero(), s1 = s0, s2 = s0, s3 = s0, s4 = s0, s5 = s0;
+  ByFours(n, [&](const auto& at) {
+    using Some = typename decltype(at(x))::PlainObject;
+    constexpr int kSize = Some::RowsAtCompileTime;
+    const Some some = at(x);
+    s0.head<kSize>() += at(y0).cwiseProduct(some);
+    s1.head<kSize>() += at(y1).cwiseProduct(some);
+    s2.head<kSize>() += at(y2).cwiseProduct(some);
+    s3.head<kSize>() += at(y3).cwiseProduct(some);
+    s4.head<kSize>() += at(y4).cwiseProduct(some);
+    s5.head<kSize>() += at(y5).cwiseProduct(some);
+  });
+  Vector6 sums;
+  sums << s0.sum(), s1.sum(), s2.sum(), s3.sum(), s4.sum(), s5.sum();
+  return sums;
+}
+
+}  // namespace
+
+void AddSixColumns(const double* X, int stride, const double* t, int n, double* out) {
+  const double *x0 = X, *x1 = x0 + stride, *x2 = x1 + stride, *x3 = x2 + stride, *x4 = x3 + stride,
+               *x5 = x4 + stride;
+  const double t0 = t[0], t1 = t[1], t2 = t[2], t3 = t[3], t4 = t[4], t5 = t[5];
+  ByFours(n, [&](const auto& at) {
+    using Some = typename decltype(at(out))::PlainObject;
+    Some sum = at(out) + t0 * at(x0);
+    sum += t1 * at(x1);
+    sum += t2 * at(x2);
+    sum += t3 * at(x3);
+    sum += t4 * at(x4);
+    sum += t5 * at(x5);
+    at(out) = sum;
+  });
+}
+
+void PortRows::SetChange(const double* d) {
+  change = SixDots(Y, stride, d + begin, freedoms);
+  if (freedoms_apart > 0) change += SixDots(Y_apart, stride, d + begin_apart, freedoms_apart);
+}
+
+void PortRows::AddTo(double* sum) const {
+  AddSixColumns(Y, stride, push.data(), freedoms, sum + begin);
+  if (freedoms_apart > 0) AddSixColumns(Y_apart, stride, push.data(), freedoms_apart, sum + begin_apart);
+}
+
+void PortRows::SetW() {
+  for (int c = 0; c < 6; ++c) {
+    const auto at = static_cast<std::ptrdiff_t>(c) * stride;
+    W.col(c) = SixDots(Y, stride, Y + at, freedoms);
+    if (freedoms_apart > 0) W.col(c) += SixDots(Y_apart, stride, Y_apart + at, freedoms_apart);
+  }
+}
+
+}  // namespace fork1s::internal

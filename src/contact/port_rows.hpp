@@ -1,0 +1,32 @@
+// What a port is in freedoms: six columns Y of a frame's twist, and what is summed over them.
+#pragma once
+
+#include <fork1s/base/types.hpp>
+
+namespace fork1s::internal {
+
+/// out += X t, X of n rows and six columns `stride` apart. Sums are by fours from the first row on, here and
+/// below: where Eigen starts its packets depends on the address, and with it the last bit.
+void AddSixColumns(const double* X, int stride, const double* t, int n, double* out);
+
+struct PortRows {
+  const double* Y = nullptr;  // freedoms x 6
+  int stride = 0;
+  int begin = 0, freedoms = 0;  // of d
+  // A foot has its leg's and, with those of other legs between them, the base's.
+  const double* Y_apart = nullptr;  // freedoms_apart x 6, of the same stride
+  int begin_apart = 0, freedoms_apart = 0;
+  int row = 0;                       // in the stacked velocities
+  int first_pair = -1;               // that it is one of; the others by PairRows::next
+  Vector6 change = Vector6::Zero();  // Yᵀ d
+  Vector6 push = Vector6::Zero();    // impulse on the port
+  Matrix6 S = Matrix6::Zero();       // Σ Jᵀ D J
+  Matrix6 W = Matrix6::Zero();       // Yᵀ Y
+
+  void SetChange(const double* d);
+  /// sum += Y push
+  void AddTo(double* sum) const;
+  void SetW();
+};
+
+}  // namespace fork1s::internal
