@@ -153,6 +153,19 @@ MatrixX FeltDirections(const MatrixX& J_V, const internal::ElasticBasis& basis, 
   return Y;
 }
 
+// From the first column that is not zero to the last.
+struct Reach {
+  Eigen::Index first = 0, count = 0;
+
+  explicit Reach(const Eigen::Ref<const MatrixX>& columns) {
+    Eigen::Index end = columns.cols();
+    while (first < end && columns.col(first).isZero(0)) ++first;
+    while (end > first && columns.col(end - 1).isZero(0)) --end;
+    count = end - first;
+  }
+};
+
+// What a finger's bodies weigh only meets the coordinates of that finger: columns are sorted by part.
 void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
   const Mechanism& mechanism = *model.mechanism;
   const int r = model.size();
@@ -161,22 +174,26 @@ void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
   model.M = DiagonalCongruence(mechanism.armature(), model.Q);
   model.M_0z.setZero(6, r);
   model.M_00.setZero();
-  Matrix6X IT(6, r);
   std::size_t j = 0;
   const auto& joints = mechanism.joints();
   for (int i = 0; i < b; ++i) {
     const Mechanism::Body& body = mechanism.bodies()[static_cast<std::size_t>(i)];
     auto T = model.T.middleCols(static_cast<Eigen::Index>(i) * r, r);
     if (body.parent.valid()) T = model.T.middleCols(static_cast<Eigen::Index>(body.parent.value()) * r, r);
-    for (; j < joints.size() && joints[j].body.value() == i; ++j)
-      T += Times(kinematics.S.middleCols(joints[j].offset, joints[j].size),
-                 model.Q.middleRows(joints[j].offset, joints[j].size));
+    for (; j < joints.size() && joints[j].body.value() == i; ++j) {
+      const auto Q = model.Q.middleRows(joints[j].offset, joints[j].size);
+      const Reach own(Q);
+      T.middleCols(own.first, own.count) += Times(kinematics.S.middleCols(joints[j].offset, joints[j].size),
+                                                  Q.middleCols(own.first, own.count));
+    }
     const Matrix6 I = Transform(kinematics.X_RB[static_cast<std::size_t>(i)], body.inertia_B).Matrix();
     model.M_00 += I;
     if (body.last_joint < 0) continue;
-    IT = Times(I, T);
-    model.M_0z += IT;
-    model.M += TransposedTimes(T, IT);
+    const Reach felt(T);
+    const auto T_felt = T.middleCols(felt.first, felt.count);
+    const Matrix6X IT = Times(I, T_felt);
+    model.M_0z.middleCols(felt.first, felt.count) += IT;
+    model.M.block(felt.first, felt.first, felt.count, felt.count) += TransposedTimes(T_felt, IT);
   }
   model.M = 0.5 * (model.M + model.M.transpose()).eval();
 }
