@@ -131,7 +131,7 @@ void CompliantRows::Evaluate(const double* d, bool with_derivative) {
 
 void CompliantRows::GatherPush(double LimitRows::*borne) {
   std::fill(push_.begin(), push_.end(), 0.0);
-  for (const PortRows& port : ports) port.AddTo(push_.data());
+  for (const PortRows& port : ports) port.AddTo(port.push, push_.data());
   for (const LimitRows& limit : limits)
     for (int i = 0; i < limit.freedoms; ++i)
       push_[static_cast<std::size_t>(limit.begin + i)] += limit.sign * limit.*borne * limit.Y[i];

@@ -40,6 +40,7 @@ struct PointRows {
   double held_normal = 0, held_use = 0;
   double use = 0;  // |y| as a share of its bound
   bool fades = false;
+  Vector2 least = Vector2::Zero();  // what `held` fades to
   Vector3 held_moment = Vector3::Zero();
   double frozen_before = 0;
   double reach = 0, least_R = 0;  // sizes before anything cancels
@@ -156,6 +157,8 @@ class CompliantRows {
   void SetGive(PairRows& pair, double most_give);
   void ApplyGive(const PairRows& pair);
   void FadeSqueeze();
+  bool LeastByRows(int rows);
+  bool LeastByFreedoms();
   void GatherPush(double LimitRows::*borne);
   /// diagonal + Σ Y S Yᵀ (blocks.cpp)
   void AddBlocks(double* H, double diagonal);
@@ -171,7 +174,7 @@ class CompliantRows {
   std::vector<double> storage_;       // Y of blocks with fewer rows than freedoms
   std::vector<Matrix6> S_ab_, S_ba_;  // a pair
   std::vector<double> push_, F_;
-  std::vector<double> squeeze_H_, squeeze_;
+  std::vector<double> squeeze_H_, squeeze_, squeeze_rows_;
   std::vector<double> U_;  // freedoms x 6
   struct Span {
     int begin, end;

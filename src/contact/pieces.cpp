@@ -157,7 +157,7 @@ void CompliantRows::PushByShare(double* into) {
       AddPush(pair, point, point.by_share, point.turn_by_share);
     }
   std::fill_n(into, freedoms_, 0.0);
-  for (const PortRows& port : ports) port.AddTo(into);
+  for (const PortRows& port : ports) port.AddTo(port.push, into);
 }
 
 void CompliantRows::MoveOnPieces(const double* s) {

@@ -49,9 +49,9 @@ void PortRows::SetChange(const double* d) {
   if (freedoms_apart > 0) change += SixDots(Y_apart, stride, d + begin_apart, freedoms_apart);
 }
 
-void PortRows::AddTo(double* sum) const {
-  AddSixColumns(Y, stride, push.data(), freedoms, sum + begin);
-  if (freedoms_apart > 0) AddSixColumns(Y_apart, stride, push.data(), freedoms_apart, sum + begin_apart);
+void PortRows::AddTo(const Vector6& wrench, double* sum) const {
+  AddSixColumns(Y, stride, wrench.data(), freedoms, sum + begin);
+  if (freedoms_apart > 0) AddSixColumns(Y_apart, stride, wrench.data(), freedoms_apart, sum + begin_apart);
 }
 
 void PortRows::SetW() {

@@ -24,8 +24,8 @@ struct PortRows {
   Matrix6 W = Matrix6::Zero();       // Yᵀ Y
 
   void SetChange(const double* d);
-  /// sum += Y push
-  void AddTo(double* sum) const;
+  /// sum += Y wrench
+  void AddTo(const Vector6& wrench, double* sum) const;
   void SetW();
 };
 

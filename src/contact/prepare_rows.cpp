@@ -72,6 +72,7 @@ void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities
   U_.reserve(6 * velocities);
   spans_.reserve(velocities);
   squeeze_H_.reserve(velocities * velocities);
+  squeeze_rows_.reserve(velocities * velocities);
   storage_.reserve(velocities * static_cast<std::size_t>(num_freedoms));
 }
 

@@ -5,8 +5,11 @@
 // of what friction each could bear, M = µ λ_n, is
 //     (Σ G_tᵀ M G_t + ε) y = Σ G_tᵀ λ_t,   λ_t' = M G_t y
 // and λ_t goes there as far as cones allow. ε keeps the sum definite where points push in few directions.
+// Where these rows are fewer than freedoms the same comes from the rows' side, with g = M^½ G_t:
+//     (g gᵀ + ε) x = M^-½ λ_t,   λ_t' = λ_t − ε M^½ x
 #include <algorithm>
 #include <cmath>
+#include <fork1s/base/quad.hpp>
 #include <fork1s/linalg/in_place.hpp>
 
 #include "compliant_rows.hpp"
@@ -30,7 +33,6 @@ double ShareWithin(const Vector2& from, const Vector2& to, double bound) {
 }  // namespace
 
 void CompliantRows::FadeSqueeze() {
-  const auto n = static_cast<std::size_t>(freedoms_);
   int sticking = 0;
   for (PointRows& point : points) {
     const double bound = point.law.friction * point.held_normal;
@@ -38,6 +40,66 @@ void CompliantRows::FadeSqueeze() {
     sticking += point.fades ? 1 : 0;
   }
   if (sticking < 2) return;
+  if (!(2 * sticking < freedoms_ ? LeastByRows(2 * sticking) : LeastByFreedoms())) return;
+  double share = 1;
+  for (const PointRows& point : points)
+    if (point.fades)
+      share = std::min(
+          share, ShareWithin(point.held, point.least, kInside * point.law.friction * point.held_normal));
+  for (PointRows& point : points) {
+    if (!point.fades) continue;
+    point.held += share * (point.least - point.held);
+    point.impulse.tail<2>() = point.held;
+  }
+}
+
+bool CompliantRows::LeastByRows(int rows) {
+  const auto n = static_cast<std::size_t>(freedoms_), m = static_cast<std::size_t>(rows);
+  squeeze_rows_.assign(m * n, 0.0);
+  squeeze_H_.resize(m * m);
+  squeeze_.resize(m);
+  std::size_t row = 0;
+  for (const PairRows& pair : pairs)
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      const PointRows& point = points[static_cast<std::size_t>(i)];
+      if (!point.fades) continue;
+      const double root = std::sqrt(point.law.friction * point.held_normal);
+      for (int t = 0; t < 2; ++t, ++row) {
+        double* g = squeeze_rows_.data() + row * n;
+        if (pair.port_a >= 0)
+          ports[static_cast<std::size_t>(pair.port_a)].AddTo(root * point.J_a.row(1 + t).transpose(), g);
+        if (pair.port_b >= 0)
+          ports[static_cast<std::size_t>(pair.port_b)].AddTo(root * point.J_b.row(1 + t).transpose(), g);
+        squeeze_[row] = point.held[t] / root;
+      }
+    }
+  double trace = 0;
+  for (std::size_t c = 0; c < m; ++c)  // SolveByCholesky reads on and below the diagonal
+    for (std::size_t r = c; r < m; ++r) {
+      const double *x = squeeze_rows_.data() + r * n, *y = squeeze_rows_.data() + c * n;
+      Quad sums = Quad::Zero();
+      ByFours(freedoms_, [&](const auto& at) {
+        constexpr int kSize = decltype(at(x))::RowsAtCompileTime;
+        sums.head<kSize>() += at(x).cwiseProduct(at(y));
+      });
+      squeeze_H_[c * m + r] = sums.sum();
+      if (r == c) trace += squeeze_H_[c * m + r];
+    }
+  if (!(trace > 0)) return false;
+  const double proximal = kProximal * trace / static_cast<double>(n);
+  for (std::size_t c = 0; c < m; ++c) squeeze_H_[c * (m + 1)] += proximal;
+  if (!SolveByCholesky(squeeze_H_.data(), rows, squeeze_.data())) return false;
+  row = 0;
+  for (PointRows& point : points) {  // pair by pair, as above
+    if (!point.fades) continue;
+    const double root = std::sqrt(point.law.friction * point.held_normal);
+    for (int t = 0; t < 2; ++t, ++row) point.least[t] = point.held[t] - proximal * root * squeeze_[row];
+  }
+  return true;
+}
+
+bool CompliantRows::LeastByFreedoms() {
+  const auto n = static_cast<std::size_t>(freedoms_);
   for (PortRows& port : ports) {
     port.S.setZero();
     port.push.setZero();
@@ -69,30 +131,24 @@ void CompliantRows::FadeSqueeze() {
   AddBlocks(squeeze_H_.data(), 0);
   double trace = 0;
   for (std::size_t i = 0; i < n; ++i) trace += squeeze_H_[i * (n + 1)];
-  if (!(trace > 0)) return;
+  if (!(trace > 0)) return false;
   for (std::size_t i = 0; i < n; ++i) squeeze_H_[i * (n + 1)] += kProximal * trace / static_cast<double>(n);
   std::fill(squeeze_.begin(), squeeze_.end(), 0.0);
-  for (const PortRows& port : ports) port.AddTo(squeeze_.data());
-  if (!SolveByCholesky(squeeze_H_.data(), freedoms_, squeeze_.data())) return;
+  for (const PortRows& port : ports) port.AddTo(port.push, squeeze_.data());
+  if (!SolveByCholesky(squeeze_H_.data(), freedoms_, squeeze_.data())) return false;
   for (PortRows& port : ports) port.SetChange(squeeze_.data());
-  double share = 1;
-  for (int pass = 0; pass < 2; ++pass)
-    for (const PairRows& pair : pairs)
-      for (int i = pair.first; i < pair.first + pair.count; ++i) {
-        PointRows& point = points[static_cast<std::size_t>(i)];
-        if (!point.fades) continue;
-        Vector2 y = Vector2::Zero();
-        if (pair.port_a >= 0)
-          y += point.J_a.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_a)].change;
-        if (pair.port_b >= 0)
-          y += point.J_b.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_b)].change;
-        const double M = point.law.friction * point.held_normal;
-        if (pass == 0)
-          share = std::min(share, ShareWithin(point.held, M * y, kInside * M));
-        else
-          point.held += share * (M * y - point.held);
-        if (pass == 1) point.impulse.tail<2>() = point.held;
-      }
+  for (const PairRows& pair : pairs)
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      PointRows& point = points[static_cast<std::size_t>(i)];
+      if (!point.fades) continue;
+      Vector2 y = Vector2::Zero();
+      if (pair.port_a >= 0)
+        y += point.J_a.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_a)].change;
+      if (pair.port_b >= 0)
+        y += point.J_b.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_b)].change;
+      point.least = point.law.friction * point.held_normal * y;
+    }
+  return true;
 }
 
 }  // namespace fork1s::internal
