@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "branch_order.hpp"
 #include "elastic_basis.hpp"
 #include "mode_choice.hpp"
 #include "modes.hpp"
@@ -325,7 +326,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
   const int e = basis.num_elastic();
   // Bodies that loops hold still feel rounding of all springs; none of it is a direction.
   const bool feels = basis.Feels(ScaledColumns(J, basis.scale / L));
-  const MatrixX Y_r =
+  MatrixX Y_r =
       feels ? FeltDirections(basis.TimesV(J), basis, options.rank_tolerance, complete) : MatrixX(e, 0);
   complete = complete && (feels || e == 0);
   model.num_free = basis.num_free();
@@ -333,9 +334,15 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
   internal::Modes modes{MatrixX(e, 0), VectorX(0)};
   const int wanted = options.modes >= 0 ? options.modes : mechanism.definition().modes;
   const bool by_contribution = mechanism.definition().mode_choice == ModeChoice::kContribution;
-  if (!complete)
+  if (basis.diagonal && (complete || wanted >= e - Y_r.cols())) {
+    // All directions: then single joints serve better than what the interface feels most, and modes.
+    const MatrixX all = internal::BranchIdentity(mechanism, basis);
+    modes.vectors = all.rightCols(e - Y_r.cols());
+    Y_r = all.leftCols(Y_r.cols()).eval();
+  } else if (!complete) {
     modes = internal::LowestModes(mechanism, kinematics, basis, Y_r, MatrixX(e, 0), MatrixX(0, 0),
                                   by_contribution ? CandidateModes(e, wanted) : wanted);
+  }
   FillBasis(model, basis, Y_r, modes.vectors);
   if (by_contribution && model.num_modes > wanted) {
     FillOperators(model, kinematics);

@@ -75,11 +75,18 @@ TEST(ModeChoice, AllModesAreTheSameEitherWay) {
     const ReducedModel two = With(def, 2, ModeChoice::kContribution);
     EXPECT_LE(two.num_modes, 2);
     EXPECT_TRUE(two.M.allFinite());
-    // Kept modes are columns of all, in order of frequency.
-    int at = 0;
-    for (int i = 0; i < two.size(); ++i, ++at)
-      while (at < a.size() && !a.Q.col(at).isApprox(two.Q.col(i), 1e-9)) ++at;
-    EXPECT_LE(at, a.size());
+    if (a.num_modes <= 2) continue;
+    // Kept modes are columns of all modes, in order of frequency. All of them are no longer modes but single
+    // joints, so that the highest is not there to be found.
+    const ReducedModel most = With(def, a.num_modes - 1, ModeChoice::kLowest);
+    int at = 0, missing = 0;
+    for (int i = 0; i < two.size(); ++i) {
+      int found = at;
+      while (found < most.size() && !most.Q.col(found).isApprox(two.Q.col(i), 1e-9)) ++found;
+      missing += found == most.size() ? 1 : 0;
+      if (found < most.size()) at = found + 1;
+    }
+    EXPECT_LE(missing, 1);
   }
 }
 
