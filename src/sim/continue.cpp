@@ -1,7 +1,9 @@
 #include <fork1s/mechanism/mechanism.hpp>
+#include <fork1s/mechanism/set_stiffness.hpp>
 #include <fork1s/sim/continue.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <utility>
 
@@ -54,6 +56,26 @@ Expected<KeyframeDef::MechanismState> StateOf(const MechanismDef& def, const Mec
 }
 
 }  // namespace
+
+Expected<Scene> WithStiffness(Scene scene, const std::string& coordinate, double stiffness) {
+  if (!(std::isfinite(stiffness) && stiffness >= 0))
+    return Fail(ErrorCode::kUsage, "stiffness of '" + coordinate + "'", "must be finite and 0 or more");
+  std::string known;
+  for (MechanismDef& def : scene.mechanisms) {
+    auto built = BuildMechanism(def);
+    if (!built) return tl::unexpected(built.error());
+    int at = 0;
+    for (const JointDef& joint : built->definition().joints)
+      for (std::size_t f = 0; f < joint.freedoms.size(); ++f, ++at) {
+        if (built->CoordinateName(at) == coordinate) {
+          def = SetStiffness(std::move(def), {def.FindJoint(joint.name), static_cast<int>(f)}, stiffness);
+          return scene;
+        }
+        known += (known.empty() ? "" : ", ") + built->CoordinateName(at);
+      }
+  }
+  return Fail(ErrorCode::kUsage, "joint coordinate '" + coordinate + "'", "there are: " + known);
+}
 
 Expected<Simulation> Continue(const Simulation& from, Scene scene) {
   const KeyframeDef present = from.State();

@@ -1,6 +1,5 @@
 // Names, contacts in newtons and rays, and motions that go on in another scene.
 #include <gtest/gtest.h>
-#include <fork1s/mechanism/set_stiffness.hpp>
 #include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/continue.hpp>
 
@@ -142,9 +141,16 @@ TEST(Continue, GainsChangeWhileItRuns) {
   const double before = pressed(s);
   Scene stiffer = s.scene();
   for (const char* name : {"left_grip", "right_grip"}) {
-    const JointIndex grip = stiffer.mechanisms[0].FindJoint(name);
-    stiffer.mechanisms[0] = SetStiffness(std::move(stiffer.mechanisms[0]), {grip, 0}, 1000);
+    auto changed = WithStiffness(stiffer, name, 1000);
+    ASSERT_TRUE(changed) << changed.error().Text();
+    stiffer = std::move(*changed);
   }
+  const auto none = WithStiffness(stiffer, "thumb_grip", 1000);
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().code, ErrorCode::kUsage);
+  EXPECT_NE(none.error().Text().find("there are: left_grip, left_y"), std::string::npos)
+      << none.error().Text();
+  EXPECT_FALSE(WithStiffness(stiffer, "left_grip", -1));
   auto next = Continue(s, stiffer);
   ASSERT_TRUE(next) << next.error().Text();
   EXPECT_LT((next->Pose("ball").translation() - s.Pose("ball").translation()).norm(), 1e-12);
