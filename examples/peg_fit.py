@@ -1,6 +1,6 @@
 """Stiffnesses of a gripper with which a peg goes into a hole beside its path: a sweep, a target, a fit.
 
-    python examples/peg_fit.py [FOLDER]        # half a minute; FOLDER gets peg.parquet, peg.csv and peg.svg
+    python examples/peg_fit.py [FOLDER]        # eight seconds; FOLDER gets peg.parquet, peg.csv and peg.svg
 
 Needs fork1s[sweep]; the picture needs matplotlib. docs/sweeps.md tells the story.
 """

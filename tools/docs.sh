@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the site of docs/ in build/site, strictly: links and anchors that lead nowhere fail, and so do pages that the
-# navigation has forgotten.
+# navigation has forgotten and notebooks of which a cell fails.
 #
 #     tools/docs.sh [--from BUILD]      BUILD has the Python package; default: build/release
 #     tools/docs.sh --serve             on this machine, anew whenever a page is saved
@@ -25,7 +25,14 @@ if ! cmp -s tools/docs.txt "$work/tools.txt" || [ ! -x "$work/tools/bin/python" 
   "$work/tools/bin/pip" install --quiet --disable-pip-version-check --no-compile --require-hashes -r tools/docs.txt
   cp tools/docs.txt "$work/tools.txt"
 fi
-export FORK1S_PACKAGE=$package NO_MKDOCS_2_WARNING=1
+# The package as a wheel has it, with its scenes.
+rm -rf "$work/package" "$work/notebooks"
+cmake --install "$build" --component python --prefix "$work/package" >/dev/null
+export FORK1S_PACKAGE=$work/package FORK1S_NOTEBOOKS=$PWD/$work/notebooks NO_MKDOCS_2_WARNING=1
+# Debuggers and the user's own settings are none of theirs.
+PYTHONPATH=$PWD/$work/package PYDEVD_DISABLE_FILE_VALIDATION=1 JUPYTER_CONFIG_DIR=$PWD/$work/jupyter \
+  IPYTHONDIR=$PWD/$work/ipython MPLCONFIGDIR=$PWD/$work/matplotlib MPLBACKEND=module://matplotlib_inline.backend_inline \
+  "$work/tools/bin/python" tools/notebooks.py "$work/notebooks"
 if [ -n "$serve" ]; then
   exec "$work/tools/bin/mkdocs" serve
 fi

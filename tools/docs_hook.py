@@ -1,7 +1,10 @@
-"""Pages that are made of the sources, when mkdocs builds the site."""
+"""Pages that are made of the sources and of the notebooks, when mkdocs builds the site."""
 
+import os
 import re
 from pathlib import Path
+
+from mkdocs.structure.files import File
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ["sim", "importer", "mechanism", "reduction", "recovery", "record", "study", "geometry", "spatial", "dynamics", "contact",
@@ -15,7 +18,19 @@ def _body(text: str) -> str:
     return re.sub(r"\n{3,}", "\n\n", text).strip()
 
 
+def on_files(files, config, **_):
+    """What tools/notebooks.py has made, as if it lay in docs/notebooks."""
+    made = Path(os.environ.get("FORK1S_NOTEBOOKS", ROOT / "build" / "docs" / "notebooks"))
+    for path in sorted(made.rglob("*")):
+        if path.is_file():
+            files.append(File.generated(config, f"notebooks/{path.relative_to(made).as_posix()}", abs_src_path=str(path)))
+    return files
+
+
 def on_page_markdown(markdown: str, page, **_) -> str:
+    if not page.file.src_uri.startswith("notebooks/"):
+        # Pages lead to notebooks, which is what there is in the repository; on the site to what became of them.
+        markdown = re.sub(r"(\]\((?:\.\./)?notebooks/[\w-]+)\.ipynb", r"\1.md", markdown)
     if page.file.src_uri != "api_cpp.md":
         return markdown
     out = []

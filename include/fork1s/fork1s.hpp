@@ -18,5 +18,6 @@
 #include <fork1s/reduction/statics.hpp>
 #include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/continue.hpp>
+#include <fork1s/sim/draw.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/spatial/twist.hpp>

@@ -1,6 +1,9 @@
 #include <fork1s/mechanism/mechanism.hpp>
+#include <fork1s/mechanism/set_stiffness.hpp>
 #include <fork1s/sim/continue.hpp>
 
+#include <algorithm>
+#include <cmath>
 #include <map>
 #include <utility>
 
@@ -54,6 +57,26 @@ Expected<KeyframeDef::MechanismState> StateOf(const MechanismDef& def, const Mec
 
 }  // namespace
 
+Expected<Scene> WithStiffness(Scene scene, const std::string& coordinate, double stiffness) {
+  if (!(std::isfinite(stiffness) && stiffness >= 0))
+    return Fail(ErrorCode::kUsage, "stiffness of '" + coordinate + "'", "must be finite and 0 or more");
+  std::string known;
+  for (MechanismDef& def : scene.mechanisms) {
+    auto built = BuildMechanism(def);
+    if (!built) return tl::unexpected(built.error());
+    int at = 0;
+    for (const JointDef& joint : built->definition().joints)
+      for (std::size_t f = 0; f < joint.freedoms.size(); ++f, ++at) {
+        if (built->CoordinateName(at) == coordinate) {
+          def = SetStiffness(std::move(def), {def.FindJoint(joint.name), static_cast<int>(f)}, stiffness);
+          return scene;
+        }
+        known += (known.empty() ? "" : ", ") + built->CoordinateName(at);
+      }
+  }
+  return Fail(ErrorCode::kUsage, "joint coordinate '" + coordinate + "'", "there are: " + known);
+}
+
 Expected<Simulation> Continue(const Simulation& from, Scene scene) {
   const KeyframeDef present = from.State();
   const Scene& before = from.scene();
@@ -79,16 +102,30 @@ Expected<Simulation> Continue(const Simulation& from, Scene scene) {
   scene.keyframes = {std::move(key)};
   auto next = Simulation::Create(std::move(scene), options);
   if (!next) return next;
-  for (int i = 0; i < next->controls().size(); ++i) {
-    const std::string& name = next->control_names()[static_cast<std::size_t>(i)];
-    bool drives = false;  // a driven base, which counts from where it is now
-    for (const MechanismDef& def : next->scene().mechanisms)
-      drives = drives || (def.base == BaseKind::kDriven && name.rfind(def.bodies[0].name + ".", 0) == 0);
-    const int at = from.FindControl(name);
-    if (!drives && at >= 0) next->SetControl(i, from.controls()(at));
-  }
   if (auto detailed = next->SetFidelity(from.fidelity(), from.holds()); !detailed)
     return tl::unexpected(detailed.error());
+  // The same moment with the clock and the inputs of before: so set-points over time go on where they were.
+  Simulation::Snapshot moment = next->Save();
+  const Simulation::Snapshot then = from.Save();
+  moment.steps = then.steps;
+  std::vector<std::string> new_bases;  // driven ones that were none before: they count from where they are
+  for (std::size_t i = 0; i < next->scene().mechanisms.size(); ++i) {
+    const MechanismDef& def = next->scene().mechanisms[i];
+    if (def.base != BaseKind::kDriven) continue;
+    const int at = PlaceOf(before.mechanisms, def.name);
+    if (at >= 0 && before.mechanisms[static_cast<std::size_t>(at)].base == BaseKind::kDriven)
+      moment.base_start[i] = then.base_start[static_cast<std::size_t>(at)];
+    else
+      new_bases.push_back(def.bodies[0].name + ".");
+  }
+  for (int i = 0; i < next->controls().size(); ++i) {
+    const std::string& name = next->control_names()[static_cast<std::size_t>(i)];
+    const bool is_new = std::any_of(new_bases.begin(), new_bases.end(),
+                                    [&](const std::string& base) { return name.starts_with(base); });
+    if (const int at = from.FindControl(name); at >= 0 && !is_new) moment.controls(i) = from.controls()(at);
+  }
+  if (auto restored = next->Restore(moment); !restored) return tl::unexpected(restored.error());
+  next->SetControls(next->controls());  // within the limits that the scene has now
   return next;
 }
 

@@ -93,6 +93,102 @@ def test_reset_by_mask(gripper):
     assert (batch.time == 0).all()
 
 
+def test_seeds_draw_factors(hand):
+    batch = fork1s.Batch(hand, 64, seeds=7)
+    factors = batch.factors
+    assert set(factors) == {"stiffness", "friction", "mass"} == set(fork1s.Batch.usual_ranges)
+    for name, (low, high) in fork1s.Batch.usual_ranges.items():
+        assert len(set(factors[name])) == 64 and (factors[name] >= low).all() and (factors[name] <= high).all()
+        # Of equal likelihood in the logarithm: a quarter in each quarter, by four deviations of a binomial at most.
+        quarter = np.histogram(np.log(factors[name]), bins=4, range=(np.log(low), np.log(high)))[0]
+        assert abs(quarter - 16).max() < 4 * np.sqrt(64 * 0.25 * 0.75)
+    batch.step(steps=20)
+    # The same as with these factors given by hand, and as each alone.
+    by_hand = fork1s.Batch(hand, 64, **factors)
+    by_hand.step(steps=20)
+    assert_array_equal(batch.hashes(), by_hand.hashes())
+    one = fork1s.Batch(hand, 1, seeds=batch.seeds[5:6])
+    one.step(steps=20)
+    assert one.hashes()[0] == batch.hashes()[5]
+    # From one seed fewer members are the first of more; another seed has none in common.
+    assert_array_equal(fork1s.Batch(hand, 3, seeds=7, threads=1).seeds, batch.seeds[:3])
+    assert not set(fork1s.Batch(hand, 64, seeds=8).seeds) & set(batch.seeds)
+
+
+def test_reset_draws_anew_and_again_the_same(gripper):
+    first, second = (fork1s.Batch(gripper, 4, seeds=[1, 2, 3, 2**64 - 1]) for _ in range(2))
+    began = first.factors["mass"]
+    first.reset([True, False, False, True])
+    anew = first.factors["mass"]
+    assert_array_equal(anew == began, [False, True, True, False])
+    # What the others do meanwhile changes nothing.
+    second.reset([True, True, False, False])
+    second.step(steps=3)
+    second.reset([False, True, True, True])
+    assert_array_equal(second.factors["mass"] == anew, [True, False, False, True])
+    # A seed that is given draws its first.
+    first.reset(seeds=[1, 2, 3, 2**64 - 1])
+    assert_array_equal(first.factors["mass"], began)
+    first.reset([False, True, False, False], mass=2)
+    assert first.factors["mass"][1] == 2 and first.factors["stiffness"][1] != 1
+    first.reset([False, True, False, False])
+    assert first.factors["mass"][1] < 1.25
+
+
+def test_seeds_draw_where_it_starts(scenes):
+    arm = fork1s.load(scenes / "two_link_arm.xml")
+    drawn = {"start:elbow": (-0.2, 0.1), "mass": (0.5, 2)}
+    batch = fork1s.Batch(arm, 40, seeds=3, randomise=drawn)
+    elbow = batch.factors["start:elbow"]
+    assert elbow.min() < -0.15 and elbow.max() > 0.05 and (elbow >= -0.2).all() and (elbow <= 0.1).all()
+    at = arm.mechanisms[0].coordinates.index("elbow")
+    assert_allclose(batch.qpos[:, at], elbow, atol=1e-15)
+    assert_allclose(np.delete(batch.qpos, at, axis=1), 0, atol=1e-15)
+    assert (batch.factors["stiffness"] == 1).all() and (batch.factors["mass"] != 1).all()
+    alone = fork1s.Simulation(fork1s.load(scenes / "two_link_arm.xml", q={"elbow": elbow[0]}))
+    same = fork1s.Batch(arm, 40, seeds=3, randomise={"start:elbow": (-0.2, 0.1)})
+    assert_array_equal(same.factors["start:elbow"], elbow)  # a range more or less changes no other number
+    same.step(steps=30)
+    alone.step(30)
+    assert_allclose(same.qpos[0], alone.qpos, rtol=1e-9, atol=1e-12)
+
+
+def test_bodies_start_elsewhere(gripper):
+    batch = fork1s.Batch(gripper, 16, seeds=0, randomise={"start:cube.x": (-0.004, 0.004), "start:cube.rz": (-0.3, 0.3)})
+    x, turn = batch.factors["start:cube.x"], batch.factors["start:cube.rz"]
+    poses = batch.poses("cube")[:, 0]
+    assert_allclose(poses[:, 0], x, atol=1e-15)
+    assert_allclose(2 * np.arctan2(poses[:, 6], poses[:, 3]), turn, atol=1e-12)
+    batch.step([0.4, 0.4], steps=60)
+    for i in range(2):
+        sim = fork1s.Simulation(gripper)
+        sim.set_state(poses={"cube": poses[i]})
+        sim.control_values = [0.4, 0.4]
+        sim.step(60)
+        assert_allclose(batch.poses()[i], sim.poses, atol=1e-9)
+    batch.reset()
+    assert (batch.factors["start:cube.x"] != x).all()
+    with pytest.raises(fork1s.UsageError, match="closed loops"):
+        fork1s.Batch(gripper, 2, seeds=0, randomise={"start:left_crank": (0, 0.1)})
+    with pytest.raises(fork1s.UsageError, match=r"is no coordinate; there are: .*cube.x to cube.rz"):
+        fork1s.Batch(gripper, 2, seeds=0, randomise={"start:ball.x": (0, 0.1)})
+
+
+def test_what_cannot_be_drawn(gripper):
+    for randomise, said in (({"colour": (1, 2)}, "'colour' is none of: stiffness, friction, mass, start:"),
+                            ({"mass": (0, 1)}, "0 < smallest <= largest, not 0.0 and 1.0"),
+                            ({"start:cube.x": (1, -1)}, "smallest <= largest")):
+        with pytest.raises(fork1s.UsageError, match=said):
+            fork1s.Batch(gripper, 2, seeds=1, randomise=randomise)
+    with pytest.raises(fork1s.UsageError, match="nothing is drawn without seeds"):
+        fork1s.Batch(gripper, 2, randomise={"mass": (1, 2)})
+    with pytest.raises(fork1s.UsageError, match="made without seeds"):
+        fork1s.Batch(gripper, 2).reset(seeds=1)
+    for seeds in (-1, 0.5, [1, 2, 3], [1, -2], "seven"):
+        with pytest.raises(ValueError, match="seeds must be a whole number from 0 to 2"):
+            fork1s.Batch(gripper, 2, seeds=seeds)
+
+
 def test_refusals(gripper):
     batch = fork1s.Batch(gripper, 3)
     with pytest.raises(ValueError, match=r"controls must have shape \(3, 2\) or \(2,\)"):

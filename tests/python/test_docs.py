@@ -22,6 +22,19 @@ def test_python_page(tmp_path, monkeypatch):
     exec(compile("\n".join(blocks), "docs/python.md", "exec"), {})
 
 
+def test_the_program_of_the_readme(tmp_path):
+    """As somebody copies it, in a folder of their own."""
+    text = (DOCS.parent / "README.md").read_text()
+    [block] = re.findall(r"\n((?:    .*\n)+)", text[text.index("## From Python"):text.index("[Sweeps and fits]")])
+    program = "\n".join(line[4:] for line in block.splitlines())
+    import fork1s
+
+    if not (Path(fork1s.__file__).parent / "scenes").exists():
+        pytest.skip("the package has no scenes in a build folder")
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0 and done.stderr == "" and "StepReport" in done.stdout, done.stderr
+
+
 def run(command):
     """The program of the package beside this Python, in the folder of the repository."""
     program = Path(sys.executable).parent / "fork1s"

@@ -117,6 +117,19 @@ def test_set_state(gripper):
         sim.set_state(qpos=[1])
 
 
+def test_a_cube_is_held_that_mujoco_drops(scenes, monkeypatch):
+    import runpy
+
+    monkeypatch.setattr(fork1s, "scene", lambda name: scenes / f"{name}.xml")
+    example = runpy.run_path(str(scenes.parent / "examples" / "stepper_cube.py"))
+    model = example["gripper"]()
+    slipped, height = example["run"](model, Stepper(model).step)
+    assert slipped[60:].max() < 0.001 and height[-1] > 110  # mm
+    model = example["gripper"]()
+    slipped, height = example["run"](model, lambda data: mujoco.mj_step(model, data))
+    assert slipped[119] > 3 and height[-1] < 15
+
+
 def test_a_box_is_held_where_mujoco_is_unstable(scenes, tmp_path):
     example = str(scenes.parent / "examples" / "stepper.py")
     ours = subprocess.run([sys.executable, example], capture_output=True, text=True, cwd=tmp_path)

@@ -1,6 +1,5 @@
 // Names, contacts in newtons and rays, and motions that go on in another scene.
 #include <gtest/gtest.h>
-#include <fork1s/mechanism/set_stiffness.hpp>
 #include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/continue.hpp>
 
@@ -90,6 +89,48 @@ TEST(Continue, TheSameSceneGoesOnAsItWas) {
         1e-6);
 }
 
+TEST(Continue, TimeGoesOn) {
+  Simulation s = Holding();
+  s.Step();
+  auto next = Continue(s, s.scene());
+  ASSERT_TRUE(next) << next.error().Text();
+  EXPECT_EQ(next->steps(), 61);
+  EXPECT_EQ(next->time(), s.time());
+  // So set-points over time go on where they were.
+  ControlTrack track{{"left", "right"}, {0, 1, 2}, {{0, 0}, {0.01, 0.01}, {0.03, 0.03}}};
+  for (int i = 0; i < 30; ++i)
+    for (Simulation* at : {&s, &*next}) {
+      track.Apply(at->time() + at->dt(), *at);
+      at->Step();
+    }
+  EXPECT_EQ(next->steps(), 91);
+  EXPECT_NEAR(next->controls()(0), 0.01 + 0.02 * (91 * s.dt() - 1), 1e-12);
+  EXPECT_LT((s.Pose("left").translation() - next->Pose("left").translation()).norm(), 1e-6);
+}
+
+TEST(Continue, ADrivenBaseCountsFromWhereItBegan) {
+  testing::Gripper gripper;
+  gripper.base = BaseKind::kDriven;
+  auto s = Simulation::Create(gripper.Make());
+  ASSERT_TRUE(s) << s.error().Text();
+  const auto lift = [](Simulation& at, double to) {
+    at.SetControl("frame.z", to);
+    at.SetControl("frame.rz", 10 * to);
+    at.Step();
+  };
+  for (int i = 1; i <= 30; ++i) lift(*s, 0.001 * i);
+  auto next = Continue(*s, s->scene());
+  ASSERT_TRUE(next) << next.error().Text();
+  EXPECT_EQ(next->controls()(next->FindControl("frame.z")), 0.03);
+  EXPECT_LT((next->Pose("frame").rotation() - s->Pose("frame").rotation()).norm(), 1e-12);
+  for (int i = 31; i <= 60; ++i) {
+    lift(*s, 0.001 * i);
+    lift(*next, 0.001 * i);
+    ASSERT_LT((next->Pose("left").translation() - s->Pose("left").translation()).norm(), 1e-6) << i;
+  }
+  EXPECT_NEAR(next->Pose("frame").translation().z(), 0.06, 1e-12);
+}
+
 TEST(Continue, GainsChangeWhileItRuns) {
   Simulation s = Holding();
   const auto pressed = [](const Simulation& at) {
@@ -100,9 +141,16 @@ TEST(Continue, GainsChangeWhileItRuns) {
   const double before = pressed(s);
   Scene stiffer = s.scene();
   for (const char* name : {"left_grip", "right_grip"}) {
-    const JointIndex grip = stiffer.mechanisms[0].FindJoint(name);
-    stiffer.mechanisms[0] = SetStiffness(std::move(stiffer.mechanisms[0]), {grip, 0}, 1000);
+    auto changed = WithStiffness(stiffer, name, 1000);
+    ASSERT_TRUE(changed) << changed.error().Text();
+    stiffer = std::move(*changed);
   }
+  const auto none = WithStiffness(stiffer, "thumb_grip", 1000);
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().code, ErrorCode::kUsage);
+  EXPECT_NE(none.error().Text().find("there are: left_grip, left_y"), std::string::npos)
+      << none.error().Text();
+  EXPECT_FALSE(WithStiffness(stiffer, "left_grip", -1));
   auto next = Continue(s, stiffer);
   ASSERT_TRUE(next) << next.error().Text();
   EXPECT_LT((next->Pose("ball").translation() - s.Pose("ball").translation()).norm(), 1e-12);

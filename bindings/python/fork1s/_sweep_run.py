@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import multiprocessing
 import multiprocessing.connection
 import os
@@ -61,14 +62,24 @@ class Progress:
 
 def _end_with_parent() -> None:
     """In a worker: a sweep that is killed leaves nobody waiting for ever for its next task."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+    ended, end = multiprocessing.Pipe(duplex=False)
 
     def watch() -> None:
-        parent = multiprocessing.parent_process()
-        if parent is not None:
-            multiprocessing.connection.wait([parent.sentinel])
+        if parent.sentinel in multiprocessing.connection.wait([parent.sentinel, ended]):
             os._exit(1)
 
-    threading.Thread(target=watch, daemon=True).start()
+    watching = threading.Thread(target=watch, daemon=True)
+    watching.start()
+
+    # A thread that still waits when Python ends would keep this module, and with it models, alive for ever, which
+    # nanobind reports.
+    @atexit.register
+    def stop() -> None:
+        end.close()
+        watching.join()
 
 
 class LocalProcesses:

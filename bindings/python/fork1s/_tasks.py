@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ._core import Batch
+
 Floats = npt.NDArray[np.float64]
 
 
@@ -46,7 +48,7 @@ class Task:
     bodies: tuple[str, ...] = ()
     actions = 0
     observations = 0
-    randomise: Mapping[str, tuple[float, float]] = {"stiffness": (0.7, 1.4), "friction": (0.7, 1.3), "mass": (0.8, 1.25)}
+    randomise: Mapping[str, tuple[float, float]] = Batch.usual_ranges
 
     def __init__(self, count: int, controls: list[str]) -> None:
         self.count = count

@@ -36,14 +36,10 @@ class _Members:
 
     def __init__(self, task: type[Task], count: int, randomise: Randomise, threads: int | None, model: Any) -> None:
         self.model = load(scene(task.scene) if model is None else model, **task.load)
-        self.ranges = dict(task.randomise) if randomise is True else dict(randomise or {})
-        for name, (low, high) in self.ranges.items():
-            if name not in ("stiffness", "friction", "mass"):
-                raise UsageError(f"randomise: '{name}' is none of: stiffness, friction, mass")
-            if not 0 < low <= high < np.inf:
-                raise UsageError(f"randomise: '{name}' must be 0 < smallest <= largest, not {low} and {high}")
-        self.factors = {name: np.ones(count) for name in ("stiffness", "friction", "mass")}
-        self.batch = Batch(self.model, count, dt=task.dt, **({} if threads is None else {"threads": threads}))
+        ranges = task.randomise if randomise is True else randomise or None
+        # Drawn at every reset, by seeds from the generator of the environment.
+        drawn = {} if ranges is None else {"seeds": 0, "randomise": ranges}
+        self.batch = Batch(self.model, count, dt=task.dt, threads=threads or 0, **drawn)
         self.task = task(count, self.batch.controls)
         self.limit = task.seconds
         self.now = self._read()
@@ -58,12 +54,12 @@ class _Members:
         )
 
     def begin(self, mask: npt.NDArray[np.bool_], rng: np.random.Generator) -> None:
-        count = int(mask.sum())
-        for name, (low, high) in self.ranges.items():
-            # As likely to be halved as to be doubled.
-            self.factors[name][mask] = np.exp(rng.uniform(np.log(low), np.log(high), count))
+        seeds = None
+        if len(self.batch.seeds):
+            seeds = np.zeros(len(mask), dtype=np.int64)
+            seeds[mask] = rng.integers(2**63 - 1, size=int(mask.sum()))
         self.task.begin(mask, rng)
-        self.batch.reset(mask, **self.factors)
+        self.batch.reset(mask, seeds=seeds)
         self.now = self._read()
 
     def observation(self) -> npt.NDArray[np.float32]:
@@ -83,7 +79,7 @@ class _Members:
         return reward, terminated, self.now.time > self.limit - 1e-9, success, report.finite
 
     def info(self) -> dict[str, npt.NDArray[np.float64]]:
-        return {name: values.copy() for name, values in self.factors.items()}
+        return self.batch.factors
 
 
 def _spaces(task: type[Task]) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
@@ -98,8 +94,7 @@ class Environment(gymnasium.Env):
 
     Args:
         task: a class of TASKS, or one of your own.
-        randomise: ranges of factors of stiffness, friction and mass, drawn anew at every reset; True: the task's own,
-            False: none.
+        randomise: what is drawn anew at every reset, as of `fork1s.Batch`; True: the task's own, False: nothing.
         model: what `load` takes in place of the task's scene.
     """
 
@@ -128,7 +123,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
         num_envs: members.
         threads: of the batch; default: as many as there are cores.
         task: as of Environment.
-        randomise: as of Environment; factors are drawn for each member.
+        randomise: as of Environment; drawn for each member.
         model: as of Environment.
     """
 

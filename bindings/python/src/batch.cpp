@@ -12,6 +12,12 @@ namespace {
 // A few at a time, so that threads share the work evenly though some hold contacts and others fall.
 constexpr int kAtATime = 4;
 
+void TakeGiven(const MemberDifferences& differences, std::size_t i, SceneFactors& factors) {
+  double* const all[3] = {&factors.stiffness, &factors.friction, &factors.mass};
+  for (std::size_t k = 0; k < 3; ++k)
+    if (!differences.given[k].empty()) *all[k] = differences.given[k][i];
+}
+
 }  // namespace
 
 void Batch::OnThreads(const std::function<void(int)>& work) const {
@@ -22,17 +28,25 @@ void Batch::OnThreads(const std::function<void(int)>& work) const {
   });
 }
 
-Expected<Simulation> Batch::Begin(const SceneFactors& factors) const {
-  return Simulation::Create(Vary(model_->scene(), factors), OptionsOf(*model_, options_));
-}
-
-Batch::Batch(std::shared_ptr<const Model> model, std::vector<SceneFactors> factors, const RunOptions& options,
-             int threads)
-    : model_(std::move(model)), options_(options), threads_(threads), factors_(std::move(factors)) {
-  std::vector<std::optional<Expected<Simulation>>> made(factors_.size());
+Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences differences,
+             const RunOptions& options, int threads)
+    : model_(std::move(model)),
+      threads_(threads),
+      starts_(Take(Starts::Create(model_->scene(), OptionsOf(*model_, options), differences.ranges.start),
+                   model_->origin())),
+      ranges_(differences.ranges),
+      seeds_(differences.seeds),
+      times_(differences.seeds.size(), 0),
+      drawn_(static_cast<std::size_t>(count)) {
+  for (std::size_t i = 0; i < drawn_.size(); ++i) {
+    drawn_[i].start = VectorX::Zero(static_cast<Eigen::Index>(ranges_.start.size()));
+    if (!seeds_.empty()) drawn_[i] = Draw(ranges_, seeds_[i]);
+    TakeGiven(differences, i, drawn_[i].factors);
+  }
+  std::vector<std::optional<Expected<Simulation>>> made(drawn_.size());
   OnThreads([&](int i) {
     const auto at = static_cast<std::size_t>(i);
-    made[at] = Begin(factors_[at]);
+    made[at] = starts_.Begin(drawn_[at]);
   });
   simulations_.reserve(made.size());
   for (auto& m : made) simulations_.push_back(Take(std::move(*m), model_->origin()));
@@ -40,7 +54,7 @@ Batch::Batch(std::shared_ptr<const Model> model, std::vector<SceneFactors> facto
 }
 
 BatchReport Batch::Step(const double* controls, int steps) {
-  const auto count = factors_.size();
+  const auto count = drawn_.size();
   const auto width = static_cast<Eigen::Index>(control_names_.size());
   BatchReport all{std::vector<int>(count), std::vector<double>(count), std::vector<double>(count),
                   std::vector<int>(count), std::vector<char>(count)};
@@ -62,21 +76,32 @@ BatchReport Batch::Step(const double* controls, int steps) {
   return all;
 }
 
-void Batch::Reset(const std::vector<char>& mask, const std::vector<SceneFactors>& factors) {
+void Batch::Reset(const std::vector<char>& mask, const MemberDifferences& differences) {
   const std::lock_guard lock(mutex_);
-  std::vector<std::optional<Expected<Simulation>>> made(factors_.size());
+  std::vector<std::uint64_t> seeds = seeds_, times = times_;
+  std::vector<Drawn> drawn = drawn_;
+  for (std::size_t i = 0; i < drawn.size(); ++i) {
+    if (!mask[i]) continue;
+    if (!seeds.empty()) {
+      times[i] = differences.seeds.empty() ? times[i] + 1 : 0;
+      if (!differences.seeds.empty()) seeds[i] = differences.seeds[i];
+      drawn[i] = Draw(ranges_, seeds[i], times[i]);
+    }
+    TakeGiven(differences, i, drawn[i].factors);
+  }
+  std::vector<std::optional<Expected<Simulation>>> made(drawn.size());
   OnThreads([&](int i) {
     const auto at = static_cast<std::size_t>(i);
-    if (mask[at]) made[at] = Begin(factors[at]);
+    if (mask[at]) made[at] = starts_.Begin(drawn[at]);
   });
   // All or none: a scene that cannot be begun leaves everything as it was.
   for (const auto& m : made)
     if (m && !*m) throw Refused{m->error()};
   for (std::size_t i = 0; i < made.size(); ++i)
-    if (made[i]) {
-      simulations_[i] = std::move(**made[i]);
-      factors_[i] = factors[i];
-    }
+    if (made[i]) simulations_[i] = std::move(**made[i]);
+  seeds_ = std::move(seeds);
+  times_ = std::move(times);
+  drawn_ = std::move(drawn);
 }
 
 void Batch::ForAll(const std::function<void(int, const Simulation&)>& f) const {

@@ -1,7 +1,8 @@
 // Many simulations of one model, stepped together on threads.
 #pragma once
 
-#include <fork1s/sim/vary.hpp>
+#include <cstdint>
+#include <fork1s/sim/draw.hpp>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -20,34 +21,46 @@ struct BatchReport {
   double wall = 0;  // s, of all steps together
 };
 
+/// How the members differ.
+struct MemberDifferences {
+  Randomisation ranges;              // what seeds draw from
+  std::vector<std::uint64_t> seeds;  // one each; empty: nothing is drawn
+  std::vector<double> given[3];      // factors of stiffness, friction, mass, one each; empty: none given
+};
+
 /// The members never share anything that moves, so results do not depend on the number of threads.
 class Batch {
  public:
-  /// One simulation for each of the factors. threads: 0 for all cores. Throws Refused.
-  Batch(std::shared_ptr<const Model> model, std::vector<SceneFactors> factors, const RunOptions& options,
-        int threads);
+  /// threads: 0 for all cores. A factor that is given counts in place of the one that is drawn. Throws
+  /// Refused.
+  Batch(std::shared_ptr<const Model> model, int count, MemberDifferences differences,
+        const RunOptions& options, int threads);
 
-  int size() const { return static_cast<int>(factors_.size()); }
+  int size() const { return static_cast<int>(drawn_.size()); }
   int threads() const { return threads_; }
   const std::shared_ptr<const Model>& model() const { return model_; }
-  const std::vector<SceneFactors>& factors() const { return factors_; }
+  const std::vector<Drawn>& drawn() const { return drawn_; }
+  const Randomisation& ranges() const { return ranges_; }
+  const std::vector<std::uint64_t>& seeds() const { return seeds_; }
   const std::vector<std::string>& control_names() const { return control_names_; }
 
   /// controls: size() rows of control_names(), or null: as they are.
   BatchReport Step(const double* controls, int steps);
-  /// Simulations whose entry of `mask` is set begin anew, with these factors.
-  void Reset(const std::vector<char>& mask, const std::vector<SceneFactors>& factors);
+  /// Simulations whose entry of `mask` is set begin anew: with what their seed draws next, or, where seeds
+  /// are given, draws first. Without any seed they keep their factors, but for those that are given.
+  void Reset(const std::vector<char>& mask, const MemberDifferences& differences);
   /// f(i, simulation) for all, on threads; f writes to what is its own.
   void ForAll(const std::function<void(int, const Simulation&)>& f) const;
 
  private:
   void OnThreads(const std::function<void(int)>& work) const;
-  Expected<Simulation> Begin(const SceneFactors& factors) const;
 
   std::shared_ptr<const Model> model_;
-  RunOptions options_;
   int threads_ = 0;
-  std::vector<SceneFactors> factors_;
+  Starts starts_;
+  Randomisation ranges_;
+  std::vector<std::uint64_t> seeds_, times_;  // of each, and how often it has begun before; empty: none
+  std::vector<Drawn> drawn_;
   std::vector<std::string> control_names_;
   mutable std::mutex mutex_;
   std::vector<Simulation> simulations_;

@@ -1,6 +1,8 @@
 // Batch: many simulations as one array.
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -34,13 +36,81 @@ std::vector<double> ReadFactors(const nb::object& given, std::size_t count, cons
   return factors;
 }
 
-std::vector<SceneFactors> ReadAllFactors(std::size_t count, const nb::object& stiffness,
-                                         const nb::object& friction, const nb::object& mass) {
-  const auto k = ReadFactors(stiffness, count, "stiffness"), mu = ReadFactors(friction, count, "friction"),
-             m = ReadFactors(mass, count, "mass");
-  std::vector<SceneFactors> factors(count);
-  for (std::size_t i = 0; i < count; ++i) factors[i] = {k[i], mu[i], m[i]};
-  return factors;
+// One for all, from which each member's is mixed, or one for each.
+std::vector<std::uint64_t> ReadSeeds(const nb::object& given, std::size_t count) {
+  if (given.is_none()) return {};
+  // As objects, since numpy makes floating-point numbers of a list of small and large whole ones.
+  const nb::module_ numpy = nb::module_::import_("numpy");
+  const nb::object array = numpy.attr("asarray")(given, numpy.attr("object_"));
+  std::vector<std::uint64_t> read;
+  for (nb::handle entry : array.attr("ravel")()) {
+    const auto whole = nb::steal<nb::object>(PyNumber_Index(entry.ptr()));
+    const std::uint64_t value = whole.is_valid() ? PyLong_AsUnsignedLongLong(whole.ptr()) : 0;
+    if (PyErr_Occurred()) break;
+    read.push_back(value);
+  }
+  const bool is_one = nb::cast<int>(array.attr("ndim")) == 0;
+  if (PyErr_Occurred() || read.size() != (is_one ? 1 : count)) {
+    PyErr_Clear();
+    throw nb::value_error(
+        ("seeds must be a whole number from 0 to 2^64 - 1, or " + std::to_string(count) + " of them")
+            .c_str());
+  }
+  if (is_one)
+    for (std::size_t i = 1; i < count; ++i) read.push_back(SeedOf(read[0], i));
+  if (is_one) read[0] = SeedOf(read[0], 0);
+  return read;
+}
+
+Randomisation ReadRanges(const nb::object& given) {
+  if (given.is_none()) return UsualRandomisation();
+  Randomisation ranges;
+  const std::string start = "start:";
+  const auto all = nb::cast<std::map<std::string, std::pair<double, double>>>(
+      nb::module_::import_("builtins").attr("dict")(given));
+  for (const auto& [name, range] : all) {
+    const DrawRange read{range.first, range.second};
+    const bool is_start = name.starts_with(start);
+    if (!(read.low <= read.high && std::isfinite(read.low) && std::isfinite(read.high)) ||
+        (!is_start && !(read.low > 0)))
+      throw Refused{{ErrorCode::kUsage, "randomise",
+                     "'" + name + "' must be " + (is_start ? "" : "0 < ") + "smallest <= largest, not " +
+                         nb::cast<std::string>(nb::str(nb::float_(read.low))) + " and " +
+                         nb::cast<std::string>(nb::str(nb::float_(read.high)))}};
+    if (name == "stiffness")
+      ranges.stiffness = read;
+    else if (name == "friction")
+      ranges.friction = read;
+    else if (name == "mass")
+      ranges.mass = read;
+    else if (is_start)
+      ranges.start.push_back({name.substr(start.size()), read});
+    else
+      throw Refused{{ErrorCode::kUsage, "randomise",
+                     "'" + name + "' is none of: stiffness, friction, mass, start:COORDINATE"}};
+  }
+  return ranges;
+}
+
+nb::dict RangesOf(const Randomisation& ranges) {
+  nb::dict all;
+  const auto pair = [](const DrawRange& r) { return nb::make_tuple(r.low, r.high); };
+  all["stiffness"] = pair(ranges.stiffness);
+  all["friction"] = pair(ranges.friction);
+  all["mass"] = pair(ranges.mass);
+  for (const StartRange& s : ranges.start) all[("start:" + s.coordinate).c_str()] = pair(s.range);
+  return all;
+}
+
+MemberDifferences ReadDifferences(std::size_t count, const nb::object& seeds, const nb::object& stiffness,
+                                  const nb::object& friction, const nb::object& mass) {
+  MemberDifferences differences;
+  differences.seeds = ReadSeeds(seeds, count);
+  const std::pair<const nb::object&, const char*> all[3] = {
+      {stiffness, "stiffness"}, {friction, "friction"}, {mass, "mass"}};
+  for (std::size_t k = 0; k < 3; ++k)
+    if (!all[k].first.is_none()) differences.given[k] = ReadFactors(all[k].first, count, all[k].second);
+  return differences;
 }
 
 // (n, width) of numbers that f(simulation, row) writes.
@@ -138,23 +208,19 @@ BatchReport Step(Batch& batch, const nb::object& controls, int steps) {
   return batch.Step(data, steps);
 }
 
-void Reset(Batch& batch, const nb::object& mask, const nb::object& stiffness, const nb::object& friction,
-           const nb::object& mass) {
+void Reset(Batch& batch, const nb::object& mask, const nb::object& seeds, const nb::object& stiffness,
+           const nb::object& friction, const nb::object& mass) {
   const std::size_t count = Count(batch);
   std::vector<char> chosen(count, 1);
   if (!mask.is_none()) {
     const VectorX read = ReadVector(mask, count, "mask");
     for (std::size_t i = 0; i < count; ++i) chosen[i] = read(static_cast<Eigen::Index>(i)) != 0;
   }
-  std::vector<SceneFactors> factors = batch.factors();
-  const std::vector<SceneFactors> given = ReadAllFactors(count, stiffness, friction, mass);
-  for (std::size_t i = 0; i < count; ++i) {
-    if (!stiffness.is_none()) factors[i].stiffness = given[i].stiffness;
-    if (!friction.is_none()) factors[i].friction = given[i].friction;
-    if (!mass.is_none()) factors[i].mass = given[i].mass;
-  }
+  if (!seeds.is_none() && batch.seeds().empty())
+    throw Refused{{ErrorCode::kUsage, "reset", "this batch was made without seeds; make it with seeds="}};
+  const MemberDifferences differences = ReadDifferences(count, seeds, stiffness, friction, mass);
   const nb::gil_scoped_release others_run;
-  batch.Reset(chosen, factors);
+  batch.Reset(chosen, differences);
 }
 
 template <class T>
@@ -171,6 +237,26 @@ BoolArray Flags(const std::vector<char>& flags) {
   nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<char>*>(p); });
   const std::size_t count = kept->size();
   return BoolArray(reinterpret_cast<bool*>(kept->data()), 1, &count, owner);
+}
+
+// What makes each differ: name -> (n,).
+nb::dict Factors(const Batch& batch) {
+  const std::size_t count = Count(batch);
+  const auto column = [&](auto&& of) {
+    std::vector<double> values(count);
+    for (std::size_t i = 0; i < count; ++i) values[i] = of(batch.drawn()[i]);
+    return ToArray(values);
+  };
+  nb::dict all;
+  all["stiffness"] = column([](const Drawn& d) { return d.factors.stiffness; });
+  all["friction"] = column([](const Drawn& d) { return d.factors.friction; });
+  all["mass"] = column([](const Drawn& d) { return d.factors.mass; });
+  Eigen::Index at = 0;
+  for (const StartRange& s : batch.ranges().start) {
+    all[("start:" + s.coordinate).c_str()] = column([&](const Drawn& d) { return d.start(at); });
+    ++at;
+  }
+  return all;
 }
 
 void BindBatchReport(nb::module_& m) {
@@ -195,17 +281,30 @@ void BindBatchReport(nb::module_& m) {
 
 constexpr const char* kBatch = R"(Many simulations of one model, stepped together on threads.
 
-    rng = numpy.random.default_rng(seed)
-    batch = fork1s.Batch(model, 1024, friction=rng.uniform(0.7, 1.3, 1024))
+    batch = fork1s.Batch(model, 1024, seeds=7)  # each with a stiffness, friction and mass of its own
     report = batch.step(controls, steps=4)      # controls (1024, c)
     heights = batch.poses("box")[:, 0, 2]
+    batch.reset(heights > 0.1)                  # those begin anew, and draw anew
 
-count: how many. threads: at most this many, 0 for all cores; results are the same bits for any number. stiffness,
-friction, mass: factors, a number or (count,), that make the members differ: springs and servo gains (dampers by the
-root), sliding coefficients, masses and inertias. dt, keyframe, recovery and detail as for `Simulation`.
+count: how many. threads: at most this many, 0 for all cores; results are the same bits for any number. dt, keyframe,
+recovery and detail as for `Simulation`.
+
+stiffness, friction, mass: factors, a number or (count,), that make the members differ: springs and servo gains (dampers
+by the root), sliding coefficients, masses and inertias.
+
+seeds: draws those factors instead. One whole number, from which each member gets a seed of its own (`seeds`), or (count,)
+of them. What a member draws depends on its seed and on how often it has begun, and on nothing else: not on the other
+members, their number, or threads. A factor that is given as well counts in place of the drawn one until the member begins
+anew.
+
+randomise: what seeds draw from, as {name: (smallest, largest)}; default: `usual_ranges`. `stiffness`, `friction`, `mass`,
+of equal likelihood in their logarithm; and where a coordinate starts, relative to where it would: `start:JOINT`, rad or m,
+not where loops are closed, and `start:BODY.x` `.y` `.z` [m] `.rx` `.ry` `.rz` [rad] of free bodies and of bases that move.
+What is not named is not drawn.
 
 Each member takes what a Simulation takes, half a megabyte for a hand. Arrays that a Batch returns are those of the
-moment, and the caller's own. Raises as `Simulation` does, and ValueError for arrays of another shape.)";
+moment, and the caller's own. Raises as `Simulation` does, UsageError for what cannot be drawn, and ValueError for arrays
+of another shape.)";
 
 }  // namespace
 
@@ -215,22 +314,29 @@ void BindBatch(nb::module_& m) {
       .def(
           "__init__",
           [](Batch* self, const std::shared_ptr<const Model>& model, int count, int threads,
-             const nb::object& stiffness, const nb::object& friction, const nb::object& mass,
-             const std::optional<double>& dt, const std::optional<std::string>& keyframe,
-             const std::string& recovery, const std::string& detail) {
+             const nb::object& seeds, const nb::object& randomise, const nb::object& stiffness,
+             const nb::object& friction, const nb::object& mass, const std::optional<double>& dt,
+             const std::optional<std::string>& keyframe, const std::string& recovery,
+             const std::string& detail) {
             if (count < 1) throw nb::value_error("a batch has one simulation or more");
             if (threads < 0) throw nb::value_error("a number of threads is 0 (all cores) or more");
+            if (seeds.is_none() && !randomise.is_none())
+              throw Refused{{ErrorCode::kUsage, "randomise", "nothing is drawn without seeds; give seeds="}};
             const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail);
-            auto factors = ReadAllFactors(static_cast<std::size_t>(count), stiffness, friction, mass);
+            auto differences =
+                ReadDifferences(static_cast<std::size_t>(count), seeds, stiffness, friction, mass);
+            if (!seeds.is_none()) differences.ranges = ReadRanges(randomise);
             const nb::gil_scoped_release others_run;
-            new (self) Batch(model, std::move(factors), options, threads);
+            new (self) Batch(model, count, std::move(differences), options, threads);
           },
           nb::arg("model"), nb::arg("count"), nb::kw_only(), nb::arg("threads") = 0,
-          nb::arg("stiffness") = nb::none(), nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(),
-          nb::arg("dt") = nb::none(), nb::arg("keyframe") = nb::none(), nb::arg("recovery") = "exact",
-          nb::arg("detail") = "interface",
+          nb::arg("seeds") = nb::none(), nb::arg("randomise") = nb::none(), nb::arg("stiffness") = nb::none(),
+          nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(), nb::arg("dt") = nb::none(),
+          nb::arg("keyframe") = nb::none(), nb::arg("recovery") = "exact", nb::arg("detail") = "interface",
           nb::sig(
-              "def __init__(self, model: Model, count: int, *, threads: int = 0, stiffness: "
+              "def __init__(self, model: Model, count: int, *, threads: int = 0, seeds: "
+              "numpy.typing.ArrayLike | None = None, randomise: collections.abc.Mapping[str, tuple[float, "
+              "float]] | None = None, stiffness: "
               "numpy.typing.ArrayLike | None = None, friction: numpy.typing.ArrayLike | None = None, mass: "
               "numpy.typing.ArrayLike | None = None, dt: float | None = None, keyframe: str | None = None, "
               "recovery: str = 'exact', detail: str = 'interface') -> None"))
@@ -242,18 +348,36 @@ void BindBatch(nb::module_& m) {
            nb::sig("def step(self, controls: numpy.typing.ArrayLike | None = None, steps: int = 1) -> "
                    "BatchReport"))
       .def(
-          "reset", Reset, nb::arg("mask") = nb::none(), nb::kw_only(), nb::arg("stiffness") = nb::none(),
-          nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(),
-          "Those whose entry in mask (n,) is true begin anew; None: all. Factors, a number or (n,), replace "
-          "those of "
-          "the ones that begin; what is not given stays. Takes milliseconds each, on threads. Raises "
-          "ModelError and "
-          "leaves all as they were where one cannot begin.",
+          "reset", Reset, nb::arg("mask") = nb::none(), nb::kw_only(), nb::arg("seeds") = nb::none(),
+          nb::arg("stiffness") = nb::none(), nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(),
+          "Those whose entry in mask (n,) is true begin anew; None: all. A batch with seeds draws anew for "
+          "them: "
+          "what their seed draws next, or, where seeds are given here, a number or (n,), what these draw "
+          "first. "
+          "Factors, a number or (n,), replace those of the ones that begin; without seeds, what is not given "
+          "stays. Takes milliseconds each, on threads. Raises ModelError and leaves all as they were where "
+          "one "
+          "cannot begin.",
           nb::sig(
-              "def reset(self, mask: numpy.typing.ArrayLike | None = None, *, stiffness: "
-              "numpy.typing.ArrayLike "
+              "def reset(self, mask: numpy.typing.ArrayLike | None = None, *, seeds: numpy.typing.ArrayLike "
+              "| "
+              "None = None, stiffness: numpy.typing.ArrayLike "
               "| None = None, friction: numpy.typing.ArrayLike | None = None, mass: numpy.typing.ArrayLike | "
               "None = None) -> None"))
+      .def_prop_ro(
+          "factors", Factors, kOwn,
+          "Name -> (n,): what makes the members differ now, stiffness, friction and mass, and `start:...` "
+          "[rad or m] where that is drawn.",
+          nb::sig("def factors(self) -> dict[str, numpy.typing.NDArray[numpy.float64]]"))
+      .def_prop_ro(
+          "seeds", [](const Batch& b) { return OwnAll(b.seeds()); }, kOwn,
+          "(n,) of the members, none without seeds: `Batch(model, 1, seeds=batch.seeds[i:i + 1])` begins as "
+          "member i did.")
+      .def_prop_ro_static(
+          "usual_ranges", [](nb::handle) { return RangesOf(UsualRandomisation()); },
+          "What is drawn where `randomise` is not given: stiffness 0.7 to 1.4, friction 0.7 to 1.3, mass 0.8 "
+          "to "
+          "1.25.")
       .def("__len__", &Batch::size)
       .def_prop_ro("model", &Batch::model)
       .def_prop_ro("threads", &Batch::threads, "At most this many; 0: all cores.")

@@ -118,7 +118,6 @@ void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
   RefuseWhileRecording("set_stiffness");
   Scene scene = model_->SetStiffnesses(simulation_.scene(), stiffness);
   Simulation next = Take(Continue(simulation_, std::move(scene)), model_->origin());
-  time_before_ += simulation_.time();
   simulation_ = std::move(next);
 }
 

@@ -99,7 +99,7 @@ class Runner {
   /// What a recording has no word for is refused while one goes on.
   void RefuseWhileRecording(const char* what) const;
   std::vector<Push> pushes_;
-  double time_before_ = 0;  // s, of simulations that were replaced
+  double time_before_ = 0;  // s, of simulations that set_state replaced
 };
 
 }  // namespace fork1s::python

@@ -45,6 +45,12 @@ def test_rows_in_order_and_right(arm):
     assert all(w.split(":")[1] != str(os.getpid()) for w in table["worker"])
 
 
+def test_workers_end_without_a_word(arm, capfd):
+    fork1s.sweep(fork1s.load(arm), {"stiffness:shoulder": [50, 100, 200, 300]}, asked.deflection, progress=False)
+    told = capfd.readouterr()
+    assert told.err == "" and told.out == ""
+
+
 def test_what_a_parameter_may_be(scenes):
     gripper = fork1s.load(scenes / "fourbar_gripper.xml", interface="left_jaw")
     metric = lambda model, point: {  # noqa: E731 - it goes to another process as it is
