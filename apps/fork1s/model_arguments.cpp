@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <sstream>
 #include <utility>
@@ -94,7 +95,7 @@ void ModelArguments::AddTo(CLI::App& command) {
   command.add_option("--base", base, "fixed, floating or driven; replaces what the file says")
       ->check(CLI::IsMember({"fixed", "floating", "driven"}));
   command.add_option("--modes", modes, "fixed-interface modes to keep at most (default: the file's, else 4)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(0, std::numeric_limits<int>::max()));
   command
       .add_option("--mode-choice", mode_choice,
                   "which modes to keep: lowest in frequency, or those of largest contribution to the motion "

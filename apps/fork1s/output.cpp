@@ -32,8 +32,20 @@ void PrintNotes(const ImportReport& report) {
   for (const ImportNote& n : report.notes) fmt::print(stderr, "note: {}\n", n.Text());
 }
 
+// A name or a number of a file can be as long as the file.
+std::string Abridged(const std::string& text) {
+  constexpr std::size_t kBegin = 1000, kEnd = 500;
+  if (text.size() <= kBegin + kEnd) return text;
+  const auto whole_letter = [&](std::size_t at) {  // in UTF-8
+    while (at < text.size() && (text[at] & 0xC0) == 0x80) ++at;
+    return at;
+  };
+  const std::size_t first = whole_letter(kBegin), last = whole_letter(text.size() - kEnd);
+  return fmt::format("{} [{} bytes left out] {}", text.substr(0, first), last - first, text.substr(last));
+}
+
 int Report(const Error& error, bool json) {
-  fmt::print(stderr, "fork1s: {}\n", error.Text());
+  fmt::print(stderr, "fork1s: {}\n", Abridged(error.Text()));
   int code = kRefused;
   if (error.code == ErrorCode::kUsage) code = kBadUsage;
   if (error.code == ErrorCode::kNumerics) code = kNumericsFailed;

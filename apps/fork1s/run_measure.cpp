@@ -125,6 +125,8 @@ std::string Impossible(const Simulation& simulation, double energy) {
   }
   constexpr double kLight = 299792458;  // m/s
   if (std::isfinite(energy) && fastest < kLight) return "";
+  if (body.empty())  // nothing that is looked at moves along
+    return fmt::format("after {:.6g} s the energy is {:.3g} J", simulation.time(), energy);
   return fmt::format("after {:.6g} s body '{}' moves at {:.3g} m/s, energy {:.3g} J", simulation.time(), body,
                      fastest, energy);
 }

@@ -11,6 +11,7 @@
 #include <fstream>
 #include <set>
 
+#include "attached.hpp"
 #include "names.hpp"
 #include "xml_checks.hpp"
 
@@ -106,7 +107,7 @@ std::set<std::string> AssetFolders(const std::string& path, const std::string& t
   VisitXml(path, text, [&](const XMLElement& element, const std::string& file) {
     for (const char* attribute : {"meshdir", "texturedir", "assetdir"})
       if (const char* folder = element.Attribute(attribute)) folders.insert(folder);
-    folders.insert(fs::path(file).parent_path().string());  // of a model that is attached
+    folders.insert(fs::absolute(file).parent_path().string());  // of a model that is attached
     return false;
   });
   return folders;
@@ -125,6 +126,7 @@ std::optional<Error> CheckBounds(const std::string& path, const std::string& tex
     return fmt::format("asks for {:.6g} {}, and {:.6g} is the most; make it smaller", e.asked, e.what,
                        e.most);
   };
+  if (auto circle = CheckAttached(path, text)) return circle;
   const std::set<std::string> folders = AssetFolders(path, text);
   const fs::path here = fs::path(path).parent_path();
   VisitXml(path, text, [&](const XMLElement& element, const std::string& file) {

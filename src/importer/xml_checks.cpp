@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iterator>
 #include <set>
+#include <utility>
 
 #include "names.hpp"
 
@@ -41,8 +42,8 @@ bool IsNotFinite(std::string word) {
 // included twice, and files that include each other would multiply.
 class XmlWalk {
  public:
-  XmlWalk(const std::string& path, const XmlVisitor& visit)
-      : folder_(std::filesystem::path(path).parent_path()), visit_(visit) {}
+  XmlWalk(const std::string& path, bool attached, const XmlVisitor& visit)
+      : folder_(std::filesystem::path(path).parent_path()), attached_(attached), visit_(visit) {}
 
   bool File(const std::string& path, const std::string& text) {
     std::error_code unresolved;
@@ -63,14 +64,23 @@ class XmlWalk {
       if (visit_(*element, file)) return true;
       const std::string name = element->Name();
       const char* other = element->Attribute("file");
-      if ((name == "include" || name == "model") && other != nullptr && File((folder_ / other).string(), ""))
-        return true;
+      if (name == "include" && other != nullptr && File((folder_ / other).string(), "")) return true;
+      if (name == "model" && other != nullptr && attached_ && Model(folder_ / other)) return true;
       if (Elements(element->FirstChildElement(), file)) return true;
     }
     return false;
   }
 
-  const std::filesystem::path folder_;  // the reader looks for all files from here
+  // A model that is attached looks for its files from where it lies.
+  bool Model(const std::filesystem::path& path) {
+    const std::filesystem::path before = std::exchange(folder_, path.parent_path());
+    const bool done = File(path.string(), "");
+    folder_ = before;
+    return done;
+  }
+
+  std::filesystem::path folder_;  // the reader looks for files from here
+  const bool attached_;
   const XmlVisitor& visit_;
   std::set<std::string> seen_;
 };
@@ -100,7 +110,11 @@ Expected<std::string> ReadFile(const std::string& path) {
 }
 
 void VisitXml(const std::string& path, const std::string& text, const XmlVisitor& visit) {
-  XmlWalk(path, visit).File(path, text);
+  XmlWalk(path, true, visit).File(path, text);
+}
+
+void VisitOneModel(const std::string& path, const std::string& text, const XmlVisitor& visit) {
+  XmlWalk(path, false, visit).File(path, text);
 }
 
 Expected<std::string> RootElement(const std::string& path, const std::string& text) {

@@ -29,10 +29,12 @@ Expected<std::string> RootElement(const std::string& path, const std::string& te
 /// their numbers. Returns its line, 0 if there is none.
 int RemoveLateDeclaration(std::string& text);
 
-/// Shows every element of the file and of those it includes, each file once, until one returns true. `text`
-/// may be empty: the file is read.
+/// Shows every element of the file and of those it includes or attaches, each file once, until one returns
+/// true. `text` may be empty: the file is read.
 using XmlVisitor = std::function<bool(const tinyxml2::XMLElement&, const std::string& file)>;
 void VisitXml(const std::string& path, const std::string& text, const XmlVisitor& visit);
+/// The same without the models that are attached (<model file>).
+void VisitOneModel(const std::string& path, const std::string& text, const XmlVisitor& visit);
 
 /// Refuses nan and inf in any numeric attribute, included files too, with file and line: MuJoCo would
 /// simulate them.

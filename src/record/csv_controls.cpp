@@ -5,6 +5,8 @@
 #include <fork1s/record/csv.hpp>
 #include <fstream>
 #include <optional>
+#include <set>
+#include <string_view>
 
 #include <fmt/format.h>
 
@@ -87,10 +89,10 @@ Expected<ControlTrack> ReadControls(const std::string& path) {
       if (time == header.end())
         return refuse("has no column named 'time'; the first line must be a header such as time,name1,name2");
       time_column = static_cast<std::size_t>(time - header.begin());
+      std::set<std::string_view> named;
       for (std::size_t k = 0; k < header.size(); ++k) {
         if (header[k].empty()) return refuse(fmt::format("column {} has no name", k + 1));
-        if (std::find(header.begin(), header.begin() + static_cast<std::ptrdiff_t>(k), header[k]) !=
-            header.begin() + static_cast<std::ptrdiff_t>(k))
+        if (!named.insert(header[k]).second)
           return refuse(fmt::format("names the column '{}' twice", header[k]));
         if (k != time_column) track.names.push_back(header[k]);
       }

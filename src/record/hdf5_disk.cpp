@@ -26,6 +26,7 @@ struct Disk {
   dev_t device = 0;
   ino_t inode = 0;
   haddr_t end_of_allocation = 0, end_of_file = 0;
+  haddr_t on_disk = 0;  // the least that the file's size must be
   DiskState* state = nullptr;
   // What was written after the failure, in order: HDF5 may read it again before it closes.
   std::vector<std::pair<haddr_t, std::vector<char>>> later;
@@ -51,7 +52,7 @@ H5FD_t* Open(const char* name, unsigned flags, hid_t access, haddr_t) {
   }
   disk->device = facts.st_dev;
   disk->inode = facts.st_ino;
-  disk->end_of_file = static_cast<haddr_t>(facts.st_size);
+  disk->end_of_file = disk->on_disk = static_cast<haddr_t>(facts.st_size);
   return &disk.release()->head;
 }
 
@@ -106,6 +107,10 @@ herr_t Write(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t address, size_t size, cons
   Disk& disk = Of(file);
   const auto* bytes = static_cast<const char*>(in);
   size_t done = 0;
+  struct stat facts {};
+  if (!disk.state->failed() && fstat(disk.file, &facts) == 0 &&
+      static_cast<haddr_t>(facts.st_size) < disk.on_disk)
+    disk.state->error = DiskState::kCutOff;
   while (done < size && !disk.state->failed()) {
     const ssize_t wrote = pwrite(disk.file, bytes + done, size - done, static_cast<off_t>(address + done));
     if (wrote < 0 && errno == EINTR) continue;
@@ -114,6 +119,7 @@ herr_t Write(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t address, size_t size, cons
     else
       disk.state->error = wrote < 0 ? errno : ENOSPC;
   }
+  if (done > 0) disk.on_disk = std::max(disk.on_disk, address + done);
   if (done < size) disk.later.emplace_back(address + done, std::vector<char>(bytes + done, bytes + size));
   disk.end_of_file = std::max(disk.end_of_file, address + size);
   return 0;
@@ -124,6 +130,7 @@ herr_t Truncate(H5FD_t* file, hid_t, hbool_t) {
   if (disk.end_of_allocation == disk.end_of_file) return 0;
   if (!disk.state->failed() && ftruncate(disk.file, static_cast<off_t>(disk.end_of_allocation)) != 0)
     disk.state->error = errno;
+  if (!disk.state->failed()) disk.on_disk = disk.end_of_allocation;
   disk.end_of_file = disk.end_of_allocation;
   return 0;
 }
@@ -165,6 +172,8 @@ hid_t Driver() {
 }  // namespace
 
 std::string DiskState::Reason() const {
+  if (error == kCutOff)
+    return "another program cut it off while it was written, and what it held is lost; record it again";
   const std::string what = std::strerror(error);
   if (error == ENOSPC || error == EDQUOT) return what + "; make room or choose another disk";
   if (error == EFBIG) return what + "; files may not grow further here, see 'ulimit -f'";

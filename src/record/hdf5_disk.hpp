@@ -14,7 +14,8 @@ namespace fork1s::internal {
 
 /// What became of writing. Outlives the file that writes to it.
 struct DiskState {
-  int error = 0;  // errno of the first failure, 0: none
+  static constexpr int kCutOff = -1;  // by another program: the file is shorter than what was written
+  int error = 0;                      // errno of the first failure, or the above; 0: none
   bool failed() const { return error != 0; }
   /// The system's words for it and what to do.
   std::string Reason() const;

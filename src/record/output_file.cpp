@@ -173,6 +173,11 @@ Expected<void> OutputFile::Keep() {
   return {};
 }
 
+bool OutputFile::IsInPlace() const {
+  struct stat facts {};
+  return detail_->kept && fstat(detail_->file.get(), &facts) == 0 && IsAt(facts, detail_->place);
+}
+
 Expected<void> WriteFile(const std::string& path, const FileKind& kind, std::string_view bytes) {
   const auto write_to = [&](const std::string& name, int more) -> Expected<void> {
     Descriptor file(open(name.c_str(), O_WRONLY | O_CLOEXEC | more));

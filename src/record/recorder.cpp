@@ -321,7 +321,9 @@ void Recorder::Detail::Write() {
   if (H5Fflush(file.id(), H5F_SCOPE_LOCAL) < 0 && !disk.failed())
     throw Hdf5Fault("cannot be written (" + LastHdf5Message() + ')', ErrorCode::kFile);
   if (disk.failed())
-    throw Hdf5Fault(Unwritable() + ". Its first " + std::to_string(steps_on_disk) + " steps are safe",
+    throw Hdf5Fault(Unwritable() + (disk.error == DiskState::kCutOff
+                                        ? ""
+                                        : ". Its first " + std::to_string(steps_on_disk) + " steps are safe"),
                     ErrorCode::kFile);
   steps_on_disk = totals[static_cast<std::size_t>(Rows::kSteps)];
 }
@@ -360,6 +362,11 @@ Expected<void> Recorder::Finish() {
   if (d.failure && (!closed || d.disk.failed()))
     d.failure = Fail(ErrorCode::kFile, d.path,
                      d.disk.failed() ? d.Unwritable() : "cannot be closed (" + LastHdf5Message() + ')');
+  if (d.failure && !d.output->IsInPlace())
+    d.failure =
+        Fail(ErrorCode::kFile, d.path,
+             "was removed, renamed or replaced by another program while it was written; what was recorded "
+             "is in the file that it was, if that still has a name");
   d.output.reset();  // unlocked
   return d.failure;
 }

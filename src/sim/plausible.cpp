@@ -21,6 +21,9 @@ std::string Print(const char* format, double a, double b, double c) {
   return text;
 }
 
+// A remedy, where there is one.
+std::string TryStep(double dt) { return dt > 1e-9 ? Print("; try --dt %.1g", dt, 0, 0) : ""; }
+
 double Reach(const RigidTransform& X, const std::vector<GeometryDef>& geometries) {
   double radius = 0;
   for (const GeometryDef& g : geometries)
@@ -102,15 +105,17 @@ void PlausibleWatch::LookAtSpeeds(const Simulation& simulation) {
       return "at " + Print("%.4g s ", t, 0, 0) + Quoted(simulation, body) +
              Print(
                  " moves %.3g m in a step, and contact is looked for %.3g m ahead: it may pass through what "
-                 "is in its way or get far into it; try --dt %.1g",
-                 way, seen, h * seen / way);
+                 "is in its way or get far into it",
+                 way, seen, 0) +
+             TryStep(h * seen / way);
     });
     Note(kSpins, turn / kHalfTurn, [&] {
       return "at " + Print("%.4g s ", t, 0, 0) + Quoted(simulation, body) +
              Print(
                  " turns by %.3g rad in a step; from half a turn on no step knows which way it turns, and "
-                 "what it hits may give it energy; try --dt %.1g",
-                 turn, h / turn, 0);
+                 "what it hits may give it energy",
+                 turn, 0, 0) +
+             TryStep(h / turn);
     });
   }
 }

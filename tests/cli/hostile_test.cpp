@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <vector>
 
 #include <sys/stat.h>
 
@@ -84,6 +85,51 @@ TEST(Hostile, IncludesThatMultiply) {
   EXPECT_EQ(Try("inspect " + Write("levels.xml", Model(including("level0.xml")))).code, 3);
 }
 
+std::string Attaching(const std::vector<std::string>& files) {
+  std::string models, attached;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    const std::string n = std::to_string(i);
+    models += "<model name=\"m" + n + "\" file=\"" + files[i] + "\"/>";
+    attached += "<attach model=\"m" + n + "\" body=\"b\" prefix=\"p" + n + "\"/>";
+  }
+  return "<mujoco><asset>" + models +
+         "</asset><worldbody><body name=\"b\"><joint stiffness=\"1\"/><geom "
+         "size=\".1\"/>" +
+         attached + "</body></worldbody></mujoco>";
+}
+
+// The reader follows models that attach others until its stack ends, and reads each as often as it is named.
+TEST(Hostile, ModelsThatAttachThemselves) {
+  fs::create_directories(ScratchFolder() / "sub");
+  Write("sub/leaf.xml", Attaching({}));
+  Write("sub/inner.xml", Attaching({"leaf.xml"}));  // from where it lies
+  EXPECT_EQ(Try("inspect " + Write("outer.xml", Attaching({"sub/inner.xml"}))).code, 0);
+  Write("other.xml", Attaching({"first.xml"}));
+  for (const std::string& model :
+       {Write("itself.xml", Attaching({"itself.xml"})), Write("first.xml", Attaching({"other.xml"}))}) {
+    const Outcome o = Try("inspect " + model);
+    EXPECT_EQ(o.code, 3) << o.err;
+    EXPECT_NE(o.err.find("attaches this file again"), std::string::npos) << o.err;
+  }
+  for (int i = 0; i < 20; ++i) {
+    const std::string next = "twice" + std::to_string(i + 1) + ".xml";
+    Write("twice" + std::to_string(i) + ".xml", Attaching({next, next}));
+  }
+  Write("twice20.xml", Attaching({}));
+  const Outcome o = Try("inspect " + (ScratchFolder() / "twice0.xml").string());
+  EXPECT_EQ(o.code, 3) << o.err;
+  EXPECT_NE(o.err.find("files to read"), std::string::npos) << o.err;
+  // What an attached one names is looked at, too.
+  mkfifo((ScratchFolder() / "sub/pipe.stl").c_str(), 0600);
+  Write("sub/inner.xml", Model("<asset><mesh name=\"m\" file=\"pipe.stl\"/></asset>"));
+  EXPECT_EQ(Try("inspect " + (ScratchFolder() / "outer.xml").string()).code, 3);
+  EXPECT_EQ(Shell("cd " + ScratchFolder().parent_path().string() +
+                  " && timeout -s KILL 60 " FORK1S_BINARY " inspect " +
+                  (ScratchFolder().filename() / "outer.xml").string())
+                .code,
+            3);
+}
+
 TEST(Hostile, PipesAndDevicesInPlaceOfFiles) {
   const fs::path pipe = ScratchFolder() / "pipe.stl";
   mkfifo(pipe.c_str(), 0600);
@@ -133,6 +179,21 @@ TEST(Hostile, ChainsOfAThousandLinks) {
   const Outcome o = Try("run --time 0.1 " + model);  // nothing holds them
   EXPECT_EQ(o.code, 3);
   EXPECT_NE(o.err.find("--pd"), std::string::npos) << o.err;
+}
+
+// A table of a single line, 100,000 columns or one name that long: told in time, and in a sentence.
+TEST(Hostile, TablesOfControlsThatAreOneLine) {
+  const std::string model = Write("finger.xml", FingerModel());
+  std::string many = "time", row = "0";
+  for (int i = 0; i < 100000; ++i) many += ",c" + std::to_string(i), row += ",0";
+  const std::string digits(100000, '1'), name(100000, 'x');
+  for (const std::string& table :
+       {many + "\n" + row + "\n", "time,bend\n0," + digits + "x\n", "time," + name + "\n0,0\n"}) {
+    const Outcome o = Try("run --time 0.1 --controls " + Write("line.csv", table) + " " + model);
+    EXPECT_EQ(o.code, 3) << table.substr(0, 20) << o.err;
+    EXPECT_LT(o.err.size(), 2500u) << table.substr(0, 20);
+    EXPECT_NE(o.err.find("line.csv"), std::string::npos) << o.err;
+  }
 }
 
 // A model whose only shape is a mesh, as MJCF and as URDF.

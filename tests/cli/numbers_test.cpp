@@ -33,6 +33,14 @@ TEST(Numbers, OfListsAreFiniteAndWithinReason) {
     }
 }
 
+TEST(Numbers, OfModesAreCounted) {
+  for (const char* bad : {"-1", "nan", "1.5", "99999999999999999999"}) {
+    const Outcome o = Fork1s(std::string("run --modes ") + bad + " /no/such/model.xml");
+    EXPECT_EQ(o.code, 2) << bad << o.err;
+    EXPECT_LT(o.err.size(), 200u) << o.err;
+  }
+}
+
 TEST(Numbers, OfStepsCanBeCounted) {
   const std::string model = Write("finger.xml", FingerModel());
   const Outcome o = Fork1s("run --time 1e9 " + model);

@@ -3,6 +3,7 @@
 #include <csignal>
 #include <string>
 
+#include <fcntl.h>
 #include <sys/mount.h>
 #include <sys/resource.h>
 
@@ -180,6 +181,15 @@ TEST(Outputs, PrintedResultsMustArrive) {
   ASSERT_EQ(pipe(ends), 0);
   close(ends[0]);
   EXPECT_NE(code("inspect " + model + " >&" + std::to_string(ends[1])), 0);
+  close(ends[1]);
+  // One that is full, and whose reader does not read on.
+  ASSERT_EQ(pipe2(ends, O_NONBLOCK), 0);
+  const std::string some(4096, 'x');
+  while (write(ends[1], some.data(), some.size()) > 0) {
+  }
+  EXPECT_EQ(code("inspect " + model + " >&" + std::to_string(ends[1])), 3);
+  EXPECT_EQ(code("run --time 0.1 --json " + model + " >&" + std::to_string(ends[1])), 3);
+  close(ends[0]);
   close(ends[1]);
   // The recording does not take the place of the closed stream.
   EXPECT_EQ(code("run --time 0.1 --record " + file + " " + model + " >&-"), 3);

@@ -40,6 +40,14 @@ TEST(Plausible, SpinsTooFastForTheStep) {
   EXPECT_NE(said.find("no input did work"), std::string::npos) << said;
 }
 
+// Faster than numbers go: exit 4, a sentence without a body of no name, and no step of 0 s as a remedy.
+TEST(Plausible, SpinsBeyondNumbers) {
+  const Outcome o = Fork1s("run --time 1 --keyframe k " + Thrown("0 0 0 0 1e200 0"));
+  EXPECT_EQ(o.code, 4) << o.err;
+  EXPECT_EQ((o.out + o.err).find("''"), std::string::npos) << o.err;
+  EXPECT_EQ((o.out + o.err).find("--dt 0"), std::string::npos) << o.out;
+}
+
 // A loop of four bars that is pulled at harder than recovery by twists holds together.
 TEST(Plausible, JointsThatOpen) {
   const std::string model = Write("loop.xml", R"(<mujoco><option gravity="0 0 0"/>

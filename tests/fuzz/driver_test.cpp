@@ -10,6 +10,7 @@
 #include <fork1s/record/recording.hpp>
 #include <fstream>
 
+#include "foreign_leaks.hpp"
 #include "fuzz.hpp"
 #include "mutate.hpp"
 

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "foreign_leaks.hpp"
 #include "helpers.hpp"
 #include "mesh_writers.hpp"
 #include "urdf_text.hpp"

@@ -4,9 +4,11 @@
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <csignal>
+#include <functional>
 
 #include <fork1s/record/reduced_model_file.hpp>
 
+#include "foreign_leaks.hpp"
 #include "support.hpp"
 
 namespace fork1s::testing {
@@ -194,6 +196,40 @@ TEST(Recorder, TellsWhereItCannotWrite) {
   const auto recorder = Recorder::Create(folder / "no/such/folder.h5", simulation);
   ASSERT_FALSE(recorder);
   EXPECT_EQ(recorder.error().code, ErrorCode::kFile);
+}
+
+// What another program does to the file meanwhile: said in the end, not found out by the reader.
+TEST(Recorder, TellsOfAFileThatWasTakenAway) {
+  namespace fs = std::filesystem;
+  Folder folder;
+  const std::string path = folder / "run.h5", other = folder / "other.h5";
+  const struct {
+    const char* said;
+    std::function<void()> work;
+  } cases[] = {
+      {"was removed", [&] { fs::remove(path); }},
+      {"renamed", [&] { fs::rename(path, other); }},
+      {"replaced", [&] { WriteBytes(folder / "new", "text"), fs::rename(folder / "new", path); }},
+      {"cut it off", [&] { fs::resize_file(path, 0); }},
+      {"cut it off", [&] { fs::resize_file(path, fs::file_size(path) - 1); }},
+  };
+  for (const auto& c : cases) {
+    Simulation simulation = CreateOrThrow(TouchingScene());
+    auto recorder = Recorder::Create(path, simulation);
+    ASSERT_TRUE(recorder) << recorder.error().Text();
+    Record(simulation, *recorder, 30);
+    ASSERT_TRUE(recorder->Flush());
+    c.work();
+    Record(simulation, *recorder, 3);
+    const auto ended = recorder->Finish();
+    ASSERT_FALSE(ended) << c.said;
+    EXPECT_EQ(ended.error().code, ErrorCode::kFile);
+    EXPECT_NE(ended.error().message.find(c.said), std::string::npos) << ended.error().message;
+    fs::remove(path);
+  }
+  const auto moved = Recording::Open(other);  // the renamed one is whole
+  ASSERT_TRUE(moved) << moved.error().Text();
+  EXPECT_EQ(moved->num_steps(), 33);
 }
 
 TEST(Recorder, AFullDiskKeepsWhatWasFlushed) {

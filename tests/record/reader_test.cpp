@@ -91,5 +91,63 @@ TEST(RecordingReader, EndsAtTheLastWholeStepOfAKilledWriter) {
   }
 }
 
+// What `work` adds to the most memory that this program ever held [bytes]; in a process of its own, which begins
+// with what this one holds.
+template <class Work>
+long MemoryOf(Work&& work) {
+  int ends[2];
+  if (pipe(ends) != 0) return -1;
+  const pid_t child = fork();
+  if (child == 0) {
+    const auto most = [] {
+      rusage usage{};
+      getrusage(RUSAGE_SELF, &usage);
+      return 1024 * usage.ru_maxrss;
+    };
+    const long before = most();
+    const long added = work() ? most() - before : -1;
+    _exit(write(ends[1], &added, sizeof added) == sizeof added ? 0 : 1);
+  }
+  long added = -1;
+  if (read(ends[0], &added, sizeof added) != sizeof added) added = -1;
+  close(ends[0]);
+  close(ends[1]);
+  waitpid(child, nullptr, 0);
+  return added;
+}
+
+// A recording of any length is replayed and exported in the memory of a stretch.
+TEST(RecordingReader, MemoryDoesNotGrowWithLength) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers keep what was freed";
+#endif
+  constexpr std::size_t kStretch = 1 << 20;
+  Folder folder;
+  const auto play = [&](const std::string& file, int steps) {
+    return MemoryOf([&] {
+      auto reader = RecordingReader::Open(file, kStretch);
+      const auto replay = Replay(*reader);
+      return replay && replay->identical && replay->steps == steps;
+    });
+  };
+  const auto tabulate = [&](const std::string& file) {
+    return MemoryOf([&] {
+      auto reader = RecordingReader::Open(file, kStretch);
+      return ExportCsv(*reader, folder / "tables").has_value();
+    });
+  };
+  MakeLongRecording(folder / "short.h5", 3000);
+  MakeLongRecording(folder / "long.h5", 12000);
+  const auto longer = static_cast<long>(std::filesystem::file_size(folder / "long.h5") -
+                                        std::filesystem::file_size(folder / "short.h5"));
+  const long short_replay = play(folder / "short.h5", 3000), short_tables = tabulate(folder / "short.h5");
+  EXPECT_GT(short_replay, 0);
+  EXPECT_GT(short_tables, 0);
+  EXPECT_LT(play(folder / "long.h5", 12000), short_replay + longer / 4);
+  EXPECT_LT(tabulate(folder / "long.h5"), short_tables + longer / 4);
+  // What the whole takes, and would be measured if it were read.
+  EXPECT_GT(MemoryOf([&] { return Recording::Open(folder / "long.h5").has_value(); }), longer);
+}
+
 }  // namespace
 }  // namespace fork1s::testing

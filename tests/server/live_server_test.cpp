@@ -5,6 +5,7 @@
 #include <fork1s/server/live_server.hpp>
 #include <thread>
 
+#include "failed_accepts.hpp"
 #include "socket_client.hpp"
 #include "support.hpp"
 
@@ -145,19 +146,25 @@ TEST_F(Served, UnusableRequestsGetTheirStatus) {
             "HTTP/1.1 431");
 }
 
-// Without descriptors no connection can be taken; the server waits for better times and then goes on.
+// Without descriptors no connection can be taken; the server tries ten times a second, not as often as it can, and goes
+// on in better times.
 TEST_F(Served, WaitsWhereNoDescriptorIsFree) {
   rlimit before{};
   getrlimit(RLIMIT_NOFILE, &before);
   const int lowest_free = dup(0);
   close(lowest_free);
-  SocketClient waiting(server_->port());
-  const rlimit none{static_cast<rlim_t>(lowest_free + 1), before.rlim_max};
-  // The client's own descriptor is the last one there is.
-  setrlimit(RLIMIT_NOFILE, &none);
-  SocketClient refused(server_->port());
-  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  const rlimit one_more{static_cast<rlim_t>(lowest_free + 1), before.rlim_max};
+  setrlimit(RLIMIT_NOFILE, &one_more);
+  const long failed_before = failed_accepts;
+  const auto begun = std::chrono::steady_clock::now();
+  SocketClient waiting(server_->port());  // takes the last descriptor there is
+  for (int i = 0; i < 3000 && failed_accepts < failed_before + 3; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  const long failed = failed_accepts - failed_before;
+  const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - begun;
   setrlimit(RLIMIT_NOFILE, &before);
+  EXPECT_GE(failed, 3);
+  EXPECT_LE(static_cast<double>(failed), 1 + passed.count() / 0.1);
   EXPECT_TRUE(Starts(waiting.Upgrade(), "HTTP/1.1 101"));
 }
 

@@ -38,6 +38,8 @@ class OutputFile {
   const std::string& part() const;
   /// Puts the file in its place. Errors: kFile, and then nothing has changed.
   Expected<void> Keep();
+  /// Whether the file that was kept still has its name: no other program removed, renamed or replaced it.
+  bool IsInPlace() const;
 
  private:
   OutputFile();
