@@ -63,19 +63,23 @@ void CompliantRows::AddPush(const PairRows& pair, const PointRows& point, const 
 
 // Sums of J_leftᵀ D J_right, and of moments, whose rows are the axes on the angular part of the twist.
 void CompliantRows::AddDerivative(std::size_t p, const PointRows& point) {
+  using Columns = Eigen::Matrix<double, 6, 3>;
   const PairRows& pair = pairs[p];
-  const auto add = [&](const Matrix36& left, const Matrix36& right, Matrix6& S) {
-    S += left.transpose().lazyProduct(point.D.lazyProduct(right).eval());
+  const bool a = pair.port_a >= 0, b = pair.port_b >= 0;
+  const Columns A = point.J_a.transpose(), B = point.J_b.transpose();
+  const Matrix36 D_a = point.D.lazyProduct(point.J_a), D_b = point.D.lazyProduct(point.J_b);
+  const auto add = [&](const Columns& left, const Matrix36& D_right, const Matrix36& right, Matrix6& S) {
+    S += left.lazyProduct(D_right);
     if (!point.HasMoments()) return;
-    const Matrix3 axes = left.rightCols<3>().transpose();
+    const Matrix3 axes = left.bottomRows<3>();
     S.topLeftCorner<3, 3>() += axes * point.D_turn * right.rightCols<3>();
     S.topRows<3>() += axes * point.by_normal * right.row(0);
   };
-  if (pair.port_a >= 0) add(point.J_a, point.J_a, ports[static_cast<std::size_t>(pair.port_a)].S);
-  if (pair.port_b >= 0) add(point.J_b, point.J_b, ports[static_cast<std::size_t>(pair.port_b)].S);
-  if (pair.port_a < 0 || pair.port_b < 0) return;
-  add(point.J_a, point.J_b, S_ab_[p]);
-  add(point.J_b, point.J_a, S_ba_[p]);
+  if (a) add(A, D_a, point.J_a, ports[static_cast<std::size_t>(pair.port_a)].S);
+  if (b) add(B, D_b, point.J_b, ports[static_cast<std::size_t>(pair.port_b)].S);
+  if (!a || !b) return;
+  add(A, D_b, point.J_b, S_ab_[p]);
+  add(B, D_a, point.J_a, S_ba_[p]);
 }
 
 void CompliantRows::Evaluate(const double* d, bool with_derivative) {
