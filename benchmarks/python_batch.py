@@ -5,7 +5,9 @@
 Needs the package installed (tools/wheel.sh). One thread and two take turns, so that other work on the machine meets
 both. Other work takes more from two threads than from one, so rounds in which it took more than a twentieth of the
 machine count only where too few others are found in --patience seconds; `others_percent` says what it took in those that
-count. Python's share is what a call takes beyond the wall time that the report gives for its steps.
+count. `ratio_of_processor_time` does not depend on that: twice what one thread spends over what two spend, which is how
+much faster two threads are where each has a core. Python's share is what a call takes beyond the wall time that the
+report gives for its steps.
 """
 
 import argparse
@@ -42,13 +44,13 @@ def busy() -> float:
 def round_of(steps: int) -> dict:
     """Both batches advance about as long as others can be told from us; wall time and time without Python of each."""
     start, others = time.perf_counter(), busy() - time.process_time()
-    times = {1: (0.0, 0.0), 2: (0.0, 0.0)}
+    times = {1: (0.0, 0.0, 0.0), 2: (0.0, 0.0, 0.0)}
     while time.perf_counter() - start < 0.4:
         for threads, batch in batches.items():
-            began = time.perf_counter()
+            began, spent = time.perf_counter(), time.process_time()
             report = batch.step(controls, steps=steps)
-            call = time.perf_counter() - began
-            times[threads] = (times[threads][0] + call, times[threads][1] + report.wall)
+            call, spent = time.perf_counter() - began, time.process_time() - spent
+            times[threads] = tuple(sum(pair) for pair in zip(times[threads], (call, report.wall, spent)))
         times["calls"] = times.get("calls", 0) + 1
     elapsed = time.perf_counter() - start
     times["others"] = max(0.0, busy() - time.process_time() - others) / elapsed / os.cpu_count()
@@ -59,7 +61,7 @@ for batch in batches.values():
     batch.step(controls, steps=20)  # contacts are made
 out = csv.writer(sys.stdout, lineterminator="\n")
 out.writerow(["scene", "members", "threads", "steps_a_call", "us_a_member_and_step", "steps_a_second",
-              "python_share_percent", "ratio_to_one_thread", "rounds", "others_percent"])
+              "python_share_percent", "ratio_to_one_thread", "ratio_of_processor_time", "rounds", "others_percent"])
 for steps in (1, 2, 10):
     rounds, began = [], time.perf_counter()
     while sum(r["others"] < 0.05 for r in rounds) < arguments.rounds and (
@@ -68,13 +70,15 @@ for steps in (1, 2, 10):
         rounds.append(round_of(steps))
     counted = sorted(rounds, key=lambda r: r["others"])[: arguments.rounds]
     ratio = statistics.median(r[1][0] / r[2][0] for r in counted)
+    processor = statistics.median(2 * r[1][2] / r[2][2] for r in counted)
     for threads in (1, 2):
         whole = statistics.median(r[threads][0] / r["calls"] for r in counted)
         python = statistics.median(1 - r[threads][1] / r[threads][0] for r in counted)
         out.writerow([
             Path(arguments.scene).stem, arguments.count, threads, steps,
             f"{1e6 * whole / steps / arguments.count:.2f}", f"{arguments.count * steps / whole:.0f}",
-            f"{100 * python:.2f}", f"{ratio if threads == 2 else 1:.2f}", len(counted),
+            f"{100 * python:.2f}", f"{ratio if threads == 2 else 1:.2f}",
+            f"{processor if threads == 2 else 1:.2f}", len(counted),
             f"{100 * statistics.median(r['others'] for r in counted):.1f}",
         ])
     sys.stdout.flush()
