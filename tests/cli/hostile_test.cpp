@@ -196,6 +196,21 @@ TEST(Hostile, TablesOfControlsThatAreOneLine) {
   }
 }
 
+// Larger than contacts can be computed for: it fell through the floor.
+TEST(Hostile, ShapesBeyondAllMeasure) {
+  Write("far.obj", "v 1e30 0 0\nv 1 0 0\nv 0 1e30 0\nv 0 0 1e30\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n");
+  for (const char* geom : {"type=\"sphere\" size=\"1e30\"", "type=\"mesh\" mesh=\"m\""}) {
+    const Outcome o = Try("run --time 0.1 " +
+                          Write("far.xml",
+                                "<mujoco><asset><mesh name=\"m\" file=\"far.obj\"/></asset><worldbody><geom "
+                                "type=\"plane\" size=\"1 1 .1\"/><body pos=\"0 0 1\"><freejoint/><inertial "
+                                "pos=\"0 0 0\" mass=\"1\" diaginertia=\".1 .1 .1\"/><geom " +
+                                    std::string(geom) + "/></body></worldbody></mujoco>"));
+    EXPECT_EQ(o.code, 3) << geom << o.out;
+    EXPECT_NE(o.err.find("m from its middle"), std::string::npos) << o.err;
+  }
+}
+
 // A model whose only shape is a mesh, as MJCF and as URDF.
 std::vector<std::string> ModelsWith(const std::string& mesh) {
   return {
