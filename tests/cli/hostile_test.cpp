@@ -1,5 +1,6 @@
 // Files that ask for all memory, all time, or more than they hold: refused with a sentence, no crash, no
 // hang.
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 #include <string>
@@ -225,6 +226,17 @@ std::vector<std::string> ModelsWith(const std::string& mesh) {
                 "\"/></geometry></collision></link><joint name=\"j\" type=\"revolute\"><parent "
                 "link=\"a\"/><child link=\"b\"/><axis xyz=\"0 0 1\"/><limit lower=\"-1\" "
                 "upper=\"1\" effort=\"1\" velocity=\"1\"/></joint></robot>")};
+}
+
+// Qhull explains on fifty lines why it cannot wrap this one.
+TEST(Hostile, MeshesThatCannotBeWrapped) {
+  Write("long.obj", "v 0 0 0\nv .1 0 0\nv 0 .1 1e8\nv 0 0 .1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n");
+  for (const std::string& model : ModelsWith("long.obj")) {
+    const Outcome o = Try("inspect --pd 10,1 " + model);
+    EXPECT_EQ(o.code, 3) << o.out;
+    EXPECT_EQ(std::count(o.err.begin(), o.err.end(), '\n'), 1) << o.err;
+    EXPECT_NE(o.err.find("long.obj"), std::string::npos) << o.err;
+  }
 }
 
 struct BadMesh {
