@@ -11,6 +11,7 @@
 #include <fork1s/mechanism/names.hpp>
 
 #include "checks.hpp"
+#include "held_errors.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -177,7 +178,12 @@ Expected<ImportOptions> ModelArguments::Options() const {
 Expected<ImportedScene> ModelArguments::Load() const {
   const auto options = Options();
   if (!options) return tl::unexpected(options.error());
-  auto loaded = LoadMechanism(path, *options);
+  auto loaded = [&] {
+    HeldErrors held;
+    auto model = LoadMechanism(path, *options);
+    if (!model) held.Drop();
+    return model;
+  }();
   if (!loaded) {
     Error error = loaded.error();
     error.where = AsTyped(error.where);

@@ -67,6 +67,14 @@ std::optional<Error> Validate(const Conversion& c) {
                                       m.body_mass[b]));
     }
   }
+  constexpr double kLargest = 1e9;  // m; beyond it squares of coordinates, kept as floats, run out of numbers
+  for (int g = 0; g < m.ngeom; ++g) {
+    if (m.geom_rbound[g] <= kLargest) continue;  // 0: a plane
+    return c.ModelError(
+        fmt::format("geom '{}'", NameOr(m, m.name_geomadr[g], "geom", g)),
+        fmt::format("it reaches {:.3g} m from its middle; correct its size, or the unit or scale of its mesh",
+                    m.geom_rbound[g]));
+  }
   for (int j = 0; j < m.njnt; ++j) {
     if (auto error = CheckJoint(c, j)) return error;
   }

@@ -1,5 +1,6 @@
 // Files that ask for all memory, all time, or more than they hold: refused with a sentence, no crash, no
 // hang.
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 #include <string>
@@ -196,6 +197,21 @@ TEST(Hostile, TablesOfControlsThatAreOneLine) {
   }
 }
 
+// Larger than contacts can be computed for: it fell through the floor.
+TEST(Hostile, ShapesBeyondAllMeasure) {
+  Write("far.obj", "v 1e30 0 0\nv 1 0 0\nv 0 1e30 0\nv 0 0 1e30\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n");
+  for (const char* geom : {"type=\"sphere\" size=\"1e30\"", "type=\"mesh\" mesh=\"m\""}) {
+    const Outcome o = Try("run --time 0.1 " +
+                          Write("far.xml",
+                                "<mujoco><asset><mesh name=\"m\" file=\"far.obj\"/></asset><worldbody><geom "
+                                "type=\"plane\" size=\"1 1 .1\"/><body pos=\"0 0 1\"><freejoint/><inertial "
+                                "pos=\"0 0 0\" mass=\"1\" diaginertia=\".1 .1 .1\"/><geom " +
+                                    std::string(geom) + "/></body></worldbody></mujoco>"));
+    EXPECT_EQ(o.code, 3) << geom << o.out;
+    EXPECT_NE(o.err.find("m from its middle"), std::string::npos) << o.err;
+  }
+}
+
 // A model whose only shape is a mesh, as MJCF and as URDF.
 std::vector<std::string> ModelsWith(const std::string& mesh) {
   return {
@@ -210,6 +226,17 @@ std::vector<std::string> ModelsWith(const std::string& mesh) {
                 "\"/></geometry></collision></link><joint name=\"j\" type=\"revolute\"><parent "
                 "link=\"a\"/><child link=\"b\"/><axis xyz=\"0 0 1\"/><limit lower=\"-1\" "
                 "upper=\"1\" effort=\"1\" velocity=\"1\"/></joint></robot>")};
+}
+
+// Qhull explains on fifty lines why it cannot wrap this one.
+TEST(Hostile, MeshesThatCannotBeWrapped) {
+  Write("long.obj", "v 0 0 0\nv .1 0 0\nv 0 .1 1e8\nv 0 0 .1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n");
+  for (const std::string& model : ModelsWith("long.obj")) {
+    const Outcome o = Try("inspect --pd 10,1 " + model);
+    EXPECT_EQ(o.code, 3) << o.out;
+    EXPECT_EQ(std::count(o.err.begin(), o.err.end(), '\n'), 1) << o.err;
+    EXPECT_NE(o.err.find("long.obj"), std::string::npos) << o.err;
+  }
 }
 
 struct BadMesh {
