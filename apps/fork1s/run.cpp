@@ -34,6 +34,7 @@ Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, 
   options.dt = args.dt;
   options.recovery = args.inputs.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
   options.step.integrator = args.step_integrator;
+  options.step.controls_move = !args.inputs.controls.empty();  // a table's rows are joined by lines
   options.refresh_angle = args.refresh_angle;
   if (!detail.entries.empty() && detail.entries.front().time == 0) {
     const Fidelity& first = detail.entries.front().fidelity;

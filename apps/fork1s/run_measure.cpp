@@ -104,12 +104,11 @@ class LoadWatch {
 
 // The fastest that every base that is not fixed has been.
 void WatchBases(const Simulation& simulation, Measured& out) {
-  const auto& mechanisms = simulation.world().mechanisms();
-  out.base_speed_max.resize(mechanisms.size(), 0);
-  for (std::size_t i = 0; i < mechanisms.size(); ++i)
-    if (mechanisms[i].mechanism().base() != BaseKind::kFixed)
-      out.base_speed_max[i] =
-          std::max(out.base_speed_max[i], mechanisms[i].BodyVelocity(BodyIndex(0)).tail<3>().norm());
+  out.base_speed_max.resize(simulation.scene().mechanisms.size(), 0);
+  for (std::size_t i = 0; i < out.base_speed_max.size(); ++i)
+    if (const auto number = static_cast<int>(i);
+        simulation.given_mechanism(number).base() != BaseKind::kFixed)
+      out.base_speed_max[i] = std::max(out.base_speed_max[i], simulation.BaseTwist(number).tail<3>().norm());
 }
 
 // Numbers that are finite, or were a step ago, and mean nothing.

@@ -33,13 +33,15 @@ Json ContactsJson(const Simulation& simulation, const std::vector<PairLoad>& pai
 
 Json BasesJson(const Simulation& simulation, const Measured& m) {
   Json out = Json::array();
-  const auto& mechanisms = simulation.world().mechanisms();
-  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
-    if (mechanisms[i].mechanism().base() == BaseKind::kFixed) continue;
-    const BodyIndex base(0);
-    const RigidTransform X = mechanisms[i].BodyPose(base);
-    const Vector6 V = mechanisms[i].BodyVelocity(base);
-    out.push_back({{"body", mechanisms[i].mechanism().body(base).name},
+  for (std::size_t i = 0; i < simulation.scene().mechanisms.size(); ++i) {
+    const auto number = static_cast<int>(i);
+    const Mechanism& given = simulation.given_mechanism(number);
+    if (given.base() == BaseKind::kFixed) continue;
+    const RigidTransform X = simulation.BasePose(number);
+    const Vector6 V_R = simulation.BaseTwist(number);
+    Vector6 V;
+    V << X.rotation() * V_R.head<3>(), X.rotation() * V_R.tail<3>();
+    out.push_back({{"body", given.body(BodyIndex(0)).name},
                    {"position_m", ToJson(X.translation())},
                    {"quaternion_wxyz", ToJson(X.quaternion())},
                    {"velocity_m_per_s", ToJson(Vector3(V.tail<3>()))},

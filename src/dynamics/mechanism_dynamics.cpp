@@ -70,6 +70,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   dynamics.state_.reduced.V_R = mechanism->base() == BaseKind::kFixed ? Vector6(Vector6::Zero()) : V_R;
   dynamics.state_.driven_next = X_WR;
   dynamics.state_.controls.resize(static_cast<Eigen::Index>(mechanism->controls().size()));
+  dynamics.state_.controls_from = dynamics.state_.controls;
   for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
     dynamics.state_.controls(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
   // A pose outside the limits may be what springs and loops hold; pushing it inside would fight them for

@@ -76,6 +76,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
   V_free_ = V_next;
   if (!state_.at_bound.empty()) OpenForceLimits();
   SolveFree(h);
+  state_.controls_move = false;
   if (state_.has_wrenches) {
     state_.wrenches_W.setZero();
     state_.has_wrenches = false;

@@ -54,6 +54,7 @@ void MechanismDynamics::SizeTheta() {
   f_used_.setZero(r);
   f_turn_.setZero(r);
   f_wrench_.setZero(r);
+  f_moved_.setZero(r);
   F_parts_.resize(6, rigid_parts_.size());
 }
 
@@ -167,6 +168,16 @@ void MechanismDynamics::PredictTheta(double h) {
     state_.wrenches_W.setZero();
     state_.has_wrenches = false;
   }
+  controls_moved_ = state_.controls_move && r > 0;
+  if (controls_moved_) {
+    tau_.setZero();
+    AddControlForce(mechanism(), configuration_.kinematics, state_.controls, tau_);
+    q_ddot_.setZero();
+    AddControlForce(mechanism(), configuration_.kinematics, state_.controls_from, q_ddot_);
+    tau_ -= q_ddot_;
+    f_moved_.noalias() = Q_now().transpose() * tau_;
+  }
+  state_.controls_move = false;
   if (!state_.at_bound.empty()) OpenForceLimits();
 }
 
@@ -190,6 +201,12 @@ void MechanismDynamics::SolveFreeTheta(double h) {
     A_.bottomRightCorner(r, r) += h * rule.D_end + h * h * rule.K_Th2;
     auto rhs = x_.tail(r);
     rhs += h * f_z_;
+    // Of the way that controls go within the step a mode feels what its own rule asks of it: half by the
+    // trapezoid, all at the end. Their force is that of f_z_ beside what is not there yet.
+    if (controls_moved_ && !all_at_end_) {
+      rhs -= h * f_moved_;
+      rhs.noalias() += h * (rule.Th.transpose() * f_moved_);
+    }
     // f at z + h Th w̄ from f at the pose half way.
     f_used_ = z_before_ - state_.reduced.z;
     SpringPull(f_used_, f_turn_);

@@ -48,8 +48,9 @@ class Hash {
     Add(z, w, q_perp, X_WR, V_R);
   }
   void One(const MechanismState& state) {
-    const auto& [model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, q_dot,
-                 q_perp_offset, q_perp_step_last, follow, overshoots] = state;
+    const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next, wrenches_W,
+                 has_wrenches, at_bound, q_dot, q_perp_offset, q_perp_step_last, follow, overshoots] = state;
+    if (controls_move) Add(controls_from);
     Add(model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, q_dot, q_perp_offset,
         q_perp_step_last, follow, overshoots);
   }

@@ -89,6 +89,7 @@ StepReport World::Detail::TakeBack(StepReport report) {
   for (MechanismState& m : before_.mechanisms) {
     m.wrenches_W.setZero();
     m.has_wrenches = false;
+    m.controls_move = false;
   }
   for (FreeBody::State& b : before_.free_bodies) b.force_W = b.moment_W = Vector3::Zero();
   Restore(before_);

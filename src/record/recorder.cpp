@@ -263,8 +263,8 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   for (std::size_t i = 0; i < simulation.world().mechanisms().size(); ++i) {
     const MechanismDynamics& m = simulation.world().mechanisms()[i];
     add(s.coordinates, simulation.JointCoordinates(static_cast<int>(i)));
-    AddPose(m.state().X_WR, s.base_poses);
-    add(s.base_twists, m.state().V_R);
+    AddPose(simulation.BasePose(static_cast<int>(i)), s.base_poses);
+    add(s.base_twists, simulation.BaseTwist(static_cast<int>(i)));
     s.reduced_sizes.push_back(static_cast<int>(m.state().z.size()));
     add(s.z, m.state().z);
     add(s.w, m.state().w);

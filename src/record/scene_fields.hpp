@@ -240,8 +240,9 @@ void Fields(A& a, Like<ContactMaterial, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<StepOptions, A>& s) {
-  auto& [h, integrator, gravity, material, curvature, refresh, contact] = s;
-  a("h", h), a("integrator", integrator), a("gravity", gravity), a("material", material);
+  auto& [h, integrator, controls_move, gravity, material, curvature, refresh, contact] = s;
+  a("h", h), a("integrator", integrator), a("controls_move", controls_move);
+  a("gravity", gravity), a("material", material);
   a("contact_curvature", curvature), a("refresh", refresh), a("contact", contact);
 }
 

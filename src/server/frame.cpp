@@ -169,9 +169,10 @@ std::string EncodeGhost(const GhostView& view, const Simulation& simulation, std
   out.U32(epoch);
   for (double v : {view.time, view.behind, view.distance}) out.F64(v);
   out.I32(order.OnWire(view.body));
-  out.U32(static_cast<std::uint32_t>(view.X_WB.size()));
+  out.U32(static_cast<std::uint32_t>(order.size()));
   for (int i = 0; i < order.size(); ++i) {
-    const RigidTransform& X = view.X_WB[static_cast<std::size_t>(order.InScene(i))];
+    const int body = order.InScene(i);
+    const RigidTransform X = body < 0 ? RigidTransform() : view.X_WB[static_cast<std::size_t>(body)];
     out.Vector(X.translation());
     const Quaternion q = X.quaternion();
     for (double c : {q.w(), q.x(), q.y(), q.z()}) out.F32(c);

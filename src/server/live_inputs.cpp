@@ -11,13 +11,13 @@ void LiveSimulation::ApplyTargets() {
   constexpr double kSpeed = 1, kTurn = 3, kHaste = 10;  // m/s, rad/s, 1/s
   const double h = simulation_.dt();
   Eigen::Index next = 0;
-  for (const MechanismDynamics& m : simulation_.world().mechanisms())
-    for (Eigen::Index k = 0; k < m.controls().size(); ++k, ++next)
+  for (std::size_t i = 0; i < base_start_.size(); ++i)
+    for (std::size_t k = simulation_.given_mechanism(static_cast<int>(i)).controls().size(); k > 0;
+         --k, ++next)
       simulation_.SetControl(static_cast<int>(next), targets_(next));
   for (std::size_t i = 0; i < base_start_.size(); ++i) {
-    const MechanismDynamics& m = simulation_.world().mechanisms()[i];
-    if (m.mechanism().base() != BaseKind::kDriven) continue;
-    const RigidTransform& now = m.state().X_WR;
+    if (simulation_.given_mechanism(static_cast<int>(i)).base() != BaseKind::kDriven) continue;
+    const RigidTransform now = simulation_.BasePose(static_cast<int>(i));
     const Matrix3 R_goal = ExpRotation(targets_.segment<3>(next + 3)) * base_origin_[i].rotation();
     Vector3 move = base_origin_[i].translation() + targets_.segment<3>(next) - now.translation();
     Vector3 turn = LogRotation(R_goal * now.rotation().transpose());

@@ -92,7 +92,7 @@ KeyframeDef LiveSimulation::PresentState() const { return SetDown(simulation_.St
 
 KeyframeDef LiveSimulation::SetDown(KeyframeDef key) const {
   for (std::size_t i = 0; i < key.mechanisms.size(); ++i)
-    if (simulation_.world().mechanisms()[i].mechanism().base() == BaseKind::kDriven)
+    if (simulation_.given_mechanism(static_cast<int>(i)).base() == BaseKind::kDriven)
       key.mechanisms[i].V_R.setZero();  // it is set down anew
   return key;
 }
@@ -125,7 +125,8 @@ Expected<void> LiveSimulation::Rebuild(LiveSettings settings, const KeyframeDef*
   steps_before_ = steps;
   settings_ = std::move(settings);
   base_start_.clear();
-  for (const MechanismDynamics& m : simulation_.world().mechanisms()) base_start_.push_back(m.state().X_WR);
+  for (std::size_t i = 0; i < simulation_.scene().mechanisms.size(); ++i)
+    base_start_.push_back(simulation_.BasePose(static_cast<int>(i)));
   if (!keep_state) {
     targets_ = simulation_.controls();
     pull_.reset();
@@ -186,8 +187,8 @@ void LiveSimulation::SetFileProblem(const std::string& sentence) {
 std::optional<Refusal> LiveSimulation::Handle(const Command& c) {
   const internal::BodyOrder order(simulation_);
   const bool touches = c.kind == Command::Kind::kPull || c.kind == Command::Kind::kPush;
-  if (touches && (c.body < 0 || c.body >= order.size()))
-    return Refusal{fmt::format("there is no body {}", c.body)};
+  const bool known = c.body >= 0 && c.body < order.size() && order.InScene(c.body) >= 0;
+  if (touches && !known) return Refusal{fmt::format("there is no body {}", c.body)};
   const int body = touches ? order.InScene(c.body) : -1;
   switch (c.kind) {
     case Command::Kind::kPull:
@@ -262,22 +263,27 @@ std::optional<Refusal> LiveSimulation::HandleInterfaces(const Command& c) {
   if (c.index < 0 || c.index >= static_cast<int>(settings_.interfaces.size()))
     return Refusal{fmt::format("there is no mechanism {}", c.index)};
   LiveSettings changed = settings_;
-  auto& names = changed.interfaces[static_cast<std::size_t>(c.index)];
-  names.clear();
+  // While mechanisms hold something together the wire has them as one.
+  const auto is_part = [&](std::size_t i) {
+    return simulation_.place(static_cast<int>(i)).mechanism == c.index;
+  };
+  for (std::size_t i = 0; i < changed.interfaces.size(); ++i)
+    if (is_part(i)) changed.interfaces[i].clear();
   const internal::BodyOrder order(simulation_);
   for (int body : c.bodies) {
-    if (body < 0 || body >= order.size()) return Refusal{fmt::format("there is no body {}", body)};
+    if (body < 0 || body >= order.size() || order.InScene(body) < 0)
+      return Refusal{fmt::format("there is no body {}", body)};
     const SceneBody& b = simulation_.bodies()[static_cast<std::size_t>(order.InScene(body))];
-    const bool is_held =
-        b.mechanism == c.index &&
-        b.index >= static_cast<int>(original_.mechanisms[static_cast<std::size_t>(c.index)].bodies.size());
-    if (is_held) continue;  // one in any case, as long as it is held
     if (b.mechanism != c.index) return Refusal{fmt::format("body '{}' is no part of that mechanism", b.name)};
-    if (b.index == 0)
+    if (b.given < 0) continue;  // held, and one in any case as long as it is
+    if (b.index == simulation_.place(b.given).first_body)
       return Refusal{fmt::format("body '{}' is the base, which always may touch the world", b.name)};
+    auto& names = changed.interfaces[static_cast<std::size_t>(b.given)];
     if (std::find(names.begin(), names.end(), b.name) == names.end()) names.push_back(b.name);
   }
-  if (names.empty()) return Refusal{"a mechanism needs at least one interface body"};
+  for (std::size_t i = 0; i < changed.interfaces.size(); ++i)
+    if (is_part(i) && changed.interfaces[i].empty())
+      return Refusal{"a mechanism needs at least one interface body"};
   const KeyframeDef now = PresentState();
   return OrSay(Rebuild(changed, &now));
 }

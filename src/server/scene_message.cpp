@@ -182,15 +182,22 @@ std::string internal::ProblemMessage(const std::string& about, const std::string
 std::string LiveSimulation::SceneMessage() const {
   Json out = internal::DescribeScene(simulation_, title_, latest_.epoch, latest_.geometry_version, false);
   const double radius = out["radius"].get<double>();
+  std::vector<int> first_joint{0};  // of every mechanism in the list of joints
+  for (const MechanismDynamics& m : simulation_.world().mechanisms())
+    first_joint.push_back(first_joint.back() + m.mechanism().num_joints());
   std::size_t next = 0;
-  int first_joint = 0;
-  for (const MechanismDynamics& m : simulation_.world().mechanisms()) {
-    for (const Mechanism::Control& c : m.mechanism().controls())
+  for (std::size_t i = 0; i < simulation_.scene().mechanisms.size(); ++i) {
+    const MechanismPlace& at = simulation_.place(static_cast<int>(i));
+    const auto within = static_cast<std::size_t>(at.mechanism);
+    const Mechanism& m = simulation_.world().mechanisms()[within].mechanism();
+    const std::size_t count = simulation_.given_mechanism(static_cast<int>(i)).controls().size();
+    for (std::size_t k = 0; k < count; ++k) {
+      const Mechanism::Control& c = m.controls()[static_cast<std::size_t>(at.first_control) + k];
       out["controls"].push_back({{"name", simulation_.control_names()[next++]},
-                                 {"range", ControlRange(m.mechanism(), c, radius)},
+                                 {"range", ControlRange(m, c, radius)},
                                  {"base", false},
-                                 {"joints", JointsOf(m.mechanism(), c, first_joint)}});
-    first_joint += m.mechanism().num_joints();
+                                 {"joints", JointsOf(m, c, first_joint[within])}});
+    }
   }
   for (; next < simulation_.control_names().size(); ++next) {
     const std::string& name = simulation_.control_names()[next];

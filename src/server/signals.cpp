@@ -23,7 +23,8 @@ double RateOf(const MechanismDynamics& m, const Mechanism::Length& length, const
   return rate;
 }
 
-JointLoads LoadsOf(const MechanismDynamics& m, int mechanism, const std::vector<ServoShare>& servos) {
+JointLoads LoadsOf(const Simulation& simulation, const MechanismDynamics& m, int mechanism,
+                   const std::vector<ServoShare>& servos) {
   const Mechanism& def = m.mechanism();
   const VectorX& q = m.configuration().q;
   const VectorX q_dot = m.configuration().Q_now * m.state().w;
@@ -42,7 +43,7 @@ JointLoads LoadsOf(const MechanismDynamics& m, int mechanism, const std::vector<
     m.AddLengthForce(c.length, push, out.tau);
     out.actuator(i) = push;
     const auto share = std::find_if(servos.begin(), servos.end(), [&](const ServoShare& s) {
-      return s.mechanism == mechanism && s.control == c.name;
+      return simulation.place(s.mechanism).mechanism == mechanism && s.control == c.name;
     });
     if (share == servos.end()) continue;
     if (!(share->stiffness > 0)) out.actuator(i) += share->bias;
@@ -106,7 +107,7 @@ void MeasureSignals(const Simulation& simulation, const std::vector<ServoShare>&
   int number = 0;
   for (const MechanismDynamics& m : simulation.world().mechanisms()) {
     if (out.size() >= kMost && actuators.size() >= kMost) break;
-    const JointLoads loads = LoadsOf(m, number++, servos);
+    const JointLoads loads = LoadsOf(simulation, m, number++, servos);
     for (Eigen::Index i = 0; i < loads.tau.size() && out.size() < kMost; ++i) {
       out.push_back(m.configuration().q(i));
       forces.push_back(loads.tau(i));

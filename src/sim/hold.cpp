@@ -27,7 +27,6 @@ Holder HolderOf(const World& world, int contactor) {
 
 // What presses on one free body.
 struct Grip {
-  std::set<int> mechanisms;
   std::set<int> bodies;                        // contactors
   std::vector<const ContactRecord*> contacts;  // strongest first
 };
@@ -45,7 +44,6 @@ Grip FindGrip(const World& world, int free_body) {
     const int other = is_it(a) ? c.point.body_b : c.point.body_a;
     const Holder holder = HolderOf(world, other);
     if (holder.mechanism < 0) continue;
-    grip.mechanisms.insert(holder.mechanism);
     grip.bodies.insert(other);
     grip.contacts.push_back(&c);
   }
@@ -60,19 +58,39 @@ Vector6 WorldTwist(const Vector3& omega_W, const Vector3& velocity_W, const Vect
   return V;
 }
 
-// Adds the held body to the definition; returns its rates as coordinates of its joint.
-Vector6 AddHeldBody(const Hold& hold, const FreeBodyDef& body, const KeyframeDef::FreeBodyState& motion,
-                    const Mechanism& given, const KeyframeDef::MechanismState& state, MechanismDef& def) {
-  Kinematics kinematics(given);
-  ComputeKinematics(given, state.q, kinematics);
-  const auto pose = [&](BodyIndex b) { return state.X_WR * kinematics.X_RB[b.u()]; };
+// A mechanism as its contacts found it, before any joined another.
+struct Posed {
+  const Mechanism& mechanism;
+  const KeyframeDef::MechanismState& state;
+  Kinematics kinematics;
 
-  const BodyIndex carrier = given.FindBody(hold.contacts.front().body);
-  const RigidTransform X_WC = pose(carrier);
+  Posed(const Mechanism& m, const KeyframeDef::MechanismState& s) : mechanism(m), state(s), kinematics(m) {
+    ComputeKinematics(m, s.q, kinematics);
+  }
+  RigidTransform Pose(BodyIndex b) const { return state.X_WR * kinematics.X_RB[b.u()]; }
+  Vector6 TwistInWorld(BodyIndex b) const {
+    Vector6 V_R = state.V_R;
+    if (state.q_dot.size() > 0) V_R += BodyJacobian(mechanism, kinematics, b) * state.q_dot;
+    return AdjointApply(state.X_WR, V_R);
+  }
+};
+
+// Adds the held body to the definition that has all who hold it; returns its rates as coordinates of its
+// joint.
+Vector6 AddHeldBody(const Hold& hold, const FreeBodyDef& body, const KeyframeDef::FreeBodyState& motion,
+                    const std::vector<Posed>& posed, const std::vector<MechanismPlace>& places,
+                    MechanismDef& def) {
+  const auto in_def = [&](const Hold::Contact& c) {
+    const auto m = static_cast<std::size_t>(c.mechanism);
+    return BodyIndex(places[m].first_body + posed[m].mechanism.FindBody(c.body).value());
+  };
+  const Hold::Contact& first = hold.contacts.front();
+  const Posed& carrier = posed[static_cast<std::size_t>(first.mechanism)];
+  const BodyIndex carrying = carrier.mechanism.FindBody(first.body);
   BodyDef held;
   held.name = body.name;
-  held.parent = carrier;
-  held.X_PB = X_WC.inverse() * motion.X_WB;
+  held.parent = in_def(first);
+  held.X_PB = carrier.Pose(carrying).inverse() * motion.X_WB;
   held.inertia = body.inertia;
   held.gravity_compensation = body.gravity_compensation;
   held.geometries = body.geometries;
@@ -80,32 +98,29 @@ Vector6 AddHeldBody(const Hold& hold, const FreeBodyDef& body, const KeyframeDef
   def.bodies.push_back(std::move(held));
   def.joints.push_back(JointDef::Free(HoldName(body.name, 0), index));
 
-  std::set<int> holding;  // last joints of the groups
+  std::set<std::string> hold_it;  // all bodies of the groups that do
   for (std::size_t k = 0; k < hold.contacts.size(); ++k) {
     const Hold::Contact& contact = hold.contacts[k];
+    const Posed& holder = posed[static_cast<std::size_t>(contact.mechanism)];
+    const BodyIndex holding = holder.mechanism.FindBody(contact.body);
     ClosureDef closure;
     closure.name = HoldName(body.name, k + 1);
-    closure.body_a = given.FindBody(contact.body);
+    closure.body_a = in_def(contact);
     closure.body_b = index;
     closure.X_AJ = contact.X_BC;
-    closure.X_BJ = motion.X_WB.inverse() * pose(closure.body_a) * contact.X_BC;
+    closure.X_BJ = motion.X_WB.inverse() * holder.Pose(holding) * contact.X_BC;
     closure.rigid(3) = true;
     closure.rigid(4) = closure.rigid(5) = !contact.frictionless;
     closure.stiffness.segment<2>(1) = contact.rolling;
-    holding.insert(given.body(closure.body_a).last_joint);
+    for (const Mechanism::Body& b : holder.mechanism.bodies())
+      if (b.last_joint == holder.mechanism.body(holding).last_joint) hold_it.insert(b.name);
     def.closures.push_back(std::move(closure));
   }
-  std::erase_if(def.interfaces, [&](const std::string& name) {
-    const BodyIndex b = given.FindBody(name);
-    return b.valid() && holding.count(given.body(b).last_joint) > 0;
-  });
+  std::erase_if(def.interfaces, [&](const std::string& name) { return hold_it.count(name) > 0; });
   def.interfaces.push_back(body.name);
 
-  Vector6 V_R = state.V_R;
-  if (state.q_dot.size() > 0) V_R += BodyJacobian(given, kinematics, carrier) * state.q_dot;
-  const Vector6 carried = AdjointApply(state.X_WR, V_R);
   const Vector6 own = WorldTwist(motion.omega_W, motion.velocity_W, motion.X_WB.translation());
-  return AdjointApply(motion.X_WB.inverse(), own - carried);
+  return AdjointApply(motion.X_WB.inverse(), own - carrier.TwistInWorld(carrying));
 }
 
 // x towards what is held, y and z along the principal directions of rolling.
@@ -129,22 +144,12 @@ std::string HoldName(const std::string& held, std::size_t contact) {
   return name;
 }
 
-VectorX CopyCoordinates(const Mechanism& from, const VectorX& q, const Mechanism& to) {
-  VectorX out = VectorX::Zero(to.num_coordinates());
-  for (const Mechanism::Joint& target : to.joints())
-    for (const Mechanism::Joint& source : from.joints())
-      if (source.name == target.name && source.size == target.size)
-        out.segment(target.offset, target.size) = q.segment(source.offset, source.size);
-  return out;
-}
-
 std::vector<Hold> FindHolds(const Scene& scene, const World& world, double h) {
   std::vector<Hold> holds;
   for (std::size_t f = 0; f < scene.free_bodies.size(); ++f) {
     const Grip grip = FindGrip(world, static_cast<int>(f));
-    if (grip.mechanisms.size() != 1 || grip.bodies.size() < 2) continue;
+    if (grip.bodies.size() < 2) continue;
     Hold hold;
-    hold.mechanism = *grip.mechanisms.begin();
     hold.free_body = static_cast<int>(f);
     for (const ContactRecord* c : grip.contacts) {
       const bool held_is_b =
@@ -155,6 +160,7 @@ std::vector<Hold> FindHolds(const Scene& scene, const World& world, double h) {
       const Holder holder = HolderOf(world, other);
       const MechanismDynamics& m = world.mechanisms()[static_cast<std::size_t>(holder.mechanism)];
       Hold::Contact contact;
+      contact.mechanism = holder.mechanism;
       contact.body = m.mechanism().body(holder.body).name;
       // The point was found at the start of the step, and moved on with the body.
       contact.X_BC = world.PoseAtDetection(other).inverse() * RigidTransform(axes, c->point.point);
@@ -177,52 +183,33 @@ std::vector<Hold> FindHolds(const Scene& scene, const World& world, double h) {
   return holds;
 }
 
-std::string HeldTogether(const Scene& scene, const World& world) {
-  for (std::size_t f = 0; f < scene.free_bodies.size(); ++f) {
-    const Grip grip = FindGrip(world, static_cast<int>(f));
-    if (grip.mechanisms.size() < 2) continue;
-    std::string names;
-    for (const int m : grip.mechanisms)
-      names += (names.empty() ? "'" : ", '") + scene.mechanisms[static_cast<std::size_t>(m)].name + "'";
-    return "mechanisms " + names + " hold '" + scene.free_bodies[f].name +
-           "' together, and detail 'object' takes what one mechanism holds: put what holds it on one base, a "
-           "body "
-           "without joints around them in the file, or keep detail 'interface'";
-  }
-  return "";
-}
-
-Expected<void> HoldInScene(const std::vector<Hold>& holds,
-                           const std::vector<std::shared_ptr<const Mechanism>>& given, Scene& scene,
-                           KeyframeDef& state) {
-  std::set<int> changed, gone;
-  std::vector<std::pair<const Hold*, Vector6>> rates;
+void HoldInScene(const std::vector<Hold>& holds, const std::vector<MechanismPlace>& places,
+                 const std::vector<std::shared_ptr<const Mechanism>>& given, Scene& scene,
+                 KeyframeDef& state) {
+  const std::vector<KeyframeDef::MechanismState> before = state.mechanisms;
+  std::vector<Posed> posed;
+  for (std::size_t i = 0; i < given.size(); ++i) posed.emplace_back(*given[i], before[i]);
+  JoinInScene(places, given, scene, state);
+  std::set<int> gone;
   for (const Hold& hold : holds) {
-    const auto m = static_cast<std::size_t>(hold.mechanism), f = static_cast<std::size_t>(hold.free_body);
-    rates.emplace_back(&hold, AddHeldBody(hold, scene.free_bodies[f], state.free_bodies[f], *given[m],
-                                          state.mechanisms[m], scene.mechanisms[m]));
-    changed.insert(hold.mechanism);
-    gone.insert(hold.free_body);
-  }
-  for (int i : changed) {
-    const auto m = static_cast<std::size_t>(i);
-    auto built = BuildMechanism(scene.mechanisms[m]);
-    if (!built) return tl::unexpected(built.error());
+    const auto f = static_cast<std::size_t>(hold.free_body);
+    const auto m = static_cast<std::size_t>(MechanismThatHolds(hold, places));
+    const Vector6 rates =
+        AddHeldBody(hold, scene.free_bodies[f], state.free_bodies[f], posed, places, scene.mechanisms[m]);
+    // Its body is the last, and so are its coordinates.
     KeyframeDef::MechanismState& s = state.mechanisms[m];
-    s.q = CopyCoordinates(*given[m], s.q, *built);
-    s.q_dot = s.q_dot.size() > 0 ? CopyCoordinates(*given[m], s.q_dot, *built)
-                                 : VectorX(VectorX::Zero(built->num_coordinates()));
-    for (const auto& [hold, rate] : rates)
-      for (const Mechanism::Joint& joint : built->joints())
-        if (hold->mechanism == i &&
-            joint.name == HoldName(scene.free_bodies[static_cast<std::size_t>(hold->free_body)].name, 0))
-          s.q_dot.segment<6>(joint.offset) = rate;
+    const Eigen::Index n = s.q.size();
+    if (s.q_dot.size() == 0) s.q_dot.setZero(n);
+    s.q.conservativeResize(n + 6);
+    s.q_dot.conservativeResize(n + 6);
+    s.q.tail<6>().setZero();
+    s.q_dot.tail<6>() = rates;
+    gone.insert(hold.free_body);
   }
   for (auto at = gone.rbegin(); at != gone.rend(); ++at) {
     scene.free_bodies.erase(scene.free_bodies.begin() + *at);
     state.free_bodies.erase(state.free_bodies.begin() + *at);
   }
-  return {};
 }
 
 }  // namespace fork1s::internal

@@ -74,10 +74,11 @@ void PlausibleWatch::Changed(const Simulation& simulation) {
       radii_[c] = RadiusOf(simulation, static_cast<int>(c));
   size_ = std::numeric_limits<double>::infinity();
   is_setpoint_.clear();
-  for (const MechanismDynamics& m : world.mechanisms()) {
+  for (const MechanismDynamics& m : world.mechanisms())
     if (const double size = SizeOf(m); size > 0) size_ = std::min(size_, size);
-    for (const ControlDef& c : m.mechanism().definition().controls) is_setpoint_.push_back(c.is_setpoint);
-  }
+  for (std::size_t i = 0; i < simulation.scene().mechanisms.size(); ++i)
+    for (const ControlDef& c : simulation.given_mechanism(static_cast<int>(i)).definition().controls)
+      is_setpoint_.push_back(c.is_setpoint);
   controls_ = simulation.controls();
   driven_before_ = true;
   energy_ = simulation.Energy();

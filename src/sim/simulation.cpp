@@ -6,6 +6,7 @@
 #include <fork1s/recovery/recover.hpp>
 
 #include "integrator_fits.hpp"
+#include "join.hpp"
 
 namespace fork1s {
 namespace {
@@ -49,6 +50,7 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.world_ = std::move(*world);
   s.scene_ = std::move(scene);
   for (const MechanismDynamics& m : s.world_.mechanisms()) s.given_.push_back(m.model().mechanism);
+  s.places_ = *internal::PlacesOf(s.given_, {});
 
   std::vector<double> values, lower, upper;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -73,7 +75,7 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   auto to_vector = [](const std::vector<double>& v) {
     return VectorX(Eigen::Map<const VectorX>(v.data(), static_cast<Eigen::Index>(v.size())));
   };
-  s.controls_ = to_vector(values);
+  s.controls_ = s.last_controls_ = to_vector(values);
   s.control_lower_ = to_vector(lower);
   s.control_upper_ = to_vector(upper);
 
@@ -89,24 +91,36 @@ StepReport Simulation::Step() {
   if (!holds_.empty())
     for (const MechanismDynamics& m : world_.mechanisms()) pushed_W_.push_back(m.wrenches_W());
   const StepReport report = world_.Step(step_options_);
+  last_controls_ = controls_;
   if (report.finite) ++steps_;
   return report;
 }
 
 void Simulation::PassControls() {
   Eigen::Index next = 0;
-  for (MechanismDynamics& m : world_.mechanisms()) {
-    const Eigen::Index count = m.controls().size();
-    m.controls() = controls_.segment(next, count);
+  for (std::size_t i = 0; i < given_.size(); ++i) {
+    const auto count = static_cast<Eigen::Index>(given_[i]->controls().size());
+    MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(places_[i].mechanism)];
+    m.controls().segment(places_[i].first_control, count) = controls_.segment(next, count);
     next += count;
   }
-  for (std::size_t i = 0; i < world_.mechanisms().size(); ++i) {
-    MechanismDynamics& m = world_.mechanisms()[i];
-    if (m.mechanism().base() != BaseKind::kDriven) continue;
+  // Before the first step nobody knows where they come from.
+  if (step_options_.controls_move && steps_ > 0 && last_controls_.head(next) != controls_.head(next)) {
+    next = 0;
+    for (std::size_t i = 0; i < given_.size(); ++i) {
+      const auto count = static_cast<Eigen::Index>(given_[i]->controls().size());
+      MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(places_[i].mechanism)];
+      m.MoveControlsFrom(places_[i].first_control, last_controls_.segment(next, count));
+      next += count;
+    }
+  }
+  for (std::size_t i = 0; i < given_.size(); ++i) {
+    if (given_[i]->base() != BaseKind::kDriven) continue;
     const Vector3 shift = controls_.segment<3>(next), turn = controls_.segment<3>(next + 3);
     next += 6;
-    m.DriveBase({Matrix3(ExpRotation(turn) * base_start_[i].rotation()),
-                 Vector3(base_start_[i].translation() + shift)});
+    world_.mechanisms()[static_cast<std::size_t>(places_[i].mechanism)].DriveBase(
+        {Matrix3(ExpRotation(turn) * base_start_[i].rotation()),
+         Vector3(base_start_[i].translation() + shift)});
   }
 }
 

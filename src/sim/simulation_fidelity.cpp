@@ -33,8 +33,9 @@ void Simulation::ListWarnings() {
   warnings_.clear();
   for (std::size_t i = 0; i < given_.size(); ++i) {
     const MechanismDynamics& m = world_.mechanisms()[i];
-    const bool holds = std::any_of(holds_.begin(), holds_.end(),
-                                   [&](const Hold& h) { return h.mechanism == static_cast<int>(i); });
+    const bool holds = std::any_of(holds_.begin(), holds_.end(), [&](const Hold& h) {
+      return internal::MechanismThatHolds(h, places_) == places_[i].mechanism;
+    });
     if (!holds) own_warnings_[i] = m.warnings();
     warnings_.insert(warnings_.end(), own_warnings_[i].begin(), own_warnings_[i].end());
     if (!holds) continue;
@@ -56,9 +57,13 @@ void Simulation::ListBodies() {
     const auto& interfaces = world_.mechanisms()[mechanism].model().interfaces;
     return std::find(interfaces.begin(), interfaces.end(), BodyIndex(body)) != interfaces.end();
   };
-  for (std::size_t i = 0; i < given_.size(); ++i)
+  for (std::size_t i = 0; i < given_.size(); ++i) {
+    const MechanismPlace& at = places_[i];
     for (int b = 0; b < given_[i]->num_bodies(); ++b)
-      bodies_.push_back({given_[i]->body(BodyIndex(b)).name, static_cast<int>(i), b, is_interface(i, b)});
+      bodies_.push_back({given_[i]->body(BodyIndex(b)).name, at.mechanism, at.first_body + b,
+                         is_interface(static_cast<std::size_t>(at.mechanism), at.first_body + b),
+                         static_cast<int>(i)});
+  }
   int free = 0;
   for (std::size_t f = 0; f < scene_.free_bodies.size(); ++f) {
     const std::string& name = scene_.free_bodies[f].name;
@@ -68,9 +73,9 @@ void Simulation::ListBodies() {
       bodies_.push_back({name, -1, free++, false});
       continue;
     }
-    const auto m = static_cast<std::size_t>(hold->mechanism);
-    const int body = world_.mechanisms()[m].mechanism().FindBody(name).value();
-    bodies_.push_back({name, hold->mechanism, body, is_interface(m, body)});
+    const int m = internal::MechanismThatHolds(*hold, places_);
+    const int body = world_.mechanisms()[static_cast<std::size_t>(m)].mechanism().FindBody(name).value();
+    bodies_.push_back({name, m, body, is_interface(static_cast<std::size_t>(m), body)});
   }
 }
 
@@ -78,8 +83,9 @@ int Simulation::BodyOf(int mechanism, int index) const {
   // Recorders ask this for every contact: a search of all bodies would cost more than a step of many hands.
   std::size_t first = 0;
   for (std::size_t i = 0; i < given_.size(); ++i) {
-    const int own = given_[i]->num_bodies();
-    if (static_cast<int>(i) == mechanism && index < own) return static_cast<int>(first) + index;
+    const int own = given_[i]->num_bodies(), within = index - places_[i].first_body;
+    if (places_[i].mechanism == mechanism && within >= 0 && within < own)
+      return static_cast<int>(first) + within;
     first += static_cast<std::size_t>(own);
   }
   for (std::size_t i = first; i < bodies_.size(); ++i)  // free bodies, held ones among them
@@ -97,9 +103,26 @@ int Simulation::BodyOfContactor(int contactor) const {
 
 VectorX Simulation::JointCoordinates(int mechanism) const {
   const auto i = static_cast<std::size_t>(mechanism);
-  const MechanismDynamics& m = world_.mechanisms()[i];
-  if (m.mechanism().num_coordinates() == given_[i]->num_coordinates()) return m.configuration().q;
-  return internal::CopyCoordinates(m.mechanism(), m.configuration().q, *given_[i]);
+  const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(places_[i].mechanism)];
+  return m.configuration().q.segment(places_[i].first_coordinate, given_[i]->num_coordinates());
+}
+
+RigidTransform Simulation::BasePose(int mechanism) const {
+  const MechanismPlace& at = place(mechanism);
+  const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(at.mechanism)];
+  return at.first_body == 0 ? m.state().X_WR : m.BodyPose(BodyIndex(at.first_body));
+}
+
+Vector6 Simulation::BaseTwist(int mechanism) const {
+  const MechanismPlace& at = place(mechanism);
+  const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(at.mechanism)];
+  if (at.first_body == 0) return m.state().V_R;
+  const BodyIndex base(at.first_body);
+  const Matrix3 R_BW = m.BodyPose(base).rotation().transpose();
+  const Vector6 V_W = m.BodyVelocity(base);
+  Vector6 V;
+  V << R_BW * V_W.head<3>(), R_BW * V_W.tail<3>();
+  return V;
 }
 
 std::vector<std::string> Simulation::CoordinateNames() const {
@@ -113,23 +136,22 @@ KeyframeDef Simulation::State() const {
   KeyframeDef key;
   key.name = "present";
   for (std::size_t i = 0; i < given_.size(); ++i) {
-    const MechanismDynamics& m = world_.mechanisms()[i];
+    const MechanismPlace& at = places_[i];
+    const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(at.mechanism)];
+    const VectorX q_dot = m.configuration().Q_now * m.state().w;
     KeyframeDef::MechanismState s;
     s.q = JointCoordinates(static_cast<int>(i));
-    s.q_dot = m.configuration().Q_now * m.state().w;
-    if (s.q_dot.size() != s.q.size()) s.q_dot = internal::CopyCoordinates(m.mechanism(), s.q_dot, *given_[i]);
-    s.X_WR = m.state().X_WR;
-    s.V_R = m.state().V_R;
-    s.controls = m.controls();
+    s.q_dot = q_dot.segment(at.first_coordinate, s.q.size());
+    s.X_WR = BasePose(static_cast<int>(i));
+    s.V_R = BaseTwist(static_cast<int>(i));
+    s.controls =
+        m.controls().segment(at.first_control, static_cast<Eigen::Index>(given_[i]->controls().size()));
     key.mechanisms.push_back(std::move(s));
   }
-  for (const SceneBody& b : bodies_) {
-    const bool of_mechanism =
-        b.mechanism >= 0 && b.index < given_[static_cast<std::size_t>(b.mechanism)]->num_bodies();
-    if (of_mechanism) continue;
-    const int at = static_cast<int>(&b - bodies_.data());
-    const Vector6 V = Velocity(at);
-    key.free_bodies.push_back({Pose(at), V.head<3>(), V.tail<3>()});
+  // Free bodies come last, held ones among them.
+  for (std::size_t at = bodies_.size() - scene_.free_bodies.size(); at < bodies_.size(); ++at) {
+    const Vector6 V = Velocity(static_cast<int>(at));
+    key.free_bodies.push_back({Pose(static_cast<int>(at)), V.head<3>(), V.tail<3>()});
   }
   return key;
 }
@@ -142,18 +164,16 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
     holds = holds_.empty() ? known_holds : holds_;
     if (holds.empty()) holds = internal::FindHolds(*present_scene_, world_, dt_);
     if (holds.empty())
-      if (const std::string together = internal::HeldTogether(*present_scene_, world_); !together.empty())
-        return Fail(ErrorCode::kModel, "scene '" + scene_.name + "'", together);
-    if (holds.empty())
       return Fail(
           ErrorCode::kModel, "scene '" + scene_.name + "'",
-          "holds nothing at present: detail 'object' needs a free body on which two or more bodies of one "
-          "mechanism press; switch once it is gripped");
+          "holds nothing at present: detail 'object' needs a free body on which two or more bodies of "
+          "mechanisms press; switch once it is gripped");
   }
+  auto places = internal::PlacesOf(given_, holds);
+  if (!places) return tl::unexpected(places.error());
   Scene scene = RefineInterfaces(scene_, fidelity.level);
   KeyframeDef state = State();
-  if (auto held = internal::HoldInScene(holds, given_, scene, state); !held)
-    return tl::unexpected(held.error());
+  internal::HoldInScene(holds, *places, given_, scene, state);
   // Keyframes of the scene know nothing of what is held.
   scene.keyframes = {state};
   World::Options options = WorldOptions(fidelity);
@@ -165,6 +185,7 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   world_keyframe_ = 0;
   fidelity_ = fidelity;
   holds_ = std::move(holds);
+  places_ = std::move(*places);
   pushed_W_.clear();
   ListBodies();
   return {};
@@ -173,12 +194,13 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
 std::vector<HoldForce> Simulation::HoldForces() const {
   std::vector<HoldForce> out;
   for (const Hold& hold : holds_) {
-    const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(hold.mechanism)];
+    const int number = internal::MechanismThatHolds(hold, places_);
+    const auto i = static_cast<std::size_t>(number);
+    const MechanismDynamics& m = world_.mechanisms()[i];
     const Mechanism& mechanism = m.mechanism();
     const RigidTransform& X_WR = m.state().X_WR;
     // What the step's contacts and pushes did to the mechanism.
     Matrix6X contacts_R = Matrix6X::Zero(6, mechanism.num_bodies());
-    const auto i = static_cast<std::size_t>(hold.mechanism);
     if (i < pushed_W_.size() && pushed_W_[i].cols() == contacts_R.cols())
       for (Eigen::Index b = 0; b < contacts_R.cols(); ++b)
         contacts_R.col(b) = AdjointTransposeApply(X_WR, pushed_W_[i].col(b));
@@ -187,7 +209,7 @@ std::vector<HoldForce> Simulation::HoldForces() const {
       for (const auto& [contactor, sign] :
            {std::pair(c.point.body_a, -1.0), std::pair(c.point.body_b, 1.0)}) {
         const Contactor& who = world_.contactors()[static_cast<std::size_t>(contactor)];
-        if (who.kind != Contactor::Kind::kGroup || who.index != hold.mechanism) continue;
+        if (who.kind != Contactor::Kind::kGroup || who.index != number) continue;
         Vector6 F_W;
         F_W << sign * c.point.point.cross(force_W), sign * force_W;
         contacts_R.col(m.groups()[static_cast<std::size_t>(who.group)].body.value()) +=
@@ -219,8 +241,8 @@ std::vector<HoldForce> Simulation::HoldForces() const {
       const auto rows = closure.rigid.count();
       if (const Hold::Contact* contact = contact_of(closure)) {
         HoldForce f;
-        f.body = BodyOf(hold.mechanism, closure.body_a.value());
-        f.held = BodyOf(hold.mechanism, closure.body_b.value());
+        f.body = BodyOf(number, closure.body_a.value());
+        f.held = BodyOf(number, closure.body_b.value());
         const RigidTransform X_WC = m.BodyPose(closure.body_a) * contact->X_BC;
         f.point_W = X_WC.translation();
         f.normal_W = X_WC.rotation().col(0);

@@ -3,10 +3,13 @@
 
 #include <cstring>
 
+#include "join.hpp"
+
 namespace fork1s {
 
 Simulation::Snapshot Simulation::Save() const {
-  Snapshot snapshot{steps_, controls_, fidelity_, holds_, present_scene_, world_keyframe_, base_start_, {}};
+  Snapshot snapshot{steps_,         controls_,       last_controls_, fidelity_, holds_,
+                    present_scene_, world_keyframe_, base_start_,    {}};
   world_.Save(snapshot.world);
   return snapshot;
 }
@@ -22,6 +25,8 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   if (then.name != scene_.name) return other("another name");
   if (then.mechanisms.size() != scene_.mechanisms.size()) return other("another number of mechanisms");
   if (snapshot.controls.size() != controls_.size()) return other("another number of controls");
+  auto places = internal::PlacesOf(given_, snapshot.holds);
+  if (!places) return tl::unexpected(places.error());
   const bool same_world = fidelity_ == snapshot.fidelity && world_keyframe_ == snapshot.keyframe &&
                           holds_.size() == snapshot.holds.size() &&
                           (present_scene_ == snapshot.made_of || (holds_.empty() && world_keyframe_ < 0));
@@ -40,8 +45,10 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   world_keyframe_ = snapshot.keyframe;
   fidelity_ = snapshot.fidelity;
   holds_ = snapshot.holds;
+  places_ = std::move(*places);
   steps_ = snapshot.steps;
   controls_ = snapshot.controls;
+  last_controls_ = snapshot.last_controls;
   base_start_ = snapshot.base_start;
   pushed_W_.clear();
   ListBodies();
@@ -51,7 +58,10 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
 std::uint64_t Simulation::HashState() const {
   WorldState state;
   world_.Save(state);
-  return HashOf(state, controls_);
+  if (!step_options_.controls_move || last_controls_ == controls_) return HashOf(state, controls_);
+  VectorX both(2 * controls_.size());
+  both << controls_, last_controls_;
+  return HashOf(state, both);
 }
 
 }  // namespace fork1s

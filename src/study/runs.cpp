@@ -64,6 +64,7 @@ Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options) 
   o.dt = options.interval / options.substeps;
   o.recovery = options.recovery;
   o.step.integrator = options.integrator;
+  o.step.controls_move = options.controls && options.controls->times.size() > 1;
   if (options.fidelity && !options.fidelity->entries.empty() && options.fidelity->entries.front().time == 0) {
     const Fidelity& first = options.fidelity->entries.front().fidelity;
     o.detail = first.level;

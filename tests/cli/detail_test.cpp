@@ -84,7 +84,7 @@ std::string TwoArms(bool on_one_table) {
                    "<position name='right' joint='right' kp='500'/></actuator></mujoco>");
 }
 
-TEST(Detail, WhatSeveralMechanismsHoldIsNamedAndCanBeMendedInTheFile) {
+TEST(Detail, TwoMechanismsHoldAsOneOnOneTableDoes) {
   const std::string table = Write("squeeze.csv", "time,left,right\n0,.02,.02\n");
   const auto run = [&](bool on_one_table) {
     const Outcome o = Fork1s("run --json --time 1 --controls " + table + " --detail interface,.5:object " +
@@ -92,13 +92,25 @@ TEST(Detail, WhatSeveralMechanismsHoldIsNamedAndCanBeMendedInTheFile) {
     EXPECT_EQ(o.code, 0) << o.err;
     return o.Json();
   };
-  const std::string refused = run(false)["detail"][1]["refused"].dump();
-  for (const char* said : {"'left_foot'", "'right_foot'", "'box'", "one base"})
+  const auto apart = run(false), table_top = run(true);
+  for (const auto& held : {apart, table_top}) {
+    EXPECT_TRUE(held["detail"][1]["refused"].is_null()) << held["detail"].dump(1);
+    EXPECT_LT(held["hold_use_max"].get<double>(), 1);
+    EXPECT_NE(held["interface"].dump().find("\"box\""), std::string::npos);  // part of the mechanism now
+  }
+  // Contacts keep the share that they had when they were frozen, which the solver tells to some 1e-6.
+  EXPECT_NEAR(apart["hold_use_max"].get<double>(), table_top["hold_use_max"].get<double>(), 1e-4);
+}
+
+// Two bases that are driven cannot carry each other.
+TEST(Detail, MechanismsThatCannotBecomeOneAreNamed) {
+  const std::string table = Write("squeeze.csv", "time,left,right\n0,.02,.02\n");
+  const Outcome o = Fork1s("run --json --time 1 --base driven --controls " + table +
+                           " --detail interface,.5:object " + TwoArms(false));
+  ASSERT_EQ(o.code, 0) << o.err;
+  const std::string refused = o.Json()["detail"][1]["refused"].dump();
+  for (const char* said : {"'left_foot'", "'right_foot'", "is driven", "one base"})
     EXPECT_NE(refused.find(said), std::string::npos) << refused;
-  const auto joined = run(true);
-  EXPECT_TRUE(joined["detail"][1]["refused"].is_null()) << joined["detail"].dump(1);
-  EXPECT_LT(joined["hold_use_max"].get<double>(), 1);
-  EXPECT_NE(joined["interface"].dump().find("\"box\""), std::string::npos);  // part of the mechanism now
 }
 
 TEST(Detail, WordsThatAreNoneAreUsageErrors) {

@@ -126,5 +126,48 @@ TEST(LiveHeld, AGhostBesideItTouchesWithTheFingers) {
   EXPECT_LT(view->distance, 1e-4);  // the ball has not slipped out of the fingers
 }
 
+// Two mechanisms that hold the ball together are one on the wire, with the sliders in the order of before.
+TEST(LiveHeld, MechanismsThatHoldTogetherAreOneOnTheWire) {
+  auto made = LiveSimulation::Create(fork1s::testing::Apart(fork1s::testing::Gripper()), {}, "apart");
+  ASSERT_TRUE(made) << made.error().Text();
+  LiveSimulation& live = *made;
+  const int right = live.simulation().FindControl("right");
+  live.Handle(Set("control", 0.02, live.simulation().FindControl("left")));
+  live.Handle(Set("control", 0.02, right));
+  for (int i = 0; i < 60; ++i) live.Advance(kNoLimit);
+  const std::vector<Vector3> before = Origins(live);
+  const auto refusal = live.Handle(Set("detail", 0));
+  ASSERT_FALSE(refusal) << refusal->sentence;
+  EXPECT_LT(Largest(before, Origins(live)), 1e-9);
+  const nlohmann::json scene = SceneOf(live);
+  std::vector<std::string> names;
+  for (const auto& body : scene["bodies"]) names.push_back(body["name"]);
+  EXPECT_EQ(names, (std::vector<std::string>{"frame", "left", "other frame", "right", "ball", "by-frame",
+                                             "by-left", "place of other frame"}));
+  EXPECT_EQ(scene["bodies"][4]["root"], 0);
+  for (int i = 0; i < 3; ++i) {
+    const auto& control = scene["controls"][static_cast<std::size_t>(i)];
+    EXPECT_EQ(control["name"], live.simulation().control_names()[static_cast<std::size_t>(i)]);
+    const auto joint = control["joints"][0].get<std::size_t>();
+    EXPECT_EQ(scene["joints"][joint]["name"], control["name"].get<std::string>() + "_grip");
+  }
+  // It acts on the finger that it names; what stands in an empty place cannot be pulled.
+  live.Handle(Set("control", 0.03, right));
+  for (int i = 0; i < 60; ++i) live.Advance(kNoLimit);
+  const int ball = live.simulation().FindBody("ball");
+  EXPECT_LT(live.simulation().Pose(ball).translation().x(),
+            before[static_cast<std::size_t>(ball)].x() - 1e-3);
+  EXPECT_TRUE(live.Handle(Pull(7, Vector3::Zero(), Vector3::Zero())));
+  ASSERT_FALSE(live.Handle(Pull(4, Vector3::Zero(), Vector3(0, 0, 1))));
+  live.Advance(kNoLimit);
+  EXPECT_EQ(live.pulls()[0].body, ball);
+  ASSERT_FALSE(live.Handle(Set("friction", 0.5)));
+  EXPECT_EQ(live.simulation().holds().size(), 1u);
+  EXPECT_EQ(live.simulation().place(2).mechanism, 0);
+  ASSERT_FALSE(live.Handle(Set("detail", 1)));
+  EXPECT_EQ(live.simulation().place(2).mechanism, 2);
+  EXPECT_EQ(OnWire(live, "ball"), 6);
+}
+
 }  // namespace
 }  // namespace fork1s::test

@@ -86,4 +86,43 @@ inline void Steps(Simulation& simulation, int count) {
   for (int i = 0; i < count; ++i) ASSERT_TRUE(simulation.Step().finite) << simulation.time();
 }
 
+// Every name of a mechanism with a word before it.
+inline void Rename(MechanismDef& def, const std::string& word) {
+  for (BodyDef& b : def.bodies) b.name = word + b.name;
+  for (JointDef& j : def.joints) j.name = word + j.name;
+  for (ControlDef& c : def.controls) c.name = word + c.name;
+  for (std::string& name : def.interfaces) name = word + name;
+  def.name = word + def.name;
+}
+
+// Without one of its fingers: body 1, with joints 0 to 2, or body 2, with the others.
+inline MechanismDef WithoutFinger(MechanismDef def, std::size_t finger) {
+  const auto at = static_cast<std::ptrdiff_t>(finger);
+  def.bodies.erase(def.bodies.begin() + at);
+  def.joints.erase(def.joints.begin() + 3 * (at - 1), def.joints.begin() + 3 * at);
+  def.controls.erase(def.controls.begin() + at - 1);
+  def.interfaces.erase(def.interfaces.begin() + at - 1);
+  for (JointDef& j : def.joints) j.body = BodyIndex(1);
+  def.controls[0].terms[0].first.joint = JointIndex(0);
+  return def;
+}
+
+// A gripper whose fingers stand apart, each a mechanism of its own, with a bystander between them in the
+// list.
+inline Scene Apart(const Gripper& gripper) {
+  Scene scene = gripper.Make();
+  const MechanismDef both = scene.mechanisms[0];
+  MechanismDef left = WithoutFinger(both, 2), right = WithoutFinger(both, 1), other = left;
+  right.name = "other gripper";
+  right.bodies[0].name = "other frame";
+  // The base of the one that joins is turned and elsewhere: poses of its bodies stay.
+  right.X_WR = RigidTransform(ExpRotation(Vector3(0.3, -0.2, 0.5)), Vector3(0.1, 0.2, -0.1));
+  right.bodies[1].X_PB = right.X_WR.inverse() * right.bodies[1].X_PB;
+  Rename(other, "by-");
+  other.base = BaseKind::kDriven;
+  other.X_WR = RigidTransform(Vector3(0, 0, 1));
+  scene.mechanisms = {left, other, right};
+  return scene;
+}
+
 }  // namespace fork1s::testing

@@ -54,6 +54,13 @@ class MechanismDynamics {
   /// Inputs; they hold until changed. `controls` one per Mechanism::controls().
   VectorX& controls() { return state_.controls; }
   const VectorX& controls() const { return state_.controls; }
+  /// In the next step controls move evenly from these, counted from the `first`, to controls(), rather than
+  /// stand there throughout it; all have to be given. A step of second order sees that; implicit Euler asks
+  /// for nothing but the end.
+  void MoveControlsFrom(int first, const Eigen::Ref<const VectorX>& from) {
+    state_.controls_from.segment(first, from.size()) = from;
+    state_.controls_move = true;
+  }
   /// Wrench on a body in world axes about a point p_W that moves with nothing: applied in the next step only.
   void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
   /// Those added for the next step [6 x bodies], about the world's origin in world axes.
@@ -293,6 +300,8 @@ class MechanismDynamics {
   VectorX u_;            // velocity of the start as the middle sees it
   VectorX q_dot_start_;  // n
   VectorX w_mean_, f_used_, f_turn_, f_wrench_;
+  VectorX f_moved_;              // r: what controls that move within the step add to the force by its end
+  bool controls_moved_ = false;  // in this step
   Matrix6X F_parts_;
   Vector6 base_wrench_;
   VectorX impulse_;            // num_velocities: of contact and limits in this step

@@ -15,6 +15,8 @@ struct MechanismState {
   VectorX mu;  // m: how far loops are closed along B at this pose, where the next correction starts
 
   VectorX controls;            // hold until changed
+  VectorX controls_from;       // where they start in a step within which they move; of the next step only
+  bool controls_move = false;
   RigidTransform driven_next;  // pose of a driven base at the end of the next step
   Matrix6X wrenches_W;         // 6 x bodies about the world origin, world axes: of the next step only
   bool has_wrenches = false;

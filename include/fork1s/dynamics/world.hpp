@@ -26,6 +26,10 @@ enum class Integrator { kEuler, kTheta };
 struct StepOptions {
   double h = 1.0 / 60;                     // s
   Integrator integrator = Integrator::kEuler;
+  // Inputs are samples of a trajectory, which moves evenly from those of the last step to those of this one.
+  // Otherwise they stand throughout the step, as a controller's output does. The two differ by half a step in
+  // time for kTheta and not at all for kEuler, which asks for nothing but the end.
+  bool controls_move = false;
   Vector3 gravity = Vector3(0, 0, -9.81);  // m/s²
   ContactMaterial material;
   bool contact_curvature = true;           // adds (h/2) J̇ V to the rows of contacts that persist

@@ -43,10 +43,12 @@ struct FidelityTrack {
   static Expected<FidelityTrack> Parse(const std::string& text, const Fidelity& initial = {});
 };
 
-/// A free body that is part of a mechanism as long as its contacts are frozen.
+/// A free body that is part of a mechanism as long as its contacts are frozen. Where several mechanisms hold
+/// it they are one as long as they do.
 struct Hold {
   struct Contact {
-    std::string body;                   // of the mechanism
+    int mechanism = 0;                  // of the scene
+    std::string body;                   // of that mechanism
     RigidTransform X_BC;                // contact frame on that body: x is the normal, towards what is held
     Vector3 force_C = Vector3::Zero();  // N on what is held, when it was frozen
     double friction = 0;
@@ -56,9 +58,15 @@ struct Hold {
     /// stable.
     Eigen::Vector2d rolling = Eigen::Vector2d::Zero();
   };
-  int mechanism = 0;
   int free_body = 0;  // of the scene
   std::vector<Contact> contacts;
+};
+
+/// Where a mechanism of the scene stands in the world: by itself, at its own place, or from these on in the
+/// one that it forms with others while they hold a body together. Its own place is empty then.
+struct MechanismPlace {
+  int mechanism = 0;
+  int first_body = 0, first_coordinate = 0, first_control = 0;
 };
 
 /// Force of one frozen contact. Where no yielding decides how contacts share a load, several on one pair of

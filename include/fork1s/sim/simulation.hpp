@@ -29,6 +29,7 @@ struct SceneBody {
   int mechanism = -1;  // of world(); -1: a free body
   int index = 0;       // body of the mechanism, or free body, of world()
   bool is_interface = false;
+  int given = -1;  // mechanism of scene() that it is of; -1: a free body, held or not
 };
 
 /// Steps a scene. Inputs hold until changed; poses are those after the last step.
@@ -52,11 +53,12 @@ class Simulation {
   const SimulationOptions& options() const { return options_; }
 
   /// Simulates with more or less detail from the present state on: poses stay, velocities as far as the new
-  /// model can follow them. kObject freezes the contacts of every free body that two or more bodies of one
-  /// mechanism press on; other levels let go again. Errors leave everything as it was: kModel where nothing
-  /// is held or the mechanism cannot be reduced to the bodies asked for. Builds the world anew: milliseconds.
-  /// `known_holds`: what kObject freezes where contacts do not tell it, before the first step: holds() of
-  /// another simulation of the same bodies.
+  /// model can follow them. kObject freezes the contacts of every free body that two or more bodies of
+  /// mechanisms press on, and makes one of mechanisms that hold it together; other levels let go again.
+  /// Errors leave everything as it was: kModel where nothing is held, mechanisms cannot be joined or one
+  /// cannot be reduced to the bodies asked for. Builds the world anew: milliseconds. `known_holds`: what
+  /// kObject freezes where contacts do not tell it, before the first step: holds() of another simulation of
+  /// the same bodies.
   Expected<void> SetFidelity(const Fidelity& fidelity, const std::vector<Hold>& known_holds = {});
   const Fidelity& fidelity() const { return fidelity_; }
   /// What is frozen at present.
@@ -65,6 +67,16 @@ class Simulation {
   std::vector<HoldForce> HoldForces() const;
   /// The present state as a keyframe of scene().
   KeyframeDef State() const;
+  /// Where a mechanism of scene() stands in world(): elsewhere than at its own place only while it holds
+  /// something together with others.
+  const MechanismPlace& place(int mechanism) const { return places_[static_cast<std::size_t>(mechanism)]; }
+  /// As scene() has it, built, whatever it holds.
+  const Mechanism& given_mechanism(int mechanism) const {
+    return *given_[static_cast<std::size_t>(mechanism)];
+  }
+  /// Of a mechanism of scene(): pose of its base in the world, and its twist in axes of the base.
+  RigidTransform BasePose(int mechanism) const;
+  Vector6 BaseTwist(int mechanism) const;
   /// Joint displacements of a mechanism in the order of its definition in scene(), what it holds left out.
   VectorX JointCoordinates(int mechanism) const;
   /// Names of the joint coordinates of all mechanisms, in that order.
@@ -79,7 +91,8 @@ class Simulation {
   const std::vector<std::string>& control_names() const { return control_names_; }
   int FindControl(const std::string& name) const;  // -1: none
   const VectorX& controls() const { return controls_; }
-  /// Values outside the control's limits are moved to the nearest limit.
+  /// Values outside the control's limits are moved to the nearest limit. Whether what is set stands
+  /// throughout the next step or is where the step ends: StepOptions::controls_move.
   void SetControl(int index, double value);
   void SetControl(const std::string& name, double value);
   void SetControls(const VectorX& values);
@@ -108,7 +121,7 @@ class Simulation {
   /// A moment to come back to. Plain values, which may be copied; it outlives the simulation.
   struct Snapshot {
     std::int64_t steps = 0;
-    VectorX controls;
+    VectorX controls, last_controls;
     Fidelity fidelity;
     std::vector<Hold> holds;
     std::shared_ptr<const Scene> made_of;    // present_scene() of then
@@ -143,6 +156,7 @@ class Simulation {
   std::vector<std::shared_ptr<const Mechanism>> given_;  // mechanisms of scene_, built
   Fidelity fidelity_;
   std::vector<Hold> holds_;
+  std::vector<MechanismPlace> places_;  // per mechanism of scene_
   SimulationOptions options_;
   StepOptions step_options_;
   double dt_ = 1.0 / 60;
@@ -150,8 +164,10 @@ class Simulation {
   World world_ = World::Empty();
   std::vector<std::string> control_names_;
   VectorX controls_, control_lower_, control_upper_;
+  VectorX last_controls_;                   // of the last step
   std::vector<RigidTransform> base_start_;  // per mechanism
-  std::vector<Matrix6X> pushed_W_;  // wrenches of the last step, per mechanism; empty where nothing is held
+  std::vector<Matrix6X>
+      pushed_W_;  // wrenches of the last step, as world_ counts; empty where nothing is held
   std::vector<SceneBody> bodies_;
 };
 
