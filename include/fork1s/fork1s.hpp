@@ -10,6 +10,7 @@
 #include <fork1s/record/gltf.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/record/reduced_model_file.hpp>
+#include <fork1s/recovery/pose_arrays.hpp>
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/recovery/second_order.hpp>
 #include <fork1s/reduction/compliance.hpp>

@@ -1,0 +1,47 @@
+// Loops over blocks of bodies or states, one for each instruction set (twist_kernels.cpp).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace fork1s::internal {
+
+/// One cache line of bodies.
+template <class Real>
+inline constexpr int kBlock = 64 / static_cast<int>(sizeof(Real));
+
+/// Bodies in blocks. Of block i the coordinates that any of its bodies hears are heard[first[i]] up to
+/// heard[first[i + 1]], and for each of these T has six rows of kBlock entries, rotations first. X_ref:
+/// twelve rows of kBlock entries a block, as PoseArrays has them.
+template <class Real>
+struct BlockedTwists {
+  const int* first = nullptr;
+  const int* heard = nullptr;
+  const Real* T = nullptr;
+  const Real* X_ref = nullptr;
+};
+
+/// The same body by body: six entries of T for every coordinate heard, twelve of X_ref.
+template <class Real>
+struct PlainTwists {
+  const int* first = nullptr;
+  const int* heard = nullptr;
+  const Real* T = nullptr;
+  const Real* X_ref = nullptr;
+};
+
+/// Where a pose is not right because its twist turns by more than half a turn: bit k of the mask of each
+/// block.
+using Missed = std::uint32_t;
+
+void RecoverBlocks(const BlockedTwists<float>& map, const float* z, int begin, int end, float* out,
+                   std::size_t stride, Missed* missed);
+void RecoverBlocks(const BlockedTwists<double>& map, const double* z, int begin, int end, double* out,
+                   std::size_t stride, Missed* missed);
+/// One body, states in blocks of kBlock; z and out are padded to whole ones.
+void RecoverStates(const PlainTwists<float>& map, int body, const float* z, std::size_t z_stride, int begin,
+                   int end, float* out, std::size_t stride, Missed* missed);
+void RecoverStates(const PlainTwists<double>& map, int body, const double* z, std::size_t z_stride, int begin,
+                   int end, double* out, std::size_t stride, Missed* missed);
+
+}  // namespace fork1s::internal
