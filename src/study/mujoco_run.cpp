@@ -5,7 +5,6 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/recovery/recover.hpp>
 #include <memory>
-#include <mutex>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -17,28 +16,6 @@
 
 namespace fork1s::internal {
 namespace {
-
-// MuJoCo complains through global function pointers, so that one run goes at a time.
-std::mutex handler_mutex;
-
-class Handlers {
- public:
-  Handlers() : lock_(handler_mutex), error_(mju_user_error), warning_(mju_user_warning) {
-    mju_user_error = [](const char* message) { throw std::runtime_error(message); };
-    mju_user_warning = [](const char*) {};  // counted in mjData
-  }
-  ~Handlers() {
-    mju_user_error = error_;
-    mju_user_warning = warning_;
-  }
-  Handlers(const Handlers&) = delete;
-  Handlers& operator=(const Handlers&) = delete;
-
- private:
-  std::lock_guard<std::mutex> lock_;
-  void (*error_)(const char*);
-  void (*warning_)(const char*);
-};
 
 RigidTransform Between(const RigidTransform& a, const RigidTransform& b, double share) {
   return {a.quaternion().slerp(share, b.quaternion()),
@@ -280,7 +257,7 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
 
 Expected<Run> RunMuJoCo(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
                         double timestep, const RunOptions& options) {
-  const Handlers handlers;
+  const MuJoCoHandlers handlers;
   try {
     return Simulate(path, scene, tracked, timestep, options);
   } catch (const std::runtime_error& fault) {

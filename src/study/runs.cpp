@@ -105,6 +105,7 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
           s.ApplyWrench(p.body, p.force_W, p.moment_W, p.point_W);
       StepReport report;
       Clock(run, [&] { report = s.Step(); });
+      run.refreshed.push_back(report.refreshes > 0);
       if (!report.finite) return tl::unexpected(NotFinite("reduced", s.time(), s.dt()));
       run.unconverged += report.solver.converged ? 0 : 1;
       for (const ContactRecord& c : s.world().contacts()) {

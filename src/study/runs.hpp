@@ -33,6 +33,7 @@ struct Run {
   std::vector<Sample> samples;  // the start, then one every interval
   std::vector<std::string> warnings;
   std::vector<double> step_s = {};  // wall time of every step
+  std::vector<char> refreshed = {};  // of the reduced run: steps in which a mechanism was reduced anew
   int coordinates = 0;              // velocities that the last step solved for
   // MuJoCo only: bodies that touch in one of the two simulators alone.
   std::vector<ContactPair> pairs_only_here = {}, pairs_only_reduced = {};
