@@ -162,6 +162,8 @@ BenchOptions OptionsFor(const BenchModel& model, const BenchArguments& args) {
   options.truth_substeps = args.truth;
   options.mujoco = args.HasPeer("mujoco");
   options.phases = args.phases;
+  for (const std::string& peer : args.peers)
+    if (peer != "mujoco" && peer != "none") options.outside.push_back(FindPeer(peer));
   if (!args.Wants("precision")) options.substeps = {1};
   // Steps as short as the truth's say nothing.
   std::erase_if(options.substeps, [&](int n) { return n > 1 && 4 * n > args.truth; });
@@ -301,9 +303,11 @@ void AddBench(CLI::App& app, Action& action) {
       "scenes", args->scenes,
       "model files, or names in scenes/, each with SCENE.csv beside it as controls (default: all of "
       "scenes/, and the results are written)");
-  command->add_option("--peers", args->peers, "mujoco (default), none")
+  command
+      ->add_option("--peers", args->peers,
+                   "mujoco (default), drake, dart, bullet (plain trees alone, after tools/peers.sh), none")
       ->delimiter(',')
-      ->check(CLI::IsMember({"mujoco", "none"}));
+      ->check(CLI::IsMember({"mujoco", "drake", "dart", "bullet", "none"}));
   command
       ->add_option("--only", args->only,
                    "parts to measure: scenes, precision (scenes at shorter steps too), many (64 of each "

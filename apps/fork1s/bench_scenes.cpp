@@ -64,4 +64,19 @@ Expected<std::vector<BenchModel>> AllBenchModels() {
   return models;
 }
 
+OutsidePeer FindPeer(const std::string& peer) {
+  OutsidePeer out;
+  out.name = peer == "drake" ? "Drake SAP" : peer == "dart" ? "DART" : "Bullet";
+  const fs::path sources = fs::path(OwnScenes()).parent_path(),
+                 program = sources / "benchmarks/peers" / (peer + ".py"),
+                 python = sources / "build/peers/bin/python";
+  std::error_code ignored;
+  if (!fs::exists(program, ignored))
+    out.why_not = "is run from the sources of fork1s, and this program was installed without them";
+  else if (!fs::exists(python, ignored))
+    out.why_not = "is not installed; tools/peers.sh does that";
+  out.command = {python.string(), program.string()};
+  return out;
+}
+
 }  // namespace fork1s::app

@@ -1,7 +1,8 @@
-// Which scenes `bench` means, and what drives them.
+// Which scenes and peers `bench` means, and what drives them.
 #pragma once
 
 #include <fork1s/base/error.hpp>
+#include <fork1s/study/bench.hpp>
 #include <string>
 #include <vector>
 
@@ -20,5 +21,9 @@ Expected<BenchModel> FindBenchModel(const std::string& scene);
 
 /// All in scenes/ of the present folder, or of OwnScenes(). Errors: kFile where there are none.
 Expected<std::vector<BenchModel>> AllBenchModels();
+
+/// "drake", "dart" or "bullet", as tools/peers.sh installs them beside the scenes that come with this
+/// program.
+OutsidePeer FindPeer(const std::string& peer);
 
 }  // namespace fork1s::app

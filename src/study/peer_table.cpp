@@ -40,6 +40,16 @@ std::vector<PeerEntrant> UsualEntrants(int fine) {
   return entrants;
 }
 
+Run RunOf(const PeerMotion& motion) {
+  Run run;
+  run.step_s = motion.step_s;
+  for (const auto& positions : motion.positions) {
+    run.samples.emplace_back();
+    for (const Vector3& p : positions) run.samples.back().X_WB.emplace_back(p);
+  }
+  return run;
+}
+
 void SetTimes(const Entrant& e, PeerRow& row) {
   std::vector<double> all, of_step, refreshed;
   const std::size_t steps = e.step_s.front().size();
@@ -69,7 +79,8 @@ void SetError(const Run& run, const Run& truth, PeerRow& row) {
       row.max_mm = std::max(row.max_mm, mm);
     }
   if (count > 0) row.rms_mm = std::sqrt(sum / count);
-  if (moved > 0) row.error_percent = 100 * std::sqrt(sum / moved);
+  constexpr double kStandsStill = 1e-3;  // mm: what rounding and settling move is no motion to compare with
+  if (moved > count * kStandsStill * kStandsStill) row.error_percent = 100 * std::sqrt(sum / moved);
 }
 
 void SetLoops(const Run& run, PeerRow& row) {
@@ -119,7 +130,14 @@ Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options) {
   for (const PeerEntrant& what :
        options.entrants.empty() ? UsualEntrants(options.fine_substeps) : options.entrants)
     entrants.push_back({what, {}, {}, {}});
-  const auto simulate = [&](const PeerEntrant& what) {
+  std::vector<std::string> names;
+  for (const TrackedBody& b : tracked) names.push_back(b.name);
+  const auto simulate = [&](const PeerEntrant& what) -> Expected<Run> {
+    if (what.outside) {
+      auto motion = what.outside(scene, names, options.dt, o.samples, what.substeps);
+      if (!motion) return tl::unexpected(motion.error());
+      return RunOf(*motion);
+    }
     RunOptions at = o;
     at.substeps = what.substeps;
     at.mujoco_integrator = what.integrator;
@@ -147,7 +165,7 @@ Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options) {
       if (round > 0 && (e.what.substeps > 1 || !e.row.survived)) continue;  // a fine run has steps enough
       auto run = simulate(e.what);
       book(e.what.substeps);
-      const bool may_end = e.what.is_mujoco && !options.entrants.empty();
+      const bool may_end = e.what.outside || (e.what.is_mujoco && !options.entrants.empty());
       if (!run && run.error().code != ErrorCode::kNumerics && !may_end) return tl::unexpected(run.error());
       e.row.survived = run.has_value();
       if (!run) {

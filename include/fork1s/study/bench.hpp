@@ -10,6 +10,17 @@
 
 namespace fork1s {
 
+/// A simulator that is run as a program of its own: benchmarks/peers.
+struct OutsidePeer {
+  std::string name;                  // as tables call it
+  std::vector<std::string> command;  // what runs it, the request's path comes behind
+  std::string why_not;               // a sentence, where it cannot be run at all
+};
+
+/// Why the programs of benchmarks/peers cannot run a scene: they take one tree of hinges and slides with
+/// springs, on a fixed base, that touches nothing and has no motors. Empty: they can.
+std::string WhyNoPlainTree(const Scene& scene);
+
 struct BenchOptions {
   std::string name;           // as tables call it
   std::string model_path;     // MJCF
@@ -20,6 +31,7 @@ struct BenchOptions {
   int truth_substeps = 32;             // of the converged run, within dt; even
   std::vector<int> substeps{1, 2, 4};  // work against precision: steps within dt, from 1 on
   bool mujoco = true;
+  std::vector<OutsidePeer> outside;
   bool phases = false;
   /// What takes the steps of StepFromSamePoses when it is run with one of "discrete" and "implicitfast"
   /// behind it; its instructions are counted. Empty: none are.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
+#include <fork1s/mechanism/scene.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/study/compare.hpp>
 #include <functional>
@@ -11,13 +12,23 @@
 
 namespace fork1s {
 
-/// What takes part: the reduced simulation, or MuJoCo with one of its integrators.
+/// What a simulator outside this process did.
+struct PeerMotion {
+  std::vector<double> step_s;                   // wall time of every step
+  std::vector<std::vector<Vector3>> positions;  // [sample][body], m: the start, then every PeerOptions::dt
+};
+
+/// What takes part: the reduced simulation, MuJoCo with one of its integrators, or another simulator.
 struct PeerEntrant {
   std::string name;  // as the table calls it
   bool is_mujoco = false;
   MuJoCoIntegrator integrator = MuJoCoIntegrator::kOfFile;
   bool tuned = false;  // loops with a time constant of 2 ms, elliptic friction cones, impratio 10
   int substeps = 1;    // it steps by PeerOptions::dt over this
+  /// Moves these bodies of the scene for as many samples; an error is why it does not, and its row says so.
+  std::function<Expected<PeerMotion>(const Scene& scene, const std::vector<std::string>& bodies, double dt,
+                                     int samples, int substeps)>
+      outside = {};
 };
 
 struct PeerOptions {
@@ -45,7 +56,8 @@ struct PeerRow {
   bool survived = false;  // MuJoCo: none of its warnings of bad positions, speeds or accelerations
   std::string end;        // how it ended where it did not
   double rms_mm = 0, max_mm = 0;
-  double error_percent = std::numeric_limits<double>::quiet_NaN();  // rms_mm over what the truth moves, RMS
+  double error_percent = std::numeric_limits<double>::quiet_NaN();  // rms_mm over what the truth moves, RMS;
+                                                                    // none where that is below 1 um
   double step_us = 0;     // median over all steps of all rounds
   double p99_us = 0, worst_us = 0;  // over steps, of each step's median over the rounds: what interrupts one
                                     // round does not count, what a step always costs does

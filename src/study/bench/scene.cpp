@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "instructions.hpp"
+#include "outside.hpp"
 
 namespace fork1s {
 
@@ -56,6 +57,18 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options) {
     peers.entrants.push_back({"MuJoCo discrete", true, MuJoCoIntegrator::kDiscrete, false, substeps});
     peers.entrants.push_back({"MuJoCo implicitfast", true, MuJoCoIntegrator::kImplicitFast, false, substeps});
   }
+  for (const int substeps : options.substeps)
+    for (const OutsidePeer& peer : options.outside) {
+      PeerEntrant entrant{peer.name};
+      entrant.substeps = substeps;
+      entrant.outside = [&peer](const Scene& s, const std::vector<std::string>& bodies, double dt,
+                                int samples, int per_sample) {
+        return internal::RunOutside(peer, s, bodies, dt, samples, per_sample);
+      };
+      peers.entrants.push_back(std::move(entrant));
+    }
+  std::stable_sort(peers.entrants.begin(), peers.entrants.end(),
+                   [](const auto& a, const auto& b) { return a.substeps < b.substeps; });
   BenchScene scene;
   scene.name = options.name;
   Expected<std::vector<PeerRow>> rows;
