@@ -128,6 +128,13 @@ Json PartsJson(const BenchResults& results, Json out) {
   for (const ManyCost& m : results.many)
     out["many"].push_back(
         {{"scene", m.scene}, {"instances", m.instances}, {"threads", m.threads}, {"step_us", m.step_us}});
+  out["stability"] = Json::array();
+  for (const BenchStability& s : results.stability)
+    for (const StabilityRow& r : s.rows)
+      out["stability"].push_back({{"scene", s.scene},
+                                  {"simulator", r.simulator},
+                                  {"stiffness_scale", r.stiffness_scale},
+                                  {"largest_stable_dt_s", r.largest_stable_dt_s}});
   return out;
 }
 
@@ -139,6 +146,19 @@ void PrintParts(const BenchResults& results) {
     fmt::print("  {:<14} {:>10} {:>8} {:>8} {:>10.1f} {:>26}\n", r.mode, r.interfaces, r.bodies, r.threads,
                r.ns_per_body,
                r.percent_of_ceiling ? fmt::format("{:.0f} %, {}", *r.percent_of_ceiling, r.bound) : "-");
+  for (const BenchStability& s : results.stability) {
+    fmt::print("largest stable step of {}, stiffness times 1, 10, 100, 1000\n", s.scene);
+    for (const StabilityRow& r : s.rows) {
+      if (r.stiffness_scale != 1) continue;
+      fmt::print("  {:<22}", r.simulator);
+      for (const StabilityRow& of_same : s.rows)
+        if (of_same.simulator == r.simulator)
+          fmt::print(" {:>10}", of_same.largest_stable_dt_s > 0
+                                    ? fmt::format("1/{:.0f}", 1 / of_same.largest_stable_dt_s)
+                                    : "none");
+      fmt::print("\n");
+    }
+  }
   if (!results.chains.empty())
     fmt::print("chains\n  {:<8} {:>12} {:>14} {:>16} {:>16} {:>8}\n", "joints", "reducing, ms",
                "a refresh, ms", "a step, exact us", "a step, twist us", "MB");
@@ -177,6 +197,12 @@ Expected<void> MeasureParts(const std::vector<BenchModel>& models, const BenchAr
       auto many = MeasureMany(OptionsFor(model, args), kInstances);
       if (!many) return tl::unexpected(many.error());
       results.many.insert(results.many.end(), many->begin(), many->end());
+    }
+  if (args.Wants("stability"))
+    for (const BenchModel& model : models) {
+      auto stability = MeasureBenchStability(OptionsFor(model, args));
+      if (!stability) return tl::unexpected(stability.error());
+      results.stability.push_back(std::move(*stability));
     }
   if (args.Wants("recovery")) {
     auto recovery = MeasureRecovery({100, 1000, 10000});
@@ -312,9 +338,10 @@ void AddBench(CLI::App& app, Action& action) {
       ->add_option("--only", args->only,
                    "parts to measure: scenes, precision (scenes at shorter steps too), many (64 of each "
                    "scene at a time), "
-                   "recovery (poses of all bodies), chains (by number of joints); default: all")
+                   "stability (largest stable step against stiffness), recovery (poses of all bodies), "
+                   "chains (by number of joints); default: all")
       ->delimiter(',')
-      ->check(CLI::IsMember({"scenes", "precision", "many", "recovery", "chains"}));
+      ->check(CLI::IsMember({"scenes", "precision", "many", "stability", "recovery", "chains"}));
   command->add_option("--time", args->time, "seconds to simulate (default 1)")->check(PositiveUpTo(1e4));
   command->add_option("--dt", args->dt, "time step in s (default: each scene's)")
       ->check(PositiveUpTo(kMostStep));

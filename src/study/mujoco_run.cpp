@@ -122,6 +122,24 @@ void Tune(mjModel* m) {
   m->opt.impratio = 10;
 }
 
+// As ScaleStiffness does to a mechanism.
+void Stiffen(mjModel* m, double factor) {
+  const double root = std::sqrt(factor);
+  for (int j = 0; j < m->njnt; ++j) m->jnt_stiffness[j] *= factor;
+  for (int i = 0; i < m->nv; ++i) m->dof_damping[i] *= root;
+  for (int t = 0; t < m->ntendon; ++t) {
+    m->tendon_stiffness[t] *= factor;
+    m->tendon_damping[t] *= root;
+  }
+  for (int a = 0; a < m->nu; ++a) {
+    if (m->actuator_biastype[a] != mjBIAS_AFFINE) continue;  // a motor has no stiffness
+    m->actuator_gainprm[mjNGAIN * a] *= factor;
+    m->actuator_biasprm[mjNBIAS * a] *= factor;
+    m->actuator_biasprm[mjNBIAS * a + 1] *= factor;
+    m->actuator_biasprm[mjNBIAS * a + 2] *= root;
+  }
+}
+
 Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
                        double timestep, const RunOptions& options) {
   char message[1000] = "";
@@ -144,6 +162,7 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
       break;
   }
   if (options.mujoco_tuned) Tune(m);
+  if (options.mujoco_stiffness != 1) Stiffen(m, options.mujoco_stiffness);
   if (options.energy) m->opt.enableflags |= mjENBL_ENERGY;
   const MuJoCoDataPointer data(mj_makeData(m));
   mjData* d = data.get();

@@ -118,12 +118,7 @@ Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options) {
   if (!probe) return tl::unexpected(probe.error());
   if (const auto missing = options.controls.FindMissing(*probe); !missing.empty())
     return Fail(ErrorCode::kModel, options.model_path, "has no control '" + missing.front() + "'");
-  std::vector<TrackedBody> tracked;
-  for (std::size_t i = 0; i < probe->bodies().size(); ++i) {
-    const SceneBody& b = probe->bodies()[i];
-    if (b.is_interface || b.mechanism < 0) tracked.push_back({b.name, static_cast<int>(i), b.is_interface});
-  }
-
+  const std::vector<TrackedBody> tracked = internal::TrackedBodies(*probe);
   const bool has_loops = std::any_of(scene.mechanisms.begin(), scene.mechanisms.end(),
                                      [](const MechanismDef& m) { return !m.closures.empty(); });
   std::vector<Entrant> entrants;

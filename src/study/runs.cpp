@@ -59,6 +59,15 @@ double LoopTurn(const Mechanism& mechanism, const std::vector<RigidTransform>& X
   return largest;
 }
 
+std::vector<TrackedBody> TrackedBodies(const Simulation& simulation) {
+  std::vector<TrackedBody> tracked;
+  for (std::size_t i = 0; i < simulation.bodies().size(); ++i) {
+    const SceneBody& b = simulation.bodies()[i];
+    if (b.is_interface || b.mechanism < 0) tracked.push_back({b.name, static_cast<int>(i), b.is_interface});
+  }
+  return tracked;
+}
+
 Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options) {
   SimulationOptions o;
   o.dt = options.interval / options.substeps;

@@ -3,6 +3,7 @@
 
 #include <fork1s/base/error.hpp>
 #include <fork1s/study/peer_table.hpp>
+#include <fork1s/study/scene_table.hpp>
 #include <functional>
 #include <optional>
 #include <string>
@@ -106,6 +107,13 @@ struct ManyCost {
 };
 Expected<std::vector<ManyCost>> MeasureMany(const BenchOptions& scene, int instances);
 
+/// The largest stable steps of a scene, its stiffness times 1, 10, 100 and 1000.
+struct BenchStability {
+  std::string scene;
+  std::vector<StabilityRow> rows;
+};
+Expected<BenchStability> MeasureBenchStability(const BenchOptions& scene);
+
 /// All that a run of the command measured.
 struct BenchResults {
   std::string when, machine;  // for the page
@@ -113,6 +121,7 @@ struct BenchResults {
   std::vector<RecoveryCost> recovery;
   std::vector<ChainCost> chains;
   std::vector<ManyCost> many;
+  std::vector<BenchStability> stability;
 };
 
 /// bench.csv, bench_phases.csv, bench_recovery.csv, bench_chains.csv, bench_many.csv, those that have rows,

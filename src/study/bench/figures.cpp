@@ -63,8 +63,35 @@ std::string DrawPrecision(const BenchResults& results) {
   }
   if (cost.empty() || error.empty()) return "";
   f.x_ticks = Decades(cost.low, cost.high);
+  // What is off by ten times its way, or moves by itself where all should rest, need not be told apart.
+  constexpr double kLost = 3;
   f.low_decade = static_cast<int>(std::floor(std::log10(error.low)));
-  f.high_decade = std::max(f.low_decade + 1, static_cast<int>(std::ceil(std::log10(error.high))));
+  f.high_decade =
+      std::max<int>(f.low_decade + 1, static_cast<int>(std::min(kLost, std::ceil(std::log10(error.high)))));
+  return DrawFigure(f);
+}
+
+std::string DrawStability(const BenchResults& results) {
+  if (results.stability.empty()) return "";
+  Figure f;
+  f.title = "Largest stable step against stiffness";
+  f.x_label = "stiffness, times that of the file";
+  f.y_label = "s";
+  f.x_ticks = Decades(1, 1000);
+  f.low_decade = -5;
+  f.high_decade = -1;
+  for (const BenchStability& s : results.stability) {
+    FigurePanel panel{s.scene, "of 1/60 s and its halves", {}};
+    for (const StabilityRow& row : s.rows) {
+      auto series = std::find_if(panel.series.begin(), panel.series.end(),
+                                 [&](const FigureSeries& x) { return x.label == row.simulator; });
+      if (series == panel.series.end())
+        series = panel.series.insert(series, {row.simulator, static_cast<int>(panel.series.size()), {}});
+      if (row.largest_stable_dt_s > 0)
+        series->points.emplace_back(row.stiffness_scale, row.largest_stable_dt_s);
+    }
+    f.panels.push_back(std::move(panel));
+  }
   return DrawFigure(f);
 }
 

@@ -1,4 +1,4 @@
-// Many simulations of one scene at a time.
+// Many simulations of one scene at a time, and one at many stiffnesses.
 #include <chrono>
 #include <fork1s/base/percentile.hpp>
 #include <fork1s/importer/importer.hpp>
@@ -7,16 +7,33 @@
 #include <fork1s/study/bench.hpp>
 
 namespace fork1s {
+namespace {
+
+Expected<ControlTrack> ControlsOf(const BenchOptions& options) {
+  if (options.controls_path.empty()) return ControlTrack();
+  return ReadControls(options.controls_path);
+}
+
+}  // namespace
+
+Expected<BenchStability> MeasureBenchStability(const BenchOptions& options) {
+  auto controls = ControlsOf(options);
+  if (!controls) return tl::unexpected(controls.error());
+  BenchStability out{options.name, {}};
+  Expected<std::vector<StabilityRow>> rows;
+  WithThreads(1, [&] {
+    rows = MeasureStability(options.model_path, *controls, options.time, {1, 10, 100, 1000});
+  });
+  if (!rows) return tl::unexpected(rows.error());
+  out.rows = std::move(*rows);
+  return out;
+}
 
 Expected<std::vector<ManyCost>> MeasureMany(const BenchOptions& options, int instances) {
   auto imported = LoadMechanism(options.model_path);
   if (!imported) return tl::unexpected(imported.error());
-  ControlTrack controls;
-  if (!options.controls_path.empty()) {
-    auto read = ReadControls(options.controls_path);
-    if (!read) return tl::unexpected(read.error());
-    controls = std::move(*read);
-  }
+  auto controls = ControlsOf(options);
+  if (!controls) return tl::unexpected(controls.error());
   SimulationOptions s;
   s.dt = options.dt;
   s.initial_keyframe = imported->initial_keyframe;
@@ -35,7 +52,7 @@ Expected<std::vector<ManyCost>> MeasureMany(const BenchOptions& options, int ins
         const auto start = std::chrono::steady_clock::now();
         ParallelFor(0, instances, 1, [&](int begin, int end) {
           for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
-            controls.Apply(simulations[i].time() + simulations[i].dt(), simulations[i]);
+            controls->Apply(simulations[i].time() + simulations[i].dt(), simulations[i]);
             simulations[i].Step();
           }
         });

@@ -85,6 +85,15 @@ std::string ManyCsv(const BenchResults& results) {
   return out.empty() ? out : "scene,instances,threads,step_us\n" + out;
 }
 
+std::string StabilityCsv(const BenchResults& results) {
+  std::string out;
+  for (const BenchStability& s : results.stability)
+    for (const StabilityRow& r : s.rows)
+      out += fmt::format("{},\"{}\",{:g},{:.6g}\n", s.scene, r.simulator, r.stiffness_scale,
+                         r.largest_stable_dt_s);
+  return out.empty() ? out : "scene,simulator,stiffness_scale,largest_stable_dt_s\n" + out;
+}
+
 std::string PartTables(const BenchResults& results) {
   std::vector<std::string> rows;
   for (const RecoveryCost& r : results.recovery)
@@ -144,7 +153,8 @@ std::string BenchPage(const BenchResults& results) {
       kPageStyle, EscapeHtml(results.when), EscapeHtml(results.machine));
   page += DrawPrecision(results);
   for (const BenchScene& s : results.scenes) page += SceneRows(s);
-  return page + DrawChains(results.chains) + PartTables(results) + "</body></html>\n";
+  return page + DrawStability(results) + DrawChains(results.chains) + PartTables(results) +
+         "</body></html>\n";
 }
 
 }  // namespace fork1s::internal
@@ -169,6 +179,8 @@ Expected<void> WriteBench(const BenchResults& results, const std::string& folder
         csv("bench_recovery.csv", internal::RecoveryCsv(results)),
         csv("bench_chains.csv", internal::ChainsCsv(results)),
         csv("bench_many.csv", internal::ManyCsv(results)),
+        csv("bench_stability.csv", internal::StabilityCsv(results)),
+        svg("bench_stability.svg", internal::DrawStability(results)),
         svg("bench_precision.svg", internal::DrawPrecision(results)),
         svg("bench_joints.svg", internal::DrawChains(results.chains)),
         WriteFile(folder + "/bench.html", kHtmlFile, internal::BenchPage(results))})

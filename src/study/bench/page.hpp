@@ -12,6 +12,8 @@ std::string BenchPage(const BenchResults& results);
 /// A panel a scene: error over the time that a simulated second takes, one line a simulator, one point a
 /// step.
 std::string DrawPrecision(const BenchResults& results);
+/// A panel a scene: the largest stable step over stiffness.
+std::string DrawStability(const BenchResults& results);
 /// Reduction, refresh and step of a chain over its joints.
 std::string DrawChains(const std::vector<ChainCost>& chains);
 
