@@ -20,6 +20,7 @@ void AddCompare(CLI::App& app, Action& action);
 void AddReplay(CLI::App& app, Action& action);
 void AddExport(CLI::App& app, Action& action);
 void AddView(CLI::App& app, Action& action);
+void AddBench(CLI::App& app, Action& action);
 
 /// Prints the error to standard error (and, with json, as an object to standard output); returns its exit
 /// code.

@@ -66,6 +66,7 @@ int Perform(int argc, char** argv) {
   AddReplay(app, action);
   AddExport(app, action);
   AddView(app, action);
+  AddBench(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

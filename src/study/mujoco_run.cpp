@@ -5,7 +5,6 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/recovery/recover.hpp>
 #include <memory>
-#include <mutex>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -17,28 +16,6 @@
 
 namespace fork1s::internal {
 namespace {
-
-// MuJoCo complains through global function pointers, so that one run goes at a time.
-std::mutex handler_mutex;
-
-class Handlers {
- public:
-  Handlers() : lock_(handler_mutex), error_(mju_user_error), warning_(mju_user_warning) {
-    mju_user_error = [](const char* message) { throw std::runtime_error(message); };
-    mju_user_warning = [](const char*) {};  // counted in mjData
-  }
-  ~Handlers() {
-    mju_user_error = error_;
-    mju_user_warning = warning_;
-  }
-  Handlers(const Handlers&) = delete;
-  Handlers& operator=(const Handlers&) = delete;
-
- private:
-  std::lock_guard<std::mutex> lock_;
-  void (*error_)(const char*);
-  void (*warning_)(const char*);
-};
 
 RigidTransform Between(const RigidTransform& a, const RigidTransform& b, double share) {
   return {a.quaternion().slerp(share, b.quaternion()),
@@ -145,6 +122,24 @@ void Tune(mjModel* m) {
   m->opt.impratio = 10;
 }
 
+// As ScaleStiffness does to a mechanism.
+void Stiffen(mjModel* m, double factor) {
+  const double root = std::sqrt(factor);
+  for (int j = 0; j < m->njnt; ++j) m->jnt_stiffness[j] *= factor;
+  for (int i = 0; i < m->nv; ++i) m->dof_damping[i] *= root;
+  for (int t = 0; t < m->ntendon; ++t) {
+    m->tendon_stiffness[t] *= factor;
+    m->tendon_damping[t] *= root;
+  }
+  for (int a = 0; a < m->nu; ++a) {
+    if (m->actuator_biastype[a] != mjBIAS_AFFINE) continue;  // a motor has no stiffness
+    m->actuator_gainprm[mjNGAIN * a] *= factor;
+    m->actuator_biasprm[mjNBIAS * a] *= factor;
+    m->actuator_biasprm[mjNBIAS * a + 1] *= factor;
+    m->actuator_biasprm[mjNBIAS * a + 2] *= root;
+  }
+}
+
 Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
                        double timestep, const RunOptions& options) {
   char message[1000] = "";
@@ -167,6 +162,7 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
       break;
   }
   if (options.mujoco_tuned) Tune(m);
+  if (options.mujoco_stiffness != 1) Stiffen(m, options.mujoco_stiffness);
   if (options.energy) m->opt.enableflags |= mjENBL_ENERGY;
   const MuJoCoDataPointer data(mj_makeData(m));
   mjData* d = data.get();
@@ -280,7 +276,7 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
 
 Expected<Run> RunMuJoCo(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
                         double timestep, const RunOptions& options) {
-  const Handlers handlers;
+  const MuJoCoHandlers handlers;
   try {
     return Simulate(path, scene, tracked, timestep, options);
   } catch (const std::runtime_error& fault) {

@@ -6,54 +6,18 @@
 
 #include <fmt/format.h>
 
+#include "html_page.hpp"
 #include "svg_plot.hpp"
 
 namespace fork1s {
 namespace {
 
+using internal::Cell;
 using internal::DrawPlot;
 using internal::EscapeHtml;
 using internal::Plot;
 using internal::PlotLine;
-
-// Text, ground, grid; blue and orange keep apart for all kinds of eyes, on white and on black.
-constexpr const char* kStyle = R"(
-:root { color-scheme: light dark; --text: #1c1e21; --ground: #ffffff; --grid: #d9dce1; --soft: #5b6270;
-        --a: #0b62c4; --b: #c2570c; --c: #60626b; }
-@media (prefers-color-scheme: dark) {
-  :root { --text: #e8e9ec; --ground: #16181c; --grid: #353941; --soft: #a4aab6; --a: #6db3ff; --b: #ffa654; --c: #b3b6bf; }
-}
-body { margin: 1.5rem auto; max-width: 1200px; padding: 0 1.25rem; font: 15px/1.45 system-ui, sans-serif;
-       color: var(--text); background: var(--ground); }
-h1 { font-size: 1.4rem; margin: 0 0 .25rem; } h2 { font-size: 1.05rem; margin: 1.5rem 0 .5rem; }
-p { margin: .25rem 0; color: var(--soft); }
-.plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(480px, 1fr)); gap: 1rem; margin-top: 1rem; }
-figure { margin: 0; } svg { width: 100%; height: auto; }
-svg text { font: 13px system-ui, sans-serif; fill: var(--soft); } svg .title { font-weight: 600; fill: var(--text); }
-.grid { stroke: var(--grid); stroke-width: 1; }
-line.a, polyline.a { stroke: var(--a); } line.b, polyline.b { stroke: var(--b); } line.c, polyline.c { stroke: var(--c); }
-line.a, line.b, line.c, polyline { stroke-width: 2; fill: none; } line.b, polyline.b { stroke-dasharray: 7 4; }
-circle.a { fill: var(--a); } circle.b { fill: var(--b); }
-.tables { display: flex; flex-wrap: wrap; gap: 0 3rem; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: .2rem .75rem .2rem 0; text-align: right; border-bottom: 1px solid var(--grid); }
-th:first-child, td:first-child { text-align: left; } th { font-weight: 600; }
-)";
-
-std::string Cell(const std::string& text) { return "<td>" + EscapeHtml(text) + "</td>"; }
-std::string Cell(double value) {
-  return std::isnan(value) ? Cell(std::string("-")) : fmt::format("<td>{:.4g}</td>", value);
-}
-
-std::string Table(const std::string& title, const std::vector<std::string>& head,
-                  const std::vector<std::string>& rows) {
-  if (rows.empty()) return "";
-  std::string out = "<section><h2>" + EscapeHtml(title) + "</h2><table><tr>";
-  for (const std::string& h : head) out += "<th>" + EscapeHtml(h) + "</th>";
-  out += "</tr>\n";
-  for (const std::string& row : rows) out += "<tr>" + row + "</tr>\n";
-  return out + "</table></section>\n";
-}
+using internal::Table;
 
 // The body that strays most, and the one that is pressed most.
 template <class Size>
@@ -194,7 +158,7 @@ Expected<void> WriteComparisonReport(const Comparison& c, const std::string& pat
       "<style>{2}</style></head><body>\n<h1>{0}: reduced model and {1}</h1>\n"
       "<p>{3:.4g} s at steps of {4:.4g} ms{5}. RMS over samples every step; forces are means over a "
       "step.</p>\n",
-      EscapeHtml(c.scene), EscapeHtml(c.other), kStyle, c.time_s, 1e3 * c.dt_s,
+      EscapeHtml(c.scene), EscapeHtml(c.other), internal::kPageStyle, c.time_s, 1e3 * c.dt_s,
       c.other_dt_s != c.dt_s ? fmt::format(", {} at {:.4g} ms", c.other, 1e3 * c.other_dt_s) : "");
   for (const std::string& w : c.warnings) page += "<p>Warning: " + EscapeHtml(w) + "</p>\n";
   for (const std::string& line : DifferenceLines(c)) page += "<p>" + EscapeHtml(line) + "</p>\n";

@@ -59,6 +59,15 @@ double LoopTurn(const Mechanism& mechanism, const std::vector<RigidTransform>& X
   return largest;
 }
 
+std::vector<TrackedBody> TrackedBodies(const Simulation& simulation) {
+  std::vector<TrackedBody> tracked;
+  for (std::size_t i = 0; i < simulation.bodies().size(); ++i) {
+    const SceneBody& b = simulation.bodies()[i];
+    if (b.is_interface || b.mechanism < 0) tracked.push_back({b.name, static_cast<int>(i), b.is_interface});
+  }
+  return tracked;
+}
+
 Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options) {
   SimulationOptions o;
   o.dt = options.interval / options.substeps;
@@ -106,6 +115,7 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
           s.ApplyWrench(p.body, p.force_W, p.moment_W, p.point_W);
       StepReport report;
       Clock(run, [&] { report = s.Step(); });
+      run.refreshed.push_back(report.refreshes > 0);
       if (!report.finite) return tl::unexpected(NotFinite("reduced", s.time(), s.dt()));
       run.unconverged += report.solver.converged ? 0 : 1;
       for (const ContactRecord& c : s.world().contacts()) {

@@ -33,6 +33,7 @@ struct Run {
   std::vector<Sample> samples;  // the start, then one every interval
   std::vector<std::string> warnings;
   std::vector<double> step_s = {};  // wall time of every step
+  std::vector<char> refreshed = {};  // of the reduced run: steps in which a mechanism was reduced anew
   int coordinates = 0;              // velocities that the last step solved for
   // MuJoCo only: bodies that touch in one of the two simulators alone.
   std::vector<ContactPair> pairs_only_here = {}, pairs_only_reduced = {};
@@ -56,11 +57,15 @@ struct RunOptions {
   MuJoCoIntegrator mujoco_integrator = MuJoCoIntegrator::kOfFile;
   bool mujoco_tuned =
       false;           // stiff loops and friction that creeps less than the file's defaults (mujoco_run.cpp)
+  double mujoco_stiffness = 1;  // factor on its springs and servos, dampers by the root, as ScaleStiffness
   bool energy = true;  // of MuJoCo, which computes it within its step and so takes a little longer
 };
 
 /// How far [rad] the two sides of a closure are turned against each other where it does not let them.
 double LoopTurn(const Mechanism& mechanism, const std::vector<RigidTransform>& X_RB);
+
+/// Interface and free bodies of a scene.
+std::vector<TrackedBody> TrackedBodies(const Simulation& simulation);
 
 Expected<Simulation> MakeReduced(const Scene& scene, const RunOptions& options);
 

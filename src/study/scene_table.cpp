@@ -142,16 +142,12 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
   o.controls = &controls;
   auto probe = internal::MakeReduced(scene, o);
   if (!probe) return tl::unexpected(probe.error());
-  std::vector<TrackedBody> tracked;
+  const std::vector<TrackedBody> tracked = internal::TrackedBodies(*probe);
   SceneRow base;
   base.scene = name;
   base.time_s = o.samples * kTableStep;
   base.bodies = static_cast<int>(probe->bodies().size());
-  for (std::size_t i = 0; i < probe->bodies().size(); ++i) {
-    const SceneBody& b = probe->bodies()[i];
-    base.interface_bodies += b.is_interface ? 1 : 0;
-    if (b.is_interface || b.mechanism < 0) tracked.push_back({b.name, static_cast<int>(i), b.is_interface});
-  }
+  for (const TrackedBody& b : tracked) base.interface_bodies += b.is_interface ? 1 : 0;
 
   auto truth = internal::RunFull(scene, tracked, o);
   if (!truth) return tl::unexpected(truth.error());
@@ -201,6 +197,55 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
   for (SceneRow& row : rows) {
     if (reduced.step_us > 0) row.step_ratio = row.step_us / reduced.step_us;
     if (row.real_time_factor > 0) row.cost_ratio = reduced.real_time_factor / row.real_time_factor;
+  }
+  return rows;
+}
+
+Expected<std::vector<StabilityRow>> MeasureStability(const std::string& path, const ControlTrack& controls,
+                                                     double time_s, const std::vector<double>& scales) {
+  std::vector<StabilityRow> rows;
+  for (const double scale : scales) {
+    ImportOptions import;
+    import.stiffness_scale = scale;
+    auto imported = LoadMechanism(path, import);
+    if (!imported) return tl::unexpected(imported.error());
+    const Scene& scene = imported->scene;
+    RunOptions o;
+    o.interval = kTableStep;
+    o.samples = std::max(1, static_cast<int>(std::llround(time_s / kTableStep)));
+    o.initial_keyframe = imported->initial_keyframe;
+    o.controls = &controls;
+    o.energy = false;
+    o.mujoco_stiffness = scale;
+    auto probe = internal::MakeReduced(scene, o);
+    if (!probe) return tl::unexpected(probe.error());
+    if (const auto missing = controls.FindMissing(*probe); !missing.empty())
+      return Fail(ErrorCode::kModel, path, "has no control '" + missing.front() + "'");
+    const std::vector<TrackedBody> tracked = internal::TrackedBodies(*probe);
+    const auto truth = internal::RunFull(scene, tracked, o);
+    if (!truth && truth.error().code == ErrorCode::kNumerics) continue;  // nothing to hold runs against
+    if (!truth) return tl::unexpected(truth.error());
+    const Bounds bounds = BoundsOf(*truth);
+    const auto add = [&](const char* simulator, auto simulate) -> Expected<void> {
+      auto run = FirstStable(*truth, bounds, simulate);
+      if (!run) return tl::unexpected(run.error());
+      rows.push_back({simulator, scale, *run ? (*run)->dt : 0});
+      return {};
+    };
+    Expected<void> added = add("fork1s", [&](int k) {
+      RunOptions at = o;
+      at.substeps = 1 << k;
+      return internal::RunReduced(scene, tracked, at);
+    });
+    for (const auto& [simulator, integrator] : {std::pair{"MuJoCo discrete", MuJoCoIntegrator::kDiscrete},
+                                                {"MuJoCo implicitfast", MuJoCoIntegrator::kImplicitFast}})
+      if (added)
+        added = add(simulator, [&](int k) {
+          RunOptions at = o;
+          at.mujoco_integrator = integrator;
+          return internal::RunMuJoCo(path, scene, tracked, kTableStep / (1 << k), at);
+        });
+    if (!added) return tl::unexpected(added.error());
   }
   return rows;
 }

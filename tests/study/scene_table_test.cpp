@@ -76,5 +76,20 @@ TEST(SceneTable, MissingScenesAreErrors) {
   EXPECT_FALSE(MeasureScene(FORK1S_SOURCE_DIR "/scenes", "no_such_scene", 0.1));
 }
 
+TEST(SceneTable, StiffnessLimitsStepsThatTakeSpringsAtTheirStart) {
+  // Implicit steps are stable at any stiffness.
+  const auto rows = MeasureStability(FORK1S_SOURCE_DIR "/scenes/hexapod.xml", {}, 0.2, {1, 1000});
+  ASSERT_TRUE(rows) << rows.error().Text();
+  ASSERT_EQ(rows->size(), 6u);
+  const auto at = [&](const char* simulator, double scale) {
+    for (const StabilityRow& r : *rows)
+      if (r.simulator == simulator && r.stiffness_scale == scale) return r.largest_stable_dt_s;
+    return -1.0;
+  };
+  EXPECT_DOUBLE_EQ(at("fork1s", 1), 1.0 / 60);
+  EXPECT_DOUBLE_EQ(at("fork1s", 1000), 1.0 / 60);
+  EXPECT_LT(at("MuJoCo implicitfast", 1000), 1.0 / 60);
+}
+
 }  // namespace
 }  // namespace fork1s

@@ -2,11 +2,34 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
+#include <fork1s/mechanism/scene.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/study/compare.hpp>
+#include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
 namespace fork1s {
+
+/// What a simulator outside this process did.
+struct PeerMotion {
+  std::vector<double> step_s;                   // wall time of every step
+  std::vector<std::vector<Vector3>> positions;  // [sample][body], m: the start, then every PeerOptions::dt
+};
+
+/// What takes part: the reduced simulation, MuJoCo with one of its integrators, or another simulator.
+struct PeerEntrant {
+  std::string name;  // as the table calls it
+  bool is_mujoco = false;
+  MuJoCoIntegrator integrator = MuJoCoIntegrator::kOfFile;
+  bool tuned = false;  // loops with a time constant of 2 ms, elliptic friction cones, impratio 10
+  int substeps = 1;    // it steps by PeerOptions::dt over this
+  /// Moves these bodies of the scene for as many samples; an error is why it does not, and its row says so.
+  std::function<Expected<PeerMotion>(const Scene& scene, const std::vector<std::string>& bodies, double dt,
+                                     int samples, int substeps)>
+      outside = {};
+};
 
 struct PeerOptions {
   std::string scene;        // as the table calls it
@@ -19,6 +42,8 @@ struct PeerOptions {
   int truth_substeps = 64;  // the full model's finest step is dt over this; the next to it is twice as long
   int fine_substeps = 64;   // further rows at dt over this, where the time step hardly counts
   int rounds = 5;           // every run is repeated as often, in turn, so that all meet the same other load
+  std::vector<PeerEntrant> entrants;     // the first is what ratios are over; empty: as MeasurePeers says
+  std::function<void(double)> progress;  // called with the share of the runs that are done
 };
 
 /// One simulator at one step. Errors are of the origins of interface and free bodies at every multiple of
@@ -31,16 +56,24 @@ struct PeerRow {
   bool survived = false;  // MuJoCo: none of its warnings of bad positions, speeds or accelerations
   std::string end;        // how it ended where it did not
   double rms_mm = 0, max_mm = 0;
+  double error_percent = std::numeric_limits<double>::quiet_NaN();  // rms_mm over what the truth moves, RMS;
+                                                                    // none where that is below 1 um
   double step_us = 0;     // median over all steps of all rounds
+  double p99_us = 0, worst_us = 0;  // over steps, of each step's median over the rounds: what interrupts one
+                                    // round does not count, what a step always costs does
+  int refreshes = 0;                // fork1s: steps in which a mechanism was reduced anew, and their median
+  double refresh_step_us = 0;
   double step_ratio = 0;  // over fork1s at dt
   bool has_loops = false;
   double loop_gap_mm = 0;    // largest opening of a loop, of poses at every multiple of PeerOptions::dt
   double loop_turn_deg = 0;  // and turn of one that should not turn; not measured in the full model
 };
 
-/// Rows at dt: fork1s, MuJoCo's three integrators, `discrete` tuned (loops with a time constant of 2 ms,
-/// elliptic friction cones, impratio 10), the full model. At the fine step: fork1s, MuJoCo Euler, and that
-/// tuned. Last the full model at twice its finest step, whose error says how far the truth is to be trusted.
+/// Rows in the order of the entrants, and the full model at dt behind those that step by dt. Without
+/// entrants: rows at dt of fork1s, MuJoCo's three integrators, `discrete` tuned (loops with a time constant
+/// of 2 ms, elliptic friction cones, impratio 10), the full model. At the fine step: fork1s, MuJoCo Euler,
+/// and that tuned. Last the full model at twice its finest step, whose error says how far the truth is to be
+/// trusted. Where entrants are given, one that MuJoCo refuses has a row that says so; else it is an error.
 /// Errors: as of LoadMechanism, Simulation::Create and FullSimulation::Create; kModel for an unknown control.
 Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options);
 

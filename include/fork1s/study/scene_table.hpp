@@ -3,6 +3,7 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
+#include <fork1s/sim/simulation.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,6 +43,18 @@ struct SceneRow {
 /// survive 1/60 s.
 Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const std::string& name,
                                              double time_limit_s = 6, const std::string& controls = "");
+
+/// The largest stable step of one simulator at one stiffness, stable as above.
+struct StabilityRow {
+  std::string simulator;  // "fork1s", "MuJoCo discrete", "MuJoCo implicitfast"
+  double stiffness_scale = 1;
+  double largest_stable_dt_s = 0;  // of 1/60 s and its halves down to 1/15360; 0: none was
+};
+
+/// With springs, servos and springy loops `scales` times as stiff and their dampers by the root, each factor
+/// in a run of `time_s`. Errors: as of MeasureScene; kModel for an unknown control.
+Expected<std::vector<StabilityRow>> MeasureStability(const std::string& path, const ControlTrack& controls,
+                                                     double time_s, const std::vector<double>& scales);
 
 std::string SceneTableCsv(const std::vector<SceneRow>& rows);
 /// One line a scene, its four rows beside each other.

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-namespace fork1s {
+namespace fork1s::internal {
 
 /// Copies our state to MuJoCo's: hinges, slides, balls, free joints, mocap bodies and controls of the same
 /// names.
@@ -82,4 +82,4 @@ class MuJoCoCopier {
   std::vector<int> controls_;
 };
 
-}  // namespace fork1s
+}  // namespace fork1s::internal

@@ -1,0 +1,78 @@
+// What the machine does at most, by two kernels.
+#include <algorithm>
+#include <chrono>
+#include <fork1s/parallel/parallel_for.hpp>
+#include <fork1s/study/bench.hpp>
+
+namespace fork1s {
+namespace {
+
+using Four = double __attribute__((vector_size(32)));
+struct Quad {
+  Four v;
+};
+
+double SecondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+// Ten sums at a time hide how long one takes.
+double FusedSums(int rounds) {
+  Four sum[10];
+  for (int k = 0; k < 10; ++k) sum[k] = Four{1.0 * k, 2, 3, 4};
+  const Four factor{0.999, 0.998, 0.997, 0.996}, term{0.1, 0.2, 0.3, 0.4};
+  for (int i = 0; i < rounds; ++i)
+    for (int k = 0; k < 10; ++k) sum[k] = sum[k] * factor + term;
+  Four all{};
+  for (int k = 0; k < 10; ++k) all += sum[k];
+  return all[0] + all[1] + all[2] + all[3];
+}
+
+// The best of some tries, as what disturbs only takes time.
+template <class Work>
+double BestSeconds(int tries, Work work) {
+  double best = 1e300;
+  for (int i = 0; i < tries; ++i) {
+    const auto start = std::chrono::steady_clock::now();
+    work();
+    best = std::min(best, SecondsSince(start));
+  }
+  return best;
+}
+
+}  // namespace
+
+Ceilings MeasureCeilings(double bytes, int threads) {
+  Ceilings out;
+  constexpr int kRounds = 200000;
+  const auto count = static_cast<std::size_t>(std::max(1.0, bytes / (3 * sizeof(Four))));
+  std::vector<Quad> a(count), b(count, {Four{1, 2, 3, 4}}), c(count, {Four{5, 6, 7, 8}});
+  std::vector<double> kept(static_cast<std::size_t>(threads));
+  const int repeats = static_cast<int>(std::max(1.0, 4e7 / bytes));
+  const Four s{0.5, 0.5, 0.5, 0.5};
+  WithThreads(threads, [&] {
+    const double arithmetic = BestSeconds(5, [&] {
+      ParallelFor(0, threads, 1, [&](int begin, int end) {
+        for (int i = begin; i < end; ++i) kept[static_cast<std::size_t>(i)] += FusedSums(kRounds);
+      });
+    });
+    // Ten sums of four numbers, two operations each.
+    out.gigaflops = 1e-9 * threads * kRounds * 10 * 4 * 2 / arithmetic;
+    const double memory = BestSeconds(5, [&] {
+      ParallelFor(0, threads, 1, [&](int begin, int end) {
+        const std::size_t first = count * static_cast<std::size_t>(begin) / static_cast<std::size_t>(threads),
+                          last = count * static_cast<std::size_t>(end) / static_cast<std::size_t>(threads);
+        for (int r = 0; r < repeats; ++r) {
+          for (std::size_t i = first; i < last; ++i) a[i].v = b[i].v + s * c[i].v;
+          b[first] = a[last - 1];  // so that no repeat is left out
+        }
+      });
+    });
+    out.gigabytes_per_s = 1e-9 * 3 * sizeof(Four) * static_cast<double>(count) * repeats / memory;
+  });
+  volatile double used = kept.front() + a.front().v[0];
+  static_cast<void>(used);
+  return out;
+}
+
+}  // namespace fork1s

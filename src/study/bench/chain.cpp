@@ -1,0 +1,98 @@
+#include "chain.hpp"
+
+#include <malloc.h>
+
+#include <chrono>
+#include <fork1s/base/percentile.hpp>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/mechanism/builder.hpp>
+#include <fork1s/recovery/recover.hpp>
+#include <fork1s/study/bench.hpp>
+
+#include <fmt/format.h>
+
+namespace fork1s {
+namespace internal {
+
+std::shared_ptr<const Mechanism> MakeChain(int joints, int interfaces) {
+  MechanismBuilder builder("chain");
+  BodyIndex parent = builder.base();
+  const double length = 0.05, mass = 0.02;
+  for (int i = 0; i < joints; ++i) {
+    BodyDef link;
+    link.name = fmt::format("link{}", i);
+    link.parent = parent;
+    if (i > 0) link.X_PB = RigidTransform(Vector3(length, 0, 0));
+    link.inertia = {mass, Vector3(length / 2, 0, 0), Vector3(1e-6, 5e-6, 5e-6).asDiagonal()};
+    parent = builder.AddBody(link);
+    builder.AddJoint(
+        JointDef::Hinge(fmt::format("joint{}", i), parent, i % 2 ? Vector3::UnitY() : Vector3::UnitZ())
+            .WithSpring(100, 1));
+  }
+  std::vector<std::string> names;
+  for (int i = 1; i <= interfaces; ++i) names.push_back(fmt::format("link{}", joints * i / interfaces - 1));
+  builder.SetInterfaces(names);
+  return std::make_shared<const Mechanism>(std::move(builder.Build().value()));
+}
+
+}  // namespace internal
+
+namespace {
+
+// Bytes in use, large blocks included.
+std::size_t HeapBytes() {
+  const struct mallinfo2 info = mallinfo2();
+  return info.uordblks + info.hblkhd;
+}
+
+template <class Work>
+double MicrosecondsOf(Work work) {
+  const auto start = std::chrono::steady_clock::now();
+  work();
+  return std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count();
+}
+
+}  // namespace
+
+Expected<ChainCost> MeasureChain(int joints) {
+  FORK1S_REQUIRE(joints > 0);
+  const auto mechanism = internal::MakeChain(joints);
+  const VectorX q = VectorX::Zero(joints);
+  ChainCost cost;
+  cost.joints = joints;
+  std::vector<double> reduce_us;
+  for (int i = 0; i < 9; ++i) {
+    Error error;
+    reduce_us.push_back(MicrosecondsOf([&] {
+      if (auto model = Reduce(mechanism, q); !model) error = model.error();
+    }));
+    if (!error.message.empty()) return tl::unexpected(error);
+  }
+  cost.reduce_ms = 1e-3 * Median(reduce_us);
+  for (const Recovery recovery : {Recovery::kExact, Recovery::kTwist}) {
+    MechanismDynamics::Options options;
+    options.recovery = recovery;
+    const std::size_t before = HeapBytes();
+    auto dynamics =
+        MechanismDynamics::Create(mechanism, q, VectorX(), RigidTransform(), Vector6::Zero(), options);
+    if (!dynamics) return tl::unexpected(dynamics.error());
+    const bool twist = recovery == Recovery::kTwist;
+    if (twist) cost.heap_MB = 1e-6 * static_cast<double>(HeapBytes() - before);
+    std::vector<double> steps_us;
+    std::vector<RigidTransform> X_RB;
+    for (int i = 0; i < 300; ++i)
+      steps_us.push_back(MicrosecondsOf([&] {
+        dynamics->Predict(1.0 / 60, Vector3(0, 0, -0.1));
+        dynamics->Integrate(1.0 / 60);
+        if (twist) RecoverPosesTwist(dynamics->model(), dynamics->state(), X_RB);
+      }));
+    (twist ? cost.step_twist_us : cost.step_exact_us) = Median(steps_us);
+    if (twist) continue;
+    std::vector<double> refresh_us;
+    for (int i = 0; i < 9; ++i) refresh_us.push_back(MicrosecondsOf([&] { dynamics->Refresh(); }));
+    cost.refresh_ms = 1e-3 * Median(refresh_us);
+  }
+  return cost;
+}
+
+}  // namespace fork1s

@@ -1,0 +1,123 @@
+// The plots of a benchmark.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+
+#include "../accuracy/figure.hpp"
+#include "page.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+// Ticks at the decades that hold all values.
+std::vector<std::pair<double, std::string>> Decades(double low, double high) {
+  std::vector<std::pair<double, std::string>> ticks;
+  const int first = static_cast<int>(std::floor(std::log10(low)));
+  const int last = std::max(first + 1, static_cast<int>(std::ceil(std::log10(high))));
+  for (int d = first; d <= last; ++d)
+    ticks.emplace_back(std::pow(10.0, d),
+                       d < -3 || d > 3 ? fmt::format("1e{}", d) : fmt::format("{:g}", std::pow(10.0, d)));
+  return ticks;
+}
+
+struct Range {
+  double low = std::numeric_limits<double>::infinity(), high = 0;
+  void Include(double v) {
+    if (!std::isfinite(v) || v <= 0) return;
+    low = std::min(low, v);
+    high = std::max(high, v);
+  }
+  bool empty() const { return !(high > 0); }
+};
+
+}  // namespace
+
+std::string DrawPrecision(const BenchResults& results) {
+  Range cost, error;
+  std::vector<std::string> simulators;  // a style each, the same in every panel
+  Figure f;
+  f.title = "Work against precision, at steps of dt, dt/2, ...";
+  f.x_label = "ms a simulated second";
+  f.y_label = "error, % of the motion";
+  for (const BenchScene& scene : results.scenes) {
+    FigurePanel panel;
+    panel.title = scene.name;
+    panel.note = fmt::format("truth to {:.1g} %", scene.TruthErrorPercent());
+    for (const PeerRow& row : scene.rows) {
+      if (!row.survived || row.simulator == "full" || !(row.error_percent > 0)) continue;
+      auto known = std::find(simulators.begin(), simulators.end(), row.simulator);
+      if (known == simulators.end()) known = simulators.insert(known, row.simulator);
+      auto series = std::find_if(panel.series.begin(), panel.series.end(),
+                                 [&](const FigureSeries& s) { return s.label == row.simulator; });
+      if (series == panel.series.end())
+        series =
+            panel.series.insert(series, {row.simulator, static_cast<int>(known - simulators.begin()), {}});
+      const double ms = 1e-3 * row.step_us / row.dt_s;
+      cost.Include(ms);
+      error.Include(row.error_percent);
+      series->points.emplace_back(ms, row.error_percent);
+    }
+    if (!panel.series.empty()) f.panels.push_back(std::move(panel));
+  }
+  if (cost.empty() || error.empty()) return "";
+  f.x_ticks = Decades(cost.low, cost.high);
+  // What is off by ten times its way, or moves by itself where all should rest, need not be told apart.
+  constexpr double kLost = 3;
+  f.low_decade = static_cast<int>(std::floor(std::log10(error.low)));
+  f.high_decade =
+      std::max<int>(f.low_decade + 1, static_cast<int>(std::min(kLost, std::ceil(std::log10(error.high)))));
+  return DrawFigure(f);
+}
+
+std::string DrawStability(const BenchResults& results) {
+  if (results.stability.empty()) return "";
+  Figure f;
+  f.title = "Largest stable step against stiffness";
+  f.x_label = "stiffness, times that of the file";
+  f.y_label = "s";
+  f.x_ticks = Decades(1, 1000);
+  f.low_decade = -5;
+  f.high_decade = -1;
+  for (const BenchStability& s : results.stability) {
+    FigurePanel panel{s.scene, "of 1/60 s and its halves", {}};
+    for (const StabilityRow& row : s.rows) {
+      auto series = std::find_if(panel.series.begin(), panel.series.end(),
+                                 [&](const FigureSeries& x) { return x.label == row.simulator; });
+      if (series == panel.series.end())
+        series = panel.series.insert(series, {row.simulator, static_cast<int>(panel.series.size()), {}});
+      if (row.largest_stable_dt_s > 0)
+        series->points.emplace_back(row.stiffness_scale, row.largest_stable_dt_s);
+    }
+    f.panels.push_back(std::move(panel));
+  }
+  return DrawFigure(f);
+}
+
+std::string DrawChains(const std::vector<ChainCost>& chains) {
+  if (chains.size() < 2) return "";
+  Range range;
+  FigureSeries reduce{"reducing", 0, {}}, refresh{"a refresh", 1, {}}, exact{"a step, exact", 2, {}},
+      twist{"a step, twist", 3, {}};
+  for (const ChainCost& c : chains) {
+    for (const double ms : {c.reduce_ms, c.refresh_ms, 1e-3 * c.step_exact_us, 1e-3 * c.step_twist_us})
+      range.Include(ms);
+    reduce.points.emplace_back(c.joints, c.reduce_ms);
+    refresh.points.emplace_back(c.joints, c.refresh_ms);
+    exact.points.emplace_back(c.joints, 1e-3 * c.step_exact_us);
+    twist.points.emplace_back(c.joints, 1e-3 * c.step_twist_us);
+  }
+  if (range.empty()) return "";
+  Figure f;
+  f.title = "A chain of hinges, by number of joints";
+  f.x_label = "joints";
+  f.y_label = "ms";
+  f.x_ticks = Decades(chains.front().joints, chains.back().joints);
+  f.low_decade = static_cast<int>(std::floor(std::log10(range.low)));
+  f.high_decade = static_cast<int>(std::ceil(std::log10(range.high)));
+  f.panels = {{"chain", "springs of 100 N m/rad", {reduce, refresh, exact, twist}}};
+  return DrawFigure(f);
+}
+
+}  // namespace fork1s::internal

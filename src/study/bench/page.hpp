@@ -1,0 +1,20 @@
+// What a benchmark's page shows.
+#pragma once
+
+#include <fork1s/study/bench.hpp>
+#include <string>
+
+namespace fork1s::internal {
+
+std::string BenchCsv(const BenchResults& results);
+std::string BenchPage(const BenchResults& results);
+
+/// A panel a scene: error over the time that a simulated second takes, one line a simulator, one point a
+/// step.
+std::string DrawPrecision(const BenchResults& results);
+/// A panel a scene: the largest stable step over stiffness.
+std::string DrawStability(const BenchResults& results);
+/// Reduction, refresh and step of a chain over its joints.
+std::string DrawChains(const std::vector<ChainCost>& chains);
+
+}  // namespace fork1s::internal

@@ -1,0 +1,98 @@
+// fork1s bench: what it measures and where it writes it. Times are asked to be there, not to be short.
+#include "command.hpp"
+
+namespace fork1s::test {
+namespace {
+
+TEST(Bench, ASceneBesideMuJoCoAndTheConvergedRun) {
+  const Outcome o = Fork1s("bench " + Write("bench_finger.xml", FingerModel()) +
+                               " --json --time 0.1 --rounds 2 --truth 16 --only scenes,precision",
+                           "PATH=/nowhere");
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto scene = o.Json()["scenes"]["bench_finger"];
+  EXPECT_GT(scene["step_us"], 0) << scene.dump(1);
+  EXPECT_GE(scene["p99_us"], 0.1 * scene["step_us"].get<double>());
+  EXPECT_GE(scene["worst_us"], scene["p99_us"]);
+  EXPECT_NEAR(scene["simulated_s"].get<double>(), 0.1, 1e-9);
+  // The finger and the ball fall: the step's error is some percent, the truth's far less.
+  const double error = scene["error_percent"];
+  EXPECT_GT(error, 0.1);
+  EXPECT_LT(error, 60);
+  EXPECT_LT(scene["truth_error_percent"], 0.3 * error);
+  for (const char* peer : {"MuJoCo discrete", "MuJoCo implicitfast", "full"}) {
+    const auto row = scene["peers"][peer];
+    EXPECT_GT(row["step_us"], 0) << peer;
+    EXPECT_GT(row["ratio"], 0) << peer;
+    EXPECT_GT(row["error_percent"], 0.1) << peer;
+  }
+  // Steps of first order: half the step, about half the error.
+  double half = 0;
+  for (const auto& point : scene["precision"])
+    if (point["simulator"] == "fork1s" && point["dt_s"] < 0.01 && half == 0) half = point["error_percent"];
+  EXPECT_GT(half, 0.3 * error);
+  EXPECT_LT(half, 0.7 * error);
+  // Without valgrind there are no instructions, and a sentence says why.
+  EXPECT_TRUE(scene["step_instructions"].is_null());
+  EXPECT_NE(scene["why_no_instructions"].get<std::string>().find("valgrind"), std::string::npos);
+}
+
+TEST(Bench, CountsInstructionsByPart) {
+  if (Shell("command -v valgrind").code != 0) GTEST_SKIP() << "valgrind is not installed";
+  const Outcome o = Fork1s(
+      "bench two_link_arm --json --time 0.05 --rounds 1 --truth 2 --peers none --phases "
+      "--only scenes");
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto scene = o.Json()["scenes"]["two_link_arm"];
+  ASSERT_TRUE(scene["step_instructions"].is_number()) << scene.dump(1);
+  const double all = scene["step_instructions"];
+  EXPECT_GT(all, 1e3);
+  EXPECT_LT(all, 1e5);
+  double sum = 0;
+  for (const auto& part : scene["phases"]) {
+    EXPECT_GE(part, 0) << scene["phases"].dump(1);
+    sum += part.get<double>();
+  }
+  EXPECT_NEAR(sum, all, 1e-6 * all);
+  EXPECT_GT(scene["phases"]["free velocities"], 0.05 * all);
+  EXPECT_GT(scene["phases"]["moving, poses, loops"], 0.05 * all);
+  EXPECT_TRUE(scene["error_percent"].is_null());  // it stands still
+  EXPECT_EQ(scene["peers"].size(), 1u);           // the full model
+}
+
+TEST(Bench, RecoveryAndItsFiles) {
+  const auto folder = ScratchFolder() / "bench_out";
+  const Outcome o =
+      Fork1s("bench two_link_arm --json --only recovery,many --time 0.1 --out " + folder.string());
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  ASSERT_FALSE(json["recovery"].empty());
+  int of_twist = 0;
+  for (const auto& row : json["recovery"]) {
+    EXPECT_GT(row["ns_per_body"], 0) << row.dump(1);
+    EXPECT_GE(row["coordinates"], row["interfaces"]);
+    if (row["mode"] != "twist") continue;
+    ++of_twist;
+    EXPECT_GT(row["percent_of_ceiling"], 0) << row.dump(1);
+  }
+  EXPECT_GT(of_twist, 0);
+  EXPECT_EQ(json["many"].size(), 2u);
+  for (const char* name : {"bench_recovery.csv", "bench_many.csv", "bench.html"})
+    EXPECT_TRUE(std::filesystem::exists(folder / name)) << name;
+  EXPECT_NE(Slurp(folder / "bench.html").find("Poses of all bodies"), std::string::npos);
+  // Written again over itself.
+  EXPECT_EQ(Fork1s("bench two_link_arm --only many --time 0.1 --out " + folder.string()).code, 0);
+}
+
+TEST(Bench, RefusesWhatItCannotMeasure) {
+  const Outcome unknown = Fork1s("bench no_such_scene");
+  EXPECT_EQ(unknown.code, 3);
+  EXPECT_NE(unknown.err.find("no_such_scene"), std::string::npos) << unknown.err;
+  EXPECT_EQ(Fork1s("bench two_link_arm --truth 3").code, 2);
+  EXPECT_EQ(Fork1s("bench two_link_arm --peers nobody").code, 2);
+  const Outcome long_run = Fork1s("bench two_link_arm --only scenes --time 10000 --dt 1e-9");
+  EXPECT_EQ(long_run.code, 2);
+  EXPECT_NE(long_run.err.find("a million at most"), std::string::npos) << long_run.err;
+}
+
+}  // namespace
+}  // namespace fork1s::test
