@@ -20,6 +20,8 @@ TEST(Excavator, LiftsWhatItDigsAndFillsTheSkip) {
     EXPECT_TRUE(course.finite);
     EXPECT_EQ(course.unconverged, 0);
     EXPECT_LT(course.gap, 1e-8);  // m; cylinders of 1e7 N/m bear 1e5 N
+    // As in stiffness_test.cpp.
+    EXPECT_LT(course.rise_max, 0.2 * course.penetration * course.force_max + 1e-6 * course.kinetic_max);
   };
   run.Until(3);
   double settled = 0;
