@@ -35,10 +35,10 @@ struct Case {
 };
 
 // Up to these times the way that bodies take hangs on the model, not on which stone or tile is met first.
-constexpr Case kCases[] = {{"firemen", "firemen", "", 1, 64},
-                           {"vehicle", "vehicle", "", 2, 32},
-                           {"hand", "hand", "open", 10.7, 16},
-                           {"hexapod", "hexapod_terrain", "", 2, 64}};
+constexpr Case kCases[] = {
+    {"firemen", "firemen", "", 1, 64},     {"vehicle", "vehicle", "", 2, 32},
+    {"hand", "hand", "open", 10.7, 16},    {"hexapod", "hexapod_terrain", "", 2, 64},
+    {"excavator", "excavator", "", 3, 16}, {"beam_walkers", "beam_walkers", "", 4, 16}};
 
 int Report(const Error& error) {
   fmt::print(stderr, "{}\n", error.Text());

@@ -40,8 +40,8 @@ int Main(int argc, char** argv) {
   }
   const bool all = scenes.empty();
   if (all)
-    scenes = {"firemen",   "vehicle",      "hexapod_terrain", "hammer",   "peg_in_hole",
-              "peg_grasp", "grasp_sphere", "grasp_box",       "grasp_mug"};
+    scenes = {"firemen",     "vehicle",   "excavator",    "hexapod_terrain", "beam_walkers", "hammer",
+              "peg_in_hole", "peg_grasp", "grasp_sphere", "grasp_box",       "grasp_mug"};
   std::vector<fork1s::SceneRow> rows;
   for (const std::string& scene : scenes) {
     auto measured =

@@ -12,12 +12,16 @@
 #include <vector>
 
 #include "broken_ground.hpp"
+#include "motions.hpp"
 
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using fork1s::examples::LegAngles;
+using fork1s::examples::Ramp;
+using fork1s::examples::Reach;
+using fork1s::examples::Row;
 
-using Row = std::map<std::string, double>;
+constexpr double kPi = std::numbers::pi;
 
 struct Motion {
   std::string scene;
@@ -26,30 +30,7 @@ struct Motion {
   std::function<Row(double)> at;
 };
 
-// 0 before a, 1 after b, with no jump of speed or acceleration.
-double Ramp(double t, double a, double b) {
-  const double s = std::clamp((t - a) / (b - a), 0.0, 1.0);
-  return s * s * s * (10 + s * (6 * s - 15));
-}
-
 // ---- hexapod_terrain: a tripod gait. ----
-
-struct LegAngles {
-  double yaw, hip, knee;
-};
-
-// Set-points that put the foot of a leg at (x, y, z) from its hip, x outward in the reference, z up. The
-// femur reaches from (0.03, 0) to (0.1, 0.04), the tibia from there to the foot at (0.12, -0.08).
-LegAngles Reach(double x, double y, double z) {
-  constexpr double kCoxa = 0.03;
-  const double a = std::hypot(0.07, 0.04), b = std::hypot(0.02, 0.12);
-  const double reach = std::hypot(x, y) - kCoxa, d = std::hypot(reach, z);
-  const double at_hip = std::acos((a * a + d * d - b * b) / (2 * a * d));
-  const double at_knee = std::acos((a * a + b * b - d * d) / (2 * a * b));
-  const double femur = std::atan2(z, reach) + at_hip, tibia = femur - kPi + at_knee;
-  return {std::atan2(y, x), femur - std::atan2(0.04, 0.07),
-          tibia - femur - (std::atan2(-0.12, 0.02) - std::atan2(0.04, 0.07))};
-}
 
 Row Walk(double t) {
   constexpr double kStart = 4, kPeriod = 1.2, kStride = 0.05, kLift = 0.03;
@@ -187,6 +168,10 @@ int main(int argc, char** argv) {
        GraspBox},
       {"grasp_mug", "Set-points in rad, palm in m and rad: close, lift, shake, turn over and back.", 12,
        GraspMug},
+      {"beam_walkers", "Set-points in rad: two machines stand, walk 1.26 m and up a step, stand.",
+       fork1s::examples::kBeamWalkEnd, fork1s::examples::CarryBeam},
+      {"excavator", "Set-points in m and rad: digs, lifts, swings, lets fall, comes back.",
+       fork1s::examples::kDigEnd, fork1s::examples::Dig},
   };
   for (const Motion& motion : motions)
     if (!Write(argv[1], motion)) return 1;

@@ -21,7 +21,7 @@ namespace {
 using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 mjfCollision mujocos_convex = nullptr, mujocos_box_box = nullptr, mujocos_field = nullptr,
-             mujocos_field_sphere = nullptr, mujocos_plane_mesh = nullptr;
+             mujocos_field_sphere = nullptr, mujocos_plane_mesh = nullptr, mujocos_capsule_box = nullptr;
 
 bool IsOurs(const mjModel* m) { return std::strcmp(m->names, kCollisionModelName) == 0; }
 
@@ -165,6 +165,26 @@ int ConvexPair(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b
   return WritePatch(patch, deepest.normal, mj_maxContact(m, a, b, 1), contacts);
 }
 
+constexpr double kSameNormal =
+    1 - 5e-9;  // cosine of 1e-4 rad: one face of the ground, seen by several columns
+
+// MuJoCo's nearest point is exact. Its second one is not to be had where the capsule stands out of the face
+// on both sides: which edge it names, if any, turns with the last digits of the pose, and what lies there
+// tips over.
+int CapsuleOnBox(const mjModel* m, mjData* d, mjPreContact* contacts, int capsule, int box, mjtNum margin) {
+  const int found = mujocos_capsule_box(m, d, contacts, capsule, box, margin);
+  if (found == 0 || m->opt.disableflags & mjDSBL_MULTICCD) return found;
+  const auto normal = [&](int i) { return Vector3(Eigen::Map<const Vector3>(contacts[i].normal)); };
+  for (int i = 1; i < found; ++i)  // round an edge: each point by a normal of its own
+    if (!(normal(0).dot(normal(i)) > kSameNormal)) return found;
+  const int nearest = found > 1 && contacts[1].dist < contacts[0].dist ? 1 : 0;
+  const Vector3 n = normal(nearest);
+  ContactPatch patch(n);
+  patch.SetDeepest({Eigen::Map<const Vector3>(contacts[nearest].pos), contacts[nearest].dist});
+  patch.AddOverlap(FaceAlong(m, d, capsule, n), FaceAlong(m, d, box, -n), margin);
+  return WritePatch(patch, n, mj_maxContact(m, capsule, box, 1), contacts);
+}
+
 // MuJoCo names the nearest corner and some of its neighbours; a face that lies on the plane has more.
 int MeshOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, int mesh, mjtNum margin) {
   const int found = mujocos_plane_mesh(m, d, contacts, plane, mesh, margin);
@@ -181,9 +201,6 @@ int MeshOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, 
   for (int i = 0; i < face.count; ++i) add(face[i]);
   return WritePatch(patch, n, mj_maxContact(m, plane, mesh, 1), contacts);
 }
-
-constexpr double kSameNormal =
-    1 - 5e-9;  // cosine of 1e-4 rad: one face of the ground, seen by several columns
 
 // Contacts of a convex shape with a field: of each normal at most four.
 class FieldContacts {
@@ -330,6 +347,9 @@ int BoxBoxOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int 
 int PlaneMeshOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
   return (IsOurs(m) ? MeshOnPlane : mujocos_plane_mesh)(m, d, contacts, a, b, margin);
 }
+int CapsuleBoxOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
+  return (IsOurs(m) ? CapsuleOnBox : mujocos_capsule_box)(m, d, contacts, a, b, margin);
+}
 int FieldOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
   return (IsOurs(m) ? ConvexOnField : mujocos_field)(m, d, contacts, a, b, margin);
 }
@@ -347,6 +367,7 @@ void InstallPairRoutines() {
     mujocos_field = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_BOX];
     mujocos_field_sphere = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE];
     mujocos_plane_mesh = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH];
+    mujocos_capsule_box = mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_BOX];
     for (int a = 0; a < mjNGEOMTYPES; ++a)
       for (int b = a; b < mjNGEOMTYPES; ++b) {
         mjfCollision& routine = mjCOLLISIONFUNC[a][b];
@@ -356,6 +377,7 @@ void InstallPairRoutines() {
     mjCOLLISIONFUNC[mjGEOM_BOX][mjGEOM_BOX] = &BoxBoxOrOwn;
     mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH] = &PlaneMeshOrOwn;
     mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE] = &FieldSphereOrOwn;
+    mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_BOX] = &CapsuleBoxOrOwn;
   });
 }
 

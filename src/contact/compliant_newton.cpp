@@ -7,7 +7,7 @@
 namespace fork1s::internal {
 namespace {
 
-constexpr int kPieces = 16, kPatience = 12, kConvexIterations = 100, kPaths = 4;
+constexpr int kPieces = 16, kPatience = 12, kConvexIterations = 100, kPaths = 4, kLowerings = 30;
 constexpr double kShift = 0.01;                 // of the fastest point
 constexpr double kGoldenRatio = 0.61803398875;  // its multiples fill [0, 1] evenly
 
@@ -118,6 +118,30 @@ bool CompliantNewton::Frozen(CompliantRows& rows, int rounds, double tolerance, 
   return false;
 }
 
+// What is left where no answer was found. Impulses of the law at some d are not it: where F(d) is not 0 they
+// are those of w/R, a thousand times what the points need, and did work. A convex problem with frozen bounds
+// always has an answer, in which impulses only take energy; its bounds come down to what each point bears
+// until all lie within their cones. What is wrong with it is that some points slide with less than all of
+// their friction.
+void CompliantNewton::Leave(CompliantRows& rows, double tolerance, int& iterations) {
+  for (PointRows& point : rows.points) point.law.frozen_normal = std::max(0.0, point.frozen_before);
+  for (int round = 0; round < kLowerings; ++round) {
+    Run(rows, tolerance, kConvexIterations, kConvexIterations, iterations);
+    double over = 0, most = 0;
+    for (PointRows& point : rows.points) {
+      over = std::max(over, point.law.frozen_normal - point.impulse[0]);
+      most = std::max(most, point.impulse[0]);
+      point.law.frozen_normal = std::min(point.law.frozen_normal, point.impulse[0]);
+    }
+    if (!(over > tolerance * most)) break;
+  }
+  for (PointRows& point : rows.points) {
+    point.law.frozen_normal = -1;
+    point.KeepWithinCone();
+  }
+  pieces_.LeaveAt(rows, d_);
+}
+
 // What was found in d alone, taken up by pieces: their impulses are free of rounding.
 bool CompliantNewton::Settle(CompliantRows& rows, double tolerance, int& iterations) {
   trial_ = d_;
@@ -166,7 +190,7 @@ NewtonOutcome CompliantNewton::Solve(CompliantRows& rows, double tolerance, int 
     out.converged = ByPath(rows, tolerance, out.iterations) && Settle(rows, tolerance, out.iterations);
     if (!out.converged) {  // what softer contact left
       d_ = kept_;
-      pieces_.LeaveAt(rows, d_);
+      Leave(rows, tolerance, out.iterations);
     }
   }
   out.residual = pieces_.Residual(rows);

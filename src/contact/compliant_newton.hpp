@@ -29,6 +29,7 @@ class CompliantNewton {
   bool ByPath(CompliantRows& rows, double tolerance, int& iterations);
   bool Frozen(CompliantRows& rows, int rounds, double tolerance, int& iterations);
   bool Settle(CompliantRows& rows, double tolerance, int& iterations);
+  void Leave(CompliantRows& rows, double tolerance, int& iterations);
 
   std::vector<double> d_, trial_, step_, kept_;
   PieceNewton pieces_;

@@ -8,6 +8,7 @@
 // pair.
 #pragma once
 
+#include <algorithm>
 #include <fork1s/contact/contact_solver.hpp>
 #include <limits>
 #include <vector>
@@ -49,6 +50,12 @@ struct PointRows {
   /// Whether it adds to F's derivative: open ones do where bounds are frozen.
   bool Bears() const { return state != PointState::kOpen || law.frozen_normal > 0; }
   bool HasMoments() const { return torsion > 0 || rolling > 0; }
+  /// Tangents and moments no larger than the normal impulse allows.
+  void KeepWithinCone() {
+    const double normal = std::max(impulse[0], 0.0), size = impulse.tail<2>().norm();
+    if (size > friction * normal) impulse.tail<2>() *= friction * normal / size;
+    for (int k = 0; k < 3; ++k) moment[k] = std::clamp(moment[k], -Radius(k) * normal, Radius(k) * normal);
+  }
   /// Moment about an axis per normal impulse, at most, with all of the friction.
   double Radius(int axis) const { return axis == 0 ? torsion : rolling; }
   /// Rate of turning per moment, where the tangents give `tangential`.

@@ -80,7 +80,6 @@ bool PieceNewton::Settle(CompliantRows& rows, std::vector<double>& d, double tol
 }
 
 void PieceNewton::LeaveAt(CompliantRows& rows, std::vector<double>& d) {
-  rows.Evaluate(d.data(), false);
   rows.Push(d.data());
   push_norm_ = std::sqrt(Dot(d, d));
   rows.TakePieces(d.data());

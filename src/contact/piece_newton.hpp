@@ -15,7 +15,7 @@ class PieceNewton {
              int& iterations);
   /// On the pieces that d is on, to where d = Σ Gᵀλ holds to rounding. Whether that is the answer.
   bool Settle(CompliantRows& rows, std::vector<double>& d, double tolerance);
-  /// No answer: the law's impulses at d, every one within its bounds, and d = Σ Gᵀλ of them.
+  /// No answer: the impulses at hand stay, and d = Σ Gᵀλ of them.
   void LeaveAt(CompliantRows& rows, std::vector<double>& d);
   /// |λ − Π(y)| / |Σ Gᵀλ|, both weighed by inertia.
   double Residual(const CompliantRows& rows) const {

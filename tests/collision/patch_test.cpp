@@ -114,6 +114,35 @@ TEST(Patch, LinesRestOnTwoPoints) {
             1u);
 }
 
+// A beam that lies across two bars. MuJoCo's routine for capsule and box named one edge of it, or none, by
+// the last digit of the pose, and the beam tipped over the other.
+TEST(Patch, ACapsuleThatStandsOutOfAFaceBearsAtItsEdges) {
+  const Vector3 half(0.45, 0.028, 0.016);
+  const RigidTransform along_y(ExpRotation(Vector3(-3.14159265358979323846 / 2, 0, 0)), Vector3::Zero());
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> u(-1, 1);
+  for (int i = 0; i < 200; ++i) {
+    SCOPED_TRACE(i);
+    const bool level = i < 100;  // exactly, and nearly so
+    const RigidTransform X(
+        level ? Matrix3(Matrix3::Identity()) : ExpRotation(Vector3(u(random), u(random), u(random))),
+        Vector3(u(random), u(random), u(random)));
+    const double gap = 1e-4 * u(random);
+    const Matrix3 turned = ExpRotation(Vector3(0, 0, 0.2 * u(random)));
+    const RigidTransform beam(turned, turned * Vector3(0.3 * u(random), 0, 0.012 + half.z() + gap));
+    const auto contacts = Contacts({Moving(Capsule{0.012, 0.04}, X * along_y), Moving(Box{half}, X * beam)});
+    ASSERT_EQ(contacts.size(), 2u);
+    double sides = 1;
+    for (const ContactPoint& c : contacts) {
+      EXPECT_NEAR(c.gap, gap, 1e-9);
+      const Vector3 p = (X * beam).inverse() * c.point;
+      EXPECT_NEAR(std::abs(p.y()), half.y(), 1e-6);
+      sides *= p.y();
+    }
+    EXPECT_LT(sides, 0);
+  }
+}
+
 TEST(Patch, OnePointWhereOneIsAskedFor) {
   EXPECT_EQ(Contacts({Moving(Box{Vector3(0.2, 0.2, 0.1)}, At(0, 0, -0.1)),
                       Moving(Box{Vector3(0.05, 0.05, 0.05)}, At(0, 0, 0.0495))},

@@ -27,7 +27,7 @@ import { DARK, LIGHT } from './scene/theme';
 import { View } from './view';
 import { decodeBinary } from './wire/decode';
 import { Library } from './wire/library';
-import { WIRE_VERSION, type Frame, type TextMessage } from './wire/messages';
+import { WIRE_VERSION, type Frame, type GhostFrame, type TextMessage } from './wire/messages';
 
 export class App {
   readonly view: View;
@@ -221,11 +221,17 @@ export class App {
     const message = decodeBinary(data);
     if (message.kind === 'meshes') this.library.addMeshes(message.meshes);
     else if (message.kind === 'maps') this.library.addMaps(message.maps);
-    else if (message.kind === 'ghost') this.view.setFull(this.timeline ? null : message.ghost);
+    else if (message.kind === 'ghost') this.takeGhost(message.ghost);
     else if (!this.timeline) {
       this.show(message.frame, this.library);
       this.library.keepOnly(message.frame);
     }
+  }
+
+  private takeGhost(ghost: GhostFrame): void {
+    this.view.setFull(this.timeline ? null : ghost);
+    const { scene } = this.view;
+    if (scene?.epoch === ghost.epoch && this.plots.shows('place')) this.store.addFull(scene, ghost);
   }
 
   private takeText(text: string): void {
@@ -285,11 +291,15 @@ export class App {
 
   private addSample(frame: Frame): void {
     const tip = this.view.scene?.bodies.findIndex((b) => b.interface) ?? -1;
-    const X = this.plots.shown && tip >= 0 ? this.view.poses()[tip] : undefined;
+    // Poses on the processor cost time: only where something is drawn by them.
+    const own = this.plots.shown ? this.view.poses() : [];
+    const X = own[tip];
     const at = X ? new THREE.Vector3(...X.p) : null;
     this.tipStart ??= at;
     const scene = this.view.scene;
-    if (scene) this.store.add(scene, frame, at && this.tipStart ? at.distanceTo(this.tipStart) : 0);
+    if (!scene) return;
+    const places = this.plots.shows('place') ? { own, other: this.view.otherPoses() } : null;
+    this.store.add(scene, frame, at && this.tipStart ? at.distanceTo(this.tipStart) : 0, places);
   }
 
   scalar(name: string): number {

@@ -1,6 +1,7 @@
 // Everything that is drawn: bodies, forces, ghosts, for the frame last given.
 import * as THREE from 'three';
 import { PoseSolver } from './poses/gpu';
+import { otherPoses } from './poses/other_recovery';
 import { bodyPoses } from './poses/reference';
 import { apply, type Rigid } from './poses/rigid';
 import { AnatomyView } from './scene/anatomy_view';
@@ -168,6 +169,11 @@ export class View {
   /** Poses of all bodies in the present frame, in double precision. */
   poses(): Rigid[] {
     return this.scene && this.frame && this.maps.length > 0 ? bodyPoses(this.scene, this.frame, this.maps) : [];
+  }
+
+  /** The same by the recovery mode that the simulation does not take; null: it cannot be told. */
+  otherPoses(): Rigid[] | null {
+    return this.scene && this.frame && this.maps.length > 0 ? otherPoses(this.scene, this.frame, this.maps) : null;
   }
 
   /** Puts the whole of a motion in view: frames with the maps they need. */

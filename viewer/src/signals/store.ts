@@ -1,5 +1,6 @@
 // Every signal of the simulation over time: what each is, and its values frame by frame.
-import type { Frame, SceneMessage } from '../wire/messages';
+import type { Rigid } from '../poses/rigid';
+import type { Frame, GhostFrame, SceneMessage } from '../wire/messages';
 
 export interface Signal {
   key: string; // in tables and plots
@@ -7,6 +8,13 @@ export interface Signal {
   group: string;
   unit: string;
   body: number; // that it speaks of, -1
+  beside?: string; // key of the signal that it is drawn with: the same by another road
+}
+
+/** Where bodies are, by the recovery mode that the simulation takes and by the other one. */
+export interface Places {
+  own: readonly Rigid[];
+  other: readonly Rigid[] | null;
 }
 
 export const GROUPS: Record<string, string> = {
@@ -14,6 +22,7 @@ export const GROUPS: Record<string, string> = {
   energy: 'Energy',
   accuracy: 'Accuracy',
   contact: 'Contact force by pair',
+  place: 'Places of bodies: exact, twist, full simulation',
   position: 'Joint positions, from the reference',
   joint_force: 'Joint forces: springs, dampers, servos',
   actuator: 'Actuator forces',
@@ -41,12 +50,16 @@ export interface Row {
 
 const MOST_ROWS = 36_000; // ten minutes
 const MOST_NUMBERS = 4_000_000;
+const MOST_PLACES = 100; // bodies
+const AXES = ['x', 'y', 'z'];
+const SAME_TIME = 1e-6; // s
 
 export class SignalStore {
   readonly signals: Signal[] = [];
   private readonly places = new Map<string, number>();
   private rows: Row[] = [];
   private told: { scene: SceneMessage; places: Int32Array } | null = null;
+  private placed: { body: number; first: number }[] = []; // own, other, full of x, then of y, then of z
   /** Called when another signal is known. */
   onNew: () => void = () => undefined;
 
@@ -76,12 +89,47 @@ export class SignalStore {
     const places = Int32Array.from(scene.signals, (s) =>
       this.place({ key: `${prefix[s.group] ?? s.group}:${s.name}`, title: s.name, group: s.group, unit: s.unit, body: s.body }),
     );
+    this.placed = [];
+    const other = scene.recovery === 'twist' ? 'exact' : 'twist';
+    scene.bodies.forEach((body, b) => {
+      if (!(body.interface || scene.roots[body.root]?.base === 'free') || this.placed.length >= MOST_PLACES) return;
+      const own = AXES.map((axis) => this.placeOf(body.name, axis, b, other));
+      this.placed.push({ body: b, first: own[0] ?? -1 });
+    });
     this.told = { scene, places };
     return places;
   }
 
-  /** `tip`: motion of the first interface body [m]. */
-  add(scene: SceneMessage, frame: Frame, tip: number): void {
+  /** One coordinate by all roads; known once, they stand side by side. */
+  private placeOf(name: string, axis: string, body: number, other: string): number {
+    const key = `at:${name}.${axis}`;
+    const first = this.place({ key, title: `${name} ${axis}`, group: 'place', unit: 'mm', body });
+    this.place({ key: `${key} other`, title: other, group: 'place', unit: 'mm', body, beside: key });
+    this.place({ key: `${key} full`, title: 'full', group: 'place', unit: 'mm', body, beside: key });
+    const second = this.signals[first + 1];
+    if (second) second.title = other; // it changes with the recovery mode
+    return first;
+  }
+
+  /** The signal and what is drawn with it. */
+  together(key: string): string[] {
+    return [key, ...this.signals.filter((s) => s.beside === key).map((s) => s.key)];
+  }
+
+  /** Where the full simulation has bodies at a time that has been told; it comes behind. */
+  addFull(scene: SceneMessage, ghost: GhostFrame): void {
+    if (this.told?.scene !== scene) return;
+    for (let i = this.rows.length; i-- > 0; ) {
+      const row = this.rows[i];
+      if (!row || row.time < ghost.time - SAME_TIME) return;
+      if (row.time > ghost.time + SAME_TIME) continue;
+      for (const { body, first } of this.placed)
+        for (let k = 0; k < 3; ++k) row.values[first + 3 * k + 2] = 1000 * (ghost.poses[7 * body + k] ?? NaN);
+    }
+  }
+
+  /** `tip`: motion of the first interface body [m]. `places`: where bodies are, if that is looked at. */
+  add(scene: SceneMessage, frame: Frame, tip: number, places: Places | null = null): void {
     const scalar = (name: string): number => frame.scalars[scene.scalars.indexOf(name)] ?? NaN;
     const time = scalar('time');
     const last = this.rows.at(-1);
@@ -107,6 +155,11 @@ export class SignalStore {
     put('energy', scalar('kinetic_energy') + scalar('potential_energy'));
     put('contact_force', sum);
     put('tip', 1000 * tip);
+    for (const { body, first } of this.placed)
+      for (let k = 0; k < 3; ++k) {
+        values[first + 3 * k] = 1000 * (places?.own[body]?.p[k] ?? NaN);
+        values[first + 3 * k + 1] = 1000 * (places?.other?.[body]?.p[k] ?? NaN);
+      }
     // A pair that does not touch presses with nothing.
     this.signals.forEach((s, i) => {
       if (s.key.startsWith('contact:')) values[i] = Math.hypot(...(pairs.get(s.key) ?? [0]));

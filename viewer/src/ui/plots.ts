@@ -71,19 +71,25 @@ export class Plots {
     return this.keys.some((keys) => keys.includes(key));
   }
 
-  /** A plot of its own for a signal, or none of it any more. */
+  /** A plot of its own for a signal and what is drawn with it, or none of it any more. */
   toggle(key: string, on = !this.has(key)): void {
     if (on === this.has(key)) return;
-    if (on) this.keys.push([key]);
-    else this.keys = this.keys.map((keys) => keys.filter((k) => k !== key)).filter((keys) => keys.length > 0);
+    const together = this.store.together(key);
+    if (on) this.keys.push(together);
+    else this.keys = this.keys.map((keys) => keys.filter((k) => !together.includes(k))).filter((keys) => keys.length > 0);
     this.rebuild();
+  }
+
+  /** Whether any plot shows a signal of this group. */
+  shows(group: string): boolean {
+    return this.shown && this.keys.some((keys) => keys.some((key) => this.store.find(key)?.group === group));
   }
 
   /** Over what a plot shows already. */
   overlay(plot: number, key: string): void {
     const keys = this.keys[plot];
     if (!keys || keys.includes(key)) return;
-    keys.push(key);
+    keys.push(...this.store.together(key));
     this.rebuild();
   }
 

@@ -65,7 +65,7 @@ export class SignalList {
     let shown = 0;
     for (const [group, title] of Object.entries(GROUPS)) {
       const signals = this.store.signals.filter(
-        (s) => s.group === group && (wanted === '' || `${s.title} ${title}`.toLowerCase().includes(wanted)),
+        (s) => s.group === group && !s.beside && (wanted === '' || `${s.title} ${title}`.toLowerCase().includes(wanted)),
       );
       if (signals.length === 0) continue;
       element('h3', '', this.list).textContent = title;

@@ -19,6 +19,31 @@ describe.skipIf(!ready)('the full simulation as a ghost', () => {
     await page.keyboard.press('s');
   });
 
+  it('one coordinate of a body is plotted by both recovery modes and by the full simulation', async () => {
+    const { page } = live;
+    await page.keyboard.press('l');
+    await page.getByPlaceholder('Find a signal').fill('index_tip z');
+    await page.locator('button.signal[data-key="at:index_tip.z"]').click();
+    const figure = page.locator('figure.plot', { hasText: 'index_tip z [mm]' });
+    expect(await figure.locator('figcaption span').allTextContents()).toEqual(['index_tip z [mm]', 'twist [mm]', 'full [mm]']);
+    const told = await page.waitForFunction(() => {
+      const store = fork1s?.store;
+      const [, ...columns] = store?.last(10, store.together('at:index_tip.z')) ?? [[]];
+      const told = columns[2] ?? [];
+      let at = told.length - 1; // the full simulation comes behind
+      while (at >= 0 && told[at] === null) --at;
+      const values = columns.map((column) => column[at] ?? NaN);
+      return values.length === 3 && values.every(Number.isFinite) && values;
+    });
+    const [exact = NaN, twist = NaN, full = NaN] = (await told.jsonValue()) || [];
+    expect(exact).toBeGreaterThan(10); // mm above the table
+    expect(Math.abs(twist - exact)).toBeLessThan(1);
+    expect(Math.abs(full - exact)).toBeLessThan(1);
+    await page.keyboard.press('p');
+    await page.locator('canvas.stage').focus();
+    await page.keyboard.press('l');
+  });
+
   it('its bodies are drawn where it has them', async () => {
     const { page } = live;
     const apart = await page.evaluate(() => {

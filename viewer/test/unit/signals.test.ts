@@ -2,7 +2,8 @@ import { describe, expect, it } from 'vitest';
 import { RollingPast } from '../../src/replay/past';
 import { SignalStore } from '../../src/signals/store';
 import { formatDecimal, parseDecimal } from '../../src/ui/decimal';
-import type { Frame, SceneMessage } from '../../src/wire/messages';
+import type { Rigid } from '../../src/poses/rigid';
+import type { Frame, GhostFrame, SceneMessage } from '../../src/wire/messages';
 import { haveStreams, readStream } from '../streams';
 
 describe('numbers as people type them', () => {
@@ -18,7 +19,11 @@ describe('numbers as people type them', () => {
 const scene = {
   scalars: ['time', 'kinetic_energy', 'potential_energy'],
   signals: [{ name: 'elbow, left', group: 'position', unit: 'rad', body: 0 }],
-  bodies: [{ name: 'tip' }, { name: 'ball' }],
+  roots: [{ base: 'fixed' }, { base: 'free' }],
+  bodies: [
+    { name: 'tip', root: 0, interface: true },
+    { name: 'ball', root: 1 },
+  ],
 } as unknown as SceneMessage;
 const frame = (time: number, force: number): Frame =>
   ({
@@ -49,6 +54,20 @@ describe('SignalStore', () => {
     expect(first.endsWith(',')).toBe(true); // not told then
     expect(second.endsWith(',4')).toBe(true);
     expect(second.startsWith('0.5,')).toBe(true);
+  });
+
+  it('has places by both recovery modes, and by the full simulation once it comes up', () => {
+    const store = new SignalStore();
+    const at = (x: number): Rigid[] => [0, 1].map((b) => ({ p: [x, b, 2], q: [0, 0, 0, 1] }));
+    const ghost = (time: number, x: number): GhostFrame => ({ time, poses: Float32Array.from([x, 0, 2, 1, 0, 0, 0, x, 1, 2, 1, 0, 0, 0]) }) as GhostFrame;
+    store.add(scene, frame(0, 0), 0, { own: at(0.001), other: at(0.002) });
+    store.add(scene, frame(0.1, 0), 0, { own: at(0.003), other: null });
+    store.addFull(scene, ghost(0, 0.5));
+    store.addFull(scene, ghost(0.05, 0.7)); // no frame is of that time
+    const keys = store.together('at:ball.x');
+    expect(keys.map((key) => store.find(key)?.title)).toEqual(['ball x', 'twist', 'full']);
+    expect(store.last(10, keys)).toEqual([[0, 0.1], [1, 3], [2, null], [500, null]]);
+    expect(store.last(10, store.together('at:tip.z')).slice(1)).toEqual([[2000, 2000], [2000, null], [2000, null]]);
   });
 
   it('forgets what no longer happened where time goes back', () => {
