@@ -164,10 +164,14 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
   if (watches.error) out.error.emplace();
   Passers passers(simulation);
   PlausibleWatch plausible(simulation);
+  out.tally.Begin(simulation);
   for (std::int64_t i = 0; i < steps; ++i) {
     const std::size_t switches = out.switches.size();
     Switch(inputs.detail, next_detail, simulation, out);
-    if (out.switches.size() != switches) plausible.Changed(simulation);
+    if (out.switches.size() != switches) {
+      plausible.Changed(simulation);
+      out.tally.Begin(simulation);
+    }
     const double end = static_cast<double>(i + 1) * simulation.dt();
     inputs.controls.Apply(end, simulation);
     const std::vector<AppliedWrench> applied = ApplyPushes(inputs, end, simulation);

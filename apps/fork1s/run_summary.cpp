@@ -25,6 +25,7 @@ Json ContactsJson(const Simulation& simulation, const std::vector<PairLoad>& pai
                    {"force_max_N", p.force_max},
                    {"force_max_s", p.force_max_s},
                    {"touched_s", p.touched_s},
+                   {"friction_loss_J", p.friction_loss},
                    {"slip_m", p.slip},
                    {"slip_s", p.slip_s},
                    {"slip_first_s", p.slip_first < 0 ? Json(nullptr) : Json(p.slip_first)}});
@@ -77,7 +78,10 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   out["wall_s"] = wall;
   out["real_time_factor"] = wall > 0 ? Json(simulation.time() / wall) : Json(nullptr);
   out["contacts_max"] = m.contacts_max;
-  out["energy_J"] = {{"first", m.energy_first}, {"last", m.energy_last}, {"max_increase", m.energy_increase}};
+  out["energy_J"] = {{"first", m.energy_first},
+                     {"last", m.energy_last},
+                     {"max_increase", m.energy_increase},
+                     {"friction_loss", m.tally.FrictionLoss()}};
   out["interface"] = Json::array();
   out["free_bodies"] = Json::array();
   for (std::size_t i = 0; i < simulation.bodies().size(); ++i) {
@@ -265,8 +269,11 @@ void PrintSummary(const Json& d) {
              d["contacts_max"].get<int>(), 1e3 * number("penetration_max_m"),
              d["unconverged_steps"].get<int>());
   const Json& e = d["energy_J"];
-  fmt::print("  energy          {:.6g} J first, {:.6g} J last, largest rise in a step {:.3g} J\n",
-             e["first"].get<double>(), e["last"].get<double>(), e["max_increase"].get<double>());
+  fmt::print(
+      "  energy          {:.6g} J first, {:.6g} J last, largest rise in a step {:.3g} J, {:.3g} J lost to "
+      "friction\n",
+      e["first"].get<double>(), e["last"].get<double>(), e["max_increase"].get<double>(),
+      e["friction_loss"].get<double>());
   fmt::print("  joint gap       {:.3g} mm at most\n", 1e3 * number("joint_gap_max_m"));
   fmt::print("  refreshes       {}\n", d["refreshes"].get<int>());
   if (const Json& servos = d["servos_at_limit"]; servos["steps"].get<int>() > 0)

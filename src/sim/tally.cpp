@@ -25,9 +25,9 @@ std::vector<EndReached> Longest(const std::map<std::pair<int, std::size_t>, EndR
   return out;
 }
 
-Vector3 VelocityAt(const Simulation& simulation, int body, const Vector3& point_W) {
+// Of a body that moves by V.
+Vector3 VelocityAt(const Simulation& simulation, int body, const Vector6& V, const Vector3& point_W) {
   if (body < 0) return Vector3::Zero();
-  const Vector6 V = simulation.Velocity(body);
   return V.tail<3>() + V.head<3>().cross(Vector3(point_W - simulation.Pose(body).translation()));
 }
 
@@ -40,9 +40,29 @@ PairLoad& RunTally::Pair(int a, int b) {
   return pair;
 }
 
+void RunTally::Begin(const Simulation& simulation) {
+  velocity_.assign(simulation.bodies().size(), Vector6::Zero());
+  for (std::size_t c = 1; c < simulation.world().contactors().size(); ++c) {
+    const int body = simulation.BodyOfContactor(static_cast<int>(c));
+    if (body >= 0) velocity_[static_cast<std::size_t>(body)] = simulation.Velocity(body);
+  }
+}
+
 void RunTally::LookAtContacts(const Simulation& simulation) {
   const double h = simulation.dt();
   std::map<std::pair<int, int>, double> fastest;  // of contacts that slide
+  const bool begins = velocity_.size() != simulation.bodies().size();
+  last_velocity_ = velocity_;
+  Begin(simulation);
+  if (begins) last_velocity_ = velocity_;
+  const auto now = [&](int body) {
+    return body < 0 ? Vector6(Vector6::Zero()) : velocity_[static_cast<std::size_t>(body)];
+  };
+  // An impulse takes as much energy as it bears against the mean of the velocities before and after it.
+  const auto mean = [&](int body) {
+    return body < 0 ? Vector6(Vector6::Zero())
+                    : Vector6(0.5 * (now(body) + last_velocity_[static_cast<std::size_t>(body)]));
+  };
   for (const ContactRecord& c : simulation.world().contacts()) {
     if (!(c.impulse(0) > 0)) continue;
     int a = simulation.BodyOfContactor(c.point.body_a), b = simulation.BodyOfContactor(c.point.body_b);
@@ -54,10 +74,16 @@ void RunTally::LookAtContacts(const Simulation& simulation) {
     const Vector3 origin = b < 0 ? Vector3::Zero() : simulation.Pose(b).translation();
     pair.moment_W +=
         sign * (c.point.frame.transpose() * c.moment) / h + Vector3(c.point.point - origin).cross(force);
+    const Vector6 V_a = mean(a), V_b = mean(b);
+    const Vector3 spin = c.point.frame * Vector3(V_b.head<3>() - V_a.head<3>());
+    pair.friction_loss -= sign * c.moment.dot(spin);
     const double tangential = c.impulse.tail<2>().norm();
     if (!(c.friction > 0) || tangential < kAtCone * c.friction * c.impulse(0)) continue;
+    const Vector3 slides =
+        VelocityAt(simulation, b, V_b, c.point.point) - VelocityAt(simulation, a, V_a, c.point.point);
+    pair.friction_loss -= sign * c.impulse.tail<2>().dot(c.point.frame.bottomRows<2>() * slides);
     const Vector3 relative =
-        VelocityAt(simulation, b, c.point.point) - VelocityAt(simulation, a, c.point.point);
+        VelocityAt(simulation, b, now(b), c.point.point) - VelocityAt(simulation, a, now(a), c.point.point);
     const double speed = (c.point.frame.bottomRows<2>() * relative).norm();
     if (speed > kSlides) fastest[{a, b}] = std::max(fastest[{a, b}], speed);
   }
@@ -125,6 +151,12 @@ std::vector<PairLoad> RunTally::Pairs() const {
   std::stable_sort(out.begin(), out.end(),
                    [](const PairLoad& a, const PairLoad& b) { return a.force_max > b.force_max; });
   return out;
+}
+
+double RunTally::FrictionLoss() const {
+  double sum = 0;
+  for (const auto& [key, pair] : pairs_) sum += pair.friction_loss;
+  return sum;
 }
 
 std::vector<EndReached> RunTally::Stops() const { return Longest(stops_); }

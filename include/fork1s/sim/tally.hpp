@@ -21,6 +21,7 @@ struct PairLoad {
   double slip = 0;         // m: way of the contact that slid fastest, while friction gave all it can
   double slip_s = 0;       // s in which one slid
   double slip_first = -1;  // s; -1: never
+  double friction_loss = 0;  // J that what slid and turned took out of the motion
 };
 
 /// A stop or a servo that was at its end.
@@ -33,10 +34,15 @@ struct EndReached {
 
 class RunTally {
  public:
+  /// Before the first step, so that its friction is known from what moved before it; also after a change of
+  /// fidelity.
+  void Begin(const Simulation& simulation);
   /// After every step.
   void Look(const Simulation& simulation, const StepReport& report);
   /// Strongest first.
   std::vector<PairLoad> Pairs() const;
+  /// J that friction of contacts took out of the motion so far, of all pairs.
+  double FrictionLoss() const;
   /// Joints and tendons that a stop held, longest first.
   std::vector<EndReached> Stops() const;
   /// Servos and motors at the limit of their force, longest first.
@@ -47,6 +53,7 @@ class RunTally {
   void LookAtContacts(const Simulation& simulation);
   void LookAtHolds(const Simulation& simulation);
   std::map<std::pair<int, int>, PairLoad> pairs_;
+  std::vector<Vector6> velocity_, last_velocity_;  // of all bodies that may touch: after this step, before it
   std::map<std::pair<int, std::size_t>, EndReached> stops_, servos_;  // by mechanism and place there
 };
 
