@@ -4,6 +4,8 @@
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
 
+#include "spinning.hpp"
+
 namespace fork1s {
 namespace {
 
@@ -90,6 +92,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
                                    " (rad or m); the limit was moved to the initial pose");
   }
   dynamics.state_.wrenches_W = Matrix6X::Zero(6, mechanism->num_bodies());
+  dynamics.spins_ = internal::FindSpinning(*mechanism, dynamics.rigid_parts_, dynamics.model().interfaces);
   dynamics.StartAtReference();
   dynamics.Size();
   if (q_dot0.size() > 0 && !q_dot0.isZero(0)) {

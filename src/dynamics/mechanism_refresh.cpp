@@ -7,18 +7,21 @@
 
 namespace fork1s {
 
-double MechanismDynamics::LargestTurn(const VectorX& since) const {
-  double largest = 0;
-  const Mechanism& m = mechanism();
-  for (int i = 0; i < model().num_coordinates(); ++i) {
-    const double moved = std::abs(configuration_.q(i) - since(i));
-    const bool turns = m.screws().col(i).head<3>().squaredNorm() > 1e-18;
-    largest = std::max(largest, turns ? moved : moved / m.length_scale());
-  }
-  return largest;
+// Of a coordinate since the reference, rad; of a slide in lengths of the mechanism.
+double MechanismDynamics::Turn(int i) const {
+  const double moved = std::abs(configuration_.q(i) - model().q_ref(i));
+  const bool turns = mechanism().screws().col(i).head<3>().squaredNorm() > 1e-18;
+  return turns ? moved : moved / mechanism().length_scale();
 }
 
-double MechanismDynamics::Staleness() const { return LargestTurn(model().q_ref) / options_.refresh_angle; }
+// By twists every joint counts: the one twist of a wheel is that of all joints on its path.
+double MechanismDynamics::Staleness() const {
+  const bool exact = options_.recovery == Recovery::kExact;
+  double largest = 0;
+  for (int i = 0; i < model().num_coordinates(); ++i)
+    if (!exact || !spins_[static_cast<std::size_t>(i)]) largest = std::max(largest, Turn(i));
+  return largest / options_.refresh_angle;
+}
 
 bool MechanismDynamics::Refresh() {
   const Mechanism& m = mechanism();

@@ -1,7 +1,8 @@
 // Moving the reference: nothing jumps, no energy appears.
 #include <dynamics/support.hpp>
-#include <random_mechanism.hpp>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/mechanism/builder.hpp>
+#include <random_mechanism.hpp>
 
 namespace fork1s {
 namespace {
@@ -139,6 +140,75 @@ TEST(Refresh, StepsAfterItMoveOn) {
     before = now;
   }
   EXPECT_GE(refreshes, 4);
+}
+
+// A trailing arm on a spring, with a wheel or a crank at its end.
+MechanismDef TrailingArm(bool even, bool rod) {
+  MechanismBuilder builder("arm");
+  BodyDef arm;
+  arm.name = "arm";
+  arm.parent = builder.base();
+  arm.inertia.mass = 1;
+  arm.inertia.center = Vector3(0.2, 0, 0);
+  arm.inertia.rotational = Vector3(1e-3, 0.02, 0.02).asDiagonal();
+  const BodyIndex a = builder.AddBody(arm);
+  builder.AddJoint(JointDef::Hinge("swing", a, Vector3::UnitY()).WithSpring(60, 2));
+  BodyDef wheel;
+  wheel.name = "wheel";
+  wheel.parent = a;
+  wheel.X_PB = RigidTransform(Vector3(0.4, 0, 0));
+  wheel.inertia.mass = 2;
+  wheel.inertia.center = even ? Vector3::Zero() : Vector3(0.03, 0, 0);
+  wheel.inertia.rotational = Vector3(0.01, 0.02, 0.01).asDiagonal();
+  const BodyIndex w = builder.AddBody(wheel);
+  builder.AddJoint(JointDef::Hinge("spin", w, Vector3::UnitY()));
+  std::vector<std::string> interfaces{"wheel"};
+  if (rod) {
+    BodyDef on_it;
+    on_it.name = "rod";
+    on_it.parent = w;
+    on_it.X_PB = RigidTransform(Vector3(0.1, 0, 0));
+    on_it.inertia.mass = 0.1;
+    on_it.inertia.rotational = Vector3::Constant(1e-4).asDiagonal();
+    const BodyIndex r = builder.AddBody(on_it);
+    builder.AddJoint(JointDef::Hinge("pin", r, Vector3::UnitX()).WithSpring(5));
+    interfaces.push_back("rod");
+  }
+  builder.SetInterfaces(interfaces);
+  return builder.definition();
+}
+
+int RefreshesIn(World& world, int steps) {
+  int refreshes = 0;
+  for (int i = 0; i < steps; ++i) refreshes += world.Step({}).refreshes;
+  return refreshes;
+}
+
+// Its spin is not seen by anything else, so the model stays as good as one that is made anew all the time.
+TEST(Refresh, AWheelMaySpinForEver) {
+  const VectorX q = VectorX::Zero(2), q_dot = (VectorX(2) << 0.5, 30).finished();
+  World::Options often;
+  often.refresh_angle = 1e-9;
+  World rarely = MustStart(TrailingArm(true, false), q, q_dot),
+        always = MustStart(TrailingArm(true, false), q, q_dot, Vector6::Zero(), often);
+  EXPECT_EQ(RefreshesIn(rarely, 300), 0);
+  EXPECT_GT(RefreshesIn(always, 300), 200);  // until the arm is at rest
+  const VectorX &a = rarely.mechanisms()[0].configuration().q, &b = always.mechanisms()[0].configuration().q;
+  EXPECT_GT(std::abs(a(1)), 100);
+  // Rounding of as many refreshes.
+  EXPECT_LT((a - b).cwiseAbs().maxCoeff(), 1e-9 * a.norm());
+}
+
+TEST(Refresh, WhatIsUnevenOrCarriesMoreDoesNot) {
+  const VectorX q_dot = (VectorX(2) << 0, 30).finished();
+  World uneven = MustStart(TrailingArm(false, false), VectorX::Zero(2), q_dot);
+  EXPECT_GT(RefreshesIn(uneven, 60), 30);
+  World carries = MustStart(TrailingArm(true, true), VectorX::Zero(3), (VectorX(3) << 0, 30, 0).finished());
+  EXPECT_GT(RefreshesIn(carries, 60), 30);
+  World::Options by_twist;
+  by_twist.recovery = Recovery::kTwist;
+  World twist = MustStart(TrailingArm(true, false), VectorX::Zero(2), q_dot, Vector6::Zero(), by_twist);
+  EXPECT_GT(RefreshesIn(twist, 60), 30) << "a pose by one twist grows old as the wheel turns";
 }
 
 }  // namespace

@@ -143,7 +143,8 @@ class MechanismDynamics {
   void Restore(const MechanismState& state);
   /// Phase 2: moves the state by x⁺ over h and brings poses up to date.
   void Integrate(double h);
-  /// Largest turn since the reference, as a share of the refresh angle.
+  /// Largest turn since the reference, as a share of the refresh angle, of joints whose turn matters: a wheel
+  /// may spin.
   double Staleness() const;
   /// Moves the reference to the present pose. False if the mechanism cannot be reduced there: the old model
   /// stays.
@@ -215,7 +216,7 @@ class MechanismDynamics {
   double PotentialEnergyOn(const RigidTransform& X_WR, const Vector3& gravity_W) const;
   double StretchToForce(const Mechanism::ForceLimit& limit, double h);
   void SpringPull(const VectorX& moved, VectorX& force);
-  double LargestTurn(const VectorX& since) const;
+  double Turn(int coordinate) const;
   void Advance(double h, const Vector6& V_start, const Vector6& by_pose);
   void AdvanceShortened(double h, double s);
   void ScaleRelativeMotion(double s);
@@ -232,6 +233,7 @@ class MechanismDynamics {
   MechanismState state_;
   Configuration configuration_;
   RigidParts rigid_parts_;
+  std::vector<char> spins_;   // n: whether a joint may turn for ever without the model growing old
   ReducedJacobian jacobian_;  // of configuration_
   ReducedInertia inertia_;
   std::vector<ContactGroup> groups_;
