@@ -114,6 +114,9 @@ TEST(Bench, RefusesWhatItCannotMeasure) {
   EXPECT_NE(unknown.err.find("no_such_scene"), std::string::npos) << unknown.err;
   EXPECT_EQ(Fork1s("bench two_link_arm --truth 3").code, 2);
   EXPECT_EQ(Fork1s("bench two_link_arm --peers nobody").code, 2);
+  const Outcome no_folder = Fork1s("bench two_link_arm --only scenes --out " + Write("a_file", "x"));
+  EXPECT_EQ(no_folder.code, 3);
+  EXPECT_NE(no_folder.err.find("give another to --out"), std::string::npos) << no_folder.err;
   const Outcome long_run = Fork1s("bench two_link_arm --only scenes --time 10000 --dt 1e-9");
   EXPECT_EQ(long_run.code, 2);
   EXPECT_NE(long_run.err.find("a million at most"), std::string::npos) << long_run.err;
