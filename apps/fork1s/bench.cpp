@@ -83,8 +83,10 @@ Json SceneJson(const BenchScene& s) {
 
 void PrintScene(const BenchScene& s) {
   const PeerRow& ours = s.rows.front();
-  fmt::print("{}, {:.3g} s at steps of {:.5g} s; the truth is known to {:.2g} % of the motion\n", s.name,
-             ours.time_s, ours.dt_s, s.TruthErrorPercent());
+  fmt::print("{}, {:.3g} s at steps of {:.5g} s; {}\n", s.name, ours.time_s, ours.dt_s,
+             std::isfinite(s.TruthErrorPercent())
+                 ? fmt::format("the truth is known to {:.2g} % of the motion", s.TruthErrorPercent())
+                 : "no interface or free body goes anywhere, so that errors have no percentage");
   fmt::print("  {:<22} {:>10} {:>8} {:>10} {:>10} {:>12} {:>9}\n", "", "us a step", "ratio", "99 % below",
              "worst", "instructions", "error, %");
   for (const PeerRow& r : s.rows) {
@@ -94,9 +96,9 @@ void PrintScene(const BenchScene& s) {
       continue;
     }
     const auto instructions = s.Instructions(r.simulator);
-    fmt::print("  {:<22} {:>10.1f} {:>8.2f} {:>10.1f} {:>10.1f} {:>12} {:>9.3g}\n", r.simulator, r.step_us,
+    fmt::print("  {:<22} {:>10.1f} {:>8.2f} {:>10.1f} {:>10.1f} {:>12} {:>9}\n", r.simulator, r.step_us,
                r.step_ratio, r.p99_us, r.worst_us, instructions ? fmt::format("{:.0f}", *instructions) : "-",
-               r.error_percent);
+               std::isfinite(r.error_percent) ? fmt::format("{:.3g}", r.error_percent) : "-");
   }
   for (const PhaseCost& p : s.phases)
     fmt::print("    {:<22} {:>12.0f} instructions\n", p.phase, p.instructions);
@@ -262,6 +264,13 @@ int TakeSteps(const BenchArguments& args) {
   return kDone;
 }
 
+// With names it is a question and not the record, which is whole or not written.
+std::string FolderOf(const BenchArguments& args) {
+  if (!args.out.empty() || !args.scenes.empty()) return args.out;
+  const auto own = std::filesystem::path(OwnScenes()).parent_path() / "benchmarks" / "results";
+  return std::filesystem::is_directory(own) ? own.string() : ".";
+}
+
 int RunBench(const BenchArguments& args) {
   if (!args.steps_of.empty() && args.scenes.size() == 1) return TakeSteps(args);
   std::vector<BenchModel> models;
@@ -274,6 +283,15 @@ int RunBench(const BenchArguments& args) {
     auto all = AllBenchModels();
     if (!all) return Report(all.error(), args.json);
     models = std::move(*all);
+  }
+  const std::string out_folder = FolderOf(args);
+  if (!out_folder.empty()) {  // before minutes are spent
+    std::error_code failed;
+    std::filesystem::create_directories(out_folder, failed);
+    if (failed)
+      return Report({ErrorCode::kFile, out_folder,
+                     "no folder can be made there (" + failed.message() + "); give another to --out"},
+                    args.json);
   }
   BenchResults results;
   results.when = fmt::format("{:%Y-%m-%d}", fmt::gmtime(std::time(nullptr)));
@@ -307,15 +325,9 @@ int RunBench(const BenchArguments& args) {
   } else {
     PrintParts(results);
   }
-  // With names it is a question and not the record, which is whole or not written.
-  std::string out = args.out;
-  if (out.empty() && args.scenes.empty()) {
-    const auto own = std::filesystem::path(OwnScenes()).parent_path() / "benchmarks" / "results";
-    out = std::filesystem::is_directory(own) ? own.string() : ".";
-  }
-  if (out.empty()) return code;
-  if (auto written = WriteBench(results, out); !written) return Report(written.error(), false);
-  fmt::print(stderr, "written to {}, bench.html shows all of it\n", out);
+  if (out_folder.empty()) return code;
+  if (auto written = WriteBench(results, out_folder); !written) return Report(written.error(), false);
+  fmt::print(stderr, "written to {}, bench.html shows all of it\n", out_folder);
   return code;
 }
 

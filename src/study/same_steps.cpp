@@ -1,5 +1,6 @@
 #include <fork1s/study/same_steps.hpp>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <fork1s/importer/importer.hpp>
@@ -41,7 +42,7 @@ SameSteps StepInTurn(const SameStepsOptions& options, mjModel* m, Simulation& si
   const internal::MuJoCoCopier copier(simulation, m);
   SameSteps out;
   out.dt_s = simulation.dt();
-  const int steps = static_cast<int>(std::lround(options.time / out.dt_s));
+  const int steps = std::max(1, static_cast<int>(std::lround(options.time / out.dt_s)));
   for (int i = 0; i < steps; ++i) {
     const bool counts = i * out.dt_s >= options.from;
     options.controls.Apply((i + 1) * out.dt_s, simulation);

@@ -83,12 +83,40 @@ TEST(Bench, RecoveryAndItsFiles) {
   EXPECT_EQ(Fork1s("bench two_link_arm --only many --time 0.1 --out " + folder.string()).code, 0);
 }
 
+// Simulators that share no code: an implicit step of springs has one answer. Only where tools/peers.sh was
+// run.
+TEST(Bench, DrakeDartAndBulletComeToTheSame) {
+  const std::string source = FORK1S_SOURCE_DIR, python = source + "/build/peers/bin/python";
+  if (!std::filesystem::exists(python)) GTEST_SKIP() << "tools/peers.sh was not run";
+  const auto chain = (ScratchFolder() / "chain4.xml").string();
+  ASSERT_EQ(Shell(python + " " + source + "/benchmarks/peers/chain.py 4 1 0.01 > " + chain).code, 0);
+  const std::string way = " --json --rounds 1 --only scenes --peers drake,dart,bullet ";
+  const Outcome o = Fork1s("bench " + chain + way + "--time 0.2", "PATH=/nowhere");
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto scene = o.Json()["scenes"]["chain4"];
+  for (const char* peer : {"Drake SAP", "DART"}) {
+    ASSERT_TRUE(scene["peers"][peer]["error_percent"].is_number()) << scene["peers"].dump(1);
+    EXPECT_NEAR(scene["peers"][peer]["error_percent"].get<double>() / scene["error_percent"].get<double>(), 1,
+                0.05)
+        << peer;
+  }
+  // Bullet takes springs at the start of a step, and needs short ones.
+  const Outcome fine = Fork1s("bench " + chain + way + "--time 0.05 --dt 1e-4 --truth 2", "PATH=/nowhere");
+  ASSERT_EQ(fine.code, 0) << fine.err;
+  const auto bullet = fine.Json()["scenes"]["chain4"]["peers"]["Bullet"];
+  ASSERT_TRUE(bullet["error_percent"].is_number()) << bullet.dump(1);
+  EXPECT_LT(bullet["error_percent"], 1) << bullet.dump(1);
+}
+
 TEST(Bench, RefusesWhatItCannotMeasure) {
   const Outcome unknown = Fork1s("bench no_such_scene");
   EXPECT_EQ(unknown.code, 3);
   EXPECT_NE(unknown.err.find("no_such_scene"), std::string::npos) << unknown.err;
   EXPECT_EQ(Fork1s("bench two_link_arm --truth 3").code, 2);
   EXPECT_EQ(Fork1s("bench two_link_arm --peers nobody").code, 2);
+  const Outcome no_folder = Fork1s("bench two_link_arm --only scenes --out " + Write("a_file", "x"));
+  EXPECT_EQ(no_folder.code, 3);
+  EXPECT_NE(no_folder.err.find("give another to --out"), std::string::npos) << no_folder.err;
   const Outcome long_run = Fork1s("bench two_link_arm --only scenes --time 10000 --dt 1e-9");
   EXPECT_EQ(long_run.code, 2);
   EXPECT_NE(long_run.err.find("a million at most"), std::string::npos) << long_run.err;

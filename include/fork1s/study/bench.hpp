@@ -87,10 +87,10 @@ struct Ceilings {
 };
 Ceilings MeasureCeilings(double bytes, int threads);
 
-/// Of chains of as many bodies, at 1 and 2 threads.
+/// Of chains of as many bodies; at 2 threads too where they are thousands.
 Expected<std::vector<RecoveryCost>> MeasureRecovery(const std::vector<int>& bodies);
 
-/// A chain of hinges with springs, its last body the interface.
+/// A chain of hinges with springs, its last body the interface, on one thread.
 struct ChainCost {
   int joints = 0;
   double reduce_ms = 0, refresh_ms = 0;

@@ -16,11 +16,12 @@ struct Style {
   const char *colour, *dash;
   char marker;
 };
-constexpr std::array<Style, 5> kStyles{{{"#D55E00", "none", 'c'},
+constexpr std::array<Style, 6> kStyles{{{"#D55E00", "none", 'c'},
                                         {"#0072B2", "7 4", 's'},
                                         {"#8A5A83", "2 3", 'd'},
                                         {"#007A5A", "none", 't'},
-                                        {"#222222", "9 3 2 3", 'c'}}};
+                                        {"#222222", "9 3 2 3", 'c'},
+                                        {"#56B4E9", "none", 's'}}};
 constexpr double kPanelWidth = 312, kPanelHeight = 268, kHeadHeight = 78, kMargin = 8;
 // Of the plot in its panel.
 constexpr double kPlotLeft = 58, kPlotRight = 300, kPlotTop = 44, kPlotBottom = 218;
@@ -125,12 +126,25 @@ class PanelDrawer {
   double x0_, y0_;
 };
 
+constexpr double kLegendLeft = 26;
+double LegendWidth(const std::string& label) { return 60 + 7.2 * static_cast<double>(label.size()); }
+
+std::vector<std::string> LabelsOf(const Figure& figure) {
+  std::vector<std::string> labels;
+  for (const FigurePanel& panel : figure.panels)
+    for (const FigureSeries& s : panel.series)
+      if (std::find(labels.begin(), labels.end(), s.label) == labels.end()) labels.push_back(s.label);
+  return labels;
+}
+
 }  // namespace
 
 std::string DrawFigure(const Figure& figure) {
   const int panels = static_cast<int>(figure.panels.size());
   const int columns = panels == 4 ? 2 : std::min(panels, 3), rows = (panels + columns - 1) / columns;
-  const double width = std::max(2, columns) * kPanelWidth + 2 * kMargin + 14;
+  double legend = kLegendLeft;  // where it ends
+  for (const std::string& label : LabelsOf(figure)) legend += LegendWidth(label);
+  const double width = std::max(legend, std::max(2, columns) * kPanelWidth + 2 * kMargin + 14);
   const double height = kHeadHeight + rows * kPanelHeight + kMargin;
   // Its own ground, so that it reads the same on a light and on a dark page.
   std::string svg = fmt::format(
@@ -140,7 +154,7 @@ std::string DrawFigure(const Figure& figure) {
       "<rect width=\"100%\" height=\"100%\" rx=\"8\" fill=\"#ffffff\"/>\n",
       width, height, EscapeHtml(figure.title));
   svg += Text(22, 28, "start", figure.title, " font-size=\"16\" font-weight=\"600\"");
-  double at = 26;
+  double at = kLegendLeft;
   bool hollow = false;
   std::vector<std::string> shown;
   for (const FigurePanel& panel : figure.panels)
@@ -150,7 +164,7 @@ std::string DrawFigure(const Figure& figure) {
       const Style& style = kStyles[static_cast<std::size_t>(s.style) % kStyles.size()];
       svg += Line(style, fmt::format("{:.0f},52 {:.0f},52", at, at + 30)) + Marker(style, at + 15, 52, false);
       svg += Text(at + 37, 56.5, "start", s.label);
-      at += 60 + 7.2 * static_cast<double>(s.label.size());
+      at += LegendWidth(s.label);
     }
   const double floor = std::pow(10.0, figure.low_decade);
   for (const FigurePanel& panel : figure.panels)

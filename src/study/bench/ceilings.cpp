@@ -44,21 +44,21 @@ double BestSeconds(int tries, Work work) {
 
 Ceilings MeasureCeilings(double bytes, int threads) {
   Ceilings out;
-  constexpr int kRounds = 200000;
+  constexpr int kRounds = 100000, kTries = 25;
   const auto count = static_cast<std::size_t>(std::max(1.0, bytes / (3 * sizeof(Four))));
   std::vector<Quad> a(count), b(count, {Four{1, 2, 3, 4}}), c(count, {Four{5, 6, 7, 8}});
   std::vector<double> kept(static_cast<std::size_t>(threads));
-  const int repeats = static_cast<int>(std::max(1.0, 4e7 / bytes));
+  const int repeats = static_cast<int>(std::max(1.0, 1e7 / bytes));
   const Four s{0.5, 0.5, 0.5, 0.5};
   WithThreads(threads, [&] {
-    const double arithmetic = BestSeconds(5, [&] {
+    const double arithmetic = BestSeconds(kTries, [&] {
       ParallelFor(0, threads, 1, [&](int begin, int end) {
         for (int i = begin; i < end; ++i) kept[static_cast<std::size_t>(i)] += FusedSums(kRounds);
       });
     });
     // Ten sums of four numbers, two operations each.
     out.gigaflops = 1e-9 * threads * kRounds * 10 * 4 * 2 / arithmetic;
-    const double memory = BestSeconds(5, [&] {
+    const double memory = BestSeconds(kTries, [&] {
       ParallelFor(0, threads, 1, [&](int begin, int end) {
         const std::size_t first = count * static_cast<std::size_t>(begin) / static_cast<std::size_t>(threads),
                           last = count * static_cast<std::size_t>(end) / static_cast<std::size_t>(threads);

@@ -74,14 +74,14 @@ std::string DrawPrecision(const BenchResults& results) {
 std::string DrawStability(const BenchResults& results) {
   if (results.stability.empty()) return "";
   Figure f;
-  f.title = "Largest stable step against stiffness";
+  f.title = "Largest stable step, of 1/60 s and its halves, against stiffness";
   f.x_label = "stiffness, times that of the file";
-  f.y_label = "s";
+  f.y_label = "largest stable step, s";
   f.x_ticks = Decades(1, 1000);
   f.low_decade = -5;
   f.high_decade = -1;
   for (const BenchStability& s : results.stability) {
-    FigurePanel panel{s.scene, "of 1/60 s and its halves", {}};
+    FigurePanel panel{s.scene, "", {}};
     for (const StabilityRow& row : s.rows) {
       auto series = std::find_if(panel.series.begin(), panel.series.end(),
                                  [&](const FigureSeries& x) { return x.label == row.simulator; });
