@@ -18,6 +18,8 @@ views="
 firemen          1   0.36   --from=-62,14 --zoom=1.3
 vehicle          5   3.6    --from=-50,18 --zoom=1.4
 hexapod_terrain  7   6.2    --from=-50,22 --zoom=2.2 --look-at=trunk
+excavator        9   8.3    --from=-62,20 --zoom=1.5
+beam_walkers     7   6.5    --from=-60,18 --zoom=1.6
 hammer           2   0.9    --from=-48,18 --zoom=1.0 --look-at=forearm
 peg_in_hole      4   3.2    --from=-70,18 --zoom=2.2 --look-at=peg
 peg_grasp        4   3      --from=-70,18 --zoom=2.2 --look-at=peg

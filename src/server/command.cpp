@@ -56,7 +56,7 @@ Command Read(const Json& message) {
       {"step", Command::Kind::kStep},   {"reset", Command::Kind::kReset},
       {"set", Command::Kind::kSet},     {"interfaces", Command::Kind::kInterfaces},
       {"ghost", Command::Kind::kGhost}, {"resume", Command::Kind::kResume},
-      {"write", Command::Kind::kWrite}};
+      {"write", Command::Kind::kWrite}, {"shape", Command::Kind::kShape}};
   const auto kind = type.is_string() ? kinds.find(type.get<std::string>()) : kinds.end();
   if (kind == kinds.end()) throw Malformed{"the message's 'type' is not one that this program knows"};
   Command c;
@@ -86,6 +86,14 @@ Command Read(const Json& message) {
       if (!bodies.is_array() || bodies.size() > 4096)
         throw Malformed{"'bodies' must be a list of body numbers"};
       for (const Json& b : bodies) c.bodies.push_back(Whole(b, "bodies"));
+      break;
+    }
+    case Command::Kind::kShape: {
+      c.body = Whole(Member(message, "body"), "body");
+      const Json& C = Member(message, "compliance");
+      if (!C.is_array() || C.size() != 6) throw Malformed{"'compliance' must be six numbers"};
+      const auto at = [&](std::size_t i) { return Number(C[i], "compliance"); };
+      c.compliance << at(0), at(3), at(4), at(3), at(1), at(5), at(4), at(5), at(2);
       break;
     }
     case Command::Kind::kResume:

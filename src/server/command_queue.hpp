@@ -41,6 +41,7 @@ class CommandQueue {
     if (before.kind != now.kind) return false;
     if (now.kind == Command::Kind::kSet) return before.setting == now.setting && before.index == now.index;
     if (now.kind == Command::Kind::kInterfaces) return before.index == now.index;
+    if (now.kind == Command::Kind::kShape) return before.body == now.body;
     return now.kind == Command::Kind::kReset;
   }
 

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "body_order.hpp"
+#include "compliance_wish.hpp"
 #include "scene_description.hpp"
 
 namespace fork1s {
@@ -31,6 +33,34 @@ std::string LiveSimulation::TuningMessage() const {
 void LiveSimulation::ShowTuning() {
   ++latest_.tuning_version;
   latest_.tuning = std::make_shared<const std::string>(TuningMessage());
+}
+
+std::optional<Refusal> LiveSimulation::HandleShape(const Command& c) {
+  const internal::BodyOrder order(simulation_);
+  if (c.body < 0 || c.body >= order.size()) return Refusal{fmt::format("there is no body {}", c.body)};
+  const SceneBody& body = simulation_.bodies()[static_cast<std::size_t>(order.InScene(c.body))];
+  if (body.mechanism < 0) return Refusal{fmt::format("no spring holds body '{}'", body.name)};
+  const auto at = static_cast<std::size_t>(body.mechanism);
+  if (body.index >= static_cast<int>(original_.mechanisms[at].bodies.size()))
+    return Refusal{fmt::format("body '{}' is held by others; take another detail level", body.name)};
+  if (!(c.compliance.cwiseAbs().maxCoeff() > 0) || !(c.compliance.diagonal().minCoeff() > 0))
+    return Refusal{"a body gives way along every axis, or along none that can be asked for"};
+  internal::ComplianceWish wish;
+  wish.mechanism = body.mechanism;
+  wish.body = BodyIndex(body.index);
+  // A mechanism that holds other bodies has further coordinates, behind its own.
+  const VectorX& q = simulation_.world().mechanisms()[at].configuration().q;
+  auto alone = BuildMechanism(original_.mechanisms[at]);
+  if (!alone) return OrSay(tl::unexpected(alone.error()));
+  wish.q = q.head(alone->num_coordinates());
+  wish.C_R = c.compliance;
+  LiveSettings changed = settings_;
+  const auto followed = internal::FollowWish(original_, wish, changed);
+  if (!followed) return OrSay(tl::unexpected(followed.error()));
+  const KeyframeDef now = PresentState();
+  auto refusal = OrSay(Rebuild(changed, &now));
+  ShowTuning();
+  return refusal;
 }
 
 std::optional<Refusal> LiveSimulation::HandleWrite(const Command& c) {

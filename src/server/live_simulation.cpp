@@ -224,6 +224,8 @@ std::optional<Refusal> LiveSimulation::Handle(const Command& c) {
       return HandleSet(c);
     case Command::Kind::kInterfaces:
       return HandleInterfaces(c);
+    case Command::Kind::kShape:
+      return HandleShape(c);
     case Command::Kind::kResume:
       return HandleResume(c);
     case Command::Kind::kWrite:

@@ -1,5 +1,7 @@
 // Numbers tuned while it runs, and the past that it goes back to.
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/importer/model_copy.hpp>
+#include <fork1s/reduction/compliance.hpp>
 #include <nlohmann/json.hpp>
 
 #include "support.hpp"
@@ -138,6 +140,87 @@ TEST(Tuning, GoesBackToAMomentOfThePastBitByBit) {
   ASSERT_FALSE(live.Handle(back));
   back.index = 1;
   EXPECT_TRUE(live.Handle(back));  // before the first that was kept
+}
+
+// ---- An ellipsoid of compliance that is dragged ----
+
+// Three links that are bent, in a plane: what forces in it do at the tip's origin three servos decide.
+constexpr const char* kFinger = R"(<mujoco model="finger">
+  <custom><text name="fork1s_interface" data="tip"/></custom>
+  <worldbody>
+    <body name="first" pos="0 0 1" euler="0 0 40">
+      <joint name="root" axis="0 1 0" damping="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03" mass="0.5"/>
+      <body name="second" pos="0.3 0 0" euler="0 50 0">
+        <joint name="middle" axis="0 1 0" stiffness="2" damping="0.1"/>
+        <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.03" mass="0.3"/>
+        <body name="third" pos="0.2 0 0" euler="0 40 0">
+          <joint name="end" axis="0 1 0" damping="0.1"/>
+          <geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.03" mass="0.2"/>
+          <body name="tip" pos="0.1 0 0"><geom size="0.03"/></body>
+        </body>
+      </body>
+    </body>
+    <body name="ball" pos="0 0 3"><freejoint/><geom size="0.1"/></body>
+  </worldbody>
+  <actuator>
+    <position name="root" joint="root" kp="30" gear="2"/>
+    <position name="middle" joint="middle" kp="20"/>
+    <position name="end" joint="end" kp="8"/>
+  </actuator>
+</mujoco>)";
+
+Matrix3 ComplianceOfTip(const LiveSimulation& live) {
+  const MechanismDynamics& m = live.simulation().world().mechanisms()[0];
+  return WalkCompliance(m.mechanism(), m.configuration().q, m.model().interfaces).C.bottomRightCorner<3, 3>();
+}
+
+Command Shape(const LiveSimulation& live, const std::string& body, const Matrix3& C) {
+  Command c;
+  c.kind = Command::Kind::kShape;
+  c.body = live.simulation().FindBody(body);
+  c.compliance = C;
+  return c;
+}
+
+TEST(Shape, StiffnessesFollowTheEllipsoid) {
+  LiveSimulation live = Start(Load(kFinger));
+  const Matrix3 before = ComplianceOfTip(live),
+                R = ExpRotation(Vector3(0, 0, 40 * 3.14159265358979323846 / 180));
+  // Pulled out by a half along a direction in the plane, then pushed in across it.
+  const Vector3 u = R * Vector3(0.6, 0, 0.8), v = R * Vector3(0.8, 0, -0.6);
+  Matrix3 wished = before;
+  for (const auto& [along, by] : {std::pair(u, 1.5), std::pair(v, 0.8)}) {
+    const Matrix3 S = Matrix3::Identity() + (std::sqrt(by) - 1) * along * along.transpose();
+    wished = S * wished * S;
+    const auto refusal = live.Handle(Shape(live, "tip", wished));
+    ASSERT_FALSE(refusal) << refusal->sentence;
+    const Matrix3 now = ComplianceOfTip(live);
+    EXPECT_LT((now - wished).cwiseAbs().maxCoeff(), 1e-3 * wished.cwiseAbs().maxCoeff()) << now << "\n\n"
+                                                                                         << wished;
+  }
+  EXPECT_GT((wished - before).norm(), 0.1 * before.norm());
+  // What was asked for is among the numbers that are tuned, and nothing else changed.
+  int changed = 0;
+  for (const Tunable& t : live.settings().tunables) {
+    EXPECT_TRUE(t.value == t.original || t.quantity == Tunable::Quantity::kStiffness) << t.owner;
+    changed += t.value != t.original;
+  }
+  EXPECT_EQ(changed, 4) << "three servos, and the spring beside one of them";
+}
+
+TEST(Shape, ComesAsNearAsJointsCan) {
+  LiveSimulation live = Start(Load(kFinger));
+  const Matrix3 before = ComplianceOfTip(live);
+  // Out of its plane nothing gives way.
+  EXPECT_FALSE(live.Handle(Shape(live, "tip", before + 0.1 * before.trace() * Matrix3::Identity())));
+  const Matrix3 now = ComplianceOfTip(live);
+  EXPECT_TRUE(now.allFinite());
+  EXPECT_LT((now - before).norm(), 2 * before.norm());
+  EXPECT_TRUE(live.Handle(Shape(live, "ball", before))) << "no spring holds it";
+  EXPECT_TRUE(live.Handle(Shape(live, "tip", Matrix3::Zero())));
+  EXPECT_FALSE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3]})"));
+  EXPECT_TRUE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3,0,0,0]})"));
 }
 
 }  // namespace

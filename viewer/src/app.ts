@@ -21,6 +21,7 @@ import { Picking } from './ui/picking';
 import { Plots } from './ui/plots';
 import { Pointer } from './ui/pointer';
 import { Problems } from './ui/problems';
+import { Stretch } from './ui/stretch';
 import { Workbench } from './ui/workbench';
 import type { Colouring } from './scene/colouring';
 import { DARK, LIGHT } from './scene/theme';
@@ -116,11 +117,13 @@ export class App {
         canvas.classList.toggle('picking', on);
       },
     });
+    const stretch = new Stretch(this.view.ellipsoids, (request) => this.send(request));
     this.pointer = new Pointer(canvas, this.view.stage, this.view.bodies, {
       canTouch: () => this.live !== null && this.timeline === null && this.view.options.copies === 1,
       picking: () => this.picking.on,
       selecting: () => this.bench.selecting,
       select: (body) => this.bench.tree.choose(body),
+      stretching: () => (this.bench.side.shown === 'tune' && this.view.options.compliance ? stretch : null),
       pull: (body, point, target) =>
         this.send({ type: 'pull', body, point: point.toArray(), target: target.toArray() }),
       release: () => this.send({ type: 'release' }),
@@ -312,6 +315,7 @@ export class App {
     this.drawnAt = now;
     this.timeline?.advance(seconds);
     this.pointer.update();
+    this.view.ellipsoids.grabbable = this.live !== null && this.bench.side.shown === 'tune';
     if (this.view.draw()) this.showState();
     this.forceLabel.place(this.view.frame, this.view.stage.camera);
     this.plots.draw(now);

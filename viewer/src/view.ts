@@ -64,7 +64,7 @@ export class View {
       this.frames.lines,
       this.reference.group,
       this.full.ghost.group,
-      this.ellipsoids.mesh,
+      this.ellipsoids.group,
       this.anatomy.group,
     );
   }

@@ -140,6 +140,34 @@ const pictures = {
       await seconds(2);
     },
   },
+  page_shape: {
+    model: ['hand.xml', '--keyframe', 'open'],
+    async touch(page) {
+      await page.keyboard.press('u');
+      await page.evaluate(() => {
+        fork1s.view.options.compliance = true;
+        fork1s.view.restyle();
+      });
+      await seconds(1);
+      const place = await page.evaluate(() => {
+        const { view } = fork1s;
+        const at = view.ellipsoids.drawn.findIndex((e) => view.scene.bodies[e.body].name === 'index_tip');
+        const m = [...view.ellipsoids.mesh.instanceMatrix.array.slice(16 * at, 16 * at + 12)];
+        const [long] = [0, 1, 2].map((i) => m.slice(4 * i, 4 * i + 3)).sort((a, b) => Math.hypot(...b) - Math.hypot(...a));
+        const { width, height } = view.stage.renderer.domElement.getBoundingClientRect();
+        const shown = (share) => {
+          const p = view.ellipsoids.drawn[at].center.clone();
+          p.set(p.x + share * long[0], p.y + share * long[1], p.z + share * long[2]).project(view.stage.camera);
+          return [(0.5 + 0.5 * p.x) * width, (0.5 - 0.5 * p.y) * height];
+        };
+        return { from: shown(0.7), to: shown(2) };
+      });
+      await page.mouse.move(...place.from);
+      await page.mouse.down(); // and it stays down
+      await page.mouse.move(...place.to, { steps: 4 });
+      await seconds(2);
+    },
+  },
   page_phone: {
     model: ['firemen.xml'],
     viewport: { width: 390, height: 760 },

@@ -21,6 +21,7 @@ struct Command {
     kInterfaces,  ///< the interface bodies of mechanism `index` are `bodies`
     kResume,      ///< back to the frame `index`, or the kept moment before it
     kWrite,       ///< into a copy of the file, `tuned` numbers, the `moment`, or both
+    kShape,       ///< `body` is to give way as `compliance` says, by other stiffnesses
     kGhost,       ///< the full simulation beside the reduced one: `on`
     kLeft,        ///< the viewer has gone; made by the server, never read from the wire
   };
@@ -34,6 +35,7 @@ struct Command {
   int index = 0;
   double value = 0;
   std::vector<int> bodies;
+  Matrix3 compliance = Matrix3::Zero();  // m/N, axes of the root
   bool tuned = false;      // write: the numbers that were changed
   bool text_only = false;  // write: no file
   int moment = -1;         // write: -1 none, 0 the present, else that of a frame

@@ -85,6 +85,7 @@ class LiveSimulation {
   KeyframeDef SetDown(KeyframeDef state) const;
   std::optional<Refusal> HandleSet(const Command& command);
   std::optional<Refusal> HandleInterfaces(const Command& command);
+  std::optional<Refusal> HandleShape(const Command& command);
   std::optional<Refusal> HandleWrite(const Command& command);
   std::optional<Refusal> HandleResume(const Command& command);
   std::optional<Refusal> OrSay(const Expected<void>& done);

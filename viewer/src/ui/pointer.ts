@@ -3,6 +3,7 @@ import * as THREE from 'three';
 import type { BodiesView } from '../scene/bodies_view';
 import type { Hit } from '../scene/picker';
 import type { Stage } from '../scene/stage';
+import type { Stretch } from './stretch';
 
 export interface PointerActions {
   canTouch(): boolean;
@@ -10,6 +11,8 @@ export interface PointerActions {
   /** A click chooses a body to look at, rather than pushing it. */
   selecting(): boolean;
   select(body: number): void;
+  /** Ellipsoids of compliance may be dragged; null: not now. */
+  stretching(): Stretch | null;
   pull(body: number, point: THREE.Vector3, target: THREE.Vector3): void;
   release(): void;
   push(body: number, point: THREE.Vector3, direction: THREE.Vector3): void;
@@ -28,6 +31,7 @@ export class Pointer {
   private readonly plane = new THREE.Plane();
   private readonly ray = new THREE.Raycaster();
   private hoverAt: { x: number; y: number } | null = null;
+  private stretch: Stretch | null = null; // while it goes on
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -49,6 +53,13 @@ export class Pointer {
   private down(event: PointerEvent): void {
     if (event.button !== 0 || !event.isPrimary || !(this.actions.canTouch() || this.actions.selecting())) return;
     const at = this.place(event);
+    this.stretch = this.actions.canTouch() ? this.actions.stretching() : null;
+    if (this.stretch?.begin(this.aim(at), this.stage.camera.getWorldDirection(new THREE.Vector3()))) {
+      this.stage.controls.enabled = false;
+      this.canvas.setPointerCapture(event.pointerId);
+      return;
+    }
+    this.stretch = null;
     this.hit = this.bodies.picker.pick(this.stage.renderer, this.stage.camera, at.x, at.y);
     this.start = at;
     this.moved = false;
@@ -59,15 +70,23 @@ export class Pointer {
     this.plane.setFromNormalAndCoplanarPoint(this.stage.camera.getWorldDirection(new THREE.Vector3()), world);
   }
 
-  private target(at: { x: number; y: number }): THREE.Vector3 | null {
+  private aim(at: { x: number; y: number }): THREE.Raycaster {
     const { width, height } = this.canvas.getBoundingClientRect();
     const device = new THREE.Vector2((2 * at.x) / width - 1, 1 - (2 * at.y) / height);
     this.ray.setFromCamera(device, this.stage.camera);
-    return this.ray.ray.intersectPlane(this.plane, new THREE.Vector3());
+    return this.ray;
+  }
+
+  private target(at: { x: number; y: number }): THREE.Vector3 | null {
+    return this.aim(at).ray.intersectPlane(this.plane, new THREE.Vector3());
   }
 
   private move(event: PointerEvent): void {
     const at = this.place(event);
+    if (this.stretch) {
+      this.stretch.move(this.aim(at), performance.now());
+      return;
+    }
     if (!this.hit) {
       if (event.buttons === 0) this.hoverAt = at;
       return;
@@ -80,6 +99,7 @@ export class Pointer {
   }
 
   private up(event: PointerEvent): void {
+    if (this.stretch) this.drop();
     if (!this.hit) return;
     const hit = this.hit;
     const clicked = !this.moved && event.type === 'pointerup';
@@ -96,6 +116,8 @@ export class Pointer {
   }
 
   private drop(): void {
+    this.stretch?.end();
+    this.stretch = null;
     if (this.hit && this.moved) this.actions.release();
     this.hit = null;
     this.stage.controls.enabled = true;

@@ -42,6 +42,7 @@ export class Tuning {
     this.filter.setAttribute('aria-label', this.filter.placeholder);
     this.filter.addEventListener('input', () => this.build());
     this.only = checkbox('only what is chosen in the scene', false, page, () => this.build());
+    element('p', 'hint', page).textContent = 'Compliance ellipsoids (View) can be dragged into another shape.';
     this.list = element('div', 'numbers', page);
     const bar = element('div', 'bar', page);
     this.write = textButton('Write these into a copy of my file', bar, () => {

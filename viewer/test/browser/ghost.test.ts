@@ -77,4 +77,54 @@ describe.skipIf(!ready)('the full simulation as a ghost', () => {
     await page.locator('.title p.ghost').waitFor({ state: 'hidden' });
     expect(await page.evaluate(() => fork1s?.view.full.ghost.group.visible)).toBe(false);
   });
+
+  it('an ellipsoid of compliance is dragged, and stiffnesses of its finger follow', async () => {
+    const { page } = live;
+    await page.setViewportSize({ width: 900, height: 560 }); // the panel leaves room for the hand
+    await page.evaluate(() => fork1s?.send({ type: 'pause', on: false }));
+    await page.keyboard.press('u');
+    await page.evaluate(() => {
+      if (!fork1s) return;
+      fork1s.view.options.compliance = true;
+      fork1s.view.restyle();
+    });
+    await page.waitForFunction(() => (fork1s?.view.ellipsoids.drawn.length ?? 0) > 0);
+    // Along its longest axis: from seven tenths of it to twice that.
+    const place = await page.evaluate(() => {
+      const view = fork1s?.view;
+      const at = view?.ellipsoids.drawn.findIndex((e) => view.scene?.bodies[e.body]?.name === 'index_tip') ?? -1;
+      const one = view?.ellipsoids.drawn[at];
+      if (!fork1s || !view || !one) throw new Error('no ellipsoid');
+      const m = [...view.ellipsoids.mesh.instanceMatrix.array.slice(16 * at, 16 * at + 12)];
+      const axes = [0, 1, 2].map((i) => m.slice(4 * i, 4 * i + 3));
+      const [long = []] = axes.sort((a, b) => Math.hypot(...b) - Math.hypot(...a));
+      const { width, height } = view.stage.renderer.domElement.getBoundingClientRect();
+      const shown = (share: number): { x: number; y: number } => {
+        const p = one.center.clone();
+        p.set(p.x + share * (long[0] ?? 0), p.y + share * (long[1] ?? 0), p.z + share * (long[2] ?? 0)).project(view.stage.camera);
+        return { x: (0.5 + 0.5 * p.x) * width, y: (0.5 - 0.5 * p.y) * height };
+      };
+      return { body: one.body, C: [...one.C], from: shown(0.7), to: shown(1.4) };
+    });
+    const changed = page.locator('.number.changed');
+    expect(await changed.count()).toBe(0);
+    const { mouse } = page;
+    const grabbed = (): Promise<boolean> => page.evaluate(() => fork1s?.view.ellipsoids.wished.visible ?? false);
+    await mouse.move(place.from.x, place.from.y);
+    await mouse.down();
+    await mouse.move(place.to.x, place.to.y, { steps: 3 });
+    expect(await grabbed()).toBe(true);
+    await changed.first().waitFor();
+    await mouse.up();
+    const names = await page.locator('.number.changed input').evaluateAll((fields) => fields.map((f) => f.getAttribute('aria-label') ?? ''));
+    expect(names.length).toBeGreaterThan(0);
+    expect(names.every((name) => /^stiffness of \w+ index_/.test(name))).toBe(true);
+    // It gives way more than it did.
+    await page.waitForFunction(({ body, C }) => {
+      const now = fork1s?.view.ellipsoids.drawn.find((e) => e.body === body)?.C ?? [];
+      const trace = (c: readonly number[]): number => (c[0] ?? 0) + (c[1] ?? 0) + (c[2] ?? 0);
+      return trace(now) > 1.2 * trace(C);
+    }, place);
+    expect(await grabbed()).toBe(false);
+  });
 });

@@ -1,0 +1,134 @@
+#include "compliance_wish.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/reduction/compliance.hpp>
+
+namespace fork1s::internal {
+namespace {
+
+constexpr double kFarthest = 1000;  // from the file's stiffness, either way
+constexpr int kSteps = 40;
+constexpr double kReached = 1e-4, kLongest = 1.0;  // of a logarithm
+
+// A number that stiffens one joint coordinate, by `per` for each unit of it.
+struct Handle {
+  std::size_t tunable;
+  JointIndex joint;
+  int freedom;
+  double per;
+};
+
+std::vector<Handle> HandlesOf(const Scene& scene, int mechanism, const LiveSettings& settings) {
+  const MechanismDef& def = scene.mechanisms[static_cast<std::size_t>(mechanism)];
+  std::vector<Handle> out;
+  for (std::size_t i = 0; i < settings.tunables.size(); ++i) {
+    const Tunable& t = settings.tunables[i];
+    if (t.mechanism != mechanism || t.quantity != Tunable::Quantity::kStiffness || !(t.original > 0))
+      continue;
+    Handle handle{i, JointIndex(t.item), t.freedom, 1};
+    if (t.of == Tunable::Of::kActuator) {
+      const ControlDef& c = def.controls[static_cast<std::size_t>(t.item)];
+      if (c.terms.size() != 1 || c.along.path >= 0) continue;  // over several joints
+      handle.joint = c.terms[0].first.joint;
+      handle.freedom = c.terms[0].first.freedom;
+      handle.per = c.terms[0].second * c.terms[0].second;
+    } else if (t.of != Tunable::Of::kJoint) {
+      continue;
+    }
+    for (const JointGroup& group : settings.groups)
+      if (group.mechanism == mechanism &&
+          std::find(group.joints.begin(), group.joints.end(), handle.joint.value()) != group.joints.end())
+        handle.per *= group.scale;
+    out.push_back(handle);
+  }
+  return out;
+}
+
+// The six entries of a symmetric matrix, those beside the diagonal weighed so that lengths are those of the
+// matrix.
+Vector6 Entries(const Matrix3& C) {
+  const double w = std::sqrt(2.0);
+  Vector6 out;
+  out << C(0, 0), C(1, 1), C(2, 2), w * C(0, 1), w * C(0, 2), w * C(1, 2);
+  return out;
+}
+
+struct Answer {
+  Matrix3 C_R;
+  Eigen::Matrix3Xd y_R;  // how the body moves per force along each coordinate
+  std::vector<int> offset;
+};
+
+Expected<Answer> AnswerOf(const Scene& scene, const ComplianceWish& wish, const LiveSettings& settings) {
+  auto built =
+      BuildMechanism(ApplySettings(scene, settings).mechanisms[static_cast<std::size_t>(wish.mechanism)]);
+  if (!built) return tl::unexpected(built.error());
+  const Matrix3 to_root = built->definition().X_WR.rotation().transpose();
+  Answer out;
+  const MatrixX C = DenseCompliance(*built, wish.q, {wish.body}).C;
+  out.C_R = to_root * C.bottomRightCorner<3, 3>() * to_root.transpose();
+  out.y_R = to_root * InterfaceResponse(*built, wish.q, {wish.body}).bottomRows<3>();
+  for (int j = 0; j < built->num_joints(); ++j) out.offset.push_back(built->joint(JointIndex(j)).offset);
+  return out;
+}
+
+double FourDigits(double x) {
+  const double unit = std::pow(10, std::floor(std::log10(x)) - 3);
+  return std::round(x / unit) * unit;
+}
+
+double Missed(const Matrix3& C, const Matrix3& wished) {
+  return (C - wished).cwiseAbs().maxCoeff() / wished.cwiseAbs().maxCoeff();
+}
+
+}  // namespace
+
+Expected<double> FollowWish(const Scene& scene, const ComplianceWish& wish, LiveSettings& settings) {
+  const std::vector<Handle> handles = HandlesOf(scene, wish.mechanism, settings);
+  const auto count = static_cast<Eigen::Index>(handles.size());
+  auto here = AnswerOf(scene, wish, settings);
+  if (!here) return tl::unexpected(here.error());
+  const double scale = wish.C_R.cwiseAbs().maxCoeff();
+  const std::vector<Tunable> before = settings.tunables;
+  double missed = Missed(here->C_R, wish.C_R), damping = 1e-6;
+  for (int step = 0; step < kSteps && missed > kReached && damping < 1e6; ++step) {
+    MatrixX J = MatrixX::Zero(6, count);  // by logarithms of the numbers
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const Handle& h = handles[static_cast<std::size_t>(i)];
+      const Vector3 y = here->y_R.col(here->offset[h.joint.u()] + h.freedom);
+      J.col(i) = -settings.tunables[h.tunable].value * h.per / scale * Entries(y * y.transpose());
+    }
+    if (!(J.norm() > 1e-9))
+      return Fail(ErrorCode::kUsage, "compliance",
+                  "no stiffness of a joint or servo moves this body; take another body");
+    const Vector6 r = Entries(here->C_R - wish.C_R) / scale;
+    const double size = J.squaredNorm() / 6;
+    const Matrix6 N = J * J.transpose() + damping * size * Matrix6::Identity();
+    VectorX change = -J.transpose() * SolvePositive(N, r);
+    change *= std::min(1.0, kLongest / std::max(1e-300, change.cwiseAbs().maxCoeff()));
+    LiveSettings tried = settings;
+    for (Eigen::Index i = 0; i < count; ++i) {
+      Tunable& t = tried.tunables[handles[static_cast<std::size_t>(i)].tunable];
+      t.value = std::clamp(t.value * std::exp(change[i]), t.original / kFarthest, t.original * kFarthest);
+    }
+    auto there = AnswerOf(scene, wish, tried);
+    const double nearer = there ? Missed(there->C_R, wish.C_R) : missed;
+    if (nearer < missed) {
+      settings = std::move(tried);
+      here = std::move(there);
+      missed = nearer;
+      damping = std::max(1e-9, 0.1 * damping);
+    } else {
+      damping *= 10;
+    }
+  }
+  // As a person would type them.
+  for (const Handle& h : handles)
+    if (Tunable& t = settings.tunables[h.tunable]; t.value != before[h.tunable].value)
+      t.value = FourDigits(t.value);
+  return missed;
+}
+
+}  // namespace fork1s::internal
