@@ -70,11 +70,11 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options);
 
 /// Poses of all bodies from the reduced state.
 struct RecoveryCost {
-  std::string mode;  // "exact", "twist", "second order"
+  std::string mode;  // "exact", "twist", "second order"; "arrays" and "arrays, N states": TwistRecovery
   std::string type;  // of numbers
   int interfaces = 0, coordinates = 0, bodies = 0, threads = 1;
   double ns_per_body = 0;
-  /// Least time that this machine's memory and arithmetic allow a body, as share of what it took. Of twist
+  /// Least time that this machine's memory and arithmetic allow a body, as share of what it took. Of twists
   /// alone: the bytes and operations of the others depend on the path to a body.
   std::optional<double> percent_of_ceiling;
   std::string bound;  // "memory" or "arithmetic"
@@ -85,7 +85,7 @@ struct Ceilings {
   double gigabytes_per_s = 0;  // a triad a = b + s c over as many bytes
   double gigaflops = 0;        // fused products and sums in registers, two operations each
 };
-Ceilings MeasureCeilings(double bytes, int threads);
+Ceilings MeasureCeilings(double bytes, int threads, bool single_precision = false);
 
 /// Of chains of as many bodies; at 2 threads too where they are thousands.
 Expected<std::vector<RecoveryCost>> MeasureRecovery(const std::vector<int>& bodies);

@@ -3,6 +3,9 @@
 #include <chrono>
 #include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/study/bench.hpp>
+#include <numeric>
+
+#include "fused_sums.hpp"
 
 namespace fork1s {
 namespace {
@@ -14,18 +17,6 @@ struct Quad {
 
 double SecondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-// Ten sums at a time hide how long one takes.
-double FusedSums(int rounds) {
-  Four sum[10];
-  for (int k = 0; k < 10; ++k) sum[k] = Four{1.0 * k, 2, 3, 4};
-  const Four factor{0.999, 0.998, 0.997, 0.996}, term{0.1, 0.2, 0.3, 0.4};
-  for (int i = 0; i < rounds; ++i)
-    for (int k = 0; k < 10; ++k) sum[k] = sum[k] * factor + term;
-  Four all{};
-  for (int k = 0; k < 10; ++k) all += sum[k];
-  return all[0] + all[1] + all[2] + all[3];
 }
 
 // The best of some tries, as what disturbs only takes time.
@@ -42,22 +33,23 @@ double BestSeconds(int tries, Work work) {
 
 }  // namespace
 
-Ceilings MeasureCeilings(double bytes, int threads) {
+Ceilings MeasureCeilings(double bytes, int threads, bool single_precision) {
   Ceilings out;
   constexpr int kRounds = 100000, kTries = 25;
   const auto count = static_cast<std::size_t>(std::max(1.0, bytes / (3 * sizeof(Four))));
   std::vector<Quad> a(count), b(count, {Four{1, 2, 3, 4}}), c(count, {Four{5, 6, 7, 8}});
-  std::vector<double> kept(static_cast<std::size_t>(threads));
+  std::vector<double> kept(static_cast<std::size_t>(threads)), operations(kept.size());
   const int repeats = static_cast<int>(std::max(1.0, 1e7 / bytes));
   const Four s{0.5, 0.5, 0.5, 0.5};
   WithThreads(threads, [&] {
     const double arithmetic = BestSeconds(kTries, [&] {
       ParallelFor(0, threads, 1, [&](int begin, int end) {
-        for (int i = begin; i < end; ++i) kept[static_cast<std::size_t>(i)] += FusedSums(kRounds);
+        for (int i = begin; i < end; ++i)
+          operations[static_cast<std::size_t>(i)] =
+              internal::FusedSums(single_precision, kRounds, kept[static_cast<std::size_t>(i)]);
       });
     });
-    // Ten sums of four numbers, two operations each.
-    out.gigaflops = 1e-9 * threads * kRounds * 10 * 4 * 2 / arithmetic;
+    out.gigaflops = 1e-9 * std::accumulate(operations.begin(), operations.end(), 0.0) / arithmetic;
     const double memory = BestSeconds(kTries, [&] {
       ParallelFor(0, threads, 1, [&](int begin, int end) {
         const std::size_t first = count * static_cast<std::size_t>(begin) / static_cast<std::size_t>(threads),

@@ -1,0 +1,58 @@
+// Compiled for every instruction set that recovery is (recovery/twist_kernels.cpp), so that what it reaches
+// is held against what could be reached with the same.
+#include "fused_sums.hpp"
+
+#include <cstddef>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "study/bench/fused_sums.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace fork1s::internal::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Ten sums at a time hide how long one takes.
+template <class Real>
+double Sums(int rounds, double& sum) {
+  const hn::ScalableTag<Real> d;
+  const auto factor = hn::Set(d, Real(0.999)), term = hn::Set(d, Real(0.25));
+  auto s0 = hn::Set(d, Real(0)), s1 = hn::Set(d, Real(1)), s2 = hn::Set(d, Real(2)), s3 = hn::Set(d, Real(3)),
+       s4 = hn::Set(d, Real(4)), s5 = hn::Set(d, Real(5)), s6 = hn::Set(d, Real(6)), s7 = hn::Set(d, Real(7)),
+       s8 = hn::Set(d, Real(8)), s9 = hn::Set(d, Real(9));
+  for (int i = 0; i < rounds; ++i) {
+    s0 = hn::MulAdd(s0, factor, term), s1 = hn::MulAdd(s1, factor, term);
+    s2 = hn::MulAdd(s2, factor, term), s3 = hn::MulAdd(s3, factor, term);
+    s4 = hn::MulAdd(s4, factor, term), s5 = hn::MulAdd(s5, factor, term);
+    s6 = hn::MulAdd(s6, factor, term), s7 = hn::MulAdd(s7, factor, term);
+    s8 = hn::MulAdd(s8, factor, term), s9 = hn::MulAdd(s9, factor, term);
+  }
+  const auto all = hn::Add(hn::Add(hn::Add(s0, s1), hn::Add(s2, s3)),
+                           hn::Add(hn::Add(hn::Add(s4, s5), hn::Add(s6, s7)), hn::Add(s8, s9)));
+  sum += static_cast<double>(hn::GetLane(all));
+  return 2.0 * 10 * rounds * static_cast<double>(hn::Lanes(d));
+}
+
+double SumsOfFloats(int rounds, double& sum) { return Sums<float>(rounds, sum); }
+double SumsOfDoubles(int rounds, double& sum) { return Sums<double>(rounds, sum); }
+
+}  // namespace
+}  // namespace fork1s::internal::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace fork1s::internal {
+
+HWY_EXPORT(SumsOfFloats);
+HWY_EXPORT(SumsOfDoubles);
+
+double FusedSums(bool single_precision, int rounds, double& sum) {
+  return single_precision ? HWY_DYNAMIC_DISPATCH(SumsOfFloats)(rounds, sum)
+                          : HWY_DYNAMIC_DISPATCH(SumsOfDoubles)(rounds, sum);
+}
+
+}  // namespace fork1s::internal
+#endif
