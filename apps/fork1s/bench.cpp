@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <ctime>
 #include <filesystem>
 #include <fork1s/record/csv.hpp>
@@ -12,9 +11,9 @@
 #include <memory>
 #include <thread>
 
+#include "bench_output.hpp"
 #include "bench_scenes.hpp"
 #include "checks.hpp"
-#include "output.hpp"
 #include "progress.hpp"
 
 namespace fork1s::app {
@@ -34,144 +33,6 @@ struct BenchArguments {
   }
   bool HasPeer(const char* peer) const { return std::find(peers.begin(), peers.end(), peer) != peers.end(); }
 };
-
-Json Number(double v, bool known = true) { return known && std::isfinite(v) ? Json(v) : Json(nullptr); }
-
-Json PeerJson(const PeerRow& row, const std::optional<double>& instructions) {
-  Json out;
-  out["step_us"] = Number(row.step_us, row.survived);
-  out["ratio"] = Number(row.step_ratio, row.survived);
-  out["error_percent"] = Number(row.error_percent, row.survived);
-  out["step_instructions"] = Number(instructions.value_or(0), instructions.has_value());
-  if (!row.survived) out["end"] = row.end;
-  return out;
-}
-
-Json SceneJson(const BenchScene& s) {
-  const PeerRow& ours = s.rows.front();
-  const auto instructions = s.Instructions("fork1s");
-  Json out;
-  out["dt_s"] = ours.dt_s;
-  out["simulated_s"] = ours.time_s;
-  out["step_us"] = Number(ours.step_us);
-  out["p99_us"] = Number(ours.p99_us);
-  out["worst_us"] = Number(ours.worst_us);
-  out["refreshes"] = ours.refreshes;
-  out["refresh_step_us"] = Number(ours.refresh_step_us, ours.refreshes > 0);
-  out["step_instructions"] = Number(instructions.value_or(0), instructions.has_value());
-  out["error_percent"] = Number(ours.error_percent);
-  out["truth_error_percent"] = Number(s.TruthErrorPercent());
-  out["loop_gap_mm"] = Number(ours.loop_gap_mm, ours.has_loops);
-  out["peers"] = Json::object();
-  for (const PeerRow& row : s.rows)
-    if (row.dt_s == ours.dt_s && &row != &ours)
-      out["peers"][row.simulator] = PeerJson(row, s.Instructions(row.simulator));
-  out["precision"] = Json::array();
-  for (const PeerRow& row : s.rows)
-    if (row.survived)
-      out["precision"].push_back({{"simulator", row.simulator},
-                                  {"dt_s", row.dt_s},
-                                  {"us_per_simulated_s", row.step_us / row.dt_s},
-                                  {"error_percent", Number(row.error_percent)}});
-  if (!s.phases.empty()) {
-    out["phases"] = Json::object();
-    for (const PhaseCost& p : s.phases) out["phases"][p.phase] = p.instructions;
-  }
-  if (!s.why_no_instructions.empty()) out["why_no_instructions"] = s.why_no_instructions;
-  return out;
-}
-
-void PrintScene(const BenchScene& s) {
-  const PeerRow& ours = s.rows.front();
-  fmt::print("{}, {:.3g} s at steps of {:.5g} s; {}\n", s.name, ours.time_s, ours.dt_s,
-             std::isfinite(s.TruthErrorPercent())
-                 ? fmt::format("the truth is known to {:.2g} % of the motion", s.TruthErrorPercent())
-                 : "no interface or free body goes anywhere, so that errors have no percentage");
-  fmt::print("  {:<22} {:>10} {:>8} {:>10} {:>10} {:>12} {:>9}\n", "", "us a step", "ratio", "99 % below",
-             "worst", "instructions", "error, %");
-  for (const PeerRow& r : s.rows) {
-    if (r.dt_s != ours.dt_s) continue;
-    if (!r.survived) {
-      fmt::print("  {:<22} {}\n", r.simulator, r.end);
-      continue;
-    }
-    const auto instructions = s.Instructions(r.simulator);
-    fmt::print("  {:<22} {:>10.1f} {:>8.2f} {:>10.1f} {:>10.1f} {:>12} {:>9}\n", r.simulator, r.step_us,
-               r.step_ratio, r.p99_us, r.worst_us, instructions ? fmt::format("{:.0f}", *instructions) : "-",
-               std::isfinite(r.error_percent) ? fmt::format("{:.3g}", r.error_percent) : "-");
-  }
-  for (const PhaseCost& p : s.phases)
-    fmt::print("    {:<22} {:>12.0f} instructions\n", p.phase, p.instructions);
-  std::fflush(stdout);
-}
-
-Json PartsJson(const BenchResults& results, Json out) {
-  out["recovery"] = Json::array();
-  for (const RecoveryCost& r : results.recovery)
-    out["recovery"].push_back(
-        {{"mode", r.mode},
-         {"type", r.type},
-         {"interfaces", r.interfaces},
-         {"coordinates", r.coordinates},
-         {"bodies", r.bodies},
-         {"threads", r.threads},
-         {"ns_per_body", Number(r.ns_per_body)},
-         {"percent_of_ceiling", Number(r.percent_of_ceiling.value_or(0), r.percent_of_ceiling.has_value())},
-         {"ceiling", r.bound.empty() ? Json(nullptr) : Json(r.bound)}});
-  out["chains"] = Json::array();
-  for (const ChainCost& c : results.chains)
-    out["chains"].push_back({{"joints", c.joints},
-                             {"reduce_ms", c.reduce_ms},
-                             {"refresh_ms", c.refresh_ms},
-                             {"step_exact_us", c.step_exact_us},
-                             {"step_twist_us", c.step_twist_us},
-                             {"heap_MB", c.heap_MB}});
-  out["many"] = Json::array();
-  for (const ManyCost& m : results.many)
-    out["many"].push_back(
-        {{"scene", m.scene}, {"instances", m.instances}, {"threads", m.threads}, {"step_us", m.step_us}});
-  out["stability"] = Json::array();
-  for (const BenchStability& s : results.stability)
-    for (const StabilityRow& r : s.rows)
-      out["stability"].push_back({{"scene", s.scene},
-                                  {"simulator", r.simulator},
-                                  {"stiffness_scale", r.stiffness_scale},
-                                  {"largest_stable_dt_s", r.largest_stable_dt_s}});
-  return out;
-}
-
-void PrintParts(const BenchResults& results) {
-  if (!results.recovery.empty())
-    fmt::print("poses of all bodies\n  {:<14} {:>10} {:>8} {:>8} {:>10} {:>26}\n", "", "interfaces", "bodies",
-               "threads", "ns a body", "of what the machine can");
-  for (const RecoveryCost& r : results.recovery)
-    fmt::print("  {:<14} {:>10} {:>8} {:>8} {:>10.1f} {:>26}\n", r.mode, r.interfaces, r.bodies, r.threads,
-               r.ns_per_body,
-               r.percent_of_ceiling ? fmt::format("{:.0f} %, {}", *r.percent_of_ceiling, r.bound) : "-");
-  for (const BenchStability& s : results.stability) {
-    fmt::print("largest stable step of {}, stiffness times 1, 10, 100, 1000\n", s.scene);
-    for (const StabilityRow& r : s.rows) {
-      if (r.stiffness_scale != 1) continue;
-      fmt::print("  {:<22}", r.simulator);
-      for (const StabilityRow& of_same : s.rows)
-        if (of_same.simulator == r.simulator)
-          fmt::print(" {:>10}", of_same.largest_stable_dt_s > 0
-                                    ? fmt::format("1/{:.0f}", 1 / of_same.largest_stable_dt_s)
-                                    : "none");
-      fmt::print("\n");
-    }
-  }
-  if (!results.chains.empty())
-    fmt::print("chains\n  {:<8} {:>12} {:>14} {:>16} {:>16} {:>8}\n", "joints", "reducing, ms",
-               "a refresh, ms", "a step, exact us", "a step, twist us", "MB");
-  for (const ChainCost& c : results.chains)
-    fmt::print("  {:<8} {:>12.3f} {:>14.3f} {:>16.1f} {:>16.1f} {:>8.2f}\n", c.joints, c.reduce_ms,
-               c.refresh_ms, c.step_exact_us, c.step_twist_us, c.heap_MB);
-  if (!results.many.empty()) fmt::print("many at a time\n");
-  for (const ManyCost& m : results.many)
-    fmt::print("  {} of {} on {}: {:.2f} us a step of one\n", m.instances, m.scene,
-               m.threads == 1 ? "one thread" : fmt::format("{} threads", m.threads), m.step_us);
-}
 
 BenchOptions OptionsFor(const BenchModel& model, const BenchArguments& args) {
   BenchOptions options;

@@ -37,6 +37,9 @@ TEST(Bench, ASceneBesideMuJoCoAndTheConvergedRun) {
 }
 
 TEST(Bench, CountsInstructionsByPart) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "valgrind runs no program with a sanitizer";
+#endif
   if (Shell("command -v valgrind").code != 0) GTEST_SKIP() << "valgrind is not installed";
   const Outcome o = Fork1s(
       "bench two_link_arm --json --time 0.05 --rounds 1 --truth 2 --peers none --phases "

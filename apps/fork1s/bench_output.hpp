@@ -1,0 +1,18 @@
+// What `bench` prints.
+#pragma once
+
+#include <fork1s/study/bench.hpp>
+
+#include "output.hpp"
+
+namespace fork1s::app {
+
+/// One scene under its name in "scenes".
+Json SceneJson(const BenchScene& scene);
+/// `out` with what was measured beside the scenes.
+Json PartsJson(const BenchResults& results, Json out);
+
+void PrintScene(const BenchScene& scene);
+void PrintParts(const BenchResults& results);
+
+}  // namespace fork1s::app
