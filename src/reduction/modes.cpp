@@ -10,8 +10,11 @@
 namespace fork1s::internal {
 namespace {
 
-// Beyond this many elastic coordinates the dense eigenproblem costs more than Lanczos on products with M.
-constexpr int kDenseLimit = 300;
+// Beyond this many elastic coordinates the dense eigenproblem costs more than Lanczos on products with M: all
+// of Reduce on a chain of 40 joints takes 0.09 and 0.06 ms, of 100 0.72 and 0.12, of 290 11 and 0.37. Modes
+// of equal limbs, several at one frequency, are found by it too: to 1e-14 it does not end before rounding has
+// shown them all.
+constexpr int kDenseLimit = 30;
 
 // y -> P (VᵀMV - extra S⁻¹ extraᵀ) P y with P the projector off Y, in O(n) a product.
 class MassOperator {
