@@ -5,11 +5,14 @@
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/reduction/compliance.hpp>
 
+#include <fmt/format.h>
+
 namespace fork1s::internal {
 namespace {
 
 constexpr double kFarthest = 1000;  // from the file's stiffness, either way
 constexpr int kSteps = 40;
+constexpr int kMostCoordinates = 200;  // a step takes milliseconds there, and grows with their cube
 constexpr double kReached = 1e-4, kLongest = 1.0;  // of a logarithm
 
 // A number that stiffens one joint coordinate, by `per` for each unit of it.
@@ -86,6 +89,13 @@ double Missed(const Matrix3& C, const Matrix3& wished) {
 }  // namespace
 
 Expected<double> FollowWish(const Scene& scene, const ComplianceWish& wish, LiveSettings& settings) {
+  if (wish.q.size() > kMostCoordinates)
+    return Fail(
+        ErrorCode::kUsage, "compliance",
+        fmt::format(
+            "can be asked for of mechanisms of up to {} joint coordinates, and this one has {}; tune its "
+            "stiffnesses one by one",
+            kMostCoordinates, wish.q.size()));
   const std::vector<Handle> handles = HandlesOf(scene, wish.mechanism, settings);
   const auto count = static_cast<Eigen::Index>(handles.size());
   auto here = AnswerOf(scene, wish, settings);

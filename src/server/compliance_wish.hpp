@@ -17,7 +17,7 @@ struct ComplianceWish {
 /// as nearly as they can: to a thousandth and to a thousand times those of the file. Least squares on
 /// logarithms with exact gradients, ∂C/∂k = -y yᵀ (docs/method.md, section 4), each step the shortest that
 /// leads there. `scene`: as the file has it. Returns what is missed, the largest entry over the largest
-/// wished. Errors: kUsage where no such stiffness moves the body; as of BuildMechanism.
+/// wished. Errors: kUsage where no such stiffness moves the body, and beyond 200 joint coordinates; as of BuildMechanism.
 Expected<double> FollowWish(const Scene& scene, const ComplianceWish& wish, LiveSettings& settings);
 
 }  // namespace fork1s::internal

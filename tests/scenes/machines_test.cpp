@@ -45,6 +45,28 @@ TEST(Excavator, LiftsWhatItDigsAndFillsTheSkip) {
   EXPECT_GE(in_skip, std::max(4, lifted - 1)) << where.str();
 }
 
+// Without a heap, at 1e10 N/m: where the edge is pressed on the ground one cylinder gives all it can. All of
+// them went from one bound to the other, in the same step and in every step after it.
+TEST(Excavator, StiffCylindersGiveWayOneAtATime) {
+  ImportOptions options;
+  options.stiffness_scale = 1e3;
+  Scene scene = Load("excavator", options).scene;
+  scene.free_bodies.clear();
+  for (KeyframeDef& key : scene.keyframes) key.free_bodies.clear();
+  Simulation simulation = Start(std::move(scene));
+  auto track = ReadControls(FORK1S_SOURCE_DIR "/scenes/excavator.csv");
+  ASSERT_TRUE(track) << track.error().Text();
+  int at_bound = 0;
+  while (simulation.time() < 12) {
+    track->Apply(simulation.time() + simulation.dt(), simulation);
+    const StepReport report = simulation.Step();
+    ASSERT_TRUE(report.finite && report.solver.converged) << simulation.time();
+    at_bound = std::max(at_bound, report.forces_at_bound);
+    ASSERT_LT(simulation.ClosureGap(), 1e-8) << simulation.time();
+  }
+  EXPECT_EQ(at_bound, 1);
+}
+
 TEST(BeamWalkers, CarryTheBeamUpTheStep) {
   SceneRun run("beam_walkers");
   run.Until(1.5);

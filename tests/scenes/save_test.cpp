@@ -45,7 +45,7 @@ TEST_P(Saved, TheSameBitsFollow) {
 std::vector<SaveCase> AllCases() {
   std::vector<SaveCase> cases;
   for (const char* scene : {"hexapod_terrain", "firemen", "vehicle", "grasp_box", "grasp_mug", "peg_grasp",
-                            "hammer", "fourbar_gripper"})
+                            "hammer", "fourbar_gripper", "excavator", "beam_walkers"})
     for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta})
       cases.push_back({scene, integrator});
   return cases;

@@ -209,6 +209,26 @@ TEST(Shape, StiffnessesFollowTheEllipsoid) {
   EXPECT_EQ(changed, 4) << "three servos, and the spring beside one of them";
 }
 
+// It would stand still for minutes.
+TEST(Shape, IsNotAskedOfAThousandJoints) {
+  std::string text = "<mujoco><worldbody>", end;
+  for (int i = 0; i < 70; ++i) {
+    text += "<body pos='0.1 0 0'>";
+    for (const char* axis : {"1 0 0", "0 1 0", "0 0 1"})
+      text += std::string("<joint axis='") + axis + "' stiffness='5' damping='0.1'/>";
+    text += "<geom size='0.02'/>";
+    end += "</body>";
+  }
+  LiveSimulation live = Start(Load(text + end + "</worldbody></mujoco>"));
+  Command c;
+  c.kind = Command::Kind::kShape;
+  c.body = static_cast<int>(live.simulation().bodies().size()) - 1;
+  c.compliance = Matrix3::Identity();
+  const auto refusal = live.Handle(c);
+  ASSERT_TRUE(refusal);
+  EXPECT_NE(refusal->sentence.find("210"), std::string::npos) << refusal->sentence;
+}
+
 TEST(Shape, ComesAsNearAsJointsCan) {
   LiveSimulation live = Start(Load(kFinger));
   const Matrix3 before = ComplianceOfTip(live);

@@ -45,6 +45,7 @@ export class App {
   private live: LiveStream | null = null;
   private ghostOn = false;
   private goesOn = false; // it ran when the user looked back
+  private resuming = false; // it was told to go on, and frames still come from before that
   private foreign = false; // the program speaks another version of the stream
   private readonly bar: Bar;
   private readonly notices: Notices;
@@ -186,7 +187,7 @@ export class App {
       return;
     }
     if (!this.live || this.past.length === 0) return;
-    this.goesOn = this.view.frame?.paused === false;
+    this.goesOn = this.resuming || this.view.frame?.paused === false;
     this.send({ type: 'pause', on: true });
     this.play(this.past.recording(), true);
   }
@@ -197,7 +198,10 @@ export class App {
     this.panel.setEnabled(!playing);
     this.bench.setLive(!playing && this.live !== null);
     if (playing) this.notices.uncover();
-    else if (this.goesOn) this.send({ type: 'pause', on: false });
+    else if (this.goesOn) {
+      this.resuming = true;
+      this.send({ type: 'pause', on: false });
+    }
   }
 
   get timeline(): Timeline | null {
@@ -280,7 +284,10 @@ export class App {
       this.problems.clear('request', 'ghost'); // the model was built anew since
       if (!this.view.scene) this.notices.sayAll(scene.warnings);
     }
-    if (!frame.paused) this.problems.clear('run');
+    if (!frame.paused) {
+      this.problems.clear('run');
+      if (!this.timeline) this.resuming = false;
+    }
     this.view.setFrame(scene, shapes, frame, maps);
     ++this.framesTaken;
     // What is looked at again does not happen again.
@@ -342,6 +349,7 @@ export class App {
   }
 
   private togglePause(): void {
+    this.resuming = false;
     if (this.timeline) this.timeline.toggle();
     else if (this.view.frame) this.send({ type: 'pause', on: !this.view.frame.paused });
   }

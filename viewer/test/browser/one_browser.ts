@@ -22,8 +22,8 @@ export default async function setup(project: TestProject): Promise<(() => Promis
     args: [
       '--headless',
       '--no-sandbox',
-      '--use-angle=swiftshader',
-      '--enable-unsafe-swiftshader',
+      // On the processor, the same everywhere; FORK1S_GPU=1 is for what is measured (frames.test.ts).
+      ...(process.env['FORK1S_GPU'] === '1' ? ['--ignore-gpu-blocklist', '--use-gl=angle'] : ['--use-angle=swiftshader', '--enable-unsafe-swiftshader']),
       '--disable-quic',
       '--no-first-run',
       '--disable-background-networking',

@@ -40,6 +40,22 @@ describe.skipIf(!ready)('the past, and every signal', () => {
     await page.waitForFunction((t) => (fork1s?.scalar('time') ?? 0) > t, first + 0.2);
   });
 
+  // Frames from before it went on were taken for a pause of the user's, and looking back a second time ended in one.
+  it('is left and looked at again at once, and the simulation goes on in the end', async () => {
+    const { page } = live;
+    await page.evaluate(() => {
+      const back = (): boolean => window.dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowLeft' }));
+      const leave = (): void => [...document.querySelectorAll('button')].find((b) => b.textContent === 'Live')?.click();
+      back();
+      leave();
+      if (fork1s?.view.frame) fork1s.view.frame = { ...fork1s.view.frame, paused: true };
+      back();
+      leave();
+    });
+    const left = await time();
+    await page.waitForFunction((t) => fork1s?.view.frame?.paused === false && fork1s.timeline === null && fork1s.scalar('time') > t + 0.2, left);
+  });
+
   it('a moment is kept as keyframe text and in a copy that starts there', async () => {
     const { page } = live;
     await page.keyboard.press('Space');
