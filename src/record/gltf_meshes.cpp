@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/geometry/surface.hpp>
-
-#include "pictures.hpp"
+#include <fork1s/record/png.hpp>
 
 namespace fork1s::internal {
 namespace {

@@ -3,8 +3,9 @@
 #include <zlib.h>
 
 #include <fork1s/base/error.hpp>
+#include <fork1s/record/png.hpp>
 
-namespace fork1s::internal {
+namespace fork1s {
 namespace {
 
 void AppendBigEndian(std::uint32_t value, std::string& out) {
@@ -21,6 +22,8 @@ void AppendChunk(const std::string& kind, const std::string& data, std::string& 
 }
 
 }  // namespace
+
+namespace internal {
 
 std::vector<std::uint8_t> Deflated(const std::vector<std::uint8_t>& bytes) {
   uLongf size = compressBound(static_cast<uLong>(bytes.size()));
@@ -41,6 +44,8 @@ std::vector<std::uint8_t> Inflated(const std::vector<std::uint8_t>& packed, std:
   return bytes;
 }
 
+}  // namespace internal
+
 std::string Png(const Picture& picture) {
   const auto row = 3 * static_cast<std::size_t>(picture.width);
   FORK1S_REQUIRE(picture.width > 0 && picture.height > 0 &&
@@ -57,7 +62,7 @@ std::string Png(const Picture& picture) {
     if (i % row == 0) rows.push_back(2);
     rows.push_back(static_cast<std::uint8_t>(picture.rgb[i] - (i < row ? 0 : picture.rgb[i - row])));
   }
-  const std::vector<std::uint8_t> packed = Deflated(rows);
+  const std::vector<std::uint8_t> packed = internal::Deflated(rows);
   std::string out = "\x89PNG\r\n\x1a\n";
   AppendChunk("IHDR", header, out);
   AppendChunk("IDAT", std::string(packed.begin(), packed.end()), out);
@@ -65,4 +70,4 @@ std::string Png(const Picture& picture) {
   return out;
 }
 
-}  // namespace fork1s::internal
+}  // namespace fork1s

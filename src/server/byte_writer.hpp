@@ -30,6 +30,7 @@ class ByteWriter {
     const Quaternion q = X.quaternion();
     for (double c : {q.w(), q.x(), q.y(), q.z()}) F64(c);
   }
+  void Bytes(const std::string& bytes) { bytes_ += bytes; }
   std::string Take() { return std::move(bytes_); }
 
  private:

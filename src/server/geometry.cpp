@@ -3,7 +3,9 @@
 #include <cmath>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/geometry/surface.hpp>
+#include <fork1s/record/png.hpp>
 #include <fork1s/server/wire.hpp>
+#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -15,34 +17,34 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Meshes and height grids in the order in which shapes first use them; shapes that share one, and its
-// picture, share it here too.
+// Meshes, height grids and pictures in the order in which shapes first use them; shapes that share one share
+// it here too.
 struct MeshTable {
-  struct Entry {
-    const TriangleMesh* mesh;
-    const Picture* picture;
-  };
-  std::map<std::pair<const void*, const Picture*>, int> numbers;
-  std::vector<Entry> meshes;
+  std::map<const void*, int> numbers;
+  std::vector<const TriangleMesh*> meshes;
   std::vector<std::shared_ptr<const TriangleMesh>> made;
+  std::vector<const Picture*> pictures;
 
-  int Number(const TriangleMesh& mesh, const Picture* picture) {
-    return Number(&mesh, mesh, mesh.corner_uv.empty() ? nullptr : picture);
-  }
-  int Number(const void* key, const TriangleMesh& mesh, const Picture* picture) {
-    const auto [at, is_new] = numbers.emplace(std::pair(key, picture), static_cast<int>(meshes.size()));
-    if (is_new) meshes.push_back({&mesh, picture});
+  int Number(const TriangleMesh& mesh) { return Number(&mesh, mesh); }
+  int Number(const void* key, const TriangleMesh& mesh) {
+    const auto [at, is_new] = numbers.emplace(key, static_cast<int>(meshes.size()));
+    if (is_new) meshes.push_back(&mesh);
     return at->second;
   }
   int Number(const HeightGrid& grid);
+  int Number(const Picture& picture) {
+    const auto at = std::find(pictures.begin(), pictures.end(), &picture) - pictures.begin();
+    if (at == std::ssize(pictures)) pictures.push_back(&picture);
+    return static_cast<int>(at);
+  }
 };
 
 // A height grid becomes the triangles of its surface.
 int MeshTable::Number(const HeightGrid& grid) {
-  if (const auto at = numbers.find({&grid, nullptr}); at != numbers.end()) return at->second;
+  if (const auto at = numbers.find(&grid); at != numbers.end()) return at->second;
   auto mesh = std::make_shared<const TriangleMesh>(GridTriangles(grid));
   made.push_back(mesh);
-  return Number(&grid, *mesh, nullptr);
+  return Number(&grid, *mesh);
 }
 
 Json Numbers(std::initializer_list<double> values) {
@@ -63,32 +65,12 @@ struct SizeOf {
     out["size"] = Numbers({s.radii.x(), s.radii.y(), s.radii.z()});
   }
   void operator()(const Box& s) const { out["size"] = Numbers({s.half.x(), s.half.y(), s.half.z()}); }
-  void operator()(const MeshShape& s) const { out["mesh"] = meshes.Number(*s.mesh, picture); }
+  void operator()(const MeshShape& s) const {
+    out["mesh"] = meshes.Number(*s.mesh);
+    if (picture && !s.mesh->corner_uv.empty()) out["picture"] = meshes.Number(*picture);
+  }
   void operator()(const HeightField& s) const { out["mesh"] = meshes.Number(*s.grid); }
 };
-
-// The page has no pictures, but colours of corners: that of the picture a quarter of the way to the middle of
-// the triangle, since what a corner touches is often the next piece of an atlas.
-void CornerColours(const TriangleMesh& mesh, const Picture& picture, internal::ByteWriter& out) {
-  const auto place = [](float at, int size) {
-    const float wrapped = at - std::floor(at);
-    return static_cast<std::size_t>(
-        std::clamp(static_cast<int>(wrapped * static_cast<float>(size)), 0, size - 1));
-  };
-  for (std::size_t t = 0; t < mesh.corner_uv.size() / 3; ++t) {
-    const Eigen::Vector2f *corners = &mesh.corner_uv[3 * t],
-                          middle = (corners[0] + corners[1] + corners[2]) / 3;
-    for (int k = 0; k < 3; ++k) {
-      const Eigen::Vector2f uv = 0.75F * corners[k] + 0.25F * middle;
-      std::size_t pixel = 0;
-      if (uv.allFinite())
-        pixel = place(uv.y(), picture.height) * static_cast<std::size_t>(picture.width) +
-                place(uv.x(), picture.width);
-      const std::uint8_t* rgb = &picture.rgb[3 * pixel];
-      out.U32(rgb[0] | static_cast<std::uint32_t>(rgb[1]) << 8 | static_cast<std::uint32_t>(rgb[2]) << 16);
-    }
-  }
-}
 
 Json Collect(const Simulation& simulation, MeshTable& meshes) {
   Json shapes = Json::array();
@@ -134,15 +116,22 @@ std::string EncodeMeshes(const Simulation& simulation) {
   internal::ByteWriter out;
   out.U32(static_cast<std::uint32_t>(WireKind::kMeshes));
   out.U32(static_cast<std::uint32_t>(meshes.meshes.size()));
-  for (const auto& [mesh, picture] : meshes.meshes) {
+  for (const TriangleMesh* mesh : meshes.meshes) {
     out.U32(static_cast<std::uint32_t>(mesh->vertices.size()));
     out.U32(static_cast<std::uint32_t>(mesh->triangles.size()));
-    out.U32(picture ? static_cast<std::uint32_t>(mesh->corner_uv.size()) : 0);
+    out.U32(static_cast<std::uint32_t>(mesh->corner_uv.size()));
     for (const Eigen::Vector3f& v : mesh->vertices)
       for (int i = 0; i < 3; ++i) out.F32(static_cast<double>(v(i)));
     for (const Eigen::Vector3i& t : mesh->triangles)
       for (int i = 0; i < 3; ++i) out.U32(static_cast<std::uint32_t>(t(i)));
-    if (picture) CornerColours(*mesh, *picture, out);
+    for (const Eigen::Vector2f& uv : mesh->corner_uv)
+      for (int i = 0; i < 2; ++i) out.F32(uv.allFinite() ? static_cast<double>(uv(i)) : 0);
+  }
+  out.U32(static_cast<std::uint32_t>(meshes.pictures.size()));
+  for (const Picture* picture : meshes.pictures) {
+    const std::string file = Png(*picture);
+    out.U32(static_cast<std::uint32_t>(file.size()));
+    out.Bytes(file);
   }
   return out.Take();
 }

@@ -154,14 +154,17 @@ def test_other_threads_run_while_it_steps(gripper):
             counted += 1
 
     thread = threading.Thread(target=count)
-    # Python hands its lock over every half second only, which the steps are far from taking, so the other thread
-    # counts when `step` gives it up.
+    # Python never hands its lock over by itself here, so the other thread counts when `step` gives it up, and a core
+    # is free for it: on a busy machine not in the first ten milliseconds.
     interval = sys.getswitchinterval()
     thread.start()
-    sys.setswitchinterval(0.5)
+    sys.setswitchinterval(1e6)
     try:
         before = counted
-        sim.step(1000)
+        for _ in range(300):
+            sim.step(1000)
+            if counted > before:
+                break
         during = counted - before
     finally:
         sys.setswitchinterval(interval)

@@ -226,7 +226,7 @@ export class App {
       return;
     }
     const message = decodeBinary(data);
-    if (message.kind === 'meshes') this.library.addMeshes(message.meshes);
+    if (message.kind === 'meshes') this.library.addMeshes(message.meshes, message.pictures);
     else if (message.kind === 'maps') this.library.addMaps(message.maps);
     else if (message.kind === 'ghost') this.takeGhost(message.ghost);
     else if (!this.timeline) {

@@ -63,6 +63,7 @@ export async function film(app: App, wanted: Film): Promise<void> {
   // A picture shows one moment, so that its camera need not hold the whole path.
   app.frameRecording(picture);
   app.timeline?.go(picture ?? 0);
+  await app.view.bodies.pictures.ready;
   const body = wanted.body === undefined ? undefined : app.view.poses()[wanted.body];
   stage.lookFrom(wanted.azimuth, wanted.elevation, wanted.zoom ?? 1, body?.p);
   if (picture !== undefined) {

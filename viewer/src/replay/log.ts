@@ -72,7 +72,7 @@ export class Log {
       }
       const binary = decodeBinary(message);
       if (binary.kind === 'maps') library.addMaps(binary.maps);
-      else if (binary.kind === 'meshes') library.addMeshes(binary.meshes);
+      else if (binary.kind === 'meshes') library.addMeshes(binary.meshes, binary.pictures);
       else if (binary.kind === 'frame') this.moments.push({ time: binary.frame.scalars[0] ?? 0, message });
     }
   }

@@ -5,7 +5,8 @@ import { listTexture, numbers } from '../poses/lists';
 import type { RootInfo, SceneMessage, Shapes } from '../wire/messages';
 import type { Rigid } from '../poses/rigid';
 import { apply } from '../poses/rigid';
-import { posedDepth, posedIdentity, posedSurface, posedUniforms, usePoses, type PosedUniforms } from './posed_material';
+import { definePictures, Pictures } from './pictures';
+import { posedDepth, posedIdentity, posedSurface, posedUniforms, stillSurface, usePoses, type PosedUniforms } from './posed_material';
 import { Picker } from './picker';
 import { instancesOf, mergeShapes, type Batch, type MergedShapes, type ShapeChoice } from './shapes';
 
@@ -16,7 +17,9 @@ export class BodiesView {
   private readonly surface = posedSurface(this.uniforms, { roughness: 0.62, metalness: 0.04 });
   private readonly depth = posedDepth(this.uniforms);
   private readonly identity = posedIdentity(this.uniforms);
-  private readonly stillMaterial = new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.85 });
+  private readonly stillMaterial = stillSurface(this.uniforms, { roughness: 0.85 });
+  private pictured: Shapes | null = null; // whose pictures these are
+  pictures = new Pictures([]);
   private merged: MergedShapes | null = null;
   private stillOn = true;
   private readonly moving: THREE.Mesh[] = [];
@@ -27,6 +30,13 @@ export class BodiesView {
     for (const batch of this.batches) batch.geometry.dispose();
     this.merged?.still?.dispose();
     this.merged = mergeShapes(shapes, roots, choice);
+    if (this.pictured !== shapes) {
+      this.pictures.dispose();
+      this.pictures = new Pictures(shapes.pictures);
+      this.pictured = shapes;
+      this.uniforms.pictures.value = this.pictures.texture;
+      for (const material of [this.surface, this.stillMaterial]) definePictures(material, this.pictures.texture !== null);
+    }
     if (this.merged.still) {
       const still = new THREE.Mesh(this.merged.still, this.stillMaterial);
       still.castShadow = still.receiveShadow = true;

@@ -2,6 +2,7 @@
 import * as THREE from 'three';
 import { LIST_GLSL, RIGID_GLSL } from '../poses/glsl';
 import type { PoseLists } from '../poses/gpu';
+import { PICTURE_FRAGMENT, PICTURE_VERTEX, USE_PICTURE } from './pictures';
 
 export interface PosedUniforms {
   poseQ: THREE.IUniform<THREE.Texture | null>;
@@ -10,6 +11,7 @@ export interface PosedUniforms {
   spread: THREE.IUniform<THREE.Vector3>;
   copies: THREE.IUniform<number>;
   bodies: THREE.IUniform<number>; // of one copy
+  pictures: THREE.IUniform<THREE.DataArrayTexture | null>;
 }
 
 export function posedUniforms(styles: PosedUniforms['styles'] = { value: null }): PosedUniforms {
@@ -20,6 +22,7 @@ export function posedUniforms(styles: PosedUniforms['styles'] = { value: null })
     spread: { value: new THREE.Vector3(1, 0, 0) },
     copies: { value: 1 },
     bodies: { value: 1 },
+    pictures: { value: null },
   };
 }
 
@@ -71,7 +74,7 @@ function patch(material: THREE.Material, uniforms: PosedUniforms, withColour: bo
   material.onBeforeCompile = (shader) => {
     Object.assign(shader.uniforms, uniforms);
     let vertex = shader.vertexShader
-      .replace('#include <common>', `#include <common>\n${DECLARATIONS}\nflat out float share;`)
+      .replace('#include <common>', `#include <common>\n${DECLARATIONS}\n${withColour ? PICTURE_VERTEX : ''}\nflat out float share;`)
       .replace(
         '#include <project_vertex>',
         `#include <project_vertex>
@@ -85,18 +88,43 @@ function patch(material: THREE.Material, uniforms: PosedUniforms, withColour: bo
         '#include <color_vertex>',
         `#include <color_vertex>
          vec4 style = entry(styles, bodyIndex());
-         vColor.rgb = mix(vColor.rgb, style.rgb, style.a);`,
+         vColor.rgb = mix(vColor.rgb, style.rgb, style.a);
+         #ifdef PICTURES
+         placeInPicture = pictureAt;
+         pictureShare = 1.0 - style.a;
+         #endif`,
       );
     shader.vertexShader = vertex;
     shader.fragmentShader = shader.fragmentShader
-      .replace('#include <common>', `#include <common>\n${FADE}`)
+      .replace('#include <common>', `#include <common>\n${FADE}\n${withColour ? PICTURE_FRAGMENT : ''}`)
+      .replace('#include <color_fragment>', withColour ? USE_PICTURE : '#include <color_fragment>')
       .replace('#include <alphatest_fragment>', '#include <alphatest_fragment>\n  if (isLeftOut()) discard;');
   };
 }
 
-export function posedSurface(uniforms: PosedUniforms, options: THREE.MeshStandardMaterialParameters): THREE.Material {
+export function posedSurface(uniforms: PosedUniforms, options: THREE.MeshStandardMaterialParameters): THREE.MeshStandardMaterial {
   const material = new THREE.MeshStandardMaterial({ vertexColors: true, ...options });
   patch(material, uniforms, material.vertexColors);
+  return material;
+}
+
+/** Of what stands still: no poses, but pictures. */
+export function stillSurface(uniforms: PosedUniforms, options: THREE.MeshStandardMaterialParameters): THREE.MeshStandardMaterial {
+  const material = new THREE.MeshStandardMaterial({ vertexColors: true, ...options });
+  material.onBeforeCompile = (shader) => {
+    shader.uniforms['pictures'] = uniforms.pictures;
+    shader.vertexShader = shader.vertexShader.replace('#include <common>', `#include <common>\n${PICTURE_VERTEX}`).replace(
+      '#include <color_vertex>',
+      `#include <color_vertex>
+       #ifdef PICTURES
+       placeInPicture = pictureAt;
+       pictureShare = 1.0;
+       #endif`,
+    );
+    shader.fragmentShader = shader.fragmentShader
+      .replace('#include <common>', `#include <common>\n${PICTURE_FRAGMENT}`)
+      .replace('#include <color_fragment>', USE_PICTURE);
+  };
   return material;
 }
 

@@ -9,25 +9,15 @@ const FIRST_HIDDEN_GROUP = 3;
 
 const ALONG_Z = new THREE.Matrix4().makeRotationX(Math.PI / 2); // three's cylinders stand along y
 
-function linearColors(colors: Uint32Array): Float32Array {
-  const out = new Float32Array(3 * colors.length);
-  const tone = new THREE.Color();
-  colors.forEach((c, k) => {
-    tone.setRGB((c & 255) / 255, ((c >> 8) & 255) / 255, ((c >> 16) & 255) / 255, THREE.SRGBColorSpace);
-    out.set([tone.r, tone.g, tone.b], 3 * k);
-  });
-  return out;
-}
-
 function meshGeometry(mesh: MeshData): THREE.BufferGeometry {
   let geometry = new THREE.BufferGeometry();
   geometry.setAttribute('position', new THREE.BufferAttribute(mesh.positions, 3));
   geometry.setIndex(new THREE.BufferAttribute(mesh.triangles, 1));
-  if (mesh.colors.length > 0) {
+  if (mesh.uv.length > 0) {
     const corners = geometry.toNonIndexed();
     geometry.dispose();
     geometry = corners;
-    geometry.setAttribute('color', new THREE.BufferAttribute(linearColors(mesh.colors), 3));
+    geometry.setAttribute('uv', new THREE.BufferAttribute(mesh.uv, 2));
   }
   // Files give no normals here: smooth where the surface is, sharp at edges of more than 40 degrees.
   const creased = toCreasedNormals(mergeVertices(geometry, 1e-6), (40 * Math.PI) / 180);
@@ -60,7 +50,7 @@ function shapeGeometry(shape: ShapeInfo, meshes: THREE.BufferGeometry[], detail:
 
 /** Shapes that are drawn together: one draw, an instance for every entry of `firsts`. */
 export interface Batch {
-  /** position, normal, color, body: counted from an entry of `firsts` */
+  /** position, normal, color, body: counted from an entry of `firsts`; pictureAt where shapes have pictures */
   geometry: THREE.BufferGeometry;
   firsts: Float32Array;
 }
@@ -85,7 +75,12 @@ function poseMatrix(shape: ShapeInfo): THREE.Matrix4 {
   );
 }
 
-function merge(parts: { geometry: THREE.BufferGeometry; shape: ShapeInfo }[]): THREE.BufferGeometry | null {
+/** Layer of a shape's picture, -1 where it has none or does not say where it lies. */
+function layerOf(geometry: THREE.BufferGeometry, shape: ShapeInfo): number {
+  return shape.kind === 'mesh' && geometry.hasAttribute('uv') ? (shape.picture ?? -1) : -1;
+}
+
+function merge(parts: { geometry: THREE.BufferGeometry; shape: ShapeInfo }[], pictured: boolean): THREE.BufferGeometry | null {
   let vertices = 0;
   let indices = 0;
   for (const { geometry } of parts) {
@@ -97,6 +92,7 @@ function merge(parts: { geometry: THREE.BufferGeometry; shape: ShapeInfo }[]): T
   const normal = new Float32Array(3 * vertices);
   const color = new Float32Array(3 * vertices);
   const body = new Float32Array(vertices);
+  const pictureAt = pictured ? new Float32Array(3 * vertices) : null;
   const index = new Uint32Array(indices);
   let v = 0;
   let i = 0;
@@ -107,14 +103,11 @@ function merge(parts: { geometry: THREE.BufferGeometry; shape: ShapeInfo }[]): T
     position.set(p.array as Float32Array, 3 * v);
     normal.set(geometry.getAttribute('normal').array as Float32Array, 3 * v);
     tone.setRGB(shape.rgba[0], shape.rgba[1], shape.rgba[2], THREE.SRGBColorSpace);
-    const picture = geometry.getAttribute('color'); // of a picture, see MeshData
-    for (let k = 0; k < p.count; ++k)
-      color.set(
-        picture
-          ? [tone.r * picture.getX(k), tone.g * picture.getY(k), tone.b * picture.getZ(k)]
-          : [tone.r, tone.g, tone.b],
-        3 * (v + k),
-      );
+    for (let k = 0; k < p.count; ++k) color.set([tone.r, tone.g, tone.b], 3 * (v + k));
+    const layer = layerOf(geometry, shape);
+    const uv = geometry.getAttribute('uv');
+    if (pictureAt)
+      for (let k = 0; k < p.count; ++k) pictureAt.set(layer < 0 ? [0, 0, -1] : [uv.getX(k), uv.getY(k), layer], 3 * (v + k));
     body.fill(shape.body, v, v + p.count);
     const own = geometry.index;
     const count = own?.count ?? p.count;
@@ -128,6 +121,7 @@ function merge(parts: { geometry: THREE.BufferGeometry; shape: ShapeInfo }[]): T
   merged.setAttribute('normal', new THREE.BufferAttribute(normal, 3));
   merged.setAttribute('color', new THREE.BufferAttribute(color, 3));
   merged.setAttribute('body', new THREE.BufferAttribute(body, 1));
+  if (pictureAt) merged.setAttribute('pictureAt', new THREE.BufferAttribute(pictureAt, 3));
   merged.setIndex(new THREE.BufferAttribute(index, 1));
   return merged;
 }
@@ -181,14 +175,15 @@ export function groupShapes(shapes: ShapeInfo[], roots: RootInfo[]): { shapes: S
 export function instancesOf(batch: Batch, copies: number): THREE.InstancedBufferGeometry {
   const instanced = new THREE.InstancedBufferGeometry();
   instanced.setIndex(batch.geometry.index);
-  for (const name of ['position', 'normal', 'color', 'body'])
-    instanced.setAttribute(name, batch.geometry.getAttribute(name) as THREE.BufferAttribute);
+  for (const name of ['position', 'normal', 'color', 'body', 'pictureAt'])
+    if (batch.geometry.hasAttribute(name))
+      instanced.setAttribute(name, batch.geometry.getAttribute(name) as THREE.BufferAttribute);
   instanced.setAttribute('first', new THREE.InstancedBufferAttribute(batch.firsts, 1, false, copies));
   instanced.instanceCount = batch.firsts.length * copies;
   return instanced;
 }
 
-export function mergeShapes({ geometry: message, meshes: meshData }: Shapes, roots: RootInfo[], choice: ShapeChoice): MergedShapes {
+export function mergeShapes({ geometry: message, meshes: meshData, pictures }: Shapes, roots: RootInfo[], choice: ShapeChoice): MergedShapes {
   const meshes = meshData.map(meshGeometry);
   const seen = new Set(
     message.shapes.filter((s) => s.group < FIRST_HIDDEN_GROUP && s.rgba[3] > 0).map((s) => s.body),
@@ -202,6 +197,7 @@ export function mergeShapes({ geometry: message, meshes: meshData }: Shapes, roo
         const geometry = shapeGeometry(shape, meshes, detail);
         return geometry ? [{ geometry, shape }] : [];
       }),
+      pictures.length > 0,
     );
   const moving = groupShapes(shown, roots).flatMap(({ shapes, firsts }) => {
     const geometry = build(shapes);

@@ -32,6 +32,9 @@ class Reader {
     this.at = end;
     return bytes;
   }
+  bytes(count: number): Uint8Array {
+    return new Uint8Array(this.take(count, 1));
+  }
   floats(count: number): Float32Array {
     return new Float32Array(this.take(count, 4));
   }
@@ -84,19 +87,21 @@ function decodeFrame(reader: Reader): Frame {
   return { epoch, sequence, paused, scalars, roots, contacts, pulls, signals };
 }
 
-function decodeMeshes(reader: Reader): MeshData[] {
+function decodeMeshes(reader: Reader): { meshes: MeshData[]; pictures: Uint8Array[] } {
   const meshes: MeshData[] = [];
   for (let i = reader.u32(); i > 0; --i) {
     const vertices = reader.u32();
     const triangles = reader.u32();
-    const colors = reader.u32();
+    const corners = reader.u32();
     meshes.push({
       positions: reader.floats(vertices * 3),
       triangles: reader.words(triangles * 3),
-      colors: reader.words(colors),
+      uv: reader.floats(2 * corners),
     });
   }
-  return meshes;
+  const pictures: Uint8Array[] = [];
+  for (let i = reader.u32(); i > 0; --i) pictures.push(reader.bytes(reader.u32()));
+  return { meshes, pictures };
 }
 
 function decodeGhost(reader: Reader): GhostFrame {
@@ -114,7 +119,7 @@ export function decodeBinary(data: ArrayBuffer): BinaryMessage {
     case 2:
       return { kind: 'frame', frame: decodeFrame(reader) };
     case 3:
-      return { kind: 'meshes', meshes: decodeMeshes(reader) };
+      return { kind: 'meshes', ...decodeMeshes(reader) };
     case 4:
       return { kind: 'ghost', ghost: decodeGhost(reader) };
     default:

@@ -18,8 +18,8 @@ export class Library {
   }
 
   /** Of the geometry that came before them. */
-  addMeshes(meshes: MeshData[]): void {
-    if (this.awaited) this.shapes.set(this.awaited.version, { geometry: this.awaited, meshes });
+  addMeshes(meshes: MeshData[], pictures: Uint8Array[] = []): void {
+    if (this.awaited) this.shapes.set(this.awaited.version, { geometry: this.awaited, meshes, pictures });
     this.awaited = null;
   }
 

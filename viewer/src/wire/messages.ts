@@ -57,7 +57,7 @@ export interface TendonInfo {
 }
 
 /** Of the stream that this page understands: kWireVersion of the program. */
-export const WIRE_VERSION = 5;
+export const WIRE_VERSION = 6;
 
 export interface SceneMessage {
   type: 'scene';
@@ -110,6 +110,7 @@ export interface ShapeInfo {
   collides: boolean;
   size?: number[];
   mesh?: number;
+  picture?: number; // on a mesh that says where
 }
 
 export interface GeometryMessage {
@@ -174,13 +175,14 @@ export type TextMessage =
 export interface MeshData {
   positions: Float32Array;
   triangles: Uint32Array;
-  colors: Uint32Array; // of the corners of its triangles, red in the lowest byte (sRGB); or none
+  uv: Float32Array; // place in a picture, of the corners of its triangles, rows from the top; or none
 }
 
 /** What there is to draw. */
 export interface Shapes {
   geometry: GeometryMessage;
   meshes: MeshData[];
+  pictures: Uint8Array[]; // PNG files
 }
 
 export interface Maps {
@@ -246,4 +248,4 @@ export type BinaryMessage =
   | { kind: 'ghost'; ghost: GhostFrame }
   | { kind: 'maps'; maps: Maps }
   | { kind: 'frame'; frame: Frame }
-  | { kind: 'meshes'; meshes: MeshData[] };
+  | { kind: 'meshes'; meshes: MeshData[]; pictures: Uint8Array[] };

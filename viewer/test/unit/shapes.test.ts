@@ -47,7 +47,7 @@ describe('mergeShapes', () => {
   it('tells every triangle of a group once, and bodies from their first', () => {
     const roots = Array.from({ length: 6 }, (_, i) => root(3 * i, 3));
     const shapes = roots.flatMap((_, i) => [shape(3 * i + 2, [1, 1, 1])]);
-    const { moving, still } = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 0 }, meshes: [] }, roots, VISUAL);
+    const { moving, still } = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 0 }, meshes: [], pictures: [] }, roots, VISUAL);
     expect(still).toBeNull();
     expect(moving.length).toBe(1);
     expect([...(moving[0]?.firsts ?? [])]).toEqual([0, 3, 6, 9, 12, 15]);
@@ -55,27 +55,37 @@ describe('mergeShapes', () => {
     expect(new Set(moving[0]?.geometry.getAttribute('body').array)).toEqual(new Set([2]));
   });
 
-  it('multiplies the colour of a shape by those of its mesh, corner by corner', () => {
+  it('says of every corner where it lies in which picture', () => {
     const meshes = [
       {
         positions: new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0]),
         triangles: new Uint32Array([0, 1, 2]),
-        colors: new Uint32Array([0x0000ff, 0x00ff00, 0xff0000]),
+        uv: new Float32Array([0, 0, 1, 0, 0, 0.5]),
       },
-      { positions: new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0]), triangles: new Uint32Array([0, 1, 2]), colors: new Uint32Array() },
+      { positions: new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0]), triangles: new Uint32Array([0, 1, 2]), uv: new Float32Array() },
     ];
-    const shapes = [0, 1].map((mesh) => shape(0, [], { kind: 'mesh', mesh, rgba: [1, 1, 0, 1] }));
-    const { moving } = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 2 }, meshes }, [root(0, 1)], VISUAL);
-    const color = [...(moving[0]?.geometry.getAttribute('color').array ?? [])];
-    expect(color.slice(0, 9)).toEqual([1, 0, 0, 0, 1, 0, 0, 0, 0]);
-    expect(color.slice(9)).toEqual([1, 1, 0, 1, 1, 0, 1, 1, 0]);
+    // The second mesh does not say where, and a box has no picture of a file's.
+    const shapes = [0, 1].map((mesh) => shape(0, [], { kind: 'mesh', mesh, picture: 1, rgba: [1, 1, 0, 1] }));
+    shapes.push(shape(0, [1, 1, 1]));
+    const pictures = [new Uint8Array(), new Uint8Array()];
+    const { moving } = mergeShapes(
+      { geometry: { type: 'geometry', version: 1, shapes, meshes: 2 }, meshes, pictures },
+      [root(0, 1)],
+      VISUAL,
+    );
+    const at = [...(moving[0]?.geometry.getAttribute('pictureAt').array ?? [])];
+    expect(at.slice(0, 9)).toEqual([0, 0, 1, 1, 0, 1, 0, 0.5, 1]);
+    expect(at.slice(9, 18)).toEqual([0, 0, -1, 0, 0, -1, 0, 0, -1]);
+    expect(new Set(at.slice(9).filter((_, i) => i % 3 === 2))).toEqual(new Set([-1]));
+    const none = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 2 }, meshes, pictures: [] }, [root(0, 1)], VISUAL);
+    expect(none.moving[0]?.geometry.hasAttribute('pictureAt')).toBe(false);
   });
 
   it('gives round shapes fewer facets where there are many', () => {
     const count = (n: number): number => {
       const roots = Array.from({ length: n }, (_, i) => root(i, 1));
       const shapes = roots.map((_, i) => shape(i, [1], { kind: 'sphere' }));
-      const shown = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 0 }, meshes: [] }, roots, VISUAL);
+      const shown = mergeShapes({ geometry: { type: 'geometry', version: 1, shapes, meshes: 0 }, meshes: [], pictures: [] }, roots, VISUAL);
       return shown.moving[0]?.geometry.index?.count ?? 0;
     };
     expect(count(10)).toBe(count(400));
