@@ -36,6 +36,23 @@ double Sums(int rounds, double& sum) {
   return 2.0 * 10 * rounds * static_cast<double>(hn::Lanes(d));
 }
 
+double SumOfNumbers(const double* HWY_RESTRICT at, std::size_t count) {
+  const hn::ScalableTag<double> d;
+  const std::size_t lanes = hn::Lanes(d);
+  auto s0 = hn::Zero(d), s1 = s0, s2 = s0, s3 = s0, s4 = s0, s5 = s0, s6 = s0, s7 = s0;
+  std::size_t i = 0;
+  for (; i + 8 * lanes <= count; i += 8 * lanes) {
+    s0 = hn::Add(s0, hn::LoadU(d, at + i)), s1 = hn::Add(s1, hn::LoadU(d, at + i + lanes));
+    s2 = hn::Add(s2, hn::LoadU(d, at + i + 2 * lanes)), s3 = hn::Add(s3, hn::LoadU(d, at + i + 3 * lanes));
+    s4 = hn::Add(s4, hn::LoadU(d, at + i + 4 * lanes)), s5 = hn::Add(s5, hn::LoadU(d, at + i + 5 * lanes));
+    s6 = hn::Add(s6, hn::LoadU(d, at + i + 6 * lanes)), s7 = hn::Add(s7, hn::LoadU(d, at + i + 7 * lanes));
+  }
+  double sum = hn::GetLane(hn::SumOfLanes(
+      d, hn::Add(hn::Add(hn::Add(s0, s1), hn::Add(s2, s3)), hn::Add(hn::Add(s4, s5), hn::Add(s6, s7)))));
+  for (; i < count; ++i) sum += at[i];
+  return sum;
+}
+
 double SumsOfFloats(int rounds, double& sum) { return Sums<float>(rounds, sum); }
 double SumsOfDoubles(int rounds, double& sum) { return Sums<double>(rounds, sum); }
 
@@ -46,6 +63,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace fork1s::internal {
 
+HWY_EXPORT(SumOfNumbers);
 HWY_EXPORT(SumsOfFloats);
 HWY_EXPORT(SumsOfDoubles);
 
@@ -53,6 +71,8 @@ double FusedSums(bool single_precision, int rounds, double& sum) {
   return single_precision ? HWY_DYNAMIC_DISPATCH(SumsOfFloats)(rounds, sum)
                           : HWY_DYNAMIC_DISPATCH(SumsOfDoubles)(rounds, sum);
 }
+
+double SumOfAll(const double* at, std::size_t count) { return HWY_DYNAMIC_DISPATCH(SumOfNumbers)(at, count); }
 
 }  // namespace fork1s::internal
 #endif
