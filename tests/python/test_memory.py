@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 from numpy.testing import assert_array_equal
@@ -152,6 +153,7 @@ def test_other_threads_run_while_it_steps(gripper):
         nonlocal counted
         while not stop.is_set():
             counted += 1
+            time.sleep(0)  # gives the lock back
 
     thread = threading.Thread(target=count)
     # Python never hands its lock over by itself here, so the other thread counts when `step` gives it up, and a core
