@@ -2,18 +2,26 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace fork1s::internal {
 namespace {
 
-// How much the inertia of what turns changes when it has turned. A third of a turn tells: what is the same
-// after it is the same after any.
+// How much the inertia of what turns changes when it has turned, seen from the point of the axis that is
+// beside its centre: the same wherever the mechanism stands. A third of a turn tells: what is the same after
+// it is the same after any.
 double Unevenness(const SpatialInertia& I, const Vector6& screw) {
-  const Matrix6 now = I.Matrix(), then = Transform(Exp(Vector6(screw * (2 * M_PI / 3))), I).Matrix();
-  const double size = I.rotational.norm() + I.mass * I.center.squaredNorm();
-  const double turned = (now - then).topLeftCorner<3, 3>().norm(),
-               moved = (now - then).topRightCorner<3, 3>().norm();
-  return std::max(turned / size, moved / std::sqrt(size * I.mass));
+  const Vector3 w = screw.head<3>(), v = screw.tail<3>(), axis = w.normalized();
+  if (std::abs(w.dot(v)) > 1e-9 * w.squaredNorm())
+    return std::numeric_limits<double>::infinity();  // a thread
+  Vector3 beside = w.cross(v) / w.squaredNorm();
+  beside += axis * axis.dot(I.center - beside);
+  const SpatialInertia here = Transform(RigidTransform(Vector3(-beside)), I);
+  const RigidTransform turn(ExpRotation(Vector3(axis * (2 * M_PI / 3))), Vector3::Zero());
+  const Matrix6 change = Transform(turn, here).Matrix() - here.Matrix();
+  const double size = here.rotational.norm() + here.mass * here.center.squaredNorm();
+  return std::max(change.topLeftCorner<3, 3>().norm() / size,
+                  change.topRightCorner<3, 3>().norm() / std::sqrt(size * here.mass));
 }
 
 }  // namespace
