@@ -57,18 +57,42 @@ RigidTransform PoseArrays<Real>::Pose(std::size_t k) const {
 
 template <class Real>
 struct TwistRecovery<Real>::Detail {
+  // What a TwistMap points to.
+  struct Layout {
+    std::vector<int> first{0}, heard;
+    AlignedVector<Real> T, X_ref;
+
+    void Fill(const ReducedModel& model, int width) {
+      const int count = model.mechanism->num_bodies(), size = model.size();
+      const auto column = [&](int body, int k) {
+        return model.T.col(static_cast<Eigen::Index>(body) * size + k);
+      };
+      for (int begin = 0; begin < count; begin += width) {
+        const int end = std::min(count, begin + width);
+        for (int k = 0; k < size; ++k) {
+          bool is_heard = false;
+          for (int b = begin; b < end; ++b) is_heard |= !column(b, k).isZero(0);
+          if (!is_heard) continue;
+          heard.push_back(k);
+          for (int row = 0; row < 6; ++row)
+            for (int b = begin; b < begin + width; ++b)
+              T.push_back(b < end ? static_cast<Real>(column(b, k)(row)) : Real(0));
+        }
+        first.push_back(static_cast<int>(heard.size()));
+        for (int i = 0; i < 12; ++i)
+          for (int b = begin; b < begin + width; ++b)
+            X_ref.push_back(static_cast<Real>(
+                Entry(b < end ? model.X_RB_ref[static_cast<std::size_t>(b)] : RigidTransform(), i)));
+      }
+    }
+    internal::TwistMap<Real> Map() const { return {first.data(), heard.data(), T.data(), X_ref.data()}; }
+  };
+
   int bodies = 0, r = 0;
   Matrix6X T;  // of the model, for what turns too far
   std::vector<RigidTransform> X_ref;
-  std::vector<int> block_first{0}, block_heard, body_first{0}, body_heard;
-  AlignedVector<Real> block_T, block_X, body_T, body_X;
+  Layout blocks, single;
 
-  internal::BlockedTwists<Real> Blocked() const {
-    return {block_first.data(), block_heard.data(), block_T.data(), block_X.data()};
-  }
-  internal::PlainTwists<Real> Plain() const {
-    return {body_first.data(), body_heard.data(), body_T.data(), body_X.data()};
-  }
   RigidTransform OneByOne(int body, const Real* z, std::size_t stride) const {
     Vector6 twist = Vector6::Zero();
     for (int k = 0; k < r; ++k)
@@ -80,40 +104,12 @@ struct TwistRecovery<Real>::Detail {
 
 template <class Real>
 TwistRecovery<Real>::TwistRecovery(const ReducedModel& model) : detail_(std::make_unique<Detail>()) {
-  Detail& d = *detail_;
-  d.bodies = model.mechanism->num_bodies();
-  d.r = model.size();
-  d.T = model.T;
-  d.X_ref = model.X_RB_ref;
-  constexpr int block = kBlock<Real>;
-  const auto column = [&](int body, int k) { return d.T.col(static_cast<Eigen::Index>(body) * d.r + k); };
-  for (int begin = 0; begin < d.bodies; begin += block) {
-    const int end = std::min(d.bodies, begin + block);
-    for (int k = 0; k < d.r; ++k) {
-      bool heard = false;
-      for (int b = begin; b < end; ++b) heard |= !column(b, k).isZero(0);
-      if (!heard) continue;
-      d.block_heard.push_back(k);
-      for (int row = 0; row < 6; ++row)
-        for (int b = begin; b < begin + block; ++b)
-          d.block_T.push_back(b < end ? static_cast<Real>(column(b, k)(row)) : Real(0));
-    }
-    d.block_first.push_back(static_cast<int>(d.block_heard.size()));
-    for (int i = 0; i < 12; ++i)
-      for (int b = begin; b < begin + block; ++b)
-        d.block_X.push_back(static_cast<Real>(b < end ? Entry(d.X_ref[static_cast<std::size_t>(b)], i)
-                                                      : Entry(RigidTransform(), i)));
-  }
-  for (int b = 0; b < d.bodies; ++b) {
-    for (int k = 0; k < d.r; ++k) {
-      if (column(b, k).isZero(0)) continue;
-      d.body_heard.push_back(k);
-      for (int row = 0; row < 6; ++row) d.body_T.push_back(static_cast<Real>(column(b, k)(row)));
-    }
-    d.body_first.push_back(static_cast<int>(d.body_heard.size()));
-    for (int i = 0; i < 12; ++i)
-      d.body_X.push_back(static_cast<Real>(Entry(d.X_ref[static_cast<std::size_t>(b)], i)));
-  }
+  detail_->bodies = model.mechanism->num_bodies();
+  detail_->r = model.size();
+  detail_->T = model.T;
+  detail_->X_ref = model.X_RB_ref;
+  detail_->blocks.Fill(model, kBlock<Real>);
+  detail_->single.Fill(model, 1);
 }
 
 template <class Real>
@@ -134,14 +130,14 @@ int TwistRecovery<Real>::coordinates() const {
 template <class Real>
 std::size_t TwistRecovery<Real>::BytesMoved() const {
   const Detail& d = *detail_;
-  return (d.block_T.size() + 2 * d.block_X.size()) * sizeof(Real) + d.block_heard.size() * sizeof(int);
+  return (d.blocks.T.size() + 2 * d.blocks.X_ref.size()) * sizeof(Real) + d.blocks.heard.size() * sizeof(int);
 }
 // Twelve a coordinate that a body hears; the exponential and its product as counted in twist_kernels.cpp.
 template <class Real>
 std::size_t TwistRecovery<Real>::Operations() const {
   const Detail& d = *detail_;
   constexpr std::size_t series = 2 * (sizeof(Real) == 4 ? 7 : 12), pose = 2 * series + 121;
-  return 12 * d.body_heard.size() + pose * static_cast<std::size_t>(d.bodies);
+  return 12 * d.single.heard.size() + pose * static_cast<std::size_t>(d.bodies);
 }
 
 template <class Real>
@@ -149,11 +145,11 @@ void TwistRecovery<Real>::Recover(const Real* z, PoseArrays<Real>& out) const {
   const Detail& d = *detail_;
   constexpr int block = kBlock<Real>;
   out.Resize(static_cast<std::size_t>(d.bodies));
-  const int blocks = static_cast<int>(d.block_first.size()) - 1;
+  const int blocks = static_cast<int>(d.blocks.first.size()) - 1;
   std::vector<Missed> missed(static_cast<std::size_t>(blocks));
   constexpr int kGrain = 8192 / block;  // 20 us or so: below, waking a thread costs more
   ParallelFor(0, blocks, kGrain, [&](int begin, int end) {
-    internal::RecoverBlocks(d.Blocked(), z, begin, end, out.row(0), out.stride(), missed.data());
+    internal::RecoverBlocks(d.blocks.Map(), z, begin, end, out.row(0), out.stride(), missed.data());
   });
   for (int i = 0; i < blocks; ++i)
     for (int k = 0; missed[static_cast<std::size_t>(i)] >> k != 0 && k < block; ++k)
@@ -180,9 +176,10 @@ void TwistRecovery<Real>::RecoverMany(const Real* z, std::size_t z_stride, std::
     for (int b = begin; b < end; ++b) {
       PoseArrays<Real>& to = out[b];
       to.Resize(states);
-      internal::RecoverStates(d.Plain(), b, z, z_stride, 0, whole, to.row(0), to.stride(), missed.data());
+      internal::RecoverStates(d.single.Map(), b, z, z_stride, 0, whole, to.row(0), to.stride(),
+                              missed.data());
       if (left > 0)
-        internal::RecoverStates(d.Plain(), b, rest.data(), block, 0, 1, to.row(0) + whole * block,
+        internal::RecoverStates(d.single.Map(), b, rest.data(), block, 0, 1, to.row(0) + whole * block,
                                 to.stride(), missed.data() + whole);
       for (std::size_t i = 0; i < states; ++i)
         if (missed[i / block] >> (i % block) & 1) Put(d.OneByOne(b, z + i, z_stride), i, to);

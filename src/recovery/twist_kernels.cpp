@@ -89,8 +89,8 @@ HWY_INLINE Missed Bits(D d, hn::Mask<D> mask, std::size_t lane) {
 }
 
 template <class Real>
-void Blocks(const BlockedTwists<Real>& map, const Real* HWY_RESTRICT z, int begin, int end,
-            Real* HWY_RESTRICT out, std::size_t stride, Missed* missed) {
+void Blocks(const TwistMap<Real>& map, const Real* HWY_RESTRICT z, int begin, int end, Real* HWY_RESTRICT out,
+            std::size_t stride, Missed* missed) {
   const hn::ScalableTag<Real> d;
   const std::size_t lanes = hn::Lanes(d);
   constexpr std::size_t block = kBlock<Real>;
@@ -123,8 +123,8 @@ void Blocks(const BlockedTwists<Real>& map, const Real* HWY_RESTRICT z, int begi
 }
 
 template <class Real>
-void States(const PlainTwists<Real>& map, int body, const Real* HWY_RESTRICT z, std::size_t z_stride,
-            int begin, int end, Real* HWY_RESTRICT out, std::size_t stride, Missed* missed) {
+void States(const TwistMap<Real>& map, int body, const Real* HWY_RESTRICT z, std::size_t z_stride, int begin,
+            int end, Real* HWY_RESTRICT out, std::size_t stride, Missed* missed) {
   const hn::ScalableTag<Real> d;
   const std::size_t lanes = hn::Lanes(d);
   constexpr std::size_t block = kBlock<Real>;
@@ -154,19 +154,19 @@ void States(const PlainTwists<Real>& map, int body, const Real* HWY_RESTRICT z, 
   }
 }
 
-void BlocksFloat(const BlockedTwists<float>& map, const float* z, int begin, int end, float* out,
+void BlocksFloat(const TwistMap<float>& map, const float* z, int begin, int end, float* out,
                  std::size_t stride, Missed* missed) {
   Blocks(map, z, begin, end, out, stride, missed);
 }
-void BlocksDouble(const BlockedTwists<double>& map, const double* z, int begin, int end, double* out,
+void BlocksDouble(const TwistMap<double>& map, const double* z, int begin, int end, double* out,
                   std::size_t stride, Missed* missed) {
   Blocks(map, z, begin, end, out, stride, missed);
 }
-void StatesFloat(const PlainTwists<float>& map, int body, const float* z, std::size_t z_stride, int begin,
+void StatesFloat(const TwistMap<float>& map, int body, const float* z, std::size_t z_stride, int begin,
                  int end, float* out, std::size_t stride, Missed* missed) {
   States(map, body, z, z_stride, begin, end, out, stride, missed);
 }
-void StatesDouble(const PlainTwists<double>& map, int body, const double* z, std::size_t z_stride, int begin,
+void StatesDouble(const TwistMap<double>& map, int body, const double* z, std::size_t z_stride, int begin,
                   int end, double* out, std::size_t stride, Missed* missed) {
   States(map, body, z, z_stride, begin, end, out, stride, missed);
 }
@@ -186,19 +186,19 @@ HWY_EXPORT(StatesFloat);
 HWY_EXPORT(StatesDouble);
 HWY_EXPORT(Name);
 
-void RecoverBlocks(const BlockedTwists<float>& map, const float* z, int begin, int end, float* out,
+void RecoverBlocks(const TwistMap<float>& map, const float* z, int begin, int end, float* out,
                    std::size_t stride, Missed* missed) {
   HWY_DYNAMIC_DISPATCH(BlocksFloat)(map, z, begin, end, out, stride, missed);
 }
-void RecoverBlocks(const BlockedTwists<double>& map, const double* z, int begin, int end, double* out,
+void RecoverBlocks(const TwistMap<double>& map, const double* z, int begin, int end, double* out,
                    std::size_t stride, Missed* missed) {
   HWY_DYNAMIC_DISPATCH(BlocksDouble)(map, z, begin, end, out, stride, missed);
 }
-void RecoverStates(const PlainTwists<float>& map, int body, const float* z, std::size_t z_stride, int begin,
+void RecoverStates(const TwistMap<float>& map, int body, const float* z, std::size_t z_stride, int begin,
                    int end, float* out, std::size_t stride, Missed* missed) {
   HWY_DYNAMIC_DISPATCH(StatesFloat)(map, body, z, z_stride, begin, end, out, stride, missed);
 }
-void RecoverStates(const PlainTwists<double>& map, int body, const double* z, std::size_t z_stride, int begin,
+void RecoverStates(const TwistMap<double>& map, int body, const double* z, std::size_t z_stride, int begin,
                    int end, double* out, std::size_t stride, Missed* missed) {
   HWY_DYNAMIC_DISPATCH(StatesDouble)(map, body, z, z_stride, begin, end, out, stride, missed);
 }

@@ -10,20 +10,12 @@ namespace fork1s::internal {
 template <class Real>
 inline constexpr int kBlock = 64 / static_cast<int>(sizeof(Real));
 
-/// Bodies in blocks. Of block i the coordinates that any of its bodies hears are heard[first[i]] up to
-/// heard[first[i + 1]], and for each of these T has six rows of kBlock entries, rotations first. X_ref:
-/// twelve rows of kBlock entries a block, as PoseArrays has them.
+/// T and the poses at the reference, in blocks of `width` bodies: kBlock, or 1 for RecoverStates. Of block i
+/// the coordinates that any of its bodies hears are heard[first[i]] up to heard[first[i + 1]], and for each
+/// of these T has six rows of `width` entries, rotations first. X_ref: twelve rows of as many a block, as
+/// PoseArrays has them.
 template <class Real>
-struct BlockedTwists {
-  const int* first = nullptr;
-  const int* heard = nullptr;
-  const Real* T = nullptr;
-  const Real* X_ref = nullptr;
-};
-
-/// The same body by body: six entries of T for every coordinate heard, twelve of X_ref.
-template <class Real>
-struct PlainTwists {
+struct TwistMap {
   const int* first = nullptr;
   const int* heard = nullptr;
   const Real* T = nullptr;
@@ -34,14 +26,14 @@ struct PlainTwists {
 /// block.
 using Missed = std::uint32_t;
 
-void RecoverBlocks(const BlockedTwists<float>& map, const float* z, int begin, int end, float* out,
+void RecoverBlocks(const TwistMap<float>& map, const float* z, int begin, int end, float* out,
                    std::size_t stride, Missed* missed);
-void RecoverBlocks(const BlockedTwists<double>& map, const double* z, int begin, int end, double* out,
+void RecoverBlocks(const TwistMap<double>& map, const double* z, int begin, int end, double* out,
                    std::size_t stride, Missed* missed);
 /// One body, states in blocks of kBlock; z and out are padded to whole ones.
-void RecoverStates(const PlainTwists<float>& map, int body, const float* z, std::size_t z_stride, int begin,
+void RecoverStates(const TwistMap<float>& map, int body, const float* z, std::size_t z_stride, int begin,
                    int end, float* out, std::size_t stride, Missed* missed);
-void RecoverStates(const PlainTwists<double>& map, int body, const double* z, std::size_t z_stride, int begin,
+void RecoverStates(const TwistMap<double>& map, int body, const double* z, std::size_t z_stride, int begin,
                    int end, double* out, std::size_t stride, Missed* missed);
 
 }  // namespace fork1s::internal

@@ -8,6 +8,7 @@
 #include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "byte_writer.hpp"
 #include "scene_description.hpp"
@@ -24,6 +25,7 @@ struct MeshTable {
   std::vector<const TriangleMesh*> meshes;
   std::vector<std::shared_ptr<const TriangleMesh>> made;
   std::vector<const Picture*> pictures;
+  std::set<const TriangleMesh*> pictured;  // those that show one: only they say where
 
   int Number(const TriangleMesh& mesh) { return Number(&mesh, mesh); }
   int Number(const void* key, const TriangleMesh& mesh) {
@@ -67,7 +69,9 @@ struct SizeOf {
   void operator()(const Box& s) const { out["size"] = Numbers({s.half.x(), s.half.y(), s.half.z()}); }
   void operator()(const MeshShape& s) const {
     out["mesh"] = meshes.Number(*s.mesh);
-    if (picture && !s.mesh->corner_uv.empty()) out["picture"] = meshes.Number(*picture);
+    if (!picture || s.mesh->corner_uv.empty()) return;
+    out["picture"] = meshes.Number(*picture);
+    meshes.pictured.insert(s.mesh.get());
   }
   void operator()(const HeightField& s) const { out["mesh"] = meshes.Number(*s.grid); }
 };
@@ -119,11 +123,13 @@ std::string EncodeMeshes(const Simulation& simulation) {
   for (const TriangleMesh* mesh : meshes.meshes) {
     out.U32(static_cast<std::uint32_t>(mesh->vertices.size()));
     out.U32(static_cast<std::uint32_t>(mesh->triangles.size()));
-    out.U32(static_cast<std::uint32_t>(mesh->corner_uv.size()));
+    const bool says_where = meshes.pictured.count(mesh) > 0;
+    out.U32(says_where ? static_cast<std::uint32_t>(mesh->corner_uv.size()) : 0);
     for (const Eigen::Vector3f& v : mesh->vertices)
       for (int i = 0; i < 3; ++i) out.F32(static_cast<double>(v(i)));
     for (const Eigen::Vector3i& t : mesh->triangles)
       for (int i = 0; i < 3; ++i) out.U32(static_cast<std::uint32_t>(t(i)));
+    if (!says_where) continue;
     for (const Eigen::Vector2f& uv : mesh->corner_uv)
       for (int i = 0; i < 2; ++i) out.F32(uv.allFinite() ? static_cast<double>(uv(i)) : 0);
   }

@@ -77,20 +77,19 @@ void Simulation::ListBodies() {
     const int body = world_.mechanisms()[static_cast<std::size_t>(m)].mechanism().FindBody(name).value();
     bodies_.push_back({name, m, body, is_interface(static_cast<std::size_t>(m), body)});
   }
+  // Recorders ask for the place of a body for every contact.
+  body_of_.assign(world_.mechanisms().size() + 1, {});
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    auto& own = body_of_[static_cast<std::size_t>(bodies_[i].mechanism + 1)];
+    const auto at = static_cast<std::size_t>(bodies_[i].index);
+    if (own.size() <= at) own.resize(at + 1, -1);
+    own[at] = static_cast<int>(i);
+  }
 }
 
 int Simulation::BodyOf(int mechanism, int index) const {
-  // Recorders ask this for every contact: a search of all bodies would cost more than a step of many hands.
-  std::size_t first = 0;
-  for (std::size_t i = 0; i < given_.size(); ++i) {
-    const int own = given_[i]->num_bodies(), within = index - places_[i].first_body;
-    if (places_[i].mechanism == mechanism && within >= 0 && within < own)
-      return static_cast<int>(first) + within;
-    first += static_cast<std::size_t>(own);
-  }
-  for (std::size_t i = first; i < bodies_.size(); ++i)  // free bodies, held ones among them
-    if (bodies_[i].mechanism == mechanism && bodies_[i].index == index) return static_cast<int>(i);
-  return -1;
+  const std::vector<int>& own = body_of_[static_cast<std::size_t>(mechanism + 1)];
+  return index < static_cast<int>(own.size()) ? own[static_cast<std::size_t>(index)] : -1;
 }
 
 int Simulation::BodyOfContactor(int contactor) const {

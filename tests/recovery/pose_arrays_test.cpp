@@ -69,6 +69,18 @@ TEST(PoseArrays, AreThoseOfOneTwistABody) {
   }
 }
 
+// On either side of half a turn, where the series ends and one by one begins.
+TEST(PoseArrays, AreTheSameOnBothSidesOfHalfATurn) {
+  const ReducedModel model = MustReduce(Share(testing::Chain(1, 0.3, 0.2, 5, 0, true)));
+  ASSERT_EQ(model.size(), 1);
+  for (const double beside : {-1e-3, -1e-6, 1e-6, 1e-3}) {
+    SCOPED_TRACE(beside);
+    const ReducedState state = Deflected(model, VectorX::Ones(1), M_PI + beside);
+    ExpectThoseOfTwists<double>(model, state, 1e-13, 1e-13);
+    ExpectThoseOfTwists<float>(model, state, 2e-6, 2e-6);
+  }
+}
+
 TEST(PoseArrays, ManyStatesAreTheBitsOfEach) {
   const ReducedModel model = MustReduce(Share(testing::RandomMechanismDef(7)));
   const TwistRecovery<float> recovery(model);

@@ -169,6 +169,8 @@ class Simulation {
   std::vector<Matrix6X>
       pushed_W_;  // wrenches of the last step, as world_ counts; empty where nothing is held
   std::vector<SceneBody> bodies_;
+  std::vector<std::vector<int>>
+      body_of_;  // places in bodies_ by body of world_: of free ones, then of mechanisms
 };
 
 /// Values of named controls over time, linear between rows, held before the first and after the last.
