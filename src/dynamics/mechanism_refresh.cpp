@@ -15,11 +15,14 @@ double MechanismDynamics::Turn(int i) const {
 }
 
 // By twists every joint counts: the one twist of a wheel is that of all joints on its path.
-double MechanismDynamics::Staleness() const {
+double MechanismDynamics::Staleness(bool second_order) const {
   const bool exact = options_.recovery == Recovery::kExact;
   double largest = 0;
-  for (int i = 0; i < model().num_coordinates(); ++i)
-    if (!exact || !spins_[static_cast<std::size_t>(i)]) largest = std::max(largest, Turn(i));
+  for (int i = 0; i < model().num_coordinates(); ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const bool ages = !exact || !(spins_[at] || (whole_[at] && !second_order));
+    if (ages) largest = std::max(largest, Turn(i));
+  }
   return largest / options_.refresh_angle;
 }
 

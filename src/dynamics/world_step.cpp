@@ -20,7 +20,7 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
                   MechanismDynamics& m = mechanisms_[i];
                   m.Integrate(options.h);
                   mechanism_blocks_[i].refreshed = 0;
-                  if (options.refresh && m.Staleness() > 1)
+                  if (options.refresh && m.Staleness(by_theta_) > 1)
                     mechanism_blocks_[i].refreshed = m.Refresh() ? 1 : -1;
                 }
               });

@@ -120,7 +120,9 @@ TEST(Refresh, ShortStepsGoWhereLongerOnesGo) {
 
 TEST(Refresh, StepsAfterItMoveOn) {
   // A chain that falls through 60 degrees and more: poses go on from step to step at no more than the speed.
-  World world = testing::MustCreate(testing::Chain(8, 0.1, 0.2, 0.8, 0.02, true));
+  MechanismDef definition = testing::Chain(8, 0.1, 0.2, 0.8, 0.02, true);
+  definition.modes = 1;  // what has all its motions needs no refresh
+  World world = testing::MustCreate(definition);
   StepOptions step;
   step.gravity = Vector3(0, -9.81, 0);
   const MechanismDynamics& chain = world.mechanisms()[0];
@@ -142,7 +144,8 @@ TEST(Refresh, StepsAfterItMoveOn) {
   EXPECT_GE(refreshes, 4);
 }
 
-// A trailing arm on a spring, with a wheel or a crank at its end.
+// A trailing arm on a spring, with a wheel or a crank at its end. The spring stiffens, so that the arm ages
+// the model although it has all their motions.
 MechanismDef TrailingArm(double off_axis, bool rod) {
   MechanismBuilder builder("arm");
   BodyDef arm;
@@ -152,7 +155,12 @@ MechanismDef TrailingArm(double off_axis, bool rod) {
   arm.inertia.center = Vector3(0.2, 0, 0);
   arm.inertia.rotational = Vector3(1e-3, 0.02, 0.02).asDiagonal();
   const BodyIndex a = builder.AddBody(arm);
-  builder.AddJoint(JointDef::Hinge("swing", a, Vector3::UnitY()).WithSpring(60, 2));
+  const JointIndex swing = builder.AddJoint(JointDef::Hinge("swing", a, Vector3::UnitY()).WithSpring(60, 2));
+  SpringDef stiffens;
+  stiffens.name = "stop";
+  stiffens.terms = {{{swing, 0}, 1.0}};
+  stiffens.higher_stiffness = {0, 5};
+  builder.AddSpring(stiffens);
   BodyDef wheel;
   wheel.name = "wheel";
   wheel.parent = a;
@@ -217,6 +225,55 @@ TEST(Refresh, WhatIsUnevenOrCarriesMoreDoesNot) {
   by_twist.recovery = Recovery::kTwist;
   World twist = MustStart(TrailingArm(0, false), VectorX::Zero(2), q_dot, Vector6::Zero(), by_twist);
   EXPECT_GT(RefreshesIn(twist, 60), 30) << "a pose by one twist grows old as the wheel turns";
+}
+
+// Coordinates of which none was left out are the same motions at any reference, so nothing is gained by a new
+// one: a tree that never has one moves as one that has it all the time.
+TEST(Refresh, WhatIsWholeDoesNotAge) {
+  World::Options often;
+  often.refresh_angle = 0.02;
+  int aged = 0;
+  for (const BaseKind base : {BaseKind::kFixed, BaseKind::kFloating})
+    for (unsigned seed = 0; seed < 6; ++seed) {
+      SCOPED_TRACE(seed);
+      RandomMechanismOptions options;
+      options.base = base;
+      options.bodies = 5;
+      options.hinges_only = true;
+      options.stiffness_low = 0.1;
+      options.stiffness_high = 1;
+      MechanismDef definition = testing::RandomMechanismDef(seed, options);
+      definition.modes = 100;
+      const auto m = testing::Share(definition);
+      RandomSource random(seed);
+      const VectorX q_dot = random.Vector(m->num_coordinates(), 6);
+      const Vector6 V = base == BaseKind::kFloating ? random.Six(1) : Vector6(Vector6::Zero());
+      const auto start = [&](const World::Options& as) {
+        return MustStart(definition, VectorX::Zero(m->num_coordinates()), q_dot, V, as);
+      };
+      World never = start({}), always = start(often);
+      ASSERT_EQ(never.mechanisms()[0].model().size(), m->num_coordinates());
+      double turned = 0;
+      int refreshes = 0;
+      for (int i = 0; i < 120; ++i) {
+        ASSERT_EQ(never.Step({}).refreshes, 0) << i;
+        always.Step({});
+        refreshes += always.mechanisms()[0].Refresh() ? 1 : 0;
+        turned = std::max(turned, never.mechanisms()[0].configuration().q.cwiseAbs().maxCoeff());
+      }
+      EXPECT_EQ(refreshes, 120);
+      EXPECT_GT(turned, 0.5);
+      const VectorX &a = never.mechanisms()[0].configuration().q,
+                    &b = always.mechanisms()[0].configuration().q;
+      // Rounding of 120 refreshes, which a motion of a radian and more carries on.
+      EXPECT_LT((a - b).cwiseAbs().maxCoeff(), 1e-9) << "after turns of " << turned;
+      StepOptions second;
+      second.integrator = Integrator::kTheta;
+      if (never.mechanisms()[0].Staleness(true) < 1.5) continue;  // it swung back
+      ++aged;
+      EXPECT_EQ(never.Step(second).refreshes, 1) << "its modes are those of the reference";
+    }
+  EXPECT_GT(aged, 4);
 }
 
 }  // namespace

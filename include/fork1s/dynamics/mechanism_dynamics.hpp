@@ -144,8 +144,9 @@ class MechanismDynamics {
   /// Phase 2: moves the state by x⁺ over h and brings poses up to date.
   void Integrate(double h);
   /// Largest turn since the reference, as a share of the refresh angle, of joints whose turn matters: a wheel
-  /// may spin.
-  double Staleness() const;
+  /// may spin, and a finger whose every motion the model has may bend. Steps of second order go by the modes
+  /// of the reference: there a finger's turn matters.
+  double Staleness(bool second_order = false) const;
   /// Moves the reference to the present pose. False if the mechanism cannot be reduced there: the old model
   /// stays.
   bool Refresh();
@@ -234,6 +235,7 @@ class MechanismDynamics {
   Configuration configuration_;
   RigidParts rigid_parts_;
   std::vector<char> spins_;   // n: whether a joint may turn for ever without the model growing old
+  std::vector<char> whole_;   // n: the same, of the model at hand, but for its modes
   ReducedJacobian jacobian_;  // of configuration_
   ReducedInertia inertia_;
   std::vector<ContactGroup> groups_;

@@ -23,7 +23,9 @@ describe.skipIf(!haveStreams())('the other recovery mode on the same state', () 
 
   it('they part by the square of how far joints are bent', () => {
     const { scene, frame, maps } = readStream('hand_exact').frames.slice(-1)[0] ?? never();
-    const apart = [30, 15].map((share) => {
+    const size = Math.max(...frame.roots.flatMap((r) => [...r.z].map(Math.abs)));
+    const apart = [0.1, 0.05].map((most) => {
+      const share = most / size;
       const bent = { ...frame, roots: frame.roots.map((r) => ({ ...r, z: r.z.map((x) => share * x), correction: new Float32Array() })) };
       const exact = bodyPoses(scene, bent, maps);
       const twist = otherPoses(scene, bent, maps) ?? [];
