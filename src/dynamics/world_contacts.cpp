@@ -10,10 +10,11 @@ namespace fork1s {
 
 void World::Detail::FindContacts(const StepOptions& options, StepReport& report) {
   // What can close within a step: twice the last step's motion, what gravity adds, and a millimetre.
-  double motion = 0;
-  for (std::size_t i = 0; i < contactors_.size(); ++i) {
+  contactor_motion_.assign(contactors_.size(), 0.0);
+  constexpr int kWorthAThread = 100;  // some 30 us
+  ForAll(contactors_.size(), kWorthAThread, [&](std::size_t i) {
     const Contactor& c = contactors_[i];
-    if (c.kind == Contactor::Kind::kWorld) continue;
+    if (c.kind == Contactor::Kind::kWorld) return;
     const RigidTransform X = c.kind == Contactor::Kind::kGroup
                                  ? mechanisms_[static_cast<std::size_t>(c.index)].GroupPose(c.group)
                                  : free_bodies_[static_cast<std::size_t>(c.index)].pose();
@@ -22,16 +23,18 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
       const Vector6 V = c.kind == Contactor::Kind::kGroup
                             ? mechanisms_[static_cast<std::size_t>(c.index)].GroupVelocity(c.group)
                             : free_bodies_[static_cast<std::size_t>(c.index)].OriginVelocity();
-      motion = std::max(motion, options.h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]));
+      contactor_motion_[i] = options.h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]);
       contactor_pose_[i] = X;
-      continue;
+      return;
     }
     const RigidTransform& before = contactor_pose_[i];
     // |R - R₀| (Frobenius) is √2 times the angle for small turns.
     const double turn = (X.rotation() - before.rotation()).norm();
-    motion = std::max(motion, (X.translation() - before.translation()).norm() + turn * contactor_radius_[i]);
+    contactor_motion_[i] = (X.translation() - before.translation()).norm() + turn * contactor_radius_[i];
     contactor_pose_[i] = X;
-  }
+  });
+  double motion = 0;
+  for (const double own : contactor_motion_) motion = std::max(motion, own);
   if (by_theta_) motion = MotionWithin(middle_ ? 0.5 * options.h : options.h);
   const double needed = 0.001 + 2 * motion + options.gravity.norm() * options.h * options.h;
   collision_->SetMargin(std::min(margin_max_, needed));
@@ -64,10 +67,65 @@ void World::Detail::SizeBlocks(std::size_t mechanism) {
     part.groups.reserve(static_cast<std::size_t>(groups[p]));
     part.limits.reserve(static_cast<std::size_t>(limits[p]));
     part.frictions.reserve(static_cast<std::size_t>(frictions[p]));
+    part.J.resize(6, size);
     part.J_T.resize(size, room);
     part.Y.resize(size, room);
     part.port_impulse.resize(room);
-    if (J_scratch_.cols() < size) J_scratch_.resize(6, size);
+  }
+}
+
+// Which stops and dry friction of a mechanism take part.
+void World::Detail::LayOutLimits(std::size_t i, const StepOptions& options) {
+  const MechanismDynamics& m = mechanisms_[i];
+  MechanismBlock& block = mechanism_blocks_[i];
+  SizeBlocks(i);
+  for (PartBlock& part : block.parts) {
+    part.groups.clear();
+    part.limits.clear();
+    part.frictions.clear();
+  }
+  // Loops may hold a mechanism on a fixed base altogether: then it has no part that stops or friction could
+  // act in.
+  const bool moves = !m.parts().empty();
+  for (std::size_t k = 0; moves && k < m.mechanism().frictions().size(); ++k)
+    block.parts[static_cast<std::size_t>(m.PartOfFriction(k))].frictions.push_back(static_cast<int>(k));
+  for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
+    const Mechanism::LengthLimit& limit = m.length_limits()[k];
+    const double length = m.Length(limit.length);
+    // Near enough to be reached within the step, with room for what contacts may add.
+    const double reach = 0.02 + 2 * options.h * std::abs(m.LengthRate(limit.length));
+    const double gap[2] = {length - limit.lower, limit.upper - length};
+    for (int side = 0; side < 2; ++side) {
+      const int at = static_cast<int>(2 * k) + side;
+      if (moves && gap[side] < reach)
+        block.parts[static_cast<std::size_t>(m.PartOfLimited(k))].limits.push_back(at);
+      else
+        block.limit_impulses[static_cast<std::size_t>(at)] = 0;
+    }
+  }
+}
+
+// Jᵀ of every part of a mechanism, and the twists of its groups at the start of the step.
+void World::Detail::FillRows(std::size_t i) {
+  const MechanismDynamics& m = mechanisms_[i];
+  for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
+    PartBlock& part = mechanism_blocks_[i].parts[p];
+    for (std::size_t g = 0; g < part.groups.size(); ++g) {
+      const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
+      m.GroupJacobian(part.groups[g], part.J);
+      part.J_T.middleCols(column, 6) = part.J.transpose();
+      velocities_.segment<6>(part.offset + column) =
+          m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
+    }
+    for (std::size_t k = 0; k < part.limits.size(); ++k) {
+      const Eigen::Index column =
+          6 * static_cast<Eigen::Index>(part.groups.size()) + static_cast<Eigen::Index>(k);
+      m.LengthRow(m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].length, m.parts()[p],
+                  part.J_T.col(column));
+    }
+    for (std::size_t k = 0; k < part.frictions.size(); ++k)
+      m.LengthRow(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].length, m.parts()[p],
+                  part.J_T.col(part.FrictionRow(k)));
   }
 }
 
@@ -80,35 +138,7 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
       if (contactors_[static_cast<std::size_t>(side)].kind != Contactor::Kind::kWorld)
         port_offset_[static_cast<std::size_t>(side)] = 0;
 
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    const MechanismDynamics& m = mechanisms_[i];
-    MechanismBlock& block = mechanism_blocks_[i];
-    SizeBlocks(i);
-    for (PartBlock& part : block.parts) {
-      part.groups.clear();
-      part.limits.clear();
-      part.frictions.clear();
-    }
-    // Loops may hold a mechanism on a fixed base altogether: then it has no part that stops or friction could
-    // act in.
-    const bool moves = !m.parts().empty();
-    for (std::size_t k = 0; moves && k < m.mechanism().frictions().size(); ++k)
-      block.parts[static_cast<std::size_t>(m.PartOfFriction(k))].frictions.push_back(static_cast<int>(k));
-    for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
-      const Mechanism::LengthLimit& limit = m.length_limits()[k];
-      const double length = m.Length(limit.length);
-      // Near enough to be reached within the step, with room for what contacts may add.
-      const double reach = 0.02 + 2 * options.h * std::abs(m.LengthRate(limit.length));
-      const double gap[2] = {length - limit.lower, limit.upper - length};
-      for (int side = 0; side < 2; ++side) {
-        const int at = static_cast<int>(2 * k) + side;
-        if (moves && gap[side] < reach)
-          block.parts[static_cast<std::size_t>(m.PartOfLimited(k))].limits.push_back(at);
-        else
-          block.limit_impulses[static_cast<std::size_t>(at)] = 0;
-      }
-    }
-  }
+  ForMechanisms([&](std::size_t i) { LayOutLimits(i, options); });
   // Ports first get their place within their part, then the parts theirs.
   for (std::size_t c = 0; c < contactors_.size(); ++c) {
     if (contactors_[c].kind != Contactor::Kind::kGroup || port_offset_[c] < 0) continue;
@@ -121,32 +151,13 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
     groups.push_back(contactors_[c].group);
   }
   int offset = 0;
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    const MechanismDynamics& m = mechanisms_[i];
-    for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
-      PartBlock& part = mechanism_blocks_[i].parts[p];
+  for (MechanismBlock& block : mechanism_blocks_)
+    for (PartBlock& part : block.parts) {
       part.offset = offset;
       part.rows = static_cast<int>(6 * part.groups.size() + part.limits.size() + part.frictions.size());
       offset += part.rows;
-      for (std::size_t g = 0; g < part.groups.size(); ++g) {
-        const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
-        auto J = J_scratch_.leftCols(part.J_T.rows());
-        m.GroupJacobian(part.groups[g], J);
-        part.J_T.middleCols(column, 6) = J.transpose();
-        velocities_.segment<6>(part.offset + column) =
-            m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
-      }
-      for (std::size_t k = 0; k < part.limits.size(); ++k) {
-        const Eigen::Index column =
-            6 * static_cast<Eigen::Index>(part.groups.size()) + static_cast<Eigen::Index>(k);
-        m.LengthRow(m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].length, m.parts()[p],
-                    part.J_T.col(column));
-      }
-      for (std::size_t k = 0; k < part.frictions.size(); ++k)
-        m.LengthRow(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].length,
-                    m.parts()[p], part.J_T.col(part.FrictionRow(k)));
     }
-  }
+  ForMechanisms([&](std::size_t i) { FillRows(i); });
   for (std::size_t c = 0; c < contactors_.size(); ++c) {
     if (port_offset_[c] < 0) continue;
     const auto i = static_cast<std::size_t>(contactors_[c].index);
@@ -242,8 +253,7 @@ void World::Detail::AddCandidates(std::size_t begin, std::size_t end, const int*
 
 // After Predict: Y of every block, the free velocities, and the rows of contacts and limits.
 void World::Detail::AssembleOperators() {
-  blocks_.clear();
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+  ForMechanisms([&](std::size_t i) {
     const MechanismDynamics& m = mechanisms_[i];
     for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
       PartBlock& part = mechanism_blocks_[i].parts[p];
@@ -265,10 +275,13 @@ void World::Detail::AssembleOperators() {
       for (std::size_t k = 0; k < part.frictions.size(); ++k)
         velocities_(part.offset + part.FrictionRow(k)) =
             m.LengthRate(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].length);
-      const int freedoms = static_cast<int>(part.Y.rows());
-      blocks_.push_back({part.offset, part.rows, part.Y.data(), freedoms, freedoms});
     }
-  }
+  });
+  blocks_.clear();
+  for (MechanismBlock& block : mechanism_blocks_)
+    for (PartBlock& part : block.parts)
+      if (const int freedoms = static_cast<int>(part.Y.rows()); part.rows > 0)
+        blocks_.push_back({part.offset, part.rows, part.Y.data(), freedoms, freedoms});
   for (std::size_t c = 0; c < contactors_.size(); ++c)
     if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] >= 0) {
       const auto b = static_cast<std::size_t>(contactors_[c].index);
@@ -303,9 +316,9 @@ void World::Detail::ApplyImpulses() {
     if (c.port_a >= 0) add(c.port_a, points_[i].body_a, c.ImpulseOn(c.J_a));
     if (c.port_b >= 0) add(c.port_b, points_[i].body_b, c.ImpulseOn(c.J_b));
   }
-  std::size_t next = 0;
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+  ForMechanisms([&](std::size_t i) {
     MechanismBlock& block = mechanism_blocks_[i];
+    std::size_t next = block.first_limit;
     bool pushed = false;
     block.impulse.setZero();
     for (std::size_t p = 0; p < block.parts.size(); ++p) {
@@ -325,7 +338,7 @@ void World::Detail::ApplyImpulses() {
       pushed = true;
     }
     if (pushed) mechanisms_[i].ApplyImpulse(block.impulse, block.pushed_from_outside);
-  }
+  });
 }
 
 void World::Detail::KeepForNextStep(double h, StepReport& report) {
@@ -333,7 +346,7 @@ void World::Detail::KeepForNextStep(double h, StepReport& report) {
   speed_W_.resize(points_.size());
   missed_W_.resize(points_.size());
   change_ = velocities_ - change_;
-  for (std::size_t i = 0; i < points_.size(); ++i) {
+  ForContacts([&](std::size_t i) {
     const ContactConstraint& c = constraints_[i];
     contacts_[i].point = points_[i];
     contacts_[i].impulse = c.impulse;
@@ -342,11 +355,12 @@ void World::Detail::KeepForNextStep(double h, StepReport& report) {
     contacts_[i].use = c.use;
     speed_W_[i] = points_[i].frame.transpose() * RelativeSpeed(c);
     missed_W_[i] = by_theta_ ? Vector3(Vector3::Zero()) : MissedWay(h, i);
+  });
+  for (const ContactRecord& c : contacts_)
     if (c.impulse(0) > 0) {
       ++report.contacts;
-      report.max_penetration = std::max(report.max_penetration, -points_[i].gap);
+      report.max_penetration = std::max(report.max_penetration, -c.point.gap);
     }
-  }
   for (std::size_t c = 0; c < contactors_.size(); ++c)
     if (port_offset_[c] >= 0) last_twist_[c] = velocities_.segment<6>(port_offset_[c]);
   for (const LimitConstraint& row : limits_) {

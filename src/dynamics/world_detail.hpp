@@ -5,6 +5,7 @@
 #include <fork1s/dynamics/island_solver.hpp>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/dynamics/world.hpp>
+#include <fork1s/parallel/parallel_for.hpp>
 #include <memory>
 #include <string>
 #include <tuple>
@@ -18,8 +19,7 @@ struct World::Detail {
   StepReport Step(const StepOptions& options);
   void Save(WorldState& out) const;
   void Restore(const WorldState& state);
-  bool IsFinite() const;
-  bool PosesAreFinite() const;
+  bool IsFinite(bool poses);
   StepReport TakeBack(StepReport report);
   Expected<void> BuildCollision(const Scene& scene, const Options& options);
   void FindContacts(const StepOptions& options, StepReport& report);
@@ -34,9 +34,13 @@ struct World::Detail {
   bool ClosesAtSpeed(const StepOptions& options) const;
   double MotionWithin(double h) const;
   void LayOutPorts(const StepOptions& options);
+  void LayOutLimits(std::size_t mechanism, const StepOptions& options);
+  void FillRows(std::size_t mechanism);
   void SizeBlocks(std::size_t mechanism);
   void AssembleOperators();
   void AssembleConstraints(const StepOptions& options);
+  void AssembleContact(std::size_t contact, const StepOptions& options);
+  void AssembleLimits(const StepOptions& options);
   void MatchPrevious();
   void AddCandidates(std::size_t begin, std::size_t end, const int* first, const int* last);
   void SolveContacts(const StepOptions& options, StepReport& report);
@@ -45,6 +49,22 @@ struct World::Detail {
   void KeepForNextStep(double h, StepReport& report);
   void MoveMechanisms(const StepOptions& options, StepReport& report);
   int MechanismGrain() const;
+  // act(i) for every mechanism or contact, side by side where they are many: each on its own data alone.
+  template <class Act>
+  void ForMechanisms(const Act& act) const {
+    ForAll(mechanisms_.size(), MechanismGrain(), act);
+  }
+  template <class Act>
+  void ForContacts(const Act& act) const {
+    constexpr int kWorthAThread = 64;  // some 30 us
+    ForAll(points_.size(), kWorthAThread, act);
+  }
+  template <class Act>
+  static void ForAll(std::size_t count, int grain, const Act& act) {
+    ParallelFor(0, static_cast<int>(count), grain, [&act](int begin, int end) {
+      for (int i = begin; i < end; ++i) act(static_cast<std::size_t>(i));
+    });
+  }
   RigidTransform PortFrame(int contactor, double ahead) const;
   Matrix36 PortRows(int contactor, const ContactPoint& point, double ahead) const;
   // What is known of a contact half a step ahead.
@@ -98,7 +118,7 @@ struct World::Detail {
   std::vector<int> port_offset_;  // per contactor: row in the stacked velocities or -1
   std::vector<int> port_part_;    // per contactor: part block of its mechanism
   VectorX velocities_, port_shift_;
-  Matrix6X J_scratch_;
+  std::vector<double> contactor_motion_;  // m, since the step before
 
   // Ports and limits of one part of a mechanism, or (the last one) of groups that only follow its driven
   // base.
@@ -107,6 +127,7 @@ struct World::Detail {
     std::vector<int> limits;  // 2 k + side of entries k of length_limits(), side 0 lower, 1 upper
     std::vector<int> frictions;  // of the mechanism, all that this part moves
     int offset = 0, rows = 0;
+    Matrix6X J;   // of the group at hand, 6 x size of the part
     MatrixX J_T;  // size of the part x rows
     MatrixX Y;    // L⁻¹ J_T
     VectorX port_impulse;
@@ -124,6 +145,8 @@ struct World::Detail {
     RigidTransform X_WR_half;                // half a step ahead by that
     bool pushed_from_outside = false;
     int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
+    std::size_t first_limit = 0;  // of its rows in limits_
+    bool finite = true;
   };
   std::vector<MechanismBlock> mechanism_blocks_;
   std::vector<Matrix6> free_Y_;

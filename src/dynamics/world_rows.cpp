@@ -126,6 +126,53 @@ Vector3 World::Detail::RelativeSpeed(const ContactConstraint& c) const {
   return speed;
 }
 
+// The rows of a contact, and what they know of the last step.
+void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
+  const double h = options.h;
+  ContactPoint& p = points_[i];
+  ContactConstraint& c = constraints_[i];
+  c = ContactConstraint{};
+  c.friction = p.friction;
+  c.torsion = p.torsion;
+  c.rolling = p.rolling;
+  const Contactor& a = contactors_[static_cast<std::size_t>(p.body_a)];
+  const Contactor& b = contactors_[static_cast<std::size_t>(p.body_b)];
+  // What lasts has its rows half a step ahead, where they turn the velocity into the way of the step to
+  // second order; and what rows hold back, forces along the same rows do no work on.
+  const bool lasts = options.contact_curvature && !by_theta_ && curvature_valid_ && match_[i] >= 0 &&
+                     previous_[static_cast<std::size_t>(match_[i])].impulse(0) > 0;
+  ContactPoint at = p;
+  const bool foreseen = foresight_[i].used = lasts && AdvanceHalf(h, at, foresight_[i]);
+  const double ahead = foreseen ? 0.5 * h : 0;
+  p.frame = at.frame;
+  if (a.kind != Contactor::Kind::kWorld) {
+    c.port_a = port_offset_[static_cast<std::size_t>(p.body_a)];
+    c.J_a = -PortRows(p.body_a, at, ahead);
+  }
+  if (b.kind != Contactor::Kind::kWorld) {
+    c.port_b = port_offset_[static_cast<std::size_t>(p.body_b)];
+    c.J_b = PortRows(p.body_b, at, ahead);
+  }
+  const Vector3 speed = RelativeSpeed(c);
+  // Half way stands what half a step of the old velocity has made of the gap that the start had.
+  if (middle_) p.gap -= 0.5 * h * speed(0);
+  SetMaterial(options.material, p.gap, h, c);
+  if (p.restitution > 0 && !middle_) approach_[i] = std::max(0.0, -speed(0));
+  if (match_[i] < 0) return;
+  const auto k = static_cast<std::size_t>(match_[i]);
+  const ContactRecord& before = previous_[k];
+  c.held = c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
+  c.held_use = before.use;
+  c.held_moment = c.moment = p.frame * (before.point.frame.transpose() * before.moment);
+  if (foreseen) {
+    c.bias += CoordinateCurvature(p.body_a, c.J_a) + CoordinateCurvature(p.body_b, c.J_b) +
+              p.frame * previous_missed_W_[k] / h;
+  } else if (lasts && !Reparametrised(p.body_a) && !Reparametrised(p.body_b)) {
+    // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's.
+    c.bias += 0.5 * (speed - p.frame * previous_speed_W_[k]);
+  }
+}
+
 void World::Detail::AssembleConstraints(const StepOptions& options) {
   const double h = options.h;
   constraints_.resize(points_.size());
@@ -139,54 +186,16 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
       block.V_R_foreseen = mechanisms_[i].state().V_R;
       block.X_WR_half = mechanisms_[i].state().X_WR * Exp(0.5 * h * block.V_R_foreseen);
     }
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    ContactPoint& p = points_[i];
-    ContactConstraint& c = constraints_[i];
-    c = ContactConstraint{};
-    c.friction = p.friction;
-    c.torsion = p.torsion;
-    c.rolling = p.rolling;
-    const Contactor& a = contactors_[static_cast<std::size_t>(p.body_a)];
-    const Contactor& b = contactors_[static_cast<std::size_t>(p.body_b)];
-    // What lasts has its rows half a step ahead, where they turn the velocity into the way of the step to
-    // second order; and what rows hold back, forces along the same rows do no work on.
-    const bool lasts = options.contact_curvature && !by_theta_ && curvature_valid_ && match_[i] >= 0 &&
-                       previous_[static_cast<std::size_t>(match_[i])].impulse(0) > 0;
-    ContactPoint at = p;
-    const bool foreseen = foresight_[i].used = lasts && AdvanceHalf(h, at, foresight_[i]);
-    const double ahead = foreseen ? 0.5 * h : 0;
-    p.frame = at.frame;
-    if (a.kind != Contactor::Kind::kWorld) {
-      c.port_a = port_offset_[static_cast<std::size_t>(p.body_a)];
-      c.J_a = -PortRows(p.body_a, at, ahead);
-    }
-    if (b.kind != Contactor::Kind::kWorld) {
-      c.port_b = port_offset_[static_cast<std::size_t>(p.body_b)];
-      c.J_b = PortRows(p.body_b, at, ahead);
-    }
-    const Vector3 speed = RelativeSpeed(c);
-    // Half way stands what half a step of the old velocity has made of the gap that the start had.
-    if (middle_) p.gap -= 0.5 * h * speed(0);
-    SetMaterial(options.material, p.gap, h, c);
-    if (p.restitution > 0 && !middle_) approach_[i] = std::max(0.0, -speed(0));
-    if (match_[i] < 0) continue;
-    const auto k = static_cast<std::size_t>(match_[i]);
-    const ContactRecord& before = previous_[k];
-    c.held = c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
-    c.held_use = before.use;
-    c.held_moment = c.moment = p.frame * (before.point.frame.transpose() * before.moment);
-    if (foreseen) {
-      c.bias += CoordinateCurvature(p.body_a, c.J_a) + CoordinateCurvature(p.body_b, c.J_b) +
-                p.frame * previous_missed_W_[k] / h;
-    } else if (lasts && !Reparametrised(p.body_a) && !Reparametrised(p.body_b)) {
-      // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's.
-      c.bias += 0.5 * (speed - p.frame * previous_speed_W_[k]);
-    }
-  }
+  ForContacts([&](std::size_t i) { AssembleContact(i, options); });
+  AssembleLimits(options);
+}
 
+void World::Detail::AssembleLimits(const StepOptions& options) {
+  const double h = options.h;
   limits_.clear();
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     const MechanismDynamics& m = mechanisms_[i];
+    mechanism_blocks_[i].first_limit = limits_.size();
     for (const PartBlock& part : mechanism_blocks_[i].parts) {
       for (std::size_t k = 0; k < part.limits.size(); ++k) {
         const auto at = static_cast<std::size_t>(part.limits[k]);

@@ -6,13 +6,13 @@ namespace fork1s {
 void World::Detail::Save(WorldState& out) const {
   out.mechanisms.resize(mechanisms_.size());
   out.rows.resize(mechanisms_.size());
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+  ForMechanisms([&](std::size_t i) {
     const MechanismBlock& block = mechanism_blocks_[i];
     mechanisms_[i].Save(out.mechanisms[i]);
     out.rows[i].limit_impulses = block.limit_impulses;
     out.rows[i].friction_impulses = block.friction_impulses;
     out.rows[i].refreshed = block.refreshed > 0;
-  }
+  });
   out.free_bodies.resize(free_bodies_.size());
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) out.free_bodies[i] = free_bodies_[i].Save();
   out.contacts = contacts_;

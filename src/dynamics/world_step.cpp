@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <fork1s/parallel/parallel_for.hpp>
 
 #include "world_detail.hpp"
 
@@ -14,16 +13,12 @@ int World::Detail::MechanismGrain() const {
 }
 
 void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& report) {
-  ParallelFor(0, static_cast<int>(mechanisms_.size()), MechanismGrain(),
-              [this, &options](int begin, int end) {
-                for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
-                  MechanismDynamics& m = mechanisms_[i];
-                  m.Integrate(options.h);
-                  mechanism_blocks_[i].refreshed = 0;
-                  if (options.refresh && m.Staleness(by_theta_) > 1)
-                    mechanism_blocks_[i].refreshed = m.Refresh() ? 1 : -1;
-                }
-              });
+  ForMechanisms([&](std::size_t i) {
+    MechanismDynamics& m = mechanisms_[i];
+    m.Integrate(options.h);
+    mechanism_blocks_[i].refreshed = 0;
+    if (options.refresh && m.Staleness(by_theta_) > 1) mechanism_blocks_[i].refreshed = m.Refresh() ? 1 : -1;
+  });
   if (by_theta_)
     for (const MechanismDynamics& m : mechanisms_) {
       report.newton_steps = std::max(report.newton_steps, m.NewtonSteps());
@@ -71,17 +66,18 @@ void World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
   AssembleConstraints(options);
 }
 
-bool World::Detail::IsFinite() const {
-  return std::all_of(mechanisms_.begin(), mechanisms_.end(), [](const auto& m) { return m.IsFinite(); }) &&
-         std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
-}
-
 // Joints may be out of all proportion and finite, and the poses they lead to not.
-bool World::Detail::PosesAreFinite() const {
-  return std::all_of(mechanisms_.begin(), mechanisms_.end(), [](const MechanismDynamics& m) {
+bool World::Detail::IsFinite(bool poses) {
+  ForMechanisms([&](std::size_t i) {
+    const MechanismDynamics& m = mechanisms_[i];
     const auto& X_RB = m.configuration().kinematics.X_RB;
-    return std::all_of(X_RB.begin(), X_RB.end(), [](const auto& X) { return X.IsFinite(); });
+    mechanism_blocks_[i].finite =
+        m.IsFinite() && (!poses || std::all_of(X_RB.begin(), X_RB.end(),
+                                               [](const RigidTransform& X) { return X.IsFinite(); }));
   });
+  return std::all_of(mechanism_blocks_.begin(), mechanism_blocks_.end(),
+                     [](const MechanismBlock& b) { return b.finite; }) &&
+         std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
 }
 
 // As before the step, but for wrenches: they were meant for this step, and may be what was not finite.
@@ -113,23 +109,19 @@ StepReport World::Detail::Step(const StepOptions& options) {
     BeginTheta(options, report);
   else
     PrepareContacts(options, report);
-  ParallelFor(0, static_cast<int>(mechanisms_.size()), MechanismGrain(),
-              [this, &options](int begin, int end) {
-                for (int i = begin; i < end; ++i)
-                  mechanisms_[static_cast<std::size_t>(i)].Predict(options.h, options.gravity);
-              });
+  ForMechanisms([&](std::size_t i) { mechanisms_[i].Predict(options.h, options.gravity); });
   for (FreeBody& b : free_bodies_) b.Predict(h, options.gravity);
   if (middle_) ShiftRows();
   SolveContacts(options, report);
 
-  if (!IsFinite()) return TakeBack(report);
+  if (!IsFinite(false)) return TakeBack(report);
   KeepForNextStep(h, report);
   curvature_valid_ = !by_theta_;
   MoveMechanisms(options, report);
   for (FreeBody& b : free_bodies_) b.Integrate(h);
   for (const MechanismDynamics& m : mechanisms_)
     report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
-  return IsFinite() && PosesAreFinite() ? report : TakeBack(report);
+  return IsFinite(true) ? report : TakeBack(report);
 }
 
 StepReport World::Step(const StepOptions& options) { return detail_->Step(options); }

@@ -1,7 +1,6 @@
 // The step of second order among contacts: where they are found, and what an impact is.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/parallel/parallel_for.hpp>
 
 #include "world_detail.hpp"
 
@@ -29,11 +28,7 @@ double World::Detail::MotionWithin(double h) const {
 
 void World::Detail::MoveAllTo(const StepOptions& options, bool middle) {
   middle_ = middle;
-  ParallelFor(0, static_cast<int>(mechanisms_.size()), MechanismGrain(),
-              [this, &options](int begin, int end) {
-                for (int i = begin; i < end; ++i)
-                  mechanisms_[static_cast<std::size_t>(i)].Begin(options.h, options.gravity, middle_);
-              });
+  ForMechanisms([&](std::size_t i) { mechanisms_[i].Begin(options.h, options.gravity, middle_); });
   for (FreeBody& b : free_bodies_) b.Begin(options.h, middle);
 }
 
