@@ -11,6 +11,9 @@ int Main(int argc, char** argv);
 namespace fork1s::benchmarks::contact_problems {
 int Main(int argc, char** argv);
 }
+namespace fork1s::benchmarks::contact_recorded {
+int Main(int argc, char** argv);
+}
 namespace fork1s::benchmarks::detail_levels {
 int Main(int argc, char** argv);
 }

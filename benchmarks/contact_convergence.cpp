@@ -8,16 +8,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <fork1s/importer/importer.hpp>
-#include <fork1s/record/csv.hpp>
-#include <fork1s/sim/simulation.hpp>
 #include <string>
 #include <vector>
 
 #include "benchmarks.hpp"
+#include "scene_run.hpp"
 
 namespace fork1s::benchmarks::contact_convergence {
 namespace {
@@ -25,36 +22,12 @@ namespace {
 constexpr double kTimeStep = 1.0 / 60;  // s
 
 bool PrintRow(const std::string& path, double seconds) {
-  auto imported = LoadMechanism(path);
-  if (!imported) {
-    fmt::print(stderr, "contact_convergence: {}\n", imported.error().Text());
-    return false;
-  }
-  SimulationOptions options;
-  options.dt = kTimeStep;
-  auto simulation = Simulation::Create(imported->scene, options);
-  if (!simulation) {
-    fmt::print(stderr, "contact_convergence: {}\n", simulation.error().Text());
-    return false;
-  }
-  ControlTrack track;
-  const auto controls = std::filesystem::path(path).replace_extension(".csv");
-  if (std::filesystem::exists(controls)) {
-    auto read = ReadControls(controls.string());
-    if (!read) {
-      fmt::print(stderr, "contact_convergence: {}\n", read.error().Text());
-      return false;
-    }
-    track = std::move(*read);
-  }
-  const int steps = static_cast<int>(std::lround(seconds / kTimeStep));
   std::vector<int> iterations;
-  int helped = 0, softer = 0, unconverged = 0, most = 0;
+  int steps = 0, helped = 0, softer = 0, unconverged = 0, most = 0;
   double residual_impulse = 0, residual_speed = 0, penetration = 0;
-  for (int i = 0; i < steps; ++i) {
-    track.Apply((i + 1) * kTimeStep, *simulation);
-    const StepReport report = simulation->Step();
-    if (!report.finite) break;
+  const bool ran = RunScene(path, seconds, kTimeStep, [&](Simulation&, const StepReport& report) {
+    if (!report.finite) return false;
+    ++steps;
     if (report.solver.active > 0) iterations.push_back(report.solver.newton_iterations);
     helped += report.solver.stage == 1;
     softer += report.solver.stage == 2;
@@ -63,7 +36,9 @@ bool PrintRow(const std::string& path, double seconds) {
     residual_impulse = std::max(residual_impulse, report.solver.residual_impulse);
     residual_speed = std::max(residual_speed, report.solver.residual_speed);
     penetration = std::max(penetration, report.max_penetration);
-  }
+    return true;
+  });
+  if (!ran) return false;
   std::sort(iterations.begin(), iterations.end());
   const auto at = [&](double share) {
     if (iterations.empty()) return 0;

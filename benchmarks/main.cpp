@@ -19,6 +19,7 @@ struct Benchmark {
 constexpr Benchmark kBenchmarks[] = {{"accuracy", accuracy::Main},
                                      {"contact_convergence", contact_convergence::Main},
                                      {"contact_problems", contact_problems::Main},
+                                     {"contact_recorded", contact_recorded::Main},
                                      {"detail_levels", detail_levels::Main},
                                      {"detector_accuracy", detector_accuracy::Main},
                                      {"legged", legged::Main},

@@ -17,6 +17,7 @@
 namespace fork1s {
 
 class MechanismDynamics;  // mechanism_dynamics.hpp, for who looks into a mechanism
+struct ContactProblem;    // contact_problem.hpp
 
 /// How a step is taken. kEuler: all forces at its end, first order. kTheta: slow modes by the trapezoid, what
 /// a step cannot follow at its end, impacts likewise (docs/method.md, section 5); second order, for exact
@@ -103,6 +104,9 @@ class World {
 
   /// One step of the scheme of docs/method.md, section 5. Never throws for numerical reasons: see StepReport.
   StepReport Step(const StepOptions& options);
+  /// What the last step asked of its contacts and stops, to be solved by other means: velocities before them
+  /// and impulses of the step before as a warm start. Of no blocks where nothing could touch.
+  ContactProblem LastContactProblem() const;
 
   double KineticEnergy() const;
   double PotentialEnergy(const Vector3& gravity) const;
