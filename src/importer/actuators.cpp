@@ -67,8 +67,9 @@ void AddHold(Conversion& c, const LinearActuator& a) {
   for (const auto& term : a.length.terms) {
     const int dof = term.first;
     if (a.b1 < 0) c.in_spring[dof] = true;
-    c.held_by[dof].push_back(
-        fmt::format("actuator '{}' over {} freedoms, {:.4g} per unit length", a.name, a.length.terms.size(), -a.b1));
+    c.held_by[dof].push_back(fmt::format("actuator '{}' over {} freedom{}, {:.4g} per unit length", a.name,
+                                         a.length.terms.size(), a.length.terms.size() == 1 ? "" : "s",
+                                         -a.b1));
   }
   spring.stiffness = -a.b1;
   spring.damping = -a.b2;

@@ -92,6 +92,16 @@ TEST(SlackSpring, NeverGainsByImplicitEuler) {
   }
 }
 
+// Nor by second order, which looks for the end of a step anew where a stiff end is met within it.
+TEST(SlackSpring, NeverGainsBySecondOrder) {
+  StepOptions step = testing::Still();
+  step.integrator = Integrator::kTheta;
+  for (const double stiffness : {8e4, 8e6, 8e8}) {
+    SCOPED_TRACE(stiffness);
+    EXPECT_LE(Bounce(stiffness, step, 20).most, 1 + 1e-9);
+  }
+}
+
 // Nor does it lose anything but what implicit Euler takes of a swing, h ω of the energy in each radian, and
 // the free flights nothing.
 TEST(SlackSpring, LosesWhatHalfASwingLoses) {
