@@ -89,6 +89,7 @@ struct RandomMechanismOptions {
   int couplings = 0;         ///< polynomials through the origin, so closed at the reference
   int springs = 0;           ///< tendons over two to four freedoms
   bool bent_springs = false;  ///< with higher terms
+  double slack = 0;           ///< springs are slack over up to this
   int controls = 0;
   int interfaces = 2;           ///< the last leaves
   bool joints_in_order = true;  ///< false: joints are added out of body order
@@ -240,6 +241,7 @@ inline void AddConnections(RandomSource& random, const RandomMechanismOptions& o
     if (options.rest) s.rest = random.Uniform(-0.2, 0.2);
     if (options.bent_springs)  // k₂² < 3 k k₃: they stiffen or soften, and always hold
       s.higher_stiffness = {s.stiffness * random.Uniform(-0.5, 0.5), s.stiffness * random.Uniform(0.1, 3)};
+    if (options.slack > 0) s.slack = random.Uniform(0, options.slack);
     def.springs.push_back(s);
   }
   for (int i = 0; i < options.controls; ++i) {

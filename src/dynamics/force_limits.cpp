@@ -38,7 +38,6 @@ void MechanismDynamics::OpenForceLimits() {
   const auto& limits = mechanism().force_limits();
   for (std::size_t k = 0; k < limits.size(); ++k)
     limit_force_(static_cast<Eigen::Index>(k)) = UnboundedForce(limits[k]);
-  f_z_of_springs_ = f_z_;
   // A holds the springs of those that were at a bound in the last step no longer.
   if (AnyAtBound()) factored_h_ = -1;
 }
@@ -66,9 +65,21 @@ void MechanismDynamics::TakeBoundedSpringsOut(double h) {
   }
 }
 
-void MechanismDynamics::AddBoundedForces() {
+void MechanismDynamics::OpenSwitches() {
+  f_z_of_springs_ = f_z_;
+  OpenForceLimits();
+  OpenSlackSprings();
+}
+
+bool MechanismDynamics::UpdateSwitches(double h) {
+  const bool bounds = UpdateForceLimits(h), slack = UpdateSlackSprings(h);
+  return bounds || slack;
+}
+
+void MechanismDynamics::AddSwitchedForces() {
   const auto& limits = mechanism().force_limits();
   f_z_ = f_z_of_springs_;
+  AddSlackForces();
   for (std::size_t k = 0; k < limits.size(); ++k) {
     if (state_.at_bound[k] == 0) continue;
     const double bound = state_.at_bound[k] > 0 ? limits[k].upper : limits[k].lower;
@@ -99,6 +110,7 @@ bool MechanismDynamics::UpdateForceLimits(double h) {
 double MechanismDynamics::EnergyBeyondBounds() const {
   double energy = 0;
   for (const Mechanism::ForceLimit& limit : mechanism().force_limits()) {
+    if (!mechanism().HasPotential(limit.length)) continue;
     const double f = UnboundedForce(limit), F = std::min(std::max(f, limit.lower), limit.upper);
     if (f == F) continue;
     energy +=

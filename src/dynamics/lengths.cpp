@@ -69,13 +69,15 @@ void MechanismDynamics::TurnSprings(double h) {
   if (!has_bent_springs_ || scheme_ != Scheme::kEuler || options_.recovery != Recovery::kExact) return;
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
   const auto& springs = mechanism().springs();
+  auto slack = slack_.begin();
   for (std::size_t k = 0; k < springs.size(); ++k) {
     const Mechanism::Spring& s = springs[k];
     if (s.length.path < 0 && s.is_linear()) continue;
+    const double stiffness = s.slack > 0 ? SlackStiffness(*slack++) : s.StiffnessAt(Length(s.length));
     double rate = 0;
     ForEachArm(s.length, Paths(), [&](int i, double c) { rate += c * Q_now().row(i).dot(state_.reduced.w); });
     const double reference = h * (h * spring_stiffness_ref_[k] + s.DampingAt(0)),
-                 now = h * (h * s.StiffnessAt(Length(s.length)) + s.DampingAt(rate));
+                 now = h * (h * stiffness + s.DampingAt(rate));
     ReducedRow(s.length, paths_ref_, model().Q_rows, limit_row_);
     A_z.noalias() -= reference * limit_row_ * limit_row_.transpose();
     AddSpringOf(s.length, now, true);

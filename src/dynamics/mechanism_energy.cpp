@@ -55,6 +55,7 @@ double MechanismDynamics::PotentialEnergyOn(const RigidTransform& X_WR, const Ve
       pose.springs - gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * pose.moment);
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];
+    if (!m.HasPotential(control.length)) continue;
     const double u = state_.controls(static_cast<Eigen::Index>(i));
     energy -= control.gain * u * Length(control.length);
     if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;

@@ -14,6 +14,8 @@ void MechanismDynamics::TakeReferenceForces() {
     spring_stiffness_ref_.push_back(s.StiffnessAt(LengthOf(m, s.length, kinematics, model().q_ref)));
     has_bent_springs_ = has_bent_springs_ || s.length.path >= 0 || !s.is_linear();
   }
+  FindSlackSprings();
+  FindFollowers();
   if (options_.recovery != Recovery::kTwist) return;
   configuration_.kinematics.paths = kinematics.paths;
   VectorX g_ref(model().num_coordinates());  // spring forces at the reference

@@ -74,7 +74,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
 
   if (base_size_ > 0) momentum_.noalias() -= M_full_.middleCols<3>(3) * drift_R_;
   V_free_ = V_next;
-  if (!state_.at_bound.empty()) OpenForceLimits();
+  if (HasSwitches()) OpenSwitches();
   SolveFree(h);
   state_.controls_move = false;
   if (state_.has_wrenches) {
@@ -86,7 +86,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
 // x* from the forces and momenta at hand.
 void MechanismDynamics::SolveFree(double h) {
   if (h != factored_h_) Factor(h);
-  if (!state_.at_bound.empty()) AddBoundedForces();
+  if (HasSwitches()) AddSwitchedForces();
   const int r = model().size();
   if (base_size_ == 0) {
     state_.reduced.V_R = V_free_;
@@ -157,6 +157,7 @@ void MechanismDynamics::Integrate(double h) {
     return;
   }
   if (guard_) {
+    if (has_followers_) energy_budget_ += FollowerWork(h);
     z_before_ = state_.reduced.z;
     w_before_ = state_.reduced.w;
     X_WR_before_ = state_.reduced.X_WR;

@@ -28,6 +28,7 @@ double MechanismDynamics::EndForces(VectorX& f_z) {
     const double f = UnboundedForce(limit), excess = f - std::clamp(f, limit.lower, limit.upper);
     AddLengthForce(limit.length, -excess, g_);
   }
+  if (has_followers_) AddFollowerForce(-1, g_);  // the merit has them as they stood at the middle
   f_z.noalias() = Q_now().transpose() * g_;
   pose_energy_.valid = false;
   return PotentialEnergyOn(state_.reduced.X_WR, gravity_W_);

@@ -168,6 +168,11 @@ void MechanismDynamics::PredictTheta(double h) {
     state_.wrenches_W.setZero();
     state_.has_wrenches = false;
   }
+  if (has_followers_ && r > 0) {
+    tau_.setZero();
+    AddFollowerForce(1, tau_);
+    f_wrench_.noalias() += Q_now().transpose() * tau_;
+  }
   controls_moved_ = state_.controls_move && r > 0;
   if (controls_moved_) {
     tau_.setZero();
@@ -178,7 +183,7 @@ void MechanismDynamics::PredictTheta(double h) {
     f_moved_.noalias() = Q_now().transpose() * tau_;
   }
   state_.controls_move = false;
-  if (!state_.at_bound.empty()) OpenForceLimits();
+  if (HasSwitches()) OpenSwitches();
 }
 
 // x* from the momenta and forces at hand.
@@ -191,7 +196,7 @@ void MechanismDynamics::SolveFreeTheta(double h) {
     if (base_size_ > 0) ranges = {{0, r}};
     rule.Fill(model(), ranges, h, all_at_end_);
   }
-  if (!state_.at_bound.empty()) AddBoundedForces();
+  if (HasSwitches()) AddSwitchedForces();
   if (num_velocities() == 0) return;
   impulse_.setZero(num_velocities());
   x_ = momentum_;
@@ -368,8 +373,9 @@ void MechanismDynamics::TakeVelocityAtEnd(double work) {
   if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
   x_ = momentum_;
   SolveOrFail(inertia_factor_, M_full_, x_);
-  // What is known of the energy: truncated modes follow their loads at rest and take part in it unseen.
-  if (r > 0 && !model().has_complement && !minimised_) {
+  // What is known of the energy: truncated modes follow their loads at rest and take part in it unseen, and
+  // the work of springs without potential is known at the middle alone.
+  if (r > 0 && !model().has_complement && !minimised_ && !has_follower_springs_) {
     const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.reduced.X_WR;
     const double potential = PotentialEnergyOn(X_WR, gravity_W_),
                  missed = potential_start_ - potential - work;

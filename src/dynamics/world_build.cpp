@@ -162,7 +162,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions;
     block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
     block.friction_impulses.assign(static_cast<std::size_t>(frictions), 0.0);
-    detail.has_force_limits_ = detail.has_force_limits_ || !m.mechanism().force_limits().empty();
+    detail.has_switches_ = detail.has_switches_ || m.HasSwitches();
     detail.mechanism_blocks_.push_back(std::move(block));
     velocities += rows;
     limits += 2 * limited + frictions;

@@ -44,7 +44,7 @@ struct World::Detail {
   void MatchPrevious();
   void AddCandidates(std::size_t begin, std::size_t end, const int* first, const int* last);
   void SolveContacts(const StepOptions& options, StepReport& report);
-  bool UpdateForceLimits(const StepOptions& options);
+  bool UpdateSwitches(const StepOptions& options);
   void ApplyImpulses();
   void KeepForNextStep(double h, StepReport& report);
   void MoveMechanisms(const StepOptions& options, StepReport& report);
@@ -151,7 +151,7 @@ struct World::Detail {
   std::vector<MechanismBlock> mechanism_blocks_;
   std::vector<Matrix6> free_Y_;
   std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
-  bool has_force_limits_ = false;
+  bool has_switches_ = false;
   WorldState before_;  // of the step at hand
 };
 

@@ -30,11 +30,11 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
   }
 }
 
-// Contact, and with it which servos are at the bounds of their forces: each round knows more of them, or lets
-// go those that contact took back.
+// Contact, and with it which servos are at the bounds of their forces and which springs are slack: each round
+// knows more of them, or lets go those that contact took back.
 void World::Detail::SolveContacts(const StepOptions& options, StepReport& report) {
   constexpr int kRounds = 50;  // a set that comes back has no end, and is said in the report
-  if (has_force_limits_)
+  if (has_switches_)
     for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_velocity_[i] = free_bodies_[i].velocity();
   for (int round = 0; round < kRounds; ++round) {
     if (!points_.empty() || !limits_.empty()) {
@@ -43,15 +43,15 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
       report.solver = solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
       ApplyImpulses();
     }
-    if (!has_force_limits_ || !UpdateForceLimits(options)) return;
+    if (!has_switches_ || !UpdateSwitches(options)) return;
   }
   report.solver.converged = false;
 }
 
-bool World::Detail::UpdateForceLimits(const StepOptions& options) {
+bool World::Detail::UpdateSwitches(const StepOptions& options) {
   bool changed = false;
   for (MechanismDynamics& m : mechanisms_)
-    if (m.UpdateForceLimits(options.h)) changed = true;
+    if (m.UpdateSwitches(options.h)) changed = true;
   if (!changed) return false;
   for (MechanismDynamics& m : mechanisms_) m.PredictAgain(options.h);
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].ResetVelocity(free_velocity_[i]);

@@ -181,6 +181,11 @@ std::vector<LinearActuator> LinearActuators(const mjModel& m, const mjData& d) {
   for (int i = 0; i < m.nactuator; ++i) {
     if (WhyNoLaw(m, d, i)) continue;
     LinearActuator a = Law(m, d, i);
+    // A force on a site alone has no length that could hold it.
+    if (HasNoLength(m, i)) {
+      a.b1 = 0;
+      for (ActuatorInput& input : a.inputs) input.setpoint = false;
+    }
     if (!a.length.terms.empty()) actuators.push_back(std::move(a));
   }
   return actuators;

@@ -67,8 +67,9 @@ void AddHold(Conversion& c, const LinearActuator& a) {
   for (const auto& term : a.length.terms) {
     const int dof = term.first;
     if (a.b1 < 0) c.in_spring[dof] = true;
-    c.held_by[dof].push_back(
-        fmt::format("actuator '{}' over {} freedoms, {:.4g} per unit length", a.name, a.length.terms.size(), -a.b1));
+    c.held_by[dof].push_back(fmt::format("actuator '{}' over {} freedom{}, {:.4g} per unit length", a.name,
+                                         a.length.terms.size(), a.length.terms.size() == 1 ? "" : "s",
+                                         -a.b1));
   }
   spring.stiffness = -a.b1;
   spring.damping = -a.b2;
@@ -115,7 +116,7 @@ void ConvertActuators(Conversion& c) {
   for (const auto& [kind, entry] : refused) c.DroppedMany(kind, entry.second, entry.first);
   std::vector<bool> moves(static_cast<std::size_t>(m.nactuator), false);
   std::map<std::string, std::vector<std::string>> left_out;
-  std::vector<std::string> in_parent, curved;
+  std::vector<std::string> in_parent;
   for (const LinearActuator& a : LinearActuators(m, c.d)) {
     moves[static_cast<std::size_t>(a.actuator)] = true;
     AddHold(c, a);
@@ -125,7 +126,6 @@ void ConvertActuators(Conversion& c) {
       c.report.servos.push_back({c.MechanismOf(a.length.terms[0].first), a.inputs[0].name, -a.b1, -a.b2, a.b0,
                                  a.length.at_reference});
     for (const std::string& part : a.left_out) left_out[part].push_back(a.name);
-    if (!a.length.linear) curved.push_back(a.name);
     const bool turns = m.actuator_trntype[a.actuator] == mjTRN_JOINTINPARENT && a.length.terms.size() > 1;
     if (turns) in_parent.push_back(a.name);
   }
@@ -133,7 +133,6 @@ void ConvertActuators(Conversion& c) {
     if (!moves[static_cast<std::size_t>(i)] && !WhyNoLaw(m, c.d, i))
       c.Dropped(fmt::format("actuator '{}'", c.actuator_names[i]), "its gear is zero, so it moves nothing");
   }
-  c.ChangedMany("path of actuator", curved, "its lever arms are those of the reference pose");
   for (const auto& [part, names] : left_out)
     c.DroppedMany("part of actuator", names, fmt::format("{} is left out", part));
   c.DroppedMany("parent axes of ball joint actuator", in_parent, "its torque turns with the child instead");

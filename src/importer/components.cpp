@@ -144,6 +144,10 @@ void FindComponents(Conversion& c) {
     if (moving == bodies.end()) continue;
     for (int body : bodies) tie(*moving, body);
   }
+  if (!(m.opt.disableflags & mjDSBL_ACTUATION))
+    for (const LinearActuator& a : LinearActuators(m, c.d))
+      if (const std::vector<int> bodies = BodiesOfActuator(m, a.actuator); bodies.size() == 2)
+        tie(bodies[0], bodies[1]);
 
   std::vector<int> component_of(m.nbody, -1);
   for (int b = 1; b < m.nbody; ++b) {

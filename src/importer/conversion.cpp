@@ -72,49 +72,6 @@ Anchor AnchorIn(const Conversion& c, int mechanism, int b) {
   return {BodyIndex(0), c.scene.mechanisms[mechanism].X_WR.inverse() * c.WorldPose(b)};
 }
 
-int Conversion::PathOf(const Length& length) {
-  path_of_tendon.resize(static_cast<std::size_t>(m.ntendon), -1);
-  int& made = path_of_tendon[static_cast<std::size_t>(length.tendon)];
-  if (made >= 0) return made;
-  const int t = length.tendon, mechanism = MechanismOf(length.terms[0].first);
-  const auto point = [&](int site, BodyIndex& on) {
-    const Anchor at = AnchorIn(*this, mechanism, m.site_bodyid[site]);
-    on = at.body;
-    return Vector3(at.X_AB * Vec3(m.site_pos + 3 * site));
-  };
-  PathDef path;
-  path.name = NameOr(m, m.name_tendonadr[t], "tendon", t);
-  for (int w = m.tendon_adr[t]; w < m.tendon_adr[t] + m.tendon_num[t]; ++w) {
-    const int id = m.wrap_objid[w];
-    PathElementDef e;
-    switch (m.wrap_type[w]) {
-      case mjWRAP_PULLEY:
-        e.kind = PathElementDef::Kind::kPulley;
-        e.divisor = m.wrap_prm[w];
-        break;
-      case mjWRAP_SITE:
-        e.X_BE = RigidTransform(point(id, e.body));
-        break;
-      default: {
-        e.kind =
-            m.wrap_type[w] == mjWRAP_SPHERE ? PathElementDef::Kind::kSphere : PathElementDef::Kind::kCylinder;
-        const Anchor at = AnchorIn(*this, mechanism, m.geom_bodyid[id]);
-        e.body = at.body;
-        e.X_BE = at.X_AB * RigidTransform(Quat(m.geom_quat + 4 * id), Vec3(m.geom_pos + 3 * id));
-        e.radius = m.geom_size[3 * id];
-        const int side = static_cast<int>(std::lround(m.wrap_prm[w]));  // a site, -1: none
-        e.has_side = side >= 0;
-        if (e.has_side) e.side_B = point(side, e.side_body);
-      }
-    }
-    path.elements.push_back(std::move(e));
-  }
-  auto& paths = scene.mechanisms[static_cast<std::size_t>(mechanism)].paths;
-  made = static_cast<int>(paths.size());
-  paths.push_back(std::move(path));
-  return made;
-}
-
 EqualityPlace PlaceOfEquality(const mjModel& m, int e, int which) {
   const int object = which == 0 ? m.eq_obj1id[e] : m.eq_obj2id[e];
   if (!HoldsSites(m, e)) return {object, RigidTransform()};

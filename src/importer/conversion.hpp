@@ -72,7 +72,7 @@ struct Conversion {
   std::vector<std::vector<std::string>> held_by;
   std::vector<bool> in_spring, coupled;
   std::vector<std::vector<ControlSource>> controls;  // parallel to MechanismDef::controls
-  std::vector<int> path_of_tendon;                   // in its mechanism; -1: not yet made
+  std::vector<int> path_of_tendon, path_of_actuator;  // in its mechanism; -1: not yet made
   int initial_keyframe = -1;
 
   void Note(ImportNote::Kind kind, std::string where, std::string message);
@@ -97,11 +97,11 @@ struct Conversion {
   double Reference(int dof) const;     // qpos0 of a hinge or slide, 0 otherwise
   const char* StiffnessUnit(int dof) const;
   bool EqualityWorks(int equality) const;  // switched on and understood
-  /// What a length is in a definition: `terms` of freedoms, or the path of a tendon through space, which is
-  /// made where it is asked for the first time.
+  /// What a length is in a definition: `terms` of freedoms, or a path, which is made where it is asked for
+  /// the first time.
   template <class Def>
   void PutLength(const Length& length, Def& def) {
-    if (length.tendon >= 0)
+    if (length.tendon >= 0 || length.actuator >= 0)
       def.along = {PathOf(length), length.gear};
     else
       for (const auto& [dof, coefficient] : length.terms) def.terms.emplace_back(Freedom(dof), coefficient);

@@ -6,24 +6,9 @@
 namespace fork1s::internal {
 namespace {
 
-// Arms below this share of the largest are rounding of the reader: what a tendon within a robot does to the
-// robot as a whole, for instance.
-constexpr double kNoArm = 1e-12;
-
-std::vector<std::pair<int, double>> Row(const mjtNum* values, const int* columns, int count) {
-  double largest = 0;
-  for (int i = 0; i < count; ++i) largest = std::max(largest, std::abs(values[i]));
-  std::vector<std::pair<int, double>> terms;
-  for (int i = 0; i < count; ++i) {
-    if (std::abs(values[i]) > kNoArm * largest) terms.emplace_back(columns[i], values[i]);
-  }
-  return terms;
-}
-
-// Degrees of freedom that move a part of a tendon's path against another: those that some of its elements
-// hang on, and not all.
-std::vector<int> DofsOfPath(const mjModel& m, int t) {
-  const std::vector<int> bodies = BodiesOfTendon(m, t);
+// Degrees of freedom that move a part of a path against another: those that some of its elements hang on, and
+// not all; of a lone element, against the world.
+std::vector<int> DofsOfPath(const mjModel& m, const std::vector<int>& bodies) {
   std::vector<int> on(static_cast<std::size_t>(m.nv), 0);
   for (const int body : bodies)
     for (int b = body; b > 0; b = m.body_parentid[b])
@@ -32,9 +17,22 @@ std::vector<int> DofsOfPath(const mjModel& m, int t) {
   std::vector<int> dofs;
   for (int dof = 0; dof < m.nv; ++dof)
     if (const int count = on[static_cast<std::size_t>(dof)];
-        count > 0 && count < static_cast<int>(bodies.size()))
+        count > 0 && (count < static_cast<int>(bodies.size()) || bodies.size() == 1))
       dofs.push_back(dof);
   return dofs;
+}
+
+// Those with their entries in a sparse row of MuJoCo's.
+std::vector<std::pair<int, double>> TermsOf(const std::vector<int>& dofs, const mjtNum* values,
+                                            const int* columns, int count) {
+  std::vector<std::pair<int, double>> terms;
+  for (const int dof : dofs) {
+    double arm = 0;
+    for (int k = 0; k < count; ++k)
+      if (columns[k] == dof) arm = values[k];
+    terms.emplace_back(dof, arm);
+  }
+  return terms;
 }
 
 }  // namespace
@@ -70,18 +68,22 @@ std::vector<int> BodiesOfTendon(const mjModel& m, int t) {
   return bodies;
 }
 
+std::vector<int> BodiesOfActuator(const mjModel& m, int i) {
+  const int type = m.actuator_trntype[i], *sites = m.actuator_trnid + 2 * i;
+  if (type != mjTRN_SITE && type != mjTRN_SLIDERCRANK) return {};
+  std::vector<int> bodies = {m.site_bodyid[sites[0]]};
+  if (sites[1] >= 0) bodies.push_back(m.site_bodyid[sites[1]]);
+  return bodies;
+}
+
 Length TendonLength(const mjModel& m, const mjData& d, int t) {
   Length length;
   if (IsSpatial(m, t)) {
     length.tendon = t;
     length.at_reference = d.ten_length[t];
     const int at = m.ten_J_rowadr[t];
-    for (const int dof : DofsOfPath(m, t)) {
-      double arm = 0;
-      for (int k = at; k < at + m.ten_J_rownnz[t]; ++k)
-        if (m.ten_J_colind[k] == dof) arm = d.ten_J[k];
-      length.terms.emplace_back(dof, arm);
-    }
+    length.terms =
+        TermsOf(DofsOfPath(m, BodiesOfTendon(m, t)), d.ten_J + at, m.ten_J_colind + at, m.ten_J_rownnz[t]);
     return length;
   }
   for (int w = m.tendon_adr[t]; w < m.tendon_adr[t] + m.tendon_num[t]; ++w) {
@@ -115,10 +117,13 @@ Length ActuatorLength(const mjModel& m, const mjData& d, int i) {
       if (gear[0] == 0) length.terms.clear();
       return length;
     default: {
-      const int at = d.moment_rowadr[out];
-      length.linear = false;
+      const int at = d.moment_rowadr[out], count = m.actuator_trntype[i] == mjTRN_SITE ? 6 : 1;
+      length.actuator = i;
       length.at_reference = d.actuator_length[out];
-      length.terms = Row(d.actuator_moment + at, d.moment_colind + at, d.moment_rownnz[out]);
+      if (count == 1) length.gear = gear[0];
+      if (std::any_of(gear, gear + count, [](mjtNum g) { return g != 0; }))
+        length.terms = TermsOf(DofsOfPath(m, BodiesOfActuator(m, i)), d.actuator_moment + at,
+                               d.moment_colind + at, d.moment_rownnz[out]);
       return length;
     }
   }

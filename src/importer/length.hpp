@@ -9,16 +9,16 @@
 namespace fork1s::internal {
 
 /// A length about the reference pose: at_reference + Σ a q, with q counted from the reference, or that of a
-/// tendon through space times a gear.
+/// path times a gear: a tendon through space, a slider-crank, a force on a site.
 struct Length {
   double at_reference = 0;
-  std::vector<std::pair<int, double>> terms;  // degree of freedom (MuJoCo), a; of a tendon through space
-                                              // those that may change it, with their arms at the reference
-  int tendon = -1;     // through space; -1: none
-  double gear = 1;     // of that
-  bool linear = true;  // false: not a tendon, yet no sum: the arms a are those of the reference pose
+  std::vector<std::pair<int, double>> terms;  // degree of freedom (MuJoCo), a; of a path those that may
+                                              // change it, with their arms at the reference
+  int tendon = -1;                            // through space; -1: none
+  int actuator = -1;                          // on sites, whose path is its own; -1: none
+  double gear = 1;                            // of the path
 
-  bool is_single() const { return tendon < 0 && terms.size() == 1; }
+  bool is_single() const { return tendon < 0 && actuator < 0 && terms.size() == 1; }
 };
 
 /// `data` at qpos0, with what mj_transmission computes.
@@ -28,6 +28,12 @@ Length ActuatorLength(const mjModel& m, const mjData& d, int actuator);  // gear
 bool IsSpatial(const mjModel& m, int tendon);
 /// Whether a length hears a free joint: its arms there are of the world's axes and turn with the body.
 bool HearsFreeJoint(const mjModel& m, const Length& length);
+/// Bodies that carry the sites of an actuator on sites or of a slider-crank; none for others.
+std::vector<int> BodiesOfActuator(const mjModel& m, int actuator);
+/// Whether it pushes on a site with no other to tell a length from.
+inline bool HasNoLength(const mjModel& m, int actuator) {
+  return m.actuator_trntype[actuator] == mjTRN_SITE && m.actuator_trnid[2 * actuator + 1] < 0;
+}
 /// Bodies between which a tendon pulls, in the order of its path, repeated as it comes back to them.
 std::vector<int> BodiesOfTendon(const mjModel& m, int tendon);
 

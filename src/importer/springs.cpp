@@ -92,7 +92,10 @@ void AddTendonSpring(Conversion& c, int t) {
   const auto higher_stiffness = Higher(m.tendon_stiffnesspoly, t, m.opt.disableflags & mjDSBL_SPRING),
              higher_damping = Higher(m.tendon_dampingpoly, t, m.opt.disableflags & mjDSBL_DAMPER);
   const std::array<double, 2> none = {};
-  if (length.is_single() && higher_stiffness == none && higher_damping == none) {  // a spring of that joint
+  const double slack =
+      k > 0 || higher_stiffness != none ? m.tendon_lengthspring[2 * t + 1] - m.tendon_lengthspring[2 * t] : 0;
+  if (length.is_single() && higher_stiffness == none && higher_damping == none &&
+      slack == 0) {  // a spring of that joint
     c.k[first] += k * arm * arm;
     c.c[first] += k * arm * rest;
     c.FreedomOf(first).damping += damping * arm * arm;
@@ -106,11 +109,17 @@ void AddTendonSpring(Conversion& c, int t) {
   spring.rest = rest;
   spring.higher_stiffness = higher_stiffness;
   spring.higher_damping = higher_damping;
+  spring.slack = slack;
+  const bool pulls = (k > 0 || higher_stiffness != none) && !(rest <= 0 && 0 <= rest + slack && slack > 0);
   c.PutLength(length, spring);
   for (const auto& term : length.terms) {
     const int dof = term.first;
-    if (k > 0 || higher_stiffness != none) c.in_spring[dof] = true;
-    c.held_by[dof].push_back(fmt::format("tendon '{}' over {} freedoms", name, length.terms.size()));
+    if (pulls) c.in_spring[dof] = true;
+    c.held_by[dof].push_back(fmt::format("tendon '{}' over {} {}", name, length.terms.size(),
+                                         length.terms.size() == 1 ? "freedom" : "freedoms"));
+    if (slack > 0)
+      c.held_by[dof].back() += fmt::format(", slack from {:.4g} to {:.4g}{}", m.tendon_lengthspring[2 * t],
+                                           m.tendon_lengthspring[2 * t + 1], pulls ? "" : ", as it is here");
   }
   c.scene.mechanisms[c.MechanismOf(first)].springs.push_back(std::move(spring));
 }
@@ -135,7 +144,7 @@ void ConvertSprings(Conversion& c) {
   if (no_springs) c.Note(ImportNote::Kind::kChanged, "option", "springs of joints and tendons are switched off");
   if (no_dampers) c.Note(ImportNote::Kind::kChanged, "option", "dampers of joints and tendons are switched off");
   for (int j = 0; j < m.njnt; ++j) AddJointSpring(c, j);
-  std::vector<std::string> slack, on_free;
+  std::vector<std::string> on_free;
   for (int t = 0; t < m.ntendon; ++t) {
     if (!HasSpringOrDamper(m, t)) continue;
     if (HearsFreeJoint(m, TendonLength(m, c.d, t))) {
@@ -143,10 +152,8 @@ void ConvertSprings(Conversion& c) {
       continue;
     }
     AddTendonSpring(c, t);
-    if (m.tendon_lengthspring[2 * t] < m.tendon_lengthspring[2 * t + 1]) slack.push_back(NameOr(m, m.name_tendonadr[t], "tendon", t));
   }
   c.DroppedMany("spring of tendon", on_free, "it pulls on a free body");
-  c.ChangedMany("slack range of tendon", slack, "its spring pulls and pushes about the shorter length");
 }
 
 void FinishSprings(Conversion& c) {

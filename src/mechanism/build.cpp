@@ -201,6 +201,8 @@ Expected<void> CheckConnections(const MechanismDef& def) {
     if (!std::isfinite(s.stiffness) || !std::isfinite(s.damping) || !std::isfinite(s.rest) ||
         s.stiffness < 0 || s.damping < 0)
       return Refuse(where, "has a stiffness, damping or rest length that is negative or not finite");
+    if (!std::isfinite(s.slack) || s.slack < 0)
+      return Refuse(where, fmt::format("is slack over {}; it must be finite and 0 or more", s.slack));
     for (const auto& higher : {s.higher_stiffness, s.higher_damping})
       for (const double term : higher)
         if (!std::isfinite(term))
@@ -383,6 +385,9 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
     Mechanism::Path path;
     path.name = p.name;
     path.elements = p.elements;
+    path.kind = p.kind;
+    path.rod = p.rod;
+    path.gear = p.gear;
     internal::FindCoordinates(m, static_cast<int>(m.paths_.size()), path);
     m.paths_.push_back(std::move(path));
   }
@@ -399,8 +404,8 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
     return form;
   };
   for (const SpringDef& s : def.springs)
-    m.springs_.push_back(
-        {s.name, length_of(s), s.stiffness, s.damping, s.rest, s.higher_stiffness, s.higher_damping});
+    m.springs_.push_back({s.name, length_of(s), s.stiffness, s.damping, s.rest, s.higher_stiffness,
+                          s.higher_damping, s.slack});
   for (const ControlDef& c : def.controls)
     m.controls_.push_back({c.name, length_of(c), c.gain, c.lower, c.upper, c.initial});
   for (const DryFrictionDef& f : def.frictions) m.frictions_.push_back({f.name, length_of(f), f.force});

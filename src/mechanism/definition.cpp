@@ -122,7 +122,7 @@ ClosureDef ClosureDef::Connect(std::string name, BodyIndex a, BodyIndex b, const
 }
 
 std::vector<JointIndex> MechanismDef::JointsOfPath(int path) const {
-  // How many elements hang on each body; what all hang on changes nothing.
+  // How many elements hang on each body; what all hang on changes nothing, unless the world is the other end.
   std::vector<int> on(bodies.size(), 0);
   int elements = 0;
   for (const PathElementDef& e : paths[static_cast<std::size_t>(path)].elements) {
@@ -132,7 +132,8 @@ std::vector<JointIndex> MechanismDef::JointsOfPath(int path) const {
   }
   std::vector<JointIndex> out;
   for (std::size_t j = 0; j < joints.size(); ++j)
-    if (const int count = on[joints[j].body.u()]; count > 0 && count < elements) out.emplace_back(j);
+    if (const int count = on[joints[j].body.u()]; count > 0 && (count < elements || elements == 1))
+      out.emplace_back(j);
   return out;
 }
 

@@ -1,4 +1,4 @@
-// Tendons through space: their length and its gradient at a pose.
+// Tendons through space, slider-cranks and forces that turn with a body: length and arms at a pose.
 //
 // A straight part from point p on body P to point r on body B, u the unit vector from p to r, grows at the
 // rate
@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fork1s/mechanism/kinematics.hpp>
 
@@ -24,30 +25,66 @@ using Kind = PathElementDef::Kind;
 bool IsObstacle(const PathElementDef& e) { return e.kind == Kind::kSphere || e.kind == Kind::kCylinder; }
 
 struct PathPoint {
-  int body;
+  BodyIndex body;
   Vector3 p_R;
 };
 
 // Two ends of one length have no direction between them.
 constexpr double kNoLength = 1e-15;  // m
 
-}  // namespace
+// What moving body b adds to the length, F the wrench of its unit pull about R's origin.
+void Pull(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics, BodyIndex b,
+          const Vector6& F, PathState& out) {
+  for (int j = mechanism.body(b).last_joint; j >= 0;) {
+    const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i)
+      if (const int slot = path.slot[static_cast<std::size_t>(i)]; slot >= 0)
+        out.arms[static_cast<std::size_t>(slot)].second += kinematics.S.col(i).dot(F);
+    j = joint.previous;
+  }
+}
 
-void ComputePath(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
-                 PathState& out) {
-  out.length = 0;
-  for (auto& arm : out.arms) arm.second = 0;
+Vector6 WrenchAt(const Vector3& p_R, const Vector3& moment, const Vector3& force) {
+  Vector6 F;
+  F << p_R.cross(force) + moment, force;
+  return F;
+}
+
+// With v from the slider's origin to the crank's pin, a the slider's axis and r the rod:
+//     ℓ = a·v - s,   s = sqrt((a·v)² + r² - v·v),   ∂ℓ/∂v = (1 - a·v/s) a + v/s,   ∂ℓ/∂a = (1 - a·v/s) v
+// and where the rod is too short to reach the axis ℓ = a·v, as MuJoCo has it.
+void ComputeSliderCrank(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
+                        PathState& out) {
+  const PathElementDef &slider = path.elements[0], &crank = path.elements[1];
+  const RigidTransform X_RS = kinematics.X_RB[slider.body.u()] * slider.X_BE;
+  const Vector3 pin = kinematics.X_RB[crank.body.u()] * crank.X_BE.translation();
+  const Vector3 a = X_RS.rotation().col(2), v = pin - X_RS.translation();
+  const double av = a.dot(v), square = av * av + path.rod * path.rod - v.squaredNorm();
+  const double s = square > 0 ? std::sqrt(square) : 0;
+  out.length = av - s;
+  const double along = s > 0 ? 1 - av / s : 1;
+  const Vector3 by_v = s > 0 ? Vector3(along * a + v / s) : a, by_a = along * v;
+  Pull(mechanism, path, kinematics, crank.body, WrenchAt(pin, Vector3::Zero(), by_v), out);
+  Pull(mechanism, path, kinematics, slider.body, WrenchAt(X_RS.translation(), a.cross(by_a), -by_v), out);
+}
+
+void ComputeWrench(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
+                   PathState& out) {
+  const PathElementDef &on = path.elements.front(), &from = path.elements.back();
+  const RigidTransform X_RO = kinematics.X_RB[on.body.u()] * on.X_BE,
+                       X_RF = kinematics.X_RB[from.body.u()] * from.X_BE;
+  const Vector3 moment = X_RF.rotation() * path.gear.head<3>(), force = X_RF.rotation() * path.gear.tail<3>();
+  Pull(mechanism, path, kinematics, on.body, WrenchAt(X_RO.translation(), moment, force), out);
+  if (path.elements.size() == 1) return;
+  Pull(mechanism, path, kinematics, from.body, -WrenchAt(X_RF.translation(), moment, force), out);
+  const RigidTransform X_FO = X_RF.inverse() * X_RO;
+  out.length = path.gear.tail<3>().dot(X_FO.translation());
+  if (!path.gear.head<3>().isZero(0)) out.length += path.gear.head<3>().dot(LogRotation(X_FO.rotation()));
+}
+
+void ComputeThread(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
+                   PathState& out) {
   const auto place = [&](BodyIndex b, const Vector3& p_B) -> Vector3 { return kinematics.X_RB[b.u()] * p_B; };
-  // What moving body b with the end of a straight part adds, F the wrench of its unit pull about R's origin.
-  const auto pull = [&](int b, const Vector6& F) {
-    for (int j = mechanism.bodies()[static_cast<std::size_t>(b)].last_joint; j >= 0;) {
-      const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
-      for (int i = joint.offset; i < joint.offset + joint.size; ++i)
-        if (const int slot = path.slot[static_cast<std::size_t>(i)]; slot >= 0)
-          out.arms[static_cast<std::size_t>(slot)].second += kinematics.S.col(i).dot(F);
-      j = joint.previous;
-    }
-  };
   double divisor = 1;
   const auto straight = [&](const PathPoint& from, const PathPoint& to) {
     const Vector3 way = to.p_R - from.p_R;
@@ -57,22 +94,22 @@ void ComputePath(const Mechanism& mechanism, const Mechanism::Path& path, const 
     const Vector3 u = way / (length * divisor);
     Vector6 F;
     F << to.p_R.cross(u), u;
-    pull(to.body, F);
+    Pull(mechanism, path, kinematics, to.body, F, out);
     F.head<3>() = from.p_R.cross(u);
-    pull(from.body, -F);
+    Pull(mechanism, path, kinematics, from.body, -F, out);
   };
   for (std::size_t e = 0; e + 1 < path.elements.size(); ++e) {
     const PathElementDef& element = path.elements[e];
     if (element.kind == Kind::kPulley) divisor = element.divisor;
     if (element.kind != Kind::kPoint || path.elements[e + 1].kind == Kind::kPulley) continue;
-    const PathPoint a{element.body.value(), place(element.body, element.X_BE.translation())};
+    const PathPoint a{element.body, place(element.body, element.X_BE.translation())};
     const PathElementDef& next = path.elements[e + 1];
     if (!IsObstacle(next)) {
-      straight(a, {next.body.value(), place(next.body, next.X_BE.translation())});
+      straight(a, {next.body, place(next.body, next.X_BE.translation())});
       continue;
     }
     const PathElementDef& end = path.elements[e + 2];
-    const PathPoint b{end.body.value(), place(end.body, end.X_BE.translation())};
+    const PathPoint b{end.body, place(end.body, end.X_BE.translation())};
     const RigidTransform X_RE = kinematics.X_RB[next.body.u()] * next.X_BE, X_ER = X_RE.inverse();
     const Vector3 side =
         next.has_side ? Vector3(X_ER * place(next.side_body, next.side_B)) : Vector3(Vector3::Zero());
@@ -82,9 +119,59 @@ void ComputePath(const Mechanism& mechanism, const Mechanism::Path& path, const 
       straight(a, b);
       continue;
     }
-    straight(a, {next.body.value(), X_RE * way.first});
+    straight(a, {next.body, X_RE * way.first});
     out.length += way.along / divisor;
-    straight({next.body.value(), X_RE * way.last}, b);
+    straight({next.body, X_RE * way.last}, b);
+  }
+}
+
+// Of paths that are no threads: elements are frames.
+template <class Known, class Refuse>
+Expected<void> CheckFrames(const MechanismDef& def, const PathDef& path, const Known& known,
+                           const Refuse& refuse) {
+  const bool crank = path.kind == PathKind::kSliderCrank;
+  const std::size_t count = path.elements.size();
+  if (count != 2 && (crank || count != 1))
+    return refuse(count,
+                  crank ? "is not the second of two: a slider-crank has a slider and a pin"
+                        : "is not the first or second: a wrench has a frame, and one it may be given in");
+  if (count == 1 && def.base == BaseKind::kFloating)
+    return refuse(
+        0,
+        "is pushed by nothing else, and the base floats, which a length of joints cannot push; use an "
+        "external wrench, or give the force in a second frame");
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!known(path.elements[i].body)) return refuse(i, "is on a body that does not exist");
+    if (!path.elements[i].X_BE.IsFinite()) return refuse(i, "has a place that is not finite");
+  }
+  if (crank && (!std::isfinite(path.rod) || path.rod < 0))
+    return refuse(1,
+                  fmt::format("is at the end of a rod of {} m; it must be finite and 0 or more", path.rod));
+  if (!path.gear.allFinite()) return refuse(0, "bears a gear that is not finite");
+  return {};
+}
+
+// Whether body b moves with the joint of a coordinate.
+bool HangsOn(const Mechanism& mechanism, BodyIndex b, int coordinate) {
+  const int joint = mechanism.CoordinateJoint(coordinate).value();
+  int j = mechanism.body(b).last_joint;
+  while (j >= 0 && j != joint) j = mechanism.joint(JointIndex(j)).previous;
+  return j >= 0;
+}
+
+}  // namespace
+
+void ComputePath(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
+                 PathState& out) {
+  out.length = 0;
+  for (auto& arm : out.arms) arm.second = 0;
+  switch (path.kind) {
+    case PathKind::kThread:
+      return ComputeThread(mechanism, path, kinematics, out);
+    case PathKind::kSliderCrank:
+      return ComputeSliderCrank(mechanism, path, kinematics, out);
+    case PathKind::kWrench:
+      return ComputeWrench(mechanism, path, kinematics, out);
   }
 }
 
@@ -96,6 +183,12 @@ void FindCoordinates(const Mechanism& mechanism, int index, Mechanism::Path& pat
       path.slot[static_cast<std::size_t>(coordinate)] = static_cast<int>(path.coordinates.size());
       path.coordinates.push_back(coordinate);
     }
+  if (path.kind != PathKind::kWrench) return;
+  // The pull back goes through the origin of the frame that the force is given in, and moments are no
+  // derivative of a rotation vector. Both agree where that frame stands and there is a force alone.
+  path.has_potential = path.elements.size() == 2 && path.gear.head<3>().isZero(0) &&
+                       std::none_of(path.coordinates.begin(), path.coordinates.end(),
+                                    [&](int i) { return HangsOn(mechanism, path.elements[1].body, i); });
 }
 
 Expected<void> CheckPath(const MechanismDef& def, const PathDef& path) {
@@ -103,6 +196,7 @@ Expected<void> CheckPath(const MechanismDef& def, const PathDef& path) {
     return Fail(ErrorCode::kModel, fmt::format("path '{}', element {}", path.name, at + 1), what);
   };
   const auto known = [&](BodyIndex b) { return b.valid() && b.u() < def.bodies.size(); };
+  if (path.kind != PathKind::kThread) return CheckFrames(def, path, known, refuse);
   const auto kind = [&](std::size_t i) {
     return i < path.elements.size() ? path.elements[i].kind : Kind::kPulley;
   };

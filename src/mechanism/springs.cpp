@@ -68,9 +68,8 @@ MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, 
 
 double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
   double energy = 0.5 * mechanism.stiffness().dot((q - mechanism.rest()).cwiseAbs2());
-  for (const Mechanism::Spring& s : mechanism.springs()) {
-    energy += s.Energy(LengthOf(mechanism, s.length, kinematics, q));
-  }
+  for (const Mechanism::Spring& s : mechanism.springs())
+    if (mechanism.HasPotential(s.length)) energy += s.Energy(LengthOf(mechanism, s.length, kinematics, q));
   for (const ClosureDef& closure : mechanism.closures()) {
     const Vector6 k = Soft(closure, closure.stiffness);
     if (k.isZero(0)) continue;

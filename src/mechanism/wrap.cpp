@@ -39,31 +39,42 @@ Vector2 Touch(const Vector2& p, double radius, int turn) {
   return (radius / l2) * (radius * p + turn * out * Vector2(-p.y(), p.x()));
 }
 
+// Whether the segment a-b passes the centre on the side that is away from `side`: it meets the half line from
+// the centre opposite to it.
+bool PassesBehind(const Vector2& a, const Vector2& b, const Vector2& side) {
+  const double at_a = Cross(side, a), at_b = Cross(side, b);
+  if ((at_a < 0) == (at_b < 0)) return false;
+  const Vector2 met = a + at_a / (at_a - at_b) * (b - a);
+  return met.dot(side) < 0;
+}
+
+FlatWrap WrapWith(const Vector2& a, const Vector2& b, double radius, int turn) {
+  FlatWrap way;
+  way.touches = true;
+  way.first = Touch(a, radius, turn);
+  way.last = Touch(b, radius, -turn);
+  double angle = turn * std::atan2(Cross(way.first, way.last), way.first.dot(way.last));  // (-π, π]
+  if (angle < 0) angle += kTurn;
+  way.along = radius * angle;
+  return way;
+}
+
 FlatWrap WrapOutside(const Vector2& a, const Vector2& b, double radius, const Vector2* side) {
   FlatWrap none;
   if (a.norm() < radius || b.norm() < radius || radius < kNothing) return none;
   if ((b - a).squaredNorm() < kNothing) return none;
+  // Behind the centre it goes from a to b in one sense, before it in the other.
+  if (side != nullptr && PassesBehind(a, b, *side)) return WrapWith(a, b, radius, Cross(a, b) > 0 ? -1 : 1);
   const Vector2 nearest = a + std::clamp(NearestShare(a, b), 0.0, 1.0) * (b - a);
-  if (nearest.norm() > radius && (side == nullptr || side->dot(nearest) >= 0)) return none;
+  if (nearest.norm() > radius) return none;
   // Clockwise and counter-clockwise; the way whose straight parts cross would be a loop.
   FlatWrap ways[2];
   double merit[2];
   bool crosses[2];
   for (int i = 0; i < 2; ++i) {
-    const int turn = i == 0 ? -1 : 1;
-    FlatWrap& way = ways[i];
-    way.touches = true;
-    way.first = Touch(a, radius, turn);
-    way.last = Touch(b, radius, -turn);
-    double angle = turn * std::atan2(Cross(way.first, way.last), way.first.dot(way.last));  // (-π, π]
-    if (angle < 0) angle += kTurn;
-    way.along = radius * angle;
-    const Vector2 middle = way.first + way.last;
-    const double size = middle.norm();
-    merit[i] = side == nullptr ? -(way.first - way.last).squaredNorm()
-               : size > 0      ? middle.dot(*side) / size
-                               : side->x();
-    crosses[i] = Meet(a, way.first, b, way.last);
+    ways[i] = WrapWith(a, b, radius, i == 0 ? -1 : 1);
+    merit[i] = -(ways[i].first - ways[i].last).squaredNorm();
+    crosses[i] = Meet(a, ways[i].first, b, ways[i].last);
   }
   int chosen = merit[0] > merit[1] ? 0 : 1;
   if (crosses[chosen] && !crosses[1 - chosen]) chosen = 1 - chosen;

@@ -14,9 +14,10 @@ struct Wrap {
 
 /// A thread from point a to point b round an obstacle of this radius, all in the obstacle's axes about its
 /// centre; a cylinder's axis is z, and it has no ends. Without `side` it touches where the straight line
-/// would go through, on the shorter way round; with it on the side of that point, from there on even where
-/// the line would pass on the other side. A side point nearer to the centre than the radius asks for the way
-/// through the hole of a ring, which the thread touches at one point.
+/// would go through, on the shorter way round. With it a line that passes the centre on the other side,
+/// across the half line from the centre away from that point, goes round on the side of the point, even where
+/// it would be free; another line as if there were no side. A side point nearer to the centre than the radius
+/// asks for the way through the hole of a ring, which the thread touches at one point.
 ///
 /// The length of the whole thread is stationary under shifts of the two points, so its derivative is that of
 /// its straight parts with `first` and `last` fixed to the obstacle. Which way round, and when to let go, are

@@ -8,7 +8,7 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 10;
+inline constexpr int kFormatVersion = 11;
 inline constexpr const char* kFormatName = "fork1s recording";
 
 /// Values per row.

@@ -27,6 +27,10 @@ struct EnumNames<PathElementDef::Kind> {
   static constexpr auto& kNames = kPathElementNames;
 };
 template <>
+struct EnumNames<PathKind> {
+  static constexpr auto& kNames = kPathKindNames;
+};
+template <>
 struct EnumNames<Recovery> {
   static constexpr std::pair<Recovery, const char*> kNames[] = {{Recovery::kExact, "exact"},
                                                                 {Recovery::kTwist, "twist"}};
@@ -137,8 +141,8 @@ void Fields(A& a, Like<PathElementDef, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<PathDef, A>& s) {
-  auto& [name, elements] = s;
-  a("name", name), a("elements", elements);
+  auto& [name, elements, kind, rod, gear] = s;
+  a("name", name), a("elements", elements), a("kind", kind), a("rod", rod), a("gear", gear);
 }
 
 template <class A>
@@ -149,9 +153,10 @@ void Fields(A& a, Like<PathUse, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<SpringDef, A>& s) {
-  auto& [name, terms, stiffness, damping, rest, along, higher_stiffness, higher_damping] = s;
+  auto& [name, terms, stiffness, damping, rest, along, higher_stiffness, higher_damping, slack] = s;
   a("name", name), a("terms", terms), a("stiffness", stiffness), a("damping", damping), a("rest", rest);
   a("along", along), a("higher_stiffness", higher_stiffness), a("higher_damping", higher_damping);
+  a("slack", slack);
 }
 
 template <class A>

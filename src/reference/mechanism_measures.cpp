@@ -24,7 +24,9 @@ double FullMechanism::StoredEnergy() const {
   const Mechanism& m = *mechanism_;
   double energy = 0.5 * m.stiffness().dot((q_ - m.rest()).cwiseAbs2());
   for (const Mechanism::Spring& s : m.springs()) {
-    const double stretch = Length(s.length, q_) - s.rest;
+    if (!m.HasPotential(s.length)) continue;
+    const double length = Length(s.length, q_),
+                 stretch = length - std::clamp(length, s.rest, s.rest + s.slack);
     energy += 0.5 * s.stiffness * stretch * stretch + s.higher_stiffness[0] * std::pow(stretch, 3) / 3 +
               s.higher_stiffness[1] * std::pow(stretch, 4) / 4;
   }
@@ -35,11 +37,13 @@ double FullMechanism::StoredEnergy() const {
   for (std::size_t k = 0; k < m.controls().size(); ++k) {
     const Mechanism::Control& control = m.controls()[k];
     const double u = controls(static_cast<Eigen::Index>(k));
+    if (!m.HasPotential(control.length)) continue;
     energy -= control.gain * u * Length(control.length, q_);
     if (m.definition().controls[k].is_setpoint) energy += 0.5 * control.gain * u * u;
   }
   // A servo at its bound F stores F times the length it is off, and not what its spring would.
   for (const Mechanism::ForceLimit& limit : m.force_limits()) {
+    if (!m.HasPotential(limit.length)) continue;
     const double f = ServoForce(limit, q_), excess = f - std::min(std::max(f, limit.lower), limit.upper);
     if (limit.stiffness > 0) energy -= excess * excess / (2 * limit.stiffness);
     if (limit.stiffness == 0) energy += excess * Length(limit.length, q_);

@@ -79,14 +79,18 @@ void FullMechanism::AddJoints(MatrixX& right) {
     dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(i),
                   m.armature()(i) + h * m.damping()(i) + h * h * m.stiffness()(i));
   for (const Mechanism::Spring& s : m.springs()) {
-    const double stretch = Length(s.length, q_next_) - s.rest,
-                 rate = LengthRate(s.length, q_next_, q_dot_next_), speed = std::abs(rate);
+    // Between two lengths it may be slack.
+    const double length = Length(s.length, q_next_), end = std::clamp(length, s.rest, s.rest + s.slack),
+                 stretch = length - end, rate = LengthRate(s.length, q_next_, q_dot_next_),
+                 speed = std::abs(rate);
     const auto& [k2, k3] = s.higher_stiffness;
     const auto& [d2, d3] = s.higher_damping;
     const double pull = -(s.stiffness * stretch + k2 * stretch * stretch + k3 * std::pow(stretch, 3)) -
                         (s.damping * rate + d2 * rate * speed + d3 * std::pow(rate, 3));
     // Newton's own, where the law does not fall.
-    const double stiffness = std::max(0.0, s.stiffness + 2 * k2 * stretch + 3 * k3 * stretch * stretch),
+    const bool slack = s.slack > 0 && stretch == 0;
+    const double stiffness =
+                     slack ? 0 : std::max(0.0, s.stiffness + 2 * k2 * stretch + 3 * k3 * stretch * stretch),
                  damping = std::max(0.0, s.damping + 2 * d2 * speed + 3 * d3 * speed * speed);
     ForEachArmAt(s.length, q_next_, [&](int i, double c) {
       tau(i) += c * pull;

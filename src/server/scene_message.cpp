@@ -85,6 +85,7 @@ void AddMechanism(const MechanismDynamics& dynamics, Json& out) {
     out["screws"].push_back(std::move(screw));
   }
   for (const Mechanism::Path& path : m.paths()) {
+    if (path.kind != PathKind::kThread) continue;  // what the page draws
     Json elements = Json::array();
     for (const PathElementDef& e : path.elements) elements.push_back(PathElement(e, first_body));
     out["tendons"].push_back({{"name", path.name}, {"root", root}, {"elements", std::move(elements)}});

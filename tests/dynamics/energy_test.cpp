@@ -82,6 +82,15 @@ TEST(Energy, LoopsNeverGain) {
   ExpectNoGrowth(options, BaseKind::kFloating);
 }
 
+TEST(Energy, SlackSpringsNeverGain) {
+  RandomMechanismOptions options;
+  options.rigid_closures = 1;
+  options.springs = 4;
+  options.slack = 0.2;
+  ExpectNoGrowth(options, BaseKind::kFixed);
+  ExpectNoGrowth(options, BaseKind::kFloating);
+}
+
 TEST(Energy, UnsprungJointsNeverGain) {
   RandomMechanismOptions options;
   options.unsprung = 0.3;

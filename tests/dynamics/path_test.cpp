@@ -269,5 +269,43 @@ TEST(Paths, RefusesWhatIsNoPath) {
            "path that does not exist");
 }
 
+// A force that turns with its rod does work as one from outside: no guard of energy takes it back.
+TEST(Paths, AForceThatTurnsWithItsBodyDrivesIt) {
+  MechanismDef def = Threaded();
+  PathDef jet;
+  jet.name = "jet";
+  jet.kind = PathKind::kWrench;
+  jet.elements = {At(BodyIndex(1), Vector3(0.4, 0.1, 0))};
+  jet.gear << 0, 0, 0.05, 0.3, 2, 0.7;
+  def.paths = {jet};
+  ControlDef motor;
+  motor.name = "motor";
+  motor.gain = 0.5;
+  motor.initial = 3;
+  motor.along = {0, 1};
+  MechanismDef by_joint = def;
+  def.controls.push_back(motor);
+  const double moment = 1.5 * (0.05 + 0.4 * 2 - 0.1 * 0.3), rate = moment * 2 / RodInertia(def);
+  motor.along = {};
+  motor.terms = {{{JointIndex(0), 0}, moment / 1.5}};
+  by_joint.paths.clear();
+  by_joint.controls.push_back(motor);
+  for (const Integrator by : {Integrator::kEuler, Integrator::kTheta}) {
+    World world = testing::MustCreate(def), peer = testing::MustCreate(by_joint);
+    StepOptions step = testing::Still();
+    step.integrator = by;
+    for (int i = 0; i < 120; ++i) {
+      ASSERT_TRUE(world.Step(step).finite);
+      ASSERT_TRUE(peer.Step(step).finite);
+    }
+    EXPECT_GT(world.mechanisms()[0].configuration().q(0), 10);  // rad: more than once round
+    const double energy = 0.5 * RodInertia(def) * rate * rate;
+    // As a motor on the joint; by second order either is late where a step turns by 0.4 rad.
+    EXPECT_NEAR(world.KineticEnergy(), peer.KineticEnergy(), 1e-12 * energy);
+    EXPECT_NEAR(world.KineticEnergy(), energy, (by == Integrator::kEuler ? 1e-12 : 0.03) * energy);
+    EXPECT_EQ(world.PotentialEnergy(step.gravity), 0);  // it stores nothing
+  }
+}
+
 }  // namespace
 }  // namespace fork1s

@@ -219,6 +219,7 @@ class MechanismSource {
         s.stiffness = 100 * Positive();
         s.damping = Positive();
         s.rest = Real();
+        s.slack = s.rest > 0 ? s.rest : 0;
         if (in_.Flag()) s.higher_stiffness = {Real(), Real()};
         def_.springs.push_back(s);
         break;

@@ -1,4 +1,6 @@
 // Springs, tendons and actuators against the generalised forces that MuJoCo computes.
+#include <map>
+
 #include "helpers.hpp"
 
 namespace fork1s::testing_importer {
@@ -88,6 +90,61 @@ TEST(ImportForces, TendonServoAndTendonSpring) {
     <position name="p" tendon="s" kp="9" gear="1.7"/>
     <general name="g" tendon="one" gear="2" gainprm="5" biastype="affine" biasprm=".5 -4 -.6"/>
     <motor name="m" tendon="t" gear="2"/></actuator>)"));
+}
+
+TEST(ImportForces, ServosAndMotorsOnSites) {
+  const std::string sites =
+      R"(<mujoco><option gravity="0 0 0"/><worldbody><site name="w" pos=".1 .2 0" euler="10 20 30"/>
+    <body name="a"><joint name="ja" axis="0 1 0"/><geom size=".1"/><site name="sa" pos="0 .1 .1" euler="40 0 0"/>
+      <body name="b" pos="0 0 .3"><joint name="jb" axis="1 0 0" ref="-.3"/><geom size=".1"/>
+        <body name="c" pos="0 0 .3"><joint name="jc" type="slide" axis="0 0 1" ref=".1"/><geom size=".1"/>
+          <site name="sc" pos=".1 .1 0" euler="0 50 10"/></body>
+      </body></body></worldbody>)";
+  ExpectSameForces(sites + R"(<actuator>
+    <motor name="jet" site="sc" gear="1 -2 .5 .1 .2 .3"/>
+    <general name="no_length" site="sa" gear="0 0 3 0 1 0" gainprm="5" biastype="affine" biasprm="0 -5 -.4"/>
+    <position name="p" site="sc" refsite="w" gear="1 0 2 0 0 0" kp="20" kv=".3"/>
+    <position name="turn" site="sc" refsite="sa" gear="0 0 0 1 0 .5" kp="4"/>
+    <velocity name="v" site="sa" refsite="sc" gear="0 1 0 0 0 0" kv="2"/>
+    <general name="crank" cranksite="sc" slidersite="sa" cranklength=".8" gear="2" gainprm="5" biastype="affine" biasprm="1.5 -4 -.6"/>
+    </actuator></mujoco>)");
+}
+
+// Forces and energy at poses on either side of the range and within it.
+TEST(ImportForces, SlackTendons) {
+  const std::string text =
+      R"(<mujoco><option gravity="0 0 0"><flag energy="enable"/></option><worldbody><site name="w" pos=".1 .2 0"/>
+    <body name="a"><joint name="ja" axis="0 1 0"/><geom size=".1"/>
+      <body name="b" pos="0 0 .3"><joint name="jb" axis="1 0 0"/><geom size=".1"/><site name="sb" pos="0 .1 .2"/></body></body>
+    </worldbody><tendon>
+    <spatial name="rope" stiffness="30" springlength="0 .5" damping=".2"><site site="w"/><site site="sb"/></spatial>
+    <fixed name="both" stiffness="11 3 7" springlength="-.3 .2"><joint joint="ja" coef=".5"/><joint joint="jb" coef="-1"/></fixed>
+    <fixed name="one" stiffness="2" springlength=".1 .6"><joint joint="ja" coef="-1.5"/></fixed></tendon></mujoco>)";
+  const ImportedScene loaded = MustLoad(text);
+  EXPECT_FALSE(HasNote(loaded.report, ImportNote::Kind::kChanged, "slack"));
+  const Mechanism m = MustBuild(loaded.scene.mechanisms[0]);
+  ASSERT_EQ(m.springs().size(), 3u);
+  Peer peer(text);
+  mjData& d = *peer.d;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  std::map<std::pair<std::string, int>, int> seen;
+  for (int pose = 0; pose < 100; ++pose) {
+    const VectorX q = (VectorX(2) << uniform(random), uniform(random)).finished(),
+                  v = (VectorX(2) << uniform(random), uniform(random)).finished();
+    for (int i = 0; i < 2; ++i) d.qpos[i] = q(i), d.qvel[i] = v(i);
+    mj_forward(peer.m.get(), &d);
+    Kinematics k(m);
+    ComputeKinematics(m, q, k);
+    VectorX tau = VectorX::Zero(2);
+    SpringForce(m, k, q, tau);
+    tau -= DampingMatrix(m, k, q) * v;
+    for (int i = 0; i < 2; ++i) EXPECT_NEAR(tau(i), d.qfrc_passive[i], 1e-13) << pose;
+    EXPECT_NEAR(SpringEnergy(m, k, q), d.energy[0], 1e-14) << pose;
+    for (const Mechanism::Spring& s : m.springs()) ++seen[{s.name, s.SideOf(LengthOf(m, s.length, k, q))}];
+  }
+  EXPECT_EQ(seen.size(), 8u);  // the rope is never shorter than nothing
+  for (const auto& [where, count] : seen) EXPECT_GT(count, 5) << where.first << " " << where.second;
 }
 
 TEST(ImportForces, ControlsKeepNamesRangesAndKinds) {

@@ -3,7 +3,9 @@
 #include "support.hpp"
 
 #include <gtest/gtest.h>
+#include <cmath>
 #include <stdexcept>
+#include <tuple>
 
 namespace fork1s::mechanism_test {
 namespace {
@@ -37,6 +39,24 @@ TEST(SpringForce, VanishesWhereEverythingIsUnloaded) {
     // Closing frames coincide to 1e-15; times 200 N/m.
     EXPECT_LE(tau.norm(), 1e-11);
     EXPECT_LE(SpringEnergy(m, At(m, q), q), 1e-20);
+  }
+}
+
+// k (ℓ - end) + k₂ (ℓ - end)² + k₃ (ℓ - end)³ beyond either end of its range, and nothing within.
+TEST(SpringForce, OfASlackSpring) {
+  Mechanism::Spring s;
+  s.stiffness = 9;
+  s.higher_stiffness = {2, 5};
+  s.rest = 0.1;
+  s.slack = 0.2;
+  EXPECT_FALSE(s.is_linear());
+  for (const auto& [at, beyond, side] :
+       {std::tuple(-0.2, -0.3, -1), {0.1, 0.0, 0}, {0.2, 0.0, 0}, {0.6, 0.3, 1}}) {
+    EXPECT_EQ(s.SideOf(at), side) << at;
+    EXPECT_NEAR(s.Force(at), -(9 * beyond + 2 * beyond * beyond + 5 * std::pow(beyond, 3)), 1e-15) << at;
+    EXPECT_NEAR(s.Energy(at),
+                4.5 * beyond * beyond + 2 * std::pow(beyond, 3) / 3 + 5 * std::pow(beyond, 4) / 4, 1e-15);
+    EXPECT_NEAR(s.StiffnessAt(at), side == 0 ? 0 : 9 + 4 * beyond + 15 * beyond * beyond, 1e-14) << at;
   }
 }
 

@@ -13,6 +13,17 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// A path of as many elements, all on the base.
+PathDef& AddFrames(MechanismDef& def, PathKind kind, int count) {
+  PathDef path;
+  path.name = "pusher";
+  path.kind = kind;
+  path.elements.resize(static_cast<std::size_t>(count));
+  for (PathElementDef& e : path.elements) e.body = BodyIndex(0);
+  def.paths.push_back(path);
+  return def.paths.back();
+}
+
 // base - upper (hinge "shoulder") - lower (ball "elbow"), base - rod (slide "rail"), with one of everything.
 MechanismDef Good() {
   MechanismBuilder builder("machine");
@@ -185,6 +196,24 @@ std::vector<Fault> ConnectionFaults() {
        "coefficient"},
       {"negative spring", [](auto& d) { d.springs[0].stiffness = -4; }, "spring 'tendon'", "stiffness"},
       {"NaN rest length", [](auto& d) { d.springs[0].rest = kNaN; }, "spring 'tendon'", "rest"},
+      {"negative slack", [](auto& d) { d.springs[0].slack = -0.1; }, "spring 'tendon'", "slack"},
+      {"pin on no body",
+       [](auto& d) { AddFrames(d, PathKind::kSliderCrank, 2).elements[1].body = BodyIndex(9); },
+       "path 'pusher', element 2", "does not exist"},
+      {"slider-crank without a pin", [](auto& d) { AddFrames(d, PathKind::kSliderCrank, 1); },
+       "path 'pusher', element 2", "a slider and a pin"},
+      {"rod of NaN", [](auto& d) { AddFrames(d, PathKind::kSliderCrank, 2).rod = kNaN; }, "path 'pusher'",
+       "rod"},
+      {"wrench between three", [](auto& d) { AddFrames(d, PathKind::kWrench, 3); },
+       "path 'pusher', element 4", "first or second"},
+      {"wrench of NaN", [](auto& d) { AddFrames(d, PathKind::kWrench, 1).gear(2) = kNaN; }, "path 'pusher'",
+       "gear"},
+      {"wrench on what floats",
+       [](auto& d) {
+         d.base = BaseKind::kFloating;
+         AddFrames(d, PathKind::kWrench, 1);
+       },
+       "path 'pusher', element 1", "second frame"},
       {"control of nothing", [](auto& d) { d.controls[0].terms[0].first.joint = JointIndex(3); },
        "control 'motor'", "does not exist"},
       {"control by NaN", [](auto& d) { d.controls[0].terms[0].second = kNaN; }, "control 'motor'",

@@ -83,10 +83,12 @@ class BitList {
     Add(static_cast<int>(e.kind)), Add(e.body.value()), Add(e.X_BE), Add(e.radius), Add(e.divisor);
     Add(e.has_side), Add(e.side_body.value()), Add(e.side_B);
   }
-  void Add(const PathDef& p) { Add(p.name), Add(p.elements); }
+  void Add(const PathDef& p) {
+    Add(p.name), Add(p.elements), Add(static_cast<int>(p.kind)), Add(p.rod), Add(p.gear);
+  }
   void Add(const PathUse& u) { Add(u.path), Add(u.gear); }
   void Add(const SpringDef& s) {
-    Add(s.name), Add(s.terms), Add(s.stiffness), Add(s.damping), Add(s.rest), Add(s.along);
+    Add(s.name), Add(s.terms), Add(s.stiffness), Add(s.damping), Add(s.rest), Add(s.along), Add(s.slack);
     for (double higher :
          {s.higher_stiffness[0], s.higher_stiffness[1], s.higher_damping[0], s.higher_damping[1]})
       Add(higher);

@@ -171,6 +171,9 @@ inline Scene SceneWithEverything(unsigned seed) {
     m.controls[0].upper = random.Uniform(1, 2);
     m.controls[0].initial = -0.0;
     PathDef path{"path", {}};
+    path.kind = PathKind::kWrench;
+    path.rod = random.Uniform(0, 1);
+    path.gear = random.Six(1);
     for (const auto kind :
          {PathElementDef::Kind::kPoint, PathElementDef::Kind::kSphere, PathElementDef::Kind::kPulley}) {
       PathElementDef e;
@@ -185,6 +188,7 @@ inline Scene SceneWithEverything(unsigned seed) {
       path.elements.push_back(e);
     }
     m.paths = {path, path};
+    m.springs[0].slack = random.Uniform(0, 1);
     m.springs[0].along = {1, random.Uniform(0, 1)};
     m.controls[1].along = {0, -0.5};
   }

@@ -118,9 +118,12 @@ class MechanismDynamics {
   const std::vector<Mechanism::LengthLimit>& length_limits() const { return length_limits_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
 
-  /// After contact: which servos are at a bound of their force at the present velocity. True if that differs
-  /// from what the velocity was computed with; then PredictAgain and solve contact anew.
-  bool UpdateForceLimits(double h);
+  /// Whether servos with bounds or springs with slack make the step solve in rounds.
+  bool HasSwitches() const { return !state_.at_bound.empty() || !slack_.empty(); }
+  /// After contact: which servos are at a bound of their force at the present velocity, and which springs are
+  /// slack. True if that differs from what the velocity was computed with; then PredictAgain and solve
+  /// contact anew.
+  bool UpdateSwitches(double h);
   /// The free velocity again, as before contact acted, with the servos at their bounds that are there now.
   void PredictAgain(double h);
   /// Servos and motors that give all they can.
@@ -186,6 +189,7 @@ class MechanismDynamics {
   void SolveFree(double h);
   // Bounds of forces (force_limits.cpp).
   void SizeForceLimits();
+  void OpenSwitches();
   void OpenForceLimits();
   bool AnyAtBound() const;
   void TakeBoundedSpringsOut(double h);
@@ -196,7 +200,24 @@ class MechanismDynamics {
   void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const RowMatrixX& Q,
                   VectorX& out) const;
   const std::vector<PathState>& Paths() const { return configuration_.kinematics.paths; }
-  void AddBoundedForces();
+  void AddSwitchedForces();
+  bool UpdateForceLimits(double h);
+  // Springs that are slack over a range (slack.cpp).
+  struct SlackSpring {
+    std::size_t spring = 0;        // in springs()
+    int side = 0;                  // at which the step takes it to end
+    double length = 0, force = 0;  // at the start of the step
+  };
+  void FindSlackSprings();
+  void OpenSlackSprings();
+  bool SwitchesSlack() const { return scheme_ == Scheme::kEuler && options_.recovery == Recovery::kExact; }
+  bool UpdateSlackSprings(double h);
+  double SlackStiffness(const SlackSpring& slack) const;
+  void AddSlackForces();
+  // Forces without potential (follower.cpp).
+  void FindFollowers();
+  double FollowerWork(double h) const;
+  void AddFollowerForce(double factor, VectorX& tau) const;
   double UnboundedForce(const Mechanism::ForceLimit& limit) const;
   double EnergyBeyondBounds() const;
   bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
@@ -272,6 +293,9 @@ class MechanismDynamics {
   Vector3 gravity_W_ = Vector3::Zero();
   std::vector<PathState> paths_ref_;                  // at the reference of the model
   std::vector<double> spring_stiffness_ref_;          // of springs() at the reference
+  std::vector<SlackSpring> slack_;                    // those of springs() that have slack
+  bool has_followers_ = false;                        // forces along lengths without potential
+  bool has_follower_springs_ = false;                 // and some of them hang on the length
   bool has_bent_springs_ = false;                     // of paths, or not linear
   VectorX limit_force_, limit_row_, f_z_of_springs_;  // force limits: f₀, Qᵀe, and f_z without bounds
   Vector6 V_free_ = Vector6::Zero();  // base twist without drift that the free solve starts from

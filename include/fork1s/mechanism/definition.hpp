@@ -144,10 +144,28 @@ struct PathElementDef {
   Vector3 side_B = Vector3::Zero();  // m, in side_body
 };
 
-/// A tendon through space. Every branch begins and ends with a point, obstacles stand between points.
+/// What a path makes of its elements (docs/method.md, section 5).
+enum class PathKind {
+  /// A tendon through space. Every branch begins and ends with a point, obstacles stand between points.
+  kThread,
+  /// A rod of length `rod` from the point elements[1] to a pin on the z axis of elements[0]: where on that
+  /// axis the pin is, on the side from which the rod pushes up the axis.
+  kSliderCrank,
+  /// A force that turns with a body: `gear` at the origin of elements[0], in its axes, which has no length.
+  /// With
+  /// a second element it is in that one's axes, and acts back on it by -gear at its own origin; the length is
+  /// gear ·
+  /// [log R; p] of the pose of the first in the second.
+  kWrench,
+};
+
+/// A length that hangs on the pose in more than a linear way.
 struct PathDef {
   std::string name;
   std::vector<PathElementDef> elements;
+  PathKind kind = PathKind::kThread;
+  double rod = 0;                  // m, of a slider-crank
+  Vector6 gear = Vector6::Zero();  // [moment; force] per unit of force, of a wrench
 };
 
 /// A path as a length: gear times how much longer it is than at the reference.
@@ -168,6 +186,9 @@ struct SpringDef {
   // Beyond what is linear, per power: N/m² and N/m³ of the stretch s from rest, N·s²/m² and N·s³/m³ of its
   // rate v, or those of an angle. The force is -(k s + k₂ s² + k₃ s³) - (d v + d₂ v |v| + d₃ v³).
   std::array<double, 2> higher_stiffness = {}, higher_damping = {};
+  // Slack, as a rope or a stop with play is: from rest to rest + slack there is no force but the damper's,
+  // and s is the stretch beyond the nearer end.
+  double slack = 0;  // of the length, 0 or more
 };
 
 /// Dry friction: a force of at most `force` along the length Σ coefficient q, against its rate; it holds the

@@ -93,7 +93,7 @@ void SpringForce(const Mechanism& mechanism, const Kinematics& kinematics, const
 /// What a loaded path or closure adds by turning its arms is not in it: forces bring that by themselves.
 MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
 MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
-/// Energy stored in all springs [J].
+/// Energy stored in all springs that have a potential [J].
 double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
 /// τ += control forces for inputs u (one per Mechanism::controls()).
 void AddControlForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& u,

@@ -47,36 +47,50 @@ class Mechanism {
     /// One coordinate alone.
     bool is_single() const { return path < 0 && terms.size() == 1; }
   };
-  /// A tendon through space: its definition, and the coordinates that may change its length.
+  /// A tendon through space or another path: its definition, and the coordinates that may change its length.
   struct Path {
     std::string name;
     std::vector<PathElementDef> elements;
+    PathKind kind;
+    double rod;
+    Vector6 gear;
     std::vector<int> coordinates;  // ascending
     std::vector<int> slot;         // per coordinate: its place among those, -1
     double at_reference = 0;       // m, at q = 0
+    bool has_potential =
+        true;  // its arms are the derivatives of its length, and a spring on it stores energy
   };
   struct Spring {
     std::string name;
     Length length;
     double stiffness, damping, rest;
     std::array<double, 2> higher_stiffness = {}, higher_damping = {};
+    double slack = 0;
 
     bool is_linear() const {
       const std::array<double, 2> none = {};
-      return higher_stiffness == none && higher_damping == none;
+      return higher_stiffness == none && higher_damping == none && slack == 0;
+    }
+    /// -1: shorter than where it is slack, 1: longer, 0: slack. Without slack it always is one of the two.
+    int SideOf(double at) const { return at < rest ? -1 : at > rest + slack || slack == 0 ? 1 : 0; }
+    /// Beyond the nearer end of where it is slack.
+    double Stretch(double at) const {
+      const int side = SideOf(at);
+      return side == 0 ? 0 : side < 0 ? at - rest : at - rest - slack;
     }
     /// Pull of the spring at a length, without its damper.
     double Force(double at) const {
-      const double s = at - rest;
+      const double s = Stretch(at);
       return -s * (stiffness + s * (higher_stiffness[0] + s * higher_stiffness[1]));
     }
     double Energy(double at) const {
-      const double s = at - rest;
+      const double s = Stretch(at);
       return s * s * (stiffness / 2 + s * (higher_stiffness[0] / 3 + s * higher_stiffness[1] / 4));
     }
     /// How the pull falls with the length; 0 where it grows, and nothing would hold by it.
-    double StiffnessAt(double at) const {
-      const double s = at - rest;
+    double StiffnessAt(double at) const { return SideOf(at) == 0 ? 0 : StiffnessOf(Stretch(at)); }
+    /// The same by the stretch.
+    double StiffnessOf(double s) const {
       return std::max(0.0, stiffness + s * (2 * higher_stiffness[0] + 3 * s * higher_stiffness[1]));
     }
     /// Share of the rate that the damper's force is; never negative.
@@ -140,6 +154,11 @@ class Mechanism {
   const std::vector<ForceLimit>& force_limits() const { return force_limits_; }
   /// Those of single coordinates first.
   const std::vector<LengthLimit>& length_limits() const { return length_limits_; }
+  /// Whether a force that hangs on this length alone has a potential: the arms of a wrench between frames are
+  /// not the derivatives of a length.
+  bool HasPotential(const Length& length) const {
+    return length.path < 0 || paths_[static_cast<std::size_t>(length.path)].has_potential;
+  }
   /// Coordinates that a length may depend on, each once for every term.
   std::vector<int> CoordinatesOf(const Length& length) const;
   const Body& body(BodyIndex i) const { return bodies_[i.u()]; }

@@ -22,6 +22,8 @@ inline constexpr std::pair<PathElementDef::Kind, const char*> kPathElementNames[
     {PathElementDef::Kind::kSphere, "sphere"},
     {PathElementDef::Kind::kCylinder, "cylinder"},
     {PathElementDef::Kind::kPulley, "pulley"}};
+inline constexpr std::pair<PathKind, const char*> kPathKindNames[] = {
+    {PathKind::kThread, "thread"}, {PathKind::kSliderCrank, "slider-crank"}, {PathKind::kWrench, "wrench"}};
 
 /// The word of a value in one of these lists; "" for what is none.
 template <class T, std::size_t count>

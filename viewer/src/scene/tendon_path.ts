@@ -33,43 +33,51 @@ function touch(p: Flat, radius: number, turn: number): Flat {
   return [s * (radius * p[0] - turn * out * p[1]), s * (radius * p[1] + turn * out * p[0])];
 }
 
+interface Way {
+  first: Flat;
+  last: Flat;
+  turn: number;
+  angle: number;
+}
+
+function wayRound(a: Flat, b: Flat, radius: number, turn: number): Way {
+  const first = touch(a, radius, turn);
+  const last = touch(b, radius, -turn);
+  const angle = turn * Math.atan2(flatCross(first, last), flatDot(first, last));
+  return { first, last, turn, angle: angle < 0 ? angle + 2 * Math.PI : angle };
+}
+
+function arcOf(way: Way): Flat[] {
+  return Array.from({ length: ARC_POINTS + 1 }, (_, i): Flat => {
+    const t = (way.turn * way.angle * i) / ARC_POINTS;
+    const c = Math.cos(t);
+    const s = Math.sin(t);
+    return [c * way.first[0] - s * way.first[1], s * way.first[0] + c * way.first[1]];
+  });
+}
+
+/** Whether a-b passes the centre on the side away from `side`: across the half line opposite to it. */
+function passesBehind(a: Flat, b: Flat, side: Flat): boolean {
+  const atA = flatCross(side, a);
+  const atB = flatCross(side, b);
+  if (atA < 0 === atB < 0) return false;
+  const share = atA / (atA - atB);
+  return flatDot([a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])], side) < 0;
+}
+
 /** The arc a thread from a to b lies on, as points on the circle from first to last; empty: it does not touch. */
 export function wrapCircle(a: Flat, b: Flat, radius: number, side: Flat | null): Flat[] {
   if (Math.hypot(...a) < radius || Math.hypot(...b) < radius || radius < NOTHING) return [];
   const way = minus(b, a);
   if (flatDot(way, way) < NOTHING) return [];
+  if (side && passesBehind(a, b, side)) return arcOf(wayRound(a, b, radius, flatCross(a, b) > 0 ? -1 : 1));
   const share = Math.min(1, Math.max(0, -flatDot(way, a) / flatDot(way, way)));
-  const nearest: Flat = [a[0] + share * way[0], a[1] + share * way[1]];
-  if (Math.hypot(...nearest) > radius && (!side || flatDot(side, nearest) >= 0)) return [];
-  const ways = [-1, 1].map((turn) => {
-    const first = touch(a, radius, turn);
-    const last = touch(b, radius, -turn);
-    let angle = turn * Math.atan2(flatCross(first, last), flatDot(first, last));
-    if (angle < 0) angle += 2 * Math.PI;
-    const middle: Flat = [first[0] + last[0], first[1] + last[1]];
-    const size = Math.hypot(...middle);
-    const apart = minus(first, last);
-    const merit = !side ? -flatDot(apart, apart) : size > 0 ? flatDot(middle, side) / size : side[0];
-    return { first, turn, angle, merit, crosses: meet(a, first, b, last) };
-  }) as [Way, Way];
-  let chosen = ways[0].merit > ways[1].merit ? 0 : 1;
-  if (ways[chosen]?.crosses && !ways[1 - chosen]?.crosses) chosen = 1 - chosen;
-  const best = ways[chosen];
-  if (!best || best.crosses) return [];
-  return Array.from({ length: ARC_POINTS + 1 }, (_, i): Flat => {
-    const t = (best.turn * best.angle * i) / ARC_POINTS;
-    const c = Math.cos(t);
-    const s = Math.sin(t);
-    return [c * best.first[0] - s * best.first[1], s * best.first[0] + c * best.first[1]];
-  });
-}
-
-interface Way {
-  first: Flat;
-  turn: number;
-  angle: number;
-  merit: number;
-  crosses: boolean;
+  if (Math.hypot(a[0] + share * way[0], a[1] + share * way[1]) > radius) return [];
+  const apart = (w: Way): number => Math.hypot(...minus(w.first, w.last));
+  const ways = [wayRound(a, b, radius, -1), wayRound(a, b, radius, 1)]
+    .filter((w) => !meet(a, w.first, b, w.last))
+    .sort((v, w) => apart(v) - apart(w));
+  return ways[0] ? arcOf(ways[0]) : [];
 }
 
 /** In the obstacle's axes about its centre. */

@@ -24,6 +24,18 @@ describe('a thread round an obstacle', () => {
     expect(wrapCircle([-2, 1.5], [2, 1.5], 1, null)).toEqual([]);
   });
 
+  it('goes round on the side of a side point where it crosses the half line behind the centre', () => {
+    const highest = (arc: [number, number][]): number => Math.max(...arc.map((p) => p[1]));
+    // Through the circle, and free below it.
+    for (const y of [-0.1, -1.5]) expect(highest(wrapCircle([-2, y], [2, y], 1, [0, 1]))).toBeCloseTo(1, 2);
+    // Free and beside that half line: as without a side point.
+    expect(wrapCircle([0.5, -2], [2.5, -1], 1, [0, 1])).toEqual([]);
+    // Through the circle beside it: the shorter way.
+    const beside = wrapCircle([0.3, -2], [1, 1.5], 1, [0, 1]);
+    expect(beside.length).toBeGreaterThan(2);
+    for (const [x] of beside) expect(x).toBeGreaterThan(0);
+  });
+
   it('is as long as a taut thread is', () => {
     const still: Rigid = { p: [0, 0, 0], q: [0, 0, 0, 1] };
     const at = (x: number, y: number, z: number): PoseNumbers => [x, y, z, 1, 0, 0, 0];

@@ -1,0 +1,90 @@
+// Tendons through space and actuators on sites as paths of a mechanism.
+#include <cmath>
+
+#include "conversion.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+PathDef ThreadOf(const Conversion& c, int t, int mechanism) {
+  const mjModel& m = c.m;
+  const auto point = [&](int site, BodyIndex& on) {
+    const Anchor at = AnchorIn(c, mechanism, m.site_bodyid[site]);
+    on = at.body;
+    return Vector3(at.X_AB * Vec3(m.site_pos + 3 * site));
+  };
+  PathDef path;
+  path.name = NameOr(m, m.name_tendonadr[t], "tendon", t);
+  for (int w = m.tendon_adr[t]; w < m.tendon_adr[t] + m.tendon_num[t]; ++w) {
+    const int id = m.wrap_objid[w];
+    PathElementDef e;
+    switch (m.wrap_type[w]) {
+      case mjWRAP_PULLEY:
+        e.kind = PathElementDef::Kind::kPulley;
+        e.divisor = m.wrap_prm[w];
+        break;
+      case mjWRAP_SITE:
+        e.X_BE = RigidTransform(point(id, e.body));
+        break;
+      default: {
+        e.kind =
+            m.wrap_type[w] == mjWRAP_SPHERE ? PathElementDef::Kind::kSphere : PathElementDef::Kind::kCylinder;
+        const Anchor at = AnchorIn(c, mechanism, m.geom_bodyid[id]);
+        e.body = at.body;
+        e.X_BE = at.X_AB * RigidTransform(Quat(m.geom_quat + 4 * id), Vec3(m.geom_pos + 3 * id));
+        e.radius = m.geom_size[3 * id];
+        const int side = static_cast<int>(std::lround(m.wrap_prm[w]));  // a site, -1: none
+        e.has_side = side >= 0;
+        if (e.has_side) e.side_B = point(side, e.side_body);
+      }
+    }
+    path.elements.push_back(std::move(e));
+  }
+  return path;
+}
+
+// The force of an actuator on a site, or its slider-crank.
+PathDef PathOfSites(const Conversion& c, int i, int mechanism) {
+  const mjModel& m = c.m;
+  const auto frame = [&](int site) {
+    const Anchor at = AnchorIn(c, mechanism, m.site_bodyid[site]);
+    PathElementDef e;
+    e.body = at.body;
+    e.X_BE = at.X_AB * RigidTransform(Quat(m.site_quat + 4 * site), Vec3(m.site_pos + 3 * site));
+    return e;
+  };
+  const int* sites = m.actuator_trnid + 2 * i;
+  PathDef path;
+  path.name = NameOr(m, m.name_actuatoradr[i], "actuator", i);
+  if (m.actuator_trntype[i] == mjTRN_SLIDERCRANK) {
+    path.kind = PathKind::kSliderCrank;
+    path.elements = {frame(sites[1]), frame(sites[0])};
+    path.rod = m.actuator_cranklength[i];
+    return path;
+  }
+  path.kind = PathKind::kWrench;
+  path.elements = {frame(sites[0])};
+  if (sites[1] >= 0) path.elements.push_back(frame(sites[1]));
+  const mjtNum* gear = m.actuator_gear + 6 * m.actuator_outadr[i];
+  path.gear << Vec3(gear + 3), Vec3(gear);
+  return path;
+}
+
+}  // namespace
+
+int Conversion::PathOf(const Length& length) {
+  path_of_tendon.resize(static_cast<std::size_t>(m.ntendon), -1);
+  path_of_actuator.resize(static_cast<std::size_t>(m.nactuator), -1);
+  const bool thread = length.tendon >= 0;
+  int& made = thread ? path_of_tendon[static_cast<std::size_t>(length.tendon)]
+                     : path_of_actuator[static_cast<std::size_t>(length.actuator)];
+  if (made >= 0) return made;
+  const int mechanism = MechanismOf(length.terms[0].first);
+  auto& paths = scene.mechanisms[static_cast<std::size_t>(mechanism)].paths;
+  made = static_cast<int>(paths.size());
+  paths.push_back(thread ? ThreadOf(*this, length.tendon, mechanism)
+                         : PathOfSites(*this, length.actuator, mechanism));
+  return made;
+}
+
+}  // namespace fork1s::internal

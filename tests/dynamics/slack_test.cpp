@@ -1,0 +1,173 @@
+// Springs that are slack over a range of their length.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fork1s/mechanism/builder.hpp>
+#include <numbers>
+
+#include "support.hpp"
+
+namespace fork1s {
+namespace {
+
+constexpr double kPuckMass = 2, kPlay = 0.1, kPuckSpeed = 1;  // kg, m to either side of the start, m/s
+
+// A puck on a rail along x, free between the ends of a spring with play.
+MechanismDef Puck(double stiffness, double damping = 0) {
+  MechanismBuilder builder("puck");
+  BodyDef body;
+  body.name = "puck";
+  body.parent = builder.base();
+  body.inertia = testing::Ball(kPuckMass, 0.1);
+  const BodyIndex b = builder.AddBody(body);
+  const JointIndex rail = builder.AddJoint(JointDef::Slide("rail", b, Vector3::UnitX()));
+  SpringDef spring;
+  spring.name = "buffer";
+  spring.terms = {{{rail, 0}, 1.0}};
+  spring.stiffness = stiffness;
+  spring.damping = damping;
+  spring.rest = -kPlay;
+  spring.slack = 2 * kPlay;
+  builder.AddSpring(spring);
+  builder.SetInterfaces({"puck"});
+  return builder.definition();
+}
+
+double PuckAt(const World& world) { return world.mechanisms()[0].configuration().q(0); }
+double PuckSpeed(const World& world) {
+  return world.mechanisms()[0].BodyVelocity(world.mechanisms()[0].mechanism().FindBody("puck"))(3);
+}
+
+double PuckEnergy(const World& world, double stiffness) {
+  const double beyond = std::max(std::abs(PuckAt(world)) - kPlay, 0.0), v = PuckSpeed(world);
+  return 0.5 * kPuckMass * v * v + 0.5 * stiffness * beyond * beyond;
+}
+
+// Where it is that starts in the middle at kPuckSpeed: free flights and half swings in turn.
+double PuckTruth(double stiffness, double t) {
+  const double omega = std::sqrt(stiffness / kPuckMass), swing = std::numbers::pi / omega,
+               flight = 2 * kPlay / kPuckSpeed;
+  double sign = 1;
+  for (t += flight / 2; t > flight + swing; t -= flight + swing) sign = -sign;
+  const double x =
+      t < flight ? kPuckSpeed * t - kPlay : kPlay + kPuckSpeed / omega * std::sin(omega * (t - flight));
+  return sign * x;
+}
+
+World StartPuck(double stiffness) {
+  return testing::MustStart(Puck(stiffness), VectorX::Zero(1), VectorX::Constant(1, kPuckSpeed));
+}
+
+struct Bounces {
+  double most = 0, least = 1e300;  // of the energy, as shares of that of the start
+  int turns = 0;
+};
+
+Bounces Bounce(double stiffness, const StepOptions& step, double seconds) {
+  World world = StartPuck(stiffness);
+  Bounces out;
+  const double start = PuckEnergy(world, stiffness);
+  double before = start, speed = kPuckSpeed;
+  for (int i = 0; i * step.h < seconds; ++i) {
+    EXPECT_TRUE(world.Step(step).finite);
+    const double energy = PuckEnergy(world, stiffness);
+    EXPECT_NEAR(world.KineticEnergy() + world.PotentialEnergy(step.gravity), energy, 1e-12 * start);
+    if (step.integrator == Integrator::kEuler) {
+      EXPECT_LE(energy, before * (1 + 1e-12)) << i;
+    }
+    before = energy;
+    out.most = std::max(out.most, energy / start);
+    out.least = std::min(out.least, energy / start);
+    out.turns += speed * PuckSpeed(world) < 0 ? 1 : 0;
+    speed = PuckSpeed(world);
+  }
+  return out;
+}
+
+// A step of implicit Euler gains nothing where it enters or leaves the range, however stiff the ends.
+TEST(SlackSpring, NeverGainsByImplicitEuler) {
+  for (const double stiffness : {80.0, 800.0, 8e4, 8e8}) {
+    SCOPED_TRACE(stiffness);
+    EXPECT_LE(Bounce(stiffness, testing::Still(), 20).most, 1 + 1e-12);
+  }
+}
+
+// Nor by second order, which looks for the end of a step anew where a stiff end is met within it.
+TEST(SlackSpring, NeverGainsBySecondOrder) {
+  StepOptions step = testing::Still();
+  step.integrator = Integrator::kTheta;
+  for (const double stiffness : {8e4, 8e6, 8e8}) {
+    SCOPED_TRACE(stiffness);
+    EXPECT_LE(Bounce(stiffness, step, 20).most, 1 + 1e-9);
+  }
+}
+
+// Nor does it lose anything but what implicit Euler takes of a swing, h ω of the energy in each radian, and
+// the free flights nothing.
+TEST(SlackSpring, LosesWhatHalfASwingLoses) {
+  constexpr double kStiffness = 800, kStep = 1e-4;  // ω = 20 1/s: half a swing in 0.157 s
+  const Bounces b = Bounce(kStiffness, testing::Still(kStep), 20);
+  EXPECT_NEAR(b.turns, 20 / (2 * kPlay + std::numbers::pi / 20), 4);  // it grows slower
+  const double loss = 1 - std::exp(-kStep * 20 * std::numbers::pi * b.turns);
+  EXPECT_NEAR(1 - b.least, loss, 0.1 * loss);
+}
+
+TEST(SlackSpring, KeepsItsEnergyBySecondOrder) {
+  for (const double stiffness : {80.0, 800.0, 3000.0}) {
+    SCOPED_TRACE(stiffness);
+    StepOptions step = testing::Still();
+    step.integrator = Integrator::kTheta;
+    const Bounces b = Bounce(stiffness, step, 20);
+    EXPECT_NEAR(b.most, 1, 1e-9);
+    EXPECT_NEAR(b.least, 1, 1e-9);
+    EXPECT_GT(b.turns, 20);
+  }
+}
+
+// Free flight and half a swing in turn, in closed form.
+TEST(SlackSpring, GoesToAndFroAsItsEquationsSay) {
+  for (const Integrator by : {Integrator::kEuler, Integrator::kTheta}) {
+    double error[2];
+    for (int halved = 0; halved < 2; ++halved) {
+      World world = StartPuck(800);
+      StepOptions step = testing::Still(2e-4 / (1 << halved));
+      step.integrator = by;
+      const int count = static_cast<int>(std::lround(3 / step.h));
+      for (int i = 0; i < count; ++i) ASSERT_TRUE(world.Step(step).finite);
+      error[halved] = std::abs(PuckAt(world) - PuckTruth(800, 3));
+    }
+    EXPECT_LT(error[0], by == Integrator::kTheta ? 1e-5 : 0.05);
+    EXPECT_LT(error[1], (by == Integrator::kTheta ? 0.3 : 0.55) * error[0]);
+  }
+}
+
+// The reduction and the compliance see no spring within the range, and the whole of it beyond.
+TEST(SlackSpring, HoldsBeyondItsRangeOnly) {
+  const auto m = testing::Share(Puck(800));
+  for (const auto& [q, k] : {std::pair(0.0, 0.0), {0.05, 0.0}, {0.15, 800.0}, {-0.2, 800.0}}) {
+    Kinematics kinematics(*m);
+    const VectorX at = VectorX::Constant(1, q);
+    ComputeKinematics(*m, at, kinematics);
+    EXPECT_EQ(StiffnessMatrix(*m, kinematics, at)(0, 0), k) << q;
+    const auto model = Reduce(m, at);
+    ASSERT_TRUE(model);
+    EXPECT_EQ(model->K_r(0), k == 0 ? 0 : 1) << q;
+  }
+}
+
+// Pushed by its weight it leaves the range and rests where the end bears it; the damper works all the way.
+TEST(SlackSpring, RestsOnItsEnd) {
+  for (const Integrator by : {Integrator::kEuler, Integrator::kTheta}) {
+    World world = testing::MustCreate(Puck(800, 20));
+    StepOptions step;
+    step.integrator = by;
+    step.gravity = Vector3(2, 0, 0);
+    ASSERT_TRUE(world.Step(step).finite);
+    EXPECT_NEAR(PuckSpeed(world), step.h * 2, step.h * 2 * 0.2);
+    for (int i = 0; i < 1200; ++i) ASSERT_TRUE(world.Step(step).finite);
+    EXPECT_NEAR(PuckAt(world), kPlay + 2 * kPuckMass / 800, 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace fork1s
