@@ -67,7 +67,7 @@ class LoadWatch {
  public:
   void Look(const Simulation& simulation, Measured& out) {
     if (simulation.steps() % 10 != 0) return;
-    const LoadFactor now = ComputeLoadFactor(simulation.world(), simulation.dt());
+    const LoadFactor now = ComputeLoadFactor(simulation);
     // An impact loads a contact for a single step: of two looks in a row the gentler one counts.
     const LoadFactor& held = now.factor > before_.factor ? now : before_;
     if (held.factor < out.load_min.factor) {

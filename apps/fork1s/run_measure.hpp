@@ -1,8 +1,8 @@
 // A run, step by step, and what is watched beside it.
 #pragma once
 
-#include <fork1s/dynamics/load_factor.hpp>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/sim/load_factor.hpp>
 #include <fork1s/sim/passing.hpp>
 #include <fork1s/sim/plausible.hpp>
 #include <fork1s/sim/push.hpp>

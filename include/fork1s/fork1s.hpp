@@ -20,5 +20,6 @@
 #include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/continue.hpp>
 #include <fork1s/sim/draw.hpp>
+#include <fork1s/sim/load_factor.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/spatial/twist.hpp>

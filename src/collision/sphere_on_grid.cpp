@@ -168,6 +168,7 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
   // What is about the bottom of a valley is held by both sides, also where only one is straight above or
   // below.
   auto report_valley = [&](const Nearest& nearest, double height_of_nearest) {
+    const Vector3 ground = ClosestPoint(nearest.triangle, nearest.point);
     for (int row = row_from; row <= row_to; ++row)
       for (int column = column_from; column <= column_to; ++column)
         for (int which : {0, 1}) {
@@ -175,6 +176,9 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
           const Vector3 up = Up(face);
           const double height = up.dot(c - face[0]);
           if (count == kMost || !(height < reach) || !MakeValley(face, nearest.triangle)) continue;
+          // Faces that have no more than a corner in common: the plane of one may pass over the other, where
+          // it is not the ground, and over what is above the ground.
+          if (up.dot(ground - face[0]) < -kNear || (!is_under && height < -kNear)) continue;
           const Vector3 foot = c - height * up;
           const double beside = (ClosestPoint(face, foot) - foot).norm();
           if (height < 0 || (beside > 0 && beside <= std::min(height_of_nearest, kNear) + kNear))

@@ -11,35 +11,26 @@
 namespace fork1s {
 namespace {
 
-using Kind = Contactor::Kind;
-
-// A contact that carries force.
-struct LoadedContact {
-  int body_a, body_b;
-  Vector3 point;              // m
-  Vector3 force;              // N, on body b, world axes
-  Vector3 normal;             // from a to b
-  Matrix3 inverse_curvature;  // m: (κ_a + κ_b)⁻¹ on the tangent plane
-};
-
 // The coordinates x: of every mechanism that touches, base twist (where it floats, world axes about R's
 // origin) and z; of every free body that touches, ω and the velocity of the centre of mass in world axes.
 class Grasp {
+  using Side = LoadedContact::Side;
+
  public:
-  Grasp(const World& world, double h) : world_(world) {
+  Grasp(const World& world, const std::vector<LoadedContact>& contacts) : world_(world) {
+    const auto normal = [](const LoadedContact& c) { return c.force.dot(c.normal); };
     double largest = 0;
-    for (const ContactRecord& c : world.contacts()) largest = std::max(largest, c.impulse(0));
+    for (const LoadedContact& c : contacts) largest = std::max(largest, normal(c));
     std::vector<int> holds(world.free_bodies().size(), 0);
     mechanism_at_.assign(world.mechanisms().size(), -1);
     free_at_.assign(world.free_bodies().size(), -1);
-    for (const ContactRecord& c : world.contacts()) {
-      if (c.impulse(0) <= 1e-9 * largest) continue;  // touches at most
-      contacts_.push_back(Load(c, h));
-      for (int side : {c.point.body_a, c.point.body_b}) {
-        const Contactor& body = contactor(side);
-        const auto i = static_cast<std::size_t>(body.index);
-        if (body.kind == Kind::kGroup) mechanism_at_[i] = 0;
-        if (body.kind != Kind::kFreeBody) continue;
+    for (const LoadedContact& c : contacts) {
+      if (normal(c) <= 1e-9 * largest) continue;  // touches at most
+      contacts_.push_back(c);
+      for (const Side& side : {c.a, c.b}) {
+        if (side.mechanism >= 0) mechanism_at_[static_cast<std::size_t>(side.mechanism)] = 0;
+        if (side.free_body < 0) continue;
+        const auto i = static_cast<std::size_t>(side.free_body);
         free_at_[i] = 0;
         holds_any_ |= ++holds[i] >= 2;
       }
@@ -92,17 +83,17 @@ class Grasp {
     }
   }
 
-  // Twist of a contactor in world axes about the point p per unit of x, at the displaced state.
-  Matrix6X Twist(int body, const Vector3& p) const {
+  // Twist of one side in world axes about the point p per unit of x, at the displaced state.
+  Matrix6X Twist(const Side& side, const Vector3& p) const {
     Matrix6X J = Matrix6X::Zero(6, size_);
-    const Contactor& c = contactor(body);
-    const auto i = static_cast<std::size_t>(c.index);
-    if (c.kind == Kind::kWorld) return J;
-    if (c.kind == Kind::kFreeBody) {
+    if (side.free_body >= 0) {
+      const auto i = static_cast<std::size_t>(side.free_body);
       J.middleCols<6>(free_at_[i]).setIdentity();
       J.block<3, 3>(3, free_at_[i]) = -Skew(p - centers_[i]);
       return J;
     }
+    if (side.mechanism < 0) return J;
+    const auto i = static_cast<std::size_t>(side.mechanism);
     const MechanismDynamics& m = world_.mechanisms()[i];
     const RigidTransform& X_WR = states_[i].X_WR;
     const Matrix3& R = X_WR.rotation();
@@ -112,7 +103,7 @@ class Grasp {
       J.block<3, 3>(3, mechanism_at_[i]) = -Skew(p - X_WR.translation());
     }
     auto T = J.middleCols(mechanism_at_[i] + base, r);
-    int j = m.groups()[static_cast<std::size_t>(c.group)].last_joint;
+    int j = m.mechanism().body(side.body).last_joint;
     for (; j >= 0; j = m.mechanism().joint(JointIndex(j)).previous) {
       const auto& joint = m.mechanism().joint(JointIndex(j));
       T.noalias() += configurations_[i].kinematics.S.middleCols(joint.offset, joint.size) *
@@ -128,7 +119,7 @@ class Grasp {
     MatrixX J(3 * num_contacts(), size_);
     for (int k = 0; k < num_contacts(); ++k) {
       const LoadedContact& c = contacts_[static_cast<std::size_t>(k)];
-      J.middleRows<3>(3 * k) = (Twist(c.body_b, c.point) - Twist(c.body_a, c.point)).bottomRows<3>();
+      J.middleRows<3>(3 * k) = (Twist(c.b, c.point) - Twist(c.a, c.point)).bottomRows<3>();
     }
     return J;
   }
@@ -138,7 +129,7 @@ class Grasp {
   std::vector<Vector3> PointVelocities(const VectorX& x) const {
     std::vector<Vector3> velocities;
     for (const LoadedContact& c : contacts_) {
-      const Vector6 a = Twist(c.body_a, c.point) * x, b = Twist(c.body_b, c.point) * x;
+      const Vector6 a = Twist(c.a, c.point) * x, b = Twist(c.b, c.point) * x;
       const Vector3 turn = b.head<3>() - a.head<3>();
       velocities.push_back(a.tail<3>() + c.inverse_curvature * turn.cross(c.normal));
     }
@@ -151,7 +142,7 @@ class Grasp {
     for (std::size_t k = 0; k < contacts_.size(); ++k) {
       const LoadedContact& c = contacts_[k];
       const Vector3 p = c.point + s * velocities[k];
-      f += (Twist(c.body_b, p) - Twist(c.body_a, p)).bottomRows<3>().transpose() * c.force;
+      f += (Twist(c.b, p) - Twist(c.a, p)).bottomRows<3>().transpose() * c.force;
     }
     return f;
   }
@@ -189,7 +180,6 @@ class Grasp {
   }
 
  private:
-  const Contactor& contactor(int i) const { return world_.contactors()[static_cast<std::size_t>(i)]; }
   int base_size(std::size_t i) const {
     return world_.mechanisms()[i].num_velocities() - world_.mechanisms()[i].model().size();
   }
@@ -198,16 +188,6 @@ class Grasp {
     const Vector3 axis = angle > 0 ? Vector3(dx.head<3>() / angle) : Vector3::UnitX();
     return RigidTransform(Eigen::AngleAxisd(angle, axis).toRotationMatrix() * X.rotation(),
                           X.translation() + dx.tail<3>());
-  }
-
-  LoadedContact Load(const ContactRecord& c, double h) const {
-    const ContactPoint& p = c.point;
-    return {p.body_a,
-            p.body_b,
-            p.point,
-            p.frame.transpose() * c.impulse / h,
-            p.frame.row(0).transpose(),
-            InverseCurvature(world_, p)};
   }
 
   const World& world_;
@@ -221,15 +201,14 @@ class Grasp {
 };
 
 // Largest real part of µ in -G v = µ K v, with its vector. Directions without spring follow the others.
-double LargestShare(const MatrixX& K, const MatrixX& G, VectorX& direction) {
-  const SymmetricSpectrum springs = SpectrumOf(K);
-  const VectorX& k = springs.values;
-  Eigen::Index u = 0;  // unsprung, first in ascending order
-  while (u < k.size() && k(u) <= 1e-9 * k(k.size() - 1)) ++u;
-  const Eigen::Index s = k.size() - u;
-  if (s == 0 || !(k(k.size() - 1) > 0)) return 0;
-  const MatrixX U = springs.vectors.leftCols(u);
-  const MatrixX S = ScaledColumns(springs.vectors.rightCols(s), k.tail(s).cwiseSqrt().cwiseInverse());
+double LargestShare(const MatrixX& K, const MatrixX& G, const NullSpace& springs, VectorX& direction) {
+  const MatrixX& U = springs.unseen;
+  const Eigen::Index u = U.cols(), s = springs.seen.cols();
+  if (s == 0) return 0;
+  const SymmetricSpectrum stiffness = SpectrumOf(Congruence(K, springs.seen));
+  if (!(stiffness.values(0) > 0)) return 0;
+  const MatrixX S =
+      ScaledColumns(Times(springs.seen, stiffness.vectors), stiffness.values.cwiseSqrt().cwiseInverse());
   MatrixX B = -Congruence(G, S), follow = MatrixX::Zero(u, s);
   if (u > 0) {
     // What load neither holds nor drives, such as a ball's spin about the axis of its two contacts, is left
@@ -251,16 +230,36 @@ double LargestShare(const MatrixX& K, const MatrixX& G, VectorX& direction) {
 
 }  // namespace
 
+std::vector<LoadedContact> LoadedContacts(const World& world, double h) {
+  const auto side_of = [&](int number) -> LoadedContact::Side {
+    const Contactor& c = world.contactors()[static_cast<std::size_t>(number)];
+    if (c.kind == Contactor::Kind::kWorld) return {};
+    if (c.kind == Contactor::Kind::kFreeBody) return {.free_body = c.index};
+    const MechanismDynamics& m = world.mechanisms()[static_cast<std::size_t>(c.index)];
+    return {.mechanism = c.index, .body = m.groups()[static_cast<std::size_t>(c.group)].body};
+  };
+  std::vector<LoadedContact> out;
+  for (const ContactRecord& c : world.contacts())
+    out.push_back({side_of(c.point.body_a), side_of(c.point.body_b), c.point.point,
+                   c.point.frame.transpose() * c.impulse / h, c.point.frame.row(0).transpose(),
+                   InverseCurvature(world, c.point)});
+  return out;
+}
+
 LoadFactor ComputeLoadFactor(const World& world, double h) {
+  return ComputeLoadFactor(world, LoadedContacts(world, h));
+}
+
+LoadFactor ComputeLoadFactor(const World& world, const std::vector<LoadedContact>& contacts) {
   LoadFactor out;
-  Grasp grasp(world, h);
+  Grasp grasp(world, contacts);
   if (!grasp.holds_any()) return out;
   out.contacts = grasp.num_contacts();
   grasp.Displace(VectorX::Zero(grasp.size()));
   const MatrixX J = grasp.ContactJacobian();
   const VectorX scale = grasp.Scale(J);
   // Rows of contacts that share a flat face depend on each other up to rounding.
-  const MatrixX N = ScaledRows(scale, ComputeNullSpace(ScaledColumns(J, scale)).unseen);
+  const MatrixX rolling = ComputeNullSpace(ScaledColumns(J, scale)).unseen, N = ScaledRows(scale, rolling);
   const Eigen::Index free = N.cols();
   if (free == 0) return out;
 
@@ -277,10 +276,15 @@ LoadFactor ComputeLoadFactor(const World& world, double h) {
     change -= grasp.ContactForce(-kStep, v);
     G.col(k) = -N.transpose() * change / (2 * kStep);
   }
-  const MatrixX K = DiagonalCongruence(grasp.Stiffness(), N);
+  // Whether a motion has a spring is told by how far it moves coordinates that have one, not by its
+  // stiffness: that of a heap which rolls in a bucket is rounding, and so was the largest that it was
+  // compared with.
+  const VectorX k = grasp.Stiffness();
+  const NullSpace springs = ComputeNullSpace(ScaledRows((k.array() > 0).cast<double>(), rolling));
+  const MatrixX K = DiagonalCongruence(k, N);
   if (!G.allFinite() || !K.allFinite()) return out;
   VectorX direction;
-  const double share = LargestShare(K, G, direction);
+  const double share = LargestShare(K, G, springs, direction);
   if (!(share > 1e-9)) return out;  // no load within a thousand million times the present one
   out.factor = 1 / share;
   out.body = grasp.LargestMover((N * direction).cwiseQuotient(scale));

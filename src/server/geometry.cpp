@@ -58,8 +58,13 @@ Json Numbers(std::initializer_list<double> values) {
 struct SizeOf {
   Json& out;
   MeshTable& meshes;
-  const Picture* picture;
-  void operator()(const Plane& s) const { out["size"] = Numbers({s.half_x, s.half_y}); }
+  const GeometryDef& geometry;
+  void operator()(const Plane& s) const {
+    out["size"] = Numbers({s.half_x, s.half_y});
+    if (!geometry.picture) return;
+    out["picture"] = meshes.Number(*geometry.picture);
+    out["repeat"] = Numbers({geometry.picture_x, geometry.picture_y});
+  }
   void operator()(const Sphere& s) const { out["size"] = Numbers({s.radius}); }
   void operator()(const Capsule& s) const { out["size"] = Numbers({s.radius, s.half_length}); }
   void operator()(const Cylinder& s) const { out["size"] = Numbers({s.radius, s.half_length}); }
@@ -69,8 +74,8 @@ struct SizeOf {
   void operator()(const Box& s) const { out["size"] = Numbers({s.half.x(), s.half.y(), s.half.z()}); }
   void operator()(const MeshShape& s) const {
     out["mesh"] = meshes.Number(*s.mesh);
-    if (!picture || s.mesh->corner_uv.empty()) return;
-    out["picture"] = meshes.Number(*picture);
+    if (!geometry.picture || s.mesh->corner_uv.empty()) return;
+    out["picture"] = meshes.Number(*geometry.picture);
     meshes.pictured.insert(s.mesh.get());
   }
   void operator()(const HeightField& s) const { out["mesh"] = meshes.Number(*s.grid); }
@@ -90,7 +95,7 @@ Json Collect(const Simulation& simulation, MeshTable& meshes) {
       one["rgba"] = Numbers({g.rgba(0), g.rgba(1), g.rgba(2), g.rgba(3)});
       one["group"] = g.group;
       one["collides"] = g.Collides();
-      std::visit(SizeOf{one, meshes, g.picture.get()}, g.shape);
+      std::visit(SizeOf{one, meshes, g}, g.shape);
       shapes.push_back(std::move(one));
     }
   };

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fork1s/dynamics/load_factor.hpp>
 #include <fork1s/server/pull_spring.hpp>
+#include <fork1s/sim/load_factor.hpp>
 #include <utility>
 
 #include <fmt/format.h>
@@ -370,7 +370,7 @@ Snapshot LiveSimulation::Capture(int viewers) {
   scalars_.joint_gap = simulation_.JointGap();
   // Every tenth frame: it costs more than a step, and a grasp changes slowly beside frames.
   if (latest_.sequence % 10 == 0) {
-    const double factor = ComputeLoadFactor(simulation_.world(), simulation_.dt()).factor;
+    const double factor = ComputeLoadFactor(simulation_).factor;
     scalars_.load_factor = std::isfinite(factor) ? factor : std::nan("");
   }
   scalars_.viewers = viewers;

@@ -39,6 +39,12 @@ TEST(Detail, FacesOnCapsulesAreFrozenToo) {
   EXPECT_TRUE(json["detail"][1]["refused"].is_null()) << json["detail"].dump(1);
   // That fourteen frozen contacts repeat each other to the last digits is nothing a user could mend.
   EXPECT_EQ(json["warnings"].dump().find("last digits"), std::string::npos) << json["warnings"].dump(1);
+  // How much harder it could press is told of frozen contacts as well.
+  double before = 0, frozen = 0;
+  for (const auto& moment : json["load_factor"])
+    (moment["time_s"].get<double>() < 3.01 ? before : frozen) = moment["factor"].get<double>();
+  EXPECT_GT(frozen, 0);
+  EXPECT_NEAR(frozen / before, 1, 0.1);
 }
 
 // How two balls of a jaw share what it bears no balance tells; contacts share so that none slips, where they

@@ -211,5 +211,38 @@ TEST(ShapeOnGrid, AnEdgeInAValleyLeansOnBothSides) {
     }
 }
 
+// What hovers touches nothing: the planes of faces beside the one below may pass over a corner, and are not
+// the ground there.
+TEST(ShapeOnGrid, WhatHoversOverRoughGroundTouchesNothing) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> u(0, 1);
+  std::vector<double> heights(41 * 31);
+  for (double& z : heights) z = 0.02 * static_cast<float>(u(random));
+  const auto cell = [](double x, double y) {
+    return static_cast<std::size_t>(std::lround((y + 0.2) / 0.01)) * 31 +
+           static_cast<std::size_t>(std::lround((x + 0.3) / 0.02));
+  };
+  const HeightField field = Field([&](double x, double y) { return heights[cell(x, y)]; });
+  constexpr double kHalf = 1e-4, kSteepest = 2.3;  // 20 mm over 10 and 20 mm
+  auto world =
+      CollisionWorld::Create({Still(field), Moving(Box{Vector3::Constant(kHalf)})}, {}, {.margin = 0.02});
+  ASSERT_TRUE(world);
+  std::vector<ContactPoint> contacts;
+  for (int k = 0; k < 3000; ++k) {
+    const double x = -0.2 + 0.02 * std::floor(20 * u(random)), y = -0.1 + 0.01 * std::floor(20 * u(random));
+    const double s = u(random), t = u(random);
+    const double z00 = heights[cell(x, y)], z01 = heights[cell(x + 0.02, y)],
+                 z10 = heights[cell(x, y + 0.01)], z11 = heights[cell(x + 0.02, y + 0.01)];
+    const double ground =
+        s > t ? z00 + s * (z01 - z00) + t * (z11 - z01) : z00 + t * (z10 - z00) + s * (z11 - z10);
+    const double above = 0.001 + 0.003 * u(random);
+    world->SetPose(1, At(x + 0.02 * s, y + 0.01 * t, ground + above));
+    ASSERT_TRUE(world->Detect(contacts));
+    ASSERT_FALSE(contacts.empty());
+    for (const ContactPoint& c : contacts)
+      ASSERT_GT(c.gap, above / std::hypot(1, kSteepest) - std::sqrt(3) * kHalf) << k;
+  }
+}
+
 }  // namespace
 }  // namespace fork1s

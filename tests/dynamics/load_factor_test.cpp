@@ -75,5 +75,46 @@ TEST(LoadFactor, IsInfiniteWhereNothingIsHeld) {
   EXPECT_TRUE(std::isinf(ComputeLoadFactor(world, step.h).factor));
 }
 
+// A finger that holds a box to a floor can move in no way in which contacts roll; the ball on the box can,
+// and has no spring. What is left of springs in that motion is rounding, and was once what load was compared
+// with.
+TEST(LoadFactor, IsInfiniteWhereWhatRollsHasNoSpring) {
+  for (const double tilt : {0.0, 0.7}) {
+    const RigidTransform X(Eigen::AngleAxisd(tilt, Vector3(1, 2, 3).normalized()).toRotationMatrix(),
+                           Vector3::Zero());
+    Scene scene;
+    scene.world.push_back(Geometry("floor", Plane{}, 1, X));
+    scene.free_bodies.push_back(testing::BoxBody("box", 1, Vector3(0.1, 0.1, 0.05), Vector3(0, 0, 0.05), 1));
+    scene.free_bodies.push_back(testing::BallBody("ball", 0.2, 0.03, Vector3(0.05, 0.02, 0.13), 1));
+    for (FreeBodyDef& body : scene.free_bodies) body.X_WB = X * body.X_WB;
+    MechanismBuilder builder("press");
+    builder.SetBasePose(X);
+    BodyDef finger;
+    finger.name = "finger";
+    finger.parent = builder.base();
+    finger.X_PB = RigidTransform(Vector3(-0.04, 0.01, 0.12));
+    finger.inertia.mass = 0.1;
+    finger.inertia.rotational = 1e-5 * Matrix3::Identity();
+    finger.geometries.push_back(Geometry("tip", Sphere{0.02}, 1));
+    const BodyIndex b = builder.AddBody(finger);
+    JointDef slides = JointDef::General("slides", b, Matrix6X::Identity(6, 6).rightCols(3));
+    for (FreedomDef& f : slides.freedoms) {
+      f.stiffness = 1e4;
+      f.damping = 50;
+    }
+    slides.freedoms[2].rest = -0.001;
+    builder.AddJoint(slides);
+    builder.SetInterfaces({"finger"});
+    scene.mechanisms.push_back(builder.definition());
+    World world = MustCreate(scene);
+    StepOptions step;
+    step.gravity = X.rotation() * step.gravity;
+    for (int i = 0; i < 120; ++i) ASSERT_TRUE(world.Step(step).finite);
+    const LoadFactor load = ComputeLoadFactor(world, step.h);
+    EXPECT_GE(load.contacts, 6);
+    EXPECT_TRUE(std::isinf(load.factor)) << load.factor << " at tilt " << tilt;
+  }
+}
+
 }  // namespace
 }  // namespace fork1s

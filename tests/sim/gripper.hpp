@@ -1,4 +1,5 @@
-// A gripper of two sliding fingers that hold a ball between flat-sided tips, small enough for closed forms.
+// A gripper of two sliding fingers that hold a ball between flat or round tips, small enough for closed
+// forms.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -17,6 +18,7 @@ struct Gripper {
   double ball_mass = 0.1;     // kg
   double ball_radius = 0.02;  // m
   double finger_mass = 0.01;  // kg
+  double tip = 0;             // m, radius of round tips; 0: flat pads
   BaseKind base = BaseKind::kFixed;
 
   Scene Make() const {
@@ -26,12 +28,13 @@ struct Gripper {
       BodyDef finger;
       finger.name = name;
       finger.parent = builder.base();
-      finger.X_PB = RigidTransform(Vector3(side * (ball_radius + 0.01), 0, 0));
+      finger.X_PB = RigidTransform(Vector3(side * (ball_radius + (tip > 0 ? tip : 0.01)), 0, 0));
       finger.inertia.mass = finger_mass;
       finger.inertia.rotational = Vector3::Constant(1e-6).asDiagonal();
       GeometryDef pad;
       pad.name = std::string(name) + "_pad";
       pad.shape = Box{Vector3(0.01, 0.02, 0.02)};
+      if (tip > 0) pad.shape = Sphere{tip};
       pad.friction = friction;
       finger.geometries.push_back(pad);
       const BodyIndex b = builder.AddBody(finger);

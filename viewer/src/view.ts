@@ -13,6 +13,7 @@ import { EllipsoidsView } from './scene/ellipsoids_view';
 import { FramesView } from './scene/frames_view';
 import { FullGhost } from './scene/full_ghost';
 import { Ghost } from './scene/ghost';
+import { isBounded, isLevel } from './scene/planes_view';
 import { Stage } from './scene/stage';
 import { COLORS } from './scene/theme';
 import { Visibility } from './scene/visibility';
@@ -73,6 +74,7 @@ export class View {
     this.shapes = shapes;
     this.shownChoice = this.choice;
     this.bodies.show(shapes, roots, this.options);
+    this.stage.planes.show(this.bodies.picturedPlanes, this.bodies.uniforms.pictures);
     this.framed = false;
   }
 
@@ -128,6 +130,7 @@ export class View {
     this.frames.lines.visible = this.options.frames;
     this.anatomy.group.visible = this.options.copies === 1;
     this.bodies.showStill(this.options.world);
+    this.stage.planes.group.visible = this.options.world;
     this.ellipsoids.mesh.visible = this.options.compliance;
     // Copies stand in a field of their own; forces belong to one.
     this.contacts.group.visible = this.pulls.group.visible = this.options.copies === 1;
@@ -189,7 +192,10 @@ export class View {
   private placeCamera(around?: THREE.Box3): void {
     if (!this.scene) return;
     const box = around ?? this.bodies.box(this.scene, this.poses());
-    const planes = this.bodies.planes.filter((p) => p.body < 0).map((p) => p.pose[2]);
+    // A ramp or a patch is no ground where there is a level plane without end.
+    const level = this.bodies.planes.filter((p) => p.body < 0 && isLevel(p));
+    const endless = level.filter((p) => !isBounded(p));
+    const planes = (endless.length > 0 ? endless : level).map((p) => p.pose[2]);
     const below = planes.filter((z) => z <= box.max.z && z > box.min.z - 1.5 * box.getSize(new THREE.Vector3()).length());
     const size = box.getSize(new THREE.Vector3()).length();
     // Other shapes of much the same size are looked at from where the user looks now.

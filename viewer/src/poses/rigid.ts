@@ -73,3 +73,9 @@ export function exp(w: Vec3, v: Vec3): Rigid {
     q: [s * w[0], s * w[1], s * w[2], Math.cos(0.5 * t)],
   };
 }
+
+export function inverse(X: Rigid): Rigid {
+  const q: Quat = [-X.q[0], -X.q[1], -X.q[2], X.q[3]];
+  const [x, y, z] = rotate(q, X.p);
+  return { p: [-x, -y, -z], q };
+}

@@ -98,6 +98,10 @@ export class BodiesView {
     return this.merged?.planes ?? [];
   }
 
+  get picturedPlanes(): MergedShapes['pictured'] {
+    return this.merged?.pictured ?? [];
+  }
+
   /** Triangles of all members of all batches, drawn once each. */
   get triangles(): number {
     return this.batches.reduce((sum, { geometry, firsts }) => sum + (firsts.length * (geometry.index?.count ?? 0)) / 3, 0);

@@ -34,7 +34,7 @@ export class Pictures {
     this.texture.minFilter = THREE.LinearMipmapLinearFilter;
     this.texture.magFilter = THREE.LinearFilter;
     this.texture.generateMipmaps = true;
-    this.texture.anisotropy = 4;
+    this.texture.anisotropy = 8;
     this.texture.needsUpdate = true;
     this.ready = Promise.all(pictures.map((png, layer) => this.fill(png, layer, side, texels))).then(() => {
       if (this.texture) this.texture.needsUpdate = true;
@@ -67,16 +67,23 @@ flat out float pictureShare;
 #endif
 `;
 
+/** Of a layer, in linear tones. */
+export const SAMPLE_PICTURE = /* glsl */ `
+vec3 samplePicture(highp sampler2DArray from, vec3 at) {
+  vec3 c = texture(from, at).rgb;  // sRGB
+  return mix(pow(c * 0.9478672986 + 0.0521327014, vec3(2.4)), c * 0.0773993808, vec3(lessThanEqual(c, vec3(0.04045))));
+}
+`;
+
 export const PICTURE_FRAGMENT = /* glsl */ `
 #ifdef PICTURES
 uniform highp sampler2DArray pictures;
 in vec3 placeInPicture;
 flat in float pictureShare;
+${SAMPLE_PICTURE}
 vec3 toneOfPicture() {
   if (placeInPicture.z < -0.5) return vec3(1.0);
-  vec3 c = texture(pictures, vec3(placeInPicture.xy, floor(placeInPicture.z + 0.5))).rgb;  // sRGB
-  vec3 linear = mix(pow(c * 0.9478672986 + 0.0521327014, vec3(2.4)), c * 0.0773993808, vec3(lessThanEqual(c, vec3(0.04045))));
-  return mix(vec3(1.0), linear, pictureShare);
+  return mix(vec3(1.0), samplePicture(pictures, vec3(placeInPicture.xy, floor(placeInPicture.z + 0.5))), pictureShare);
 }
 #endif
 `;

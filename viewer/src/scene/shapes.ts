@@ -44,7 +44,7 @@ function shapeGeometry(shape: ShapeInfo, meshes: THREE.BufferGeometry[], detail:
     case 'heightfield':
       return meshes[shape.mesh ?? -1]?.clone() ?? null;
     default:
-      return null; // planes are the ground's affair
+      return null; // planes are the ground's affair, with a picture or without
   }
 }
 
@@ -59,6 +59,8 @@ export interface MergedShapes {
   moving: Batch[];
   still: THREE.BufferGeometry | null;
   planes: ShapeInfo[];
+  /** those of the still world that are to be seen with a picture */
+  pictured: ShapeInfo[];
 }
 
 /** So many roots must look the same before instances pay. */
@@ -205,5 +207,6 @@ export function mergeShapes({ geometry: message, meshes: meshData, pictures }: S
   });
   const still = build(shown.filter((s) => s.body < 0));
   for (const mesh of meshes) mesh.dispose();
-  return { moving, still, planes };
+  const pictured = planes.filter((s) => s.body < 0 && s.picture !== undefined && isShown(s, choice, seen));
+  return { moving, still, planes, pictured };
 }

@@ -1,6 +1,7 @@
 // Renderer, camera, light and ground.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+import { PlanesView } from './planes_view';
 import { LIGHT, type Theme } from './theme';
 
 const GRID_FRAGMENT = /* glsl */ `
@@ -31,6 +32,8 @@ export class Stage {
   readonly scene = new THREE.Scene();
   readonly camera = new THREE.PerspectiveCamera(32, 1, 0.01, 100);
   readonly controls: OrbitControls;
+  /** planes of the file with pictures; the grid is drawn where they leave the ground bare */
+  readonly planes = new PlanesView();
   gridSpacing = 0.1;
   private readonly sky = new THREE.HemisphereLight(0xffffff, 0xffffff, 1.25);
   private readonly key = new THREE.DirectionalLight(0xfff4e6, 2.3);
@@ -40,6 +43,7 @@ export class Stage {
   private readonly floor: THREE.Mesh;
   private readonly grid: THREE.Mesh;
   private radius = 1;
+  private ground = 0;
   private home = { position: new THREE.Vector3(), target: new THREE.Vector3() };
 
   constructor(canvas: HTMLCanvasElement) {
@@ -81,8 +85,8 @@ export class Stage {
     this.floor = new THREE.Mesh(plane, this.shadowMaterial);
     this.floor.receiveShadow = true;
     this.grid = new THREE.Mesh(plane, this.gridMaterial);
-    this.grid.renderOrder = -1;
-    this.scene.add(this.grid, this.floor);
+    this.grid.renderOrder = -2;
+    this.scene.add(this.grid, this.planes.group, this.floor);
     this.setTheme(LIGHT);
   }
 
@@ -91,6 +95,7 @@ export class Stage {
     this.scene.fog = null;
     (this.gridMaterial.uniforms['line'] as THREE.IUniform<THREE.Color>).value.set(theme.line);
     this.shadowMaterial.opacity = theme.shadow;
+    this.planes.setDark(theme.dark);
     this.sky.color.set(theme.sky);
     this.sky.groundColor.set(theme.soil);
     this.sky.intensity = theme.dark ? 0.9 : 1.25;
@@ -124,6 +129,7 @@ export class Stage {
       mesh.position.set(centre.x, centre.y, ground);
     }
     this.grid.position.z = ground - 1e-4 * this.radius;
+    this.ground = ground;
     const camera = this.key.shadow.camera;
     const s = 2.2 * this.radius;
     camera.left = camera.bottom = -s;
@@ -161,6 +167,12 @@ export class Stage {
     this.key.position.copy(centre).addScaledVector(new THREE.Vector3(0.45, -0.5, 1).normalize(), 7 * this.radius);
     this.fill.position.copy(centre).addScaledVector(new THREE.Vector3(-1, 0.6, 0.35).normalize(), 5 * this.radius);
     (this.gridMaterial.uniforms['centre'] as THREE.IUniform<THREE.Vector2>).value.set(centre.x, centre.y);
+    this.planes.place(centre, 9 * this.radius);
+  }
+
+  /** Whether the page's own grid is drawn: not where a picture of the file covers the ground. */
+  get gridShown(): boolean {
+    return !this.planes.covers(this.ground);
   }
 
   /** Moves camera, light and ground along with a point that moved by `shift`. */
@@ -182,6 +194,7 @@ export class Stage {
 
   render(): void {
     this.controls.update();
+    this.grid.visible = this.gridShown;
     this.renderer.render(this.scene, this.camera);
   }
 }

@@ -41,7 +41,7 @@ export class Legend {
       parts.push([css(0x8a63c4), `compliance: motion under ${shortUnit(view.ellipsoids.newtons, 'N')}`]);
     if (Number.isFinite(loadFactor))
       parts.push(['', `grasp load factor ${loadFactor.toFixed(2)}${loadFactor < SAFE_LOAD_FACTOR ? ': may eject' : ''}`]);
-    parts.push(['', `grid ${shortUnit(view.stage.gridSpacing, 'm')}`]);
+    if (view.stage.gridShown) parts.push(['', `grid ${shortUnit(view.stage.gridSpacing, 'm')}`]);
     const text = JSON.stringify(parts);
     if (text === this.shown) return;
     this.shown = text;

@@ -110,7 +110,8 @@ export interface ShapeInfo {
   collides: boolean;
   size?: number[];
   mesh?: number;
-  picture?: number; // on a mesh that says where
+  picture?: number; // on a mesh that says where, or on a plane
+  repeat?: number[]; // pictures a metre along x and y of a plane, one in its middle
 }
 
 export interface GeometryMessage {

@@ -2,6 +2,7 @@
 import { mkdtempSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
+import type { Page } from 'playwright-core';
 import { describe, expect, it } from 'vitest';
 import { ready, session, view } from './support';
 
@@ -18,17 +19,13 @@ const MODEL = `<mujoco><option gravity="0 0 0"/><asset>
     <body name="green" pos=".3 0 0"><freejoint/><geom type="mesh" mesh="lower_left" rgba="0 1 0 1"/></body>
   </worldbody></mujoco>`;
 
-describe.skipIf(!ready)('pictures', () => {
-  const live = session(() => {
-    const path = join(mkdtempSync(join(tmpdir(), 'pictures-')), 'cubes.xml');
-    writeFileSync(path, MODEL);
-    return view(path);
-  });
-  const strongest = (name: string): Promise<string> =>
-    live.page.evaluate((wanted) => {
+/** Which of red, green and blue is strongest at a point of a body, of the world where there is none of that name. */
+const strongestAt = (page: Page, name: string, point?: [number, number, number]): Promise<string> =>
+  page.evaluate(
+    ([wanted, at]) => {
       if (!fork1s) return 'none';
       const { view: shown } = fork1s;
-      const { x, y } = fork1s.screenOf(shown.scene?.bodies.findIndex((b) => b.name === wanted) ?? -1);
+      const { x, y } = fork1s.screenOf(shown.scene?.bodies.findIndex((b) => b.name === wanted) ?? -1, at);
       shown.draw();
       const gl = shown.stage.renderer.getContext();
       const scale = shown.stage.renderer.getPixelRatio();
@@ -38,7 +35,17 @@ describe.skipIf(!ready)('pictures', () => {
       const most = Math.max(r, g, b);
       const rest = r + g + b - most;
       return most < rest ? `${r} ${g} ${b}` : most === r ? 'red' : most === g ? 'green' : 'blue';
-    }, name);
+    },
+    [name, point] as const,
+  );
+
+describe.skipIf(!ready)('pictures', () => {
+  const live = session(() => {
+    const path = join(mkdtempSync(join(tmpdir(), 'pictures-')), 'cubes.xml');
+    writeFileSync(path, MODEL);
+    return view(path);
+  });
+  const strongest = (name: string): Promise<string> => strongestAt(live.page, name);
 
   it('lie where the file says', async () => {
     await live.page.waitForFunction(() => fork1s?.view.frame);
@@ -53,5 +60,54 @@ describe.skipIf(!ready)('pictures', () => {
       fork1s.view.restyle();
     });
     for (const name of ['red', 'blue', 'green']) expect(await strongest(name)).not.toMatch(/^(red|green)$/); // free bodies are of one tone
+  });
+});
+
+// A picture lies in the middle of its plane: one over 2 m of the ground, two along x over the rug.
+const GROUND = `<mujoco><option gravity="0 0 0"/><asset>
+  <texture name="board" type="2d" builtin="checker" rgb1="1 0 0" rgb2="0 0 1" width="64" height="64"/>
+  <texture name="lawn" type="2d" builtin="checker" rgb1="0 .5 0" rgb2="1 0 0" width="64" height="64"/>
+  <material name="board" texture="board"/><material name="lawn" texture="lawn" texrepeat="2 1"/></asset>
+  <worldbody>
+    <geom type="plane" size="0 0 .1" material="board"/>
+    <geom type="plane" size=".2 .2 .1" pos=".6 0 .01" material="lawn"/>
+    <geom type="plane" size=".1 .1 .1" pos="0 0 3" euler="0 40 0" material="lawn" contype="0" conaffinity="0"/>
+    <body name="ball" pos="0 0 .8"><freejoint/><geom type="sphere" size=".2"/></body>
+  </worldbody></mujoco>`;
+
+describe.skipIf(!ready)('pictures of planes', () => {
+  const live = session(() => {
+    const path = join(mkdtempSync(join(tmpdir(), 'pictures-')), 'ground.xml');
+    writeFileSync(path, GROUND);
+    return view(path);
+  });
+  const gridShown = (): Promise<boolean> => live.page.evaluate(() => fork1s?.view.stage.gridShown ?? false);
+
+  it('repeat as the file says, on a dark page too, in place of the grid', async () => {
+    await live.page.waitForFunction(() => fork1s?.view.frame);
+    await live.page.evaluate(() => fork1s?.view.bodies.pictures.ready);
+    for (const turnedDark of [false, true]) {
+      if (turnedDark) await live.page.keyboard.press('t');
+      // Looked at from above, the ground is all around the ball.
+      await live.page.evaluate(() => fork1s?.view.stage.lookFrom(-90, 89, 0.3, [0, 0, 0]));
+      const seen: string[] = [];
+      for (const [x, y] of [[-0.4, 0.4], [0.4, 0.4], [-0.4, -0.4], [0.4, -0.4], [1.3, 0.4], [-1.3, 0.4]] as const)
+        seen.push(await strongestAt(live.page, '', [x, y, 0]));
+      expect(seen).toEqual(['red', 'blue', 'blue', 'red', 'red', 'blue']);
+      const rug: string[] = [];
+      for (const x of [0.45, 0.55, 0.65, 0.75]) rug.push(await strongestAt(live.page, '', [x, 0.1, 0.01]));
+      expect(rug).toEqual(['red', 'green', 'red', 'green']);
+    }
+    expect(await gridShown()).toBe(false);
+  });
+
+  it('are hidden with the still world, and the grid is back', async () => {
+    await live.page.evaluate(() => {
+      if (!fork1s) return;
+      fork1s.view.options.world = false;
+      fork1s.view.restyle();
+    });
+    expect(await gridShown()).toBe(true);
+    expect(await strongestAt(live.page, '', [-0.4, 0.4, 0])).not.toMatch(/^(red|green|blue)$/);
   });
 });
