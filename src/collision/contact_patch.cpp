@@ -125,7 +125,12 @@ int ContactPatch::ChooseSupport() {
   const Vector3 p = points_[0].point;
   if (!take_most(kSame, [&](const Vector3& q) { return across(q - p).norm(); })) return chosen;
   const Vector3 q = points_[1].point, side = normal_.cross(q - p).normalized();
-  if (!take_most(kSame, [&](const Vector3& r) { return std::abs(side.dot(r - p)); })) return chosen;
+  if (!take_most(kSame, [&](const Vector3& r) { return std::abs(side.dot(r - p)); })) {
+    // All on one line, of which the deepest may be in the middle: its other end.
+    const Vector3 back = (p - q).normalized();
+    take_most(kSame, [&](const Vector3& r) { return back.dot(r - p); });
+    return chosen;
+  }
   // What lies outside of the triangle, by the area that it adds.
   Vector3 r = points_[2].point, s = q;
   if (side.dot(r - p) < 0) std::swap(r, s);

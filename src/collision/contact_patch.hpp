@@ -35,7 +35,7 @@ class ContactPatch {
   /// Adds the corners of the overlap that are nearer than `margin`.
   void AddOverlap(const SupportFace& a, const SupportFace& b, double margin);
   /// Keeps at most four: the deepest, the farthest from it, the one that makes the largest triangle with them
-  /// and the one that adds most to that. Equals: the first. Returns how many.
+  /// and the one that adds most to that; of a line both ends. Equals: the first. Returns how many.
   int ChooseSupport();
   const PatchPoint& operator[](int i) const { return points_[static_cast<std::size_t>(i)]; }
 

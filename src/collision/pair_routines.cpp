@@ -281,6 +281,47 @@ class FieldCorners {
   int count_ = 0;
 };
 
+// A ridge that a flat face lies on bears at both ends, where MuJoCo's columns name the one that is nearer:
+// those of the ground's edges through a contact that are level with the face, as far as they lie under it.
+void AddRidge(const mjModel* m, const mjData* d, int field, int shape, const mjPreContact& contact,
+              double margin, FieldContacts& contacts) {
+  constexpr double kLevel = 1e-2;  // rad
+  const Vector3 n = Eigen::Map<const Vector3>(contact.normal);
+  const SupportFace face = FaceAlong(m, d, shape, -n);
+  if (face.count < 3) return;
+  Vector3 up = (face[1] - face[0]).cross(face[2] - face[0]).normalized();
+  if (up.dot(n) < 0) up = -up;
+  if (!(up.dot(n) > std::cos(kLevel))) return;  // by an edge or a corner that leads elsewhere
+  const double turn = (face[1] - face[0]).cross(face[2] - face[0]).dot(up) > 0 ? 1 : -1;
+  const Vector3 on_ground = Eigen::Map<const Vector3>(contact.pos) - 0.5 * contact.dist * n;
+  const EdgesOfGrid edges = EdgesThrough(m, d, field, on_ground);
+  for (int i = 0; i < edges.count; ++i) {
+    const auto& [a, b] = edges.ends[static_cast<std::size_t>(i)];
+    const Vector3 along = b - a;
+    if (std::abs(up.dot(along)) > kLevel * along.norm()) continue;
+    double from = 0, to = 1;
+    for (int k = 0; k < face.count; ++k) {
+      const Vector3 inward = turn * up.cross(face[(k + 1) % face.count] - face[k]);
+      const double at_a = inward.dot(a - face[k]), rise = inward.dot(along);
+      if (std::abs(rise) <= 1e-12 * inward.norm() * along.norm()) continue;
+      if (rise > 0)
+        from = std::max(from, -at_a / rise);
+      else
+        to = std::min(to, -at_a / rise);
+    }
+    if (!(from < to)) continue;
+    for (const double s : {from, to}) {
+      const Vector3 p = a + s * along;
+      mjPreContact end = contact;
+      end.dist = up.dot(face[0] - p);
+      if (!(end.dist < margin)) continue;
+      Eigen::Map<Vector3>(end.pos) = p + 0.5 * end.dist * up;
+      Eigen::Map<Vector3>(end.normal) = up;
+      contacts.Add(end);
+    }
+  }
+}
+
 // MuJoCo takes each column for a body of its own. What it finds at the side of one, where another stands, is
 // left out, or what slides would catch there. In its place count the corners of the shape, which are where it
 // rests on ground that is even or hollow; what columns say right are the peaks and ridges.
@@ -309,6 +350,7 @@ int OfTheSurface(const mjModel* m, const mjData* d, int field, int shape, double
   FieldContacts kept;
   corners.Report(field, margin, kept);
   for (int i = 0; i < num_right; ++i) kept.Add(contacts[i]);  // after corners, which count first among equals
+  for (int i = 0; i < num_right; ++i) AddRidge(m, d, field, shape, contacts[i], margin, kept);
   return kept.Write(contacts);
 }
 

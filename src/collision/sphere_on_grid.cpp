@@ -226,4 +226,36 @@ bool SupportsFromBelow(const mjModel* model, const mjData* data, int geom_of_gri
   return on_it;
 }
 
+EdgesOfGrid EdgesThrough(const mjModel* model, const mjData* data, int geom_of_grid, const Vector3& point) {
+  constexpr double kOn = 1e-6;  // m: MuJoCo keeps heights as floats
+  const Grid grid(model, geom_of_grid);
+  const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(data->geom_xmat + 9 * geom_of_grid);
+  const Eigen::Map<const Vector3> origin(data->geom_xpos + 3 * geom_of_grid);
+  const Vector3 p = R.transpose() * (point - origin);
+  const auto [column_from, column_to] = Grid::Cells(p.x() - kOn, p.x() + kOn, grid.half.x(), grid.columns);
+  const auto [row_from, row_to] = Grid::Cells(p.y() - kOn, p.y() + kOn, grid.half.y(), grid.rows);
+  EdgesOfGrid edges;
+  for (int row = row_from; row <= row_to; ++row)
+    for (int column = column_from; column <= column_to; ++column)
+      for (int which : {0, 1}) {
+        const Triangle face = grid.Face(row, column, which);
+        for (std::size_t i = 0; i < 3; ++i) {
+          const Vector3 &a = face[i], &b = face[(i + 1) % 3];
+          if (edges.count == EdgesOfGrid::kMost || (OnSegment(a, b, p) - p).norm() > kOn) continue;
+          const auto known = edges.ends.begin() + edges.count;
+          // In the field's frame until all are there.
+          if (std::none_of(edges.ends.begin(), known, [&](const auto& e) {
+                return (e.first == a && e.second == b) || (e.first == b && e.second == a);
+              }))
+            edges.ends[static_cast<std::size_t>(edges.count++)] = {a, b};
+        }
+      }
+  for (int i = 0; i < edges.count; ++i) {
+    auto& [a, b] = edges.ends[static_cast<std::size_t>(i)];
+    a = R * a + origin;
+    b = R * b + origin;
+  }
+  return edges;
+}
+
 }  // namespace fork1s::internal

@@ -7,7 +7,9 @@
 
 #include <mujoco/mujoco.h>
 
+#include <array>
 #include <fork1s/base/types.hpp>
+#include <utility>
 
 namespace fork1s::internal {
 
@@ -28,5 +30,13 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
 /// point lies on the side of a column, or a neighbour stands higher.
 bool SupportsFromBelow(const mjModel* model, const mjData* data, int grid, const Vector3& point,
                        const Vector3& normal);
+
+/// Edges of the surface that a point of it lies on, none twice.
+struct EdgesOfGrid {
+  static constexpr int kMost = 6;                       // that meet in a corner of the grid
+  std::array<std::pair<Vector3, Vector3>, kMost> ends;  // world
+  int count = 0;
+};
+EdgesOfGrid EdgesThrough(const mjModel* model, const mjData* data, int grid, const Vector3& point);
 
 }  // namespace fork1s::internal

@@ -211,6 +211,31 @@ TEST(ShapeOnGrid, AnEdgeInAValleyLeansOnBothSides) {
     }
 }
 
+// A face on a ridge that is level with it, or nearly so, is held at both ends of what lies under it.
+TEST(ShapeOnGrid, AFaceOnARidgeLeansOnBothEnds) {
+  constexpr double kTop = 0.05, kLong = 0.007, kFlat = 0.02;  // m; ends lie within cells
+  const HeightField field = Field([&](double x, double) { return std::max(0.0, kTop - 0.3 * std::abs(x)); });
+  for (const double tilt : {0.0, 1e-7, 1e-4, -5e-4})
+    for (const double gap : {-2e-5, 1e-5}) {
+      // Turned about the middle of its face, across the ridge.
+      const Matrix3 R = ExpRotation(Vector3(tilt, 0, 0));
+      const RigidTransform X(R, Vector3(0.004, 0.0013, kTop + gap) + R * Vector3(0, 0, kFlat));
+      const auto contacts =
+          Contacts({Still(field), Moving(Box{Vector3(0.05, kLong, kFlat)}, X)}, {}, {.margin = 0.001});
+      double front = -1, back = 1;
+      for (const ContactPoint& c : contacts) {
+        const Vector3 p = X.inverse() * c.point;
+        EXPECT_GT(GroundNormal(c).dot(R.col(2)),
+                  std::cos(1.1 * tilt) - 1e-9);  // that of the face or of its edge
+        EXPECT_NEAR(c.gap, gap + tilt * p.y(), 2 * kFloat) << tilt;
+        front = std::max(front, p.y());
+        back = std::min(back, p.y());
+      }
+      EXPECT_NEAR(front, kLong, 1e-5) << tilt << ' ' << gap;
+      EXPECT_NEAR(back, -kLong, 1e-5) << tilt << ' ' << gap;
+    }
+}
+
 // What hovers touches nothing: the planes of faces beside the one below may pass over a corner, and are not
 // the ground there.
 TEST(ShapeOnGrid, WhatHoversOverRoughGroundTouchesNothing) {

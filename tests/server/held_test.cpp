@@ -1,6 +1,8 @@
 // The level of detail that simulates what is held, live: what viewers are told, and what they say, in the
 // order of the wire.
+#include <algorithm>
 #include <chrono>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -49,6 +51,39 @@ double Largest(const std::vector<Vector3>& a, const std::vector<Vector3>& b) {
   double most = 0;
   for (std::size_t i = 0; i < a.size(); ++i) most = std::max(most, (a[i] - b[i]).norm());
   return most;
+}
+
+// The number of a frame's scalars that has this name.
+double ScalarOf(const std::string& frame, const std::string& name) {
+  const auto names = ScalarNames();
+  const auto at = std::find(names.begin(), names.end(), name) - names.begin();
+  double value = 0;
+  std::memcpy(&value, frame.data() + 16 + 8 * at, sizeof value);
+  return value;
+}
+
+TEST(LiveHeld, TheLoadFactorIsToldOfFrozenContactsToo) {
+  fork1s::testing::Gripper gripper;
+  gripper.tip = 0.01;
+  gripper.friction = 1;
+  auto live = LiveSimulation::Create(gripper.Make(), {}, "gripper");
+  ASSERT_TRUE(live) << live.error().Text();
+  const double by = 0.006;  // m: 3 N of the 6 N that eject, docs/method.md, section 6
+  for (int side : {0, 1}) live->Handle(Set("control", by, side));
+  const auto factor = [&] {
+    double told = 0;
+    for (int i = 0; i < 11; ++i) {  // it is asked for with every tenth frame
+      live->Advance(kNoLimit);
+      told = ScalarOf(*live->Capture(1).frame, "load_factor");
+    }
+    return told;
+  };
+  for (int i = 0; i < 60; ++i) live->Advance(kNoLimit);
+  const double rolling = factor();
+  EXPECT_NEAR(rolling, 2, 0.1);
+  const auto refusal = live->Handle(Set("detail", 0));
+  ASSERT_FALSE(refusal) << refusal->sentence;
+  EXPECT_NEAR(factor() / rolling, 1, 0.01);
 }
 
 TEST(LiveHeld, ViewersGetTheHeldBodyAsOneOfItsHolder) {
