@@ -119,7 +119,7 @@ void Add(const ContactProblem& given, bool sweep, ContactSolver& solver, Row& ro
   row.law = std::max(row.law, LawViolation(plain, start, plain.velocity));
   const bool moments = std::any_of(plain.contacts.begin(), plain.contacts.end(),
                                    [](const ContactConstraint& x) { return x.torsion > 0 || x.rolling > 0; });
-  if (!sweep || moments) return;
+  if (!sweep || moments || FastestContact(plain, start) < 1e-9) return;  // nothing moves
   ++row.swept;
   Problem swept = ProblemOf(given);
   SayPlainly(swept);

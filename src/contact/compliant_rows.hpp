@@ -25,6 +25,7 @@ struct PointRows {
   PointLaw law;                                                            // of the stage at hand
   double R_n = 0, R_t = 0;                                                 // the material's
   double inverse_mass = 0;                                                 // tr(G Gᵀ)/3
+  bool is_moved = true;  // by any freedom; what is not bears nothing, and has no R
   Vector3 inverse_inertia = Vector3::Zero(), angular_R = Vector3::Zero();  // about normal and tangents
   double friction = 0, torsion = 0, rolling = 0;
   Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();  // u* + bias

@@ -181,8 +181,10 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   if (!Finite(u.sum() + trace + in.held.sum() + in.held_moment.sum() + in.friction + in.torsion + in.rolling +
               in.compliance_normal + in.compliance_tangent + in.impulse.sum() + in.moment.sum()))
     return false;
-  out.inverse_mass = trace / 3;
   out.least_R = kLeastGive * natural / 3;
+  // On the axis of a hinge all of it cancels but rounding, of either sign.
+  out.is_moved = trace / 3 > out.least_R;
+  out.inverse_mass = out.is_moved ? trace / 3 : 0;
   out.reach = reach;
   out.law.friction = out.friction = std::max(0.0, in.friction);
   out.torsion = std::max(0.0, in.torsion);
@@ -198,6 +200,10 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.held_moment = in.held_moment;
   out.impulse = in.impulse;
   out.moment = in.moment;
+  if (out.is_moved) return true;
+  out.held_normal = 0;
+  out.impulse.setZero();
+  out.moment.setZero();
   return true;
 }
 
@@ -207,6 +213,7 @@ void CompliantRows::SetGive(PairRows& pair, double most_give) {
   pair.least_R = 0;
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     PointRows& point = points[static_cast<std::size_t>(i)];
+    if (!point.is_moved) continue;
     double stiffer = std::min(1.0, most_give * point.inverse_mass / point.R_n);
     if (point.held_normal > 0) stiffer = std::min(stiffer, point.give / (point.held_normal * point.R_n));
     pair.R_n = std::min(pair.R_n, stiffer * point.R_n);
@@ -227,11 +234,11 @@ void CompliantRows::ApplyGive(const PairRows& pair) {
   const double R_n = std::max(pair.R_n, pair.least_R), R_t = std::max(pair.R_t, pair.least_R);
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     PointRows& point = points[static_cast<std::size_t>(i)];
-    point.law.R_n = point.R_n = R_n;
-    point.law.R_t = point.R_t = R_t;
-    point.noise = kRounding * std::sqrt(3 * point.inverse_mass) * point.reach / R_n;
+    point.law.R_n = point.R_n = point.is_moved ? R_n : 0;
+    point.law.R_t = point.R_t = point.is_moved ? R_t : 0;
+    point.noise = point.is_moved ? kRounding * std::sqrt(3 * point.inverse_mass) * point.reach / R_n : 0;
     point.base = point.start;
-    point.base.tail<2>() -= R_t * point.held;
+    point.base.tail<2>() -= point.R_t * point.held;
     point.angular_base = point.start_turning - point.angular_R.cwiseProduct(point.held_moment);
   }
 }
@@ -328,6 +335,7 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
 
 void CompliantRows::Soften(double share) {
   for (PointRows& point : points) {
+    if (!point.is_moved) continue;
     const double least = share * point.inverse_mass;
     point.law.R_n = std::max(point.R_n, least);
     point.law.R_t = std::max(point.R_t, least);

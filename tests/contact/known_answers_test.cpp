@@ -185,6 +185,48 @@ TEST(Contact, OneFreedomOnly) {
   EXPECT_NEAR(p.contacts[0].impulse.tail<2>().norm(), 0.5, 1e-6);
 }
 
+// A flap on a hinge, turned anyhow: a point on the axis is moved by the rounding of what cancels there. It
+// bears nothing, and what the other point beside it gives is its material's.
+TEST(Contact, APointOnAHingesAxisBearsNothing) {
+  std::mt19937 random(3);
+  int on_axis_below_zero = 0;
+  for (int draw = 0; draw < 50; ++draw) {
+    SCOPED_TRACE(draw);
+    const Vector3 axis = testing::RandomUnit(random), anchor = 0.3 * testing::RandomUnit(random);
+    Vector3 arm = testing::RandomUnit(random);
+    arm = 0.2 * (arm - axis * axis.dot(arm)).normalized();
+    const Vector3 away = axis.cross(arm).normalized();
+    Problem p;
+    Vector6 freedom;
+    freedom << axis, anchor.cross(axis);
+    p.W = {MatrixX(4 * freedom * freedom.transpose())};  // per kg·m²
+    p.Finish();
+    p.contacts = {TouchAt(-1, Vector3::Zero(), 0, anchor + 0.1 * axis, away, 0.5),
+                  TouchAt(-1, Vector3::Zero(), 0, anchor + arm, away, 0.5)};
+    for (ContactConstraint& c : p.contacts) c.compliance_normal = c.compliance_tangent = 1e-4;
+    p.velocity = 2 * freedom;
+    const MatrixX J = p.RowsOf(p.contacts[0]);
+    on_axis_below_zero += (J * p.FullW() * J.transpose()).trace() < 0 ? 1 : 0;
+
+    Problem apart = p;  // with room: nothing is solved
+    for (ContactConstraint& c : apart.contacts) c.bias[0] = 10;
+    const ContactSolverReport open = SolveProblem(apart);
+    EXPECT_TRUE(open.converged);
+    EXPECT_LE(open.newton_iterations, 1);
+
+    // Against the flap's swing: 0.2 m from the axis, 1/0.2² kg m²/4 there.
+    for (ContactConstraint& c : p.contacts) c.bias[0] = -1;
+    p.velocity = -1e-3 * freedom;
+    const ContactSolverReport pressed = SolveProblem(p);
+    EXPECT_TRUE(pressed.converged);
+    EXPECT_EQ(p.contacts[0].impulse, Vector3::Zero());
+    const double speed = p.contacts[1].J_b.row(0).dot(-1e-3 * freedom) - 1, inverse_mass = 4 * 0.2 * 0.2;
+    // The material gives no more than its R, 1e-4 of these 0.16.
+    EXPECT_NEAR(p.contacts[1].impulse[0], -speed / inverse_mass, -speed / inverse_mass * 1e-4 / inverse_mass);
+  }
+  EXPECT_GT(on_axis_below_zero, 3) << "the case that went through all stages";
+}
+
 TEST(Contact, JawsThatCannotYieldPressTheMaterialIn) {
   // A free box between two driven jaws that close at 1 m/s each: the material gives, R λ = 1 m/s on either
   // side.

@@ -137,7 +137,10 @@ inline double LawViolation(const Problem& p, const VectorX& v_start, const Vecto
   const MatrixX W = p.FullW();
   for (const ContactConstraint& c : p.contacts) {
     const MatrixX J = p.RowsOf(c);
-    impulse_response -= W * J.transpose() * c.impulse;
+    VectorX push = VectorX::Zero(v_end.size());
+    if (c.port_a >= 0) push.segment<6>(c.port_a) += c.ImpulseOn(c.J_a);
+    if (c.port_b >= 0) push.segment<6>(c.port_b) += c.ImpulseOn(c.J_b);
+    impulse_response -= W * push;
     const double D = (J * W * J.transpose()).trace() / 3;
     Vector3 u = J * v_end + c.bias;  // beside what the material gives
     u[0] += c.compliance_normal * c.impulse[0];
