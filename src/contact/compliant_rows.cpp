@@ -11,6 +11,18 @@ Vector3 CompliantRows::Speed(const PairRows& pair, const PointRows& point) const
   return w;
 }
 
+double CompliantRows::NormalSpeed(const PairRows& pair, const PointRows& point) const {
+  double w = point.base[0] + point.offset[0];
+  const auto add = [&](int port, const Matrix36& J) {
+    if (port < 0) return;
+    const Vector6& change = ports[static_cast<std::size_t>(port)].change;
+    for (int k = 0; k < 6; ++k) w += J(0, k) * change[k];
+  };
+  add(pair.port_a, point.J_a);
+  add(pair.port_b, point.J_b);
+  return w;
+}
+
 Vector3 CompliantRows::Turning(const PairRows& pair, const PointRows& point) const {
   Vector3 w = point.angular_base + point.angular_offset;
   if (pair.port_a >= 0)
@@ -96,7 +108,10 @@ void CompliantRows::Evaluate(const double* d, bool with_derivative) {
         continue;
       }
       point.state = Respond(point.law, Speed(pair, point), point.impulse, D, point.use);
-      if (with_derivative) point.D = D;
+      if (with_derivative) {
+        point.D = D;
+        point.is_clear = false;
+      }
       if (point.HasMoments()) RespondMoments(point, Turning(pair, point), with_derivative);
       if (!point.Bears()) continue;
       noise += point.noise * point.noise;
@@ -146,6 +161,7 @@ void CompliantRows::Push(double* into) {
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       const PointRows& point = points[static_cast<std::size_t>(i)];
+      if (point.impulse.isZero(0) && !point.HasMoments()) continue;
       AddPush(pair, point, point.impulse, point.moment);
     }
   GatherPush(&LimitRows::impulse);

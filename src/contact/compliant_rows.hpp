@@ -13,6 +13,7 @@
 #include <limits>
 #include <vector>
 
+#include "leaf_lu.hpp"
 #include "point_law.hpp"
 #include "port_rows.hpp"
 
@@ -38,6 +39,7 @@ struct PointRows {
   Matrix3 D = Matrix3::Zero(), D_turn = Matrix3::Zero();  // of the piece at hand
   Vector3 by_normal = Vector3::Zero();                    // −∂m/∂w_n
   Vector3 by_share = Vector3::Zero(), turn_by_share = Vector3::Zero();  // ∂λ/∂σ, ∂m/∂σ
+  bool is_clear = true;                                                 // these, D included, are all 0
   Vector2 held = Vector2::Zero();                         // tangents of λ₀
   double held_normal = 0, held_use = 0;
   double use = 0;  // |y| as a share of its bound
@@ -51,6 +53,18 @@ struct PointRows {
   /// Whether it adds to F's derivative: open ones do where bounds are frozen.
   bool Bears() const { return state != PointState::kOpen || law.frozen_normal > 0; }
   bool HasMoments() const { return torsion > 0 || rolling > 0; }
+  /// Open: nothing borne, whatever moves.
+  void ClearPiece() {
+    state = PointState::kOpen;
+    use = 0;
+    if (is_clear) return;
+    D.setZero();
+    D_turn.setZero();
+    by_normal.setZero();
+    by_share.setZero();
+    turn_by_share.setZero();
+    is_clear = true;
+  }
   /// Tangents and moments no larger than the normal impulse allows.
   void KeepWithinCone() {
     const double normal = std::max(impulse[0], 0.0), size = impulse.tail<2>().norm();
@@ -128,6 +142,9 @@ class CompliantRows {
   int place(std::size_t i) const { return order_[i]; }
 
   int freedoms() const { return freedoms_; }
+  /// Blocks that touch one other at most, and the freedoms of all others.
+  const std::vector<Leaf>& leaves() const { return leaves_; }
+  const std::vector<int>& core() const { return core_; }
   /// Of the last evaluation: F, |Σ Gᵀ λ|, |F|, the rounding in it.
   const std::vector<double>& F() const { return F_; }
   double push_norm() const { return push_norm_; }
@@ -149,17 +166,19 @@ class CompliantRows {
   };
   void LayOutBlocks(const std::vector<VelocityBlock>& blocks, int num_velocities);
   int PortAt(const std::vector<VelocityBlock>& blocks, int row);
+  void FindLeaves();
   bool PreparePoint(const ContactConstraint& in, const PairRows& pair, PointRows& out,
                     const Eigen::Ref<const VectorX>& velocities) const;
   bool PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in, LimitRows& out,
                     const Eigen::Ref<const VectorX>& velocities) const;
   void RespondMoments(PointRows& point, const Vector3& turning, bool with_derivative) const;
   Vector3 Speed(const PairRows& pair, const PointRows& point) const;
+  double NormalSpeed(const PairRows& pair, const PointRows& point) const;
   Vector3 Turning(const PairRows& pair, const PointRows& point) const;
   void ClearPush();
   void AddPush(const PairRows& pair, const PointRows& point, const Vector3& impulse, const Vector3& moment);
   void AddDerivative(std::size_t pair, const PointRows& point);
-  void TakePiece(PointRows& point, const Vector3& w, const Vector3& turning);
+  void TakePiece(const PairRows& pair, PointRows& point);
   void TakeMoments(PointRows& point, const Vector3& turning, double y_n);
   void AddGap(double inverse_mass, double gap2, double rounding);
   void SetGive(PairRows& pair, double most_give);
@@ -178,6 +197,8 @@ class CompliantRows {
   double push_norm_ = 0, F_norm_ = 0, noise_ = 0;
   double law_gap_ = 0, law_noise_ = 0;
   std::vector<int> block_of_, port_of_, order_;
+  std::vector<Leaf> leaves_;
+  std::vector<int> core_, touched_;  // touched_: per block
   std::vector<Freedoms> blocks_;
   std::vector<double> storage_;       // Y of blocks with fewer rows than freedoms
   std::vector<Matrix6> S_ab_, S_ba_;  // a pair

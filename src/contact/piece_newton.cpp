@@ -20,6 +20,7 @@ void PieceNewton::Reserve(int freedoms) {
   H_.reserve(n * n);
   step_.reserve(n);
   pivots_.reserve(n);
+  leaf_lu_.Reserve(freedoms);
 }
 
 bool PieceNewton::Factor(CompliantRows& rows) {
@@ -28,7 +29,19 @@ bool PieceNewton::Factor(CompliantRows& rows) {
   step_.resize(n);
   pivots_.resize(n);
   rows.Derivative(H_.data());
+  by_leaves_ = !rows.leaves().empty();
+  if (by_leaves_ && leaf_lu_.Factor(rows.leaves(), rows.core(), H_.data(), rows.freedoms())) return true;
+  // A leaf may have no answer by itself where it slides; what it touches can give it one.
+  if (by_leaves_) rows.Derivative(H_.data());
+  by_leaves_ = false;
   return FactorLu(H_.data(), rows.freedoms(), pivots_.data());
+}
+
+void PieceNewton::Solve(double* x) {
+  if (by_leaves_)
+    leaf_lu_.Solve(x);
+  else
+    SolveWithLu(H_.data(), static_cast<int>(step_.size()), pivots_.data(), x);
 }
 
 // Impulses λ = −D w carry the rounding of w, (inverse mass)/R times as large as it should be: 1e11 times for
@@ -46,7 +59,7 @@ void PieceNewton::Refine(CompliantRows& rows, std::vector<double>& d) {
     if (F2 <= kRefined * kRefined * push2 || !(F2 < 0.25 * before)) break;
     before = F2;
     for (std::size_t i = 0; i < d.size(); ++i) step_[i] -= d[i];
-    SolveWithLu(H_.data(), static_cast<int>(d.size()), pivots_.data(), step_.data());
+    Solve(step_.data());
     for (std::size_t i = 0; i < d.size(); ++i) d[i] += step_[i];
     rows.MoveOnPieces(step_.data());
   }
@@ -61,7 +74,7 @@ bool PieceNewton::Solve(CompliantRows& rows, std::vector<double>& d, double tole
     ++iterations;
     if (!Factor(rows)) return false;
     d = rows.right_side();
-    SolveWithLu(H_.data(), rows.freedoms(), pivots_.data(), d.data());
+    Solve(d.data());
     rows.ImpulsesOfPieces(d.data());
     Refine(rows, d);
     rows.TakePieces(d.data());

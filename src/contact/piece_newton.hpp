@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "compliant_rows.hpp"
+#include "leaf_lu.hpp"
 
 namespace fork1s::internal {
 
@@ -29,8 +30,12 @@ class PieceNewton {
     return rows.law_gap() <= tolerance * push_norm_ + rows.law_noise();
   }
 
+  void Solve(double* x);
+
   std::vector<double> H_, step_;
   std::vector<int> pivots_;
+  LeafLu leaf_lu_;
+  bool by_leaves_ = false;  // the factor at hand
   double push_norm_ = 0;
 };
 

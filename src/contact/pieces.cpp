@@ -21,23 +21,19 @@ void CompliantRows::AddGap(double inverse_mass, double gap2, double rounding) {
   law_noise_ += inverse_mass * rounding * rounding;
 }
 
-void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3& turning) {
+void CompliantRows::TakePiece(const PairRows& pair, PointRows& point) {
   const double R_n = point.law.R_n, R_t = point.law.R_t, friction = point.law.friction;
-  point.D.setZero();
-  point.D_turn.setZero();
-  point.by_normal.setZero();
-  point.by_share.setZero();
-  point.turn_by_share.setZero();
-  point.state = PointState::kOpen;
-  point.use = 0;
+  point.ClearPiece();
   if (!(R_n > 0)) return;
   const double rho = 1 / (point.inverse_mass + R_n), rho_t = 1 / (point.inverse_mass + R_t);
-  const double y_n = point.impulse[0] - rho * (w[0] + R_n * point.impulse[0]);
+  const double y_n = point.impulse[0] - rho * (NormalSpeed(pair, point) + R_n * point.impulse[0]);
   const double rounding = kRounding * (rho * point.reach + point.impulse.cwiseAbs().sum());
   if (!(y_n > 0)) {
     AddGap(point.inverse_mass, point.impulse.squaredNorm(), rounding);
     return;
   }
+  const Vector3 w = Speed(pair, point);
+  point.is_clear = false;
   point.D(0, 0) = 1 / R_n;
   const Vector2 y = point.impulse.tail<2>() - rho_t * (w.tail<2>() + R_t * point.impulse.tail<2>());
   const double size = y.norm(), bound = friction * y_n;
@@ -60,7 +56,7 @@ void CompliantRows::TakePiece(PointRows& point, const Vector3& w, const Vector3&
     point.by_share.tail<2>() = point.friction * y_n * e;
   }
   point.by_share += point.D * point.shift;
-  if (point.HasMoments()) TakeMoments(point, turning, y_n);
+  if (point.HasMoments()) TakeMoments(point, Turning(pair, point), y_n);
 }
 
 void CompliantRows::TakeMoments(PointRows& point, const Vector3& turning, double y_n) {
@@ -89,7 +85,7 @@ void CompliantRows::TakePieces(const double* d) {
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
       const bool moments = point.HasMoments();
-      TakePiece(point, Speed(pair, point), moments ? Turning(pair, point) : Vector3::Zero());
+      TakePiece(pair, point);
       if (point.state == PointState::kOpen) continue;
       // What the piece bears at d = 0.
       const Vector3 w = point.base + point.offset;
@@ -128,6 +124,11 @@ void CompliantRows::ImpulsesOfPieces(const double* d, double more_share) {
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
+      if (point.state == PointState::kOpen) {
+        point.impulse.setZero();
+        point.moment.setZero();
+        continue;
+      }
       const Vector3 w = Speed(pair, point);
       point.impulse = more_share * point.by_share - point.D * w;
       if (point.HasMoments())
