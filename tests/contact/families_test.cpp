@@ -47,9 +47,10 @@ TEST_P(Families, AreSolvedAndObeyTheLaw) {
 // off at 300 m/s.)
 TEST(Unsolved, ImpulsesStayWithinTheirConesAndGiveNoEnergy) {
   ContactSolver solver;
-  for (unsigned seed : {47u, 114u, 169u, 194u}) {
-    SCOPED_TRACE(seed);
-    std::mt19937 random(seed);
+  constexpr unsigned kSeeds[] = {47, 114, 169, 194};  // seconds each with sanitizers
+  for (int i = 0; i < std::max(1, testing::Draws(4)); ++i) {
+    SCOPED_TRACE(kSeeds[i]);
+    std::mt19937 random(kSeeds[i]);
     Problem p = testing::DrawFamily(random, Family::kJam);
     testing::GiveDefaultMaterial(p);
     const VectorX start = p.velocity;
