@@ -30,20 +30,14 @@ using namespace fork1s::testing;
 
 constexpr double kTimeStep = 1.0 / 60;  // s
 
+// Its blocks are views of what is given.
 Problem ProblemOf(const ContactProblem& given) {
   Problem p;
-  for (const MatrixX& y : given.Y)
-    p.W.push_back(y.rows() > 0 ? MatrixX(y.transpose() * y) : MatrixX(MatrixX::Zero(y.cols(), y.cols())));
-  p.Y = given.Y;
+  for (const MatrixX& y : given.Y) p.W.push_back(y.transpose() * y);
+  p.blocks = given.Blocks();
   p.contacts = given.contacts;
   p.limits = given.limits;
   p.velocity = given.velocity;
-  int offset = 0;
-  for (const MatrixX& y : p.Y) {
-    p.blocks.push_back({offset, static_cast<int>(y.cols()), y.data(), static_cast<int>(y.rows()),
-                        static_cast<int>(y.rows())});
-    offset += static_cast<int>(y.cols());
-  }
   return p;
 }
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/reduction/whole_groups.hpp>
 
 #include "spinning.hpp"
-#include "whole_groups.hpp"
 
 namespace fork1s {
 namespace {
@@ -195,7 +195,7 @@ void MechanismDynamics::Size() {
   joint_damping_ref_.setZero(r, r);
   for (int i = 0; i < n; ++i)
     if (m.damping()(i) > 0) AddJointDamping(model().Q_rows, i, m.damping()(i), joint_damping_ref_);
-  whole_ = internal::FindWhole(model());
+  whole_ = FindWhole(model());
   SizeForceLimits();
   FindParts();
   SizeTheta();

@@ -152,10 +152,8 @@ enum class PathKind {
   /// axis the pin is, on the side from which the rod pushes up the axis.
   kSliderCrank,
   /// A force that turns with a body: `gear` at the origin of elements[0], in its axes, which has no length.
-  /// With
-  /// a second element it is in that one's axes, and acts back on it by -gear at its own origin; the length is
-  /// gear ·
-  /// [log R; p] of the pose of the first in the second.
+  /// With a second element it is in that one's axes, and acts back on it by -gear at its own origin; the
+  /// length is gear · [log R; p] of the pose of the first in the second.
   kWrench,
 };
 
