@@ -119,6 +119,9 @@ class Sweeping:
 
     Whose point ended a worker process, Python's pool cannot tell: all that were out with it come back broken. They are
     suspects, and go out again one at a time with nothing beside them; the one that ends its process then is the one.
+    An executor of another's fails a task only when something happened to its workers, since a task raises nothing itself;
+    whom it names then may have been a bystander (Dask's executor fails a task whose answer came as its worker died). So
+    that point is a suspect too, and what it is told of when it is asked alone stands.
     """
 
     def __init__(
@@ -136,6 +139,7 @@ class Sweeping:
         self._submit = self._own.submit if self._own is not None else executor.submit
         self._to_ask = deque(points[i : i + chunk] for i in range(0, len(points), chunk))
         self._suspects: deque[list[Point]] = deque()
+        self._again: set[str] = set()  # keys of points that an executor has failed once
         self._out: dict[Future[Any], list[Point]] = {}
         self._done: SimpleQueue[Future[Any]] = SimpleQueue()
         self._answered = False
@@ -163,7 +167,9 @@ class Sweeping:
 
     def _ask(self, queue: deque[list[Point]]) -> bool:
         try:
-            future = self._submit(answer, self._task, queue[0])
+            # Dask knows a task by its arguments, and would give the failure again without asking anybody.
+            attempt = int(queue[0][0][0] in self._again)
+            future = self._submit(answer, self._task, queue[0], attempt)
         except BrokenExecutor:
             if self._own is None:
                 raise
@@ -194,7 +200,8 @@ class Sweeping:
                     raise
                 broken.append(asked)
             except Exception as problem:  # noqa: BLE001 - such as Dask's word that it killed several workers
-                if len(asked) > 1:
+                if len(asked) > 1 or asked[0][0] not in self._again:
+                    self._again.update(key for key, _ in asked)
                     self._suspects.extend([point] for point in asked)
                 else:
                     self._fail(asked, f"{type(problem).__name__}: {problem}")

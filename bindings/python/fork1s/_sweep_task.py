@@ -73,7 +73,9 @@ def _unpacked(task: bytes) -> Task:
     return pickle.loads(task)
 
 
-def answer(task: bytes, points: list[tuple[str, dict[str, Any]]]) -> list[tuple[str, dict[str, Any]]]:
+def answer(
+    task: bytes, points: list[tuple[str, dict[str, Any]]], attempt: int = 0  # noqa: ARG001 - tells two attempts apart
+) -> list[tuple[str, dict[str, Any]]]:
     """Rows of points, by their keys. Nothing that a point does raises from here."""
     return [(key, _row(task, point)) for key, point in points]
 

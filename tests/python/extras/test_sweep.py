@@ -1,5 +1,6 @@
 """Sweeps: every point once, whatever ends on the way."""
 
+import concurrent.futures
 import json
 import os
 import signal
@@ -185,7 +186,9 @@ def test_dask_and_a_killed_worker(scenes, tmp_path):
         client.run(sys.path.insert, 0, str(Path(__file__).parent))
         table = fork1s.sweep(scenes / "fourbar_gripper.xml", points, asked.slid, client.get_executor(),
                              path=tmp_path / "t.parquet", progress=kill_one)
-    assert killed and len(table) == 1000 and table["error"].isna().all()
+    said = table["error"].dropna()
+    assert said.empty, said.value_counts().to_string()
+    assert killed and len(table) == 1000
     kept = pandas.read_parquet(tmp_path / "t.parquet")
     assert len(kept) == 1000 and kept[["grip", "push"]].drop_duplicates().shape[0] == 1000
     # And what they answered is what this process computes.
@@ -193,6 +196,53 @@ def test_dask_and_a_killed_worker(scenes, tmp_path):
     for i in (0, 40, 555, 999):
         assert asked.slid(model, dict(table.loc[i, ["grip", "push"]])) == table["metric"][i]
     assert table["metric"].nunique() > 500
+
+
+def test_dask_and_a_worker_that_dies_as_its_answer_comes(arm, tmp_path, monkeypatch):
+    """The scheduler's word that a result is lost comes between the result and who waits for it."""
+    distributed = pytest.importorskip("distributed", reason="pip install distributed, for Dask")
+    gather, lost = distributed.Client._gather, []
+
+    async def gather_and_lose(client, futures, **how):
+        answers = await gather(client, futures, **how)
+        if len(lost) < 3:
+            lost.append(futures[0].key)
+            client._handle_lost_data(key=futures[0].key)
+        return answers
+
+    monkeypatch.setattr(distributed.Client, "_gather", gather_and_lose)
+    with distributed.LocalCluster(1, threads_per_worker=1, processes=False, dashboard_address=":0",
+                                  silence_logs=50) as cluster, distributed.Client(cluster) as client:
+        log = tmp_path / "log"
+        table = fork1s.sweep(arm, {"seed": range(20), "log": [str(log)]}, asked.logged, client.get_executor(), progress=False)
+    assert len(lost) == 3 and table["error"].isna().all(), table["error"].dropna().value_counts().to_string()
+    assert_allclose(table["moved"], expected(100))
+    counts = np.bincount([int(n) for n in log.read_text().split()], minlength=20)
+    assert sorted(counts)[-4:] == [1, 2, 2, 2]  # the lost ones once more, nothing else
+
+
+def test_a_point_that_an_executor_fails_is_asked_once_more(arm):
+    class Failing(concurrent.futures.ThreadPoolExecutor):
+        """Fails the tasks that hold one of some seeds, some of them every time."""
+
+        def __init__(self, once, always):
+            super().__init__(2)
+            self.asked, self._once, self._always = [], set(once), set(always)
+
+        def submit(self, function, task, points, *rest):
+            seeds = {values["seed"] for _, values in points}
+            self.asked.append(seeds)
+            if seeds & self._always or seeds & self._once:
+                self._once -= seeds
+                return super().submit(divmod, 1, 0)
+            return super().submit(function, task, points, *rest)
+
+    for chunk in (1, 4):
+        executor = Failing(once={2, 9}, always={5})
+        table = fork1s.sweep(arm, {"seed": range(12)}, asked.deflection, executor, progress=False, chunk=chunk)
+        assert list(table.index[table["error"].notna()]) == [5] and "ZeroDivisionError" in table["error"][5]
+        assert_allclose(table["moved"].drop(5), expected(100))
+        assert executor.asked.count({5}) == (2 if chunk == 1 else 1)
 
 
 def test_mpi(scenes, tmp_path):
