@@ -1,7 +1,7 @@
 // The steps whose instructions tools/step_instructions.sh counts under valgrind: ours, and mj_step on the
 // same file from the same poses at the same time step.
 //
-//     build/release/benchmarks/step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete]]]
+//     build/release/benchmarks/step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY]]]]
 //
 // MuJoCo integrates as the file says, or with `discrete`. Prints the number of steps and how many contacts
 // each saw in the mean. `fork1s bench` counts the same steps.
@@ -26,7 +26,7 @@ int Refuse(const std::string& why) {
 
 int Main(int argc, char** argv) {
   if (argc < 2) {
-    fmt::print(stderr, "usage: step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete]]]\n");
+    fmt::print(stderr, "usage: step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY]]]]\n");
     return 2;
   }
   SameStepsOptions options;
@@ -39,6 +39,11 @@ int Main(int argc, char** argv) {
   }
   if (argc > 3) options.time = std::atof(argv[3]);
   if (argc > 4 && std::string(argv[4]) == "discrete") options.integrator = MuJoCoIntegrator::kDiscrete;
+  if (argc > 5) {
+    const auto recovery = RecoveryNamed(argv[5]);
+    if (!recovery) return Refuse(std::string("'") + argv[5] + "' is no recovery");
+    options.recovery = *recovery;
+  }
   const auto steps = StepFromSamePoses(options);
   if (!steps) return Refuse(steps.error().Text());
   fmt::print("{} {:.1f} {:.1f}\n", steps->steps, steps->contacts_ours, steps->contacts_mujoco);

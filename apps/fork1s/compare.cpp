@@ -170,7 +170,7 @@ int Run(const CompareArguments& args) {
   options.against = args.against == "mujoco" ? Against::kMuJoCo : Against::kFull;
   options.time = args.time;
   options.dt = args.dt;
-  options.recovery = args.inputs.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+  options.recovery = args.inputs.recovery;
   options.integrator = args.step_integrator;
   options.refinements = args.refinements;
   options.mujoco_integrator = args.integrator;
@@ -233,8 +233,7 @@ void AddCompare(CLI::App& app, Action& action) {
   command->add_option("--detail", args->inputs.detail,
                       "level of detail of the reduced run, as of 'fork1s run'");
   AddIntegratorTo(*command, args->step_integrator);
-  command->add_option("--recovery", args->inputs.recovery, "exact or twist")
-      ->check(CLI::IsMember({"exact", "twist"}));
+  AddRecoveryTo(*command, args->inputs.recovery);
   command->add_option("--refinements", args->refinements, "further runs at dt/2, dt/4, ... (default 2)")
       ->check(CLI::Range(0, 8));
   command->add_option("--report", args->report, "write an HTML page with plots to this file");

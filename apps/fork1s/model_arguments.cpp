@@ -142,6 +142,16 @@ void AddIntegratorTo(CLI::App& command, Integrator& integrator) {
       ->transform(CLI::CheckedTransformer(names, CLI::ignore_case));
 }
 
+void AddRecoveryTo(CLI::App& command, Recovery& recovery) {
+  std::map<std::string, Recovery> names;
+  for (const auto& [value, name] : kRecoveryNames) names[name] = value;
+  command
+      .add_option("--recovery", recovery,
+                  "exact (default): loops closed; curved: loops closed to second order, cheaper where there "
+                  "are many; twist: one exponential a body")
+      ->transform(CLI::CheckedTransformer(names, CLI::ignore_case));
+}
+
 void AddPushTo(CLI::App& command, std::vector<std::string>& pushes) {
   command
       .add_option("--push", pushes,

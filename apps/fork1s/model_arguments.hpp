@@ -36,6 +36,9 @@ struct ModelArguments {
 /// --integrator.
 void AddIntegratorTo(CLI::App& command, Integrator& integrator);
 
+/// --recovery.
+void AddRecoveryTo(CLI::App& command, Recovery& recovery);
+
 /// --push: texts for PushTrack::Parse.
 void AddPushTo(CLI::App& command, std::vector<std::string>& pushes);
 

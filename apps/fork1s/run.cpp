@@ -32,7 +32,7 @@ struct RunArguments {
 Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, const FidelityTrack& detail) {
   SimulationOptions options;
   options.dt = args.dt;
-  options.recovery = args.inputs.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+  options.recovery = args.inputs.recovery;
   options.step.integrator = args.step_integrator;
   options.step.controls_move = !args.inputs.controls.empty();  // a table's rows are joined by lines
   options.refresh_angle = args.refresh_angle;
@@ -69,7 +69,7 @@ Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported,
   inputs.controls.Apply(0, *simulation);
   AccuracyTrial trial;
   trial.setting = setting;
-  trial.exact = with.inputs.recovery != "twist";
+  trial.exact = with.inputs.recovery != Recovery::kTwist;
   for (const MechanismDynamics& m : simulation->world().mechanisms()) {
     trial.modes_kept = std::max(trial.modes_kept, m.model().num_modes);
     trial.leaves_something |= m.model().has_complement;
@@ -193,11 +193,10 @@ void AddRun(CLI::App& app, Action& action) {
                       "CSV of control values and pushes: time,NAME,...,force:BODY:x,...");
   AddPushTo(*command, args->inputs.pushes);
   AddIntegratorTo(*command, args->step_integrator);
-  command->add_option("--recovery", args->inputs.recovery, "exact or twist")
-      ->check(CLI::IsMember({"exact", "twist"}));
+  AddRecoveryTo(*command, args->inputs.recovery);
   command->add_option("--detail", args->inputs.detail,
                       "how much is simulated, from what time on: [TIME:]WORD[+WORD...],... with object, "
-                      "interface, parents, all, modes=K, exact, twist; as in interface,2:object");
+                      "interface, parents, all, modes=K, exact, curved, twist; as in interface,2:object");
   command->add_option("--record", args->record, "write a recording to this HDF5 file");
   command
       ->add_option(

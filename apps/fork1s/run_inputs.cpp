@@ -66,7 +66,7 @@ Expected<RunInputs> ReadInputs(const InputArguments& args) {
   RunInputs inputs;
   if (!args.detail.empty()) {
     Fidelity initial;
-    initial.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+    initial.recovery = args.recovery;
     auto read = FidelityTrack::Parse(args.detail, initial);
     if (!read) return tl::unexpected(read.error());
     inputs.detail = std::move(*read);

@@ -12,7 +12,8 @@ namespace fork1s::app {
 struct InputArguments {
   std::string controls;             // path; empty: none
   std::vector<std::string> pushes;  // see PushTrack::Parse
-  std::string detail, recovery = "exact";
+  std::string detail;
+  Recovery recovery = Recovery::kExact;
 };
 
 /// Errors: as of ReadControls, PushTrack and FidelityTrack.

@@ -109,7 +109,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
     out["detail"].push_back({{"time_s", s.time},
                              {"level", Name(s.fidelity.level)},
                              {"modes", s.fidelity.modes >= 0 ? Json(s.fidelity.modes) : Json(nullptr)},
-                             {"recovery", s.fidelity.recovery == Recovery::kTwist ? "twist" : "exact"},
+                             {"recovery", Name(s.fidelity.recovery)},
                              {"took_ms", s.ms},
                              {"refused", s.refused.empty() ? Json(nullptr) : Json(s.refused)}});
   // What a contact that pulls uses of its friction has no bound.

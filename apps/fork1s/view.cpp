@@ -26,7 +26,7 @@ struct ViewArguments {
   int port = 8080;
   bool no_open = false, no_watch = false, only_load = false;
   double dt = 0, time = 0;
-  std::string recovery = "exact";
+  Recovery recovery = Recovery::kExact;
 };
 
 std::atomic<bool> stop_requested{false};
@@ -57,7 +57,7 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   if (!args.model.json) PrintNotes(imported->report);
   SimulationOptions options;
   options.dt = args.dt;
-  options.recovery = args.recovery == "twist" ? Recovery::kTwist : Recovery::kExact;
+  options.recovery = args.recovery;
   options.step.integrator = args.step_integrator;
   options.initial_keyframe = imported->initial_keyframe;
   // With its folder: many models are called scene.xml.
@@ -143,8 +143,7 @@ void AddView(CLI::App& app, Action& action) {
       ->check(PositiveUpTo(kMostStep));
   command->add_flag("--only-load", args->only_load, "read the model and end")->group("");
   AddIntegratorTo(*command, args->step_integrator);
-  command->add_option("--recovery", args->recovery, "exact or twist")
-      ->check(CLI::IsMember({"exact", "twist"}));
+  AddRecoveryTo(*command, args->recovery);
   command->add_option("--time", args->time, "end after this many seconds (default: when told to)")
       ->check(PositiveUpTo(kMostSeconds));
   command->callback([&action, args] { action = [args] { return Run(*args); }; });

@@ -308,7 +308,7 @@ void ErrorCompanion::Linearise(const MechanismDynamics& m, const Vector3& gravit
 
   if (m.model().has_complement) {
     const int r = m.model().size();
-    const RowMatrixX& Q = m.recovery() == Recovery::kExact ? m.configuration().Q_now : m.model().Q_rows;
+    const RowMatrixX& Q = m.recovery() != Recovery::kTwist ? m.configuration().Q_now : m.model().Q_rows;
     MatrixX Q_y = MatrixX::Zero(k, base_ + r);
     Q_y.topLeftCorner(base_, base_).setIdentity();
     if (tree_)

@@ -53,7 +53,7 @@ bool MechanismDynamics::AnyAtBound() const {
 void MechanismDynamics::TakeBoundedSpringsOut(double h) {
   const auto& limits = mechanism().force_limits();
   const bool turned =
-      model().loop_rank() > 0 && scheme_ == Scheme::kEuler && options_.recovery == Recovery::kExact;
+      model().loop_rank() > 0 && scheme_ == Scheme::kEuler && options_.recovery != Recovery::kTwist;
   for (std::size_t k = 0; k < limits.size(); ++k) {
     const double spring = h * h * limits[k].stiffness, damper = h * limits[k].damping;
     if (turned && spring > 0) {

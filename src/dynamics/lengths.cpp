@@ -1,4 +1,5 @@
 // Lengths that springs, stops and motors act on: what they are and how they change at the present pose.
+#include <algorithm>
 #include <cmath>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/linalg/rank.hpp>
@@ -51,7 +52,7 @@ void MechanismDynamics::ReducedRow(const Mechanism::Length& length, const std::v
 // that is not linear in a step of implicit Euler, else that of the reference, as in K_r.
 void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weight, bool bends) {
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
-  if ((bends || length.path >= 0) && scheme_ == Scheme::kEuler && options_.recovery == Recovery::kExact)
+  if ((bends || length.path >= 0) && scheme_ == Scheme::kEuler && options_.recovery != Recovery::kTwist)
     ReducedRow(length, Paths(), Q_now(), limit_row_);
   else
     ReducedRow(length, paths_ref_, model().Q_rows, limit_row_);
@@ -66,7 +67,7 @@ void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weig
 // Springs and dampers that are not linear likewise, by the stiffness and the damping of the pose and its
 // rates. By second order their dampers are linear, those of the rates 0 of the reference.
 void MechanismDynamics::TurnSprings(double h) {
-  if (!has_bent_springs_ || scheme_ != Scheme::kEuler || options_.recovery != Recovery::kExact) return;
+  if (!has_bent_springs_ || scheme_ != Scheme::kEuler || options_.recovery == Recovery::kTwist) return;
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
   const auto& springs = mechanism().springs();
   auto slack = slack_.begin();
@@ -84,28 +85,33 @@ void MechanismDynamics::TurnSprings(double h) {
   }
 }
 
-// A (its lower triangle) += weight q qᵀ for the row of Q of a coordinate.
-void MechanismDynamics::AddJointDamping(const RowMatrixX& Q, int coordinate, double weight,
-                                        Eigen::Ref<MatrixX> A) const {
-  const ReducedModel::Run run = model().runs[static_cast<std::size_t>(coordinate)];
-  const double* q = Q.data() + coordinate * Q.cols() + run.begin;
-  for (int k = 0; k < run.size; ++k) {
-    const double factor = weight * q[k];
-    double* __restrict column = &A(run.begin, run.begin + k);
-    for (int l = k; l < run.size; ++l) column[l] += factor * q[l];
+// Dampers of joints by the columns that move them, and what they are in D of the model.
+void MechanismDynamics::FindDampers() {
+  const VectorX& damping = mechanism().damping();
+  dampers_.clear();
+  for (int i = 0; i < damping.size(); ++i) {
+    if (!(damping(i) > 0)) continue;
+    const ReducedModel::Run run = model().runs[static_cast<std::size_t>(i)];
+    auto at = std::find_if(dampers_.begin(), dampers_.end(), [&](const WeightedRows& rows) {
+      return rows.begin == run.begin && rows.size == run.size;
+    });
+    if (at == dampers_.end()) at = dampers_.insert(at, {run.begin, run.size, {}, {}});
+    at->rows.push_back(i);
+    at->weights.push_back(damping(i));
   }
+  joint_damping_ref_.setZero(model().size(), model().size());
+  for (const WeightedRows& rows : dampers_) AddRowSquares(model().Q_rows, rows, 1, joint_damping_ref_);
 }
 
 // Loops turn Q as the pose moves, and with it what dampers of joints and of straight tendons are in reduced
 // coordinates. Springs too, but their forces are those of the pose wherever A has its stiffness; a damper acts through
 // A alone. Springy closures keep the damping of the reference.
 void MechanismDynamics::TurnDampers(double h) {
-  if (model().loop_rank() == 0 || scheme_ != Scheme::kEuler || options_.recovery != Recovery::kExact) return;
+  if (model().loop_rank() == 0 || scheme_ != Scheme::kEuler || options_.recovery == Recovery::kTwist) return;
   const Mechanism& m = mechanism();
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
   A_z -= h * joint_damping_ref_;
-  for (int i = 0; i < m.num_coordinates(); ++i)
-    if (m.damping()(i) > 0) AddJointDamping(Q_now(), i, h * m.damping()(i), A_z);
+  for (const WeightedRows& rows : dampers_) AddRowSquares(Q_now(), rows, h, A_z);
   for (const Mechanism::Spring& s : m.springs()) {
     if (s.length.path >= 0 || !s.is_linear() || s.damping == 0) continue;
     ReducedRow(s.length, Paths(), Q_now(), limit_row_);

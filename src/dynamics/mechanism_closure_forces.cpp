@@ -32,7 +32,7 @@ VectorX Compliances(const Mechanism& m, const Kinematics& kinematics, const Vect
 VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R, const VectorX& near) const {
   const Mechanism& m = mechanism();
   FORK1S_REQUIRE(near.size() == m.num_constraints(), near.size(), m.num_constraints());
-  if (model().loop_rank() == 0 || options_.recovery != Recovery::kExact)
+  if (model().loop_rank() == 0 || options_.recovery == Recovery::kTwist)
     return VectorX::Zero(m.num_constraints());
   const Kinematics& kinematics = configuration_.kinematics;
   const int n = m.num_coordinates();

@@ -60,6 +60,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
                     " m at the initial pose; correct the closure frames or choose another keyframe");
   auto model = Reduce(mechanism, q, options.reduction);
   if (!model) return tl::unexpected(model.error());
+  if (options.recovery == Recovery::kCurved) model->curvature = LoopCurvature(*model);
   MechanismDynamics dynamics(std::move(*model));
   dynamics.options_ = options;
   // The interfaces that Reduce settled on are those of every later refresh.
@@ -111,7 +112,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
 
 // At the pose at hand, which a step of implicit Euler leaves afterwards.
 void MechanismDynamics::KeepJointRates() {
-  if (model().loop_rank() == 0 || options_.recovery != Recovery::kExact) return;
+  if (model().loop_rank() == 0 || options_.recovery == Recovery::kTwist) return;
   state_.q_dot.setZero(model().num_coordinates());
   AddMotion(model(), Q_now(), state_.reduced.w, state_.q_dot);
 }
@@ -179,7 +180,7 @@ void MechanismDynamics::Size() {
   F_.resize(6, m.num_bodies());
   M_00_ = model().M_00;
   M_0z_ = model().M_0z;
-  if (options_.recovery == Recovery::kExact) {
+  if (options_.recovery != Recovery::kTwist) {
     body_V_.resize(6, m.num_bodies());
     body_A_.resize(6, m.num_bodies());
     q_dot_.resize(n);
@@ -192,9 +193,7 @@ void MechanismDynamics::Size() {
                           .cwiseAbs()
                           .colwise()
                           .maxCoeff();
-  joint_damping_ref_.setZero(r, r);
-  for (int i = 0; i < n; ++i)
-    if (m.damping()(i) > 0) AddJointDamping(model().Q_rows, i, m.damping()(i), joint_damping_ref_);
+  FindDampers();
   whole_ = FindWhole(model());
   SizeForceLimits();
   FindParts();
@@ -218,7 +217,7 @@ void MechanismDynamics::UpdateInertia() {
 
 void MechanismDynamics::UpdateConfiguration(bool loops_are_closed) {
   pose_energy_.valid = false;
-  if (options_.recovery == Recovery::kExact) {
+  if (options_.recovery != Recovery::kTwist) {
     if (loops_are_closed)
       ConfigureClosed(model(), state_.reduced, configuration_);
     else
@@ -243,7 +242,7 @@ RigidTransform MechanismDynamics::GroupPose(int g) const {
 }
 
 RigidTransform MechanismDynamics::BodyPose(BodyIndex b) const {
-  if (options_.recovery == Recovery::kExact)
+  if (options_.recovery != Recovery::kTwist)
     return state_.reduced.X_WR * configuration_.kinematics.X_RB[b.u()];
   return state_.reduced.X_WR * (Exp(model().T_of(b) * state_.reduced.z) * model().X_RB_ref[b.u()]);
 }
@@ -265,7 +264,7 @@ Vector6 MechanismDynamics::BodyVelocity(BodyIndex b) const {
 
 double MechanismDynamics::ClosureGapNow() const {
   if (mechanism().num_constraints() == 0) return 0;
-  if (options_.recovery == Recovery::kExact)
+  if (options_.recovery != Recovery::kTwist)
     return ClosureGap(mechanism(), configuration_.kinematics, configuration_.q);
   Kinematics kinematics(mechanism());
   for (int b = 0; b < mechanism().num_bodies(); ++b)

@@ -16,14 +16,16 @@ double MechanismDynamics::Turn(int i) const {
 
 // By twists every joint counts: the one twist of a wheel is that of all joints on its path.
 double MechanismDynamics::Staleness(bool second_order) const {
-  const bool exact = options_.recovery == Recovery::kExact;
+  const bool exact = options_.recovery != Recovery::kTwist;
   double largest = 0;
   for (int i = 0; i < model().num_coordinates(); ++i) {
     const auto at = static_cast<std::size_t>(i);
     const bool ages = !exact || !(spins_[at] || (whole_[at] && !second_order));
     if (ages) largest = std::max(largest, Turn(i));
   }
-  return largest / options_.refresh_angle;
+  largest /= options_.refresh_angle;
+  if (model().curvature.exists()) largest = std::max(largest, ClosureGapNow() / options_.refresh_gap);
+  return largest;
 }
 
 bool MechanismDynamics::Refresh() {
@@ -50,6 +52,7 @@ bool MechanismDynamics::Refresh() {
 
   auto reduced = Reduce(model().mechanism, q, options_.reduction);
   if (!reduced) return false;
+  if (options_.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
 
   MechanismState before;
   Save(before);

@@ -49,7 +49,7 @@ void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
   }
   V_R_before_ = state_.reduced.V_R;
   gravity_W_ = gravity_W;
-  guard_ = mechanism().base() != BaseKind::kDriven && options_.recovery == Recovery::kExact &&
+  guard_ = mechanism().base() != BaseKind::kDriven && options_.recovery != Recovery::kTwist &&
            !state_.has_wrenches;
   if (guard_) energy_budget_ = energy_start_ = KineticEnergy() + PotentialEnergy(gravity_W);
   Vector6 A_R = Vector6::Zero();
@@ -200,7 +200,7 @@ void MechanismDynamics::Advance(double h, const Vector6& V_start, const Vector6&
   const Vector6 p = momentum_.head<6>() + by_pose;
   UpdateConfiguration();
   // The pose changed under the base: its momentum stays, its twist follows.
-  if (options_.recovery == Recovery::kExact)
+  if (options_.recovery != Recovery::kTwist)
     x_.head<6>() = SolvePositive(M_00_, p - M_0z_ * state_.reduced.w);
   x_.segment<3>(3).noalias() += state_.reduced.X_WR.rotation().transpose() * drift_W;
   state_.reduced.V_R = x_.head<6>();

@@ -59,7 +59,7 @@ void MechanismDynamics::SizeTheta() {
 }
 
 void MechanismDynamics::Begin(double h, const Vector3& gravity_W, bool middle) {
-  FORK1S_REQUIRE(options_.recovery == Recovery::kExact);
+  FORK1S_REQUIRE(options_.recovery != Recovery::kTwist);
   scheme_ = middle ? Scheme::kMiddle : Scheme::kImpact;
   touches_ = false;
   gravity_W_ = gravity_W;

@@ -9,7 +9,7 @@ namespace fork1s {
 bool World::Detail::UsesTheta(const StepOptions& options) const {
   return options.integrator == Integrator::kTheta &&
          std::all_of(mechanisms_.begin(), mechanisms_.end(),
-                     [](const auto& m) { return m.recovery() == Recovery::kExact; });
+                     [](const auto& m) { return m.recovery() != Recovery::kTwist; });
 }
 
 // Largest way of a contactor within h at its present velocity [m].

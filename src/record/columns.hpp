@@ -8,7 +8,7 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 11;
+inline constexpr int kFormatVersion = 12;
 inline constexpr const char* kFormatName = "fork1s recording";
 
 /// Values per row.
@@ -59,7 +59,7 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
     s.detail);
   f(Column{"steps/modes", kS, 1, 0, "", "fixed-interface modes of the step, -1: as the mechanisms say"},
     s.modes);
-  f(Column{"steps/twist", kS, 1, 0, "", "1: poses recovered by the twist map, 0: exactly"}, s.twist);
+  f(Column{"steps/recovery", kS, 1, 0, "", "recovery: 0 exact, 1 twist, 2 curved"}, s.recovery);
   f(Column{"steps/kinetic_energy", kS, 1, 0, "J", ""}, s.kinetic_energy);
   f(Column{"steps/potential_energy", kS, 1, 0, "J", "springs, controls and gravity"}, s.potential_energy);
   f(Column{"steps/closure_gap", kS, 1, 0, "m", "largest opening of any loop"}, s.closure_gap);

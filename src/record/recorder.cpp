@@ -272,7 +272,7 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   const Fidelity& fidelity = simulation.fidelity();
   s.detail.push_back(static_cast<std::uint8_t>(fidelity.level));
   s.modes.push_back(fidelity.modes);
-  s.twist.push_back(fidelity.recovery == Recovery::kTwist ? 1 : 0);
+  s.recovery.push_back(static_cast<std::uint8_t>(fidelity.recovery));
   s.kinetic_energy.push_back(simulation.KineticEnergy());
   s.potential_energy.push_back(simulation.PotentialEnergy());
   s.closure_gap.push_back(simulation.ClosureGap());

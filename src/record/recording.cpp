@@ -113,8 +113,9 @@ Fidelity Recording::FidelityOf(int step) const {
   FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
   const auto i = static_cast<std::size_t>(step);
   FORK1S_REQUIRE(data_.detail[i] <= static_cast<std::uint8_t>(DetailLevel::kAll), "no level of detail");
+  FORK1S_REQUIRE(data_.recovery[i] < kNumRecoveries, "no recovery");
   return {static_cast<DetailLevel>(data_.detail[i]), data_.modes[i],
-          data_.twist[i] != 0 ? Recovery::kTwist : Recovery::kExact};
+          static_cast<Recovery>(data_.recovery[i])};
 }
 
 std::vector<std::size_t> FirstOfEachFrame(const std::vector<double>& times, double fps) {

@@ -32,8 +32,7 @@ struct EnumNames<PathKind> {
 };
 template <>
 struct EnumNames<Recovery> {
-  static constexpr std::pair<Recovery, const char*> kNames[] = {{Recovery::kExact, "exact"},
-                                                                {Recovery::kTwist, "twist"}};
+  static constexpr auto& kNames = kRecoveryNames;
 };
 
 template <>

@@ -165,7 +165,8 @@ std::size_t StepReader::CountIntact(const RecordedSteps& s) const {
       rows.last[k + 1] = static_cast<std::size_t>((*ends[k])[i] - before_[k]);
     }
     if (StepChecksum(s, widths_, rows) != s.checksum[i]) return i;
-    if (s.detail[i] > static_cast<std::uint8_t>(DetailLevel::kAll)) return i;
+    if (s.detail[i] > static_cast<std::uint8_t>(DetailLevel::kAll) || s.recovery[i] >= kNumRecoveries)
+      return i;
     for (std::size_t c = rows.first[2]; c < rows.last[2]; ++c)
       for (int b : {s.contact_body_a[c], s.contact_body_b[c]})
         if (b < -1 || b >= bodies) return i;

@@ -140,6 +140,15 @@ void Finish(const ReducedModel& model, Configuration& out) {
   model.loops.SubtractTransposed(model.B, out.W, out.Q_now);
 }
 
+// Loops by their curvature: µ and both derivatives are those of z alone, whatever the last pose was.
+void Curve(const ReducedModel& model, const ReducedState& state, Configuration& out) {
+  model.curvature.Apply(state.z, out.W);
+  out.mu.noalias() = 0.5 * out.W.leftCols(model.size()) * state.z;
+  Place(model, out);
+  out.Q_now = model.Q_rows;
+  model.loops.SubtractTransposed(model.B, out.W, out.Q_now);
+}
+
 }  // namespace
 
 void Configuration::TakeLoops(const Configuration& other) {
@@ -149,6 +158,7 @@ void Configuration::TakeLoops(const Configuration& other) {
 
 void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Configuration& out) {
   if (!Start(model, state, out)) return;
+  if (model.curvature.exists()) return Curve(model, state, out);
   Place(model, out);
   Finish(model, out);
 }
@@ -156,6 +166,7 @@ void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Confi
 void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
                int max_corrections) {
   if (!Start(model, state, out)) return;
+  if (model.curvature.exists()) return Curve(model, state, out);
   if (max_corrections == 0 || !out.mu.allFinite())
     out.mu.setZero();
   else if (out.foresees)
@@ -185,7 +196,7 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
 }
 
 void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g) {
-  if (model.loop_rank() == 0) return;
+  if (model.loop_rank() == 0 || model.curvature.exists()) return;
   model.loops.Apply(model.B, g, c.d);
   c.factor.SolveTransposedInPlace(c.d);
   model.loops.SubtractTransposed(c.A, c.d, g);

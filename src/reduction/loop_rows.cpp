@@ -263,6 +263,12 @@ std::vector<std::vector<int>> LoopRows::GroupCoordinates() const {
   return out;
 }
 
+std::vector<int> LoopRows::GroupSizes() const {
+  std::vector<int> sizes;
+  for (const Group& group : groups_) sizes.push_back(group.size);
+  return sizes;
+}
+
 LoopFactor::LoopFactor(const LoopRows& rows) {
   std::size_t at = 0;
   for (const LoopRows::Group& g : rows.groups_) {

@@ -69,7 +69,7 @@ Response OfMechanism(MechanismDynamics m, BodyIndex body, const Vector3& point_B
     m.HalfSolve(part, Y);
     out.W.noalias() += Y.transpose() * Y;
   }
-  if (model.has_complement && m.recovery() == Recovery::kExact) {
+  if (model.has_complement && m.recovery() != Recovery::kTwist) {
     MatrixX J_q = MatrixX::Zero(3, model.num_coordinates());
     for (int j = m.mechanism().body(body).last_joint; j >= 0;
          j = m.mechanism().joint(JointIndex(j)).previous) {

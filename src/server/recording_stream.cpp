@@ -127,7 +127,7 @@ Expected<std::string> EncodeRecording(const Recording& recording, const std::str
       recording.Coordinates(0).size() != static_cast<Eigen::Index>(h.coordinate_names.size()))
     return Fail(ErrorCode::kFormat, h.path,
                 "names other bodies or coordinates than its scene has; it is damaged");
-  const std::vector<std::uint8_t>& twist = recording.data().twist;
+  const std::vector<std::uint8_t>& twist = recording.data().recovery;
   const bool separate = std::find(twist.begin(), twist.end(), 1) != twist.end();
 
   std::string out;

@@ -228,7 +228,7 @@ std::string LiveSimulation::SettingsMessage() const {
     if (s.modes < 0) modes = std::max(modes, m.mechanism().definition().modes);
   out["modes"] = std::max(modes, 0);
   out["detail"] = static_cast<int>(s.detail);
-  out["recovery"] = s.recovery == Recovery::kTwist ? 1 : 0;
+  out["recovery"] = static_cast<int>(s.recovery);
   out["pull_stiffness"] = s.pull_stiffness;
   out["speed"] = s.speed;
   out["ghost"] = ghost_on_;

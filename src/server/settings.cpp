@@ -161,11 +161,20 @@ Expected<SettingKind> ChangeSetting(const std::string& name, int index, double v
     const char* name;
     double low, high;
   };
-  static constexpr Range kRanges[] = {
-      {"dt", 1e-4, 0.05}, {"gravity", -100, 100},   {"damping", 0, 100}, {"friction", 0, 10},
-      {"modes", 0, 64},   {"detail", 0, 3},         {"recovery", 0, 1},  {"pull_stiffness", 1e-3, 1e7},
-      {"speed", 0.01, 4}, {"stiffness", 1e-3, 1e4}, {"signals", 0, 1},   {"error", 0, 1},
-      {"accuracy", 0, 1}, {"tune", -1e7, 1e7}};
+  static constexpr Range kRanges[] = {{"dt", 1e-4, 0.05},
+                                      {"gravity", -100, 100},
+                                      {"damping", 0, 100},
+                                      {"friction", 0, 10},
+                                      {"modes", 0, 64},
+                                      {"detail", 0, 3},
+                                      {"recovery", 0, kNumRecoveries - 1},
+                                      {"pull_stiffness", 1e-3, 1e7},
+                                      {"speed", 0.01, 4},
+                                      {"stiffness", 1e-3, 1e4},
+                                      {"signals", 0, 1},
+                                      {"error", 0, 1},
+                                      {"accuracy", 0, 1},
+                                      {"tune", -1e7, 1e7}};
   const auto* range =
       std::find_if(std::begin(kRanges), std::end(kRanges), [&](const Range& r) { return name == r.name; });
   if (range == std::end(kRanges)) return Fail(ErrorCode::kUsage, name, "is no setting of this program");
@@ -204,7 +213,7 @@ Expected<SettingKind> ChangeSetting(const std::string& name, int index, double v
     return SettingKind::kFidelity;
   }
   if (name == "recovery") {
-    settings.recovery = value > 0.5 ? Recovery::kTwist : Recovery::kExact;
+    settings.recovery = static_cast<Recovery>(static_cast<int>(value));
     return SettingKind::kFidelity;
   }
   if (index < 0 || index >= static_cast<int>(settings.groups.size()))

@@ -19,15 +19,14 @@ auto Refuse(const std::string& what) {
   return Fail(ErrorCode::kUsage, "--detail",
               what +
                   "; write [TIME:]WORD[+WORD...] with commas between entries, words being object, interface, "
-                  "parents, all, modes=K, exact and twist, as in interface,2:object+modes=0");
+                  "parents, all, modes=K, exact, curved and twist, as in interface,2:object+modes=0");
 }
 
 Expected<void> Read(const std::string& word, Fidelity& fidelity) {
   for (DetailLevel level :
        {DetailLevel::kObject, DetailLevel::kInterface, DetailLevel::kParents, DetailLevel::kAll})
     if (word == Name(level)) return fidelity.level = level, Expected<void>();
-  if (word == "exact") return fidelity.recovery = Recovery::kExact, Expected<void>();
-  if (word == "twist") return fidelity.recovery = Recovery::kTwist, Expected<void>();
+  if (const auto recovery = RecoveryNamed(word)) return fidelity.recovery = *recovery, Expected<void>();
   if (word.rfind("modes=", 0) == 0) {
     const char *first = word.data() + 6, *last = word.data() + word.size();
     int modes = -1;

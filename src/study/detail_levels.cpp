@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <fork1s/base/percentile.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/record/csv.hpp>
@@ -24,7 +25,7 @@ constexpr double kDetailStep = 1.0 / 60;  // s
 std::string LevelText(const Fidelity& f) {
   std::string text = Name(f.level);
   if (f.modes >= 0) text += fmt::format(", {} modes", f.modes);
-  if (f.recovery == Recovery::kTwist) text += ", twist";
+  if (f.recovery != Recovery::kExact) text += fmt::format(", {}", Name(f.recovery));
   return text;
 }
 
@@ -43,7 +44,7 @@ Expected<DetailRow> Measure(const Scene& scene, const std::vector<TrackedBody>& 
   DetailRow row;
   row.fidelity = level;
   std::vector<double> step_us;
-  double sum = 0;
+  double sum = 0, way = 0;
   int count = 0;
   using Clock = std::chrono::steady_clock;
   options.controls->Apply(0, s);
@@ -63,16 +64,19 @@ Expected<DetailRow> Measure(const Scene& scene, const std::vector<TrackedBody>& 
                               LevelText(level)));
     if (i < from) continue;
     step_us.push_back(us);
+    row.refreshes += report.refreshes;
     row.joint_gap_mm = std::max(row.joint_gap_mm, 1e3 * s.JointGap());
     for (std::size_t k = 0; k < tracked.size(); ++k) {
       const Vector3& there = truth.samples[static_cast<std::size_t>(i) + 1].X_WB[k].translation();
       const double mm = 1e3 * (s.Pose(tracked[k].index).translation() - there).norm();
       row.max_mm = std::max(row.max_mm, mm);
       sum += mm * mm;
+      way += 1e6 * (there - truth.samples[0].X_WB[k].translation()).squaredNorm();
       ++count;
     }
   }
   row.rms_mm = std::sqrt(sum / std::max(1, count));
+  row.motion_mm = std::sqrt(way / std::max(1, count));
   row.step_us = Median(step_us);
   row.modes = CountModes(s);
   for (const MechanismDynamics& m : s.world().mechanisms()) {
@@ -91,13 +95,17 @@ Expected<std::vector<DetailRow>> MeasureDetail(const std::string& folder, const 
   FORK1S_REQUIRE(from_s >= 0 && time_s > from_s, from_s, time_s);
   auto imported = LoadMechanism(folder + "/" + name + ".xml");
   if (!imported) return tl::unexpected(imported.error());
-  auto controls = ReadControls(folder + "/" + name + ".csv");
-  if (!controls) return tl::unexpected(controls.error());
+  ControlTrack controls;
+  if (const std::string path = folder + "/" + name + ".csv"; std::filesystem::exists(path)) {
+    auto read = ReadControls(path);
+    if (!read) return tl::unexpected(read.error());
+    controls = std::move(*read);
+  }
   RunOptions o;
   o.interval = kDetailStep;
   o.samples = static_cast<int>(std::llround(time_s / kDetailStep));
   o.initial_keyframe = imported->initial_keyframe;
-  o.controls = &*controls;
+  o.controls = &controls;
   auto probe = internal::MakeReduced(imported->scene, o);
   if (!probe) return tl::unexpected(probe.error());
   std::vector<TrackedBody> tracked;
@@ -121,12 +129,12 @@ Expected<std::vector<DetailRow>> MeasureDetail(const std::string& folder, const 
 std::string DetailCsv(const std::string& scene, const std::vector<DetailRow>& rows) {
   std::string out =
       "scene,level,modes_asked,recovery,interface_bodies,modes,coordinates,switch_ms,step_us,rms_mm,max_mm,"
-      "joint_gap_mm\n";
+      "joint_gap_mm,motion_mm,refreshes\n";
   for (const DetailRow& r : rows)
-    out += fmt::format("{},{},{},{},{},{},{},{:.4g},{:.4g},{:.4g},{:.4g},{:.4g}\n", scene,
+    out += fmt::format("{},{},{},{},{},{},{},{:.4g},{:.4g},{:.4g},{:.4g},{:.4g},{:.4g},{}\n", scene,
                        Name(r.fidelity.level), r.fidelity.modes >= 0 ? std::to_string(r.fidelity.modes) : "",
-                       r.fidelity.recovery == Recovery::kTwist ? "twist" : "exact", r.interface_bodies,
-                       r.modes, r.coordinates, r.switch_ms, r.step_us, r.rms_mm, r.max_mm, r.joint_gap_mm);
+                       Name(r.fidelity.recovery), r.interface_bodies, r.modes, r.coordinates, r.switch_ms,
+                       r.step_us, r.rms_mm, r.max_mm, r.joint_gap_mm, r.motion_mm, r.refreshes);
   return out;
 }
 
@@ -139,6 +147,19 @@ std::string DetailMarkdown(const std::vector<DetailRow>& rows) {
     out += fmt::format("| {} | {} | {} | {} | {:.1f} | {:.3g}, {:.3g} | {:.2g} | {:.1f} |\n",
                        LevelText(r.fidelity), r.interface_bodies, r.modes, r.coordinates, r.step_us, r.rms_mm,
                        r.max_mm, r.joint_gap_mm, r.switch_ms);
+  return out;
+}
+
+std::string RecoveryMarkdown(const std::vector<std::pair<std::string, std::vector<DetailRow>>>& scenes) {
+  std::string out =
+      "| scene | recovery | coordinates | us a step | refreshes | from full, RMS [% of the motion] | joint "
+      "gap at "
+      "most [mm] |\n|---|---|---|---|---|---|---|\n";
+  for (const auto& [name, rows] : scenes)
+    for (const DetailRow& r : rows)
+      out +=
+          fmt::format("| {} | {} | {} | {:.1f} | {} | {:.2g} | {:.2g} |\n", name, Name(r.fidelity.recovery),
+                      r.coordinates, r.step_us, r.refreshes, 100 * r.rms_mm / r.motion_mm, r.joint_gap_mm);
   return out;
 }
 

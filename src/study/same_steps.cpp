@@ -72,6 +72,7 @@ Expected<SameSteps> StepFromSamePoses(const SameStepsOptions& options) {
   if (!imported) return tl::unexpected(imported.error());
   SimulationOptions s;
   s.dt = options.dt;
+  s.recovery = options.recovery;
   auto simulation = Simulation::Create(imported->scene, s);
   if (!simulation) return tl::unexpected(simulation.error());
   if (const auto missing = options.controls.FindMissing(*simulation); !missing.empty())

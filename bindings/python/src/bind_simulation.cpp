@@ -84,7 +84,7 @@ void BindSimulation(nb::module_& m) {
     position = sim.pose("fingertip")[:3, 3]
 
 dt: time step in s (default: the model's, 1/60 s unless the file's format says otherwise). keyframe: name of an initial
-state of the file. recovery: 'exact' or 'twist', how poses follow from reduced coordinates. detail: 'interface',
+state of the file. recovery: 'exact', 'curved' or 'twist', how poses follow from reduced coordinates. detail: 'interface',
 'parents' or 'all', which bodies may touch.
 
 All quantities are in the world frame and in m, kg, s, rad, N unless a line says otherwise. Arrays that it returns are

@@ -22,9 +22,8 @@ inline DetailLevel ReadDetail(const std::string& word) {
 }
 
 inline Recovery ReadRecovery(const std::string& word) {
-  if (word == "exact") return Recovery::kExact;
-  if (word == "twist") return Recovery::kTwist;
-  throw Refused{{ErrorCode::kUsage, "recovery", "'" + word + "' is none of: exact, twist"}};
+  if (const auto recovery = RecoveryNamed(word)) return *recovery;
+  throw Refused{{ErrorCode::kUsage, "recovery", "'" + word + "' is none of: exact, curved, twist"}};
 }
 
 /// Options that Simulation and Batch share.

@@ -14,6 +14,7 @@
 #include <fork1s/dynamics/recovery.hpp>
 #include <fork1s/dynamics/theta_scheme.hpp>
 #include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/row_squares.hpp>
 #include <fork1s/reduction/reduced_jacobian.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <vector>
@@ -34,6 +35,7 @@ class MechanismDynamics {
     ReductionOptions reduction;
     Recovery recovery = Recovery::kExact;
     double refresh_angle = 0.2617993877991494;  // rad (15 degrees); slides: this share of the length scale
+    double refresh_gap = 2e-4;                  // m: of loops, by curved recovery
     double complement_relaxation = 0.1;  // s, time in which a refresh's leftover interior displacement fades
   };
 
@@ -146,7 +148,8 @@ class MechanismDynamics {
   void Restore(const MechanismState& state);
   /// Phase 2: moves the state by x⁺ over h and brings poses up to date.
   void Integrate(double h);
-  /// Largest turn since the reference, as a share of the refresh angle, of joints whose turn matters: a wheel
+  /// Largest turn since the reference, as a share of the refresh angle, of joints whose turn matters, or gap
+  /// of a loop that is closed by its curvature, as a share of the refresh gap. A wheel
   /// may spin, and a finger whose every motion the model has may bend. Steps of second order go by the modes
   /// of the reference: there a finger's turn matters.
   double Staleness(bool second_order = false) const;
@@ -195,7 +198,7 @@ class MechanismDynamics {
   void TakeBoundedSpringsOut(double h);
   void TurnSprings(double h);
   void TurnDampers(double h);
-  void AddJointDamping(const RowMatrixX& Q, int coordinate, double weight, Eigen::Ref<MatrixX> A) const;
+  void FindDampers();
   void AddSpringOf(const Mechanism::Length& length, double weight, bool bends);
   void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const RowMatrixX& Q,
                   VectorX& out) const;
@@ -210,7 +213,7 @@ class MechanismDynamics {
   };
   void FindSlackSprings();
   void OpenSlackSprings();
-  bool SwitchesSlack() const { return scheme_ == Scheme::kEuler && options_.recovery == Recovery::kExact; }
+  bool SwitchesSlack() const { return scheme_ == Scheme::kEuler && options_.recovery != Recovery::kTwist; }
   bool UpdateSlackSprings(double h);
   double SlackStiffness(const SlackSpring& slack) const;
   void AddSlackForces();
@@ -273,6 +276,7 @@ class MechanismDynamics {
 
   // Between refreshes.
   VectorX rest_, inertial_, q_perp_step_;  // n
+  std::vector<WeightedRows> dampers_;      // of joints
   MatrixX joint_damping_ref_;  // r x r, lower triangle, with loops: what dampers of joints are in D of the model
   MatrixX A_, M_full_;                             // num_velocities²
   Cholesky factor_;

@@ -1,12 +1,34 @@
 // How poses follow from reduced coordinates.
 #pragma once
 
+#include <optional>
+#include <string_view>
+#include <utility>
+
 namespace fork1s {
 
-/// How interface poses follow from z, and with them all others.
+/// How interface poses follow from z, and with them all others. The numbers stand in recordings and settings.
 enum class Recovery {
-  kExact,  ///< product of exponentials, loops closed
-  kTwist,  ///< one exponential a body of the summed screws: the paper's parallel mode
+  kExact = 0,   ///< product of exponentials, loops closed
+  kTwist = 1,   ///< one exponential a body of the summed screws: the paper's parallel mode
+  kCurved = 2,  ///< product of exponentials, loops closed to second order of what moved since the reference
 };
+inline constexpr int kNumRecoveries = 3;
+
+/// The words for them, in files and on the command line.
+inline constexpr std::pair<Recovery, const char*> kRecoveryNames[] = {
+    {Recovery::kExact, "exact"}, {Recovery::kCurved, "curved"}, {Recovery::kTwist, "twist"}};
+
+constexpr const char* Name(Recovery recovery) {
+  for (const auto& [value, name] : kRecoveryNames)
+    if (value == recovery) return name;
+  return "";
+}
+
+constexpr std::optional<Recovery> RecoveryNamed(std::string_view word) {
+  for (const auto& [value, name] : kRecoveryNames)
+    if (word == name) return value;
+  return std::nullopt;
+}
 
 }  // namespace fork1s

@@ -47,7 +47,7 @@ struct RecordedSteps {
   std::vector<double> base_poses;           // x mechanisms x 7
   std::vector<double> base_twists;          // x mechanisms x 6, in R about R's origin [rad/s, m/s]
   std::vector<int> reduced_sizes;           // x mechanisms: r, which a refresh may change
-  std::vector<std::uint8_t> detail, twist;  // Fidelity of the step
+  std::vector<std::uint8_t> detail, recovery;  // Fidelity of the step
   std::vector<int> modes;                   // the same
   std::vector<double> kinetic_energy, potential_energy;  // J
   std::vector<double> closure_gap;                       // m

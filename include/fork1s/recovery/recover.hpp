@@ -10,7 +10,8 @@
 
 namespace fork1s {
 
-/// Poses of all bodies in the root frame, joints and loops exact. `scratch` is reused between calls.
+/// Poses of all bodies in the root frame, joints exact and loops as well; where the model has their
+/// curvature, by that. `scratch` is reused between calls.
 void RecoverPosesExact(const ReducedModel& model, const ReducedState& state, Configuration& scratch,
                        std::vector<RigidTransform>& X_RB);
 

@@ -40,6 +40,8 @@ class LoopRows {
 
   /// Coordinates that hear each other through loops, group by group.
   std::vector<std::vector<int>> GroupCoordinates() const;
+  /// Rows of each such group, which stand together in the same order.
+  std::vector<int> GroupSizes() const;
 
  private:
   friend class LoopFactor;

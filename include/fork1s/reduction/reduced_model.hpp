@@ -10,6 +10,7 @@
 #include <fork1s/base/error.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
+#include <fork1s/reduction/loop_curvature.hpp>
 #include <fork1s/reduction/loop_rows.hpp>
 #include <fork1s/reduction/rank_doubt.hpp>
 #include <memory>
@@ -64,6 +65,8 @@ struct ReducedModel {
   std::vector<Run> runs;  // n: columns of Q, and of Q_now at any pose, that may move a coordinate
   LoopRows loops;         // those rows, group by group
   VectorX B;              // their A_ref H⁻¹: Bᵀ, the directions along which loops are closed
+  // Where it is there, Configure closes loops by it, to second order in z, and not exactly.
+  LoopCurvature curvature;
 
   std::vector<BodyIndex> promoted;  // interfaces that were added for hidden motions
   std::vector<RankDoubt> doubts;    // rank decisions that the numbers do not settle
@@ -130,7 +133,8 @@ struct Configuration {
 /// q(z) = q_ref + Q z + q_perp - B µ with µ such that c(q) = 0 (docs/method.md, section 2): from the tangent
 /// of the last pose by chords with the factor at hand, a new factor where they gain too little, at most
 /// `max_corrections`; 0 leaves the loops open. Since B stays, Q_now = (1 - B (A B)⁻¹ A) Q is the derivative
-/// of the pose that is computed. Fills kinematics. No allocation.
+/// of the pose that is computed. A model with curvature has µ = ½ N[z, z] instead, Q_now = Q - B N z, the
+/// derivative of that pose, and loops open by the third order of z. Fills kinematics. No allocation.
 void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
                int max_corrections = 60);
 
@@ -138,7 +142,8 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
 void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Configuration& out);
 
 /// Joint forces g without what the loops' reactions take: g -= Aᵀ(A B)⁻ᵀ Bᵀ g at the pose of `c`, what forces
-/// do on displacements that are closed along B. No allocation.
+/// do on displacements that are closed along B; with curvature nothing, since µ does not follow such
+/// displacements there. No allocation.
 void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g);
 
 }  // namespace fork1s

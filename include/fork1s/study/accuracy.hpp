@@ -17,6 +17,7 @@ enum class StaticMode {
   kOpen,         ///< product of exponentials, loops as z leaves them
   kExact,        ///< product of exponentials, loops closed: `--recovery exact`, reference never moved
   kRefreshed,    ///< the same, the reference moved wherever a joint has turned by 15 degrees since
+  kCurved,  ///< product of exponentials, loops by their curvature: `--recovery curved`, reference never moved
 };
 const char* Name(StaticMode mode);
 
@@ -60,7 +61,7 @@ double DeflectionAtError(const StaticCurve& curve, std::size_t mode, double perc
 struct GapCurve {
   std::string name;
   std::vector<double> angles_deg;
-  std::vector<double> twist, second_order, open, exact;  // percent of the mean link length
+  std::vector<double> twist, second_order, open, curved, exact;  // percent of the mean link length
 };
 Expected<GapCurve> MeasureGaps(const StaticCase& c, const std::vector<double>& angles_deg);
 /// Least-squares slope of log y over log x, points within [low, high] of x.

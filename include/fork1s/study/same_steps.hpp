@@ -16,6 +16,7 @@ struct SameStepsOptions {
   double from = 0;  // s, from when on steps count
   double dt = 0;    // s; 0: the scene's
   MuJoCoIntegrator integrator = MuJoCoIntegrator::kOfFile;
+  Recovery recovery = Recovery::kExact;
 };
 
 struct SameSteps {

@@ -4,6 +4,7 @@
 //     open, exact   Q(q)ᵀ (g(q) + τ(q)) = 0,  q = q_ref + Q z + q_perp (+ loop correction),
 //                   0 = C_perp Pᵀ (g(q) + τ(q)), P the projector of the loops (open: left out), q_perp =
 //                   C_perp K q_perp which is where MechanismDynamics comes to rest
+//     curved        the same, with the correction and Q(q) of the loops' curvature, P left out
 // g(q) are the springs' forces, τ(q) those of the load in joint coordinates, both of the present pose.
 #include "equilibrium.hpp"
 
@@ -41,6 +42,7 @@ ReducedEquilibrium::ReducedEquilibrium(const StaticCase& c, StaticMode mode, Red
 Expected<ReducedEquilibrium> ReducedEquilibrium::Create(const StaticCase& c, StaticMode mode) {
   auto model = Reduce(c.mechanism, c.q0);
   if (!model) return tl::unexpected(model.error());
+  if (mode == StaticMode::kCurved) model->curvature = LoopCurvature(*model);
   return ReducedEquilibrium(c, mode, std::move(*model));
 }
 

@@ -19,7 +19,9 @@ Expected<GapCurve> MeasureGaps(const StaticCase& c, const std::vector<double>& a
   Configuration scratch(*model);
   std::vector<RigidTransform> X_RB;
   auto percent = [&] { return 100 * MeasureJointGaps(m, X_RB).front().gap / m.length_scale(); };
-  GapCurve curve{c.name, angles_deg, {}, {}, {}, {}};
+  ReducedModel bent = *model;
+  bent.curvature = LoopCurvature(bent);
+  GapCurve curve{c.name, angles_deg, {}, {}, {}, {}, {}};
   for (double angle : angles_deg) {
     ReducedState state;
     state.z = angle * std::numbers::pi / 180 / turn * z;
@@ -30,6 +32,8 @@ Expected<GapCurve> MeasureGaps(const StaticCase& c, const std::vector<double>& a
     Configure(*model, state, scratch, 0);
     X_RB = scratch.kinematics.X_RB;
     curve.open.push_back(percent());
+    RecoverPosesExact(bent, state, scratch, X_RB);
+    curve.curved.push_back(percent());
     RecoverPosesExact(*model, state, scratch, X_RB);
     curve.exact.push_back(percent());
   }

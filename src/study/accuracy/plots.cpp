@@ -60,7 +60,10 @@ std::string Gaps(const AccuracyResults& r) {
     };
     add(StaticMode::kTwist, c.twist);
     add(StaticMode::kSecondOrder, c.second_order);
-    if (c.open != c.exact) add(StaticMode::kOpen, c.open);
+    if (c.open != c.exact) {
+      add(StaticMode::kOpen, c.open);
+      add(StaticMode::kCurved, c.curved);
+    }
     add(StaticMode::kExact, c.exact);
     f.panels.push_back(std::move(panel));
   }
@@ -170,11 +173,13 @@ Expected<void> WriteAccuracyTables(const AccuracyResults& results, const std::st
         statics +=
             fmt::format("{},\"{}\",{:.4g},{:.5g},{:.5g},{},{}\n", c.name, Name(c.modes[k]), p.angle_deg,
                         p.force_N, p.moved_mm, Number(p.percent[k]), Number(p.loop_gap_mm[k]));
-  std::string gaps = "mechanism,angle_deg,twist_percent,second_order_percent,open_percent,exact_percent\n";
+  std::string gaps =
+      "mechanism,angle_deg,twist_percent,second_order_percent,open_percent,curved_percent,exact_percent\n";
   for (const GapCurve& c : results.gaps)
     for (std::size_t i = 0; i < c.angles_deg.size(); ++i)
-      gaps += fmt::format("{},{:g},{},{},{},{}\n", c.name, c.angles_deg[i], Number(c.twist[i]),
-                          Number(c.second_order[i]), Number(c.open[i]), Number(c.exact[i]));
+      gaps +=
+          fmt::format("{},{:g},{},{},{},{},{}\n", c.name, c.angles_deg[i], Number(c.twist[i]),
+                      Number(c.second_order[i]), Number(c.open[i]), Number(c.curved[i]), Number(c.exact[i]));
   std::string frequencies = "mechanism,choice,modes,reduced_coordinates,mode_number,full_hz,error_percent\n";
   for (const FrequencyCurve& c : results.frequencies)
     for (const auto& p : c.points)

@@ -70,6 +70,8 @@ const char* Name(StaticMode mode) {
       return "exact";
     case StaticMode::kRefreshed:
       return "exact, refreshed";
+    case StaticMode::kCurved:
+      return "curved";
   }
   return "";
 }

@@ -120,7 +120,7 @@ export class Panel {
   }
 
   private buildModel(): void {
-    this.choice(this.model, 'recovery', 'recovery', { exact: 0, twist: 1 });
+    this.choice(this.model, 'recovery', 'recovery', { exact: 0, curved: 2, twist: 1 });
     this.choice(this.model, 'detail', 'detail level', { 'what it holds': 0, 'interface as given': 1, 'and their parents': 2, 'every body': 3 });
     this.slider(this.model, 'accuracy', 'accuracy [mm]', 0, 10, 0.001);
     this.controllers.get('accuracy')?.domElement.setAttribute('title', '0: modes and dt as they are set');
