@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/recovery/recover.hpp>
 #include <fork1s/reduction/whole_groups.hpp>
 
 #include "spinning.hpp"
@@ -244,7 +245,14 @@ RigidTransform MechanismDynamics::GroupPose(int g) const {
 RigidTransform MechanismDynamics::BodyPose(BodyIndex b) const {
   if (options_.recovery != Recovery::kTwist)
     return state_.reduced.X_WR * configuration_.kinematics.X_RB[b.u()];
-  return state_.reduced.X_WR * (Exp(model().T_of(b) * state_.reduced.z) * model().X_RB_ref[b.u()]);
+  return state_.reduced.X_WR * RecoverPoseTwist(model(), state_.reduced, b);
+}
+
+void MechanismDynamics::BodyPoses(std::vector<RigidTransform>& X_RB) const {
+  if (options_.recovery == Recovery::kTwist)
+    RecoverPosesTwist(model(), state_.reduced, X_RB);
+  else
+    X_RB = configuration_.kinematics.X_RB;
 }
 
 Vector6 MechanismDynamics::BodyVelocity(BodyIndex b) const {
@@ -267,9 +275,7 @@ double MechanismDynamics::ClosureGapNow() const {
   if (options_.recovery != Recovery::kTwist)
     return ClosureGap(mechanism(), configuration_.kinematics, configuration_.q);
   Kinematics kinematics(mechanism());
-  for (int b = 0; b < mechanism().num_bodies(); ++b)
-    kinematics.X_RB[static_cast<std::size_t>(b)] =
-        Exp(model().T_of(BodyIndex(b)) * state_.reduced.z) * model().X_RB_ref[static_cast<std::size_t>(b)];
+  BodyPoses(kinematics.X_RB);
   return ClosureGap(mechanism(), kinematics, configuration_.q);
 }
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
-
+#include <fork1s/recovery/recover.hpp>
 
 namespace fork1s {
 
@@ -35,9 +35,8 @@ const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
   for (int b = 0; b < m.num_bodies(); ++b) {
     const Mechanism::Body& body = m.bodies()[static_cast<std::size_t>(b)];
     if (body.weighed_mass == 0) continue;
-    const RigidTransform X_RB =
-        twist ? Exp(model().T_of(BodyIndex(b)) * state_.reduced.z) * model().X_RB_ref[std::size_t(b)]
-              : configuration_.kinematics.X_RB[std::size_t(b)];
+    const RigidTransform X_RB = twist ? RecoverPoseTwist(model(), state_.reduced, BodyIndex(b))
+                                      : configuration_.kinematics.X_RB[std::size_t(b)];
     pose_energy_.moment += body.weighed_mass * (X_RB * body.inertia_B.center);
   }
   pose_energy_.valid = true;

@@ -113,6 +113,7 @@ struct Recorder::Detail {
   Hdf5 file;
   std::vector<Hdf5> datasets;  // in the order of ForEachColumn; empty handles where a column has no width
   RecordedSteps pending;
+  std::vector<RigidTransform> poses;   // scratch
   std::int64_t totals[kNumRows] = {};  // rows appended
   std::int64_t steps_on_disk = 0;
   std::chrono::steady_clock::time_point last_flush = std::chrono::steady_clock::now();
@@ -259,7 +260,8 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   s.time.push_back(simulation.time());
   s.hash.push_back(simulation.HashState());
   add(s.controls, simulation.controls());
-  for (int b = 0; b < widths.bodies; ++b) AddPose(simulation.Pose(b), s.poses);
+  simulation.Poses(poses);
+  for (const RigidTransform& X_WB : poses) AddPose(X_WB, s.poses);
   for (std::size_t i = 0; i < simulation.world().mechanisms().size(); ++i) {
     const MechanismDynamics& m = simulation.world().mechanisms()[i];
     add(s.coordinates, simulation.JointCoordinates(static_cast<int>(i)));

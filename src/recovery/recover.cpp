@@ -10,6 +10,15 @@ void RecoverPosesExact(const ReducedModel& model, const ReducedState& state, Con
   X_RB = scratch.kinematics.X_RB;
 }
 
+RigidTransform RecoverPoseTwist(const ReducedModel& model, const ReducedState& state, BodyIndex body) {
+  const int r = model.size();
+  // A sum of fixed-size columns: a general product spends more on its set-up than on six rows.
+  Vector6 twist = Vector6::Zero();
+  const double* column = model.T.data() + static_cast<std::ptrdiff_t>(body.value()) * r * 6;
+  for (int k = 0; k < r; ++k, column += 6) twist += Eigen::Map<const Vector6>(column) * state.z(k);
+  return Exp(twist) * model.X_RB_ref[body.u()];
+}
+
 void RecoverPosesTwist(const ReducedModel& model, const ReducedState& state,
                        std::vector<RigidTransform>& X_RB) {
   const int bodies = model.mechanism->num_bodies();
@@ -17,15 +26,8 @@ void RecoverPosesTwist(const ReducedModel& model, const ReducedState& state,
   // About 20 ns a body: ranges below some thousand bodies cost less than waking a thread.
   constexpr int kGrain = 2048;
   ParallelFor(0, bodies, kGrain, [&](int begin, int end) {
-    const int r = model.size();
-    for (int b = begin; b < end; ++b) {
-      const auto i = static_cast<std::size_t>(b);
-      // A sum of fixed-size columns: a general product spends more on its set-up than on six rows.
-      Vector6 twist = Vector6::Zero();
-      const double* column = model.T.data() + static_cast<std::ptrdiff_t>(b) * r * 6;
-      for (int k = 0; k < r; ++k, column += 6) twist += Eigen::Map<const Vector6>(column) * state.z(k);
-      X_RB[i] = Exp(twist) * model.X_RB_ref[i];
-    }
+    for (int b = begin; b < end; ++b)
+      X_RB[static_cast<std::size_t>(b)] = RecoverPoseTwist(model, state, BodyIndex(b));
   });
 }
 

@@ -59,11 +59,11 @@ LoopCurvature::LoopCurvature(const ReducedModel& model) {
   }
   for (Group& group : groups_) {
     const int fours = (group.columns + 3) / 4;
-    group.N.assign(static_cast<std::size_t>(group.rows * fours * group.columns), Quad(Quad::Zero()));
+    group.N.assign(static_cast<std::size_t>(4 * group.rows * fours * group.columns), 0.0);
     for (int i = 0; i < group.rows; ++i)
       for (int k = 0; k < group.columns; ++k)
         for (int l = 0; l < group.columns; ++l)
-          group.N[static_cast<std::size_t>((i * fours + k / 4) * group.columns + l)](k % 4) =
+          group.N[static_cast<std::size_t>(4 * ((i * fours + k / 4) * group.columns + l) + k % 4)] =
               0.5 * (turns[static_cast<std::size_t>(group.column + l)](group.row + i, group.column + k) +
                      turns[static_cast<std::size_t>(group.column + k)](group.row + i, group.column + l));
   }
@@ -73,11 +73,11 @@ void LoopCurvature::Apply(const VectorX& z, RowMatrixX& W) const {
   W.setZero();
   for (const Group& group : groups_) {
     const double* rates = z.data() + group.column;
-    const Quad* N = group.N.data();
+    const double* N = group.N.data();
     for (int i = 0; i < group.rows; ++i)
       for (int k = 0; k < group.columns; k += 4) {
         Quad sum = Quad::Zero();
-        for (int l = 0; l < group.columns; ++l) sum += rates[l] * *N++;
+        for (int l = 0; l < group.columns; ++l, N += 4) sum += rates[l] * QuadAt(N);
         double* out = &W(group.row + i, group.column + k);
         if (k + 4 <= group.columns)
           QuadAt(out) = sum;

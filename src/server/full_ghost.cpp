@@ -46,11 +46,10 @@ class Twin {
   }
 
   void Measure(const std::vector<Vector3>& p_WB, GhostView& view) const {
-    view.X_WB.clear();
+    simulation_.Poses(view.X_WB);
     view.distance = 0;
     for (std::size_t b = 0; b < p_WB.size(); ++b) {
-      view.X_WB.push_back(simulation_.Pose(static_cast<int>(b)));
-      const double distance = (view.X_WB.back().translation() - p_WB[b]).norm();
+      const double distance = (view.X_WB[b].translation() - p_WB[b]).norm();
       if (distance < view.distance) continue;
       view.distance = distance;
       view.body = static_cast<int>(b);

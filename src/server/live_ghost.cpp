@@ -6,9 +6,10 @@ namespace fork1s {
 namespace {
 
 std::vector<Vector3> Origins(const Simulation& simulation) {
+  std::vector<RigidTransform> X_WB;
+  simulation.Poses(X_WB);
   std::vector<Vector3> p_WB;
-  for (std::size_t b = 0; b < simulation.bodies().size(); ++b)
-    p_WB.push_back(simulation.Pose(static_cast<int>(b)).translation());
+  for (const RigidTransform& X : X_WB) p_WB.push_back(X.translation());
   return p_WB;
 }
 

@@ -91,7 +91,9 @@ Expected<RayCaster> RayCaster::Create(const Simulation& simulation) {
 std::optional<BodyHit> RayCaster::Cast(const Simulation& simulation, const Vector3& origin,
                                        const Vector3& direction, double reach) {
   const int count = static_cast<int>(simulation.bodies().size());
-  for (int b = 0; b < count; ++b) world_.SetPose(b, simulation.Pose(b));
+  std::vector<RigidTransform> X_WB;
+  simulation.Poses(X_WB);
+  for (int b = 0; b < count; ++b) world_.SetPose(b, X_WB[static_cast<std::size_t>(b)]);
   const auto hit = world_.Cast(origin, direction, reach);
   if (!hit) return std::nullopt;
   const int body = hit->body < count ? hit->body : -1;

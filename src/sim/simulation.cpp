@@ -169,6 +169,22 @@ RigidTransform Simulation::Pose(const std::string& body) const {
   return Pose(index);
 }
 
+void Simulation::Poses(std::vector<RigidTransform>& X_WB) const {
+  X_WB.clear();
+  std::vector<RigidTransform> X_RB;
+  int of = -1;  // whose poses those are
+  for (const SceneBody& b : bodies_) {
+    if (b.mechanism < 0) {
+      X_WB.push_back(world_.free_bodies()[static_cast<std::size_t>(b.index)].pose());
+      continue;
+    }
+    const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(b.mechanism)];
+    if (b.mechanism != of) m.BodyPoses(X_RB);
+    of = b.mechanism;
+    X_WB.push_back(m.state().X_WR * X_RB[static_cast<std::size_t>(b.index)]);
+  }
+}
+
 Vector6 Simulation::Velocity(int body) const {
   FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(bodies_.size()), body);
   const SceneBody& b = bodies_[static_cast<std::size_t>(body)];
@@ -198,9 +214,7 @@ double Simulation::JointGap() const {
   double largest = ClosureGap();
   std::vector<RigidTransform> X_RB;
   for (const MechanismDynamics& m : world_.mechanisms()) {
-    X_RB.clear();
-    const RigidTransform X_RW = m.state().X_WR.inverse();
-    for (int b = 0; b < m.mechanism().num_bodies(); ++b) X_RB.push_back(X_RW * m.BodyPose(BodyIndex(b)));
+    m.BodyPoses(X_RB);
     if (const auto gaps = MeasureJointGaps(m.mechanism(), X_RB); !gaps.empty())
       largest = std::max(largest, gaps.front().gap);
   }

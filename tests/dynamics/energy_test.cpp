@@ -12,12 +12,14 @@ using testing::RandomSource;
 using testing::Still;
 
 struct Gain {
-  double above_start = 0,
-         step = 0;  // as shares of the energy at the start: of any later one; of a single step
+  // As shares of the energy at the start: of any later one, of a single step, of one that closed curved
+  // loops.
+  double above_start = 0, step = 0, refresh = 0;
 };
 
 // Over 300 steps without gravity or damping.
-Gain LargestGain(unsigned seed, const RandomMechanismOptions& options, double scale, Integrator integrator) {
+Gain LargestGain(unsigned seed, const RandomMechanismOptions& options, double scale, Integrator integrator,
+                 Recovery recovery) {
   MechanismDef definition = testing::RandomMechanismDef(seed, options);
   definition = ScaleStiffness(definition, scale);
   RandomSource random(seed + 1000);
@@ -29,6 +31,7 @@ Gain LargestGain(unsigned seed, const RandomMechanismOptions& options, double sc
   if (definition.base == BaseKind::kFloating) V = random.Six(1);
   World::Options world_options;
   world_options.reduction.promote_hidden = true;
+  world_options.recovery = recovery;
   // What is left out follows its loads at rest and holds energy that a step of second order does not count.
   if (integrator == Integrator::kTheta) world_options.reduction.modes = 100;
   World world = MustStart(definition, VectorX::Zero(n), q_dot, V, world_options);
@@ -44,7 +47,8 @@ Gain LargestGain(unsigned seed, const RandomMechanismOptions& options, double sc
     EXPECT_TRUE(report.minimum_found);
     const double now = energy();
     gain.above_start = std::max(gain.above_start, (now - start) / start);
-    gain.step = std::max(gain.step, (now - before) / start);
+    double& largest = recovery == Recovery::kCurved && report.refreshes > 0 ? gain.refresh : gain.step;
+    largest = std::max(largest, (now - before) / start);
     before = now;
   }
   return gain;
@@ -56,7 +60,7 @@ constexpr double kRounding = 1e-9;
 // their springs take or give then is foreseen by half a step: 0.27 % of the energy in the worst of 144 runs.
 constexpr double kCreep = 5e-3;
 
-void ExpectNoGrowth(RandomMechanismOptions options, BaseKind base) {
+void ExpectNoGrowth(RandomMechanismOptions options, BaseKind base, Recovery recovery = Recovery::kExact) {
   options.base = base;
   options.damping_ratio = 0;
   for (unsigned seed = 0; seed < 12; ++seed)
@@ -64,9 +68,10 @@ void ExpectNoGrowth(RandomMechanismOptions options, BaseKind base) {
       for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
         SCOPED_TRACE("seed " + std::to_string(seed) + ", stiffness times " + std::to_string(scale) +
                      (integrator == Integrator::kEuler ? ", euler" : ", theta"));
-        const Gain gain = LargestGain(seed, options, scale, integrator);
+        const Gain gain = LargestGain(seed, options, scale, integrator, recovery);
         EXPECT_LT(gain.above_start, kRounding);
         EXPECT_LT(gain.step, integrator == Integrator::kEuler ? kRounding : kCreep);
+        EXPECT_LT(gain.refresh, 1e-3);
       }
 }
 
@@ -80,6 +85,17 @@ TEST(Energy, LoopsNeverGain) {
   options.springs = 1;
   ExpectNoGrowth(options, BaseKind::kFixed);
   ExpectNoGrowth(options, BaseKind::kFloating);
+}
+
+// A refresh closes loops that were open by up to 0.2 mm, and springs take or give what that moves
+// them: 3.4e-4 of the energy in the worst of 144 runs. All other steps are those of a potential, as with
+// loops that are closed.
+TEST(Energy, CurvedLoopsGainInRefreshesAlone) {
+  RandomMechanismOptions options;
+  options.rigid_closures = 1;
+  options.springs = 1;
+  ExpectNoGrowth(options, BaseKind::kFixed, Recovery::kCurved);
+  ExpectNoGrowth(options, BaseKind::kFloating, Recovery::kCurved);
 }
 
 TEST(Energy, SlackSpringsNeverGain) {

@@ -83,8 +83,9 @@ TEST(LiveSimulation, ABuiltAnewModelStandsWhereTheOldOneStood) {
   LiveSimulation live = Live("firemen.xml");
   for (int i = 0; i < 30; ++i) live.Advance(kNoLimit);
   const int bodies = static_cast<int>(live.simulation().bodies().size());
-  for (const Command& change : {Set("modes", 8), Set("detail", 2), Set("stiffness", 2, 0), Set("damping", 3),
-                                Set("friction", 0.5), Set("dt", 0.005), Set("recovery", 1)}) {
+  for (const Command& change :
+       {Set("modes", 8), Set("detail", 2), Set("stiffness", 2, 0), Set("damping", 3), Set("friction", 0.5),
+        Set("dt", 0.005), Set("recovery", 2), Set("recovery", 1)}) {
     std::vector<Vector3> before;
     for (int b = 0; b < bodies; ++b) before.push_back(live.simulation().Pose(b).translation());
     const auto refusal = live.Handle(change);

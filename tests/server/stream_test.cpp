@@ -64,10 +64,11 @@ TEST_P(Streams, AreWritten) {
 INSTANTIATE_TEST_SUITE_P(
     Scenes, Streams,
     ::testing::Values(Case{"hand_exact", "hand.xml", Recovery::kExact, "open", "index_tip"},
-                    Case{"hand_twist", "hand.xml", Recovery::kTwist, "open", "index_tip"},
-                    Case{"hexapod_exact", "hexapod.xml", Recovery::kExact, "", "trunk"},
-                    Case{"firemen_exact", "firemen.xml", Recovery::kExact, "", "bunny"},
-                    Case{"firemen_twist", "firemen.xml", Recovery::kTwist, "", "bunny"}),
+                      Case{"hand_twist", "hand.xml", Recovery::kTwist, "open", "index_tip"},
+                      Case{"hexapod_exact", "hexapod.xml", Recovery::kExact, "", "trunk"},
+                      Case{"firemen_exact", "firemen.xml", Recovery::kExact, "", "bunny"},
+                      Case{"firemen_curved", "firemen.xml", Recovery::kCurved, "", "bunny"},
+                      Case{"firemen_twist", "firemen.xml", Recovery::kTwist, "", "bunny"}),
     [](const auto& at) { return std::string(at.param.name); });
 
 }  // namespace

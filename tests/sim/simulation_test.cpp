@@ -225,5 +225,23 @@ TEST(Simulation, StartsAtAKeyframe) {
   EXPECT_NE(MustCreate(other, options).HashState(), s.HashState());
 }
 
+// All at once they are what each is by itself, whatever recovers them.
+TEST(Simulation, PosesAreThoseOfTheBodies) {
+  for (const Recovery recovery : {Recovery::kExact, Recovery::kCurved, Recovery::kTwist}) {
+    SimulationOptions options;
+    options.recovery = recovery;
+    Simulation s = MustCreate(TestScene(), options);
+    for (int i = 0; i < 20; ++i) s.Step();
+    std::vector<RigidTransform> X_WB;
+    s.Poses(X_WB);
+    ASSERT_EQ(X_WB.size(), s.bodies().size());
+    for (std::size_t b = 0; b < X_WB.size(); ++b) {
+      const RigidTransform own = s.Pose(static_cast<int>(b));
+      EXPECT_EQ(own.translation(), X_WB[b].translation()) << Name(recovery) << ' ' << b;
+      EXPECT_EQ(own.rotation(), X_WB[b].rotation()) << Name(recovery) << ' ' << b;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace fork1s

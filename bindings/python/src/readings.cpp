@@ -26,9 +26,11 @@ ContactRow Row(int a, int b, const Vector3& point, const Vector3& normal, const 
 }  // namespace
 
 Array Poses(const Simulation& simulation) {
-  const std::size_t count = simulation.bodies().size();
+  std::vector<RigidTransform> X_WB;
+  simulation.Poses(X_WB);
+  const std::size_t count = X_WB.size();
   std::vector<double> rows(7 * count);
-  for (std::size_t i = 0; i < count; ++i) WritePose(simulation.Pose(static_cast<int>(i)), &rows[7 * i]);
+  for (std::size_t i = 0; i < count; ++i) WritePose(X_WB[i], &rows[7 * i]);
   return Own(std::move(rows), {count, 7});
 }
 

@@ -11,10 +11,10 @@
 
 #include <algorithm>
 #include <fork1s/dynamics/mechanism_state.hpp>
-#include <fork1s/dynamics/recovery.hpp>
 #include <fork1s/dynamics/theta_scheme.hpp>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/row_squares.hpp>
+#include <fork1s/recovery/recovery.hpp>
 #include <fork1s/reduction/reduced_jacobian.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <vector>
@@ -174,6 +174,8 @@ class MechanismDynamics {
   }
   /// Pose of a body in the world at the present state.
   RigidTransform BodyPose(BodyIndex b) const;
+  /// Of all bodies in the frame of its root, side by side where they are many.
+  void BodyPoses(std::vector<RigidTransform>& X_RB) const;
   /// Twist of a body in world axes about its own origin.
   Vector6 BodyVelocity(BodyIndex b) const;
 

@@ -5,9 +5,9 @@
 #include <fork1s/contact/contact_solver.hpp>
 #include <fork1s/contact/material.hpp>
 #include <fork1s/dynamics/free_body.hpp>
-#include <fork1s/dynamics/recovery.hpp>
 #include <fork1s/dynamics/world_state.hpp>
 #include <fork1s/mechanism/scene.hpp>
+#include <fork1s/recovery/recovery.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <memory>
 #include <string>

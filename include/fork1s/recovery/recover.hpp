@@ -15,6 +15,9 @@ namespace fork1s {
 void RecoverPosesExact(const ReducedModel& model, const ReducedState& state, Configuration& scratch,
                        std::vector<RigidTransform>& X_RB);
 
+/// Pose of one body in the root frame by its twist.
+RigidTransform RecoverPoseTwist(const ReducedModel& model, const ReducedState& state, BodyIndex body);
+
 /// Poses of all bodies in the root frame by one twist each, in parallel for large mechanisms. Its error grows
 /// with the square of the deflection from q_ref: see MeasureJointGaps.
 void RecoverPosesTwist(const ReducedModel& model, const ReducedState& state,

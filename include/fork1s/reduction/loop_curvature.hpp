@@ -24,8 +24,8 @@ class LoopCurvature {
  private:
   struct Group {
     int row = 0, rows = 0, column = 0, columns = 0;
-    std::vector<Quad>
-        N;  // row by row of W, four of its columns at a time: what each column of z adds to them
+    // Row by row of W, four of its columns at a time: what each column of z adds to them.
+    std::vector<double> N;
   };
   std::vector<Group> groups_;
 };

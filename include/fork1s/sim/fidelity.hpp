@@ -4,8 +4,8 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/dynamics/recovery.hpp>
 #include <fork1s/mechanism/scene.hpp>
+#include <fork1s/recovery/recovery.hpp>
 #include <limits>
 #include <string>
 #include <vector>

@@ -101,6 +101,8 @@ class Simulation {
   int FindBody(const std::string& name) const;  // -1: none
   RigidTransform Pose(int body) const;
   RigidTransform Pose(const std::string& body) const;
+  /// Of all bodies at once, in the order of bodies().
+  void Poses(std::vector<RigidTransform>& X_WB) const;
   /// Twist of a body [ω_W; velocity of its origin], world axes.
   Vector6 Velocity(int body) const;
   /// Force [N], moment [N·m] about `point_W` and point in world axes, for the next step only.

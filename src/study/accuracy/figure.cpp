@@ -170,7 +170,7 @@ std::string DrawFigure(const Figure& figure) {
   for (const FigurePanel& panel : figure.panels)
     for (const FigureSeries& s : panel.series)
       for (const auto& [x, y] : s.points) hollow = hollow || y < floor;
-  if (hollow) svg += Text(at, 56.5, "start", "hollow: below the axis", " fill=\"#4a5160\"");
+  if (hollow) svg += Text(at, 56.5, "start", "hollow: below", " fill=\"#4a5160\"");
   svg += fmt::format(
       "<text transform=\"translate(18 {:.0f}) rotate(-90)\" text-anchor=\"middle\" "
       "fill=\"#4a5160\">{}</text>\n",
