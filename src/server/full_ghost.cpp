@@ -46,10 +46,11 @@ class Twin {
   }
 
   void Measure(const std::vector<Vector3>& p_WB, GhostView& view) const {
-    simulation_.Poses(view.X_WB);
+    view.X_WB.clear();
     view.distance = 0;
     for (std::size_t b = 0; b < p_WB.size(); ++b) {
-      const double distance = (view.X_WB[b].translation() - p_WB[b]).norm();
+      view.X_WB.push_back(simulation_.Pose(static_cast<int>(b)));
+      const double distance = (view.X_WB.back().translation() - p_WB[b]).norm();
       if (distance < view.distance) continue;
       view.distance = distance;
       view.body = static_cast<int>(b);
