@@ -53,7 +53,7 @@ int Main(int argc, char** argv) {
   if (!rows) return Report(rows.error());
   std::string csv = fork1s::DetailCsv("grasp_sphere", *rows);
   std::vector<std::pair<std::string, std::vector<fork1s::DetailRow>>> scenes;
-  for (const char* name : {"firemen", "vehicle", "excavator", "hammer", "peg_in_hole", "fourbar_gripper"}) {
+  for (const char* name : {"firemen", "vehicle", "excavator", "hammer", "peg_in_hole"}) {
     auto measured = fork1s::MeasureDetail(source + "/scenes", name, 0, 2,
                                           {{DetailLevel::kInterface, -1, Recovery::kExact},
                                            {DetailLevel::kInterface, -1, Recovery::kCurved},
