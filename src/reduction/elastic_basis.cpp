@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/linalg/elimination.hpp>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/select.hpp>
@@ -90,23 +91,11 @@ NullSpace Closed(const Mechanism& mechanism, const Kinematics& kinematics, const
   return ComputeNullSpace(ClosureRowsInOneUnit(mechanism, kinematics, q, unit));
 }
 
-// Appends columns that live on the coordinates `of`.
-void Append(const MatrixX& columns, const std::vector<int>& of, MatrixX& to) {
-  MatrixX both(to.rows(), to.cols() + columns.cols());
-  both.leftCols(to.cols()) = to;
-  for (Eigen::Index k = 0; k < columns.cols(); ++k)
-    both.col(to.cols() + k) = Spread(columns.col(k), of, static_cast<int>(to.rows()));
-  to.swap(both);
-}
-
-// Rows of A that have anything in the columns `of`.
-std::vector<int> RowsOn(const MatrixX& A, const std::vector<int>& of) {
-  std::vector<int> rows;
-  for (Eigen::Index i = 0; i < A.rows(); ++i)
-    if (std::any_of(of.begin(), of.end(), [&](int k) { return A(i, k) != 0; }))
-      rows.push_back(static_cast<int>(i));
-  return rows;
-}
+// Columns that live on the coordinates `of`.
+struct Piece {
+  std::vector<int> of;
+  MatrixX Z, N, V, elastic_x;
+};
 
 void AddDiagonalPart(const Mechanism& mechanism, const std::vector<int>& group, ElasticBasis& basis) {
   ElasticBasis::Part part{basis.num_free(), 0, basis.num_elastic(), 0};
@@ -116,61 +105,179 @@ void AddDiagonalPart(const Mechanism& mechanism, const std::vector<int>& group, 
   basis.parts.push_back(part);
 }
 
-// `A` and `springs`: rows of all loops and springs in one unit.
-void AddDensePart(const Mechanism& mechanism, const std::vector<int>& group, const MatrixX& A,
-                  const SpringRows& springs, ElasticBasis& basis) {
+// Rows of loops or springs in one unit, and which of them each coordinate hears.
+struct RowsInOneUnit {
+  MatrixX rows;
+  VectorX weight;          // of springs
+  std::vector<int> joint;  // of springs: a row that is 1 at one coordinate, else -1
+
+  // Those that have anything in the columns `of`.
+  std::vector<int> On(const std::vector<int>& of) const {
+    std::vector<int> on;
+    for (Eigen::Index i = 0; i < rows.rows(); ++i)
+      if (std::any_of(of.begin(), of.end(), [&](int k) { return rows(i, k) != 0; }))
+        on.push_back(static_cast<int>(i));
+    return on;
+  }
+};
+
+// A coordinate that no loop and no spring but its own hears.
+Piece PieceAlone(const Mechanism& mechanism, int i, double scale) {
+  const MatrixX one = MatrixX::Ones(1, 1), none(1, 0);
+  const double k = mechanism.stiffness()(i);
+  if (k > 0) return {{i}, scale * one, none, one / std::sqrt(k), one};
+  return {{i}, scale * one, scale * one, none, none};
+}
+
+Piece CarefulPiece(const Mechanism& mechanism, const std::vector<int>& group, const std::vector<int>& closing,
+                   const std::vector<int>& held_by, const RowsInOneUnit& loops, const RowsInOneUnit& springs,
+                   ElasticBasis& basis) {
   const int n = mechanism.num_coordinates();
   const auto size = static_cast<Eigen::Index>(group.size());
-  ElasticBasis::Part part{basis.num_free(), 0, basis.num_elastic(), 0};
   MatrixX Z_x = MatrixX::Identity(size, size);
-  if (const std::vector<int> rows = RowsOn(A, group); !rows.empty()) {
-    NullSpace closed = ComputeNullSpace(RowsAndColumns(A, rows, group));
+  if (!closing.empty()) {
+    NullSpace closed = ComputeNullSpace(RowsAndColumns(loops.rows, closing, group));
     if (closed.doubtful.size() > 0)
       basis.doubts.push_back(Doubt(mechanism, "loops hold", closed.rank.kept, closed.rank.dropped,
                                    Spread(closed.doubtful, group, n)));
     for (const int i : closed.independent_rows)
-      basis.independent_rows.push_back(rows[static_cast<std::size_t>(i)]);
+      basis.independent_rows.push_back(closing[static_cast<std::size_t>(i)]);
     Z_x = std::move(closed.unseen);
   }
   const VectorX scale = Entries(basis.scale, group);
-  Append(ScaledRows(scale, Z_x), group, basis.Z);
-  const std::vector<int> rows = RowsOn(springs.rows, group);
-  const MatrixX stretch = Times(RowsAndColumns(springs.rows, rows, group), Z_x);
+  const MatrixX stretch = Times(RowsAndColumns(springs.rows, held_by, group), Z_x);
   const NullSpace held = ComputeNullSpace(stretch);
   if (held.doubtful.size() > 0)
     basis.doubts.push_back(Doubt(mechanism, "springs hold", held.rank.kept, held.rank.dropped,
                                  Spread(Times(Z_x, held.doubtful).col(0), group, n)));
-  Append(ScaledRows(scale, Times(Z_x, held.unseen)), group, basis.N);
-  Append(Times(Z_x, held.seen), group, basis.elastic_x);
-  const VectorX weight = Entries(springs.weight, rows);
-  const MatrixX weighted = ScaledRows(weight, Times(stretch, held.seen));
-  Append(ScaledRows(scale, Times(Z_x, Times(held.seen, OrthonormalisingFactor(weighted)))), group, basis.V);
-  part.num_free = basis.num_free() - part.free;
-  part.num_elastic = basis.num_elastic() - part.elastic;
-  basis.parts.push_back(part);
+  Piece piece{
+      group, ScaledRows(scale, Z_x), ScaledRows(scale, Times(Z_x, held.unseen)), {}, Times(Z_x, held.seen)};
+  const MatrixX weighted = ScaledRows(Entries(springs.weight, held_by), Times(stretch, held.seen));
+  piece.V = ScaledRows(scale, Times(piece.elastic_x, OrthonormalisingFactor(weighted)));
+  return piece;
+}
+
+// diag(weight) rows X for x on the coordinates `group`.
+MatrixX WeightedStretch(const RowsInOneUnit& springs, const std::vector<int>& held_by,
+                        const std::vector<int>& group, const MatrixX& X) {
+  MatrixX out(static_cast<Eigen::Index>(held_by.size()), X.cols());
+  for (std::size_t s = 0; s < held_by.size(); ++s) {
+    const auto row = static_cast<Eigen::Index>(s);
+    const auto spring = static_cast<std::size_t>(held_by[s]);
+    const double weight = springs.weight(held_by[s]);
+    if (springs.joint[spring] >= 0) {
+      const auto at = std::lower_bound(group.begin(), group.end(), springs.joint[spring]) - group.begin();
+      out.row(row) = weight * X.row(at);
+    } else {
+      out.row(row).setZero();
+      for (std::size_t i = 0; i < group.size(); ++i)
+        if (const double arm = springs.rows(held_by[s], group[i]); arm != 0)
+          out.row(row) += weight * arm * X.row(static_cast<Eigen::Index>(i));
+    }
+  }
+  return out;
+}
+
+// Where loops are clearly independent and springs clearly hold whatever they leave: V of the eliminated
+// solutions of the loops, made orthonormal in the springs. False where one of them is not clear.
+bool QuickPiece(const std::vector<int>& group, const std::vector<int>& closing,
+                const std::vector<int>& held_by, const RowsInOneUnit& loops, const RowsInOneUnit& springs,
+                const VectorX& scale, Piece& piece) {
+  MatrixX V_x;
+  if (!EliminatedNullSpace(RowsAndColumns(loops.rows, closing, group), V_x)) return false;
+  if (static_cast<Eigen::Index>(held_by.size()) < V_x.cols()) return false;
+  constexpr double kNear = 1e-3;  // of 1 after the first pass, or the second does not reach rounding
+  if (!std::isfinite(DivideByRoot(WeightedStretch(springs, held_by, group, V_x), V_x))) return false;
+  if (!(DivideByRoot(WeightedStretch(springs, held_by, group, V_x), V_x) < kNear)) return false;
+  // With W = diag(weight) and |W rows V_x y| = |y|, every closed x = V_x y stretches springs by
+  //     |rows x| >= |y| / max W >= |x| / (max W |V_x|):
+  // the singular values that ranks are decided on are larger than that.
+  constexpr double kClear = 1e4;
+  double weight = 0;
+  for (const int s : held_by) weight = std::max(weight, springs.weight(s));
+  if (!(weight * V_x.norm() < kClear)) return false;
+  piece = {group, {}, MatrixX(V_x.rows(), 0), ScaledRows(Entries(scale, group), V_x), std::move(V_x)};
+  piece.elastic_x.colwise().normalize();
+  return true;
+}
+
+Piece PieceOf(const Mechanism& mechanism, const std::vector<int>& group, const RowsInOneUnit& loops,
+              const RowsInOneUnit& springs, BasisBy by, ElasticBasis& basis) {
+  const std::vector<int> closing = loops.On(group), held_by = springs.On(group);
+  const bool alone =
+      group.size() == 1 && closing.empty() &&
+      (held_by.empty() || (held_by.size() == 1 && springs.joint[static_cast<std::size_t>(held_by[0])] >= 0));
+  if (alone) return PieceAlone(mechanism, group[0], basis.scale(group[0]));
+  Piece piece;
+  if (by == BasisBy::kQuick && QuickPiece(group, closing, held_by, loops, springs, basis.scale, piece)) {
+    basis.independent_rows.insert(basis.independent_rows.end(), closing.begin(), closing.end());
+    return piece;
+  }
+  return CarefulPiece(mechanism, group, closing, held_by, loops, springs, basis);
+}
+
+// The columns of all pieces beside each other.
+MatrixX Gather(const std::vector<Piece>& pieces, MatrixX Piece::*columns, int n) {
+  Eigen::Index count = 0;
+  for (const Piece& piece : pieces) count += (piece.*columns).cols();
+  MatrixX out = MatrixX::Zero(n, count);
+  Eigen::Index next = 0;
+  for (const Piece& piece : pieces)
+    for (Eigen::Index k = 0; k < (piece.*columns).cols(); ++k, ++next)
+      for (std::size_t i = 0; i < piece.of.size(); ++i)
+        out(piece.of[i], next) = (piece.*columns)(static_cast<Eigen::Index>(i), k);
+  return out;
+}
+
+void FillDense(const Mechanism& mechanism, const RowsInOneUnit& loops, const RowsInOneUnit& springs,
+               BasisBy by, ElasticBasis& basis) {
+  const int n = mechanism.num_coordinates();
+  const std::vector<std::vector<int>> fine = StaticGroups(mechanism);
+  std::vector<std::size_t> group_of(static_cast<std::size_t>(n));
+  for (std::size_t g = 0; g < fine.size(); ++g)
+    for (const int i : fine[g]) group_of[static_cast<std::size_t>(i)] = g;
+  std::vector<Piece> pieces;
+  int free = 0, elastic = 0;
+  for (const std::vector<int>& group : CoordinateGroups(mechanism)) {
+    ElasticBasis::Part part{free, 0, elastic, 0};
+    for (const int i : group) {
+      const std::vector<int>& own = fine[group_of[static_cast<std::size_t>(i)]];
+      if (own.front() != i) continue;
+      pieces.push_back(PieceOf(mechanism, own, loops, springs, by, basis));
+      part.num_free += static_cast<int>(pieces.back().N.cols());
+      part.num_elastic += static_cast<int>(pieces.back().V.cols());
+    }
+    free += part.num_free;
+    elastic += part.num_elastic;
+    basis.parts.push_back(part);
+  }
+  if (by == BasisBy::kCareful) basis.Z = Gather(pieces, &Piece::Z, n);
+  basis.N = Gather(pieces, &Piece::N, n);
+  basis.V = Gather(pieces, &Piece::V, n);
+  basis.elastic_x = Gather(pieces, &Piece::elastic_x, n);
+  std::sort(basis.independent_rows.begin(), basis.independent_rows.end());
 }
 
 }  // namespace
 
-ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
-  const int n = mechanism.num_coordinates();
+ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                                 BasisBy by) {
   ElasticBasis basis;
   const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
   basis.scale = unit.coordinate;
   basis.diagonal = mechanism.is_tree() && mechanism.has_diagonal_stiffness();
-  const std::vector<std::vector<int>> groups = CoordinateGroups(mechanism);
   if (basis.diagonal) {
-    for (const std::vector<int>& group : groups) AddDiagonalPart(mechanism, group, basis);
+    for (const std::vector<int>& group : CoordinateGroups(mechanism))
+      AddDiagonalPart(mechanism, group, basis);
     basis.inverse_root.resize(basis.num_elastic());
     for (int i = 0; i < basis.num_elastic(); ++i)
       basis.inverse_root(i) = 1 / std::sqrt(mechanism.stiffness()(basis.sprung[static_cast<std::size_t>(i)]));
     return basis;
   }
-  for (MatrixX* columns : {&basis.Z, &basis.N, &basis.V, &basis.elastic_x}) columns->resize(n, 0);
-  const MatrixX A = ClosureRowsInOneUnit(mechanism, kinematics, q, unit);
-  const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics, q, unit);
-  for (const std::vector<int>& group : groups) AddDensePart(mechanism, group, A, springs, basis);
-  std::sort(basis.independent_rows.begin(), basis.independent_rows.end());
+  const RowsInOneUnit loops{ClosureRowsInOneUnit(mechanism, kinematics, q, unit), {}, {}};
+  SpringRows rows = SpringRowsInOneUnit(mechanism, kinematics, q, unit);
+  FillDense(mechanism, loops, {std::move(rows.rows), std::move(rows.weight), std::move(rows.joint)}, by,
+            basis);
   return basis;
 }
 

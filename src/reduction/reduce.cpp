@@ -12,6 +12,7 @@
 
 #include "branch_order.hpp"
 #include "elastic_basis.hpp"
+#include "inertia_along.hpp"
 #include "mode_choice.hpp"
 #include "modes.hpp"
 #include "printed_axis.hpp"
@@ -154,49 +155,19 @@ MatrixX FeltDirections(const MatrixX& J_V, const internal::ElasticBasis& basis, 
   return Y;
 }
 
-// From the first column that is not zero to the last.
-struct Reach {
-  Eigen::Index first = 0, count = 0;
-
-  explicit Reach(const Eigen::Ref<const MatrixX>& columns) {
-    Eigen::Index end = columns.cols();
-    while (first < end && columns.col(first).isZero(0)) ++first;
-    while (end > first && columns.col(end - 1).isZero(0)) --end;
-    count = end - first;
-  }
-};
-
-// What a finger's bodies weigh only meets the coordinates of that finger: columns are sorted by part.
 void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
   const Mechanism& mechanism = *model.mechanism;
-  const int r = model.size();
-  const int b = mechanism.num_bodies();
-  model.T.setZero(6, static_cast<Eigen::Index>(b) * r);
-  model.M = DiagonalCongruence(mechanism.armature(), model.Q);
-  model.M_0z.setZero(6, r);
-  model.M_00.setZero();
-  std::size_t j = 0;
-  const auto& joints = mechanism.joints();
-  for (int i = 0; i < b; ++i) {
-    const Mechanism::Body& body = mechanism.bodies()[static_cast<std::size_t>(i)];
-    auto T = model.T.middleCols(static_cast<Eigen::Index>(i) * r, r);
-    if (body.parent.valid()) T = model.T.middleCols(static_cast<Eigen::Index>(body.parent.value()) * r, r);
-    for (; j < joints.size() && joints[j].body.value() == i; ++j) {
-      const auto Q = model.Q.middleRows(joints[j].offset, joints[j].size);
-      const Reach own(Q);
-      T.middleCols(own.first, own.count) += Times(kinematics.S.middleCols(joints[j].offset, joints[j].size),
-                                                  Q.middleCols(own.first, own.count));
-    }
-    const Matrix6 I = Transform(kinematics.X_RB[static_cast<std::size_t>(i)], body.inertia_B).Matrix();
-    model.M_00 += I;
-    if (body.last_joint < 0) continue;
-    const Reach felt(T);
-    const auto T_felt = T.middleCols(felt.first, felt.count);
-    const Matrix6X IT = Times(I, T_felt);
-    model.M_0z.middleCols(felt.first, felt.count) += IT;
-    model.M.block(felt.first, felt.first, felt.count, felt.count) += TransposedTimes(T_felt, IT);
-  }
-  model.M = 0.5 * (model.M + model.M.transpose()).eval();
+  internal::InertiaAlong inertia = internal::ComputeInertiaAlong(mechanism, kinematics, model.Q);
+  const Eigen::Index r = model.size();
+  model.T.setZero(6, mechanism.num_bodies() * r);
+  for (int b = 0; b < mechanism.num_bodies(); ++b)
+    if (const int last = mechanism.body(BodyIndex(b)).last_joint; last >= 0)
+      model.T.middleCols(b * r, r) =
+          Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::RowMajor>>(inertia.T_of(last), 6,
+                                                                                      r);
+  model.M = std::move(inertia.M);
+  model.M_0z = std::move(inertia.M_0z);
+  model.M_00 = inertia.M_00;
 }
 
 // Q = [N, V Y_r, V Φ] and its stiffness.
@@ -239,7 +210,11 @@ void SortByPart(ReducedModel& model, const internal::ElasticBasis& basis, const 
 void FillOperators(ReducedModel& model, const Kinematics& kinematics) {
   const Mechanism& mechanism = *model.mechanism;
   FillInertia(model, kinematics);
-  model.D = mechanism.springs().empty() && mechanism.closures().empty()
+  const auto damps = [](const ClosureDef& c) {
+    return !c.rigid.select(Vector6::Zero(), c.damping).isZero(0);
+  };
+  const auto& closures = mechanism.closures();
+  model.D = mechanism.springs().empty() && std::none_of(closures.begin(), closures.end(), damps)
                 ? DiagonalCongruence(mechanism.damping(), model.Q)
                 : Congruence(DampingMatrix(mechanism, kinematics, model.q_ref), model.Q);
 }
@@ -303,7 +278,8 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
   model.S_ref = kinematics.S;
   model.X_RB_ref = kinematics.X_RB;
 
-  const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q_ref);
+  const internal::ElasticBasis basis =
+      internal::ComputeElasticBasis(mechanism, kinematics, q_ref, internal::BasisBy::kQuick);
   model.loop_rows = basis.independent_rows;
   model.doubts = basis.doubts;
 
@@ -362,7 +338,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
             basis.inverse_root(i) * basis.inverse_root(i);
     } else {
       const MatrixX Q_e = Columns(model.Q, model.SprungColumns());
-      model.C_perp = TimesTransposed(basis.V, basis.V) - TimesTransposed(Q_e, Q_e);
+      model.C_perp = DifferenceOfSquares(basis.V, Q_e);
     }
   }
   for (BodyIndex b : model.promoted)
