@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/reduction/reduce_again.hpp>
 
 namespace fork1s {
 
@@ -16,8 +17,9 @@ bool CloseByChords(const ReducedModel& model, const Configuration& at, VectorX& 
   const Mechanism& m = *model.mechanism;
   const bool all_rows = model.loop_rank() == m.num_constraints();
   VectorX c, d(model.loop_rank()), before;
+  q = at.q;
+  kinematics = at.kinematics;
   for (int chords = 0;; ++chords) {
-    ComputeKinematics(m, q, kinematics);
     if (ClosureGap(m, kinematics, q) < 1e-13 * m.length_scale()) return true;
     if (chords == 3) return false;
     ClosureResidual(m, kinematics, q, c);
@@ -27,7 +29,8 @@ bool CloseByChords(const ReducedModel& model, const Configuration& at, VectorX& 
     model.loops.SubtractTransposed(model.B, d, q);
     const double step = (q - before).cwiseAbs().maxCoeff();
     if (!std::isfinite(step)) return false;
-    if (all_rows && step < 1e-15) return ComputeKinematics(m, q, kinematics), true;
+    ComputeKinematics(m, q, kinematics);
+    if (all_rows && step < 1e-15) return true;
   }
 }
 
@@ -86,7 +89,7 @@ bool MechanismDynamics::Refresh() {
   }
   if (rewritten) ComputeKinematics(m, q, kinematics);
 
-  auto reduced = Reduce(model().mechanism, q, options_.reduction);
+  auto reduced = ReduceAgain(model(), q, kinematics, options_.reduction);
   if (!reduced) return false;
 
   MechanismState before;

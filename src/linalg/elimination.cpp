@@ -4,7 +4,6 @@
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
 #include <limits>
-#include <numeric>
 #include <vector>
 
 namespace fork1s {
@@ -15,45 +14,53 @@ namespace {
 // them by what they see of each other; with a thousand above the threshold of ranks (rank.hpp) nothing is in
 // doubt.
 constexpr double kClearPivot = 1e-3;
+// Least share of the largest entry of a row that its pivot may have.
+constexpr double kPivotShare = 0.3;
 // Largest entry of Z: digits that closing loses.
 constexpr double kLargestShare = 1e3;
 
 }  // namespace
 
-bool EliminatedNullSpace(MatrixX A, MatrixX& Z) {
+bool EliminatedNullSpace(const MatrixX& A, MatrixX& Z) {
   const Eigen::Index m = A.rows(), n = A.cols();
   if (m >= n) return false;
-  std::vector<Eigen::Index> order(static_cast<std::size_t>(n));  // columns: m pivots, then the others
-  std::iota(order.begin(), order.end(), Eigen::Index{0});
-  const auto column = [&](Eigen::Index k) { return A.data() + order[static_cast<std::size_t>(k)] * m; };
+  RowMatrixX U = A;
+  std::vector<int> rows_of(static_cast<std::size_t>(n), 0), pivot_of(static_cast<std::size_t>(n), -1);
+  for (Eigen::Index j = 0; j < n; ++j)
+    rows_of[static_cast<std::size_t>(j)] = static_cast<int>((A.col(j).array() != 0).count());
+  std::vector<Eigen::Index> pivots(static_cast<std::size_t>(m));
   for (Eigen::Index k = 0; k < m; ++k) {
-    Eigen::Index best = k;
-    for (Eigen::Index j = k + 1; j < n; ++j)
-      if (std::abs(column(j)[k]) > std::abs(column(best)[k])) best = j;
-    std::swap(order[static_cast<std::size_t>(k)], order[static_cast<std::size_t>(best)]);
-    double* __restrict pivot = column(k);
-    if (!(std::abs(pivot[k]) > kClearPivot)) return false;
-    const double inverse = 1 / pivot[k];
-    for (Eigen::Index i = k + 1; i < m; ++i) pivot[i] *= inverse;
-    for (Eigen::Index j = k + 1; j < n; ++j) {
-      double* __restrict other = column(j);
-      const double factor = other[k];
-      if (factor == 0) continue;  // a loop hears few coordinates
-      for (Eigen::Index i = k + 1; i < m; ++i) other[i] -= factor * pivot[i];
+    double* __restrict row = U.data() + k * n;
+    double largest = 0;
+    for (Eigen::Index j = 0; j < n; ++j) largest = std::max(largest, std::abs(row[j]));
+    if (!(largest > kClearPivot)) return false;
+    // Of the large ones that which fewest rows hear: a joint of one loop before one that loops share.
+    Eigen::Index best = -1;
+    for (Eigen::Index j = 0; j < n; ++j) {
+      if (std::abs(row[j]) < kPivotShare * largest) continue;
+      const int fewer =
+          best < 0 ? 1 : rows_of[static_cast<std::size_t>(best)] - rows_of[static_cast<std::size_t>(j)];
+      if (fewer > 0 || (fewer == 0 && std::abs(row[j]) > std::abs(row[best]))) best = j;
+    }
+    pivots[static_cast<std::size_t>(k)] = best;
+    pivot_of[static_cast<std::size_t>(best)] = static_cast<int>(k);
+    const double inverse = 1 / row[best];
+    for (Eigen::Index j = 0; j < n; ++j) row[j] *= inverse;
+    row[best] = 1;
+    for (Eigen::Index i = 0; i < m; ++i) {
+      double* __restrict other = U.data() + i * n;
+      const double factor = other[best];
+      if (i == k || factor == 0) continue;
+      for (Eigen::Index j = 0; j < n; ++j) other[j] -= factor * row[j];
+      other[best] = 0;
     }
   }
+  if (m > 0 && !(U.cwiseAbs().maxCoeff() < kLargestShare)) return false;
   Z.setZero(n, n - m);
-  for (Eigen::Index j = m; j < n; ++j) {
-    double* __restrict other = column(j);
-    for (Eigen::Index k = m - 1; k >= 0; --k) {
-      const double* __restrict pivot = column(k);
-      if (other[k] == 0) continue;
-      const double value = other[k] /= pivot[k];
-      if (!(std::abs(value) < kLargestShare)) return false;
-      for (Eigen::Index i = 0; i < k; ++i) other[i] -= value * pivot[i];
-      Z(order[static_cast<std::size_t>(k)], j - m) = -value;
-    }
-    Z(order[static_cast<std::size_t>(j)], j - m) = 1;
+  for (Eigen::Index j = 0, next = 0; j < n; ++j) {
+    if (pivot_of[static_cast<std::size_t>(j)] >= 0) continue;
+    for (Eigen::Index k = 0; k < m; ++k) Z(pivots[static_cast<std::size_t>(k)], next) = -U(k, j);
+    Z(j, next++) = 1;
   }
   return true;
 }

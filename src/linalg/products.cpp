@@ -9,17 +9,15 @@ MatrixX ScaledRows(const VectorView& d, const MatrixView& A) { return d.asDiagon
 MatrixX ScaledColumns(const MatrixView& A, const VectorView& d) { return A * d.asDiagonal(); }
 MatrixX Congruence(const MatrixView& M, const MatrixView& A) { return Times(TransposedTimes(A, M), A); }
 MatrixX DifferenceOfSquares(const MatrixView& A, const MatrixView& B) {
-  const Eigen::Index n = A.rows();
+  const Eigen::Index n = A.rows(), half = n / 2;
+  MatrixX left(n, A.cols() + B.cols()), right(n, left.cols());
+  left << A, B;
+  right << A, -B;
   MatrixX out(n, n);
-  VectorX row;
-  for (Eigen::Index j = 0; j < n; ++j) {
-    auto rest = out.col(j).tail(n - j);
-    row = A.row(j);
-    rest.noalias() = A.bottomRows(n - j) * row;
-    row = B.row(j);
-    rest.noalias() -= B.bottomRows(n - j) * row;
-    out.row(j).tail(n - j) = rest.transpose();
-  }
+  out.leftCols(half) = TimesTransposed(left, right.topRows(half));
+  out.bottomRightCorner(n - half, n - half) =
+      TimesTransposed(left.bottomRows(n - half), right.bottomRows(n - half));
+  out.topRightCorner(half, n - half) = out.bottomLeftCorner(n - half, half).transpose();
   return out;
 }
 MatrixX DiagonalCongruence(const VectorView& d, const MatrixView& A) {

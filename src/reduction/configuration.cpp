@@ -39,7 +39,7 @@ std::vector<ReducedModel::Run> RunsOf(const ReducedModel& model) {
 void FillDerived(ReducedModel& model) {
   const Mechanism& mechanism = *model.mechanism;
   model.Q_rows = model.Q;
-  model.loops = LoopRows(mechanism, model.loop_rows);
+  if (model.loops.size() != model.loop_rank()) model.loops = LoopRows(mechanism, model.loop_rows);
   model.runs = RunsOf(model);
   model.B.resize(model.loops.num_values());
   if (model.loop_rank() == 0) return;

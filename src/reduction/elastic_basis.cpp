@@ -105,29 +105,24 @@ void AddDiagonalPart(const Mechanism& mechanism, const std::vector<int>& group, 
   basis.parts.push_back(part);
 }
 
-// Rows of loops or springs in one unit, and which of them each coordinate hears.
+// Rows of loops or springs in one unit.
 struct RowsInOneUnit {
   MatrixX rows;
   VectorX weight;          // of springs
   std::vector<int> joint;  // of springs: a row that is 1 at one coordinate, else -1
 
-  // Those that have anything in the columns `of`.
-  std::vector<int> On(const std::vector<int>& of) const {
-    std::vector<int> on;
-    for (Eigen::Index i = 0; i < rows.rows(); ++i)
-      if (std::any_of(of.begin(), of.end(), [&](int k) { return rows(i, k) != 0; }))
-        on.push_back(static_cast<int>(i));
-    return on;
+  // By group those that have anything on its coordinates: all that a row has is on one group.
+  std::vector<std::vector<int>> ByGroup(const std::vector<std::size_t>& group_of, std::size_t groups) const {
+    std::vector<std::vector<int>> out(groups);
+    std::vector<std::size_t> of_row(static_cast<std::size_t>(rows.rows()), groups);
+    for (Eigen::Index k = 0; k < rows.cols(); ++k)
+      for (Eigen::Index i = 0; i < rows.rows(); ++i)
+        if (rows(i, k) != 0) of_row[static_cast<std::size_t>(i)] = group_of[static_cast<std::size_t>(k)];
+    for (std::size_t i = 0; i < of_row.size(); ++i)
+      if (of_row[i] < groups) out[of_row[i]].push_back(static_cast<int>(i));
+    return out;
   }
 };
-
-// A coordinate that no loop and no spring but its own hears.
-Piece PieceAlone(const Mechanism& mechanism, int i, double scale) {
-  const MatrixX one = MatrixX::Ones(1, 1), none(1, 0);
-  const double k = mechanism.stiffness()(i);
-  if (k > 0) return {{i}, scale * one, none, one / std::sqrt(k), one};
-  return {{i}, scale * one, scale * one, none, none};
-}
 
 Piece CarefulPiece(const Mechanism& mechanism, const std::vector<int>& group, const std::vector<int>& closing,
                    const std::vector<int>& held_by, const RowsInOneUnit& loops, const RowsInOneUnit& springs,
@@ -201,33 +196,34 @@ bool QuickPiece(const std::vector<int>& group, const std::vector<int>& closing,
   return true;
 }
 
-Piece PieceOf(const Mechanism& mechanism, const std::vector<int>& group, const RowsInOneUnit& loops,
-              const RowsInOneUnit& springs, BasisBy by, ElasticBasis& basis) {
-  const std::vector<int> closing = loops.On(group), held_by = springs.On(group);
-  const bool alone =
-      group.size() == 1 && closing.empty() &&
-      (held_by.empty() || (held_by.size() == 1 && springs.joint[static_cast<std::size_t>(held_by[0])] >= 0));
-  if (alone) return PieceAlone(mechanism, group[0], basis.scale(group[0]));
-  Piece piece;
-  if (by == BasisBy::kQuick && QuickPiece(group, closing, held_by, loops, springs, basis.scale, piece)) {
-    basis.independent_rows.insert(basis.independent_rows.end(), closing.begin(), closing.end());
-    return piece;
+// Columns that live on few coordinates, beside each other.
+class Gathered {
+ public:
+  explicit Gathered(int n) : columns_(MatrixX::Zero(n, std::min(n, 64))) {}
+  void Add(const std::vector<int>& of, const MatrixX& X) {
+    Reserve(X.cols());
+    for (Eigen::Index k = 0; k < X.cols(); ++k, ++count_)
+      for (std::size_t i = 0; i < of.size(); ++i)
+        columns_(of[i], count_) = X(static_cast<Eigen::Index>(i), k);
   }
-  return CarefulPiece(mechanism, group, closing, held_by, loops, springs, basis);
-}
+  void AddUnit(int i, double value) {
+    Reserve(1);
+    columns_(i, count_++) = value;
+  }
+  int count() const { return static_cast<int>(count_); }
+  MatrixX Columns() const { return columns_.leftCols(count_); }
 
-// The columns of all pieces beside each other.
-MatrixX Gather(const std::vector<Piece>& pieces, MatrixX Piece::*columns, int n) {
-  Eigen::Index count = 0;
-  for (const Piece& piece : pieces) count += (piece.*columns).cols();
-  MatrixX out = MatrixX::Zero(n, count);
-  Eigen::Index next = 0;
-  for (const Piece& piece : pieces)
-    for (Eigen::Index k = 0; k < (piece.*columns).cols(); ++k, ++next)
-      for (std::size_t i = 0; i < piece.of.size(); ++i)
-        out(piece.of[i], next) = (piece.*columns)(static_cast<Eigen::Index>(i), k);
-  return out;
-}
+ private:
+  void Reserve(Eigen::Index more) {
+    const Eigen::Index had = columns_.cols();
+    if (count_ + more <= had) return;
+    columns_.conservativeResize(Eigen::NoChange, std::max(2 * had, count_ + more));
+    columns_.rightCols(columns_.cols() - had).setZero();
+  }
+
+  MatrixX columns_;
+  Eigen::Index count_ = 0;
+};
 
 void FillDense(const Mechanism& mechanism, const RowsInOneUnit& loops, const RowsInOneUnit& springs,
                BasisBy by, ElasticBasis& basis) {
@@ -236,25 +232,44 @@ void FillDense(const Mechanism& mechanism, const RowsInOneUnit& loops, const Row
   std::vector<std::size_t> group_of(static_cast<std::size_t>(n));
   for (std::size_t g = 0; g < fine.size(); ++g)
     for (const int i : fine[g]) group_of[static_cast<std::size_t>(i)] = g;
-  std::vector<Piece> pieces;
-  int free = 0, elastic = 0;
+  const auto closing = loops.ByGroup(group_of, fine.size()), held_by = springs.ByGroup(group_of, fine.size());
+  Gathered Z(by == BasisBy::kCareful ? n : 0), N(n), V(n), elastic_x(n);
   for (const std::vector<int>& group : CoordinateGroups(mechanism)) {
-    ElasticBasis::Part part{free, 0, elastic, 0};
+    ElasticBasis::Part part{N.count(), 0, V.count(), 0};
     for (const int i : group) {
-      const std::vector<int>& own = fine[group_of[static_cast<std::size_t>(i)]];
-      if (own.front() != i) continue;
-      pieces.push_back(PieceOf(mechanism, own, loops, springs, by, basis));
-      part.num_free += static_cast<int>(pieces.back().N.cols());
-      part.num_elastic += static_cast<int>(pieces.back().V.cols());
+      const std::size_t g = group_of[static_cast<std::size_t>(i)];
+      if (fine[g].front() != i) continue;
+      const double k = mechanism.stiffness()(i);
+      if (fine[g].size() == 1 && closing[g].empty() && held_by[g].size() == (k > 0 ? 1 : 0)) {
+        // No loop and no spring but its own hears it.
+        if (by == BasisBy::kCareful) Z.AddUnit(i, basis.scale(i));
+        if (k > 0) {
+          V.AddUnit(i, 1 / std::sqrt(k));
+          elastic_x.AddUnit(i, 1);
+        } else {
+          N.AddUnit(i, basis.scale(i));
+        }
+        continue;
+      }
+      Piece piece;
+      if (by == BasisBy::kQuick &&
+          QuickPiece(fine[g], closing[g], held_by[g], loops, springs, basis.scale, piece))
+        basis.independent_rows.insert(basis.independent_rows.end(), closing[g].begin(), closing[g].end());
+      else
+        piece = CarefulPiece(mechanism, fine[g], closing[g], held_by[g], loops, springs, basis);
+      if (by == BasisBy::kCareful) Z.Add(piece.of, piece.Z);
+      N.Add(piece.of, piece.N);
+      V.Add(piece.of, piece.V);
+      elastic_x.Add(piece.of, piece.elastic_x);
     }
-    free += part.num_free;
-    elastic += part.num_elastic;
+    part.num_free = N.count() - part.free;
+    part.num_elastic = V.count() - part.elastic;
     basis.parts.push_back(part);
   }
-  if (by == BasisBy::kCareful) basis.Z = Gather(pieces, &Piece::Z, n);
-  basis.N = Gather(pieces, &Piece::N, n);
-  basis.V = Gather(pieces, &Piece::V, n);
-  basis.elastic_x = Gather(pieces, &Piece::elastic_x, n);
+  if (by == BasisBy::kCareful) basis.Z = Z.Columns();
+  basis.N = N.Columns();
+  basis.V = V.Columns();
+  basis.elastic_x = elastic_x.Columns();
   std::sort(basis.independent_rows.begin(), basis.independent_rows.end());
 }
 

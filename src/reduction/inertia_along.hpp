@@ -2,17 +2,19 @@
 #pragma once
 
 #include <fork1s/mechanism/kinematics.hpp>
-#include <vector>
 
 namespace fork1s::internal {
 
 struct InertiaAlong {
-  MatrixX M;              // r x r: Qᵀ M Q, armature included
-  Matrix6X M_0z;          // 6 x r: what the whole has of momentum about R's origin
-  Matrix6 M_00;           // of the whole
-  std::vector<double> T;  // joint by joint 6 rows of r: twist of what it carries
+  MatrixX M;      // r x r: Qᵀ M Q, armature included
+  Matrix6X M_0z;  // 6 x r: momentum of the whole about R's origin
+  Matrix6 M_00;   // of the whole
+  MatrixX T;      // 6 r x joints: twist of what a joint carries, row by row of the 6 x r
 
-  const double* T_of(int joint) const { return T.data() + 6 * M_0z.cols() * joint; }
+  auto T_of(int joint) const {
+    return Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::RowMajor>>(T.col(joint).data(), 6,
+                                                                                       M_0z.cols());
+  }
 };
 
 /// Q: n x r. In time linear in coordinates times the square of the columns that move each, from its first to
