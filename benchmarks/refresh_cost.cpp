@@ -3,10 +3,11 @@
 //     build/release/benchmarks/refresh_cost MODEL [CONTROLS.csv|- [SECONDS [TIMES]]]
 //
 // Runs the scene on one thread and, twenty times on the way, moves every mechanism's reference to its pose
-// TIMES times, putting back what it was. `refresh_us` is the median of those, of all mechanisms together;
-// `step_us`, `worst_us` and `refreshes` are of the run's own steps. Under `valgrind --tool=callgrind
-// --toggle-collect='fork1s::MechanismDynamics::Refresh()'` only refreshes are counted
-// (tools/refresh_cost.sh).
+// TIMES times, putting back what it was. Prints one CSV row: `refresh_us` is the median of those, of all
+// mechanisms together; `step_us` is the median of the run's own steps, `refreshing_us` and
+// `worst_refreshing_us` are of those that took a model anew, and `worst_us` is of all but the first second.
+// `counted` is how many refreshes of one mechanism were asked for beside the run's own;
+// tools/refresh_instructions.sh divides by it.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -34,7 +35,7 @@ double Since(Clock::time_point start) {
 }
 
 struct Cost {
-  std::vector<double> step_us, plain_us, refreshing_us, refresh_us;
+  std::vector<double> step_us, refreshing_us, refresh_us;
   long counted = 0;  // refreshes that were asked for here
 };
 
@@ -63,7 +64,7 @@ Cost Measure(Simulation& simulation, const ControlTrack& controls, double second
     const auto start = Clock::now();
     const StepReport report = simulation.Step();
     cost.step_us.push_back(Since(start));
-    (report.refreshes > 0 ? cost.refreshing_us : cost.plain_us).push_back(cost.step_us.back());
+    if (report.refreshes > 0) cost.refreshing_us.push_back(cost.step_us.back());
     if (i % every == every / 2) RefreshAndPutBack(simulation.world().mechanisms(), times, cost);
   }
   return cost;
@@ -102,16 +103,20 @@ int Main(int argc, char** argv) {
   const double seconds = argc > 3 ? std::atof(argv[3]) : 10;
   const int times = argc > 4 ? std::atoi(argv[4]) : 20;
   WithThreads(1, [&] { cost = Measure(*simulation, controls, seconds, times); });
-  const double step = Median(cost.step_us);
+  const auto worst = [](const std::vector<double>& us, std::size_t from) {
+    return us.size() <= from
+               ? std::string("-")
+               : fmt::format("{:.1f}", *std::max_element(us.begin() + static_cast<long>(from), us.end()));
+  };
+  const auto first_second = static_cast<std::size_t>(1 / simulation->dt());
   fmt::print(
-      "scene,coordinates,reduced,counted,refresh_us,step_us,worst_us,worst_over_median,refreshes,refreshing_"
-      "us\n");
-  fmt::print("{},{},{},{},{:.1f},{:.1f},{:.1f},{:.1f},{},{}\n",
-             std::filesystem::path(argv[1]).stem().string(), coordinates, reduced, cost.counted,
-             cost.refresh_us.empty() ? 0.0 : Median(cost.refresh_us), step,
-             *std::max_element(cost.step_us.begin(), cost.step_us.end()),
-             *std::max_element(cost.step_us.begin(), cost.step_us.end()) / step, cost.refreshing_us.size(),
-             cost.refreshing_us.empty() ? "-" : fmt::format("{:.1f}", Median(cost.refreshing_us)));
+      "scene,coordinates,reduced,counted,refreshes,refresh_us,step_us,refreshing_us,worst_refreshing_us,"
+      "worst_us\n");
+  fmt::print("{},{},{},{},{},{:.1f},{:.1f},{},{},{}\n", std::filesystem::path(argv[1]).stem().string(),
+             coordinates, reduced, cost.counted, cost.refreshing_us.size(), Median(cost.refresh_us),
+             Median(cost.step_us),
+             cost.refreshing_us.empty() ? "-" : fmt::format("{:.1f}", Median(cost.refreshing_us)),
+             worst(cost.refreshing_us, 0), worst(cost.step_us, first_second));
   return 0;
 }
 

@@ -91,9 +91,8 @@ NullSpace Closed(const Mechanism& mechanism, const Kinematics& kinematics, const
   return ComputeNullSpace(ClosureRowsInOneUnit(mechanism, kinematics, q, unit));
 }
 
-// Columns that live on the coordinates `of`.
+// Columns of one group, on its coordinates.
 struct Piece {
-  std::vector<int> of;
   MatrixX Z, N, V, elastic_x;
 };
 
@@ -115,8 +114,12 @@ struct RowsInOneUnit {
   std::vector<std::vector<int>> ByGroup(const std::vector<std::size_t>& group_of, std::size_t groups) const {
     std::vector<std::vector<int>> out(groups);
     std::vector<std::size_t> of_row(static_cast<std::size_t>(rows.rows()), groups);
-    for (Eigen::Index k = 0; k < rows.cols(); ++k)
-      for (Eigen::Index i = 0; i < rows.rows(); ++i)
+    for (std::size_t i = 0; i < joint.size(); ++i)
+      if (joint[i] >= 0) of_row[i] = group_of[static_cast<std::size_t>(joint[i])];
+    const auto first = static_cast<Eigen::Index>(std::find(joint.begin(), joint.end(), -1) -
+                                                 joint.begin());  // joints' own springs come first
+    for (Eigen::Index k = 0; k < rows.cols() && first < rows.rows(); ++k)
+      for (Eigen::Index i = first; i < rows.rows(); ++i)
         if (rows(i, k) != 0) of_row[static_cast<std::size_t>(i)] = group_of[static_cast<std::size_t>(k)];
     for (std::size_t i = 0; i < of_row.size(); ++i)
       if (of_row[i] < groups) out[of_row[i]].push_back(static_cast<int>(i));
@@ -145,8 +148,7 @@ Piece CarefulPiece(const Mechanism& mechanism, const std::vector<int>& group, co
   if (held.doubtful.size() > 0)
     basis.doubts.push_back(Doubt(mechanism, "springs hold", held.rank.kept, held.rank.dropped,
                                  Spread(Times(Z_x, held.doubtful).col(0), group, n)));
-  Piece piece{
-      group, ScaledRows(scale, Z_x), ScaledRows(scale, Times(Z_x, held.unseen)), {}, Times(Z_x, held.seen)};
+  Piece piece{ScaledRows(scale, Z_x), ScaledRows(scale, Times(Z_x, held.unseen)), {}, Times(Z_x, held.seen)};
   const MatrixX weighted = ScaledRows(Entries(springs.weight, held_by), Times(stretch, held.seen));
   piece.V = ScaledRows(scale, Times(piece.elastic_x, OrthonormalisingFactor(weighted)));
   return piece;
@@ -191,7 +193,7 @@ bool QuickPiece(const std::vector<int>& group, const std::vector<int>& closing,
   double weight = 0;
   for (const int s : held_by) weight = std::max(weight, springs.weight(s));
   if (!(weight * V_x.norm() < kClear)) return false;
-  piece = {group, {}, MatrixX(V_x.rows(), 0), ScaledRows(Entries(scale, group), V_x), std::move(V_x)};
+  piece = {{}, MatrixX(V_x.rows(), 0), ScaledRows(Entries(scale, group), V_x), std::move(V_x)};
   piece.elastic_x.colwise().normalize();
   return true;
 }
@@ -199,29 +201,35 @@ bool QuickPiece(const std::vector<int>& group, const std::vector<int>& closing,
 // Columns that live on few coordinates, beside each other.
 class Gathered {
  public:
-  explicit Gathered(int n) : columns_(MatrixX::Zero(n, std::min(n, 64))) {}
-  void Add(const std::vector<int>& of, const MatrixX& X) {
-    Reserve(X.cols());
-    for (Eigen::Index k = 0; k < X.cols(); ++k, ++count_)
-      for (std::size_t i = 0; i < of.size(); ++i)
-        columns_(of[i], count_) = X(static_cast<Eigen::Index>(i), k);
+  void Add(const std::vector<int>& of, MatrixX X) {
+    count_ += X.cols();
+    if (X.cols() > 0) some_.push_back({&of, std::move(X), 0, 0});
   }
   void AddUnit(int i, double value) {
-    Reserve(1);
-    columns_(i, count_++) = value;
+    ++count_;
+    some_.push_back({nullptr, {}, i, value});
   }
   int count() const { return static_cast<int>(count_); }
-  MatrixX Columns() const { return columns_.leftCols(count_); }
-
- private:
-  void Reserve(Eigen::Index more) {
-    const Eigen::Index had = columns_.cols();
-    if (count_ + more <= had) return;
-    columns_.conservativeResize(Eigen::NoChange, std::max(2 * had, count_ + more));
-    columns_.rightCols(columns_.cols() - had).setZero();
+  MatrixX Columns(int n) const {
+    MatrixX out = MatrixX::Zero(n, count_);
+    Eigen::Index next = 0;
+    for (const Some& some : some_) {
+      if (!some.of) out(some.unit, next++) = some.value;
+      for (Eigen::Index k = 0; k < some.X.cols(); ++k, ++next)
+        for (std::size_t i = 0; i < some.of->size(); ++i)
+          out((*some.of)[i], next) = some.X(static_cast<Eigen::Index>(i), k);
+    }
+    return out;
   }
 
-  MatrixX columns_;
+ private:
+  struct Some {
+    const std::vector<int>* of;  // null: one column, of one entry
+    MatrixX X;
+    int unit;
+    double value;
+  };
+  std::vector<Some> some_;
   Eigen::Index count_ = 0;
 };
 
@@ -233,7 +241,7 @@ void FillDense(const Mechanism& mechanism, const RowsInOneUnit& loops, const Row
   for (std::size_t g = 0; g < fine.size(); ++g)
     for (const int i : fine[g]) group_of[static_cast<std::size_t>(i)] = g;
   const auto closing = loops.ByGroup(group_of, fine.size()), held_by = springs.ByGroup(group_of, fine.size());
-  Gathered Z(by == BasisBy::kCareful ? n : 0), N(n), V(n), elastic_x(n);
+  Gathered Z, N, V, elastic_x;
   for (const std::vector<int>& group : CoordinateGroups(mechanism)) {
     ElasticBasis::Part part{N.count(), 0, V.count(), 0};
     for (const int i : group) {
@@ -257,19 +265,19 @@ void FillDense(const Mechanism& mechanism, const RowsInOneUnit& loops, const Row
         basis.independent_rows.insert(basis.independent_rows.end(), closing[g].begin(), closing[g].end());
       else
         piece = CarefulPiece(mechanism, fine[g], closing[g], held_by[g], loops, springs, basis);
-      if (by == BasisBy::kCareful) Z.Add(piece.of, piece.Z);
-      N.Add(piece.of, piece.N);
-      V.Add(piece.of, piece.V);
-      elastic_x.Add(piece.of, piece.elastic_x);
+      if (by == BasisBy::kCareful) Z.Add(fine[g], std::move(piece.Z));
+      N.Add(fine[g], std::move(piece.N));
+      V.Add(fine[g], std::move(piece.V));
+      elastic_x.Add(fine[g], std::move(piece.elastic_x));
     }
     part.num_free = N.count() - part.free;
     part.num_elastic = V.count() - part.elastic;
     basis.parts.push_back(part);
   }
-  if (by == BasisBy::kCareful) basis.Z = Z.Columns();
-  basis.N = N.Columns();
-  basis.V = V.Columns();
-  basis.elastic_x = elastic_x.Columns();
+  if (by == BasisBy::kCareful) basis.Z = Z.Columns(n);
+  basis.N = N.Columns(n);
+  basis.V = V.Columns(n);
+  basis.elastic_x = elastic_x.Columns(n);
   std::sort(basis.independent_rows.begin(), basis.independent_rows.end());
 }
 

@@ -49,8 +49,10 @@ MatrixX HalfOfM(const RowMatrixX& H, const std::vector<Span>& of_H, const RowMat
   double filled = 0;
   for (std::size_t i = 0; i < of_H.size(); ++i)
     filled += static_cast<double>(of_H[i].size()) * static_cast<double>(of_Q[i].size());
-  // Dense kernels go through twice as much in the same time.
-  if (2 * filled > static_cast<double>(Q.size() * r)) return TransposedTimes(H, Q);
+  // Dense kernels go through twice as much in the same time. Rows one after the other are columns of the
+  // transpose.
+  const Eigen::Map<const MatrixX> H_columns(H.data(), r, H.rows()), Q_columns(Q.data(), r, Q.rows());
+  if (2 * filled > static_cast<double>(Q.size() * r)) return TimesTransposed(H_columns, Q_columns);
   MatrixX half = MatrixX::Zero(r, r);
   for (Eigen::Index i = 0; i < Q.rows(); ++i) {
     const double* __restrict h = H.data() + i * r;
