@@ -4,8 +4,37 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/reduction/reduce_again.hpp>
 
 namespace fork1s {
+
+namespace {
+
+// q, which steps close to far below what is seen, closed to rounding, and its kinematics: by chords with the
+// factor of this very pose, each of which squares what is open. False where that does not end, as where loops
+// repeat each other but for the digits of a file.
+bool CloseByChords(const ReducedModel& model, const Configuration& at, VectorX& q, Kinematics& kinematics) {
+  const Mechanism& m = *model.mechanism;
+  const bool all_rows = model.loop_rank() == m.num_constraints();
+  VectorX c, d(model.loop_rank()), before;
+  q = at.q;
+  kinematics = at.kinematics;
+  for (int chords = 0;; ++chords) {
+    if (ClosureGap(m, kinematics, q) < 1e-13 * m.length_scale()) return true;
+    if (chords == 3) return false;
+    ClosureResidual(m, kinematics, q, c);
+    for (int k = 0; k < model.loop_rank(); ++k) d(k) = c(model.loops.row(k));
+    at.factor.SolveInPlace(d);
+    before = q;
+    model.loops.SubtractTransposed(model.B, d, q);
+    const double step = (q - before).cwiseAbs().maxCoeff();
+    if (!std::isfinite(step)) return false;
+    ComputeKinematics(m, q, kinematics);
+    if (all_rows && step < 1e-15) return true;
+  }
+}
+
+}  // namespace
 
 // Of a coordinate since the reference, rad; of a slide in lengths of the mechanism.
 double MechanismDynamics::Turn(int i) const {
@@ -31,12 +60,22 @@ double MechanismDynamics::Staleness(bool second_order) const {
 bool MechanismDynamics::Refresh() {
   const Mechanism& m = mechanism();
   VectorX q = configuration_.q;
-  // In twist mode, and where loops were corrected in few steps, the joints get their exact closed pose first.
-  if (m.num_constraints() > 0) CloseLoops(m, q);
+  Kinematics kinematics(m);
+  if (m.num_constraints() == 0) {
+    ComputeKinematics(m, q, kinematics);
+  } else if (options_.recovery != Recovery::kExact ||
+             !CloseByChords(model(), configuration_, q, kinematics)) {
+    // In twist mode, and where loops were corrected in few steps, the joints get their exact closed pose
+    // first.
+    q = configuration_.q;
+    CloseLoops(m, q);
+    ComputeKinematics(m, q, kinematics);
+  }
   VectorX q_dot = configuration_.Q_now * state_.reduced.w;
   VectorX q_dot_left = state_.q_dot;  // of which the next step finds how loops turn
 
   // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
+  bool rewritten = false;
   for (const Mechanism::Joint& joint : m.joints()) {
     if (joint.kind != JointKind::kBall || m.stiffness()(joint.offset) > 0) continue;
     const Vector3 v = q.segment<3>(joint.offset);
@@ -48,9 +87,11 @@ bool MechanismDynamics::Refresh() {
     if (q_dot_left.size() > 0)
       q_dot_left.segment<3>(joint.offset) = rewrite * q_dot_left.segment<3>(joint.offset);
     q.segment<3>(joint.offset) = wrapped;
+    rewritten = true;
   }
+  if (rewritten) ComputeKinematics(m, q, kinematics);
 
-  auto reduced = Reduce(model().mechanism, q, options_.reduction);
+  auto reduced = ReduceAgain(model(), q, kinematics, options_.reduction);
   if (!reduced) return false;
   if (options_.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
 
@@ -59,8 +100,6 @@ bool MechanismDynamics::Refresh() {
   const Vector6 p_0 = base_size_ > 0 ? Vector6(M_full_.topRows<6>() * x_) : Vector6(Vector6::Zero());
 
   // Velocity by momentum: joints keep M(q) q̇ as the new coordinates see it, the base keeps its own.
-  Kinematics kinematics(m);
-  ComputeKinematics(m, q, kinematics);
   VectorX Mq;
   ApplyMass(m, kinematics, q_dot, Mq);
   state_.model = std::make_shared<const ReducedModel>(std::move(*reduced));

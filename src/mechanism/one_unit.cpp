@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "closures.hpp"
 
@@ -20,12 +21,18 @@ double ScrewSize(const Vector6& s, double length) {
 
 bool Slides(const Vector6& s) { return s.head<3>().isZero(0); }
 
-// ∂c/∂q of all six directions, 6 x n. Joints on both paths cancel exactly: the same numbers with either sign.
-Matrix6X AllColumns(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics) {
-  Matrix6X columns = Matrix6X::Zero(6, mechanism.num_coordinates());
-  internal::ForEachClosureColumn(mechanism, closure, kinematics,
-                                 [&](int i, const Vector6& column) { columns.col(i) += column; });
-  return columns;
+// ∂c/∂q of all six directions of one closure, for the coordinates between its bodies: others do not move it.
+struct LoopColumn {
+  int coordinate;
+  Vector6 column;
+};
+
+void ColumnsOf(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
+               std::vector<LoopColumn>& out) {
+  out.clear();
+  internal::ForEachClosureColumn(mechanism, closure, kinematics, [&](int i, const Vector6& column) {
+    out.push_back({i, column});
+  });
 }
 
 }  // namespace
@@ -41,16 +48,17 @@ OneUnit ComputeOneUnit(const Mechanism& mechanism, const Kinematics& kinematics)
   if (closures.empty()) return unit;
 
   VectorX slides = VectorX::Zero(n);  // the longest loop of each slide
+  std::vector<LoopColumn> columns;
   for (std::size_t c = 0; c < closures.size(); ++c) {
-    const Matrix6X columns = AllColumns(mechanism, closures[c], kinematics);
+    ColumnsOf(mechanism, closures[c], kinematics, columns);
     double reach = 0;
-    for (int i = 0; i < n; ++i)
+    for (const auto& [i, column] : columns)
       if (!Slides(mechanism.screws().col(i)))
-        reach = std::max(reach, columns.col(i).tail<3>().norm() * unit.coordinate(i));
+        reach = std::max(reach, column.tail<3>().norm() * unit.coordinate(i));
     // Where all axes meet the closure's point, displacements are rounding and stay so.
     if (reach > 1e-6 * L) unit.closure(static_cast<Eigen::Index>(c)) = reach;
-    for (int i = 0; i < n; ++i)
-      if (Slides(mechanism.screws().col(i)) && !columns.col(i).isZero(0))
+    for (const auto& [i, column] : columns)
+      if (Slides(mechanism.screws().col(i)) && !column.isZero(0))
         slides(i) = std::max(slides(i), unit.closure(static_cast<Eigen::Index>(c)));
   }
   for (int i = 0; i < n; ++i)
@@ -60,17 +68,28 @@ OneUnit ComputeOneUnit(const Mechanism& mechanism, const Kinematics& kinematics)
 
 MatrixX ClosureRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
                              const OneUnit& unit, VectorX* row_scale) {
-  MatrixX A;
-  ClosureJacobian(mechanism, kinematics, q, A);
+  MatrixX A = MatrixX::Zero(mechanism.num_constraints(), mechanism.num_coordinates());
   VectorX scale = VectorX::Ones(A.rows());
   int row = 0;
-  for (std::size_t c = 0; c < mechanism.closures().size(); ++c)
-    for (int i = 0; i < 6; ++i)
-      if (mechanism.closures()[c].rigid(i))
-        scale(row++) = i < 3 ? 1.0 : 1 / unit.closure(static_cast<Eigen::Index>(c));
-  A = A * unit.coordinate.asDiagonal();
-  for (; row < A.rows(); ++row) scale(row) = 1 / A.row(row).cwiseAbs().maxCoeff();  // couplings
-  A = ScaledRows(scale, A);
+  for (std::size_t c = 0; c < mechanism.closures().size(); ++c) {
+    const ClosureDef& closure = mechanism.closures()[c];
+    if (!closure.rigid.any()) continue;
+    const double length = 1 / unit.closure(static_cast<Eigen::Index>(c));
+    internal::ForEachClosureColumn(mechanism, closure, kinematics, [&](int i, const Vector6& column) {
+      int r = row;
+      for (int k = 0; k < 6; ++k)
+        if (closure.rigid(k)) A(r++, i) = (k < 3 ? 1.0 : length) * (column(k) * unit.coordinate(i));
+    });
+    for (int k = 0; k < 6; ++k)
+      if (closure.rigid(k)) scale(row++) = k < 3 ? 1.0 : length;
+  }
+  for (const Mechanism::Coupling& k : mechanism.couplings()) {
+    A(row, k.a) = unit.coordinate(k.a);
+    if (k.b >= 0) A(row, k.b) -= k.Slope(q) * unit.coordinate(k.b);
+    scale(row) = 1 / A.row(row).cwiseAbs().maxCoeff();
+    A.row(row) *= scale(row);
+    ++row;
+  }
   if (row_scale) *row_scale = scale;
   return A;
 }
@@ -78,40 +97,47 @@ MatrixX ClosureRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kinem
 SpringRows SpringRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
                                const OneUnit& unit) {
   const int n = mechanism.num_coordinates();
-  std::vector<VectorX> rows;
-  std::vector<double> weights;
   SpringRows out;
-  const auto add = [&](const VectorX& row, double weight, int joint) {
-    rows.push_back(row);
-    weights.push_back(weight);
+  Eigen::Index most = (mechanism.stiffness().array() > 0).count();
+  most += static_cast<Eigen::Index>(mechanism.springs().size() + 6 * mechanism.closures().size());
+  out.rows.setZero(most, n);
+  out.weight.resize(most);
+  Eigen::Index count = 0;
+  const auto keep = [&](double weight, int joint) {  // the row that was filled
+    out.weight(count++) = weight;
     out.joint.push_back(joint);
   };
   for (int i = 0; i < n; ++i)
-    if (const double k = mechanism.stiffness()(i); k > 0)
-      add(VectorX::Unit(n, i), std::sqrt(k) * unit.coordinate(i), i);
+    if (const double k = mechanism.stiffness()(i); k > 0) {
+      out.rows(count, i) = 1;
+      keep(std::sqrt(k) * unit.coordinate(i), i);
+    }
   for (const Mechanism::Spring& s : mechanism.springs()) {
-    VectorX row = VectorX::Zero(n);
+    auto row = out.rows.row(count);
     ForEachArm(s.length, kinematics.paths, [&](int i, double c) { row(i) += c * unit.coordinate(i); });
     const double size = row.norm();
     const double stiffness = s.StiffnessAt(LengthOf(mechanism, s.length, kinematics, q));
-    if (stiffness > 0 && size > 0) add(row / size, std::sqrt(stiffness) * size, -1);
+    if (stiffness > 0 && size > 0) {
+      row /= size;
+      keep(std::sqrt(stiffness) * size, -1);
+    } else {
+      row.setZero();
+    }
   }
+  std::vector<LoopColumn> columns;
   for (std::size_t c = 0; c < mechanism.closures().size(); ++c) {
     const ClosureDef& closure = mechanism.closures()[c];
     if (closure.rigid.select(Vector6::Zero(), closure.stiffness).isZero(0)) continue;
-    const Matrix6X columns = AllColumns(mechanism, closure, kinematics) * unit.coordinate.asDiagonal();
-    for (int i = 0; i < 6; ++i) {
-      if (closure.rigid(i) || !(closure.stiffness(i) > 0)) continue;
-      const double length = i < 3 ? 1.0 : unit.closure(static_cast<Eigen::Index>(c));
-      add(columns.row(i).transpose() / length, std::sqrt(closure.stiffness(i)) * length, -1);
+    ColumnsOf(mechanism, closure, kinematics, columns);
+    for (int k = 0; k < 6; ++k) {
+      if (closure.rigid(k) || !(closure.stiffness(k) > 0)) continue;
+      const double length = k < 3 ? 1.0 : unit.closure(static_cast<Eigen::Index>(c));
+      for (const auto& [i, column] : columns) out.rows(count, i) = column(k) * unit.coordinate(i) / length;
+      keep(std::sqrt(closure.stiffness(k)) * length, -1);
     }
   }
-  out.rows.resize(static_cast<Eigen::Index>(rows.size()), n);
-  out.weight.resize(static_cast<Eigen::Index>(rows.size()));
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    out.rows.row(static_cast<Eigen::Index>(i)) = rows[i].transpose();
-    out.weight(static_cast<Eigen::Index>(i)) = weights[i];
-  }
+  out.rows.conservativeResize(count, Eigen::NoChange);
+  out.weight.conservativeResize(count);
   return out;
 }
 

@@ -39,12 +39,13 @@ std::vector<ReducedModel::Run> RunsOf(const ReducedModel& model) {
 void FillDerived(ReducedModel& model) {
   const Mechanism& mechanism = *model.mechanism;
   model.Q_rows = model.Q;
-  model.loops = LoopRows(mechanism, model.loop_rows);
+  if (model.loops.size() != model.loop_rank()) model.loops = LoopRows(mechanism, model.loop_rows);
   model.runs = RunsOf(model);
   model.B.resize(model.loops.num_values());
   if (model.loop_rank() == 0) return;
-  Kinematics kinematics(mechanism);
-  ComputeKinematics(mechanism, model.q_ref, kinematics);
+  Kinematics kinematics(mechanism);  // of it loops see poses and screws
+  kinematics.S = model.S_ref;
+  kinematics.X_RB = model.X_RB_ref;
   Matrix6X scratch;
   model.loops.Fill(mechanism, kinematics, model.q_ref, scratch, model.B);
   model.loops.ScaleCoordinates(model.h_inverse, model.B);

@@ -4,8 +4,9 @@
 #include <numeric>
 
 namespace fork1s::internal {
+namespace {
 
-std::vector<std::vector<int>> CoordinateGroups(const Mechanism& mechanism) {
+std::vector<std::vector<int>> GroupsOf(const Mechanism& mechanism, bool by_joints) {
   const auto n = static_cast<std::size_t>(mechanism.num_coordinates());
   std::vector<std::size_t> above(n);  // towards the first coordinate of the group
   std::iota(above.begin(), above.end(), std::size_t{0});
@@ -21,6 +22,7 @@ std::vector<std::vector<int>> CoordinateGroups(const Mechanism& mechanism) {
     for (const int i : coordinates) join(coordinates.front(), i);
   };
   for (const Mechanism::Joint& joint : mechanism.joints()) {
+    if (!by_joints) break;
     for (int i = joint.offset; i < joint.offset + joint.size; ++i) join(joint.offset, i);
     if (joint.previous >= 0 && joint.size > 0)
       join(mechanism.joint(JointIndex(joint.previous)).offset, joint.offset);
@@ -41,5 +43,12 @@ std::vector<std::vector<int>> CoordinateGroups(const Mechanism& mechanism) {
   }
   return groups;
 }
+
+}  // namespace
+
+std::vector<std::vector<int>> CoordinateGroups(const Mechanism& mechanism) {
+  return GroupsOf(mechanism, true);
+}
+std::vector<std::vector<int>> StaticGroups(const Mechanism& mechanism) { return GroupsOf(mechanism, false); }
 
 }  // namespace fork1s::internal

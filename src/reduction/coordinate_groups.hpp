@@ -11,4 +11,8 @@ namespace fork1s::internal {
 /// its wrist.
 std::vector<std::vector<int>> CoordinateGroups(const Mechanism& mechanism);
 
+/// The same by loops, couplings and springs alone, whatever joints carry each other: which motions are closed
+/// and which stretch springs each of these decides for itself. Finer.
+std::vector<std::vector<int>> StaticGroups(const Mechanism& mechanism);
+
 }  // namespace fork1s::internal

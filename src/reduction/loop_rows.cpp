@@ -157,25 +157,28 @@ LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
   }
 
   num_values_ += 4;  // kernels read six rows at a time, past those of the last block
+  // Where a coordinate stands in the block at hand; no block has one twice.
+  std::vector<int> place(static_cast<std::size_t>(mechanism.num_coordinates()), -1);
+  std::size_t begin = 0;
   for (Group& group : groups_) {
     group.first_pair = static_cast<int>(pairs_.size());
-    const auto in_group = [&](const Block& b) {
-      return b.begin >= group.begin && b.begin < group.begin + group.size;
-    };
-    for (std::size_t i = 0; i < blocks_.size(); ++i)
-      for (std::size_t j = 0; j < blocks_.size(); ++j) {
+    std::size_t end = begin;
+    while (end < blocks_.size() && blocks_[end].begin < group.begin + group.size) ++end;
+    for (std::size_t i = begin; i < end; ++i)
+      for (std::size_t j = begin; j < end; ++j) {
         const Block &a = blocks_[i], &b = blocks_[j];
-        if (!in_group(a) || !in_group(b)) continue;
+        const int *of_a = coordinates_.data() + a.coordinates, *of_b = coordinates_.data() + b.coordinates;
+        for (int l = 0; l < b.count; ++l) place[static_cast<std::size_t>(of_b[l])] = l;
         Pair pair{static_cast<int>(i), static_cast<int>(j), static_cast<int>(shared_.size()), 0};
         for (int k = 0; k < a.count; ++k)
-          for (int l = 0; l < b.count; ++l)
-            if (coordinates_[static_cast<std::size_t>(a.coordinates + k)] ==
-                coordinates_[static_cast<std::size_t>(b.coordinates + l)])
-              shared_.push_back({a.at + k * a.stride, b.at + l * b.stride});
+          if (const int l = place[static_cast<std::size_t>(of_a[k])]; l >= 0)
+            shared_.push_back({a.at + k * a.stride, b.at + l * b.stride});
+        for (int l = 0; l < b.count; ++l) place[static_cast<std::size_t>(of_b[l])] = -1;
         pair.last = static_cast<int>(shared_.size());
         if (pair.last > pair.first) pairs_.push_back(pair);
       }
     group.last_pair = static_cast<int>(pairs_.size());
+    begin = end;
   }
 }
 

@@ -7,14 +7,17 @@
 #include <fork1s/linalg/select.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 
+#include "inertia_along.hpp"
+
 namespace fork1s::internal {
 namespace {
 
 // Beyond this many elastic coordinates the dense eigenproblem costs more than Lanczos on products with M: all
 // of Reduce on a chain of 40 joints takes 0.09 and 0.06 ms, of 100 0.72 and 0.12, of 290 11 and 0.37. Modes
 // of equal limbs, several at one frequency, are found by it too: to 1e-14 it does not end before rounding has
-// shown them all.
+// shown them all. Where loops make V dense every product costs more, and few of all modes are found directly.
 constexpr int kDenseLimit = 30;
+constexpr int kDenseLimitWithLoops = 150;
 
 // y -> P (VᵀMV - extra S⁻¹ extraᵀ) P y with P the projector off Y, in O(n) a product.
 class MassOperator {
@@ -47,17 +50,46 @@ class MassOperator {
   SymmetricFactor factor_;
 };
 
-Modes DenseModes(const MatrixX& M, const ElasticBasis& basis, const MatrixX& Y, const MatrixX& extra,
-                 const MatrixX& extra_mass, int count) {
-  const int e = basis.num_elastic();
-  const MatrixX MV = basis.TimesV(M);
-  MatrixX M_V = basis.TimesV(MV.transpose());
+// Vᵀ M V, less what follows without force.
+MatrixX MassOfElastic(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis,
+                      const MatrixX& extra, const MatrixX& extra_mass, MatrixX& M) {
+  MatrixX M_V;
+  if (basis.diagonal) {
+    if (M.size() == 0) MassMatrix(mechanism, kinematics, M);
+    M_V = basis.TimesV(basis.TimesV(M).transpose());
+  } else {
+    M_V = ComputeInertiaAlong(mechanism, kinematics, basis.V).M;
+  }
   if (extra.cols() > 0) M_V -= Times(extra, SolveSymmetric(extra_mass, extra.transpose()));
-  const MatrixX complement = Y.cols() > 0 ? OrthogonalComplement(Y) : MatrixX(MatrixX::Identity(e, e));
+  return M_V;
+}
+
+Modes DenseModes(const MatrixX& M_V, const MatrixX& Y, int count) {
+  const MatrixX complement =
+      Y.cols() > 0 ? OrthogonalComplement(Y) : MatrixX(MatrixX::Identity(M_V.rows(), M_V.rows()));
   const MatrixX restricted = Congruence(M_V, complement);
-  const SymmetricSpectrum spectrum = SpectrumOf(0.5 * (restricted + restricted.transpose()));
-  return {Times(complement, spectrum.vectors.rightCols(count).rowwise().reverse()),
-          spectrum.values.tail(count).reverse()};
+  const SymmetricSpectrum spectrum = LargestOf(0.5 * (restricted + restricted.transpose()), count);
+  return {Times(complement, spectrum.vectors.rowwise().reverse()), spectrum.values.reverse()};
+}
+
+// P M_V P with P the projector off Y has the same largest pairs, and 0 on Y.
+Modes FewModes(const MatrixX& M_V, const MatrixX& Y, int count) {
+  MatrixX restricted = M_V;
+  if (Y.cols() > 0) {
+    const MatrixX MY = Times(M_V, Y);
+    const MatrixX half = MY - 0.5 * Times(Y, TransposedTimes(Y, MY));
+    const MatrixX taken = TimesTransposed(half, Y);
+    restricted -= taken + taken.transpose();
+  }
+  const SymmetricSpectrum spectrum = LargestOf(restricted, count);
+  MatrixX vectors = spectrum.vectors.rowwise().reverse();
+  if (Y.cols() > 0) {
+    const MatrixX shared = TransposedTimes(Y, vectors);  // rounding
+    if (!(shared.cwiseAbs().maxCoeff() < 1e-6))
+      return DenseModes(M_V, Y, count);  // of modes as small as rounding
+    vectors -= Times(Y, shared);
+  }
+  return {std::move(vectors), spectrum.values.reverse()};
 }
 
 // `M`: of all joints, made by the first that needs it.
@@ -66,13 +98,14 @@ Modes ModesOf(const Mechanism& mechanism, const Kinematics& kinematics, const El
   const int e = basis.num_elastic();
   count = std::min(count, e - static_cast<int>(Y.cols()));
   if (count <= 0) return {MatrixX(e, 0), VectorX(0)};
-  if (e > kDenseLimit && 4 * count < e) {
+  const bool few = 4 * count < e;
+  if (few && e > (basis.diagonal ? kDenseLimit : kDenseLimitWithLoops)) {
     const MassOperator op(mechanism, kinematics, basis, Y, extra, extra_mass);
     Modes modes;
     if (LargestEigenpairs(op, e, count, modes.mu, modes.vectors)) return modes;
   }
-  if (M.size() == 0) MassMatrix(mechanism, kinematics, M);
-  return DenseModes(M, basis, Y, extra, extra_mass, count);
+  const MatrixX M_V = MassOfElastic(mechanism, kinematics, basis, extra, extra_mass, M);
+  return few ? FewModes(M_V, Y, count) : DenseModes(M_V, Y, count);
 }
 
 }  // namespace

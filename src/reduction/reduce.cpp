@@ -1,4 +1,4 @@
-#include <fork1s/reduction/reduced_model.hpp>
+#include <fork1s/reduction/reduce_again.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +12,7 @@
 
 #include "branch_order.hpp"
 #include "elastic_basis.hpp"
+#include "inertia_along.hpp"
 #include "mode_choice.hpp"
 #include "modes.hpp"
 #include "printed_axis.hpp"
@@ -121,82 +122,59 @@ Error TooManyHidden(const Mechanism& mechanism, const Hidden& hidden) {
           hidden.count, mechanism.joint(hidden.joint).name, kMostHidden)};
 }
 
-// Elastic directions that the interface feels: orthonormal Y_r (e x r), part by part.
-MatrixX FeltDirections(const MatrixX& J_V, const internal::ElasticBasis& basis, double tolerance,
-                       bool& complete) {
-  const int e = static_cast<int>(J_V.cols());
-  complete = true;
-  std::vector<SingularSpectrum> felt(basis.parts.size());
+// How many elastic directions of each part the interface feels, J_V: 6e x elastic.
+std::vector<int> CountFelt(const MatrixX& J_V, const internal::ElasticBasis& basis, double tolerance) {
+  std::vector<VectorX> sigma(basis.parts.size());
   double most = 0;
-  for (std::size_t p = 0; p < felt.size(); ++p) {
+  for (std::size_t p = 0; p < sigma.size(); ++p) {
     const auto& part = basis.parts[p];
     if (part.num_elastic == 0) continue;
-    felt[p] = LeftSingular(J_V.middleCols(part.elastic, part.num_elastic).transpose());
-    most = std::max(most, felt[p].values(0));
+    const MatrixX own = J_V.middleCols(part.elastic, part.num_elastic);
+    // Squares know the root of rounding, far below every tolerance that is asked for.
+    if (tolerance < 1e-6)
+      sigma[p] = SingularValues(own);
+    else
+      sigma[p] =
+          EigenvaluesOf(own.rows() < own.cols() ? TimesTransposed(own, own) : TransposedTimes(own, own))
+              .cwiseMax(0)
+              .cwiseSqrt();
+    most = std::max(most, sigma[p].maxCoeff());
   }
-  MatrixX Y(e, 0);
+  std::vector<int> felt;
+  for (const VectorX& values : sigma)
+    felt.push_back(static_cast<int>((values.array() > tolerance * most && values.array() > 0).count()));
+  return felt;
+}
+
+// Those directions: orthonormal Y_r (e x r), part by part.
+MatrixX FeltDirections(const MatrixX& J_V, const internal::ElasticBasis& basis,
+                       const std::vector<int>& felt) {
+  MatrixX Y = MatrixX::Zero(J_V.cols(), std::accumulate(felt.begin(), felt.end(), 0));
+  Eigen::Index next = 0;
   for (std::size_t p = 0; p < felt.size(); ++p) {
     const auto& part = basis.parts[p];
-    const VectorX& sigma = felt[p].values;
-    int rank = 0;
-    while (rank < sigma.size() && sigma(rank) > tolerance * most && sigma(rank) > 0) ++rank;
-    if (part.num_elastic == 0) continue;
-    Y.conservativeResize(Eigen::NoChange, Y.cols() + rank);
-    Y.rightCols(rank).setZero();
-    auto own = Y.block(part.elastic, Y.cols() - rank, part.num_elastic, rank);
-    if (rank == part.num_elastic) {
+    auto own = Y.block(part.elastic, next, part.num_elastic, felt[p]);
+    if (felt[p] == part.num_elastic)
       own.setIdentity();
-    } else {
-      complete = false;
-      own = felt[p].vectors.leftCols(rank);
-    }
+    else if (felt[p] > 0)
+      own =
+          LeftSingular(J_V.middleCols(part.elastic, part.num_elastic).transpose()).vectors.leftCols(felt[p]);
+    next += felt[p];
   }
   return Y;
 }
 
-// From the first column that is not zero to the last.
-struct Reach {
-  Eigen::Index first = 0, count = 0;
-
-  explicit Reach(const Eigen::Ref<const MatrixX>& columns) {
-    Eigen::Index end = columns.cols();
-    while (first < end && columns.col(first).isZero(0)) ++first;
-    while (end > first && columns.col(end - 1).isZero(0)) --end;
-    count = end - first;
-  }
-};
-
-// What a finger's bodies weigh only meets the coordinates of that finger: columns are sorted by part.
 void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
   const Mechanism& mechanism = *model.mechanism;
-  const int r = model.size();
-  const int b = mechanism.num_bodies();
-  model.T.setZero(6, static_cast<Eigen::Index>(b) * r);
-  model.M = DiagonalCongruence(mechanism.armature(), model.Q);
-  model.M_0z.setZero(6, r);
-  model.M_00.setZero();
-  std::size_t j = 0;
-  const auto& joints = mechanism.joints();
-  for (int i = 0; i < b; ++i) {
-    const Mechanism::Body& body = mechanism.bodies()[static_cast<std::size_t>(i)];
-    auto T = model.T.middleCols(static_cast<Eigen::Index>(i) * r, r);
-    if (body.parent.valid()) T = model.T.middleCols(static_cast<Eigen::Index>(body.parent.value()) * r, r);
-    for (; j < joints.size() && joints[j].body.value() == i; ++j) {
-      const auto Q = model.Q.middleRows(joints[j].offset, joints[j].size);
-      const Reach own(Q);
-      T.middleCols(own.first, own.count) += Times(kinematics.S.middleCols(joints[j].offset, joints[j].size),
-                                                  Q.middleCols(own.first, own.count));
-    }
-    const Matrix6 I = Transform(kinematics.X_RB[static_cast<std::size_t>(i)], body.inertia_B).Matrix();
-    model.M_00 += I;
-    if (body.last_joint < 0) continue;
-    const Reach felt(T);
-    const auto T_felt = T.middleCols(felt.first, felt.count);
-    const Matrix6X IT = Times(I, T_felt);
-    model.M_0z.middleCols(felt.first, felt.count) += IT;
-    model.M.block(felt.first, felt.first, felt.count, felt.count) += TransposedTimes(T_felt, IT);
-  }
-  model.M = 0.5 * (model.M + model.M.transpose()).eval();
+  internal::InertiaAlong inertia = internal::ComputeInertiaAlong(mechanism, kinematics, model.Q);
+  const Eigen::Index r = model.size();
+  model.T.setZero(6, mechanism.num_bodies() * r);
+  for (int b = 0; b < mechanism.num_bodies(); ++b)
+    if (const int last = mechanism.body(BodyIndex(b)).last_joint; last >= 0)
+      model.T.middleCols(b * r, r) = inertia.T_of(last);
+  model.M = std::move(inertia.M);
+  model.M_0z = std::move(inertia.M_0z);
+  model.M_00 = inertia.M_00;
 }
 
 // Q = [N, V Y_r, V Φ] and its stiffness.
@@ -239,7 +217,11 @@ void SortByPart(ReducedModel& model, const internal::ElasticBasis& basis, const 
 void FillOperators(ReducedModel& model, const Kinematics& kinematics) {
   const Mechanism& mechanism = *model.mechanism;
   FillInertia(model, kinematics);
-  model.D = mechanism.springs().empty() && mechanism.closures().empty()
+  const auto damps = [](const ClosureDef& c) {
+    return !c.rigid.select(Vector6::Zero(), c.damping).isZero(0);
+  };
+  const auto& closures = mechanism.closures();
+  model.D = mechanism.springs().empty() && std::none_of(closures.begin(), closures.end(), damps)
                 ? DiagonalCongruence(mechanism.damping(), model.Q)
                 : Congruence(DampingMatrix(mechanism, kinematics, model.q_ref), model.Q);
 }
@@ -281,30 +263,30 @@ Expected<std::vector<BodyIndex>> ResolveInterfaces(const Mechanism& mechanism,
 
 }  // namespace
 
-Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, const VectorX& q_ref,
-                              const ReductionOptions& options) {
-  FORK1S_REQUIRE(mechanism_in != nullptr);
+namespace {
+
+// `last`: of the same mechanism, or null.
+Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, const VectorX& q_ref,
+                                const Kinematics& kinematics, const ReductionOptions& options,
+                                const ReducedModel* last) {
   const Mechanism& mechanism = *mechanism_in;
   const int n = mechanism.num_coordinates();
-  FORK1S_REQUIRE(q_ref.size() == n, q_ref.size(), n);
-
   ReducedModel model;
   model.mechanism = mechanism_in;
   model.q_ref = q_ref;
   auto interfaces = ResolveInterfaces(mechanism, options);
   if (!interfaces) return tl::unexpected(interfaces.error());
   model.interfaces = *interfaces;
-
-  Kinematics kinematics(mechanism);
-  ComputeKinematics(mechanism, q_ref, kinematics);
   if (!kinematics.S.allFinite())
     return Fail(ErrorCode::kNumerics, fmt::format("mechanism '{}'", mechanism.name()),
                 "has a pose that is not finite");
   model.S_ref = kinematics.S;
   model.X_RB_ref = kinematics.X_RB;
 
-  const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q_ref);
+  const internal::ElasticBasis basis =
+      internal::ComputeElasticBasis(mechanism, kinematics, q_ref, internal::BasisBy::kQuick);
   model.loop_rows = basis.independent_rows;
+  if (last && last->loop_rows == model.loop_rows) model.loops = last->loops;
   model.doubts = basis.doubts;
 
   const double L = mechanism.length_scale();
@@ -322,24 +304,28 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
     J = internal::ScaledInterfaceJacobian(mechanism, kinematics, model.interfaces, L);
   }
 
-  bool complete = true;
   const int e = basis.num_elastic();
   // Bodies that loops hold still feel rounding of all springs; none of it is a direction.
-  const bool feels = basis.Feels(ScaledColumns(J, basis.scale / L));
-  MatrixX Y_r =
-      feels ? FeltDirections(basis.TimesV(J), basis, options.rank_tolerance, complete) : MatrixX(e, 0);
-  complete = complete && (feels || e == 0);
+  const MatrixX J_V = basis.TimesV(J);
+  const std::vector<int> felt = basis.Feels(ScaledColumns(J, basis.scale / L))
+                                    ? CountFelt(J_V, basis, options.rank_tolerance)
+                                    : std::vector<int>(basis.parts.size(), 0);
   model.num_free = basis.num_free();
-  model.num_elastic = static_cast<int>(Y_r.cols());
-  internal::Modes modes{MatrixX(e, 0), VectorX(0)};
+  model.num_elastic = std::accumulate(felt.begin(), felt.end(), 0);
+  const int unfelt = e - model.num_elastic;
   const int wanted = options.modes >= 0 ? options.modes : mechanism.definition().modes;
   const bool by_contribution = mechanism.definition().mode_choice == ModeChoice::kContribution;
-  if (basis.diagonal && (complete || wanted >= e - Y_r.cols())) {
-    // All directions: then single joints serve better than what the interface feels most, and modes.
-    const MatrixX all = internal::BranchIdentity(mechanism, basis);
-    modes.vectors = all.rightCols(e - Y_r.cols());
-    Y_r = all.leftCols(Y_r.cols()).eval();
-  } else if (!complete) {
+  internal::Modes modes{MatrixX(e, 0), VectorX(0)};
+  MatrixX Y_r;
+  if (wanted >= unfelt) {
+    // All directions: then single joints, and what single loops leave, serve better than what the interface
+    // feels most, and modes.
+    const MatrixX all =
+        basis.diagonal ? internal::BranchIdentity(mechanism, basis) : MatrixX(MatrixX::Identity(e, e));
+    Y_r = all.leftCols(model.num_elastic);
+    modes.vectors = all.rightCols(unfelt);
+  } else {
+    Y_r = FeltDirections(J_V, basis, felt);
     modes = internal::LowestModes(mechanism, kinematics, basis, Y_r, MatrixX(e, 0), MatrixX(0, 0),
                                   by_contribution ? CandidateModes(e, wanted) : wanted);
   }
@@ -362,7 +348,7 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
             basis.inverse_root(i) * basis.inverse_root(i);
     } else {
       const MatrixX Q_e = Columns(model.Q, model.SprungColumns());
-      model.C_perp = TimesTransposed(basis.V, basis.V) - TimesTransposed(Q_e, Q_e);
+      model.C_perp = DifferenceOfSquares(basis.V, Q_e);
     }
   }
   for (BodyIndex b : model.promoted)
@@ -375,6 +361,22 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism_in, con
     return Fail(ErrorCode::kNumerics, fmt::format("mechanism '{}'", mechanism.name()),
                 "gives a reduced model that is not finite");
   return model;
+}
+
+}  // namespace
+
+Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism, const VectorX& q_ref,
+                              const ReductionOptions& options) {
+  FORK1S_REQUIRE(mechanism != nullptr);
+  FORK1S_REQUIRE(q_ref.size() == mechanism->num_coordinates(), q_ref.size(), mechanism->num_coordinates());
+  Kinematics kinematics(*mechanism);
+  ComputeKinematics(*mechanism, q_ref, kinematics);
+  return ReduceAt(mechanism, q_ref, kinematics, options, nullptr);
+}
+
+Expected<ReducedModel> ReduceAgain(const ReducedModel& last, const VectorX& q_ref,
+                                   const Kinematics& kinematics, const ReductionOptions& options) {
+  return ReduceAt(last.mechanism, q_ref, kinematics, options, &last);
 }
 
 std::vector<int> ReducedModel::SprungColumns() const {

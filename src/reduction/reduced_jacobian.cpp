@@ -32,24 +32,28 @@ ReducedJacobian::ReducedJacobian(const ReducedModel& model) {
     int& up = anchor[static_cast<std::size_t>(above)];
     up = size(above) > 0 ? std::min(up, anchor[j]) : anchor[j];
   }
+  Eigen::Index values = 0;
   for (std::size_t j = 0; j < runs_.size(); ++j) {
     const int above = m.joints()[j].previous;
     if (above >= 0 && size(above) > 0) anchor[j] = anchor[static_cast<std::size_t>(above)];
     Run& run = runs_[j];
     if (run.size == 0) continue;
-    run.at = static_cast<Eigen::Index>(T_.size());
+    run.at = values;
     run.first = anchor[j] + (run.begin - anchor[j]) / 4 * 4;
     run.padded = (run.begin + run.size - run.first + 3) / 4 * 4;
-    T_.resize(T_.size() + 6 * static_cast<std::size_t>(run.padded), 0.0);
+    values += 6 * run.padded;
   }
+  T_.assign(static_cast<std::size_t>(values), 0.0);
   Q_at_.resize(static_cast<std::size_t>(m.num_coordinates()));
+  values = 0;
   for (int j = 0; j < m.num_joints(); ++j) {
     const Mechanism::Joint& joint = m.joints()[static_cast<std::size_t>(j)];
     for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
-      Q_at_[static_cast<std::size_t>(i)] = static_cast<Eigen::Index>(Q_.size());
-      Q_.resize(Q_.size() + static_cast<std::size_t>(run(j).padded), 0.0);
+      Q_at_[static_cast<std::size_t>(i)] = values;
+      values += run(j).padded;
     }
   }
+  Q_.assign(static_cast<std::size_t>(values), 0.0);
 }
 
 void ReducedJacobian::Compute(const ReducedModel& model, const Configuration& c) {

@@ -25,10 +25,11 @@ std::vector<char> FindWhole(const ReducedModel& model) {
   for (const std::vector<int>& group : internal::CoordinateGroups(m)) {
     const bool any_bends = std::any_of(group.begin(), group.end(),
                                        [&](int i) { return bends[static_cast<std::size_t>(i)] != 0; });
+    if (any_bends) continue;
     int columns = 0;
     for (int k = 0; k < model.size(); ++k)
       columns += std::any_of(group.begin(), group.end(), [&](int i) { return model.Q(i, k) != 0; }) ? 1 : 0;
-    if (any_bends || columns < static_cast<int>(group.size())) continue;
+    if (columns < static_cast<int>(group.size())) continue;
     for (const int i : group) whole[static_cast<std::size_t>(i)] = 1;
   }
   return whole;

@@ -21,6 +21,8 @@ MatrixX ScaledRows(const VectorView& d, const MatrixView& A);
 MatrixX ScaledColumns(const MatrixView& A, const VectorView& d);
 /// Aᵀ M A
 MatrixX Congruence(const MatrixView& M, const MatrixView& A);
+/// A Aᵀ - B Bᵀ, of which one half is computed.
+MatrixX DifferenceOfSquares(const MatrixView& A, const MatrixView& B);
 /// Aᵀ diag(d) A
 MatrixX DiagonalCongruence(const VectorView& d, const MatrixView& A);
 

@@ -1,0 +1,13 @@
+// The reduced model at another pose, for who has one of the same mechanism.
+#pragma once
+
+#include <fork1s/reduction/reduced_model.hpp>
+
+namespace fork1s {
+
+/// The bits of Reduce at q_ref [n], of which `kinematics` is; what hangs on no pose is taken from `last`.
+/// Errors: as of Reduce.
+Expected<ReducedModel> ReduceAgain(const ReducedModel& last, const VectorX& q_ref,
+                                   const Kinematics& kinematics, const ReductionOptions& options);
+
+}  // namespace fork1s

@@ -1,0 +1,114 @@
+// Bases by elimination and the largest eigenpairs, against what decides and decomposes everything.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fork1s/linalg/elimination.hpp>
+#include <fork1s/linalg/null_space.hpp>
+#include <fork1s/linalg/products.hpp>
+#include <fork1s/linalg/spectrum.hpp>
+#include <random>
+
+#include "random_matrix.hpp"
+
+namespace fork1s {
+namespace {
+
+using testing::RandomMatrix;
+
+double Most(const MatrixX& A) { return A.size() == 0 ? 0 : A.cwiseAbs().maxCoeff(); }
+
+TEST(Elimination, SolvesWhatClearRowsLeave) {
+  std::mt19937 engine(11);
+  int clear = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    const int m = trial % 7, n = m + 1 + trial % 5;
+    MatrixX A = RandomMatrix(m, n, engine), Z;
+    if (trial % 3 == 0)  // loops hear few coordinates
+      A = (RandomMatrix(m, n, engine).array() > 0.2).select(A, 0.0);
+    if (!EliminatedNullSpace(A, Z)) continue;
+    ++clear;
+    ASSERT_EQ(Z.cols(), n - m);
+    EXPECT_LT(Most(Times(A, Z)), 1e-13 * std::max(1.0, Most(Z)));
+    const MatrixX unseen = ComputeNullSpace(A).unseen;
+    ASSERT_EQ(unseen.cols(), n - m);
+    EXPECT_LT(Most(Z - Times(unseen, TransposedTimes(unseen, Z))), 1e-12 * Most(Z));
+  }
+  EXPECT_GT(clear, 40);
+}
+
+TEST(Elimination, LeavesWhatIsNotClear) {
+  std::mt19937 engine(12);
+  for (const double apart : {0.0, 1e-14, 1e-9, 1e-6, 1e-5}) {
+    MatrixX A = RandomMatrix(5, 9, engine), Z;
+    A.row(3) = A.row(0) - 0.5 * A.row(4) + apart * A.row(3);
+    EXPECT_FALSE(EliminatedNullSpace(A, Z)) << apart;
+  }
+  MatrixX square = RandomMatrix(4, 4, engine), Z;
+  EXPECT_FALSE(EliminatedNullSpace(square, Z));
+}
+
+TEST(Elimination, RootsMakeColumnsOrthonormalInTwoPasses) {
+  std::mt19937 engine(13);
+  for (const double scale : {1.0, 1e3, 1e5}) {
+    const MatrixX A = RandomMatrix(12, 7, engine);
+    MatrixX B = A;
+    for (int k = 0; k < 7; ++k) B.col(k) *= std::pow(scale, k / 6.0);
+    MatrixX Z = MatrixX::Identity(7, 7);
+    EXPECT_GT(DivideByRoot(B, Z), 0.1);
+    EXPECT_LT(DivideByRoot(Times(B, Z), Z), 1e-3);
+    const MatrixX orthonormal = Times(B, Z);
+    EXPECT_LT(Most(TransposedTimes(orthonormal, orthonormal) - MatrixX::Identity(7, 7)), 1e-13);
+  }
+  MatrixX singular = RandomMatrix(6, 3, engine), Z = MatrixX::Identity(3, 3);
+  singular.col(2).setZero();
+  EXPECT_FALSE(std::isfinite(DivideByRoot(singular, Z)));
+  EXPECT_EQ(Z, MatrixX::Identity(3, 3));
+}
+
+TEST(Elimination, DifferenceOfSquares) {
+  std::mt19937 engine(14);
+  for (const int n : {1, 2, 7, 30}) {
+    const MatrixX A = RandomMatrix(n, 5, engine), B = RandomMatrix(n, 3, engine);
+    EXPECT_LT(Most(DifferenceOfSquares(A, B) - (TimesTransposed(A, A) - TimesTransposed(B, B))), 1e-14 * 20);
+  }
+}
+
+// Values apart, several at one place, falling over many orders, and some that vanish.
+TEST(LargestPairs, AreThoseOfAll) {
+  std::mt19937 engine(15);
+  for (int trial = 0; trial < 40; ++trial) {
+    const int n = 10 + trial, count = 1 + trial % 3;
+    VectorX values(n);
+    for (int i = 0; i < n; ++i)
+      values(i) = trial % 4 == 0   ? 1 + i
+                  : trial % 4 == 1 ? 1 + i / 4
+                  : trial % 4 == 2 ? std::pow(10, -0.4 * i)
+                                   : std::max(0, 4 - i);
+    const MatrixX any = RandomMatrix(n, n, engine);
+    const MatrixX A = SpectrumOf(any + any.transpose()).vectors;  // an orthogonal matrix
+    const MatrixX S = Congruence(values.asDiagonal().toDenseMatrix(), A);
+    const MatrixX symmetric = 0.5 * (S + S.transpose());
+    const SymmetricSpectrum largest = LargestOf(symmetric, count), all = SpectrumOf(symmetric);
+    ASSERT_EQ(largest.vectors.cols(), count);
+    const double size = all.values.cwiseAbs().maxCoeff();
+    EXPECT_LT(Most(largest.values - all.values.tail(count)), 1e-13 * size) << trial;
+    EXPECT_LT(Most(Times(symmetric, largest.vectors) - ScaledColumns(largest.vectors, largest.values)),
+              1e-13 * size)
+        << trial;
+    EXPECT_LT(Most(TransposedTimes(largest.vectors, largest.vectors) - MatrixX::Identity(count, count)),
+              1e-13)
+        << trial;
+  }
+}
+
+TEST(LargestPairs, OfNothingAndOfWhatIsDiagonal) {
+  const SymmetricSpectrum of_nothing = LargestOf(MatrixX::Zero(12, 12), 2);
+  EXPECT_EQ(of_nothing.values, VectorX::Zero(2));
+  EXPECT_LT(Most(TransposedTimes(of_nothing.vectors, of_nothing.vectors) - MatrixX::Identity(2, 2)), 1e-14);
+  const VectorX d = VectorX::LinSpaced(12, 1, 12);
+  const SymmetricSpectrum diagonal = LargestOf(MatrixX(d.asDiagonal()), 3);
+  EXPECT_LT(Most(diagonal.values - d.tail(3)), 1e-14 * 12);
+}
+
+}  // namespace
+}  // namespace fork1s
