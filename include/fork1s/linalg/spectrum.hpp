@@ -12,9 +12,6 @@ struct SymmetricSpectrum {
   MatrixX vectors;
 };
 SymmetricSpectrum SpectrumOf(const MatrixX& symmetric);
-/// The same with the largest `count` alone, still ascending: to the same digits, in a third of the time where
-/// they are few.
-SymmetricSpectrum LargestOf(const MatrixX& symmetric, int count);
 /// Ascending.
 VectorX EigenvaluesOf(const MatrixX& symmetric);
 Vector3 PrincipalValues(const Matrix3& symmetric);
