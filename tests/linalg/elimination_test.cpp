@@ -5,7 +5,6 @@
 #include <fork1s/linalg/elimination.hpp>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <random>
 
 #include "random_matrix.hpp"

@@ -141,6 +141,17 @@ def test_detail_while_it_runs(gripper):
         fork1s.Simulation(gripper).set_detail("object")
 
 
+def test_recovery(scenes):
+    """Loops closed, closed to second order, and summed screws: a sheet that catches a load, by each."""
+    ends = {}
+    for recovery in ("exact", "curved", "twist"):
+        sim = fork1s.Simulation(fork1s.load(scenes / "firemen.xml"), dt=1 / 60, recovery=recovery)
+        sim.step(30)
+        ends[recovery] = sim.pose("sheet")[:3, 3]
+    off = {r: np.linalg.norm(ends[r] - ends["exact"]) for r in ends}
+    assert 0 < off["curved"] < 1e-3 < off["twist"]
+
+
 def test_keyframe(scenes):
     model = fork1s.load(scenes / "hand.xml")
     opened = fork1s.Simulation(model, keyframe="open")

@@ -67,6 +67,7 @@ describe.skipIf(!ready)('the page on a running hand', () => {
 describe.skipIf(!ready)('poses in both modes, with loops', () => {
   for (const [scene, mode] of [
     ['firemen.xml', 'exact'],
+    ['firemen.xml', 'curved'],
     ['firemen.xml', 'twist'],
     ['hexapod.xml', 'exact'],
   ] as const)
