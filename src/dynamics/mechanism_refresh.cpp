@@ -17,6 +17,16 @@ bool CloseByChords(const ReducedModel& model, const Configuration& at, VectorX& 
   const Mechanism& m = *model.mechanism;
   const bool all_rows = model.loop_rank() == m.num_constraints();
   VectorX c, d(model.loop_rank()), before;
+  LoopFactor own;
+  const LoopFactor* factor = &at.factor;
+  if (model.curvature.exists()) {  // no step has factored A B
+    VectorX A;
+    Matrix6X scratch;
+    model.loops.Fill(m, at.kinematics, at.q, scratch, A);
+    own = LoopFactor(model.loops);
+    own.Compute(model.loops, A, model.B);
+    factor = &own;
+  }
   q = at.q;
   kinematics = at.kinematics;
   for (int chords = 0;; ++chords) {
@@ -24,7 +34,7 @@ bool CloseByChords(const ReducedModel& model, const Configuration& at, VectorX& 
     if (chords == 3) return false;
     ClosureResidual(m, kinematics, q, c);
     for (int k = 0; k < model.loop_rank(); ++k) d(k) = c(model.loops.row(k));
-    at.factor.SolveInPlace(d);
+    factor->SolveInPlace(d);
     before = q;
     model.loops.SubtractTransposed(model.B, d, q);
     const double step = (q - before).cwiseAbs().maxCoeff();
@@ -63,7 +73,7 @@ bool MechanismDynamics::Refresh() {
   Kinematics kinematics(m);
   if (m.num_constraints() == 0) {
     ComputeKinematics(m, q, kinematics);
-  } else if (options_.recovery != Recovery::kExact ||
+  } else if (options_.recovery == Recovery::kTwist ||
              !CloseByChords(model(), configuration_, q, kinematics)) {
     // In twist mode, and where loops were corrected in few steps, the joints get their exact closed pose
     // first.

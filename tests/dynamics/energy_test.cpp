@@ -71,7 +71,7 @@ void ExpectNoGrowth(RandomMechanismOptions options, BaseKind base, Recovery reco
         const Gain gain = LargestGain(seed, options, scale, integrator, recovery);
         EXPECT_LT(gain.above_start, kRounding);
         EXPECT_LT(gain.step, integrator == Integrator::kEuler ? kRounding : kCreep);
-        EXPECT_LT(gain.refresh, 1e-3);
+        EXPECT_LT(gain.refresh, integrator == Integrator::kEuler ? 1e-3 : kCreep);
       }
 }
 
@@ -88,8 +88,8 @@ TEST(Energy, LoopsNeverGain) {
 }
 
 // A refresh closes loops that were open by up to 0.2 mm, and springs take or give what that moves
-// them: 3.4e-4 of the energy in the worst of 144 runs. All other steps are those of a potential, as with
-// loops that are closed.
+// them: 4e-4 of the energy in the worst of 72 runs by implicit Euler. All other steps are those of a
+// potential, as with loops that are closed.
 TEST(Energy, CurvedLoopsGainInRefreshesAlone) {
   RandomMechanismOptions options;
   options.rigid_closures = 1;
