@@ -2,6 +2,7 @@
 // the table of docs/scenes/long_and_many.md.
 //
 //     build/release/benchmarks/long_and_many [--out docs/scenes] [arms|hands]
+//     build/release/benchmarks/long_and_many --parts      what the parts of a step of 10 and 100 hands take
 //     build/release/benchmarks/long_and_many --record FILE.h5 arms|hands     a recording of the longest, or
 //     the most
 //
@@ -14,6 +15,7 @@
 #include <continuum_arm.hpp>
 #include <fork1s/base/percentile.hpp>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/dynamics/step_times.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/study/scene_table.hpp>
@@ -204,6 +206,34 @@ Expected<Row> MeasureHands(int count, int threads, const std::string& record) {
   return row;
 }
 
+// Median times of the parts of a step, on one thread and on two: what does not get shorter runs on one.
+Expected<void> PrintParts(int count) {
+  const auto names = PartsOf({});
+  std::vector<std::vector<double>> us[2];
+  for (const int threads : {1, 2}) {
+    const oneapi::tbb::global_control limit(oneapi::tbb::global_control::max_allowed_parallelism,
+                                            static_cast<std::size_t>(threads));
+    ManyHands hands;
+    hands.count = count;
+    auto simulation = CreateManyHands(FORK1S_SOURCE "/scenes/hand.xml", hands);
+    if (!simulation) return tl::unexpected(simulation.error());
+    StepPartTimes times;
+    simulation->world().Watch(&times);
+    auto& of = us[threads - 1];
+    of.resize(names.size() + 1);
+    RunManyHands(*simulation, hands, [&](const StepReport&) {
+      const auto parts = PartsOf(times);
+      for (std::size_t k = 0; k < parts.size(); ++k) of[k].push_back(1e6 * parts[k].second);
+      of.back().push_back(1e6 * times.all);
+    });
+  }
+  fmt::print("hands,part,us_one_thread,us_two_threads\n");
+  for (std::size_t k = 0; k <= names.size(); ++k)
+    fmt::print("{},\"{}\",{:.1f},{:.1f}\n", count, k < names.size() ? names[k].first : "a step",
+               Percentile(us[0][k], 0.5), Percentile(us[1][k], 0.5));
+  return {};
+}
+
 std::string CsvHead() {
   return "scene,stiffness,threads,bodies,joint_coordinates,coordinates,simulated_s,reduction_ms,step_us,"
          "step_99_us,real_time_factor,contacts_max,unconverged,penetration_mm,rms_mm,max_mm,full_rms_mm,"
@@ -255,7 +285,8 @@ int Report(const Error& error) {
 }
 
 int Usage() {
-  fmt::print(stderr, "usage: long_and_many [--out FOLDER] [arms|hands] or --record FILE.h5 arms|hands\n");
+  fmt::print(stderr,
+             "usage: long_and_many [--out FOLDER] [arms|hands], --parts or --record FILE.h5 arms|hands\n");
   return 1;
 }
 
@@ -264,16 +295,24 @@ int Usage() {
 int Main(int argc, char** argv) {
   const std::string source = FORK1S_SOURCE;
   std::string out = source + "/docs/scenes", record, only;
+  bool parts = false;
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     if (argument == "--out" && i + 1 < argc)
       out = argv[++i];
     else if (argument == "--record" && i + 1 < argc)
       record = argv[++i];
+    else if (argument == "--parts")
+      parts = true;
     else if (argument == "arms" || argument == "hands")
       only = argument;
     else
       return Usage();
+  }
+  if (parts) {
+    for (const int count : {10, 100})
+      if (auto printed = PrintParts(count); !printed) return Report(printed.error());
+    return 0;
   }
   if (!record.empty()) {
     if (only.empty()) return Usage();

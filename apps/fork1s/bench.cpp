@@ -228,7 +228,7 @@ void AddBench(CLI::App& app, Action& action) {
       ->check(CLI::Range(2, 4096))
       ->check([](const std::string& n) { return n.back() % 2 == 0 ? "" : "'" + n + "' is not even"; });
   command->add_flag("--phases", args->phases,
-                    "instructions of the parts of a step, where valgrind is installed");
+                    "times of the parts of a step, and instructions where valgrind is installed");
   command->add_flag("--json", args->json, "print one JSON object");
   command->add_option("--out", args->out, "folder for tables (CSV), plots (SVG) and the page bench.html");
   command->add_option("--steps-of", args->steps_of)->group("");

@@ -48,8 +48,12 @@ Json SceneJson(const BenchScene& s) {
                                   {"us_per_simulated_s", row.step_us / row.dt_s},
                                   {"error_percent", Number(row.error_percent)}});
   if (!s.phases.empty()) {
-    out["phases"] = Json::object();
-    for (const PhaseCost& p : s.phases) out["phases"][p.phase] = p.instructions;
+    out["phases"] = out["phase_us"] = Json::object();
+    for (const PhaseCost& p : s.phases) {
+      out["phases"][p.phase] = Number(p.instructions.value_or(0), p.instructions.has_value());
+      out["phase_us"][p.phase] = {{"median", Number(p.median_us.value_or(0), p.median_us.has_value())},
+                                  {"mean", Number(p.mean_us.value_or(0), p.mean_us.has_value())}};
+    }
   }
   if (!s.why_no_instructions.empty()) out["why_no_instructions"] = s.why_no_instructions;
   return out;
@@ -110,7 +114,9 @@ void PrintScene(const BenchScene& s) {
                std::isfinite(r.error_percent) ? fmt::format("{:.3g}", r.error_percent) : "-");
   }
   for (const PhaseCost& p : s.phases)
-    fmt::print("    {:<22} {:>12.0f} instructions\n", p.phase, p.instructions);
+    fmt::print("    {:<22} {:>9.3g} us {:>9.3g} us in the mean {:>12} instructions\n", p.phase,
+               p.median_us.value_or(0), p.mean_us.value_or(0),
+               p.instructions ? fmt::format("{:.0f}", *p.instructions) : "-");
   std::fflush(stdout);
 }
 

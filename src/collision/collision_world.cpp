@@ -2,30 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/mechanism/restitution.hpp>
 
 #include "collision_model.hpp"
+#include "contact_law.hpp"
 #include "pair_routines.hpp"
+#include "pair_search.hpp"
 
-// MuJoCo as a detector only: its model has one free body per moving collision body, and every call writes the
-// poses of bodies (read by the broad phase) and geoms (by the narrow one), which is all that mj_collision
-// reads, and collects d->contact.
+// MuJoCo as a detector only: its model has one free body per moving collision body, of which we write the
+// poses. Where few pairs may touch, all have a name (model_text.cpp): mj_collision goes through them, reads
+// the poses of bodies and geoms and leaves d->contact. Where there are more, PairSearch shares them out among
+// threads, and asks MuJoCo pair by pair.
 namespace fork1s {
 namespace {
-
-/// As in MJCF: the higher priority decides, else the larger coefficient, the more moments and the mean of
-/// both damping ratios; a pair is frictionless when all who decide are.
-void SetLaw(const internal::CollisionGeom& a, const internal::CollisionGeom& b, ContactPoint& out) {
-  const internal::CollisionGeom& first = b.priority > a.priority ? b : a;
-  const internal::CollisionGeom& second = a.priority > b.priority ? a : b;
-  if (!first.frictionless || !second.frictionless) out.friction = std::max(first.friction, second.friction);
-  const int moments = std::max(first.moments, second.moments);
-  if (moments > 0) out.torsion = std::max(first.torsion, second.torsion);
-  if (moments > 1) out.rolling = std::max(first.rolling, second.rolling);
-  if (first.restitution > 0 || second.restitution > 0)
-    out.restitution =
-        RestitutionOf(0.5 * (DampingRatioOf(first.restitution) + DampingRatioOf(second.restitution)));
-}
 
 void WritePose(mjtNum* xpos, mjtNum* xmat, int id, const RigidTransform& X) {
   Eigen::Map<Vector3>(xpos + 3 * id) = X.translation();
@@ -58,7 +46,31 @@ struct CollisionWorld::Detail {
   std::vector<bool> moves;
   std::vector<int> body_id;                   // MuJoCo's body, -1 without geometry
   std::vector<std::pair<int, int>> excluded;  // sorted, smaller index first
+  std::unique_ptr<internal::PairSearch> search;  // of many pairs
+  double margin = 0;
+  bool may_touch = false;  // anything may
 
+  // Whether `act` is true of the bodies of any two geoms that may touch; asks no more once it was.
+  template <class Act>
+  bool AnyPair(const Act& act) const {
+    const mjModel* m = model.get();
+    const auto bodies = [&](int geom_a, int geom_b) {
+      const int a = geoms[static_cast<std::size_t>(geom_a)].body,
+                b = geoms[static_cast<std::size_t>(geom_b)].body;
+      const bool one_moves = moves[static_cast<std::size_t>(a)] || moves[static_cast<std::size_t>(b)];
+      return a != b && one_moves && !IsExcluded(a, b) && act(a, b);
+    };
+    // Either every pair has a name or none has: model_text.cpp.
+    for (int k = 0; k < m->npair; ++k)
+      if (bodies(m->pair_geom1[k], m->pair_geom2[k])) return true;
+    for (int g = 0; g < m->ngeom; ++g)
+      for (int h = g + 1; h < m->ngeom; ++h)
+        if (((m->geom_contype[g] & m->geom_conaffinity[h]) ||
+             (m->geom_contype[h] & m->geom_conaffinity[g])) &&
+            bodies(g, h))
+          return true;
+    return false;
+  }
   bool IsExcluded(int a, int b) const {
     return std::binary_search(excluded.begin(), excluded.end(), std::pair<int, int>(std::minmax(a, b)));
   }
@@ -120,6 +132,10 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
     detail.posed.insert(detail.posed.end(), by_body[b].begin(), by_body[b].end());
   }
   detail.first_posed.push_back(static_cast<int>(detail.posed.size()));
+  detail.may_touch = detail.AnyPair([](int, int) { return true; });
+  if (m->npair == 0)
+    detail.search =
+        std::make_unique<internal::PairSearch>(*m, *detail.data, detail.geoms, detail.moves, detail.excluded);
   world.SetMargin(options.margin);
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     if (bodies[b].moves) world.SetPose(static_cast<int>(b), bodies[b].X_WB);
@@ -132,15 +148,18 @@ void CollisionWorld::SetPose(int body, const RigidTransform& X_WB) {
   FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(detail.moves.size()), body);
   const std::size_t b = static_cast<std::size_t>(body);
   FORK1S_REQUIRE(detail.moves[b], body);
-  if (detail.body_id[b] >= 0) WriteBodyPose(detail.data.get(), detail.body_id[b], X_WB);
+  if (detail.body_id[b] >= 0 && !detail.search) WriteBodyPose(detail.data.get(), detail.body_id[b], X_WB);
   for (int k = detail.first_posed[b]; k < detail.first_posed[b + 1]; ++k) {
     const Detail::PosedGeom& geom = detail.posed[static_cast<std::size_t>(k)];
     WriteGeomPose(detail.data.get(), geom.id, X_WB * geom.X_BM);
+    if (detail.search) detail.search->Moved(geom.id);
   }
 }
 
 void CollisionWorld::SetMargin(double margin) {
   FORK1S_REQUIRE(margin >= 0 && std::isfinite(margin), margin);
+  detail_->margin = margin;
+  if (detail_->search) return;
   mjModel* model = detail_->model.get();
   // The margins of two geoms are added.
   std::fill_n(model->geom_margin, model->ngeom, 0.5 * margin);
@@ -150,8 +169,10 @@ void CollisionWorld::SetMargin(double margin) {
 
 bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
   Detail& detail = *detail_;
-  mjData* d = detail.data.get();
   contacts.clear();
+  if (!detail.may_touch) return true;
+  if (detail.search) return detail.search->Detect(detail.margin, contacts);
+  mjData* d = detail.data.get();
   const int warnings = d->warning[mjWARN_CONTACTFULL].number;
   d->pstack = 0;  // an error that was thrown through MuJoCo leaves its scratch in use
   try {
@@ -174,27 +195,18 @@ bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
     out.point = Eigen::Map<const Vector3>(in.pos);
     out.frame = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(in.frame);
     out.gap = in.dist;
-    SetLaw(a, b, out);
+    internal::SetLaw(a, b, out);
   }
   return d->warning[mjWARN_CONTACTFULL].number == warnings;
 }
 
 std::vector<std::pair<int, int>> CollisionWorld::PairsThatMayTouch() const {
   const Detail& detail = *detail_;
-  const mjModel* m = detail.model.get();
   std::vector<std::pair<int, int>> pairs;
-  const auto add = [&](int geom_a, int geom_b) {
-    const int a = detail.geoms[static_cast<std::size_t>(geom_a)].body,
-              b = detail.geoms[static_cast<std::size_t>(geom_b)].body;
-    const bool moves = detail.moves[static_cast<std::size_t>(a)] || detail.moves[static_cast<std::size_t>(b)];
-    if (a != b && moves && !detail.IsExcluded(a, b)) pairs.emplace_back(std::minmax(a, b));
-  };
-  // Either every pair has a name or none has: model_text.cpp.
-  for (int k = 0; k < m->npair; ++k) add(m->pair_geom1[k], m->pair_geom2[k]);
-  for (int g = 0; g < m->ngeom; ++g)
-    for (int h = g + 1; h < m->ngeom; ++h)
-      if ((m->geom_contype[g] & m->geom_conaffinity[h]) || (m->geom_contype[h] & m->geom_conaffinity[g]))
-        add(g, h);
+  detail.AnyPair([&](int a, int b) {
+    pairs.emplace_back(std::minmax(a, b));
+    return false;
+  });
   std::sort(pairs.begin(), pairs.end());
   pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
   return pairs;

@@ -9,6 +9,7 @@
 namespace fork1s {
 
 void World::Detail::FindContacts(const StepOptions& options, StepReport& report) {
+  const PartClock clock(times_, &StepPartTimes::finding);
   // What can close within a step: twice the last step's motion, what gravity adds, and a millimetre.
   contactor_motion_.assign(contactors_.size(), 0.0);
   constexpr int kWorthAThread = 100;  // some 30 us

@@ -13,10 +13,13 @@
 
 #include <fork1s/dynamics/contact_motion.hpp>
 
+#include "part_clock.hpp"
+
 namespace fork1s {
 
 struct World::Detail {
   StepReport Step(const StepOptions& options);
+  StepReport TakeStep(const StepOptions& options);
   void Save(WorldState& out) const;
   void Restore(const WorldState& state);
   bool IsFinite(bool poses);
@@ -43,16 +46,18 @@ struct World::Detail {
   void AssembleLimits(const StepOptions& options);
   void MatchPrevious();
   void AddCandidates(std::size_t begin, std::size_t end, const int* first, const int* last);
+  void PredictAll(const StepOptions& options);
   void SolveContacts(const StepOptions& options, StepReport& report);
   bool UpdateSwitches(const StepOptions& options);
   void ApplyImpulses();
   void KeepForNextStep(double h, StepReport& report);
   void MoveMechanisms(const StepOptions& options, StepReport& report);
-  int MechanismGrain() const;
+  void ShareRefreshes(double moving_before);
+  int WorthAThread() const;
   // act(i) for every mechanism or contact, side by side where they are many: each on its own data alone.
   template <class Act>
   void ForMechanisms(const Act& act) const {
-    ForAll(mechanisms_.size(), MechanismGrain(), act);
+    ForAll(mechanisms_.size(), mechanism_grain_, act);
   }
   template <class Act>
   void ForContacts(const Act& act) const {
@@ -83,6 +88,7 @@ struct World::Detail {
   Vector3 CoordinateCurvature(int contactor, const Matrix36& J) const;
 
   std::vector<MechanismDynamics> mechanisms_;
+  int mechanism_grain_ = 1;  // WorthAThread()
   std::vector<FreeBody> free_bodies_;
   std::unique_ptr<CollisionWorld> collision_;
   std::vector<Contactor> contactors_;
@@ -147,12 +153,14 @@ struct World::Detail {
     int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
     std::size_t first_limit = 0;  // of its rows in limits_
     bool finite = true;
+    StepPartTimes own;  // moving and refreshing
   };
   std::vector<MechanismBlock> mechanism_blocks_;
   std::vector<Matrix6> free_Y_;
   std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
   bool has_switches_ = false;
   WorldState before_;  // of the step at hand
+  StepPartTimes* times_ = nullptr;
 };
 
 }  // namespace fork1s

@@ -6,19 +6,43 @@
 namespace fork1s {
 
 // Mechanisms that are worth a thread: some 200 joint coordinates, 30 us.
-int World::Detail::MechanismGrain() const {
+int World::Detail::WorthAThread() const {
   int coordinates = 0;
   for (const MechanismDynamics& m : mechanisms_) coordinates += 1 + m.mechanism().num_coordinates();
   return coordinates == 0 ? 1 : std::max(1, 200 * static_cast<int>(mechanisms_.size()) / coordinates);
 }
 
+// Mechanisms move and are refreshed in one loop: its time goes to either as that of its mechanisms does.
+void World::Detail::ShareRefreshes(double moving_before) {
+  double moved = 0, refreshed = 0;
+  for (const MechanismBlock& block : mechanism_blocks_) {
+    moved += block.own.moving;
+    refreshed += block.own.refreshing;
+  }
+  if (!(refreshed > 0)) return;
+  times_->refreshing += (times_->moving - moving_before) * refreshed / (moved + refreshed);
+  times_->moving -= times_->refreshing;
+}
+
 void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& report) {
+  const double moving_before = times_ ? times_->moving : 0;
+  PartClock clock(times_, &StepPartTimes::moving);
   ForMechanisms([&](std::size_t i) {
     MechanismDynamics& m = mechanisms_[i];
-    m.Integrate(options.h);
-    mechanism_blocks_[i].refreshed = 0;
-    if (options.refresh && m.Staleness(by_theta_) > 1) mechanism_blocks_[i].refreshed = m.Refresh() ? 1 : -1;
+    MechanismBlock& block = mechanism_blocks_[i];
+    block.own = StepPartTimes();
+    {
+      const PartClock own(times_ ? &block.own : nullptr, &StepPartTimes::moving);
+      m.Integrate(options.h);
+    }
+    block.refreshed = 0;
+    if (!options.refresh || !(m.Staleness(by_theta_) > 1)) return;
+    const PartClock own(times_ ? &block.own : nullptr, &StepPartTimes::refreshing);
+    block.refreshed = m.Refresh() ? 1 : -1;
   });
+  for (FreeBody& b : free_bodies_) b.Integrate(options.h);
+  clock.Stop();
+  if (times_) ShareRefreshes(moving_before);
   if (by_theta_)
     for (const MechanismDynamics& m : mechanisms_) {
       report.newton_steps = std::max(report.newton_steps, m.NewtonSteps());
@@ -30,9 +54,16 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
   }
 }
 
+void World::Detail::PredictAll(const StepOptions& options) {
+  const PartClock clock(times_, &StepPartTimes::free_velocities);
+  ForMechanisms([&](std::size_t i) { mechanisms_[i].Predict(options.h, options.gravity); });
+  for (FreeBody& b : free_bodies_) b.Predict(options.h, options.gravity);
+}
+
 // Contact, and with it which servos are at the bounds of their forces and which springs are slack: each round
 // knows more of them, or lets go those that contact took back.
 void World::Detail::SolveContacts(const StepOptions& options, StepReport& report) {
+  const PartClock clock(times_, &StepPartTimes::solving);
   constexpr int kRounds = 50;  // a set that comes back has no end, and is said in the report
   if (has_switches_)
     for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_velocity_[i] = free_bodies_[i].velocity();
@@ -60,6 +91,7 @@ bool World::Detail::UpdateSwitches(const StepOptions& options) {
 
 void World::Detail::PrepareContacts(const StepOptions& options, StepReport& report) {
   FindContacts(options, report);
+  const PartClock clock(times_, &StepPartTimes::rows);
   LayOutPorts(options);
   MatchPrevious();
   // Rows first: the curvature term compares them on the velocities of the start of the step.
@@ -94,6 +126,12 @@ StepReport World::Detail::TakeBack(StepReport report) {
 }
 
 StepReport World::Detail::Step(const StepOptions& options) {
+  if (times_) *times_ = StepPartTimes();
+  const PartClock clock(times_, &StepPartTimes::all);
+  return TakeStep(options);
+}
+
+StepReport World::Detail::TakeStep(const StepOptions& options) {
   StepReport report;
   const double h = options.h;
   FORK1S_REQUIRE(h > 0 && std::isfinite(h), h);
@@ -109,8 +147,7 @@ StepReport World::Detail::Step(const StepOptions& options) {
     BeginTheta(options, report);
   else
     PrepareContacts(options, report);
-  ForMechanisms([&](std::size_t i) { mechanisms_[i].Predict(options.h, options.gravity); });
-  for (FreeBody& b : free_bodies_) b.Predict(h, options.gravity);
+  PredictAll(options);
   if (middle_) ShiftRows();
   SolveContacts(options, report);
 
@@ -118,11 +155,12 @@ StepReport World::Detail::Step(const StepOptions& options) {
   KeepForNextStep(h, report);
   curvature_valid_ = !by_theta_;
   MoveMechanisms(options, report);
-  for (FreeBody& b : free_bodies_) b.Integrate(h);
   for (const MechanismDynamics& m : mechanisms_)
     report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
   return IsFinite(true) ? report : TakeBack(report);
 }
+
+void World::Watch(StepPartTimes* times) { detail_->times_ = times; }
 
 StepReport World::Step(const StepOptions& options) { return detail_->Step(options); }
 

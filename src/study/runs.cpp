@@ -91,6 +91,7 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
   Simulation& s = *made;
   Run run{"reduced", s.dt(), 0, {}, s.warnings()};
   std::size_t next_fidelity = 0;
+  StepPartTimes parts;
   auto measure = [&](Sample sample) {
     for (const TrackedBody& b : tracked) sample.X_WB.push_back(s.Pose(b.index));
     sample.energy = s.Energy();
@@ -114,7 +115,9 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
         for (const PushNow& p : options.pushes->Over(s.time() + s.dt(), s.dt(), s))
           s.ApplyWrench(p.body, p.force_W, p.moment_W, p.point_W);
       StepReport report;
+      s.world().Watch(options.watch_parts ? &parts : nullptr);  // a change of fidelity makes another world
       Clock(run, [&] { report = s.Step(); });
+      if (options.watch_parts) run.parts.push_back(parts);
       run.refreshed.push_back(report.refreshes > 0);
       if (!report.finite) return tl::unexpected(NotFinite("reduced", s.time(), s.dt()));
       run.unconverged += report.solver.converged ? 0 : 1;

@@ -1,6 +1,7 @@
 // One simulator's run, sampled so that runs with other time steps can be held against it.
 #pragma once
 
+#include <fork1s/dynamics/step_times.hpp>
 #include <fork1s/sim/push.hpp>
 #include <fork1s/study/compare.hpp>
 #include <functional>
@@ -33,6 +34,7 @@ struct Run {
   std::vector<Sample> samples;  // the start, then one every interval
   std::vector<std::string> warnings;
   std::vector<double> step_s = {};  // wall time of every step
+  std::vector<StepPartTimes> parts = {};  // of every step of the reduced run, where they were watched
   std::vector<char> refreshed = {};  // of the reduced run: steps in which a mechanism was reduced anew
   int coordinates = 0;              // velocities that the last step solved for
   // MuJoCo only: bodies that touch in one of the two simulators alone.
@@ -58,6 +60,7 @@ struct RunOptions {
   bool mujoco_tuned =
       false;           // stiff loops and friction that creeps less than the file's defaults (mujoco_run.cpp)
   double mujoco_stiffness = 1;  // factor on its springs and servos, dampers by the root, as ScaleStiffness
+  bool watch_parts = false;     // of the reduced run: Run::parts
   bool energy = true;  // of MuJoCo, which computes it within its step and so takes a little longer
 };
 

@@ -58,6 +58,10 @@ TEST(Bench, CountsInstructionsByPart) {
   EXPECT_NEAR(sum, all, 1e-6 * all);
   EXPECT_GT(scene["phases"]["free velocities"], 0.05 * all);
   EXPECT_GT(scene["phases"]["moving, poses, loops"], 0.05 * all);
+  double us = 0;
+  for (const auto& part : scene["phase_us"]) us += part["mean"].get<double>();
+  EXPECT_GT(us, 0);
+  EXPECT_EQ(scene["phase_us"].size(), scene["phases"].size());
   EXPECT_TRUE(scene["error_percent"].is_null());  // it stands still
   EXPECT_EQ(scene["peers"].size(), 1u);           // the full model
 }

@@ -32,5 +32,25 @@ TEST(CollisionAllocation, NoneInDetect) {
   EXPECT_GT(seen, 500u);
 }
 
+// More pairs than have names, few enough for one thread.
+TEST(CollisionAllocation, NoneInASearchThroughManyPairs) {
+  std::vector<CollisionBodyDef> bodies = {Still(Plane{})};
+  for (int k = 0; k < 12; ++k) bodies.push_back(Moving(Sphere{0.1}, At(0.199 * k, 0, 0.0995)));
+  auto world = CollisionWorld::Create(bodies, {});
+  ASSERT_TRUE(world.has_value()) << world.error().Text();
+  std::vector<ContactPoint> contacts;
+  contacts.reserve(100);
+  EXPECT_TRUE(world->Detect(contacts));
+  const long before = allocations.load();
+  std::size_t seen = 0;
+  for (int k = 0; k < 50; ++k) {
+    world->SetPose(12, At(0.05 * k, 0, 0.29));
+    EXPECT_TRUE(world->Detect(contacts));
+    seen += contacts.size();
+  }
+  EXPECT_EQ(allocations.load(), before);
+  EXPECT_GT(seen, 1000u);
+}
+
 }  // namespace
 }  // namespace fork1s

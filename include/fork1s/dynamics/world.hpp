@@ -18,6 +18,7 @@ namespace fork1s {
 
 class MechanismDynamics;  // mechanism_dynamics.hpp, for who looks into a mechanism
 struct ContactProblem;    // contact_problem.hpp
+struct StepPartTimes;     // step_times.hpp
 
 /// How a step is taken. kEuler: all forces at its end, first order. kTheta: slow modes by the trapezoid, what
 /// a step cannot follow at its end, impacts likewise (docs/method.md, section 5); second order, for exact
@@ -104,6 +105,9 @@ class World {
 
   /// One step of the scheme of docs/method.md, section 5. Never throws for numerical reasons: see StepReport.
   StepReport Step(const StepOptions& options);
+  /// From now on every step writes into `times` how long its parts took; nullptr: none does, and no clock is
+  /// read.
+  void Watch(StepPartTimes* times);
   /// What the last step asked of its contacts and stops, to be solved by other means: velocities before them
   /// and impulses of the step before as a warm start. Of no blocks where nothing could touch.
   ContactProblem LastContactProblem() const;

@@ -40,10 +40,13 @@ struct BenchOptions {
   std::function<void(double)> progress;  // called with the share done
 };
 
-/// What part of a step takes how many instructions.
+/// What a part of a step takes; nothing where it was not measured.
 struct PhaseCost {
   std::string phase;
-  double instructions = 0;  // a step
+  std::optional<double> instructions;  // a step, mean
+  /// Over all steps; each counts with its median over the rounds. Means add up to a step, as a part that few
+  /// steps have shows in them alone.
+  std::optional<double> median_us, mean_us;
 };
 
 struct PeerInstructions {

@@ -1,11 +1,13 @@
 #include "instructions.hpp"
 
 #include <algorithm>
+#include <fork1s/dynamics/step_times.hpp>
 #include <sstream>
 
 #include <fmt/format.h>
 
 #include "child.hpp"
+#include "phases.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -48,7 +50,7 @@ Profile Collect(const BenchOptions& options, const std::string& valgrind, const 
 }
 
 // What World::Step is made of (src/dynamics/world_step.cpp), as callgrind names it.
-std::vector<PhaseCost> PhasesOf(const Profile& profile) {
+void SetPhases(const Profile& profile, BenchScene& scene) {
   const auto of = [&](const char* function) {
     return InclusiveInstructions(profile.annotated, function) / profile.steps;
   };
@@ -59,14 +61,15 @@ std::vector<PhaseCost> PhasesOf(const Profile& profile) {
                integrated = of("fork1s::MechanismDynamics::Integrate("),
                refreshed = of("fork1s::MechanismDynamics::Refresh("),
                all = profile.instructions / profile.steps;
-  return {{"finding contacts", found},
-          {"rows of contact", std::max(0.0, prepared - found)},
-          {"free velocities", predicted},
-          {"solving contacts", solved},
-          {"moving, poses, loops", integrated},
-          {"refreshing", refreshed},
-          {"the rest",
-           std::max(0.0, all - std::max(prepared, found) - predicted - solved - integrated - refreshed)}};
+  StepPartTimes parts;  // instructions, of the same parts
+  parts.finding = found;
+  parts.rows = std::max(0.0, prepared - found);
+  parts.free_velocities = predicted;
+  parts.solving = solved;
+  parts.moving = integrated;
+  parts.refreshing = refreshed;
+  parts.all = all;
+  for (const auto& [phase, count] : PartsOf(parts)) PhaseOf(scene, phase).instructions = std::max(0.0, count);
 }
 
 }  // namespace
@@ -105,7 +108,7 @@ void CountInstructions(const BenchOptions& options, BenchScene& scene) {
     scene.why_no_instructions =
         "callgrind_annotate, which comes with valgrind, is not on the PATH: no phases";
   else if (options.phases)
-    scene.phases = PhasesOf(ours);
+    SetPhases(ours, scene);
   if (!options.mujoco) return;
   for (const char* integrator : {"discrete", "implicitfast"}) {
     const Profile theirs = Collect(options, valgrind, "mj_step", integrator, false);

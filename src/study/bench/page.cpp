@@ -47,16 +47,23 @@ std::string SceneRows(const BenchScene& scene) {
             rows);
   if (!scene.why_no_instructions.empty()) out += "<p>" + EscapeHtml(scene.why_no_instructions) + "</p>\n";
   rows.clear();
-  for (const PhaseCost& p : scene.phases) rows.push_back(Cell(p.phase) + Shown(1e-3 * p.instructions));
-  return out + Table(scene.name + ", thousand instructions a step", {"", ""}, rows);
+  for (const PhaseCost& p : scene.phases)
+    rows.push_back(Cell(p.phase) + Shown(p.median_us.value_or(0), p.median_us.has_value()) +
+                   Shown(p.mean_us.value_or(0), p.mean_us.has_value()) +
+                   Shown(1e-3 * p.instructions.value_or(0), p.instructions.has_value()));
+  return out + Table(scene.name + ", parts of a step",
+                     {"", "us a step, median", "us a step, mean", "thousand instructions a step"}, rows);
 }
 
 std::string PhasesCsv(const BenchResults& results) {
   std::string out;
   for (const BenchScene& s : results.scenes)
     for (const PhaseCost& p : s.phases)
-      out += fmt::format("{},\"{}\",{:.0f}\n", s.name, p.phase, p.instructions);
-  return out.empty() ? out : "scene,phase,instructions\n" + out;
+      out += fmt::format("{},\"{}\",{},{},{}\n", s.name, p.phase,
+                         p.instructions ? fmt::format("{:.0f}", *p.instructions) : "",
+                         Measured(p.median_us.value_or(0), p.median_us.has_value()),
+                         Measured(p.mean_us.value_or(0), p.mean_us.has_value()));
+  return out.empty() ? out : "scene,phase,instructions,median_us,mean_us\n" + out;
 }
 
 std::string RecoveryCsv(const BenchResults& results) {

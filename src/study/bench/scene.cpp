@@ -8,6 +8,7 @@
 
 #include "instructions.hpp"
 #include "outside.hpp"
+#include "phases.hpp"
 
 namespace fork1s {
 
@@ -76,6 +77,11 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options) {
   WithThreads(1, [&] { rows = MeasurePeers(peers); });
   if (!rows) return tl::unexpected(rows.error());
   scene.rows = std::move(*rows);
+  if (options.phases) {
+    Expected<void> timed;
+    WithThreads(1, [&] { timed = internal::TimePhases(options, peers.controls, peers.dt, scene); });
+    if (!timed) return tl::unexpected(timed.error());
+  }
   internal::CountInstructions(options, scene);
   return scene;
 }
