@@ -44,6 +44,7 @@ struct World::Detail {
   void AssembleConstraints(const StepOptions& options);
   void AssembleContact(std::size_t contact, const StepOptions& options);
   void AssembleLimits(const StepOptions& options);
+  void FillLimits(std::size_t mechanism, const StepOptions& options);
   void MatchPrevious();
   void AddCandidates(std::size_t begin, std::size_t end, const int* first, const int* last);
   void PredictAll(const StepOptions& options);

@@ -190,36 +190,42 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
   AssembleLimits(options);
 }
 
+// Every mechanism's rows have their place before they are known, so that mechanisms fill them side by side.
 void World::Detail::AssembleLimits(const StepOptions& options) {
+  std::size_t count = 0;
+  for (MechanismBlock& block : mechanism_blocks_) {
+    block.first_limit = count;
+    for (const PartBlock& part : block.parts) count += part.limits.size() + part.frictions.size();
+  }
+  limits_.assign(count, LimitConstraint());
+  ForMechanisms([&](std::size_t i) { FillLimits(i, options); });
+}
+
+void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
   const double h = options.h;
-  limits_.clear();
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    const MechanismDynamics& m = mechanisms_[i];
-    mechanism_blocks_[i].first_limit = limits_.size();
-    for (const PartBlock& part : mechanism_blocks_[i].parts) {
-      for (std::size_t k = 0; k < part.limits.size(); ++k) {
-        const auto at = static_cast<std::size_t>(part.limits[k]);
-        const Mechanism::LengthLimit& stop = m.length_limits()[at / 2];
-        const bool upper = at % 2 == 1;
-        const double length = m.Length(stop.length);
-        LimitConstraint limit;
-        limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
-        limit.sign = upper ? -1 : 1;
-        const double moved = middle_ ? 0.5 * h * m.LengthRate(stop.length) : 0;
-        limit.bias =
-            StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
-        limit.impulse = mechanism_blocks_[i].limit_impulses[at];
-        limits_.push_back(limit);
-      }
-      for (std::size_t k = 0; k < part.frictions.size(); ++k) {
-        const auto at = static_cast<std::size_t>(part.frictions[k]);
-        LimitConstraint friction;
-        friction.row = part.offset + static_cast<int>(part.FrictionRow(k));
-        friction.upper = h * m.mechanism().frictions()[at].force;
-        friction.lower = -friction.upper;
-        friction.held = friction.impulse = mechanism_blocks_[i].friction_impulses[at];
-        limits_.push_back(friction);
-      }
+  const MechanismDynamics& m = mechanisms_[i];
+  auto next = limits_.begin() + static_cast<std::ptrdiff_t>(mechanism_blocks_[i].first_limit);
+  for (const PartBlock& part : mechanism_blocks_[i].parts) {
+    for (std::size_t k = 0; k < part.limits.size(); ++k) {
+      const auto at = static_cast<std::size_t>(part.limits[k]);
+      const Mechanism::LengthLimit& stop = m.length_limits()[at / 2];
+      const bool upper = at % 2 == 1;
+      const double length = m.Length(stop.length);
+      LimitConstraint& limit = *next++;
+      limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
+      limit.sign = upper ? -1 : 1;
+      const double moved = middle_ ? 0.5 * h * m.LengthRate(stop.length) : 0;
+      limit.bias =
+          StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
+      limit.impulse = mechanism_blocks_[i].limit_impulses[at];
+    }
+    for (std::size_t k = 0; k < part.frictions.size(); ++k) {
+      const auto at = static_cast<std::size_t>(part.frictions[k]);
+      LimitConstraint& friction = *next++;
+      friction.row = part.offset + static_cast<int>(part.FrictionRow(k));
+      friction.upper = h * m.mechanism().frictions()[at].force;
+      friction.lower = -friction.upper;
+      friction.held = friction.impulse = mechanism_blocks_[i].friction_impulses[at];
     }
   }
 }
