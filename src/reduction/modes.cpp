@@ -15,9 +15,9 @@ namespace {
 // Beyond this many elastic coordinates the dense eigenproblem costs more than Lanczos on products with M: all
 // of Reduce on a chain of 40 joints takes 0.09 and 0.06 ms, of 100 0.72 and 0.12, of 290 11 and 0.37. Modes
 // of equal limbs, several at one frequency, are found by it too: to 1e-14 it does not end before rounding has
-// shown them all. Where loops make V dense every product costs more, and few of all modes are found directly.
+// shown them all. Where loops make V dense every product costs more.
 constexpr int kDenseLimit = 30;
-constexpr int kDenseLimitWithLoops = 150;
+constexpr int kDenseLimitWithLoops = 60;
 
 // y -> P (VᵀMV - extra S⁻¹ extraᵀ) P y with P the projector off Y, in O(n) a product.
 class MassOperator {
@@ -68,8 +68,9 @@ Modes DenseModes(const MatrixX& M_V, const MatrixX& Y, int count) {
   const MatrixX complement =
       Y.cols() > 0 ? OrthogonalComplement(Y) : MatrixX(MatrixX::Identity(M_V.rows(), M_V.rows()));
   const MatrixX restricted = Congruence(M_V, complement);
-  const SymmetricSpectrum spectrum = LargestOf(0.5 * (restricted + restricted.transpose()), count);
-  return {Times(complement, spectrum.vectors.rowwise().reverse()), spectrum.values.reverse()};
+  const SymmetricSpectrum spectrum = SpectrumOf(0.5 * (restricted + restricted.transpose()));
+  return {Times(complement, spectrum.vectors.rightCols(count).rowwise().reverse()),
+          spectrum.values.tail(count).reverse()};
 }
 
 // P M_V P with P the projector off Y has the same largest pairs, and 0 on Y.
@@ -81,15 +82,15 @@ Modes FewModes(const MatrixX& M_V, const MatrixX& Y, int count) {
     const MatrixX taken = TimesTransposed(half, Y);
     restricted -= taken + taken.transpose();
   }
-  const SymmetricSpectrum spectrum = LargestOf(restricted, count);
-  MatrixX vectors = spectrum.vectors.rowwise().reverse();
+  const SymmetricSpectrum spectrum = SpectrumOf(restricted);
+  MatrixX vectors = spectrum.vectors.rightCols(count).rowwise().reverse();
   if (Y.cols() > 0) {
     const MatrixX shared = TransposedTimes(Y, vectors);  // rounding
     if (!(shared.cwiseAbs().maxCoeff() < 1e-6))
       return DenseModes(M_V, Y, count);  // of modes as small as rounding
     vectors -= Times(Y, shared);
   }
-  return {std::move(vectors), spectrum.values.reverse()};
+  return {std::move(vectors), spectrum.values.tail(count).reverse()};
 }
 
 // `M`: of all joints, made by the first that needs it.

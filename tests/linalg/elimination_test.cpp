@@ -1,11 +1,10 @@
-// Bases by elimination and the largest eigenpairs, against what decides and decomposes everything.
+// Bases by elimination, against what decides and decomposes everything.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <fork1s/linalg/elimination.hpp>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <random>
 
 #include "random_matrix.hpp"
@@ -71,43 +70,6 @@ TEST(Elimination, DifferenceOfSquares) {
     const MatrixX A = RandomMatrix(n, 5, engine), B = RandomMatrix(n, 3, engine);
     EXPECT_LT(Most(DifferenceOfSquares(A, B) - (TimesTransposed(A, A) - TimesTransposed(B, B))), 1e-14 * 20);
   }
-}
-
-// Values apart, several at one place, falling over many orders, and some that vanish.
-TEST(LargestPairs, AreThoseOfAll) {
-  std::mt19937 engine(15);
-  for (int trial = 0; trial < 40; ++trial) {
-    const int n = 10 + trial, count = 1 + trial % 3;
-    VectorX values(n);
-    for (int i = 0; i < n; ++i)
-      values(i) = trial % 4 == 0   ? 1 + i
-                  : trial % 4 == 1 ? 1 + i / 4
-                  : trial % 4 == 2 ? std::pow(10, -0.4 * i)
-                                   : std::max(0, 4 - i);
-    const MatrixX any = RandomMatrix(n, n, engine);
-    const MatrixX A = SpectrumOf(any + any.transpose()).vectors;  // an orthogonal matrix
-    const MatrixX S = Congruence(values.asDiagonal().toDenseMatrix(), A);
-    const MatrixX symmetric = 0.5 * (S + S.transpose());
-    const SymmetricSpectrum largest = LargestOf(symmetric, count), all = SpectrumOf(symmetric);
-    ASSERT_EQ(largest.vectors.cols(), count);
-    const double size = all.values.cwiseAbs().maxCoeff();
-    EXPECT_LT(Most(largest.values - all.values.tail(count)), 1e-13 * size) << trial;
-    EXPECT_LT(Most(Times(symmetric, largest.vectors) - ScaledColumns(largest.vectors, largest.values)),
-              1e-13 * size)
-        << trial;
-    EXPECT_LT(Most(TransposedTimes(largest.vectors, largest.vectors) - MatrixX::Identity(count, count)),
-              1e-13)
-        << trial;
-  }
-}
-
-TEST(LargestPairs, OfNothingAndOfWhatIsDiagonal) {
-  const SymmetricSpectrum of_nothing = LargestOf(MatrixX::Zero(12, 12), 2);
-  EXPECT_EQ(of_nothing.values, VectorX::Zero(2));
-  EXPECT_LT(Most(TransposedTimes(of_nothing.vectors, of_nothing.vectors) - MatrixX::Identity(2, 2)), 1e-14);
-  const VectorX d = VectorX::LinSpaced(12, 1, 12);
-  const SymmetricSpectrum diagonal = LargestOf(MatrixX(d.asDiagonal()), 3);
-  EXPECT_LT(Most(diagonal.values - d.tail(3)), 1e-14 * 12);
 }
 
 }  // namespace

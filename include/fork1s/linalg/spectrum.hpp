@@ -12,9 +12,6 @@ struct SymmetricSpectrum {
   MatrixX vectors;
 };
 SymmetricSpectrum SpectrumOf(const MatrixX& symmetric);
-/// The same with the largest `count` alone, still ascending, to the same digits; from a hundred rows on,
-/// where they are few, in two thirds of the time and less.
-SymmetricSpectrum LargestOf(const MatrixX& symmetric, int count);
 /// Ascending.
 VectorX EigenvaluesOf(const MatrixX& symmetric);
 Vector3 PrincipalValues(const Matrix3& symmetric);
