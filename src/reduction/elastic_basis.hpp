@@ -54,7 +54,7 @@ struct ElasticBasis {
 };
 
 /// How V is found. kCareful: orthogonally throughout, with Z. kQuick: by elimination where every rank is
-/// clear, which costs an eighth, without Z, and as kCareful elsewhere; V then spans the same in other
+/// clear, which costs a quarter, without Z, and as kCareful elsewhere; V then spans the same in other
 /// columns.
 enum class BasisBy { kCareful, kQuick };
 

@@ -1,4 +1,4 @@
-// Bases by elimination: an eighth of what orthogonal decompositions cost. They decide nothing that is not
+// Bases by elimination: a quarter of what orthogonal decompositions cost. They decide nothing that is not
 // clear: where they answer no, null_space.hpp knows.
 #pragma once
 
