@@ -18,7 +18,7 @@ namespace {
 // shown them all. Where loops make V dense every product costs more: of the firemen's 36 coordinates Lanczos took
 // 0.8 million instructions and the dense problem 0.4, which grows with their cube.
 constexpr int kDenseLimit = 30;
-constexpr int kDenseLimitWithLoops = 50;
+constexpr int kDenseLimitWithLoops = 60;
 
 // y -> P (VᵀMV - extra S⁻¹ extraᵀ) P y with P the projector off Y, in O(n) a product.
 class MassOperator {
