@@ -10,7 +10,7 @@ namespace fork1s::internal {
 inline Expected<void> IntegratorFits(Integrator integrator, Recovery recovery) {
   if (integrator == Integrator::kTheta && recovery == Recovery::kTwist)
     return Fail(ErrorCode::kUsage, "integrator 'theta'",
-                "needs recovery 'exact': 'twist' keeps the inertia of the reference; use one or the other");
+                "needs recovery 'exact' or 'curved': 'twist' keeps the inertia of the reference");
   return {};
 }
 

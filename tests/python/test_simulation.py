@@ -146,7 +146,7 @@ def test_recovery(scenes):
     ends = {}
     for recovery in ("exact", "curved", "twist"):
         sim = fork1s.Simulation(fork1s.load(scenes / "firemen.xml"), dt=1 / 60, recovery=recovery)
-        sim.step(30)
+        sim.step(60)
         ends[recovery] = sim.pose("sheet")[:3, 3]
     off = {r: np.linalg.norm(ends[r] - ends["exact"]) for r in ends}
     assert 0 < off["curved"] < 1e-3 < off["twist"]

@@ -75,7 +75,7 @@ class MechanismDynamics {
   /// Begins a step of second order (docs/method.md, section 5): from here to Integrate or Revert the
   /// mechanism stands where its velocity takes it in half the step, and Predict, ports and lengths speak of
   /// that pose. `middle` false: it stays where it is, and all forces act at the end of the step, as an impact
-  /// asks. Exact recovery only. Without this a step is implicit Euler's.
+  /// asks. Not by twists. Without this a step is implicit Euler's.
   void Begin(double h, const Vector3& gravity_W, bool middle);
   /// Between Begin and Predict: whether anything may touch it in this step. Then all forces act at the end of
   /// the step, as rows of contact ask: J (x⁺ + ContactShift()) is the mean velocity that they bound.
@@ -165,8 +165,8 @@ class MechanismDynamics {
   /// what the joined parts bear so that the residual stays 0, positive where springs and loads would open it.
   /// From the balance of joint forces after a step of h [s], by the metric of the loop correction where the
   /// interior is not in balance. What rows bear against each other where the joints can hardly yield stays
-  /// that of `near` [num_constraints]. `contacts_R` [6 x bodies]: wrenches of the step's contacts in R. Exact
-  /// recovery only, zeros else. Allocates.
+  /// that of `near` [num_constraints]. `contacts_R` [6 x bodies]: wrenches of the step's contacts in R. By
+  /// twists zeros. Allocates.
   VectorX ClosureForces(double h, const Matrix6X& contacts_R, const VectorX& near) const;
   bool IsFinite() const {
     return x_.allFinite() && state_.reduced.z.allFinite() && configuration_.q.allFinite() &&

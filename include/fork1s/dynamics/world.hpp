@@ -21,8 +21,8 @@ struct ContactProblem;    // contact_problem.hpp
 struct StepPartTimes;     // step_times.hpp
 
 /// How a step is taken. kEuler: all forces at its end, first order. kTheta: slow modes by the trapezoid, what
-/// a step cannot follow at its end, impacts likewise (docs/method.md, section 5); second order, for exact
-/// recovery.
+/// a step cannot follow at its end, impacts likewise (docs/method.md, section 5); second order, not for
+/// recovery by twists.
 enum class Integrator { kEuler, kTheta };
 
 struct StepOptions {
