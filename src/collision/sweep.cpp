@@ -67,7 +67,11 @@ void Sweep::Sort(const std::vector<AxisBox>& moving, double margin) {
     own_.Resize(moving.size());
   }
   const int axis = WidestAxis(moving);
-  for (Place& place : order_) place.low = moving[static_cast<std::size_t>(place.item)].low[axis];
+  // A pose that is no number comes last: such a box overlaps none, and has no place among numbers.
+  for (Place& place : order_) {
+    const double low = moving[static_cast<std::size_t>(place.item)].low[axis];
+    place.low = std::isnan(low) ? std::numeric_limits<double>::infinity() : low;
+  }
   // In place where they are nearly sorted, as they mostly are; a few moves an item are cheaper than sorting.
   std::size_t moves = 0;
   for (std::size_t i = 1; i < order_.size() && moves <= 8 * order_.size(); ++i) {

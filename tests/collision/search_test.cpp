@@ -4,6 +4,8 @@
 
 #include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/task_arena.h>
+#include <algorithm>
+#include <cmath>
 
 #include "scenes.hpp"
 
@@ -113,6 +115,32 @@ TEST(PairSearch, FindsWhatEachPairOfBodiesHas) {
     }
   EXPECT_EQ(seen, together.size());
   EXPECT_GT(seen, 40u);
+}
+
+// A body that a step has thrown out of all numbers touches nothing, and keeps no other from being found.
+TEST(PairSearch, WhatIsNoNumberTouchesNothing) {
+  Crowd crowd = MakeCrowd(105);
+  const CollisionOptions near{.margin = 0.01};
+  std::mt19937 random(4);
+  Throw(random, crowd);
+  auto world = CollisionWorld::Create(crowd.bodies, crowd.excluded, near);
+  std::vector<ContactPoint> all, rest;
+  ASSERT_TRUE(world->Detect(all));
+  const auto lost = [&](int b) {
+    return std::find(crowd.moving.begin(), crowd.moving.end(), b) != crowd.moving.end() && b % 3 == 0;
+  };
+  for (const int b : crowd.moving)
+    if (lost(b)) world->SetPose(b, RigidTransform(Vector3::Constant(std::nan(""))));
+  ASSERT_TRUE(world->Detect(rest));
+  std::size_t next = 0;
+  for (const ContactPoint& c : all)
+    if (!lost(c.body_a) && !lost(c.body_b)) {
+      ASSERT_LT(next, rest.size());
+      EXPECT_TRUE(Same(c, rest[next++]));
+    }
+  EXPECT_EQ(next, rest.size());
+  EXPECT_LT(rest.size(), all.size());
+  EXPECT_GT(rest.size(), 100u);
 }
 
 TEST(PairSearch, SameBitsForAnyNumberOfThreadsAndAnyPast) {
