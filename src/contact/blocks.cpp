@@ -13,9 +13,7 @@ void CompliantRows::MeetLeft(const PortRows& left, const Matrix6& S) {
   if (S.isZero(0)) return;  // nothing touches there
   const auto meet = [&](const double* Y, int begin, int freedoms) {
     if (freedoms == 0) return;
-    for (int c = 0; c < 6; ++c)
-      AddSixColumns(Y, left.stride, S.data() + static_cast<std::ptrdiff_t>(c) * 6, freedoms,
-                    U_.data() + static_cast<std::ptrdiff_t>(c) * freedoms_ + begin);
+    AddSixTimesSix(Y, left.stride, freedoms, {S.data(), 1, 6}, 6, U_.data() + begin, freedoms_);
     Span span{begin, begin + freedoms};
     std::erase_if(spans_, [&](const Span& other) {
       if (other.end < span.begin || span.end < other.begin) return false;
@@ -29,20 +27,20 @@ void CompliantRows::MeetLeft(const PortRows& left, const Matrix6& S) {
 }
 
 void CompliantRows::MeetRight(const double* Y, int stride, int begin, int freedoms, double* H) const {
-  for (int c = 0; c < freedoms; ++c) {
-    double row[6];
-    for (int k = 0; k < 6; ++k) row[k] = Y[static_cast<std::ptrdiff_t>(k) * stride + c];
-    double* column = H + static_cast<std::ptrdiff_t>(begin + c) * freedoms_;
-    for (const Span& span : spans_)
-      AddSixColumns(U_.data() + span.begin, freedoms_, row, span.end - span.begin, column + span.begin);
-  }
+  double* columns = H + static_cast<std::ptrdiff_t>(begin) * freedoms_;
+  for (const Span& span : spans_)
+    AddSixTimesSix(U_.data() + span.begin, freedoms_, span.size(), {Y, stride, 1}, freedoms,
+                   columns + span.begin, freedoms_);
 }
 
-void CompliantRows::AddBlocks(double* H, double diagonal) {
+void CompliantRows::SetDiagonal(double diagonal, double* H) const {
   const auto n = static_cast<std::size_t>(freedoms_);
   std::fill_n(H, n * n, 0.0);
   for (std::size_t i = 0; i < n; ++i) H[i * (n + 1)] = diagonal;
-  U_.assign(6 * n, 0.0);
+}
+
+void CompliantRows::AddBlocks(double* H) {
+  U_.assign(6 * static_cast<std::size_t>(freedoms_), 0.0);
   for (std::size_t r = 0; r < ports.size(); ++r) {
     const PortRows& right = ports[r];
     MeetLeft(right, right.S);

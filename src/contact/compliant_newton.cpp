@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/in_place.hpp>
 
 namespace fork1s::internal {
 namespace {
@@ -15,8 +14,7 @@ constexpr double kGoldenRatio = 0.61803398875;  // its multiples fill [0, 1] eve
 
 void CompliantNewton::Reserve(int freedoms) {
   const auto n = static_cast<std::size_t>(freedoms);
-  H_.reserve(n * n);
-  pivots_.reserve(n);
+  lu_.Reserve(freedoms);
   for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->reserve(n);
   pieces_.Reserve(freedoms);
 }
@@ -36,10 +34,9 @@ bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterati
       return false;
     }
     ++iterations;
-    rows.Derivative(H_.data());
     for (std::size_t i = 0; i < n; ++i) step_[i] = -rows.F()[i];
-    if (!FactorLu(H_.data(), static_cast<int>(n), pivots_.data())) return false;
-    SolveWithLu(H_.data(), static_cast<int>(n), pivots_.data(), step_.data());
+    if (!lu_.Factor(rows)) return false;
+    lu_.Solve(rows, step_.data());
     const double start = Dot(step_, rows.F());
     const auto evaluate = [&](double length, bool with_derivative) {
       for (std::size_t i = 0; i < n; ++i) trial_[i] = d_[i] + length * step_[i];
@@ -155,8 +152,6 @@ bool CompliantNewton::Settle(CompliantRows& rows, double tolerance, int& iterati
 NewtonOutcome CompliantNewton::Solve(CompliantRows& rows, double tolerance, int max_iterations) {
   NewtonOutcome out;
   const auto n = static_cast<std::size_t>(rows.freedoms());
-  H_.resize(n * n);
-  pivots_.resize(n);
   for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->assign(n, 0.0);
   rows.Push(d_.data());
   kept_ = d_;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "compliant_rows.hpp"
+#include "derivative_lu.hpp"
 #include "friction_path.hpp"
 #include "piece_newton.hpp"
 
@@ -34,8 +35,7 @@ class CompliantNewton {
   std::vector<double> d_, trial_, step_, kept_;
   PieceNewton pieces_;
   FrictionPath path_;
-  std::vector<double> H_;
-  std::vector<int> pivots_;
+  DerivativeLu lu_;
 };
 
 }  // namespace fork1s::internal

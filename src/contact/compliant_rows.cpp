@@ -178,7 +178,17 @@ void CompliantRows::AddChange(const double* d, Eigen::Ref<VectorX> velocities) c
     }
 }
 
-void CompliantRows::Derivative(double* H_data) {
+void CompliantRows::Derivative(double* H) {
+  SetDiagonal(1, H);
+  AddDerivatives(H);
+}
+
+void CompliantRows::DerivativeByBlocks(double* H) {
+  elimination_.SetDiagonal(1, H);
+  AddDerivatives(H);
+}
+
+void CompliantRows::AddDerivatives(double* H_data) {
   for (PortRows& port : ports) port.S.setZero();
   for (std::size_t p = 0; p < pairs.size(); ++p) {
     S_ab_[p].setZero();
@@ -186,13 +196,15 @@ void CompliantRows::Derivative(double* H_data) {
     for (int i = pairs[p].first; i < pairs[p].first + pairs[p].count; ++i)
       if (points[static_cast<std::size_t>(i)].Bears()) AddDerivative(p, points[static_cast<std::size_t>(i)]);
   }
-  AddBlocks(H_data, 1);
+  AddBlocks(H_data);
   Eigen::Map<MatrixX> H(H_data, freedoms_, freedoms_);
   for (const LimitRows& limit : limits)
     if (limit.D > 0)
-      for (int c = 0; c < limit.freedoms; ++c)
-        for (int r = 0; r < limit.freedoms; ++r)
-          H(limit.begin + r, limit.begin + c) += limit.D * limit.Y[r] * limit.Y[c];
+      for (const Span& columns : limit.spans)
+        for (int c = columns.begin; c < columns.end; ++c)
+          for (const Span& rows : limit.spans)
+            for (int r = rows.begin; r < rows.end; ++r)
+              H(limit.begin + r, limit.begin + c) += limit.D * limit.Y[r] * limit.Y[c];
 }
 
 }  // namespace fork1s::internal

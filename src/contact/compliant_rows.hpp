@@ -13,7 +13,7 @@
 #include <limits>
 #include <vector>
 
-#include "leaf_lu.hpp"
+#include "elimination_order.hpp"
 #include "point_law.hpp"
 #include "port_rows.hpp"
 
@@ -88,6 +88,7 @@ struct PairRows {
 struct LimitRows {
   const double* Y = nullptr;  // freedoms
   int begin = 0, freedoms = 0;
+  Span spans[2];  // of these freedoms, that move it
   int row = 0;
   double sign = 1, base = 0, offset = 0;
   double material_R = 0, R = 0, inverse_mass = 0;
@@ -128,8 +129,9 @@ class CompliantRows {
   const std::vector<double>& right_side() const { return push_; }
   /// The impulses at d and F. With `with_derivative` the pieces too that they are on.
   void Evaluate(const double* d, bool with_derivative);
-  /// H = ∂F/∂d of the pieces at hand; freedoms x freedoms.
+  /// H = ∂F/∂d of the pieces at hand; freedoms x freedoms. By blocks: but for what order() passes over.
   void Derivative(double* H);
+  void DerivativeByBlocks(double* H);
   /// Sum of Gᵀ λ over the impulses at hand.
   void Push(double* into);
   /// The answer's twists: velocities += Yᵀ d.
@@ -142,9 +144,8 @@ class CompliantRows {
   int place(std::size_t i) const { return order_[i]; }
 
   int freedoms() const { return freedoms_; }
-  /// Blocks that touch one other at most, and the freedoms of all others.
-  const std::vector<Leaf>& leaves() const { return leaves_; }
-  const std::vector<int>& core() const { return core_; }
+  /// In which freedoms are eliminated, by what touches what.
+  const EliminationOrder& order() const { return elimination_; }
   /// Of the last evaluation: F, |Σ Gᵀ λ|, |F|, the rounding in it.
   const std::vector<double>& F() const { return F_; }
   double push_norm() const { return push_norm_; }
@@ -166,7 +167,7 @@ class CompliantRows {
   };
   void LayOutBlocks(const std::vector<VelocityBlock>& blocks, int num_velocities);
   int PortAt(const std::vector<VelocityBlock>& blocks, int row);
-  void FindLeaves();
+  void FindOrder();
   bool PreparePoint(const ContactConstraint& in, const PairRows& pair, PointRows& out,
                     const Eigen::Ref<const VectorX>& velocities) const;
   bool PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in, LimitRows& out,
@@ -176,6 +177,7 @@ class CompliantRows {
   double NormalSpeed(const PairRows& pair, const PointRows& point) const;
   Vector3 Turning(const PairRows& pair, const PointRows& point) const;
   void ClearPush();
+  void AddDerivatives(double* H);
   void AddPush(const PairRows& pair, const PointRows& point, const Vector3& impulse, const Vector3& moment);
   void AddDerivative(std::size_t pair, const PointRows& point);
   void TakePiece(const PairRows& pair, PointRows& point);
@@ -187,8 +189,9 @@ class CompliantRows {
   bool LeastByRows(int rows);
   bool LeastByFreedoms();
   void GatherPush(double LimitRows::*borne);
-  /// diagonal + Σ Y S Yᵀ (blocks.cpp)
-  void AddBlocks(double* H, double diagonal);
+  void SetDiagonal(double diagonal, double* H) const;
+  /// H += Σ Y S Yᵀ (blocks.cpp)
+  void AddBlocks(double* H);
   void MeetLeft(const PortRows& left, const Matrix6& S);
   void MeetRight(const double* Y, int stride, int begin, int freedoms, double* H) const;
 
@@ -197,17 +200,13 @@ class CompliantRows {
   double push_norm_ = 0, F_norm_ = 0, noise_ = 0;
   double law_gap_ = 0, law_noise_ = 0;
   std::vector<int> block_of_, port_of_, order_;
-  std::vector<Leaf> leaves_;
-  std::vector<int> core_, touched_;  // touched_: per block
+  EliminationOrder elimination_;
   std::vector<Freedoms> blocks_;
   std::vector<double> storage_;       // Y of blocks with fewer rows than freedoms
   std::vector<Matrix6> S_ab_, S_ba_;  // a pair
   std::vector<double> push_, F_;
   std::vector<double> squeeze_H_, squeeze_, squeeze_rows_;
-  std::vector<double> U_;  // freedoms x 6
-  struct Span {
-    int begin, end;
-  };
+  std::vector<double> U_;    // freedoms x 6
   std::vector<Span> spans_;  // rows of U_ that are not zero
 };
 

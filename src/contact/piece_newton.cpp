@@ -1,7 +1,6 @@
 #include "piece_newton.hpp"
 
 #include <cmath>
-#include <fork1s/linalg/in_place.hpp>
 #include <limits>
 
 namespace fork1s::internal {
@@ -16,38 +15,15 @@ constexpr double kAim = 1e-12;
 }  // namespace
 
 void PieceNewton::Reserve(int freedoms) {
-  const auto n = static_cast<std::size_t>(freedoms);
-  H_.reserve(n * n);
-  step_.reserve(n);
-  pivots_.reserve(n);
-  leaf_lu_.Reserve(freedoms);
-}
-
-bool PieceNewton::Factor(CompliantRows& rows) {
-  const auto n = static_cast<std::size_t>(rows.freedoms());
-  H_.resize(n * n);
-  step_.resize(n);
-  pivots_.resize(n);
-  rows.Derivative(H_.data());
-  by_leaves_ = !rows.leaves().empty();
-  if (by_leaves_ && leaf_lu_.Factor(rows.leaves(), rows.core(), H_.data(), rows.freedoms())) return true;
-  // A leaf may have no answer by itself where it slides; what it touches can give it one.
-  if (by_leaves_) rows.Derivative(H_.data());
-  by_leaves_ = false;
-  return FactorLu(H_.data(), rows.freedoms(), pivots_.data());
-}
-
-void PieceNewton::Solve(double* x) {
-  if (by_leaves_)
-    leaf_lu_.Solve(x);
-  else
-    SolveWithLu(H_.data(), static_cast<int>(step_.size()), pivots_.data(), x);
+  step_.reserve(static_cast<std::size_t>(freedoms));
+  lu_.Reserve(freedoms);
 }
 
 // Impulses λ = −D w carry the rounding of w, (inverse mass)/R times as large as it should be: 1e11 times for
 // rows that give nothing. On their pieces they need not be computed from w again: s = −H⁻¹F, d += s,
 // λ −= D G s.
 void PieceNewton::Refine(CompliantRows& rows, std::vector<double>& d) {
+  step_.resize(d.size());
   for (double before = 1e300;;) {
     rows.Push(step_.data());
     double push2 = 0, F2 = 0;
@@ -59,7 +35,7 @@ void PieceNewton::Refine(CompliantRows& rows, std::vector<double>& d) {
     if (F2 <= kRefined * kRefined * push2 || !(F2 < 0.25 * before)) break;
     before = F2;
     for (std::size_t i = 0; i < d.size(); ++i) step_[i] -= d[i];
-    Solve(step_.data());
+    lu_.Solve(rows, step_.data());
     for (std::size_t i = 0; i < d.size(); ++i) d[i] += step_[i];
     rows.MoveOnPieces(step_.data());
   }
@@ -72,9 +48,9 @@ bool PieceNewton::Solve(CompliantRows& rows, std::vector<double>& d, double tole
   double before = std::numeric_limits<double>::infinity();
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
     ++iterations;
-    if (!Factor(rows)) return false;
+    if (!lu_.Factor(rows)) return false;
     d = rows.right_side();
-    Solve(d.data());
+    lu_.Solve(rows, d.data());
     rows.ImpulsesOfPieces(d.data());
     Refine(rows, d);
     rows.TakePieces(d.data());
@@ -86,7 +62,7 @@ bool PieceNewton::Solve(CompliantRows& rows, std::vector<double>& d, double tole
 
 bool PieceNewton::Settle(CompliantRows& rows, std::vector<double>& d, double tolerance) {
   rows.Evaluate(d.data(), true);
-  if (!Factor(rows)) return false;
+  if (!lu_.Factor(rows)) return false;
   Refine(rows, d);
   rows.TakePieces(d.data());
   return Reached(rows, tolerance);

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "compliant_rows.hpp"
-#include "leaf_lu.hpp"
+#include "derivative_lu.hpp"
 
 namespace fork1s::internal {
 
@@ -24,18 +24,13 @@ class PieceNewton {
   }
 
  private:
-  bool Factor(CompliantRows& rows);
   void Refine(CompliantRows& rows, std::vector<double>& d);
   bool Reached(const CompliantRows& rows, double tolerance) const {
     return rows.law_gap() <= tolerance * push_norm_ + rows.law_noise();
   }
 
-  void Solve(double* x);
-
-  std::vector<double> H_, step_;
-  std::vector<int> pivots_;
-  LeafLu leaf_lu_;
-  bool by_leaves_ = false;  // the factor at hand
+  std::vector<double> step_;
+  DerivativeLu lu_;
   double push_norm_ = 0;
 };
 

@@ -44,6 +44,27 @@ void AddSixColumns(const double* X, int stride, const double* t, int n, double* 
   });
 }
 
+void AddSixTimesSix(const double* X, int stride, int n, const SixRows& T, int columns, double* out,
+                    int out_stride) {
+  const double *x0 = X, *x1 = x0 + stride, *x2 = x1 + stride, *x3 = x2 + stride, *x4 = x3 + stride,
+               *x5 = x4 + stride;
+  ByFours(n, [&](const auto& at) {
+    using Some = typename decltype(at(out))::PlainObject;
+    const Some s0 = at(x0), s1 = at(x1), s2 = at(x2), s3 = at(x3), s4 = at(x4), s5 = at(x5);
+    const double* t = T.t;
+    double* to = out;
+    for (int c = 0; c < columns; ++c, t += T.by_column, to += out_stride) {
+      Some sum = at(to) + t[0] * s0;
+      sum += t[T.by_row] * s1;
+      sum += t[2 * T.by_row] * s2;
+      sum += t[3 * T.by_row] * s3;
+      sum += t[4 * T.by_row] * s4;
+      sum += t[5 * T.by_row] * s5;
+      at(to) = sum;
+    }
+  });
+}
+
 void PortRows::SetChange(const double* d) {
   change = SixDots(Y, stride, d + begin, freedoms);
   if (freedoms_apart > 0) change += SixDots(Y_apart, stride, d + begin_apart, freedoms_apart);

@@ -1,6 +1,7 @@
 // What a port is in freedoms: six columns Y of a frame's twist, and what is summed over them.
 #pragma once
 
+#include <cstddef>
 #include <fork1s/base/types.hpp>
 
 namespace fork1s::internal {
@@ -8,6 +9,16 @@ namespace fork1s::internal {
 /// out += X t, X of n rows and six columns `stride` apart. Sums are by fours from the first row on, here and
 /// below: where Eigen starts its packets depends on the address, and with it the last bit.
 void AddSixColumns(const double* X, int stride, const double* t, int n, double* out);
+
+/// T of six rows, entry (k, c) at t[k * by_row + c * by_column].
+struct SixRows {
+  const double* t;
+  std::ptrdiff_t by_row, by_column;
+};
+
+/// out += X T, X of n rows and six columns `stride` apart, columns of `out` out_stride apart.
+void AddSixTimesSix(const double* X, int stride, int n, const SixRows& T, int columns, double* out,
+                    int out_stride);
 
 struct PortRows {
   const double* Y = nullptr;  // freedoms x 6

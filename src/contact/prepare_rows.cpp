@@ -23,13 +23,9 @@ bool Finite(double sum) { return std::isfinite(sum); }
 // As many freedoms, a body's or a finger's, are not looked through for some that move nothing.
 constexpr int kAllMove = 6;
 
-// From the first freedom that moves the port to the last, apart at the longest gap between them.
-void FindFreedoms(const double* Y, int begin, int freedoms, PortRows& port) {
-  const auto moves = [&](int i) {
-    for (int c = 0; c < 6; ++c)
-      if (Y[static_cast<std::ptrdiff_t>(c) * port.stride + i] != 0) return true;
-    return false;
-  };
+// From the first freedom that moves something to the last, apart at the longest gap between them.
+template <class Moves>
+void FindSpans(int freedoms, const Moves& moves, Span (&out)[2]) {
   int first = 0, last = freedoms - 1, gap_begin = 0, gap = 0;
   while (first < freedoms && !moves(first)) ++first;
   while (last >= first && !moves(last)) --last;
@@ -42,13 +38,25 @@ void FindFreedoms(const double* Y, int begin, int freedoms, PortRows& port) {
       }
       before = i;
     }
-  const int end = gap > 0 ? gap_begin : last + 1;
-  port.Y = Y + first;
-  port.begin = begin + first;
-  port.freedoms = std::max(0, end - first);
-  port.Y_apart = Y + gap_begin + gap;
-  port.begin_apart = begin + gap_begin + gap;
-  port.freedoms_apart = gap > 0 ? last + 1 - gap_begin - gap : 0;
+  const int end = std::max(first, last + 1);
+  out[0] = {first, gap > 0 ? gap_begin : end};
+  out[1] = gap > 0 ? Span{gap_begin + gap, end} : Span();
+}
+
+void FindFreedoms(const double* Y, int begin, int freedoms, PortRows& port) {
+  const auto moves = [&](int i) {
+    for (int c = 0; c < 6; ++c)
+      if (Y[static_cast<std::ptrdiff_t>(c) * port.stride + i] != 0) return true;
+    return false;
+  };
+  Span spans[2];
+  FindSpans(freedoms, moves, spans);
+  port.Y = Y + spans[0].begin;
+  port.begin = begin + spans[0].begin;
+  port.freedoms = spans[0].size();
+  port.Y_apart = Y + spans[1].begin;
+  port.begin_apart = begin + spans[1].begin;
+  port.freedoms_apart = spans[1].size();
 }
 
 }  // namespace
@@ -63,9 +71,7 @@ void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities
   block_of_.reserve(velocities);
   port_of_.reserve(velocities);
   order_.reserve(contacts);
-  leaves_.reserve(velocities);
-  core_.reserve(velocities);
-  touched_.reserve(velocities);
+  elimination_.Reserve(num_velocities);
   blocks_.reserve(velocities);
   S_ab_.reserve(contacts);
   S_ba_.reserve(contacts);
@@ -279,6 +285,8 @@ bool CompliantRows::PrepareLimit(const std::vector<VelocityBlock>& blocks, const
   out.row = in.row;
   out.sign = in.sign;
   for (int i = 0; i < f.count; ++i) out.inverse_mass += out.Y[i] * out.Y[i];
+  FindSpans(
+      f.count, [&](int i) { return out.Y[i] != 0; }, out.spans);
   out.R = out.material_R = std::max(in.compliance, kLeastGive * out.inverse_mass);
   out.base = in.sign * velocities[in.row] + in.bias - out.R * in.held;
   out.lower = in.lower;
@@ -286,6 +294,28 @@ bool CompliantRows::PrepareLimit(const std::vector<VelocityBlock>& blocks, const
   out.impulse = in.impulse;
   out.reach = std::abs(velocities[in.row]) + std::abs(in.bias);
   return Finite(out.base + in.impulse + out.inverse_mass) && !std::isnan(in.lower + in.upper);
+}
+
+void CompliantRows::FindOrder() {
+  elimination_.Begin(freedoms_);
+  for (const PairRows& pair : pairs) {
+    Span spans[4];
+    int count = 0;
+    for (const int index : {pair.port_a, pair.port_b}) {
+      if (index < 0) continue;
+      const PortRows& port = ports[static_cast<std::size_t>(index)];
+      spans[count++] = {port.begin, port.begin + port.freedoms};
+      spans[count++] = {port.begin_apart, port.begin_apart + port.freedoms_apart};
+    }
+    elimination_.Meet(spans, count);
+  }
+  for (const LimitRows& limit : limits) {
+    Span spans[2];
+    for (int i = 0; i < 2; ++i)
+      spans[i] = {limit.begin + limit.spans[i].begin, limit.begin + limit.spans[i].end};
+    elimination_.Meet(spans, 2);
+  }
+  elimination_.Find();
 }
 
 bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
@@ -324,10 +354,10 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
     ++pairs.back().count;
     if (!PreparePoint(c, pairs.back(), points[i], velocities)) return false;
   }
-  FindLeaves();
   for (PairRows& pair : pairs) SetGive(pair, most_give);
   for (std::size_t i = 0; i < limit_rows.size(); ++i)
     if (!PrepareLimit(blocks, limit_rows[i], limits[i], velocities)) return false;
+  FindOrder();
   S_ab_.resize(pairs.size());
   S_ba_.resize(pairs.size());
   push_.resize(static_cast<std::size_t>(freedoms_));

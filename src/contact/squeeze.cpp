@@ -128,7 +128,8 @@ bool CompliantRows::LeastByFreedoms() {
   }
   squeeze_H_.resize(n * n);
   squeeze_.resize(n);
-  AddBlocks(squeeze_H_.data(), 0);
+  SetDiagonal(0, squeeze_H_.data());
+  AddBlocks(squeeze_H_.data());
   double trace = 0;
   for (std::size_t i = 0; i < n; ++i) trace += squeeze_H_[i * (n + 1)];
   if (!(trace > 0)) return false;

@@ -1,0 +1,33 @@
+#include "derivative_lu.hpp"
+
+#include <fork1s/linalg/in_place.hpp>
+
+namespace fork1s::internal {
+
+void DerivativeLu::Reserve(int freedoms) {
+  const auto n = static_cast<std::size_t>(freedoms);
+  H_.reserve(n * n);
+  pivots_.reserve(n);
+  block_lu_.Reserve(freedoms);
+}
+
+bool DerivativeLu::Factor(CompliantRows& rows) {
+  const auto n = static_cast<std::size_t>(rows.freedoms());
+  H_.resize(n * n);
+  rows.DerivativeByBlocks(H_.data());
+  by_blocks_ = block_lu_.Factor(rows.order(), H_.data(), rows.freedoms());
+  if (by_blocks_) return true;
+  // A block may have no answer by itself where it slides; what it touches can give it one.
+  rows.Derivative(H_.data());
+  pivots_.resize(n);
+  return FactorLu(H_.data(), rows.freedoms(), pivots_.data());
+}
+
+void DerivativeLu::Solve(const CompliantRows& rows, double* x) {
+  if (by_blocks_)
+    block_lu_.Solve(rows.order(), x);
+  else
+    SolveWithLu(H_.data(), rows.freedoms(), pivots_.data(), x);
+}
+
+}  // namespace fork1s::internal
