@@ -238,7 +238,10 @@ void World::Detail::AddCandidates(std::size_t begin, std::size_t end, const int*
       const RigidTransform& X = poses[static_cast<std::size_t>(contactor)];
       return X.rotation().transpose() * (p.point - X.translation());
     };
-    places_.push_back({on(p.body_a), on(p.body_b)});
+    const auto beside = [&](int contactor) -> Vector3 {
+      return p.point - poses[static_cast<std::size_t>(contactor)].translation();
+    };
+    places_.push_back({on(p.body_a), on(p.body_b), beside(p.body_a), beside(p.body_b)});
   };
   for (const int* k = first; k != last; ++k)
     keep(previous_[static_cast<std::size_t>(*k)].point, previous_pose_);
@@ -247,8 +250,10 @@ void World::Detail::AddCandidates(std::size_t begin, std::size_t end, const int*
   add([&](std::size_t i, const int* k, const ContactPoint& o) {
     const auto &then = places_[static_cast<std::size_t>(k - first)],
                &now = places_[static_cast<std::size_t>(last - first) + i - begin];
-    return std::min({(o.point - points_[i].point).squaredNorm(), (now[0] - then[0]).squaredNorm(),
-                     (now[1] - then[1]).squaredNorm()});
+    double nearest = (o.point - points_[i].point).squaredNorm();
+    for (std::size_t w = 0; w < now.size(); ++w)
+      nearest = std::min(nearest, (now[w] - then[w]).squaredNorm());
+    return nearest;
   });
 }
 

@@ -109,7 +109,8 @@ struct World::Detail {
   std::vector<char> previous_used_;
   std::vector<int> previous_order_;  // of previous_, by what touches what
   std::vector<std::tuple<double, int, int>> candidates_;  // for match_: m², contact, previous contact
-  std::vector<std::array<Vector3, 2>> places_;            // of points on body a and b, in their axes
+  std::vector<std::array<Vector3, 4>>
+      places_;                       // of points on body a and b: in their axes, and in the world's
   bool middle_ = false;              // contacts of this step are found half way
   bool by_theta_ = false;
   std::vector<Vector3> missed_W_, previous_missed_W_;  // MissedWay()
