@@ -1,0 +1,118 @@
+// recovery.json and recovery.bin: the buffers as a folder that a program without this library reads.
+#include <fmt/format.h>
+#include <cstring>
+#include <filesystem>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/mechanism/names.hpp>
+#include <fork1s/record/output_file.hpp>
+#include <fork1s/record/recovery_buffers.hpp>
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "folder.hpp"
+
+namespace fork1s {
+namespace {
+
+using Ordered = nlohmann::ordered_json;
+
+constexpr std::string_view kMagic = "fork1s recovery\n";  // sixteen bytes
+constexpr std::size_t kAlignment = 256;  // what every graphics processor takes as the offset of a buffer
+constexpr FileKind kBuffersFile{"buffers of fork1s", kMagic};
+// The first member, so that a file of somebody else's is not taken for one of these.
+constexpr FileKind kBuffersText{"the description of buffers of fork1s",
+                                "{\n \"format\": \"fork1s recovery buffers\""};
+
+// A section of the file, and how the description names it.
+template <class T>
+Ordered AddSection(const std::vector<T>& values, const char* type, std::string& bytes) {
+  bytes.resize((bytes.size() + kAlignment - 1) / kAlignment * kAlignment, '\0');
+  const std::size_t at = bytes.size();
+  bytes.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+  return {{"offset", at}, {"bytes", values.size() * sizeof(T)}, {"type", type}, {"count", values.size()}};
+}
+
+Ordered Roots(const Simulation& simulation) {
+  Ordered roots = Ordered::array();
+  int link =
+      static_cast<int>(simulation.world().mechanisms().size() + simulation.world().free_bodies().size());
+  int z = 8 * link, coordinate = 0;
+  for (const MechanismDynamics& m : simulation.world().mechanisms()) {
+    const Mechanism& mechanism = m.mechanism();
+    roots.push_back({{"name", mechanism.name()},
+                     {"kind", "mechanism"},
+                     {"base", Name(mechanism.base())},
+                     {"first_link", link},
+                     {"joints", mechanism.num_joints()},
+                     {"first_coordinate", coordinate},
+                     {"coordinates", mechanism.num_coordinates()},
+                     {"frame_z", z},
+                     {"z", m.model().size()}});
+    link += mechanism.num_joints();
+    coordinate += mechanism.num_coordinates();
+    z += m.model().size();
+  }
+  for (const FreeBody& body : simulation.world().free_bodies())
+    roots.push_back({{"name", body.name()}, {"kind", "free body"}});
+  return roots;
+}
+
+}  // namespace
+
+Expected<void> SaveRecoveryBuffers(const Simulation& simulation, const std::string& directory) {
+  const auto folder = internal::MakeFolder(directory);
+  if (!folder) return tl::unexpected(folder.error());
+  const RecoveryBuffers buffers(simulation);
+  std::vector<float> frame;
+  buffers.WriteFrame(simulation, frame);
+  const RecoveryBuffers::Trial trial = buffers.MakeTrial(simulation);
+  const std::vector<std::int32_t>& t = buffers.tables();
+
+  std::string bytes(kMagic);
+  const std::uint64_t reference = buffers.reference();
+  bytes.append(reinterpret_cast<const char*>(&reference), sizeof reference);
+  Ordered sections;
+  sections["tables"] = AddSection(t, "int32", bytes);
+  sections["numbers"] = AddSection(buffers.numbers(), "float32", bytes);
+  sections["frame"] = AddSection(frame, "float32", bytes);
+  sections["trial_frame"] = AddSection(trial.frame, "float32", bytes);
+  sections["trial_poses"] = AddSection(trial.poses, "float32", bytes);
+
+  Ordered out;
+  out["format"] = "fork1s recovery buffers";
+  out["version"] = kRecoveryBuffersVersion;
+  out["program"] = "fork1s " FORK1S_VERSION;
+  out["file"] = "recovery.bin";
+  out["bytes"] = bytes.size();
+  out["byte_order"] = "little";
+  out["reference"] = fmt::format("{:016x}", reference);
+  out["recovery"] = Name(buffers.recovery());
+  out["passes"] = buffers.recovery() == Recovery::kTwist
+                      ? Ordered{"recover_twist"}
+                      : Ordered{"recover_joints", "recover_scan", "recover_exact"};
+  out["units"] = {{"length", "m"}, {"angle", "rad"}, {"z", "1"}};
+  out["quaternion"] = "x y z w";
+  out["frames"] =
+      "poses are X_WB, of the body in the world; numbers are in the root frame R of each mechanism";
+  out["sizes"] = {{"roots", t[1]},
+                  {"links", t[2]},
+                  {"bodies", t[3]},
+                  {"coordinates", t[4]},
+                  {"z", t[5]},
+                  {"frame", t[8]},
+                  {"longest_path", t[9]},
+                  {"scan_passes", buffers.scan_passes()},
+                  {"links_bytes", 32 * t[2]},
+                  {"poses_bytes", 32 * t[3]}};
+  out["sections"] = std::move(sections);
+  out["roots"] = Roots(simulation);
+  out["bodies"] = Ordered::array();
+  for (const SceneBody& b : simulation.bodies()) out["bodies"].push_back(b.name);
+
+  const std::filesystem::path place(*folder);
+  if (auto ok = WriteFile((place / "recovery.bin").string(), kBuffersFile, bytes); !ok) return ok;
+  const std::string text = out.dump(1, ' ', false, Ordered::error_handler_t::replace) + "\n";
+  return WriteFile((place / "recovery.json").string(), kBuffersText, text);
+}
+
+}  // namespace fork1s
