@@ -18,7 +18,8 @@ build_packages=(
 # Programs that may be there without Debian's packages: command and package.
 build_programs=(node:nodejs npm:npm)
 rest_programs=(chromium:chromium ffmpeg:ffmpeg)
-rest_packages=(libegl-mesa0 libgl1-mesa-dri)  # run shaders/ without a graphics card
+# What runs shaders/ without a graphics card, and what translates them.
+rest_packages=(libegl-mesa0 libgl1-mesa-dri glslang-tools spirv-tools spirv-cross)
 
 packages=() programs=()
 case "${1:-all}" in
