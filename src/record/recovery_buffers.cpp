@@ -231,15 +231,10 @@ float* PutReduced(const VectorX& z, float* out) {
 }
 
 // FNV-1a over whole words.
-class Hash {
+class ReferenceHash {
  public:
   void Add(std::uint64_t word) { value_ = (value_ ^ word) * 0x100000001b3ull; }
-  template <class Matrix>
-  void AddAll(const Matrix& m) {
-    Add(static_cast<std::uint64_t>(m.size()));
-    const double* values = m.data();
-    for (Eigen::Index i = 0; i < m.size(); ++i) Add(std::bit_cast<std::uint64_t>(values[i]));
-  }
+  void Add(double v) { Add(std::bit_cast<std::uint64_t>(v)); }
   std::uint64_t value() const { return value_ ^ (value_ >> 32); }
 
  private:
@@ -248,17 +243,24 @@ class Hash {
 
 }  // namespace
 
+// What moves when a model is taken anew: its reference, or by other stiffnesses and modes its inertia. Q is
+// long where few coordinates move many joints, and is asked in places.
 std::uint64_t RecoveryReference(const Simulation& simulation) {
-  Hash hash;
-  hash.Add(static_cast<std::uint64_t>(simulation.bodies().size()));
-  hash.Add(static_cast<std::uint64_t>(RootsOf(simulation.world())));
+  ReferenceHash hash;
+  const auto count = [&](auto n) { hash.Add(static_cast<std::uint64_t>(n)); };
+  count(simulation.bodies().size());
+  count(RootsOf(simulation.world()));
   for (const MechanismDynamics& m : simulation.world().mechanisms()) {
     const ReducedModel& model = m.model();
-    hash.Add(static_cast<std::uint64_t>(m.recovery()) * 4 + (model.curvature.exists() ? 2 : 0) +
-             (model.has_complement ? 1 : 0));
-    hash.Add(static_cast<std::uint64_t>(m.mechanism().num_bodies()));
-    hash.AddAll(model.q_ref);
-    hash.AddAll(model.Q);
+    count(static_cast<int>(m.recovery()) * 4 + (model.curvature.exists() ? 2 : 0) +
+          (model.has_complement ? 1 : 0));
+    count(m.mechanism().num_bodies());
+    count(model.size());
+    for (const double q : model.q_ref) hash.Add(q);
+    for (Eigen::Index k = 0; k < model.M.rows(); ++k) hash.Add(model.M(k, k));
+    constexpr Eigen::Index kPlaces = 256;
+    const Eigen::Index stride = std::max<Eigen::Index>(1, model.Q.size() / kPlaces);
+    for (Eigen::Index i = 0; i < model.Q.size(); i += stride) hash.Add(model.Q.data()[i]);
   }
   return hash.value();
 }
@@ -299,13 +301,16 @@ RecoveryBuffers::Trial RecoveryBuffers::MakeTrial(const Simulation& simulation) 
     const ReducedModel& model = m.model();
     const VectorX inverse_units = model.h_inverse.cwiseSqrt().cwiseInverse();  // 1, or one over a length
     ReducedState state = m.state();
+    // Every coordinate moves what it moves most about as far, and they do not all go the same way.
+    const auto farthest = [&](const VectorX& q) {
+      return q.size() > 0 ? q.cwiseProduct(inverse_units).cwiseAbs().maxCoeff() : 0.0;
+    };
     VectorX way(model.size());
-    for (Eigen::Index k = 0; k < way.size(); ++k) way(k) = 1 - 0.3 * static_cast<double>(k % 5);
-    VectorX moved = VectorX::Zero(model.num_coordinates());
-    AddMotion(model, model.Q_rows, way, moved);
-    const double most = moved.cwiseProduct(inverse_units).cwiseAbs().size() > 0
-                            ? moved.cwiseProduct(inverse_units).cwiseAbs().maxCoeff()
-                            : 0;
+    for (Eigen::Index k = 0; k < way.size(); ++k) {
+      const double alone = farthest(model.Q.col(k));
+      way(k) = alone > 0 ? (1 - 0.4 * static_cast<double>(k % 5)) / alone : 0;
+    }
+    const double most = farthest(model.Q * way);
     std::vector<RigidTransform> X_RB;
     Configuration configuration(model);
     const VectorX start = state.z;

@@ -1,5 +1,6 @@
 // The shaders of shaders/, run, against poses in double precision.
 #include <continuum_arm.hpp>
+#include <fork1s/sim/continue.hpp>
 #include <gpu/support.hpp>
 
 namespace fork1s::test {
@@ -59,6 +60,29 @@ TEST_F(GpuPoses, FollowTheReference) {
   shaders.SetFrame(frame);
   shaders.RunTwist();
   ExpectClose(Difference(shaders.Read(), Truth(simulation)), 1e-6, 2e-6);
+}
+
+// Stiffer joints, and a cube whose contacts are frozen: other models of the same bodies, in the same order.
+TEST_F(GpuPoses, OfOtherModelsOfTheSameBodies) {
+  Simulation simulation = SimulationOf("fourbar_gripper", Recovery::kExact);
+  for (const char* grip : {"left_grip", "right_grip"}) simulation.SetControl(grip, 0.4);
+  for (int i = 0; i < 60; ++i) simulation.Step();
+  const RecoveryBuffers free(simulation);
+
+  auto scene = WithStiffness(simulation.scene(), simulation.CoordinateNames()[0], 0.07);
+  ASSERT_TRUE(scene) << scene.error().Text();
+  auto stiffer = Continue(simulation, std::move(*scene));
+  ASSERT_TRUE(stiffer) << stiffer.error().Text();
+  EXPECT_FALSE(free.IsOf(*stiffer));
+
+  Fidelity fidelity = simulation.fidelity();
+  fidelity.level = DetailLevel::kObject;
+  const auto held = simulation.SetFidelity(fidelity);
+  ASSERT_TRUE(held) << held.error().Text();
+  ASSERT_FALSE(simulation.holds().empty());
+  EXPECT_FALSE(free.IsOf(simulation));
+  for (int i = 0; i < 10; ++i) simulation.Step();
+  ExpectClose(Difference(Recovered(simulation), Truth(simulation)), 1e-6, 2e-6);
 }
 
 }  // namespace
