@@ -7,7 +7,7 @@
 
 layout(local_size_x = 64) in;
 layout(std430, binding = 3) readonly buffer Links { Motion links[]; };
-layout(std430, binding = 5) writeonly buffer Poses { Motion poses[]; };
+layout(std430, binding = 5) buffer Poses { Motion poses[]; };
 
 void main() {
   int body = int(gl_GlobalInvocationID.x);

@@ -7,7 +7,7 @@
 #include "rigid.glsl"
 
 layout(local_size_x = 64) in;
-layout(std430, binding = 3) writeonly buffer Links { Motion links[]; };
+layout(std430, binding = 3) buffer Links { Motion links[]; };
 
 float displacement(int at, float rest) {
   int z = tables[at], count = tables[at + 1], row = tables[at + 2], curve = tables[at + 3], correction = tables[at + 4];

@@ -8,7 +8,7 @@
 
 layout(local_size_x = 64) in;
 layout(std430, binding = 3) readonly buffer Links { Motion links[]; };
-layout(std430, binding = 4) writeonly buffer Longer { Motion longer[]; };
+layout(std430, binding = 4) buffer Longer { Motion longer[]; };
 
 void main() {
   int i = int(gl_GlobalInvocationID.x);

@@ -6,7 +6,7 @@
 #include "rigid.glsl"
 
 layout(local_size_x = 64) in;
-layout(std430, binding = 5) writeonly buffer Poses { Motion poses[]; };
+layout(std430, binding = 5) buffer Poses { Motion poses[]; };
 
 void main() {
   int body = int(gl_GlobalInvocationID.x);
