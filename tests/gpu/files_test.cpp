@@ -47,6 +47,10 @@ TEST_F(GpuPoses, FromTheFilesAlone) {
       fs::remove_all(folder);
       ASSERT_EQ(bytes.rfind("fork1s recovery\n", 0), 0u);
       ASSERT_EQ(description["bytes"], bytes.size());
+      std::uint64_t reference = 0;
+      std::memcpy(&reference, bytes.data() + 16, sizeof reference);
+      EXPECT_EQ(reference, RecoveryReference(simulation));
+      EXPECT_EQ(std::stoull(description["reference"].get<std::string>(), nullptr, 16), reference);
       ASSERT_EQ(description["bodies"].size(), simulation.bodies().size());
 
       PoseShaders shaders(kShaders);
