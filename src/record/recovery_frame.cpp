@@ -79,7 +79,9 @@ RecoveryBuffers::Trial RecoveryBuffers::MakeTrial(const Simulation& simulation) 
       const double alone = farthest(model.Q.col(k));
       way(k) = alone > 0 ? (1 - 0.4 * static_cast<double>(k % 5)) / alone : 0;
     }
-    const double most = farthest(model.Q * way);
+    VectorX all = VectorX::Zero(model.num_coordinates());
+    AddMotion(model, model.Q_rows, way, all);
+    const double most = farthest(all);
     std::vector<RigidTransform> X_RB;
     Configuration configuration(model);
     const VectorX start = state.z;

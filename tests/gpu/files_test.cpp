@@ -46,7 +46,7 @@ TEST_F(GpuPoses, FromTheFilesAlone) {
       const auto description = nlohmann::json::parse(TextOf(folder / "recovery.json"));
       fs::remove_all(folder);
       ASSERT_EQ(bytes.rfind("fork1s recovery\n", 0), 0u);
-      ASSERT_EQ(description["bytes"], bytes.size());
+      ASSERT_EQ(description["bytes"].get<std::size_t>(), bytes.size());
       std::uint64_t reference = 0;
       std::memcpy(&reference, bytes.data() + 16, sizeof reference);
       EXPECT_EQ(reference, RecoveryReference(simulation));
@@ -57,7 +57,7 @@ TEST_F(GpuPoses, FromTheFilesAlone) {
       shaders.SetModel(Section<std::int32_t>(description, bytes, "tables"),
                        Section<float>(description, bytes, "numbers"));
       shaders.SetFrame(Section<float>(description, bytes, "trial_frame"));
-      if (description["recovery"] == "twist")
+      if (description["recovery"].get<std::string>() == "twist")
         shaders.RunTwist();
       else
         shaders.RunExact(description["sizes"]["scan_passes"].get<int>());

@@ -44,10 +44,10 @@ TEST_F(GpuPoses, ExponentialAtAnyTurn) {
   // z of the joint displacements asked for, and the poses of what a float makes of them.
   VectorX q(static_cast<Eigen::Index>(turns.size()));
   for (Eigen::Index i = 0; i < q.size(); ++i) q(i) = turns[static_cast<std::size_t>(i)];
-  const VectorX z = model.Q.transpose() * q / model.Q.col(0).squaredNorm();
-  ASSERT_LT((model.Q * z - q).norm(), 1e-12 * q.norm());
-  for (Eigen::Index k = 0; k < z.size(); ++k)
-    frame[static_cast<std::size_t>(8 + k)] = static_cast<float>(z(k));
+  for (int i = 0; i < q.size(); ++i)
+    for (int k = 0; k < q.size(); ++k)  // each z moves one hinge
+      if (model.Q(i, k) != 0)
+        frame[static_cast<std::size_t>(8 + k)] = static_cast<float>(q(i) / model.Q(i, k));
   PoseShaders shaders(kShaders);
   shaders.SetModel(buffers.tables(), buffers.numbers());
   shaders.SetFrame(frame);

@@ -60,9 +60,10 @@ inline Simulation SimulationOf(const std::string& name, Recovery recovery) {
 inline std::vector<RigidTransform> PosesOf(const std::vector<float>& numbers) {
   std::vector<RigidTransform> poses;
   for (const float* n = numbers.data(); n < numbers.data() + numbers.size(); n += 8) {
-    const Eigen::Quaternionf q(n[3], n[0], n[1], n[2]);
+    const auto at = [&](int i) { return static_cast<double>(n[i]); };
+    const Quaternion q(at(3), at(0), at(1), at(2));
     EXPECT_NEAR(q.norm(), 1, 1e-6);
-    poses.emplace_back(q.cast<double>().normalized(), Eigen::Vector3f(n[4], n[5], n[6]).cast<double>());
+    poses.emplace_back(q.normalized(), Vector3(at(4), at(5), at(6)));
   }
   return poses;
 }
