@@ -1,5 +1,7 @@
 """Buffers for engines, read by numpy as a shader would."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -43,7 +45,7 @@ def poses_by_twist(tables, numbers, frame):
         yield np.concatenate([p, np.roll(q, 1) * np.sign(q[3])])
 
 
-def test_numpy_poses_the_bodies():
+def test_numpy_poses_the_bodies(tmp_path):
     sim = fork1s.Simulation(fork1s.load(CHAIN, interface=["b"]), recovery="twist")
     sim.step(12)
     buffers = fork1s.RecoveryBuffers(sim)
@@ -52,6 +54,15 @@ def test_numpy_poses_the_bodies():
     poses = np.array(list(poses_by_twist(buffers.tables, buffers.numbers.astype(float), buffers.frame().astype(float))))
     assert np.abs(sim.poses[:, 3:] - [1, 0, 0, 0]).max() > 0.01
     np.testing.assert_allclose(poses, sim.poses, atol=1e-6)
+
+    buffers.save(str(tmp_path / "buffers"))
+    description = json.loads((tmp_path / "buffers" / "recovery.json").read_text())
+    frame = description["sections"]["frame"]
+    raw = (tmp_path / "buffers" / description["file"]).read_bytes()
+    np.testing.assert_array_equal(np.frombuffer(raw, frame["type"], frame["count"], frame["offset"]), buffers.frame())
+    assert description["bodies"] == sim.bodies and int(description["reference"], 16) == buffers.reference
+    with pytest.raises(fork1s.FileError, match="cannot be made a folder"):
+        buffers.save(str(tmp_path / "buffers" / "recovery.bin"))
 
 
 def test_a_reference_that_moves():

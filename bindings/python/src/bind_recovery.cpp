@@ -29,17 +29,27 @@ nb::ndarray<nb::numpy, T> OwnRow(std::vector<T> values) {
   return nb::ndarray<nb::numpy, T>(kept->data(), 1, &size, owner);
 }
 
-nb::ndarray<nb::numpy, float> FrameOf(const Buffers& buffers) {
-  std::vector<float> frame;
+/// f(simulation) where the buffers are of it as it is. Throws Refused.
+template <class F>
+void WithCurrent(const Buffers& buffers, F&& f) {
   const bool is_of = buffers.runner->With([&](Simulation& s) {
     if (!buffers.of.IsOf(s)) return false;
-    buffers.of.WriteFrame(s, frame);
+    f(s);
     return true;
   });
   if (!is_of)
     throw Refused{Error{ErrorCode::kUsage, "RecoveryBuffers",
                         "the reference has moved since they were made; make them anew from the simulation"}};
+}
+
+nb::ndarray<nb::numpy, float> FrameOf(const Buffers& buffers) {
+  std::vector<float> frame;
+  WithCurrent(buffers, [&](Simulation& s) { buffers.of.WriteFrame(s, frame); });
   return OwnRow(std::move(frame));
+}
+
+void SaveTo(const Buffers& buffers, const std::string& directory) {
+  WithCurrent(buffers, [&](Simulation& s) { Take(SaveRecoveryBuffers(s, directory)); });
 }
 
 }  // namespace
@@ -73,6 +83,10 @@ docs/engines.md has the layout.)")
            "float32 of the present state: base poses, z, corrections. Raises UsageError where the buffers "
            "are no longer "
            "current.")
+      .def("save", SaveTo, nb::arg("directory"),
+           "Writes recovery.json and recovery.bin there, as `fork1s reduce --buffers` does, with the present "
+           "state as their "
+           "frame. Raises FileError; UsageError where the buffers are no longer current.")
       .def_prop_ro(
           "current",
           [](const Buffers& b) { return b.runner->With([&](Simulation& s) { return b.of.IsOf(s); }); },
