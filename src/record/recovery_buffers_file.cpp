@@ -14,26 +14,26 @@
 namespace fork1s {
 namespace {
 
-using Ordered = nlohmann::ordered_json;
+using Json = nlohmann::json;
 
 constexpr std::string_view kMagic = "fork1s recovery\n";  // sixteen bytes
 constexpr std::size_t kAlignment = 256;  // what every graphics processor takes as the offset of a buffer
 constexpr FileKind kBuffersFile{"buffers of fork1s", kMagic};
-// The first member, so that a file of somebody else's is not taken for one of these.
+// Begins the file, so that a file of somebody else's is not taken for one of these.
 constexpr FileKind kBuffersText{"the description of buffers of fork1s",
                                 "{\n \"format\": \"fork1s recovery buffers\""};
 
 // A section of the file, and how the description names it.
 template <class T>
-Ordered AddSection(const std::vector<T>& values, const char* type, std::string& bytes) {
+Json AddSection(const std::vector<T>& values, const char* type, std::string& bytes) {
   bytes.resize((bytes.size() + kAlignment - 1) / kAlignment * kAlignment, '\0');
   const std::size_t at = bytes.size();
   bytes.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
   return {{"offset", at}, {"bytes", values.size() * sizeof(T)}, {"type", type}, {"count", values.size()}};
 }
 
-Ordered Roots(const Simulation& simulation) {
-  Ordered roots = Ordered::array();
+Json Roots(const Simulation& simulation) {
+  Json roots = Json::array();
   int link =
       static_cast<int>(simulation.world().mechanisms().size() + simulation.world().free_bodies().size());
   int z = 8 * link, coordinate = 0;
@@ -71,15 +71,14 @@ Expected<void> SaveRecoveryBuffers(const Simulation& simulation, const std::stri
   std::string bytes(kMagic);
   const std::uint64_t reference = buffers.reference();
   bytes.append(reinterpret_cast<const char*>(&reference), sizeof reference);
-  Ordered sections;
+  Json sections;
   sections["tables"] = AddSection(t, "int32", bytes);
   sections["numbers"] = AddSection(buffers.numbers(), "float32", bytes);
   sections["frame"] = AddSection(frame, "float32", bytes);
   sections["trial_frame"] = AddSection(trial.frame, "float32", bytes);
   sections["trial_poses"] = AddSection(trial.poses, "float32", bytes);
 
-  Ordered out;
-  out["format"] = "fork1s recovery buffers";
+  Json out;
   out["version"] = kRecoveryBuffersVersion;
   out["program"] = "fork1s " FORK1S_VERSION;
   out["file"] = "recovery.bin";
@@ -88,8 +87,8 @@ Expected<void> SaveRecoveryBuffers(const Simulation& simulation, const std::stri
   out["reference"] = fmt::format("{:016x}", reference);
   out["recovery"] = Name(buffers.recovery());
   out["passes"] = buffers.recovery() == Recovery::kTwist
-                      ? Ordered{"recover_twist"}
-                      : Ordered{"recover_joints", "recover_scan", "recover_exact"};
+                      ? Json{"recover_twist"}
+                      : Json{"recover_joints", "recover_scan", "recover_exact"};
   out["units"] = {{"length", "m"}, {"angle", "rad"}, {"z", "1"}};
   out["quaternion"] = "x y z w";
   out["frames"] =
@@ -106,12 +105,13 @@ Expected<void> SaveRecoveryBuffers(const Simulation& simulation, const std::stri
                   {"poses_bytes", 32 * t[3]}};
   out["sections"] = std::move(sections);
   out["roots"] = Roots(simulation);
-  out["bodies"] = Ordered::array();
+  out["bodies"] = Json::array();
   for (const SceneBody& b : simulation.bodies()) out["bodies"].push_back(b.name);
 
   const std::filesystem::path place(*folder);
   if (auto ok = WriteFile((place / "recovery.bin").string(), kBuffersFile, bytes); !ok) return ok;
-  const std::string text = out.dump(1, ' ', false, Ordered::error_handler_t::replace) + "\n";
+  const std::string text = std::string(kBuffersText.begin) + "," +
+                           out.dump(1, ' ', false, Json::error_handler_t::replace).substr(1) + "\n";
   return WriteFile((place / "recovery.json").string(), kBuffersText, text);
 }
 

@@ -74,6 +74,11 @@ TEST(Outputs, BuffersGoIntoAFolder) {
     EXPECT_NE(Slurp(folder + "/recovery.json").find("\"recovery\": \"twist\""), std::string::npos);
   }
   EXPECT_EQ(Fork1s("reduce --recovery twist " + model).code, 2);  // of the buffers only
+  std::ofstream(folder + "/recovery.json") << "{\"notes\": \"of somebody else\"}\n";
+  o = Fork1s("reduce --buffers '" + folder + "' " + model);
+  EXPECT_EQ(o.code, 3) << o.err;
+  EXPECT_NE(o.err.find("recovery.json"), std::string::npos) << o.err;
+  EXPECT_EQ(Slurp(folder + "/recovery.json"), "{\"notes\": \"of somebody else\"}\n");
 }
 
 TEST(Outputs, DevicesAndLinksAreLeftAsTheyAre) {

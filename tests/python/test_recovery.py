@@ -57,10 +57,23 @@ def test_numpy_poses_the_bodies(tmp_path):
 
     buffers.save(str(tmp_path / "buffers"))
     description = json.loads((tmp_path / "buffers" / "recovery.json").read_text())
-    frame = description["sections"]["frame"]
     raw = (tmp_path / "buffers" / description["file"]).read_bytes()
-    np.testing.assert_array_equal(np.frombuffer(raw, frame["type"], frame["count"], frame["offset"]), buffers.frame())
-    assert description["bodies"] == sim.bodies and int(description["reference"], 16) == buffers.reference
+    assert len(raw) == description["bytes"] and raw[:16] == b"fork1s recovery\n"
+    assert int.from_bytes(raw[16:24], "little") == int(description["reference"], 16) == buffers.reference
+    assert description["bodies"] == sim.bodies
+
+    def section(name):
+        s = description["sections"][name]
+        assert s["offset"] % 256 == 0 and s["bytes"] == 4 * s["count"]
+        return np.frombuffer(raw, s["type"], s["count"], s["offset"])
+
+    np.testing.assert_array_equal(section("tables"), buffers.tables)
+    np.testing.assert_array_equal(section("numbers"), buffers.numbers)
+    np.testing.assert_array_equal(section("frame"), buffers.frame())
+    trial = list(poses_by_twist(section("tables"), section("numbers").astype(float), section("trial_frame").astype(float)))
+    wanted = section("trial_poses").reshape(-1, 8)
+    assert np.abs(wanted[:, 4:7] - sim.poses[:, :3]).max() > 0.01
+    np.testing.assert_allclose(np.array(trial)[:, :3], wanted[:, 4:7], atol=1e-6)
     with pytest.raises(fork1s.FileError, match="cannot be made a folder"):
         buffers.save(str(tmp_path / "buffers" / "recovery.bin"))
 
