@@ -19,12 +19,17 @@ using Entry = std::int32_t;
 struct Span {
   int first = 0, count = 0;
 };
-template <class Matrix>
-Span NonzeroColumns(const Matrix& m) {
-  int first = 0, end = static_cast<int>(m.cols());
-  while (first < end && (m.col(first).array() == 0).all()) ++first;
-  while (end > first && (m.col(end - 1).array() == 0).all()) --end;
-  return {first, end - first};
+Span NonzeroColumns(const double* values, int rows, int columns, Eigen::Index row_stride,
+                    Eigen::Index column_stride) {
+  Span span;
+  for (int k = 0; k < columns; ++k)
+    for (int i = 0; i < rows; ++i) {
+      if (values[i * row_stride + k * column_stride] == 0) continue;
+      if (span.count == 0) span.first = k;
+      span.count = k - span.first + 1;
+      break;
+    }
+  return span;
 }
 
 // Whole turns change no pose and cost digits in single precision.
@@ -119,11 +124,12 @@ class TableWriter {
     const std::vector<MatrixX> H = Curves(model);
     const auto h_of = [&](int i) -> const MatrixX& { return H[static_cast<std::size_t>(i)]; };
     const bool corrected = IsCorrected(dynamics);
+    const int r = model.size();
     for (int i = 0; i < m.num_coordinates(); ++i) {
-      Span span = NonzeroColumns(model.Q.row(i));
+      Span span = NonzeroColumns(model.Q_rows.data() + Eigen::Index{i} * r, 1, r, 0, 1);
       bool bends = false;
       if (!H.empty()) {
-        const Span by_curve = NonzeroColumns(h_of(i));
+        const Span by_curve = NonzeroColumns(h_of(i).data(), r, r, 1, r);
         bends = by_curve.count > 0;
         if (bends) {
           const int end = std::max(span.first + span.count, by_curve.first + by_curve.count);
@@ -161,11 +167,12 @@ class TableWriter {
     const BodyIndex index(body.index);
     const Mechanism::Body& b = model.mechanism->body(index);
     const Entry last = b.last_joint < 0 ? body.mechanism : begin_.link[at] + b.last_joint;
-    const auto T = model.T_of(index);
-    const Span span = NonzeroColumns(T);
+    const int r = model.size();
+    const double* T = model.T.data() + Eigen::Index{6} * index.value() * r;
+    const Span span = NonzeroColumns(T, 6, r, 1, 6);
     const Entry twists = Number();
     for (int k = 0; k < span.count; ++k)
-      for (int i = 0; i < 6; ++i) Add(T(i, span.first + k));
+      for (int i = 0; i < 6; ++i) Add(T[6 * (span.first + k) + i]);
     const Entry reference = Number();
     AddPose(model.X_RB_ref[index.u()]);
     const Entry still = Number();

@@ -8,6 +8,7 @@
 #include <fork1s/record/recovery_buffers.hpp>
 #include <nlohmann/json.hpp>
 #include <string_view>
+#include <utility>
 
 #include "folder.hpp"
 
@@ -29,7 +30,12 @@ Json AddSection(const std::vector<T>& values, const char* type, std::string& byt
   bytes.resize((bytes.size() + kAlignment - 1) / kAlignment * kAlignment, '\0');
   const std::size_t at = bytes.size();
   bytes.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
-  return {{"offset", at}, {"bytes", values.size() * sizeof(T)}, {"type", type}, {"count", values.size()}};
+  Json section;
+  section["offset"] = at;
+  section["bytes"] = values.size() * sizeof(T);
+  section["type"] = type;
+  section["count"] = values.size();
+  return section;
 }
 
 Json Roots(const Simulation& simulation) {
@@ -39,21 +45,27 @@ Json Roots(const Simulation& simulation) {
   int z = 8 * link, coordinate = 0;
   for (const MechanismDynamics& m : simulation.world().mechanisms()) {
     const Mechanism& mechanism = m.mechanism();
-    roots.push_back({{"name", mechanism.name()},
-                     {"kind", "mechanism"},
-                     {"base", Name(mechanism.base())},
-                     {"first_link", link},
-                     {"joints", mechanism.num_joints()},
-                     {"first_coordinate", coordinate},
-                     {"coordinates", mechanism.num_coordinates()},
-                     {"frame_z", z},
-                     {"z", m.model().size()}});
+    Json root;
+    root["name"] = mechanism.name();
+    root["kind"] = "mechanism";
+    root["base"] = Name(mechanism.base());
+    root["first_link"] = link;
+    root["joints"] = mechanism.num_joints();
+    root["first_coordinate"] = coordinate;
+    root["coordinates"] = mechanism.num_coordinates();
+    root["frame_z"] = z;
+    root["z"] = m.model().size();
+    roots.push_back(std::move(root));
     link += mechanism.num_joints();
     coordinate += mechanism.num_coordinates();
     z += m.model().size();
   }
-  for (const FreeBody& body : simulation.world().free_bodies())
-    roots.push_back({{"name", body.name()}, {"kind", "free body"}});
+  for (const FreeBody& body : simulation.world().free_bodies()) {
+    Json root;
+    root["name"] = body.name();
+    root["kind"] = "free body";
+    roots.push_back(std::move(root));
+  }
   return roots;
 }
 
@@ -86,23 +98,24 @@ Expected<void> SaveRecoveryBuffers(const Simulation& simulation, const std::stri
   out["byte_order"] = "little";
   out["reference"] = fmt::format("{:016x}", reference);
   out["recovery"] = Name(buffers.recovery());
-  out["passes"] = buffers.recovery() == Recovery::kTwist
-                      ? Json{"recover_twist"}
-                      : Json{"recover_joints", "recover_scan", "recover_exact"};
-  out["units"] = {{"length", "m"}, {"angle", "rad"}, {"z", "1"}};
+  const bool twist = buffers.recovery() == Recovery::kTwist;
+  for (const char* pass : {"recover_twist", "recover_joints", "recover_scan", "recover_exact"})
+    if (twist == (pass == std::string_view("recover_twist"))) out["passes"].push_back(pass);
+  Json& units = out["units"];
+  units["length"] = "m";
+  units["angle"] = "rad";
+  units["z"] = "1";
   out["quaternion"] = "x y z w";
   out["frames"] =
       "poses are X_WB, of the body in the world; numbers are in the root frame R of each mechanism";
-  out["sizes"] = {{"roots", t[1]},
-                  {"links", t[2]},
-                  {"bodies", t[3]},
-                  {"coordinates", t[4]},
-                  {"z", t[5]},
-                  {"frame", t[8]},
-                  {"longest_path", t[9]},
-                  {"scan_passes", buffers.scan_passes()},
-                  {"links_bytes", 32 * t[2]},
-                  {"poses_bytes", 32 * t[3]}};
+  Json& sizes = out["sizes"];
+  constexpr std::pair<const char*, std::size_t> kSizes[] = {{"roots", 1},       {"links", 2}, {"bodies", 3},
+                                                            {"coordinates", 4}, {"z", 5},     {"frame", 8},
+                                                            {"longest_path", 9}};
+  for (const auto& [name, place] : kSizes) sizes[name] = t[place];
+  sizes["scan_passes"] = buffers.scan_passes();
+  sizes["links_bytes"] = 32 * t[2];
+  sizes["poses_bytes"] = 32 * t[3];
   out["sections"] = std::move(sections);
   out["roots"] = Roots(simulation);
   out["bodies"] = Json::array();
@@ -110,8 +123,8 @@ Expected<void> SaveRecoveryBuffers(const Simulation& simulation, const std::stri
 
   const std::filesystem::path place(*folder);
   if (auto ok = WriteFile((place / "recovery.bin").string(), kBuffersFile, bytes); !ok) return ok;
-  const std::string text = std::string(kBuffersText.begin) + "," +
-                           out.dump(1, ' ', false, Json::error_handler_t::replace).substr(1) + "\n";
+  const std::string members = out.dump(1, ' ', false, Json::error_handler_t::replace).substr(1);
+  const std::string text = fmt::format("{},{}\n", kBuffersText.begin, members);
   return WriteFile((place / "recovery.json").string(), kBuffersText, text);
 }
 
