@@ -1,5 +1,6 @@
 // The shaders of shaders/, run, against poses in double precision.
 #include <continuum_arm.hpp>
+#include <fork1s/recovery/recover.hpp>
 #include <fork1s/sim/continue.hpp>
 #include <gpu/support.hpp>
 
@@ -36,6 +37,28 @@ TEST_F(GpuPoses, OfAChainOfAThousandJoints) {
     std::printf("%d scans: ", scans);
     ExpectClose(Difference(Recovered(simulation, scans), truth), scans == 0 ? 4e-6 : 1e-6, 2e-6);
   }
+}
+
+// What is simulated exactly and drawn by twists: off by the square of the deflection, as twists are, and no
+// more.
+TEST_F(GpuPoses, ByTwistsOfAnExactSimulation) {
+  Simulation simulation = SimulationOf("hand", Recovery::kExact);
+  for (int k = 0; k < simulation.controls().size(); ++k) simulation.SetControl(k, 0.1);
+  for (int i = 0; i < 30; ++i) simulation.Step();
+  const RecoveryBuffers buffers(simulation);
+  std::vector<float> frame;
+  buffers.WriteFrame(simulation, frame);
+  PoseShaders shaders(kShaders);
+  shaders.SetModel(buffers.tables(), buffers.numbers());
+  shaders.SetFrame(frame);
+  shaders.RunTwist();
+  const MechanismDynamics& hand = simulation.world().mechanisms()[0];
+  std::vector<RigidTransform> truth;
+  RecoverPosesTwist(hand.model(), hand.state(), truth);
+  for (RigidTransform& X : truth) X = hand.state().X_WR * X;
+  truth.push_back(simulation.world().free_bodies()[0].pose());
+  ExpectClose(Difference(shaders.Read(), truth), 1e-6, 2e-6);
+  EXPECT_GT(Difference(shaders.Read(), Truth(simulation)).turn, 1e-5);
 }
 
 // A model that has bent far has another reference, and buffers of before are refused.
