@@ -1,7 +1,7 @@
 #version 310 es
 #extension GL_GOOGLE_include_directive : enable
 // First pass of exact and curved recovery, one invocation a link: the motion of a base, X_WR, or of a joint, Exp(S q) with
-// q = q_ref + Q z + correction. Loops closed by their curvature add zᵀ H z, H = -½ B N of that coordinate.
+// q = q_ref + Q z + correction. Loops closed by their curvature add z H z with H = -1/2 B N of that coordinate.
 #include "buffers.glsl"
 #include "frame.glsl"
 #include "rigid.glsl"
