@@ -18,3 +18,8 @@ cmake -S "$work/app" -B "$work/app/build" -DCMAKE_PREFIX_PATH="$work/installed" 
 grep -q "no control of this name; there are: left_grip" "$work/said"
 grep -q "and back it is as it was" "$work/said"
 grep -q "^at 3.00 s there are" "$work/said"
+if [ -x "$work/app/build/engine_poses" ]; then
+  # 3: it says that there is no OpenGL ES 3.1.
+  "$work/app/build/engine_poses" scenes/hand.xml "$work/installed/share/fork1s/shaders" | tee "$work/said" || [ $? -eq 3 ]
+  grep -q "^22 bodies from .* off by at most [0-9.]*e-0[789] m" "$work/said" || grep -q "^EGL " "$work/said"
+fi

@@ -13,27 +13,29 @@ build_packages=(
   libexpected-dev libhdf5-dev zlib1g-dev libtbb-dev libspectra-dev libassimp-dev libhwy-dev
   libgtest-dev
   libboost-dev
+  libgles-dev
 )
 # Programs that may be there without Debian's packages: command and package.
 build_programs=(node:nodejs npm:npm)
 rest_programs=(chromium:chromium ffmpeg:ffmpeg)
+# What runs shaders/ without a graphics card, and what translates them.
+rest_packages=(libegl-mesa0 libgl1-mesa-dri glslang-tools spirv-tools spirv-cross)
 
 packages=() programs=()
 case "${1:-all}" in
   build) packages=("${build_packages[@]}") programs=("${build_programs[@]}") ;;
-  rest) programs=("${rest_programs[@]}") ;;
-  all) packages=("${build_packages[@]}") programs=("${build_programs[@]}" "${rest_programs[@]}") ;;
+  rest) packages=("${rest_packages[@]}") programs=("${rest_programs[@]}") ;;
+  all) packages=("${build_packages[@]}" "${rest_packages[@]}") programs=("${build_programs[@]}" "${rest_programs[@]}") ;;
   *)
     sed -n '2,6s/^# \{0,1\}//p' "$0" >&2
     exit 2
     ;;
 esac
 
+is_installed() { dpkg-query -W -f '${Status}' "$1" 2>/dev/null | grep -q 'install ok installed'; }
 missing=()
-for package in ${packages[@]+"${packages[@]}"}; do
-  if ! dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'install ok installed'; then
-    missing+=("$package")
-  fi
+for package in "${packages[@]}"; do
+  is_installed "$package" || missing+=("$package")
 done
 for program in "${programs[@]}"; do
   if ! command -v "${program%%:*}" >/dev/null; then
@@ -42,9 +44,10 @@ for program in "${programs[@]}"; do
 done
 # The rest is installed in the background, where nobody can be asked for a password.
 if [ "${1:-all}" = build ] && [ "$(id -u)" -ne 0 ] && command -v sudo >/dev/null; then
-  for program in "${rest_programs[@]}"; do
-    command -v "${program%%:*}" >/dev/null || { sudo -v; break; }
-  done
+  later=""
+  for program in "${rest_programs[@]}"; do command -v "${program%%:*}" >/dev/null || later=yes; done
+  for package in "${rest_packages[@]}"; do is_installed "$package" || later=yes; done
+  [ -z "$later" ] || sudo -v
 fi
 if [ ${#missing[@]} -eq 0 ]; then
   echo "setup: all ${#packages[@]} packages and ${#programs[@]} programs are there"

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <chrono>
+#include <fork1s/record/recovery_buffers.hpp>
 #include <fork1s/record/reduced_model_file.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/free_motion.hpp>
@@ -129,16 +130,33 @@ void Print(const Json& d, const Mechanism& m) {
   for (const Json& w : d["warnings"]) fmt::print("  warning: {}\n", w.get<std::string>());
 }
 
+// --buffers: of a simulation as `run` begins it, since that has the coordinates that a host gets.
+Expected<void> WriteBuffers(const ImportedScene& imported, Recovery recovery, const std::string& folder) {
+  SimulationOptions options;
+  options.initial_keyframe = imported.initial_keyframe;
+  options.recovery = recovery;
+  auto simulation = Simulation::Create(imported.scene, options);
+  if (!simulation) return tl::unexpected(simulation.error());
+  return SaveRecoveryBuffers(*simulation, folder);
+}
+
 }  // namespace
 
 void AddReduce(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand("reduce", "compliance, frequencies and size of the reduced model");
   auto model = std::make_shared<ModelArguments>();
   auto file = std::make_shared<std::string>();
+  auto buffers = std::make_shared<std::string>();
+  auto recovery = std::make_shared<Recovery>(Recovery::kExact);
   model->AddTo(*command);
   command->add_option("--out", *file, "write the reduced model to this HDF5 file");
-  command->callback([&action, model, file] {
-    action = [model, file]() -> int {
+  auto* folder = command->add_option(
+      "--buffers", *buffers,
+      "write recovery.json and recovery.bin, by which shaders pose all bodies, into this folder");
+  AddRecoveryTo(*command, *recovery);
+  command->get_option("--recovery")->needs(folder);
+  command->callback([&action, model, file, buffers, recovery] {
+    action = [model, file, buffers, recovery]() -> int {
       if (auto ok = RefuseInputs(*file, {model->path}); !ok) return Report(ok.error(), model->json);
       auto imported = model->Load();
       if (!imported) return Report(imported.error(), model->json);
@@ -165,6 +183,11 @@ void AddReduce(CLI::App& app, Action& action) {
         }
         if (!model->json) Print(*one, *(*posed)[i].mechanism);
         all.push_back(std::move(*one));
+      }
+      if (!buffers->empty()) {
+        if (auto saved = WriteBuffers(*imported, *recovery, *buffers); !saved)
+          return Report(saved.error(), model->json);
+        if (!model->json) fmt::print(stderr, "wrote {0}/recovery.json and {0}/recovery.bin\n", *buffers);
       }
       const Json times = StepTimesJson(MeasureStepTimes(imported->scene, imported->initial_keyframe));
       if (!model->json) PrintStepTimes(times);

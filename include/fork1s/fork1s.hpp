@@ -9,6 +9,7 @@
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/gltf.hpp>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/record/recovery_buffers.hpp>
 #include <fork1s/record/reduced_model_file.hpp>
 #include <fork1s/recovery/pose_arrays.hpp>
 #include <fork1s/recovery/recover.hpp>

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "body_names.hpp"
+#include "folder.hpp"
 
 namespace fork1s {
 namespace {
@@ -187,20 +188,11 @@ class Tables {
   Table poses_, contacts_, pairs_, controls_, energy_;
 };
 
-Expected<std::filesystem::path> MakeFolder(const std::string& directory) {
-  const std::filesystem::path folder(directory);
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (!std::filesystem::is_directory(folder, error))
-    return Fail(ErrorCode::kFile, directory, "cannot be made a folder; check the path and its permissions");
-  return folder;
-}
-
 }  // namespace
 
 Expected<void> ExportCsv(const Recording& recording, const std::string& directory,
                          const CsvOptions& options) {
-  const auto folder = MakeFolder(directory);
+  const auto folder = internal::MakeFolder(directory);
   if (!folder) return tl::unexpected(folder.error());
   Tables tables(recording.header(), *folder, options);
   tables.Add(recording);
@@ -209,7 +201,7 @@ Expected<void> ExportCsv(const Recording& recording, const std::string& director
 
 Expected<std::int64_t> ExportCsv(RecordingReader& reader, const std::string& directory,
                                  const CsvOptions& options) {
-  const auto folder = MakeFolder(directory);
+  const auto folder = internal::MakeFolder(directory);
   if (!folder) return tl::unexpected(folder.error());
   Tables tables(reader.header(), *folder, options);
   std::int64_t steps = 0;

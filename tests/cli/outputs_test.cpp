@@ -58,6 +58,29 @@ TEST(Outputs, NeverOverFilesOfAnotherKind) {
   }
 }
 
+TEST(Outputs, BuffersGoIntoAFolder) {
+  const std::string model = Write("finger.xml", FingerModel()), notes = Write("notes.txt", "milk\n");
+  Outcome o = Fork1s("reduce --buffers " + notes + " " + model);
+  EXPECT_EQ(o.code, 3) << o.err;
+  EXPECT_NE(o.err.find("notes.txt: cannot be made a folder"), std::string::npos) << o.err;
+  EXPECT_EQ(Slurp(notes), "milk\n");
+  o = Fork1s("reduce --buffers /dev/full/x " + model);
+  EXPECT_EQ(o.code, 3) << o.err;
+  const std::string folder = At("buffers/of the finger");
+  for (int i = 0; i < 2; ++i) {  // into a new folder, and over its own files
+    o = Fork1s("reduce --recovery twist --buffers '" + folder + "' " + model);
+    EXPECT_EQ(o.code, 0) << o.err;
+    EXPECT_EQ(Slurp(folder + "/recovery.bin").rfind("fork1s recovery\n", 0), 0u);
+    EXPECT_NE(Slurp(folder + "/recovery.json").find("\"recovery\": \"twist\""), std::string::npos);
+  }
+  EXPECT_EQ(Fork1s("reduce --recovery twist " + model).code, 2);  // of the buffers only
+  std::ofstream(folder + "/recovery.json") << "{\"notes\": \"of somebody else\"}\n";
+  o = Fork1s("reduce --buffers '" + folder + "' " + model);
+  EXPECT_EQ(o.code, 3) << o.err;
+  EXPECT_NE(o.err.find("recovery.json"), std::string::npos) << o.err;
+  EXPECT_EQ(Slurp(folder + "/recovery.json"), "{\"notes\": \"of somebody else\"}\n");
+}
+
 TEST(Outputs, DevicesAndLinksAreLeftAsTheyAre) {
   const std::string model = Write("finger.xml", FingerModel());
   for (const char* device : {"/dev/full", "/dev/null"})

@@ -8,6 +8,7 @@ namespace fork1s::python {
 void BindLoad(nanobind::module_& m);
 void BindModel(nanobind::module_& m);
 void BindReduction(nanobind::module_& m);
+void BindRecovery(nanobind::module_& m);
 class Runner;
 /// What bind_simulation.cpp leaves to bind_state.cpp.
 void BindState(nanobind::class_<Runner>& simulation);

@@ -12,6 +12,7 @@ NB_MODULE(_core, m) {
   BindLoad(m);
   BindControls(m);
   BindSimulation(m);
+  BindRecovery(m);
   BindBatch(m);
   BindStatics(m);
   BindCompare(m);
