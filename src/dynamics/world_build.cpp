@@ -134,9 +134,9 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.points_.reserve(room);
   detail.contacts_.reserve(room);
   detail.previous_.reserve(room);
-  detail.places_.reserve(16);
-  detail.candidates_.reserve(16);  // a patch of four beside one of four
-  detail.before_.contacts.reserve(room);
+  detail.patches_.reserve(room + 1);
+  detail.match_benches_.reserve(Detail::kMostBenches);
+  detail.pushes_.reserve(room);
   detail.before_.speeds_W.reserve(room);
   detail.before_.missed_W.reserve(room);
   detail.speed_W_.reserve(room);

@@ -20,6 +20,7 @@ namespace fork1s {
 struct World::Detail {
   StepReport Step(const StepOptions& options);
   StepReport TakeStep(const StepOptions& options);
+  void SaveBodies(WorldState& out) const;
   void Save(WorldState& out) const;
   void Restore(const WorldState& state);
   bool IsFinite(bool poses);
@@ -46,10 +47,14 @@ struct World::Detail {
   void AssembleLimits(const StepOptions& options);
   void FillLimits(std::size_t mechanism, const StepOptions& options);
   void MatchPrevious();
-  void AddCandidates(std::size_t begin, std::size_t end, const int* first, const int* last);
+  struct MatchBench;
+  void MatchPatch(std::size_t begin, std::size_t end, MatchBench& bench);
+  void AddCandidates(std::size_t begin, std::size_t end, const int* first, const int* last,
+                     MatchBench& bench) const;
   void PredictAll(const StepOptions& options);
   void SolveContacts(const StepOptions& options, StepReport& report);
   bool UpdateSwitches(const StepOptions& options);
+  void GatherPushes();
   void ApplyImpulses();
   void KeepForNextStep(double h, StepReport& report);
   void MoveMechanisms(const StepOptions& options, StepReport& report);
@@ -108,9 +113,19 @@ struct World::Detail {
   std::vector<int> match_;                           // contact -> previous contact or -1
   std::vector<char> previous_used_;
   std::vector<int> previous_order_;  // of previous_, by what touches what
-  std::vector<std::tuple<double, int, int>> candidates_;  // for match_: m², contact, previous contact
-  std::vector<std::array<Vector3, 4>>
-      places_;                       // of points on body a and b: in their axes, and in the world's
+  // Where patches are matched, several side by side.
+  struct MatchBench {
+    std::vector<std::tuple<double, int, int>> candidates;  // m², contact, previous contact
+    std::vector<std::array<Vector3, 4>>
+        places;  // of points on body a and b: in their axes, and in the world's
+    MatchBench() {
+      candidates.reserve(16);  // a patch of four beside one of four
+      places.reserve(16);
+    }
+  };
+  static constexpr std::size_t kMostBenches = 64;
+  std::vector<MatchBench> match_benches_;
+  std::vector<std::size_t> patches_;  // first point of each, and the end
   bool middle_ = false;              // contacts of this step are found half way
   bool by_theta_ = false;
   std::vector<Vector3> missed_W_, previous_missed_W_;  // MissedWay()
@@ -158,6 +173,15 @@ struct World::Detail {
     StepPartTimes own;  // moving and refreshing
   };
   std::vector<MechanismBlock> mechanism_blocks_;
+  // What the impulse of one contact does to the ports of both sides.
+  struct Push {
+    bool any = false;
+    int body_a = -1, body_b = -1;
+    int port_a = -1, port_b = -1;
+    Vector6 on_a, on_b;
+  };
+  std::vector<Push> pushes_;
+  std::vector<char> is_pushed_;  // per contactor
   std::vector<Matrix6> free_Y_;
   std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
   bool has_switches_ = false;

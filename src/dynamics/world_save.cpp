@@ -3,7 +3,7 @@
 
 namespace fork1s {
 
-void World::Detail::Save(WorldState& out) const {
+void World::Detail::SaveBodies(WorldState& out) const {
   out.mechanisms.resize(mechanisms_.size());
   out.rows.resize(mechanisms_.size());
   ForMechanisms([&](std::size_t i) {
@@ -15,6 +15,10 @@ void World::Detail::Save(WorldState& out) const {
   });
   out.free_bodies.resize(free_bodies_.size());
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) out.free_bodies[i] = free_bodies_[i].Save();
+}
+
+void World::Detail::Save(WorldState& out) const {
+  SaveBodies(out);
   out.contacts = contacts_;
   out.speeds_W = speed_W_;
   out.missed_W = missed_W_;

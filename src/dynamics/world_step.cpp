@@ -120,6 +120,10 @@ StepReport World::Detail::TakeBack(StepReport report) {
     m.controls_move = false;
   }
   for (FreeBody::State& b : before_.free_bodies) b.force_W = b.moment_W = Vector3::Zero();
+  before_.contacts = previous_;
+  before_.speeds_W = previous_speed_W_;
+  before_.missed_W = previous_missed_W_;
+  before_.contactor_poses = previous_pose_;
   Restore(before_);
   report.finite = false;
   return report;
@@ -136,7 +140,11 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   const double h = options.h;
   FORK1S_REQUIRE(h > 0 && std::isfinite(h), h);
 
-  Save(before_);
+  // What is not kept as `previous_` anyway.
+  SaveBodies(before_);
+  before_.port_twists = last_twist_;
+  before_.speeds_are_last = curvature_valid_;
+  before_.has_contactor_poses = has_previous_pose_;
   previous_.swap(contacts_);
   previous_pose_ = contactor_pose_;
   previous_speed_W_.swap(speed_W_);
