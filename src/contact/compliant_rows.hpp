@@ -114,8 +114,9 @@ class CompliantRows {
                double most_give);
   /// The affine pieces of the law that (d, λ) are on, λ those at hand: λ = −D w. Then H d = right side is
   /// where the pieces would lead, and `ImpulsesOfPieces` what they bear there, with that much more of
-  /// friction. How far (d, λ) are from the law itself: `law_gap`, and the rounding in it.
-  void TakePieces(const double* d);
+  /// friction. How far (d, λ) are from the law itself: `law_gap`, and the rounding in it. `first`: λ are a
+  /// guess by the last step, and what slid then is taken to go on.
+  void TakePieces(const double* d, bool first = false);
   /// |λ − Π(y)|, weighed as F is (pieces.cpp).
   double law_gap() const { return law_gap_; }
   double law_noise() const { return law_noise_; }
@@ -180,7 +181,7 @@ class CompliantRows {
   void AddDerivatives(double* H);
   void AddPush(const PairRows& pair, const PointRows& point, const Vector3& impulse, const Vector3& moment);
   void AddDerivative(std::size_t pair, const PointRows& point);
-  void TakePiece(const PairRows& pair, PointRows& point);
+  void TakePiece(const PairRows& pair, PointRows& point, bool first);
   void TakeMoments(PointRows& point, const Vector3& turning, double y_n);
   void AddGap(double inverse_mass, double gap2, double rounding);
   void SetGive(PairRows& pair, double most_give);

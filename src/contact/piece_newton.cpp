@@ -44,7 +44,7 @@ void PieceNewton::Refine(CompliantRows& rows, std::vector<double>& d) {
 
 bool PieceNewton::Solve(CompliantRows& rows, std::vector<double>& d, double tolerance, int max_iterations,
                         int& iterations) {
-  rows.TakePieces(d.data());
+  rows.TakePieces(d.data(), true);
   double before = std::numeric_limits<double>::infinity();
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
     ++iterations;

@@ -14,6 +14,11 @@
 #include "compliant_rows.hpp"
 
 namespace fork1s::internal {
+namespace {
+
+constexpr double kAtBound = 0.99;
+
+}  // namespace
 
 // |λ − Π(y)| of a point or row, and its rounding.
 void CompliantRows::AddGap(double inverse_mass, double gap2, double rounding) {
@@ -21,7 +26,7 @@ void CompliantRows::AddGap(double inverse_mass, double gap2, double rounding) {
   law_noise_ += inverse_mass * rounding * rounding;
 }
 
-void CompliantRows::TakePiece(const PairRows& pair, PointRows& point) {
+void CompliantRows::TakePiece(const PairRows& pair, PointRows& point, bool first) {
   const double R_n = point.law.R_n, R_t = point.law.R_t, friction = point.law.friction;
   point.ClearPiece();
   if (!(R_n > 0)) return;
@@ -42,15 +47,18 @@ void CompliantRows::TakePiece(const PairRows& pair, PointRows& point) {
          off * off + (point.impulse.tail<2>() - (size > bound ? bound / size : 1) * y).squaredNorm(),
          rounding);
   if (bound > 0) point.use = w.tail<2>().norm() / (R_t * bound);
+  // What crept a step ago stands at its bound to the last digits, on whichever side of it: as a first guess
+  // it goes on.
+  const bool goes_on = first && point.held_use > 1 && size > kAtBound * bound && size > 0;
   // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for
   // ever.
-  if (size <= bound || (share_ == 1 && y.dot(point.impulse.tail<2>()) < 0)) {
+  if ((size <= bound && !goes_on) || (share_ == 1 && y.dot(point.impulse.tail<2>()) < 0)) {
     point.state = PointState::kSticking;
     point.D(1, 1) = point.D(2, 2) = 1 / R_t;
   } else {
     point.state = PointState::kSliding;
     const Vector2 e = y / size;
-    const double beta = bound / size, kappa = beta * rho_t / (1 - beta * (1 - rho_t * R_t));
+    const double beta = std::min(1.0, bound / size), kappa = beta * rho_t / (1 - beta * (1 - rho_t * R_t));
     point.D.block<2, 1>(1, 0) = friction / R_n * e;
     point.D.bottomRightCorner<2, 2>() = kappa * (Eigen::Matrix2d::Identity() - e * e.transpose());
     point.by_share.tail<2>() = point.friction * y_n * e;
@@ -77,7 +85,7 @@ void CompliantRows::TakeMoments(PointRows& point, const Vector3& turning, double
   }
 }
 
-void CompliantRows::TakePieces(const double* d) {
+void CompliantRows::TakePieces(const double* d, bool first) {
   for (PortRows& port : ports) port.SetChange(d);
   ClearPush();
   law_gap_ = law_noise_ = 0;
@@ -85,7 +93,7 @@ void CompliantRows::TakePieces(const double* d) {
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
       const bool moments = point.HasMoments();
-      TakePiece(pair, point);
+      TakePiece(pair, point, first);
       if (point.state == PointState::kOpen) continue;
       // What the piece bears at d = 0.
       const Vector3 w = point.base + point.offset;
