@@ -47,7 +47,10 @@ void World::Detail::MatchPatch(std::size_t begin, std::size_t end, MatchBench& b
   const auto first = std::lower_bound(previous_order_.begin(), previous_order_.end(), shapes,
                                       [&](int k, const auto& wanted) { return Shapes(of(k)) < wanted; });
   auto last = first;
-  while (last != previous_order_.end() && Shapes(of(*last)) == shapes) ++last;
+  bool any_bore = false;
+  for (; last != previous_order_.end() && Shapes(of(*last)) == shapes; ++last)
+    any_bore = any_bore || !previous_[static_cast<std::size_t>(*last)].impulse.isZero(0);
+  if (!any_bore) return;  // what was merely near has nothing to hand on
   const int* order = previous_order_.data();
   AddCandidates(begin, end, order + (first - previous_order_.begin()),
                 order + (last - previous_order_.begin()), bench);
