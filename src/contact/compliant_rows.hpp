@@ -108,10 +108,10 @@ inline double Dot(const std::vector<double>& a, const std::vector<double>& b) {
 class CompliantRows {
  public:
   void Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms);
-  /// False where a number is not finite.
+  /// Of contacts those that are `taken`. False where a number is not finite.
   bool Prepare(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contacts,
-               const std::vector<LimitConstraint>& limits, const Eigen::Ref<const VectorX>& velocities,
-               double most_give);
+               const std::vector<int>& taken, const std::vector<LimitConstraint>& limits,
+               const Eigen::Ref<const VectorX>& velocities, double most_give);
   /// The affine pieces of the law that (d, λ) are on, λ those at hand: λ = −D w. Then H d = right side is
   /// where the pieces would lead, and `ImpulsesOfPieces` what they bear there, with that much more of
   /// friction. How far (d, λ) are from the law itself: `law_gap`, and the rounding in it. `first`: λ are a

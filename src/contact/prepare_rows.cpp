@@ -4,7 +4,6 @@
 #include <fork1s/base/error.hpp>
 #include <fork1s/linalg/in_place.hpp>
 #include <limits>
-#include <numeric>
 #include <tuple>
 #include <utility>
 
@@ -319,17 +318,16 @@ void CompliantRows::FindOrder() {
 }
 
 bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
-                            const std::vector<ContactConstraint>& contacts,
+                            const std::vector<ContactConstraint>& contacts, const std::vector<int>& taken,
                             const std::vector<LimitConstraint>& limit_rows,
                             const Eigen::Ref<const VectorX>& velocities, double most_give) {
   LayOutBlocks(blocks, static_cast<int>(velocities.size()));
   share_ = 1;
   ports.clear();
   pairs.clear();
-  points.resize(contacts.size());
+  points.resize(taken.size());
   limits.resize(limit_rows.size());
-  order_.resize(contacts.size());
-  std::iota(order_.begin(), order_.end(), 0);
+  order_ = taken;
   const auto key = [&](int i) {
     const ContactConstraint& c = contacts[static_cast<std::size_t>(i)];
     return std::tuple(c.port_a, c.port_b, i);

@@ -37,7 +37,7 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
   double motion = 0;
   for (const double own : contactor_motion_) motion = std::max(motion, own);
   if (by_theta_) motion = MotionWithin(middle_ ? 0.5 * options.h : options.h);
-  const double needed = 0.001 + 2 * motion + options.gravity.norm() * options.h * options.h;
+  const double needed = kClear + 2 * motion + options.gravity.norm() * options.h * options.h;
   collision_->SetMargin(std::min(margin_max_, needed));
   has_previous_pose_ = true;
   report.contacts_dropped = !collision_->Detect(points_);

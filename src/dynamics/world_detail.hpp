@@ -124,6 +124,7 @@ struct World::Detail {
     }
   };
   static constexpr std::size_t kMostBenches = 64;
+  static constexpr double kClear = 0.001;  // m: what contacts may move a body by that was not foreseen
   std::vector<MatchBench> match_benches_;
   std::vector<std::size_t> patches_;  // first point of each, and the end
   bool middle_ = false;              // contacts of this step are found half way

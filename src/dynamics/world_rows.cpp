@@ -158,9 +158,13 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   if (middle_) p.gap -= 0.5 * h * speed(0);
   SetMaterial(options.material, p.gap, h, c);
   if (p.restitution > 0 && !middle_) approach_[i] = std::max(0.0, -speed(0));
+  // A body on the floor would fall upon all that is near, were nothing there to hold it: it goes on as it
+  // did.
+  c.waits = p.gap + h * speed(0) > kClear;
   if (match_[i] < 0) return;
   const auto k = static_cast<std::size_t>(match_[i]);
   const ContactRecord& before = previous_[k];
+  c.waits = c.waits && before.impulse.isZero(0);
   c.held = c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
   c.held_use = before.use;
   c.held_moment = c.moment = p.frame * (before.point.frame.transpose() * before.moment);

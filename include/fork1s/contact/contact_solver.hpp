@@ -51,6 +51,7 @@ struct ContactConstraint {
   double held_use = 0;             // `use` of the last step
   double use = 0;                  // out: |y| as a share of µ λ_n: above 1 it slides
   Vector3 held_moment = Vector3::Zero();
+  bool waits = false;  // it is likely to stay open, and takes part only where the others alone would close it
 
   /// Impulse on the port whose rows are J: the linear part of the rows are the axes.
   Vector6 ImpulseOn(const Matrix36& J) const {
