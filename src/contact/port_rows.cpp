@@ -44,8 +44,9 @@ void AddSixColumns(const double* X, int stride, const double* t, int n, double* 
   });
 }
 
-void AddSixTimesSix(const double* X, int stride, int n, const SixRows& T, int columns, double* out,
-                    int out_stride) {
+void AddSixTimesSix(const double* X, int stride, int n, SixRows T, int columns, double* out,
+                    std::ptrdiff_t out_stride) {
+  const std::ptrdiff_t by_row = T.by_row, by_column = T.by_column;
   const double *x0 = X, *x1 = x0 + stride, *x2 = x1 + stride, *x3 = x2 + stride, *x4 = x3 + stride,
                *x5 = x4 + stride;
   ByFours(n, [&](const auto& at) {
@@ -53,13 +54,13 @@ void AddSixTimesSix(const double* X, int stride, int n, const SixRows& T, int co
     const Some s0 = at(x0), s1 = at(x1), s2 = at(x2), s3 = at(x3), s4 = at(x4), s5 = at(x5);
     const double* t = T.t;
     double* to = out;
-    for (int c = 0; c < columns; ++c, t += T.by_column, to += out_stride) {
+    for (int c = 0; c < columns; ++c, t += by_column, to += out_stride) {
       Some sum = at(to) + t[0] * s0;
-      sum += t[T.by_row] * s1;
-      sum += t[2 * T.by_row] * s2;
-      sum += t[3 * T.by_row] * s3;
-      sum += t[4 * T.by_row] * s4;
-      sum += t[5 * T.by_row] * s5;
+      sum += t[by_row] * s1;
+      sum += t[2 * by_row] * s2;
+      sum += t[3 * by_row] * s3;
+      sum += t[4 * by_row] * s4;
+      sum += t[5 * by_row] * s5;
       at(to) = sum;
     }
   });

@@ -17,8 +17,8 @@ struct SixRows {
 };
 
 /// out += X T, X of n rows and six columns `stride` apart, columns of `out` out_stride apart.
-void AddSixTimesSix(const double* X, int stride, int n, const SixRows& T, int columns, double* out,
-                    int out_stride);
+void AddSixTimesSix(const double* X, int stride, int n, SixRows T, int columns, double* out,
+                    std::ptrdiff_t out_stride);
 
 struct PortRows {
   const double* Y = nullptr;  // freedoms x 6
