@@ -74,5 +74,38 @@ TEST(NonFinite, NothingOfItStays) {
     }
 }
 
+// What contacts bore and where they were is back as well: a step that failed is as if it had not been asked for.
+TEST(NonFinite, ContactsAreAsTheyWere) {
+  Scene scene;
+  scene.world.push_back(testing::Geometry("ground", Plane{}, 0.5));
+  for (const double x : {0.0, 1.0}) {
+    FreeBodyDef ball = testing::BallBody("ball" + std::to_string(x), 1, 0.1, Vector3(x, 0, 0.1), 0.5);
+    scene.free_bodies.push_back(ball);
+  }
+  World world = testing::MustCreate(scene), other = testing::MustCreate(scene);
+  const auto roll = [&](World& w) {
+    w.free_bodies()[0].AddWrench(Vector3(1, 0.5, 0), Vector3::Zero(), w.free_bodies()[0].pose().translation());
+    return w.Step({});
+  };
+  for (int i = 0; i < 20; ++i) {
+    ASSERT_TRUE(roll(world).finite);
+    ASSERT_TRUE(roll(other).finite);
+  }
+  WorldState before, after;
+  world.Save(before);
+  ASSERT_GE(before.contacts.size(), 2u);
+  world.free_bodies()[1].AddWrench(Vector3(std::nan(""), 0, 0), Vector3::Zero(), Vector3::Zero());
+  EXPECT_FALSE(world.Step({}).finite);
+  world.Save(after);
+  EXPECT_EQ(HashOf(after), HashOf(before));
+  for (int i = 0; i < 20; ++i) {
+    ASSERT_TRUE(roll(world).finite);
+    ASSERT_TRUE(roll(other).finite);
+  }
+  world.Save(after);
+  other.Save(before);
+  EXPECT_EQ(HashOf(after), HashOf(before));
+}
+
 }  // namespace
 }  // namespace fork1s
