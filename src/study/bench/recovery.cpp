@@ -49,7 +49,7 @@ void HoldAgainst(const Ceilings& most, double bytes, double operations, Recovery
 template <class Real>
 void MeasureArrays(const ReducedModel& model, RecoveryCost cost, std::vector<RecoveryCost>& out) {
   constexpr bool single = sizeof(Real) == 4;
-  const TwistRecovery<Real> recovery(model);
+  const PoseRecovery<Real> recovery(model, Recovery::kTwist);
   const auto r = static_cast<std::size_t>(recovery.coordinates());
   const double bodies = cost.bodies;
   cost.type = single ? "f32" : "f64";

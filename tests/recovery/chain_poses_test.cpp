@@ -1,0 +1,136 @@
+// Exact and curved poses as arrays are those of Configure, on every instruction set of this processor.
+#include <cmath>
+#include <fork1s/recovery/pose_arrays.hpp>
+#include <random_mechanism.hpp>
+#include <recovery/support.hpp>
+
+#include "../../src/recovery/instruction_sets.hpp"
+
+namespace fork1s {
+namespace {
+
+using testing::Deflected;
+using testing::MustReduce;
+using testing::RandomSource;
+using testing::Share;
+
+// One set after the other; the best one again at the end.
+template <class Work>
+void OnEveryInstructionSet(Work work) {
+  for (const std::int64_t set : internal::RecoveryInstructionSets()) {
+    internal::UseInstructionSet(set);
+    SCOPED_TRACE(RecoveryInstructionSet());
+    work();
+  }
+  internal::UseInstructionSet(0);
+}
+
+// Shares of a turn and of the farthest distance that poses may be off.
+struct Off {
+  double turn = 0, share = 0;
+};
+
+// Largest distance of a mechanism's points, for shares of it.
+double Extent(const std::vector<RigidTransform>& X_RB, const Mechanism& m) {
+  double far = m.length_scale();
+  for (const RigidTransform& X : X_RB) far = std::max(far, X.translation().norm());
+  return far;
+}
+
+template <class Real>
+ReducedState AsIn(
+    const ReducedState& given) {  // what is left of z in Real, so that only the recovery differs
+  ReducedState state = given;
+  for (double& z : state.z) z = static_cast<double>(static_cast<Real>(z));
+  return state;
+}
+
+// The states of `all` by Recover and by RecoverMany, against Configure of `model`, loops to 1e-14.
+template <class Real>
+void ExpectPosesOfConfigure(const ReducedModel& model, Recovery mode, const std::vector<ReducedState>& all,
+                            const Off& off) {
+  PoseRecovery<Real> recovery(model, mode);
+  if (!all.empty()) recovery.SetInterior(all.front().q_perp);
+  const auto r = static_cast<std::size_t>(model.size());
+  const std::size_t stride = all.size() + 3;
+  std::vector<Real> many(r * stride, Real(7));
+  std::vector<PoseArrays<Real>> poses(static_cast<std::size_t>(recovery.bodies()));
+  for (std::size_t i = 0; i < all.size(); ++i)
+    for (std::size_t k = 0; k < r; ++k)
+      many[k * stride + i] = static_cast<Real>(all[i].z(static_cast<Eigen::Index>(k)));
+  const LoopClosing closing = recovery.RecoverMany(many.data(), stride, all.size(), poses.data());
+  EXPECT_EQ(closing.one_by_one, 0u);
+  PoseArrays<Real> one;
+  Configuration scratch(model);
+  scratch.closed = 1e-14;
+  std::vector<RigidTransform> X_RB;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    SCOPED_TRACE("state " + std::to_string(i));
+    RecoverPosesExact(model, AsIn<Real>(all[i]), scratch, X_RB);
+    const double far = Extent(X_RB, *model.mechanism);
+    std::vector<Real> z;
+    for (std::size_t k = 0; k < r; ++k) z.push_back(many[k * stride + i]);
+    recovery.Recover(z.data(), one);
+    ASSERT_EQ(one.size(), X_RB.size());
+    for (std::size_t b = 0; b < X_RB.size(); ++b) {
+      ASSERT_EQ(poses[b].size(), all.size());
+      for (const RigidTransform& X : {one.Pose(b), poses[b].Pose(i)}) {
+        ASSERT_LT((X.rotation() - X_RB[b].rotation()).cwiseAbs().maxCoeff(), off.turn) << b;
+        ASSERT_LT((X.translation() - X_RB[b].translation()).norm(), off.share * far) << b;
+      }
+    }
+  }
+}
+
+std::vector<ReducedState> SomeStates(const ReducedModel& model, std::size_t count, double angle,
+                                     unsigned seed, bool interior) {
+  RandomSource random(seed);
+  const VectorX q_perp = random.Vector(model.num_coordinates(), 0.05);
+  std::vector<ReducedState> all;
+  for (std::size_t i = 0; i < count; ++i) {
+    all.push_back(Deflected(model, random.Vector(model.size(), 1), angle));
+    if (interior) all.back().q_perp = q_perp;
+  }
+  return all;
+}
+
+constexpr std::size_t kCounts[] = {1, 3, 17};
+
+// Every kind of joint, several on a body and none, joints in another order than bodies; away from the
+// reference and about a bent one; up to more than a turn.
+TEST(ChainPoses, AreThoseOfJointsOnTrees) {
+  OnEveryInstructionSet([] {
+    for (unsigned seed = 0; seed < 12; ++seed) {
+      testing::RandomMechanismOptions options;
+      options.bodies = 3 + 3 * static_cast<int>(seed);
+      options.joints_in_order = seed % 2 == 0;
+      const auto m = Share(testing::RandomMechanismDef(seed, options));
+      auto reduced = Reduce(m, testing::RandomCoordinates(*m, seed, seed % 3 == 0 ? 0 : 0.5), {});
+      ASSERT_TRUE(reduced.has_value());
+      for (const double angle : {1e-6, 0.4, 7.0}) {
+        SCOPED_TRACE(std::to_string(seed) + ", " + std::to_string(angle));
+        const auto states = SomeStates(*reduced, kCounts[seed % 3], angle, seed, seed % 4 == 1);
+        // Rounding of a product of some ten poses; of angles of many turns the digits that a turn takes.
+        ExpectPosesOfConfigure<double>(*reduced, Recovery::kExact, states,
+                                       {1e-14 * (1 + angle), 1e-14 * (1 + angle)});
+        ExpectPosesOfConfigure<float>(*reduced, Recovery::kExact, states,
+                                      {2e-6 * (1 + angle), 2e-6 * (1 + angle)});
+      }
+    }
+  });
+}
+
+// States behind each other in tiles and beside them, of several sizes of tile.
+TEST(ChainPoses, AreTheSameForAnyNumberOfStates) {
+  const ReducedModel model = MustReduce(Share(testing::RandomMechanismDef(7)));
+  for (const std::size_t count : {16, 127, 128, 129, 300}) {
+    SCOPED_TRACE(count);
+    ExpectPosesOfConfigure<double>(model, Recovery::kExact, SomeStates(model, count, 0.5, 3, false),
+                                   {1e-13, 1e-13});
+    ExpectPosesOfConfigure<float>(model, Recovery::kExact, SomeStates(model, count, 0.5, 3, false),
+                                  {5e-6, 5e-6});
+  }
+}
+
+}  // namespace
+}  // namespace fork1s
