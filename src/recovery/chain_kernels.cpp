@@ -79,16 +79,11 @@ HWY_INLINE void LinkBlock(const OneMap<Real>& map, int i, const Real* HWY_RESTRI
     const Real* HWY_RESTRICT weight = map.weights + static_cast<std::size_t>(first) * block + lane;
     for (int k = first; k < last; ++k, weight += block)
       turn = hn::MulAdd(hn::Load(d, weight), hn::Set(d, y[map.heard[k]]), turn);
-    hn::Vec<decltype(d)> sine, versine;
+    hn::Vec<decltype(d)> entries[12], sine, versine;
     SineAndVersine(d, turn, sine, versine);
-    const Real* HWY_RESTRICT c = map.constants + static_cast<std::size_t>(i) * 39 * block + lane;
-    for (std::size_t e = 0; e < 12; ++e) {
-      auto entry =
-          hn::MulAdd(versine, hn::Load(d, c + (24 + e) * block),
-                     hn::MulAdd(sine, hn::Load(d, c + (12 + e) * block), hn::Load(d, c + e * block)));
-      if (e >= 9) entry = hn::MulAdd(turn, hn::Load(d, c + (27 + e) * block), entry);
-      hn::Store(entry, d, L + e * block + lane);
-    }
+    LinkAt(d, map.constants + static_cast<std::size_t>(i) * kLinkRows * block + lane, block, turn, sine,
+           versine, entries);
+    for (std::size_t e = 0; e < 12; ++e) hn::Store(entries[e], d, L + e * block + lane);
   }
 }
 
@@ -96,16 +91,18 @@ template <class Real>
 void One(const OneMap<Real>& map, const Real* HWY_RESTRICT y, Real* HWY_RESTRICT X) {
   constexpr int block = kBlock<Real>;
   const std::size_t column = 4 * (static_cast<std::size_t>(map.slots) + 1);
-  HWY_ALIGN Real L[12 * block];
+  // Some blocks at a time: series are long chains of sums, of which the next blocks' go on meanwhile.
+  constexpr int some = 4;
+  HWY_ALIGN Real L[some * 12 * block];
   Column<Real> pose[4];
   int at = map.slots;  // whose pose it is
   for (std::size_t k = 0; k < 4; ++k)
     for (std::size_t i = 0; i < 4; ++i)
       X[k * column + 4 * static_cast<std::size_t>(at) + i] = i == k && k < 3;
   for (std::size_t k = 0; k < 4; ++k) pose[k].Load(X + k * column + 4 * static_cast<std::size_t>(at));
-  for (int begin = 0; begin < map.count; begin += block) {
-    LinkBlock(map, begin / block, y, L);
-    const int end = HWY_MIN(map.count, begin + block);
+  for (int begin = 0; begin < map.count; begin += some * block) {
+    const int end = HWY_MIN(map.count, begin + some * block);
+    for (int i = 0; begin + i * block < end; ++i) LinkBlock(map, begin / block + i, y, L + i * 12 * block);
     for (int l = begin; l < end; ++l) {
       if (map.parent[l] != at)
         for (std::size_t k = 0; k < 4; ++k)
@@ -113,7 +110,8 @@ void One(const OneMap<Real>& map, const Real* HWY_RESTRICT y, Real* HWY_RESTRICT
       if (map.twist != nullptr && map.twist[l] >= 0)
         TimesLink(pose, map.twists + map.twist[l], map.twist_stride);
       else
-        TimesLink(pose, L + (l - begin), static_cast<std::size_t>(block));
+        TimesLink(pose, L + (l - begin) / block * 12 * block + (l - begin) % block,
+                  static_cast<std::size_t>(block));
       at = map.slot[l];
       for (std::size_t k = 0; k < 4; ++k) pose[k].Store(X + k * column + 4 * static_cast<std::size_t>(at));
     }

@@ -12,6 +12,7 @@
 
 #include <cstddef>
 
+#include "link_rows.hpp"
 #include "twist_kernels.hpp"
 
 namespace fork1s::internal {

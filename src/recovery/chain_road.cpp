@@ -1,7 +1,8 @@
 // Products of exponentials along the tree, loops by their curvature or exactly: docs/method.md, section 2.
 #include <algorithm>
+#include <atomic>
 #include <fork1s/parallel/parallel_for.hpp>
-#include <numeric>
+#include <memory>
 #include <optional>
 
 #include "aligned_vector.hpp"
@@ -9,9 +10,40 @@
 #include "loop_tables.hpp"
 #include "one_tables.hpp"
 #include "pose_road.hpp"
+#include "scan_tables.hpp"
 
 namespace fork1s::internal {
 namespace {
+
+// Links of a run at most, so that the nearest cache holds the poses of its first pass.
+constexpr int kLongestRun = 512;
+// Links of a run at least: in f32 that makes of each segment as many steps as there are segments. In f64 what
+// is read and written weighs more, and up to here there is no difference.
+template <class Real>
+constexpr int kShortestRun = sizeof(Real) == 4 ? 256 : 768;
+constexpr int kWorthThreads = 8192;  // fewer bodies are one thread's work
+
+// What a call of Recover needs beside.
+template <class Real>
+struct Workspace {
+  AlignedVector<Real> y, X, scratch, turns, poses, stands;
+};
+
+// Keeps one from call to call; of calls at the same time the others make their own. One for each thread would
+// not do: a thread that waits in a loop of one call may begin another.
+template <class T>
+class Spare {
+ public:
+  ~Spare() { delete kept_.load(); }
+  std::unique_ptr<T> Take() {
+    std::unique_ptr<T> out(kept_.exchange(nullptr));
+    return out ? std::move(out) : std::make_unique<T>();
+  }
+  void GiveBack(std::unique_ptr<T> used) { delete kept_.exchange(used.release()); }
+
+ private:
+  std::atomic<T*> kept_{nullptr};
+};
 
 template <class Real>
 class ChainRoad final : public PoseRoad<Real> {
@@ -33,7 +65,10 @@ class ChainRoad final : public PoseRoad<Real> {
   int bodies() const override { return mechanism_->num_bodies(); }
   int coordinates() const override { return r_; }
   std::size_t BytesMoved() const override {
-    return one_.BytesRead() + loops_.BytesRead() + 12 * sizeof(Real) * static_cast<std::size_t>(bodies());
+    std::size_t read = 0;
+    for (const OneTables<Real>& one : plain_) read += one.BytesRead();
+    for (const RunTables<Real>& run : runs_) read += run.BytesRead();
+    return read + loops_.BytesRead() + 12 * sizeof(Real) * static_cast<std::size_t>(bodies());
   }
   std::size_t Operations() const override { return tables_.Operations() + loops_.Operations(); }
   void SetInterior(const VectorX& q_perp) override {
@@ -48,11 +83,8 @@ class ChainRoad final : public PoseRoad<Real> {
                           PoseArrays<Real>* out) const override;
 
  private:
-  void FillOne() {
-    std::vector<int> order(tables_.links.size());
-    std::iota(order.begin(), order.end(), 0);
-    one_ = OneTables<Real>(tables_, order, y_size_);
-  }
+  void FillOne();
+  void WalkOneState(Workspace<Real>& at, PoseArrays<Real>& out) const;
   std::vector<RigidTransform> OneByOne(const Real* z, std::size_t stride, LoopClosing& closing) const;
   std::size_t slots() const { return static_cast<std::size_t>(tables_.slots); }
 
@@ -60,8 +92,14 @@ class ChainRoad final : public PoseRoad<Real> {
   VectorX q_ref_, q_perp_;
   int r_ = 0, y_size_ = 1;
   LinkTables<Real> tables_;
-  OneTables<Real> one_;
+  // For one state: what is walked link by link and what is scanned, in the order of links.
+  std::vector<LinkRange> ranges_;
+  std::vector<OneTables<Real>> plain_;
+  std::vector<RunTables<Real>> runs_;
+  std::size_t most_turns_ = 0, most_poses_ = 0;    // numbers of a run
+  std::vector<std::pair<int, int>> plain_bodies_;  // whole blocks that have some that are not scanned
   LoopTables<Real> loops_;
+  mutable Spare<Workspace<Real>> spare_;
   std::optional<ReducedModel>
       model_;  // where loops are closed exactly: for states that do not close side by side
 };
@@ -84,8 +122,8 @@ std::vector<RigidTransform> ChainRoad<Real>::OneByOne(const Real* z, std::size_t
 
 template <class Real>
 LoopClosing ChainRoad<Real>::Recover(const Real* z, PoseArrays<Real>& out) const {
-  // What a call needs beside, kept from call to call.
-  thread_local AlignedVector<Real> y, scratch;
+  std::unique_ptr<Workspace<Real>> at = spare_.Take();
+  AlignedVector<Real>& y = at->y;
   LoopClosing closing;
   out.Resize(static_cast<std::size_t>(bodies()));
   const auto size = static_cast<std::size_t>(y_size_);
@@ -94,13 +132,14 @@ LoopClosing ChainRoad<Real>::Recover(const Real* z, PoseArrays<Real>& out) const
     y.assign(size * block, Real(0));
     std::fill_n(y.begin(), block, Real(1));
     for (std::size_t k = 0; k < static_cast<std::size_t>(r_); ++k) y[(1 + k) * block] = z[k];
-    loops_.Bend(y.data(), block, block, scratch);
+    loops_.Bend(y.data(), block, block, at->scratch);
     if (model_) {
-      const Closing closed = loops_.Close(tables_, y.data(), block, 1, scratch);
+      const Closing closed = loops_.Close(tables_, y.data(), block, 1, at->scratch);
       closing.corrections = closed.corrections;
       if (closed.open & 1) {
         const std::vector<RigidTransform> X_RB = OneByOne(z, 1, closing);
         for (std::size_t b = 0; b < X_RB.size(); ++b) PutPose(X_RB[b], b, out);
+        spare_.GiveBack(std::move(at));
         return closing;
       }
     }
@@ -110,9 +149,88 @@ LoopClosing ChainRoad<Real>::Recover(const Real* z, PoseArrays<Real>& out) const
     y[0] = 1;
     std::copy_n(z, r_, y.begin() + 1);
   }
-  const Real* X = one_.Walk(y.data(), scratch);
-  PutPoses(X, tables_.slots, 0, bodies(), out.row(0), out.stride());
+  WalkOneState(*at, out);
+  spare_.GiveBack(std::move(at));
   return closing;
+}
+
+// In the order of links: what is walked link by link, and runs, of which each has two passes. A run's first
+// pass waits for nobody, since it begins at the identity, and the second one for what it stands on: where
+// there are many runs, all first ones go at the same time, and then all second ones. Else each has both at
+// once, while the first one's poses are in the nearest cache.
+template <class Real>
+void ChainRoad<Real>::WalkOneState(Workspace<Real>& at, PoseArrays<Real>& out) const {
+  const std::size_t column = 4 * (slots() + 1);
+  at.X.resize(4 * column + 4 * kBlock<Real>);  // whole blocks are read behind the last body
+  Real* X = at.X.data();
+  const int runs = static_cast<int>(runs_.size());
+  const bool side_by_side = bodies() >= kWorthThreads;
+  const auto copies = static_cast<std::size_t>(side_by_side ? runs : std::min(runs, 1));
+  at.turns.resize(copies * most_turns_);
+  at.poses.resize(copies * most_poses_);
+  at.stands.resize(copies * 12 * kBlock<Real>);
+  const auto own = [&](int i) { return static_cast<std::size_t>(side_by_side ? i : 0); };
+  const auto poses = [&](int i) { return at.poses.data() + own(i) * most_poses_; };
+  const auto stands = [&](int i) { return at.stands.data() + own(i) * 12 * kBlock<Real>; };
+  const auto first = [&](int begin, int end) {
+    for (int i = begin; i < end; ++i)
+      runs_[static_cast<std::size_t>(i)].First(at.y.data(), at.turns.data() + own(i) * most_turns_, poses(i));
+  };
+  const auto last = [&](int begin, int end) {
+    for (int i = begin; i < end; ++i)
+      runs_[static_cast<std::size_t>(i)].Last(poses(i), stands(i), out.row(0), out.stride());
+  };
+  const int grain = std::max(1, kWorthThreads / 4 / kLongestRun);
+  if (side_by_side) ParallelFor(0, runs, grain, first);
+  for (std::size_t k = 0; k < 4; ++k)
+    for (std::size_t i = 0; i < 4; ++i) X[k * column + 4 * slots() + i] = Real(i == k && k < 3);
+  int run = 0, walked = 0;
+  for (const LinkRange& range : ranges_) {
+    if (!range.is_run) {
+      plain_[static_cast<std::size_t>(walked++)].Walk(at.y.data(), X);
+      continue;
+    }
+    if (!side_by_side) first(run, run + 1);
+    runs_[static_cast<std::size_t>(run)].Stand(poses(run), X, column, stands(run));
+    if (!side_by_side) last(run, run + 1);
+    ++run;
+  }
+  if (side_by_side) ParallelFor(0, runs, grain, last);
+  for (const auto& [begin, end] : plain_bodies_)
+    PutPoses(X, tables_.slots, begin, end, out.row(0), out.stride());
+}
+
+template <class Real>
+void ChainRoad<Real>::FillOne() {
+  plain_.clear();
+  runs_.clear();
+  plain_bodies_.clear();
+  constexpr int block = kBlock<Real>;
+  // Scanned, a run takes two products a link where it took one, in registers of several links, and no
+  // waiting: a gain in registers of eight numbers or more, and in all where threads share the work.
+  const bool is_wide = RegisterLanes(sizeof(Real)) >= 8;
+  ranges_ = LinkRanges(tables_.links, bodies(), is_wide ? kShortestRun<Real> : kWorthThreads, kLongestRun);
+  std::vector<bool> is_plain(static_cast<std::size_t>(bodies()), true);
+  for (const LinkRange& range : ranges_) {
+    if (!range.is_run) {
+      plain_.emplace_back(tables_, range.begin, range.end, y_size_);
+      continue;
+    }
+    runs_.emplace_back(tables_, range.begin, range.end, y_size_);
+    most_turns_ = std::max(most_turns_, runs_.back().turns());
+    most_poses_ = std::max(most_poses_, runs_.back().poses());
+    std::fill_n(is_plain.begin() + runs_.back().first_slot(), runs_.back().size(), false);
+  }
+  for (int b = 0; b < bodies(); b += block) {
+    const int end = std::min(bodies(), b + block);
+    if (std::find(is_plain.begin() + b, is_plain.begin() + end, true) == is_plain.begin() + end) continue;
+    if (!plain_bodies_.empty() && plain_bodies_.back().second == b)
+      plain_bodies_.back().second = end;
+    else
+      plain_bodies_.emplace_back(b, end);
+  }
+  for (RunTables<Real>& run : runs_)  // a block that both have is put last, from X
+    for (const auto& [begin, end] : plain_bodies_) run.Ask(begin, end);
 }
 
 // By tiles of so many states, whose rows of poses are some hundred bytes long each: a link after the other

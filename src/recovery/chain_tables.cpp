@@ -15,11 +15,21 @@ void Append(const RigidTransform& X, std::vector<double>& out) {
 struct ScrewConstants {
   LinkKind kind;
   std::vector<double> values;
+  std::array<double, 9> screw{};
+
+  void PutScrew(const Vector3& w, const Vector3& wv, const Vector3& slide) {
+    for (int i = 0; i < 3; ++i) {
+      screw[static_cast<std::size_t>(i)] = w(i);
+      screw[static_cast<std::size_t>(3 + i)] = wv(i);
+      screw[static_cast<std::size_t>(6 + i)] = slide(i);
+    }
+  }
 
   ScrewConstants(const RigidTransform& C, const Vector3& w, const Vector3& v) {
     Append(C, values);
     if (w.isZero(0)) {
       kind = LinkKind::kSlide;
+      PutScrew(w, w, v);
       const Vector3 slide = C.rotation() * v;
       values.insert(values.end(), slide.data(), slide.data() + 3);
       return;
@@ -32,6 +42,7 @@ struct ScrewConstants {
     const double pitch = w.dot(v);
     kind = std::abs(pitch) <= 4 * std::numeric_limits<double>::epsilon() * v.norm() ? LinkKind::kTurn
                                                                                     : LinkKind::kScrew;
+    PutScrew(w, wv, kind == LinkKind::kTurn ? Vector3(Vector3::Zero()) : Vector3(pitch * w));
     if (kind == LinkKind::kTurn) return;
     const Vector3 slide = C.rotation() * (pitch * w);
     values.insert(values.end(), slide.data(), slide.data() + 3);
@@ -78,6 +89,7 @@ LinkTables<Real>::LinkTables(const Mechanism& mechanism, const CoordinateForms& 
     for (const double value : values) constants.push_back(static_cast<Real>(value));
     link.last = static_cast<int>(heard.size());
     links.push_back(link);
+    screws.push_back({});
   };
   const auto begin = [&](int previous, int slot) {
     Link link;
@@ -119,6 +131,7 @@ LinkTables<Real>::LinkTables(const Mechanism& mechanism, const CoordinateForms& 
         }
         link.kind = screw.kind;
         add(link, screw.values);
+        for (std::size_t k = 0; k < 9; ++k) screws.back()[k] = static_cast<Real>(screw.screw[k]);
         continue;
       }
       // Exp(x) behind C is Exp(Ad(C) x) before it; every entry of y that any of its freedoms hears.

@@ -1,6 +1,7 @@
 // What the kernels of chain_kernels.hpp read of a reduced model.
 #pragma once
 
+#include <array>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <utility>
 #include <vector>
@@ -32,6 +33,8 @@ struct LinkTables {
   std::vector<Link> links;
   std::vector<int> heard;
   std::vector<Real> weights, constants;
+  // Of every link behind its pose C at θ = 0: ω, ω × v and the slide with θ, (ω·v) ω; 0 where it has none.
+  std::vector<std::array<Real, 9>> screws;
   int slots = 0;
   // Where q_perp enters: which links each coordinate moves is found by joint.
   std::vector<int> link_of_joint;

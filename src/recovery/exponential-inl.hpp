@@ -106,6 +106,34 @@ HWY_INLINE void Product(const Left& left, const Right& right, const Put& put) {
                           hn::MulAdd(left(3 * i + 1), r1, hn::MulAdd(left(3 * i + 2), r2, left(9 + i)))));
 }
 
+// The pose that a link's rows (link_rows.hpp) at `c` make at θ, lane by lane: rows stand `block` numbers
+// apart.
+template <class D, class Real = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void LinkAt(D d, const Real* HWY_RESTRICT c, std::size_t block, V turn, V sine, V versine, V* L) {
+  const auto row = [&](std::size_t k) HWY_ATTR { return hn::Load(d, c + k * block); };
+  V E[12];
+  const V one = hn::Set(d, Real(1)), w0 = row(12), w1 = row(13), w2 = row(14), u0 = row(15), u1 = row(16),
+          u2 = row(17);
+  const V s0 = hn::Mul(sine, w0), s1 = hn::Mul(sine, w1), s2 = hn::Mul(sine, w2);
+  const V m0 = hn::Mul(versine, w0), m1 = hn::Mul(versine, w1), m2 = hn::Mul(versine, w2);
+  const V m01 = hn::Mul(m0, w1), m02 = hn::Mul(m0, w2), m12 = hn::Mul(m1, w2);
+  E[0] = hn::NegMulAdd(m1, w1, hn::NegMulAdd(m2, w2, one));
+  E[1] = hn::Sub(m01, s2);
+  E[2] = hn::Add(m02, s1);
+  E[3] = hn::Add(m01, s2);
+  E[4] = hn::NegMulAdd(m0, w0, hn::NegMulAdd(m2, w2, one));
+  E[5] = hn::Sub(m12, s0);
+  E[6] = hn::Sub(m02, s1);
+  E[7] = hn::Add(m12, s0);
+  E[8] = hn::NegMulAdd(m0, w0, hn::NegMulAdd(m1, w1, one));
+  // θ a + (1 - cos θ) u - sin θ ω × u,  u = ω × v
+  E[9] = hn::MulAdd(turn, row(18), hn::MulAdd(versine, u0, hn::MulSub(u1, s2, hn::Mul(u2, s1))));
+  E[10] = hn::MulAdd(turn, row(19), hn::MulAdd(versine, u1, hn::MulSub(u2, s0, hn::Mul(u0, s2))));
+  E[11] = hn::MulAdd(turn, row(20), hn::MulAdd(versine, u2, hn::MulSub(u0, s1, hn::Mul(u1, s0))));
+  Product<V>([&](int e) HWY_ATTR { return row(static_cast<std::size_t>(e)); },
+             [&](int e) HWY_ATTR { return E[e]; }, [&](int e, V entry) HWY_ATTR { L[e] = entry; });
+}
+
 // x = |ω|²
 template <class V>
 HWY_INLINE V Square(const V* w) {

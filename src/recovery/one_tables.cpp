@@ -5,13 +5,10 @@
 #include "pose_road.hpp"
 
 namespace fork1s::internal {
-namespace {
 
-// The entries of y that any of `links` (-1: none) hears, and their weights: `rows` of kBlock numbers an
-// entry.
 template <class Real>
-void Gather(const LinkTables<Real>& tables, const std::vector<int>& links, std::size_t rows, int y_size,
-            std::vector<int>& heard, AlignedVector<Real>& weights) {
+void GatherWeights(const LinkTables<Real>& tables, const std::vector<int>& links, std::size_t rows,
+                   int y_size, std::vector<int>& heard, AlignedVector<Real>& weights) {
   constexpr std::size_t block = kBlock<Real>;
   std::vector<int> place(static_cast<std::size_t>(y_size), -1);
   std::vector<int> entries;
@@ -41,49 +38,48 @@ void Gather(const LinkTables<Real>& tables, const std::vector<int>& links, std::
   }
 }
 
-}  // namespace
+template <class Real>
+void PutConstants(const LinkTables<Real>& tables, int l, Real* to) {
+  const Real* C = tables.constants.data() + tables.links[static_cast<std::size_t>(l)].constants;
+  const std::array<Real, 9>& screw = tables.screws[static_cast<std::size_t>(l)];
+  for (std::size_t e = 0; e < 12; ++e) to[e * kBlock<Real>] = C[e];
+  for (std::size_t k = 0; k < 9; ++k) to[(12 + k) * kBlock<Real>] = screw[k];
+}
 
 template <class Real>
-OneTables<Real>::OneTables(const LinkTables<Real>& tables, const std::vector<int>& order, int y_size)
+OneTables<Real>::OneTables(const LinkTables<Real>& tables, int first, int last, int y_size)
     : slots_(tables.slots) {
-  constexpr std::size_t block = kBlock<Real>;
-  std::vector<int> twists;
-  for (std::size_t begin = 0; begin < order.size(); begin += block) {
-    const std::size_t end = std::min(order.size(), begin + block);
-    std::vector<int> turning(end - begin);  // by lane; -1: a twist, which hears nothing here
+  constexpr int block = kBlock<Real>;
+  std::vector<int> twists, turning;
+  for (int begin = first; begin < last; begin += block) {
+    turning.clear();  // by lane; -1: a twist, which hears nothing here
     const std::size_t c = constants_.size();
-    constants_.resize(c + 39 * block, Real(0));
-    for (std::size_t l = begin; l < end; ++l) {
-      const Link& link = tables.links[static_cast<std::size_t>(order[l])];
+    constants_.resize(c + kLinkRows * block, Real(0));
+    for (int l = begin; l < std::min(last, begin + block); ++l) {
+      const Link& link = tables.links[static_cast<std::size_t>(l)];
       slot_.push_back(link.slot);
       parent_.push_back(link.parent < 0 ? slots_ : link.parent);
       const bool is_twist = link.kind == LinkKind::kTwist;
       twist_.push_back(is_twist ? static_cast<int>(twists.size()) : -1);
-      turning[l - begin] = is_twist ? -1 : order[l];
-      if (is_twist) {
-        twists.push_back(order[l]);
-        continue;
-      }
-      const bool slides = link.kind == LinkKind::kSlide;
-      for (int k = 0; k < NumConstants(link.kind); ++k)  // of a slide the last three are a_3
-        constants_[c + static_cast<std::size_t>(slides && k >= 12 ? 24 + k : k) * block + (l - begin)] =
-            tables.constants[link.constants + static_cast<std::size_t>(k)];
+      turning.push_back(is_twist ? -1 : l);
+      if (is_twist)
+        twists.push_back(l);
+      else
+        PutConstants(tables, l, constants_.data() + c + (l - begin));
     }
-    Gather(tables, turning, 1, y_size, heard_, weights_);
+    GatherWeights(tables, turning, 1, y_size, heard_, weights_);
     first_.push_back(static_cast<int>(heard_.size()));
   }
   twists_ = static_cast<int>(twists.size());
-  for (std::size_t begin = 0; begin < twists.size(); begin += block) {
-    const std::vector<int> some(
-        twists.begin() + static_cast<std::ptrdiff_t>(begin),
-        twists.begin() + static_cast<std::ptrdiff_t>(std::min(twists.size(), begin + block)));
-    Gather(tables, some, 6, y_size, twist_heard_, T_);
+  for (int begin = 0; begin < twists_; begin += block) {
+    const std::vector<int> some(twists.begin() + begin, twists.begin() + std::min(twists_, begin + block));
+    GatherWeights(tables, some, 6, y_size, twist_heard_, T_);
     twist_first_.push_back(static_cast<int>(twist_heard_.size()));
     const std::size_t c = C_.size();
     C_.resize(c + 12 * block, Real(0));
     for (std::size_t lane = 0; lane < some.size(); ++lane)
       for (std::size_t e = 0; e < 12; ++e)
-        C_[c + e * block + lane] =
+        C_[c + e * kBlock<Real> + lane] =
             tables.constants[tables.links[static_cast<std::size_t>(some[lane])].constants + e];
   }
 }
@@ -117,12 +113,11 @@ void OneTables<Real>::PlaceTwists(const Real* y, Real* out, std::size_t stride) 
 }
 
 template <class Real>
-const Real* OneTables<Real>::Walk(const Real* y, AlignedVector<Real>& scratch) const {
-  const std::size_t twist_stride = Padded<Real>(static_cast<std::size_t>(twists_)),
-                    // Four columns, and what PutPoses reads beyond them.
-      columns = Padded<Real>(16 * (static_cast<std::size_t>(slots_) + 1) + 4 * kBlock<Real>);
-  if (scratch.size() < columns + 12 * twist_stride) scratch.resize(columns + 12 * twist_stride);
-  Real* twists = scratch.data() + columns;
+void OneTables<Real>::Walk(const Real* y, Real* X) const {
+  const std::size_t twist_stride = Padded<Real>(static_cast<std::size_t>(twists_));
+  thread_local AlignedVector<Real> scratch;  // nothing in here waits and begins something else meanwhile
+  if (scratch.size() < 12 * twist_stride) scratch.resize(12 * twist_stride);
+  Real* twists = scratch.data();
   if (twists_ > 0) PlaceTwists(y, twists, twist_stride);
   OneMap<Real> map;
   map.count = static_cast<int>(slot_.size());
@@ -136,8 +131,7 @@ const Real* OneTables<Real>::Walk(const Real* y, AlignedVector<Real>& scratch) c
   map.twist = twists_ > 0 ? twist_.data() : nullptr;
   map.twists = twists;
   map.twist_stride = twist_stride;
-  WalkOne(map, y, scratch.data());
-  return scratch.data();
+  WalkOne(map, y, X);
 }
 
 template <class Real>
@@ -146,6 +140,12 @@ std::size_t OneTables<Real>::BytesRead() const {
          (slot_.size() + parent_.size() + heard_.size() + twist_heard_.size()) * sizeof(int);
 }
 
+template void GatherWeights(const LinkTables<float>&, const std::vector<int>&, std::size_t, int,
+                            std::vector<int>&, AlignedVector<float>&);
+template void GatherWeights(const LinkTables<double>&, const std::vector<int>&, std::size_t, int,
+                            std::vector<int>&, AlignedVector<double>&);
+template void PutConstants(const LinkTables<float>&, int, float*);
+template void PutConstants(const LinkTables<double>&, int, double*);
 template class OneTables<float>;
 template class OneTables<double>;
 

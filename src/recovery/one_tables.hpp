@@ -6,15 +6,24 @@
 
 namespace fork1s::internal {
 
+/// The entries of y that any of `links` (-1: none) hears, and their weights: `rows` of kBlock numbers an
+/// entry.
+template <class Real>
+void GatherWeights(const LinkTables<Real>& tables, const std::vector<int>& links, std::size_t rows,
+                   int y_size, std::vector<int>& heard, AlignedVector<Real>& weights);
+/// A link of one freedom or none as LinkRows has it, row k at to[k * kBlock].
+template <class Real>
+void PutConstants(const LinkTables<Real>& tables, int link, Real* to);
+
 template <class Real>
 class OneTables {
  public:
   OneTables() = default;
-  /// `order`: of the links, parents first.
-  OneTables(const LinkTables<Real>& tables, const std::vector<int>& order, int y_size);
+  /// Links begin to end, parents before them or among them.
+  OneTables(const LinkTables<Real>& tables, int begin, int end, int y_size);
 
-  /// Poses by columns, as WalkOne leaves them, in `scratch`; returns where they begin.
-  const Real* Walk(const Real* y, AlignedVector<Real>& scratch) const;
+  /// Poses by columns, as WalkOne leaves them.
+  void Walk(const Real* y, Real* X) const;
   std::size_t BytesRead() const;
 
  private:
