@@ -50,17 +50,16 @@ struct LoopClosing {
 /// The map from reduced coordinates to poses about one reference, laid out for wide registers. To be made
 /// anew after a refresh.
 ///
-/// - kTwist: X_RB = Exp(T_B z) X_RB(q_ref). In f64 it is RecoverPosesTwist to 1e-14 of the mechanism's size;
-/// in
-///   f32 rotations are off by less than 5e-7 and translations by that times the distance from the root. A
-///   body that has turned by more than half a turn from the reference is recovered one by one, at full
-///   precision.
-/// - kExact: RecoverPosesExact, joints by any angle. On trees to 1e-14 of the size times the joints on a
-/// body's path
-///   in f64, in f32 to 2e-7 times as many. Loops are closed to 1e-12 (f64) or 1e-5 (f32) before the last
-///   correction, as angles and in shares of the mechanism's extent, in a dozen corrections at most; states
-///   that are not go to Configure.
-/// - kCurved: Configure of a model with curvature, to the same figures; the model need not have it.
+/// - kTwist: X_RB = Exp(T_B z) X_RB(q_ref). In f64 it is RecoverPosesTwist to 1e-14 of the mechanism's
+///   size; in f32 rotations are off by less than 5e-7 and translations by that times the distance from the
+///   root. A body that has turned by more than half a turn from the reference is recovered one by one, at
+///   full precision.
+/// - kExact: joints by any angle, loops closed, as RecoverPosesExact of a model without curvature. On trees
+///   rounding is 4e-16 (f64) or 1e-7 (f32) of the mechanism's size for each joint on a body's path. Loops are
+///   closed to 1e-12 or 1e-5, as angles and in shares of the mechanism's extent, before the last correction;
+///   states that take more than a dozen go to Configure. Where a loop has several closed poses far away from
+///   the reference, the two may come to different ones.
+/// - kCurved: Configure of a model with curvature, to the same rounding; the model need not have it.
 ///
 /// States of one RecoverMany are walked side by side and one state of Recover otherwise, so that both are
 /// the same to rounding and not to the bit, other than by kTwist.
