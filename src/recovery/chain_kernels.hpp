@@ -1,5 +1,5 @@
 // Poses as products along the tree, for one state or for blocks of them, one kernel for each instruction set
-// (chain_kernels.cpp).
+// (chain_kernels-inl.hpp).
 //
 // A tree of links: link l has the pose X_l = X_parent L_l(q). What moves it are linear forms of
 // y = [1, z, µ], µ the loops' share. A link that turns about an axis by θ, or slides by θ, has

@@ -3,11 +3,11 @@
 #include <atomic>
 #include <fork1s/parallel/parallel_for.hpp>
 #include <memory>
-#include <optional>
 
 #include "aligned_vector.hpp"
 #include "chain_tables.hpp"
 #include "loop_tables.hpp"
+#include "one_by_one.hpp"
 #include "one_tables.hpp"
 #include "pose_road.hpp"
 #include "scan_tables.hpp"
@@ -48,18 +48,16 @@ class Spare {
 template <class Real>
 class ChainRoad final : public PoseRoad<Real> {
  public:
-  ChainRoad(const ReducedModel& model, Recovery recovery)
-      : mechanism_(model.mechanism), q_ref_(model.q_ref), r_(model.size()) {
-    const LoopUnits units(model);
-    const CoordinateForms forms(model, units.unit);
-    y_size_ = forms.size();
-    tables_ = LinkTables<Real>(*mechanism_, forms);
-    const bool exact = recovery == Recovery::kExact;
-    loops_ = LoopTables<Real>(model, units, forms, tables_, exact);
-    if (exact && loops_.exist()) {
-      model_ = model;
-      model_->curvature = {};
-    }
+  ChainRoad(const ReducedModel& model, const LoopUnits& units, const LinkTables<double>& links,
+            CoordinateForms forms, bool exact)
+      : mechanism_(model.mechanism),
+        q_ref_(model.q_ref),
+        forms_(std::move(forms)),
+        r_(model.size()),
+        y_size_(forms_.size()),
+        tables_(links),
+        loops_(LoopTables<double>(model, units, forms_, links, exact)) {
+    if (exact && loops_.exist()) one_by_one_ = OneByOne(model, kClosed<Real>);
     FillOne();
   }
   int bodies() const override { return mechanism_->num_bodies(); }
@@ -70,12 +68,16 @@ class ChainRoad final : public PoseRoad<Real> {
     for (const RunTables<Real>& run : runs_) read += run.BytesRead();
     return read + loops_.BytesRead() + 12 * sizeof(Real) * static_cast<std::size_t>(bodies());
   }
-  std::size_t Operations() const override { return tables_.Operations() + loops_.Operations(); }
+  std::size_t Operations() const override {
+    return LinkOperations(tables_.links, tables_.weights.size(), sizeof(Real)) + loops_.Operations();
+  }
   void SetInterior(const VectorX& q_perp) override {
-    q_perp_ = q_perp;
+    FORK1S_REQUIRE(q_perp.size() == 0 || q_perp.size() == q_ref_.size(), q_perp.size());
+    one_by_one_.SetInterior(q_perp);
     const VectorX q = q_perp.size() > 0 ? VectorX(q_ref_ + q_perp) : q_ref_;
-    tables_.SetConstants(*mechanism_, q);
+    forms_.SetConstants(q);
     loops_.SetConstants(*mechanism_, q);
+    tables_ = LinkTables<Real>(MakeLinks(*mechanism_, forms_));
     FillOne();
   }
   LoopClosing Recover(const Real* z, PoseArrays<Real>& out) const override;
@@ -85,11 +87,12 @@ class ChainRoad final : public PoseRoad<Real> {
  private:
   void FillOne();
   void WalkOneState(Workspace<Real>& at, PoseArrays<Real>& out) const;
-  std::vector<RigidTransform> OneByOne(const Real* z, std::size_t stride, LoopClosing& closing) const;
+  std::vector<RigidTransform> Alone(const Real* z, std::size_t stride, LoopClosing& closing) const;
   std::size_t slots() const { return static_cast<std::size_t>(tables_.slots); }
 
   std::shared_ptr<const Mechanism> mechanism_;
-  VectorX q_ref_, q_perp_;
+  VectorX q_ref_;
+  CoordinateForms forms_;
   int r_ = 0, y_size_ = 1;
   LinkTables<Real> tables_;
   // For one state: what is walked link by link and what is scanned, in the order of links.
@@ -100,24 +103,15 @@ class ChainRoad final : public PoseRoad<Real> {
   std::vector<std::pair<int, int>> plain_bodies_;  // whole blocks that have some that are not scanned
   LoopTables<Real> loops_;
   mutable Spare<Workspace<Real>> spare_;
-  std::optional<ReducedModel>
-      model_;  // where loops are closed exactly: for states that do not close side by side
+  OneByOne one_by_one_;  // where loops are closed exactly
 };
 
-// A state alone, as every other part of the program has it.
 template <class Real>
-std::vector<RigidTransform> ChainRoad<Real>::OneByOne(const Real* z, std::size_t stride,
-                                                      LoopClosing& closing) const {
-  ReducedState state;
-  state.z.resize(r_);
-  for (int k = 0; k < r_; ++k) state.z(k) = static_cast<double>(z[static_cast<std::size_t>(k) * stride]);
-  state.q_perp = q_perp_;
-  Configuration at(*model_);
-  at.closed = std::min(at.closed, kClosed<Real>);
-  Configure(*model_, state, at);
-  ++closing.one_by_one;
-  if (!(at.c.cwiseAbs().maxCoeff() < at.closed)) ++closing.open;
-  return at.kinematics.X_RB;
+std::vector<RigidTransform> ChainRoad<Real>::Alone(const Real* z, std::size_t stride,
+                                                   LoopClosing& closing) const {
+  VectorX own(r_);
+  for (int k = 0; k < r_; ++k) own(k) = static_cast<double>(z[static_cast<std::size_t>(k) * stride]);
+  return one_by_one_.Recover(own, closing);
 }
 
 template <class Real>
@@ -133,11 +127,11 @@ LoopClosing ChainRoad<Real>::Recover(const Real* z, PoseArrays<Real>& out) const
     std::fill_n(y.begin(), block, Real(1));
     for (std::size_t k = 0; k < static_cast<std::size_t>(r_); ++k) y[(1 + k) * block] = z[k];
     loops_.Bend(y.data(), block, block, at->scratch);
-    if (model_) {
+    if (one_by_one_.exists()) {
       const Closing closed = loops_.Close(tables_, y.data(), block, 1, at->scratch);
       closing.corrections = closed.corrections;
       if (closed.open & 1) {
-        const std::vector<RigidTransform> X_RB = OneByOne(z, 1, closing);
+        const std::vector<RigidTransform> X_RB = Alone(z, 1, closing);
         for (std::size_t b = 0; b < X_RB.size(); ++b) PutPose(X_RB[b], b, out);
         spare_.GiveBack(std::move(at));
         return closing;
@@ -269,7 +263,7 @@ LoopClosing ChainRoad<Real>::RecoverMany(const Real* z, std::size_t z_stride, st
       LoopClosing& closing = closings[static_cast<std::size_t>(tile)];
       open.clear();
       if (loops_.exist()) loops_.Bend(y.data(), width, Padded<Real>(count), scratch);
-      for (std::size_t i = 0; model_ && i < count; i += kBlock<Real>) {
+      for (std::size_t i = 0; one_by_one_.exists() && i < count; i += kBlock<Real>) {
         const std::size_t some = std::min<std::size_t>(kBlock<Real>, count - i);
         const Closing closed = loops_.Close(tables_, y.data() + i, width, some, scratch);
         closing.corrections = std::max(closing.corrections, closed.corrections);
@@ -278,7 +272,7 @@ LoopClosing ChainRoad<Real>::RecoverMany(const Real* z, std::size_t z_stride, st
       }
       WalkStates(tables_.Map(), y.data(), width, Padded<Real>(count), places.data());
       for (const std::size_t i : open) {
-        const std::vector<RigidTransform> X_RB = OneByOne(z + i, z_stride, closing);
+        const std::vector<RigidTransform> X_RB = Alone(z + i, z_stride, closing);
         for (std::size_t b = 0; b < X_RB.size(); ++b) PutPose(X_RB[b], i, out[b]);
       }
     }
@@ -296,7 +290,11 @@ LoopClosing ChainRoad<Real>::RecoverMany(const Real* z, std::size_t z_stride, st
 
 template <class Real>
 std::unique_ptr<PoseRoad<Real>> MakeChainRoad(const ReducedModel& model, Recovery recovery) {
-  return std::make_unique<ChainRoad<Real>>(model, recovery);
+  const LoopUnits units(model);
+  CoordinateForms forms(model, units.unit);
+  const LinkTables<double> links = MakeLinks(*model.mechanism, forms);
+  return std::make_unique<ChainRoad<Real>>(model, units, links, std::move(forms),
+                                           recovery == Recovery::kExact);
 }
 
 template std::unique_ptr<PoseRoad<float>> MakeChainRoad<float>(const ReducedModel&, Recovery);

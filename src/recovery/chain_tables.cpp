@@ -77,16 +77,20 @@ CoordinateForms::CoordinateForms(const ReducedModel& model, const VectorX& unit)
   }
 }
 
-template <class Real>
-LinkTables<Real>::LinkTables(const Mechanism& mechanism, const CoordinateForms& forms) {
+void CoordinateForms::SetConstants(const VectorX& q) {
+  for (std::size_t i = 0; i < forms_.size(); ++i) forms_[i].front().second = q(static_cast<Eigen::Index>(i));
+}
+
+LinkTables<double> MakeLinks(const Mechanism& mechanism, const CoordinateForms& forms) {
+  LinkTables<double> out;
+  auto& [links, heard, weights, constants, screws, slots] = out;
   const auto& bodies = mechanism.bodies();
   const auto& joints = mechanism.joints();
   slots = mechanism.num_bodies();
   std::vector<int> slot_of_joint(joints.size());
-  link_of_joint.resize(joints.size());
   const auto add = [&](Link link, const std::vector<double>& values) {
     link.constants = constants.size();
-    for (const double value : values) constants.push_back(static_cast<Real>(value));
+    constants.insert(constants.end(), values.begin(), values.end());
     link.last = static_cast<int>(heard.size());
     links.push_back(link);
     screws.push_back({});
@@ -117,7 +121,6 @@ LinkTables<Real>::LinkTables(const Mechanism& mechanism, const CoordinateForms& 
       const Mechanism::Joint& joint = joints[j];
       const bool is_last = j + 1 == joints.size() || joints[j + 1].body.u() != b;
       slot_of_joint[j] = is_last ? static_cast<int>(b) : slots++;
-      link_of_joint[j] = static_cast<int>(links.size());
       Link link = begin(joint.previous, slot_of_joint[j]);
       const RigidTransform C = frame(joint.previous).inverse() * X_RB0;
       const auto& freedoms = mechanism.definition().joints[j].freedoms;
@@ -127,11 +130,11 @@ LinkTables<Real>::LinkTables(const Mechanism& mechanism, const CoordinateForms& 
         const ScrewConstants screw(C, s.head<3>() / turn, s.tail<3>() / turn);
         for (const auto& term : forms.of(joint.offset)) {
           hear(term);
-          weights.push_back(static_cast<Real>(turn * term.second));
+          weights.push_back(turn * term.second);
         }
         link.kind = screw.kind;
         add(link, screw.values);
-        for (std::size_t k = 0; k < 9; ++k) screws.back()[k] = static_cast<Real>(screw.screw[k]);
+        screws.back() = screw.screw;
         continue;
       }
       // Exp(x) behind C is Exp(Ad(C) x) before it; every entry of y that any of its freedoms hears.
@@ -148,7 +151,7 @@ LinkTables<Real>::LinkTables(const Mechanism& mechanism, const CoordinateForms& 
       for (std::size_t entry = 0; entry < of_entry.size(); ++entry) {
         if (!is_heard[entry]) continue;
         heard.push_back(static_cast<int>(entry));
-        for (const double value : of_entry[entry]) weights.push_back(static_cast<Real>(value));
+        weights.insert(weights.end(), of_entry[entry].data(), of_entry[entry].data() + 6);
       }
       link.kind = LinkKind::kTwist;
       std::vector<double> values;
@@ -156,37 +159,15 @@ LinkTables<Real>::LinkTables(const Mechanism& mechanism, const CoordinateForms& 
       add(link, values);
     }
   }
-}
-
-template <class Real>
-void LinkTables<Real>::SetConstants(const Mechanism& mechanism, const VectorX& q) {
-  const auto& joints = mechanism.joints();
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    const Link& link = links[static_cast<std::size_t>(link_of_joint[j])];
-    const auto& freedoms = mechanism.definition().joints[j].freedoms;
-    Real* weight = weights.data() + link.weights;
-    if (link.kind != LinkKind::kTwist) {
-      *weight = static_cast<Real>(TurnPerCoordinate(freedoms[0].screw_B) * q(joints[j].offset));
-      continue;
-    }
-    RigidTransform C;
-    const Real* c = constants.data() + link.constants;
-    for (int i = 0; i < 9; ++i) C.rotation()(i / 3, i % 3) = static_cast<double>(c[i]);
-    for (int i = 0; i < 3; ++i) C.translation()(i) = static_cast<double>(c[9 + i]);
-    Vector6 x = Vector6::Zero();
-    for (int f = 0; f < joints[j].size; ++f)
-      x += AdjointApply(C, freedoms[static_cast<std::size_t>(f)].screw_B) * q(joints[j].offset + f);
-    for (int i = 0; i < 6; ++i) weight[i] = static_cast<Real>(x(i));
-  }
+  return out;
 }
 
 // Two a weight; of turns two for each entry of A_1 and A_2 and some thirty to sixty for sine and cosine, of
-// twists those of twist_kernels.cpp; a product of poses 63.
-template <class Real>
-std::size_t LinkTables<Real>::Operations() const {
-  constexpr std::size_t series = 2 * 2 * (sizeof(Real) == 4 ? 5 : 9) + 14,
-                        far_series = 2 * 2 * (sizeof(Real) == 4 ? 7 : 12) + 121;
-  std::size_t sum = 2 * weights.size();
+// twists those of twist_kernels-inl.hpp; a product of poses 63.
+std::size_t LinkOperations(const std::vector<Link>& links, std::size_t weights, std::size_t bytes) {
+  const std::size_t series = 2 * 2 * (bytes == 4 ? 5 : 9) + 14,
+                    far_series = 2 * 2 * (bytes == 4 ? 7 : 12) + 121;
+  std::size_t sum = 2 * weights;
   for (const Link& link : links) {
     if (link.parent >= 0) sum += 63;
     if (link.kind == LinkKind::kTurn || link.kind == LinkKind::kScrew) sum += series + 48;
@@ -195,8 +176,5 @@ std::size_t LinkTables<Real>::Operations() const {
   }
   return sum;
 }
-
-template struct LinkTables<float>;
-template struct LinkTables<double>;
 
 }  // namespace fork1s::internal

@@ -1,5 +1,5 @@
 // What loops add to y = [1, z, ν] for blocks of states, one kernel for each instruction set
-// (loop_kernels.cpp).
+// (loop_kernels-inl.hpp).
 #pragma once
 
 #include "chain_kernels.hpp"

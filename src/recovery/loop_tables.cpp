@@ -30,20 +30,9 @@ LoopUnits::LoopUnits(const ReducedModel& model) : unit(VectorX::Ones(model.loop_
   }
 }
 
-template <class Real>
-LoopTables<Real>::LoopTables(const ReducedModel& model, const LoopUnits& units, const CoordinateForms& forms,
-                             const LinkTables<Real>& links, bool exact)
-    : rows_(model.loop_rank()), entry_(1 + model.size()), shift_(static_cast<Real>(units.shift)) {
-  if (rows_ == 0) return;
-  FillBend(model, units);
-  if (!exact) return;
-  FillClosures(model, units, forms, links);
-  FillInverse(model, units);
-}
-
 // N[z, z]/2 by pairs of coordinates, each once.
-template <class Real>
-void LoopTables<Real>::FillBend(const ReducedModel& model, const LoopUnits& units) {
+template <>
+void LoopTables<double>::FillBend(const ReducedModel& model, const LoopUnits& units) {
   const LoopCurvature made = model.curvature.exists() ? LoopCurvature() : LoopCurvature(model);
   const LoopCurvature& curvature = model.curvature.exists() ? model.curvature : made;
   if (!curvature.exists()) return;  // no coordinate moves them
@@ -70,15 +59,14 @@ void LoopTables<Real>::FillBend(const ReducedModel& model, const LoopUnits& unit
     for (int i = row; i < row + sizes[g]; ++i)
       for (int k = run.begin; k < run.begin + run.size; ++k)
         for (int l = run.begin; l <= k; ++l)
-          N_.push_back(static_cast<Real>((k == l ? 0.5 : 1.0) * by_column[static_cast<std::size_t>(l)](i, k) /
-                                         units.unit(i)));
+          N_.push_back((k == l ? 0.5 : 1.0) * by_column[static_cast<std::size_t>(l)](i, k) / units.unit(i));
     bends_.push_back(group);
   }
 }
 
-template <class Real>
-void LoopTables<Real>::FillClosures(const ReducedModel& model, const LoopUnits& units,
-                                    const CoordinateForms& forms, const LinkTables<Real>& links) {
+template <>
+void LoopTables<double>::FillClosures(const ReducedModel& model, const LoopUnits& units,
+                                      const CoordinateForms& forms, const LinkTables<double>& links) {
   const Mechanism& mechanism = *model.mechanism;
   const auto& all = mechanism.closures();
   // Links on the way to a closure, with slots of their own.
@@ -107,7 +95,7 @@ void LoopTables<Real>::FillClosures(const ReducedModel& model, const LoopUnits& 
   const auto hear = [&](int coordinate) {
     for (const auto& [entry, weight] : forms.of(coordinate)) {
       heard_.push_back(entry);
-      weights_.push_back(static_cast<Real>(weight));
+      weights_.push_back(weight);
     }
     return static_cast<int>(heard_.size());
   };
@@ -117,28 +105,28 @@ void LoopTables<Real>::FillClosures(const ReducedModel& model, const LoopUnits& 
     if (source < static_cast<int>(all.size())) {
       const ClosureDef& closure = all[static_cast<std::size_t>(source)];
       if (source != last) {
-        ClosureRows<Real> rows{};
+        ClosureRows<double> rows{};
         rows.slot_a = slot[closure.body_a.u()];
         rows.slot_b = slot[closure.body_b.u()];
         for (int e = 0; e < 12; ++e) {
-          rows.X_a[e] = static_cast<Real>(Entry(closure.X_AJ, e));
-          rows.X_b[e] = static_cast<Real>(Entry(closure.X_BJ, e));
+          rows.X_a[e] = Entry(closure.X_AJ, e);
+          rows.X_b[e] = Entry(closure.X_BJ, e);
         }
         closures_.push_back(rows);
       }
-      ClosureRows<Real>& rows = closures_.back();
+      ClosureRows<double>& rows = closures_.back();
       rows.component[rows.rows] = component;
       rows.row[rows.rows++] = k;
     } else {
       const Mechanism::Coupling& coupling =
           mechanism.couplings()[static_cast<std::size_t>(source) - all.size()];
-      CouplingRow<Real> row{};
+      CouplingRow<double> row{};
       row.row = k;
       row.first_a = static_cast<int>(heard_.size());
       row.last_a = hear(coupling.a);
       row.last_b = coupling.b >= 0 ? hear(coupling.b) : row.last_a;
-      for (int i = 0; i < 5; ++i) row.polynomial[i] = static_cast<Real>(coupling.polynomial[i]);
-      row.unit = static_cast<Real>(units.unit(k));
+      for (int i = 0; i < 5; ++i) row.polynomial[i] = coupling.polynomial[i];
+      row.unit = units.unit(k);
       couplings_.push_back(row);
       coupling_of_row_.push_back(static_cast<std::size_t>(source) - all.size());
     }
@@ -146,8 +134,8 @@ void LoopTables<Real>::FillClosures(const ReducedModel& model, const LoopUnits& 
   }
 }
 
-template <class Real>
-void LoopTables<Real>::FillInverse(const ReducedModel& model, const LoopUnits& units) {
+template <>
+void LoopTables<double>::FillInverse(const ReducedModel& model, const LoopUnits& units) {
   Kinematics kinematics(*model.mechanism);
   ComputeKinematics(*model.mechanism, model.q_ref, kinematics);
   Matrix6X columns;
@@ -161,9 +149,58 @@ void LoopTables<Real>::FillInverse(const ReducedModel& model, const LoopUnits& u
   for (const int size : model.loops.GroupSizes()) {
     groups_.push_back({row, size, G_.size()});
     for (int i = row; i < row + size; ++i)  // of c/unit to ν
-      for (int k = row; k < row + size; ++k)
-        G_.push_back(static_cast<Real>(inverse(i, k) / (units.unit(i) * units.unit(k))));
+      for (int k = row; k < row + size; ++k) G_.push_back(inverse(i, k) / (units.unit(i) * units.unit(k)));
     row += size;
+  }
+}
+
+template <>
+LoopTables<double>::LoopTables(const ReducedModel& model, const LoopUnits& units,
+                               const CoordinateForms& forms, const LinkTables<double>& links, bool exact)
+    : rows_(model.loop_rank()), entry_(1 + model.size()), shift_(units.shift) {
+  if (rows_ == 0) return;
+  FillBend(model, units);
+  if (!exact) return;
+  FillClosures(model, units, forms, links);
+  FillInverse(model, units);
+}
+
+template <class Real>
+template <class Other>
+LoopTables<Real>::LoopTables(const LoopTables<Other>& o)
+    : rows_(o.rows_),
+      entry_(o.entry_),
+      most_pairs_(o.most_pairs_),
+      slots_(o.slots_),
+      shift_(static_cast<Real>(o.shift_)),
+      bends_(o.bends_),
+      a_(o.a_),
+      b_(o.b_),
+      N_(o.N_.begin(), o.N_.end()),
+      links_(o.links_),
+      coupling_of_row_(o.coupling_of_row_),
+      heard_(o.heard_),
+      weights_(o.weights_.begin(), o.weights_.end()),
+      G_(o.G_.begin(), o.G_.end()),
+      groups_(o.groups_) {
+  for (const auto& of : o.closures_) {
+    ClosureRows<Real>& own = closures_.emplace_back();
+    own.slot_a = of.slot_a;
+    own.slot_b = of.slot_b;
+    own.rows = of.rows;
+    std::copy_n(of.X_a, 12, own.X_a);
+    std::copy_n(of.X_b, 12, own.X_b);
+    std::copy_n(of.component, 6, own.component);
+    std::copy_n(of.row, 6, own.row);
+  }
+  for (const auto& of : o.couplings_) {
+    CouplingRow<Real>& own = couplings_.emplace_back();
+    own.row = of.row;
+    own.first_a = of.first_a;
+    own.last_a = of.last_a;
+    own.last_b = of.last_b;
+    std::copy_n(of.polynomial, 5, own.polynomial);
+    own.unit = static_cast<Real>(of.unit);
   }
 }
 
@@ -209,6 +246,7 @@ Closing LoopTables<Real>::Close(const LinkTables<Real>& links, Real* y, std::siz
   return CloseBlock(map, y, y_stride, states, scratch.data());
 }
 
+template LoopTables<float>::LoopTables(const LoopTables<double>&);
 template class LoopTables<float>;
 template class LoopTables<double>;
 

@@ -7,8 +7,8 @@
 
 namespace fork1s::internal {
 
-/// Units of the rows of model.loops, of which µ = unit ν, and unit c are numbers of like size with ν: 1 where
-/// a row is an angle, of a length 1/extent of what the loops join.
+/// Units of the rows of model.loops, so that unit c and ν, of µ = unit ν, are numbers of like size: 1 where a
+/// row is an angle, of a length 1/extent of what the loops join.
 struct LoopUnits {
   explicit LoopUnits(const ReducedModel& model);
   VectorX unit;
@@ -24,9 +24,12 @@ template <class Real>
 class LoopTables {
  public:
   LoopTables() = default;
-  /// `links` are those that `forms` made. Without `exact` what closing by curvature asks for alone.
+  /// In double alone, and then in what is asked for. `links` are those that `forms` made. Without `exact`
+  /// what closing by curvature asks for alone.
   LoopTables(const ReducedModel& model, const LoopUnits& units, const CoordinateForms& forms,
-             const LinkTables<Real>& links, bool exact);
+             const LinkTables<double>& links, bool exact);
+  template <class Other>
+  explicit LoopTables(const LoopTables<Other>& other);
 
   /// q_ref + q_perp, in place of what was there.
   void SetConstants(const Mechanism& mechanism, const VectorX& q);
@@ -42,9 +45,11 @@ class LoopTables {
   std::size_t Operations() const { return 2 * N_.size() + a_.size(); }
 
  private:
+  template <class>
+  friend class LoopTables;
   void FillBend(const ReducedModel& model, const LoopUnits& units);
   void FillClosures(const ReducedModel& model, const LoopUnits& units, const CoordinateForms& forms,
-                    const LinkTables<Real>& links);
+                    const LinkTables<double>& links);
   void FillInverse(const ReducedModel& model, const LoopUnits& units);
 
   int rows_ = 0, entry_ = 0, most_pairs_ = 0, slots_ = 0;

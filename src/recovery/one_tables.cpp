@@ -5,6 +5,18 @@
 #include "pose_road.hpp"
 
 namespace fork1s::internal {
+namespace {
+
+// X <- Exp(x) X, for what turns by more than half a turn.
+void TurnFar(const double* x, double* X) {
+  RigidTransform C;
+  for (int e = 0; e < 9; ++e) C.rotation()(e / 3, e % 3) = X[e];
+  for (int e = 0; e < 3; ++e) C.translation()(e) = X[9 + e];
+  const RigidTransform L = Exp(Vector6(Eigen::Map<const Vector6>(x))) * C;
+  for (int e = 0; e < 12; ++e) X[e] = Entry(L, e);
+}
+
+}  // namespace
 
 template <class Real>
 void GatherWeights(const LinkTables<Real>& tables, const std::vector<int>& links, std::size_t rows,
@@ -94,21 +106,17 @@ void OneTables<Real>::PlaceTwists(const Real* y, Real* out, std::size_t stride) 
   for (int t = 0; t < twists_; ++t) {
     const int i = t / block, lane = t % block;
     if ((missed[static_cast<std::size_t>(i)] >> lane & 1) == 0) continue;
-    // More than half a turn, by the map without a series' end.
-    Vector6 x = Vector6::Zero();
+    double x[6] = {}, L[12];
     for (int k = twist_first_[static_cast<std::size_t>(i)]; k < twist_first_[static_cast<std::size_t>(i) + 1];
          ++k)
       for (int row = 0; row < 6; ++row)
-        x(row) += static_cast<double>(T_[static_cast<std::size_t>((6 * k + row) * block + lane)]) *
+        x[row] += static_cast<double>(T_[static_cast<std::size_t>((6 * k + row) * block + lane)]) *
                   static_cast<double>(y[twist_heard_[static_cast<std::size_t>(k)]]);
-    RigidTransform C;
-    const Real* c = C_.data() + 12 * block * i + lane;
-    for (int e = 0; e < 9; ++e) C.rotation()(e / 3, e % 3) = static_cast<double>(c[e * block]);
-    for (int e = 0; e < 3; ++e) C.translation()(e) = static_cast<double>(c[(9 + e) * block]);
-    const RigidTransform L = Exp(x) * C;
     for (int e = 0; e < 12; ++e)
-      out[static_cast<std::size_t>(e) * stride + static_cast<std::size_t>(t)] =
-          static_cast<Real>(Entry(L, e));
+      L[e] = static_cast<double>(C_[static_cast<std::size_t>((12 * i + e) * block + lane)]);
+    TurnFar(x, L);
+    for (int e = 0; e < 12; ++e)
+      out[static_cast<std::size_t>(e) * stride + static_cast<std::size_t>(t)] = static_cast<Real>(L[e]);
   }
 }
 

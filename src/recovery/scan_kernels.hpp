@@ -1,4 +1,4 @@
-// A long path of one state by a blocked scan, one kernel for each instruction set (scan_kernels.cpp).
+// A long path of one state by a blocked scan, one kernel for each instruction set (scan_kernels-inl.hpp).
 //
 // Along a path every pose waits for the one before, three fused products of four cycles each, and most of the
 // processor with it. So a run of links, each hanging on the one before, is cut into kBlock segments of

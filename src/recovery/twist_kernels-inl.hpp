@@ -1,15 +1,9 @@
-// Compiled once for every instruction set that Highway knows here, from this one source; which of them runs
-// is decided by the processor.
+// One twist a body: twist_kernels.hpp. A part of kernels.cpp, which takes it once for each instruction set.
 #include "twist_kernels.hpp"
 
 #include <fork1s/recovery/pose_arrays.hpp>
 
 #include "instruction_sets.hpp"
-
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "recovery/twist_kernels.cpp"
-#include <hwy/foreach_target.h>
-#include <hwy/highway.h>
 
 #include "exponential-inl.hpp"
 

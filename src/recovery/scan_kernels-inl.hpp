@@ -1,10 +1,5 @@
-// Compiled once for every instruction set that Highway knows here, as twist_kernels.cpp is.
+// Long paths: scan_kernels.hpp. A part of kernels.cpp, which takes it once for each instruction set.
 #include "scan_kernels.hpp"
-
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "recovery/scan_kernels.cpp"
-#include <hwy/foreach_target.h>
-#include <hwy/highway.h>
 
 #include "exponential-inl.hpp"
 

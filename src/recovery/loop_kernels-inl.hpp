@@ -1,10 +1,6 @@
-// Compiled once for every instruction set that Highway knows here, as twist_kernels.cpp is.
+// Loops of many states: loop_kernels.hpp. A part of kernels.cpp, which takes it once for each instruction
+// set.
 #include "loop_kernels.hpp"
-
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "recovery/loop_kernels.cpp"
-#include <hwy/foreach_target.h>
-#include <hwy/highway.h>
 
 #include "link-inl.hpp"
 
