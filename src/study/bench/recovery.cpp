@@ -74,9 +74,10 @@ void MeasureArrays(const ReducedModel& model, Recovery mode, const VectorX& z_on
   for (std::size_t k = 0; k < r; ++k)
     std::fill_n(many.begin() + static_cast<std::ptrdiff_t>(k * kStates), kStates, z[k]);
   std::vector<PoseArrays<Real>> all(static_cast<std::size_t>(recovery.bodies()));
-  cost.ns_per_body = 1e9 *
-                     CallSeconds([&] { recovery.RecoverMany(many.data(), kStates, kStates, all.data()); }) /
-                     bodies / kStates;
+  WithThreads(cost.threads, [&] {
+    const double call = CallSeconds([&] { recovery.RecoverMany(many.data(), kStates, kStates, all.data()); });
+    cost.ns_per_body = 1e9 * call / bodies / kStates;
+  });
   const double written = 12 * sizeof(Real);
   if (counts || mode == Recovery::kCurved)
     HoldAgainst(MeasureCeilings(written * bodies * kStates, cost.threads, single), written, operations, cost);
