@@ -63,7 +63,8 @@ Json PartsJson(const BenchResults& results, Json out) {
   out["recovery"] = Json::array();
   for (const RecoveryCost& r : results.recovery)
     out["recovery"].push_back(
-        {{"mode", r.mode},
+        {{"mechanism", r.mechanism},
+         {"mode", r.mode},
          {"type", r.type},
          {"interfaces", r.interfaces},
          {"coordinates", r.coordinates},
@@ -122,11 +123,11 @@ void PrintScene(const BenchScene& s) {
 
 void PrintParts(const BenchResults& results) {
   if (!results.recovery.empty())
-    fmt::print("poses of all bodies\n  {:<14} {:>10} {:>8} {:>8} {:>10} {:>26}\n", "", "interfaces", "bodies",
-               "threads", "ns a body", "of what the machine can");
+    fmt::print("poses of all bodies\n  {:<10} {:<27} {:<3} {:>10} {:>8} {:>8} {:>10} {:>26}\n", "", "", "",
+               "interfaces", "bodies", "threads", "ns a body", "of what the machine can");
   for (const RecoveryCost& r : results.recovery)
-    fmt::print("  {:<14} {:>10} {:>8} {:>8} {:>10.1f} {:>26}\n", r.mode, r.interfaces, r.bodies, r.threads,
-               r.ns_per_body,
+    fmt::print("  {:<10} {:<27} {:<3} {:>10} {:>8} {:>8} {:>10.1f} {:>26}\n", r.mechanism, r.mode, r.type,
+               r.interfaces, r.bodies, r.threads, r.ns_per_body,
                r.percent_of_ceiling ? fmt::format("{:.0f} %, {}", *r.percent_of_ceiling, r.bound) : "-");
   for (const BenchStability& s : results.stability) {
     fmt::print("largest stable step of {}, stiffness times 1, 10, 100, 1000\n", s.scene);

@@ -1,4 +1,4 @@
-// Loops over blocks of bodies or states, one for each instruction set (twist_kernels.cpp).
+// Loops over blocks of bodies or states, one for each instruction set (twist_kernels-inl.hpp).
 #pragma once
 
 #include <cstddef>

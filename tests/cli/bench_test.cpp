@@ -1,4 +1,7 @@
 // fork1s bench: what it measures and where it writes it. Times are asked to be there, not to be short.
+#include <set>
+#include <string>
+
 #include "command.hpp"
 
 namespace fork1s::test {
@@ -74,7 +77,9 @@ TEST(Bench, RecoveryAndItsFiles) {
   const auto json = o.Json();
   ASSERT_FALSE(json["recovery"].empty());
   int of_twist = 0;
+  std::set<std::string> modes;
   for (const auto& row : json["recovery"]) {
+    modes.insert(row["mechanism"].get<std::string>() + " " + row["mode"].get<std::string>());
     EXPECT_GT(row["ns_per_body"], 0) << row.dump(1);
     EXPECT_GE(row["coordinates"], row["interfaces"]);
     if (row["mode"] != "twist") continue;
@@ -82,6 +87,9 @@ TEST(Bench, RecoveryAndItsFiles) {
     EXPECT_GT(row["percent_of_ceiling"], 0) << row.dump(1);
   }
   EXPECT_GT(of_twist, 0);
+  for (const char* mode :
+       {"chain exact, arrays", "four-bars exact, arrays, 1024 states", "four-bars curved, arrays"})
+    EXPECT_TRUE(modes.contains(mode)) << mode;
   EXPECT_EQ(json["many"].size(), 2u);
   for (const char* name : {"bench_recovery.csv", "bench_many.csv", "bench.html"})
     EXPECT_TRUE(std::filesystem::exists(folder / name)) << name;

@@ -37,7 +37,7 @@ void ExpectThoseOfTwists(const ReducedModel& model, const ReducedState& given, d
   for (Eigen::Index k = 0; k < state.z.size(); ++k)
     state.z(k) = static_cast<double>(z[static_cast<std::size_t>(k)]);
   const std::vector<RigidTransform> X_RB = OneByOne(model, state);
-  const TwistRecovery<Real> recovery(model);
+  const PoseRecovery<Real> recovery(model, Recovery::kTwist);
   PoseArrays<Real> poses;
   recovery.Recover(z.data(), poses);
   ASSERT_EQ(poses.size(), X_RB.size());
@@ -83,7 +83,7 @@ TEST(PoseArrays, AreTheSameOnBothSidesOfHalfATurn) {
 
 TEST(PoseArrays, ManyStatesAreTheBitsOfEach) {
   const ReducedModel model = MustReduce(Share(testing::RandomMechanismDef(7)));
-  const TwistRecovery<float> recovery(model);
+  const PoseRecovery<float> recovery(model, Recovery::kTwist);
   constexpr std::size_t states = 37, stride = 40;  // two blocks and a part of one
   const auto r = static_cast<std::size_t>(model.size());
   std::vector<float> z(r * stride);

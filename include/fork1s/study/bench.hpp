@@ -73,12 +73,13 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options);
 
 /// Poses of all bodies from the reduced state.
 struct RecoveryCost {
-  std::string mode;  // "exact", "twist", "second order"; "arrays" and "arrays, N states": TwistRecovery
+  std::string mechanism;  // "chain", or "four-bars", which has loops
+  std::string mode;  // "exact", "curved", "twist", "second order"; ", arrays" and ", N states": PoseRecovery
   std::string type;  // of numbers
   int interfaces = 0, coordinates = 0, bodies = 0, threads = 1;
   double ns_per_body = 0;
   /// Least time that this machine's memory and arithmetic allow a body, as share of what it took. Of twists
-  /// alone: the bytes and operations of the others depend on the path to a body.
+  /// and arrays: of the others nobody counts bytes and operations; of closing loops exactly neither.
   std::optional<double> percent_of_ceiling;
   std::string bound;  // "memory" or "arithmetic"
 };
@@ -91,7 +92,7 @@ struct Ceilings {
 };
 Ceilings MeasureCeilings(double bytes, int threads, bool single_precision = false);
 
-/// Of chains of as many bodies; at 2 threads too where they are thousands.
+/// Of chains of as many bodies, at 2 threads too where they are thousands, and of 32 four-bars.
 Expected<std::vector<RecoveryCost>> MeasureRecovery(const std::vector<int>& bodies);
 
 /// A chain of hinges with springs, its last body the interface, on one thread.

@@ -69,12 +69,13 @@ std::string PhasesCsv(const BenchResults& results) {
 std::string RecoveryCsv(const BenchResults& results) {
   std::string out;
   for (const RecoveryCost& r : results.recovery)
-    out += fmt::format("{},{},{},{},{},{},{:.4g},{},{}\n", r.mode, r.type, r.interfaces, r.coordinates,
-                       r.bodies, r.threads, r.ns_per_body,
+    out += fmt::format("{},\"{}\",{},{},{},{},{},{:.4g},{},{}\n", r.mechanism, r.mode, r.type, r.interfaces,
+                       r.coordinates, r.bodies, r.threads, r.ns_per_body,
                        Measured(r.percent_of_ceiling.value_or(0), r.percent_of_ceiling.has_value()), r.bound);
-  return out.empty()
-             ? out
-             : "mode,type,interfaces,coordinates,bodies,threads,ns_per_body,percent_of_ceiling,bound\n" + out;
+  return out.empty() ? out
+                     : "mechanism,mode,type,interfaces,coordinates,bodies,threads,ns_per_body,percent_of_"
+                       "ceiling,bound\n" +
+                           out;
 }
 
 std::string ChainsCsv(const BenchResults& results) {
@@ -104,11 +105,11 @@ std::string StabilityCsv(const BenchResults& results) {
 std::string PartTables(const BenchResults& results) {
   std::vector<std::string> rows;
   for (const RecoveryCost& r : results.recovery)
-    rows.push_back(Cell(r.mode) + Cell(r.type) + Shown(r.interfaces) + Shown(r.coordinates) +
-                   Shown(r.bodies) + Shown(r.threads) + Shown(r.ns_per_body) +
+    rows.push_back(Cell(r.mechanism) + Cell(r.mode) + Cell(r.type) + Shown(r.interfaces) +
+                   Shown(r.coordinates) + Shown(r.bodies) + Shown(r.threads) + Shown(r.ns_per_body) +
                    Shown(r.percent_of_ceiling.value_or(0), r.percent_of_ceiling.has_value()) + Cell(r.bound));
   std::string out = Table("Poses of all bodies",
-                          {"", "numbers", "interfaces", "coordinates", "bodies", "threads", "ns a body",
+                          {"", "", "numbers", "interfaces", "coordinates", "bodies", "threads", "ns a body",
                            "% of the ceiling", "which is"},
                           rows);
   rows.clear();

@@ -47,33 +47,108 @@ void HoldAgainst(const Ceilings& most, double bytes, double operations, Recovery
 
 // All bodies of one state, and, where these fit into caches, of many.
 template <class Real>
-void MeasureArrays(const ReducedModel& model, RecoveryCost cost, std::vector<RecoveryCost>& out) {
+void MeasureArrays(const ReducedModel& model, Recovery mode, const VectorX& z_one, RecoveryCost cost,
+                   std::vector<RecoveryCost>& out) {
   constexpr bool single = sizeof(Real) == 4;
-  const TwistRecovery<Real> recovery(model);
+  const PoseRecovery<Real> recovery(model, mode);
   const auto r = static_cast<std::size_t>(recovery.coordinates());
   const double bodies = cost.bodies;
   cost.type = single ? "f32" : "f64";
-  cost.mode = "arrays";
-  std::vector<Real> z(r, Real(1e-3));
+  cost.mode = std::string(Name(mode)) + ", arrays";
+  std::vector<Real> z(r);
+  for (std::size_t k = 0; k < r; ++k) z[k] = static_cast<Real>(z_one(static_cast<Eigen::Index>(k)));
   PoseArrays<Real> poses;
   WithThreads(cost.threads, [&] {
     cost.ns_per_body = 1e9 * CallSeconds([&] { recovery.Recover(z.data(), poses); }) / bodies;
   });
   const auto bytes = static_cast<double>(recovery.BytesMoved());
   const double operations = static_cast<double>(recovery.Operations()) / bodies;
-  HoldAgainst(MeasureCeilings(bytes, cost.threads, single), bytes / bodies, operations, cost);
+  // Closing loops takes operations that are not counted, and one state a register of them.
+  const bool counts = mode == Recovery::kTwist || model.loop_rank() == 0;
+  if (counts) HoldAgainst(MeasureCeilings(bytes, cost.threads, single), bytes / bodies, operations, cost);
   out.push_back(cost);
   constexpr std::size_t kStates = 1024;
   if (cost.bodies > 1000 || cost.threads > 1) return;
-  cost.mode = "arrays, 1024 states";
-  z.assign(r * kStates, Real(1e-3));
+  cost.mode += ", 1024 states";
+  std::vector<Real> many(r * kStates);
+  for (std::size_t k = 0; k < r; ++k)
+    std::fill_n(many.begin() + static_cast<std::ptrdiff_t>(k * kStates), kStates, z[k]);
   std::vector<PoseArrays<Real>> all(static_cast<std::size_t>(recovery.bodies()));
-  cost.ns_per_body = 1e9 *
-                     CallSeconds([&] { recovery.RecoverMany(z.data(), kStates, kStates, all.data()); }) /
-                     bodies / kStates;
+  WithThreads(cost.threads, [&] {
+    const double call = CallSeconds([&] { recovery.RecoverMany(many.data(), kStates, kStates, all.data()); });
+    cost.ns_per_body = 1e9 * call / bodies / kStates;
+  });
   const double written = 12 * sizeof(Real);
-  HoldAgainst(MeasureCeilings(written * bodies * kStates, cost.threads, single), written, operations, cost);
+  if (counts || mode == Recovery::kCurved)
+    HoldAgainst(MeasureCeilings(written * bodies * kStates, cost.threads, single), written, operations, cost);
   out.push_back(cost);
+}
+
+template <class Work>
+RecoveryCost Measured(RecoveryCost cost, const std::string& mode, Work work) {
+  cost.mode = mode;
+  cost.type = "f64";
+  WithThreads(cost.threads, [&] { cost.ns_per_body = 1e9 * CallSeconds(work) / cost.bodies; });
+  return cost;
+}
+
+Expected<void> MeasureChainRecovery(int count, int interfaces, std::vector<RecoveryCost>& out) {
+  FORK1S_REQUIRE(count >= interfaces, count);
+  auto reduced = Reduce(internal::MakeChain(count, interfaces), VectorX::Zero(count));
+  if (!reduced) return tl::unexpected(reduced.error());
+  const ReducedModel& model = *reduced;
+  const int r = model.size();
+  ReducedState state;
+  state.z = VectorX::Constant(r, 1e-3);
+  state.w = VectorX::Zero(r);
+  if (model.has_complement) state.q_perp = VectorX::Zero(count);
+  Configuration scratch(model);
+  std::vector<RigidTransform> X_RB;
+  for (const int threads : {1, 2}) {
+    if (threads > 1 && count < kWorthThreads) continue;
+    const RecoveryCost like{"chain", "", "", interfaces, r, count, threads, 0, {}, ""};
+    RecoveryCost twist = Measured(like, "twist", [&] { RecoverPosesTwist(model, state, X_RB); });
+    HoldAgainst(MeasureCeilings(TwistBytes(r) * count, threads), TwistBytes(r), TwistOperations(r), twist);
+    out.push_back(twist);
+    for (const Recovery mode : {Recovery::kTwist, Recovery::kExact}) {
+      MeasureArrays<float>(model, mode, state.z, like, out);
+      MeasureArrays<double>(model, mode, state.z, like, out);
+    }
+    if (threads > 1) continue;  // the others walk along paths, on one thread
+    out.push_back(Measured(like, "second order", [&] { RecoverPosesTwistSecondOrder(model, state, X_RB); }));
+    out.push_back(Measured(like, "exact", [&] { RecoverPosesExact(model, state, scratch, X_RB); }));
+  }
+  return {};
+}
+
+// Loops: four-bars side by side, each turned by a tenth of a radian.
+Expected<void> MeasureLoopRecovery(int four_bars, std::vector<RecoveryCost>& out) {
+  const auto mechanism = internal::MakeFourBars(four_bars);
+  auto reduced = Reduce(mechanism, VectorX::Zero(mechanism->num_coordinates()));
+  if (!reduced) return tl::unexpected(reduced.error());
+  const ReducedModel& model = *reduced;
+  ReducedModel curved = model;
+  curved.curvature = LoopCurvature(model);
+  ReducedState state;
+  state.z = VectorX::Zero(model.size());
+  for (int k = 0; k < model.size(); ++k) state.z(k) = 0.1 / model.Q.col(k).cwiseAbs().maxCoeff();
+  state.w = VectorX::Zero(model.size());
+  std::vector<RigidTransform> X_RB;
+  const RecoveryCost like{"four-bars", "", "", four_bars, model.size(), 3 * four_bars, 1, 0, {}, ""};
+  for (const Recovery mode : {Recovery::kExact, Recovery::kCurved}) {
+    const ReducedModel& own = mode == Recovery::kCurved ? curved : model;
+    Configuration scratch(own);
+    // Exact loops start from where they ended before: there and back, as a motion would have it.
+    ReducedState there = state, back = state;
+    back.z *= 0.9;
+    out.push_back(Measured(like, Name(mode), [&] {
+      std::swap(there, back);
+      RecoverPosesExact(own, there, scratch, X_RB);
+    }));
+    MeasureArrays<float>(own, mode, state.z, like, out);
+    MeasureArrays<double>(own, mode, state.z, like, out);
+  }
+  return {};
 }
 
 }  // namespace
@@ -81,37 +156,11 @@ void MeasureArrays(const ReducedModel& model, RecoveryCost cost, std::vector<Rec
 Expected<std::vector<RecoveryCost>> MeasureRecovery(const std::vector<int>& bodies) {
   std::vector<RecoveryCost> out;
   for (const int count : bodies)
-    for (const int interfaces : {1, 6}) {
-      FORK1S_REQUIRE(count >= interfaces, count);
-      auto reduced = Reduce(internal::MakeChain(count, interfaces), VectorX::Zero(count));
-      if (!reduced) return tl::unexpected(reduced.error());
-      const ReducedModel& model = *reduced;
-      const int r = model.size();
-      ReducedState state;
-      state.z = VectorX::Constant(r, 1e-3);
-      state.w = VectorX::Zero(r);
-      if (model.has_complement) state.q_perp = VectorX::Zero(count);
-      Configuration scratch(model);
-      std::vector<RigidTransform> X_RB;
-      for (const int threads : {1, 2}) {
-        if (threads > 1 && count < kWorthThreads) continue;
-        const auto cost = [&](const char* mode, auto work) {
-          RecoveryCost c{mode, "f64", interfaces, r, count, threads, 0, {}, ""};
-          WithThreads(threads, [&] { c.ns_per_body = 1e9 * CallSeconds(work) / count; });
-          out.push_back(c);
-        };
-        cost("twist", [&] { RecoverPosesTwist(model, state, X_RB); });
-        RecoveryCost& twist = out.back();
-        HoldAgainst(MeasureCeilings(TwistBytes(r) * count, threads), TwistBytes(r), TwistOperations(r),
-                    twist);
-        const RecoveryCost like{"", "", interfaces, r, count, threads, 0, {}, ""};
-        MeasureArrays<float>(model, like, out);
-        MeasureArrays<double>(model, like, out);
-        if (threads > 1) continue;  // the others walk along paths, on one thread
-        cost("second order", [&] { RecoverPosesTwistSecondOrder(model, state, X_RB); });
-        cost("exact", [&] { RecoverPosesExact(model, state, scratch, X_RB); });
-      }
-    }
+    for (const int interfaces : {1, 6})
+      if (auto done = MeasureChainRecovery(count, interfaces, out); !done)
+        return tl::unexpected(done.error());
+  constexpr int kFourBars = 32;
+  if (auto done = MeasureLoopRecovery(kFourBars, out); !done) return tl::unexpected(done.error());
   return out;
 }
 

@@ -1,0 +1,23 @@
+#include "one_by_one.hpp"
+
+#include <algorithm>
+
+namespace fork1s::internal {
+
+OneByOne::OneByOne(const ReducedModel& model, double closed) {
+  auto own = std::make_shared<ReducedModel>(model);
+  own->curvature = {};
+  model_ = std::move(own);
+  closed_ = closed;
+}
+
+std::vector<RigidTransform> OneByOne::Recover(const VectorX& z, LoopClosing& closing) const {
+  Configuration at(*model_);
+  at.closed = std::min(at.closed, closed_);
+  Configure(*model_, {z, {}, q_perp_, {}}, at);
+  ++closing.one_by_one;
+  if (!(at.c.cwiseAbs().maxCoeff() < at.closed)) ++closing.open;
+  return at.kinematics.X_RB;
+}
+
+}  // namespace fork1s::internal
