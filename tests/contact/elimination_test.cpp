@@ -1,7 +1,6 @@
-// Factors by what meets what, against a dense one.
+// The order in which freedoms are eliminated, and what it leads to.
 #include <gtest/gtest.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <random>
 #include <vector>

@@ -6,7 +6,7 @@
 #include <random_mechanism.hpp>
 #include <recovery/support.hpp>
 
-#include "../../src/recovery/instruction_sets.hpp"
+#include "../../src/recovery/arrays/instruction_sets.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,4 +1,4 @@
-// Compiled for every instruction set that recovery is (recovery/kernels.cpp), so that what it reaches
+// Compiled for every instruction set that recovery is (recovery/arrays/kernels.cpp), so that what it reaches
 // is held against what could be reached with the same.
 #include "fused_sums.hpp"
 
