@@ -11,10 +11,12 @@ void EliminationOrder::ForEachBit(const std::uint64_t* row, int words, const Act
     for (std::uint64_t bits = row[w]; bits != 0; bits &= bits - 1) act(64 * w + std::countr_zero(bits));
 }
 
-void EliminationOrder::Reserve(int freedoms) {
-  const auto n = static_cast<std::size_t>(freedoms);
-  for (std::vector<Span>* v : {&met_, &atoms_, &hubs_, &core_}) v->reserve(4 * n);
-  for (std::vector<int>* v : {&met_ends_, &cover_, &atom_at_, &weight_}) v->reserve(n + 1);
+void EliminationOrder::Reserve(int freedoms, int cliques) {
+  const auto n = static_cast<std::size_t>(freedoms), meetings = static_cast<std::size_t>(cliques);
+  met_.reserve(4 * meetings);
+  for (std::vector<Span>* v : {&atoms_, &hubs_, &core_}) v->reserve(4 * n);
+  met_ends_.reserve(meetings);
+  for (std::vector<int>* v : {&cover_, &atom_at_, &weight_}) v->reserve(n + 1);
   cut_.reserve(n + 1);
   blocks_.reserve(n);
   mask_.reserve(n / 64 + 1);

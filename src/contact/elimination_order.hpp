@@ -26,7 +26,7 @@ class EliminationOrder {
     int hub_size = 0;
   };
 
-  void Reserve(int freedoms);
+  void Reserve(int freedoms, int cliques);
   void Begin(int freedoms);
   /// All of these meet each other. Empty spans are let be.
   void Meet(const Span* spans, int count);

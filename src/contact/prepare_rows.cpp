@@ -70,7 +70,7 @@ void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities
   block_of_.reserve(velocities);
   port_of_.reserve(velocities);
   order_.reserve(contacts);
-  elimination_.Reserve(num_velocities);
+  elimination_.Reserve(num_velocities, num_contacts + num_limits);
   blocks_.reserve(velocities);
   S_ab_.reserve(contacts);
   S_ba_.reserve(contacts);

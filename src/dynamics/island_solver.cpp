@@ -48,12 +48,12 @@ void Sort(int items, Islands& islands, int Islands::value_type::*first, int Isla
 }  // namespace
 
 void IslandSolver::Reserve(int num_contacts, int num_limits, int num_blocks, int num_velocities,
-                           int num_freedoms) {
+                           int num_together, int num_freedoms) {
   const auto contacts = static_cast<std::size_t>(num_contacts), limits = static_cast<std::size_t>(num_limits),
              blocks = static_cast<std::size_t>(num_blocks);
   if (benches_.empty()) benches_.emplace_back();
   Bench& bench = benches_.front();
-  bench.solver.Reserve(num_contacts, num_limits, num_velocities, num_freedoms);
+  bench.solver.Reserve(num_contacts, num_limits, std::min(num_velocities, num_together), num_freedoms);
   bench.blocks.reserve(blocks);
   bench.contacts.reserve(contacts);
   bench.limits.reserve(limits);

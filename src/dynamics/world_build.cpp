@@ -155,7 +155,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     blocks += m.groups().size() + m.length_limits().size() + m.mechanism().frictions().size();
   detail.blocks_.reserve(blocks);
   int velocities = 6 * static_cast<int>(detail.free_bodies_.size());
-  int limits = 0, widest = 6;
+  int limits = 0, widest = 6, most_rows = 0;
   for (const MechanismDynamics& m : detail.mechanisms_) {
     Detail::MechanismBlock block;
     const int limited = static_cast<int>(m.length_limits().size());
@@ -166,6 +166,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     detail.has_switches_ = detail.has_switches_ || m.HasSwitches();
     detail.mechanism_blocks_.push_back(std::move(block));
     velocities += rows;
+    most_rows = std::max(most_rows, rows);
     limits += 2 * limited + frictions;
     widest = std::max(widest, m.num_velocities());
   }
@@ -174,7 +175,11 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.change_.setZero(velocities);
   detail.free_Y_.resize(detail.free_bodies_.size());
   detail.free_velocity_.resize(detail.free_bodies_.size());
-  detail.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities, widest);
+  // A mechanism and what it may hold, or a small heap.
+  constexpr std::size_t kTogether = 16;
+  const int together = most_rows + 6 * static_cast<int>(std::min(kTogether, detail.free_bodies_.size()));
+  detail.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities, together,
+                         widest);
   return world;
 }
 

@@ -12,8 +12,11 @@ namespace fork1s {
 /// at a time. The same bits for any number of threads.
 class IslandSolver {
  public:
-  /// Reserves scratch so that solves of up to this size do not allocate while they run on one thread.
-  void Reserve(int num_contacts, int num_limits, int num_blocks, int num_velocities, int num_freedoms = 0);
+  /// Reserves scratch so that solves of up to this size, islands of up to `num_together` velocities in them,
+  /// do not allocate while they run on one thread. It grows with the square of an island; larger ones take
+  /// theirs when they first come.
+  void Reserve(int num_contacts, int num_limits, int num_blocks, int num_velocities, int num_together,
+               int num_freedoms = 0);
 
   /// As ContactSolver::Solve. The report has the most iterations and the largest residual of any island;
   /// converged only if all are.
