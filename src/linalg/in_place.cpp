@@ -13,22 +13,67 @@ void Subtract(double factor, const double* x, int n, double* y) {
   ByFours(n, [&](const auto& at) { at(y) -= factor * at(x); });
 }
 
-// kColumns right sides next to each other, rows swapped already.
-template <int kColumns>
-void SolveColumnsWithLu(const double* LU, int n, std::ptrdiff_t stride, double* x) {
-  using Columns = Eigen::Matrix<double, kColumns, 1>;
-  const auto at = [](double* p) { return Eigen::Map<Columns>(p); };
+// Rows of 4 kQuads right sides, `stride` apart, swapped already: row i less the multiples of others that
+// stand in row i of LU, from `first` to `last` in steps of `step`, 1 or -1. The row stays in registers
+// meanwhile; four multiples that are 0 are passed over, as where a loop does not hear another.
+template <int kQuads>
+void SubtractRows(const double* LU, std::ptrdiff_t n, int i, int first, int last, int step,
+                  std::ptrdiff_t stride, double* x) {
+  Quad own[kQuads];
+  for (int q = 0; q < kQuads; ++q) own[q] = QuadAt(x + i * stride + 4 * q);
+  const auto subtract = [&](double factor, const double* row) {
+    for (int q = 0; q < kQuads; ++q) own[q] -= factor * QuadAt(row + 4 * q);
+  };
+  const std::ptrdiff_t next = step * n, next_row = step * stride;
+  const double *a = LU + first * n + i, *row = x + first * stride;
+  int left = (last - first) * step;
+  for (; left >= 4; left -= 4, a += 4 * next, row += 4 * next_row) {
+    const double a0 = a[0], a1 = a[next], a2 = a[2 * next], a3 = a[3 * next];
+    if (a0 == 0 && a1 == 0 && a2 == 0 && a3 == 0) continue;
+    subtract(a0, row);
+    subtract(a1, row + next_row);
+    subtract(a2, row + 2 * next_row);
+    subtract(a3, row + 3 * next_row);
+  }
+  for (; left > 0; --left, a += next, row += next_row) subtract(*a, row);
+  for (int q = 0; q < kQuads; ++q) QuadAt(x + i * stride + 4 * q) = own[q];
+}
+
+template <int kQuads>
+void SolveQuadsWithLu(const double* LU, int n, std::ptrdiff_t stride, double* x) {
+  for (int i = 1; i < n; ++i) SubtractRows<kQuads>(LU, n, i, 0, i, 1, stride, x);
+  for (int i = n - 1; i >= 0; --i) {
+    SubtractRows<kQuads>(LU, n, i, n - 1, i, -1, stride, x);
+    const double inverse = 1 / LU[static_cast<std::ptrdiff_t>(i) * n + i];
+    for (int q = 0; q < kQuads; ++q) QuadAt(x + i * stride + 4 * q) *= inverse;
+  }
+}
+
+void SolveColumnWithLu(const double* LU, int n, std::ptrdiff_t stride, double* x) {
   for (int k = 0; k < n; ++k) {
     const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
-    const Columns value = at(x + k * stride);
-    for (int i = k + 1; i < n; ++i) at(x + i * stride) -= ak[i] * value;
+    for (int i = k + 1; i < n; ++i) x[i * stride] -= ak[i] * x[k * stride];
   }
   for (int k = n - 1; k >= 0; --k) {
     const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
-    const Columns value = at(x + k * stride) * (1 / ak[k]);
-    at(x + k * stride) = value;
-    for (int i = 0; i < k; ++i) at(x + i * stride) -= ak[i] * value;
+    x[k * stride] *= 1 / ak[k];
+    for (int i = 0; i < k; ++i) x[i * stride] -= ak[i] * x[k * stride];
   }
+}
+
+// y less four columns of length n, `stride` apart, times factors, one after the other: y is read and written
+// once.
+void SubtractFour(const double* c0, std::ptrdiff_t stride, const double* factors, int n, double* y) {
+  const double *c1 = c0 + stride, *c2 = c1 + stride, *c3 = c2 + stride;
+  const double f0 = factors[0], f1 = factors[1], f2 = factors[2], f3 = factors[3];
+  ByFours(n, [&](const auto& at) {
+    typename decltype(at(y))::PlainObject some = at(y);
+    some -= f0 * at(c0);
+    some -= f1 * at(c1);
+    some -= f2 * at(c2);
+    some -= f3 * at(c3);
+    at(y) = some;
+  });
 }
 
 // Four columns of length `stride` apart, less `factors` times x: x is read once for the four.
@@ -49,31 +94,97 @@ double* Column(double* A, int n, int k) { return A + static_cast<std::ptrdiff_t>
 
 }  // namespace
 
-bool FactorLu(double* A, int n, int* pivots) {
-  for (int k = 0; k < n; ++k) {
-    double* ak = Column(A, n, k);
-    int pivot = k;
-    double largest = std::abs(ak[k]);
-    for (int i = k + 1; i < n; ++i)
-      if (std::abs(ak[i]) > largest) {
-        largest = std::abs(ak[i]);
-        pivot = i;
-      }
-    if (!(largest > 1e-300)) return false;
-    pivots[k] = pivot;
-    if (pivot != k)
-      for (int j = 0; j < n; ++j) std::swap(Column(A, n, j)[k], Column(A, n, j)[pivot]);
-    const int rest = n - k - 1;
-    double* lower = ak + k + 1;
-    const double inverse = 1 / ak[k];
-    ByFours(rest, [&](const auto& at) { at(lower) *= inverse; });
-    int j = k + 1;
-    for (; j + 4 <= n; j += 4) {
-      double* c = Column(A, n, j);
-      const double factors[] = {c[k], Column(c, n, 1)[k], Column(c, n, 2)[k], Column(c, n, 3)[k]};
-      SubtractFromFour(lower, rest, factors, n, c + k + 1);
+namespace {
+
+// Rows of the pivots that are taken together, times what stands above them: c <- L⁻¹ c for four of them.
+void SolveUnitLowerFour(const double* L, std::ptrdiff_t stride, double* c) {
+  const double *l0 = L, *l1 = L + stride, *l2 = l1 + stride;
+  c[1] -= l0[1] * c[0];
+  c[2] -= l0[2] * c[0];
+  c[2] -= l1[2] * c[1];
+  c[3] -= l0[3] * c[0];
+  c[3] -= l1[3] * c[1];
+  c[3] -= l2[3] * c[2];
+}
+
+double LargestOf(const double* x, int n) {
+  Quad four = Quad::Zero();
+  int i = 0;
+  for (; i + 4 <= n; i += 4) four = four.cwiseMax(QuadAt(x + i).cwiseAbs());
+  double largest = four.maxCoeff();
+  for (; i < n; ++i) largest = std::max(largest, std::abs(x[i]));
+  return largest;
+}
+
+bool IsZeroFour(const double* x) { return x[0] == 0 && x[1] == 0 && x[2] == 0 && x[3] == 0; }
+
+// What is right of four pivots and below them, C -= L U, fours of rows at a time: `L` the four columns below
+// the pivots, `U` the first of `columns` times their rows, `rows` below. Fours of rows and columns that are 0
+// there are passed over, as between loops that do not hear each other.
+void SubtractProduct(const double* L, const double* U, int rows, int columns, std::ptrdiff_t stride) {
+  const double *l1 = L + stride, *l2 = l1 + stride, *l3 = l2 + stride;
+  constexpr int kMost = 64;
+  int begins[kMost];
+  for (int begin = 0; begin + 4 <= rows;) {
+    int count = 0;
+    for (; begin + 4 <= rows && count < kMost; begin += 4) {
+      const Quad all = QuadAt(L + begin).cwiseAbs() + QuadAt(l1 + begin).cwiseAbs() +
+                       QuadAt(l2 + begin).cwiseAbs() + QuadAt(l3 + begin).cwiseAbs();
+      if (!(all.sum() == 0)) begins[count++] = begin;
     }
-    for (; j < n; ++j) Subtract(Column(A, n, j)[k], lower, rest, Column(A, n, j) + k + 1);
+    for (int j = 0; j < columns; ++j) {
+      const double* u = U + j * stride;
+      if (IsZeroFour(u)) continue;
+      double* c = const_cast<double*>(u) + 4;
+      const double u0 = u[0], u1 = u[1], u2 = u[2], u3 = u[3];
+      for (int k = 0; k < count; ++k) {
+        const int i = begins[k];
+        Quad some = QuadAt(c + i);
+        some -= u0 * QuadAt(L + i);
+        some -= u1 * QuadAt(l1 + i);
+        some -= u2 * QuadAt(l2 + i);
+        some -= u3 * QuadAt(l3 + i);
+        QuadAt(c + i) = some;
+      }
+    }
+  }
+  const int whole = rows / 4 * 4;
+  if (whole < rows)
+    for (int j = 0; j < columns; ++j) {
+      const double* u = U + j * stride;
+      SubtractFour(L + whole, stride, u, rows - whole, const_cast<double*>(u) + 4 + whole);
+    }
+}
+
+}  // namespace
+
+// By four pivots at a time: what they take from the rest is taken in one go.
+bool FactorLu(double* A, int n, int* pivots) {
+  for (int begin = 0; begin < n; begin += 4) {
+    const int end = std::min(begin + 4, n);
+    for (int k = begin; k < end; ++k) {
+      double* ak = Column(A, n, k);
+      const double largest = LargestOf(ak + k, n - k);
+      if (!(largest > 1e-300)) return false;
+      int pivot = k;
+      while (pivot < n && std::abs(ak[pivot]) != largest) ++pivot;
+      if (pivot == n) return false;  // not numbers
+      pivots[k] = pivot;
+      if (pivot != k)
+        for (int j = 0; j < n; ++j) std::swap(Column(A, n, j)[k], Column(A, n, j)[pivot]);
+      const int rest = n - k - 1;
+      double* lower = ak + k + 1;
+      const double inverse = 1 / ak[k];
+      ByFours(rest, [&](const auto& at) { at(lower) *= inverse; });
+      for (int j = k + 1; j < end; ++j)
+        if (const double factor = Column(A, n, j)[k]; factor != 0)
+          Subtract(factor, lower, rest, Column(A, n, j) + k + 1);
+    }
+    if (end == n) break;
+    double* first = Column(A, n, begin) + begin;
+    for (int j = end; j < n; ++j)
+      if (double* c = Column(A, n, j) + begin; !IsZeroFour(c)) SolveUnitLowerFour(first, n, c);
+    SubtractProduct(first + 4, Column(A, n, end) + begin, n - end, n - end, n);
   }
   return true;
 }
@@ -81,14 +192,29 @@ bool FactorLu(double* A, int n, int* pivots) {
 void SolveWithLu(const double* LU, int n, const int* pivots, double* x) {
   for (int k = 0; k < n; ++k)
     if (pivots[k] != k) std::swap(x[k], x[pivots[k]]);
-  for (int k = 0; k < n; ++k) {
-    const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
-    Subtract(x[k], ak + k + 1, n - k - 1, x + k + 1);
+  const auto column = [&](int k) { return LU + static_cast<std::ptrdiff_t>(k) * n; };
+  const int whole = n / 4 * 4;
+  for (int k = 0; k < whole; k += 4) {
+    SolveUnitLowerFour(column(k) + k, n, x + k);
+    SubtractFour(column(k) + k + 4, n, x + k, n - k - 4, x + k + 4);
   }
-  for (int k = n - 1; k >= 0; --k) {
-    const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
+  for (int k = whole; k < n; ++k)
+    for (int i = k + 1; i < n; ++i) x[i] -= column(k)[i] * x[k];
+  for (int k = n - 1; k >= whole; --k) {
+    const double* ak = column(k);
     x[k] /= ak[k];
-    Subtract(x[k], ak, k, x);
+    for (int i = whole; i < k; ++i) x[i] -= ak[i] * x[k];
+    ByFours(whole, [&](const auto& at) { at(x) -= x[k] * at(ak); });
+  }
+  for (int k = whole - 4; k >= 0; k -= 4) {
+    const double *a0 = column(k), *a1 = a0 + n, *a2 = a1 + n, *a3 = a2 + n;
+    double* y = x + k;
+    y[3] /= a3[k + 3];
+    y[2] = (y[2] - a3[k + 2] * y[3]) / a2[k + 2];
+    y[1] = (y[1] - a3[k + 1] * y[3] - a2[k + 1] * y[2]) / a1[k + 1];
+    y[0] = (y[0] - a3[k] * y[3] - a2[k] * y[2] - a1[k] * y[1]) / a0[k];
+    const double last_first[] = {y[3], y[2], y[1], y[0]};
+    SubtractFour(a3, -static_cast<std::ptrdiff_t>(n), last_first, k, x);
   }
 }
 
@@ -97,23 +223,57 @@ void SolveRowsWithLu(const double* LU, int n, const int* pivots, int columns, do
   for (int k = 0; k < n; ++k)
     if (pivots[k] != k) std::swap_ranges(row(k), row(k) + columns, row(pivots[k]));
   int c = 0;
-  for (; c + 8 <= columns; c += 8) SolveColumnsWithLu<8>(LU, n, columns, x + c);
-  for (; c + 4 <= columns; c += 4) SolveColumnsWithLu<4>(LU, n, columns, x + c);
-  for (; c < columns; ++c) SolveColumnsWithLu<1>(LU, n, columns, x + c);
+  for (; c + 16 <= columns; c += 16) SolveQuadsWithLu<4>(LU, n, columns, x + c);
+  for (; c + 12 <= columns; c += 12) SolveQuadsWithLu<3>(LU, n, columns, x + c);
+  for (; c + 8 <= columns; c += 8) SolveQuadsWithLu<2>(LU, n, columns, x + c);
+  for (; c + 4 <= columns; c += 4) SolveQuadsWithLu<1>(LU, n, columns, x + c);
+  for (; c < columns; ++c) SolveColumnWithLu(LU, n, columns, x + c);
 }
 
-void SolveTransposedWithLu(const double* LU, int n, const int* pivots, double* x) {
-  for (int k = 0; k < n; ++k) {
-    const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
-    double sum = x[k];
-    for (int i = 0; i < k; ++i) sum -= ak[i] * x[i];
-    x[k] = sum / ak[k];
+namespace {
+
+// Products of four columns of length n, `stride` apart, with x.
+Quad FourDots(const double* c0, std::ptrdiff_t stride, int n, const double* x) {
+  const double *c1 = c0 + stride, *c2 = c1 + stride, *c3 = c2 + stride;
+  Quad s0 = Quad::Zero(), s1 = Quad::Zero(), s2 = Quad::Zero(), s3 = Quad::Zero();
+  int i = 0;
+  for (; i + 4 <= n; i += 4) {
+    const Quad some = QuadAt(x + i);
+    s0 += some.cwiseProduct(QuadAt(c0 + i));
+    s1 += some.cwiseProduct(QuadAt(c1 + i));
+    s2 += some.cwiseProduct(QuadAt(c2 + i));
+    s3 += some.cwiseProduct(QuadAt(c3 + i));
   }
-  for (int k = n - 1; k >= 0; --k) {
-    const double* ak = LU + static_cast<std::ptrdiff_t>(k) * n;
-    double sum = x[k];
-    for (int i = k + 1; i < n; ++i) sum -= ak[i] * x[i];
-    x[k] = sum;
+  Quad sum(s0.sum(), s1.sum(), s2.sum(), s3.sum());
+  for (; i < n; ++i) sum += x[i] * Quad(c0[i], c1[i], c2[i], c3[i]);
+  return sum;
+}
+
+}  // namespace
+
+void SolveTransposedWithLu(const double* LU, int n, const int* pivots, double* x) {
+  const auto column = [&](int k) { return LU + static_cast<std::ptrdiff_t>(k) * n; };
+  const int whole = n / 4 * 4;
+  for (int k = 0; k < n;) {
+    const int end = k < whole ? k + 4 : n, begin = k;
+    if (k < whole) QuadAt(x + k) -= FourDots(column(k), n, k, x);
+    for (; k < end; ++k) {
+      const double* ak = column(k);
+      double sum = x[k];
+      for (int i = begin < whole ? begin : 0; i < k; ++i) sum -= ak[i] * x[i];
+      x[k] = sum / ak[k];
+    }
+  }
+  for (int end = n; end > 0;) {
+    const int begin = end > whole ? whole : end - 4;
+    if (begin < whole) QuadAt(x + begin) -= FourDots(column(begin) + end, n, n - end, x + end);
+    for (int k = end - 1; k >= begin; --k) {
+      const double* ak = column(k);
+      double sum = x[k];
+      for (int i = k + 1; i < end; ++i) sum -= ak[i] * x[i];
+      x[k] = sum;
+    }
+    end = begin;
   }
   for (int k = n - 1; k >= 0; --k)
     if (pivots[k] != k) std::swap(x[k], x[pivots[k]]);

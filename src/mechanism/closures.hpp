@@ -45,4 +45,36 @@ Vector6 ForEachClosureColumn(const Mechanism& mechanism, const ClosureDef& closu
   return c;
 }
 
+/// Whether a closure asks nothing of how its two frames are turned. Of its errors only p_E counts then, which
+/// needs no logarithm.
+inline bool HoldsOnlyPoint(const ClosureDef& closure) { return !closure.rigid.head<3>().any(); }
+
+/// p_E = R_aJᵀ (p_bJ - p_aJ), the second half of ClosureError; p_bJ in R where asked for.
+inline Vector3 PointError(const ClosureDef& closure, const Kinematics& kinematics,
+                          Matrix3* R_aJ_out = nullptr, Vector3* p_b_out = nullptr) {
+  const RigidTransform& X_a = kinematics.X_RB[closure.body_a.u()];
+  const Matrix3 R_aJ = X_a.rotation() * closure.X_AJ.rotation();
+  const Vector3 p_b = kinematics.X_RB[closure.body_b.u()] * closure.X_BJ.translation();
+  if (R_aJ_out) *R_aJ_out = R_aJ;
+  if (p_b_out) *p_b_out = p_b;
+  return R_aJ.transpose() * (p_b - X_a * closure.X_AJ.translation());
+}
+
+/// As ForEachClosureColumn for p_E alone: how fast the point p_bJ of b moves past a, in J.
+template <class Sink>
+void ForEachPointColumn(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
+                        Sink sink) {
+  Matrix3 R_aJ;
+  Vector3 p;
+  PointError(closure, kinematics, &R_aJ, &p);
+  const Matrix3 R_Ja = R_aJ.transpose();
+  ForEachJointBetween(mechanism, closure, [&](const Mechanism::Joint& joint, double sign) {
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
+      const Vector3 w = kinematics.S.col(i).head<3>(), v = kinematics.S.col(i).tail<3>();
+      const Vector3 u = sign * (v + w.cross(p));
+      sink(i, Vector3(R_Ja * u));
+    }
+  });
+}
+
 }  // namespace fork1s::internal

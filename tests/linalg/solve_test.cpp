@@ -114,10 +114,12 @@ TEST(InPlace, LuSolvesForwardTransposedAndByRows) {
     VectorX y = b;
     SolveTransposedWithLu(LU.data(), n, pivots.data(), y.data());
     EXPECT_LT((A.transpose() * y - b).norm(), 1e-10 * b.norm()) << n;
-    RowMatrixX rows = RandomMatrix(n, 13, engine);  // taken by eights, fours and ones
-    const MatrixX right = rows;
-    SolveRowsWithLu(LU.data(), n, pivots.data(), 13, rows.data());
-    EXPECT_LT((A * rows - right).norm(), 1e-10 * right.norm()) << n;
+    for (const int columns : {8, 13, 22, 29}) {  // taken by sixteens, twelves, eights, fours and ones
+      RowMatrixX rows = RandomMatrix(n, columns, engine);
+      const MatrixX right = rows;
+      SolveRowsWithLu(LU.data(), n, pivots.data(), columns, rows.data());
+      EXPECT_LT((A * rows - right).norm(), 1e-10 * right.norm()) << n << " " << columns;
+    }
   }
   for (const int n : {1, 3, 6, 11}) {
     const MatrixX L = RandomMatrix(n, n, engine) + 3 * MatrixX::Identity(n, n);
@@ -133,6 +135,8 @@ TEST(InPlace, LuSolvesForwardTransposedAndByRows) {
   MatrixX singular = MatrixX::Zero(3, 3);
   int pivots[3];
   EXPECT_FALSE(FactorLu(singular.data(), 3, pivots));
+  MatrixX nan = MatrixX::Constant(3, 3, std::nan(""));
+  EXPECT_FALSE(FactorLu(nan.data(), 3, pivots));
 }
 
 TEST(Cholesky, SixBySix) {
