@@ -21,8 +21,7 @@ bool CloseByChords(const ReducedModel& model, const Configuration& at, VectorX& 
   const LoopFactor* factor = &at.factor;
   if (model.curvature.exists()) {  // no step has factored A B
     VectorX A;
-    Matrix6X scratch;
-    model.loops.Fill(m, at.kinematics, at.q, scratch, A);
+    model.loops.Fill(m, at.kinematics, at.q, A);
     own = LoopFactor(model.loops);
     own.Compute(model.loops, A, model.B);
     factor = &own;

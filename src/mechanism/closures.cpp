@@ -29,7 +29,7 @@ void ClosureResidual(const Mechanism& mechanism, const Kinematics& kinematics, c
   c.resize(mechanism.num_constraints());
   int row = 0;
   for (const ClosureDef& closure : mechanism.closures()) {
-    const Vector6 e = internal::ClosureError(closure, kinematics);
+    const Vector6 e = internal::RigidError(closure, kinematics);
     for (int i = 0; i < 6; ++i)
       if (closure.rigid(i)) c(row++) = e(i);
   }
@@ -63,18 +63,26 @@ std::vector<int> ClosureCoordinates(const Mechanism& mechanism, const ClosureDef
   return coordinates;
 }
 
-void ClosureColumns(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
-                    Eigen::Ref<Matrix6X> columns) {
-  Eigen::Index next = 0;
-  internal::ForEachClosureColumn(mechanism, closure, kinematics,
-                                 [&](int, const Vector6& column) { columns.col(next++) = column; });
+void ClosureRows(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
+                 const int* components, int rows, int stride, double* values) {
+  const auto put = [&](const auto& column, int first) {
+    for (int r = 0; r < rows; ++r) values[r] = column(components[r] - first);
+    for (int r = rows; r < stride; ++r) values[r] = 0;
+    values += stride;
+  };
+  if (internal::HoldsOnlyPoint(closure))
+    internal::ForEachPointColumn(mechanism, closure, kinematics,
+                                 [&](int, const Vector3& column) { put(column, 3); });
+  else
+    internal::ForEachClosureColumn(mechanism, closure, kinematics,
+                                   [&](int, const Vector6& column) { put(column, 0); });
 }
 
 double ClosureGap(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
   double gap = 0;
   const double L = mechanism.length_scale();
   for (const ClosureDef& closure : mechanism.closures()) {
-    const Vector6 e = internal::ClosureError(closure, kinematics);
+    const Vector6 e = internal::RigidError(closure, kinematics);
     Vector3 turn = Vector3::Zero(), shift = Vector3::Zero();
     for (int i = 0; i < 3; ++i) {
       if (closure.rigid(i)) turn(i) = e(i);

@@ -60,6 +60,14 @@ inline Vector3 PointError(const ClosureDef& closure, const Kinematics& kinematic
   return R_aJ.transpose() * (p_b - X_a * closure.X_AJ.translation());
 }
 
+/// ClosureError as far as rigid directions need it.
+inline Vector6 RigidError(const ClosureDef& closure, const Kinematics& kinematics) {
+  if (!HoldsOnlyPoint(closure)) return ClosureError(closure, kinematics);
+  Vector6 c;
+  c << Vector3::Zero(), PointError(closure, kinematics);
+  return c;
+}
+
 /// As ForEachClosureColumn for p_E alone: how fast the point p_bJ of b moves past a, in J.
 template <class Sink>
 void ForEachPointColumn(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,

@@ -46,8 +46,7 @@ void FillDerived(ReducedModel& model) {
   Kinematics kinematics(mechanism);  // of it loops see poses and screws
   kinematics.S = model.S_ref;
   kinematics.X_RB = model.X_RB_ref;
-  Matrix6X scratch;
-  model.loops.Fill(mechanism, kinematics, model.q_ref, scratch, model.B);
+  model.loops.Fill(mechanism, kinematics, model.q_ref, model.B);
   model.loops.ScaleCoordinates(model.h_inverse, model.B);
 }
 
@@ -86,7 +85,6 @@ Configuration::Configuration(const ReducedModel& model)
   q_bar.resize(n);
   q_bar_before.resize(n);
   q_move.resize(n);
-  columns.resize(6, model.loops.longest());
   A.resize(model.loops.num_values());
   W.setZero(m, (model.size() + 3) / 4 * 4);
   factor = LoopFactor(model.loops);
@@ -95,7 +93,7 @@ Configuration::Configuration(const ReducedModel& model)
 namespace {
 
 void FactorLoops(const ReducedModel& model, Configuration& out) {
-  model.loops.Fill(*model.mechanism, out.kinematics, out.q, out.columns, out.A);
+  model.loops.Fill(*model.mechanism, out.kinematics, out.q, out.A);
   out.factor.Compute(model.loops, out.A, model.B);
 }
 

@@ -16,11 +16,10 @@ void TurnOfRows(const ReducedModel& model, int j, const VectorX& A_ref, Kinemati
   const VectorX direction = model.Q.col(j);
   const double reach = (direction.array().abs() / model.h_inverse.array().sqrt()).maxCoeff();
   const double step = kStep / reach;
-  Matrix6X scratch;
   VectorX A;
   const VectorX q = model.q_ref + step * direction;
   ComputeKinematics(*model.mechanism, q, kinematics);
-  model.loops.Fill(*model.mechanism, kinematics, q, scratch, A);
+  model.loops.Fill(*model.mechanism, kinematics, q, A);
   A = (A - A_ref) / step;
   model.loops.Apply(A, model.Q_rows, out);
 }
@@ -43,9 +42,8 @@ LoopCurvature::LoopCurvature(const ReducedModel& model) {
 
   Kinematics kinematics(*model.mechanism);
   ComputeKinematics(*model.mechanism, model.q_ref, kinematics);
-  Matrix6X scratch;
   VectorX A;
-  model.loops.Fill(*model.mechanism, kinematics, model.q_ref, scratch, A);
+  model.loops.Fill(*model.mechanism, kinematics, model.q_ref, A);
   LoopFactor factor(model.loops);
   factor.Compute(model.loops, A, model.B);
 

@@ -12,6 +12,20 @@ namespace {
 const double* Row(const RowMatrixX& X, int i) { return X.data() + i * X.cols(); }
 double* Row(RowMatrixX& X, int i) { return X.data() + i * X.cols(); }
 
+using Eight = Eigen::Matrix<double, 8, 1>;
+
+// Of points and of welds, which nearly all loops are, without a loop.
+void CopyRows(const double* from, int rows, double* to) {
+  const auto copy = [&](const auto& at) { at(to) = at(from); };
+  if (rows == 6) {
+    ByFours(6, copy);
+  } else if (rows == 3) {
+    ByFours(3, copy);
+  } else {
+    for (int r = 0; r < rows; ++r) to[r] = from[r];
+  }
+}
+
 // Rows of a block by its coordinates: `values` kRows from `stride` to `stride`, `row_of[k]` the row of X for
 // each.
 struct BlockView {
@@ -21,44 +35,39 @@ struct BlockView {
   int count;
 };
 
-// Y (kRows rows) += values X, `columns` of them.
+// Y (kRows rows) = values X, `columns` of them.
 template <int kRows>
-void AddApplied(const BlockView& b, const double* X, Eigen::Index X_stride, int columns, double* Y,
-                Eigen::Index Y_stride) {
-  int c = 0;
-  for (; c + 4 <= columns; c += 4) {
-    Quad sum[kRows];
-    for (int r = 0; r < kRows; ++r) sum[r] = QuadAt(Y + r * Y_stride + c);
+void TakeApplied(const BlockView& b, const double* X, Eigen::Index X_stride, int columns, double* Y,
+                 Eigen::Index Y_stride) {
+  ByFours(columns, [&](const auto& at) {
+    using Some = typename decltype(at(Y))::PlainObject;
+    Some sum[kRows];
+    for (Some& s : sum) s.setZero();
     const double* v = b.values;
     for (int k = 0; k < b.count; ++k, v += b.stride) {
-      const Quad x = QuadAt(X + b.row_of[k] * X_stride + c);
+      const Some x = at(X + b.row_of[k] * X_stride);
       for (int r = 0; r < kRows; ++r) sum[r] += v[r] * x;
     }
-    for (int r = 0; r < kRows; ++r) QuadAt(Y + r * Y_stride + c) = sum[r];
-  }
-  for (; c < columns; ++c) {
-    const double* v = b.values;
-    for (int k = 0; k < b.count; ++k, v += b.stride)
-      for (int r = 0; r < kRows; ++r) Y[r * Y_stride + c] += v[r] * X[b.row_of[k] * X_stride + c];
-  }
+    for (int r = 0; r < kRows; ++r) at(Y + r * Y_stride) = sum[r];
+  });
 }
 
 // X -= valuesᵀ Y.
 template <int kRows>
 void SubtractAppliedTransposed(const BlockView& b, const double* Y, Eigen::Index Y_stride, int columns,
                                double* X, Eigen::Index X_stride) {
-  const double* v = b.values;
-  for (int k = 0; k < b.count; ++k, v += b.stride) {
-    double* x = X + b.row_of[k] * X_stride;
-    int c = 0;
-    for (; c + 4 <= columns; c += 4) {
-      Quad rest = QuadAt(x + c);
-      for (int r = 0; r < kRows; ++r) rest -= v[r] * QuadAt(Y + r * Y_stride + c);
-      QuadAt(x + c) = rest;
+  ByFours(columns, [&](const auto& at) {
+    using Some = typename decltype(at(X))::PlainObject;
+    Some y[kRows];
+    for (int r = 0; r < kRows; ++r) y[r] = at(Y + r * Y_stride);
+    const double* v = b.values;
+    for (int k = 0; k < b.count; ++k, v += b.stride) {
+      double* x = X + b.row_of[k] * X_stride;
+      Some rest = at(x);
+      for (int r = 0; r < kRows; ++r) rest -= v[r] * y[r];
+      at(x) = rest;
     }
-    for (; c < columns; ++c)
-      for (int r = 0; r < kRows; ++r) x[c] -= v[r] * Y[r * Y_stride + c];
-  }
+  });
 }
 
 // f.operator()<rows>() for the number of rows that a closure may have.
@@ -146,7 +155,6 @@ LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
     block.coordinates = static_cast<int>(coordinates_.size());
     block.count = static_cast<int>(draft.coordinates.size());
     block.at = num_values_;
-    longest_ = std::max(longest_, block.count);
     block.stride = (block.rows + 3) / 4 * 4;
     num_values_ += block.stride * block.count;
     rows_.insert(rows_.end(), draft.rows.begin(), draft.rows.end());
@@ -183,22 +191,22 @@ LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
 }
 
 void LoopRows::Fill(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
-                    Matrix6X& scratch, VectorX& values) const {
-  if (scratch.cols() < longest_) scratch.resize(6, longest_);
+                    VectorX& values) const {
   const auto& closures = mechanism.closures();
-  values.setZero(num_values_);
+  values.resize(num_values_);
+  // Every value is written, those between too: zeroing all first would cost half as much again.
   for (const Block& block : blocks_) {
     double* out = values.data() + block.at;
     if (block.source < static_cast<int>(closures.size())) {
-      ClosureColumns(mechanism, closures[static_cast<std::size_t>(block.source)], kinematics, scratch);
-      for (int k = 0; k < block.count; ++k, out += block.stride)
-        for (int r = 0; r < block.rows; ++r) out[r] = scratch(block.component[r], k);
+      ClosureRows(mechanism, closures[static_cast<std::size_t>(block.source)], kinematics, block.component,
+                  block.rows, block.stride, out);
     } else {
       const auto& k = mechanism.couplings()[static_cast<std::size_t>(block.source) - closures.size()];
-      out[0] = 1;
-      if (k.b >= 0) out[block.stride] = -k.Slope(q);
+      QuadAt(out) = Quad(1, 0, 0, 0);
+      if (k.b >= 0) QuadAt(out + block.stride) = Quad(-k.Slope(q), 0, 0, 0);
     }
   }
+  values.tail<4>().setZero();
 }
 
 void LoopRows::ScaleCoordinates(const VectorX& h, VectorX& values) const {
@@ -209,24 +217,29 @@ void LoopRows::ScaleCoordinates(const VectorX& h, VectorX& values) const {
 }
 
 void LoopRows::Apply(const VectorX& A, const VectorX& x, VectorX& y) const {
-  y.setZero(size());
+  y.resize(size());
   for (const Block& b : blocks_) {
     const double* values = A.data() + b.at;
     const int* coordinate = coordinates_.data() + b.coordinates;
-    double* out = y.data() + b.begin;
-    for (int k = 0; k < b.count; ++k, values += b.stride)
-      for (int r = 0; r < b.rows; ++r) out[r] += values[r] * x[coordinate[k]];
+    const bool two = b.rows > 4;
+    Eight sum = Eight::Zero();
+    for (int k = 0; k < b.count; ++k, values += b.stride) {
+      const double moved = x[coordinate[k]];
+      sum.head<4>() += moved * QuadAt(values);
+      if (two) sum.tail<4>() += moved * QuadAt(values + 4);
+    }
+    CopyRows(sum.data(), b.rows, y.data() + b.begin);
   }
 }
 
 void LoopRows::Apply(const VectorX& A, const RowMatrixX& X, RowMatrixX& Y) const {
   FORK1S_REQUIRE(Y.rows() == size() && Y.cols() >= X.cols(), Y.rows(), Y.cols());
-  Y.setZero();
   const auto columns = static_cast<int>(X.cols());
+  for (int i = 0; i < size(); ++i) std::fill(Row(Y, i) + columns, Row(Y, i) + Y.cols(), 0.0);
   for (const Block& b : blocks_)
     ForRows(b.rows, [&]<int kRows>() {
-      AddApplied<kRows>({A.data() + b.at, b.stride, coordinates_.data() + b.coordinates, b.count}, X.data(),
-                        X.cols(), columns, Row(Y, b.begin), Y.cols());
+      TakeApplied<kRows>({A.data() + b.at, b.stride, coordinates_.data() + b.coordinates, b.count}, X.data(),
+                         X.cols(), columns, Row(Y, b.begin), Y.cols());
     });
 }
 
@@ -234,9 +247,16 @@ void LoopRows::SubtractTransposed(const VectorX& A, const VectorX& y, VectorX& x
   for (const Block& b : blocks_) {
     const double* values = A.data() + b.at;
     const int* coordinate = coordinates_.data() + b.coordinates;
-    const double* in = y.data() + b.begin;
-    for (int k = 0; k < b.count; ++k, values += b.stride)
-      for (int r = 0; r < b.rows; ++r) x[coordinate[k]] -= values[r] * in[r];
+    Eight in = Eight::Zero();  // and values are 0 between their rows
+    CopyRows(y.data() + b.begin, b.rows, in.data());
+    const Quad first = in.head<4>(), second = in.tail<4>();
+    if (b.rows > 4)
+      for (int k = 0; k < b.count; ++k, values += b.stride)
+        x[coordinate[k]] -=
+            (first.cwiseProduct(QuadAt(values)) + second.cwiseProduct(QuadAt(values + 4))).sum();
+    else
+      for (int k = 0; k < b.count; ++k, values += b.stride)
+        x[coordinate[k]] -= first.cwiseProduct(QuadAt(values)).sum();
   }
 }
 
@@ -289,16 +309,14 @@ namespace {
 template <int kQuads, int kColumns, class Shared>
 void AddProducts(const double* A, const double* B, const Shared* first, const Shared* last, int rows,
                  int columns, double* out, int size) {
-  Quad sum[kColumns][kQuads];
-  for (auto& column : sum)
-    for (Quad& s : column) s.setZero();
-  for (const Shared* s = first; s != last; ++s)
-    for (int q = 0; q < kQuads; ++q) {
-      const Quad a = QuadAt(A + s->a + 4 * q);
-      for (int j = 0; j < kColumns; ++j) sum[j][q] += B[s->b + j] * a;
-    }
-  for (int j = 0; j < columns; ++j)
-    for (int i = 0; i < rows; ++i) out[static_cast<std::ptrdiff_t>(j) * size + i] = sum[j][i / 4](i % 4);
+  using Rows = Eigen::Matrix<double, 4 * kQuads, 1>;
+  Rows sum[kColumns];
+  for (Rows& column : sum) column.setZero();
+  for (const Shared* s = first; s != last; ++s) {
+    const Rows a = Eigen::Map<const Rows>(A + s->a);
+    for (int j = 0; j < kColumns; ++j) sum[j] += B[s->b + j] * a;
+  }
+  for (int j = 0; j < columns; ++j, out += size) CopyRows(sum[j].data(), rows, out);
 }
 
 }  // namespace

@@ -55,11 +55,10 @@ void ExpectDense(const Mechanism& m, const std::vector<int>& kept, unsigned seed
   Kinematics kinematics(m);
   ComputeKinematics(m, q, kinematics);
   const MatrixX A = DenseRows(m, q, rows), B = DenseRows(m, VectorX::Zero(q.size()), rows);
-  Matrix6X scratch;
   VectorX a, b;
-  rows.Fill(m, kinematics, q, scratch, a);
+  rows.Fill(m, kinematics, q, a);
   ComputeKinematics(m, VectorX::Zero(q.size()), kinematics);
-  rows.Fill(m, kinematics, VectorX::Zero(q.size()), scratch, b);
+  rows.Fill(m, kinematics, VectorX::Zero(q.size()), b);
 
   // Products of some ten numbers in another order.
   constexpr double kRounding = 1e-13;
@@ -121,9 +120,8 @@ TEST(LoopRows, WhatIsSingularGivesNoNumbers) {
   Kinematics kinematics(m);
   const VectorX q = VectorX::Zero(3);
   ComputeKinematics(m, q, kinematics);
-  Matrix6X scratch;
   VectorX a, x = VectorX::Ones(3);
-  rows.Fill(m, kinematics, q, scratch, a);
+  rows.Fill(m, kinematics, q, a);
   LoopFactor factor(rows);
   factor.Compute(rows, a, a);
   EXPECT_FALSE(factor.ok());

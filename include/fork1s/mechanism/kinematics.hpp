@@ -60,10 +60,10 @@ void ClosureJacobian(const Mechanism& mechanism, const Kinematics& kinematics, c
 /// Coordinates between the two bodies of a closure: on the way up from its body b, then from its body a, to
 /// where the ways meet. No other moves its two frames against each other.
 std::vector<int> ClosureCoordinates(const Mechanism& mechanism, const ClosureDef& closure);
-/// Derivatives of the six errors of a closure, rigid or not, by those coordinates in that order [6 x their
-/// number].
-void ClosureColumns(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
-                    Eigen::Ref<Matrix6X> columns);
+/// Derivatives of rigid directions of a closure by those coordinates in that order: of the six errors those
+/// `rows` that `components` names, from `stride` to `stride`, zeros between.
+void ClosureRows(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
+                 const int* components, int rows, int stride, double* values);
 
 /// Largest opening [m] of the rigid closures: distance of the joined points, and rotation error times the
 /// mechanism's length scale.

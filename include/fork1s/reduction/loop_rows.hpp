@@ -22,10 +22,8 @@ class LoopRows {
   /// Which row of ClosureResidual and ClosureJacobian stands at i.
   int row(int i) const { return rows_[static_cast<std::size_t>(i)]; }
 
-  /// Coordinates of the closure that hears most.
-  int longest() const { return longest_; }
-  /// ∂c/∂q at a pose; `scratch` [6 x longest()].
-  void Fill(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, Matrix6X& scratch,
+  /// ∂c/∂q at a pose.
+  void Fill(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
             VectorX& values) const;
   /// values <- values diag(h): every coordinate's times its own.
   void ScaleCoordinates(const VectorX& h, VectorX& values) const;
@@ -74,7 +72,6 @@ class LoopRows {
   std::vector<Pair> pairs_;
   std::vector<Group> groups_;
   Eigen::Index num_values_ = 0;
-  int longest_ = 0;  // block, in coordinates
 };
 
 /// LU of A Bᵀ for two sets of values on the same rows, group by group.

@@ -120,7 +120,6 @@ struct Configuration {
 
   // Loop scratch, m independent rows in the order of LoopRows.
   VectorX c_all, c, d, q_bar, q_bar_before, q_move;
-  Matrix6X columns;
   VectorX A;              // of those rows at q
   RowMatrixX W;           // m x r in whole fours of columns: ∂µ/∂z
   LoopFactor factor;      // of A B at some pose before

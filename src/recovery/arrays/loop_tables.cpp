@@ -138,9 +138,8 @@ template <>
 void LoopTables<double>::FillInverse(const ReducedModel& model, const LoopUnits& units) {
   Kinematics kinematics(*model.mechanism);
   ComputeKinematics(*model.mechanism, model.q_ref, kinematics);
-  Matrix6X columns;
   VectorX A;
-  model.loops.Fill(*model.mechanism, kinematics, model.q_ref, columns, A);
+  model.loops.Fill(*model.mechanism, kinematics, model.q_ref, A);
   LoopFactor factor(model.loops);
   factor.Compute(model.loops, A, model.B);
   RowMatrixX inverse = MatrixX::Identity(rows_, rows_);
