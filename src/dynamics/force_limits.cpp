@@ -55,7 +55,7 @@ void MechanismDynamics::TakeBoundedSpringsOut(double h) {
   const bool turned =
       model().loop_rank() > 0 && scheme_ == Scheme::kEuler && options_.recovery != Recovery::kTwist;
   for (std::size_t k = 0; k < limits.size(); ++k) {
-    const double spring = h * h * limits[k].stiffness, damper = h * limits[k].damping;
+    const double spring = h * h * limits[k].stiffness, damper = order_ * h * limits[k].damping;
     if (turned && spring > 0) {
       AddSpringOf(limits[k].length, -spring, false);
       AddSpringOf(limits[k].length, spring, true);
@@ -95,7 +95,7 @@ bool MechanismDynamics::UpdateForceLimits(double h) {
     const double stretch =
         scheme_ == Scheme::kEuler ? h * LengthRate(limits[k].length) : StretchToForce(limits[k], h);
     const double f = limit_force_(static_cast<Eigen::Index>(k)) - limits[k].stiffness * stretch -
-                     limits[k].damping * LengthRate(limits[k].length);
+                     limits[k].damping * order_ * LengthRate(limits[k].length);
     signed char side = f > limits[k].upper ? 1 : f < limits[k].lower ? -1 : 0;
     if (side * state_.at_bound[k] < 0)
       side = 0;  // between the two it gives less: leaping over that they take turns

@@ -238,6 +238,17 @@ void MechanismDynamics::AddWrench(BodyIndex body, const Vector3& force_W, const 
   state_.has_wrenches = true;
 }
 
+void MechanismDynamics::SetInputsWithin(const MechanismState& start, double share) {
+  state_.wrenches_W = start.wrenches_W;
+  state_.has_wrenches = start.has_wrenches;
+  state_.driven_next = start.driven_next;
+  state_.controls = start.controls;
+  if (share >= 1) return;
+  const RigidTransform& X = start.reduced.X_WR;
+  state_.driven_next = X * Exp(share * Log(X.inverse() * start.driven_next));
+  if (start.controls_move) state_.controls = start.controls_from + share * (start.controls - start.controls_from);
+}
+
 RigidTransform MechanismDynamics::GroupPose(int g) const {
   return BodyPose(groups_[static_cast<std::size_t>(g)].body);
 }

@@ -81,6 +81,8 @@ bool MechanismDynamics::Refresh() {
     ComputeKinematics(m, q, kinematics);
   }
   VectorX q_dot = configuration_.Q_now * state_.reduced.w;
+  const bool knows_past = state_.past.h > 0 && model().size() > 0;
+  const VectorX q_moved = knows_past ? VectorX(configuration_.Q_now * state_.past.z_moved) : VectorX();
   VectorX q_dot_left = state_.q_dot;  // of which the next step finds how loops turn
 
   // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
@@ -132,6 +134,12 @@ bool MechanismDynamics::Refresh() {
     return false;
   }
   x_ = x;
+  if (rewritten)
+    state_.past.h = 0;
+  else if (knows_past) {
+    ApplyMass(m, kinematics, q_moved, Mq);
+    state_.past.z_moved = SolveSymmetric(model().M, model().Q.transpose() * Mq);
+  }
   state_.reduced.w = x.tail(r);
   if (base_size_ > 0) state_.reduced.V_R = x.head<6>();
   UpdateConfiguration();

@@ -139,6 +139,7 @@ void MechanismDynamics::ApplyImpulse(const VectorX& p, bool from_outside) {
 void MechanismDynamics::Revert() {
   if (scheme_ != Scheme::kEuler) {
     scheme_ = Scheme::kEuler;
+    order_ = 1;
     state_.reduced.z = z_before_;
     state_.reduced.X_WR = X_WR_before_;
     if (model().has_complement) state_.reduced.q_perp = q_perp_before_;
@@ -154,8 +155,10 @@ void MechanismDynamics::Integrate(double h) {
   if (scheme_ != Scheme::kEuler) {
     IntegrateTheta(h);
     scheme_ = Scheme::kEuler;
+    order_ = 1;
     return;
   }
+  state_.past.h = 0;
   if (guard_) {
     if (has_followers_) energy_budget_ += FollowerWork(h);
     z_before_ = state_.reduced.z;

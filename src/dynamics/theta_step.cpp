@@ -58,9 +58,11 @@ void MechanismDynamics::SizeTheta() {
   F_parts_.resize(6, rigid_parts_.size());
 }
 
-void MechanismDynamics::Begin(double h, const Vector3& gravity_W, bool middle) {
+void MechanismDynamics::Begin(double h, const Vector3& gravity_W, Instant instant) {
   FORK1S_REQUIRE(options_.recovery != Recovery::kTwist);
-  scheme_ = middle ? Scheme::kMiddle : Scheme::kImpact;
+  FORK1S_REQUIRE(instant != Instant::kStart);
+  scheme_ = instant == Instant::kMiddle ? Scheme::kMiddle : Scheme::kEnd;
+  order_ = 1;
   touches_ = false;
   gravity_W_ = gravity_W;
   guard_ = false;
@@ -73,26 +75,35 @@ void MechanismDynamics::Begin(double h, const Vector3& gravity_W, bool middle) {
     q_dot_start_.noalias() = Q_now() * state_.reduced.w;
   else
     q_dot_start_.setZero();
-  ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_dot_start_,
-                            base_moves() ? state_.reduced.V_R : Vector6(Vector6::Zero()), start_velocity_);
+  Vector6 V_start = state_.reduced.V_R;
+  if (mechanism().base() == BaseKind::kFixed) V_start.setZero();
+  if (mechanism().base() == BaseKind::kDriven && scheme_ == Scheme::kEnd && state_.past.h == h)
+    V_start = state_.past.V_R;
+  ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_dot_start_, V_start,
+                            start_velocity_);
+  KeepPast(h);
   if (base_size_ > 0) {
     const Vector6 p = M_full_.topRows<6>() * x_;
     const Matrix3& R = state_.reduced.X_WR.rotation();
     const Vector3 c = CenterOf(M_00_);
     center_W_ = state_.reduced.X_WR * c;
     linear_W_ = R * p.tail<3>();
+    past_next_.center_W = center_W_;
+  }
+  if (scheme_ == Scheme::kEnd) {
+    MoveToEnd(h);
+    MixPast(h);
+    return;
   }
   if (mechanism().base() == BaseKind::kDriven) {
     state_.reduced.V_R = Log(state_.reduced.X_WR.inverse() * state_.driven_next) / h;
-    weighed_on_ = middle ? state_.reduced.X_WR * Exp(0.5 * h * state_.reduced.V_R) : state_.reduced.X_WR;
+    weighed_on_ = state_.reduced.X_WR * Exp(0.5 * h * state_.reduced.V_R);
     potential_start_ = PotentialEnergyOn(weighed_on_, gravity_W);
   } else {
     potential_start_ = PotentialEnergy(gravity_W);
   }
-  if (middle) {
-    TurnFreely(rigid_parts_, 0.5 * h, start_velocity_);
-    MoveToMiddle(h);
-  }
+  TurnFreely(rigid_parts_, 0.5 * h, start_velocity_);
+  MoveToMiddle(h);
 }
 
 void MechanismDynamics::MoveToMiddle(double h) {
@@ -127,11 +138,11 @@ void MechanismDynamics::PredictTheta(double h) {
   if (mechanism().base() == BaseKind::kDriven) {
     // Joints see what is left beside the base's own mean motion.
     tau_.setZero();
-    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, tau_, state_.reduced.V_R,
-                              other_velocity_);
+    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, tau_,
+                              scheme_ == Scheme::kEnd ? V_end_ : state_.reduced.V_R, other_velocity_);
     AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
   }
-  tau_ = mechanism().armature().cwiseProduct(q_dot_start_);
+  tau_ = mechanism().armature().cwiseProduct(scheme_ == Scheme::kEnd ? q_dot_mixed_ : q_dot_start_);
   GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
   if (r > 0) momentum_.tail(r).noalias() = Q_now().transpose() * tau_;
   if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
@@ -139,18 +150,14 @@ void MechanismDynamics::PredictTheta(double h) {
   if (num_velocities() > 0) {
     SolveOrFail(inertia_factor_, M_full_, u_);
   }
-  if (r > 0) {
-    if (scheme_ == Scheme::kImpact) {
-      w_start_ = u_.tail(r);
-    } else {
-      w_start_ = w_before_;
-      if (mechanism().base() == BaseKind::kDriven) {
-        // Half of what the change of the base's twist brings has come by the start, the other half comes by
-        // the end.
-        f_turn_.noalias() = M_0z_.transpose() * (V_R_before_ - state_.reduced.V_R);
-        inertia_factor_.SolveInPlace(f_turn_);
-        w_start_ += 0.5 * f_turn_;
-      }
+  if (r > 0 && scheme_ != Scheme::kEnd) {
+    w_start_ = w_before_;
+    if (mechanism().base() == BaseKind::kDriven) {
+      // Half of what the change of the base's twist brings has come by the start, the other half comes by the
+      // end.
+      f_turn_.noalias() = M_0z_.transpose() * (V_R_before_ - state_.reduced.V_R);
+      inertia_factor_.SolveInPlace(f_turn_);
+      w_start_ += 0.5 * f_turn_;
     }
     contact_shift_.tail(r) = u_.tail(r) - w_start_;
   }
@@ -188,8 +195,12 @@ void MechanismDynamics::PredictTheta(double h) {
 
 // x* from the momenta and forces at hand.
 void MechanismDynamics::SolveFreeTheta(double h) {
+  if (scheme_ == Scheme::kEnd) {
+    SolveFreeEnd(h);
+    return;
+  }
   const int r = model().size();
-  all_at_end_ = scheme_ == Scheme::kImpact || touches_ || AnyAtBound();
+  all_at_end_ = touches_ || AnyAtBound();
   ThetaScheme& rule = all_at_end_ ? at_end_ : theta_;
   if (rule.h != h) {
     std::vector<VelocityRange> ranges = parts_;
@@ -229,11 +240,15 @@ void MechanismDynamics::SolveFreeTheta(double h) {
 // From the pose at which LoadForces found a servo's spring to where its force acts.
 double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, double h) {
   const int r = model().size();
-  f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
-  w_mean_.noalias() = rule().Th * f_turn_;
-  w_mean_ += w_start_;
   f_used_ = z_before_ - state_.reduced.z;
-  f_used_.noalias() += h * (rule().Th * w_mean_);
+  if (scheme_ == Scheme::kEnd) {
+    f_used_ += h * (x_.tail(r) + contact_shift_.tail(r));
+  } else {
+    f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
+    w_mean_.noalias() = rule().Th * f_turn_;
+    w_mean_ += w_start_;
+    f_used_.noalias() += h * (rule().Th * w_mean_);
+  }
   double stretch = 0;
   ForEachArm(limit.length, Paths(), [&](int i, double c) { stretch += c * Q_now().row(i).dot(f_used_); });
   return stretch;
@@ -255,6 +270,10 @@ void MechanismDynamics::SpringPull(const VectorX& moved, VectorX& force) {
 }
 
 void MechanismDynamics::IntegrateTheta(double h) {
+  if (scheme_ == Scheme::kEnd) {
+    IntegrateEnd(h);
+    return;
+  }
   const int r = model().size();
   const bool driven = mechanism().base() == BaseKind::kDriven;
   const Matrix3 R_m = state_.reduced.X_WR.rotation();
@@ -300,7 +319,7 @@ void MechanismDynamics::IntegrateTheta(double h) {
   ComputeMaterialVelocities(mechanism(), rigid_parts_, elsewhere_.kinematics, q_ddot_, V, other_velocity_);
   q_ddot_ -= q_dot_start_;
   SubtractFrom(other_velocity_, R_m.transpose() * X_WR_before_.rotation(), start_velocity_);
-  TurnFreely(rigid_parts_, scheme_ == Scheme::kMiddle ? 0.5 * h : h, start_velocity_);
+  TurnFreely(rigid_parts_, 0.5 * h, start_velocity_);
 
   UpdateInertia();
   const Matrix3 R_eW = state_.reduced.X_WR.rotation().transpose();
@@ -316,6 +335,9 @@ void MechanismDynamics::IntegrateTheta(double h) {
   GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
   q_dot_ = q_dot_start_;  // ClosureForces takes the rate of joint rates from it
   TakeVelocityAtEnd(work);
+  past_next_.z_moved = state_.reduced.z - z_before_;
+  past_next_.V_R = state_.reduced.V_R;
+  std::swap(state_.past, past_next_);
 }
 
 // Pose at the end of the step from w_mean_ and x_: from the middle, to which elsewhere_ then belongs. The
@@ -375,7 +397,7 @@ void MechanismDynamics::TakeVelocityAtEnd(double work) {
   SolveOrFail(inertia_factor_, M_full_, x_);
   // What is known of the energy: truncated modes follow their loads at rest and take part in it unseen, and
   // the work of springs without potential is known at the middle alone.
-  if (r > 0 && !model().has_complement && !minimised_ && !has_follower_springs_) {
+  if (r > 0 && scheme_ != Scheme::kEnd && !model().has_complement && !minimised_ && !has_follower_springs_) {
     const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.reduced.X_WR;
     const double potential = PotentialEnergyOn(X_WR, gravity_W_),
                  missed = potential_start_ - potential - work;

@@ -36,7 +36,7 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
   });
   double motion = 0;
   for (const double own : contactor_motion_) motion = std::max(motion, own);
-  if (by_theta_) motion = MotionWithin(middle_ ? 0.5 * options.h : options.h);
+  if (by_theta_) motion = MotionWithin(instant_ == Instant::kMiddle ? 0.5 * options.h : options.h);
   const double needed = kClear + 2 * motion + options.gravity.norm() * options.h * options.h;
   collision_->SetMargin(std::min(margin_max_, needed));
   has_previous_pose_ = true;
@@ -116,7 +116,8 @@ void World::Detail::FillRows(std::size_t i) {
       m.GroupJacobian(part.groups[g], part.J);
       part.J_T.middleCols(column, 6) = part.J.transpose();
       velocities_.segment<6>(part.offset + column) =
-          m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
+          instant_ == Instant::kEnd ? m.GroupMoved(part.groups[g])
+                                    : m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
     }
     for (std::size_t k = 0; k < part.limits.size(); ++k) {
       const Eigen::Index column =
@@ -166,7 +167,7 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
       port_offset_[c] += mechanism_blocks_[i].parts[static_cast<std::size_t>(port_part_[c])].offset;
     } else {
       port_offset_[c] = offset;
-      velocities_.segment<6>(offset) = free_bodies_[i].PortTwist();
+      velocities_.segment<6>(offset) = free_bodies_[i].MovedTwist();
       offset += 6;
     }
   }

@@ -24,6 +24,8 @@ struct World::Detail {
   void Save(WorldState& out) const;
   void Restore(const WorldState& state);
   bool IsFinite(bool poses);
+  static void ForgetInputs(WorldState& state);
+  void GoBack();
   StepReport TakeBack(StepReport report);
   Expected<void> BuildCollision(const Scene& scene, const Options& options);
   void FindContacts(const StepOptions& options, StepReport& report);
@@ -31,8 +33,14 @@ struct World::Detail {
   // The step of second order (world_theta.cpp).
   bool UsesTheta(const StepOptions& options) const;
   void BeginTheta(const StepOptions& options, StepReport& report);
-  void MoveAllTo(const StepOptions& options, bool middle);
+  void MoveAllTo(const StepOptions& options, Instant instant);
+  bool AnythingTouches() const;
+  // Impacts (world_impact.cpp).
+  StepReport StepThroughImpact(const StepOptions& options);
+  void SumImpulses();
+  void TellSums();
   void ExpectContacts();
+  double ShareOfStep() const;
   void ShiftRows();
   void Rebound(double h);
   bool ClosesAtSpeed(const StepOptions& options) const;
@@ -109,6 +117,7 @@ struct World::Detail {
   IslandSolver solver_;
   std::vector<ContactPoint> points_;  // of this step, those that can touch within it
   std::vector<ContactRecord> contacts_, previous_;
+  double contacts_h_ = 0, previous_h_ = 0;  // s, of the steps that gave them their impulses
   std::vector<Vector3> speed_W_, previous_speed_W_;  // relative, after the solve, world axes
   std::vector<int> match_;                           // contact -> previous contact or -1
   std::vector<char> previous_used_;
@@ -127,7 +136,7 @@ struct World::Detail {
   static constexpr double kClear = 0.001;  // m: what contacts may move a body by that was not foreseen
   std::vector<MatchBench> match_benches_;
   std::vector<std::size_t> patches_;  // first point of each, and the end
-  bool middle_ = false;              // contacts of this step are found half way
+  Instant instant_ = Instant::kStart;  // where in the step its contacts are found
   bool by_theta_ = false;
   std::vector<Vector3> missed_W_, previous_missed_W_;  // MissedWay()
   std::vector<Foresight> foresight_;                   // of points_
@@ -186,7 +195,12 @@ struct World::Detail {
   std::vector<Matrix6> free_Y_;
   std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
   bool has_switches_ = false;
-  WorldState before_;  // of the step at hand
+  WorldState before_;         // of the step at hand
+  WorldState before_impact_;  // of one that is taken in parts
+  // Of its parts so far: impulses of contacts in world axes, contacts that have ended, stops and dry friction.
+  std::vector<Vector3> impact_sums_;
+  std::vector<ContactRecord> ended_;
+  std::vector<WorldState::Rows> impact_rows_;
   StepPartTimes* times_ = nullptr;
 };
 

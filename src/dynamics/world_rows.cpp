@@ -154,10 +154,10 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
     c.J_b = PortRows(p.body_b, at, ahead);
   }
   const Vector3 speed = RelativeSpeed(c);
-  // Half way stands what half a step of the old velocity has made of the gap that the start had.
-  if (middle_) p.gap -= 0.5 * h * speed(0);
+  // Half way or at the end stands what the way to there has made of the gap that the start had.
+  p.gap -= ShareOfStep() * h * speed(0);
   SetMaterial(options.material, p.gap, h, c);
-  if (p.restitution > 0 && !middle_) approach_[i] = std::max(0.0, -speed(0));
+  if (p.restitution > 0 && instant_ == Instant::kStart) approach_[i] = std::max(0.0, -speed(0));
   // A body on the floor would fall upon all that is near, were nothing there to hold it: it goes on as it
   // did.
   c.waits = p.gap + h * speed(0) > kClear;
@@ -165,9 +165,12 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   const auto k = static_cast<std::size_t>(match_[i]);
   const ContactRecord& before = previous_[k];
   c.waits = c.waits && before.impulse.isZero(0);
-  c.held = c.impulse = p.frame * (before.point.frame.transpose() * before.impulse);
+  // What surfaces bore was a force; impulses are those of a step.
+  const double by_step = h == previous_h_ ? 1 : h / previous_h_;
+  const Matrix3 turned = by_step * (p.frame * before.point.frame.transpose());
+  c.held = c.impulse = turned * before.impulse;
   c.held_use = before.use;
-  c.held_moment = c.moment = p.frame * (before.point.frame.transpose() * before.moment);
+  c.held_moment = c.moment = turned * before.moment;
   if (foreseen) {
     c.bias += CoordinateCurvature(p.body_a, c.J_a) + CoordinateCurvature(p.body_b, c.J_b) +
               p.frame * previous_missed_W_[k] / h;
@@ -206,7 +209,7 @@ void World::Detail::AssembleLimits(const StepOptions& options) {
 }
 
 void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
-  const double h = options.h;
+  const double h = options.h, by_step = h == previous_h_ ? 1 : h / previous_h_;
   const MechanismDynamics& m = mechanisms_[i];
   auto next = limits_.begin() + static_cast<std::ptrdiff_t>(mechanism_blocks_[i].first_limit);
   for (const PartBlock& part : mechanism_blocks_[i].parts) {
@@ -218,10 +221,10 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       LimitConstraint& limit = *next++;
       limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
       limit.sign = upper ? -1 : 1;
-      const double moved = middle_ ? 0.5 * h * m.LengthRate(stop.length) : 0;
+      const double moved = ShareOfStep() * h * m.LengthRate(stop.length);
       limit.bias =
           StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
-      limit.impulse = mechanism_blocks_[i].limit_impulses[at];
+      limit.impulse = by_step * mechanism_blocks_[i].limit_impulses[at];
     }
     for (std::size_t k = 0; k < part.frictions.size(); ++k) {
       const auto at = static_cast<std::size_t>(part.frictions[k]);
@@ -229,7 +232,7 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       friction.row = part.offset + static_cast<int>(part.FrictionRow(k));
       friction.upper = h * m.mechanism().frictions()[at].force;
       friction.lower = -friction.upper;
-      friction.held = friction.impulse = mechanism_blocks_[i].friction_impulses[at];
+      friction.held = friction.impulse = by_step * mechanism_blocks_[i].friction_impulses[at];
     }
   }
 }
@@ -247,20 +250,41 @@ void World::Detail::Rebound(double h) {
   }
 }
 
-// Rows bound the mean velocity of the step. What it has beyond the end velocity is known once all is
-// predicted.
+// How much of the step has gone by where contacts are found.
+double World::Detail::ShareOfStep() const {
+  return instant_ == Instant::kStart ? 0 : instant_ == Instant::kMiddle ? 0.5 : 1;
+}
+
+// Rows bound the mean velocity of the step. What it has beyond the velocities that are solved for is known
+// once all is predicted: at the end of the step, the way to there, of which rows know only the sum, as it was.
 void World::Detail::ShiftRows() {
   port_shift_.setZero(velocities_.size());
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     const MechanismDynamics& m = mechanisms_[i];
-    for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size() && p < m.parts().size(); ++p) {
+    for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
       const PartBlock& part = mechanism_blocks_[i].parts[p];
-      const MechanismDynamics::Part& run = m.parts()[p];
-      if (part.rows > 0)
+      const bool moves = p < m.parts().size() && part.rows > 0;
+      const MechanismDynamics::Part run = moves ? m.parts()[p] : MechanismDynamics::Part{};
+      if (moves)
         port_shift_.segment(part.offset, part.rows).noalias() =
             part.J_T.leftCols(part.rows).transpose() * m.ContactShift().segment(run.begin, run.size);
+      if (instant_ != Instant::kEnd) continue;
+      for (std::size_t g = 0; g < part.groups.size(); ++g) {
+        const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
+        auto shift = port_shift_.segment<6>(part.offset + column);
+        if (moves)
+          shift.noalias() -=
+              part.J_T.middleCols(column, 6).transpose() * m.MovedRates().segment(run.begin, run.size);
+        shift += m.GroupMoved(part.groups[g]);
+        if (m.mechanism().base() == BaseKind::kDriven) shift -= m.state().V_R;
+      }
     }
   }
+  if (instant_ == Instant::kEnd)
+    for (std::size_t c = 0; c < contactors_.size(); ++c)
+      if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] >= 0)
+        port_shift_.segment<6>(port_offset_[c]) =
+            free_bodies_[static_cast<std::size_t>(contactors_[c].index)].ContactShift();
   for (ContactConstraint& c : constraints_) {
     if (c.port_a >= 0) c.bias += c.J_a * port_shift_.segment<6>(c.port_a);
     if (c.port_b >= 0) c.bias += c.J_b * port_shift_.segment<6>(c.port_b);

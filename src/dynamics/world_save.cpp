@@ -20,6 +20,7 @@ void World::Detail::SaveBodies(WorldState& out) const {
 void World::Detail::Save(WorldState& out) const {
   SaveBodies(out);
   out.contacts = contacts_;
+  out.contacts_h = contacts_h_;
   out.speeds_W = speed_W_;
   out.missed_W = missed_W_;
   out.port_twists = last_twist_;
@@ -38,6 +39,7 @@ void World::Detail::Restore(const WorldState& state) {
   }
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].Restore(state.free_bodies[i]);
   contacts_ = state.contacts;
+  contacts_h_ = state.contacts_h;
   speed_W_ = state.speeds_W;
   missed_W_ = state.missed_W;
   last_twist_ = state.port_twists;

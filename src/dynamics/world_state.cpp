@@ -49,14 +49,24 @@ class Hash {
   }
   void One(const MechanismState& state) {
     const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next, wrenches_W,
-                 has_wrenches, at_bound, q_dot, q_perp_offset, q_perp_step_last, follow, overshoots] = state;
+                 has_wrenches, at_bound, q_dot, q_perp_offset, q_perp_step_last, follow, overshoots, past] = state;
     if (controls_move) Add(controls_from);
     Add(model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, q_dot, q_perp_offset,
-        q_perp_step_last, follow, overshoots);
+        q_perp_step_last, follow, overshoots, past);
+  }
+  void One(const MechanismPast& past) {
+    const auto& [h, z_moved, q_dot, c_dot_W, omega, R_WR, center_W, V_R] = past;
+    Add(h);
+    if (h > 0) Add(z_moved, q_dot, c_dot_W, omega, R_WR, center_W, V_R);
+  }
+  void One(const FreeBody::Past& past) {
+    const auto& [h, R_WB, center_W, omega_B, velocity] = past;
+    Add(h);
+    if (h > 0) Add(R_WB, center_W, omega_B, velocity);
   }
   void One(const FreeBody::State& state) {
-    const auto& [X_WB, omega_B, velocity, force_W, moment_W] = state;
-    Add(X_WB, omega_B, velocity, force_W, moment_W);
+    const auto& [X_WB, omega_B, velocity, force_W, moment_W, past] = state;
+    Add(X_WB, omega_B, velocity, force_W, moment_W, past);
   }
   void One(const ContactPoint& p) {
     const auto& [body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling,
@@ -78,10 +88,10 @@ class Hash {
 }  // namespace
 
 std::uint64_t HashOf(const WorldState& state, const VectorX& inputs) {
-  const auto& [mechanisms, free_bodies, contacts, speeds_W, missed_W, port_twists, speeds_are_last,
+  const auto& [mechanisms, free_bodies, contacts, contacts_h, speeds_W, missed_W, port_twists, speeds_are_last,
                contactor_poses, has_contactor_poses, rows] = state;
   Hash hash;
-  hash.Add(mechanisms, free_bodies, contacts, speeds_W, missed_W, port_twists, speeds_are_last,
+  hash.Add(mechanisms, free_bodies, contacts, contacts_h, speeds_W, missed_W, port_twists, speeds_are_last,
            contactor_poses, has_contactor_poses, rows, inputs);
   return hash.value();
 }

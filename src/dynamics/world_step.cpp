@@ -112,19 +112,30 @@ bool World::Detail::IsFinite(bool poses) {
          std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
 }
 
-// As before the step, but for wrenches: they were meant for this step, and may be what was not finite.
-StepReport World::Detail::TakeBack(StepReport report) {
-  for (MechanismState& m : before_.mechanisms) {
+// What was meant for one step alone.
+void World::Detail::ForgetInputs(WorldState& state) {
+  for (MechanismState& m : state.mechanisms) {
     m.wrenches_W.setZero();
     m.has_wrenches = false;
     m.controls_move = false;
   }
-  for (FreeBody::State& b : before_.free_bodies) b.force_W = b.moment_W = Vector3::Zero();
+  for (FreeBody::State& b : state.free_bodies) b.force_W = b.moment_W = Vector3::Zero();
+}
+
+// As before the step.
+void World::Detail::GoBack() {
   before_.contacts = previous_;
+  before_.contacts_h = previous_h_;
   before_.speeds_W = previous_speed_W_;
   before_.missed_W = previous_missed_W_;
   before_.contactor_poses = previous_pose_;
   Restore(before_);
+}
+
+// As before the step, but for wrenches, which may be what was not finite.
+StepReport World::Detail::TakeBack(StepReport report) {
+  ForgetInputs(before_);
+  GoBack();
   report.finite = false;
   return report;
 }
@@ -146,17 +157,20 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   before_.speeds_are_last = curvature_valid_;
   before_.has_contactor_poses = has_previous_pose_;
   previous_.swap(contacts_);
+  previous_h_ = contacts_h_;
+  contacts_h_ = h;
   previous_pose_ = contactor_pose_;
   previous_speed_W_.swap(speed_W_);
   previous_missed_W_.swap(missed_W_);
   by_theta_ = UsesTheta(options);
-  middle_ = false;
+  instant_ = Instant::kStart;
   if (by_theta_)
     BeginTheta(options, report);
   else
     PrepareContacts(options, report);
+  if (report.impact) return StepThroughImpact(options);
   PredictAll(options);
-  if (middle_) ShiftRows();
+  if (instant_ != Instant::kStart) ShiftRows();
   SolveContacts(options, report);
 
   if (!IsFinite(false)) return TakeBack(report);

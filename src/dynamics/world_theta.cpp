@@ -26,18 +26,24 @@ double World::Detail::MotionWithin(double h) const {
   return motion;
 }
 
-void World::Detail::MoveAllTo(const StepOptions& options, bool middle) {
-  middle_ = middle;
-  ForMechanisms([&](std::size_t i) { mechanisms_[i].Begin(options.h, options.gravity, middle_); });
-  for (FreeBody& b : free_bodies_) b.Begin(options.h, middle);
+void World::Detail::MoveAllTo(const StepOptions& options, Instant instant) {
+  instant_ = instant;
+  ForMechanisms([&](std::size_t i) { mechanisms_[i].Begin(options.h, options.gravity, instant); });
+  for (FreeBody& b : free_bodies_) b.Begin(options.h, instant);
 }
 
-// A contact that would close within the step at more speed than gravity gives in an eighth of it. Its rows
-// are at hand, velocities_ those of the start.
+// Whether anything bore a load in the last step.
+bool World::Detail::AnythingTouches() const {
+  return std::any_of(previous_.begin(), previous_.end(), [](const auto& c) { return c.impulse(0) > 0; });
+}
+
+// A contact that bore nothing yet and would close within the step at more speed than gravity gives in an
+// eighth of it. Its rows are at hand, velocities_ those of the start.
 bool World::Detail::ClosesAtSpeed(const StepOptions& options) const {
   const double slow = options.gravity.norm() * options.h / 8;
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
+    if (match_[i] >= 0 && previous_[static_cast<std::size_t>(match_[i])].impulse(0) > 0) continue;
     double speed = 0;
     if (c.port_a >= 0) speed += c.J_a.row(0).dot(velocities_.segment<6>(c.port_a));
     if (c.port_b >= 0) speed += c.J_b.row(0).dot(velocities_.segment<6>(c.port_b));
@@ -69,21 +75,12 @@ void World::Detail::BeginTheta(const StepOptions& options, StepReport& report) {
   if (fast) {
     PrepareContacts(options, report);
     report.impact = ClosesAtSpeed(options);
+    if (report.impact) return;
   }
-  if (!report.impact) {
-    MoveAllTo(options, true);
-    PrepareContacts(options, report);
-    if (fast || !ClosesAtSpeed(options)) {
-      ExpectContacts();
-      return;
-    }
-    report.impact = true;
-    for (MechanismDynamics& m : mechanisms_) m.Revert();
-    for (FreeBody& b : free_bodies_) b.Revert();
-    middle_ = false;
-    PrepareContacts(options, report);
-  }
-  MoveAllTo(options, false);
+  MoveAllTo(options, AnythingTouches() ? Instant::kEnd : Instant::kMiddle);
+  PrepareContacts(options, report);
+  report.impact = !fast && ClosesAtSpeed(options);
+  if (!report.impact) ExpectContacts();
 }
 
 }  // namespace fork1s

@@ -1,6 +1,7 @@
 // A free rigid body.
 #pragma once
 
+#include <fork1s/dynamics/instant.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <string>
 
@@ -30,9 +31,12 @@ class FreeBody {
   void SetState(const RigidTransform& X_WB, const Vector3& omega_W, const Vector3& velocity_of_origin_W);
   void AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
 
-  /// Begins a step of second order: the body stands where its velocity takes it in half the step (`middle`),
-  /// or stays, until Integrate or Revert.
-  void Begin(double h, bool middle);
+  /// Begins a step of second order: until Integrate or Revert the body stands where it will be at that instant.
+  void Begin(double h, Instant instant);
+  /// What PortTwist says times h is, with ContactShift(), how far the step goes. Before Predict: mean twist
+  /// from the start to where the body stands, where that is the end.
+  Vector6 ContactShift() const { return shift_; }
+  Vector6 MovedTwist() const { return begun_ && instant_ == Instant::kEnd ? moved_ : PortTwist(); }
   /// Free velocity after h under gravity, gathered wrenches and gyroscopic moment (implicit midpoint).
   void Predict(double h, const Vector3& gravity_W);
   /// [R ω_B; v_centre]: the six-vector on which contacts work, about the centre of mass in world axes.
@@ -54,14 +58,26 @@ class FreeBody {
   void Integrate(double h);
   /// Takes the step back, before Integrate.
   void Revert();
+  /// The start of the last step, if it was one of second order: as MechanismPast.
+  struct Past {
+    double h = 0;  // s; 0: nothing is known
+    Matrix3 R_WB = Matrix3::Identity();
+    Vector3 center_W = Vector3::Zero(), omega_B = Vector3::Zero(), velocity = Vector3::Zero();
+  };
   /// All that the next step depends on.
   struct State {
     RigidTransform X_WB;
     Vector3 omega_B = Vector3::Zero(), velocity = Vector3::Zero();  // of the centre, world axes
     Vector3 force_W = Vector3::Zero(), moment_W = Vector3::Zero();  // of the next step; about the centre
+    Past past;
   };
-  State Save() const { return {X_WB_, omega_B_, velocity_, force_W_, moment_W_}; }
+  State Save() const { return {X_WB_, omega_B_, velocity_, force_W_, moment_W_, past_}; }
   void Restore(const State& state);
+  /// Wrenches for the next step are those of `state`.
+  void SetWrench(const State& state) {
+    force_W_ = state.force_W;
+    moment_W_ = state.moment_W;
+  }
 
   double KineticEnergy() const;
   double PotentialEnergy(const Vector3& gravity_W) const {
@@ -80,9 +96,17 @@ class FreeBody {
   Vector3 velocity_ = Vector3::Zero();
   Vector3 velocity_before_ = Vector3::Zero();
   bool pushed_ = false;  // contact acted in this step
+  void PredictEnd(double h, const Vector3& gravity_W);
+  void IntegrateEnd(double h);
   RigidTransform X_WB_before_;
-  bool begun_ = false;      // X_WB_before_ is the start of the step at hand
-  bool at_middle_ = false;  // X_WB_ is the pose half way
+  bool begun_ = false;  // X_WB_before_ is the start of the step at hand
+  Instant instant_ = Instant::kMiddle;  // X_WB_ is the pose at that
+  // At the end: velocities are those of the port times this, 1.5 by the rule of two steps.
+  double order_ = 1;
+  Past past_;
+  Vector6 moved_ = Vector6::Zero();  // mean twist from the start to X_WB_
+  Vector6 shift_ = Vector6::Zero();
+  Vector6 onward_ = Vector6::Zero();  // times h: turn in the body's axes and way from X_WB_, beside the port's
   Vector3 force_W_ = Vector3::Zero();
   Vector3 moment_W_ = Vector3::Zero();  // about the centre of mass
 };

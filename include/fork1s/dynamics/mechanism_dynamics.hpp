@@ -10,6 +10,7 @@
 #pragma once
 
 #include <algorithm>
+#include <fork1s/dynamics/instant.hpp>
 #include <fork1s/dynamics/mechanism_state.hpp>
 #include <fork1s/dynamics/theta_scheme.hpp>
 #include <fork1s/linalg/cholesky.hpp>
@@ -73,10 +74,17 @@ class MechanismDynamics {
   Vector6 DrivenTwist(double h) const { return Log(state_.reduced.X_WR.inverse() * state_.driven_next) / h; }
 
   /// Begins a step of second order (docs/method.md, section 5): from here to Integrate or Revert the
-  /// mechanism stands where its velocity takes it in half the step, and Predict, ports and lengths speak of
-  /// that pose. `middle` false: it stays where it is, and all forces act at the end of the step, as an impact
-  /// asks. Not by twists. Without this a step is implicit Euler's.
-  void Begin(double h, const Vector3& gravity_W, bool middle);
+  /// mechanism stands where it will be at that instant, half way or at the end, and Predict, ports and lengths
+  /// speak of that pose. At the end all forces act there, by the rule of two steps, and velocities x are a
+  /// share of those of the end. Not by twists. Without this a step is implicit Euler's.
+  void Begin(double h, const Vector3& gravity_W, Instant instant);
+  /// Wrenches for the next step are those of `start`, and controls and the pose of a driven base where they
+  /// are after a share of a step that begins there.
+  void SetInputsWithin(const MechanismState& start, double share);
+  /// From Begin on, where that was for the end: mean rates from the start to where it stands
+  /// [num_velocities], those of a base about its own frame, and the mean twist of a group in R.
+  const VectorX& MovedRates() const { return moved_; }
+  Vector6 GroupMoved(int g) const;
   /// Between Begin and Predict: whether anything may touch it in this step. Then all forces act at the end of
   /// the step, as rows of contact ask: J (x⁺ + ContactShift()) is the mean velocity that they bound.
   void ExpectContact(bool touches) { touches_ = touches; }
@@ -229,6 +237,13 @@ class MechanismDynamics {
   void UpdateInertia();
   // The step of second order (theta_step.cpp, theta_minimum.cpp).
   void SizeTheta();
+  // Lasting contact (two_steps.cpp).
+  void MoveToEnd(double h);
+  void MixPast(double h);
+  Vector6 BaseTwist(const Vector3& omega, const Vector3& center_velocity, const Eigen::Ref<const VectorX>& rates) const;
+  void SolveFreeEnd(double h);
+  void IntegrateEnd(double h);
+  void KeepPast(double h);
   void MoveToMiddle(double h);
   void PredictTheta(double h);
   void SolveFreeTheta(double h);
@@ -321,11 +336,16 @@ class MechanismDynamics {
   Vector6 momentum_rate_ = Vector6::Zero();
 
   // A step of second order.
-  enum class Scheme { kEuler, kMiddle, kImpact };
+  enum class Scheme { kEuler, kMiddle, kEnd };
   Scheme scheme_ = Scheme::kEuler;
   ThetaScheme theta_, at_end_;         // the modal rule, and all forces at the end
   bool all_at_end_ = false;            // which of the two this step takes
   bool touches_ = false;               // something may touch it in this step
+  double order_ = 1;                   // kEnd: velocities at the end are x_ times this, 1.5 by two steps
+  VectorX moved_;                      // num_velocities
+  Vector6 V_end_ = Vector6::Zero();    // of a driven base at the end of the step
+  MechanismPast past_next_;            // what the next step will know of this one's start
+  VectorX q_dot_mixed_;                // n
   VectorX w_start_;                    // r: rates at the start beside the base's own motion of then
   VectorX contact_shift_;              // num_velocities
   Configuration elsewhere_;            // of the pose that configuration_ is not at
