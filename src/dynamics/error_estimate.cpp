@@ -265,7 +265,7 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
   if (!report.finite) return;
   const double h = options.h;
   d.h = h;
-  const bool by_euler = options.integrator == Integrator::kEuler;
+  const bool by_euler = options.integrator == Integrator::kEuler, at_end = report.forces_at_end;
   const auto& contactors = world.contactors();
   std::vector<Matrix6X> wrenches;
   for (const MechanismDynamics& m : world.mechanisms())
@@ -288,7 +288,7 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     const MechanismDynamics& m = world.mechanisms()[i];
     VectorX stops = VectorX::Zero(m.mechanism().num_coordinates());
     world.AddStopForces(static_cast<int>(i), h, stops);
-    d.mechanisms[i].End(m, wrenches[i], stops, h, by_euler);
+    d.mechanisms[i].End(m, wrenches[i], stops, h, at_end);
   }
   for (std::size_t i = 0; i < d.free_bodies.size(); ++i) {
     if (d.steps == 0) d.free_bodies[i].load[0] = d.free_bodies[i].load[1];
@@ -329,7 +329,7 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     const FreeBodyPath& p = d.free_bodies[i];
     const FreeBody& b = world.free_bodies()[i];
     const int at = d.offset[d.mechanisms.size() + i];
-    const Vector6 F = LoadAtNode(p.load[0], p.load[1], by_euler);
+    const Vector6 F = LoadAtNode(p.load[0], p.load[1], at_end);
     const SpatialInertia& I = b.inertia();
     d.rho.middleRows(at, 6).setZero();
     // v[0] is not used here: v[1], v[2] are those on both sides of the node.

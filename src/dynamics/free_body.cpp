@@ -84,7 +84,6 @@ void FreeBody::Begin(double h, Instant instant) {
   begun_ = true;
   instant_ = instant;
   order_ = 1;
-  shift_.setZero();
   if (instant == Instant::kMiddle) {
     const Vector3 center = center_W() + 0.5 * h * velocity_;
     X_WB_.rotation() = X_WB_.rotation() * ExpRotation(0.5 * h * omega_B_);
@@ -101,17 +100,19 @@ void FreeBody::Begin(double h, Instant instant) {
   }
   X_WB_.rotation() = X_WB_.rotation() * ExpRotation(turn);
   X_WB_.translation() = center + way - X_WB_.rotation() * inertia_.center;
-  // How far it has come, as a twist about where its centre is now.
-  const Matrix3 rotation = X_WB_.rotation() * X_WB_before_.rotation().transpose();
-  moved_ = Log(RigidTransform(rotation, rotation * way)) / h;
+  moved_ << X_WB_.rotation() * turn / h, way / h;
   onward_ << -turn / h, -way / h;
   if (order_ > 1) {
     const Vector3 before = LogRotation(X_WB_.rotation().transpose() * past_.R_WB);
     onward_.head<3>() += (-turn - before) / (3 * h);
     onward_.tail<3>() += (center - past_.center_W) / (3 * h);
   }
-  shift_ = moved_ + onward_;
-  shift_.head<3>() = moved_.head<3>() + X_WB_.rotation() * onward_.head<3>();
+}
+
+Vector6 FreeBody::Onward() const {
+  Vector6 V;
+  V << X_WB_.rotation() * onward_.head<3>(), onward_.tail<3>();
+  return V;
 }
 
 // The velocities of the start as the end sees them.

@@ -159,6 +159,7 @@ void MechanismDynamics::PredictTheta(double h) {
       inertia_factor_.SolveInPlace(f_turn_);
       w_start_ += 0.5 * f_turn_;
     }
+    contact_shift_.setZero();
     contact_shift_.tail(r) = u_.tail(r) - w_start_;
   }
   LoadForces(h, R_mW * gravity_W_, Vector6::Zero());

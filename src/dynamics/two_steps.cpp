@@ -30,8 +30,9 @@ Vector6 MechanismDynamics::BaseTwist(const Vector3& omega, const Vector3& center
                                      const Eigen::Ref<const VectorX>& rates) const {
   Vector6 V;
   V.head<3>() = omega;
-  V.tail<3>() = center_velocity - M_full_.block<3, 3>(3, 0) * omega / M_00_(5, 5);
-  if (rates.size() > 0) V.tail<3>() -= M_0z_.bottomRows<3>() * rates / M_00_(5, 5);
+  Vector3 momentum = M_full_.block<3, 3>(3, 0) * omega;
+  for (Eigen::Index i = 0; i < rates.size(); ++i) momentum += rates(i) * M_0z_.col(i).tail<3>();
+  V.tail<3>() = center_velocity - momentum / M_00_(5, 5);
   return V;
 }
 
@@ -46,8 +47,11 @@ void MechanismDynamics::MoveToEnd(double h) {
   moved_.setZero(num_velocities());
   contact_shift_.setZero(num_velocities());
   if (r > 0) {
-    moved_.tail(r) = order_ > 1 ? VectorX(2 * state_.reduced.w - state_.past.z_moved / h) : state_.reduced.w;
-    if (two) contact_shift_.tail(r) = state_.past.z_moved / (3 * h);
+    moved_.tail(r) = state_.reduced.w;
+    if (two) {
+      moved_.tail(r) += state_.reduced.w - state_.past.z_moved / h;
+      contact_shift_.tail(r) = state_.past.z_moved / (3 * h);
+    }
     state_.reduced.z += h * moved_.tail(r);
   }
   Vector3 turn = Vector3::Zero(), way = Vector3::Zero();
@@ -97,13 +101,8 @@ void MechanismDynamics::MixPast(double h) {
   q_dot_mixed_ = (4 * q_dot_start_ - past.q_dot) / 3;
 }
 
-// Mean twist of a group in R, about R's origin, from the start of the step to here: what moves with another
-// as one body has the same.
-Vector6 MechanismDynamics::GroupMoved(int g) const {
-  const BodyIndex body = groups_[static_cast<std::size_t>(g)].body;
-  const RigidTransform& X_RB = configuration_.kinematics.X_RB[body.u()];
-  const RigidTransform X_WB_start = X_WR_before_ * elsewhere_.kinematics.X_RB[body.u()];
-  return Log(X_RB * X_WB_start.inverse() * state_.reduced.X_WR) / past_next_.h;
+RigidTransform MechanismDynamics::GroupPoseAtStart(int g) const {
+  return X_WR_before_ * elsewhere_.kinematics.X_RB[groups_[static_cast<std::size_t>(g)].body.u()];
 }
 
 // x before contact, from u_ and the forces at hand.
@@ -138,9 +137,10 @@ void MechanismDynamics::IntegrateEnd(double h) {
   state_.reduced.z = z_before_ + h * w_mean_;
   Vector3 center = Vector3::Zero();
   if (base_size_ > 0) {
-    const VectorX way = x_ + contact_shift_;
-    center = center_W_ + h / M_00_(5, 5) * (R_e * (M_full_.middleRows<3>(3) * way));
-    state_.reduced.X_WR.rotation() = R_e * ExpRotation(h * (way.head<3>() - moved_.head<3>()));
+    rhs_ = x_ + contact_shift_;
+    const Vector3 momentum = M_full_.middleRows<3>(3) * rhs_;
+    center = center_W_ + h / M_00_(5, 5) * (R_e * momentum);
+    state_.reduced.X_WR.rotation() = R_e * ExpRotation(h * (rhs_.head<3>() - moved_.head<3>()));
     state_.reduced.X_WR.Orthonormalize();
   }
   // ẋ⁺, seen from where it was found.

@@ -116,8 +116,7 @@ void World::Detail::FillRows(std::size_t i) {
       m.GroupJacobian(part.groups[g], part.J);
       part.J_T.middleCols(column, 6) = part.J.transpose();
       velocities_.segment<6>(part.offset + column) =
-          instant_ == Instant::kEnd ? m.GroupMoved(part.groups[g])
-                                    : m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
+          m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
     }
     for (std::size_t k = 0; k < part.limits.size(); ++k) {
       const Eigen::Index column =

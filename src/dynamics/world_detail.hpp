@@ -41,6 +41,9 @@ struct World::Detail {
   void TellSums();
   void ExpectContacts();
   double ShareOfStep() const;
+  double StepsRatio(double h) const;
+  RigidTransform PoseAtStart(int contactor) const;
+  Vector3 MeanSpeed(double h, std::size_t contact, const ContactConstraint& c) const;
   void ShiftRows();
   void Rebound(double h);
   bool ClosesAtSpeed(const StepOptions& options) const;
@@ -198,7 +201,8 @@ struct World::Detail {
   WorldState before_;         // of the step at hand
   WorldState before_impact_;  // of one that is taken in parts
   // Of its parts so far: impulses of contacts in world axes, contacts that have ended, stops and dry friction.
-  std::vector<Vector3> impact_sums_;
+  std::vector<Vector3> impact_sums_, next_sums_;
+  std::vector<char> goes_on_;
   std::vector<ContactRecord> ended_;
   std::vector<WorldState::Rows> impact_rows_;
   StepPartTimes* times_ = nullptr;

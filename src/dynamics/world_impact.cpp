@@ -46,8 +46,11 @@ StepReport World::Detail::StepThroughImpact(const StepOptions& options) {
   StepReport report;
   impact_sums_.clear();
   ended_.clear();
-  for (WorldState::Rows& rows : impact_rows_) rows = WorldState::Rows();
   impact_rows_.resize(mechanisms_.size());
+  for (WorldState::Rows& rows : impact_rows_) {
+    rows.limit_impulses.clear();
+    rows.friction_impulses.clear();
+  }
   for (int k = 1; k <= kSteps; ++k) {
     const double share = static_cast<double>(k) / kSteps;
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
@@ -72,21 +75,21 @@ StepReport World::Detail::StepThroughImpact(const StepOptions& options) {
 
 // Impulses of all parts of the step so far, contact by contact, world axes.
 void World::Detail::SumImpulses() {
-  std::vector<Vector3> sums(contacts_.size());
-  std::vector<char> goes_on(impact_sums_.size(), 0);
+  next_sums_.resize(contacts_.size());
+  goes_on_.assign(impact_sums_.size(), 0);
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
-    sums[i] = contacts_[i].point.frame.transpose() * contacts_[i].impulse;
+    next_sums_[i] = contacts_[i].point.frame.transpose() * contacts_[i].impulse;
     if (match_[i] < 0 || impact_sums_.empty()) continue;
     const auto before = static_cast<std::size_t>(match_[i]);
-    sums[i] += impact_sums_[before];
-    goes_on[before] = 1;
+    next_sums_[i] += impact_sums_[before];
+    goes_on_[before] = 1;
   }
-  for (std::size_t i = 0; i < goes_on.size(); ++i) {
-    if (goes_on[i] || impact_sums_[i].isZero(0)) continue;
+  for (std::size_t i = 0; i < goes_on_.size(); ++i) {
+    if (goes_on_[i] || impact_sums_[i].isZero(0)) continue;
     ended_.push_back(previous_[i]);
     ended_.back().impulse = previous_[i].point.frame * impact_sums_[i];
   }
-  impact_sums_ = std::move(sums);
+  impact_sums_.swap(next_sums_);
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     Add(mechanism_blocks_[i].limit_impulses, impact_rows_[i].limit_impulses);
     Add(mechanism_blocks_[i].friction_impulses, impact_rows_[i].friction_impulses);

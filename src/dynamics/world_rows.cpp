@@ -126,6 +126,48 @@ Vector3 World::Detail::RelativeSpeed(const ContactConstraint& c) const {
   return speed;
 }
 
+RigidTransform World::Detail::PoseAtStart(int contactor) const {
+  const Contactor& c = contactors_[static_cast<std::size_t>(contactor)];
+  const auto i = static_cast<std::size_t>(c.index);
+  if (c.kind == Contactor::Kind::kWorld) return RigidTransform();
+  return c.kind == Contactor::Kind::kGroup ? mechanisms_[i].GroupPoseAtStart(c.group)
+                                           : free_bodies_[i].PoseAtStart();
+}
+
+// Mean velocity of b's material against a's at a contact, from the start of the step to its end, where the
+// contact was found, in its frame. As one body sees the other, that which turns less, so that what moves as one
+// has none: the way of the other's centre and its turn about that, at the place of the contact half way. What
+// rolls, however far it turns, rolls on.
+Vector3 World::Detail::MeanSpeed(double h, std::size_t contact, const ContactConstraint& c) const {
+  const ContactPoint& p = points_[contact];
+  if (match_[contact] < 0) return RelativeSpeed(c);
+  const RigidTransform X_start[2] = {PoseAtStart(p.body_a), PoseAtStart(p.body_b)};
+  RigidTransform X_end[2];
+  double turn[2];
+  for (int side = 0; side < 2; ++side) {
+    const int body = side == 0 ? p.body_a : p.body_b;
+    if (contactors_[static_cast<std::size_t>(body)].kind != Contactor::Kind::kWorld)
+      X_end[side] = contactor_pose_[static_cast<std::size_t>(body)];
+    turn[side] = (X_end[side].rotation() - X_start[side].rotation()).squaredNorm();
+  }
+  const int seen_by = turn[0] <= turn[1] ? 0 : 1, other = 1 - seen_by;
+  const Contactor& moving = contactors_[static_cast<std::size_t>(other == 0 ? p.body_a : p.body_b)];
+  const Vector3 center = moving.kind == Contactor::Kind::kFreeBody
+                             ? free_bodies_[static_cast<std::size_t>(moving.index)].inertia().center
+                             : Vector3(Vector3::Zero());
+  const RigidTransform to_start = X_start[seen_by].inverse(), to_end = X_end[seen_by].inverse();
+  const RigidTransform start = to_start * X_start[other], end = to_end * X_end[other];
+  const Vector3 from = start * center, to = end * center;
+  const Vector3 theta = LogRotation(end.rotation() * start.rotation().transpose());
+  const Vector3 arm = 0.5 * (to_start * previous_[static_cast<std::size_t>(match_[contact])].point.point - from +
+                             to_end * p.point - to);
+  const Vector3 way = X_end[seen_by].rotation() * (to - from + theta.cross(arm));
+  return (other == 1 ? 1 : -1) / h * (p.frame * way);
+}
+
+// What turns an impulse of the last step into one of this step.
+double World::Detail::StepsRatio(double h) const { return previous_h_ > 0 ? h / previous_h_ : 1; }
+
 // The rows of a contact, and what they know of the last step.
 void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   const double h = options.h;
@@ -153,10 +195,11 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
     c.port_b = port_offset_[static_cast<std::size_t>(p.body_b)];
     c.J_b = PortRows(p.body_b, at, ahead);
   }
-  const Vector3 speed = RelativeSpeed(c);
+  const Vector3 speed = instant_ == Instant::kEnd ? MeanSpeed(h, i, c) : RelativeSpeed(c);
   // Half way or at the end stands what the way to there has made of the gap that the start had.
   p.gap -= ShareOfStep() * h * speed(0);
   SetMaterial(options.material, p.gap, h, c);
+  if (instant_ == Instant::kEnd) c.bias += speed;
   if (p.restitution > 0 && instant_ == Instant::kStart) approach_[i] = std::max(0.0, -speed(0));
   // A body on the floor would fall upon all that is near, were nothing there to hold it: it goes on as it
   // did.
@@ -166,7 +209,7 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   const ContactRecord& before = previous_[k];
   c.waits = c.waits && before.impulse.isZero(0);
   // What surfaces bore was a force; impulses are those of a step.
-  const double by_step = h == previous_h_ ? 1 : h / previous_h_;
+  const double by_step = StepsRatio(h);
   const Matrix3 turned = by_step * (p.frame * before.point.frame.transpose());
   c.held = c.impulse = turned * before.impulse;
   c.held_use = before.use;
@@ -209,7 +252,7 @@ void World::Detail::AssembleLimits(const StepOptions& options) {
 }
 
 void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
-  const double h = options.h, by_step = h == previous_h_ ? 1 : h / previous_h_;
+  const double h = options.h, by_step = StepsRatio(h);
   const MechanismDynamics& m = mechanisms_[i];
   auto next = limits_.begin() + static_cast<std::ptrdiff_t>(mechanism_blocks_[i].first_limit);
   for (const PartBlock& part : mechanism_blocks_[i].parts) {
@@ -269,13 +312,13 @@ void World::Detail::ShiftRows() {
         port_shift_.segment(part.offset, part.rows).noalias() =
             part.J_T.leftCols(part.rows).transpose() * m.ContactShift().segment(run.begin, run.size);
       if (instant_ != Instant::kEnd) continue;
+      // Contacts know how they have come here, and ask how far they still go.
       for (std::size_t g = 0; g < part.groups.size(); ++g) {
         const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
         auto shift = port_shift_.segment<6>(part.offset + column);
         if (moves)
           shift.noalias() -=
               part.J_T.middleCols(column, 6).transpose() * m.MovedRates().segment(run.begin, run.size);
-        shift += m.GroupMoved(part.groups[g]);
         if (m.mechanism().base() == BaseKind::kDriven) shift -= m.state().V_R;
       }
     }
@@ -284,7 +327,7 @@ void World::Detail::ShiftRows() {
     for (std::size_t c = 0; c < contactors_.size(); ++c)
       if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] >= 0)
         port_shift_.segment<6>(port_offset_[c]) =
-            free_bodies_[static_cast<std::size_t>(contactors_[c].index)].ContactShift();
+            free_bodies_[static_cast<std::size_t>(contactors_[c].index)].Onward();
   for (ContactConstraint& c : constraints_) {
     if (c.port_a >= 0) c.bias += c.J_a * port_shift_.segment<6>(c.port_a);
     if (c.port_b >= 0) c.bias += c.J_b * port_shift_.segment<6>(c.port_b);

@@ -170,6 +170,7 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
     PrepareContacts(options, report);
   if (report.impact) return StepThroughImpact(options);
   PredictAll(options);
+  report.forces_at_end = instant_ != Instant::kMiddle;
   if (instant_ != Instant::kStart) ShiftRows();
   SolveContacts(options, report);
 

@@ -44,7 +44,11 @@ void ComputeMaterialVelocities(const Mechanism& mechanism, const RigidParts& par
   }
   for (int i = 0; i < parts.size(); ++i) {
     const auto at = static_cast<std::size_t>(i);
-    if (parts.parts[at].inertia_R0.mass == 0) continue;
+    if (parts.parts[at].inertia_R0.mass == 0) {
+      out.c_dot.col(i).setZero();
+      out.omega.col(i).setZero();
+      continue;
+    }
     const RigidTransform X = PoseOf(kinematics, at);
     const Vector3 w = out.twist.col(i).head<3>();
     out.c_dot.col(i) = out.twist.col(i).tail<3>() + w.cross(X * parts.parts[at].inertia_R0.center);

@@ -1,7 +1,30 @@
 #include <algorithm>
+#include <cmath>
 #include <fork1s/sim/simulation.hpp>
+#include <limits>
 
 namespace fork1s {
+namespace {
+
+// What the path of a driven body has beside the lines between rows: corners are rounded by parabolas over a
+// time w about each row, so that its twist is continuous. Rows 1/30 s apart or less are so the points of a
+// quadratic spline.
+constexpr double kRounding = 1.0 / 30;  // s, at most
+
+double Rounding(const ControlTrack& track, std::size_t column, std::size_t row, double time) {
+  const auto& t = track.times;
+  constexpr double kForEver = std::numeric_limits<double>::infinity();
+  // What is held before the first row and after the last one; nothing is known of before the start.
+  const double before = row > 0 ? t[row] - t[row - 1] : t[row], after = row + 1 < t.size() ? t[row + 1] - t[row] : kForEver;
+  const double w = std::min({before, after, kRounding}), left = 0.5 * w - std::abs(time - t[row]);
+  if (!(w > 0 && left > 0)) return 0;
+  const auto value = [&](std::size_t at) { return track.rows[at][column]; };
+  const double slope_before = row > 0 ? (value(row) - value(row - 1)) / before : 0,
+               slope_after = row + 1 < t.size() ? (value(row + 1) - value(row)) / after : 0;
+  return (slope_after - slope_before) * left * left / (2 * w);
+}
+
+}  // namespace
 
 std::vector<std::string> ControlTrack::FindMissing(const Simulation& simulation) const {
   std::vector<std::string> missing;
@@ -25,6 +48,10 @@ void ControlTrack::Apply(double time, Simulation& simulation) const {
     } else {
       const double share = (time - times[after - 1]) / (times[after] - times[after - 1]);
       value = rows[after - 1][i] + share * (rows[after][i] - rows[after - 1][i]);
+    }
+    if (simulation.DrivesBase(control)) {
+      if (after > 0) value += Rounding(*this, i, after - 1, time);
+      if (after < times.size()) value += Rounding(*this, i, after, time);
     }
     simulation.SetControl(control, value);
   }

@@ -124,6 +124,12 @@ void Simulation::PassControls() {
   }
 }
 
+bool Simulation::DrivesBase(int index) const {
+  const auto driven = std::count_if(given_.begin(), given_.end(),
+                                    [](const auto& m) { return m->base() == BaseKind::kDriven; });
+  return index >= static_cast<int>(control_names_.size()) - 6 * static_cast<int>(driven);
+}
+
 int Simulation::FindControl(const std::string& name) const {
   const auto at = std::find(control_names_.begin(), control_names_.end(), name);
   return at == control_names_.end() ? -1 : static_cast<int>(at - control_names_.begin());

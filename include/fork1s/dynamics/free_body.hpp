@@ -33,10 +33,12 @@ class FreeBody {
 
   /// Begins a step of second order: until Integrate or Revert the body stands where it will be at that instant.
   void Begin(double h, Instant instant);
-  /// What PortTwist says times h is, with ContactShift(), how far the step goes. Before Predict: mean twist
-  /// from the start to where the body stands, where that is the end.
-  Vector6 ContactShift() const { return shift_; }
+  /// From Begin on, where that was for the end: what PortTwist() and this are together, times h, is how far
+  /// the step still goes from there.
+  Vector6 Onward() const;
+  /// And mean velocities from the start to there, before Predict in place of PortTwist().
   Vector6 MovedTwist() const { return begun_ && instant_ == Instant::kEnd ? moved_ : PortTwist(); }
+  const RigidTransform& PoseAtStart() const { return X_WB_before_; }
   /// Free velocity after h under gravity, gathered wrenches and gyroscopic moment (implicit midpoint).
   void Predict(double h, const Vector3& gravity_W);
   /// [R ω_B; v_centre]: the six-vector on which contacts work, about the centre of mass in world axes.
@@ -104,8 +106,7 @@ class FreeBody {
   // At the end: velocities are those of the port times this, 1.5 by the rule of two steps.
   double order_ = 1;
   Past past_;
-  Vector6 moved_ = Vector6::Zero();  // mean twist from the start to X_WB_
-  Vector6 shift_ = Vector6::Zero();
+  Vector6 moved_ = Vector6::Zero();   // velocities from the start to X_WB_, mean, as of the port
   Vector6 onward_ = Vector6::Zero();  // times h: turn in the body's axes and way from X_WB_, beside the port's
   Vector3 force_W_ = Vector3::Zero();
   Vector3 moment_W_ = Vector3::Zero();  // about the centre of mass

@@ -82,9 +82,10 @@ class MechanismDynamics {
   /// are after a share of a step that begins there.
   void SetInputsWithin(const MechanismState& start, double share);
   /// From Begin on, where that was for the end: mean rates from the start to where it stands
-  /// [num_velocities], those of a base about its own frame, and the mean twist of a group in R.
+  /// [num_velocities], those of a base about its own frame. Before Predict twists and rates are by them.
   const VectorX& MovedRates() const { return moved_; }
-  Vector6 GroupMoved(int g) const;
+  /// From Begin on.
+  RigidTransform GroupPoseAtStart(int g) const;
   /// Between Begin and Predict: whether anything may touch it in this step. Then all forces act at the end of
   /// the step, as rows of contact ask: J (x⁺ + ContactShift()) is the mean velocity that they bound.
   void ExpectContact(bool touches) { touches_ = touches; }

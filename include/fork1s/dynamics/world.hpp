@@ -20,9 +20,9 @@ class MechanismDynamics;  // mechanism_dynamics.hpp, for who looks into a mechan
 struct ContactProblem;    // contact_problem.hpp
 struct StepPartTimes;     // step_times.hpp
 
-/// How a step is taken. kEuler: all forces at its end, first order. kTheta: slow modes by the trapezoid, what
-/// a step cannot follow at its end, impacts likewise (docs/method.md, section 5); second order, not for
-/// recovery by twists.
+/// How a step is taken. kEuler: all forces at its end, first order. kTheta: of second order, not for recovery by
+/// twists; slow modes by the trapezoid, what a step cannot follow at its end, lasting contact at its end by the
+/// rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5).
 enum class Integrator { kEuler, kTheta };
 
 struct StepOptions {
@@ -50,7 +50,8 @@ struct StepReport {
   bool contacts_dropped = false;  // the collision detector ran out of room
   int newton_steps = 0;           // beyond the first, of the mechanism that took most; second order only
   bool minimum_found = true;      // false: those ended short of the end of the step that they sought
-  bool impact = false;            // something closed a gap at speed: the step took its forces at its end
+  bool impact = false;            // something was met at speed: four steps of implicit Euler made this one
+  bool forces_at_end = true;      // of contact; false: half way
   double loop_residual = 0;       // rad or m by which the rows of any loop are open, of the mechanism's own
   bool finite = true;             // false: the step was undone and the state is that before it
 };

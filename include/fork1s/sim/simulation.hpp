@@ -90,6 +90,8 @@ class Simulation {
   /// .rx .ry .rz (rotation vector, rad), all relative to its initial pose.
   const std::vector<std::string>& control_names() const { return control_names_; }
   int FindControl(const std::string& name) const;  // -1: none
+  /// Whether a control is a coordinate of a driven base.
+  bool DrivesBase(int index) const;
   const VectorX& controls() const { return controls_; }
   /// Values outside the control's limits are moved to the nearest limit. Whether what is set stands
   /// throughout the next step or is where the step ends: StepOptions::controls_move.
@@ -175,7 +177,8 @@ class Simulation {
       body_of_;  // places in bodies_ by body of world_: of free ones, then of mechanisms
 };
 
-/// Values of named controls over time, linear between rows, held before the first and after the last.
+/// Values of named controls over time, linear between rows, held before the first and after the last. Of driven
+/// bases, corners of that path are rounded within 1/60 s of a row: bodies have no jumps of velocity.
 struct ControlTrack {
   std::vector<std::string> names;
   std::vector<double> times;              // s, increasing
