@@ -53,7 +53,7 @@ bool MechanismDynamics::AnyAtBound() const {
 void MechanismDynamics::TakeBoundedSpringsOut(double h) {
   const auto& limits = mechanism().force_limits();
   const bool turned =
-      model().loop_rank() > 0 && scheme_ == Scheme::kEuler && options_.recovery != Recovery::kTwist;
+      model().loop_rank() > 0 && rule_ != StepRule::kMiddle && options_.recovery != Recovery::kTwist;
   for (std::size_t k = 0; k < limits.size(); ++k) {
     const double spring = h * h * limits[k].stiffness, damper = order_ * h * limits[k].damping;
     if (turned && spring > 0) {
@@ -93,7 +93,7 @@ bool MechanismDynamics::UpdateForceLimits(double h) {
   bool changed = false;
   for (std::size_t k = 0; k < limits.size(); ++k) {
     const double stretch =
-        scheme_ == Scheme::kEuler ? h * LengthRate(limits[k].length) : StretchToForce(limits[k], h);
+        rule_ == StepRule::kEuler ? h * LengthRate(limits[k].length) : StretchToForce(limits[k], h);
     const double f = limit_force_(static_cast<Eigen::Index>(k)) - limits[k].stiffness * stretch -
                      limits[k].damping * order_ * LengthRate(limits[k].length);
     signed char side = f > limits[k].upper ? 1 : f < limits[k].lower ? -1 : 0;

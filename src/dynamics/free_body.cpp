@@ -37,16 +37,20 @@ void FreeBody::AddWrench(const Vector3& force_W, const Vector3& moment_W, const 
 
 void FreeBody::Predict(double h, const Vector3& gravity_W) {
   pushed_ = false;
-  if (begun_ && instant_ == Instant::kEnd) {
-    PredictEnd(h, gravity_W);
-    force_W_.setZero();
-    moment_W_.setZero();
-    return;
-  }
   velocity_before_ = velocity_;
-  velocity_ += h * (weight_share_ * gravity_W + force_W_ / inertia_.mass);
   omega_B_before_ = omega_B_;
-  omega_B_ = TurnFreely(inertia_.rotational, omega_B_, X_WB_.rotation().transpose() * moment_W_, h);
+  const Vector3 acceleration = weight_share_ * gravity_W + force_W_ / inertia_.mass;
+  const Vector3 moment_B = X_WB_.rotation().transpose() * moment_W_;
+  const Matrix3& I = inertia_.rotational;
+  velocity_ += h * acceleration;
+  omega_B_ = TurnFreely(I, omega_B_, moment_B, h);
+  if (order_ > 1) {
+    // v⁺ = (4 v - v⁻ + 2 h a)/3, all as it is at the end of the step
+    velocity_ = (4 * velocity_before_ - past_.velocity + 2 * h * acceleration) / (3 * order_);
+    const Vector3 before = TurnFreely(I, past_.omega_B, Vector3::Zero(), 2 * h);
+    const Vector3 unpushed = TurnFreely(I, omega_B_before_, Vector3::Zero(), h);
+    omega_B_ = (2 * unpushed - before + 2 * omega_B_) / (3 * order_);
+  }
   force_W_.setZero();
   moment_W_.setZero();
 }
@@ -67,7 +71,7 @@ Matrix6 FreeBody::InverseInertiaRoot() const {
   Matrix6 Y = Matrix6::Zero();
   Y.topLeftCorner<3, 3>() = (X_WB_.rotation() * rotational_root_).transpose();
   Y.bottomRightCorner<3, 3>() = Matrix3::Identity() / std::sqrt(inertia_.mass);
-  if (begun_ && instant_ == Instant::kEnd) Y /= order_;
+  Y /= order_;
   return Y;
 }
 
@@ -77,95 +81,61 @@ void FreeBody::SetPortTwist(const Vector6& V) {
   velocity_ = V.tail<3>();
 }
 
-void FreeBody::Begin(double h, Instant instant) {
+void FreeBody::Begin(double h, StepRule rule) {
   X_WB_before_ = X_WB_;
   omega_B_before_ = omega_B_;
   velocity_before_ = velocity_;
-  begun_ = true;
-  instant_ = instant;
-  order_ = 1;
-  if (instant == Instant::kMiddle) {
+  rule_ = rule;
+  turn_shift_.setZero();
+  way_shift_.setZero();
+  if (rule == StepRule::kMiddle) {
     const Vector3 center = center_W() + 0.5 * h * velocity_;
     X_WB_.rotation() = X_WB_.rotation() * ExpRotation(0.5 * h * omega_B_);
     X_WB_.translation() = center - X_WB_.rotation() * inertia_.center;
-    return;
-  }
-  // docs/method.md, section 5: where two steps lead, or one.
-  const Vector3 center = center_W();
-  Vector3 way = h * velocity_, turn = h * omega_B_;
-  if (past_.h == h) {
+  } else if (past_.h == h) {  // docs/method.md, section 5
     order_ = 1.5;
-    way = 2 * way - (center - past_.center_W);
-    turn = 2 * turn - LogRotation(past_.R_WB.transpose() * X_WB_.rotation());
-  }
-  X_WB_.rotation() = X_WB_.rotation() * ExpRotation(turn);
-  X_WB_.translation() = center + way - X_WB_.rotation() * inertia_.center;
-  moved_ << X_WB_.rotation() * turn / h, way / h;
-  onward_ << -turn / h, -way / h;
-  if (order_ > 1) {
-    const Vector3 before = LogRotation(X_WB_.rotation().transpose() * past_.R_WB);
-    onward_.head<3>() += (-turn - before) / (3 * h);
-    onward_.tail<3>() += (center - past_.center_W) / (3 * h);
+    turn_shift_ = LogRotation(past_.R_WB.transpose() * X_WB_.rotation()) / (3 * h);
+    way_shift_ = (center_W() - past_.center_W) / (3 * h);
   }
 }
 
-Vector6 FreeBody::Onward() const {
+Vector6 FreeBody::Shift() const {
   Vector6 V;
-  V << X_WB_.rotation() * onward_.head<3>(), onward_.tail<3>();
+  V << X_WB_.rotation() * turn_shift_, way_shift_;
   return V;
 }
 
-// The velocities of the start as the end sees them.
-void FreeBody::PredictEnd(double h, const Vector3& gravity_W) {
-  const Matrix3& I = inertia_.rotational;
-  omega_B_ = TurnFreely(I, omega_B_, Vector3::Zero(), h);
-  if (order_ > 1) {
-    omega_B_ = (4 * omega_B_ - TurnFreely(I, past_.omega_B, Vector3::Zero(), 2 * h)) / 3;
-    velocity_ = (4 * velocity_ - past_.velocity) / 3;
-  }
-  const double share = h / order_;
-  velocity_ += share * (weight_share_ * gravity_W + force_W_ / inertia_.mass);
-  omega_B_ += share * (rotational_root_ * (rotational_root_.transpose() * (X_WB_.rotation().transpose() * moment_W_)));
-  velocity_ /= order_;
-  omega_B_ /= order_;
-}
-
-// The pose at the end of a step whose contacts were found where it was foreseen to end.
-void FreeBody::IntegrateEnd(double h) {
-  const Vector3 turn = h * (omega_B_ + onward_.head<3>());
-  const Vector3 center = center_W() + h * (velocity_ + onward_.tail<3>());
-  X_WB_.rotation() = X_WB_.rotation() * ExpRotation(turn);
+void FreeBody::Integrate(double h) {
+  // Free flight follows its parabola by the mean velocity. Contact asks that gaps stay closed at the end
+  // velocity.
+  const double start = pushed_ || order_ > 1 ? 0 : 0.5, end = 1 - start;
+  if (rule_ != StepRule::kEuler) X_WB_ = X_WB_before_;
+  const Vector3 center = center_W();
+  const Vector3 way = start * velocity_before_ + end * velocity_ + way_shift_;
+  X_WB_.rotation() =
+      X_WB_.rotation() * ExpRotation(h * (start * omega_B_before_ + end * omega_B_ + turn_shift_));
   X_WB_.Orthonormalize();
-  X_WB_.translation() = center - X_WB_.rotation() * inertia_.center;
+  X_WB_.translation() = center + h * way - X_WB_.rotation() * inertia_.center;
   omega_B_ *= order_;
   velocity_ *= order_;
-}
-
-void FreeBody::Integrate(double h) {
-  const bool second_order = begun_;
-  if (begun_ && instant_ == Instant::kEnd) {
-    IntegrateEnd(h);
-  } else {
-    // Free flight follows its parabola by the mean velocity. Contact asks that gaps stay closed at the end
-    // velocity.
-    const double start = pushed_ ? 0 : 0.5, end = 1 - start;
-    if (begun_) X_WB_ = X_WB_before_;
-    const Vector3 center = center_W() + h * (start * velocity_before_ + end * velocity_);
-    X_WB_.rotation() = X_WB_.rotation() * ExpRotation(h * (start * omega_B_before_ + end * omega_B_));
-    X_WB_.Orthonormalize();
-    X_WB_.translation() = center - X_WB_.rotation() * inertia_.center;
-  }
-  past_ = Past();
-  if (second_order)
-    past_ = {h, X_WB_before_.rotation(), X_WB_before_ * inertia_.center, omega_B_before_, velocity_before_};
-  begun_ = false;
+  past_.h = 0;
+  if (rule_ != StepRule::kEuler)
+    past_ = {h, X_WB_before_.rotation(), center, omega_B_before_, velocity_before_};
+  EndStep();
 }
 
 void FreeBody::Revert() {
-  if (begun_) X_WB_ = X_WB_before_;
-  begun_ = false;
+  if (rule_ == StepRule::kMiddle) X_WB_ = X_WB_before_;
   omega_B_ = omega_B_before_;
   velocity_ = velocity_before_;
+  EndStep();
+}
+
+void FreeBody::EndStep() {
+  rule_ = StepRule::kEuler;
+  order_ = 1;
+  turn_shift_.setZero();
+  way_shift_.setZero();
 }
 
 void FreeBody::Restore(const State& state) {
@@ -175,7 +145,8 @@ void FreeBody::Restore(const State& state) {
   force_W_ = state.force_W;
   moment_W_ = state.moment_W;
   past_ = state.past;
-  pushed_ = begun_ = false;
+  pushed_ = false;
+  EndStep();
 }
 
 double FreeBody::KineticEnergy() const {

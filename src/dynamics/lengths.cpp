@@ -52,7 +52,7 @@ void MechanismDynamics::ReducedRow(const Mechanism::Length& length, const std::v
 // that is not linear in a step of implicit Euler, else that of the reference, as in K_r.
 void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weight, bool bends) {
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
-  if ((bends || length.path >= 0) && scheme_ == Scheme::kEuler && options_.recovery != Recovery::kTwist)
+  if ((bends || length.path >= 0) && rule_ != StepRule::kMiddle && options_.recovery != Recovery::kTwist)
     ReducedRow(length, Paths(), Q_now(), limit_row_);
   else
     ReducedRow(length, paths_ref_, model().Q_rows, limit_row_);
@@ -67,7 +67,7 @@ void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weig
 // Springs and dampers that are not linear likewise, by the stiffness and the damping of the pose and its
 // rates. By second order their dampers are linear, those of the rates 0 of the reference.
 void MechanismDynamics::TurnSprings(double h) {
-  if (!has_bent_springs_ || scheme_ != Scheme::kEuler || options_.recovery == Recovery::kTwist) return;
+  if (!has_bent_springs_ || rule_ == StepRule::kMiddle || options_.recovery == Recovery::kTwist) return;
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
   const auto& springs = mechanism().springs();
   auto slack = slack_.begin();
@@ -77,8 +77,8 @@ void MechanismDynamics::TurnSprings(double h) {
     const double stiffness = s.slack > 0 ? SlackStiffness(*slack++) : s.StiffnessAt(Length(s.length));
     double rate = 0;
     ForEachArm(s.length, Paths(), [&](int i, double c) { rate += c * Q_now().row(i).dot(state_.reduced.w); });
-    const double reference = h * (h * spring_stiffness_ref_[k] + s.DampingAt(0)),
-                 now = h * (h * stiffness + s.DampingAt(rate));
+    const double reference = h * (h * spring_stiffness_ref_[k] + order_ * s.DampingAt(0)),
+                 now = h * (h * stiffness + order_ * s.DampingAt(rate));
     ReducedRow(s.length, paths_ref_, model().Q_rows, limit_row_);
     A_z.noalias() -= reference * limit_row_ * limit_row_.transpose();
     AddSpringOf(s.length, now, true);
@@ -107,17 +107,18 @@ void MechanismDynamics::FindDampers() {
 // coordinates. Springs too, but their forces are those of the pose wherever A has its stiffness; a damper acts through
 // A alone. Springy closures keep the damping of the reference.
 void MechanismDynamics::TurnDampers(double h) {
-  if (model().loop_rank() == 0 || scheme_ != Scheme::kEuler || options_.recovery == Recovery::kTwist) return;
+  if (model().loop_rank() == 0 || rule_ == StepRule::kMiddle || options_.recovery == Recovery::kTwist) return;
   const Mechanism& m = mechanism();
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
-  A_z -= h * joint_damping_ref_;
-  for (const WeightedRows& rows : dampers_) AddRowSquares(Q_now(), rows, h, A_z);
+  const double weight = order_ * h;  // of dampers in A
+  A_z -= weight * joint_damping_ref_;
+  for (const WeightedRows& rows : dampers_) AddRowSquares(Q_now(), rows, weight, A_z);
   for (const Mechanism::Spring& s : m.springs()) {
     if (s.length.path >= 0 || !s.is_linear() || s.damping == 0) continue;
     ReducedRow(s.length, Paths(), Q_now(), limit_row_);
-    A_z.noalias() += h * s.damping * limit_row_ * limit_row_.transpose();
+    A_z.noalias() += weight * s.damping * limit_row_ * limit_row_.transpose();
     ReducedRow(s.length, paths_ref_, model().Q_rows, limit_row_);
-    A_z.noalias() -= h * s.damping * limit_row_ * limit_row_.transpose();
+    A_z.noalias() -= weight * s.damping * limit_row_ * limit_row_.transpose();
   }
 }
 

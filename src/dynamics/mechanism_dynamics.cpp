@@ -145,7 +145,7 @@ void MechanismDynamics::Restore(const MechanismState& state) {
   }
   x_.tail(model().size()) = state_.reduced.w;
   if (base_size_ > 0) x_.head<6>() = state_.reduced.V_R;
-  scheme_ = Scheme::kEuler;
+  rule_ = StepRule::kEuler;
   factored_h_ = -1;
   configuration_.mu = state_.mu;
   UpdateConfiguration(true);

@@ -92,7 +92,7 @@ void MechanismDynamics::LoadForces(double h, const Vector3& gravity_R, const Vec
   q_dot_.setZero();
   AddMotion(model(), Q_now(), state_.reduced.w, q_dot_);
   const bool by_formula =
-      scheme_ == Scheme::kEuler;  // else velocity forces come of the momentum carried along
+      rule_ == StepRule::kEuler;  // else velocity forces come of the momentum carried along
   const bool turns = base_moves() && !state_.reduced.V_R.isZero(0);
   // What rests drifts by less than this; its velocity forces would be below 1e-12 of its inertia.
   constexpr double kRests = 1e-6;  // rad/s or m/s

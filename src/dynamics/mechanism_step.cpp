@@ -42,7 +42,7 @@ void MechanismDynamics::Factor(double h) {
 
 void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
   pushed_ = false;
-  if (scheme_ != Scheme::kEuler) {
+  if (rule_ != StepRule::kEuler) {
     PredictTheta(h);
     SolveFreeTheta(h);
     return;
@@ -110,7 +110,7 @@ void MechanismDynamics::SolveFree(double h) {
 
 void MechanismDynamics::PredictAgain(double h) {
   pushed_ = false;
-  if (scheme_ != Scheme::kEuler) {
+  if (rule_ != StepRule::kEuler) {
     SolveFreeTheta(h);
     return;
   }
@@ -124,7 +124,7 @@ void MechanismDynamics::ApplyImpulse(const VectorX& p, bool from_outside) {
   rhs_ = p;
   factor_.SolveInPlace(rhs_);
   x_ += rhs_;
-  if (scheme_ != Scheme::kEuler) {
+  if (rule_ != StepRule::kEuler) {
     impulse_ += p;
     return;
   }
@@ -137,8 +137,8 @@ void MechanismDynamics::ApplyImpulse(const VectorX& p, bool from_outside) {
 }
 
 void MechanismDynamics::Revert() {
-  if (scheme_ != Scheme::kEuler) {
-    scheme_ = Scheme::kEuler;
+  if (rule_ != StepRule::kEuler) {
+    rule_ = StepRule::kEuler;
     order_ = 1;
     state_.reduced.z = z_before_;
     state_.reduced.X_WR = X_WR_before_;
@@ -152,9 +152,9 @@ void MechanismDynamics::Revert() {
 }
 
 void MechanismDynamics::Integrate(double h) {
-  if (scheme_ != Scheme::kEuler) {
+  if (rule_ != StepRule::kEuler) {
     IntegrateTheta(h);
-    scheme_ = Scheme::kEuler;
+    rule_ = StepRule::kEuler;
     order_ = 1;
     return;
   }

@@ -58,10 +58,10 @@ void MechanismDynamics::SizeTheta() {
   F_parts_.resize(6, rigid_parts_.size());
 }
 
-void MechanismDynamics::Begin(double h, const Vector3& gravity_W, Instant instant) {
+void MechanismDynamics::Begin(double h, const Vector3& gravity_W, StepRule rule) {
   FORK1S_REQUIRE(options_.recovery != Recovery::kTwist);
-  FORK1S_REQUIRE(instant != Instant::kStart);
-  scheme_ = instant == Instant::kMiddle ? Scheme::kMiddle : Scheme::kEnd;
+  FORK1S_REQUIRE(rule != StepRule::kEuler);
+  rule_ = rule;
   order_ = 1;
   touches_ = false;
   gravity_W_ = gravity_W;
@@ -77,7 +77,7 @@ void MechanismDynamics::Begin(double h, const Vector3& gravity_W, Instant instan
     q_dot_start_.setZero();
   Vector6 V_start = state_.reduced.V_R;
   if (mechanism().base() == BaseKind::kFixed) V_start.setZero();
-  if (mechanism().base() == BaseKind::kDriven && scheme_ == Scheme::kEnd && state_.past.h == h)
+  if (mechanism().base() == BaseKind::kDriven && rule_ == StepRule::kTwoSteps && state_.past.h == h)
     V_start = state_.past.V_R;
   ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_dot_start_, V_start,
                             start_velocity_);
@@ -90,9 +90,8 @@ void MechanismDynamics::Begin(double h, const Vector3& gravity_W, Instant instan
     linear_W_ = R * p.tail<3>();
     past_next_.center_W = center_W_;
   }
-  if (scheme_ == Scheme::kEnd) {
-    MoveToEnd(h);
-    MixPast(h);
+  if (rule_ == StepRule::kTwoSteps) {
+    TakePast(h);
     return;
   }
   if (mechanism().base() == BaseKind::kDriven) {
@@ -102,6 +101,7 @@ void MechanismDynamics::Begin(double h, const Vector3& gravity_W, Instant instan
   } else {
     potential_start_ = PotentialEnergy(gravity_W);
   }
+  q_dot_mixed_ = q_dot_start_;
   TurnFreely(rigid_parts_, 0.5 * h, start_velocity_);
   MoveToMiddle(h);
 }
@@ -139,10 +139,10 @@ void MechanismDynamics::PredictTheta(double h) {
     // Joints see what is left beside the base's own mean motion.
     tau_.setZero();
     ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, tau_,
-                              scheme_ == Scheme::kEnd ? V_end_ : state_.reduced.V_R, other_velocity_);
+                              rule_ == StepRule::kTwoSteps ? V_end_ : state_.reduced.V_R, other_velocity_);
     AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
   }
-  tau_ = mechanism().armature().cwiseProduct(scheme_ == Scheme::kEnd ? q_dot_mixed_ : q_dot_start_);
+  tau_ = mechanism().armature().cwiseProduct(q_dot_mixed_);
   GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
   if (r > 0) momentum_.tail(r).noalias() = Q_now().transpose() * tau_;
   if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
@@ -150,7 +150,7 @@ void MechanismDynamics::PredictTheta(double h) {
   if (num_velocities() > 0) {
     SolveOrFail(inertia_factor_, M_full_, u_);
   }
-  if (r > 0 && scheme_ != Scheme::kEnd) {
+  if (r > 0 && rule_ != StepRule::kTwoSteps) {
     w_start_ = w_before_;
     if (mechanism().base() == BaseKind::kDriven) {
       // Half of what the change of the base's twist brings has come by the start, the other half comes by the
@@ -196,8 +196,8 @@ void MechanismDynamics::PredictTheta(double h) {
 
 // x* from the momenta and forces at hand.
 void MechanismDynamics::SolveFreeTheta(double h) {
-  if (scheme_ == Scheme::kEnd) {
-    SolveFreeEnd(h);
+  if (rule_ == StepRule::kTwoSteps) {
+    SolveFreeTwoSteps(h);
     return;
   }
   const int r = model().size();
@@ -241,14 +241,14 @@ void MechanismDynamics::SolveFreeTheta(double h) {
 // From the pose at which LoadForces found a servo's spring to where its force acts.
 double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, double h) {
   const int r = model().size();
-  f_used_ = z_before_ - state_.reduced.z;
-  if (scheme_ == Scheme::kEnd) {
-    f_used_ += h * (x_.tail(r) + contact_shift_.tail(r));
+  if (rule_ == StepRule::kTwoSteps) {
+    f_used_ = h * (x_.tail(r) + contact_shift_.tail(r));
   } else {
     f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
-    w_mean_.noalias() = rule().Th * f_turn_;
+    w_mean_.noalias() = scheme().Th * f_turn_;
     w_mean_ += w_start_;
-    f_used_.noalias() += h * (rule().Th * w_mean_);
+    f_used_ = z_before_ - state_.reduced.z;
+    f_used_.noalias() += h * (scheme().Th * w_mean_);
   }
   double stretch = 0;
   ForEachArm(limit.length, Paths(), [&](int i, double c) { stretch += c * Q_now().row(i).dot(f_used_); });
@@ -271,8 +271,8 @@ void MechanismDynamics::SpringPull(const VectorX& moved, VectorX& force) {
 }
 
 void MechanismDynamics::IntegrateTheta(double h) {
-  if (scheme_ == Scheme::kEnd) {
-    IntegrateEnd(h);
+  if (rule_ == StepRule::kTwoSteps) {
+    IntegrateTwoSteps(h);
     return;
   }
   const int r = model().size();
@@ -287,14 +287,14 @@ void MechanismDynamics::IntegrateTheta(double h) {
   double work = 0;  // of springs, weight and controls along the chord
   if (r > 0) {
     f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
-    w_mean_.noalias() = rule().Th * f_turn_;
+    w_mean_.noalias() = scheme().Th * f_turn_;
     w_mean_ += w_start_;
     // f(z + h Th w̄); what springs bend by within the step is what `work` then misses.
     f_used_ = z_before_ - state_.reduced.z;
-    f_used_.noalias() += h * (rule().Th * w_mean_);
+    f_used_.noalias() += h * (scheme().Th * w_mean_);
     SpringPull(f_used_, f_turn_);
     work = h * w_mean_.dot(f_z_ - f_wrench_ + f_turn_);
-    f_used_.noalias() = rule().Th * w_mean_;
+    f_used_.noalias() = scheme().Th * w_mean_;
     f_used_ -= 0.5 * w_mean_;
     SpringPull(f_used_, f_turn_);
     work -= h * h * w_mean_.dot(f_turn_);
@@ -398,7 +398,7 @@ void MechanismDynamics::TakeVelocityAtEnd(double work) {
   SolveOrFail(inertia_factor_, M_full_, x_);
   // What is known of the energy: truncated modes follow their loads at rest and take part in it unseen, and
   // the work of springs without potential is known at the middle alone.
-  if (r > 0 && scheme_ != Scheme::kEnd && !model().has_complement && !minimised_ && !has_follower_springs_) {
+  if (r > 0 && rule_ != StepRule::kTwoSteps && !model().has_complement && !minimised_ && !has_follower_springs_) {
     const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.reduced.X_WR;
     const double potential = PotentialEnergyOn(X_WR, gravity_W_),
                  missed = potential_start_ - potential - work;

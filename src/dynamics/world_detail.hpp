@@ -33,17 +33,14 @@ struct World::Detail {
   // The step of second order (world_theta.cpp).
   bool UsesTheta(const StepOptions& options) const;
   void BeginTheta(const StepOptions& options, StepReport& report);
-  void MoveAllTo(const StepOptions& options, Instant instant);
+  void BeginAll(const StepOptions& options, StepRule rule);
   bool AnythingTouches() const;
   // Impacts (world_impact.cpp).
   StepReport StepThroughImpact(const StepOptions& options);
   void SumImpulses();
   void TellSums();
   void ExpectContacts();
-  double ShareOfStep() const;
   double StepsRatio(double h) const;
-  RigidTransform PoseAtStart(int contactor) const;
-  Vector3 MeanSpeed(double h, std::size_t contact, const ContactConstraint& c) const;
   void ShiftRows();
   void Rebound(double h);
   bool ClosesAtSpeed(const StepOptions& options) const;
@@ -100,8 +97,9 @@ struct World::Detail {
   ContactMotion MotionBy(const VectorX& velocities, const ContactPoint& point, const Foresight& seen) const;
   bool AdvanceHalf(double h, ContactPoint& point, Foresight& out) const;
   bool Reparametrised(int contactor) const;
-  Vector3 MissedWay(double h, std::size_t contact) const;
-  Vector3 RelativeSpeed(const ContactConstraint& c) const;
+  void KeepEndVelocities();
+  Vector3 MissedWay(double h, std::size_t contact, const VectorX& mean) const;
+  static Vector3 RelativeSpeed(const ContactConstraint& c, const VectorX& velocities);
   Vector3 CoordinateCurvature(int contactor, const Matrix36& J) const;
 
   std::vector<MechanismDynamics> mechanisms_;
@@ -139,7 +137,7 @@ struct World::Detail {
   static constexpr double kClear = 0.001;  // m: what contacts may move a body by that was not foreseen
   std::vector<MatchBench> match_benches_;
   std::vector<std::size_t> patches_;  // first point of each, and the end
-  Instant instant_ = Instant::kStart;  // where in the step its contacts are found
+  StepRule rule_ = StepRule::kEuler;  // of this step
   bool by_theta_ = false;
   std::vector<Vector3> missed_W_, previous_missed_W_;  // MissedWay()
   std::vector<Foresight> foresight_;                   // of points_
@@ -154,6 +152,7 @@ struct World::Detail {
   std::vector<int> port_offset_;  // per contactor: row in the stacked velocities or -1
   std::vector<int> port_part_;    // per contactor: part block of its mechanism
   VectorX velocities_, port_shift_;
+  VectorX mean_, end_;  // of two steps, as velocities_
   std::vector<double> contactor_motion_;  // m, since the step before
 
   // Ports and limits of one part of a mechanism, or (the last one) of groups that only follow its driven

@@ -80,11 +80,35 @@ void World::Detail::ApplyImpulses() {
   });
 }
 
+// Of two steps, once they are taken: the velocities that they ended with, seen by the rows at hand, as the next
+// step compares them with what its own rows see of them.
+void World::Detail::KeepEndVelocities() {
+  end_ = velocities_;
+  for (std::size_t c = 0; c < contactors_.size(); ++c) {
+    if (port_offset_[c] < 0) continue;
+    const auto i = static_cast<std::size_t>(contactors_[c].index);
+    auto V = end_.segment<6>(port_offset_[c]);
+    if (contactors_[c].kind == Contactor::Kind::kFreeBody) {
+      V = free_bodies_[i].PortTwist();
+    } else if (mechanism_blocks_[i].refreshed <= 0) {  // else there are no such rows any more
+      const PartBlock& part = mechanism_blocks_[i].parts[static_cast<std::size_t>(port_part_[c])];
+      V = mechanisms_[i].GroupTwist(contactors_[c].group,
+                                    part.J_T.middleCols(port_offset_[c] - part.offset, 6));
+    }
+    last_twist_[c] = V;
+  }
+  ForContacts([&](std::size_t i) {
+    speed_W_[i] = points_[i].frame.transpose() * RelativeSpeed(constraints_[i], end_);
+  });
+}
+
 void World::Detail::KeepForNextStep(double h, StepReport& report) {
   contacts_.resize(points_.size());
   speed_W_.resize(points_.size());
   missed_W_.resize(points_.size());
-  change_ = velocities_ - change_;
+  if (rule_ == StepRule::kTwoSteps) mean_ = velocities_ + port_shift_;
+  const VectorX& mean = rule_ == StepRule::kTwoSteps ? mean_ : velocities_;
+  change_ = mean - change_;
   ForContacts([&](std::size_t i) {
     const ContactConstraint& c = constraints_[i];
     contacts_[i].point = points_[i];
@@ -92,8 +116,8 @@ void World::Detail::KeepForNextStep(double h, StepReport& report) {
     contacts_[i].friction = c.friction;
     contacts_[i].moment = c.moment;
     contacts_[i].use = c.use;
-    speed_W_[i] = points_[i].frame.transpose() * RelativeSpeed(c);
-    missed_W_[i] = by_theta_ ? Vector3(Vector3::Zero()) : MissedWay(h, i);
+    speed_W_[i] = points_[i].frame.transpose() * RelativeSpeed(c, velocities_);
+    missed_W_[i] = rule_ == StepRule::kMiddle ? Vector3(Vector3::Zero()) : MissedWay(h, i, mean);
   });
   for (const ContactRecord& c : contacts_)
     if (c.impulse(0) > 0) {

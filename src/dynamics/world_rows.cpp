@@ -88,7 +88,7 @@ ContactMotion World::Detail::MotionBy(const VectorX& velocities, const ContactPo
 // How far [m, world axes] what sticks goes along the surface since the velocities of the start, and not those
 // of the end, said where half way is. The next step makes it good: left alone, it comes to nothing where
 // things go to and fro on one path, but in circles it adds up, and a ball that is shaken crept by 0.2 mm.
-Vector3 World::Detail::MissedWay(double h, std::size_t contact) const {
+Vector3 World::Detail::MissedWay(double h, std::size_t contact, const VectorX& mean) const {
   const ContactConstraint& c = constraints_[contact];
   const ContactPoint& p = points_[contact];
   const Foresight& seen = foresight_[contact];
@@ -99,7 +99,7 @@ Vector3 World::Detail::MissedWay(double h, std::size_t contact) const {
     const auto k = static_cast<std::size_t>(body);
     const Contactor& touching = contactors_[k];
     if (touching.kind == Contactor::Kind::kWorld) return Vector3::Zero();
-    const auto V = velocities_.segment<6>(port_offset_[k]);
+    const auto V = mean.segment<6>(port_offset_[k]);
     if (touching.kind == Contactor::Kind::kFreeBody)
       return V.head<3>().cross(farther - change_.segment<3>(port_offset_[k] + 3));
     const auto i = static_cast<std::size_t>(touching.index);
@@ -119,50 +119,11 @@ Vector3 World::Detail::MissedWay(double h, std::size_t contact) const {
   return sticks * (missed - n * n.dot(missed));     // along the normal the gap says it
 }
 
-Vector3 World::Detail::RelativeSpeed(const ContactConstraint& c) const {
+Vector3 World::Detail::RelativeSpeed(const ContactConstraint& c, const VectorX& velocities) {
   Vector3 speed = Vector3::Zero();
-  if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
-  if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);
+  if (c.port_a >= 0) speed += c.J_a * velocities.segment<6>(c.port_a);
+  if (c.port_b >= 0) speed += c.J_b * velocities.segment<6>(c.port_b);
   return speed;
-}
-
-RigidTransform World::Detail::PoseAtStart(int contactor) const {
-  const Contactor& c = contactors_[static_cast<std::size_t>(contactor)];
-  const auto i = static_cast<std::size_t>(c.index);
-  if (c.kind == Contactor::Kind::kWorld) return RigidTransform();
-  return c.kind == Contactor::Kind::kGroup ? mechanisms_[i].GroupPoseAtStart(c.group)
-                                           : free_bodies_[i].PoseAtStart();
-}
-
-// Mean velocity of b's material against a's at a contact, from the start of the step to its end, where the
-// contact was found, in its frame. As one body sees the other, that which turns less, so that what moves as one
-// has none: the way of the other's centre and its turn about that, at the place of the contact half way. What
-// rolls, however far it turns, rolls on.
-Vector3 World::Detail::MeanSpeed(double h, std::size_t contact, const ContactConstraint& c) const {
-  const ContactPoint& p = points_[contact];
-  if (match_[contact] < 0) return RelativeSpeed(c);
-  const RigidTransform X_start[2] = {PoseAtStart(p.body_a), PoseAtStart(p.body_b)};
-  RigidTransform X_end[2];
-  double turn[2];
-  for (int side = 0; side < 2; ++side) {
-    const int body = side == 0 ? p.body_a : p.body_b;
-    if (contactors_[static_cast<std::size_t>(body)].kind != Contactor::Kind::kWorld)
-      X_end[side] = contactor_pose_[static_cast<std::size_t>(body)];
-    turn[side] = (X_end[side].rotation() - X_start[side].rotation()).squaredNorm();
-  }
-  const int seen_by = turn[0] <= turn[1] ? 0 : 1, other = 1 - seen_by;
-  const Contactor& moving = contactors_[static_cast<std::size_t>(other == 0 ? p.body_a : p.body_b)];
-  const Vector3 center = moving.kind == Contactor::Kind::kFreeBody
-                             ? free_bodies_[static_cast<std::size_t>(moving.index)].inertia().center
-                             : Vector3(Vector3::Zero());
-  const RigidTransform to_start = X_start[seen_by].inverse(), to_end = X_end[seen_by].inverse();
-  const RigidTransform start = to_start * X_start[other], end = to_end * X_end[other];
-  const Vector3 from = start * center, to = end * center;
-  const Vector3 theta = LogRotation(end.rotation() * start.rotation().transpose());
-  const Vector3 arm = 0.5 * (to_start * previous_[static_cast<std::size_t>(match_[contact])].point.point - from +
-                             to_end * p.point - to);
-  const Vector3 way = X_end[seen_by].rotation() * (to - from + theta.cross(arm));
-  return (other == 1 ? 1 : -1) / h * (p.frame * way);
 }
 
 // What turns an impulse of the last step into one of this step.
@@ -181,7 +142,7 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   const Contactor& b = contactors_[static_cast<std::size_t>(p.body_b)];
   // What lasts has its rows half a step ahead, where they turn the velocity into the way of the step to
   // second order; and what rows hold back, forces along the same rows do no work on.
-  const bool lasts = options.contact_curvature && !by_theta_ && curvature_valid_ && match_[i] >= 0 &&
+  const bool lasts = options.contact_curvature && rule_ != StepRule::kMiddle && curvature_valid_ && match_[i] >= 0 &&
                      previous_[static_cast<std::size_t>(match_[i])].impulse(0) > 0;
   ContactPoint at = p;
   const bool foreseen = foresight_[i].used = lasts && AdvanceHalf(h, at, foresight_[i]);
@@ -195,12 +156,12 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
     c.port_b = port_offset_[static_cast<std::size_t>(p.body_b)];
     c.J_b = PortRows(p.body_b, at, ahead);
   }
-  const Vector3 speed = instant_ == Instant::kEnd ? MeanSpeed(h, i, c) : RelativeSpeed(c);
-  // Half way or at the end stands what the way to there has made of the gap that the start had.
-  p.gap -= ShareOfStep() * h * speed(0);
+  const Vector3 speed = RelativeSpeed(c, velocities_);
+  // Half way stands what half a step of the old velocity has made of the gap that the start had.
+  const bool middle = rule_ == StepRule::kMiddle;
+  if (middle) p.gap -= 0.5 * h * speed(0);
   SetMaterial(options.material, p.gap, h, c);
-  if (instant_ == Instant::kEnd) c.bias += speed;
-  if (p.restitution > 0 && instant_ == Instant::kStart) approach_[i] = std::max(0.0, -speed(0));
+  if (p.restitution > 0 && !middle) approach_[i] = std::max(0.0, -speed(0));
   // A body on the floor would fall upon all that is near, were nothing there to hold it: it goes on as it
   // did.
   c.waits = p.gap + h * speed(0) > kClear;
@@ -264,7 +225,7 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       LimitConstraint& limit = *next++;
       limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
       limit.sign = upper ? -1 : 1;
-      const double moved = ShareOfStep() * h * m.LengthRate(stop.length);
+      const double moved = rule_ == StepRule::kMiddle ? 0.5 * h * m.LengthRate(stop.length) : 0;
       limit.bias =
           StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
       limit.impulse = by_step * mechanism_blocks_[i].limit_impulses[at];
@@ -293,41 +254,25 @@ void World::Detail::Rebound(double h) {
   }
 }
 
-// How much of the step has gone by where contacts are found.
-double World::Detail::ShareOfStep() const {
-  return instant_ == Instant::kStart ? 0 : instant_ == Instant::kMiddle ? 0.5 : 1;
-}
-
 // Rows bound the mean velocity of the step. What it has beyond the velocities that are solved for is known
-// once all is predicted: at the end of the step, the way to there, of which rows know only the sum, as it was.
+// once all is predicted.
 void World::Detail::ShiftRows() {
   port_shift_.setZero(velocities_.size());
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     const MechanismDynamics& m = mechanisms_[i];
-    for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
+    for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size() && p < m.parts().size(); ++p) {
       const PartBlock& part = mechanism_blocks_[i].parts[p];
-      const bool moves = p < m.parts().size() && part.rows > 0;
-      const MechanismDynamics::Part run = moves ? m.parts()[p] : MechanismDynamics::Part{};
-      if (moves)
+      const MechanismDynamics::Part& run = m.parts()[p];
+      if (part.rows > 0)
         port_shift_.segment(part.offset, part.rows).noalias() =
             part.J_T.leftCols(part.rows).transpose() * m.ContactShift().segment(run.begin, run.size);
-      if (instant_ != Instant::kEnd) continue;
-      // Contacts know how they have come here, and ask how far they still go.
-      for (std::size_t g = 0; g < part.groups.size(); ++g) {
-        const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
-        auto shift = port_shift_.segment<6>(part.offset + column);
-        if (moves)
-          shift.noalias() -=
-              part.J_T.middleCols(column, 6).transpose() * m.MovedRates().segment(run.begin, run.size);
-        if (m.mechanism().base() == BaseKind::kDriven) shift -= m.state().V_R;
-      }
     }
   }
-  if (instant_ == Instant::kEnd)
+  if (rule_ == StepRule::kTwoSteps)
     for (std::size_t c = 0; c < contactors_.size(); ++c)
       if (contactors_[c].kind == Contactor::Kind::kFreeBody && port_offset_[c] >= 0)
         port_shift_.segment<6>(port_offset_[c]) =
-            free_bodies_[static_cast<std::size_t>(contactors_[c].index)].Onward();
+            free_bodies_[static_cast<std::size_t>(contactors_[c].index)].Shift();
   for (ContactConstraint& c : constraints_) {
     if (c.port_a >= 0) c.bias += c.J_a * port_shift_.segment<6>(c.port_a);
     if (c.port_b >= 0) c.bias += c.J_b * port_shift_.segment<6>(c.port_b);

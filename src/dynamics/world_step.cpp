@@ -163,21 +163,22 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   previous_speed_W_.swap(speed_W_);
   previous_missed_W_.swap(missed_W_);
   by_theta_ = UsesTheta(options);
-  instant_ = Instant::kStart;
+  rule_ = StepRule::kEuler;
   if (by_theta_)
     BeginTheta(options, report);
   else
     PrepareContacts(options, report);
   if (report.impact) return StepThroughImpact(options);
   PredictAll(options);
-  report.forces_at_end = instant_ != Instant::kMiddle;
-  if (instant_ != Instant::kStart) ShiftRows();
+  report.forces_at_end = rule_ != StepRule::kMiddle;
+  if (rule_ != StepRule::kEuler) ShiftRows();
   SolveContacts(options, report);
 
   if (!IsFinite(false)) return TakeBack(report);
   KeepForNextStep(h, report);
-  curvature_valid_ = !by_theta_;
+  curvature_valid_ = rule_ != StepRule::kMiddle;
   MoveMechanisms(options, report);
+  if (rule_ == StepRule::kTwoSteps) KeepEndVelocities();
   for (const MechanismDynamics& m : mechanisms_)
     report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
   return IsFinite(true) ? report : TakeBack(report);

@@ -26,10 +26,10 @@ double World::Detail::MotionWithin(double h) const {
   return motion;
 }
 
-void World::Detail::MoveAllTo(const StepOptions& options, Instant instant) {
-  instant_ = instant;
-  ForMechanisms([&](std::size_t i) { mechanisms_[i].Begin(options.h, options.gravity, instant); });
-  for (FreeBody& b : free_bodies_) b.Begin(options.h, instant);
+void World::Detail::BeginAll(const StepOptions& options, StepRule rule) {
+  rule_ = rule;
+  ForMechanisms([&](std::size_t i) { mechanisms_[i].Begin(options.h, options.gravity, rule); });
+  for (FreeBody& b : free_bodies_) b.Begin(options.h, rule);
 }
 
 // Whether anything bore a load in the last step.
@@ -67,17 +67,22 @@ void World::Detail::ExpectContacts() {
   }
 }
 
-// What moves by less than a millimetre in half a step may be looked for there. Anything faster could be past
-// a fingertip by then: it is looked for at the start first, and an impact is taken from there.
+// Where something lasts in contact, contacts are found at the start of the step. Where nothing touches they are
+// looked for half way; what moves by more than a millimetre until there could be past a fingertip by then, and
+// is looked for at the start too. An impact is taken from there.
 void World::Detail::BeginTheta(const StepOptions& options, StepReport& report) {
   constexpr double kBlind = 1e-3;  // m
-  const bool fast = MotionWithin(0.5 * options.h) > kBlind;
-  if (fast) {
+  const bool touches = AnythingTouches(), fast = MotionWithin(0.5 * options.h) > kBlind;
+  if (touches || fast) {
     PrepareContacts(options, report);
     report.impact = ClosesAtSpeed(options);
     if (report.impact) return;
   }
-  MoveAllTo(options, AnythingTouches() ? Instant::kEnd : Instant::kMiddle);
+  if (touches) {
+    BeginAll(options, StepRule::kTwoSteps);
+    return;
+  }
+  BeginAll(options, StepRule::kMiddle);
   PrepareContacts(options, report);
   report.impact = !fast && ClosesAtSpeed(options);
   if (!report.impact) ExpectContacts();

@@ -84,6 +84,33 @@ void AddMomentum(const RigidParts& parts, const Kinematics& kinematics, const Ma
   }
 }
 
+void OwnMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& v,
+                 Matrix6X& F) {
+  for (int i = 0; i < parts.size(); ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const SpatialInertia& I = parts.parts[at].inertia_R0;
+    if (I.mass == 0) {
+      F.col(i).setZero();
+      continue;
+    }
+    F.col(i).head<3>().noalias() =
+        PoseOf(kinematics, at).rotation() * (I.rotational * v.omega.col(i));
+    F.col(i).tail<3>() = I.mass * v.c_dot.col(i);
+  }
+}
+
+void CarryMomentum(const RigidParts& parts, const Kinematics& kinematics, const Matrix3& R_now_then,
+                   Matrix6X& F) {
+  for (int i = 0; i < parts.size(); ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const SpatialInertia& I = parts.parts[at].inertia_R0;
+    if (I.mass == 0) continue;
+    const Vector3 p = R_now_then * F.col(i).tail<3>(), spin = R_now_then * F.col(i).head<3>();
+    F.col(i).head<3>() = spin + (PoseOf(kinematics, at) * I.center).cross(p);
+    F.col(i).tail<3>() = p;
+  }
+}
+
 Vector3 CenterOfParts(const RigidParts& parts, const Kinematics& kinematics) {
   Vector3 moment = Vector3::Zero();
   double mass = 0;

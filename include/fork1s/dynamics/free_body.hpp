@@ -1,7 +1,7 @@
 // A free rigid body.
 #pragma once
 
-#include <fork1s/dynamics/instant.hpp>
+#include <fork1s/dynamics/step_rule.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <string>
 
@@ -31,14 +31,11 @@ class FreeBody {
   void SetState(const RigidTransform& X_WB, const Vector3& omega_W, const Vector3& velocity_of_origin_W);
   void AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
 
-  /// Begins a step of second order: until Integrate or Revert the body stands where it will be at that instant.
-  void Begin(double h, Instant instant);
-  /// From Begin on, where that was for the end: what PortTwist() and this are together, times h, is how far
-  /// the step still goes from there.
-  Vector6 Onward() const;
-  /// And mean velocities from the start to there, before Predict in place of PortTwist().
-  Vector6 MovedTwist() const { return begun_ && instant_ == Instant::kEnd ? moved_ : PortTwist(); }
-  const RigidTransform& PoseAtStart() const { return X_WB_before_; }
+  /// Begins a step of second order. By kMiddle the body stands where its velocity takes it in half the step,
+  /// until Integrate or Revert. By kTwoSteps velocities from Predict on are a share of those of the end, and
+  /// with Shift() how far the step goes: h (PortTwist() + Shift()).
+  void Begin(double h, StepRule rule);
+  Vector6 Shift() const;
   /// Free velocity after h under gravity, gathered wrenches and gyroscopic moment (implicit midpoint).
   void Predict(double h, const Vector3& gravity_W);
   /// [R ω_B; v_centre]: the six-vector on which contacts work, about the centre of mass in world axes.
@@ -98,16 +95,12 @@ class FreeBody {
   Vector3 velocity_ = Vector3::Zero();
   Vector3 velocity_before_ = Vector3::Zero();
   bool pushed_ = false;  // contact acted in this step
-  void PredictEnd(double h, const Vector3& gravity_W);
-  void IntegrateEnd(double h);
   RigidTransform X_WB_before_;
-  bool begun_ = false;  // X_WB_before_ is the start of the step at hand
-  Instant instant_ = Instant::kMiddle;  // X_WB_ is the pose at that
-  // At the end: velocities are those of the port times this, 1.5 by the rule of two steps.
-  double order_ = 1;
+  void EndStep();
+  StepRule rule_ = StepRule::kEuler;  // of the step at hand; kMiddle: X_WB_ is the pose half way
+  double order_ = 1;                  // kTwoSteps: 1.5, or 1 where nothing is known of the past
   Past past_;
-  Vector6 moved_ = Vector6::Zero();   // velocities from the start to X_WB_, mean, as of the port
-  Vector6 onward_ = Vector6::Zero();  // times h: turn in the body's axes and way from X_WB_, beside the port's
+  Vector3 turn_shift_ = Vector3::Zero(), way_shift_ = Vector3::Zero();  // in the body's axes; in the world's
   Vector3 force_W_ = Vector3::Zero();
   Vector3 moment_W_ = Vector3::Zero();  // about the centre of mass
 };

@@ -10,8 +10,8 @@
 #pragma once
 
 #include <algorithm>
-#include <fork1s/dynamics/instant.hpp>
 #include <fork1s/dynamics/mechanism_state.hpp>
+#include <fork1s/dynamics/step_rule.hpp>
 #include <fork1s/dynamics/theta_scheme.hpp>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/row_squares.hpp>
@@ -73,23 +73,18 @@ class MechanismDynamics {
   /// Twist in R [6] that takes a driven base to its next pose within h [s].
   Vector6 DrivenTwist(double h) const { return Log(state_.reduced.X_WR.inverse() * state_.driven_next) / h; }
 
-  /// Begins a step of second order (docs/method.md, section 5): from here to Integrate or Revert the
-  /// mechanism stands where it will be at that instant, half way or at the end, and Predict, ports and lengths
-  /// speak of that pose. At the end all forces act there, by the rule of two steps, and velocities x are a
-  /// share of those of the end. Not by twists. Without this a step is implicit Euler's.
-  void Begin(double h, const Vector3& gravity_W, Instant instant);
+  /// Begins a step of second order (docs/method.md, section 5). By kMiddle the mechanism stands where its
+  /// velocity takes it in half the step, from here to Integrate or Revert, and Predict, ports and lengths
+  /// speak of that pose. By kTwoSteps velocities x from Predict on are a share of those of the end. Not by
+  /// twists. Without this a step is implicit Euler's.
+  void Begin(double h, const Vector3& gravity_W, StepRule rule);
   /// Wrenches for the next step are those of `start`, and controls and the pose of a driven base where they
   /// are after a share of a step that begins there.
   void SetInputsWithin(const MechanismState& start, double share);
-  /// From Begin on, where that was for the end: mean rates from the start to where it stands
-  /// [num_velocities], those of a base about its own frame. Before Predict twists and rates are by them.
-  const VectorX& MovedRates() const { return moved_; }
-  /// From Begin on.
-  RigidTransform GroupPoseAtStart(int g) const;
   /// Between Begin and Predict: whether anything may touch it in this step. Then all forces act at the end of
   /// the step, as rows of contact ask: J (x⁺ + ContactShift()) is the mean velocity that they bound.
   void ExpectContact(bool touches) { touches_ = touches; }
-  /// What the mean velocity of a step has beyond the end velocity x⁺, after Predict [num_velocities].
+  /// What the mean velocity of a step has beyond x, after Predict [num_velocities].
   const VectorX& ContactShift() const { return contact_shift_; }
   /// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
   void Predict(double h, const Vector3& gravity_W);
@@ -224,7 +219,7 @@ class MechanismDynamics {
   };
   void FindSlackSprings();
   void OpenSlackSprings();
-  bool SwitchesSlack() const { return scheme_ == Scheme::kEuler && options_.recovery != Recovery::kTwist; }
+  bool SwitchesSlack() const { return rule_ != StepRule::kMiddle && options_.recovery != Recovery::kTwist; }
   bool UpdateSlackSprings(double h);
   double SlackStiffness(const SlackSpring& slack) const;
   void AddSlackForces();
@@ -239,12 +234,10 @@ class MechanismDynamics {
   // The step of second order (theta_step.cpp, theta_minimum.cpp).
   void SizeTheta();
   // Lasting contact (two_steps.cpp).
-  void MoveToEnd(double h);
-  void MixPast(double h);
-  Vector6 BaseTwist(const Vector3& omega, const Vector3& center_velocity, const Eigen::Ref<const VectorX>& rates) const;
-  void SolveFreeEnd(double h);
-  void IntegrateEnd(double h);
   void KeepPast(double h);
+  void TakePast(double h);
+  void SolveFreeTwoSteps(double h);
+  void IntegrateTwoSteps(double h);
   void MoveToMiddle(double h);
   void PredictTheta(double h);
   void SolveFreeTheta(double h);
@@ -253,7 +246,7 @@ class MechanismDynamics {
   bool BendsTooMuch(double work);
   void MinimiseAtEnd(double h);
   double EndForces(VectorX& f_z);
-  const ThetaScheme& rule() const { return all_at_end_ ? at_end_ : theta_; }
+  const ThetaScheme& scheme() const { return all_at_end_ ? at_end_ : theta_; }
   void TakeVelocityAtEnd(double work);
   void MatchWork(double energy);
   double PotentialEnergyOn(const RigidTransform& X_WR, const Vector3& gravity_W) const;
@@ -337,13 +330,11 @@ class MechanismDynamics {
   Vector6 momentum_rate_ = Vector6::Zero();
 
   // A step of second order.
-  enum class Scheme { kEuler, kMiddle, kEnd };
-  Scheme scheme_ = Scheme::kEuler;
+  StepRule rule_ = StepRule::kEuler;   // of the step at hand
   ThetaScheme theta_, at_end_;         // the modal rule, and all forces at the end
   bool all_at_end_ = false;            // which of the two this step takes
   bool touches_ = false;               // something may touch it in this step
-  double order_ = 1;                   // kEnd: velocities at the end are x_ times this, 1.5 by two steps
-  VectorX moved_;                      // num_velocities
+  double order_ = 1;                   // by two steps velocities of the end are x_ times this
   Vector6 V_end_ = Vector6::Zero();    // of a driven base at the end of the step
   MechanismPast past_next_;            // what the next step will know of this one's start
   VectorX q_dot_mixed_;                // n

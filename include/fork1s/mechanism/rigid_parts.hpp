@@ -50,6 +50,13 @@ void SubtractFrom(const MaterialVelocities& y, const Matrix3& R_now_then, Materi
 void AddMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& v,
                  const Matrix3& R_now_then, double factor, Matrix6X& F);
 
+/// F [6 x parts] <- momentum of every part about its own centre, [spin; linear] in R.
+void OwnMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& v,
+                 Matrix6X& F);
+/// F of OwnMomentum <- the wrench by which the parts of another pose feel it, as AddMomentum has them.
+void CarryMomentum(const RigidParts& parts, const Kinematics& kinematics, const Matrix3& R_now_then,
+                   Matrix6X& F);
+
 /// Centre of mass of the whole in R.
 Vector3 CenterOfParts(const RigidParts& parts, const Kinematics& kinematics);
 
