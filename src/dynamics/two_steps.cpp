@@ -82,6 +82,16 @@ void MechanismDynamics::SolveFreeTwoSteps(double h) {
     x_.setConstant(std::numeric_limits<double>::quiet_NaN());
 }
 
+Vector6 MechanismDynamics::GroupTwistFromStart(int g, const Eigen::Ref<const MatrixX>& J_T) const {
+  Vector6 V = GroupTwist(g, J_T);
+  if (base_size_ == 0) return V;
+  const Vector6& V_R = state_.reduced.V_R;
+  const Matrix3 turn = X_WR_before_.rotation().transpose() * state_.reduced.X_WR.rotation();
+  V.head<3>() += turn * V_R.head<3>() - V_R.head<3>();
+  V.tail<3>() += turn * V_R.tail<3>() - V_R.tail<3>();
+  return V;
+}
+
 void MechanismDynamics::IntegrateTwoSteps(double h) {
   const int r = model().size();
   const bool driven = mechanism().base() == BaseKind::kDriven;

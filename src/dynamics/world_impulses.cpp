@@ -92,8 +92,8 @@ void World::Detail::KeepEndVelocities() {
       V = free_bodies_[i].PortTwist();
     } else if (mechanism_blocks_[i].refreshed <= 0) {  // else there are no such rows any more
       const PartBlock& part = mechanism_blocks_[i].parts[static_cast<std::size_t>(port_part_[c])];
-      V = mechanisms_[i].GroupTwist(contactors_[c].group,
-                                    part.J_T.middleCols(port_offset_[c] - part.offset, 6));
+      V = mechanisms_[i].GroupTwistFromStart(contactors_[c].group,
+                                             part.J_T.middleCols(port_offset_[c] - part.offset, 6));
     }
     last_twist_[c] = V;
   }

@@ -40,6 +40,40 @@ TEST(ControlTrack, LinearBetweenRowsAndHeldOutside) {
   }
 }
 
+// A driven base: what carries others has no jumps of velocity.
+TEST(ControlTrack, CornersOfADrivenPathAreRounded) {
+  MechanismDef definition = testing::Chain(2, 0.1, 0.1, 5, 0.1);
+  definition.base = BaseKind::kDriven;
+  Scene scene;
+  scene.mechanisms.push_back(definition);
+  auto made = Simulation::Create(scene);
+  ASSERT_TRUE(made);
+  Simulation& s = *made;
+  const int x = s.FindControl(definition.bodies[0].name + ".x");
+  ASSERT_TRUE(x >= 0 && s.DrivesBase(x));
+  ControlTrack track;
+  track.names = {s.control_names()[static_cast<std::size_t>(x)]};
+  track.times = {0, 0.5, 1, 1.02, 1.04, 2};
+  track.rows = {{0}, {1}, {1}, {0.9}, {0.7}, {0.7}};
+  const auto at = [&](double t) {
+    track.Apply(t, s);
+    return s.controls()(x);
+  };
+  constexpr double kHalf = 1.0 / 60;  // s, at most, on either side of a row
+  for (const double t : {0.1, 0.25, 0.5 - kHalf, 0.5 + kHalf, 0.7, 1.5}) {
+    const double line = t < 0.5 ? 2 * t : t < 1.04 ? 1 : 0.7;
+    EXPECT_NEAR(at(t), line, 1e-12) << t;  // away from corners the lines
+  }
+  EXPECT_EQ(at(0), 0);  // it starts where it is
+  EXPECT_NEAR(at(0.5), 1 - 2 * 2 * kHalf / 8, 1e-12);  // a parabola that is as wide as 1/30 s
+  // A second difference over 1 ms: bounded by the change of slope over the width, nowhere a jump.
+  constexpr double d = 1e-3;
+  for (double t = 0.01; t < 2.1; t += 0.37 * d) {
+    const double bend = std::abs(at(t + d) - 2 * at(t) + at(t - d)) / (d * d);
+    EXPECT_LT(bend, t < 0.9 ? 2 / (2 * kHalf) + 1e-6 : 12 / 0.02 + 1e-6) << t;
+  }
+}
+
 TEST(ControlTrack, LimitsHoldAndMissingNamesAreTold) {
   Simulation s = Servo();
   ControlTrack track;

@@ -102,6 +102,9 @@ class MechanismDynamics {
   void GroupJacobian(int g, Eigen::Ref<Matrix6X> J) const;
   /// Twist of group g at velocity x: before Predict the present one, after it the free one.
   Vector6 GroupTwist(int g, const Eigen::Ref<const MatrixX>& J_T) const;
+  /// After a step by kTwoSteps: the twist that its end velocities would have been at its start, along the axes
+  /// of R then and about R's origin, J_T as then.
+  Vector6 GroupTwistFromStart(int g, const Eigen::Ref<const MatrixX>& J_T) const;
   RigidTransform GroupPose(int g) const;
   /// Twist of group g in world axes about the origin of the body that names it.
   Vector6 GroupVelocity(int g) const { return BodyVelocity(groups_[static_cast<std::size_t>(g)].body); }
