@@ -20,7 +20,6 @@ void ErrorWatch::Begin(const Simulation& simulation) {
 
 void ErrorWatch::End(const Simulation& simulation, const StepReport& report) {
   estimate_->End(simulation.world(), simulation.step_options(), report);
-  theta_in_contact_ |= report.contacts > 0 && simulation.step_options().integrator == Integrator::kTheta;
   Keep();
 }
 
@@ -96,11 +95,6 @@ std::vector<std::string> ErrorWatch::Warnings() const {
         "estimated error above {:.0f} % of the motion, past what the estimate can tell, of {}: try "
         "--integrator theta, a smaller --dt or more --modes",
         kOutside, names));
-  if (theta_in_contact_)
-    out.push_back(
-        "with --integrator theta the error estimate leaves out what contact itself adds: where bodies stand "
-        "or are "
-        "held it may be too small by a factor of three");
   if (forgot_) out.push_back("the error estimate began anew where the detail changed");
   return out;
 }

@@ -42,7 +42,7 @@ class ErrorWatch {
 
   std::optional<ErrorEstimate> estimate_;
   std::vector<Body> bodies_;
-  bool forgot_ = false, failed_ = false, theta_in_contact_ = false;
+  bool forgot_ = false, failed_ = false;
 };
 
 /// The lines that `run` prints for the keys of AddTo.
