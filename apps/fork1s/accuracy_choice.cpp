@@ -28,7 +28,7 @@ bool Improve(const AccuracyTrial& trial, double first_dt, bool may_change_integr
     next.refresh_angle /= 2;
     return true;
   }
-  if (may_change_integrator && trial.exact && !trial.touches && next.integrator == Integrator::kEuler) {
+  if (may_change_integrator && trial.exact && next.integrator == Integrator::kEuler) {
     next.integrator = Integrator::kTheta;
     return true;
   }

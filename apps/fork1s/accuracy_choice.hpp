@@ -24,7 +24,6 @@ struct AccuracyTrial {
   ErrorWatch::Largest error;
   int modes_kept = 0;             // the most of any mechanism
   bool leaves_something = false;  // more modes would change something
-  bool touches = false;           // something bore force in a contact
   bool exact = true;              // recovery
   bool finite = true;
 };
@@ -45,8 +44,7 @@ struct AccuracyChoice {
   bool met = false;
 };
 /// Tries settings, from `first` on, each time changing what the largest part of the estimated error asks for.
-/// `may_change_integrator`: the second-order step may take the place of implicit Euler, where nothing
-/// touches: with contact the estimate does not know all of its error.
+/// `may_change_integrator`: the second-order step may take the place of implicit Euler.
 Expected<AccuracyChoice> ChooseForAccuracy(
     const WantedAccuracy& wanted, const AccuracySetting& first, bool may_change_integrator,
     const std::function<Expected<AccuracyTrial>(const AccuracySetting&)>& try_out);

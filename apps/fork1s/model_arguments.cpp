@@ -135,9 +135,10 @@ void AddIntegratorTo(CLI::App& command, Integrator& integrator) {
   static const std::map<std::string, Integrator> names = {{"euler", Integrator::kEuler},
                                                           {"theta", Integrator::kTheta}};
   command
-      .add_option("--integrator", integrator,
-                  "euler (default): implicit Euler, first order; theta: second order, in contact too, four short "
-                  "steps of implicit Euler through an impact")
+      .add_option(
+          "--integrator", integrator,
+          "euler (default): implicit Euler, first order; theta: second order, in contact too, four short "
+          "steps of implicit Euler through an impact")
       ->transform(CLI::CheckedTransformer(names, CLI::ignore_case));
 }
 

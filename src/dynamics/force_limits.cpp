@@ -106,6 +106,38 @@ bool MechanismDynamics::UpdateForceLimits(double h) {
   return changed;
 }
 
+// From the pose at which LoadForces found a servo's spring to where its force acts.
+double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, double h) {
+  const int r = model().size();
+  if (rule_ == StepRule::kTwoSteps) {
+    f_used_ = h * (x_.tail(r) + contact_shift_.tail(r));
+  } else {
+    f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
+    w_mean_.noalias() = scheme().Th * f_turn_;
+    w_mean_ += w_start_;
+    f_used_ = z_before_ - state_.reduced.z;
+    f_used_.noalias() += h * (scheme().Th * w_mean_);
+  }
+  double stretch = 0;
+  ForEachArm(limit.length, Paths(), [&](int i, double c) { stretch += c * Q_now().row(i).dot(f_used_); });
+  return stretch;
+}
+
+// Force of the reduced springs at z = `moved`, those of servos at their bounds left out.
+void MechanismDynamics::SpringPull(const VectorX& moved, VectorX& force) {
+  force = -model().K_r.cwiseProduct(moved);
+  for (std::size_t k = 0; k < state_.at_bound.size(); ++k) {
+    if (state_.at_bound[k] == 0) continue;
+    const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
+    double stretch = 0;
+    ForEachArm(limit.length, paths_ref_,
+               [&](int i, double c) { stretch += c * model().Q.row(i).dot(moved); });
+    ForEachArm(limit.length, paths_ref_, [&](int i, double c) {
+      force += (limit.stiffness * stretch * c) * model().Q.row(i).transpose();
+    });
+  }
+}
+
 // Beyond its bound a servo stores F ℓ where its spring would store ½ k (ℓ - ℓ*)², f = k (ℓ* - ℓ).
 double MechanismDynamics::EnergyBeyondBounds() const {
   double energy = 0;

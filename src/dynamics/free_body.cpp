@@ -124,13 +124,6 @@ void FreeBody::Integrate(double h) {
   EndStep();
 }
 
-void FreeBody::Revert() {
-  if (rule_ == StepRule::kMiddle) X_WB_ = X_WB_before_;
-  omega_B_ = omega_B_before_;
-  velocity_ = velocity_before_;
-  EndStep();
-}
-
 void FreeBody::EndStep() {
   rule_ = StepRule::kEuler;
   order_ = 1;

@@ -246,7 +246,8 @@ void MechanismDynamics::SetInputsWithin(const MechanismState& start, double shar
   if (share >= 1) return;
   const RigidTransform& X = start.reduced.X_WR;
   state_.driven_next = X * Exp(share * Log(X.inverse() * start.driven_next));
-  if (start.controls_move) state_.controls = start.controls_from + share * (start.controls - start.controls_from);
+  if (start.controls_move)
+    state_.controls = start.controls_from + share * (start.controls - start.controls_from);
 }
 
 RigidTransform MechanismDynamics::GroupPose(int g) const {

@@ -136,21 +136,6 @@ void MechanismDynamics::ApplyImpulse(const VectorX& p, bool from_outside) {
   }
 }
 
-void MechanismDynamics::Revert() {
-  if (rule_ != StepRule::kEuler) {
-    rule_ = StepRule::kEuler;
-    order_ = 1;
-    state_.reduced.z = z_before_;
-    state_.reduced.X_WR = X_WR_before_;
-    if (model().has_complement) state_.reduced.q_perp = q_perp_before_;
-    UpdateConfiguration();
-  }
-  state_.reduced.V_R = V_R_before_;
-  if (base_size_ > 0) x_.head<6>() = V_R_before_;
-  x_.tail(model().size()) = state_.reduced.w;
-  if (model().has_complement) state_.reduced.q_perp = q_perp_before_;
-}
-
 void MechanismDynamics::Integrate(double h) {
   if (rule_ != StepRule::kEuler) {
     IntegrateTheta(h);

@@ -238,38 +238,6 @@ void MechanismDynamics::SolveFreeTheta(double h) {
   SolveOrFail(factor_, A_, x_);
 }
 
-// From the pose at which LoadForces found a servo's spring to where its force acts.
-double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, double h) {
-  const int r = model().size();
-  if (rule_ == StepRule::kTwoSteps) {
-    f_used_ = h * (x_.tail(r) + contact_shift_.tail(r));
-  } else {
-    f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
-    w_mean_.noalias() = scheme().Th * f_turn_;
-    w_mean_ += w_start_;
-    f_used_ = z_before_ - state_.reduced.z;
-    f_used_.noalias() += h * (scheme().Th * w_mean_);
-  }
-  double stretch = 0;
-  ForEachArm(limit.length, Paths(), [&](int i, double c) { stretch += c * Q_now().row(i).dot(f_used_); });
-  return stretch;
-}
-
-// Force of the reduced springs at z = `moved`, those of servos at their bounds left out.
-void MechanismDynamics::SpringPull(const VectorX& moved, VectorX& force) {
-  force = -model().K_r.cwiseProduct(moved);
-  for (std::size_t k = 0; k < state_.at_bound.size(); ++k) {
-    if (state_.at_bound[k] == 0) continue;
-    const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
-    double stretch = 0;
-    ForEachArm(limit.length, paths_ref_,
-               [&](int i, double c) { stretch += c * model().Q.row(i).dot(moved); });
-    ForEachArm(limit.length, paths_ref_, [&](int i, double c) {
-      force += (limit.stiffness * stretch * c) * model().Q.row(i).transpose();
-    });
-  }
-}
-
 void MechanismDynamics::IntegrateTheta(double h) {
   if (rule_ == StepRule::kTwoSteps) {
     IntegrateTwoSteps(h);
@@ -398,7 +366,8 @@ void MechanismDynamics::TakeVelocityAtEnd(double work) {
   SolveOrFail(inertia_factor_, M_full_, x_);
   // What is known of the energy: truncated modes follow their loads at rest and take part in it unseen, and
   // the work of springs without potential is known at the middle alone.
-  if (r > 0 && rule_ != StepRule::kTwoSteps && !model().has_complement && !minimised_ && !has_follower_springs_) {
+  if (r > 0 && rule_ != StepRule::kTwoSteps && !model().has_complement && !minimised_ &&
+      !has_follower_springs_) {
     const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.reduced.X_WR;
     const double potential = PotentialEnergyOn(X_WR, gravity_W_),
                  missed = potential_start_ - potential - work;

@@ -5,9 +5,9 @@
 //     M (w⁺ - u) = (h/a) f(z⁺) + Jᵀλ/a,   u = M⁻¹ Jᵀ (4 ẋ - ẋ⁻)/3
 // so that the unknown x, which with s is how far the step goes, obeys
 //     (a² M + a h D + h² K) x = a M u + h f(z) - h² K s + Jᵀλ
-// and contacts are rows of x + s as they are rows of the end velocity of implicit Euler, found where that finds
-// them. A step that follows an impact knows nothing of the past: a = 1, s = 0. ẋ, ẋ⁻ are as in theta_step.cpp,
-// ẋ⁻ turned freely to here.
+// and contacts are rows of x + s as they are rows of the end velocity of implicit Euler, found where that
+// finds them. A step that follows an impact knows nothing of the past: a = 1, s = 0. ẋ, ẋ⁻ are as in
+// theta_step.cpp, ẋ⁻ turned freely to here.
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 #include <limits>
@@ -116,7 +116,8 @@ void MechanismDynamics::IntegrateTwoSteps(double h) {
     f_turn_ = order_ * x_.tail(r);
     q_ddot_.noalias() = Q_now() * f_turn_;
   }
-  ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_ddot_, V, start_velocity_);
+  ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_ddot_, V,
+                            start_velocity_);
   OwnMomentum(rigid_parts_, configuration_.kinematics, start_velocity_, F_parts_);
   tau_ = mechanism().armature().cwiseProduct(q_ddot_);
 

@@ -149,6 +149,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.previous_order_.reserve(room);
   detail.constraints_.reserve(room);
   detail.approach_.reserve(room);
+  detail.closing_.reserve(room);
   detail.mechanism_grain_ = detail.WorthAThread();
   std::size_t blocks = detail.free_bodies_.size();
   for (const MechanismDynamics& m : detail.mechanisms_)

@@ -43,7 +43,9 @@ struct World::Detail {
   double StepsRatio(double h) const;
   void ShiftRows();
   void Rebound(double h);
+  bool Bore(std::size_t contact) const;
   bool ClosesAtSpeed(const StepOptions& options) const;
+  bool MetAtSpeed(const StepOptions& options) const;
   double MotionWithin(double h) const;
   void LayOutPorts(const StepOptions& options);
   void LayOutLimits(std::size_t mechanism, const StepOptions& options);
@@ -118,7 +120,7 @@ struct World::Detail {
   IslandSolver solver_;
   std::vector<ContactPoint> points_;  // of this step, those that can touch within it
   std::vector<ContactRecord> contacts_, previous_;
-  double contacts_h_ = 0, previous_h_ = 0;  // s, of the steps that gave them their impulses
+  double contacts_h_ = 0, previous_h_ = 0;           // s, of the steps that gave them their impulses
   std::vector<Vector3> speed_W_, previous_speed_W_;  // relative, after the solve, world axes
   std::vector<int> match_;                           // contact -> previous contact or -1
   std::vector<char> previous_used_;
@@ -146,13 +148,14 @@ struct World::Detail {
   std::vector<Vector6> last_twist_;                    // per contactor: of its port after the solve
   bool curvature_valid_ = false;                       // these are of the step before
   std::vector<double> approach_;     // m/s, of points that may part again; 0 for others
+  std::vector<double> closing_;      // m/s, of all, at the start of the step
   std::vector<ContactConstraint> constraints_;
   std::vector<LimitConstraint> limits_;
   std::vector<VelocityBlock> blocks_;
   std::vector<int> port_offset_;  // per contactor: row in the stacked velocities or -1
   std::vector<int> port_part_;    // per contactor: part block of its mechanism
   VectorX velocities_, port_shift_;
-  VectorX mean_, end_;  // of two steps, as velocities_
+  VectorX mean_, end_;                    // of two steps, as velocities_
   std::vector<double> contactor_motion_;  // m, since the step before
 
   // Ports and limits of one part of a mechanism, or (the last one) of groups that only follow its driven
@@ -199,7 +202,8 @@ struct World::Detail {
   bool has_switches_ = false;
   WorldState before_;         // of the step at hand
   WorldState before_impact_;  // of one that is taken in parts
-  // Of its parts so far: impulses of contacts in world axes, contacts that have ended, stops and dry friction.
+  // Of its parts so far: impulses of contacts in world axes, contacts that have ended, stops and dry
+  // friction.
   std::vector<Vector3> impact_sums_, next_sums_;
   std::vector<char> goes_on_;
   std::vector<ContactRecord> ended_;

@@ -22,13 +22,16 @@ void Take(const StepReport& part, StepReport& whole) {
   whole.newton_steps = std::max(before.newton_steps, part.newton_steps);
   whole.minimum_found = before.minimum_found && part.minimum_found;
   whole.loop_residual = std::max(before.loop_residual, part.loop_residual);
-  ContactSolverReport &solver = whole.solver;
+  ContactSolverReport& solver = whole.solver;
   const ContactSolverReport& then = before.solver;
   solver.newton_iterations = std::max(solver.newton_iterations, then.newton_iterations);
   solver.stage = std::max(solver.stage, then.stage);
   solver.residual = std::max(solver.residual, then.residual);
   solver.residual_impulse = std::max(solver.residual_impulse, then.residual_impulse);
   solver.residual_speed = std::max(solver.residual_speed, then.residual_speed);
+  solver.active = std::max(solver.active, then.active);
+  solver.sticking = std::max(solver.sticking, then.sticking);
+  solver.sliding = std::max(solver.sliding, then.sliding);
   solver.converged = solver.converged && then.converged;
 }
 
@@ -69,6 +72,8 @@ StepReport World::Detail::StepThroughImpact(const StepOptions& options) {
   }
   TellSums();
   contacts_h_ = options.h;
+  report.contacts = static_cast<int>(
+      std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));
   report.impact = true;
   return report;
 }

@@ -80,8 +80,8 @@ void World::Detail::ApplyImpulses() {
   });
 }
 
-// Of two steps, once they are taken: the velocities that they ended with, seen by the rows at hand, as the next
-// step compares them with what its own rows see of them.
+// Of two steps, once they are taken: the velocities that they ended with, seen by the rows at hand, as the
+// next step compares them with what its own rows see of them.
 void World::Detail::KeepEndVelocities() {
   end_ = velocities_;
   for (std::size_t c = 0; c < contactors_.size(); ++c) {

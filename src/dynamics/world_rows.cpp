@@ -142,8 +142,8 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   const Contactor& b = contactors_[static_cast<std::size_t>(p.body_b)];
   // What lasts has its rows half a step ahead, where they turn the velocity into the way of the step to
   // second order; and what rows hold back, forces along the same rows do no work on.
-  const bool lasts = options.contact_curvature && rule_ != StepRule::kMiddle && curvature_valid_ && match_[i] >= 0 &&
-                     previous_[static_cast<std::size_t>(match_[i])].impulse(0) > 0;
+  const bool lasts = options.contact_curvature && rule_ != StepRule::kMiddle && curvature_valid_ &&
+                     match_[i] >= 0 && previous_[static_cast<std::size_t>(match_[i])].impulse(0) > 0;
   ContactPoint at = p;
   const bool foreseen = foresight_[i].used = lasts && AdvanceHalf(h, at, foresight_[i]);
   const double ahead = foreseen ? 0.5 * h : 0;
@@ -160,6 +160,7 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   // Half way stands what half a step of the old velocity has made of the gap that the start had.
   const bool middle = rule_ == StepRule::kMiddle;
   if (middle) p.gap -= 0.5 * h * speed(0);
+  closing_[i] = std::max(0.0, -speed(0));
   SetMaterial(options.material, p.gap, h, c);
   if (p.restitution > 0 && !middle) approach_[i] = std::max(0.0, -speed(0));
   // A body on the floor would fall upon all that is near, were nothing there to hold it: it goes on as it
@@ -188,6 +189,7 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
   const double h = options.h;
   constraints_.resize(points_.size());
   approach_.assign(points_.size(), 0.0);
+  closing_.assign(points_.size(), 0.0);
   foresight_.resize(points_.size());
   change_ = velocities_;
   // Bases too go on as they did, though it is known how they are driven: what they hold does not know yet.

@@ -49,7 +49,8 @@ class Hash {
   }
   void One(const MechanismState& state) {
     const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next, wrenches_W,
-                 has_wrenches, at_bound, q_dot, q_perp_offset, q_perp_step_last, follow, overshoots, past] = state;
+                 has_wrenches, at_bound, q_dot, q_perp_offset, q_perp_step_last, follow, overshoots, past] =
+        state;
     if (controls_move) Add(controls_from);
     Add(model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, q_dot, q_perp_offset,
         q_perp_step_last, follow, overshoots, past);
@@ -88,8 +89,8 @@ class Hash {
 }  // namespace
 
 std::uint64_t HashOf(const WorldState& state, const VectorX& inputs) {
-  const auto& [mechanisms, free_bodies, contacts, contacts_h, speeds_W, missed_W, port_twists, speeds_are_last,
-               contactor_poses, has_contactor_poses, rows] = state;
+  const auto& [mechanisms, free_bodies, contacts, contacts_h, speeds_W, missed_W, port_twists,
+               speeds_are_last, contactor_poses, has_contactor_poses, rows] = state;
   Hash hash;
   hash.Add(mechanisms, free_bodies, contacts, contacts_h, speeds_W, missed_W, port_twists, speeds_are_last,
            contactor_poses, has_contactor_poses, rows, inputs);

@@ -175,6 +175,7 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   SolveContacts(options, report);
 
   if (!IsFinite(false)) return TakeBack(report);
+  if (by_theta_ && MetAtSpeed(options)) return StepThroughImpact(options);
   KeepForNextStep(h, report);
   curvature_valid_ = rule_ != StepRule::kMiddle;
   MoveMechanisms(options, report);

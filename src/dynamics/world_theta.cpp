@@ -37,17 +37,37 @@ bool World::Detail::AnythingTouches() const {
   return std::any_of(previous_.begin(), previous_.end(), [](const auto& c) { return c.impulse(0) > 0; });
 }
 
-// A contact that bore nothing yet and would close within the step at more speed than gravity gives in an
-// eighth of it. Its rows are at hand, velocities_ those of the start.
+// Whether a contact bore a load in the last step.
+bool World::Detail::Bore(std::size_t contact) const {
+  const int before = match_[contact];
+  return before >= 0 && previous_[static_cast<std::size_t>(before)].impulse(0) > 0;
+}
+
+namespace {
+
+// Speed of an impact: more than gravity gives in an eighth of the step, or any where things part again.
+double SpeedOfImpact(const StepOptions& options, const ContactPoint& point) {
+  return point.restitution > 0 ? 0 : options.gravity.norm() * options.h / 8;
+}
+
+}  // namespace
+
+// A contact that bore nothing yet and would close within the step at the speed of an impact, if all went on.
 bool World::Detail::ClosesAtSpeed(const StepOptions& options) const {
-  const double slow = options.gravity.norm() * options.h / 8;
+  for (std::size_t i = 0; i < points_.size(); ++i)
+    if (!Bore(i) && closing_[i] > SpeedOfImpact(options, points_[i]) &&
+        points_[i].gap < options.h * closing_[i])
+      return true;
+  return false;
+}
+
+// The same of what the step has brought together: at that speed from the start, or from so far that it took
+// that speed.
+bool World::Detail::MetAtSpeed(const StepOptions& options) const {
   for (std::size_t i = 0; i < points_.size(); ++i) {
-    const ContactConstraint& c = constraints_[i];
-    if (match_[i] >= 0 && previous_[static_cast<std::size_t>(match_[i])].impulse(0) > 0) continue;
-    double speed = 0;
-    if (c.port_a >= 0) speed += c.J_a.row(0).dot(velocities_.segment<6>(c.port_a));
-    if (c.port_b >= 0) speed += c.J_b.row(0).dot(velocities_.segment<6>(c.port_b));
-    if (speed < -slow && points_[i].gap + options.h * speed < 0) return true;
+    if (!(constraints_[i].impulse(0) > 0) || Bore(i)) continue;
+    const double speed = SpeedOfImpact(options, points_[i]);
+    if (closing_[i] > speed || points_[i].gap > options.h * speed) return true;
   }
   return false;
 }
@@ -67,9 +87,9 @@ void World::Detail::ExpectContacts() {
   }
 }
 
-// Where something lasts in contact, contacts are found at the start of the step. Where nothing touches they are
-// looked for half way; what moves by more than a millimetre until there could be past a fingertip by then, and
-// is looked for at the start too. An impact is taken from there.
+// Where something lasts in contact, contacts are found at the start of the step. Where nothing touches they
+// are looked for half way; what moves by more than a millimetre until there could be past a fingertip by
+// then, and is looked for at the start too. An impact is taken from there.
 void World::Detail::BeginTheta(const StepOptions& options, StepReport& report) {
   constexpr double kBlind = 1e-3;  // m
   const bool touches = AnythingTouches(), fast = MotionWithin(0.5 * options.h) > kBlind;

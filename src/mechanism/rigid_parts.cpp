@@ -93,8 +93,7 @@ void OwnMomentum(const RigidParts& parts, const Kinematics& kinematics, const Ma
       F.col(i).setZero();
       continue;
     }
-    F.col(i).head<3>().noalias() =
-        PoseOf(kinematics, at).rotation() * (I.rotational * v.omega.col(i));
+    F.col(i).head<3>().noalias() = PoseOf(kinematics, at).rotation() * (I.rotational * v.omega.col(i));
     F.col(i).tail<3>() = I.mass * v.c_dot.col(i);
   }
 }

@@ -15,7 +15,8 @@ double Rounding(const ControlTrack& track, std::size_t column, std::size_t row, 
   const auto& t = track.times;
   constexpr double kForEver = std::numeric_limits<double>::infinity();
   // What is held before the first row and after the last one; nothing is known of before the start.
-  const double before = row > 0 ? t[row] - t[row - 1] : t[row], after = row + 1 < t.size() ? t[row + 1] - t[row] : kForEver;
+  const double before = row > 0 ? t[row] - t[row - 1] : t[row],
+               after = row + 1 < t.size() ? t[row + 1] - t[row] : kForEver;
   const double w = std::min({before, after, kRounding}), left = 0.5 * w - std::abs(time - t[row]);
   if (!(w > 0 && left > 0)) return 0;
   const auto value = [&](std::size_t at) { return track.rows[at][column]; };

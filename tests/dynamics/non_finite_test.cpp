@@ -74,7 +74,8 @@ TEST(NonFinite, NothingOfItStays) {
     }
 }
 
-// What contacts bore and where they were is back as well: a step that failed is as if it had not been asked for.
+// What contacts bore and where they were is back as well: a step that failed is as if it had not been asked
+// for.
 TEST(NonFinite, ContactsAreAsTheyWere) {
   Scene scene;
   scene.world.push_back(testing::Geometry("ground", Plane{}, 0.5));
@@ -84,7 +85,8 @@ TEST(NonFinite, ContactsAreAsTheyWere) {
   }
   World world = testing::MustCreate(scene), other = testing::MustCreate(scene);
   const auto roll = [&](World& w) {
-    w.free_bodies()[0].AddWrench(Vector3(1, 0.5, 0), Vector3::Zero(), w.free_bodies()[0].pose().translation());
+    w.free_bodies()[0].AddWrench(Vector3(1, 0.5, 0), Vector3::Zero(),
+                                 w.free_bodies()[0].pose().translation());
     return w.Step({});
   };
   for (int i = 0; i < 20; ++i) {

@@ -14,8 +14,8 @@ constexpr double kHopperHertz = 1.5, kHopperMass = 1, kHopperGravity = 9.81;
 
 double HopperRate() { return 2 * std::numbers::pi * kHopperHertz; }
 
-// A mass on a spring on a foot that stands on the ground, turned by `yaw` and set aside by `aside`, which must
-// change nothing. Spring at rest at the start: the mass falls into it and swings.
+// A mass on a spring on a foot that stands on the ground, turned by `yaw` and set aside by `aside`, which
+// must change nothing. Spring at rest at the start: the mass falls into it and swings.
 Scene Hopper(double yaw, const Vector3& aside) {
   MechanismBuilder builder("hopper", BaseKind::kFloating, testing::Brick(0.5, Vector3(0.1, 0.06, 0.02)));
   BodyDef mass;
@@ -95,8 +95,7 @@ Scene BallOverPlate(double drop) {
   builder.SetInterfaces({"plate"});
   Scene scene;
   scene.mechanisms.push_back(builder.definition());
-  scene.free_bodies.push_back(
-      testing::BallBody("ball", 1, 0.05, Vector3(0.01, 0.02, 0.07 + drop), 0.5));
+  scene.free_bodies.push_back(testing::BallBody("ball", 1, 0.05, Vector3(0.01, 0.02, 0.07 + drop), 0.5));
   return scene;
 }
 
@@ -126,7 +125,8 @@ TEST(TwoSteps, ALandingIsThreeTimesAsExact) {
   double euler = 0, theta = 0;
   for (int i = 0; i < 8; ++i) {  // at any time within a step
     const double drop = 0.1 + 0.006 * i;
-    const std::vector<double> fine = Landing(drop, Integrator::kEuler, 128), finer = Landing(drop, Integrator::kEuler, 256);
+    const std::vector<double> fine = Landing(drop, Integrator::kEuler, 128),
+                              finer = Landing(drop, Integrator::kEuler, 256);
     std::vector<double> truth;
     for (std::size_t k = 0; k < fine.size(); ++k) truth.push_back(2 * finer[k] - fine[k]);
     euler += Apart(Landing(drop, Integrator::kEuler, 1), truth);
@@ -148,9 +148,14 @@ TEST(TwoSteps, AnImpactTellsItsWholeImpulse) {
   int impacts = 0;
   for (int i = 0; i < 60; ++i) {
     world.free_bodies()[0].AddWrench(Vector3(0, 0, -1), Vector3::Zero(), Vector3::Zero());
-    impacts += world.Step(step).impact ? 1 : 0;
-    for (const ContactRecord& c : world.contacts())
+    const StepReport report = world.Step(step);
+    impacts += report.impact ? 1 : 0;
+    int bear = 0;
+    for (const ContactRecord& c : world.contacts()) {
       sum += (c.point.frame.transpose() * c.impulse).z();
+      bear += c.impulse(0) > 0 ? 1 : 0;
+    }
+    EXPECT_EQ(report.contacts, bear) << i;
   }
   EXPECT_EQ(impacts, 1);
   // Its weight and the push for a second, and nothing is left of its speed. Two steps begin within half a

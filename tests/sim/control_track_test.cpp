@@ -64,7 +64,7 @@ TEST(ControlTrack, CornersOfADrivenPathAreRounded) {
     const double line = t < 0.5 ? 2 * t : t < 1.04 ? 1 : 0.7;
     EXPECT_NEAR(at(t), line, 1e-12) << t;  // away from corners the lines
   }
-  EXPECT_EQ(at(0), 0);  // it starts where it is
+  EXPECT_EQ(at(0), 0);                                 // it starts where it is
   EXPECT_NEAR(at(0.5), 1 - 2 * 2 * kHalf / 8, 1e-12);  // a parabola that is as wide as 1/30 s
   // A second difference over 1 ms: bounded by the change of slope over the width, nowhere a jump.
   constexpr double d = 1e-3;

@@ -32,7 +32,7 @@ class FreeBody {
   void AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
 
   /// Begins a step of second order. By kMiddle the body stands where its velocity takes it in half the step,
-  /// until Integrate or Revert. By kTwoSteps velocities from Predict on are a share of those of the end, and
+  /// until Integrate. By kTwoSteps velocities from Predict on are a share of those of the end, and
   /// with Shift() how far the step goes: h (PortTwist() + Shift()).
   void Begin(double h, StepRule rule);
   Vector6 Shift() const;
@@ -55,8 +55,6 @@ class FreeBody {
     pushed_ = false;
   }
   void Integrate(double h);
-  /// Takes the step back, before Integrate.
-  void Revert();
   /// The start of the last step, if it was one of second order: as MechanismPast.
   struct Past {
     double h = 0;  // s; 0: nothing is known

@@ -74,7 +74,7 @@ class MechanismDynamics {
   Vector6 DrivenTwist(double h) const { return Log(state_.reduced.X_WR.inverse() * state_.driven_next) / h; }
 
   /// Begins a step of second order (docs/method.md, section 5). By kMiddle the mechanism stands where its
-  /// velocity takes it in half the step, from here to Integrate or Revert, and Predict, ports and lengths
+  /// velocity takes it in half the step, from here to Integrate, and Predict, ports and lengths
   /// speak of that pose. By kTwoSteps velocities x from Predict on are a share of those of the end. Not by
   /// twists. Without this a step is implicit Euler's.
   void Begin(double h, const Vector3& gravity_W, StepRule rule);
@@ -102,8 +102,8 @@ class MechanismDynamics {
   void GroupJacobian(int g, Eigen::Ref<Matrix6X> J) const;
   /// Twist of group g at velocity x: before Predict the present one, after it the free one.
   Vector6 GroupTwist(int g, const Eigen::Ref<const MatrixX>& J_T) const;
-  /// After a step by kTwoSteps: the twist that its end velocities would have been at its start, along the axes
-  /// of R then and about R's origin, J_T as then.
+  /// After a step by kTwoSteps: the twist that its end velocities would have been at its start, along the
+  /// axes of R then and about R's origin, J_T as then.
   Vector6 GroupTwistFromStart(int g, const Eigen::Ref<const MatrixX>& J_T) const;
   RigidTransform GroupPose(int g) const;
   /// Twist of group g in world axes about the origin of the body that names it.
@@ -146,8 +146,6 @@ class MechanismDynamics {
   int NewtonSteps() const { return newton_steps_; }
   /// False where those iterations ended short of the minimum.
   bool FoundMinimum() const { return minimum_found_; }
-  /// Takes the free velocity back, before Integrate.
-  void Revert();
   /// All that the next step depends on, into `out`; does not allocate where `out` has its sizes. Between
   /// steps.
   void Save(MechanismState& out) const;

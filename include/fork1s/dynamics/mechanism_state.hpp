@@ -7,17 +7,17 @@
 
 namespace fork1s {
 
-/// What a step of second order knows of the step before, for the rule of two steps (docs/method.md, section 5).
-/// Sizes as of MechanismState; of k rigid parts.
+/// What a step of second order knows of the step before, for the rule of two steps (docs/method.md, section
+/// 5). Sizes as of MechanismState; of k rigid parts.
 struct MechanismPast {
-  double h = 0;       // s, of that step; 0: nothing is known, and the rule begins anew
-  VectorX z_moved;    // r: how far it went
-  VectorX q_dot;      // n: joint rates at its start
-  Matrix3X c_dot_W;   // 3 x k: velocities of centres at its start, world axes
-  Matrix3X omega;     // 3 x k: turns at its start, in the parts' own axes
-  Matrix3 R_WR = Matrix3::Identity();    // of a floating base at its start
-  Vector3 center_W = Vector3::Zero();    // centre of mass of a floating mechanism at its start
-  Vector6 V_R = Vector6::Zero();         // twist of a driven base at its end
+  double h = 0;                        // s, of that step; 0: nothing is known, and the rule begins anew
+  VectorX z_moved;                     // r: how far it went
+  VectorX q_dot;                       // n: joint rates at its start
+  Matrix3X c_dot_W;                    // 3 x k: velocities of centres at its start, world axes
+  Matrix3X omega;                      // 3 x k: turns at its start, in the parts' own axes
+  Matrix3 R_WR = Matrix3::Identity();  // of a floating base at its start
+  Vector3 center_W = Vector3::Zero();  // centre of mass of a floating mechanism at its start
+  Vector6 V_R = Vector6::Zero();       // twist of a driven base at its end
 };
 
 /// All that the next step of a mechanism depends on beside its definition and options: a copy that is put

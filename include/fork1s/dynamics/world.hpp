@@ -20,9 +20,9 @@ class MechanismDynamics;  // mechanism_dynamics.hpp, for who looks into a mechan
 struct ContactProblem;    // contact_problem.hpp
 struct StepPartTimes;     // step_times.hpp
 
-/// How a step is taken. kEuler: all forces at its end, first order. kTheta: of second order, not for recovery by
-/// twists; slow modes by the trapezoid, what a step cannot follow at its end, lasting contact at its end by the
-/// rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5).
+/// How a step is taken. kEuler: all forces at its end, first order. kTheta: of second order, not for recovery
+/// by twists; slow modes by the trapezoid, what a step cannot follow at its end, lasting contact at its end
+/// by the rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5).
 enum class Integrator { kEuler, kTheta };
 
 struct StepOptions {
@@ -110,7 +110,8 @@ class World {
   /// read.
   void Watch(StepPartTimes* times);
   /// What the last step asked of its contacts and stops, to be solved by other means: velocities before them
-  /// and impulses of the step before as a warm start. Of no blocks where nothing could touch.
+  /// and impulses of the step before as a warm start. Of no blocks where nothing could touch; of the last of
+  /// the four where an impact made four of it.
   ContactProblem LastContactProblem() const;
 
   double KineticEnergy() const;

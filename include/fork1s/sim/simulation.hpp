@@ -177,8 +177,8 @@ class Simulation {
       body_of_;  // places in bodies_ by body of world_: of free ones, then of mechanisms
 };
 
-/// Values of named controls over time, linear between rows, held before the first and after the last. Of driven
-/// bases, corners of that path are rounded within 1/60 s of a row: bodies have no jumps of velocity.
+/// Values of named controls over time, linear between rows, held before the first and after the last. Of
+/// driven bases, corners of that path are rounded within 1/60 s of a row: bodies have no jumps of velocity.
 struct ControlTrack {
   std::vector<std::string> names;
   std::vector<double> times;              // s, increasing

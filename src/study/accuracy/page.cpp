@@ -285,10 +285,11 @@ for any model.
                            Percent(r.firemen_with_all.points[3].between_percent),
                            Percent(chain.points[0].reduced_percent), Percent(chain.points[0].full_percent),
                            Percent(chain.points[0].theta_percent), Percent(chain.points[0].reduced_percent),
-                           Percent(hexapod.points[0].theta_percent), Percent(hexapod.points[0].reduced_percent),
-                           Percent(firemen.points[0].theta_percent), Percent(firemen.points[0].reduced_percent),
-                           Percent(chain.points[2].theta_percent), Percent(hexapod.points[2].theta_percent),
-                           Percent(firemen.points[2].theta_percent),
+                           Percent(hexapod.points[0].theta_percent),
+                           Percent(hexapod.points[0].reduced_percent),
+                           Percent(firemen.points[0].theta_percent),
+                           Percent(firemen.points[0].reduced_percent), Percent(chain.points[2].theta_percent),
+                           Percent(hexapod.points[2].theta_percent), Percent(firemen.points[2].theta_percent),
                            Percent(hand.points[2].theta_percent), Percent(hand.points[2].reduced_percent));
 }
 
