@@ -47,21 +47,28 @@ bool MechanismDynamics::AnyAtBound() const {
                      [](signed char side) { return side != 0; });
 }
 
+bool MechanismDynamics::ServosTurn() const {
+  return model().loop_rank() > 0 && rule_ != StepRule::kMiddle && options_.recovery != Recovery::kTwist;
+}
+
 // Loops turn Q as the pose moves, and the spring that A has at the reference with it. Elsewhere that does not
 // matter: what the step leaves of it is in the next step's f₀. Here f at the end of the step decides, and of
 // a stiff servo (1e9 N/m) the few per cent of the motion that the turn makes are more than its bound.
+void MechanismDynamics::TurnServos(double h) {
+  if (!ServosTurn()) return;
+  for (const Mechanism::ForceLimit& limit : mechanism().force_limits()) {
+    const double spring = h * h * limit.stiffness;
+    if (!(spring > 0)) continue;
+    AddSpringOf(limit.length, -spring, false);
+    AddSpringOf(limit.length, spring, true);
+  }
+}
+
 void MechanismDynamics::TakeBoundedSpringsOut(double h) {
   const auto& limits = mechanism().force_limits();
-  const bool turned =
-      model().loop_rank() > 0 && rule_ != StepRule::kMiddle && options_.recovery != Recovery::kTwist;
   for (std::size_t k = 0; k < limits.size(); ++k) {
-    const double spring = h * h * limits[k].stiffness, damper = order_ * h * limits[k].damping;
-    if (turned && spring > 0) {
-      AddSpringOf(limits[k].length, -spring, false);
-      AddSpringOf(limits[k].length, spring, true);
-    }
-    if (state_.at_bound[k] != 0 && spring + damper > 0)
-      AddSpringOf(limits[k].length, -(spring + damper), turned);
+    const double weight = h * h * limits[k].stiffness + order_ * h * limits[k].damping;
+    if (state_.at_bound[k] != 0 && weight > 0) AddSpringOf(limits[k].length, -weight, ServosTurn());
   }
 }
 
@@ -92,9 +99,8 @@ bool MechanismDynamics::UpdateForceLimits(double h) {
   const auto& limits = mechanism().force_limits();
   bool changed = false;
   for (std::size_t k = 0; k < limits.size(); ++k) {
-    const double stretch =
-        rule_ == StepRule::kEuler ? h * LengthRate(limits[k].length) : StretchToForce(limits[k], h);
-    const double f = limit_force_(static_cast<Eigen::Index>(k)) - limits[k].stiffness * stretch -
+    const double f = limit_force_(static_cast<Eigen::Index>(k)) -
+                     limits[k].stiffness * WayToForce(limits[k].length, h) -
                      limits[k].damping * order_ * LengthRate(limits[k].length);
     signed char side = f > limits[k].upper ? 1 : f < limits[k].lower ? -1 : 0;
     if (side * state_.at_bound[k] < 0)
@@ -106,9 +112,10 @@ bool MechanismDynamics::UpdateForceLimits(double h) {
   return changed;
 }
 
-// From the pose at which LoadForces found a servo's spring to where its force acts.
-double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, double h) {
+// How far a length goes from the pose at which LoadForces found it to where its force acts.
+double MechanismDynamics::WayToForce(const Mechanism::Length& length, double h) {
   const int r = model().size();
+  if (rule_ == StepRule::kEuler) return h * LengthRate(length);
   if (rule_ == StepRule::kTwoSteps) {
     f_used_ = h * (x_.tail(r) + contact_shift_.tail(r));
   } else {
@@ -118,9 +125,9 @@ double MechanismDynamics::StretchToForce(const Mechanism::ForceLimit& limit, dou
     f_used_ = z_before_ - state_.reduced.z;
     f_used_.noalias() += h * (scheme().Th * w_mean_);
   }
-  double stretch = 0;
-  ForEachArm(limit.length, Paths(), [&](int i, double c) { stretch += c * Q_now().row(i).dot(f_used_); });
-  return stretch;
+  double way = 0;
+  ForEachArm(length, Paths(), [&](int i, double c) { way += c * Q_now().row(i).dot(f_used_); });
+  return way;
 }
 
 // Force of the reduced springs at z = `moved`, those of servos at their bounds left out.

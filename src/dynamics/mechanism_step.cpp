@@ -36,6 +36,7 @@ void MechanismDynamics::Factor(double h) {
   A_.diagonal().tail(model().size()) += h * h * model().K_r;
   TurnSprings(h);
   TurnDampers(h);
+  TurnServos(h);
   TakeBoundedSpringsOut(h);
   factor_.Compute(A_);
 }

@@ -53,7 +53,7 @@ bool MechanismDynamics::UpdateSlackSprings(double h) {
   bool changed = false;
   for (SlackSpring& slack : slack_) {
     const Mechanism::Spring& s = mechanism().springs()[slack.spring];
-    int side = s.SideOf(slack.length + h * LengthRate(s.length));
+    int side = s.SideOf(slack.length + WayToForce(s.length, h));
     if (side * slack.side < 0) side = 0;  // between the two, as for servos
     changed = changed || side != slack.side;
     slack.side = side;

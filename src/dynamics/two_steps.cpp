@@ -66,14 +66,26 @@ void MechanismDynamics::SolveFreeTwoSteps(double h) {
   x_ = order_ * momentum_;
   if (base_size_ > 0) x_.head<6>() += h * base_force_;
   if (r > 0) {
+    // Springs work along x + s, all else in A on x alone.
     auto A_z = A_.bottomRightCorner(r, r);
+    const auto s = contact_shift_.tail(r);
+    x_.tail(r) += h * f_z_;
     A_z += order_ * h * model().D;
-    A_z.diagonal() += h * h * model().K_r;
-    f_used_ = h * contact_shift_.tail(r);
-    SpringPull(f_used_, f_turn_);
-    x_.tail(r) += h * (f_z_ + f_turn_);
-    TurnSprings(h);
     TurnDampers(h);
+    x_.tail(r).noalias() += A_z.selfadjointView<Eigen::Lower>() * s;
+    A_z.diagonal() += h * h * model().K_r;
+    TurnSprings(h);
+    TurnServos(h);
+    x_.tail(r).noalias() -= A_z.selfadjointView<Eigen::Lower>() * s;
+    for (std::size_t k = 0; k < state_.at_bound.size(); ++k) {
+      if (state_.at_bound[k] == 0) continue;
+      const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
+      if (ServosTurn() || limit.length.path >= 0)
+        ReducedRow(limit.length, Paths(), Q_now(), limit_row_);
+      else
+        ReducedRow(limit.length, paths_ref_, model().Q_rows, limit_row_);
+      x_.tail(r) += h * h * limit.stiffness * limit_row_.dot(s) * limit_row_;
+    }
     TakeBoundedSpringsOut(h);
   }
   if (factor_.Compute(A_))

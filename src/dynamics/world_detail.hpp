@@ -197,6 +197,7 @@ struct World::Detail {
   };
   std::vector<Push> pushes_;
   std::vector<char> is_pushed_;  // per contactor
+  std::vector<char> touched_;    // per free body: whether contacts at hand may
   std::vector<Matrix6> free_Y_;
   std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
   bool has_switches_ = false;

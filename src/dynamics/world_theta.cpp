@@ -26,10 +26,22 @@ double World::Detail::MotionWithin(double h) const {
   return motion;
 }
 
+// What nothing can touch within the step, by the contacts at hand, and no stop, goes half way in any case.
 void World::Detail::BeginAll(const StepOptions& options, StepRule rule) {
   rule_ = rule;
-  ForMechanisms([&](std::size_t i) { mechanisms_[i].Begin(options.h, options.gravity, rule); });
-  for (FreeBody& b : free_bodies_) b.Begin(options.h, rule);
+  ForMechanisms([&](std::size_t i) {
+    const auto& parts = mechanism_blocks_[i].parts;
+    const bool free = std::all_of(parts.begin(), parts.end(), [](const PartBlock& p) { return p.rows == 0; });
+    mechanisms_[i].Begin(options.h, options.gravity, free ? StepRule::kMiddle : rule);
+  });
+  touched_.assign(free_bodies_.size(), 0);
+  for (const ContactPoint& p : points_)
+    for (const int body : {p.body_a, p.body_b})
+      if (const Contactor& c = contactors_[static_cast<std::size_t>(body)];
+          c.kind == Contactor::Kind::kFreeBody)
+        touched_[static_cast<std::size_t>(c.index)] = 1;
+  for (std::size_t i = 0; i < free_bodies_.size(); ++i)
+    free_bodies_[i].Begin(options.h, touched_[i] ? rule : StepRule::kMiddle);
 }
 
 // Whether anything bore a load in the last step.

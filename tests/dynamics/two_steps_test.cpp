@@ -76,6 +76,60 @@ TEST(TwoSteps, AStandingMassKeepsSwinging) {
   EXPECT_LT(swing.deepest, 2.001);
 }
 
+// What only hangs beside something that touches moves as where it is alone.
+TEST(TwoSteps, APendulumBesideItSwingsAsAlone) {
+  MechanismDef pendulum = testing::Chain(1, 0.25, 1, 0);
+  pendulum.X_WR = RigidTransform(ExpRotation(Vector3(std::numbers::pi / 2, 0, 0)), Vector3(5, 0, 2));
+  Scene scene = Hopper(0.3, Vector3::Zero());
+  scene.mechanisms.push_back(pendulum);
+  World world = testing::MustCreate(scene), alone = testing::MustCreate(pendulum);
+  StepOptions step;
+  step.integrator = Integrator::kTheta;
+  double most = 0;
+  for (int i = 0; i < 600; ++i) {
+    world.Step(step);
+    alone.Step(step);
+    const double q = world.mechanisms()[1].configuration().q(0);
+    EXPECT_EQ(q, alone.mechanisms()[0].configuration().q(0)) << i;
+    most = std::max(most, std::abs(q));
+  }
+  EXPECT_GT(most, 3.1);  // from the horizontal to the horizontal
+}
+
+// A servo at its bound gives that and no more, whatever the past of its joint.
+TEST(TwoSteps, ABoundedServoGivesItsBound) {
+  Scene scene = Hopper(0, Vector3::Zero());
+  MechanismDef& hopper = scene.mechanisms[0];
+  hopper.joints[0].WithSpring(500, 40);
+  ControlDef servo;
+  servo.name = "servo";
+  servo.terms.emplace_back(FreedomRef{JointIndex(0), 0}, 1.0);
+  servo.gain = 500;
+  servo.is_setpoint = true;
+  hopper.controls.push_back(servo);
+  ForceLimitDef bound;
+  bound.name = "servo";
+  bound.terms = servo.terms;
+  bound.inputs = {{"servo", 1.0}};
+  bound.stiffness = 500;
+  bound.damping = 40;
+  bound.lower = -5;  // half of the weight: the mass falls at half of gravity
+  bound.upper = 5;
+  hopper.force_limits.push_back(bound);
+  World world = testing::MustCreate(scene);
+  StepOptions step;
+  step.integrator = Integrator::kTheta;
+  step.h = 1.0 / 240;
+  world.mechanisms()[0].controls()(0) = 0.5;
+  const double a = kHopperGravity - 5 / kHopperMass;
+  for (int i = 1; i <= 48; ++i) {
+    EXPECT_TRUE(world.Step(step).finite);
+    const double t = i * step.h;
+    // The first step does not know where it comes from: a h²/2 at most.
+    EXPECT_NEAR(world.mechanisms()[0].configuration().q(0), -0.5 * a * t * t, 0.6 * a * t * step.h) << i;
+  }
+}
+
 TEST(TwoSteps, NorthAndEastAreAlike) {
   const Swing here = Swings(Integrator::kTheta, 1.0 / 60, 0, Vector3::Zero()),
               there = Swings(Integrator::kTheta, 1.0 / 60, 2.1, Vector3(-30, 40, 0));

@@ -202,6 +202,8 @@ class MechanismDynamics {
   void OpenSwitches();
   void OpenForceLimits();
   bool AnyAtBound() const;
+  bool ServosTurn() const;
+  void TurnServos(double h);
   void TakeBoundedSpringsOut(double h);
   void TurnSprings(double h);
   void TurnDampers(double h);
@@ -251,7 +253,7 @@ class MechanismDynamics {
   void TakeVelocityAtEnd(double work);
   void MatchWork(double energy);
   double PotentialEnergyOn(const RigidTransform& X_WR, const Vector3& gravity_W) const;
-  double StretchToForce(const Mechanism::ForceLimit& limit, double h);
+  double WayToForce(const Mechanism::Length& length, double h);
   void SpringPull(const VectorX& moved, VectorX& force);
   double Turn(int coordinate) const;
   void Advance(double h, const Vector6& V_start, const Vector6& by_pose);
