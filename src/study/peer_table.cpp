@@ -135,6 +135,7 @@ Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options) {
     }
     RunOptions at = o;
     at.substeps = what.substeps;
+    at.integrator = what.own_integrator;
     at.mujoco_integrator = what.integrator;
     at.mujoco_tuned = what.tuned;
     if (!what.is_mujoco) return internal::RunReduced(scene, tracked, at);

@@ -28,6 +28,9 @@ TEST(Bench, ASceneBesideMuJoCoAndTheConvergedRun) {
     EXPECT_GT(row["ratio"], 0) << peer;
     EXPECT_GT(row["error_percent"], 0.1) << peer;
   }
+  const auto theta = scene["peers"]["fork1s theta"];
+  EXPECT_GT(theta["step_us"], 0);
+  EXPECT_LT(theta["error_percent"], 0.5 * error);
   // Steps of first order: half the step, about half the error.
   double half = 0;
   for (const auto& point : scene["precision"])

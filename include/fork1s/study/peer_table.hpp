@@ -29,6 +29,7 @@ struct PeerEntrant {
   std::function<Expected<PeerMotion>(const Scene& scene, const std::vector<std::string>& bodies, double dt,
                                      int samples, int substeps)>
       outside = {};
+  Integrator own_integrator = Integrator::kEuler;  // of the reduced simulator
 };
 
 struct PeerOptions {

@@ -54,6 +54,8 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options) {
                     options.time / peers.dt));
   for (const int substeps : options.substeps) {
     peers.entrants.push_back({"fork1s", false, MuJoCoIntegrator::kOfFile, false, substeps});
+    peers.entrants.push_back(
+        {"fork1s theta", false, MuJoCoIntegrator::kOfFile, false, substeps, {}, Integrator::kTheta});
     if (!options.mujoco) continue;
     peers.entrants.push_back({"MuJoCo discrete", true, MuJoCoIntegrator::kDiscrete, false, substeps});
     peers.entrants.push_back({"MuJoCo implicitfast", true, MuJoCoIntegrator::kImplicitFast, false, substeps});
