@@ -1,8 +1,7 @@
 // Forces that have no potential: those that turn with a body (PathKind::kWrench).
 //
-// No energy that the guard or the chord of a step of second order asks for knows of them. Their work is one
-// from outside, as that of contact is: at the end of a step of implicit Euler h f dℓ/dt with both as they are
-// there.
+// No energy that the chord of a step asks for knows of them: their work is one from outside, as that of
+// contact is.
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 #include <algorithm>
@@ -15,28 +14,6 @@ void MechanismDynamics::FindFollowers() {
   const auto any = [&](const auto& list) { return std::any_of(list.begin(), list.end(), follows); };
   has_follower_springs_ = any(m.springs()) || any(m.force_limits());
   has_followers_ = has_follower_springs_ || any(m.controls());
-}
-
-double MechanismDynamics::FollowerWork(double h) const {
-  const Mechanism& m = mechanism();
-  double power = 0;
-  for (const Mechanism::Spring& s : m.springs()) {
-    if (m.HasPotential(s.length)) continue;
-    const double rate = LengthRate(s.length), at = Length(s.length);
-    power += (s.Force(at) - h * s.StiffnessAt(at) * rate) * rate;
-  }
-  for (std::size_t i = 0; i < m.controls().size(); ++i) {
-    const Mechanism::Control& c = m.controls()[i];
-    if (!m.HasPotential(c.length))
-      power += c.gain * state_.controls(static_cast<Eigen::Index>(i)) * LengthRate(c.length);
-  }
-  for (const Mechanism::ForceLimit& limit : m.force_limits()) {
-    if (m.HasPotential(limit.length)) continue;
-    const double rate = LengthRate(limit.length),
-                 f = UnboundedForce(limit) - (h * limit.stiffness + limit.damping) * rate;
-    power -= (f - std::clamp(f, limit.lower, limit.upper)) * rate;
-  }
-  return h * power;
 }
 
 // tau += factor times all of them at the present pose.

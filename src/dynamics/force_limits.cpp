@@ -48,7 +48,7 @@ bool MechanismDynamics::AnyAtBound() const {
 }
 
 bool MechanismDynamics::ServosTurn() const {
-  return model().loop_rank() > 0 && rule_ != StepRule::kMiddle && options_.recovery != Recovery::kTwist;
+  return model().loop_rank() > 0 && ActsAtPose();
 }
 
 // Loops turn Q as the pose moves, and the spring that A has at the reference with it. Elsewhere that does not
@@ -115,8 +115,8 @@ bool MechanismDynamics::UpdateForceLimits(double h) {
 // How far a length goes from the pose at which LoadForces found it to where its force acts.
 double MechanismDynamics::WayToForce(const Mechanism::Length& length, double h) {
   const int r = model().size();
-  if (rule_ == StepRule::kEuler) return h * LengthRate(length);
-  if (rule_ == StepRule::kTwoSteps) {
+  if (options_.recovery == Recovery::kTwist) return h * LengthRate(length);
+  if (rule_ != StepRule::kMiddle) {
     f_used_ = h * (x_.tail(r) + contact_shift_.tail(r));
   } else {
     f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
@@ -133,29 +133,67 @@ double MechanismDynamics::WayToForce(const Mechanism::Length& length, double h) 
 // Force of the reduced springs at z = `moved`, those of servos at their bounds left out.
 void MechanismDynamics::SpringPull(const VectorX& moved, VectorX& force) {
   force = -model().K_r.cwiseProduct(moved);
+  if (TakesBentSprings()) force.noalias() -= K_beyond_ * moved;
   for (std::size_t k = 0; k < state_.at_bound.size(); ++k) {
     if (state_.at_bound[k] == 0) continue;
     const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
-    double stretch = 0;
-    ForEachArm(limit.length, paths_ref_,
-               [&](int i, double c) { stretch += c * model().Q.row(i).dot(moved); });
-    ForEachArm(limit.length, paths_ref_, [&](int i, double c) {
-      force += (limit.stiffness * stretch * c) * model().Q.row(i).transpose();
-    });
+    if (ServosTurn() || (limit.length.path >= 0 && ActsAtPose()))
+      ReducedRow(limit.length, Paths(), Q_now(), limit_row_);
+    else
+      ReducedRow(limit.length, paths_ref_, model().Q_rows, limit_row_);
+    force += limit.stiffness * limit_row_.dot(moved) * limit_row_;
   }
 }
 
-// Beyond its bound a servo stores F ℓ where its spring would store ½ k (ℓ - ℓ*)², f = k (ℓ* - ℓ).
+namespace {
+
+// What a servo at its bound F holds less than its spring: F ℓ in place of ½ k (ℓ - ℓ*)², f = k (ℓ* - ℓ).
+double Beyond(const Mechanism::ForceLimit& limit, double f, double F, double length) {
+  return limit.stiffness > 0 ? (f - F) * (f - F) / (2 * limit.stiffness) : (F - f) * length;
+}
+
+}  // namespace
+
 double MechanismDynamics::EnergyBeyondBounds() const {
   double energy = 0;
   for (const Mechanism::ForceLimit& limit : mechanism().force_limits()) {
     if (!mechanism().HasPotential(limit.length)) continue;
     const double f = UnboundedForce(limit), F = std::min(std::max(f, limit.lower), limit.upper);
-    if (f == F) continue;
-    energy +=
-        limit.stiffness > 0 ? (f - F) * (f - F) / (2 * limit.stiffness) : (F - f) * Length(limit.length);
+    if (f != F) energy += Beyond(limit, f, F, Length(limit.length));
   }
   return energy;
+}
+
+// A servo gives its bound for its damper's sake too, which no potential of the pose knows of. To a step its
+// force is that of a spring or the bound, whichever it took, from start to end.
+template <typename Pose>
+double MechanismDynamics::BeyondBoundsTaken(const Pose& pose) const {
+  double energy = 0;
+  const auto& limits = mechanism().force_limits();
+  for (std::size_t k = 0; k < limits.size(); ++k) {
+    if (state_.at_bound[k] == 0 || !mechanism().HasPotential(limits[k].length)) continue;
+    const auto [f, length] = pose(k);
+    energy += Beyond(limits[k], f, state_.at_bound[k] > 0 ? limits[k].upper : limits[k].lower, length);
+  }
+  return energy;
+}
+
+void MechanismDynamics::KeepBoundedLengths() {
+  const auto& limits = mechanism().force_limits();
+  limits_start_.resize(limits.size());
+  for (std::size_t k = 0; k < limits.size(); ++k)
+    limits_start_[k] = {UnboundedForce(limits[k]), Length(limits[k].length)};
+}
+
+double MechanismDynamics::BeyondBoundsAtStart() const {
+  return BeyondBoundsTaken([this](std::size_t k) { return limits_start_[k]; });
+}
+
+double MechanismDynamics::PotentialOfStep(const RigidTransform& X_WR) const {
+  return PotentialOfSprings(X_WR, gravity_W_) - BeyondBoundsTaken([this](std::size_t k) {
+           const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
+           return std::pair(UnboundedForce(limit), Length(limit.length));
+         });
 }
 
 }  // namespace fork1s

@@ -52,7 +52,7 @@ void MechanismDynamics::ReducedRow(const Mechanism::Length& length, const std::v
 // that is not linear in a step of implicit Euler, else that of the reference, as in K_r.
 void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weight, bool bends) {
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
-  if ((bends || length.path >= 0) && rule_ != StepRule::kMiddle && options_.recovery != Recovery::kTwist)
+  if ((bends || length.path >= 0) && ActsAtPose())
     ReducedRow(length, Paths(), Q_now(), limit_row_);
   else
     ReducedRow(length, paths_ref_, model().Q_rows, limit_row_);
@@ -65,9 +65,9 @@ void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weig
 // (theta_minimum.cpp); the dampers' arms are those of the last refresh there.
 //
 // Springs and dampers that are not linear likewise, by the stiffness and the damping of the pose and its
-// rates. By second order their dampers are linear, those of the rates 0 of the reference.
+// rates.
 void MechanismDynamics::TurnSprings(double h) {
-  if (!has_bent_springs_ || rule_ == StepRule::kMiddle || options_.recovery == Recovery::kTwist) return;
+  if (!has_bent_springs_) return;
   auto A_z = A_.bottomRightCorner(model().size(), model().size());
   const auto& springs = mechanism().springs();
   auto slack = slack_.begin();
@@ -103,23 +103,58 @@ void MechanismDynamics::FindDampers() {
   for (const WeightedRows& rows : dampers_) AddRowSquares(model().Q_rows, rows, 1, joint_damping_ref_);
 }
 
+// K_beyond_: what springs that bend, and servos that turn, are stiff by at this pose beyond what K_r has of them.
+void MechanismDynamics::TakeStiffnessBeyond() {
+  const auto& springs = mechanism().springs();
+  K_beyond_.setZero(model().size(), model().size());
+  if (ServosTurn())
+    for (const Mechanism::ForceLimit& limit : mechanism().force_limits()) {
+      if (!(limit.stiffness > 0)) continue;
+      ReducedRow(limit.length, Paths(), Q_now(), limit_row_);
+      K_beyond_.noalias() += limit.stiffness * limit_row_ * limit_row_.transpose();
+      ReducedRow(limit.length, paths_ref_, model().Q_rows, limit_row_);
+      K_beyond_.noalias() -= limit.stiffness * limit_row_ * limit_row_.transpose();
+    }
+  for (std::size_t k = 0; k < springs.size(); ++k) {
+    const Mechanism::Spring& s = springs[k];
+    if (s.length.path < 0 && s.is_linear()) continue;
+    ReducedRow(s.length, Paths(), Q_now(), limit_row_);
+    K_beyond_.noalias() += s.StiffnessAt(Length(s.length)) * limit_row_ * limit_row_.transpose();
+    ReducedRow(s.length, paths_ref_, model().Q_rows, limit_row_);
+    K_beyond_.noalias() -= spring_stiffness_ref_[k] * limit_row_ * limit_row_.transpose();
+  }
+}
+
 // Loops turn Q as the pose moves, and with it what dampers of joints and of straight tendons are in reduced
 // coordinates. Springs too, but their forces are those of the pose wherever A has its stiffness; a damper acts through
 // A alone. Springy closures keep the damping of the reference.
-void MechanismDynamics::TurnDampers(double h) {
-  if (model().loop_rank() == 0 || rule_ == StepRule::kMiddle || options_.recovery == Recovery::kTwist) return;
+bool MechanismDynamics::DampersTurn() const {
+  return model().loop_rank() > 0 && options_.recovery != Recovery::kTwist;
+}
+
+// D += weight times what dampers are here beyond what D of the model has of them, those of springs that are
+// not linear, where `bent`, at the rates of w.
+void MechanismDynamics::AddDampersBeyond(double weight, bool bent, const VectorX& w, Eigen::Ref<MatrixX> D) {
   const Mechanism& m = mechanism();
-  auto A_z = A_.bottomRightCorner(model().size(), model().size());
-  const double weight = order_ * h;  // of dampers in A
-  A_z -= weight * joint_damping_ref_;
-  for (const WeightedRows& rows : dampers_) AddRowSquares(Q_now(), rows, weight, A_z);
-  for (const Mechanism::Spring& s : m.springs()) {
-    if (s.length.path >= 0 || !s.is_linear() || s.damping == 0) continue;
-    ReducedRow(s.length, Paths(), Q_now(), limit_row_);
-    A_z.noalias() += weight * s.damping * limit_row_ * limit_row_.transpose();
-    ReducedRow(s.length, paths_ref_, model().Q_rows, limit_row_);
-    A_z.noalias() -= weight * s.damping * limit_row_ * limit_row_.transpose();
+  const bool turn = DampersTurn();
+  if (turn) {
+    D -= weight * joint_damping_ref_;
+    for (const WeightedRows& rows : dampers_) AddRowSquares(Q_now(), rows, weight, D);
   }
+  for (const Mechanism::Spring& s : m.springs()) {
+    const bool bends = s.length.path >= 0 || !s.is_linear();
+    if (bends ? !bent : !turn || s.damping == 0) continue;
+    ReducedRow(s.length, Paths(), Q_now(), limit_row_);
+    D.noalias() += weight * s.DampingAt(limit_row_.dot(w)) * limit_row_ * limit_row_.transpose();
+    ReducedRow(s.length, paths_ref_, model().Q_rows, limit_row_);
+    D.noalias() -= weight * s.DampingAt(0) * limit_row_ * limit_row_.transpose();
+  }
+}
+
+void MechanismDynamics::TurnDampers(double h) {
+  if (DampersTurn())
+    AddDampersBeyond(order_ * h, false, state_.reduced.w,
+                     A_.bottomRightCorner(model().size(), model().size()));
 }
 
 }  // namespace fork1s

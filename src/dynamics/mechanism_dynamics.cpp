@@ -107,15 +107,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
     dynamics.x_.tail(r) = dynamics.state_.reduced.w;
   }
   dynamics.UpdateConfiguration();
-  dynamics.KeepJointRates();
   return dynamics;
-}
-
-// At the pose at hand, which a step of implicit Euler leaves afterwards.
-void MechanismDynamics::KeepJointRates() {
-  if (model().loop_rank() == 0 || options_.recovery == Recovery::kTwist) return;
-  state_.q_dot.setZero(model().num_coordinates());
-  AddMotion(model(), Q_now(), state_.reduced.w, state_.q_dot);
 }
 
 // What a new reference makes of the interior's own displacement and of the last step.
@@ -171,7 +163,6 @@ void MechanismDynamics::Size() {
   x_.tail(r) = state_.reduced.w;
   rhs_.resize(nx);
   solved_.resize(nx);
-  x_after_.resize(nx);
   z_before_.resize(r);
   w_before_.resize(r);
   momentum_.resize(nx);
@@ -181,13 +172,8 @@ void MechanismDynamics::Size() {
   F_.resize(6, m.num_bodies());
   M_00_ = model().M_00;
   M_0z_ = model().M_0z;
-  if (options_.recovery != Recovery::kTwist) {
-    body_V_.resize(6, m.num_bodies());
-    body_A_.resize(6, m.num_bodies());
-    q_dot_.resize(n);
-  }
+  if (options_.recovery != Recovery::kTwist) q_dot_.resize(n);
   q_ddot_.setZero(n);
-  if (model().has_complement) q_perp_before_ = q_perp_after_ = state_.reduced.q_perp;
   coordinate_reach_.setZero(r);
   if (n > 0 && r > 0)
     coordinate_reach_ = (model().h_inverse.cwiseSqrt().cwiseInverse().asDiagonal() * model().Q)

@@ -1,7 +1,6 @@
-// Energy, and the guard that keeps a step from making any.
+// Energy.
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
-#include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/recovery/recover.hpp>
@@ -48,6 +47,10 @@ double MechanismDynamics::PotentialEnergy(const Vector3& gravity_W) const {
 }
 
 double MechanismDynamics::PotentialEnergyOn(const RigidTransform& X_WR, const Vector3& gravity_W) const {
+  return PotentialOfSprings(X_WR, gravity_W) - EnergyBeyondBounds();
+}
+
+double MechanismDynamics::PotentialOfSprings(const RigidTransform& X_WR, const Vector3& gravity_W) const {
   const Mechanism& m = mechanism();
   const PoseEnergy& pose = EnergyOfPose();
   double energy =
@@ -59,59 +62,7 @@ double MechanismDynamics::PotentialEnergyOn(const RigidTransform& X_WR, const Ve
     energy -= control.gain * u * Length(control.length);
     if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
   }
-  return energy - EnergyBeyondBounds();
-}
-
-// The motion relative to the locked mechanism is scaled by s: what a floating base carries of momentum stays.
-void MechanismDynamics::ScaleRelativeMotion(double s) {
-  const int r = model().size();
-  if (base_size_ > 0) {
-    momentum_.noalias() = M_full_ * x_;
-    const Vector6 locked = SolvePositive(M_00_, momentum_.head<6>());
-    x_.head<6>() = locked + s * (x_.head<6>() - locked);
-    state_.reduced.V_R = x_.head<6>();
-  }
-  x_.tail(r) *= s;
-  state_.reduced.w = x_.tail(r);
-  state_.q_dot *= s;
-}
-
-// Velocity forces are explicit, loops bend the springs within a step and a long mechanism keeps the M of its
-// reference: fast motion could feed on each. What a step gained beyond what contact put in is taken from the
-// velocity. False if the velocity held less than that.
-bool MechanismDynamics::TakeExcessEnergy() {
-  const double kinetic = KineticEnergy(), potential = PotentialEnergy(gravity_W_);
-  const double excess = kinetic + potential - energy_budget_;
-  // Both energies are sums of many terms; below their rounding there is nothing to take.
-  constexpr double kRounding = 1e-14;
-  if (!(excess > kRounding * (kinetic + std::abs(potential) + std::abs(energy_budget_)))) return true;
-  momentum_.noalias() = M_full_ * x_;
-  // KE = KE_locked + s² KE_relative, without a mixed term: relative motion carries no base momentum.
-  double relative = 0.5 * x_.dot(momentum_);
-  if (base_size_ > 0) relative -= 0.5 * momentum_.head<6>().dot(SolvePositive(M_00_, momentum_.head<6>()));
-  if (!(relative > 0)) return false;
-  ScaleRelativeMotion(std::sqrt(std::max(0.0, 1 - excess / relative)));
-  return excess <= relative;
-}
-
-// Springs came to hold more than there was: the relative motion of this step is shortened to where they do
-// not.
-void MechanismDynamics::TakeShorterStep(double h) {
-  auto advance = [&](double s) {
-    AdvanceShortened(h, s);
-    return TakeExcessEnergy();
-  };
-  double fits = 0, tried = 0.5;
-  bool last = false;
-  // A turning point between two steps needs no more digits than this.
-  constexpr int kHalvings = 10;
-  for (int i = 0; i < kHalvings; ++i) {
-    last = advance(tried);
-    const double half = std::ldexp(0.25, -i);
-    if (last) fits = tried;
-    tried += last ? half : -half;
-  }
-  if (!last) advance(fits);
+  return energy;
 }
 
 }  // namespace fork1s

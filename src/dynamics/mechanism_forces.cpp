@@ -16,6 +16,9 @@ void MechanismDynamics::TakeReferenceForces() {
   }
   FindSlackSprings();
   FindFollowers();
+  stiffness_ref_.resize(0, 0);
+  if (model().has_complement && !m.has_diagonal_stiffness())
+    stiffness_ref_ = StiffnessMatrix(m, kinematics, model().q_ref);
   if (options_.recovery != Recovery::kTwist) return;
   configuration_.kinematics.paths = kinematics.paths;
   VectorX g_ref(model().num_coordinates());  // spring forces at the reference
@@ -58,103 +61,41 @@ void MechanismDynamics::TakeReferenceForces() {
   }
 }
 
-// f_z_ and base_force_ at the present pose; q_perp follows the loads of this pose.
-void MechanismDynamics::LoadForces(double h, const Vector3& gravity_R, const Vector6& A_R) {
-  const Mechanism& m = mechanism();
-  momentum_rate_.setZero();
-  if (options_.recovery == Recovery::kTwist) {
-    f_z_ = f_ref_;
-    f_z_ -= model().K_r.cwiseProduct(state_.reduced.z);
-    f_z_.noalias() += gravity_map_ * gravity_R;
-    if (state_.controls.size() > 0) f_z_.noalias() += control_map_ * state_.controls;
-    base_force_.noalias() = base_gravity_map_ * gravity_R;
-    if (base_moves()) {
-      f_z_.noalias() -= model().M_0z.transpose() * A_R;
-      const Matrix6 VV = state_.reduced.V_R * state_.reduced.V_R.transpose();
-      f_z_.noalias() += rigid_motion_map_ * Eigen::Map<const Eigen::Matrix<double, 36, 1>>(VV.data());
-    }
-    if (state_.has_wrenches)
-      for (int b = 0; b < m.num_bodies(); ++b) {
-        const Vector6 F = AdjointTransposeApply(state_.reduced.X_WR, state_.wrenches_W.col(b));
-        f_z_.noalias() += model().T_of(BodyIndex(b)).transpose() * F;
-        base_force_ += F;
-      }
-    return;
+// The same by twists, all of the reference.
+void MechanismDynamics::LoadForcesTwist(const Vector3& gravity_R, const Vector6& A_R) {
+  f_z_ = f_ref_;
+  f_z_ -= model().K_r.cwiseProduct(state_.reduced.z);
+  f_z_.noalias() += gravity_map_ * gravity_R;
+  if (state_.controls.size() > 0) f_z_.noalias() += control_map_ * state_.controls;
+  base_force_.noalias() = base_gravity_map_ * gravity_R;
+  if (base_moves()) {
+    f_z_.noalias() -= model().M_0z.transpose() * A_R;
+    const Matrix6 VV = state_.reduced.V_R * state_.reduced.V_R.transpose();
+    f_z_.noalias() += rigid_motion_map_ * Eigen::Map<const Eigen::Matrix<double, 36, 1>>(VV.data());
   }
+  if (!state_.has_wrenches) return;
+  for (int b = 0; b < mechanism().num_bodies(); ++b) {
+    const Vector6 F = AdjointTransposeApply(state_.reduced.X_WR, state_.wrenches_W.col(b));
+    f_z_.noalias() += model().T_of(BodyIndex(b)).transpose() * F;
+    base_force_ += F;
+  }
+}
+
+// g_, all joint forces of the present pose, and base_force_. Velocity forces are none of them: they come of the
+// momentum that is carried along.
+void MechanismDynamics::LoadForces(const Vector3& gravity_R) {
+  const Mechanism& m = mechanism();
   F_.setZero();
   if (!gravity_R.isZero(0)) AddGravityWrenches(m, configuration_.kinematics, gravity_R, F_);
   if (state_.has_wrenches)
     for (int b = 0; b < m.num_bodies(); ++b)
       F_.col(b) += AdjointTransposeApply(state_.reduced.X_WR, state_.wrenches_W.col(b));
   tau_.setZero();
-  // The base's own rows get the same by carrying its momentum along, and momentum_rate_.
   if (base_moves()) base_force_ = F_.rowwise().sum();
-  q_dot_.setZero();
-  AddMotion(model(), Q_now(), state_.reduced.w, q_dot_);
-  const bool by_formula =
-      rule_ == StepRule::kEuler;  // else velocity forces come of the momentum carried along
-  const bool turns = base_moves() && !state_.reduced.V_R.isZero(0);
-  // What rests drifts by less than this; its velocity forces would be below 1e-12 of its inertia.
-  constexpr double kRests = 1e-6;  // rad/s or m/s
-  const bool moves = q_dot_.lpNorm<Eigen::Infinity>() > kRests;
-  q_ddot_.setZero();
-  if (by_formula && moves && state_.q_dot.size() > 0) {
-    // Loops turn Q as they move: of the joint rates that the last step left the motions of this pose keep
-    // what they can, Qᵀ M (Q w⁺ - q̇) = h f, and that never adds energy. Ȧ q̇ in closed form would be of second
-    // order, and blows up where loops are nearly singular.
-    q_ddot_ = (q_dot_ - state_.q_dot) / h;
-    tau_ -= m.armature().cwiseProduct(q_ddot_);
-  }
-  if (by_formula && (turns || moves))
-    SubtractVelocityWrenches(m, configuration_.kinematics, configuration_.q, state_.reduced.V_R, q_dot_,
-                             q_ddot_, body_V_, body_A_, F_);
-  if (!A_R.isZero(0)) SubtractRigidMotionWrenches(m, configuration_.kinematics, Vector6::Zero(), A_R, F_);
   AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
-  // The velocity wrenches of all bodies together are -(Ṁ x - ad(ξ)ᵀ p), p = M x the base's momentum.
-  if (by_formula && base_size_ > 0)
-    momentum_rate_ = base_force_ - F_.col(0) +
-                     SmallAdjoint(state_.reduced.V_R).transpose() *
-                         (M_00_ * state_.reduced.V_R + M_0z_ * state_.reduced.w);
   if (state_.controls.size() > 0) AddControlForce(m, configuration_.kinematics, state_.controls, tau_);
   SpringForce(m, configuration_.kinematics, configuration_.q, g_);
   g_ += tau_;
-  if (model().has_complement) FollowLoads();
-  ReduceForce(model(), Q_now(), g_, f_z_);
-}
-
-// The interior's own displacement, one step of Newton with the stiffness of the reference towards rest under
-// g_, all joint forces of the present pose. On trees with linear springs that is C_perp (loads) exactly.
-// Loops turn with the pose: without their projector, reactions that are large and almost balanced would pass
-// for loads. Nor is the inertia of changing joint rates among them: they are known as a difference over one
-// step, the displacement turns the loops in its turn, and short steps would feed that back on itself.
-void MechanismDynamics::FollowLoads() {
-  rest_ = g_;
-  if (!q_ddot_.isZero(0)) {
-    ApplyMass(mechanism(), configuration_.kinematics, q_ddot_, inertial_);
-    rest_ += inertial_;
-  }
-  ProjectOnLoops(model(), configuration_, rest_);
-  ApplyComplement(model(), rest_, q_perp_step_);
-  // First loads after a refresh: what they ask for at once is kept back and fades, so that nothing jumps.
-  if (state_.q_perp_offset.size() == 0) {
-    state_.q_perp_offset = q_perp_step_;
-    state_.q_perp_step_last.setZero(q_perp_step_.size());
-    state_.follow = 1;
-    state_.overshoots = 0;
-  }
-  q_perp_step_ -= state_.q_perp_offset;
-  // Loads that stiffen the interior to more than twice its springs, a rope under tension, make such steps
-  // overshoot by more each time. Then they are shortened, until the next refresh.
-  constexpr double kShortest = 1.0 / 16;
-  const bool overshoots =
-      q_perp_step_.dot(state_.q_perp_step_last) < -0.81 * state_.q_perp_step_last.squaredNorm();
-  state_.overshoots = overshoots ? state_.overshoots + 1 : 0;
-  if (state_.overshoots >= 2 && state_.follow > kShortest) {  // once is what a load that turns round does too
-    state_.follow /= 2;
-    state_.overshoots = 0;
-  }
-  state_.reduced.q_perp += state_.follow * q_perp_step_;
-  state_.q_perp_step_last = q_perp_step_;
 }
 
 }  // namespace fork1s

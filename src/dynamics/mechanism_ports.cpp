@@ -62,6 +62,8 @@ void MechanismDynamics::FindParts() {
   }
   std::vector<DiagonalBlock> blocks;
   for (const Part& part : parts_) blocks.push_back({part.begin, part.size});
+  inertia_factor_ = Cholesky();
+  inertia_factor_.Divide(blocks, true);
   factor_.Divide(std::move(blocks), true);
   auto part_of_run = [&](const Part& run) {
     if (base_size_ > 0) return 0;

@@ -83,7 +83,6 @@ bool MechanismDynamics::Refresh() {
   VectorX q_dot = configuration_.Q_now * state_.reduced.w;
   const bool knows_past = state_.past.h > 0 && model().size() > 0;
   const VectorX q_moved = knows_past ? VectorX(configuration_.Q_now * state_.past.z_moved) : VectorX();
-  VectorX q_dot_left = state_.q_dot;  // of which the next step finds how loops turn
 
   // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
   bool rewritten = false;
@@ -95,8 +94,6 @@ bool MechanismDynamics::Refresh() {
     const Vector3 wrapped = v * (1 - 2 * M_PI / angle);
     const Matrix3 rewrite = DexpInverseRotation(wrapped) * DexpRotation(v);
     q_dot.segment<3>(joint.offset) = rewrite * q_dot.segment<3>(joint.offset);
-    if (q_dot_left.size() > 0)
-      q_dot_left.segment<3>(joint.offset) = rewrite * q_dot_left.segment<3>(joint.offset);
     q.segment<3>(joint.offset) = wrapped;
     rewritten = true;
   }
@@ -143,8 +140,6 @@ bool MechanismDynamics::Refresh() {
   state_.reduced.w = x.tail(r);
   if (base_size_ > 0) state_.reduced.V_R = x.head<6>();
   UpdateConfiguration();
-  // What the new coordinates do not have is no acceleration, which a moving base would feel.
-  if (q_dot_left.size() > 0) state_.q_dot = q_dot_left + Q_now() * state_.reduced.w - q_dot;
   return true;
 }
 

@@ -34,15 +34,15 @@ double MechanismDynamics::EndForces(VectorX& f_z) {
   return PotentialEnergyOn(state_.reduced.X_WR, gravity_W_);
 }
 
-void MechanismDynamics::MinimiseAtEnd(double h) {
+double MechanismDynamics::MinimiseAtEnd(double h) {
   constexpr int kMost = 50;
   constexpr double kRounding = 1e-13;  // potentials are sums of a hundred terms
   constexpr int kHalvings = 40;
   const int r = model().size();
-  minimised_ = true;
   minimum_found_ = false;
   const VectorX turn = u_.tail(r) - w_start_;
   const MatrixX& D = model().D;
+  MatrixX K;
   VectorX f(r), f_next(r), gradient(num_velocities()), step, x = x_, x_next, w(r);
   // From where nothing has bent yet.
   x.tail(r) = -turn;
@@ -62,8 +62,8 @@ void MechanismDynamics::MinimiseAtEnd(double h) {
     gradient = M_full_ * (x - u_) - impulse_;
     gradient.tail(r) += h * (D * (x.tail(r) + turn) - f - f_wrench_);
     if (base_size_ > 0) gradient.head<6>() -= h * base_force_;
-    const MatrixX K = Q_now().transpose() *
-                      StiffnessMatrix(mechanism(), configuration_.kinematics, configuration_.q) * Q_now();
+    K = Q_now().transpose() *
+        StiffnessMatrix(mechanism(), configuration_.kinematics, configuration_.q) * Q_now();
     A_ = M_full_;
     A_.bottomRightCorner(r, r) += h * D + h * h * K;
     factor_.Compute(A_);
@@ -93,6 +93,8 @@ void MechanismDynamics::MinimiseAtEnd(double h) {
   w_mean_ = x.tail(r) + turn;
   // The end is posed anew from the middle.
   std::swap(configuration_, elsewhere_);
+  // Along the chord, to second order.
+  return h * w_mean_.dot(f) + 0.5 * h * h * w_mean_.dot(K * w_mean_);
 }
 
 }  // namespace fork1s

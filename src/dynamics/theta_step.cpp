@@ -60,21 +60,22 @@ void MechanismDynamics::SizeTheta() {
 
 void MechanismDynamics::Begin(double h, const Vector3& gravity_W, StepRule rule) {
   FORK1S_REQUIRE(options_.recovery != Recovery::kTwist);
-  FORK1S_REQUIRE(rule != StepRule::kEuler);
   rule_ = rule;
   order_ = 1;
-  touches_ = false;
+  touches_ = first_order_ = false;
   gravity_W_ = gravity_W;
-  guard_ = false;
   z_before_ = state_.reduced.z;
   w_before_ = state_.reduced.w;
   X_WR_before_ = state_.reduced.X_WR;
   V_R_before_ = state_.reduced.V_R;
-  if (model().has_complement) q_perp_before_ = state_.reduced.q_perp;
-  if (model().size() > 0)
-    q_dot_start_.noalias() = Q_now() * state_.reduced.w;
-  else
-    q_dot_start_.setZero();
+  q_dot_start_.setZero();
+  AddMotion(model(), Q_now(), state_.reduced.w, q_dot_start_);
+  if (base_size_ > 0) {
+    const Vector6 p = M_full_.topRows<6>() * x_;
+    center_W_ = state_.reduced.X_WR * CenterOf(M_00_);
+    linear_W_ = state_.reduced.X_WR.rotation() * p.tail<3>();
+    past_next_.center_W = center_W_;
+  }
   Vector6 V_start = state_.reduced.V_R;
   if (mechanism().base() == BaseKind::kFixed) V_start.setZero();
   if (mechanism().base() == BaseKind::kDriven && rule_ == StepRule::kTwoSteps && state_.past.h == h)
@@ -82,25 +83,23 @@ void MechanismDynamics::Begin(double h, const Vector3& gravity_W, StepRule rule)
   ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_dot_start_, V_start,
                             start_velocity_);
   KeepPast(h);
-  if (base_size_ > 0) {
-    const Vector6 p = M_full_.topRows<6>() * x_;
-    const Matrix3& R = state_.reduced.X_WR.rotation();
-    const Vector3 c = CenterOf(M_00_);
-    center_W_ = state_.reduced.X_WR * c;
-    linear_W_ = R * p.tail<3>();
-    past_next_.center_W = center_W_;
-  }
-  if (rule_ == StepRule::kTwoSteps) {
+  if (rule_ != StepRule::kMiddle) {
     TakePast(h);
     return;
   }
-  if (mechanism().base() == BaseKind::kDriven) {
-    state_.reduced.V_R = Log(state_.reduced.X_WR.inverse() * state_.driven_next) / h;
-    weighed_on_ = state_.reduced.X_WR * Exp(0.5 * h * state_.reduced.V_R);
-    potential_start_ = PotentialEnergyOn(weighed_on_, gravity_W);
-  } else {
-    potential_start_ = PotentialEnergy(gravity_W);
+  if (model().has_complement) {
+    // At the middle a spring too stiff for the step stands where it never will, and would pass for a load.
+    LoadForces(state_.reduced.X_WR.rotation().transpose() * gravity_W);
+    FollowLoads();
   }
+  if (mechanism().base() == BaseKind::kDriven) {
+    state_.reduced.V_R = DrivenTwist(h);
+    weighed_on_ = state_.reduced.X_WR * Exp(0.5 * h * state_.reduced.V_R);
+    potential_start_ = PotentialOfSprings(weighed_on_, gravity_W);
+  } else {
+    potential_start_ = PotentialOfSprings(state_.reduced.X_WR, gravity_W);
+  }
+  KeepBoundedLengths();
   q_dot_mixed_ = q_dot_start_;
   TurnFreely(rigid_parts_, 0.5 * h, start_velocity_);
   MoveToMiddle(h);
@@ -128,8 +127,8 @@ void MechanismDynamics::MoveToMiddle(double h) {
   x_.head<6>() = state_.reduced.V_R;
 }
 
-// u and the forces of the pose half way.
-void MechanismDynamics::PredictTheta(double h) {
+// momentum_, of the start as the pose at hand feels it, and u.
+void MechanismDynamics::TakeMomenta() {
   const Matrix3 R_mW = state_.reduced.X_WR.rotation().transpose();
   const int r = model().size();
   F_parts_.setZero();
@@ -139,30 +138,38 @@ void MechanismDynamics::PredictTheta(double h) {
     // Joints see what is left beside the base's own mean motion.
     tau_.setZero();
     ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, tau_,
-                              rule_ == StepRule::kTwoSteps ? V_end_ : state_.reduced.V_R, other_velocity_);
+                              rule_ == StepRule::kMiddle ? state_.reduced.V_R : V_end_, other_velocity_);
     AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
   }
   tau_ = mechanism().armature().cwiseProduct(q_dot_mixed_);
   GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
   if (r > 0) momentum_.tail(r).noalias() = Q_now().transpose() * tau_;
   if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
+  if (rule_ != StepRule::kMiddle) return;
   u_ = momentum_;
-  if (num_velocities() > 0) {
-    SolveOrFail(inertia_factor_, M_full_, u_);
+  if (num_velocities() > 0) SolveOrFail(inertia_factor_, M_full_, u_);
+  if (r == 0) return;
+  w_start_ = first_order_ ? VectorX(u_.tail(r)) : w_before_;
+  if (mechanism().base() == BaseKind::kDriven && !first_order_) {
+    // Half of what the change of the base's twist brings has come by the start, the other half comes by the
+    // end.
+    f_turn_.noalias() = M_0z_.transpose() * (V_R_before_ - state_.reduced.V_R);
+    inertia_factor_.SolveInPlace(f_turn_);
+    w_start_ += 0.5 * f_turn_;
   }
-  if (r > 0 && rule_ != StepRule::kTwoSteps) {
-    w_start_ = w_before_;
-    if (mechanism().base() == BaseKind::kDriven) {
-      // Half of what the change of the base's twist brings has come by the start, the other half comes by the
-      // end.
-      f_turn_.noalias() = M_0z_.transpose() * (V_R_before_ - state_.reduced.V_R);
-      inertia_factor_.SolveInPlace(f_turn_);
-      w_start_ += 0.5 * f_turn_;
-    }
-    contact_shift_.setZero();
-    contact_shift_.tail(r) = u_.tail(r) - w_start_;
+  contact_shift_.setZero();
+  contact_shift_.tail(r) = u_.tail(r) - w_start_;
+}
+
+// f_z_ and base_force_ of the pose at hand, and what of them has no potential.
+void MechanismDynamics::TakeForces(double h) {
+  const int r = model().size();
+  LoadForces(state_.reduced.X_WR.rotation().transpose() * gravity_W_);
+  if (model().has_complement) {
+    if (rule_ != StepRule::kMiddle) FollowLoads();
+    potential_start_ += relaxed_;
   }
-  LoadForces(h, R_mW * gravity_W_, Vector6::Zero());
+  ReduceForce(model(), Q_now(), g_, f_z_);
   if (state_.q_perp_offset.size() > 0) state_.q_perp_offset *= std::exp(-h / options_.complement_relaxation);
   f_wrench_.setZero();
   base_wrench_.setZero();
@@ -173,8 +180,6 @@ void MechanismDynamics::PredictTheta(double h) {
     tau_.setZero();
     AccumulateGeneralizedForce(mechanism(), configuration_.kinematics.S, F_, tau_);
     if (r > 0) f_wrench_.noalias() = Q_now().transpose() * tau_;
-    state_.wrenches_W.setZero();
-    state_.has_wrenches = false;
   }
   if (has_followers_ && r > 0) {
     tau_.setZero();
@@ -190,18 +195,23 @@ void MechanismDynamics::PredictTheta(double h) {
     tau_ -= q_ddot_;
     f_moved_.noalias() = Q_now().transpose() * tau_;
   }
-  state_.controls_move = false;
+  ForgetInputs();
   if (HasSwitches()) OpenSwitches();
 }
 
+// What was meant for one step alone, once that knows it.
+void MechanismDynamics::ForgetInputs() {
+  state_.controls_move = false;
+  if (!state_.has_wrenches) return;
+  state_.wrenches_W.setZero();
+  state_.has_wrenches = false;
+}
+
 // x* from the momenta and forces at hand.
-void MechanismDynamics::SolveFreeTheta(double h) {
-  if (rule_ == StepRule::kTwoSteps) {
-    SolveFreeTwoSteps(h);
-    return;
-  }
+void MechanismDynamics::SolveFreeMiddle(double h) {
   const int r = model().size();
   all_at_end_ = touches_ || AnyAtBound();
+  if (TakesBentSprings()) TakeStiffnessBeyond();
   ThetaScheme& rule = all_at_end_ ? at_end_ : theta_;
   if (rule.h != h) {
     std::vector<VelocityRange> ranges = parts_;
@@ -211,11 +221,21 @@ void MechanismDynamics::SolveFreeTheta(double h) {
   if (HasSwitches()) AddSwitchedForces();
   if (num_velocities() == 0) return;
   impulse_.setZero(num_velocities());
+  SolveFreeMiddleWith(rule, w_start_);
+  // Dampers that are not linear by the mean of the rates that they would bring about.
+  if (has_bent_springs_ && !first_order_) SolveFreeMiddleWith(rule, VectorX(0.5 * (w_start_ + x_.tail(r))));
+}
+
+// Dampers that are not linear by the rates of `w_drag`.
+void MechanismDynamics::SolveFreeMiddleWith(const ThetaScheme& rule, const VectorX& w_drag) {
+  const int r = model().size();
+  const double h = rule.h;
   x_ = momentum_;
   if (base_size_ > 0) x_.head<6>() += h * base_force_;
   A_ = M_full_;
   if (r > 0) {
     A_.bottomRightCorner(r, r) += h * rule.D_end + h * h * rule.K_Th2;
+    if (TakesBentSprings()) A_.bottomRightCorner(r, r) += h * h * K_beyond_;
     auto rhs = x_.tail(r);
     rhs += h * f_z_;
     // Of the way that controls go within the step a mode feels what its own rule asks of it: half by the
@@ -231,48 +251,64 @@ void MechanismDynamics::SolveFreeTheta(double h) {
     f_turn_ = u_.tail(r) - w_start_;
     rhs.noalias() -= (h * h) * (rule.K_Th_rest * w_start_);
     rhs.noalias() -= (h * h) * (rule.K_Th2 * f_turn_);
+    if (TakesBentSprings()) rhs.noalias() -= (h * h) * (K_beyond_ * f_turn_);
     rhs.noalias() -= h * (rule.D_start * w_start_);
     rhs.noalias() -= h * (rule.D_end * f_turn_);
+    if (DampersTurn() || has_bent_springs_) {
+      // Of dampers beyond those of the reference half acts on either velocity, by first order all on the last.
+      D_beyond_.setZero(r, r);
+      AddDampersBeyond(h, true, w_drag, D_beyond_);
+      const double end = all_at_end_ ? 1 : 0.5;
+      A_.bottomRightCorner(r, r) += end * D_beyond_;
+      f_turn_ *= end;
+      f_turn_ += (1 - end) * w_start_;
+      rhs.noalias() -= D_beyond_.selfadjointView<Eigen::Lower>() * f_turn_;
+    }
     if (all_at_end_) TakeBoundedSpringsOut(h);
   }
   SolveOrFail(factor_, A_, x_);
 }
 
-void MechanismDynamics::IntegrateTheta(double h) {
-  if (rule_ == StepRule::kTwoSteps) {
-    IntegrateTwoSteps(h);
-    return;
-  }
+// Work of springs, weight and controls along the chord h w̄, which becomes w_mean_.
+double MechanismDynamics::WorkOfChord(double h) {
+  const int r = model().size();
+  if (r == 0) return 0;
+  f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
+  w_mean_.noalias() = scheme().Th * f_turn_;
+  w_mean_ += w_start_;
+  // f(z + h Th w̄); what springs bend by within the step is what the work then misses.
+  f_used_ = z_before_ - state_.reduced.z;
+  f_used_.noalias() += h * (scheme().Th * w_mean_);
+  SpringPull(f_used_, f_turn_);
+  double work = h * w_mean_.dot(f_z_ - f_wrench_ + f_turn_);
+  f_used_.noalias() = scheme().Th * w_mean_;
+  f_used_ -= 0.5 * w_mean_;
+  SpringPull(f_used_, f_turn_);
+  work -= h * h * w_mean_.dot(f_turn_);
+  return work;
+}
+
+void MechanismDynamics::IntegrateMiddle(double h) {
   const int r = model().size();
   const bool driven = mechanism().base() == BaseKind::kDriven;
   const Matrix3 R_m = state_.reduced.X_WR.rotation();
   const RigidTransform X_m = state_.reduced.X_WR;
   // An impact keeps gaps closed at the end velocity.
   const double end = all_at_end_ && pushed_ ? 1 : 0.5;
-  minimised_ = false;
   minimum_found_ = true;
   newton_steps_ = 0;
-  double work = 0;  // of springs, weight and controls along the chord
-  if (r > 0) {
-    f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
-    w_mean_.noalias() = scheme().Th * f_turn_;
-    w_mean_ += w_start_;
-    // f(z + h Th w̄); what springs bend by within the step is what `work` then misses.
-    f_used_ = z_before_ - state_.reduced.z;
-    f_used_.noalias() += h * (scheme().Th * w_mean_);
-    SpringPull(f_used_, f_turn_);
-    work = h * w_mean_.dot(f_z_ - f_wrench_ + f_turn_);
-    f_used_.noalias() = scheme().Th * w_mean_;
-    f_used_ -= 0.5 * w_mean_;
-    SpringPull(f_used_, f_turn_);
-    work -= h * h * w_mean_.dot(f_turn_);
-  }
+  double work = WorkOfChord(h);
+  potential_size_ = std::abs(potential_start_);
+  potential_start_ -= BeyondBoundsAtStart();
+  potential_size_ += std::abs(potential_start_);
   if (base_size_ > 0)
     work += h * (end * x_.head<6>() + (1 - end) * u_.head<6>()).dot(base_force_ - base_wrench_);
   TurnAndMove(h, end);
   if (r > 0 && BendsTooMuch(work)) {
     state_.reduced.X_WR = X_m;
-    MinimiseAtEnd(h);
+    work = MinimiseAtEnd(h);
+    if (base_size_ > 0)
+      work += h * (end * x_.head<6>() + (1 - end) * u_.head<6>()).dot(base_force_ - base_wrench_);
     TurnAndMove(h, end);
   }
 
@@ -283,7 +319,7 @@ void MechanismDynamics::IntegrateTheta(double h) {
   q_ddot_.setZero();
   if (r > 0) {
     f_turn_ = x_.tail(r) + u_.tail(r);
-    q_ddot_.noalias() = elsewhere_.Q_now * f_turn_;
+    AddMotion(model(), elsewhere_.Q_now, f_turn_, q_ddot_);
   }
   ComputeMaterialVelocities(mechanism(), rigid_parts_, elsewhere_.kinematics, q_ddot_, V, other_velocity_);
   q_ddot_ -= q_dot_start_;
@@ -304,6 +340,10 @@ void MechanismDynamics::IntegrateTheta(double h) {
   GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
   q_dot_ = q_dot_start_;  // ClosureForces takes the rate of joint rates from it
   TakeVelocityAtEnd(work);
+  if (first_order_) {
+    state_.past.h = 0;
+    return;
+  }
   past_next_.z_moved = state_.reduced.z - z_before_;
   past_next_.V_R = state_.reduced.V_R;
   std::swap(state_.past, past_next_);
@@ -333,26 +373,37 @@ void MechanismDynamics::TurnAndMove(double h, double end) {
         center_end - state_.reduced.X_WR.rotation() * CenterOfParts(rigid_parts_, configuration_.kinematics);
 }
 
-// Whether springs came to hold so much more than foreseen that the motion of the joints cannot pay for it.
+// Whether springs came to hold so much more than foreseen that the motion of the joints cannot pay for it: along
+// w̄ it has (w̄·M x)²/2 w̄·M w̄ to give.
 bool MechanismDynamics::BendsTooMuch(double work) {
   const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.reduced.X_WR;
-  const double potential = PotentialEnergyOn(X_WR, gravity_W_), missed = potential - potential_start_ + work;
-  solved_.noalias() = M_full_ * x_;
-  double twice_kinetic = x_.dot(solved_);
-  if (base_size_ > 0) {  // what the whole carries along as one rigid body is not the joints' to give
-    const Vector6 p = solved_.head<6>();
-    twice_kinetic -= p.dot(SolvePositive(M_00_, p));
-  }
-  return missed > 0.25 * twice_kinetic + kRounding * (std::abs(potential) + std::abs(potential_start_));
+  const double missed = PotentialOfStep(X_WR) - potential_start_ + work;
+  TakeRelativeMotion(w_mean_);
+  const double along = solved_.dot(x_), inertia = solved_.dot(rhs_);
+  const double has = inertia > 0 ? along * along / (2 * inertia) : 0;
+  return missed > 0.5 * has + kRounding * potential_size_;
 }
 
-// Adds `energy` to the kinetic energy along the relative velocity of the step; the momentum of the whole
-// stays.
-void MechanismDynamics::MatchWork(double energy) {
-  rhs_.tail(model().size()) = w_mean_;
-  if (base_size_ > 0) rhs_.head<6>() = -SolvePositive(M_00_, M_0z_ * w_mean_);
+// rhs_ <- w without momentum of the whole, solved_ <- M times it.
+void MechanismDynamics::TakeRelativeMotion(const Eigen::Ref<const VectorX>& w) {
+  rhs_.tail(model().size()) = w;
+  if (base_size_ > 0) rhs_.head<6>() = -SolvePositive(M_00_, M_0z_ * w);
   solved_.noalias() = M_full_ * rhs_;  // base rows 0: no momentum
-  x_ += SmallRoot(0.5 * solved_.dot(rhs_), solved_.dot(x_), energy) * rhs_;
+}
+
+// Adds `energy` to the kinetic energy along the relative motion of the step, and where that has less than is
+// owed, as after a turn by a radian, along that of its end. The momentum of the whole stays.
+void MechanismDynamics::MatchWork(double energy) {
+  for (const bool at_end : {false, true}) {
+    if (at_end)
+      TakeRelativeMotion(x_.tail(model().size()));
+    else
+      TakeRelativeMotion(w_mean_);
+    const double a = 0.5 * solved_.dot(rhs_), b = solved_.dot(x_), share = SmallRoot(a, b, energy);
+    x_ += share * rhs_;
+    energy -= (a * share + b) * share;
+    if (!(energy < -kRounding * potential_size_)) return;
+  }
 }
 
 // The velocity that ẋ⁺ leaves at the new pose, tau_ and F_parts_ its momentum, with the momentum of the whole
@@ -360,22 +411,19 @@ void MechanismDynamics::MatchWork(double energy) {
 void MechanismDynamics::TakeVelocityAtEnd(double work) {
   const int r = model().size();
   if (num_velocities() == 0) return;
-  if (r > 0) momentum_.tail(r).noalias() = Q_now().transpose() * tau_;
+  if (r > 0) ReduceForce(model(), Q_now(), tau_, f_used_);
+  if (r > 0) momentum_.tail(r) = f_used_;
   if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
   x_ = momentum_;
   SolveOrFail(inertia_factor_, M_full_, x_);
-  // What is known of the energy: truncated modes follow their loads at rest and take part in it unseen, and
-  // the work of springs without potential is known at the middle alone.
-  if (r > 0 && rule_ != StepRule::kTwoSteps && !model().has_complement && !minimised_ &&
-      !has_follower_springs_) {
+  // What is known of the energy: the work of springs without potential is known at the middle alone.
+  if (r > 0 && rule_ == StepRule::kMiddle && !has_follower_springs_) {
     const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.reduced.X_WR;
-    const double potential = PotentialEnergyOn(X_WR, gravity_W_),
-                 missed = potential_start_ - potential - work;
+    const double potential = PotentialOfStep(X_WR), missed = potential_start_ - potential - work;
     // Below the digits of the two it would keep alive what comes to rest.
-    if (std::abs(missed) > kRounding * (std::abs(potential) + std::abs(potential_start_))) MatchWork(missed);
+    if (std::abs(missed) > kRounding * potential_size_) MatchWork(missed);
   }
   state_.reduced.w = x_.tail(r);
-  KeepJointRates();
   if (base_size_ > 0) state_.reduced.V_R = x_.head<6>();
 }
 

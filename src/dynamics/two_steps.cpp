@@ -16,6 +16,7 @@ namespace fork1s {
 
 // What the next step will know of this one: all but how far it goes. start_velocity_ is that of the start.
 void MechanismDynamics::KeepPast(double h) {
+  if (rule_ == StepRule::kEuler) return;
   past_next_.h = h;
   past_next_.q_dot = q_dot_start_;
   past_next_.c_dot_W.noalias() = state_.reduced.X_WR.rotation() * start_velocity_.c_dot;
@@ -27,7 +28,7 @@ void MechanismDynamics::KeepPast(double h) {
 void MechanismDynamics::TakePast(double h) {
   const int r = model().size();
   const MechanismPast& past = state_.past;
-  const bool known = past.h == h;
+  const bool known = rule_ == StepRule::kTwoSteps && past.h == h;
   order_ = known ? 1.5 : 1;
   contact_shift_.setZero();
   q_dot_mixed_ = q_dot_start_;
@@ -72,11 +73,11 @@ void MechanismDynamics::SolveFreeTwoSteps(double h) {
     x_.tail(r) += h * f_z_;
     A_z += order_ * h * model().D;
     TurnDampers(h);
-    x_.tail(r).noalias() += A_z.selfadjointView<Eigen::Lower>() * s;
+    if (order_ > 1) x_.tail(r).noalias() += A_z.selfadjointView<Eigen::Lower>() * s;
     A_z.diagonal() += h * h * model().K_r;
     TurnSprings(h);
     TurnServos(h);
-    x_.tail(r).noalias() -= A_z.selfadjointView<Eigen::Lower>() * s;
+    if (order_ > 1) x_.tail(r).noalias() -= A_z.selfadjointView<Eigen::Lower>() * s;
     for (std::size_t k = 0; k < state_.at_bound.size(); ++k) {
       if (state_.at_bound[k] == 0) continue;
       const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
@@ -110,11 +111,17 @@ void MechanismDynamics::IntegrateTwoSteps(double h) {
   const Matrix3 R_start = state_.reduced.X_WR.rotation();
   w_mean_ = x_.tail(r) + contact_shift_.tail(r);
   state_.reduced.z += h * w_mean_;
+  // What was not pushed, by implicit Euler, follows its parabola by the mean velocity.
+  const bool falls = rule_ == StepRule::kEuler && !pushed_;
   Vector3 center = Vector3::Zero();
   if (driven) state_.reduced.X_WR = state_.driven_next;
   if (base_size_ > 0) {
     rhs_ = x_ + contact_shift_;
-    const Vector3 momentum = M_full_.middleRows<3>(3) * rhs_;
+    Vector3 momentum = M_full_.middleRows<3>(3) * rhs_;
+    if (falls) {
+      rhs_.head<6>() = 0.5 * (rhs_.head<6>() + V_R_before_);
+      momentum = 0.5 * (momentum + R_start.transpose() * linear_W_);
+    }
     center = center_W_ + h / M_00_(5, 5) * (R_start * momentum);
     state_.reduced.X_WR.rotation() = R_start * ExpRotation(h * rhs_.head<3>());
     state_.reduced.X_WR.Orthonormalize();
@@ -126,7 +133,7 @@ void MechanismDynamics::IntegrateTwoSteps(double h) {
   q_ddot_.setZero();
   if (r > 0) {
     f_turn_ = order_ * x_.tail(r);
-    q_ddot_.noalias() = Q_now() * f_turn_;
+    AddMotion(model(), Q_now(), f_turn_, q_ddot_);
   }
   ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_ddot_, V,
                             start_velocity_);
@@ -150,6 +157,10 @@ void MechanismDynamics::IntegrateTwoSteps(double h) {
   GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
   q_dot_ = q_dot_start_;  // ClosureForces takes the rate of joint rates from it
   TakeVelocityAtEnd(0);
+  if (rule_ == StepRule::kEuler) {
+    state_.past.h = 0;
+    return;
+  }
   past_next_.z_moved = h * w_mean_;
   past_next_.V_R = V_end_;
   std::swap(state_.past, past_next_);

@@ -33,6 +33,7 @@ struct World::Detail {
   // The step of second order (world_theta.cpp).
   bool UsesTheta(const StepOptions& options) const;
   void BeginTheta(const StepOptions& options, StepReport& report);
+  void BeginEuler(const StepOptions& options, StepReport& report);
   void BeginAll(const StepOptions& options, StepRule rule);
   bool AnythingTouches() const;
   // Impacts (world_impact.cpp).

@@ -80,8 +80,8 @@ void World::Detail::ApplyImpulses() {
   });
 }
 
-// Of two steps, once they are taken: the velocities that they ended with, seen by the rows at hand, as the
-// next step compares them with what its own rows see of them.
+// Once a step is taken: the velocities that it ended with, seen by the rows at hand, as the next step compares
+// them with what its own rows see of them. By twists they are those that contacts left.
 void World::Detail::KeepEndVelocities() {
   end_ = velocities_;
   for (std::size_t c = 0; c < contactors_.size(); ++c) {
@@ -90,7 +90,8 @@ void World::Detail::KeepEndVelocities() {
     auto V = end_.segment<6>(port_offset_[c]);
     if (contactors_[c].kind == Contactor::Kind::kFreeBody) {
       V = free_bodies_[i].PortTwist();
-    } else if (mechanism_blocks_[i].refreshed <= 0) {  // else there are no such rows any more
+    } else if (mechanism_blocks_[i].refreshed <= 0 &&  // else there are no such rows any more
+               mechanisms_[i].recovery() != Recovery::kTwist) {
       const PartBlock& part = mechanism_blocks_[i].parts[static_cast<std::size_t>(port_part_[c])];
       V = mechanisms_[i].GroupTwistFromStart(contactors_[c].group,
                                              part.J_T.middleCols(port_offset_[c] - part.offset, 6));

@@ -167,7 +167,7 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   if (by_theta_)
     BeginTheta(options, report);
   else
-    PrepareContacts(options, report);
+    BeginEuler(options, report);
   if (report.impact) return StepThroughImpact(options);
   PredictAll(options);
   report.forces_at_end = rule_ != StepRule::kMiddle;
@@ -179,7 +179,7 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   KeepForNextStep(h, report);
   curvature_valid_ = rule_ != StepRule::kMiddle;
   MoveMechanisms(options, report);
-  if (rule_ == StepRule::kTwoSteps) KeepEndVelocities();
+  if (rule_ != StepRule::kMiddle) KeepEndVelocities();
   for (const MechanismDynamics& m : mechanisms_)
     report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
   return IsFinite(true) ? report : TakeBack(report);

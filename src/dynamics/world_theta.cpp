@@ -30,10 +30,12 @@ double World::Detail::MotionWithin(double h) const {
 void World::Detail::BeginAll(const StepOptions& options, StepRule rule) {
   rule_ = rule;
   ForMechanisms([&](std::size_t i) {
+    if (mechanisms_[i].recovery() == Recovery::kTwist) return;
     const auto& parts = mechanism_blocks_[i].parts;
     const bool free = std::all_of(parts.begin(), parts.end(), [](const PartBlock& p) { return p.rows == 0; });
     mechanisms_[i].Begin(options.h, options.gravity, free ? StepRule::kMiddle : rule);
   });
+  if (rule == StepRule::kEuler) return;
   touched_.assign(free_bodies_.size(), 0);
   for (const ContactPoint& p : points_)
     for (const int body : {p.body_a, p.body_b})
@@ -97,6 +99,13 @@ void World::Detail::ExpectContacts() {
         std::any_of(points_.begin(), points_.end(),
                     [&](const ContactPoint& p) { return involves(p.body_a) || involves(p.body_b); }));
   }
+}
+
+// Contacts are found at the start, and all forces act at the end.
+void World::Detail::BeginEuler(const StepOptions& options, StepReport& report) {
+  PrepareContacts(options, report);
+  BeginAll(options, StepRule::kEuler);
+  for (MechanismDynamics& m : mechanisms_) m.ActAtEnd();
 }
 
 // Where something lasts in contact, contacts are found at the start of the step. Where nothing touches they

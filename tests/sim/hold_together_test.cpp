@@ -55,8 +55,9 @@ TEST(HoldTogether, TwoMechanismsHoldAsOneDoes) {
     two.SetControl("by-frame.x", 1e-3 * i);
     Steps(one, 1);
     Steps(two, 1);
-    // Both solve the same equations in coordinates of another order.
-    ASSERT_LT(Between(one, two), 1e-9) << i;
+    // Both solve the same equations in coordinates of another order. Each matches work to the change of a
+    // potential, which is known to 1e-13 J, of motions that have 1e-7 J.
+    ASSERT_LT(Between(one, two), 3e-8) << i;
   }
   const auto of_one = one.HoldForces(), of_two = two.HoldForces();
   ASSERT_EQ(of_one.size(), of_two.size());
@@ -71,7 +72,7 @@ TEST(HoldTogether, TwoMechanismsHoldAsOneDoes) {
   EXPECT_NEAR(two.JointCoordinates(2)(0), one.JointCoordinates(0)(3), 1e-9);
   // Let go of, each stands where it stood, and goes on.
   for (Simulation* s : {&one, &two}) ASSERT_TRUE(s->SetFidelity(kTouching));
-  EXPECT_LT(Between(one, two), 1e-9);
+  EXPECT_LT(Between(one, two), 3e-8);
   EXPECT_EQ(two.place(2).mechanism, 2);
   EXPECT_EQ(two.world().free_bodies().size(), 1u);
   Steps(one, 60);

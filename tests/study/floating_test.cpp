@@ -26,7 +26,7 @@ TEST(FloatingBase, ConvergesToTheFullModelWhileItsLegsSwing) {
   ASSERT_EQ(steps.size(), 3u);
   // Both are of first order in the step. The feet move by some 100 mm.
   for (std::size_t i = 1; i < steps.size(); ++i) EXPECT_LT(steps[i].rms_mm, 0.6 * steps[i - 1].rms_mm) << i;
-  EXPECT_LT(steps.back().rms_mm, 0.1);
+  EXPECT_LT(steps.back().rms_mm, 0.12);
 }
 
 }  // namespace

@@ -73,10 +73,10 @@ class MechanismDynamics {
   /// Twist in R [6] that takes a driven base to its next pose within h [s].
   Vector6 DrivenTwist(double h) const { return Log(state_.reduced.X_WR.inverse() * state_.driven_next) / h; }
 
-  /// Begins a step of second order (docs/method.md, section 5). By kMiddle the mechanism stands where its
+  /// Begins a step by this rule (docs/method.md, section 5). By kMiddle the mechanism stands where its
   /// velocity takes it in half the step, from here to Integrate, and Predict, ports and lengths
   /// speak of that pose. By kTwoSteps velocities x from Predict on are a share of those of the end. Not by
-  /// twists. Without this a step is implicit Euler's.
+  /// twists, which know no other rule than kEuler.
   void Begin(double h, const Vector3& gravity_W, StepRule rule);
   /// Wrenches for the next step are those of `start`, and controls and the pose of a driven base where they
   /// are after a share of a step that begins there.
@@ -84,6 +84,9 @@ class MechanismDynamics {
   /// Between Begin and Predict: whether anything may touch it in this step. Then all forces act at the end of
   /// the step, as rows of contact ask: J (x⁺ + ContactShift()) is the mean velocity that they bound.
   void ExpectContact(bool touches) { touches_ = touches; }
+  /// Between Begin and Predict: this step is of first order, implicit Euler's. By kMiddle all forces act at its
+  /// end, and it goes all the way at the velocity that it ends with.
+  void ActAtEnd() { touches_ = first_order_ = true; }
   /// What the mean velocity of a step has beyond x, after Predict [num_velocities].
   const VectorX& ContactShift() const { return contact_shift_; }
   /// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
@@ -193,10 +196,19 @@ class MechanismDynamics {
   void UpdateConfiguration(bool loops_are_closed = false);  // by the µ at hand
   void TakeReferenceForces();
   void Factor(double h);
-  void LoadForces(double h, const Vector3& gravity_R, const Vector6& A_R);
-  void KeepJointRates();
+  void LoadForces(const Vector3& gravity_R);
   void FollowLoads();
+  const VectorX& WrenchForces();
+  void ApplyStiffness(const VectorX& q, VectorX& force) const;
   void SolveFree(double h);
+  void TakeMomenta();
+  void TakeForces(double h);
+  void ForgetInputs();
+  // By twists (twist_step.cpp).
+  void PredictTwist(double h, const Vector3& gravity_W);
+  void LoadForcesTwist(const Vector3& gravity_R, const Vector6& A_R);
+  void SolveFreeTwist(double h);
+  void IntegrateTwist(double h);
   // Bounds of forces (force_limits.cpp).
   void SizeForceLimits();
   void OpenSwitches();
@@ -207,6 +219,18 @@ class MechanismDynamics {
   void TakeBoundedSpringsOut(double h);
   void TurnSprings(double h);
   void TurnDampers(double h);
+  bool DampersTurn() const;
+  // Modes are those of the reference's springs; only where all acts at the end are those of the pose as easily
+  // taken.
+  bool ActsAtPose() const {
+    return options_.recovery != Recovery::kTwist && (rule_ != StepRule::kMiddle || all_at_end_);
+  }
+  bool TakesBentSprings() const {
+    return rule_ == StepRule::kMiddle && all_at_end_ &&
+           (has_bent_springs_ || (model().loop_rank() > 0 && !mechanism().force_limits().empty()));
+  }
+  void TakeStiffnessBeyond();
+  void AddDampersBeyond(double weight, bool bent, const VectorX& w, Eigen::Ref<MatrixX> D);
   void FindDampers();
   void AddSpringOf(const Mechanism::Length& length, double weight, bool bends);
   void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const RowMatrixX& Q,
@@ -228,10 +252,13 @@ class MechanismDynamics {
   void AddSlackForces();
   // Forces without potential (follower.cpp).
   void FindFollowers();
-  double FollowerWork(double h) const;
   void AddFollowerForce(double factor, VectorX& tau) const;
   double UnboundedForce(const Mechanism::ForceLimit& limit) const;
   double EnergyBeyondBounds() const;
+  template <typename Pose>
+  double BeyondBoundsTaken(const Pose& pose) const;
+  void KeepBoundedLengths();
+  double BeyondBoundsAtStart() const;
   bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
   void UpdateInertia();
   // The step of second order (theta_step.cpp, theta_minimum.cpp).
@@ -242,31 +269,30 @@ class MechanismDynamics {
   void SolveFreeTwoSteps(double h);
   void IntegrateTwoSteps(double h);
   void MoveToMiddle(double h);
-  void PredictTheta(double h);
-  void SolveFreeTheta(double h);
-  void IntegrateTheta(double h);
+  void SolveFreeMiddle(double h);
+  void SolveFreeMiddleWith(const ThetaScheme& rule, const VectorX& w_drag);
+  double WorkOfChord(double h);
+  void IntegrateMiddle(double h);
   void TurnAndMove(double h, double share_of_end);
   bool BendsTooMuch(double work);
-  void MinimiseAtEnd(double h);
+  void TakeRelativeMotion(const Eigen::Ref<const VectorX>& w);
+  double MinimiseAtEnd(double h);
   double EndForces(VectorX& f_z);
   const ThetaScheme& scheme() const { return all_at_end_ ? at_end_ : theta_; }
   void TakeVelocityAtEnd(double work);
   void MatchWork(double energy);
+  double PotentialOfStep(const RigidTransform& X_WR) const;
+  double PotentialOfSprings(const RigidTransform& X_WR, const Vector3& gravity_W) const;
   double PotentialEnergyOn(const RigidTransform& X_WR, const Vector3& gravity_W) const;
   double WayToForce(const Mechanism::Length& length, double h);
   void SpringPull(const VectorX& moved, VectorX& force);
   double Turn(int coordinate) const;
-  void Advance(double h, const Vector6& V_start, const Vector6& by_pose);
-  void AdvanceShortened(double h, double s);
-  void ScaleRelativeMotion(double s);
-  bool TakeExcessEnergy();
   struct PoseEnergy {
     bool valid = false;
     double springs = 0;                // J
     Vector3 moment = Vector3::Zero();  // Σ mass × centre in R [kg·m]
   };
   const PoseEnergy& EnergyOfPose() const;
-  void TakeShorterStep(double h);
 
   Options options_;
   MechanismState state_;
@@ -289,10 +315,12 @@ class MechanismDynamics {
   bool pushed_ = false;                   // contact from outside acted in this step
 
   // Between refreshes.
-  VectorX rest_, inertial_, q_perp_step_;  // n
+  VectorX rest_, q_perp_step_, stretched_, held_back_;  // n
+  MatrixX stiffness_ref_;       // n x n: K_q at the reference where it is not diagonal and q_perp is there
   std::vector<WeightedRows> dampers_;      // of joints
   MatrixX joint_damping_ref_;  // r x r, lower triangle, with loops: what dampers of joints are in D of the model
   MatrixX A_, M_full_;                             // num_velocities²
+  MatrixX D_beyond_, K_beyond_;                    // r x r, scratch
   Cholesky factor_;
   double factored_h_ = -1;
   VectorX f_ref_;              // twist mode: Qᵀ g_ref
@@ -306,7 +334,6 @@ class MechanismDynamics {
   // Scratch of a step.
   Matrix6 M_00_;
   Matrix6X M_0z_;  // of the present pose
-  Matrix6X body_V_, body_A_;
   VectorX q_dot_, q_ddot_;
   Vector3 gravity_W_ = Vector3::Zero();
   std::vector<PathState> paths_ref_;                  // at the reference of the model
@@ -316,27 +343,22 @@ class MechanismDynamics {
   bool has_follower_springs_ = false;                 // and some of them hang on the length
   bool has_bent_springs_ = false;                     // of paths, or not linear
   VectorX limit_force_, limit_row_, f_z_of_springs_;  // force limits: f₀, Qᵀe, and f_z without bounds
+  std::vector<std::pair<double, double>> limits_start_;  // force without bounds and length at the start
   Vector6 V_free_ = Vector6::Zero();  // base twist without drift that the free solve starts from
-  double energy_start_ = 0;           // J, at the start of the step
-  double energy_budget_ = 0;  // J: at the start of the step plus what contact put in
-  bool guard_ = false;
   mutable PoseEnergy pose_energy_;
-  // At the start of the step, and the velocity contact left at its end: for a step that must be shortened.
-  VectorX z_before_, w_before_, x_after_, q_perp_before_, q_perp_after_;
-  Vector6 transported_ = Vector6::Zero();  // base momentum of the start, seen from the base of the end
+  VectorX z_before_, w_before_;  // at the start of the step
   RigidTransform X_WR_before_;
   VectorX x_, rhs_, solved_, f_z_, g_, tau_, momentum_;
   Matrix6X F_;
   Vector6 base_force_;
-  // Ṁ x of the base's rows as the pose changes at the rates of now. The base's twist follows the pose, and what
-  // it gains by that pulls at the joints, whose rows must know of it in the same solve.
-  Vector6 momentum_rate_ = Vector6::Zero();
+  double relaxed_ = 0;  // J, what q_perp gave up in this step
 
   // A step of second order.
   StepRule rule_ = StepRule::kEuler;   // of the step at hand
   ThetaScheme theta_, at_end_;         // the modal rule, and all forces at the end
   bool all_at_end_ = false;            // which of the two this step takes
   bool touches_ = false;               // something may touch it in this step
+  bool first_order_ = false;           // ActAtEnd()
   double order_ = 1;                   // by two steps velocities of the end are x_ times this
   Vector6 V_end_ = Vector6::Zero();    // of a driven base at the end of the step
   MechanismPast past_next_;            // what the next step will know of this one's start
@@ -354,11 +376,11 @@ class MechanismDynamics {
   Matrix6X F_parts_;
   Vector6 base_wrench_;
   VectorX impulse_;            // num_velocities: of contact and limits in this step
-  bool minimised_ = false;     // this step
   bool minimum_found_ = true;  // in this step, where one was sought
   int newton_steps_ = 0;       // beyond the first, in this step
-  Vector3 center_W_, linear_W_;           // of a floating mechanism: centre of mass [m], momentum [N·s]
-  double potential_start_ = 0;            // J
+  Vector3 center_W_, linear_W_;  // of a floating mechanism: centre of mass [m], momentum [N·s]
+  Vector3 linear_end_;  // at the end of the step, in the axes of R of its start
+  double potential_start_ = 0, potential_size_ = 0;  // J, and of the terms that make it
   RigidTransform
       weighed_on_;  // where a driven base stands while weights work, so that its own way counts for none
 };

@@ -35,13 +35,7 @@ struct MechanismState {
   bool has_wrenches = false;
   std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between
 
-  VectorX q_dot;  // n where there are loops, else empty: joint rates that the last step left
-
-  // Static displacement of the interior.
-  VectorX q_perp_offset;     // n: leftover of the last refresh, fading; empty: not known yet
-  VectorX q_perp_step_last;  // n
-  double follow = 1;         // share of a step towards rest that the interior takes
-  int overshoots = 0;        // in a row
+  VectorX q_perp_offset;  // n: leftover of the last refresh in the interior, fading; empty: not known yet
 
   MechanismPast past;  // of the step of second order alone
 };
