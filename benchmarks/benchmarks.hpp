@@ -50,6 +50,9 @@ int Main(int argc, char** argv);
 namespace fork1s::benchmarks::step_instructions {
 int Main(int argc, char** argv);
 }
+namespace fork1s::benchmarks::step_orders {
+int Main(int argc, char** argv);
+}
 namespace fork1s::benchmarks::validation {
 int Main(int argc, char** argv);
 }

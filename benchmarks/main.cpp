@@ -32,6 +32,7 @@ constexpr Benchmark kBenchmarks[] = {{"accuracy", accuracy::Main},
                                      {"soak", soak::Main},
                                      {"step_cost", step_cost::Main},
                                      {"step_instructions", step_instructions::Main},
+                                     {"step_orders", step_orders::Main},
                                      {"validation", validation::Main}};
 
 const Benchmark* Find(const std::string& name) {

@@ -3,6 +3,7 @@
 #include <fork1s/study/compare.hpp>
 #include <map>
 #include <memory>
+#include <optional>
 
 #include "checks.hpp"
 #include "model_arguments.hpp"
@@ -15,6 +16,7 @@ namespace {
 
 struct CompareArguments {
   Integrator step_integrator = Integrator::kEuler;
+  std::optional<FullIntegrator> full_integrator;
   ModelArguments model;
   std::string against = "full", report;
   InputArguments inputs;
@@ -50,6 +52,8 @@ Json PairsJson(const std::vector<ContactPair>& pairs, bool recorded) {
 Json ComparisonJson(const Comparison& c) {
   Json out;
   out["against"] = c.other;
+  out["integrator"] = {{"reduced", NameOf(c.integrator)}};
+  if (c.full_integrator) out["integrator"]["full"] = NameOf(*c.full_integrator);
   out["simulated_s"] = c.time_s;
   out["dt_s"] = c.dt_s;
   out["other_dt_s"] = c.other_dt_s;
@@ -85,6 +89,7 @@ Json ComparisonJson(const Comparison& c) {
                            {"rms_mm", p.rms_mm},
                            {"max_mm", p.max_mm}});
   out["unconverged_steps"] = {{"reduced", c.unconverged_reduced}, {"other", c.unconverged_other}};
+  if (c.full_integrator) out["halved_steps"] = c.halved_other;
   out["warnings"] = c.warnings;
   return out;
 }
@@ -98,6 +103,7 @@ void PrintFrequencies(const char* label, const std::vector<double>& hertz) {
 void Print(const Comparison& c) {
   fmt::print("reduced against {}: {:.4g} s at steps of {:.6g} s", c.other, c.time_s, c.dt_s);
   if (c.other_dt_s != c.dt_s) fmt::print(", {} at {:.6g} s", c.other, c.other_dt_s);
+  fmt::print("; {}", IntegratorsText(c));
   const std::vector<std::string> differences = DifferenceLines(c);
   if (!differences.empty()) fmt::print("\nwhat the two do differently, before any number:");
   for (const std::string& line : differences) fmt::print("\n  {}", line);
@@ -120,6 +126,8 @@ void Print(const Comparison& c) {
              c.wall_other_s, c.wall_ratio);
   fmt::print("  not converged      {} steps, {} {} steps\n", c.unconverged_reduced, c.other,
              c.unconverged_other);
+  if (c.full_integrator == FullIntegrator::kTwoStages)
+    fmt::print("  halved             {} {} steps, in which something was met\n", c.halved_other, c.other);
   if (!c.equal_steps.empty()) fmt::print("at equal steps\n");
   for (const EqualStep& e : c.equal_steps)
     fmt::print("  dt {:>10.6f} s      {:>10.4f} mm RMS {:>10.4f} mm max\n", e.dt_s, e.rms_mm, e.max_mm);
@@ -172,6 +180,7 @@ int Run(const CompareArguments& args) {
   options.dt = args.dt;
   options.recovery = args.inputs.recovery;
   options.integrator = args.step_integrator;
+  options.full_integrator = args.full_integrator;
   options.refinements = args.refinements;
   options.mujoco_integrator = args.integrator;
   options.model_path = args.model.path;
@@ -233,6 +242,13 @@ void AddCompare(CLI::App& app, Action& action) {
   command->add_option("--detail", args->inputs.detail,
                       "level of detail of the reduced run, as of 'fork1s run'");
   AddIntegratorTo(*command, args->step_integrator);
+  static const std::map<std::string, FullIntegrator> full_integrators = {
+      {"euler", FullIntegrator::kEuler}, {"two-stages", FullIntegrator::kTwoStages}};
+  command
+      ->add_option("--full-integrator", args->full_integrator,
+                   "of the full run: euler, or two-stages, of second order; default: of the same order as "
+                   "the reduced run's")
+      ->transform(CLI::CheckedTransformer(full_integrators));
   AddRecoveryTo(*command, args->inputs.recovery);
   command->add_option("--refinements", args->refinements, "further runs at dt/2, dt/4, ... (default 2)")
       ->check(CLI::Range(0, 8));

@@ -64,14 +64,29 @@ void ContactSet::LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bo
   free_ports_.clear();
   for (std::size_t i = 0; i < free_bodies.size(); ++i) open(free_ports_, FullContactor::Kind::kFreeBody, i);
   velocities_.setZero(offset);
+  FillVelocities(mechanisms, free_bodies, false, velocities_);
+}
+
+void ContactSet::FillVelocities(const Mechanisms& mechanisms, const Bodies& free_bodies, bool at_guess,
+                                VectorX& velocities) const {
   for (std::size_t c = 0; c < contactors_.size(); ++c) {
     if (port_offset_[c] < 0) continue;
     const auto at = static_cast<std::size_t>(contactors_[c].index);
-    velocities_.segment<6>(port_offset_[c]) = contactors_[c].kind == FullContactor::Kind::kFreeBody
-                                                  ? free_bodies[at].PortTwist()
-                                                  : InWorld(mechanisms[at].Pose(contactors_[c].body),
-                                                            mechanisms[at].BodyTwist(contactors_[c].body));
+    const int body = contactors_[c].body;
+    velocities.segment<6>(port_offset_[c]) =
+        contactors_[c].kind == FullContactor::Kind::kFreeBody
+            ? (at_guess ? free_bodies[at].NextPortTwist() : free_bodies[at].PortTwist())
+            : InWorld(PoseOf(contactors_[c], mechanisms, free_bodies, at_guess),
+                      at_guess ? mechanisms[at].NextTwist(body) : mechanisms[at].BodyTwist(body));
   }
+}
+
+RigidTransform ContactSet::PoseOf(const FullContactor& contactor, const Mechanisms& mechanisms,
+                                  const Bodies& free_bodies, bool at_guess) const {
+  const auto at = static_cast<std::size_t>(contactor.index);
+  if (contactor.kind == FullContactor::Kind::kFreeBody)
+    return at_guess ? free_bodies[at].NextPose() : free_bodies[at].pose();
+  return at_guess ? mechanisms[at].NextPose(contactor.body) : mechanisms[at].Pose(contactor.body);
 }
 
 const ContactSet::Past* ContactSet::FindPast(const ContactPoint& point) {
@@ -107,6 +122,15 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
   past_used_.assign(past_.size(), 0);
   approach_.assign(points_.size(), 0.0);
   bias_.resize(points_.size());
+  start_speed_.assign(points_.size(), 0.0);
+  gap_.assign(points_.size(), 0.0);
+  bore_.assign(points_.size(), 0);
+  fresh_.assign(points_.size(), 0);
+  bounces_.assign(points_.size(), 0);
+  VectorX guess = VectorX::Zero(velocities_.size());
+  if (at_guess_) FillVelocities(mechanisms, free_bodies, true, guess);
+  // Impulses are those of a step's length.
+  const double longer = past_h_ > 0 ? h / past_h_ : 1;
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactPoint& p = points_[i];
     ContactConstraint& c = constraints_[i];
@@ -114,45 +138,61 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     c.torsion = p.torsion;
     c.rolling = p.rolling;
     Vector3 speed = Vector3::Zero();
+    double guessed = 0;
     auto side = [&](int body, double sign, int& port, Matrix36& J) {
       const FullContactor& contactor = contactors_[static_cast<std::size_t>(body)];
       if (contactor.kind == FullContactor::Kind::kWorld) return;
       port = port_offset_[static_cast<std::size_t>(body)];
       const auto at = static_cast<std::size_t>(contactor.index);
-      const Vector3 center = contactor.kind == FullContactor::Kind::kFreeBody
-                                 ? free_bodies[at].center_W()
-                                 : mechanisms[at].Pose(contactor.body).translation();
+      const RigidTransform X = PoseOf(contactor, mechanisms, free_bodies, at_guess_);
+      const Vector3 center =
+          contactor.kind == FullContactor::Kind::kFreeBody ? free_bodies[at].CenterAt(X) : X.translation();
       J.rightCols<3>() = sign * p.frame;
       J.leftCols<3>() = -sign * p.frame * Skew(p.point - center);
       speed += J * velocities_.segment<6>(port);
+      guessed += J.row(0).dot(guess.segment<6>(port));
     };
     side(p.body_a, -1, c.port_a, c.J_a);
     side(p.body_b, 1, c.port_b, c.J_b);
     const Past* past = FindPast(p);
-    SetMaterial(options.material, p.gap, h, c);
+    // At the guess the gap of the start is what these rows would make of the end's.
+    gap_[i] = p.gap - h * guessed;
+    start_speed_[i] = speed(0);
+    SetMaterial(options.material, gap_[i], h, c);
     if (past) {
-      c.held = c.impulse = p.frame * (past->point.frame.transpose() * past->impulse);
+      c.held = c.impulse = p.frame * (past->point.frame.transpose() * (longer * past->impulse));
       c.held_use = past->use;
-      c.held_moment = c.moment = p.frame * (past->point.frame.transpose() * past->moment);
+      c.held_moment = c.moment = p.frame * (past->point.frame.transpose() * (longer * past->moment));
+      // As its own rows saw it: how far a normal turns within the step is no approach.
+      start_speed_[i] = past->point.frame.row(0).dot(past->speed_W);
+      bore_[i] = past->impulse(0) > 0;
+      fresh_[i] = past->fresh;
       // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's.
-      if (options.contact_curvature && past->impulse(0) > 0)
+      if (options.contact_curvature && past->impulse(0) > 0 && !stage_)
         c.bias += 0.5 * (speed - p.frame * past->speed_W);
     }
     if (p.restitution > 0) approach_[i] = std::max(0.0, -speed(0));
     bias_[i] = c.bias[0];
   }
   limits_.clear();
+  limit_gap_.clear();
+  limit_speed_.clear();
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const FullMechanism& m = mechanisms[i];
     for (std::size_t k = 0; k < blocks_[i].limits.size(); ++k) {
       const int at = blocks_[i].limits[k];
       const Mechanism::LengthLimit& stop = mechanisms[i].length_limits()[static_cast<std::size_t>(at / 2)];
       const bool upper = at % 2 == 1;
-      const double length = mechanisms[i].Length(stop.length, mechanisms[i].q());
+      const double length = at_guess_ ? m.Length(stop.length, m.next_q()) -
+                                            h * m.LengthRate(stop.length, m.next_q(), m.next_q_dot())
+                                      : m.Length(stop.length, m.q());
       LimitConstraint limit;
       limit.row = blocks_[i].offset + 6 * static_cast<int>(blocks_[i].ports.size()) + static_cast<int>(k);
       limit.sign = upper ? -1 : 1;
-      limit.bias = StopBias(options.material, upper ? stop.upper - length : length - stop.lower, h);
-      limit.impulse = blocks_[i].limit_impulses[static_cast<std::size_t>(at)];
+      limit_gap_.push_back(upper ? stop.upper - length : length - stop.lower);
+      limit_speed_.push_back(limit.sign * m.LengthRate(stop.length, m.q(), m.q_dot()));
+      limit.bias = StopBias(options.material, limit_gap_.back(), h);
+      limit.impulse = longer * blocks_[i].limit_impulses[static_cast<std::size_t>(at)];
       limits_.push_back(limit);
     }
     const auto& frictions = mechanisms[i].mechanism().frictions();
@@ -162,7 +202,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
           blocks_[i].offset + static_cast<int>(6 * blocks_[i].ports.size() + blocks_[i].limits.size() + k);
       friction.upper = h * frictions[k].force;
       friction.lower = -friction.upper;
-      friction.held = friction.impulse = blocks_[i].friction_impulses[k];
+      friction.held = friction.impulse = longer * blocks_[i].friction_impulses[k];
       limits_.push_back(friction);
     }
   }
@@ -171,6 +211,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
 void ContactSet::Open(const Mechanisms& mechanisms, const Bodies& free_bodies, double h,
                       const FullSimulationOptions& options) {
   h_ = h;
+  at_guess_ = stage_ = false;
   LayOutPorts(mechanisms, free_bodies, h);
   AddRows(free_bodies, mechanisms, h, options);
 }
@@ -204,9 +245,9 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
       block.J_T.block<3, 3>(column, port.offset - block.offset) = R_T;
       block.J_T.block<3, 3>(column + 3, port.offset + 3 - block.offset) = R_T;
     }
-    // Lengths as at the start of the step, where their gaps were taken.
+    // Lengths as where their gaps were taken.
     const auto add_length = [&](const Mechanism::Length& length, std::size_t row) {
-      m.ForEachArmAt(length, m.q(), [&](int coordinate, double c) {
+      m.ForEachArmAt(length, at_guess_ ? m.next_q() : m.q(), [&](int coordinate, double c) {
         block.J_T(m.ColumnOfCoordinate(coordinate), static_cast<Eigen::Index>(row)) += c;
       });
     };
@@ -250,7 +291,8 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
   for (std::size_t i = 0; i < points_.size(); ++i) {
     ContactConstraint& c = constraints_[i];
     const Vector3 speed = Speed(c);
-    const double rebound = ReboundSpeed(points_[i].restitution, approach_[i], speed(0), points_[i].gap, h_);
+    const double rebound = ReboundSpeed(points_[i].restitution, approach_[i], speed(0), gap_[i], h_);
+    bounces_[i] = rebound > 0;
     c.bias[0] = rebound > 0 ? -rebound : bias_[i];
   }
   report = solver_.Solve(velocity_blocks, constraints_, limits_, velocities_, options);
@@ -303,11 +345,12 @@ Matrix6X ContactSet::OnBodies(std::size_t i, const FullMechanism& mechanism) con
 
 void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact>& contacts) {
   past_.clear();
+  past_h_ = h;
   contacts.clear();
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
     const Vector3 speed = Speed(c);
-    past_.push_back({points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed, c.use});
+    past_.push_back({points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed, c.use, false});
     FullContact& out = contacts.emplace_back();
     out.point = points_[i];
     out.point.body_a = contactors_[static_cast<std::size_t>(points_[i].body_a)].scene_body;
@@ -315,7 +358,7 @@ void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact
     out.force = points_[i].frame.transpose() * c.impulse / h;
     if (c.impulse(0) > 0) {
       ++report.contacts;
-      report.max_penetration = std::max(report.max_penetration, -points_[i].gap);
+      report.max_penetration = std::max(report.max_penetration, -gap_[i]);
     }
   }
   std::size_t next = 0;

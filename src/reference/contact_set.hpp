@@ -38,6 +38,15 @@ class ContactSet {
   /// Ports, rows, biases and warm starts, from the state before the step.
   void Open(const Mechanisms& mechanisms, const Bodies& free_bodies, double h,
             const FullSimulationOptions& options);
+  /// Contact points for a stage of h within a part of a step of `part`: where it starts, or, `at_guess`,
+  /// where the bodies' guess of its end is, with gaps and rows of there. Detects and opens.
+  bool OpenStage(const Mechanisms& mechanisms, const Bodies& free_bodies, double h, double part,
+                 const Vector3& gravity_W, const FullSimulationOptions& options, bool at_guess);
+  /// Whether something is met, faster than `speed` [m/s], in the part of a step of which this stage was
+  /// solved: what bears now, bore nothing before and came at that speed, or what stands open and would be met
+  /// before the part ends. Also where a contact bounces, and where, in the second stage, one leaves at that
+  /// speed at which the first one had stopped something: what goes on from the end of an impact goes too far.
+  bool Meets(const Mechanisms& mechanisms, double part, double speed, bool second) const;
   /// Forgets all impulses, for a fresh start after Newton went astray.
   void ForgetImpulses();
   bool empty() const { return constraints_.empty() && limits_.empty(); }
@@ -55,6 +64,25 @@ class ContactSet {
   Matrix6X OnBodies(std::size_t i, const FullMechanism& mechanism) const;
   /// Keeps what the next step compares with, and reports.
   void Close(double h, FullStepReport& report, std::vector<FullContact>& contacts);
+  /// The same after the first of two stages.
+  void CloseStage(double h, double speed, FullStepReport& report, std::vector<FullContact>& contacts);
+
+  struct Past {
+    ContactPoint point;
+    Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
+    Vector3 speed_W = Vector3::Zero();  // relative, after the solve, world axes
+    double use = 0;                     // of the cone
+    bool fresh = false;                 // the first of two stages stopped what came there, or met it
+  };
+  /// All that a step starts from.
+  struct Memory {
+    std::vector<Past> past;
+    double past_h = 0;
+    std::vector<RigidTransform> previous_pose;
+    std::vector<std::vector<double>> limit_impulses, friction_impulses;
+  };
+  Memory Save() const;
+  void Restore(const Memory& memory);
 
  private:
   struct Port {
@@ -69,13 +97,11 @@ class ContactSet {
     std::vector<double> limit_impulses;  // 2 a length limit
     std::vector<double> friction_impulses;
   };
-  struct Past {
-    ContactPoint point;
-    Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
-    Vector3 speed_W = Vector3::Zero();  // relative, after the solve, world axes
-    double use = 0;                     // of the cone
-  };
   void LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h);
+  void FillVelocities(const Mechanisms& mechanisms, const Bodies& free_bodies, bool at_guess,
+                      VectorX& velocities) const;
+  RigidTransform PoseOf(const FullContactor& contactor, const Mechanisms& mechanisms,
+                        const Bodies& free_bodies, bool at_guess) const;
   void AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms, double h,
                const FullSimulationOptions& options);
   Vector3 Speed(const ContactConstraint& c) const;
@@ -87,10 +113,16 @@ class ContactSet {
   bool has_previous_pose_ = false;
   double margin_max_ = 0;  // m
   double h_ = 0;           // s, of the step at hand
+  bool stage_ = false, at_guess_ = false;  // rows and gaps are those of the guess
 
   ContactSolver solver_;
   std::vector<ContactPoint> points_;
   std::vector<double> approach_, bias_;  // per point: speed of approach where it may part again, plain bias
+  std::vector<double> start_speed_,
+      gap_;  // per point: normal speed at the start, gap at the start of the step
+  std::vector<char> bore_, fresh_, bounces_;  // per point: in the step before; see Past; parts again
+  std::vector<double> limit_gap_, limit_speed_;
+  std::vector<std::vector<char>> limit_fresh_;
   std::vector<ContactConstraint> constraints_;
   std::vector<LimitConstraint> limits_;
   std::vector<Block> blocks_;
@@ -100,6 +132,7 @@ class ContactSet {
   std::vector<Vector6> free_twists_;
   std::vector<char> pushes_mechanism_, pushes_free_body_;
   std::vector<Past> past_;
+  double past_h_ = 0;  // s, of their step
   std::vector<char> past_used_;
 };
 

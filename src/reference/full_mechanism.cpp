@@ -99,7 +99,7 @@ void FullMechanism::LayOut() {
   wrenches_W_ = Matrix6X::Zero(6, bodies);
   V_ = Matrix6X::Zero(6, bodies);
   q_dot_ = VectorX::Zero(m.num_coordinates());
-  nu_ = VectorX::Zero(num_rows_);
+  nu_ = reactions_ = VectorX::Zero(num_rows_);
 }
 
 // Twists of the joint rates; where loops forbid them, the nearest in the metric of inertia that all rows
@@ -141,6 +141,13 @@ void FullMechanism::AddWrench(int body, const Vector3& force_W, const Vector3& m
   wrenches_W_.col(body).head<3>() += moment_W + point_W.cross(force_W);
   wrenches_W_.col(body).tail<3>() += force_W;
   has_wrenches_ = true;
+  loads_.push_back({body, force_W, moment_W, X_[static_cast<std::size_t>(body)].inverse() * point_W});
+}
+
+void FullMechanism::ForgetLoads() {
+  wrenches_W_.setZero();
+  has_wrenches_ = false;
+  loads_.clear();
 }
 
 }  // namespace fork1s::internal

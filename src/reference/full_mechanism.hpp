@@ -8,6 +8,9 @@
 //     a q̇     + G_qᵀ ν = a q̇_0 + h τ(q, q̇)          a: armature
 //     G_b V + G_q q̇     = 0
 // Poses follow from q = q_0 + h q̇ and the base by solving the link and loop equations themselves.
+//
+// A stage (two_stages.cpp) is such a step. The second one of two starts where nothing has been: p_b and a q̇_0
+// are then not those of twists, and q_0 closes no loop.
 #pragma once
 
 #include <fork1s/mechanism/kinematics.hpp>
@@ -68,12 +71,20 @@ class FullMechanism {
 
   VectorX controls;
   RigidTransform driven_next;   // pose that a driven base reaches in the next step
+  Vector6 driven_twist = Vector6::Zero();  // of a driven base at the end of the next stage, body axes
   bool pushed = false;          // contact acts in this step
-  /// Wrench on a body in world axes, for the next step only.
+  /// Wrench on a body in world axes, until ForgetLoads. Throughout a step about the point of the world;
+  /// within stages the force keeps to the point of the body.
   void AddWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
+  void ForgetLoads();
 
   /// Opens a step: momenta and a first guess of its end.
   bool Begin(double h, const Vector3& gravity_W);
+  /// The same for a stage; `second`: from where GoOn has led, and not from the state.
+  bool BeginStage(double h, const Vector3& gravity_W, bool second);
+  /// Moves to where the stage that was solved leads if it goes on for `onward` times its length. What Pose
+  /// and q tell is then that place, BodyTwist and q_dot what the stage ended with.
+  void GoOn(double onward);
   /// Takes equations and their tangent at the present guess, with contact impulses `on_bodies` (6 x bodies,
   /// body axes) as they were, whose directions turn with the bodies. Without `stiffening`, loads leave no
   /// stiffness in the tangent: slower and safer.
@@ -90,12 +101,24 @@ class FullMechanism {
   double Accept(const MatrixX& unknowns);
   const RigidTransform& NextPose(int body) const { return X_next_[static_cast<std::size_t>(body)]; }
   Vector6 NextTwist(int body) const { return V_next_.col(body); }
+  const VectorX& next_q() const { return q_next_; }
+  const VectorX& next_q_dot() const { return q_dot_next_; }
   bool NextIsFinite() const;
   /// Largest opening of a link or loop at the guess [m].
   double NextGap() const { return gap_; }
   /// Ends the step: the guess becomes the state.
   void Commit();
-  void Abandon();
+  /// All that a step starts from.
+  struct State {
+    std::vector<RigidTransform> X;
+    Matrix6X V;
+    VectorX q, q_dot, nu, reactions;
+    double h_last = 0, reaction_time = 0;
+  };
+  State Save() const { return {X_, V_, q_, q_dot_, nu_, reactions_, h_last_, reaction_time_}; }
+  void Restore(const State& state);
+  /// From here on ClosureForces is the mean of what steps and stages add.
+  void StartReactions();
 
   double KineticEnergy() const;
   double StoredEnergy() const;
@@ -133,7 +156,13 @@ class FullMechanism {
   /// G on twists that are given, such as a driven base's (num_rows).
   VectorX GivenVelocities(const std::vector<RigidTransform>& X, const VectorX& q, const Matrix6X& V) const;
 
+  // A stage (mechanism_stages.cpp).
+  Vector6 LoadsAt(int body, const RigidTransform& X) const;
+  Vector6 DriftMomentum(int body, const RigidTransform& X) const;
+  Vector6 CarriedMomentum(int body, const RigidTransform& X) const;
+
   // The step (mechanism_step.cpp).
+  void StartMomenta();
   VectorX Unknowns() const;
   void AddBodies(const Matrix6X& on_bodies, bool stiffening, MatrixX& right);
   void AddJoints(MatrixX& right);
@@ -150,6 +179,7 @@ class FullMechanism {
     return MomentumOf(X, V).tail<3>() / mechanism_->total_mass();
   }
   RigidTransform NextBasePose() const;
+  RigidTransform BaseMoved(const Vector6& V, const Matrix3& R_end, double h) const;
   double AdvancePoses();
   double Project(std::vector<RigidTransform>& X, VectorX& q);
 
@@ -168,12 +198,22 @@ class FullMechanism {
   Matrix6X V_;
   VectorX q_, q_dot_, nu_;
   double h_last_ = 0;
+  VectorX reactions_;  // sum of ν of the last step [N·s, N·m·s], over this time
+  double reaction_time_ = 0;
 
   // Of the step under way.
   double h_ = 0;
   Vector3 gravity_W_ = Vector3::Zero();
   bool has_wrenches_ = false;
   Matrix6X wrenches_W_;  // about the world's origin
+  struct Load {          // at a point of the body
+    int body = 0;
+    Vector3 force_W, moment_W, point_B;
+  };
+  std::vector<Load> loads_;
+  bool stage_ = false;
+  Matrix6X momentum_;    // per body at the start, seen from X_; in stages that of the drift taken off
+  VectorX rates_start_;  // q̇_0
   Vector3 drift_W_ = Vector3::Zero();
   std::vector<RigidTransform> X_next_;
   Matrix6X V_next_;

@@ -48,6 +48,7 @@ Expected<FullSimulation> FullSimulation::Create(Scene scene, const FullSimulatio
       !ok)
     return tl::unexpected(ok.error());
   d.PassControls();
+  d.controls_before = d.controls;
   return s;
 }
 
@@ -74,6 +75,10 @@ Expected<void> FullSimulation::Detail::AddMechanisms(const KeyframeDef* key) {
     }
     for (const std::string& w : mechanism->warnings()) warnings.push_back(w);
     base_start.push_back(X_WR);
+    base_before.push_back(X_WR);
+    base_now.push_back(X_WR);
+    base_bend.push_back(Vector6::Zero());
+    base_next.push_back(X_WR);
     mechanisms.push_back(std::move(*mechanism));
   }
   return {};
@@ -147,8 +152,9 @@ void FullSimulation::Detail::PassControls() {
     if (mechanisms[i].mechanism().base() != BaseKind::kDriven) continue;
     const Vector3 shift = controls.segment<3>(next), turn = controls.segment<3>(next + 3);
     next += 6;
-    mechanisms[i].driven_next = {Matrix3(ExpRotation(turn) * base_start[i].rotation()),
-                                 Vector3(base_start[i].translation() + shift)};
+    base_next[i] = {Matrix3(ExpRotation(turn) * base_start[i].rotation()),
+                    Vector3(base_start[i].translation() + shift)};
+    mechanisms[i].driven_next = base_next[i];
   }
 }
 
@@ -156,6 +162,7 @@ FullStepReport FullSimulation::Step() { return detail_->Step(); }
 double FullSimulation::time() const { return static_cast<double>(detail_->steps) * detail_->dt; }
 std::int64_t FullSimulation::steps() const { return detail_->steps; }
 double FullSimulation::dt() const { return detail_->dt; }
+FullIntegrator FullSimulation::integrator() const { return detail_->options.integrator; }
 const Scene& FullSimulation::scene() const { return detail_->scene; }
 const std::vector<std::string>& FullSimulation::warnings() const { return detail_->warnings; }
 const std::vector<std::string>& FullSimulation::control_names() const { return detail_->control_names; }

@@ -68,8 +68,8 @@ Vector6 FullMechanism::MomentumOf(const std::vector<RigidTransform>& X, const Ma
 }
 
 VectorX FullMechanism::ClosureForces() const {
-  if (!(h_last_ > 0)) return VectorX::Zero(num_rows_ - first_loop_row_);
-  return -nu_.tail(num_rows_ - first_loop_row_) / h_last_;
+  if (!(reaction_time_ > 0)) return VectorX::Zero(num_rows_ - first_loop_row_);
+  return -reactions_.tail(num_rows_ - first_loop_row_) / reaction_time_;
 }
 
 std::vector<std::pair<std::string, double>> FullMechanism::Gaps() const {

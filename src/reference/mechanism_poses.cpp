@@ -12,6 +12,7 @@ namespace fork1s::internal {
 RigidTransform FullMechanism::NextBasePose() const {
   if (mechanism_->base() == BaseKind::kFixed) return X_[0];
   if (mechanism_->base() == BaseKind::kDriven) return driven_next;
+  if (stage_) return BaseMoved(V_next_.col(0), X_next_[0].rotation(), h_);
   const Vector3 drift_W = pushed ? Drift(X_next_, V_next_) : drift_W_;
   Vector6 start = V_.col(0), end = V_next_.col(0);
   start.tail<3>() -= X_[0].rotation().transpose() * drift_W;

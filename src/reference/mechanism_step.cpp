@@ -35,9 +35,18 @@ VectorX FullMechanism::Unknowns() const {
   return u;
 }
 
+void FullMechanism::StartMomenta() {
+  momentum_.resize(6, static_cast<Eigen::Index>(X_.size()));
+  for (std::size_t b = 0; b < X_.size(); ++b)
+    momentum_.col(static_cast<Eigen::Index>(b)) = inertia_[b] * V_.col(static_cast<Eigen::Index>(b));
+  rates_start_ = q_dot_;
+}
+
 bool FullMechanism::Begin(double h, const Vector3& gravity_W) {
   h_ = h;
   gravity_W_ = gravity_W;
+  stage_ = false;
+  StartMomenta();
   V_next_ = V_;
   q_dot_next_ = q_dot_;
   nu_next_ = h_last_ > 0 ? VectorX(nu_ * (h / h_last_)) : nu_;
@@ -59,10 +68,11 @@ void FullMechanism::AddBodies(const Matrix6X& on_bodies, bool stiffening, Matrix
     const RigidTransform& X = X_next_[i];
     const Vector3 weight_B =
         X.rotation().transpose() * (mechanism_->bodies()[i].weighed_mass * gravity_W_);
-    Vector6 impulse = AdjointTransposeApply(X_[i].inverse() * X, inertia_[i] * V_.col(b));
+    Vector6 impulse =
+        stage_ ? CarriedMomentum(b, X) : AdjointTransposeApply(X_[i].inverse() * X, momentum_.col(b));
     impulse.head<3>() += h * I.center.cross(weight_B);
     impulse.tail<3>() += h * weight_B;
-    if (has_wrenches_) impulse += h * AdjointTransposeApply(X, wrenches_W_.col(b));
+    if (has_wrenches_) impulse += h * (stage_ ? LoadsAt(b, X) : AdjointTransposeApply(X, wrenches_W_.col(b)));
     right.block<6, 1>(column_[i], 0) += impulse - inertia_[i] * V_next_.col(b);
     const Matrix6 tangent = inertia_[i] - on * h * DeadForceStiffness(I.center, h * weight_B) -
                             on * h * DeadForceStiffness(Vector3::Zero(), on_bodies.col(b).tail<3>());
@@ -114,7 +124,7 @@ void FullMechanism::AddJoints(MatrixX& right) {
     });
   }
   right.block(num_body_columns_, 0, m.num_coordinates(), 1) +=
-      m.armature().cwiseProduct(q_dot_ - q_dot_next_) + h * tau;
+      m.armature().cwiseProduct(rates_start_ - q_dot_next_) + h * tau;
 }
 
 // Springy directions push by k c + d ċ; rigid ones by their multipliers. Either turns with the bodies.
@@ -210,8 +220,8 @@ void FullMechanism::Commit() {
   q_dot_ = q_dot_next_;
   nu_ = nu_next_;
   h_last_ = h_;
-  wrenches_W_.setZero();
-  has_wrenches_ = false;
+  reactions_ += nu_next_;
+  reaction_time_ += h_;
   // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
   for (const Mechanism::Joint& joint : mechanism_->joints()) {
     if (joint.kind != JointKind::kBall ||
@@ -225,11 +235,6 @@ void FullMechanism::Commit() {
         DexpInverseRotation(wrapped) * (DexpRotation(v) * q_dot_.segment<3>(joint.offset));
     q_.segment<3>(joint.offset) = wrapped;
   }
-}
-
-void FullMechanism::Abandon() {
-  wrenches_W_.setZero();
-  has_wrenches_ = false;
 }
 
 }  // namespace fork1s::internal

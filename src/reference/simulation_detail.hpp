@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/reference/full_simulation.hpp>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -31,8 +32,34 @@ struct FullSimulation::Detail {
   void AddControls();
   void PassControls();
   FullStepReport Step();
-  /// Newton on the whole step; false where numbers are no longer finite.
+  /// Solves a step or stage that `begin` opens; false where it does not come to an end with numbers that are
+  /// finite.
+  bool Solve(const std::function<bool()>& begin, FullStepReport& report);
+  /// Newton on the whole step from the guess at hand; false where numbers are no longer finite.
   bool Iterate(bool stiffening, FullStepReport& report);
+
+  // Of steps of two stages (two_stages.cpp). `from` and `to` are shares of the step.
+  struct Saved {
+    std::vector<internal::FullMechanism::State> mechanisms;
+    std::vector<internal::FullFreeBody> free_bodies;
+    internal::ContactSet::Memory contacts;
+    std::vector<FullContact> told;
+  };
+  enum class Outcome { kDone, kMeets, kUnsolved };
+  VectorX controls_before;
+  std::vector<RigidTransform> base_before, base_now, base_next;  // driven bases, one a mechanism
+  std::vector<Vector6> base_bend;  // half of what changed of a base's way from step to step
+  Vector6 BaseBend(std::size_t i) const;
+  Saved Save() const;
+  void Restore(const Saved& saved);
+  FullStepReport StepByStages();
+  bool Advance(double from, double to, int halvings, FullStepReport& report);
+  Outcome TwoStages(double from, double to, FullStepReport& report);
+  Outcome Stage(double from, double to, double end, bool second, FullStepReport& report);
+  /// m/s; what comes no faster in a part of this length is no impact.
+  double Slow(double part) const;
+  void SetInputs(double share);
+  void Tell(double share, const std::vector<FullContact>& stage);
 };
 
 }  // namespace fork1s

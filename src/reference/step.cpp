@@ -11,39 +11,51 @@ using internal::FullFreeBody;
 using internal::FullMechanism;
 
 FullStepReport FullSimulation::Detail::Step() {
-  FullStepReport report;
   PassControls();
+  if (options.integrator == FullIntegrator::kTwoStages) return StepByStages();
+  FullStepReport report;
   report.contacts_dropped = !contact_set.Detect(mechanisms, free_bodies, dt, scene.gravity);
   contact_set.Open(mechanisms, free_bodies, dt, options);
-  // The stiffness that loads leave speeds Newton up, but where it is negative, near buckling, it can lead
-  // astray.
-  for (bool stiffening : {true, false}) {
-    if (!stiffening) contact_set.ForgetImpulses();
-    report.finite = Iterate(stiffening, report);
-    if (report.finite && (report.converged || report.residual < 1e-6)) break;
-  }
-  if (!report.finite) {
+  report.finite = Solve(
+      [&] {
+        for (FullMechanism& m : mechanisms)
+          if (!m.Begin(dt, scene.gravity)) return false;
+        for (FullFreeBody& b : free_bodies) b.Begin(dt, scene.gravity);
+        return true;
+      },
+      report);
+  if (report.finite) {
+    contact_set.Close(dt, report, contacts);
+    for (FullMechanism& m : mechanisms) {
+      report.joint_gap = std::max(report.joint_gap, m.NextGap());
+      // A nanometre: links and loops are solved to rounding unless they contradict each other.
+      if (!(m.NextGap() < 1e-9 * std::max(1.0, m.mechanism().length_scale()))) report.converged = false;
+      m.StartReactions();
+      m.Commit();
+    }
+    for (FullFreeBody& b : free_bodies) b.Commit();
+    ++steps;
+  } else {
     report.converged = false;
-    for (FullMechanism& m : mechanisms) m.Abandon();
-    for (FullFreeBody& b : free_bodies) b.Abandon();
-    return report;
   }
-  contact_set.Close(dt, report, contacts);
-  for (FullMechanism& m : mechanisms) {
-    report.joint_gap = std::max(report.joint_gap, m.NextGap());
-    // A nanometre: links and loops are solved to rounding unless they contradict each other.
-    if (!(m.NextGap() < 1e-9 * std::max(1.0, m.mechanism().length_scale()))) report.converged = false;
-    m.Commit();
-  }
-  for (FullFreeBody& b : free_bodies) b.Commit();
-  ++steps;
+  for (FullMechanism& m : mechanisms) m.ForgetLoads();
+  for (FullFreeBody& b : free_bodies) b.ForgetLoads();
   return report;
 }
 
+// The stiffness that loads leave speeds Newton up, but where it is negative, near buckling, it can lead
+// astray.
+bool FullSimulation::Detail::Solve(const std::function<bool()>& begin, FullStepReport& report) {
+  bool finite = false;
+  for (bool stiffening : {true, false}) {
+    if (!stiffening) contact_set.ForgetImpulses();
+    finite = begin() && Iterate(stiffening, report);
+    if (finite && (report.converged || report.residual < 1e-6)) break;
+  }
+  return finite;
+}
+
 bool FullSimulation::Detail::Iterate(bool stiffening, FullStepReport& report) {
-  for (FullMechanism& m : mechanisms)
-    if (!m.Begin(dt, scene.gravity)) return false;
-  for (FullFreeBody& b : free_bodies) b.Begin(dt, scene.gravity);
   report.converged = false;
   // Contacts that share a load in more than one way let the last digits wander: no progress ends it as well.
   constexpr int kPatience = 12;

@@ -127,6 +127,7 @@ void Summarise(const std::vector<TrackedBody>& tracked, const std::vector<Run>& 
   out.wall_ratio = base.wall_s() > 0 ? base_other.wall_s() / base.wall_s() : 0;
   out.unconverged_reduced = base.unconverged;
   out.unconverged_other = base_other.unconverged;
+  out.halved_other = base_other.halved;
   for (std::size_t i = 0; i < std::min(reduced.size(), other.size()); ++i) {
     const Distance d = Between(reduced[i], other[i], 0, tracked.size());
     out.equal_steps.push_back({reduced[i].dt, d.rms_mm, d.max_mm, reduced[i].wall_s(), other[i].wall_s()});
@@ -169,6 +170,16 @@ std::string PairList(std::vector<ContactPair> pairs) {
 
 }  // namespace
 
+std::string NameOf(Integrator integrator) { return integrator == Integrator::kTheta ? "theta" : "euler"; }
+std::string NameOf(FullIntegrator integrator) {
+  return integrator == FullIntegrator::kTwoStages ? "two-stages" : "euler";
+}
+
+std::string IntegratorsText(const Comparison& c) {
+  return "reduced by " + NameOf(c.integrator) +
+         (c.full_integrator ? ", full by " + NameOf(*c.full_integrator) : "");
+}
+
 std::vector<std::string> PairLines(const Comparison& c) {
   std::vector<std::string> lines;
   if (!c.pairs_only_other.empty())
@@ -202,6 +213,8 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   o.samples = std::max(1, static_cast<int>(std::llround(options.time / o.interval)));
   o.recovery = options.recovery;
   o.integrator = options.integrator;
+  o.full_integrator = options.full_integrator.value_or(
+      options.integrator == Integrator::kTheta ? FullIntegrator::kTwoStages : FullIntegrator::kEuler);
   o.initial_keyframe = imported.initial_keyframe;
   o.controls = &options.controls;
   if (!options.pushes.pushes.empty()) o.pushes = &options.pushes;
@@ -221,6 +234,8 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   Comparison out;
   out.scene = scene.name;
   out.other = mujoco ? "mujoco" : "full";
+  out.integrator = options.integrator;
+  if (!mujoco) out.full_integrator = o.full_integrator;
   out.dt_s = o.interval;
   out.time_s = o.samples * o.interval;
   if (auto ok = AddFrequencies(scene, *probe, o.initial_keyframe, out); !ok)

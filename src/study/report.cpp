@@ -156,10 +156,11 @@ Expected<void> WriteComparisonReport(const Comparison& c, const std::string& pat
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{0}: reduced and "
       "{1}</title>\n"
       "<style>{2}</style></head><body>\n<h1>{0}: reduced model and {1}</h1>\n"
-      "<p>{3:.4g} s at steps of {4:.4g} ms{5}. RMS over samples every step; forces are means over a "
+      "<p>{3:.4g} s at steps of {4:.4g} ms{5}; {6}. RMS over samples every step; forces are means over a "
       "step.</p>\n",
       EscapeHtml(c.scene), EscapeHtml(c.other), internal::kPageStyle, c.time_s, 1e3 * c.dt_s,
-      c.other_dt_s != c.dt_s ? fmt::format(", {} at {:.4g} ms", c.other, 1e3 * c.other_dt_s) : "");
+      c.other_dt_s != c.dt_s ? fmt::format(", {} at {:.4g} ms", c.other, 1e3 * c.other_dt_s) : "",
+      IntegratorsText(c));
   for (const std::string& w : c.warnings) page += "<p>Warning: " + EscapeHtml(w) + "</p>\n";
   for (const std::string& line : DifferenceLines(c)) page += "<p>" + EscapeHtml(line) + "</p>\n";
   page += Plots(c) + Tables(c) + "</body></html>\n";

@@ -149,6 +149,8 @@ Expected<Run> RunFull(const Scene& scene, const std::vector<TrackedBody>& tracke
   if (!guide) return tl::unexpected(guide.error());
   FullSimulationOptions o;
   o.dt = options.interval / options.substeps;
+  o.integrator = options.full_integrator;
+  o.controls_move = options.controls && options.controls->times.size() > 1;
   o.initial_keyframe = options.initial_keyframe;
   o.interfaces = InterfaceNames(*guide);
   o.collision = guide->options().collision;
@@ -181,6 +183,7 @@ Expected<Run> RunFull(const Scene& scene, const std::vector<TrackedBody>& tracke
       Clock(run, [&] { report = s.Step(); });
       if (!report.finite) return tl::unexpected(NotFinite("full", s.time(), s.dt()));
       run.unconverged += report.converged ? 0 : 1;
+      run.halved += report.parts > 1 ? 1 : 0;
       for (const FullContact& c : s.contacts()) {
         AddForce(tracked, c.point.body_a, -c.force / options.substeps, sample);
         AddForce(tracked, c.point.body_b, c.force / options.substeps, sample);

@@ -37,6 +37,7 @@ struct Run {
   std::vector<StepPartTimes> parts = {};  // of every step of the reduced run, where they were watched
   std::vector<char> refreshed = {};  // of the reduced run: steps in which a mechanism was reduced anew
   int coordinates = 0;              // velocities that the last step solved for
+  int halved = 0;                   // steps of the full run by two stages that were taken in parts
   // MuJoCo only: bodies that touch in one of the two simulators alone.
   std::vector<ContactPair> pairs_only_here = {}, pairs_only_reduced = {};
   std::vector<std::string> laws = {};  // MuJoCo only: what it computes by other laws
@@ -50,6 +51,7 @@ struct RunOptions {
   int substeps = 1;     // steps an interval
   Recovery recovery = Recovery::kExact;
   Integrator integrator = Integrator::kEuler;  // of the reduced run
+  FullIntegrator full_integrator = FullIntegrator::kEuler;
   int initial_keyframe = -1;
   const ControlTrack* controls = nullptr;
   const PushTrack* pushes = nullptr;

@@ -11,9 +11,9 @@ TEST(Compare, HasThePromisedKeys) {
   const Outcome o = Fork1s("compare --json --time 0.5 " + model);
   ASSERT_EQ(o.code, 0) << o.err;
   const auto json = o.Json();
-  for (const char* key :
-       {"against", "interface", "free_bodies", "force_rms_percent", "frequencies_hz", "gap_max_mm",
-        "energy_J", "wall_s", "wall_ratio", "equal_dt", "cost", "unconverged_steps", "warnings"})
+  for (const char* key : {"against", "integrator", "halved_steps", "interface", "free_bodies",
+                          "force_rms_percent", "frequencies_hz", "gap_max_mm", "energy_J", "wall_s",
+                          "wall_ratio", "equal_dt", "cost", "unconverged_steps", "warnings"})
     EXPECT_TRUE(json.contains(key)) << key;
   ASSERT_EQ(json["interface"].size(), 1u);
   for (const char* key : {"body", "rms_mm", "max_mm", "rms_deg"})
@@ -24,6 +24,25 @@ TEST(Compare, HasThePromisedKeys) {
   EXPECT_LT(json["free_bodies"][0]["max_mm"].get<double>(), 1e-3);
   EXPECT_EQ(json["frequencies_hz"]["full"].size(), 2u);
   EXPECT_EQ(json["equal_dt"].size(), 3u);
+}
+
+// The full run is stepped at the order of the reduced one, or as told, and that is said.
+TEST(Compare, StepsTheFullModelAtTheSameOrder) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const std::string options = "compare --time 0.2 --refinements 0 ";
+  const auto integrators = [&](const std::string& more) {
+    const Outcome o = Fork1s(options + "--json " + more + model);
+    EXPECT_EQ(o.code, 0) << o.err;
+    return o.Json()["integrator"].dump();
+  };
+  EXPECT_EQ(integrators(""), R"({"full":"euler","reduced":"euler"})");
+  EXPECT_EQ(integrators("--integrator theta "), R"({"full":"two-stages","reduced":"theta"})");
+  EXPECT_EQ(integrators("--integrator theta --full-integrator euler "),
+            R"({"full":"euler","reduced":"theta"})");
+  EXPECT_EQ(integrators("--against mujoco "), R"({"reduced":"euler"})");
+  const Outcome text = Fork1s(options + "--full-integrator two-stages " + model);
+  EXPECT_NE(text.out.find("reduced by euler, full by two-stages"), std::string::npos) << text.out;
+  EXPECT_NE(Fork1s(options + "--full-integrator theta " + model).code, 0);
 }
 
 TEST(Compare, AgainstMuJoCo) {

@@ -46,3 +46,16 @@ def test_refusals(gripper, scenes):
         fork1s.compare(gripper, controls={"time": [0, 1], "left_grip": [1]})
     with pytest.raises(fork1s.ModelError, match="thumb"):
         fork1s.compare(gripper, controls={"time": np.array([0, 1]), "thumb": [1, 1]})
+
+
+def test_full_run_has_the_order_of_the_reduced_one(scenes):
+    model = fork1s.load(scenes / "two_link_arm.xml", q={"elbow": 0.2})
+    coarse, fine = (fork1s.compare(model, time=0.2, dt=dt, integrator="theta") for dt in (4e-3, 2e-3))
+    assert coarse.integrators == "reduced by theta, full by two-stages"
+    # Both of second order: what is left falls by four.
+    assert 3 < coarse.bodies["forearm"].rms_mm / fine.bodies["forearm"].rms_mm < 5
+    mixed = fork1s.compare(model, time=0.1, integrator="theta", full_integrator="euler")
+    assert mixed.integrators == "reduced by theta, full by euler"
+    for wrong in ({"integrator": "two-stages"}, {"full_integrator": "theta"}):
+        with pytest.raises(fork1s.UsageError):
+            fork1s.compare(model, **wrong)

@@ -32,9 +32,12 @@ inline void StartAt(Scene& scene, const VectorX& q, const VectorX& q_dot,
   scene.keyframes = {key};
 }
 
-inline FullSimulation Start(Scene scene, double h) {
+inline FullSimulation Start(Scene scene, double h, FullIntegrator integrator = FullIntegrator::kEuler,
+                            bool controls_move = false) {
   FullSimulationOptions options;
   options.dt = h;
+  options.integrator = integrator;
+  options.controls_move = controls_move;
   options.initial_keyframe = scene.keyframes.empty() ? -1 : 0;
   auto simulation = FullSimulation::Create(std::move(scene), options);
   if (!simulation) throw std::runtime_error(simulation.error().Text());

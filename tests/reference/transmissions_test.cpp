@@ -31,7 +31,8 @@ std::string Swinging(const std::string& rest) {
 }
 
 struct Ends {
-  Vector3 theirs = Vector3::Zero(), full[2], reduced[2], theta[2];  // m, of the tip; at a step and half of it
+  Vector3 theirs = Vector3::Zero(), full[2], two[2], reduced[2],
+          theta[2];  // m, of the tip; at a step and half of it
   double moved = 0;
 };
 
@@ -61,10 +62,14 @@ void Run(const std::string& text, double seconds, double h, Ends& ends) {
   const int steps = static_cast<int>(std::lround(seconds / h));
   for (int halved = 0; halved < 2; ++halved) {
     const double dt = h / (1 << halved);
-    FullSimulation full = Start(imported->scene, dt);
-    for (std::size_t i = 0; i < controls.size(); ++i) full.SetControl(full.FindControl(controls[i].name), 1);
-    Advance(full, seconds);
-    ends.full[halved] = full.Pose(full.FindBody("c")).translation();
+    for (const FullIntegrator by : {FullIntegrator::kEuler, FullIntegrator::kTwoStages}) {
+      FullSimulation full = Start(imported->scene, dt, by);
+      for (std::size_t i = 0; i < controls.size(); ++i)
+        full.SetControl(full.FindControl(controls[i].name), 1);
+      Advance(full, seconds);
+      (by == FullIntegrator::kEuler ? ends.full : ends.two)[halved] =
+          full.Pose(full.FindBody("c")).translation();
+    }
     for (const Integrator by : {Integrator::kEuler, Integrator::kTheta}) {
       SimulationOptions o;
       o.dt = dt;
@@ -78,7 +83,8 @@ void Run(const std::string& text, double seconds, double h, Ends& ends) {
   }
 }
 
-// Of first order towards MuJoCo's path, some metres a second on ways of decimetres, and by `theta` of second.
+// Of first order towards MuJoCo's path, some metres a second on ways of decimetres, by `theta` and by two
+// stages of second.
 void ExpectItsPath(const std::string& rest, double seconds) {
   Ends ends;
   Run(Swinging(rest), seconds, 2e-3, ends);
@@ -86,7 +92,9 @@ void ExpectItsPath(const std::string& rest, double seconds) {
   SCOPED_TRACE("full " + std::to_string(off(ends.full[0])) + " " + std::to_string(off(ends.full[1])) +
                ", reduced " + std::to_string(off(ends.reduced[0])) + " " +
                std::to_string(off(ends.reduced[1])) + ", theta " + std::to_string(off(ends.theta[0]) * 1e6) +
-               " " + std::to_string(off(ends.theta[1]) * 1e6) + " um, moved " + std::to_string(ends.moved));
+               " " + std::to_string(off(ends.theta[1]) * 1e6) + " um, two stages " +
+               std::to_string(off(ends.two[0]) * 1e6) + " " + std::to_string(off(ends.two[1]) * 1e6) +
+               " um, moved " + std::to_string(ends.moved));
   EXPECT_GT(ends.moved, 0.1);
   EXPECT_LT(off(ends.full[1]), 6e-3);
   EXPECT_LT(off(ends.full[1]), 0.6 * off(ends.full[0]));
@@ -94,6 +102,8 @@ void ExpectItsPath(const std::string& rest, double seconds) {
   EXPECT_LT(off(ends.reduced[1]), 0.6 * off(ends.reduced[0]));
   EXPECT_LT(off(ends.theta[1]), 2e-5);
   EXPECT_LT(off(ends.theta[1]), 0.3 * off(ends.theta[0]));
+  EXPECT_LT(off(ends.two[1]), 2e-5);
+  EXPECT_LT(off(ends.two[1]), 0.3 * off(ends.two[0]));
 }
 
 TEST(Transmissions, SlackTendonsCatchAsMujocosDo) {

@@ -43,7 +43,8 @@ ControlTrack ReadTrack(const std::optional<Columns>& columns) {
 
 Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::string& against, double time,
                         const std::optional<double>& dt, int refinements,
-                        const std::optional<Columns>& controls) {
+                        const std::optional<Columns>& controls, const std::string& integrator,
+                        const std::optional<std::string>& full_integrator) {
   CompareOptions options;
   if (against != "full" && against != "mujoco")
     throw Refused{{ErrorCode::kUsage, "against", "'" + against + "' is none of: full, mujoco"}};
@@ -58,6 +59,16 @@ Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::st
   options.dt = dt.value_or(0);
   options.refinements = refinements;
   options.controls = ReadTrack(controls);
+  if (integrator != "euler" && integrator != "theta")
+    throw Refused{{ErrorCode::kUsage, "integrator", "'" + integrator + "' is none of: euler, theta"}};
+  options.integrator = integrator == "theta" ? Integrator::kTheta : Integrator::kEuler;
+  if (full_integrator) {
+    if (*full_integrator != "euler" && *full_integrator != "two-stages")
+      throw Refused{
+          {ErrorCode::kUsage, "full_integrator", "'" + *full_integrator + "' is none of: euler, two-stages"}};
+    options.full_integrator =
+        *full_integrator == "two-stages" ? FullIntegrator::kTwoStages : FullIntegrator::kEuler;
+  }
   options.model_path = model->file();
   const nb::gil_scoped_release others_run;
   return Take(Compare(model->imported(), options), model->origin());
@@ -109,6 +120,9 @@ void BindCompare(nb::module_& m) {
   nb::class_<Comparison>(m, "Comparison", "Answer of `fork1s.compare`; docs/compare.md explains the figures.")
       .def_ro("against", &Comparison::other, "'full' or 'mujoco'.")
       .def_prop_ro("bodies", Differences, "Name -> BodyDifference, of interface bodies and free bodies.")
+      .def_prop_ro(
+          "integrators", [](const Comparison& c) { return IntegratorsText(c); },
+          "By what the runs were stepped, as in 'reduced by theta, full by two-stages'.")
       .def_prop_ro("traces", Traces, "Name -> ComparedTrace.")
       .def_prop_ro(
           "times", [](const Comparison& c) { return ToArray(c.times_s); }, kOwn, "(t,) s")
@@ -143,11 +157,13 @@ void BindCompare(nb::module_& m) {
       });
   m.def("compare", CompareModel, nb::arg("model"), nb::arg("against") = "full", nb::kw_only(),
         nb::arg("time") = 2.0, nb::arg("dt") = nb::none(), nb::arg("refinements") = 0,
-        nb::arg("controls") = nb::none(),
+        nb::arg("controls") = nb::none(), nb::arg("integrator") = "euler",
+        nb::arg("full_integrator") = nb::none(),
         R"(Simulates the model beside the full-coordinate simulator ('full') or MuJoCo's mj_step ('mujoco').
 
 time: s to simulate. dt: time step in s, default the model's. refinements: further runs at dt/2, dt/4, ... controls:
-columns by name, `time` [s] among them, linear between rows. Others run while it works. Raises NumericsError, ModelError
+columns by name, `time` [s] among them, linear between rows. integrator: of the reduced run, 'euler' or 'theta'.
+full_integrator: of the full one, 'euler' or 'two-stages', default of the same order. Others run while it works. Raises NumericsError, ModelError
 for controls that the model does not have, UsageError for a model that MuJoCo cannot run as it is.)");
 }
 

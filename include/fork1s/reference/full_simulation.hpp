@@ -4,6 +4,7 @@
 // them. A step is implicit Euler (docs/method.md, section 5, before any reduction), solved by Newton until
 // nothing changes any more: springs, dampers and constraint directions are those of the end of the step, and
 // so is the contact law, by the same ContactSolver on the same contact points as in the reduced simulator.
+// Or it is two such solves, which together are of second order (docs/compare.md).
 #pragma once
 
 #include <cstdint>
@@ -19,8 +20,17 @@
 
 namespace fork1s {
 
+/// How a step is taken. kEuler: all forces at its end, first order. kTwoStages: of second order, two stages
+/// of implicit Euler whose forces stand at their ends; a step in which something is met is halved about that
+/// time, and its shortest part is implicit Euler (docs/compare.md).
+enum class FullIntegrator { kEuler, kTwoStages };
+
 struct FullSimulationOptions {
   double dt = 0;              // s; 0: the scene's time step
+  FullIntegrator integrator = FullIntegrator::kEuler;
+  // Controls are samples of a trajectory, which moves evenly from those of the last step to those of this
+  // one; otherwise they stand throughout the step. No difference for kEuler.
+  bool controls_move = false;
   int initial_keyframe = -1;  // index in the scene
   /// Per mechanism the bodies that may touch; where empty, those that the definition names.
   std::vector<std::vector<std::string>> interfaces;
@@ -37,18 +47,22 @@ struct FullStepReport {
   double residual = 0;   // m, largest change of a pose (turns times the length scale) in the last of them
   double joint_gap = 0;  // m, largest opening of any joint or loop after the step
   int contacts = 0;      // that carry force
-  int limits = 0;        // joint limits that act
+  int limits = 0;        // joint limits that act, the most at a time
   ContactSolverReport solver;
   double max_penetration = 0;     // m, at the start of the step
   bool contacts_dropped = false;  // the collision detector ran out of room
   bool converged = true;          // poses, loops and contacts are all within tolerance
   bool finite = true;             // false: the step was undone
+  // Of kTwoStages:
+  bool impact = false;  // something was met within the step, which was halved about that time
+  int parts = 1;        // that the step was taken in
+  int euler_parts = 0;  // of these, by implicit Euler: what meets something, and what two stages do not solve
 };
 
 /// A contact point as it was solved.
 struct FullContact {
   ContactPoint point;               // its bodies are places in FullSimulation::bodies(), -1: the still world
-  Vector3 force = Vector3::Zero();  // N, on body b, friction included, world axes
+  Vector3 force = Vector3::Zero();  // N, on body b, friction included, world axes; mean over the step
 };
 
 struct FullBody {
@@ -78,6 +92,7 @@ class FullSimulation {
   double time() const;
   std::int64_t steps() const;
   double dt() const;
+  FullIntegrator integrator() const;
   const Scene& scene() const;
   const std::vector<std::string>& warnings() const;
 
@@ -105,7 +120,7 @@ class FullSimulation {
   const VectorX& Displacements(int mechanism) const;
   const VectorX& Rates(int mechanism) const;
   /// Reactions of a mechanism's rigid closures and couplings [N, N·m], row by row as in ClosureResidual: the
-  /// generalized force of a closure is its Jacobian's transpose times these. After a step.
+  /// generalized force of a closure is its Jacobian's transpose times these. After a step, its mean.
   VectorX ClosureForces(int mechanism) const;
   /// Of all mechanisms, largest first.
   std::vector<FullGap> JointGaps() const;

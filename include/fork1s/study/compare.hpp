@@ -3,9 +3,11 @@
 
 #include <fork1s/base/error.hpp>
 #include <fork1s/importer/importer.hpp>
+#include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/push.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,6 +32,8 @@ struct CompareOptions {
   double dt = 0;    // s; 0: the scene's time step
   Recovery recovery = Recovery::kExact;
   Integrator integrator = Integrator::kEuler;  // of the reduced run
+  /// Of the full run; by default of the order of the reduced one's, two stages beside theta.
+  std::optional<FullIntegrator> full_integrator;
   ControlTrack controls;
   PushTrack pushes;                      // in every run
   FidelityTrack detail;                  // of the reduced run
@@ -79,6 +83,8 @@ struct ComparedTrace {
 
 struct Comparison {
   std::string scene, other;  // "full" or "mujoco"
+  Integrator integrator = Integrator::kEuler;     // of the reduced run
+  std::optional<FullIntegrator> full_integrator;  // of the full run; none where the other is MuJoCo
   double dt_s = 0, other_dt_s = 0, time_s = 0;
   std::vector<BodyDifference> interface, free_bodies;
   double force_rms_N = 0, force_max_N = 0;  // of the difference, per body and interval
@@ -94,6 +100,7 @@ struct Comparison {
   std::vector<EqualStep> equal_steps;
   std::vector<CostPoint> costs;
   int unconverged_reduced = 0, unconverged_other = 0;  // steps
+  int halved_other = 0;  // steps of a full run by two stages that were taken in parts: something was met
   std::vector<std::string> warnings;
 
   std::vector<double> times_s;  // of the traces, 0 first
@@ -105,6 +112,12 @@ struct Comparison {
 /// FullSimulation::Create; kNumerics where a run gives numbers that are not finite; kModel for controls that
 /// the scene does not have; kUsage for files that MuJoCo cannot run.
 Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions& options);
+
+/// "euler" or "theta", "euler" or "two-stages": as the command line calls them.
+std::string NameOf(Integrator integrator);
+std::string NameOf(FullIntegrator integrator);
+/// "reduced by theta, full by two-stages".
+std::string IntegratorsText(const Comparison& comparison);
 
 /// What to know before any percentage is read: sentences that name the contact pairs that differ. None
 /// where both simulators let the same bodies touch.

@@ -277,7 +277,7 @@ gravity, on fixed, floating and driven bases, with and without a loop, and a thi
 `tests/dynamics/two_steps_test.cpp` a quarter of itself with every halving on what stands and swings, against a closed form, and a third of
 implicit Euler's error where a ball lands on a sprung plate at any time within a step;
 `tests/study/compare_test.cpp` the firemen while nothing touches them. `fork1s compare MODEL --integrator theta` shows it
-for any model.
+for any model, beside the full simulator by a rule of second order of its own ([compare.md](compare.md)).
 )",
                            firemen.points[0].reduced_percent, Percent(firemen.points[0].between_percent),
                            Percent(r.firemen_without_modes.points[3].between_percent),

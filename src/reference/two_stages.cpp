@@ -1,0 +1,242 @@
+// A step of second order in full coordinates: two stages of implicit Euler.
+//
+// Alexander's rule (SIAM J. Numer. Anal. 14, 1977): with g = 1 - 1/√2 a stage is implicit Euler over g h,
+// what changed in it goes on evenly to (1 - g) h, and from there a second stage goes over g h to the end,
+//     x₁ = x + g h f(x₁),    x' = x + s (x₁ - x),  s = (1 - g)/g,    x⁺ = x' + g h f(x⁺)
+// of order two, and as implicit Euler it brings to rest what a step cannot follow. x are momenta as the world
+// sees them, joint displacements and rates, centres and turns of bases and free bodies: no force has to be
+// known but by what it did to them. Joints and loops hold at the end of either stage, velocities too, so the
+// rule is that of constraints on velocities (index two), and poses are put onto those on positions. Contact
+// is a force like any other, f of both stages within the cone, so what the step gives, (1 - g) f₁ + g f₂, is
+// too.
+//
+// An impact is none: going on evenly would throw back what was stopped, at (s - 1) times its speed. Such a
+// part of the step is taken back and halved, up to four times; the sixteenth in which something is met is one
+// stage over its whole length.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "simulation_detail.hpp"
+
+namespace fork1s {
+
+using internal::FullFreeBody;
+using internal::FullMechanism;
+
+namespace {
+
+constexpr double kStage = 1 - 1 / std::numbers::sqrt2;
+constexpr double kOnward = (1 - kStage) / kStage;
+constexpr int kHalvings = 4;
+// What comes slower than this share of g h is met without being thrown back: gravity takes (s - 1) times it
+// within the second stage.
+constexpr double kCaught = kStage / (kOnward - 1) * 0.99;
+constexpr double kSlow = 1e-5;  // m/s, where there is no gravity
+
+double LargestGap(const std::vector<FullMechanism>& mechanisms) {
+  double gap = 0;
+  for (const FullMechanism& m : mechanisms) gap = std::max(gap, m.NextGap());
+  return gap;
+}
+
+bool AreOne(const ContactPoint& a, const ContactPoint& b) {
+  return a.body_a == b.body_a && a.body_b == b.body_b && a.geometry_a == b.geometry_a &&
+         a.geometry_b == b.geometry_b && (a.point - b.point).norm() < 0.02 &&
+         a.frame.row(0).dot(b.frame.row(0)) > 0.8;
+}
+
+}  // namespace
+
+FullSimulation::Detail::Saved FullSimulation::Detail::Save() const {
+  Saved saved{{}, free_bodies, contact_set.Save(), contacts};
+  for (const FullMechanism& m : mechanisms) saved.mechanisms.push_back(m.Save());
+  return saved;
+}
+
+double FullSimulation::Detail::Slow(double part) const {
+  return kCaught * scene.gravity.norm() * part + kSlow;
+}
+
+void FullSimulation::Detail::Restore(const Saved& saved) {
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) mechanisms[i].Restore(saved.mechanisms[i]);
+  free_bodies = saved.free_bodies;
+  contact_set.Restore(saved.contacts);
+  contacts = saved.told;
+}
+
+namespace {
+
+// [turn, shift] from X to Y, in the world's axes.
+Vector6 Between(const RigidTransform& X, const RigidTransform& Y) {
+  Vector6 d;
+  d << LogRotation(Y.rotation() * X.rotation().transpose()), Y.translation() - X.translation();
+  return d;
+}
+
+}  // namespace
+
+// Controls as they are at a share of the step, and driven bases on the parabola through the last three poses,
+// or on the straight line where its bend is not that of the last step: what sets out at once, or is put
+// elsewhere, swings on no parabola.
+void FullSimulation::Detail::SetInputs(double share) {
+  Eigen::Index next = 0;
+  for (FullMechanism& m : mechanisms) {
+    const Eigen::Index n = m.controls.size();
+    m.controls = controls.segment(next, n);
+    if (options.controls_move)
+      m.controls -= (1 - share) * (controls.segment(next, n) - controls_before.segment(next, n));
+    next += n;
+  }
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    if (mechanisms[i].mechanism().base() != BaseKind::kDriven) continue;
+    const RigidTransform& X = base_now[i];
+    const Vector6 ahead = Between(X, base_next[i]);
+    Vector6 bend = BaseBend(i);
+    for (int half = 0; half < 6; half += 3) {
+      const Vector3 now = bend.segment<3>(half), before = base_bend[i].segment<3>(half);
+      if ((now - before).norm() > 0.5 * std::max(now.norm(), before.norm())) bend.segment<3>(half).setZero();
+    }
+    const Vector6 slope = ahead - bend, at = share * (slope + share * bend),
+                  rate = (slope + 2 * share * bend) / dt;
+    const Matrix3 R = ExpRotation(at.head<3>()) * X.rotation();
+    mechanisms[i].driven_next = share < 1 ? RigidTransform(R, X.translation() + at.tail<3>()) : base_next[i];
+    mechanisms[i].driven_twist << R.transpose() * (DexpRotation(at.head<3>()) * rate.head<3>()),
+        R.transpose() * rate.tail<3>();
+  }
+}
+
+Vector6 FullSimulation::Detail::BaseBend(std::size_t i) const {
+  return 0.5 * (Between(base_now[i], base_next[i]) + Between(base_now[i], base_before[i]));
+}
+
+FullStepReport FullSimulation::Detail::StepByStages() {
+  FullStepReport report;
+  report.parts = 0;
+  const Saved before = Save();
+  contacts.clear();
+  for (FullMechanism& m : mechanisms) m.StartReactions();
+  report.finite = Advance(0, 1, kHalvings, report);
+  if (report.finite) {
+    for (const FullContact& c : contacts) report.contacts += c.force.isZero(0) ? 0 : 1;
+    for (std::size_t i = 0; i < base_now.size(); ++i) base_bend[i] = BaseBend(i);
+    base_before = base_now;
+    base_now = base_next;
+    controls_before = controls;
+    ++steps;
+  } else {
+    Restore(before);
+    report.converged = false;
+  }
+  for (FullMechanism& m : mechanisms) m.ForgetLoads();
+  for (FullFreeBody& b : free_bodies) b.ForgetLoads();
+  return report;
+}
+
+bool FullSimulation::Detail::Advance(double from, double to, int halvings, FullStepReport& report) {
+  const Saved before = Save();
+  const FullStepReport reported = report;
+  const Outcome outcome = TwoStages(from, to, report);
+  if (outcome == Outcome::kDone) {
+    ++report.parts;
+    return true;
+  }
+  Restore(before);
+  const int iterations = report.iterations;
+  report = reported;
+  report.iterations = iterations;
+  report.impact = report.impact || outcome == Outcome::kMeets;
+  if (halvings > 0) {
+    const double middle = 0.5 * (from + to);
+    return Advance(from, middle, halvings - 1, report) && Advance(middle, to, halvings - 1, report);
+  }
+  ++report.parts;
+  ++report.euler_parts;
+  std::vector<FullContact> met;
+  const bool converged = report.converged;
+  if (Stage(from, to, to, false, report) == Outcome::kUnsolved && !report.finite) return false;
+  report.converged = report.converged && converged;
+  contact_set.CloseStage((to - from) * dt, Slow((to - from) * dt), report, met);
+  Tell(to - from, met);
+  for (FullMechanism& m : mechanisms) m.Commit();
+  for (FullFreeBody& b : free_bodies) b.Commit();
+  return true;
+}
+
+// Opens and solves one stage that ends at the share `end` of the step, in a part of it.
+FullSimulation::Detail::Outcome FullSimulation::Detail::Stage(double from, double to, double end, bool second,
+                                                              FullStepReport& report) {
+  const double part = (to - from) * dt, h = end < to || second ? kStage * part : part;
+  SetInputs(end);
+  const auto open = [&](bool at_guess) {
+    if (!contact_set.OpenStage(mechanisms, free_bodies, h, part, scene.gravity, options, at_guess))
+      report.contacts_dropped = true;
+  };
+  open(false);
+  report.finite = Solve(
+      [&] {
+        for (FullMechanism& m : mechanisms)
+          if (!m.BeginStage(h, scene.gravity, second)) return false;
+        for (FullFreeBody& b : free_bodies) b.BeginStage(h, scene.gravity, second);
+        return true;
+      },
+      report);
+  if (!report.finite) return Outcome::kUnsolved;
+  bool converged = report.converged;
+  // Contact was found where the stage starts. Found anew where that has brought the bodies, it is off by the
+  // square of the step instead.
+  if (!contact_set.empty()) {
+    open(true);
+    report.finite = Iterate(true, report);
+    if (!report.finite) return Outcome::kUnsolved;
+    converged = report.converged;
+  }
+  const double gap = LargestGap(mechanisms);
+  report.joint_gap = std::max(report.joint_gap, gap);
+  for (const FullMechanism& m : mechanisms)
+    if (!(m.NextGap() < 1e-9 * std::max(1.0, m.mechanism().length_scale()))) converged = false;
+  report.converged = converged;
+  return converged || report.residual < 1e-6 ? Outcome::kDone : Outcome::kUnsolved;
+}
+
+FullSimulation::Detail::Outcome FullSimulation::Detail::TwoStages(double from, double to,
+                                                                  FullStepReport& report) {
+  const double part = (to - from) * dt, h = kStage * part;
+  const double slow = Slow(part);
+  bool converged = report.converged;
+  for (const bool second : {false, true}) {
+    const Outcome outcome = Stage(from, to, second ? to : from + kStage * (to - from), second, report);
+    if (outcome != Outcome::kDone) return outcome;
+    converged = converged && report.converged;
+    if (contact_set.Meets(mechanisms, part, slow, second)) return Outcome::kMeets;
+    std::vector<FullContact> stage;
+    contact_set.CloseStage(h, slow, report, stage);
+    Tell((to - from) * (second ? kStage : 1 - kStage), stage);
+    if (second) break;
+    for (FullMechanism& m : mechanisms) m.GoOn(kOnward);
+    for (FullFreeBody& b : free_bodies) b.GoOn(kOnward);
+  }
+  report.converged = converged;
+  for (FullMechanism& m : mechanisms) m.Commit();
+  for (FullFreeBody& b : free_bodies) b.Commit();
+  return Outcome::kDone;
+}
+
+// Forces of the parts of a step add up, by their share of it, to its mean.
+void FullSimulation::Detail::Tell(double share, const std::vector<FullContact>& stage) {
+  std::vector<char> taken(contacts.size(), 0);
+  for (const FullContact& c : stage) {
+    std::size_t at = 0;
+    while (at < taken.size() && (taken[at] || !AreOne(contacts[at].point, c.point))) ++at;
+    if (at < taken.size()) {
+      taken[at] = 1;
+      contacts[at].point = c.point;
+    } else {
+      at = contacts.size();
+      contacts.push_back({c.point, Vector3::Zero()});
+    }
+    contacts[at].force += share * c.force;
+  }
+}
+
+}  // namespace fork1s
