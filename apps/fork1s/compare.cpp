@@ -15,7 +15,7 @@ namespace fork1s::app {
 namespace {
 
 struct CompareArguments {
-  Integrator step_integrator = Integrator::kEuler;
+  std::optional<Integrator> step_integrator;  // as given
   std::optional<FullIntegrator> full_integrator;
   ModelArguments model;
   std::string against = "full", report;
@@ -179,7 +179,9 @@ int Run(const CompareArguments& args) {
   options.time = args.time;
   options.dt = args.dt;
   options.recovery = args.inputs.recovery;
-  options.integrator = args.step_integrator;
+  const auto integrator = IntegratorOf(args.step_integrator, args.inputs.recovery);
+  if (!integrator) return Report(integrator.error(), json);
+  options.integrator = *integrator;
   options.full_integrator = args.full_integrator;
   options.refinements = args.refinements;
   options.mujoco_integrator = args.integrator;

@@ -131,15 +131,23 @@ void ModelArguments::AddTo(CLI::App& command) {
   command.add_flag("--json", json, "print one JSON object and nothing else");
 }
 
-void AddIntegratorTo(CLI::App& command, Integrator& integrator) {
+void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator) {
   static const std::map<std::string, Integrator> names = {{"euler", Integrator::kEuler},
                                                           {"theta", Integrator::kTheta}};
   command
       .add_option(
           "--integrator", integrator,
-          "euler (default): implicit Euler, first order; theta: second order, in contact too, four short "
-          "steps of implicit Euler through an impact")
+          "theta: second order, in contact too, four short steps of implicit Euler through an impact; euler: "
+          "implicit Euler, first order (default: theta where nothing in the scene can touch anything, else euler)")
       ->transform(CLI::CheckedTransformer(names, CLI::ignore_case));
+}
+
+Expected<Integrator> IntegratorOf(const std::optional<Integrator>& given, Recovery recovery) {
+  if (recovery == Recovery::kTwist && given == Integrator::kTheta)
+    return Fail(ErrorCode::kUsage, "--integrator theta",
+                "needs --recovery exact or curved: 'twist' keeps the inertia of the reference; leave one of the "
+                "two out");
+  return given.value_or(Integrator::kAuto);
 }
 
 void AddRecoveryTo(CLI::App& command, Recovery& recovery) {

@@ -3,6 +3,7 @@
 
 #include <fork1s/dynamics/world.hpp>
 #include <fork1s/importer/importer.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,8 +34,10 @@ struct ModelArguments {
   Expected<void> ReadStart(ImportOptions& options) const;
 };
 
-/// --integrator.
-void AddIntegratorTo(CLI::App& command, Integrator& integrator);
+/// --integrator, as given.
+void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator);
+/// What it means beside --recovery; kUsage where the two do not go together.
+Expected<Integrator> IntegratorOf(const std::optional<Integrator>& given, Recovery recovery);
 
 /// --recovery.
 void AddRecoveryTo(CLI::App& command, Recovery& recovery);

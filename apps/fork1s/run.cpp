@@ -16,14 +16,13 @@ namespace fork1s::app {
 namespace {
 
 struct RunArguments {
-  Integrator step_integrator = Integrator::kEuler;
+  std::optional<Integrator> integrator;  // as given
   ModelArguments model;
   double time = 2;
   double dt = 0;
   bool no_load_factor = false;
   bool error = false;
   double refresh_angle = SimulationOptions{}.refresh_angle;  // rad
-  bool integrator_given = false;
   InputArguments inputs;
   std::string record, accuracy;
 };
@@ -33,7 +32,9 @@ Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, 
   SimulationOptions options;
   options.dt = args.dt;
   options.recovery = args.inputs.recovery;
-  options.step.integrator = args.step_integrator;
+  const auto integrator = IntegratorOf(args.integrator, args.inputs.recovery);
+  if (!integrator) return tl::unexpected(integrator.error());
+  options.step.integrator = *integrator;
   options.step.controls_move = !args.inputs.controls.empty();  // a table's rows are joined by lines
   options.refresh_angle = args.refresh_angle;
   if (!detail.entries.empty() && detail.entries.front().time == 0) {
@@ -57,7 +58,7 @@ Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported,
                                const AccuracySetting& setting) {
   RunArguments with = args;
   with.dt = setting.dt;
-  with.step_integrator = setting.integrator;
+  with.integrator = setting.integrator;
   with.refresh_angle = setting.refresh_angle;
   if (setting.modes >= 0)
     for (MechanismDef& m : imported.scene.mechanisms) m.modes = setting.modes;
@@ -105,16 +106,17 @@ int Run(const RunArguments& given) {
   if (!args.accuracy.empty()) {
     const auto wanted = ParseAccuracy(args.accuracy);
     if (!wanted) return Report(wanted.error(), json);
-    const AccuracySetting first{args.dt > 0 ? args.dt : imported->scene.timestep, args.step_integrator, -1,
-                                args.refresh_angle};
+    const auto probe = Prepare(args, *imported, {});
+    if (!probe) return Report(probe.error(), json);
+    const AccuracySetting first{probe->dt(), probe->step_options().integrator, -1, args.refresh_angle};
     auto made = ChooseForAccuracy(
-        *wanted, first, !args.integrator_given,
+        *wanted, first, !args.integrator,
         [&](const AccuracySetting& setting) { return TryOut(args, *imported, *inputs, setting); });
     if (!made) return Report(made.error(), json);
     choice = std::move(*made);
     const AccuracySetting& best = choice->trials[choice->chosen].setting;
     args.dt = best.dt;
-    args.step_integrator = best.integrator;
+    args.integrator = best.integrator;
     args.refresh_angle = best.refresh_angle;
     args.error = true;
     if (best.modes >= 0)
@@ -191,7 +193,7 @@ void AddRun(CLI::App& app, Action& action) {
   command->add_option("--controls", args->inputs.controls,
                       "CSV of control values and pushes: time,NAME,...,force:BODY:x,...");
   AddPushTo(*command, args->inputs.pushes);
-  AddIntegratorTo(*command, args->step_integrator);
+  AddIntegratorTo(*command, args->integrator);
   AddRecoveryTo(*command, args->inputs.recovery);
   command->add_option("--detail", args->inputs.detail,
                       "how much is simulated, from what time on: [TIME:]WORD[+WORD...],... with object, "
@@ -209,10 +211,7 @@ void AddRun(CLI::App& app, Action& action) {
                     "within a step, and the time step");
   command->add_flag("--no-load-factor", args->no_load_factor,
                     "do not watch how much harder a grasp may press before it ejects what it holds");
-  command->callback([&action, args, command] {
-    args->integrator_given = command->count("--integrator") > 0;
-    action = [args] { return Run(*args); };
-  });
+  command->callback([&action, args] { action = [args] { return Run(*args); }; });
 }
 
 }  // namespace fork1s::app

@@ -74,6 +74,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   auto percentile = [&](double p) { return m.step_us.empty() ? 0.0 : Percentile(m.step_us, p); };
   out["steps"] = m.step_us.size();
   out["dt_s"] = simulation.dt();
+  out["integrator"] = simulation.step_options().integrator == Integrator::kTheta ? "theta" : "euler";
   out["simulated_s"] = simulation.time();
   out["wall_s"] = wall;
   out["real_time_factor"] = wall > 0 ? Json(simulation.time() / wall) : Json(nullptr);
@@ -260,8 +261,8 @@ void PrintLoadFactor(const Json& d) {
 
 void PrintSummary(const Json& d) {
   auto number = [&](const char* key) { return d[key].get<double>(); };
-  fmt::print("{} steps of {:.6g} s: {:.4g} s simulated in {:.4g} s ({:.1f} times real time)\n",
-             d["steps"].get<std::size_t>(), number("dt_s"), number("simulated_s"), number("wall_s"),
+  fmt::print("{} steps of {:.6g} s by {}: {:.4g} s simulated in {:.4g} s ({:.1f} times real time)\n",
+             d["steps"].get<std::size_t>(), number("dt_s"), d["integrator"].get<std::string>(), number("simulated_s"), number("wall_s"),
              d["real_time_factor"].is_null() ? 0.0 : number("real_time_factor"));
   fmt::print("  step            {:.1f} us median, {:.1f} us at the 99th percentile\n",
              d["step_us"]["median"].get<double>(), d["step_us"]["p99"].get<double>());

@@ -21,7 +21,7 @@ namespace fork1s::app {
 namespace {
 
 struct ViewArguments {
-  Integrator step_integrator = Integrator::kEuler;
+  std::optional<Integrator> integrator;  // as given
   ModelArguments model;
   int port = 8080;
   bool no_open = false, no_watch = false, only_load = false;
@@ -55,10 +55,12 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   auto imported = args.model.Load();
   if (!imported) return tl::unexpected(imported.error());
   if (!args.model.json) PrintNotes(imported->report);
+  const auto integrator = IntegratorOf(args.integrator, args.recovery);
+  if (!integrator) return tl::unexpected(integrator.error());
   SimulationOptions options;
   options.dt = args.dt;
   options.recovery = args.recovery;
-  options.step.integrator = args.step_integrator;
+  options.step.integrator = *integrator;
   options.initial_keyframe = imported->initial_keyframe;
   // With its folder: many models are called scene.xml.
   const std::filesystem::path path(args.model.path);
@@ -142,7 +144,7 @@ void AddView(CLI::App& app, Action& action) {
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
       ->check(PositiveUpTo(kMostStep));
   command->add_flag("--only-load", args->only_load, "read the model and end")->group("");
-  AddIntegratorTo(*command, args->step_integrator);
+  AddIntegratorTo(*command, args->integrator);
   AddRecoveryTo(*command, args->recovery);
   command->add_option("--time", args->time, "end after this many seconds (default: when told to)")
       ->check(PositiveUpTo(kMostSeconds));

@@ -94,6 +94,11 @@ void World::Detail::ExpectContacts() {
       const Contactor& c = contactors_[static_cast<std::size_t>(contactor)];
       return c.kind == Contactor::Kind::kGroup && c.index == static_cast<int>(i);
     };
+    // A servo that gives all it can follows nothing; its bound is a force of the end.
+    if (mechanisms_[i].NumForcesAtBound() > 0) {
+      mechanisms_[i].ActAtEnd();
+      continue;
+    }
     mechanisms_[i].ExpectContact(
         std::any_of(parts.begin(), parts.end(), [](const PartBlock& p) { return !p.limits.empty(); }) ||
         std::any_of(points_.begin(), points_.end(),

@@ -1,17 +1,15 @@
-// Which recovery a rule of the step can use.
+// Which rule of the step a simulation takes.
 #pragma once
 
-#include <fork1s/base/error.hpp>
 #include <fork1s/dynamics/world.hpp>
 
 namespace fork1s::internal {
 
-/// kUsage where the step of second order is asked of the recovery that keeps the inertia of the reference.
-inline Expected<void> IntegratorFits(Integrator integrator, Recovery recovery) {
-  if (integrator == Integrator::kTheta && recovery == Recovery::kTwist)
-    return Fail(ErrorCode::kUsage, "integrator 'theta'",
-                "needs recovery 'exact' or 'curved': 'twist' keeps the inertia of the reference");
-  return {};
+/// By twists everything keeps the inertia of the reference, and a step is one of implicit Euler.
+inline Integrator IntegratorFor(Integrator wanted, Recovery recovery, const World& world) {
+  if (recovery == Recovery::kTwist) return Integrator::kEuler;
+  if (wanted != Integrator::kAuto) return wanted;
+  return world.PairsThatMayTouch().empty() ? Integrator::kTheta : Integrator::kEuler;
 }
 
 }  // namespace fork1s::internal

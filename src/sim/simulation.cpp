@@ -30,8 +30,6 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.dt_ = options.dt > 0 ? options.dt : scene.timestep;
   if (!(s.dt_ > 0) || !std::isfinite(s.dt_))
     return Fail(ErrorCode::kModel, "scene '" + scene.name + "'", "needs a time step above 0 s");
-  if (auto fits = internal::IntegratorFits(options.step.integrator, options.recovery); !fits)
-    return tl::unexpected(fits.error());
   s.step_options_ = options.step;
   s.step_options_.h = s.dt_;
   s.step_options_.gravity = scene.gravity;
@@ -48,6 +46,8 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   auto world = World::Create(*s.present_scene_, o);
   if (!world) return tl::unexpected(world.error());
   s.world_ = std::move(*world);
+  s.step_options_.integrator =
+      internal::IntegratorFor(options.step.integrator, options.recovery, s.world_);
   s.scene_ = std::move(scene);
   for (const MechanismDynamics& m : s.world_.mechanisms()) s.given_.push_back(m.model().mechanism);
   s.places_ = *internal::PlacesOf(s.given_, {});

@@ -157,7 +157,6 @@ KeyframeDef Simulation::State() const {
 
 Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vector<Hold>& known_holds) {
   if (fidelity == fidelity_) return {};
-  if (auto fits = internal::IntegratorFits(step_options_.integrator, fidelity.recovery); !fits) return fits;
   std::vector<Hold> holds;
   if (fidelity.level == DetailLevel::kObject) {
     holds = holds_.empty() ? known_holds : holds_;
@@ -183,6 +182,7 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   present_scene_ = std::make_shared<const Scene>(std::move(scene));
   world_keyframe_ = 0;
   fidelity_ = fidelity;
+  step_options_.integrator = internal::IntegratorFor(options_.step.integrator, fidelity.recovery, world_);
   holds_ = std::move(holds);
   places_ = std::move(*places);
   pushed_W_.clear();

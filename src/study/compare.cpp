@@ -213,8 +213,6 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   o.samples = std::max(1, static_cast<int>(std::llround(options.time / o.interval)));
   o.recovery = options.recovery;
   o.integrator = options.integrator;
-  o.full_integrator = options.full_integrator.value_or(
-      options.integrator == Integrator::kTheta ? FullIntegrator::kTwoStages : FullIntegrator::kEuler);
   o.initial_keyframe = imported.initial_keyframe;
   o.controls = &options.controls;
   if (!options.pushes.pushes.empty()) o.pushes = &options.pushes;
@@ -223,6 +221,9 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
 
   auto probe = internal::MakeReduced(scene, o);
   if (!probe) return tl::unexpected(probe.error());
+  o.integrator = probe->step_options().integrator;
+  o.full_integrator = options.full_integrator.value_or(
+      o.integrator == Integrator::kTheta ? FullIntegrator::kTwoStages : FullIntegrator::kEuler);
   if (auto ok = CheckControls(options.controls, *probe); !ok) return tl::unexpected(ok.error());
   if (const auto missing = options.pushes.FindMissing(*probe); !missing.empty())
     return Fail(ErrorCode::kModel, "pushes", fmt::format("the model has no body '{}'", missing.front()));
@@ -234,7 +235,7 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   Comparison out;
   out.scene = scene.name;
   out.other = mujoco ? "mujoco" : "full";
-  out.integrator = options.integrator;
+  out.integrator = o.integrator;
   if (!mujoco) out.full_integrator = o.full_integrator;
   out.dt_s = o.interval;
   out.time_s = o.samples * o.interval;

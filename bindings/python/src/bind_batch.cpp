@@ -317,12 +317,12 @@ void BindBatch(nb::module_& m) {
              const nb::object& seeds, const nb::object& randomise, const nb::object& stiffness,
              const nb::object& friction, const nb::object& mass, const std::optional<double>& dt,
              const std::optional<std::string>& keyframe, const std::string& recovery,
-             const std::string& detail) {
+             const std::string& detail, const std::optional<std::string>& integrator) {
             if (count < 1) throw nb::value_error("a batch has one simulation or more");
             if (threads < 0) throw nb::value_error("a number of threads is 0 (all cores) or more");
             if (seeds.is_none() && !randomise.is_none())
               throw Refused{{ErrorCode::kUsage, "randomise", "nothing is drawn without seeds; give seeds="}};
-            const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail);
+            const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail, integrator);
             auto differences =
                 ReadDifferences(static_cast<std::size_t>(count), seeds, stiffness, friction, mass);
             if (!seeds.is_none()) differences.ranges = ReadRanges(randomise);
@@ -333,13 +333,14 @@ void BindBatch(nb::module_& m) {
           nb::arg("seeds") = nb::none(), nb::arg("randomise") = nb::none(), nb::arg("stiffness") = nb::none(),
           nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(), nb::arg("dt") = nb::none(),
           nb::arg("keyframe") = nb::none(), nb::arg("recovery") = "exact", nb::arg("detail") = "interface",
+              nb::arg("integrator") = nb::none(),
           nb::sig(
               "def __init__(self, model: Model, count: int, *, threads: int = 0, seeds: "
               "numpy.typing.ArrayLike | None = None, randomise: collections.abc.Mapping[str, tuple[float, "
               "float]] | None = None, stiffness: "
               "numpy.typing.ArrayLike | None = None, friction: numpy.typing.ArrayLike | None = None, mass: "
               "numpy.typing.ArrayLike | None = None, dt: float | None = None, keyframe: str | None = None, "
-              "recovery: str = 'exact', detail: str = 'interface') -> None"))
+              "recovery: str = 'exact', detail: str = 'interface', integrator: str | None = None) -> None"))
       .def("step", Step, nb::arg("controls") = nb::none(), nb::arg("steps") = 1,
            "Advances all by `steps` time steps. controls: (n, c), or (c,) for all, in the order of "
            "`controls`; they "

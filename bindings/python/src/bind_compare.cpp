@@ -43,7 +43,7 @@ ControlTrack ReadTrack(const std::optional<Columns>& columns) {
 
 Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::string& against, double time,
                         const std::optional<double>& dt, int refinements,
-                        const std::optional<Columns>& controls, const std::string& integrator,
+                        const std::optional<Columns>& controls, const std::optional<std::string>& integrator,
                         const std::optional<std::string>& full_integrator) {
   CompareOptions options;
   if (against != "full" && against != "mujoco")
@@ -59,9 +59,7 @@ Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::st
   options.dt = dt.value_or(0);
   options.refinements = refinements;
   options.controls = ReadTrack(controls);
-  if (integrator != "euler" && integrator != "theta")
-    throw Refused{{ErrorCode::kUsage, "integrator", "'" + integrator + "' is none of: euler, theta"}};
-  options.integrator = integrator == "theta" ? Integrator::kTheta : Integrator::kEuler;
+  if (integrator) options.integrator = ReadIntegrator(*integrator);
   if (full_integrator) {
     if (*full_integrator != "euler" && *full_integrator != "two-stages")
       throw Refused{
@@ -157,12 +155,12 @@ void BindCompare(nb::module_& m) {
       });
   m.def("compare", CompareModel, nb::arg("model"), nb::arg("against") = "full", nb::kw_only(),
         nb::arg("time") = 2.0, nb::arg("dt") = nb::none(), nb::arg("refinements") = 0,
-        nb::arg("controls") = nb::none(), nb::arg("integrator") = "euler",
+        nb::arg("controls") = nb::none(), nb::arg("integrator") = nb::none(),
         nb::arg("full_integrator") = nb::none(),
         R"(Simulates the model beside the full-coordinate simulator ('full') or MuJoCo's mj_step ('mujoco').
 
 time: s to simulate. dt: time step in s, default the model's. refinements: further runs at dt/2, dt/4, ... controls:
-columns by name, `time` [s] among them, linear between rows. integrator: of the reduced run, 'euler' or 'theta'.
+columns by name, `time` [s] among them, linear between rows. integrator: of the reduced run, 'euler' or 'theta', default as of a Simulation.
 full_integrator: of the full one, 'euler' or 'two-stages', default of the same order. Others run while it works. Raises NumericsError, ModelError
 for controls that the model does not have, UsageError for a model that MuJoCo cannot run as it is.)");
 }

@@ -76,7 +76,7 @@ void BindSimulation(nb::module_& m) {
   BindStepReport(m);
   BindSnapshot(m);
   auto simulation =
-      nb::class_<Runner>(m, "Simulation", R"(A model in motion, stepped by implicit Euler with contacts.
+      nb::class_<Runner>(m, "Simulation", R"(A model in motion, stepped implicitly with contacts.
 
     sim = fork1s.Simulation(model, dt=1/60)
     sim.controls["grip"] = 0.4
@@ -85,7 +85,8 @@ void BindSimulation(nb::module_& m) {
 
 dt: time step in s (default: the model's, 1/60 s unless the file's format says otherwise). keyframe: name of an initial
 state of the file. recovery: 'exact', 'curved' or 'twist', how poses follow from reduced coordinates. detail: 'interface',
-'parents' or 'all', which bodies may touch.
+'parents' or 'all', which bodies may touch. integrator: 'theta', of second order, or 'euler', implicit Euler of first order;
+default 'theta' where nothing in the scene can touch anything, else 'euler'.
 
 All quantities are in the world frame and in m, kg, s, rad, N unless a line says otherwise. Arrays that it returns are
 those of the moment, and the caller's own. `step` lets other Python threads run; several may hold one simulation, and
@@ -96,13 +97,14 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "__init__",
               [](Runner* self, const std::shared_ptr<const Model>& model, const std::optional<double>& dt,
                  const std::optional<std::string>& keyframe, const std::string& recovery,
-                 const std::string& detail) {
-                const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail);
+                 const std::string& detail, const std::optional<std::string>& integrator) {
+                const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail, integrator);
                 const nb::gil_scoped_release others_run;
                 new (self) Runner(model, options);
               },
               nb::arg("model"), nb::kw_only(), nb::arg("dt") = nb::none(), nb::arg("keyframe") = nb::none(),
-              nb::arg("recovery") = "exact", nb::arg("detail") = "interface")
+              nb::arg("recovery") = "exact", nb::arg("detail") = "interface",
+              nb::arg("integrator") = nb::none())
           .def("step", StepMany, nb::arg("steps") = 1,
                "Advances by `steps` time steps of dt. What went wrong numerically stands in the report; the "
                "state stays "

@@ -26,6 +26,7 @@ SimulationOptions OptionsOf(const Model& model, const RunOptions& given) {
   options.dt = given.dt;
   options.recovery = given.recovery;
   options.detail = given.detail;
+  options.step.integrator = given.integrator;
   options.initial_keyframe = model.imported().initial_keyframe;
   if (given.keyframe.empty()) return options;
   const auto& keys = model.scene().keyframes;

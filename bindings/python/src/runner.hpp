@@ -20,6 +20,7 @@ struct RunOptions {
   std::string keyframe;
   Recovery recovery = Recovery::kExact;
   DetailLevel detail = DetailLevel::kInterface;
+  Integrator integrator = Integrator::kAuto;
 };
 
 /// What a call of `step` tells of all its steps.

@@ -26,12 +26,25 @@ inline Recovery ReadRecovery(const std::string& word) {
   throw Refused{{ErrorCode::kUsage, "recovery", "'" + word + "' is none of: exact, curved, twist"}};
 }
 
+inline Integrator ReadIntegrator(const std::string& word) {
+  if (word == "theta") return Integrator::kTheta;
+  if (word == "euler") return Integrator::kEuler;
+  throw Refused{{ErrorCode::kUsage, "integrator", "'" + word + "' is none of: euler, theta"}};
+}
+
 /// Options that Simulation and Batch share.
 inline RunOptions ReadRunOptions(const std::optional<double>& dt, const std::optional<std::string>& keyframe,
-                                 const std::string& recovery, const std::string& detail) {
+                                 const std::string& recovery, const std::string& detail,
+                                 const std::optional<std::string>& integrator) {
   if (dt && !(*dt > 0 && std::isfinite(*dt)))
     throw Refused{{ErrorCode::kUsage, "dt", std::to_string(*dt) + " is no time step above 0 s"}};
-  return {dt.value_or(0), keyframe.value_or(""), ReadRecovery(recovery), ReadDetail(detail)};
+  RunOptions options{dt.value_or(0), keyframe.value_or(""), ReadRecovery(recovery), ReadDetail(detail)};
+  if (!integrator) return options;
+  options.integrator = ReadIntegrator(*integrator);
+  if (options.integrator == Integrator::kTheta && options.recovery == Recovery::kTwist)
+    throw Refused{{ErrorCode::kUsage, "integrator",
+                   "'theta' needs recovery 'exact' or 'curved': 'twist' keeps the inertia of the reference"}};
+  return options;
 }
 
 /// Names given one by one.
