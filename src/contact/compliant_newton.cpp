@@ -12,11 +12,12 @@ constexpr double kGoldenRatio = 0.61803398875;  // its multiples fill [0, 1] eve
 
 }  // namespace
 
-void CompliantNewton::Reserve(int freedoms) {
+void CompliantNewton::Reserve(int num_contacts, int num_limits, int freedoms) {
   const auto n = static_cast<std::size_t>(freedoms);
   lu_.Reserve(freedoms);
   for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->reserve(n);
   pieces_.Reserve(freedoms);
+  path_.Reserve(num_contacts, num_limits, freedoms);
 }
 
 bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterations, int patience,

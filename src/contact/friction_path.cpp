@@ -22,6 +22,20 @@ constexpr double kAroundCorner = 1e-3;
 
 }  // namespace
 
+void FrictionPath::Reserve(int num_contacts, int num_limits, int freedoms) {
+  const auto n = static_cast<std::size_t>(freedoms);
+  H_.reserve(n * n);
+  pivots_.reserve(n);
+  pieces_.Reserve(freedoms);
+  for (std::vector<double>* v :
+       {&a_, &b_, &here_.d, &predicted_.d, &trial_.d, &last_.d, &along_.d, &ahead_.d, &next_.d})
+    v->reserve(n);
+  for (std::vector<PointRows>* v : {&points_, &ahead_points_, &last_points_})
+    v->reserve(static_cast<std::size_t>(num_contacts));
+  for (std::vector<LimitRows>* v : {&limits_, &ahead_limits_, &last_limits_})
+    v->reserve(static_cast<std::size_t>(num_limits));
+}
+
 // Factors H of the pieces at a place; a and b: where they lead, and that by share.
 bool FrictionPath::Linearize(CompliantRows& rows, const Place& at) {
   const int n = rows.freedoms();
