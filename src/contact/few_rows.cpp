@@ -13,20 +13,25 @@ constexpr std::size_t kMostRows = 60;
 constexpr double kRounded = 1e-3;  // of enough: rounding
 constexpr int kFewSteps = 12, kLineSteps = 30, kBrackets = 30;
 
-// A row of a point on the twist of one of its ports: of w, or of the turning about an axis.
-Vector6 RowOf(const Matrix36& J, int row, int axis) {
-  if (row < 3) return J.row(row).transpose();
-  Vector6 turning = Vector6::Zero();
-  turning.head<3>() = J.row(axis).tail<3>().transpose();
-  return turning;
+// A point's rows side by side: of w, and of the turning about the axes that bear a moment.
+void SetRows(const Matrix36& J, const int* axes, int size, double (&out)[2][24]) {
+  for (int k = 0; k < size; ++k) {
+    double* to = out[k / 4] + k % 4;
+    if (k < 3)
+      for (int c = 0; c < 6; ++c) to[4 * c] = J(k, c);
+    else
+      for (int c = 0; c < 3; ++c) to[4 * c] = J(axes[k - 3], 3 + c);
+  }
 }
 
 }  // namespace
 
 void FewRows::Reserve(int freedoms) {
   members_.reserve(kMostRows);
-  X_.reserve(kMostRows * static_cast<std::size_t>(freedoms));
+  X_.reserve(4 * kMostRows * static_cast<std::size_t>(freedoms));
   s_.reserve(std::max(2 * kMostRows, static_cast<std::size_t>(freedoms)));
+  ports_.reserve(2 * kMostRows);
+  changes_.reserve(24 * 2 * kMostRows);
   for (std::vector<double>* v : {&Q_, &M_}) v->reserve(kMostRows * kMostRows);
   for (std::vector<double>* v : {&w_, &lambda_, &r_, &w_start_, &lambda_start_, &off_, &step_, &w_step_})
     v->reserve(kMostRows);
@@ -36,6 +41,13 @@ void FewRows::Reserve(int freedoms) {
 bool FewRows::Has(int index, bool is_limit) const {
   return std::any_of(members_.begin(), members_.end(),
                      [&](const Member& m) { return m.index == index && (m.pair < 0) == is_limit; });
+}
+
+int FewRows::PlaceOf(int port) {
+  if (port < 0) return -1;
+  const auto place = static_cast<std::size_t>(std::find(ports_.begin(), ports_.end(), port) - ports_.begin());
+  if (place == ports_.size()) ports_.push_back(port);
+  return static_cast<int>(place);
 }
 
 bool FewRows::Add(const CompliantRows& rows, int index, int pair) {
@@ -60,13 +72,26 @@ bool FewRows::Add(const CompliantRows& rows, int index, int pair) {
   }
   const int count = count_ + m.size;
   if (count > static_cast<int>(kMostRows) || count > rows.freedoms()) return false;
+  if (pair >= 0) {
+    const PointRows& point = rows.points[static_cast<std::size_t>(index)];
+    const PairRows& of = rows.pairs[static_cast<std::size_t>(pair)];
+    m.port_a = PlaceOf(of.port_a);
+    m.port_b = PlaceOf(of.port_b);
+    SetRows(point.J_a, m.axes, m.size, m.J_a);
+    SetRows(point.J_b, m.axes, m.size, m.J_b);
+  }
   members_.push_back(m);
   count_ = count;
   return true;
 }
 
 bool FewRows::Gather(const CompliantRows& rows, double enough) {
-  if (members_.empty()) count_ = columns_ = 0;
+  if (members_.empty()) {
+    count_ = 0;
+    with_columns_ = 0;
+    ports_.clear();
+    X_.clear();
+  }
   const int before = count_;
   const double each2 = enough * enough / static_cast<double>(rows.points.size() + rows.limits.size());
   for (std::size_t p = 0; p < rows.pairs.size(); ++p) {
@@ -82,56 +107,60 @@ bool FewRows::Gather(const CompliantRows& rows, double enough) {
   return count_ > before;
 }
 
-void FewRows::AddColumns(CompliantRows& rows, DerivativeLu& lu) {
+void FewRows::AddColumns(const CompliantRows& rows, DerivativeLu& lu) {
   const auto n = static_cast<std::size_t>(rows.freedoms()), count = static_cast<std::size_t>(count_);
-  X_.resize(count * n);
+  const auto port_at = [&](int place) -> const PortRows& {
+    return rows.ports[static_cast<std::size_t>(ports_[static_cast<std::size_t>(place)])];
+  };
+  for (; with_columns_ < members_.size(); ++with_columns_) {
+    const Member& m = members_[with_columns_];
+    for (int g = 0; g < m.groups(); ++g) {
+      X_.resize(X_.size() + 4 * n, 0.0);
+      double* x = X_.data() + X_.size() - 4 * n;
+      if (m.pair < 0) {
+        const LimitRows& limit = rows.limits[static_cast<std::size_t>(m.index)];
+        for (int i = 0; i < limit.freedoms; ++i) x[4 * (limit.begin + i)] = limit.sign * limit.Y[i];
+      }
+      if (m.port_a >= 0) port_at(m.port_a).AddFourTo(m.J_a[g], x);
+      if (m.port_b >= 0) port_at(m.port_b).AddFourTo(m.J_b[g], x);
+      lu.SolveFour(rows, x);
+    }
+  }
   Q_.resize(count * count);
-  const auto port_at = [&](int index) -> PortRows& { return rows.ports[static_cast<std::size_t>(index)]; };
-  for (const Member& m : members_) {
-    if (m.begin < columns_) continue;
-    for (int k = 0; k < m.size; ++k) {
-      double* x = X_.data() + static_cast<std::size_t>(m.begin + k) * n;
-      std::fill_n(x, n, 0.0);
-      if (m.pair < 0) {
-        const LimitRows& limit = rows.limits[static_cast<std::size_t>(m.index)];
-        for (int i = 0; i < limit.freedoms; ++i) x[limit.begin + i] = limit.sign * limit.Y[i];
-      } else {
-        const PairRows& pair = rows.pairs[static_cast<std::size_t>(m.pair)];
-        const PointRows& point = rows.points[static_cast<std::size_t>(m.index)];
-        const int axis = k < 3 ? 0 : m.axes[k - 3];
-        if (pair.port_a >= 0) port_at(pair.port_a).AddTo(RowOf(point.J_a, k, axis), x);
-        if (pair.port_b >= 0) port_at(pair.port_b).AddTo(RowOf(point.J_b, k, axis), x);
-      }
-      lu.Solve(rows, x);
-    }
-  }
-  columns_ = count_;
-  for (std::size_t c = 0; c < count; ++c) {
-    const double* x = X_.data() + c * n;
-    double* q = Q_.data() + c * count;
-    for (PortRows& port : rows.ports) port.SetChange(x);
-    for (const Member& m : members_) {
-      if (m.pair < 0) {
-        const LimitRows& limit = rows.limits[static_cast<std::size_t>(m.index)];
-        double sum = 0;
-        for (int i = 0; i < limit.freedoms; ++i) sum += limit.Y[i] * x[limit.begin + i];
-        q[m.begin] = limit.sign * sum;
-        continue;
-      }
-      const PairRows& pair = rows.pairs[static_cast<std::size_t>(m.pair)];
-      const PointRows& point = rows.points[static_cast<std::size_t>(m.index)];
-      Vector3 w = Vector3::Zero();
-      if (pair.port_a >= 0) w += point.J_a.lazyProduct(port_at(pair.port_a).change);
-      if (pair.port_b >= 0) w += point.J_b.lazyProduct(port_at(pair.port_b).change);
-      Eigen::Map<Vector3>(q + m.begin) = w;
-      for (int k = 3; k < m.size; ++k) {
-        double turning = 0;
-        if (pair.port_a >= 0) turning += RowOf(point.J_a, k, m.axes[k - 3]).dot(port_at(pair.port_a).change);
-        if (pair.port_b >= 0) turning += RowOf(point.J_b, k, m.axes[k - 3]).dot(port_at(pair.port_b).change);
-        q[m.begin + k] = turning;
+  changes_.resize(24 * ports_.size());
+  const double* x = X_.data();
+  for (const Member& by : members_)
+    for (int g = 0; g < by.groups(); ++g, x += 4 * n) {
+      for (std::size_t p = 0; p < ports_.size(); ++p)
+        port_at(static_cast<int>(p)).FourChanges(x, changes_.data() + 24 * p);
+      const int columns = std::min(by.size - 4 * g, 4);
+      double* q = Q_.data() + static_cast<std::size_t>(by.begin + 4 * g) * count;
+      const auto set = [&](int row, const Quad& values) {
+        for (int c = 0; c < columns; ++c)
+          q[static_cast<std::size_t>(c) * count + static_cast<std::size_t>(row)] = values[c];
+      };
+      for (const Member& m : members_) {
+        if (m.pair < 0) {
+          const LimitRows& limit = rows.limits[static_cast<std::size_t>(m.index)];
+          Quad sum = Quad::Zero();
+          for (int i = 0; i < limit.freedoms; ++i)
+            sum += limit.sign * limit.Y[i] * QuadAt(x + 4 * (limit.begin + i));
+          set(m.begin, sum);
+          continue;
+        }
+        for (int k = 0; k < m.size; ++k) {
+          Quad sum = Quad::Zero();
+          const auto add = [&](int place, const double(&J)[2][24]) {
+            if (place < 0) return;
+            const double *change = changes_.data() + 24 * place, *row = J[k / 4] + k % 4;
+            for (int c = 0; c < 6; ++c) sum += row[4 * c] * QuadAt(change + 4 * c);
+          };
+          add(m.port_a, m.J_a);
+          add(m.port_b, m.J_b);
+          set(m.begin + k, sum);
+        }
       }
     }
-  }
 }
 
 // w and λ as they are; ports' changes are those of the last measurement.
@@ -385,10 +414,14 @@ bool FewRows::Solve(CompliantRows& rows, DerivativeLu& lu, std::vector<double>& 
   }
   const std::size_t n = d.size();
   s.assign(n, 0.0);
-  for (std::size_t c = 0; c < r_.size(); ++c) {
-    const double* x = X_.data() + c * n;
-    for (std::size_t i = 0; i < n; ++i) s[i] += r_[c] * x[i];
-  }
+  const double* x = X_.data();
+  for (const Member& m : members_)
+    for (int g = 0; g < m.groups(); ++g, x += 4 * n) {
+      Quad r = Quad::Zero();
+      for (int k = 4 * g; k < std::min(m.size, 4 * g + 4); ++k)
+        r[k - 4 * g] = r_[static_cast<std::size_t>(m.begin + k)];
+      for (std::size_t i = 0; i < n; ++i) s[i] += r.dot(QuadAt(x + 4 * i));
+    }
   for (std::size_t i = 0; i < n; ++i) d[i] += s[i];
   rows.MoveOnPieces(s.data());
   for (const Member& m : members_) {

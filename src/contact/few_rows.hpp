@@ -18,7 +18,6 @@ class FewRows {
  public:
   void Reserve(int freedoms);
   void Begin() { members_.clear(); }
-
   /// Takes in what is off the law by what was measured last, all together more than `enough`. False where
   /// there is nothing new, or more than pays.
   bool Gather(const CompliantRows& rows, double enough);
@@ -35,13 +34,18 @@ class FewRows {
     Matrix6 factored = Matrix6::Zero();  // D
     Matrix6 more = Matrix6::Zero();      // D of the piece at hand less that
     bool is_open = false;
+    // Its rows on the twists of its two ports, four of them side by side, twice: six by four, row by row.
+    int port_a = -1, port_b = -1;  // in ports_
+    double J_a[2][24] = {}, J_b[2][24] = {};
+    int groups() const { return size > 4 ? 2 : 1; }
   };
+  int PlaceOf(int port);
   bool Has(int index, bool is_limit) const;
   bool Add(const CompliantRows& rows, int index, int pair);
   double TakePoint(const PointRows& point, Member& m);
   double TakeLimit(const LimitRows& limit, Member& m);
   double RespondPoint(const PointRows& point, Member& m);
-  void AddColumns(CompliantRows& rows, DerivativeLu& lu);
+  void AddColumns(const CompliantRows& rows, DerivativeLu& lu);
   double TakePieces(const CompliantRows& rows);
   double Respond(const CompliantRows& rows);
   void Read(const CompliantRows& rows);
@@ -51,8 +55,11 @@ class FewRows {
   bool ByLine(const CompliantRows& rows, double enough);
 
   std::vector<Member> members_;
-  int count_ = 0, columns_ = 0;     // rows of members; columns of X that are there
-  std::vector<double> X_, Q_;       // freedoms x count, count x count
+  int count_ = 0;                   // rows of members
+  std::size_t with_columns_ = 0;    // members whose columns X_ has
+  std::vector<int> ports_;          // of members
+  std::vector<double> X_, Q_;       // of a group four columns, freedoms x 4 row by row; count x count
+  std::vector<double> changes_;     // of ports_, by four columns: six by four
   std::vector<double> w_, lambda_;  // now
   std::vector<double> r_, w_start_, lambda_start_;
   std::vector<double> off_, step_, w_step_;
