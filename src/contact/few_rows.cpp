@@ -1,17 +1,15 @@
 #include "few_rows.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <fork1s/linalg/in_place.hpp>
-
-#include "piece_of_law.hpp"
+#include <fork1s/base/quad.hpp>
 
 namespace fork1s::internal {
 namespace {
 
+// A dense factor of as many takes what one of all does for a hand and what it holds.
 constexpr std::size_t kMostRows = 60;
-constexpr double kRounded = 1e-3;  // of enough: rounding
-constexpr int kFewSteps = 12, kLineSteps = 30, kBrackets = 30;
+// Pieces begin where it left off (few_newton.cpp).
+constexpr double kNearEnough = 1e3;
 
 // A point's rows side by side: of w, and of the turning about the axes that bear a moment.
 void SetRows(const Matrix36& J, const int* axes, int size, double (&out)[2][24]) {
@@ -29,13 +27,14 @@ void SetRows(const Matrix36& J, const int* axes, int size, double (&out)[2][24])
 void FewRows::Reserve(int freedoms) {
   members_.reserve(kMostRows);
   X_.reserve(4 * kMostRows * static_cast<std::size_t>(freedoms));
-  s_.reserve(std::max(2 * kMostRows, static_cast<std::size_t>(freedoms)));
+  s_.reserve(static_cast<std::size_t>(freedoms));
   ports_.reserve(2 * kMostRows);
   changes_.reserve(24 * 2 * kMostRows);
   for (std::vector<double>* v : {&Q_, &M_}) v->reserve(kMostRows * kMostRows);
-  for (std::vector<double>* v : {&w_, &lambda_, &r_, &w_start_, &lambda_start_, &off_, &step_, &w_step_})
+  for (std::vector<double>* v :
+       {&w_, &lambda_, &r_, &w_start_, &lambda_start_, &off_, &step_, &w_step_, &right_})
     v->reserve(kMostRows);
-  pivots_.reserve(kMostRows);
+  for (std::vector<int>* v : {&pivots_, &active_}) v->reserve(kMostRows);
 }
 
 bool FewRows::Has(int index, bool is_limit) const {
@@ -188,230 +187,14 @@ void FewRows::Read(const CompliantRows& rows) {
   }
 }
 
-double FewRows::TakeLimit(const LimitRows& limit, Member& m) {
-  const auto at = static_cast<std::size_t>(m.begin);
-  const double y = lambda_[at] - (w_[at] + limit.R * lambda_[at]) / (limit.inverse_mass + limit.R);
-  const double kept = std::clamp(y, limit.lower, limit.upper), off = lambda_[at] - kept;
-  const bool inside = y > limit.lower && y < limit.upper;
-  m.more(0, 0) = (inside ? 1 / limit.R : 0) - m.factored(0, 0);
-  off_[at] = inside ? lambda_[at] + w_[at] / limit.R : off;
-  return limit.inverse_mass * off * off;
-}
-
-double FewRows::TakePoint(const PointRows& point, Member& m) {
-  const double *w = w_.data() + m.begin, *lambda = lambda_.data() + m.begin;
-  double* off = off_.data() + m.begin;
-  const Eigen::Map<const Vector3> w3(w), lambda3(lambda);
-  const PointReading read = ReadPoint(point, w3, lambda3);
-  double gap2 = point.inverse_mass * read.gap2;
-  Matrix6& D = m.more;
-  D.setZero();
-  m.is_open = read.IsOpen();
-  if (!m.is_open) {
-    Matrix3 D3;
-    // As for all (pieces.cpp).
-    if (read.size <= read.bound || read.y.dot(lambda3.tail<2>()) < 0)
-      SetSticking(point, D3);
-    else
-      SetSliding(point, read, D3);
-    D.topLeftCorner<3, 3>() = D3;
-    for (int k = 3; k < m.size; ++k) {
-      const int axis = m.axes[k - 3];
-      const double R = point.AngularR(axis, point.law.R_t),
-                   y = lambda[k] - (w[k] + R * lambda[k]) / (point.inverse_inertia[axis] + R),
-                   most = point.Radius(axis) * read.y_n, gap = lambda[k] - std::clamp(y, -most, most);
-      gap2 += point.inverse_inertia[axis] * gap * gap;
-      if (std::abs(y) <= most)
-        D(k, k) = 1 / R;
-      else
-        D(k, 0) = (y > 0 ? point.Radius(axis) : -point.Radius(axis)) / point.law.R_n;
-    }
-  }
-  Eigen::Map<Vector3>{off} = lambda3 + D.topLeftCorner<3, 3>() * w3;
-  for (int k = 3; k < m.size; ++k) off[k] = lambda[k] + D(k, k) * w[k] + D(k, 0) * w[0];
-  D -= m.factored;
-  return gap2;
-}
-
-double FewRows::RespondPoint(const PointRows& point, Member& m) {
-  const double *w = w_.data() + m.begin, *lambda = lambda_.data() + m.begin;
-  double* off = off_.data() + m.begin;
-  Vector3 law;
-  Matrix3 D3;
-  double use = 0;
-  internal::Respond(point.law, Eigen::Map<const Vector3>(w), law, D3, use);
-  m.more.setZero();
-  m.more.topLeftCorner<3, 3>() = D3;
-  const Vector3 off3 = Eigen::Map<Vector3>{off} = Eigen::Map<const Vector3>(lambda) - law;
-  double off2 = point.inverse_mass * off3.squaredNorm();
-  for (int k = 3; k < m.size; ++k) {
-    const int axis = m.axes[k - 3];
-    const double R = point.AngularR(axis, point.law.R_t), x = -w[k] / R, most = point.Radius(axis) * law[0];
-    off[k] = lambda[k] - std::clamp(x, -most, most);
-    off2 += point.inverse_inertia[axis] * off[k] * off[k];
-    if (most > 0 && std::abs(x) <= most)
-      m.more(k, k) = 1 / R;
-    else if (most > 0)
-      m.more(k, 0) = (x > 0 ? point.Radius(axis) : -point.Radius(axis)) / point.law.R_n;
-  }
-  m.more -= m.factored;
-  return off2;
-}
-
-// Pieces that (w, λ) are on; off_ = λ + D w, what they do not bear yet. How far from the law that is.
-double FewRows::TakePieces(const CompliantRows& rows) {
-  double gap2 = 0;
-  for (Member& m : members_)
-    gap2 += m.pair < 0 ? TakeLimit(rows.limits[static_cast<std::size_t>(m.index)], m)
-                       : TakePoint(rows.points[static_cast<std::size_t>(m.index)], m);
-  return std::sqrt(gap2);
-}
-
-// The law as a function of w alone; off_ = λ less what it says.
-double FewRows::Respond(const CompliantRows& rows) {
-  double off2 = 0;
-  for (Member& m : members_) {
-    if (m.pair >= 0) {
-      off2 += RespondPoint(rows.points[static_cast<std::size_t>(m.index)], m);
-      continue;
-    }
-    const LimitRows& limit = rows.limits[static_cast<std::size_t>(m.index)];
-    const auto at = static_cast<std::size_t>(m.begin);
-    const double x = -w_[at] / limit.R, kept = std::clamp(x, limit.lower, limit.upper);
-    off_[at] = lambda_[at] - kept;
-    m.more(0, 0) = (kept == x ? 1 / limit.R : 0) - m.factored(0, 0);
-    off2 += limit.inverse_mass * off_[at] * off_[at];
-  }
-  return std::sqrt(off2);
-}
-
-// (1 + (D' − D) Q) step = −off, and what it does to w.
-bool FewRows::FindStep() {
-  const auto count = static_cast<std::size_t>(count_);
-  M_.assign(count * count, 0.0);
-  const Eigen::Map<const MatrixX> Q(Q_.data(), count_, count_);
-  for (const Member& m : members_)
-    for (int c = 0; c < count_; ++c) {
-      const double* q = Q_.data() + c * count_ + m.begin;
-      double* to = M_.data() + c * count_ + m.begin;
-      if (m.size == 1) {
-        to[0] = m.more(0, 0) * q[0];
-        continue;
-      }
-      Eigen::Map<Vector3>{to} = m.more.topLeftCorner<3, 3>().lazyProduct(Eigen::Map<const Vector3>(q));
-      for (int k = 3; k < m.size; ++k) to[k] = m.more(k, 0) * q[0] + m.more(k, k) * q[k];
-    }
-  for (std::size_t i = 0; i < count; ++i) M_[i * (count + 1)] += 1;
-  pivots_.resize(count);
-  for (std::size_t i = 0; i < count; ++i) step_[i] = -off_[i];
-  if (!FactorLu(M_.data(), count_, pivots_.data())) return false;
-  SolveWithLu(M_.data(), count_, pivots_.data(), step_.data());
-  std::fill(w_step_.begin(), w_step_.end(), 0.0);
-  for (int c = 0; c < count_; ++c)
-    for (int i = 0; i < count_; ++i)
-      w_step_[static_cast<std::size_t>(i)] += Q(i, c) * step_[static_cast<std::size_t>(c)];
-  return true;
-}
-
-// From the start of the step on, that much of it.
-void FewRows::Move(double length) {
-  for (const Member& m : members_) {
-    const double* by = w_step_.data() + m.begin;
-    for (int i = 0; i < m.size; ++i) {
-      double D_w = 0;
-      for (int k = 0; k < m.size; ++k) D_w += m.factored(i, k) * by[k];
-      const auto at = static_cast<std::size_t>(m.begin + i);
-      lambda_[at] = lambda_start_[at] + length * (step_[at] - D_w);
-      w_[at] = w_start_[at] + length * w_step_[at];
-    }
-  }
-}
-
-bool FewRows::ByPieces(const CompliantRows& rows, double enough) {
-  double before = 1e300;
-  for (int k = 0; k < kFewSteps; ++k) {
-    const double gap = TakePieces(rows);
-    if (gap <= kRounded * enough || (gap <= enough && !(gap < 0.5 * before))) return true;
-    before = gap;
-    if (!FindStep()) return false;
-    w_start_ = w_;
-    lambda_start_ = lambda_;
-    Move(1);
-    for (std::size_t i = 0; i < r_.size(); ++i) r_[i] += step_[i];
-  }
-  return TakePieces(rows) <= enough;
-}
-
-// Newton's method in w alone, with a line search to the root of s·F (compliant_newton.cpp): s = X step, F =
-// G_Cᵀ off.
-bool FewRows::ByLine(const CompliantRows& rows, double enough) {
-  double off = Respond(rows), best = 1e300;
-  int best_at = 0;
-  const auto along = [&] {
-    double sum = 0;
-    for (std::size_t i = 0; i < off_.size(); ++i) sum += w_step_[i] * off_[i];
-    return sum;
-  };
-  for (int k = 0; k < kLineSteps; ++k) {
-    if (off <= enough) return true;
-    if (off < 0.5 * best) {
-      best = off;
-      best_at = k;
-    } else if (k - best_at > kFewSteps) {
-      return false;
-    }
-    if (!FindStep()) return false;
-    w_start_ = w_;
-    lambda_start_ = lambda_;
-    const double start = along();
-    double length = 1;
-    Move(1);
-    off = Respond(rows);
-    double slope = along();
-    if (start < 0 && slope > 0.1 * std::abs(start)) {
-      double low = 0, f_low = start, high = 1, f_high = slope;
-      int side = 0;
-      for (int b = 0; b < kBrackets && std::abs(slope) > 0.1 * std::abs(start); ++b) {
-        length = low + (high - low) * f_low / (f_low - f_high);
-        if (!(length > low && length < high)) length = 0.5 * (low + high);
-        Move(length);
-        off = Respond(rows);
-        slope = along();
-        if (slope > 0) {
-          high = length;
-          f_high = slope;
-          if (side == 1) f_low *= 0.5;
-          side = 1;
-        } else {
-          low = length;
-          f_low = slope;
-          if (side == -1) f_high *= 0.5;
-          side = -1;
-        }
-      }
-    }
-    for (std::size_t i = 0; i < r_.size(); ++i) r_[i] += length * step_[i];
-  }
-  return false;
-}
-
 bool FewRows::Solve(CompliantRows& rows, DerivativeLu& lu, std::vector<double>& d, double enough) {
   Read(rows);
   AddColumns(rows, lu);
-  const std::vector<double>&w = w_, &lambda = lambda_;
-  std::vector<double>& s = s_;
-  s.assign(w.begin(), w.end());
-  s.insert(s.end(), lambda.begin(), lambda.end());
   if (!ByPieces(rows, enough)) {
-    const auto back = [&] {
-      std::copy_n(s.begin(), w_.size(), w_.begin());
-      std::copy_n(s.begin() + static_cast<std::ptrdiff_t>(w_.size()), w_.size(), lambda_.begin());
-      std::fill(r_.begin(), r_.end(), 0.0);
-    };
-    back();
-    if (!ByLine(rows, 1e3 * enough)) return false;
-    if (!ByPieces(rows, enough)) return false;
+    Read(rows);
+    if (!ByLine(rows, kNearEnough * enough) || !ByPieces(rows, enough)) return false;
   }
+  std::vector<double>& s = s_;
   const std::size_t n = d.size();
   s.assign(n, 0.0);
   const double* x = X_.data();

@@ -63,8 +63,8 @@ class FewRows {
   std::vector<double> w_, lambda_;  // now
   std::vector<double> r_, w_start_, lambda_start_;
   std::vector<double> off_, step_, w_step_;
-  std::vector<double> M_, s_;
-  std::vector<int> pivots_;
+  std::vector<double> M_, right_, s_;
+  std::vector<int> pivots_, active_;  // rows on another piece than that of the factor
 };
 
 }  // namespace fork1s::internal
