@@ -70,6 +70,7 @@ bool FewRows::Add(const CompliantRows& rows, int index, int pair) {
     }
   }
   const int count = count_ + m.size;
+  // A factor of all is the smaller one where there are fewer freedoms.
   if (count > static_cast<int>(kMostRows) || count > rows.freedoms()) return false;
   if (pair >= 0) {
     const PointRows& point = rows.points[static_cast<std::size_t>(index)];

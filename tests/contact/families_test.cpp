@@ -48,7 +48,7 @@ TEST_P(Families, TakeFewFactorsWarm) {
   std::mt19937 random(12);
   ContactSolver solver;
   std::vector<int> factors;
-  const int count = GetParam().first == Family::kJam ? 51 : 201;
+  const int count = GetParam().first == Family::kJam ? 51 : testing::Draws(1000);
   for (int i = 0; i < count; ++i) {
     Problem p = testing::DrawFamily(random, GetParam().first);
     testing::GiveDefaultMaterial(p);
