@@ -61,7 +61,9 @@ TEST_P(Families, TakeFewFactorsWarm) {
   const auto middle = factors.begin() + count / 2;
   std::nth_element(factors.begin(), middle, factors.end());
   // Of wedges half take one or two, half four and more: fewer draws do not tell.
-  if (testing::Draws(10) == 10) EXPECT_LE(*middle, 3);
+  if (testing::Draws(10) == 10) {
+    EXPECT_LE(*middle, 3);
+  }
 }
 
 // Jams that the solver leaves unsolved, and says so: even then nothing pulls, friction keeps its bound, and
