@@ -75,11 +75,27 @@ void SolveOwn(const Rows& rows, const int* swaps, double* a) {
   }
 }
 
+void SolveOwnFour(const Rows& rows, const int* swaps, double* a) {
+  const int f = rows.f;
+  for (int k = 0; k < f; ++k)
+    if (swaps[k] != k) std::swap_ranges(a + 4 * k, a + 4 * k + 4, a + 4 * swaps[k]);
+  for (int i = 1; i < f; ++i) {
+    Quad sum = QuadAt(a + 4 * i);
+    for (int k = 0; k < i; ++k) sum -= rows.L[i * f + k] * QuadAt(a + 4 * k);
+    QuadAt(a + 4 * i) = sum;
+  }
+  for (int i = f - 1; i >= 0; --i) {
+    Quad sum = QuadAt(a + 4 * i);
+    for (int k = i + 1; k < f; ++k) sum -= rows.row(i)[k] * QuadAt(a + 4 * k);
+    QuadAt(a + 4 * i) = sum * rows.inverse[i];
+  }
+}
+
 }  // namespace
 
 void BlockLu::Reserve(int freedoms) {
   const auto n = static_cast<std::size_t>(freedoms);
-  for (std::vector<double>* v : {&x_hub_, &x_core_}) v->reserve(n);
+  for (std::vector<double>* v : {&x_hub_, &x_core_}) v->reserve(4 * n);
   for (std::vector<int>* v : {&pivots_, &swaps_}) v->reserve(n);
   parts_.reserve(n);
   values_.reserve(6 * n * n + 64 * n);
@@ -99,7 +115,7 @@ bool BlockLu::Factor(const EliminationOrder& order, double* H, int n) {
   values_.resize(at + static_cast<std::size_t>(size * size));
   swaps_.resize(swaps);
   pivots_.resize(static_cast<std::size_t>(size));
-  x_core_.resize(static_cast<std::size_t>(size));
+  x_core_.resize(static_cast<std::size_t>(4 * size));
   for (std::size_t b = 0; b < parts_.size(); ++b)
     if (!Eliminate(order, b, H, n)) return false;
   double* to = values_.data() + core_at_;
@@ -191,6 +207,50 @@ void BlockLu::Solve(const EliminationOrder& order, double* x) {
       for (std::size_t c = 0; c < x_hub_.size(); c += 4)
         sums += QuadAt(X + c).cwiseProduct(QuadAt(x_hub_.data() + c));
       x[block.own.begin + r] -= sums.sum();
+    }
+  }
+}
+
+void BlockLu::SolveFour(const EliminationOrder& order, double* x) {
+  const auto rows_of = [&](const EliminationOrder::Block& block, const Part& part) {
+    const int f = block.own.size();
+    double* values = values_.data() + part.at;
+    return Rows{values, values + f * part.stride, values + f * (part.stride + f), f, part.width, part.stride};
+  };
+  for (std::size_t b = 0; b < parts_.size(); ++b) {
+    const EliminationOrder::Block& block = order.blocks()[b];
+    const Rows rows = rows_of(block, parts_[b]);
+    const int f = rows.f, m = block.hub_size;
+    double* a = x + 4 * block.own.begin;
+    // Right sides are of single points, which few blocks hear.
+    if (std::all_of(a, a + 4 * f, [](double v) { return v == 0; })) continue;
+    SolveOwnFour(rows, swaps_.data() + parts_[b].swaps, a);
+    const double* D = rows.inverse + f;
+    const Span* hubs = order.hubs().data() + block.first_hub;
+    for (const Span* hub = hubs; hub != hubs + block.num_hubs; ++hub)
+      for (int i = hub->begin; i < hub->end; ++i, ++D) {
+        Quad sum = QuadAt(x + 4 * i);
+        for (int k = 0; k < f; ++k) sum -= D[k * m] * QuadAt(a + 4 * k);
+        QuadAt(x + 4 * i) = sum;
+      }
+  }
+  double* to = x_core_.data();
+  for (const Span& span : order.core()) to = std::copy(x + 4 * span.begin, x + 4 * span.end, to);
+  SolveRowsWithLu(values_.data() + core_at_, order.core_size(), pivots_.data(), 4, x_core_.data());
+  const double* from = x_core_.data();
+  for (const Span& span : order.core())
+    for (int i = 4 * span.begin; i < 4 * span.end; ++i) x[i] = *from++;
+  for (std::size_t b = parts_.size(); b-- > 0;) {
+    const EliminationOrder::Block& block = order.blocks()[b];
+    const Rows rows = rows_of(block, parts_[b]);
+    const Span* hubs = order.hubs().data() + block.first_hub;
+    for (int r = 0; r < rows.f; ++r) {
+      const double* X = rows.row(r) + rows.width;
+      double* a = x + 4 * (block.own.begin + r);
+      Quad sum = QuadAt(a);
+      for (const Span* hub = hubs; hub != hubs + block.num_hubs; ++hub)
+        for (int i = hub->begin; i < hub->end; ++i) sum -= *X++ * QuadAt(x + 4 * i);
+      QuadAt(a) = sum;
     }
   }
 }

@@ -6,17 +6,19 @@
 namespace fork1s::internal {
 namespace {
 
-constexpr int kPieces = 16, kPatience = 12, kConvexIterations = 100, kPaths = 4, kLowerings = 30;
+constexpr int kPieces = 16, kPatience = 12, kConvexIterations = 100, kLowerings = 30;
+constexpr int kPaths = 8;  // with another shift each; of twice as many the second half brought no answer
 constexpr double kShift = 0.01;                 // of the fastest point
 constexpr double kGoldenRatio = 0.61803398875;  // its multiples fill [0, 1] evenly
 
 }  // namespace
 
-void CompliantNewton::Reserve(int freedoms) {
+void CompliantNewton::Reserve(int num_contacts, int num_limits, int freedoms) {
   const auto n = static_cast<std::size_t>(freedoms);
   lu_.Reserve(freedoms);
   for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->reserve(n);
   pieces_.Reserve(freedoms);
+  path_.Reserve(num_contacts, num_limits, freedoms);
 }
 
 bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterations, int patience,

@@ -19,7 +19,7 @@ struct NewtonOutcome {
 
 class CompliantNewton {
  public:
-  void Reserve(int freedoms);
+  void Reserve(int num_contacts, int num_limits, int freedoms);
   /// From the impulses in `rows`. Leaves impulses of the answer there.
   NewtonOutcome Solve(CompliantRows& rows, double tolerance, int max_iterations);
   /// Σ Gᵀλ of the answer.

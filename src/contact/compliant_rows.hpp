@@ -21,12 +21,14 @@ namespace fork1s::internal {
 
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
+struct PointReading;
+
 struct PointRows {
   Matrix36 J_a = Matrix36::Zero(), J_b = Matrix36::Zero();
-  PointLaw law;                                                            // of the stage at hand
-  double R_n = 0, R_t = 0;                                                 // the material's
-  double inverse_mass = 0;                                                 // tr(G Gᵀ)/3
-  bool is_moved = true;  // by any freedom; what is not bears nothing, and has no R
+  PointLaw law;             // of the stage at hand
+  double R_n = 0, R_t = 0;  // the material's
+  double inverse_mass = 0;  // tr(G Gᵀ)/3
+  bool is_moved = true;     // by any freedom; what is not bears nothing, and has no R
   Vector3 inverse_inertia = Vector3::Zero(), angular_R = Vector3::Zero();  // about normal and tangents
   double friction = 0, torsion = 0, rolling = 0;
   Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();  // u* + bias
@@ -36,11 +38,11 @@ struct PointRows {
   Vector3 shift = Vector3::Zero();                                     // of w without friction, on a path
   Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
   PointState state = PointState::kOpen;
-  Matrix3 D = Matrix3::Zero(), D_turn = Matrix3::Zero();  // of the piece at hand
-  Vector3 by_normal = Vector3::Zero();                    // −∂m/∂w_n
+  Matrix3 D = Matrix3::Zero(), D_turn = Matrix3::Zero();                // of the piece at hand
+  Vector3 by_normal = Vector3::Zero();                                  // −∂m/∂w_n
   Vector3 by_share = Vector3::Zero(), turn_by_share = Vector3::Zero();  // ∂λ/∂σ, ∂m/∂σ
   bool is_clear = true;                                                 // these, D included, are all 0
-  Vector2 held = Vector2::Zero();                         // tangents of λ₀
+  Vector2 held = Vector2::Zero();                                       // tangents of λ₀
   double held_normal = 0, held_use = 0;
   double use = 0;  // |y| as a share of its bound
   bool fades = false;
@@ -49,6 +51,8 @@ struct PointRows {
   double frozen_before = 0;
   double reach = 0, least_R = 0;  // sizes before anything cancels
   double noise = 0;               // rounding of Gᵀ λ
+  double off2 = 0;                // |λ − Π(y)|² as inertia weighs it
+  Vector3 w = Vector3::Zero();    // as last measured, where it is closed
 
   /// Whether it adds to F's derivative: open ones do where bounds are frozen.
   bool Bears() const { return state != PointState::kOpen || law.frozen_normal > 0; }
@@ -79,7 +83,7 @@ struct PointRows {
 
 /// Points of one pair of ports, one after another.
 struct PairRows {
-  int port_a = -1, port_b = -1;  // of `ports`
+  int port_a = -1, port_b = -1;        // of `ports`
   int next_of_a = -1, next_of_b = -1;  // pair of the same port
   int first = 0, count = 0;
   double R_n = 0, R_t = 0, least_R = 0;
@@ -97,6 +101,7 @@ struct LimitRows {
   double reach = 0;     // size of v* and bias, before they cancel
   double constant = 0;  // of the piece at hand: λ = constant − D w
   double at_rest = 0;   // and at d = 0
+  double off2 = 0, w = 0;
 };
 
 inline double Dot(const std::vector<double>& a, const std::vector<double>& b) {
@@ -117,6 +122,8 @@ class CompliantRows {
   /// friction. How far (d, λ) are from the law itself: `law_gap`, and the rounding in it. `first`: λ are a
   /// guess by the last step, and what slid then is taken to go on.
   void TakePieces(const double* d, bool first = false);
+  /// How far (d, λ) are from the law, point by point and row by row; pieces stay those at hand.
+  void MeasureLaw(const double* d);
   /// |λ − Π(y)|, weighed as F is (pieces.cpp).
   double law_gap() const { return law_gap_; }
   double law_noise() const { return law_noise_; }
@@ -125,6 +132,9 @@ class CompliantRows {
   void SetFrictionShare(double share);
   /// Sum of Gᵀ ∂λ/∂σ over the pieces at hand.
   void PushByShare(double* into);
+  /// w of a point at the d that was looked at last, and its turning beside that.
+  Vector3 Speed(const PairRows& pair, const PointRows& point) const;
+  Vector3 Turning(const PairRows& pair, const PointRows& point) const;
   /// λ −= D G s.
   void MoveOnPieces(const double* s);
   const std::vector<double>& right_side() const { return push_; }
@@ -174,16 +184,16 @@ class CompliantRows {
   bool PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in, LimitRows& out,
                     const Eigen::Ref<const VectorX>& velocities) const;
   void RespondMoments(PointRows& point, const Vector3& turning, bool with_derivative) const;
-  Vector3 Speed(const PairRows& pair, const PointRows& point) const;
   double NormalSpeed(const PairRows& pair, const PointRows& point) const;
-  Vector3 Turning(const PairRows& pair, const PointRows& point) const;
   void ClearPush();
   void AddDerivatives(double* H);
   void AddPush(const PairRows& pair, const PointRows& point, const Vector3& impulse, const Vector3& moment);
   void AddDerivative(std::size_t pair, const PointRows& point);
   void TakePiece(const PairRows& pair, PointRows& point, bool first);
-  void TakeMoments(PointRows& point, const Vector3& turning, double y_n);
-  void AddGap(double inverse_mass, double gap2, double rounding);
+  void TakeMoments(PointRows& point, const Vector3& turning, double y_n, bool with_piece);
+  double ReadLimit(LimitRows& limit, const double* d);
+  double AddGap(double inverse_mass, double gap2, double rounding);
+  double AddGap(PointRows& point, const PointReading& read);
   void SetGive(PairRows& pair, double most_give);
   void ApplyGive(const PairRows& pair);
   void FadeSqueeze();

@@ -81,7 +81,7 @@ ContactSolver& ContactSolver::operator=(ContactSolver&&) noexcept = default;
 void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms) {
   work_->rows.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities),
                       std::max(0, num_freedoms));
-  work_->newton.Reserve(std::max(0, num_velocities));
+  work_->newton.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities));
   work_->taken.reserve(static_cast<std::size_t>(std::max(0, num_contacts)));
   work_->is_taken.reserve(static_cast<std::size_t>(std::max(0, num_contacts)));
   work_->start.resize(std::max(0, num_velocities));

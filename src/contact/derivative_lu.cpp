@@ -30,4 +30,11 @@ void DerivativeLu::Solve(const CompliantRows& rows, double* x) {
     SolveWithLu(H_.data(), rows.freedoms(), pivots_.data(), x);
 }
 
+void DerivativeLu::SolveFour(const CompliantRows& rows, double* x) {
+  if (by_blocks_)
+    block_lu_.SolveFour(rows.order(), x);
+  else
+    SolveRowsWithLu(H_.data(), rows.freedoms(), pivots_.data(), 4, x);
+}
+
 }  // namespace fork1s::internal

@@ -15,6 +15,8 @@ class DerivativeLu {
   bool Factor(CompliantRows& rows);
   /// x <- (∂F/∂d)⁻¹ x of the last factor; `rows` are those that it was of.
   void Solve(const CompliantRows& rows, double* x);
+  /// The same for four right sides, x freedoms x 4 row by row.
+  void SolveFour(const CompliantRows& rows, double* x);
 
  private:
   std::vector<double> H_;

@@ -10,6 +10,7 @@ namespace fork1s::internal {
 
 class FrictionPath {
  public:
+  void Reserve(int num_contacts, int num_limits, int freedoms);
   /// From `d`, the answer at a share of friction of 0, with its impulses in `rows`, to that at 1. Leaves the
   /// answer in `d` and `rows` if true, friction whole in any case.
   bool Follow(CompliantRows& rows, std::vector<double>& d, double tolerance, int& iterations);

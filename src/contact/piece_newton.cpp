@@ -8,38 +8,69 @@ namespace {
 
 // |d − Σ Gᵀλ| / |Σ Gᵀλ| that needs no more of it: rounding, where impulses a thousand times as large cancel.
 constexpr double kRefined = 1e-13;
-// |λ − Π(y)| / |Σ Gᵀλ| that a step or two more usually reach, since they converge by squares. Two rows both at
-// the end of what they bear may take turns a little above it.
+// |λ − Π(y)| / |Σ Gᵀλ| that a step or two more usually reach, since they converge by squares. Two rows both
+// at the end of what they bear may take turns a little above it.
 constexpr double kAim = 1e-12;
 
 }  // namespace
 
 void PieceNewton::Reserve(int freedoms) {
-  step_.reserve(static_cast<std::size_t>(freedoms));
+  for (std::vector<double>* v : {&step_, &push_}) v->reserve(static_cast<std::size_t>(freedoms));
   lu_.Reserve(freedoms);
+  few_.Reserve(freedoms);
 }
 
 // Impulses λ = −D w carry the rounding of w, (inverse mass)/R times as large as it should be: 1e11 times for
 // rows that give nothing. On their pieces they need not be computed from w again: s = −H⁻¹F, d += s,
 // λ −= D G s.
 void PieceNewton::Refine(CompliantRows& rows, std::vector<double>& d) {
-  step_.resize(d.size());
   for (double before = 1e300;;) {
-    rows.Push(step_.data());
-    double push2 = 0, F2 = 0;
-    for (std::size_t i = 0; i < d.size(); ++i) {
-      push2 += step_[i] * step_[i];
-      F2 += (step_[i] - d[i]) * (step_[i] - d[i]);
-    }
-    push_norm_ = std::sqrt(push2);
-    if (F2 <= kRefined * kRefined * push2 || !(F2 < 0.25 * before)) break;
-    before = F2;
-    for (std::size_t i = 0; i < d.size(); ++i) step_[i] -= d[i];
-    lu_.Solve(rows, step_.data());
-    for (std::size_t i = 0; i < d.size(); ++i) d[i] += step_[i];
-    rows.MoveOnPieces(step_.data());
+    const double off = Off(rows, d);
+    if (off <= kRefined * push_norm_ || !(off < 0.5 * before)) break;
+    before = off;
+    Step(rows, d);
   }
-  d = step_;
+  d = push_;
+}
+
+// |d − Σ Gᵀλ|
+double PieceNewton::Off(CompliantRows& rows, const std::vector<double>& d) {
+  push_.resize(d.size());
+  rows.Push(push_.data());
+  double push2 = 0, off2 = 0;
+  for (std::size_t i = 0; i < d.size(); ++i) {
+    push2 += push_[i] * push_[i];
+    off2 += (push_[i] - d[i]) * (push_[i] - d[i]);
+  }
+  push_norm_ = std::sqrt(push2);
+  return std::sqrt(off2);
+}
+
+void PieceNewton::Step(CompliantRows& rows, std::vector<double>& d) {
+  step_.resize(d.size());
+  for (std::size_t i = 0; i < d.size(); ++i) step_[i] = push_[i] - d[i];
+  lu_.Solve(rows, step_.data());
+  for (std::size_t i = 0; i < d.size(); ++i) d[i] += step_[i];
+  rows.MoveOnPieces(step_.data());
+}
+
+// Where the law fails at a few points only they are solved by themselves, on the factor at hand. What opens
+// sheds what its piece says there, a thousand times what it bears, and leaves the rounding of it in d − Σ
+// Gᵀλ: then once more from there, where next to nothing is left to shed.
+bool PieceNewton::SettleFew(CompliantRows& rows, std::vector<double>& d) {
+  few_.Begin();
+  while (few_.Gather(rows, kAim * push_norm_ + rows.law_noise())) {
+    for (int round = 0; round < 2; ++round) {
+      if (!few_.Solve(rows, lu_, d, kAim * push_norm_ + rows.law_noise())) return false;
+      if (Off(rows, d) <= kRefined * push_norm_ || round > 0) break;
+      Step(rows, d);
+      rows.MeasureLaw(d.data());
+    }
+    d = push_;
+    rows.MeasureLaw(d.data());
+    if (Reached(rows, kAim)) return true;
+  }
+  return false;
 }
 
 bool PieceNewton::Solve(CompliantRows& rows, std::vector<double>& d, double tolerance, int max_iterations,
@@ -53,9 +84,11 @@ bool PieceNewton::Solve(CompliantRows& rows, std::vector<double>& d, double tole
     lu_.Solve(rows, d.data());
     rows.ImpulsesOfPieces(d.data());
     Refine(rows, d);
-    rows.TakePieces(d.data());
+    rows.MeasureLaw(d.data());
     if (Reached(rows, kAim) || (Reached(rows, tolerance) && !(rows.law_gap() < 0.5 * before))) return true;
+    if (SettleFew(rows, d)) return true;
     before = rows.law_gap();
+    rows.TakePieces(d.data());
   }
   return Reached(rows, tolerance);
 }

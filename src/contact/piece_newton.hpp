@@ -5,6 +5,7 @@
 
 #include "compliant_rows.hpp"
 #include "derivative_lu.hpp"
+#include "few_rows.hpp"
 
 namespace fork1s::internal {
 
@@ -24,13 +25,17 @@ class PieceNewton {
   }
 
  private:
+  bool SettleFew(CompliantRows& rows, std::vector<double>& d);
   void Refine(CompliantRows& rows, std::vector<double>& d);
+  double Off(CompliantRows& rows, const std::vector<double>& d);
+  void Step(CompliantRows& rows, std::vector<double>& d);
   bool Reached(const CompliantRows& rows, double tolerance) const {
     return rows.law_gap() <= tolerance * push_norm_ + rows.law_noise();
   }
 
-  std::vector<double> step_;
+  std::vector<double> step_, push_;  // push_: Σ Gᵀλ
   DerivativeLu lu_;
+  FewRows few_;
   double push_norm_ = 0;
 };
 

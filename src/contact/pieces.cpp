@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compliant_rows.hpp"
+#include "piece_of_law.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -20,62 +20,63 @@ constexpr double kAtBound = 0.99;
 
 }  // namespace
 
-// |λ − Π(y)| of a point or row, and its rounding.
-void CompliantRows::AddGap(double inverse_mass, double gap2, double rounding) {
+// |λ − Π(y)|² of a point or row as inertia weighs it, and its rounding.
+double CompliantRows::AddGap(double inverse_mass, double gap2, double rounding) {
   law_gap_ += inverse_mass * gap2;
   law_noise_ += inverse_mass * rounding * rounding;
+  return inverse_mass * gap2;
+}
+
+double CompliantRows::AddGap(PointRows& point, const PointReading& read) {
+  // rho of the normal, since R_t is of the size of R_n
+  const double rho = 1 / (point.inverse_mass + point.law.R_n);
+  return AddGap(point.inverse_mass, read.gap2,
+                kRounding * (rho * point.reach + point.impulse.cwiseAbs().sum()));
 }
 
 void CompliantRows::TakePiece(const PairRows& pair, PointRows& point, bool first) {
-  const double R_n = point.law.R_n, R_t = point.law.R_t, friction = point.law.friction;
   point.ClearPiece();
-  if (!(R_n > 0)) return;
-  const double rho = 1 / (point.inverse_mass + R_n), rho_t = 1 / (point.inverse_mass + R_t);
-  const double y_n = point.impulse[0] - rho * (NormalSpeed(pair, point) + R_n * point.impulse[0]);
-  const double rounding = kRounding * (rho * point.reach + point.impulse.cwiseAbs().sum());
-  if (!(y_n > 0)) {
-    AddGap(point.inverse_mass, point.impulse.squaredNorm(), rounding);
+  point.off2 = 0;
+  if (!(point.law.R_n > 0)) return;
+  PointReading read;
+  read.y_n = NormalOf(point, NormalSpeed(pair, point), point.impulse[0]);
+  if (read.IsOpen()) {
+    read.gap2 = point.impulse.squaredNorm();
+    point.off2 = AddGap(point, read);
     return;
   }
   const Vector3 w = Speed(pair, point);
-  point.is_clear = false;
-  point.D(0, 0) = 1 / R_n;
-  const Vector2 y = point.impulse.tail<2>() - rho_t * (w.tail<2>() + R_t * point.impulse.tail<2>());
-  const double size = y.norm(), bound = friction * y_n;
-  const double off = point.impulse[0] - y_n;
-  AddGap(point.inverse_mass,
-         off * off + (point.impulse.tail<2>() - (size > bound ? bound / size : 1) * y).squaredNorm(),
-         rounding);
-  if (bound > 0) point.use = w.tail<2>().norm() / (R_t * bound);
+  read = ReadClosed(point, read.y_n, w, point.impulse);
+  point.off2 = AddGap(point, read);
+  if (read.bound > 0) point.use = w.tail<2>().norm() / (point.law.R_t * read.bound);
   // What crept a step ago stands at its bound to the last digits, on whichever side of it: as a first guess
   // it goes on.
-  const bool goes_on = first && point.held_use > 1 && size > kAtBound * bound && size > 0;
+  const bool goes_on = first && point.held_use > 1 && read.size > kAtBound * read.bound && read.size > 0;
   // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for
   // ever.
-  if ((size <= bound && !goes_on) || (share_ == 1 && y.dot(point.impulse.tail<2>()) < 0)) {
+  if ((read.size <= read.bound && !goes_on) || (share_ == 1 && read.y.dot(point.impulse.tail<2>()) < 0)) {
     point.state = PointState::kSticking;
-    point.D(1, 1) = point.D(2, 2) = 1 / R_t;
+    SetSticking(point, point.D);
   } else {
     point.state = PointState::kSliding;
-    const Vector2 e = y / size;
-    const double beta = std::min(1.0, bound / size), kappa = beta * rho_t / (1 - beta * (1 - rho_t * R_t));
-    point.D.block<2, 1>(1, 0) = friction / R_n * e;
-    point.D.bottomRightCorner<2, 2>() = kappa * (Eigen::Matrix2d::Identity() - e * e.transpose());
-    point.by_share.tail<2>() = point.friction * y_n * e;
+    SetSliding(point, read, point.D);
+    point.by_share.tail<2>() = point.friction * read.y_n / read.size * read.y;
   }
+  point.is_clear = false;
   point.by_share += point.D * point.shift;
-  if (point.HasMoments()) TakeMoments(point, Turning(pair, point), y_n);
+  if (point.HasMoments()) TakeMoments(point, Turning(pair, point), read.y_n, true);
 }
 
-void CompliantRows::TakeMoments(PointRows& point, const Vector3& turning, double y_n) {
+void CompliantRows::TakeMoments(PointRows& point, const Vector3& turning, double y_n, bool with_piece) {
   for (int k = 0; k < 3; ++k) {
     const double radius = point.Radius(k), inverse = point.inverse_inertia[k];
     if (!(radius > 0)) continue;
     const double R = point.AngularR(k, point.law.R_t), rho = 1 / (inverse + R);
     const double m = point.moment[k] - rho * (turning[k] + R * point.moment[k]);
     const double most = share_ * radius * y_n, gap = point.moment[k] - std::clamp(m, -most, most);
-    AddGap(inverse, gap * gap,
-           kRounding * (rho * std::abs(point.angular_base[k]) + std::abs(point.moment[k])));
+    point.off2 += AddGap(inverse, gap * gap,
+                         kRounding * (rho * std::abs(point.angular_base[k]) + std::abs(point.moment[k])));
+    if (!with_piece) continue;
     if (std::abs(m) <= most) {
       point.D_turn(k, k) = 1 / R;
     } else {
@@ -83,6 +84,52 @@ void CompliantRows::TakeMoments(PointRows& point, const Vector3& turning, double
       point.turn_by_share[k] = (m > 0 ? radius : -radius) * y_n;
     }
   }
+}
+
+// y of a row.
+double CompliantRows::ReadLimit(LimitRows& limit, const double* d) {
+  limit.off2 = 0;
+  if (!(limit.R > 0)) return 0;
+  double w = limit.base + limit.offset, reach = limit.reach;
+  for (int i = 0; i < limit.freedoms; ++i) {
+    const double part = limit.Y[i] * d[limit.begin + i];
+    w += limit.sign * part;
+    reach += std::abs(part);
+  }
+  limit.w = w;
+  const double rho = 1 / (limit.inverse_mass + limit.R),
+               y = limit.impulse - rho * (w + limit.R * limit.impulse);
+  const double gap = limit.impulse - std::min(std::max(y, limit.lower), limit.upper);
+  limit.off2 = AddGap(limit.inverse_mass, gap * gap, kRounding * (rho * reach + std::abs(limit.impulse)));
+  return y;
+}
+
+void CompliantRows::MeasureLaw(const double* d) {
+  for (PortRows& port : ports) port.SetChange(d);
+  law_gap_ = law_noise_ = 0;
+  for (const PairRows& pair : pairs)
+    for (int i = pair.first; i < pair.first + pair.count; ++i) {
+      PointRows& point = points[static_cast<std::size_t>(i)];
+      point.off2 = point.use = 0;
+      point.state = PointState::kOpen;
+      if (!(point.law.R_n > 0)) continue;
+      PointReading read;
+      read.y_n = NormalOf(point, NormalSpeed(pair, point), point.impulse[0]);
+      if (read.IsOpen()) {
+        read.gap2 = point.impulse.squaredNorm();
+        point.off2 = AddGap(point, read);
+        continue;
+      }
+      point.w = Speed(pair, point);
+      read = ReadClosed(point, read.y_n, point.w, point.impulse);
+      point.off2 = AddGap(point, read);
+      point.state = read.size <= read.bound ? PointState::kSticking : PointState::kSliding;
+      if (read.bound > 0) point.use = point.w.tail<2>().norm() / (point.law.R_t * read.bound);
+      if (point.HasMoments()) TakeMoments(point, Turning(pair, point), read.y_n, false);
+    }
+  for (LimitRows& limit : limits) ReadLimit(limit, d);
+  law_gap_ = std::sqrt(law_gap_);
+  law_noise_ = std::sqrt(law_noise_);
 }
 
 void CompliantRows::TakePieces(const double* d, bool first) {
@@ -103,24 +150,14 @@ void CompliantRows::TakePieces(const double* d, bool first) {
       AddPush(pair, point, -point.D * w, moment);
     }
   for (LimitRows& limit : limits) {
-    const double at_rest = limit.base + limit.offset;
-    double w = at_rest, reach = limit.reach;
-    for (int i = 0; i < limit.freedoms; ++i) {
-      const double part = limit.Y[i] * d[limit.begin + i];
-      w += limit.sign * part;
-      reach += std::abs(part);
-    }
+    const double y = ReadLimit(limit, d);
     limit.D = limit.constant = limit.at_rest = 0;
     if (!(limit.R > 0)) continue;
-    const double rho = 1 / (limit.inverse_mass + limit.R),
-                 y = limit.impulse - rho * (w + limit.R * limit.impulse);
-    const double gap = limit.impulse - std::min(std::max(y, limit.lower), limit.upper);
-    AddGap(limit.inverse_mass, gap * gap, kRounding * (rho * reach + std::abs(limit.impulse)));
     if (y > limit.lower && y < limit.upper)
       limit.D = 1 / limit.R;
     else
       limit.constant = y > limit.lower ? limit.upper : limit.lower;
-    limit.at_rest = limit.constant - limit.D * at_rest;
+    limit.at_rest = limit.constant - limit.D * (limit.base + limit.offset);
   }
   law_gap_ = std::sqrt(law_gap_);
   law_noise_ = std::sqrt(law_noise_);
@@ -174,7 +211,7 @@ void CompliantRows::MoveOnPieces(const double* s) {
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
-      if (point.state == PointState::kOpen) continue;
+      if (point.is_clear) continue;
       Vector3 w = Vector3::Zero(), turning = Vector3::Zero();
       const auto add = [&](int index, const Matrix36& J) {
         if (index < 0) return;

@@ -84,4 +84,49 @@ void PortRows::SetW() {
   }
 }
 
+void PortRows::AddFourTo(const double* T, double* sum) const {
+  const Quad t0 = QuadAt(T), t1 = QuadAt(T + 4), t2 = QuadAt(T + 8), t3 = QuadAt(T + 12), t4 = QuadAt(T + 16),
+             t5 = QuadAt(T + 20);
+  const auto add = [&](const double* y, int first, int count) {
+    const double *y1 = y + stride, *y2 = y1 + stride, *y3 = y2 + stride, *y4 = y3 + stride, *y5 = y4 + stride;
+    double* to = sum + 4 * first;
+    for (int i = 0; i < count; ++i, to += 4) {
+      Quad some = QuadAt(to) + y[i] * t0;
+      some += y1[i] * t1;
+      some += y2[i] * t2;
+      some += y3[i] * t3;
+      some += y4[i] * t4;
+      some += y5[i] * t5;
+      QuadAt(to) = some;
+    }
+  };
+  add(Y, begin, freedoms);
+  if (freedoms_apart > 0) add(Y_apart, begin_apart, freedoms_apart);
+}
+
+void PortRows::FourChanges(const double* d, double* out) const {
+  Quad s0 = Quad::Zero(), s1 = s0, s2 = s0, s3 = s0, s4 = s0, s5 = s0;
+  const auto add = [&](const double* y, int first, int count) {
+    const double *y1 = y + stride, *y2 = y1 + stride, *y3 = y2 + stride, *y4 = y3 + stride, *y5 = y4 + stride;
+    const double* from = d + 4 * first;
+    for (int i = 0; i < count; ++i, from += 4) {
+      const Quad some = QuadAt(from);
+      s0 += y[i] * some;
+      s1 += y1[i] * some;
+      s2 += y2[i] * some;
+      s3 += y3[i] * some;
+      s4 += y4[i] * some;
+      s5 += y5[i] * some;
+    }
+  };
+  add(Y, begin, freedoms);
+  if (freedoms_apart > 0) add(Y_apart, begin_apart, freedoms_apart);
+  QuadAt(out) = s0;
+  QuadAt(out + 4) = s1;
+  QuadAt(out + 8) = s2;
+  QuadAt(out + 12) = s3;
+  QuadAt(out + 16) = s4;
+  QuadAt(out + 20) = s5;
+}
+
 }  // namespace fork1s::internal

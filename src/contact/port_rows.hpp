@@ -38,6 +38,10 @@ struct PortRows {
   /// sum += Y wrench
   void AddTo(const Vector6& wrench, double* sum) const;
   void SetW();
+  /// sum += Y T, T six rows of four wrenches; `sum` freedoms x 4 row by row.
+  void AddFourTo(const double* T, double* sum) const;
+  /// Yᵀ d of four d at once, d freedoms x 4 row by row: six rows of four.
+  void FourChanges(const double* d, double* out) const;
 };
 
 }  // namespace fork1s::internal

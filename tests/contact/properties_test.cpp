@@ -1,5 +1,5 @@
-#include <fork1s/linalg/cholesky.hpp>
 #include <gtest/gtest.h>
+#include <fork1s/linalg/cholesky.hpp>
 
 #include <algorithm>
 #include <numeric>
@@ -60,13 +60,41 @@ TEST(ContactProperties, CoulombLawHolds) {
       ++failures;
       continue;
     }
-    // 1e-12 of what contact changes, weighed by inertia, as one point of bodies 1 : 30 sees it; rows that give
-    // nothing among them, whose impulses rounding of velocities would change by 1e-5.
+    // 1e-12 of what contact changes, weighed by inertia, as one point of bodies 1 : 30 sees it; rows that
+    // give nothing among them, whose impulses rounding of velocities would change by 1e-5.
     EXPECT_LT(LawViolation(p, start, p.velocity), 1e-8) << trial;
   }
   RecordProperty("failures", failures);
   RecordProperty("helped", helped);
   EXPECT_LE(failures, trials / 200);
+}
+
+// Points with moments, solved by themselves on the factor of all: from impulses nearby as from none.
+TEST(ContactProperties, MomentsFromNearbyAreThoseFromNothing) {
+  std::mt19937 random(13);
+  ContactSolver solver;
+  int few = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    Problem p = RandomProblem(random, 2, 3, 1 + trial % 8, 0.2);
+    for (ContactConstraint& c : p.contacts) {
+      c.torsion = 0.02;
+      c.rolling = trial % 2 == 0 ? 0.01 : 0;
+      c.compliance_normal = c.compliance_tangent = 1e-2;
+    }
+    const VectorX start = p.velocity;
+    ASSERT_TRUE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven()).converged) << trial;
+    VectorX near = start;
+    for (double& v : near) v *= 1 + 0.1 * testing::Uniform(random, -1, 1);
+    Problem cold = p;
+    for (ContactConstraint& c : cold.contacts) c.impulse = c.moment = Vector3::Zero();
+    VectorX by_warm = near, by_cold = near;
+    const ContactSolverReport warm = solver.Solve(p.blocks, p.contacts, p.limits, by_warm, AsGiven());
+    ASSERT_TRUE(warm.converged) << trial;
+    ASSERT_TRUE(solver.Solve(p.blocks, cold.contacts, p.limits, by_cold, AsGiven()).converged) << trial;
+    EXPECT_LT((by_warm - by_cold).norm(), 1e-8 * (1 + near.norm())) << trial;
+    few += warm.newton_iterations == 1;
+  }
+  EXPECT_GT(few, 100);
 }
 
 // A second road to the same law, where its answer is unique.
@@ -102,7 +130,8 @@ TEST(ContactProperties, ImpulsesDoNoPositiveWork) {
     const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
     if (!report.converged) continue;
     const SymmetricFactor W(p.FullW());
-    const double before = start.dot(W.Solve(start).col(0)), after = p.velocity.dot(W.Solve(p.velocity).col(0));
+    const double before = start.dot(W.Solve(start).col(0)),
+                 after = p.velocity.dot(W.Solve(p.velocity).col(0));
     EXPECT_LE(after, before * (1 + 1e-4)) << trial;
   }
 }

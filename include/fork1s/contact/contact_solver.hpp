@@ -83,6 +83,7 @@ struct ContactSolverOptions {
 };
 
 struct ContactSolverReport {
+  /// Factors of the whole problem. What a few points take by themselves on one of them is not counted.
   int newton_iterations = 0;
   /// What helped Newton: 0 nothing; 1 rounds with frozen bounds of friction; 2 those through softer contact;
   /// 3 the path of answers from none of the friction to all of it.

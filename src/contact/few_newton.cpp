@@ -1,0 +1,260 @@
+// The law at a few points by themselves (few_rows.hpp): Newton's method on its pieces, (w, λ) side by side,
+// and where they take turns in w alone with a line search. With D' of the piece at hand and off = λ + D' w
+// what it does not bear yet,
+//     (1 + (D' − D) Q) δ = −off,   w += Q δ,   λ += δ − D Q δ,   r += δ
+#include <algorithm>
+#include <cmath>
+#include <fork1s/base/quad.hpp>
+#include <fork1s/linalg/in_place.hpp>
+
+#include "few_rows.hpp"
+#include "piece_of_law.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+// It ends at rounding where it can: what a piece ends short of by a thousandth of `enough`, impulses that
+// redundant points bear against each other are off by a thousand times as much.
+constexpr double kRounded = 1e-3;
+constexpr int kFewSteps = 12, kLineSteps = 30, kBrackets = 30;
+
+}  // namespace
+
+double FewRows::TakeLimit(const LimitRows& limit, Member& m) {
+  const auto at = static_cast<std::size_t>(m.begin);
+  const double y = lambda_[at] - (w_[at] + limit.R * lambda_[at]) / (limit.inverse_mass + limit.R);
+  const double kept = std::clamp(y, limit.lower, limit.upper), off = lambda_[at] - kept;
+  const bool inside = y > limit.lower && y < limit.upper;
+  m.more(0, 0) = (inside ? 1 / limit.R : 0) - m.factored(0, 0);
+  off_[at] = inside ? lambda_[at] + w_[at] / limit.R : off;
+  return limit.inverse_mass * off * off;
+}
+
+double FewRows::TakePoint(const PointRows& point, Member& m) {
+  const double *w = w_.data() + m.begin, *lambda = lambda_.data() + m.begin;
+  double* off = off_.data() + m.begin;
+  const Eigen::Map<const Vector3> w3(w), lambda3(lambda);
+  const PointReading read = ReadPoint(point, w3, lambda3);
+  double gap2 = point.inverse_mass * read.gap2;
+  Matrix6& D = m.more;
+  D.setZero();
+  m.is_open = read.IsOpen();
+  if (!m.is_open) {
+    Matrix3 D3;
+    // As for all (pieces.cpp).
+    if (read.size <= read.bound || read.y.dot(lambda3.tail<2>()) < 0)
+      SetSticking(point, D3);
+    else
+      SetSliding(point, read, D3);
+    D.topLeftCorner<3, 3>() = D3;
+    for (int k = 3; k < m.size; ++k) {
+      const int axis = m.axes[k - 3];
+      const double R = point.AngularR(axis, point.law.R_t),
+                   y = lambda[k] - (w[k] + R * lambda[k]) / (point.inverse_inertia[axis] + R),
+                   most = point.Radius(axis) * read.y_n, gap = lambda[k] - std::clamp(y, -most, most);
+      gap2 += point.inverse_inertia[axis] * gap * gap;
+      if (std::abs(y) <= most)
+        D(k, k) = 1 / R;
+      else
+        D(k, 0) = (y > 0 ? point.Radius(axis) : -point.Radius(axis)) / point.law.R_n;
+    }
+  }
+  Eigen::Map<Vector3>{off} = lambda3 + D.topLeftCorner<3, 3>() * w3;
+  for (int k = 3; k < m.size; ++k) off[k] = lambda[k] + D(k, k) * w[k] + D(k, 0) * w[0];
+  D -= m.factored;
+  return gap2;
+}
+
+double FewRows::RespondPoint(const PointRows& point, Member& m) {
+  const double *w = w_.data() + m.begin, *lambda = lambda_.data() + m.begin;
+  double* off = off_.data() + m.begin;
+  Vector3 law;
+  Matrix3 D3;
+  double use = 0;
+  internal::Respond(point.law, Eigen::Map<const Vector3>(w), law, D3, use);
+  m.more.setZero();
+  m.more.topLeftCorner<3, 3>() = D3;
+  const Vector3 off3 = Eigen::Map<Vector3>{off} = Eigen::Map<const Vector3>(lambda) - law;
+  double off2 = point.inverse_mass * off3.squaredNorm();
+  for (int k = 3; k < m.size; ++k) {
+    const int axis = m.axes[k - 3];
+    const double R = point.AngularR(axis, point.law.R_t), x = -w[k] / R, most = point.Radius(axis) * law[0];
+    off[k] = lambda[k] - std::clamp(x, -most, most);
+    off2 += point.inverse_inertia[axis] * off[k] * off[k];
+    if (most > 0 && std::abs(x) <= most)
+      m.more(k, k) = 1 / R;
+    else if (most > 0)
+      m.more(k, 0) = (x > 0 ? point.Radius(axis) : -point.Radius(axis)) / point.law.R_n;
+  }
+  m.more -= m.factored;
+  return off2;
+}
+
+// Pieces that (w, λ) are on; off_ = λ + D w, what they do not bear yet. How far from the law that is.
+double FewRows::TakePieces(const CompliantRows& rows) {
+  double gap2 = 0;
+  for (Member& m : members_)
+    gap2 += m.pair < 0 ? TakeLimit(rows.limits[static_cast<std::size_t>(m.index)], m)
+                       : TakePoint(rows.points[static_cast<std::size_t>(m.index)], m);
+  return std::sqrt(gap2);
+}
+
+// The law as a function of w alone; off_ = λ less what it says.
+double FewRows::Respond(const CompliantRows& rows) {
+  double off2 = 0;
+  for (Member& m : members_) {
+    if (m.pair >= 0) {
+      off2 += RespondPoint(rows.points[static_cast<std::size_t>(m.index)], m);
+      continue;
+    }
+    const LimitRows& limit = rows.limits[static_cast<std::size_t>(m.index)];
+    const auto at = static_cast<std::size_t>(m.begin);
+    const double x = -w_[at] / limit.R, kept = std::clamp(x, limit.lower, limit.upper);
+    off_[at] = lambda_[at] - kept;
+    m.more(0, 0) = (kept == x ? 1 / limit.R : 0) - m.factored(0, 0);
+    off2 += limit.inverse_mass * off_[at] * off_[at];
+  }
+  return std::sqrt(off2);
+}
+
+// (1 + (D' − D) Q) step = −off, and what it does to w. Where D' = D the step is known at once.
+bool FewRows::FindStep() {
+  const auto count = static_cast<std::size_t>(count_);
+  active_.clear();
+  std::fill(w_step_.begin(), w_step_.end(), 0.0);
+  const auto column = [&](int c) { return Q_.data() + static_cast<std::size_t>(c) * count; };
+  const auto add = [&](int c) {
+    const double* q = column(c);
+    const double step = step_[static_cast<std::size_t>(c)];
+    ByFours(count_, [&](const auto& at) { at(w_step_.data()) += step * at(q); });
+  };
+  for (const Member& m : members_) {
+    const bool is_active = !m.more.isZero(0);
+    for (int i = m.begin; i < m.begin + m.size; ++i) {
+      step_[static_cast<std::size_t>(i)] = -off_[static_cast<std::size_t>(i)];
+      if (is_active)
+        active_.push_back(i);
+      else
+        add(i);
+    }
+  }
+  const std::size_t active = active_.size();
+  M_.resize(active * active);
+  right_.resize(active);
+  pivots_.resize(active);
+  std::size_t row = 0;
+  for (const Member& m : members_) {
+    if (row == active || active_[row] != m.begin) continue;
+    const Matrix3 E = m.more.topLeftCorner<3, 3>();
+    // E times three rows of a column, and so on for moments.
+    const auto by_more = [&](const double* q, double* to) {
+      if (m.size == 1) {
+        to[0] = E(0, 0) * q[0];
+        return;
+      }
+      Eigen::Map<Vector3>{to} = E.lazyProduct(Eigen::Map<const Vector3>(q));
+      for (int k = 3; k < m.size; ++k) to[k] = m.more(k, 0) * q[0] + m.more(k, k) * q[k];
+    };
+    for (std::size_t c = 0; c < active; ++c)
+      by_more(column(active_[c]) + m.begin, M_.data() + c * active + row);
+    by_more(w_step_.data() + m.begin, right_.data() + row);
+    row += static_cast<std::size_t>(m.size);
+  }
+  for (std::size_t i = 0; i < active; ++i) {
+    M_[i * (active + 1)] += 1;
+    right_[i] = step_[static_cast<std::size_t>(active_[i])] - right_[i];
+  }
+  if (active > 0) {
+    if (!FactorLu(M_.data(), static_cast<int>(active), pivots_.data())) return false;
+    SolveWithLu(M_.data(), static_cast<int>(active), pivots_.data(), right_.data());
+  }
+  for (std::size_t i = 0; i < active; ++i) {
+    step_[static_cast<std::size_t>(active_[i])] = right_[i];
+    add(active_[i]);
+  }
+  return true;
+}
+
+// From the start of the step on, that much of it.
+void FewRows::Move(double length) {
+  for (const Member& m : members_) {
+    const double* by = w_step_.data() + m.begin;
+    for (int i = 0; i < m.size; ++i) {
+      double D_w = 0;
+      for (int k = 0; k < m.size; ++k) D_w += m.factored(i, k) * by[k];
+      const auto at = static_cast<std::size_t>(m.begin + i);
+      lambda_[at] = lambda_start_[at] + length * (step_[at] - D_w);
+      w_[at] = w_start_[at] + length * w_step_[at];
+    }
+  }
+}
+
+bool FewRows::ByPieces(const CompliantRows& rows, double enough) {
+  double before = 1e300;
+  for (int k = 0; k < kFewSteps; ++k) {
+    const double gap = TakePieces(rows);
+    if (gap <= kRounded * enough || (gap <= enough && !(gap < 0.5 * before))) return true;
+    before = gap;
+    if (!FindStep()) return false;
+    w_start_ = w_;
+    lambda_start_ = lambda_;
+    Move(1);
+    for (std::size_t i = 0; i < r_.size(); ++i) r_[i] += step_[i];
+  }
+  return TakePieces(rows) <= enough;
+}
+
+// Newton's method in w alone, with a line search to the root of s·F (compliant_newton.cpp): s = X step, F =
+// G_Cᵀ off.
+bool FewRows::ByLine(const CompliantRows& rows, double enough) {
+  double off = Respond(rows), best = 1e300;
+  int best_at = 0;
+  const auto along = [&] {
+    double sum = 0;
+    for (std::size_t i = 0; i < off_.size(); ++i) sum += w_step_[i] * off_[i];
+    return sum;
+  };
+  for (int k = 0; k < kLineSteps; ++k) {
+    if (off <= enough) return true;
+    if (off < 0.5 * best) {
+      best = off;
+      best_at = k;
+    } else if (k - best_at > kFewSteps) {
+      return false;
+    }
+    if (!FindStep()) return false;
+    w_start_ = w_;
+    lambda_start_ = lambda_;
+    const double start = along();
+    double length = 1;
+    Move(1);
+    off = Respond(rows);
+    double slope = along();
+    if (start < 0 && slope > 0.1 * std::abs(start)) {
+      double low = 0, f_low = start, high = 1, f_high = slope;
+      int side = 0;
+      for (int b = 0; b < kBrackets && std::abs(slope) > 0.1 * std::abs(start); ++b) {
+        length = low + (high - low) * f_low / (f_low - f_high);
+        if (!(length > low && length < high)) length = 0.5 * (low + high);
+        Move(length);
+        off = Respond(rows);
+        slope = along();
+        if (slope > 0) {
+          high = length;
+          f_high = slope;
+          if (side == 1) f_low *= 0.5;
+          side = 1;
+        } else {
+          low = length;
+          f_low = slope;
+          if (side == -1) f_high *= 0.5;
+          side = -1;
+        }
+      }
+    }
+    for (std::size_t i = 0; i < r_.size(); ++i) r_[i] += length * step_[i];
+  }
+  return false;
+}
+
+}  // namespace fork1s::internal
