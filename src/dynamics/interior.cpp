@@ -5,9 +5,11 @@
 // a step of Newton with the stiffness of the reference (on trees with linear springs all of the way), g all joint
 // forces of the pose with loops' reactions taken out, o what is held back since the last refresh so that nothing
 // jumps. Loads may stiffen the interior to more than twice its springs, as they do a rope under tension, and then
-// whole steps overshoot by more each time: s is the first of 1, 1/2, ... by which the potential falls.
+// whole steps overshoot by more each time: s is the first of 1, 1/2, ... from twice the last one on by which the
+// potential falls.
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
+#include <algorithm>
 #include <cmath>
 
 namespace fork1s {
@@ -21,7 +23,10 @@ void MechanismDynamics::FollowLoads() {
   ProjectOnLoops(model(), configuration_, rest_);
   ApplyComplement(model(), rest_, q_perp_step_);
   // First loads after a refresh: what they ask for at once is kept back and fades, so that nothing jumps.
-  if (state_.q_perp_offset.size() == 0) state_.q_perp_offset = q_perp_step_;
+  if (state_.q_perp_offset.size() == 0) {
+    state_.q_perp_offset = q_perp_step_;
+    state_.interior_share = 1;
+  }
   q_perp_step_ -= state_.q_perp_offset;
   ApplyStiffness(q_perp_step_, stretched_);
   const double slope = q_perp_step_.dot(stretched_);  // of the merit below, falling
@@ -31,25 +36,32 @@ void MechanismDynamics::FollowLoads() {
   ApplyStiffness(state_.q_perp_offset, held_back_);
   const double held = held_back_.dot(q_perp_step_);
   const double foreseen = 0.5 * slope - rest_.dot(q_perp_step_) + outside;
-  // To third order that is what happens. Where it matters beside the motion it is looked at.
+  double& share = state_.interior_share;
+  // To third order that is what happens. Where it matters beside the motion it is looked at, as far as energies
+  // can tell: below their digits the last share goes on.
   constexpr double kMatters = 1e-3;
-  if (std::abs(foreseen) < kMatters * KineticEnergy()) {
+  if (share == 1 && std::abs(foreseen) < kMatters * KineticEnergy()) {
     state_.reduced.q_perp += q_perp_step_;
     relaxed_ = foreseen;
     return;
   }
   const double start = PotentialOfSprings(state_.reduced.X_WR, gravity_W_);
+  const double rounding = 1e-13 * (std::abs(start) + std::abs(foreseen));
+  if (slope < 100 * rounding) {
+    state_.reduced.q_perp += share * q_perp_step_;
+    relaxed_ = share * (outside - rest_.dot(q_perp_step_)) + 0.5 * share * share * slope;
+    return;
+  }
   pose_energy_.valid = false;
   std::swap(configuration_, elsewhere_);
-  double share = 1;
   constexpr int kHalvings = 20;
+  share = std::min(1.0, 2 * share);
   for (int i = 0;; ++i, share *= 0.5) {
     state_.reduced.q_perp += share * q_perp_step_;
     configuration_.TakeLoops(elsewhere_);
     Configure(model(), state_.reduced, configuration_);
     pose_energy_.valid = false;
     relaxed_ = PotentialOfSprings(state_.reduced.X_WR, gravity_W_) - start;
-    const double rounding = 1e-13 * (std::abs(start) + std::abs(relaxed_));
     if (relaxed_ + share * (held - outside) < -1e-4 * share * slope + rounding || i == kHalvings) break;
     state_.reduced.q_perp -= share * q_perp_step_;
   }

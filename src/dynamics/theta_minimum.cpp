@@ -1,7 +1,7 @@
 // The end of a step as a minimum, where one linear solve does not find it: springs of a million times their
 // gain behind a loop that bends.
 //
-//     φ(x) = ½ (x - u)ᵀ M (x - u) + U(z⁺) + ½ h ẇᵀ D ẇ - pᵀ x,   z⁺ = z + h ẇ,  ẇ = w⁺ + u - w
+//     φ(x) = ½ (x - u)ᵀ M (x - u) + U(z⁺) + ½ h ẇᵀ D ẇ - pᵀ x,   z⁺ = z + h ẇ,  ẇ = w⁺
 // All forces act at the end of the step; p are the impulses of contact, which stay. Newton with the springs'
 // own stiffness of the pose and a line search: φ falls in every iteration, and with it what the step may
 // gain.
@@ -40,14 +40,15 @@ double MechanismDynamics::MinimiseAtEnd(double h) {
   constexpr int kHalvings = 40;
   const int r = model().size();
   minimum_found_ = false;
-  const VectorX turn = u_.tail(r) - w_start_;
+  // Of first order: what the turning does to the velocity is taken along, as ActAtEnd has it.
+  w_start_ = u_.tail(r);
   const MatrixX& D = model().D;
   MatrixX K;
   VectorX f(r), f_next(r), gradient(num_velocities()), step, x = x_, x_next, w(r);
   // From where nothing has bent yet.
-  x.tail(r) = -turn;
+  x.tail(r).setZero();
   auto merit = [&](const VectorX& at, VectorX& force) {
-    w = at.tail(r) + turn;
+    w = at.tail(r);
     state_.reduced.z = z_before_ + h * w;
     Configure(model(), state_.reduced, configuration_);
     const double U = EndForces(force);
@@ -60,7 +61,7 @@ double MechanismDynamics::MinimiseAtEnd(double h) {
   double value = merit(x, f);
   for (newton_steps_ = 1; newton_steps_ <= kMost; ++newton_steps_) {
     gradient = M_full_ * (x - u_) - impulse_;
-    gradient.tail(r) += h * (D * (x.tail(r) + turn) - f - f_wrench_);
+    gradient.tail(r) += h * (D * x.tail(r) - f - f_wrench_);
     if (base_size_ > 0) gradient.head<6>() -= h * base_force_;
     K = Q_now().transpose() *
         StiffnessMatrix(mechanism(), configuration_.kinematics, configuration_.q) * Q_now();
@@ -90,7 +91,7 @@ double MechanismDynamics::MinimiseAtEnd(double h) {
     value = next;
   }
   x_ = x;
-  w_mean_ = x.tail(r) + turn;
+  w_mean_ = x.tail(r);
   // The end is posed anew from the middle.
   std::swap(configuration_, elsewhere_);
   // Along the chord, to second order.

@@ -5,11 +5,15 @@
 
 namespace fork1s::internal {
 
-/// By twists everything keeps the inertia of the reference, and a step is one of implicit Euler.
-inline Integrator IntegratorFor(Integrator wanted, Recovery recovery, const World& world) {
-  if (recovery == Recovery::kTwist) return Integrator::kEuler;
+/// What a scene's bodies, seen as its files name them, make of kAuto.
+inline Integrator IntegratorFor(Integrator wanted, const World& world) {
   if (wanted != Integrator::kAuto) return wanted;
   return world.PairsThatMayTouch().empty() ? Integrator::kTheta : Integrator::kEuler;
+}
+
+/// By twists everything keeps the inertia of the reference, and a step is one of implicit Euler.
+inline Integrator IntegratorBy(Recovery recovery, Integrator chosen) {
+  return recovery == Recovery::kTwist ? Integrator::kEuler : chosen;
 }
 
 }  // namespace fork1s::internal

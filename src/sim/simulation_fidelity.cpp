@@ -182,7 +182,7 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   present_scene_ = std::make_shared<const Scene>(std::move(scene));
   world_keyframe_ = 0;
   fidelity_ = fidelity;
-  step_options_.integrator = internal::IntegratorFor(options_.step.integrator, fidelity.recovery, world_);
+  step_options_.integrator = internal::IntegratorBy(fidelity.recovery, options_.step.integrator);
   holds_ = std::move(holds);
   places_ = std::move(*places);
   pushed_W_.clear();

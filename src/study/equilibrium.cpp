@@ -123,6 +123,7 @@ Expected<std::vector<RigidTransform>> RestOfReduced(const MechanismDef& definiti
   for (JointDef& joint : scene.mechanisms[0].joints)
     for (FreedomDef& freedom : joint.freedoms) freedom.damping = tau * freedom.stiffness;
   SimulationOptions options;
+  options.step.integrator = Integrator::kEuler;  // what loses most comes to rest first
   options.dt = tau / kStepsPerTau;
   auto simulation = Simulation::Create(std::move(scene), options);
   if (!simulation) return tl::unexpected(simulation.error());

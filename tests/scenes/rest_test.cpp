@@ -13,7 +13,9 @@ struct Rest {
 };
 
 Rest RestOf(Scene scene, const std::string& body, const Vector3& force, double time) {
-  auto simulation = Simulation::Create(std::move(scene));
+  SimulationOptions options;
+  options.step.integrator = Integrator::kEuler;  // the way to the rest is no matter
+  auto simulation = Simulation::Create(std::move(scene), options);
   EXPECT_TRUE(simulation) << simulation.error().Text();
   const int b = simulation->FindBody(body);
   Rest rest;

@@ -36,6 +36,7 @@ struct MechanismState {
   std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between
 
   VectorX q_perp_offset;  // n: leftover of the last refresh in the interior, fading; empty: not known yet
+  double interior_share = 1;  // of a step of Newton that it took last
 
   MechanismPast past;  // of the step of second order alone
 };

@@ -62,6 +62,7 @@ Simulation StartReduced(Scene scene, double h, double refresh_angle) {
   SimulationOptions options;
   options.refresh_angle = refresh_angle;
   options.dt = h;
+  options.step.integrator = Integrator::kEuler;
   options.initial_keyframe = scene.keyframes.empty() ? -1 : 0;
   return OrFail(Simulation::Create(std::move(scene), options));
 }
