@@ -41,7 +41,7 @@ for scene in "$@"; do
   controls=${model%.*}.csv
   [ -f "$controls" ] || controls=-
   valgrind --tool=callgrind --callgrind-out-file="$work/profile" \
-    --toggle-collect='fork1s::MechanismDynamics::Refresh()' "$program" "$model" "$controls" 1 1 \
+    --toggle-collect='fork1s::Refresh(*' "$program" "$model" "$controls" 1 1 \
     >"$work/out" 2>"$work/log" || {
     cat "$work/out" "$work/log" >&2
     exit 1

@@ -8,9 +8,10 @@
 // Which servos are at a bound follows from the velocity with contact, so the step solves, looks, and solves
 // again until none changes: Newton's method on a force that is piecewise linear in the velocity and never
 // grows with it.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
-
+#include <algorithm>
 #include <cmath>
+
+#include "mechanism_detail.hpp"
 
 namespace fork1s {
 namespace {
@@ -23,125 +24,144 @@ double Dot(const Mechanism::LinearForm& terms, const VectorX& values) {
 
 }  // namespace
 
-double MechanismDynamics::UnboundedForce(const Mechanism::ForceLimit& limit) const {
-  return Dot(limit.inputs, state_.controls) + limit.stiffness * (limit.rest - Length(limit.length));
+double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit) {
+  const auto& [model, state, ws] = here;
+  return Dot(limit.inputs, state.controls) + limit.stiffness * (limit.rest - Length(here, limit.length));
 }
 
-void MechanismDynamics::SizeForceLimits() {
-  const auto count = mechanism().force_limits().size();
-  state_.at_bound.resize(count, 0);
-  limit_force_.resize(static_cast<Eigen::Index>(count));
-  limit_row_.resize(model().size());
+void SizeForceLimits(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const auto count = model.mechanism().force_limits().size();
+  ws.limit_force.resize(static_cast<Eigen::Index>(count));
+  ws.limit_row.resize(model.size());
 }
 
-void MechanismDynamics::OpenForceLimits() {
-  const auto& limits = mechanism().force_limits();
+void OpenForceLimits(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const auto& limits = model.mechanism().force_limits();
   for (std::size_t k = 0; k < limits.size(); ++k)
-    limit_force_(static_cast<Eigen::Index>(k)) = UnboundedForce(limits[k]);
+    ws.limit_force(static_cast<Eigen::Index>(k)) = UnboundedForce(here, limits[k]);
   // A holds the springs of those that were at a bound in the last step no longer.
-  if (AnyAtBound()) factored_h_ = -1;
+  if (AnyAtBound(state)) ws.factored_h = -1;
 }
 
-bool MechanismDynamics::AnyAtBound() const {
-  return std::any_of(state_.at_bound.begin(), state_.at_bound.end(),
+bool AnyAtBound(const MechanismState& state) {
+  return std::any_of(state.at_bound.begin(), state.at_bound.end(),
                      [](signed char side) { return side != 0; });
 }
 
-bool MechanismDynamics::ServosTurn() const {
-  return model().loop_rank() > 0 && ActsAtPose();
+bool ServosTurn(const MechanismView& here) {
+  const auto& [model, state, ws] = here;
+  return model.reduced->loop_rank() > 0 && ActsAtPose(here);
 }
 
 // Loops turn Q as the pose moves, and the spring that A has at the reference with it. Elsewhere that does not
 // matter: what the step leaves of it is in the next step's f₀. Here f at the end of the step decides, and of
 // a stiff servo (1e9 N/m) the few per cent of the motion that the turn makes are more than its bound.
-void MechanismDynamics::TurnServos(double h) {
-  if (!ServosTurn()) return;
-  for (const Mechanism::ForceLimit& limit : mechanism().force_limits()) {
+void TurnServos(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  if (!ServosTurn(here)) return;
+  for (const Mechanism::ForceLimit& limit : model.mechanism().force_limits()) {
     const double spring = h * h * limit.stiffness;
     if (!(spring > 0)) continue;
-    AddSpringOf(limit.length, -spring, false);
-    AddSpringOf(limit.length, spring, true);
+    AddSpringOf(here, limit.length, -spring, false);
+    AddSpringOf(here, limit.length, spring, true);
   }
 }
 
-void MechanismDynamics::TakeBoundedSpringsOut(double h) {
-  const auto& limits = mechanism().force_limits();
+void TakeBoundedSpringsOut(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  const auto& limits = model.mechanism().force_limits();
   for (std::size_t k = 0; k < limits.size(); ++k) {
-    const double weight = h * h * limits[k].stiffness + order_ * h * limits[k].damping;
-    if (state_.at_bound[k] != 0 && weight > 0) AddSpringOf(limits[k].length, -weight, ServosTurn());
+    const double weight = h * h * limits[k].stiffness + ws.order * h * limits[k].damping;
+    if (state.at_bound[k] != 0 && weight > 0) AddSpringOf(here, limits[k].length, -weight, ServosTurn(here));
   }
 }
 
-void MechanismDynamics::OpenSwitches() {
-  f_z_of_springs_ = f_z_;
-  OpenForceLimits();
-  OpenSlackSprings();
+void OpenSwitches(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  ws.f_z_of_springs = ws.f_z;
+  OpenForceLimits(here);
+  OpenSlackSprings(here);
 }
 
-bool MechanismDynamics::UpdateSwitches(double h) {
-  const bool bounds = UpdateForceLimits(h), slack = UpdateSlackSprings(h);
+bool HasSwitches(const MechanismView& here) {
+  return !here.state.at_bound.empty() || !here.work.slack.empty();
+}
+
+int NumForcesAtBound(const MechanismState& state) {
+  return static_cast<int>(
+      std::count_if(state.at_bound.begin(), state.at_bound.end(), [](signed char s) { return s != 0; }));
+}
+
+bool UpdateSwitches(const MechanismStep& here, double h) {
+  const bool bounds = UpdateForceLimits(here, h), slack = UpdateSlackSprings(here, h);
   return bounds || slack;
 }
 
-void MechanismDynamics::AddSwitchedForces() {
-  const auto& limits = mechanism().force_limits();
-  f_z_ = f_z_of_springs_;
-  AddSlackForces();
+void AddSwitchedForces(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const auto& limits = model.mechanism().force_limits();
+  ws.f_z = ws.f_z_of_springs;
+  AddSlackForces(here);
   for (std::size_t k = 0; k < limits.size(); ++k) {
-    if (state_.at_bound[k] == 0) continue;
-    const double bound = state_.at_bound[k] > 0 ? limits[k].upper : limits[k].lower;
-    ReducedRow(limits[k].length, Paths(), Q_now(), limit_row_);
-    f_z_ += (bound - limit_force_(static_cast<Eigen::Index>(k))) * limit_row_;
+    if (state.at_bound[k] == 0) continue;
+    const double bound = state.at_bound[k] > 0 ? limits[k].upper : limits[k].lower;
+    ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.limit_row);
+    ws.f_z += (bound - ws.limit_force(static_cast<Eigen::Index>(k))) * ws.limit_row;
   }
 }
 
-bool MechanismDynamics::UpdateForceLimits(double h) {
-  const auto& limits = mechanism().force_limits();
+bool UpdateForceLimits(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  const auto& limits = model.mechanism().force_limits();
   bool changed = false;
   for (std::size_t k = 0; k < limits.size(); ++k) {
-    const double f = limit_force_(static_cast<Eigen::Index>(k)) -
-                     limits[k].stiffness * WayToForce(limits[k].length, h) -
-                     limits[k].damping * order_ * LengthRate(limits[k].length);
+    const double f = ws.limit_force(static_cast<Eigen::Index>(k)) -
+                     limits[k].stiffness * WayToForce(here, limits[k].length, h) -
+                     limits[k].damping * ws.order * LengthRate(here, limits[k].length);
     signed char side = f > limits[k].upper ? 1 : f < limits[k].lower ? -1 : 0;
-    if (side * state_.at_bound[k] < 0)
+    if (side * state.at_bound[k] < 0)
       side = 0;  // between the two it gives less: leaping over that they take turns
-    changed = changed || side != state_.at_bound[k];
-    state_.at_bound[k] = side;
+    changed = changed || side != state.at_bound[k];
+    state.at_bound[k] = side;
   }
-  if (changed) factored_h_ = -1;
+  if (changed) ws.factored_h = -1;
   return changed;
 }
 
 // How far a length goes from the pose at which LoadForces found it to where its force acts.
-double MechanismDynamics::WayToForce(const Mechanism::Length& length, double h) {
-  const int r = model().size();
-  if (options_.recovery == Recovery::kTwist) return h * LengthRate(length);
-  if (rule_ != StepRule::kMiddle) {
-    f_used_ = h * (x_.tail(r) + contact_shift_.tail(r));
+double WayToForce(const MechanismStep& here, const Mechanism::Length& length, double h) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size();
+  if (model.by_twists()) return h * LengthRate(here, length);
+  if (ws.rule != StepRule::kMiddle) {
+    ws.f_used = h * (ws.x.tail(r) + ws.contact_shift.tail(r));
   } else {
-    f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
-    w_mean_.noalias() = scheme().Th * f_turn_;
-    w_mean_ += w_start_;
-    f_used_ = z_before_ - state_.reduced.z;
-    f_used_.noalias() += h * (scheme().Th * w_mean_);
+    ws.f_turn = ws.x.tail(r) + ws.u.tail(r) - 2 * ws.w_start;
+    ws.w_mean.noalias() = ws.scheme().Th * ws.f_turn;
+    ws.w_mean += ws.w_start;
+    ws.f_used = ws.z_before - state.reduced.z;
+    ws.f_used.noalias() += h * (ws.scheme().Th * ws.w_mean);
   }
   double way = 0;
-  ForEachArm(length, Paths(), [&](int i, double c) { way += c * Q_now().row(i).dot(f_used_); });
+  ForEachArm(length, ws.paths(), [&](int i, double c) { way += c * ws.Q_now().row(i).dot(ws.f_used); });
   return way;
 }
 
 // Force of the reduced springs at z = `moved`, those of servos at their bounds left out.
-void MechanismDynamics::SpringPull(const VectorX& moved, VectorX& force) {
-  force = -model().K_r.cwiseProduct(moved);
-  if (TakesBentSprings()) force.noalias() -= K_beyond_ * moved;
-  for (std::size_t k = 0; k < state_.at_bound.size(); ++k) {
-    if (state_.at_bound[k] == 0) continue;
-    const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
-    if (ServosTurn() || (limit.length.path >= 0 && ActsAtPose()))
-      ReducedRow(limit.length, Paths(), Q_now(), limit_row_);
+void SpringPull(const MechanismStep& here, const VectorX& moved, VectorX& force) {
+  const auto& [model, state, ws] = here;
+  force = -model.reduced->K_r.cwiseProduct(moved);
+  if (TakesBentSprings(here)) force.noalias() -= ws.K_beyond * moved;
+  for (std::size_t k = 0; k < state.at_bound.size(); ++k) {
+    if (state.at_bound[k] == 0) continue;
+    const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+    if (ServosTurn(here) || (limit.length.path >= 0 && ActsAtPose(here)))
+      ReducedRow(limit.length, ws.paths(), ws.Q_now(), ws.limit_row);
     else
-      ReducedRow(limit.length, paths_ref_, model().Q_rows, limit_row_);
-    force += limit.stiffness * limit_row_.dot(moved) * limit_row_;
+      ReducedRow(limit.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+    force += limit.stiffness * ws.limit_row.dot(moved) * ws.limit_row;
   }
 }
 
@@ -154,12 +174,13 @@ double Beyond(const Mechanism::ForceLimit& limit, double f, double F, double len
 
 }  // namespace
 
-double MechanismDynamics::EnergyBeyondBounds() const {
+double EnergyBeyondBounds(const MechanismView& here) {
+  const auto& [model, state, ws] = here;
   double energy = 0;
-  for (const Mechanism::ForceLimit& limit : mechanism().force_limits()) {
-    if (!mechanism().HasPotential(limit.length)) continue;
-    const double f = UnboundedForce(limit), F = std::min(std::max(f, limit.lower), limit.upper);
-    if (f != F) energy += Beyond(limit, f, F, Length(limit.length));
+  for (const Mechanism::ForceLimit& limit : model.mechanism().force_limits()) {
+    if (!model.mechanism().HasPotential(limit.length)) continue;
+    const double f = UnboundedForce(here, limit), F = std::min(std::max(f, limit.lower), limit.upper);
+    if (f != F) energy += Beyond(limit, f, F, Length(here, limit.length));
   }
   return energy;
 }
@@ -167,32 +188,36 @@ double MechanismDynamics::EnergyBeyondBounds() const {
 // A servo gives its bound for its damper's sake too, which no potential of the pose knows of. To a step its
 // force is that of a spring or the bound, whichever it took, from start to end.
 template <typename Pose>
-double MechanismDynamics::BeyondBoundsTaken(const Pose& pose) const {
+double BeyondBoundsTaken(const MechanismView& here, const Pose& pose) {
+  const auto& [model, state, ws] = here;
   double energy = 0;
-  const auto& limits = mechanism().force_limits();
+  const auto& limits = model.mechanism().force_limits();
   for (std::size_t k = 0; k < limits.size(); ++k) {
-    if (state_.at_bound[k] == 0 || !mechanism().HasPotential(limits[k].length)) continue;
+    if (state.at_bound[k] == 0 || !model.mechanism().HasPotential(limits[k].length)) continue;
     const auto [f, length] = pose(k);
-    energy += Beyond(limits[k], f, state_.at_bound[k] > 0 ? limits[k].upper : limits[k].lower, length);
+    energy += Beyond(limits[k], f, state.at_bound[k] > 0 ? limits[k].upper : limits[k].lower, length);
   }
   return energy;
 }
 
-void MechanismDynamics::KeepBoundedLengths() {
-  const auto& limits = mechanism().force_limits();
-  limits_start_.resize(limits.size());
+void KeepBoundedLengths(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const auto& limits = model.mechanism().force_limits();
+  ws.limits_start.resize(limits.size());
   for (std::size_t k = 0; k < limits.size(); ++k)
-    limits_start_[k] = {UnboundedForce(limits[k]), Length(limits[k].length)};
+    ws.limits_start[k] = {UnboundedForce(here, limits[k]), Length(here, limits[k].length)};
 }
 
-double MechanismDynamics::BeyondBoundsAtStart() const {
-  return BeyondBoundsTaken([this](std::size_t k) { return limits_start_[k]; });
+double BeyondBoundsAtStart(const MechanismView& here) {
+  const auto& [model, state, ws] = here;
+  return BeyondBoundsTaken(here, [&](std::size_t k) { return ws.limits_start[k]; });
 }
 
-double MechanismDynamics::PotentialOfStep(const RigidTransform& X_WR) const {
-  return PotentialOfSprings(X_WR, gravity_W_) - BeyondBoundsTaken([this](std::size_t k) {
-           const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
-           return std::pair(UnboundedForce(limit), Length(limit.length));
+double PotentialOfStep(const MechanismView& here, const RigidTransform& X_WR) {
+  const auto& [model, state, ws] = here;
+  return PotentialOfSprings(here, X_WR, ws.gravity_W) - BeyondBoundsTaken(here, [&](std::size_t k) {
+           const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+           return std::pair(UnboundedForce(here, limit), Length(here, limit.length));
          });
 }
 

@@ -7,84 +7,86 @@
 // jumps. Loads may stiffen the interior to more than twice its springs, as they do a rope under tension, and then
 // whole steps overshoot by more each time: s is the first of 1, 1/2, ... from twice the last one on by which the
 // potential falls.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
-
 #include <algorithm>
 #include <cmath>
 
+#include "mechanism_detail.hpp"
+
 namespace fork1s {
 
-// With g_ of configuration_, the pose of the start of the step. relaxed_ <- what springs, weight and controls
+// With g of configuration, the pose of the start of the step. relaxed <- what springs, weight and controls
 // gain by it [J], which nothing that the step moves has to pay for.
-void MechanismDynamics::FollowLoads() {
-  rest_ = g_;
+void FollowLoads(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  ws.rest = ws.g;
   // Loops turn with the pose: without their projector, reactions that are large and almost balanced would pass
   // for loads.
-  ProjectOnLoops(model(), configuration_, rest_);
-  ApplyComplement(model(), rest_, q_perp_step_);
+  ProjectOnLoops(*model.reduced, ws.configuration, ws.rest);
+  ApplyComplement(*model.reduced, ws.rest, ws.q_perp_step);
   // First loads after a refresh: what they ask for at once is kept back and fades, so that nothing jumps.
-  if (state_.q_perp_offset.size() == 0) {
-    state_.q_perp_offset = q_perp_step_;
-    state_.interior_share = 1;
+  if (state.q_perp_offset.size() == 0) {
+    state.q_perp_offset = ws.q_perp_step;
+    state.interior_share = 1;
   }
-  q_perp_step_ -= state_.q_perp_offset;
-  ApplyStiffness(q_perp_step_, stretched_);
-  const double slope = q_perp_step_.dot(stretched_);  // of the merit below, falling
+  ws.q_perp_step -= state.q_perp_offset;
+  ApplyStiffness(model, ws.q_perp_step, ws.stretched);
+  const double slope = ws.q_perp_step.dot(ws.stretched);  // of the merit below, falling
   // Wrenches, and what is held back, work on the way too.
   double outside = 0;
-  if (state_.has_wrenches) outside = WrenchForces().dot(q_perp_step_);
-  ApplyStiffness(state_.q_perp_offset, held_back_);
-  const double held = held_back_.dot(q_perp_step_);
-  const double foreseen = 0.5 * slope - rest_.dot(q_perp_step_) + outside;
-  double& share = state_.interior_share;
+  if (state.has_wrenches) outside = WrenchForces(here).dot(ws.q_perp_step);
+  ApplyStiffness(model, state.q_perp_offset, ws.held_back);
+  const double held = ws.held_back.dot(ws.q_perp_step);
+  const double foreseen = 0.5 * slope - ws.rest.dot(ws.q_perp_step) + outside;
+  double& share = state.interior_share;
   // To third order that is what happens. Where it matters beside the motion it is looked at, as far as energies
   // can tell: below their digits the last share goes on.
   constexpr double kMatters = 1e-3;
-  if (share == 1 && std::abs(foreseen) < kMatters * KineticEnergy()) {
-    state_.reduced.q_perp += q_perp_step_;
-    relaxed_ = foreseen;
+  if (share == 1 && std::abs(foreseen) < kMatters * KineticEnergy(here)) {
+    state.reduced.q_perp += ws.q_perp_step;
+    ws.relaxed = foreseen;
     return;
   }
-  const double start = PotentialOfSprings(state_.reduced.X_WR, gravity_W_);
+  const double start = PotentialOfSprings(here, state.reduced.X_WR, ws.gravity_W);
   const double rounding = 1e-13 * (std::abs(start) + std::abs(foreseen));
   if (slope < 100 * rounding) {
-    state_.reduced.q_perp += share * q_perp_step_;
-    relaxed_ = share * (outside - rest_.dot(q_perp_step_)) + 0.5 * share * share * slope;
+    state.reduced.q_perp += share * ws.q_perp_step;
+    ws.relaxed = share * (outside - ws.rest.dot(ws.q_perp_step)) + 0.5 * share * share * slope;
     return;
   }
-  pose_energy_.valid = false;
-  std::swap(configuration_, elsewhere_);
+  ws.pose_energy.valid = false;
+  std::swap(ws.configuration, ws.elsewhere);
   constexpr int kHalvings = 20;
   share = std::min(1.0, 2 * share);
   for (int i = 0;; ++i, share *= 0.5) {
-    state_.reduced.q_perp += share * q_perp_step_;
-    configuration_.TakeLoops(elsewhere_);
-    Configure(model(), state_.reduced, configuration_);
-    pose_energy_.valid = false;
-    relaxed_ = PotentialOfSprings(state_.reduced.X_WR, gravity_W_) - start;
-    if (relaxed_ + share * (held - outside) < -1e-4 * share * slope + rounding || i == kHalvings) break;
-    state_.reduced.q_perp -= share * q_perp_step_;
+    state.reduced.q_perp += share * ws.q_perp_step;
+    ws.configuration.TakeLoops(ws.elsewhere);
+    Configure(*model.reduced, state.reduced, ws.configuration);
+    ws.pose_energy.valid = false;
+    ws.relaxed = PotentialOfSprings(here, state.reduced.X_WR, ws.gravity_W) - start;
+    if (ws.relaxed + share * (held - outside) < -1e-4 * share * slope + rounding || i == kHalvings) break;
+    state.reduced.q_perp -= share * ws.q_perp_step;
   }
-  std::swap(configuration_, elsewhere_);
-  pose_energy_.valid = false;
+  std::swap(ws.configuration, ws.elsewhere);
+  ws.pose_energy.valid = false;
 }
 
 // Joint forces of the wrenches of the step, loops' reactions taken out.
-const VectorX& MechanismDynamics::WrenchForces() {
-  for (int b = 0; b < mechanism().num_bodies(); ++b)
-    F_.col(b) = AdjointTransposeApply(state_.reduced.X_WR, state_.wrenches_W.col(b));
-  tau_.setZero();
-  AccumulateGeneralizedForce(mechanism(), configuration_.kinematics.S, F_, tau_);
-  ProjectOnLoops(model(), configuration_, tau_);
-  return tau_;
+const VectorX& WrenchForces(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  for (int b = 0; b < model.mechanism().num_bodies(); ++b)
+    ws.F.col(b) = AdjointTransposeApply(state.reduced.X_WR, state.wrenches_W.col(b));
+  ws.tau.setZero();
+  AccumulateGeneralizedForce(model.mechanism(), ws.configuration.kinematics.S, ws.F, ws.tau);
+  ProjectOnLoops(*model.reduced, ws.configuration, ws.tau);
+  return ws.tau;
 }
 
 // By K_q of the reference.
-void MechanismDynamics::ApplyStiffness(const VectorX& q, VectorX& force) const {
-  if (stiffness_ref_.size() > 0)
-    force.noalias() = stiffness_ref_ * q;
+void ApplyStiffness(const MechanismModel& model, const VectorX& q, VectorX& force) {
+  if (model.stiffness_ref.size() > 0)
+    force.noalias() = model.stiffness_ref * q;
   else
-    force = mechanism().stiffness().cwiseProduct(q);
+    force = model.mechanism().stiffness().cwiseProduct(q);
 }
 
 }  // namespace fork1s

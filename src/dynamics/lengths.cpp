@@ -1,62 +1,80 @@
 // Lengths that springs, stops and motors act on: what they are and how they change at the present pose.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/linalg/rank.hpp>
+
+#include "mechanism_detail.hpp"
 
 namespace fork1s {
 
-void MechanismDynamics::LengthRow(const Mechanism::Length& length, const Part& part,
-                                  Eigen::Ref<VectorX> row) const {
+void LengthRow(const MechanismView& here, const Mechanism::Length& length, const VelocityRange& part,
+               Eigen::Ref<VectorX> row) {
+  const auto& [model, state, ws] = here;
   row.setZero();
-  const int count = part.size - base_size_;
+  const int count = part.size - model.base_size;
   double unit = 0;
-  ForEachArm(length, Paths(), [&](int i, double c) {
-    row.tail(count) += c * Q_now().row(i).segment(part.begin, count).transpose();
-    unit += std::abs(c) * std::sqrt(model().h_inverse(i));
+  ForEachArm(length, ws.paths(), [&](int i, double c) {
+    row.tail(count) += c * ws.Q_now().row(i).segment(part.begin, count).transpose();
+    unit += std::abs(c) * std::sqrt(model.reduced->h_inverse(i));
   });
   // Where loops hold a joint its row is the rounding of their closing. Nothing moves it, and a stop or dry
   // friction that pushed with such a lever would push with the inverse of rounding.
-  const auto reach = coordinate_reach_.segment(part.begin, count).array();
+  const auto reach = model.coordinate_reach.segment(part.begin, count).array();
   if (!(row.tail(count).array().abs() > kRankThreshold * unit * reach).any()) row.setZero();
 }
 
-double MechanismDynamics::LengthRate(const Mechanism::Length& length) const {
+double LengthRate(const MechanismView& here, const Mechanism::Length& length) {
+  const auto& [model, state, ws] = here;
   double rate = 0;
-  ForEachArm(length, Paths(),
-             [&](int i, double c) { rate += c * Q_now().row(i).dot(x_.tail(model().size())); });
+  ForEachArm(length, ws.paths(),
+             [&](int i, double c) { rate += c * ws.Q_now().row(i).dot(ws.x.tail(model.size())); });
   return rate;
 }
 
-double MechanismDynamics::Length(const Mechanism::Length& length) const {
-  double value = LengthOf(mechanism(), length, configuration_.kinematics, configuration_.q);
+double Length(const MechanismView& here, const Mechanism::Length& length) {
+  const auto& [model, state, ws] = here;
+  double value = LengthOf(model.mechanism(), length, ws.configuration.kinematics, ws.configuration.q);
   // In twist mode paths are those of the reference, and lengths go on along their arms.
-  if (length.path >= 0 && options_.recovery == Recovery::kTwist)
-    for (const auto& [i, arm] : Paths()[static_cast<std::size_t>(length.path)].arms)
-      value += length.gear * arm * (configuration_.q(i) - model().q_ref(i));
+  if (length.path >= 0 && model.by_twists())
+    for (const auto& [i, arm] : ws.paths()[static_cast<std::size_t>(length.path)].arms)
+      value += length.gear * arm * (ws.configuration.q(i) - model.reduced->q_ref(i));
   return value;
 }
 
-void MechanismDynamics::AddLengthForce(const Mechanism::Length& length, double force, VectorX& tau) const {
-  ForEachArm(length, Paths(), [&](int i, double c) { tau(i) += c * force; });
+void AddLengthForce(const MechanismView& here, const Mechanism::Length& length, double force, VectorX& tau) {
+  const auto& [model, state, ws] = here;
+  ForEachArm(length, ws.paths(), [&](int i, double c) { tau(i) += c * force; });
 }
 
 // out = Qᵀ ∂ℓ/∂q
-void MechanismDynamics::ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths,
-                                   const RowMatrixX& Q, VectorX& out) const {
+void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const RowMatrixX& Q,
+                VectorX& out) {
   out.setZero();
   ForEachArm(length, paths, [&](int i, double c) { out.noalias() += c * Q.row(i).transpose(); });
 }
 
+bool ActsAtPose(const MechanismView& here) {
+  const auto& [model, state, ws] = here;
+  return !model.by_twists() && (ws.rule != StepRule::kMiddle || ws.all_at_end);
+}
+
+bool TakesBentSprings(const MechanismView& here) {
+  const auto& [model, state, ws] = here;
+  return ws.rule == StepRule::kMiddle && ws.all_at_end &&
+         (model.has_bent_springs ||
+          (model.reduced->loop_rank() > 0 && !model.mechanism().force_limits().empty()));
+}
+
 // A += weight e eᵀ, e the row that the spring of a length has in A: that of the pose for a path or a spring
 // that is not linear in a step of implicit Euler, else that of the reference, as in K_r.
-void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weight, bool bends) {
-  auto A_z = A_.bottomRightCorner(model().size(), model().size());
-  if ((bends || length.path >= 0) && ActsAtPose())
-    ReducedRow(length, Paths(), Q_now(), limit_row_);
+void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, double weight, bool bends) {
+  const auto& [model, state, ws] = here;
+  auto A_z = ws.A.bottomRightCorner(model.size(), model.size());
+  if ((bends || length.path >= 0) && ActsAtPose(here))
+    ReducedRow(length, ws.paths(), ws.Q_now(), ws.limit_row);
   else
-    ReducedRow(length, paths_ref_, model().Q_rows, limit_row_);
-  A_z.noalias() += weight * limit_row_ * limit_row_.transpose();
+    ReducedRow(length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+  A_z.noalias() += weight * ws.limit_row * ws.limit_row.transpose();
 }
 
 // Springs and dampers of paths stand in K_r and D as they are at the reference. A thread's arms may double
@@ -66,95 +84,102 @@ void MechanismDynamics::AddSpringOf(const Mechanism::Length& length, double weig
 //
 // Springs and dampers that are not linear likewise, by the stiffness and the damping of the pose and its
 // rates.
-void MechanismDynamics::TurnSprings(double h) {
-  if (!has_bent_springs_) return;
-  auto A_z = A_.bottomRightCorner(model().size(), model().size());
-  const auto& springs = mechanism().springs();
-  auto slack = slack_.begin();
+void TurnSprings(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  if (!model.has_bent_springs) return;
+  auto A_z = ws.A.bottomRightCorner(model.size(), model.size());
+  const auto& springs = model.mechanism().springs();
+  auto slack = ws.slack.begin();
   for (std::size_t k = 0; k < springs.size(); ++k) {
     const Mechanism::Spring& s = springs[k];
     if (s.length.path < 0 && s.is_linear()) continue;
-    const double stiffness = s.slack > 0 ? SlackStiffness(*slack++) : s.StiffnessAt(Length(s.length));
+    const double stiffness =
+        s.slack > 0 ? SlackStiffness(model, *slack++) : s.StiffnessAt(Length(here, s.length));
     double rate = 0;
-    ForEachArm(s.length, Paths(), [&](int i, double c) { rate += c * Q_now().row(i).dot(state_.reduced.w); });
-    const double reference = h * (h * spring_stiffness_ref_[k] + order_ * s.DampingAt(0)),
-                 now = h * (h * stiffness + order_ * s.DampingAt(rate));
-    ReducedRow(s.length, paths_ref_, model().Q_rows, limit_row_);
-    A_z.noalias() -= reference * limit_row_ * limit_row_.transpose();
-    AddSpringOf(s.length, now, true);
+    ForEachArm(s.length, ws.paths(),
+               [&](int i, double c) { rate += c * ws.Q_now().row(i).dot(state.reduced.w); });
+    const double reference = h * (h * model.spring_stiffness_ref[k] + ws.order * s.DampingAt(0)),
+                 now = h * (h * stiffness + ws.order * s.DampingAt(rate));
+    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+    A_z.noalias() -= reference * ws.limit_row * ws.limit_row.transpose();
+    AddSpringOf(here, s.length, now, true);
   }
 }
 
 // Dampers of joints by the columns that move them, and what they are in D of the model.
-void MechanismDynamics::FindDampers() {
-  const VectorX& damping = mechanism().damping();
-  dampers_.clear();
+void FindDampers(MechanismModel& model) {
+  const VectorX& damping = model.mechanism().damping();
+  model.dampers.clear();
   for (int i = 0; i < damping.size(); ++i) {
     if (!(damping(i) > 0)) continue;
-    const ReducedModel::Run run = model().runs[static_cast<std::size_t>(i)];
-    auto at = std::find_if(dampers_.begin(), dampers_.end(), [&](const WeightedRows& rows) {
+    const ReducedModel::Run run = model.reduced->runs[static_cast<std::size_t>(i)];
+    auto at = std::find_if(model.dampers.begin(), model.dampers.end(), [&](const WeightedRows& rows) {
       return rows.begin == run.begin && rows.size == run.size;
     });
-    if (at == dampers_.end()) at = dampers_.insert(at, {run.begin, run.size, {}, {}});
+    if (at == model.dampers.end()) at = model.dampers.insert(at, {run.begin, run.size, {}, {}});
     at->rows.push_back(i);
     at->weights.push_back(damping(i));
   }
-  joint_damping_ref_.setZero(model().size(), model().size());
-  for (const WeightedRows& rows : dampers_) AddRowSquares(model().Q_rows, rows, 1, joint_damping_ref_);
+  model.joint_damping_ref.setZero(model.size(), model.size());
+  for (const WeightedRows& rows : model.dampers)
+    AddRowSquares(model.reduced->Q_rows, rows, 1, model.joint_damping_ref);
 }
 
-// K_beyond_: what springs that bend, and servos that turn, are stiff by at this pose beyond what K_r has of them.
-void MechanismDynamics::TakeStiffnessBeyond() {
-  const auto& springs = mechanism().springs();
-  K_beyond_.setZero(model().size(), model().size());
-  if (ServosTurn())
-    for (const Mechanism::ForceLimit& limit : mechanism().force_limits()) {
+// K_beyond: what springs that bend, and servos that turn, are stiff by at this pose beyond what K_r has of
+// them.
+void TakeStiffnessBeyond(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const auto& springs = model.mechanism().springs();
+  ws.K_beyond.setZero(model.size(), model.size());
+  if (ServosTurn(here))
+    for (const Mechanism::ForceLimit& limit : model.mechanism().force_limits()) {
       if (!(limit.stiffness > 0)) continue;
-      ReducedRow(limit.length, Paths(), Q_now(), limit_row_);
-      K_beyond_.noalias() += limit.stiffness * limit_row_ * limit_row_.transpose();
-      ReducedRow(limit.length, paths_ref_, model().Q_rows, limit_row_);
-      K_beyond_.noalias() -= limit.stiffness * limit_row_ * limit_row_.transpose();
+      ReducedRow(limit.length, ws.paths(), ws.Q_now(), ws.limit_row);
+      ws.K_beyond.noalias() += limit.stiffness * ws.limit_row * ws.limit_row.transpose();
+      ReducedRow(limit.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+      ws.K_beyond.noalias() -= limit.stiffness * ws.limit_row * ws.limit_row.transpose();
     }
   for (std::size_t k = 0; k < springs.size(); ++k) {
     const Mechanism::Spring& s = springs[k];
     if (s.length.path < 0 && s.is_linear()) continue;
-    ReducedRow(s.length, Paths(), Q_now(), limit_row_);
-    K_beyond_.noalias() += s.StiffnessAt(Length(s.length)) * limit_row_ * limit_row_.transpose();
-    ReducedRow(s.length, paths_ref_, model().Q_rows, limit_row_);
-    K_beyond_.noalias() -= spring_stiffness_ref_[k] * limit_row_ * limit_row_.transpose();
+    ReducedRow(s.length, ws.paths(), ws.Q_now(), ws.limit_row);
+    ws.K_beyond.noalias() += s.StiffnessAt(Length(here, s.length)) * ws.limit_row * ws.limit_row.transpose();
+    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+    ws.K_beyond.noalias() -= model.spring_stiffness_ref[k] * ws.limit_row * ws.limit_row.transpose();
   }
 }
 
 // Loops turn Q as the pose moves, and with it what dampers of joints and of straight tendons are in reduced
 // coordinates. Springs too, but their forces are those of the pose wherever A has its stiffness; a damper acts through
 // A alone. Springy closures keep the damping of the reference.
-bool MechanismDynamics::DampersTurn() const {
-  return model().loop_rank() > 0 && options_.recovery != Recovery::kTwist;
-}
+bool DampersTurn(const MechanismModel& model) { return model.reduced->loop_rank() > 0 && !model.by_twists(); }
 
 // D += weight times what dampers are here beyond what D of the model has of them, those of springs that are
 // not linear, where `bent`, at the rates of w.
-void MechanismDynamics::AddDampersBeyond(double weight, bool bent, const VectorX& w, Eigen::Ref<MatrixX> D) {
-  const Mechanism& m = mechanism();
-  const bool turn = DampersTurn();
+void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const VectorX& w,
+                      Eigen::Ref<MatrixX> D) {
+  const auto& [model, state, ws] = here;
+  const Mechanism& m = model.mechanism();
+  const bool turn = DampersTurn(model);
   if (turn) {
-    D -= weight * joint_damping_ref_;
-    for (const WeightedRows& rows : dampers_) AddRowSquares(Q_now(), rows, weight, D);
+    D -= weight * model.joint_damping_ref;
+    for (const WeightedRows& rows : model.dampers) AddRowSquares(ws.Q_now(), rows, weight, D);
   }
   for (const Mechanism::Spring& s : m.springs()) {
     const bool bends = s.length.path >= 0 || !s.is_linear();
     if (bends ? !bent : !turn || s.damping == 0) continue;
-    ReducedRow(s.length, Paths(), Q_now(), limit_row_);
-    D.noalias() += weight * s.DampingAt(limit_row_.dot(w)) * limit_row_ * limit_row_.transpose();
-    ReducedRow(s.length, paths_ref_, model().Q_rows, limit_row_);
-    D.noalias() -= weight * s.DampingAt(0) * limit_row_ * limit_row_.transpose();
+    ReducedRow(s.length, ws.paths(), ws.Q_now(), ws.limit_row);
+    D.noalias() += weight * s.DampingAt(ws.limit_row.dot(w)) * ws.limit_row * ws.limit_row.transpose();
+    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+    D.noalias() -= weight * s.DampingAt(0) * ws.limit_row * ws.limit_row.transpose();
   }
 }
 
-void MechanismDynamics::TurnDampers(double h) {
-  if (DampersTurn())
-    AddDampersBeyond(order_ * h, false, state_.reduced.w,
-                     A_.bottomRightCorner(model().size(), model().size()));
+void TurnDampers(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  if (DampersTurn(model))
+    AddDampersBeyond(here, ws.order * h, false, state.reduced.w,
+                     ws.A.bottomRightCorner(model.size(), model.size()));
 }
 
 }  // namespace fork1s

@@ -1,10 +1,10 @@
 // What loops bear: the multipliers of the rigid closures.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
-#include <fork1s/linalg/products.hpp>
-
 #include <algorithm>
+#include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <limits>
+
+#include "mechanism_detail.hpp"
 
 namespace fork1s {
 
@@ -29,36 +29,36 @@ VectorX Compliances(const Mechanism& m, const Kinematics& kinematics, const Vect
 // interior's springs would. Closures that depend on each other, or nearly so, leave λ open: of all λ the one
 // nearest to `near`,
 //     λ = near + (H^-½ Aᵀ)⁺ H^-½ (g - Aᵀ near).
-VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R, const VectorX& near) const {
-  const Mechanism& m = mechanism();
+VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& contacts_R, const VectorX& near) {
+  const auto& [model, state, ws] = here;
+  const Mechanism& m = model.mechanism();
   FORK1S_REQUIRE(near.size() == m.num_constraints(), near.size(), m.num_constraints());
-  if (model().loop_rank() == 0 || options_.recovery == Recovery::kTwist)
-    return VectorX::Zero(m.num_constraints());
-  const Kinematics& kinematics = configuration_.kinematics;
+  if (model.reduced->loop_rank() == 0 || model.by_twists()) return VectorX::Zero(m.num_constraints());
+  const Kinematics& kinematics = ws.configuration.kinematics;
   const int n = m.num_coordinates();
 
-  const VectorX q_dot = configuration_.Q_now * state_.reduced.w;
-  // q_dot_ is that of the start of the step until the next one begins.
-  const VectorX q_ddot = q_dot_.size() == n ? VectorX((q_dot - q_dot_) / h) : VectorX(VectorX::Zero(n));
+  const VectorX q_dot = ws.configuration.Q_now * state.reduced.w;
+  // q_dot is that of the start of the step until the next one begins.
+  const VectorX q_ddot = ws.q_dot.size() == n ? VectorX((q_dot - ws.q_dot) / h) : VectorX(VectorX::Zero(n));
   const Vector6 A_R =
-      base_moves() ? Vector6((state_.reduced.V_R - V_R_before_) / h) : Vector6(Vector6::Zero());
+      model.base_moves() ? Vector6((state.reduced.V_R - ws.V_R_before) / h) : Vector6(Vector6::Zero());
 
   Matrix6X F = contacts_R;
-  AddGravityWrenches(m, kinematics, state_.reduced.X_WR.rotation().transpose() * gravity_W_, F);
+  AddGravityWrenches(m, kinematics, state.reduced.X_WR.rotation().transpose() * ws.gravity_W, F);
   Matrix6X V(6, m.num_bodies()), A(6, m.num_bodies());
-  SubtractVelocityWrenches(m, kinematics, configuration_.q, state_.reduced.V_R, q_dot, VectorX::Zero(n), V, A,
-                           F);
+  SubtractVelocityWrenches(m, kinematics, ws.configuration.q, state.reduced.V_R, q_dot, VectorX::Zero(n), V,
+                           A, F);
   SubtractRigidMotionWrenches(m, kinematics, Vector6::Zero(), A_R, F);
   VectorX g(n), loads = VectorX::Zero(n), inertial;
   AccumulateGeneralizedForce(m, kinematics.S, F, loads);
-  if (state_.controls.size() > 0) AddControlForce(m, kinematics, state_.controls, loads);
-  SpringForce(m, kinematics, configuration_.q, g);
+  if (state.controls.size() > 0) AddControlForce(m, kinematics, state.controls, loads);
+  SpringForce(m, kinematics, ws.configuration.q, g);
   ApplyMass(m, kinematics, q_ddot, inertial);
-  g += loads - inertial - DampingMatrix(m, kinematics, configuration_.q) * q_dot;
+  g += loads - inertial - DampingMatrix(m, kinematics, ws.configuration.q) * q_dot;
 
-  const VectorX root = Compliances(m, kinematics, configuration_.q).cwiseSqrt();
+  const VectorX root = Compliances(m, kinematics, ws.configuration.q).cwiseSqrt();
   MatrixX rows;
-  ClosureJacobian(m, kinematics, configuration_.q, rows);
+  ClosureJacobian(m, kinematics, ws.configuration.q, rows);
   const MatrixX A_T = rows.transpose();
   // Below a hundredth of the largest singular value the joints can hardly yield: a finger stretched against
   // another one bears 100 N for a thousandth of a millimetre, which contacts that are not frozen lose by

@@ -1,65 +1,69 @@
 // Energy.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
-
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/recovery/recover.hpp>
 
+#include "mechanism_detail.hpp"
+
 namespace fork1s {
 
-double MechanismDynamics::KineticEnergy() const {
+double KineticEnergy(const MechanismView& here) {
+  const auto& [model, state, ws] = here;
   double energy = 0;
   // By columns, so that no product has to be kept.
-  for (Eigen::Index i = 0; i < x_.size(); ++i) energy += 0.5 * x_(i) * M_full_.col(i).dot(x_);
-  if (mechanism().base() == BaseKind::kDriven)
-    energy += state_.reduced.V_R.dot(M_0z_ * state_.reduced.w) +
-              0.5 * state_.reduced.V_R.dot(M_00_ * state_.reduced.V_R);
+  for (Eigen::Index i = 0; i < ws.x.size(); ++i) energy += 0.5 * ws.x(i) * ws.M_full.col(i).dot(ws.x);
+  if (model.mechanism().base() == BaseKind::kDriven)
+    energy += state.reduced.V_R.dot(ws.M_0z * state.reduced.w) +
+              0.5 * state.reduced.V_R.dot(ws.M_00 * state.reduced.V_R);
   return energy;
 }
 
 // What depends on the pose alone; a step asks for it at its start and end, and poses change once.
-const MechanismDynamics::PoseEnergy& MechanismDynamics::EnergyOfPose() const {
-  if (pose_energy_.valid) return pose_energy_;
-  const Mechanism& m = mechanism();
-  const bool twist = options_.recovery == Recovery::kTwist;
+const PoseEnergy& EnergyOfPose(const MechanismView& here) {
+  const auto& [model, state, ws] = here;
+  if (ws.pose_energy.valid) return ws.pose_energy;
+  const Mechanism& m = model.mechanism();
+  const bool twist = model.by_twists();
   if (twist) {
     // Springs in the coordinates that the twist mode integrates.
-    pose_energy_.springs = springs_ref_ +
-                           0.5 * state_.reduced.z.dot(model().K_r.cwiseProduct(state_.reduced.z)) -
-                           f_ref_.dot(state_.reduced.z);
+    ws.pose_energy.springs = model.springs_ref +
+                             0.5 * state.reduced.z.dot(model.reduced->K_r.cwiseProduct(state.reduced.z)) -
+                             model.f_ref.dot(state.reduced.z);
   } else {
-    pose_energy_.springs = SpringEnergy(m, configuration_.kinematics, configuration_.q);
+    ws.pose_energy.springs = SpringEnergy(m, ws.configuration.kinematics, ws.configuration.q);
   }
-  pose_energy_.moment.setZero();
+  ws.pose_energy.moment.setZero();
   for (int b = 0; b < m.num_bodies(); ++b) {
     const Mechanism::Body& body = m.bodies()[static_cast<std::size_t>(b)];
     if (body.weighed_mass == 0) continue;
-    const RigidTransform X_RB = twist ? RecoverPoseTwist(model(), state_.reduced, BodyIndex(b))
-                                      : configuration_.kinematics.X_RB[std::size_t(b)];
-    pose_energy_.moment += body.weighed_mass * (X_RB * body.inertia_B.center);
+    const RigidTransform X_RB = twist ? RecoverPoseTwist(*model.reduced, state.reduced, BodyIndex(b))
+                                      : ws.configuration.kinematics.X_RB[std::size_t(b)];
+    ws.pose_energy.moment += body.weighed_mass * (X_RB * body.inertia_B.center);
   }
-  pose_energy_.valid = true;
-  return pose_energy_;
+  ws.pose_energy.valid = true;
+  return ws.pose_energy;
 }
 
-double MechanismDynamics::PotentialEnergy(const Vector3& gravity_W) const {
-  return PotentialEnergyOn(state_.reduced.X_WR, gravity_W);
+double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W) {
+  const auto& [model, state, ws] = here;
+  return PotentialEnergyOn(here, state.reduced.X_WR, gravity_W);
 }
 
-double MechanismDynamics::PotentialEnergyOn(const RigidTransform& X_WR, const Vector3& gravity_W) const {
-  return PotentialOfSprings(X_WR, gravity_W) - EnergyBeyondBounds();
+double PotentialEnergyOn(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W) {
+  return PotentialOfSprings(here, X_WR, gravity_W) - EnergyBeyondBounds(here);
 }
 
-double MechanismDynamics::PotentialOfSprings(const RigidTransform& X_WR, const Vector3& gravity_W) const {
-  const Mechanism& m = mechanism();
-  const PoseEnergy& pose = EnergyOfPose();
+double PotentialOfSprings(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W) {
+  const auto& [model, state, ws] = here;
+  const Mechanism& m = model.mechanism();
+  const PoseEnergy& pose = EnergyOfPose(here);
   double energy =
       pose.springs - gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * pose.moment);
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];
     if (!m.HasPotential(control.length)) continue;
-    const double u = state_.controls(static_cast<Eigen::Index>(i));
-    energy -= control.gain * u * Length(control.length);
+    const double u = state.controls(static_cast<Eigen::Index>(i));
+    energy -= control.gain * u * Length(here, control.length);
     if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
   }
   return energy;

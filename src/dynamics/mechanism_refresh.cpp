@@ -1,10 +1,10 @@
 // Moving the reference to the present pose.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/reduction/reduce_again.hpp>
+
+#include "mechanism_detail.hpp"
 
 namespace fork1s {
 
@@ -46,43 +46,45 @@ bool CloseByChords(const ReducedModel& model, const Configuration& at, VectorX& 
 }  // namespace
 
 // Of a coordinate since the reference, rad; of a slide in lengths of the mechanism.
-double MechanismDynamics::Turn(int i) const {
-  const double moved = std::abs(configuration_.q(i) - model().q_ref(i));
-  const bool turns = mechanism().screws().col(i).head<3>().squaredNorm() > 1e-18;
-  return turns ? moved : moved / mechanism().length_scale();
+double Turn(const MechanismView& here, int i) {
+  const auto& [model, state, ws] = here;
+  const double moved = std::abs(ws.configuration.q(i) - model.reduced->q_ref(i));
+  const bool turns = model.mechanism().screws().col(i).head<3>().squaredNorm() > 1e-18;
+  return turns ? moved : moved / model.mechanism().length_scale();
 }
 
 // By twists every joint counts: the one twist of a wheel is that of all joints on its path.
-double MechanismDynamics::Staleness(bool second_order) const {
-  const bool exact = options_.recovery != Recovery::kTwist;
+double Staleness(const MechanismView& here, bool second_order) {
+  const auto& [model, state, ws] = here;
+  const bool exact = !model.by_twists();
   double largest = 0;
-  for (int i = 0; i < model().num_coordinates(); ++i) {
+  for (int i = 0; i < model.reduced->num_coordinates(); ++i) {
     const auto at = static_cast<std::size_t>(i);
-    const bool ages = !exact || !(spins_[at] || (whole_[at] && !second_order));
-    if (ages) largest = std::max(largest, Turn(i));
+    const bool ages = !exact || !(model.spins[at] || (model.whole[at] && !second_order));
+    if (ages) largest = std::max(largest, Turn(here, i));
   }
-  largest /= options_.refresh_angle;
-  if (model().curvature.exists()) largest = std::max(largest, ClosureGapNow() / options_.refresh_gap);
+  largest /= model.options.refresh_angle;
+  if (model.reduced->curvature.exists())
+    largest = std::max(largest, ClosureGapNow(here) / model.options.refresh_gap);
   return largest;
 }
 
-bool MechanismDynamics::Refresh() {
-  const Mechanism& m = mechanism();
-  VectorX q = configuration_.q;
+bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& ws) {
+  const Mechanism& m = model->mechanism();
+  VectorX q = ws.configuration.q;
   Kinematics kinematics(m);
   if (m.num_constraints() == 0) {
     ComputeKinematics(m, q, kinematics);
-  } else if (options_.recovery == Recovery::kTwist ||
-             !CloseByChords(model(), configuration_, q, kinematics)) {
+  } else if (model->by_twists() || !CloseByChords(*model->reduced, ws.configuration, q, kinematics)) {
     // In twist mode, and where loops were corrected in few steps, the joints get their exact closed pose
     // first.
-    q = configuration_.q;
+    q = ws.configuration.q;
     CloseLoops(m, q);
     ComputeKinematics(m, q, kinematics);
   }
-  VectorX q_dot = configuration_.Q_now * state_.reduced.w;
-  const bool knows_past = state_.past.h > 0 && model().size() > 0;
-  const VectorX q_moved = knows_past ? VectorX(configuration_.Q_now * state_.past.z_moved) : VectorX();
+  VectorX q_dot = ws.configuration.Q_now * state.reduced.w;
+  const bool knows_past = state.past.h > 0 && model->size() > 0;
+  const VectorX q_moved = knows_past ? VectorX(ws.configuration.Q_now * state.past.z_moved) : VectorX();
 
   // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
   bool rewritten = false;
@@ -99,47 +101,47 @@ bool MechanismDynamics::Refresh() {
   }
   if (rewritten) ComputeKinematics(m, q, kinematics);
 
-  auto reduced = ReduceAgain(model(), q, kinematics, options_.reduction);
+  auto reduced = ReduceAgain(*model->reduced, q, kinematics, model->options.reduction);
   if (!reduced) return false;
-  if (options_.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
+  if (model->options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
 
-  MechanismState before;
-  Save(before);
-  const Vector6 p_0 = base_size_ > 0 ? Vector6(M_full_.topRows<6>() * x_) : Vector6(Vector6::Zero());
+  const MechanismState before = state;
+  const Vector6 p_0 =
+      model->base_size > 0 ? Vector6(ws.M_full.topRows<6>() * ws.x) : Vector6(Vector6::Zero());
 
   // Velocity by momentum: joints keep M(q) q̇ as the new coordinates see it, the base keeps its own.
   VectorX Mq;
   ApplyMass(m, kinematics, q_dot, Mq);
-  state_.model = std::make_shared<const ReducedModel>(std::move(*reduced));
-  const int r = model().size();
-  VectorX p = VectorX::Zero(base_size_ + r);
-  p.tail(r) = model().Q.transpose() * Mq;
-  if (base_size_ > 0) {
+  state.model = std::make_shared<const ReducedModel>(std::move(*reduced));
+  model = std::make_shared<const MechanismModel>(*model, state.model);
+  const MechanismStep here{*model, state, ws};
+  const int r = model->size();
+  VectorX p = VectorX::Zero(model->base_size + r);
+  p.tail(r) = model->reduced->Q.transpose() * Mq;
+  if (model->base_size > 0) {
     p.head<6>() = p_0;
-    p.tail(r) += model().M_0z.transpose() * state_.reduced.V_R;
+    p.tail(r) += model->reduced->M_0z.transpose() * state.reduced.V_R;
   }
-  state_.reduced.z = VectorX::Zero(r);
-  state_.reduced.w = VectorX::Zero(r);
-  configuration_ = elsewhere_ = Configuration(model());
-  jacobian_ = ReducedJacobian(model());
-  inertia_ = ReducedInertia(model());
-  StartAtReference();
-  Size();
-  VectorX x = SolveSymmetric(M_full_, p);
+  state.reduced.z = VectorX::Zero(r);
+  state.reduced.w = VectorX::Zero(r);
+  StartAtReference(*model, state);
+  Renew(here);
+  VectorX x = SolveSymmetric(ws.M_full, p);
   if (!x.allFinite()) {
-    Restore(before);
+    Restore(model, state, ws, before);
     return false;
   }
-  x_ = x;
+  ws.x = x;
   if (rewritten)
-    state_.past.h = 0;
+    state.past.h = 0;
   else if (knows_past) {
     ApplyMass(m, kinematics, q_moved, Mq);
-    state_.past.z_moved = SolveSymmetric(model().M, model().Q.transpose() * Mq);
+    state.past.z_moved = SolveSymmetric(model->reduced->M, model->reduced->Q.transpose() * Mq);
   }
-  state_.reduced.w = x.tail(r);
-  if (base_size_ > 0) state_.reduced.V_R = x.head<6>();
-  UpdateConfiguration();
+  state.reduced.w = x.tail(r);
+  if (model->base_size > 0) state.reduced.V_R = x.head<6>();
+  UpdateConfiguration(here);
+  state.mu = ws.configuration.mu;
   return true;
 }
 

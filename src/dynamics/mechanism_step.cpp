@@ -1,52 +1,68 @@
 // A step of a mechanism, by whatever rule: docs/method.md, section 5.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include "mechanism_detail.hpp"
 
 namespace fork1s {
 
-void MechanismDynamics::Predict(double h, const Vector3& gravity_W) {
-  pushed_ = false;
-  if (options_.recovery == Recovery::kTwist) {
-    PredictTwist(h, gravity_W);
+void Predict(const MechanismStep& here, double h, const Vector3& gravity_W) {
+  const auto& [model, state, ws] = here;
+  ws.pushed = false;
+  if (model.by_twists()) {
+    PredictTwist(here, h, gravity_W);
     return;
   }
-  TakeMomenta();
-  TakeForces(h);
-  SolveFree(h);
+  TakeMomenta(here);
+  TakeForces(here, h);
+  SolveFree(here, h);
 }
 
 // x* from the forces and momenta at hand.
-void MechanismDynamics::SolveFree(double h) {
-  if (options_.recovery == Recovery::kTwist)
-    SolveFreeTwist(h);
-  else if (rule_ == StepRule::kMiddle)
-    SolveFreeMiddle(h);
+void SolveFree(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  if (model.by_twists())
+    SolveFreeTwist(here, h);
+  else if (ws.rule == StepRule::kMiddle)
+    SolveFreeMiddle(here, h);
   else
-    SolveFreeTwoSteps(h);
+    SolveFreeTwoSteps(here, h);
 }
 
-void MechanismDynamics::PredictAgain(double h) {
-  pushed_ = false;
-  SolveFree(h);
+void ExpectContact(const MechanismStep& here, bool touches) { here.work.touches = touches; }
+
+void ActAtEnd(const MechanismStep& here) { here.work.touches = here.work.first_order = true; }
+
+const VectorX& ContactShift(const MechanismView& here) { return here.work.contact_shift; }
+
+int NewtonSteps(const MechanismView& here) { return here.work.newton_steps; }
+
+bool FoundMinimum(const MechanismView& here) { return here.work.minimum_found; }
+
+void PredictAgain(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  ws.pushed = false;
+  SolveFree(here, h);
 }
 
-void MechanismDynamics::ApplyImpulse(const VectorX& p, bool from_outside) {
+void ApplyImpulse(const MechanismStep& here, const VectorX& p, bool from_outside) {
+  const auto& [model, state, ws] = here;
   if (p.isZero(0)) return;
-  pushed_ = pushed_ || from_outside;
-  rhs_ = p;
-  factor_.SolveInPlace(rhs_);
-  x_ += rhs_;
-  impulse_ += p;
+  ws.pushed = ws.pushed || from_outside;
+  ws.rhs = p;
+  ws.factor.SolveInPlace(ws.rhs);
+  ws.x += ws.rhs;
+  ws.impulse += p;
 }
 
-void MechanismDynamics::Integrate(double h) {
-  if (options_.recovery == Recovery::kTwist)
-    IntegrateTwist(h);
-  else if (rule_ == StepRule::kMiddle)
-    IntegrateMiddle(h);
+void Integrate(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  if (model.by_twists())
+    IntegrateTwist(here, h);
+  else if (ws.rule == StepRule::kMiddle)
+    IntegrateMiddle(here, h);
   else
-    IntegrateTwoSteps(h);
-  rule_ = StepRule::kEuler;
-  order_ = 1;
+    IntegrateTwoSteps(here, h);
+  ws.rule = StepRule::kEuler;
+  ws.order = 1;
+  state.mu = ws.configuration.mu;
 }
 
 }  // namespace fork1s

@@ -11,7 +11,7 @@ Matrix3 InverseCurvature(const World& world, const ContactPoint& p) {
     const auto i = static_cast<std::size_t>(c.index);
     if (c.kind == Contactor::Kind::kFreeBody) return world.free_bodies()[i].pose();
     if (body == 0) return RigidTransform();  // the scene's own still geometry comes first
-    return world.mechanisms()[i].GroupPose(c.group);
+    return GroupPose(world.mechanisms()[i], c.group);
   };
   const Eigen::Matrix<double, 2, 3> tangents = p.frame.bottomRows<2>();
   const PairCurvature curvature = CurvatureOf(world.geometry(p.body_a, p.geometry_a), pose(p.body_a),

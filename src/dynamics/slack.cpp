@@ -6,59 +6,67 @@
 // On which side the step ends follows from its velocity, so the step solves, looks, and solves again, as it
 // does for servos at their bounds (force_limits.cpp). By the force of the start alone a stiff spring would be
 // met unseen: at the end of that step it holds h²k/m times the energy of the motion.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include "mechanism_detail.hpp"
 
 namespace fork1s {
 
-void MechanismDynamics::FindSlackSprings() {
-  const Mechanism& m = mechanism();
-  slack_.clear();
+void FindSlackSprings(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const Mechanism& m = model.mechanism();
+  ws.slack.clear();
   for (std::size_t k = 0; k < m.springs().size(); ++k)
-    if (m.springs()[k].slack > 0) slack_.push_back({k, 0, 0, 0});
+    if (m.springs()[k].slack > 0) ws.slack.push_back({k, 0, 0, 0});
 }
 
-void MechanismDynamics::OpenSlackSprings() {
-  for (SlackSpring& slack : slack_) {
-    const Mechanism::Spring& s = mechanism().springs()[slack.spring];
-    slack.length = Length(s.length);
+void OpenSlackSprings(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  for (SlackSpring& slack : ws.slack) {
+    const Mechanism::Spring& s = model.mechanism().springs()[slack.spring];
+    slack.length = Length(here, s.length);
     slack.force = s.Force(slack.length);
     const int side = s.SideOf(slack.length);
-    if (side != slack.side) factored_h_ = -1;
+    if (side != slack.side) ws.factored_h = -1;
     slack.side = side;
   }
 }
 
+static bool SwitchesSlack(const MechanismView& here) {
+  return here.work.rule != StepRule::kMiddle && !here.model.by_twists();
+}
+
 // A has it: 0 within the range.
-double MechanismDynamics::SlackStiffness(const SlackSpring& slack) const {
-  const Mechanism::Spring& s = mechanism().springs()[slack.spring];
+double SlackStiffness(const MechanismModel& model, const SlackSpring& slack) {
+  const Mechanism::Spring& s = model.mechanism().springs()[slack.spring];
   if (slack.side == 0) return 0;
   return s.StiffnessOf(s.SideOf(slack.length) == slack.side ? s.Stretch(slack.length) : 0);
 }
 
-// What the force on the side of the end is beyond that of the start, which f_z_ has.
-void MechanismDynamics::AddSlackForces() {
-  if (!SwitchesSlack()) return;
-  for (const SlackSpring& slack : slack_) {
-    const Mechanism::Spring& s = mechanism().springs()[slack.spring];
+// What the force on the side of the end is beyond that of the start, which f_z has.
+void AddSlackForces(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  if (!SwitchesSlack(here)) return;
+  for (const SlackSpring& slack : ws.slack) {
+    const Mechanism::Spring& s = model.mechanism().springs()[slack.spring];
     if (s.SideOf(slack.length) == slack.side) continue;
     const double end = slack.side > 0 ? s.rest + s.slack : s.rest;
     const double force = slack.side == 0 ? 0 : -s.StiffnessOf(0) * (slack.length - end);
-    ReducedRow(s.length, Paths(), Q_now(), limit_row_);
-    f_z_ += (force - slack.force) * limit_row_;
+    ReducedRow(s.length, ws.paths(), ws.Q_now(), ws.limit_row);
+    ws.f_z += (force - slack.force) * ws.limit_row;
   }
 }
 
-bool MechanismDynamics::UpdateSlackSprings(double h) {
-  if (!SwitchesSlack()) return false;
+bool UpdateSlackSprings(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  if (!SwitchesSlack(here)) return false;
   bool changed = false;
-  for (SlackSpring& slack : slack_) {
-    const Mechanism::Spring& s = mechanism().springs()[slack.spring];
-    int side = s.SideOf(slack.length + WayToForce(s.length, h));
+  for (SlackSpring& slack : ws.slack) {
+    const Mechanism::Spring& s = model.mechanism().springs()[slack.spring];
+    int side = s.SideOf(slack.length + WayToForce(here, s.length, h));
     if (side * slack.side < 0) side = 0;  // between the two, as for servos
     changed = changed || side != slack.side;
     slack.side = side;
   }
-  if (changed) factored_h_ = -1;
+  if (changed) ws.factored_h = -1;
   return changed;
 }
 

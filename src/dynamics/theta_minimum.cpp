@@ -5,77 +5,80 @@
 // All forces act at the end of the step; p are the impulses of contact, which stay. Newton with the springs'
 // own stiffness of the pose and a line search: φ falls in every iteration, and with it what the step may
 // gain.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "mechanism_detail.hpp"
+
 namespace fork1s {
 
-// -∂U/∂z and U at configuration_, the base where the forces of the middle found it.
-double MechanismDynamics::EndForces(VectorX& f_z) {
-  const Mechanism& m = mechanism();
-  F_.setZero();
-  AddGravityWrenches(m, configuration_.kinematics, state_.reduced.X_WR.rotation().transpose() * gravity_W_,
-                     F_);
-  tau_.setZero();
-  AccumulateGeneralizedForce(m, configuration_.kinematics.S, F_, tau_);
-  if (state_.controls.size() > 0) AddControlForce(m, configuration_.kinematics, state_.controls, tau_);
-  SpringForce(m, configuration_.kinematics, configuration_.q, g_);
-  g_ += tau_;
+// -∂U/∂z and U at configuration, the base where the forces of the middle found it.
+double EndForces(const MechanismStep& here, VectorX& f_z) {
+  const auto& [model, state, ws] = here;
+  const Mechanism& m = model.mechanism();
+  ws.F.setZero();
+  AddGravityWrenches(m, ws.configuration.kinematics, state.reduced.X_WR.rotation().transpose() * ws.gravity_W,
+                     ws.F);
+  ws.tau.setZero();
+  AccumulateGeneralizedForce(m, ws.configuration.kinematics.S, ws.F, ws.tau);
+  if (state.controls.size() > 0) AddControlForce(m, ws.configuration.kinematics, state.controls, ws.tau);
+  SpringForce(m, ws.configuration.kinematics, ws.configuration.q, ws.g);
+  ws.g += ws.tau;
   for (const Mechanism::ForceLimit& limit : m.force_limits()) {
-    const double f = UnboundedForce(limit), excess = f - std::clamp(f, limit.lower, limit.upper);
-    AddLengthForce(limit.length, -excess, g_);
+    const double f = UnboundedForce(here, limit), excess = f - std::clamp(f, limit.lower, limit.upper);
+    AddLengthForce(here, limit.length, -excess, ws.g);
   }
-  if (has_followers_) AddFollowerForce(-1, g_);  // the merit has them as they stood at the middle
-  f_z.noalias() = Q_now().transpose() * g_;
-  pose_energy_.valid = false;
-  return PotentialEnergyOn(state_.reduced.X_WR, gravity_W_);
+  if (model.has_followers)
+    AddFollowerForce(here, -1, ws.g);  // the merit has them as they stood at the middle
+  f_z.noalias() = ws.Q_now().transpose() * ws.g;
+  ws.pose_energy.valid = false;
+  return PotentialEnergyOn(here, state.reduced.X_WR, ws.gravity_W);
 }
 
-double MechanismDynamics::MinimiseAtEnd(double h) {
+double MinimiseAtEnd(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
   constexpr int kMost = 50;
   constexpr double kRounding = 1e-13;  // potentials are sums of a hundred terms
   constexpr int kHalvings = 40;
-  const int r = model().size();
-  minimum_found_ = false;
+  const int r = model.size();
+  ws.minimum_found = false;
   // Of first order: what the turning does to the velocity is taken along, as ActAtEnd has it.
-  w_start_ = u_.tail(r);
-  const MatrixX& D = model().D;
+  ws.w_start = ws.u.tail(r);
+  const MatrixX& D = model.reduced->D;
   MatrixX K;
-  VectorX f(r), f_next(r), gradient(num_velocities()), step, x = x_, x_next, w(r);
+  VectorX f(r), f_next(r), gradient(model.num_velocities()), step, x = ws.x, x_next, w(r);
   // From where nothing has bent yet.
   x.tail(r).setZero();
   auto merit = [&](const VectorX& at, VectorX& force) {
     w = at.tail(r);
-    state_.reduced.z = z_before_ + h * w;
-    Configure(model(), state_.reduced, configuration_);
-    const double U = EndForces(force);
-    const VectorX moved = at - u_;
-    double value = 0.5 * moved.dot(M_full_ * moved) + U + 0.5 * h * w.dot(D * w) - impulse_.dot(at) -
-                   h * f_wrench_.dot(at.tail(r));
-    if (base_size_ > 0) value -= h * base_force_.dot(at.head<6>());
+    state.reduced.z = ws.z_before + h * w;
+    Configure(*model.reduced, state.reduced, ws.configuration);
+    const double U = EndForces(here, force);
+    const VectorX moved = at - ws.u;
+    double value = 0.5 * moved.dot(ws.M_full * moved) + U + 0.5 * h * w.dot(D * w) - ws.impulse.dot(at) -
+                   h * ws.f_wrench.dot(at.tail(r));
+    if (model.base_size > 0) value -= h * ws.base_force.dot(at.head<6>());
     return value;
   };
   double value = merit(x, f);
-  for (newton_steps_ = 1; newton_steps_ <= kMost; ++newton_steps_) {
-    gradient = M_full_ * (x - u_) - impulse_;
-    gradient.tail(r) += h * (D * x.tail(r) - f - f_wrench_);
-    if (base_size_ > 0) gradient.head<6>() -= h * base_force_;
-    K = Q_now().transpose() *
-        StiffnessMatrix(mechanism(), configuration_.kinematics, configuration_.q) * Q_now();
-    A_ = M_full_;
-    A_.bottomRightCorner(r, r) += h * D + h * h * K;
-    factor_.Compute(A_);
+  for (ws.newton_steps = 1; ws.newton_steps <= kMost; ++ws.newton_steps) {
+    gradient = ws.M_full * (x - ws.u) - ws.impulse;
+    gradient.tail(r) += h * (D * x.tail(r) - f - ws.f_wrench);
+    if (model.base_size > 0) gradient.head<6>() -= h * ws.base_force;
+    K = ws.Q_now().transpose() *
+        StiffnessMatrix(model.mechanism(), ws.configuration.kinematics, ws.configuration.q) * ws.Q_now();
+    ws.A = ws.M_full;
+    ws.A.bottomRightCorner(r, r) += h * D + h * h * K;
+    ws.factor.Compute(ws.A);
     step = -gradient;
-    factor_.SolveInPlace(step);
+    ws.factor.SolveInPlace(step);
     const double slope = gradient.dot(step);
     if (!std::isfinite(slope)) break;
     // Below the digits of φ, or of any number.
-    const double size = std::abs(value) + std::abs(potential_start_) + 0.5 * x.dot(M_full_ * x);
+    const double size = std::abs(value) + std::abs(ws.potential_start) + 0.5 * x.dot(ws.M_full * x);
     if (!(slope < -kRounding * size - std::numeric_limits<double>::min())) {
-      minimum_found_ = true;
+      ws.minimum_found = true;
       break;
     }
     double s = 1, next = 0;
@@ -90,12 +93,12 @@ double MechanismDynamics::MinimiseAtEnd(double h) {
     f = f_next;
     value = next;
   }
-  x_ = x;
-  w_mean_ = x.tail(r);
+  ws.x = x;
+  ws.w_mean = x.tail(r);
   // The end is posed anew from the middle.
-  std::swap(configuration_, elsewhere_);
+  std::swap(ws.configuration, ws.elsewhere);
   // Along the chord, to second order.
-  return h * w_mean_.dot(f) + 0.5 * h * h * w_mean_.dot(K * w_mean_);
+  return h * ws.w_mean.dot(f) + 0.5 * h * h * ws.w_mean.dot(K * ws.w_mean);
 }
 
 }  // namespace fork1s

@@ -5,16 +5,16 @@
 // the mean velocity of a step to what the pose half way allows, z_m = z + (h/2) w, ẋ having turned with it:
 //     u  = M_m⁻¹ J_mᵀ ẋ                        the old velocity as that pose sees it
 //     M_m (w⁺ - u) = h f(z + h Th w̄) + J_cᵀλ,   w̄ = w + Th (w⁺ + u - 2 w),   z⁺ = z + h w̄
-// (on a driven base w there is that beside the base's own motion of the start: w_start_)
+// (on a driven base w there is that beside the base's own motion of the start: w_start)
 //     ẋ⁺ = J_m (w⁺ + u) - ẋ,   w at the end = M(z⁺)⁻¹ J(z⁺)ᵀ ẋ⁺
 // Since ẋ⁺ + ẋ = J_m (w⁺ + u), kinetic energy changes by what forces work, ½ h (w⁺ + u)·f, and by nothing
 // else, however far the pose turns; seeing ẋ⁺ from z⁺ can only lose what the joints cannot do. No velocity
 // force is computed and none can feed itself. The forces' work is taken along the chord h w̄; where their
 // potential bends within the step, the difference to its true change is made up for along w̄, either way.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
-
 #include <cmath>
 #include <limits>
+
+#include "mechanism_detail.hpp"
 
 namespace fork1s {
 namespace {
@@ -43,388 +43,411 @@ void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x) {
 
 }  // namespace
 
-void MechanismDynamics::SizeTheta() {
-  const int r = model().size(), n = model().num_coordinates();
-  theta_.h = at_end_.h = -1;
-  u_.setZero(num_velocities());
-  contact_shift_.setZero(num_velocities());
-  w_start_.setZero(r);
-  q_dot_start_.setZero(n);
-  w_mean_.setZero(r);
-  f_used_.setZero(r);
-  f_turn_.setZero(r);
-  f_wrench_.setZero(r);
-  f_moved_.setZero(r);
-  F_parts_.resize(6, rigid_parts_.size());
+void SizeTheta(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size(), n = model.reduced->num_coordinates();
+  ws.theta.h = ws.at_end.h = -1;
+  ws.u.setZero(model.num_velocities());
+  ws.contact_shift.setZero(model.num_velocities());
+  ws.w_start.setZero(r);
+  ws.q_dot_start.setZero(n);
+  ws.w_mean.setZero(r);
+  ws.f_used.setZero(r);
+  ws.f_turn.setZero(r);
+  ws.f_wrench.setZero(r);
+  ws.f_moved.setZero(r);
+  ws.F_parts.resize(6, model.rigid_parts.size());
 }
 
-void MechanismDynamics::Begin(double h, const Vector3& gravity_W, StepRule rule) {
-  FORK1S_REQUIRE(options_.recovery != Recovery::kTwist);
-  rule_ = rule;
-  order_ = 1;
-  touches_ = first_order_ = false;
-  gravity_W_ = gravity_W;
-  z_before_ = state_.reduced.z;
-  w_before_ = state_.reduced.w;
-  X_WR_before_ = state_.reduced.X_WR;
-  V_R_before_ = state_.reduced.V_R;
-  q_dot_start_.setZero();
-  AddMotion(model(), Q_now(), state_.reduced.w, q_dot_start_);
-  if (base_size_ > 0) {
-    const Vector6 p = M_full_.topRows<6>() * x_;
-    center_W_ = state_.reduced.X_WR * CenterOf(M_00_);
-    linear_W_ = state_.reduced.X_WR.rotation() * p.tail<3>();
-    past_next_.center_W = center_W_;
+void Begin(const MechanismStep& here, double h, const Vector3& gravity_W, StepRule rule) {
+  const auto& [model, state, ws] = here;
+  FORK1S_REQUIRE(!model.by_twists());
+  ws.rule = rule;
+  ws.order = 1;
+  ws.touches = ws.first_order = false;
+  ws.gravity_W = gravity_W;
+  ws.z_before = state.reduced.z;
+  ws.w_before = state.reduced.w;
+  ws.X_WR_before = state.reduced.X_WR;
+  ws.V_R_before = state.reduced.V_R;
+  ws.q_dot_start.setZero();
+  AddMotion(*model.reduced, ws.Q_now(), state.reduced.w, ws.q_dot_start);
+  if (model.base_size > 0) {
+    const Vector6 p = ws.M_full.topRows<6>() * ws.x;
+    ws.center_W = state.reduced.X_WR * CenterOf(ws.M_00);
+    ws.linear_W = state.reduced.X_WR.rotation() * p.tail<3>();
+    ws.past_next.center_W = ws.center_W;
   }
-  Vector6 V_start = state_.reduced.V_R;
-  if (mechanism().base() == BaseKind::kFixed) V_start.setZero();
-  if (mechanism().base() == BaseKind::kDriven && rule_ == StepRule::kTwoSteps && state_.past.h == h)
-    V_start = state_.past.V_R;
-  ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_dot_start_, V_start,
-                            start_velocity_);
-  KeepPast(h);
-  if (rule_ != StepRule::kMiddle) {
-    TakePast(h);
+  Vector6 V_start = state.reduced.V_R;
+  if (model.mechanism().base() == BaseKind::kFixed) V_start.setZero();
+  if (model.mechanism().base() == BaseKind::kDriven && ws.rule == StepRule::kTwoSteps && state.past.h == h)
+    V_start = state.past.V_R;
+  ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics, ws.q_dot_start,
+                            V_start, ws.start_velocity);
+  KeepPast(here, h);
+  if (ws.rule != StepRule::kMiddle) {
+    TakePast(here, h);
     return;
   }
-  if (model().has_complement) {
+  if (model.reduced->has_complement) {
     // At the middle a spring too stiff for the step stands where it never will, and would pass for a load.
-    LoadForces(state_.reduced.X_WR.rotation().transpose() * gravity_W);
-    FollowLoads();
+    LoadForces(here, state.reduced.X_WR.rotation().transpose() * gravity_W);
+    FollowLoads(here);
   }
-  if (mechanism().base() == BaseKind::kDriven) {
-    state_.reduced.V_R = DrivenTwist(h);
-    weighed_on_ = state_.reduced.X_WR * Exp(0.5 * h * state_.reduced.V_R);
-    potential_start_ = PotentialOfSprings(weighed_on_, gravity_W);
+  if (model.mechanism().base() == BaseKind::kDriven) {
+    state.reduced.V_R = DrivenTwist(state, h);
+    ws.weighed_on = state.reduced.X_WR * Exp(0.5 * h * state.reduced.V_R);
+    ws.potential_start = PotentialOfSprings(here, ws.weighed_on, gravity_W);
   } else {
-    potential_start_ = PotentialOfSprings(state_.reduced.X_WR, gravity_W);
+    ws.potential_start = PotentialOfSprings(here, state.reduced.X_WR, gravity_W);
   }
-  KeepBoundedLengths();
-  q_dot_mixed_ = q_dot_start_;
-  TurnFreely(rigid_parts_, 0.5 * h, start_velocity_);
-  MoveToMiddle(h);
+  KeepBoundedLengths(here);
+  ws.q_dot_mixed = ws.q_dot_start;
+  TurnFreely(model.rigid_parts, 0.5 * h, ws.start_velocity);
+  MoveToMiddle(here, h);
 }
 
-void MechanismDynamics::MoveToMiddle(double h) {
-  std::swap(configuration_, elsewhere_);
-  configuration_.TakeLoops(elsewhere_);
-  state_.reduced.z += 0.5 * h * state_.reduced.w;
-  if (mechanism().base() == BaseKind::kDriven)
-    state_.reduced.X_WR = state_.reduced.X_WR * Exp(0.5 * h * state_.reduced.V_R);
-  if (base_size_ > 0)
-    state_.reduced.X_WR.rotation() =
-        state_.reduced.X_WR.rotation() * ExpRotation(0.5 * h * state_.reduced.V_R.head<3>());
-  UpdateConfiguration();
-  if (base_size_ == 0) return;
-  const Matrix3& R = state_.reduced.X_WR.rotation();
-  const Vector3 center = CenterOf(M_00_);
-  state_.reduced.X_WR.translation() = center_W_ + 0.5 * h / M_00_(5, 5) * linear_W_ - R * center;
+void MoveToMiddle(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  std::swap(ws.configuration, ws.elsewhere);
+  ws.configuration.TakeLoops(ws.elsewhere);
+  state.reduced.z += 0.5 * h * state.reduced.w;
+  if (model.mechanism().base() == BaseKind::kDriven)
+    state.reduced.X_WR = state.reduced.X_WR * Exp(0.5 * h * state.reduced.V_R);
+  if (model.base_size > 0)
+    state.reduced.X_WR.rotation() =
+        state.reduced.X_WR.rotation() * ExpRotation(0.5 * h * state.reduced.V_R.head<3>());
+  UpdateConfiguration(here);
+  if (model.base_size == 0) return;
+  const Matrix3& R = state.reduced.X_WR.rotation();
+  const Vector3 center = CenterOf(ws.M_00);
+  state.reduced.X_WR.translation() = ws.center_W + 0.5 * h / ws.M_00(5, 5) * ws.linear_W - R * center;
   // The same angular rate and momentum in the axes that have turned meanwhile: what contacts see approach.
-  const Vector3 omega = R.transpose() * (X_WR_before_.rotation() * V_R_before_.head<3>());
+  const Vector3 omega = R.transpose() * (ws.X_WR_before.rotation() * ws.V_R_before.head<3>());
   Vector3 of_joints = Vector3::Zero();
-  if (model().size() > 0) of_joints.noalias() = M_0z_.bottomRows<3>() * state_.reduced.w;
-  state_.reduced.V_R << omega, (R.transpose() * linear_W_ - of_joints) / M_00_(5, 5) - omega.cross(center);
-  x_.head<6>() = state_.reduced.V_R;
+  if (model.size() > 0) of_joints.noalias() = ws.M_0z.bottomRows<3>() * state.reduced.w;
+  state.reduced.V_R << omega, (R.transpose() * ws.linear_W - of_joints) / ws.M_00(5, 5) - omega.cross(center);
+  ws.x.head<6>() = state.reduced.V_R;
 }
 
-// momentum_, of the start as the pose at hand feels it, and u.
-void MechanismDynamics::TakeMomenta() {
-  const Matrix3 R_mW = state_.reduced.X_WR.rotation().transpose();
-  const int r = model().size();
-  F_parts_.setZero();
-  AddMomentum(rigid_parts_, configuration_.kinematics, start_velocity_, R_mW * X_WR_before_.rotation(), 1,
-              F_parts_);
-  if (mechanism().base() == BaseKind::kDriven) {
+// momentum, of the start as the pose at hand feels it, and u.
+void TakeMomenta(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const Matrix3 R_mW = state.reduced.X_WR.rotation().transpose();
+  const int r = model.size();
+  ws.F_parts.setZero();
+  AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.start_velocity,
+              R_mW * ws.X_WR_before.rotation(), 1, ws.F_parts);
+  if (model.mechanism().base() == BaseKind::kDriven) {
     // Joints see what is left beside the base's own mean motion.
-    tau_.setZero();
-    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, tau_,
-                              rule_ == StepRule::kMiddle ? state_.reduced.V_R : V_end_, other_velocity_);
-    AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
+    ws.tau.setZero();
+    ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics, ws.tau,
+                              ws.rule == StepRule::kMiddle ? state.reduced.V_R : ws.V_end, ws.other_velocity);
+    AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.other_velocity, Matrix3::Identity(), -1,
+                ws.F_parts);
   }
-  tau_ = mechanism().armature().cwiseProduct(q_dot_mixed_);
-  GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
-  if (r > 0) momentum_.tail(r).noalias() = Q_now().transpose() * tau_;
-  if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
-  if (rule_ != StepRule::kMiddle) return;
-  u_ = momentum_;
-  if (num_velocities() > 0) SolveOrFail(inertia_factor_, M_full_, u_);
+  ws.tau = model.mechanism().armature().cwiseProduct(ws.q_dot_mixed);
+  GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.F_parts, ws.tau);
+  if (r > 0) ws.momentum.tail(r).noalias() = ws.Q_now().transpose() * ws.tau;
+  if (model.base_size > 0) ws.momentum.head<6>() = ws.F_parts.col(0);
+  if (ws.rule != StepRule::kMiddle) return;
+  ws.u = ws.momentum;
+  if (model.num_velocities() > 0) SolveOrFail(ws.inertia_factor, ws.M_full, ws.u);
   if (r == 0) return;
-  w_start_ = first_order_ ? VectorX(u_.tail(r)) : w_before_;
-  if (mechanism().base() == BaseKind::kDriven && !first_order_) {
+  ws.w_start = ws.first_order ? VectorX(ws.u.tail(r)) : ws.w_before;
+  if (model.mechanism().base() == BaseKind::kDriven && !ws.first_order) {
     // Half of what the change of the base's twist brings has come by the start, the other half comes by the
     // end.
-    f_turn_.noalias() = M_0z_.transpose() * (V_R_before_ - state_.reduced.V_R);
-    inertia_factor_.SolveInPlace(f_turn_);
-    w_start_ += 0.5 * f_turn_;
+    ws.f_turn.noalias() = ws.M_0z.transpose() * (ws.V_R_before - state.reduced.V_R);
+    ws.inertia_factor.SolveInPlace(ws.f_turn);
+    ws.w_start += 0.5 * ws.f_turn;
   }
-  contact_shift_.setZero();
-  contact_shift_.tail(r) = u_.tail(r) - w_start_;
+  ws.contact_shift.setZero();
+  ws.contact_shift.tail(r) = ws.u.tail(r) - ws.w_start;
 }
 
-// f_z_ and base_force_ of the pose at hand, and what of them has no potential.
-void MechanismDynamics::TakeForces(double h) {
-  const int r = model().size();
-  LoadForces(state_.reduced.X_WR.rotation().transpose() * gravity_W_);
-  if (model().has_complement) {
-    if (rule_ != StepRule::kMiddle) FollowLoads();
-    potential_start_ += relaxed_;
+// f_z and base_force of the pose at hand, and what of them has no potential.
+void TakeForces(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size();
+  LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.gravity_W);
+  if (model.reduced->has_complement) {
+    if (ws.rule != StepRule::kMiddle) FollowLoads(here);
+    ws.potential_start += ws.relaxed;
   }
-  ReduceForce(model(), Q_now(), g_, f_z_);
-  if (state_.q_perp_offset.size() > 0) state_.q_perp_offset *= std::exp(-h / options_.complement_relaxation);
-  f_wrench_.setZero();
-  base_wrench_.setZero();
-  if (state_.has_wrenches) {
-    for (int b = 0; b < mechanism().num_bodies(); ++b)
-      F_.col(b) = AdjointTransposeApply(state_.reduced.X_WR, state_.wrenches_W.col(b));
-    base_wrench_ = F_.rowwise().sum();
-    tau_.setZero();
-    AccumulateGeneralizedForce(mechanism(), configuration_.kinematics.S, F_, tau_);
-    if (r > 0) f_wrench_.noalias() = Q_now().transpose() * tau_;
+  ReduceForce(*model.reduced, ws.Q_now(), ws.g, ws.f_z);
+  if (state.q_perp_offset.size() > 0)
+    state.q_perp_offset *= std::exp(-h / model.options.complement_relaxation);
+  ws.f_wrench.setZero();
+  ws.base_wrench.setZero();
+  if (state.has_wrenches) {
+    for (int b = 0; b < model.mechanism().num_bodies(); ++b)
+      ws.F.col(b) = AdjointTransposeApply(state.reduced.X_WR, state.wrenches_W.col(b));
+    ws.base_wrench = ws.F.rowwise().sum();
+    ws.tau.setZero();
+    AccumulateGeneralizedForce(model.mechanism(), ws.configuration.kinematics.S, ws.F, ws.tau);
+    if (r > 0) ws.f_wrench.noalias() = ws.Q_now().transpose() * ws.tau;
   }
-  if (has_followers_ && r > 0) {
-    tau_.setZero();
-    AddFollowerForce(1, tau_);
-    f_wrench_.noalias() += Q_now().transpose() * tau_;
+  if (model.has_followers && r > 0) {
+    ws.tau.setZero();
+    AddFollowerForce(here, 1, ws.tau);
+    ws.f_wrench.noalias() += ws.Q_now().transpose() * ws.tau;
   }
-  controls_moved_ = state_.controls_move && r > 0;
-  if (controls_moved_) {
-    tau_.setZero();
-    AddControlForce(mechanism(), configuration_.kinematics, state_.controls, tau_);
-    q_ddot_.setZero();
-    AddControlForce(mechanism(), configuration_.kinematics, state_.controls_from, q_ddot_);
-    tau_ -= q_ddot_;
-    f_moved_.noalias() = Q_now().transpose() * tau_;
+  ws.controls_moved = state.controls_move && r > 0;
+  if (ws.controls_moved) {
+    ws.tau.setZero();
+    AddControlForce(model.mechanism(), ws.configuration.kinematics, state.controls, ws.tau);
+    ws.q_ddot.setZero();
+    AddControlForce(model.mechanism(), ws.configuration.kinematics, state.controls_from, ws.q_ddot);
+    ws.tau -= ws.q_ddot;
+    ws.f_moved.noalias() = ws.Q_now().transpose() * ws.tau;
   }
-  ForgetInputs();
-  if (HasSwitches()) OpenSwitches();
+  ForgetInputs(here);
+  if (HasSwitches(here)) OpenSwitches(here);
 }
 
 // What was meant for one step alone, once that knows it.
-void MechanismDynamics::ForgetInputs() {
-  state_.controls_move = false;
-  if (!state_.has_wrenches) return;
-  state_.wrenches_W.setZero();
-  state_.has_wrenches = false;
+void ForgetInputs(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  state.controls_move = false;
+  if (!state.has_wrenches) return;
+  state.wrenches_W.setZero();
+  state.has_wrenches = false;
 }
 
 // x* from the momenta and forces at hand.
-void MechanismDynamics::SolveFreeMiddle(double h) {
-  const int r = model().size();
-  all_at_end_ = touches_ || AnyAtBound();
-  if (TakesBentSprings()) TakeStiffnessBeyond();
-  ThetaScheme& rule = all_at_end_ ? at_end_ : theta_;
+void SolveFreeMiddle(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size();
+  ws.all_at_end = ws.touches || AnyAtBound(state);
+  if (TakesBentSprings(here)) TakeStiffnessBeyond(here);
+  ThetaScheme& rule = ws.all_at_end ? ws.at_end : ws.theta;
   if (rule.h != h) {
-    std::vector<VelocityRange> ranges = parts_;
-    if (base_size_ > 0) ranges = {{0, r}};
-    rule.Fill(model(), ranges, h, all_at_end_);
+    std::vector<VelocityRange> ranges = model.parts;
+    if (model.base_size > 0) ranges = {{0, r}};
+    rule.Fill(*model.reduced, ranges, h, ws.all_at_end);
   }
-  if (HasSwitches()) AddSwitchedForces();
-  if (num_velocities() == 0) return;
-  impulse_.setZero(num_velocities());
-  SolveFreeMiddleWith(rule, w_start_);
+  if (HasSwitches(here)) AddSwitchedForces(here);
+  if (model.num_velocities() == 0) return;
+  ws.impulse.setZero(model.num_velocities());
+  SolveFreeMiddleWith(here, rule, ws.w_start);
   // Dampers that are not linear by the mean of the rates that they would bring about.
-  if (has_bent_springs_ && !first_order_) SolveFreeMiddleWith(rule, VectorX(0.5 * (w_start_ + x_.tail(r))));
+  if (model.has_bent_springs && !ws.first_order)
+    SolveFreeMiddleWith(here, rule, VectorX(0.5 * (ws.w_start + ws.x.tail(r))));
 }
 
 // Dampers that are not linear by the rates of `w_drag`.
-void MechanismDynamics::SolveFreeMiddleWith(const ThetaScheme& rule, const VectorX& w_drag) {
-  const int r = model().size();
+void SolveFreeMiddleWith(const MechanismStep& here, const ThetaScheme& rule, const VectorX& w_drag) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size();
   const double h = rule.h;
-  x_ = momentum_;
-  if (base_size_ > 0) x_.head<6>() += h * base_force_;
-  A_ = M_full_;
+  ws.x = ws.momentum;
+  if (model.base_size > 0) ws.x.head<6>() += h * ws.base_force;
+  ws.A = ws.M_full;
   if (r > 0) {
-    A_.bottomRightCorner(r, r) += h * rule.D_end + h * h * rule.K_Th2;
-    if (TakesBentSprings()) A_.bottomRightCorner(r, r) += h * h * K_beyond_;
-    auto rhs = x_.tail(r);
-    rhs += h * f_z_;
+    ws.A.bottomRightCorner(r, r) += h * rule.D_end + h * h * rule.K_Th2;
+    if (TakesBentSprings(here)) ws.A.bottomRightCorner(r, r) += h * h * ws.K_beyond;
+    auto rhs = ws.x.tail(r);
+    rhs += h * ws.f_z;
     // Of the way that controls go within the step a mode feels what its own rule asks of it: half by the
-    // trapezoid, all at the end. Their force is that of f_z_ beside what is not there yet.
-    if (controls_moved_ && !all_at_end_) {
-      rhs -= h * f_moved_;
-      rhs.noalias() += h * (rule.Th.transpose() * f_moved_);
+    // trapezoid, all at the end. Their force is that of f_z beside what is not there yet.
+    if (ws.controls_moved && !ws.all_at_end) {
+      rhs -= h * ws.f_moved;
+      rhs.noalias() += h * (rule.Th.transpose() * ws.f_moved);
     }
     // f at z + h Th w̄ from f at the pose half way.
-    f_used_ = z_before_ - state_.reduced.z;
-    SpringPull(f_used_, f_turn_);
-    rhs += h * f_turn_;
-    f_turn_ = u_.tail(r) - w_start_;
-    rhs.noalias() -= (h * h) * (rule.K_Th_rest * w_start_);
-    rhs.noalias() -= (h * h) * (rule.K_Th2 * f_turn_);
-    if (TakesBentSprings()) rhs.noalias() -= (h * h) * (K_beyond_ * f_turn_);
-    rhs.noalias() -= h * (rule.D_start * w_start_);
-    rhs.noalias() -= h * (rule.D_end * f_turn_);
-    if (DampersTurn() || has_bent_springs_) {
+    ws.f_used = ws.z_before - state.reduced.z;
+    SpringPull(here, ws.f_used, ws.f_turn);
+    rhs += h * ws.f_turn;
+    ws.f_turn = ws.u.tail(r) - ws.w_start;
+    rhs.noalias() -= (h * h) * (rule.K_Th_rest * ws.w_start);
+    rhs.noalias() -= (h * h) * (rule.K_Th2 * ws.f_turn);
+    if (TakesBentSprings(here)) rhs.noalias() -= (h * h) * (ws.K_beyond * ws.f_turn);
+    rhs.noalias() -= h * (rule.D_start * ws.w_start);
+    rhs.noalias() -= h * (rule.D_end * ws.f_turn);
+    if (DampersTurn(model) || model.has_bent_springs) {
       // Of dampers beyond those of the reference half acts on either velocity, by first order all on the last.
-      D_beyond_.setZero(r, r);
-      AddDampersBeyond(h, true, w_drag, D_beyond_);
-      const double end = all_at_end_ ? 1 : 0.5;
-      A_.bottomRightCorner(r, r) += end * D_beyond_;
-      f_turn_ *= end;
-      f_turn_ += (1 - end) * w_start_;
-      rhs.noalias() -= D_beyond_.selfadjointView<Eigen::Lower>() * f_turn_;
+      ws.D_beyond.setZero(r, r);
+      AddDampersBeyond(here, h, true, w_drag, ws.D_beyond);
+      const double end = ws.all_at_end ? 1 : 0.5;
+      ws.A.bottomRightCorner(r, r) += end * ws.D_beyond;
+      ws.f_turn *= end;
+      ws.f_turn += (1 - end) * ws.w_start;
+      rhs.noalias() -= ws.D_beyond.selfadjointView<Eigen::Lower>() * ws.f_turn;
     }
-    if (all_at_end_) TakeBoundedSpringsOut(h);
+    if (ws.all_at_end) TakeBoundedSpringsOut(here, h);
   }
-  SolveOrFail(factor_, A_, x_);
+  SolveOrFail(ws.factor, ws.A, ws.x);
 }
 
-// Work of springs, weight and controls along the chord h w̄, which becomes w_mean_.
-double MechanismDynamics::WorkOfChord(double h) {
-  const int r = model().size();
+// Work of springs, weight and controls along the chord h w̄, which becomes w_mean.
+double WorkOfChord(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size();
   if (r == 0) return 0;
-  f_turn_ = x_.tail(r) + u_.tail(r) - 2 * w_start_;
-  w_mean_.noalias() = scheme().Th * f_turn_;
-  w_mean_ += w_start_;
+  ws.f_turn = ws.x.tail(r) + ws.u.tail(r) - 2 * ws.w_start;
+  ws.w_mean.noalias() = ws.scheme().Th * ws.f_turn;
+  ws.w_mean += ws.w_start;
   // f(z + h Th w̄); what springs bend by within the step is what the work then misses.
-  f_used_ = z_before_ - state_.reduced.z;
-  f_used_.noalias() += h * (scheme().Th * w_mean_);
-  SpringPull(f_used_, f_turn_);
-  double work = h * w_mean_.dot(f_z_ - f_wrench_ + f_turn_);
-  f_used_.noalias() = scheme().Th * w_mean_;
-  f_used_ -= 0.5 * w_mean_;
-  SpringPull(f_used_, f_turn_);
-  work -= h * h * w_mean_.dot(f_turn_);
+  ws.f_used = ws.z_before - state.reduced.z;
+  ws.f_used.noalias() += h * (ws.scheme().Th * ws.w_mean);
+  SpringPull(here, ws.f_used, ws.f_turn);
+  double work = h * ws.w_mean.dot(ws.f_z - ws.f_wrench + ws.f_turn);
+  ws.f_used.noalias() = ws.scheme().Th * ws.w_mean;
+  ws.f_used -= 0.5 * ws.w_mean;
+  SpringPull(here, ws.f_used, ws.f_turn);
+  work -= h * h * ws.w_mean.dot(ws.f_turn);
   return work;
 }
 
-void MechanismDynamics::IntegrateMiddle(double h) {
-  const int r = model().size();
-  const bool driven = mechanism().base() == BaseKind::kDriven;
-  const Matrix3 R_m = state_.reduced.X_WR.rotation();
-  const RigidTransform X_m = state_.reduced.X_WR;
+void IntegrateMiddle(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size();
+  const bool driven = model.mechanism().base() == BaseKind::kDriven;
+  const Matrix3 R_m = state.reduced.X_WR.rotation();
+  const RigidTransform X_m = state.reduced.X_WR;
   // An impact keeps gaps closed at the end velocity.
-  const double end = all_at_end_ && pushed_ ? 1 : 0.5;
-  minimum_found_ = true;
-  newton_steps_ = 0;
-  double work = WorkOfChord(h);
-  potential_size_ = std::abs(potential_start_);
-  potential_start_ -= BeyondBoundsAtStart();
-  potential_size_ += std::abs(potential_start_);
-  if (base_size_ > 0)
-    work += h * (end * x_.head<6>() + (1 - end) * u_.head<6>()).dot(base_force_ - base_wrench_);
-  TurnAndMove(h, end);
-  if (r > 0 && BendsTooMuch(work)) {
-    state_.reduced.X_WR = X_m;
-    work = MinimiseAtEnd(h);
-    if (base_size_ > 0)
-      work += h * (end * x_.head<6>() + (1 - end) * u_.head<6>()).dot(base_force_ - base_wrench_);
-    TurnAndMove(h, end);
+  const double end = ws.all_at_end && ws.pushed ? 1 : 0.5;
+  ws.minimum_found = true;
+  ws.newton_steps = 0;
+  double work = WorkOfChord(here, h);
+  ws.potential_size = std::abs(ws.potential_start);
+  ws.potential_start -= BeyondBoundsAtStart(here);
+  ws.potential_size += std::abs(ws.potential_start);
+  if (model.base_size > 0)
+    work += h * (end * ws.x.head<6>() + (1 - end) * ws.u.head<6>()).dot(ws.base_force - ws.base_wrench);
+  TurnAndMove(here, h, end);
+  if (r > 0 && BendsTooMuch(here, work)) {
+    state.reduced.X_WR = X_m;
+    work = MinimiseAtEnd(here, h);
+    if (model.base_size > 0)
+      work += h * (end * ws.x.head<6>() + (1 - end) * ws.u.head<6>()).dot(ws.base_force - ws.base_wrench);
+    TurnAndMove(here, h, end);
   }
 
   // ẋ⁺ + ẋ and its rates of joints, seen from the middle.
   Vector6 V = Vector6::Zero();
-  if (driven) V = 2 * state_.reduced.V_R;
-  if (base_size_ > 0) V = x_.head<6>() + u_.head<6>();
-  q_ddot_.setZero();
+  if (driven) V = 2 * state.reduced.V_R;
+  if (model.base_size > 0) V = ws.x.head<6>() + ws.u.head<6>();
+  ws.q_ddot.setZero();
   if (r > 0) {
-    f_turn_ = x_.tail(r) + u_.tail(r);
-    AddMotion(model(), elsewhere_.Q_now, f_turn_, q_ddot_);
+    ws.f_turn = ws.x.tail(r) + ws.u.tail(r);
+    AddMotion(*model.reduced, ws.elsewhere.Q_now, ws.f_turn, ws.q_ddot);
   }
-  ComputeMaterialVelocities(mechanism(), rigid_parts_, elsewhere_.kinematics, q_ddot_, V, other_velocity_);
-  q_ddot_ -= q_dot_start_;
-  SubtractFrom(other_velocity_, R_m.transpose() * X_WR_before_.rotation(), start_velocity_);
-  TurnFreely(rigid_parts_, 0.5 * h, start_velocity_);
+  ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.elsewhere.kinematics, ws.q_ddot, V,
+                            ws.other_velocity);
+  ws.q_ddot -= ws.q_dot_start;
+  SubtractFrom(ws.other_velocity, R_m.transpose() * ws.X_WR_before.rotation(), ws.start_velocity);
+  TurnFreely(model.rigid_parts, 0.5 * h, ws.start_velocity);
 
-  UpdateInertia();
-  const Matrix3 R_eW = state_.reduced.X_WR.rotation().transpose();
-  F_parts_.setZero();
-  AddMomentum(rigid_parts_, configuration_.kinematics, start_velocity_, R_eW * R_m, 1, F_parts_);
-  tau_ = mechanism().armature().cwiseProduct(q_ddot_);
+  UpdateInertia(here);
+  const Matrix3 R_eW = state.reduced.X_WR.rotation().transpose();
+  ws.F_parts.setZero();
+  AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.start_velocity, R_eW * R_m, 1, ws.F_parts);
+  ws.tau = model.mechanism().armature().cwiseProduct(ws.q_ddot);
   if (driven) {
-    q_ddot_.setZero();
-    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_ddot_,
-                              state_.reduced.V_R, other_velocity_);
-    AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
+    ws.q_ddot.setZero();
+    ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics, ws.q_ddot,
+                              state.reduced.V_R, ws.other_velocity);
+    AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.other_velocity, Matrix3::Identity(), -1,
+                ws.F_parts);
   }
-  GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
-  q_dot_ = q_dot_start_;  // ClosureForces takes the rate of joint rates from it
-  TakeVelocityAtEnd(work);
-  if (first_order_) {
-    state_.past.h = 0;
+  GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.F_parts, ws.tau);
+  ws.q_dot = ws.q_dot_start;  // ClosureForces takes the rate of joint rates from it
+  TakeVelocityAtEnd(here, work);
+  if (ws.first_order) {
+    state.past.h = 0;
     return;
   }
-  past_next_.z_moved = state_.reduced.z - z_before_;
-  past_next_.V_R = state_.reduced.V_R;
-  std::swap(state_.past, past_next_);
+  ws.past_next.z_moved = state.reduced.z - ws.z_before;
+  ws.past_next.V_R = state.reduced.V_R;
+  std::swap(state.past, ws.past_next);
 }
 
-// Pose at the end of the step from w_mean_ and x_: from the middle, to which elsewhere_ then belongs. The
+// Pose at the end of the step from w_mean and x: from the middle, to which elsewhere then belongs. The
 // centre of mass goes by momentum alone, so that a drift of the whole changes nothing else.
-void MechanismDynamics::TurnAndMove(double h, double end) {
-  const Matrix3 R_m = state_.reduced.X_WR.rotation();
-  state_.reduced.z = z_before_;
-  if (model().size() > 0) state_.reduced.z += h * w_mean_;
-  state_.reduced.X_WR = mechanism().base() == BaseKind::kDriven ? state_.driven_next : X_WR_before_;
+void TurnAndMove(const MechanismStep& here, double h, double end) {
+  const auto& [model, state, ws] = here;
+  const Matrix3 R_m = state.reduced.X_WR.rotation();
+  state.reduced.z = ws.z_before;
+  if (model.size() > 0) state.reduced.z += h * ws.w_mean;
+  state.reduced.X_WR = model.mechanism().base() == BaseKind::kDriven ? state.driven_next : ws.X_WR_before;
   Vector3 center_end = Vector3::Zero();  // m, world axes
-  if (base_size_ > 0) {
-    const Vector3 pushed = R_m * (M_full_.middleRows<3>(3) * x_ - momentum_.segment<3>(3));
-    const Vector3 turn = h * (R_m * (end * x_.head<3>() + (1 - end) * u_.head<3>()));
-    center_end = center_W_ + h / M_00_(5, 5) * (linear_W_ + end * pushed);
-    state_.reduced.X_WR.rotation() = ExpRotation(turn) * state_.reduced.X_WR.rotation();
-    state_.reduced.X_WR.Orthonormalize();
+  if (model.base_size > 0) {
+    const Vector3 pushed = R_m * (ws.M_full.middleRows<3>(3) * ws.x - ws.momentum.segment<3>(3));
+    const Vector3 turn = h * (R_m * (end * ws.x.head<3>() + (1 - end) * ws.u.head<3>()));
+    center_end = ws.center_W + h / ws.M_00(5, 5) * (ws.linear_W + end * pushed);
+    state.reduced.X_WR.rotation() = ExpRotation(turn) * state.reduced.X_WR.rotation();
+    state.reduced.X_WR.Orthonormalize();
   }
-  std::swap(configuration_, elsewhere_);
-  configuration_.TakeLoops(elsewhere_);
-  pose_energy_.valid = false;
-  Configure(model(), state_.reduced, configuration_);
-  if (base_size_ > 0)
-    state_.reduced.X_WR.translation() =
-        center_end - state_.reduced.X_WR.rotation() * CenterOfParts(rigid_parts_, configuration_.kinematics);
+  std::swap(ws.configuration, ws.elsewhere);
+  ws.configuration.TakeLoops(ws.elsewhere);
+  ws.pose_energy.valid = false;
+  Configure(*model.reduced, state.reduced, ws.configuration);
+  if (model.base_size > 0)
+    state.reduced.X_WR.translation() =
+        center_end -
+        state.reduced.X_WR.rotation() * CenterOfParts(model.rigid_parts, ws.configuration.kinematics);
 }
 
 // Whether springs came to hold so much more than foreseen that the motion of the joints cannot pay for it: along
 // w̄ it has (w̄·M x)²/2 w̄·M w̄ to give.
-bool MechanismDynamics::BendsTooMuch(double work) {
-  const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.reduced.X_WR;
-  const double missed = PotentialOfStep(X_WR) - potential_start_ + work;
-  TakeRelativeMotion(w_mean_);
-  const double along = solved_.dot(x_), inertia = solved_.dot(rhs_);
+bool BendsTooMuch(const MechanismStep& here, double work) {
+  const auto& [model, state, ws] = here;
+  const RigidTransform& X_WR =
+      model.mechanism().base() == BaseKind::kDriven ? ws.weighed_on : state.reduced.X_WR;
+  const double missed = PotentialOfStep(here, X_WR) - ws.potential_start + work;
+  TakeRelativeMotion(here, ws.w_mean);
+  const double along = ws.solved.dot(ws.x), inertia = ws.solved.dot(ws.rhs);
   const double has = inertia > 0 ? along * along / (2 * inertia) : 0;
-  return missed > 0.5 * has + kRounding * potential_size_;
+  return missed > 0.5 * has + kRounding * ws.potential_size;
 }
 
-// rhs_ <- w without momentum of the whole, solved_ <- M times it.
-void MechanismDynamics::TakeRelativeMotion(const Eigen::Ref<const VectorX>& w) {
-  rhs_.tail(model().size()) = w;
-  if (base_size_ > 0) rhs_.head<6>() = -SolvePositive(M_00_, M_0z_ * w);
-  solved_.noalias() = M_full_ * rhs_;  // base rows 0: no momentum
+// rhs <- w without momentum of the whole, solved <- M times it.
+void TakeRelativeMotion(const MechanismStep& here, const Eigen::Ref<const VectorX>& w) {
+  const auto& [model, state, ws] = here;
+  ws.rhs.tail(model.size()) = w;
+  if (model.base_size > 0) ws.rhs.head<6>() = -SolvePositive(ws.M_00, ws.M_0z * w);
+  ws.solved.noalias() = ws.M_full * ws.rhs;  // base rows 0: no momentum
 }
 
 // Adds `energy` to the kinetic energy along the relative motion of the step, and where that has less than is
 // owed, as after a turn by a radian, along that of its end. The momentum of the whole stays.
-void MechanismDynamics::MatchWork(double energy) {
+void MatchWork(const MechanismStep& here, double energy) {
+  const auto& [model, state, ws] = here;
   for (const bool at_end : {false, true}) {
     if (at_end)
-      TakeRelativeMotion(x_.tail(model().size()));
+      TakeRelativeMotion(here, ws.x.tail(model.size()));
     else
-      TakeRelativeMotion(w_mean_);
-    const double a = 0.5 * solved_.dot(rhs_), b = solved_.dot(x_), share = SmallRoot(a, b, energy);
-    x_ += share * rhs_;
+      TakeRelativeMotion(here, ws.w_mean);
+    const double a = 0.5 * ws.solved.dot(ws.rhs), b = ws.solved.dot(ws.x), share = SmallRoot(a, b, energy);
+    ws.x += share * ws.rhs;
     energy -= (a * share + b) * share;
-    if (!(energy < -kRounding * potential_size_)) return;
+    if (!(energy < -kRounding * ws.potential_size)) return;
   }
 }
 
-// The velocity that ẋ⁺ leaves at the new pose, tau_ and F_parts_ its momentum, with the momentum of the whole
+// The velocity that ẋ⁺ leaves at the new pose, tau and F_parts its momentum, with the momentum of the whole
 // kept to rounding and the work of the chord corrected to the potential's true change.
-void MechanismDynamics::TakeVelocityAtEnd(double work) {
-  const int r = model().size();
-  if (num_velocities() == 0) return;
-  if (r > 0) ReduceForce(model(), Q_now(), tau_, f_used_);
-  if (r > 0) momentum_.tail(r) = f_used_;
-  if (base_size_ > 0) momentum_.head<6>() = F_parts_.col(0);
-  x_ = momentum_;
-  SolveOrFail(inertia_factor_, M_full_, x_);
+void TakeVelocityAtEnd(const MechanismStep& here, double work) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size();
+  if (model.num_velocities() == 0) return;
+  if (r > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.tau, ws.f_used);
+  if (r > 0) ws.momentum.tail(r) = ws.f_used;
+  if (model.base_size > 0) ws.momentum.head<6>() = ws.F_parts.col(0);
+  ws.x = ws.momentum;
+  SolveOrFail(ws.inertia_factor, ws.M_full, ws.x);
   // What is known of the energy: the work of springs without potential is known at the middle alone.
-  if (r > 0 && rule_ == StepRule::kMiddle && !has_follower_springs_) {
-    const RigidTransform& X_WR = mechanism().base() == BaseKind::kDriven ? weighed_on_ : state_.reduced.X_WR;
-    const double potential = PotentialOfStep(X_WR), missed = potential_start_ - potential - work;
+  if (r > 0 && ws.rule == StepRule::kMiddle && !model.has_follower_springs) {
+    const RigidTransform& X_WR =
+        model.mechanism().base() == BaseKind::kDriven ? ws.weighed_on : state.reduced.X_WR;
+    const double potential = PotentialOfStep(here, X_WR), missed = ws.potential_start - potential - work;
     // Below the digits of the two it would keep alive what comes to rest.
-    if (std::abs(missed) > kRounding * potential_size_) MatchWork(missed);
+    if (std::abs(missed) > kRounding * ws.potential_size) MatchWork(here, missed);
   }
-  state_.reduced.w = x_.tail(r);
-  if (base_size_ > 0) state_.reduced.V_R = x_.head<6>();
+  state.reduced.w = ws.x.tail(r);
+  if (model.base_size > 0) state.reduced.V_R = ws.x.head<6>();
 }
 
 }  // namespace fork1s

@@ -8,162 +8,169 @@
 // and contacts are rows of x + s as they are rows of the end velocity of implicit Euler, found where that
 // finds them. A step that follows an impact knows nothing of the past: a = 1, s = 0. ẋ, ẋ⁻ are as in
 // theta_step.cpp, ẋ⁻ turned freely to here.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
-
 #include <limits>
+
+#include "mechanism_detail.hpp"
 
 namespace fork1s {
 
-// What the next step will know of this one: all but how far it goes. start_velocity_ is that of the start.
-void MechanismDynamics::KeepPast(double h) {
-  if (rule_ == StepRule::kEuler) return;
-  past_next_.h = h;
-  past_next_.q_dot = q_dot_start_;
-  past_next_.c_dot_W.noalias() = state_.reduced.X_WR.rotation() * start_velocity_.c_dot;
-  past_next_.omega = start_velocity_.omega;
-  past_next_.R_WR = state_.reduced.X_WR.rotation();
+// What the next step will know of this one: all but how far it goes. start_velocity is that of the start.
+void KeepPast(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  if (ws.rule == StepRule::kEuler) return;
+  ws.past_next.h = h;
+  ws.past_next.q_dot = ws.q_dot_start;
+  ws.past_next.c_dot_W.noalias() = state.reduced.X_WR.rotation() * ws.start_velocity.c_dot;
+  ws.past_next.omega = ws.start_velocity.omega;
+  ws.past_next.R_WR = state.reduced.X_WR.rotation();
 }
 
-// s, and (4 ẋ - ẋ⁻)/3 in start_velocity_.
-void MechanismDynamics::TakePast(double h) {
-  const int r = model().size();
-  const MechanismPast& past = state_.past;
-  const bool known = rule_ == StepRule::kTwoSteps && past.h == h;
-  order_ = known ? 1.5 : 1;
-  contact_shift_.setZero();
-  q_dot_mixed_ = q_dot_start_;
-  if (mechanism().base() == BaseKind::kDriven) {
-    const Vector6 V_last = state_.reduced.V_R;
-    state_.reduced.V_R = DrivenTwist(h);
-    V_end_ = known ? Vector6(1.5 * state_.reduced.V_R - 0.5 * V_last) : state_.reduced.V_R;
+// s, and (4 ẋ - ẋ⁻)/3 in start_velocity.
+void TakePast(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size();
+  const MechanismPast& past = state.past;
+  const bool known = ws.rule == StepRule::kTwoSteps && past.h == h;
+  ws.order = known ? 1.5 : 1;
+  ws.contact_shift.setZero();
+  ws.q_dot_mixed = ws.q_dot_start;
+  if (model.mechanism().base() == BaseKind::kDriven) {
+    const Vector6 V_last = state.reduced.V_R;
+    state.reduced.V_R = DrivenTwist(state, h);
+    ws.V_end = known ? Vector6(1.5 * state.reduced.V_R - 0.5 * V_last) : state.reduced.V_R;
   }
   if (!known) return;
-  const Matrix3 R_RW = state_.reduced.X_WR.rotation().transpose();
-  if (r > 0) contact_shift_.tail(r) = past.z_moved / (3 * h);
-  if (base_size_ > 0) {
+  const Matrix3 R_RW = state.reduced.X_WR.rotation().transpose();
+  if (r > 0) ws.contact_shift.tail(r) = past.z_moved / (3 * h);
+  if (model.base_size > 0) {
     // Of the base's frame by the turn and the way of the whole's centre of mass, whose momentum it is.
-    const Vector3 turn = LogRotation(past.R_WR.transpose() * state_.reduced.X_WR.rotation()) / (3 * h);
-    Vector3 momentum = M_00_(5, 5) / (3 * h) * (R_RW * (center_W_ - past.center_W));
-    momentum -= M_00_.block<3, 3>(3, 0) * turn;
-    for (int i = 0; i < r; ++i) momentum -= contact_shift_(6 + i) * M_0z_.col(i).tail<3>();
-    contact_shift_.head<6>() << turn, momentum / M_00_(5, 5);
+    const Vector3 turn = LogRotation(past.R_WR.transpose() * state.reduced.X_WR.rotation()) / (3 * h);
+    Vector3 momentum = ws.M_00(5, 5) / (3 * h) * (R_RW * (ws.center_W - past.center_W));
+    momentum -= ws.M_00.block<3, 3>(3, 0) * turn;
+    for (int i = 0; i < r; ++i) momentum -= ws.contact_shift(6 + i) * ws.M_0z.col(i).tail<3>();
+    ws.contact_shift.head<6>() << turn, momentum / ws.M_00(5, 5);
   }
-  other_velocity_.c_dot.noalias() = R_RW * past.c_dot_W;
-  other_velocity_.omega = past.omega;
-  TurnFreely(rigid_parts_, h, other_velocity_);
-  start_velocity_.c_dot = (4 * start_velocity_.c_dot - other_velocity_.c_dot) / 3;
-  start_velocity_.omega = (4 * start_velocity_.omega - other_velocity_.omega) / 3;
-  q_dot_mixed_ = (4 * q_dot_start_ - past.q_dot) / 3;
+  ws.other_velocity.c_dot.noalias() = R_RW * past.c_dot_W;
+  ws.other_velocity.omega = past.omega;
+  TurnFreely(model.rigid_parts, h, ws.other_velocity);
+  ws.start_velocity.c_dot = (4 * ws.start_velocity.c_dot - ws.other_velocity.c_dot) / 3;
+  ws.start_velocity.omega = (4 * ws.start_velocity.omega - ws.other_velocity.omega) / 3;
+  ws.q_dot_mixed = (4 * ws.q_dot_start - past.q_dot) / 3;
 }
 
-// x before contact, from u_ and the forces at hand.
-void MechanismDynamics::SolveFreeTwoSteps(double h) {
-  const int r = model().size();
-  all_at_end_ = true;
-  if (HasSwitches()) AddSwitchedForces();
-  if (num_velocities() == 0) return;
-  impulse_.setZero(num_velocities());
-  A_ = order_ * order_ * M_full_;
-  x_ = order_ * momentum_;
-  if (base_size_ > 0) x_.head<6>() += h * base_force_;
+// x before contact, from u and the forces at hand.
+void SolveFreeTwoSteps(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size();
+  ws.all_at_end = true;
+  if (HasSwitches(here)) AddSwitchedForces(here);
+  if (model.num_velocities() == 0) return;
+  ws.impulse.setZero(model.num_velocities());
+  ws.A = ws.order * ws.order * ws.M_full;
+  ws.x = ws.order * ws.momentum;
+  if (model.base_size > 0) ws.x.head<6>() += h * ws.base_force;
   if (r > 0) {
     // Springs work along x + s, all else in A on x alone.
-    auto A_z = A_.bottomRightCorner(r, r);
-    const auto s = contact_shift_.tail(r);
-    x_.tail(r) += h * f_z_;
-    A_z += order_ * h * model().D;
-    TurnDampers(h);
-    if (order_ > 1) x_.tail(r).noalias() += A_z.selfadjointView<Eigen::Lower>() * s;
-    A_z.diagonal() += h * h * model().K_r;
-    TurnSprings(h);
-    TurnServos(h);
-    if (order_ > 1) x_.tail(r).noalias() -= A_z.selfadjointView<Eigen::Lower>() * s;
-    for (std::size_t k = 0; k < state_.at_bound.size(); ++k) {
-      if (state_.at_bound[k] == 0) continue;
-      const Mechanism::ForceLimit& limit = mechanism().force_limits()[k];
-      if (ServosTurn() || limit.length.path >= 0)
-        ReducedRow(limit.length, Paths(), Q_now(), limit_row_);
+    auto A_z = ws.A.bottomRightCorner(r, r);
+    const auto s = ws.contact_shift.tail(r);
+    ws.x.tail(r) += h * ws.f_z;
+    A_z += ws.order * h * model.reduced->D;
+    TurnDampers(here, h);
+    if (ws.order > 1) ws.x.tail(r).noalias() += A_z.selfadjointView<Eigen::Lower>() * s;
+    A_z.diagonal() += h * h * model.reduced->K_r;
+    TurnSprings(here, h);
+    TurnServos(here, h);
+    if (ws.order > 1) ws.x.tail(r).noalias() -= A_z.selfadjointView<Eigen::Lower>() * s;
+    for (std::size_t k = 0; k < state.at_bound.size(); ++k) {
+      if (state.at_bound[k] == 0) continue;
+      const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+      if (ServosTurn(here) || limit.length.path >= 0)
+        ReducedRow(limit.length, ws.paths(), ws.Q_now(), ws.limit_row);
       else
-        ReducedRow(limit.length, paths_ref_, model().Q_rows, limit_row_);
-      x_.tail(r) += h * h * limit.stiffness * limit_row_.dot(s) * limit_row_;
+        ReducedRow(limit.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+      ws.x.tail(r) += h * h * limit.stiffness * ws.limit_row.dot(s) * ws.limit_row;
     }
-    TakeBoundedSpringsOut(h);
+    TakeBoundedSpringsOut(here, h);
   }
-  if (factor_.Compute(A_))
-    factor_.SolveInPlace(x_);
+  if (ws.factor.Compute(ws.A))
+    ws.factor.SolveInPlace(ws.x);
   else  // World::Step finds it, takes the step back and reports
-    x_.setConstant(std::numeric_limits<double>::quiet_NaN());
+    ws.x.setConstant(std::numeric_limits<double>::quiet_NaN());
 }
 
-Vector6 MechanismDynamics::GroupTwistFromStart(int g, const Eigen::Ref<const MatrixX>& J_T) const {
-  Vector6 V = GroupTwist(g, J_T);
-  if (base_size_ == 0) return V;
-  const Vector6& V_R = state_.reduced.V_R;
-  const Matrix3 turn = X_WR_before_.rotation().transpose() * state_.reduced.X_WR.rotation();
+Vector6 GroupTwistFromStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T) {
+  const auto& [model, state, ws] = here;
+  Vector6 V = GroupTwist(here, g, J_T);
+  if (model.base_size == 0) return V;
+  const Vector6& V_R = state.reduced.V_R;
+  const Matrix3 turn = ws.X_WR_before.rotation().transpose() * state.reduced.X_WR.rotation();
   V.head<3>() += turn * V_R.head<3>() - V_R.head<3>();
   V.tail<3>() += turn * V_R.tail<3>() - V_R.tail<3>();
   return V;
 }
 
-void MechanismDynamics::IntegrateTwoSteps(double h) {
-  const int r = model().size();
-  const bool driven = mechanism().base() == BaseKind::kDriven;
-  const Matrix3 R_start = state_.reduced.X_WR.rotation();
-  w_mean_ = x_.tail(r) + contact_shift_.tail(r);
-  state_.reduced.z += h * w_mean_;
+void IntegrateTwoSteps(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size();
+  const bool driven = model.mechanism().base() == BaseKind::kDriven;
+  const Matrix3 R_start = state.reduced.X_WR.rotation();
+  ws.w_mean = ws.x.tail(r) + ws.contact_shift.tail(r);
+  state.reduced.z += h * ws.w_mean;
   // What was not pushed, by implicit Euler, follows its parabola by the mean velocity.
-  const bool falls = rule_ == StepRule::kEuler && !pushed_;
+  const bool falls = ws.rule == StepRule::kEuler && !ws.pushed;
   Vector3 center = Vector3::Zero();
-  if (driven) state_.reduced.X_WR = state_.driven_next;
-  if (base_size_ > 0) {
-    rhs_ = x_ + contact_shift_;
-    Vector3 momentum = M_full_.middleRows<3>(3) * rhs_;
+  if (driven) state.reduced.X_WR = state.driven_next;
+  if (model.base_size > 0) {
+    ws.rhs = ws.x + ws.contact_shift;
+    Vector3 momentum = ws.M_full.middleRows<3>(3) * ws.rhs;
     if (falls) {
-      rhs_.head<6>() = 0.5 * (rhs_.head<6>() + V_R_before_);
-      momentum = 0.5 * (momentum + R_start.transpose() * linear_W_);
+      ws.rhs.head<6>() = 0.5 * (ws.rhs.head<6>() + ws.V_R_before);
+      momentum = 0.5 * (momentum + R_start.transpose() * ws.linear_W);
     }
-    center = center_W_ + h / M_00_(5, 5) * (R_start * momentum);
-    state_.reduced.X_WR.rotation() = R_start * ExpRotation(h * rhs_.head<3>());
-    state_.reduced.X_WR.Orthonormalize();
+    center = ws.center_W + h / ws.M_00(5, 5) * (R_start * momentum);
+    state.reduced.X_WR.rotation() = R_start * ExpRotation(h * ws.rhs.head<3>());
+    state.reduced.X_WR.Orthonormalize();
   }
   // The momenta that the step ends with, part by part.
   Vector6 V = Vector6::Zero();
-  if (driven) V = V_end_;
-  if (base_size_ > 0) V = order_ * x_.head<6>();
-  q_ddot_.setZero();
+  if (driven) V = ws.V_end;
+  if (model.base_size > 0) V = ws.order * ws.x.head<6>();
+  ws.q_ddot.setZero();
   if (r > 0) {
-    f_turn_ = order_ * x_.tail(r);
-    AddMotion(model(), Q_now(), f_turn_, q_ddot_);
+    ws.f_turn = ws.order * ws.x.tail(r);
+    AddMotion(*model.reduced, ws.Q_now(), ws.f_turn, ws.q_ddot);
   }
-  ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_ddot_, V,
-                            start_velocity_);
-  OwnMomentum(rigid_parts_, configuration_.kinematics, start_velocity_, F_parts_);
-  tau_ = mechanism().armature().cwiseProduct(q_ddot_);
+  ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics, ws.q_ddot, V,
+                            ws.start_velocity);
+  OwnMomentum(model.rigid_parts, ws.configuration.kinematics, ws.start_velocity, ws.F_parts);
+  ws.tau = model.mechanism().armature().cwiseProduct(ws.q_ddot);
 
-  pose_energy_.valid = false;
-  Configure(model(), state_.reduced, configuration_);
-  UpdateInertia();
-  if (base_size_ > 0)
-    state_.reduced.X_WR.translation() =
-        center - state_.reduced.X_WR.rotation() * CenterOfParts(rigid_parts_, configuration_.kinematics);
-  CarryMomentum(rigid_parts_, configuration_.kinematics, state_.reduced.X_WR.rotation().transpose() * R_start,
-                F_parts_);
+  ws.pose_energy.valid = false;
+  Configure(*model.reduced, state.reduced, ws.configuration);
+  UpdateInertia(here);
+  if (model.base_size > 0)
+    state.reduced.X_WR.translation() =
+        center -
+        state.reduced.X_WR.rotation() * CenterOfParts(model.rigid_parts, ws.configuration.kinematics);
+  CarryMomentum(model.rigid_parts, ws.configuration.kinematics,
+                state.reduced.X_WR.rotation().transpose() * R_start, ws.F_parts);
   if (driven) {
-    q_ddot_.setZero();
-    ComputeMaterialVelocities(mechanism(), rigid_parts_, configuration_.kinematics, q_ddot_, V_end_,
-                              other_velocity_);
-    AddMomentum(rigid_parts_, configuration_.kinematics, other_velocity_, Matrix3::Identity(), -1, F_parts_);
+    ws.q_ddot.setZero();
+    ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics, ws.q_ddot,
+                              ws.V_end, ws.other_velocity);
+    AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.other_velocity, Matrix3::Identity(), -1,
+                ws.F_parts);
   }
-  GatherFromParts(mechanism(), configuration_.kinematics.S, F_parts_, tau_);
-  q_dot_ = q_dot_start_;  // ClosureForces takes the rate of joint rates from it
-  TakeVelocityAtEnd(0);
-  if (rule_ == StepRule::kEuler) {
-    state_.past.h = 0;
+  GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.F_parts, ws.tau);
+  ws.q_dot = ws.q_dot_start;  // ClosureForces takes the rate of joint rates from it
+  TakeVelocityAtEnd(here, 0);
+  if (ws.rule == StepRule::kEuler) {
+    state.past.h = 0;
     return;
   }
-  past_next_.z_moved = h * w_mean_;
-  past_next_.V_R = V_end_;
-  std::swap(state_.past, past_next_);
+  ws.past_next.z_moved = h * ws.w_mean;
+  ws.past_next.V_R = ws.V_end;
+  std::swap(state.past, ws.past_next);
 }
 
 }  // namespace fork1s

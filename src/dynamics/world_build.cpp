@@ -164,7 +164,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions;
     block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
     block.friction_impulses.assign(static_cast<std::size_t>(frictions), 0.0);
-    detail.has_switches_ = detail.has_switches_ || m.HasSwitches();
+    detail.has_switches_ = detail.has_switches_ || HasSwitches(m);
     detail.mechanism_blocks_.push_back(std::move(block));
     velocities += rows;
     most_rows = std::max(most_rows, rows);
@@ -209,7 +209,7 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
       body.name = m.mechanism().body(group.body).name;
       body.geometries = GroupGeometry(m.mechanism(), group);
       body.moves = group.last_joint >= 0 || m.mechanism().base() != BaseKind::kFixed;
-      body.X_WB = m.GroupPose(static_cast<int>(g));
+      body.X_WB = GroupPose(m, static_cast<int>(g));
       Contactor contactor;
       // A fixed base is still world with a name of its own.
       contactor.kind = body.moves ? Contactor::Kind::kGroup : Contactor::Kind::kWorld;

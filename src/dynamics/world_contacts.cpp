@@ -17,12 +17,12 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
     const Contactor& c = contactors_[i];
     if (c.kind == Contactor::Kind::kWorld) return;
     const RigidTransform X = c.kind == Contactor::Kind::kGroup
-                                 ? mechanisms_[static_cast<std::size_t>(c.index)].GroupPose(c.group)
+                                 ? GroupPose(mechanisms_[static_cast<std::size_t>(c.index)], c.group)
                                  : free_bodies_[static_cast<std::size_t>(c.index)].pose();
     collision_->SetPose(static_cast<int>(i), X);
     if (!has_previous_pose_) {
       const Vector6 V = c.kind == Contactor::Kind::kGroup
-                            ? mechanisms_[static_cast<std::size_t>(c.index)].GroupVelocity(c.group)
+                            ? GroupVelocity(mechanisms_[static_cast<std::size_t>(c.index)], c.group)
                             : free_bodies_[static_cast<std::size_t>(c.index)].OriginVelocity();
       contactor_motion_[i] = options.h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]);
       contactor_pose_[i] = X;
@@ -47,24 +47,26 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
 void World::Detail::SizeBlocks(std::size_t mechanism) {
   const MechanismDynamics& m = mechanisms_[mechanism];
   MechanismBlock& block = mechanism_blocks_[mechanism];
-  const std::size_t count = m.parts().size() + 1;
+  const std::size_t count = m.step_model().parts.size() + 1;
   bool fits = block.parts.size() == count && block.impulse.size() == m.num_velocities();
-  for (std::size_t p = 0; fits && p + 1 < count; ++p) fits = block.parts[p].J_T.rows() == m.parts()[p].size;
+  for (std::size_t p = 0; fits && p + 1 < count; ++p)
+    fits = block.parts[p].J_T.rows() == m.step_model().parts[p].size;
   if (fits) return;
   block.impulse.resize(m.num_velocities());
   block.parts.assign(count, PartBlock());
   std::vector<int> groups(count, 0), limits(count, 0), frictions(count, 0);
   for (std::size_t g = 0; g < m.groups().size(); ++g) {
-    const int part = m.PartOfGroup(static_cast<int>(g));
+    const int part = m.step_model().PartOfGroup(static_cast<int>(g));
     ++groups[part < 0 ? count - 1 : static_cast<std::size_t>(part)];
   }
   for (std::size_t k = 0; k < m.length_limits().size(); ++k)
-    limits[static_cast<std::size_t>(m.PartOfLimited(k))] += 2;
+    limits[static_cast<std::size_t>(m.step_model().part_of_limited[k])] += 2;
   for (std::size_t k = 0; k < m.mechanism().frictions().size(); ++k)
-    ++frictions[static_cast<std::size_t>(m.PartOfFriction(k))];
+    ++frictions[static_cast<std::size_t>(m.step_model().part_of_friction[k])];
   for (std::size_t p = 0; p < count; ++p) {
     PartBlock& part = block.parts[p];
-    const int room = 6 * groups[p] + limits[p] + frictions[p], size = p + 1 < count ? m.parts()[p].size : 0;
+    const int room = 6 * groups[p] + limits[p] + frictions[p],
+              size = p + 1 < count ? m.step_model().parts[p].size : 0;
     part.groups.reserve(static_cast<std::size_t>(groups[p]));
     part.limits.reserve(static_cast<std::size_t>(limits[p]));
     part.frictions.reserve(static_cast<std::size_t>(frictions[p]));
@@ -87,19 +89,20 @@ void World::Detail::LayOutLimits(std::size_t i, const StepOptions& options) {
   }
   // Loops may hold a mechanism on a fixed base altogether: then it has no part that stops or friction could
   // act in.
-  const bool moves = !m.parts().empty();
+  const bool moves = !m.step_model().parts.empty();
   for (std::size_t k = 0; moves && k < m.mechanism().frictions().size(); ++k)
-    block.parts[static_cast<std::size_t>(m.PartOfFriction(k))].frictions.push_back(static_cast<int>(k));
+    block.parts[static_cast<std::size_t>(m.step_model().part_of_friction[k])].frictions.push_back(
+        static_cast<int>(k));
   for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
     const Mechanism::LengthLimit& limit = m.length_limits()[k];
     const double length = m.Length(limit.length);
     // Near enough to be reached within the step, with room for what contacts may add.
-    const double reach = 0.02 + 2 * options.h * std::abs(m.LengthRate(limit.length));
+    const double reach = 0.02 + 2 * options.h * std::abs(LengthRate(m, limit.length));
     const double gap[2] = {length - limit.lower, limit.upper - length};
     for (int side = 0; side < 2; ++side) {
       const int at = static_cast<int>(2 * k) + side;
       if (moves && gap[side] < reach)
-        block.parts[static_cast<std::size_t>(m.PartOfLimited(k))].limits.push_back(at);
+        block.parts[static_cast<std::size_t>(m.step_model().part_of_limited[k])].limits.push_back(at);
       else
         block.limit_impulses[static_cast<std::size_t>(at)] = 0;
     }
@@ -113,20 +116,20 @@ void World::Detail::FillRows(std::size_t i) {
     PartBlock& part = mechanism_blocks_[i].parts[p];
     for (std::size_t g = 0; g < part.groups.size(); ++g) {
       const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
-      m.GroupJacobian(part.groups[g], part.J);
+      GroupJacobian(m, part.groups[g], part.J);
       part.J_T.middleCols(column, 6) = part.J.transpose();
       velocities_.segment<6>(part.offset + column) =
-          m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
+          GroupTwist(m, part.groups[g], part.J_T.middleCols(column, 6));
     }
     for (std::size_t k = 0; k < part.limits.size(); ++k) {
       const Eigen::Index column =
           6 * static_cast<Eigen::Index>(part.groups.size()) + static_cast<Eigen::Index>(k);
-      m.LengthRow(m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].length, m.parts()[p],
-                  part.J_T.col(column));
+      LengthRow(m, m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].length,
+                m.step_model().parts[p], part.J_T.col(column));
     }
     for (std::size_t k = 0; k < part.frictions.size(); ++k)
-      m.LengthRow(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].length, m.parts()[p],
-                  part.J_T.col(part.FrictionRow(k)));
+      LengthRow(m, m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].length,
+                m.step_model().parts[p], part.J_T.col(part.FrictionRow(k)));
   }
 }
 
@@ -145,7 +148,7 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
     if (contactors_[c].kind != Contactor::Kind::kGroup || port_offset_[c] < 0) continue;
     const auto i = static_cast<std::size_t>(contactors_[c].index);
     auto& parts = mechanism_blocks_[i].parts;
-    const int part = mechanisms_[i].PartOfGroup(contactors_[c].group);
+    const int part = mechanisms_[i].step_model().PartOfGroup(contactors_[c].group);
     port_part_[c] = part < 0 ? static_cast<int>(parts.size()) - 1 : part;
     auto& groups = parts[static_cast<std::size_t>(port_part_[c])].groups;
     port_offset_[c] = 6 * static_cast<int>(groups.size());
@@ -179,23 +182,23 @@ void World::Detail::AssembleOperators() {
     for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
       PartBlock& part = mechanism_blocks_[i].parts[p];
       if (part.rows == 0) continue;
-      if (p < m.parts().size()) {
+      if (p < m.step_model().parts.size()) {
         auto Y = part.Y.leftCols(part.rows);
         Y = part.J_T.leftCols(part.rows);
-        m.HalfSolve(m.parts()[p], Y);
+        HalfSolve(m, m.step_model().parts[p], Y);
       }
       for (std::size_t g = 0; g < part.groups.size(); ++g) {
         const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
         velocities_.segment<6>(part.offset + column) =
-            m.GroupTwist(part.groups[g], part.J_T.middleCols(column, 6));
+            GroupTwist(m, part.groups[g], part.J_T.middleCols(column, 6));
       }
       for (std::size_t k = 0; k < part.limits.size(); ++k)
         velocities_(part.offset + 6 * static_cast<Eigen::Index>(part.groups.size()) +
                     static_cast<Eigen::Index>(k)) =
-            m.LengthRate(m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].length);
+            LengthRate(m, m.length_limits()[static_cast<std::size_t>(part.limits[k] / 2)].length);
       for (std::size_t k = 0; k < part.frictions.size(); ++k)
         velocities_(part.offset + part.FrictionRow(k)) =
-            m.LengthRate(m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].length);
+            LengthRate(m, m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].length);
     }
   });
   blocks_.clear();

@@ -4,6 +4,7 @@
 #include <array>
 #include <fork1s/dynamics/island_solver.hpp>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/dynamics/mechanism_model.hpp>
 #include <fork1s/dynamics/world.hpp>
 #include <fork1s/parallel/parallel_for.hpp>
 #include <memory>

@@ -57,7 +57,7 @@ StepReport World::Detail::StepThroughImpact(const StepOptions& options) {
   for (int k = 1; k <= kSteps; ++k) {
     const double share = static_cast<double>(k) / kSteps;
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-      mechanisms_[i].SetInputsWithin(before_impact_.mechanisms[i], share);
+      SetInputsWithin(mechanisms_[i], before_impact_.mechanisms[i], share);
     for (std::size_t i = 0; i < free_bodies_.size(); ++i)
       free_bodies_[i].SetWrench(before_impact_.free_bodies[i]);
     own.refresh = options.refresh && k == kSteps;

@@ -71,12 +71,12 @@ void World::Detail::ApplyImpulses() {
         block.friction_impulses[static_cast<std::size_t>(part.frictions[k])] = limits_[next].impulse;
       }
       if (part.rows == 0 || part.J_T.rows() == 0) continue;
-      const MechanismDynamics::Part& run = mechanisms_[i].parts()[p];
+      const VelocityRange& run = mechanisms_[i].step_model().parts[p];
       block.impulse.segment(run.begin, run.size).noalias() =
           part.J_T.leftCols(part.rows) * part.port_impulse.head(part.rows);
       pushed = true;
     }
-    if (pushed) mechanisms_[i].ApplyImpulse(block.impulse, block.pushed_from_outside);
+    if (pushed) ApplyImpulse(mechanisms_[i], block.impulse, block.pushed_from_outside);
   });
 }
 
@@ -93,8 +93,8 @@ void World::Detail::KeepEndVelocities() {
     } else if (mechanism_blocks_[i].refreshed <= 0 &&  // else there are no such rows any more
                mechanisms_[i].recovery() != Recovery::kTwist) {
       const PartBlock& part = mechanism_blocks_[i].parts[static_cast<std::size_t>(port_part_[c])];
-      V = mechanisms_[i].GroupTwistFromStart(contactors_[c].group,
-                                             part.J_T.middleCols(port_offset_[c] - part.offset, 6));
+      V = GroupTwistFromStart(mechanisms_[i], contactors_[c].group,
+                              part.J_T.middleCols(port_offset_[c] - part.offset, 6));
     }
     last_twist_[c] = V;
   }

@@ -227,7 +227,7 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       LimitConstraint& limit = *next++;
       limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
       limit.sign = upper ? -1 : 1;
-      const double moved = rule_ == StepRule::kMiddle ? 0.5 * h * m.LengthRate(stop.length) : 0;
+      const double moved = rule_ == StepRule::kMiddle ? 0.5 * h * LengthRate(m, stop.length) : 0;
       limit.bias =
           StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
       limit.impulse = by_step * mechanism_blocks_[i].limit_impulses[at];
@@ -262,12 +262,12 @@ void World::Detail::ShiftRows() {
   port_shift_.setZero(velocities_.size());
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     const MechanismDynamics& m = mechanisms_[i];
-    for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size() && p < m.parts().size(); ++p) {
+    for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size() && p < m.step_model().parts.size(); ++p) {
       const PartBlock& part = mechanism_blocks_[i].parts[p];
-      const MechanismDynamics::Part& run = m.parts()[p];
+      const VelocityRange& run = m.step_model().parts[p];
       if (part.rows > 0)
         port_shift_.segment(part.offset, part.rows).noalias() =
-            part.J_T.leftCols(part.rows).transpose() * m.ContactShift().segment(run.begin, run.size);
+            part.J_T.leftCols(part.rows).transpose() * ContactShift(m).segment(run.begin, run.size);
     }
   }
   if (rule_ == StepRule::kTwoSteps)

@@ -45,8 +45,8 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
   if (times_) ShareRefreshes(moving_before);
   if (by_theta_)
     for (const MechanismDynamics& m : mechanisms_) {
-      report.newton_steps = std::max(report.newton_steps, m.NewtonSteps());
-      report.minimum_found = report.minimum_found && m.FoundMinimum();
+      report.newton_steps = std::max(report.newton_steps, NewtonSteps(m));
+      report.minimum_found = report.minimum_found && FoundMinimum(m);
     }
   for (const MechanismBlock& block : mechanism_blocks_) {
     report.refreshes += block.refreshed > 0 ? 1 : 0;
@@ -56,7 +56,7 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
 
 void World::Detail::PredictAll(const StepOptions& options) {
   const PartClock clock(times_, &StepPartTimes::free_velocities);
-  ForMechanisms([&](std::size_t i) { mechanisms_[i].Predict(options.h, options.gravity); });
+  ForMechanisms([&](std::size_t i) { Predict(mechanisms_[i], options.h, options.gravity); });
   for (FreeBody& b : free_bodies_) b.Predict(options.h, options.gravity);
 }
 
@@ -82,9 +82,9 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
 bool World::Detail::UpdateSwitches(const StepOptions& options) {
   bool changed = false;
   for (MechanismDynamics& m : mechanisms_)
-    if (m.UpdateSwitches(options.h)) changed = true;
+    if (fork1s::UpdateSwitches(m, options.h)) changed = true;
   if (!changed) return false;
-  for (MechanismDynamics& m : mechanisms_) m.PredictAgain(options.h);
+  for (MechanismDynamics& m : mechanisms_) PredictAgain(m, options.h);
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].ResetVelocity(free_velocity_[i]);
   return true;
 }
@@ -104,8 +104,8 @@ bool World::Detail::IsFinite(bool poses) {
     const MechanismDynamics& m = mechanisms_[i];
     const auto& X_RB = m.configuration().kinematics.X_RB;
     mechanism_blocks_[i].finite =
-        m.IsFinite() && (!poses || std::all_of(X_RB.begin(), X_RB.end(),
-                                               [](const RigidTransform& X) { return X.IsFinite(); }));
+        fork1s::IsFinite(m) && (!poses || std::all_of(X_RB.begin(), X_RB.end(),
+                                                      [](const RigidTransform& X) { return X.IsFinite(); }));
   });
   return std::all_of(mechanism_blocks_.begin(), mechanism_blocks_.end(),
                      [](const MechanismBlock& b) { return b.finite; }) &&

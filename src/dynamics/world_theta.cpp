@@ -19,7 +19,7 @@ double World::Detail::MotionWithin(double h) const {
     const Contactor& c = contactors_[i];
     if (c.kind == Contactor::Kind::kWorld) continue;
     const auto index = static_cast<std::size_t>(c.index);
-    const Vector6 V = c.kind == Contactor::Kind::kGroup ? mechanisms_[index].GroupVelocity(c.group)
+    const Vector6 V = c.kind == Contactor::Kind::kGroup ? GroupVelocity(mechanisms_[index], c.group)
                                                         : free_bodies_[index].OriginVelocity();
     motion = std::max(motion, h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]));
   }
@@ -33,7 +33,7 @@ void World::Detail::BeginAll(const StepOptions& options, StepRule rule) {
     if (mechanisms_[i].recovery() == Recovery::kTwist) return;
     const auto& parts = mechanism_blocks_[i].parts;
     const bool free = std::all_of(parts.begin(), parts.end(), [](const PartBlock& p) { return p.rows == 0; });
-    mechanisms_[i].Begin(options.h, options.gravity, free ? StepRule::kMiddle : rule);
+    Begin(mechanisms_[i], options.h, options.gravity, free ? StepRule::kMiddle : rule);
   });
   if (rule == StepRule::kEuler) return;
   touched_.assign(free_bodies_.size(), 0);
@@ -96,13 +96,14 @@ void World::Detail::ExpectContacts() {
     };
     // A servo that gives all it can follows nothing; its bound is a force of the end.
     if (mechanisms_[i].NumForcesAtBound() > 0) {
-      mechanisms_[i].ActAtEnd();
+      ActAtEnd(mechanisms_[i]);
       continue;
     }
-    mechanisms_[i].ExpectContact(
-        std::any_of(parts.begin(), parts.end(), [](const PartBlock& p) { return !p.limits.empty(); }) ||
-        std::any_of(points_.begin(), points_.end(),
-                    [&](const ContactPoint& p) { return involves(p.body_a) || involves(p.body_b); }));
+    ExpectContact(mechanisms_[i], std::any_of(parts.begin(), parts.end(),
+                                              [](const PartBlock& p) { return !p.limits.empty(); }) ||
+                                      std::any_of(points_.begin(), points_.end(), [&](const ContactPoint& p) {
+                                        return involves(p.body_a) || involves(p.body_b);
+                                      }));
   }
 }
 
@@ -110,7 +111,7 @@ void World::Detail::ExpectContacts() {
 void World::Detail::BeginEuler(const StepOptions& options, StepReport& report) {
   PrepareContacts(options, report);
   BeginAll(options, StepRule::kEuler);
-  for (MechanismDynamics& m : mechanisms_) m.ActAtEnd();
+  for (MechanismDynamics& m : mechanisms_) ActAtEnd(m);
 }
 
 // Where something lasts in contact, contacts are found at the start of the step. Where nothing touches they

@@ -65,7 +65,7 @@ TEST(NonFinite, NothingOfItStays) {
           EXPECT_EQ(HashOf(after), HashOf(before)) << power;
           ++taken_back;
         }
-        EXPECT_TRUE(m.IsFinite()) << power;
+        EXPECT_TRUE(IsFinite(m)) << power;
         world.Restore(before);
         EXPECT_TRUE(world.Step(options).finite) << power;  // as if nothing had been
         world.Restore(before);

@@ -1,0 +1,70 @@
+// What a step of a mechanism reads and only a refresh changes.
+#pragma once
+
+#include <fork1s/dynamics/mechanism_options.hpp>
+#include <fork1s/dynamics/theta_scheme.hpp>
+#include <fork1s/linalg/row_squares.hpp>
+#include <fork1s/mechanism/rigid_parts.hpp>
+#include <fork1s/reduction/reduced_model.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+/// Const and shared once it is made; a refresh makes another one. Sizes: n joint coordinates, r reduced ones.
+struct MechanismModel {
+  /// At its start, the pose of the reference.
+  MechanismModel(std::shared_ptr<const ReducedModel> about, const MechanismOptions& with);
+  /// The same mechanism about another reference.
+  MechanismModel(const MechanismModel& before, std::shared_ptr<const ReducedModel> about);
+
+  const Mechanism& mechanism() const { return *reduced->mechanism; }
+  /// r
+  int size() const { return reduced->size(); }
+  /// Number of generalized velocities: r, plus 6 where the base floats.
+  int num_velocities() const { return base_size + size(); }
+  bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
+  bool by_twists() const { return options.recovery == Recovery::kTwist; }
+  /// The part that moves group g; -1 where it only follows the base.
+  int PartOfGroup(int g) const { return part_of_group[static_cast<std::size_t>(g)]; }
+
+  // The same after every refresh.
+  MechanismOptions options;
+  RigidParts rigid_parts;
+  std::vector<ContactGroup> groups;
+  std::vector<char> spins;  // n: whether a joint may turn for ever without the model growing old
+  // Limits in force: those of the mechanism, widened to the initial pose where that was outside.
+  std::vector<Mechanism::LengthLimit> length_limits;
+  std::vector<std::string> warnings;
+  int base_size = 0;  // 6 where the base floats
+
+  std::shared_ptr<const ReducedModel> reduced;
+  std::vector<char> whole;   // n: as spins, of the model at hand, but for its modes
+  VectorX coordinate_reach;  // r: most that a joint moves per z, slides in lengths of the mechanism
+  // Velocities [begin, begin + size) that neither inertia nor damping nor any contact group couples to the
+  // others: the fingers of a hand whose palm is held, for instance. W is formed and contacts are solved part
+  // by part.
+  std::vector<VelocityRange> parts;
+  std::vector<int> part_of_group, part_of_limited, part_of_friction;  // of length_limits, of frictions()
+
+  // Forces about the reference.
+  std::vector<PathState> paths_ref;
+  std::vector<double> spring_stiffness_ref;  // of springs()
+  MatrixX stiffness_ref;                     // n x n: K_q where it is not diagonal and q_perp is there
+  std::vector<WeightedRows> dampers;         // of joints
+  MatrixX joint_damping_ref;                 // r x r, lower triangle, with loops: what those are in D
+  bool has_followers = false;         // forces along lengths without potential
+  bool has_follower_springs = false;  // and some of them hang on the length
+  bool has_bent_springs = false;      // of paths, or not linear
+
+  // By twists.
+  VectorX f_ref;              // Qᵀ g_ref
+  double springs_ref = 0;     // J in the springs
+  MatrixX gravity_map;        // r x 3, force per unit gravity in R
+  MatrixX control_map;        // r x controls
+  Matrix6X base_gravity_map;  // 6 x 3
+  MatrixX rigid_motion_map;   // r x 36, force per entry of ξξᵀ
+};
+
+}  // namespace fork1s

@@ -1,0 +1,156 @@
+// One reduced mechanism in motion: forces, the implicit operator, refresh.
+//
+// docs/method.md, section 5. With x = [ξ; w] (base twist where the base floats, reduced rates):
+//     A x⁺ = M u + h (f(z) + loads) + Jᵀλ,   A = M + h D + h² K, factored in each step.
+// M is that of the pose (twist mode: of the reference): with a stale one a body in free fall would push its own
+// legs about, the harder the faster it moves. Forces are evaluated in joint coordinates and projected,
+// f_z = Q(q)ᵀ g(q): on trees this is -K z + F_u u exactly, with loops it carries the projector, and dead loads
+// bring their geometric stiffness. No velocity force is computed: u is what the pose sees of the velocities that
+// the last step left (theta_step.cpp, two_steps.cpp).
+//
+// Functions here read a const model, move a state of plain values, and keep in a workspace what follows from
+// the two and what one step alone needs. The workspace's insides are known to src/dynamics alone.
+#pragma once
+
+#include <fork1s/dynamics/mechanism_state.hpp>
+#include <fork1s/dynamics/step_rule.hpp>
+#include <memory>
+#include <vector>
+
+namespace fork1s {
+
+struct MechanismModel;      // mechanism_model.hpp
+struct MechanismWorkspace;  // src/dynamics/mechanism_workspace.hpp
+struct VelocityRange;       // theta_scheme.hpp
+
+/// What moves.
+struct MechanismStep {
+  const MechanismModel& model;
+  MechanismState& state;
+  MechanismWorkspace& work;
+};
+
+/// What is only looked at.
+struct MechanismView {
+  MechanismView(const MechanismModel& of_model, const MechanismState& of_state,
+                const MechanismWorkspace& of_work)
+      : model(of_model), state(of_state), work(of_work) {}
+  MechanismView(const MechanismStep& step) : MechanismView(step.model, step.state, step.work) {}
+
+  const MechanismModel& model;
+  const MechanismState& state;
+  const MechanismWorkspace& work;
+};
+
+// Inputs.
+
+/// Wrench on a body in world axes about a point p_W that moves with nothing: applied in the next step only.
+void AddWrench(MechanismState& state, BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
+               const Vector3& point_W);
+/// Wrenches for the next step are those of `start`, and controls and the pose of a driven base where they
+/// are after a share of a step that begins there.
+void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share);
+
+// A step.
+
+/// Begins a step by this rule (docs/method.md, section 5). By kMiddle the mechanism stands where its
+/// velocity takes it in half the step, from here to Integrate, and Predict, ports and lengths
+/// speak of that pose. By kTwoSteps velocities x from Predict on are a share of those of the end. Not by
+/// twists, which know no other rule than kEuler.
+void Begin(const MechanismStep& here, double h, const Vector3& gravity_W, StepRule rule);
+/// Between Begin and Predict: whether anything may touch it in this step. Then all forces act at the end of
+/// the step, as rows of contact ask: J (x⁺ + ContactShift()) is the mean velocity that they bound.
+void ExpectContact(const MechanismStep& here, bool touches);
+/// Between Begin and Predict: this step is of first order, implicit Euler's. By kMiddle all forces act at its
+/// end, and it goes all the way at the velocity that it ends with.
+void ActAtEnd(const MechanismStep& here);
+/// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
+void Predict(const MechanismStep& here, double h, const Vector3& gravity_W);
+/// What the mean velocity of a step has beyond x, after Predict [num_velocities].
+const VectorX& ContactShift(const MechanismView& here);
+/// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities]. `from_outside`: other bodies or the world had
+/// part in them, so the base has gaps to keep; limits and self-contact are the mechanism's own affair.
+void ApplyImpulse(const MechanismStep& here, const VectorX& p, bool from_outside);
+/// Whether servos with bounds or springs with slack make the step solve in rounds.
+bool HasSwitches(const MechanismView& here);
+/// After contact: which servos are at a bound of their force at the present velocity, and which springs are
+/// slack. True if that differs from what the velocity was computed with; then PredictAgain and solve
+/// contact anew.
+bool UpdateSwitches(const MechanismStep& here, double h);
+/// The free velocity again, as before contact acted, with the servos at their bounds that are there now.
+void PredictAgain(const MechanismStep& here, double h);
+/// Phase 2: moves the state by x⁺ over h and brings poses up to date.
+void Integrate(const MechanismStep& here, double h);
+/// Newton iterations of the last step beyond the first: where forces bent more within it than one could
+/// follow.
+int NewtonSteps(const MechanismView& here);
+/// False where those iterations ended short of the minimum.
+bool FoundMinimum(const MechanismView& here);
+/// Servos and motors that give all they can.
+int NumForcesAtBound(const MechanismState& state);
+
+// Between steps.
+
+/// Puts back a state, of here or of another mechanism that was created the same way; the model follows it.
+void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work,
+             const MechanismState& saved);
+/// Largest turn since the reference, as a share of the refresh angle, of joints whose turn matters, or gap
+/// of a loop that is closed by its curvature, as a share of the refresh gap. A wheel
+/// may spin, and a finger whose every motion the model has may bend. Steps of second order go by the modes
+/// of the reference: there a finger's turn matters.
+double Staleness(const MechanismView& here, bool second_order = false);
+/// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
+/// the old model stays.
+bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work);
+
+// Ports: what contacts see.
+
+/// 6 x (size of its part) map from x to the twist of group g in R; the driven base's own twist comes on
+/// top.
+void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<Matrix6X> J);
+/// Twist of group g at velocity x: before Predict the present one, after it the free one.
+Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
+/// After a step by kTwoSteps: the twist that its end velocities would have been at its start, along the
+/// axes of R then and about R's origin, J_T as then.
+Vector6 GroupTwistFromStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
+RigidTransform GroupPose(const MechanismView& here, int g);
+/// Twist of group g in world axes about the origin of the body that names it.
+Vector6 GroupVelocity(const MechanismView& here, int g);
+/// Solves L Y = Jᵀ in place (columns of one part), A = L Lᵀ with the part's velocities from the last to the
+/// first, as the rows of Y are then: W = Yᵀ Y.
+void HalfSolve(const MechanismView& here, const VelocityRange& part, Eigen::Ref<MatrixX> Jt);
+
+// Lengths that springs, stops and motors act on.
+
+/// Rate of a length per unit of its part's velocities, at the present pose (twist mode: the reference's).
+void LengthRow(const MechanismView& here, const Mechanism::Length& length, const VelocityRange& part,
+               Eigen::Ref<VectorX> row);
+double LengthRate(const MechanismView& here, const Mechanism::Length& length);
+/// Counted from q = 0.
+double Length(const MechanismView& here, const Mechanism::Length& length);
+/// tau [n] += what a force along a length is on the joints.
+void AddLengthForce(const MechanismView& here, const Mechanism::Length& length, double force, VectorX& tau);
+
+// What a state is as bodies see it.
+
+double KineticEnergy(const MechanismView& here);
+/// Springs, controls and gravity at the present pose [J].
+double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W);
+double ClosureGapNow(const MechanismView& here);
+/// Forces of the rigid closures and couplings [num_constraints], in the order and axes of ClosureResidual:
+/// what the joined parts bear so that the residual stays 0, positive where springs and loads would open it.
+/// From the balance of joint forces after a step of h [s], by the metric of the loop correction where the
+/// interior is not in balance. What rows bear against each other where the joints can hardly yield stays
+/// that of `near` [num_constraints]. `contacts_R` [6 x bodies]: wrenches of the step's contacts in R. By
+/// twists zeros. Allocates.
+VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& contacts_R, const VectorX& near);
+bool IsFinite(const MechanismView& here);
+/// Pose of a body in the world at the present state.
+RigidTransform BodyPose(const MechanismView& here, BodyIndex b);
+/// Of all bodies in the frame of its root, side by side where they are many.
+void BodyPoses(const MechanismView& here, std::vector<RigidTransform>& X_RB);
+/// Twist of a body in world axes about its own origin.
+Vector6 BodyVelocity(const MechanismView& here, BodyIndex b);
+const Configuration& ConfigurationOf(const MechanismView& here);
+
+}  // namespace fork1s

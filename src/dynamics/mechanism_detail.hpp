@@ -1,0 +1,123 @@
+// The parts of a mechanism's step, by the files that have them.
+#pragma once
+
+#include <fork1s/dynamics/mechanism_model.hpp>
+#include <fork1s/dynamics/mechanism_step.hpp>
+
+#include "mechanism_workspace.hpp"
+
+namespace fork1s {
+
+// Workspace and pose (mechanism_pose.cpp).
+/// What a new reference makes of loops and of the interior's own displacement.
+void StartAtReference(const MechanismModel& model, MechanismState& state);
+/// The workspace, that of another model so far.
+void Renew(const MechanismStep& here);
+void Size(const MechanismStep& here);
+void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed = false);  // by the µ at hand
+void UpdateInertia(const MechanismStep& here);
+/// Twist in R [6] that takes a driven base to its next pose within h [s].
+Vector6 DrivenTwist(const MechanismState& state, double h);
+
+// Of any rule (mechanism_step.cpp).
+void SolveFree(const MechanismStep& here, double h);
+void ForgetInputs(const MechanismStep& here);
+
+// Forces (mechanism_forces.cpp).
+void TakeReferenceForces(MechanismModel& model);
+void LoadForces(const MechanismStep& here, const Vector3& gravity_R);
+void LoadForcesTwist(const MechanismStep& here, const Vector3& gravity_R, const Vector6& A_R);
+
+// The interior (interior.cpp).
+void FollowLoads(const MechanismStep& here);
+const VectorX& WrenchForces(const MechanismStep& here);
+void ApplyStiffness(const MechanismModel& model, const VectorX& q, VectorX& force);
+
+// By twists (twist_step.cpp).
+void Factor(const MechanismStep& here, double h);
+void PredictTwist(const MechanismStep& here, double h, const Vector3& gravity_W);
+void SolveFreeTwist(const MechanismStep& here, double h);
+void IntegrateTwist(const MechanismStep& here, double h);
+
+// Parts that move independently (mechanism_ports.cpp).
+void FindParts(MechanismModel& model);
+/// Factors of the workspace know them.
+void DivideIntoParts(const MechanismStep& here);
+
+// Springs and dampers along lengths (lengths.cpp).
+/// out = Qᵀ ∂ℓ/∂q
+void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const RowMatrixX& Q,
+                VectorX& out);
+/// Modes are those of the reference's springs; only where all acts at the end are those of the pose as easily
+/// taken.
+bool ActsAtPose(const MechanismView& here);
+bool TakesBentSprings(const MechanismView& here);
+void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, double weight, bool bends);
+void TurnSprings(const MechanismStep& here, double h);
+void FindDampers(MechanismModel& model);
+void TakeStiffnessBeyond(const MechanismStep& here);
+bool DampersTurn(const MechanismModel& model);
+void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const VectorX& w,
+                      Eigen::Ref<MatrixX> D);
+void TurnDampers(const MechanismStep& here, double h);
+
+// Bounds of forces (force_limits.cpp).
+double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit);
+void SizeForceLimits(const MechanismStep& here);
+void OpenSwitches(const MechanismStep& here);
+void OpenForceLimits(const MechanismStep& here);
+bool UpdateForceLimits(const MechanismStep& here, double h);
+bool AnyAtBound(const MechanismState& state);
+bool ServosTurn(const MechanismView& here);
+void TurnServos(const MechanismStep& here, double h);
+void TakeBoundedSpringsOut(const MechanismStep& here, double h);
+void AddSwitchedForces(const MechanismStep& here);
+double WayToForce(const MechanismStep& here, const Mechanism::Length& length, double h);
+void SpringPull(const MechanismStep& here, const VectorX& moved, VectorX& force);
+double EnergyBeyondBounds(const MechanismView& here);
+void KeepBoundedLengths(const MechanismStep& here);
+double BeyondBoundsAtStart(const MechanismView& here);
+double PotentialOfStep(const MechanismView& here, const RigidTransform& X_WR);
+
+// Springs that are slack over a range (slack.cpp).
+void FindSlackSprings(const MechanismStep& here);
+void OpenSlackSprings(const MechanismStep& here);
+double SlackStiffness(const MechanismModel& model, const SlackSpring& slack);
+void AddSlackForces(const MechanismStep& here);
+bool UpdateSlackSprings(const MechanismStep& here, double h);
+
+// Forces without potential (follower.cpp).
+void FindFollowers(MechanismModel& model);
+void AddFollowerForce(const MechanismView& here, double factor, VectorX& tau);
+
+// Energy (mechanism_energy.cpp).
+const PoseEnergy& EnergyOfPose(const MechanismView& here);
+double PotentialEnergyOn(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W);
+double PotentialOfSprings(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W);
+
+// The step of second order (theta_step.cpp).
+void SizeTheta(const MechanismStep& here);
+void MoveToMiddle(const MechanismStep& here, double h);
+void TakeMomenta(const MechanismStep& here);
+void TakeForces(const MechanismStep& here, double h);
+void SolveFreeMiddle(const MechanismStep& here, double h);
+void SolveFreeMiddleWith(const MechanismStep& here, const ThetaScheme& rule, const VectorX& w_drag);
+double WorkOfChord(const MechanismStep& here, double h);
+void IntegrateMiddle(const MechanismStep& here, double h);
+void TurnAndMove(const MechanismStep& here, double h, double end);
+bool BendsTooMuch(const MechanismStep& here, double work);
+void TakeRelativeMotion(const MechanismStep& here, const Eigen::Ref<const VectorX>& w);
+void MatchWork(const MechanismStep& here, double energy);
+void TakeVelocityAtEnd(const MechanismStep& here, double work);
+
+// Its end as a minimum (theta_minimum.cpp).
+double MinimiseAtEnd(const MechanismStep& here, double h);
+double EndForces(const MechanismStep& here, VectorX& f_z);
+
+// Lasting contact (two_steps.cpp).
+void KeepPast(const MechanismStep& here, double h);
+void TakePast(const MechanismStep& here, double h);
+void SolveFreeTwoSteps(const MechanismStep& here, double h);
+void IntegrateTwoSteps(const MechanismStep& here, double h);
+
+}  // namespace fork1s

@@ -1,0 +1,93 @@
+// A mechanism about a reference: all that stays until the next refresh.
+#include <algorithm>
+#include <fork1s/reduction/whole_groups.hpp>
+
+#include "mechanism_detail.hpp"
+#include "spinning.hpp"
+
+namespace fork1s {
+namespace {
+
+// Rigid groups that may touch something: one per interface body, and the base.
+std::vector<ContactGroup> MakeGroups(const ReducedModel& model) {
+  const Mechanism& mechanism = *model.mechanism;
+  std::vector<ContactGroup> groups;
+  auto add = [&](BodyIndex body) {
+    const int joint = mechanism.body(body).last_joint;
+    for (const ContactGroup& g : groups)
+      if (g.last_joint == joint) return;
+    ContactGroup group;
+    group.last_joint = joint;
+    group.body = body;
+    for (int b = 0; b < mechanism.num_bodies(); ++b)
+      if (mechanism.bodies()[static_cast<std::size_t>(b)].last_joint == joint) group.bodies.emplace_back(b);
+    groups.push_back(std::move(group));
+  };
+  add(BodyIndex(0));
+  for (BodyIndex b : model.interfaces) add(b);
+  return groups;
+}
+
+// A pose outside the limits may be what springs and loops hold; pushing it inside would fight them for ever.
+void WidenLimits(const VectorX& q, MechanismModel& model) {
+  const Mechanism& mechanism = model.mechanism();
+  Kinematics start(mechanism);
+  ComputeKinematics(mechanism, q, start);
+  for (Mechanism::LengthLimit& limit : model.length_limits) {
+    const double length = LengthOf(mechanism, limit.length, start, q);
+    const double outside = std::max(limit.lower - length, length - limit.upper);
+    limit.lower = std::min(limit.lower, length);
+    limit.upper = std::max(limit.upper, length);
+    if (outside > 1e-3)
+      model.warnings.push_back(limit.WhatAndName() + " starts outside its limits by " +
+                               std::to_string(outside) +
+                               " (rad or m); the limit was moved to the initial pose");
+  }
+}
+
+// What hangs on the reference, from all that does not.
+void TakeReference(MechanismModel& model) {
+  const ReducedModel& reduced = *model.reduced;
+  model.coordinate_reach.setZero(reduced.size());
+  if (reduced.num_coordinates() > 0 && reduced.size() > 0)
+    model.coordinate_reach = (reduced.h_inverse.cwiseSqrt().cwiseInverse().asDiagonal() * reduced.Q)
+                                 .cwiseAbs()
+                                 .colwise()
+                                 .maxCoeff();
+  FindDampers(model);
+  model.whole = FindWhole(reduced);
+  FindParts(model);
+  TakeReferenceForces(model);
+}
+
+}  // namespace
+
+MechanismModel::MechanismModel(std::shared_ptr<const ReducedModel> about, const MechanismOptions& with)
+    : options(with),
+      rigid_parts(*about->mechanism),
+      groups(MakeGroups(*about)),
+      spins(internal::FindSpinning(*about->mechanism, rigid_parts, about->interfaces)),
+      length_limits(about->mechanism->length_limits()),
+      warnings(about->warnings),
+      base_size(about->mechanism->base() == BaseKind::kFloating ? 6 : 0),
+      reduced(std::move(about)) {
+  // The interfaces that Reduce settled on are those of every later refresh.
+  options.reduction.interfaces = reduced->interfaces;
+  options.reduction.promote_hidden = false;
+  WidenLimits(reduced->q_ref, *this);
+  TakeReference(*this);
+}
+
+MechanismModel::MechanismModel(const MechanismModel& before, std::shared_ptr<const ReducedModel> about)
+    : options(before.options),
+      rigid_parts(before.rigid_parts),
+      groups(before.groups),
+      spins(before.spins),
+      length_limits(before.length_limits),
+      warnings(before.warnings),
+      base_size(before.base_size),
+      reduced(std::move(about)) {
+  TakeReference(*this);
+}
+
+}  // namespace fork1s

@@ -1,0 +1,195 @@
+// The workspace of a state: sizes, the pose and what hangs on it, and inputs.
+#include <algorithm>
+#include <fork1s/recovery/recover.hpp>
+
+#include "mechanism_detail.hpp"
+
+namespace fork1s {
+
+// What a new reference makes of loops and of the interior's own displacement.
+void StartAtReference(const MechanismModel& model, MechanismState& state) {
+  const int n = model.reduced->num_coordinates();
+  state.mu.setZero(model.reduced->loop_rank());
+  state.q_perp_offset.resize(0);
+  if (model.reduced->has_complement)
+    state.reduced.q_perp = VectorX::Zero(n);
+  else
+    state.reduced.q_perp.resize(0);
+}
+
+// The workspace, that of another model so far.
+void Renew(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  ws.configuration = ws.elsewhere = Configuration(*model.reduced);
+  ws.jacobian = ReducedJacobian(*model.reduced);
+  ws.inertia = ReducedInertia(*model.reduced);
+  Size(here);
+}
+
+void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& ws,
+             const MechanismState& saved) {
+  const bool same_model = saved.model == state.model;
+  state = saved;
+  if (!same_model) model = std::make_shared<const MechanismModel>(*model, state.model);
+  const MechanismStep here{*model, state, ws};
+  if (!same_model) Renew(here);
+  ws.x.tail(model->size()) = state.reduced.w;
+  if (model->base_size > 0) ws.x.head<6>() = state.reduced.V_R;
+  ws.rule = StepRule::kEuler;
+  ws.factored_h = -1;
+  ws.configuration.mu = state.mu;
+  UpdateConfiguration(here, true);
+}
+
+// Scratch of the sizes of the model.
+void Size(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const Mechanism& m = model.mechanism();
+  const int r = model.size(), n = model.reduced->num_coordinates(), nx = model.num_velocities();
+  ws.A.resize(nx, nx);
+  ws.M_full.resize(nx, nx);
+  if (model.base_size > 0) {
+    ws.M_full.topLeftCorner<6, 6>() = model.reduced->M_00;
+    ws.M_full.topRightCorner(6, r) = model.reduced->M_0z;
+    ws.M_full.bottomLeftCorner(r, 6) = model.reduced->M_0z.transpose();
+  }
+  ws.M_full.bottomRightCorner(r, r) = model.reduced->M;
+  ws.factor = Cholesky();
+  ws.factor.Compute(MatrixX::Identity(std::max(nx, 1), std::max(nx, 1)));
+  ws.factored_h = -1;
+  ws.x.resize(nx);
+  if (model.base_size > 0) ws.x.head<6>() = state.reduced.V_R;
+  ws.x.tail(r) = state.reduced.w;
+  ws.rhs.resize(nx);
+  ws.solved.resize(nx);
+  ws.z_before.resize(r);
+  ws.w_before.resize(r);
+  ws.momentum.resize(nx);
+  ws.f_z.resize(r);
+  ws.g.resize(n);
+  ws.tau.resize(n);
+  ws.F.resize(6, m.num_bodies());
+  ws.M_00 = model.reduced->M_00;
+  ws.M_0z = model.reduced->M_0z;
+  if (!model.by_twists()) ws.q_dot.resize(n);
+  ws.q_ddot.setZero(n);
+  if (model.by_twists()) ws.configuration.kinematics.paths = model.paths_ref;
+  SizeForceLimits(here);
+  DivideIntoParts(here);
+  SizeTheta(here);
+  FindSlackSprings(here);
+}
+
+// M of the present pose: O(joints x coordinates that reach them).
+void UpdateInertia(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  ws.jacobian.Compute(*model.reduced, ws.configuration);
+  const int r = model.size();
+  ws.inertia.Compute(*model.reduced, model.rigid_parts, ws.configuration, ws.jacobian,
+                     ws.M_full.bottomRightCorner(r, r), ws.M_0z, ws.M_00);
+  if (model.base_size > 0) {
+    ws.M_full.topLeftCorner<6, 6>() = ws.M_00;
+    ws.M_full.topRightCorner(6, r) = ws.M_0z;
+    ws.M_full.bottomLeftCorner(r, 6) = ws.M_0z.transpose();
+  }
+  ws.factored_h = -1;
+}
+
+void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed) {
+  const auto& [model, state, ws] = here;
+  ws.pose_energy.valid = false;
+  if (!model.by_twists()) {
+    if (loops_are_closed)
+      ConfigureClosed(*model.reduced, state.reduced, ws.configuration);
+    else
+      Configure(*model.reduced, state.reduced, ws.configuration);
+    UpdateInertia(here);
+    return;
+  }
+  ws.configuration.q = model.reduced->q_ref;
+  AddMotion(*model.reduced, model.reduced->Q_rows, state.reduced.z, ws.configuration.q);
+}
+
+void AddWrench(MechanismState& state, BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
+               const Vector3& point_W) {
+  FORK1S_REQUIRE(body.valid() && body.value() < state.wrenches_W.cols(), body.value());
+  state.wrenches_W.col(body.value()).head<3>() += moment_W + point_W.cross(force_W);
+  state.wrenches_W.col(body.value()).tail<3>() += force_W;
+  state.has_wrenches = true;
+}
+
+Vector6 DrivenTwist(const MechanismState& state, double h) {
+  return Log(state.reduced.X_WR.inverse() * state.driven_next) / h;
+}
+
+void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share) {
+  MechanismState& state = here.state;
+  state.wrenches_W = start.wrenches_W;
+  state.has_wrenches = start.has_wrenches;
+  state.driven_next = start.driven_next;
+  state.controls = start.controls;
+  if (share >= 1) return;
+  const RigidTransform& X = start.reduced.X_WR;
+  state.driven_next = X * Exp(share * Log(X.inverse() * start.driven_next));
+  if (start.controls_move)
+    state.controls = start.controls_from + share * (start.controls - start.controls_from);
+}
+
+RigidTransform GroupPose(const MechanismView& here, int g) {
+  const auto& [model, state, ws] = here;
+  return BodyPose(here, model.groups[static_cast<std::size_t>(g)].body);
+}
+
+RigidTransform BodyPose(const MechanismView& here, BodyIndex b) {
+  const auto& [model, state, ws] = here;
+  if (!model.by_twists()) return state.reduced.X_WR * ws.configuration.kinematics.X_RB[b.u()];
+  return state.reduced.X_WR * RecoverPoseTwist(*model.reduced, state.reduced, b);
+}
+
+void BodyPoses(const MechanismView& here, std::vector<RigidTransform>& X_RB) {
+  const auto& [model, state, ws] = here;
+  if (model.by_twists())
+    RecoverPosesTwist(*model.reduced, state.reduced, X_RB);
+  else
+    X_RB = ws.configuration.kinematics.X_RB;
+}
+
+Vector6 BodyVelocity(const MechanismView& here, BodyIndex b) {
+  const auto& [model, state, ws] = here;
+  Vector6 V = state.reduced.V_R;
+  if (model.by_twists()) {
+    V += Dexp(model.reduced->T_of(b) * state.reduced.z) * (model.reduced->T_of(b) * state.reduced.w);
+  } else if (const int j = model.mechanism().body(b).last_joint; j >= 0) {
+    const auto T = ws.jacobian.T(j);
+    for (int k = 0; k < T.cols(); ++k) V += state.reduced.w(ws.jacobian.begin(j) + k) * T.col(k);
+  }
+  const RigidTransform X_WB = BodyPose(here, b);
+  const Vector6 V_W = AdjointApply(state.reduced.X_WR, V);
+  Vector6 out;
+  out << V_W.head<3>(), V_W.tail<3>() + V_W.head<3>().cross(X_WB.translation());
+  return out;
+}
+
+Vector6 GroupVelocity(const MechanismView& here, int g) {
+  return BodyVelocity(here, here.model.groups[static_cast<std::size_t>(g)].body);
+}
+
+const Configuration& ConfigurationOf(const MechanismView& here) { return here.work.configuration; }
+
+bool IsFinite(const MechanismView& here) {
+  const auto& [model, state, ws] = here;
+  return ws.x.allFinite() && state.reduced.z.allFinite() && ws.configuration.q.allFinite() &&
+         state.reduced.X_WR.IsFinite();
+}
+
+double ClosureGapNow(const MechanismView& here) {
+  const auto& [model, state, ws] = here;
+  if (model.mechanism().num_constraints() == 0) return 0;
+  if (!model.by_twists())
+    return ClosureGap(model.mechanism(), ws.configuration.kinematics, ws.configuration.q);
+  Kinematics kinematics(model.mechanism());
+  BodyPoses(here, kinematics.X_RB);
+  return ClosureGap(model.mechanism(), kinematics, ws.configuration.q);
+}
+
+}  // namespace fork1s

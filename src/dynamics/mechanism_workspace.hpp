@@ -1,0 +1,103 @@
+// What a step of a mechanism keeps beside its model and its state: functions of the two, and scratch.
+#pragma once
+
+#include <fork1s/dynamics/mechanism_model.hpp>
+#include <fork1s/dynamics/mechanism_state.hpp>
+#include <fork1s/dynamics/step_rule.hpp>
+#include <fork1s/dynamics/theta_scheme.hpp>
+#include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/reduction/reduced_jacobian.hpp>
+#include <utility>
+#include <vector>
+
+namespace fork1s {
+
+/// A spring that is slack over a range (slack.cpp).
+struct SlackSpring {
+  std::size_t spring = 0;        // in springs()
+  int side = 0;                  // at which the step takes it to end
+  double length = 0, force = 0;  // at the start of the step
+};
+
+struct PoseEnergy {
+  bool valid = false;
+  double springs = 0;                // J
+  Vector3 moment = Vector3::Zero();  // Σ mass × centre in R [kg·m]
+};
+
+/// Sizes: n joint coordinates, r reduced ones.
+struct MechanismWorkspace {
+  explicit MechanismWorkspace(const MechanismModel& model)
+      : configuration(*model.reduced),
+        jacobian(*model.reduced),
+        inertia(*model.reduced),
+        elsewhere(*model.reduced) {}
+
+  const RowMatrixX& Q_now() const { return configuration.Q_now; }
+  const std::vector<PathState>& paths() const { return configuration.kinematics.paths; }
+  const ThetaScheme& scheme() const { return all_at_end ? at_end : theta; }
+
+  // Of the present pose.
+  Configuration configuration;
+  ReducedJacobian jacobian;  // of configuration
+  ReducedInertia inertia;
+  MatrixX M_full;  // num_velocities²; by twists of the reference, as M_00 and M_0z
+  Matrix6 M_00;
+  Matrix6X M_0z;
+  mutable PoseEnergy pose_energy;
+
+  // Of a step by whatever rule.
+  Vector6 V_R_before = Vector6::Zero();  // base twist at the start of the step
+  Vector3 drift_R = Vector3::Zero();     // velocity of a floating mechanism's centre of mass at that time
+  bool pushed = false;                   // contact from outside acted in this step
+  VectorX x;                             // num_velocities
+  MatrixX A;                             // num_velocities²
+  Cholesky factor;
+  double factored_h = -1;
+  VectorX rest, q_perp_step, stretched, held_back;  // n
+  MatrixX D_beyond, K_beyond;                       // r x r
+  VectorX q_dot, q_ddot;                            // n
+  Vector3 gravity_W = Vector3::Zero();
+  std::vector<SlackSpring> slack;                       // those of springs() that have slack
+  VectorX limit_force, limit_row, f_z_of_springs;       // force limits: f₀, Qᵀe, and f_z without bounds
+  std::vector<std::pair<double, double>> limits_start;  // force without bounds and length at the start
+  Vector6 V_free = Vector6::Zero();  // base twist without drift that the free solve starts from
+  VectorX z_before, w_before;        // at the start of the step
+  RigidTransform X_WR_before;
+  VectorX rhs, solved, f_z, g, tau, momentum;
+  Matrix6X F;
+  Vector6 base_force;
+  VectorX impulse;     // num_velocities: of contact and limits in this step
+  double relaxed = 0;  // J, what q_perp gave up in this step
+
+  // Of a step of second order.
+  StepRule rule = StepRule::kEuler;  // of the step at hand
+  ThetaScheme theta, at_end;         // the modal rule, and all forces at the end
+  bool all_at_end = false;           // which of the two this step takes
+  bool touches = false;              // something may touch it in this step
+  bool first_order = false;          // ActAtEnd()
+  double order = 1;                  // by two steps velocities of the end are x times this
+  Vector6 V_end = Vector6::Zero();   // of a driven base at the end of the step
+  MechanismPast past_next;           // what the next step will know of this one's start
+  VectorX q_dot_mixed;               // n
+  VectorX w_start;                   // r: rates at the start beside the base's own motion of then
+  VectorX contact_shift;             // num_velocities
+  Configuration elsewhere;           // of the pose that configuration is not at
+  MaterialVelocities start_velocity, other_velocity;
+  Cholesky inertia_factor;
+  VectorX u;            // velocity of the start as the middle sees it
+  VectorX q_dot_start;  // n
+  VectorX w_mean, f_used, f_turn, f_wrench;
+  VectorX f_moved;              // r: what controls that move within the step add to the force by its end
+  bool controls_moved = false;  // in this step
+  Matrix6X F_parts;
+  Vector6 base_wrench;
+  bool minimum_found = true;   // in this step, where one was sought
+  int newton_steps = 0;        // beyond the first, in this step
+  Vector3 center_W, linear_W;  // of a floating mechanism: centre of mass [m], momentum [N·s]
+  double potential_start = 0, potential_size = 0;  // J, and of the terms that make it
+  // Where a driven base stands while weights work, so that its own way counts for none.
+  RigidTransform weighed_on;
+};
+
+}  // namespace fork1s
