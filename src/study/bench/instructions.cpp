@@ -56,10 +56,10 @@ void SetPhases(const Profile& profile, BenchScene& scene) {
   };
   const double found = of("fork1s::World::Detail::FindContacts("),
                prepared = of("fork1s::World::Detail::PrepareContacts("),
-               predicted = of("fork1s::MechanismDynamics::Predict("),
+               predicted = of("fork1s::Predict("),
                solved = of("fork1s::World::Detail::SolveContacts("),
-               integrated = of("fork1s::MechanismDynamics::Integrate("),
-               refreshed = of("fork1s::MechanismDynamics::Refresh("),
+               integrated = of("fork1s::Integrate("),
+               refreshed = of("fork1s::Refresh("),
                all = profile.instructions / profile.steps;
   StepPartTimes parts;  // instructions, of the same parts
   parts.finding = found;
