@@ -33,7 +33,9 @@ void World::Detail::BeginAll(const StepOptions& options, StepRule rule) {
     if (mechanisms_[i].recovery() == Recovery::kTwist) return;
     const auto& parts = mechanism_blocks_[i].parts;
     const bool free = std::all_of(parts.begin(), parts.end(), [](const PartBlock& p) { return p.rows == 0; });
-    Begin(mechanisms_[i], options.h, options.gravity, free ? StepRule::kMiddle : rule);
+    // By implicit Euler a pull, however stiff its spring, knows how the pose of the start gives way (RespondAt).
+    const bool pulled = rule == StepRule::kEuler && !mechanisms_[i].wrenches_W().isZero(0);
+    Begin(mechanisms_[i], options.h, options.gravity, free && !pulled ? StepRule::kMiddle : rule);
   });
   if (rule == StepRule::kEuler) return;
   touched_.assign(free_bodies_.size(), 0);

@@ -31,9 +31,12 @@ Message Share(std::string text) { return std::make_shared<const std::string>(std
 
 }  // namespace
 
-Expected<LiveSimulation> LiveSimulation::Create(Scene scene, const SimulationOptions& options,
+Expected<LiveSimulation> LiveSimulation::Create(Scene scene, const SimulationOptions& given,
                                                 const std::string& title, ModelFile file) {
   Scene original = scene;
+  SimulationOptions options = given;
+  // The force of a pull is that at the end of a step of implicit Euler; by the second order its spring would ring.
+  if (options.step.integrator == Integrator::kAuto) options.step.integrator = Integrator::kEuler;
   auto simulation = Simulation::Create(std::move(scene), options);
   if (!simulation) return tl::unexpected(simulation.error());
   LiveSimulation live(std::move(*simulation));

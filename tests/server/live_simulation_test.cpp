@@ -49,6 +49,34 @@ TEST(LiveSimulation, NoStiffnessOfThePullBlowsUp) {
   }
 }
 
+// Where nothing can touch a simulation takes the second-order step by itself; what is pulled at does not.
+TEST(LiveSimulation, NoStiffnessOfThePullBlowsUpInTheAir) {
+  auto imported = LoadMechanism(FORK1S_SOURCE_DIR "/scenes/hexapod.xml");
+  ASSERT_TRUE(imported);
+  Scene scene = imported->scene;
+  scene.world.clear();
+  scene.gravity.setZero();
+  for (MechanismDef& m : scene.mechanisms) {
+    m.base = BaseKind::kFixed;
+    for (BodyDef& body : m.bodies) body.geometries.clear();
+  }
+  auto alone = Simulation::Create(scene);
+  ASSERT_TRUE(alone) << alone.error().Text();
+  EXPECT_EQ(alone->step_options().integrator, Integrator::kTheta);
+  auto live = LiveSimulation::Create(scene, {}, "in the air");
+  ASSERT_TRUE(live) << live.error().Text();
+  EXPECT_EQ(live->simulation().step_options().integrator, Integrator::kEuler);
+  live->Handle(Set("pull_stiffness", 1e6));
+  const int body = static_cast<int>(live->simulation().bodies().size()) - 1;
+  const Vector3 start = live->simulation().Pose(body).translation();
+  for (int i = 0; i < 120; ++i) {
+    live->Handle(Pull(body, Vector3(0.01, 0, 0), start + Vector3(0.02 * std::sin(0.3 * i), 0.02, 0.01)));
+    live->Advance(kNoLimit);
+    ASSERT_LT(live->simulation().KineticEnergy(), 1e4) << i;
+  }
+  EXPECT_TRUE(live->TakeFaults().empty());
+}
+
 TEST(LiveSimulation, OneViewerDrags) {
   LiveSimulation live = Live("hand.xml");
   EXPECT_FALSE(live.Handle(Pull(2, Vector3::Zero(), Vector3::Zero(), 1)));
