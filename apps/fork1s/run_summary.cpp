@@ -262,7 +262,8 @@ void PrintLoadFactor(const Json& d) {
 void PrintSummary(const Json& d) {
   auto number = [&](const char* key) { return d[key].get<double>(); };
   fmt::print("{} steps of {:.6g} s by {}: {:.4g} s simulated in {:.4g} s ({:.1f} times real time)\n",
-             d["steps"].get<std::size_t>(), number("dt_s"), d["integrator"].get<std::string>(), number("simulated_s"), number("wall_s"),
+             d["steps"].get<std::size_t>(), number("dt_s"), d["integrator"].get<std::string>(),
+             number("simulated_s"), number("wall_s"),
              d["real_time_factor"].is_null() ? 0.0 : number("real_time_factor"));
   fmt::print("  step            {:.1f} us median, {:.1f} us at the 99th percentile\n",
              d["step_us"]["median"].get<double>(), d["step_us"]["p99"].get<double>());

@@ -6,7 +6,8 @@
 // so that the unknown x, which with s is how far the step goes, obeys
 //     (a² M + a h D + h² K) x = a M u + h f(z) - h² K s + Jᵀλ
 // and contacts are rows of x + s as they are rows of the end velocity of implicit Euler, found where that
-// finds them. A step that follows an impact knows nothing of the past: a = 1, s = 0. ẋ, ẋ⁻ are as in
+// finds them. A step that follows an impact knows nothing of the past: a = 1, s = 0, and that is implicit Euler,
+// which what may touch takes by kEuler. ẋ, ẋ⁻ are as in
 // theta_step.cpp, ẋ⁻ turned freely to here.
 #include <limits>
 
