@@ -25,9 +25,8 @@ Vector3 OnSegment(const Vector3& a, const Vector3& b, const Vector3& c) {
   return a + std::clamp((c - a).dot(d) / d.squaredNorm(), 0.0, 1.0) * d;
 }
 
-// The point of a triangle nearest to c.
-Vector3 ClosestPoint(const Triangle& t, const Vector3& c) {
-  const Vector3 n = Up(t);
+// The point of a triangle nearest to c; n: Up(t).
+Vector3 ClosestPoint(const Triangle& t, const Vector3& n, const Vector3& c) {
   bool inside = true;
   Vector3 best = t[0];
   double least = 1e300;
@@ -43,6 +42,8 @@ Vector3 ClosestPoint(const Triangle& t, const Vector3& c) {
   }
   return inside ? Vector3(c - n.dot(c - t[0]) * n) : best;
 }
+
+Vector3 ClosestPoint(const Triangle& t, const Vector3& c) { return ClosestPoint(t, Up(t), c); }
 
 // The upper surface of MuJoCo's field, in its own frame: two triangles a cell, along the diagonal that
 // MuJoCo's prisms have.
@@ -61,6 +62,10 @@ struct Grid {
   Vector3 Point(int row, int column) const {
     return {2 * half.x() * column / (columns - 1) - half.x(), 2 * half.y() * row / (rows - 1) - half.y(),
             half.z() * static_cast<double>(model->hfield_data[first + row * columns + column])};
+  }
+  double Highest(int row, int column) const {
+    const float* at = model->hfield_data + first + row * columns + column;
+    return half.z() * static_cast<double>(std::max({at[0], at[1], at[columns], at[columns + 1]}));
   }
   Triangle Face(int row, int column, int which) const {
     const Vector3 a = Point(row, column), b = Point(row + 1, column + 1);
@@ -136,11 +141,15 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
   Nearest right_above;
   bool is_under = false;
   for (int row = row_from; row <= row_to; ++row)
-    for (int column = column_from; column <= column_to; ++column)
+    for (int column = column_from; column <= column_to; ++column) {
+      if (c.z() - grid.Highest(row, column) > reach) continue;
       for (int which : {0, 1}) {
         const Triangle face = grid.Face(row, column, which);
-        const Vector3 up = Up(face), p = ClosestPoint(face, c);
-        const double height = up.dot(c - face[0]), distance = (c - p).norm();
+        const Vector3 up = Up(face);
+        const double height = up.dot(c - face[0]);
+        if (height > reach) continue;  // no point of the face is nearer than its plane
+        const Vector3 p = ClosestPoint(face, up, c);
+        const double distance = (c - p).norm();
         const bool inside = distance <= std::abs(height) * (1 + 1e-9) + 1e-15;
         if (height < 0) {
           Triangle flat = face;
@@ -155,6 +164,7 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
           above.Add({face, p, inside ? up : Vector3((c - p) / distance), distance});
         }
       }
+    }
 
   int count = 0;
   auto report = [&](const Nearest& nearest, double gap) {

@@ -213,12 +213,16 @@ double BeyondBoundsAtStart(const MechanismView& here) {
   return BeyondBoundsTaken(here, [&](std::size_t k) { return ws.limits_start[k]; });
 }
 
-double PotentialOfStep(const MechanismView& here, const RigidTransform& X_WR) {
+Potential PotentialOfStep(const MechanismView& here, const RigidTransform& X_WR) {
   const auto& [model, state, ws] = here;
-  return PotentialOfSprings(here, X_WR, ws.gravity_W) - BeyondBoundsTaken(here, [&](std::size_t k) {
-           const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
-           return std::pair(UnboundedForce(here, limit), Length(here, limit.length));
-         });
+  Potential out = PotentialOfSprings(here, X_WR, ws.gravity_W);
+  const double beyond = BeyondBoundsTaken(here, [&](std::size_t k) {
+    const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+    return std::pair(UnboundedForce(here, limit), Length(here, limit.length));
+  });
+  out.energy -= beyond;
+  out.size += std::abs(beyond);
+  return out;
 }
 
 }  // namespace fork1s

@@ -46,8 +46,8 @@ void FollowLoads(const MechanismStep& here) {
     ws.relaxed = foreseen;
     return;
   }
-  const double start = PotentialOfSprings(here, state.reduced.X_WR, ws.gravity_W);
-  const double rounding = 1e-13 * (std::abs(start) + std::abs(foreseen));
+  const Potential start = PotentialOfSprings(here, state.reduced.X_WR, ws.gravity_W);
+  const double rounding = kPotentialRounding * start.size;
   if (slope < 100 * rounding) {
     state.reduced.q_perp += share * ws.q_perp_step;
     ws.relaxed = share * (outside - ws.rest.dot(ws.q_perp_step)) + 0.5 * share * share * slope;
@@ -62,7 +62,7 @@ void FollowLoads(const MechanismStep& here) {
     ws.configuration.TakeLoops(ws.elsewhere);
     Configure(*model.reduced, state.reduced, ws.configuration);
     ws.pose_energy.valid = false;
-    ws.relaxed = PotentialOfSprings(here, state.reduced.X_WR, ws.gravity_W) - start;
+    ws.relaxed = PotentialOfSprings(here, state.reduced.X_WR, ws.gravity_W).energy - start.energy;
     if (ws.relaxed + share * (held - outside) < -1e-4 * share * slope + rounding || i == kHalvings) break;
     state.reduced.q_perp -= share * ws.q_perp_step;
   }

@@ -22,6 +22,8 @@ Vector6 DrivenTwist(const MechanismState& state, double h);
 // Of any rule (mechanism_step.cpp).
 void SolveFree(const MechanismStep& here, double h);
 void ForgetInputs(const MechanismStep& here);
+/// x <- A⁻¹ x. An A that is no inertia gives no number, which World::Step finds, takes back and reports.
+void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x);
 
 // Forces (mechanism_forces.cpp).
 void TakeReferenceForces(MechanismModel& model);
@@ -61,6 +63,13 @@ void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const
                       Eigen::Ref<MatrixX> D);
 void TurnDampers(const MechanismStep& here, double h);
 
+/// Of springs, weight and controls, servos without bounds [J], and the size of the terms that it is the sum of.
+struct Potential {
+  double energy = 0, size = 0;
+};
+/// Sums of a hundred such terms know no more digits than this.
+constexpr double kPotentialRounding = 1e-13;
+
 // Bounds of forces (force_limits.cpp).
 double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit);
 void SizeForceLimits(const MechanismStep& here);
@@ -77,7 +86,7 @@ void SpringPull(const MechanismStep& here, const VectorX& moved, VectorX& force)
 double EnergyBeyondBounds(const MechanismView& here);
 void KeepBoundedLengths(const MechanismStep& here);
 double BeyondBoundsAtStart(const MechanismView& here);
-double PotentialOfStep(const MechanismView& here, const RigidTransform& X_WR);
+Potential PotentialOfStep(const MechanismView& here, const RigidTransform& X_WR);
 
 // Springs that are slack over a range (slack.cpp).
 void FindSlackSprings(const MechanismStep& here);
@@ -93,7 +102,7 @@ void AddFollowerForce(const MechanismView& here, double factor, VectorX& tau);
 // Energy (mechanism_energy.cpp).
 const PoseEnergy& EnergyOfPose(const MechanismView& here);
 double PotentialEnergyOn(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W);
-double PotentialOfSprings(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W);
+Potential PotentialOfSprings(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W);
 
 // The step of second order (theta_step.cpp).
 void SizeTheta(const MechanismStep& here);
@@ -105,10 +114,18 @@ void SolveFreeMiddleWith(const MechanismStep& here, const ThetaScheme& rule, con
 double WorkOfChord(const MechanismStep& here, double h);
 void IntegrateMiddle(const MechanismStep& here, double h);
 void TurnAndMove(const MechanismStep& here, double h, double end);
+
+// Its energy (step_energy.cpp).
+void KeepPotential(const MechanismStep& here, double h);
+void TakeBoundsFromPotential(const MechanismStep& here);
 bool BendsTooMuch(const MechanismStep& here, double work);
-void TakeRelativeMotion(const MechanismStep& here, const Eigen::Ref<const VectorX>& w);
-void MatchWork(const MechanismStep& here, double energy);
-void TakeVelocityAtEnd(const MechanismStep& here, double work);
+void VelocityAtEnd(const MechanismStep& here);
+bool PayForPotential(const MechanismStep& here, double work, double lost);
+void TakeVelocity(const MechanismStep& here);
+
+// Implicit Euler where nothing touches (euler_free.cpp).
+double WorkToEnd(const MechanismStep& here, double h);
+void StepAgainHalfWay(const MechanismStep& here, double h);
 
 // Its end as a minimum (theta_minimum.cpp).
 double MinimiseAtEnd(const MechanismStep& here, double h);

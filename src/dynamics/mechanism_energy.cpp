@@ -50,23 +50,28 @@ double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W) {
 }
 
 double PotentialEnergyOn(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W) {
-  return PotentialOfSprings(here, X_WR, gravity_W) - EnergyBeyondBounds(here);
+  return PotentialOfSprings(here, X_WR, gravity_W).energy - EnergyBeyondBounds(here);
 }
 
-double PotentialOfSprings(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W) {
+Potential PotentialOfSprings(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
   const PoseEnergy& pose = EnergyOfPose(here);
-  double energy =
-      pose.springs - gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * pose.moment);
+  Potential out;
+  const auto add = [&](double energy) {
+    out.energy += energy;
+    out.size += std::abs(energy);
+  };
+  add(pose.springs);
+  add(-gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * pose.moment));
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];
     if (!m.HasPotential(control.length)) continue;
     const double u = state.controls(static_cast<Eigen::Index>(i));
-    energy -= control.gain * u * Length(here, control.length);
-    if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
+    add(-control.gain * u * Length(here, control.length));
+    if (m.definition().controls[i].is_setpoint) add(0.5 * control.gain * u * u);
   }
-  return energy;
+  return out;
 }
 
 }  // namespace fork1s

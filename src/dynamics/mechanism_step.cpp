@@ -1,7 +1,16 @@
 // A step of a mechanism, by whatever rule: docs/method.md, section 5.
+#include <limits>
+
 #include "mechanism_detail.hpp"
 
 namespace fork1s {
+
+void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x) {
+  if (factor.Compute(A))
+    factor.SolveInPlace(x);
+  else
+    x.setConstant(std::numeric_limits<double>::quiet_NaN());
+}
 
 void Predict(const MechanismStep& here, double h, const Vector3& gravity_W) {
   const auto& [model, state, ws] = here;

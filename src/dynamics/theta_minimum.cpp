@@ -39,7 +39,6 @@ double EndForces(const MechanismStep& here, VectorX& f_z) {
 double MinimiseAtEnd(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
   constexpr int kMost = 50;
-  constexpr double kRounding = 1e-13;  // potentials are sums of a hundred terms
   constexpr int kHalvings = 40;
   const int r = model.size();
   ws.minimum_found = false;
@@ -77,7 +76,7 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
     if (!std::isfinite(slope)) break;
     // Below the digits of φ, or of any number.
     const double size = std::abs(value) + std::abs(ws.potential_start) + 0.5 * x.dot(ws.M_full * x);
-    if (!(slope < -kRounding * size - std::numeric_limits<double>::min())) {
+    if (!(slope < -kPotentialRounding * size - std::numeric_limits<double>::min())) {
       ws.minimum_found = true;
       break;
     }

@@ -11,35 +11,13 @@
 // else, however far the pose turns; seeing ẋ⁺ from z⁺ can only lose what the joints cannot do. No velocity
 // force is computed and none can feed itself. The forces' work is taken along the chord h w̄; where their
 // potential bends within the step, the difference to its true change is made up for along w̄, either way.
-#include <cmath>
-#include <limits>
-
 #include "mechanism_detail.hpp"
 
 namespace fork1s {
 namespace {
 
-// Of potential energies: sums of a hundred terms know no more digits than this.
-constexpr double kRounding = 1e-13;
-
 // Centre of mass in R of an inertia about R's origin.
 Vector3 CenterOf(const Matrix6& M_00) { return Vector3(M_00(2, 4), M_00(0, 5), M_00(1, 3)) / M_00(5, 5); }
-
-// The root of a κ² + b κ = d that is nearest to 0; where there is none the lowest point.
-double SmallRoot(double a, double b, double d) {
-  const double inside = b * b + 4 * a * d;
-  if (inside <= 0) return a > 0 ? -b / (2 * a) : 0;
-  const double sum = b + std::copysign(std::sqrt(inside), b);
-  return sum != 0 ? 2 * d / sum : 0;
-}
-
-// x <- A⁻¹ x. An A that is no inertia gives no number, which World::Step finds, takes back and reports.
-void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x) {
-  if (factor.Compute(A))
-    factor.SolveInPlace(x);
-  else
-    x.setConstant(std::numeric_limits<double>::quiet_NaN());
-}
 
 }  // namespace
 
@@ -64,7 +42,7 @@ void Begin(const MechanismStep& here, double h, const Vector3& gravity_W, StepRu
   FORK1S_REQUIRE(!model.by_twists());
   ws.rule = rule;
   ws.order = 1;
-  ws.touches = ws.first_order = false;
+  ws.touches = ws.first_order = ws.matches = false;
   ws.gravity_W = gravity_W;
   ws.z_before = state.reduced.z;
   ws.w_before = state.reduced.w;
@@ -78,12 +56,14 @@ void Begin(const MechanismStep& here, double h, const Vector3& gravity_W, StepRu
     ws.linear_W = state.reduced.X_WR.rotation() * p.tail<3>();
     ws.past_next.center_W = ws.center_W;
   }
-  Vector6 V_start = state.reduced.V_R;
-  if (model.mechanism().base() == BaseKind::kFixed) V_start.setZero();
-  if (model.mechanism().base() == BaseKind::kDriven && ws.rule == StepRule::kTwoSteps && state.past.h == h)
-    V_start = state.past.V_R;
-  ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics, ws.q_dot_start,
-                            V_start, ws.start_velocity);
+  if (ws.rule != StepRule::kEuler) {
+    Vector6 V_start = state.reduced.V_R;
+    if (model.mechanism().base() == BaseKind::kFixed) V_start.setZero();
+    if (model.mechanism().base() == BaseKind::kDriven && ws.rule == StepRule::kTwoSteps && state.past.h == h)
+      V_start = state.past.V_R;
+    ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics,
+                              ws.q_dot_start, V_start, ws.start_velocity);
+  }
   KeepPast(here, h);
   if (ws.rule != StepRule::kMiddle) {
     TakePast(here, h);
@@ -94,14 +74,8 @@ void Begin(const MechanismStep& here, double h, const Vector3& gravity_W, StepRu
     LoadForces(here, state.reduced.X_WR.rotation().transpose() * gravity_W);
     FollowLoads(here);
   }
-  if (model.mechanism().base() == BaseKind::kDriven) {
-    state.reduced.V_R = DrivenTwist(state, h);
-    ws.weighed_on = state.reduced.X_WR * Exp(0.5 * h * state.reduced.V_R);
-    ws.potential_start = PotentialOfSprings(here, ws.weighed_on, gravity_W);
-  } else {
-    ws.potential_start = PotentialOfSprings(here, state.reduced.X_WR, gravity_W);
-  }
-  KeepBoundedLengths(here);
+  if (model.mechanism().base() == BaseKind::kDriven) state.reduced.V_R = DrivenTwist(state, h);
+  KeepPotential(here, h);
   ws.q_dot_mixed = ws.q_dot_start;
   TurnFreely(model.rigid_parts, 0.5 * h, ws.start_velocity);
   MoveToMiddle(here, h);
@@ -133,6 +107,12 @@ void MoveToMiddle(const MechanismStep& here, double h) {
 // momentum, of the start as the pose at hand feels it, and u.
 void TakeMomenta(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
+  if (ws.rule == StepRule::kEuler) {  // of the pose at hand, which is that of the start
+    ws.momentum.noalias() = ws.M_full * ws.x;
+    if (model.mechanism().base() == BaseKind::kDriven)
+      ws.momentum.noalias() += ws.M_0z.transpose() * (ws.V_R_before - ws.V_end);
+    return;
+  }
   const Matrix3 R_mW = state.reduced.X_WR.rotation().transpose();
   const int r = model.size();
   ws.F_parts.setZero();
@@ -311,9 +291,7 @@ void IntegrateMiddle(const MechanismStep& here, double h) {
   ws.minimum_found = true;
   ws.newton_steps = 0;
   double work = WorkOfChord(here, h);
-  ws.potential_size = std::abs(ws.potential_start);
-  ws.potential_start -= BeyondBoundsAtStart(here);
-  ws.potential_size += std::abs(ws.potential_start);
+  TakeBoundsFromPotential(here);
   if (model.base_size > 0)
     work += h * (end * ws.x.head<6>() + (1 - end) * ws.u.head<6>()).dot(ws.base_force - ws.base_wrench);
   TurnAndMove(here, h, end);
@@ -354,7 +332,9 @@ void IntegrateMiddle(const MechanismStep& here, double h) {
   }
   GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.F_parts, ws.tau);
   ws.q_dot = ws.q_dot_start;  // ClosureForces takes the rate of joint rates from it
-  TakeVelocityAtEnd(here, work);
+  VelocityAtEnd(here);
+  PayForPotential(here, work, 0);
+  TakeVelocity(here);
   if (ws.first_order) {
     state.past.h = 0;
     return;
@@ -388,66 +368,6 @@ void TurnAndMove(const MechanismStep& here, double h, double end) {
     state.reduced.X_WR.translation() =
         center_end -
         state.reduced.X_WR.rotation() * CenterOfParts(model.rigid_parts, ws.configuration.kinematics);
-}
-
-// Whether springs came to hold so much more than foreseen that the motion of the joints cannot pay for it: along
-// w̄ it has (w̄·M x)²/2 w̄·M w̄ to give.
-bool BendsTooMuch(const MechanismStep& here, double work) {
-  const auto& [model, state, ws] = here;
-  const RigidTransform& X_WR =
-      model.mechanism().base() == BaseKind::kDriven ? ws.weighed_on : state.reduced.X_WR;
-  const double missed = PotentialOfStep(here, X_WR) - ws.potential_start + work;
-  TakeRelativeMotion(here, ws.w_mean);
-  const double along = ws.solved.dot(ws.x), inertia = ws.solved.dot(ws.rhs);
-  const double has = inertia > 0 ? along * along / (2 * inertia) : 0;
-  return missed > 0.5 * has + kRounding * ws.potential_size;
-}
-
-// rhs <- w without momentum of the whole, solved <- M times it.
-void TakeRelativeMotion(const MechanismStep& here, const Eigen::Ref<const VectorX>& w) {
-  const auto& [model, state, ws] = here;
-  ws.rhs.tail(model.size()) = w;
-  if (model.base_size > 0) ws.rhs.head<6>() = -SolvePositive(ws.M_00, ws.M_0z * w);
-  ws.solved.noalias() = ws.M_full * ws.rhs;  // base rows 0: no momentum
-}
-
-// Adds `energy` to the kinetic energy along the relative motion of the step, and where that has less than is
-// owed, as after a turn by a radian, along that of its end. The momentum of the whole stays.
-void MatchWork(const MechanismStep& here, double energy) {
-  const auto& [model, state, ws] = here;
-  for (const bool at_end : {false, true}) {
-    if (at_end)
-      TakeRelativeMotion(here, ws.x.tail(model.size()));
-    else
-      TakeRelativeMotion(here, ws.w_mean);
-    const double a = 0.5 * ws.solved.dot(ws.rhs), b = ws.solved.dot(ws.x), share = SmallRoot(a, b, energy);
-    ws.x += share * ws.rhs;
-    energy -= (a * share + b) * share;
-    if (!(energy < -kRounding * ws.potential_size)) return;
-  }
-}
-
-// The velocity that ẋ⁺ leaves at the new pose, tau and F_parts its momentum, with the momentum of the whole
-// kept to rounding and the work of the chord corrected to the potential's true change.
-void TakeVelocityAtEnd(const MechanismStep& here, double work) {
-  const auto& [model, state, ws] = here;
-  const int r = model.size();
-  if (model.num_velocities() == 0) return;
-  if (r > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.tau, ws.f_used);
-  if (r > 0) ws.momentum.tail(r) = ws.f_used;
-  if (model.base_size > 0) ws.momentum.head<6>() = ws.F_parts.col(0);
-  ws.x = ws.momentum;
-  SolveOrFail(ws.inertia_factor, ws.M_full, ws.x);
-  // What is known of the energy: the work of springs without potential is known at the middle alone.
-  if (r > 0 && ws.rule == StepRule::kMiddle && !model.has_follower_springs) {
-    const RigidTransform& X_WR =
-        model.mechanism().base() == BaseKind::kDriven ? ws.weighed_on : state.reduced.X_WR;
-    const double potential = PotentialOfStep(here, X_WR), missed = ws.potential_start - potential - work;
-    // Below the digits of the two it would keep alive what comes to rest.
-    if (std::abs(missed) > kRounding * ws.potential_size) MatchWork(here, missed);
-  }
-  state.reduced.w = ws.x.tail(r);
-  if (model.base_size > 0) state.reduced.V_R = ws.x.head<6>();
 }
 
 }  // namespace fork1s

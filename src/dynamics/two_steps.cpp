@@ -9,8 +9,6 @@
 // finds them. A step that follows an impact knows nothing of the past: a = 1, s = 0, and that is implicit Euler,
 // which what may touch takes by kEuler. ẋ, ẋ⁻ are as in
 // theta_step.cpp, ẋ⁻ turned freely to here.
-#include <limits>
-
 #include "mechanism_detail.hpp"
 
 namespace fork1s {
@@ -93,10 +91,7 @@ void SolveFreeTwoSteps(const MechanismStep& here, double h) {
     }
     TakeBoundedSpringsOut(here, h);
   }
-  if (ws.factor.Compute(ws.A))
-    ws.factor.SolveInPlace(ws.x);
-  else  // World::Step finds it, takes the step back and reports
-    ws.x.setConstant(std::numeric_limits<double>::quiet_NaN());
+  SolveOrFail(ws.factor, ws.A, ws.x);
 }
 
 Vector6 GroupTwistFromStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T) {
@@ -115,6 +110,12 @@ void IntegrateTwoSteps(const MechanismStep& here, double h) {
   const int r = model.size();
   const bool driven = model.mechanism().base() == BaseKind::kDriven;
   const Matrix3 R_start = state.reduced.X_WR.rotation();
+  double work = 0, kinetic = 0;  // J, of a step that matches its energy
+  if (ws.matches) {
+    TakeBoundsFromPotential(here);
+    work = WorkToEnd(here, h);
+    if (!driven) kinetic = 0.5 * ws.x.dot(ws.M_full * ws.x);
+  }
   ws.w_mean = ws.x.tail(r) + ws.contact_shift.tail(r);
   state.reduced.z += h * ws.w_mean;
   // What was not pushed, by implicit Euler, follows its parabola by the mean velocity.
@@ -164,7 +165,16 @@ void IntegrateTwoSteps(const MechanismStep& here, double h) {
   }
   GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.F_parts, ws.tau);
   ws.q_dot = ws.q_dot_start;  // ClosureForces takes the rate of joint rates from it
-  TakeVelocityAtEnd(here, 0);
+  VelocityAtEnd(here);
+  if (ws.matches) {
+    // On a base that moves by itself what turns does not lose all that is not seen.
+    const double lost = driven ? 0 : kinetic - 0.5 * ws.x.dot(ws.M_full * ws.x);
+    if (!PayForPotential(here, work, lost)) {
+      StepAgainHalfWay(here, h);
+      return;
+    }
+  }
+  TakeVelocity(here);
   if (ws.rule == StepRule::kEuler) {
     state.past.h = 0;
     return;

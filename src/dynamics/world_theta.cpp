@@ -35,7 +35,16 @@ void World::Detail::BeginAll(const StepOptions& options, StepRule rule) {
     const bool free = std::all_of(parts.begin(), parts.end(), [](const PartBlock& p) { return p.rows == 0; });
     // By implicit Euler a pull, however stiff its spring, knows how the pose of the start gives way (RespondAt).
     const bool pulled = rule == StepRule::kEuler && !mechanisms_[i].wrenches_W().isZero(0);
-    Begin(mechanisms_[i], options.h, options.gravity, free && !pulled ? StepRule::kMiddle : rule);
+    MechanismDynamics& m = mechanisms_[i];
+    if (rule != StepRule::kEuler) {
+      Begin(m, options.h, options.gravity, free ? StepRule::kMiddle : rule);
+    } else if (free && !pulled && GoesHalfWay(m.step_model())) {
+      Begin(m, options.h, options.gravity, StepRule::kMiddle);
+      ActAtEnd(m);
+    } else {
+      Begin(m, options.h, options.gravity, rule);
+      if (free && !pulled) ExpectNothing(m, options.h);
+    }
   });
   if (rule == StepRule::kEuler) return;
   touched_.assign(free_bodies_.size(), 0);
@@ -113,7 +122,6 @@ void World::Detail::ExpectContacts() {
 void World::Detail::BeginEuler(const StepOptions& options, StepReport& report) {
   PrepareContacts(options, report);
   BeginAll(options, StepRule::kEuler);
-  for (MechanismDynamics& m : mechanisms_) ActAtEnd(m);
 }
 
 // Where something lasts in contact, contacts are found at the start of the step. Where nothing touches they

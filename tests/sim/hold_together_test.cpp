@@ -1,5 +1,6 @@
 // Mechanisms that hold a body together become one while they do.
 #include <cmath>
+#include <map>
 
 #include "sim/gripper.hpp"
 
@@ -59,14 +60,18 @@ TEST(HoldTogether, TwoMechanismsHoldAsOneDoes) {
     // potential, which is known to 1e-13 J, of motions that have 1e-7 J.
     ASSERT_LT(Between(one, two), 3e-8) << i;
   }
-  const auto of_one = one.HoldForces(), of_two = two.HoldForces();
+  const auto by_body = [](const Simulation& s) {
+    std::map<std::string, HoldForce> out;
+    for (const HoldForce& f : s.HoldForces()) out.emplace(s.bodies()[static_cast<std::size_t>(f.body)].name, f);
+    return out;
+  };
+  const auto of_one = by_body(one), of_two = by_body(two);
   ASSERT_EQ(of_one.size(), of_two.size());
-  for (std::size_t k = 0; k < of_one.size(); ++k) {
-    EXPECT_EQ(one.bodies()[static_cast<std::size_t>(of_one[k].body)].name,
-              two.bodies()[static_cast<std::size_t>(of_two[k].body)].name);
+  for (const auto& [name, force] : of_one) {
+    SCOPED_TRACE(name);
     // They keep the share that they had when they were frozen, which contact tells to some 1e-6.
-    EXPECT_LT((of_one[k].force_W - of_two[k].force_W).norm(), 2e-5 * of_one[k].force_W.norm());
-    EXPECT_NEAR(of_one[k].use, of_two[k].use, 2e-5);
+    EXPECT_LT((force.force_W - of_two.at(name).force_W).norm(), 2e-5 * force.force_W.norm());
+    EXPECT_NEAR(force.use, of_two.at(name).use, 2e-5);
   }
   EXPECT_NEAR(two.Pose("by-frame").translation().x(), 0.179, 1e-12) << "driven on meanwhile";
   EXPECT_NEAR(two.JointCoordinates(2)(0), one.JointCoordinates(0)(3), 1e-9);

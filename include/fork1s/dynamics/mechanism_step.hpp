@@ -66,6 +66,11 @@ void ExpectContact(const MechanismStep& here, bool touches);
 void ActAtEnd(const MechanismStep& here);
 /// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
 void Predict(const MechanismStep& here, double h, const Vector3& gravity_W);
+/// Whether a mechanism that nothing can touch takes a step of implicit Euler by kMiddle rather than by kEuler.
+bool GoesHalfWay(const MechanismModel& model);
+/// Between Begin by kEuler and Predict: nothing can touch it in this step, nor does a wrench act, and its energy is
+/// matched. Where that cannot be, Integrate takes the step by kMiddle.
+void ExpectNothing(const MechanismStep& here, double h);
 /// What the mean velocity of a step has beyond x, after Predict [num_velocities].
 const VectorX& ContactShift(const MechanismView& here);
 /// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities]. `from_outside`: other bodies or the world had

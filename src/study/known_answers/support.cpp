@@ -58,11 +58,11 @@ Scene OnPlane(const Shape& shape, const SpatialInertia& inertia, double height, 
   return scene;
 }
 
-Simulation StartReduced(Scene scene, double h, double refresh_angle) {
+Simulation StartReduced(Scene scene, double h, double refresh_angle, Integrator integrator) {
   SimulationOptions options;
   options.refresh_angle = refresh_angle;
   options.dt = h;
-  options.step.integrator = Integrator::kEuler;
+  options.step.integrator = integrator;
   options.initial_keyframe = scene.keyframes.empty() ? -1 : 0;
   return OrFail(Simulation::Create(std::move(scene), options));
 }

@@ -52,7 +52,8 @@ Scene OnPlane(const Shape& shape, const SpatialInertia& inertia, double height, 
 constexpr double kDegree = 0.017453292519943295;  // rad
 
 /// Both start from the scene's first keyframe, where it has one.
-Simulation StartReduced(Scene scene, double h, double refresh_angle = 15 * kDegree);
+Simulation StartReduced(Scene scene, double h, double refresh_angle = 15 * kDegree,
+                        Integrator integrator = Integrator::kEuler);
 FullSimulation StartFull(Scene scene, double h);
 
 /// The names by which a case asks for either simulator.
@@ -63,6 +64,11 @@ struct ReducedRoad {
 /// reference then lies below the errors of the time step.
 struct ReducedRoadByDegrees {
   static Simulation Start(Scene scene, double h) { return StartReduced(std::move(scene), h, kDegree); }
+};
+struct SecondOrderRoad {
+  static Simulation Start(Scene scene, double h) {
+    return StartReduced(std::move(scene), h, 15 * kDegree, Integrator::kTheta);
+  }
 };
 struct FullRoad {
   static FullSimulation Start(Scene scene, double h) { return StartFull(std::move(scene), h); }
