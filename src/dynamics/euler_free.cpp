@@ -18,8 +18,7 @@ void ExpectNothing(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
   if (model.reduced->has_complement) {
     ws.q_perp_before = state.reduced.q_perp;
-    ws.offset_before = state.q_perp_offset;
-    ws.share_before = state.interior_share;
+    ws.interior_before = state.interior;
   }
   KeepPotential(here, h);
 }
@@ -41,8 +40,7 @@ void StepAgainHalfWay(const MechanismStep& here, double h) {
   state.reduced.V_R = ws.V_R_before;
   if (model.reduced->has_complement) {
     state.reduced.q_perp = ws.q_perp_before;
-    state.q_perp_offset = ws.offset_before;
-    state.interior_share = ws.share_before;
+    state.interior = ws.interior_before;
   }
   UpdateConfiguration(here);
   Begin(here, h, ws.gravity_W, StepRule::kMiddle);

@@ -14,57 +14,91 @@
 
 namespace fork1s {
 
+// Wrenches stiffen too, and no potential has them: how much, along its way, the loads before and after the last
+// step tell. 1/κ with Δ = (1 - s κ) Δ_last there.
+double ShareThatLoadsAllow(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const InteriorState& interior = state.interior;
+  ApplyStiffness(model, interior.last_way, ws.held_back);
+  const double own = ws.held_back.dot(interior.last_way);
+  const double answer = own / interior.share - ws.held_back.dot(ws.q_perp_step);
+  return answer > own ? own / answer : 1;
+}
+
 // With g of configuration, the pose of the start of the step. relaxed <- what springs, weight and controls
 // gain by it [J], which nothing that the step moves has to pay for.
 void FollowLoads(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
+  InteriorState& interior = state.interior;
   ws.rest = ws.g;
   // Loops turn with the pose: without their projector, reactions that are large and almost balanced would pass
   // for loads.
   ProjectOnLoops(*model.reduced, ws.configuration, ws.rest);
   ApplyComplement(*model.reduced, ws.rest, ws.q_perp_step);
   // First loads after a refresh: what they ask for at once is kept back and fades, so that nothing jumps.
-  if (state.q_perp_offset.size() == 0) {
-    state.q_perp_offset = ws.q_perp_step;
-    state.interior_share = 1;
+  if (interior.offset.size() == 0) {
+    interior.offset = ws.q_perp_step;
+    interior.share = 1;
+    interior.last_way.setZero(ws.q_perp_step.size());
   }
-  ws.q_perp_step -= state.q_perp_offset;
+  ws.q_perp_step -= interior.offset;
   ApplyStiffness(model, ws.q_perp_step, ws.stretched);
   const double slope = ws.q_perp_step.dot(ws.stretched);  // of the merit below, falling
   // Wrenches, and what is held back, work on the way too.
   double outside = 0;
-  if (state.has_wrenches) outside = WrenchForces(here).dot(ws.q_perp_step);
-  ApplyStiffness(model, state.q_perp_offset, ws.held_back);
+  double longest = 1;
+  if (state.has_wrenches) {
+    outside = WrenchForces(here).dot(ws.q_perp_step);
+    longest = ShareThatLoadsAllow(here);
+  }
+  ApplyStiffness(model, interior.offset, ws.held_back);
   const double held = ws.held_back.dot(ws.q_perp_step);
   const double foreseen = 0.5 * slope - ws.rest.dot(ws.q_perp_step) + outside;
-  double& share = state.interior_share;
-  // To third order that is what happens. Where it matters beside the motion it is looked at, as far as energies
-  // can tell: below their digits the last share goes on.
+  double& share = interior.share;
+  const auto go = [&] {
+    interior.last_way = share * ws.q_perp_step;
+    state.reduced.q_perp += interior.last_way;
+  };
+  // To third order that is what happens. It is looked at where it matters beside the motion, and where this step
+  // takes back what the last one went: there whole steps may be too long.
   constexpr double kMatters = 1e-3;
-  if (share == 1 && std::abs(foreseen) < kMatters * KineticEnergy(here)) {
-    state.reduced.q_perp += ws.q_perp_step;
+  const bool turns_back = ws.stretched.dot(interior.last_way) < 0;
+  if (share == 1 && longest == 1 && !turns_back && std::abs(foreseen) < kMatters * KineticEnergy(here)) {
+    go();
     ws.relaxed = foreseen;
     return;
   }
   const Potential start = PotentialOfSprings(here, state.reduced.X_WR, ws.gravity_W);
-  const double rounding = kPotentialRounding * start.size;
-  if (slope < 100 * rounding) {
-    state.reduced.q_perp += share * ws.q_perp_step;
+  const double rounding = kPotentialRounding * (start.size + std::abs(foreseen));
+  // Below the digits of energies the last share goes on.
+  const auto go_unseen = [&] {
+    go();
     ws.relaxed = share * (outside - ws.rest.dot(ws.q_perp_step)) + 0.5 * share * share * slope;
+  };
+  if (slope <= 100 * rounding) {
+    share = std::min(longest, share);
+    go_unseen();
     return;
   }
   ws.pose_energy.valid = false;
   std::swap(ws.configuration, ws.elsewhere);
-  constexpr int kHalvings = 20;
-  share = std::min(1.0, 2 * share);
-  for (int i = 0;; ++i, share *= 0.5) {
-    state.reduced.q_perp += share * ws.q_perp_step;
+  constexpr int kHalvings = 20;  // the potential falls along the way: what fails so often is rounding
+  const double last_share = share;
+  share = std::min(longest, 2 * share);
+  bool falls = false;
+  for (int i = 0; i < kHalvings; ++i, share *= 0.5) {
+    go();
     ws.configuration.TakeLoops(ws.elsewhere);
     Configure(*model.reduced, state.reduced, ws.configuration);
     ws.pose_energy.valid = false;
     ws.relaxed = PotentialOfSprings(here, state.reduced.X_WR, ws.gravity_W).energy - start.energy;
-    if (ws.relaxed + share * (held - outside) < -1e-4 * share * slope + rounding || i == kHalvings) break;
-    state.reduced.q_perp -= share * ws.q_perp_step;
+    falls = ws.relaxed + share * (held - outside) < -1e-4 * share * slope + rounding;
+    if (falls) break;
+    state.reduced.q_perp -= interior.last_way;
+  }
+  if (!falls) {
+    share = std::min(longest, last_share);
+    go_unseen();
   }
   std::swap(ws.configuration, ws.elsewhere);
   ws.pose_energy.valid = false;

@@ -32,6 +32,7 @@ void LoadForcesTwist(const MechanismStep& here, const Vector3& gravity_R, const 
 
 // The interior (interior.cpp).
 void FollowLoads(const MechanismStep& here);
+double ShareThatLoadsAllow(const MechanismStep& here);
 const VectorX& WrenchForces(const MechanismStep& here);
 void ApplyStiffness(const MechanismModel& model, const VectorX& q, VectorX& force);
 

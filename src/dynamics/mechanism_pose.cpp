@@ -10,7 +10,7 @@ namespace fork1s {
 void StartAtReference(const MechanismModel& model, MechanismState& state) {
   const int n = model.reduced->num_coordinates();
   state.mu.setZero(model.reduced->loop_rank());
-  state.q_perp_offset.resize(0);
+  state.interior = {};
   if (model.reduced->has_complement)
     state.reduced.q_perp = VectorX::Zero(n);
   else

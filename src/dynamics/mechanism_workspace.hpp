@@ -77,8 +77,8 @@ struct MechanismWorkspace {
   bool touches = false;              // something may touch it in this step
   bool first_order = false;          // ActAtEnd()
   bool matches = false;              // the step's energy is matched to its potential
-  VectorX q_perp_before, offset_before;  // n: of a step that may be taken again half way
-  double share_before = 1;
+  VectorX q_perp_before;             // n: of a step that may be taken again half way
+  InteriorState interior_before;
   double order = 1;                  // by two steps velocities of the end are x times this
   Vector6 V_end = Vector6::Zero();   // of a driven base at the end of the step
   MechanismPast past_next;           // what the next step will know of this one's start

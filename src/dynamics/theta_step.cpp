@@ -156,8 +156,8 @@ void TakeForces(const MechanismStep& here, double h) {
     ws.potential_start += ws.relaxed;
   }
   ReduceForce(*model.reduced, ws.Q_now(), ws.g, ws.f_z);
-  if (state.q_perp_offset.size() > 0)
-    state.q_perp_offset *= std::exp(-h / model.options.complement_relaxation);
+  if (state.interior.offset.size() > 0)
+    state.interior.offset *= std::exp(-h / model.options.complement_relaxation);
   ws.f_wrench.setZero();
   ws.base_wrench.setZero();
   if (state.has_wrenches) {

@@ -49,11 +49,11 @@ class Hash {
   }
   void One(const MechanismState& state) {
     const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next, wrenches_W,
-                 has_wrenches, at_bound, q_perp_offset, interior_share, past] =
+                 has_wrenches, at_bound, interior, past] =
         state;
     if (controls_move) Add(controls_from);
-    Add(model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, q_perp_offset,
-        interior_share, past);
+    Add(model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, interior.offset,
+        interior.last_way, interior.share, past);
   }
   void One(const MechanismPast& past) {
     const auto& [h, z_moved, q_dot, c_dot_W, omega, R_WR, center_W, V_R] = past;

@@ -20,6 +20,13 @@ struct MechanismPast {
   Vector6 V_R = Vector6::Zero();       // twist of a driven base at its end
 };
 
+/// How the interior's own displacement goes on (docs/method.md, section 5); of n joint coordinates.
+struct InteriorState {
+  VectorX offset;    // n: leftover of the last refresh, fading; empty: not known yet
+  VectorX last_way;  // n: of the last step
+  double share = 1;  // of a step of Newton that it took last
+};
+
 /// All that the next step of a mechanism depends on beside its definition and options: a copy that is put
 /// back gives the same bits. Sizes: n joint coordinates, r reduced ones, m loop rows.
 struct MechanismState {
@@ -35,8 +42,7 @@ struct MechanismState {
   bool has_wrenches = false;
   std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between
 
-  VectorX q_perp_offset;  // n: leftover of the last refresh in the interior, fading; empty: not known yet
-  double interior_share = 1;  // of a step of Newton that it took last
+  InteriorState interior;
 
   MechanismPast past;  // of the step of second order alone
 };
