@@ -1,7 +1,9 @@
 #include <fork1s/linalg/cholesky.hpp>
 
 #include <Eigen/Cholesky>
+#include <array>
 #include <cmath>
+#include <type_traits>
 
 namespace fork1s {
 
@@ -16,7 +18,7 @@ namespace {
 constexpr int kSmall = 32;
 
 // Of a block that begins at L, columns `stride` apart; what stands above the diagonal is not touched.
-bool FactorBlock(double* L, std::ptrdiff_t stride, int n) {
+bool FactorTiny(double* L, std::ptrdiff_t stride, int n) {
   for (int k = 0; k < n; ++k) {
     double* __restrict lk = L + k * stride;
     if (!(lk[k] > 0) || !std::isfinite(lk[k])) return false;
@@ -31,6 +33,70 @@ bool FactorBlock(double* L, std::ptrdiff_t stride, int n) {
     }
   }
   return true;
+}
+
+// The same by columns padded to whole registers, each from those before it: of 24 rows in half the instructions.
+bool FactorBlock(double* L, std::ptrdiff_t stride, int n) {
+  constexpr int kTiny = 7;
+  if (n <= kTiny) return FactorTiny(L, stride, n);
+  using Lane = Eigen::Array4d;
+  const auto lane = [](auto* at) {
+    using Entry = std::remove_pointer_t<decltype(at)>;
+    return Eigen::Map<std::conditional_t<std::is_const_v<Entry>, const Lane, Lane>, Eigen::Aligned32>(at);
+  };
+  alignas(32) std::array<double, static_cast<std::size_t>(kSmall) * kSmall> padded;
+  std::array<const double*, kSmall> columns;  // those before j that have something in row j
+  std::array<double, kSmall> factors;
+  const int rows = (n + 3) / 4 * 4;
+  for (int j = 0; j < n; ++j) {
+    double* const column = padded.data() + j * kSmall;
+    double* const to = L + j * stride;
+    const int first = j / 4 * 4;
+    lane(column + first).setZero();
+    lane(column + rows - 4).setZero();
+    for (int i = j; i < n; ++i) column[i] = to[i];
+    std::size_t count = 0;
+    for (int k = 0; k < j; ++k) {
+      columns[count] = padded.data() + k * kSmall;
+      factors[count] = columns[count][j];
+      count += factors[count] != 0 ? 1 : 0;
+    }
+    int i = first;
+    for (; i + 8 <= rows; i += 8) {
+      Lane upper = lane(column + i), lower = lane(column + i + 4);
+      for (std::size_t c = 0; c < count; ++c) {
+        upper -= factors[c] * lane(columns[c] + i);
+        lower -= factors[c] * lane(columns[c] + i + 4);
+      }
+      lane(column + i) = upper;
+      lane(column + i + 4) = lower;
+    }
+    if (i < rows) {
+      Lane last = lane(column + i);
+      for (std::size_t c = 0; c < count; ++c) last -= factors[c] * lane(columns[c] + i);
+      lane(column + i) = last;
+    }
+    if (!(column[j] > 0) || !std::isfinite(column[j])) return false;
+    const double root = std::sqrt(column[j]), inverse = 1 / root;
+    for (int l = first; l < rows; l += 4) lane(column + l) *= inverse;
+    column[j] = root;
+    for (int l = j; l < n; ++l) to[l] = column[l];
+  }
+  return true;
+}
+
+// L <- the lower triangle of A, or of A with rows and columns from the last to the first.
+void CopyLower(const double* A, std::ptrdiff_t of_A, int n, bool last_first, double* __restrict L,
+               std::ptrdiff_t of_L) {
+  for (int j = 0; j < n; ++j) {
+    double* __restrict to = L + j * of_L;
+    if (last_first) {
+      const double* row = A + (n - 1 - j);
+      for (int i = j; i < n; ++i) to[i] = row[(n - 1 - i) * of_A];
+    } else {
+      for (int i = j; i < n; ++i) to[i] = A[i + j * of_A];
+    }
+  }
 }
 
 void SolveBlock(const double* L, std::ptrdiff_t stride, int n, double* __restrict x) {
@@ -60,11 +126,7 @@ bool Cholesky::Compute(const MatrixX& A) {
   ok_ = true;
   for (const DiagonalBlock& b : blocks_) {
     auto L = L_.block(b.begin, b.begin, b.size, b.size);
-    const auto own = A.block(b.begin, b.begin, b.size, b.size);
-    if (last_first_)
-      L = own.reverse().transpose();  // the lower triangle becomes the lower one again
-    else
-      L = own;
+    CopyLower(&A(b.begin, b.begin), A.outerStride(), b.size, last_first_, L.data(), L.outerStride());
     if (b.size <= kSmall)
       ok_ = FactorBlock(L.data(), L.outerStride(), b.size) && ok_;
     else
