@@ -67,5 +67,50 @@ TEST(Interior, StandsStillInARopeUnderTensionWhileSomethingHeavySwings) {
   EXPECT_LT(MoveOfRopeAtRest(Vector3(8, 0.8, 0), Vector3::Zero()), kSettles);
 }
 
+// A chain of which only the last link is seen, on a base that is driven.
+MechanismDef ChainOnDrivenBase() {
+  MechanismDef chain = testing::Chain(10, 0.05, 0.05, 18, 0.01);
+  chain.base = BaseKind::kDriven;
+  chain.bodies[5].inertia = testing::Rod(0.5, 0.05);  // heavy in the middle, where nothing sees it
+  return chain;
+}
+
+// m that the tip is farthest from where the base is, across the chain, while the base follows a path for 0.6 s.
+double FarthestTip(Integrator integrator, int modes, double h, double (*path)(double)) {
+  World::Options options;
+  options.reduction.modes = modes;
+  World world = testing::MustCreate(ChainOnDrivenBase(), options);
+  MechanismDynamics& m = world.mechanisms()[0];
+  EXPECT_EQ(m.model().has_complement, modes == 0);
+  const BodyIndex tip = m.mechanism().FindBody("tip");
+  StepOptions step = Still(h);
+  step.integrator = integrator;
+  double far = 0;
+  for (int i = 1; i * h < 0.6; ++i) {
+    m.DriveBase(RigidTransform(Vector3(0, path(i * h), 0)));
+    EXPECT_TRUE(world.Step(step).finite);
+    far = std::max(far, std::abs(m.BodyPose(tip).translation().y() - path(i * h)));
+  }
+  return far;
+}
+
+// Steps that are short beside what the interior would take to swing. It has no rates of its own, and follows
+// loads: fed by how fast its own displacement changes them it would grow from step to step.
+TEST(Interior, StaysWithABaseThatIsDrivenInShortSteps) {
+  // 0.1 m aside within 0.2 s; a shake 40 times a second that takes a fifth of a second to reach 2 mm.
+  const auto aside = [](double t) { return t < 0.2 ? 0.05 * (1 - std::cos(t * M_PI / 0.2)) : 0.1; };
+  const auto shake = [](double t) { return 2e-3 * std::min(1.0, 5 * t) * std::sin(2 * M_PI * 40 * t); };
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta})
+    for (const double h : {1.0 / 240, 1.0 / 960, 1.0 / 3840}) {
+      SCOPED_TRACE((integrator == Integrator::kEuler ? "euler, h " : "theta, h ") + std::to_string(h));
+      // Slow beside the chain's second mode, so that little is left out: half a per cent.
+      const double all = FarthestTip(integrator, 100, h, aside);
+      EXPECT_GT(all, 0.1);
+      EXPECT_NEAR(FarthestTip(integrator, 0, h, aside), all, 0.02 * all);
+      // Far above the one mode that is there, and at rest beside it: the tip is as far from the base as that goes.
+      EXPECT_LT(FarthestTip(integrator, 0, h, shake), 2e-3);
+    }
+}
+
 }  // namespace
 }  // namespace fork1s

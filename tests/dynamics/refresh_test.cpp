@@ -177,6 +177,69 @@ TEST(Refresh, StepsAfterItMoveOn) {
   EXPECT_GE(refreshes, 4);
 }
 
+// A blade on a soft hinge, on a hub that is driven faster and faster: it trails, through one reference after
+// another, as fourth-order Runge and Kutta find it. Momentum that the hub's own motion gives the blade is none of
+// its rates: taken for theirs, each new reference would change them.
+TEST(Refresh, TakesNothingFromWhatADrivenBaseCarries) {
+  constexpr double R = 0.12, r = 0.17, m = 0.35, I = 1.5e-3, k = 0.5, d = 2e-3, faster = 9, T = 1.2;
+  MechanismBuilder builder("rotor", BaseKind::kDriven, testing::Ball(1, 0.05));
+  BodyDef blade;
+  blade.name = "blade";
+  blade.parent = builder.base();
+  blade.X_PB = RigidTransform(Vector3(R, 0, 0));
+  blade.inertia.mass = m;
+  blade.inertia.center = Vector3(r, 0, 0);
+  blade.inertia.rotational = I * Matrix3::Identity();
+  const BodyIndex b = builder.AddBody(blade);
+  builder.AddJoint(JointDef::Hinge("hinge", b, Vector3::UnitZ()).WithSpring(k, d));
+  builder.SetInterfaces({"blade"});
+
+  const auto turn = [&](double t) { return 0.5 * faster * t * t; };
+  const auto rates = [&](double t, const Vector2& x) {
+    const double spin = faster * t;
+    const double carried = m * r * R * (faster * std::cos(x(0)) + spin * spin * std::sin(x(0))),
+                 moment = carried + k * x(0) + d * x(1);
+    return Vector2(x(1), -faster - moment / (I + m * r * r));
+  };
+  constexpr int kFine = 9600;
+  std::vector<Vector2> path = {Vector2::Zero()};
+  for (int i = 0; i < kFine; ++i) {
+    constexpr double s = T / kFine;
+    const double t = i * s;
+    const Vector2 x = path.back(), r1 = rates(t, x), r2 = rates(t + s / 2, x + s / 2 * r1),
+                  r3 = rates(t + s / 2, x + s / 2 * r2), r4 = rates(t + s, x + s * r3);
+    path.push_back(x + s / 6 * (r1 + 2 * r2 + 2 * r3 + r4));
+  }
+  EXPECT_LT(path.back()(0), -0.3);  // rad, past where the first reference serves
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
+    const bool second = integrator == Integrator::kTheta;
+    SCOPED_TRACE(second ? "theta" : "euler");
+    double before = 0;
+    for (const int steps : {240, 480, 960}) {
+      World world = testing::MustCreate(builder.definition());
+      MechanismDynamics& rotor = world.mechanisms()[0];
+      StepOptions step = testing::Still(T / steps);
+      step.integrator = integrator;
+      double error = 0;
+      int refreshes = 0;
+      for (int i = 1; i <= steps; ++i) {
+        rotor.DriveBase(RigidTransform(ExpRotation(Vector3(0, 0, turn(i * step.h))), Vector3::Zero()));
+        refreshes += world.Step(step).refreshes;
+        // What has all its motions needs none by implicit Euler, but may be given one.
+        if (i % 40 == 0) refreshes += rotor.Refresh() ? 1 : 0;
+        const double truth = path[static_cast<std::size_t>(i * (kFine / steps))](0);
+        error = std::max(error, std::abs(rotor.configuration().q(0) - truth));
+      }
+      EXPECT_GE(refreshes, steps / 40);
+      if (before > 0) {
+        EXPECT_NEAR(before / error, second ? 4 : 2, second ? 0.2 : 0.15) << steps;
+      }
+      before = error;
+    }
+    EXPECT_LT(before, second ? 1e-4 : 0.03);  // rad
+  }
+}
+
 // A trailing arm on a spring, with a wheel or a crank at its end. The spring stiffens, so that the arm ages
 // the model although it has all their motions.
 MechanismDef TrailingArm(double off_axis, bool rod) {
