@@ -90,16 +90,19 @@ struct World::Detail {
   }
   RigidTransform PortFrame(int contactor, double ahead) const;
   Matrix36 PortRows(int contactor, const ContactPoint& point, double ahead) const;
-  // What is known of a contact half a step ahead.
+  // What is known of how a contact moves on.
   struct Foresight {
     bool used = false;  // by the rows
     PairCurvature curvature;
     CurvatureInverse inverse;
     Matrix3 frame = Matrix3::Identity();  // where it was found
+    ContactMotion motion;
   };
   MaterialMotion MotionAt(int contactor, const Vector3& point, const VectorX& velocities) const;
   ContactMotion MotionBy(const VectorX& velocities, const ContactPoint& point, const Foresight& seen) const;
-  bool AdvanceHalf(double h, ContactPoint& point, Foresight& out) const;
+  bool Foresee(const ContactPoint& point, Foresight& out) const;
+  double ShareOfEnd(std::size_t contact, double h) const;
+  void SetRows(const ContactPoint& found, const Foresight& seen, double ahead, ContactConstraint& c) const;
   bool Reparametrised(int contactor) const;
   void KeepEndVelocities();
   Vector3 MissedWay(double h, std::size_t contact, const VectorX& mean) const;
@@ -182,7 +185,6 @@ struct World::Detail {
     std::vector<double> friction_impulses;
     VectorX impulse;
     Vector6 V_R_foreseen = Vector6::Zero();  // of a driven base, as contacts are foreseen
-    RigidTransform X_WR_half;                // half a step ahead by that
     bool pushed_from_outside = false;
     int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
     std::size_t first_limit = 0;  // of its rows in limits_

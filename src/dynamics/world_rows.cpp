@@ -1,14 +1,14 @@
 // The rows of contacts and stops.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "world_detail.hpp"
 
 namespace fork1s {
 
 // The frame that the twist of a port is given in and about: of mechanisms their root, of free bodies world
-// axes at their centre of mass. `ahead`: as many seconds later, by the velocities at hand; above 0 it is half
-// a step.
+// axes at their centre of mass. `ahead`: as many seconds later, by the velocities at hand.
 RigidTransform World::Detail::PortFrame(int contactor, double ahead) const {
   const Contactor& c = contactors_[static_cast<std::size_t>(contactor)];
   const auto i = static_cast<std::size_t>(c.index);
@@ -17,7 +17,7 @@ RigidTransform World::Detail::PortFrame(int contactor, double ahead) const {
     return RigidTransform(Matrix3::Identity(), free_bodies_[i].center_W() + ahead * velocity);
   }
   if (ahead > 0 && mechanisms_[i].mechanism().base() == BaseKind::kDriven)
-    return mechanism_blocks_[i].X_WR_half;
+    return mechanisms_[i].state().X_WR * Exp(ahead * mechanism_blocks_[i].V_R_foreseen);
   return mechanisms_[i].state().X_WR;
 }
 
@@ -56,10 +56,10 @@ Vector3 World::Detail::CoordinateCurvature(int contactor, const Matrix36& J) con
   return 0.5 * (J * (velocities_.segment<6>(port_offset_[c]) - last_twist_[c]));
 }
 
-// Takes a contact to where it will be half a step later; false where the shapes do not tell, and on a
+// How a contact moves by the velocities at hand; false where the shapes do not tell, and on a
 // floating base, whose frame drifts with the centre of mass but turns with the base: no one frame half way is
 // that of all its rows.
-bool World::Detail::AdvanceHalf(double h, ContactPoint& p, Foresight& out) const {
+bool World::Detail::Foresee(const ContactPoint& p, Foresight& out) const {
   const auto a = static_cast<std::size_t>(p.body_a), b = static_cast<std::size_t>(p.body_b);
   for (const std::size_t side : {a, b})
     if (const Contactor& c = contactors_[side];
@@ -71,10 +71,20 @@ bool World::Detail::AdvanceHalf(double h, ContactPoint& p, Foresight& out) const
   if (!out.curvature.known) return false;
   out.inverse = InverseOf(out.curvature);
   out.frame = p.frame;
-  const ContactMotion motion = MotionBy(change_, p, out);
-  p.point += 0.5 * h * motion.velocity;
-  p.frame = p.frame * ExpRotation(0.5 * h * motion.omega).transpose();
+  out.motion = MotionBy(change_, p, out);
   return true;
+}
+
+// The rows of a contact where it will be after `ahead` seconds, foreseen or 0.
+void World::Detail::SetRows(const ContactPoint& found, const Foresight& seen, double ahead,
+                            ContactConstraint& c) const {
+  ContactPoint at = found;
+  if (ahead > 0) {
+    at.point += ahead * seen.motion.velocity;
+    at.frame = at.frame * ExpRotation(ahead * seen.motion.omega).transpose();
+  }
+  if (c.port_a >= 0) c.J_a = -PortRows(found.body_a, at, ahead);
+  if (c.port_b >= 0) c.J_b = PortRows(found.body_b, at, ahead);
 }
 
 ContactMotion World::Detail::MotionBy(const VectorX& velocities, const ContactPoint& p,
@@ -126,6 +136,24 @@ Vector3 World::Detail::RelativeSpeed(const ContactConstraint& c, const VectorX& 
   return speed;
 }
 
+// How far from half way to the end rows may go ahead. A force N that turns with a surface of curvature κ is a
+// spring of stiffness N κ, which rows that go ahead by velocities of the start take explicitly: a mass m bears
+// that up to some m/h², of which this leaves a quarter. What a mechanism holds it may press with any force.
+double World::Detail::ShareOfEnd(std::size_t i, double h) const {
+  const ContactPoint& p = points_[i];
+  double mass = std::numeric_limits<double>::infinity();
+  for (const int body : {p.body_a, p.body_b}) {
+    const Contactor& c = contactors_[static_cast<std::size_t>(body)];
+    if (c.kind == Contactor::Kind::kGroup) return 0;
+    if (c.kind == Contactor::Kind::kFreeBody)
+      mass = std::min(mass, free_bodies_[static_cast<std::size_t>(c.index)].inertia().mass);
+  }
+  const PairCurvature& curvature = foresight_[i].curvature;
+  const double force = previous_[static_cast<std::size_t>(match_[i])].impulse(0) / previous_h_;
+  const double stiffness = force * (curvature.a + curvature.b).norm();
+  return std::min(1.0, 0.25 * mass / (h * h * stiffness));
+}
+
 // What turns an impulse of the last step into one of this step.
 double World::Detail::StepsRatio(double h) const { return previous_h_ > 0 ? h / previous_h_ : 1; }
 
@@ -140,23 +168,25 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   c.rolling = p.rolling;
   const Contactor& a = contactors_[static_cast<std::size_t>(p.body_a)];
   const Contactor& b = contactors_[static_cast<std::size_t>(p.body_b)];
+  if (a.kind != Contactor::Kind::kWorld) c.port_a = port_offset_[static_cast<std::size_t>(p.body_a)];
+  if (b.kind != Contactor::Kind::kWorld) c.port_b = port_offset_[static_cast<std::size_t>(p.body_b)];
   // What lasts has its rows half a step ahead, where they turn the velocity into the way of the step to
-  // second order; and what rows hold back, forces along the same rows do no work on.
+  // second order; and what rows hold back, forces along the same rows do no work on. By two steps forces act
+  // at its end: rows are those of there as far as that is sure, and what is more of the way by them is foreseen.
   const bool lasts = options.contact_curvature && rule_ != StepRule::kMiddle && curvature_valid_ &&
                      match_[i] >= 0 && previous_[static_cast<std::size_t>(match_[i])].impulse(0) > 0;
-  ContactPoint at = p;
-  const bool foreseen = foresight_[i].used = lasts && AdvanceHalf(h, at, foresight_[i]);
-  const double ahead = foreseen ? 0.5 * h : 0;
-  p.frame = at.frame;
-  if (a.kind != Contactor::Kind::kWorld) {
-    c.port_a = port_offset_[static_cast<std::size_t>(p.body_a)];
-    c.J_a = -PortRows(p.body_a, at, ahead);
-  }
-  if (b.kind != Contactor::Kind::kWorld) {
-    c.port_b = port_offset_[static_cast<std::size_t>(p.body_b)];
-    c.J_b = PortRows(p.body_b, at, ahead);
-  }
-  const Vector3 speed = RelativeSpeed(c, velocities_);
+  Foresight& seen = foresight_[i];
+  const bool foreseen = seen.used = lasts && Foresee(p, seen);
+  double ahead = foreseen ? 0.5 * h : 0;
+  SetRows(p, seen, ahead, c);
+  Vector3 speed = RelativeSpeed(c, velocities_), way = speed;
+  if (foreseen && rule_ == StepRule::kTwoSteps)
+    if (const double share = ShareOfEnd(i, h); share > 0) {
+      ahead += 0.5 * h * share;
+      SetRows(p, seen, ahead, c);
+      speed = RelativeSpeed(c, velocities_);
+    }
+  if (foreseen) p.frame = p.frame * ExpRotation(ahead * seen.motion.omega).transpose();
   // Half way stands what half a step of the old velocity has made of the gap that the start had.
   const bool middle = rule_ == StepRule::kMiddle;
   if (middle) p.gap -= 0.5 * h * speed(0);
@@ -177,6 +207,7 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   c.held_use = before.use;
   c.held_moment = c.moment = turned * before.moment;
   if (foreseen) {
+    c.bias += way - speed;
     c.bias += CoordinateCurvature(p.body_a, c.J_a) + CoordinateCurvature(p.body_b, c.J_b) +
               p.frame * previous_missed_W_[k] / h;
   } else if (lasts && !Reparametrised(p.body_a) && !Reparametrised(p.body_b)) {
@@ -186,7 +217,6 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
 }
 
 void World::Detail::AssembleConstraints(const StepOptions& options) {
-  const double h = options.h;
   constraints_.resize(points_.size());
   approach_.assign(points_.size(), 0.0);
   closing_.assign(points_.size(), 0.0);
@@ -195,9 +225,7 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
   // Bases too go on as they did, though it is known how they are driven: what they hold does not know yet.
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
     if (mechanisms_[i].mechanism().base() == BaseKind::kDriven) {
-      MechanismBlock& block = mechanism_blocks_[i];
-      block.V_R_foreseen = mechanisms_[i].state().V_R;
-      block.X_WR_half = mechanisms_[i].state().X_WR * Exp(0.5 * h * block.V_R_foreseen);
+      mechanism_blocks_[i].V_R_foreseen = mechanisms_[i].state().V_R;
     }
   ForContacts([&](std::size_t i) { AssembleContact(i, options); });
   AssembleLimits(options);

@@ -130,6 +130,7 @@ void World::Detail::BeginEuler(const StepOptions& options, StepReport& report) {
 void World::Detail::BeginTheta(const StepOptions& options, StepReport& report) {
   constexpr double kBlind = 1e-3;  // m
   const bool touches = AnythingTouches(), fast = MotionWithin(0.5 * options.h) > kBlind;
+  if (touches) rule_ = StepRule::kTwoSteps;
   if (touches || fast) {
     PrepareContacts(options, report);
     report.impact = ClosesAtSpeed(options);

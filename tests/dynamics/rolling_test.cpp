@@ -76,6 +76,34 @@ TEST(Rolling, LossIsOfFirstOrder) {
   EXPECT_NEAR(loss[1] / loss[2], 2, 0.3);
 }
 
+// A step of second order has the forces of contact along the rows of its end. Along those half a step before it they
+// would work on what rolls, and it gained three times its energy in 30 s, at any step.
+TEST(Rolling, BySecondOrderAnEllipsoidKeepsItsEnergy) {
+  double lost[3];
+  const double steps[] = {1.0 / 60, 0.004, 0.001};
+  for (int k = 0; k < 3; ++k) {
+    const double h = steps[k];
+    SCOPED_TRACE(h);
+    World world = testing::MustCreate(PassiveEllipsoid());
+    StepOptions step;
+    step.h = h;
+    step.integrator = Integrator::kTheta;
+    const double start = EggEnergy(world);
+    double fastest = 0;
+    for (int i = 0; i < 30 / h; ++i) {
+      ASSERT_TRUE(world.Step(step).solver.converged);
+      // Within a fast turn over the sharp end some is lent and given back.
+      ASSERT_LE(EggEnergy(world), start * (1 + 1e-2)) << i;
+      fastest = std::max(fastest, world.free_bodies()[0].PortTwist().head<3>().norm());
+    }
+    EXPECT_GT(fastest, 5);  // it did roll
+    lost[k] = 1 - EggEnergy(world) / start;
+  }
+  EXPECT_LT(lost[1], 0.15);
+  EXPECT_LT(lost[2], 0.01);
+  EXPECT_GT(lost[2], -1e-3);
+}
+
 struct Rolled {
   const char* name;
   Shape a, b;
