@@ -7,8 +7,8 @@
 //     (a² M + a h D + h² K) x = a M u + h f(z) - h² K s + Jᵀλ
 // and contacts are rows of x + s as they are rows of the end velocity of implicit Euler, found where that
 // finds them. A step that follows an impact knows nothing of the past: a = 1, s = 0, and that is implicit Euler,
-// which what may touch takes by kEuler. ẋ, ẋ⁻ are as in
-// theta_step.cpp, ẋ⁻ turned freely to here.
+// which what may touch, is pulled, or is held by springs and free (euler_free.cpp) takes by kEuler. ẋ, ẋ⁻ are
+// as in theta_step.cpp, ẋ⁻ turned freely to here.
 #include "mechanism_detail.hpp"
 
 namespace fork1s {

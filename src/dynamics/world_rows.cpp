@@ -224,9 +224,8 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
   change_ = velocities_;
   // Bases too go on as they did, though it is known how they are driven: what they hold does not know yet.
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-    if (mechanisms_[i].mechanism().base() == BaseKind::kDriven) {
+    if (mechanisms_[i].mechanism().base() == BaseKind::kDriven)
       mechanism_blocks_[i].V_R_foreseen = mechanisms_[i].state().V_R;
-    }
   ForContacts([&](std::size_t i) { AssembleContact(i, options); });
   AssembleLimits(options);
 }

@@ -9,7 +9,7 @@ namespace fork1s {
 
 bool CholeskyInPlace(Eigen::Ref<MatrixX> A) {
   const Eigen::LLT<Eigen::Ref<MatrixX>> llt(A);
-  return llt.info() == Eigen::Success;
+  return llt.info() == Eigen::Success && A.diagonal().allFinite();  // Eigen takes a pivot that is no number
 }
 
 namespace {

@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <random>
+#include <string>
 
 #include "random_matrix.hpp"
 
@@ -45,6 +46,37 @@ TEST(Cholesky, SolvesWithoutAllocating) {
   EXPECT_FALSE(factor.Compute(-MatrixX::Identity(3, 3)));
   EXPECT_FALSE(factor.ok());
   EXPECT_TRUE(factor.Compute(MatrixX(0, 0)));
+}
+
+// Blocks go by three ways, tiny, of padded registers, and Eigen's: every size on either side of where they meet, full
+// and as legs on a base. Nothing above the diagonal is read, nor what stands beside the block.
+TEST(Cholesky, BlocksOfAnySize) {
+  std::mt19937 engine(6);
+  for (int n = 1; n <= 41; ++n)
+    for (const bool legs : {false, true})
+      for (const bool last_first : {false, true}) {
+        SCOPED_TRACE(std::to_string(n) + (legs ? ", legs" : ", full") + (last_first ? ", last first" : ""));
+        MatrixX own = Positive(n, engine);
+        if (legs)
+          for (int i = 6; i < n; ++i)
+            for (int j = 6; j < n; ++j)
+              if (i / 3 != j / 3) own(i, j) = 0;
+        own.diagonal().array() += legs ? own.cwiseAbs().rowwise().sum().maxCoeff() : 0;
+        MatrixX A = MatrixX::Constant(n + 2, n + 2, std::nan(""));
+        A.diagonal().setOnes();
+        A.block(1, 1, n, n).triangularView<Eigen::Lower>() = own;
+        Cholesky factor;
+        factor.Divide({{0, 1}, {1, n}, {n + 1, 1}}, last_first);
+        ASSERT_TRUE(factor.Compute(A));
+        const VectorX b = RandomMatrix(n + 2, 1, engine);
+        VectorX x = b;
+        factor.SolveInPlace(x);
+        EXPECT_LT((own * x.segment(1, n) - b.segment(1, n)).norm(), kRounding * b.norm());
+        A(1 + n / 2, 1 + n / 2) = -1;
+        EXPECT_FALSE(factor.Compute(A));
+        A(1 + n / 2, 1 + n / 2) = std::nan("");
+        EXPECT_FALSE(factor.Compute(A));
+      }
 }
 
 TEST(Cholesky, ReadsNothingBetweenItsBlocks) {
