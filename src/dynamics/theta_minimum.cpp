@@ -36,6 +36,22 @@ double EndForces(const MechanismStep& here, VectorX& f_z) {
   return PotentialEnergyOn(here, state.reduced.X_WR, ws.gravity_W);
 }
 
+namespace {
+
+// What the potential at hand cannot know: joints are sums of four terms, which where they cancel leave more of
+// their rounding than of the sum. K is that of all joints.
+double PotentialOfRounding(const MechanismStep& here, const MatrixX& K) {
+  const auto& [model, state, ws] = here;
+  constexpr double kDigits = 4 * std::numeric_limits<double>::epsilon();
+  VectorX size = model.reduced->q_ref.cwiseAbs() + ws.configuration.q.cwiseAbs();
+  size.noalias() += model.reduced->Q.cwiseAbs() * state.reduced.z.cwiseAbs();
+  if (model.reduced->has_complement) size += state.reduced.q_perp.cwiseAbs();
+  size *= kDigits;
+  return size.dot(ws.g.cwiseAbs()) + 0.5 * size.dot(K.cwiseAbs() * size);
+}
+
+}  // namespace
+
 double MinimiseAtEnd(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
   constexpr int kMost = 50;
@@ -45,7 +61,7 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
   // Of first order: what the turning does to the velocity is taken along, as ActAtEnd has it.
   ws.w_start = ws.u.tail(r);
   const MatrixX& D = model.reduced->D;
-  MatrixX K;
+  MatrixX K, K_joints;
   VectorX f(r), f_next(r), gradient(model.num_velocities()), step, x = ws.x, x_next, w(r);
   // From where nothing has bent yet.
   x.tail(r).setZero();
@@ -65,8 +81,8 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
     gradient = ws.M_full * (x - ws.u) - ws.impulse;
     gradient.tail(r) += h * (D * x.tail(r) - f - ws.f_wrench);
     if (model.base_size > 0) gradient.head<6>() -= h * ws.base_force;
-    K = ws.Q_now().transpose() *
-        StiffnessMatrix(model.mechanism(), ws.configuration.kinematics, ws.configuration.q) * ws.Q_now();
+    K_joints = StiffnessMatrix(model.mechanism(), ws.configuration.kinematics, ws.configuration.q);
+    K = ws.Q_now().transpose() * K_joints * ws.Q_now();
     ws.A = ws.M_full;
     ws.A.bottomRightCorner(r, r) += h * D + h * h * K;
     ws.factor.Compute(ws.A);
@@ -74,9 +90,10 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
     ws.factor.SolveInPlace(step);
     const double slope = gradient.dot(step);
     if (!std::isfinite(slope)) break;
-    // Below the digits of φ, or of any number.
+    // Below the digits of φ, of the pose, or of any number.
     const double size = std::abs(value) + std::abs(ws.potential_start) + 0.5 * x.dot(ws.M_full * x);
-    if (!(slope < -kPotentialRounding * size - std::numeric_limits<double>::min())) {
+    if (!(slope < -kPotentialRounding * size - PotentialOfRounding(here, K_joints) -
+                      std::numeric_limits<double>::min())) {
       ws.minimum_found = true;
       break;
     }

@@ -43,6 +43,8 @@ void Begin(const MechanismStep& here, double h, const Vector3& gravity_W, StepRu
   ws.rule = rule;
   ws.order = 1;
   ws.touches = ws.first_order = ws.matches = false;
+  ws.minimum_found = true;
+  ws.newton_steps = 0;
   ws.gravity_W = gravity_W;
   ws.z_before = state.reduced.z;
   ws.w_before = state.reduced.w;
@@ -288,8 +290,6 @@ void IntegrateMiddle(const MechanismStep& here, double h) {
   const RigidTransform X_m = state.reduced.X_WR;
   // An impact keeps gaps closed at the end velocity.
   const double end = ws.all_at_end && ws.pushed ? 1 : 0.5;
-  ws.minimum_found = true;
-  ws.newton_steps = 0;
   double work = WorkOfChord(here, h);
   TakeBoundsFromPotential(here);
   if (model.base_size > 0)

@@ -43,11 +43,10 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
   for (FreeBody& b : free_bodies_) b.Integrate(options.h);
   clock.Stop();
   if (times_) ShareRefreshes(moving_before);
-  if (by_theta_)
-    for (const MechanismDynamics& m : mechanisms_) {
-      report.newton_steps = std::max(report.newton_steps, NewtonSteps(m));
-      report.minimum_found = report.minimum_found && FoundMinimum(m);
-    }
+  for (const MechanismDynamics& m : mechanisms_) {
+    report.newton_steps = std::max(report.newton_steps, NewtonSteps(m));
+    report.minimum_found = report.minimum_found && FoundMinimum(m);
+  }
   for (const MechanismBlock& block : mechanism_blocks_) {
     report.refreshes += block.refreshed > 0 ? 1 : 0;
     report.failed_refreshes += block.refreshed < 0 ? 1 : 0;

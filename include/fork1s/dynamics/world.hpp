@@ -49,7 +49,7 @@ struct StepReport {
   int refreshes = 0;
   int failed_refreshes = 0;
   bool contacts_dropped = false;  // the collision detector ran out of room
-  int newton_steps = 0;           // beyond the first, of the mechanism that took most; second order only
+  int newton_steps = 0;           // beyond the first, of the mechanism that took most
   bool minimum_found = true;      // false: those ended short of the end of the step that they sought
   bool impact = false;            // something was met at speed: four steps of implicit Euler made this one
   bool forces_at_end = true;      // of contact; false: half way
