@@ -112,7 +112,7 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
   // solved. Where they close it the answer is found again with it.
   work.is_taken.resize(contacts.size());
   for (std::size_t i = 0; i < contacts.size(); ++i) {
-    work.is_taken[i] = !contacts[i].waits;
+    work.is_taken[i] = !contacts[i].waits || !contacts[i].impulse.isZero(0);
     contacts[i].use = 0;
   }
   if (work.start.size() < velocities.size()) work.start.resize(velocities.size());

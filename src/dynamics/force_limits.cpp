@@ -5,9 +5,12 @@
 // Where that is beyond a bound F, the servo pushes with F whatever the motion: its spring leaves A, and F
 // takes the place of f₀:
 //     A' = A - h (h k + d) e eᵀ,   rhs' = rhs + h (F - f₀) e
-// Which servos are at a bound follows from the velocity with contact, so the step solves, looks, and solves
-// again until none changes: Newton's method on a force that is piecewise linear in the velocity and never
-// grows with it.
+// Which servos are at a bound follows from the velocity with contact, so the step solves, with those at a bound
+// that were so in the last step, and looks. Where that was right it is done. A servo that changes sides becomes a
+// row of the contact solve, a compliant one between two bounds, which finds what it gives:
+//     λ = clamp(h f₀ - h (h k + d) eᵀx, h F₋, h F₊)
+// Rows only become more, so this ends; and of the sides that they end with the step is solved once more without
+// them (world_servos.cpp).
 #include <algorithm>
 #include <cmath>
 
@@ -106,10 +109,61 @@ void AddSwitchedForces(const MechanismStep& here) {
   AddSlackForces(here);
   for (std::size_t k = 0; k < limits.size(); ++k) {
     if (state.at_bound[k] == 0) continue;
-    const double bound = state.at_bound[k] > 0 ? limits[k].upper : limits[k].lower;
+    // In the solve its whole force is found there.
+    const double bound = state.at_bound[k] == MechanismState::kInSolve ? 0
+                         : state.at_bound[k] > 0                       ? limits[k].upper
+                                                                       : limits[k].lower;
     ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.limit_row);
     ws.f_z += (bound - ws.limit_force(static_cast<Eigen::Index>(k))) * ws.limit_row;
   }
+}
+
+namespace {
+
+// What the force at the end of the step loses to the velocity [N s/m].
+double WeightInSolve(const MechanismView& here, const Mechanism::ForceLimit& limit, double h) {
+  return h * limit.stiffness + here.work.order * limit.damping;
+}
+
+// By the velocity at hand and without bounds.
+double ForceAtEnd(const MechanismStep& here, std::size_t k, double h) {
+  const auto& [model, state, ws] = here;
+  const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+  const double way = WayToForce(here, limit.length, h);
+  double rate = ws.order * LengthRate(here, limit.length);
+  if (ws.rule == StepRule::kMiddle) {  // what turning does to the velocity is seen by dampers too
+    ws.f_used = ws.u.tail(model.size()) - ws.w_start;
+    ForEachArm(limit.length, ws.paths(),
+               [&](int i, double c) { rate += c * ws.Q_now().row(i).dot(ws.f_used); });
+  }
+  return ws.limit_force(static_cast<Eigen::Index>(k)) - limit.stiffness * way - limit.damping * rate;
+}
+
+signed char SideOf(const MechanismStep& here, std::size_t k, double h) {
+  const Mechanism::ForceLimit& limit = here.model.mechanism().force_limits()[k];
+  const double f = ForceAtEnd(here, k, h);
+  return f > limit.upper ? 1 : f < limit.lower ? -1 : 0;
+}
+
+}  // namespace
+
+ServoRow RowOfServo(const MechanismStep& here, std::size_t k, double h) {
+  const auto& [model, state, ws] = here;
+  const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+  const double weight = WeightInSolve(here, limit, h), f = ForceAtEnd(here, k, h);
+  return {f / weight + LengthRate(here, limit.length), 1 / (h * weight), h * limit.lower, h * limit.upper};
+}
+
+void TakeSideOfServo(const MechanismStep& here, std::size_t k, double impulse, double h) {
+  const auto& [model, state, ws] = here;
+  const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+  // That of a stiff one is known better than its rate; a bound carries the rounding of the solve.
+  constexpr double kRounding = 1e-12;
+  const double force = impulse / h;
+  state.at_bound[k] = force > limit.upper - kRounding * std::abs(limit.upper)   ? 1
+                      : force < limit.lower + kRounding * std::abs(limit.lower) ? -1
+                                                                                : 0;
+  ws.factored_h = -1;
 }
 
 bool UpdateForceLimits(const MechanismStep& here, double h) {
@@ -117,14 +171,14 @@ bool UpdateForceLimits(const MechanismStep& here, double h) {
   const auto& limits = model.mechanism().force_limits();
   bool changed = false;
   for (std::size_t k = 0; k < limits.size(); ++k) {
-    const double f = ws.limit_force(static_cast<Eigen::Index>(k)) -
-                     limits[k].stiffness * WayToForce(here, limits[k].length, h) -
-                     limits[k].damping * ws.order * LengthRate(here, limits[k].length);
-    signed char side = f > limits[k].upper ? 1 : f < limits[k].lower ? -1 : 0;
-    if (side * state.at_bound[k] < 0)
-      side = 0;  // between the two it gives less: leaping over that they take turns
-    changed = changed || side != state.at_bound[k];
-    state.at_bound[k] = side;
+    signed char& at = state.at_bound[k];
+    if (at == MechanismState::kInSolve) continue;
+    const signed char side = SideOf(here, k, h);
+    if (side == at) continue;
+    changed = true;
+    // A motor's force is known whatever the motion.
+    const bool follows = WeightInSolve(here, limits[k], h) > 0 && model.part_of_force_limit[k] >= 0;
+    at = follows ? MechanismState::kInSolve : side;
   }
   if (changed) ws.factored_h = -1;
   return changed;
@@ -149,6 +203,29 @@ double WayToForce(const MechanismStep& here, const Mechanism::Length& length, do
   return way;
 }
 
+// e of a servo's spring as A has it, into limit_row.
+void RowOfSpring(const MechanismStep& here, const Mechanism::Length& length) {
+  const auto& [model, state, ws] = here;
+  if (ServosTurn(here) || (length.path >= 0 && ActsAtPose(here)))
+    ReducedRow(length, ws.paths(), ws.Q_now(), ws.limit_row);
+  else
+    ReducedRow(length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+}
+
+// Where forces of A act on velocities beside x too, `beside` [r]: those of servos at their bounds taken out of them,
+// `damping` as their dampers count there.
+void AddBackBoundedSprings(const MechanismStep& here, double h, double damping,
+                           const Eigen::Ref<const VectorX>& beside, Eigen::Ref<VectorX> rhs) {
+  const auto& [model, state, ws] = here;
+  const auto& limits = model.mechanism().force_limits();
+  for (std::size_t k = 0; k < limits.size(); ++k) {
+    if (state.at_bound[k] == 0) continue;
+    RowOfSpring(here, limits[k].length);
+    rhs += (h * h * limits[k].stiffness + h * damping * limits[k].damping) * ws.limit_row.dot(beside) *
+           ws.limit_row;
+  }
+}
+
 // Force of the reduced springs at z = `moved`, those of servos at their bounds left out.
 void SpringPull(const MechanismStep& here, const VectorX& moved, VectorX& force) {
   const auto& [model, state, ws] = here;
@@ -157,10 +234,7 @@ void SpringPull(const MechanismStep& here, const VectorX& moved, VectorX& force)
   for (std::size_t k = 0; k < state.at_bound.size(); ++k) {
     if (state.at_bound[k] == 0) continue;
     const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
-    if (ServosTurn(here) || (limit.length.path >= 0 && ActsAtPose(here)))
-      ReducedRow(limit.length, ws.paths(), ws.Q_now(), ws.limit_row);
-    else
-      ReducedRow(limit.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+    RowOfSpring(here, limit.length);
     force += limit.stiffness * ws.limit_row.dot(moved) * ws.limit_row;
   }
 }

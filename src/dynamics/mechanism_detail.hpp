@@ -77,6 +77,9 @@ void SizeForceLimits(const MechanismStep& here);
 void OpenSwitches(const MechanismStep& here);
 void OpenForceLimits(const MechanismStep& here);
 bool UpdateForceLimits(const MechanismStep& here, double h);
+void AddBackBoundedSprings(const MechanismStep& here, double h, double damping,
+                           const Eigen::Ref<const VectorX>& beside, Eigen::Ref<VectorX> rhs);
+void RowOfSpring(const MechanismStep& here, const Mechanism::Length& length);
 bool AnyAtBound(const MechanismState& state);
 bool ServosTurn(const MechanismView& here);
 void TurnServos(const MechanismStep& here, double h);
@@ -130,7 +133,6 @@ void StepAgainHalfWay(const MechanismStep& here, double h);
 
 // Its end as a minimum (theta_minimum.cpp).
 double MinimiseAtEnd(const MechanismStep& here, double h);
-double EndForces(const MechanismStep& here, VectorX& f_z);
 
 // Lasting contact (two_steps.cpp).
 void KeepPast(const MechanismStep& here, double h);

@@ -30,10 +30,11 @@ void FindParts(MechanismModel& model) {
     }
     return last < 0 ? VelocityRange{} : VelocityRange{first, last + 1 - first};
   };
-  std::vector<VelocityRange> of_group, of_limited, of_friction;
+  std::vector<VelocityRange> of_group, of_limited, of_friction, of_force_limit;
   for (const ContactGroup& g : model.groups) of_group.push_back(of_joint(g.last_joint));
   for (const auto& l : model.length_limits) of_limited.push_back(of_length(l.length));
   for (const auto& f : model.mechanism().frictions()) of_friction.push_back(of_length(f.length));
+  for (const auto& f : model.mechanism().force_limits()) of_force_limit.push_back(of_length(f.length));
   if (model.base_size > 0) {
     join(0, nx - 1);
   } else {
@@ -45,9 +46,8 @@ void FindParts(MechanismModel& model) {
           join(i, j);
           break;
         }
-    for (const auto* runs : {&of_limited, &of_friction})
+    for (const auto* runs : {&of_limited, &of_friction, &of_force_limit})
       for (const VelocityRange& run : *runs) join_run(run);
-    for (const auto& f : model.mechanism().force_limits()) join_run(of_length(f.length));
     // Springs of paths turn in A as the pose does, and those that are not linear stiffen.
     for (const auto& s : model.mechanism().springs())
       if (s.length.path >= 0 || !s.is_linear()) join_run(of_length(s.length));
@@ -73,6 +73,9 @@ void FindParts(MechanismModel& model) {
   model.part_of_friction.clear();
   for (const VelocityRange& run : of_friction)
     model.part_of_friction.push_back(std::max(0, part_of_run(run)));
+  model.part_of_force_limit.clear();
+  for (const VelocityRange& run : of_force_limit)
+    model.part_of_force_limit.push_back(run.size == 0 ? -1 : part_of_run(run));
 }
 
 void DivideIntoParts(const MechanismStep& here) {

@@ -5,6 +5,9 @@
 // All forces act at the end of the step; p are the impulses of contact, which stay. Newton with the springs'
 // own stiffness of the pose and a line search: φ falls in every iteration, and with it what the step may
 // gain.
+//
+// A servo's damper sees (ℓ⁺ - ℓ)/h, so that its force, bounds and all, hangs on ℓ⁺ alone: a spring k + d/h that
+// gives way at its bounds is part of U, and of D no more.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -13,8 +16,24 @@
 
 namespace fork1s {
 
+namespace {
+
+// A servo at a length: its force without and within its bounds, and its stiffness to a step.
+struct ServoAtEnd {
+  double unbounded = 0, force = 0, stiffness = 0, way = 0;
+
+  ServoAtEnd(const MechanismView& here, std::size_t k, double h) {
+    const Mechanism::ForceLimit& limit = here.model.mechanism().force_limits()[k];
+    way = Length(here, limit.length) - here.work.limits_start[k].second;
+    stiffness = limit.stiffness + limit.damping / h;
+    unbounded = UnboundedForce(here, limit) - limit.damping / h * way;
+    force = std::clamp(unbounded, limit.lower, limit.upper);
+  }
+  signed char side() const { return unbounded > force ? 1 : unbounded < force ? -1 : 0; }
+};
+
 // -∂U/∂z and U at configuration, the base where the forces of the middle found it.
-double EndForces(const MechanismStep& here, VectorX& f_z) {
+double EndForces(const MechanismStep& here, double h, VectorX& f_z) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
   ws.F.setZero();
@@ -25,18 +44,75 @@ double EndForces(const MechanismStep& here, VectorX& f_z) {
   if (state.controls.size() > 0) AddControlForce(m, ws.configuration.kinematics, state.controls, ws.tau);
   SpringForce(m, ws.configuration.kinematics, ws.configuration.q, ws.g);
   ws.g += ws.tau;
-  for (const Mechanism::ForceLimit& limit : m.force_limits()) {
-    const double f = UnboundedForce(here, limit), excess = f - std::clamp(f, limit.lower, limit.upper);
-    AddLengthForce(here, limit.length, -excess, ws.g);
+  double of_servos = 0;  // beyond their springs
+  for (std::size_t k = 0; k < m.force_limits().size(); ++k) {
+    const Mechanism::ForceLimit& limit = m.force_limits()[k];
+    const ServoAtEnd servo(here, k, h);
+    AddLengthForce(here, limit.length, servo.force - UnboundedForce(here, limit), ws.g);
+    of_servos += 0.5 * limit.damping / h * servo.way * servo.way;
+    const double excess = servo.unbounded - servo.force;
+    if (excess != 0)
+      of_servos += servo.stiffness > 0 ? -excess * excess / (2 * servo.stiffness)
+                                       : excess * Length(here, limit.length);
   }
   if (model.has_followers)
     AddFollowerForce(here, -1, ws.g);  // the merit has them as they stood at the middle
   f_z.noalias() = ws.Q_now().transpose() * ws.g;
   ws.pose_energy.valid = false;
-  return PotentialEnergyOn(here, state.reduced.X_WR, ws.gravity_W);
+  return PotentialOfSprings(here, state.reduced.X_WR, ws.gravity_W).energy + of_servos;
 }
 
-namespace {
+// Of all joints at configuration, as the step knows it.
+MatrixX StiffnessAtEnd(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  const Mechanism& m = model.mechanism();
+  MatrixX K = StiffnessMatrix(m, ws.configuration.kinematics, ws.configuration.q);
+  VectorX arm(m.num_coordinates());
+  for (std::size_t k = 0; k < m.force_limits().size(); ++k) {
+    const Mechanism::ForceLimit& limit = m.force_limits()[k];
+    const double more = ServoAtEnd(here, k, h).side() == 0 ? limit.damping / h : -limit.stiffness;
+    arm.setZero();
+    AddLengthForce(here, limit.length, 1, arm);
+    K.noalias() += more * arm * arm.transpose();
+  }
+  return K;
+}
+
+// D of the reference without that of servos, which are part of U.
+MatrixX DampingBesideServos(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  MatrixX D = model.reduced->D;
+  for (const Mechanism::ForceLimit& limit : model.mechanism().force_limits()) {
+    ReducedRow(limit.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+    D.noalias() -= limit.damping * ws.limit_row * ws.limit_row.transpose();
+  }
+  return D;
+}
+
+// The sides that servos end with, in what is known of the energy too.
+void TakeSides(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  if (state.at_bound.empty()) return;
+  ws.potential_start += BeyondBoundsAtStart(here);
+  for (std::size_t k = 0; k < state.at_bound.size(); ++k)
+    state.at_bound[k] = ServoAtEnd(here, k, h).side();
+  ws.potential_start -= BeyondBoundsAtStart(here);
+  ws.factored_h = -1;
+}
+
+// Work of springs, weight, controls and servos at their bounds along the chord, to second order, from the forces of
+// its end.
+double WorkFromEnd(const MechanismStep& here, double h, VectorX& f, MatrixX& K) {
+  const auto& [model, state, ws] = here;
+  for (std::size_t k = 0; k < state.at_bound.size(); ++k) {
+    if (state.at_bound[k] != 0) continue;
+    const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+    ReducedRow(limit.length, ws.paths(), ws.Q_now(), ws.limit_row);
+    f += limit.damping / h * ServoAtEnd(here, k, h).way * ws.limit_row;
+    K.noalias() -= limit.damping / h * ws.limit_row * ws.limit_row.transpose();
+  }
+  return h * ws.w_mean.dot(f) + 0.5 * h * h * ws.w_mean.dot(K * ws.w_mean);
+}
 
 // What the potential at hand cannot know: joints are sums of four terms, which where they cancel leave more of
 // their rounding than of the sum. K is that of all joints.
@@ -60,7 +136,7 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
   ws.minimum_found = false;
   // Of first order: what the turning does to the velocity is taken along, as ActAtEnd has it.
   ws.w_start = ws.u.tail(r);
-  const MatrixX& D = model.reduced->D;
+  const MatrixX D = DampingBesideServos(here);
   MatrixX K, K_joints;
   VectorX f(r), f_next(r), gradient(model.num_velocities()), step, x = ws.x, x_next, w(r);
   // From where nothing has bent yet.
@@ -69,7 +145,7 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
     w = at.tail(r);
     state.reduced.z = ws.z_before + h * w;
     Configure(*model.reduced, state.reduced, ws.configuration);
-    const double U = EndForces(here, force);
+    const double U = EndForces(here, h, force);
     const VectorX moved = at - ws.u;
     double value = 0.5 * moved.dot(ws.M_full * moved) + U + 0.5 * h * w.dot(D * w) - ws.impulse.dot(at) -
                    h * ws.f_wrench.dot(at.tail(r));
@@ -81,7 +157,7 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
     gradient = ws.M_full * (x - ws.u) - ws.impulse;
     gradient.tail(r) += h * (D * x.tail(r) - f - ws.f_wrench);
     if (model.base_size > 0) gradient.head<6>() -= h * ws.base_force;
-    K_joints = StiffnessMatrix(model.mechanism(), ws.configuration.kinematics, ws.configuration.q);
+    K_joints = StiffnessAtEnd(here, h);
     K = ws.Q_now().transpose() * K_joints * ws.Q_now();
     ws.A = ws.M_full;
     ws.A.bottomRightCorner(r, r) += h * D + h * h * K;
@@ -111,10 +187,14 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
   }
   ws.x = x;
   ws.w_mean = x.tail(r);
+  // Configuration and K are of the last that was tried.
+  merit(x, f);
+  TakeSides(here, h);
+  K = ws.Q_now().transpose() * StiffnessAtEnd(here, h) * ws.Q_now();
+  const double work = WorkFromEnd(here, h, f, K);
   // The end is posed anew from the middle.
   std::swap(ws.configuration, ws.elsewhere);
-  // Along the chord, to second order.
-  return h * ws.w_mean.dot(f) + 0.5 * h * h * ws.w_mean.dot(K * ws.w_mean);
+  return work;
 }
 
 }  // namespace fork1s

@@ -44,6 +44,7 @@ void Begin(const MechanismStep& here, double h, const Vector3& gravity_W, StepRu
   ws.order = 1;
   ws.touches = ws.first_order = ws.matches = false;
   ws.minimum_found = true;
+  ws.sides_unknown = false;
   ws.newton_steps = 0;
   ws.gravity_W = gravity_W;
   ws.z_before = state.reduced.z;
@@ -257,7 +258,11 @@ void SolveFreeMiddleWith(const MechanismStep& here, const ThetaScheme& rule, con
       ws.f_turn += (1 - end) * ws.w_start;
       rhs.noalias() -= ws.D_beyond.selfadjointView<Eigen::Lower>() * ws.f_turn;
     }
-    if (ws.all_at_end) TakeBoundedSpringsOut(here, h);
+    if (ws.all_at_end) {
+      TakeBoundedSpringsOut(here, h);
+      ws.f_turn = ws.u.tail(r) - ws.w_start;
+      AddBackBoundedSprings(here, h, 1, ws.f_turn, rhs);
+    }
   }
   SolveOrFail(ws.factor, ws.A, ws.x);
 }
@@ -295,7 +300,7 @@ void IntegrateMiddle(const MechanismStep& here, double h) {
   if (model.base_size > 0)
     work += h * (end * ws.x.head<6>() + (1 - end) * ws.u.head<6>()).dot(ws.base_force - ws.base_wrench);
   TurnAndMove(here, h, end);
-  if (r > 0 && BendsTooMuch(here, work)) {
+  if (r > 0 && (ws.sides_unknown || BendsTooMuch(here, work))) {
     state.reduced.X_WR = X_m;
     work = MinimiseAtEnd(here, h);
     if (model.base_size > 0)

@@ -80,15 +80,7 @@ void SolveFreeTwoSteps(const MechanismStep& here, double h) {
     TurnSprings(here, h);
     TurnServos(here, h);
     if (ws.order > 1) ws.x.tail(r).noalias() -= A_z.selfadjointView<Eigen::Lower>() * s;
-    for (std::size_t k = 0; k < state.at_bound.size(); ++k) {
-      if (state.at_bound[k] == 0) continue;
-      const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
-      if (ServosTurn(here) || limit.length.path >= 0)
-        ReducedRow(limit.length, ws.paths(), ws.Q_now(), ws.limit_row);
-      else
-        ReducedRow(limit.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
-      ws.x.tail(r) += h * h * limit.stiffness * ws.limit_row.dot(s) * ws.limit_row;
-    }
+    if (ws.order > 1) AddBackBoundedSprings(here, h, 0, s, ws.x.tail(r));
     TakeBoundedSpringsOut(here, h);
   }
   SolveOrFail(ws.factor, ws.A, ws.x);

@@ -153,25 +153,30 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.mechanism_grain_ = detail.WorthAThread();
   std::size_t blocks = detail.free_bodies_.size();
   for (const MechanismDynamics& m : detail.mechanisms_)
-    blocks += m.groups().size() + m.length_limits().size() + m.mechanism().frictions().size();
+    blocks += m.groups().size() + m.length_limits().size() + m.mechanism().frictions().size() +
+              m.mechanism().force_limits().size();
   detail.blocks_.reserve(blocks);
   int velocities = 6 * static_cast<int>(detail.free_bodies_.size());
   int limits = 0, widest = 6, most_rows = 0;
+  std::size_t all_servos = 0;
   for (const MechanismDynamics& m : detail.mechanisms_) {
     Detail::MechanismBlock block;
     const int limited = static_cast<int>(m.length_limits().size());
     const int frictions = static_cast<int>(m.mechanism().frictions().size());
-    const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions;
+    const int servos = static_cast<int>(m.mechanism().force_limits().size());
+    const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions + servos;
     block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
     block.friction_impulses.assign(static_cast<std::size_t>(frictions), 0.0);
     detail.has_switches_ = detail.has_switches_ || HasSwitches(m);
     detail.mechanism_blocks_.push_back(std::move(block));
     velocities += rows;
     most_rows = std::max(most_rows, rows);
-    limits += 2 * limited + frictions;
+    limits += 2 * limited + frictions + servos;
+    all_servos += static_cast<std::size_t>(servos);
     widest = std::max(widest, m.num_velocities());
   }
   detail.limits_.reserve(static_cast<std::size_t>(limits));
+  detail.servos_.reserve(all_servos);
   detail.velocities_.setZero(velocities);
   detail.change_.setZero(velocities);
   detail.free_Y_.resize(detail.free_bodies_.size());

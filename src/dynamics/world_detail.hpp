@@ -66,8 +66,13 @@ struct World::Detail {
   void PredictAll(const StepOptions& options);
   void SolveContacts(const StepOptions& options, StepReport& report);
   bool UpdateSwitches(const StepOptions& options);
+  void PredictAllAgain(double h);
+  // Servos in the contact solve (world_servos.cpp).
+  void TakeServosIn(double h);
+  void SettleServos(double h);
+  void AssembleServos(double h);
   void GatherPushes();
-  void ApplyImpulses();
+  void ApplyImpulses(bool of_servos);
   void KeepForNextStep(double h, StepReport& report);
   void MoveMechanisms(const StepOptions& options, StepReport& report);
   void ShareRefreshes(double moving_before);
@@ -169,7 +174,9 @@ struct World::Detail {
     std::vector<int> groups;  // in port order
     std::vector<int> limits;  // 2 k + side of entries k of length_limits(), side 0 lower, 1 upper
     std::vector<int> frictions;  // of the mechanism, all that this part moves
+    std::vector<int> servos;     // force limits of the mechanism that are rows, in the order in which they came
     int offset = 0, rows = 0;
+    int servo_room = 0;  // rows beyond these that servos may ask for
     Matrix6X J;   // of the group at hand, 6 x size of the part
     MatrixX J_T;  // size of the part x rows
     MatrixX Y;    // L⁻¹ J_T
@@ -178,6 +185,7 @@ struct World::Detail {
     Eigen::Index FrictionRow(std::size_t k) const {
       return static_cast<Eigen::Index>(6 * groups.size() + limits.size() + k);
     }
+    Eigen::Index ServoRow(std::size_t k) const { return FrictionRow(frictions.size() + k); }
   };
   struct MechanismBlock {
     std::vector<PartBlock> parts;
@@ -192,6 +200,11 @@ struct World::Detail {
     StepPartTimes own;  // moving and refreshing
   };
   std::vector<MechanismBlock> mechanism_blocks_;
+  // Servos that are rows of the contact solve, whose limits_ stand last, in this order.
+  struct ServoInSolve {
+    std::size_t mechanism = 0, part = 0, row_in_part = 0, force_limit = 0;
+  };
+  std::vector<ServoInSolve> servos_;
   // What the impulse of one contact does to the ports of both sides.
   struct Push {
     bool any = false;

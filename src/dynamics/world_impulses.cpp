@@ -44,13 +44,19 @@ void World::Detail::GatherPushes() {
   }
 }
 
-void World::Detail::ApplyImpulses() {
+void World::Detail::ApplyImpulses(bool of_servos) {
   ForMechanisms([&](std::size_t i) {
     MechanismBlock& block = mechanism_blocks_[i];
     for (PartBlock& part : block.parts) part.port_impulse.head(part.rows).setZero();
     block.pushed_from_outside = false;
   });
   GatherPushes();
+  if (of_servos)
+    for (std::size_t k = 0; k < servos_.size(); ++k) {
+      PartBlock& part = mechanism_blocks_[servos_[k].mechanism].parts[servos_[k].part];
+      part.port_impulse(part.ServoRow(servos_[k].row_in_part)) =
+          limits_[limits_.size() - servos_.size() + k].impulse;
+    }
   for (std::size_t c = 0; c < contactors_.size(); ++c)
     if (is_pushed_[c] && contactors_[c].kind == Contactor::Kind::kFreeBody)
       free_bodies_[static_cast<std::size_t>(contactors_[c].index)].SetPortTwist(
@@ -127,7 +133,8 @@ void World::Detail::KeepForNextStep(double h, StepReport& report) {
     }
   for (std::size_t c = 0; c < contactors_.size(); ++c)
     if (port_offset_[c] >= 0) last_twist_[c] = velocities_.segment<6>(port_offset_[c]);
-  for (const LimitConstraint& row : limits_) {
+  for (std::size_t k = 0; k + servos_.size() < limits_.size(); ++k) {
+    const LimitConstraint& row = limits_[k];
     const bool is_friction = row.lower < 0;
     report.limits += !is_friction && row.impulse > 0 ? 1 : 0;
   }

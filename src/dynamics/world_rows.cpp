@@ -238,6 +238,7 @@ void World::Detail::AssembleLimits(const StepOptions& options) {
     for (const PartBlock& part : block.parts) count += part.limits.size() + part.frictions.size();
   }
   limits_.assign(count, LimitConstraint());
+  servos_.clear();
   ForMechanisms([&](std::size_t i) { FillLimits(i, options); });
 }
 

@@ -59,23 +59,25 @@ void World::Detail::PredictAll(const StepOptions& options) {
   for (FreeBody& b : free_bodies_) b.Predict(options.h, options.gravity);
 }
 
-// Contact, and with it which servos are at the bounds of their forces and which springs are slack: each round
-// knows more of them, or lets go those that contact took back.
+// Contact, and with it which servos are at the bounds of their forces and which springs are slack: in each round
+// servos that change sides come into the solve, and springs change theirs.
 void World::Detail::SolveContacts(const StepOptions& options, StepReport& report) {
   const PartClock clock(times_, &StepPartTimes::solving);
-  constexpr int kRounds = 50;  // a set that comes back has no end, and is said in the report
+  constexpr int kRounds = 50;  // of springs a set that comes back has no end, and is said in the report
   if (has_switches_)
     for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_velocity_[i] = free_bodies_[i].velocity();
-  for (int round = 0; round < kRounds; ++round) {
+  bool settled = false;
+  for (int round = 0; round < kRounds && !settled; ++round) {
     if (!points_.empty() || !limits_.empty()) {
       AssembleOperators();
       if (round == 0) Rebound(options.h);
       report.solver = solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
-      ApplyImpulses();
+      ApplyImpulses(true);
     }
-    if (!has_switches_ || !UpdateSwitches(options)) return;
+    settled = !has_switches_ || !UpdateSwitches(options);
   }
-  report.solver.converged = false;
+  if (!settled) report.solver.converged = false;
+  if (!servos_.empty()) SettleServos(options.h);
 }
 
 bool World::Detail::UpdateSwitches(const StepOptions& options) {
@@ -83,9 +85,14 @@ bool World::Detail::UpdateSwitches(const StepOptions& options) {
   for (MechanismDynamics& m : mechanisms_)
     if (fork1s::UpdateSwitches(m, options.h)) changed = true;
   if (!changed) return false;
-  for (MechanismDynamics& m : mechanisms_) PredictAgain(m, options.h);
-  for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].ResetVelocity(free_velocity_[i]);
+  PredictAllAgain(options.h);
+  TakeServosIn(options.h);
   return true;
+}
+
+void World::Detail::PredictAllAgain(double h) {
+  for (MechanismDynamics& m : mechanisms_) PredictAgain(m, h);
+  for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].ResetVelocity(free_velocity_[i]);
 }
 
 void World::Detail::PrepareContacts(const StepOptions& options, StepReport& report) {

@@ -7,6 +7,7 @@
 
 #include "draws.hpp"
 #include "plain_sweeps.hpp"
+#include "random_problems.hpp"
 
 namespace fork1s {
 namespace {
@@ -205,6 +206,33 @@ TEST(ContactProperties, WaitingChangesNoAnswer) {
     }
   }
   EXPECT_GT(closed, 200);  // waiting was wrong that often
+}
+
+// What waits and bore something in a solve before this one, as where servos change sides in between, is not left out with
+// its impulse standing: bodies end with what all impulses make of their velocities.
+TEST(ContactProperties, WaitingKeepsNoOldImpulse) {
+  std::mt19937 random(11);
+  for (int trial = 0; trial < 50; ++trial) {
+    Problem p = testing::DrawFamily(random, testing::kFamilies[static_cast<std::size_t>(trial) % 5]);
+    const VectorX start = p.velocity;
+    ContactSolver solver;
+    solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
+    for (ContactConstraint& c : p.contacts) c.waits = true;
+    const VectorX other = -start;  // what closed parts
+    p.velocity = other;
+    if (!solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven()).converged) continue;
+    VectorX pushes = VectorX::Zero(start.size());
+    for (const ContactConstraint& c : p.contacts) {
+      if (c.port_a >= 0) pushes.segment<6>(c.port_a) += c.ImpulseOn(c.J_a);
+      if (c.port_b >= 0) pushes.segment<6>(c.port_b) += c.ImpulseOn(c.J_b);
+    }
+    VectorX expected = other;
+    for (std::size_t b = 0; b < p.W.size(); ++b)
+      expected.segment(p.blocks[b].offset, p.blocks[b].size) +=
+          p.W[b] * pushes.segment(p.blocks[b].offset, p.blocks[b].size);
+    // Jams of masses a million apart sum pushes that cancel to nine digits.
+    EXPECT_LT((p.velocity - expected).norm(), 1e-7 * (other.norm() + p.velocity.norm())) << trial;
+  }
 }
 
 TEST(ContactProperties, OrderDoesNotMatter) {

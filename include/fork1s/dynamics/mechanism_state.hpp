@@ -30,6 +30,9 @@ struct InteriorState {
 /// All that the next step of a mechanism depends on beside its definition and options: a copy that is put
 /// back gives the same bits. Sizes: n joint coordinates, r reduced ones, m loop rows.
 struct MechanismState {
+  /// Of at_bound, and within a step alone: a row of the contact solve, which finds what it gives.
+  static constexpr signed char kInSolve = 2;
+
   std::shared_ptr<const ReducedModel> model;  // about the present reference
   ReducedState reduced;
   VectorX mu;  // m: how far loops are closed along B at this pose, where the next correction starts
@@ -40,7 +43,7 @@ struct MechanismState {
   RigidTransform driven_next;  // pose of a driven base at the end of the next step
   Matrix6X wrenches_W;         // 6 x bodies about the world origin, world axes: of the next step only
   bool has_wrenches = false;
-  std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between
+  std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between; kInSolve
 
   InteriorState interior;
 

@@ -82,6 +82,16 @@ bool HasSwitches(const MechanismView& here);
 /// slack. True if that differs from what the velocity was computed with; then PredictAgain and solve
 /// contact anew.
 bool UpdateSwitches(const MechanismStep& here, double h);
+/// A servo in the contact solve: its impulse is (speed - rate of its length)/compliance between two bounds.
+struct ServoRow {
+  double speed = 0;             // m/s or rad/s, at which it gives nothing
+  double compliance = 0;        // 1/kg or 1/(kg m²), as of LimitConstraint
+  double lower = 0, upper = 0;  // N s or N m s
+};
+/// By the velocity at hand, of one that moves something.
+ServoRow RowOfServo(const MechanismStep& here, std::size_t force_limit, double h);
+/// Which bound it is at by the impulse that was found, if any. Predict it again thereafter.
+void TakeSideOfServo(const MechanismStep& here, std::size_t force_limit, double impulse, double h);
 /// The free velocity again, as before contact acted, with the servos at their bounds that are there now.
 void PredictAgain(const MechanismStep& here, double h);
 /// Phase 2: moves the state by x⁺ over h and brings poses up to date.
