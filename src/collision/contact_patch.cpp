@@ -31,19 +31,27 @@ Vector3 Area(const SupportFace& face) {
 // Cuts away what lies on the negative side of a plane through `origin`.
 void Clip(const Vector3& origin, const Vector3& inward, bool closed, Polygon& polygon) {
   const double tolerance = 1e-9 * inward.norm();  // m: faces of one size share their edges
+  std::array<double, 2 * SupportFace::kMost> heights;
+  bool cuts = false;
+  for (int i = 0; i < polygon.count; ++i) {
+    heights[static_cast<std::size_t>(i)] = inward.dot(polygon[i] - origin);
+    cuts = cuts || !(heights[static_cast<std::size_t>(i)] >= -tolerance);
+  }
+  if (!cuts) return;
   Polygon kept;
-  const auto height = [&](const Vector3& p) { return inward.dot(p - origin); };
   for (int i = 0; i < polygon.count; ++i) {
     const Vector3& p = polygon[i];
-    const double here = height(p);
+    const double here = heights[static_cast<std::size_t>(i)];
     if (here >= -tolerance) kept.Add(p);
     if (!closed && i + 1 == polygon.count) break;
-    const Vector3& q = polygon[(i + 1) % polygon.count];
-    const double there = height(q);
+    const int next = i + 1 == polygon.count ? 0 : i + 1;
+    const Vector3& q = polygon[next];
+    const double there = heights[static_cast<std::size_t>(next)];
     if ((here < -tolerance && there > tolerance) || (here > tolerance && there < -tolerance))
       kept.Add(p + here / (here - there) * (q - p));
   }
-  polygon = kept;
+  std::copy_n(kept.corners.begin(), kept.count, polygon.corners.begin());
+  polygon.count = kept.count;
 }
 
 }  // namespace

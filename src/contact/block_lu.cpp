@@ -1,101 +1,98 @@
-// With a block A x + C y = a and its hub D x + B y = b,
-//     (B − D A⁻¹ C) y = b − D A⁻¹ a,   x = A⁻¹ a − A⁻¹ C y.
-// Blocks are small: rows of [A C] are reduced four columns at a time.
+// Of a block A x + C y = a and its hub D x + B y = b, with P A = L U,
+//     D' = D U⁻¹,   C' = L⁻¹ P C,   a' = L⁻¹ P a,   (B − D' C') y = b − D' a',   x = U⁻¹ (a' − C' y).
+// [A; D] is factored as one panel, by columns.
 #include "block_lu.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <fork1s/base/quad.hpp>
 #include <fork1s/linalg/in_place.hpp>
+#include <type_traits>
 
 namespace fork1s::internal {
 namespace {
 
-int WholeFours(int n) { return (n + 3) / 4 * 4; }
-
-struct Rows {
-  double* values;   // rows [A C] of `stride`, C from `width` on; both padded to whole fours
-  double* L;        // f x f, by rows
-  double* inverse;  // of pivots
-  int f, width, stride;
-
-  double* row(int i) const { return values + static_cast<std::ptrdiff_t>(i) * stride; }
-};
-
-// [A C] to [U A⁻¹C] and L, rows interchanged for the largest pivot. False where one vanishes. What stands
-// left of a pivot afterwards means nothing.
-bool Reduce(const Rows& rows, int* swaps) {
-  const int f = rows.f;
-  for (int k = 0; k < f; ++k) {
-    int largest = k;
-    for (int i = k + 1; i < f; ++i)
-      if (std::abs(rows.row(i)[k]) > std::abs(rows.row(largest)[k])) largest = i;
-    double* pivot = rows.row(k);
-    swaps[k] = largest;
-    if (largest != k) {
-      std::swap_ranges(pivot, pivot + rows.stride, rows.row(largest));
-      std::swap_ranges(rows.L + k * f, rows.L + k * f + k, rows.L + largest * f);
-    }
-    const double inverse = rows.inverse[k] = 1 / pivot[k];
-    if (!std::isfinite(inverse)) return false;
-    for (int i = k + 1; i < f; ++i) {
-      double* row = rows.row(i);
-      const double factor = rows.L[i * f + k] = row[k] * inverse;
-      if (factor == 0) continue;
-      for (int c = (k + 1) / 4 * 4; c < rows.stride; c += 4) QuadAt(row + c) -= factor * QuadAt(pivot + c);
-    }
+// act(f), for a finger's or a body's freedoms with f known as it is compiled: loops over so few cost more than
+// what they do.
+template <class Act>
+auto WithSize(int f, const Act& act) {
+  switch (f) {
+    case 1: return act(std::integral_constant<int, 1>());
+    case 2: return act(std::integral_constant<int, 2>());
+    case 3: return act(std::integral_constant<int, 3>());
+    case 4: return act(std::integral_constant<int, 4>());
+    case 5: return act(std::integral_constant<int, 5>());
+    case 6: return act(std::integral_constant<int, 6>());
+    default: return act(f);
   }
-  for (int k = f - 1; k >= 0; --k) {
-    double* pivot = rows.row(k);
-    for (int c = rows.width; c < rows.stride; c += 4) QuadAt(pivot + c) *= rows.inverse[k];
-    for (int i = 0; i < k; ++i) {
-      double* row = rows.row(i);
-      const double factor = row[k];
-      if (factor == 0) continue;
-      for (int c = rows.width; c < rows.stride; c += 4) QuadAt(row + c) -= factor * QuadAt(pivot + c);
-    }
-  }
-  return true;
 }
 
-// a <- A⁻¹ a
-void SolveOwn(const Rows& rows, const int* swaps, double* a) {
-  const int f = rows.f;
+// y −= factors[0] X_0 + factors[1] X_1 + ..., columns of X `stride` apart.
+template <class Size>
+inline void SubtractColumns(const double* X, std::ptrdiff_t stride, Size columns,
+                                                   const double* factors, int n, double* y) {
+  ByFours(n, [&](const auto& at) {
+    typename decltype(at(y))::PlainObject sum = at(y);
+    const double* x = X;
+    for (int k = 0; k < columns; ++k, x += stride) sum -= factors[k] * at(x);
+    at(y) = sum;
+  });
+}
+
+void Swap(const int* swaps, int f, double* a) {
   for (int k = 0; k < f; ++k)
     if (swaps[k] != k) std::swap(a[k], a[swaps[k]]);
-  for (int i = 1; i < f; ++i) {
-    double sum = a[i];
-    for (int k = 0; k < i; ++k) sum -= rows.L[i * f + k] * a[k];
-    a[i] = sum;
-  }
-  for (int i = f - 1; i >= 0; --i) {
-    double sum = a[i];
-    for (int k = i + 1; k < f; ++k) sum -= rows.row(i)[k] * a[k];
-    a[i] = sum * rows.inverse[i];
-  }
-}
-
-void SolveOwnFour(const Rows& rows, const int* swaps, double* a) {
-  const int f = rows.f;
-  for (int k = 0; k < f; ++k)
-    if (swaps[k] != k) std::swap_ranges(a + 4 * k, a + 4 * k + 4, a + 4 * swaps[k]);
-  for (int i = 1; i < f; ++i) {
-    Quad sum = QuadAt(a + 4 * i);
-    for (int k = 0; k < i; ++k) sum -= rows.L[i * f + k] * QuadAt(a + 4 * k);
-    QuadAt(a + 4 * i) = sum;
-  }
-  for (int i = f - 1; i >= 0; --i) {
-    Quad sum = QuadAt(a + 4 * i);
-    for (int k = i + 1; k < f; ++k) sum -= rows.row(i)[k] * QuadAt(a + 4 * k);
-    QuadAt(a + 4 * i) = sum * rows.inverse[i];
-  }
 }
 
 }  // namespace
 
+// [A; D] to L, U and D', rows interchanged for the largest pivot of A. False where one vanishes.
+template <class Size>
+bool BlockLu::FactorPanel(const Panel& panel, Size f, int* swaps) {
+  for (int k = 0; k < f; ++k) {
+    double* pivot = panel.column(k);
+    int largest = k;
+    for (int i = k + 1; i < f; ++i)
+      if (std::abs(pivot[i]) > std::abs(pivot[largest])) largest = i;
+    swaps[k] = largest;
+    if (largest != k)
+      for (int j = 0; j < f; ++j) std::swap(panel.column(j)[k], panel.column(j)[largest]);
+    const double inverse = panel.inverse[k] = 1 / pivot[k];
+    if (!std::isfinite(inverse)) return false;
+    double* below = pivot + k + 1;
+    const int rest = panel.rows - k - 1;
+    ByFours(rest, [&](const auto& at) {
+      const typename decltype(at(below))::PlainObject some = inverse * at(below);
+      at(below) = some;
+      double* other = below;
+      for (int j = k + 1; j < f; ++j) {
+        other += panel.rows;
+        at(other) -= other[-1] * some;
+      }
+    });
+  }
+  return true;
+}
+
+// a <- L⁻¹ a
+template <class Size>
+void BlockLu::Forward(const Panel& panel, Size f, double* a) {
+  for (int k = 0; k + 1 < f; ++k)
+    for (int i = k + 1; i < f; ++i) a[i] -= panel.column(k)[i] * a[k];
+}
+
+// a <- U⁻¹ a
+template <class Size>
+void BlockLu::Backward(const Panel& panel, Size f, double* a) {
+  for (int k = f - 1; k >= 0; --k) {
+    a[k] *= panel.inverse[k];
+    for (int i = 0; i < k; ++i) a[i] -= panel.column(k)[i] * a[k];
+  }
+}
+
 void BlockLu::Reserve(int freedoms) {
   const auto n = static_cast<std::size_t>(freedoms);
-  for (std::vector<double>* v : {&x_hub_, &x_core_}) v->reserve(4 * n);
+  x_core_.reserve(4 * n);
   for (std::vector<int>* v : {&pivots_, &swaps_}) v->reserve(n);
   parts_.reserve(n);
   values_.reserve(6 * n * n + 64 * n);
@@ -105,9 +102,9 @@ bool BlockLu::Factor(const EliminationOrder& order, double* H, int n) {
   parts_.clear();
   std::size_t at = 0, swaps = 0;
   for (const EliminationOrder::Block& block : order.blocks()) {
-    const int f = block.own.size(), width = WholeFours(f), stride = width + WholeFours(block.hub_size);
-    parts_.push_back({width, stride, at, swaps});
-    at += static_cast<std::size_t>(f * (stride + f + 1 + block.hub_size));
+    const int f = block.own.size();
+    parts_.push_back({f, f + block.hub_size, at, swaps});
+    at += static_cast<std::size_t>(f * (f + 2 * block.hub_size + 1));
     swaps += static_cast<std::size_t>(f);
   }
   const int size = order.core_size();
@@ -128,65 +125,58 @@ bool BlockLu::Factor(const EliminationOrder& order, double* H, int n) {
   return FactorLu(values_.data() + core_at_, size, pivots_.data());
 }
 
+BlockLu::Panel BlockLu::PanelOf(const Part& part) {
+  double* values = values_.data() + part.at;
+  double* C = values + part.f * part.rows;
+  return {values, C, C + part.f * (part.rows - part.f), part.f, part.rows};
+}
+
 bool BlockLu::Eliminate(const EliminationOrder& order, std::size_t b, double* H, int n) {
   const EliminationOrder::Block& block = order.blocks()[b];
-  const Part& part = parts_[b];
+  const Panel panel = PanelOf(parts_[b]);
+  int* swaps = swaps_.data() + parts_[b].swaps;
   const Span *hubs = order.hubs().data() + block.first_hub, *hubs_end = hubs + block.num_hubs;
-  const int f = block.own.size(), m = block.hub_size, stride = part.stride;
-  double* values = values_.data() + part.at;
-  const Rows rows{values, values + f * stride, values + f * (stride + f), f, part.width, stride};
-  double* D = rows.inverse + f;
   const auto column = [&](int c) { return H + static_cast<std::ptrdiff_t>(c) * n; };
-  ByFours(f * stride, [&](const auto& at) { at(values).setZero(); });
-  double* to = D;
-  for (int c = 0; c < f; ++c) {
-    const double* from = column(block.own.begin + c);
-    for (int r = 0; r < f; ++r) values[r * stride + c] = from[block.own.begin + r];
+  const auto copy = [](const double* from, int count, double* to) {
+    ByFours(count, [&](const auto& at) { at(to) = at(from); });
+  };
+  return WithSize(panel.f, [&](const auto f) {
+    for (int k = 0; k < f; ++k) {
+      const double* from = column(block.own.begin + k);
+      double* to = panel.column(k);
+      copy(from + block.own.begin, f, to);
+      to += f;
+      for (const Span* hub = hubs; hub != hubs_end; to += hub->size(), ++hub)
+        copy(from + hub->begin, hub->size(), to);
+    }
+    if (!FactorPanel(panel, f, swaps)) return false;
+    double* C = panel.C;
     for (const Span* hub = hubs; hub != hubs_end; ++hub)
-      for (int i = hub->begin; i < hub->end; ++i) *to++ = from[i];
-  }
-  double* C = values + part.width;
-  for (const Span* hub = hubs; hub != hubs_end; ++hub)
-    for (int c = hub->begin; c < hub->end; ++c, ++C) {
-      const double* from = column(c) + block.own.begin;
-      for (int r = 0; r < f; ++r) C[r * stride] = from[r];
-    }
-  if (!Reduce(rows, swaps_.data() + part.swaps)) return false;
-  C = values + part.width;
-  for (const Span* hub = hubs; hub != hubs_end; ++hub)
-    for (int c = hub->begin; c < hub->end; ++c, ++C) {
-      const double* left = D;
-      for (const Span* span = hubs; span != hubs_end; left += span->size(), ++span) {
-        double* B = column(c) + span->begin;
-        ByFours(span->size(), [&](const auto& four) {
-          typename decltype(four(B))::PlainObject sum = four(B);
-          for (int k = 0; k < f; ++k) sum -= C[k * stride] * four(left + k * m);
-          four(B) = sum;
-        });
+      for (int c = hub->begin; c < hub->end; ++c, C += f) {
+        copy(column(c) + block.own.begin, f, C);
+        Swap(swaps, f, C);
+        Forward(panel, f, C);
+        const double* left = panel.column(0) + f;
+        for (const Span* span = hubs; span != hubs_end; left += span->size(), ++span)
+          SubtractColumns(left, panel.rows, f, C, span->size(), column(c) + span->begin);
       }
-    }
-  return true;
+    return true;
+  });
 }
 
 void BlockLu::Solve(const EliminationOrder& order, double* x) {
   for (std::size_t b = 0; b < parts_.size(); ++b) {
     const EliminationOrder::Block& block = order.blocks()[b];
-    const Part& part = parts_[b];
-    const int f = block.own.size(), m = block.hub_size;
-    double *values = values_.data() + part.at, *a = x + block.own.begin;
-    const Rows rows{values,     values + f * part.stride, values + f * (part.stride + f), f, part.width,
-                    part.stride};
-    const double* D = rows.inverse + f;
-    SolveOwn(rows, swaps_.data() + part.swaps, a);
+    const Panel panel = PanelOf(parts_[b]);
+    double* a = x + block.own.begin;
     const Span* hubs = order.hubs().data() + block.first_hub;
-    for (const Span* hub = hubs; hub != hubs + block.num_hubs; D += hub->size(), ++hub) {
-      double* y = x + hub->begin;
-      ByFours(hub->size(), [&](const auto& four) {
-        typename decltype(four(y))::PlainObject sum = four(y);
-        for (int k = 0; k < f; ++k) sum -= a[k] * four(D + k * m);
-        four(y) = sum;
-      });
-    }
+    WithSize(panel.f, [&](const auto f) {
+      Swap(swaps_.data() + parts_[b].swaps, f, a);
+      Forward(panel, f, a);
+      const double* D = panel.column(0) + f;
+      for (const Span* hub = hubs; hub != hubs + block.num_hubs; D += hub->size(), ++hub)
+        SubtractColumns(D, panel.rows, f, a, hub->size(), x + hub->begin);
+    });
   }
   double* to = x_core_.data();
   for (const Span& span : order.core()) to = std::copy(x + span.begin, x + span.end, to);
@@ -196,43 +186,40 @@ void BlockLu::Solve(const EliminationOrder& order, double* x) {
     for (int i = span.begin; i < span.end; ++i) x[i] = *from++;
   for (std::size_t b = parts_.size(); b-- > 0;) {
     const EliminationOrder::Block& block = order.blocks()[b];
+    const Panel panel = PanelOf(parts_[b]);
+    double* a = x + block.own.begin;
     const Span* hubs = order.hubs().data() + block.first_hub;
-    x_hub_.clear();
-    for (const Span* hub = hubs; hub != hubs + block.num_hubs; ++hub)
-      for (int i = hub->begin; i < hub->end; ++i) x_hub_.push_back(x[i]);
-    while (x_hub_.size() % 4 != 0) x_hub_.push_back(0);
-    for (int r = 0; r < block.own.size(); ++r) {
-      const double* X = values_.data() + parts_[b].at + r * parts_[b].stride + parts_[b].width;
-      Quad sums = Quad::Zero();
-      for (std::size_t c = 0; c < x_hub_.size(); c += 4)
-        sums += QuadAt(X + c).cwiseProduct(QuadAt(x_hub_.data() + c));
-      x[block.own.begin + r] -= sums.sum();
-    }
+    WithSize(panel.f, [&](const auto f) {
+      const double* C = panel.C;
+      for (const Span* hub = hubs; hub != hubs + block.num_hubs; C += hub->size() * f, ++hub)
+        SubtractColumns(C, f, hub->size(), x + hub->begin, f, a);
+      Backward(panel, f, a);
+    });
   }
 }
 
 void BlockLu::SolveFour(const EliminationOrder& order, double* x) {
-  const auto rows_of = [&](const EliminationOrder::Block& block, const Part& part) {
-    const int f = block.own.size();
-    double* values = values_.data() + part.at;
-    return Rows{values, values + f * part.stride, values + f * (part.stride + f), f, part.width, part.stride};
-  };
   for (std::size_t b = 0; b < parts_.size(); ++b) {
     const EliminationOrder::Block& block = order.blocks()[b];
-    const Rows rows = rows_of(block, parts_[b]);
-    const int f = rows.f, m = block.hub_size;
+    const Panel panel = PanelOf(parts_[b]);
+    const int f = panel.f;
+    const int* swaps = swaps_.data() + parts_[b].swaps;
     double* a = x + 4 * block.own.begin;
     // Right sides are of single points, which few blocks hear.
     if (std::all_of(a, a + 4 * f, [](double v) { return v == 0; })) continue;
-    SolveOwnFour(rows, swaps_.data() + parts_[b].swaps, a);
-    const double* D = rows.inverse + f;
+    for (int k = 0; k < f; ++k)
+      if (swaps[k] != k) std::swap_ranges(a + 4 * k, a + 4 * k + 4, a + 4 * swaps[k]);
+    const auto subtract = [&](int row, int columns, double* from) {
+      const double* L = panel.column(0) + row;
+      Quad sum = QuadAt(from);
+      for (int k = 0; k < columns; ++k, L += panel.rows) sum -= *L * QuadAt(a + 4 * k);
+      QuadAt(from) = sum;
+    };
+    for (int i = 1; i < f; ++i) subtract(i, i, a + 4 * i);
+    int row = f;
     const Span* hubs = order.hubs().data() + block.first_hub;
     for (const Span* hub = hubs; hub != hubs + block.num_hubs; ++hub)
-      for (int i = hub->begin; i < hub->end; ++i, ++D) {
-        Quad sum = QuadAt(x + 4 * i);
-        for (int k = 0; k < f; ++k) sum -= D[k * m] * QuadAt(a + 4 * k);
-        QuadAt(x + 4 * i) = sum;
-      }
+      for (int i = hub->begin; i < hub->end; ++i) subtract(row++, f, x + 4 * i);
   }
   double* to = x_core_.data();
   for (const Span& span : order.core()) to = std::copy(x + 4 * span.begin, x + 4 * span.end, to);
@@ -242,15 +229,16 @@ void BlockLu::SolveFour(const EliminationOrder& order, double* x) {
     for (int i = 4 * span.begin; i < 4 * span.end; ++i) x[i] = *from++;
   for (std::size_t b = parts_.size(); b-- > 0;) {
     const EliminationOrder::Block& block = order.blocks()[b];
-    const Rows rows = rows_of(block, parts_[b]);
+    const Panel panel = PanelOf(parts_[b]);
     const Span* hubs = order.hubs().data() + block.first_hub;
-    for (int r = 0; r < rows.f; ++r) {
-      const double* X = rows.row(r) + rows.width;
-      double* a = x + 4 * (block.own.begin + r);
-      Quad sum = QuadAt(a);
+    double* a = x + 4 * block.own.begin;
+    for (int r = panel.f - 1; r >= 0; --r) {
+      Quad sum = QuadAt(a + 4 * r);
+      const double* C = panel.C + r;
       for (const Span* hub = hubs; hub != hubs + block.num_hubs; ++hub)
-        for (int i = hub->begin; i < hub->end; ++i) sum -= *X++ * QuadAt(x + 4 * i);
-      QuadAt(a) = sum;
+        for (int i = hub->begin; i < hub->end; ++i, C += panel.f) sum -= *C * QuadAt(x + 4 * i);
+      for (int k = r + 1; k < panel.f; ++k) sum -= panel.column(k)[r] * QuadAt(a + 4 * k);
+      QuadAt(a + 4 * r) = panel.inverse[r] * sum;
     }
   }
 }

@@ -23,16 +23,31 @@ class BlockLu {
 
  private:
   struct Part {
-    int width = 0, stride = 0;
-    std::size_t at = 0;     // in values_: rows [U A⁻¹C] of `stride`, L, inverse pivots, D by columns
+    int f = 0, rows = 0;    // of the block, and with its hub
+    std::size_t at = 0;     // in values_: the panel, C', inverse pivots
     std::size_t swaps = 0;  // in swaps_
   };
+  struct Panel {
+    double* values;   // rows x f: L and U, and D' below
+    double* C;        // f x hub
+    double* inverse;  // of pivots
+    int f, rows;
+
+    double* column(int k) const { return values + static_cast<std::ptrdiff_t>(k) * rows; }
+  };
+  Panel PanelOf(const Part& part);
+  template <class Size>
+  static bool FactorPanel(const Panel& panel, Size f, int* swaps);
+  template <class Size>
+  static void Forward(const Panel& panel, Size f, double* a);
+  template <class Size>
+  static void Backward(const Panel& panel, Size f, double* a);
   bool Eliminate(const EliminationOrder& order, std::size_t block, double* H, int n);
 
   std::vector<Part> parts_;
   std::vector<int> pivots_, swaps_;
   std::size_t core_at_ = 0;
-  std::vector<double> values_, x_hub_, x_core_;
+  std::vector<double> values_, x_core_;
 };
 
 }  // namespace fork1s::internal

@@ -9,11 +9,11 @@
 #include "compliant_rows.hpp"
 
 namespace fork1s::internal {
-void CompliantRows::MeetLeft(const PortRows& left, const Matrix6& S) {
+void CompliantRows::MeetLeft(const PortRows& left, const PaddedBlock& S) {
   if (S.isZero(0)) return;  // nothing touches there
   const auto meet = [&](const double* Y, int begin, int freedoms) {
     if (freedoms == 0) return;
-    AddSixTimesSix(Y, left.stride, freedoms, {S.data(), 1, 6}, 6, U_.data() + begin, freedoms_);
+    AddSixTimesSix(Y, left.stride, freedoms, {S.data(), 1, 8}, 6, U_.data() + begin, freedoms_);
     Span span{begin, begin + freedoms};
     std::erase_if(spans_, [&](const Span& other) {
       if (other.end < span.begin || span.end < other.begin) return false;

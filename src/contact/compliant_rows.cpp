@@ -5,30 +5,31 @@
 
 namespace fork1s::internal {
 Vector3 CompliantRows::Speed(const PairRows& pair, const PointRows& point) const {
-  Vector3 w = point.base + point.offset;
-  if (pair.port_a >= 0) w += point.J_a.lazyProduct(ports[static_cast<std::size_t>(pair.port_a)].change);
-  if (pair.port_b >= 0) w += point.J_b.lazyProduct(ports[static_cast<std::size_t>(pair.port_b)].change);
-  return w;
+  ThreeSums sums;
+  if (pair.port_a >= 0) sums.Add(point.rows_a, ports[static_cast<std::size_t>(pair.port_a)].change);
+  if (pair.port_b >= 0) sums.Add(point.rows_b, ports[static_cast<std::size_t>(pair.port_b)].change);
+  return point.base + point.offset + sums.Sum();
 }
 
 double CompliantRows::NormalSpeed(const PairRows& pair, const PointRows& point) const {
-  double w = point.base[0] + point.offset[0];
-  const auto add = [&](int port, const Matrix36& J) {
+  Quad sum = Quad::Zero();
+  const auto add = [&](int port, const PaddedRows& rows) {
     if (port < 0) return;
-    const Vector6& change = ports[static_cast<std::size_t>(port)].change;
-    for (int k = 0; k < 6; ++k) w += J(0, k) * change[k];
+    const double *change = ports[static_cast<std::size_t>(port)].change.data(), *normal = rows.data();
+    sum += QuadAt(normal).cwiseProduct(QuadAt(change));
+    sum += QuadAt(normal + 4).cwiseProduct(QuadAt(change + 4));
   };
-  add(pair.port_a, point.J_a);
-  add(pair.port_b, point.J_b);
-  return w;
+  add(pair.port_a, point.rows_a);
+  add(pair.port_b, point.rows_b);
+  return point.base[0] + point.offset[0] + sum.sum();
 }
 
 Vector3 CompliantRows::Turning(const PairRows& pair, const PointRows& point) const {
   Vector3 w = point.angular_base + point.angular_offset;
   if (pair.port_a >= 0)
-    w += point.J_a.rightCols<3>() * ports[static_cast<std::size_t>(pair.port_a)].change.head<3>();
+    w += AxesOf(point.rows_a).transpose() * ports[static_cast<std::size_t>(pair.port_a)].change.head<3>();
   if (pair.port_b >= 0)
-    w += point.J_b.rightCols<3>() * ports[static_cast<std::size_t>(pair.port_b)].change.head<3>();
+    w += AxesOf(point.rows_b).transpose() * ports[static_cast<std::size_t>(pair.port_b)].change.head<3>();
   return w;
 }
 
@@ -63,35 +64,36 @@ void CompliantRows::ClearPush() {
 
 void CompliantRows::AddPush(const PairRows& pair, const PointRows& point, const Vector3& impulse,
                             const Vector3& moment) {
-  const auto add = [&](int index, const Matrix36& J) {
+  const auto add = [&](int index, const PaddedRows& rows) {
     if (index < 0) return;
     PortRows& port = ports[static_cast<std::size_t>(index)];
-    port.push += J.transpose().lazyProduct(impulse);
-    if (point.HasMoments()) port.push.head<3>() += J.rightCols<3>().transpose() * moment;
+    AddRows(rows, impulse, port.push);
+    if (point.HasMoments()) port.push.head<3>() += AxesOf(rows) * moment;
   };
-  add(pair.port_a, point.J_a);
-  add(pair.port_b, point.J_b);
+  add(pair.port_a, point.rows_a);
+  add(pair.port_b, point.rows_b);
 }
 
 // Sums of J_leftᵀ D J_right, and of moments, whose rows are the axes on the angular part of the twist.
 void CompliantRows::AddDerivative(std::size_t p, const PointRows& point) {
-  using Columns = Eigen::Matrix<double, 6, 3>;
   const PairRows& pair = pairs[p];
-  const bool a = pair.port_a >= 0, b = pair.port_b >= 0;
-  const Columns A = point.J_a.transpose(), B = point.J_b.transpose();
-  const Matrix36 D_a = point.D.lazyProduct(point.J_a), D_b = point.D.lazyProduct(point.J_b);
-  const auto add = [&](const Columns& left, const Matrix36& D_right, const Matrix36& right, Matrix6& S) {
-    S += left.lazyProduct(D_right);
-    if (!point.HasMoments()) return;
-    const Matrix3 axes = left.bottomRows<3>();
-    S.topLeftCorner<3, 3>() += axes * point.D_turn * right.rightCols<3>();
-    S.topRows<3>() += axes * point.by_normal * right.row(0);
+  const bool a = pair.port_a >= 0, b = pair.port_b >= 0, has_moments = point.HasMoments();
+  const PaddedRows &A = point.rows_a, &B = point.rows_b;
+  const Matrix3 D_transposed = point.D.transpose();
+  const PaddedRows D_a = RowsTimes(A, D_transposed), D_b = RowsTimes(B, D_transposed);
+  const auto add = [&](const PaddedRows& left, const PaddedRows& D_right, const PaddedRows& right,
+                       PaddedBlock& S) {
+    AddProduct(left, D_right, S);
+    if (!has_moments) return;
+    const Matrix3 axes = AxesOf(left);
+    S.topLeftCorner<3, 3>() += axes * point.D_turn * AxesOf(right).transpose();
+    S.topRows<3>() += axes * point.by_normal * right.col(0).head<6>().transpose();
   };
-  if (a) add(A, D_a, point.J_a, ports[static_cast<std::size_t>(pair.port_a)].S);
-  if (b) add(B, D_b, point.J_b, ports[static_cast<std::size_t>(pair.port_b)].S);
+  if (a) add(A, D_a, A, ports[static_cast<std::size_t>(pair.port_a)].S);
+  if (b) add(B, D_b, B, ports[static_cast<std::size_t>(pair.port_b)].S);
   if (!a || !b) return;
-  add(A, D_b, point.J_b, S_ab_[p]);
-  add(B, D_a, point.J_a, S_ba_[p]);
+  add(A, D_b, B, S_ab_[p]);
+  add(B, D_a, A, S_ba_[p]);
 }
 
 void CompliantRows::Evaluate(const double* d, bool with_derivative) {
@@ -205,6 +207,26 @@ void CompliantRows::AddDerivatives(double* H_data) {
           for (const Span& rows : limit.spans)
             for (int r = rows.begin; r < rows.end; ++r)
               H(limit.begin + r, limit.begin + c) += limit.D * limit.Y[r] * limit.Y[c];
+}
+
+void CompliantRows::Soften(double share) {
+  for (PointRows& point : points) {
+    if (!point.is_moved) continue;
+    const double least = share * point.inverse_mass;
+    point.law.R_n = std::max(point.R_n, least);
+    point.law.R_t = std::max(point.R_t, least);
+    point.offset = -Vector3(point.law.R_n - point.R_n, point.law.R_t - point.R_t, point.law.R_t - point.R_t)
+                        .cwiseProduct(point.impulse);
+    if (point.HasMoments())
+      for (int k = 0; k < 3; ++k)
+        if (point.Radius(k) > 0)
+          point.angular_offset[k] =
+              -(point.AngularR(k, point.law.R_t) - point.AngularR(k, point.R_t)) * point.moment[k];
+  }
+  for (LimitRows& limit : limits) {
+    limit.R = std::max(limit.material_R, share * limit.inverse_mass);
+    limit.offset = -(limit.R - limit.material_R) * limit.impulse;
+  }
 }
 
 }  // namespace fork1s::internal

@@ -10,7 +10,9 @@
 
 #include <algorithm>
 #include <fork1s/contact/contact_solver.hpp>
+#include <cmath>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "elimination_order.hpp"
@@ -24,7 +26,7 @@ constexpr double kRounding = std::numeric_limits<double>::epsilon();
 struct PointReading;
 
 struct PointRows {
-  Matrix36 J_a = Matrix36::Zero(), J_b = Matrix36::Zero();
+  PaddedRows rows_a = PaddedRows::Zero(), rows_b = PaddedRows::Zero();  // of J
   PointLaw law;             // of the stage at hand
   double R_n = 0, R_t = 0;  // the material's
   double inverse_mass = 0;  // tr(G Gᵀ)/3
@@ -75,6 +77,8 @@ struct PointRows {
     if (size > friction * normal) impulse.tail<2>() *= friction * normal / size;
     for (int k = 0; k < 3; ++k) moment[k] = std::clamp(moment[k], -Radius(k) * normal, Radius(k) * normal);
   }
+  /// Of what friction its tangents could bear by the normal impulse of the last step.
+  double RootOfBound() const { return std::sqrt(law.friction * held_normal); }
   /// Moment about an axis per normal impulse, at most, with all of the friction.
   double Radius(int axis) const { return axis == 0 ? torsion : rolling; }
   /// Rate of turning per moment, where the tangents give `tangential`.
@@ -110,8 +114,12 @@ inline double Dot(const std::vector<double>& a, const std::vector<double>& b) {
   return sum;
 }
 
+class TangentRows;
+
 class CompliantRows {
  public:
+  CompliantRows();
+  ~CompliantRows();
   void Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms);
   /// Of contacts those that are `taken`. False where a number is not finite.
   bool Prepare(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contacts,
@@ -197,13 +205,12 @@ class CompliantRows {
   void SetGive(PairRows& pair, double most_give);
   void ApplyGive(const PairRows& pair);
   void FadeSqueeze();
-  bool LeastByRows(int rows);
   bool LeastByFreedoms();
   void GatherPush(double LimitRows::*borne);
   void SetDiagonal(double diagonal, double* H) const;
   /// H += Σ Y S Yᵀ (blocks.cpp)
   void AddBlocks(double* H);
-  void MeetLeft(const PortRows& left, const Matrix6& S);
+  void MeetLeft(const PortRows& left, const PaddedBlock& S);
   void MeetRight(const double* Y, int stride, int begin, int freedoms, double* H) const;
 
   int freedoms_ = 0;
@@ -213,10 +220,13 @@ class CompliantRows {
   std::vector<int> block_of_, port_of_, order_;
   EliminationOrder elimination_;
   std::vector<Freedoms> blocks_;
+  std::vector<double> by_freedom_;    // of ports
+  std::size_t by_freedom_used_ = 0;
   std::vector<double> storage_;       // Y of blocks with fewer rows than freedoms
-  std::vector<Matrix6> S_ab_, S_ba_;  // a pair
+  std::vector<PaddedBlock> S_ab_, S_ba_;  // a pair
   std::vector<double> push_, F_;
-  std::vector<double> squeeze_H_, squeeze_, squeeze_rows_;
+  std::vector<double> squeeze_H_, squeeze_;
+  std::unique_ptr<TangentRows> tangents_;
   std::vector<double> U_;    // freedoms x 6
   std::vector<Span> spans_;  // rows of U_ that are not zero
 };

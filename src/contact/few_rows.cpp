@@ -12,13 +12,13 @@ constexpr std::size_t kMostRows = 60;
 constexpr double kNearEnough = 1e3;
 
 // A point's rows side by side: of w, and of the turning about the axes that bear a moment.
-void SetRows(const Matrix36& J, const int* axes, int size, double (&out)[2][24]) {
+void SetRows(const PaddedRows& rows, const int* axes, int size, double (&out)[2][24]) {
   for (int k = 0; k < size; ++k) {
     double* to = out[k / 4] + k % 4;
     if (k < 3)
-      for (int c = 0; c < 6; ++c) to[4 * c] = J(k, c);
+      for (int c = 0; c < 6; ++c) to[4 * c] = rows(c, k);
     else
-      for (int c = 0; c < 3; ++c) to[4 * c] = J(axes[k - 3], 3 + c);
+      for (int c = 0; c < 3; ++c) to[4 * c] = rows(3 + c, axes[k - 3]);
   }
 }
 
@@ -77,8 +77,8 @@ bool FewRows::Add(const CompliantRows& rows, int index, int pair) {
     const PairRows& of = rows.pairs[static_cast<std::size_t>(pair)];
     m.port_a = PlaceOf(of.port_a);
     m.port_b = PlaceOf(of.port_b);
-    SetRows(point.J_a, m.axes, m.size, m.J_a);
-    SetRows(point.J_b, m.axes, m.size, m.J_b);
+    SetRows(point.rows_a, m.axes, m.size, m.J_a);
+    SetRows(point.rows_b, m.axes, m.size, m.J_b);
   }
   members_.push_back(m);
   count_ = count;

@@ -212,15 +212,17 @@ void CompliantRows::MoveOnPieces(const double* s) {
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
       if (point.is_clear) continue;
-      Vector3 w = Vector3::Zero(), turning = Vector3::Zero();
-      const auto add = [&](int index, const Matrix36& J) {
+      ThreeSums sums;
+      Vector3 turning = Vector3::Zero();
+      const auto add = [&](int index, const PaddedRows& rows) {
         if (index < 0) return;
-        const Vector6& change = ports[static_cast<std::size_t>(index)].change;
-        w += J.lazyProduct(change);
-        if (point.HasMoments()) turning += J.rightCols<3>() * change.head<3>();
+        const Padded6& change = ports[static_cast<std::size_t>(index)].change;
+        sums.Add(rows, change);
+        if (point.HasMoments()) turning += AxesOf(rows).transpose() * change.head<3>();
       };
-      add(pair.port_a, point.J_a);
-      add(pair.port_b, point.J_b);
+      add(pair.port_a, point.rows_a);
+      add(pair.port_b, point.rows_b);
+      const Vector3 w = sums.Sum();
       point.impulse -= point.D * w;
       if (point.HasMoments()) point.moment -= point.D_turn * turning + point.by_normal * w[0];
     }

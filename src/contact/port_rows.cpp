@@ -3,31 +3,6 @@
 #include <fork1s/base/quad.hpp>
 
 namespace fork1s::internal {
-namespace {
-
-// Yᵀ x, Y of n rows and six columns.
-Vector6 SixDots(const double* Y, int stride, const double* x, int n) {
-  const double *y0 = Y, *y1 = y0 + stride, *y2 = y1 + stride, *y3 = y2 + stride, *y4 = y3 + stride,
-               *y5 = y4 + stride;
-  Quad s0 = Quad::Zero(), s1 = s0, s2 = s0, s3 = s0, s4 = s0, s5 = s0;
-  ByFours(n, [&](const auto& at) {
-    using Some = typename decltype(at(x))::PlainObject;
-    constexpr int kSize = Some::RowsAtCompileTime;
-    const Some some = at(x);
-    s0.head<kSize>() += at(y0).cwiseProduct(some);
-    s1.head<kSize>() += at(y1).cwiseProduct(some);
-    s2.head<kSize>() += at(y2).cwiseProduct(some);
-    s3.head<kSize>() += at(y3).cwiseProduct(some);
-    s4.head<kSize>() += at(y4).cwiseProduct(some);
-    s5.head<kSize>() += at(y5).cwiseProduct(some);
-  });
-  Vector6 sums;
-  sums << s0.sum(), s1.sum(), s2.sum(), s3.sum(), s4.sum(), s5.sum();
-  return sums;
-}
-
-}  // namespace
-
 void AddSixColumns(const double* X, int stride, const double* t, int n, double* out) {
   const double *x0 = X, *x1 = x0 + stride, *x2 = x1 + stride, *x3 = x2 + stride, *x4 = x3 + stride,
                *x5 = x4 + stride;
@@ -67,20 +42,44 @@ void AddSixTimesSix(const double* X, int stride, int n, SixRows T, int columns, 
 }
 
 void PortRows::SetChange(const double* d) {
-  change = SixDots(Y, stride, d + begin, freedoms);
-  if (freedoms_apart > 0) change += SixDots(Y_apart, stride, d + begin_apart, freedoms_apart);
+  Quad low = Quad::Zero(), high = low;
+  const double* y = by_freedom;
+  const auto add = [&](const double* x, int count) {
+    for (int i = 0; i < count; ++i, y += 8) {
+      low += x[i] * QuadAt(y);
+      high += x[i] * QuadAt(y + 4);
+    }
+  };
+  add(d + begin, freedoms);
+  add(d + begin_apart, freedoms_apart);
+  QuadAt(change.data()) = low;
+  QuadAt(change.data() + 4) = high;
 }
 
-void PortRows::AddTo(const Vector6& wrench, double* sum) const {
+void PortRows::AddTo(const Padded6& wrench, double* sum) const {
   AddSixColumns(Y, stride, wrench.data(), freedoms, sum + begin);
   if (freedoms_apart > 0) AddSixColumns(Y_apart, stride, wrench.data(), freedoms_apart, sum + begin_apart);
 }
 
-void PortRows::SetW() {
+void PortRows::SetByFreedom(double* rows) {
+  by_freedom = rows;
+  const auto copy = [&](const double* y, int count) {
+    for (int i = 0; i < count; ++i, rows += 8) {
+      for (std::ptrdiff_t c = 0; c < 6; ++c) rows[c] = y[c * stride + i];
+      rows[6] = rows[7] = 0;
+    }
+  };
+  copy(Y, freedoms);
+  copy(Y_apart, freedoms_apart);
   for (int c = 0; c < 6; ++c) {
-    const auto at = static_cast<std::ptrdiff_t>(c) * stride;
-    W.col(c) = SixDots(Y, stride, Y + at, freedoms);
-    if (freedoms_apart > 0) W.col(c) += SixDots(Y_apart, stride, Y_apart + at, freedoms_apart);
+    Quad low = Quad::Zero(), high = low;
+    for (const double* y = by_freedom; y != rows; y += 8) {
+      low += y[c] * QuadAt(y);
+      high += y[c] * QuadAt(y + 4);
+    }
+    QuadAt(W.data() + 8 * c) = low;
+    QuadAt(W.data() + 8 * c + 4) = high;
+    W_diagonal[c] = W(c, c);
   }
 }
 

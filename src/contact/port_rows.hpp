@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <fork1s/base/types.hpp>
 
+#include "padded.hpp"
+
 namespace fork1s::internal {
 
 /// out += X t, X of n rows and six columns `stride` apart. Sums are by fours from the first row on, here and
@@ -29,15 +31,18 @@ struct PortRows {
   int begin_apart = 0, freedoms_apart = 0;
   int row = 0;                       // in the stacked velocities
   int first_pair = -1;               // that it is one of; the others by PairRows::next
-  Vector6 change = Vector6::Zero();  // Yᵀ d
-  Vector6 push = Vector6::Zero();    // impulse on the port
-  Matrix6 S = Matrix6::Zero();       // Σ Jᵀ D J
-  Matrix6 W = Matrix6::Zero();       // Yᵀ Y
+  const double* by_freedom = nullptr;         // Y again, padded, all freedoms one after another
+  Padded6 change = Padded6::Zero();           // Yᵀ d
+  Padded6 push = Padded6::Zero();             // impulse on the port
+  PaddedBlock S = PaddedBlock::Zero();        // Σ Jᵀ D J
+  PaddedBlock W = PaddedBlock::Zero();        // Yᵀ Y
+  Padded6 W_diagonal = Padded6::Zero();
 
   void SetChange(const double* d);
   /// sum += Y wrench
-  void AddTo(const Vector6& wrench, double* sum) const;
-  void SetW();
+  void AddTo(const Padded6& wrench, double* sum) const;
+  /// `by_freedom`, to be kept there: 8 a freedom. And W.
+  void SetByFreedom(double* rows);
   /// sum += Y T, T six rows of four wrenches; `sum` freedoms x 4 row by row.
   void AddFourTo(const double* T, double* sum) const;
   /// Yᵀ d of four d at once, d freedoms x 4 row by row: six rows of four.

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "compliant_rows.hpp"
+#include "tangent_rows.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -60,6 +61,9 @@ void FindFreedoms(const double* Y, int begin, int freedoms, PortRows& port) {
 
 }  // namespace
 
+CompliantRows::CompliantRows() : tangents_(std::make_unique<TangentRows>()) {}
+CompliantRows::~CompliantRows() = default;
+
 void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms) {
   const auto contacts = static_cast<std::size_t>(num_contacts),
              velocities = static_cast<std::size_t>(num_velocities);
@@ -80,7 +84,8 @@ void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities
   U_.reserve(6 * velocities);
   spans_.reserve(velocities);
   squeeze_H_.reserve(velocities * velocities);
-  squeeze_rows_.reserve(velocities * velocities);
+  tangents_->Reserve(num_contacts, num_velocities);
+  by_freedom_.reserve(2 * velocities * velocities);
   storage_.reserve(velocities * static_cast<std::size_t>(num_freedoms));
 }
 
@@ -106,6 +111,11 @@ void CompliantRows::LayOutBlocks(const std::vector<VelocityBlock>& blocks, int n
       room += static_cast<std::size_t>(moving) * static_cast<std::size_t>(block.size);
   }
   storage_.resize(room);
+  room = 0;
+  for (std::size_t b = 0; b < blocks.size(); ++b)
+    room += static_cast<std::size_t>(8 * std::min(blocks_[b].count, blocks[b].size) * (blocks[b].size / 6));
+  if (by_freedom_.size() < room) by_freedom_.resize(room);
+  by_freedom_used_ = 0;
   room = 0;
   freedoms_ = 0;
   for (std::size_t b = 0; b < blocks.size(); ++b) {
@@ -154,7 +164,8 @@ int CompliantRows::PortAt(const std::vector<VelocityBlock>& blocks, int row) {
   port.row = row;
   const double* Y = f.Y + static_cast<std::ptrdiff_t>(row - block.offset) * f.stride;
   FindFreedoms(Y, f.begin, f.count, port);
-  port.SetW();
+  port.SetByFreedom(by_freedom_.data() + by_freedom_used_);
+  by_freedom_used_ += 8 * static_cast<std::size_t>(port.freedoms + port.freedoms_apart);
   return known;
 }
 
@@ -165,27 +176,33 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.shift.setZero();
   out.angular_offset.setZero();
   out.ClearPiece();
-  out.J_a = in.J_a;
-  out.J_b = in.J_b;
+  PadRows(in.J_a, out.rows_a);
+  PadRows(in.J_b, out.rows_b);
+  const bool has_moments = in.torsion > 0 || in.rolling > 0;
   Vector3 u = in.bias, turning = Vector3::Zero();
   out.inverse_inertia.setZero();
-  double trace = 0, natural = 0, reach = u.cwiseAbs().sum();
-  const auto side = [&](int index, const Matrix36& J) {
+  Quad traces = Quad::Zero(), naturals = traces;
+  double reach = u.cwiseAbs().sum();
+  const auto side = [&](int index, const PaddedRows& rows) {
     if (index < 0) return;
     const PortRows& port = ports[static_cast<std::size_t>(index)];
-    const auto V = velocities.segment<6>(port.row);
-    const Vector3 part = J * V;
+    Padded6 V;
+    V << velocities.segment<6>(port.row), 0, 0;
+    ThreeSums sums;
+    sums.Add(rows, V);
+    const Vector3 part = sums.Sum();
     u += part;
-    turning += J.rightCols<3>() * V.head<3>();
     reach += part.cwiseAbs().sum();
-    trace += J.lazyProduct(port.W).cwiseProduct(J).sum();
-    if (in.torsion > 0 || in.rolling > 0)
-      out.inverse_inertia +=
-          (J.rightCols<3>() * port.W.topLeftCorner<3, 3>()).cwiseProduct(J.rightCols<3>()).rowwise().sum();
-    natural += J.cwiseAbs2().colwise().sum().dot(port.W.diagonal());
+    AddTraces(rows, port.W, port.W_diagonal, traces, naturals);
+    if (!has_moments) return;
+    const auto axes = AxesOf(rows);
+    turning += axes.transpose() * V.head<3>();
+    out.inverse_inertia +=
+        (port.W.topLeftCorner<3, 3>() * axes).cwiseProduct(axes).colwise().sum().transpose();
   };
-  side(pair.port_a, in.J_a);
-  side(pair.port_b, in.J_b);
+  side(pair.port_a, out.rows_a);
+  side(pair.port_b, out.rows_b);
+  const double trace = traces.sum(), natural = naturals.sum();
   if (!Finite(u.sum() + trace + in.held.sum() + in.held_moment.sum() + in.friction + in.torsion + in.rolling +
               in.compliance_normal + in.compliance_tangent + in.impulse.sum() + in.moment.sum()))
     return false;
@@ -363,26 +380,6 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
   FadeSqueeze();
   for (const PairRows& pair : pairs) ApplyGive(pair);
   return true;
-}
-
-void CompliantRows::Soften(double share) {
-  for (PointRows& point : points) {
-    if (!point.is_moved) continue;
-    const double least = share * point.inverse_mass;
-    point.law.R_n = std::max(point.R_n, least);
-    point.law.R_t = std::max(point.R_t, least);
-    point.offset = -Vector3(point.law.R_n - point.R_n, point.law.R_t - point.R_t, point.law.R_t - point.R_t)
-                        .cwiseProduct(point.impulse);
-    if (point.HasMoments())
-      for (int k = 0; k < 3; ++k)
-        if (point.Radius(k) > 0)
-          point.angular_offset[k] =
-              -(point.AngularR(k, point.law.R_t) - point.AngularR(k, point.R_t)) * point.moment[k];
-  }
-  for (LimitRows& limit : limits) {
-    limit.R = std::max(limit.material_R, share * limit.inverse_mass);
-    limit.offset = -(limit.R - limit.material_R) * limit.impulse;
-  }
 }
 
 }  // namespace fork1s::internal

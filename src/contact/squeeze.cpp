@@ -5,14 +5,13 @@
 // of what friction each could bear, M = µ λ_n, is
 //     (Σ G_tᵀ M G_t + ε) y = Σ G_tᵀ λ_t,   λ_t' = M G_t y
 // and λ_t goes there as far as cones allow. ε keeps the sum definite where points push in few directions.
-// Where these rows are fewer than freedoms the same comes from the rows' side, with g = M^½ G_t:
-//     (g gᵀ + ε) x = M^-½ λ_t,   λ_t' = λ_t − ε M^½ x
+// Where these rows are fewer than freedoms the same comes from the rows' side (tangent_rows.cpp).
 #include <algorithm>
 #include <cmath>
-#include <fork1s/base/quad.hpp>
 #include <fork1s/linalg/in_place.hpp>
 
 #include "compliant_rows.hpp"
+#include "tangent_rows.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -40,7 +39,9 @@ void CompliantRows::FadeSqueeze() {
     sticking += point.fades ? 1 : 0;
   }
   if (sticking < 2) return;
-  if (!(2 * sticking < freedoms_ ? LeastByRows(2 * sticking) : LeastByFreedoms())) return;
+  const int left = tangents_->LeaveDetermined(*this, sticking);
+  if (left == 0) return;
+  if (!(2 * left < freedoms_ ? tangents_->FindLeast(*this, left) : LeastByFreedoms())) return;
   double share = 1;
   for (const PointRows& point : points)
     if (point.fades)
@@ -51,51 +52,6 @@ void CompliantRows::FadeSqueeze() {
     point.held += share * (point.least - point.held);
     point.impulse.tail<2>() = point.held;
   }
-}
-
-bool CompliantRows::LeastByRows(int rows) {
-  const auto n = static_cast<std::size_t>(freedoms_), m = static_cast<std::size_t>(rows);
-  squeeze_rows_.assign(m * n, 0.0);
-  squeeze_H_.resize(m * m);
-  squeeze_.resize(m);
-  std::size_t row = 0;
-  for (const PairRows& pair : pairs)
-    for (int i = pair.first; i < pair.first + pair.count; ++i) {
-      const PointRows& point = points[static_cast<std::size_t>(i)];
-      if (!point.fades) continue;
-      const double root = std::sqrt(point.law.friction * point.held_normal);
-      for (int t = 0; t < 2; ++t, ++row) {
-        double* g = squeeze_rows_.data() + row * n;
-        if (pair.port_a >= 0)
-          ports[static_cast<std::size_t>(pair.port_a)].AddTo(root * point.J_a.row(1 + t).transpose(), g);
-        if (pair.port_b >= 0)
-          ports[static_cast<std::size_t>(pair.port_b)].AddTo(root * point.J_b.row(1 + t).transpose(), g);
-        squeeze_[row] = point.held[t] / root;
-      }
-    }
-  double trace = 0;
-  for (std::size_t c = 0; c < m; ++c)  // SolveByCholesky reads on and below the diagonal
-    for (std::size_t r = c; r < m; ++r) {
-      const double *x = squeeze_rows_.data() + r * n, *y = squeeze_rows_.data() + c * n;
-      Quad sums = Quad::Zero();
-      ByFours(freedoms_, [&](const auto& at) {
-        constexpr int kSize = decltype(at(x))::RowsAtCompileTime;
-        sums.head<kSize>() += at(x).cwiseProduct(at(y));
-      });
-      squeeze_H_[c * m + r] = sums.sum();
-      if (r == c) trace += squeeze_H_[c * m + r];
-    }
-  if (!(trace > 0)) return false;
-  const double proximal = kProximal * trace / static_cast<double>(n);
-  for (std::size_t c = 0; c < m; ++c) squeeze_H_[c * (m + 1)] += proximal;
-  if (!SolveByCholesky(squeeze_H_.data(), rows, squeeze_.data())) return false;
-  row = 0;
-  for (PointRows& point : points) {  // pair by pair, as above
-    if (!point.fades) continue;
-    const double root = std::sqrt(point.law.friction * point.held_normal);
-    for (int t = 0; t < 2; ++t, ++row) point.least[t] = point.held[t] - proximal * root * squeeze_[row];
-  }
-  return true;
 }
 
 bool CompliantRows::LeastByFreedoms() {
@@ -111,20 +67,20 @@ bool CompliantRows::LeastByFreedoms() {
       const PointRows& point = points[static_cast<std::size_t>(i)];
       if (!point.fades) continue;
       const double M = point.law.friction * point.held_normal;
-      const auto a = point.J_a.bottomRows<2>(), b = point.J_b.bottomRows<2>();
+      const auto a = point.rows_a.rightCols<2>(), b = point.rows_b.rightCols<2>();
       if (pairs[p].port_a >= 0) {
         PortRows& port = ports[static_cast<std::size_t>(pairs[p].port_a)];
-        port.S += M * a.transpose().lazyProduct(a);
-        port.push += a.transpose() * point.held;
+        port.S += M * a.lazyProduct(a.topRows<6>().transpose());
+        port.push += a * point.held;
       }
       if (pairs[p].port_b >= 0) {
         PortRows& port = ports[static_cast<std::size_t>(pairs[p].port_b)];
-        port.S += M * b.transpose().lazyProduct(b);
-        port.push += b.transpose() * point.held;
+        port.S += M * b.lazyProduct(b.topRows<6>().transpose());
+        port.push += b * point.held;
       }
-      if (pairs[p].port_a >= 0 && pairs[p].port_b >= 0) S_ab_[p] += M * a.transpose().lazyProduct(b);
+      if (pairs[p].port_a >= 0 && pairs[p].port_b >= 0) S_ab_[p] += M * a.lazyProduct(b.topRows<6>().transpose());
     }
-    S_ba_[p] = S_ab_[p].transpose();
+    S_ba_[p].topRows<6>() = S_ab_[p].topRows<6>().transpose();
   }
   squeeze_H_.resize(n * n);
   squeeze_.resize(n);
@@ -136,7 +92,8 @@ bool CompliantRows::LeastByFreedoms() {
   for (std::size_t i = 0; i < n; ++i) squeeze_H_[i * (n + 1)] += kProximal * trace / static_cast<double>(n);
   std::fill(squeeze_.begin(), squeeze_.end(), 0.0);
   for (const PortRows& port : ports) port.AddTo(port.push, squeeze_.data());
-  if (!SolveByCholesky(squeeze_H_.data(), freedoms_, squeeze_.data())) return false;
+  if (!FactorCholesky(squeeze_H_.data(), freedoms_)) return false;
+  SolveWithCholesky(squeeze_H_.data(), freedoms_, squeeze_.data());
   for (PortRows& port : ports) port.SetChange(squeeze_.data());
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
@@ -144,9 +101,9 @@ bool CompliantRows::LeastByFreedoms() {
       if (!point.fades) continue;
       Vector2 y = Vector2::Zero();
       if (pair.port_a >= 0)
-        y += point.J_a.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_a)].change;
+        y += point.rows_a.rightCols<2>().transpose() * ports[static_cast<std::size_t>(pair.port_a)].change;
       if (pair.port_b >= 0)
-        y += point.J_b.bottomRows<2>() * ports[static_cast<std::size_t>(pair.port_b)].change;
+        y += point.rows_b.rightCols<2>().transpose() * ports[static_cast<std::size_t>(pair.port_b)].change;
       point.least = point.law.friction * point.held_normal * y;
     }
   return true;

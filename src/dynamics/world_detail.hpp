@@ -93,7 +93,7 @@ struct World::Detail {
       for (int i = begin; i < end; ++i) act(static_cast<std::size_t>(i));
     });
   }
-  RigidTransform PortFrame(int contactor, double ahead) const;
+  void FindPortFrames();
   Matrix36 PortRows(int contactor, const ContactPoint& point, double ahead) const;
   // What is known of how a contact moves on.
   struct Foresight {
@@ -163,6 +163,7 @@ struct World::Detail {
   std::vector<LimitConstraint> limits_;
   std::vector<VelocityBlock> blocks_;
   std::vector<int> port_offset_;  // per contactor: row in the stacked velocities or -1
+  std::vector<RigidTransform> port_frames_;
   std::vector<int> port_part_;    // per contactor: part block of its mechanism
   VectorX velocities_, port_shift_;
   VectorX mean_, end_;                    // of two steps, as velocities_

@@ -116,6 +116,7 @@ void World::Detail::KeepForNextStep(double h, StepReport& report) {
   if (rule_ == StepRule::kTwoSteps) mean_ = velocities_ + port_shift_;
   const VectorX& mean = rule_ == StepRule::kTwoSteps ? mean_ : velocities_;
   change_ = mean - change_;
+  FindPortFrames();  // as they are now
   ForContacts([&](std::size_t i) {
     const ContactConstraint& c = constraints_[i];
     contacts_[i].point = points_[i];

@@ -7,27 +7,37 @@
 
 namespace fork1s {
 
-// The frame that the twist of a port is given in and about: of mechanisms their root, of free bodies world
-// axes at their centre of mass. `ahead`: as many seconds later, by the velocities at hand.
-RigidTransform World::Detail::PortFrame(int contactor, double ahead) const {
-  const Contactor& c = contactors_[static_cast<std::size_t>(contactor)];
-  const auto i = static_cast<std::size_t>(c.index);
-  if (c.kind == Contactor::Kind::kFreeBody) {
-    const Vector3 velocity = velocities_.segment<3>(port_offset_[static_cast<std::size_t>(contactor)] + 3);
-    return RigidTransform(Matrix3::Identity(), free_bodies_[i].center_W() + ahead * velocity);
+// The frames that the twists of ports are given in and about: of mechanisms their root, of free bodies world
+// axes at their centre of mass. Every contact asks for those of its two sides several times.
+void World::Detail::FindPortFrames() {
+  port_frames_.resize(contactors_.size());
+  for (std::size_t c = 0; c < contactors_.size(); ++c) {
+    if (port_offset_[c] < 0) continue;
+    const auto i = static_cast<std::size_t>(contactors_[c].index);
+    port_frames_[c] = contactors_[c].kind == Contactor::Kind::kFreeBody
+                          ? RigidTransform(Matrix3::Identity(), free_bodies_[i].center_W())
+                          : mechanisms_[i].state().X_WR;
   }
-  if (ahead > 0 && mechanisms_[i].mechanism().base() == BaseKind::kDriven)
-    return mechanisms_[i].state().X_WR * Exp(ahead * mechanism_blocks_[i].V_R_foreseen);
-  return mechanisms_[i].state().X_WR;
 }
 
-// Rows of the contact frame on the twist of a port.
+// Rows of the contact frame on the twist of a port. `ahead`: as many seconds later, by the velocities at hand.
 Matrix36 World::Detail::PortRows(int contactor, const ContactPoint& point, double ahead) const {
-  const RigidTransform X_WP = PortFrame(contactor, ahead);
-  const Vector3 p = X_WP.rotation().transpose() * (point.point - X_WP.translation());
+  const auto c = static_cast<std::size_t>(contactor);
+  const auto i = static_cast<std::size_t>(contactors_[c].index);
+  const bool is_free = contactors_[c].kind == Contactor::Kind::kFreeBody;
+  const RigidTransform* X_WP = &port_frames_[c];
+  RigidTransform later;
+  if (ahead > 0 && !is_free && mechanisms_[i].mechanism().base() == BaseKind::kDriven) {
+    later = *X_WP * Exp(ahead * mechanism_blocks_[i].V_R_foreseen);
+    X_WP = &later;
+  }
+  Vector3 p_W = point.point - X_WP->translation();
+  if (ahead > 0 && is_free) p_W -= ahead * velocities_.segment<3>(port_offset_[c] + 3);
+  const Vector3 p = X_WP->rotation().transpose().lazyProduct(p_W);
   Matrix36 J;
-  J.rightCols<3>().noalias() = point.frame * X_WP.rotation();
-  J.leftCols<3>().noalias() = -J.rightCols<3>() * Skew(p);
+  J.rightCols<3>() = point.frame.lazyProduct(X_WP->rotation());
+  for (int k = 0; k < 3; ++k)
+    J.row(k).head<3>() = p.cross(Vector3(J.row(k).tail<3>().transpose())).transpose();
   return J;
 }
 
@@ -35,7 +45,7 @@ Matrix36 World::Detail::PortRows(int contactor, const ContactPoint& point, doubl
 MaterialMotion World::Detail::MotionAt(int contactor, const Vector3& point, const VectorX& velocities) const {
   const auto c = static_cast<std::size_t>(contactor);
   if (contactors_[c].kind == Contactor::Kind::kWorld) return {};
-  const RigidTransform X_WP = PortFrame(contactor, 0);
+  const RigidTransform& X_WP = port_frames_[c];
   const auto V = velocities.segment<6>(port_offset_[c]);
   const Vector3 omega = X_WP.rotation().lazyProduct(V.head<3>());
   return {omega, X_WP.rotation().lazyProduct(V.tail<3>()) + omega.cross(point - X_WP.translation())};
@@ -222,6 +232,7 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
   closing_.assign(points_.size(), 0.0);
   foresight_.resize(points_.size());
   change_ = velocities_;
+  FindPortFrames();
   // Bases too go on as they did, though it is known how they are driven: what they hold does not know yet.
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
     if (mechanisms_[i].mechanism().base() == BaseKind::kDriven)

@@ -3,7 +3,9 @@
 #include <Eigen/Cholesky>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <type_traits>
+#include <utility>
 
 namespace fork1s {
 
@@ -17,28 +19,53 @@ namespace {
 // Up to here plain loops cost less than setting up blocked ones.
 constexpr int kSmall = 32;
 
+// Of blocks up to here, a finger's or a body's, every size has its own code: loops cost more than what they do.
+constexpr int kTiny = 6;
+
 // Of a block that begins at L, columns `stride` apart; what stands above the diagonal is not touched.
-bool FactorTiny(double* L, std::ptrdiff_t stride, int n) {
+template <int n>
+bool FactorTiny(double* L, std::ptrdiff_t stride) {
+  double a[n][n];
+  for (int k = 0; k < n; ++k)
+    for (int i = k; i < n; ++i) a[k][i] = L[k * stride + i];
   for (int k = 0; k < n; ++k) {
-    double* __restrict lk = L + k * stride;
-    if (!(lk[k] > 0) || !std::isfinite(lk[k])) return false;
-    lk[k] = std::sqrt(lk[k]);
-    const double inverse = 1 / lk[k];
-    for (int i = k + 1; i < n; ++i) lk[i] *= inverse;
-    for (int j = k + 1; j < n; ++j) {
-      const double factor = lk[j];
-      if (factor == 0) continue;
-      double* __restrict lj = L + j * stride;
-      for (int i = j; i < n; ++i) lj[i] -= factor * lk[i];
-    }
+    if (!(a[k][k] > 0) || !std::isfinite(a[k][k])) return false;
+    a[k][k] = std::sqrt(a[k][k]);
+    const double inverse = 1 / a[k][k];
+    for (int i = k + 1; i < n; ++i) a[k][i] *= inverse;
+    for (int j = k + 1; j < n; ++j)
+      for (int i = j; i < n; ++i) a[j][i] -= a[k][j] * a[k][i];
   }
+  for (int k = 0; k < n; ++k)
+    for (int i = k; i < n; ++i) L[k * stride + i] = a[k][i];
   return true;
 }
 
+template <int n>
+void SolveTiny(const double* L, std::ptrdiff_t stride, double* x) {
+  double y[n];
+  for (int k = 0; k < n; ++k) y[k] = x[k];
+  for (int k = 0; k < n; ++k) {
+    y[k] /= L[k * stride + k];
+    for (int i = k + 1; i < n; ++i) y[i] -= L[k * stride + i] * y[k];
+  }
+  for (int k = n - 1; k >= 0; --k) {
+    for (int i = k + 1; i < n; ++i) y[k] -= L[k * stride + i] * y[i];
+    y[k] /= L[k * stride + k];
+  }
+  for (int k = 0; k < n; ++k) x[k] = y[k];
+}
+
+constexpr bool (*kFactorTiny[])(double*, std::ptrdiff_t) = {nullptr,       FactorTiny<1>, FactorTiny<2>,
+                                                            FactorTiny<3>, FactorTiny<4>, FactorTiny<5>,
+                                                            FactorTiny<6>};
+constexpr void (*kSolveTiny[])(const double*, std::ptrdiff_t, double*) = {
+    nullptr, SolveTiny<1>, SolveTiny<2>, SolveTiny<3>, SolveTiny<4>, SolveTiny<5>, SolveTiny<6>};
+static_assert(std::size(kFactorTiny) == kTiny + 1 && std::size(kSolveTiny) == kTiny + 1);
+
 // The same by columns padded to whole registers, each from those before it: of 24 rows in half the instructions.
 bool FactorBlock(double* L, std::ptrdiff_t stride, int n) {
-  constexpr int kTiny = 7;
-  if (n <= kTiny) return FactorTiny(L, stride, n);
+  if (n <= kTiny) return n == 0 || kFactorTiny[n](L, stride);
   using Lane = Eigen::Array4d;
   const auto lane = [](auto* at) {
     using Entry = std::remove_pointer_t<decltype(at)>;
@@ -100,6 +127,10 @@ void CopyLower(const double* A, std::ptrdiff_t of_A, int n, bool last_first, dou
 }
 
 void SolveBlock(const double* L, std::ptrdiff_t stride, int n, double* __restrict x) {
+  if (n <= kTiny) {
+    if (n > 0) kSolveTiny[n](L, stride, x);
+    return;
+  }
   for (int k = 0; k < n; ++k) {
     const double* __restrict lk = L + k * stride;
     const double value = x[k] /= lk[k];
@@ -144,12 +175,16 @@ void Cholesky::SolveInPlace(VectorX& x) const {
   if (L_.size() == 0) return;
   for (const DiagonalBlock& b : blocks_) {
     const auto L = L_.block(b.begin, b.begin, b.size, b.size);
-    if (last_first_) x.segment(b.begin, b.size).reverseInPlace();
+    const auto reverse = [&] {
+      for (double *front = x.data() + b.begin, *back = front + b.size - 1; front < back; ++front, --back)
+        std::swap(*front, *back);
+    };
+    if (last_first_) reverse();
     if (b.size <= kSmall)
       SolveBlock(L.data(), L.outerStride(), b.size, x.data() + b.begin);
     else
       SolveWithLowerInPlace(L, x.segment(b.begin, b.size));
-    if (last_first_) x.segment(b.begin, b.size).reverseInPlace();
+    if (last_first_) reverse();
   }
   if (!blocks_.empty()) return;
   L_.triangularView<Eigen::Lower>().solveInPlace(x);

@@ -76,20 +76,6 @@ void SubtractFour(const double* c0, std::ptrdiff_t stride, const double* factors
   });
 }
 
-// Four columns of length `stride` apart, less `factors` times x: x is read once for the four.
-void SubtractFromFour(const double* x, int n, const double* factors, int stride, double* c0) {
-  double *c1 = c0 + stride, *c2 = c1 + stride, *c3 = c2 + stride;
-  const double f0 = factors[0], f1 = factors[1], f2 = factors[2], f3 = factors[3];
-  if (f0 == 0 && f1 == 0 && f2 == 0 && f3 == 0) return;
-  ByFours(n, [&](const auto& at) {
-    const typename decltype(at(x))::PlainObject some = at(x);
-    at(c0) -= f0 * some;
-    at(c1) -= f1 * some;
-    at(c2) -= f2 * some;
-    at(c3) -= f3 * some;
-  });
-}
-
 double* Column(double* A, int n, int k) { return A + static_cast<std::ptrdiff_t>(k) * n; }
 
 }  // namespace
@@ -310,50 +296,97 @@ void SolveLower(const double* L, int n, int stride, double* Y, int columns, int 
   }
 }
 
-bool SolveByCholesky(double* A, int n, double* x) {
-  for (int k = 0; k < n; ++k) {
-    double* ak = Column(A, n, k);
-    if (!(ak[k] > 0) || !std::isfinite(ak[k])) return false;
-    const double root = std::sqrt(ak[k]), inverse = 1 / root;
-    ak[k] = root;
-    for (int i = k + 1; i < n; ++i) ak[i] *= inverse;
-    int j = k + 1;
-    for (; j + 4 <= n; j += 4)  // above the diagonal nobody reads
-      SubtractFromFour(ak + j, n - j, ak + j, n, Column(A, n, j) + j);
-    for (; j < n; ++j)
-      if (ak[j] != 0) Subtract(ak[j], ak + j, n - j, Column(A, n, j) + j);
-    x[k] *= inverse;
-    Subtract(x[k], ak + k + 1, n - k - 1, x + k + 1);
+// Four columns at a time.
+bool FactorCholesky(double* A, int n) {
+  const int whole = n / 4 * 4;
+  const auto is_pivot = [](double d) { return d > 0 && std::isfinite(d); };
+  for (int begin = 0; begin < whole; begin += 4) {
+    double *c0 = Column(A, n, begin) + begin, *c1 = c0 + n, *c2 = c1 + n, *c3 = c2 + n;
+    if (begin > 0)
+      ByFours(n - begin, [&](const auto& at) {
+        using Some = typename decltype(at(c0))::PlainObject;
+        Some a0 = at(c0), a1 = at(c1), a2 = at(c2), a3 = at(c3);
+        const double* before = A + begin;
+        for (int k = 0; k < begin; ++k, before += n) {
+          const Some some = at(before);
+          a0 -= before[0] * some;
+          a1 -= before[1] * some;
+          a2 -= before[2] * some;
+          a3 -= before[3] * some;
+        }
+        at(c0) = a0;
+        at(c1) = a1;
+        at(c2) = a2;
+        at(c3) = a3;
+      });
+    if (!is_pivot(c0[0])) return false;
+    c0[0] = std::sqrt(c0[0]);
+    const double i0 = 1 / c0[0], l10 = c0[1] *= i0, l20 = c0[2] *= i0, l30 = c0[3] *= i0;
+    c1[1] -= l10 * l10;
+    if (!is_pivot(c1[1])) return false;
+    c1[1] = std::sqrt(c1[1]);
+    const double i1 = 1 / c1[1], l21 = c1[2] = (c1[2] - l20 * l10) * i1,
+                 l31 = c1[3] = (c1[3] - l30 * l10) * i1;
+    c2[2] -= l20 * l20 + l21 * l21;
+    if (!is_pivot(c2[2])) return false;
+    c2[2] = std::sqrt(c2[2]);
+    const double i2 = 1 / c2[2], l32 = c2[3] = (c2[3] - l30 * l20 - l31 * l21) * i2;
+    c3[3] -= l30 * l30 + l31 * l31 + l32 * l32;
+    if (!is_pivot(c3[3])) return false;
+    c3[3] = std::sqrt(c3[3]);
+    const double i3 = 1 / c3[3];
+    double *b0 = c0 + 4, *b1 = c1 + 4, *b2 = c2 + 4, *b3 = c3 + 4;
+    ByFours(n - begin - 4, [&](const auto& at) {
+      using Some = typename decltype(at(b0))::PlainObject;
+      const Some v0 = i0 * at(b0), v1 = i1 * (at(b1) - l10 * v0), v2 = i2 * (at(b2) - l20 * v0 - l21 * v1),
+                 v3 = i3 * (at(b3) - l30 * v0 - l31 * v1 - l32 * v2);
+      at(b0) = v0;
+      at(b1) = v1;
+      at(b2) = v2;
+      at(b3) = v3;
+    });
   }
-  for (int k = n - 1; k >= 0; --k) {
-    const double* ak = Column(A, n, k);
-    double sum = x[k];
-    for (int i = k + 1; i < n; ++i) sum -= ak[i] * x[i];
-    x[k] = sum / ak[k];
+  for (int j = whole; j < n; ++j) {
+    double* aj = Column(A, n, j);
+    for (int k = 0; k < j; ++k) {
+      const double* ak = Column(A, n, k);
+      for (int i = j; i < n; ++i) aj[i] -= ak[j] * ak[i];
+    }
+    if (!is_pivot(aj[j])) return false;
+    aj[j] = std::sqrt(aj[j]);
+    for (int i = j + 1; i < n; ++i) aj[i] /= aj[j];
   }
   return true;
 }
 
-void TriangularRoot(double* A, int rows, int columns) {
-  for (int k = 0; k < columns; ++k) {
-    double* v = Column(A, rows, k);
-    double norm2 = 0;
-    for (int i = k; i < rows; ++i) norm2 += v[i] * v[i];
-    if (!(norm2 > 0)) continue;
-    const double end = v[k] > 0 ? -std::sqrt(norm2) : std::sqrt(norm2), head = v[k] - end;
-    // The reflection 1 − 2 v vᵀ/vᵀv with v = (head, rest) takes the column to (end, 0).
-    const double length2 = norm2 - v[k] * v[k] + head * head;
-    if (length2 > 0)
-      for (int j = k + 1; j < columns; ++j) {
-        double* a = Column(A, rows, j);
-        double dot = head * a[k];
-        for (int i = k + 1; i < rows; ++i) dot += v[i] * a[i];
-        const double factor = 2 * dot / length2;
-        a[k] -= factor * head;
-        Subtract(factor, v + k + 1, rows - k - 1, a + k + 1);
-      }
-    v[k] = end;
-    for (int i = k + 1; i < rows; ++i) v[i] = 0;
+void SolveWithCholesky(const double* L, int n, double* x) {
+  const int whole = n / 4 * 4;
+  const auto column = [&](int k) { return L + static_cast<std::ptrdiff_t>(k) * n; };
+  for (int begin = 0; begin < whole; begin += 4) {
+    const double *c0 = column(begin) + begin, *c1 = c0 + n, *c2 = c1 + n, *c3 = c2 + n;
+    double* y = x + begin;
+    y[0] /= c0[0];
+    y[1] = (y[1] - c0[1] * y[0]) / c1[1];
+    y[2] = (y[2] - c0[2] * y[0] - c1[2] * y[1]) / c2[2];
+    y[3] = (y[3] - c0[3] * y[0] - c1[3] * y[1] - c2[3] * y[2]) / c3[3];
+    SubtractFour(c0 + 4, n, y, n - begin - 4, y + 4);
+  }
+  for (int k = whole; k < n; ++k) {
+    x[k] /= column(k)[k];
+    for (int i = k + 1; i < n; ++i) x[i] -= column(k)[i] * x[k];
+  }
+  for (int k = n - 1; k >= whole; --k) {
+    for (int i = k + 1; i < n; ++i) x[k] -= column(k)[i] * x[i];
+    x[k] /= column(k)[k];
+  }
+  for (int begin = whole - 4; begin >= 0; begin -= 4) {
+    const double *c0 = column(begin) + begin, *c1 = c0 + n, *c2 = c1 + n, *c3 = c2 + n;
+    double* y = x + begin;
+    QuadAt(y) -= FourDots(c0 + 4, n, n - begin - 4, y + 4);
+    y[3] /= c3[3];
+    y[2] = (y[2] - c2[3] * y[3]) / c2[2];
+    y[1] = (y[1] - c1[2] * y[2] - c1[3] * y[3]) / c1[1];
+    y[0] = (y[0] - c0[1] * y[1] - c0[2] * y[2] - c0[3] * y[3]) / c0[0];
   }
 }
 

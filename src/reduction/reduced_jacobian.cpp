@@ -122,7 +122,7 @@ void ReducedInertia::Compute(const ReducedModel& model, const RigidParts& parts,
                              const ReducedJacobian& jacobian, Eigen::Ref<MatrixX> M_zz, Matrix6X& M_0z,
                              Matrix6& M_00) {
   const Mechanism& m = *model.mechanism;
-  std::fill(M_zz_.begin(), M_zz_.end(), 0.0);
+  ClearBelow();
   std::fill(M_0z_.begin(), M_0z_.end(), 0.0);
   for (Sum& sum : sums_) sum = Sum{};
   Sum all;
@@ -176,6 +176,15 @@ void ReducedInertia::Compute(const ReducedModel& model, const RigidParts& parts,
     const double* column = M_zz_.data() + k * padded_;
     for (int l = k; l < r; ++l) M_zz(l, k) = M_zz(k, l) = column[l];
     for (int row = 0; row < 6; ++row) M_0z(row, k) = M_0z_[static_cast<std::size_t>(row * padded_ + k)];
+  }
+}
+
+// The diagonal and what stands below it, and the rest of the fours that AddSymmetric meets.
+void ReducedInertia::ClearBelow() {
+  for (int k = 0; k < padded_; ++k) {
+    double* column = M_zz_.data() + static_cast<std::ptrdiff_t>(k) * padded_;
+    const int first = std::max(0, k - 3);
+    ByFours(padded_ - first, [&](const auto& at) { at(column + first).setZero(); });
   }
 }
 

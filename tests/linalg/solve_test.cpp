@@ -171,6 +171,27 @@ TEST(InPlace, LuSolvesForwardTransposedAndByRows) {
   EXPECT_FALSE(FactorLu(nan.data(), 3, pivots));
 }
 
+TEST(InPlace, CholeskyOfEverySizeByItsLowerTriangle) {
+  std::mt19937 engine(7);
+  for (int n = 1; n <= 22; ++n) {
+    const MatrixX A = Positive(n, engine);
+    const VectorX x = RandomMatrix(n, 1, engine);
+    MatrixX lower = A;
+    lower.triangularView<Eigen::StrictlyUpper>().setConstant(std::nan(""));
+    MatrixX factor = lower;
+    VectorX found = A * x;
+    ASSERT_TRUE(FactorCholesky(factor.data(), n)) << n;
+    SolveWithCholesky(factor.data(), n, found.data());
+    EXPECT_LT((found - x).norm(), kRounding * x.norm()) << n;
+    for (int k = 0; k < n; ++k)
+      for (const double pivot : {-1.0, std::nan("")}) {
+        factor = lower;
+        factor(k, k) = pivot;
+        EXPECT_FALSE(FactorCholesky(factor.data(), n)) << n << ", pivot " << k;
+      }
+  }
+}
+
 TEST(Cholesky, SixBySix) {
   std::mt19937 engine(2);
   const Matrix6 A = Positive(6, engine);

@@ -17,9 +17,11 @@ void SolveTransposedWithLu(const double* LU, int n, const int* pivots, double* x
 /// `Y_stride` apart. What is 0 at the top of four columns costs nothing.
 void SolveLower(const double* L, int n, int stride, double* Y, int columns, int Y_stride);
 
-/// Solves A x = x by A = L Lᵀ, of which only the lower triangle is read; A n x n is overwritten. False where
-/// A is not positive definite.
-bool SolveByCholesky(double* A, int n, double* x);
+/// A = L Lᵀ, n x n, of which only the lower triangle is read and overwritten by L. False where A is not
+/// positive definite.
+bool FactorCholesky(double* A, int n);
+/// x <- A⁻¹ x by that L.
+void SolveWithCholesky(const double* L, int n, double* x);
 
 /// A = Q R for A with rows >= columns, by Householder: R, upper triangular, in its first rows, zeros below
 /// its diagonal.

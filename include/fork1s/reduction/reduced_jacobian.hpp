@@ -66,6 +66,7 @@ class ReducedInertia {
     void Add(const Sum& other);
     Vector6 operator*(const Vector6& V) const;
   };
+  void ClearBelow();
   void AddSymmetric(const double* q, int first, int padded);
 
   std::vector<Sum> sums_;  // per joint
