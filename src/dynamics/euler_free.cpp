@@ -29,7 +29,7 @@ double WorkToEnd(const MechanismStep& here, double h) {
   const auto x = ws.x.tail(model.size());
   ws.f_used = h * x;
   SpringPull(here, ws.f_used, ws.f_turn);
-  return h * x.dot(ws.f_z - ws.f_wrench + 0.5 * ws.f_turn);
+  return h * x.dot(ws.f_z - ws.f_wrench + 0.5 * ws.f_turn) - WorkOfCaught(here, h, x);
 }
 
 void StepAgainHalfWay(const MechanismStep& here, double h) {

@@ -259,15 +259,48 @@ double EnergyBeyondBounds(const MechanismView& here) {
   return energy;
 }
 
+// Between its bounds at the end of a step, and beyond at its start: of the way there its spring, which A has from
+// afar, knows nothing. A thousandth of what that bends by would be more than a servo can do.
+bool IsCaught(const MechanismView& here, std::size_t k) {
+  const auto& [model, state, ws] = here;
+  const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+  const double f = ws.limits_start[k].first;
+  return state.at_bound[k] == 0 && limit.stiffness > 0 && (f > limit.upper || f < limit.lower);
+}
+
+// What their springs are taken to have done along the chord, a way of h `w`.
+double WorkOfCaught(const MechanismStep& here, double h, const Eigen::Ref<const VectorX>& w) {
+  const auto& [model, state, ws] = here;
+  double work = 0;
+  for (std::size_t k = 0; k < state.at_bound.size(); ++k) {
+    if (!IsCaught(here, k)) continue;
+    const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+    ReducedRow(limit.length, ws.paths(), ws.Q_now(), ws.limit_row);
+    const double way = h * ws.limit_row.dot(w);
+    double f = ws.limit_force(static_cast<Eigen::Index>(k));
+    if (ws.rule == StepRule::kMiddle)
+      f -= limit.stiffness * (ws.limit_row.dot(ws.z_before) - ws.limit_row.dot(state.reduced.z));
+    work += way * (f - 0.5 * limit.stiffness * way);
+  }
+  return work;
+}
+
 // A servo gives its bound for its damper's sake too, which no potential of the pose knows of. To a step its
-// force is that of a spring or the bound, whichever it took, from start to end.
+// force is that of a spring or the bound, whichever it took, from start to end, and of one that was caught nothing is
+// counted.
 template <typename Pose>
 double BeyondBoundsTaken(const MechanismView& here, const Pose& pose) {
   const auto& [model, state, ws] = here;
   double energy = 0;
   const auto& limits = model.mechanism().force_limits();
   for (std::size_t k = 0; k < limits.size(); ++k) {
-    if (state.at_bound[k] == 0 || !model.mechanism().HasPotential(limits[k].length)) continue;
+    if (!model.mechanism().HasPotential(limits[k].length)) continue;
+    if (state.at_bound[k] == 0) {
+      if (!IsCaught(here, k)) continue;
+      const double f = pose(k).first;
+      energy += f * f / (2 * limits[k].stiffness);
+      continue;
+    }
     const auto [f, length] = pose(k);
     energy += Beyond(limits[k], f, state.at_bound[k] > 0 ? limits[k].upper : limits[k].lower, length);
   }

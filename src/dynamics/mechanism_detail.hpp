@@ -85,6 +85,8 @@ bool ServosTurn(const MechanismView& here);
 void TurnServos(const MechanismStep& here, double h);
 void TakeBoundedSpringsOut(const MechanismStep& here, double h);
 void AddSwitchedForces(const MechanismStep& here);
+bool IsCaught(const MechanismView& here, std::size_t force_limit);
+double WorkOfCaught(const MechanismStep& here, double h, const Eigen::Ref<const VectorX>& w);
 double WayToForce(const MechanismStep& here, const Mechanism::Length& length, double h);
 void SpringPull(const MechanismStep& here, const VectorX& moved, VectorX& force);
 double EnergyBeyondBounds(const MechanismView& here);

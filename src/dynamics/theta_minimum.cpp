@@ -108,8 +108,9 @@ double WorkFromEnd(const MechanismStep& here, double h, VectorX& f, MatrixX& K) 
     if (state.at_bound[k] != 0) continue;
     const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
     ReducedRow(limit.length, ws.paths(), ws.Q_now(), ws.limit_row);
-    f += limit.damping / h * ServoAtEnd(here, k, h).way * ws.limit_row;
-    K.noalias() -= limit.damping / h * ws.limit_row * ws.limit_row.transpose();
+    const double spring = IsCaught(here, k) ? 1 : 0;
+    f += (limit.damping / h * ServoAtEnd(here, k, h).way - spring * UnboundedForce(here, limit)) * ws.limit_row;
+    K.noalias() -= (limit.damping / h + spring * limit.stiffness) * ws.limit_row * ws.limit_row.transpose();
   }
   return h * ws.w_mean.dot(f) + 0.5 * h * h * ws.w_mean.dot(K * ws.w_mean);
 }

@@ -284,7 +284,7 @@ double WorkOfChord(const MechanismStep& here, double h) {
   ws.f_used -= 0.5 * ws.w_mean;
   SpringPull(here, ws.f_used, ws.f_turn);
   work -= h * h * ws.w_mean.dot(ws.f_turn);
-  return work;
+  return work - WorkOfCaught(here, h, ws.w_mean);
 }
 
 void IntegrateMiddle(const MechanismStep& here, double h) {
