@@ -231,9 +231,18 @@ void SpringPull(const MechanismStep& here, const VectorX& moved, VectorX& force)
   const auto& [model, state, ws] = here;
   force = -model.reduced->K_r.cwiseProduct(moved);
   if (TakesBentSprings(here)) force.noalias() -= ws.K_beyond * moved;
+  const bool turned = ws.rule != StepRule::kMiddle && ServosTurn(here);  // as TurnServos has them in A
   for (std::size_t k = 0; k < state.at_bound.size(); ++k) {
-    if (state.at_bound[k] == 0) continue;
     const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+    if (turned) {
+      ReducedRow(limit.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+      force += limit.stiffness * ws.limit_row.dot(moved) * ws.limit_row;
+      if (state.at_bound[k] != 0) continue;
+      RowOfSpring(here, limit.length);
+      force -= limit.stiffness * ws.limit_row.dot(moved) * ws.limit_row;
+      continue;
+    }
+    if (state.at_bound[k] == 0) continue;
     RowOfSpring(here, limit.length);
     force += limit.stiffness * ws.limit_row.dot(moved) * ws.limit_row;
   }
