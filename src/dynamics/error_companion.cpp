@@ -46,20 +46,20 @@ ErrorCompanion::ErrorCompanion(const MechanismDynamics& m)
 
 void ErrorCompanion::Begin(const MechanismDynamics& m) {
   loads_[0] = loads_[1];
-  loads_[1].F_W = m.wrenches_W();
+  applied_before_ = applied_;
+  applied_ = m.wrenches_W();
 }
 
-void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_W, const VectorX& stops,
-                         double h, bool by_euler) {
+void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_before_W,
+                         const Matrix6X& contacts_W, const VectorX& stops, double h, bool by_euler) {
   h_ = h;
   by_euler_ = by_euler;
-  loads_[1].F_W += contacts_W;
+  if (steps_ == 0) applied_before_ = applied_;
+  loads_[0].F_W = applied_before_ + contacts_before_W;
+  loads_[1].F_W = applied_ + contacts_W;
   loads_[1].stops = stops;
   loads_[1].controls = m.controls();
-  if (steps_ == 0) {
-    loads_[0].F_W = loads_[1].F_W;
-    loads_[0].stops = loads_[1].stops;
-  }
+  if (steps_ == 0) loads_[0].stops = loads_[1].stops;
   for (int i = 0; i < 2; ++i) {
     q_[i] = q_[i + 1];
     X_[i] = X_[i + 1];
@@ -134,11 +134,17 @@ void ErrorCompanion::Centre() {
 }
 
 void ErrorCompanion::Residuals(const MechanismDynamics& m, const Vector3& gravity_W,
-                               Eigen::Ref<VectorX> centred, Eigen::Ref<VectorX> euler) {
+                               Eigen::Ref<VectorX> centred, Eigen::Ref<VectorX> euler,
+                               Eigen::Ref<VectorX> straight) {
   Centre();
   std::swap(scratch_, kinematics_);
   Missing(m, gravity_W, q_[1], X_[1], centred_, mean_, full_);
   ToBasis(full_, centred);
+  euler_ = centred_;
+  euler_.q_ddot.setZero();
+  euler_.A -= (V_[2] - V_[1]) / h_;
+  Missing(m, gravity_W, q_[1], X_[1], euler_, mean_, full_);
+  ToBasis(full_, straight);
   if (steps_ > 1) {
     euler_.q_dot = v_[1];
     euler_.q_ddot = (v_[1] - v_[0]) / h_;
@@ -173,15 +179,14 @@ void ErrorCompanion::FollowingForce(const MechanismDynamics& m, Eigen::Ref<Vecto
         -M_y_.rightCols(k) * (to_basis_ * acceleration) - D_y_.rightCols(k) * (to_basis_ * rate);
 }
 
-VectorX ErrorCompanion::StartRate() const {
-  VectorX rate(size());
-  const VectorX joints = 0.5 * (v_[1] - v_[2]);
-  if (base_ > 0) rate.head<6>() = 0.5 * (V_[1] - V_[2]);
-  if (tree_)
-    rate.tail(joints.size()) = joints;
-  else
-    rate.tail(B_.cols()) = to_basis_ * joints;
-  return rate;
+VectorX ErrorCompanion::Turn() const {
+  VectorX full(full_size()), turn(size());
+  if (base_ > 0) full.head<6>() = V_[2] - V_[1];
+  full.tail(v_[2].size()) = v_[2] - v_[1];
+  if (tree_) return full;
+  if (base_ > 0) turn.head<6>() = full.head<6>();
+  turn.tail(B_.cols()) = to_basis_ * full.tail(v_[2].size());
+  return turn;
 }
 
 void ErrorCompanion::SplitOff(const MechanismDynamics& m, const Eigen::Ref<const VectorX>& residual,
@@ -320,17 +325,24 @@ void ErrorCompanion::Linearise(const MechanismDynamics& m, const Vector3& gravit
   }
 }
 
-void ErrorCompanion::WrenchRow(const MechanismDynamics& m, int last_joint, const Vector6& F_W,
-                               Eigen::Ref<VectorX> row) const {
+VectorX ErrorCompanion::WrenchRow(const MechanismDynamics& m, int last_joint, const Vector6& F_W) const {
   const Mechanism& mechanism = m.mechanism();
   const Vector6 F = AdjointTransposeApply(X_[1], F_W);
-  VectorX tau = VectorX::Zero(mechanism.num_coordinates());
+  VectorX row = VectorX::Zero(full_size());
   for (int j = last_joint; j >= 0; j = mechanism.joint(JointIndex(j)).previous) {
     const auto& joint = mechanism.joint(JointIndex(j));
-    for (int i = joint.offset; i < joint.offset + joint.size; ++i) tau(i) = kinematics_.S.col(i).dot(F);
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i)
+      row(base_ + i) = kinematics_.S.col(i).dot(F);
   }
   if (base_ > 0) row.head<6>() = F;
-  row.tail(B_.cols()).noalias() = B_.transpose() * tau;
+  return row;
+}
+
+double ErrorCompanion::SpeedAlong(const MechanismDynamics& m, int last_joint, const Vector6& F_W) const {
+  const VectorX row = WrenchRow(m, last_joint, F_W);
+  double speed = row.tail(v_[2].size()).dot(v_[2]);
+  if (m.mechanism().base() != BaseKind::kFixed) speed += AdjointTransposeApply(X_[1], F_W).dot(V_[2]);
+  return speed;
 }
 
 Vector3 ErrorCompanion::Displacement(const MechanismDynamics& m, BodyIndex b,

@@ -19,15 +19,16 @@ class ErrorCompanion {
 
   int size() const { return base_ + static_cast<int>(B_.cols()); }
   int base_size() const { return base_; }
+  /// Base and joints, of which y are those that keep loops closed.
+  int full_size() const { return base_ + static_cast<int>(B_.rows()); }
+  void ToBasis(const VectorX& full, Eigen::Ref<VectorX> y) const;
 
   /// Loads of the coming step.
   void Begin(const MechanismDynamics& m);
   /// The step's end: pose and the contacts' wrenches [6 x bodies] about the world's origin in world axes,
-  /// forces of stops [n].
-  void End(const MechanismDynamics& m, const Matrix6X& contacts_W, const VectorX& stops, double h,
-           bool by_euler);
-  /// Steps seen so far.
-  int steps() const { return steps_; }
+  /// those of the step before, as they lie at the node, and those of this one; forces of stops [n].
+  void End(const MechanismDynamics& m, const Matrix6X& contacts_before_W, const Matrix6X& contacts_W,
+           const VectorX& stops, double h, bool by_euler);
 
   /// New basis and tangent at the node: M, D, K of y. `from`: coefficients [size x k] of the old basis become
   /// those of the new one.
@@ -39,21 +40,23 @@ class ErrorCompanion {
   const MatrixX& D() const { return D_y_; }
   const MatrixX& K() const { return K_y_; }
 
-  /// Residual at the node, centred differences, and that of implicit Euler's equations there.
+  /// Residual at the node, by centred differences; that of implicit Euler's equations there; and the force
+  /// that is missing on the straight way between nodes, where rates do not change.
   void Residuals(const MechanismDynamics& m, const Vector3& gravity_W, Eigen::Ref<VectorX> centred,
-                 Eigen::Ref<VectorX> euler);
+                 Eigen::Ref<VectorX> euler, Eigen::Ref<VectorX> straight);
   /// Force [size] that the reduced equations do not know of: inertia and damping of the interior's own
   /// displacement as it follows its loads.
   void FollowingForce(const MechanismDynamics& m, Eigen::Ref<VectorX> force) const;
-  /// Velocity of the start less the one that centred differences see: what the error's rate starts from.
-  VectorX StartRate() const;
+  /// By how much rates of y differ on both sides of the node.
+  VectorX Turn() const;
   /// The part of a residual [size] that the reduced coordinates see, by M.
   void SplitOff(const MechanismDynamics& m, const Eigen::Ref<const VectorX>& residual,
                 Eigen::Ref<VectorX> seen);
 
-  /// Row of y for a wrench in world axes about the world's origin on what joint `last_joint` carries.
-  void WrenchRow(const MechanismDynamics& m, int last_joint, const Vector6& F_W,
-                 Eigen::Ref<VectorX> row) const;
+  /// Row [full_size] of a wrench in world axes about the world's origin on what joint `last_joint` carries.
+  VectorX WrenchRow(const MechanismDynamics& m, int last_joint, const Vector6& F_W) const;
+  /// Its power in the motion of the step from the node.
+  double SpeedAlong(const MechanismDynamics& m, int last_joint, const Vector6& F_W) const;
   /// Displacement of a body's origin, world axes.
   Vector3 Displacement(const MechanismDynamics& m, BodyIndex b, const Eigen::Ref<const VectorX>& y) const;
   /// Of the body at the node.
@@ -72,7 +75,6 @@ class ErrorCompanion {
   // [base; n] force that is missing.
   void Missing(const MechanismDynamics& m, const Vector3& gravity_W, const VectorX& q,
                const RigidTransform& X_WR, const Motion& motion, const Loads& loads, VectorX& out);
-  void ToBasis(const VectorX& full, Eigen::Ref<VectorX> y) const;
 
   int base_ = 0, steps_ = 0;
   double h_ = 0;
@@ -86,7 +88,8 @@ class ErrorCompanion {
   Vector6 V_[3];
   Loads loads_[2], mean_;  // of the step to the node, and from it
   Kinematics kinematics_, scratch_;
-  Matrix6X F_, F_base_, body_V_, body_A_;
+  Matrix6X applied_before_, applied_;  // without contacts
+  Matrix6X F_, body_V_, body_A_;
   Motion centred_, euler_, linear_;
   VectorX tau_, spring_, full_;
   VectorX q_linear_;

@@ -8,13 +8,16 @@
 #include <fork1s/linalg/solve.hpp>
 
 #include "error_companion.hpp"
+#include "error_contact_loads.hpp"
+#include "error_contacts.hpp"
 #include "error_free_body.hpp"
 
 namespace fork1s {
 namespace {
 
 constexpr int kParts = 3;                       // interior, nonlinear, time
-constexpr int kSubsteps = 4;                    // of the companion in a step
+constexpr int kTime = 2;
+constexpr int kSubsteps = 4;                   // of the companion in a step
 constexpr double kGamma = 0.29289321881345254;  // 1 - 1/√2
 
 }  // namespace
@@ -29,9 +32,12 @@ struct ErrorEstimate::Detail {
   double h = 0;
 
   MatrixX e, rate;  // size x kParts
-  MatrixX rho, rho_before;
+  MatrixX force, turn;   // at the node, missing for rates that do not change, and for their change over h
+  VectorX drag;          // of half of that change
+  MatrixX force_before;  // at the last one
   MatrixX M, D, K, A;
-  MatrixX Jt, Y, Y_S;  // contacts that hold: rows, A⁻¹ of them, that times the inverse of JA⁻¹Jᵀ
+  ErrorContacts contacts;
+  std::vector<ContactRecord> last;  // of the step to the node
   LuFactor factor;
   std::vector<BodyError> bodies;
   std::vector<Vector3> start, place_before;
@@ -41,11 +47,9 @@ struct ErrorEstimate::Detail {
   std::vector<std::deque<Seen>> window;
 
   void Layout();
-  void Start();
   void Linearise(const World& world, const Vector3& gravity);
-  void FindConstraints(const World& world);
-  void Constrain();
-  void Advance();
+  void Advance(const MatrixX& force_after);
+  void Pass();
   void Show(const World& world);
 };
 
@@ -85,8 +89,9 @@ void ErrorEstimate::Begin(const World& world) {
   for (std::size_t i = 0; i < d.free_bodies.size(); ++i) {
     FreeBodyPath& path = d.free_bodies[i];
     const FreeBody& b = world.free_bodies()[i];
-    path.load[0] = path.load[1];
-    path.load[1] << b.moment_W() + b.center_W().cross(b.force_W()), b.force_W();
+    path.load[0] = path.applied;
+    path.applied << b.moment_W() + b.center_W().cross(b.force_W()), b.force_W();
+    path.load[1] = path.applied;
   }
 }
 
@@ -106,17 +111,18 @@ void ErrorEstimate::Detail::Linearise(const World& world, const Vector3& gravity
     if (!first) {
       const int at = offset[i], size = offset[i + 1] - at;
       moved[i].resize(size, 3 * kParts);
-      moved[i] << e.middleRows(at, size), rate.middleRows(at, size), rho_before.middleRows(at, size);
+      moved[i] << e.middleRows(at, size), rate.middleRows(at, size), force_before.middleRows(at, size);
     }
     mechanisms[i].Linearise(world.mechanisms()[i], gravity, moved[i]);
   }
   const MatrixX free_e = first ? MatrixX() : MatrixX(e.bottomRows(6 * static_cast<int>(free_bodies.size())));
   const MatrixX free_rate = first ? MatrixX() : MatrixX(rate.bottomRows(free_e.rows()));
-  const MatrixX free_rho = first ? MatrixX() : MatrixX(rho_before.bottomRows(free_e.rows()));
+  const MatrixX free_force = first ? MatrixX() : MatrixX(force_before.bottomRows(free_e.rows()));
   Layout();
   const int n = offset.back();
   e.setZero(n, kParts);
-  rate = rho = rho_before = e;
+  rate = force = turn = force_before = e;
+  drag.setZero(n);
   for (std::size_t i = 0; i < count; ++i) {
     const int at = offset[i], size = offset[i + 1] - at;
     M.block(at, at, size, size) = mechanisms[i].M();
@@ -125,7 +131,7 @@ void ErrorEstimate::Detail::Linearise(const World& world, const Vector3& gravity
     if (first) continue;
     e.middleRows(at, size) = moved[i].leftCols(kParts);
     rate.middleRows(at, size) = moved[i].middleCols(kParts, kParts);
-    rho_before.middleRows(at, size) = moved[i].rightCols(kParts);
+    force_before.middleRows(at, size) = moved[i].rightCols(kParts);
   }
   for (std::size_t i = 0; i < free_bodies.size(); ++i) {
     const int at = offset[count + i];
@@ -137,8 +143,9 @@ void ErrorEstimate::Detail::Linearise(const World& world, const Vector3& gravity
   if (!first) {
     e.bottomRows(free_e.rows()) = free_e;
     rate.bottomRows(free_e.rows()) = free_rate;
-    rho_before.bottomRows(free_e.rows()) = free_rho;
+    force_before.bottomRows(free_e.rows()) = free_force;
   }
+  contacts.AddStiffness(mechanisms, offset, K);
   const double s = kGamma * h / kSubsteps;
   A = M + s * D + (s * s) * K;
   factor.Compute(A);
@@ -146,118 +153,52 @@ void ErrorEstimate::Detail::Linearise(const World& world, const Vector3& gravity
   since_linearised = 0;
 }
 
-// What touches and sticks cannot part: rates of the error along contacts that carry force vanish.
-void ErrorEstimate::Detail::FindConstraints(const World& world) {
-  Y.resize(0, 0);
-  const auto& contacts = world.contacts();
-  const auto& contactors = world.contactors();
-  std::vector<VectorX> rows;
-  std::vector<char> used(contacts.size(), 0);
-  for (std::size_t i = 0; i < contacts.size(); ++i) {
-    if (used[i] || contacts[i].impulse(0) <= 0) continue;
-    const ContactPoint& first = contacts[i].point;
-    std::vector<Vector6> wrenches;  // about `first.point`, moments in lengths
-    double reach = 1e-3;
-    for (std::size_t k = i; k < contacts.size(); ++k)
-      if (contacts[k].point.body_a == first.body_a && contacts[k].point.body_b == first.body_b &&
-          contacts[k].impulse(0) > 0)
-        reach = std::max(reach, (contacts[k].point.point - first.point).norm());
-    for (std::size_t k = i; k < contacts.size(); ++k) {
-      const ContactRecord& c = contacts[k];
-      if (c.point.body_a != first.body_a || c.point.body_b != first.body_b || c.impulse(0) <= 0) continue;
-      used[k] = 1;
-      const bool sticks = c.impulse.tail<2>().norm() < 0.99 * c.friction * c.impulse(0);
-      for (int direction = 0; direction < (sticks ? 3 : 1); ++direction) {
-        const Vector3 f = c.point.frame.row(direction).transpose();
-        Vector6 w;
-        w << Vector3(c.point.point - first.point).cross(f) / reach, f;
-        for (int pass = 0; pass < 2; ++pass)
-          for (const Vector6& other : wrenches) w -= other.dot(w) * other;
-        if (w.norm() < 1e-2) continue;
-        wrenches.push_back(w.normalized());
-      }
-    }
-    for (Vector6 w : wrenches) {
-      w.head<3>() *= reach;
-      w.head<3>() += first.point.cross(Vector3(w.tail<3>()));
-      VectorX row = VectorX::Zero(offset.back());
-      for (const auto& [body, sign] : {std::pair(first.body_a, -1.0), std::pair(first.body_b, 1.0)}) {
-        const Contactor& c = contactors[static_cast<std::size_t>(body)];
-        const auto at = static_cast<std::size_t>(c.index);
-        if (c.kind == Contactor::Kind::kGroup) {
-          const MechanismDynamics& m = world.mechanisms()[at];
-          VectorX part(mechanisms[at].size());
-          mechanisms[at].WrenchRow(m, m.groups()[static_cast<std::size_t>(c.group)].last_joint, w, part);
-          row.segment(offset[at], part.size()) += sign * part;
-        } else if (c.kind == Contactor::Kind::kFreeBody) {
-          const int o = offset[mechanisms.size() + at];
-          Vector6 at_center = w;
-          at_center.head<3>() -= free_bodies[at].X[1].translation().cross(Vector3(w.tail<3>()));
-          row.segment<6>(o) += sign * at_center;
-        }
-      }
-      if (row.norm() > 1e-12) rows.push_back(row / row.norm());
-    }
-  }
-  if (rows.empty()) return;
-  Jt.resize(offset.back(), static_cast<Eigen::Index>(rows.size()));
-  for (std::size_t k = 0; k < rows.size(); ++k) Jt.col(static_cast<Eigen::Index>(k)) = rows[k];
-  Y = Jt;
-  factor.SolveInPlace(Y);
-  MatrixX S = Jt.transpose() * Y;
-  S = 0.5 * (S + S.transpose()).eval();
-  S.diagonal() *= 1 + 1e-9;
-  S.diagonal().array() += 1e-12 * S.diagonal().maxCoeff();
-  Y_S = SolveSymmetric(S, Y.transpose()).transpose();
-}
-
-void ErrorEstimate::Detail::Constrain() {
-  if (Y.cols() > 0) rate -= Y_S * (Jt.transpose() * rate);
-}
-
 // Two-stage SDIRK of second order (Alexander 1977) in substeps: what is damped or stiff beyond the step must
 // come to rest as it does in truth, and what rings within a few substeps must go on ringing. Forces are
 // linear between nodes.
-void ErrorEstimate::Detail::Advance() {
+void ErrorEstimate::Detail::Advance(const MatrixX& force_after) {
   const double s = h / kSubsteps;
   for (int i = 0; i < kSubsteps; ++i) {
-    auto force = [&](double at) {
+    auto pull = [&](double at) {
       const double share = (i + at) / kSubsteps;
-      return MatrixX((1 - share) * rho_before + share * rho);
+      return MatrixX((1 - share) * force_before + share * force_after);
     };
-    MatrixX k1 = force(kGamma) - K * (e + (kGamma * s) * rate) - D * rate;
+    MatrixX k1 = pull(kGamma) - K * (e + (kGamma * s) * rate) - D * rate;
     factor.SolveInPlace(k1);
-    const MatrixX r1 = rate + (kGamma * s) * k1;
+    MatrixX r1 = rate + (kGamma * s) * k1;
+    contacts.Hold(e, kTime, r1);
+    k1 = (r1 - rate) / (kGamma * s);
     const MatrixX r_mid = rate + ((1 - kGamma) * s) * k1;
-    MatrixX k2 = force(1) - K * (e + ((1 - kGamma) * s) * r1 + (kGamma * s) * r_mid) - D * r_mid;
+    MatrixX k2 = pull(1) - K * (e + ((1 - kGamma) * s) * r1 + (kGamma * s) * r_mid) - D * r_mid;
     factor.SolveInPlace(k2);
     rate = r_mid + (kGamma * s) * k2;
-    Constrain();
+    contacts.Hold(e + ((1 - kGamma) * s) * r1, kTime, rate);
     e += ((1 - kGamma) * s) * r1 + (kGamma * s) * rate;
   }
 }
 
-// Before the first node there is the initial rate alone. Its difference to the rate that nodes show, and half
-// of what is missing at that node, make up for each other where a scheme is better than of first order: for
-// what moves rigidly both are taken at once, or 0.2 mm would stay of every free fall.
-void ErrorEstimate::Detail::Start() {
-  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
-    const int at = offset[i], size = mechanisms[i].size();
-    rate.col(2).segment(at, size) = mechanisms[i].StartRate();
-    if (mechanisms[i].base_size() == 0) continue;
-    for (int k = 0; k < kParts; ++k) {
-      const Vector6 by = SolvePositive(M.block<6, 6>(at, at), rho.block<6, 1>(at, k));
-      rate.block<6, 1>(at, k) += 0.5 * h * by;
-      rho.col(k).segment(at, size) -= M.block(at, at, size, 6) * by;
-    }
+// What is missing is smooth between nodes where rates are those of centred differences. Not so in the first
+// step: a prescribed base may start with a blow, and what is too stiff for the step has forgotten it at its
+// end. So that step is taken for the straight way that it is, between rates that change at its ends alone.
+void ErrorEstimate::Detail::Pass() {
+  if (steps == 1) {
+    rate = h * SolveSymmetric(M, turn);
+    force_before = force;
+    force_before.col(2) -= drag;
+    return;
   }
-  for (std::size_t i = 0; i < free_bodies.size(); ++i) {
-    const int at = offset[mechanisms.size() + i];
-    rate.col(2).segment<6>(at) = 0.5 * (free_bodies[i].v[1] - free_bodies[i].v[2]) +
-                                 0.5 * h * SolvePositive(M.block<6, 6>(at, at), rho.block<6, 1>(at, 2));
-    rho.middleRows(at, 6).setZero();
+  contacts.Prepare(mechanisms, offset, factor, kGamma * h / kSubsteps);
+  if (steps == 2) {
+    MatrixX at_end = force;
+    at_end.col(2) += drag;
+    Advance(at_end);
+    rate += 0.5 * h * SolveSymmetric(M, turn);
+    force_before = force + turn;
+  } else {
+    force += turn;
+    Advance(force);
+    force_before = force;
   }
-  rho_before = rho;
 }
 
 void ErrorEstimate::End(const World& world, const StepOptions& options, const StepReport& report) {
@@ -266,36 +207,23 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
   const double h = options.h;
   d.h = h;
   const bool by_euler = options.integrator == Integrator::kEuler, at_end = report.forces_at_end;
-  const auto& contactors = world.contactors();
-  std::vector<Matrix6X> wrenches;
-  for (const MechanismDynamics& m : world.mechanisms())
-    wrenches.push_back(Matrix6X::Zero(6, m.mechanism().num_bodies()));
-  for (const ContactRecord& c : world.contacts()) {
-    const Vector3 f = c.point.frame.transpose() * c.impulse / h;
-    Vector6 F;
-    F << c.point.point.cross(f) + Vector3(c.point.frame.transpose() * c.moment / h), f;
-    for (const auto& [body, sign] : {std::pair(c.point.body_a, -1.0), std::pair(c.point.body_b, 1.0)}) {
-      const Contactor& side = contactors[static_cast<std::size_t>(body)];
-      const auto at = static_cast<std::size_t>(side.index);
-      if (side.kind == Contactor::Kind::kGroup)
-        wrenches[at].col(
-            world.mechanisms()[at].groups()[static_cast<std::size_t>(side.group)].body.value()) += sign * F;
-      else if (side.kind == Contactor::Kind::kFreeBody)
-        d.free_bodies[at].load[1] += sign * F;
-    }
-  }
+  const ContactLoads now = LoadsOf(world, world.contacts(), h);
+  const ContactLoads then = d.steps == 0 ? now : LoadsOf(world, MovedTo(world.contacts(), d.last), h);
+  d.last = world.contacts();
   for (std::size_t i = 0; i < d.mechanisms.size(); ++i) {
     const MechanismDynamics& m = world.mechanisms()[i];
     VectorX stops = VectorX::Zero(m.mechanism().num_coordinates());
     world.AddStopForces(static_cast<int>(i), h, stops);
-    d.mechanisms[i].End(m, wrenches[i], stops, h, at_end);
+    d.mechanisms[i].End(m, then.mechanisms[i], now.mechanisms[i], stops, h, at_end);
   }
   for (std::size_t i = 0; i < d.free_bodies.size(); ++i) {
-    if (d.steps == 0) d.free_bodies[i].load[0] = d.free_bodies[i].load[1];
-    d.free_bodies[i].End(world.free_bodies()[i], h);
+    FreeBodyPath& path = d.free_bodies[i];
+    if (d.steps == 0) path.load[0] = path.load[1];
+    path.load[0] += then.free_bodies[i];
+    path.load[1] += now.free_bodies[i];
+    path.End(world.free_bodies()[i], h);
   }
   ++d.steps;
-  const bool first = !d.linearised;
   bool stale = d.steps <= 2 || d.since_linearised >= d.options.refresh_every;
   for (std::size_t i = 0; i < d.mechanisms.size() && !stale; ++i)
     stale = d.mechanisms[i].Moved(world.mechanisms()[i], d.since_linearised * h) > d.options.refresh_turn;
@@ -308,22 +236,26 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
   for (std::size_t i = 0; i < d.mechanisms.size(); ++i) {
     ErrorCompanion& c = d.mechanisms[i];
     const int at = d.offset[i], size = c.size();
-    VectorX centred(size), euler(size), seen(size), seen_euler(size);
-    c.Residuals(world.mechanisms()[i], options.gravity, centred, euler);
+    VectorX centred(size), euler(size), straight(size), seen(size), seen_euler(size), seen_straight(size);
+    c.Residuals(world.mechanisms()[i], options.gravity, centred, euler, straight);
     c.SplitOff(world.mechanisms()[i], centred, seen);
     c.SplitOff(world.mechanisms()[i], euler, seen_euler);
     VectorX following(size), seen_following(size);
     c.FollowingForce(world.mechanisms()[i], following);
     c.SplitOff(world.mechanisms()[i], following, seen_following);
-    d.rho.col(0).segment(at, size) = centred - seen + seen_following;
+    c.SplitOff(world.mechanisms()[i], straight, seen_straight);
+    auto force = d.force.middleRows(at, size), turn = d.turn.middleRows(at, size);
+    force.col(0) = straight - seen_straight + seen_following;
     // The other scheme solves equations of its own, beside which the split would be one of large numbers.
-    if (by_euler) {
-      d.rho.col(1).segment(at, size) = seen_euler - seen_following;
-      d.rho.col(2).segment(at, size) = seen - seen_euler;
-    } else {
-      d.rho.col(1).segment(at, size).setZero();
-      d.rho.col(2).segment(at, size) = seen - seen_following;
-    }
+    if (by_euler)
+      force.col(1) = seen_euler - seen_following;
+    else
+      force.col(1).setZero();
+    force.col(2) = seen_straight - force.col(1) - seen_following;
+    turn.col(0) = (centred - seen) - (straight - seen_straight);
+    turn.col(1).setZero();
+    turn.col(2) = seen - seen_straight;
+    d.drag.segment(at, size) = 0.5 * (c.D() * c.Turn());
   }
   for (std::size_t i = 0; i < d.free_bodies.size(); ++i) {
     const FreeBodyPath& p = d.free_bodies[i];
@@ -331,25 +263,19 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     const int at = d.offset[d.mechanisms.size() + i];
     const Vector6 F = LoadAtNode(p.load[0], p.load[1], at_end);
     const SpatialInertia& I = b.inertia();
-    d.rho.middleRows(at, 6).setZero();
+    d.force.middleRows(at, 6).setZero();
+    d.turn.middleRows(at, 6).setZero();
     // v[0] is not used here: v[1], v[2] are those on both sides of the node.
     FreeBodyPath q = p;
     q.v[0] = p.v[1];
-    const Vector3 spin_rate = (p.Spin(I, 2, h) - q.Spin(I, 0, h)) / h;
-    d.rho.block<3, 1>(at, 2) = F.head<3>() - p.X[1].translation().cross(Vector3(F.tail<3>())) - spin_rate;
-    d.rho.block<3, 1>(at + 3, 2) =
-        F.tail<3>() + b.weight_share() * I.mass * options.gravity - I.mass * (p.v[2] - p.v[1]).tail<3>() / h;
+    d.turn.block<3, 1>(at, 2) = -(p.Spin(I, 2, h) - q.Spin(I, 0, h)) / h;
+    d.turn.block<3, 1>(at + 3, 2) = -I.mass * (p.v[2] - p.v[1]).tail<3>() / h;
+    d.force.block<3, 1>(at, 2) = F.head<3>() - p.X[1].translation().cross(Vector3(F.tail<3>()));
+    d.force.block<3, 1>(at + 3, 2) = F.tail<3>() + b.weight_share() * I.mass * options.gravity;
   }
-  if (first) {
-    d.Start();
-    d.FindConstraints(world);
-    d.Constrain();
-    d.Show(world);
-    return;
-  }
-  d.FindConstraints(world);
-  d.Advance();
-  d.rho_before = d.rho;
+  d.Pass();
+  d.contacts.Keep(world, d.mechanisms, d.free_bodies, h);
+  d.contacts.KeepStiffness(world, d.mechanisms, d.free_bodies, h);
   d.Show(world);
 }
 

@@ -29,6 +29,7 @@ struct FreeBodyPath {
   }
   RigidTransform X[3];                                   // axes of the body at its centre of mass
   Vector6 v[3];                                          // [ω; velocity of the centre], as in ErrorCompanion
+  Vector6 applied = Vector6::Zero();                     // of the coming step, without contacts, as load
   Vector6 load[2] = {Vector6::Zero(), Vector6::Zero()};  // [moment about the world's origin; force]
 };
 

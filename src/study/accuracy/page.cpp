@@ -338,7 +338,9 @@ std::string EstimatesSection(const AccuracyResults& r) {
   }
   return out + R"(
 These motions are ones that the estimate was tried on while it was made. `tests/study/error_estimate_test.cpp` holds 95 % on ten
-random mechanisms that it had not seen, trees and loops, fixed and floating, under either integrator.
+random mechanisms that it had not seen, trees and loops, fixed and floating, under either integrator, and on more that are driven, stand
+on their feet or slide. A command that moves feet near the bound of their friction may make them slip where the truth does not, or the
+other way round: then it told ten times too little.
 What it cannot know shows on the firemen: once the bunny has bounced, the true one comes down at another time, and
 the sheet that it misses or meets by then is no small error of the sheet that was simulated. There the bunny's own error is above 10 %
 of its way, and `run` says so.
