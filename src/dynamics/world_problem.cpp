@@ -14,10 +14,25 @@ ContactProblem World::LastContactProblem() const {
                                                                        Eigen::OuterStride<>(b.stride)));
   out.contacts = d.constraints_;
   out.limits = d.limits_;
+  // A world leaves room between blocks, for servos that may become rows; here they stand side by side.
+  std::vector<int> place(static_cast<std::size_t>(d.velocities_.size()), -1);
+  int size = 0;
+  for (const VelocityBlock& b : d.blocks_)
+    for (int i = 0; i < b.size; ++i) place[static_cast<std::size_t>(b.offset + i)] = size++;
+  const auto move = [&](int& row) {
+    if (row >= 0) row = place[static_cast<std::size_t>(row)];
+  };
+  for (ContactConstraint& c : out.contacts) {
+    move(c.port_a);
+    move(c.port_b);
+  }
+  for (LimitConstraint& limit : out.limits) move(limit.row);
   // The solve left the velocities of the end; what it did to them is taken back.
-  const Eigen::Index size = out.Y.empty() ? 0 : d.blocks_.back().offset + d.blocks_.back().size;
   out.velocity = VectorX::Zero(size);
-  out.velocity = d.velocities_.head(size) - out.VelocityUnderImpulses();
+  VectorX end(size);
+  for (std::size_t row = 0; row < place.size(); ++row)
+    if (place[row] >= 0) end(place[row]) = d.velocities_(static_cast<Eigen::Index>(row));
+  out.velocity = end - out.VelocityUnderImpulses();
   for (ContactConstraint& c : out.contacts) {
     c.impulse = c.held;
     c.moment = c.held_moment;

@@ -1,5 +1,6 @@
 // Many servos with tight bounds at once, among contacts: which of them give all they can is found in every step.
 #include <cmath>
+#include <fork1s/contact/contact_problem.hpp>
 #include <random>
 
 #include "support.hpp"
@@ -150,6 +151,33 @@ TEST(ServoLaw, HoldsAtTheEndOfTheStep) {
   }
   EXPECT_GT(at_bound, 1000);
   EXPECT_GT(between, 1000);
+}
+
+// What is taken out of a step stands side by side, the rows of servos that changed sides with it.
+TEST(ServoLaw, TheProblemOfAStepHasItsRows) {
+  int servos = 0, problems = 0;
+  ContactSolver solver;
+  for (unsigned seed = 0; seed < 12; ++seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> unit(-1, 1);
+    World world = testing::MustCreate(Drawn(seed, random));
+    for (int step = 0; step < 60; ++step) {
+      if (step % 15 == 0)
+        for (double& u : world.mechanisms()[0].controls()) u = 1.2 * unit(random);
+      ASSERT_TRUE(world.Step({}).solver.converged);
+      ContactProblem problem = world.LastContactProblem();
+      if (problem.contacts.empty()) continue;
+      ++problems;
+      servos += static_cast<int>(problem.limits.size());  // the arm has no stops
+      VectorX velocity = problem.velocity;
+      ASSERT_TRUE(solver.Solve(problem.Blocks(), problem.contacts, problem.limits, velocity).converged);
+      const double size = std::max(1e-3, velocity.norm());
+      EXPECT_LT((problem.VelocityUnderImpulses() - velocity).norm(), 1e-7 * size)
+          << "seed " << seed << ", step " << step;
+    }
+  }
+  EXPECT_GT(problems, 300);
+  EXPECT_GT(servos, 50);
 }
 
 }  // namespace
