@@ -84,8 +84,9 @@ std::vector<signed char> Sides(const World& world) {
 
 class ManyServos : public ::testing::TestWithParam<Integrator> {};
 
-// By solving anew for another set of servos at their bounds until it stays, a step in 5000 stayed unsolved, and by theta an arm that tumbled with servos at their bounds gained 1e11 J in a step: what turning does to
-// rates was still pulled at by springs that were out.
+// By solving anew for another set of servos at their bounds until it stays, a step in 5000 stayed unsolved, and by
+// theta an arm that tumbled with servos at their bounds gained 1e11 J in a step: what turning does to rates was still
+// pulled at by springs that were out.
 TEST_P(ManyServos, EveryStepFindsWhichGiveAllTheyCan) {
   int turns = 0, steps = 0;
   for (unsigned seed = 0; seed < 100; ++seed) {
