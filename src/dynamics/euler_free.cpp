@@ -46,11 +46,7 @@ void StepAgainHalfWay(const MechanismStep& here, double h) {
   Begin(here, h, ws.gravity_W, StepRule::kMiddle);
   ActAtEnd(here);
   Predict(here, h, ws.gravity_W);
-  if (HasSwitches(here)) {
-    const std::vector<signed char> sides = state.at_bound;
-    ws.sides_unknown = UpdateSwitches(here, h);
-    state.at_bound = sides;
-  }
+  ws.sides_unknown = AnyChangesSides(here, h);
   IntegrateMiddle(here, h);
 }
 

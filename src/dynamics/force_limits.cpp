@@ -166,6 +166,14 @@ void TakeSideOfServo(const MechanismStep& here, std::size_t k, double impulse, d
   ws.factored_h = -1;
 }
 
+// Whether by the velocity at hand a servo is at another bound than the one by which that was found.
+bool AnyChangesSides(const MechanismStep& here, double h) {
+  const std::vector<signed char>& at_bound = here.state.at_bound;
+  for (std::size_t k = 0; k < at_bound.size(); ++k)
+    if (SideOf(here, k, h) != at_bound[k]) return true;
+  return false;
+}
+
 bool UpdateForceLimits(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
   const auto& limits = model.mechanism().force_limits();

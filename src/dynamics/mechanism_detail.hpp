@@ -77,6 +77,7 @@ void SizeForceLimits(const MechanismStep& here);
 void OpenSwitches(const MechanismStep& here);
 void OpenForceLimits(const MechanismStep& here);
 bool UpdateForceLimits(const MechanismStep& here, double h);
+bool AnyChangesSides(const MechanismStep& here, double h);
 void AddBackBoundedSprings(const MechanismStep& here, double h, double damping,
                            const Eigen::Ref<const VectorX>& beside, Eigen::Ref<VectorX> rhs);
 void RowOfSpring(const MechanismStep& here, const Mechanism::Length& length);

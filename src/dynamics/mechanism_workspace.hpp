@@ -96,7 +96,7 @@ struct MechanismWorkspace {
   Matrix6X F_parts;
   Vector6 base_wrench;
   bool minimum_found = true;   // in this step, where one was sought
-  bool sides_unknown = false;  // of servos and slack springs at its end, which its minimum will tell
+  bool sides_unknown = false;  // of servos at its end, which its minimum will tell
   int newton_steps = 0;        // beyond the first, in this step
   Vector3 center_W, linear_W;  // of a floating mechanism: centre of mass [m], momentum [N·s]
   double potential_start = 0, potential_size = 0;  // J, and of the terms that make it

@@ -63,18 +63,23 @@ void World::Detail::PredictAll(const StepOptions& options) {
 // servos that change sides come into the solve, and springs change theirs.
 void World::Detail::SolveContacts(const StepOptions& options, StepReport& report) {
   const PartClock clock(times_, &StepPartTimes::solving);
-  constexpr int kRounds = 50;  // of springs a set that comes back has no end, and is said in the report
+  // Of servos no more come in than there are. Of springs a set that comes back has no end, and is said in the
+  // report.
+  constexpr int kRounds = 50;
   if (has_switches_)
     for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_velocity_[i] = free_bodies_[i].velocity();
   bool settled = false;
-  for (int round = 0; round < kRounds && !settled; ++round) {
+  int alike = 0;  // rounds in which no servo came in
+  for (int round = 0; alike < kRounds && !settled; ++round) {
     if (!points_.empty() || !limits_.empty()) {
       AssembleOperators();
       if (round == 0) Rebound(options.h);
       report.solver = solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
       ApplyImpulses(true);
     }
+    const std::size_t servos = servos_.size();
     settled = !has_switches_ || !UpdateSwitches(options);
+    alike += servos_.size() == servos ? 1 : 0;
   }
   if (!settled) report.solver.converged = false;
   if (!servos_.empty()) SettleServos(options.h);

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <fork1s/contact/contact_problem.hpp>
 #include <random>
+#include <string>
 
 #include "support.hpp"
 
@@ -82,6 +83,25 @@ std::vector<signed char> Sides(const World& world) {
   return state.at_bound;
 }
 
+/// Steps worlds of the seeds from 0 on, with other set-points in every 15th step: before(world), step, after(world,
+/// report, "seed s, step i").
+template <class Before, class After>
+void StepAll(unsigned seeds, int steps, const StepOptions& options, const Before& before, const After& after) {
+  for (unsigned seed = 0; seed < seeds; ++seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> unit(-1, 1);
+    World world = testing::MustCreate(Drawn(seed, random));
+    for (int step = 0; step < steps; ++step) {
+      if (step % 15 == 0)
+        for (double& u : world.mechanisms()[0].controls()) u = 1.2 * unit(random);
+      before(world);
+      const StepReport report = world.Step(options);
+      ASSERT_TRUE(report.finite) << "seed " << seed << ", step " << step;
+      after(world, report, "seed " + std::to_string(seed) + ", step " + std::to_string(step));
+    }
+  }
+}
+
 class ManyServos : public ::testing::TestWithParam<Integrator> {};
 
 // By solving anew for another set of servos at their bounds until it stays, a step in 5000 stayed unsolved, and by
@@ -89,26 +109,18 @@ class ManyServos : public ::testing::TestWithParam<Integrator> {};
 // pulled at by springs that were out.
 TEST_P(ManyServos, EveryStepFindsWhichGiveAllTheyCan) {
   int turns = 0, steps = 0;
-  for (unsigned seed = 0; seed < 100; ++seed) {
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> unit(-1, 1);
-    World world = testing::MustCreate(Drawn(seed, random));
-    StepOptions options;
-    options.integrator = GetParam();
-    std::vector<signed char> last = Sides(world);
-    for (int step = 0; step < 150; ++step, ++steps) {
-      if (step % 15 == 0)
-        for (double& u : world.mechanisms()[0].controls()) u = 1.2 * unit(random);
-      const StepReport report = world.Step(options);
-      ASSERT_TRUE(report.finite) << "seed " << seed << ", step " << step;
-      EXPECT_TRUE(report.solver.converged && report.minimum_found) << "seed " << seed << ", step " << step;
-      // Servos of at most 10 N m that turn by at most 2.4 rad, six of them every 15 steps, and falls of 0.2 m.
-      EXPECT_LT(world.mechanisms()[0].KineticEnergy(), 200) << "seed " << seed << ", step " << step;
-      const std::vector<signed char> sides = Sides(world);
-      for (std::size_t k = 0; k < sides.size(); ++k) turns += sides[k] != last[k];
-      last = sides;
-    }
-  }
+  StepOptions options;
+  options.integrator = GetParam();
+  std::vector<signed char> last;
+  const auto after = [&](const World& world, const StepReport& report, const std::string& when) {
+    ++steps;
+    EXPECT_TRUE(report.solver.converged && report.minimum_found) << when;
+    // Servos of at most 10 N m that turn by at most 2.4 rad, six of them every 15 steps, and falls of 0.2 m.
+    EXPECT_LT(world.mechanisms()[0].KineticEnergy(), 200) << when;
+    const std::vector<signed char> sides = Sides(world);
+    for (std::size_t k = 0; k < sides.size(); ++k) turns += sides[k] != last[k];
+  };
+  StepAll(100, 150, options, [&](const World& world) { last = Sides(world); }, after);
   EXPECT_GT(turns, steps / 20);
 }
 
@@ -118,37 +130,34 @@ INSTANTIATE_TEST_SUITE_P(Integrators, ManyServos, ::testing::Values(Integrator::
 // springs and dampers would have at its end: beyond the bound just where that is taken, and nowhere else.
 TEST(ServoLaw, HoldsAtTheEndOfTheStep) {
   int at_bound = 0, between = 0;
-  for (unsigned seed = 0; seed < 60; ++seed) {
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> unit(-1, 1);
-    World world = testing::MustCreate(Drawn(seed, random));
+  StepOptions options;
+  options.refresh = false;
+  std::vector<double> before;
+  const auto measure = [&](const World& world) {
+    before.clear();
+    const MechanismDynamics& m = world.mechanisms()[0];
+    for (const auto& limit : m.mechanism().force_limits()) before.push_back(m.Length(limit.length));
+  };
+  const auto after = [&](const World& world, const StepReport&, const std::string& when) {
     const MechanismDynamics& m = world.mechanisms()[0];
     const auto& limits = m.mechanism().force_limits();
-    StepOptions options;
-    options.refresh = false;
-    for (int step = 0; step < 60; ++step) {
-      if (step % 15 == 0)
-        for (double& u : world.mechanisms()[0].controls()) u = 1.2 * unit(random);
-      std::vector<double> before;
-      for (const auto& limit : limits) before.push_back(m.Length(limit.length));
-      world.Step(options);
-      const std::vector<signed char> sides = Sides(world);
-      for (std::size_t k = 0; k < limits.size(); ++k) {
-        const double length = m.Length(limits[k].length), rate = (length - before[k]) / options.h;
-        const double f = limits[k].stiffness * (m.controls()(static_cast<Eigen::Index>(k)) - length) -
-                         limits[k].damping * rate;
-        // The lengths know 16 digits, and rates are their difference by h.
-        const double digits =
-            1e-14 * (1 + std::abs(length)) * (limits[k].stiffness + limits[k].damping / options.h) + 1e-6;
-        const bool law = sides[k] > 0   ? f > limits[k].upper - digits
-                         : sides[k] < 0 ? f < limits[k].lower + digits
-                                        : f < limits[k].upper + digits && f > limits[k].lower - digits;
-        EXPECT_TRUE(law) << "seed " << seed << ", step " << step << ", servo " << k << ": " << f << " of "
-                         << limits[k].upper << ", side " << int(sides[k]);
-        ++(sides[k] == 0 ? between : at_bound);
-      }
+    const std::vector<signed char> sides = Sides(world);
+    for (std::size_t k = 0; k < limits.size(); ++k) {
+      const double length = m.Length(limits[k].length), rate = (length - before[k]) / options.h;
+      const double f = limits[k].stiffness * (m.controls()(static_cast<Eigen::Index>(k)) - length) -
+                       limits[k].damping * rate;
+      // The lengths know 16 digits, and rates are their difference by h.
+      const double digits =
+          1e-14 * (1 + std::abs(length)) * (limits[k].stiffness + limits[k].damping / options.h) + 1e-6;
+      const bool law = sides[k] > 0   ? f > limits[k].upper - digits
+                       : sides[k] < 0 ? f < limits[k].lower + digits
+                                      : f < limits[k].upper + digits && f > limits[k].lower - digits;
+      EXPECT_TRUE(law) << when << ", servo " << k << ": " << f << " of " << limits[k].upper << ", side "
+                       << int(sides[k]);
+      ++(sides[k] == 0 ? between : at_bound);
     }
-  }
+  };
+  StepAll(60, 60, options, measure, after);
   EXPECT_GT(at_bound, 1000);
   EXPECT_GT(between, 1000);
 }
@@ -157,25 +166,18 @@ TEST(ServoLaw, HoldsAtTheEndOfTheStep) {
 TEST(ServoLaw, TheProblemOfAStepHasItsRows) {
   int servos = 0, problems = 0;
   ContactSolver solver;
-  for (unsigned seed = 0; seed < 12; ++seed) {
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> unit(-1, 1);
-    World world = testing::MustCreate(Drawn(seed, random));
-    for (int step = 0; step < 60; ++step) {
-      if (step % 15 == 0)
-        for (double& u : world.mechanisms()[0].controls()) u = 1.2 * unit(random);
-      ASSERT_TRUE(world.Step({}).solver.converged);
-      ContactProblem problem = world.LastContactProblem();
-      if (problem.contacts.empty()) continue;
-      ++problems;
-      servos += static_cast<int>(problem.limits.size());  // the arm has no stops
-      VectorX velocity = problem.velocity;
-      ASSERT_TRUE(solver.Solve(problem.Blocks(), problem.contacts, problem.limits, velocity).converged);
-      const double size = std::max(1e-3, velocity.norm());
-      EXPECT_LT((problem.VelocityUnderImpulses() - velocity).norm(), 1e-7 * size)
-          << "seed " << seed << ", step " << step;
-    }
-  }
+  const auto after = [&](const World& world, const StepReport& report, const std::string& when) {
+    EXPECT_TRUE(report.solver.converged) << when;
+    ContactProblem problem = world.LastContactProblem();
+    if (problem.contacts.empty()) return;
+    ++problems;
+    servos += static_cast<int>(problem.limits.size());  // the arm has no stops
+    VectorX velocity = problem.velocity;
+    EXPECT_TRUE(solver.Solve(problem.Blocks(), problem.contacts, problem.limits, velocity).converged) << when;
+    const double size = std::max(1e-3, velocity.norm());
+    EXPECT_LT((problem.VelocityUnderImpulses() - velocity).norm(), 1e-7 * size) << when;
+  };
+  StepAll(12, 60, {}, [](const World&) {}, after);
   EXPECT_GT(problems, 300);
   EXPECT_GT(servos, 50);
 }
