@@ -1,9 +1,9 @@
 // The steps whose instructions tools/step_instructions.sh counts under valgrind: ours, and mj_step on the
 // same file from the same poses at the same time step.
 //
-//     build/release/benchmarks/step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY]]]]
+//     build/release/benchmarks/step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY [euler|theta]]]]]
 //
-// MuJoCo integrates as the file says, or with `discrete`. Prints the number of steps and how many contacts
+// MuJoCo integrates as the file says, or with `discrete`; ours as the scene chooses, or as told. Prints the number of steps and how many contacts
 // each saw in the mean. `fork1s bench` counts the same steps.
 #include <fmt/format.h>
 
@@ -26,7 +26,7 @@ int Refuse(const std::string& why) {
 
 int Main(int argc, char** argv) {
   if (argc < 2) {
-    fmt::print(stderr, "usage: step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY]]]]\n");
+    fmt::print(stderr, "usage: step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY [euler|theta]]]]]\n");
     return 2;
   }
   SameStepsOptions options;
@@ -43,6 +43,11 @@ int Main(int argc, char** argv) {
     const auto recovery = RecoveryNamed(argv[5]);
     if (!recovery) return Refuse(std::string("'") + argv[5] + "' is no recovery");
     options.recovery = *recovery;
+  }
+  if (argc > 6) {
+    const std::string rule = argv[6];
+    if (rule != "euler" && rule != "theta") return Refuse("'" + rule + "' is neither euler nor theta");
+    options.own_integrator = rule == "theta" ? Integrator::kTheta : Integrator::kEuler;
   }
   const auto steps = StepFromSamePoses(options);
   if (!steps) return Refuse(steps.error().Text());

@@ -3,23 +3,24 @@
 # of 1/60 s, over the first second or another. Counted by valgrind, so the same program gives the same number on any machine,
 # however busy, of the same instruction set.
 #
-#     tools/step_instructions.sh [--build FOLDER] [--csv FILE] [--discrete] [--second N] [--recovery WORD] SCENE...
+#     tools/step_instructions.sh [--build FOLDER] [--csv FILE] [--discrete] [--second N] [--recovery WORD] [--integrator WORD] SCENE...
 #
 # A SCENE is a name in scenes/ or a path to a model; a table of controls beside it, SCENE.csv, drives it.
 # --discrete: MuJoCo integrates so, and not as the file says.
 # --second 5 counts the steps from 4 s to 5 s: what N seconds took less what N - 1 took.
-# --recovery: exact (default), curved or twist.
+# --recovery: exact (default), curved or twist. --integrator: ours, euler or theta; what the scene chooses unless told.
 # --build names another build folder (build/release unless told), to compare two of them.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
 
-build=$root/build/release csv="" integrator=- recovery=exact second=1 scenes=()
+build=$root/build/release csv="" integrator=- recovery=exact own=() second=1 scenes=()
 while [ $# -gt 0 ]; do
   case "$1" in
     --build) build=$2 && shift ;;
     --csv) csv=$2 && shift ;;
     --discrete) integrator=discrete ;;
     --recovery) recovery=$2 && shift ;;
+    --integrator) own=("$2") && shift ;;
     --second) second=$2 && shift ;;
     -*) scenes=() && break ;;
     *) scenes+=("$1") ;;
@@ -27,7 +28,7 @@ while [ $# -gt 0 ]; do
   shift
 done
 if [ ${#scenes[@]} -eq 0 ]; then
-  sed -n '2,12s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,13s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
 if ! command -v valgrind >/dev/null; then
@@ -66,7 +67,7 @@ for scene in "${scenes[@]}"; do
   for seconds in $((second - 1)) "$second"; do
     [ "$seconds" -gt 0 ] || continue
     valgrind --tool=callgrind --callgrind-out-file="$work/profile" --toggle-collect='fork1s::World::Step(*' \
-      --toggle-collect=mj_step "$program" "$model" "$controls" "$seconds" "$integrator" "$recovery" >"$work/out" 2>"$work/log" || {
+      --toggle-collect=mj_step "$program" "$model" "$controls" "$seconds" "$integrator" "$recovery" "${own[@]}" >"$work/out" 2>"$work/log" || {
       cat "$work/out" "$work/log" >&2
       exit 1
     }

@@ -25,6 +25,7 @@ Json SceneJson(const BenchScene& s) {
   const PeerRow& ours = s.rows.front();
   const auto instructions = s.Instructions("fork1s");
   Json out;
+  out["integrator"] = NameOf(s.integrator);
   out["dt_s"] = ours.dt_s;
   out["simulated_s"] = ours.time_s;
   out["step_us"] = Number(ours.step_us);

@@ -138,8 +138,8 @@ void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator) {
       .add_option(
           "--integrator", integrator,
           "theta: second order, in contact too, four short steps of implicit Euler through an impact; euler: "
-          "implicit Euler, first order (default: theta where nothing in the scene can touch anything, else euler, "
-          "as always where somebody pulls: view)")
+          "implicit Euler, first order (default: theta where a mechanism moves slowly enough for the step to follow, else "
+          "euler, as always where somebody pulls: view)")
       ->transform(CLI::CheckedTransformer(names, CLI::ignore_case));
 }
 

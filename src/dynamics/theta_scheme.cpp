@@ -42,6 +42,26 @@ double Growth(const MatrixX& M, const VectorX& K, const MatrixX& D, const ThetaS
   return GeneralSpectrumOf(map).values.cwiseAbs().maxCoeff();
 }
 
+// Modes of a range of coordinates: ω² and θ, V with VᵀMV = 1, and VᵀM.
+struct Modes {
+  VectorX squares, theta;
+  MatrixX V, V_inverse;
+};
+
+// Whether free motion at the reference loses energy in every step, with h ω = y and D of the modes, by damping √θ D √θ
+// at its end: with δ = w⁺ - w it changes by
+//     -δ·(θ - ½)δ - w̄·(y² (θ - ½) + h D) w̄ - h w̄·C δ,   C = √θ D √θ - D θ,
+// and that is below 0 for any δ and w̄ where what is left of the second form is positive once the first has had its δ.
+bool LosesEnergy(const Modes& modes, const MatrixX& D, double h) {
+  const VectorX root = modes.theta.cwiseSqrt(), spare = modes.theta.array() - 0.5;
+  MatrixX C = D;
+  for (int j = 0; j < C.cols(); ++j)
+    C.col(j).array() *= h * root(j) * (root.array() - root(j)) / (2 * std::sqrt(spare(j)));
+  MatrixX left = h * D - TimesTransposed(C, C);
+  left.diagonal().array() += h * h * modes.squares.array() * spare.array();
+  return Cholesky().Compute(left);
+}
+
 void Multiply(const VectorX& K, ThetaScheme& s) {
   s.K_Th = ScaledRows(K, s.Th);
   s.K_Th2 = Times(s.K_Th, s.Th);
@@ -49,6 +69,18 @@ void Multiply(const VectorX& K, ThetaScheme& s) {
 }
 
 }  // namespace
+
+bool FollowsAnyMode(const ReducedModel& model, double h) {
+  if (model.mechanism->base() == BaseKind::kFloating) return true;
+  if (model.size() == 0) return false;
+  // Cholesky factors of an inertia that is not positive fail; the step fails there too and is reported.
+  Cholesky factor;
+  if (!factor.Compute(model.M)) return false;
+  const MatrixX L_inverse = factor.L().triangularView<Eigen::Lower>().solve(
+      MatrixX::Identity(model.size(), model.size()));
+  const VectorX squares = SpectrumOf(DiagonalCongruence(model.K_r, L_inverse.transpose())).values;
+  return h * std::sqrt(std::max(squares.minCoeff(), 0.0)) < kTurnover;
+}
 
 void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRange>& ranges, double step,
                        bool euler) {
@@ -59,29 +91,38 @@ void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRang
   D_start = MatrixX::Zero(r, r);
   if (!euler) {
     const MatrixX M = FeltInertia(model);
-    MatrixX root = MatrixX::Identity(r, r);  // V diag(√θ) VᵀM
-    for (const VelocityRange& run : ranges) {
+    std::vector<Modes> modes(ranges.size());
+    for (std::size_t k = 0; k < ranges.size(); ++k) {
+      const VelocityRange& run = ranges[k];
       if (run.size == 0) continue;
       Cholesky factor;
       // The step factors the same matrix, fails there and is reported.
       if (!factor.Compute(M.block(run.begin, run.begin, run.size, run.size))) continue;
       const MatrixX L = factor.L().triangularView<Eigen::Lower>();
       const MatrixX L_inverse = L.triangularView<Eigen::Lower>().solve(MatrixX::Identity(run.size, run.size));
-      const SymmetricSpectrum modes =
+      const SymmetricSpectrum spectrum =
           SpectrumOf(DiagonalCongruence(model.K_r.segment(run.begin, run.size), L_inverse.transpose()));
-      const VectorX theta =
-          modes.values.unaryExpr([step](double w2) { return Theta(step * std::sqrt(std::max(w2, 0.0))); });
-      const MatrixX V = TransposedTimes(L_inverse, modes.vectors), back = Times(L, modes.vectors).transpose();
-      Th.block(run.begin, run.begin, run.size, run.size) = Times(V, ScaledRows(theta, back));
-      root.block(run.begin, run.begin, run.size, run.size) = Times(V, ScaledRows(theta.cwiseSqrt(), back));
+      Modes& own = modes[k];
+      own.squares = spectrum.values.cwiseMax(0);
+      own.theta = own.squares.unaryExpr([step](double w2) { return Theta(step * std::sqrt(w2)); });
+      own.V = TransposedTimes(L_inverse, spectrum.vectors);
+      own.V_inverse = Times(L, spectrum.vectors).transpose();
+      Th.block(run.begin, run.begin, run.size, run.size) =
+          Times(own.V, ScaledRows(own.theta, own.V_inverse));
     }
     Multiply(model.K_r, *this);
-    for (const VelocityRange& run : ranges) {
-      if (run.size == 0) continue;
+    for (std::size_t k = 0; k < ranges.size(); ++k) {
+      const VelocityRange& run = ranges[k];
+      const Modes& own = modes[k];
       const int n = run.size;
+      if (own.V.size() == 0) continue;
       const MatrixX D = model.D.block(run.begin, run.begin, n, n);
       if (D.isZero(0)) continue;
-      const MatrixX S = root.block(run.begin, run.begin, n, n), middle = Congruence(D, S);
+      const VectorX root = own.theta.cwiseSqrt();
+      const MatrixX D_modes = Congruence(D, own.V), R = ScaledRows(root, own.V_inverse);
+      const MatrixX middle = Congruence(D_modes, R);
+      D_end.block(run.begin, run.begin, n, n) = middle;
+      if (LosesEnergy(own, D_modes, step)) continue;
       for (const double a : {0.0, 0.25, 0.5, 0.75, 1.0}) {
         D_end.block(run.begin, run.begin, n, n) = (1 - a) * middle + a * D;
         // Rounding of eigenvalues that are double.

@@ -73,6 +73,8 @@ Expected<SameSteps> StepFromSamePoses(const SameStepsOptions& options) {
   SimulationOptions s;
   s.dt = options.dt;
   s.recovery = options.recovery;
+  s.step.integrator = options.own_integrator;
+  s.step.controls_move = options.controls.times.size() > 1;
   auto simulation = Simulation::Create(imported->scene, s);
   if (!simulation) return tl::unexpected(simulation.error());
   if (const auto missing = options.controls.FindMissing(*simulation); !missing.empty())

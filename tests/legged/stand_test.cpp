@@ -7,7 +7,9 @@
 namespace fork1s::examples {
 namespace {
 
-constexpr double kSettling = 20, kTime = 80;  // s; leaf springs swing for long, nothing damps them
+// s. Leaf springs swing for long: what damps them is in the joints, and by the default step nothing else does. Cassie's
+// right foot, gains times 100, still rocks by 0.13 mm at 30 s, and by 0.02 at 40.
+constexpr double kSettling = 40, kTime = 100;
 
 // ANYmal's feet bear moments (condim 6).
 bool BearsMomentsOnUnevenGround(const Case& c) {
@@ -21,7 +23,7 @@ TEST_P(Stands, ForAMinute) {
   const LeggedScene legged = Load(GetParam());
   Simulation simulation = Start(legged.imported.scene, StandingOptions(legged));
   const StandMeasurement m = Stand(simulation, legged, kSettling, kTime);
-  EXPECT_EQ(m.steps, 4800);
+  EXPECT_EQ(m.steps, 6000);
   EXPECT_TRUE(m.finite);
   EXPECT_EQ(m.unconverged, 0);
   EXPECT_LT(m.foot_motion, 1e-4);

@@ -8,6 +8,9 @@ class Hammer : public testing::TestWithParam<double> {};
 
 TEST_P(Hammer, StrikesAnvilAndNail) {
   SceneRun run("hammer", GetParam());
+  // The nail swings at 240 Hz. Steps of implicit Euler bring it to its place at once; those of second order are four
+  // through the blow, and end anywhere in its swing.
+  run.simulation().step_options().integrator = Integrator::kEuler;
   Course course = run.Until(1);
   EXPECT_GT(run.Position("hammer").z(), 0.4) << "raised";
   course = run.Until(1.7);

@@ -213,22 +213,32 @@ TEST(Fidelity, TwistsTakeImplicitEuler) {
   EXPECT_EQ(simulation->step_options().integrator, Integrator::kEuler);
 }
 
-// Of second order where nothing can touch anything, whatever is frozen or refined later.
+// Of second order where a mechanism moves in a way that the step can follow, whatever is frozen or refined later.
 TEST(Fidelity, TheRuleOfTheStepIsChosenByTheScene) {
-  auto touching = Simulation::Create(Gripper().Make());
-  ASSERT_TRUE(touching);
-  EXPECT_EQ(touching->step_options().integrator, Integrator::kEuler);
-  Scene alone = Gripper().Make();
-  alone.free_bodies.clear();
-  alone.world.clear();
-  for (KeyframeDef& key : alone.keyframes) key.free_bodies.clear();
-  for (MechanismDef& m : alone.mechanisms)
-    for (BodyDef& body : m.bodies) body.geometries.clear();
-  auto free = Simulation::Create(alone);
-  ASSERT_TRUE(free) << free.error().Text();
-  EXPECT_EQ(free->step_options().integrator, Integrator::kTheta);
-  ASSERT_TRUE(free->SetFidelity({DetailLevel::kAll, -1, Recovery::kExact}));
-  EXPECT_EQ(free->step_options().integrator, Integrator::kTheta);
+  SimulationOptions options;
+  const auto rule = [&](const Scene& scene) {
+    auto simulation = Simulation::Create(scene, options);
+    if (!simulation) throw std::runtime_error(simulation.error().Text());
+    const Integrator chosen = simulation->step_options().integrator;
+    EXPECT_TRUE(simulation->SetFidelity({DetailLevel::kAll, -1, Recovery::kExact}));
+    EXPECT_EQ(simulation->step_options().integrator, chosen);
+    return chosen;
+  };
+  // Half way between the trapezoid and implicit Euler, of the lowest mode.
+  const double slowest = std::sqrt(Gripper().k_side / Gripper().finger_mass);  // rad/s
+  options.dt = 1.21 / slowest;
+  EXPECT_EQ(rule(Gripper().Make()), Integrator::kEuler);
+  options.dt = 1.19 / slowest;
+  EXPECT_EQ(rule(Gripper().Make()), Integrator::kTheta);
+
+  options.dt = 1.0 / 60;
+  Scene adrift = Gripper().Make();
+  for (MechanismDef& m : adrift.mechanisms) m.base = BaseKind::kFloating;
+  EXPECT_EQ(rule(adrift), Integrator::kTheta);
+  Scene balls = Gripper().Make();
+  balls.mechanisms.clear();
+  for (KeyframeDef& key : balls.keyframes) key.mechanisms.clear();
+  EXPECT_EQ(rule(balls), Integrator::kEuler);
 }
 
 }  // namespace

@@ -91,6 +91,7 @@ TEST(CompareFull, BunnyOnTheTrampolineIsWithinHalfAMillimetre) {
   CompareOptions options;
   options.time = 2;
   options.refinements = 0;
+  options.integrator = Integrator::kEuler;  // the same rule on both sides: what differs is the reduction's
   const Comparison c = CompareOrThrow(LoadScene("firemen"), options);
   ASSERT_EQ(c.interface.size(), 1u);
   EXPECT_LT(c.interface[0].rms_mm, 0.5);  // what the project promises; 0.15 was seen

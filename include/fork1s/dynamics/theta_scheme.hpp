@@ -29,4 +29,8 @@ struct ThetaScheme {
   void Fill(const ReducedModel& model, const std::vector<VelocityRange>& ranges, double step, bool euler);
 };
 
+/// Whether a step of `h` [s] can follow any motion of the mechanism about its reference: whether θ < ¾ for a mode,
+/// as for a base that floats. Where it is not, the rule is implicit Euler but for a few percent.
+bool FollowsAnyMode(const ReducedModel& model, double h);
+
 }  // namespace fork1s

@@ -23,7 +23,7 @@ struct StepPartTimes;     // step_times.hpp
 /// How a step is taken. kEuler: all forces at its end, first order. kTheta: of second order, not for recovery
 /// by twists; slow modes by the trapezoid, what a step cannot follow at its end, lasting contact at its end
 /// by the rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5). kAuto, of a
-/// Simulation: kTheta where nothing in the scene can touch anything, else kEuler.
+/// Simulation: kTheta where a mechanism moves slowly enough for the step to follow, else kEuler.
 enum class Integrator { kEuler, kTheta, kAuto };
 
 struct StepOptions {

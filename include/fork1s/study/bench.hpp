@@ -56,7 +56,8 @@ struct PeerInstructions {
 
 struct BenchScene {
   std::string name;
-  std::vector<PeerRow> rows;  // fork1s at dt first; as of MeasurePeers
+  Integrator integrator = Integrator::kEuler;  // of "fork1s": what the scene chooses; beside it by the other rule
+  std::vector<PeerRow> rows;                   // fork1s at dt first; as of MeasurePeers
   std::vector<PeerInstructions> instructions;
   std::vector<PhaseCost> phases;
   std::string why_no_instructions;  // a sentence, where they were asked for

@@ -29,6 +29,7 @@ Expected<void> TimePhases(const BenchOptions& options, const ControlTrack& contr
   run.controls = &controls;
   run.energy = false;
   run.watch_parts = true;
+  run.integrator = scene.integrator;
   std::vector<std::vector<StepPartTimes>> rounds;
   for (int round = 0; round < options.rounds; ++round) {
     auto done = RunReduced(imported->scene, {}, run);

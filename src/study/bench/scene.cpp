@@ -38,14 +38,15 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options) {
     if (!controls) return tl::unexpected(controls.error());
     peers.controls = std::move(*controls);
   }
-  peers.dt = options.dt;
-  if (peers.dt == 0) {
-    auto imported = LoadMechanism(options.model_path);
-    if (!imported) return tl::unexpected(imported.error());
-    auto probe = Simulation::Create(imported->scene);
-    if (!probe) return tl::unexpected(probe.error());
-    peers.dt = probe->dt();
-  }
+  auto imported = LoadMechanism(options.model_path);
+  if (!imported) return tl::unexpected(imported.error());
+  SimulationOptions at;
+  at.dt = options.dt;
+  auto probe = Simulation::Create(imported->scene, at);
+  if (!probe) return tl::unexpected(probe.error());
+  peers.dt = probe->dt();
+  const Integrator chosen = probe->step_options().integrator,
+                   other = chosen == Integrator::kTheta ? Integrator::kEuler : Integrator::kTheta;
   constexpr double kMostSteps = 1e6;
   if (options.time / peers.dt > kMostSteps)
     return Fail(
@@ -53,9 +54,10 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options) {
         fmt::format("would take {:.3g} steps, a million at most; simulate less --time or take a longer --dt",
                     options.time / peers.dt));
   for (const int substeps : options.substeps) {
-    peers.entrants.push_back({"fork1s", false, MuJoCoIntegrator::kOfFile, false, substeps});
-    peers.entrants.push_back(
-        {"fork1s theta", false, MuJoCoIntegrator::kOfFile, false, substeps, {}, Integrator::kTheta});
+    // By the rule that the scene has chosen at dt, at every step.
+    for (const Integrator own : {chosen, other})
+      peers.entrants.push_back({own == chosen ? "fork1s" : "fork1s " + NameOf(own), false,
+                                MuJoCoIntegrator::kOfFile, false, substeps, {}, own});
     if (!options.mujoco) continue;
     peers.entrants.push_back({"MuJoCo discrete", true, MuJoCoIntegrator::kDiscrete, false, substeps});
     peers.entrants.push_back({"MuJoCo implicitfast", true, MuJoCoIntegrator::kImplicitFast, false, substeps});
@@ -74,6 +76,7 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options) {
                    [](const auto& a, const auto& b) { return a.substeps < b.substeps; });
   BenchScene scene;
   scene.name = options.name;
+  scene.integrator = chosen;
   Expected<std::vector<PeerRow>> rows;
   // MuJoCo steps on one thread, so that we do as well.
   WithThreads(1, [&] { rows = MeasurePeers(peers); });
