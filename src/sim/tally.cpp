@@ -25,11 +25,8 @@ std::vector<EndReached> Longest(const std::map<std::pair<int, std::size_t>, EndR
   return out;
 }
 
-// Of a body that moves by V.
-Vector3 VelocityAt(const Simulation& simulation, int body, const Vector6& V, const Vector3& point_W) {
-  if (body < 0) return Vector3::Zero();
-  return V.tail<3>() + V.head<3>().cross(Vector3(point_W - simulation.Pose(body).translation()));
-}
+// Of a body that moves by V, at a place that is that far from its origin.
+Vector3 VelocityAt(const Vector6& V, const Vector3& arm) { return V.tail<3>() + V.head<3>().cross(arm); }
 
 }  // namespace
 
@@ -66,24 +63,29 @@ void RunTally::LookAtContacts(const Simulation& simulation) {
   for (const ContactRecord& c : simulation.world().contacts()) {
     if (!(c.impulse(0) > 0)) continue;
     int a = simulation.BodyOfContactor(c.point.body_a), b = simulation.BodyOfContactor(c.point.body_b);
+    // Arms at the poses that the point was found at: what rolls fast is elsewhere by the end of the step.
+    const auto arm = [&](int contactor) {
+      return Vector3(c.point.point - simulation.world().PoseAtDetection(contactor).translation());
+    };
+    Vector3 arm_a = arm(c.point.body_a), arm_b = arm(c.point.body_b);
     const double sign = a <= b ? 1 : -1;  // contacts act on their b
-    if (a > b) std::swap(a, b);
+    if (a > b) {
+      std::swap(a, b);
+      std::swap(arm_a, arm_b);
+    }
     PairLoad& pair = Pair(a, b);
     const Vector3 force = sign * (c.point.frame.transpose() * c.impulse) / h;
     pair.force_W += force;
-    const Vector3 origin = b < 0 ? Vector3::Zero() : simulation.Pose(b).translation();
-    pair.moment_W +=
-        sign * (c.point.frame.transpose() * c.moment) / h + Vector3(c.point.point - origin).cross(force);
+    pair.moment_W += sign * (c.point.frame.transpose() * c.moment) / h +
+                     (b < 0 ? c.point.point : arm_b).cross(force);
     const Vector6 V_a = mean(a), V_b = mean(b);
     const Vector3 spin = c.point.frame * Vector3(V_b.head<3>() - V_a.head<3>());
     pair.friction_loss -= sign * c.moment.dot(spin);
     const double tangential = c.impulse.tail<2>().norm();
     if (!(c.friction > 0) || tangential < kAtCone * c.friction * c.impulse(0)) continue;
-    const Vector3 slides =
-        VelocityAt(simulation, b, V_b, c.point.point) - VelocityAt(simulation, a, V_a, c.point.point);
+    const Vector3 slides = VelocityAt(V_b, arm_b) - VelocityAt(V_a, arm_a);
     pair.friction_loss -= sign * c.impulse.tail<2>().dot(c.point.frame.bottomRows<2>() * slides);
-    const Vector3 relative =
-        VelocityAt(simulation, b, now(b), c.point.point) - VelocityAt(simulation, a, now(a), c.point.point);
+    const Vector3 relative = VelocityAt(now(b), arm_b) - VelocityAt(now(a), arm_a);
     const double speed = (c.point.frame.bottomRows<2>() * relative).norm();
     if (speed > kSlides) fastest[{a, b}] = std::max(fastest[{a, b}], speed);
   }
