@@ -89,7 +89,7 @@ void FollowLoads(const MechanismStep& here) {
   for (int i = 0; i < kHalvings; ++i, share *= 0.5) {
     go();
     ws.configuration.TakeLoops(ws.elsewhere);
-    Configure(*model.reduced, state.reduced, ws.configuration);
+    ConfigurePose(*model.reduced, state.reduced, ws.configuration);
     ws.pose_energy.valid = false;
     ws.relaxed = PotentialOfSprings(here, state.reduced.X_WR, ws.gravity_W).energy - start.energy;
     falls = ws.relaxed + share * (held - outside) < -1e-4 * share * slope + rounding;

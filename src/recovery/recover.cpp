@@ -6,7 +6,7 @@ namespace fork1s {
 
 void RecoverPosesExact(const ReducedModel& model, const ReducedState& state, Configuration& scratch,
                        std::vector<RigidTransform>& X_RB) {
-  Configure(model, state, scratch);
+  ConfigurePose(model, state, scratch);
   X_RB = scratch.kinematics.X_RB;
 }
 

@@ -84,6 +84,7 @@ Configuration::Configuration(const ReducedModel& model)
   d.resize(m);
   q_bar.resize(n);
   q_bar_before.resize(n);
+  mu_before.resize(m);
   q_move.resize(n);
   A.resize(model.loops.num_values());
   W.setZero(m, (model.size() + 3) / 4 * 4);
@@ -119,20 +120,26 @@ bool Start(const ReducedModel& model, const ReducedState& state, Configuration& 
   return loops;
 }
 
-// µ along the tangent of the last pose, closed and factored: A (Δq_bar - B Δµ) = 0. Its second derivative
+// µ along the tangent of a pose before, closed and factored: A (Δq_bar - B Δµ) = 0. Its second derivative
 // would save a chord in a step, and costs as much.
 void Foresee(const ReducedModel& model, Configuration& out) {
   out.q_move = out.q_bar - out.q_bar_before;
   model.loops.Apply(out.A, out.q_move, out.d);
   out.factor.SolveInPlace(out.d);
-  out.mu += out.d;
+  out.mu = out.mu_before + out.d;
+}
+
+// The pose at hand is the one that later ones are foreseen from.
+void ForeseeFromHere(Configuration& out) {
+  out.q_bar_before = out.q_bar;
+  out.mu_before = out.mu;
+  out.foresees = out.factor.ok();
 }
 
 // Factor and derivative at the pose that µ gives.
 void Finish(const ReducedModel& model, Configuration& out) {
   FactorLoops(model, out);
-  out.q_bar_before = out.q_bar;
-  out.foresees = out.factor.ok();
+  ForeseeFromHere(out);
   model.loops.Apply(out.A, model.Q_rows, out.W);
   out.factor.SolveInPlace(out.W);
   out.Q_now = model.Q_rows;
@@ -151,8 +158,12 @@ void Curve(const ReducedModel& model, const ReducedState& state, Configuration& 
 }  // namespace
 
 void Configuration::TakeLoops(const Configuration& other) {
-  if (other.mu.size() == 0) return;
-  *this = other;
+  mu = other.mu;
+  A = other.A;
+  factor = other.factor;
+  q_bar_before = other.q_bar_before;
+  mu_before = other.mu_before;
+  foresees = other.foresees;
 }
 
 void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Configuration& out) {
@@ -162,10 +173,10 @@ void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Confi
   Finish(model, out);
 }
 
-void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
-               int max_corrections) {
-  if (!Start(model, state, out)) return;
-  if (model.curvature.exists()) return Curve(model, state, out);
+namespace {
+
+// µ from where it is or is foreseen, by chords. True where they took a new factor.
+bool Close(const ReducedModel& model, int max_corrections, Configuration& out) {
   if (max_corrections == 0 || !out.mu.allFinite())
     out.mu.setZero();
   else if (out.foresees)
@@ -176,9 +187,10 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
   // A linearised closure means nothing beyond half a radian, or half a length of the mechanism.
   constexpr double kFarthest = 0.5;
   double residual = out.c.cwiseAbs().maxCoeff();
-  bool stale = !out.foresees;
+  bool stale = !out.foresees, factored = false;
   for (; out.corrections < max_corrections && residual >= out.closed; ++out.corrections) {
     if (stale) FactorLoops(model, out);
+    factored = factored || stale;
     out.d = out.c;
     out.factor.SolveInPlace(out.d);
     out.q_move.setZero();
@@ -191,7 +203,23 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
     residual = out.c.cwiseAbs().maxCoeff();
     stale = !(residual < kGain * before);
   }
+  return factored;
+}
+
+}  // namespace
+
+void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
+               int max_corrections) {
+  if (!Start(model, state, out)) return;
+  if (model.curvature.exists()) return Curve(model, state, out);
+  Close(model, max_corrections, out);
   Finish(model, out);
+}
+
+void ConfigurePose(const ReducedModel& model, const ReducedState& state, Configuration& out) {
+  if (!Start(model, state, out)) return;
+  if (model.curvature.exists()) return Curve(model, state, out);
+  if (Close(model, kMostCorrections, out)) ForeseeFromHere(out);
 }
 
 void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g) {

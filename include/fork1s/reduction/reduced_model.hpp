@@ -119,15 +119,19 @@ struct Configuration {
   double loop_residual = 0;  // of all rows, rad and m
 
   // Loop scratch, m independent rows in the order of LoopRows.
-  VectorX c_all, c, d, q_bar, q_bar_before, q_move;
+  VectorX c_all, c, d, q_bar, q_move;
   VectorX A;              // of those rows at q
   RowMatrixX W;           // m x r in whole fours of columns: ∂µ/∂z
-  LoopFactor factor;      // of A B at some pose before
-  bool foresees = false;  // A, factor and q_bar_before are of one pose with closed loops
+  LoopFactor factor;                 // of A B at some pose before
+  VectorX q_bar_before, mu_before;   // of that pose
+  bool foresees = false;             // its loops were closed: these tell how µ goes on
 
-  /// Corrections start from where those of `other`, at a pose near by, ended. No allocation.
+  /// Corrections start from where those of `other`, at a pose near by, ended; nothing else is taken. No
+  /// allocation.
   void TakeLoops(const Configuration& other);
 };
+
+constexpr int kMostCorrections = 60;
 
 /// q(z) = q_ref + Q z + q_perp - B µ with µ such that c(q) = 0 (docs/method.md, section 2): from the tangent
 /// of the last pose by chords with the factor at hand, a new factor where they gain too little, at most
@@ -135,9 +139,13 @@ struct Configuration {
 /// of the pose that is computed. A model with curvature has µ = ½ N[z, z] instead, Q_now = Q - B N z, the
 /// derivative of that pose, and loops open by the third order of z. Fills kinematics. No allocation.
 void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
-               int max_corrections = 60);
+               int max_corrections = kMostCorrections);
 
-/// The same where µ in `out` is known to close the loops: the bits that Configure left at this state.
+/// The same pose without the derivative, where nobody asks how it moves: Q_now, A and the factor stay those of a
+/// pose before.
+void ConfigurePose(const ReducedModel& model, const ReducedState& state, Configuration& out);
+
+/// As Configure where µ in `out` is known to close the loops: the bits that Configure left at this state.
 void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Configuration& out);
 
 /// Joint forces g without what the loops' reactions take: g -= Aᵀ(A B)⁻ᵀ Bᵀ g at the pose of `c`, what forces
