@@ -160,8 +160,10 @@ inline double LawViolation(const Problem& p, const VectorX& v_start, const Vecto
     impulse_response -= W.col(l.row) * (l.sign * l.impulse);
     const double D = W(l.row, l.row),
                  u = l.sign * v_end[l.row] + l.bias + l.compliance * (l.impulse - l.held);
-    speed = std::max({speed, std::abs(l.sign * v_start[l.row] + l.bias), D * l.impulse});
-    worst = std::max({worst, -D * l.impulse, -u, std::min(D * l.impulse, std::abs(u))});
+    speed = std::max({speed, std::abs(l.sign * v_start[l.row] + l.bias), D * std::abs(l.impulse)});
+    // Between its bounds it lets nothing by; what goes forth it gives least against, and what goes back all it has.
+    worst = std::max({worst, D * (l.lower - l.impulse), D * (l.impulse - l.upper),
+                      std::min(D * (l.impulse - l.lower), u), std::min(D * (l.upper - l.impulse), -u)});
   }
   worst = std::max(worst, impulse_response.cwiseAbs().maxCoeff());
   return worst / speed;
