@@ -29,6 +29,7 @@ double World::Detail::MotionWithin(double h) const {
 // What nothing can touch within the step, by the contacts at hand, and no stop, goes half way in any case.
 void World::Detail::BeginAll(const StepOptions& options, StepRule rule) {
   rule_ = rule;
+  const PartClock clock(times_, &StepPartTimes::moving);
   ForMechanisms([&](std::size_t i) {
     if (mechanisms_[i].recovery() == Recovery::kTwist) return;
     const auto& parts = mechanism_blocks_[i].parts;

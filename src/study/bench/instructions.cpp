@@ -58,7 +58,7 @@ void SetPhases(const Profile& profile, BenchScene& scene) {
                prepared = of("fork1s::World::Detail::PrepareContacts("),
                predicted = of("fork1s::Predict("),
                solved = of("fork1s::World::Detail::SolveContacts("),
-               integrated = of("fork1s::Integrate("),
+               begun = of("fork1s::World::Detail::BeginAll("), integrated = of("fork1s::Integrate("),
                refreshed = of("fork1s::Refresh("),
                all = profile.instructions / profile.steps;
   StepPartTimes parts;  // instructions, of the same parts
@@ -66,7 +66,7 @@ void SetPhases(const Profile& profile, BenchScene& scene) {
   parts.rows = std::max(0.0, prepared - found);
   parts.free_velocities = predicted;
   parts.solving = solved;
-  parts.moving = integrated;
+  parts.moving = begun + integrated;
   parts.refreshing = refreshed;
   parts.all = all;
   for (const auto& [phase, count] : PartsOf(parts)) PhaseOf(scene, phase).instructions = std::max(0.0, count);
