@@ -4,6 +4,7 @@
 #include <random_mechanism.hpp>
 #include <recovery/support.hpp>
 
+#include <cmath>
 #include <cstring>
 
 namespace fork1s {
@@ -51,6 +52,30 @@ void ExpectClosed(const std::shared_ptr<const Mechanism>& m, double angle) {
 TEST(ExactRecovery, ClosesTheFourBar) { ExpectClosed(Share(testing::FourBar().Definition()), 15 * kDegree); }
 
 TEST(ExactRecovery, ClosesTheStewartPlatform) { ExpectClosed(Share(testing::CubicStewart(0.3, 1000)), 15 * kDegree); }
+
+// The pose without its derivative, in turn with the derived one in the same storage, as a step's trials have it: where
+// poses lie near each other loops close to the same ones, and the derivative is that of a storage of its own.
+TEST(ExactRecovery, ThePoseAloneIsThatOfTheDerivedOne) {
+  const auto m = Share(testing::FourBar().Definition());
+  const ReducedModel model = MustReduce(m);
+  RandomSource random(7);
+  Configuration scratch(model);
+  VectorX z = random.Vector(model.size(), 1);
+  for (int i = 0; i < 200; ++i) {
+    z += random.Vector(model.size(), 0.3);
+    const ReducedState state = Deflected(model, z, 0.3 * std::sin(0.1 * i) + 1e-3);
+    Configuration own(model);
+    Configure(model, state, own);
+    if (random.Chance(0.7)) {
+      ConfigurePose(model, state, scratch);
+    } else {
+      Configure(model, state, scratch);
+      EXPECT_LT((scratch.Q_now - own.Q_now).norm(), 1e-8);
+    }
+    // Corrections stop at 1e-10.
+    EXPECT_LT((scratch.q - own.q).cwiseAbs().maxCoeff(), 1e-8) << i;
+  }
+}
 
 TEST(ExactRecovery, ClosesRandomLoops) {
   RandomMechanismOptions options;
