@@ -47,6 +47,12 @@ struct World::Detail {
   void Rebound(double h);
   bool Bore(std::size_t contact) const;
   bool ClosesAtSpeed(const StepOptions& options) const;
+  // Way to a stop that bore nothing, m, and its speed, m/s; of what turns in lengths of its mechanism.
+  struct StopApproach {
+    bool bore = true;
+    double gap = 0, speed = 0;
+  };
+  StopApproach ApproachOf(const MechanismDynamics& m, const Mechanism::LengthLimit& stop, bool upper) const;
   bool MetAtSpeed(const StepOptions& options) const;
   double MotionWithin(double h) const;
   void LayOutPorts(const StepOptions& options);
@@ -159,6 +165,7 @@ struct World::Detail {
   bool curvature_valid_ = false;                       // these are of the step before
   std::vector<double> approach_;     // m/s, of points that may part again; 0 for others
   std::vector<double> closing_;      // m/s, of all, at the start of the step
+  std::vector<StopApproach> stop_approach_;  // by two steps, of limits_
   std::vector<ContactConstraint> constraints_;
   std::vector<LimitConstraint> limits_;
   std::vector<VelocityBlock> blocks_;

@@ -249,6 +249,7 @@ void World::Detail::AssembleLimits(const StepOptions& options) {
     for (const PartBlock& part : block.parts) count += part.limits.size() + part.frictions.size();
   }
   limits_.assign(count, LimitConstraint());
+  stop_approach_.assign(count, StopApproach());
   servos_.clear();
   ForMechanisms([&](std::size_t i) { FillLimits(i, options); });
 }
@@ -270,6 +271,8 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       limit.bias =
           StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
       limit.impulse = by_step * mechanism_blocks_[i].limit_impulses[at];
+      if (rule_ == StepRule::kTwoSteps && !(limit.impulse > 0))
+        stop_approach_[static_cast<std::size_t>(&limit - limits_.data())] = ApproachOf(m, stop, upper);
     }
     for (std::size_t k = 0; k < part.frictions.size(); ++k) {
       const auto at = static_cast<std::size_t>(part.frictions[k]);

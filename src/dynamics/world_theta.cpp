@@ -72,8 +72,9 @@ bool World::Detail::Bore(std::size_t contact) const {
 namespace {
 
 // Speed of an impact: more than gravity gives in an eighth of the step, or any where things part again.
+double SpeedOfImpact(const StepOptions& options) { return options.gravity.norm() * options.h / 8; }
 double SpeedOfImpact(const StepOptions& options, const ContactPoint& point) {
-  return point.restitution > 0 ? 0 : options.gravity.norm() * options.h / 8;
+  return point.restitution > 0 ? 0 : SpeedOfImpact(options);
 }
 
 }  // namespace
@@ -87,9 +88,25 @@ bool World::Detail::ClosesAtSpeed(const StepOptions& options) const {
   return false;
 }
 
-// The same of what the step has brought together: at that speed from the start, or from so far that it took
-// that speed.
+World::Detail::StopApproach World::Detail::ApproachOf(const MechanismDynamics& m,
+                                                      const Mechanism::LengthLimit& stop, bool upper) const {
+  const auto& terms = stop.length.terms;
+  const bool turns =
+      stop.length.path < 0 && !terms.empty() &&
+      m.mechanism().screws().col(terms.front().first).head<3>().norm() > 1e-9;
+  const double scale = turns ? m.mechanism().length_scale() : 1, length = m.Length(stop.length),
+               rate = LengthRate(m, stop.length);
+  return {false, scale * (upper ? stop.upper - length : length - stop.lower), scale * (upper ? rate : -rate)};
+}
+
+// The same of what the step has brought together, and of stops of joints and tendons: at that speed from the start, or
+// from so far that it took that speed.
 bool World::Detail::MetAtSpeed(const StepOptions& options) const {
+  const double least = SpeedOfImpact(options);
+  for (std::size_t k = 0; k < stop_approach_.size(); ++k) {
+    const StopApproach& a = stop_approach_[k];
+    if (!a.bore && limits_[k].impulse > 0 && (a.speed > least || a.gap > options.h * least)) return true;
+  }
   for (std::size_t i = 0; i < points_.size(); ++i) {
     if (!(constraints_[i].impulse(0) > 0) || Bore(i)) continue;
     const double speed = SpeedOfImpact(options, points_[i]);
