@@ -23,6 +23,9 @@ int Main(int argc, char** argv);
 namespace fork1s::benchmarks::legged {
 int Main(int argc, char** argv);
 }
+namespace fork1s::benchmarks::legged_rules {
+int Main(int argc, char** argv);
+}
 namespace fork1s::benchmarks::live_rate {
 int Main(int argc, char** argv);
 }

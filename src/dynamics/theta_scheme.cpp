@@ -48,6 +48,21 @@ struct Modes {
   MatrixX V, V_inverse;
 };
 
+// Empty where M is not positive: the step factors the same matrix, fails there and is reported.
+Modes ModesOf(const MatrixX& M, const VectorX& K, double h) {
+  Modes out;
+  Cholesky factor;
+  if (!factor.Compute(M)) return out;
+  const MatrixX L = factor.L().triangularView<Eigen::Lower>();
+  const MatrixX L_inverse = L.triangularView<Eigen::Lower>().solve(MatrixX::Identity(M.rows(), M.rows()));
+  const SymmetricSpectrum spectrum = SpectrumOf(DiagonalCongruence(K, L_inverse.transpose()));
+  out.squares = spectrum.values.cwiseMax(0);
+  out.theta = out.squares.unaryExpr([h](double w2) { return Theta(h * std::sqrt(w2)); });
+  out.V = TransposedTimes(L_inverse, spectrum.vectors);
+  out.V_inverse = Times(L, spectrum.vectors).transpose();
+  return out;
+}
+
 // Whether free motion at the reference loses energy in every step, with h ω = y and D of the modes, by damping √θ D √θ
 // at its end: with δ = w⁺ - w it changes by
 //     -δ·(θ - ½)δ - w̄·(y² (θ - ½) + h D) w̄ - h w̄·C δ,   C = √θ D √θ - D θ,
@@ -73,13 +88,8 @@ void Multiply(const VectorX& K, ThetaScheme& s) {
 bool FollowsAnyMode(const ReducedModel& model, double h) {
   if (model.mechanism->base() == BaseKind::kFloating) return true;
   if (model.size() == 0) return false;
-  // Cholesky factors of an inertia that is not positive fail; the step fails there too and is reported.
-  Cholesky factor;
-  if (!factor.Compute(model.M)) return false;
-  const MatrixX L_inverse = factor.L().triangularView<Eigen::Lower>().solve(
-      MatrixX::Identity(model.size(), model.size()));
-  const VectorX squares = SpectrumOf(DiagonalCongruence(model.K_r, L_inverse.transpose())).values;
-  return h * std::sqrt(std::max(squares.minCoeff(), 0.0)) < kTurnover;
+  const VectorX theta = ModesOf(model.M, model.K_r, h).theta;
+  return theta.size() > 0 && theta.minCoeff() < 0.75;
 }
 
 void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRange>& ranges, double step,
@@ -95,18 +105,10 @@ void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRang
     for (std::size_t k = 0; k < ranges.size(); ++k) {
       const VelocityRange& run = ranges[k];
       if (run.size == 0) continue;
-      Cholesky factor;
-      // The step factors the same matrix, fails there and is reported.
-      if (!factor.Compute(M.block(run.begin, run.begin, run.size, run.size))) continue;
-      const MatrixX L = factor.L().triangularView<Eigen::Lower>();
-      const MatrixX L_inverse = L.triangularView<Eigen::Lower>().solve(MatrixX::Identity(run.size, run.size));
-      const SymmetricSpectrum spectrum =
-          SpectrumOf(DiagonalCongruence(model.K_r.segment(run.begin, run.size), L_inverse.transpose()));
       Modes& own = modes[k];
-      own.squares = spectrum.values.cwiseMax(0);
-      own.theta = own.squares.unaryExpr([step](double w2) { return Theta(step * std::sqrt(w2)); });
-      own.V = TransposedTimes(L_inverse, spectrum.vectors);
-      own.V_inverse = Times(L, spectrum.vectors).transpose();
+      own = ModesOf(M.block(run.begin, run.begin, run.size, run.size),
+                    model.K_r.segment(run.begin, run.size), step);
+      if (own.V.size() == 0) continue;
       Th.block(run.begin, run.begin, run.size, run.size) =
           Times(own.V, ScaledRows(own.theta, own.V_inverse));
     }

@@ -62,7 +62,7 @@ class SceneRun {
     return course;
   }
 
- private:
+  /// The scene with its springs and dampers scaled.
   static Scene Definition(const std::string& name, double stiffness, double damping) {
     ImportOptions options;
     options.stiffness_scale = stiffness;
@@ -73,6 +73,7 @@ class SceneRun {
     return scene;
   }
 
+ private:
   // A moved set-point does its work on the spring at the pose that is, before the step; a changed torque too.
   double EnergyUnderNewControls() {
     Eigen::Index next = 0;

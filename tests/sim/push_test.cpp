@@ -78,34 +78,44 @@ TEST(Tally, FrozenContactsBearWhatPushes) {
   EXPECT_NEAR((sum + push - Vector3(0, 0, gripper.ball_mass * 9.81)).norm(), 0, 1e-4);
 }
 
+// 2 kg with one geometry, of no shape yet.
+FreeBodyDef Sliding() {
+  FreeBodyDef body;
+  body.name = "body";
+  body.inertia.mass = 2;
+  body.geometries.emplace_back().friction = 0.4;
+  return body;
+}
+
+Scene OnTheFloor(const FreeBodyDef& body, const Vector3& omega, const Vector3& velocity) {
+  Scene scene;
+  scene.name = "floor";
+  GeometryDef floor;
+  floor.shape = Plane{};
+  floor.friction = 0.4;
+  scene.world.push_back(floor);
+  scene.free_bodies.push_back(body);
+  KeyframeDef start;
+  start.free_bodies.push_back({body.X_WB, omega, velocity});
+  scene.keyframes.push_back(start);
+  return scene;
+}
+
 // A box that slides to a stop, and a ball that spins to one on its spot: friction takes all that they had.
 TEST(Tally, FrictionTakesWhatMoved) {
   for (const bool spins : {false, true}) {
-    Scene scene;
-    scene.name = "floor";
-    GeometryDef floor;
-    floor.shape = Plane{};
-    floor.friction = 0.4;
-    scene.world.push_back(floor);
-    FreeBodyDef body;
-    body.name = "body";
-    body.inertia.mass = 2;
+    FreeBodyDef body = Sliding();
     body.inertia.rotational = Vector3::Constant(2e-3).asDiagonal();
-    GeometryDef shape;
+    GeometryDef& shape = body.geometries[0];
     if (spins)
       shape.shape = Sphere{0.05};
     else
       shape.shape = Box{Vector3(0.1, 0.1, 0.05)};
-    shape.friction = 0.4;
     shape.torsion = 0.01;
     shape.moments = spins ? 1 : 0;
-    body.geometries.push_back(shape);
     body.X_WB = RigidTransform(Vector3(0, 0, 0.05));
-    scene.free_bodies.push_back(body);
-    KeyframeDef start;
-    start.free_bodies.push_back({body.X_WB, spins ? Vector3(0, 0, 20) : Vector3::Zero(),
-                                 spins ? Vector3::Zero() : Vector3(1.5, 0, 0)});
-    scene.keyframes.push_back(start);
+    const Scene scene = OnTheFloor(body, spins ? Vector3(0, 0, 20) : Vector3::Zero(),
+                                   spins ? Vector3::Zero() : Vector3(1.5, 0, 0));
     SimulationOptions options;
     options.initial_keyframe = 0;
     auto simulation = Simulation::Create(scene, options);
@@ -123,25 +133,11 @@ TEST(Tally, FrictionTakesWhatMoved) {
 
 // A ball that slides across its spin and is elsewhere by the end of a step: its point of contact is where it was.
 TEST(Tally, FrictionTakesWhatSlidAcrossItsSpin) {
-  Scene scene;
-  scene.name = "floor";
-  GeometryDef floor;
-  floor.shape = Plane{};
-  floor.friction = 0.4;
-  scene.world.push_back(floor);
-  FreeBodyDef body;
-  body.name = "body";
-  body.inertia.mass = 2;
+  FreeBodyDef body = Sliding();
   body.inertia.rotational = Vector3::Constant(0.02).asDiagonal();
-  GeometryDef shape;
-  shape.shape = Sphere{0.1};
-  shape.friction = 0.4;
-  body.geometries.push_back(shape);
+  body.geometries[0].shape = Sphere{0.1};
   body.X_WB = RigidTransform(Vector3(0, 0, 0.1));
-  scene.free_bodies.push_back(body);
-  KeyframeDef start;
-  start.free_bodies.push_back({body.X_WB, Vector3(40, 0, 20), Vector3(4, 0, 0)});
-  scene.keyframes.push_back(start);
+  const Scene scene = OnTheFloor(body, Vector3(40, 0, 20), Vector3(4, 0, 0));
   for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
     SimulationOptions options;
     options.initial_keyframe = 0;
