@@ -365,6 +365,7 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
       Mechanism::Joint joint{j.name, j.kind, j.body, last, offset, static_cast<int>(j.freedoms.size())};
       for (const FreedomDef& f : j.freedoms) {
         m.screws_.col(offset) = AdjointApply(body.X_RB0, f.screw_B);
+        m.screw_motions_.emplace_back(m.screws_.col(offset));
         m.stiffness_(offset) = f.stiffness;
         m.damping_(offset) = f.damping;
         m.armature_(offset) = f.armature;

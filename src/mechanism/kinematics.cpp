@@ -1,33 +1,52 @@
 #include <fork1s/mechanism/kinematics.hpp>
 
-#include <cmath>
+#include <fork1s/base/quad.hpp>
 
 #include "paths.hpp"
 
 namespace fork1s {
 namespace {
 
-// Exp of a single screw s times q. Unit and zero rotation axes, all that hinges and slides need, skip the
-// general map's square roots.
-RigidTransform ExpScrew(const Vector6& s, double q) {
-  const Vector3 w = s.head<3>();
-  const Vector3 v = s.tail<3>();
-  const double w2 = w.squaredNorm();
-  if (w2 == 0) return RigidTransform(Vector3(v * q));
-  if (std::abs(w2 - 1) > 1e-14) return Exp(s * q);
-  // By the half angle, as 1 - cos needs it; one sine and cosine serve both.
-  const double half = std::sin(0.5 * q);
-  const double sine = 2 * half * std::cos(0.5 * q);
-  const double versine = 2 * half * half;
-  Matrix3 R;
-  const double wx = w.x(), wy = w.y(), wz = w.z();
-  const double c = 1 - versine;
-  R << c + wx * wx * versine, wx * wy * versine - wz * sine, wx * wz * versine + wy * sine,
-      wx * wy * versine + wz * sine, c + wy * wy * versine, wy * wz * versine - wx * sine,
-      wx * wz * versine - wy * sine, wy * wz * versine + wx * sine, c + wz * wz * versine;
-  const Vector3 wv = w.cross(v);
-  return {R, Vector3(q * v + versine * wv + (q - sine) * w.cross(wv))};
-}
+// A pose as the next one needs it, four numbers a column, of which the fourth means nothing. Read back from where they
+// stand one behind the other they would have to wait until all that was written over each other is there.
+class Axes {
+ public:
+  void Read(const RigidTransform& X) {
+    x_ = QuadAt(X.data());
+    y_ = QuadAt(X.data() + 3);
+    z_ = QuadAt(X.data() + 6);
+    p_ = X.translation();
+  }
+  void Write(RigidTransform& X) const {
+    double* to = X.data();
+    QuadAt(to) = x_;
+    QuadAt(to + 3) = y_;
+    QuadAt(to + 6) = z_;
+    X.translation() = p_;
+  }
+  // out <- the adjoint of this pose times s
+  void Present(const double* s, double* out) const {
+    const Quad turned = Turned(s), moved = Turned(s + 3);
+    QuadAt(out) = turned;
+    Eigen::Map<Vector3>(out + 3) = moved.head<3>() + p_.cross(turned.head<3>());
+  }
+  // This pose, then Y.
+  void Go(const RigidTransform& Y) {
+    const double* y = Y.data();
+    const Quad first = Turned(y), second = Turned(y + 3), third = Turned(y + 6);
+    p_ += Turned(y + 9).head<3>();
+    x_ = first;
+    y_ = second;
+    z_ = third;
+  }
+  void Slide(double way, const double* along) { p_ += way * Eigen::Map<const Vector3>(along); }
+
+ private:
+  Quad Turned(const double* v) const { return v[0] * x_ + v[1] * y_ + v[2] * z_; }
+
+  Quad x_, y_, z_;
+  Vector3 p_;
+};
 
 }  // namespace
 
@@ -44,29 +63,43 @@ void ComputeKinematics(const Mechanism& mechanism, const VectorX& q, Kinematics&
   const Matrix6X& screws = mechanism.screws();
   const auto& joints = mechanism.joints();
   const RigidTransform identity;
+  Axes here;  // what joint j stands on, then what is behind it
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const Mechanism::Joint& joint = joints[j];
-    const RigidTransform& before =
-        joint.previous < 0 ? identity : out.P[static_cast<std::size_t>(joint.previous)];
+    if (joint.previous < 0)
+      here.Read(identity);
+    else if (joint.previous + 1 != static_cast<int>(j))
+      here.Read(out.P[static_cast<std::size_t>(joint.previous)]);
     if (joint.size == 1) {
-      const Vector6 s = screws.col(joint.offset);
-      out.S.col(joint.offset) = AdjointApply(before, s);
-      out.P[j] = before * ExpScrew(s, q(joint.offset));
+      const ScrewMotion& motion = mechanism.screw_motions()[static_cast<std::size_t>(joint.offset)];
+      double* const screw = &out.S(0, joint.offset);
+      here.Present(&screws(0, joint.offset), screw);
+      if (motion.is_slide()) {
+        here.Slide(q(joint.offset), screw + 3);
+      } else {
+        RigidTransform own{RigidTransform::Unset()};
+        motion.At(q(joint.offset), own);
+        here.Go(own);
+      }
     } else {
       const auto S = screws.middleCols(joint.offset, joint.size);
       Vector6 x = Vector6::Zero();
       for (int i = 0; i < joint.size; ++i) x += S.col(i) * q(joint.offset + i);
       const Matrix6 D = Dexp(x);
-      for (int i = 0; i < joint.size; ++i)
-        out.S.col(joint.offset + i) = AdjointApply(before, Vector6(D * S.col(i)));
-      out.P[j] = before * Exp(x);
+      for (int i = 0; i < joint.size; ++i) {
+        const Vector6 s = D * S.col(i);
+        here.Present(s.data(), &out.S(0, joint.offset + i));
+      }
+      here.Go(Exp(x));
     }
+    here.Write(out.P[j]);
   }
   const auto& bodies = mechanism.bodies();
   for (std::size_t b = 0; b < bodies.size(); ++b)
-    out.X_RB[b] = bodies[b].last_joint < 0
-                      ? bodies[b].X_RB0
-                      : out.P[static_cast<std::size_t>(bodies[b].last_joint)] * bodies[b].X_RB0;
+    if (bodies[b].last_joint < 0)
+      out.X_RB[b] = bodies[b].X_RB0;
+    else
+      SetProduct(out.P[static_cast<std::size_t>(bodies[b].last_joint)], bodies[b].X_RB0, out.X_RB[b]);
   for (std::size_t i = 0; i < out.paths.size(); ++i)
     internal::ComputePath(mechanism, mechanism.paths()[i], out, out.paths[i]);
 }

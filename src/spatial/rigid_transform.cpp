@@ -76,7 +76,11 @@ Quaternion RigidTransform::quaternion() const { return Quaternion(R_); }
 
 void RigidTransform::Orthonormalize() { R_ = Quaternion(R_).normalized().toRotationMatrix(); }
 
-bool RigidTransform::IsFinite() const { return R_.allFinite() && p_.allFinite(); }
+// 0 times what is not finite is no number.
+bool RigidTransform::IsFinite() const {
+  const double* x = data();
+  return (0 * QuadAt(x) + 0 * QuadAt(x + 4) + 0 * QuadAt(x + 8)).sum() == 0;
+}
 
 Matrix3 ExpRotation(const Vector3& w) { return Rotation(w, Evaluate(w.norm())); }
 

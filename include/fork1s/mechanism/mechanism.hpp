@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <fork1s/mechanism/definition.hpp>
+#include <fork1s/spatial/screw_motion.hpp>
 #include <string>
 #include <utility>
 #include <vector>
@@ -174,6 +175,8 @@ class Mechanism {
   bool has_diagonal_stiffness() const { return springs_.empty() && num_springy_rows_ == 0; }
 
   const Matrix6X& screws() const { return screws_; }       // 6 x n
+  /// Exp of each screw, of joints of one freedom alone what the joint does.
+  const std::vector<ScrewMotion>& screw_motions() const { return screw_motions_; }  // n
   const VectorX& stiffness() const { return stiffness_; }  // n, of each coordinate's own spring
   const VectorX& damping() const { return damping_; }      // n
   const VectorX& armature() const { return armature_; }    // n
@@ -209,6 +212,7 @@ class Mechanism {
   std::vector<ForceLimit> force_limits_;
   std::vector<LengthLimit> length_limits_;
   Matrix6X screws_;
+  std::vector<ScrewMotion> screw_motions_;
   VectorX stiffness_, damping_, armature_, rest_, lower_, upper_;
   int num_constraints_ = 0;
   int num_springy_rows_ = 0;

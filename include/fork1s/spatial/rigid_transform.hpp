@@ -5,6 +5,7 @@
 //   d/dt Exp(x) Exp(x)⁻¹ = [ dexp(x) ẋ ],   dexp(x) = Σ ad(x)^k/(k+1)!
 #pragma once
 
+#include <fork1s/base/quad.hpp>
 #include <fork1s/base/types.hpp>
 
 namespace fork1s {
@@ -17,6 +18,10 @@ class RigidTransform {
   RigidTransform(const Quaternion& q, const Vector3& p);
   explicit RigidTransform(const Vector3& p) : R_(Matrix3::Identity()), p_(p) {}
 
+  /// One whose numbers are still to be written.
+  struct Unset {};
+  explicit RigidTransform(Unset) {}
+
   static RigidTransform Identity() { return {}; }
 
   const Matrix3& rotation() const { return R_; }
@@ -28,8 +33,23 @@ class RigidTransform {
     const Matrix3 Rt = R_.transpose();
     return {Rt, Vector3(-(Rt * p_))};
   }
+  /// The twelve numbers of [R p], column by column.
+  const double* data() const { return reinterpret_cast<const double*>(this); }
+  double* data() { return reinterpret_cast<double*>(this); }
+
   friend RigidTransform operator*(const RigidTransform& a, const RigidTransform& b) {
-    return {Matrix3(a.R_ * b.R_), Vector3(a.R_ * b.p_ + a.p_)};
+    RigidTransform out{Unset()};
+    SetProduct(a, b, out);
+    return out;
+  }
+  /// out <- a b, another one than these two. Columns go four numbers at a time: the fourth is the next column's
+  /// first, which is written after it.
+  friend void SetProduct(const RigidTransform& a, const RigidTransform& b, RigidTransform& out) {
+    const double *A = a.data(), *B = b.data();
+    const Quad x = QuadAt(A), y = QuadAt(A + 3), z = QuadAt(A + 6);
+    double* to = out.data();
+    for (int column = 0; column < 3; ++column, B += 3, to += 3) QuadAt(to) = B[0] * x + B[1] * y + B[2] * z;
+    out.p_ = a.R_.lazyProduct(b.p_) + a.p_;
   }
   /// Maps a point given in B to A.
   Vector3 operator*(const Vector3& point) const { return R_ * point + p_; }
@@ -43,6 +63,7 @@ class RigidTransform {
   Matrix3 R_;
   Vector3 p_;
 };
+static_assert(sizeof(RigidTransform) == 12 * sizeof(double));
 
 /// [v]x, so that Skew(a) b = a x b.
 inline Matrix3 Skew(const Vector3& v) {
@@ -73,10 +94,12 @@ Matrix6 DexpInverse(const Vector6& x);
 
 /// Adjoint(X) x without forming the 6x6.
 inline Vector6 AdjointApply(const RigidTransform& X, const Vector6& x) {
+  const double* R = X.data();
+  const Quad first = QuadAt(R), second = QuadAt(R + 3), third = QuadAt(R + 6);
+  const Quad turned = x[0] * first + x[1] * second + x[2] * third,
+             moved = x[3] * first + x[4] * second + x[5] * third;
   Vector6 y;
-  y.head<3>().noalias() = X.rotation() * x.head<3>();
-  y.tail<3>().noalias() = X.rotation() * x.tail<3>();
-  y.tail<3>() += X.translation().cross(y.head<3>());
+  y << turned.head<3>(), moved.head<3>() + X.translation().cross(turned.head<3>());
   return y;
 }
 /// Adjoint(X)ᵀ F: a wrench in A becomes the same wrench in B, for X_AB.
