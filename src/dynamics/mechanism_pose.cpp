@@ -54,6 +54,7 @@ void Size(const MechanismStep& here) {
     ws.M_full.bottomLeftCorner(r, 6) = model.reduced->M_0z.transpose();
   }
   ws.M_full.bottomRightCorner(r, r) = model.reduced->M;
+  ws.inertia.ClearApart(ws.M_full.bottomRightCorner(r, r));
   ws.factor = Cholesky();
   ws.factor.Compute(MatrixX::Identity(std::max(nx, 1), std::max(nx, 1)));
   ws.factored_h = -1;
@@ -178,7 +179,9 @@ const Configuration& ConfigurationOf(const MechanismView& here) { return here.wo
 
 bool IsFinite(const MechanismView& here) {
   const auto& [model, state, ws] = here;
-  return ws.x.allFinite() && state.reduced.z.allFinite() && ws.configuration.q.allFinite() &&
+  // 0 times what is not finite is no number.
+  const auto finite = [](const VectorX& x) { return (0 * x).sum() == 0; };
+  return finite(ws.x) && finite(state.reduced.z) && finite(ws.configuration.q) &&
          state.reduced.X_WR.IsFinite();
 }
 

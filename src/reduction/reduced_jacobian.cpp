@@ -63,47 +63,62 @@ void ReducedJacobian::Compute(const ReducedModel& model, const Configuration& c)
     const Run& own = run(j);
     double* T = T_.data() + own.at;
     const bool carried = joint.previous >= 0 && size(joint.previous) > 0;
-    const bool alike = carried && run(joint.previous).padded == own.padded;
-    if (!alike) std::fill(T, T + 6 * own.padded, 0.0);
-    if (carried) {
-      const Run& up = run(joint.previous);
-      const double* T_up = T_.data() + up.at;
-      double* ahead = T + (up.first - own.first);
-      for (int row = 0; row < 6; ++row, T_up += up.padded, ahead += own.padded)
-        for (int k = 0; k < up.padded; k += 4) QuadAt(ahead + k) = QuadAt(T_up + k);
-    }
+    const Run* up = carried ? &run(joint.previous) : nullptr;
+    const int ahead = carried ? up->first - own.first : 0, end = carried ? ahead + up->padded : 0;
     for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
       const double* row_of_Q = c.Q_now.data() + i * c.Q_now.cols() + own.begin;
       double* q = Q_.data() + Q_at_[static_cast<std::size_t>(i)];
       std::copy(row_of_Q, row_of_Q + own.size, q + (own.begin - own.first));
-      const Vector6 s = c.kinematics.S.col(i);
-      for (int k = 0; k < own.padded; k += 4) {
+      const double* s = &c.kinematics.S(0, i);
+      // Beyond what the joint before has, or its own freedom before.
+      const auto add = [&](int k, const double* to, int padded) {
         const Quad x = QuadAt(q + k);
         double* t = T + k;
-        for (int row = 0; row < 6; ++row, t += own.padded) QuadAt(t) += s[row] * x;
-      }
+        for (int row = 0; row < 6; ++row, t += own.padded, to += padded) QuadAt(t) = QuadAt(to) + s[row] * x;
+      };
+      for (int k = 0; k < own.padded; k += 4)
+        if (i > joint.offset) {
+          add(k, T + k, own.padded);
+        } else if (k >= ahead && k < end) {
+          add(k, T_.data() + up->at + (k - ahead), up->padded);
+        } else {
+          static constexpr double kNone[4] = {};
+          add(k, kNone, 0);
+        }
     }
   }
 }
 
-void ReducedInertia::Sum::Add(const SpatialInertia& I) {
-  mass += I.mass;
-  moment += I.mass * I.center;
-  rotational += I.rotational;
-  rotational.diagonal().array() += I.mass * I.center.squaredNorm();
-  rotational -= (I.mass * I.center) * I.center.transpose();
+// R I Rᵀ + m (|c|² 1 - c cᵀ), c the centre where it is now.
+void ReducedInertia::Sum::Add(const RigidTransform& X, const SpatialInertia& I) {
+  const double* R = X.data();
+  const Quad x = QuadAt(R), y = QuadAt(R + 3), z = QuadAt(R + 6);
+  const auto turned = [&](int column) {
+    const double* of = &I.rotational(0, column);
+    return Quad(of[0] * x + of[1] * y + of[2] * z);
+  };
+  const Quad first = turned(0), second = turned(1), third = turned(2);
+  const Vector3 c = X * I.center, p = I.mass * c;
+  const Quad moved(p[0], p[1], p[2], I.mass);
+  const double square = p.dot(c);
+  for (int k = 0; k < 3; ++k) {
+    Quad& column = rotational[static_cast<std::size_t>(k)];
+    column += R[k] * first + R[3 + k] * second + R[6 + k] * third - c[k] * moved;
+    column[k] += square;
+  }
+  moment += moved;
 }
 
 void ReducedInertia::Sum::Add(const Sum& other) {
-  mass += other.mass;
+  for (std::size_t k = 0; k < 3; ++k) rotational[k] += other.rotational[k];
   moment += other.moment;
-  rotational += other.rotational;
 }
 
 Vector6 ReducedInertia::Sum::operator*(const Vector6& V) const {
-  const Vector3 omega = V.head<3>(), v = V.tail<3>();
+  const Vector3 omega = V.head<3>(), v = V.tail<3>(), m = moment.head<3>();
+  const Quad turned = omega[0] * rotational[0] + omega[1] * rotational[1] + omega[2] * rotational[2];
   Vector6 out;
-  out << rotational * omega + moment.cross(v), mass * v - moment.cross(omega);
+  out << turned.head<3>() + m.cross(v), mass() * v - m.cross(omega);
   return out;
 }
 
@@ -113,6 +128,21 @@ ReducedInertia::ReducedInertia(const ReducedModel& model)
   h_.resize(size);
   M_zz_.resize(size * size);
   M_0z_.resize(6 * size);
+  below_.resize(static_cast<std::size_t>(model.size()));
+  for (std::size_t k = 0; k < below_.size(); ++k) below_[k] = static_cast<int>(k) + 1;
+  const ReducedJacobian jacobian(model);
+  for (int j = 0; j < model.mechanism->num_joints(); ++j) {
+    const int end = jacobian.begin(j) + jacobian.size(j);
+    for (int k = jacobian.begin(j); k < end; ++k) {
+      int& below = below_[static_cast<std::size_t>(k)];
+      below = std::max(below, end);
+    }
+  }
+}
+
+void ReducedInertia::ClearApart(Eigen::Ref<MatrixX> M_zz) const {
+  for (Eigen::Index k = 0; k < M_zz.cols(); ++k)
+    for (Eigen::Index l = below_[static_cast<std::size_t>(k)]; l < M_zz.rows(); ++l) M_zz(l, k) = M_zz(k, l) = 0;
 }
 
 // With Ic_j the inertia of all that joint j carries, T_j = T + s qᵀ and T that of the joint before it,
@@ -125,14 +155,15 @@ void ReducedInertia::Compute(const ReducedModel& model, const RigidParts& parts,
   ClearBelow();
   std::fill(M_0z_.begin(), M_0z_.end(), 0.0);
   for (Sum& sum : sums_) sum = Sum{};
+  const std::ptrdiff_t padded = padded_;
   Sum all;
-  all.Add(parts.parts[0].inertia_R0);
+  all.Add(RigidTransform(), parts.parts[0].inertia_R0);
   double* h = h_.data();
   for (int j = m.num_joints() - 1; j >= 0; --j) {
     const Mechanism::Joint& joint = m.joints()[static_cast<std::size_t>(j)];
     Sum& I = sums_[static_cast<std::size_t>(j)];
     const SpatialInertia& at_zero = parts.parts[static_cast<std::size_t>(j) + 1].inertia_R0;
-    if (at_zero.mass != 0) I.Add(Transform(c.kinematics.P[static_cast<std::size_t>(j)], at_zero));
+    if (at_zero.mass != 0) I.Add(c.kinematics.P[static_cast<std::size_t>(j)], at_zero);
     (joint.previous >= 0 ? sums_[static_cast<std::size_t>(joint.previous)] : all).Add(I);
     const ReducedJacobian::Run& run = jacobian.run(j);
     for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
@@ -157,7 +188,7 @@ void ReducedInertia::Compute(const ReducedModel& model, const RigidParts& parts,
         }
         QuadAt(h + k) = y;
         double* M = M_0 + k;
-        for (int row = 0; row < 6; ++row, M += padded_) QuadAt(M) += f[row] * x;
+        for (int row = 0; row < 6; ++row, M += padded) QuadAt(M) += f[row] * x;
       }
       for (int e = joint.offset; e < i; ++e) {
         const double share = c.kinematics.S.col(e).dot(f);
@@ -167,14 +198,14 @@ void ReducedInertia::Compute(const ReducedModel& model, const RigidParts& parts,
       AddSymmetric(q, run.first, run.padded);
     }
   }
-  M_00.topLeftCorner<3, 3>() = all.rotational;
-  M_00.topRightCorner<3, 3>() = Skew(all.moment);
+  for (int k = 0; k < 3; ++k) M_00.col(k).head<3>() = all.rotational[static_cast<std::size_t>(k)].head<3>();
+  M_00.topRightCorner<3, 3>() = Skew(all.moment.head<3>());
   M_00.bottomLeftCorner<3, 3>() = -M_00.topRightCorner<3, 3>();
-  M_00.bottomRightCorner<3, 3>() = all.mass * Matrix3::Identity();
+  M_00.bottomRightCorner<3, 3>() = all.mass() * Matrix3::Identity();
   const int r = model.size();
   for (int k = 0; k < r; ++k) {
     const double* column = M_zz_.data() + k * padded_;
-    for (int l = k; l < r; ++l) M_zz(l, k) = M_zz(k, l) = column[l];
+    for (int l = k; l < below_[static_cast<std::size_t>(k)]; ++l) M_zz(l, k) = M_zz(k, l) = column[l];
     for (int row = 0; row < 6; ++row) M_0z(row, k) = M_0z_[static_cast<std::size_t>(row * padded_ + k)];
   }
 }

@@ -1,6 +1,7 @@
 // The inertia of a moved pose, by composite bodies, against the sum over bodies by their own Jacobians.
 #include <gtest/gtest.h>
 #include <fork1s/reduction/reduced_jacobian.hpp>
+#include <limits>
 #include <random>
 #include <random_mechanism.hpp>
 
@@ -31,7 +32,11 @@ void ExpectInertiaOfBodies(const RandomMechanismOptions& options, unsigned seed)
   Matrix6 M_00;
   ReducedJacobian jacobian(*model);
   jacobian.Compute(*model, c);
-  ReducedInertia(*model).Compute(*model, RigidParts(*m), c, jacobian, M_zz, M_0z, M_00);
+  // Between them the two write all of it.
+  M_zz.setConstant(std::numeric_limits<double>::quiet_NaN());
+  ReducedInertia inertia(*model);
+  inertia.ClearApart(M_zz);
+  inertia.Compute(*model, RigidParts(*m), c, jacobian, M_zz, M_0z, M_00);
 
   MatrixX expected = c.Q_now.transpose() * m->armature().asDiagonal() * c.Q_now;
   Matrix6X coupled = Matrix6X::Zero(6, r);

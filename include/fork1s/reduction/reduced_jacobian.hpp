@@ -1,6 +1,8 @@
 // The reduced body Jacobians at a pose, and the inertia they make.
 #pragma once
 
+#include <array>
+#include <fork1s/base/quad.hpp>
 #include <fork1s/mechanism/rigid_parts.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <vector>
@@ -50,27 +52,32 @@ class ReducedInertia {
  public:
   explicit ReducedInertia(const ReducedModel& model);
 
-  /// At the pose of `c`, with the Jacobians there. Entries of coordinates that no part shares stay exactly 0.
-  /// O(joints x columns that reach them, squared), no allocation.
+  /// At the pose of `c`, with the Jacobians there. Entries of M_zz of coordinates that no part shares are 0 at any
+  /// pose and not written (ClearApart). O(joints x columns that reach them, squared), no allocation.
   void Compute(const ReducedModel& model, const RigidParts& parts, const Configuration& c,
                const ReducedJacobian& jacobian, Eigen::Ref<MatrixX> M_zz, Matrix6X& M_0z, Matrix6& M_00);
+  /// 0 in M_zz (r x r) wherever Compute does not write.
+  void ClearApart(Eigen::Ref<MatrixX> M_zz) const;
 
  private:
-  // About R's origin, so that inertias add.
+  // About R's origin, so that inertias add. Four numbers a column: the fourth of the moments is the mass, that of
+  // the others means nothing.
   struct Sum {
-    double mass = 0;
-    Vector3 moment = Vector3::Zero();  // mass times centre
-    Matrix3 rotational = Matrix3::Zero();
+    std::array<Quad, 3> rotational = {Quad::Zero(), Quad::Zero(), Quad::Zero()};
+    Quad moment = Quad::Zero();  // mass times centre
 
-    void Add(const SpatialInertia& I);
+    double mass() const { return moment[3]; }
+    // The inertia I at the pose X = 1, after it has moved by X.
+    void Add(const RigidTransform& X, const SpatialInertia& I);
     void Add(const Sum& other);
     Vector6 operator*(const Vector6& V) const;
   };
   void ClearBelow();
   void AddSymmetric(const double* q, int first, int padded);
 
-  std::vector<Sum> sums_;  // per joint
-  int padded_ = 0;         // r in whole fours
+  std::vector<Sum> sums_;   // per joint
+  std::vector<int> below_;  // per column of M_zz: the end of what any part has in it at or below the diagonal
+  int padded_ = 0;          // r in whole fours
   std::vector<double> h_, M_zz_, M_0z_;
 };
 
