@@ -22,50 +22,78 @@ constexpr int kSmall = 32;
 // Of blocks up to here, a finger's or a body's, every size has its own code: loops cost more than what they do.
 constexpr int kTiny = 6;
 
-// Of a block that begins at L, columns `stride` apart; what stands above the diagonal is not touched.
-template <int n>
-bool FactorTiny(double* L, std::ptrdiff_t stride) {
+// f(k) for k from `first` up to `end`, each k known as it is compiled, so that what f keeps stays in registers.
+// Left to itself the compiler makes loops of it that take six times the instructions.
+template <int first, int end, class F>
+inline void Each(const F& f) {
+  [&]<int... k>(std::integer_sequence<int, k...>) {
+    (f(std::integral_constant<int, first + k>()), ...);
+  }(std::make_integer_sequence<int, end - first>());
+}
+
+// L of a block that begins at A, or with `last_first` of it with its rows and columns from the last to the first.
+// Columns are of_A and of_L apart; what stands above the diagonals is neither read nor written.
+template <int n, bool last_first>
+bool FactorTiny(const double* A, std::ptrdiff_t of_A, double* L, std::ptrdiff_t of_L) {
   double a[n][n];
-  for (int k = 0; k < n; ++k)
-    for (int i = k; i < n; ++i) a[k][i] = L[k * stride + i];
-  for (int k = 0; k < n; ++k) {
-    if (!(a[k][k] > 0) || !std::isfinite(a[k][k])) return false;
+  Each<0, n>([&](auto k) {
+    Each<k, n>([&](auto i) { a[k][i] = last_first ? A[(n - 1 - i) * of_A + n - 1 - k] : A[k * of_A + i]; });
+  });
+  bool ok = true;
+  Each<0, n>([&](auto k) {
+    ok = ok && a[k][k] > 0 && std::isfinite(a[k][k]);
+    if (!ok) return;
     a[k][k] = std::sqrt(a[k][k]);
     const double inverse = 1 / a[k][k];
-    for (int i = k + 1; i < n; ++i) a[k][i] *= inverse;
-    for (int j = k + 1; j < n; ++j)
-      for (int i = j; i < n; ++i) a[j][i] -= a[k][j] * a[k][i];
-  }
-  for (int k = 0; k < n; ++k)
-    for (int i = k; i < n; ++i) L[k * stride + i] = a[k][i];
+    Each<k + 1, n>([&](auto i) { a[k][i] *= inverse; });
+    Each<k + 1, n>([&](auto j) { Each<j, n>([&](auto i) { a[j][i] -= a[k][j] * a[k][i]; }); });
+  });
+  if (!ok) return false;
+  Each<0, n>([&](auto k) { Each<k, n>([&](auto i) { L[k * of_L + i] = a[k][i]; }); });
   return true;
 }
 
-template <int n>
+template <int n, bool last_first>
 void SolveTiny(const double* L, std::ptrdiff_t stride, double* x) {
+  constexpr auto place = [](int k) { return last_first ? n - 1 - k : k; };
   double y[n];
-  for (int k = 0; k < n; ++k) y[k] = x[k];
-  for (int k = 0; k < n; ++k) {
+  Each<0, n>([&](auto k) { y[k] = x[place(k)]; });
+  Each<0, n>([&](auto k) {
     y[k] /= L[k * stride + k];
-    for (int i = k + 1; i < n; ++i) y[i] -= L[k * stride + i] * y[k];
-  }
-  for (int k = n - 1; k >= 0; --k) {
-    for (int i = k + 1; i < n; ++i) y[k] -= L[k * stride + i] * y[i];
+    Each<k + 1, n>([&](auto i) { y[i] -= L[k * stride + i] * y[k]; });
+  });
+  Each<0, n>([&](auto left) {
+    constexpr int k = n - 1 - left;
+    Each<k + 1, n>([&](auto i) { y[k] -= L[k * stride + i] * y[i]; });
     y[k] /= L[k * stride + k];
-  }
-  for (int k = 0; k < n; ++k) x[k] = y[k];
+  });
+  Each<0, n>([&](auto k) { x[place(k)] = y[k]; });
 }
 
-constexpr bool (*kFactorTiny[])(double*, std::ptrdiff_t) = {nullptr,       FactorTiny<1>, FactorTiny<2>,
-                                                            FactorTiny<3>, FactorTiny<4>, FactorTiny<5>,
-                                                            FactorTiny<6>};
+// By size.
+template <bool last_first>
+constexpr bool (*kFactorTiny[])(const double*, std::ptrdiff_t, double*, std::ptrdiff_t) = {
+    nullptr,
+    FactorTiny<1, last_first>,
+    FactorTiny<2, last_first>,
+    FactorTiny<3, last_first>,
+    FactorTiny<4, last_first>,
+    FactorTiny<5, last_first>,
+    FactorTiny<6, last_first>};
+template <bool last_first>
 constexpr void (*kSolveTiny[])(const double*, std::ptrdiff_t, double*) = {
-    nullptr, SolveTiny<1>, SolveTiny<2>, SolveTiny<3>, SolveTiny<4>, SolveTiny<5>, SolveTiny<6>};
-static_assert(std::size(kFactorTiny) == kTiny + 1 && std::size(kSolveTiny) == kTiny + 1);
+    nullptr,
+    SolveTiny<1, last_first>,
+    SolveTiny<2, last_first>,
+    SolveTiny<3, last_first>,
+    SolveTiny<4, last_first>,
+    SolveTiny<5, last_first>,
+    SolveTiny<6, last_first>};
+static_assert(std::size(kFactorTiny<true>) == kTiny + 1 && std::size(kSolveTiny<true>) == kTiny + 1);
 
-// The same by columns padded to whole registers, each from those before it: of 24 rows in half the instructions.
+// The same in place by columns padded to whole registers, each from those before it: of 24 rows in half the
+// instructions.
 bool FactorBlock(double* L, std::ptrdiff_t stride, int n) {
-  if (n <= kTiny) return n == 0 || kFactorTiny[n](L, stride);
   using Lane = Eigen::Array4d;
   const auto lane = [](auto* at) {
     using Entry = std::remove_pointer_t<decltype(at)>;
@@ -127,10 +155,6 @@ void CopyLower(const double* A, std::ptrdiff_t of_A, int n, bool last_first, dou
 }
 
 void SolveBlock(const double* L, std::ptrdiff_t stride, int n, double* __restrict x) {
-  if (n <= kTiny) {
-    if (n > 0) kSolveTiny[n](L, stride, x);
-    return;
-  }
   for (int k = 0; k < n; ++k) {
     const double* __restrict lk = L + k * stride;
     const double value = x[k] /= lk[k];
@@ -156,8 +180,15 @@ bool Cholesky::Compute(const MatrixX& A) {
   L_.resize(A.rows(), A.cols());
   ok_ = true;
   for (const DiagonalBlock& b : blocks_) {
+    if (b.size == 0) continue;
+    const double* from = &A(b.begin, b.begin);
     auto L = L_.block(b.begin, b.begin, b.size, b.size);
-    CopyLower(&A(b.begin, b.begin), A.outerStride(), b.size, last_first_, L.data(), L.outerStride());
+    if (b.size <= kTiny) {
+      const auto factor = last_first_ ? kFactorTiny<true>[b.size] : kFactorTiny<false>[b.size];
+      ok_ = factor(from, A.outerStride(), L.data(), L.outerStride()) && ok_;
+      continue;
+    }
+    CopyLower(from, A.outerStride(), b.size, last_first_, L.data(), L.outerStride());
     if (b.size <= kSmall)
       ok_ = FactorBlock(L.data(), L.outerStride(), b.size) && ok_;
     else
@@ -174,7 +205,13 @@ void SolveWithLowerInPlace(const Eigen::Ref<const MatrixX>& L, Eigen::Ref<Vector
 void Cholesky::SolveInPlace(VectorX& x) const {
   if (L_.size() == 0) return;
   for (const DiagonalBlock& b : blocks_) {
+    if (b.size == 0) continue;
     const auto L = L_.block(b.begin, b.begin, b.size, b.size);
+    if (b.size <= kTiny) {
+      const auto solve = last_first_ ? kSolveTiny<true>[b.size] : kSolveTiny<false>[b.size];
+      solve(L.data(), L.outerStride(), x.data() + b.begin);
+      continue;
+    }
     const auto reverse = [&] {
       for (double *front = x.data() + b.begin, *back = front + b.size - 1; front < back; ++front, --back)
         std::swap(*front, *back);
