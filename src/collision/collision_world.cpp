@@ -4,30 +4,17 @@
 #include <cmath>
 
 #include "collision_model.hpp"
-#include "contact_law.hpp"
 #include "pair_routines.hpp"
 #include "pair_search.hpp"
 
-// MuJoCo as a detector only: its model has one free body per moving collision body, of which we write the
-// poses. Where few pairs may touch, all have a name (model_text.cpp): mj_collision goes through them, reads
-// the poses of bodies and geoms and leaves d->contact. Where there are more, PairSearch shares them out among
-// threads, and asks MuJoCo pair by pair.
+// MuJoCo as a detector only: its model has one free body per moving collision body, and of their geoms we write the
+// poses. PairSearch finds the pairs that are near and asks MuJoCo pair by pair.
 namespace fork1s {
 namespace {
 
-void WritePose(mjtNum* xpos, mjtNum* xmat, int id, const RigidTransform& X) {
-  Eigen::Map<Vector3>(xpos + 3 * id) = X.translation();
-  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(xmat + 9 * id) = X.rotation();
-}
 void WriteGeomPose(mjData* data, int id, const RigidTransform& X_WM) {
-  WritePose(data->geom_xpos, data->geom_xmat, id, X_WM);
-}
-// Centres of mass are at the bodies' origins (model_text.cpp).
-void WriteBodyPose(mjData* data, int id, const RigidTransform& X_WB) {
-  WritePose(data->xpos, data->xmat, id, X_WB);
-  WritePose(data->xipos, data->ximat, id, X_WB);
-  const Quaternion q = X_WB.quaternion();
-  Eigen::Map<Eigen::Vector4d>(data->xquat + 4 * id) << q.w(), q.x(), q.y(), q.z();
+  Eigen::Map<Vector3>(data->geom_xpos + 3 * id) = X_WM.translation();
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(data->geom_xmat + 9 * id) = X_WM.rotation();
 }
 
 }  // namespace
@@ -44,9 +31,8 @@ struct CollisionWorld::Detail {
   std::vector<PosedGeom> posed;                // geoms of moving bodies, body by body
   std::vector<int> first_posed;                // body -> first in `posed`; one more at the end
   std::vector<bool> moves;
-  std::vector<int> body_id;                   // MuJoCo's body, -1 without geometry
   std::vector<std::pair<int, int>> excluded;  // sorted, smaller index first
-  std::unique_ptr<internal::PairSearch> search;  // of many pairs
+  std::unique_ptr<internal::PairSearch> search;
   double margin = 0;
   bool may_touch = false;  // anything may
 
@@ -101,8 +87,6 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
   detail.data.reset(mj_makeData(m));
   if (!detail.data) return Fail(ErrorCode::kModel, "collision model", "not enough memory");
   mj_kinematics(m, detail.data.get());  // of what never moves
-  // A full contact buffer is reported by Detect; with a count that is not zero MuJoCo does not print it too.
-  detail.data->warning[mjWARN_CONTACTFULL].number = 1;
 
   for (const auto& [a, b] : excluded) detail.excluded.emplace_back(std::minmax(a, b));
   std::sort(detail.excluded.begin(), detail.excluded.end());
@@ -127,15 +111,13 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
   }
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     detail.moves.push_back(bodies[b].moves);
-    detail.body_id.push_back(mj_name2id(m, mjOBJ_BODY, internal::Text("b", b).c_str()));
     detail.first_posed.push_back(static_cast<int>(detail.posed.size()));
     detail.posed.insert(detail.posed.end(), by_body[b].begin(), by_body[b].end());
   }
   detail.first_posed.push_back(static_cast<int>(detail.posed.size()));
   detail.may_touch = detail.AnyPair([](int, int) { return true; });
-  if (m->npair == 0)
-    detail.search =
-        std::make_unique<internal::PairSearch>(*m, *detail.data, detail.geoms, detail.moves, detail.excluded);
+  detail.search =
+      std::make_unique<internal::PairSearch>(*m, *detail.data, detail.geoms, detail.moves, detail.excluded);
   world.SetMargin(options.margin);
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     if (bodies[b].moves) world.SetPose(static_cast<int>(b), bodies[b].X_WB);
@@ -148,56 +130,23 @@ void CollisionWorld::SetPose(int body, const RigidTransform& X_WB) {
   FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(detail.moves.size()), body);
   const std::size_t b = static_cast<std::size_t>(body);
   FORK1S_REQUIRE(detail.moves[b], body);
-  if (detail.body_id[b] >= 0 && !detail.search) WriteBodyPose(detail.data.get(), detail.body_id[b], X_WB);
   for (int k = detail.first_posed[b]; k < detail.first_posed[b + 1]; ++k) {
     const Detail::PosedGeom& geom = detail.posed[static_cast<std::size_t>(k)];
     WriteGeomPose(detail.data.get(), geom.id, X_WB * geom.X_BM);
-    if (detail.search) detail.search->Moved(geom.id);
+    detail.search->Moved(geom.id);
   }
 }
 
 void CollisionWorld::SetMargin(double margin) {
   FORK1S_REQUIRE(margin >= 0 && std::isfinite(margin), margin);
   detail_->margin = margin;
-  if (detail_->search) return;
-  mjModel* model = detail_->model.get();
-  // The margins of two geoms are added.
-  std::fill_n(model->geom_margin, model->ngeom, 0.5 * margin);
-  std::fill_n(model->body_margin, model->nbody, 0.5 * margin);
-  std::fill_n(model->pair_margin, model->npair, margin);
 }
 
 bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
   Detail& detail = *detail_;
   contacts.clear();
   if (!detail.may_touch) return true;
-  if (detail.search) return detail.search->Detect(detail.margin, contacts);
-  mjData* d = detail.data.get();
-  const int warnings = d->warning[mjWARN_CONTACTFULL].number;
-  d->pstack = 0;  // an error that was thrown through MuJoCo leaves its scratch in use
-  try {
-    mj_collision(detail.model.get(), d);
-  } catch (...) {
-    return false;
-  }
-  for (int k = 0; k < d->ncon; ++k) {
-    const mjContact& in = d->contact[k];
-    if (in.exclude != 0) continue;
-    const internal::CollisionGeom& a = detail.geoms[static_cast<std::size_t>(in.geom1)];
-    const internal::CollisionGeom& b = detail.geoms[static_cast<std::size_t>(in.geom2)];
-    if (!detail.excluded.empty() && detail.IsExcluded(a.body, b.body)) continue;
-    if (!(in.dist < in.includemargin)) continue;
-    ContactPoint& out = contacts.emplace_back();
-    out.body_a = a.body;
-    out.body_b = b.body;
-    out.geometry_a = a.geometry;
-    out.geometry_b = b.geometry;
-    out.point = Eigen::Map<const Vector3>(in.pos);
-    out.frame = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(in.frame);
-    out.gap = in.dist;
-    internal::SetLaw(a, b, out);
-  }
-  return d->warning[mjWARN_CONTACTFULL].number == warnings;
+  return detail.search->Detect(detail.margin, contacts);
 }
 
 std::vector<std::pair<int, int>> CollisionWorld::PairsThatMayTouch() const {

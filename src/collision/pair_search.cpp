@@ -88,6 +88,18 @@ PairSearch::PairSearch(const mjModel& model, const mjData& data, const std::vect
                        const std::vector<bool>& moves, const std::vector<std::pair<int, int>>& excluded)
     : model_(model), data_(data), geoms_(geoms), excluded_(excluded) {
   item_of_.assign(geoms.size(), -1);
+  // More than this many have no use, and would take memory without end where all is in one place.
+  most_contacts_ = 1000 + 100 * geoms.size();
+  for (int k = 0; k < model.npair; ++k) {
+    int a = model.pair_geom1[k], b = model.pair_geom2[k];
+    if (model.geom_type[a] > model.geom_type[b]) std::swap(a, b);
+    if (mjCOLLISIONFUNC[model.geom_type[a]][model.geom_type[b]])
+      named_.push_back({model.geom_bodyid[a], model.geom_bodyid[b], a, b});
+  }
+  if (model.npair > 0) {
+    NeedBenches(1);
+    return;
+  }
   std::vector<AxisBox> still;
   for (int g = 0; g < model.ngeom; ++g) {
     const bool moving = moves[static_cast<std::size_t>(geoms[static_cast<std::size_t>(g)].body)];
@@ -105,8 +117,6 @@ PairSearch::PairSearch(const mjModel& model, const mjData& data, const std::vect
   for (const int g : movers_) Moved(g);
   sweep_.SetStill(std::move(still));
   first_pair_.resize(static_cast<std::size_t>(model.nbody) + 1);
-  // More than this many have no use, and would take memory without end where all is in one place.
-  most_contacts_ = 1000 + 100 * geoms.size();
   NeedBenches(NumBenches(movers_.size(), kMoversABench));
 }
 
@@ -127,6 +137,17 @@ void PairSearch::Moved(int geom) {
   if (item >= 0) boxes_[static_cast<std::size_t>(item)] = BoxOf(model_, data_, geom);
 }
 
+// By the sphere about each; of a plane all that is on its side.
+bool PairSearch::IsNear(int a, int b, double margin) const {
+  const Eigen::Map<const Vector3> p_a(data_.geom_xpos + 3 * a), p_b(data_.geom_xpos + 3 * b);
+  if (model_.geom_type[a] == mjGEOM_PLANE) {
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(data_.geom_xmat + 9 * a);
+    return !(R.col(2).dot(p_b - p_a) > margin + model_.geom_rbound[b]);
+  }
+  const double reach = model_.geom_rbound[a] + model_.geom_rbound[b] + margin;
+  return !((p_b - p_a).squaredNorm() > reach * reach);
+}
+
 bool PairSearch::MayTouch(int a, int b, double margin) const {
   const int body_a = geoms_[static_cast<std::size_t>(a)].body,
             body_b = geoms_[static_cast<std::size_t>(b)].body;
@@ -134,14 +155,7 @@ bool PairSearch::MayTouch(int a, int b, double margin) const {
   if (!(model_.geom_contype[a] & model_.geom_conaffinity[b]) &&
       !(model_.geom_contype[b] & model_.geom_conaffinity[a]))
     return false;
-  const Eigen::Map<const Vector3> p_a(data_.geom_xpos + 3 * a), p_b(data_.geom_xpos + 3 * b);
-  if (model_.geom_type[a] == mjGEOM_PLANE) {
-    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(data_.geom_xmat + 9 * a);
-    if (R.col(2).dot(p_b - p_a) > margin + model_.geom_rbound[b]) return false;
-  } else {
-    const double reach = model_.geom_rbound[a] + model_.geom_rbound[b] + margin;
-    if ((p_b - p_a).squaredNorm() > reach * reach) return false;
-  }
+  if (!IsNear(a, b, margin)) return false;
   return excluded_.empty() || !std::binary_search(excluded_.begin(), excluded_.end(),
                                                   std::pair<int, int>(std::minmax(body_a, body_b)));
 }
@@ -193,7 +207,8 @@ void PairSearch::SortIn() {
   first_pair_.front() = 0;
 }
 
-void PairSearch::Collide(const Pair& pair, double margin, Bench& bench) const {
+void PairSearch::Collide(const Pair& pair, double margin, Bench& bench,
+                         std::vector<ContactPoint>& contacts) const {
   const int a = pair.geom_a, b = pair.geom_b;
   std::array<mjPreContact, mjMAXCONPAIR> found;
   const int count = mjCOLLISIONFUNC[model_.geom_type[a]][model_.geom_type[b]](&bench.model, &bench.data,
@@ -203,7 +218,7 @@ void PairSearch::Collide(const Pair& pair, double margin, Bench& bench) const {
   for (int i = 0; i < count; ++i) {
     const mjPreContact& in = found[static_cast<std::size_t>(i)];
     if (!(in.dist < margin)) continue;
-    ContactPoint& out = bench.contacts.emplace_back();
+    ContactPoint& out = contacts.emplace_back();
     out.body_a = geom_a.body;
     out.body_b = geom_b.body;
     out.geometry_a = geom_a.geometry;
@@ -215,7 +230,20 @@ void PairSearch::Collide(const Pair& pair, double margin, Bench& bench) const {
   }
 }
 
+bool PairSearch::DetectNamed(double margin, std::vector<ContactPoint>& contacts) {
+  Bench& bench = BenchAt(0);
+  bench.data.pstack = bench.data.pbase = 0;  // an error that was thrown through MuJoCo leaves it in use
+  try {
+    for (const Pair& pair : named_)
+      if (IsNear(pair.geom_a, pair.geom_b, margin)) Collide(pair, margin, bench, contacts);
+  } catch (...) {
+    return false;
+  }
+  return contacts.size() <= most_contacts_;
+}
+
 bool PairSearch::Detect(double margin, std::vector<ContactPoint>& contacts) {
+  if (model_.npair > 0) return DetectNamed(margin, contacts);
   FindPairs(margin);
   SortIn();
   const int benches = NumBenches(pairs_.size(), kPairsABench);
@@ -236,7 +264,7 @@ bool PairSearch::Detect(double margin, std::vector<ContactPoint>& contacts) {
       return x.body_a < y.body_a || (x.body_a == y.body_a && x < y);
     });
     try {
-      for (auto pair = begin; pair != end; ++pair) Collide(*pair, margin, bench);
+      for (auto pair = begin; pair != end; ++pair) Collide(*pair, margin, bench, bench.contacts);
     } catch (...) {
       bench.failed = true;
     }

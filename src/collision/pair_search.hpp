@@ -1,6 +1,8 @@
-// Contacts of many shapes, side by side: which of them are near each other, then each near pair by itself.
+// Contacts of shapes, side by side where they are many: which of them are near each other, then each near pair by
+// itself. Few pairs have names in the model (model_text.cpp) and are gone through one after the other.
 //
-// MuJoCo's mj_collision does the same on one thread, and goes through the list of excluded pairs once a pair.
+// MuJoCo's mj_collision does the same on one thread, goes through the list of excluded pairs once a pair, and sorts
+// bodies along an axis even where all pairs are named, which costs more than to look at each.
 // Its routines for two shapes are taken as they stand in its table (pair_routines.hpp). They ask the model
 // and the data they are given for poses and for scratch; so every thread gets copies of both, which share all
 // arrays but the scratch.
@@ -41,11 +43,13 @@ class PairSearch {
   };
   struct Bench;
 
+  bool IsNear(int a, int b, double margin) const;
   bool MayTouch(int a, int b, double margin) const;
+  bool DetectNamed(double margin, std::vector<ContactPoint>& contacts);
   void AddPair(int a, int b, double margin, std::vector<Pair>& pairs) const;
   void FindPairs(double margin);
   void SortIn();
-  void Collide(const Pair& pair, double margin, Bench& bench) const;
+  void Collide(const Pair& pair, double margin, Bench& bench, std::vector<ContactPoint>& contacts) const;
   void NeedBenches(int count);
   Bench& BenchAt(int k);
 
@@ -53,6 +57,7 @@ class PairSearch {
   const mjData& data_;
   const std::vector<CollisionGeom>& geoms_;
   const std::vector<std::pair<int, int>>& excluded_;
+  std::vector<Pair> named_;          // all there are, in the model's order; none: any may touch
   std::vector<int> item_of_;         // geom -> place in movers_, -1
   std::vector<int> movers_, still_;  // geoms with an extent
   std::vector<int> planes_;          // geoms

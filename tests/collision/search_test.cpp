@@ -85,7 +85,7 @@ bool Same(const ContactPoint& a, const ContactPoint& b) {
          a.frame == b.frame && a.gap == b.gap && a.friction == b.friction;
 }
 
-// Two bodies by themselves have few pairs, which mj_collision goes through.
+// Two bodies by themselves have few pairs, which have names and are found without a sweep.
 TEST(PairSearch, FindsWhatEachPairOfBodiesHas) {
   Crowd crowd = MakeCrowd(21);
   const int count = static_cast<int>(crowd.bodies.size());
