@@ -19,26 +19,52 @@ void AddSixColumns(const double* X, int stride, const double* t, int n, double* 
   });
 }
 
+namespace {
+
+// Of AddSixTimesSix fours of rows, then two, then one, side by side: each number of T is looked up once for all.
+template <int fours, bool two, bool one>
+void AddRowsTimesSix(const double* X, std::ptrdiff_t stride, SixRows T, int columns, double* out,
+                     std::ptrdiff_t out_stride) {
+  using Two = Eigen::Matrix<double, 2, 1>;
+  constexpr int at_two = 4 * fours, at_one = at_two + (two ? 2 : 0);
+  const std::ptrdiff_t by_row = T.by_row;
+  const double* t = T.t;
+  for (int c = 0; c < columns; ++c, t += T.by_column, out += out_stride) {
+    Quad four[fours + 1];
+    Two pair;
+    double single = 0;
+    for (int f = 0; f < fours; ++f) four[f] = QuadAt(out + 4 * f);
+    if constexpr (two) pair = Eigen::Map<const Two>(out + at_two);
+    if constexpr (one) single = out[at_one];
+    const double* x = X;
+    for (int k = 0; k < 6; ++k, x += stride) {
+      const double factor = t[k * by_row];
+      for (int f = 0; f < fours; ++f) four[f] += factor * QuadAt(x + 4 * f);
+      if constexpr (two) pair += factor * Eigen::Map<const Two>(x + at_two);
+      if constexpr (one) single += factor * x[at_one];
+    }
+    for (int f = 0; f < fours; ++f) QuadAt(out + 4 * f) = four[f];
+    if constexpr (two) Eigen::Map<Two>(out + at_two) = pair;
+    if constexpr (one) out[at_one] = single;
+  }
+}
+
+}  // namespace
+
 void AddSixTimesSix(const double* X, int stride, int n, SixRows T, int columns, double* out,
                     std::ptrdiff_t out_stride) {
-  const std::ptrdiff_t by_row = T.by_row, by_column = T.by_column;
-  const double *x0 = X, *x1 = x0 + stride, *x2 = x1 + stride, *x3 = x2 + stride, *x4 = x3 + stride,
-               *x5 = x4 + stride;
-  ByFours(n, [&](const auto& at) {
-    using Some = typename decltype(at(out))::PlainObject;
-    const Some s0 = at(x0), s1 = at(x1), s2 = at(x2), s3 = at(x3), s4 = at(x4), s5 = at(x5);
-    const double* t = T.t;
-    double* to = out;
-    for (int c = 0; c < columns; ++c, t += by_column, to += out_stride) {
-      Some sum = at(to) + t[0] * s0;
-      sum += t[by_row] * s1;
-      sum += t[2 * by_row] * s2;
-      sum += t[3 * by_row] * s3;
-      sum += t[4 * by_row] * s4;
-      sum += t[5 * by_row] * s5;
-      at(to) = sum;
-    }
-  });
+  for (; n >= 8; n -= 8, X += 8, out += 8)
+    AddRowsTimesSix<2, false, false>(X, stride, T, columns, out, out_stride);
+  switch (n) {
+    case 1: return AddRowsTimesSix<0, false, true>(X, stride, T, columns, out, out_stride);
+    case 2: return AddRowsTimesSix<0, true, false>(X, stride, T, columns, out, out_stride);
+    case 3: return AddRowsTimesSix<0, true, true>(X, stride, T, columns, out, out_stride);
+    case 4: return AddRowsTimesSix<1, false, false>(X, stride, T, columns, out, out_stride);
+    case 5: return AddRowsTimesSix<1, false, true>(X, stride, T, columns, out, out_stride);
+    case 6: return AddRowsTimesSix<1, true, false>(X, stride, T, columns, out, out_stride);
+    case 7: return AddRowsTimesSix<1, true, true>(X, stride, T, columns, out, out_stride);
+    default: return;
+  }
 }
 
 void PortRows::SetChange(const double* d) {
@@ -71,14 +97,18 @@ void PortRows::SetByFreedom(double* rows) {
   };
   copy(Y, freedoms);
   copy(Y_apart, freedoms_apart);
+  // W is symmetric: of its first four columns the last two rows are those of the others.
+  Quad low[6], high[2];
+  for (Quad& sum : low) sum.setZero();
+  for (Quad& sum : high) sum.setZero();
+  for (const double* y = by_freedom; y != rows; y += 8) {
+    const Quad first = QuadAt(y), last = QuadAt(y + 4);
+    for (int c = 0; c < 6; ++c) low[c] += y[c] * first;
+    for (int c = 0; c < 2; ++c) high[c] += y[4 + c] * last;
+  }
   for (int c = 0; c < 6; ++c) {
-    Quad low = Quad::Zero(), high = low;
-    for (const double* y = by_freedom; y != rows; y += 8) {
-      low += y[c] * QuadAt(y);
-      high += y[c] * QuadAt(y + 4);
-    }
-    QuadAt(W.data() + 8 * c) = low;
-    QuadAt(W.data() + 8 * c + 4) = high;
+    QuadAt(W.data() + 8 * c) = low[c];
+    QuadAt(W.data() + 8 * c + 4) = c < 4 ? Quad(low[4][c], low[5][c], 0, 0) : high[c - 4];
     W_diagonal[c] = W(c, c);
   }
 }

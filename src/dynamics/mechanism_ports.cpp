@@ -1,5 +1,6 @@
 // What contacts see of a mechanism: parts that move independently, the twists of its contact groups.
 #include <algorithm>
+#include <fork1s/base/quad.hpp>
 #include <fork1s/linalg/in_place.hpp>
 
 #include "mechanism_detail.hpp"
@@ -87,28 +88,26 @@ void DivideIntoParts(const MechanismStep& here) {
   ws.factor.Divide(std::move(blocks), true);
 }
 
-void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<Matrix6X> J) {
+void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T) {
   const auto& [model, state, ws] = here;
   const int index = model.PartOfGroup(g);
   if (index < 0) return;
   const ContactGroup& group = model.groups[static_cast<std::size_t>(g)];
   const VelocityRange& part = model.parts[static_cast<std::size_t>(index)];
-  J.setZero();
-  if (model.base_size > 0) J.leftCols<6>().setIdentity();
+  J_T.setZero();
+  if (model.base_size > 0) J_T.topRows<6>().setIdentity();
   // Reduced coordinates of the part.
   const int first = part.begin, count = part.size - model.base_size;
-  auto T = J.rightCols(count);
   if (model.by_twists()) {
     const auto T_ref = model.reduced->T_of(group.body);
-    T.noalias() = Dexp(T_ref * state.reduced.z) * T_ref.middleCols(first, count);
-    return;
+    J_T.bottomRows(count).noalias() =
+        T_ref.middleCols(first, count).transpose() * Dexp(T_ref * state.reduced.z).transpose();
+  } else if (const int j = group.last_joint; j >= 0) {
+    // Rows of T are columns here: both stand one number behind the other.
+    const auto T = ws.jacobian.T(j);
+    const Eigen::Index to = model.base_size + ws.jacobian.begin(j) - first;
+    for (Eigen::Index c = 0; c < 6; ++c) std::copy_n(T.data() + c * T.outerStride(), T.cols(), &J_T(to, c));
   }
-  if (group.last_joint < 0) {
-    T.setZero();
-    return;
-  }
-  T.middleCols(ws.jacobian.begin(group.last_joint) - first, ws.jacobian.size(group.last_joint)) =
-      ws.jacobian.T(group.last_joint);
 }
 
 Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T) {
@@ -117,7 +116,17 @@ Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const Matr
   Vector6 V = Vector6::Zero();
   if (index >= 0) {
     const VelocityRange& part = model.parts[static_cast<std::size_t>(index)];
-    for (int k = 0; k < part.size; ++k) V += ws.x(part.begin + k) * J_T.row(k).transpose();
+    // All six columns at once, so that x is read once.
+    const double *x = ws.x.data() + part.begin, *J = J_T.data();
+    const std::ptrdiff_t stride = J_T.outerStride();
+    Quad sums[6];
+    for (Quad& sum : sums) sum.setZero();
+    int k = 0;
+    for (; k + 4 <= part.size; k += 4)
+      for (int c = 0; c < 6; ++c) sums[c] += QuadAt(J + c * stride + k).cwiseProduct(QuadAt(x + k));
+    for (int c = 0; c < 6; ++c) V[c] = sums[c].sum();
+    for (; k < part.size; ++k)
+      for (int c = 0; c < 6; ++c) V[c] += J[c * stride + k] * x[k];
   }
   if (model.mechanism().base() == BaseKind::kDriven) V += state.reduced.V_R;
   return V;

@@ -74,7 +74,6 @@ void World::Detail::SizeBlocks(std::size_t mechanism) {
     part.frictions.reserve(static_cast<std::size_t>(frictions[p]));
     part.servos.reserve(static_cast<std::size_t>(servos[p]));
     part.servo_room = servos[p];
-    part.J.resize(6, size);
     part.J_T.resize(size, room);
     part.Y.resize(size, room);
     part.port_impulse.resize(room);
@@ -121,8 +120,7 @@ void World::Detail::FillRows(std::size_t i) {
     PartBlock& part = mechanism_blocks_[i].parts[p];
     for (std::size_t g = 0; g < part.groups.size(); ++g) {
       const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
-      GroupJacobian(m, part.groups[g], part.J);
-      part.J_T.middleCols(column, 6) = part.J.transpose();
+      GroupJacobian(m, part.groups[g], part.J_T.middleCols(column, 6));
       velocities_.segment<6>(part.offset + column) =
           GroupTwist(m, part.groups[g], part.J_T.middleCols(column, 6));
     }

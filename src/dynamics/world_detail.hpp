@@ -100,7 +100,7 @@ struct World::Detail {
     });
   }
   void FindPortFrames();
-  Matrix36 PortRows(int contactor, const ContactPoint& point, double ahead) const;
+  Matrix36 PortRows(int contactor, const Vector3& point, const Matrix3& frame, double ahead) const;
   // What is known of how a contact moves on.
   struct Foresight {
     bool used = false;  // by the rows
@@ -113,7 +113,7 @@ struct World::Detail {
   ContactMotion MotionBy(const VectorX& velocities, const ContactPoint& point, const Foresight& seen) const;
   bool Foresee(const ContactPoint& point, Foresight& out) const;
   double ShareOfEnd(std::size_t contact, double h) const;
-  void SetRows(const ContactPoint& found, const Foresight& seen, double ahead, ContactConstraint& c) const;
+  Matrix3 SetRows(const ContactPoint& found, const Foresight& seen, double ahead, ContactConstraint& c) const;
   bool Reparametrised(int contactor) const;
   void KeepEndVelocities();
   Vector3 MissedWay(double h, std::size_t contact, const VectorX& mean) const;
@@ -185,7 +185,6 @@ struct World::Detail {
     std::vector<int> servos;     // force limits of the mechanism that are rows, in the order in which they came
     int offset = 0, rows = 0;
     int servo_room = 0;  // rows beyond these that servos may ask for
-    Matrix6X J;   // of the group at hand, 6 x size of the part
     MatrixX J_T;  // size of the part x rows
     MatrixX Y;    // L⁻¹ J_T
     VectorX port_impulse;

@@ -21,7 +21,8 @@ void World::Detail::FindPortFrames() {
 }
 
 // Rows of the contact frame on the twist of a port. `ahead`: as many seconds later, by the velocities at hand.
-Matrix36 World::Detail::PortRows(int contactor, const ContactPoint& point, double ahead) const {
+Matrix36 World::Detail::PortRows(int contactor, const Vector3& point, const Matrix3& frame,
+                                 double ahead) const {
   const auto c = static_cast<std::size_t>(contactor);
   const auto i = static_cast<std::size_t>(contactors_[c].index);
   const bool is_free = contactors_[c].kind == Contactor::Kind::kFreeBody;
@@ -31,11 +32,15 @@ Matrix36 World::Detail::PortRows(int contactor, const ContactPoint& point, doubl
     later = *X_WP * Exp(ahead * mechanism_blocks_[i].V_R_foreseen);
     X_WP = &later;
   }
-  Vector3 p_W = point.point - X_WP->translation();
-  if (ahead > 0 && is_free) p_W -= ahead * velocities_.segment<3>(port_offset_[c] + 3);
-  const Vector3 p = X_WP->rotation().transpose().lazyProduct(p_W);
+  Vector3 p = point - X_WP->translation();
   Matrix36 J;
-  J.rightCols<3>() = point.frame.lazyProduct(X_WP->rotation());
+  if (is_free) {  // in world axes
+    if (ahead > 0) p -= ahead * velocities_.segment<3>(port_offset_[c] + 3);
+    J.rightCols<3>() = frame;
+  } else {
+    p = X_WP->rotation().transpose().lazyProduct(p).eval();
+    J.rightCols<3>() = frame.lazyProduct(X_WP->rotation());
+  }
   for (int k = 0; k < 3; ++k)
     J.row(k).head<3>() = p.cross(Vector3(J.row(k).tail<3>().transpose())).transpose();
   return J;
@@ -85,16 +90,18 @@ bool World::Detail::Foresee(const ContactPoint& p, Foresight& out) const {
   return true;
 }
 
-// The rows of a contact where it will be after `ahead` seconds, foreseen or 0.
-void World::Detail::SetRows(const ContactPoint& found, const Foresight& seen, double ahead,
-                            ContactConstraint& c) const {
-  ContactPoint at = found;
+// The rows of a contact where it will be after `ahead` seconds, foreseen or 0, and its axes there.
+Matrix3 World::Detail::SetRows(const ContactPoint& found, const Foresight& seen, double ahead,
+                               ContactConstraint& c) const {
+  Vector3 point = found.point;
+  Matrix3 frame = found.frame;
   if (ahead > 0) {
-    at.point += ahead * seen.motion.velocity;
-    at.frame = at.frame * ExpRotation(ahead * seen.motion.omega).transpose();
+    point += ahead * seen.motion.velocity;
+    frame = found.frame.lazyProduct(ExpRotation(ahead * seen.motion.omega).transpose());
   }
-  if (c.port_a >= 0) c.J_a = -PortRows(found.body_a, at, ahead);
-  if (c.port_b >= 0) c.J_b = PortRows(found.body_b, at, ahead);
+  if (c.port_a >= 0) c.J_a = -PortRows(found.body_a, point, frame, ahead);
+  if (c.port_b >= 0) c.J_b = PortRows(found.body_b, point, frame, ahead);
+  return frame;
 }
 
 ContactMotion World::Detail::MotionBy(const VectorX& velocities, const ContactPoint& p,
@@ -188,15 +195,15 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   Foresight& seen = foresight_[i];
   const bool foreseen = seen.used = lasts && Foresee(p, seen);
   double ahead = foreseen ? 0.5 * h : 0;
-  SetRows(p, seen, ahead, c);
+  Matrix3 frame = SetRows(p, seen, ahead, c);
   Vector3 speed = RelativeSpeed(c, velocities_), way = speed;
   if (foreseen && rule_ == StepRule::kTwoSteps)
     if (const double share = ShareOfEnd(i, h); share > 0) {
       ahead += 0.5 * h * share;
-      SetRows(p, seen, ahead, c);
+      frame = SetRows(p, seen, ahead, c);
       speed = RelativeSpeed(c, velocities_);
     }
-  if (foreseen) p.frame = p.frame * ExpRotation(ahead * seen.motion.omega).transpose();
+  p.frame = frame;
   // Half way stands what half a step of the old velocity has made of the gap that the start had.
   const bool middle = rule_ == StepRule::kMiddle;
   if (middle) p.gap -= 0.5 * h * speed(0);

@@ -120,9 +120,9 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
 
 // Ports: what contacts see.
 
-/// 6 x (size of its part) map from x to the twist of group g in R; the driven base's own twist comes on
-/// top.
-void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<Matrix6X> J);
+/// J_T (size of its part x 6), transposed map from x to the twist of group g in R; the driven base's own twist
+/// comes on top. No part moves a group that only follows its base: then J_T is left alone.
+void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T);
 /// Twist of group g at velocity x: before Predict the present one, after it the free one.
 Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
 /// After a step by kTwoSteps: the twist that its end velocities would have been at its start, along the
