@@ -1,5 +1,6 @@
 // Energy.
 #include <cmath>
+#include <fork1s/base/dot_by_fours.hpp>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/recovery/recover.hpp>
 
@@ -10,8 +11,10 @@ namespace fork1s {
 double KineticEnergy(const MechanismView& here) {
   const auto& [model, state, ws] = here;
   double energy = 0;
-  // By columns, so that no product has to be kept.
-  for (Eigen::Index i = 0; i < ws.x.size(); ++i) energy += 0.5 * ws.x(i) * ws.M_full.col(i).dot(ws.x);
+  // By columns, so that no product has to be kept; parts share no inertia.
+  for (const VelocityRange& part : model.parts)
+    for (int i = part.begin; i < part.begin + part.size; ++i)
+      energy += 0.5 * ws.x[i] * DotByFours(&ws.M_full(part.begin, i), ws.x.data() + part.begin, part.size);
   if (model.mechanism().base() == BaseKind::kDriven)
     energy += state.reduced.V_R.dot(ws.M_0z * state.reduced.w) +
               0.5 * state.reduced.V_R.dot(ws.M_00 * state.reduced.V_R);
@@ -36,9 +39,10 @@ const PoseEnergy& EnergyOfPose(const MechanismView& here) {
   for (int b = 0; b < m.num_bodies(); ++b) {
     const Mechanism::Body& body = m.bodies()[static_cast<std::size_t>(b)];
     if (body.weighed_mass == 0) continue;
-    const RigidTransform X_RB = twist ? RecoverPoseTwist(*model.reduced, state.reduced, BodyIndex(b))
-                                      : ws.configuration.kinematics.X_RB[std::size_t(b)];
-    ws.pose_energy.moment += body.weighed_mass * (X_RB * body.inertia_B.center);
+    const Vector3& center = body.inertia_B.center;
+    ws.pose_energy.moment +=
+        body.weighed_mass * (twist ? RecoverPoseTwist(*model.reduced, state.reduced, BodyIndex(b)) * center
+                                   : ws.configuration.kinematics.X_RB[std::size_t(b)] * center);
   }
   ws.pose_energy.valid = true;
   return ws.pose_energy;
@@ -64,12 +68,19 @@ Potential PotentialOfSprings(const MechanismView& here, const RigidTransform& X_
   };
   add(pose.springs);
   add(-gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * pose.moment));
-  for (std::size_t i = 0; i < m.controls().size(); ++i) {
-    const auto& control = m.controls()[i];
+  const double* next = state.controls.data();
+  const ControlDef* definition = m.definition().controls.data();
+  for (const Mechanism::Control& control : m.controls()) {
+    const double u = *next++;
+    const bool is_setpoint = (definition++)->is_setpoint;
     if (!m.HasPotential(control.length)) continue;
-    const double u = state.controls(static_cast<Eigen::Index>(i));
-    add(-control.gain * u * Length(here, control.length));
-    if (m.definition().controls[i].is_setpoint) add(0.5 * control.gain * u * u);
+    double length = 0;
+    if (control.length.path >= 0)
+      length = Length(here, control.length);
+    else
+      for (const auto& [coordinate, c] : control.length.terms) length += c * ws.configuration.q(coordinate);
+    add(-control.gain * u * length);
+    if (is_setpoint) add(0.5 * control.gain * u * u);
   }
   return out;
 }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/base/quad.hpp>
 
 namespace fork1s {
 
@@ -66,10 +67,10 @@ void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& 
   f.setZero(r);
   for (Eigen::Index i = 0; i < Q.rows(); ++i) {
     const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
-    const double* __restrict row = Q.data() + i * r + run.begin;
-    double* __restrict out = f.data() + run.begin;
+    const double* row = Q.data() + i * r + run.begin;
+    double* out = f.data() + run.begin;
     const double force = g(i);
-    for (int k = 0; k < run.size; ++k) out[k] += row[k] * force;
+    ByFours(run.size, [&](const auto& at) { at(out) += force * at(row); });
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/base/dot_by_fours.hpp>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/select.hpp>
@@ -399,8 +400,13 @@ void ApplyComplement(const ReducedModel& model, const VectorX& g, VectorX& q_per
     return;
   }
   q_perp = model.k_inverse.cwiseProduct(g);
-  for (int i = 0; i < model.size(); ++i)
-    if (model.K_r(i) != 0) q_perp -= model.Q.col(i).dot(g) * model.Q.col(i);
+  const int n = model.num_coordinates();
+  for (int i = 0; i < model.size(); ++i) {
+    if (model.K_r(i) == 0) continue;
+    const double* column = &model.Q(0, i);
+    const double share = DotByFours(column, g.data(), n);
+    ByFours(n, [&](const auto& at) { at(q_perp.data()) -= share * at(column); });
+  }
 }
 
 }  // namespace fork1s

@@ -176,5 +176,36 @@ TEST(Energy, DampersOfLoopsTakeWhatTheyDoAtThePose) {
   EXPECT_GT(taken, 1e-3 * before);
 }
 
+// Of a servo k (q - u)²/2, whatever was asked before: of another set-point at the same pose, of another pose.
+TEST(Energy, OfAServoIsThatOfItsSetPointNow) {
+  constexpr double kStiffness = 3;
+  MechanismBuilder builder("arm");
+  BodyDef rod;
+  rod.name = "rod";
+  rod.parent = builder.base();
+  rod.inertia = testing::Rod(1, 0.5);
+  const BodyIndex b = builder.AddBody(rod);
+  const JointIndex joint =
+      builder.AddJoint(JointDef::Hinge("elbow", b, Vector3::UnitY()).WithSpring(kStiffness, 0.1));
+  ControlDef servo;
+  servo.name = "servo";
+  servo.terms.emplace_back(FreedomRef{joint, 0}, 1.0);
+  servo.gain = kStiffness;
+  servo.is_setpoint = true;
+  builder.AddControl(servo);
+  builder.SetInterfaces({"rod"});
+  World world = testing::MustCreate(builder.definition());
+  MechanismDynamics& m = world.mechanisms()[0];
+  for (const double set_point : {0.3, -0.2, 0.5}) {
+    m.controls()(0) = set_point;
+    for (int step = 0; step < 3; ++step) {
+      const double q = m.configuration().q(0);
+      EXPECT_NEAR(m.PotentialEnergy(Vector3::Zero()), 0.5 * kStiffness * (q - set_point) * (q - set_point), 1e-14);
+      world.Step(Still());
+    }
+    EXPECT_NE(m.configuration().q(0), 0);
+  }
+}
+
 }  // namespace
 }  // namespace fork1s
