@@ -125,9 +125,12 @@ void TurnAndMove(const MechanismStep& here, double h, double end);
 // Its energy (step_energy.cpp).
 void KeepPotential(const MechanismStep& here, double h);
 void TakeBoundsFromPotential(const MechanismStep& here);
-bool BendsTooMuch(const MechanismStep& here, double work);
+double GainOfPotential(const MechanismStep& here);
+bool BendsTooMuch(const MechanismStep& here, double held);
 void VelocityAtEnd(const MechanismStep& here);
 bool PayForPotential(const MechanismStep& here, double work, double lost);
+bool MatchesPotential(const MechanismView& here);
+bool GiveBack(const MechanismStep& here, double missed);
 void TakeVelocity(const MechanismStep& here);
 
 // Implicit Euler where nothing touches (euler_free.cpp).

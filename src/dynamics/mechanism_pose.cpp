@@ -54,7 +54,7 @@ void Size(const MechanismStep& here) {
     ws.M_full.bottomLeftCorner(r, 6) = model.reduced->M_0z.transpose();
   }
   ws.M_full.bottomRightCorner(r, r) = model.reduced->M;
-  ws.inertia.ClearApart(ws.M_full.bottomRightCorner(r, r));
+  ReducedInertia::ClearApart(ws.jacobian, ws.M_full.bottomRightCorner(r, r));
   ws.factor = Cholesky();
   ws.factor.Compute(MatrixX::Identity(std::max(nx, 1), std::max(nx, 1)));
   ws.factored_h = -1;

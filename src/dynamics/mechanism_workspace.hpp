@@ -25,6 +25,11 @@ struct PoseEnergy {
   Vector3 moment = Vector3::Zero();  // Σ mass × centre in R [kg·m]
 };
 
+/// What a rule has act on w⁺ and on w in a step of its length: h D + h² K Th², and h D + h² K Th (1 - Th); r x r.
+struct ThetaOperators {
+  MatrixX end, start;
+};
+
 /// Sizes: n joint coordinates, r reduced ones.
 struct MechanismWorkspace {
   explicit MechanismWorkspace(const MechanismModel& model)
@@ -73,6 +78,7 @@ struct MechanismWorkspace {
   // Of a step of second order.
   StepRule rule = StepRule::kEuler;  // of the step at hand
   ThetaScheme theta, at_end;         // the modal rule, and all forces at the end
+  ThetaOperators of_theta, of_at_end;
   bool all_at_end = false;           // which of the two this step takes
   bool touches = false;              // something may touch it in this step
   bool first_order = false;          // ActAtEnd()
@@ -90,7 +96,7 @@ struct MechanismWorkspace {
   Cholesky inertia_factor;
   VectorX u;            // velocity of the start as the middle sees it
   VectorX q_dot_start;  // n
-  VectorX w_mean, f_used, f_turn, f_wrench;
+  VectorX w_mean, w_felt, f_used, f_turn, f_wrench;  // r: w̄ and Th w̄ among them
   VectorX f_moved;              // r: what controls that move within the step add to the force by its end
   bool controls_moved = false;  // in this step
   Matrix6X F_parts;

@@ -24,14 +24,6 @@ const RigidTransform& WeighedOn(const MechanismView& here) {
   return here.model.mechanism().base() == BaseKind::kDriven ? here.work.weighed_on : here.state.reduced.X_WR;
 }
 
-// Gain of potential energy since the start of the step [J].
-double GainOfPotential(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  const Potential end = PotentialOfStep(here, WeighedOn(here));
-  ws.potential_size = std::max(ws.potential_size, end.size);
-  return end.energy - ws.potential_start;
-}
-
 // rhs <- w without momentum of the whole, solved <- M times it.
 void TakeRelativeMotion(const MechanismStep& here, const Eigen::Ref<const VectorX>& w) {
   const auto& [model, state, ws] = here;
@@ -60,6 +52,14 @@ double MatchWork(const MechanismStep& here, double energy) {
 
 }  // namespace
 
+// Gain of potential energy since the start of the step [J].
+double GainOfPotential(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const Potential end = PotentialOfStep(here, WeighedOn(here));
+  ws.potential_size = std::max(ws.potential_size, end.size);
+  return end.energy - ws.potential_start;
+}
+
 // Of the pose of the start. A driven base works from where it is half way, so that its own way counts for none.
 void KeepPotential(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
@@ -81,14 +81,15 @@ void TakeBoundsFromPotential(const MechanismStep& here) {
 }
 
 // Whether springs came to hold so much more than foreseen that the motion of the joints cannot pay for it: along
-// w̄ it has (w̄·M x)²/2 w̄·M w̄ to give.
-bool BendsTooMuch(const MechanismStep& here, double work) {
+// w̄ it has (w̄·M x)²/2 w̄·M w̄ to give. `held`: what they hold beyond that [J].
+bool BendsTooMuch(const MechanismStep& here, double held) {
   const auto& [model, state, ws] = here;
-  const double missed = GainOfPotential(here) + work;
+  const double beyond = held - kPotentialRounding * ws.potential_size;
+  if (!(beyond > 0)) return false;
   TakeRelativeMotion(here, ws.w_mean);
   const double along = ws.solved.dot(ws.x), inertia = ws.solved.dot(ws.rhs);
   const double has = inertia > 0 ? along * along / (2 * inertia) : 0;
-  return missed > 0.5 * has + kPotentialRounding * ws.potential_size;
+  return beyond > 0.5 * has;
 }
 
 // The velocity x that the pose at hand makes of the momenta of parts, of which tau and F_parts are what joints and
@@ -107,10 +108,18 @@ void VelocityAtEnd(const MechanismStep& here) {
 // x that has paid for what the potential's true change differs from `work`, that along the chord, and got back
 // what was lost on the way [J]. False where it has not that much to give.
 bool PayForPotential(const MechanismStep& here, double work, double lost) {
+  return !MatchesPotential(here) || GiveBack(here, lost - work - GainOfPotential(here));
+}
+
+// Whether what is known of the energy is enough: the work of springs without potential is known at one pose alone.
+bool MatchesPotential(const MechanismView& here) {
   const auto& [model, state, ws] = here;
-  // What is known of the energy: the work of springs without potential is known at one pose alone.
-  if (model.size() == 0 || !ws.matches || model.has_follower_springs) return true;
-  const double missed = lost - work - GainOfPotential(here);
+  return model.size() > 0 && ws.matches && !model.has_follower_springs;
+}
+
+// x with `missed` more kinetic energy [J]. False where it is less, and x has not that much to give.
+bool GiveBack(const MechanismStep& here, double missed) {
+  const auto& [model, state, ws] = here;
   // Below the digits of the two it would keep alive what comes to rest.
   return !(std::abs(missed) > kPotentialRounding * ws.potential_size) || MatchWork(here, missed) == 0;
 }

@@ -133,6 +133,7 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
   constexpr int kMost = 50;
   constexpr int kHalvings = 40;
+  constexpr int kBisections = 60;
   const int r = model.size();
   ws.minimum_found = false;
   // Of first order: what the turning does to the velocity is taken along, as ActAtEnd has it.
@@ -153,11 +154,14 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
     if (model.base_size > 0) value -= h * ws.base_force.dot(at.head<6>());
     return value;
   };
+  auto take_gradient = [&](const VectorX& at, const VectorX& force) {
+    gradient = ws.M_full * (at - ws.u) - ws.impulse;
+    gradient.tail(r) += h * (D * at.tail(r) - force - ws.f_wrench);
+    if (model.base_size > 0) gradient.head<6>() -= h * ws.base_force;
+  };
   double value = merit(x, f);
   for (ws.newton_steps = 1; ws.newton_steps <= kMost; ++ws.newton_steps) {
-    gradient = ws.M_full * (x - ws.u) - ws.impulse;
-    gradient.tail(r) += h * (D * x.tail(r) - f - ws.f_wrench);
-    if (model.base_size > 0) gradient.head<6>() -= h * ws.base_force;
+    take_gradient(x, f);
     K_joints = StiffnessAtEnd(here, h);
     K = ws.Q_now().transpose() * K_joints * ws.Q_now();
     ws.A = ws.M_full;
@@ -181,7 +185,19 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
       next = merit(x_next, f_next);
       if (next <= value + 1e-4 * s * slope) break;
     }
-    if (halvings == kHalvings) break;
+    if (halvings == kHalvings) {
+      // A servo of 1e8 N m/rad goes from bound to bound within 1e-7 rad. Next to that φ falls by less than its digits,
+      // but its slope tells where it ends to fall, and there the stiffness is another.
+      double falls = 0, rises = 1;
+      for (int i = 0; i < kBisections; ++i) {
+        s = 0.5 * (falls + rises);
+        x_next = x + s * step;
+        next = merit(x_next, f_next);
+        take_gradient(x_next, f_next);
+        (gradient.dot(step) < 0 ? falls : rises) = s;
+      }
+      if (!(next <= value + kPotentialRounding * size)) break;
+    }
     x = x_next;
     f = f_next;
     value = next;

@@ -30,6 +30,7 @@ void SizeTheta(const MechanismStep& here) {
   ws.w_start.setZero(r);
   ws.q_dot_start.setZero(n);
   ws.w_mean.setZero(r);
+  ws.w_felt.setZero(r);
   ws.f_used.setZero(r);
   ws.f_turn.setZero(r);
   ws.f_wrench.setZero(r);
@@ -209,6 +210,9 @@ void SolveFreeMiddle(const MechanismStep& here, double h) {
     std::vector<VelocityRange> ranges = model.parts;
     if (model.base_size > 0) ranges = {{0, r}};
     rule.Fill(*model.reduced, ranges, h, ws.all_at_end);
+    ThetaOperators& of_rule = ws.all_at_end ? ws.of_at_end : ws.of_theta;
+    of_rule.end = h * rule.D_end + (h * h) * rule.K_Th2;
+    of_rule.start = h * rule.D_start + (h * h) * rule.K_Th_rest;
   }
   if (HasSwitches(here)) AddSwitchedForces(here);
   if (model.num_velocities() == 0) return;
@@ -226,10 +230,15 @@ void SolveFreeMiddleWith(const MechanismStep& here, const ThetaScheme& rule, con
   const double h = rule.h;
   ws.x = ws.momentum;
   if (model.base_size > 0) ws.x.head<6>() += h * ws.base_force;
-  ws.A = ws.M_full;
+  const ThetaOperators& of_rule = ws.all_at_end ? ws.of_at_end : ws.of_theta;
+  auto A_z = ws.A.bottomRightCorner(r, r);
+  if (model.base_size > 0) {
+    ws.A = ws.M_full;
+    A_z += of_rule.end;
+  } else {
+    ws.A = ws.M_full + of_rule.end;
+  }
   if (r > 0) {
-    ws.A.bottomRightCorner(r, r) += h * rule.D_end + h * h * rule.K_Th2;
-    if (TakesBentSprings(here)) ws.A.bottomRightCorner(r, r) += h * h * ws.K_beyond;
     auto rhs = ws.x.tail(r);
     rhs += h * ws.f_z;
     // Of the way that controls go within the step a mode feels what its own rule asks of it: half by the
@@ -242,18 +251,20 @@ void SolveFreeMiddleWith(const MechanismStep& here, const ThetaScheme& rule, con
     ws.f_used = ws.z_before - state.reduced.z;
     SpringPull(here, ws.f_used, ws.f_turn);
     rhs += h * ws.f_turn;
+    // What acts on w⁺ acts on what turning does to it. By first order nothing acts on w.
     ws.f_turn = ws.u.tail(r) - ws.w_start;
-    rhs.noalias() -= (h * h) * (rule.K_Th_rest * ws.w_start);
-    rhs.noalias() -= (h * h) * (rule.K_Th2 * ws.f_turn);
-    if (TakesBentSprings(here)) rhs.noalias() -= (h * h) * (ws.K_beyond * ws.f_turn);
-    rhs.noalias() -= h * (rule.D_start * ws.w_start);
-    rhs.noalias() -= h * (rule.D_end * ws.f_turn);
+    rhs.noalias() -= of_rule.end * ws.f_turn;
+    if (!ws.all_at_end) rhs.noalias() -= of_rule.start * ws.w_start;
+    if (TakesBentSprings(here)) {
+      A_z += (h * h) * ws.K_beyond;
+      rhs.noalias() -= (h * h) * (ws.K_beyond * ws.f_turn);
+    }
     if (DampersTurn(model) || model.has_bent_springs) {
       // Of dampers beyond those of the reference half acts on either velocity, by first order all on the last.
       ws.D_beyond.setZero(r, r);
       AddDampersBeyond(here, h, true, w_drag, ws.D_beyond);
       const double end = ws.all_at_end ? 1 : 0.5;
-      ws.A.bottomRightCorner(r, r) += end * ws.D_beyond;
+      A_z += end * ws.D_beyond;
       ws.f_turn *= end;
       ws.f_turn += (1 - end) * ws.w_start;
       rhs.noalias() -= ws.D_beyond.selfadjointView<Eigen::Lower>() * ws.f_turn;
@@ -273,15 +284,20 @@ double WorkOfChord(const MechanismStep& here, double h) {
   const int r = model.size();
   if (r == 0) return 0;
   ws.f_turn = ws.x.tail(r) + ws.u.tail(r) - 2 * ws.w_start;
-  ws.w_mean.noalias() = ws.scheme().Th * ws.f_turn;
+  auto by_Th = [&](const VectorX& w, VectorX& out) {
+    if (ws.all_at_end)
+      out = w;
+    else
+      out.noalias() = ws.scheme().Th * w;
+  };
+  by_Th(ws.f_turn, ws.w_mean);
   ws.w_mean += ws.w_start;
+  by_Th(ws.w_mean, ws.w_felt);
   // f(z + h Th w̄); what springs bend by within the step is what the work then misses.
-  ws.f_used = ws.z_before - state.reduced.z;
-  ws.f_used.noalias() += h * (ws.scheme().Th * ws.w_mean);
+  ws.f_used = ws.z_before - state.reduced.z + h * ws.w_felt;
   SpringPull(here, ws.f_used, ws.f_turn);
   double work = h * ws.w_mean.dot(ws.f_z - ws.f_wrench + ws.f_turn);
-  ws.f_used.noalias() = ws.scheme().Th * ws.w_mean;
-  ws.f_used -= 0.5 * ws.w_mean;
+  ws.f_used = ws.w_felt - 0.5 * ws.w_mean;
   SpringPull(here, ws.f_used, ws.f_turn);
   work -= h * h * ws.w_mean.dot(ws.f_turn);
   return work - WorkOfCaught(here, h, ws.w_mean);
@@ -300,12 +316,14 @@ void IntegrateMiddle(const MechanismStep& here, double h) {
   if (model.base_size > 0)
     work += h * (end * ws.x.head<6>() + (1 - end) * ws.u.head<6>()).dot(ws.base_force - ws.base_wrench);
   TurnAndMove(here, h, end);
-  if (r > 0 && (ws.sides_unknown || BendsTooMuch(here, work))) {
+  double gain = r > 0 ? GainOfPotential(here) : 0;
+  if (r > 0 && (ws.sides_unknown || BendsTooMuch(here, gain + work))) {
     state.reduced.X_WR = X_m;
     work = MinimiseAtEnd(here, h);
     if (model.base_size > 0)
       work += h * (end * ws.x.head<6>() + (1 - end) * ws.u.head<6>()).dot(ws.base_force - ws.base_wrench);
     TurnAndMove(here, h, end);
+    gain = GainOfPotential(here);
   }
 
   // ẋ⁺ + ẋ and its rates of joints, seen from the middle.
@@ -338,7 +356,7 @@ void IntegrateMiddle(const MechanismStep& here, double h) {
   GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.F_parts, ws.tau);
   ws.q_dot = ws.q_dot_start;  // ClosureForces takes the rate of joint rates from it
   VelocityAtEnd(here);
-  PayForPotential(here, work, 0);
+  if (MatchesPotential(here)) GiveBack(here, -work - gain);
   TakeVelocity(here);
   if (ws.first_order) {
     state.past.h = 0;

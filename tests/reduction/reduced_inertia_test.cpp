@@ -35,7 +35,7 @@ void ExpectInertiaOfBodies(const RandomMechanismOptions& options, unsigned seed)
   // Between them the two write all of it.
   M_zz.setConstant(std::numeric_limits<double>::quiet_NaN());
   ReducedInertia inertia(*model);
-  inertia.ClearApart(M_zz);
+  ReducedInertia::ClearApart(jacobian, M_zz);
   inertia.Compute(*model, RigidParts(*m), c, jacobian, M_zz, M_0z, M_00);
 
   MatrixX expected = c.Q_now.transpose() * m->armature().asDiagonal() * c.Q_now;
@@ -52,7 +52,9 @@ void ExpectInertiaOfBodies(const RandomMechanismOptions& options, unsigned seed)
   }
   // Sums of some ten bodies in two orders.
   EXPECT_LT((M_zz - expected).norm(), 1e-13 * expected.norm());
-  EXPECT_LT((M_0z - coupled).norm(), 1e-13 * coupled.norm());
+  if (m->base() != BaseKind::kFixed) {
+    EXPECT_LT((M_0z - coupled).norm(), 1e-13 * coupled.norm());
+  }
   EXPECT_LT((M_00 - whole).norm(), 1e-13 * whole.norm());
 }
 

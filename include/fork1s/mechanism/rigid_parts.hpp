@@ -23,6 +23,14 @@ struct RigidParts {
   };
   std::vector<Part> parts;
 
+  /// Parts with an inertia to turn, four at a time; the last four may hold fewer, its first again in the others.
+  struct Four {
+    int count = 0;
+    int part[4];
+    Eigen::Array4d xx, xy, xz, yy, yz, zz;  // of rotational
+  };
+  std::vector<Four> turning;
+
   int size() const { return static_cast<int>(parts.size()); }
 };
 
@@ -38,7 +46,7 @@ void ComputeMaterialVelocities(const Mechanism& mechanism, const RigidParts& par
                                const Kinematics& kinematics, const VectorX& q_dot, const Vector6& V_R,
                                MaterialVelocities& out);
 
-/// ω of every part after it turned freely for a time t [s].
+/// ω of every part after it turned freely for a time t [s], as TurnFreely of one body has it.
 void TurnFreely(const RigidParts& parts, double t, MaterialVelocities& v);
 
 /// x <- y - x with ċ of x turned by `R_now_then` first.

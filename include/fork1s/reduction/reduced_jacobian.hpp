@@ -1,7 +1,6 @@
 // The reduced body Jacobians at a pose, and the inertia they make.
 #pragma once
 
-#include <array>
 #include <fork1s/base/quad.hpp>
 #include <fork1s/mechanism/rigid_parts.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
@@ -34,51 +33,64 @@ class ReducedJacobian {
   // run's, so that arithmetic goes four at a time without ends.
   struct Run {
     int begin = 0, size = 0;
-    int first = 0, padded = 0;  // multiples of four
-    Eigen::Index at = 0;        // in T_: six rows of padded length
+    int first = 0, padded = 0;         // multiples of four
+    int coordinate = 0, freedoms = 0;  // of the joint
+    int previous = -1;                 // the joint before
+    int up_begin = 0, up_end = 0;      // the fours of that one, counted from `first`
+    Eigen::Index at = 0, up_at = 0;    // in T_: six rows of padded length, and those of the joint before
+    Eigen::Index Q_at = 0;             // in Q_: the joint's rows of Q_now on the fours of its run
+  };
+  // Coordinates one after the other whose rows of Q_ stand on the same fours.
+  struct Band {
+    int coordinate = 0, rows = 0;  // the first, and how many
+    int first = 0, padded = 0;
+    Eigen::Index at = 0;  // in Q_
   };
   const Run& run(int joint) const { return runs_[static_cast<std::size_t>(joint)]; }
-  // A row of Q_now on the fours of its joint's run.
-  const double* Q(int coordinate) const { return Q_.data() + Q_at_[static_cast<std::size_t>(coordinate)]; }
 
-  std::vector<Run> runs_;           // per joint
-  std::vector<Eigen::Index> Q_at_;  // per coordinate
+  void TakeRows(const RowMatrixX& Q);
+
+  std::vector<Run> runs_;  // per joint
+  std::vector<Band> bands_;
+  std::vector<int> reach_;  // per column: where what moves with it in some joint ends
   std::vector<double> T_, Q_;
 };
 
-/// M_zz = Σ Tᵀ I T + Qᵀ diag(armature) Q (r x r), M_0z = Σ I T (6 x r), M_00 = Σ I at a pose, all in R about
-/// R's origin, by inertias of all that a joint carries (Featherstone, Rigid Body Dynamics Algorithms, 6.2).
+/// M_zz = Σ Tᵀ I T + Qᵀ diag(armature) Q (r x r), M_00 = Σ I at a pose and, where the base moves, M_0z = Σ I T (6 x r),
+/// all in R about R's origin, by inertias of all that a joint carries (Featherstone, Rigid Body Dynamics Algorithms, 6.2).
 class ReducedInertia {
  public:
   explicit ReducedInertia(const ReducedModel& model);
 
   /// At the pose of `c`, with the Jacobians there. Entries of M_zz of coordinates that no part shares are 0 at any
-  /// pose and not written (ClearApart). O(joints x columns that reach them, squared), no allocation.
+  /// pose and not written (ClearApart). O(joints x columns that reach them, squared), no allocation. Nothing feels M_0z of a fixed base: it stays.
   void Compute(const ReducedModel& model, const RigidParts& parts, const Configuration& c,
                const ReducedJacobian& jacobian, Eigen::Ref<MatrixX> M_zz, Matrix6X& M_0z, Matrix6& M_00);
   /// 0 in M_zz (r x r) wherever Compute does not write.
-  void ClearApart(Eigen::Ref<MatrixX> M_zz) const;
+  static void ClearApart(const ReducedJacobian& jacobian, Eigen::Ref<MatrixX> M_zz);
 
  private:
-  // About R's origin, so that inertias add. Four numbers a column: the fourth of the moments is the mass, that of
-  // the others means nothing.
+  // About R's origin, so that inertias add; of every four numbers the last means nothing.
   struct Sum {
-    std::array<Quad, 3> rotational = {Quad::Zero(), Quad::Zero(), Quad::Zero()};
-    Quad moment = Quad::Zero();  // mass times centre
+    Quad rotational[3];  // columns
+    Quad moment;         // mass times centre
+    double mass;
 
-    double mass() const { return moment[3]; }
-    // The inertia I at the pose X = 1, after it has moved by X.
+    void Clear();
     void Add(const RigidTransform& X, const SpatialInertia& I);
     void Add(const Sum& other);
-    Vector6 operator*(const Vector6& V) const;
+    // Of a twist its momentum.
+    void Apply(const double* twist, double* momentum) const;
   };
-  void ClearBelow();
-  void AddSymmetric(const double* q, int first, int padded);
+  void TakeMomenta(const ReducedModel& model, const RigidParts& parts, const Configuration& c,
+                   const ReducedJacobian& jacobian, Matrix6& M_00);
+  void AddBands(const ReducedJacobian& jacobian);
 
-  std::vector<Sum> sums_;   // per joint
-  std::vector<int> below_;  // per column of M_zz: the end of what any part has in it at or below the diagonal
-  int padded_ = 0;          // r in whole fours
-  std::vector<double> h_, M_zz_, M_0z_;
+  std::vector<Sum> sums_;  // per joint
+  int padded_ = 0;         // r in whole fours
+  bool base_moves_ = false;
+  // Per coordinate f, and h as the Jacobian has its row of Q; half of M_zz, and M_0z by rows.
+  std::vector<double> f_, h_, half_, M_0z_;
 };
 
 }  // namespace fork1s
