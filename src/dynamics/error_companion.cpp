@@ -203,7 +203,7 @@ double ErrorCompanion::Moved(const MechanismDynamics& m, double age) {
   Centre();
   double moved = 0;
   for (int i = 0; i < q_linear_.size(); ++i) {
-    const bool turns = m.mechanism().screws().col(i).head<3>().squaredNorm() > 1e-18;
+    const bool turns = m.mechanism().Turns(i);
     const double by =
         std::max({std::abs(q_[1](i) - q_linear_(i)), age * std::abs(centred_.q_dot(i) - linear_.q_dot(i)),
                   age * age * std::abs(centred_.q_ddot(i) - linear_.q_ddot(i))});

@@ -14,7 +14,7 @@ namespace {
 VectorX Compliances(const Mechanism& m, const Kinematics& kinematics, const VectorX& q) {
   VectorX scale(m.num_coordinates());
   for (int i = 0; i < scale.size(); ++i)
-    scale(i) = m.screws().col(i).head<3>().norm() > 1e-9 ? 1.0 : m.length_scale();
+    scale(i) = m.Turns(i) ? 1.0 : m.length_scale();
   const VectorX k =
       m.has_diagonal_stiffness() ? m.stiffness() : VectorX(StiffnessMatrix(m, kinematics, q).diagonal());
   const VectorX scaled = k.cwiseProduct(scale.cwiseAbs2());

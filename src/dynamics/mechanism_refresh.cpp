@@ -49,7 +49,7 @@ bool CloseByChords(const ReducedModel& model, const Configuration& at, VectorX& 
 double Turn(const MechanismView& here, int i) {
   const auto& [model, state, ws] = here;
   const double moved = std::abs(ws.configuration.q(i) - model.reduced->q_ref(i));
-  const bool turns = model.mechanism().screws().col(i).head<3>().squaredNorm() > 1e-18;
+  const bool turns = model.mechanism().Turns(i);
   return turns ? moved : moved / model.mechanism().length_scale();
 }
 

@@ -35,7 +35,7 @@ std::vector<char> FindSpinning(const Mechanism& m, const RigidParts& parts,
   for (int j = 0; j < m.num_joints(); ++j) {
     const Mechanism::Joint& joint = m.joints()[static_cast<std::size_t>(j)];
     const int i = joint.offset;
-    if (joint.size != 1 || m.screws().col(i).head<3>().isZero(0)) continue;
+    if (joint.size != 1 || !m.Turns(i)) continue;
     const auto ends_here = [&](BodyIndex b) { return m.body(b).last_joint == j; };
     const auto has = [&](const std::vector<int>& coordinates) {
       return std::find(coordinates.begin(), coordinates.end(), i) != coordinates.end();

@@ -93,7 +93,7 @@ double ClosureGap(const Mechanism& mechanism, const Kinematics& kinematics, cons
   for (const Mechanism::Coupling& k : mechanism.couplings()) {
     const double off = std::abs(q(k.a) - k.Value(q));
     // A slide's mismatch is a length already.
-    const bool turns = mechanism.screws().col(k.a).head<3>().norm() > 0;
+    const bool turns = mechanism.Turns(k.a);
     gap = std::max(gap, turns ? L * off : off);
   }
   return gap;

@@ -237,7 +237,7 @@ void FillLoopMetric(ReducedModel& model) {
   const Mechanism& mechanism = *model.mechanism;
   model.h_inverse.resize(mechanism.num_coordinates());
   for (int i = 0; i < model.h_inverse.size(); ++i) {
-    const double s = mechanism.screws().col(i).head<3>().norm() > 1e-9 ? 1.0 : mechanism.length_scale();
+    const double s = mechanism.Turns(i) ? 1.0 : mechanism.length_scale();
     model.h_inverse(i) = s * s;
   }
   FillDerived(model);

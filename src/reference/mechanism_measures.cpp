@@ -141,7 +141,7 @@ std::vector<double> FullMechanism::Frequencies(int count) const {
     for (std::size_t b = 0; b < X_.size(); ++b)
       if (column_[b] >= 0) unit.segment<3>(column_[b] + 3).setConstant(L);
     for (int i = 0; i < m.num_coordinates(); ++i)
-      if (m.screws().col(i).head<3>().isZero(0)) unit(ColumnOfCoordinate(i)) = L;
+      if (!m.Turns(i)) unit(ColumnOfCoordinate(i)) = L;
     for (const Link& link : links_) row.segment<3>(link.row + 3).setConstant(1 / L);
     int next = first_loop_row_;
     for (const ClosureDef& closure : m.closures())
@@ -174,7 +174,7 @@ MatrixX FullMechanism::Compliance(const std::vector<BodyIndex>& bodies) const {
   for (std::size_t b = 0; b < X_.size(); ++b)
     if (column_[b] >= 0) unit.segment<3>(column_[b] + 3).setConstant(L);
   for (int i = 0; i < mechanism_->num_coordinates(); ++i)
-    if (mechanism_->screws().col(i).head<3>().isZero(0)) unit(ColumnOfCoordinate(i)) = L;
+    if (!mechanism_->Turns(i)) unit(ColumnOfCoordinate(i)) = L;
   MatrixX E = MatrixX::Zero(6 * static_cast<Eigen::Index>(bodies.size()), num_velocities_);
   for (std::size_t i = 0; i < bodies.size(); ++i)
     if (const auto b = bodies[i].u(); column_[b] >= 0)

@@ -75,7 +75,7 @@ double FullMechanism::Project(std::vector<RigidTransform>& X, VectorX& q) {
     }
     for (const Mechanism::Coupling& coupling : m.couplings()) {
       const double error = CouplingError(coupling, q);
-      const bool turns = m.screws().col(coupling.a).head<3>().squaredNorm() > 0;
+      const bool turns = m.Turns(coupling.a);
       gap = std::max(gap, (turns ? L : 1) * std::abs(error));
       right(row++) = -error;
     }

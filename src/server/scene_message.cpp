@@ -116,8 +116,8 @@ void AddFreeBody(const FreeBody& body, Json& out) {
 Json ControlRange(const Mechanism& m, const Mechanism::Control& c, double radius) {
   double low = c.lower, high = c.upper;
   if (!(std::isfinite(low) && std::isfinite(high)) && c.length.is_single()) {
-    const auto i = static_cast<Eigen::Index>(c.length.terms[0].first);
-    const bool turns = m.screws().col(i).head<3>().squaredNorm() > 1e-18;
+    const int i = c.length.terms[0].first;
+    const bool turns = m.Turns(i);
     const double span = turns ? 1.6 : 0.3 * radius;
     if (!std::isfinite(low)) low = std::isfinite(m.lower()(i)) ? m.lower()(i) : c.initial - span;
     if (!std::isfinite(high)) high = std::isfinite(m.upper()(i)) ? m.upper()(i) : c.initial + span;

@@ -79,7 +79,7 @@ std::vector<SignalInfo> ListSignals(const Simulation& simulation) {
   for (const MechanismDynamics& m : simulation.world().mechanisms()) {
     const Mechanism& def = m.mechanism();
     for (int i = 0; i < def.num_coordinates() && static_cast<int>(positions.size()) < kMost; ++i) {
-      const bool turns = def.screws().col(i).head<3>().squaredNorm() > 1e-18;
+      const bool turns = def.Turns(i);
       const int body = order.OnWire(number, def.joint(def.CoordinateJoint(i)).body.value());
       positions.push_back({def.CoordinateName(i), "position", turns ? "rad" : "m", body});
       forces.push_back({def.CoordinateName(i), "joint_force", turns ? "N·m" : "N", body});
@@ -87,7 +87,7 @@ std::vector<SignalInfo> ListSignals(const Simulation& simulation) {
     for (const Mechanism::Control& c : def.controls())
       if (static_cast<int>(actuators.size()) < kMost) {
         const bool turns =
-            c.length.is_single() && def.screws().col(c.length.terms[0].first).head<3>().squaredNorm() > 1e-18;
+            c.length.is_single() && def.Turns(c.length.terms[0].first);
         actuators.push_back({c.name, "actuator", turns ? "N·m" : "N", -1});
       }
     ++number;

@@ -177,6 +177,8 @@ class Mechanism {
   const Matrix6X& screws() const { return screws_; }       // 6 x n
   /// Exp of each screw, of joints of one freedom alone what the joint does.
   const std::vector<ScrewMotion>& screw_motions() const { return screw_motions_; }  // n
+  /// Whether a coordinate is an angle [rad], by itself or along a screw; else a way [m].
+  bool Turns(int coordinate) const { return !screws_.col(coordinate).head<3>().isZero(0); }
   const VectorX& stiffness() const { return stiffness_; }  // n, of each coordinate's own spring
   const VectorX& damping() const { return damping_; }      // n
   const VectorX& armature() const { return armature_; }    // n

@@ -21,7 +21,7 @@ LoopUnits::LoopUnits(const ReducedModel& model) : unit(VectorX::Ones(model.loop_
       if (closures[c].rigid(i)) all.push_back({static_cast<int>(c), i});
   for (std::size_t c = 0; c < mechanism.couplings().size(); ++c) {
     const int a = mechanism.couplings()[c].a;
-    const bool turns = mechanism.screws().col(a).head<3>().norm() > 0;
+    const bool turns = mechanism.Turns(a);
     all.push_back({static_cast<int>(closures.size() + c), turns ? 0 : 3});
   }
   for (int k = 0; k < model.loop_rank(); ++k) {
