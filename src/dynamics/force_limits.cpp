@@ -292,12 +292,14 @@ double WorkOfCaught(const MechanismStep& here, double h, const Eigen::Ref<const 
   for (std::size_t k = 0; k < state.at_bound.size(); ++k) {
     if (!IsCaught(here, k)) continue;
     const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+    // Its force is along the arms of the pose, what that changes by along those that A has.
     ReducedRow(limit.length, ws.paths(), ws.Q_now(), ws.limit_row);
+    work += ws.limit_force(static_cast<Eigen::Index>(k)) * h * ws.limit_row.dot(w);
+    RowOfSpring(here, limit.length);
     const double way = h * ws.limit_row.dot(w);
-    double f = ws.limit_force(static_cast<Eigen::Index>(k));
-    if (ws.rule == StepRule::kMiddle)
-      f -= limit.stiffness * (ws.limit_row.dot(ws.z_before) - ws.limit_row.dot(state.reduced.z));
-    work += way * (f - 0.5 * limit.stiffness * way);
+    double moved = 0.5 * way;
+    if (ws.rule == StepRule::kMiddle) moved += ws.limit_row.dot(ws.z_before) - ws.limit_row.dot(state.reduced.z);
+    work -= limit.stiffness * moved * way;
   }
   return work;
 }

@@ -185,18 +185,25 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
       next = merit(x_next, f_next);
       if (next <= value + 1e-4 * s * slope) break;
     }
-    if (halvings == kHalvings) {
-      // A servo of 1e8 N m/rad goes from bound to bound within 1e-7 rad. Next to that φ falls by less than its digits,
-      // but its slope tells where it ends to fall, and there the stiffness is another.
-      double falls = 0, rises = 1;
-      for (int i = 0; i < kBisections; ++i) {
+    if (halvings > 0) {
+      // A servo of 1e8 N m/rad goes from bound to bound within 1e-7 rad, and there the stiffness is another: steps that only
+      // make φ fall enough go to and fro between two of them. The one that ends where φ ends to fall meets such a place,
+      // and its slope tells where that is when φ has no more digits for it.
+      const double enough = halvings < kHalvings ? next : value + kPotentialRounding * size, s_enough = s;
+      double falls = 0, rises = std::min(1.0, 2 * s), along = slope;
+      for (int i = 0; i < kBisections && !(std::abs(along) < -1e-3 * slope); ++i) {
         s = 0.5 * (falls + rises);
         x_next = x + s * step;
         next = merit(x_next, f_next);
         take_gradient(x_next, f_next);
-        (gradient.dot(step) < 0 ? falls : rises) = s;
+        along = gradient.dot(step);
+        (along < 0 ? falls : rises) = s;
       }
-      if (!(next <= value + kPotentialRounding * size)) break;
+      if (!(next <= enough)) {
+        if (halvings == kHalvings) break;
+        x_next = x + s_enough * step;
+        next = merit(x_next, f_next);
+      }
     }
     x = x_next;
     f = f_next;
