@@ -81,6 +81,19 @@ void FreeBody::SetPortTwist(const Vector6& V) {
   velocity_ = V.tail<3>();
 }
 
+bool FreeBody::BeginsAnew(double h) const {
+  if (past_.h != h) return true;
+  if (!past_.anew) return false;
+  const Matrix3& I = inertia_.rotational;
+  const Vector3 before = TurnFreely(I, past_.omega_B, Vector3::Zero(), h);
+  const auto product = [&](const Vector3& v, const Vector3& omega, const Vector3& y, const Vector3& turn) {
+    return inertia_.mass * v.dot(y) + omega.dot(I * turn);
+  };
+  return ParabolaComesBack(product(velocity_, omega_B_, velocity_, omega_B_),
+                           product(past_.velocity, before, past_.velocity, before),
+                           product(velocity_, omega_B_, past_.velocity, before));
+}
+
 void FreeBody::Begin(double h, StepRule rule) {
   X_WB_before_ = X_WB_;
   omega_B_before_ = omega_B_;
@@ -120,7 +133,7 @@ void FreeBody::Integrate(double h) {
   velocity_ *= order_;
   past_.h = 0;
   if (rule_ != StepRule::kEuler)
-    past_ = {h, X_WB_before_.rotation(), center, omega_B_before_, velocity_before_};
+    past_ = {h, false, X_WB_before_.rotation(), center, omega_B_before_, velocity_before_};
   EndStep();
 }
 

@@ -113,6 +113,8 @@ Potential PotentialOfSprings(const MechanismView& here, const RigidTransform& X_
 
 // The step of second order (theta_step.cpp).
 void SizeTheta(const MechanismStep& here);
+/// Velocities of the start of a step: q_dot_start and start_velocity, and of what floats center_W and linear_W.
+void SeeStart(const MechanismStep& here, double h, StepRule rule);
 void MoveToMiddle(const MechanismStep& here, double h);
 void TakeMomenta(const MechanismStep& here);
 void TakeForces(const MechanismStep& here, double h);
@@ -141,6 +143,7 @@ void StepAgainHalfWay(const MechanismStep& here, double h);
 double MinimiseAtEnd(const MechanismStep& here, double h);
 
 // Lasting contact (two_steps.cpp).
+/// What the next step will know of this one: all but how far it goes.
 void KeepPast(const MechanismStep& here, double h);
 void TakePast(const MechanismStep& here, double h);
 void SolveFreeTwoSteps(const MechanismStep& here, double h);

@@ -39,6 +39,8 @@ void ExpectContact(const MechanismStep& here, bool touches) { here.work.touches 
 
 void ActAtEnd(const MechanismStep& here) { here.work.touches = here.work.first_order = true; }
 
+void ForgetPast(const MechanismStep& here) { here.state.past.h = 0; }
+
 const VectorX& ContactShift(const MechanismView& here) { return here.work.contact_shift; }
 
 int NewtonSteps(const MechanismView& here) { return here.work.newton_steps; }

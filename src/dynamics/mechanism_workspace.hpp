@@ -6,6 +6,7 @@
 #include <fork1s/dynamics/step_rule.hpp>
 #include <fork1s/dynamics/theta_scheme.hpp>
 #include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/solve.hpp>
 #include <fork1s/reduction/reduced_jacobian.hpp>
 #include <utility>
 #include <vector>
@@ -58,6 +59,7 @@ struct MechanismWorkspace {
   VectorX x;                             // num_velocities
   MatrixX A;                             // num_velocities²
   Cholesky factor;
+  LuFactor mixed_factor;  // where dampers leave no symmetric A (theta_scheme.hpp)
   double factored_h = -1;
   VectorX rest, q_perp_step, stretched, held_back;  // n
   MatrixX D_beyond, K_beyond;                       // r x r

@@ -23,25 +23,6 @@ MatrixX FeltInertia(const ReducedModel& model) {
   return model.M - TransposedTimes(model.M_0z, SolveSymmetric(model.M_00, model.M_0z));
 }
 
-// Largest growth in a step of free motion at the reference, all modes together.
-double Growth(const MatrixX& M, const VectorX& K, const MatrixX& D, const ThetaScheme& s,
-              const VelocityRange& run) {
-  const int n = run.size;
-  auto of = [&](const MatrixX& A) { return MatrixX(A.block(run.begin, run.begin, n, n)); };
-  const MatrixX one = MatrixX::Identity(n, n), Th = of(s.Th);
-  const MatrixX K_z = K.segment(run.begin, n).asDiagonal();
-  const double h = s.h;
-  const MatrixX A = M + h * of(s.D_end) + h * h * of(s.K_Th2);
-  MatrixX right(n, 2 * n);
-  right << -h * K_z, M - h * h * of(s.K_Th_rest) - h * (D - of(s.D_end));
-  const MatrixX v = SolveSquare(A, right);
-  MatrixX map(2 * n, 2 * n), w = Times(Th, v);
-  w.rightCols(n) += one - Th;
-  map << MatrixX(h * w), v;
-  map.topLeftCorner(n, n) += one;
-  return GeneralSpectrumOf(map).values.cwiseAbs().maxCoeff();
-}
-
 // Modes of a range of coordinates: ω² and θ, V with VᵀMV = 1, and VᵀM.
 struct Modes {
   VectorX squares, theta;
@@ -67,6 +48,7 @@ Modes ModesOf(const MatrixX& M, const VectorX& K, double h) {
 // at its end: with δ = w⁺ - w it changes by
 //     -δ·(θ - ½)δ - w̄·(y² (θ - ½) + h D) w̄ - h w̄·C δ,   C = √θ D √θ - D θ,
 // and that is below 0 for any δ and w̄ where what is left of the second form is positive once the first has had its δ.
+// A mode with neither spring nor damper has no part in it.
 bool LosesEnergy(const Modes& modes, const MatrixX& D, double h) {
   const VectorX root = modes.theta.cwiseSqrt(), spare = modes.theta.array() - 0.5;
   MatrixX C = D;
@@ -74,7 +56,16 @@ bool LosesEnergy(const Modes& modes, const MatrixX& D, double h) {
     C.col(j).array() *= h * root(j) * (root.array() - root(j)) / (2 * std::sqrt(spare(j)));
   MatrixX left = h * D - TimesTransposed(C, C);
   left.diagonal().array() += h * h * modes.squares.array() * spare.array();
+  for (int i = 0; i < left.rows(); ++i)
+    if (modes.squares(i) == 0 && D.col(i).isZero(0)) left(i, i) = 1;
   return Cholesky().Compute(left);
+}
+
+// Raises the least θ as far as the split of damping needs to take energy from any motion. At θ = 1 nothing is split.
+void RaiseUntilEnergyFalls(const MatrixX& D, double h, Modes& modes) {
+  const VectorX own = modes.theta;
+  for (double spare = 1.0 / 1024; !LosesEnergy(modes, D, h) && spare <= 0.5; spare *= 2)
+    modes.theta = own.cwiseMax(0.5 + spare);
 }
 
 void Multiply(const VectorX& K, ThetaScheme& s) {
@@ -93,47 +84,36 @@ bool FollowsAnyMode(const ReducedModel& model, double h) {
 }
 
 void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRange>& ranges, double step,
-                       bool euler) {
+                       bool euler, bool must_be_symmetric) {
   const int r = model.size();
   h = step;
   Th = MatrixX::Identity(r, r);
   D_end = model.D;
   D_start = MatrixX::Zero(r, r);
+  symmetric = true;
   if (!euler) {
     const MatrixX M = FeltInertia(model);
-    std::vector<Modes> modes(ranges.size());
-    for (std::size_t k = 0; k < ranges.size(); ++k) {
-      const VelocityRange& run = ranges[k];
+    for (const VelocityRange& run : ranges) {
       if (run.size == 0) continue;
-      Modes& own = modes[k];
-      own = ModesOf(M.block(run.begin, run.begin, run.size, run.size),
-                    model.K_r.segment(run.begin, run.size), step);
-      if (own.V.size() == 0) continue;
-      Th.block(run.begin, run.begin, run.size, run.size) =
-          Times(own.V, ScaledRows(own.theta, own.V_inverse));
-    }
-    Multiply(model.K_r, *this);
-    for (std::size_t k = 0; k < ranges.size(); ++k) {
-      const VelocityRange& run = ranges[k];
-      const Modes& own = modes[k];
-      const int n = run.size;
-      if (own.V.size() == 0) continue;
-      const MatrixX D = model.D.block(run.begin, run.begin, n, n);
-      if (D.isZero(0)) continue;
-      const VectorX root = own.theta.cwiseSqrt();
-      const MatrixX D_modes = Congruence(D, own.V), R = ScaledRows(root, own.V_inverse);
-      const MatrixX middle = Congruence(D_modes, R);
-      D_end.block(run.begin, run.begin, n, n) = middle;
-      if (LosesEnergy(own, D_modes, step)) continue;
-      for (const double a : {0.0, 0.25, 0.5, 0.75, 1.0}) {
-        D_end.block(run.begin, run.begin, n, n) = (1 - a) * middle + a * D;
-        // Rounding of eigenvalues that are double.
-        if (Growth(M.block(run.begin, run.begin, n, n), model.K_r, D, *this, run) <= 1 + 1e-9) break;
+      const auto own = [&](MatrixX& all) { return all.block(run.begin, run.begin, run.size, run.size); };
+      Modes modes = ModesOf(M.block(run.begin, run.begin, run.size, run.size),
+                            model.K_r.segment(run.begin, run.size), step);
+      if (modes.V.size() == 0) continue;
+      const MatrixX D = model.D.block(run.begin, run.begin, run.size, run.size);
+      const MatrixX D_modes = Congruence(D, modes.V);
+      const bool splits = D.isZero(0) || LosesEnergy(modes, D_modes, step);
+      if (!splits && must_be_symmetric) RaiseUntilEnergyFalls(D_modes, step, modes);
+      own(Th) = Times(modes.V, ScaledRows(modes.theta, modes.V_inverse));
+      if (splits || must_be_symmetric) {
+        own(D_end) = Congruence(D_modes, ScaledRows(VectorX(modes.theta.cwiseSqrt()), modes.V_inverse));
+      } else {
+        own(D_end) = Times(D, own(Th));
+        symmetric = false;
       }
     }
     D_start = model.D - D_end;
   }
-  if (euler) Multiply(model.K_r, *this);
+  Multiply(model.K_r, *this);
 }
 
 }  // namespace fork1s

@@ -38,6 +38,24 @@ void SizeTheta(const MechanismStep& here) {
   ws.F_parts.resize(6, model.rigid_parts.size());
 }
 
+void SeeStart(const MechanismStep& here, double h, StepRule rule) {
+  const auto& [model, state, ws] = here;
+  ws.q_dot_start.setZero();
+  AddMotion(*model.reduced, ws.Q_now(), state.reduced.w, ws.q_dot_start);
+  if (model.base_size > 0) {
+    const Vector6 p = ws.M_full.topRows<6>() * ws.x;
+    ws.center_W = state.reduced.X_WR * CenterOf(ws.M_00);
+    ws.linear_W = state.reduced.X_WR.rotation() * p.tail<3>();
+  }
+  if (rule == StepRule::kEuler) return;
+  Vector6 V_start = state.reduced.V_R;
+  if (model.mechanism().base() == BaseKind::kFixed) V_start.setZero();
+  if (model.mechanism().base() == BaseKind::kDriven && rule == StepRule::kTwoSteps && state.past.h == h)
+    V_start = state.past.V_R;
+  ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics, ws.q_dot_start,
+                            V_start, ws.start_velocity);
+}
+
 void Begin(const MechanismStep& here, double h, const Vector3& gravity_W, StepRule rule) {
   const auto& [model, state, ws] = here;
   FORK1S_REQUIRE(!model.by_twists());
@@ -52,22 +70,7 @@ void Begin(const MechanismStep& here, double h, const Vector3& gravity_W, StepRu
   ws.w_before = state.reduced.w;
   ws.X_WR_before = state.reduced.X_WR;
   ws.V_R_before = state.reduced.V_R;
-  ws.q_dot_start.setZero();
-  AddMotion(*model.reduced, ws.Q_now(), state.reduced.w, ws.q_dot_start);
-  if (model.base_size > 0) {
-    const Vector6 p = ws.M_full.topRows<6>() * ws.x;
-    ws.center_W = state.reduced.X_WR * CenterOf(ws.M_00);
-    ws.linear_W = state.reduced.X_WR.rotation() * p.tail<3>();
-    ws.past_next.center_W = ws.center_W;
-  }
-  if (ws.rule != StepRule::kEuler) {
-    Vector6 V_start = state.reduced.V_R;
-    if (model.mechanism().base() == BaseKind::kFixed) V_start.setZero();
-    if (model.mechanism().base() == BaseKind::kDriven && ws.rule == StepRule::kTwoSteps && state.past.h == h)
-      V_start = state.past.V_R;
-    ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics,
-                              ws.q_dot_start, V_start, ws.start_velocity);
-  }
+  SeeStart(here, h, rule);
   KeepPast(here, h);
   if (ws.rule != StepRule::kMiddle) {
     TakePast(here, h);
@@ -209,7 +212,7 @@ void SolveFreeMiddle(const MechanismStep& here, double h) {
   if (rule.h != h) {
     std::vector<VelocityRange> ranges = model.parts;
     if (model.base_size > 0) ranges = {{0, r}};
-    rule.Fill(*model.reduced, ranges, h, ws.all_at_end);
+    rule.Fill(*model.reduced, ranges, h, ws.all_at_end, !model.mechanism().frictions().empty());
     ThetaOperators& of_rule = ws.all_at_end ? ws.of_at_end : ws.of_theta;
     of_rule.end = h * rule.D_end + (h * h) * rule.K_Th2;
     of_rule.start = h * rule.D_start + (h * h) * rule.K_Th_rest;
@@ -264,7 +267,10 @@ void SolveFreeMiddleWith(const MechanismStep& here, const ThetaScheme& rule, con
       ws.D_beyond.setZero(r, r);
       AddDampersBeyond(here, h, true, w_drag, ws.D_beyond);
       const double end = ws.all_at_end ? 1 : 0.5;
-      A_z += end * ws.D_beyond;
+      if (rule.symmetric)
+        A_z += end * ws.D_beyond;  // half of it, which Cholesky reads
+      else
+        A_z += end * MatrixX(ws.D_beyond.selfadjointView<Eigen::Lower>());
       ws.f_turn *= end;
       ws.f_turn += (1 - end) * ws.w_start;
       rhs.noalias() -= ws.D_beyond.selfadjointView<Eigen::Lower>() * ws.f_turn;
@@ -275,7 +281,13 @@ void SolveFreeMiddleWith(const MechanismStep& here, const ThetaScheme& rule, con
       AddBackBoundedSprings(here, h, 1, ws.f_turn, rhs);
     }
   }
-  SolveOrFail(ws.factor, ws.A, ws.x);
+  if (rule.symmetric) {
+    SolveOrFail(ws.factor, ws.A, ws.x);
+  } else {
+    // Nothing else asks for the factor: what touches, or stands at a bound, has all at its end.
+    ws.mixed_factor.Compute(ws.A);
+    ws.mixed_factor.SolveInPlace(ws.x);
+  }
 }
 
 // Work of springs, weight and controls along the chord h w̄, which becomes w_mean.

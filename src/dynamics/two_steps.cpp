@@ -6,22 +6,69 @@
 // so that the unknown x, which with s is how far the step goes, obeys
 //     (a² M + a h D + h² K) x = a M u + h f(z) - h² K s + Jᵀλ
 // and contacts are rows of x + s as they are rows of the end velocity of implicit Euler, found where that
-// finds them. A step that follows an impact knows nothing of the past: a = 1, s = 0, and that is implicit Euler,
-// which what may touch, is pulled, or is held by springs and free (euler_free.cpp) takes by kEuler. ẋ, ẋ⁻ are
+// finds them. With nothing known of the past, a = 1 and s = 0, that is implicit Euler, which what may touch, is pulled, or is held by springs and free (euler_free.cpp) takes by kEuler. ẋ, ẋ⁻ are
 // as in theta_step.cpp, ẋ⁻ turned freely to here.
 #include "mechanism_detail.hpp"
 
 namespace fork1s {
 
-// What the next step will know of this one: all but how far it goes. start_velocity is that of the start.
-void KeepPast(const MechanismStep& here, double h) {
+namespace {
+
+// All but how far the step goes. start_velocity is that of the start.
+void FillPast(const MechanismStep& here, double h, bool anew, MechanismPast& past) {
   const auto& [model, state, ws] = here;
-  if (ws.rule == StepRule::kEuler) return;
-  ws.past_next.h = h;
-  ws.past_next.q_dot = ws.q_dot_start;
-  ws.past_next.c_dot_W.noalias() = state.reduced.X_WR.rotation() * ws.start_velocity.c_dot;
-  ws.past_next.omega = ws.start_velocity.omega;
-  ws.past_next.R_WR = state.reduced.X_WR.rotation();
+  past.h = h;
+  past.anew = anew;
+  past.q_dot = ws.q_dot_start;
+  past.c_dot_W.noalias() = state.reduced.X_WR.rotation() * ws.start_velocity.c_dot;
+  past.omega = ws.start_velocity.omega;
+  past.R_WR = state.reduced.X_WR.rotation();
+  if (model.base_size > 0) past.center_W = ws.center_W;
+}
+
+// ẋ⁻ of the past step, turned freely to here, in other_velocity.
+void BringPastHere(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  ws.other_velocity.c_dot.noalias() = state.reduced.X_WR.rotation().transpose() * state.past.c_dot_W;
+  ws.other_velocity.omega = state.past.omega;
+  TurnFreely(model.rigid_parts, h, ws.other_velocity);
+}
+
+}  // namespace
+
+void KeepPast(const MechanismStep& here, double h) {
+  if (here.work.rule != StepRule::kEuler) FillPast(here, h, false, here.work.past_next);
+}
+
+bool BeginsAnew(const MechanismStep& here, double h) {
+  const auto& [model, state, ws] = here;
+  const MechanismPast& past = state.past;
+  if (past.h != h) return true;
+  if (!past.anew) return false;
+  SeeStart(here, h, StepRule::kTwoSteps);
+  BringPastHere(here, h);
+  const auto product = [&, armature = model.mechanism().armature()](
+                           const MaterialVelocities& v, const VectorX& v_joints, const MaterialVelocities& y,
+                           const VectorX& y_joints) {
+    return KineticProduct(model.rigid_parts, v, y) + v_joints.dot(armature.cwiseProduct(y_joints));
+  };
+  return ParabolaComesBack(product(ws.start_velocity, ws.q_dot_start, ws.start_velocity, ws.q_dot_start),
+                           product(ws.other_velocity, past.q_dot, ws.other_velocity, past.q_dot),
+                           product(ws.start_velocity, ws.q_dot_start, ws.other_velocity, past.q_dot));
+}
+
+MechanismPast PastOfStepInParts(const MechanismStep& here, double h) {
+  MechanismPast past;
+  SeeStart(here, h, StepRule::kTwoSteps);
+  FillPast(here, h, true, past);
+  return past;
+}
+
+void EndStepInParts(const MechanismStep& here, const MechanismState& start, MechanismPast past) {
+  const auto& [model, state, ws] = here;
+  past.z_moved = state.reduced.z - start.reduced.z;
+  past.V_R = state.reduced.V_R;
+  state.past = std::move(past);
 }
 
 // s, and (4 ẋ - ẋ⁻)/3 in start_velocity.
@@ -39,6 +86,7 @@ void TakePast(const MechanismStep& here, double h) {
     ws.V_end = known ? Vector6(1.5 * state.reduced.V_R - 0.5 * V_last) : state.reduced.V_R;
   }
   if (!known) return;
+  BringPastHere(here, h);
   const Matrix3 R_RW = state.reduced.X_WR.rotation().transpose();
   if (r > 0) ws.contact_shift.tail(r) = past.z_moved / (3 * h);
   if (model.base_size > 0) {
@@ -49,9 +97,6 @@ void TakePast(const MechanismStep& here, double h) {
     for (int i = 0; i < r; ++i) momentum -= ws.contact_shift(6 + i) * ws.M_0z.col(i).tail<3>();
     ws.contact_shift.head<6>() << turn, momentum / ws.M_00(5, 5);
   }
-  ws.other_velocity.c_dot.noalias() = R_RW * past.c_dot_W;
-  ws.other_velocity.omega = past.omega;
-  TurnFreely(model.rigid_parts, h, ws.other_velocity);
   ws.start_velocity.c_dot = (4 * ws.start_velocity.c_dot - ws.other_velocity.c_dot) / 3;
   ws.start_velocity.omega = (4 * ws.start_velocity.omega - ws.other_velocity.omega) / 3;
   ws.q_dot_mixed = (4 * ws.q_dot_start - past.q_dot) / 3;

@@ -37,8 +37,14 @@ struct World::Detail {
   void BeginEuler(const StepOptions& options, StepReport& report);
   void BeginAll(const StepOptions& options, StepRule rule);
   bool AnythingTouches() const;
-  // Impacts (world_impact.cpp).
-  StepReport StepThroughImpact(const StepOptions& options);
+  bool MayBeTouched(std::size_t mechanism) const;
+  void FindTouchedBodies();
+  bool AnyBeginsAnew(double h);
+  // Impacts, and what follows them (world_impact.cpp).
+  StepReport StepInParts(const StepOptions& options, bool impact);
+  StepReport TakePartsBack(StepReport report);
+  void KeepPastsInParts(double h);
+  void EndPastsInParts();
   void SumImpulses();
   void TellSums();
   void ExpectContacts();
@@ -54,6 +60,8 @@ struct World::Detail {
   };
   StopApproach ApproachOf(const MechanismDynamics& m, const Mechanism::LengthLimit& stop, bool upper) const;
   bool MetAtSpeed(const StepOptions& options) const;
+  bool PushesApart(const StepOptions& options) const;
+  void ForgetPasts();
   double MotionWithin(double h) const;
   void LayOutPorts(const StepOptions& options);
   void LayOutLimits(std::size_t mechanism, const StepOptions& options);
@@ -81,6 +89,8 @@ struct World::Detail {
   void ApplyImpulses(bool of_servos);
   void KeepForNextStep(double h, StepReport& report);
   void MoveMechanisms(const StepOptions& options, StepReport& report);
+  void RefreshIfStale(std::size_t mechanism);
+  void CountRefreshes(StepReport& report) const;
   void ShareRefreshes(double moving_before);
   int WorthAThread() const;
   // act(i) for every mechanism or contact, side by side where they are many: each on its own data alone.
@@ -233,6 +243,9 @@ struct World::Detail {
   std::vector<char> goes_on_;
   std::vector<ContactRecord> ended_;
   std::vector<WorldState::Rows> impact_rows_;
+  bool begins_anew_ = false;  // the step at hand, in contact: none of it is an impact
+  std::vector<MechanismPast> pasts_in_parts_;
+  std::vector<FreeBody::Past> free_pasts_in_parts_;
   StepPartTimes* times_ = nullptr;
 };
 

@@ -1,4 +1,4 @@
-// A step of second order in which something is met at speed.
+// A step of second order in which something is met at speed, and the one after it.
 #include <algorithm>
 
 #include "world_detail.hpp"
@@ -37,15 +37,34 @@ void Take(const StepReport& part, StepReport& whole) {
 
 }  // namespace
 
-// The step from its start again, by four steps of implicit Euler, which leave a fourth of what it is off by
-// that an impact comes at some time within a step. Inputs go on through them as they would have in one.
-StepReport World::Detail::StepThroughImpact(const StepOptions& options) {
+// What the next step is to know of one in parts, should nothing be met within it.
+void World::Detail::KeepPastsInParts(double h) {
+  pasts_in_parts_.clear();
+  free_pasts_in_parts_.clear();
+  for (MechanismDynamics& m : mechanisms_) pasts_in_parts_.push_back(PastOfStepInParts(m, h));
+  for (const FreeBody& b : free_bodies_) free_pasts_in_parts_.push_back(b.PastOfStepInParts(h));
+}
+
+void World::Detail::EndPastsInParts() {
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i)
+    EndStepInParts(mechanisms_[i], before_impact_.mechanisms[i], std::move(pasts_in_parts_[i]));
+  for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].EndStepInParts(free_pasts_in_parts_[i]);
+}
+
+// The step from its start again, by four steps of implicit Euler. Of an impact they leave a fourth of what one is off
+// by that it comes at some time within a step. The step after it has no past to make a parabola with: one of implicit
+// Euler would take as much of the motion as the impact did. What is met at speed in that one begins anew once more.
+// Inputs go on through them as they would have in one.
+StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
   constexpr int kSteps = 4;
   GoBack();
   Save(before_impact_);
+  if (!impact) KeepPastsInParts(options.h);
+  bool jumps = impact;
   StepOptions own = options;
   own.h = options.h / kSteps;
   own.integrator = Integrator::kEuler;
+  own.refresh = false;
   StepReport report;
   impact_sums_.clear();
   ended_.clear();
@@ -60,21 +79,34 @@ StepReport World::Detail::StepThroughImpact(const StepOptions& options) {
       SetInputsWithin(mechanisms_[i], before_impact_.mechanisms[i], share);
     for (std::size_t i = 0; i < free_bodies_.size(); ++i)
       free_bodies_[i].SetWrench(before_impact_.free_bodies[i]);
-    own.refresh = options.refresh && k == kSteps;
     const StepReport part = TakeStep(own);
     Take(part, report);
-    if (!part.finite) {
-      ForgetInputs(before_impact_);
-      Restore(before_impact_);
-      return report;
-    }
+    if (!part.finite) return TakePartsBack(report);
+    jumps = jumps || MetAtSpeed(options) || PushesApart(options);
     SumImpulses();
   }
   TellSums();
+  if (!jumps) EndPastsInParts();
+  by_theta_ = true;
+  if (options.refresh) {
+    const PartClock clock(times_, &StepPartTimes::refreshing);
+    ForMechanisms([&](std::size_t i) { RefreshIfStale(i); });
+    CountRefreshes(report);
+    if (!IsFinite(true)) return TakePartsBack(report);
+  }
   contacts_h_ = options.h;
   report.contacts = static_cast<int>(
       std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));
-  report.impact = true;
+  report.impact = impact;
+  report.parts = kSteps;
+  return report;
+}
+
+// As before the first of them.
+StepReport World::Detail::TakePartsBack(StepReport report) {
+  ForgetInputs(before_impact_);
+  Restore(before_impact_);
+  report.finite = false;
   return report;
 }
 

@@ -56,14 +56,14 @@ class Hash {
         interior.last_way, interior.share, past);
   }
   void One(const MechanismPast& past) {
-    const auto& [h, z_moved, q_dot, c_dot_W, omega, R_WR, center_W, V_R] = past;
+    const auto& [h, anew, z_moved, q_dot, c_dot_W, omega, R_WR, center_W, V_R] = past;
     Add(h);
-    if (h > 0) Add(z_moved, q_dot, c_dot_W, omega, R_WR, center_W, V_R);
+    if (h > 0) Add(anew, z_moved, q_dot, c_dot_W, omega, R_WR, center_W, V_R);
   }
   void One(const FreeBody::Past& past) {
-    const auto& [h, R_WB, center_W, omega_B, velocity] = past;
+    const auto& [h, anew, R_WB, center_W, omega_B, velocity] = past;
     Add(h);
-    if (h > 0) Add(R_WB, center_W, omega_B, velocity);
+    if (h > 0) Add(anew, R_WB, center_W, omega_B, velocity);
   }
   void One(const FreeBody::State& state) {
     const auto& [X_WB, omega_B, velocity, force_W, moment_W, past] = state;

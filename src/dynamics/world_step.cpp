@@ -36,9 +36,7 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
       m.Integrate(options.h);
     }
     block.refreshed = 0;
-    if (!options.refresh || !(m.Staleness(by_theta_) > 1)) return;
-    const PartClock own(times_ ? &block.own : nullptr, &StepPartTimes::refreshing);
-    block.refreshed = m.Refresh() ? 1 : -1;
+    if (options.refresh) RefreshIfStale(i);
   });
   for (FreeBody& b : free_bodies_) b.Integrate(options.h);
   clock.Stop();
@@ -47,6 +45,18 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
     report.newton_steps = std::max(report.newton_steps, NewtonSteps(m));
     report.minimum_found = report.minimum_found && FoundMinimum(m);
   }
+  CountRefreshes(report);
+}
+
+void World::Detail::RefreshIfStale(std::size_t i) {
+  MechanismDynamics& m = mechanisms_[i];
+  MechanismBlock& block = mechanism_blocks_[i];
+  if (!(m.Staleness(by_theta_) > 1)) return;
+  const PartClock own(times_ ? &block.own : nullptr, &StepPartTimes::refreshing);
+  block.refreshed = m.Refresh() ? 1 : -1;
+}
+
+void World::Detail::CountRefreshes(StepReport& report) const {
   for (const MechanismBlock& block : mechanism_blocks_) {
     report.refreshes += block.refreshed > 0 ? 1 : 0;
     report.failed_refreshes += block.refreshed < 0 ? 1 : 0;
@@ -175,21 +185,24 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   previous_missed_W_.swap(missed_W_);
   by_theta_ = UsesTheta(options);
   rule_ = StepRule::kEuler;
+  begins_anew_ = false;
   if (by_theta_)
     BeginTheta(options, report);
   else
     BeginEuler(options, report);
-  if (report.impact) return StepThroughImpact(options);
+  if (report.impact || begins_anew_) return StepInParts(options, report.impact);
   PredictAll(options);
   report.forces_at_end = rule_ != StepRule::kMiddle;
   if (rule_ != StepRule::kEuler) ShiftRows();
   SolveContacts(options, report);
 
   if (!IsFinite(false)) return TakeBack(report);
-  if (by_theta_ && MetAtSpeed(options)) return StepThroughImpact(options);
+  if (by_theta_ && MetAtSpeed(options)) return StepInParts(options, true);
+  const bool jumps = by_theta_ && PushesApart(options);
   KeepForNextStep(h, report);
   curvature_valid_ = rule_ != StepRule::kMiddle;
   MoveMechanisms(options, report);
+  if (jumps) ForgetPasts();
   if (rule_ != StepRule::kMiddle) KeepEndVelocities();
   for (const MechanismDynamics& m : mechanisms_)
     report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);

@@ -26,14 +26,28 @@ double World::Detail::MotionWithin(double h) const {
   return motion;
 }
 
+// By the contacts and stops at hand.
+bool World::Detail::MayBeTouched(std::size_t mechanism) const {
+  const auto& parts = mechanism_blocks_[mechanism].parts;
+  return std::any_of(parts.begin(), parts.end(), [](const PartBlock& p) { return p.rows > 0; });
+}
+
+void World::Detail::FindTouchedBodies() {
+  touched_.assign(free_bodies_.size(), 0);
+  for (const ContactPoint& p : points_)
+    for (const int body : {p.body_a, p.body_b})
+      if (const Contactor& c = contactors_[static_cast<std::size_t>(body)];
+          c.kind == Contactor::Kind::kFreeBody)
+        touched_[static_cast<std::size_t>(c.index)] = 1;
+}
+
 // What nothing can touch within the step, by the contacts at hand, and no stop, goes half way in any case.
 void World::Detail::BeginAll(const StepOptions& options, StepRule rule) {
   rule_ = rule;
   const PartClock clock(times_, &StepPartTimes::moving);
   ForMechanisms([&](std::size_t i) {
     if (mechanisms_[i].recovery() == Recovery::kTwist) return;
-    const auto& parts = mechanism_blocks_[i].parts;
-    const bool free = std::all_of(parts.begin(), parts.end(), [](const PartBlock& p) { return p.rows == 0; });
+    const bool free = !MayBeTouched(i);
     // By implicit Euler a pull, however stiff its spring, knows how the pose of the start gives way (RespondAt).
     const bool pulled = rule == StepRule::kEuler && !mechanisms_[i].wrenches_W().isZero(0);
     MechanismDynamics& m = mechanisms_[i];
@@ -48,14 +62,19 @@ void World::Detail::BeginAll(const StepOptions& options, StepRule rule) {
     }
   });
   if (rule == StepRule::kEuler) return;
-  touched_.assign(free_bodies_.size(), 0);
-  for (const ContactPoint& p : points_)
-    for (const int body : {p.body_a, p.body_b})
-      if (const Contactor& c = contactors_[static_cast<std::size_t>(body)];
-          c.kind == Contactor::Kind::kFreeBody)
-        touched_[static_cast<std::size_t>(c.index)] = 1;
+  FindTouchedBodies();
   for (std::size_t i = 0; i < free_bodies_.size(); ++i)
     free_bodies_[i].Begin(options.h, touched_[i] ? rule : StepRule::kMiddle);
+}
+
+// Whether anything that may touch has no past to go on from.
+bool World::Detail::AnyBeginsAnew(double h) {
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i)
+    if (MayBeTouched(i) && BeginsAnew(mechanisms_[i], h)) return true;
+  FindTouchedBodies();
+  for (std::size_t i = 0; i < free_bodies_.size(); ++i)
+    if (touched_[i] && free_bodies_[i].BeginsAnew(h)) return true;
+  return false;
 }
 
 // Whether anything bore a load in the last step.
@@ -92,8 +111,7 @@ World::Detail::StopApproach World::Detail::ApproachOf(const MechanismDynamics& m
                                                       const Mechanism::LengthLimit& stop, bool upper) const {
   const auto& terms = stop.length.terms;
   const bool turns =
-      stop.length.path < 0 && !terms.empty() &&
-      m.mechanism().screws().col(terms.front().first).head<3>().norm() > 1e-9;
+      stop.length.path < 0 && !terms.empty() && m.mechanism().Turns(terms.front().first);
   const double scale = turns ? m.mechanism().length_scale() : 1, length = m.Length(stop.length),
                rate = LengthRate(m, stop.length);
   return {false, scale * (upper ? stop.upper - length : length - stop.lower), scale * (upper ? rate : -rate)};
@@ -113,6 +131,21 @@ bool World::Detail::MetAtSpeed(const StepOptions& options) const {
     if (closing_[i] > speed || points_[i].gap > options.h * speed) return true;
   }
   return false;
+}
+
+// Whether what overlapped from the start is pushed apart at the speed of an impact.
+bool World::Detail::PushesApart(const StepOptions& options) const {
+  // m, pushed apart at that speed (contact/material.hpp)
+  const double depth = (1 + options.material.relaxation_steps) * options.h * SpeedOfImpact(options);
+  for (std::size_t i = 0; i < points_.size(); ++i)
+    if (!Bore(i) && constraints_[i].impulse(0) > 0 && -points_[i].gap > depth) return true;
+  return false;
+}
+
+// No parabola goes through such a step: the next one begins anew.
+void World::Detail::ForgetPasts() {
+  for (MechanismDynamics& m : mechanisms_) ForgetPast(m);
+  for (FreeBody& b : free_bodies_) b.ForgetPast();
 }
 
 // What may touch anything takes all forces at the end of the step.
@@ -153,6 +186,8 @@ void World::Detail::BeginTheta(const StepOptions& options, StepReport& report) {
     PrepareContacts(options, report);
     report.impact = ClosesAtSpeed(options);
     if (report.impact) return;
+    begins_anew_ = touches && AnyBeginsAnew(options.h);
+    if (begins_anew_) return;
   }
   if (touches) {
     BeginAll(options, StepRule::kTwoSteps);

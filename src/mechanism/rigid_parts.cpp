@@ -148,6 +148,16 @@ void TurnFreely(const RigidParts& parts, double t, MaterialVelocities& v) {
   }
 }
 
+double KineticProduct(const RigidParts& parts, const MaterialVelocities& v, const MaterialVelocities& y) {
+  double sum = 0;
+  for (int i = 0; i < parts.size(); ++i) {
+    const SpatialInertia& I = parts.parts[static_cast<std::size_t>(i)].inertia_R0;
+    if (I.mass == 0) continue;
+    sum += I.mass * v.c_dot.col(i).dot(y.c_dot.col(i)) + v.omega.col(i).dot(I.rotational * y.omega.col(i));
+  }
+  return sum;
+}
+
 void SubtractFrom(const MaterialVelocities& y, const Matrix3& R_now_then, MaterialVelocities& x) {
   for (Eigen::Index i = 0; i < x.c_dot.cols(); ++i) {
     x.c_dot.col(i) = y.c_dot.col(i) - R_now_then * x.c_dot.col(i);

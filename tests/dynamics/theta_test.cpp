@@ -265,13 +265,14 @@ TEST(Theta, TumblingBodyTurnsOver) {
 }
 
 // The rule of the header, step by step, at the reference: whatever dampers couple modes that a step can follow with modes
-// that it cannot, and however heavy they are, nothing grows. Where the split of damping is proved to take energy no step
-// gains any; where it is only known to be stable, by the largest of its eigenvalues, one step may: a sixth of what there
-// was has been seen.
-TEST(ThetaScheme, FreeMotionDoesNotGrowByDamping) {
-  int proved = 0, runs = 0;
-  for (unsigned seed = 0; seed < 40; ++seed) {
-    SCOPED_TRACE(seed);
+// that it cannot, and however heavy they are, no step gains energy. (With θ of each mode by its frequency alone one step
+// gained a sixth of what there was.)
+TEST(ThetaScheme, DampersTakeEnergyFromAnyMotion) {
+  int runs = 0;
+  for (unsigned k = 0; k < 80; ++k) {
+    SCOPED_TRACE(k);
+    const unsigned seed = k / 2;
+    const bool symmetric = k % 2 == 1;
     RandomSource random(seed + 500);
     RandomMechanismOptions options;
     options.stiffness_low = 1e-1;
@@ -288,7 +289,10 @@ TEST(ThetaScheme, FreeMotionDoesNotGrowByDamping) {
     const double h = 1.0 / 60, strength = std::pow(10.0, random.Uniform(-3, 3));
     model.D = strength * model.M.trace() / h * rows.transpose() * rows;
     ThetaScheme scheme;
-    scheme.Fill(model, {{0, r}}, h, false);
+    scheme.Fill(model, {{0, r}}, h, false, symmetric);
+    if (symmetric) {
+      EXPECT_LT((scheme.D_end - scheme.D_end.transpose()).norm(), 1e-13 * model.D.norm());
+    }
     const MatrixX K = model.K_r.asDiagonal(), one = MatrixX::Identity(r, r);
     const MatrixX response =
         SolveSquare(model.M + h * scheme.D_end + h * h * K * scheme.Th * scheme.Th, one);
@@ -305,12 +309,9 @@ TEST(ThetaScheme, FreeMotionDoesNotGrowByDamping) {
       before = energy();
     }
     ++runs;
-    proved += rise < 1e-9 * start ? 1 : 0;
-    EXPECT_LT(energy(), (1 + 1e-9) * start);
-    EXPECT_LT(rise, 0.25 * start);
+    EXPECT_LT(rise, 1e-9 * start);  // rounding of springs and dampers up to 1e6 times heavier than others
   }
-  EXPECT_GT(runs, 15);
-  EXPECT_GT(proved, runs / 2);
+  EXPECT_GT(runs, 30);
 }
 
 }  // namespace

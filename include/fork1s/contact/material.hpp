@@ -16,7 +16,7 @@ struct ContactMaterial {
   double stiffness = 1e6;       // N/m: 2 E a of a pad of 100 MPa whose patch has a radius a of 5 mm
   double depth = 1e-5;          // m: what would press a point in by more than this meets stiffer material
   double relaxation_steps = 4;  // τ/h: how fast a point that is pressed in too far comes back
-  double max_push_speed = 1;    // m/s at which what overlaps is pushed apart
+  double max_push_speed = 0.1;  // m/s at which what overlaps is pushed apart, at most: it hops by 0.5 mm then
 };
 
 inline void SetMaterial(const ContactMaterial& material, double gap, double h, ContactConstraint& c) {

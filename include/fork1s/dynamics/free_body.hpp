@@ -58,9 +58,16 @@ class FreeBody {
   /// The start of the last step, if it was one of second order: as MechanismPast.
   struct Past {
     double h = 0;  // s; 0: nothing is known
+    bool anew = false;
     Matrix3 R_WB = Matrix3::Identity();
     Vector3 center_W = Vector3::Zero(), omega_B = Vector3::Zero(), velocity = Vector3::Zero();
   };
+  /// As after something that has no parabola through it.
+  void ForgetPast() { past_.h = 0; }
+  /// As BeginsAnew, PastOfStepInParts and EndStepInParts of a mechanism.
+  bool BeginsAnew(double h) const;
+  Past PastOfStepInParts(double h) const { return {h, true, X_WB_.rotation(), center_W(), omega_B_, velocity_}; }
+  void EndStepInParts(const Past& past) { past_ = past; }
   /// All that the next step depends on.
   struct State {
     RigidTransform X_WB;

@@ -11,6 +11,7 @@ namespace fork1s {
 /// 5). Sizes as of MechanismState; of k rigid parts.
 struct MechanismPast {
   double h = 0;                        // s, of that step; 0: nothing is known, and the rule begins anew
+  bool anew = false;                   // whether that step itself knew nothing of the past
   VectorX z_moved;                     // r: how far it went
   VectorX q_dot;                       // n: joint rates at its start
   Matrix3X c_dot_W;                    // 3 x k: velocities of centres at its start, world axes

@@ -64,6 +64,15 @@ void ExpectContact(const MechanismStep& here, bool touches);
 /// Between Begin and Predict: this step is of first order, implicit Euler's. By kMiddle all forces act at its
 /// end, and it goes all the way at the velocity that it ends with.
 void ActAtEnd(const MechanismStep& here);
+/// After a step that had no parabola through it: the next one of two steps begins anew.
+void ForgetPast(const MechanismStep& here);
+/// Whether a step by kTwoSteps has no past to go on from: none is known of that length, or only that of a step that
+/// began anew and stopped so much that all would come back (ParabolaComesBack).
+bool BeginsAnew(const MechanismStep& here, double h);
+/// Before and after a step that begins anew and is taken in parts by kEuler: what the next one is to know of it.
+/// `start` is the state before its first part; the reference has not moved since.
+MechanismPast PastOfStepInParts(const MechanismStep& here, double h);
+void EndStepInParts(const MechanismStep& here, const MechanismState& start, MechanismPast past);
 /// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
 void Predict(const MechanismStep& here, double h, const Vector3& gravity_W);
 /// Whether a mechanism that nothing can touch takes a step of implicit Euler by kMiddle rather than by kEuler.

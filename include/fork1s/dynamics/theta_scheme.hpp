@@ -24,9 +24,12 @@ struct ThetaScheme {
   MatrixX K_Th2;           // K Th²: stiffness in the operator
   MatrixX K_Th_rest;       // K Th (1 - Th)
   MatrixX D_end, D_start;  // damping at the end and at the start of a step
+  bool symmetric = true;   // D_end
 
-  /// `ranges`: coordinates that nothing couples to others, each with modes of its own.
-  void Fill(const ReducedModel& model, const std::vector<VelocityRange>& ranges, double step, bool euler);
+  /// `ranges`: coordinates that nothing couples to others, each with modes of its own. `must_be_symmetric`: D_end has to be, as
+  /// rows of dry friction ask.
+  void Fill(const ReducedModel& model, const std::vector<VelocityRange>& ranges, double step, bool euler,
+            bool must_be_symmetric);
 };
 
 /// Whether a step of `h` [s] can follow any motion of the mechanism about its reference: whether θ < ¾ for a mode,

@@ -51,7 +51,8 @@ struct StepReport {
   bool contacts_dropped = false;  // the collision detector ran out of room
   int newton_steps = 0;           // beyond the first, of the mechanism that took most
   bool minimum_found = true;      // false: those ended short of the end of the step that they sought
-  bool impact = false;            // something was met at speed: four steps of implicit Euler made this one
+  bool impact = false;            // something was met at speed within a step of second order
+  int parts = 1;                  // steps of implicit Euler that made this one, through an impact and after it
   bool forces_at_end = true;      // of contact; false: half way
   double loop_residual = 0;       // rad or m by which the rows of any loop are open, of the mechanism's own
   bool finite = true;             // false: the step was undone and the state is that before it

@@ -49,6 +49,9 @@ void ComputeMaterialVelocities(const Mechanism& mechanism, const RigidParts& par
 /// ω of every part after it turned freely for a time t [s], as TurnFreely of one body has it.
 void TurnFreely(const RigidParts& parts, double t, MaterialVelocities& v);
 
+/// <v, y> of all parts [J].
+double KineticProduct(const RigidParts& parts, const MaterialVelocities& v, const MaterialVelocities& y);
+
 /// x <- y - x with ċ of x turned by `R_now_then` first.
 void SubtractFrom(const MaterialVelocities& y, const Matrix3& R_now_then, MaterialVelocities& x);
 
