@@ -52,17 +52,18 @@ void World::Detail::EndPastsInParts() {
 }
 
 // The step from its start again, by four steps of implicit Euler. Of an impact they leave a fourth of what one is off
-// by that it comes at some time within a step. The step after it has no past to make a parabola with: one of implicit
-// Euler would take as much of the motion as the impact did. What is met at speed in that one begins anew once more.
+// by that it comes at some time within a step. The step after it has no past to make a parabola with, and is made of two:
+// one of implicit Euler would take as much of the motion as the impact did. Where something is met at speed within them,
+// the next begins anew once more.
 // Inputs go on through them as they would have in one.
 StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
-  constexpr int kSteps = 4;
+  const int steps = impact ? 4 : 2;
   GoBack();
   Save(before_impact_);
   if (!impact) KeepPastsInParts(options.h);
   bool jumps = impact;
   StepOptions own = options;
-  own.h = options.h / kSteps;
+  own.h = options.h / steps;
   own.integrator = Integrator::kEuler;
   own.refresh = false;
   StepReport report;
@@ -73,8 +74,8 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
     rows.limit_impulses.clear();
     rows.friction_impulses.clear();
   }
-  for (int k = 1; k <= kSteps; ++k) {
-    const double share = static_cast<double>(k) / kSteps;
+  for (int k = 1; k <= steps; ++k) {
+    const double share = static_cast<double>(k) / steps;
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
       SetInputsWithin(mechanisms_[i], before_impact_.mechanisms[i], share);
     for (std::size_t i = 0; i < free_bodies_.size(); ++i)
@@ -98,7 +99,7 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
   report.contacts = static_cast<int>(
       std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));
   report.impact = impact;
-  report.parts = kSteps;
+  report.parts = steps;
   return report;
 }
 

@@ -261,7 +261,7 @@ std::string TransientsSection(const AccuracyResults& r) {
                        &hand = Find(r.transients, "hand"), &hexapod = Find(r.transients, "hexapod");
   return out + fmt::format(R"(
 What an implicit Euler step of 1/60 s costs, the full model pays as well: the time step, not the reduction, decides how true a
-motion is. Halving the step halves the error. The firemen lose most, {:.0f} % at 1/60 s: numerical damping takes part of the
+motion is. Halving the step halves the error. The firemen lose {:.0f} % at 1/60 s: numerical damping takes part of the
 bounce. What reduction changes, the two at the same step, is {} % there. Between them the firemen's curve does not fall
 any more: that is what the modes left out are worth. At 1/480 s it is {} % without modes, {} % with the eight of the
 scene and {} % with all 36. On the chain the reduced run is the nearer one ({} against {} %): it linearises
