@@ -6,7 +6,8 @@
 // so that the unknown x, which with s is how far the step goes, obeys
 //     (a² M + a h D + h² K) x = a M u + h f(z) - h² K s + Jᵀλ
 // and contacts are rows of x + s as they are rows of the end velocity of implicit Euler, found where that
-// finds them. With nothing known of the past, a = 1 and s = 0, that is implicit Euler, which what may touch, is pulled, or is held by springs and free (euler_free.cpp) takes by kEuler. ẋ, ẋ⁻ are
+// finds them. With nothing known of the past, a = 1 and s = 0, that is implicit Euler, which what may touch, is
+// pulled, or is held by springs and free (euler_free.cpp) takes by kEuler. ẋ, ẋ⁻ are
 // as in theta_step.cpp, ẋ⁻ turned freely to here.
 #include "mechanism_detail.hpp"
 
@@ -47,28 +48,27 @@ bool BeginsAnew(const MechanismStep& here, double h) {
   if (!past.anew) return false;
   SeeStart(here, h, StepRule::kTwoSteps);
   BringPastHere(here, h);
-  const auto product = [&, armature = model.mechanism().armature()](
-                           const MaterialVelocities& v, const VectorX& v_joints, const MaterialVelocities& y,
+  const VectorX& armature = model.mechanism().armature();
+  const RigidParts& parts = model.rigid_parts;
+  const auto product = [&](const MaterialVelocities& v, const VectorX& v_joints, const MaterialVelocities& y,
                            const VectorX& y_joints) {
-    return KineticProduct(model.rigid_parts, v, y) + v_joints.dot(armature.cwiseProduct(y_joints));
+    return KineticProduct(parts, v, y) + v_joints.dot(armature.cwiseProduct(y_joints));
   };
   return ParabolaComesBack(product(ws.start_velocity, ws.q_dot_start, ws.start_velocity, ws.q_dot_start),
                            product(ws.other_velocity, past.q_dot, ws.other_velocity, past.q_dot),
                            product(ws.start_velocity, ws.q_dot_start, ws.other_velocity, past.q_dot));
 }
 
-MechanismPast PastOfStepInParts(const MechanismStep& here, double h) {
-  MechanismPast past;
+void BeginStepInParts(const MechanismStep& here, double h, MechanismPast& past) {
   SeeStart(here, h, StepRule::kTwoSteps);
   FillPast(here, h, true, past);
-  return past;
 }
 
-void EndStepInParts(const MechanismStep& here, const MechanismState& start, MechanismPast past) {
+void EndStepInParts(const MechanismStep& here, const MechanismState& start, MechanismPast& past) {
   const auto& [model, state, ws] = here;
   past.z_moved = state.reduced.z - start.reduced.z;
   past.V_R = state.reduced.V_R;
-  state.past = std::move(past);
+  std::swap(state.past, past);
 }
 
 // s, and (4 ẋ - ẋ⁻)/3 in start_velocity.

@@ -39,15 +39,15 @@ void Take(const StepReport& part, StepReport& whole) {
 
 // What the next step is to know of one in parts, should nothing be met within it.
 void World::Detail::KeepPastsInParts(double h) {
-  pasts_in_parts_.clear();
+  pasts_in_parts_.resize(mechanisms_.size());
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) BeginStepInParts(mechanisms_[i], h, pasts_in_parts_[i]);
   free_pasts_in_parts_.clear();
-  for (MechanismDynamics& m : mechanisms_) pasts_in_parts_.push_back(PastOfStepInParts(m, h));
   for (const FreeBody& b : free_bodies_) free_pasts_in_parts_.push_back(b.PastOfStepInParts(h));
 }
 
 void World::Detail::EndPastsInParts() {
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-    EndStepInParts(mechanisms_[i], before_impact_.mechanisms[i], std::move(pasts_in_parts_[i]));
+    EndStepInParts(mechanisms_[i], before_impact_.mechanisms[i], pasts_in_parts_[i]);
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].EndStepInParts(free_pasts_in_parts_[i]);
 }
 

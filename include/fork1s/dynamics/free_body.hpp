@@ -64,7 +64,7 @@ class FreeBody {
   };
   /// As after something that has no parabola through it.
   void ForgetPast() { past_.h = 0; }
-  /// As BeginsAnew, PastOfStepInParts and EndStepInParts of a mechanism.
+  /// As BeginsAnew, BeginStepInParts and EndStepInParts of a mechanism.
   bool BeginsAnew(double h) const;
   Past PastOfStepInParts(double h) const { return {h, true, X_WB_.rotation(), center_W(), omega_B_, velocity_}; }
   void EndStepInParts(const Past& past) { past_ = past; }

@@ -71,8 +71,8 @@ void ForgetPast(const MechanismStep& here);
 bool BeginsAnew(const MechanismStep& here, double h);
 /// Before and after a step that begins anew and is taken in parts by kEuler: what the next one is to know of it.
 /// `start` is the state before its first part; the reference has not moved since.
-MechanismPast PastOfStepInParts(const MechanismStep& here, double h);
-void EndStepInParts(const MechanismStep& here, const MechanismState& start, MechanismPast past);
+void BeginStepInParts(const MechanismStep& here, double h, MechanismPast& past);
+void EndStepInParts(const MechanismStep& here, const MechanismState& start, MechanismPast& past);
 /// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
 void Predict(const MechanismStep& here, double h, const Vector3& gravity_W);
 /// Whether a mechanism that nothing can touch takes a step of implicit Euler by kMiddle rather than by kEuler.
