@@ -68,19 +68,12 @@ Potential PotentialOfSprings(const MechanismView& here, const RigidTransform& X_
   };
   add(pose.springs);
   add(-gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * pose.moment));
-  const double* next = state.controls.data();
-  const ControlDef* definition = m.definition().controls.data();
-  for (const Mechanism::Control& control : m.controls()) {
-    const double u = *next++;
-    const bool is_setpoint = (definition++)->is_setpoint;
+  for (std::size_t i = 0; i < m.controls().size(); ++i) {
+    const auto& control = m.controls()[i];
     if (!m.HasPotential(control.length)) continue;
-    double length = 0;
-    if (control.length.path >= 0)
-      length = Length(here, control.length);
-    else
-      for (const auto& [coordinate, c] : control.length.terms) length += c * ws.configuration.q(coordinate);
-    add(-control.gain * u * length);
-    if (is_setpoint) add(0.5 * control.gain * u * u);
+    const double u = state.controls(static_cast<Eigen::Index>(i));
+    add(-control.gain * u * Length(here, control.length));
+    if (m.definition().controls[i].is_setpoint) add(0.5 * control.gain * u * u);
   }
   return out;
 }

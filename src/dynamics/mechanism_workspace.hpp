@@ -26,11 +26,6 @@ struct PoseEnergy {
   Vector3 moment = Vector3::Zero();  // Σ mass × centre in R [kg·m]
 };
 
-/// What a rule has act on w⁺ and on w in a step of its length: h D + h² K Th², and h D + h² K Th (1 - Th); r x r.
-struct ThetaOperators {
-  MatrixX end, start;
-};
-
 /// Sizes: n joint coordinates, r reduced ones.
 struct MechanismWorkspace {
   explicit MechanismWorkspace(const MechanismModel& model)
@@ -80,7 +75,6 @@ struct MechanismWorkspace {
   // Of a step of second order.
   StepRule rule = StepRule::kEuler;  // of the step at hand
   ThetaScheme theta, at_end;         // the modal rule, and all forces at the end
-  ThetaOperators of_theta, of_at_end;
   bool all_at_end = false;           // which of the two this step takes
   bool touches = false;              // something may touch it in this step
   bool first_order = false;          // ActAtEnd()

@@ -133,7 +133,8 @@ double MinimiseAtEnd(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
   constexpr int kMost = 50;
   constexpr int kHalvings = 40;
-  constexpr int kBisections = 60;
+  // Then a place along a step is known to the last digit of the whole.
+  constexpr int kBisections = std::numeric_limits<double>::digits;
   const int r = model.size();
   ws.minimum_found = false;
   // Of first order: what the turning does to the velocity is taken along, as ActAtEnd has it.

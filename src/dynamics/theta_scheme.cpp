@@ -68,12 +68,6 @@ void RaiseUntilEnergyFalls(const MatrixX& D, double h, Modes& modes) {
     modes.theta = own.cwiseMax(0.5 + spare);
 }
 
-void Multiply(const VectorX& K, ThetaScheme& s) {
-  s.K_Th = ScaledRows(K, s.Th);
-  s.K_Th2 = Times(s.K_Th, s.Th);
-  s.K_Th_rest = s.K_Th - s.K_Th2;
-}
-
 }  // namespace
 
 bool FollowsAnyMode(const ReducedModel& model, double h) {
@@ -88,8 +82,7 @@ void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRang
   const int r = model.size();
   h = step;
   Th = MatrixX::Identity(r, r);
-  D_end = model.D;
-  D_start = MatrixX::Zero(r, r);
+  MatrixX D_end = model.D;
   symmetric = true;
   if (!euler) {
     const MatrixX M = FeltInertia(model);
@@ -111,9 +104,10 @@ void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRang
         symmetric = false;
       }
     }
-    D_start = model.D - D_end;
   }
-  Multiply(model.K_r, *this);
+  const MatrixX K_Th = ScaledRows(model.K_r, Th), K_Th2 = Times(K_Th, Th);
+  end = h * D_end + (h * h) * K_Th2;
+  start = h * (model.D - D_end) + (h * h) * (K_Th - K_Th2);
 }
 
 }  // namespace fork1s

@@ -213,9 +213,6 @@ void SolveFreeMiddle(const MechanismStep& here, double h) {
     std::vector<VelocityRange> ranges = model.parts;
     if (model.base_size > 0) ranges = {{0, r}};
     rule.Fill(*model.reduced, ranges, h, ws.all_at_end, !model.mechanism().frictions().empty());
-    ThetaOperators& of_rule = ws.all_at_end ? ws.of_at_end : ws.of_theta;
-    of_rule.end = h * rule.D_end + (h * h) * rule.K_Th2;
-    of_rule.start = h * rule.D_start + (h * h) * rule.K_Th_rest;
   }
   if (HasSwitches(here)) AddSwitchedForces(here);
   if (model.num_velocities() == 0) return;
@@ -233,13 +230,12 @@ void SolveFreeMiddleWith(const MechanismStep& here, const ThetaScheme& rule, con
   const double h = rule.h;
   ws.x = ws.momentum;
   if (model.base_size > 0) ws.x.head<6>() += h * ws.base_force;
-  const ThetaOperators& of_rule = ws.all_at_end ? ws.of_at_end : ws.of_theta;
   auto A_z = ws.A.bottomRightCorner(r, r);
   if (model.base_size > 0) {
     ws.A = ws.M_full;
-    A_z += of_rule.end;
+    A_z += rule.end;
   } else {
-    ws.A = ws.M_full + of_rule.end;
+    ws.A = ws.M_full + rule.end;
   }
   if (r > 0) {
     auto rhs = ws.x.tail(r);
@@ -256,8 +252,8 @@ void SolveFreeMiddleWith(const MechanismStep& here, const ThetaScheme& rule, con
     rhs += h * ws.f_turn;
     // What acts on w⁺ acts on what turning does to it. By first order nothing acts on w.
     ws.f_turn = ws.u.tail(r) - ws.w_start;
-    rhs.noalias() -= of_rule.end * ws.f_turn;
-    if (!ws.all_at_end) rhs.noalias() -= of_rule.start * ws.w_start;
+    rhs.noalias() -= rule.end * ws.f_turn;
+    if (!ws.all_at_end) rhs.noalias() -= rule.start * ws.w_start;
     if (TakesBentSprings(here)) {
       A_z += (h * h) * ws.K_beyond;
       rhs.noalias() -= (h * h) * (ws.K_beyond * ws.f_turn);

@@ -244,6 +244,7 @@ struct World::Detail {
   std::vector<ContactRecord> ended_;
   std::vector<WorldState::Rows> impact_rows_;
   bool begins_anew_ = false;  // the step at hand, in contact: none of it is an impact
+  bool in_parts_ = false;     // the one at hand is a part of that
   std::vector<MechanismPast> pasts_in_parts_;
   std::vector<FreeBody::Past> free_pasts_in_parts_;
   StepPartTimes* times_ = nullptr;

@@ -61,7 +61,7 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
   GoBack();
   Save(before_impact_);
   if (!impact) KeepPastsInParts(options.h);
-  bool jumps = impact;
+  bool met = impact, pushed = false;
   StepOptions own = options;
   own.h = options.h / steps;
   own.integrator = Integrator::kEuler;
@@ -80,14 +80,17 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
       SetInputsWithin(mechanisms_[i], before_impact_.mechanisms[i], share);
     for (std::size_t i = 0; i < free_bodies_.size(); ++i)
       free_bodies_[i].SetWrench(before_impact_.free_bodies[i]);
+    in_parts_ = true;
     const StepReport part = TakeStep(own);
+    in_parts_ = false;
     Take(part, report);
     if (!part.finite) return TakePartsBack(report);
-    jumps = jumps || MetAtSpeed(options) || PushesApart(options);
+    met = met || MetAtSpeed(options);
+    pushed = pushed || PushesApart(options);
     SumImpulses();
   }
   TellSums();
-  if (!jumps) EndPastsInParts();
+  if (!met && !pushed) EndPastsInParts();
   by_theta_ = true;
   if (options.refresh) {
     const PartClock clock(times_, &StepPartTimes::refreshing);
@@ -98,7 +101,7 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
   contacts_h_ = options.h;
   report.contacts = static_cast<int>(
       std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));
-  report.impact = impact;
+  report.impact = met;
   report.parts = steps;
   return report;
 }

@@ -62,9 +62,8 @@ void World::Detail::BeginAll(const StepOptions& options, StepRule rule) {
     }
   });
   if (rule == StepRule::kEuler) return;
-  FindTouchedBodies();
   for (std::size_t i = 0; i < free_bodies_.size(); ++i)
-    free_bodies_[i].Begin(options.h, touched_[i] ? rule : StepRule::kMiddle);
+    free_bodies_[i].Begin(options.h, rule == StepRule::kTwoSteps && touched_[i] ? rule : StepRule::kMiddle);
 }
 
 // Whether anything that may touch has no past to go on from.

@@ -88,8 +88,8 @@ RigidParts::RigidParts(const Mechanism& mechanism)
     if (I.mass == 0 || I.rotational.isZero(0)) continue;
     if (turning.empty() || turning.back().count == 4) turning.emplace_back();
     Four& four = turning.back();
-    for (int lane = four.count; lane < 4; ++lane) {
-      if (lane > four.count && four.count > 0) break;
+    const int end = four.count == 0 ? 4 : four.count + 1;  // the first stands in all lanes until others come
+    for (int lane = four.count; lane < end; ++lane) {
       four.part[lane] = static_cast<int>(i);
       four.xx(lane) = I.rotational(0, 0);
       four.xy(lane) = I.rotational(0, 1);

@@ -184,7 +184,7 @@ TEST(Pad, ADeepStartIsPushedApartGently) {
       double fastest = 0, highest = 0;
       for (int i = 0; i * h < 2; ++i) {
         world.Step(step);
-        fastest = std::max(fastest, world.free_bodies()[0].velocity_of_center().z());
+        fastest = std::max(fastest, world.free_bodies()[0].velocity_of_center().norm());
         highest = std::max(highest, world.free_bodies()[0].pose().translation().z());
       }
       EXPECT_LE(fastest, step.material.max_push_speed + 1e-9);

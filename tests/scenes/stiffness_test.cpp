@@ -57,10 +57,9 @@ TEST_P(StiffCylinders, HoldAtTheirBounds) {
   const Course course = run.Until(12);
   EXPECT_TRUE(course.finite);
   EXPECT_LT(course.gap, 1e-9);
-  // 5 t at 6 m/s: its cylinders and its fall would not make it quicker. (Where board and kerb jam flush on each other a
-  // step may end unsolved, and says so.)
-  EXPECT_LT(course.kinetic_max, course.unconverged == 0 ? 1e5 : 1e6);
-  if (course.unconverged == 0 && integrator == Integrator::kTheta) {
+  // 5 t at 6 m/s: its cylinders and its fall would not make it quicker.
+  EXPECT_LT(course.kinetic_max, 1e5);
+  if (integrator == Integrator::kTheta) {
     EXPECT_LT(course.rise_max, 1);
   }
 }

@@ -20,14 +20,13 @@ struct VelocityRange {
 struct ThetaScheme {
   double h = -1;  // s; -1: nothing computed
   MatrixX Th;
-  MatrixX K_Th;            // K Th
-  MatrixX K_Th2;           // K Th²: stiffness in the operator
-  MatrixX K_Th_rest;       // K Th (1 - Th)
-  MatrixX D_end, D_start;  // damping at the end and at the start of a step
-  bool symmetric = true;   // D_end
+  // What acts on w⁺ and on w: h D_end + h² K Th², and h (D - D_end) + h² K Th (1 - Th), with D_end the damping that acts
+  // at the end.
+  MatrixX end, start;
+  bool symmetric = true;  // end
 
-  /// `ranges`: coordinates that nothing couples to others, each with modes of its own. `must_be_symmetric`: D_end has to be, as
-  /// rows of dry friction ask.
+  /// `ranges`: coordinates that nothing couples to others, each with modes of its own. `must_be_symmetric`: `end` has to
+  /// be, as rows of dry friction ask.
   void Fill(const ReducedModel& model, const std::vector<VelocityRange>& ranges, double step, bool euler,
             bool must_be_symmetric);
 };
