@@ -42,7 +42,7 @@ void ErrorContacts::Keep(const World& world, const std::vector<ErrorCompanion>& 
   for (const ContactRecord& c : world.contacts()) {
     if (c.impulse(0) <= 0) continue;
     const double depth = std::max(0.0, -c.point.gap);
-    Contact kept{MatrixX::Zero(6, size), c.impulse, Vector3::Zero(), c.friction, depth, h, {}};
+    Contact kept{MatrixX::Zero(6, size), c.impulse, Vector3::Zero(), depth, h, c.use <= 1, {}};
     const double most = (1 - kSpare) * c.impulse(0);
     kept.turns[0] = std::abs(c.moment(0)) < most * c.point.torsion;
     kept.turns[1] = kept.turns[2] = c.moment.tail<2>().norm() < most * c.point.rolling;
@@ -102,8 +102,10 @@ void ErrorContacts::Prepare(const std::vector<ErrorCompanion>& mechanisms, const
     }
     const int free = static_cast<int>(c.rows.cols()) - from;
     y.bottomRows(free) = c.rows.rightCols(free).transpose();
-    const double bound = c.friction * c.impulse(0), load = c.impulse.tail<2>().norm();
-    const bool sticks = load < (1 - kSpare) * bound;
+    const double load = c.impulse.tail<2>().norm();
+    // As stiff as the simulation has it: there no contact gives more than this share of what it feels.
+    const double softest =
+        ContactSolverOptions{}.most_give * c.h * (c.h + material.relaxation_steps * c.h) / (s * back);
     auto add = [&](const VectorX& row, const VectorX& along, double softness, bool normal) {
       if (row.norm() < kNothing) return;
       // A contact that its own friction would draw in has no answer by it.
@@ -115,6 +117,7 @@ void ErrorContacts::Prepare(const std::vector<ErrorCompanion>& mechanisms, const
         X.col(rows) = moved;
         R(rows) = softness;
         if (normal) {
+          R(rows) = std::min(softness, softest * row.dot(moved));
           depth(rows) = c.depth;
           pull(rows) = 1 / back;
         }
@@ -124,11 +127,11 @@ void ErrorContacts::Prepare(const std::vector<ErrorCompanion>& mechanisms, const
     };
     const Vector3 direction = c.impulse / c.impulse(0);
     const double stiffness = std::max(material.stiffness, c.impulse(0) / (c.h * material.depth));
-    add(y.col(0), sticks ? VectorX(y.col(0)) : VectorX(y.leftCols<3>() * direction),
+    add(y.col(0), c.sticks ? VectorX(y.col(0)) : VectorX(y.leftCols<3>() * direction),
         1 / (s * back * stiffness), true);
     for (int k = 0; k < 3; ++k)
       if (c.turns[k]) add(y.col(3 + k), y.col(3 + k), 0, false);
-    if (sticks) {
+    if (c.sticks) {
       for (int k = 1; k < 3; ++k) add(y.col(k), y.col(k), 0, false);
     } else if (load > 0) {
       const VectorX across = (-c.impulse(2) * y.col(1) + c.impulse(1) * y.col(2)) / load;

@@ -34,7 +34,8 @@ class ErrorContacts {
   struct Contact {
     MatrixX rows;  // 6 x coordinates: ways and turns along normal and tangents; of joints, not of the bases
     Vector3 impulse, speed;
-    double friction, depth, h;
+    double depth, h;
+    bool sticks;    // at the end of the step, of whatever parts it was made
     bool turns[3];  // held by moments
   };
   std::vector<Contact> contacts_;
