@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -37,6 +39,30 @@ bool Improve(const AccuracyTrial& trial, double first_dt, bool may_change_integr
   return true;
 }
 
+// The trial before the last, where that is the same by half the step.
+std::optional<std::size_t> WholeStepOf(const std::vector<AccuracyTrial>& trials) {
+  if (trials.size() < 2) return std::nullopt;
+  const std::size_t before = trials.size() - 2;
+  const AccuracySetting &a = trials[before].setting, &b = trials.back().setting;
+  const bool same = a.integrator == b.integrator && a.modes == b.modes && a.refresh_angle == b.refresh_angle;
+  return same && b.dt == a.dt / 2 ? std::optional(before) : std::nullopt;
+}
+
+double Apart(const AccuracyTrial& a, const AccuracyTrial& b) {
+  if (!b.finite) return std::numeric_limits<double>::infinity();
+  double most = 0;
+  for (std::size_t i = 0; i < std::min(a.ends.size(), b.ends.size()); ++i)
+    most = std::max(most, (a.ends[i] - b.ends[i]).norm());
+  return most;
+}
+
+std::size_t Best(const std::vector<AccuracyTrial>& trials) {
+  const auto worse = [](const AccuracyTrial& a, const AccuracyTrial& b) {
+    return a.finite != b.finite ? a.finite : a.off() < b.off();
+  };
+  return static_cast<std::size_t>(std::min_element(trials.begin(), trials.end(), worse) - trials.begin());
+}
+
 }  // namespace
 
 Expected<WantedAccuracy> ParseAccuracy(const std::string& text) {
@@ -61,13 +87,26 @@ Expected<AccuracyChoice> ChooseForAccuracy(
     auto trial = try_out(next);
     if (!trial) return tl::unexpected(trial.error());
     choice.trials.push_back(std::move(*trial));
-    const AccuracyTrial& now = choice.trials.back();
-    const AccuracyTrial& best = choice.trials[choice.chosen];
-    if (now.finite && (!best.finite || now.error.total < best.error.total))
-      choice.chosen = choice.trials.size() - 1;
-    choice.met = now.finite && wanted.Met(now.error);
+    const std::size_t now = choice.trials.size() - 1;
+    if (const auto before = WholeStepOf(choice.trials); before && wanted.Met(choice.trials[*before])) {
+      choice.trials[*before].apart = Apart(choice.trials[*before], choice.trials[now]);
+      if (wanted.Met(choice.trials[*before])) {
+        choice.chosen = *before;
+        choice.met = true;
+        return choice;
+      }
+    }
+    const bool good = wanted.Met(choice.trials[now]);
+    choice.met = good && !choice.trials[now].touches;
+    choice.chosen = choice.met ? now : Best(choice.trials);
     if (choice.met || choice.trials.size() == kMostTrials) return choice;
-    if (!Improve(now, first.dt, may_change_integrator, next)) return choice;
+    if (good) {
+      next = choice.trials[now].setting;
+      if (next.dt / 2 < kShortest * first.dt) return choice;
+      next.dt /= 2;
+    } else if (!Improve(choice.trials[now], first.dt, may_change_integrator, next)) {
+      return choice;
+    }
   }
 }
 
@@ -84,6 +123,7 @@ Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice) {
     one["error_mm"] = t.finite ? Json(1e3 * t.error.total) : Json(nullptr);
     one["error_percent"] =
         t.finite && t.error.motion > 0 ? Json(100 * t.error.total / t.error.motion) : Json(nullptr);
+    if (t.apart > 0) one["from_half_the_step_mm"] = std::isfinite(t.apart) ? Json(1e3 * t.apart) : Json(nullptr);
     trials.push_back(std::move(one));
   }
   return Json{{"asked", asked},
@@ -93,14 +133,17 @@ Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice) {
 }
 
 void PrintAccuracy(const Json& a) {
-  for (const Json& t : a["trials"])
-    fmt::print("  tried           dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees: {}\n",
+  for (const Json& t : a["trials"]) {
+    const Json apart = t.value("from_half_the_step_mm", Json(nullptr));
+    fmt::print("  tried           dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees: {}{}\n",
                1 / t["dt_s"].get<double>(), t["integrator"].get<std::string>(), t["modes"].get<int>(),
                t["refresh_angle_deg"].get<double>(),
                t["error_mm"].is_null()
                    ? std::string("blew up")
                    : fmt::format("{:.3g} mm, {:.2g} %", t["error_mm"].get<double>(),
-                                 t["error_percent"].is_null() ? 0 : t["error_percent"].get<double>()));
+                                 t["error_percent"].is_null() ? 0 : t["error_percent"].get<double>()),
+               apart.is_null() ? "" : fmt::format("; ends {:.3g} mm from half that step", apart.get<double>()));
+  }
   const Json& c = a["chosen"];
   fmt::print("  accuracy        {} {}: dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees\n",
              a["asked"].get<std::string>(), a["met"].get<bool>() ? "by" : "not met; best is",

@@ -1,6 +1,7 @@
 // `run --accuracy`: what dt, integrator, modes and refresh angle a wanted accuracy asks for.
 #pragma once
 
+#include <algorithm>
 #include <fork1s/dynamics/world.hpp>
 #include <functional>
 #include <string>
@@ -26,13 +27,17 @@ struct AccuracyTrial {
   bool leaves_something = false;  // more modes would change something
   bool exact = true;              // recovery
   bool finite = true;
+  bool touches = false;       // anything
+  std::vector<Vector3> ends;  // m, of the bodies that the estimate is about
+  double apart = 0;           // m, between these ends and those of half the step, where that was asked
+  double off() const { return std::max(error.total, apart); }
 };
 
 struct WantedAccuracy {
   double metres = 0;  // 0: not asked in metres
   double share = 0;   // of the motion
-  bool Met(const ErrorWatch::Largest& e) const {
-    return metres > 0 ? e.total <= metres : e.total <= share * e.motion;
+  bool Met(const AccuracyTrial& t) const {
+    return t.finite && t.off() <= (metres > 0 ? metres : share * t.error.motion);
   }
 };
 /// "0.5mm", "2e-4m", "1%". Errors: kUsage.
@@ -43,7 +48,9 @@ struct AccuracyChoice {
   std::size_t chosen = 0;  // of trials: the first that is good enough, else the best
   bool met = false;
 };
-/// Tries settings, from `first` on, each time changing what the largest part of the estimated error asks for.
+/// Tries settings, from `first` on, each time changing what the largest part of the estimated error asks for. Where
+/// something touches, half the step must end as near: the estimate does not know of contacts that the truth makes or
+/// breaks at another time.
 /// `may_change_integrator`: the second-order step may take the place of implicit Euler.
 Expected<AccuracyChoice> ChooseForAccuracy(
     const WantedAccuracy& wanted, const AccuracySetting& first, bool may_change_integrator,

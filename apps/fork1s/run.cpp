@@ -84,10 +84,14 @@ Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported,
     watch.Begin(*simulation);
     const StepReport report = simulation->Step();
     trial.finite = report.finite;
+    trial.touches |= report.contacts > 0;
     if (trial.finite) watch.End(*simulation, report);
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(*steps));
   }
   trial.error = watch.largest();
+  for (const SceneBody& b : simulation->bodies())
+    if (b.is_interface || b.mechanism < 0)
+      trial.ends.push_back(simulation->Pose(simulation->FindBody(b.name)).translation());
   trial.finite &= trial.error.finite;
   return trial;
 }

@@ -53,6 +53,23 @@ TEST(ErrorEstimate, ChoosesWhatAnAccuracyAsksFor) {
     EXPECT_NE(Fork1s(fmt::format("run --accuracy={} {}", wrong, model)).code, 0) << wrong;
 }
 
+// A hammer whose corner comes down elsewhere by a step of 1/240 s: its estimate says 0.45 mm, and it is 10 mm off.
+TEST(ErrorEstimate, IsNotBelievedWhereHalfTheStepEndsElsewhere) {
+  const std::string scene = std::string(FORK1S_SOURCE_DIR) + "/scenes/hammer";
+  const auto json =
+      Fork1s("run --json --time 1.5 --accuracy 1mm --controls " + scene + ".csv " + scene + ".xml").Json();
+  const auto accuracy = json["accuracy"];
+  bool refused = false;
+  for (const auto& trial : accuracy["trials"])
+    refused |= trial["error_mm"] < 1 && trial.value("from_half_the_step_mm", 0.0) > 1;
+  EXPECT_TRUE(refused) << accuracy.dump();
+  // Where the run by 1/15360 s has the hammer.
+  const auto at = json["interface"][0]["position_m"];
+  EXPECT_TRUE(accuracy["met"].get<bool>());
+  EXPECT_NEAR(at[0].get<double>(), 0.32196, 1e-3);
+  EXPECT_NEAR(at[1].get<double>(), 0.0395, 1e-3);
+}
+
 TEST(Passing, IsToldOfBodiesThatAreNoInterface) {
   const std::string model = Write("arm_plank.xml", Arm("upper", -0.2));
   const auto json = Fork1s("run --json --time 1 " + model).Json();

@@ -321,8 +321,9 @@ EstimateShare ShareOfStrikes(Integrator integrator) {
 TEST(ErrorEstimate, IsSoOfWhatStrikesAndSlidesOnWhateverTheStep) {
   const EstimateShare euler = ShareOfStrikes(Integrator::kEuler);
   EXPECT_GE(euler.inside, 0.95 * euler.all);
-  // Where a step is one of second order its error is a twentieth of that, of which what the parts of an impact
-  // leave, which nodes do not show, is as large as the rest. With contacts taken to stick where they slid, and softer than they are, 14 of 40 were inside.
+  // A step of second order errs by a twentieth of that, and what the parts of an impact leave, which nodes do not
+  // show, is as large as the rest of it. With contacts taken to stick where they slid, and softer than they are, 14 of
+  // 40 were inside.
   const EstimateShare theta = ShareOfStrikes(Integrator::kTheta);
   EXPECT_GE(theta.inside, 0.7 * theta.all);
 }
