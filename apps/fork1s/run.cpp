@@ -89,9 +89,11 @@ Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported,
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(*steps));
   }
   trial.error = watch.largest();
-  for (const SceneBody& b : simulation->bodies())
-    if (b.is_interface || b.mechanism < 0)
-      trial.ends.push_back(simulation->Pose(simulation->FindBody(b.name)).translation());
+  std::vector<RigidTransform> poses;
+  simulation->Poses(poses);
+  for (std::size_t i = 0; i < poses.size(); ++i)
+    if (const SceneBody& b = simulation->bodies()[i]; b.is_interface || b.mechanism < 0)
+      trial.ends.push_back(poses[i].translation());
   trial.finite &= trial.error.finite;
   return trial;
 }
