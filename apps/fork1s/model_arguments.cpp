@@ -133,7 +133,7 @@ void ModelArguments::AddTo(CLI::App& command) {
 
 void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator) {
   static const std::map<std::string, Integrator> names = {{"euler", Integrator::kEuler},
-                                                          {"theta", Integrator::kTheta}};
+                                                          {"theta", Integrator::kTheta}, {"two-stage", Integrator::kTwoStage}};
   command
       .add_option(
           "--integrator", integrator,

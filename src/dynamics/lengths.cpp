@@ -106,20 +106,37 @@ void TurnSprings(const MechanismStep& here, double h) {
   }
 }
 
-// Dampers of joints by the columns that move them, and what they are in D of the model.
-void FindDampers(MechanismModel& model) {
-  const VectorX& damping = model.mechanism().damping();
-  model.dampers.clear();
-  for (int i = 0; i < damping.size(); ++i) {
-    if (!(damping(i) > 0)) continue;
-    const ReducedModel::Run run = model.reduced->runs[static_cast<std::size_t>(i)];
-    auto at = std::find_if(model.dampers.begin(), model.dampers.end(), [&](const WeightedRows& rows) {
+namespace {
+
+// Coordinates with a weight above 0, by the columns that move them.
+std::vector<WeightedRows> RowsByColumns(const ReducedModel& model, const VectorX& weights) {
+  std::vector<WeightedRows> out;
+  for (int i = 0; i < weights.size(); ++i) {
+    if (!(weights(i) > 0)) continue;
+    const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
+    auto at = std::find_if(out.begin(), out.end(), [&](const WeightedRows& rows) {
       return rows.begin == run.begin && rows.size == run.size;
     });
-    if (at == model.dampers.end()) at = model.dampers.insert(at, {run.begin, run.size, {}, {}});
+    if (at == out.end()) at = out.insert(at, {run.begin, run.size, {}, {}});
     at->rows.push_back(i);
-    at->weights.push_back(damping(i));
+    at->weights.push_back(weights(i));
   }
+  return out;
+}
+
+}  // namespace
+
+// Dampers and springs of joints by the columns that move them, and what the dampers are in D of the model.
+void FindDampers(MechanismModel& model) {
+  const Mechanism& m = model.mechanism();
+  model.dampers = RowsByColumns(*model.reduced, m.damping());
+  VectorX stiffness = m.stiffness();
+  for (const Mechanism::ForceLimit& limit : m.force_limits())  // TurnServos has these
+    if (limit.length.path < 0 && limit.length.terms.size() == 1) {
+      const auto& [i, c] = limit.length.terms.front();
+      stiffness(i) = std::max(0.0, stiffness(i) - c * c * limit.stiffness);
+    }
+  model.joint_springs = RowsByColumns(*model.reduced, stiffness);
   model.joint_damping_ref.setZero(model.size(), model.size());
   for (const WeightedRows& rows : model.dampers)
     AddRowSquares(model.reduced->Q_rows, rows, 1, model.joint_damping_ref);

@@ -142,6 +142,10 @@ void StepAgainHalfWay(const MechanismStep& here, double h);
 // Its end as a minimum (theta_minimum.cpp).
 double MinimiseAtEnd(const MechanismStep& here, double h);
 
+// An implicit stage (implicit_stage.cpp).
+void AssembleStage(const MechanismStep& here, double b);
+void SolveFreeStage(const MechanismStep& here, double b);
+
 // Lasting contact (two_steps.cpp).
 /// What the next step will know of this one: all but how far it goes.
 void KeepPast(const MechanismStep& here, double h);

@@ -31,6 +31,8 @@ void SolveFree(const MechanismStep& here, double h) {
     SolveFreeTwist(here, h);
   else if (ws.rule == StepRule::kMiddle)
     SolveFreeMiddle(here, h);
+  else if (ws.rule == StepRule::kStage)
+    SolveFreeStage(here, h);
   else
     SolveFreeTwoSteps(here, h);
 }

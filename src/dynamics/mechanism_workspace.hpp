@@ -26,6 +26,16 @@ struct PoseEnergy {
   Vector3 moment = Vector3::Zero();  // Σ mass × centre in R [kg·m]
 };
 
+/// Where an implicit stage starts (implicit_stage.cpp): configuration and momentum, in flat spaces, so that stages are
+/// sums of these. Sizes: n joint coordinates, r reduced ones, k rigid parts.
+struct StageBase {
+  VectorX z;                                  // r
+  Matrix3 R_WR = Matrix3::Identity();         // of a floating base
+  Vector3 center_W = Vector3::Zero();         // m, centre of mass of a floating mechanism
+  Matrix6X momentum;                          // 6 x k, spatial momenta about a point that drifts with the base [N·m·s; N·s]
+  VectorX joint_momentum;                     // n, armature times joint rate
+};
+
 /// Sizes: n joint coordinates, r reduced ones.
 struct MechanismWorkspace {
   explicit MechanismWorkspace(const MechanismModel& model)
@@ -102,6 +112,12 @@ struct MechanismWorkspace {
   int newton_steps = 0;        // beyond the first, in this step
   Vector3 center_W, linear_W;  // of a floating mechanism: centre of mass [m], momentum [N·s]
   double potential_start = 0, potential_size = 0;  // J, and of the terms that make it
+
+  // Of a two-stage step.
+  StageBase step_start, stage_base, stage_end;
+  Vector3 drift_W = Vector3::Zero();       // m/s, velocity of the point that momenta are taken about
+  double stage_time = 0;                   // s, from the start of the step to the end of the stage
+  VectorX stage_rhs, stage_correction, stage_impulse;  // num_velocities
   // Where a driven base stands while weights work, so that its own way counts for none.
   RigidTransform weighed_on;
 };

@@ -40,12 +40,23 @@ struct World::Detail {
   bool MayBeTouched(std::size_t mechanism) const;
   void FindTouchedBodies();
   bool AnyBeginsAnew(double h);
+  // The two-stage step (world_two_stage.cpp).
+  bool UsesTwoStages(const StepOptions& options) const;
+  StepReport TwoStageStep(const StepOptions& options);
+  enum class StageOutcome { kDone, kImpact, kNotFinite };
+  StageOutcome SolveStage(const StepOptions& options, bool second, StepReport& report);
+  void MoveAllToStagePoses(double b, double time);
+  bool MoveAndCheckResiduals(double b, double time, StepReport& report);
+  bool LeavesAtSpeed(const StepOptions& options) const;
+  void StoreStage(double b, bool second, StepReport& report);
+  StepReport RestartInParts(const StepOptions& options);
   // Impacts, and what follows them (world_impact.cpp).
   StepReport StepInParts(const StepOptions& options, bool impact);
   StepReport TakePartsBack(StepReport report);
   void KeepPastsInParts(double h);
   void EndPastsInParts();
-  void SumImpulses();
+  void ClearSums();
+  void SumImpulses(double weight = 1);
   void TellSums();
   void ExpectContacts();
   double StepsRatio(double h) const;
@@ -167,6 +178,8 @@ struct World::Detail {
   std::vector<std::size_t> patches_;  // first point of each, and the end
   StepRule rule_ = StepRule::kEuler;  // of this step
   bool by_theta_ = false;
+  bool two_stage_ = false;
+  std::vector<char> fresh_, previous_fresh_;  // contacts that bear load in this stage and did not before it
   std::vector<Vector3> missed_W_, previous_missed_W_;  // MissedWay()
   std::vector<Foresight> foresight_;                   // of points_
   VectorX

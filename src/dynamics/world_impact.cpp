@@ -6,9 +6,9 @@
 namespace fork1s {
 namespace {
 
-void Add(const std::vector<double>& more, std::vector<double>& sums) {
+void Add(double weight, const std::vector<double>& more, std::vector<double>& sums) {
   sums.resize(more.size(), 0.0);
-  for (std::size_t i = 0; i < more.size(); ++i) sums[i] += more[i];
+  for (std::size_t i = 0; i < more.size(); ++i) sums[i] += weight * more[i];
 }
 
 // What a step of parts has to say, `part` its last so far.
@@ -66,14 +66,9 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
   own.h = options.h / steps;
   own.integrator = Integrator::kEuler;
   own.refresh = false;
+  const bool by_theta = by_theta_, two_stage = two_stage_;
   StepReport report;
-  impact_sums_.clear();
-  ended_.clear();
-  impact_rows_.resize(mechanisms_.size());
-  for (WorldState::Rows& rows : impact_rows_) {
-    rows.limit_impulses.clear();
-    rows.friction_impulses.clear();
-  }
+  ClearSums();
   for (int k = 1; k <= steps; ++k) {
     const double share = static_cast<double>(k) / steps;
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
@@ -91,7 +86,8 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
   }
   TellSums();
   if (!met && !pushed) EndPastsInParts();
-  by_theta_ = true;
+  by_theta_ = by_theta;
+  two_stage_ = two_stage;
   if (options.refresh) {
     const PartClock clock(times_, &StepPartTimes::refreshing);
     ForMechanisms([&](std::size_t i) { RefreshIfStale(i); });
@@ -114,12 +110,22 @@ StepReport World::Detail::TakePartsBack(StepReport report) {
   return report;
 }
 
+void World::Detail::ClearSums() {
+  impact_sums_.clear();
+  ended_.clear();
+  impact_rows_.resize(mechanisms_.size());
+  for (WorldState::Rows& rows : impact_rows_) {
+    rows.limit_impulses.clear();
+    rows.friction_impulses.clear();
+  }
+}
+
 // Impulses of all parts of the step so far, contact by contact, world axes.
-void World::Detail::SumImpulses() {
+void World::Detail::SumImpulses(double weight) {
   next_sums_.resize(contacts_.size());
   goes_on_.assign(impact_sums_.size(), 0);
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
-    next_sums_[i] = contacts_[i].point.frame.transpose() * contacts_[i].impulse;
+    next_sums_[i] = weight * (contacts_[i].point.frame.transpose() * contacts_[i].impulse);
     if (match_[i] < 0 || impact_sums_.empty()) continue;
     const auto before = static_cast<std::size_t>(match_[i]);
     next_sums_[i] += impact_sums_[before];
@@ -132,8 +138,8 @@ void World::Detail::SumImpulses() {
   }
   impact_sums_.swap(next_sums_);
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    Add(mechanism_blocks_[i].limit_impulses, impact_rows_[i].limit_impulses);
-    Add(mechanism_blocks_[i].friction_impulses, impact_rows_[i].friction_impulses);
+    Add(weight, mechanism_blocks_[i].limit_impulses, impact_rows_[i].limit_impulses);
+    Add(weight, mechanism_blocks_[i].friction_impulses, impact_rows_[i].friction_impulses);
   }
 }
 

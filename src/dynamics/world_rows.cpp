@@ -190,7 +190,7 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   // What lasts has its rows half a step ahead, where they turn the velocity into the way of the step to
   // second order; and what rows hold back, forces along the same rows do no work on. By two steps forces act
   // at its end: rows are those of there as far as that is sure, and what is more of the way by them is foreseen.
-  const bool lasts = options.contact_curvature && rule_ != StepRule::kMiddle && curvature_valid_ &&
+  const bool lasts = options.contact_curvature && rule_ != StepRule::kMiddle && rule_ != StepRule::kStage && curvature_valid_ &&
                      match_[i] >= 0 && previous_[static_cast<std::size_t>(match_[i])].impulse(0) > 0;
   Foresight& seen = foresight_[i];
   const bool foreseen = seen.used = lasts && Foresee(p, seen);
@@ -205,11 +205,13 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
     }
   p.frame = frame;
   // Half way stands what half a step of the old velocity has made of the gap that the start had.
-  const bool middle = rule_ == StepRule::kMiddle;
+  const bool middle = rule_ == StepRule::kMiddle, stage = rule_ == StepRule::kStage;
   if (middle) p.gap -= 0.5 * h * speed(0);
+  // A stage finds contacts at the pose that the velocity at hand leads to: this is the gap at its base point.
+  if (stage) p.gap -= h * speed(0);
   closing_[i] = std::max(0.0, -speed(0));
   SetMaterial(options.material, p.gap, h, c);
-  if (p.restitution > 0 && !middle) approach_[i] = std::max(0.0, -speed(0));
+  if (p.restitution > 0 && !middle && !stage) approach_[i] = std::max(0.0, -speed(0));
   // A body on the floor would fall upon all that is near, were nothing there to hold it: it goes on as it
   // did.
   c.waits = p.gap + h * speed(0) > kClear;
@@ -217,12 +219,10 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   const auto k = static_cast<std::size_t>(match_[i]);
   const ContactRecord& before = previous_[k];
   c.waits = c.waits && before.impulse.isZero(0);
-  // What surfaces bore was a force; impulses are those of a step.
-  const double by_step = StepsRatio(h);
-  const Matrix3 turned = by_step * (p.frame * before.point.frame.transpose());
-  c.held = c.impulse = turned * before.impulse;
+  const Matrix3 turned = h * (p.frame * before.point.frame.transpose());
+  c.held = c.impulse = turned * before.end_force;
   c.held_use = before.use;
-  c.held_moment = c.moment = turned * before.moment;
+  c.held_moment = c.moment = turned * before.end_moment;
   if (foreseen) {
     c.bias += way - speed;
     c.bias += CoordinateCurvature(p.body_a, c.J_a) + CoordinateCurvature(p.body_b, c.J_b) +
@@ -274,11 +274,12 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       LimitConstraint& limit = *next++;
       limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
       limit.sign = upper ? -1 : 1;
-      const double moved = rule_ == StepRule::kMiddle ? 0.5 * h * LengthRate(m, stop.length) : 0;
+      const double share = rule_ == StepRule::kMiddle ? 0.5 : rule_ == StepRule::kStage ? 1 : 0;
+      const double moved = share > 0 ? share * h * LengthRate(m, stop.length) : 0;
       limit.bias =
           StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
       limit.impulse = by_step * mechanism_blocks_[i].limit_impulses[at];
-      if ((rule_ == StepRule::kTwoSteps || in_parts_) && !(limit.impulse > 0))
+      if ((rule_ == StepRule::kTwoSteps || rule_ == StepRule::kStage || in_parts_) && !(limit.impulse > 0))
         stop_approach_[static_cast<std::size_t>(&limit - limits_.data())] = ApproachOf(m, stop, upper);
     }
     for (std::size_t k = 0; k < part.frictions.size(); ++k) {

@@ -184,8 +184,10 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   previous_speed_W_.swap(speed_W_);
   previous_missed_W_.swap(missed_W_);
   by_theta_ = UsesTheta(options);
+  two_stage_ = UsesTwoStages(options);
   rule_ = StepRule::kEuler;
   begins_anew_ = false;
+  if (two_stage_) return TwoStageStep(options);
   if (by_theta_)
     BeginTheta(options, report);
   else

@@ -55,6 +55,17 @@ class FreeBody {
     pushed_ = false;
   }
   void Integrate(double h);
+
+  /// A two-stage step, as the functions of mechanism_step.hpp: base points are the pose, the spin in world axes and
+  /// the velocity of the centre.
+  void BeginTwoStageStep(const Vector3& gravity_W);
+  void MoveToStagePose(double b);
+  /// Velocity of the stage without contact. `touched`: the turn is that of the pose at hand, else it is solved for.
+  void PredictStage(double b, bool touched);
+  /// After contact: moves to the pose found; the change that another iteration would make [m], `radius` for turns.
+  double MoveAndComputeResidual(double b, double& motion);
+  void ExtrapolateStage(double b, double onward);
+  void EndTwoStageStep();
   /// The start of the last step, if it was one of second order: as MechanismPast.
   struct Past {
     double h = 0;  // s; 0: nothing is known
@@ -108,6 +119,13 @@ class FreeBody {
   Vector3 turn_shift_ = Vector3::Zero(), way_shift_ = Vector3::Zero();  // in the body's axes; in the world's
   Vector3 force_W_ = Vector3::Zero();
   Vector3 moment_W_ = Vector3::Zero();  // about the centre of mass
+  struct StageBase {
+    Matrix3 R_WB = Matrix3::Identity();
+    Vector3 center_W = Vector3::Zero(), spin_W = Vector3::Zero(), velocity = Vector3::Zero();
+  };
+  StageBase step_start_, stage_base_;
+  Vector3 gravity_W_ = Vector3::Zero(), spin_end_W_ = Vector3::Zero();
+  Vector3 FreeTurning(double b, const Vector3& spin_W, Vector3 guess) const;
 };
 
 }  // namespace fork1s

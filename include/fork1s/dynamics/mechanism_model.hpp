@@ -54,6 +54,7 @@ struct MechanismModel {
   std::vector<double> spring_stiffness_ref;  // of springs()
   MatrixX stiffness_ref;                     // n x n: K_q where it is not diagonal and q_perp is there
   std::vector<WeightedRows> dampers;         // of joints
+  std::vector<WeightedRows> joint_springs;   // without those of servos with bounds
   MatrixX joint_damping_ref;                 // r x r, lower triangle, with loops: what those are in D
   bool has_followers = false;         // forces along lengths without potential
   bool has_follower_springs = false;  // and some of them hang on the length

@@ -113,6 +113,23 @@ bool FoundMinimum(const MechanismView& here);
 /// Servos and motors that give all they can.
 int NumForcesAtBound(const MechanismState& state);
 
+// A two-stage step (implicit_stage.cpp), b: length of a stage [s].
+
+/// Begins a two-stage step of h [s]: static correction of the interior, impulse of a driven base whose twist changes,
+/// and the base points of the first stage.
+void BeginTwoStageStep(const MechanismStep& here, double h, const Vector3& gravity_W);
+/// Moves to the pose x̂ ⊕ b v with the velocity v at hand and evaluates configuration and inertia there. `time` [s]: from
+/// the start of the step to the end of the stage.
+void MoveToStagePose(const MechanismStep& here, double b, double time);
+/// Free velocity of the stage, linearised at the pose at hand.
+void PredictStage(const MechanismStep& here, double b);
+/// After contact: records the momenta of the stage, moves to the pose found, and returns the change of position that
+/// another Newton iteration would make [m], in the kinetic metric. `motion` [m]: that of the stage, likewise.
+double MoveAndComputeResidual(const MechanismStep& here, double b, double time, double& motion);
+/// Base points of the second stage: start + onward (end of the first stage - start).
+void ExtrapolateStage(const MechanismStep& here, double b, double onward);
+void EndTwoStageStep(const MechanismStep& here);
+
 // Between steps.
 
 /// Puts back a state, of here or of another mechanism that was created the same way; the model follows it.

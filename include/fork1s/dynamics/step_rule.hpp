@@ -3,9 +3,10 @@
 
 namespace fork1s {
 
-/// docs/method.md, section 5. The last two make the step of second order: nothing touches, and contacts are
-/// looked for half way; or something lasts in contact, and the past step is known.
-enum class StepRule { kEuler, kMiddle, kTwoSteps };
+/// docs/method.md, section 5. kMiddle and kTwoSteps make the step of `theta`: nothing touches, and contacts are
+/// looked for half way; or something lasts in contact, and the past step is known. kStage: an implicit stage of the
+/// two-stage scheme.
+enum class StepRule { kEuler, kMiddle, kTwoSteps, kStage };
 
 /// Whether a parabola through the velocities v⁻ and v at the ends of a step that began anew, as after an impact, goes on
 /// to more than v though nothing drives it there. That step turned the motion back; or it stopped so much that the

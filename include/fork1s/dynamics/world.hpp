@@ -22,9 +22,11 @@ struct StepPartTimes;     // step_times.hpp
 
 /// How a step is taken. kEuler: all forces at its end, first order. kTheta: of second order, not for recovery
 /// by twists; slow modes by the trapezoid, what a step cannot follow at its end, lasting contact at its end
-/// by the rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5). kAuto, of a
-/// Simulation: kTheta where a mechanism moves slowly enough for the step to follow, else kEuler.
-enum class Integrator { kEuler, kTheta, kAuto };
+/// by the rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5). kTwoStage: of
+/// second order, two implicit stages, each solved by Newton iteration to a residual (Alexander's SDIRK2,
+/// docs/decisions/001-time-stepping.md). kAuto, of a Simulation: kTheta where a mechanism moves slowly enough for
+/// the step to follow, else kEuler.
+enum class Integrator { kEuler, kTheta, kTwoStage, kAuto };
 
 struct StepOptions {
   double h = 1.0 / 60;                     // s
@@ -51,6 +53,11 @@ struct StepReport {
   bool contacts_dropped = false;  // the collision detector ran out of room
   int newton_steps = 0;           // beyond the first, of the mechanism that took most
   bool minimum_found = true;      // false: those ended short of the end of the step that they sought
+  int stage_iterations = 0;       // kTwoStage: Newton iterations of both stages; 2 where each took one
+  /// kTwoStage, m: the largest change of a pose that another Newton iteration of a stage would make, in the kinetic
+  /// metric: b |A⁻¹r| over the root of the mass, r the residual of the stage's equation.
+  double stage_residual = 0;
+  bool stages_converged = true;   // kTwoStage: false where a stage ended above its tolerance
   bool impact = false;            // something was met at speed within a step of second order
   int parts = 1;                  // steps of implicit Euler that made this one, through an impact and after it
   bool forces_at_end = true;      // of contact; false: half way

@@ -16,6 +16,9 @@ struct ContactRecord {
   double friction = 0;
   Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
   double use = 0;                    // of the cone, above 1 where it slides
+  // At the end of the step, from which the tangential springs of the next one start; `impulse` is the whole step's.
+  Vector3 end_force = Vector3::Zero();   // N
+  Vector3 end_moment = Vector3::Zero();  // N·m
 };
 
 /// All that the next step of a world depends on beside what it was made of. For worlds made of the same scene

@@ -15,6 +15,7 @@ struct StepOrderRow {
   double euler_percent[2] = {0, 0};  // full
   double two_percent[2] = {0, 0};    // full, by two stages
   double theta_percent[2] = {0, 0};  // reduced
+  double two_stage_percent[2] = {0, 0};  // reduced, by Integrator::kTwoStage
   int halved[2] = {0, 0};            // steps of two stages in which something was met
   int steps[2] = {0, 0};
   double truth_percent = 0;  // two stages at 1/960 s from those at 1/1920 s, the truth

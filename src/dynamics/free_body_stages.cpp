@@ -1,0 +1,74 @@
+// One implicit stage of a free rigid body.
+//
+//     R I ω = l̂ + b τ + contact,   R = R̂ exp(b ω),   v = v̂ + b a + contact,   c = ĉ + b v
+// l̂ is the spin in world axes, a flat space: what turns freely keeps it.
+#include <cmath>
+#include <fork1s/dynamics/free_body.hpp>
+
+namespace fork1s {
+
+void FreeBody::BeginTwoStageStep(const Vector3& gravity_W) {
+  gravity_W_ = gravity_W;
+  omega_B_before_ = omega_B_;
+  velocity_before_ = velocity_;
+  X_WB_before_ = X_WB_;
+  pushed_ = false;
+  step_start_ = {X_WB_.rotation(), center_W(), X_WB_.rotation() * (inertia_.rotational * omega_B_), velocity_};
+  stage_base_ = step_start_;
+}
+
+void FreeBody::MoveToStagePose(double b) {
+  X_WB_.rotation() = stage_base_.R_WB * ExpRotation(b * omega_B_);
+  X_WB_.Orthonormalize();
+  X_WB_.translation() = stage_base_.center_W + b * velocity_ - X_WB_.rotation() * inertia_.center;
+}
+
+// ω with R̂ exp(b ω) I ω = l by Newton's method: with m = exp(-b ω) R̂ᵀ l, ∂m/∂ω = b [m]x dexp(-b ω).
+Vector3 FreeBody::FreeTurning(double b, const Vector3& spin_W, Vector3 omega) const {
+  constexpr int kMaxIterations = 12;
+  const Vector3 l_B = stage_base_.R_WB.transpose() * spin_W;
+  for (int i = 0; i < kMaxIterations; ++i) {
+    const Vector3 m = ExpRotation(b * omega).transpose() * l_B;
+    const Matrix3 tangent = inertia_.rotational - b * Skew(m) * DexpRotation(-b * omega);
+    const Vector3 change = tangent.inverse() * (m - inertia_.rotational * omega);
+    omega += change;
+    if (!(change.norm() > 1e-14 * omega.norm())) break;
+  }
+  return omega;
+}
+
+void FreeBody::PredictStage(double b, bool touched) {
+  pushed_ = false;
+  const Vector3 spin_W = stage_base_.spin_W + b * moment_W_;
+  velocity_ = stage_base_.velocity + b * (weight_share_ * gravity_W_ + force_W_ / inertia_.mass);
+  omega_B_ = touched ? Vector3(inertia_.rotational.inverse() * (X_WB_.rotation().transpose() * spin_W))
+                     : FreeTurning(b, spin_W, omega_B_);
+}
+
+double FreeBody::MoveAndComputeResidual(double b, double& motion) {
+  // The momentum of the pose linearised at, as contact left it.
+  spin_end_W_ = pushed_ ? Vector3(X_WB_.rotation() * (inertia_.rotational * omega_B_))
+                        : Vector3(stage_base_.spin_W + b * moment_W_);
+  MoveToStagePose(b);
+  const double mass = inertia_.mass;
+  motion = b * std::sqrt(2 * KineticEnergy() / mass);
+  const Vector3 residual = X_WB_.rotation().transpose() * spin_end_W_ - inertia_.rotational * omega_B_;
+  return b * std::sqrt(residual.dot(inertia_.rotational.inverse() * residual) / mass);
+}
+
+void FreeBody::ExtrapolateStage(double b, double onward) {
+  const StageBase& start = step_start_;
+  stage_base_.R_WB = start.R_WB * ExpRotation(onward * b * omega_B_);
+  stage_base_.center_W = start.center_W + onward * (center_W() - start.center_W);
+  stage_base_.spin_W = start.spin_W + onward * (spin_end_W_ - start.spin_W);
+  stage_base_.velocity = start.velocity + onward * (velocity_ - start.velocity);
+}
+
+void FreeBody::EndTwoStageStep() {
+  omega_B_ = inertia_.rotational.inverse() * (X_WB_.rotation().transpose() * spin_end_W_);
+  force_W_.setZero();
+  moment_W_.setZero();
+  past_.h = 0;
+}
+
+}  // namespace fork1s
