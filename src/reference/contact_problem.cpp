@@ -22,6 +22,7 @@ struct RowBuilder {
   VectorX bias;
   int next = 0;
 
+  /// Returns the number of the row.
   int AddRow(const PointConstraint& p, const Vector6& on_a, const Vector6& on_b, double row_bias) {
     if (p.port_a >= 0) J.row(next).segment<6>(p.port_a) += on_a.transpose();
     if (p.port_b >= 0) J.row(next).segment<6>(p.port_b) += on_b.transpose();
@@ -39,7 +40,7 @@ MatrixX AssembleResponse(const std::vector<ResponseBlock>& blocks, Eigen::Index 
 }
 
 struct InverseMass {
-  double mean = 0;     // trace(J W Jᵀ)/3
+  double mean = 0;         // trace(J W Jᵀ)/3
   double uncancelled = 0;  // with the diagonal of W alone
 };
 

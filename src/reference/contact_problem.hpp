@@ -18,11 +18,11 @@ namespace fork1s::reference {
 
 /// Rows of a point; a point that no velocity moves has none.
 struct PointBlock {
-  int constraint = 0;                           // its place in the constraints
-  int row = 0;                                  // normal; the tangents follow
+  int constraint = 0;                            // its place in the constraints
+  int row = 0;                                   // normal; the tangents follow
   std::array<int, 3> moment_row = {-1, -1, -1};  // -1: no moment about this axis
-  double inverse_mass = 0;                      // mean over the three rows [1/kg]
-  int pair = 0;                                 // pairs of ports are numbered
+  double inverse_mass = 0;                       // mean over the three rows [1/kg]
+  int pair = 0;                                  // of ports
 };
 
 struct ContactProblem {
@@ -38,7 +38,7 @@ struct ContactProblem {
   int size() const { return static_cast<int>(b.size()); }
 };
 
-/// Rows, W and b. Compliances follow by UpdateCompliance.
+/// Rows, W and b. InitializePairCompliance and UpdateCompliance add the rest.
 ContactProblem AssembleContactProblem(const std::vector<ResponseBlock>& blocks,
                                       const std::vector<PointConstraint>& points,
                                       const std::vector<BoundConstraint>& bounds, const VectorX& velocities);

@@ -1,18 +1,19 @@
 #include "dense_contact_solver.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <limits>
 
-#include "bound_laws.hpp"
 #include "contact_problem.hpp"
 
 namespace fork1s::reference {
 namespace {
 
-constexpr double kTarget = 1e-12;          // residual that Newton usually reaches with one more iteration
-constexpr int kFirstSweeps = 20;           // of the first set; the next ones are twice as long each
-constexpr int kMaxSweeps = 20000;          // of one set
-constexpr int kMaxComplianceUpdates = 4;   // the next step knows what these leave too deep
+// The solutions are the same for any ρ, Newton's iterates are not: modes that alternate for one ρ do not for
+// another.
+constexpr double kRhoFactors[] = {1, 0.1, 10, 0.01, 100};
+constexpr double kTarget = 1e-12;         // residual that Newton usually reaches with one more iteration
+constexpr int kFirstSweeps = 20;          // of the first set; the next ones are twice as long each
+constexpr int kMaxComplianceUpdates = 4;  // deeper penetration is left to the next step, which knows the load
 
 VectorX GatherImpulses(const ContactProblem& problem, const std::vector<PointConstraint>& points,
                        const std::vector<BoundConstraint>& bounds) {
@@ -73,33 +74,37 @@ void AddResponse(const std::vector<ResponseBlock>& blocks, const std::vector<Poi
     velocities.segment(block.offset, block.W.rows()) += block.W * p.segment(block.offset, block.W.rows());
 }
 
-// Newton, and sweeps where it stagnates. Returns the residual; x is the best iterate.
+// Newton for each ρ, and sweeps where all of them stagnate. Returns the residual; x is the best iterate.
 double SolveAtCompliance(const ContactProblem& problem, const std::vector<PointConstraint>& points,
                          const std::vector<BoundConstraint>& bounds, const FullContactOptions& options,
                          VectorX& x, FullContactReport& report) {
   NaturalMap map;
   VectorX swept = x, best = x;
   double best_residual = std::numeric_limits<double>::infinity();
-  for (int set = 0, sweeps = kFirstSweeps;; ++set, sweeps = std::min(2 * sweeps, kMaxSweeps)) {
-    x = swept;
-    report.newton_iterations +=
-        IterateNewton(problem, points, bounds, kTarget, options.max_newton_iterations, x);
-    for (const VectorX* candidate : {&x, &swept}) {
-      EvaluateNaturalMap(problem, points, bounds, *candidate, map);
-      if (map.Relative() >= best_residual) continue;
-      best_residual = map.Relative();
-      best = *candidate;
+  for (int set = 0, sweeps = kFirstSweeps;; ++set, sweeps *= 2) {
+    for (const double factor : kRhoFactors) {
+      ContactProblem scaled = problem;
+      scaled.rho *= factor;
+      x = swept;
+      report.newton_iterations +=
+          IterateNewton(scaled, points, bounds, kTarget, options.max_newton_iterations, x);
+      EvaluateNaturalMap(problem, points, bounds, x, map);
+      if (map.Relative() < best_residual) {
+        best_residual = map.Relative();
+        best = x;
+      }
+      if (best_residual <= options.tolerance) break;
     }
     if (best_residual <= options.tolerance || set >= options.max_sweep_sets) break;
     SweepGaussSeidel(problem, points, bounds, sweeps, swept);
     report.sweeps += sweeps;
   }
-  // The projection satisfies bounds and cones exactly.
-  x = best;
-  EvaluateNaturalMap(problem, points, bounds, x, map);
+  // The projection satisfies bounds and cones exactly. It is the solution unless its residual is larger.
+  EvaluateNaturalMap(problem, points, bounds, best, map);
   x = map.projection;
   EvaluateNaturalMap(problem, points, bounds, x, map);
-  if (map.Relative() > std::max(best_residual, options.tolerance)) x = best;
+  if (map.Relative() <= std::max(best_residual, options.tolerance)) return map.Relative();
+  x = best;
   return best_residual;
 }
 

@@ -14,11 +14,12 @@ struct FullContactMaterial {
 struct FullContactOptions {
   /// Largest accepted residual, see FullContactReport::residual.
   double tolerance = 1e-10;
-  /// Newton iterations after a set of Gauss-Seidel sweeps, before the next set.
+  /// Newton iterations from one starting point. The first is the previous solution, the next ones are those
+  /// after each set of Gauss-Seidel sweeps.
   int max_newton_iterations = 40;
-  /// Sets of Gauss-Seidel sweeps, each twice as long as the one before. The solve is reported as not converged
-  /// after the last one.
-  int max_sweep_sets = 12;
+  /// Sets of Gauss-Seidel sweeps, the first of 20 sweeps and each twice as long as the one before. The solve
+  /// is reported as not converged after the last one.
+  int max_sweep_sets = 9;
   /// Upper bound of R over the inverse mass at a point: an impact leaves at most this share of its speed.
   double max_relative_regularization = 1e-3;
 };
