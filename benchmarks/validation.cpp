@@ -58,7 +58,7 @@ std::string Introduction() {
          "published? And do independent computations of the same number agree? Each row has a number by "
          "several\n"
          "roads: the *reduced* simulator (`Simulation`, what users run), the *full*-coordinate one\n"
-         "(`FullSimulation`, which shares no reduction, recovery or dynamics code with it), and in the "
+         "(`FullSimulation`, which shares no reduction, recovery, contact or dynamics code with it), and in the "
          "second\n"
          "table MuJoCo.\n\n"
          "`build/release/benchmarks/validation --oracle DIR --out docs/validation.md` writes this page. The "

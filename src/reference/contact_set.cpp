@@ -2,9 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/spectrum.hpp>
+
+#include "contact_compliance.hpp"
+#include "dense_contact_solver.hpp"
+#include "restitution.hpp"
 
 namespace fork1s::internal {
+
+using reference::BoundConstraint;
+using reference::PointConstraint;
+using reference::PointJacobian;
+
 namespace {
 
 // Twist of a mechanism's body in world axes about its origin.
@@ -12,12 +20,6 @@ Vector6 InWorld(const RigidTransform& X, const Vector6& V_B) {
   Vector6 V;
   V << X.rotation() * V_B.head<3>(), X.rotation() * V_B.tail<3>();
   return V;
-}
-
-// W <- Y with YᵀY = W.
-void RootOf(MatrixX& W) {
-  const SymmetricSpectrum spectrum = SpectrumOf(W);
-  W = spectrum.values.cwiseMax(0).cwiseSqrt().asDiagonal() * spectrum.vectors.transpose();
 }
 
 }  // namespace
@@ -109,7 +111,7 @@ const ContactSet::Past* ContactSet::FindPast(const ContactPoint& point) {
 }
 
 // Relative velocity in the contact's frame.
-Vector3 ContactSet::Speed(const ContactConstraint& c) const {
+Vector3 ContactSet::Speed(const PointConstraint& c) const {
   Vector3 speed = Vector3::Zero();
   if (c.port_a >= 0) speed += c.J_a * velocities_.segment<6>(c.port_a);
   if (c.port_b >= 0) speed += c.J_b * velocities_.segment<6>(c.port_b);
@@ -118,7 +120,8 @@ Vector3 ContactSet::Speed(const ContactConstraint& c) const {
 
 void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms, double h,
                          const FullSimulationOptions& options) {
-  constraints_.assign(points_.size(), ContactConstraint{});
+  constraints_.assign(points_.size(), PointConstraint{});
+  const reference::ContactCompliance compliance = reference::ComputeContactCompliance(options.material, h);
   past_used_.assign(past_.size(), 0);
   approach_.assign(points_.size(), 0.0);
   bias_.resize(points_.size());
@@ -133,13 +136,13 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
   const double longer = past_h_ > 0 ? h / past_h_ : 1;
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactPoint& p = points_[i];
-    ContactConstraint& c = constraints_[i];
+    PointConstraint& c = constraints_[i];
     c.friction = p.friction;
     c.torsion = p.torsion;
     c.rolling = p.rolling;
     Vector3 speed = Vector3::Zero();
     double guessed = 0;
-    auto side = [&](int body, double sign, int& port, Matrix36& J) {
+    auto side = [&](int body, double sign, int& port, PointJacobian& J) {
       const FullContactor& contactor = contactors_[static_cast<std::size_t>(body)];
       if (contactor.kind == FullContactor::Kind::kWorld) return;
       port = port_offset_[static_cast<std::size_t>(body)];
@@ -158,11 +161,14 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     // At the guess the gap of the start is what these rows would make of the end's.
     gap_[i] = p.gap - h * guessed;
     start_speed_[i] = speed(0);
-    SetMaterial(options.material, gap_[i], h, c);
+    c.compliance_normal = compliance.normal;
+    c.compliance_tangent = compliance.tangent;
+    c.max_penetration_speed = compliance.max_penetration_speed;
+    c.bias[0] = reference::ComputeGapBias(options.material, gap_[i], h);
     if (past) {
-      c.held = c.impulse = p.frame * (past->point.frame.transpose() * (longer * past->impulse));
-      c.held_use = past->use;
-      c.held_moment = c.moment = p.frame * (past->point.frame.transpose() * (longer * past->moment));
+      c.previous_impulse = c.impulse = p.frame * (past->point.frame.transpose() * (longer * past->impulse));
+      c.previous_utilization = past->utilization;
+      c.previous_moment = c.moment = p.frame * (past->point.frame.transpose() * (longer * past->moment));
       // As its own rows saw it: how far a normal turns within the step is no approach.
       start_speed_[i] = past->point.frame.row(0).dot(past->speed_W);
       bore_[i] = past->impulse(0) > 0;
@@ -186,23 +192,23 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
       const double length = at_guess_ ? m.Length(stop.length, m.next_q()) -
                                             h * m.LengthRate(stop.length, m.next_q(), m.next_q_dot())
                                       : m.Length(stop.length, m.q());
-      LimitConstraint limit;
+      BoundConstraint limit;
       limit.row = blocks_[i].offset + 6 * static_cast<int>(blocks_[i].ports.size()) + static_cast<int>(k);
       limit.sign = upper ? -1 : 1;
       limit_gap_.push_back(upper ? stop.upper - length : length - stop.lower);
       limit_speed_.push_back(limit.sign * m.LengthRate(stop.length, m.q(), m.q_dot()));
-      limit.bias = StopBias(options.material, limit_gap_.back(), h);
+      limit.bias = reference::ComputeGapBias(options.material, limit_gap_.back(), h);
       limit.impulse = longer * blocks_[i].limit_impulses[static_cast<std::size_t>(at)];
       limits_.push_back(limit);
     }
     const auto& frictions = mechanisms[i].mechanism().frictions();
     for (std::size_t k = 0; k < frictions.size(); ++k) {
-      LimitConstraint friction;
+      BoundConstraint friction;
       friction.row =
           blocks_[i].offset + static_cast<int>(6 * blocks_[i].ports.size() + blocks_[i].limits.size() + k);
       friction.upper = h * frictions[k].force;
       friction.lower = -friction.upper;
-      friction.held = friction.impulse = longer * blocks_[i].friction_impulses[k];
+      friction.previous_impulse = friction.impulse = longer * blocks_[i].friction_impulses[k];
       limits_.push_back(friction);
     }
   }
@@ -217,16 +223,16 @@ void ContactSet::Open(const Mechanisms& mechanisms, const Bodies& free_bodies, d
 }
 
 void ContactSet::ForgetImpulses() {
-  for (ContactConstraint& c : constraints_) {
+  for (PointConstraint& c : constraints_) {
     c.impulse.setZero();
     c.moment.setZero();
   }
-  for (LimitConstraint& limit : limits_) limit.impulse = 0;
+  for (BoundConstraint& limit : limits_) limit.impulse = 0;
 }
 
 bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
-                       const ContactSolverOptions& options, ContactSolverReport& report) {
-  std::vector<VelocityBlock> velocity_blocks;
+                       const FullContactOptions& options, FullContactReport& report) {
+  std::vector<reference::ResponseBlock> response_blocks;
   std::vector<MatrixX> responses(mechanisms.size());
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     const FullMechanism& m = mechanisms[i];
@@ -267,41 +273,33 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
         velocities_.segment<6>(port.offset) = v.segment<6>(port.offset - block.offset);
     const auto limits = static_cast<Eigen::Index>(block.limits.size() + frictions.size());
     velocities_.segment(block.offset + block.rows - limits, limits) = v.tail(limits);
-    RootOf(block.W);
-    velocity_blocks.push_back({block.offset, block.rows, block.W.data(), block.rows, block.rows});
+    response_blocks.push_back({block.offset, block.W});
   }
-  std::vector<Matrix6> inverse(free_bodies.size());
   free_twists_.resize(free_bodies.size());
-  for (std::size_t i = 0; i < free_bodies.size(); ++i) {
-    inverse[i] = free_bodies[i].InverseInertia();
-    free_twists_[i] = free_bodies[i].FreePortTwist();
-  }
+  for (std::size_t i = 0; i < free_bodies.size(); ++i) free_twists_[i] = free_bodies[i].FreePortTwist();
   for (const Port& port : free_ports_) {
     const auto i = static_cast<std::size_t>(contactors_[static_cast<std::size_t>(port.contactor)].index);
     velocities_.segment<6>(port.offset) = free_twists_[i];
-    MatrixX root = inverse[i];
-    RootOf(root);
-    inverse[i] = root;
-    velocity_blocks.push_back({port.offset, 6, inverse[i].data(), 6, 6});
+    response_blocks.push_back({port.offset, free_bodies[i].InverseInertia()});
   }
   pushes_mechanism_.assign(mechanisms.size(), 0);
   pushes_free_body_.assign(free_bodies.size(), 0);
   if (empty()) return true;
 
   for (std::size_t i = 0; i < points_.size(); ++i) {
-    ContactConstraint& c = constraints_[i];
+    PointConstraint& c = constraints_[i];
     const Vector3 speed = Speed(c);
-    const double rebound = ReboundSpeed(points_[i].restitution, approach_[i], speed(0), gap_[i], h_);
+    const double rebound = reference::ComputeReboundSpeed(points_[i].restitution, approach_[i], speed(0), gap_[i], h_);
     bounces_[i] = rebound > 0;
     c.bias[0] = rebound > 0 ? -rebound : bias_[i];
   }
-  report = solver_.Solve(velocity_blocks, constraints_, limits_, velocities_, options);
+  report = reference::SolveContacts(response_blocks, constraints_, limits_, velocities_, options);
   VectorX impulses = VectorX::Zero(velocities_.size());
-  for (const ContactConstraint& c : constraints_) {
+  for (const PointConstraint& c : constraints_) {
     if (c.port_a >= 0) impulses.segment<6>(c.port_a) += c.ImpulseOn(c.J_a);
     if (c.port_b >= 0) impulses.segment<6>(c.port_b) += c.ImpulseOn(c.J_b);
   }
-  for (const LimitConstraint& limit : limits_) impulses(limit.row) += limit.sign * limit.impulse;
+  for (const BoundConstraint& limit : limits_) impulses(limit.row) += limit.sign * limit.impulse;
   for (std::size_t i = 0; i < mechanisms.size(); ++i)
     if (blocks_[i].rows > 0)
       blocks_[i].unknowns += responses[i] * impulses.segment(blocks_[i].offset, blocks_[i].rows);
@@ -327,8 +325,8 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
 Matrix6X ContactSet::OnBodies(std::size_t i, const FullMechanism& mechanism) const {
   Matrix6X out = Matrix6X::Zero(6, mechanism.mechanism().num_bodies());
   for (std::size_t k = 0; k < constraints_.size(); ++k) {
-    const ContactConstraint& c = constraints_[k];
-    auto add = [&](int body, const Matrix36& J) {
+    const PointConstraint& c = constraints_[k];
+    auto add = [&](int body, const PointJacobian& J) {
       const FullContactor& contactor = contactors_[static_cast<std::size_t>(body)];
       if (contactor.kind != FullContactor::Kind::kMechanism || static_cast<std::size_t>(contactor.index) != i)
         return;
@@ -348,9 +346,9 @@ void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact
   past_h_ = h;
   contacts.clear();
   for (std::size_t i = 0; i < points_.size(); ++i) {
-    const ContactConstraint& c = constraints_[i];
+    const PointConstraint& c = constraints_[i];
     const Vector3 speed = Speed(c);
-    past_.push_back({points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed, c.use, false});
+    past_.push_back({points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed, c.utilization, false});
     FullContact& out = contacts.emplace_back();
     out.point = points_[i];
     out.point.body_a = contactors_[static_cast<std::size_t>(points_[i].body_a)].scene_body;

@@ -1,7 +1,8 @@
 // Contacts and joint limits of one step in full coordinates.
 //
-// The rows are those of the reduced simulator: the same points, frames, biases and curvature term. What
-// differs is the response to them, which comes from the factorised equations of all bodies.
+// Points, frames, biases and curvature term follow the same definitions as in the reduced simulator. The
+// response to impulses comes from the factorised equations of all bodies, and the contact law is solved by a
+// solver of this room (dense_contact_solver.hpp).
 #pragma once
 
 #include <fork1s/reference/full_simulation.hpp>
@@ -9,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "contact_constraints.hpp"
 #include "free_body.hpp"
 #include "full_mechanism.hpp"
 
@@ -52,8 +54,8 @@ class ContactSet {
   bool empty() const { return constraints_.empty() && limits_.empty(); }
   /// Solves the contact law on the mechanisms' present linearisation. False for responses that are not
   /// finite.
-  bool Solve(const Mechanisms& mechanisms, const Bodies& free_bodies, const ContactSolverOptions& options,
-             ContactSolverReport& report);
+  bool Solve(const Mechanisms& mechanisms, const Bodies& free_bodies, const FullContactOptions& options,
+             FullContactReport& report);
   /// Unknowns of mechanism i with contact, after Solve.
   const MatrixX& unknowns(std::size_t i) const { return blocks_[i].unknowns; }
   Vector6 free_port_twist(std::size_t i) const { return free_twists_[i]; }
@@ -71,7 +73,7 @@ class ContactSet {
     ContactPoint point;
     Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
     Vector3 speed_W = Vector3::Zero();  // relative, after the solve, world axes
-    double use = 0;                     // of the cone
+    double utilization = 0;             // of the friction cone, see PointConstraint
     bool fresh = false;                 // the first of two stages stopped what came there, or met it
   };
   /// All that a step starts from.
@@ -104,7 +106,7 @@ class ContactSet {
                         const Bodies& free_bodies, bool at_guess) const;
   void AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms, double h,
                const FullSimulationOptions& options);
-  Vector3 Speed(const ContactConstraint& c) const;
+  Vector3 Speed(const reference::PointConstraint& c) const;
   const Past* FindPast(const ContactPoint& point);
 
   std::unique_ptr<CollisionWorld> collision_;
@@ -115,7 +117,6 @@ class ContactSet {
   double h_ = 0;           // s, of the step at hand
   bool stage_ = false, at_guess_ = false;  // rows and gaps are those of the guess
 
-  ContactSolver solver_;
   std::vector<ContactPoint> points_;
   std::vector<double> approach_, bias_;  // per point: speed of approach where it may part again, plain bias
   std::vector<double> start_speed_,
@@ -123,8 +124,8 @@ class ContactSet {
   std::vector<char> bore_, fresh_, bounces_;  // per point: in the step before; see Past; parts again
   std::vector<double> limit_gap_, limit_speed_;
   std::vector<std::vector<char>> limit_fresh_;
-  std::vector<ContactConstraint> constraints_;
-  std::vector<LimitConstraint> limits_;
+  std::vector<reference::PointConstraint> constraints_;
+  std::vector<reference::BoundConstraint> limits_;
   std::vector<Block> blocks_;
   std::vector<Port> free_ports_;
   std::vector<int> port_offset_;  // per contactor, -1: none

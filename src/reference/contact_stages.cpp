@@ -33,7 +33,7 @@ bool ContactSet::OpenStage(const Mechanisms& mechanisms, const Bodies& free_bodi
 
 bool ContactSet::Meets(const Mechanisms& mechanisms, double part, double speed, bool second) const {
   for (std::size_t i = 0; i < constraints_.size(); ++i) {
-    const ContactConstraint& c = constraints_[i];
+    const reference::PointConstraint& c = constraints_[i];
     if (bounces_[i]) return true;
     const double now = Speed(c)(0);
     const bool bears = c.impulse(0) > 0;
@@ -46,7 +46,7 @@ bool ContactSet::Meets(const Mechanisms& mechanisms, double part, double speed, 
     const Block& block = blocks_[i];
     const double L = mechanisms[i].mechanism().length_scale();
     for (std::size_t k = 0; k < block.limits.size(); ++k) {
-      const LimitConstraint& limit = limits_[row++];
+      const reference::BoundConstraint& limit = limits_[row++];
       // Turns count by what they move, and lengths of tendons and slides no less than that.
       const double unit = std::min(1.0, L), now = limit.sign * velocities_(limit.row);
       const bool bears = limit.impulse > 0;

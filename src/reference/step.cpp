@@ -84,8 +84,7 @@ bool FullSimulation::Detail::Iterate(bool stiffening, FullStepReport& report) {
     }
     // One more iteration than the tolerance asks for: the poses of the last one are then those of its forces.
     if (relative <= options.tolerance && iteration > 0) {
-      // Where many contacts share a load the solver stops short of its goal; a hundred times that is still
-      // far below what the reduced simulator asks for.
+      // Where many contacts share a load rounding may keep the residual above the tolerance of one solve.
       report.converged = report.solver.residual <= 100 * options.contact.tolerance;
       break;
     }

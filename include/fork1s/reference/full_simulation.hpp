@@ -3,17 +3,17 @@
 // Every moving body has a pose and a twist of its own; joints, loops and couplings are equations between
 // them. A step is implicit Euler (docs/method.md, section 5, before any reduction), solved by Newton until
 // nothing changes any more: springs, dampers and constraint directions are those of the end of the step, and
-// so is the contact law, by the same ContactSolver on the same contact points as in the reduced simulator.
+// so is the contact law. The contact points are those of the reduced simulator, the contact solver is not: it
+// is an independent implementation of the same law.
 // Or it is two such solves, which together are of second order (docs/compare.md).
 #pragma once
 
 #include <cstdint>
 #include <fork1s/base/error.hpp>
 #include <fork1s/collision/collision_world.hpp>
-#include <fork1s/contact/contact_solver.hpp>
-#include <fork1s/contact/material.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/mechanism/scene.hpp>
+#include <fork1s/reference/full_contact.hpp>
 #include <memory>
 #include <string>
 #include <vector>
@@ -35,9 +35,9 @@ struct FullSimulationOptions {
   /// Per mechanism the bodies that may touch; where empty, those that the definition names.
   std::vector<std::vector<std::string>> interfaces;
   CollisionOptions collision = {.margin = 0.2};
-  ContactMaterial material;
+  FullContactMaterial material;
   bool contact_curvature = true;        // adds (h/2) J̇ V to the rows of contacts that persist
-  ContactSolverOptions contact;
+  FullContactOptions contact;
   double tolerance = 1e-9;  // change of any pose in the last iteration, in lengths of its mechanism
   int max_iterations = 60;  // Newton steps
 };
@@ -48,7 +48,7 @@ struct FullStepReport {
   double joint_gap = 0;  // m, largest opening of any joint or loop after the step
   int contacts = 0;      // that carry force
   int limits = 0;        // joint limits that act, the most at a time
-  ContactSolverReport solver;
+  FullContactReport solver;  // of the last contact solve
   double max_penetration = 0;     // m, at the start of the step
   bool contacts_dropped = false;  // the collision detector ran out of room
   bool converged = true;          // poses, loops and contacts are all within tolerance

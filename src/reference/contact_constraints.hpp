@@ -1,0 +1,55 @@
+// Constraints of one contact solve, and the operators that respond to them.
+//
+// Impulses p change the stacked velocities by v = v* + W p, W = J A⁻¹ Jᵀ block by block.
+#pragma once
+
+#include <fork1s/base/types.hpp>
+#include <limits>
+
+namespace fork1s::reference {
+
+using PointJacobian = Eigen::Matrix<double, 3, 6>;
+
+/// Velocities of one mechanism or free body.
+struct ResponseBlock {
+  int offset = 0;  // of its first row in the stacked velocities
+  MatrixX W;       // symmetric, positive semidefinite
+};
+
+struct PointConstraint {
+  // First row of the twist [ω; v] of either body in the stacked velocities; -1: fixed to the world.
+  int port_a = -1, port_b = -1;
+  // Relative velocity = J_a v[port_a] + J_b v[port_b]; rows: normal, two tangents. The linear part of J is ±
+  // the contact frame, so the same part gives the relative angular velocity about the three axes.
+  PointJacobian J_a = PointJacobian::Zero(), J_b = PointJacobian::Zero();
+  Vector3 bias = Vector3::Zero();                                          // m/s
+  double friction = 0, torsion = 0, rolling = 0;                           // µ; radii [m]
+  double compliance_normal = 0, compliance_tangent = 0;                    // m/s per N·s
+  double max_penetration_speed = std::numeric_limits<double>::infinity();  // m/s
+  // Of the step before, in this frame.
+  Vector3 previous_impulse = Vector3::Zero(), previous_moment = Vector3::Zero();  // N·s, N·m·s
+  double previous_utilization = 0;
+  // In: initial guess; out: solution.
+  Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
+  /// Out: tangential impulse without the bound of friction over that bound. Above 1 the point slides.
+  double utilization = 0;
+
+  double Radius(int axis) const { return axis == 0 ? torsion : rolling; }
+  /// Impulse [moment; force] on the body whose Jacobian is J.
+  Vector6 ImpulseOn(const PointJacobian& J) const {
+    Vector6 p = J.transpose() * impulse;
+    p.head<3>() += J.rightCols<3>().transpose() * moment;
+    return p;
+  }
+};
+
+/// w = sign · v[row] + bias with an impulse along `sign` between two bounds.
+struct BoundConstraint {
+  int row = 0;
+  double sign = 1, bias = 0;
+  double lower = 0, upper = std::numeric_limits<double>::infinity();  // N·s or N·m·s
+  double previous_impulse = 0;
+  double impulse = 0;  // in: initial guess; out: solution
+};
+
+}  // namespace fork1s::reference
