@@ -222,7 +222,9 @@ void FillOperators(ReducedModel& model, const Kinematics& kinematics) {
     return !c.rigid.select(Vector6::Zero(), c.damping).isZero(0);
   };
   const auto& closures = mechanism.closures();
-  model.D = mechanism.springs().empty() && std::none_of(closures.begin(), closures.end(), damps)
+  const bool is_diagonal = mechanism.springs().empty() && mechanism.rotations().empty() &&
+                           std::none_of(closures.begin(), closures.end(), damps);
+  model.D = is_diagonal
                 ? DiagonalCongruence(mechanism.damping(), model.Q)
                 : Congruence(DampingMatrix(mechanism, kinematics, model.q_ref), model.Q);
 }
