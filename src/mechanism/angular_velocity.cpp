@@ -56,6 +56,15 @@ void ComputeJointAccelerations(const Mechanism& mechanism, const Kinematics& kin
   }
 }
 
+void SubtractArmatureForces(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                            const VectorX& q_dot, const VectorX& q_ddot, VectorX& tau) {
+  VectorX inertial;
+  ComputeJointAccelerations(mechanism, kinematics, q, q_dot, q_ddot, inertial);
+  inertial = mechanism.armature().cwiseProduct(inertial);
+  ConvertToCoordinateForces(mechanism, kinematics, inertial);
+  tau -= inertial;
+}
+
 void ConvertToCoordinateForces(const Mechanism& mechanism, const Kinematics& kinematics, VectorX& f) {
   for (const Mechanism::Rotation& rotation : mechanism.rotations())
     SetSegment(rotation, AngularVelocityMap(mechanism, kinematics, rotation).transpose() * Segment(rotation, f), f);

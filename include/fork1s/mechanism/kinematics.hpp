@@ -57,6 +57,9 @@ void ComputeJointVelocities(const Mechanism& mechanism, const Kinematics& kinema
 /// ν̇ (n) at joint accelerations q_ddot.
 void ComputeJointAccelerations(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
                                const VectorX& q_dot, const VectorX& q_ddot, VectorX& nu_dot);
+/// τ -= (∂ν/∂q̇)ᵀ a ν̇: inertial forces of the armature a at joint rates and accelerations.
+void SubtractArmatureForces(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                            const VectorX& q_dot, const VectorX& q_ddot, VectorX& tau);
 /// f <- (∂ν/∂q̇)ᵀ f: forces on ν [n] as forces on q.
 void ConvertToCoordinateForces(const Mechanism& mechanism, const Kinematics& kinematics, VectorX& f);
 
