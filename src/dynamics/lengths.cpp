@@ -152,9 +152,10 @@ void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematic
         const int a = rotation.coordinates[i], b = rotation.coordinates[j];
         const ReducedModel::Run of_a = model.reduced->runs[static_cast<std::size_t>(a)],
                                 of_b = model.reduced->runs[static_cast<std::size_t>(b)];
-        D.block(of_a.begin, of_b.begin, of_a.size, of_b.size).noalias() +=
-            (block(static_cast<int>(i), static_cast<int>(j)) * Q.row(a).segment(of_a.begin, of_a.size).transpose()) *
-            Q.row(b).segment(of_b.begin, of_b.size);
+        const double factor = block(static_cast<int>(i), static_cast<int>(j));
+        for (int column = of_b.begin; column < of_b.begin + of_b.size; ++column)
+          for (int row = of_a.begin; row < of_a.begin + of_a.size; ++row)
+            D(row, column) += factor * Q(a, row) * Q(b, column);
       }
   }
 }

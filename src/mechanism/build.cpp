@@ -482,7 +482,8 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
       inputs.emplace_back(control, share * def.controls[static_cast<std::size_t>(control)].gain);
     }
     m.force_limits_.push_back(
-        {f.name, f.stiffness > 0 ? form_of(f) : rate_form_of(f), std::move(inputs), f.stiffness, f.damping, f.rest, f.lower, f.upper});
+        {f.name, f.stiffness > 0 ? form_of(f) : rate_form_of(f), std::move(inputs), f.stiffness, f.damping, f.rest,
+         f.lower, f.upper});
   }
   if (!both.empty())
     return Refuse(Named("length", both), "acts along a path and on a rotation vector at once; give one of each");

@@ -2,7 +2,7 @@
 //     δ = e·C_perp g = c·g,   c = C_perp e
 // and under the loads τ_j of weight (three axes, g = 9.81 m/s² in the worst direction) and of actuators at the ends of
 // their ranges it is between
-//     c·τ_s - |c·τ_weight| - Σ |c_i τ_weight,i| + Σ min(c·τ_u),   c·τ_s + |c·τ_weight| + Σ |c_i τ_weight,i| + Σ max(c·τ_u)
+//     c·τ_s - W + Σ min(c·τ_u),   c·τ_s + W + Σ max(c·τ_u),   W = |c·τ_weight| + Σ |c_i τ_weight,i|
 // with τ_s the springs at q_ref and i the joints with stops, whose reactions are local loads as large as the weight that
 // they hold. A stop acts on condensed DOFs where the correction passes it by more than kShare of its range, a servo's
 // bound where the servo's spring changes its force by more than kShare of the bound, dry friction F where what it holds

@@ -111,7 +111,8 @@ TEST(BallJoint, ArmatureCarriesItsMomentum) {
 TEST(BallJoint, DryFrictionSlowsEachComponentEvenly) {
   MechanismDef def = Spinner(0, 0);
   const double torque = 1e-3, time = 0.5;
-  for (int k = 0; k < 3; ++k) def.frictions.push_back({"f" + std::to_string(k), {{FreedomRef{JointIndex(0), k}, 1.0}}, torque, {}});
+  for (int k = 0; k < 3; ++k)
+    def.frictions.push_back({"f" + std::to_string(k), {{FreedomRef{JointIndex(0), k}, 1.0}}, torque, {}});
   for (unsigned seed = 0; seed < 4; ++seed) {
     RandomSource random(seed);
     const Vector3 theta = random.Uniform(1.6, 3.0) * random.Direction(), omega(2, -1.5, 0.2);

@@ -56,8 +56,8 @@ class ReducedJacobian {
   std::vector<double> T_, Q_;
 };
 
-/// M_zz = Σ Tᵀ I T + Qᵀ Eᵀ diag(armature) E Q (r x r), E the map to joint velocities ν (kinematics.hpp), M_00 = Σ I at a pose and, where the base moves, M_0z = Σ I T (6 x r),
-/// all in R about R's origin, by inertias of all that a joint carries (Featherstone, Rigid Body Dynamics Algorithms, 6.2).
+/// M_zz = Σ Tᵀ I T + Qᵀ Eᵀ diag(armature) E Q (r x r), E the map to joint velocities ν (kinematics.hpp), M_00 = Σ I at a
+/// pose and, where the base moves, M_0z = Σ I T (6 x r), all in R about R's origin, by inertias of all that a joint carries (Featherstone, Rigid Body Dynamics Algorithms, 6.2).
 class ReducedInertia {
  public:
   explicit ReducedInertia(const ReducedModel& model);
