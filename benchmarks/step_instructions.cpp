@@ -46,8 +46,11 @@ int Main(int argc, char** argv) {
   }
   if (argc > 6) {
     const std::string rule = argv[6];
-    if (rule != "euler" && rule != "theta") return Refuse("'" + rule + "' is neither euler nor theta");
-    options.own_integrator = rule == "theta" ? Integrator::kTheta : Integrator::kEuler;
+    if (rule != "euler" && rule != "theta" && rule != "two-stage")
+      return Refuse("'" + rule + "' is none of: euler, theta, two-stage");
+    options.own_integrator = rule == "theta"   ? Integrator::kTheta
+                             : rule == "euler" ? Integrator::kEuler
+                                               : Integrator::kTwoStage;
   }
   const auto steps = StepFromSamePoses(options);
   if (!steps) return Refuse(steps.error().Text());

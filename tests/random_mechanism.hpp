@@ -337,4 +337,25 @@ inline VectorX RandomCoordinates(const Mechanism& mechanism, unsigned seed, doub
   return random.Vector(mechanism.num_coordinates(), half);
 }
 
+/// ∂ν/∂q̇ (n x n) from the definition alone: W⁻¹ J_r(W θ) W for joints with three rotations about axes W, else 1.
+inline MatrixX JointVelocityMap(const Mechanism& mechanism, const VectorX& q) {
+  MatrixX map = MatrixX::Identity(q.size(), q.size());
+  for (int j = 0; j < mechanism.num_joints(); ++j) {
+    const auto& freedoms = mechanism.definition().joints[static_cast<std::size_t>(j)].freedoms;
+    std::vector<int> at;
+    Matrix3X axes(3, 0);
+    for (std::size_t i = 0; i < freedoms.size(); ++i) {
+      const Vector3 axis = freedoms[i].screw_B.head<3>();
+      if (axis.isZero(0)) continue;
+      at.push_back(mechanism.joint(JointIndex(j)).offset + static_cast<int>(i));
+      axes.conservativeResize(3, axes.cols() + 1);
+      axes.rightCols<1>() = axis;
+    }
+    if (at.size() != 3) continue;
+    const Matrix3 W = axes;
+    map(at, at) = W.inverse() * DexpRotation(-(W * q(at))) * W;
+  }
+  return map;
+}
+
 }  // namespace fork1s::testing

@@ -113,7 +113,7 @@ Expected<AccuracyChoice> ChooseForAccuracy(
 Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice) {
   auto setting = [](const AccuracyTrial& t) {
     return Json{{"dt_s", t.setting.dt},
-                {"integrator", t.setting.integrator == Integrator::kTheta ? "theta" : "euler"},
+                {"integrator", NameOf(t.setting.integrator)},
                 {"modes", t.modes_kept},
                 {"refresh_angle_deg", kDegreesARadian * t.setting.refresh_angle}};
   };

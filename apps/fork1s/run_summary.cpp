@@ -74,7 +74,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   auto percentile = [&](double p) { return m.step_us.empty() ? 0.0 : Percentile(m.step_us, p); };
   out["steps"] = m.step_us.size();
   out["dt_s"] = simulation.dt();
-  out["integrator"] = simulation.step_options().integrator == Integrator::kTheta ? "theta" : "euler";
+  out["integrator"] = NameOf(simulation.step_options().integrator);
   out["simulated_s"] = simulation.time();
   out["wall_s"] = wall;
   out["real_time_factor"] = wall > 0 ? Json(simulation.time() / wall) : Json(nullptr);
@@ -131,6 +131,15 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   out["servos_at_limit"] = {
       {"steps", m.steps_at_bound}, {"most", m.most_at_bound}, {"which", EndsJson(m.tally.Servos())}};
   out["stops_reached"] = EndsJson(m.tally.Stops());
+  out["stops_passed"] = Json::array();
+  const std::vector<StopPassed> stops_passed = m.tally.PassedStops();
+  for (const StopPassed& s : stops_passed)
+    out["stops_passed"].push_back({{"name", s.name},
+                                   {"end", s.upper ? "upper" : "lower"},
+                                   {"beyond_max", s.beyond},
+                                   {"unit", s.turns ? "rad" : "m"},
+                                   {"beyond_max_s", s.when},
+                                   {"first_s", s.first}});
   out["passed_through"] = Json::array();
   for (const Passing& p : m.passed)
     out["passed_through"].push_back({{"body", p.body},
@@ -142,7 +151,15 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   for (const std::string& w : simulation.warnings()) warnings.push_back(w);
   if (m.contacts_dropped) warnings.push_back("the collision detector ran out of room and dropped contacts");
   for (const std::string& w : m.implausible) warnings.push_back(w);
-  constexpr std::size_t kTold = 5;  // the deepest; the others stand in `passed_through`
+  constexpr std::size_t kTold = 5;  // the deepest; the others stand in `stops_passed` and `passed_through`
+  for (std::size_t i = 0; i < std::min(kTold, stops_passed.size()); ++i) {
+    const StopPassed& s = stops_passed[i];
+    warnings.push_back(fmt::format("{} was {:.3g} {} beyond its {} stop at {:.4g} s, more than {:.0f} % of its range",
+                                   s.name, s.beyond, s.turns ? "rad" : "m", s.upper ? "upper" : "lower", s.when,
+                                   100 * StopPassed::kShareBeyond));
+  }
+  if (stops_passed.size() > kTold)
+    warnings.push_back(fmt::format("{} more joints were beyond their stops", stops_passed.size() - kTold));
   for (std::size_t i = 0; i < std::min(kTold, m.passed.size()); ++i)
     warnings.push_back(fmt::format(
         "'{}' is no interface body, so it touches nothing: from {:.4g} s on it went into '{}', {:.3g} mm "

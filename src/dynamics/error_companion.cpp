@@ -95,7 +95,7 @@ void ErrorCompanion::Missing(const MechanismDynamics& m, const Vector3& gravity_
   if (mechanism.base() != BaseKind::kFixed)
     SubtractRigidMotionWrenches(mechanism, kinematics, Vector6::Zero(), motion.A, F_);
   tau_ = loads.stops;
-  tau_ -= mechanism.armature().cwiseProduct(motion.q_ddot);
+  SubtractArmatureForces(mechanism, kinematics, q, motion.q_dot, motion.q_ddot, tau_);
   AccumulateGeneralizedForce(mechanism, kinematics.S, F_, tau_);
   if (loads.controls.size() > 0) AddControlForce(mechanism, kinematics, loads.controls, tau_);
   SpringForce(mechanism, kinematics, q, spring_);

@@ -64,7 +64,8 @@ void ComputeFlatMomenta(const MechanismStep& here, double time, StageBase& out) 
   out.momentum.setZero(6, model.rigid_parts.size());
   AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.other_velocity, Matrix3::Identity(), 1,
               out.momentum);
-  out.joint_momentum = model.mechanism().armature().cwiseProduct(ws.q_ddot);
+  ComputeJointVelocities(model.mechanism(), ws.configuration.kinematics, ws.q_ddot, ws.nu_mixed);
+  out.joint_momentum = model.mechanism().armature().cwiseProduct(ws.nu_mixed);
   if (!model.base_moves()) return;
   const MomentumFrame frame = FrameOf(here, time);
   for (int i = 0; i < model.rigid_parts.size(); ++i) {
@@ -107,6 +108,7 @@ void ProjectMomentum(const MechanismStep& here, double time, const StageBase& ba
                 ws.F_parts);
   }
   ws.tau = base.joint_momentum;
+  ConvertToCoordinateForces(model.mechanism(), ws.configuration.kinematics, ws.tau);
   GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.F_parts, ws.tau);
   if (model.size() > 0) {
     ReduceForce(*model.reduced, ws.Q_now(), ws.tau, ws.f_used);

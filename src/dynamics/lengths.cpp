@@ -129,7 +129,17 @@ std::vector<WeightedRows> RowsByColumns(const ReducedModel& model, const VectorX
 // Dampers and springs of joints by the columns that move them, and what the dampers are in D of the model.
 void FindDampers(MechanismModel& model) {
   const Mechanism& m = model.mechanism();
-  model.dampers = RowsByColumns(*model.reduced, m.damping());
+  VectorX damping = m.damping();
+  model.damped_rotations.clear();
+  for (std::size_t k = 0; k < m.rotations().size(); ++k) {
+    bool is_damped = false;
+    for (const int i : m.rotations()[k].coordinates) {
+      is_damped = is_damped || damping(i) > 0;
+      damping(i) = 0;
+    }
+    if (is_damped) model.damped_rotations.push_back(static_cast<int>(k));
+  }
+  model.dampers = RowsByColumns(*model.reduced, damping);
   VectorX stiffness = m.stiffness();
   for (const Mechanism::ForceLimit& limit : m.force_limits())  // TurnServos has these
     if (limit.length.path < 0 && limit.length.terms.size() == 1) {
@@ -140,6 +150,31 @@ void FindDampers(MechanismModel& model) {
   model.joint_damping_ref.setZero(model.size(), model.size());
   for (const WeightedRows& rows : model.dampers)
     AddRowSquares(model.reduced->Q_rows, rows, 1, model.joint_damping_ref);
+  model.rotation_damping_ref.setZero(model.size(), model.size());
+  if (model.damped_rotations.empty()) return;
+  Kinematics kinematics(model.mechanism());
+  ComputeKinematics(model.mechanism(), model.reduced->q_ref, kinematics);
+  AddRotationDamping(model, kinematics, model.reduced->Q_rows, 1, model.rotation_damping_ref);
+}
+
+// D += weight Σ Q_θᵀ (Eᵀ d E) Q_θ over rotations with dampers, at the pose of `kinematics` and Q.
+void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematics, const RowMatrixX& Q, double weight,
+                        Eigen::Ref<MatrixX> D) {
+  const Mechanism& m = model.mechanism();
+  for (const int k : model.damped_rotations) {
+    const Mechanism::Rotation& rotation = m.rotations()[static_cast<std::size_t>(k)];
+    const Matrix3 block = weight * WeightedRotationBlock(m, kinematics, rotation, m.damping());
+    for (std::size_t i = 0; i < 3; ++i)
+      for (std::size_t j = 0; j < 3; ++j) {
+        const int a = rotation.coordinates[i], b = rotation.coordinates[j];
+        const ReducedModel::Run of_a = model.reduced->runs[static_cast<std::size_t>(a)],
+                                of_b = model.reduced->runs[static_cast<std::size_t>(b)];
+        const double factor = block(static_cast<int>(i), static_cast<int>(j));
+        for (int column = of_b.begin; column < of_b.begin + of_b.size; ++column)
+          for (int row = of_a.begin; row < of_a.begin + of_a.size; ++row)
+            D(row, column) += factor * Q(a, row) * Q(b, column);
+      }
+  }
 }
 
 // K_beyond: what springs that bend, and servos that turn, are stiff by at this pose beyond what K_r has of
@@ -169,7 +204,10 @@ void TakeStiffnessBeyond(const MechanismStep& here) {
 // Loops turn Q as the pose moves, and with it what dampers of joints and of straight tendons are in reduced
 // coordinates. Springs too, but their forces are those of the pose wherever A has its stiffness; a damper acts through
 // A alone. Springy closures keep the damping of the reference.
-bool DampersTurn(const MechanismModel& model) { return model.reduced->loop_rank() > 0 && !model.by_twists(); }
+// Dampers of rotations change with E.
+bool DampersTurn(const MechanismModel& model) {
+  return (model.reduced->loop_rank() > 0 || !model.damped_rotations.empty()) && !model.by_twists();
+}
 
 // D += weight times what dampers are here beyond what D of the model has of them, those of springs that are
 // not linear, where `bent`, at the rates of w.
@@ -177,7 +215,11 @@ void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const
                       Eigen::Ref<MatrixX> D) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
-  const bool turn = DampersTurn(model);
+  const bool turn = model.reduced->loop_rank() > 0 && !model.by_twists();
+  if (!model.damped_rotations.empty() && !model.by_twists()) {
+    D -= weight * model.rotation_damping_ref;
+    AddRotationDamping(model, ws.configuration.kinematics, ws.Q_now(), weight, D);
+  }
   if (turn) {
     D -= weight * model.joint_damping_ref;
     for (const WeightedRows& rows : model.dampers) AddRowSquares(ws.Q_now(), rows, weight, D);

@@ -54,6 +54,8 @@ VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& conta
   if (state.controls.size() > 0) AddControlForce(m, kinematics, state.controls, loads);
   SpringForce(m, kinematics, ws.configuration.q, g);
   ApplyMass(m, kinematics, q_ddot, inertial);
+  // Of the armature ApplyMass has all but what E changes by.
+  SubtractArmatureForces(m, kinematics, ws.configuration.q, q_dot, VectorX::Zero(n), loads);
   g += loads - inertial - DampingMatrix(m, kinematics, ws.configuration.q) * q_dot;
 
   const VectorX root = Compliances(m, kinematics, ws.configuration.q).cwiseSqrt();

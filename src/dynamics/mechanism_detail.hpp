@@ -59,6 +59,8 @@ void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, dou
 void TurnSprings(const MechanismStep& here, double h);
 void FindDampers(MechanismModel& model);
 void TakeStiffnessBeyond(const MechanismStep& here);
+void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematics, const RowMatrixX& Q, double weight,
+                        Eigen::Ref<MatrixX> D);
 bool DampersTurn(const MechanismModel& model);
 void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const VectorX& w,
                       Eigen::Ref<MatrixX> D);

@@ -33,7 +33,7 @@ struct StageBase {
   Matrix3 R_WR = Matrix3::Identity();         // of a floating base
   Vector3 center_W = Vector3::Zero();         // m, centre of mass of a floating mechanism
   Matrix6X momentum;                          // 6 x k, spatial momenta about a point that drifts with the base [N·m·s; N·s]
-  VectorX joint_momentum;                     // n, armature times joint rate
+  VectorX joint_momentum;                     // n, armature times joint velocity
 };
 
 /// Sizes: n joint coordinates, r reduced ones.
@@ -94,14 +94,14 @@ struct MechanismWorkspace {
   double order = 1;                  // by two steps velocities of the end are x times this
   Vector6 V_end = Vector6::Zero();   // of a driven base at the end of the step
   MechanismPast past_next;           // what the next step will know of this one's start
-  VectorX q_dot_mixed;               // n
+  VectorX nu_mixed;                  // n: joint velocities that the momentum of the armature is taken of
   VectorX w_start;                   // r: rates at the start beside the base's own motion of then
   VectorX contact_shift;             // num_velocities
   Configuration elsewhere;           // of the pose that configuration is not at
   MaterialVelocities start_velocity, other_velocity;
   Cholesky inertia_factor;
   VectorX u;            // velocity of the start as the middle sees it
-  VectorX q_dot_start;  // n
+  VectorX q_dot_start, nu_start;  // n
   VectorX w_mean, w_felt, f_used, f_turn, f_wrench;  // r: w̄ and Th w̄ among them
   VectorX f_moved;              // r: what controls that move within the step add to the force by its end
   bool controls_moved = false;  // in this step

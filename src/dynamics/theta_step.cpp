@@ -29,6 +29,8 @@ void SizeTheta(const MechanismStep& here) {
   ws.contact_shift.setZero(model.num_velocities());
   ws.w_start.setZero(r);
   ws.q_dot_start.setZero(n);
+  ws.nu_start.setZero(n);
+  ws.nu_mixed.setZero(n);
   ws.w_mean.setZero(r);
   ws.w_felt.setZero(r);
   ws.f_used.setZero(r);
@@ -48,6 +50,7 @@ void SeeStart(const MechanismStep& here, double h, StepRule rule) {
     ws.linear_W = state.reduced.X_WR.rotation() * p.tail<3>();
   }
   if (rule == StepRule::kEuler) return;
+  ComputeJointVelocities(model.mechanism(), ws.configuration.kinematics, ws.q_dot_start, ws.nu_start);
   Vector6 V_start = state.reduced.V_R;
   if (model.mechanism().base() == BaseKind::kFixed) V_start.setZero();
   if (model.mechanism().base() == BaseKind::kDriven && rule == StepRule::kTwoSteps && state.past.h == h)
@@ -83,7 +86,7 @@ void Begin(const MechanismStep& here, double h, const Vector3& gravity_W, StepRu
   }
   if (model.mechanism().base() == BaseKind::kDriven) state.reduced.V_R = DrivenTwist(state, h);
   KeepPotential(here, h);
-  ws.q_dot_mixed = ws.q_dot_start;
+  ws.nu_mixed = ws.nu_start;
   TurnFreely(model.rigid_parts, 0.5 * h, ws.start_velocity);
   MoveToMiddle(here, h);
 }
@@ -133,7 +136,8 @@ void TakeMomenta(const MechanismStep& here) {
     AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.other_velocity, Matrix3::Identity(), -1,
                 ws.F_parts);
   }
-  ws.tau = model.mechanism().armature().cwiseProduct(ws.q_dot_mixed);
+  ws.tau = model.mechanism().armature().cwiseProduct(ws.nu_mixed);
+  ConvertToCoordinateForces(model.mechanism(), ws.configuration.kinematics, ws.tau);
   GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.F_parts, ws.tau);
   if (r > 0) ws.momentum.tail(r).noalias() = ws.Q_now().transpose() * ws.tau;
   if (model.base_size > 0) ws.momentum.head<6>() = ws.F_parts.col(0);
@@ -345,7 +349,8 @@ void IntegrateMiddle(const MechanismStep& here, double h) {
   }
   ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.elsewhere.kinematics, ws.q_ddot, V,
                             ws.other_velocity);
-  ws.q_ddot -= ws.q_dot_start;
+  ComputeJointVelocities(model.mechanism(), ws.elsewhere.kinematics, ws.q_ddot, ws.nu_mixed);
+  ws.nu_mixed -= ws.nu_start;
   SubtractFrom(ws.other_velocity, R_m.transpose() * ws.X_WR_before.rotation(), ws.start_velocity);
   TurnFreely(model.rigid_parts, 0.5 * h, ws.start_velocity);
 
@@ -353,7 +358,8 @@ void IntegrateMiddle(const MechanismStep& here, double h) {
   const Matrix3 R_eW = state.reduced.X_WR.rotation().transpose();
   ws.F_parts.setZero();
   AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.start_velocity, R_eW * R_m, 1, ws.F_parts);
-  ws.tau = model.mechanism().armature().cwiseProduct(ws.q_ddot);
+  ws.tau = model.mechanism().armature().cwiseProduct(ws.nu_mixed);
+  ConvertToCoordinateForces(model.mechanism(), ws.configuration.kinematics, ws.tau);
   if (driven) {
     ws.q_ddot.setZero();
     ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics, ws.q_ddot,

@@ -20,7 +20,7 @@ void FillPast(const MechanismStep& here, double h, bool anew, MechanismPast& pas
   const auto& [model, state, ws] = here;
   past.h = h;
   past.anew = anew;
-  past.q_dot = ws.q_dot_start;
+  past.nu = ws.nu_start;
   past.c_dot_W.noalias() = state.reduced.X_WR.rotation() * ws.start_velocity.c_dot;
   past.omega = ws.start_velocity.omega;
   past.R_WR = state.reduced.X_WR.rotation();
@@ -54,9 +54,9 @@ bool BeginsAnew(const MechanismStep& here, double h) {
                            const VectorX& y_joints) {
     return KineticProduct(parts, v, y) + v_joints.dot(armature.cwiseProduct(y_joints));
   };
-  return ParabolaComesBack(product(ws.start_velocity, ws.q_dot_start, ws.start_velocity, ws.q_dot_start),
-                           product(ws.other_velocity, past.q_dot, ws.other_velocity, past.q_dot),
-                           product(ws.start_velocity, ws.q_dot_start, ws.other_velocity, past.q_dot));
+  return ParabolaComesBack(product(ws.start_velocity, ws.nu_start, ws.start_velocity, ws.nu_start),
+                           product(ws.other_velocity, past.nu, ws.other_velocity, past.nu),
+                           product(ws.start_velocity, ws.nu_start, ws.other_velocity, past.nu));
 }
 
 void BeginStepInParts(const MechanismStep& here, double h, MechanismPast& past) {
@@ -79,7 +79,7 @@ void TakePast(const MechanismStep& here, double h) {
   const bool known = ws.rule == StepRule::kTwoSteps && past.h == h;
   ws.order = known ? 1.5 : 1;
   ws.contact_shift.setZero();
-  ws.q_dot_mixed = ws.q_dot_start;
+  ws.nu_mixed = ws.nu_start;
   if (model.mechanism().base() == BaseKind::kDriven) {
     const Vector6 V_last = state.reduced.V_R;
     state.reduced.V_R = DrivenTwist(state, h);
@@ -99,7 +99,7 @@ void TakePast(const MechanismStep& here, double h) {
   }
   ws.start_velocity.c_dot = (4 * ws.start_velocity.c_dot - ws.other_velocity.c_dot) / 3;
   ws.start_velocity.omega = (4 * ws.start_velocity.omega - ws.other_velocity.omega) / 3;
-  ws.q_dot_mixed = (4 * ws.q_dot_start - past.q_dot) / 3;
+  ws.nu_mixed = (4 * ws.nu_start - past.nu) / 3;
 }
 
 // x before contact, from u and the forces at hand.
@@ -182,10 +182,12 @@ void IntegrateTwoSteps(const MechanismStep& here, double h) {
   ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics, ws.q_ddot, V,
                             ws.start_velocity);
   OwnMomentum(model.rigid_parts, ws.configuration.kinematics, ws.start_velocity, ws.F_parts);
-  ws.tau = model.mechanism().armature().cwiseProduct(ws.q_ddot);
+  ComputeJointVelocities(model.mechanism(), ws.configuration.kinematics, ws.q_ddot, ws.nu_mixed);
+  ws.tau = model.mechanism().armature().cwiseProduct(ws.nu_mixed);
 
   ws.pose_energy.valid = false;
   Configure(*model.reduced, state.reduced, ws.configuration);
+  ConvertToCoordinateForces(model.mechanism(), ws.configuration.kinematics, ws.tau);
   UpdateInertia(here);
   if (model.base_size > 0)
     state.reduced.X_WR.translation() =

@@ -186,6 +186,9 @@ std::vector<LinearActuator> LinearActuators(const mjModel& m, const mjData& d) {
       a.b1 = 0;
       for (ActuatorInput& input : a.inputs) input.setpoint = false;
     }
+    // Torques in parent axes, and springs: both act on the angular velocity, not on the rotation vector.
+    const bool in_parent = m.actuator_trntype[i] == mjTRN_JOINTINPARENT;
+    if (IsOnBall(m, i) && (in_parent || a.b1 != 0)) a.length.actuator = i;
     if (!a.length.terms.empty()) actuators.push_back(std::move(a));
   }
   return actuators;

@@ -80,7 +80,8 @@ void AddHold(Conversion& c, const LinearActuator& a) {
 // Damping and rotor of the actuator itself, which no bound of its force holds back.
 void AddDrive(Conversion& c, const LinearActuator& a) {
   const double damping = c.m.actuator_damping[a.actuator], armature = c.m.actuator_armature[a.actuator];
-  if (a.length.is_single()) {
+  const bool on_one_axis = c.m.actuator_trntype[a.actuator] == mjTRN_JOINT && a.length.terms.size() == 1;
+  if (a.length.is_single() || on_one_axis) {
     const auto [dof, coefficient] = a.length.terms[0];
     c.FreedomOf(dof).damping += damping * coefficient * coefficient;
     c.FreedomOf(dof).armature += armature * coefficient * coefficient;
@@ -116,7 +117,6 @@ void ConvertActuators(Conversion& c) {
   for (const auto& [kind, entry] : refused) c.DroppedMany(kind, entry.second, entry.first);
   std::vector<bool> moves(static_cast<std::size_t>(m.nactuator), false);
   std::map<std::string, std::vector<std::string>> left_out;
-  std::vector<std::string> in_parent;
   for (const LinearActuator& a : LinearActuators(m, c.d)) {
     moves[static_cast<std::size_t>(a.actuator)] = true;
     AddHold(c, a);
@@ -126,8 +126,6 @@ void ConvertActuators(Conversion& c) {
       c.report.servos.push_back({c.MechanismOf(a.length.terms[0].first), a.inputs[0].name, -a.b1, -a.b2, a.b0,
                                  a.length.at_reference});
     for (const std::string& part : a.left_out) left_out[part].push_back(a.name);
-    const bool turns = m.actuator_trntype[a.actuator] == mjTRN_JOINTINPARENT && a.length.terms.size() > 1;
-    if (turns) in_parent.push_back(a.name);
   }
   for (int i = 0; i < m.nactuator; ++i) {
     if (!moves[static_cast<std::size_t>(i)] && !WhyNoLaw(m, c.d, i))
@@ -135,7 +133,6 @@ void ConvertActuators(Conversion& c) {
   }
   for (const auto& [part, names] : left_out)
     c.DroppedMany("part of actuator", names, fmt::format("{} is left out", part));
-  c.DroppedMany("parent axes of ball joint actuator", in_parent, "its torque turns with the child instead");
 }
 
 }  // namespace fork1s::internal

@@ -15,7 +15,7 @@ struct Length {
   std::vector<std::pair<int, double>> terms;  // degree of freedom (MuJoCo), a; of a path those that may
                                               // change it, with their arms at the reference
   int tendon = -1;                            // through space; -1: none
-  int actuator = -1;                          // on sites, whose path is its own; -1: none
+  int actuator = -1;                          // on sites or a ball joint, whose path is its own; -1: none
   double gear = 1;                            // of the path
 
   bool is_single() const { return tendon < 0 && actuator < 0 && terms.size() == 1; }
@@ -28,6 +28,12 @@ Length ActuatorLength(const mjModel& m, const mjData& d, int actuator);  // gear
 bool IsSpatial(const mjModel& m, int tendon);
 /// Whether a length hears a free joint: its arms there are of the world's axes and turn with the body.
 bool HearsFreeJoint(const mjModel& m, const Length& length);
+/// Whether an actuator turns a ball joint.
+inline bool IsOnBall(const mjModel& m, int actuator) {
+  const int type = m.actuator_trntype[actuator];
+  return (type == mjTRN_JOINT || type == mjTRN_JOINTINPARENT) &&
+         m.jnt_type[m.actuator_trnid[2 * actuator]] == mjJNT_BALL;
+}
 /// Bodies that carry the sites of an actuator on sites or of a slider-crank; none for others.
 std::vector<int> BodiesOfActuator(const mjModel& m, int actuator);
 /// Whether it pushes on a site with no other to tell a length from.

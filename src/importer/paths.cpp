@@ -70,6 +70,28 @@ PathDef PathOfSites(const Conversion& c, int i, int mechanism) {
   return path;
 }
 
+// The torque of an actuator on a ball joint, in axes of the body or of its parent; its length is gear · θ in both.
+PathDef PathOfBall(const Conversion& c, int i, int mechanism) {
+  const mjModel& m = c.m;
+  const int body = m.jnt_bodyid[m.actuator_trnid[2 * i]];
+  const Anchor child = AnchorIn(c, mechanism, body), parent = AnchorIn(c, mechanism, m.body_parentid[body]);
+  PathElementDef on, from;
+  on.body = child.body;
+  on.X_BE = child.X_AB;
+  from.body = parent.body;
+  from.X_BE = parent.X_AB * RigidTransform(Quat(m.body_quat + 4 * body), Vec3(m.body_pos + 3 * body));
+  PathDef path;
+  path.name = NameOr(m, m.name_actuatoradr[i], "actuator", i);
+  path.kind = PathKind::kWrench;
+  path.gear << Vec3(m.actuator_gear + 6 * m.actuator_outadr[i]), Vector3::Zero();
+  path.elements = {on, from};
+  if (m.actuator_trntype[i] == mjTRN_JOINTINPARENT) return path;
+  // The same seen from the body: the gear is along the second element's axes, and acts back on it.
+  std::swap(path.elements[0], path.elements[1]);
+  path.gear = -path.gear;
+  return path;
+}
+
 }  // namespace
 
 int Conversion::PathOf(const Length& length) {
@@ -83,7 +105,8 @@ int Conversion::PathOf(const Length& length) {
   auto& paths = scene.mechanisms[static_cast<std::size_t>(mechanism)].paths;
   made = static_cast<int>(paths.size());
   paths.push_back(thread ? ThreadOf(*this, length.tendon, mechanism)
-                         : PathOfSites(*this, length.actuator, mechanism));
+                   : IsOnBall(m, length.actuator) ? PathOfBall(*this, length.actuator, mechanism)
+                                                  : PathOfSites(*this, length.actuator, mechanism));
   return made;
 }
 

@@ -5,6 +5,7 @@
 #include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <numeric>
+#include <optional>
 #include <unordered_set>
 
 #include <fmt/format.h>
@@ -311,6 +312,23 @@ double FallbackLength(const MechanismDef& def) {
   return length > 0 ? length : 1;
 }
 
+// The rotation vector of a joint with three rotations about independent axes.
+std::optional<Mechanism::Rotation> FindRotation(const Matrix6X& screws, const Mechanism::Joint& joint,
+                                                JointIndex index) {
+  Mechanism::Rotation rotation;
+  rotation.joint = index;
+  std::size_t count = 0;
+  for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
+    if (screws.col(i).head<3>().isZero(0)) continue;
+    if (count == 3) return std::nullopt;
+    rotation.coordinates[count] = i;
+    rotation.axes.col(static_cast<Eigen::Index>(count++)) = screws.col(i).head<3>();
+  }
+  if (count < 3 || DecideRank(SingularValues(rotation.axes.colwise().normalized())).value < 3) return std::nullopt;
+  rotation.axes_inverse = rotation.axes.inverse();
+  return rotation;
+}
+
 }  // namespace
 
 std::string Mechanism::CoordinateName(int i) const {
@@ -376,6 +394,10 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
         ++offset;
       }
       last = static_cast<int>(next);
+      if (const auto rotation = FindRotation(m.screws_, joint, JointIndex(next))) {
+        joint.rotation = static_cast<int>(m.rotations_.size());
+        m.rotations_.push_back(*rotation);
+      }
       m.joints_.push_back(std::move(joint));
     }
     body.last_joint = last;
@@ -397,24 +419,62 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
     ComputeKinematics(m, VectorX::Zero(n), reference);
     for (std::size_t i = 0; i < m.paths_.size(); ++i) m.paths_[i].at_reference = reference.paths[i].length;
   }
-  auto length_of = [&](const auto& d) {
+  auto form_of = [&](const auto& d) {
     Mechanism::Length form;
     for (const auto& [ref, c] : d.terms) form.terms.emplace_back(coordinate(ref), c);
     form.path = d.along.path;
     form.gear = form.path < 0 ? 0 : d.along.gear;
     return form;
   };
+  // Motors, dampers and dry friction of rotations act on the angular velocity: a path takes the place of their terms.
+  // Servos act on θ as springs do.
+  const auto rotates = [&](const std::pair<int, double>& term) {
+    const int rotation = m.joint(m.CoordinateJoint(term.first)).rotation;
+    if (rotation < 0) return false;
+    const auto& of = m.rotations_[static_cast<std::size_t>(rotation)].coordinates;
+    return std::find(of.begin(), of.end(), term.first) != of.end();
+  };
+  std::string both;  // name of a length that has a path and rotations
+  auto rate_form_of = [&](const auto& d) {
+    Mechanism::Length form = form_of(d);
+    const auto first = std::stable_partition(form.terms.begin(), form.terms.end(),
+                                             [&](const auto& term) { return !rotates(term); });
+    if (first == form.terms.end()) return form;
+    if (form.path >= 0) both = d.name;
+    Mechanism::Path path;
+    path.name = d.name;
+    path.rates.assign(first, form.terms.end());
+    form.terms.erase(first, form.terms.end());
+    internal::FindRateCoordinates(m, path);
+    form.path = static_cast<int>(m.paths_.size());
+    form.gear = 1;
+    m.paths_.push_back(std::move(path));
+    return form;
+  };
   for (const SpringDef& s : def.springs)
-    m.springs_.push_back({s.name, length_of(s), s.stiffness, s.damping, s.rest, s.higher_stiffness,
+    m.springs_.push_back({s.name, form_of(s), s.stiffness, s.damping, s.rest, s.higher_stiffness,
                           s.higher_damping, s.slack});
+  // The spring of a rotation acts on θ, its damper on ω.
+  for (std::size_t i = 0; i < def.springs.size(); ++i) {
+    Mechanism::Spring& spring = m.springs_[i];
+    const std::array<double, 2> none = {};
+    if (std::none_of(spring.length.terms.begin(), spring.length.terms.end(), rotates) ||
+        (spring.damping == 0 && spring.higher_damping == none))
+      continue;
+    Mechanism::Spring damper{spring.name, rate_form_of(def.springs[i]), 0, spring.damping, 0, none,
+                             spring.higher_damping, 0};
+    spring.damping = 0;
+    spring.higher_damping = none;
+    m.springs_.push_back(std::move(damper));
+  }
   for (const ControlDef& c : def.controls)
-    m.controls_.push_back({c.name, length_of(c), c.gain, c.lower, c.upper, c.initial});
-  for (const DryFrictionDef& f : def.frictions) m.frictions_.push_back({f.name, length_of(f), f.force});
+    m.controls_.push_back({c.name, c.is_setpoint ? form_of(c) : rate_form_of(c), c.gain, c.lower, c.upper, c.initial});
+  for (const DryFrictionDef& f : def.frictions) m.frictions_.push_back({f.name, rate_form_of(f), f.force});
   for (int i = 0; i < n; ++i)
     if (std::isfinite(m.lower_(i)) || std::isfinite(m.upper_(i)))
       m.length_limits_.push_back({m.CoordinateName(i), {{{i, 1.0}}}, m.lower_(i), m.upper_(i)});
   for (const LengthLimitDef& l : def.length_limits)
-    m.length_limits_.push_back({l.name, length_of(l), l.lower, l.upper});
+    m.length_limits_.push_back({l.name, form_of(l), l.lower, l.upper});
   for (const ForceLimitDef& f : def.force_limits) {
     Mechanism::LinearForm inputs;
     for (const auto& [name, share] : f.inputs) {
@@ -422,8 +482,11 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
       inputs.emplace_back(control, share * def.controls[static_cast<std::size_t>(control)].gain);
     }
     m.force_limits_.push_back(
-        {f.name, length_of(f), std::move(inputs), f.stiffness, f.damping, f.rest, f.lower, f.upper});
+        {f.name, f.stiffness > 0 ? form_of(f) : rate_form_of(f), std::move(inputs), f.stiffness, f.damping, f.rest,
+         f.lower, f.upper});
   }
+  if (!both.empty())
+    return Refuse(Named("length", both), "acts along a path and on a rotation vector at once; give one of each");
   for (const CouplingDef& c : def.couplings) {
     Mechanism::Coupling coupling;
     coupling.name = c.name;

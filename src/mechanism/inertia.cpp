@@ -1,5 +1,7 @@
 #include <fork1s/mechanism/kinematics.hpp>
 
+#include "rotation_block.hpp"
+
 namespace fork1s {
 namespace {
 
@@ -47,6 +49,8 @@ void FillMassMatrix(const Mechanism& mechanism, const Kinematics& kinematics,
       }
     }
   M.diagonal() += mechanism.armature();
+  for (const Mechanism::Rotation& rotation : mechanism.rotations())
+    internal::AddRotationBlock(mechanism, kinematics, rotation, mechanism.armature(), M);
 }
 
 }  // namespace
@@ -165,7 +169,9 @@ void ApplyMass(const Mechanism& mechanism, const Kinematics& kinematics, const V
     V.col(column).head<3>() = X.rotation() * (I.rotational * w_B) + c.cross(p);
     V.col(column).tail<3>() = p;
   }
-  Mx = mechanism.armature().cwiseProduct(x);
+  ComputeJointVelocities(mechanism, kinematics, x, Mx);
+  Mx = mechanism.armature().cwiseProduct(Mx);
+  ConvertToCoordinateForces(mechanism, kinematics, Mx);
   AccumulateGeneralizedForce(mechanism, kinematics.S, V, Mx);
 }
 

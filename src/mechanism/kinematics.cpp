@@ -101,7 +101,7 @@ void ComputeKinematics(const Mechanism& mechanism, const VectorX& q, Kinematics&
     else
       SetProduct(out.P[static_cast<std::size_t>(bodies[b].last_joint)], bodies[b].X_RB0, out.X_RB[b]);
   for (std::size_t i = 0; i < out.paths.size(); ++i)
-    internal::ComputePath(mechanism, mechanism.paths()[i], out, out.paths[i]);
+    internal::ComputePath(mechanism, mechanism.paths()[i], out, q, out.paths[i]);
 }
 
 Matrix6X BodyJacobian(const Mechanism& mechanism, const Kinematics& kinematics, BodyIndex b) {

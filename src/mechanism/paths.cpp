@@ -125,6 +125,25 @@ void ComputeThread(const Mechanism& mechanism, const Mechanism::Path& path, cons
   }
 }
 
+// Arms of Σ c ω along the axes of rotations: rows of E.
+void ComputeRates(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
+                  const VectorX& q, PathState& out) {
+  for (const auto& [i, c] : path.rates) out.length += c * q(i);
+  for (const Mechanism::Rotation& rotation : mechanism.rotations()) {
+    const auto& at = rotation.coordinates;
+    Vector3 weights = Vector3::Zero();
+    for (const auto& [i, c] : path.rates)
+      for (int k = 0; k < 3; ++k)
+        if (at[static_cast<std::size_t>(k)] == i) weights(k) += c;
+    if (weights.isZero(0)) continue;
+    const Vector3 arms = AngularVelocityMap(mechanism, kinematics, rotation).transpose() * weights;
+    for (int k = 0; k < 3; ++k) {
+      const int coordinate = at[static_cast<std::size_t>(k)];
+      out.arms[static_cast<std::size_t>(path.slot[static_cast<std::size_t>(coordinate)])].second += arms(k);
+    }
+  }
+}
+
 // Of paths that are no threads: elements are frames.
 template <class Known, class Refuse>
 Expected<void> CheckFrames(const MechanismDef& def, const PathDef& path, const Known& known,
@@ -162,9 +181,10 @@ bool HangsOn(const Mechanism& mechanism, BodyIndex b, int coordinate) {
 }  // namespace
 
 void ComputePath(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
-                 PathState& out) {
+                 const VectorX& q, PathState& out) {
   out.length = 0;
   for (auto& arm : out.arms) arm.second = 0;
+  if (!path.rates.empty()) return ComputeRates(mechanism, path, kinematics, q, out);
   switch (path.kind) {
     case PathKind::kThread:
       return ComputeThread(mechanism, path, kinematics, out);
@@ -189,6 +209,26 @@ void FindCoordinates(const Mechanism& mechanism, int index, Mechanism::Path& pat
   path.has_potential = path.elements.size() == 2 && path.gear.head<3>().isZero(0) &&
                        std::none_of(path.coordinates.begin(), path.coordinates.end(),
                                     [&](int i) { return HangsOn(mechanism, path.elements[1].body, i); });
+}
+
+// The moment of a constant torque in axes that move is no derivative of a rotation vector.
+void FindRateCoordinates(const Mechanism& mechanism, Mechanism::Path& path) {
+  path.kind = PathKind::kWrench;
+  path.rod = 0;
+  path.gear.setZero();
+  path.has_potential = false;
+  path.slot.assign(static_cast<std::size_t>(mechanism.num_coordinates()), -1);
+  for (const Mechanism::Rotation& rotation : mechanism.rotations()) {
+    const auto& at = rotation.coordinates;
+    if (std::none_of(path.rates.begin(), path.rates.end(), [&](const auto& rate) {
+          return std::find(at.begin(), at.end(), rate.first) != at.end();
+        }))
+      continue;
+    path.coordinates.insert(path.coordinates.end(), at.begin(), at.end());
+  }
+  std::sort(path.coordinates.begin(), path.coordinates.end());
+  for (std::size_t i = 0; i < path.coordinates.size(); ++i)
+    path.slot[static_cast<std::size_t>(path.coordinates[i])] = static_cast<int>(i);
 }
 
 Expected<void> CheckPath(const MechanismDef& def, const PathDef& path) {

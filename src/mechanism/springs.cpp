@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "closures.hpp"
+#include "rotation_block.hpp"
 
 namespace fork1s {
 namespace {
@@ -60,6 +61,8 @@ MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics
 
 MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX&) {
   MatrixX D = mechanism.damping().asDiagonal();
+  for (const Mechanism::Rotation& rotation : mechanism.rotations())
+    internal::AddRotationBlock(mechanism, kinematics, rotation, mechanism.damping(), D);
   for (const Mechanism::Spring& s : mechanism.springs())
     AddLengthMatrix(s.length, kinematics.paths, s.damping, D);
   AddClosureMatrix(mechanism, kinematics, &ClosureDef::damping, D);

@@ -38,7 +38,8 @@ struct EnumNames<Recovery> {
 template <>
 struct EnumNames<Integrator> {
   static constexpr std::pair<Integrator, const char*> kNames[] = {{Integrator::kEuler, "euler"},
-                                                                  {Integrator::kTheta, "theta"}, {Integrator::kTwoStage, "two-stage"},
+                                                                  {Integrator::kTheta, "theta"},
+                                                                  {Integrator::kTwoStage, "two-stage"},
                                                                   {Integrator::kAuto, "auto"}};
 };
 

@@ -76,6 +76,17 @@ std::vector<Matrix6> Carried(const Mechanism& mechanism, const Kinematics& kinem
   return carried;
 }
 
+// Entry of EᵀaE between two coordinates of a joint; a itself outside of its rotation.
+double ArmatureBetween(const Mechanism& mechanism, const Kinematics& kinematics, const Mechanism::Joint& joint, int i,
+                       int e) {
+  const Mechanism::Rotation& rotation = mechanism.rotations()[static_cast<std::size_t>(joint.rotation)];
+  const auto& at = rotation.coordinates;
+  const auto row = std::find(at.begin(), at.end(), i), column = std::find(at.begin(), at.end(), e);
+  if (row == at.end() || column == at.end()) return i == e ? mechanism.armature()(i) : 0;
+  return WeightedRotationBlock(mechanism, kinematics, rotation, mechanism.armature())(row - at.begin(),
+                                                                                      column - at.begin());
+}
+
 }  // namespace
 
 // As ReducedInertia, one column s of a joint after the other: Σ T_jᵀ I_j T_j = Σ h qᵀ + q hᵀ with
@@ -110,6 +121,17 @@ InertiaAlong ComputeInertiaAlong(const Mechanism& mechanism, const Kinematics& k
       double* h = H.data() + i * r;
       const double half = 0.5 * (s.dot(f) + mechanism.armature()(i));
       for (Eigen::Index k = moved.begin; k < moved.end; ++k) h[k] = half * q[k];
+      if (joint.rotation >= 0) {
+        // Armature of a rotation couples its coordinates: twice half of it between two of them.
+        for (int e = joint.offset; e <= i; ++e) {
+          const double rotor = ArmatureBetween(mechanism, kinematics, joint, i, e);
+          const double share = e == i ? 0.5 * (rotor - mechanism.armature()(i)) : rotor;
+          if (share == 0) continue;
+          const double* q_e = Q.data() + e * r;
+          const Span moved_e = SpanOf(q_e, r);
+          for (Eigen::Index k = moved_e.begin; k < moved_e.end; ++k) h[k] += share * q_e[k];
+        }
+      }
       AddRows(f, T, r, own, h);
       AddToRows(f, q, r, moved, M_0z.data());
       AddToRows(s, q, r, moved, T);

@@ -14,6 +14,7 @@
 #include "branch_order.hpp"
 #include "elastic_basis.hpp"
 #include "inertia_along.hpp"
+#include "interior_stops.hpp"
 #include "mode_choice.hpp"
 #include "modes.hpp"
 #include "printed_axis.hpp"
@@ -222,7 +223,9 @@ void FillOperators(ReducedModel& model, const Kinematics& kinematics) {
     return !c.rigid.select(Vector6::Zero(), c.damping).isZero(0);
   };
   const auto& closures = mechanism.closures();
-  model.D = mechanism.springs().empty() && std::none_of(closures.begin(), closures.end(), damps)
+  const bool is_diagonal = mechanism.springs().empty() && mechanism.rotations().empty() &&
+                           std::none_of(closures.begin(), closures.end(), damps);
+  model.D = is_diagonal
                 ? DiagonalCongruence(mechanism.damping(), model.Q)
                 : Congruence(DampingMatrix(mechanism, kinematics, model.q_ref), model.Q);
 }
@@ -262,6 +265,58 @@ Expected<std::vector<BodyIndex>> ResolveInterfaces(const Mechanism& mechanism,
   return bodies;
 }
 
+// Q of the directions that the interface feels, `felt` of each part, and of modes, and all that hangs on it.
+void FillReduced(ReducedModel& model, const Kinematics& kinematics, const ReductionOptions& options,
+                 const internal::ElasticBasis& basis, const MatrixX& J, const MatrixX& J_V,
+                 const std::vector<int>& felt) {
+  const Mechanism& mechanism = *model.mechanism;
+  const int n = mechanism.num_coordinates(), e = basis.num_elastic();
+  const double L = mechanism.length_scale();
+  model.num_free = basis.num_free();
+  model.num_elastic = std::accumulate(felt.begin(), felt.end(), 0);
+  const int unfelt = e - model.num_elastic;
+  const int wanted = options.modes >= 0 ? options.modes : mechanism.definition().modes;
+  const bool by_contribution = mechanism.definition().mode_choice == ModeChoice::kContribution;
+  internal::Modes modes{MatrixX(e, 0), VectorX(0)};
+  MatrixX Y_r;
+  if (wanted >= unfelt) {
+    // All directions: then single joints, and what single loops leave, serve better than what the interface
+    // feels most, and modes.
+    const MatrixX all =
+        basis.diagonal ? internal::BranchIdentity(mechanism, basis) : MatrixX(MatrixX::Identity(e, e));
+    Y_r = all.leftCols(model.num_elastic);
+    modes.vectors = all.rightCols(unfelt);
+  } else {
+    Y_r = FeltDirections(J_V, basis, felt);
+    modes = internal::LowestModes(mechanism, kinematics, basis, Y_r, MatrixX(e, 0), MatrixX(0, 0),
+                                  by_contribution ? CandidateModes(e, wanted) : wanted);
+  }
+  FillBasis(model, basis, Y_r, modes.vectors);
+  if (by_contribution && model.num_modes > wanted) {
+    FillOperators(model, kinematics);
+    modes.vectors = Columns(modes.vectors, internal::ContributingModes(model, J, L, wanted));
+    FillBasis(model, basis, Y_r, modes.vectors);
+  }
+  SortByPart(model, basis, Y_r, modes.vectors);
+  FillOperators(model, kinematics);
+  FillLoopMetric(model);
+
+  model.k_inverse.resize(0);
+  model.C_perp.resize(0, 0);
+  model.has_complement = model.num_elastic + model.num_modes < e;
+  if (model.has_complement) {
+    if (basis.diagonal) {
+      model.k_inverse = VectorX::Zero(n);
+      for (int i = 0; i < e; ++i)
+        model.k_inverse(basis.sprung[static_cast<std::size_t>(i)]) =
+            basis.inverse_root(i) * basis.inverse_root(i);
+    } else {
+      const MatrixX Q_e = Columns(model.Q, model.SprungColumns());
+      model.C_perp = DifferenceOfSquares(basis.V, Q_e);
+    }
+  }
+}
+
 }  // namespace
 
 namespace {
@@ -271,7 +326,6 @@ Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, c
                                 const Kinematics& kinematics, const ReductionOptions& options,
                                 const ReducedModel* last) {
   const Mechanism& mechanism = *mechanism_in;
-  const int n = mechanism.num_coordinates();
   ReducedModel model;
   model.mechanism = mechanism_in;
   model.q_ref = q_ref;
@@ -305,52 +359,31 @@ Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, c
     J = internal::ScaledInterfaceJacobian(mechanism, kinematics, model.interfaces, L);
   }
 
-  const int e = basis.num_elastic();
   // Bodies that loops hold still feel rounding of all springs; none of it is a direction.
   const MatrixX J_V = basis.TimesV(J);
-  const std::vector<int> felt = basis.Feels(ScaledColumns(J, basis.scale / L))
-                                    ? CountFelt(J_V, basis, options.rank_tolerance)
-                                    : std::vector<int>(basis.parts.size(), 0);
-  model.num_free = basis.num_free();
-  model.num_elastic = std::accumulate(felt.begin(), felt.end(), 0);
-  const int unfelt = e - model.num_elastic;
-  const int wanted = options.modes >= 0 ? options.modes : mechanism.definition().modes;
-  const bool by_contribution = mechanism.definition().mode_choice == ModeChoice::kContribution;
-  internal::Modes modes{MatrixX(e, 0), VectorX(0)};
-  MatrixX Y_r;
-  if (wanted >= unfelt) {
-    // All directions: then single joints, and what single loops leave, serve better than what the interface
-    // feels most, and modes.
-    const MatrixX all =
-        basis.diagonal ? internal::BranchIdentity(mechanism, basis) : MatrixX(MatrixX::Identity(e, e));
-    Y_r = all.leftCols(model.num_elastic);
-    modes.vectors = all.rightCols(unfelt);
-  } else {
-    Y_r = FeltDirections(J_V, basis, felt);
-    modes = internal::LowestModes(mechanism, kinematics, basis, Y_r, MatrixX(e, 0), MatrixX(0, 0),
-                                  by_contribution ? CandidateModes(e, wanted) : wanted);
-  }
-  FillBasis(model, basis, Y_r, modes.vectors);
-  if (by_contribution && model.num_modes > wanted) {
-    FillOperators(model, kinematics);
-    modes.vectors = Columns(modes.vectors, internal::ContributingModes(model, J, L, wanted));
-    FillBasis(model, basis, Y_r, modes.vectors);
-  }
-  SortByPart(model, basis, Y_r, modes.vectors);
-  FillOperators(model, kinematics);
-  FillLoopMetric(model);
-
-  model.has_complement = model.num_elastic + model.num_modes < e;
-  if (model.has_complement) {
-    if (basis.diagonal) {
-      model.k_inverse = VectorX::Zero(n);
-      for (int i = 0; i < e; ++i)
-        model.k_inverse(basis.sprung[static_cast<std::size_t>(i)]) =
-            basis.inverse_root(i) * basis.inverse_root(i);
-    } else {
-      const MatrixX Q_e = Columns(model.Q, model.SprungColumns());
-      model.C_perp = DifferenceOfSquares(basis.V, Q_e);
-    }
+  std::vector<int> felt = basis.Feels(ScaledColumns(J, basis.scale / L))
+                              ? CountFelt(J_V, basis, options.rank_tolerance)
+                              : std::vector<int>(basis.parts.size(), 0);
+  // A group of coordinates in which a stop acts on what would be condensed keeps all of its directions, at later
+  // references too.
+  const auto keep = [&](const std::vector<int>& stops) {
+    const std::vector<char> parts = internal::PartsOfStops(mechanism, kinematics, basis, stops);
+    for (std::size_t p = 0; p < parts.size(); ++p)
+      if (parts[p]) felt[p] = basis.parts[p].num_elastic;
+  };
+  if (last) model.interior_stops = last->interior_stops;
+  keep(model.interior_stops);
+  FillReduced(model, kinematics, options, basis, J, J_V, felt);
+  if (const std::vector<int> stops = internal::FindInteriorStops(model, kinematics); !stops.empty()) {
+    keep(stops);
+    model.interior_stops.insert(model.interior_stops.end(), stops.begin(), stops.end());
+    FillReduced(model, kinematics, options, basis, J, J_V, felt);
+    model.warnings.push_back(fmt::format(
+        "{}{} may act on motions that would be left to statics under weight and the largest actuator forces: the "
+        "model keeps all motions of {}",
+        internal::NameOfStop(mechanism, stops[0]),
+        stops.size() == 1 ? "" : fmt::format(" and {} other stops, bounds or dry frictions", stops.size() - 1),
+        stops.size() == 1 ? "its group of joints" : "their groups of joints"));
   }
   for (BodyIndex b : model.promoted)
     model.warnings.push_back(fmt::format(

@@ -257,6 +257,21 @@ void ReducedInertia::ClearApart(const ReducedJacobian& jacobian, Eigen::Ref<Matr
       M_zz(l, k) = M_zz(k, l) = 0;
 }
 
+// Armature of a joint with a rotation, between its freedoms; false where it has none and the diagonal is all.
+bool ReducedInertia::FillArmature(const Mechanism& mechanism, const Kinematics& kinematics, int joint_index) {
+  const Mechanism::Joint& joint = mechanism.joints()[static_cast<std::size_t>(joint_index)];
+  if (joint.rotation < 0 || mechanism.armature().segment(joint.offset, joint.size).isZero(0)) return false;
+  armature_.setZero();
+  armature_.diagonal().head(joint.size) = mechanism.armature().segment(joint.offset, joint.size);
+  const Mechanism::Rotation& rotation = mechanism.rotations()[static_cast<std::size_t>(joint.rotation)];
+  const Matrix3 block = WeightedRotationBlock(mechanism, kinematics, rotation, mechanism.armature());
+  for (int i = 0; i < 3; ++i)
+    for (int e = 0; e < 3; ++e)
+      armature_(rotation.coordinates[static_cast<std::size_t>(i)] - joint.offset,
+                rotation.coordinates[static_cast<std::size_t>(e)] - joint.offset) = block(i, e);
+  return true;
+}
+
 // f = Ic s and h of every coordinate, and M_00.
 void ReducedInertia::TakeMomenta(const ReducedModel& model, const RigidParts& parts, const Configuration& c,
                                  const ReducedJacobian& jacobian, Matrix6& M_00) {
@@ -274,13 +289,15 @@ void ReducedInertia::TakeMomenta(const ReducedModel& model, const RigidParts& pa
     const double* const T_up = jacobian.T_.data() + run.up_at;
     const int up_stride = run.up_end - run.up_begin;
     const double* const S = c.kinematics.S.data() + 6 * run.coordinate;
+    const bool rotates = FillArmature(*model.mechanism, c.kinematics, static_cast<int>(j));
     for (int i = 0; i < run.freedoms; ++i) {
       double* const f = f_.data() + 6 * (run.coordinate + i);
       I.Apply(S + 6 * i, f);
       const auto along = [f](const double* t) {
         return (t[0] * f[0] + t[1] * f[1] + t[2] * f[2]) + (t[3] * f[3] + t[4] * f[4] + t[5] * f[5]);
       };
-      const double own = 0.5 * (along(S + 6 * i) + armature(run.coordinate + i));
+      const double rotor = rotates ? armature_(i, i) : armature(run.coordinate + i);
+      const double own = 0.5 * (along(S + 6 * i) + rotor);
       const Eigen::Index at = run.Q_at + i * run.padded;
       const double* const q = jacobian.Q_.data() + at;
       double* const h = h_.data() + at;
@@ -290,7 +307,7 @@ void ReducedInertia::TakeMomenta(const ReducedModel& model, const RigidParts& pa
         TakeHalf<kQuads>(own, q + k, f, T_up + (k - run.up_begin), up_stride, h + k);
       });
       for (int e = 0; e < i; ++e) {
-        const double share = along(S + 6 * e);
+        const double share = along(S + 6 * e) + (rotates ? armature_(i, e) : 0);
         const double* q_e = jacobian.Q_.data() + run.Q_at + e * run.padded;
         for (int k = 0; k < run.padded; k += 4) QuadAt(h + k) += share * QuadAt(q_e + k);
       }

@@ -5,7 +5,7 @@
 // loops. With G the constraint rows, p the momentum at the start seen from the body's new pose (so that it is
 // carried along without loss), and everything on the right taken at the end of the step:
 //     I_b V_b  + G_bᵀ ν = p_b + h F_b(X) + contact impulses
-//     a q̇     + G_qᵀ ν = a q̇_0 + h τ(q, q̇)          a: armature
+//     Eᵀ a E q̇ + G_qᵀ ν = Eᵀ a E_0 q̇_0 + h τ(q, q̇)   a: armature; E q̇: joint velocities, ω of rotation vectors
 //     G_b V + G_q q̇     = 0
 // Poses follow from q = q_0 + h q̇ and the base by solving the link and loop equations themselves.
 //
@@ -15,6 +15,7 @@
 
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
+#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -38,6 +39,12 @@ struct LinkRows {
   Matrix6X on_rates;
 };
 
+/// ω = E θ̇ of a joint whose rotation is a rotation vector, along its axes as the body carries them.
+struct RotationMap {
+  std::array<int, 3> at;  // coordinates of θ
+  Matrix3 E;
+};
+
 class FullMechanism {
  public:
   static Expected<FullMechanism> Create(std::shared_ptr<const Mechanism> mechanism, const VectorX& q0,
@@ -57,14 +64,34 @@ class FullMechanism {
   }
   double LengthRate(const Mechanism::Length& length, const VectorX& q, const VectorX& q_dot) const {
     double rate = 0;
-    ForEachArm(length, At(q).paths, [&](int i, double c) { rate += c * q_dot(i); });
+    ForEachArmAt(length, q, [&](int i, double c) { rate += c * q_dot(i); });
     return rate;
   }
   /// f(coordinate, ∂length/∂q)
   template <class F>
   void ForEachArmAt(const Mechanism::Length& length, const VectorX& q, F&& f) const {
-    ForEachArm(length, At(q).paths, f);
+    if (length.path < 0 || mechanism_->paths()[static_cast<std::size_t>(length.path)].rates.empty()) {
+      ForEachArm(length, At(q).paths, f);
+      return;
+    }
+    for (const auto& [i, c] : length.terms) f(i, c);
+    VectorX arms = VectorX::Zero(mechanism_->num_coordinates());
+    for (const auto& [i, c] : mechanism_->paths()[static_cast<std::size_t>(length.path)].rates)
+      arms(i) += length.gear * c;
+    for (const RotationMap& rotation : RotationMaps(q)) {
+      const Vector3 on_theta = rotation.E.transpose() * arms(rotation.at);
+      if (on_theta.isZero(0)) continue;
+      for (int k = 0; k < 3; ++k) f(rotation.at[static_cast<std::size_t>(k)], on_theta(k));
+    }
   }
+  /// Of every rotation vector (mechanism_rows.cpp).
+  std::vector<RotationMap> RotationMaps(const VectorX& q) const;
+  /// Joint velocities at q: ω of rotation vectors, q̇ of all other coordinates.
+  VectorX JointVelocities(const VectorX& q, const VectorX& q_dot) const;
+  /// Forces on joint velocities as forces on coordinates.
+  VectorX CoordinateForces(const VectorX& q, VectorX force) const;
+  /// Eᵀ diag(weights) E (n x n).
+  MatrixX OnCoordinates(const VectorX& q, const VectorX& weights) const;
   /// Widened to the initial pose where that was outside.
   const std::vector<Mechanism::LengthLimit>& length_limits() const { return length_limits_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
@@ -213,7 +240,7 @@ class FullMechanism {
   std::vector<Load> loads_;
   bool stage_ = false;
   Matrix6X momentum_;    // per body at the start, seen from X_; in stages that of the drift taken off
-  VectorX rates_start_;  // q̇_0
+  VectorX rates_start_;  // joint velocities E_0 q̇_0
   Vector3 drift_W_ = Vector3::Zero();
   std::vector<RigidTransform> X_next_;
   Matrix6X V_next_;

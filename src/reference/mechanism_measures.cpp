@@ -11,7 +11,7 @@
 namespace fork1s::internal {
 
 double FullMechanism::KineticEnergy() const {
-  double energy = 0.5 * mechanism_->armature().dot(q_dot_.cwiseAbs2());
+  double energy = 0.5 * mechanism_->armature().dot(JointVelocities(q_, q_dot_).cwiseAbs2());
   for (std::size_t b = 0; b < X_.size(); ++b) {
     const Vector6 V = V_.col(static_cast<Eigen::Index>(b));
     energy += 0.5 * V.dot(inertia_[b] * V);
@@ -106,7 +106,7 @@ FullMechanism::Matrices FullMechanism::LinearMatrices() const {
   for (std::size_t b = 0; b < X_.size(); ++b)
     if (column_[b] >= 0) M.block<6, 6>(column_[b], column_[b]) = inertia_[b];
   const int n = m.num_coordinates();
-  M.block(num_body_columns_, num_body_columns_, n, n).diagonal() = m.armature();
+  M.block(num_body_columns_, num_body_columns_, n, n) = OnCoordinates(q_, m.armature());
   auto K_q = K.block(num_body_columns_, num_body_columns_, n, n);
   K_q.diagonal() = m.stiffness();
   for (const Mechanism::Spring& s : m.springs())

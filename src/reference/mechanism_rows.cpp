@@ -45,6 +45,44 @@ LinkRows FullMechanism::RowsOf(const Link& link, const std::vector<RigidTransfor
   return rows;
 }
 
+// With the axes W of the joint in the body and x = W θ, Exp(x) turns by J_r(x) ẋ in the body's axes, J_r(x) = J_l(-x).
+std::vector<RotationMap> FullMechanism::RotationMaps(const VectorX& q) const {
+  std::vector<RotationMap> maps;
+  for (const Mechanism::Rotation& rotation : mechanism_->rotations()) {
+    const Mechanism::Joint& joint = mechanism_->joint(rotation.joint);
+    const Matrix6X S = Screws(mechanism_->definition().joints[rotation.joint.u()]);
+    RotationMap map{rotation.coordinates, Matrix3::Zero()};
+    Matrix3 W;
+    for (int k = 0; k < 3; ++k)
+      W.col(k) = S.col(rotation.coordinates[static_cast<std::size_t>(k)] - joint.offset).head<3>();
+    const Vector3 x = W * q(rotation.coordinates);
+    map.E = W.inverse() * DexpRotation(-x) * W;
+    maps.push_back(map);
+  }
+  return maps;
+}
+
+VectorX FullMechanism::JointVelocities(const VectorX& q, const VectorX& q_dot) const {
+  VectorX velocities = q_dot;
+  for (const RotationMap& rotation : RotationMaps(q)) velocities(rotation.at) = rotation.E * q_dot(rotation.at);
+  return velocities;
+}
+
+VectorX FullMechanism::CoordinateForces(const VectorX& q, VectorX force) const {
+  for (const RotationMap& rotation : RotationMaps(q)) {
+    const Vector3 on_theta = rotation.E.transpose() * force(rotation.at);
+    force(rotation.at) = on_theta;
+  }
+  return force;
+}
+
+MatrixX FullMechanism::OnCoordinates(const VectorX& q, const VectorX& weights) const {
+  MatrixX A = weights.asDiagonal();
+  for (const RotationMap& rotation : RotationMaps(q))
+    A(rotation.at, rotation.at) = (rotation.E.transpose() * Vector3(weights(rotation.at)).asDiagonal() * rotation.E).eval();
+  return A;
+}
+
 void FullMechanism::AddLinkStiffening(const Link& link, const LinkRows& rows, const Vector6& nu, double h) {
   // The reaction on the parent, -Ad(X_b⁻¹X_p)ᵀ ν, turns with both bodies; its change with the child is
   // Ad(X_b⁻¹X_p)ᵀ C(ν), C(ν) = [τ f; f 0] of cross-product matrices. Half of it on either side of the

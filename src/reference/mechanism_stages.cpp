@@ -77,7 +77,7 @@ void FullMechanism::GoOn(double onward) {
     momentum_.col(i) = AdjointTransposeApply(X_[b].inverse() * Shifted(X[b], -h * drift_W_),
                                              momentum_.col(i) + onward * (end - momentum_.col(i)));
   }
-  rates_start_ += onward * (q_dot_next_ - rates_start_);
+  rates_start_ += onward * (JointVelocities(q_next_, q_dot_next_) - rates_start_);
   reactions_ += onward * nu_next_;
   reaction_time_ += h;
   X_ = std::move(X);

@@ -39,7 +39,7 @@ void FullMechanism::StartMomenta() {
   momentum_.resize(6, static_cast<Eigen::Index>(X_.size()));
   for (std::size_t b = 0; b < X_.size(); ++b)
     momentum_.col(static_cast<Eigen::Index>(b)) = inertia_[b] * V_.col(static_cast<Eigen::Index>(b));
-  rates_start_ = q_dot_;
+  rates_start_ = JointVelocities(q_, q_dot_);
 }
 
 bool FullMechanism::Begin(double h, const Vector3& gravity_W) {
@@ -83,11 +83,18 @@ void FullMechanism::AddBodies(const Matrix6X& on_bodies, bool stiffening, Matrix
 void FullMechanism::AddJoints(MatrixX& right) {
   const Mechanism& m = *mechanism_;
   const double h = h_;
-  VectorX tau = m.stiffness().cwiseProduct(m.rest() - q_next_) - m.damping().cwiseProduct(q_dot_next_);
-  if (controls.size() > 0) AddControlForce(m, At(q_next_), controls, tau);
+  const VectorX velocities = JointVelocities(q_next_, q_dot_next_);
+  VectorX tau = m.stiffness().cwiseProduct(m.rest() - q_next_) -
+                CoordinateForces(q_next_, m.damping().cwiseProduct(velocities));
+  for (std::size_t k = 0; k < m.controls().size(); ++k) {
+    const double force = m.controls()[k].gain * controls(static_cast<Eigen::Index>(k));
+    ForEachArmAt(m.controls()[k].length, q_next_, [&](int i, double c) { tau(i) += c * force; });
+  }
+  const MatrixX inertia = OnCoordinates(q_next_, m.armature() + h * m.damping());
   for (int i = 0; i < m.num_coordinates(); ++i)
-    dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(i),
-                  m.armature()(i) + h * m.damping()(i) + h * h * m.stiffness()(i));
+    for (int j = 0; j < m.num_coordinates(); ++j)
+      if (const double value = inertia(i, j) + (i == j ? h * h * m.stiffness()(i) : 0); i == j || value != 0)
+        dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j), value);
   for (const Mechanism::Spring& s : m.springs()) {
     // Between two lengths it may be slack.
     const double length = Length(s.length, q_next_), end = std::clamp(length, s.rest, s.rest + s.slack),
@@ -124,7 +131,7 @@ void FullMechanism::AddJoints(MatrixX& right) {
     });
   }
   right.block(num_body_columns_, 0, m.num_coordinates(), 1) +=
-      m.armature().cwiseProduct(rates_start_ - q_dot_next_) + h * tau;
+      CoordinateForces(q_next_, m.armature().cwiseProduct(rates_start_ - velocities)) + h * tau;
 }
 
 // Springy directions push by k c + d ċ; rigid ones by their multipliers. Either turns with the bodies.

@@ -1,6 +1,7 @@
 #include <fork1s/sim/tally.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 namespace fork1s {
@@ -107,6 +108,34 @@ void RunTally::LookAtHolds(const Simulation& simulation) {
   }
 }
 
+void RunTally::LookBeyondStops(const Simulation& simulation) {
+  const auto& mechanisms = simulation.world().mechanisms();
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const MechanismDynamics& m = mechanisms[i];
+    for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
+      const Mechanism::LengthLimit& limit = m.length_limits()[k];
+      const double length = m.Length(limit.length), above = length - limit.upper, below = limit.lower - length,
+                   beyond = std::max(above, below);
+      if (beyond <= 0) continue;
+      const auto& terms = limit.length.terms;
+      const bool turns = limit.length.path < 0 && !terms.empty() && m.mechanism().Turns(terms[0].first);
+      const double range = limit.upper - limit.lower,
+                   whole = std::isfinite(range) && range > 0 ? range : turns ? 1 : m.mechanism().length_scale(),
+                   share = beyond / whole;
+      if (share <= StopPassed::kShareBeyond) continue;
+      auto& [most, stop] = passed_[{static_cast<int>(i), k}];
+      if (stop.name.empty()) stop.first = simulation.time();
+      if (share <= most) continue;
+      most = share;
+      stop.name = limit.WhatAndName();
+      stop.turns = turns;
+      stop.beyond = beyond;
+      stop.when = simulation.time();
+      stop.upper = above > below;
+    }
+  }
+}
+
 void RunTally::Look(const Simulation& simulation, const StepReport& report) {
   for (auto& [key, pair] : pairs_) {
     pair.force_W.setZero();
@@ -121,6 +150,7 @@ void RunTally::Look(const Simulation& simulation, const StepReport& report) {
     pair.force_max = force;
     pair.force_max_s = simulation.time();
   }
+  LookBeyondStops(simulation);
   const auto& mechanisms = simulation.world().mechanisms();
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     const MechanismDynamics& m = mechanisms[i];
@@ -159,6 +189,15 @@ double RunTally::FrictionLoss() const {
   double sum = 0;
   for (const auto& [key, pair] : pairs_) sum += pair.friction_loss;
   return sum;
+}
+
+std::vector<StopPassed> RunTally::PassedStops() const {
+  std::vector<std::pair<double, StopPassed>> all;
+  for (const auto& [key, stop] : passed_) all.push_back(stop);
+  std::stable_sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<StopPassed> out;
+  for (auto& [share, stop] : all) out.push_back(std::move(stop));
+  return out;
 }
 
 std::vector<EndReached> RunTally::Stops() const { return Longest(stops_); }

@@ -170,7 +170,9 @@ std::string PairList(std::vector<ContactPair> pairs) {
 
 }  // namespace
 
-std::string NameOf(Integrator integrator) { return integrator == Integrator::kTheta ? "theta" : "euler"; }
+std::string NameOf(Integrator integrator) {
+  return integrator == Integrator::kTheta ? "theta" : integrator == Integrator::kTwoStage ? "two-stage" : "euler";
+}
 std::string NameOf(FullIntegrator integrator) {
   return integrator == FullIntegrator::kTwoStages ? "two-stages" : "euler";
 }
@@ -223,7 +225,7 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   if (!probe) return tl::unexpected(probe.error());
   o.integrator = probe->step_options().integrator;
   o.full_integrator = options.full_integrator.value_or(
-      o.integrator == Integrator::kTheta ? FullIntegrator::kTwoStages : FullIntegrator::kEuler);
+      o.integrator == Integrator::kEuler ? FullIntegrator::kEuler : FullIntegrator::kTwoStages);
   if (auto ok = CheckControls(options.controls, *probe); !ok) return tl::unexpected(ok.error());
   if (const auto missing = options.pushes.FindMissing(*probe); !missing.empty())
     return Fail(ErrorCode::kModel, "pushes", fmt::format("the model has no body '{}'", missing.front()));

@@ -62,6 +62,33 @@ TEST(RunReport, WhatSlipsIsNamed) {
   EXPECT_NE(Fork1s("run --time 0.5 --push sledge:15,0,0 " + Sledge()).out.find("slipped"), std::string::npos);
 }
 
+// A chain of stiff joints of which only the tip is an interface: a push in its middle bends condensed joints.
+TEST(RunReport, JointsBeyondTheirStopsAreNamedWithTheAmount) {
+  std::string open, close;
+  for (int i = 1; i <= 10; ++i) {
+    const std::string name = i == 10 ? "tip" : "l" + std::to_string(i);
+    open += "<body name='" + name + "' pos='" + (i > 1 ? ".05" : "0") + " 0 0'><joint name='t" + std::to_string(i) +
+            "' axis='0 1 0' stiffness='20' damping='.05' armature='1e-5' limited='true' range='-15 15'/>"
+            "<geom type='capsule' size='.01' fromto='0 0 0 .05 0 0' density='1000' contype='0' conaffinity='0'/>";
+    close += "</body>";
+  }
+  const std::string model =
+      Write("tail.xml", "<mujoco><custom><text name='fork1s_interface' data='tip'/></custom><worldbody>" + open +
+                            close + "</worldbody></mujoco>");
+  EXPECT_TRUE(Fork1s("run --json --time 0.5 " + model).Json()["stops_passed"].empty());
+  const Outcome o = Fork1s("run --json --time 0.5 --push l6:0,0,-200 " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto passed = o.Json()["stops_passed"];
+  ASSERT_FALSE(passed.empty());
+  for (const auto& stop : passed) {
+    EXPECT_EQ(stop["name"].get<std::string>().find("joint 't"), 0u);
+    EXPECT_EQ(stop["unit"], "rad");
+    EXPECT_GT(stop["beyond_max"].get<double>(), 0.01 * 2 * 0.2618 * 0.999);
+    EXPECT_GE(stop["beyond_max_s"].get<double>(), stop["first_s"].get<double>());
+  }
+  EXPECT_NE(Fork1s("run --time 0.5 --push l6:0,0,-200 " + model).out.find(" rad beyond its "), std::string::npos);
+}
+
 TEST(RunReport, StopsAndServosAtTheirEndsAreNamed) {
   const Outcome o = Fork1s("run --json --time 1 --push mast:0,0,0,0,4,0 " + Sledge());
   ASSERT_EQ(o.code, 0) << o.err;

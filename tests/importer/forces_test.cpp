@@ -198,9 +198,40 @@ TEST(ImportForces, BallSpringAndServo) {
   ComputeKinematics(mechanism, q, kinematics);
   VectorX tau = VectorX::Zero(3);
   SpringForce(mechanism, kinematics, q, tau);
-  // A servo about one axis is one spring of its own freedom.
-  EXPECT_LT((tau - Vector3(-5 * .2, 8 * .4, -5 * .3)).norm(), 1e-12);
+  // The servo's torque of 3 (0 + 0.4) N·m is about the y axis of the body: a force on ω.
+  const Vector3 on_omega = DexpRotation(-q).transpose() * Vector3(0, 3 * .4, 0);
+  EXPECT_LT((tau - Vector3(-5 * q + on_omega)).norm(), 1e-12);
   EXPECT_EQ(loaded.report.holds.size(), 3u);
+}
+
+// Generalized forces of every actuator of a ball joint as MuJoCo has them, where the joint is far from zero.
+TEST(ImportForces, BallActuatorsActInTheAxesOfTheFile) {
+  const std::string text = R"(<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
+    <body name="p" quat=".9 .1 -.3 .2"><joint name="h" axis="0 1 1"/><geom size=".1"/>
+    <body name="a" pos=".1 0 0" quat=".8 .4 0 .4"><joint name="ball" type="ball" pos="0 0 -.1"/><geom size=".1"/></body>
+    </body></worldbody><actuator>
+    <motor name="child" joint="ball" gear=".5 1 -2"/><motor name="parent" jointinparent="ball" gear=".5 1 -2"/>
+    <position name="servo" joint="ball" kp="3" gear=".2 1 -.4"/>
+    <position name="parent_servo" jointinparent="ball" kp="2" gear="1 0 0"/></actuator></mujoco>)";
+  const ImportedScene loaded = MustLoad(text);
+  const Mechanism mechanism = MustBuild(loaded.scene.mechanisms[0]);
+  const Vector3 theta(1.2, -.8, 1.4);
+  Eigen::Vector4d q(.3, theta.x(), theta.y(), theta.z());
+  Kinematics kinematics(mechanism);
+  ComputeKinematics(mechanism, q, kinematics);
+  const Eigen::Vector4d u(.7, -.4, .5, .2);
+  VectorX tau = VectorX::Zero(4);
+  SpringForce(mechanism, kinematics, q, tau);
+  AddControlForce(mechanism, kinematics, u, tau);
+  Peer peer(text);
+  const Quaternion turn(ExpRotation(theta));
+  const double qpos[] = {.3, turn.w(), turn.x(), turn.y(), turn.z()};
+  std::copy(qpos, qpos + 5, peer.d->qpos);
+  std::copy(u.data(), u.data() + 4, peer.d->ctrl);
+  mj_forward(&*peer.m, &*peer.d);
+  VectorX expected = Eigen::Map<const Eigen::Vector4d>(peer.d->qfrc_actuator);
+  expected.tail<3>() = DexpRotation(-theta).transpose() * Vector3(expected.tail<3>());
+  EXPECT_LT((tau - expected).norm(), 1e-12) << tau.transpose() << " and " << expected.transpose();
 }
 
 }  // namespace

@@ -20,8 +20,10 @@ TEST(MassMatrix, IsTheSumOverBodies) {
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
     const Mechanism m = RandomMechanism(seed, Everything());
     for (double size : {0.0, 0.5, 2.0}) {
-      const Kinematics k = At(m, RandomCoordinates(m, seed, size));
-      MatrixX expected = m.armature().asDiagonal();
+      const VectorX q = RandomCoordinates(m, seed, size);
+      const Kinematics k = At(m, q);
+      const MatrixX map = JointVelocityMap(m, q);
+      MatrixX expected = map.transpose() * m.armature().asDiagonal() * map;
       Matrix6 base = Matrix6::Zero();
       Matrix6X coupling = Matrix6X::Zero(6, m.num_coordinates());
       for (int b = 0; b < m.num_bodies(); ++b) {

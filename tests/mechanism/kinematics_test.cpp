@@ -129,9 +129,16 @@ TEST(Poses, FreedomReferencesFollowSortedJoints) {
     for (std::size_t i = 0; i < def.springs.size(); ++i)
       for (std::size_t t = 0; t < def.springs[i].terms.size(); ++t)
         check(def.springs[i].terms[t].first, m.springs()[i].length.terms[t].first);
-    for (std::size_t i = 0; i < def.controls.size(); ++i)
-      for (std::size_t t = 0; t < def.controls[i].terms.size(); ++t)
-        check(def.controls[i].terms[t].first, m.controls()[i].length.terms[t].first);
+    for (std::size_t i = 0; i < def.controls.size(); ++i) {
+      // Terms on rotations stand in a path.
+      const Mechanism::Length& length = m.controls()[i].length;
+      if (length.path < 0) {
+        for (std::size_t t = 0; t < def.controls[i].terms.size(); ++t)
+          check(def.controls[i].terms[t].first, length.terms[t].first);
+      } else if (def.controls[i].terms.size() == 1) {
+        check(def.controls[i].terms[0].first, m.paths()[static_cast<std::size_t>(length.path)].rates[0].first);
+      }
+    }
     // The result's own definition builds the same mechanism again.
     const Mechanism again = BuildOrThrow(m.definition());
     EXPECT_EQ(again.screws(), m.screws());

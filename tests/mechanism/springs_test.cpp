@@ -106,7 +106,7 @@ TEST(StiffnessMatrix, IsTheSquareOfItsRowsInOneUnit) {
   }
 }
 
-TEST(DampingMatrix, IsTheStiffnessMatrixOfTheDampers) {
+TEST(DampingMatrix, IsTheStiffnessMatrixOfTheDampersOnJointVelocities) {
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
     MechanismDef def = RandomMechanismDef(seed, Everything());
     const Mechanism m = BuildOrThrow(def);
@@ -120,7 +120,10 @@ TEST(DampingMatrix, IsTheStiffnessMatrixOfTheDampers) {
     const Mechanism swapped = BuildOrThrow(def);
     const VectorX q = RandomCoordinates(m, seed);
     const Kinematics k = At(m, q);
-    EXPECT_EQ(DampingMatrix(m, k, q), StiffnessMatrix(swapped, k, q));
+    def.closures.clear();
+    const MatrixX all = StiffnessMatrix(swapped, k, q), of_joints = StiffnessMatrix(BuildOrThrow(def), k, q),
+                  map = JointVelocityMap(m, q), expected = all - of_joints + map.transpose() * of_joints * map;
+    EXPECT_LE((DampingMatrix(m, k, q) - expected).norm(), 1e-13 * expected.norm()) << "seed " << seed;
   }
 }
 
@@ -183,12 +186,17 @@ TEST(ControlForce, SumsTermsAndControls) {
   options.controls = 4;
   const Mechanism m = RandomMechanism(8, options);
   RandomSource random(8);
-  const VectorX u = random.Vector(4, 2);
+  const VectorX u = random.Vector(4, 2), q = RandomCoordinates(m, 8, 1);
   VectorX tau = VectorX::Ones(m.num_coordinates()), expected = tau;
-  for (Eigen::Index c = 0; c < 4; ++c)
-    for (const auto& [i, w] : m.controls()[static_cast<std::size_t>(c)].length.terms)
-      expected(i) += m.controls()[static_cast<std::size_t>(c)].gain * w * u(c);
-  AddControlForce(m, At(m, VectorX::Zero(m.num_coordinates())), u, tau);
+  for (Eigen::Index c = 0; c < 4; ++c) {
+    const ControlDef& control = m.definition().controls[static_cast<std::size_t>(c)];
+    VectorX force = VectorX::Zero(q.size());
+    for (const auto& [ref, w] : control.terms)
+      force(m.joint(ref.joint).offset + ref.freedom) += control.gain * w * u(c);
+    // Set points act on θ as springs do, motors on ω.
+    expected += control.is_setpoint ? force : VectorX(JointVelocityMap(m, q).transpose() * force);
+  }
+  AddControlForce(m, At(m, q), u, tau);
   EXPECT_LE((tau - expected).norm(), 1e-13 * expected.norm());
 }
 

@@ -8,6 +8,7 @@
 namespace fork1s::mechanism_test {
 
 using testing::BuildOrThrow;
+using testing::JointVelocityMap;
 using testing::RandomCoordinates;
 using testing::RandomMechanism;
 using testing::RandomMechanismDef;

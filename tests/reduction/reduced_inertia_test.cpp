@@ -38,7 +38,8 @@ void ExpectInertiaOfBodies(const RandomMechanismOptions& options, unsigned seed)
   ReducedInertia::ClearApart(jacobian, M_zz);
   inertia.Compute(*model, RigidParts(*m), c, jacobian, M_zz, M_0z, M_00);
 
-  MatrixX expected = c.Q_now.transpose() * m->armature().asDiagonal() * c.Q_now;
+  const MatrixX map = testing::JointVelocityMap(*m, c.q) * c.Q_now;
+  MatrixX expected = map.transpose() * m->armature().asDiagonal() * map;
   Matrix6X coupled = Matrix6X::Zero(6, r);
   Matrix6 whole = Matrix6::Zero();
   for (int b = 0; b < m->num_bodies(); ++b) {

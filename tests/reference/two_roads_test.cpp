@@ -41,6 +41,7 @@ VectorX ByJoints(const Mechanism& m, const VectorX& q, const VectorX& q_dot, con
   AddGravityWrenches(m, k, m.definition().X_WR.rotation().transpose() * gravity_W, F);
   SubtractVelocityWrenches(m, k, q, Vector6::Zero(), q_dot, VectorX::Zero(n), V, scratch, F);
   AccumulateGeneralizedForce(m, k.S, F, tau);
+  SubtractArmatureForces(m, k, q, q_dot, VectorX::Zero(n), tau);
   constexpr double kStep = 1e-6;
   const VectorX ahead = q + kStep * q_dot, back = q - kStep * q_dot;
   MatrixX A_back;

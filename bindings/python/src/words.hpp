@@ -28,8 +28,9 @@ inline Recovery ReadRecovery(const std::string& word) {
 
 inline Integrator ReadIntegrator(const std::string& word) {
   if (word == "theta") return Integrator::kTheta;
+  if (word == "two-stage") return Integrator::kTwoStage;
   if (word == "euler") return Integrator::kEuler;
-  throw Refused{{ErrorCode::kUsage, "integrator", "'" + word + "' is none of: euler, theta"}};
+  throw Refused{{ErrorCode::kUsage, "integrator", "'" + word + "' is none of: euler, theta, two-stage"}};
 }
 
 /// Options that Simulation and Batch share.
@@ -41,9 +42,9 @@ inline RunOptions ReadRunOptions(const std::optional<double>& dt, const std::opt
   RunOptions options{dt.value_or(0), keyframe.value_or(""), ReadRecovery(recovery), ReadDetail(detail)};
   if (!integrator) return options;
   options.integrator = ReadIntegrator(*integrator);
-  if (options.integrator == Integrator::kTheta && options.recovery == Recovery::kTwist)
+  if (options.integrator != Integrator::kEuler && options.recovery == Recovery::kTwist)
     throw Refused{{ErrorCode::kUsage, "integrator",
-                   "'theta' needs recovery 'exact' or 'curved': 'twist' keeps the inertia of the reference"}};
+                   "'" + *integrator + "' needs recovery 'exact' or 'curved': 'twist' keeps the inertia of the reference"}};
   return options;
 }
 

@@ -13,7 +13,7 @@ struct MechanismPast {
   double h = 0;                        // s, of that step; 0: nothing is known, and the rule begins anew
   bool anew = false;                   // whether that step itself knew nothing of the past
   VectorX z_moved;                     // r: how far it went
-  VectorX q_dot;                       // n: joint rates at its start
+  VectorX nu;                          // n: joint velocities at its start
   Matrix3X c_dot_W;                    // 3 x k: velocities of centres at its start, world axes
   Matrix3X omega;                      // 3 x k: turns at its start, in the parts' own axes
   Matrix3 R_WR = Matrix3::Identity();  // of a floating base at its start

@@ -41,6 +41,28 @@ void ForEachArm(const Mechanism::Length& length, const std::vector<PathState>& p
 double LengthOf(const Mechanism& mechanism, const Mechanism::Length& length, const Kinematics& kinematics,
                 const VectorX& q);
 
+/// E(q) [3 x 3] with ω = E θ̇: the angular velocity of the joint's body relative to what the joint hangs on, by
+/// components along the axes W of the joint, which move with the body; E = W⁻¹ J_r W with the right Jacobian J_r of
+/// the exponential at W θ. With W the body's axes these are MuJoCo's velocities of a ball joint.
+Matrix3 AngularVelocityMap(const Mechanism& mechanism, const Kinematics& kinematics,
+                           const Mechanism::Rotation& rotation);
+/// Eᵀ diag(weights) E with the three entries of `weights` (n) that belong to the rotation: its armature or damping in
+/// the coordinates θ.
+Matrix3 WeightedRotationBlock(const Mechanism& mechanism, const Kinematics& kinematics,
+                              const Mechanism::Rotation& rotation, const VectorX& weights);
+/// Joint velocities ν (n): ω for rotations, q̇ for all other coordinates. Dampers act by -d ν, kinetic energy of the
+/// armature is ½ νᵀ a ν.
+void ComputeJointVelocities(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q_dot,
+                            VectorX& nu);
+/// ν̇ (n) at joint accelerations q_ddot.
+void ComputeJointAccelerations(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                               const VectorX& q_dot, const VectorX& q_ddot, VectorX& nu_dot);
+/// τ -= (∂ν/∂q̇)ᵀ a ν̇: inertial forces of the armature a at joint rates and accelerations.
+void SubtractArmatureForces(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                            const VectorX& q_dot, const VectorX& q_ddot, VectorX& tau);
+/// f <- (∂ν/∂q̇)ᵀ f: forces on ν [n] as forces on q.
+void ConvertToCoordinateForces(const Mechanism& mechanism, const Kinematics& kinematics, VectorX& f);
+
 /// Jacobian of body b (6 x n): twist in R about R's origin per coordinate rate.
 Matrix6X BodyJacobian(const Mechanism& mechanism, const Kinematics& kinematics, BodyIndex b);
 

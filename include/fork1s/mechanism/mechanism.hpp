@@ -35,6 +35,15 @@ class Mechanism {
     int previous = -1;  // the joint before it on the path from the root, -1 if none
     int offset = 0;     // first coordinate
     int size = 0;       // number of freedoms
+    int rotation = -1;  // index in rotations(), -1: none
+  };
+  /// A joint with a rotation vector θ of three coordinates (ball, free, general with three rotations). Its dampers,
+  /// armature, dry friction and motors act on the angular velocity ω = E(q) θ̇ along its axes W, which move with the
+  /// body that it carries (AngularVelocityMap); its springs and limits act on θ.
+  struct Rotation {
+    JointIndex joint;
+    std::array<int, 3> coordinates;  // of θ
+    Matrix3 axes, axes_inverse;      // W, W⁻¹: columns are the axes in R at q = 0
   };
   /// Σ coefficient q[index]
   using LinearForm = std::vector<std::pair<int, double>>;
@@ -58,6 +67,7 @@ class Mechanism {
     std::vector<int> coordinates;  // ascending
     std::vector<int> slot;         // per coordinate: its place among those, -1
     double at_reference = 0;       // m, at q = 0
+    LinearForm rates;  // not empty: the arms are those of Σ coefficient ω[index], the length is Σ coefficient θ[index]
     bool has_potential =
         true;  // its arms are the derivatives of its length, and a spring on it stores energy
   };
@@ -146,8 +156,10 @@ class Mechanism {
 
   const std::vector<Body>& bodies() const { return bodies_; }
   const std::vector<Joint>& joints() const { return joints_; }
+  const std::vector<Rotation>& rotations() const { return rotations_; }
   const std::vector<ClosureDef>& closures() const { return definition_.closures; }
   const std::vector<Coupling>& couplings() const { return couplings_; }
+  /// Those of the definition, then those of forces that act on the angular velocity of a joint.
   const std::vector<Path>& paths() const { return paths_; }
   const std::vector<Spring>& springs() const { return springs_; }
   const std::vector<Control>& controls() const { return controls_; }
@@ -205,6 +217,7 @@ class Mechanism {
   MechanismDef definition_;
   std::vector<Body> bodies_;
   std::vector<Joint> joints_;
+  std::vector<Rotation> rotations_;
   std::vector<int> coordinate_joint_;
   std::vector<Coupling> couplings_;
   std::vector<Path> paths_;

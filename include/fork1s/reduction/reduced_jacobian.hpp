@@ -56,8 +56,8 @@ class ReducedJacobian {
   std::vector<double> T_, Q_;
 };
 
-/// M_zz = Σ Tᵀ I T + Qᵀ diag(armature) Q (r x r), M_00 = Σ I at a pose and, where the base moves, M_0z = Σ I T (6 x r),
-/// all in R about R's origin, by inertias of all that a joint carries (Featherstone, Rigid Body Dynamics Algorithms, 6.2).
+/// M_zz = Σ Tᵀ I T + Qᵀ Eᵀ diag(armature) E Q (r x r), E the map to joint velocities ν (kinematics.hpp), M_00 = Σ I at a
+/// pose and, where the base moves, M_0z = Σ I T (6 x r), all in R about R's origin, by inertias of all that a joint carries (Featherstone, Rigid Body Dynamics Algorithms, 6.2).
 class ReducedInertia {
  public:
   explicit ReducedInertia(const ReducedModel& model);
@@ -84,8 +84,10 @@ class ReducedInertia {
   };
   void TakeMomenta(const ReducedModel& model, const RigidParts& parts, const Configuration& c,
                    const ReducedJacobian& jacobian, Matrix6& M_00);
+  bool FillArmature(const Mechanism& mechanism, const Kinematics& kinematics, int joint_index);
   void AddBands(const ReducedJacobian& jacobian);
 
+  Matrix6 armature_;        // of one joint
   std::vector<Sum> sums_;  // per joint
   int padded_ = 0;         // r in whole fours
   bool base_moves_ = false;

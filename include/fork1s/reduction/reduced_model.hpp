@@ -68,6 +68,9 @@ struct ReducedModel {
   // Where it is there, Configure closes loops by it, to second order in z, and not exactly.
   LoopCurvature curvature;
 
+  /// Stops, bounds and dry frictions that act on what would be condensed: length limits of the mechanism, then force
+  /// limits, then dry frictions. Their groups of coordinates keep all elastic directions.
+  std::vector<int> interior_stops;
   std::vector<BodyIndex> promoted;  // interfaces that were added for hidden motions
   std::vector<RankDoubt> doubts;    // rank decisions that the numbers do not settle
   std::vector<std::string> warnings;

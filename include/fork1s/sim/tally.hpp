@@ -32,6 +32,18 @@ struct EndReached {
   bool upper = false, lower = false;
 };
 
+/// A joint or tendon that was beyond its stop by more than kShareBeyond of its range, whatever holds it.
+struct StopPassed {
+  static constexpr double kShareBeyond = 0.01;  // of the range; of a radian or the mechanism's length with one stop
+
+  std::string name;    // "joint 'elbow'"
+  bool turns = false;  // whether `beyond` is in rad, else m
+  double beyond = 0;   // the most
+  double when = 0;     // s, of that
+  double first = 0;    // s
+  bool upper = false;  // which stop, of the most
+};
+
 class RunTally {
  public:
   /// Before the first step, so that its friction is known from what moved before it; also after a change of
@@ -45,6 +57,8 @@ class RunTally {
   double FrictionLoss() const;
   /// Joints and tendons that a stop held, longest first.
   std::vector<EndReached> Stops() const;
+  /// Farthest beyond first, in shares of their range.
+  std::vector<StopPassed> PassedStops() const;
   /// Servos and motors at the limit of their force, longest first.
   std::vector<EndReached> Servos() const;
 
@@ -52,9 +66,11 @@ class RunTally {
   PairLoad& Pair(int a, int b);
   void LookAtContacts(const Simulation& simulation);
   void LookAtHolds(const Simulation& simulation);
+  void LookBeyondStops(const Simulation& simulation);
   std::map<std::pair<int, int>, PairLoad> pairs_;
   std::vector<Vector6> velocity_, last_velocity_;  // of all bodies that may touch: after this step, before it
   std::map<std::pair<int, std::size_t>, EndReached> stops_, servos_;  // by mechanism and place there
+  std::map<std::pair<int, std::size_t>, std::pair<double, StopPassed>> passed_;  // share of the range, what
 };
 
 }  // namespace fork1s

@@ -1,0 +1,73 @@
+// Angular velocity of joints with a rotation vector: docs/method.md, section 2.
+//
+// The present screws of the joint are those of θ̇ in R, so that with P the pose that the joint carries
+//     ω_R = S_rot θ̇,   ω = W⁻¹ R_Pᵀ ω_R = E θ̇,   E = W⁻¹ R_Pᵀ S_rot
+// and a force τ on ω is Eᵀ τ on θ.
+#include <fork1s/mechanism/kinematics.hpp>
+
+namespace fork1s {
+namespace {
+
+Vector3 Segment(const Mechanism::Rotation& rotation, const VectorX& x) {
+  const auto& [a, b, c] = rotation.coordinates;
+  return {x(a), x(b), x(c)};
+}
+
+void SetSegment(const Mechanism::Rotation& rotation, const Vector3& from, VectorX& x) {
+  for (int i = 0; i < 3; ++i) x(rotation.coordinates[static_cast<std::size_t>(i)]) = from(i);
+}
+
+}  // namespace
+
+Matrix3 AngularVelocityMap(const Mechanism&, const Kinematics& kinematics, const Mechanism::Rotation& rotation) {
+  Matrix3 S;
+  for (int i = 0; i < 3; ++i)
+    S.col(i) = kinematics.S.col(rotation.coordinates[static_cast<std::size_t>(i)]).head<3>();
+  return rotation.axes_inverse * (kinematics.P[rotation.joint.u()].rotation().transpose() * S);
+}
+
+Matrix3 WeightedRotationBlock(const Mechanism& mechanism, const Kinematics& kinematics,
+                              const Mechanism::Rotation& rotation, const VectorX& weights) {
+  const Matrix3 E = AngularVelocityMap(mechanism, kinematics, rotation);
+  return E.transpose() * Segment(rotation, weights).asDiagonal() * E;
+}
+
+void ComputeJointVelocities(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q_dot,
+                            VectorX& nu) {
+  nu = q_dot;
+  for (const Mechanism::Rotation& rotation : mechanism.rotations())
+    SetSegment(rotation, AngularVelocityMap(mechanism, kinematics, rotation) * Segment(rotation, q_dot), nu);
+}
+
+// Ė θ̇ by a central difference along θ̇: E is smooth on the scale of a radian, so the step truncates 1e-9 and rounds less.
+void ComputeJointAccelerations(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                               const VectorX& q_dot, const VectorX& q_ddot, VectorX& nu_dot) {
+  nu_dot = q_ddot;
+  for (const Mechanism::Rotation& rotation : mechanism.rotations()) {
+    Vector3 rate = AngularVelocityMap(mechanism, kinematics, rotation) * Segment(rotation, q_ddot);
+    const Vector3 x = rotation.axes * Segment(rotation, q), x_dot = rotation.axes * Segment(rotation, q_dot);
+    if (const double speed = x_dot.norm(); speed > 0) {
+      const double step = 1e-4 / speed;  // s
+      // The right Jacobian is the left one of the opposite rotation.
+      rate += rotation.axes_inverse * ((DexpRotation(-x - step * x_dot) - DexpRotation(-x + step * x_dot)) * x_dot) /
+              (2 * step);
+    }
+    SetSegment(rotation, rate, nu_dot);
+  }
+}
+
+void SubtractArmatureForces(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                            const VectorX& q_dot, const VectorX& q_ddot, VectorX& tau) {
+  VectorX inertial;
+  ComputeJointAccelerations(mechanism, kinematics, q, q_dot, q_ddot, inertial);
+  inertial = mechanism.armature().cwiseProduct(inertial);
+  ConvertToCoordinateForces(mechanism, kinematics, inertial);
+  tau -= inertial;
+}
+
+void ConvertToCoordinateForces(const Mechanism& mechanism, const Kinematics& kinematics, VectorX& f) {
+  for (const Mechanism::Rotation& rotation : mechanism.rotations())
+    SetSegment(rotation, AngularVelocityMap(mechanism, kinematics, rotation).transpose() * Segment(rotation, f), f);
+}
+
+}  // namespace fork1s

@@ -1,0 +1,148 @@
+// Stops, bounds of servos and dry friction of joints that the interface does not feel.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "support.hpp"
+
+namespace fork1s {
+namespace {
+
+constexpr double kStop = 0.2617993877991494;  // rad
+constexpr int kTailLinks = 10;
+
+// A tail of ten links of 50 mm and 16 g that its weight bends, with its tip as the interface.
+MechanismDef Tail(double stiffness, double damping, int modes = 4) {
+  MechanismBuilder builder("tail");
+  BodyIndex parent = builder.base();
+  for (int i = 0; i < kTailLinks; ++i) {
+    BodyDef link;
+    link.name = "l" + std::to_string(i + 1);
+    link.parent = parent;
+    link.X_PB = RigidTransform(Vector3(0.05, 0, 0));
+    link.inertia = testing::Rod(0.016, 0.05);
+    parent = builder.AddBody(link);
+    builder.AddJoint(JointDef::Hinge("t" + std::to_string(i + 1), parent, Vector3::UnitY())
+                         .WithSpring(stiffness, damping)
+                         .WithArmature(1e-5)
+                         .WithLimits(-kStop, kStop));
+  }
+  builder.SetInterfaces({"l10"});
+  MechanismDef def = builder.definition();
+  def.modes = modes;
+  return def;
+}
+
+World AfterTwoSeconds(const MechanismDef& def, Integrator integrator, double* beyond = nullptr) {
+  World world = testing::MustCreate(def);
+  StepOptions options;
+  options.integrator = integrator;
+  for (int i = 0; i < 120; ++i) {
+    EXPECT_TRUE(world.Step(options).finite);
+    if (beyond) *beyond = std::max(*beyond, world.mechanisms()[0].configuration().q.cwiseAbs().maxCoeff() - kStop);
+  }
+  return world;
+}
+
+TEST(InteriorStops, HoldWhateverTheSpringsAndDampers) {
+  for (const double stiffness : {1e-5, 1e-4, 1e-2, 0.3, 3.0, 100.0})
+    for (const double damping : {0.005, 0.05, 0.5})
+      for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
+        double beyond = 0;
+        const World world = AfterTwoSeconds(Tail(stiffness, damping), integrator, &beyond);
+        double of_whole = 0;
+        AfterTwoSeconds(Tail(stiffness, damping, kTailLinks), integrator, &of_whole);
+        // Impacts on stops go as far beyond them as those of the whole mechanism.
+        EXPECT_LT(beyond, std::max(0.01 * 2 * kStop, 1.01 * of_whole)) << stiffness << " N·m/rad, " << damping << " N·m·s/rad";
+      }
+}
+
+TEST(InteriorStops, RestAsTheWholeMechanismDoes) {
+  for (const double stiffness : {1e-4, 1e-2, 0.3}) {
+    const World reduced = AfterTwoSeconds(Tail(stiffness, 0.05), Integrator::kEuler),
+                whole = AfterTwoSeconds(Tail(stiffness, 0.05, kTailLinks), Integrator::kEuler);
+    EXPECT_LT((reduced.mechanisms()[0].configuration().q - whole.mechanisms()[0].configuration().q).norm(), 1e-6)
+        << stiffness;
+  }
+}
+
+TEST(InteriorStops, StiffJointsStayCondensed) {
+  World world = testing::MustCreate(Tail(100, 0.05));
+  const ReducedModel& model = world.mechanisms()[0].model();
+  EXPECT_TRUE(model.has_complement);
+  EXPECT_LT(model.size(), kTailLinks);
+  EXPECT_TRUE(model.interior_stops.empty());
+  EXPECT_TRUE(world.mechanisms()[0].warnings().empty());
+}
+
+TEST(InteriorStops, TheModelNamesTheJointThatKeepsItsGroup) {
+  World world = testing::MustCreate(Tail(1e-4, 0.05));
+  const ReducedModel& model = world.mechanisms()[0].model();
+  EXPECT_EQ(model.size(), kTailLinks);
+  ASSERT_FALSE(model.warnings.empty());
+  EXPECT_NE(model.warnings[0].find("joint 't1' and 9 other stops"), std::string::npos) << model.warnings[0];
+}
+
+TEST(InteriorStops, GroupsThatReachNoneStayCondensed) {
+  // A soft and a stiff tail on one base.
+  MechanismDef def = Tail(1e-4, 0.05);
+  const MechanismDef stiff = Tail(100, 0.05);
+  for (std::size_t b = 1; b < stiff.bodies.size(); ++b) {
+    BodyDef body = stiff.bodies[b];
+    body.name = "s" + body.name;
+    if (body.parent.value() > 0) body.parent = BodyIndex(body.parent.value() + kTailLinks);
+    def.bodies.push_back(body);
+    JointDef joint = stiff.joints[b - 1];
+    joint.name = "s" + joint.name;
+    joint.body = BodyIndex(joint.body.value() + kTailLinks);
+    def.joints.push_back(joint);
+  }
+  def.interfaces = {"l10", "sl10"};
+  World world = testing::MustCreate(def);
+  const ReducedModel& model = world.mechanisms()[0].model();
+  EXPECT_EQ(model.interior_stops.size(), 10u);
+  EXPECT_TRUE(model.has_complement);
+  EXPECT_LT(model.size(), 2 * kTailLinks);
+  EXPECT_GE(model.size(), kTailLinks);
+}
+
+TEST(InteriorStops, ServosAtTheirBoundsAndDryFrictionAreKeptToo) {
+  MechanismDef def = Tail(0.3, 0.05);
+  for (JointDef& joint : def.joints) joint.WithLimits(-INFINITY, INFINITY);
+  EXPECT_TRUE(testing::MustCreate(def).mechanisms()[0].model().has_complement);
+  MechanismDef servo = def;
+  ForceLimitDef limit;
+  limit.name = "servo";
+  limit.terms = {{FreedomRef{JointIndex(4), 0}, 1.0}};
+  limit.stiffness = 0.3;
+  limit.lower = -1e-3;
+  limit.upper = 1e-3;
+  servo.force_limits.push_back(limit);
+  EXPECT_FALSE(testing::MustCreate(servo).mechanisms()[0].model().has_complement);
+  servo.force_limits[0].lower = -100;
+  servo.force_limits[0].upper = 100;
+  EXPECT_TRUE(testing::MustCreate(servo).mechanisms()[0].model().has_complement);
+  MechanismDef rough = def;
+  rough.frictions.push_back({"pin", {{FreedomRef{JointIndex(4), 0}, 1.0}}, 0.2, {}});
+  EXPECT_FALSE(testing::MustCreate(rough).mechanisms()[0].model().has_complement);
+  rough.frictions[0].force = 1e-6;
+  EXPECT_TRUE(testing::MustCreate(rough).mechanisms()[0].model().has_complement);
+}
+
+TEST(InteriorStops, LargestActuatorForcesCount) {
+  // Springs that weight bends little, and a motor on a joint in the middle.
+  MechanismDef def = Tail(100, 0.05);
+  ControlDef motor;
+  motor.name = "m";
+  motor.terms = {{FreedomRef{JointIndex(4), 0}, 1.0}};
+  motor.gain = 1;
+  motor.lower = -200;
+  motor.upper = 200;
+  def.controls.push_back(motor);
+  EXPECT_FALSE(testing::MustCreate(def).mechanisms()[0].model().has_complement);
+  def.controls[0].lower = def.controls[0].upper = 0.1;
+  EXPECT_TRUE(testing::MustCreate(def).mechanisms()[0].model().has_complement);
+}
+
+}  // namespace
+}  // namespace fork1s
