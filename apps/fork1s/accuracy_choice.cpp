@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/study/compare.hpp>
 #include <limits>
 #include <numbers>
 #include <optional>

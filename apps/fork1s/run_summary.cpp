@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fork1s/base/percentile.hpp>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/study/compare.hpp>
 
 #include "accuracy_choice.hpp"
 

@@ -189,6 +189,7 @@ void MoveToStagePose(const MechanismStep& here, double b, double time) {
   const auto& [model, state, ws] = here;
   const StageBase& base = ws.stage_base;
   const int r = model.size();
+  ws.stage_time = time;
   state.reduced.z = base.z;
   if (r > 0) state.reduced.z += b * ws.x.tail(r);
   if (model.mechanism().base() == BaseKind::kDriven)

@@ -85,6 +85,10 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
     SumImpulses();
   }
   TellSums();
+  for (ContactRecord& c : contacts_) {
+    c.end_force = c.impulse / options.h;
+    c.end_moment = c.moment / options.h;
+  }
   if (!met && !pushed) EndPastsInParts();
   by_theta_ = by_theta;
   two_stage_ = two_stage;

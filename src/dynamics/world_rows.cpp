@@ -219,10 +219,12 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   const auto k = static_cast<std::size_t>(match_[i]);
   const ContactRecord& before = previous_[k];
   c.waits = c.waits && before.impulse.isZero(0);
-  const Matrix3 turned = h * (p.frame * before.point.frame.transpose());
-  c.held = c.impulse = turned * before.end_force;
+  // What surfaces bore was a force; impulses are those of a step, of two stages the mean of both.
+  const double by_step = StepsRatio(h);
+  const Matrix3 turned = p.frame * before.point.frame.transpose();
+  c.held = c.impulse = two_stage_ ? Vector3(h * (turned * before.end_force)) : Vector3((by_step * turned) * before.impulse);
   c.held_use = before.use;
-  c.held_moment = c.moment = turned * before.end_moment;
+  c.held_moment = c.moment = two_stage_ ? Vector3(h * (turned * before.end_moment)) : Vector3((by_step * turned) * before.moment);
   if (foreseen) {
     c.bias += way - speed;
     c.bias += CoordinateCurvature(p.body_a, c.J_a) + CoordinateCurvature(p.body_b, c.J_b) +
