@@ -78,6 +78,7 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
     report.forces_at_bound += m.NumForcesAtBound();
     report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
   }
+  report.minimum_found = report.stages_converged;
   curvature_valid_ = false;
   rule_ = StepRule::kEuler;
   if (options.refresh) {
