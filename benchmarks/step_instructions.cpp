@@ -1,7 +1,7 @@
 // The steps whose instructions tools/step_instructions.sh counts under valgrind: ours, and mj_step on the
 // same file from the same poses at the same time step.
 //
-//     build/release/benchmarks/step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY [euler|theta]]]]]
+//     build/release/benchmarks/step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY [euler|theta|two-stage]]]]]
 //
 // MuJoCo integrates as the file says, or with `discrete`; ours as the scene chooses, or as told. Prints the number of steps and how many contacts
 // each saw in the mean. `fork1s bench` counts the same steps.
@@ -26,7 +26,7 @@ int Refuse(const std::string& why) {
 
 int Main(int argc, char** argv) {
   if (argc < 2) {
-    fmt::print(stderr, "usage: step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY [euler|theta]]]]]\n");
+    fmt::print(stderr, "usage: step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY [euler|theta|two-stage]]]]]\n");
     return 2;
   }
   SameStepsOptions options;
@@ -46,11 +46,9 @@ int Main(int argc, char** argv) {
   }
   if (argc > 6) {
     const std::string rule = argv[6];
-    if (rule != "euler" && rule != "theta" && rule != "two-stage")
-      return Refuse("'" + rule + "' is none of: euler, theta, two-stage");
-    options.own_integrator = rule == "theta"   ? Integrator::kTheta
-                             : rule == "euler" ? Integrator::kEuler
-                                               : Integrator::kTwoStage;
+    const auto integrator = IntegratorNamed(rule);
+    if (!integrator) return Refuse("'" + rule + "' is none of: euler, theta, two-stage");
+    options.own_integrator = *integrator;
   }
   const auto steps = StepFromSamePoses(options);
   if (!steps) return Refuse(steps.error().Text());

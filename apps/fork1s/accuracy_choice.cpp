@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/study/compare.hpp>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -114,7 +113,7 @@ Expected<AccuracyChoice> ChooseForAccuracy(
 Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice) {
   auto setting = [](const AccuracyTrial& t) {
     return Json{{"dt_s", t.setting.dt},
-                {"integrator", NameOf(t.setting.integrator)},
+                {"integrator", Name(t.setting.integrator)},
                 {"modes", t.modes_kept},
                 {"refresh_angle_deg", kDegreesARadian * t.setting.refresh_angle}};
   };

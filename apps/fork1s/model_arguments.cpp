@@ -132,9 +132,9 @@ void ModelArguments::AddTo(CLI::App& command) {
 }
 
 void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator) {
-  static const std::map<std::string, Integrator> names = {{"euler", Integrator::kEuler},
-                                                          {"theta", Integrator::kTheta},
-                                                          {"two-stage", Integrator::kTwoStage}};
+  std::map<std::string, Integrator> names;
+  for (const auto& [value, name] : kIntegratorNames)
+    if (IntegratorNamed(name)) names[name] = value;
   command
       .add_option(
           "--integrator", integrator,
@@ -147,7 +147,7 @@ void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator) {
 
 Expected<Integrator> IntegratorOf(const std::optional<Integrator>& given, Recovery recovery) {
   if (recovery == Recovery::kTwist && given && *given != Integrator::kEuler)
-    return Fail(ErrorCode::kUsage, *given == Integrator::kTheta ? "--integrator theta" : "--integrator two-stage",
+    return Fail(ErrorCode::kUsage, std::string("--integrator ") + Name(*given),
                 "needs --recovery exact or curved: 'twist' keeps the inertia of the reference; leave one of the "
                 "two out");
   return given.value_or(Integrator::kAuto);

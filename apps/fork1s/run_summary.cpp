@@ -6,7 +6,6 @@
 #include <cmath>
 #include <fork1s/base/percentile.hpp>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
-#include <fork1s/study/compare.hpp>
 
 #include "accuracy_choice.hpp"
 
@@ -75,7 +74,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   auto percentile = [&](double p) { return m.step_us.empty() ? 0.0 : Percentile(m.step_us, p); };
   out["steps"] = m.step_us.size();
   out["dt_s"] = simulation.dt();
-  out["integrator"] = NameOf(simulation.step_options().integrator);
+  out["integrator"] = Name(simulation.step_options().integrator);
   out["simulated_s"] = simulation.time();
   out["wall_s"] = wall;
   out["real_time_factor"] = wall > 0 ? Json(simulation.time() / wall) : Json(nullptr);

@@ -41,7 +41,7 @@ void FreeBody::PredictStage(double b, bool touched) {
   pushed_ = false;
   const Vector3 spin_W = stage_base_.spin_W + b * moment_W_;
   velocity_ = stage_base_.velocity + b * (weight_share_ * gravity_W_ + force_W_ / inertia_.mass);
-  omega_B_ = touched ? Vector3(inertia_.rotational.inverse() * (X_WB_.rotation().transpose() * spin_W))
+  omega_B_ = touched ? Vector3(InverseInertia_B() * (X_WB_.rotation().transpose() * spin_W))
                      : FreeTurning(b, spin_W, omega_B_);
 }
 
@@ -53,7 +53,7 @@ double FreeBody::MoveAndComputeResidual(double b, double& motion) {
   const double mass = inertia_.mass;
   motion = b * std::sqrt(2 * KineticEnergy() / mass);
   const Vector3 residual = X_WB_.rotation().transpose() * spin_end_W_ - inertia_.rotational * omega_B_;
-  return b * std::sqrt(residual.dot(inertia_.rotational.inverse() * residual) / mass);
+  return b * std::sqrt(residual.dot(InverseInertia_B() * residual) / mass);
 }
 
 void FreeBody::ExtrapolateStage(double b, double onward) {
@@ -65,7 +65,7 @@ void FreeBody::ExtrapolateStage(double b, double onward) {
 }
 
 void FreeBody::EndTwoStageStep() {
-  omega_B_ = inertia_.rotational.inverse() * (X_WB_.rotation().transpose() * spin_end_W_);
+  omega_B_ = InverseInertia_B() * (X_WB_.rotation().transpose() * spin_end_W_);
   force_W_.setZero();
   moment_W_.setZero();
   past_.h = 0;

@@ -127,22 +127,14 @@ void AddTurnedJointStiffness(const MechanismStep& here, double b) {
   }
 }
 
-// b² times the stiffness of springs of paths, and of those that are not linear, at the pose beyond that in K_r.
-void AddNonlinearStiffness(const MechanismStep& here, double b) {
+// Momentum and forces of the stage at the pose that the velocity x has led to.
+void EvaluateStage(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  if (!model.has_bent_springs) return;
-  auto A_z = ws.A.bottomRightCorner(model.size(), model.size());
-  const auto& springs = model.mechanism().springs();
-  auto slack = ws.slack.begin();
-  for (std::size_t k = 0; k < springs.size(); ++k) {
-    const Mechanism::Spring& s = springs[k];
-    if (s.length.path < 0 && s.is_linear()) continue;
-    const double stiffness =
-        s.slack > 0 ? SlackStiffness(model, *slack++) : s.StiffnessAt(Length(here, s.length));
-    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
-    A_z.noalias() -= b * b * model.spring_stiffness_ref[k] * ws.limit_row * ws.limit_row.transpose();
-    AddSpringOf(here, s.length, b * b * stiffness, true);
-  }
+  ws.contact_shift = -ws.x;
+  ProjectMomentum(here, ws.stage_time, ws.stage_base);
+  LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.gravity_W);
+  if (model.size() > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.g, ws.f_z);
+  if (HasSwitches(here)) OpenSwitches(here);
 }
 
 }  // namespace
@@ -227,7 +219,7 @@ void AssembleStage(const MechanismStep& here, double b) {
   rhs.noalias() -= A_z.selfadjointView<Eigen::Lower>() * v;
   A_z.diagonal() += b * b * model.reduced->K_r;
   AddTurnedJointStiffness(here, b);
-  AddNonlinearStiffness(here, b);
+  AddNonlinearStiffness(here, b * b);
   TurnServos(here, b);
   rhs.noalias() += A_z.selfadjointView<Eigen::Lower>() * v;
   AddBackBoundedSprings(here, b, 0, ws.contact_shift.tail(r), rhs);
@@ -248,11 +240,7 @@ void SolveFreeStage(const MechanismStep& here, double b) {
 void PredictStage(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
   ws.pushed = false;
-  ws.contact_shift = -ws.x;
-  ProjectMomentum(here, ws.stage_time, ws.stage_base);
-  LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.gravity_W);
-  if (model.size() > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.g, ws.f_z);
-  if (HasSwitches(here)) OpenSwitches(here);
+  EvaluateStage(here);
   SolveFreeStage(here, b);
 }
 
@@ -263,21 +251,16 @@ double MoveAndComputeResidual(const MechanismStep& here, double b, double time, 
   MoveToStagePose(here, b, time);
   if (model.num_velocities() == 0) return 0;
   ws.stage_impulse = ws.impulse;
-  ws.contact_shift = -ws.x;
-  ProjectMomentum(here, time, ws.stage_base);
-  LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.gravity_W);
-  if (model.size() > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.g, ws.f_z);
-  if (HasSwitches(here)) {
-    OpenSwitches(here);
-    AddSwitchedForces(here);
-  }
+  EvaluateStage(here);
+  if (HasSwitches(here)) AddSwitchedForces(here);
   AssembleStage(here, b);
   ws.stage_correction = ws.stage_rhs + ws.stage_impulse;
   ws.stage_correction.noalias() -= ws.A.selfadjointView<Eigen::Lower>() * ws.x;
   const double mass = std::max(model.mechanism().total_mass(), 1e-300);
   ws.rhs = ws.stage_correction;
   ws.factor.SolveInPlace(ws.rhs);
-  motion = b * std::sqrt(std::max(0.0, ws.x.dot(ws.M_full * ws.x)) / mass);
+  ws.solved.noalias() = ws.M_full * ws.x;
+  motion = b * std::sqrt(std::max(0.0, ws.x.dot(ws.solved)) / mass);
   return b * std::sqrt(std::max(0.0, ws.stage_correction.dot(ws.rhs)) / mass);
 }
 

@@ -77,6 +77,23 @@ void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, dou
   A_z.noalias() += weight * ws.limit_row * ws.limit_row.transpose();
 }
 
+namespace {
+
+// f(index, spring, stiffness at the pose) of springs of paths and of those that are not linear.
+template <class F>
+void ForEachNonlinearSpring(const MechanismStep& here, const F& f) {
+  const auto& [model, state, ws] = here;
+  const auto& springs = model.mechanism().springs();
+  auto slack = ws.slack.begin();
+  for (std::size_t k = 0; k < springs.size(); ++k) {
+    const Mechanism::Spring& s = springs[k];
+    if (s.length.path < 0 && s.is_linear()) continue;
+    f(k, s, s.slack > 0 ? SlackStiffness(model, *slack++) : s.StiffnessAt(Length(here, s.length)));
+  }
+}
+
+}  // namespace
+
 // Springs and dampers of paths stand in K_r and D as they are at the reference. A thread's arms may double
 // before the next refresh, and a stiff spring that A knows by half would swing up: in A they turn with the
 // pose. A step of second order keeps the reference's, and looks for the end of a step anew where springs bend
@@ -88,13 +105,7 @@ void TurnSprings(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
   if (!model.has_bent_springs) return;
   auto A_z = ws.A.bottomRightCorner(model.size(), model.size());
-  const auto& springs = model.mechanism().springs();
-  auto slack = ws.slack.begin();
-  for (std::size_t k = 0; k < springs.size(); ++k) {
-    const Mechanism::Spring& s = springs[k];
-    if (s.length.path < 0 && s.is_linear()) continue;
-    const double stiffness =
-        s.slack > 0 ? SlackStiffness(model, *slack++) : s.StiffnessAt(Length(here, s.length));
+  ForEachNonlinearSpring(here, [&](std::size_t k, const Mechanism::Spring& s, double stiffness) {
     double rate = 0;
     ForEachArm(s.length, ws.paths(),
                [&](int i, double c) { rate += c * ws.Q_now().row(i).dot(state.reduced.w); });
@@ -103,7 +114,18 @@ void TurnSprings(const MechanismStep& here, double h) {
     ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
     A_z.noalias() -= reference * ws.limit_row * ws.limit_row.transpose();
     AddSpringOf(here, s.length, now, true);
-  }
+  });
+}
+
+void AddNonlinearStiffness(const MechanismStep& here, double weight) {
+  const auto& [model, state, ws] = here;
+  if (!model.has_bent_springs) return;
+  auto A_z = ws.A.bottomRightCorner(model.size(), model.size());
+  ForEachNonlinearSpring(here, [&](std::size_t k, const Mechanism::Spring& s, double stiffness) {
+    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
+    A_z.noalias() -= weight * model.spring_stiffness_ref[k] * ws.limit_row * ws.limit_row.transpose();
+    AddSpringOf(here, s.length, weight * stiffness, true);
+  });
 }
 
 namespace {

@@ -57,6 +57,8 @@ bool ActsAtPose(const MechanismView& here);
 bool TakesBentSprings(const MechanismView& here);
 void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, double weight, bool bends);
 void TurnSprings(const MechanismStep& here, double h);
+/// A += weight times the stiffness of springs of paths, and of those that are not linear, at the pose beyond that in K_r.
+void AddNonlinearStiffness(const MechanismStep& here, double weight);
 void FindDampers(MechanismModel& model);
 void TakeStiffnessBeyond(const MechanismStep& here);
 void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematics, const RowMatrixX& Q, double weight,

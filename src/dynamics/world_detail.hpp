@@ -18,6 +18,9 @@
 
 namespace fork1s {
 
+/// The worst of two solves of one step, into `solver`.
+void KeepWorst(const ContactSolverReport& then, ContactSolverReport& solver);
+
 struct World::Detail {
   StepReport Step(const StepOptions& options);
   StepReport TakeStep(const StepOptions& options);

@@ -22,8 +22,12 @@ void Take(const StepReport& part, StepReport& whole) {
   whole.newton_steps = std::max(before.newton_steps, part.newton_steps);
   whole.minimum_found = before.minimum_found && part.minimum_found;
   whole.loop_residual = std::max(before.loop_residual, part.loop_residual);
-  ContactSolverReport& solver = whole.solver;
-  const ContactSolverReport& then = before.solver;
+  KeepWorst(before.solver, whole.solver);
+}
+
+}  // namespace
+
+void KeepWorst(const ContactSolverReport& then, ContactSolverReport& solver) {
   solver.newton_iterations = std::max(solver.newton_iterations, then.newton_iterations);
   solver.stage = std::max(solver.stage, then.stage);
   solver.residual = std::max(solver.residual, then.residual);
@@ -34,8 +38,6 @@ void Take(const StepReport& part, StepReport& whole) {
   solver.sliding = std::max(solver.sliding, then.sliding);
   solver.converged = solver.converged && then.converged;
 }
-
-}  // namespace
 
 // What the next step is to know of one in parts, should nothing be met within it.
 void World::Detail::KeepPastsInParts(double h) {

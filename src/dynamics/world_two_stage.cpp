@@ -18,8 +18,8 @@ namespace {
 constexpr double kStageShare = 1 - 1 / std::numbers::sqrt2;            // γ
 constexpr double kOnward = (1 - kStageShare) / kStageShare;            // s
 constexpr int kMaxIterations = 20;                                     // of Newton's method, per stage
-// A stage is solved where another iteration would change poses by less than this share of the stage's motion: a
-// tenth or less of the error of the scheme, or by less than this share of a mechanism's length.
+// A stage is solved where another iteration would change poses by less than this share of the stage's motion
+// (docs/decisions/001-time-stepping.md, Newton variants f and h), or of a mechanism's length.
 constexpr double kRelativeTolerance = 1e-4, kLengthTolerance = 1e-8;
 
 }  // namespace
@@ -119,12 +119,9 @@ World::Detail::StageOutcome World::Detail::SolveStage(const StepOptions& options
       FindTouchedBodies();
       for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].PredictStage(stage.h, touched_[i] != 0);
     }
-    const ContactSolverReport worst = report.solver;
+    const ContactSolverReport before = report.solver;
     SolveContacts(stage, report);
-    report.solver.converged = report.solver.converged && worst.converged;
-    report.solver.residual = std::max(report.solver.residual, worst.residual);
-    report.solver.newton_iterations = std::max(report.solver.newton_iterations, worst.newton_iterations);
-    report.solver.stage = std::max(report.solver.stage, worst.stage);
+    KeepWorst(before, report.solver);
     if (!IsFinite(false)) return StageOutcome::kNotFinite;
     // At the first iteration rows still know the velocity that the stage starts with.
     if (iteration == 1 && MetAtSpeed(options)) return StageOutcome::kImpact;

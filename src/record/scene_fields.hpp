@@ -37,10 +37,7 @@ struct EnumNames<Recovery> {
 
 template <>
 struct EnumNames<Integrator> {
-  static constexpr std::pair<Integrator, const char*> kNames[] = {{Integrator::kEuler, "euler"},
-                                                                  {Integrator::kTheta, "theta"},
-                                                                  {Integrator::kTwoStage, "two-stage"},
-                                                                  {Integrator::kAuto, "auto"}};
+  static constexpr auto& kNames = kIntegratorNames;
 };
 
 template <>

@@ -170,9 +170,7 @@ std::string PairList(std::vector<ContactPair> pairs) {
 
 }  // namespace
 
-std::string NameOf(Integrator integrator) {
-  return integrator == Integrator::kTheta ? "theta" : integrator == Integrator::kTwoStage ? "two-stage" : "euler";
-}
+std::string NameOf(Integrator integrator) { return Name(integrator); }
 std::string NameOf(FullIntegrator integrator) {
   return integrator == FullIntegrator::kTwoStages ? "two-stages" : "euler";
 }

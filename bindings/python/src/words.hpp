@@ -27,9 +27,7 @@ inline Recovery ReadRecovery(const std::string& word) {
 }
 
 inline Integrator ReadIntegrator(const std::string& word) {
-  if (word == "theta") return Integrator::kTheta;
-  if (word == "two-stage") return Integrator::kTwoStage;
-  if (word == "euler") return Integrator::kEuler;
+  if (const auto integrator = IntegratorNamed(word)) return *integrator;
   throw Refused{{ErrorCode::kUsage, "integrator", "'" + word + "' is none of: euler, theta, two-stage"}};
 }
 

@@ -62,7 +62,8 @@ class FreeBody {
   void MoveToStagePose(double b);
   /// Velocity of the stage without contact. `touched`: the turn is that of the pose at hand, else it is solved for.
   void PredictStage(double b, bool touched);
-  /// After contact: moves to the pose found; the change that another iteration would make [m], `radius` for turns.
+  /// After contact: moves to the pose found; the change of position that
+  /// another iteration would make [m], in the kinetic metric. `motion` [m]: that of the stage, likewise.
   double MoveAndComputeResidual(double b, double& motion);
   void ExtrapolateStage(double b, double onward);
   void EndTwoStageStep();
@@ -125,6 +126,7 @@ class FreeBody {
   };
   StageBase step_start_, stage_base_;
   Vector3 gravity_W_ = Vector3::Zero(), spin_end_W_ = Vector3::Zero();
+  Matrix3 InverseInertia_B() const { return rotational_root_ * rotational_root_.transpose(); }
   Vector3 FreeTurning(double b, const Vector3& spin_W, Vector3 guess) const;
 };
 

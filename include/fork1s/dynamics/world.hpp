@@ -10,7 +10,9 @@
 #include <fork1s/recovery/recovery.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -27,6 +29,25 @@ struct StepPartTimes;     // step_times.hpp
 /// docs/decisions/001-time-stepping.md). kAuto, of a Simulation: kTheta where a mechanism moves slowly enough for
 /// the step to follow, else kEuler.
 enum class Integrator { kEuler, kTheta, kTwoStage, kAuto };
+
+/// The words for them, in files, on the command line and in Python.
+inline constexpr std::pair<Integrator, const char*> kIntegratorNames[] = {{Integrator::kEuler, "euler"},
+                                                                          {Integrator::kTheta, "theta"},
+                                                                          {Integrator::kTwoStage, "two-stage"},
+                                                                          {Integrator::kAuto, "auto"}};
+
+constexpr const char* Name(Integrator integrator) {
+  for (const auto& [value, name] : kIntegratorNames)
+    if (value == integrator) return name;
+  return "";
+}
+
+/// Of those that a user may name: all but kAuto, which is what nobody names.
+constexpr std::optional<Integrator> IntegratorNamed(std::string_view word) {
+  for (const auto& [value, name] : kIntegratorNames)
+    if (value != Integrator::kAuto && word == name) return value;
+  return std::nullopt;
+}
 
 struct StepOptions {
   double h = 1.0 / 60;                     // s
