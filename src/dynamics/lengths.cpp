@@ -130,20 +130,34 @@ void AddNonlinearStiffness(const MechanismStep& here, double weight) {
 
 namespace {
 
+// A row that these columns move joins the group of all that they move.
+void AddWeightedRow(const ReducedModel::Run& run, int row, double weight, std::vector<WeightedRows>& groups) {
+  auto at = std::find_if(groups.begin(), groups.end(), [&](const WeightedRows& rows) {
+    return rows.begin == run.begin && rows.size == run.size;
+  });
+  if (at == groups.end()) at = groups.insert(at, {run.begin, run.size, {}, {}});
+  at->rows.push_back(row);
+  at->weights.push_back(weight);
+}
+
 // Coordinates with a weight above 0, by the columns that move them.
 std::vector<WeightedRows> RowsByColumns(const ReducedModel& model, const VectorX& weights) {
   std::vector<WeightedRows> out;
-  for (int i = 0; i < weights.size(); ++i) {
-    if (!(weights(i) > 0)) continue;
-    const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
-    auto at = std::find_if(out.begin(), out.end(), [&](const WeightedRows& rows) {
-      return rows.begin == run.begin && rows.size == run.size;
-    });
-    if (at == out.end()) at = out.insert(at, {run.begin, run.size, {}, {}});
-    at->rows.push_back(i);
-    at->weights.push_back(weights(i));
-  }
+  for (int i = 0; i < weights.size(); ++i)
+    if (weights(i) > 0) AddWeightedRow(model.runs[static_cast<std::size_t>(i)], i, weights(i), out);
   return out;
+}
+
+// Columns that move any coordinate of a rotation.
+ReducedModel::Run RunOf(const ReducedModel& model, const Mechanism::Rotation& rotation) {
+  int begin = model.size(), end = 0;
+  for (const int i : rotation.coordinates) {
+    const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
+    if (run.size == 0) continue;
+    begin = std::min(begin, run.begin);
+    end = std::max(end, run.begin + run.size);
+  }
+  return end > begin ? ReducedModel::Run{begin, end - begin} : ReducedModel::Run{};
 }
 
 }  // namespace
@@ -153,13 +167,17 @@ void FindDampers(MechanismModel& model) {
   const Mechanism& m = model.mechanism();
   VectorX damping = m.damping();
   model.damped_rotations.clear();
+  model.rotation_dampers.clear();
   for (std::size_t k = 0; k < m.rotations().size(); ++k) {
-    bool is_damped = false;
-    for (const int i : m.rotations()[k].coordinates) {
-      is_damped = is_damped || damping(i) > 0;
+    const Mechanism::Rotation& rotation = m.rotations()[k];
+    const auto& [a, b, c] = rotation.coordinates;
+    if (!(damping(a) + damping(b) + damping(c) > 0)) continue;
+    int row = 3 * static_cast<int>(model.damped_rotations.size());
+    model.damped_rotations.push_back(static_cast<int>(k));
+    for (const int i : rotation.coordinates) {
+      AddWeightedRow(RunOf(*model.reduced, rotation), row++, damping(i), model.rotation_dampers);
       damping(i) = 0;
     }
-    if (is_damped) model.damped_rotations.push_back(static_cast<int>(k));
   }
   model.dampers = RowsByColumns(*model.reduced, damping);
   VectorX stiffness = m.stiffness();
@@ -176,27 +194,22 @@ void FindDampers(MechanismModel& model) {
   if (model.damped_rotations.empty()) return;
   Kinematics kinematics(model.mechanism());
   ComputeKinematics(model.mechanism(), model.reduced->q_ref, kinematics);
-  AddRotationDamping(model, kinematics, model.reduced->Q_rows, 1, model.rotation_damping_ref);
+  RowMatrixX rows;
+  AddRotationDamping(model, kinematics, model.reduced->Q_rows, 1, rows, model.rotation_damping_ref);
 }
 
-// D += weight Σ Q_θᵀ (Eᵀ d E) Q_θ over rotations with dampers, at the pose of `kinematics` and Q.
 void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematics, const RowMatrixX& Q, double weight,
-                        Eigen::Ref<MatrixX> D) {
+                        RowMatrixX& rows, Eigen::Ref<MatrixX> D) {
   const Mechanism& m = model.mechanism();
+  rows.resize(3 * static_cast<Eigen::Index>(model.damped_rotations.size()), Q.cols());
+  Eigen::Index row = 0;
   for (const int k : model.damped_rotations) {
     const Mechanism::Rotation& rotation = m.rotations()[static_cast<std::size_t>(k)];
-    const Matrix3 block = weight * WeightedRotationBlock(m, kinematics, rotation, m.damping());
-    for (std::size_t i = 0; i < 3; ++i)
-      for (std::size_t j = 0; j < 3; ++j) {
-        const int a = rotation.coordinates[i], b = rotation.coordinates[j];
-        const ReducedModel::Run of_a = model.reduced->runs[static_cast<std::size_t>(a)],
-                                of_b = model.reduced->runs[static_cast<std::size_t>(b)];
-        const double factor = block(static_cast<int>(i), static_cast<int>(j));
-        for (int column = of_b.begin; column < of_b.begin + of_b.size; ++column)
-          for (int row = of_a.begin; row < of_a.begin + of_a.size; ++row)
-            D(row, column) += factor * Q(a, row) * Q(b, column);
-      }
+    const Matrix3 E = AngularVelocityMap(m, kinematics, rotation);
+    const auto& [a, b, c] = rotation.coordinates;
+    for (int i = 0; i < 3; ++i) rows.row(row++) = E(i, 0) * Q.row(a) + E(i, 1) * Q.row(b) + E(i, 2) * Q.row(c);
   }
+  for (const WeightedRows& group : model.rotation_dampers) AddRowSquares(rows, group, weight, D);
 }
 
 // K_beyond: what springs that bend, and servos that turn, are stiff by at this pose beyond what K_r has of
@@ -240,7 +253,7 @@ void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const
   const bool turn = model.reduced->loop_rank() > 0 && !model.by_twists();
   if (!model.damped_rotations.empty() && !model.by_twists()) {
     D -= weight * model.rotation_damping_ref;
-    AddRotationDamping(model, ws.configuration.kinematics, ws.Q_now(), weight, D);
+    AddRotationDamping(model, ws.configuration.kinematics, ws.Q_now(), weight, ws.rotation_rows, D);
   }
   if (turn) {
     D -= weight * model.joint_damping_ref;

@@ -61,8 +61,10 @@ void TurnSprings(const MechanismStep& here, double h);
 void AddNonlinearStiffness(const MechanismStep& here, double weight);
 void FindDampers(MechanismModel& model);
 void TakeStiffnessBeyond(const MechanismStep& here);
+/// D += weight Σ (E Q_θ)ᵀ d (E Q_θ) over rotations with dampers, at the pose of `kinematics` and Q, in the lower triangle.
+/// `rows`: scratch; no allocation where it has its size.
 void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematics, const RowMatrixX& Q, double weight,
-                        Eigen::Ref<MatrixX> D);
+                        RowMatrixX& rows, Eigen::Ref<MatrixX> D);
 bool DampersTurn(const MechanismModel& model);
 void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const VectorX& w,
                       Eigen::Ref<MatrixX> D);

@@ -68,6 +68,7 @@ struct MechanismWorkspace {
   double factored_h = -1;
   VectorX rest, q_perp_step, stretched, held_back;  // n
   MatrixX D_beyond, K_beyond;                       // r x r
+  RowMatrixX rotation_rows;                         // E Q_θ of damped rotations, three rows each
   VectorX q_dot, q_ddot;                            // n
   Vector3 gravity_W = Vector3::Zero();
   std::vector<SlackSpring> slack;                       // those of springs() that have slack

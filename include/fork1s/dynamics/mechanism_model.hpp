@@ -57,7 +57,8 @@ struct MechanismModel {
   std::vector<WeightedRows> joint_springs;   // without those of servos with bounds
   MatrixX joint_damping_ref;                 // r x r, lower triangle, with loops: what those are in D
   std::vector<int> damped_rotations;         // of rotations(); their dampers are not among `dampers`
-  MatrixX rotation_damping_ref;              // r x r: what those are in D
+  std::vector<WeightedRows> rotation_dampers;  // three rows a damped rotation, E Q_θ, by the columns that move them
+  MatrixX rotation_damping_ref;              // r x r, lower triangle: what those are in D
   bool has_followers = false;         // forces along lengths without potential
   bool has_follower_springs = false;  // and some of them hang on the length
   bool has_bent_springs = false;      // of paths, or not linear
