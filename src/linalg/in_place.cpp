@@ -144,29 +144,33 @@ void SubtractProduct(const double* L, const double* U, int rows, int columns, st
 
 }  // namespace
 
+bool FactorLu(double* A, int n, int* pivots) { return FactorLeadingLu(A, n, n, 1, pivots); }
+
 // By four pivots at a time: what they take from the rest is taken in one go.
-bool FactorLu(double* A, int n, int* pivots) {
-  for (int begin = 0; begin < n; begin += 4) {
-    const int end = std::min(begin + 4, n);
+bool FactorLeadingLu(double* A, int n, int leading, double threshold, int* pivots) {
+  for (int begin = 0; begin < leading; begin += 4) {
+    const int end = std::min(begin + 4, leading);
+    const bool four = end == begin + 4;
     for (int k = begin; k < end; ++k) {
       double* ak = Column(A, n, k);
-      const double largest = LargestOf(ak + k, n - k);
+      const double largest = LargestOf(ak + k, leading - k);
       if (!(largest > 1e-300)) return false;
       int pivot = k;
-      while (pivot < n && std::abs(ak[pivot]) != largest) ++pivot;
-      if (pivot == n) return false;  // not numbers
-      pivots[k] = pivot;
-      if (pivot != k)
+      if (!(std::abs(ak[k]) >= threshold * largest)) {
+        while (pivot < leading && std::abs(ak[pivot]) != largest) ++pivot;
+        if (pivot == leading) return false;  // not numbers
         for (int j = 0; j < n; ++j) std::swap(Column(A, n, j)[k], Column(A, n, j)[pivot]);
+      }
+      pivots[k] = pivot;
       const int rest = n - k - 1;
       double* lower = ak + k + 1;
       const double inverse = 1 / ak[k];
       ByFours(rest, [&](const auto& at) { at(lower) *= inverse; });
-      for (int j = k + 1; j < end; ++j)
+      for (int j = k + 1; j < (four ? end : n); ++j)
         if (const double factor = Column(A, n, j)[k]; factor != 0)
           Subtract(factor, lower, rest, Column(A, n, j) + k + 1);
     }
-    if (end == n) break;
+    if (!four || end == n) break;
     double* first = Column(A, n, begin) + begin;
     for (int j = end; j < n; ++j)
       if (double* c = Column(A, n, j) + begin; !IsZeroFour(c)) SolveUnitLowerFour(first, n, c);
@@ -176,17 +180,29 @@ bool FactorLu(double* A, int n, int* pivots) {
 }
 
 void SolveWithLu(const double* LU, int n, const int* pivots, double* x) {
-  for (int k = 0; k < n; ++k)
+  SolveLeadingLower(LU, n, n, pivots, x);
+  SolveLeadingUpper(LU, n, n, x);
+}
+
+void SolveLeadingLower(const double* LU, int n, int leading, const int* pivots, double* x) {
+  for (int k = 0; k < leading; ++k)
     if (pivots[k] != k) std::swap(x[k], x[pivots[k]]);
   const auto column = [&](int k) { return LU + static_cast<std::ptrdiff_t>(k) * n; };
-  const int whole = n / 4 * 4;
+  const int whole = leading / 4 * 4;
   for (int k = 0; k < whole; k += 4) {
     SolveUnitLowerFour(column(k) + k, n, x + k);
     SubtractFour(column(k) + k + 4, n, x + k, n - k - 4, x + k + 4);
   }
-  for (int k = whole; k < n; ++k)
-    for (int i = k + 1; i < n; ++i) x[i] -= column(k)[i] * x[k];
-  for (int k = n - 1; k >= whole; --k) {
+  for (int k = whole; k < leading; ++k) Subtract(x[k], column(k) + k + 1, n - k - 1, x + k + 1);
+}
+
+void SolveLeadingUpper(const double* LU, int n, int leading, double* x) {
+  const auto column = [&](int k) { return LU + static_cast<std::ptrdiff_t>(k) * n; };
+  const int whole = leading / 4 * 4;
+  int j = n;
+  for (; j >= leading + 4; j -= 4) SubtractFour(column(j - 4), n, x + j - 4, leading, x);
+  for (; j > leading; --j) Subtract(x[j - 1], column(j - 1), leading, x);
+  for (int k = leading - 1; k >= whole; --k) {
     const double* ak = column(k);
     x[k] /= ak[k];
     for (int i = whole; i < k; ++i) x[i] -= ak[i] * x[k];
@@ -238,10 +254,15 @@ Quad FourDots(const double* c0, std::ptrdiff_t stride, int n, const double* x) {
 }  // namespace
 
 void SolveTransposedWithLu(const double* LU, int n, const int* pivots, double* x) {
+  SolveLeadingUpperTransposed(LU, n, n, x);
+  SolveLeadingLowerTransposed(LU, n, n, pivots, x);
+}
+
+void SolveLeadingUpperTransposed(const double* LU, int n, int leading, double* x) {
   const auto column = [&](int k) { return LU + static_cast<std::ptrdiff_t>(k) * n; };
-  const int whole = n / 4 * 4;
-  for (int k = 0; k < n;) {
-    const int end = k < whole ? k + 4 : n, begin = k;
+  const int whole = leading / 4 * 4;
+  for (int k = 0; k < leading;) {
+    const int end = k < whole ? k + 4 : leading, begin = k;
     if (k < whole) QuadAt(x + k) -= FourDots(column(k), n, k, x);
     for (; k < end; ++k) {
       const double* ak = column(k);
@@ -250,18 +271,28 @@ void SolveTransposedWithLu(const double* LU, int n, const int* pivots, double* x
       x[k] = sum / ak[k];
     }
   }
-  for (int end = n; end > 0;) {
+  int k = leading;
+  for (; k + 4 <= n; k += 4) QuadAt(x + k) -= FourDots(column(k), n, leading, x);
+  for (; k < n; ++k)
+    for (int i = 0; i < leading; ++i) x[k] -= column(k)[i] * x[i];
+}
+
+void SolveLeadingLowerTransposed(const double* LU, int n, int leading, const int* pivots, double* x) {
+  const auto column = [&](int k) { return LU + static_cast<std::ptrdiff_t>(k) * n; };
+  const int whole = leading / 4 * 4;
+  for (int end = leading; end > 0;) {
     const int begin = end > whole ? whole : end - 4;
-    if (begin < whole) QuadAt(x + begin) -= FourDots(column(begin) + end, n, n - end, x + end);
+    const bool four = begin < whole;
+    if (four) QuadAt(x + begin) -= FourDots(column(begin) + end, n, n - end, x + end);
     for (int k = end - 1; k >= begin; --k) {
       const double* ak = column(k);
       double sum = x[k];
-      for (int i = k + 1; i < end; ++i) sum -= ak[i] * x[i];
+      for (int i = k + 1; i < (four ? end : n); ++i) sum -= ak[i] * x[i];
       x[k] = sum;
     }
     end = begin;
   }
-  for (int k = n - 1; k >= 0; --k)
+  for (int k = leading - 1; k >= 0; --k)
     if (pivots[k] != k) std::swap(x[k], x[pivots[k]]);
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <fork1s/base/quad.hpp>
-#include <fork1s/linalg/in_place.hpp>
 #include <limits>
 #include <map>
 
@@ -159,7 +158,7 @@ LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
     num_values_ += block.stride * block.count;
     rows_.insert(rows_.end(), draft.rows.begin(), draft.rows.end());
     coordinates_.insert(coordinates_.end(), draft.coordinates.begin(), draft.coordinates.end());
-    if (d == 0 || draft.group != drafts[d - 1].group) groups_.push_back({block.begin, 0, 0, 0});
+    if (d == 0 || draft.group != drafts[d - 1].group) groups_.push_back({block.begin, 0});
     groups_.back().size += block.rows;
     blocks_.push_back(block);
   }
@@ -168,8 +167,7 @@ LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
   // Where a coordinate stands in the block at hand; no block has one twice.
   std::vector<int> place(static_cast<std::size_t>(mechanism.num_coordinates()), -1);
   std::size_t begin = 0;
-  for (Group& group : groups_) {
-    group.first_pair = static_cast<int>(pairs_.size());
+  for (const Group& group : groups_) {
     std::size_t end = begin;
     while (end < blocks_.size() && blocks_[end].begin < group.begin + group.size) ++end;
     for (std::size_t i = begin; i < end; ++i)
@@ -185,7 +183,6 @@ LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
         pair.last = static_cast<int>(shared_.size());
         if (pair.last > pair.first) pairs_.push_back(pair);
       }
-    group.last_pair = static_cast<int>(pairs_.size());
     begin = end;
   }
 }
@@ -293,22 +290,21 @@ std::vector<int> LoopRows::GroupSizes() const {
 }
 
 LoopFactor::LoopFactor(const LoopRows& rows) {
-  std::size_t at = 0;
-  for (const LoopRows::Group& g : rows.groups_) {
-    parts_.push_back({g.begin, g.size, at});
-    at += static_cast<std::size_t>(g.size) * static_cast<std::size_t>(g.size);
-  }
-  values_.resize(at);
-  pivots_.resize(static_cast<std::size_t>(rows.size()));
+  std::vector<int> sizes;
+  for (const LoopRows::Block& block : rows.blocks_) sizes.push_back(block.rows);
+  std::vector<std::pair<int, int>> couplings;
+  for (const LoopRows::Pair& pair : rows.pairs_) couplings.emplace_back(pair.block_a, pair.block_b);
+  lu_ = MultifrontalLu(sizes, couplings);
+  for (const auto& [a, b] : couplings) places_.push_back(lu_.PlaceOf(a, b));
 }
 
 namespace {
 
-// out (from row to row, `size` from column to column) += Σ_k A_k B_kᵀ over pairs of values, kQuads fours of
+// out (from row to row, `size` from column to column) = Σ_k A_k B_kᵀ over pairs of values, kQuads fours of
 // rows by kColumns columns of which `rows` x `columns` count.
 template <int kQuads, int kColumns, class Shared>
-void AddProducts(const double* A, const double* B, const Shared* first, const Shared* last, int rows,
-                 int columns, double* out, int size) {
+void AssignProducts(const double* A, const double* B, const Shared* first, const Shared* last, int rows,
+                    int columns, double* out, int size) {
   using Rows = Eigen::Matrix<double, 4 * kQuads, 1>;
   Rows sum[kColumns];
   for (Rows& column : sum) column.setZero();
@@ -322,47 +318,35 @@ void AddProducts(const double* A, const double* B, const Shared* first, const Sh
 }  // namespace
 
 void LoopFactor::Compute(const LoopRows& rows, const VectorX& A, const VectorX& B) {
-  std::fill(values_.begin(), values_.end(), 0.0);
-  ok_ = true;
-  for (std::size_t g = 0; g < parts_.size(); ++g) {
-    const Part& part = parts_[g];
-    double* LU = values_.data() + part.at;
-    for (int p = rows.groups_[g].first_pair; p < rows.groups_[g].last_pair; ++p) {
-      const LoopRows::Pair& pair = rows.pairs_[static_cast<std::size_t>(p)];
-      const LoopRows::Block& a = rows.blocks_[static_cast<std::size_t>(pair.block_a)];
-      const LoopRows::Block& b = rows.blocks_[static_cast<std::size_t>(pair.block_b)];
-      const auto add = a.rows <= 4   ? b.rows <= 3 ? &AddProducts<1, 3, LoopRows::Shared>
-                                                   : &AddProducts<1, 6, LoopRows::Shared>
-                         : b.rows <= 3 ? &AddProducts<2, 3, LoopRows::Shared>
-                                     : &AddProducts<2, 6, LoopRows::Shared>;
-      add(A.data(), B.data(), rows.shared_.data() + pair.first, rows.shared_.data() + pair.last, a.rows,
-          b.rows, LU + static_cast<std::ptrdiff_t>(b.begin - part.begin) * part.size + (a.begin - part.begin),
-          part.size);
-    }
-    ok_ = FactorLu(LU, part.size, pivots_.data() + part.begin) && ok_;
+  lu_.ClearFill();
+  for (std::size_t p = 0; p < places_.size(); ++p) {
+    const LoopRows::Pair& pair = rows.pairs_[p];
+    const LoopRows::Block& a = rows.blocks_[static_cast<std::size_t>(pair.block_a)];
+    const LoopRows::Block& b = rows.blocks_[static_cast<std::size_t>(pair.block_b)];
+    const auto assign = a.rows <= 4   ? b.rows <= 3 ? &AssignProducts<1, 3, LoopRows::Shared>
+                                                    : &AssignProducts<1, 6, LoopRows::Shared>
+                        : b.rows <= 3 ? &AssignProducts<2, 3, LoopRows::Shared>
+                                      : &AssignProducts<2, 6, LoopRows::Shared>;
+    assign(A.data(), B.data(), rows.shared_.data() + pair.first, rows.shared_.data() + pair.last, a.rows, b.rows,
+           lu_.values() + places_[p].begin, places_[p].stride);
   }
+  ok_ = lu_.Factor();
 }
 
 // What a singular A Bᵀ gives is not a number, and is seen as such.
 void LoopFactor::SolveInPlace(VectorX& x) const {
   if (!ok_) return x.setConstant(std::numeric_limits<double>::quiet_NaN()), void();
-  for (const Part& part : parts_)
-    SolveWithLu(values_.data() + part.at, part.size, pivots_.data() + part.begin, x.data() + part.begin);
+  lu_.Solve(x.data());
 }
 
 void LoopFactor::SolveInPlace(RowMatrixX& x) const {
   if (!ok_) return x.setConstant(std::numeric_limits<double>::quiet_NaN()), void();
-  const auto columns = static_cast<int>(x.cols());
-  for (const Part& part : parts_)
-    SolveRowsWithLu(values_.data() + part.at, part.size, pivots_.data() + part.begin, columns,
-                    Row(x, part.begin));
+  lu_.SolveRows(static_cast<int>(x.cols()), x.data());
 }
 
 void LoopFactor::SolveTransposedInPlace(VectorX& x) const {
   if (!ok_) return x.setConstant(std::numeric_limits<double>::quiet_NaN()), void();
-  for (const Part& part : parts_)
-    SolveTransposedWithLu(values_.data() + part.at, part.size, pivots_.data() + part.begin,
-                          x.data() + part.begin);
+  lu_.SolveTransposed(x.data());
 }
 
 }  // namespace fork1s

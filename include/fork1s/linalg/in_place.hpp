@@ -13,6 +13,18 @@ void SolveRowsWithLu(const double* LU, int n, const int* pivots, int columns, do
 /// x <- A⁻ᵀ x
 void SolveTransposedWithLu(const double* LU, int n, const int* pivots, double* x);
 
+/// The first `leading` steps of P A = L U, pivots among the first `leading` rows: A holds these columns of L, rows of U,
+/// and behind both the Schur complement of the rest. A diagonal entry is kept as pivot where it is at least `threshold`
+/// times the largest entry of its column in those rows. False where a pivot vanishes.
+bool FactorLeadingLu(double* A, int n, int leading, double threshold, int* pivots);
+/// Of x [n] with these steps: x <- L⁻¹ P x, the last n - leading numbers less what the first contribute to them.
+void SolveLeadingLower(const double* LU, int n, int leading, const int* pivots, double* x);
+/// The first `leading` numbers of x <- U⁻¹ x; the others are known.
+void SolveLeadingUpper(const double* LU, int n, int leading, double* x);
+/// The same for Uᵀ, forward, and for Lᵀ, backward.
+void SolveLeadingUpperTransposed(const double* LU, int n, int leading, double* x);
+void SolveLeadingLowerTransposed(const double* LU, int n, int leading, const int* pivots, double* x);
+
 /// Y <- L⁻¹ Y for the lower triangle of L (n x n), columns of L and of Y (n x columns) `stride` and
 /// `Y_stride` apart. What is 0 at the top of four columns costs nothing.
 void SolveLower(const double* L, int n, int stride, double* Y, int columns, int Y_stride);

@@ -1,7 +1,7 @@
 // The rows that keep loops closed, each with the few coordinates that it hears: docs/method.md, section 2.
 #pragma once
 
-#include <fork1s/linalg/solve.hpp>
+#include <fork1s/linalg/multifrontal_lu.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <vector>
 
@@ -62,7 +62,6 @@ class LoopRows {
   };
   struct Group {
     int begin = 0, size = 0;  // rows
-    int first_pair = 0, last_pair = 0;
   };
 
   std::vector<int> rows_;
@@ -74,7 +73,7 @@ class LoopRows {
   Eigen::Index num_values_ = 0;
 };
 
-/// LU of A Bᵀ for two sets of values on the same rows, group by group.
+/// LU of A Bᵀ for two sets of values on the same rows. Blocks of closures that share no coordinate are 0 and cost nothing.
 class LoopFactor {
  public:
   LoopFactor() = default;
@@ -89,13 +88,8 @@ class LoopFactor {
   void SolveTransposedInPlace(VectorX& x) const;
 
  private:
-  struct Part {
-    int begin = 0, size = 0;
-    std::size_t at = 0;
-  };
-  std::vector<Part> parts_;
-  std::vector<double> values_;
-  std::vector<int> pivots_;
+  MultifrontalLu lu_;
+  std::vector<MultifrontalLu::Place> places_;  // per pair of blocks
   bool ok_ = false;
 };
 
