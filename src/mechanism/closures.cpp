@@ -63,19 +63,36 @@ std::vector<int> ClosureCoordinates(const Mechanism& mechanism, const ClosureDef
   return coordinates;
 }
 
+// With the frames J of a and b, R_Ja the axes of the first and p the origin of the second, both seen from R, a relative
+// twist [w; v] of the bodies changes the errors by
+//     d log R_E = dexp⁻¹(log R_E) R_Ja w,   d p_E = R_Ja (v + w x p)
+// as matrix times twist, rows picked once for all coordinates.
 void ClosureRows(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
                  const int* components, int rows, int stride, double* values) {
-  const auto put = [&](const auto& column, int first) {
-    for (int r = 0; r < rows; ++r) values[r] = column(components[r] - first);
-    for (int r = rows; r < stride; ++r) values[r] = 0;
-    values += stride;
-  };
-  if (internal::HoldsOnlyPoint(closure))
-    internal::ForEachPointColumn(mechanism, closure, kinematics,
-                                 [&](int, const Vector3& column) { put(column, 3); });
-  else
-    internal::ForEachClosureColumn(mechanism, closure, kinematics,
-                                   [&](int, const Vector6& column) { put(column, 0); });
+  Matrix3 R_aJ, turn = Matrix3::Zero();
+  Vector3 p;
+  internal::PointError(closure, kinematics, &R_aJ, &p);
+  if (!internal::HoldsOnlyPoint(closure))
+    turn = DexpInverseRotation(internal::ClosureError(closure, kinematics).head<3>()) * R_aJ.transpose();
+  Eigen::Matrix<double, 8, 6> map = Eigen::Matrix<double, 8, 6>::Zero();
+  for (int r = 0; r < rows; ++r) {
+    if (const int i = components[r]; i < 3) {
+      map.row(r).head<3>() = turn.row(i);
+    } else {
+      const Vector3 axis = R_aJ.col(i - 3);
+      map.row(r) << p.cross(axis).transpose(), axis.transpose();
+    }
+  }
+  internal::ForEachJointBetween(mechanism, closure, [&](const Mechanism::Joint& joint, double sign) {
+    for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
+      const double* s = kinematics.S.data() + 6 * i;
+      for (int four = 0; four < stride; four += 4, values += 4) {
+        const double* m = map.data() + four;
+        QuadAt(values) = sign * ((s[0] * QuadAt(m) + s[1] * QuadAt(m + 8) + s[2] * QuadAt(m + 16)) +
+                                 (s[3] * QuadAt(m + 24) + s[4] * QuadAt(m + 32) + s[5] * QuadAt(m + 40)));
+      }
+    }
+  });
 }
 
 double ClosureGap(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {

@@ -68,21 +68,4 @@ inline Vector6 RigidError(const ClosureDef& closure, const Kinematics& kinematic
   return c;
 }
 
-/// As ForEachClosureColumn for p_E alone: how fast the point p_bJ of b moves past a, in J.
-template <class Sink>
-void ForEachPointColumn(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
-                        Sink sink) {
-  Matrix3 R_aJ;
-  Vector3 p;
-  PointError(closure, kinematics, &R_aJ, &p);
-  const Matrix3 R_Ja = R_aJ.transpose();
-  ForEachJointBetween(mechanism, closure, [&](const Mechanism::Joint& joint, double sign) {
-    for (int i = joint.offset; i < joint.offset + joint.size; ++i) {
-      const Vector3 w = kinematics.S.col(i).head<3>(), v = kinematics.S.col(i).tail<3>();
-      const Vector3 u = sign * (v + w.cross(p));
-      sink(i, Vector3(R_Ja * u));
-    }
-  });
-}
-
 }  // namespace fork1s::internal
