@@ -1,6 +1,7 @@
 #include <fork1s/mechanism/kinematics.hpp>
 
 #include <fork1s/base/quad.hpp>
+#include <fork1s/spatial/twist_exponential.hpp>
 
 #include "paths.hpp"
 
@@ -24,9 +25,10 @@ class Axes {
     QuadAt(to + 6) = z_;
     X.translation() = p_;
   }
-  // out <- the adjoint of this pose times s
-  void Present(const double* s, double* out) const {
-    const Quad turned = Turned(s), moved = Turned(s + 3);
+  // out <- the adjoint of this pose times [angular; linear]
+  template <class Three>
+  void Present(const Three& angular, const Three& linear, double* out) const {
+    const Quad turned = Turned(angular), moved = Turned(linear);
     QuadAt(out) = turned;
     Eigen::Map<Vector3>(out + 3) = moved.head<3>() + p_.cross(turned.head<3>());
   }
@@ -42,7 +44,8 @@ class Axes {
   void Slide(double way, const double* along) { p_ += way * Eigen::Map<const Vector3>(along); }
 
  private:
-  Quad Turned(const double* v) const { return v[0] * x_ + v[1] * y_ + v[2] * z_; }
+  template <class Three>
+  Quad Turned(const Three& v) const { return v[0] * x_ + v[1] * y_ + v[2] * z_; }
 
   Quad x_, y_, z_;
   Vector3 p_;
@@ -73,7 +76,8 @@ void ComputeKinematics(const Mechanism& mechanism, const VectorX& q, Kinematics&
     if (joint.size == 1) {
       const ScrewMotion& motion = mechanism.screw_motions()[static_cast<std::size_t>(joint.offset)];
       double* const screw = &out.S(0, joint.offset);
-      here.Present(&screws(0, joint.offset), screw);
+      const double* const at_zero = &screws(0, joint.offset);
+      here.Present(at_zero, at_zero + 3, screw);
       if (motion.is_slide()) {
         here.Slide(q(joint.offset), screw + 3);
       } else {
@@ -85,12 +89,15 @@ void ComputeKinematics(const Mechanism& mechanism, const VectorX& q, Kinematics&
       const auto S = screws.middleCols(joint.offset, joint.size);
       Vector6 x = Vector6::Zero();
       for (int i = 0; i < joint.size; ++i) x += S.col(i) * q(joint.offset + i);
-      const Matrix6 D = Dexp(x);
+      const TwistExponential motion(x);
       for (int i = 0; i < joint.size; ++i) {
-        const Vector6 s = D * S.col(i);
-        here.Present(s.data(), &out.S(0, joint.offset + i));
+        Quad angular, linear;
+        motion.Apply(S.col(i).data(), angular, linear);
+        here.Present(angular, linear, &out.S(0, joint.offset + i));
       }
-      here.Go(Exp(x));
+      RigidTransform own{RigidTransform::Unset()};
+      motion.SetTransform(own);
+      here.Go(own);
     }
     here.Write(out.P[j]);
   }

@@ -1,4 +1,4 @@
-#include <fork1s/spatial/rigid_transform.hpp>
+#include <fork1s/spatial/twist_exponential.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -6,32 +6,32 @@
 namespace fork1s {
 namespace {
 
-// Below this angle [rad] the closed forms lose digits to cancellation and their Taylor series
-// are used: six terms leave a remainder below 1e-17 at 0.2.
-constexpr double kSeriesAngle = 0.2;
+// Below this angle [rad] the coefficients are sums of their Taylor series, above it closed forms, which lose digits to
+// cancellation at small angles. Ten terms leave a remainder below 1e-18 here.
+constexpr double kSeriesAngle = 1.5;
+constexpr int kTerms = 10;
 
-// Coefficients of the series and closed forms in θ.
-struct Coefficients {
-  double sinc;  // sin θ / θ
-  double b;     // (1 - cos θ) / θ²
-  double c;     // (θ - sin θ) / θ³
-};
-
-Coefficients Evaluate(double theta) {
-  const double t2 = theta * theta;
-  if (theta < kSeriesAngle) {
-    return {1 - t2 / 6 * (1 - t2 / 20 * (1 - t2 / 42 * (1 - t2 / 72 * (1 - t2 / 110)))),
-            0.5 * (1 - t2 / 12 * (1 - t2 / 30 * (1 - t2 / 56 * (1 - t2 / 90 * (1 - t2 / 132))))),
-            (1 - t2 / 20 * (1 - t2 / 42 * (1 - t2 / 72 * (1 - t2 / 110 * (1 - t2 / 156))))) / 6};
+// Factors of θ^2k in b, c, b' and c': with σ = (-1)^k
+//     σ / (2k+2)!,   σ / (2k+3)!,   -σ (2k+2) / (2k+4)!,   -σ (2k+2) / (2k+5)!
+struct Series {
+  double factor[kTerms][4] = {};
+  constexpr Series() {
+    double factorial = 2, sign = 1;  // (2k+2)!
+    for (int k = 0; k < kTerms; ++k) {
+      const double n = 2 * k + 2;
+      factor[k][0] = sign / factorial;
+      factor[k][1] = sign / (factorial * (n + 1));
+      factor[k][2] = -sign * n / (factorial * (n + 1) * (n + 2));
+      factor[k][3] = -sign * n / (factorial * (n + 1) * (n + 2) * (n + 3));
+      factorial *= (n + 1) * (n + 2);
+      sign = -sign;
+    }
   }
-  // By the half angle: 1 - cos keeps its digits at small θ, and one sine and cosine serve all three.
-  const double half = std::sin(0.5 * theta);
-  const double s = 2 * half * std::cos(0.5 * theta);
-  return {s / theta, 2 * half * half / t2, (theta - s) / (t2 * theta)};
-}
+};
+constexpr Series kSeries;
 
 // exp(w) = cos θ 1 + sinc W + b w wᵀ, written out: this is the hot line of pose recovery.
-Matrix3 Rotation(const Vector3& w, const Coefficients& k) {
+Matrix3 Rotation(const Vector3& w, const ExpCoefficients& k) {
   const double x = w.x(), y = w.y(), z = w.z();
   const double cosine = 1 - k.b * w.squaredNorm();
   const double xy = k.b * x * y, xz = k.b * x * z, yz = k.b * y * z;
@@ -42,32 +42,21 @@ Matrix3 Rotation(const Vector3& w, const Coefficients& k) {
   return R;
 }
 
-// d/d(θ²)-type coefficients that the coupling block of Dexp needs:
-//   b' = (db/dθ)/θ,  c' = (dc/dθ)/θ
-struct Derivatives {
-  double b_prime;
-  double c_prime;
-};
-
-Derivatives EvaluateDerivatives(double theta, const Coefficients& k) {
-  const double t2 = theta * theta;
-  if (theta < 0.5) {
-    // b = Σ (-1)^k t^{2k}/(2k+2)!,  c = Σ (-1)^k t^{2k}/(2k+3)!; differentiate term by term.
-    double b_prime = 0, c_prime = 0, power = 1, factorial = 24;  // (2k+2)! at k = 1
-    double sign = -1;
-    for (int n = 1; n <= 9; ++n) {
-      b_prime += sign * 2 * n * power / factorial;
-      c_prime += sign * 2 * n * power / (factorial * (2 * n + 3));
-      power *= t2;
-      factorial *= (2 * n + 3) * (2 * n + 4);
-      sign = -sign;
-    }
-    return {b_prime, c_prime};
-  }
-  return {(k.sinc - 2 * k.b) / t2, (k.b - 3 * k.c) / t2};
-}
-
 }  // namespace
+
+ExpCoefficients EvaluateExpCoefficients(double theta_squared) {
+  const double t2 = theta_squared;
+  if (t2 < kSeriesAngle * kSeriesAngle) {
+    Quad sum = QuadAt(kSeries.factor[kTerms - 1]);
+    for (int k = kTerms - 2; k >= 0; --k) sum = QuadAt(kSeries.factor[k]) + t2 * sum;
+    return {1 - t2 * sum[1], sum[0], sum[1], sum[2], sum[3]};
+  }
+  // One sine and cosine, of the half angle, are enough.
+  const double theta = std::sqrt(t2), half = std::sin(0.5 * theta);
+  const double s = 2 * half * std::cos(0.5 * theta);
+  const double sinc = s / theta, b = 2 * half * half / t2, c = (theta - s) / (t2 * theta);
+  return {sinc, b, c, (sinc - 2 * b) / t2, (b - 3 * c) / t2};
+}
 
 RigidTransform::RigidTransform(const Quaternion& q, const Vector3& p)
     : R_(q.normalized().toRotationMatrix()), p_(p) {}
@@ -82,7 +71,7 @@ bool RigidTransform::IsFinite() const {
   return (0 * QuadAt(x) + 0 * QuadAt(x + 4) + 0 * QuadAt(x + 8)).sum() == 0;
 }
 
-Matrix3 ExpRotation(const Vector3& w) { return Rotation(w, Evaluate(w.norm())); }
+Matrix3 ExpRotation(const Vector3& w) { return Rotation(w, EvaluateExpCoefficients(w.squaredNorm())); }
 
 Vector3 LogRotation(const Matrix3& R) {
   // The quaternion's vector part keeps full precision near π, its atan2 near 0 and in between.
@@ -96,7 +85,7 @@ Vector3 LogRotation(const Matrix3& R) {
 }
 
 Matrix3 DexpRotation(const Vector3& w) {
-  const Coefficients k = Evaluate(w.norm());
+  const ExpCoefficients k = EvaluateExpCoefficients(w.squaredNorm());
   const Matrix3 W = Skew(w);
   return Matrix3::Identity() + k.b * W + k.c * (W * W);
 }
@@ -105,7 +94,7 @@ Matrix3 DexpInverseRotation(const Vector3& w) {
   const double theta = w.norm();
   const double t2 = theta * theta;
   double d;  // (1 - θ/2 cot(θ/2)) / θ²
-  if (theta < kSeriesAngle) {
+  if (theta < 0.2) {  // five terms leave a remainder below 1e-17
     d = (1 + t2 / 60 * (1 + t2 / 42 * (1 + t2 / 40 * (1 + t2 * 10 / 396)))) / 12;
   } else {
     const double half = 0.5 * theta;
@@ -116,11 +105,9 @@ Matrix3 DexpInverseRotation(const Vector3& w) {
 }
 
 RigidTransform Exp(const Vector6& x) {
-  const Vector3 w = x.head<3>();
-  const Vector3 v = x.tail<3>();
-  const Coefficients k = Evaluate(w.norm());
-  const Vector3 wv = w.cross(v);
-  return {Rotation(w, k), Vector3(v + k.b * wv + k.c * w.cross(wv))};
+  RigidTransform X{RigidTransform::Unset()};
+  TwistExponential(x).SetTransform(X);
+  return X;
 }
 
 Vector6 Log(const RigidTransform& X) {
@@ -147,21 +134,13 @@ Matrix6 SmallAdjoint(const Vector6& x) {
 }
 
 Matrix6 Dexp(const Vector6& x) {
-  // Dexp = [J 0; Q J] with J = I + bW + cW² and Q the derivative of J(w) in the direction v.
-  const Vector3 w = x.head<3>();
-  const double theta = w.norm();
-  const Coefficients k = Evaluate(theta);
-  const Derivatives d = EvaluateDerivatives(theta, k);
-  const Matrix3 W = Skew(w);
-  const Matrix3 V = Skew(x.tail<3>());
-  const Matrix3 W2 = W * W;
-  const Matrix3 J = Matrix3::Identity() + k.b * W + k.c * W2;
-  const double wv = w.dot(x.tail<3>());
-  const Matrix3 Q = k.b * V + k.c * (W * V + V * W) + wv * (d.b_prime * W + d.c_prime * W2);
-  Matrix6 A = Matrix6::Zero();
-  A.topLeftCorner<3, 3>() = J;
-  A.bottomRightCorner<3, 3>() = J;
-  A.bottomLeftCorner<3, 3>() = Q;
+  const TwistExponential exponential(x);
+  Matrix6 A;
+  for (int i = 0; i < 6; ++i) {
+    Quad angular, linear;
+    exponential.Apply(Vector6::Unit(i).eval().data(), angular, linear);
+    A.col(i) << angular.head<3>(), linear.head<3>();
+  }
   return A;
 }
 

@@ -83,7 +83,7 @@ void ClosureJacobian(const Mechanism& mechanism, const Kinematics& kinematics, c
 /// where the ways meet. No other moves its two frames against each other.
 std::vector<int> ClosureCoordinates(const Mechanism& mechanism, const ClosureDef& closure);
 /// Derivatives of rigid directions of a closure by those coordinates in that order: of the six errors those
-/// `rows` that `components` names, from `stride` to `stride`, zeros between.
+/// `rows` that `components` names, from `stride` to `stride`, zeros between. The stride is a multiple of four, 8 at most.
 void ClosureRows(const Mechanism& mechanism, const ClosureDef& closure, const Kinematics& kinematics,
                  const int* components, int rows, int stride, double* values);
 
