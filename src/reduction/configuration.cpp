@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/base/quad.hpp>
+#include <fork1s/base/dot_by_fours.hpp>
 
 namespace fork1s {
 
@@ -55,10 +55,7 @@ void AddMotion(const ReducedModel& model, const RowMatrixX& Q, const VectorX& z,
   const auto r = Q.cols();
   for (Eigen::Index i = 0; i < Q.rows(); ++i) {
     const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
-    const double *row = Q.data() + i * r + run.begin, *rates = z.data() + run.begin;
-    double sum = 0;
-    for (int k = 0; k < run.size; ++k) sum += row[k] * rates[k];
-    q(i) += sum;
+    q(i) += DotByFours(Q.data() + i * r + run.begin, z.data() + run.begin, run.size);
   }
 }
 

@@ -4,6 +4,7 @@
 #include <fork1s/base/quad.hpp>
 #include <limits>
 #include <map>
+#include <type_traits>
 
 namespace fork1s {
 namespace {
@@ -34,11 +35,24 @@ struct BlockView {
   int count;
 };
 
+// As ByFours, by eights first: each value that is read serves twice as many columns.
+template <class F>
+void ByEights(int n, F&& f) {
+  int i = 0;
+  for (; i + 8 <= n; i += 8)
+    f([i](auto* p) {
+      using Map = std::conditional_t<std::is_const_v<std::remove_reference_t<decltype(*p)>>, Eigen::Map<const Eight>,
+                                     Eigen::Map<Eight>>;
+      return Map(p + i);
+    });
+  ByFours(n - i, [&](const auto& at) { f([&at, i](auto* p) { return at(p + i); }); });
+}
+
 // Y (kRows rows) = values X, `columns` of them.
 template <int kRows>
 void TakeApplied(const BlockView& b, const double* X, Eigen::Index X_stride, int columns, double* Y,
                  Eigen::Index Y_stride) {
-  ByFours(columns, [&](const auto& at) {
+  ByEights(columns, [&](const auto& at) {
     using Some = typename decltype(at(Y))::PlainObject;
     Some sum[kRows];
     for (Some& s : sum) s.setZero();
@@ -55,7 +69,7 @@ void TakeApplied(const BlockView& b, const double* X, Eigen::Index X_stride, int
 template <int kRows>
 void SubtractAppliedTransposed(const BlockView& b, const double* Y, Eigen::Index Y_stride, int columns,
                                double* X, Eigen::Index X_stride) {
-  ByFours(columns, [&](const auto& at) {
+  ByEights(columns, [&](const auto& at) {
     using Some = typename decltype(at(X))::PlainObject;
     Some y[kRows];
     for (int r = 0; r < kRows; ++r) y[r] = at(Y + r * Y_stride);
