@@ -30,20 +30,27 @@ void AddTile(const RowMatrixX& Q, const WeightedRows& of, double factor, int row
   }
 }
 
+// All of fewer than four columns.
+template <int kSize>
+void AddSmall(const RowMatrixX& Q, const WeightedRows& of, double factor, Eigen::Ref<MatrixX> A) {
+  double sum[kSize][kSize] = {};
+  for (std::size_t i = 0; i < of.rows.size(); ++i) {
+    const double* q = Q.data() + of.rows[i] * Q.cols() + of.begin;
+    for (int k = 0; k < kSize; ++k)
+      for (int l = k; l < kSize; ++l) sum[k][l] += of.weights[i] * q[k] * q[l];
+  }
+  for (int k = 0; k < kSize; ++k)
+    for (int l = k; l < kSize; ++l) A(of.begin + l, of.begin + k) += factor * sum[k][l];
+}
+
 }  // namespace
 
 // Tiles of twelve rows, eight or four by four columns. The last begin where they end with the matrix.
 void AddRowSquares(const RowMatrixX& Q, const WeightedRows& of, double factor, Eigen::Ref<MatrixX> A) {
   FORK1S_REQUIRE(of.begin >= 0 && of.begin + of.size <= Q.cols() && A.rows() == Q.cols(), of.begin, of.size);
-  const auto count = of.rows.size();
-  if (of.size < 4) {
-    for (std::size_t i = 0; i < count; ++i) {
-      const double *q = Q.data() + of.rows[i] * Q.cols() + of.begin, weight = factor * of.weights[i];
-      for (int k = 0; k < of.size; ++k)
-        for (int l = k; l < of.size; ++l) A(of.begin + l, of.begin + k) += weight * q[k] * q[l];
-    }
-    return;
-  }
+  if (of.size == 1) return AddSmall<1>(Q, of, factor, A);
+  if (of.size == 2) return AddSmall<2>(Q, of, factor, A);
+  if (of.size == 3) return AddSmall<3>(Q, of, factor, A);
   for (int k = 0; k < of.size; k += 4) {
     const int column = std::min(k, of.size - 4);
     for (int l = k; l < of.size;) {

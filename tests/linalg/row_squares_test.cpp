@@ -6,11 +6,11 @@
 namespace fork1s {
 namespace {
 
-// Every width from one column to more than three fours, anywhere in the matrix; what stands outside is not
+// Every width from one column to more than two tiles of twelve, anywhere in the matrix; what stands outside is not
 // touched.
 TEST(RowSquares, AreTheProductOfTheMatrices) {
   std::mt19937 engine(1);
-  for (int size = 1; size <= 14; ++size)
+  for (int size = 1; size <= 30; ++size)
     for (int begin = 0; begin <= 5; begin += 5) {
       SCOPED_TRACE(size);
       const int r = begin + size + 2;
