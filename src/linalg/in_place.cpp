@@ -162,13 +162,18 @@ bool FactorLeadingLu(double* A, int n, int leading, double threshold, int* pivot
         for (int j = 0; j < n; ++j) std::swap(Column(A, n, j)[k], Column(A, n, j)[pivot]);
       }
       pivots[k] = pivot;
-      const int rest = n - k - 1;
       double* lower = ak + k + 1;
       const double inverse = 1 / ak[k];
-      ByFours(rest, [&](const auto& at) { at(lower) *= inverse; });
-      for (int j = k + 1; j < (four ? end : n); ++j)
-        if (const double factor = Column(A, n, j)[k]; factor != 0)
-          Subtract(factor, lower, rest, Column(A, n, j) + k + 1);
+      const int others = (four ? end : n) - k - 1;
+      ByFours(n - k - 1, [&](const auto& at) {
+        const typename decltype(at(lower))::PlainObject some = inverse * at(lower);
+        at(lower) = some;
+        double* other = lower;
+        for (int j = 0; j < others; ++j) {
+          other += n;
+          at(other) -= other[-1] * some;
+        }
+      });
     }
     if (!four || end == n) break;
     double* first = Column(A, n, begin) + begin;

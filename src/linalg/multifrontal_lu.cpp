@@ -193,11 +193,16 @@ void SubtractRows(const double* a, std::ptrdiff_t next, const int* rows, int cou
   Some sum[kCount];
   double* const out = x + to * stride;
   for (int q = 0; q < kCount; ++q) sum[q] = Eigen::Map<const Some>(out + q * kSize);
-  for (; count > 0; --count, a += next, ++rows) {
-    const double* row = x + *rows * stride;
-    const double factor = *a;
+  const auto subtract = [&](double factor, int from) {
+    const double* row = x + from * stride;
     for (int q = 0; q < kCount; ++q) sum[q] -= factor * Eigen::Map<const Some>(row + q * kSize);
+  };
+  for (; count >= 3; count -= 3, a += 3 * next, rows += 3) {
+    subtract(a[0], rows[0]);
+    subtract(a[next], rows[1]);
+    subtract(a[2 * next], rows[2]);
   }
+  for (; count > 0; --count, a += next, ++rows) subtract(*a, *rows);
   for (int q = 0; q < kCount; ++q) Eigen::Map<Some>(out + q * kSize) = scale * sum[q];
 }
 

@@ -3,6 +3,7 @@
 // The present screws of the joint are those of θ̇ in R, so that with P the pose that the joint carries
 //     ω_R = S_rot θ̇,   ω = W⁻¹ R_Pᵀ ω_R = E θ̇,   E = W⁻¹ R_Pᵀ S_rot
 // and a force τ on ω is Eᵀ τ on θ.
+#include <fork1s/base/quad.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 
 namespace fork1s {
@@ -19,17 +20,32 @@ void SetSegment(const Mechanism::Rotation& rotation, const Vector3& from, Vector
 
 }  // namespace
 
+// The rows of W⁻¹ R_Pᵀ are the columns of R_P W⁻ᵀ, sums of columns of R_P.
 Matrix3 AngularVelocityMap(const Mechanism&, const Kinematics& kinematics, const Mechanism::Rotation& rotation) {
-  Matrix3 S;
-  for (int i = 0; i < 3; ++i)
-    S.col(i) = kinematics.S.col(rotation.coordinates[static_cast<std::size_t>(i)]).head<3>();
-  return rotation.axes_inverse * (kinematics.P[rotation.joint.u()].rotation().transpose() * S);
+  const double* R = kinematics.P[rotation.joint.u()].data();
+  const Matrix3& W_inverse = rotation.axes_inverse;
+  const Quad x = QuadAt(R), y = QuadAt(R + 3), z = QuadAt(R + 6);
+  Matrix3 E;
+  for (int row = 0; row < 3; ++row) {
+    const Quad axis = W_inverse(row, 0) * x + W_inverse(row, 1) * y + W_inverse(row, 2) * z;
+    for (int i = 0; i < 3; ++i) {
+      const double* s = kinematics.S.data() + 6 * rotation.coordinates[static_cast<std::size_t>(i)];
+      E(row, i) = axis[0] * s[0] + axis[1] * s[1] + axis[2] * s[2];
+    }
+  }
+  return E;
 }
 
 Matrix3 WeightedRotationBlock(const Mechanism& mechanism, const Kinematics& kinematics,
                               const Mechanism::Rotation& rotation, const VectorX& weights) {
   const Matrix3 E = AngularVelocityMap(mechanism, kinematics, rotation);
-  return E.transpose() * Segment(rotation, weights).asDiagonal() * E;
+  const Vector3 w = Segment(rotation, weights);
+  Matrix3 block;
+  for (int i = 0; i < 3; ++i) {
+    const Vector3 weighted = w.cwiseProduct(E.col(i));
+    for (int k = 0; k <= i; ++k) block(i, k) = block(k, i) = weighted.dot(E.col(k));
+  }
+  return block;
 }
 
 void ComputeJointVelocities(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q_dot,

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/base/dot_by_fours.hpp>
+#include <fork1s/base/quad.hpp>
 
 namespace fork1s {
 
@@ -55,19 +55,38 @@ void AddMotion(const ReducedModel& model, const RowMatrixX& Q, const VectorX& z,
   const auto r = Q.cols();
   for (Eigen::Index i = 0; i < Q.rows(); ++i) {
     const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
-    q(i) += DotByFours(Q.data() + i * r + run.begin, z.data() + run.begin, run.size);
+    const double *row = Q.data() + i * r + run.begin, *rates = z.data() + run.begin;
+    Quad sum = Quad::Zero();
+    ByFours(run.size, [&](const auto& at) {
+      constexpr int kSize = decltype(at(row))::RowsAtCompileTime;
+      sum.head<kSize>() += at(row).cwiseProduct(at(rates));
+    });
+    q(i) += sum.sum();
   }
 }
 
+namespace {
+
+bool IsSame(const ReducedModel::Run& a, const ReducedModel::Run& b) { return a.begin == b.begin && a.size == b.size; }
+
+}  // namespace
+
+// Rows two by two where they reach the same columns.
 void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& g, VectorX& f) {
-  const auto r = Q.cols();
+  const auto n = Q.rows(), r = Q.cols();
   f.setZero(r);
-  for (Eigen::Index i = 0; i < Q.rows(); ++i) {
+  for (Eigen::Index i = 0; i < n;) {
     const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
     const double* row = Q.data() + i * r + run.begin;
     double* out = f.data() + run.begin;
-    const double force = g(i);
-    ByFours(run.size, [&](const auto& at) { at(out) += force * at(row); });
+    const double force = g(i++);
+    if (i < n && IsSame(model.runs[static_cast<std::size_t>(i)], run)) {
+      const double* below = row + r;
+      const double force_below = g(i++);
+      ByFours(run.size, [&](const auto& at) { at(out) += force * at(row) + force_below * at(below); });
+    } else {
+      ByFours(run.size, [&](const auto& at) { at(out) += force * at(row); });
+    }
   }
 }
 

@@ -322,8 +322,9 @@ void ReducedInertia::TakeMomenta(const ReducedModel& model, const RigidParts& pa
 
 // Half of M_zz and M_0z, band by band of the rows of Q.
 void ReducedInertia::AddBands(const ReducedJacobian& jacobian) {
-  std::fill(half_.begin(), half_.end(), 0.0);
   const std::ptrdiff_t stride = padded_;
+  for (std::size_t k = 0; k < jacobian.reach_.size(); ++k)  // columns of the padding are never read
+    std::fill_n(half_.data() + static_cast<std::ptrdiff_t>(k) * stride, padded_, 0.0);
   for (const ReducedJacobian::Band& band : jacobian.bands_) {
     const double *h = h_.data() + band.at, *q = jacobian.Q_.data() + band.at;
     for (int k = 0; k < band.padded; k += 4) {

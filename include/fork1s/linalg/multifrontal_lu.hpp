@@ -32,7 +32,7 @@ class MultifrontalLu {
   /// Clears all that is not in a block that may differ from 0. Every such block is written, before or after this,
   /// before Factor().
   void ClearFill();
-  /// Overwrites A. False where a pivot vanishes.
+  /// Overwrites A. False where a pivot vanishes: where A is singular, or the Schur complement that a front eliminates.
   bool Factor();
   /// x <- A⁻¹ x
   void Solve(double* x) const;
