@@ -178,7 +178,8 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.ClearPiece();
   PadRows(in.J_a, out.rows_a);
   PadRows(in.J_b, out.rows_b);
-  const bool has_moments = in.torsion > 0 || in.rolling > 0;
+  out.moments.radius = {std::max(0.0, in.torsion), std::max(0.0, in.rolling), std::max(0.0, in.rolling)};
+  const bool has_moments = out.has_moments = out.moments.Any();
   Vector3 u = in.bias, turning = Vector3::Zero();
   out.inverse_inertia.setZero();
   Quad traces = Quad::Zero(), naturals = traces;
@@ -211,9 +212,8 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.is_moved = trace / 3 > out.least_R;
   out.inverse_mass = out.is_moved ? trace / 3 : 0;
   out.reach = reach;
-  out.law.friction = out.friction = std::max(0.0, in.friction);
-  out.torsion = std::max(0.0, in.torsion);
-  out.rolling = std::max(0.0, in.rolling);
+  out.law.coefficient = std::max(0.0, in.friction);
+  out.law.share = out.moments.share = 1;
   out.R_n = in.compliance_normal;
   out.R_t = in.compliance_tangent;
   out.start = u;
@@ -246,7 +246,7 @@ void CompliantRows::SetGive(PairRows& pair, double most_give) {
     pair.least_R = std::max(pair.least_R, point.least_R);
     // Turning gives what the tangents do at a distance of the patch's size.
     for (int k = 0; k < 3; ++k)
-      if (const double radius = point.Radius(k); radius > 0)
+      if (const double radius = point.moments.radius[k]; radius > 0)
         point.angular_R[k] =
             std::max(std::min(point.R_t / (radius * radius), most_give * point.inverse_inertia[k]),
                      kLeastGive * point.inverse_inertia[k]);
@@ -259,8 +259,9 @@ void CompliantRows::ApplyGive(const PairRows& pair) {
   const double R_n = std::max(pair.R_n, pair.least_R), R_t = std::max(pair.R_t, pair.least_R);
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     PointRows& point = points[static_cast<std::size_t>(i)];
-    point.law.R_n = point.R_n = point.is_moved ? R_n : 0;
-    point.law.R_t = point.R_t = point.is_moved ? R_t : 0;
+    point.R_n = point.is_moved ? R_n : 0;
+    point.R_t = point.is_moved ? R_t : 0;
+    point.SetCompliance(point.R_n, point.R_t);
     point.noise = point.is_moved ? kRounding * std::sqrt(3 * point.inverse_mass) * point.reach / R_n : 0;
     point.base = point.start;
     point.base.tail<2>() -= point.R_t * point.held;
@@ -303,10 +304,9 @@ bool CompliantRows::PrepareLimit(const std::vector<VelocityBlock>& blocks, const
   for (int i = 0; i < f.count; ++i) out.inverse_mass += out.Y[i] * out.Y[i];
   FindSpans(
       f.count, [&](int i) { return out.Y[i] != 0; }, out.spans);
-  out.R = out.material_R = std::max(in.compliance, kLeastGive * out.inverse_mass);
-  out.base = in.sign * velocities[in.row] + in.bias - out.R * in.held;
-  out.lower = in.lower;
-  out.upper = in.upper;
+  out.material_R = std::max(in.compliance, kLeastGive * out.inverse_mass);
+  out.law = {out.material_R, in.lower, in.upper};
+  out.base = in.sign * velocities[in.row] + in.bias - out.material_R * in.held;
   out.impulse = in.impulse;
   out.reach = std::abs(velocities[in.row]) + std::abs(in.bias);
   return Finite(out.base + in.impulse + out.inverse_mass) && !std::isnan(in.lower + in.upper);
@@ -339,7 +339,6 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
                             const std::vector<LimitConstraint>& limit_rows,
                             const Eigen::Ref<const VectorX>& velocities, double most_give) {
   LayOutBlocks(blocks, static_cast<int>(velocities.size()));
-  share_ = 1;
   ports.clear();
   pairs.clear();
   points.resize(taken.size());
