@@ -33,6 +33,7 @@ struct PointRows {
   double inverse_mass = 0;  // tr(G Gᵀ)/3
   bool is_moved = true;     // by any freedom; what is not bears nothing, and has no R
   bool has_moments = false;
+  Vector3 scale = Vector3::Ones();  // of the rows: tangents in which friction is isotropic
   Vector3 inverse_inertia = Vector3::Zero(), angular_R = Vector3::Zero();  // about normal and tangents
   Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();  // u* + bias
   double give = 0;

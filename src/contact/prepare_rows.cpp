@@ -18,6 +18,9 @@ namespace {
 // refined (piece_newton.cpp).
 constexpr double kLeastGive = 1e-11;
 
+// Share of the larger friction coefficient that a tangent keeps, so that its row remains.
+constexpr double kMinFrictionScale = 1e-9;
+
 bool Finite(double sum) { return std::isfinite(sum); }
 
 // As many freedoms, a body's or a finger's, are not looked through for some that move nothing.
@@ -57,6 +60,16 @@ void FindFreedoms(const double* Y, int begin, int freedoms, PortRows& port) {
   port.Y_apart = Y + spans[1].begin;
   port.begin_apart = begin + spans[1].begin;
   port.freedoms_apart = spans[1].size();
+}
+
+// Rows of the tangents times their shares of the larger friction coefficient, and radii of moments about them over
+// these: friction is isotropic in such rows (laws/friction_cone.hpp), and rolling friction unchanged.
+void ScaleTangents(const Vector2& friction_scale, PointRows& out) {
+  const double largest = std::max(0.0, friction_scale.maxCoeff());
+  out.law.coefficient *= largest;
+  if (largest > 0) out.scale.tail<2>() = (friction_scale / largest).cwiseMax(kMinFrictionScale);
+  for (PaddedRows* rows : {&out.rows_a, &out.rows_b}) *rows *= out.scale.asDiagonal();
+  out.moments.radius = out.moments.radius.cwiseQuotient(out.scale);
 }
 
 }  // namespace
@@ -178,9 +191,13 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.ClearPiece();
   PadRows(in.J_a, out.rows_a);
   PadRows(in.J_b, out.rows_b);
+  out.law.coefficient = std::max(0.0, in.friction);
+  out.law.share = out.moments.share = 1;
   out.moments.radius = {std::max(0.0, in.torsion), std::max(0.0, in.rolling), std::max(0.0, in.rolling)};
+  out.scale.setOnes();
+  if (in.friction_scale[0] != 1 || in.friction_scale[1] != 1) ScaleTangents(in.friction_scale, out);
   const bool has_moments = out.has_moments = out.moments.Any();
-  Vector3 u = in.bias, turning = Vector3::Zero();
+  Vector3 u = in.bias.cwiseProduct(out.scale), turning = Vector3::Zero();
   out.inverse_inertia.setZero();
   Quad traces = Quad::Zero(), naturals = traces;
   double reach = u.cwiseAbs().sum();
@@ -204,27 +221,31 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   side(pair.port_a, out.rows_a);
   side(pair.port_b, out.rows_b);
   const double trace = traces.sum(), natural = naturals.sum();
-  if (!Finite(u.sum() + trace + in.held.sum() + in.held_moment.sum() + in.friction + in.torsion + in.rolling +
-              in.compliance_normal + in.compliance_tangent + in.impulse.sum() + in.moment.sum()))
+  if (!Finite(u.sum() + trace + in.held.sum() + in.held_moment.sum() + in.friction + in.friction_scale.sum() +
+              in.torsion + in.rolling + in.compliance_normal + in.compliance_tangent + in.impulse.sum() +
+              in.moment.sum()))
     return false;
   out.least_R = kLeastGive * natural / 3;
   // On the axis of a hinge all of it cancels but rounding, of either sign.
   out.is_moved = trace / 3 > out.least_R;
   out.inverse_mass = out.is_moved ? trace / 3 : 0;
   out.reach = reach;
-  out.law.coefficient = std::max(0.0, in.friction);
-  out.law.share = out.moments.share = 1;
   out.R_n = in.compliance_normal;
   out.R_t = in.compliance_tangent;
   out.start = u;
   out.start_turning = turning;
   out.give = in.give;
-  out.held = in.held.tail<2>();
+  out.held = in.held.tail<2>().cwiseQuotient(out.scale.tail<2>());
   out.held_normal = in.held[0];
   out.held_use = in.held_use;
-  out.held_moment = in.held_moment;
-  out.impulse = in.impulse;
-  out.moment = in.moment;
+  out.held_moment = in.held_moment.cwiseQuotient(out.scale);
+  out.impulse = in.impulse.cwiseQuotient(out.scale);
+  out.moment = in.moment.cwiseQuotient(out.scale);
+  // What a turn of the axes leaves outside the ellipse along its short axis would decide the direction of friction.
+  if (out.scale[1] != out.scale[2]) {
+    const double bound = std::max(0.0, out.HeldBound());
+    out.held = out.held.cwiseMax(-bound).cwiseMin(bound);
+  }
   if (out.is_moved) return true;
   out.held_normal = 0;
   out.impulse.setZero();
