@@ -62,13 +62,17 @@ void FindFreedoms(const double* Y, int begin, int freedoms, PortRows& port) {
   port.freedoms_apart = spans[1].size();
 }
 
-// Rows of the tangents times their shares of the larger friction coefficient, and radii of moments about them over
-// these: friction is isotropic in such rows (laws/friction_cone.hpp), and rolling friction unchanged.
+// Rows of the tangents and their velocities times their shares of the larger friction coefficient, and radii of
+// moments about them over these: friction is isotropic in such rows (laws/friction_cone.hpp), and rolling friction
+// unchanged.
 void ScaleTangents(const Vector2& friction_scale, PointRows& out) {
   const double largest = std::max(0.0, friction_scale.maxCoeff());
   out.law.coefficient *= largest;
   if (largest > 0) out.scale.tail<2>() = (friction_scale / largest).cwiseMax(kMinFrictionScale);
   for (PaddedRows* rows : {&out.rows_a, &out.rows_b}) *rows *= out.scale.asDiagonal();
+  out.start = out.start.cwiseProduct(out.scale);
+  out.start_turning = out.start_turning.cwiseProduct(out.scale);
+  out.inverse_inertia = out.inverse_inertia.cwiseProduct(out.scale.cwiseAbs2());
   out.moments.radius = out.moments.radius.cwiseQuotient(out.scale);
 }
 
@@ -194,10 +198,8 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.law.coefficient = std::max(0.0, in.friction);
   out.law.share = out.moments.share = 1;
   out.moments.radius = {std::max(0.0, in.torsion), std::max(0.0, in.rolling), std::max(0.0, in.rolling)};
-  out.scale.setOnes();
-  if (in.friction_scale[0] != 1 || in.friction_scale[1] != 1) ScaleTangents(in.friction_scale, out);
   const bool has_moments = out.has_moments = out.moments.Any();
-  Vector3 u = in.bias.cwiseProduct(out.scale), turning = Vector3::Zero();
+  Vector3 u = in.bias, turning = Vector3::Zero();
   out.inverse_inertia.setZero();
   Quad traces = Quad::Zero(), naturals = traces;
   double reach = u.cwiseAbs().sum();
@@ -234,6 +236,8 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.R_t = in.compliance_tangent;
   out.start = u;
   out.start_turning = turning;
+  out.scale.setOnes();
+  if (in.friction_scale[0] != 1 || in.friction_scale[1] != 1) ScaleTangents(in.friction_scale, out);
   out.give = in.give;
   out.held = in.held.tail<2>().cwiseQuotient(out.scale.tail<2>());
   out.held_normal = in.held[0];

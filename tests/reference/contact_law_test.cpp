@@ -50,6 +50,24 @@ TEST(FrictionLaw, DerivativeMatchesFiniteDifferences) {
   for (const int count : counts) EXPECT_GT(count, 100);
 }
 
+TEST(FrictionLaw, DerivativeOfAnEllipseMatchesFiniteDifferences) {
+  std::mt19937 random(8);
+  constexpr double eps = 1e-6;
+  for (int draw = 0; draw < 500; ++draw) {
+    const Vector3 y = DrawVector(random);
+    const Vector2 shares(Draw(random, 0.2, 1), Draw(random, 0.2, 1));
+    const double friction = Draw(random, 0, 2);
+    const auto project = [&](const Vector3& at) { return ProjectOntoFrictionCone(at, friction, shares); };
+    const double excess = y.tail<2>().cwiseQuotient(shares).norm() - friction * y[0];
+    if (std::abs(y[0]) < 1e-4 || std::abs(excess) < 1e-4 || y.tail<2>().norm() < 0.05) continue;
+    for (int k = 0; k < 3; ++k) {
+      const Vector3 step = eps * Vector3::Unit(k);
+      const Vector3 difference = (project(y + step).impulse - project(y - step).impulse) / (2 * eps);
+      EXPECT_LT((difference - project(y).derivative.col(k)).norm(), 1e-6) << draw;
+    }
+  }
+}
+
 TEST(FrictionLaw, AgreesWithReducedSimulator) {
   std::mt19937 random(2);
   for (int draw = 0; draw < 1000; ++draw) {
@@ -165,8 +183,11 @@ TEST(PointBlock, SolvesTheLawForAnyOperator) {
     const Matrix3 A = B * B.transpose() + 1e-3 * Matrix3::Identity();
     const Vector3 c = DrawVector(random);
     const double friction = draw % 10 == 0 ? 0 : Draw(random, 0, 2), rho = 3 / A.trace();
-    const Vector3 x = SolvePointBlock(A, c, friction);
-    const FrictionProjection at = ProjectOntoFrictionCone(x - rho * (A * x + c), friction);
+    const Vector2 shares(1, draw % 2 == 0 ? 1 : Draw(random, 0.1, 1));
+    const Vector3 x = SolvePointBlock(A, c, friction, shares);
+    const Vector3 metric(1, 1, shares[1] * shares[1]);
+    const FrictionProjection at =
+        ProjectOntoFrictionCone(x - rho * metric.cwiseProduct(A * x + c), friction, shares);
     EXPECT_LT((x - at.impulse).norm(), 1e-9 * (x.norm() + rho * c.norm())) << draw;
     ++counts[static_cast<int>(at.mode)];
   }
