@@ -37,21 +37,15 @@ void CompliantRows::RespondMoments(PointRows& point, const Vector3& turning, boo
   Matrix3 D = Matrix3::Zero();
   Vector3 by_normal = Vector3::Zero();
   point.moment.setZero();
-  const bool frozen = point.law.frozen_normal >= 0;
   for (int k = 0; k < 3; ++k) {
-    const double radius = point.Radius(k);
-    if (!(radius > 0)) continue;
-    const double R = point.AngularR(k, point.law.R_t), m = -turning[k] / R;
-    const double normal = frozen ? point.law.frozen_normal : point.impulse[0],
-                 bound = share_ * radius * normal;
-    if (std::abs(m) <= bound) {
-      point.moment[k] = m;
-      if (bound > 0) D(k, k) = 1 / R;
-      continue;
-    }
-    const double side = share_ * (m > 0 ? radius : -radius);
-    point.moment[k] = side * normal;
-    if (!frozen && normal > 0) by_normal[k] = side / point.law.R_n;
+    if (!point.moments.Has(k)) continue;
+    const BoundLaw law = point.moments.At(k, point.law.BoundingNormal(point.impulse[0]));
+    const double y = -turning[k] / law.R;
+    point.moment[k] = law.Project(y);
+    if (law.IsWithin(y))
+      D(k, k) = 1 / law.R;
+    else if (!point.law.IsFrozen() && point.impulse[0] > 0)
+      by_normal[k] = point.moments.ByNormal(k, y) / point.law.R_n;
   }
   if (!with_derivative) return;
   point.D_turn = D;
@@ -100,7 +94,6 @@ void CompliantRows::Evaluate(const double* d, bool with_derivative) {
   for (PortRows& port : ports) port.SetChange(d);
   ClearPush();
   double noise = 0;
-  Matrix3 D;
   for (const PairRows& pair : pairs) {
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
@@ -109,9 +102,12 @@ void CompliantRows::Evaluate(const double* d, bool with_derivative) {
         point.moment.setZero();
         continue;
       }
-      point.state = Respond(point.law, Speed(pair, point), point.impulse, D, point.use);
+      const FrictionCone::Trial y = point.law.AtVelocity(Speed(pair, point));
+      point.impulse = point.law.Project(y);
+      point.state = point.law.ModeOf(y);
+      point.use = y.Utilization();
       if (with_derivative) {
-        point.D = D;
+        point.law.Derivative(y, point.D);
         point.is_clear = false;
       }
       if (point.HasMoments()) RespondMoments(point, Turning(pair, point), with_derivative);
@@ -129,14 +125,14 @@ void CompliantRows::Evaluate(const double* d, bool with_derivative) {
     }
     limit.impulse = 0;
     if (with_derivative) limit.D = 0;
-    if (!(limit.R > 0)) continue;
-    const double x = -(limit.base + limit.offset + limit.sign * change) / limit.R;
-    limit.impulse = std::min(std::max(x, limit.lower), limit.upper);
-    if (with_derivative && limit.impulse == x) limit.D = 1 / limit.R;
-    if (limit.impulse == x) {
-      const double rounding = kRounding * reach / limit.R;
-      noise += limit.inverse_mass * rounding * rounding;
-    }
+    const BoundLaw& law = limit.law;
+    if (!(law.R > 0)) continue;
+    const double y = -(limit.base + limit.offset + limit.sign * change) / law.R;
+    limit.impulse = law.Project(y);
+    if (!law.IsWithin(y)) continue;
+    if (with_derivative) limit.D = 1 / law.R;
+    const double rounding = kRounding * reach / law.R;
+    noise += limit.inverse_mass * rounding * rounding;
   }
   GatherPush(&LimitRows::impulse);
   double F2 = 0, push2 = 0;
@@ -213,19 +209,15 @@ void CompliantRows::Soften(double share) {
   for (PointRows& point : points) {
     if (!point.is_moved) continue;
     const double least = share * point.inverse_mass;
-    point.law.R_n = std::max(point.R_n, least);
-    point.law.R_t = std::max(point.R_t, least);
+    point.SetCompliance(std::max(point.R_n, least), std::max(point.R_t, least));
     point.offset = -Vector3(point.law.R_n - point.R_n, point.law.R_t - point.R_t, point.law.R_t - point.R_t)
                         .cwiseProduct(point.impulse);
     if (point.HasMoments())
-      for (int k = 0; k < 3; ++k)
-        if (point.Radius(k) > 0)
-          point.angular_offset[k] =
-              -(point.AngularR(k, point.law.R_t) - point.AngularR(k, point.R_t)) * point.moment[k];
+      point.angular_offset = -(point.moments.R - point.angular_R).cwiseProduct(point.moment);
   }
   for (LimitRows& limit : limits) {
-    limit.R = std::max(limit.material_R, share * limit.inverse_mass);
-    limit.offset = -(limit.R - limit.material_R) * limit.impulse;
+    limit.law.R = std::max(limit.material_R, share * limit.inverse_mass);
+    limit.offset = -(limit.law.R - limit.material_R) * limit.impulse;
   }
 }
 

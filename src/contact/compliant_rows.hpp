@@ -16,30 +16,32 @@
 #include <vector>
 
 #include "elimination_order.hpp"
-#include "point_law.hpp"
+#include "laws/bounds.hpp"
+#include "laws/friction_cone.hpp"
+#include "laws/moment_bounds.hpp"
 #include "port_rows.hpp"
 
 namespace fork1s::internal {
 
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
-struct PointReading;
-
 struct PointRows {
   PaddedRows rows_a = PaddedRows::Zero(), rows_b = PaddedRows::Zero();  // of J
-  PointLaw law;             // of the stage at hand
+  FrictionCone law;         // of the stage at hand
+  MomentBounds moments;     // likewise
   double R_n = 0, R_t = 0;  // the material's
   double inverse_mass = 0;  // tr(G Gᵀ)/3
   bool is_moved = true;     // by any freedom; what is not bears nothing, and has no R
+  bool has_moments = false;
+  Vector3 scale = Vector3::Ones();  // of the rows: tangents in which friction is isotropic
   Vector3 inverse_inertia = Vector3::Zero(), angular_R = Vector3::Zero();  // about normal and tangents
-  double friction = 0, torsion = 0, rolling = 0;
   Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();  // u* + bias
   double give = 0;
   Vector3 base = Vector3::Zero(), angular_base = Vector3::Zero();  // u* + bias − R λ₀, and of the moments
   Vector3 offset = Vector3::Zero(), angular_offset = Vector3::Zero();  // of a stage
   Vector3 shift = Vector3::Zero();                                     // of w without friction, on a path
   Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
-  PointState state = PointState::kOpen;
+  ContactMode state = ContactMode::kOpen;
   Matrix3 D = Matrix3::Zero(), D_turn = Matrix3::Zero();                // of the piece at hand
   Vector3 by_normal = Vector3::Zero();                                  // −∂m/∂w_n
   Vector3 by_share = Vector3::Zero(), turn_by_share = Vector3::Zero();  // ∂λ/∂σ, ∂m/∂σ
@@ -57,11 +59,11 @@ struct PointRows {
   Vector3 w = Vector3::Zero();    // as last measured, where it is closed
 
   /// Whether it adds to F's derivative: open ones do where bounds are frozen.
-  bool Bears() const { return state != PointState::kOpen || law.frozen_normal > 0; }
-  bool HasMoments() const { return torsion > 0 || rolling > 0; }
+  bool Bears() const { return state != ContactMode::kOpen || law.frozen_normal > 0; }
+  bool HasMoments() const { return has_moments; }
   /// Open: nothing borne, whatever moves.
   void ClearPiece() {
-    state = PointState::kOpen;
+    state = ContactMode::kOpen;
     use = 0;
     if (is_clear) return;
     D.setZero();
@@ -73,16 +75,17 @@ struct PointRows {
   }
   /// Tangents and moments no larger than the normal impulse allows.
   void KeepWithinCone() {
-    const double normal = std::max(impulse[0], 0.0), size = impulse.tail<2>().norm();
-    if (size > friction * normal) impulse.tail<2>() *= friction * normal / size;
-    for (int k = 0; k < 3; ++k) moment[k] = std::clamp(moment[k], -Radius(k) * normal, Radius(k) * normal);
+    impulse = law.Project(impulse);
+    for (int k = 0; k < 3; ++k) moment[k] = moments.At(k, impulse[0]).Project(moment[k]);
   }
   /// Of what friction its tangents could bear by the normal impulse of the last step.
-  double RootOfBound() const { return std::sqrt(law.friction * held_normal); }
-  /// Moment about an axis per normal impulse, at most, with all of the friction.
-  double Radius(int axis) const { return axis == 0 ? torsion : rolling; }
-  /// Rate of turning per moment, where the tangents give `tangential`.
-  double AngularR(int axis, double tangential) const { return angular_R[axis] * (tangential / R_t); }
+  double HeldBound() const { return law.Bound(held_normal); }
+  /// Compliances of the stage; moments give as the tangents do.
+  void SetCompliance(double normal, double tangential) {
+    law.R_n = normal;
+    law.R_t = tangential;
+    if (has_moments) moments.R = angular_R * (tangential / R_t);
+  }
 };
 
 /// Points of one pair of ports, one after another.
@@ -99,8 +102,8 @@ struct LimitRows {
   Span spans[2];  // of these freedoms, that move it
   int row = 0;
   double sign = 1, base = 0, offset = 0;
-  double material_R = 0, R = 0, inverse_mass = 0;
-  double lower = 0, upper = 0;
+  BoundLaw law;  // of the stage at hand
+  double material_R = 0, inverse_mass = 0;
   double impulse = 0, D = 0;
   double reach = 0;     // size of v* and bias, before they cancel
   double constant = 0;  // of the piece at hand: λ = constant − D w
@@ -201,7 +204,7 @@ class CompliantRows {
   void TakeMoments(PointRows& point, const Vector3& turning, double y_n, bool with_piece);
   double ReadLimit(LimitRows& limit, const double* d);
   double AddGap(double inverse_mass, double gap2, double rounding);
-  double AddGap(PointRows& point, const PointReading& read);
+  double AddGap(PointRows& point, double gap2);
   void SetGive(PairRows& pair, double most_give);
   void ApplyGive(const PairRows& pair);
   void FadeSqueeze();
@@ -214,7 +217,6 @@ class CompliantRows {
   void MeetRight(const double* Y, int stride, int begin, int freedoms, double* H) const;
 
   int freedoms_ = 0;
-  double share_ = 1;  // σ
   double push_norm_ = 0, F_norm_ = 0, noise_ = 0;
   double law_gap_ = 0, law_noise_ = 0;
   std::vector<int> block_of_, port_of_, order_;

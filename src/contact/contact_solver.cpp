@@ -16,7 +16,7 @@ void Measure(const internal::CompliantRows& rows, ContactSolverReport& report) {
   for (const internal::PointRows& point : rows.points) {
     if (point.impulse.isZero(0)) continue;
     ++report.active;
-    ++(point.state == internal::PointState::kSliding ? report.sliding : report.sticking);
+    ++(point.state == internal::ContactMode::kSliding ? report.sliding : report.sticking);
     impulse = std::max(impulse, point.impulse.norm());
     speed = std::max(speed, point.reach);
   }
@@ -131,8 +131,8 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
     if (!std::isfinite(outcome.residual)) return give_up();
     for (std::size_t i = 0; i < rows.points.size(); ++i) {
       ContactConstraint& contact = contacts[static_cast<std::size_t>(rows.place(i))];
-      contact.impulse = rows.points[i].impulse;
-      contact.moment = rows.points[i].moment;
+      contact.impulse = rows.points[i].impulse.cwiseProduct(rows.points[i].scale);
+      contact.moment = rows.points[i].moment.cwiseProduct(rows.points[i].scale);
       contact.use = rows.points[i].use;
     }
     rows.AddChange(work.newton.change().data(), velocities);

@@ -8,7 +8,6 @@
 #include <fork1s/linalg/in_place.hpp>
 
 #include "few_rows.hpp"
-#include "piece_of_law.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -22,11 +21,11 @@ constexpr int kFewSteps = 12, kLineSteps = 30, kBrackets = 30;
 
 double FewRows::TakeLimit(const LimitRows& limit, Member& m) {
   const auto at = static_cast<std::size_t>(m.begin);
-  const double y = lambda_[at] - (w_[at] + limit.R * lambda_[at]) / (limit.inverse_mass + limit.R);
-  const double kept = std::clamp(y, limit.lower, limit.upper), off = lambda_[at] - kept;
-  const bool inside = y > limit.lower && y < limit.upper;
-  m.more(0, 0) = (inside ? 1 / limit.R : 0) - m.factored(0, 0);
-  off_[at] = inside ? lambda_[at] + w_[at] / limit.R : off;
+  const BoundLaw& law = limit.law;
+  const double y = law.Trial(lambda_[at], w_[at], limit.inverse_mass), off = lambda_[at] - law.Project(y);
+  const bool inside = law.IsWithin(y);
+  m.more(0, 0) = (inside ? 1 / law.R : 0) - m.factored(0, 0);
+  off_[at] = inside ? lambda_[at] + w_[at] / law.R : off;
   return limit.inverse_mass * off * off;
 }
 
@@ -34,31 +33,32 @@ double FewRows::TakePoint(const PointRows& point, Member& m) {
   const double *w = w_.data() + m.begin, *lambda = lambda_.data() + m.begin;
   double* off = off_.data() + m.begin;
   const Eigen::Map<const Vector3> w3(w), lambda3(lambda);
-  const PointReading read = ReadPoint(point, w3, lambda3);
-  double gap2 = point.inverse_mass * read.gap2;
+  const double normal = point.law.TrialNormal(lambda[0], w[0], point.inverse_mass);
   Matrix6& D = m.more;
   D.setZero();
-  m.is_open = read.IsOpen();
+  m.is_open = !(normal > 0);
+  Vector3 off3 = lambda3;
+  double gap2 = 0;
   if (!m.is_open) {
+    const FrictionCone::Trial y = point.law.NaturalTrial(normal, lambda3, w3, point.inverse_mass);
+    off3 -= point.law.Project(y);
     Matrix3 D3;
     // As for all (pieces.cpp).
-    if (read.size <= read.bound || read.y.dot(lambda3.tail<2>()) < 0)
-      SetSticking(point, D3);
-    else
-      SetSliding(point, read, D3);
+    point.law.Linearize(y, y.Slides() && !(y.tangent.dot(lambda3.tail<2>()) < 0), D3);
     D.topLeftCorner<3, 3>() = D3;
     for (int k = 3; k < m.size; ++k) {
       const int axis = m.axes[k - 3];
-      const double R = point.AngularR(axis, point.law.R_t),
-                   y = lambda[k] - (w[k] + R * lambda[k]) / (point.inverse_inertia[axis] + R),
-                   most = point.Radius(axis) * read.y_n, gap = lambda[k] - std::clamp(y, -most, most);
+      const BoundLaw law = point.moments.At(axis, normal);
+      const double moment = law.Trial(lambda[k], w[k], point.inverse_inertia[axis]),
+                   gap = lambda[k] - law.Project(moment);
       gap2 += point.inverse_inertia[axis] * gap * gap;
-      if (std::abs(y) <= most)
-        D(k, k) = 1 / R;
+      if (law.IsWithin(moment))
+        D(k, k) = 1 / law.R;
       else
-        D(k, 0) = (y > 0 ? point.Radius(axis) : -point.Radius(axis)) / point.law.R_n;
+        D(k, 0) = point.moments.ByNormal(axis, moment) / point.law.R_n;
     }
   }
+  gap2 += point.inverse_mass * off3.squaredNorm();
   Eigen::Map<Vector3>{off} = lambda3 + D.topLeftCorner<3, 3>() * w3;
   for (int k = 3; k < m.size; ++k) off[k] = lambda[k] + D(k, k) * w[k] + D(k, 0) * w[0];
   D -= m.factored;
@@ -68,23 +68,24 @@ double FewRows::TakePoint(const PointRows& point, Member& m) {
 double FewRows::RespondPoint(const PointRows& point, Member& m) {
   const double *w = w_.data() + m.begin, *lambda = lambda_.data() + m.begin;
   double* off = off_.data() + m.begin;
-  Vector3 law;
+  const FrictionCone::Trial trial = point.law.AtVelocity(Eigen::Map<const Vector3>(w));
+  const Vector3 law = point.law.Project(trial);
   Matrix3 D3;
-  double use = 0;
-  internal::Respond(point.law, Eigen::Map<const Vector3>(w), law, D3, use);
+  point.law.Derivative(trial, D3);
   m.more.setZero();
   m.more.topLeftCorner<3, 3>() = D3;
   const Vector3 off3 = Eigen::Map<Vector3>{off} = Eigen::Map<const Vector3>(lambda) - law;
   double off2 = point.inverse_mass * off3.squaredNorm();
   for (int k = 3; k < m.size; ++k) {
     const int axis = m.axes[k - 3];
-    const double R = point.AngularR(axis, point.law.R_t), x = -w[k] / R, most = point.Radius(axis) * law[0];
-    off[k] = lambda[k] - std::clamp(x, -most, most);
+    const BoundLaw bounds = point.moments.At(axis, law[0]);
+    const double y = -w[k] / bounds.R;
+    off[k] = lambda[k] - bounds.Project(y);
     off2 += point.inverse_inertia[axis] * off[k] * off[k];
-    if (most > 0 && std::abs(x) <= most)
-      m.more(k, k) = 1 / R;
-    else if (most > 0)
-      m.more(k, 0) = (x > 0 ? point.Radius(axis) : -point.Radius(axis)) / point.law.R_n;
+    if (bounds.IsWithin(y))
+      m.more(k, k) = 1 / bounds.R;
+    else if (law[0] > 0)
+      m.more(k, 0) = point.moments.ByNormal(axis, y) / point.law.R_n;
   }
   m.more -= m.factored;
   return off2;
@@ -109,9 +110,9 @@ double FewRows::Respond(const CompliantRows& rows) {
     }
     const LimitRows& limit = rows.limits[static_cast<std::size_t>(m.index)];
     const auto at = static_cast<std::size_t>(m.begin);
-    const double x = -w_[at] / limit.R, kept = std::clamp(x, limit.lower, limit.upper);
-    off_[at] = lambda_[at] - kept;
-    m.more(0, 0) = (kept == x ? 1 / limit.R : 0) - m.factored(0, 0);
+    const double y = -w_[at] / limit.law.R;
+    off_[at] = lambda_[at] - limit.law.Project(y);
+    m.more(0, 0) = (limit.law.IsWithin(y) ? 1 / limit.law.R : 0) - m.factored(0, 0);
     off2 += limit.inverse_mass * off_[at] * off_[at];
   }
   return std::sqrt(off2);

@@ -62,7 +62,7 @@ bool FewRows::Add(const CompliantRows& rows, int index, int pair) {
     m.size = 3;
     m.factored.topLeftCorner<3, 3>() = point.D;
     for (int axis = 0; axis < 3; ++axis) {
-      if (!(point.Radius(axis) > 0)) continue;
+      if (!point.moments.Has(axis)) continue;
       m.axes[m.size - 3] = axis;
       m.factored(m.size, 0) = point.by_normal[axis];
       m.factored(m.size, m.size) = point.D_turn(axis, axis);

@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "piece_of_law.hpp"
+#include "compliant_rows.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -27,10 +27,10 @@ double CompliantRows::AddGap(double inverse_mass, double gap2, double rounding) 
   return inverse_mass * gap2;
 }
 
-double CompliantRows::AddGap(PointRows& point, const PointReading& read) {
+double CompliantRows::AddGap(PointRows& point, double gap2) {
   // rho of the normal, since R_t is of the size of R_n
   const double rho = 1 / (point.inverse_mass + point.law.R_n);
-  return AddGap(point.inverse_mass, read.gap2,
+  return AddGap(point.inverse_mass, gap2,
                 kRounding * (rho * point.reach + point.impulse.cwiseAbs().sum()));
 }
 
@@ -38,50 +38,46 @@ void CompliantRows::TakePiece(const PairRows& pair, PointRows& point, bool first
   point.ClearPiece();
   point.off2 = 0;
   if (!(point.law.R_n > 0)) return;
-  PointReading read;
-  read.y_n = NormalOf(point, NormalSpeed(pair, point), point.impulse[0]);
-  if (read.IsOpen()) {
-    read.gap2 = point.impulse.squaredNorm();
-    point.off2 = AddGap(point, read);
+  const FrictionCone& law = point.law;
+  const double normal = law.TrialNormal(point.impulse[0], NormalSpeed(pair, point), point.inverse_mass);
+  if (!(normal > 0)) {
+    point.off2 = AddGap(point, point.impulse.squaredNorm());
     return;
   }
   const Vector3 w = Speed(pair, point);
-  read = ReadClosed(point, read.y_n, w, point.impulse);
-  point.off2 = AddGap(point, read);
-  if (read.bound > 0) point.use = w.tail<2>().norm() / (point.law.R_t * read.bound);
+  const FrictionCone::Trial y = law.NaturalTrial(normal, point.impulse, w, point.inverse_mass);
+  point.off2 = AddGap(point, (point.impulse - law.Project(y)).squaredNorm());
+  point.use = law.Utilization(w.tail<2>(), y.bound);
   // What crept a step ago stands at its bound to the last digits, on whichever side of it: as a first guess
   // it goes on.
-  const bool goes_on = first && point.held_use > 1 && read.size > kAtBound * read.bound && read.size > 0;
+  const bool goes_on = first && point.held_use > 1 && y.size > kAtBound * y.bound && y.size > 0;
   // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for
   // ever.
-  if ((read.size <= read.bound && !goes_on) || (share_ == 1 && read.y.dot(point.impulse.tail<2>()) < 0)) {
-    point.state = PointState::kSticking;
-    SetSticking(point, point.D);
-  } else {
-    point.state = PointState::kSliding;
-    SetSliding(point, read, point.D);
-    point.by_share.tail<2>() = point.friction * read.y_n / read.size * read.y;
-  }
+  const bool slides = (y.Slides() || goes_on) &&
+                      !(law.share == 1 && y.tangent.dot(point.impulse.tail<2>()) < 0);
+  point.state = slides ? ContactMode::kSliding : ContactMode::kSticking;
+  law.Linearize(y, slides, point.D);
+  if (slides) point.by_share.tail<2>() = law.ByShare(y);
   point.is_clear = false;
   point.by_share += point.D * point.shift;
-  if (point.HasMoments()) TakeMoments(point, Turning(pair, point), read.y_n, true);
+  if (point.HasMoments()) TakeMoments(point, Turning(pair, point), normal, true);
 }
 
 void CompliantRows::TakeMoments(PointRows& point, const Vector3& turning, double y_n, bool with_piece) {
   for (int k = 0; k < 3; ++k) {
-    const double radius = point.Radius(k), inverse = point.inverse_inertia[k];
-    if (!(radius > 0)) continue;
-    const double R = point.AngularR(k, point.law.R_t), rho = 1 / (inverse + R);
-    const double m = point.moment[k] - rho * (turning[k] + R * point.moment[k]);
-    const double most = share_ * radius * y_n, gap = point.moment[k] - std::clamp(m, -most, most);
+    if (!point.moments.Has(k)) continue;
+    const BoundLaw law = point.moments.At(k, y_n);
+    const double moment = point.moment[k], inverse = point.inverse_inertia[k];
+    const double y = law.Trial(moment, turning[k], inverse), gap = moment - law.Project(y);
     point.off2 += AddGap(inverse, gap * gap,
-                         kRounding * (rho * std::abs(point.angular_base[k]) + std::abs(point.moment[k])));
+                         kRounding * (NaturalMapScale(inverse, law.R) * std::abs(point.angular_base[k]) +
+                                      std::abs(moment)));
     if (!with_piece) continue;
-    if (std::abs(m) <= most) {
-      point.D_turn(k, k) = 1 / R;
+    if (law.IsWithin(y)) {
+      point.D_turn(k, k) = 1 / law.R;
     } else {
-      point.by_normal[k] = share_ * (m > 0 ? radius : -radius) / point.law.R_n;
-      point.turn_by_share[k] = (m > 0 ? radius : -radius) * y_n;
+      point.by_normal[k] = point.moments.ByNormal(k, y) / point.law.R_n;
+      point.turn_by_share[k] = point.moments.ByShare(k, y, y_n);
     }
   }
 }
@@ -89,7 +85,7 @@ void CompliantRows::TakeMoments(PointRows& point, const Vector3& turning, double
 // y of a row.
 double CompliantRows::ReadLimit(LimitRows& limit, const double* d) {
   limit.off2 = 0;
-  if (!(limit.R > 0)) return 0;
+  if (!(limit.law.R > 0)) return 0;
   double w = limit.base + limit.offset, reach = limit.reach;
   for (int i = 0; i < limit.freedoms; ++i) {
     const double part = limit.Y[i] * d[limit.begin + i];
@@ -97,9 +93,8 @@ double CompliantRows::ReadLimit(LimitRows& limit, const double* d) {
     reach += std::abs(part);
   }
   limit.w = w;
-  const double rho = 1 / (limit.inverse_mass + limit.R),
-               y = limit.impulse - rho * (w + limit.R * limit.impulse);
-  const double gap = limit.impulse - std::min(std::max(y, limit.lower), limit.upper);
+  const double y = limit.law.Trial(limit.impulse, w, limit.inverse_mass);
+  const double gap = limit.impulse - limit.law.Project(y), rho = NaturalMapScale(limit.inverse_mass, limit.law.R);
   limit.off2 = AddGap(limit.inverse_mass, gap * gap, kRounding * (rho * reach + std::abs(limit.impulse)));
   return y;
 }
@@ -110,22 +105,21 @@ void CompliantRows::MeasureLaw(const double* d) {
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
+      const FrictionCone& law = point.law;
       point.off2 = point.use = 0;
-      point.state = PointState::kOpen;
-      if (!(point.law.R_n > 0)) continue;
-      PointReading read;
-      read.y_n = NormalOf(point, NormalSpeed(pair, point), point.impulse[0]);
-      if (read.IsOpen()) {
-        read.gap2 = point.impulse.squaredNorm();
-        point.off2 = AddGap(point, read);
+      point.state = ContactMode::kOpen;
+      if (!(law.R_n > 0)) continue;
+      const double normal = law.TrialNormal(point.impulse[0], NormalSpeed(pair, point), point.inverse_mass);
+      if (!(normal > 0)) {
+        point.off2 = AddGap(point, point.impulse.squaredNorm());
         continue;
       }
       point.w = Speed(pair, point);
-      read = ReadClosed(point, read.y_n, point.w, point.impulse);
-      point.off2 = AddGap(point, read);
-      point.state = read.size <= read.bound ? PointState::kSticking : PointState::kSliding;
-      if (read.bound > 0) point.use = point.w.tail<2>().norm() / (point.law.R_t * read.bound);
-      if (point.HasMoments()) TakeMoments(point, Turning(pair, point), read.y_n, false);
+      const FrictionCone::Trial y = law.NaturalTrial(normal, point.impulse, point.w, point.inverse_mass);
+      point.off2 = AddGap(point, (point.impulse - law.Project(y)).squaredNorm());
+      point.state = law.ModeOf(y);
+      point.use = law.Utilization(point.w.tail<2>(), y.bound);
+      if (point.HasMoments()) TakeMoments(point, Turning(pair, point), normal, false);
     }
   for (LimitRows& limit : limits) ReadLimit(limit, d);
   law_gap_ = std::sqrt(law_gap_);
@@ -141,7 +135,7 @@ void CompliantRows::TakePieces(const double* d, bool first) {
       PointRows& point = points[static_cast<std::size_t>(i)];
       const bool moments = point.HasMoments();
       TakePiece(pair, point, first);
-      if (point.state == PointState::kOpen) continue;
+      if (point.state == ContactMode::kOpen) continue;
       // What the piece bears at d = 0.
       const Vector3 w = point.base + point.offset;
       Vector3 moment = Vector3::Zero();
@@ -152,11 +146,11 @@ void CompliantRows::TakePieces(const double* d, bool first) {
   for (LimitRows& limit : limits) {
     const double y = ReadLimit(limit, d);
     limit.D = limit.constant = limit.at_rest = 0;
-    if (!(limit.R > 0)) continue;
-    if (y > limit.lower && y < limit.upper)
-      limit.D = 1 / limit.R;
+    if (!(limit.law.R > 0)) continue;
+    if (limit.law.IsWithin(y))
+      limit.D = 1 / limit.law.R;
     else
-      limit.constant = y > limit.lower ? limit.upper : limit.lower;
+      limit.constant = limit.law.Project(y);
     limit.at_rest = limit.constant - limit.D * (limit.base + limit.offset);
   }
   law_gap_ = std::sqrt(law_gap_);
@@ -169,7 +163,7 @@ void CompliantRows::ImpulsesOfPieces(const double* d, double more_share) {
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
-      if (point.state == PointState::kOpen) {
+      if (point.state == ContactMode::kOpen) {
         point.impulse.setZero();
         point.moment.setZero();
         continue;
@@ -188,9 +182,8 @@ void CompliantRows::ImpulsesOfPieces(const double* d, double more_share) {
 }
 
 void CompliantRows::SetFrictionShare(double share) {
-  share_ = share;
   for (PointRows& point : points) {
-    point.law.friction = share * point.friction;
+    point.law.share = point.moments.share = share;
     point.offset = (1 - share) * point.shift;
   }
 }

@@ -18,6 +18,9 @@ namespace {
 // refined (piece_newton.cpp).
 constexpr double kLeastGive = 1e-11;
 
+// Share of the larger friction coefficient that a tangent keeps, so that its row remains.
+constexpr double kMinFrictionScale = 1e-9;
+
 bool Finite(double sum) { return std::isfinite(sum); }
 
 // As many freedoms, a body's or a finger's, are not looked through for some that move nothing.
@@ -57,6 +60,20 @@ void FindFreedoms(const double* Y, int begin, int freedoms, PortRows& port) {
   port.Y_apart = Y + spans[1].begin;
   port.begin_apart = begin + spans[1].begin;
   port.freedoms_apart = spans[1].size();
+}
+
+// Rows of the tangents and their velocities times their shares of the larger friction coefficient, and radii of
+// moments about them over these: friction is isotropic in such rows (laws/friction_cone.hpp), and rolling friction
+// unchanged.
+void ScaleTangents(const Vector2& friction_scale, PointRows& out) {
+  const double largest = std::max(0.0, friction_scale.maxCoeff());
+  out.law.coefficient *= largest;
+  if (largest > 0) out.scale.tail<2>() = (friction_scale / largest).cwiseMax(kMinFrictionScale);
+  for (PaddedRows* rows : {&out.rows_a, &out.rows_b}) *rows *= out.scale.asDiagonal();
+  out.start = out.start.cwiseProduct(out.scale);
+  out.start_turning = out.start_turning.cwiseProduct(out.scale);
+  out.inverse_inertia = out.inverse_inertia.cwiseProduct(out.scale.cwiseAbs2());
+  out.moments.radius = out.moments.radius.cwiseQuotient(out.scale);
 }
 
 }  // namespace
@@ -178,7 +195,10 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.ClearPiece();
   PadRows(in.J_a, out.rows_a);
   PadRows(in.J_b, out.rows_b);
-  const bool has_moments = in.torsion > 0 || in.rolling > 0;
+  out.law.coefficient = std::max(0.0, in.friction);
+  out.law.share = out.moments.share = 1;
+  out.moments.radius = {std::max(0.0, in.torsion), std::max(0.0, in.rolling), std::max(0.0, in.rolling)};
+  const bool has_moments = out.has_moments = out.moments.Any();
   Vector3 u = in.bias, turning = Vector3::Zero();
   out.inverse_inertia.setZero();
   Quad traces = Quad::Zero(), naturals = traces;
@@ -203,28 +223,33 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   side(pair.port_a, out.rows_a);
   side(pair.port_b, out.rows_b);
   const double trace = traces.sum(), natural = naturals.sum();
-  if (!Finite(u.sum() + trace + in.held.sum() + in.held_moment.sum() + in.friction + in.torsion + in.rolling +
-              in.compliance_normal + in.compliance_tangent + in.impulse.sum() + in.moment.sum()))
+  if (!Finite(u.sum() + trace + in.held.sum() + in.held_moment.sum() + in.friction + in.friction_scale.sum() +
+              in.torsion + in.rolling + in.compliance_normal + in.compliance_tangent + in.impulse.sum() +
+              in.moment.sum()))
     return false;
   out.least_R = kLeastGive * natural / 3;
   // On the axis of a hinge all of it cancels but rounding, of either sign.
   out.is_moved = trace / 3 > out.least_R;
   out.inverse_mass = out.is_moved ? trace / 3 : 0;
   out.reach = reach;
-  out.law.friction = out.friction = std::max(0.0, in.friction);
-  out.torsion = std::max(0.0, in.torsion);
-  out.rolling = std::max(0.0, in.rolling);
   out.R_n = in.compliance_normal;
   out.R_t = in.compliance_tangent;
   out.start = u;
   out.start_turning = turning;
+  out.scale.setOnes();
+  if (in.friction_scale[0] != 1 || in.friction_scale[1] != 1) ScaleTangents(in.friction_scale, out);
   out.give = in.give;
-  out.held = in.held.tail<2>();
+  out.held = in.held.tail<2>().cwiseQuotient(out.scale.tail<2>());
   out.held_normal = in.held[0];
   out.held_use = in.held_use;
-  out.held_moment = in.held_moment;
-  out.impulse = in.impulse;
-  out.moment = in.moment;
+  out.held_moment = in.held_moment.cwiseQuotient(out.scale);
+  out.impulse = in.impulse.cwiseQuotient(out.scale);
+  out.moment = in.moment.cwiseQuotient(out.scale);
+  // What a turn of the axes leaves outside the ellipse along its short axis would decide the direction of friction.
+  if (out.scale[1] != out.scale[2]) {
+    const double bound = std::max(0.0, out.HeldBound());
+    out.held = out.held.cwiseMax(-bound).cwiseMin(bound);
+  }
   if (out.is_moved) return true;
   out.held_normal = 0;
   out.impulse.setZero();
@@ -246,7 +271,7 @@ void CompliantRows::SetGive(PairRows& pair, double most_give) {
     pair.least_R = std::max(pair.least_R, point.least_R);
     // Turning gives what the tangents do at a distance of the patch's size.
     for (int k = 0; k < 3; ++k)
-      if (const double radius = point.Radius(k); radius > 0)
+      if (const double radius = point.moments.radius[k]; radius > 0)
         point.angular_R[k] =
             std::max(std::min(point.R_t / (radius * radius), most_give * point.inverse_inertia[k]),
                      kLeastGive * point.inverse_inertia[k]);
@@ -259,8 +284,9 @@ void CompliantRows::ApplyGive(const PairRows& pair) {
   const double R_n = std::max(pair.R_n, pair.least_R), R_t = std::max(pair.R_t, pair.least_R);
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     PointRows& point = points[static_cast<std::size_t>(i)];
-    point.law.R_n = point.R_n = point.is_moved ? R_n : 0;
-    point.law.R_t = point.R_t = point.is_moved ? R_t : 0;
+    point.R_n = point.is_moved ? R_n : 0;
+    point.R_t = point.is_moved ? R_t : 0;
+    point.SetCompliance(point.R_n, point.R_t);
     point.noise = point.is_moved ? kRounding * std::sqrt(3 * point.inverse_mass) * point.reach / R_n : 0;
     point.base = point.start;
     point.base.tail<2>() -= point.R_t * point.held;
@@ -303,10 +329,9 @@ bool CompliantRows::PrepareLimit(const std::vector<VelocityBlock>& blocks, const
   for (int i = 0; i < f.count; ++i) out.inverse_mass += out.Y[i] * out.Y[i];
   FindSpans(
       f.count, [&](int i) { return out.Y[i] != 0; }, out.spans);
-  out.R = out.material_R = std::max(in.compliance, kLeastGive * out.inverse_mass);
-  out.base = in.sign * velocities[in.row] + in.bias - out.R * in.held;
-  out.lower = in.lower;
-  out.upper = in.upper;
+  out.material_R = std::max(in.compliance, kLeastGive * out.inverse_mass);
+  out.law = {out.material_R, in.lower, in.upper};
+  out.base = in.sign * velocities[in.row] + in.bias - out.material_R * in.held;
   out.impulse = in.impulse;
   out.reach = std::abs(velocities[in.row]) + std::abs(in.bias);
   return Finite(out.base + in.impulse + out.inverse_mass) && !std::isnan(in.lower + in.upper);
@@ -339,7 +364,6 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
                             const std::vector<LimitConstraint>& limit_rows,
                             const Eigen::Ref<const VectorX>& velocities, double most_give) {
   LayOutBlocks(blocks, static_cast<int>(velocities.size()));
-  share_ = 1;
   ports.clear();
   pairs.clear();
   points.resize(taken.size());

@@ -19,23 +19,12 @@ namespace {
 constexpr double kProximal = 1e-12;  // of the mean eigenvalue
 constexpr double kInside = 0.95;     // of the cone: what fades brings no point to slide
 
-/// Largest share of the way from `from` to `to` that stays within `bound`, or within |from| where that is
-/// more.
-double ShareWithin(const Vector2& from, const Vector2& to, double bound) {
-  const double limit2 = std::max(bound * bound, from.squaredNorm());
-  if (to.squaredNorm() <= limit2) return 1;
-  const Vector2 way = to - from;
-  const double a = way.squaredNorm(), b = from.dot(way), c = from.squaredNorm() - limit2;
-  return std::clamp((-b + std::sqrt(std::max(0.0, b * b - a * c))) / a, 0.0, 1.0);
-}
-
 }  // namespace
 
 void CompliantRows::FadeSqueeze() {
   int sticking = 0;
   for (PointRows& point : points) {
-    const double bound = point.law.friction * point.held_normal;
-    point.fades = bound > 0 && point.held_use < 1 / kInside;
+    point.fades = point.HeldBound() > 0 && point.held_use < 1 / kInside;
     sticking += point.fades ? 1 : 0;
   }
   if (sticking < 2) return;
@@ -45,8 +34,7 @@ void CompliantRows::FadeSqueeze() {
   double share = 1;
   for (const PointRows& point : points)
     if (point.fades)
-      share = std::min(
-          share, ShareWithin(point.held, point.least, kInside * point.law.friction * point.held_normal));
+      share = std::min(share, FrictionCone::ShareWithin(point.held, point.least, kInside * point.HeldBound()));
   for (PointRows& point : points) {
     if (!point.fades) continue;
     point.held += share * (point.least - point.held);
@@ -66,7 +54,7 @@ bool CompliantRows::LeastByFreedoms() {
     for (int i = pairs[p].first; i < pairs[p].first + pairs[p].count; ++i) {
       const PointRows& point = points[static_cast<std::size_t>(i)];
       if (!point.fades) continue;
-      const double M = point.law.friction * point.held_normal;
+      const double M = point.HeldBound();
       const auto a = point.rows_a.rightCols<2>(), b = point.rows_b.rightCols<2>();
       if (pairs[p].port_a >= 0) {
         PortRows& port = ports[static_cast<std::size_t>(pairs[p].port_a)];
@@ -104,7 +92,7 @@ bool CompliantRows::LeastByFreedoms() {
         y += point.rows_a.rightCols<2>().transpose() * ports[static_cast<std::size_t>(pair.port_a)].change;
       if (pair.port_b >= 0)
         y += point.rows_b.rightCols<2>().transpose() * ports[static_cast<std::size_t>(pair.port_b)].change;
-      point.least = point.law.friction * point.held_normal * y;
+      point.least = point.HeldBound() * y;
     }
   return true;
 }

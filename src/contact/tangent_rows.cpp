@@ -86,7 +86,7 @@ void TangentRows::Gather(const CompliantRows& rows, const Member* members, int c
     double tangents[24] = {};
     for (int i = 0; i < count; ++i) {
       const PointRows& point = rows.points[static_cast<std::size_t>(members[i].point)];
-      const double root = point.RootOfBound();
+      const double root = std::sqrt(point.HeldBound());
       for (int c = 0; c < 6; ++c)
         for (int t = 0; t < 2; ++t) tangents[4 * c + column + 2 * i + t] = root * (point.*own)(c, 1 + t);
     }
@@ -116,7 +116,7 @@ bool TangentRows::IsDetermined(const CompliantRows& rows, const Member& member) 
       yy += y * y;
     }
   const PointRows& point = rows.points[static_cast<std::size_t>(member.point)];
-  const double all = 3 * point.inverse_mass * point.law.friction * point.held_normal;
+  const double all = 3 * point.inverse_mass * point.HeldBound();
   // The smaller of the two eigenvalues is no less than the determinant over the trace.
   return xx * yy - xy * xy > kIndependent * all * (xx + yy);
 }
@@ -210,7 +210,7 @@ bool TangentRows::FindLeast(CompliantRows& rows, int count) {
   for (std::size_t k = 0; k < m; ++k) K_[k * (m + 1)] += proximal;
   for (std::size_t k = 0; k < members_.size(); ++k) {
     const PointRows& point = rows.points[static_cast<std::size_t>(members_[k].point)];
-    for (std::size_t t = 0; t < 2; ++t) x_[2 * k + t] = point.held[t] / point.RootOfBound();
+    for (std::size_t t = 0; t < 2; ++t) x_[2 * k + t] = point.held[t] / std::sqrt(point.HeldBound());
   }
   if (!FactorCholesky(K_.data(), size)) return false;
   for (int round = 0; round < 2; ++round) {
@@ -220,7 +220,7 @@ bool TangentRows::FindLeast(CompliantRows& rows, int count) {
   }
   for (std::size_t k = 0; k < members_.size(); ++k) {
     PointRows& point = rows.points[static_cast<std::size_t>(members_[k].point)];
-    for (std::size_t t = 0; t < 2; ++t) point.least[t] = point.RootOfBound() * x_[2 * k + t];
+    for (std::size_t t = 0; t < 2; ++t) point.least[t] = std::sqrt(point.HeldBound()) * x_[2 * k + t];
   }
   return true;
 }

@@ -24,6 +24,7 @@ struct PointConstraint {
   PointJacobian J_a = PointJacobian::Zero(), J_b = PointJacobian::Zero();
   Vector3 bias = Vector3::Zero();                                          // m/s
   double friction = 0, torsion = 0, rolling = 0;                           // µ; radii [m]
+  Vector2 friction_scale = Vector2::Ones();  // coefficients along the tangents as shares of µ
   double compliance_normal = 0, compliance_tangent = 0;                    // m/s per N·s
   double max_penetration_speed = std::numeric_limits<double>::infinity();  // m/s
   // Of the step before, in this frame.
@@ -34,6 +35,12 @@ struct PointConstraint {
   /// Out: tangential impulse without the bound of friction over that bound. Above 1 the point slides.
   double utilization = 0;
 
+  /// The larger of the two coefficients, and both as shares a of it. A tangent without friction keeps 1e-9.
+  double LargestFriction() const { return friction * friction_scale.maxCoeff(); }
+  Vector2 FrictionShares() const {
+    const double largest = friction_scale.maxCoeff();
+    return largest > 0 ? Vector2((friction_scale / largest).cwiseMax(1e-9)) : Vector2(Vector2::Ones());
+  }
   double Radius(int axis) const { return axis == 0 ? torsion : rolling; }
   /// Impulse [moment; force] on the body whose Jacobian is J.
   Vector6 ImpulseOn(const PointJacobian& J) const {

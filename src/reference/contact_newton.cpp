@@ -3,7 +3,7 @@
 // With the modes of y = x - ρ g a step solves linear equations for the next iterate x⁺:
 //     open       x⁺ = 0
 //     sticking   g⁺ = 0
-//     sliding    g_n⁺ = 0,   x_t⁺ = µ x_n⁺ e + β (1 - e eᵀ) y_t⁺,   e = y_t/|y_t|, β = µ y_n/|y_t|
+//     sliding    g_n⁺ = 0,   x_t⁺ = Π_t' (x_n⁺, y_t⁺), the derivative of friction_law.hpp
 //     moments and bounds   g⁺ = 0, or at a bound x⁺ = ± r x_n⁺ or x⁺ = bound
 // (P. Alart and A. Curnier, CMAME 92, 1991). Steps are damped until the residual decreases.
 #include <algorithm>
@@ -36,16 +36,14 @@ struct NewtonSystem {
     M(row, row) = 1;
     r[row] = value;
   }
-  // x_t⁺ = µ x_n⁺ e + β (1 - e eᵀ) (x_t⁺ - ρ (A_t x⁺ + c_t))
-  void SetSliding(const ContactProblem& problem, Eigen::Index normal, const Vector3& y, double friction) {
-    const Vector2 e = y.tail<2>() / y.tail<2>().norm();
-    const Eigen::Matrix2d across = friction * y[0] / y.tail<2>().norm() *
-                                   (Eigen::Matrix2d::Identity() - e * e.transpose());
-    const double rho = problem.rho[normal + 1];
-    M.middleRows<2>(normal + 1) = rho * (across * problem.A.middleRows<2>(normal + 1));
+  // x_t⁺ = P_n x_n⁺ + P_t (x_t⁺ - ρ (A_t x⁺ + c_t)), P the derivative of the projection at y
+  void SetSliding(const ContactProblem& problem, Eigen::Index normal, const Matrix3& P) {
+    const Eigen::Matrix2d across = P.bottomRightCorner<2, 2>(),
+                          scaled = across * problem.rho.segment<2>(normal + 1).asDiagonal();
+    M.middleRows<2>(normal + 1) = scaled * problem.A.middleRows<2>(normal + 1);
     M.block<2, 2>(normal + 1, normal + 1) += Eigen::Matrix2d::Identity() - across;
-    M.block<2, 1>(normal + 1, normal) -= friction * e;
-    r.segment<2>(normal + 1) = -rho * (across * problem.c.segment<2>(normal + 1));
+    M.block<2, 1>(normal + 1, normal) -= P.bottomLeftCorner<2, 1>();
+    r.segment<2>(normal + 1) = -scaled * problem.c.segment<2>(normal + 1);
   }
 };
 
@@ -66,7 +64,9 @@ void AssembleNewtonSystem(const ContactProblem& problem, const std::vector<Point
     }
     for (int k = 0; k < 3; ++k) system.SetFree(problem, block.row + k);
     if (map.modes[i] == ContactMode::kSliding)
-      system.SetSliding(problem, block.row, map.y.segment<3>(block.row), p.friction);
+      system.SetSliding(problem, block.row,
+                        ProjectOntoFrictionCone(map.y.segment<3>(block.row), p.LargestFriction(), p.FrictionShares())
+                            .derivative);
     for (int k = 0; k < 3; ++k) {
       const int row = block.moment_row[static_cast<std::size_t>(k)];
       if (row < 0) continue;

@@ -83,6 +83,11 @@ ContactProblem AssembleContactProblem(const std::vector<ResponseBlock>& blocks,
       rows.AddRow(p, p.J_a.row(k).transpose(), p.J_b.row(k).transpose(), p.bias[k]);
       masses.push_back(m.mean);
       previous.push_back(k == 0 ? 0 : p.previous_impulse[k]);
+      // Within the box around the ellipse, which a turn of the axes can leave.
+      if (const Vector2 shares = p.FrictionShares(); k > 0 && shares[0] != shares[1]) {
+        const double most = p.LargestFriction() * std::max(0.0, p.previous_impulse[0]) * shares[k - 1];
+        previous.back() = std::clamp(previous.back(), -most, most);
+      }
     }
     for (int k = 0; k < 3; ++k) {
       if (!(p.Radius(k) > 0)) continue;
@@ -161,7 +166,8 @@ void UpdateCompliance(const std::vector<PointConstraint>& points, double max_rel
     const auto pair = static_cast<std::size_t>(block.pair);
     const double floor = problem.pair_floor[pair], scale = problem.pair_scale[pair];
     problem.R[block.row] = std::max(floor, scale * p.compliance_normal);
-    problem.R.segment<2>(block.row + 1).setConstant(std::max(floor, scale * p.compliance_tangent));
+    problem.R.segment<2>(block.row + 1) =
+        std::max(floor, scale * p.compliance_tangent) * p.FrictionShares().cwiseAbs2().cwiseInverse();
     // A moment meets the tangents' spring at the distance of the radius.
     for (int k = 0; k < 3; ++k) {
       const int row = block.moment_row[static_cast<std::size_t>(k)];
@@ -181,6 +187,11 @@ void UpdateCompliance(const std::vector<PointConstraint>& points, double max_rel
   problem.A = problem.W;
   problem.A.diagonal() += problem.R;
   problem.rho = (problem.inverse_mass + problem.R).cwiseInverse();
+  for (const PointBlock& block : problem.points) {
+    const Vector2 squares = points[static_cast<std::size_t>(block.constraint)].FrictionShares().cwiseAbs2();
+    const Vector2 R = problem.R.segment<2>(block.row + 1).cwiseProduct(squares);
+    problem.rho.segment<2>(block.row + 1) = squares.cwiseQuotient((R.array() + block.inverse_mass).matrix());
+  }
 }
 
 double NaturalMap::Relative() const {
@@ -198,7 +209,7 @@ void EvaluateNaturalMap(const ContactProblem& problem, const std::vector<PointCo
   for (std::size_t i = 0; i < problem.points.size(); ++i) {
     const PointBlock& block = problem.points[i];
     const PointConstraint& p = points[static_cast<std::size_t>(block.constraint)];
-    const FrictionProjection cone = ProjectOntoFrictionCone(map.y.segment<3>(block.row), p.friction);
+    const FrictionProjection cone = ProjectOntoFrictionCone(map.y.segment<3>(block.row), p.LargestFriction(), p.FrictionShares());
     map.projection.segment<3>(block.row) = cone.impulse;
     map.modes[i] = cone.mode;
     for (int k = 0; k < 3; ++k)

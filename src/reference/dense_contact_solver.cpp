@@ -30,13 +30,13 @@ VectorX GatherImpulses(const ContactProblem& problem, const std::vector<PointCon
 }
 
 // |y| over its bound for y = x₀ - w/R. While a point sticks y is its impulse.
-double ComputeUtilization(const ContactProblem& problem, const PointBlock& block, double friction,
+double ComputeUtilization(const ContactProblem& problem, const PointBlock& block, const PointConstraint& p,
                           ContactMode mode, const VectorX& x, const VectorX& g) {
-  const double bound = friction * x[block.row];
+  const double bound = p.LargestFriction() * x[block.row];
   if (mode == ContactMode::kOpen || !(bound > 0)) return 0;
   Vector2 y = x.segment<2>(block.row + 1);
-  if (mode == ContactMode::kSliding) y -= g.segment<2>(block.row + 1) / problem.R[block.row + 1];
-  return y.norm() / bound;
+  if (mode == ContactMode::kSliding) y -= g.segment<2>(block.row + 1).cwiseQuotient(problem.R.segment<2>(block.row + 1));
+  return y.cwiseQuotient(p.FrictionShares()).norm() / bound;
 }
 
 void StoreSolution(const ContactProblem& problem, const VectorX& x, const NaturalMap& map,
@@ -53,7 +53,7 @@ void StoreSolution(const ContactProblem& problem, const VectorX& x, const Natura
     p.impulse = x.segment<3>(block.row);
     for (int k = 0; k < 3; ++k)
       if (const int row = block.moment_row[static_cast<std::size_t>(k)]; row >= 0) p.moment[k] = x[row];
-    p.utilization = ComputeUtilization(problem, block, p.friction, map.modes[i], x, map.g);
+    p.utilization = ComputeUtilization(problem, block, p, map.modes[i], x, map.g);
     if (p.impulse.isZero(0)) continue;
     ++report.active;
     ++(map.modes[i] == ContactMode::kSliding ? report.sliding : report.sticking);

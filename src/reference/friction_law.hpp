@@ -6,6 +6,11 @@
 // impulse at the relative velocity w is
 //     λ = Π(-w_n/R_n, λ₀_t - w_t/R_t)
 // with the compliances R_n, R_t and the tangential impulse λ₀_t of the step before (docs/method.md, (6.0)).
+//
+// With the coefficients µ a_1, µ a_2 along the tangents the section is an ellipse:
+//     Π_t(y) = y_t min(1, µ Π_n/|z|),   z_k = y_k/a_k
+// is the orthogonal projection onto it where the metric is diag(1/a²), that is where R_k and ρ_k are as 1/a_k² and
+// a_k². Slip then has the direction of maximum dissipation.
 #pragma once
 
 #include <cmath>
@@ -21,12 +26,14 @@ struct FrictionProjection {
   ContactMode mode = ContactMode::kOpen;
 };
 
-inline FrictionProjection ProjectOntoFrictionCone(const Vector3& y, double friction) {
+inline FrictionProjection ProjectOntoFrictionCone(const Vector3& y, double friction,
+                                                  const Vector2& shares = Vector2::Ones()) {
   FrictionProjection out;
   if (!(y[0] > 0)) return out;
   out.impulse[0] = y[0];
   out.derivative(0, 0) = 1;
-  const double bound = friction * y[0], size = y.tail<2>().norm();
+  const Vector2 z = y.tail<2>().cwiseQuotient(shares);
+  const double bound = friction * y[0], size = z.norm();
   if (size <= bound) {
     out.mode = ContactMode::kSticking;
     out.impulse.tail<2>() = y.tail<2>();
@@ -34,12 +41,13 @@ inline FrictionProjection ProjectOntoFrictionCone(const Vector3& y, double frict
     return out;
   }
   out.mode = ContactMode::kSliding;
-  const Vector2 direction = y.tail<2>() / size;
-  out.impulse.tail<2>() = bound * direction;
-  out.derivative.bottomLeftCorner<2, 1>() = friction * direction;
+  const Vector2 direction = z / size;
+  out.impulse.tail<2>() = bound * shares.cwiseProduct(direction);
+  out.derivative.bottomLeftCorner<2, 1>() = friction * shares.cwiseProduct(direction);
   out.derivative(1, 1) = bound / size * direction[1] * direction[1];
   out.derivative(2, 2) = bound / size * direction[0] * direction[0];
-  out.derivative(1, 2) = out.derivative(2, 1) = -bound / size * direction[0] * direction[1];
+  out.derivative(1, 2) = -bound / size * direction[0] * direction[1] * shares[0] / shares[1];
+  out.derivative(2, 1) = -bound / size * direction[0] * direction[1] * shares[1] / shares[0];
   return out;
 }
 

@@ -3,7 +3,7 @@
 // With all other impulses fixed a point has g = A x + c, A positive definite (3x3). It is open if c_n >= 0.
 // Otherwise it sticks if x = -A⁻¹c lies within the cone. Otherwise it slides: the slip is opposite to friction,
 // g_t = -s x_t with s > 0 and g_n = 0, so
-//     x(s) = -(A + diag(0, s, s))⁻¹ c,   |x_t(s)| = µ x_n(s)
+//     x(s) = -(A + diag(0, s/a_1², s/a_2²))⁻¹ c,   |(x_1/a_1, x_2/a_2)| = µ x_n(s)
 // is one equation for s. It has a solution: |x_t| - µ x_n is positive at s = 0, where the point does not
 // stick, and negative for s -> ∞, where x_t -> 0 and x_n -> -c_n/A_nn > 0.
 #include <algorithm>
@@ -23,10 +23,9 @@ Vector3 SolveThree(const Matrix3& A, const Vector3& b) {
   return Vector3(b.dot(n), b.dot(c2.cross(c0)), b.dot(c0.cross(c1))) / c0.dot(n);
 }
 
-Vector3 SolveSlip(const Matrix3& A, const Vector3& c, double slip_ratio) {
+Vector3 SolveSlip(const Matrix3& A, const Vector3& c, double slip_ratio, const Vector2& shares) {
   Matrix3 shifted = A;
-  shifted(1, 1) += slip_ratio;
-  shifted(2, 2) += slip_ratio;
+  for (int k = 0; k < 2; ++k) shifted(k + 1, k + 1) += slip_ratio / (shares[k] * shares[k]);
   return -SolveThree(shifted, c);
 }
 
@@ -42,7 +41,7 @@ void SolvePoint(const ContactProblem& problem, const PointBlock& block, const Po
                 VectorX& g) {
   const Matrix3 A = problem.A.block<3, 3>(block.row, block.row);
   const Vector3 c = g.segment<3>(block.row) - A * x.segment<3>(block.row);
-  const Vector3 impulse = SolvePointBlock(A, c, p.friction);
+  const Vector3 impulse = SolvePointBlock(A, c, p.LargestFriction(), p.FrictionShares());
   for (int k = 0; k < 3; ++k) SetImpulse(problem, block.row + k, impulse[k], x, g);
   for (int k = 0; k < 3; ++k) {
     const int row = block.moment_row[static_cast<std::size_t>(k)];
@@ -54,11 +53,12 @@ void SolvePoint(const ContactProblem& problem, const PointBlock& block, const Po
 
 }  // namespace
 
-Vector3 SolvePointBlock(const Matrix3& A, const Vector3& c, double friction) {
+Vector3 SolvePointBlock(const Matrix3& A, const Vector3& c, double friction, const Vector2& shares) {
   if (c[0] >= 0) return Vector3::Zero();
   if (!(friction > 0)) return Vector3(-c[0] / A(0, 0), 0, 0);
-  const auto excess = [&](const Vector3& x) { return x.tail<2>().norm() - friction * x[0]; };
-  Vector3 x = SolveSlip(A, c, 0);
+  const auto size_of = [&](const Vector3& x) { return x.tail<2>().cwiseQuotient(shares).norm(); };
+  const auto excess = [&](const Vector3& x) { return size_of(x) - friction * x[0]; };
+  Vector3 x = SolveSlip(A, c, 0, shares);
   if (excess(x) <= 0) return x;
   // s = a t/(1 - t) for t in (0, 1), a the tangential stiffness.
   const double a = A(1, 1) + A(2, 2);
@@ -66,10 +66,10 @@ Vector3 SolvePointBlock(const Matrix3& A, const Vector3& c, double friction) {
   for (int k = 0; k < kMaxBisections; ++k) {
     const double t = 0.5 * (low + high);
     if (t >= 1) break;
-    x = SolveSlip(A, c, a * t / (1 - t));
+    x = SolveSlip(A, c, a * t / (1 - t), shares);
     (excess(x) > 0 ? low : high) = t;
   }
-  if (const double size = x.tail<2>().norm(); size > 0) x.tail<2>() *= friction * x[0] / size;
+  if (const double size = size_of(x); size > 0) x.tail<2>() *= friction * x[0] / size;
   return x;
 }
 

@@ -5,7 +5,8 @@
 // smallest Σ |λ|²/(µ λ_n) replaces them. With M = diag(µ λ_n) of the step before and W_t the tangential rows
 // of W, whose null space contains the impulses without effect,
 //     λ = M^½ P M^-½ λ₀,   P the projection on the range of M^½ W_t M^½.
-// The way from λ₀ to λ ends where a point leaves 0.95 of its friction cone.
+// The way from λ₀ to λ ends where a point leaves 0.95 of its friction cone. Where coefficients differ, tangents are
+// λ_k/a_k and rows of W_t those times a_k.
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/spectrum.hpp>
@@ -36,13 +37,14 @@ double ComputeShareWithinDisc(const Vector2& a, const Vector2& b, double bound) 
 void RelaxInternalForces(const std::vector<PointConstraint>& points, ContactProblem& problem) {
   struct Tangents {
     int row;
-    double bound;  // µ λ_n of the step before
+    double bound;    // µ λ_n of the step before
+    Vector2 shares;  // a
   };
   std::vector<Tangents> sticking;
   for (const PointBlock& block : problem.points) {
     const PointConstraint& p = points[static_cast<std::size_t>(block.constraint)];
-    const double bound = p.friction * p.previous_impulse[0];
-    if (bound > 0 && p.previous_utilization < 1 / kConeShare) sticking.push_back({block.row + 1, bound});
+    const double bound = p.LargestFriction() * p.previous_impulse[0];
+    if (bound > 0 && p.previous_utilization < 1 / kConeShare) sticking.push_back({block.row + 1, bound, p.FrictionShares()});
   }
   if (sticking.size() < 2) return;
   const auto n = static_cast<Eigen::Index>(2 * sticking.size());
@@ -51,10 +53,11 @@ void RelaxInternalForces(const std::vector<PointConstraint>& points, ContactProb
   for (std::size_t i = 0; i < sticking.size(); ++i) {
     const Tangents& a = sticking[i];
     const auto at = static_cast<Eigen::Index>(2 * i);
-    scaled.segment<2>(at) = problem.previous.segment<2>(a.row) / std::sqrt(a.bound);
+    scaled.segment<2>(at) = problem.previous.segment<2>(a.row).cwiseQuotient(a.shares) / std::sqrt(a.bound);
     for (std::size_t j = 0; j < sticking.size(); ++j)
       S.block<2, 2>(at, static_cast<Eigen::Index>(2 * j)) =
-          std::sqrt(a.bound * sticking[j].bound) * problem.W.block<2, 2>(a.row, sticking[j].row);
+          std::sqrt(a.bound * sticking[j].bound) * a.shares.asDiagonal() *
+          problem.W.block<2, 2>(a.row, sticking[j].row) * sticking[j].shares.asDiagonal();
   }
   const SymmetricSpectrum spectrum = SpectrumOf(S);
   const double threshold = kNullEigenvalue * spectrum.values.cwiseMax(0).mean();
@@ -65,13 +68,14 @@ void RelaxInternalForces(const std::vector<PointConstraint>& points, ContactProb
   double share = 1;
   for (std::size_t i = 0; i < sticking.size(); ++i) {
     const Tangents& a = sticking[i];
-    const Vector2 from = problem.previous.segment<2>(a.row),
+    const Vector2 from = problem.previous.segment<2>(a.row).cwiseQuotient(a.shares),
                   to = std::sqrt(a.bound) * relaxed.segment<2>(static_cast<Eigen::Index>(2 * i));
     share = std::min(share, ComputeShareWithinDisc(from, to, kConeShare * a.bound));
   }
   for (std::size_t i = 0; i < sticking.size(); ++i) {
     const Tangents& a = sticking[i];
-    const Vector2 to = std::sqrt(a.bound) * relaxed.segment<2>(static_cast<Eigen::Index>(2 * i));
+    const Vector2 to =
+        std::sqrt(a.bound) * a.shares.cwiseProduct(relaxed.segment<2>(static_cast<Eigen::Index>(2 * i)));
     problem.previous.segment<2>(a.row) += share * (to - problem.previous.segment<2>(a.row));
   }
 }

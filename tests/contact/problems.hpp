@@ -79,6 +79,13 @@ inline ContactConstraint TouchAt(int port_a, const Vector3& arm_a, int port_b, c
 
 constexpr double kStep = 1.0 / 60, kGravity = 9.81;
 
+/// The compliance of the problem, not reduced for the sake of impacts.
+inline ContactSolverOptions AsGiven() {
+  ContactSolverOptions options;
+  options.most_give = 1;
+  return options;
+}
+
 /// A box of half sizes (a, a, b) on the plane z = 0, with the velocity that gravity gives it in one step.
 inline Problem BoxOnPlane(double mass, double friction, double a = 0.1, double b = 0.1) {
   Problem p;

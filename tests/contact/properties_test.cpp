@@ -12,17 +12,11 @@
 namespace fork1s {
 namespace {
 
+using testing::AsGiven;
 using testing::LawViolation;
 using testing::Problem;
 using testing::RandomProblem;
 using testing::Uniform;
-
-// The compliance of the problem, none of it taken away for impacts' sake.
-ContactSolverOptions AsGiven() {
-  ContactSolverOptions options;
-  options.most_give = 1;
-  return options;
-}
 
 struct Shape {
   int ports, free, contacts;

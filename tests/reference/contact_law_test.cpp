@@ -6,7 +6,7 @@
 #include <fork1s/contact/material.hpp>
 #include <random>
 
-#include "../../src/contact/point_law.hpp"
+#include "../../src/contact/laws/friction_cone.hpp"
 #include "../../src/reference/bound_laws.hpp"
 #include "../../src/reference/contact_compliance.hpp"
 #include "../../src/reference/contact_problem.hpp"
@@ -50,22 +50,41 @@ TEST(FrictionLaw, DerivativeMatchesFiniteDifferences) {
   for (const int count : counts) EXPECT_GT(count, 100);
 }
 
+TEST(FrictionLaw, DerivativeOfAnEllipseMatchesFiniteDifferences) {
+  std::mt19937 random(8);
+  constexpr double eps = 1e-6;
+  for (int draw = 0; draw < 500; ++draw) {
+    const Vector3 y = DrawVector(random);
+    const Vector2 shares(Draw(random, 0.2, 1), Draw(random, 0.2, 1));
+    const double friction = Draw(random, 0, 2);
+    const auto project = [&](const Vector3& at) { return ProjectOntoFrictionCone(at, friction, shares); };
+    const double excess = y.tail<2>().cwiseQuotient(shares).norm() - friction * y[0];
+    if (std::abs(y[0]) < 1e-4 || std::abs(excess) < 1e-4 || y.tail<2>().norm() < 0.05) continue;
+    for (int k = 0; k < 3; ++k) {
+      const Vector3 step = eps * Vector3::Unit(k);
+      const Vector3 difference = (project(y + step).impulse - project(y - step).impulse) / (2 * eps);
+      EXPECT_LT((difference - project(y).derivative.col(k)).norm(), 1e-6) << draw;
+    }
+  }
+}
+
 TEST(FrictionLaw, AgreesWithReducedSimulator) {
   std::mt19937 random(2);
   for (int draw = 0; draw < 1000; ++draw) {
     const Vector3 w = DrawVector(random);
     const Vector2 previous = DrawVector(random).tail<2>();
-    internal::PointLaw law;
+    internal::FrictionCone law;
     law.R_n = Draw(random, 0.1, 1);
     law.R_t = Draw(random, 0.1, 1);
-    law.friction = Draw(random, 0, 2);
-    Vector3 shifted = w, impulse;
+    law.coefficient = Draw(random, 0, 2);
+    Vector3 shifted = w;
     shifted.tail<2>() -= law.R_t * previous;
+    const internal::FrictionCone::Trial y = law.AtVelocity(shifted);
+    const Vector3 impulse = law.Project(y);
     Matrix3 D;
-    double use = 0;
-    internal::Respond(law, shifted, impulse, D, use);
+    law.Derivative(y, D);
     const FrictionProjection mine =
-        EvaluateFrictionLaw(w, Vector3(law.R_n, law.R_t, law.R_t), previous, law.friction);
+        EvaluateFrictionLaw(w, Vector3(law.R_n, law.R_t, law.R_t), previous, law.coefficient);
     EXPECT_LT((mine.impulse - impulse).norm(), 1e-13 * (1 + impulse.norm())) << draw;
     EXPECT_LT((mine.derivative + D).norm(), 1e-13 * (1 + D.norm())) << draw;
   }
@@ -164,8 +183,11 @@ TEST(PointBlock, SolvesTheLawForAnyOperator) {
     const Matrix3 A = B * B.transpose() + 1e-3 * Matrix3::Identity();
     const Vector3 c = DrawVector(random);
     const double friction = draw % 10 == 0 ? 0 : Draw(random, 0, 2), rho = 3 / A.trace();
-    const Vector3 x = SolvePointBlock(A, c, friction);
-    const FrictionProjection at = ProjectOntoFrictionCone(x - rho * (A * x + c), friction);
+    const Vector2 shares(1, draw % 2 == 0 ? 1 : Draw(random, 0.1, 1));
+    const Vector3 x = SolvePointBlock(A, c, friction, shares);
+    const Vector3 metric(1, 1, shares[1] * shares[1]);
+    const FrictionProjection at =
+        ProjectOntoFrictionCone(x - rho * metric.cwiseProduct(A * x + c), friction, shares);
     EXPECT_LT((x - at.impulse).norm(), 1e-9 * (x.norm() + rho * c.norm())) << draw;
     ++counts[static_cast<int>(at.mode)];
   }

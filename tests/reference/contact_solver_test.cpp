@@ -33,6 +33,7 @@ Constraints ConstraintsOf(const Problem& p) {
     point.J_b = c.J_b;
     point.bias = c.bias;
     point.friction = c.friction;
+    point.friction_scale = c.friction_scale;
     point.torsion = c.torsion;
     point.rolling = c.rolling;
     point.compliance_normal = c.compliance_normal;
@@ -111,11 +112,14 @@ class Families : public ::testing::TestWithParam<testing::Family> {
     testing::GiveDefaultMaterial(p);
     if (draw % 2 == 1) AddMomentsAndBounds(random_, p);
     if (draw % 4 >= 2) AddMemory(random_, p);
+    const Vector2 scale(testing::Uniform(scales_, 0.2, 1.5), testing::Uniform(scales_, 0.2, 1.5));
+    if (draw % 3 == 2)
+      for (ContactConstraint& c : p.contacts) c.friction_scale = scale;
     return static_cast<int>(p.contacts.size()) <= kMaxPoints;
   }
 
  private:
-  std::mt19937 random_{11};
+  std::mt19937 random_{11}, scales_{12};
 };
 
 // Which of several solutions a solver finds is its own affair, but the solutions are common: those of the

@@ -36,14 +36,19 @@ struct ContactConstraint {
   int port_b = -1;  // u = J_a v[port_a] + J_b v[port_b] + bias; rows: normal, tangent 1, tangent 2
   Matrix36 J_a = Matrix36::Zero();
   Matrix36 J_b = Matrix36::Zero();
-  Vector3 bias = Vector3::Zero();     // m/s, added to u
-  double friction = 0;                // µ
+  /// m/s, added to u. Normal: gap and restitution (material.hpp); tangents: what a surface moves by within itself,
+  /// as a belt does, of b less that of a.
+  Vector3 bias = Vector3::Zero();
+  double friction = 0;  // µ
+  /// Coefficients along the tangents are these shares a_k of µ. Friction is bounded by the ellipse
+  /// Σ (λ_k/(a_k µ))² <= λ_n² and opposes the slip w that dissipates most, λ_k = −µ λ_n a_k² w_k/|a w|.
+  Vector2 friction_scale = Vector2::Ones();
   Vector3 impulse = Vector3::Zero();  // in: warm start; out: solution [N·s]
   double torsion = 0;                 // m: |moment about the normal| <= torsion λ_n
   double rolling = 0;                 // m: the same about either tangent
   Vector3 moment = Vector3::Zero();   // about normal and tangents; in: warm start; out: solution [N·m·s]
   /// R_n, R_t [m/s per N·s]; 0: hard, 1e-11 of the inverse mass. Contacts between the same two ports give
-  /// alike, as the stiffest of them.
+  /// alike, as the stiffest of them. Along a tangent with a smaller a_k R_t is larger by (max a/a_k)².
   double compliance_normal = 0, compliance_tangent = 0;
   /// m/s by which the normal gives at most: what presses harder meets stiffer material, R_n = give/λ_n.
   double give = std::numeric_limits<double>::infinity();
