@@ -62,6 +62,8 @@ void FreeBody::ExtrapolateStage(double b, double onward) {
   stage_base_.center_W = start.center_W + onward * (center_W() - start.center_W);
   stage_base_.spin_W = start.spin_W + onward * (spin_end_W_ - start.spin_W);
   stage_base_.velocity = start.velocity + onward * (velocity_ - start.velocity);
+  omega_B_ = omega_B_before_ + (1 + onward) * (omega_B_ - omega_B_before_);
+  velocity_ = velocity_before_ + (1 + onward) * (velocity_ - velocity_before_);
 }
 
 void FreeBody::EndTwoStageStep() {

@@ -5,7 +5,7 @@
 // v = [ξ; w] are base twist and reduced rates, J(x)ᵀ p̂ the spatial momenta of the rigid parts as the joints of the pose
 // x feel them, λ the impulses of contact and limits. Newton's method linearises at a pose xₖ = x̂ ⊕ b vₖ,
 //     A v = J(xₖ)ᵀ p̂ + b f(xₖ) + b² K vₖ + J_cᵀ λ,   A = M + b D + b² K                             (2)
-// and its first pose takes vₖ from the stage before. The derivative of M v - Jᵀp̂ with the pose is left out: it is
+// and its first pose takes vₖ on the line through start and first stage (in the first stage, from the start). The derivative of M v - Jᵀp̂ with the pose is left out: it is
 // b times the momentum that the stage changes, so that the iteration contracts by O(b²) per iteration.
 //
 // Two stages with b = γ h, γ = 1 - 1/√2, make Alexander's SDIRK2 (SIAM J. Numer. Anal. 14, 1977), of second order
@@ -175,6 +175,7 @@ void BeginTwoStageStep(const MechanismStep& here, double h, const Vector3& gravi
   start.center_W = ws.center_W;
   ComputeFlatMomenta(here, 0, start);
   ws.stage_base = start;
+  ws.x_start = ws.x;
 }
 
 void MoveToStagePose(const MechanismStep& here, double b, double time) {
@@ -271,10 +272,13 @@ void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
   base.z = start.z + onward * (state.reduced.z - start.z);
   base.momentum = start.momentum + onward * (ws.stage_end.momentum - start.momentum);
   base.joint_momentum = start.joint_momentum + onward * (ws.stage_end.joint_momentum - start.joint_momentum);
-  if (model.base_size == 0) return;
-  base.R_WR = start.R_WR * ExpRotation(onward * b * ws.x.head<3>());
-  const Vector3 center_W = state.reduced.X_WR * CenterOfMass(ws.M_00);
-  base.center_W = start.center_W + onward * (center_W - start.center_W);
+  if (model.base_size > 0) {
+    base.R_WR = start.R_WR * ExpRotation(onward * b * ws.x.head<3>());
+    const Vector3 center_W = state.reduced.X_WR * CenterOfMass(ws.M_00);
+    base.center_W = start.center_W + onward * (center_W - start.center_W);
+  }
+  // The second stage is linearised first by the velocity on the line through the start and the first stage.
+  ws.x = ws.x_start + (1 + onward) * (ws.x - ws.x_start);
 }
 
 void EndTwoStageStep(const MechanismStep& here) {

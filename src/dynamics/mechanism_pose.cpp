@@ -136,6 +136,14 @@ void SetInputsWithin(const MechanismStep& here, const MechanismState& start, dou
     state.controls = start.controls_from + share * (start.controls - start.controls_from);
 }
 
+void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, bool second) {
+  MechanismState& state = here.state;
+  const VectorX middle = start.controls_move ? VectorX(0.5 * (start.controls_from + start.controls)) : start.controls;
+  SetInputsWithin(here, start, second ? 1 : 0.5);
+  state.controls_move = start.controls_move;
+  state.controls_from = second ? middle : start.controls_from;
+}
+
 RigidTransform GroupPose(const MechanismView& here, int g) {
   const auto& [model, state, ws] = here;
   return BodyPose(here, model.groups[static_cast<std::size_t>(g)].body);

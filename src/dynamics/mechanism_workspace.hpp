@@ -118,7 +118,7 @@ struct MechanismWorkspace {
   StageBase step_start, stage_base, stage_end;
   Vector3 drift_W = Vector3::Zero();       // m/s, velocity of the point that momenta are taken about
   double stage_time = 0;                   // s, from the start of the step to the end of the stage
-  VectorX stage_rhs, stage_correction, stage_impulse;  // num_velocities
+  VectorX x_start, stage_rhs, stage_correction, stage_impulse;  // num_velocities; x_start: at the start of the step
   // Where a driven base stands while weights work, so that its own way counts for none.
   RigidTransform weighed_on;
 };

@@ -36,7 +36,7 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
   });
   double motion = 0;
   for (const double own : contactor_motion_) motion = std::max(motion, own);
-  if (by_theta_ || two_stage_) motion = MotionWithin(rule_ == StepRule::kMiddle ? 0.5 * options.h : options.h);
+  if (by_theta_ || two_stage_ || depth_ > 0) motion = MotionWithin(rule_ == StepRule::kMiddle ? 0.5 * options.h : options.h);
   const double needed = kClear + 2 * motion + options.gravity.norm() * options.h * options.h;
   collision_->SetMargin(std::min(margin_max_, needed));
   has_previous_pose_ = true;

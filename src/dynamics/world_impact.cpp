@@ -11,8 +11,10 @@ void Add(double weight, const std::vector<double>& more, std::vector<double>& su
   for (std::size_t i = 0; i < more.size(); ++i) sums[i] += weight * more[i];
 }
 
+}  // namespace
+
 // What a step of parts has to say, `part` its last so far.
-void Take(const StepReport& part, StepReport& whole) {
+void World::Detail::TakeReport(const StepReport& part, StepReport& whole) {
   const StepReport before = whole;
   whole = part;
   whole.max_penetration = std::max(before.max_penetration, part.max_penetration);
@@ -22,10 +24,12 @@ void Take(const StepReport& part, StepReport& whole) {
   whole.newton_steps = std::max(before.newton_steps, part.newton_steps);
   whole.minimum_found = before.minimum_found && part.minimum_found;
   whole.loop_residual = std::max(before.loop_residual, part.loop_residual);
+  whole.parts = before.parts + part.parts;
+  whole.stage_iterations += before.stage_iterations;
+  whole.stage_residual = std::max(before.stage_residual, part.stage_residual);
+  whole.stages_converged = before.stages_converged && part.stages_converged;
   KeepWorst(before.solver, whole.solver);
 }
-
-}  // namespace
 
 void KeepWorst(const ContactSolverReport& then, ContactSolverReport& solver) {
   solver.newton_iterations = std::max(solver.newton_iterations, then.newton_iterations);
@@ -80,7 +84,7 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
     in_parts_ = true;
     const StepReport part = TakeStep(own);
     in_parts_ = false;
-    Take(part, report);
+    TakeReport(part, report);
     if (!part.finite) return TakePartsBack(report);
     met = met || MetAtSpeed(options);
     pushed = pushed || PushesApart(options);
@@ -117,10 +121,10 @@ StepReport World::Detail::TakePartsBack(StepReport report) {
 }
 
 void World::Detail::ClearSums() {
-  impact_sums_.clear();
-  ended_.clear();
-  impact_rows_.resize(mechanisms_.size());
-  for (WorldState::Rows& rows : impact_rows_) {
+  sums_.contacts_W.clear();
+  sums_.ended.clear();
+  sums_.rows.resize(mechanisms_.size());
+  for (WorldState::Rows& rows : sums_.rows) {
     rows.limit_impulses.clear();
     rows.friction_impulses.clear();
   }
@@ -129,38 +133,38 @@ void World::Detail::ClearSums() {
 // Impulses of all parts of the step so far, contact by contact, world axes.
 void World::Detail::SumImpulses(double weight) {
   next_sums_.resize(contacts_.size());
-  goes_on_.assign(impact_sums_.size(), 0);
+  goes_on_.assign(sums_.contacts_W.size(), 0);
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
     next_sums_[i] = weight * (contacts_[i].point.frame.transpose() * contacts_[i].impulse);
-    if (match_[i] < 0 || impact_sums_.empty()) continue;
+    if (match_[i] < 0 || sums_.contacts_W.empty()) continue;
     const auto before = static_cast<std::size_t>(match_[i]);
-    next_sums_[i] += impact_sums_[before];
+    next_sums_[i] += sums_.contacts_W[before];
     goes_on_[before] = 1;
   }
   for (std::size_t i = 0; i < goes_on_.size(); ++i) {
-    if (goes_on_[i] || impact_sums_[i].isZero(0)) continue;
-    ended_.push_back(previous_[i]);
-    ended_.back().impulse = previous_[i].point.frame * impact_sums_[i];
+    if (goes_on_[i] || sums_.contacts_W[i].isZero(0)) continue;
+    sums_.ended.push_back(previous_[i]);
+    sums_.ended.back().impulse = previous_[i].point.frame * sums_.contacts_W[i];
   }
-  impact_sums_.swap(next_sums_);
+  sums_.contacts_W.swap(next_sums_);
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    Add(weight, mechanism_blocks_[i].limit_impulses, impact_rows_[i].limit_impulses);
-    Add(weight, mechanism_blocks_[i].friction_impulses, impact_rows_[i].friction_impulses);
+    Add(weight, mechanism_blocks_[i].limit_impulses, sums_.rows[i].limit_impulses);
+    Add(weight, mechanism_blocks_[i].friction_impulses, sums_.rows[i].friction_impulses);
   }
 }
 
 // Whoever asks what acted in the step is told of all of it, what parted again within it too.
 void World::Detail::TellSums() {
   for (std::size_t i = 0; i < contacts_.size(); ++i)
-    contacts_[i].impulse = contacts_[i].point.frame * impact_sums_[i];
-  for (const ContactRecord& c : ended_) {
+    contacts_[i].impulse = contacts_[i].point.frame * sums_.contacts_W[i];
+  for (const ContactRecord& c : sums_.ended) {
     contacts_.push_back(c);
     speed_W_.push_back(Vector3::Zero());
     missed_W_.push_back(Vector3::Zero());
   }
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    mechanism_blocks_[i].limit_impulses = impact_rows_[i].limit_impulses;
-    mechanism_blocks_[i].friction_impulses = impact_rows_[i].friction_impulses;
+    mechanism_blocks_[i].limit_impulses = sums_.rows[i].limit_impulses;
+    mechanism_blocks_[i].friction_impulses = sums_.rows[i].friction_impulses;
   }
 }
 

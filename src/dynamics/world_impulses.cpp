@@ -126,6 +126,7 @@ void World::Detail::KeepForNextStep(double h, StepReport& report) {
     contacts_[i].use = c.use;
     contacts_[i].end_force = c.impulse / h;
     contacts_[i].end_moment = c.moment / h;
+    contacts_[i].end_speed = RelativeSpeed(c, velocities_)(0);
     speed_W_[i] = points_[i].frame.transpose() * RelativeSpeed(c, velocities_);
     missed_W_[i] = rule_ == StepRule::kMiddle ? Vector3(Vector3::Zero()) : MissedWay(h, i, mean);
   });

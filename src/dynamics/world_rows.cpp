@@ -281,7 +281,8 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       limit.bias =
           StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
       limit.impulse = by_step * mechanism_blocks_[i].limit_impulses[at];
-      if ((rule_ == StepRule::kTwoSteps || rule_ == StepRule::kStage || in_parts_) && !(limit.impulse > 0))
+      if ((rule_ == StepRule::kTwoSteps || rule_ == StepRule::kStage || in_parts_) &&
+          (two_stage_ || !(limit.impulse > 0)))
         stop_approach_[static_cast<std::size_t>(&limit - limits_.data())] = ApproachOf(m, stop, upper);
     }
     for (std::size_t k = 0; k < part.frictions.size(); ++k) {

@@ -75,8 +75,8 @@ class Hash {
     Add(body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling, restitution);
   }
   void One(const ContactRecord& record) {
-    const auto& [point, impulse, friction, moment, use, end_force, end_moment] = record;
-    Add(point, impulse, friction, moment, use, end_force, end_moment);
+    const auto& [point, impulse, friction, moment, use, end_force, end_moment, end_speed] = record;
+    Add(point, impulse, friction, moment, use, end_force, end_moment, end_speed);
   }
   void One(const WorldState::Rows& rows) {
     const auto& [limit_impulses, friction_impulses, refreshed] = rows;

@@ -83,19 +83,20 @@ bool World::Detail::AnythingTouches() const {
 
 // Whether a contact bore a load in the last step.
 bool World::Detail::Bore(std::size_t contact) const {
-  const int before = match_[contact];
-  return before >= 0 && previous_[static_cast<std::size_t>(before)].impulse(0) > 0;
+  if (match_[contact] < 0) return false;
+  const ContactRecord& before = previous_[static_cast<std::size_t>(match_[contact])];
+  // By two stages one that only closed its gap by the end of the last step is still to be met.
+  return before.impulse(0) > 0 && (!two_stage_ || before.end_speed > -impact_speed_);
 }
 
-namespace {
-
-// Speed of an impact: more than gravity gives in an eighth of the step, or any where things part again.
-double SpeedOfImpact(const StepOptions& options) { return options.gravity.norm() * options.h / 8; }
-double SpeedOfImpact(const StepOptions& options, const ContactPoint& point) {
+// Speed of an impact: more than gravity gives in an eighth of the step, or any where things part again. Parts of a
+// two-stage step go by the whole.
+double World::Detail::SpeedOfImpact(const StepOptions& options) const {
+  return two_stage_ ? impact_speed_ : options.gravity.norm() * options.h / 8;
+}
+double World::Detail::SpeedOfImpact(const StepOptions& options, const ContactPoint& point) const {
   return point.restitution > 0 ? 0 : SpeedOfImpact(options);
 }
-
-}  // namespace
 
 // A contact that bore nothing yet and would close within the step at the speed of an impact, if all went on.
 bool World::Detail::ClosesAtSpeed(const StepOptions& options) const {

@@ -4,8 +4,8 @@
 // the pose that the velocity at hand leads to, first that of the stage before; the velocity found leads to another pose,
 // and where the equation of the stage has a residual there, the iteration goes on from it.
 //
-// A step that contains an impact is taken as four steps of backward Euler (world_impact.cpp): extrapolated, the
-// velocity that the first stage stopped would come back.
+// A step that contains an impact is taken as two of half the length, and so on; the shortest is one of implicit Euler:
+// extrapolated, the velocity that the first stage stopped would come back.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -39,9 +39,14 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   before_.missed_W = previous_missed_W_;
   before_.contactor_poses = previous_pose_;
 
+  if (depth_ == 0) {
+    impact_speed_ = options.gravity.norm() * options.h / 8;
+    ClearSums();
+  } else {
+    halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
+  }
   PrepareContacts(options, report);
-  if (ClosesAtSpeed(options)) return StepInParts(options, true);
-  ClearSums();
+  if (ClosesAtSpeed(options)) return StepInHalves(options);
   {
     const PartClock clock(times_, &StepPartTimes::moving);
     ForMechanisms([&](std::size_t i) { BeginTwoStageStep(mechanisms_[i], h, options.gravity); });
@@ -49,12 +54,8 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   }
   for (const bool second : {false, true}) {
     switch (SolveStage(options, second, report)) {
-      case StageOutcome::kImpact: return RestartInParts(options);
-      case StageOutcome::kNotFinite:
-        ForgetInputs(before_);
-        Restore(before_);
-        report.finite = false;
-        return report;
+      case StageOutcome::kImpact: return StepInHalves(options);
+      case StageOutcome::kNotFinite: return TakeStagesBack(before_, report);
       case StageOutcome::kDone: break;
     }
     StoreStage(b, second, report);
@@ -69,8 +70,13 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   }
   ForMechanisms([&](std::size_t i) { EndTwoStageStep(mechanisms_[i]); });
   for (FreeBody& body : free_bodies_) body.EndTwoStageStep();
+  return depth_ > 0 ? report : FinishTwoStageStep(options, before_, report);
+}
+
+// What follows the last stage; `start` is where the step is undone to if it is not finite.
+StepReport World::Detail::FinishTwoStageStep(const StepOptions& options, WorldState& start, StepReport report) {
   TellSums();
-  contacts_h_ = h;
+  contacts_h_ = options.h;
   report.contacts = static_cast<int>(
       std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));
   report.forces_at_bound = 0;
@@ -89,9 +95,12 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
     });
     CountRefreshes(report);
   }
-  if (IsFinite(true)) return report;
-  ForgetInputs(before_);
-  Restore(before_);
+  return IsFinite(true) ? report : TakeStagesBack(start, report);
+}
+
+StepReport World::Detail::TakeStagesBack(WorldState& start, StepReport report) {
+  ForgetInputs(start);
+  Restore(start);
   report.finite = false;
   return report;
 }
@@ -125,7 +134,7 @@ World::Detail::StageOutcome World::Detail::SolveStage(const StepOptions& options
     if (!IsFinite(false)) return StageOutcome::kNotFinite;
     // At the first iteration rows still know the velocity that the stage starts with.
     if (iteration == 1 && MetAtSpeed(options)) return StageOutcome::kImpact;
-    if (second && LeavesAtSpeed(options)) return StageOutcome::kImpact;
+    if (second && LeavesAtSpeed()) return StageOutcome::kImpact;
     if (MoveAndCheckResiduals(stage.h, time, report)) return StageOutcome::kDone;
     if (!IsFinite(true)) return StageOutcome::kNotFinite;
     if (iteration == kMaxIterations) {
@@ -159,11 +168,11 @@ bool World::Detail::MoveAndCheckResiduals(double b, double time, StepReport& rep
 }
 
 // Whether what the first stage stopped leaves again in the second at the speed of an impact.
-bool World::Detail::LeavesAtSpeed(const StepOptions& options) const {
+bool World::Detail::LeavesAtSpeed() const {
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const int before = match_[i];
     if (before < 0 || !previous_fresh_[static_cast<std::size_t>(before)] || constraints_[i].impulse(0) > 0) continue;
-    if (RelativeSpeed(constraints_[i], velocities_)(0) > options.gravity.norm() * options.h / 8) return true;
+    if (RelativeSpeed(constraints_[i], velocities_)(0) > impact_speed_) return true;
   }
   return false;
 }
@@ -188,15 +197,36 @@ void World::Detail::StoreStage(double b, bool second, StepReport& report) {
   }
 }
 
-// Undoes what was done of the step, and takes it through the impact.
-StepReport World::Detail::RestartInParts(const StepOptions& options) {
-  Restore(before_);
-  previous_ = before_.contacts;
-  previous_h_ = before_.contacts_h;
-  previous_pose_ = before_.contactor_poses;
-  previous_speed_W_ = before_.speeds_W;
-  previous_missed_W_ = before_.missed_W;
-  return StepInParts(options, true);
+// The step from its start again, by two of half the length, the shortest by implicit Euler.
+StepReport World::Detail::StepInHalves(const StepOptions& options) {
+  Halving& whole = halvings_[static_cast<std::size_t>(depth_)];
+  whole.start = before_;
+  if (depth_ > 0) sums_ = whole.sums;
+  if (depth_ == 0) ClearSums();
+  Restore(whole.start);
+  StepOptions half = options;
+  half.h = 0.5 * options.h;
+  half.refresh = false;
+  StepReport report;
+  report.parts = 0;
+  for (int k = 0; k < 2; ++k) {
+    for (std::size_t i = 0; i < mechanisms_.size(); ++i)
+      SetInputsOfHalf(mechanisms_[i], whole.start.mechanisms[i], k == 1);
+    for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].SetWrench(whole.start.free_bodies[i]);
+    ++depth_;
+    const bool shortest = depth_ == kMostHalvings;
+    half.integrator = shortest ? Integrator::kEuler : Integrator::kTwoStage;
+    in_parts_ = shortest;
+    const StepReport part = TakeStep(half);
+    in_parts_ = false;
+    --depth_;
+    if (shortest) SumImpulses();
+    two_stage_ = true;
+    TakeReport(part, report);
+    if (!part.finite) return TakeStagesBack(whole.start, report);
+  }
+  report.impact = true;
+  return depth_ > 0 ? report : FinishTwoStageStep(options, whole.start, report);
 }
 
 }  // namespace fork1s

@@ -50,6 +50,8 @@ void AddWrench(MechanismState& state, BodyIndex body, const Vector3& force_W, co
 /// Wrenches for the next step are those of `start`, and controls and the pose of a driven base where they
 /// are after a share of a step that begins there.
 void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share);
+/// Inputs of the first or the second half of a step that begins at `start`.
+void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, bool second);
 
 // A step.
 
@@ -126,7 +128,7 @@ void PredictStage(const MechanismStep& here, double b);
 /// After contact: records the momenta of the stage, moves to the pose found, and returns the change of position that
 /// another Newton iteration would make [m], in the kinetic metric. `motion` [m]: that of the stage, likewise.
 double MoveAndComputeResidual(const MechanismStep& here, double b, double time, double& motion);
-/// Base points of the second stage: start + onward (end of the first stage - start).
+/// Base points of the second stage, start + onward (end of the first stage - start), and a velocity to start it with.
 void ExtrapolateStage(const MechanismStep& here, double b, double onward);
 void EndTwoStageStep(const MechanismStep& here);
 

@@ -26,7 +26,7 @@ struct StepPartTimes;     // step_times.hpp
 /// by twists; slow modes by the trapezoid, what a step cannot follow at its end, lasting contact at its end
 /// by the rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5). kTwoStage: of
 /// second order, two implicit stages, each solved by Newton iteration to a residual (Alexander's SDIRK2,
-/// docs/decisions/001-time-stepping.md). kAuto, of a Simulation: kTheta where a mechanism moves slowly enough for
+/// docs/decisions/001-time-stepping.md), a step through an impact halved up to three times. kAuto, of a Simulation: kTheta where a mechanism moves slowly enough for
 /// the step to follow, else kEuler.
 enum class Integrator { kEuler, kTheta, kTwoStage, kAuto };
 
@@ -80,7 +80,7 @@ struct StepReport {
   double stage_residual = 0;
   bool stages_converged = true;   // kTwoStage: false where a stage ended above its tolerance
   bool impact = false;            // something was met at speed within a step of second order
-  int parts = 1;                  // steps of implicit Euler that made this one, through an impact and after it
+  int parts = 1;                  // shorter steps that made this one: of implicit Euler, kTwoStage's also of two stages
   bool forces_at_end = true;      // of contact; false: half way
   double loop_residual = 0;       // rad or m by which the rows of any loop are open, of the mechanism's own
   bool finite = true;             // false: the step was undone and the state is that before it

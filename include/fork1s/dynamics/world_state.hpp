@@ -19,6 +19,7 @@ struct ContactRecord {
   // At the end of the step, from which the tangential springs of the next one start; `impulse` is the whole step's.
   Vector3 end_force = Vector3::Zero();   // N
   Vector3 end_moment = Vector3::Zero();  // N·m
+  double end_speed = 0;                  // m/s, along the normal by its rows; below 0 while a gap closes
 };
 
 /// All that the next step of a world depends on beside what it was made of. For worlds made of the same scene
