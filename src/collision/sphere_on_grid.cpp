@@ -224,16 +224,18 @@ bool SupportsFromBelow(const mjModel* model, const mjData* data, int geom_of_gri
   const auto [column_from, column_to] = Grid::Cells(p.x() - kOn, p.x() + kOn, grid.half.x(), grid.columns);
   const auto [row_from, row_to] = Grid::Cells(p.y() - kOn, p.y() + kOn, grid.half.y(), grid.rows);
   bool on_it = false;
+  double least_z = 1;  // of the normals of the faces here; one that they carry is a positive sum of those, z no smaller
   for (int row = row_from; row <= row_to; ++row)
     for (int column = column_from; column <= column_to; ++column)
       for (int which : {0, 1}) {
         const Triangle face = grid.Face(row, column, which);
         if ((ClosestPoint(face, p) - p).norm() > kOn) continue;
         on_it = true;
+        least_z = std::min(least_z, Up(face).z());
         for (const Vector3& corner : face)
           if (n.dot(corner - p) > kBend * (corner - p).norm() + kOn) return false;
       }
-  return on_it;
+  return on_it && n.z() > least_z - kBend;  // else the side of a column
 }
 
 EdgesOfGrid EdgesThrough(const mjModel* model, const mjData* data, int geom_of_grid, const Vector3& point) {

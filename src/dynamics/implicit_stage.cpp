@@ -5,8 +5,9 @@
 // v = [ξ; w] are base twist and reduced rates, J(x)ᵀ p̂ the spatial momenta of the rigid parts as the joints of the pose
 // x feel them, λ the impulses of contact and limits. Newton's method linearises at a pose xₖ = x̂ ⊕ b vₖ,
 //     A v = J(xₖ)ᵀ p̂ + b f(xₖ) + b² K vₖ + J_cᵀ λ,   A = M + b D + b² K                             (2)
-// and its first pose takes vₖ on the line through start and first stage (in the first stage, from the start). The derivative of M v - Jᵀp̂ with the pose is left out: it is
-// b times the momentum that the stage changes, so that the iteration contracts by O(b²) per iteration.
+// and its first pose takes vₖ from the start of the step, in the second stage from the line through start and first
+// stage. The derivative of M v - Jᵀp̂ with the pose is left out: it is b times the momentum that the stage changes, so
+// that the iteration contracts by O(b²) per iteration.
 //
 // Two stages with b = γ h, γ = 1 - 1/√2, make Alexander's SDIRK2 (SIAM J. Numer. Anal. 14, 1977), of second order
 // and L-stable: the second starts from

@@ -138,10 +138,10 @@ void SetInputsWithin(const MechanismStep& here, const MechanismState& start, dou
 
 void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, bool second) {
   MechanismState& state = here.state;
-  const VectorX middle = start.controls_move ? VectorX(0.5 * (start.controls_from + start.controls)) : start.controls;
   SetInputsWithin(here, start, second ? 1 : 0.5);
   state.controls_move = start.controls_move;
-  state.controls_from = second ? middle : start.controls_from;
+  state.controls_from = start.controls_from;
+  if (second && start.controls_move) state.controls_from = 0.5 * (start.controls_from + start.controls);
 }
 
 RigidTransform GroupPose(const MechanismView& here, int g) {

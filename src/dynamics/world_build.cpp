@@ -144,6 +144,14 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.missed_W_.reserve(room);
   detail.previous_missed_W_.reserve(room);
   detail.foresight_.reserve(room);
+  const auto reserve = [room](Detail::Sums& sums) {
+    sums.contacts_W.reserve(room);
+    sums.ended.reserve(room);
+  };
+  reserve(detail.sums_);
+  for (Detail::Halving& halving : detail.halvings_) reserve(halving.sums);
+  detail.next_sums_.reserve(room);
+  detail.goes_on_.reserve(room);
   detail.match_.reserve(room);
   detail.previous_used_.reserve(room);
   detail.previous_order_.reserve(room);

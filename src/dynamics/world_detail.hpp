@@ -29,8 +29,8 @@ struct World::Detail {
   void Restore(const WorldState& state);
   bool IsFinite(bool poses);
   static void ForgetInputs(WorldState& state);
-  void GoBack();
-  StepReport TakeBack(StepReport report);
+  WorldState& StartOfStep();
+  StepReport UndoStep(WorldState& start, StepReport report);
   Expected<void> BuildCollision(const Scene& scene, const Options& options);
   void FindContacts(const StepOptions& options, StepReport& report);
   void PrepareContacts(const StepOptions& options, StepReport& report);
@@ -54,11 +54,9 @@ struct World::Detail {
   void StoreStage(double b, bool second, StepReport& report);
   StepReport StepInHalves(const StepOptions& options);
   StepReport FinishTwoStageStep(const StepOptions& options, WorldState& start, StepReport report);
-  StepReport TakeStagesBack(WorldState& start, StepReport report);
   // Impacts, and what follows them (world_impact.cpp).
   StepReport StepInParts(const StepOptions& options, bool impact);
-  StepReport TakePartsBack(StepReport report);
-  static void TakeReport(const StepReport& part, StepReport& whole);
+  static void AddReport(const StepReport& part, StepReport& whole);
   void KeepPastsInParts(double h);
   void EndPastsInParts();
   void ClearSums();
@@ -69,6 +67,7 @@ struct World::Detail {
   void ShiftRows();
   void Rebound(double h);
   bool Bore(std::size_t contact) const;
+  static double ImpactSpeedOf(const StepOptions& options);
   double SpeedOfImpact(const StepOptions& options) const;
   double SpeedOfImpact(const StepOptions& options, const ContactPoint& point) const;
   bool ClosesAtSpeed(const StepOptions& options) const;
@@ -268,8 +267,7 @@ struct World::Detail {
   Sums sums_;
   std::vector<Vector3> next_sums_;
   std::vector<char> goes_on_;
-  // A two-stage step through an impact is halved, up to this often; by 8 firemen and hexapod come within twice the error of
-  // the full model.
+  // A two-stage step through an impact is halved, up to this often (docs/decisions/001-time-stepping.md).
   static constexpr int kMostHalvings = 3;
   struct Halving {
     WorldState start;  // of the step that is halved

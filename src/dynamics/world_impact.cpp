@@ -14,7 +14,7 @@ void Add(double weight, const std::vector<double>& more, std::vector<double>& su
 }  // namespace
 
 // What a step of parts has to say, `part` its last so far.
-void World::Detail::TakeReport(const StepReport& part, StepReport& whole) {
+void World::Detail::AddReport(const StepReport& part, StepReport& whole) {
   const StepReport before = whole;
   whole = part;
   whole.max_penetration = std::max(before.max_penetration, part.max_penetration);
@@ -64,7 +64,7 @@ void World::Detail::EndPastsInParts() {
 // Inputs go on through them as they would have in one.
 StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
   const int steps = impact ? 4 : 2;
-  GoBack();
+  Restore(StartOfStep());
   Save(before_impact_);
   if (!impact) KeepPastsInParts(options.h);
   bool met = impact, pushed = false;
@@ -84,8 +84,8 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
     in_parts_ = true;
     const StepReport part = TakeStep(own);
     in_parts_ = false;
-    TakeReport(part, report);
-    if (!part.finite) return TakePartsBack(report);
+    AddReport(part, report);
+    if (!part.finite) return UndoStep(before_impact_, report);
     met = met || MetAtSpeed(options);
     pushed = pushed || PushesApart(options);
     SumImpulses();
@@ -102,21 +102,13 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
     const PartClock clock(times_, &StepPartTimes::refreshing);
     ForMechanisms([&](std::size_t i) { RefreshIfStale(i); });
     CountRefreshes(report);
-    if (!IsFinite(true)) return TakePartsBack(report);
+    if (!IsFinite(true)) return UndoStep(before_impact_, report);
   }
   contacts_h_ = options.h;
   report.contacts = static_cast<int>(
       std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));
   report.impact = met;
   report.parts = steps;
-  return report;
-}
-
-// As before the first of them.
-StepReport World::Detail::TakePartsBack(StepReport report) {
-  ForgetInputs(before_impact_);
-  Restore(before_impact_);
-  report.finite = false;
   return report;
 }
 

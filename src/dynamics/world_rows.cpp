@@ -281,6 +281,7 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       limit.bias =
           StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
       limit.impulse = by_step * mechanism_blocks_[i].limit_impulses[at];
+      // By two stages one that bore may have only closed its gap: what of the speed is left counts there too.
       if ((rule_ == StepRule::kTwoSteps || rule_ == StepRule::kStage || in_parts_) &&
           (two_stage_ || !(limit.impulse > 0)))
         stop_approach_[static_cast<std::size_t>(&limit - limits_.data())] = ApproachOf(m, stop, upper);

@@ -143,20 +143,20 @@ void World::Detail::ForgetInputs(WorldState& state) {
   for (FreeBody::State& b : state.free_bodies) b.force_W = b.moment_W = Vector3::Zero();
 }
 
-// As before the step.
-void World::Detail::GoBack() {
+// Completes before_, which TakeStep leaves without what it keeps as `previous_`.
+WorldState& World::Detail::StartOfStep() {
   before_.contacts = previous_;
   before_.contacts_h = previous_h_;
   before_.speeds_W = previous_speed_W_;
   before_.missed_W = previous_missed_W_;
   before_.contactor_poses = previous_pose_;
-  Restore(before_);
+  return before_;
 }
 
 // As before the step, but for wrenches, which may be what was not finite.
-StepReport World::Detail::TakeBack(StepReport report) {
-  ForgetInputs(before_);
-  GoBack();
+StepReport World::Detail::UndoStep(WorldState& start, StepReport report) {
+  ForgetInputs(start);
+  Restore(start);
   report.finite = false;
   return report;
 }
@@ -198,7 +198,7 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   if (rule_ != StepRule::kEuler) ShiftRows();
   SolveContacts(options, report);
 
-  if (!IsFinite(false)) return TakeBack(report);
+  if (!IsFinite(false)) return UndoStep(StartOfStep(), report);
   if (by_theta_ && MetAtSpeed(options)) return StepInParts(options, true);
   const bool jumps = by_theta_ && PushesApart(options);
   KeepForNextStep(h, report);
@@ -208,7 +208,7 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   if (rule_ != StepRule::kMiddle) KeepEndVelocities();
   for (const MechanismDynamics& m : mechanisms_)
     report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
-  return IsFinite(true) ? report : TakeBack(report);
+  return IsFinite(true) ? report : UndoStep(StartOfStep(), report);
 }
 
 void World::Watch(StepPartTimes* times) { detail_->times_ = times; }

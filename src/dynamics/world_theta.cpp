@@ -91,8 +91,9 @@ bool World::Detail::Bore(std::size_t contact) const {
 
 // Speed of an impact: more than gravity gives in an eighth of the step, or any where things part again. Parts of a
 // two-stage step go by the whole.
+double World::Detail::ImpactSpeedOf(const StepOptions& options) { return options.gravity.norm() * options.h / 8; }
 double World::Detail::SpeedOfImpact(const StepOptions& options) const {
-  return two_stage_ ? impact_speed_ : options.gravity.norm() * options.h / 8;
+  return two_stage_ ? impact_speed_ : ImpactSpeedOf(options);
 }
 double World::Detail::SpeedOfImpact(const StepOptions& options, const ContactPoint& point) const {
   return point.restitution > 0 ? 0 : SpeedOfImpact(options);

@@ -1,7 +1,7 @@
 // A step of two implicit stages (implicit_stage.cpp): Alexander's SDIRK2.
 //
 // Each stage is solved by Newton iteration with the contact solve inside: contacts are found, and forces evaluated, at
-// the pose that the velocity at hand leads to, first that of the stage before; the velocity found leads to another pose,
+// the pose that the velocity at hand leads to, first an extrapolated one; the velocity found leads to another pose,
 // and where the equation of the stage has a residual there, the iteration goes on from it.
 //
 // A step that contains an impact is taken as two of half the length, and so on; the shortest is one of implicit Euler:
@@ -33,18 +33,12 @@ bool World::Detail::UsesTwoStages(const StepOptions& options) const {
 StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   StepReport report;
   const double h = options.h, b = kStageShare * h;
-  before_.contacts = previous_;
-  before_.contacts_h = previous_h_;
-  before_.speeds_W = previous_speed_W_;
-  before_.missed_W = previous_missed_W_;
-  before_.contactor_poses = previous_pose_;
-
+  StartOfStep();
   if (depth_ == 0) {
-    impact_speed_ = options.gravity.norm() * options.h / 8;
+    impact_speed_ = ImpactSpeedOf(options);
     ClearSums();
-  } else {
-    halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
   }
+  halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
   PrepareContacts(options, report);
   if (ClosesAtSpeed(options)) return StepInHalves(options);
   {
@@ -55,7 +49,7 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   for (const bool second : {false, true}) {
     switch (SolveStage(options, second, report)) {
       case StageOutcome::kImpact: return StepInHalves(options);
-      case StageOutcome::kNotFinite: return TakeStagesBack(before_, report);
+      case StageOutcome::kNotFinite: return UndoStep(before_, report);
       case StageOutcome::kDone: break;
     }
     StoreStage(b, second, report);
@@ -70,7 +64,8 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   }
   ForMechanisms([&](std::size_t i) { EndTwoStageStep(mechanisms_[i]); });
   for (FreeBody& body : free_bodies_) body.EndTwoStageStep();
-  return depth_ > 0 ? report : FinishTwoStageStep(options, before_, report);
+  if (depth_ == 0) return FinishTwoStageStep(options, before_, report);
+  return IsFinite(true) ? report : UndoStep(before_, report);
 }
 
 // What follows the last stage; `start` is where the step is undone to if it is not finite.
@@ -95,14 +90,7 @@ StepReport World::Detail::FinishTwoStageStep(const StepOptions& options, WorldSt
     });
     CountRefreshes(report);
   }
-  return IsFinite(true) ? report : TakeStagesBack(start, report);
-}
-
-StepReport World::Detail::TakeStagesBack(WorldState& start, StepReport report) {
-  ForgetInputs(start);
-  Restore(start);
-  report.finite = false;
-  return report;
+  return IsFinite(true) ? report : UndoStep(start, report);
 }
 
 void World::Detail::MoveAllToStagePoses(double b, double time) {
@@ -201,8 +189,7 @@ void World::Detail::StoreStage(double b, bool second, StepReport& report) {
 StepReport World::Detail::StepInHalves(const StepOptions& options) {
   Halving& whole = halvings_[static_cast<std::size_t>(depth_)];
   whole.start = before_;
-  if (depth_ > 0) sums_ = whole.sums;
-  if (depth_ == 0) ClearSums();
+  sums_ = whole.sums;
   Restore(whole.start);
   StepOptions half = options;
   half.h = 0.5 * options.h;
@@ -220,10 +207,10 @@ StepReport World::Detail::StepInHalves(const StepOptions& options) {
     const StepReport part = TakeStep(half);
     in_parts_ = false;
     --depth_;
-    if (shortest) SumImpulses();
     two_stage_ = true;
-    TakeReport(part, report);
-    if (!part.finite) return TakeStagesBack(whole.start, report);
+    AddReport(part, report);
+    if (!part.finite) return UndoStep(whole.start, report);
+    if (shortest) SumImpulses();
   }
   report.impact = true;
   return depth_ > 0 ? report : FinishTwoStageStep(options, whole.start, report);

@@ -192,13 +192,10 @@ TEST(ShapeOnGrid, AnEdgeInAValleyLeansOnBothSides) {
   const HeightField field = Field([](double x, double) { return 0.01 + kSlope * std::abs(x); });
   const double steep = 1 / std::sqrt(1 + kSlope * kSlope);
   for (const double above : {1e-4, 2e-6, 0.0, -2e-6, -1e-4})
-    for (const double beside : {0.0, 1e-7, -1e-6}) {
-      // Both faces of the edge are equally steep to the last bit. By a rotation that is off by one, one side of the valley
-      // goes unseen where the edge is 2 µm above its bottom.
-      const double half_root = std::sqrt(0.5);
-      Matrix3 R;
-      R << half_root, 0, half_root, 0, 1, 0, -half_root, 0, half_root;
-      const RigidTransform X(R, Vector3(beside, 0.003, 0.01 + above + std::sqrt(2.0) * kHalf));
+    for (const auto& [beside, turn] :  // also where rounding decides which face of the edge is the lower one
+         {std::pair(0.0, 0.0), {1e-7, 0.0}, {-1e-6, 0.0}, {0.0, 1e-15}, {0.0, -1e-15}}) {
+      const RigidTransform X(ExpRotation(Vector3(0, 0.25 * 3.14159265358979323846 + turn, 0)),
+                             Vector3(beside, 0.003, 0.01 + above + std::sqrt(2.0) * kHalf));
       const auto contacts =
           Contacts({Still(field), Moving(Box{Vector3(kHalf, 0.06, kHalf)}, X)}, {}, {.margin = 0.001});
       for (const int side : {-1, 1}) {

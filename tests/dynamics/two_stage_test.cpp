@@ -189,6 +189,59 @@ TEST(TwoStage, ALandingIsNotThrownBack) {
   EXPECT_LE(impacts, 50);  // some fall between two steps, and what is left of the speed is met in the second
 }
 
+// A servo whose set point moves and a base that is driven, beside a ball that lands: the steps that are halved ask the
+// parts for the inputs of their own times. The arm then moves as it does alone, but for what shorter steps are nearer to
+// the truth.
+TEST(TwoStage, InputsGoOnThroughAnImpact) {
+  const double h = 1.0 / 60;
+  MechanismDef arm = testing::Chain(1, 0.25, 1, 20, 0.5);
+  arm.base = BaseKind::kDriven;
+  ControlDef servo;
+  servo.name = "servo";
+  servo.terms.emplace_back(FreedomRef{JointIndex(0), 0}, 1.0);
+  servo.gain = 20;
+  servo.is_setpoint = true;
+  arm.controls.push_back(servo);
+  const auto set_point = [](double t) { return VectorX(VectorX::Constant(1, std::sin(9 * t))); };
+  const auto base = [](double t) {
+    return RigidTransform(ExpRotation(Vector3(0, 0, 0.4 * std::sin(7 * t))), Vector3(5 + 0.1 * std::sin(8 * t), 0, 2));
+  };
+  arm.X_WR = base(0);
+  const auto run = [&](bool with_ball, double step_h, int& impacts) {
+    Scene scene;
+    scene.mechanisms.push_back(arm);
+    if (with_ball) {
+      scene.world.push_back(testing::Geometry("floor", Plane{}, 0.3));
+      scene.free_bodies.push_back(testing::BallBody("ball", 1, 0.1, Vector3(0, 0, 0.4), 0.3));
+    }
+    World world = MustCreate(scene);
+    MechanismDynamics& m = world.mechanisms()[0];
+    const int parts = static_cast<int>(std::lround(h / step_h));
+    std::vector<double> q;
+    for (int i = 0; i < 40 * parts; ++i) {
+      const double t = i * step_h;
+      m.MoveControlsFrom(0, set_point(t));
+      m.controls() = set_point(t + step_h);
+      m.DriveBase(base(t + step_h));
+      const StepReport report = world.Step(By(Integrator::kTwoStage, step_h));
+      EXPECT_TRUE(report.finite);
+      impacts += report.impact ? 1 : 0;
+      if ((i + 1) % parts == 0) q.push_back(m.configuration().q(0));
+    }
+    return q;
+  };
+  int impacts = 0, none = 0;
+  const auto beside = run(true, h, impacts), alone = run(false, h, none), truth = run(false, h / 16, none);
+  EXPECT_GE(impacts, 1);
+  EXPECT_EQ(none, 0);
+  double apart = 0, error = 0;
+  for (std::size_t i = 0; i < alone.size(); ++i) {
+    apart = std::max(apart, std::abs(beside[i] - alone[i]));
+    error = std::max(error, std::abs(alone[i] - truth[i]));
+  }
+  EXPECT_LT(apart, error / 8);  // 1/18; by inputs of the whole step in either half 0.7 of it
+}
+
 TEST(TwoStage, ReportsIterationsAndResidual) {
   World world = MustCreate(Bob(1e6, 0.8));
   int most = 0;

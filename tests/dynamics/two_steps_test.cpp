@@ -80,6 +80,7 @@ TEST(TwoSteps, AStandingMassKeepsSwinging) {
 // A mass that falls onto the stop of its joint stays there, in a mechanism that stands: a stop that is met at speed has no
 // parabola through it either. Half of its speed came back.
 TEST(TwoSteps, AStopIsMetAndNotBouncedOff) {
+  for (const Integrator integrator : {Integrator::kTheta, Integrator::kTwoStage})
   for (const bool turns : {false, true}) {
     Scene scene = Hopper(0.3, Vector3(2, -1, 0));
     MechanismDef& hopper = scene.mechanisms[0];
@@ -95,11 +96,11 @@ TEST(TwoSteps, AStopIsMetAndNotBouncedOff) {
     }
     leg.WithLimits(-1, 0.05);
     for (const double h : {1.0 / 60, 1.0 / 170, 1.0 / 500}) {
-      SCOPED_TRACE(::testing::Message() << turns << ' ' << 1 / h);
+      SCOPED_TRACE(::testing::Message() << Name(integrator) << ' ' << turns << ' ' << 1 / h);
       World world = testing::MustCreate(scene);
       StepOptions step;
       step.h = h;
-      step.integrator = Integrator::kTheta;
+      step.integrator = integrator;
       const auto energy = [&] { return world.KineticEnergy() + world.PotentialEnergy(step.gravity); };
       double before = energy(), rise = 0, farthest = 0;
       for (int i = 1; i * h <= 0.6; ++i) {
