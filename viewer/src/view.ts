@@ -310,8 +310,9 @@ export class View {
     );
   }
 
-  /** Where a point of a body lies on the page, in pixels of an area of this size. */
+  /** Where a point of a body lies on the page, in pixels of an area of this size, and is drawn and can be clicked. */
   screenOf(body: number, point: readonly [number, number, number], width: number, height: number): { x: number; y: number } {
+    if (this.fresh) this.draw();
     const X = this.poses()[body];
     const at = new THREE.Vector3(...(X ? apply(X, [...point]) : point)).project(this.stage.camera);
     return { x: (0.5 + 0.5 * at.x) * width, y: (0.5 - 0.5 * at.y) * height };

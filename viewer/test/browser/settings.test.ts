@@ -45,7 +45,8 @@ describe.skipIf(!ready)('settings, picking and recordings', () => {
     await live.page.locator('canvas.stage').focus();
     await live.page.keyboard.press('Backspace');
     await live.page.keyboard.press('Space');
-    await live.page.waitForFunction(() => fork1s?.view.frame?.paused === true);
+    // Between two pictures: a body is clicked where this frame has it, which may not have been drawn yet.
+    await live.page.waitForFunction(() => fork1s?.view.frame?.paused === true, undefined, { polling: 20 });
     await live.page.keyboard.press('i');
     const at = await screenOf(live.page, 'index_proximal', [0.03, 0, 0]);
     await live.page.mouse.click(at.x, at.y);
