@@ -153,7 +153,7 @@ WorldState& World::Detail::StartOfStep() {
   return before_;
 }
 
-// As before the step, but for wrenches, which may be what was not finite.
+// Goes back to `start`, but for wrenches, which may be what was not finite.
 StepReport World::Detail::UndoStep(WorldState& start, StepReport report) {
   ForgetInputs(start);
   Restore(start);

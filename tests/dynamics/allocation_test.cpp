@@ -9,12 +9,7 @@ using testing::allocations;
 
 TEST(WorldAllocation, NoneInAStep) {
   // A floating walker that stands, a loop with limits that touches a box, and a ball.
-  MechanismDef walker = testing::Walker(BaseKind::kFloating, 60, 1);
-  for (BodyDef& body : walker.bodies)
-    if (body.name.rfind("shank", 0) == 0)
-      body.geometries.push_back(
-          testing::Geometry(body.name, Sphere{0.02}, 0.8, RigidTransform(Vector3(0.15, 0, 0))));
-  walker.X_WR = RigidTransform(Vector3(0, 0, 0.025));
+  const MechanismDef walker = testing::WalkerOnFeet(0.025);
   MechanismDef bar = testing::FourBar().Definition();
   bar.X_WR = RigidTransform(Vector3(2, 0, 0.1));
   bar.bodies[0].name = "ground";
@@ -44,12 +39,7 @@ TEST(WorldAllocation, NoneInAStep) {
 
 // Nor one that an impact is in, once one has been.
 TEST(WorldAllocation, NoneInAStepThroughAnImpact) {
-  MechanismDef walker = testing::Walker(BaseKind::kFloating, 60, 1);
-  for (BodyDef& body : walker.bodies)
-    if (body.name.rfind("shank", 0) == 0)
-      body.geometries.push_back(
-          testing::Geometry(body.name, Sphere{0.02}, 0.8, RigidTransform(Vector3(0.15, 0, 0))));
-  walker.X_WR = RigidTransform(Vector3(0, 0, 0.04));
+  const MechanismDef walker = testing::WalkerOnFeet(0.04);
   Scene scene;
   scene.world.push_back(testing::Geometry("floor", Plane{}, 0.8));
   scene.mechanisms = {walker};

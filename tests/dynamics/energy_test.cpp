@@ -119,12 +119,7 @@ TEST(Energy, UnsprungJointsNeverGain) {
 
 TEST(Energy, StiffWalkerComesToRest) {
   // Falls on its feet, springs times a million: what it has goes into the ground.
-  MechanismDef definition = testing::Walker(BaseKind::kFloating, 2e7, 2e4);
-  for (BodyDef& body : definition.bodies)
-    if (body.name.rfind("shank", 0) == 0)
-      body.geometries.push_back(
-          testing::Geometry(body.name, Sphere{0.02}, 0.8, RigidTransform(Vector3(0.15, 0, 0))));
-  definition.X_WR = RigidTransform(Vector3(0, 0, 0.3));
+  const MechanismDef definition = testing::WalkerOnFeet(0.3, 2e7, 2e4);
   Scene scene;
   scene.mechanisms.push_back(definition);
   scene.world.push_back(testing::Geometry("floor", Plane{}, 0.8));

@@ -74,6 +74,17 @@ inline FreeBodyDef BoxBody(const std::string& name, double mass, const Vector3& 
   return body;
 }
 
+/// A floating walker, its base at this height [m], with a ball of 0.02 m at the end of each shank; stiffness
+/// [N m/rad] and damping [N m s/rad] of its joints.
+inline MechanismDef WalkerOnFeet(double height, double stiffness = 60, double damping = 1) {
+  MechanismDef walker = Walker(BaseKind::kFloating, stiffness, damping);
+  for (BodyDef& body : walker.bodies)
+    if (body.name.rfind("shank", 0) == 0)
+      body.geometries.push_back(Geometry(body.name, Sphere{0.02}, 0.8, RigidTransform(Vector3(0.15, 0, 0))));
+  walker.X_WR = RigidTransform(Vector3(0, 0, height));
+  return walker;
+}
+
 /// Momentum [about the world's origin; linear] of all bodies of one mechanism. Armatures carry none.
 inline Vector6 Momentum(const MechanismDynamics& m) {
   Vector6 p = Vector6::Zero();

@@ -256,12 +256,7 @@ TEST(TwoStage, ReportsIterationsAndResidual) {
 
 // A walker that lands and stands: through impacts, lasting contact and refreshes.
 TEST(TwoStage, ARestoredStateGivesTheSameBits) {
-  MechanismDef walker = testing::Walker(BaseKind::kFloating, 60, 1);
-  for (BodyDef& body : walker.bodies)
-    if (body.name.rfind("shank", 0) == 0)
-      body.geometries.push_back(
-          testing::Geometry(body.name, Sphere{0.02}, 0.8, RigidTransform(Vector3(0.15, 0, 0))));
-  walker.X_WR = RigidTransform(Vector3(0, 0, 0.04));
+  const MechanismDef walker = testing::WalkerOnFeet(0.04);
   Scene scene;
   scene.world.push_back(testing::Geometry("floor", Plane{}, 0.8));
   scene.mechanisms.push_back(walker);
