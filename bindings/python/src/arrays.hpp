@@ -34,6 +34,13 @@ inline Array Own(std::vector<double> numbers, std::initializer_list<std::size_t>
   return Array(kept->data(), shape.size(), shape.begin(), owner);
 }
 
+/// Numbers in rows, before they become an array: made without the GIL.
+struct Table {
+  std::vector<double> numbers;
+  std::size_t rows = 0, columns = 0;
+};
+inline Array Own(Table table) { return Own(std::move(table.numbers), {table.rows, table.columns}); }
+
 inline Array ToArray(const std::vector<double>& numbers) { return Own(numbers, {numbers.size()}); }
 
 inline Array OwnMatrix(const MatrixX& m) {

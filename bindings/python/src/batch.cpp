@@ -20,12 +20,31 @@ void TakeGiven(const MemberDifferences& differences, std::size_t i, SceneFactors
 
 }  // namespace
 
-void Batch::OnThreads(const std::function<void(int)>& work) const {
+// Calls work() alone. Throws Refused in a signal handler that runs within such work of the same thread.
+template <class Work>
+void Batch::InTurn(const Work& work) const {
+  const std::thread::id self = std::this_thread::get_id();
+  if (thread_at_work_ == self)
+    throw Refused{{ErrorCode::kUsage, "Batch",
+                   "a signal handler cannot use a batch whose `step` or `reset` it interrupts; use it after "
+                   "that call"}};
+  const std::lock_guard lock(mutex_);
+  thread_at_work_ = self;
+  struct AtEnd {
+    std::atomic<std::thread::id>& thread;
+    ~AtEnd() { thread = std::thread::id(); }
+  } const at_end{thread_at_work_};
+  work();
+}
+
+// False after an interruption, which leaves members out.
+bool Batch::OnThreads(ReleasedGil& gil, const std::function<void(int)>& work) const {
   WithThreads(threads_, [&] {
     ParallelFor(0, size(), kAtATime, [&](int begin, int end) {
-      for (int i = begin; i < end; ++i) work(i);
+      for (int i = begin; i < end && !gil.IsInterrupted(); ++i) work(i);
     });
   });
+  return !gil.IsInterrupted();
 }
 
 Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences differences,
@@ -38,16 +57,18 @@ Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences di
       seeds_(differences.seeds),
       times_(differences.seeds.size(), 0),
       drawn_(static_cast<std::size_t>(count)) {
+  ReleasedGil gil;
   for (std::size_t i = 0; i < drawn_.size(); ++i) {
     drawn_[i].start = VectorX::Zero(static_cast<Eigen::Index>(ranges_.start.size()));
     if (!seeds_.empty()) drawn_[i] = Draw(ranges_, seeds_[i]);
     TakeGiven(differences, i, drawn_[i].factors);
   }
   std::vector<std::optional<Expected<Simulation>>> made(drawn_.size());
-  OnThreads([&](int i) {
+  OnThreads(gil, [&](int i) {
     const auto at = static_cast<std::size_t>(i);
     made[at] = starts_.Begin(drawn_[at]);
   });
+  gil.ThrowIfInterrupted();
   simulations_.reserve(made.size());
   for (auto& m : made) simulations_.push_back(Take(std::move(*m), model_->origin()));
   control_names_ = simulations_.front().control_names();
@@ -59,25 +80,34 @@ BatchReport Batch::Step(const double* controls, int steps) {
   BatchReport all{std::vector<int>(count), std::vector<double>(count), std::vector<double>(count),
                   std::vector<int>(count), std::vector<char>(count)};
   const auto start = std::chrono::steady_clock::now();
-  const std::lock_guard lock(mutex_);
-  OnThreads([&](int i) {
-    const auto at = static_cast<std::size_t>(i);
-    Simulation& simulation = simulations_[at];
-    if (controls) simulation.SetControls(Eigen::Map<const VectorX>(controls + i * width, width));
-    StepsReport report;
-    for (int n = 0; n < steps && report.finite; ++n) report.Add(simulation.Step());
-    all.contacts[at] = report.contacts;
-    all.max_penetration[at] = report.max_penetration;
-    all.residual[at] = report.residual;
-    all.unconverged[at] = report.unconverged;
-    all.finite[at] = report.finite;
+  ReleasedGil gil;
+  InTurn([&] {
+    OnThreads(gil, [&](int i) {
+      const auto at = static_cast<std::size_t>(i);
+      Simulation& simulation = simulations_[at];
+      if (controls) simulation.SetControls(Eigen::Map<const VectorX>(controls + i * width, width));
+      StepsReport report;
+      for (int n = 0; n < steps && report.finite && !gil.IsInterrupted(); ++n) report.Add(simulation.Step());
+      all.contacts[at] = report.contacts;
+      all.max_penetration[at] = report.max_penetration;
+      all.residual[at] = report.residual;
+      all.unconverged[at] = report.unconverged;
+      all.finite[at] = report.finite;
+    });
   });
+  gil.ThrowIfInterrupted();
   all.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return all;
 }
 
 void Batch::Reset(const std::vector<char>& mask, const MemberDifferences& differences) {
-  const std::lock_guard lock(mutex_);
+  ReleasedGil gil;
+  InTurn([&] { ResetInTurn(gil, mask, differences); });
+  gil.ThrowIfInterrupted();
+}
+
+void Batch::ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask,
+                        const MemberDifferences& differences) {
   std::vector<std::uint64_t> seeds = seeds_, times = times_;
   std::vector<Drawn> drawn = drawn_;
   for (std::size_t i = 0; i < drawn.size(); ++i) {
@@ -90,10 +120,11 @@ void Batch::Reset(const std::vector<char>& mask, const MemberDifferences& differ
     TakeGiven(differences, i, drawn[i].factors);
   }
   std::vector<std::optional<Expected<Simulation>>> made(drawn.size());
-  OnThreads([&](int i) {
+  const bool all_made = OnThreads(gil, [&](int i) {
     const auto at = static_cast<std::size_t>(i);
     if (mask[at]) made[at] = starts_.Begin(drawn[at]);
   });
+  if (!all_made) return;
   // All or none: a scene that cannot be begun leaves everything as it was.
   for (const auto& m : made)
     if (m && !*m) throw Refused{m->error()};
@@ -105,8 +136,9 @@ void Batch::Reset(const std::vector<char>& mask, const MemberDifferences& differ
 }
 
 void Batch::ForAll(const std::function<void(int, const Simulation&)>& f) const {
-  const std::lock_guard lock(mutex_);
-  OnThreads([&](int i) { f(i, simulations_[static_cast<std::size_t>(i)]); });
+  ReleasedGil gil;
+  InTurn([&] { OnThreads(gil, [&](int i) { f(i, simulations_[static_cast<std::size_t>(i)]); }); });
+  gil.ThrowIfInterrupted();
 }
 
 }  // namespace fork1s::python

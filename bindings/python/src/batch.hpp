@@ -1,13 +1,16 @@
 // Many simulations of one model, stepped together on threads.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <fork1s/sim/draw.hpp>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <thread>
 #include <vector>
 
+#include "released_gil.hpp"
 #include "runner.hpp"
 
 namespace fork1s::python {
@@ -29,6 +32,9 @@ struct MemberDifferences {
 };
 
 /// The members never share anything that moves, so results do not depend on the number of threads.
+///
+/// Methods that work on the members release the GIL before they lock them, and end within 0.1 s of a signal
+/// whose handler raises, or after the step at hand of a member if that is longer; they throw what it raised.
 class Batch {
  public:
   /// threads: 0 for all cores. A factor that is given counts in place of the one that is drawn. Throws
@@ -44,7 +50,8 @@ class Batch {
   const std::vector<std::uint64_t>& seeds() const { return seeds_; }
   const std::vector<std::string>& control_names() const { return control_names_; }
 
-  /// controls: size() rows of control_names(), or null: as they are.
+  /// controls: size() rows of control_names(), or null: as they are. A call that a signal ends leaves members
+  /// that have made different numbers of these steps.
   BatchReport Step(const double* controls, int steps);
   /// Simulations whose entry of `mask` is set begin anew: with what their seed draws next, or, where seeds
   /// are given, draws first. Without any seed they keep their factors, but for those that are given.
@@ -53,7 +60,10 @@ class Batch {
   void ForAll(const std::function<void(int, const Simulation&)>& f) const;
 
  private:
-  void OnThreads(const std::function<void(int)>& work) const;
+  template <class Work>
+  void InTurn(const Work& work) const;
+  void ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask, const MemberDifferences& differences);
+  bool OnThreads(ReleasedGil& gil, const std::function<void(int)>& work) const;
 
   std::shared_ptr<const Model> model_;
   int threads_ = 0;
@@ -63,6 +73,7 @@ class Batch {
   std::vector<Drawn> drawn_;
   std::vector<std::string> control_names_;
   mutable std::mutex mutex_;
+  mutable std::atomic<std::thread::id> thread_at_work_;  // that holds mutex_
   std::vector<Simulation> simulations_;
 };
 

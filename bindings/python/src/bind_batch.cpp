@@ -119,11 +119,7 @@ Array Gather(const Batch& batch, std::initializer_list<std::size_t> shape, F&& f
   std::size_t width = 1;
   for (auto at = shape.begin() + 1; at < shape.end(); ++at) width *= *at;
   std::vector<double> rows(static_cast<std::size_t>(batch.size()) * width);
-  {
-    const nb::gil_scoped_release others_run;
-    batch.ForAll(
-        [&](int i, const Simulation& s) { f(s, rows.data() + static_cast<std::size_t>(i) * width); });
-  }
+  batch.ForAll([&](int i, const Simulation& s) { f(s, rows.data() + static_cast<std::size_t>(i) * width); });
   return Own(std::move(rows), shape);
 }
 
@@ -204,7 +200,6 @@ BatchReport Step(Batch& batch, const nb::object& controls, int steps) {
     for (std::size_t i = 0; i < rows->size(); ++i)
       if (!std::isfinite(rows->data()[i])) throw nb::value_error("controls must be finite");
   }
-  const nb::gil_scoped_release others_run;
   return batch.Step(data, steps);
 }
 
@@ -219,7 +214,6 @@ void Reset(Batch& batch, const nb::object& mask, const nb::object& seeds, const 
   if (!seeds.is_none() && batch.seeds().empty())
     throw Refused{{ErrorCode::kUsage, "reset", "this batch was made without seeds; make it with seeds="}};
   const MemberDifferences differences = ReadDifferences(count, seeds, stiffness, friction, mass);
-  const nb::gil_scoped_release others_run;
   batch.Reset(chosen, differences);
 }
 
@@ -326,14 +320,13 @@ void BindBatch(nb::module_& m) {
             auto differences =
                 ReadDifferences(static_cast<std::size_t>(count), seeds, stiffness, friction, mass);
             if (!seeds.is_none()) differences.ranges = ReadRanges(randomise);
-            const nb::gil_scoped_release others_run;
             new (self) Batch(model, count, std::move(differences), options, threads);
           },
           nb::arg("model"), nb::arg("count"), nb::kw_only(), nb::arg("threads") = 0,
           nb::arg("seeds") = nb::none(), nb::arg("randomise") = nb::none(), nb::arg("stiffness") = nb::none(),
           nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(), nb::arg("dt") = nb::none(),
           nb::arg("keyframe") = nb::none(), nb::arg("recovery") = "exact", nb::arg("detail") = "interface",
-              nb::arg("integrator") = nb::none(),
+          nb::arg("integrator") = nb::none(),
           nb::sig(
               "def __init__(self, model: Model, count: int, *, threads: int = 0, seeds: "
               "numpy.typing.ArrayLike | None = None, randomise: collections.abc.Mapping[str, tuple[float, "
@@ -345,7 +338,7 @@ void BindBatch(nb::module_& m) {
            "Advances all by `steps` time steps. controls: (n, c), or (c,) for all, in the order of "
            "`controls`; they "
            "hold until changed, and None leaves them. A simulation that stops being finite stays where it "
-           "was.",
+           "was. Ctrl-C ends the call after the steps at hand; members may then differ in `time`.",
            nb::sig("def step(self, controls: numpy.typing.ArrayLike | None = None, steps: int = 1) -> "
                    "BatchReport"))
       .def(

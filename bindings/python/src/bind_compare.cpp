@@ -12,6 +12,7 @@
 #include "bind.hpp"
 #include "errors.hpp"
 #include "model.hpp"
+#include "released_gil.hpp"
 #include "words.hpp"
 
 namespace fork1s::python {
@@ -68,7 +69,10 @@ Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::st
         *full_integrator == "two-stages" ? FullIntegrator::kTwoStages : FullIntegrator::kEuler;
   }
   options.model_path = model->file();
-  const nb::gil_scoped_release others_run;
+  ReleasedGil gil;
+  options.progress = [&](double) {
+    if (gil.IsInterrupted()) gil.ThrowIfInterrupted();
+  };
   return Take(Compare(model->imported(), options), model->origin());
 }
 

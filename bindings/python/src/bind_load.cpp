@@ -14,6 +14,7 @@
 #include "bind.hpp"
 #include "errors.hpp"
 #include "model.hpp"
+#include "released_gil.hpp"
 
 namespace fork1s::python {
 namespace {
@@ -74,7 +75,7 @@ void BindLoad(nb::module_& m) {
       "load_file",
       [](const std::string& path, const nb::dict& given) {
         const ImportOptions options = ReadOptions(given);
-        const nb::gil_scoped_release others_run;
+        const ReleasedGil others_run;
         Expected<ImportedScene> imported = LoadMechanism(path, options);
         const bool runs = imported && imported->report.format == "MJCF" && AsFileSays(options);
         return Model::Create(std::move(imported), path, runs ? path : "");
@@ -84,7 +85,7 @@ void BindLoad(nb::module_& m) {
       "load_text",
       [](const std::string& text, const std::string& name, const nb::dict& given) {
         const ImportOptions options = ReadOptions(given);
-        const nb::gil_scoped_release others_run;
+        const ReleasedGil others_run;
         return Model::Create(LoadMechanismFromString(text, name, options), name, "");
       },
       nb::arg("text"), nb::arg("name"), nb::arg("options"));

@@ -72,7 +72,7 @@ void BindShow(nb::module_& m) {
       "replay_page",
       [](const std::string& path) {
         if (app::ViewerPage().empty()) throw Refused{app::NoPage()};
-        const nb::gil_scoped_release others_run;
+        const ReleasedGil others_run;
         const Recording recording = Take(Recording::Open(path), path);
         return ReplayPage(app::ViewerPage(), Take(EncodeRecording(recording, recording.scene().name), path));
       },
@@ -83,11 +83,7 @@ void BindShow(nb::module_& m) {
       .def_prop_ro("viewers", &Page::NumViewers)
       .def("close", &Page::Close);
   m.def(
-      "show",
-      [](const std::shared_ptr<Runner>& runner, int port) {
-        const nb::gil_scoped_release others_run;
-        return Open(*runner, port).release();
-      },
+      "show", [](const std::shared_ptr<Runner>& runner, int port) { return Open(*runner, port).release(); },
       nb::arg("simulation"), nb::arg("port"), nb::rv_policy::take_ownership);
 }
 

@@ -37,7 +37,6 @@ StepsReport StepMany(Runner& runner, int steps) {
 
 void SetDetail(Runner& runner, const std::optional<std::string>& level, const std::optional<int>& modes,
                const std::optional<std::string>& recovery) {
-  const nb::gil_scoped_release others_run;
   runner.With([&](Simulation& s) {
     Fidelity fidelity = s.fidelity();
     if (level) fidelity.level = ReadDetail(*level);
@@ -89,8 +88,9 @@ state of the file. recovery: 'exact', 'curved' or 'twist', how poses follow from
 default 'theta' where a mechanism moves slowly enough for the step to follow, else 'euler'.
 
 All quantities are in the world frame and in m, kg, s, rad, N unless a line says otherwise. Arrays that it returns are
-those of the moment, and the caller's own. `step` lets other Python threads run; several may hold one simulation, and
-who asks it while it steps waits.
+those of the moment, and the caller's own. Several Python threads may use one simulation: all calls let other threads
+run, and a call made while another thread is in `step` takes effect between two steps. Ctrl-C ends `step` after the step
+at hand.
 
 Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameError.)")
           .def(
@@ -99,7 +99,7 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
                  const std::optional<std::string>& keyframe, const std::string& recovery,
                  const std::string& detail, const std::optional<std::string>& integrator) {
                 const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail, integrator);
-                const nb::gil_scoped_release others_run;
+                const ReleasedGil others_run;
                 new (self) Runner(model, options);
               },
               nb::arg("model"), nb::kw_only(), nb::arg("dt") = nb::none(), nb::arg("keyframe") = nb::none(),
@@ -135,7 +135,7 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "controls", [](const RunnerPtr& r) { return Controls{r}; }, "Set-points by name (`Controls`).")
           .def_prop_rw(
               "control_values",
-              [](Runner& r) { return r.With([](Simulation& s) { return OwnVector(s.controls()); }); },
+              [](Runner& r) { return OwnVector(r.With([](Simulation& s) { return s.controls(); })); },
               [](Runner& r, const nb::object& values) {
                 const std::size_t count = r.With([](Simulation& s) { return s.control_names().size(); });
                 const VectorX read = ReadVector(values, count, "control_values");
@@ -155,10 +155,10 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "bodies", [](const Runner& r) { return r.model()->BodyNames(); },
               "Names, in the order of `poses`.")
           .def_prop_ro(
-              "poses", [](Runner& r) { return r.With(Poses); },
+              "poses", [](Runner& r) { return Own(r.With(Poses)); },
               "(b, 7) of every body: position of its origin [m], unit quaternion w x y z with w >= 0.", kOwn)
           .def_prop_ro(
-              "velocities", [](Runner& r) { return r.With(Velocities); },
+              "velocities", [](Runner& r) { return Own(r.With(Velocities)); },
               "(b, 6) of every body: angular velocity [rad/s], velocity of its origin [m/s].", kOwn)
           .def(
               "pose",
@@ -168,19 +168,20 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               },
               nb::arg("body"), "(4, 4) homogeneous pose of a body. Raises UnknownNameError.")
           .def_prop_ro(
-              "qpos", [](Runner& r) { return r.With(JointCoordinates); },
+              "qpos", [](Runner& r) { return ToArray(r.With(JointCoordinates)); },
               "(n,) joint displacements of all mechanisms from the file's reference pose, rad or m; a base "
               "that "
               "moves and free bodies stand in `poses`.",
               kOwn)
           .def_prop_ro(
-              "qvel", [](Runner& r) { return r.With(JointRates); }, "(n,) their rates, rad/s or m/s.", kOwn)
+              "qvel", [](Runner& r) { return ToArray(r.With(JointRates)); },
+              "(n,) their rates, rad/s or m/s.", kOwn)
           .def_prop_ro(
               "coordinates",
               [](Runner& r) { return r.With([](Simulation& s) { return s.CoordinateNames(); }); },
               "Names of the n joint coordinates.")
           .def_prop_ro(
-              "contacts", [](Runner& r) { return r.With(Contacts); },
+              "contacts", [](Runner& r) { return ToArray(r.With(Contacts)); },
               "Structured array of the contacts that bear force: `fork1s.CONTACT` has the fields.",
               nb::sig("def contacts(self) -> numpy.typing.NDArray[numpy.void]"))
           .def_prop_ro(

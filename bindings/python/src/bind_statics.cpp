@@ -10,6 +10,7 @@
 #include "bind.hpp"
 #include "errors.hpp"
 #include "model.hpp"
+#include "released_gil.hpp"
 
 namespace fork1s::python {
 namespace {
@@ -20,7 +21,7 @@ LoadedBody Statics(const std::shared_ptr<const Model>& model, const std::string&
   load.force_W = ReadOrZero(force, "force");
   load.moment_W = ReadOrZero(torque, "torque");
   const Vector3 g = gravity.is_none() ? model->scene().gravity : ReadVector3(gravity, "gravity");
-  const nb::gil_scoped_release others_run;
+  const ReleasedGil others_run;
   return Take(Deflect(model->mechanisms(), load, g), model->origin());
 }
 

@@ -1,11 +1,13 @@
 // The compiled half of the package fork1s; bindings/python/fork1s is the other.
 #include "bind.hpp"
 #include "errors.hpp"
+#include "released_gil.hpp"
 
 NB_MODULE(_core, m) {
   using namespace fork1s::python;
   m.doc() = "Compiled half of fork1s. Use the names that the package itself offers.";
   m.attr("version") = FORK1S_VERSION;
+  ReleasedGil::RegisterExit();
   BindErrors(m);
   BindModel(m);
   BindReduction(m);

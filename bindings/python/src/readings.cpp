@@ -5,12 +5,6 @@
 namespace fork1s::python {
 namespace {
 
-// One row of the structured array; fork1s/_contacts.py describes the same bytes to numpy.
-struct ContactRow {
-  std::int32_t bodies[2];
-  double point[3], normal[3], force[3], torque[3];
-  double gap, friction;
-};
 static_assert(sizeof(ContactRow) == 8 + 14 * sizeof(double));
 
 ContactRow Row(int a, int b, const Vector3& point, const Vector3& normal, const Vector3& force) {
@@ -25,44 +19,42 @@ ContactRow Row(int a, int b, const Vector3& point, const Vector3& normal, const 
 
 }  // namespace
 
-Array Poses(const Simulation& simulation) {
+Table Poses(const Simulation& simulation) {
   std::vector<RigidTransform> X_WB;
   simulation.Poses(X_WB);
   const std::size_t count = X_WB.size();
   std::vector<double> rows(7 * count);
   for (std::size_t i = 0; i < count; ++i) WritePose(X_WB[i], &rows[7 * i]);
-  return Own(std::move(rows), {count, 7});
+  return {std::move(rows), count, 7};
 }
 
-Array Velocities(const Simulation& simulation) {
+Table Velocities(const Simulation& simulation) {
   const std::size_t count = simulation.bodies().size();
   std::vector<double> rows(6 * count);
   for (std::size_t i = 0; i < count; ++i) {
     const Vector6 V = simulation.Velocity(static_cast<int>(i));
     std::copy(V.data(), V.data() + 6, &rows[6 * i]);
   }
-  return Own(std::move(rows), {count, 6});
+  return {std::move(rows), count, 6};
 }
 
-Array JointCoordinates(const Simulation& simulation) {
+std::vector<double> JointCoordinates(const Simulation& simulation) {
   std::vector<double> all;
   for (std::size_t i = 0; i < simulation.scene().mechanisms.size(); ++i) {
     const VectorX q = simulation.JointCoordinates(static_cast<int>(i));
     all.insert(all.end(), q.data(), q.data() + q.size());
   }
-  const std::size_t count = all.size();
-  return Own(std::move(all), {count});
+  return all;
 }
 
-Array JointRates(const Simulation& simulation) {
+std::vector<double> JointRates(const Simulation& simulation) {
   std::vector<double> all;
   for (const auto& m : simulation.State().mechanisms)
     all.insert(all.end(), m.q_dot.data(), m.q_dot.data() + m.q_dot.size());
-  const std::size_t count = all.size();
-  return Own(std::move(all), {count});
+  return all;
 }
 
-nb::object Contacts(const Simulation& simulation) {
+std::vector<ContactRow> Contacts(const Simulation& simulation) {
   std::vector<ContactRow> rows;
   for (const BodyContact& c : fork1s::Contacts(simulation)) {
     ContactRow& row = rows.emplace_back(Row(c.body_a, c.body_b, c.point_W, c.normal_W, c.force_W));
@@ -70,6 +62,10 @@ nb::object Contacts(const Simulation& simulation) {
     row.gap = c.gap;
     row.friction = c.friction;
   }
+  return rows;
+}
+
+nb::object ToArray(std::vector<ContactRow> rows) {
   const std::size_t bytes = rows.size() * sizeof(ContactRow);
   auto* kept = new std::vector<ContactRow>(std::move(rows));
   nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<ContactRow>*>(p); });

@@ -1,4 +1,4 @@
-// What a simulation shows of itself, as arrays.
+// What a simulation shows of itself, as plain numbers: no function but ToArray needs the GIL.
 #pragma once
 
 #include <fork1s/sim/simulation.hpp>
@@ -7,14 +7,23 @@
 
 namespace fork1s::python {
 
+/// One row of the structured array fork1s.CONTACT; fork1s/_contacts.py describes the same bytes to numpy.
+struct ContactRow {
+  std::int32_t bodies[2];
+  double point[3], normal[3], force[3], torque[3];  // world axes; m, N, N·m
+  double gap, friction;                             // m
+};
+
 /// (b, 7) position and quaternion.
-Array Poses(const Simulation& simulation);
+Table Poses(const Simulation& simulation);
 /// (b, 6) angular first.
-Array Velocities(const Simulation& simulation);
+Table Velocities(const Simulation& simulation);
 /// (n,) of all mechanisms.
-Array JointCoordinates(const Simulation& simulation);
-Array JointRates(const Simulation& simulation);
+std::vector<double> JointCoordinates(const Simulation& simulation);
+std::vector<double> JointRates(const Simulation& simulation);
+std::vector<ContactRow> Contacts(const Simulation& simulation);
+
 /// Structured array of fork1s.CONTACT.
-nb::object Contacts(const Simulation& simulation);
+nb::object ToArray(std::vector<ContactRow> rows);
 
 }  // namespace fork1s::python

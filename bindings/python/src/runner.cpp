@@ -43,25 +43,30 @@ Runner::Runner(std::shared_ptr<const Model> model, const RunOptions& options)
       simulation_(Take(Simulation::Create(model_->scene(), OptionsOf(*model_, options)), model_->origin())) {}
 
 StepsReport Runner::Step(int steps) {
-  const nb::gil_scoped_release others_run;
-  const std::lock_guard lock(mutex_);
+  ReleasedGil others_run;
   StepsReport report;
+  std::vector<Push> pushes;
   std::vector<AppliedWrench> wrenches;
-  for (int i = 0; i < steps && report.finite; ++i) {
+  {
+    const std::lock_guard lock(mutex_);
+    pushes.swap(pushes_);
+  }
+  for (int i = 0; i < steps && report.finite && !others_run.IsInterrupted(); ++i) {
+    const std::lock_guard lock(mutex_);
     wrenches.clear();
-    for (const Push& p : pushes_)
+    for (const Push& p : pushes)
       wrenches.push_back({p.body, p.force_W, p.moment_W, simulation_.Pose(p.body) * p.point_B});
     ApplyWrenches(wrenches, simulation_);
     const StepReport step = simulation_.Step();
     report.Add(step);
     if (recorder_) Take(recorder_->Append(simulation_, step, wrenches), recording_);
   }
-  pushes_.clear();
+  others_run.ThrowIfInterrupted();
   return report;
 }
 
 void Runner::SetState(KeyframeDef state) {
-  const nb::gil_scoped_release others_run;
+  const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("set_state");
   Scene scene = simulation_.scene();
@@ -91,7 +96,7 @@ void Runner::RefuseWhileRecording(const char* what) const {
 }
 
 void Runner::Record(const std::string& path) {
-  const nb::gil_scoped_release others_run;
+  const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("record");
   recorder_ = Take(Recorder::Create(path, simulation_), path);
@@ -99,7 +104,7 @@ void Runner::Record(const std::string& path) {
 }
 
 void Runner::StopRecording() {
-  const nb::gil_scoped_release others_run;
+  const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   if (!recorder_) return;
   auto finished = recorder_->Finish();
@@ -108,13 +113,14 @@ void Runner::StopRecording() {
 }
 
 std::string Runner::FlushRecording() {
-  const nb::gil_scoped_release others_run;
+  const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   if (recorder_) Take(recorder_->Flush(), recording_);
   return recording_;
 }
 
 void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
+  const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("set_stiffness");
   Scene scene = model_->SetStiffnesses(simulation_.scene(), stiffness);
@@ -123,18 +129,20 @@ void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
 }
 
 std::optional<BodyHit> Runner::Ray(const Vector3& origin, const Vector3& direction, double reach) {
+  const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   if (!rays_) rays_ = Take(RayCaster::Create(simulation_), model_->origin());
   return rays_->Cast(simulation_, origin, direction, reach);
 }
 
 Runner::Snapshot Runner::Save() {
+  const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   return {simulation_.Save(), time_before_, pushes_};
 }
 
 void Runner::Restore(const Snapshot& snapshot) {
-  const nb::gil_scoped_release others_run;
+  const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("restore");
   Take(simulation_.Restore(snapshot.simulation), model_->origin());
@@ -143,11 +151,13 @@ void Runner::Restore(const Snapshot& snapshot) {
 }
 
 double Runner::Time() {
+  const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   return time_before_ + simulation_.time();
 }
 
 void Runner::AddPush(const Push& push) {
+  const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   pushes_.push_back(push);
 }

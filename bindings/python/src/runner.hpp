@@ -6,12 +6,12 @@
 #include <fork1s/sim/simulation.hpp>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "model.hpp"
+#include "released_gil.hpp"
 
 namespace fork1s::python {
 
@@ -47,13 +47,17 @@ struct Push {
 /// Options that a simulation of this model is made with. Throws Refused.
 SimulationOptions OptionsOf(const Model& model, const RunOptions& options);
 
-/// Every access takes the lock, Step for the whole of its steps and without Python's lock: other threads run,
-/// and who asks the same simulation meanwhile waits.
+/// Every method may be called by any Python thread that holds the GIL. It releases the GIL before it locks
+/// the simulation, so no thread waits for the simulation with the GIL in its hands, and no Python object is
+/// made under the lock. `Step` locks each step by itself: calls of other threads take effect between two
+/// steps.
 class Runner {
  public:
   Runner(std::shared_ptr<const Model> model, const RunOptions& options);
 
   const std::shared_ptr<const Model>& model() const { return model_; }
+  /// Pushes act through all of these steps. Throws nb::python_error within 0.1 s, or one step if that is
+  /// longer, of a signal whose handler raises; the state is then that after the last step made.
   StepsReport Step(int steps);
   /// Goes on from this state instead, with the same controls; poses of driven bases count from there anew.
   void SetState(KeyframeDef state);
@@ -80,9 +84,11 @@ class Runner {
   /// Throws Refused where it is of another scene.
   void Restore(const Snapshot& snapshot);
 
-  /// f(simulation) under the lock.
+  /// f(simulation) under the lock and without the GIL: f makes no Python object.
   template <class F>
   auto With(F&& f) {
+    static_assert(!std::is_base_of_v<nb::handle, std::invoke_result_t<F, Simulation&>>);
+    const ReleasedGil others_run;
     const std::lock_guard lock(mutex_);
     return f(simulation_);
   }
@@ -92,7 +98,7 @@ class Runner {
 
  private:
   std::shared_ptr<const Model> model_;
-  std::mutex mutex_;
+  FairMutex mutex_;
   Simulation simulation_;
   std::optional<RayCaster> rays_;  // when first asked for
   std::optional<Recorder> recorder_;
