@@ -2,8 +2,10 @@
 
 #include <cstring>
 #include <fork1s/base/compiler_lock.hpp>
+#include <map>
 #include <mutex>
 #include <stdexcept>
+#include <tuple>
 
 #include "pair_routines.hpp"
 
@@ -75,7 +77,58 @@ ModelPointer TryCompile(const ModelText& text, bool with_triangles, std::string&
   }
 }
 
+/// What a compiled model depends on.
+struct SharedKey {
+  std::string xml;
+  std::vector<std::shared_ptr<const TriangleMesh>> meshes;
+  std::vector<std::shared_ptr<const HeightGrid>> grids;
+  bool multi_point = true;
+
+  bool operator<(const SharedKey& o) const {
+    return std::tie(xml, meshes, grids, multi_point) < std::tie(o.xml, o.meshes, o.grids, o.multi_point);
+  }
+};
+
+/// Models in use. A key holds its meshes, so that no other mesh comes to lie where one of them does.
+class SharedModels {
+ public:
+  std::shared_ptr<const mjModel> Find(const SharedKey& key) {
+    const std::lock_guard lock(mutex_);
+    const auto at = models_.find(key);
+    return at == models_.end() ? nullptr : at->second.lock();
+  }
+  std::shared_ptr<const mjModel> Add(SharedKey key, ModelPointer model) {
+    const std::lock_guard lock(mutex_);
+    const auto at = models_.try_emplace(std::move(key)).first;
+    // Another thread may have compiled the same meanwhile.
+    if (std::shared_ptr<const mjModel> there = at->second.lock()) return there;
+    const std::shared_ptr<const mjModel> shared(model.release(), [this](mjModel* unused) {
+      mj_deleteModel(unused);
+      const std::lock_guard deleting(mutex_);
+      std::erase_if(models_, [](const auto& entry) { return entry.second.expired(); });
+    });
+    at->second = shared;
+    return shared;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::map<SharedKey, std::weak_ptr<const mjModel>> models_;
+};
+
 }  // namespace
+
+Expected<std::shared_ptr<const mjModel>> CompileShared(const ModelText& text,
+                                                       const std::vector<CollisionBodyDef>& bodies,
+                                                       bool multi_point) {
+  static SharedModels& models = *new SharedModels;  // for worlds that outlive static objects
+  SharedKey key{text.xml, text.meshes, text.grids, multi_point};
+  if (auto found = models.Find(key)) return found;
+  Expected<ModelPointer> compiled = CompileModel(text, bodies);
+  if (!compiled) return tl::make_unexpected(compiled.error());
+  SetPairOptions(**compiled, multi_point);
+  return models.Add(std::move(key), std::move(*compiled));
+}
 
 void CatchMujocoErrors() {
   static std::mutex mutex;

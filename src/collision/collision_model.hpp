@@ -4,6 +4,7 @@
 #include <mujoco/mujoco.h>
 
 #include <memory>
+#include <vector>
 
 #include "model_text.hpp"
 
@@ -23,5 +24,11 @@ void CatchMujocoErrors();
 
 /// Compiles the text. Errors: kModel, naming the geometry that MuJoCo refuses.
 Expected<ModelPointer> CompileModel(const ModelText& text, const std::vector<CollisionBodyDef>& bodies);
+
+/// As CompileModel, with SetPairOptions. Worlds of the same shapes at the same time share one model: `text`
+/// is the same to the letter and names the same meshes and grids in memory.
+Expected<std::shared_ptr<const mjModel>> CompileShared(const ModelText& text,
+                                                       const std::vector<CollisionBodyDef>& bodies,
+                                                       bool multi_point);
 
 }  // namespace fork1s::internal

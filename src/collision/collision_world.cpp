@@ -10,23 +10,14 @@
 // MuJoCo as a detector only: its model has one free body per moving collision body, and of their geoms we write the
 // poses. PairSearch finds the pairs that are near and asks MuJoCo pair by pair.
 namespace fork1s {
-namespace {
-
-void WriteGeomPose(mjData* data, int id, const RigidTransform& X_WM) {
-  Eigen::Map<Vector3>(data->geom_xpos + 3 * id) = X_WM.translation();
-  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(data->geom_xmat + 9 * id) = X_WM.rotation();
-}
-
-}  // namespace
-
 struct CollisionWorld::Detail {
   struct PosedGeom {
     int id = -1;          // MuJoCo's geom
     RigidTransform X_BM;  // frame of MuJoCo's geom in the body; a mesh's sits at its centre of volume
   };
 
-  internal::ModelPointer model;
-  internal::DataPointer data;
+  std::shared_ptr<const mjModel> model;
+  internal::GeomPoses poses;
   std::vector<internal::CollisionGeom> geoms;  // by MuJoCo's geom id
   std::vector<PosedGeom> posed;                // geoms of moving bodies, body by body
   std::vector<int> first_posed;                // body -> first in `posed`; one more at the end
@@ -75,18 +66,16 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
   }
   Expected<internal::ModelText> text = internal::WriteModelText(bodies, excluded, options);
   if (!text) return tl::make_unexpected(text.error());
-  Expected<internal::ModelPointer> compiled = internal::CompileModel(*text, bodies);
+  Expected<std::shared_ptr<const mjModel>> compiled =
+      internal::CompileShared(*text, bodies, options.multi_point);
   if (!compiled) return tl::make_unexpected(compiled.error());
 
   CollisionWorld world;
   world.detail_ = std::make_unique<Detail>();
   Detail& detail = *world.detail_;
   detail.model = std::move(*compiled);
-  mjModel* m = detail.model.get();
-  internal::SetPairOptions(*m, options.multi_point);
-  detail.data.reset(mj_makeData(m));
-  if (!detail.data) return Fail(ErrorCode::kModel, "collision model", "not enough memory");
-  mj_kinematics(m, detail.data.get());  // of what never moves
+  const mjModel* m = detail.model.get();
+  detail.poses = internal::GeomPoses(m->ngeom);
 
   for (const auto& [a, b] : excluded) detail.excluded.emplace_back(std::minmax(a, b));
   std::sort(detail.excluded.begin(), detail.excluded.end());
@@ -106,7 +95,7 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
     if (bodies[static_cast<std::size_t>(geom.body)].moves) {
       by_body[static_cast<std::size_t>(geom.body)].push_back({id, X_BM});
     } else {
-      WriteGeomPose(detail.data.get(), id, X_BM);
+      detail.poses.Set(id, X_BM);
     }
   }
   for (std::size_t b = 0; b < bodies.size(); ++b) {
@@ -116,8 +105,8 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
   }
   detail.first_posed.push_back(static_cast<int>(detail.posed.size()));
   detail.may_touch = detail.AnyPair([](int, int) { return true; });
-  detail.search =
-      std::make_unique<internal::PairSearch>(*m, *detail.data, detail.geoms, detail.moves, detail.excluded);
+  detail.search = std::make_unique<internal::PairSearch>(detail.model, detail.poses, detail.geoms,
+                                                         detail.moves, detail.excluded);
   world.SetMargin(options.margin);
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     if (bodies[b].moves) world.SetPose(static_cast<int>(b), bodies[b].X_WB);
@@ -132,7 +121,7 @@ void CollisionWorld::SetPose(int body, const RigidTransform& X_WB) {
   FORK1S_REQUIRE(detail.moves[b], body);
   for (int k = detail.first_posed[b]; k < detail.first_posed[b + 1]; ++k) {
     const Detail::PosedGeom& geom = detail.posed[static_cast<std::size_t>(k)];
-    WriteGeomPose(detail.data.get(), geom.id, X_WB * geom.X_BM);
+    detail.poses.Set(geom.id, X_WB * geom.X_BM);
     detail.search->Moved(geom.id);
   }
 }

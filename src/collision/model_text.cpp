@@ -24,7 +24,7 @@ std::string PoseText(const RigidTransform& X) {
 }
 
 template <class T>
-int IndexIn(std::vector<const T*>& list, const T* item) {
+int IndexIn(std::vector<std::shared_ptr<const T>>& list, const std::shared_ptr<const T>& item) {
   const auto found = std::find(list.begin(), list.end(), item);
   if (found != list.end()) return static_cast<int>(found - list.begin());
   list.push_back(item);
@@ -101,7 +101,7 @@ struct ShapeWriter {
       if (t.minCoeff() < 0 || t.maxCoeff() >= count)
         problem = "a triangle refers to a vertex that is missing";
     }
-    geom.mesh = IndexIn(model.meshes, s.mesh.get());
+    geom.mesh = IndexIn(model.meshes, s.mesh);
     return Text(" type=\"mesh\" mesh=\"m", geom.mesh, "\"");
   }
   std::string operator()(const HeightField& s) {
@@ -121,7 +121,7 @@ struct ShapeWriter {
     for (float value : grid.values) {
       if (!std::isfinite(value) || value < 0 || value > 1) problem = "heights must be in [0, 1]";
     }
-    geom.grid = IndexIn(model.grids, s.grid.get());
+    geom.grid = IndexIn(model.grids, s.grid);
     return Text(" type=\"hfield\" hfield=\"h", geom.grid, "\"");
   }
 };
@@ -245,10 +245,10 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
   for (std::size_t k = 0; k < model.grids.size(); ++k) {
     asset += GridText(*model.grids[k], static_cast<int>(k));
   }
-  // Room for contacts, broad-phase pairs and boxes, a height field's columns, and the search of a pair, which
-  // takes 480 kB at the most steps that it is allowed (pair_routines.cpp).
+  // Bytes for what MuJoCo's compiler computes of the bodies; pairs are searched in scratch of ours
+  // (pair_search.cpp).
   const std::size_t n = bodies.size() + 2;
-  const std::size_t bytes = (3u << 19) + 16 * n * n + 64000 * model.geoms.size();
+  const std::size_t bytes = (1u << 20) + 16 * n * n + 64000 * model.geoms.size();
   model.xml = Text("<mujoco model=\"", kCollisionModelName,
                    "\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<size memory=\"", bytes,
                    "\"/>\n<asset>\n", asset, "</asset>\n<worldbody>\n", world, moving,

@@ -3,6 +3,7 @@
 
 #include <fork1s/collision/collision_world.hpp>
 #include <locale>
+#include <memory>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -37,8 +38,8 @@ struct CollisionGeom {
 struct ModelText {
   std::string xml;
   std::vector<CollisionGeom> geoms;         // geom k is called "g<k>"
-  std::vector<const TriangleMesh*> meshes;  // mesh k is "m<k>.msh"
-  std::vector<const HeightGrid*> grids;     // hfield k is "h<k>"
+  std::vector<std::shared_ptr<const TriangleMesh>> meshes;  // mesh k is "m<k>.msh"
+  std::vector<std::shared_ptr<const HeightGrid>> grids;     // hfield k is "h<k>"
 };
 
 /// Errors: kModel, naming the geometry whose shape makes no sense. kUsage: an excluded pair out of range.

@@ -11,29 +11,28 @@
 namespace fork1s::internal {
 namespace {
 
-constexpr int kMoversABench = 128;  // some 10 us
-constexpr int kPairsABench = 64;    // some 30 us
-constexpr int kMostBenches = 32;
+constexpr int kMoversPerRange = 128;  // some 10 us
+constexpr int kPairsPerRange = 64;    // some 30 us
+constexpr int kMaxRanges = 32;
 
 // Ranges of as much work as is worth a thread; as many for any number of threads.
-int NumBenches(std::size_t items, int a_bench) {
-  return std::clamp(static_cast<int>(items) / a_bench, 1, kMostBenches);
+int NumRanges(std::size_t items, int per_range) {
+  return std::clamp(static_cast<int>(items) / per_range, 1, kMaxRanges);
 }
 
 template <class Act>
-void ForBenches(int count, const Act& act) {
+void ForRanges(int count, const Act& act) {
   ParallelFor(0, count, 1, [&act](int begin, int end) {
     for (int k = begin; k < end; ++k) act(k);
   });
 }
 
-AxisBox BoxOf(const mjModel& m, const mjData& d, int geom) {
-  const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(d.geom_xmat + 9 * geom);
-  const Eigen::Map<const Vector3> p(d.geom_xpos + 3 * geom), middle(m.geom_aabb + 6 * geom),
-      half(m.geom_aabb + 6 * geom + 3);
+AxisBox BoxOf(const mjModel& m, const GeomPoses& poses, int geom) {
+  const Eigen::Map<const Vector3> middle(m.geom_aabb + 6 * geom), half(m.geom_aabb + 6 * geom + 3);
+  const Vector3 p = poses.p(geom);
   // The sphere about its middle is sometimes the smaller.
   const double radius = m.geom_rbound[geom];
-  const Vector3 at = p + R * middle, reach = R.cwiseAbs() * half;
+  const Vector3 at = p + poses.R(geom) * middle, reach = poses.R(geom).cwiseAbs() * half;
   return {(at - reach).cwiseMax((p.array() - radius).matrix()),
           (at + reach).cwiseMin((p.array() + radius).matrix())};
 }
@@ -60,33 +59,61 @@ Matrix3 FrameOf(const mjPreContact& c) {
 
 }  // namespace
 
-// Copies of the model and the data for one thread at a time: routines switch options of the first, and take
-// scratch from the second.
-struct PairSearch::Bench {
-  Bench(const mjModel& m, const mjData& d) : model(m), data(d), scratch(mju_malloc(kScratch), mju_free) {
-    data.arena = scratch.get();
-    data.narena = kScratch;
-    data.pstack = data.pbase = data.parena = 0;
-    data.threadpool = 0;
+// What one thread searches pairs with.
+struct PairScratch {
+  PairScratch() : memory(mju_malloc(kMemory), mju_free) {
+    data.arena = memory.get();
+    data.narena = kMemory;
+    contacts.reserve(4 * kPairsPerRange);
+    pairs.reserve(4 * kMoversPerRange);
   }
   // A search takes 480 kB at the most steps that it is allowed (pair_routines.cpp).
-  static constexpr std::size_t kScratch = std::size_t{1} << 21;
+  static constexpr std::size_t kMemory = std::size_t{1} << 21;
 
-  mjModel model;
-  mjData data;
-  std::unique_ptr<void, void (*)(void*)> scratch;
-  std::vector<Pair> pairs;
+  // MuJoCo's routines for pairs read nothing of an mjData but poses of geoms and memory.
+  void Begin(const std::shared_ptr<const mjModel>& at_hand, const GeomPoses& poses) {
+    if (copied.lock() != at_hand) {
+      copied = at_hand;
+      model = *at_hand;
+    }
+    data.geom_xpos = const_cast<double*>(poses.position.data());
+    data.geom_xmat = const_cast<double*>(poses.rotation.data());
+    data.pstack = data.pbase = data.parena = 0;  // an error that was thrown through MuJoCo leaves it in use
+    failed = false;
+  }
+
+  std::weak_ptr<const mjModel> copied;
+  mjModel model{};
+  mjData data{};
+  std::unique_ptr<void, void (*)(void*)> memory;
+  std::vector<PairSearch::Pair> pairs;
   std::vector<ContactPoint> contacts;
   bool failed = false;
 };
+
+namespace {
+
+ScratchPool<PairScratch>& Pool() {
+  static ScratchPool<PairScratch>& pool =
+      *new ScratchPool<PairScratch>;  // for worlds that outlive static objects
+  return pool;
+}
+
+}  // namespace
 
 bool PairSearch::Pair::operator<(const Pair& o) const {
   return std::tie(body_b, geom_a, geom_b) < std::tie(o.body_b, o.geom_a, o.geom_b);
 }
 
-PairSearch::PairSearch(const mjModel& model, const mjData& data, const std::vector<CollisionGeom>& geoms,
-                       const std::vector<bool>& moves, const std::vector<std::pair<int, int>>& excluded)
-    : model_(model), data_(data), geoms_(geoms), excluded_(excluded) {
+PairSearch::PairSearch(std::shared_ptr<const mjModel> shared_model, const GeomPoses& poses,
+                       const std::vector<CollisionGeom>& geoms, const std::vector<bool>& moves,
+                       const std::vector<std::pair<int, int>>& excluded)
+    : shared_model_(std::move(shared_model)),
+      model_(*shared_model_),
+      poses_(poses),
+      geoms_(geoms),
+      excluded_(excluded) {
+  const mjModel& model = model_;
   item_of_.assign(geoms.size(), -1);
   // More than this many have no use, and would take memory without end where all is in one place.
   most_contacts_ = 1000 + 100 * geoms.size();
@@ -96,10 +123,9 @@ PairSearch::PairSearch(const mjModel& model, const mjData& data, const std::vect
     if (mjCOLLISIONFUNC[model.geom_type[a]][model.geom_type[b]])
       named_.push_back({model.geom_bodyid[a], model.geom_bodyid[b], a, b});
   }
-  if (model.npair > 0) {
-    NeedBenches(1);
-    return;
-  }
+  Borrow(1);  // makes what is missing, and reserves
+  borrowed_.clear();
+  if (model.npair > 0) return;
   std::vector<AxisBox> still;
   for (int g = 0; g < model.ngeom; ++g) {
     const bool moving = moves[static_cast<std::size_t>(geoms[static_cast<std::size_t>(g)].body)];
@@ -110,40 +136,36 @@ PairSearch::PairSearch(const mjModel& model, const mjData& data, const std::vect
       movers_.push_back(g);
     } else {
       still_.push_back(g);
-      still.push_back(BoxOf(model, data, g));
+      still.push_back(BoxOf(model, poses_, g));
     }
   }
   boxes_.resize(movers_.size());
   for (const int g : movers_) Moved(g);
   sweep_.SetStill(std::move(still));
   first_pair_.resize(static_cast<std::size_t>(model.nbody) + 1);
-  NeedBenches(NumBenches(movers_.size(), kMoversABench));
+  Borrow(NumRanges(movers_.size(), kMoversPerRange));
+  borrowed_.clear();
 }
 
 PairSearch::~PairSearch() = default;
 
-void PairSearch::NeedBenches(int count) {
-  while (static_cast<int>(benches_.size()) < count) {
-    benches_.push_back(std::make_unique<Bench>(model_, data_));
-    benches_.back()->contacts.reserve(4 * kPairsABench);
-    benches_.back()->pairs.reserve(4 * kMoversABench);
+void PairSearch::Borrow(int count) {
+  while (static_cast<int>(borrowed_.size()) < count) {
+    borrowed_.push_back(Pool().Borrow());
+    borrowed_.back()->Begin(shared_model_, poses_);
   }
 }
 
-PairSearch::Bench& PairSearch::BenchAt(int k) { return *benches_[static_cast<std::size_t>(k)]; }
-
 void PairSearch::Moved(int geom) {
   const int item = item_of_[static_cast<std::size_t>(geom)];
-  if (item >= 0) boxes_[static_cast<std::size_t>(item)] = BoxOf(model_, data_, geom);
+  if (item >= 0) boxes_[static_cast<std::size_t>(item)] = BoxOf(model_, poses_, geom);
 }
 
 // By the sphere about each; of a plane all that is on its side.
 bool PairSearch::IsNear(int a, int b, double margin) const {
-  const Eigen::Map<const Vector3> p_a(data_.geom_xpos + 3 * a), p_b(data_.geom_xpos + 3 * b);
-  if (model_.geom_type[a] == mjGEOM_PLANE) {
-    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(data_.geom_xmat + 9 * a);
-    return !(R.col(2).dot(p_b - p_a) > margin + model_.geom_rbound[b]);
-  }
+  const Eigen::Map<const Vector3> p_a = poses_.p(a), p_b = poses_.p(b);
+  if (model_.geom_type[a] == mjGEOM_PLANE)
+    return !(poses_.R(a).col(2).dot(p_b - p_a) > margin + model_.geom_rbound[b]);
   const double reach = model_.geom_rbound[a] + model_.geom_rbound[b] + margin;
   return !((p_b - p_a).squaredNorm() > reach * reach);
 }
@@ -172,13 +194,13 @@ void PairSearch::AddPair(int a, int b, double margin, std::vector<Pair>& pairs) 
 
 void PairSearch::FindPairs(double margin) {
   sweep_.Sort(boxes_, margin);
-  const int benches = NumBenches(movers_.size(), kMoversABench);
+  const int ranges = NumRanges(movers_.size(), kMoversPerRange);
   const auto geom = [](const std::vector<int>& of, int item) { return of[static_cast<std::size_t>(item)]; };
-  for (const auto& bench : benches_) bench->pairs.clear();
-  ForBenches(benches, [&](int k) {
-    std::vector<Pair>& pairs = BenchAt(k).pairs;
-    const auto place = [&](int bench) {
-      return static_cast<std::size_t>(bench) * movers_.size() / static_cast<std::size_t>(benches);
+  ForRanges(ranges, [&](int k) {
+    std::vector<Pair>& pairs = borrowed_[static_cast<std::size_t>(k)]->pairs;
+    pairs.clear();
+    const auto place = [&](int range) {
+      return static_cast<std::size_t>(range) * movers_.size() / static_cast<std::size_t>(ranges);
     };
     sweep_.Find(
         place(k), place(k + 1),
@@ -193,25 +215,25 @@ void PairSearch::FindPairs(double margin) {
 void PairSearch::SortIn() {
   std::fill(first_pair_.begin(), first_pair_.end(), 0);
   std::size_t count = 0;
-  for (const auto& bench : benches_) {
-    for (const Pair& pair : bench->pairs) ++first_pair_[static_cast<std::size_t>(pair.body_a) + 1];
-    count += bench->pairs.size();
+  for (const auto& scratch : borrowed_) {
+    for (const Pair& pair : scratch->pairs) ++first_pair_[static_cast<std::size_t>(pair.body_a) + 1];
+    count += scratch->pairs.size();
   }
   for (std::size_t b = 1; b < first_pair_.size(); ++b) first_pair_[b] += first_pair_[b - 1];
   pairs_.resize(count);
-  for (const auto& bench : benches_)
-    for (const Pair& pair : bench->pairs)
+  for (const auto& scratch : borrowed_)
+    for (const Pair& pair : scratch->pairs)
       pairs_[static_cast<std::size_t>(first_pair_[static_cast<std::size_t>(pair.body_a)]++)] = pair;
   // Each now says where the next one begins.
   std::copy_backward(first_pair_.begin(), first_pair_.end() - 1, first_pair_.end());
   first_pair_.front() = 0;
 }
 
-void PairSearch::Collide(const Pair& pair, double margin, Bench& bench,
+void PairSearch::Collide(const Pair& pair, double margin, PairScratch& scratch,
                          std::vector<ContactPoint>& contacts) const {
   const int a = pair.geom_a, b = pair.geom_b;
   std::array<mjPreContact, mjMAXCONPAIR> found;
-  const int count = mjCOLLISIONFUNC[model_.geom_type[a]][model_.geom_type[b]](&bench.model, &bench.data,
+  const int count = mjCOLLISIONFUNC[model_.geom_type[a]][model_.geom_type[b]](&scratch.model, &scratch.data,
                                                                               found.data(), a, b, margin);
   const CollisionGeom &geom_a = geoms_[static_cast<std::size_t>(a)],
                       &geom_b = geoms_[static_cast<std::size_t>(b)];
@@ -231,11 +253,11 @@ void PairSearch::Collide(const Pair& pair, double margin, Bench& bench,
 }
 
 bool PairSearch::DetectNamed(double margin, std::vector<ContactPoint>& contacts) {
-  Bench& bench = BenchAt(0);
-  bench.data.pstack = bench.data.pbase = 0;  // an error that was thrown through MuJoCo leaves it in use
+  Borrow(1);
+  PairScratch& scratch = *borrowed_.front();
   try {
     for (const Pair& pair : named_)
-      if (IsNear(pair.geom_a, pair.geom_b, margin)) Collide(pair, margin, bench, contacts);
+      if (IsNear(pair.geom_a, pair.geom_b, margin)) Collide(pair, margin, scratch, contacts);
   } catch (...) {
     return false;
   }
@@ -243,38 +265,44 @@ bool PairSearch::DetectNamed(double margin, std::vector<ContactPoint>& contacts)
 }
 
 bool PairSearch::Detect(double margin, std::vector<ContactPoint>& contacts) {
-  if (model_.npair > 0) return DetectNamed(margin, contacts);
+  const struct Return {
+    std::vector<ScratchPool<PairScratch>::Lease>& borrowed;
+    ~Return() { borrowed.clear(); }
+  } at_end{borrowed_};
+  return model_.npair > 0 ? DetectNamed(margin, contacts) : DetectNear(margin, contacts);
+}
+
+bool PairSearch::DetectNear(double margin, std::vector<ContactPoint>& contacts) {
+  Borrow(NumRanges(movers_.size(), kMoversPerRange));
   FindPairs(margin);
   SortIn();
-  const int benches = NumBenches(pairs_.size(), kPairsABench);
-  NeedBenches(benches);
+  const int ranges = NumRanges(pairs_.size(), kPairsPerRange);
+  Borrow(ranges);
   // Cut between bodies, nearest to where equal shares end.
-  const auto cut = [&](int bench) {
-    const auto share = static_cast<std::size_t>(bench) * pairs_.size() / static_cast<std::size_t>(benches);
+  const auto cut = [&](int range) {
+    const auto share = static_cast<std::size_t>(range) * pairs_.size() / static_cast<std::size_t>(ranges);
     return *std::lower_bound(first_pair_.begin(), first_pair_.end(), static_cast<int>(share));
   };
-  ForBenches(benches, [&](int k) {
-    Bench& bench = BenchAt(k);
-    bench.contacts.clear();
-    bench.failed = false;
-    bench.data.pstack = bench.data.pbase = 0;  // an error that was thrown through MuJoCo leaves it in use
+  ForRanges(ranges, [&](int k) {
+    PairScratch& scratch = *borrowed_[static_cast<std::size_t>(k)];
+    scratch.contacts.clear();
     const auto begin = pairs_.begin() + cut(k), end = pairs_.begin() + cut(k + 1);
     // Sorted here, body by body, and not where all wait for it.
     std::sort(begin, end, [](const Pair& x, const Pair& y) {
       return x.body_a < y.body_a || (x.body_a == y.body_a && x < y);
     });
     try {
-      for (auto pair = begin; pair != end; ++pair) Collide(*pair, margin, bench, bench.contacts);
+      for (auto pair = begin; pair != end; ++pair) Collide(*pair, margin, scratch, scratch.contacts);
     } catch (...) {
-      bench.failed = true;
+      scratch.failed = true;
     }
   });
   bool complete = true;
-  for (int k = 0; k < benches; ++k) {
-    const std::vector<ContactPoint>& own = BenchAt(k).contacts;
+  for (int k = 0; k < ranges; ++k) {
+    const std::vector<ContactPoint>& own = borrowed_[static_cast<std::size_t>(k)]->contacts;
     const std::size_t room = most_contacts_ - contacts.size(), taken = std::min(room, own.size());
     contacts.insert(contacts.end(), own.begin(), own.begin() + static_cast<std::ptrdiff_t>(taken));
-    complete = complete && taken == own.size() && !BenchAt(k).failed;
+    complete = complete && taken == own.size() && !borrowed_[static_cast<std::size_t>(k)]->failed;
   }
   return complete;
 }

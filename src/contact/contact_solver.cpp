@@ -84,7 +84,7 @@ void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities
   work_->newton.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities));
   work_->taken.reserve(static_cast<std::size_t>(std::max(0, num_contacts)));
   work_->is_taken.reserve(static_cast<std::size_t>(std::max(0, num_contacts)));
-  work_->start.resize(std::max(0, num_velocities));
+  if (work_->start.size() < num_velocities) work_->start.resize(num_velocities);
 }
 
 ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& blocks,

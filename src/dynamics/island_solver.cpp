@@ -8,7 +8,7 @@ namespace fork1s {
 namespace {
 
 // Contacts that are worth a thread: half a microsecond each.
-constexpr int kContactsABench = 64;
+constexpr int kContactsPerRange = 64;
 
 void Merge(const ContactSolverReport& of_island, ContactSolverReport& report) {
   report.newton_iterations = std::max(report.newton_iterations, of_island.newton_iterations);
@@ -47,17 +47,23 @@ void Sort(int items, Islands& islands, int Islands::value_type::*first, int Isla
 
 }  // namespace
 
+ScratchPool<IslandSolver::Scratch>& IslandSolver::Pool() {
+  static ScratchPool<Scratch>& pool = *new ScratchPool<Scratch>;  // for solvers that outlive static objects
+  return pool;
+}
+
 void IslandSolver::Reserve(int num_contacts, int num_limits, int num_blocks, int num_velocities,
                            int num_together, int num_freedoms) {
   const auto contacts = static_cast<std::size_t>(num_contacts), limits = static_cast<std::size_t>(num_limits),
              blocks = static_cast<std::size_t>(num_blocks);
-  if (benches_.empty()) benches_.emplace_back();
-  Bench& bench = benches_.front();
-  bench.solver.Reserve(num_contacts, num_limits, std::min(num_velocities, num_together), num_freedoms);
-  bench.blocks.reserve(blocks);
-  bench.contacts.reserve(contacts);
-  bench.limits.reserve(limits);
-  bench.velocities.resize(num_velocities);
+  const auto lease = Pool().Borrow();
+  Scratch& scratch = *lease;
+  scratch.solver.Reserve(num_contacts, num_limits, std::min(num_velocities, num_together), num_freedoms);
+  scratch.blocks.reserve(blocks);
+  scratch.contacts.reserve(contacts);
+  scratch.limits.reserve(limits);
+  if (scratch.velocities.size() < num_velocities) scratch.velocities.resize(num_velocities);
+  borrowed_.reserve(1);
   islands_.reserve(blocks);
   block_of_.reserve(static_cast<std::size_t>(num_velocities));
   for (std::vector<int>* v : {&parent_, &island_of_, &block_order_, &new_offset_}) v->reserve(blocks);
@@ -127,57 +133,61 @@ void IslandSolver::FindIslands(const std::vector<VelocityBlock>& blocks,
 
 void IslandSolver::SolveIsland(const Island& island, const std::vector<VelocityBlock>& blocks,
                                std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
-                               VectorX& velocities, const ContactSolverOptions& options, Bench& bench) const {
+                               VectorX& velocities, const ContactSolverOptions& options,
+                               Scratch& scratch) const {
   auto moved = [&](int row) {
     const auto b = static_cast<std::size_t>(block_of_[static_cast<std::size_t>(row)]);
     return row - blocks[b].offset + new_offset_[b];
   };
-  bench.blocks.clear();
+  scratch.blocks.clear();
   Eigen::Index size = 0;
   for (int k = 0; k < island.num_blocks; ++k) {
     VelocityBlock block =
         blocks[static_cast<std::size_t>(block_order_[static_cast<std::size_t>(island.blocks + k)])];
     block.offset = static_cast<int>(size);
     size += block.size;
-    bench.blocks.push_back(block);
+    scratch.blocks.push_back(block);
   }
-  if (bench.velocities.size() < size) bench.velocities.resize(size);
+  if (scratch.velocities.size() < size) scratch.velocities.resize(size);
   auto each_block = [&](const auto& act) {
     for (int k = 0; k < island.num_blocks; ++k) {
       const VelocityBlock& from =
           blocks[static_cast<std::size_t>(block_order_[static_cast<std::size_t>(island.blocks + k)])];
-      act(from.offset, bench.blocks[static_cast<std::size_t>(k)].offset, from.size);
+      act(from.offset, scratch.blocks[static_cast<std::size_t>(k)].offset, from.size);
     }
   };
-  each_block([&](int from, int to, int n) { bench.velocities.segment(to, n) = velocities.segment(from, n); });
-  bench.contacts.clear();
+  each_block(
+      [&](int from, int to, int n) { scratch.velocities.segment(to, n) = velocities.segment(from, n); });
+  scratch.contacts.clear();
   for (int k = 0; k < island.num_contacts; ++k) {
-    ContactConstraint& c = bench.contacts.emplace_back(
+    ContactConstraint& c = scratch.contacts.emplace_back(
         contacts[static_cast<std::size_t>(contact_order_[static_cast<std::size_t>(island.contacts + k)])]);
     if (c.port_a >= 0) c.port_a = moved(c.port_a);
     if (c.port_b >= 0) c.port_b = moved(c.port_b);
   }
-  bench.limits.clear();
+  scratch.limits.clear();
   for (int k = 0; k < island.num_limits; ++k) {
-    LimitConstraint& l = bench.limits.emplace_back(
+    LimitConstraint& l = scratch.limits.emplace_back(
         limits[static_cast<std::size_t>(limit_order_[static_cast<std::size_t>(island.limits + k)])]);
     l.row = moved(l.row);
   }
-  Merge(bench.solver.Solve(bench.blocks, bench.contacts, bench.limits, bench.velocities.head(size), options),
-        bench.report);
-  each_block([&](int from, int to, int n) { velocities.segment(from, n) = bench.velocities.segment(to, n); });
+  Merge(scratch.solver.Solve(scratch.blocks, scratch.contacts, scratch.limits, scratch.velocities.head(size),
+                             options),
+        scratch.report);
+  each_block(
+      [&](int from, int to, int n) { velocities.segment(from, n) = scratch.velocities.segment(to, n); });
   for (int k = 0; k < island.num_contacts; ++k) {
     ContactConstraint& c =
         contacts[static_cast<std::size_t>(contact_order_[static_cast<std::size_t>(island.contacts + k)])];
     // All of it, so that nothing that a solve says is lost.
     const int port_a = c.port_a, port_b = c.port_b;
-    c = bench.contacts[static_cast<std::size_t>(k)];
+    c = scratch.contacts[static_cast<std::size_t>(k)];
     c.port_a = port_a;
     c.port_b = port_b;
   }
   for (int k = 0; k < island.num_limits; ++k)
     limits[static_cast<std::size_t>(limit_order_[static_cast<std::size_t>(island.limits + k)])].impulse =
-        bench.limits[static_cast<std::size_t>(k)].impulse;
+        scratch.limits[static_cast<std::size_t>(k)].impulse;
 }
 
 ContactSolverReport IslandSolver::Solve(const std::vector<VelocityBlock>& blocks,
@@ -185,29 +195,32 @@ ContactSolverReport IslandSolver::Solve(const std::vector<VelocityBlock>& blocks
                                         std::vector<LimitConstraint>& limits, VectorX& velocities,
                                         const ContactSolverOptions& options) {
   FindIslands(blocks, contacts, limits, velocities.size());
-  if (benches_.empty()) benches_.emplace_back();
   if (islands_.size() <= 1)
-    return benches_.front().solver.Solve(blocks, contacts, limits, velocities, options);
+    return Pool().Borrow()->solver.Solve(blocks, contacts, limits, velocities, options);
 
   const int count = static_cast<int>(islands_.size());
-  const int benches =
-      std::clamp(static_cast<int>(contacts.size() + limits.size()) / kContactsABench, 1, count);
-  while (static_cast<int>(benches_.size()) < benches) benches_.emplace_back();
-  auto work = [&](int bench) {
-    Bench& b = benches_[static_cast<std::size_t>(bench)];
+  const int ranges =
+      std::clamp(static_cast<int>(contacts.size() + limits.size()) / kContactsPerRange, 1, count);
+  const struct Return {
+    std::vector<ScratchPool<Scratch>::Lease>& borrowed;
+    ~Return() { borrowed.clear(); }
+  } at_end{borrowed_};
+  while (static_cast<int>(borrowed_.size()) < ranges) borrowed_.push_back(Pool().Borrow());
+  auto work = [&](int range) {
+    Scratch& b = *borrowed_[static_cast<std::size_t>(range)];
     b.report = ContactSolverReport{};
-    for (int k = bench * count / benches; k < (bench + 1) * count / benches; ++k)
+    for (int k = range * count / ranges; k < (range + 1) * count / ranges; ++k)
       SolveIsland(islands_[static_cast<std::size_t>(k)], blocks, contacts, limits, velocities, options, b);
   };
-  if (benches == 1)
+  if (ranges == 1)
     work(0);
   else
-    ParallelFor(0, benches, 1, [&](int begin, int end) {
-      for (int bench = begin; bench < end; ++bench) work(bench);
+    ParallelFor(0, ranges, 1, [&](int begin, int end) {
+      for (int range = begin; range < end; ++range) work(range);
     });
   ContactSolverReport report;
-  for (int bench = 0; bench < benches; ++bench)
-    Merge(benches_[static_cast<std::size_t>(bench)].report, report);
+  for (int range = 0; range < ranges; ++range)
+    Merge(borrowed_[static_cast<std::size_t>(range)]->report, report);
   return report;
 }
 

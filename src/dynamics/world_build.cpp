@@ -130,7 +130,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   }
   if (auto ok = detail.BuildCollision(scene, options); !ok) return tl::unexpected(ok.error());
 
-  const auto room = static_cast<std::size_t>(options.max_contacts);
+  const auto room = static_cast<std::size_t>(options.reserved_contacts);
   detail.points_.reserve(room);
   detail.contacts_.reserve(room);
   detail.previous_.reserve(room);
@@ -192,7 +192,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   // A mechanism and what it may hold, or a small heap.
   constexpr std::size_t kTogether = 16;
   const int together = most_rows + 6 * static_cast<int>(std::min(kTogether, detail.free_bodies_.size()));
-  detail.solver_.Reserve(options.max_contacts, limits, static_cast<int>(blocks), velocities, together,
+  detail.solver_.Reserve(options.reserved_contacts, limits, static_cast<int>(blocks), velocities, together,
                          widest);
   return world;
 }

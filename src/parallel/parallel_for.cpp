@@ -47,6 +47,18 @@ void ParallelFor(int first, int last, int grain, const std::function<void(int be
       tbb::simple_partitioner());
 }
 
+void ParallelForFixedShares(int first, int last, const std::function<void(int i)>& body) {
+  LoopOrder order;
+  tbb::parallel_for(
+      tbb::blocked_range<int>(first, last),
+      [&](const tbb::blocked_range<int>& range) {
+        order.BeginRange();
+        for (int i = range.begin(); i < range.end(); ++i) body(i);
+        order.EndRange();
+      },
+      tbb::static_partitioner());
+}
+
 void WithThreads(int threads, const std::function<void()>& work) {
   if (threads <= 0) return work();
   tbb::task_arena(threads).execute(work);

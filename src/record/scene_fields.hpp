@@ -264,7 +264,10 @@ void Fields(A& a, Like<ReductionOptions, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<SimulationOptions, A>& s) {
-  auto& [dt, recovery, reduction, refresh_angle, initial_keyframe, step, collision, detail] = s;
+  // Reserved memory changes no result.
+  auto& [dt, recovery, reduction, refresh_angle, initial_keyframe, step, collision, reserved_contacts,
+         detail] = s;
+  static_cast<void>(reserved_contacts);
   a("dt", dt), a("recovery", recovery), a("reduction", reduction), a("refresh_angle", refresh_angle);
   a("initial_keyframe", initial_keyframe), a("step", step), a("collision", collision);
   a("detail", detail);

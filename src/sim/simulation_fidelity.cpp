@@ -19,6 +19,7 @@ World::Options Simulation::WorldOptions(const Fidelity& fidelity) const {
   o.recovery = fidelity.recovery;
   o.refresh_angle = options_.refresh_angle;
   o.collision = options_.collision;
+  o.reserved_contacts = options_.reserved_contacts;
   return o;
 }
 

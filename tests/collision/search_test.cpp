@@ -169,5 +169,38 @@ TEST(PairSearch, SameBitsForAnyNumberOfThreadsAndAnyPast) {
   EXPECT_GT(seen, 1000u);  // several threads' worth at a time
 }
 
+// Worlds of the same shapes share what MuJoCo compiled of them, and all share scratch; friction and poses are
+// their own.
+TEST(PairSearch, WorldsThatTakeTurnsDoNotDisturbEachOther) {
+  const CollisionOptions near{.margin = 0.01};
+  std::mt19937 random(3);
+  std::vector<Crowd> crowds{MakeCrowd(21), MakeCrowd(21), MakeCrowd(6), MakeCrowd(210)};
+  for (CollisionBodyDef& body : crowds[1].bodies)
+    for (GeometryDef& g : body.geometries) g.friction = 0.25;
+  std::vector<CollisionWorld> worlds;
+  for (Crowd& crowd : crowds) {
+    Throw(random, crowd);
+    worlds.push_back(*CollisionWorld::Create(crowd.bodies, crowd.excluded, near));
+  }
+  std::vector<std::vector<ContactPoint>> first(worlds.size());
+  for (std::size_t k = 0; k < worlds.size(); ++k) {
+    EXPECT_TRUE(worlds[k].Detect(first[k]));
+    EXPECT_GT(first[k].size(), 0u);
+  }
+  for (const ContactPoint& point : first[1]) EXPECT_EQ(point.friction, 0.25);
+  for (const std::size_t k : {1, 0, 3, 2, 0, 1}) {
+    std::vector<ContactPoint> again, alone;
+    EXPECT_TRUE(worlds[k].Detect(again));
+    CollisionWorld other = *CollisionWorld::Create(crowds[k].bodies, crowds[k].excluded, near);
+    EXPECT_TRUE(other.Detect(alone));
+    ASSERT_EQ(again.size(), first[k].size());
+    ASSERT_EQ(alone.size(), first[k].size());
+    for (std::size_t i = 0; i < again.size(); ++i) {
+      EXPECT_TRUE(Same(again[i], first[k][i]));
+      EXPECT_TRUE(Same(alone[i], first[k][i]));
+    }
+  }
+}
+
 }  // namespace
 }  // namespace fork1s

@@ -189,6 +189,24 @@ def test_what_cannot_be_drawn(gripper):
             fork1s.Batch(gripper, 2, seeds=seeds)
 
 
+def test_a_reset_that_fails_leaves_all_members_as_they_were(gripper):
+    batch, other = fork1s.Batch(gripper, 9, seeds=4), fork1s.Batch(gripper, 9, seeds=4)
+    for b in (batch, other):
+        b.step([0.3, 0.3], steps=20)
+    before, factors = batch.hashes(), batch.factors
+    for at in (0, 4, 8):  # members before and after it are replaced first
+        mass = np.full(9, 1.5)
+        mass[at] = 1e-320  # rounds to no mass
+        with pytest.raises(fork1s.ModelError, match="needs mass"):
+            batch.reset(mass=mass)
+        assert_array_equal(batch.hashes(), before)
+        for name, values in factors.items():
+            assert_array_equal(batch.factors[name], values)
+    for b in (batch, other):
+        b.step(steps=20)
+    assert_array_equal(batch.hashes(), other.hashes())
+
+
 def test_refusals(gripper):
     batch = fork1s.Batch(gripper, 3)
     with pytest.raises(ValueError, match=r"controls must have shape \(3, 2\) or \(2,\)"):

@@ -12,6 +12,14 @@ namespace {
 // A few at a time, so that threads share the work evenly though some hold contacts and others fall.
 constexpr int kAtATime = 4;
 
+// A member takes memory for contacts as it meets them: reserving it for the most that a member may ever have
+// would be the larger part of a batch.
+SimulationOptions MemberOptions(const Model& model, const RunOptions& given) {
+  SimulationOptions options = OptionsOf(model, given);
+  options.reserved_contacts = 0;
+  return options;
+}
+
 void TakeGiven(const MemberDifferences& differences, std::size_t i, SceneFactors& factors) {
   double* const all[3] = {&factors.stiffness, &factors.friction, &factors.mass};
   for (std::size_t k = 0; k < 3; ++k)
@@ -47,11 +55,20 @@ bool Batch::OnThreads(ReleasedGil& gil, const std::function<void(int)>& work) co
   return !gil.IsInterrupted();
 }
 
+bool Batch::MakeOnThreads(ReleasedGil& gil, const std::function<void(int)>& make) const {
+  WithThreads(threads_, [&] {
+    ParallelForFixedShares(0, size(), [&](int i) {
+      if (!gil.IsInterrupted()) make(i);
+    });
+  });
+  return !gil.IsInterrupted();
+}
+
 Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences differences,
              const RunOptions& options, int threads)
     : model_(std::move(model)),
       threads_(threads),
-      starts_(Take(Starts::Create(model_->scene(), OptionsOf(*model_, options), differences.ranges.start),
+      starts_(Take(Starts::Create(model_->scene(), MemberOptions(*model_, options), differences.ranges.start),
                    model_->origin())),
       ranges_(differences.ranges),
       seeds_(differences.seeds),
@@ -64,7 +81,7 @@ Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences di
     TakeGiven(differences, i, drawn_[i].factors);
   }
   std::vector<std::optional<Expected<Simulation>>> made(drawn_.size());
-  OnThreads(gil, [&](int i) {
+  MakeOnThreads(gil, [&](int i) {
     const auto at = static_cast<std::size_t>(i);
     made[at] = starts_.Begin(drawn_[at]);
   });
@@ -119,17 +136,33 @@ void Batch::ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask,
     }
     TakeGiven(differences, i, drawn[i].factors);
   }
-  std::vector<std::optional<Expected<Simulation>>> made(drawn.size());
-  const bool all_made = OnThreads(gil, [&](int i) {
+  // One after the other in place, so that no memory is taken beside that of the members. All or none: what is
+  // replaced already when one cannot begin, or a signal comes, is made again as it was.
+  std::vector<std::optional<Simulation::Snapshot>> replaced(drawn.size());
+  std::vector<std::optional<Error>> errors(drawn.size());
+  std::atomic<bool> failed = false;
+  const bool complete = MakeOnThreads(gil, [&](int i) {
     const auto at = static_cast<std::size_t>(i);
-    if (mask[at]) made[at] = starts_.Begin(drawn[at]);
+    if (!mask[at] || failed) return;
+    Expected<Simulation> next = starts_.Begin(drawn[at]);
+    if (next) {
+      replaced[at] = simulations_[at].Save();
+      simulations_[at] = std::move(*next);
+    } else {
+      errors[at] = next.error();
+      failed = true;
+    }
   });
-  if (!all_made) return;
-  // All or none: a scene that cannot be begun leaves everything as it was.
-  for (const auto& m : made)
-    if (m && !*m) throw Refused{m->error()};
-  for (std::size_t i = 0; i < made.size(); ++i)
-    if (made[i]) simulations_[i] = std::move(**made[i]);
+  if (failed || !complete) {
+    for (std::size_t i = 0; i < replaced.size(); ++i) {
+      if (!replaced[i]) continue;
+      simulations_[i] = Take(starts_.Begin(drawn_[i]), model_->origin());
+      Take(simulations_[i].Restore(*replaced[i]), model_->origin());
+    }
+    for (std::optional<Error>& error : errors)
+      if (error) throw Refused{std::move(*error)};
+    return;
+  }
   seeds_ = std::move(seeds);
   times_ = std::move(times);
   drawn_ = std::move(drawn);

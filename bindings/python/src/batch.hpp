@@ -64,6 +64,8 @@ class Batch {
   void InTurn(const Work& work) const;
   void ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask, const MemberDifferences& differences);
   bool OnThreads(ReleasedGil& gil, const std::function<void(int)>& work) const;
+  // Likewise, for work that makes members.
+  bool MakeOnThreads(ReleasedGil& gil, const std::function<void(int)>& make) const;
 
   std::shared_ptr<const Model> model_;
   int threads_ = 0;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/contact/contact_solver.hpp>
+#include <fork1s/parallel/scratch_pool.hpp>
 #include <vector>
 
 namespace fork1s {
@@ -12,9 +13,10 @@ namespace fork1s {
 /// at a time. The same bits for any number of threads.
 class IslandSolver {
  public:
-  /// Reserves scratch so that solves of up to this size, islands of up to `num_together` velocities in them,
+  /// Reserves memory so that solves of up to this size, islands of up to `num_together` velocities in them,
   /// do not allocate while they run on one thread. It grows with the square of an island; larger ones take
-  /// theirs when they first come.
+  /// theirs when they first come. What a solve writes to belongs to the threads that solve, not to this
+  /// object.
   void Reserve(int num_contacts, int num_limits, int num_blocks, int num_velocities, int num_together,
                int num_freedoms = 0);
 
@@ -34,7 +36,7 @@ class IslandSolver {
     int limits = 0, num_limits = 0;
   };
   // A solver with the island at hand in numbers of its own.
-  struct Bench {
+  struct Scratch {
     ContactSolver solver;
     std::vector<VelocityBlock> blocks;
     std::vector<ContactConstraint> contacts;
@@ -42,14 +44,15 @@ class IslandSolver {
     VectorX velocities;
     ContactSolverReport report;
   };
+  static ScratchPool<Scratch>& Pool();
   void FindIslands(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contacts,
                    const std::vector<LimitConstraint>& limits, Eigen::Index num_velocities);
   int IslandOf(int block);
   void SolveIsland(const Island& island, const std::vector<VelocityBlock>& blocks,
                    std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
-                   VectorX& velocities, const ContactSolverOptions& options, Bench& bench) const;
+                   VectorX& velocities, const ContactSolverOptions& options, Scratch& scratch) const;
 
-  std::vector<Bench> benches_;
+  std::vector<ScratchPool<Scratch>::Lease> borrowed_;  // within Solve
   std::vector<Island> islands_;
   std::vector<int> block_of_;  // velocity row -> block
   std::vector<int> parent_;    // of a block in the union of blocks

@@ -104,7 +104,7 @@ class World {
     // Contacts are looked for as far ahead as a step may carry anything, at most `margin`: 12 m/s at 1/60 s.
     CollisionOptions collision = {.margin = 0.2};
     int initial_keyframe = -1;  // of the scene
-    int max_contacts = 256;     // room reserved; more allocate
+    int reserved_contacts = 256;  // contact points that a step handles without allocating; more allocate once
   };
 
   /// Builds every mechanism and the collision world. Errors as of BuildMechanism, Reduce,

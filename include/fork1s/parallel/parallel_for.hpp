@@ -10,6 +10,11 @@ namespace fork1s {
 /// threads, so results that depend only on their own items are the same bits.
 void ParallelFor(int first, int last, int grain, const std::function<void(int begin, int end)>& body);
 
+/// Calls body(i) for first <= i < last on all cores in fixed equal shares, which go to the same threads each
+/// time where that can be. For loops that replace what they allocated before: memory then stays with the
+/// allocator's arena of one thread instead of spreading over those of all.
+void ParallelForFixedShares(int first, int last, const std::function<void(int i)>& body);
+
 /// Runs `work` so that loops in it use at most that many threads, this one among them; 0: all cores.
 void WithThreads(int threads, const std::function<void()>& work);
 

@@ -20,6 +20,7 @@ struct SimulationOptions {
   StepOptions step = ByTheScene();  // h and gravity are set from dt and the scene
   CollisionOptions collision =
       World::Options{}.collision;                // margin: how far ahead contacts are looked for, at most
+  int reserved_contacts = World::Options{}.reserved_contacts;  // 3 kB each
   DetailLevel detail = DetailLevel::kInterface;  // not kObject: nothing is held before the first step
 
   static StepOptions ByTheScene() {
