@@ -29,7 +29,7 @@ void ExpectAll(const std::string& text, std::initializer_list<const char*> parts
   for (const char* part : parts) EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
 }
 
-TEST(FreeMotion, ReduceGivesTheComplianceThatExists) {
+TEST(FreeMotion, ReduceRefusesAComplianceWithoutBound) {
   const std::string model = Write("coupled.xml", CoupledFinger());
   const Outcome json = Fork1s("reduce --json " + model);
   ASSERT_EQ(json.code, 0) << json.err;
@@ -40,11 +40,19 @@ TEST(FreeMotion, ReduceGivesTheComplianceThatExists) {
   EXPECT_EQ(motion["joints"].size(), 2u);
   EXPECT_EQ(motion["motion_world"].size(), 6u);
   EXPECT_EQ(d["coordinates"]["free"], 1);
-  ASSERT_EQ(d["compliance_world"].size(), 6u);
-  EXPECT_GT(d["compliance_world"][1][1].get<double>(), 0.1);  // 1/2 and 1/1 rad/(N m) stand behind it
+  EXPECT_TRUE(d["compliance_world"].is_null());
+  EXPECT_TRUE(d["compliance_locked"].empty());
   EXPECT_TRUE(d["stiffness_world"].is_null());
   const Outcome text = Fork1s("reduce " + model);
-  ExpectAll(text.out, {"free of springs (1)", "body 'tip'", "'J1'", "'J2'", "tendon", "--pd J"});
+  ExpectAll(text.out, {"free of springs (1)", "no bound", "--lock-free", "body 'tip'", "'J1'", "'J2'", "tendon", "--pd J"});
+  EXPECT_EQ(text.out.find("compliance of each interface body"), std::string::npos) << text.out;
+  // With one of the two locked the knuckle and the servo turn the tip: 1/2 and 1/1 rad/(N m).
+  const auto locked = Fork1s("reduce --json --lock-free " + model).Json();
+  EXPECT_NEAR(locked["compliance_world"][1][1].get<double>(), 1.5, 1e-12);
+  ASSERT_EQ(locked["compliance_locked"].size(), 1u);
+  const std::string joint = locked["compliance_locked"][0];
+  const Outcome said = Fork1s("reduce --lock-free " + model);
+  EXPECT_NE(said.out.find("'" + joint + "' locked"), std::string::npos) << said.out;
   // What it advises holds.
   const Outcome held = Fork1s("reduce --json --pd J1=1,0.01 " + model);
   ASSERT_EQ(held.code, 0) << held.err;
