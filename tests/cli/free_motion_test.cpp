@@ -53,6 +53,15 @@ TEST(FreeMotion, ReduceRefusesAComplianceWithoutBound) {
   const std::string joint = locked["compliance_locked"][0];
   const Outcome said = Fork1s("reduce --lock-free " + model);
   EXPECT_NE(said.out.find("'" + joint + "' locked"), std::string::npos) << said.out;
+  // Statics answers alike: compliance times load.
+  const std::string load = "statics --json --body tip --force 0,0,0.01 --gravity 0,0,0 ";
+  const Outcome falls = Fork1s(load + model);
+  EXPECT_EQ(falls.code, 3) << falls.out;
+  ExpectAll(falls.err, {"joint 'J", "--lock-free"});
+  const auto stays = Fork1s(load + "--lock-free " + model).Json();
+  EXPECT_EQ(stays["locked"], locked["compliance_locked"]);
+  const double moved = stays["linear"]["position_m"][2].get<double>() - stays["reference_position_m"][2].get<double>();
+  EXPECT_NEAR(moved, 0.01 * locked["compliance_world"][5][5].get<double>(), 1e-12);
   // What it advises holds.
   const Outcome held = Fork1s("reduce --json --pd J1=1,0.01 " + model);
   ASSERT_EQ(held.code, 0) << held.err;
