@@ -166,7 +166,8 @@ int Run(const CompareArguments& args) {
     return Report(ok.error(), json);
   if (args.against == "mujoco")
     for (const auto& [given, option, remedy] :
-         {std::tuple{!args.model.base.empty(), "--base", "the joints of the base (a driven one: mocap=\"true\")"},
+         {std::tuple{!args.model.base.empty(), "--base",
+                     "the joints of the base (a driven one: mocap=\"true\")"},
           {!args.model.pd.empty(), "--pd", "position actuators"},
           {args.model.stiffness_scale != 1, "--stiffness-scale", "the stiffnesses"},
           {!args.model.base_pose.empty(), "--base-pose", "the pose of the base"},

@@ -138,14 +138,14 @@ Expected<WrittenCopy> Write(const ModelArguments& model, const std::vector<std::
                             const std::vector<ServoShare>& servos, const CopyRequest& request,
                             const std::atomic<bool>& stop) {
   WrittenCopy out;
+  // The file may have changed since this session read it.
+  if (auto apart = LoadApart(model, view_options, stop); !apart) return tl::unexpected(apart.error());
   const auto text = ReadModelText(model.path);
   if (!text) return tl::unexpected(text.error());
   std::string name = "kept";
   for (int i = 2; text->find(fmt::format("\"{}\"", name)) != std::string::npos; ++i)
     name = fmt::format("kept{}", i);
   if (request.moment) {
-    // MomentAsMjcf reads the file, which may have changed since this session read it.
-    if (auto apart = LoadApart(model, view_options, stop); !apart) return tl::unexpected(apart.error());
     auto options = model.Options();
     if (!options) return tl::unexpected(options.error());
     auto moment = MomentAsMjcf(model.path, *options, *request.moment, name, request.time);

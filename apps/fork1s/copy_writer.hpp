@@ -11,8 +11,8 @@
 namespace fork1s::app {
 
 /// Writes copies beside the file, never over one that is there, and reads each again: what it then does not
-/// say is told. The file and its copy are read in another process first, with `options` of view, until it ends or
-/// `stop` is set (LoadApart).
+/// say is told. The file and its copy are read in another process first, with `options` of view, until it
+/// ends or `stop` is set (LoadApart).
 ModelFile FileOf(const ModelArguments& model, const std::vector<std::string>& options,
                  const ImportReport& report, const std::atomic<bool>& stop);
 

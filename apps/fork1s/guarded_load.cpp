@@ -68,9 +68,9 @@ Expected<void> LoadApart(const ModelArguments& model, const std::vector<std::str
 
   const pid_t child = fork();
   if (child < 0)
-    return Fail(ErrorCode::kModel, model.path,
-                fmt::format("cannot be read: no process for its reader could be started ({})",
-                            std::strerror(errno)));
+    return Fail(
+        ErrorCode::kModel, model.path,
+        fmt::format("cannot be read: no process for its reader could be started ({})", std::strerror(errno)));
   if (child == 0) {  // other threads may hold locks: nothing here may allocate
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     signal(SIGINT, SIG_IGN);  // Ctrl-C goes to the whole group; the parent ends this one

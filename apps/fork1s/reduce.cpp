@@ -33,7 +33,8 @@ Json FreeMotionsJson(const Mechanism& m, const VectorX& q, const std::vector<Bod
   return all;
 }
 
-Expected<Json> ReduceOne(const PosedMechanism& posed, double step_s, OnFreeMotion on_free, ReducedModel& model) {
+Expected<Json> ReduceOne(const PosedMechanism& posed, double step_s, OnFreeMotion on_free,
+                         ReducedModel& model) {
   const Mechanism& m = *posed.mechanism;
   ReductionOptions options;
   options.promote_hidden = !posed.interfaces_chosen;
@@ -59,8 +60,8 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, double step_s, OnFreeMotio
   const std::vector<int> held = locked.value_or(std::vector<int>{});
   // By two roads, which share no decision; where they part the figure is not to be trusted.
   const InterfaceCompliance compliance = WalkCompliance(m, posed.q, model.interfaces, held);
-  const double apart = ComplianceDifference(
-      compliance, DenseCompliance(m, posed.q, model.interfaces, held), m.length_scale());
+  const double apart =
+      ComplianceDifference(compliance, DenseCompliance(m, posed.q, model.interfaces, held), m.length_scale());
   constexpr double kApart = 1e-6;  // seven orders above rounding
   if (!(apart < kApart))
     warnings.push_back(fmt::format(
@@ -128,9 +129,11 @@ void Print(const Json& d, const Mechanism& m) {
     }
   }
   if (!d["free_motions"].empty()) {
-    fmt::print("  free of springs ({}){}:\n", d["free_motions"].size(),
-               C.is_null() ? ", so that the compliance has no bound; --lock-free gives it with one joint of each locked"
-                           : "");
+    fmt::print(
+        "  free of springs ({}){}:\n", d["free_motions"].size(),
+        C.is_null()
+            ? ", so that the compliance has no bound; --lock-free gives it with one joint of each locked"
+            : "");
     for (const Json& motion : d["free_motions"]) fmt::print("    {}\n", motion["text"].get<std::string>());
   }
   PrintGain(d["gain"]);
@@ -157,9 +160,10 @@ void AddReduce(CLI::App& app, Action& action) {
   auto recovery = std::make_shared<Recovery>(Recovery::kExact);
   auto lock_free = std::make_shared<bool>(false);
   model->AddTo(*command);
-  command->add_flag("--lock-free", *lock_free,
-                    "compliance with a joint locked for each motion that no spring resists; without it there is none "
-                    "where such a motion moves an interface body");
+  command->add_flag(
+      "--lock-free", *lock_free,
+      "compliance with a joint locked for each motion that no spring resists; without it there is none "
+      "where such a motion moves an interface body");
   command->add_option("--out", *file, "write the reduced model to this HDF5 file");
   auto* folder = command->add_option(
       "--buffers", *buffers,

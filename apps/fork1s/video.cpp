@@ -63,9 +63,10 @@ tl::unexpected<Error> Interrupted(const std::string& out) {
   return Fail(ErrorCode::kFile, out, "was not written: the film was interrupted");
 }
 
-// The two pipes of --remote-debugging-pipe: commands for the browser's descriptor 3, answers from its descriptor
-// 4. Without them it would listen on a TCP port, by which every user of the machine could make it read files. No
-// command is sent; the browser ends when its commands do.
+// The two pipes of --remote-debugging-pipe: commands for the browser's descriptor 3, answers from its
+// descriptor
+// 4. Without them it would listen on a TCP port, by which every user of the machine could make it read files.
+// No command is sent; the browser ends when its commands do.
 class ControlPipes {
  public:
   ControlPipes() : made_(pipe2(commands_.data(), O_CLOEXEC) == 0 && pipe2(answers_.data(), O_CLOEXEC) == 0) {}
@@ -90,10 +91,12 @@ class ControlPipes {
 };
 
 // A program without input, whose output goes nowhere, and whose temporary files go into `temporary`: a
-// browser that is killed removes none of its own. Of the descriptors that are open here it gets the pipes alone.
+// browser that is killed removes none of its own. Of the descriptors that are open here it gets the pipes
+// alone.
 class Child {
  public:
-  Child(std::vector<std::string> arguments, const std::string& temporary, const ControlPipes* pipes = nullptr) {
+  Child(std::vector<std::string> arguments, const std::string& temporary,
+        const ControlPipes* pipes = nullptr) {
     std::vector<char*> argv;
     for (std::string& a : arguments) argv.push_back(a.data());
     argv.push_back(nullptr);
@@ -196,13 +199,13 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
   if (mkdir(profile.c_str(), 0700) != 0)
     return Fail(ErrorCode::kFile, profile,
                 fmt::format("cannot be made ({}); the browser needs it", std::strerror(errno)));
-  Child browser({chromium, "--headless", "--no-sandbox", "--use-angle=swiftshader",
-                 "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
-                 "--disable-background-networking", "--disable-component-update", "--disable-sync",
-                 "--hide-scrollbars", "--remote-debugging-pipe", "--user-data-dir=" + profile,
-                 fmt::format("--window-size={},{}", options.width, options.height),
-                 fmt::format("http://127.0.0.1:{}/#{}", server->port(), Wish(options))},
-                folder, &pipes);
+  Child browser(
+      {chromium, "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+       "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
+       "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe", "--user-data-dir=" + profile,
+       fmt::format("--window-size={},{}", options.width, options.height),
+       fmt::format("http://127.0.0.1:{}/#{}", server->port(), Wish(options))},
+      folder, &pipes);
   ProgressBar bar("drawing");
   constexpr auto kPatience = std::chrono::seconds(60);
   auto last = std::chrono::steady_clock::now();

@@ -12,10 +12,11 @@ Expected<std::vector<int>> CoordinatesToLock(const Mechanism& mechanism, const V
   for (const FreeMotion& motion : FindFreeMotions(mechanism, q, bodies)) {
     if (!motion.body.valid()) continue;  // none of the bodies moves
     if (on_free == OnFreeMotion::kRefuse)
-      return Fail(ErrorCode::kUnderdetermined,
-                  fmt::format("joint '{}'", mechanism.joint(motion.joints.front()).name),
-                  fmt::format("the compliance of body '{}' has no bound: {}, or ask for the compliance with it locked",
-                              mechanism.body(motion.body).name, motion.Text(mechanism)));
+      return Fail(
+          ErrorCode::kUnderdetermined, fmt::format("joint '{}'", mechanism.joint(motion.joints.front()).name),
+          fmt::format(
+              "the compliance of body '{}' has no bound: {}, or ask for the compliance with it locked",
+              mechanism.body(motion.body).name, motion.Text(mechanism)));
     locked.push_back(motion.pivot);
   }
   return locked;

@@ -35,8 +35,7 @@ MatrixX InterfaceResponse(const Mechanism& mechanism, const VectorX& q, const st
   const MatrixX J =
       internal::InLengths(internal::ScaledInterfaceJacobian(mechanism, kinematics, bodies, 1.0), L);
   const internal::LockedBasis motions = internal::LockCoordinates(basis, n, locked);
-  const MatrixX felt =
-      internal::FreeMotionsOf(Times(J, motions.free)).Without(Times(J, motions.elastic));
+  const MatrixX felt = internal::FreeMotionsOf(Times(J, motions.free)).Without(Times(J, motions.elastic));
   // With Vᵀ K V = 1 the answer to joint forces g is q = V Vᵀ g.
   const MatrixX response = TimesTransposed(felt, motions.elastic);
   return Times(internal::WorldAxes(mechanism, bodies.size()), internal::FromLengths(response, L));

@@ -7,9 +7,9 @@
 
 namespace fork1s::internal {
 
-/// Let N be the spring-free motions (q = N a) and p the locked coordinates. Under joint forces g the springs give
-/// q = V Vᵀ g up to N a; the forces r that lock p make Nᵀ(g + r) = 0, and a makes q_p = 0. Hence
-/// q = Π V (Π V)ᵀ g with Π V = V − N (N_p)⁺ V_p.
+/// Let N be the spring-free motions (q = N a) and p the locked coordinates. Under joint forces g the springs
+/// give q = V Vᵀ g up to N a; the forces r that lock p make Nᵀ(g + r) = 0, and a makes q_p = 0. Hence q = Π V
+/// (Π V)ᵀ g with Π V = V − N (N_p)⁺ V_p.
 struct LockedBasis {
   MatrixX elastic;  ///< n x elastic: Π V
   MatrixX free;     ///< n x what is left of the spring-free motions

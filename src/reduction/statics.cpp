@@ -121,8 +121,8 @@ struct NewtonState {
 // A step of Newton's method [dq; dλ] that closes the loops, A dq = -c, and balances g + K dq + Aᵀdλ = 0. Loops
 // first, by their rank in one unit; then the motions that they leave, and the reactions of least norm: loops
 // closed more often than needed share them.
-VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, const MatrixX& K,
-                   const VectorX& g, const VectorX& c, const std::vector<int>& locked) {
+VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                   const MatrixX& K, const VectorX& g, const VectorX& c, const std::vector<int>& locked) {
   const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
   VectorX row;
   MatrixX A = ClosureRowsInOneUnit(mechanism, kinematics, q, unit, &row);
@@ -166,9 +166,9 @@ bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const Stat
     }
     const MatrixX K = loaded.Tangent(now.q, now.lambda, share);
     loaded.Pose(now.q);  // differences left it beside
-    const VectorX step = m == 0 ? VectorX(SolveSquare(-K, rhs))
-                                : ClosedStep(mechanism, loaded.kinematics(), now.q, K, rhs.head(n), c,
-                                           options.locked);
+    const VectorX step =
+        m == 0 ? VectorX(SolveSquare(-K, rhs))
+               : ClosedStep(mechanism, loaded.kinematics(), now.q, K, rhs.head(n), c, options.locked);
     if (!step.allFinite()) return false;
     const double largest = step.head(n).cwiseAbs().maxCoeff();
     const double damping = largest > 0.4 ? 0.4 / largest : 1.0;

@@ -58,8 +58,8 @@ void WriteContacts(const Simulation& simulation, const internal::BodyOrder& orde
 }
 
 // How each interface body gives way to a force at its origin [m/N], in the axes of R: C = J Q Qᵀ Jᵀ over the
-// directions with springs, whose stiffness is 1 in reduced coordinates. A body whose origin moves in a direction
-// without a spring has none and is left out.
+// directions with springs, whose stiffness is 1 in reduced coordinates. A body whose origin moves in a
+// direction without a spring has none and is left out.
 void WriteCompliance(const ReducedModel& model, ByteWriter& out) {
   constexpr double kStill = 1e-9;  // rounding, as a share of the mechanism's length
   const double length = model.mechanism->length_scale();

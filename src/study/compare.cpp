@@ -168,9 +168,9 @@ Expected<Run> RunOwnStep(const std::string& path, const Scene& scene, const std:
     step /= 2;
     run = internal::RunMuJoCo(path, scene, tracked, step, options);
     if (run)
-      warnings.push_back(fmt::format(
-          "{}; compared with {:.4g} s, the first half of the file's step that it survives", unstable.Text(),
-          step));
+      warnings.push_back(
+          fmt::format("{}; compared with {:.4g} s, the first half of the file's step that it survives",
+                      unstable.Text(), step));
   }
   return run;
 }

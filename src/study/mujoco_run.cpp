@@ -94,10 +94,11 @@ Expected<std::vector<std::pair<int, int>>> FindActuators(const mjModel* m, const
         !body.empty() && mj_name2id(m, mjOBJ_BODY, body.c_str()) >= 0
             ? fmt::format("make body '{}' a mocap body of the file (mocap=\"true\", no joint)", body)
             : std::string("give it an actuator of that name in the file");
-    return Fail(ErrorCode::kModel, path,
-                fmt::format("the controls drive '{}', for which MuJoCo has no actuator, so that the two would "
-                            "run different experiments; {}, or leave the column out",
-                            name, remedy));
+    return Fail(
+        ErrorCode::kModel, path,
+        fmt::format("the controls drive '{}', for which MuJoCo has no actuator, so that the two would "
+                    "run different experiments; {}, or leave the column out",
+                    name, remedy));
   }
   return inputs;
 }
@@ -250,7 +251,8 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
   run.laws = MuJoCoLaws(m);
   if (!bases.empty())
     run.laws.push_back(
-        "a driven base is a mocap body in MuJoCo and moves without velocity: friction on it resists motion against "
+        "a driven base is a mocap body in MuJoCo and moves without velocity: friction on it resists motion "
+        "against "
         "the world and its acceleration acts on no joint; here it has its velocity");
   PairDifference pairs(m, *guide);
   const LoopGaps gaps(m, *guide);

@@ -100,10 +100,12 @@ TEST(Compare, SaysHowDeepBodiesSinkInMuJoCo) {
 
 // A hand's palm that is driven by a table. In MuJoCo a body without a joint stands still.
 std::string DrivenPalm(const std::string& palm) {
-  return "<mujoco><option gravity='0 0 0' timestep='.001'/><custom><text name='fork1s_interface' data='finger'/>"
+  return "<mujoco><option gravity='0 0 0' timestep='.001'/><custom><text name='fork1s_interface' "
+         "data='finger'/>"
          "<text name='fork1s_base' data='driven'/></custom><worldbody><body name='palm'" +
          palm +
-         "><geom type='box' size='.05 .05 .02'/><body name='finger' pos='.05 0 .02'><joint name='k' axis='0 -1 0' "
+         "><geom type='box' size='.05 .05 .02'/><body name='finger' pos='.05 0 .02'><joint name='k' axis='0 "
+         "-1 0' "
          "damping='.01'/><geom type='capsule' fromto='0 0 .02 0 0 .08' size='.008' mass='.05'/></body></body>"
          "</worldbody><actuator><position name='p' joint='k' kp='5' kv='.1'/></actuator></mujoco>";
 }
@@ -133,8 +135,8 @@ TEST(Compare, RefusesControlsThatMuJoCoHasNoActuatorFor) {
 // Options that change the model do not reach the file that MuJoCo runs.
 TEST(Compare, RefusesOptionsThatDoNotReachMuJoCo) {
   const std::string model = Write("finger.xml", FingerModel());
-  for (const char* option : {"--base driven", "--pd 1,0.1", "--stiffness-scale 2", "--base-pose 0,0,1", "--q end=0.1",
-                             "--ground"}) {
+  for (const char* option : {"--base driven", "--pd 1,0.1", "--stiffness-scale 2", "--base-pose 0,0,1",
+                             "--q end=0.1", "--ground"}) {
     const Outcome o = Fork1s(std::string("compare --against mujoco --time 0.1 ") + option + " " + model);
     EXPECT_EQ(o.code, 2) << option;
     EXPECT_EQ(o.out, "") << option;

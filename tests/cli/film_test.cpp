@@ -1,5 +1,5 @@
-// A film that is interrupted, or whose browser dies, leaves nothing behind; while it is drawn nobody else reaches the
-// browser.
+// A film that is interrupted, or whose browser dies, leaves nothing behind; while it is drawn nobody else
+// reaches the browser.
 #include <csignal>
 #include <cstdlib>
 #include <iterator>
@@ -67,7 +67,8 @@ pid_t StartFilm(const std::string& recording, const std::string& out, const fs::
   if (child != 0) return child;
   setenv("TMPDIR", temporary.c_str(), 1);
   if (!std::freopen("/dev/null", "w", stdout) || !std::freopen("/dev/null", "w", stderr)) _exit(126);
-  execl(FORK1S_BINARY, "fork1s", "export", "--video", recording.c_str(), out.c_str(), static_cast<char*>(nullptr));
+  execl(FORK1S_BINARY, "fork1s", "export", "--video", recording.c_str(), out.c_str(),
+        static_cast<char*>(nullptr));
   _exit(127);
 }
 
@@ -76,8 +77,10 @@ TEST(Film, BrowserListensNowhereAndItsProfileIsPrivate) {
   if (!HasChromium()) GTEST_SKIP() << "films are drawn by chromium";
   const std::string file = (ScratchFolder() / "private.h5").string();
   const fs::path out = ScratchFolder() / "private_frames", temporary = ScratchFolder() / "private_temporary";
-  ASSERT_EQ(Fork1s("run --time 20 --no-load-factor --record " + file + " " + Write("finger.xml", FingerModel())).code,
-            0);
+  ASSERT_EQ(
+      Fork1s("run --time 20 --no-load-factor --record " + file + " " + Write("finger.xml", FingerModel()))
+          .code,
+      0);
   fs::create_directories(temporary);
   const pid_t child = StartFilm(file, out.string(), temporary);
   int status = 0;

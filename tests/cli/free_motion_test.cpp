@@ -44,7 +44,8 @@ TEST(FreeMotion, ReduceRefusesAComplianceWithoutBound) {
   EXPECT_TRUE(d["compliance_locked"].empty());
   EXPECT_TRUE(d["stiffness_world"].is_null());
   const Outcome text = Fork1s("reduce " + model);
-  ExpectAll(text.out, {"free of springs (1)", "no bound", "--lock-free", "body 'tip'", "'J1'", "'J2'", "tendon", "--pd J"});
+  ExpectAll(text.out, {"free of springs (1)", "no bound", "--lock-free", "body 'tip'", "'J1'", "'J2'",
+                       "tendon", "--pd J"});
   EXPECT_EQ(text.out.find("compliance of each interface body"), std::string::npos) << text.out;
   // With one of the two locked the knuckle and the servo turn the tip: 1/2 and 1/1 rad/(N m).
   const auto locked = Fork1s("reduce --json --lock-free " + model).Json();
@@ -60,7 +61,8 @@ TEST(FreeMotion, ReduceRefusesAComplianceWithoutBound) {
   ExpectAll(falls.err, {"joint 'J", "--lock-free"});
   const auto stays = Fork1s(load + "--lock-free " + model).Json();
   EXPECT_EQ(stays["locked"], locked["compliance_locked"]);
-  const double moved = stays["linear"]["position_m"][2].get<double>() - stays["reference_position_m"][2].get<double>();
+  const double moved =
+      stays["linear"]["position_m"][2].get<double>() - stays["reference_position_m"][2].get<double>();
   EXPECT_NEAR(moved, 0.01 * locked["compliance_world"][5][5].get<double>(), 1e-12);
   // What it advises holds.
   const Outcome held = Fork1s("reduce --json --pd J1=1,0.01 " + model);

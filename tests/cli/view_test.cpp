@@ -18,7 +18,8 @@ namespace fs = std::filesystem;
 class Session {
  public:
   /// `arguments`: of the command line, in place of the model alone.
-  explicit Session(const std::vector<std::string>& arguments) : out_((ScratchFolder() / "view_out").string()) {
+  explicit Session(const std::vector<std::string>& arguments)
+      : out_((ScratchFolder() / "view_out").string()) {
     fs::remove(out_);
     child_ = fork();
     if (child_ == 0) {
@@ -155,8 +156,9 @@ std::optional<pid_t> ReaderOf(const Session& session) {
 // The arguments of the session reach the process that reads, whatever stands before and after the model.
 TEST(View, AReaderThatCrashesIsTold) {
   const std::string model = Write("crashing.xml", FingerModel());
-  for (const std::vector<std::string>& arguments :
-       {std::vector<std::string>{model}, {"--", model}, {"--dt", "0.001", "--interface", "tip", "--", model}}) {
+  for (const std::vector<std::string>& arguments : {std::vector<std::string>{model},
+                                                    {"--", model},
+                                                    {"--dt", "0.001", "--interface", "tip", "--", model}}) {
     Write("crashing.xml", FingerModel());
     Session session(arguments);
     REQUIRE_PAGE(session);

@@ -263,8 +263,8 @@ TEST(ReduceErrors, ComplianceOfASpringFreeMotion) {
   EXPECT_EQ(WalkCompliance(*m, VectorX::Zero(3), {m->FindBody("link1")}).free.cols(), 0);
 }
 
-// Displacement of the tip of a chain of links of 0.1 m per load, about z and along y: springs in series, each with
-// its lever arm.
+// Displacement of the tip of a chain of links of 0.1 m per load, about z and along y: springs in series, each
+// with its lever arm.
 void ExpectSeries(const MatrixX& C, const std::vector<std::pair<double, double>>& arms_and_stiffnesses) {
   double turn = 0, mixed = 0, shift = 0;
   for (const auto& [arm, k] : arms_and_stiffnesses) turn += 1 / k, mixed += arm / k, shift += arm * arm / k;
@@ -301,7 +301,8 @@ TEST(Compliance, BehindAFreeJointIsRefusedOrThatOfTheLockedJoint) {
   EXPECT_TRUE(held->locked.empty());
 }
 
-// A tendon spring holds the sum of two hinges. With the hinge locked that is named the other one bears all of it.
+// A tendon spring holds the sum of two hinges. With the hinge locked that is named the other one bears all of
+// it.
 TEST(Compliance, BehindJointsThatATendonLeavesFreeIsThatWithOneOfThemLocked) {
   MechanismDef definition = testing::Chain(3, 0.1, 0.1, 30);
   for (int j : {1, 2}) definition.joints[static_cast<std::size_t>(j)].freedoms[0].stiffness = 0;

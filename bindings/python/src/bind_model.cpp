@@ -107,17 +107,29 @@ void BindMechanism(nb::module_& m) {
       .def_prop_ro("coordinates", &MechanismView::Coordinates, "Names of the n joint coordinates.")
       .def_prop_ro("controls", ControlsOf, "Name -> (lower, upper, initial).")
       .def(
-          "compliance", [](const MechanismView& v, const nb::args& b, bool lock_free) { return ComplianceOf(v, Words(b), lock_free); },
+          "compliance",
+          [](const MechanismView& v, const nb::args& b, bool lock_free) {
+            return ComplianceOf(v, Words(b), lock_free);
+          },
           nb::arg("bodies"), nb::arg("lock_free") = false, kCompliance,
-          nb::sig("def compliance(self, *bodies: str, lock_free: bool = False) -> numpy.typing.NDArray[numpy.float64]"))
+          nb::sig("def compliance(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64]"))
       .def(
-          "stiffness", [](const MechanismView& v, const nb::args& b, bool lock_free) { return StiffnessOf(v, Words(b), lock_free); },
+          "stiffness",
+          [](const MechanismView& v, const nb::args& b, bool lock_free) {
+            return StiffnessOf(v, Words(b), lock_free);
+          },
           nb::arg("bodies"), nb::arg("lock_free") = false, kStiffness,
-          nb::sig("def stiffness(self, *bodies: str, lock_free: bool = False) -> numpy.typing.NDArray[numpy.float64] | None"))
+          nb::sig("def stiffness(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64] | None"))
       .def(
-          "response", [](const MechanismView& v, const nb::args& b, bool lock_free) { return ResponseOf(v, Words(b), lock_free); },
+          "response",
+          [](const MechanismView& v, const nb::args& b, bool lock_free) {
+            return ResponseOf(v, Words(b), lock_free);
+          },
           nb::arg("bodies"), nb::arg("lock_free") = false, kResponse,
-          nb::sig("def response(self, *bodies: str, lock_free: bool = False) -> numpy.typing.NDArray[numpy.float64]"))
+          nb::sig("def response(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro("frequencies", FullFrequenciesOf, kFrequencies, kOwn)
       .def_prop_ro("reduced_frequencies", ReducedFrequenciesOf, kReducedFrequencies, kOwn)
       .def_prop_ro("matrices", MatricesOf, kMatrices)
@@ -194,7 +206,8 @@ several, ask `mechanisms[i]`, or name a body.)")
             return ComplianceOf(MechanismOfAll(s, bodies), bodies, lock_free);
           },
           nb::arg("bodies"), nb::arg("lock_free") = false, kCompliance,
-          nb::sig("def compliance(self, *bodies: str, lock_free: bool = False) -> numpy.typing.NDArray[numpy.float64]"))
+          nb::sig("def compliance(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64]"))
       .def(
           "stiffness",
           [](const ModelPtr& s, const nb::args& args, bool lock_free) {
@@ -202,7 +215,8 @@ several, ask `mechanisms[i]`, or name a body.)")
             return StiffnessOf(MechanismOfAll(s, bodies), bodies, lock_free);
           },
           nb::arg("bodies"), nb::arg("lock_free") = false, kStiffness,
-          nb::sig("def stiffness(self, *bodies: str, lock_free: bool = False) -> numpy.typing.NDArray[numpy.float64] | None"))
+          nb::sig("def stiffness(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64] | None"))
       .def(
           "response",
           [](const ModelPtr& s, const nb::args& args, bool lock_free) {
@@ -210,7 +224,8 @@ several, ask `mechanisms[i]`, or name a body.)")
             return ResponseOf(MechanismOfAll(s, bodies), bodies, lock_free);
           },
           nb::arg("bodies"), nb::arg("lock_free") = false, kResponse,
-          nb::sig("def response(self, *bodies: str, lock_free: bool = False) -> numpy.typing.NDArray[numpy.float64]"))
+          nb::sig("def response(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro(
           "stiffnesses", [](const ModelPtr& s) { return s->Stiffnesses(); },
           "Joint coordinate -> what holds it, its spring and the servos on it together: N·m/rad or N/m.")

@@ -54,18 +54,17 @@ void BindStatics(nb::module_& m) {
               "False: a slight push makes the mechanism leave this equilibrium.");
   m.def(
       "statics", Statics, nb::arg("model"), nb::arg("body"), nb::arg("force") = nb::none(), nb::kw_only(),
-      nb::arg("torque") = nb::none(), nb::arg("gravity") = nb::none(),
-      nb::arg("lock_free") = false,
+      nb::arg("torque") = nb::none(), nb::arg("gravity") = nb::none(), nb::arg("lock_free") = false,
       R"(Linear and nonlinear deflection of a body under a load of fixed direction at its origin, the base held.
 
 force: (3,) N, torque: (3,) N·m, world axes. gravity: (3,) m/s² instead of the model's. Controls have their initial
 values. lock_free: a joint of each motion that no spring resists is locked. Raises UnderdeterminedError where nothing
 resists the load, NumericsError where no equilibrium is found,
 ModelError for a body that no mechanism has.)",
-      nb::sig(
-          "def statics(model: Model, body: str, force: numpy.typing.ArrayLike | None = None, *, torque: "
-          "numpy.typing.ArrayLike | None = None, gravity: numpy.typing.ArrayLike | None = None, lock_free: bool = "
-          "False) -> Statics"));
+      nb::sig("def statics(model: Model, body: str, force: numpy.typing.ArrayLike | None = None, *, torque: "
+              "numpy.typing.ArrayLike | None = None, gravity: numpy.typing.ArrayLike | None = None, "
+              "lock_free: bool = "
+              "False) -> Statics"));
 }
 
 }  // namespace fork1s::python

@@ -32,7 +32,8 @@ std::vector<BodyIndex> MechanismView::FindBodies(const std::vector<std::string>&
   return bodies;
 }
 
-std::vector<int> MechanismView::CoordinatesToLock(const std::vector<BodyIndex>& bodies, bool lock_free) const {
+std::vector<int> MechanismView::CoordinatesToLock(const std::vector<BodyIndex>& bodies,
+                                                  bool lock_free) const {
   const OnFreeMotion on_free = lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse;
   return Take(fork1s::CoordinatesToLock(mechanism(), posed().q, bodies, on_free), model->origin());
 }

@@ -36,8 +36,8 @@ struct LoadedBody {
 
 /// Deflection of the loaded body under load, gravity [m/s²] and the controls' initial values, the base held.
 /// With OnFreeMotion::kLock a joint of every spring-free motion is locked. Errors: kModel for a body that no
-/// mechanism has; as of LinearDeflection where such a motion takes the load; kNumerics where no equilibrium is
-/// found.
+/// mechanism has; as of LinearDeflection where such a motion takes the load; kNumerics where no equilibrium
+/// is found.
 Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, const BodyLoad& load,
                              const Vector3& gravity_W, OnFreeMotion on_free = OnFreeMotion::kRefuse);
 
