@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <tuple>
 
 #include "checks.hpp"
 #include "model_arguments.hpp"
@@ -163,14 +164,21 @@ int Run(const CompareArguments& args) {
   const bool json = args.model.json;
   if (auto ok = RefuseInputs(args.report, {args.model.path, args.inputs.controls}); !ok)
     return Report(ok.error(), json);
-  const bool starts_elsewhere =
-      !args.model.base_pose.empty() || !args.model.coordinates.empty() || !args.model.ground.empty();
-  if (args.against == "mujoco" && starts_elsewhere)
-    return Report(
-        {ErrorCode::kUsage, "--against mujoco",
-         "MuJoCo runs the file as it stands: write base pose, joint coordinates (as a keyframe) and ground "
-         "into it instead of --base-pose, --q and --ground"},
-        json);
+  if (args.against == "mujoco")
+    for (const auto& [given, option, remedy] :
+         {std::tuple{!args.model.base.empty(), "--base",
+                     "the joints of the base (a driven one: mocap=\"true\")"},
+          {!args.model.pd.empty(), "--pd", "position actuators"},
+          {args.model.stiffness_scale != 1, "--stiffness-scale", "the stiffnesses"},
+          {!args.model.base_pose.empty(), "--base-pose", "the pose of the base"},
+          {!args.model.coordinates.empty(), "--q", "a keyframe"},
+          {!args.model.ground.empty(), "--ground", "a plane"}})
+      if (given)
+        return Report({ErrorCode::kUsage, option,
+                       fmt::format("does not reach MuJoCo, which runs the file as it stands, so that the two "
+                                   "would run different models; write {} into the file instead",
+                                   remedy)},
+                      json);
   auto imported = args.model.Load();
   if (!imported) return Report(imported.error(), json);
   if (!json) PrintNotes(imported->report);
@@ -199,10 +207,6 @@ int Run(const CompareArguments& args) {
       error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);
     return Report(error, json);
   }
-  if (options.against == Against::kMuJoCo &&
-      (!args.model.base.empty() || !args.model.pd.empty() || args.model.stiffness_scale != 1))
-    comparison->warnings.push_back(
-        "MuJoCo runs the file as it stands, without --base, --pd and --stiffness-scale");
   comparison->warnings.insert(comparison->warnings.end(), limits->begin(), limits->end());
   if (json) {
     Json out = ComparisonJson(*comparison);

@@ -1,14 +1,19 @@
 // What `view` keeps in a copy of the model's file: tuned numbers and moments.
 #pragma once
 
+#include <atomic>
 #include <fork1s/server/model_file.hpp>
+#include <string>
+#include <vector>
 
 #include "model_arguments.hpp"
 
 namespace fork1s::app {
 
 /// Writes copies beside the file, never over one that is there, and reads each again: what it then does not
-/// say is told.
-ModelFile FileOf(const ModelArguments& model, const ImportReport& report);
+/// say is told. The file and its copy are read in another process first, with `options` of view, until it
+/// ends or `stop` is set (LoadApart).
+ModelFile FileOf(const ModelArguments& model, const std::vector<std::string>& options,
+                 const ImportReport& report, const std::atomic<bool>& stop);
 
 }  // namespace fork1s::app

@@ -4,12 +4,16 @@
 #include <atomic>
 #include <fork1s/base/error.hpp>
 #include <string>
+#include <vector>
+
+#include "model_arguments.hpp"
 
 namespace fork1s::app {
 
-/// Runs this very command once more with `--only-load`, until it ends or `stop` is set. Errors (kModel): it
-/// crashed, was stopped, or did not end in two minutes. What is wrong with the file otherwise is for the
-/// caller to find, safely now.
-Expected<void> LoadApart(const std::string& path, const std::atomic<bool>& stop);
+/// Runs `fork1s view --only-load` on the model, with further `options` of view, until it ends or `stop` is
+/// set. Errors: those that reading the model ends with; kModel where the reader crashed, was stopped, did not
+/// end in two minutes or could not be started. Without an error the model can be read in this process.
+Expected<void> LoadApart(const ModelArguments& model, const std::vector<std::string>& options,
+                         const std::atomic<bool>& stop);
 
 }  // namespace fork1s::app

@@ -196,6 +196,27 @@ Expected<ImportOptions> ModelArguments::Options() const {
   return options;
 }
 
+std::vector<std::string> ModelArguments::Words() const {
+  std::vector<std::string> words;
+  const auto add = [&](const char* option, const std::string& value) {
+    if (!value.empty()) words.push_back(fmt::format("{}={}", option, value));
+  };
+  for (const std::string& body : interfaces) add("--interface", body);
+  add("--base", base);
+  if (modes >= 0) add("--modes", std::to_string(modes));
+  add("--mode-choice", mode_choice);
+  if (stiffness_scale != 1) add("--stiffness-scale", fmt::format("{}", stiffness_scale));
+  for (const std::string& gains : pd) add("--pd", gains);
+  add("--keyframe", keyframe);
+  add("--base-pose", base_pose);
+  for (const std::string& coordinate : coordinates) add("--q", coordinate);
+  add("--ground", ground);
+  for (const std::string& package : packages) add("--package", package);
+  if (json) words.push_back("--json");
+  words.insert(words.end(), {"--", path});
+  return words;
+}
+
 Expected<ImportedScene> ModelArguments::Load() const {
   const auto options = Options();
   if (!options) return tl::unexpected(options.error());

@@ -29,6 +29,8 @@ struct ModelArguments {
   void AddTo(CLI::App& command);
   Expected<ImportedScene> Load() const;
   Expected<ImportOptions> Options() const;
+  /// The words of a command line that AddTo reads as these arguments, the model last.
+  std::vector<std::string> Words() const;
 
  private:
   Expected<void> ReadStart(ImportOptions& options) const;

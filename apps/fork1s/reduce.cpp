@@ -33,7 +33,8 @@ Json FreeMotionsJson(const Mechanism& m, const VectorX& q, const std::vector<Bod
   return all;
 }
 
-Expected<Json> ReduceOne(const PosedMechanism& posed, double step_s, ReducedModel& model) {
+Expected<Json> ReduceOne(const PosedMechanism& posed, double step_s, OnFreeMotion on_free,
+                         ReducedModel& model) {
   const Mechanism& m = *posed.mechanism;
   ReductionOptions options;
   options.promote_hidden = !posed.interfaces_chosen;
@@ -54,23 +55,28 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, double step_s, ReducedMode
 
   Json warnings = Json::array();
   for (const std::string& w : model.warnings) warnings.push_back(w);
+  // Without a lock the bodies that no spring holds have no compliance, and none is printed.
+  const auto locked = CoordinatesToLock(m, posed.q, model.interfaces, on_free);
+  const std::vector<int> held = locked.value_or(std::vector<int>{});
   // By two roads, which share no decision; where they part the figure is not to be trusted.
-  const InterfaceCompliance compliance = WalkCompliance(m, posed.q, model.interfaces);
+  const InterfaceCompliance compliance = WalkCompliance(m, posed.q, model.interfaces, held);
   const double apart =
-      ComplianceDifference(compliance, DenseCompliance(m, posed.q, model.interfaces), m.length_scale());
+      ComplianceDifference(compliance, DenseCompliance(m, posed.q, model.interfaces, held), m.length_scale());
   constexpr double kApart = 1e-6;  // seven orders above rounding
   if (!(apart < kApart))
     warnings.push_back(fmt::format(
         "two computations of the compliance of '{}' differ by {:.2g} of it: take neither as right, and report "
         "this model",
         m.name(), apart));
-  const MatrixX& C = compliance.C;
-  const MatrixX K = StiffnessFromCompliance(compliance, m.length_scale());
+  const Json C = locked ? ToJson(compliance.C) : Json(nullptr);
+  const Json K = locked ? ToJson(StiffnessFromCompliance(compliance, m.length_scale())) : Json(nullptr);
   out["compliance_rank"] = compliance.rank;
   out["free_motions"] = FreeMotionsJson(m, posed.q, model.interfaces);
-  out["compliance_world"] = floats ? Json(nullptr) : ToJson(C);
-  if (floats) out["compliance_world_base_held"] = ToJson(C);
-  out["stiffness_world"] = floats ? Json(nullptr) : ToJson(K);
+  out["compliance_world"] = floats ? Json(nullptr) : C;
+  if (floats) out["compliance_world_base_held"] = C;
+  out["stiffness_world"] = floats ? Json(nullptr) : K;
+  out["compliance_locked"] = Json::array();
+  for (const int i : held) out["compliance_locked"].push_back(m.CoordinateName(i));
   const int count = std::max(8, std::min(model.size(), 16));
   out["frequencies_hz"] = {{"full", FullFrequencies(m, posed.q, count)},
                            {"reduced", ReducedFrequencies(model, count)}};
@@ -106,8 +112,9 @@ void Print(const Json& d, const Mechanism& m) {
                       ? d["compliance_world_base_held"]
                       : d["compliance_world"];
   if (!C.is_null()) {
-    fmt::print("  compliance of each interface body, world axes (diagonal; rad/(N m), m/N{}):\n",
-               d.contains("compliance_world_base_held") ? "; base held" : "");
+    std::string held = d.contains("compliance_world_base_held") ? "; base held" : "";
+    for (const Json& name : d["compliance_locked"]) held += "; '" + name.get<std::string>() + "' locked";
+    fmt::print("  compliance of each interface body, world axes (diagonal; rad/(N m), m/N{}):\n", held);
     constexpr double kRounding = 1e-12;  // beside the largest of its kind: a hinge does not turn across its axis
     double largest[2] = {0, 0};
     for (std::size_t i = 0; i < C.size(); ++i)
@@ -122,8 +129,11 @@ void Print(const Json& d, const Mechanism& m) {
     }
   }
   if (!d["free_motions"].empty()) {
-    fmt::print("  free of springs ({}), so that the compliance is that of loads which do no work on them:\n",
-               d["free_motions"].size());
+    fmt::print(
+        "  free of springs ({}){}:\n", d["free_motions"].size(),
+        C.is_null()
+            ? ", so that the compliance has no bound; --lock-free gives it with one joint of each locked"
+            : "");
     for (const Json& motion : d["free_motions"]) fmt::print("    {}\n", motion["text"].get<std::string>());
   }
   PrintGain(d["gain"]);
@@ -148,15 +158,20 @@ void AddReduce(CLI::App& app, Action& action) {
   auto file = std::make_shared<std::string>();
   auto buffers = std::make_shared<std::string>();
   auto recovery = std::make_shared<Recovery>(Recovery::kExact);
+  auto lock_free = std::make_shared<bool>(false);
   model->AddTo(*command);
+  command->add_flag(
+      "--lock-free", *lock_free,
+      "compliance with a joint locked for each motion that no spring resists; without it there is none "
+      "where such a motion moves an interface body");
   command->add_option("--out", *file, "write the reduced model to this HDF5 file");
   auto* folder = command->add_option(
       "--buffers", *buffers,
       "write recovery.json and recovery.bin, by which shaders pose all bodies, into this folder");
   AddRecoveryTo(*command, *recovery);
   command->get_option("--recovery")->needs(folder);
-  command->callback([&action, model, file, buffers, recovery] {
-    action = [model, file, buffers, recovery]() -> int {
+  command->callback([&action, model, file, buffers, recovery, lock_free] {
+    action = [model, file, buffers, recovery, lock_free]() -> int {
       if (auto ok = RefuseInputs(*file, {model->path}); !ok) return Report(ok.error(), model->json);
       auto imported = model->Load();
       if (!imported) return Report(imported.error(), model->json);
@@ -170,7 +185,8 @@ void AddReduce(CLI::App& app, Action& action) {
       std::vector<Json> all;
       for (std::size_t i = 0; i < posed->size(); ++i) {
         ReducedModel reduced;
-        auto one = ReduceOne((*posed)[i], imported->scene.timestep, reduced);
+        auto one = ReduceOne((*posed)[i], imported->scene.timestep,
+                             *lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse, reduced);
         if (!one) {
           Error error = one.error();
           error.where = model->path + ": " + error.where;

@@ -17,6 +17,7 @@ constexpr double kDegrees = 180 / std::numbers::pi;
 struct StaticsArguments {
   ModelArguments model;
   std::string body, force = "0,0,0", torque = "0,0,0", gravity;
+  bool lock_free = false;
 };
 
 Json DeflectionJson(const Deflection& d) {
@@ -47,7 +48,8 @@ int Run(const StaticsArguments& args) {
   auto posed = PoseMechanisms(*imported);
   if (!posed) return Report(posed.error(), json);
   if (!json) PrintNotes(imported->report);
-  const auto result = Deflect(*posed, {args.body, *force, *torque}, gravity_W);
+  const OnFreeMotion on_free = args.lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse;
+  const auto result = Deflect(*posed, {args.body, *force, *torque}, gravity_W, on_free);
   if (!result) {
     Error error = result.error();
     error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);
@@ -58,7 +60,7 @@ int Run(const StaticsArguments& args) {
     return Report(error, json);
   }
   // Gravity and set-points move it too, far if the pose is none where servos hold it.
-  const auto unloaded = Deflect(*posed, {args.body, Vector3::Zero(), Vector3::Zero()}, gravity_W);
+  const auto unloaded = Deflect(*posed, {args.body, Vector3::Zero(), Vector3::Zero()}, gravity_W, on_free);
 
   if (json) {
     Json out = DeflectionJson(result->nonlinear);
@@ -70,13 +72,15 @@ int Run(const StaticsArguments& args) {
     out["residual"] = result->residual;
     out["stable"] = result->stable;
     out["base_held"] = true;
+    out["locked"] = result->locked;
     out["warnings"] = result->beyond_stops;
     out["notes"] = NotesJson(imported->report);
     fmt::print("{}\n", ToText(out, 2));
     return kDone;
   }
-  fmt::print("body '{}' under {} N, {} N m{}\n", args.body, args.force, args.torque,
-             result->floats ? ", base held" : "");
+  std::string held = result->floats ? ", base held" : "";
+  for (const std::string& name : result->locked) held += fmt::format(", '{}' locked", name);
+  fmt::print("body '{}' under {} N, {} N m{}\n", args.body, args.force, args.torque, held);
   fmt::print("  {:<10} {:>36} {:>36} {:>12}\n", "", "moved by mm", "turned by deg", "joints deg");
   std::vector<std::pair<const char*, Deflection>> rows = {{"linear", result->linear},
                                                           {"nonlinear", result->nonlinear}};
@@ -102,6 +106,7 @@ void AddStatics(CLI::App& app, Action& action) {
   command->add_option("--force", args->force, "x,y,z in N, world axes, fixed in direction");
   command->add_option("--torque", args->torque, "x,y,z in N m, world axes, fixed in direction");
   command->add_option("--gravity", args->gravity, "x,y,z in m/s^2 instead of the file's");
+  command->add_flag("--lock-free", args->lock_free, "lock a joint of each motion that no spring resists");
   command->callback([&action, args] { action = [args] { return Run(*args); }; });
 }
 

@@ -3,13 +3,16 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 #include <array>
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fork1s/record/output_file.hpp>
 #include <fork1s/server/live_server.hpp>
@@ -60,11 +63,40 @@ tl::unexpected<Error> Interrupted(const std::string& out) {
   return Fail(ErrorCode::kFile, out, "was not written: the film was interrupted");
 }
 
+// The two pipes of --remote-debugging-pipe: commands for the browser's descriptor 3, answers from its
+// descriptor
+// 4. Without them it would listen on a TCP port, by which every user of the machine could make it read files.
+// No command is sent; the browser ends when its commands do.
+class ControlPipes {
+ public:
+  ControlPipes() : made_(pipe2(commands_.data(), O_CLOEXEC) == 0 && pipe2(answers_.data(), O_CLOEXEC) == 0) {}
+  ~ControlPipes() {
+    for (const int fd : {commands_[0], commands_[1], answers_[0], answers_[1]})
+      if (fd >= 0) close(fd);
+  }
+  ControlPipes(const ControlPipes&) = delete;
+  ControlPipes& operator=(const ControlPipes&) = delete;
+
+  bool made() const { return made_; }
+  /// In the child. Copies first: the pipes may be on 3 and 4 themselves.
+  void PutInPlace() const {
+    const int commands = fcntl(commands_[0], F_DUPFD, 5), answers = fcntl(answers_[1], F_DUPFD, 5);
+    dup2(commands, 3);
+    dup2(answers, 4);
+  }
+
+ private:
+  std::array<int, 2> commands_{-1, -1}, answers_{-1, -1};
+  bool made_;
+};
+
 // A program without input, whose output goes nowhere, and whose temporary files go into `temporary`: a
-// browser that is killed removes none of its own.
+// browser that is killed removes none of its own. Of the descriptors that are open here it gets the pipes
+// alone.
 class Child {
  public:
-  Child(std::vector<std::string> arguments, const std::string& temporary) {
+  Child(std::vector<std::string> arguments, const std::string& temporary,
+        const ControlPipes* pipes = nullptr) {
     std::vector<char*> argv;
     for (std::string& a : arguments) argv.push_back(a.data());
     argv.push_back(nullptr);
@@ -78,6 +110,8 @@ class Child {
     setenv("TMPDIR", temporary.c_str(), 1);
     const int nowhere = open("/dev/null", O_RDWR);
     for (int fd : {0, 1, 2}) dup2(nowhere, fd);
+    if (pipes) pipes->PutInPlace();
+    close_range(pipes ? 5 : 3, ~0U, 0);
     execv(argv[0], argv.data());
     _exit(127);
   }
@@ -156,13 +190,22 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
   };
   auto server = LiveServer::Create(serve);
   if (!server) return tl::unexpected(server.error());
-  Child browser({chromium, "--headless", "--no-sandbox", "--use-angle=swiftshader",
-                 "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
-                 "--disable-background-networking", "--disable-component-update", "--disable-sync",
-                 "--hide-scrollbars", "--remote-debugging-port=0", "--user-data-dir=" + folder + "/profile",
-                 fmt::format("--window-size={},{}", options.width, options.height),
-                 fmt::format("http://127.0.0.1:{}/#{}", server->port(), Wish(options))},
-                folder);
+  const ControlPipes pipes;
+  if (!pipes.made())
+    return Fail(ErrorCode::kFile, chromium,
+                fmt::format("cannot be started: no pipe to it could be made ({}); close other programs",
+                            std::strerror(errno)));
+  const std::string profile = folder + "/profile";
+  if (mkdir(profile.c_str(), 0700) != 0)
+    return Fail(ErrorCode::kFile, profile,
+                fmt::format("cannot be made ({}); the browser needs it", std::strerror(errno)));
+  Child browser(
+      {chromium, "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+       "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
+       "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe", "--user-data-dir=" + profile,
+       fmt::format("--window-size={},{}", options.width, options.height),
+       fmt::format("http://127.0.0.1:{}/#{}", server->port(), Wish(options))},
+      folder, &pipes);
   ProgressBar bar("drawing");
   constexpr auto kPatience = std::chrono::seconds(60);
   auto last = std::chrono::steady_clock::now();

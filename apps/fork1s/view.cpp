@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <fork1s/server/live_loop.hpp>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "checks.hpp"
 #include "copy_writer.hpp"
@@ -51,6 +53,14 @@ void OpenBrowser(const std::string& address) {
   _exit(127);
 }
 
+// Those of view itself that LoadApart needs to prepare the same simulation.
+std::vector<std::string> OptionsOf(const ViewArguments& args) {
+  std::vector<std::string> options{std::string("--recovery=") + Name(args.recovery)};
+  if (args.dt > 0) options.push_back(fmt::format("--dt={}", args.dt));
+  if (args.integrator) options.push_back(std::string("--integrator=") + Name(*args.integrator));
+  return options;
+}
+
 Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   auto imported = args.model.Load();
   if (!imported) return tl::unexpected(imported.error());
@@ -65,7 +75,7 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   // With its folder: many models are called scene.xml.
   const std::filesystem::path path(args.model.path);
   const std::string title = (path.parent_path().filename() / path.filename()).string();
-  ModelFile file = FileOf(args.model, imported->report);
+  ModelFile file = FileOf(args.model, OptionsOf(args), imported->report, stop_requested);
   auto live = LiveSimulation::Create(std::move(imported->scene), options, title, std::move(file));
   if (!live) {
     Error error = live.error();
@@ -76,7 +86,7 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
 }
 
 Expected<LiveSimulation> LoadAnew(const ViewArguments& args, const std::atomic<bool>& stop) {
-  if (auto apart = LoadApart(args.model.path, stop); !apart) return tl::unexpected(apart.error());
+  if (auto apart = LoadApart(args.model, OptionsOf(args), stop); !apart) return tl::unexpected(apart.error());
   return Prepare(args);
 }
 

@@ -48,14 +48,16 @@ Loops CollectLoops(const Mechanism& mechanism, const Kinematics& kinematics, con
   return loops;
 }
 
-// Columns of joints that take part in loops, or have no spring of their own, and those of plain paths.
+// Columns of joints that take part in loops, or have no spring of their own, and those of plain paths. Locked
+// coordinates do not move and are in none of them.
 struct Parts {
   std::vector<int> path, looped, unsprung;  // coordinates; the first two are sprung
 };
 
-Parts Divide(const Mechanism& mechanism, const MatrixX& W) {
+Parts Divide(const Mechanism& mechanism, const MatrixX& W, const std::vector<int>& locked) {
   Parts parts;
   for (int i = 0; i < mechanism.num_coordinates(); ++i) {
+    if (std::find(locked.begin(), locked.end(), i) != locked.end()) continue;
     if (!(mechanism.stiffness()(i) > 0))
       parts.unsprung.push_back(i);
     else if (W.rows() > 0 && !W.col(i).isZero(0))
@@ -164,13 +166,13 @@ Matrix6 AboutOrigin(const Kinematics& kinematics, BodyIndex b) {
 }  // namespace
 
 InterfaceCompliance WalkCompliance(const Mechanism& mechanism, const VectorX& q,
-                                   const std::vector<BodyIndex>& bodies) {
+                                   const std::vector<BodyIndex>& bodies, const std::vector<int>& locked) {
   const double L = mechanism.length_scale();
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q, kinematics);
   const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
   const Loops loops = CollectLoops(mechanism, kinematics, q, unit);
-  const Parts parts = Divide(mechanism, loops.W);
+  const Parts parts = Divide(mechanism, loops.W, locked);
   const MatrixX J_x =
       internal::InLengths(internal::ScaledInterfaceJacobian(mechanism, kinematics, bodies, 1.0), L) *
       unit.coordinate.asDiagonal();
@@ -200,6 +202,7 @@ InterfaceCompliance WalkCompliance(const Mechanism& mechanism, const VectorX& q,
     }
   out.C += internal::WithoutFree(mechanism, C, free);
   out.C = 0.5 * (out.C + out.C.transpose()).eval();
+  out.locked = locked;
   looped.AddDoubts(mechanism, parts, out.doubts);
   return out;
 }

@@ -93,6 +93,12 @@ std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const Vector
     const VectorX x = N.col(k);
     FreeMotion motion;
     motion.q = basis.scale.cwiseProduct(x);
+    double largest = 0;
+    for (int i = 0; i < mechanism.num_coordinates(); ++i)
+      if (std::abs(x(i)) > largest && (N.row(i).array() != 0).count() == 1) {
+        largest = std::abs(x(i));
+        motion.pivot = i;
+      }
     for (int j = 0; j < mechanism.num_joints(); ++j) {
       const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
       if (x.segment(joint.offset, joint.size).cwiseAbs().maxCoeff() > kStill) motion.joints.push_back(JointIndex(j));

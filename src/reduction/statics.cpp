@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "elastic_basis.hpp"
+#include "locked_basis.hpp"
 
 namespace fork1s {
 namespace {
@@ -62,6 +63,7 @@ class LoadedMechanism {
       ClosureJacobian(mechanism_, kinematics_, q, A_);
       g += TransposedTimes(A_, lambda);
     }
+    for (const int i : options_.locked) g(i) = 0;  // balanced by the lock
     return g;
   }
 
@@ -93,6 +95,11 @@ class LoadedMechanism {
       K.col(i) = (above - Residual(x, lambda, share)) / (2 * kStep);
       x(i) = q(i);
     }
+    for (const int i : options_.locked) {
+      K.row(i).setZero();
+      K.col(i).setZero();
+      K(i, i) = -1;  // beside a residual of 0: it does not move
+    }
     return K;
   }
 
@@ -114,11 +121,12 @@ struct NewtonState {
 // A step of Newton's method [dq; dλ] that closes the loops, A dq = -c, and balances g + K dq + Aᵀdλ = 0. Loops
 // first, by their rank in one unit; then the motions that they leave, and the reactions of least norm: loops
 // closed more often than needed share them.
-VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, const MatrixX& K,
-                   const VectorX& g, const VectorX& c) {
+VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
+                   const MatrixX& K, const VectorX& g, const VectorX& c, const std::vector<int>& locked) {
   const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
   VectorX row;
-  const MatrixX A = ClosureRowsInOneUnit(mechanism, kinematics, q, unit, &row);
+  MatrixX A = ClosureRowsInOneUnit(mechanism, kinematics, q, unit, &row);
+  for (const int i : locked) A.col(i).setZero();
   const MatrixX K_x = ScaledColumns(ScaledRows(unit.coordinate, K), unit.coordinate);
   const VectorX g_x = unit.coordinate.cwiseProduct(g), c_x = row.cwiseProduct(c);
   const NullSpace closed = ComputeNullSpace(A);
@@ -158,8 +166,9 @@ bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const Stat
     }
     const MatrixX K = loaded.Tangent(now.q, now.lambda, share);
     loaded.Pose(now.q);  // differences left it beside
-    const VectorX step = m == 0 ? VectorX(SolveSquare(-K, rhs))
-                                : ClosedStep(mechanism, loaded.kinematics(), now.q, K, rhs.head(n), c);
+    const VectorX step =
+        m == 0 ? VectorX(SolveSquare(-K, rhs))
+               : ClosedStep(mechanism, loaded.kinematics(), now.q, K, rhs.head(n), c, options.locked);
     if (!step.allFinite()) return false;
     const double largest = step.head(n).cwiseAbs().maxCoeff();
     const double damping = largest > 0.4 ? 0.4 / largest : 1.0;
@@ -203,7 +212,8 @@ StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const 
     MatrixX Z = MatrixX::Identity(state.q.size(), state.q.size());
     if (mechanism.num_constraints() > 0) {
       loaded.Residual(state.q, state.lambda, 1);
-      Z = internal::ClosedMotions(mechanism, loaded.kinematics(), state.q);
+      Z = internal::WithLocked(internal::ClosedMotions(mechanism, loaded.kinematics(), state.q),
+                               VectorX::Ones(state.q.size()), options.locked);
     }
     const MatrixX K_z = Congruence(K, Z);
     const VectorX eigenvalues = EigenvaluesOf(0.5 * (K_z + K_z.transpose()));
@@ -218,7 +228,9 @@ Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0
   loaded.Pose(q0);
   const auto basis = internal::ComputeElasticBasis(mechanism, loaded.kinematics(), q0);
   const VectorX g = loaded.Residual(q0, VectorX(), 1);
-  const MatrixX N = basis.DenseFree(mechanism.num_coordinates());
+  const int n = mechanism.num_coordinates();
+  const internal::LockedBasis motions = internal::LockCoordinates(basis, n, options.locked);
+  const MatrixX& N = motions.free;
   if (N.cols() > 0) {
     const VectorX taken = TransposedTimes(N, g);
     if (taken.cwiseAbs().maxCoeff() > 1e-9 * std::max(1e-300, g.cwiseAbs().maxCoeff())) {
@@ -230,10 +242,11 @@ Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0
           fmt::format("joint '{}'",
                       mechanism.joint(mechanism.CoordinateJoint(static_cast<int>(coordinate))).name),
           "has no spring and gives way to the load, so that no deflection balances it; give the joint a "
-          "stiffness or hold it by PD control");
+          "stiffness, hold it by PD control, or lock it (--lock-free)");
     }
   }
-  return VectorX(q0 + basis.ApplyV(basis.ApplyVTransposed(g), mechanism.num_coordinates()));
+  if (options.locked.empty()) return VectorX(q0 + basis.ApplyV(basis.ApplyVTransposed(g), n));
+  return VectorX(q0 + Times(motions.elastic, TransposedTimes(motions.elastic, g)));
 }
 
 double MaxJointRotation(const Mechanism& mechanism, const VectorX& q0, const VectorX& q) {

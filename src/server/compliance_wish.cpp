@@ -70,6 +70,8 @@ Expected<Answer> AnswerOf(const Scene& scene, const ComplianceWish& wish, const 
   if (!built) return tl::unexpected(built.error());
   const Matrix3 to_root = built->definition().X_WR.rotation().transpose();
   Answer out;
+  const auto locked = CoordinatesToLock(*built, wish.q, {wish.body}, OnFreeMotion::kRefuse);
+  if (!locked) return tl::unexpected(locked.error());
   const MatrixX C = DenseCompliance(*built, wish.q, {wish.body}).C;
   out.C_R = to_root * C.bottomRightCorner<3, 3>() * to_root.transpose();
   out.y_R = to_root * InterfaceResponse(*built, wish.q, {wish.body}).bottomRows<3>();

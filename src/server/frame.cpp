@@ -58,14 +58,21 @@ void WriteContacts(const Simulation& simulation, const internal::BodyOrder& orde
 }
 
 // How each interface body gives way to a force at its origin [m/N], in the axes of R: C = J Q Qᵀ Jᵀ over the
-// directions with springs, whose stiffness is 1 in reduced coordinates.
+// directions with springs, whose stiffness is 1 in reduced coordinates. A body whose origin moves in a
+// direction without a spring has none and is left out.
 void WriteCompliance(const ReducedModel& model, ByteWriter& out) {
-  out.U32(static_cast<std::uint32_t>(model.interfaces.size()));
+  constexpr double kStill = 1e-9;  // rounding, as a share of the mechanism's length
+  const double length = model.mechanism->length_scale();
+  std::vector<std::pair<BodyIndex, Matrix3>> held;
   for (BodyIndex b : model.interfaces) {
     Eigen::Matrix<double, 3, 6> at_origin;
     at_origin << -Skew(model.X_RB_ref[b.u()].translation()), Matrix3::Identity();
     const MatrixX J = at_origin * Columns(model.T_of(b), model.SprungColumns());
-    const Matrix3 C = J * J.transpose();
+    if ((at_origin * Columns(model.T_of(b), model.FreeColumns())).norm() > kStill * length) continue;
+    held.emplace_back(b, J * J.transpose());
+  }
+  out.U32(static_cast<std::uint32_t>(held.size()));
+  for (const auto& [b, C] : held) {
     out.U32(static_cast<std::uint32_t>(b.value()));
     for (double c : {C(0, 0), C(1, 1), C(2, 2), C(0, 1), C(0, 2), C(1, 2)}) out.F32(c);
   }

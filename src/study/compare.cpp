@@ -6,6 +6,7 @@
 #include <fork1s/sim/interface_names.hpp>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -155,6 +156,25 @@ Expected<void> CheckControls(const ControlTrack& track, const Simulation& simula
                           known.empty() ? "none" : known));
 }
 
+// MuJoCo at the file's own step. A file may ask for a step that MuJoCo does not survive: then at the first of
+// its halves that it does, with a warning.
+Expected<Run> RunOwnStep(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
+                         const RunOptions& options, std::vector<std::string>& warnings) {
+  constexpr int kHalvings = 12;
+  auto run = internal::RunMuJoCo(path, scene, tracked, 0, options);
+  double step = scene.timestep;
+  for (int i = 0; i < kHalvings && !run && run.error().code == ErrorCode::kNumerics; ++i) {
+    const Error unstable = run.error();
+    step /= 2;
+    run = internal::RunMuJoCo(path, scene, tracked, step, options);
+    if (run)
+      warnings.push_back(
+          fmt::format("{}; compared with {:.4g} s, the first half of the file's step that it survives",
+                      unstable.Text(), step));
+  }
+  return run;
+}
+
 // "a and b, c and world (touched)": those that touched first, ten at most.
 std::string PairList(std::vector<ContactPair> pairs) {
   constexpr std::size_t kMost = 10;
@@ -251,6 +271,20 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
     if (options.progress) options.progress(std::min(1.0, done / all));
   };
   std::vector<Run> reduced, other;
+  std::optional<Run> own;
+  if (mujoco) {
+    // First, so that what MuJoCo cannot run is refused before anything is simulated.
+    weight = 10;
+    auto run = RunOwnStep(options.model_path, scene, tracked, o, out.warnings);
+    if (!run) return tl::unexpected(run.error());
+    own = std::move(*run);
+    // At our step it may well become unstable, and that is an answer.
+    auto same = internal::RunMuJoCo(options.model_path, scene, tracked, o.interval, o);
+    if (same)
+      other.push_back(std::move(*same));
+    else
+      out.warnings.push_back(same.error().Text());
+  }
   for (int k = 0; k <= options.refinements; ++k) {
     o.substeps = 1 << k;
     weight = o.substeps;
@@ -268,30 +302,6 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
     Summarise(tracked, reduced, other, other.front(), other.back(), o.interval, out);
     return out;
   }
-  weight = 10;
-  o.substeps = 1;
-  auto own = internal::RunMuJoCo(options.model_path, scene, tracked, 0, o);
-  // A file may ask for a step that MuJoCo does not survive: then the first of its halves that it does is the
-  // truth.
-  constexpr int kHalvings = 12;
-  double step = scene.timestep;
-  for (int i = 0; i < kHalvings && !own && own.error().code == ErrorCode::kNumerics; ++i) {
-    const Error unstable = own.error();
-    step /= 2;
-    own = internal::RunMuJoCo(options.model_path, scene, tracked, step, o);
-    if (own)
-      out.warnings.push_back(
-          fmt::format("{}; compared with {:.4g} s, the first half of the file's step that it "
-                      "survives",
-                      unstable.Text(), step));
-  }
-  if (!own) return tl::unexpected(own.error());
-  // At our step it may well become unstable, and that is an answer.
-  auto same = internal::RunMuJoCo(options.model_path, scene, tracked, o.interval, o);
-  if (same)
-    other.push_back(std::move(*same));
-  else
-    out.warnings.push_back(same.error().Text());
   out.other_dt_s = own->dt;
   out.pairs_only_other = own->pairs_only_here;
   out.pairs_only_reduced = own->pairs_only_reduced;

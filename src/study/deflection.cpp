@@ -7,7 +7,7 @@
 namespace fork1s {
 
 Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, const BodyLoad& load,
-                             const Vector3& gravity_W) {
+                             const Vector3& gravity_W, OnFreeMotion on_free) {
   const PosedMechanism* at = nullptr;
   BodyIndex body;
   for (const PosedMechanism& p : mechanisms)
@@ -30,12 +30,14 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   options.controls.resize(static_cast<Eigen::Index>(m.controls().size()));
   for (std::size_t i = 0; i < m.controls().size(); ++i)
     options.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
+  if (on_free == OnFreeMotion::kLock) options.locked = *CoordinatesToLock(m, at->q, {}, on_free);
   const std::vector<DeadLoad> loads{{body, R_RW * load.force_W, R_RW * load.moment_W}};
 
   Kinematics reference(m);
   ComputeKinematics(m, at->q, reference);
   const RigidTransform X_ref = X_WR * reference.X_RB[body.u()];
   LoadedBody out;
+  for (const int i : options.locked) out.locked.push_back(m.CoordinateName(i));
   out.reference_position_W = X_ref.translation();
 
   auto linear_q = LinearDeflection(m, at->q, loads, options);

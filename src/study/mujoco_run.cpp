@@ -6,6 +6,9 @@
 #include <fork1s/recovery/recover.hpp>
 #include <memory>
 #include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -57,6 +60,47 @@ std::vector<DrivenBase> FindDrivenBases(const mjModel* m, const Simulation& guid
          {Quaternion(q[0], q[1], q[2], q[3]), Vector3(Eigen::Map<const Vector3>(m->body_pos + 3 * body))}});
   }
   return bases;
+}
+
+// Whether the table moves the control away from where it starts. The rows before the first time and after the
+// last hold the first and the last value, so that the rows alone decide.
+bool IsDriven(const ControlTrack& controls, const std::string& name, double start) {
+  for (std::size_t c = 0; c < controls.names.size(); ++c)
+    if (controls.names[c] == name)
+      return std::any_of(controls.rows.begin(), controls.rows.end(),
+                         [&](const std::vector<double>& row) { return row[c] != start; });
+  return false;
+}
+
+// Pairs (control of ours, actuator of the file) of the same name. Errors (kModel): the table drives a control
+// that has neither an actuator nor a mocap body in the file. MuJoCo would run another experiment.
+Expected<std::vector<std::pair<int, int>>> FindActuators(const mjModel* m, const std::string& path,
+                                                         const Simulation& guide,
+                                                         const std::vector<DrivenBase>& bases,
+                                                         const ControlTrack& controls) {
+  std::vector<std::pair<int, int>> inputs;
+  for (int i = 0; i < static_cast<int>(guide.control_names().size()); ++i) {
+    if (std::any_of(bases.begin(), bases.end(),
+                    [&](const DrivenBase& b) { return i >= b.control && i < b.control + 6; }))
+      continue;
+    const std::string& name = guide.control_names()[static_cast<std::size_t>(i)];
+    if (const int a = mj_name2id(m, mjOBJ_ACTUATOR, name.c_str()); a >= 0) {
+      inputs.emplace_back(i, a);
+      continue;
+    }
+    if (!IsDriven(controls, name, guide.controls()(i))) continue;
+    const std::string body = guide.DrivesBase(i) ? name.substr(0, name.rfind('.')) : std::string();
+    const std::string remedy =
+        !body.empty() && mj_name2id(m, mjOBJ_BODY, body.c_str()) >= 0
+            ? fmt::format("make body '{}' a mocap body of the file (mocap=\"true\", no joint)", body)
+            : std::string("give it an actuator of that name in the file");
+    return Fail(
+        ErrorCode::kModel, path,
+        fmt::format("the controls drive '{}', for which MuJoCo has no actuator, so that the two would "
+                    "run different experiments; {}, or leave the column out",
+                    name, remedy));
+  }
+  return inputs;
 }
 
 // Loops in MuJoCo's poses, measured as the reduced run's are: bodies by name, the base where it starts if the
@@ -176,23 +220,12 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
 
   auto guide = MakeReduced(scene, options);
   if (!guide) return tl::unexpected(guide.error());
-  std::vector<std::pair<int, int>> inputs;  // control of ours, actuator
   const std::vector<DrivenBase> bases = FindDrivenBases(m, *guide);
-  auto drives_base = [&](int control) {
-    return std::any_of(bases.begin(), bases.end(),
-                       [&](const DrivenBase& b) { return control >= b.control && control < b.control + 6; });
-  };
-  for (std::size_t i = 0; i < guide->control_names().size(); ++i)
-    if (drives_base(static_cast<int>(i)))
-      continue;
-    else if (const int a = mj_name2id(m, mjOBJ_ACTUATOR, guide->control_names()[i].c_str()); a >= 0)
-      inputs.emplace_back(static_cast<int>(i), a);
-    else
-      run.warnings.push_back(fmt::format("control '{}' is no actuator of the file and does not act in MuJoCo",
-                                         guide->control_names()[i]));
+  const auto inputs = FindActuators(m, path, *guide, bases, *options.controls);
+  if (!inputs) return tl::unexpected(inputs.error());
   auto apply = [&](double time) {
     options.controls->Apply(time, *guide);
-    for (const auto& [control, actuator] : inputs) d->ctrl[actuator] = guide->controls()(control);
+    for (const auto& [control, actuator] : *inputs) d->ctrl[actuator] = guide->controls()(control);
     for (const DrivenBase& b : bases) {
       const Vector3 at = b.start.translation() + guide->controls().segment<3>(b.control);
       const Quaternion q(
@@ -216,6 +249,11 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
                     fmt::format("MuJoCo knows no body '{}' to push; give it a name in the file", push.body));
 
   run.laws = MuJoCoLaws(m);
+  if (!bases.empty())
+    run.laws.push_back(
+        "a driven base is a mocap body in MuJoCo and moves without velocity: friction on it resists motion "
+        "against "
+        "the world and its acceleration acts on no joint; here it has its velocity");
   PairDifference pairs(m, *guide);
   const LoopGaps gaps(m, *guide);
   if (!gaps.unknown().empty())

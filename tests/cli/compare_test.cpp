@@ -98,6 +98,53 @@ TEST(Compare, SaysHowDeepBodiesSinkInMuJoCo) {
   EXPECT_NEAR(json["free_bodies"][0]["rms_mm"].get<double>(), said, 0.1 * said) << laws;
 }
 
+// A hand's palm that is driven by a table. In MuJoCo a body without a joint stands still.
+std::string DrivenPalm(const std::string& palm) {
+  return "<mujoco><option gravity='0 0 0' timestep='.001'/><custom><text name='fork1s_interface' "
+         "data='finger'/>"
+         "<text name='fork1s_base' data='driven'/></custom><worldbody><body name='palm'" +
+         palm +
+         "><geom type='box' size='.05 .05 .02'/><body name='finger' pos='.05 0 .02'><joint name='k' axis='0 "
+         "-1 0' "
+         "damping='.01'/><geom type='capsule' fromto='0 0 .02 0 0 .08' size='.008' mass='.05'/></body></body>"
+         "</worldbody><actuator><position name='p' joint='k' kp='5' kv='.1'/></actuator></mujoco>";
+}
+
+TEST(Compare, RefusesControlsThatMuJoCoHasNoActuatorFor) {
+  const std::string fixed = Write("palm_fixed.xml", DrivenPalm("")),
+                    mocap = Write("palm_mocap.xml", DrivenPalm(" mocap='true'")),
+                    moves = Write("palm_moves.csv", "time,palm.x,p\n0,0,0\n0.1,0.1,0\n"),
+                    rests = Write("palm_rests.csv", "time,palm.x,p\n0,0,0\n0.1,0,0.2\n");
+  const std::string options = "compare --against mujoco --time 0.2 --refinements 0 --controls ";
+  const Outcome refused = Fork1s(options + moves + " " + fixed);
+  EXPECT_EQ(refused.code, 3) << refused.out;
+  EXPECT_EQ(refused.out, "");
+  for (const char* part : {"palm_fixed.xml", "'palm.x'", "no actuator", "body 'palm'", "mocap=\"true\""})
+    EXPECT_NE(refused.err.find(part), std::string::npos) << part << " in\n" << refused.err;
+  // What stays at its start moves nothing that MuJoCo would have to move.
+  const Outcome rest = Fork1s(options + rests + " --json " + fixed);
+  ASSERT_EQ(rest.code, 0) << rest.err;
+  EXPECT_LT(rest.Json()["interface"][0]["max_mm"].get<double>(), 1);
+  // The remedy works: both palms go the same 100 mm.
+  const Outcome driven = Fork1s(options + moves + " --json " + mocap);
+  ASSERT_EQ(driven.code, 0) << driven.err;
+  EXPECT_LT(driven.Json()["interface"][0]["max_mm"].get<double>(), 20);
+  EXPECT_NE(driven.Json()["laws"].dump().find("without velocity"), std::string::npos);
+}
+
+// Options that change the model do not reach the file that MuJoCo runs.
+TEST(Compare, RefusesOptionsThatDoNotReachMuJoCo) {
+  const std::string model = Write("finger.xml", FingerModel());
+  for (const char* option : {"--base driven", "--pd 1,0.1", "--stiffness-scale 2", "--base-pose 0,0,1",
+                             "--q end=0.1", "--ground"}) {
+    const Outcome o = Fork1s(std::string("compare --against mujoco --time 0.1 ") + option + " " + model);
+    EXPECT_EQ(o.code, 2) << option;
+    EXPECT_EQ(o.out, "") << option;
+    const std::string word = std::string(option).substr(0, std::string(option).find(' '));
+    EXPECT_NE(o.err.find(word), std::string::npos) << o.err;
+  }
+}
+
 TEST(Compare, WritesAReport) {
   const std::string model = Write("finger.xml", FingerModel());
   const auto page = ScratchFolder() / "report.html";

@@ -29,7 +29,7 @@ void ExpectAll(const std::string& text, std::initializer_list<const char*> parts
   for (const char* part : parts) EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
 }
 
-TEST(FreeMotion, ReduceGivesTheComplianceThatExists) {
+TEST(FreeMotion, ReduceRefusesAComplianceWithoutBound) {
   const std::string model = Write("coupled.xml", CoupledFinger());
   const Outcome json = Fork1s("reduce --json " + model);
   ASSERT_EQ(json.code, 0) << json.err;
@@ -40,11 +40,30 @@ TEST(FreeMotion, ReduceGivesTheComplianceThatExists) {
   EXPECT_EQ(motion["joints"].size(), 2u);
   EXPECT_EQ(motion["motion_world"].size(), 6u);
   EXPECT_EQ(d["coordinates"]["free"], 1);
-  ASSERT_EQ(d["compliance_world"].size(), 6u);
-  EXPECT_GT(d["compliance_world"][1][1].get<double>(), 0.1);  // 1/2 and 1/1 rad/(N m) stand behind it
+  EXPECT_TRUE(d["compliance_world"].is_null());
+  EXPECT_TRUE(d["compliance_locked"].empty());
   EXPECT_TRUE(d["stiffness_world"].is_null());
   const Outcome text = Fork1s("reduce " + model);
-  ExpectAll(text.out, {"free of springs (1)", "body 'tip'", "'J1'", "'J2'", "tendon", "--pd J"});
+  ExpectAll(text.out, {"free of springs (1)", "no bound", "--lock-free", "body 'tip'", "'J1'", "'J2'",
+                       "tendon", "--pd J"});
+  EXPECT_EQ(text.out.find("compliance of each interface body"), std::string::npos) << text.out;
+  // With one of the two locked the knuckle and the servo turn the tip: 1/2 and 1/1 rad/(N m).
+  const auto locked = Fork1s("reduce --json --lock-free " + model).Json();
+  EXPECT_NEAR(locked["compliance_world"][1][1].get<double>(), 1.5, 1e-12);
+  ASSERT_EQ(locked["compliance_locked"].size(), 1u);
+  const std::string joint = locked["compliance_locked"][0];
+  const Outcome said = Fork1s("reduce --lock-free " + model);
+  EXPECT_NE(said.out.find("'" + joint + "' locked"), std::string::npos) << said.out;
+  // Statics answers alike: compliance times load.
+  const std::string load = "statics --json --body tip --force 0,0,0.01 --gravity 0,0,0 ";
+  const Outcome falls = Fork1s(load + model);
+  EXPECT_EQ(falls.code, 3) << falls.out;
+  ExpectAll(falls.err, {"joint 'J", "--lock-free"});
+  const auto stays = Fork1s(load + "--lock-free " + model).Json();
+  EXPECT_EQ(stays["locked"], locked["compliance_locked"]);
+  const double moved =
+      stays["linear"]["position_m"][2].get<double>() - stays["reference_position_m"][2].get<double>();
+  EXPECT_NEAR(moved, 0.01 * locked["compliance_world"][5][5].get<double>(), 1e-12);
   // What it advises holds.
   const Outcome held = Fork1s("reduce --json --pd J1=1,0.01 " + model);
   ASSERT_EQ(held.code, 0) << held.err;

@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "command.hpp"
 #include "server/socket_client.hpp"
@@ -16,14 +17,20 @@ namespace fs = std::filesystem;
 // `fork1s view` on a model, in a process group of its own.
 class Session {
  public:
-  explicit Session(const std::string& model) : out_((ScratchFolder() / "view_out").string()) {
+  /// `arguments`: of the command line, in place of the model alone.
+  explicit Session(const std::vector<std::string>& arguments)
+      : out_((ScratchFolder() / "view_out").string()) {
     fs::remove(out_);
     child_ = fork();
     if (child_ == 0) {
       setpgid(0, 0);
       if (!std::freopen(out_.c_str(), "w", stdout) || !std::freopen("/dev/null", "w", stderr)) _exit(126);
-      execl(FORK1S_BINARY, "fork1s", "view", "--no-open", "--port", "0", "--json", "--time", "300",
-            model.c_str(), static_cast<char*>(nullptr));
+      std::vector<std::string> words{"fork1s", "view", "--no-open", "--port", "0", "--json", "--time", "300"};
+      words.insert(words.end(), arguments.begin(), arguments.end());
+      std::vector<char*> argv;
+      for (std::string& word : words) argv.push_back(word.data());
+      argv.push_back(nullptr);
+      execv(FORK1S_BINARY, argv.data());
       _exit(127);
     }
     for (int i = 0; i < 3000 && port_ == 0; ++i) {
@@ -34,6 +41,7 @@ class Session {
         port_ = std::atoi(text.c_str() + at + 10);
     }
   }
+  explicit Session(const std::string& model) : Session(std::vector<std::string>{model}) {}
   ~Session() {
     if (child_ <= 0) return;
     kill(-child_, SIGKILL);
@@ -133,22 +141,87 @@ std::string SlowModel() {
   return text + "</robot>";
 }
 
+// The process in which the session reads a slow model, once it has read for a while.
+std::optional<pid_t> ReaderOf(const Session& session) {
+  for (int i = 0; i < 3000; ++i) {
+    usleep(10000);
+    if (const auto reader = ChildOf(session.process())) {
+      usleep(300000);
+      if (ChildOf(session.process()) == reader) return reader;
+    }
+  }
+  return {};
+}
+
+// The arguments of the session reach the process that reads, whatever stands before and after the model.
 TEST(View, AReaderThatCrashesIsTold) {
   const std::string model = Write("crashing.xml", FingerModel());
-  Session session(model);
+  for (const std::vector<std::string>& arguments : {std::vector<std::string>{model},
+                                                    {"--", model},
+                                                    {"--dt", "0.001", "--interface", "tip", "--", model}}) {
+    Write("crashing.xml", FingerModel());
+    Session session(arguments);
+    REQUIRE_PAGE(session);
+    SocketClient page(static_cast<unsigned short>(session.port()));
+    page.Upgrade();
+    Write("crashing.xml", SlowModel());
+    const std::optional<pid_t> reader = ReaderOf(session);
+    ASSERT_TRUE(reader) << "the model is not read in a process of its own";
+    kill(*reader, SIGSEGV);
+    EXPECT_TRUE(session.IsTold(page, "brought its reader down"));
+    EXPECT_TRUE(session.Runs());
+  }
+}
+
+// Crashes the next process in which the session reads, other than `last`; returns it.
+std::optional<pid_t> CrashReader(const Session& session, pid_t last = -1) {
+  for (int i = 0; i < 30000; ++i) {
+    usleep(1000);
+    const auto reader = ChildOf(session.process());
+    if (!reader || *reader == last) continue;
+    kill(*reader, SIGSEGV);
+    return reader;
+  }
+  return {};
+}
+
+// Keep reads the file, which may have changed meanwhile, and then the copy that it wrote.
+TEST(View, AReaderThatCrashesOnKeepingIsTold) {
+  const std::string model = Write("kept.xml", FingerModel());
+  const fs::path copy = ScratchFolder() / "kept_tuned.xml";
+  Session session(std::vector<std::string>{"--no-watch", model});
   REQUIRE_PAGE(session);
   SocketClient page(static_cast<unsigned short>(session.port()));
   page.Upgrade();
-  Write("crashing.xml", SlowModel());
-  std::optional<pid_t> reader;
-  for (int i = 0; i < 3000 && !reader; ++i) {
-    usleep(10000);
-    reader = ChildOf(session.process());
-  }
-  ASSERT_TRUE(reader) << "the model is not read in a process of its own";
-  kill(*reader, SIGSEGV);
-  EXPECT_TRUE(session.IsTold(page, "brought its reader down"));
+  const auto answered = [&](const std::string& words) {
+    for (int i = 0; i < 3000; ++i) {
+      const auto frame = page.ReadFrame();
+      if (!frame) return false;
+      if (frame->opcode == 1 && frame->payload.find(words) != std::string::npos) return true;
+    }
+    return false;
+  };
+  const std::string keep = R"({"type":"write","tuned":false,"moment":0,"text_only":false})";
+  page.SendFrame(1, keep);
+  ASSERT_TRUE(CrashReader(session)) << "the file is not read in a process of its own";
+  EXPECT_TRUE(answered("brought its reader down"));
   EXPECT_TRUE(session.Runs());
+  EXPECT_FALSE(fs::exists(copy));
+  page.SendFrame(1, keep);
+  std::optional<pid_t> first;
+  for (int i = 0; i < 30000 && !first; ++i) {
+    usleep(1000);
+    first = ChildOf(session.process());
+  }
+  ASSERT_TRUE(first);
+  ASSERT_TRUE(CrashReader(session, *first)) << "the copy is not read in a process of its own";
+  EXPECT_TRUE(answered("the copy cannot be read"));
+  EXPECT_TRUE(session.Runs());
+  EXPECT_TRUE(fs::exists(copy));
+  // Undisturbed, the next copy is written and read.
+  page.SendFrame(1, keep);
+  EXPECT_TRUE(answered("\"notes\":[]"));
+  EXPECT_TRUE(fs::exists(ScratchFolder() / "kept_tuned2.xml"));
 }
 
 TEST(View, EndsWhileItReads) {

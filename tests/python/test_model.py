@@ -19,6 +19,22 @@ def test_compliance_of_two_links(arm):
     assert arm.stiffness("forearm") is None  # it cannot be pushed along z
 
 
+def test_compliance_behind_a_free_joint_is_refused_or_locked():
+    model = fork1s.load("""<mujoco><custom><text name="fork1s_interface" data="tip"/></custom><worldbody>
+      <body><joint name="a" axis="0 0 1" stiffness="20"/><geom size=".01" mass="1"/>
+      <body pos=".1 0 0"><joint name="b" axis="0 0 1"/><geom size=".01" mass="1"/>
+      <body name="tip" pos=".1 0 0"><joint name="c" axis="0 0 1" stiffness="50"/><geom size=".01" mass="1"/></body>
+      </body></body></worldbody></mujoco>""")
+    for ask in (model.compliance, model.stiffness, model.response, model.mechanisms[0].compliance):
+        with pytest.raises(fork1s.UnderdeterminedError, match="joint 'b'.*'tip'"):
+            ask("tip")
+    C = model.compliance("tip", lock_free=True)
+    assert_allclose(C[2, 2], 1 / 20 + 1 / 50, rtol=1e-12)  # springs in series
+    assert_allclose(C[4, 4], 0.2**2 / 20, rtol=1e-12)  # with the arm of joint a
+    assert_allclose(model.response("tip", lock_free=True)[4], [0.2 / 20, 0, 0], atol=1e-14)
+    assert model.stiffness("tip", lock_free=True) is None  # it cannot be pushed along z
+
+
 def test_stiffness_is_the_inverse_where_it_exists():
     springs = "".join(
         f'<joint type="{kind}" axis="{axis}" stiffness="{k}"/>'

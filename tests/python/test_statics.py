@@ -26,6 +26,24 @@ def test_nonlinear_under_a_dead_load(arm):
     assert answer.stable and answer.nonlinear.max_joint_rotation == pytest.approx(turn)
 
 
+def test_behind_a_free_joint():
+    model = fork1s.load("""<mujoco><option gravity="0 0 0"/><worldbody>
+      <body><joint name="a" axis="0 0 1" stiffness="20"/><geom size=".01" mass="1"/>
+      <body pos=".1 0 0"><joint name="b" axis="0 0 1"/><geom size=".01" mass="1"/>
+      <body name="tip" pos=".1 0 0"><joint name="c" axis="0 0 1" stiffness="50"/><geom size=".01" mass="1"/></body>
+      </body></body></worldbody></mujoco>""")
+    with pytest.raises(fork1s.UnderdeterminedError, match="joint 'b'"):
+        fork1s.statics(model, "tip", [0, 40, 0])
+    answer = fork1s.statics(model, "tip", [0, 40, 0], lock_free=True)
+    assert answer.locked == ["b"]
+    turn = 0.0  # with b locked an arm of 0.2 m on a: 20 θ = 40 · 0.2 cos θ
+    for _ in range(50):
+        turn -= (20 * turn - 8 * np.cos(turn)) / (20 + 8 * np.sin(turn))
+    assert_allclose(answer.linear.position, [0.2, 0.2 * 8 / 20, 0], atol=1e-12)
+    assert_allclose(answer.nonlinear.position, [0.2 * np.cos(turn), 0.2 * np.sin(turn), 0], atol=1e-10)
+    assert answer.stable
+
+
 def test_gravity_can_be_another(arm):
     # Gravity along x bends both joints; the arm's own weight turns the shoulder by the weight of the forearm's lever.
     down = fork1s.statics(arm, "forearm", gravity=[0, 0, -9.81])

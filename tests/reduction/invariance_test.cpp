@@ -258,8 +258,74 @@ TEST(ReduceErrors, ComplianceOfASpringFreeMotion) {
   EXPECT_EQ(motions[0].body, tip[0]);
   ASSERT_EQ(motions[0].joints.size(), 1u);
   EXPECT_EQ(m->joint(motions[0].joints[0]).name, "joint2");
+  EXPECT_EQ(m->CoordinateName(motions[0].pivot), "joint2");
   // The first link does not feel it.
   EXPECT_EQ(WalkCompliance(*m, VectorX::Zero(3), {m->FindBody("link1")}).free.cols(), 0);
+}
+
+// Displacement of the tip of a chain of links of 0.1 m per load, about z and along y: springs in series, each
+// with its lever arm.
+void ExpectSeries(const MatrixX& C, const std::vector<std::pair<double, double>>& arms_and_stiffnesses) {
+  double turn = 0, mixed = 0, shift = 0;
+  for (const auto& [arm, k] : arms_and_stiffnesses) turn += 1 / k, mixed += arm / k, shift += arm * arm / k;
+  EXPECT_NEAR(C(2, 2), turn, 1e-12 * turn);
+  EXPECT_NEAR(C(2, 4), mixed, 1e-12 * mixed);
+  EXPECT_NEAR(C(4, 4), shift, 1e-12 * shift);
+}
+
+TEST(Compliance, BehindAFreeJointIsRefusedOrThatOfTheLockedJoint) {
+  MechanismDef definition = testing::Chain(3, 0.1, 0.1, 30);
+  definition.joints[1].freedoms[0].stiffness = 0;
+  const auto m = Share(definition);
+  const VectorX q = VectorX::Zero(3);
+  const std::vector<BodyIndex> tip{m->FindBody("tip")}, first{m->FindBody("link1")};
+  const auto refused = ComputeCompliance(*m, q, tip, OnFreeMotion::kRefuse);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kUnderdetermined);
+  EXPECT_EQ(refused.error().where, "joint 'joint2'");
+  EXPECT_NE(refused.error().message.find("'tip'"), std::string::npos) << refused.error().Text();
+  const auto locked = ComputeCompliance(*m, q, tip, OnFreeMotion::kLock);
+  ASSERT_TRUE(locked) << locked.error().Text();
+  EXPECT_EQ(locked->locked, std::vector<int>{1});
+  EXPECT_EQ(locked->free.cols(), 0);
+  ExpectSeries(locked->C, {{0.3, 30}, {0.1, 30}});
+  ExpectSeries(DenseCompliance(*m, q, tip, {1}).C, {{0.3, 30}, {0.1, 30}});
+  // y_j of the springs that are left, and nothing of the locked joint.
+  const MatrixX y = InterfaceResponse(*m, q, tip, {1});
+  EXPECT_NEAR(y(4, 0), 0.3 / 30, 1e-14);
+  EXPECT_NEAR(y(4, 2), 0.1 / 30, 1e-14);
+  EXPECT_LT(y.col(1).norm(), 1e-14);
+  // A body before the free joint is held by springs and has its compliance either way.
+  const auto held = ComputeCompliance(*m, q, first, OnFreeMotion::kRefuse);
+  ASSERT_TRUE(held) << held.error().Text();
+  EXPECT_TRUE(held->locked.empty());
+}
+
+// A tendon spring holds the sum of two hinges. With the hinge locked that is named the other one bears all of
+// it.
+TEST(Compliance, BehindJointsThatATendonLeavesFreeIsThatWithOneOfThemLocked) {
+  MechanismDef definition = testing::Chain(3, 0.1, 0.1, 30);
+  for (int j : {1, 2}) definition.joints[static_cast<std::size_t>(j)].freedoms[0].stiffness = 0;
+  SpringDef tendon;
+  tendon.name = "sum";
+  tendon.terms = {{{JointIndex(1), 0}, 1.0}, {{JointIndex(2), 0}, 1.0}};
+  tendon.stiffness = 5;
+  definition.springs.push_back(tendon);
+  const auto m = Share(definition);
+  const VectorX q = VectorX::Zero(3);
+  const std::vector<BodyIndex> tip{m->FindBody("tip")};
+  EXPECT_FALSE(ComputeCompliance(*m, q, tip, OnFreeMotion::kRefuse));
+  for (const int locked : {1, 2}) {
+    const std::vector<std::pair<double, double>> springs = {{0.3, 30}, {locked == 1 ? 0.1 : 0.2, 5}};
+    ExpectSeries(WalkCompliance(*m, q, tip, {locked}).C, springs);
+    ExpectSeries(DenseCompliance(*m, q, tip, {locked}).C, springs);
+    EXPECT_EQ(DenseCompliance(*m, q, tip, {locked}).rank, 2);
+    EXPECT_EQ(WalkCompliance(*m, q, tip, {locked}).rank, 2);
+  }
+  const auto chosen = ComputeCompliance(*m, q, tip, OnFreeMotion::kLock);
+  ASSERT_TRUE(chosen);
+  EXPECT_EQ(chosen->locked.size(), 1u);
+  EXPECT_EQ(chosen->free.cols(), 0);
 }
 
 }  // namespace

@@ -79,7 +79,8 @@ def fit_stiffness(
         give, a softness along a direction in which none of them moves the body, say.
 
     Raises:
-        UnknownNameError, UsageError. ModuleNotFoundError: scipy is missing (`pip install 'fork1s[sweep]'`).
+        UnknownNameError, UsageError; UnderdeterminedError where a joint that nothing holds lets a body of the target
+        move. ModuleNotFoundError: scipy is missing (`pip install 'fork1s[sweep]'`).
     """
     try:
         from scipy.optimize import least_squares

@@ -24,17 +24,19 @@ using ModelPtr = std::shared_ptr<const Model>;
 // A property that a model with one mechanism lends from it.
 #define FORK1S_OF_ONLY(function) [](const ModelPtr& s) { return function(OnlyMechanism(s)); }
 
-Array ComplianceOf(const MechanismView& v, const std::vector<std::string>& bodies) {
-  return OwnMatrix(v.Compliance(bodies).C);
+Array ComplianceOf(const MechanismView& v, const std::vector<std::string>& bodies, bool lock_free) {
+  return OwnMatrix(v.Compliance(bodies, lock_free).C);
 }
 
-nb::object StiffnessOf(const MechanismView& v, const std::vector<std::string>& bodies) {
-  const MatrixX K = StiffnessFromCompliance(v.Compliance(bodies), v.mechanism().length_scale());
+nb::object StiffnessOf(const MechanismView& v, const std::vector<std::string>& bodies, bool lock_free) {
+  const MatrixX K = StiffnessFromCompliance(v.Compliance(bodies, lock_free), v.mechanism().length_scale());
   return K.size() == 0 ? nb::none() : nb::cast(OwnMatrix(K));
 }
 
-Array ResponseOf(const MechanismView& v, const std::vector<std::string>& bodies) {
-  return OwnMatrix(InterfaceResponse(v.mechanism(), v.posed().q, v.FindBodies(bodies)));
+Array ResponseOf(const MechanismView& v, const std::vector<std::string>& bodies, bool lock_free) {
+  const std::vector<BodyIndex> found = v.FindBodies(bodies);
+  return OwnMatrix(
+      InterfaceResponse(v.mechanism(), v.posed().q, found, v.CoordinatesToLock(found, lock_free)));
 }
 
 Array FullFrequenciesOf(const MechanismView& v) {
@@ -71,19 +73,19 @@ constexpr const char* kCompliance =
     R"(Compliance that the named bodies (all interface bodies if none is named) feel with the base held.
 
 (6e, 6e): displacements [rotation; translation of the body's origin] of each body per load [moment about that origin;
-force], world axes; rad/(N·m), m/N. Taken at the pose where the simulation starts. Along motions that no spring
-resists it is 0: they are not elastic.
+force], world axes; rad/(N·m), m/N. Taken at the pose where the simulation starts. Where a motion that no spring
+resists moves one of the bodies it has no bound: lock_free=True locks a joint of each such motion.
 
-Raises UnknownNameError.)";
+Raises UnknownNameError; without lock_free UnderdeterminedError, which names the joint.)";
 constexpr const char* kStiffness =
-    R"(Inverse of `compliance` of the same bodies (6e, 6e), or None where they cannot be pushed elastically in every way.)";
+    R"(Inverse of `compliance` of the same bodies (6e, 6e), or None where they cannot be pushed elastically in every
+way. lock_free and errors as of `compliance`.)";
 constexpr const char* kResponse =
     R"(How the named bodies (all interface bodies if none is named) move per force along each joint coordinate.
 
 (6e, n): rows as of `compliance`, columns as of `coordinates`; rad/(N·m), m/(N·m) of hinges, rad/N, m/N of slides.
 Column j is y_j, and the compliance changes with the stiffness of coordinate j by -outer(y_j, y_j), exactly.
-
-Raises UnknownNameError.)";
+lock_free and errors as of `compliance`.)";
 constexpr const char* kFrequencies =
     R"((k,) lowest undamped natural frequencies [Hz] of all joint coordinates, about the starting pose and unloaded; a
 floating base moves along. Motions that no spring resists are left out.)";
@@ -105,15 +107,29 @@ void BindMechanism(nb::module_& m) {
       .def_prop_ro("coordinates", &MechanismView::Coordinates, "Names of the n joint coordinates.")
       .def_prop_ro("controls", ControlsOf, "Name -> (lower, upper, initial).")
       .def(
-          "compliance", [](const MechanismView& v, const nb::args& b) { return ComplianceOf(v, Words(b)); },
-          kCompliance, nb::sig("def compliance(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64]"))
+          "compliance",
+          [](const MechanismView& v, const nb::args& b, bool lock_free) {
+            return ComplianceOf(v, Words(b), lock_free);
+          },
+          nb::arg("bodies"), nb::arg("lock_free") = false, kCompliance,
+          nb::sig("def compliance(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64]"))
       .def(
-          "stiffness", [](const MechanismView& v, const nb::args& b) { return StiffnessOf(v, Words(b)); },
-          kStiffness,
-          nb::sig("def stiffness(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64] | None"))
+          "stiffness",
+          [](const MechanismView& v, const nb::args& b, bool lock_free) {
+            return StiffnessOf(v, Words(b), lock_free);
+          },
+          nb::arg("bodies"), nb::arg("lock_free") = false, kStiffness,
+          nb::sig("def stiffness(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64] | None"))
       .def(
-          "response", [](const MechanismView& v, const nb::args& b) { return ResponseOf(v, Words(b)); },
-          kResponse, nb::sig("def response(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64]"))
+          "response",
+          [](const MechanismView& v, const nb::args& b, bool lock_free) {
+            return ResponseOf(v, Words(b), lock_free);
+          },
+          nb::arg("bodies"), nb::arg("lock_free") = false, kResponse,
+          nb::sig("def response(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro("frequencies", FullFrequenciesOf, kFrequencies, kOwn)
       .def_prop_ro("reduced_frequencies", ReducedFrequenciesOf, kReducedFrequencies, kOwn)
       .def_prop_ro("matrices", MatricesOf, kMatrices)
@@ -185,26 +201,31 @@ several, ask `mechanisms[i]`, or name a body.)")
           "Name -> (lower, upper, initial), of all mechanisms.")
       .def(
           "compliance",
-          [](const ModelPtr& s, const nb::args& args) {
+          [](const ModelPtr& s, const nb::args& args, bool lock_free) {
             const auto bodies = Words(args);
-            return ComplianceOf(MechanismOfAll(s, bodies), bodies);
+            return ComplianceOf(MechanismOfAll(s, bodies), bodies, lock_free);
           },
-          kCompliance, nb::sig("def compliance(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64]"))
+          nb::arg("bodies"), nb::arg("lock_free") = false, kCompliance,
+          nb::sig("def compliance(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64]"))
       .def(
           "stiffness",
-          [](const ModelPtr& s, const nb::args& args) {
+          [](const ModelPtr& s, const nb::args& args, bool lock_free) {
             const auto bodies = Words(args);
-            return StiffnessOf(MechanismOfAll(s, bodies), bodies);
+            return StiffnessOf(MechanismOfAll(s, bodies), bodies, lock_free);
           },
-          kStiffness,
-          nb::sig("def stiffness(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64] | None"))
+          nb::arg("bodies"), nb::arg("lock_free") = false, kStiffness,
+          nb::sig("def stiffness(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64] | None"))
       .def(
           "response",
-          [](const ModelPtr& s, const nb::args& args) {
+          [](const ModelPtr& s, const nb::args& args, bool lock_free) {
             const auto bodies = Words(args);
-            return ResponseOf(MechanismOfAll(s, bodies), bodies);
+            return ResponseOf(MechanismOfAll(s, bodies), bodies, lock_free);
           },
-          kResponse, nb::sig("def response(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64]"))
+          nb::arg("bodies"), nb::arg("lock_free") = false, kResponse,
+          nb::sig("def response(self, *bodies: str, lock_free: bool = False) -> "
+                  "numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro(
           "stiffnesses", [](const ModelPtr& s) { return s->Stiffnesses(); },
           "Joint coordinate -> what holds it, its spring and the servos on it together: N·m/rad or N/m.")

@@ -32,8 +32,15 @@ std::vector<BodyIndex> MechanismView::FindBodies(const std::vector<std::string>&
   return bodies;
 }
 
-InterfaceCompliance MechanismView::Compliance(const std::vector<std::string>& names) const {
-  return WalkCompliance(mechanism(), posed().q, FindBodies(names));
+std::vector<int> MechanismView::CoordinatesToLock(const std::vector<BodyIndex>& bodies,
+                                                  bool lock_free) const {
+  const OnFreeMotion on_free = lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse;
+  return Take(fork1s::CoordinatesToLock(mechanism(), posed().q, bodies, on_free), model->origin());
+}
+
+InterfaceCompliance MechanismView::Compliance(const std::vector<std::string>& names, bool lock_free) const {
+  const std::vector<BodyIndex> bodies = FindBodies(names);
+  return WalkCompliance(mechanism(), posed().q, bodies, CoordinatesToLock(bodies, lock_free));
 }
 
 MechanismView MechanismOf(const std::shared_ptr<const Model>& model, const std::string& body) {

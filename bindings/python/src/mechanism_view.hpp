@@ -20,8 +20,11 @@ struct MechanismView {
   std::vector<std::string> Coordinates() const;
   /// The named bodies, or all interface bodies if none is named. Throws for unknown names.
   std::vector<BodyIndex> FindBodies(const std::vector<std::string>& names) const;
-  /// Walked compliance of the named bodies. Throws for unknown names.
-  InterfaceCompliance Compliance(const std::vector<std::string>& bodies) const;
+  /// Coordinates that are locked where `lock_free` is set; otherwise throws UnderdeterminedError where a
+  /// motion that no spring resists moves one of the bodies.
+  std::vector<int> CoordinatesToLock(const std::vector<BodyIndex>& bodies, bool lock_free) const;
+  /// Walked compliance of the named bodies. Throws for unknown names, and as CoordinatesToLock.
+  InterfaceCompliance Compliance(const std::vector<std::string>& bodies, bool lock_free) const;
 };
 
 /// The mechanism that has a body of this name; throws UnknownName with all bodies of mechanisms.

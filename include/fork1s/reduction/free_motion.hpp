@@ -10,6 +10,7 @@ namespace fork1s {
 /// A motion of joints that keeps all loops closed and stretches no spring, with the base held.
 struct FreeMotion {
   VectorX q;                      ///< n joint displacements, the largest 1 rad or one length of the mechanism
+  int pivot = -1;                 ///< coordinate that moves in this motion alone, the farthest of these
   std::vector<JointIndex> joints; ///< that move, largest share first
   std::vector<std::string> ties;  ///< tendons, springy closures, couplings and loops on these joints, which do not hold them
   BodyIndex body;                 ///< of those asked for, the one that moves most; invalid where none moves

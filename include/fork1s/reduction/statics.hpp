@@ -16,6 +16,7 @@ struct DeadLoad {
 struct StaticsOptions {
   Vector3 gravity_R = Vector3::Zero();  // m/s²
   VectorX controls;                     // empty: all zero
+  std::vector<int> locked;  // joint coordinates that stay at the start (compliance.hpp, CoordinatesToLock)
   int load_steps = 8;                   // the load is raised from zero in these steps, halved where one fails
   int max_iterations = 60;              // Newton steps per load step
   double tolerance = 1e-11;             // of the residual, relative to the largest force in it

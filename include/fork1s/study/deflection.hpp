@@ -1,6 +1,7 @@
 // Where a body goes under a dead load, to first order and in full.
 #pragma once
 
+#include <fork1s/reduction/compliance.hpp>
 #include <fork1s/study/posed_mechanism.hpp>
 #include <optional>
 #include <string>
@@ -28,14 +29,16 @@ struct LoadedBody {
   int iterations = 0;
   double residual = 0;  // relative to the forces
   bool stable = true;   // false: a slight push makes the mechanism leave this equilibrium
+  std::vector<std::string> locked;  // joint coordinates that were held where they were
   /// Sentences on joints that the load bends beyond their stops, which statics does not know.
   std::vector<std::string> beyond_stops;
 };
 
 /// Deflection of the loaded body under load, gravity [m/s²] and the controls' initial values, the base held.
-/// Errors: kModel for a body that no mechanism has; as of LinearDeflection; kNumerics where no equilibrium is
-/// found.
+/// With OnFreeMotion::kLock a joint of every spring-free motion is locked. Errors: kModel for a body that no
+/// mechanism has; as of LinearDeflection where such a motion takes the load; kNumerics where no equilibrium
+/// is found.
 Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, const BodyLoad& load,
-                             const Vector3& gravity_W);
+                             const Vector3& gravity_W, OnFreeMotion on_free = OnFreeMotion::kRefuse);
 
 }  // namespace fork1s
