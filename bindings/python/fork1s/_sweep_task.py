@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import json
 import os
@@ -11,7 +10,6 @@ import socket
 import time
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import mujoco
@@ -28,6 +26,8 @@ class Task(NamedTuple):
 
     model: Any
     metric: Callable[[_core.Model, dict[str, Any]], Any]
+    contents: dict[str, str]
+    """Digests of the two (_sweep_identity.py), so that a worker that lives on reads an edited model again."""
 
 
 def packed(task: Task) -> bytes:
@@ -50,24 +50,6 @@ def packed(task: Task) -> bytes:
         ) from error
 
 
-def fingerprint(task: Task) -> str:
-    """Of model and metric, by which a file of results knows its own sweep again."""
-    digest = hashlib.sha256()
-    source, options, stiffness = recipe_of(task.model) if isinstance(task.model, _core.Model) else (task.model, {}, {})
-    if isinstance(source, (str, os.PathLike)):
-        is_text = isinstance(source, str) and source.lstrip().startswith("<")
-        digest.update(source.encode() if is_text else Path(source).read_bytes() if Path(source).is_file() else b"")
-    elif isinstance(source, mujoco.MjSpec):
-        digest.update(pickle.dumps(source.compile()))
-    elif isinstance(source, mujoco.MjModel):
-        digest.update(pickle.dumps(source))
-    else:
-        digest.update(getattr(source, "__qualname__", type(source).__name__).encode())
-    digest.update(repr((sorted(options.items(), key=str), sorted(stiffness.items()))).encode())
-    digest.update(getattr(task.metric, "__qualname__", type(task.metric).__name__).encode())
-    return digest.hexdigest()
-
-
 @lru_cache(maxsize=4)
 def _unpacked(task: bytes) -> Task:
     return pickle.loads(task)
@@ -85,7 +67,7 @@ def _row(task: bytes, point: dict[str, Any]) -> dict[str, Any]:
     row: dict[str, Any] = {}
     error = None
     try:
-        model, metric = _unpacked(task)
+        model, metric, _ = _unpacked(task)
         row = _columns(metric(_kept_model(task, model, point), dict(point)), point)
     except Exception as problem:  # noqa: BLE001 - whatever it is belongs in the row
         error = f"{type(problem).__name__}: {problem}"
