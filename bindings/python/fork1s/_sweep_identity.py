@@ -23,9 +23,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import mujoco
-
-from . import _core
+from . import _core, _mujoco_objects
 from ._load import recipe_of
 
 
@@ -180,9 +178,9 @@ class _Walk:
         elif isinstance(value, _core.Model):
             self._put("model")
             self._add_recipe(value)
-        elif isinstance(value, mujoco.MjSpec):
+        elif _mujoco_objects.is_spec(value):
             self._put("MjSpec", pickle.dumps(value.compile()))
-        elif isinstance(value, mujoco.MjModel):
+        elif _mujoco_objects.is_model(value):
             self._put("MjModel", pickle.dumps(value))
         elif hasattr(value, "tobytes") and hasattr(value, "dtype"):
             self._put("array", f"{value.dtype} {value.shape}")

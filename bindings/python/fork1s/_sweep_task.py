@@ -10,13 +10,14 @@ import socket
 import time
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import mujoco
-
-from . import _core
+from . import _core, _mujoco_objects
 from ._errors import UnknownNameError, UsageError
 from ._load import load, recipe_of
+
+if TYPE_CHECKING:
+    import mujoco
 
 LOAD_OPTIONS = tuple(p.name for p in inspect.signature(load).parameters.values() if p.kind is p.KEYWORD_ONLY)
 
@@ -32,8 +33,7 @@ class Task(NamedTuple):
 
 def packed(task: Task) -> bytes:
     """The task as bytes. Functions that have no name a worker could find them by need the package cloudpickle."""
-    if isinstance(task.model, mujoco.MjSpec):
-        task = task._replace(model=task.model.compile())
+    task = task._replace(model=_mujoco_objects.readable(task.model))
     try:
         # Functions of the caller's own program have a name there alone: cloudpickle takes their code along.
         import cloudpickle
@@ -127,7 +127,8 @@ def model_at(model: Any, point: Mapping[str, Any]) -> _core.Model:
 
 
 def _with_fields(source: Any, fields: Mapping[str, Any]) -> mujoco.MjSpec:
-    if isinstance(source, mujoco.MjSpec):
+    mujoco = _mujoco_objects.needed()
+    if _mujoco_objects.is_spec(source):
         spec = source
     elif isinstance(source, str) and source.lstrip().startswith("<"):
         spec = mujoco.MjSpec.from_string(source)
