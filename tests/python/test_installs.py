@@ -3,6 +3,7 @@
 tools/wheel.sh runs these, with FORK1S_WHEEL, the wheel, and FORK1S_PIP, the pip that installs it.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -123,6 +124,12 @@ def test_alone(environment):
     packages = environment.python.parents[1] / "lib" / f"python3.{sys.version_info.minor}" / "site-packages"
     assert not (packages / "mujoco").exists()
     assert {p.name.partition("-")[0].partition(".")[0] for p in packages.iterdir()} == {"fork1s", "numpy"}
+    # The license of each library that the wheel carries: MuJoCo's, and those of Debian's packages.
+    assert len(list((packages / "fork1s" / "lib").glob("LICENSE*"))) == 2
+    info = next(packages.glob("fork1s-*.dist-info"))
+    carried = json.loads((info / "sboms" / "auditwheel.cdx.json").read_text())["components"]
+    licenses = {p.stem for p in (info / "licenses").iterdir() if p.stat().st_size}
+    assert {c["name"] for c in carried} - {"fork1s"} <= licenses - {"LICENSE"} and "libassimp5" in licenses
     # Without the package mujoco, what needs it says so; a plugin of MuJoCo's and the command do not need it.
     environment.run("""
 import fork1s, os, subprocess, sys
