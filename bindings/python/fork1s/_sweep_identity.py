@@ -276,7 +276,7 @@ def _names_read(code: types.CodeType) -> tuple[set[str], set[tuple[str, int]], s
     level: Any = 0
     before: list[Any] = [None, None]
     for step in dis.get_instructions(code):
-        if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
+        if step.opname in ("LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"):
             read.add(step.argval)
         elif step.opname == "IMPORT_NAME":
             level = before[0]
