@@ -38,7 +38,7 @@ function(fork1s_take_mujoco folder)
     message(STATUS "fork1s: MuJoCo ${version} in ${folder} is older than ${fork1s_mujoco_wanted}; not taken")
     return()
   endif()
-  file(GLOB license ${folder}/LICENSE ${folder}/licenses/LICENSE)
+  file(GLOB license ${folder}/LICENSE* ${folder}/licenses/LICENSE*)
   add_library(mujoco::mujoco SHARED IMPORTED GLOBAL)
   set_target_properties(mujoco::mujoco PROPERTIES IMPORTED_LOCATION ${library}
     INTERFACE_INCLUDE_DIRECTORIES ${folder}/include INTERFACE_SYSTEM_INCLUDE_DIRECTORIES ${folder}/include)

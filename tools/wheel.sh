@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Makes a wheel that needs nothing but numpy and the package of MuJoCo, installs it into a fresh environment and runs
-# the tests of tests/python there; those of tests/python/extras in one with the optional packages.
+# Makes a wheel that needs nothing but numpy, and tests it: beside other versions of MuJoCo, in fresh environments
+# (tests/python/test_installs.py); with the package mujoco of its own version all of tests/python; and
+# tests/python/extras in an environment with the optional packages.
 #
 #     tools/wheel.sh [--from BUILD]      the wheel lies in build/wheel/dist
 #
@@ -39,17 +40,20 @@ if ! PATH="$tools:$PATH" "$tools/pip" wheel . --verbose --disable-pip-version-ch
   cat "$work/build.log" >&2
   exit 1
 fi
-# Takes in the libraries of the system, under names of their own; libmujoco stays with its package.
-PATH="$tools:$PATH" "$tools/auditwheel" repair --exclude 'libmujoco.so*' --wheel-dir "$work/dist" \
+# Takes in the libraries of the system, under names of their own, as libmujoco has one already (cmake/CarryMujoco.cmake).
+PATH="$tools:$PATH" "$tools/auditwheel" repair --wheel-dir "$work/dist" \
   "$work"/raw/*.whl >"$work/repair.log" 2>&1 || { cat "$work/repair.log" >&2; exit 1; }
+"$python" tools/wheel_licenses.py "$work"/dist/*.whl
 
 echo "wheel: testing $(cd "$work/dist" && ls ./*.whl | sed 's|^./||') in a fresh environment"
+mujoco="mujoco-core==$(sed -n 's/^mujoco-core==\([0-9.]*\).*/\1/p' cmake/mujoco.txt)"
 rm -rf "$work/fresh"
 "$python" -m venv --without-pip "$work/fresh"
 # With the tools' pip, which saves installing one.
 "$tools/pip" --python "$work/fresh/bin/python" install --quiet --disable-pip-version-check "$work"/dist/*.whl \
-  "$(grep '^pytest==' tools/wheel.txt)"
-env -u PYTHONPATH "$work/fresh/bin/python" -m pytest tests/python --ignore tests/python/extras
+  "$(grep '^pytest==' tools/wheel.txt)" "$mujoco"
+env -u PYTHONPATH FORK1S_WHEEL="$(ls "$PWD/$work"/dist/*.whl)" FORK1S_PIP="$tools/pip" "$work/fresh/bin/python" -m pytest \
+  tests/python --ignore tests/python/extras
 
 # And with the optional packages, whose environment stays, as it is pinned.
 if ! cmp -s tools/wheel_extras.txt "$work/extras.txt" || [ ! -x "$work/extras/bin/python" ]; then
@@ -61,6 +65,6 @@ if ! cmp -s tools/wheel_extras.txt "$work/extras.txt" || [ ! -x "$work/extras/bi
   cp tools/wheel_extras.txt "$work/extras.txt"
 fi
 "$tools/pip" --python "$work/extras/bin/python" install --quiet --disable-pip-version-check --force-reinstall --no-deps \
-  "$work"/dist/*.whl "mujoco-core==$(sed -n 's/^mujoco-core==\([0-9.]*\).*/\1/p' cmake/mujoco.txt)"
+  "$work"/dist/*.whl "$mujoco"
 echo "wheel: testing with optional packages: sweeps, environments for learning"
 env -u PYTHONPATH "$work/extras/bin/python" -m pytest tests/python/extras

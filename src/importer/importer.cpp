@@ -209,6 +209,8 @@ Expected<ImportedScene> LoadMechanismFromString(const std::string& mjcf, const s
   return ImportText(name, mjcf, false, options);
 }
 
+std::string MujocoVersion() { return mj_versionString(); }
+
 Expected<ImportedScene> LoadMujocoModel(const mjModel_& model, const std::string& name,
                                         const ImportOptions& options) {
   const auto data = internal::ReferenceData(model, name);

@@ -145,6 +145,17 @@ def test_a_changed_mujoco_model_counts(scenes):
     )
 
 
+def test_a_mujoco_model_with_plugins_is_read_by_their_names():
+    """The libraries of the package and of fork1s have loaded different plugins, and count them differently."""
+    text = """<mujoco><extension><plugin plugin="mujoco.pid"><instance name="p"><config key="kp" value="5"/></instance></plugin>
+      </extension><worldbody><body name="b"><joint name="j" stiffness="1"/><geom size=".1"/></body></worldbody>
+      <actuator><plugin joint="j" plugin="mujoco.pid" instance="p" actdim="0"/></actuator></mujoco>"""
+    expected = fork1s.load(text).stiffnesses
+    assert expected == {"j": 6}
+    assert fork1s.load(mujoco.MjSpec.from_string(text)).stiffnesses == expected
+    assert fork1s.load(mujoco.MjModel.from_xml_string(text)).stiffnesses == expected
+
+
 def test_start_and_gains(scenes):
     start = fork1s.load(scenes / "two_link_arm.xml", q={"elbow": 0.5})
     assert_allclose(fork1s.Simulation(start).qpos, [0, 0.5])

@@ -12,10 +12,9 @@ quaternions are w x y z. docs/python.md explains the package from the beginning.
 """
 
 import collections.abc as _collections_abc
+import importlib as _importlib
+import typing as _typing
 
-import mujoco as _mujoco  # first: it loads the libmujoco that the module below was linked with, once for both
-
-from . import mujoco
 from ._contacts import CONTACT
 from ._core import (
     Batch,
@@ -36,6 +35,7 @@ from ._core import (
     compare,
     statics,
 )
+from ._core import mujoco_version
 from ._core import version as __version__
 from ._errors import (
     Error,
@@ -43,6 +43,8 @@ from ._errors import (
     FormatError,
     ModelError,
     NumericsError,
+    SweepError,
+    SweepWarning,
     UnderdeterminedError,
     UnknownNameError,
     UsageError,
@@ -77,6 +79,8 @@ __all__ = [
     "Statics",
     "StepReport",
     "StiffnessFit",
+    "SweepError",
+    "SweepWarning",
     "UnderdeterminedError",
     "UnknownNameError",
     "UsageError",
@@ -84,7 +88,7 @@ __all__ = [
     "compare",
     "fit_stiffness",
     "load",
-    "mujoco",
+    "mujoco_version",
     "replay",
     "scene",
     "show",
@@ -93,3 +97,9 @@ __all__ = [
 ]
 
 _collections_abc.Mapping.register(Controls)
+
+
+def __getattr__(name: str) -> _typing.Any:
+    if name == "mujoco":  # needs the package mujoco, which fork1s itself does not
+        return _importlib.import_module(".mujoco", __name__)
+    raise AttributeError(f"module 'fork1s' has no attribute '{name}'")

@@ -3,6 +3,8 @@
 The text of each is the sentence that the command line prints: file, place, cause and remedy.
 """
 
+from typing import Any
+
 
 class Error(Exception):
     """Data from outside that cannot be used: the base of the classes below.
@@ -43,3 +45,13 @@ class UnknownNameError(Error, KeyError):
 
     def __str__(self) -> str:  # KeyError would put the sentence in quotes
         return str(self.args[0])
+
+
+class SweepError(Error, RuntimeError):
+    """Every point of a sweep failed. `table` is the frame that `sweep` would have returned."""
+
+    table: Any = None
+
+
+class SweepWarning(UserWarning):
+    """Points of a sweep that failed, and rows of its file that are computed again."""

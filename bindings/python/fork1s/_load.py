@@ -7,16 +7,18 @@ import copyreg
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Union
+from typing import TYPE_CHECKING, Any, Union
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from . import _core
+from . import _core, _mujoco_objects
 from ._errors import UnknownNameError, UsageError
 
-Source = Union[str, "os.PathLike[str]", mujoco.MjModel, mujoco.MjSpec]
+if TYPE_CHECKING:
+    import mujoco
+
+Source = Union[str, "os.PathLike[str]", "mujoco.MjModel", "mujoco.MjSpec"]
 Gains = tuple[float, float]
 
 
@@ -49,7 +51,9 @@ def load(
 
     Args:
         source: a path; text that begins with `<`; or what MuJoCo has compiled or is about to. A MuJoCo model is only
-            read, and what was changed in it since it was compiled counts.
+            read, and what was changed in it since it was compiled counts. The package mujoco may be of another version
+            than `fork1s.mujoco_version`: its models are then read from the XML that it writes, which it can do of a
+            specification whose assets are files, and of the model that it read last. All others are refused.
         interface: names of the bodies that may touch the world; replaces what the file says.
         base: 'fixed', 'floating' or 'driven'; replaces what the file says.
         modes: fixed-interface modes to keep at most.
@@ -70,11 +74,10 @@ def load(
         interface=interface, base=base, modes=modes, mode_choice=mode_choice, stiffness_scale=stiffness_scale, pd=pd,
         keyframe=keyframe, base_pose=base_pose, q=q, ground=ground, packages=packages,
     )
-    if isinstance(source, mujoco.MjSpec):
-        source = source.compile()
+    source = _mujoco_objects.readable(source)
     model = _read(source, _options(**given))
     # As it is now: a path wherever one stands, a model of MuJoCo's before its owner changes it.
-    if isinstance(source, mujoco.MjModel):
+    if _mujoco_objects.is_model(source):
         source = copy.copy(source)
     elif not (isinstance(source, str) and source.lstrip().startswith("<")):
         source = os.path.abspath(source)
@@ -110,7 +113,7 @@ def _options(
 
 
 def _read(source: Any, options: dict[str, Any]) -> _core.Model:
-    if isinstance(source, mujoco.MjModel):
+    if _mujoco_objects.is_model(source):
         return _core.load_mujoco(source._address, "MjModel", options)
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return _core.load_text(source, "text", options)

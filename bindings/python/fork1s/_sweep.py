@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Union
 
 from . import _core
-from ._errors import UsageError
+from ._errors import SweepError, UsageError
 from ._load import Source
 from ._sweep_journal import Journal, key_of
-from ._sweep_run import Progress, Sweeping
-from ._sweep_task import LOAD_OPTIONS, Task, fingerprint, packed
+from ._sweep_identity import identity_of
+from ._sweep_run import Progress, Sweeping, warn
+from ._sweep_task import LOAD_OPTIONS, Task, packed
 
 if TYPE_CHECKING:
     import pandas
@@ -32,7 +33,6 @@ def sweep(
     *,
     path: str | os.PathLike[str] | None = None,
     progress: bool | Callable[[int, int], None] = True,
-    retry_errors: bool = False,
     in_flight: int | None = None,
     chunk: int = 1,
 ) -> pandas.DataFrame:
@@ -56,18 +56,20 @@ def sweep(
         executor: any concurrent.futures.Executor, such as Dask's `Client.get_executor()` or an
             `mpi4py.futures.MPIPoolExecutor`; it stays open. Default: a process for each core of this machine.
         path: a Parquet file that keeps the rows. Points that it has are not asked again: a sweep that was interrupted
-            goes on where it stopped. Rows are safe as soon as they come, in a journal beside the file.
+            goes on where it stopped. Rows are safe as soon as they come, in a journal beside the file. Points that
+            failed are asked again, and so are all where the model or the metric has been edited since (SweepWarning).
         progress: a bar on standard error (tqdm where it is installed, else a line), or a function of (done, total).
-        retry_errors: asks again at points whose row in `path` has an error.
         in_flight: points handed out and not yet answered, at most; default: 8 tasks a process, 1000 of an executor given.
         chunk: points a task. More than one where a point takes a few ms only and a task of the executor 1 ms.
 
     Returns:
         A pandas frame: a column for each parameter, then for each result, then error, a sentence where the point
         failed and None else; seconds; worker, host and process. A point fails where its model or `metric` raises, or
-        where it ends its process; the sweep goes on.
+        where it ends its process; the sweep goes on. A SweepWarning tells of the first failure as it comes, and of
+        their number at the end.
 
     Raises:
+        SweepError: every point failed; its `table` has the rows, and `path` keeps them.
         UsageError: parameters that make no sense; a `path` of another sweep or in use; a metric that cannot be sent.
         FileError: `path` cannot be written. ModuleNotFoundError: pandas or pyarrow (`pip install 'fork1s[sweep]'`) is
         missing. concurrent.futures.BrokenExecutor: the executor given cannot go on; with a `path` no row is lost.
@@ -77,18 +79,37 @@ def sweep(
         raise UsageError("chunk and in_flight are 1 or more")
     if isinstance(model, os.PathLike) or (isinstance(model, str) and not model.lstrip().startswith("<")):
         model = str(Path(model).absolute())  # workers may stand in another folder
-    task = Task(model, metric)
+    identity = identity_of(model, metric)
+    task = Task(model, metric, identity.contents)
     points = _points(parameters, any_name=callable(model))
-    with Journal(path, fingerprint(task)) as journal:
+    with Journal(path, identity) as journal:
+        if journal.outdated:
+            warn(journal.outdated)
         waiting = [
             (key, point)
             for key, point in points.items()
-            if key not in journal.rows or (retry_errors and journal.rows[key].get("error") is not None)
+            if key not in journal.rows or journal.rows[key].get("error") is not None
         ]
         with Progress(progress, len(points) - len(waiting), len(points)) as shown:
             if waiting:
                 Sweeping(packed(task), waiting, executor, journal, shown, in_flight, chunk).run()
-        return journal.finish(points)
+        table = journal.finish(points)
+    failed = table["error"].notna()
+    if failed.all():
+        error = SweepError(
+            f"sweep: all of {len(table)} points failed, the first with: {table['error'].iloc[0]}; mend the model, the metric "
+            "or the parameters and call it again"
+        )
+        error.message, error.table = str(error), table
+        raise error
+    if failed.any():
+        warn(
+            f"sweep: {failed.sum()} of {len(table)} points failed; the column 'error' says why, and another call with the "
+            "same path asks them again"
+            if path is not None
+            else f"sweep: {failed.sum()} of {len(table)} points failed; the column 'error' says why"
+        )
+    return table
 
 
 def _need(*modules: str) -> None:

@@ -3,6 +3,9 @@
 A Parquet file cannot be added to, so rows go to a journal beside it, a line of JSON each, which reaches the system with
 every flush and outlives this process. At the end, and when a sweep is taken up again, the journal goes into the file.
 Every row stands under the key of its point, so one that comes twice counts once.
+
+Both begin with the names and the contents of the model and the metric (_sweep_identity.py). Rows of other names belong to
+another sweep, and the file is refused. Rows of other contents are outdated, and are dropped.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ._errors import FileError, UsageError
+from ._sweep_identity import Identity
 
 if TYPE_CHECKING:
     import pandas
@@ -29,13 +33,16 @@ def key_of(point: dict[str, Any]) -> str:
 
 
 class Journal:
-    """Rows by key. `with` holds the file against other sweeps; `rows` has what was there before."""
+    """Rows by key. `with` holds the file against other sweeps; `rows` has those that were there before and still hold."""
 
-    def __init__(self, path: str | os.PathLike[str] | None, sweep: str) -> None:
+    def __init__(self, path: str | os.PathLike[str] | None, sweep: Identity) -> None:
         self._path = None if path is None else Path(path).absolute()
         self._sweep = sweep
         self._lines: Any = None
         self.rows: dict[str, Row] = {}
+        self.outdated = ""
+        """A sentence where rows were dropped since the model or the metric has been edited."""
+        self._has_table = False  # whether rows of the file count
         self._points: dict[str, Row] = {}  # of rows that the journal has and the file has not
 
     @property
@@ -87,22 +94,43 @@ class Journal:
         known = (table.schema.metadata or {}).get(_SWEEP)
         if known is None:
             raise UsageError(f"{self._path}: was not written by a sweep; choose another path")
-        self._check(known.decode())
+        if not self._holds(known.decode(), table.num_rows):
+            return
+        self._has_table = True
         for row in table.to_pylist():
             point = set(json.loads(row.pop(_POINT)))
             key = row.pop(_KEY)
             self.rows[key] = {n: v for n, v in row.items() if n not in point and not (v is None and n != "error")}
 
-    def _check(self, known: str) -> None:
-        if known != self._sweep:
+    def _holds(self, known: str, count: int) -> bool:
+        """Whether rows under a header are of the model and the metric as they are now. Refuses those of another sweep."""
+        try:
+            names, contents = json.loads(known)
+            changed = sorted(name for name, content in self._sweep.contents.items() if contents.get(name) != content)
+        except (ValueError, TypeError, AttributeError):
             raise UsageError(
-                f"{self._path}: holds a sweep of another model or metric; choose another path, or remove it with its "
+                f"{self._path}: was written by a version of fork1s that did not record what its rows were computed from; "
+                "choose another path, or remove it with its journal"
+            ) from None
+        if names != self._sweep.names:
+            raise UsageError(
+                f"{self._path}: holds a sweep of another model or metric ({names['model']}, {names['metric']}; now "
+                f"{self._sweep.names['model']}, {self._sweep.names['metric']}); choose another path, or remove it with its "
                 "journal"
             )
+        if changed and count:
+            named = [f"the {name}" for name in changed]
+            what = " and ".join(filter(None, [", ".join(named[:-1]), named[-1]]))
+            self.outdated = (
+                f"{self._path}: {what} {'have' if len(named) > 1 else 'has'} changed since its {count} rows were computed; "
+                "they are dropped and computed again"
+            )
+        return not changed
 
     def _read_journal(self) -> None:
         self._lines.seek(0)
-        whole, known = 0, False
+        whole, known = 0, ""
+        rows: dict[str, tuple[Row, Row]] = {}
         for line in iter(self._lines.readline, ""):
             if not line.endswith("\n"):
                 break  # the writer was killed in the middle of it
@@ -110,18 +138,24 @@ class Journal:
             try:
                 entry = json.loads(line)
                 if "sweep" in entry:
-                    known = True
-                    sweep = entry["sweep"]
+                    known = entry["sweep"]
                 else:
-                    key, self._points[key], self.rows[key] = entry["key"], entry["point"], entry["row"]
+                    rows[entry["key"]] = entry["point"], entry["row"]
             except (ValueError, KeyError, TypeError):
                 continue  # a line that no disk gives back as it was: its point is asked again
-            if "sweep" in entry:
-                self._check(sweep)
-        self._lines.seek(whole)
-        self._lines.truncate()
-        if not known:
-            self._write({"sweep": self._sweep})
+        if known and self._holds(known, len(rows)):
+            for key, (point, row) in rows.items():
+                self._points[key], self.rows[key] = point, row
+            self._lines.seek(whole)
+            self._lines.truncate()
+        else:
+            self._lines.seek(0)
+            self._lines.truncate()
+            self._write({"sweep": self._header})
+
+    @property
+    def _header(self) -> str:
+        return json.dumps(list(self._sweep))
 
     def _write(self, entry: dict[str, Any]) -> None:
         self._lines.write(json.dumps(entry) + "\n")
@@ -164,7 +198,7 @@ class Journal:
         kept = self._frame(points)
         kept[_POINT] = [json.dumps(sorted(p)) for p in points.values()]
         kept[_KEY] = list(points)
-        if self._path.exists():
+        if self._has_table:
             before = pyarrow.parquet.read_table(self._path).to_pandas()
             before = before[~before[_KEY].isin(set(points))]
             if len(before):
@@ -172,7 +206,7 @@ class Journal:
         beside = self._path.with_name(f".{self._path.name}.{os.getpid()}")
         try:
             written = pyarrow.Table.from_pandas(kept, preserve_index=False)
-            written = written.replace_schema_metadata({**(written.schema.metadata or {}), _SWEEP: self._sweep.encode()})
+            written = written.replace_schema_metadata({**(written.schema.metadata or {}), _SWEEP: self._header.encode()})
             pyarrow.parquet.write_table(written, beside)
             os.replace(beside, self._path)
         except (pyarrow.ArrowInvalid, pyarrow.ArrowTypeError) as error:

@@ -9,15 +9,27 @@ import os
 import sys
 import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from queue import SimpleQueue
 from typing import Any
 
-from ._errors import UsageError
+from ._errors import SweepWarning, UsageError
 from ._sweep_journal import Journal
 from ._sweep_task import answer
+
+_PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
+
+
+def warn(sentence: str) -> None:
+    """A SweepWarning at the line of the caller's that called `sweep`."""
+    depth, frame = 1, sys._getframe()
+    while frame is not None and os.path.abspath(frame.f_code.co_filename).startswith(_PACKAGE):
+        depth, frame = depth + 1, frame.f_back
+    warnings.warn(sentence, SweepWarning, stacklevel=depth)
+
 
 Point = tuple[str, dict[str, Any]]  # key and values
 _WINDOW = 1000
@@ -143,6 +155,7 @@ class Sweeping:
         self._out: dict[Future[Any], list[Point]] = {}
         self._done: SimpleQueue[Future[Any]] = SimpleQueue()
         self._answered = False
+        self._has_failed = False
         self._window = max(1, (in_flight or (8 * self._own.count if self._own else _WINDOW) * chunk) // chunk)
 
     def run(self) -> None:
@@ -194,7 +207,7 @@ class Sweeping:
         for future in done:
             asked = self._out.pop(future)
             try:
-                self._keep(asked, future.result())
+                rows = future.result()
             except BrokenExecutor:
                 if self._own is None:
                     raise
@@ -205,6 +218,8 @@ class Sweeping:
                     self._suspects.extend([point] for point in asked)
                 else:
                     self._fail(asked, f"{type(problem).__name__}: {problem}")
+            else:
+                self._keep(asked, rows)  # an exception of the progress function is not one of the point
         if broken:
             self._own.close()
             if not self._answered:
@@ -213,13 +228,19 @@ class Sweeping:
                 self._fail(broken[0], "the process that computed this point ended: killed, or a crash below Python")
             else:
                 self._suspects.extend([point] for asked in broken for point in asked)
-        self._journal.flush()
 
     def _keep(self, asked: list[Point], rows: list[tuple[str, dict[str, Any]]]) -> None:
         self._answered = True
         points = dict(asked)
         for key, row in rows:
             self._journal.add(key, points[key], row)
+        self._journal.flush()  # before code of the caller's runs
+        failed = [(points[key], row["error"]) for key, row in rows if row["error"] is not None]
+        if failed and not self._has_failed:
+            self._has_failed = True
+            point, error = failed[0]
+            values = ", ".join(f"{name} = {value!r}" for name, value in point.items())
+            warn(f"sweep: the point {values} failed: {error}; the other points go on")
         self._progress.add(len(rows))
 
     def _fail(self, asked: list[Point], sentence: str) -> None:

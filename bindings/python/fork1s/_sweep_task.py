@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import json
 import os
@@ -11,14 +10,14 @@ import socket
 import time
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import mujoco
-
-from . import _core
+from . import _core, _mujoco_objects
 from ._errors import UnknownNameError, UsageError
 from ._load import load, recipe_of
+
+if TYPE_CHECKING:
+    import mujoco
 
 LOAD_OPTIONS = tuple(p.name for p in inspect.signature(load).parameters.values() if p.kind is p.KEYWORD_ONLY)
 
@@ -28,12 +27,13 @@ class Task(NamedTuple):
 
     model: Any
     metric: Callable[[_core.Model, dict[str, Any]], Any]
+    contents: dict[str, str]
+    """Digests of the two (_sweep_identity.py), so that a worker that lives on reads an edited model again."""
 
 
 def packed(task: Task) -> bytes:
     """The task as bytes. Functions that have no name a worker could find them by need the package cloudpickle."""
-    if isinstance(task.model, mujoco.MjSpec):
-        task = task._replace(model=task.model.compile())
+    task = task._replace(model=_mujoco_objects.readable(task.model))
     try:
         # Functions of the caller's own program have a name there alone: cloudpickle takes their code along.
         import cloudpickle
@@ -48,24 +48,6 @@ def packed(task: Task) -> bytes:
             f"the metric cannot be sent to another process ({error}): make it a function of a module, or "
             "pip install cloudpickle"
         ) from error
-
-
-def fingerprint(task: Task) -> str:
-    """Of model and metric, by which a file of results knows its own sweep again."""
-    digest = hashlib.sha256()
-    source, options, stiffness = recipe_of(task.model) if isinstance(task.model, _core.Model) else (task.model, {}, {})
-    if isinstance(source, (str, os.PathLike)):
-        is_text = isinstance(source, str) and source.lstrip().startswith("<")
-        digest.update(source.encode() if is_text else Path(source).read_bytes() if Path(source).is_file() else b"")
-    elif isinstance(source, mujoco.MjSpec):
-        digest.update(pickle.dumps(source.compile()))
-    elif isinstance(source, mujoco.MjModel):
-        digest.update(pickle.dumps(source))
-    else:
-        digest.update(getattr(source, "__qualname__", type(source).__name__).encode())
-    digest.update(repr((sorted(options.items(), key=str), sorted(stiffness.items()))).encode())
-    digest.update(getattr(task.metric, "__qualname__", type(task.metric).__name__).encode())
-    return digest.hexdigest()
 
 
 @lru_cache(maxsize=4)
@@ -85,7 +67,7 @@ def _row(task: bytes, point: dict[str, Any]) -> dict[str, Any]:
     row: dict[str, Any] = {}
     error = None
     try:
-        model, metric = _unpacked(task)
+        model, metric, _ = _unpacked(task)
         row = _columns(metric(_kept_model(task, model, point), dict(point)), point)
     except Exception as problem:  # noqa: BLE001 - whatever it is belongs in the row
         error = f"{type(problem).__name__}: {problem}"
@@ -145,7 +127,8 @@ def model_at(model: Any, point: Mapping[str, Any]) -> _core.Model:
 
 
 def _with_fields(source: Any, fields: Mapping[str, Any]) -> mujoco.MjSpec:
-    if isinstance(source, mujoco.MjSpec):
+    mujoco = _mujoco_objects.needed()
+    if _mujoco_objects.is_spec(source):
         spec = source
     elif isinstance(source, str) and source.lstrip().startswith("<"):
         spec = mujoco.MjSpec.from_string(source)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from . import _core
+from ._mujoco_objects import needed
 from ._errors import UsageError
 from ._load import load
+
+mujoco = needed()
 
 
 class StepperWarning(UserWarning):

@@ -89,7 +89,8 @@ void BindLoad(nb::module_& m) {
         return Model::Create(LoadMechanismFromString(text, name, options), name, "");
       },
       nb::arg("text"), nb::arg("name"), nb::arg("options"));
-  // The address is of an mjModel of the very library that this module runs on, which Python's mujoco loaded.
+  // The address is of an mjModel of Python's mujoco, whose version is that of this module's library and whose
+  // model has no plugins: _load.py reads all others as text.
   m.def(
       "load_mujoco",
       [](std::uintptr_t address, const std::string& name, const nb::dict& given) {

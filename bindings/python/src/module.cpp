@@ -1,4 +1,6 @@
 // The compiled half of the package fork1s; bindings/python/fork1s is the other.
+#include <fork1s/importer/mujoco_import.hpp>
+
 #include "bind.hpp"
 #include "errors.hpp"
 #include "released_gil.hpp"
@@ -7,6 +9,7 @@ NB_MODULE(_core, m) {
   using namespace fork1s::python;
   m.doc() = "Compiled half of fork1s. Use the names that the package itself offers.";
   m.attr("version") = FORK1S_VERSION;
+  m.attr("mujoco_version") = fork1s::MujocoVersion();
   ReleasedGil::RegisterExit();
   BindErrors(m);
   BindModel(m);

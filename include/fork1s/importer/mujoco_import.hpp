@@ -1,4 +1,4 @@
-// Models that MuJoCo has compiled already, by whoever links the same MuJoCo.
+// Models that MuJoCo has compiled already, in a program that uses a library of the same version.
 #pragma once
 
 #include <fork1s/importer/importer.hpp>
@@ -8,8 +8,12 @@ struct mjModel_;  // mjModel of <mujoco/mujoco.h>
 
 namespace fork1s {
 
+/// The version of the MuJoCo library that reads models, such as "4.0.1".
+std::string MujocoVersion();
+
 /// The same as LoadMechanism of a model in memory, which is only read and may go afterwards. `name` stands
-/// for the path in messages. Errors: kModel, kUsage.
+/// for the path in messages. A library of another version lays the structure out otherwise, and one that has
+/// loaded other plugins counts them otherwise. Errors: kModel, kUsage.
 Expected<ImportedScene> LoadMujocoModel(const mjModel_& model, const std::string& name,
                                         const ImportOptions& options = {});
 

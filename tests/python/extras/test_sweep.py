@@ -80,8 +80,8 @@ def test_a_point_that_ends_its_process_is_a_row(arm, tmp_path):
     assert "ended" in table["error"][3] and "ValueError: five is refused" == table["error"][5]
     assert table["error"].notna().sum() == 2
     assert_allclose(table["moved"].drop([3, 5]), expected(100))
-    again = fork1s.sweep(arm, {"seed": range(20)}, asked.deadly, path=tmp_path / "t.parquet", progress=False)
-    pandas.testing.assert_frame_equal(table, again)
+    kept = pandas.read_parquet(tmp_path / "t.parquet")
+    assert list(kept.index[kept["error"].notna()]) == [3, 5]
 
 
 class Stop(Exception):

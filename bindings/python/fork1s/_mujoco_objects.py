@@ -1,0 +1,193 @@
+"""Models and specifications of Python's package mujoco, of whatever version it is.
+
+The package fork1s has a MuJoCo library of its own. A compiled model of the same version is read where it is in memory; one
+of another version has another layout, and one with plugins counts those of the other library. These are read from the XML
+that their own version writes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import sys
+import tempfile
+import threading
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import _core
+from ._errors import UsageError
+
+
+def is_model(value: Any) -> bool:
+    """Whether a value is a `mujoco.MjModel`. Does not import mujoco: who has one has imported it."""
+    return isinstance(value, getattr(sys.modules.get("mujoco"), "MjModel", ()))
+
+
+def is_spec(value: Any) -> bool:
+    """Whether a value is a `mujoco.MjSpec`."""
+    return isinstance(value, getattr(sys.modules.get("mujoco"), "MjSpec", ()))
+
+
+def needed() -> Any:
+    """The package mujoco, for what cannot do without it."""
+    try:
+        import mujoco
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            "this needs the package mujoco, of any version from 3.2 on: pip install 'fork1s[mujoco]'"
+        ) from None
+    return mujoco
+
+
+def readable(source: Any) -> Any:
+    """A source as fork1s reads it: an `MjModel` of the same version and without plugins, or MJCF text."""
+    if is_spec(source):
+        model = source.compile()
+        return model if _same_layout(model) else _text_of_spec(source)
+    if is_model(source) and not _same_layout(source):
+        return _text_of_model(source)
+    return source
+
+
+def _version() -> str:
+    return str(sys.modules["mujoco"].mj_versionString())
+
+
+def _same_layout(model: Any) -> bool:
+    return _version() == _core.mujoco_version and model.nplugin == 0
+
+
+@contextmanager
+def _all_digits() -> Iterator[None]:
+    """MuJoCo writes six digits of a number unless its library is told otherwise, which those of 3.2 to 4.0 can be."""
+    folder = Path(sys.modules["mujoco"].__file__ or "").parent
+    with _WRITING:
+        for file in folder.glob("libmujoco.so*"):
+            try:
+                library = ctypes.CDLL(os.fspath(file), mode=os.RTLD_NOLOAD | os.RTLD_LOCAL | os.RTLD_NOW)
+            except OSError:  # not the library that is loaded
+                continue
+            get = getattr(library, "_mjPRIVATE__get_xml_precision", None)
+            put = getattr(library, "_mjPRIVATE__set_xml_precision", None)
+            if get is not None and put is not None:
+                before = get()
+                put(17)
+                try:
+                    yield
+                finally:
+                    put(before)
+                return
+        yield
+
+
+_WRITING = threading.Lock()
+
+
+def _text_of_spec(spec: Any) -> str:
+    with _all_digits():
+        text = spec.to_xml()
+    root = ElementTree.fromstring(text)
+    base = Path(spec.modelfiledir or ".").absolute()
+    in_memory = set(spec.assets)
+    for element, folder in _files(root):
+        name = element.attrib["file"]
+        if in_memory & {name, os.path.basename(name), os.path.join(folder, name)}:
+            raise UsageError(
+                f"MjSpec of mujoco {_version()}: the file '{name}' is in its assets in memory, and fork1s, which reads by "
+                f"MuJoCo {_core.mujoco_version}, reads another version's models as XML with files; write the assets to files "
+                f"and load the path, or pip install mujoco-core=={_core.mujoco_version}"
+            )
+        element.set("file", os.path.normpath(base / folder / name))
+    return _without_folders(root)
+
+
+def _text_of_model(model: Any) -> str:
+    mujoco = sys.modules["mujoco"]
+    refusal = (
+        f"MjModel of mujoco {_version()}: fork1s reads by MuJoCo {_core.mujoco_version}, and a model of another version, or "
+        "one with plugins, from the XML that its own version writes. {why}. Load the path, the text or an MjSpec of the model, "
+        f"or pip install mujoco-core=={_core.mujoco_version}"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        file = os.path.join(folder, "model.xml")
+        try:
+            with _all_digits():
+                mujoco.mj_saveLastXML(file, model)
+        except Exception as error:  # noqa: BLE001 - mujoco.FatalError and others, by version
+            raise UsageError(refusal.format(why=f"It writes that of the model that it read last alone ({error})")) from error
+        root = ElementTree.parse(file).getroot()
+    try:
+        for element, _ in _files(root):
+            element.set("file", _recorded_path(mujoco, model, element))
+        text = _without_folders(root)
+        again = mujoco.MjModel.from_xml_string(text)
+    except Exception as error:  # noqa: BLE001
+        raise UsageError(refusal.format(why=f"That cannot be read again ({error})")) from error
+    different = _difference(model, again)
+    if different:
+        # MuJoCo writes the XML that it read last, whichever model that was of.
+        raise UsageError(refusal.format(why=f"That is of the model that it read last, which is another ({different} differs)"))
+    return text
+
+
+def _files(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str]]:
+    """Elements of an XML model that name a file, and the folder that its compiler settings give."""
+    folders = {key: value for c in root.iter("compiler") for key, value in c.attrib.items()}
+    mesh = folders.get("meshdir", folders.get("assetdir", ""))
+    texture = folders.get("texturedir", folders.get("assetdir", ""))
+    for element in root.iter():
+        if element.get("file"):
+            yield element, texture if element.tag == "texture" else mesh
+
+
+def _without_folders(root: ElementTree.Element) -> str:
+    for compiler in root.iter("compiler"):
+        for key in ("meshdir", "texturedir", "assetdir", "strippath"):
+            compiler.attrib.pop(key, None)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _recorded_path(mujoco: Any, model: Any, element: ElementTree.Element) -> str:
+    """Where the file of an asset lies, as the compiled model has recorded it."""
+    kinds = {"mesh": "MESH", "hfield": "HFIELD", "texture": "TEXTURE", "skin": "SKIN"}
+    addresses = {"mesh": "mesh_pathadr", "hfield": "hfield_pathadr", "texture": "tex_pathadr", "skin": "skin_pathadr"}
+    name = element.get("name") or Path(element.attrib["file"]).stem
+    index = mujoco.mj_name2id(model, getattr(mujoco.mjtObj, "mjOBJ_" + kinds[element.tag]), name)
+    address = int(getattr(model, addresses[element.tag])[index]) if index >= 0 else -1
+    if address < 0:
+        return element.attrib["file"]
+    path = bytes(model.paths)[address:].split(b"\0", 1)[0].decode()
+    return os.path.abspath(path)
+
+
+# Of a compiled model, what the importer reads: not what MuJoCo derives for its own solver, and not what is drawn.
+_READ = re.compile(
+    r"(body|jnt|dof|geom|mesh|hfield|tendon|wrap|eq|actuator|pair|exclude|key|site)_|qpos0$|qpos_spring$|names$|n[a-z]+$"
+)
+_DERIVED = re.compile(
+    r".*(invweight0|_M0|length0|acc0|lengthrange|subtreemass|rbound|aabb|bvh.*|pathadr|rgba|matid|plane|user|_oct.*|signature)$"
+    r"|n(paths|buffer|B|M|D|C|text.*|skin.*|tex.*|mat|cam|light|narena|user.*|bvh.*|J.*|names_map)$"
+)
+
+
+def _difference(model: Any, other: Any) -> str:
+    """The first property in which two models of one version differ, empty for none."""
+    for name in dir(model):
+        if not _READ.match(name) or _DERIVED.match(name):
+            continue
+        ours, theirs = getattr(model, name), getattr(other, name, None)
+        if isinstance(ours, (int, bytes)) and ours != theirs:
+            return name
+        if isinstance(ours, np.ndarray):
+            # Six digits, where the library writes no more.
+            scale = 1e-5 * max(1e-9, float(np.abs(ours).max(initial=0)))
+            if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=1e-5, atol=scale, equal_nan=True):
+                return name
+    return ""
