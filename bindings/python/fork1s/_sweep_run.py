@@ -72,15 +72,15 @@ class Progress:
             print(f"\r{self._done} of {self._total} points", end="", file=sys.stderr, flush=True)
 
 
-def _end_with_parent() -> None:
-    """In a worker: a sweep that is killed leaves nobody waiting for ever for its next task."""
+def _end_with_parent(stop: multiprocessing.connection.Connection) -> None:
+    """In a worker: ends the process when the parent has ended or has closed its side of `stop`."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return
     ended, end = multiprocessing.Pipe(duplex=False)
 
     def watch() -> None:
-        if parent.sentinel in multiprocessing.connection.wait([parent.sentinel, ended]):
+        if ended not in multiprocessing.connection.wait([parent.sentinel, stop, ended]):
             os._exit(1)
 
     watching = threading.Thread(target=watch, daemon=True)
@@ -89,7 +89,7 @@ def _end_with_parent() -> None:
     # A thread that still waits when Python ends would keep this module, and with it models, alive for ever, which
     # nanobind reports.
     @atexit.register
-    def stop() -> None:
+    def leave() -> None:
         end.close()
         watching.join()
 
@@ -100,18 +100,25 @@ class LocalProcesses:
     def __init__(self, tasks: int) -> None:
         self.count = max(1, min(tasks, len(os.sched_getaffinity(0))))
         self._pool: ProcessPoolExecutor | None = None
+        self._stop: multiprocessing.connection.Connection | None = None  # closing it ends all workers at once
 
     def submit(self, *task: Any) -> Future[Any]:
         if self._pool is None:
             # Not forked: a fork has none of the threads that may hold locks at that moment.
+            context = multiprocessing.get_context("spawn")
+            stop, self._stop = context.Pipe(duplex=False)
             self._pool = ProcessPoolExecutor(
-                self.count, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent
+                self.count, mp_context=context, initializer=_end_with_parent, initargs=(stop,)
             )
         return self._pool.submit(*task)
 
-    def close(self) -> None:
-        if self._pool is not None:
+    def close(self, at_once: bool = False) -> None:
+        """Ends the workers, which first finish what they compute, unless `at_once`."""
+        if self._pool is not None and self._stop is not None:
+            if at_once:
+                self._stop.close()
             self._pool.shutdown(wait=True, cancel_futures=True)
+            self._stop.close()
             self._pool = None
 
     def check(self) -> None:
@@ -167,7 +174,7 @@ class Sweeping:
             for future in self._out:
                 future.cancel()
             if self._own is not None:
-                self._own.close()
+                self._own.close(at_once=bool(self._out))  # some are out where Ctrl-C or an error ends the sweep
 
     def _send(self) -> None:
         if self._suspects:

@@ -296,7 +296,7 @@ of equal likelihood in their logarithm; and where a coordinate starts, relative 
 not where loops are closed, and `start:BODY.x` `.y` `.z` [m] `.rx` `.ry` `.rz` [rad] of free bodies and of bases that move.
 What is not named is not drawn.
 
-Each member takes what a Simulation takes, half a megabyte for a hand. Arrays that a Batch returns are those of the
+Each member takes about a third of a megabyte for a hand. Arrays that a Batch returns are those of the
 moment, and the caller's own. Raises as `Simulation` does, UsageError for what cannot be drawn, and ValueError for arrays
 of another shape.)";
 

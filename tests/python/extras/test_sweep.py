@@ -162,6 +162,38 @@ if __name__ == "__main__":
     assert (counts >= 1).all() and (counts > 1).sum() <= 4
 
 
+def test_an_interrupt_ends_a_sweep_and_its_workers(tmp_path):
+    program = tmp_path / "program.py"
+    program.write_text(f"""
+import os, signal, threading, time
+import fork1s
+
+def metric(model, point):
+    if point["x"] == 0:
+        return 1.0
+    open(os.path.join({str(tmp_path)!r}, "worker"), "w").write(str(os.getpid()))
+    time.sleep(3600)
+
+def interrupt():
+    while not os.path.exists(os.path.join({str(tmp_path)!r}, "worker")):
+        time.sleep(0.05)
+    os.kill(os.getpid(), signal.SIGINT)
+
+if __name__ == "__main__":
+    threading.Thread(target=interrupt, daemon=True).start()
+    try:
+        fork1s.sweep(fork1s.load(fork1s.scene("hand")), {{"x": [0, 1]}}, metric,
+                     path=os.path.join({str(tmp_path)!r}, "t.parquet"))
+    except KeyboardInterrupt:
+        print("interrupted")
+""")
+    done = subprocess.run([sys.executable, program], capture_output=True, text=True, timeout=300)  # far below the hour
+    assert done.stdout == "interrupted\n", done.stderr
+    worker = int((tmp_path / "worker").read_text())
+    with pytest.raises(ProcessLookupError):
+        os.kill(worker, 0)
+
+
 def test_a_program_without_its_guard_is_told(arm, tmp_path):
     program = tmp_path / "program.py"
     program.write_text(f"import fork1s\nfork1s.sweep({str(arm)!r}, {{'seed': [1, 2]}}, lambda m, p: 0, progress=False)\n")
