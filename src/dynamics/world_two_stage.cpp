@@ -49,9 +49,10 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
     ClearSums();
   }
   halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
-  PrepareContacts(options, report);
-  if (!backward_euler && ClosesAtSpeed(options, &report.halving_of))
-    return HalveOrUndo(options, HalvingCause::kImpact, report);
+  if (!backward_euler) {
+    PrepareContacts(options, report);
+    if (ClosesAtSpeed(options, &report.halving_of)) return HalveOrUndo(options, HalvingCause::kImpact, report);
+  }
   {
     const PartClock clock(times_, &StepPartTimes::moving);
     ForMechanisms([&](std::size_t i) { BeginTwoStageStep(mechanisms_[i], h, options.gravity); });
