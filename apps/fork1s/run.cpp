@@ -174,8 +174,15 @@ int Run(const RunArguments& given) {
   if (!measured.impossible.empty())
     return Report(
         {ErrorCode::kNumerics, args.model.path,
-         measured.impossible + ": the motion has blown up. Try a smaller --dt, --integrator theta, more "
+         measured.impossible + ": the motion has blown up. Try a smaller --dt, another --integrator, more "
                                "--modes, or controls that move more slowly"},
+        false);
+  if (measured.failed_step >= 0 && measured.failed_unsolved)
+    return Report(
+        {ErrorCode::kNumerics, args.model.path,
+         fmt::format("step {} was undone: {} could not be solved even in parts of 1/64 of the step. Try a smaller --dt, "
+                     "or softer gains, pushes and springs",
+                     measured.failed_step, measured.failed_of.empty() ? "the motion" : measured.failed_of)},
         false);
   if (measured.failed_step >= 0)
     return Report(

@@ -142,6 +142,24 @@ void Note(const ContactSolverReport& report, double h, Measured::Solver& out) {
   out.speed_max = std::max(out.speed_max, report.residual_speed);
 }
 
+void Note(const StepReport& report, const World& world, Measured::Stages& out) {
+  out.stages += report.stages;
+  out.iterations += report.stage_iterations;
+  out.iterations_max = std::max(out.iterations_max, report.max_stage_iterations);
+  if (report.stage_residual > out.residual_max) {
+    out.residual_max = report.stage_residual;
+    out.residual_of = world.NameOf(report.stage_residual_of);
+  }
+  const auto count = [&](HalvingCause cause, int& steps, std::string& name) {
+    if (report.halving != cause) return;
+    ++steps;
+    name = world.NameOf(report.halving_of);
+  };
+  count(HalvingCause::kImpact, out.impacts, out.impact);
+  count(HalvingCause::kSaturation, out.saturations, out.saturation);
+  count(HalvingCause::kUnsolved, out.unsolved, out.unsolved_of);
+}
+
 }  // namespace
 
 std::vector<AppliedWrench> ApplyPushes(const RunInputs& inputs, double end, Simulation& simulation) {
@@ -182,12 +200,15 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     if (out.error) out.error->End(simulation, report);
     if (!report.finite) {
       out.failed_step = i;
+      out.failed_unsolved = !report.stages_converged;
+      out.failed_of = simulation.world().NameOf(report.halving_of);
       break;
     }
     out.step_us.push_back(spent.count());
     out.contacts_max = std::max(out.contacts_max, report.contacts);
     out.unconverged += report.solver.converged && report.minimum_found ? 0 : 1;
     Note(report.solver, simulation.dt(), out.solver);
+    Note(report, simulation.world(), out.stages);
     out.refreshes += report.refreshes;
     out.failed_refreshes += report.failed_refreshes;
     out.steps_at_bound += report.forces_at_bound > 0 ? 1 : 0;

@@ -35,6 +35,17 @@ struct Measured {
     int active_max = 0, sliding_max = 0;      // contacts
     double force_max = 0, speed_max = 0;      // N, m/s: residuals
   } solver;
+  // Of the two-stage step. Names are those of the worst step; empty: none.
+  struct Stages {
+    std::int64_t stages = 0, iterations = 0;
+    int iterations_max = 0;  // of a stage
+    int impacts = 0, saturations = 0, unsolved = 0;  // steps that were halved for these
+    std::string impact, saturation, unsolved_of;     // what the last of them was about
+    double residual_max = 0;  // m
+    std::string residual_of;
+  } stages;
+  bool failed_unsolved = false;  // failed_step was undone because its stages did not converge
+  std::string failed_of;
   double energy_first = 0, energy_last = 0, energy_increase = 0;
   double gap_max = 0, penetration_max = 0;
   int steps_at_bound = 0, most_at_bound = 0;  // servos and motors that gave all they can

@@ -116,6 +116,21 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   // What a contact that pulls uses of its friction has no bound.
   out["hold_use_max"] = m.held && std::isfinite(m.hold_use_max) ? Json(m.hold_use_max) : Json(nullptr);
   out["unconverged_steps"] = m.unconverged;
+  const auto or_null = [](const std::string& name) { return name.empty() ? Json(nullptr) : Json(name); };
+  const Measured::Stages& stages = m.stages;
+  out["halved_steps"] = {{"impact", stages.impacts},
+                         {"impact_of", or_null(stages.impact)},
+                         {"saturation", stages.saturations},
+                         {"saturation_of", or_null(stages.saturation)},
+                         {"unsolved", stages.unsolved},
+                         {"unsolved_of", or_null(stages.unsolved_of)}};
+  out["newton_iterations"] = {
+      {"mean", stages.stages > 0
+                   ? Json(static_cast<double>(stages.iterations) / static_cast<double>(stages.stages))
+                   : Json(nullptr)},
+      {"most", stages.iterations_max},
+      {"residual_max_m", stages.residual_max},
+      {"residual_of", or_null(stages.residual_of)}};
   const auto solves = static_cast<double>(m.solver.solves);
   out["contact_solver"] = {
       {"steps", m.solver.solves},
@@ -287,6 +302,17 @@ void PrintSummary(const Json& d) {
   fmt::print("  contacts        {} at most, penetration {:.4f} mm at most, {} steps not converged\n",
              d["contacts_max"].get<int>(), 1e3 * number("penetration_max_m"),
              d["unconverged_steps"].get<int>());
+  if (const Json& newton = d["newton_iterations"]; !newton["mean"].is_null()) {
+    fmt::print("  stages          {:.2f} Newton iterations each, {} at most, residual {:.2g} mm at most\n",
+               newton["mean"].get<double>(), newton["most"].get<int>(), 1e3 * newton["residual_max_m"].get<double>());
+    for (const char* cause : {"impact", "saturation", "unsolved"})
+      if (const int steps = d["halved_steps"][cause].get<int>(); steps > 0)
+        fmt::print("  halved          {} steps, {}, {}\n", steps,
+                   cause == std::string("impact")       ? "in which something was met"
+                   : cause == std::string("saturation") ? "in which a force came to its limit or from it"
+                                                        : "whose stages did not converge",
+                   d["halved_steps"][std::string(cause) + "_of"].get<std::string>());
+  }
   const Json& e = d["energy_J"];
   fmt::print(
       "  energy          {:.6g} J first, {:.6g} J last, largest rise in a step {:.3g} J, {:.3g} J lost to "

@@ -174,6 +174,63 @@ bool AnyChangesSides(const MechanismStep& here, double h) {
   return false;
 }
 
+namespace {
+
+// At the pose of a stage that was solved, which LoadForces has seen.
+double ForceOfServo(const MechanismStep& here, std::size_t k) {
+  const auto& [model, state, ws] = here;
+  const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
+  const double f = ws.limit_force(static_cast<Eigen::Index>(k)) - limit.damping * LengthRate(here, limit.length);
+  return std::min(std::max(f, limit.lower), limit.upper);
+}
+
+}  // namespace
+
+void StoreSwitchedForces(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  ws.stage_at_bound = state.at_bound;
+  ws.stage_limit_force.resize(static_cast<Eigen::Index>(state.at_bound.size()));
+  for (std::size_t k = 0; k < state.at_bound.size(); ++k)
+    ws.stage_limit_force(static_cast<Eigen::Index>(k)) = ForceOfServo(here, k);
+  ws.stage_slack_side.resize(ws.slack.size());
+  ws.stage_slack_force.resize(static_cast<Eigen::Index>(ws.slack.size()));
+  for (std::size_t k = 0; k < ws.slack.size(); ++k) {
+    ws.stage_slack_side[k] = static_cast<signed char>(ws.slack[k].side);
+    ws.stage_slack_force(static_cast<Eigen::Index>(k)) = ws.slack[k].force;
+  }
+}
+
+SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, double onward) {
+  const auto& [model, state, ws] = here;
+  SaturationChange out;
+  double largest = 0;
+  const auto add = [&](const Mechanism::Length& length, double change, bool is_servo, std::size_t index) {
+    if (out.index < 0) ws.rhs.setZero(model.num_velocities());
+    ReducedRow(length, ws.paths(), ws.Q_now(), ws.limit_row);
+    ws.rhs.tail(model.size()) += onward * b * change * ws.limit_row;
+    if (out.index >= 0 && std::abs(change) <= largest) return;
+    largest = std::abs(change);
+    out.is_servo = is_servo;
+    out.index = static_cast<int>(index);
+  };
+  for (std::size_t k = 0; k < state.at_bound.size(); ++k)
+    if (state.at_bound[k] != ws.stage_at_bound[k])
+      add(model.mechanism().force_limits()[k].length,
+          ForceOfServo(here, k) - ws.stage_limit_force(static_cast<Eigen::Index>(k)), true, k);
+  for (std::size_t k = 0; k < ws.slack.size(); ++k)
+    if (ws.slack[k].side != ws.stage_slack_side[k])
+      add(model.mechanism().springs()[ws.slack[k].spring].length,
+          ws.slack[k].force - ws.stage_slack_force(static_cast<Eigen::Index>(k)), false, ws.slack[k].spring);
+  if (out.index < 0) return out;
+  const double mass = std::max(model.mechanism().total_mass(), 1e-300);
+  ws.solved = ws.rhs;
+  ws.factor.SolveInPlace(ws.solved);
+  out.displacement = b * std::sqrt(std::max(0.0, ws.solved.dot(ws.rhs)) / mass);
+  ws.solved.noalias() = ws.M_full * ws.x;
+  out.motion = b * std::sqrt(std::max(0.0, ws.x.dot(ws.solved)) / mass);
+  return out;
+}
+
 bool UpdateForceLimits(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
   const auto& limits = model.mechanism().force_limits();

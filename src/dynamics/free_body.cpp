@@ -61,6 +61,12 @@ Vector6 FreeBody::PortTwist() const {
   return V;
 }
 
+Vector6 FreeBody::StartPortTwist() const {
+  Vector6 V;
+  V << X_WB_before_.rotation() * omega_B_before_, velocity_before_;
+  return V;
+}
+
 Vector6 FreeBody::OriginVelocity() const {
   Vector6 V = PortTwist();
   V.tail<3>() -= V.head<3>().cross(X_WB_.rotation() * inertia_.center);

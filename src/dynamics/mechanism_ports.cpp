@@ -110,14 +110,16 @@ void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T) {
   }
 }
 
-Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T) {
+namespace {
+
+Vector6 TwistOfGroup(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T, const VectorX& velocity) {
   const auto& [model, state, ws] = here;
   const int index = model.PartOfGroup(g);
   Vector6 V = Vector6::Zero();
   if (index >= 0) {
     const VelocityRange& part = model.parts[static_cast<std::size_t>(index)];
     // All six columns at once, so that x is read once.
-    const double *x = ws.x.data() + part.begin, *J = J_T.data();
+    const double *x = velocity.data() + part.begin, *J = J_T.data();
     const std::ptrdiff_t stride = J_T.outerStride();
     Quad sums[6];
     for (Quad& sum : sums) sum.setZero();
@@ -130,6 +132,16 @@ Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const Matr
   }
   if (model.mechanism().base() == BaseKind::kDriven) V += state.reduced.V_R;
   return V;
+}
+
+}  // namespace
+
+Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T) {
+  return TwistOfGroup(here, g, J_T, here.work.x);
+}
+
+Vector6 GroupTwistAtStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T) {
+  return TwistOfGroup(here, g, J_T, here.work.x_start);
 }
 
 // From the last row to the first, as the factor goes: a foot then moves its own leg and the base, and no

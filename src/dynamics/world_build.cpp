@@ -82,6 +82,27 @@ const GeometryDef& World::geometry(int contactor, int geometry) const {
 }
 const std::vector<std::string>& World::warnings() const { return detail_->warnings_; }
 
+std::string World::NameOf(const StepSubject& subject) const {
+  const auto index = static_cast<std::size_t>(subject.index), part = static_cast<std::size_t>(subject.part);
+  const auto of_mechanism = [&](const char* kind, const std::string& name) {
+    return std::string(kind) + " '" + name + "' of '" + detail_->mechanisms_[index].mechanism().name() + "'";
+  };
+  switch (subject.kind) {
+    case StepSubject::Kind::kNone: break;
+    case StepSubject::Kind::kMechanism: return "mechanism '" + detail_->mechanisms_[index].mechanism().name() + "'";
+    case StepSubject::Kind::kFreeBody: return "body '" + detail_->free_bodies_[index].name() + "'";
+    case StepSubject::Kind::kServo:
+      return of_mechanism("servo", detail_->mechanisms_[index].mechanism().force_limits()[part].name);
+    case StepSubject::Kind::kSpring:
+      return of_mechanism("spring", detail_->mechanisms_[index].mechanism().springs()[part].name);
+    case StepSubject::Kind::kStop:
+      return of_mechanism("stop", detail_->mechanisms_[index].mechanism().length_limits()[part].name);
+    case StepSubject::Kind::kContact:
+      return "contact of '" + detail_->contactors_[index].name + "' and '" + detail_->contactors_[part].name + "'";
+  }
+  return {};
+}
+
 Expected<World> World::Create(const Scene& scene, const Options& options) {
   World world;
   Detail& detail = *world.detail_;
@@ -186,6 +207,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.limits_.reserve(static_cast<std::size_t>(limits));
   detail.servos_.reserve(all_servos);
   detail.velocities_.setZero(velocities);
+  detail.start_velocities_.setZero(velocities);
   detail.change_.setZero(velocities);
   detail.free_Y_.resize(detail.free_bodies_.size());
   detail.free_velocity_.resize(detail.free_bodies_.size());

@@ -116,13 +116,15 @@ void World::Detail::LayOutLimits(std::size_t i, const StepOptions& options) {
 // Jᵀ of every part of a mechanism, and the twists of its groups at the start of the step.
 void World::Detail::FillRows(std::size_t i) {
   const MechanismDynamics& m = mechanisms_[i];
+  const bool at_start = rule_ == StepRule::kStage && depth_ >= kMaxEventHalvings;
   for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
     PartBlock& part = mechanism_blocks_[i].parts[p];
     for (std::size_t g = 0; g < part.groups.size(); ++g) {
       const Eigen::Index column = 6 * static_cast<Eigen::Index>(g);
       GroupJacobian(m, part.groups[g], part.J_T.middleCols(column, 6));
-      velocities_.segment<6>(part.offset + column) =
-          GroupTwist(m, part.groups[g], part.J_T.middleCols(column, 6));
+      const auto J_T = part.J_T.middleCols(column, 6);
+      velocities_.segment<6>(part.offset + column) = GroupTwist(m, part.groups[g], J_T);
+      if (at_start) start_velocities_.segment<6>(part.offset + column) = GroupTwistAtStart(m, part.groups[g], J_T);
     }
     for (std::size_t k = 0; k < part.limits.size(); ++k) {
       const Eigen::Index column =
@@ -173,6 +175,7 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
     } else {
       port_offset_[c] = offset;
       velocities_.segment<6>(offset) = free_bodies_[i].PortTwist();
+      start_velocities_.segment<6>(offset) = free_bodies_[i].StartPortTwist();
       offset += 6;
     }
   }

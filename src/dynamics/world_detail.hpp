@@ -46,13 +46,22 @@ struct World::Detail {
   // The two-stage step (world_two_stage.cpp).
   bool UsesTwoStages(const StepOptions& options) const;
   StepReport TwoStageStep(const StepOptions& options);
-  enum class StageOutcome { kDone, kImpact, kNotFinite };
-  StageOutcome SolveStage(const StepOptions& options, bool second, StepReport& report);
+  enum class StageScheme { kFirstOfTwo, kSecondOfTwo, kBackwardEuler };
+  // How well an implicit stage is solved at the pose found.
+  struct StageResidual {
+    double ratio = 0;          // largest residual, in tolerances
+    bool is_small = true;      // every residual is within its tolerance or kStagnationTolerance of the length
+    double largest = 0;        // m
+    StepSubject subject;       // of the largest ratio
+  };
+  HalvingCause SolveStage(const StepOptions& options, StageScheme scheme, StepReport& report);
+  HalvingCause FindStageEvent(const StepOptions& options, StageScheme scheme, int iteration, StepReport& report) const;
   void MoveAllToStagePoses(double b, double time);
-  bool MoveAndCheckResiduals(double b, double time, StepReport& report);
-  bool LeavesAtSpeed() const;
-  void StoreStage(double b, bool second, StepReport& report);
-  StepReport StepInHalves(const StepOptions& options);
+  StageResidual MoveAndComputeResiduals(double b, double time);
+  bool ChangesSaturation(double b, StepReport& report);
+  bool LeavesAtSpeed(StepSubject& subject) const;
+  void StoreStage(double b, StageScheme scheme, StepReport& report);
+  StepReport HalveOrUndo(const StepOptions& options, HalvingCause cause, const StepReport& attempt);
   StepReport FinishTwoStageStep(const StepOptions& options, WorldState& start, StepReport report);
   // Impacts, and what follows them (world_impact.cpp).
   StepReport StepInParts(const StepOptions& options, bool impact);
@@ -70,14 +79,15 @@ struct World::Detail {
   static double ImpactSpeedOf(const StepOptions& options);
   double SpeedOfImpact(const StepOptions& options) const;
   double SpeedOfImpact(const StepOptions& options, const ContactPoint& point) const;
-  bool ClosesAtSpeed(const StepOptions& options) const;
+  bool ClosesAtSpeed(const StepOptions& options, StepSubject* subject = nullptr) const;
   // Way to a stop that bore nothing, m, and its speed, m/s; of what turns in lengths of its mechanism.
   struct StopApproach {
     bool bore = true;
     double gap = 0, speed = 0;
+    int mechanism = -1, stop = -1;  // of length_limits()
   };
   StopApproach ApproachOf(const MechanismDynamics& m, const Mechanism::LengthLimit& stop, bool upper) const;
-  bool MetAtSpeed(const StepOptions& options) const;
+  bool MetAtSpeed(const StepOptions& options, StepSubject* subject = nullptr) const;
   bool PushesApart(const StepOptions& options) const;
   void ForgetPasts();
   double MotionWithin(double h) const;
@@ -203,6 +213,7 @@ struct World::Detail {
   std::vector<RigidTransform> port_frames_;
   std::vector<int> port_part_;    // per contactor: part block of its mechanism
   VectorX velocities_, port_shift_;
+  VectorX start_velocities_;              // of a stage of backward Euler: at its start, as velocities_
   VectorX mean_, end_;                    // of two steps, as velocities_
   std::vector<double> contactor_motion_;  // m, since the step before
 
@@ -267,13 +278,14 @@ struct World::Detail {
   Sums sums_;
   std::vector<Vector3> next_sums_;
   std::vector<char> goes_on_;
-  // A two-stage step through an impact is halved, up to this often (docs/decisions/001-time-stepping.md).
-  static constexpr int kMostHalvings = 3;
+  // A two-stage step that contains an event is halved up to this often (docs/decisions/001-time-stepping.md); the
+  // shortest parts are one stage of backward Euler each. Where such a stage does not converge it is halved further.
+  static constexpr int kMaxEventHalvings = 3, kMaxHalvings = 6;
   struct Halving {
     WorldState start;  // of the step that is halved
     Sums sums;         // until then
   };
-  std::array<Halving, kMostHalvings + 1> halvings_;
+  std::array<Halving, kMaxHalvings + 1> halvings_;
   int depth_ = 0;       // halvings of the step at hand
   double impact_speed_ = 0;  // m/s, by the length of the whole step
   bool begins_anew_ = false;  // the step at hand, in contact: none of it is an impact

@@ -25,8 +25,14 @@ void World::Detail::AddReport(const StepReport& part, StepReport& whole) {
   whole.minimum_found = before.minimum_found && part.minimum_found;
   whole.loop_residual = std::max(before.loop_residual, part.loop_residual);
   whole.parts = before.parts + part.parts;
+  whole.stages += before.stages;
   whole.stage_iterations += before.stage_iterations;
-  whole.stage_residual = std::max(before.stage_residual, part.stage_residual);
+  whole.max_stage_iterations = std::max(before.max_stage_iterations, part.max_stage_iterations);
+  if (before.stage_residual > part.stage_residual) {
+    whole.stage_residual = before.stage_residual;
+    whole.stage_residual_of = before.stage_residual_of;
+  }
+  whole.impact = before.impact || part.impact;
   whole.stages_converged = before.stages_converged && part.stages_converged;
   KeepWorst(before.solver, whole.solver);
 }

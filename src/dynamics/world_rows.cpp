@@ -211,7 +211,11 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   if (stage) p.gap -= h * speed(0);
   closing_[i] = std::max(0.0, -speed(0));
   SetMaterial(options.material, p.gap, h, c);
-  if (p.restitution > 0 && !middle && !stage) approach_[i] = std::max(0.0, -speed(0));
+  // Of the two stages restitution would be extrapolated; a step that meets something that has it is halved. A stage of
+  // backward Euler takes the approach from the velocity of its start, by the rows of its end.
+  const bool backward_euler = stage && depth_ >= kMaxEventHalvings;
+  if (p.restitution > 0 && !middle && (!stage || backward_euler))
+    approach_[i] = std::max(0.0, backward_euler ? -RelativeSpeed(c, start_velocities_)(0) : -speed(0));
   // A body on the floor would fall upon all that is near, were nothing there to hold it: it goes on as it
   // did.
   c.waits = p.gap + h * speed(0) > kClear;
@@ -283,8 +287,12 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       limit.impulse = by_step * mechanism_blocks_[i].limit_impulses[at];
       // By two stages one that bore may have only closed its gap: what of the speed is left counts there too.
       if ((rule_ == StepRule::kTwoSteps || rule_ == StepRule::kStage || in_parts_) &&
-          (two_stage_ || !(limit.impulse > 0)))
-        stop_approach_[static_cast<std::size_t>(&limit - limits_.data())] = ApproachOf(m, stop, upper);
+          (two_stage_ || !(limit.impulse > 0))) {
+        StopApproach& approach = stop_approach_[static_cast<std::size_t>(&limit - limits_.data())];
+        approach = ApproachOf(m, stop, upper);
+        approach.mechanism = static_cast<int>(i);
+        approach.stop = static_cast<int>(at / 2);
+      }
     }
     for (std::size_t k = 0; k < part.frictions.size(); ++k) {
       const auto at = static_cast<std::size_t>(part.frictions[k]);

@@ -100,11 +100,14 @@ double World::Detail::SpeedOfImpact(const StepOptions& options, const ContactPoi
 }
 
 // A contact that bore nothing yet and would close within the step at the speed of an impact, if all went on.
-bool World::Detail::ClosesAtSpeed(const StepOptions& options) const {
-  for (std::size_t i = 0; i < points_.size(); ++i)
-    if (!Bore(i) && closing_[i] > SpeedOfImpact(options, points_[i]) &&
-        points_[i].gap < options.h * closing_[i])
-      return true;
+bool World::Detail::ClosesAtSpeed(const StepOptions& options, StepSubject* subject) const {
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    if (Bore(i) || !(closing_[i] > SpeedOfImpact(options, points_[i])) ||
+        !(points_[i].gap < options.h * closing_[i]))
+      continue;
+    if (subject) *subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
+    return true;
+  }
   return false;
 }
 
@@ -120,16 +123,20 @@ World::Detail::StopApproach World::Detail::ApproachOf(const MechanismDynamics& m
 
 // The same of what the step has brought together, and of stops of joints and tendons: at that speed from the start, or
 // from so far that it took that speed.
-bool World::Detail::MetAtSpeed(const StepOptions& options) const {
+bool World::Detail::MetAtSpeed(const StepOptions& options, StepSubject* subject) const {
   const double least = SpeedOfImpact(options);
   for (std::size_t k = 0; k < stop_approach_.size(); ++k) {
     const StopApproach& a = stop_approach_[k];
-    if (!a.bore && limits_[k].impulse > 0 && (a.speed > least || a.gap > options.h * least)) return true;
+    if (a.bore || !(limits_[k].impulse > 0) || !(a.speed > least || a.gap > options.h * least)) continue;
+    if (subject) *subject = {StepSubject::Kind::kStop, a.mechanism, a.stop};
+    return true;
   }
   for (std::size_t i = 0; i < points_.size(); ++i) {
     if (!(constraints_[i].impulse(0) > 0) || Bore(i)) continue;
     const double speed = SpeedOfImpact(options, points_[i]);
-    if (closing_[i] > speed || points_[i].gap > options.h * speed) return true;
+    if (!(closing_[i] > speed || points_[i].gap > options.h * speed)) continue;
+    if (subject) *subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
+    return true;
   }
   return false;
 }

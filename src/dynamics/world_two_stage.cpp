@@ -4,8 +4,10 @@
 // the pose that the velocity at hand leads to, first an extrapolated one; the velocity found leads to another pose,
 // and where the equation of the stage has a residual there, the iteration goes on from it.
 //
-// A step that contains an impact is taken as two of half the length, and so on; the shortest is one of implicit Euler:
-// extrapolated, the velocity that the first stage stopped would come back.
+// A step that contains an event is taken as two of half the length, and so on: an impact, a change of saturation between
+// its stages, a stage that does not converge. The shortest parts are one stage with b = h, backward Euler: extrapolated,
+// the velocity that the first stage stopped would come back. No stage is accepted unless it is solved; where the shortest
+// parts are not, the step is undone.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -17,10 +19,16 @@ namespace {
 
 constexpr double kStageShare = 1 - 1 / std::numbers::sqrt2;            // γ
 constexpr double kOnward = (1 - kStageShare) / kStageShare;            // s
-constexpr int kMaxIterations = 20;                                     // of Newton's method, per stage
+// A stage that takes more Newton iterations, or whose residual grows more often, diverges or cycles: it is halved.
+constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
 // A stage is solved where another iteration would change poses by less than this share of the stage's motion
 // (docs/decisions/001-time-stepping.md, Newton variants f and h), or of a mechanism's length.
 constexpr double kRelativeTolerance = 1e-4, kLengthTolerance = 1e-8;
+// Contacts of meshes jump from one facet to another between iterations. A residual that no longer falls is accepted
+// within this share of the length, and reported.
+constexpr double kStagnationTolerance = 1e-6;
+
+double Tolerance(double motion, double length) { return kRelativeTolerance * motion + kLengthTolerance * length; }
 
 }  // namespace
 
@@ -32,28 +40,30 @@ bool World::Detail::UsesTwoStages(const StepOptions& options) const {
 
 StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   StepReport report;
-  const double h = options.h, b = kStageShare * h;
+  const double h = options.h;
+  const bool backward_euler = depth_ >= kMaxEventHalvings;
+  const double b = backward_euler ? h : kStageShare * h;
   StartOfStep();
   if (depth_ == 0) {
     impact_speed_ = ImpactSpeedOf(options);
     ClearSums();
   }
   halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
-  PrepareContacts(options, report);
-  if (ClosesAtSpeed(options)) return StepInHalves(options);
+  if (!backward_euler) {
+    PrepareContacts(options, report);
+    if (ClosesAtSpeed(options, &report.halving_of)) return HalveOrUndo(options, HalvingCause::kImpact, report);
+  }
   {
     const PartClock clock(times_, &StepPartTimes::moving);
     ForMechanisms([&](std::size_t i) { BeginTwoStageStep(mechanisms_[i], h, options.gravity); });
     for (FreeBody& body : free_bodies_) body.BeginTwoStageStep(options.gravity);
   }
-  for (const bool second : {false, true}) {
-    switch (SolveStage(options, second, report)) {
-      case StageOutcome::kImpact: return StepInHalves(options);
-      case StageOutcome::kNotFinite: return UndoStep(before_, report);
-      case StageOutcome::kDone: break;
-    }
-    StoreStage(b, second, report);
-    if (second) break;
+  for (StageScheme scheme = backward_euler ? StageScheme::kBackwardEuler : StageScheme::kFirstOfTwo;;
+       scheme = StageScheme::kSecondOfTwo) {
+    if (const HalvingCause cause = SolveStage(options, scheme, report); cause != HalvingCause::kNone)
+      return HalveOrUndo(options, cause, report);
+    StoreStage(b, scheme, report);
+    if (scheme != StageScheme::kFirstOfTwo) break;
     for (MechanismDynamics& m : mechanisms_) ExtrapolateStage(m, b, kOnward);
     for (FreeBody& body : free_bodies_) body.ExtrapolateStage(b, kOnward);
     previous_.swap(contacts_);
@@ -99,16 +109,21 @@ void World::Detail::MoveAllToStagePoses(double b, double time) {
   for (FreeBody& body : free_bodies_) body.MoveToStagePose(b);
 }
 
-World::Detail::StageOutcome World::Detail::SolveStage(const StepOptions& options, bool second, StepReport& report) {
+// Newton iteration of one stage; what the step is to be halved for, if anything.
+HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme scheme, StepReport& report) {
   StepOptions stage = options;
-  stage.h = kStageShare * options.h;
-  const double share = second ? 1 : kStageShare, time = share * options.h;
+  if (scheme != StageScheme::kBackwardEuler) stage.h = kStageShare * options.h;
+  const double share = scheme == StageScheme::kFirstOfTwo ? kStageShare : 1, time = share * options.h;
   rule_ = StepRule::kStage;
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
     SetInputsWithin(mechanisms_[i], before_.mechanisms[i], share);
   MoveAllToStagePoses(stage.h, time);
+  ++report.stages;
+  StageResidual last;
+  int growths = 0;
   for (int iteration = 1;; ++iteration) {
     ++report.stage_iterations;
+    report.max_stage_iterations = std::max(report.max_stage_iterations, iteration);
     PrepareContacts(stage, report);
     {
       const PartClock clock(times_, &StepPartTimes::free_velocities);
@@ -119,54 +134,95 @@ World::Detail::StageOutcome World::Detail::SolveStage(const StepOptions& options
     const ContactSolverReport before = report.solver;
     SolveContacts(stage, report);
     KeepWorst(before, report.solver);
-    if (!IsFinite(false)) return StageOutcome::kNotFinite;
-    // At the first iteration rows still know the velocity that the stage starts with.
-    if (iteration == 1 && MetAtSpeed(options)) return StageOutcome::kImpact;
-    if (second && LeavesAtSpeed()) return StageOutcome::kImpact;
-    if (MoveAndCheckResiduals(stage.h, time, report)) return StageOutcome::kDone;
-    if (!IsFinite(true)) return StageOutcome::kNotFinite;
-    if (iteration == kMaxIterations) {
-      report.stages_converged = false;
-      return StageOutcome::kDone;
+    if (!IsFinite(false)) break;
+    if (const HalvingCause event = FindStageEvent(options, scheme, iteration, report); event != HalvingCause::kNone)
+      return event;
+    const StageResidual found = MoveAndComputeResiduals(stage.h, time);
+    if (!IsFinite(true)) break;
+    growths += iteration > 1 && !(found.ratio < last.ratio) ? 1 : 0;
+    last = found;
+    const bool stagnates = found.is_small && (growths > 0 || iteration == kMaxNewtonIterations);
+    if (found.ratio <= 1 || stagnates) {
+      if (found.ratio > 1) report.stages_converged = false;
+      if (found.largest > report.stage_residual) {
+        report.stage_residual = found.largest;
+        report.stage_residual_of = found.subject;
+      }
+      if (scheme == StageScheme::kSecondOfTwo && ChangesSaturation(stage.h, report)) return HalvingCause::kSaturation;
+      return HalvingCause::kNone;
     }
+    if (iteration == kMaxNewtonIterations || growths > kMaxResidualGrowths) break;
   }
+  report.halving_of = last.subject;
+  return HalvingCause::kUnsolved;
 }
 
-// Moves everything to the pose found; true where every equation is solved there.
-bool World::Detail::MoveAndCheckResiduals(double b, double time, StepReport& report) {
+// Events that the velocity found tells; parts by backward Euler carry them.
+HalvingCause World::Detail::FindStageEvent(const StepOptions& options, StageScheme scheme, int iteration,
+                                           StepReport& report) const {
+  if (scheme == StageScheme::kBackwardEuler) return HalvingCause::kNone;
+  // At the first iteration rows still know the velocity that the stage starts with.
+  if (iteration == 1 && MetAtSpeed(options, &report.halving_of)) return HalvingCause::kImpact;
+  if (scheme == StageScheme::kSecondOfTwo && LeavesAtSpeed(report.halving_of)) return HalvingCause::kImpact;
+  return HalvingCause::kNone;
+}
+
+// Moves everything to the pose found, and computes the residuals of the equations there.
+World::Detail::StageResidual World::Detail::MoveAndComputeResiduals(double b, double time) {
   const PartClock clock(times_, &StepPartTimes::moving);
-  bool solved = true;
-  double largest = 0;
-  const auto check = [&](double residual, double motion, double length) {
-    largest = std::max(largest, residual);
-    solved = solved && residual <= kRelativeTolerance * motion + kLengthTolerance * length;
+  StageResidual out;
+  const auto check = [&](double residual, double motion, double length, StepSubject::Kind kind, std::size_t index) {
+    const double ratio = residual / std::max(Tolerance(motion, length), 1e-300);
+    out.largest = std::max(out.largest, residual);
+    out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
+    if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
+    out.ratio = ratio;
+    out.subject = {kind, static_cast<int>(index), -1};
   };
-  for (MechanismDynamics& m : mechanisms_) {
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     double motion = 0;
-    const double residual = MoveAndComputeResidual(m, b, time, motion);
-    check(residual, motion, m.mechanism().length_scale());
+    const double residual = MoveAndComputeResidual(mechanisms_[i], b, time, motion);
+    check(residual, motion, mechanisms_[i].mechanism().length_scale(), StepSubject::Kind::kMechanism, i);
   }
-  for (FreeBody& body : free_bodies_) {
+  for (std::size_t i = 0; i < free_bodies_.size(); ++i) {
+    FreeBody& body = free_bodies_[i];
     double motion = 0;
     const double residual = body.MoveAndComputeResidual(b, motion);
-    check(residual, motion, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass));
+    check(residual, motion, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
+          StepSubject::Kind::kFreeBody, i);
   }
-  if (solved) report.stage_residual = std::max(report.stage_residual, largest);
-  return solved;
+  return out;
+}
+
+// Whether a force whose saturation differs between the two stages changes by so much that its extrapolation, s b Δf of
+// momentum, moves something by more than the tolerance. A stage without the spring of a servo is not L-stable in it.
+bool World::Detail::ChangesSaturation(double b, StepReport& report) {
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+    const MechanismDynamics& m = mechanisms_[i];
+    if (!HasSwitches(m)) continue;
+    const SaturationChange change = ComputeSaturationChange(mechanisms_[i], b, kOnward);
+    if (change.displacement <= Tolerance(change.motion, m.mechanism().length_scale())) continue;
+    report.halving_of = {change.is_servo ? StepSubject::Kind::kServo : StepSubject::Kind::kSpring, static_cast<int>(i),
+                         change.index};
+    return true;
+  }
+  return false;
 }
 
 // Whether what the first stage stopped leaves again in the second at the speed of an impact.
-bool World::Detail::LeavesAtSpeed() const {
+bool World::Detail::LeavesAtSpeed(StepSubject& subject) const {
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const int before = match_[i];
     if (before < 0 || !previous_fresh_[static_cast<std::size_t>(before)] || constraints_[i].impulse(0) > 0) continue;
-    if (RelativeSpeed(constraints_[i], velocities_)(0) > impact_speed_) return true;
+    if (!(RelativeSpeed(constraints_[i], velocities_)(0) > impact_speed_)) continue;
+    subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
+    return true;
   }
   return false;
 }
 
 // Contacts of a stage that was solved: what the next one starts from, and their share of the impulses of the step.
-void World::Detail::StoreStage(double b, bool second, StepReport& report) {
+void World::Detail::StoreStage(double b, StageScheme scheme, StepReport& report) {
   fresh_.resize(points_.size());
   for (std::size_t i = 0; i < points_.size(); ++i) fresh_[i] = constraints_[i].impulse(0) > 0 && !Bore(i);
   previous_fresh_ = fresh_;
@@ -175,8 +231,10 @@ void World::Detail::StoreStage(double b, bool second, StepReport& report) {
   report.limits = std::max(report.limits, stage.limits);
   report.max_penetration = std::max(report.max_penetration, stage.max_penetration);
   // (1 - γ) f₁ + γ f₂ over the step, impulses being b f: s of the first and one of the second.
-  SumImpulses(second ? 1 : kOnward);
-  if (second) return;
+  SumImpulses(scheme == StageScheme::kFirstOfTwo ? kOnward : 1);
+  if (scheme != StageScheme::kFirstOfTwo) return;
+  for (MechanismDynamics& m : mechanisms_)
+    if (HasSwitches(m)) StoreSwitchedForces(m);
   // The second stage starts where tangential springs are at its base point.
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
@@ -185,8 +243,17 @@ void World::Detail::StoreStage(double b, bool second, StepReport& report) {
   }
 }
 
-// The step from its start again, by two of half the length, the shortest by implicit Euler.
-StepReport World::Detail::StepInHalves(const StepOptions& options) {
+// The step from its start again, by two of half the length, or undone where even the shortest part is not solved.
+StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause cause, const StepReport& attempt) {
+  StepReport report;
+  report.stages = attempt.stages;
+  report.stage_iterations = attempt.stage_iterations;
+  report.max_stage_iterations = attempt.max_stage_iterations;
+  report.halving_of = attempt.halving_of;
+  if (depth_ == kMaxHalvings) {
+    report.stages_converged = false;
+    return UndoStep(before_, report);
+  }
   Halving& whole = halvings_[static_cast<std::size_t>(depth_)];
   whole.start = before_;
   sums_ = whole.sums;
@@ -194,25 +261,20 @@ StepReport World::Detail::StepInHalves(const StepOptions& options) {
   StepOptions half = options;
   half.h = 0.5 * options.h;
   half.refresh = false;
-  StepReport report;
   report.parts = 0;
+  report.impact = cause == HalvingCause::kImpact;
   for (int k = 0; k < 2; ++k) {
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
       SetInputsOfHalf(mechanisms_[i], whole.start.mechanisms[i], k == 1);
     for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].SetWrench(whole.start.free_bodies[i]);
     ++depth_;
-    const bool shortest = depth_ == kMostHalvings;
-    half.integrator = shortest ? Integrator::kEuler : Integrator::kTwoStage;
-    in_parts_ = shortest;
     const StepReport part = TakeStep(half);
-    in_parts_ = false;
     --depth_;
-    two_stage_ = true;
     AddReport(part, report);
     if (!part.finite) return UndoStep(whole.start, report);
-    if (shortest) SumImpulses();
   }
-  report.impact = true;
+  report.halving = cause;
+  report.halving_of = attempt.halving_of;
   return depth_ > 0 ? report : FinishTwoStageStep(options, whole.start, report);
 }
 

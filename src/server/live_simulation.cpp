@@ -309,10 +309,16 @@ bool LiveSimulation::StepOnce() {
   paused_ = true;
   pull_.reset();
   pushes_.clear();
-  faults_.push_back(
-      {"run", fmt::format("step {} gave numbers that are not finite; the state before it was kept and the "
-                          "simulation paused. Take a smaller dt or reset",
-                          simulation_.steps())});
+  const std::string unsolved = simulation_.world().NameOf(report.halving_of);
+  if (!report.stages_converged && !unsolved.empty())
+    faults_.push_back({"run", fmt::format("step {} was undone: {} could not be solved even in parts of 1/64 of the step; "
+                                          "the simulation paused. Pull more softly, or take a smaller dt or softer gains",
+                                          simulation_.steps(), unsolved)});
+  else
+    faults_.push_back(
+        {"run", fmt::format("step {} gave numbers that are not finite; the state before it was kept and the "
+                            "simulation paused. Take a smaller dt or reset",
+                            simulation_.steps())});
   return false;
 }
 

@@ -26,13 +26,18 @@ double EnergyOf(const World& world) {
          kBouncingMass * 9.81 * kBouncingRadius;
 }
 
-TEST(Bounce, EveryBounceLeavesTheSquareOfRestitution) {
+class BounceBy : public ::testing::TestWithParam<Integrator> {};
+
+INSTANTIATE_TEST_SUITE_P(Integrators, BounceBy, ::testing::Values(Integrator::kEuler, Integrator::kTwoStage));
+
+TEST_P(BounceBy, EveryBounceLeavesTheSquareOfRestitution) {
   for (double h : {1.0 / 60, 1.0 / 240}) {
     for (double e : {0.3, 0.7, 0.95}) {
       SCOPED_TRACE(::testing::Message() << "h " << h << " e " << e);
       World world = testing::MustCreate(BallOverPlane(e));
       StepOptions step;
       step.h = h;
+      step.integrator = GetParam();
       double before = EnergyOf(world), last = before;
       bool touched = false;
       int bounces = 0;
@@ -47,7 +52,9 @@ TEST(Bounce, EveryBounceLeavesTheSquareOfRestitution) {
           const double touch = std::sqrt(2 * before / kBouncingMass),
                        late = e * e * touch < 9.81 * h ? 9.81 * h / touch : 0;
           EXPECT_LE(last, e * e * before * (1 + 0.003 * (1 + 1 / e))) << i;
-          EXPECT_GE(last, e * e * before * (1 - 0.003 * (1 + 1 / e) - 2 * late)) << i;
+          // In a step by two stages up to another hundredth is lost in its parts after the bounce.
+          const double in_parts = GetParam() == Integrator::kTwoStage ? 0.01 : 0;
+          EXPECT_GE(last, e * e * before * (1 - 0.003 * (1 + 1 / e) - 2 * late - in_parts)) << i;
           before = last;
         }
         if (!touches && !touched) {

@@ -44,7 +44,7 @@ TEST(NonFinite, StepIsUndone) {
 // Forces of any size: a step either ends in a state that the next one can go on from, or leaves every bit as
 // it was. Overflow comes late, when velocities are squared or a pose is refreshed.
 TEST(NonFinite, NothingOfItStays) {
-  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta})
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta, Integrator::kTwoStage})
     for (const bool loop : {false, true}) {
       testing::RandomMechanismOptions random;
       random.rigid_closures = loop ? 1 : 0;

@@ -59,14 +59,14 @@ TEST_P(StiffCylinders, HoldAtTheirBounds) {
   EXPECT_LT(course.gap, 1e-9);
   // 5 t at 6 m/s: its cylinders and its fall would not make it quicker.
   EXPECT_LT(course.kinetic_max, 1e5);
-  if (integrator == Integrator::kTheta) {
+  if (integrator != Integrator::kEuler) {
     EXPECT_LT(course.rise_max, 1);
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, StiffCylinders,
-                         testing::Combine(testing::Values(Integrator::kEuler, Integrator::kTheta),
-                                          testing::Values(1e3, 1e4, 1e5)));
+                         testing::Combine(testing::Values(Integrator::kEuler, Integrator::kTheta, Integrator::kTwoStage),
+                                          testing::Values(100, 1e3, 1e4, 1e5)));
 
 }  // namespace
 }  // namespace fork1s::examples

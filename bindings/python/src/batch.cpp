@@ -104,7 +104,7 @@ BatchReport Batch::Step(const double* controls, int steps) {
       Simulation& simulation = simulations_[at];
       if (controls) simulation.SetControls(Eigen::Map<const VectorX>(controls + i * width, width));
       StepsReport report;
-      for (int n = 0; n < steps && report.finite && !gil.IsInterrupted(); ++n) report.Add(simulation.Step());
+      for (int n = 0; n < steps && report.finite && !gil.IsInterrupted(); ++n) report.Add(simulation.Step(), simulation.world());
       all.contacts[at] = report.contacts;
       all.max_penetration[at] = report.max_penetration;
       all.residual[at] = report.residual;

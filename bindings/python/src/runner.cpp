@@ -7,13 +7,24 @@
 
 namespace fork1s::python {
 
-void StepsReport::Add(const StepReport& step) {
+void StepsReport::Add(const StepReport& step, const World& world) {
   contacts = step.contacts;
   limits = step.limits;
   forces_at_bound = step.forces_at_bound;
   max_penetration = std::max(max_penetration, step.max_penetration);
   residual = std::max(residual, step.solver.residual);
   unconverged += step.solver.converged && step.minimum_found ? 0 : 1;
+  stages += step.stages;
+  stage_iterations += step.stage_iterations;
+  max_newton_iterations = std::max(max_newton_iterations, step.max_stage_iterations);
+  if (step.stage_residual > stage_residual) {
+    stage_residual = step.stage_residual;
+    stage_residual_of = world.NameOf(step.stage_residual_of);
+  }
+  if (step.halving != HalvingCause::kNone) {
+    ++halved;
+    halved_by = world.NameOf(step.halving_of);
+  }
   refreshes += step.refreshes;
   failed_refreshes += step.failed_refreshes;
   contacts_dropped = contacts_dropped || step.contacts_dropped;
@@ -58,7 +69,7 @@ StepsReport Runner::Step(int steps) {
       wrenches.push_back({p.body, p.force_W, p.moment_W, simulation_.Pose(p.body) * p.point_B});
     ApplyWrenches(wrenches, simulation_);
     const StepReport step = simulation_.Step();
-    report.Add(step);
+    report.Add(step, simulation_.world());
     if (recorder_) Take(recorder_->Append(simulation_, step, wrenches), recording_);
   }
   others_run.ThrowIfInterrupted();

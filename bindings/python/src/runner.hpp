@@ -30,11 +30,19 @@ struct StepsReport {
   double max_penetration = 0;                         // m, in any step
   double residual = 0;                                // of the contact solver, the worst
   int unconverged = 0;                                // steps
+  int halved = 0;                                     // steps, two-stage
+  std::int64_t stages = 0, stage_iterations = 0;      // two-stage
+  int max_newton_iterations = 0;                      // of a stage
+  double stage_residual = 0;                          // m, the worst
+  std::string halved_by, stage_residual_of;           // names; empty: none
   int refreshes = 0, failed_refreshes = 0;
   bool contacts_dropped = false;
   bool finite = true;
 
-  void Add(const StepReport& step);
+  double mean_newton_iterations() const {
+    return stages > 0 ? static_cast<double>(stage_iterations) / static_cast<double>(stages) : 0;
+  }
+  void Add(const StepReport& step, const World& world);
 };
 
 /// A wrench on a point of a body through all steps of the next call.

@@ -40,6 +40,8 @@ class FreeBody {
   void Predict(double h, const Vector3& gravity_W);
   /// [R ω_B; v_centre]: the six-vector on which contacts work, about the centre of mass in world axes.
   Vector6 PortTwist() const;
+  /// The same at the start of the step at hand.
+  Vector6 StartPortTwist() const;
   /// Y with YᵀY the inverse inertia on that six-vector.
   Matrix6 InverseInertiaRoot() const;
   /// The twist that contact leaves.

@@ -128,6 +128,15 @@ void PredictStage(const MechanismStep& here, double b);
 /// After contact: records the momenta of the stage, moves to the pose found, and returns the change of position that
 /// another Newton iteration would make [m], in the kinetic metric. `motion` [m]: that of the stage, likewise.
 double MoveAndComputeResidual(const MechanismStep& here, double b, double time, double& motion);
+/// Forces of servos and slack springs at the pose of a stage that was solved, and their saturation.
+void StoreSwitchedForces(const MechanismStep& here);
+/// What the changes of saturation since StoreSwitchedForces displace by the extrapolation of the first stage's forces.
+struct SaturationChange {
+  double displacement = 0, motion = 0;  // m, in the kinetic metric: b |A⁻¹ s b Δf|; of the stage
+  bool is_servo = true;                 // else a slack spring
+  int index = -1;                       // in force_limits() or springs(), of the largest Δf
+};
+SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, double onward);
 /// Base points of the second stage, start + onward (end of the first stage - start), and a velocity to start it with.
 void ExtrapolateStage(const MechanismStep& here, double b, double onward);
 void EndTwoStageStep(const MechanismStep& here);
@@ -153,6 +162,8 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
 void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T);
 /// Twist of group g at velocity x: before Predict the present one, after it the free one.
 Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
+/// In a stage: the same of the velocity at the start of the step.
+Vector6 GroupTwistAtStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
 /// After a step by kTwoSteps: the twist that its end velocities would have been at its start, along the
 /// axes of R then and about R's origin, J_T as then.
 Vector6 GroupTwistFromStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);

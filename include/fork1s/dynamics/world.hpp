@@ -26,7 +26,8 @@ struct StepPartTimes;     // step_times.hpp
 /// by twists; slow modes by the trapezoid, what a step cannot follow at its end, lasting contact at its end
 /// by the rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5). kTwoStage: of
 /// second order, two implicit stages, each solved by Newton iteration to a residual (Alexander's SDIRK2,
-/// docs/decisions/001-time-stepping.md), a step through an impact halved up to three times. kAuto, of a Simulation:
+/// docs/decisions/001-time-stepping.md); a step through an impact, or one whose stages do not converge, is halved.
+/// kAuto, of a Simulation:
 /// kTheta where a mechanism moves slowly enough for the step to follow, else kEuler.
 enum class Integrator { kEuler, kTheta, kTwoStage, kAuto };
 
@@ -63,6 +64,17 @@ struct StepOptions {
   ContactSolverOptions contact;
 };
 
+/// What a figure of a step is about; World::NameOf says its name.
+struct StepSubject {
+  enum class Kind { kNone, kMechanism, kFreeBody, kServo, kSpring, kStop, kContact };
+  Kind kind = Kind::kNone;
+  int index = -1;  // mechanism, free body, or first contactor of a contact
+  int part = -1;   // servo, spring or stop of the mechanism, or second contactor
+};
+
+/// Why a step was taken as two of half the length.
+enum class HalvingCause { kNone, kImpact, kSaturation, kUnsolved };
+
 struct StepReport {
   int contacts = 0;
   int limits = 0;              // joint limits that acted
@@ -74,11 +86,18 @@ struct StepReport {
   bool contacts_dropped = false;  // the collision detector ran out of room
   int newton_steps = 0;           // beyond the first, of the mechanism that took most
   bool minimum_found = true;      // false: those ended short of the end of the step that they sought
-  int stage_iterations = 0;       // kTwoStage: Newton iterations of both stages; 2 where each took one
+  int stages = 0;                 // kTwoStage: implicit stages, those of attempts that were dropped included
+  int stage_iterations = 0;       // kTwoStage: Newton iterations of all of them; 2 where each of two took one
+  int max_stage_iterations = 0;   // kTwoStage: of one stage
   /// kTwoStage, m: the largest change of a pose that another Newton iteration of a stage would make, in the kinetic
   /// metric: b |A⁻¹r| over the root of the mass, r the residual of the stage's equation.
   double stage_residual = 0;
-  bool stages_converged = true;   // kTwoStage: false where a stage ended above its tolerance
+  StepSubject stage_residual_of;  // kTwoStage
+  /// kTwoStage: false where a stage stagnated above its tolerance within 1e-6 of a length, as it does where contacts of
+  /// a mesh jump, or where the step was undone because its shortest parts did not converge.
+  bool stages_converged = true;
+  HalvingCause halving = HalvingCause::kNone;  // kTwoStage: of the whole step
+  StepSubject halving_of;                      // kTwoStage: what caused it
   bool impact = false;            // something was met at speed within a step of second order
   int parts = 1;                  // shorter steps that made this one: of implicit Euler, kTwoStage's also of two stages
   bool forces_at_end = true;      // of contact; false: half way
@@ -130,6 +149,8 @@ class World {
   /// A shape of a contactor, as the points of contacts() name it.
   const GeometryDef& geometry(int contactor, int geometry) const;
   const std::vector<std::string>& warnings() const;
+  /// "servo 'boom' of 'excavator'"; empty for kNone.
+  std::string NameOf(const StepSubject& subject) const;
   /// τ += joint forces [n] of the stops and dry frictions that acted on a mechanism in the last step, of
   /// length h.
   void AddStopForces(int mechanism, double h, VectorX& tau) const;
