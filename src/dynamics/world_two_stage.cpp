@@ -70,6 +70,8 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
 
 // What follows the last stage; `start` is where the step is undone to if it is not finite.
 StepReport World::Detail::FinishTwoStageStep(const StepOptions& options, WorldState& start, StepReport report) {
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i)
+    StoreBaseHistory(mechanisms_[i], start.mechanisms[i], options.h);
   TellSums();
   contacts_h_ = options.h;
   report.contacts = static_cast<int>(
@@ -198,7 +200,7 @@ StepReport World::Detail::StepInHalves(const StepOptions& options) {
   report.parts = 0;
   for (int k = 0; k < 2; ++k) {
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-      SetInputsOfHalf(mechanisms_[i], whole.start.mechanisms[i], k == 1);
+      SetInputsOfHalf(mechanisms_[i], whole.start.mechanisms[i], options.h, k == 1);
     for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].SetWrench(whole.start.free_bodies[i]);
     ++depth_;
     const bool shortest = depth_ == kMostHalvings;
