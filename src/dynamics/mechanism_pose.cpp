@@ -147,7 +147,7 @@ BasePath PathOfBase(const MechanismState& state, double h) {
 
 void StoreBaseHistory(const MechanismStep& here, const MechanismState& start, double h) {
   if (here.model.mechanism().base() != BaseKind::kDriven) return;
-  here.state.base_history = NextHistory(PathOfBase(start, h), start.base_history);
+  here.state.base_history = PathOfBase(start, h).History();
 }
 
 void InvalidateBaseHistory(const MechanismStep& here) { here.state.base_history.h = 0; }

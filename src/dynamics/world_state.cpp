@@ -58,8 +58,8 @@ class Hash {
         interior.last_way, interior.share, past);
   }
   void One(const BaseHistory& history) {
-    const auto& [h, mean_rate, acceleration] = history;
-    Add(h, mean_rate, acceleration);
+    const auto& [h, mean_rate] = history;
+    Add(h, mean_rate);
   }
   void One(const MechanismPast& past) {
     const auto& [h, anew, z_moved, q_dot, c_dot_W, omega, R_WR, center_W, V_R] = past;

@@ -7,21 +7,11 @@ namespace fork1s {
 namespace {
 
 // Largest share of the larger rate by which the mean rate may differ from the mean of the rates at both ends. On smooth
-// paths that is O(h²) of an acceleration's change; of a sudden stop it is a quarter or more.
-constexpr double kLargestMiss = 0.125;
-// Largest relative change of the acceleration from step to step with which rates are extrapolated.
-constexpr double kLargestBend = 0.5;
+// paths the difference is O(h²). With estimated rates it is 1/6 of a sudden start or jump, 1/4 of a sudden stop or
+// reversal, and 1/8 in the step after a constant acceleration has set in.
+constexpr double kLargestMiss = 0.15;
 
 double Larger(const Vector3& a, const Vector3& b) { return std::max(a.norm(), b.norm()); }
-
-// The mean rate is that of the middle of the step; the rate at its end is half a step of the acceleration later.
-Vector3 EstimateRate(const Vector3& mean, const BaseHistory& history, double h, int first) {
-  if (!(history.h > 0)) return mean;
-  const Vector3 before = history.acceleration.segment<3>(first);
-  const Vector3 now = (mean - history.mean_rate.segment<3>(first)) / (0.5 * (h + history.h));
-  if ((now - before).norm() > kLargestBend * Larger(now, before)) return mean;
-  return mean + 0.5 * h * now;
-}
 
 }  // namespace
 
@@ -34,15 +24,14 @@ BasePath ComputeBasePath(const RigidTransform& X_start, const Vector6& rate_star
   path.shift << LogRotation(X_end.rotation() * X_start.rotation().transpose()),
       X_end.translation() - X_start.translation();
   const Vector6 mean_rate = path.MeanRate();
+  Vector6 slope_end = mean_rate;
+  if (rate_end)
+    slope_end << DexpInverseRotation(path.shift.head<3>()) * rate_end->head<3>(), rate_end->tail<3>();
+  else if (history.h > 0)
+    slope_end += h / (h + history.h) * (mean_rate - history.mean_rate);
   for (const int first : {0, 3}) {
     const Vector3 mean = mean_rate.segment<3>(first);
-    Vector3 start = rate_start.segment<3>(first), end;
-    if (!rate_end)
-      end = EstimateRate(mean, history, h, first);
-    else if (first == 0)
-      end = DexpInverseRotation(path.shift.head<3>()) * rate_end->head<3>();
-    else
-      end = rate_end->tail<3>();
+    Vector3 start = rate_start.segment<3>(first), end = slope_end.segment<3>(first);
     if ((mean - 0.5 * (start + end)).norm() > kLargestMiss * Larger(start, end)) {
       path.jumps = path.jumps || start != mean;
       start = end = mean;
@@ -68,14 +57,6 @@ RigidTransform BasePath::PoseAt(double share) const {
   if (share >= 1) return X_end;
   const Vector6 at = DisplacementAt(share);
   return {Matrix3(ExpRotation(at.head<3>()) * X_start.rotation()), Vector3(X_start.translation() + at.tail<3>())};
-}
-
-BaseHistory NextHistory(const BasePath& path, const BaseHistory& history) {
-  BaseHistory next;
-  next.h = path.h;
-  next.mean_rate = path.MeanRate();
-  if (history.h > 0) next.acceleration = (next.mean_rate - history.mean_rate) / (0.5 * (path.h + history.h));
-  return next;
 }
 
 std::optional<Vector6> BaseRateOf(const Vector6& coordinates, const Vector6& last_coordinates,

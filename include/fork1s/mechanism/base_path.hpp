@@ -11,11 +11,10 @@
 
 namespace fork1s {
 
-/// What the estimate of a rate knows of the steps before. Vectors are [rotation; translation] in world axes.
+/// What the estimate of a rate knows of the last step.
 struct BaseHistory {
-  double h = 0;                               // s, of the last step; 0: nothing is known
-  Vector6 mean_rate = Vector6::Zero();        // of the last step [rad/s, m/s]
-  Vector6 acceleration = Vector6::Zero();     // between the last two [rad/s², m/s²]
+  double h = 0;                         // s; 0: nothing is known
+  Vector6 mean_rate = Vector6::Zero();  // [rotation; translation] in world axes, rad/s and m/s
 };
 
 /// θ(s) and p(s), s from 0 to 1: R(s) = exp(θ(s)) R_start, and p(s) from the start; both in world axes.
@@ -33,19 +32,18 @@ struct BasePath {
   /// The Hermite cubic.
   RigidTransform PoseAt(double share) const;
   Vector6 MeanRate() const { return shift / h; }
+  /// What the next step knows of this one.
+  BaseHistory History() const { return {h, MeanRate()}; }
   /// [θ; p] of PoseAt.
   Vector6 DisplacementAt(double share) const;
 };
 
-/// The path from X_start, where the base has `rate_start` (world axes, velocity of the origin), to X_end. Rotation and
-/// translation each are a straight line at constant rate where the distance is not what the two rates lead to within
-/// an eighth of the larger: a sudden stop would overshoot its last pose else. `rate_end`: that of the path that X_end
-/// is a sample of.
+/// The path from X_start, where the base has `rate_start` (world axes, velocity of the origin), to X_end. `rate_end` is
+/// that of the path that X_end is a sample of; none: the slope at X_end of the parabola through the last three poses.
+/// Rotation and translation each are a straight line at constant rate where the distance is not what the two rates lead
+/// to: a sudden stop would overshoot its last pose else, and a sudden start its speed.
 BasePath ComputeBasePath(const RigidTransform& X_start, const Vector6& rate_start, const RigidTransform& X_end,
                          const std::optional<Vector6>& rate_end, const BaseHistory& history, double h);
-
-/// What the step after this one knows.
-BaseHistory NextHistory(const BasePath& path, const BaseHistory& history);
 
 /// World rate of a base that is driven by coordinates [x y z, rotation vector] from the derivatives of these; NaN: not
 /// known, and 0 where a coordinate stays as it is. None where one that changes, or all, are unknown.
