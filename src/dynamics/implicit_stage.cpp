@@ -15,8 +15,10 @@
 // Momenta are taken about a point that moves evenly with the base, in axes that stand still: a flat space, in which the
 // momentum of the whole is exact, linear and angular, and a drift of the whole changes nothing.
 //
-// A driven base keeps its twist throughout a step. Where it differs from that of the last step, the joints feel
-// an impulse at the start: M (w' - w) = M_0zᵀ (V_last - V).
+// A driven base follows a path with a rate that is linear in time and continuous from step to step (base_path.hpp).
+// A stage takes the rate at its end. As everything else does, the base moves by that rate from the base point of the
+// stage, so that what rests on it keeps its gap: its first pose is off by O(h²), the last is that of the input. Where
+// the rate jumps, the joints feel an impulse at the start of the step: M (w' - w) = M_0zᵀ (V_last - V).
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/row_squares.hpp>
@@ -128,6 +130,30 @@ void AddTurnedJointStiffness(const MechanismStep& here, double b) {
   }
 }
 
+// Twist in R of a base that stands at X.
+Vector6 BaseTwist(const BasePath& path, double share, const RigidTransform& X) {
+  const Vector6 rate = path.RateAt(share);
+  const Matrix3 R_T = X.rotation().transpose();
+  Vector6 V;
+  V << R_T * rate.head<3>(), R_T * rate.tail<3>();
+  return V;
+}
+
+// Pose and twist of a driven base in the stage that ends at `time`.
+void MoveDrivenBase(const MechanismStep& here, double time) {
+  const auto& [model, state, ws] = here;
+  const BasePath& path = ws.base_path;
+  const double share = time / path.h;
+  if (share < 1) {
+    const Vector6 moved = time * path.RateAt(share);
+    state.reduced.X_WR = {Matrix3(ExpRotation(moved.head<3>()) * path.X_start.rotation()),
+                          Vector3(path.X_start.translation() + moved.tail<3>())};
+  } else {
+    state.reduced.X_WR = path.X_end;
+  }
+  state.reduced.V_R = BaseTwist(path, share, state.reduced.X_WR);
+}
+
 // Momentum and forces of the stage at the pose that the velocity x has led to.
 void EvaluateStage(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
@@ -162,9 +188,10 @@ void BeginTwoStageStep(const MechanismStep& here, double h, const Vector3& gravi
   ws.drift_W.setZero();
   if (model.base_size > 0) ws.drift_W = ws.linear_W / ws.M_00(5, 5);
   if (model.mechanism().base() == BaseKind::kDriven) {
-    state.reduced.V_R = DrivenTwist(state, h);
-    ws.drift_W = state.reduced.X_WR.rotation() * state.reduced.V_R.tail<3>();
-    if (r > 0) {
+    ws.base_path = PathOfBase(state, h);
+    ws.drift_W = ws.base_path.MeanRate().tail<3>();
+    if (ws.base_path.jumps) state.reduced.V_R = BaseTwist(ws.base_path, 0, state.reduced.X_WR);
+    if (ws.base_path.jumps && r > 0) {
       ws.f_used.noalias() = ws.M_0z.transpose() * (ws.V_R_before - state.reduced.V_R);
       SolveOrFail(ws.inertia_factor, ws.M_full, ws.f_used);
       ws.x += ws.f_used;
@@ -186,8 +213,7 @@ void MoveToStagePose(const MechanismStep& here, double b, double time) {
   ws.stage_time = time;
   state.reduced.z = base.z;
   if (r > 0) state.reduced.z += b * ws.x.tail(r);
-  if (model.mechanism().base() == BaseKind::kDriven)
-    state.reduced.X_WR = ws.X_WR_before * Exp(time * state.reduced.V_R);
+  if (model.mechanism().base() == BaseKind::kDriven) MoveDrivenBase(here, time);
   Vector3 center_W = Vector3::Zero();
   if (model.base_size > 0) {
     const Vector3 linear = ws.M_full.middleRows<3>(3) * ws.x;
@@ -291,7 +317,6 @@ void EndTwoStageStep(const MechanismStep& here) {
     SolveOrFail(ws.inertia_factor, ws.M_full, ws.x);
     state.reduced.V_R = ws.x.head<6>();
   }
-  if (model.mechanism().base() == BaseKind::kDriven) state.reduced.X_WR = state.driven_next;
   state.reduced.w = ws.x.tail(model.size());
   ws.q_dot = ws.q_dot_start;  // ClosureForces takes the rate of joint rates from it
   ws.contact_shift.setZero();

@@ -136,9 +136,32 @@ void SetInputsWithin(const MechanismStep& here, const MechanismState& start, dou
     state.controls = start.controls_from + share * (start.controls - start.controls_from);
 }
 
-void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, bool second) {
+BasePath PathOfBase(const MechanismState& state, double h) {
+  const Matrix3& R = state.reduced.X_WR.rotation();
+  Vector6 rate_W;
+  rate_W << R * state.reduced.V_R.head<3>(), R * state.reduced.V_R.tail<3>();
+  return ComputeBasePath(state.reduced.X_WR, rate_W, state.driven_next,
+                         state.knows_driven_rate ? std::optional(state.driven_rate) : std::nullopt,
+                         state.base_history, h);
+}
+
+void StoreBaseHistory(const MechanismStep& here, const MechanismState& start, double h) {
+  if (here.model.mechanism().base() != BaseKind::kDriven) return;
+  here.state.base_history = PathOfBase(start, h).History();
+}
+
+void InvalidateBaseHistory(const MechanismStep& here) { here.state.base_history.h = 0; }
+
+void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, double h, bool second) {
   MechanismState& state = here.state;
   SetInputsWithin(here, start, second ? 1 : 0.5);
+  if (here.model.mechanism().base() == BaseKind::kDriven) {
+    const BasePath path = PathOfBase(start, h);
+    const double share = second ? 1 : 0.5;
+    state.driven_next = path.PoseAt(share);
+    state.driven_rate = path.RateAt(share);
+    state.knows_driven_rate = true;
+  }
   state.controls_move = start.controls_move;
   state.controls_from = start.controls_from;
   if (second && start.controls_move) state.controls_from = 0.5 * (start.controls_from + start.controls);

@@ -116,6 +116,7 @@ struct MechanismWorkspace {
 
   // Of a two-stage step.
   StageBase step_start, stage_base, stage_end;
+  BasePath base_path;  // of a driven base
   Vector3 drift_W = Vector3::Zero();       // m/s, velocity of the point that momenta are taken about
   double stage_time = 0;                   // s, from the start of the step to the end of the stage
   VectorX x_start, stage_rhs, stage_correction, stage_impulse;  // num_velocities; x_start: at the start of the step

@@ -48,12 +48,18 @@ class Hash {
     Add(z, w, q_perp, X_WR, V_R);
   }
   void One(const MechanismState& state) {
-    const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next, wrenches_W,
-                 has_wrenches, at_bound, interior, past] =
+    const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next,
+                 knows_driven_rate, driven_rate, base_history, wrenches_W, has_wrenches, at_bound, interior, past] =
         state;
     if (controls_move) Add(controls_from);
+    if (knows_driven_rate) Add(driven_rate);
+    if (base_history.h > 0) Add(base_history);
     Add(model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, interior.offset,
         interior.last_way, interior.share, past);
+  }
+  void One(const BaseHistory& history) {
+    const auto& [h, mean_rate] = history;
+    Add(h, mean_rate);
   }
   void One(const MechanismPast& past) {
     const auto& [h, anew, z_moved, q_dot, c_dot_W, omega, R_WR, center_W, V_R] = past;

@@ -138,7 +138,7 @@ void World::Detail::ForgetInputs(WorldState& state) {
   for (MechanismState& m : state.mechanisms) {
     m.wrenches_W.setZero();
     m.has_wrenches = false;
-    m.controls_move = false;
+    m.controls_move = m.knows_driven_rate = false;
   }
   for (FreeBody::State& b : state.free_bodies) b.force_W = b.moment_W = Vector3::Zero();
 }
@@ -172,6 +172,10 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   const double h = options.h;
   FORK1S_REQUIRE(h > 0 && std::isfinite(h), h);
 
+  by_theta_ = UsesTheta(options);
+  two_stage_ = UsesTwoStages(options);
+  if (!two_stage_ && !in_parts_)
+    for (MechanismDynamics& m : mechanisms_) InvalidateBaseHistory(m);
   // What is not kept as `previous_` anyway.
   SaveBodies(before_);
   before_.port_twists = last_twist_;
@@ -183,8 +187,6 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   previous_pose_ = contactor_pose_;
   previous_speed_W_.swap(speed_W_);
   previous_missed_W_.swap(missed_W_);
-  by_theta_ = UsesTheta(options);
-  two_stage_ = UsesTwoStages(options);
   rule_ = StepRule::kEuler;
   begins_anew_ = false;
   if (two_stage_) return TwoStageStep(options);

@@ -80,6 +80,8 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
 
 // What follows the last stage; `start` is where the step is undone to if it is not finite.
 StepReport World::Detail::FinishTwoStageStep(const StepOptions& options, WorldState& start, StepReport report) {
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i)
+    StoreBaseHistory(mechanisms_[i], start.mechanisms[i], options.h);
   TellSums();
   contacts_h_ = options.h;
   report.contacts = static_cast<int>(
@@ -265,7 +267,7 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   report.impact = cause == HalvingCause::kImpact;
   for (int k = 0; k < 2; ++k) {
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-      SetInputsOfHalf(mechanisms_[i], whole.start.mechanisms[i], k == 1);
+      SetInputsOfHalf(mechanisms_[i], whole.start.mechanisms[i], options.h, k == 1);
     for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].SetWrench(whole.start.free_bodies[i]);
     ++depth_;
     const StepReport part = TakeStep(half);

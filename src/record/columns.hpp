@@ -8,12 +8,12 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 12;
+inline constexpr int kFormatVersion = 13;
 inline constexpr const char* kFormatName = "fork1s recording";
 
 /// Values per row.
 struct Widths {
-  int controls = 0, bodies = 0, coordinates = 0, mechanisms = 0;
+  int controls = 0, base_rates = 0, bodies = 0, coordinates = 0, mechanisms = 0;
 };
 
 /// Rows of a column are steps, or those of a table of which a step has any number.
@@ -39,6 +39,9 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/controls", kS, n.controls, 0, "rad, m, N or N m, as the control has it",
            "inputs of the step; columns: /names/controls"},
     s.controls);
+  f(Column{"steps/base_rates", kS, n.base_rates, 0, "m/s, or rad/s of the rotation vector",
+           "rates of driven bases at the end of the step, NaN: not given; columns: the last of /names/controls"},
+    s.base_rates);
   f(Column{"steps/poses", kS, 7 * n.bodies, 7, "m, 1",
            "x y z qw qx qy qz of every body in the world after the step; second dimension: /names/bodies"},
     s.poses);

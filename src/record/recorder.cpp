@@ -167,6 +167,7 @@ Expected<Recorder> Recorder::Create(const std::string& path, const Simulation& s
   d.options = options;
   const World& world = simulation.world();
   d.widths.controls = static_cast<int>(simulation.control_names().size());
+  d.widths.base_rates = simulation.num_base_coordinates();
   d.widths.bodies = static_cast<int>(simulation.bodies().size());
   d.widths.mechanisms = static_cast<int>(world.mechanisms().size());
   for (int i = 0; i < d.widths.mechanisms; ++i)
@@ -260,6 +261,7 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   s.time.push_back(simulation.time());
   s.hash.push_back(simulation.HashState());
   add(s.controls, simulation.controls());
+  add(s.base_rates, simulation.last_base_rates());
   simulation.Poses(poses);
   for (const RigidTransform& X_WB : poses) AddPose(X_WB, s.poses);
   for (std::size_t i = 0; i < simulation.world().mechanisms().size(); ++i) {

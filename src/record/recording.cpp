@@ -35,6 +35,12 @@ VectorX Recording::Controls(int step) const {
   return Eigen::Map<const VectorX>(data_.controls.data() + step * n, n);
 }
 
+VectorX Recording::BaseRates(int step) const {
+  FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
+  const auto n = static_cast<Eigen::Index>(data_.base_rates.size()) / num_steps();
+  return Eigen::Map<const VectorX>(data_.base_rates.data() + step * n, n);
+}
+
 VectorX Recording::Coordinates(int step) const {
   FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
   const auto n = static_cast<Eigen::Index>(header_.coordinate_names.size());

@@ -39,6 +39,10 @@ Expected<void> ReplaySteps(const Recording& recording, Simulation& simulation, R
     // Only what changed: an initial value may lie outside the limits to which a new value is moved.
     for (int k = 0; k < controls.size(); ++k)
       if (Bits(controls(k)) != Bits(simulation.controls()(k))) simulation.SetControl(k, controls(k));
+    const VectorX rates = recording.BaseRates(i);
+    const auto first = static_cast<int>(controls.size() - rates.size());
+    for (int k = 0; k < rates.size(); ++k)
+      if (!std::isnan(rates(k))) simulation.SetBaseRate(first + k, rates(k));
     if (auto set = simulation.SetFidelity(recording.FidelityOf(i)); !set) return set;
     ApplyWrenches(recording.Wrenches(i), simulation);
     simulation.Step();

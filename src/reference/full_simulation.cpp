@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "simulation_detail.hpp"
 
@@ -48,7 +49,6 @@ Expected<FullSimulation> FullSimulation::Create(Scene scene, const FullSimulatio
       !ok)
     return tl::unexpected(ok.error());
   d.PassControls();
-  d.controls_before = d.controls;
   return s;
 }
 
@@ -75,10 +75,11 @@ Expected<void> FullSimulation::Detail::AddMechanisms(const KeyframeDef* key) {
     }
     for (const std::string& w : mechanism->warnings()) warnings.push_back(w);
     base_start.push_back(X_WR);
-    base_before.push_back(X_WR);
     base_now.push_back(X_WR);
-    base_bend.push_back(Vector6::Zero());
     base_next.push_back(X_WR);
+    base_rate_next.emplace_back();
+    base_history.emplace_back();
+    base_path.emplace_back();
     mechanisms.push_back(std::move(*mechanism));
   }
   return {};
@@ -138,6 +139,10 @@ void FullSimulation::Detail::AddControls() {
     return VectorX(Eigen::Map<const VectorX>(v.data(), static_cast<Eigen::Index>(v.size())));
   };
   controls = vector(values);
+  const auto num_inputs = std::accumulate(mechanisms.begin(), mechanisms.end(), Eigen::Index{0},
+                                          [](Eigen::Index n, const FullMechanism& m) { return n + m.controls.size(); });
+  base_rates = VectorX::Constant(controls.size() - num_inputs, std::numeric_limits<double>::quiet_NaN());
+  controls_before = controls;
   control_lower = vector(lower);
   control_upper = vector(upper);
 }
@@ -151,6 +156,8 @@ void FullSimulation::Detail::PassControls() {
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     if (mechanisms[i].mechanism().base() != BaseKind::kDriven) continue;
     const Vector3 shift = controls.segment<3>(next), turn = controls.segment<3>(next + 3);
+    base_rate_next[i] = BaseRateOf(controls.segment<6>(next), controls_before.segment<6>(next),
+                                   base_rates.segment<6>(next - (controls.size() - base_rates.size())));
     next += 6;
     base_next[i] = {Matrix3(ExpRotation(turn) * base_start[i].rotation()),
                     Vector3(base_start[i].translation() + shift)};
@@ -187,6 +194,12 @@ void FullSimulation::SetControl(int index, double value) {
 void FullSimulation::SetControls(const VectorX& values) {
   FORK1S_REQUIRE(values.size() == detail_->controls.size(), values.size(), detail_->controls.size());
   for (int i = 0; i < values.size(); ++i) SetControl(i, values(i));
+}
+
+void FullSimulation::SetBaseRates(const VectorX& rates) {
+  Detail& d = *detail_;
+  FORK1S_REQUIRE(rates.size() == d.base_rates.size(), rates.size(), d.base_rates.size());
+  d.base_rates = rates;
 }
 
 void FullSimulation::SetGravity(const Vector3& gravity_W) {

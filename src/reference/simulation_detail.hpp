@@ -2,7 +2,9 @@
 #pragma once
 
 #include <fork1s/reference/full_simulation.hpp>
+#include <fork1s/mechanism/base_path.hpp>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -47,9 +49,13 @@ struct FullSimulation::Detail {
   };
   enum class Outcome { kDone, kMeets, kUnsolved };
   VectorX controls_before;
-  std::vector<RigidTransform> base_before, base_now, base_next;  // driven bases, one a mechanism
-  std::vector<Vector6> base_bend;  // half of what changed of a base's way from step to step
-  Vector6 BaseBend(std::size_t i) const;
+  // Driven bases, one a mechanism: poses at both ends of the step, the rate at its end where it is known, and the path.
+  std::vector<RigidTransform> base_now, base_next;
+  std::vector<std::optional<Vector6>> base_rate_next;
+  std::vector<BaseHistory> base_history;
+  std::vector<BasePath> base_path;
+  VectorX base_rates;  // as Simulation::base_rates()
+  void StartBasePaths();
   Saved Save() const;
   void Restore(const Saved& saved);
   FullStepReport StepByStages();

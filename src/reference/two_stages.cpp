@@ -15,6 +15,7 @@
 // stage over its whole length.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "simulation_detail.hpp"
@@ -65,20 +66,18 @@ void FullSimulation::Detail::Restore(const Saved& saved) {
   contacts = saved.told;
 }
 
-namespace {
-
-// [turn, shift] from X to Y, in the world's axes.
-Vector6 Between(const RigidTransform& X, const RigidTransform& Y) {
-  Vector6 d;
-  d << LogRotation(Y.rotation() * X.rotation().transpose()), Y.translation() - X.translation();
-  return d;
+void FullSimulation::Detail::StartBasePaths() {
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    if (mechanisms[i].mechanism().base() != BaseKind::kDriven) continue;
+    const Matrix3& R = base_now[i].rotation();
+    const Vector6 V = mechanisms[i].BodyTwist(0);
+    Vector6 rate_W;
+    rate_W << R * V.head<3>(), R * V.tail<3>();
+    base_path[i] = ComputeBasePath(base_now[i], rate_W, base_next[i], base_rate_next[i], base_history[i], dt);
+  }
 }
 
-}  // namespace
-
-// Controls as they are at a share of the step, and driven bases on the parabola through the last three poses,
-// or on the straight line where its bend is not that of the last step: what sets out at once, or is put
-// elsewhere, swings on no parabola.
+// Controls as they are at a share of the step, driven bases on their paths.
 void FullSimulation::Detail::SetInputs(double share) {
   Eigen::Index next = 0;
   for (FullMechanism& m : mechanisms) {
@@ -90,24 +89,11 @@ void FullSimulation::Detail::SetInputs(double share) {
   }
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     if (mechanisms[i].mechanism().base() != BaseKind::kDriven) continue;
-    const RigidTransform& X = base_now[i];
-    const Vector6 ahead = Between(X, base_next[i]);
-    Vector6 bend = BaseBend(i);
-    for (int half = 0; half < 6; half += 3) {
-      const Vector3 now = bend.segment<3>(half), before = base_bend[i].segment<3>(half);
-      if ((now - before).norm() > 0.5 * std::max(now.norm(), before.norm())) bend.segment<3>(half).setZero();
-    }
-    const Vector6 slope = ahead - bend, at = share * (slope + share * bend),
-                  rate = (slope + 2 * share * bend) / dt;
-    const Matrix3 R = ExpRotation(at.head<3>()) * X.rotation();
-    mechanisms[i].driven_next = share < 1 ? RigidTransform(R, X.translation() + at.tail<3>()) : base_next[i];
-    mechanisms[i].driven_twist << R.transpose() * (DexpRotation(at.head<3>()) * rate.head<3>()),
-        R.transpose() * rate.tail<3>();
+    mechanisms[i].driven_next = base_path[i].PoseAt(share);
+    const Matrix3 R_T = mechanisms[i].driven_next.rotation().transpose();
+    const Vector6 rate = base_path[i].RateAt(share);
+    mechanisms[i].driven_twist << R_T * rate.head<3>(), R_T * rate.tail<3>();
   }
-}
-
-Vector6 FullSimulation::Detail::BaseBend(std::size_t i) const {
-  return 0.5 * (Between(base_now[i], base_next[i]) + Between(base_now[i], base_before[i]));
 }
 
 FullStepReport FullSimulation::Detail::StepByStages() {
@@ -116,11 +102,12 @@ FullStepReport FullSimulation::Detail::StepByStages() {
   const Saved before = Save();
   contacts.clear();
   for (FullMechanism& m : mechanisms) m.StartReactions();
+  StartBasePaths();
   report.finite = Advance(0, 1, kHalvings, report);
   if (report.finite) {
     for (const FullContact& c : contacts) report.contacts += c.force.isZero(0) ? 0 : 1;
-    for (std::size_t i = 0; i < base_now.size(); ++i) base_bend[i] = BaseBend(i);
-    base_before = base_now;
+    for (std::size_t i = 0; i < base_now.size(); ++i)
+      if (mechanisms[i].mechanism().base() == BaseKind::kDriven) base_history[i] = base_path[i].History();
     base_now = base_next;
     controls_before = controls;
     ++steps;
@@ -128,6 +115,7 @@ FullStepReport FullSimulation::Detail::StepByStages() {
     Restore(before);
     report.converged = false;
   }
+  base_rates.setConstant(std::numeric_limits<double>::quiet_NaN());
   for (FullMechanism& m : mechanisms) m.ForgetLoads();
   for (FullFreeBody& b : free_bodies) b.ForgetLoads();
   return report;

@@ -11,18 +11,23 @@ namespace {
 // quadratic spline.
 constexpr double kRounding = 1.0 / 30;  // s, at most
 
-double Rounding(const ControlTrack& track, std::size_t column, std::size_t row, double time) {
+struct ValueAndRate {
+  double value = 0, rate = 0;
+};
+
+ValueAndRate Rounding(const ControlTrack& track, std::size_t column, std::size_t row, double time) {
   const auto& t = track.times;
   constexpr double kForEver = std::numeric_limits<double>::infinity();
   // What is held before the first row and after the last one; nothing is known of before the start.
   const double before = row > 0 ? t[row] - t[row - 1] : t[row],
                after = row + 1 < t.size() ? t[row + 1] - t[row] : kForEver;
   const double w = std::min({before, after, kRounding}), left = 0.5 * w - std::abs(time - t[row]);
-  if (!(w > 0 && left > 0)) return 0;
+  if (!(w > 0 && left > 0)) return {};
   const auto value = [&](std::size_t at) { return track.rows[at][column]; };
   const double slope_before = row > 0 ? (value(row) - value(row - 1)) / before : 0,
                slope_after = row + 1 < t.size() ? (value(row + 1) - value(row)) / after : 0;
-  return (slope_after - slope_before) * left * left / (2 * w);
+  const double bend = (slope_after - slope_before) / w;
+  return {0.5 * bend * left * left, time < t[row] ? bend * left : -bend * left};
 }
 
 }  // namespace
@@ -41,7 +46,7 @@ void ControlTrack::Apply(double time, Simulation& simulation) const {
   for (std::size_t i = 0; i < names.size(); ++i) {
     const int control = simulation.FindControl(names[i]);
     if (control < 0) continue;
-    double value;
+    double value, rate = 0;
     if (after == 0) {
       value = rows.front()[i];
     } else if (after == times.size()) {
@@ -49,12 +54,21 @@ void ControlTrack::Apply(double time, Simulation& simulation) const {
     } else {
       const double share = (time - times[after - 1]) / (times[after] - times[after - 1]);
       value = rows[after - 1][i] + share * (rows[after][i] - rows[after - 1][i]);
+      rate = (rows[after][i] - rows[after - 1][i]) / (times[after] - times[after - 1]);
     }
-    if (simulation.DrivesBase(control)) {
-      if (after > 0) value += Rounding(*this, i, after - 1, time);
-      if (after < times.size()) value += Rounding(*this, i, after, time);
+    if (!simulation.DrivesBase(control)) {
+      simulation.SetControl(control, value);
+      continue;
     }
+    const auto round = [&](std::size_t row) {
+      const ValueAndRate more = Rounding(*this, i, row, time);
+      value += more.value;
+      rate += more.rate;
+    };
+    if (after > 0) round(after - 1);
+    if (after < times.size()) round(after);
     simulation.SetControl(control, value);
+    simulation.SetBaseRate(control, rate);
   }
 }
 

@@ -76,6 +76,9 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
     return VectorX(Eigen::Map<const VectorX>(v.data(), static_cast<Eigen::Index>(v.size())));
   };
   s.controls_ = s.last_controls_ = to_vector(values);
+  const auto driven = std::count_if(s.given_.begin(), s.given_.end(),
+                                    [](const auto& m) { return m->base() == BaseKind::kDriven; });
+  s.base_rates_ = s.last_base_rates_ = VectorX::Constant(6 * driven, std::numeric_limits<double>::quiet_NaN());
   s.control_lower_ = to_vector(lower);
   s.control_upper_ = to_vector(upper);
 
@@ -92,6 +95,8 @@ StepReport Simulation::Step() {
     for (const MechanismDynamics& m : world_.mechanisms()) pushed_W_.push_back(m.wrenches_W());
   const StepReport report = world_.Step(step_options_);
   last_controls_ = controls_;
+  last_base_rates_ = base_rates_;
+  base_rates_.setConstant(std::numeric_limits<double>::quiet_NaN());
   if (report.finite) ++steps_;
   return report;
 }
@@ -117,17 +122,21 @@ void Simulation::PassControls() {
   for (std::size_t i = 0; i < given_.size(); ++i) {
     if (given_[i]->base() != BaseKind::kDriven) continue;
     const Vector3 shift = controls_.segment<3>(next), turn = controls_.segment<3>(next + 3);
+    const RigidTransform X_WR(Matrix3(ExpRotation(turn) * base_start_[i].rotation()),
+                              Vector3(base_start_[i].translation() + shift));
+    const auto rate = BaseRateOf(controls_.segment<6>(next), last_controls_.segment<6>(next),
+                                 base_rates_.segment<6>(next - (controls_.size() - base_rates_.size())));
     next += 6;
-    world_.mechanisms()[static_cast<std::size_t>(places_[i].mechanism)].DriveBase(
-        {Matrix3(ExpRotation(turn) * base_start_[i].rotation()),
-         Vector3(base_start_[i].translation() + shift)});
+    MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(places_[i].mechanism)];
+    if (rate)
+      m.DriveBase(X_WR, *rate);
+    else
+      m.DriveBase(X_WR);
   }
 }
 
 bool Simulation::DrivesBase(int index) const {
-  const auto driven = std::count_if(given_.begin(), given_.end(),
-                                    [](const auto& m) { return m->base() == BaseKind::kDriven; });
-  return index >= static_cast<int>(control_names_.size()) - 6 * static_cast<int>(driven);
+  return index >= static_cast<int>(control_names_.size()) - num_base_coordinates();
 }
 
 int Simulation::FindControl(const std::string& name) const {
@@ -139,6 +148,14 @@ void Simulation::SetControl(int index, double value) {
   FORK1S_REQUIRE(index >= 0 && index < controls_.size(), index);
   FORK1S_REQUIRE(std::isfinite(value), control_names_[static_cast<std::size_t>(index)], value);
   controls_(index) = std::clamp(value, control_lower_(index), control_upper_(index));
+  if (DrivesBase(index))
+    base_rates_(index - controls_.size() + base_rates_.size()) = std::numeric_limits<double>::quiet_NaN();
+}
+
+void Simulation::SetBaseRate(int index, double rate) {
+  FORK1S_REQUIRE(index < controls_.size() && DrivesBase(index), index);
+  FORK1S_REQUIRE(std::isfinite(rate), control_names_[static_cast<std::size_t>(index)], rate);
+  base_rates_(index - controls_.size() + base_rates_.size()) = rate;
 }
 
 void Simulation::SetControl(const std::string& name, double value) {

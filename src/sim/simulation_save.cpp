@@ -8,8 +8,8 @@
 namespace fork1s {
 
 Simulation::Snapshot Simulation::Save() const {
-  Snapshot snapshot{steps_,         controls_,       last_controls_, fidelity_, holds_,
-                    present_scene_, world_keyframe_, base_start_,    {}};
+  Snapshot snapshot{steps_, controls_,      last_controls_,  base_rates_, fidelity_,
+                    holds_, present_scene_, world_keyframe_, base_start_, {}};
   world_.Save(snapshot.world);
   return snapshot;
 }
@@ -49,6 +49,7 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   steps_ = snapshot.steps;
   controls_ = snapshot.controls;
   last_controls_ = snapshot.last_controls;
+  base_rates_ = snapshot.base_rates;
   base_start_ = snapshot.base_start;
   pushed_W_.clear();
   ListBodies();
@@ -58,10 +59,14 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
 std::uint64_t Simulation::HashState() const {
   WorldState state;
   world_.Save(state);
-  if (!step_options_.controls_move || last_controls_ == controls_) return HashOf(state, controls_);
-  VectorX both(2 * controls_.size());
-  both << controls_, last_controls_;
-  return HashOf(state, both);
+  VectorX inputs = controls_;
+  const auto add = [&](const VectorX& v) {
+    inputs.conservativeResize(inputs.size() + v.size());
+    inputs.tail(v.size()) = v;
+  };
+  if (step_options_.controls_move && last_controls_ != controls_) add(last_controls_);
+  if (!base_rates_.array().isNaN().all()) add(base_rates_);
+  return HashOf(state, inputs);
 }
 
 }  // namespace fork1s

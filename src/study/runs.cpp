@@ -163,6 +163,7 @@ Expected<Run> RunFull(const Scene& scene, const std::vector<TrackedBody>& tracke
   auto apply = [&](double time) {
     options.controls->Apply(time, *guide);
     s.SetControls(guide->controls());
+    s.SetBaseRates(guide->base_rates());
   };
   auto measure = [&](Sample sample) {
     for (const TrackedBody& b : tracked) sample.X_WB.push_back(s.Pose(b.index));

@@ -50,6 +50,21 @@ Kept RecordTouching(const std::string& path, int steps, const SimulationOptions&
   return run;
 }
 
+// Steps of two stages read the rates of driven bases.
+TEST(Recording, ReplaysRatesOfDrivenBases) {
+  Folder folder;
+  SimulationOptions options;
+  options.step.integrator = Integrator::kTwoStage;
+  RecordTouching(folder / "run.h5", 60, options);
+  auto recording = Recording::Open(folder / "run.h5");
+  ASSERT_TRUE(recording) << recording.error().Text();
+  EXPECT_TRUE(std::isnan(recording->BaseRates(3)(2)));
+  EXPECT_FALSE(std::isnan(recording->BaseRates(4)(2)));
+  auto replayed = Replay(*recording);
+  ASSERT_TRUE(replayed) << replayed.error().Text();
+  EXPECT_TRUE(replayed->identical) << replayed->first_difference_step;
+}
+
 TEST(Recording, HoldsWhatHappened) {
   Folder folder;
   constexpr int kSteps = 120;

@@ -118,6 +118,10 @@ inline std::vector<AppliedWrench> SetInputs(int i, Simulation& simulation) {
   simulation.SetControl("pusher_pull", 0.5 * std::sin(3 * t));
   simulation.SetControl("hand_base.z", -0.03 * std::sin(5 * t));
   simulation.SetControl("hand_base.rx", 0.1 * std::sin(4 * t));
+  if (i % 3 > 0) {  // what the base is driven along is known now and then
+    simulation.SetBaseRate(simulation.FindControl("hand_base.z"), -0.15 * std::cos(5 * t));
+    simulation.SetBaseRate(simulation.FindControl("hand_base.rx"), 0.4 * std::cos(4 * t));
+  }
   std::vector<AppliedWrench> wrenches;
   if (i % 7 == 3) {
     const int body = simulation.FindBody("box");

@@ -310,5 +310,31 @@ TEST(TwoStagesContact, ADrivenTrayCarriesABox) {
   EXPECT_NEAR(s.Pose(box).translation().z(), 0.07, 1e-5);
 }
 
+// Still, then at 0.9 of what friction bears, then at constant speed: the box stays where it is on the plate.
+TEST(TwoStagesContact, DrivenPlateAtNineTenthsOfFriction_BoxDoesNotSlip) {
+  constexpr double kFriction = 0.5, a = 0.9 * kFriction * kGravity, from = 0.1, to = 0.4;
+  for (const bool known : {true, false})
+    for (const double h : {1.0 / 60, 1.0 / 240}) {
+      SCOPED_TRACE(::testing::Message() << (known ? "known" : "estimated") << " rate, h = " << h);
+      const Vector3 half(3, 3, 0.02), box(0.05, 0.05, 0.05);
+      MechanismDef plate = MechanismBuilder("plate", BaseKind::kDriven, testing::Brick(1, half)).definition();
+      plate.bodies[0].geometries.push_back(Touching(Box{half}, kFriction));
+      Scene scene = Of(plate, Vector3(0, 0, -kGravity));
+      scene.free_bodies.push_back(Loose(Box{box}, testing::Brick(1, box), Vector3(0.1, 0, 0.07), kFriction));
+      FullSimulation s = Start(scene, h, kTwo);
+      const int x = s.FindControl(plate.bodies[0].name + ".x");
+      double slip = 0;
+      for (int i = 1; i <= std::lround(0.6 / h); ++i) {
+        const double t = i * h, on = std::clamp(t - from, 0.0, to - from);
+        s.SetControl(x, 0.5 * a * on * on + a * on * std::max(0.0, t - to));
+        if (known) s.SetBaseRates((VectorX(6) << a * on, 0, 0, 0, 0, 0).finished());
+        ASSERT_TRUE(s.Step().converged) << i;
+        const double relative = s.Pose(s.FindBody("body")).translation().x() - s.Pose(0).translation().x();
+        slip = std::max(slip, std::abs(relative - 0.1));
+      }
+      EXPECT_LT(slip, known ? 2e-5 : 2 * a * h * h);
+    }
+}
+
 }  // namespace
 }  // namespace fork1s::reference_test

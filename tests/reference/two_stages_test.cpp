@@ -96,6 +96,7 @@ Moving Driven() {
             s.SetControl(s.FindControl("base.rz"), 4 * t * t * t);
             s.SetControl(s.FindControl("base.ry"), -3 * t * t * t);
             s.SetControl(s.FindControl("base.x"), t * t * t);
+            s.SetBaseRates((VectorX(6) << 3 * t * t, 0, 0, 0, -9 * t * t, 12 * t * t).finished());
           }};
 }
 

@@ -66,6 +66,13 @@ TEST(ControlTrack, CornersOfADrivenPathAreRounded) {
   }
   EXPECT_EQ(at(0), 0);                                 // it starts where it is
   EXPECT_NEAR(at(0.5), 1 - 2 * 2 * kHalf / 8, 1e-12);  // a parabola that is as wide as 1/30 s
+  for (double t = 0.013; t < 2.1; t += 0.0037) {
+    const double slope = (at(t + 1e-6) - at(t - 1e-6)) / 2e-6;
+    at(t);
+    EXPECT_NEAR(s.base_rates()(0), slope, 1e-3) << t;
+  }
+  s.SetControl(x, 0);
+  EXPECT_TRUE(std::isnan(s.base_rates()(0)));  // of a value that is no sample of a known path
   // A second difference over 1 ms: bounded by the change of slope over the width, nowhere a jump.
   constexpr double d = 1e-3;
   for (double t = 0.01; t < 2.1; t += 0.37 * d) {

@@ -60,7 +60,17 @@ class MechanismDynamics {
   /// Those added for the next step [6 x bodies], about the world's origin in world axes.
   const Matrix6X& wrenches_W() const { return state_.wrenches_W; }
   /// Pose that a driven base reaches at the end of the next step.
-  void DriveBase(const RigidTransform& X_WR_next) { state_.driven_next = X_WR_next; }
+  void DriveBase(const RigidTransform& X_WR_next) {
+    state_.driven_next = X_WR_next;
+    state_.knows_driven_rate = false;
+  }
+  /// The same where it is a sample of a path whose rate is known there: [angular velocity; velocity of the origin],
+  /// world axes. Steps of two stages use that rate, of the next step only.
+  void DriveBase(const RigidTransform& X_WR_next, const Vector6& rate_W) {
+    state_.driven_next = X_WR_next;
+    state_.driven_rate = rate_W;
+    state_.knows_driven_rate = true;
+  }
 
   /// A step of implicit Euler that nothing touches; those of a world are World::Step's.
   void Predict(double h, const Vector3& gravity_W) { fork1s::Predict(*this, h, gravity_W); }

@@ -50,8 +50,13 @@ void AddWrench(MechanismState& state, BodyIndex body, const Vector3& force_W, co
 /// Wrenches for the next step are those of `start`, and controls and the pose of a driven base where they
 /// are after a share of a step that begins there.
 void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share);
-/// Inputs of the first or the second half of a step that begins at `start`.
-void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, bool second);
+/// Inputs of the first or the second half of a step of length h that begins at `start`.
+void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, double h, bool second);
+/// The path of a driven base in a two-stage step of length h from `state`.
+BasePath PathOfBase(const MechanismState& state, double h);
+/// After a two-stage step of length h from `start`, or a step by another rule.
+void StoreBaseHistory(const MechanismStep& here, const MechanismState& start, double h);
+void InvalidateBaseHistory(const MechanismStep& here);
 
 // A step.
 

@@ -104,6 +104,8 @@ class FullSimulation {
   const VectorX& controls() const;
   void SetControl(int index, double value);
   void SetControls(const VectorX& values);
+  /// As Simulation::base_rates(), of the next step only; to be set after the controls.
+  void SetBaseRates(const VectorX& rates);
   void SetGravity(const Vector3& gravity_W);  // m/s²; at first the scene's
   /// Force [N], moment [N·m] about `point_W` and point in world axes, for the next step only.
   void ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);

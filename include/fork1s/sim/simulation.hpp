@@ -105,6 +105,15 @@ class Simulation {
   void SetControl(int index, double value);
   void SetControl(const std::string& name, double value);
   void SetControls(const VectorX& values);
+  /// The rate at the end of the next step [m/s, or that of the rotation vector in rad/s] of a coordinate of a driven
+  /// base, where the value set for it is a sample of a path that is known; of the next step only. Else steps of two
+  /// stages estimate it from the steps before. To be set after the value.
+  void SetBaseRate(int index, double rate);
+  /// Of the coordinates of driven bases, in their order among the controls; NaN: not known. Those of the next step,
+  /// and those of the last one.
+  const VectorX& base_rates() const { return base_rates_; }
+  const VectorX& last_base_rates() const { return last_base_rates_; }
+  int num_base_coordinates() const { return static_cast<int>(base_rates_.size()); }
 
   const std::vector<SceneBody>& bodies() const { return bodies_; }
   int FindBody(const std::string& name) const;  // -1: none
@@ -132,7 +141,7 @@ class Simulation {
   /// A moment to come back to. Plain values, which may be copied; it outlives the simulation.
   struct Snapshot {
     std::int64_t steps = 0;
-    VectorX controls, last_controls;
+    VectorX controls, last_controls, base_rates;
     Fidelity fidelity;
     std::vector<Hold> holds;
     std::shared_ptr<const Scene> made_of;    // present_scene() of then
@@ -176,6 +185,7 @@ class Simulation {
   std::vector<std::string> control_names_;
   VectorX controls_, control_lower_, control_upper_;
   VectorX last_controls_;                   // of the last step
+  VectorX base_rates_, last_base_rates_;
   std::vector<RigidTransform> base_start_;  // per mechanism
   std::vector<Matrix6X>
       pushed_W_;  // wrenches of the last step, as world_ counts; empty where nothing is held
