@@ -70,8 +70,10 @@ Parts MakeParts() {
   Parts parts;
   parts.steps = recording.data();
   const RecordingHeader& h = recording.header();
-  parts.widths = {static_cast<int>(h.control_names.size()), static_cast<int>(h.bodies.size()),
-                  static_cast<int>(h.coordinate_names.size()), static_cast<int>(h.scene.mechanisms.size())};
+  parts.widths = {.controls = static_cast<int>(h.control_names.size()),
+                  .bodies = static_cast<int>(h.bodies.size()),
+                  .coordinates = static_cast<int>(h.coordinate_names.size()),
+                  .mechanisms = static_cast<int>(h.scene.mechanisms.size())};
   parts.scene = WriteScene(h.scene);
   parts.options = WriteOptions(h.options);
   parts.whole = FileBytes(path);
