@@ -177,6 +177,8 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.previous_used_.reserve(room);
   detail.previous_order_.reserve(room);
   detail.constraints_.reserve(room);
+  detail.start_gap_.reserve(room);
+  detail.next_start_gap_.reserve(room);
   detail.approach_.reserve(room);
   detail.closing_.reserve(room);
   detail.mechanism_grain_ = detail.WorthAThread();
@@ -195,6 +197,9 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     const int servos = static_cast<int>(m.mechanism().force_limits().size());
     const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions + servos;
     block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
+    block.stop_carried.assign(static_cast<std::size_t>(2 * limited), 0);
+    block.stop_is_fresh.assign(static_cast<std::size_t>(2 * limited), 0);
+    block.stop_start_gap.assign(static_cast<std::size_t>(2 * limited), 0.0);
     block.friction_impulses.assign(static_cast<std::size_t>(frictions), 0.0);
     detail.has_switches_ = detail.has_switches_ || HasSwitches(m);
     detail.mechanism_blocks_.push_back(std::move(block));
@@ -281,6 +286,8 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
       if (const double r = BoundingRadius(g.shape); std::isfinite(r))
         radius = std::max(radius, g.X_BG.translation().norm() + r);
     contactor_radius_.push_back(radius);
+    geometry_radius_.emplace_back();
+    for (const GeometryDef& g : body.geometries) geometry_radius_.back().push_back(BoundingRadius(g.shape));
   }
   for (const CollisionBodyDef& body : bodies) contactor_pose_.push_back(body.X_WB);
   auto collision = CollisionWorld::Create(bodies, excluded, options.collision);

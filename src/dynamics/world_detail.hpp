@@ -59,7 +59,7 @@ struct World::Detail {
   void MoveAllToStagePoses(double b, double time);
   StageResidual MoveAndComputeResiduals(double b, double time);
   bool ChangesSaturation(double b, StepReport& report);
-  bool LeavesAtSpeed(StepSubject& subject) const;
+  bool LeavesAgain(double b, StepSubject& subject) const;
   void StoreStage(double b, StageScheme scheme, StepReport& report);
   StepReport HalveOrUndo(const StepOptions& options, HalvingCause cause, const StepReport& attempt);
   StepReport FinishTwoStageStep(const StepOptions& options, WorldState& start, StepReport report);
@@ -76,6 +76,13 @@ struct World::Detail {
   void ShiftRows();
   void Rebound(double h);
   bool Bore(std::size_t contact) const;
+  bool CarriedAtRest(std::size_t contact, double speed) const;
+  double PairSize(const ContactPoint& point) const;
+  double ImpactSpeed(double size) const;
+  void ResetStartGaps();
+  void RecordStartGaps();
+  void CarryStartGaps();
+  double StartGap(std::size_t contact) const;
   static double ImpactSpeedOf(const StepOptions& options);
   double SpeedOfImpact(const StepOptions& options) const;
   double SpeedOfImpact(const StepOptions& options, const ContactPoint& point) const;
@@ -84,6 +91,8 @@ struct World::Detail {
   struct StopApproach {
     bool bore = true;
     double gap = 0, speed = 0;
+    double size = 0;                // m, of its mechanism
+    double scale = 1;               // m a unit of its length: rad or m
     int mechanism = -1, stop = -1;  // of length_limits()
   };
   StopApproach ApproachOf(const MechanismDynamics& m, const Mechanism::LengthLimit& stop, bool upper) const;
@@ -167,6 +176,7 @@ struct World::Detail {
   double margin_max_ = 0;                       // m
   std::vector<std::vector<GeometryDef>> geometries_;  // per contactor
   std::vector<double> contactor_radius_;              // m, about the contactor's frame
+  std::vector<std::vector<double>> geometry_radius_;  // m, per contactor and geometry; infinite for planes
   std::vector<RigidTransform> contactor_pose_;  // at the previous detection
   std::vector<RigidTransform> previous_pose_;   // of the contacts of the step before
   bool has_previous_pose_ = false;
@@ -197,6 +207,9 @@ struct World::Detail {
   bool by_theta_ = false;
   bool two_stage_ = false;
   std::vector<char> fresh_, previous_fresh_;  // contacts that bear load in this stage and did not before it
+  // Of previous_, within a two-stage step: the gap [m] at the start of the step of what carried load there,
+  // else NaN.
+  std::vector<double> start_gap_, next_start_gap_;
   std::vector<Vector3> missed_W_, previous_missed_W_;  // MissedWay()
   std::vector<Foresight> foresight_;                   // of points_
   VectorX
@@ -238,6 +251,11 @@ struct World::Detail {
   struct MechanismBlock {
     std::vector<PartBlock> parts;
     std::vector<double> limit_impulses;  // 2 per limited length, for warm starts
+    // As limit_impulses, within a two-stage step: whether a stop carried load at the start of the step or in
+    // its first stage, whether in the stage alone, and the distance to the stop [m or rad] at the start if
+    // there, else NaN.
+    std::vector<char> stop_carried, stop_is_fresh;
+    std::vector<double> stop_start_gap;
     std::vector<double> friction_impulses;
     VectorX impulse;
     Vector6 V_R_foreseen = Vector6::Zero();  // of a driven base, as contacts are foreseen
@@ -268,6 +286,9 @@ struct World::Detail {
   bool has_switches_ = false;
   WorldState before_;         // of the step at hand
   WorldState before_impact_;  // of one that is taken in parts
+  // Share of its size by which what the first stage stopped may part again in the second: the extrapolation
+  // between the stages would turn a speed v into 1.4 v the other way.
+  static constexpr double kPartingShare = 1e-6;
   // Of its parts so far: impulses of contacts in world axes, contacts that have ended, stops and dry
   // friction.
   struct Sums {
@@ -288,6 +309,7 @@ struct World::Detail {
   std::array<Halving, kMaxHalvings + 1> halvings_;
   int depth_ = 0;       // halvings of the step at hand
   double impact_speed_ = 0;  // m/s, by the length of the whole step
+  double impact_rate_ = 0;   // 1/s, times a size: the same for what gravity does not press together
   bool begins_anew_ = false;  // the step at hand, in contact: none of it is an impact
   bool in_parts_ = false;     // the one at hand is a part of that
   std::vector<MechanismPast> pasts_in_parts_;

@@ -6,6 +6,11 @@
 #include "world_detail.hpp"
 
 namespace fork1s {
+namespace {
+
+constexpr double kNoGap = std::numeric_limits<double>::quiet_NaN();
+
+}  // namespace
 
 // The frames that the twists of ports are given in and about: of mechanisms their root, of free bodies world
 // axes at their centre of mass. Every contact asks for those of its two sides several times.
@@ -210,6 +215,7 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   // A stage finds contacts at the pose that the velocity at hand leads to: this is the gap at its base point.
   if (stage) p.gap -= h * speed(0);
   closing_[i] = std::max(0.0, -speed(0));
+  if (const double start_gap = StartGap(i); start_gap <= 0) p.gap = start_gap;
   SetMaterial(options.material, p.gap, h, c);
   // Of the two stages restitution would be extrapolated; a step that meets something that has it is halved. A stage of
   // backward Euler takes the approach from the velocity of its start, by the rows of its end.
@@ -237,6 +243,36 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
     // (h/2) J̇ V by difference: the same velocity seen by this step's rows and by the last one's.
     c.bias += 0.5 * (speed - p.frame * previous_speed_W_[k]);
   }
+}
+
+void World::Detail::ResetStartGaps() {
+  start_gap_.assign(previous_.size(), kNoGap);
+  for (MechanismBlock& block : mechanism_blocks_) {
+    std::fill(block.stop_carried.begin(), block.stop_carried.end(), 0);
+    std::fill(block.stop_is_fresh.begin(), block.stop_is_fresh.end(), 0);
+    std::fill(block.stop_start_gap.begin(), block.stop_start_gap.end(), kNoGap);
+  }
+}
+
+// At the start of a two-stage step, those of stops being known (FillLimits). By the gap of the start, gap/(h
+// + τ) of a stage is stable for τ above 0.71 of its length. Linearized at the pose of a stage, the gap of a
+// contact that lasts would come back as an error of position: of first order, as the gap bends.
+void World::Detail::RecordStartGaps() {
+  for (std::size_t i = 0; i < points_.size(); ++i)
+    if (Bore(i)) start_gap_[static_cast<std::size_t>(match_[i])] = points_[i].gap;
+}
+
+// After the first stage, whose contacts become previous_.
+void World::Detail::CarryStartGaps() {
+  next_start_gap_.resize(points_.size());
+  for (std::size_t i = 0; i < points_.size(); ++i) next_start_gap_[i] = StartGap(i);
+  start_gap_.swap(next_start_gap_);
+}
+
+// m; NaN where a contact carried no load at the start of the two-stage step at hand.
+double World::Detail::StartGap(std::size_t contact) const {
+  if (rule_ != StepRule::kStage || match_[contact] < 0) return kNoGap;
+  return start_gap_[static_cast<std::size_t>(match_[contact])];
 }
 
 void World::Detail::AssembleConstraints(const StepOptions& options) {
@@ -270,6 +306,8 @@ void World::Detail::AssembleLimits(const StepOptions& options) {
 void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
   const double h = options.h, by_step = StepsRatio(h);
   const MechanismDynamics& m = mechanisms_[i];
+  MechanismBlock& block = mechanism_blocks_[i];
+  const bool is_stage = rule_ == StepRule::kStage;
   auto next = limits_.begin() + static_cast<std::ptrdiff_t>(mechanism_blocks_[i].first_limit);
   for (const PartBlock& part : mechanism_blocks_[i].parts) {
     for (std::size_t k = 0; k < part.limits.size(); ++k) {
@@ -282,9 +320,17 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       limit.sign = upper ? -1 : 1;
       const double share = rule_ == StepRule::kMiddle ? 0.5 : rule_ == StepRule::kStage ? 1 : 0;
       const double moved = share > 0 ? share * h * LengthRate(m, stop.length) : 0;
-      limit.bias =
-          StopBias(options.material, upper ? stop.upper - length + moved : length - moved - stop.lower, h);
-      limit.impulse = by_step * mechanism_blocks_[i].limit_impulses[at];
+      const double gap = upper ? stop.upper - length + moved : length - moved - stop.lower;
+      limit.bias = is_stage && block.stop_start_gap[at] <= 0
+                       ? StopBias(options.material, block.stop_start_gap[at], h)
+                       : StopBias(options.material, gap, h);
+      limit.impulse = by_step * block.limit_impulses[at];
+      if (two_stage_ && !is_stage && limit.impulse > 0)
+        if (const StopApproach a = ApproachOf(m, stop, upper); a.speed < ImpactSpeed(a.size)) {
+          block.stop_carried[at] = 1;
+          block.stop_is_fresh[at] = h * a.speed > kPartingShare * a.size;
+          block.stop_start_gap[at] = gap;
+        }
       // By two stages one that bore may have only closed its gap: what of the speed is left counts there too.
       if ((rule_ == StepRule::kTwoSteps || rule_ == StepRule::kStage || in_parts_) &&
           (two_stage_ || !(limit.impulse > 0))) {
@@ -292,6 +338,7 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
         approach = ApproachOf(m, stop, upper);
         approach.mechanism = static_cast<int>(i);
         approach.stop = static_cast<int>(at / 2);
+        approach.bore = is_stage && block.stop_carried[at];
       }
     }
     for (std::size_t k = 0; k < part.frictions.size(); ++k) {

@@ -83,10 +83,15 @@ bool World::Detail::AnythingTouches() const {
 
 // Whether a contact bore a load in the last step.
 bool World::Detail::Bore(std::size_t contact) const {
+  return CarriedAtRest(contact, ImpactSpeed(PairSize(points_[contact])));
+}
+
+// By two stages what only closed its gap by the end of the last step, at this speed [m/s] or faster, is still
+// to be met.
+bool World::Detail::CarriedAtRest(std::size_t contact, double speed) const {
   if (match_[contact] < 0) return false;
   const ContactRecord& before = previous_[static_cast<std::size_t>(match_[contact])];
-  // By two stages one that only closed its gap by the end of the last step is still to be met.
-  return before.impulse(0) > 0 && (!two_stage_ || before.end_speed > -impact_speed_);
+  return before.impulse(0) > 0 && (!two_stage_ || before.end_speed > -speed);
 }
 
 // Speed of an impact: more than gravity gives in an eighth of the step, or any where things part again. Parts of a
@@ -96,8 +101,21 @@ double World::Detail::SpeedOfImpact(const StepOptions& options) const {
   return two_stage_ ? impact_speed_ : ImpactSpeedOf(options);
 }
 double World::Detail::SpeedOfImpact(const StepOptions& options, const ContactPoint& point) const {
-  return point.restitution > 0 ? 0 : SpeedOfImpact(options);
+  if (point.restitution > 0) return 0;
+  return two_stage_ ? ImpactSpeed(PairSize(point)) : SpeedOfImpact(options);
 }
+
+// Radius [m] of the smaller of two shapes that touch.
+double World::Detail::PairSize(const ContactPoint& p) const {
+  const auto radius = [&](int body, int geometry) {
+    return geometry_radius_[static_cast<std::size_t>(body)][static_cast<std::size_t>(geometry)];
+  };
+  return std::min(radius(p.body_a, p.geometry_a), radius(p.body_b, p.geometry_b));
+}
+
+// Of a two-stage step [m/s]: what closes by more than a share of its size within a step, or faster than
+// gravity makes it within an eighth of the step.
+double World::Detail::ImpactSpeed(double size) const { return std::max(impact_speed_, impact_rate_ * size); }
 
 // A contact that bore nothing yet and would close within the step at the speed of an impact, if all went on.
 bool World::Detail::ClosesAtSpeed(const StepOptions& options, StepSubject* subject) const {
@@ -118,15 +136,16 @@ World::Detail::StopApproach World::Detail::ApproachOf(const MechanismDynamics& m
       stop.length.path < 0 && !terms.empty() && m.mechanism().Turns(terms.front().first);
   const double scale = turns ? m.mechanism().length_scale() : 1, length = m.Length(stop.length),
                rate = LengthRate(m, stop.length);
-  return {false, scale * (upper ? stop.upper - length : length - stop.lower), scale * (upper ? rate : -rate)};
+  return {false, scale * (upper ? stop.upper - length : length - stop.lower), scale * (upper ? rate : -rate),
+          m.mechanism().length_scale(), scale};
 }
 
 // The same of what the step has brought together, and of stops of joints and tendons: at that speed from the start, or
 // from so far that it took that speed.
 bool World::Detail::MetAtSpeed(const StepOptions& options, StepSubject* subject) const {
-  const double least = SpeedOfImpact(options);
   for (std::size_t k = 0; k < stop_approach_.size(); ++k) {
     const StopApproach& a = stop_approach_[k];
+    const double least = two_stage_ ? ImpactSpeed(a.size) : SpeedOfImpact(options);
     if (a.bore || !(limits_[k].impulse > 0) || !(a.speed > least || a.gap > options.h * least)) continue;
     if (subject) *subject = {StepSubject::Kind::kStop, a.mechanism, a.stop};
     return true;
