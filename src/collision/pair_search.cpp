@@ -72,7 +72,8 @@ struct PairScratch {
 
   // MuJoCo's routines for pairs read nothing of an mjData but poses of geoms and memory.
   void Begin(const std::shared_ptr<const mjModel>& at_hand, const GeomPoses& poses) {
-    if (copied.lock() != at_hand) {
+    // By owner, since counting references of a model that all members of a batch share makes threads wait.
+    if (copied.owner_before(at_hand) || at_hand.owner_before(copied)) {
       copied = at_hand;
       model = *at_hand;
     }
