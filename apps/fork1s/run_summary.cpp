@@ -307,11 +307,12 @@ void PrintSummary(const Json& d) {
                newton["mean"].get<double>(), newton["most"].get<int>(), 1e3 * newton["residual_max_m"].get<double>());
     for (const char* cause : {"impact", "saturation", "unsolved"})
       if (const int steps = d["halved_steps"][cause].get<int>(); steps > 0)
-        fmt::print("  halved          {} steps, {}, {}\n", steps,
-                   cause == std::string("impact")       ? "in which something was met"
-                   : cause == std::string("saturation") ? "in which a force came to its limit or from it"
-                                                        : "whose stages did not converge",
-                   d["halved_steps"][std::string(cause) + "_of"].get<std::string>());
+        fmt::print(
+            "  halved          {} steps, {}, {}\n", steps,
+            cause == std::string("impact")       ? "in which something was met"
+            : cause == std::string("saturation") ? "in which a force came to its limit or from it"
+                                                 : "whose stages did not converge",
+            d["halved_steps"][std::string(cause) + "_of"].get<std::string>());  // each cause has a name
   }
   const Json& e = d["energy_J"];
   fmt::print(

@@ -266,10 +266,7 @@ bool PairSearch::DetectNamed(double margin, std::vector<ContactPoint>& contacts)
 }
 
 bool PairSearch::Detect(double margin, std::vector<ContactPoint>& contacts) {
-  const struct Return {
-    std::vector<ScratchPool<PairScratch>::Lease>& borrowed;
-    ~Return() { borrowed.clear(); }
-  } at_end{borrowed_};
+  const ScratchPool<PairScratch>::ReturnAll at_end(borrowed_);
   return model_.npair > 0 ? DetectNamed(margin, contacts) : DetectNear(margin, contacts);
 }
 

@@ -225,9 +225,9 @@ SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, do
   const double mass = std::max(model.mechanism().total_mass(), 1e-300);
   ws.solved = ws.rhs;
   ws.factor.SolveInPlace(ws.solved);
-  out.displacement = b * std::sqrt(std::max(0.0, ws.solved.dot(ws.rhs)) / mass);
+  out.displacement = b * RootOf(ws.solved.dot(ws.rhs) / mass);
   ws.solved.noalias() = ws.M_full * ws.x;
-  out.motion = b * std::sqrt(std::max(0.0, ws.x.dot(ws.solved)) / mass);
+  out.motion = b * RootOf(ws.x.dot(ws.solved) / mass);
   return out;
 }
 

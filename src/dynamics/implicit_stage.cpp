@@ -288,8 +288,8 @@ double MoveAndComputeResidual(const MechanismStep& here, double b, double time, 
   ws.rhs = ws.stage_correction;
   ws.factor.SolveInPlace(ws.rhs);
   ws.solved.noalias() = ws.M_full * ws.x;
-  motion = b * std::sqrt(std::max(0.0, ws.x.dot(ws.solved)) / mass);
-  return b * std::sqrt(std::max(0.0, ws.stage_correction.dot(ws.rhs)) / mass);
+  motion = b * RootOf(ws.x.dot(ws.solved) / mass);
+  return b * RootOf(ws.stage_correction.dot(ws.rhs) / mass);
 }
 
 void ExtrapolateStage(const MechanismStep& here, double b, double onward) {

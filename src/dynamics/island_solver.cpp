@@ -201,10 +201,7 @@ ContactSolverReport IslandSolver::Solve(const std::vector<VelocityBlock>& blocks
   const int count = static_cast<int>(islands_.size());
   const int ranges =
       std::clamp(static_cast<int>(contacts.size() + limits.size()) / kContactsPerRange, 1, count);
-  const struct Return {
-    std::vector<ScratchPool<Scratch>::Lease>& borrowed;
-    ~Return() { borrowed.clear(); }
-  } at_end{borrowed_};
+  const ScratchPool<Scratch>::ReturnAll at_end(borrowed_);
   while (static_cast<int>(borrowed_.size()) < ranges) borrowed_.push_back(Pool().Borrow());
   auto work = [&](int range) {
     Scratch& b = *borrowed_[static_cast<std::size_t>(range)];

@@ -1,6 +1,7 @@
 // The parts of a mechanism's step, by the files that have them.
 #pragma once
 
+#include <cmath>
 #include <fork1s/dynamics/mechanism_model.hpp>
 #include <fork1s/dynamics/mechanism_step.hpp>
 
@@ -24,6 +25,9 @@ void SolveFree(const MechanismStep& here, double h);
 void ForgetInputs(const MechanismStep& here);
 /// x <- A⁻¹ x. An A that is no inertia gives no number, which World::Step finds, takes back and reports.
 void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x);
+
+/// √s of a square s that rounding may have made negative; NaN for NaN, which std::max would turn into 0.
+inline double RootOf(double s) { return s < 0 ? 0 : std::sqrt(s); }
 
 // Forces (mechanism_forces.cpp).
 void TakeReferenceForces(MechanismModel& model);

@@ -28,6 +28,7 @@ struct World::Detail {
   void Save(WorldState& out) const;
   void Restore(const WorldState& state);
   bool IsFinite(bool poses);
+  StepSubject FindNotFinite() const;
   static void ForgetInputs(WorldState& state);
   WorldState& StartOfStep();
   StepReport UndoStep(WorldState& start, StepReport report);
@@ -78,8 +79,7 @@ struct World::Detail {
   bool Bore(std::size_t contact) const;
   bool CarriedAtRest(std::size_t contact, double speed) const;
   double PairSize(const ContactPoint& point) const;
-  double ImpactSpeed(double size) const;
-  void ResetStartGaps();
+  void RecordStops(double h, bool backward_euler);
   void RecordStartGaps();
   void CarryStartGaps();
   double StartGap(std::size_t contact) const;
@@ -206,7 +206,7 @@ struct World::Detail {
   StepRule rule_ = StepRule::kEuler;  // of this step
   bool by_theta_ = false;
   bool two_stage_ = false;
-  std::vector<char> fresh_, previous_fresh_;  // contacts that bear load in this stage and did not before it
+  std::vector<char> previous_is_fresh_;  // of previous_, in the second stage: met in the first
   // Of previous_, within a two-stage step: the gap [m] at the start of the step of what carried load there,
   // else NaN.
   std::vector<double> start_gap_, next_start_gap_;
@@ -308,8 +308,7 @@ struct World::Detail {
   };
   std::array<Halving, kMaxHalvings + 1> halvings_;
   int depth_ = 0;       // halvings of the step at hand
-  double impact_speed_ = 0;  // m/s, by the length of the whole step
-  double impact_rate_ = 0;   // 1/s, times a size: the same for what gravity does not press together
+  double impact_speed_ = 0;   // m/s, by the length of the whole step
   bool begins_anew_ = false;  // the step at hand, in contact: none of it is an impact
   bool in_parts_ = false;     // the one at hand is a part of that
   std::vector<MechanismPast> pasts_in_parts_;

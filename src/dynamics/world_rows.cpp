@@ -245,18 +245,29 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   }
 }
 
-void World::Detail::ResetStartGaps() {
-  start_gap_.assign(previous_.size(), kNoGap);
-  for (MechanismBlock& block : mechanism_blocks_) {
-    std::fill(block.stop_carried.begin(), block.stop_carried.end(), 0);
-    std::fill(block.stop_is_fresh.begin(), block.stop_is_fresh.end(), 0);
-    std::fill(block.stop_start_gap.begin(), block.stop_start_gap.end(), kNoGap);
+// Linearized at the pose of a stage, the gap of a contact, stop or tendon that lasts would come back as an
+// error of position: of first order, as the gap bends. By the gap at the start of the step, gap/(h + τ) of a
+// stage is stable for τ above 0.71 of its length.
+//
+// A stage of backward Euler that closes a gap leaves the velocity of the chord; what it stops is stopped in
+// the next one, along the rows of its end.
+void World::Detail::RecordStops(double h, bool backward_euler) {
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+    MechanismBlock& block = mechanism_blocks_[i];
+    for (std::size_t at = 0; at < block.limit_impulses.size(); ++at) {
+      block.stop_carried[at] = block.stop_is_fresh[at] = 0;
+      block.stop_start_gap[at] = kNoGap;
+      if (!(block.limit_impulses[at] > 0)) continue;
+      const StopApproach a = ApproachOf(mechanisms_[i], mechanisms_[i].length_limits()[at / 2], at % 2 == 1);
+      if (!backward_euler && !(a.speed < impact_speed_)) continue;
+      block.stop_carried[at] = 1;
+      block.stop_is_fresh[at] = h * a.speed > kPartingShare * a.size;
+      block.stop_start_gap[at] = a.gap / a.scale;
+    }
   }
 }
 
-// At the start of a two-stage step, those of stops being known (FillLimits). By the gap of the start, gap/(h
-// + τ) of a stage is stable for τ above 0.71 of its length. Linearized at the pose of a stage, the gap of a
-// contact that lasts would come back as an error of position: of first order, as the gap bends.
+// Contacts are those found at the start.
 void World::Detail::RecordStartGaps() {
   for (std::size_t i = 0; i < points_.size(); ++i)
     if (Bore(i)) start_gap_[static_cast<std::size_t>(match_[i])] = points_[i].gap;
@@ -306,7 +317,7 @@ void World::Detail::AssembleLimits(const StepOptions& options) {
 void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
   const double h = options.h, by_step = StepsRatio(h);
   const MechanismDynamics& m = mechanisms_[i];
-  MechanismBlock& block = mechanism_blocks_[i];
+  const MechanismBlock& block = mechanism_blocks_[i];
   const bool is_stage = rule_ == StepRule::kStage;
   auto next = limits_.begin() + static_cast<std::ptrdiff_t>(mechanism_blocks_[i].first_limit);
   for (const PartBlock& part : mechanism_blocks_[i].parts) {
@@ -325,12 +336,6 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
                        ? StopBias(options.material, block.stop_start_gap[at], h)
                        : StopBias(options.material, gap, h);
       limit.impulse = by_step * block.limit_impulses[at];
-      if (two_stage_ && !is_stage && limit.impulse > 0)
-        if (const StopApproach a = ApproachOf(m, stop, upper); a.speed < ImpactSpeed(a.size)) {
-          block.stop_carried[at] = 1;
-          block.stop_is_fresh[at] = h * a.speed > kPartingShare * a.size;
-          block.stop_start_gap[at] = gap;
-        }
       // By two stages one that bore may have only closed its gap: what of the speed is left counts there too.
       if ((rule_ == StepRule::kTwoSteps || rule_ == StepRule::kStage || in_parts_) &&
           (two_stage_ || !(limit.impulse > 0))) {

@@ -133,6 +133,15 @@ bool World::Detail::IsFinite(bool poses) {
          std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
 }
 
+// The first that the last call of IsFinite found not to be.
+StepSubject World::Detail::FindNotFinite() const {
+  for (std::size_t i = 0; i < mechanism_blocks_.size(); ++i)
+    if (!mechanism_blocks_[i].finite) return {StepSubject::Kind::kMechanism, static_cast<int>(i), -1};
+  for (std::size_t i = 0; i < free_bodies_.size(); ++i)
+    if (!free_bodies_[i].IsFinite()) return {StepSubject::Kind::kFreeBody, static_cast<int>(i), -1};
+  return {};
+}
+
 // What was meant for one step alone.
 void World::Detail::ForgetInputs(WorldState& state) {
   for (MechanismState& m : state.mechanisms) {

@@ -82,9 +82,7 @@ bool World::Detail::AnythingTouches() const {
 }
 
 // Whether a contact bore a load in the last step.
-bool World::Detail::Bore(std::size_t contact) const {
-  return CarriedAtRest(contact, ImpactSpeed(PairSize(points_[contact])));
-}
+bool World::Detail::Bore(std::size_t contact) const { return CarriedAtRest(contact, impact_speed_); }
 
 // By two stages what only closed its gap by the end of the last step, at this speed [m/s] or faster, is still
 // to be met.
@@ -101,8 +99,7 @@ double World::Detail::SpeedOfImpact(const StepOptions& options) const {
   return two_stage_ ? impact_speed_ : ImpactSpeedOf(options);
 }
 double World::Detail::SpeedOfImpact(const StepOptions& options, const ContactPoint& point) const {
-  if (point.restitution > 0) return 0;
-  return two_stage_ ? ImpactSpeed(PairSize(point)) : SpeedOfImpact(options);
+  return point.restitution > 0 ? 0 : SpeedOfImpact(options);
 }
 
 // Radius [m] of the smaller of two shapes that touch.
@@ -112,10 +109,6 @@ double World::Detail::PairSize(const ContactPoint& p) const {
   };
   return std::min(radius(p.body_a, p.geometry_a), radius(p.body_b, p.geometry_b));
 }
-
-// Of a two-stage step [m/s]: what closes by more than a share of its size within a step, or faster than
-// gravity makes it within an eighth of the step.
-double World::Detail::ImpactSpeed(double size) const { return std::max(impact_speed_, impact_rate_ * size); }
 
 // A contact that bore nothing yet and would close within the step at the speed of an impact, if all went on.
 bool World::Detail::ClosesAtSpeed(const StepOptions& options, StepSubject* subject) const {
@@ -143,9 +136,9 @@ World::Detail::StopApproach World::Detail::ApproachOf(const MechanismDynamics& m
 // The same of what the step has brought together, and of stops of joints and tendons: at that speed from the start, or
 // from so far that it took that speed.
 bool World::Detail::MetAtSpeed(const StepOptions& options, StepSubject* subject) const {
+  const double least = SpeedOfImpact(options);
   for (std::size_t k = 0; k < stop_approach_.size(); ++k) {
     const StopApproach& a = stop_approach_[k];
-    const double least = two_stage_ ? ImpactSpeed(a.size) : SpeedOfImpact(options);
     if (a.bore || !(limits_[k].impulse > 0) || !(a.speed > least || a.gap > options.h * least)) continue;
     if (subject) *subject = {StepSubject::Kind::kStop, a.mechanism, a.stop};
     return true;

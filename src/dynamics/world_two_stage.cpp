@@ -10,6 +10,7 @@
 // parts are not, the step is undone.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "world_detail.hpp"
@@ -19,10 +20,8 @@ namespace {
 
 constexpr double kStageShare = 1 - 1 / std::numbers::sqrt2;            // γ
 constexpr double kOnward = (1 - kStageShare) / kStageShare;            // s
-// Share of its size by which something closes within a step for that to be an impact: 50 um of a finger tip
-// of 50 mm. Below it the error of position that an impact leaves is of that share too.
-constexpr double kImpactShare = 1e-3;
-// A stage that takes more Newton iterations, or whose residual grows more often, diverges or cycles: it is halved.
+// A stage that takes more Newton iterations, or whose residual grows more often, diverges or cycles: it is
+// halved.
 constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
 // A stage is solved where another iteration would change poses by less than this share of the stage's motion
 // (docs/decisions/001-time-stepping.md, Newton variants f and h), or of a mechanism's length.
@@ -48,12 +47,14 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   const double b = backward_euler ? h : kStageShare * h;
   StartOfStep();
   if (depth_ == 0) {
-    impact_speed_ = ImpactSpeedOf(options);
-    impact_rate_ = kImpactShare / options.h;
+    // Contacts that last press in by up to material.depth, by how much depends on the step: that is no
+    // approach.
+    impact_speed_ = std::max(ImpactSpeedOf(options), options.material.depth / options.h);
     ClearSums();
   }
   halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
-  ResetStartGaps();
+  RecordStops(h, backward_euler);
+  start_gap_.assign(previous_.size(), std::numeric_limits<double>::quiet_NaN());
   if (!backward_euler) {
     PrepareContacts(options, report);
     RecordStartGaps();
@@ -162,7 +163,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     }
     if (iteration == kMaxNewtonIterations || growths > kMaxResidualGrowths) break;
   }
-  report.halving_of = last.subject;
+  const StepSubject not_finite = FindNotFinite();
+  report.halving_of = not_finite.kind == StepSubject::Kind::kNone ? last.subject : not_finite;
   return HalvingCause::kUnsolved;
 }
 
@@ -181,8 +183,13 @@ HalvingCause World::Detail::FindStageEvent(const StepOptions& options, StageSche
 World::Detail::StageResidual World::Detail::MoveAndComputeResiduals(double b, double time) {
   const PartClock clock(times_, &StepPartTimes::moving);
   StageResidual out;
-  const auto check = [&](double residual, double motion, double length, StepSubject::Kind kind, std::size_t index) {
-    const double ratio = residual / std::max(Tolerance(motion, length), 1e-300);
+  const auto check = [&](double residual, double motion, double length, StepSubject::Kind kind,
+                         std::size_t index) {
+    // What is beyond the range of numbers is not solved, however large the motion that the residual is
+    // compared with.
+    const double ratio = std::isfinite(motion) && std::isfinite(residual)
+                             ? residual / std::max(Tolerance(motion, length), 1e-300)
+                             : std::numeric_limits<double>::infinity();
     out.largest = std::max(out.largest, residual);
     out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
     if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
@@ -223,7 +230,8 @@ bool World::Detail::ChangesSaturation(double b, StepReport& report) {
 bool World::Detail::LeavesAgain(double b, StepSubject& subject) const {
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const int before = match_[i];
-    if (before < 0 || !previous_fresh_[static_cast<std::size_t>(before)] || constraints_[i].impulse(0) > 0) continue;
+    if (before < 0 || !previous_is_fresh_[static_cast<std::size_t>(before)] || constraints_[i].impulse(0) > 0)
+      continue;
     if (!(b * RelativeSpeed(constraints_[i], velocities_)(0) > kPartingShare * PairSize(points_[i])))
       continue;
     subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
@@ -250,10 +258,10 @@ bool World::Detail::LeavesAgain(double b, StepSubject& subject) const {
 
 // Contacts of a stage that was solved: what the next one starts from, and their share of the impulses of the step.
 void World::Detail::StoreStage(double b, StageScheme scheme, StepReport& report) {
-  fresh_.resize(points_.size());
+  previous_is_fresh_.resize(points_.size());
   for (std::size_t i = 0; i < points_.size(); ++i)
-    fresh_[i] = constraints_[i].impulse(0) > 0 && !CarriedAtRest(i, kPartingShare * PairSize(points_[i]) / b);
-  previous_fresh_ = fresh_;
+    previous_is_fresh_[i] =
+        constraints_[i].impulse(0) > 0 && !CarriedAtRest(i, kPartingShare * PairSize(points_[i]) / b);
   StepReport stage;
   KeepForNextStep(b, stage);
   for (MechanismBlock& block : mechanism_blocks_)

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <cmath>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/dynamics/world.hpp>
 #include <mechanisms.hpp>
@@ -72,6 +73,27 @@ inline FreeBodyDef BoxBody(const std::string& name, double mass, const Vector3& 
   body.inertia = Brick(mass, half);
   body.geometries.push_back(Geometry(name, Box{half}, friction));
   return body;
+}
+
+/// A bob that moves in the plane y = 0 and hangs at an angle [rad] from the vertical, and a path of this
+/// length from the origin to it, the first of paths.
+inline MechanismDef BobOnPath(double mass, double length, double angle, const std::string& path) {
+  MechanismBuilder builder("bob");
+  BodyDef bob;
+  bob.name = "bob";
+  bob.parent = builder.base();
+  bob.X_PB = RigidTransform(length * Vector3(std::sin(angle), 0, -std::cos(angle)));
+  bob.inertia = Ball(mass, 0.02);
+  const BodyIndex b = builder.AddBody(bob);
+  builder.AddJoint(JointDef::Slide("x", b, Vector3::UnitX()));
+  builder.AddJoint(JointDef::Slide("z", b, Vector3::UnitZ()));
+  builder.SetInterfaces({"bob"});
+  MechanismDef def = builder.definition();
+  PathElementDef top, end;
+  top.body = builder.base();
+  end.body = b;
+  def.paths.push_back({path, {top, end}});
+  return def;
 }
 
 /// A floating walker, its base at this height [m], with a ball of 0.02 m at the end of each shank; stiffness

@@ -86,21 +86,7 @@ TEST(TwoStage, ErrorFallsWithTheSquareOfTheStep) {
 MechanismDef Bob(double stiffness, double amplitude) {
   constexpr double kLength = 0.5, kMass = 0.5;
   const double length = kLength + kMass * 9.81 * std::cos(amplitude) / stiffness;
-  MechanismBuilder builder("bob");
-  BodyDef bob;
-  bob.name = "bob";
-  bob.parent = builder.base();
-  bob.X_PB = RigidTransform(Vector3(length * std::sin(amplitude), 0, -length * std::cos(amplitude)));
-  bob.inertia = testing::Ball(kMass, 0.02);
-  const BodyIndex b = builder.AddBody(bob);
-  builder.AddJoint(JointDef::Slide("x", b, Vector3::UnitX()));
-  builder.AddJoint(JointDef::Slide("z", b, Vector3::UnitZ()));
-  builder.SetInterfaces({"bob"});
-  MechanismDef def = builder.definition();
-  PathElementDef top, end;
-  top.body = builder.base();
-  end.body = b;
-  def.paths.push_back({"spring", {top, end}});
+  MechanismDef def = testing::BobOnPath(kMass, length, amplitude, "spring");
   def.springs.push_back({"spring", {}, stiffness, 0, kLength - length, {0, 1}});  // rest counts from the length at q = 0
   return def;
 }

@@ -170,20 +170,25 @@ TEST(UnsolvedStage, AStiffServoThatComesOffItsBoundGivesNoEnergy) {
       }
 }
 
-// A push that nothing can follow: the step is undone, and the report says of what.
+// A push that nothing can follow, also where it leaves the range of numbers at once: the step is undone, and
+// the report says of what.
 TEST(UnsolvedStage, AStepThatCannotBeSolvedIsUndoneAndReported) {
-  World world = MustCreate(testing::Chain(10, 0.09, 0.06, 0.05), AllModes());
-  MechanismDynamics& m = world.mechanisms()[0];
-  WorldState before, after;
-  world.Save(before);
-  m.AddWrench(BodyIndex(m.mechanism().num_bodies() - 1), Vector3(0.3, 1e12, 0.2), Vector3::Zero(), Vector3(0.9, 0, 0));
-  const StepReport report = world.Step(TwoStageOf(1.0 / 60));
-  EXPECT_FALSE(report.finite);
-  EXPECT_FALSE(report.stages_converged);
-  EXPECT_EQ(world.NameOf(report.halving_of), "mechanism 'chain'");
-  world.Save(after);
-  EXPECT_EQ(HashOf(after), HashOf(before));
-  EXPECT_TRUE(world.Step(TwoStageOf(1.0 / 60)).finite);
+  for (const double force : {1e12, 1e160, 1e200, 1e300}) {
+    SCOPED_TRACE(force);
+    World world = MustCreate(testing::Chain(10, 0.09, 0.06, 0.05), AllModes());
+    MechanismDynamics& m = world.mechanisms()[0];
+    WorldState before, after;
+    world.Save(before);
+    m.AddWrench(BodyIndex(m.mechanism().num_bodies() - 1), Vector3(0.3, force, 0.2), Vector3::Zero(),
+                Vector3(0.9, 0, 0));
+    const StepReport report = world.Step(TwoStageOf(1.0 / 60));
+    EXPECT_FALSE(report.finite);
+    EXPECT_FALSE(report.stages_converged);
+    EXPECT_EQ(world.NameOf(report.halving_of), "mechanism 'chain'");
+    world.Save(after);
+    EXPECT_EQ(HashOf(after), HashOf(before));
+    EXPECT_TRUE(world.Step(TwoStageOf(1.0 / 60)).finite);
+  }
 }
 
 // Halved steps depend on nothing but the state, and once warm allocate nothing.

@@ -34,6 +34,18 @@ def test_against_mujoco_with_controls(gripper, tmp_path):
         answer.write_report(str(tmp_path / "no" / "report.html"))
 
 
+def test_a_table_that_mujoco_has_no_actuator_for_is_refused(tmp_path):
+    path = tmp_path / "palm.xml"
+    path.write_text(
+        "<mujoco><custom><text name='fork1s_base' data='driven'/></custom><worldbody><body name='palm'>"
+        "<geom size='.05'/><body name='finger' pos='.05 0 .02'><joint name='k' stiffness='5' damping='.1'/>"
+        "<geom size='.02' mass='.05'/></body></body></worldbody></mujoco>"
+    )
+    model = fork1s.load(path)
+    with pytest.raises(fork1s.ModelError, match="'palm.x'.*no actuator"):
+        fork1s.compare(model, against="mujoco", time=0.1, controls={"time": [0, 0.1], "palm.x": [0, 0.1]})
+
+
 def test_refusals(gripper, scenes):
     with pytest.raises(fork1s.UsageError, match="'peer' is none of: full, mujoco"):
         fork1s.compare(gripper, against="peer")

@@ -33,6 +33,18 @@ class ScratchPool {
     std::unique_ptr<T> scratch_;
   };
 
+  /// Gives all of a list back at the end of a scope; the list keeps its memory.
+  class ReturnAll {
+   public:
+    explicit ReturnAll(std::vector<Lease>& list) : list_(list) {}
+    ~ReturnAll() { list_.clear(); }
+    ReturnAll(const ReturnAll&) = delete;
+    ReturnAll& operator=(const ReturnAll&) = delete;
+
+   private:
+    std::vector<Lease>& list_;
+  };
+
   /// The one that was returned last, or a new one.
   Lease Borrow() {
     {
