@@ -157,6 +157,8 @@ void FreeBody::Restore(const State& state) {
   force_W_ = state.force_W;
   moment_W_ = state.moment_W;
   past_ = state.past;
+  angular_acceleration_B_ = state.angular_acceleration_B;
+  acceleration_ = state.acceleration;
   pushed_ = false;
   EndStep();
 }

@@ -7,7 +7,7 @@
 
 namespace fork1s {
 
-void FreeBody::BeginTwoStageStep(const Vector3& gravity_W) {
+void FreeBody::BeginTwoStageStep(double b, const Vector3& gravity_W) {
   gravity_W_ = gravity_W;
   omega_B_before_ = omega_B_;
   velocity_before_ = velocity_;
@@ -15,6 +15,8 @@ void FreeBody::BeginTwoStageStep(const Vector3& gravity_W) {
   pushed_ = false;
   step_start_ = {X_WB_.rotation(), center_W(), X_WB_.rotation() * (inertia_.rotational * omega_B_), velocity_};
   stage_base_ = step_start_;
+  omega_B_ += b * angular_acceleration_B_;
+  velocity_ += b * acceleration_;
 }
 
 void FreeBody::MoveToStagePose(double b) {
@@ -51,7 +53,7 @@ double FreeBody::MoveAndComputeResidual(double b, double& motion) {
                         : Vector3(stage_base_.spin_W + b * moment_W_);
   MoveToStagePose(b);
   const double mass = inertia_.mass;
-  motion = b * std::sqrt(2 * KineticEnergy() / mass);
+  motion = b * std::sqrt(omega_B_.dot(inertia_.rotational * omega_B_) / mass);
   const Vector3 residual = X_WB_.rotation().transpose() * spin_end_W_ - inertia_.rotational * omega_B_;
   return b * std::sqrt(residual.dot(InverseInertia_B() * residual) / mass);
 }
@@ -62,11 +64,19 @@ void FreeBody::ExtrapolateStage(double b, double onward) {
   stage_base_.center_W = start.center_W + onward * (center_W() - start.center_W);
   stage_base_.spin_W = start.spin_W + onward * (spin_end_W_ - start.spin_W);
   stage_base_.velocity = start.velocity + onward * (velocity_ - start.velocity);
+  omega_B_first_ = omega_B_;
+  velocity_first_ = velocity_;
   omega_B_ = omega_B_before_ + (1 + onward) * (omega_B_ - omega_B_before_);
   velocity_ = velocity_before_ + (1 + onward) * (velocity_ - velocity_before_);
 }
 
-void FreeBody::EndTwoStageStep() {
+void FreeBody::EndTwoStageStep(double between_stages) {
+  angular_acceleration_B_.setZero();
+  acceleration_.setZero();
+  if (between_stages > 0) {
+    angular_acceleration_B_ = (omega_B_ - omega_B_first_) / between_stages;
+    acceleration_ = (velocity_ - velocity_first_) / between_stages;
+  }
   omega_B_ = InverseInertia_B() * (X_WB_.rotation().transpose() * spin_end_W_);
   force_W_.setZero();
   moment_W_.setZero();

@@ -139,6 +139,20 @@ Vector6 BaseTwist(const BasePath& path, double share, const RigidTransform& X) {
   return V;
 }
 
+// x [num_velocities] with the velocity of a floating base in the axes at the start of the step.
+void ExpressInStartAxes(const MechanismStep& here, VectorX& x) {
+  if (here.model.base_size == 0) return;
+  const Matrix3& R_WR = here.state.reduced.X_WR.rotation();
+  x.segment<3>(3) = here.work.X_WR_before.rotation().transpose() * (R_WR * x.segment<3>(3));
+}
+
+// The inverse of it.
+void ExpressInAxesNow(const MechanismStep& here, VectorX& x) {
+  if (here.model.base_size == 0) return;
+  const Matrix3& R_WR = here.state.reduced.X_WR.rotation();
+  x.segment<3>(3) = R_WR.transpose() * (here.work.X_WR_before.rotation() * x.segment<3>(3));
+}
+
 // Pose and twist of a driven base in the stage that ends at `time`.
 void MoveDrivenBase(const MechanismStep& here, double time) {
   const auto& [model, state, ws] = here;
@@ -166,7 +180,7 @@ void EvaluateStage(const MechanismStep& here) {
 
 }  // namespace
 
-void BeginTwoStageStep(const MechanismStep& here, double h, const Vector3& gravity_W) {
+void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vector3& gravity_W) {
   const auto& [model, state, ws] = here;
   FORK1S_REQUIRE(!model.by_twists());
   const int r = model.size();
@@ -204,6 +218,7 @@ void BeginTwoStageStep(const MechanismStep& here, double h, const Vector3& gravi
   ComputeFlatMomenta(here, 0, start);
   ws.stage_base = start;
   ws.x_start = ws.x;
+  ws.x += b * state.acceleration;
 }
 
 void MoveToStagePose(const MechanismStep& here, double b, double time) {
@@ -217,9 +232,13 @@ void MoveToStagePose(const MechanismStep& here, double b, double time) {
   Vector3 center_W = Vector3::Zero();
   if (model.base_size > 0) {
     const Vector3 linear = ws.M_full.middleRows<3>(3) * ws.x;
-    center_W = base.center_W + b / ws.M_00(5, 5) * (state.reduced.X_WR.rotation() * linear);
-    state.reduced.X_WR.rotation() = base.R_WR * ExpRotation(b * ws.x.head<3>());
+    Matrix3& R_WR = state.reduced.X_WR.rotation();
+    center_W = base.center_W + b / ws.M_00(5, 5) * (R_WR * linear);
+    const Vector3 velocity_W = R_WR * ws.x.segment<3>(3);
+    R_WR = base.R_WR * ExpRotation(b * ws.x.head<3>());
     state.reduced.X_WR.Orthonormalize();
+    // The same velocity in the axes of the pose found: a turn by δ would change one of V by V δ.
+    ws.x.segment<3>(3) = R_WR.transpose() * velocity_W;
   }
   UpdateConfiguration(here);
   if (model.base_size > 0)
@@ -287,8 +306,11 @@ double MoveAndComputeResidual(const MechanismStep& here, double b, double time, 
   const double mass = std::max(model.mechanism().total_mass(), 1e-300);
   ws.rhs = ws.stage_correction;
   ws.factor.SolveInPlace(ws.rhs);
+  // Beside the drift of the base: what moves along with something is solved as well as what rests.
   ws.solved.noalias() = ws.M_full * ws.x;
-  motion = b * RootOf(ws.x.dot(ws.solved) / mass);
+  double twice_energy = ws.x.dot(ws.solved);
+  if (model.base_size > 0) twice_energy -= ws.solved.segment<3>(3).squaredNorm() / ws.M_00(5, 5);
+  motion = b * RootOf(twice_energy / mass);
   return b * RootOf(ws.stage_correction.dot(ws.rhs) / mass);
 }
 
@@ -304,12 +326,21 @@ void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
     const Vector3 center_W = state.reduced.X_WR * CenterOfMass(ws.M_00);
     base.center_W = start.center_W + onward * (center_W - start.center_W);
   }
+  ws.x_first = ws.x;
+  ExpressInStartAxes(here, ws.x_first);
   // The second stage is linearised first by the velocity on the line through the start and the first stage.
-  ws.x = ws.x_start + (1 + onward) * (ws.x - ws.x_start);
+  ws.x = ws.x_start + (1 + onward) * (ws.x_first - ws.x_start);
+  ExpressInAxesNow(here, ws.x);
 }
 
-void EndTwoStageStep(const MechanismStep& here) {
+void EndTwoStageStep(const MechanismStep& here, double between_stages) {
   const auto& [model, state, ws] = here;
+  if (between_stages > 0) {
+    ExpressInAxesNow(here, ws.x_first);
+    state.acceleration = (ws.x - ws.x_first) / between_stages;
+  } else {
+    state.acceleration.setZero();
+  }
   if (model.base_size > 0) {
     // The momentum of the whole is exact; seen from the pose found, it gives the velocity.
     ProjectMomentum(here, ws.stage_time, ws.stage_end);

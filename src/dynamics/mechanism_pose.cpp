@@ -11,6 +11,7 @@ void StartAtReference(const MechanismModel& model, MechanismState& state) {
   const int n = model.reduced->num_coordinates();
   state.mu.setZero(model.reduced->loop_rank());
   state.interior = {};
+  state.acceleration.setZero(model.num_velocities());
   if (model.reduced->has_complement)
     state.reduced.q_perp = VectorX::Zero(n);
   else

@@ -23,9 +23,10 @@ constexpr double kOnward = (1 - kStageShare) / kStageShare;            // s
 // A stage that takes more Newton iterations, or whose residual grows more often, diverges or cycles: it is
 // halved.
 constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
-// A stage is solved where another iteration would change poses by less than this share of the stage's motion
-// (docs/decisions/001-time-stepping.md, Newton variants f and h), or of a mechanism's length.
-constexpr double kRelativeTolerance = 1e-4, kLengthTolerance = 1e-8;
+// A stage is solved where another iteration would change poses by less than this share of the stage's motion,
+// or of a mechanism's length. By 1e-4 of the motion trees that float without damping gain energy
+// (docs/decisions/001-time-stepping.md).
+constexpr double kRelativeTolerance = 1e-6, kLengthTolerance = 1e-9;
 // Contacts of meshes jump from one facet to another between iterations. A residual that no longer falls is accepted
 // within this share of the length, and reported.
 constexpr double kStagnationTolerance = 1e-6;
@@ -62,8 +63,8 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   }
   {
     const PartClock clock(times_, &StepPartTimes::moving);
-    ForMechanisms([&](std::size_t i) { BeginTwoStageStep(mechanisms_[i], h, options.gravity); });
-    for (FreeBody& body : free_bodies_) body.BeginTwoStageStep(options.gravity);
+    ForMechanisms([&](std::size_t i) { BeginTwoStageStep(mechanisms_[i], h, b, options.gravity); });
+    for (FreeBody& body : free_bodies_) body.BeginTwoStageStep(b, options.gravity);
   }
   for (StageScheme scheme = backward_euler ? StageScheme::kBackwardEuler : StageScheme::kFirstOfTwo;;
        scheme = StageScheme::kSecondOfTwo) {
@@ -80,8 +81,9 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
     previous_speed_W_.swap(speed_W_);
     previous_missed_W_.swap(missed_W_);
   }
-  ForMechanisms([&](std::size_t i) { EndTwoStageStep(mechanisms_[i]); });
-  for (FreeBody& body : free_bodies_) body.EndTwoStageStep();
+  const double between_stages = backward_euler ? 0 : h - b;
+  ForMechanisms([&](std::size_t i) { EndTwoStageStep(mechanisms_[i], between_stages); });
+  for (FreeBody& body : free_bodies_) body.EndTwoStageStep(between_stages);
   if (depth_ == 0) return FinishTwoStageStep(options, before_, report);
   return IsFinite(true) ? report : UndoStep(before_, report);
 }

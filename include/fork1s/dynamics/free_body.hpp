@@ -60,15 +60,15 @@ class FreeBody {
 
   /// A two-stage step, as the functions of mechanism_step.hpp: base points are the pose, the spin in world axes and
   /// the velocity of the centre.
-  void BeginTwoStageStep(const Vector3& gravity_W);
+  void BeginTwoStageStep(double b, const Vector3& gravity_W);
   void MoveToStagePose(double b);
   /// Velocity of the stage without contact. `touched`: the turn is that of the pose at hand, else it is solved for.
   void PredictStage(double b, bool touched);
   /// After contact: moves to the pose found; the change of position that
-  /// another iteration would make [m], in the kinetic metric. `motion` [m]: that of the stage, likewise.
+  /// another iteration would make [m], in the kinetic metric. `motion` [m]: the turn of the stage, likewise.
   double MoveAndComputeResidual(double b, double& motion);
   void ExtrapolateStage(double b, double onward);
-  void EndTwoStageStep();
+  void EndTwoStageStep(double between_stages);
   /// The start of the last step, if it was one of second order: as MechanismPast.
   struct Past {
     double h = 0;  // s; 0: nothing is known
@@ -88,8 +88,11 @@ class FreeBody {
     Vector3 omega_B = Vector3::Zero(), velocity = Vector3::Zero();  // of the centre, world axes
     Vector3 force_W = Vector3::Zero(), moment_W = Vector3::Zero();  // of the next step; about the centre
     Past past;
+    Vector3 angular_acceleration_B = Vector3::Zero(), acceleration = Vector3::Zero();  // as MechanismState's
   };
-  State Save() const { return {X_WB_, omega_B_, velocity_, force_W_, moment_W_, past_}; }
+  State Save() const {
+    return {X_WB_, omega_B_, velocity_, force_W_, moment_W_, past_, angular_acceleration_B_, acceleration_};
+  }
   void Restore(const State& state);
   /// Wrenches for the next step are those of `state`.
   void SetWrench(const State& state) {
@@ -128,6 +131,8 @@ class FreeBody {
   };
   StageBase step_start_, stage_base_;
   Vector3 gravity_W_ = Vector3::Zero(), spin_end_W_ = Vector3::Zero();
+  Vector3 omega_B_first_ = Vector3::Zero(), velocity_first_ = Vector3::Zero();  // of the first stage
+  Vector3 angular_acceleration_B_ = Vector3::Zero(), acceleration_ = Vector3::Zero();
   Matrix3 InverseInertia_B() const { return rotational_root_ * rotational_root_.transpose(); }
   Vector3 FreeTurning(double b, const Vector3& spin_W, Vector3 guess) const;
 };

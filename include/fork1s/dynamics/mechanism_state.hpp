@@ -53,6 +53,10 @@ struct MechanismState {
   InteriorState interior;
 
   MechanismPast past;  // of the step of second order alone
+
+  // Predicts the velocity of the first stage of a two-stage step: of its last one, zero where that is not
+  // known.
+  VectorX acceleration;  // num_velocities: (v₂ - v₁)/((1 - γ) h) of the two stages
 };
 
 }  // namespace fork1s

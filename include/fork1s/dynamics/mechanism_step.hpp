@@ -122,16 +122,18 @@ int NumForcesAtBound(const MechanismState& state);
 
 // A two-stage step (implicit_stage.cpp), b: length of a stage [s].
 
-/// Begins a two-stage step of h [s]: static correction of the interior, impulse of a driven base whose twist changes,
-/// and the base points of the first stage.
-void BeginTwoStageStep(const MechanismStep& here, double h, const Vector3& gravity_W);
-/// Moves to the pose x̂ ⊕ b v with the velocity v at hand and evaluates configuration and inertia there. `time` [s]: from
-/// the start of the step to the end of the stage.
+/// Begins a two-stage step of h [s]: static correction of the interior, impulse of a driven base whose twist
+/// changes, the base points of the first stage, of length b [s], and the velocity predicted for its end.
+void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vector3& gravity_W);
+/// Moves to the pose x̂ ⊕ b v with the velocity v at hand and evaluates configuration and inertia there; v of
+/// a floating base is then along its axes there. `time` [s]: from the start of the step to the end of the
+/// stage.
 void MoveToStagePose(const MechanismStep& here, double b, double time);
 /// Free velocity of the stage, linearised at the pose at hand.
 void PredictStage(const MechanismStep& here, double b);
-/// After contact: records the momenta of the stage, moves to the pose found, and returns the change of position that
-/// another Newton iteration would make [m], in the kinetic metric. `motion` [m]: that of the stage, likewise.
+/// After contact: records the momenta of the stage, moves to the pose found, and returns the change of
+/// position that another Newton iteration would make [m], in the kinetic metric. `motion` [m]: that of the
+/// stage beside the drift of its base or centre of mass, likewise.
 double MoveAndComputeResidual(const MechanismStep& here, double b, double time, double& motion);
 /// Forces of servos and slack springs at the pose of a stage that was solved, and their saturation.
 void StoreSwitchedForces(const MechanismStep& here);
@@ -144,7 +146,8 @@ struct SaturationChange {
 SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, double onward);
 /// Base points of the second stage, start + onward (end of the first stage - start), and a velocity to start it with.
 void ExtrapolateStage(const MechanismStep& here, double b, double onward);
-void EndTwoStageStep(const MechanismStep& here);
+/// `between_stages` [s]: from the end of the first stage to that of the second; 0 after backward Euler.
+void EndTwoStageStep(const MechanismStep& here, double between_stages);
 
 // Between steps.
 
