@@ -305,7 +305,20 @@ void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
     base.center_W = start.center_W + onward * (center_W - start.center_W);
   }
   // The second stage is linearised first by the velocity on the line through the start and the first stage.
+  // Its linear momentum is on the line through those of both in the world, or the centre of mass would leave
+  // the parabola by O(h²) and the weight turn the whole.
+  Vector3 linear_W = Vector3::Zero();
+  if (model.base_size > 0) {
+    const Vector3 linear_end =
+        ws.X_WR_before.rotation() * ws.stage_end.momentum.bottomRows<3>().rowwise().sum() +
+        ws.M_00(5, 5) * ws.drift_W;
+    linear_W = ws.linear_W + (1 + onward) * (linear_end - ws.linear_W);
+  }
   ws.x = ws.x_start + (1 + onward) * (ws.x - ws.x_start);
+  if (model.base_size > 0)
+    ws.x.segment<3>(3) +=
+        (state.reduced.X_WR.rotation().transpose() * linear_W - ws.M_full.middleRows<3>(3) * ws.x) /
+        ws.M_00(5, 5);
 }
 
 void EndTwoStageStep(const MechanismStep& here) {

@@ -65,7 +65,6 @@ struct Result {
   double energy_excess = 0;  // largest energy beyond that after the last input, of the largest kinetic energy
   double energy_allowed = 0;  // of the same
   int energy_step = -1;
-  bool has_gravity = false;
   bool has_momentum = false;                   // floating and without contact
   double linear_error = 0, angular_error = 0;  // of the sums of magnitudes
   std::string report_fault;                    // first contradiction within a StepReport

@@ -43,9 +43,6 @@ struct KnownFaults {
   // The coordinates of a free joint are singular at a full turn: what acts on them then gains energy (505,
   // 912).
   double max_rotation_vector = open ? 1.75 * M_PI : std::numeric_limits<double>::infinity();
-  // The first pose of a second stage has its centre of mass beside the parabola, and the weight a moment
-  // (345, 593).
-  bool skip_angular_momentum_with_gravity = open;
   // Newton's method does not solve even 1/64 of a step: mostly mechanisms of some millimetres whose joints
   // turn by more than a radian a step, or loops that a jump of a set-point moves by much (33, 58, 110, 187,
   // 330, 412, 556, 651). Such steps are undone and reported.
@@ -174,13 +171,9 @@ TEST(RandomMotion, LinearMomentumIsExact) {
 }
 
 TEST(RandomMotion, AngularMomentumIsExact) {
-  const KnownFaults faults;
-  ExpectOfEach(
-      [&](const Result& r) {
-        return r.has_momentum && !(r.has_gravity && faults.skip_angular_momentum_with_gravity);
-      },
-      [](const Result& r) { return r.angular_error < 1e-9; },
-      [](const Result& r) { return Text("off by", r.angular_error); });
+  ExpectOfEach([](const Result& r) { return r.has_momentum; },
+               [](const Result& r) { return r.angular_error < 1e-9; },
+               [](const Result& r) { return Text("off by", r.angular_error); });
 }
 
 TEST(RandomMotion, ReportsAreConsistent) {

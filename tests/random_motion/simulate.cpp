@@ -110,7 +110,6 @@ Result Simulate(const Case& c, bool trace) {
   Momenta first;
   double linear_scale = 0, angular_scale = 0;
   int since = 0;
-  out.has_gravity = g > 0;
   out.has_energy_bound = !driven;
   out.has_momentum = c.mechanism().base == BaseKind::kFloating && !c.has_contact();
   const auto energy = [&] { return world.KineticEnergy() + world.PotentialEnergy(c.step.gravity); };
