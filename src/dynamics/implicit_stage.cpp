@@ -139,18 +139,27 @@ Vector6 BaseTwist(const BasePath& path, double share, const RigidTransform& X) {
   return V;
 }
 
-// x [num_velocities] with the velocity of a floating base in the axes at the start of the step.
-void ExpressInStartAxes(const MechanismStep& here, VectorX& x) {
-  if (here.model.base_size == 0) return;
-  const Matrix3& R_WR = here.state.reduced.X_WR.rotation();
-  x.segment<3>(3) = here.work.X_WR_before.rotation().transpose() * (R_WR * x.segment<3>(3));
+// Of a floating mechanism, from momenta about the drifting point, world axes [N s].
+Vector3 LinearMomentum(const MechanismStep& here, const StageBase& of) {
+  const auto& [model, state, ws] = here;
+  if (model.base_size == 0) return Vector3::Zero();
+  return ws.X_WR_before.rotation() * of.momentum.bottomRows<3>().rowwise().sum() + ws.M_00(5, 5) * ws.drift_W;
 }
 
-// The inverse of it.
-void ExpressInAxesNow(const MechanismStep& here, VectorX& x) {
-  if (here.model.base_size == 0) return;
-  const Matrix3& R_WR = here.state.reduced.X_WR.rotation();
-  x.segment<3>(3) = R_WR.transpose() * (here.work.X_WR_before.rotation() * x.segment<3>(3));
+// Of weight and of forces from outside, but for contact, world axes [N].
+Vector3 AppliedForce(const MechanismStep& here) {
+  return here.model.mechanism().weighed_mass() * here.work.gravity_W +
+         here.state.wrenches_W.bottomRows<3>().rowwise().sum();
+}
+
+// Velocity of the base in x with which the whole has this linear momentum, world axes [N s], at the pose at
+// hand. Were the predicted centre of mass beside the parabola, the weight would turn the whole.
+void SetLinearMomentum(const MechanismStep& here, const Vector3& linear_W) {
+  const auto& [model, state, ws] = here;
+  if (model.base_size == 0) return;
+  ws.x.segment<3>(3) +=
+      (state.reduced.X_WR.rotation().transpose() * linear_W - ws.M_full.middleRows<3>(3) * ws.x) /
+      ws.M_00(5, 5);
 }
 
 // Pose and twist of a driven base in the stage that ends at `time`.
@@ -219,6 +228,9 @@ void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vect
   ws.stage_base = start;
   ws.x_start = ws.x;
   ws.x += b * state.acceleration;
+  if (model.base_size > 0)
+    SetLinearMomentum(
+        here, ws.linear_W + b * (AppliedForce(here) + ws.M_00(5, 5) * state.acceleration.segment<3>(3)));
 }
 
 void MoveToStagePose(const MechanismStep& here, double b, double time) {
@@ -326,20 +338,22 @@ void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
     const Vector3 center_W = state.reduced.X_WR * CenterOfMass(ws.M_00);
     base.center_W = start.center_W + onward * (center_W - start.center_W);
   }
-  ws.x_first = ws.x;
-  ExpressInStartAxes(here, ws.x_first);
   // The second stage is linearised first by the velocity on the line through the start and the first stage.
+  ws.x_first = ws.x;
+  ws.linear_first_W = LinearMomentum(here, ws.stage_end);
   ws.x = ws.x_start + (1 + onward) * (ws.x_first - ws.x_start);
-  ExpressInAxesNow(here, ws.x);
+  SetLinearMomentum(here, ws.linear_W + (1 + onward) * (ws.linear_first_W - ws.linear_W));
 }
 
 void EndTwoStageStep(const MechanismStep& here, double between_stages) {
   const auto& [model, state, ws] = here;
+  state.acceleration.setZero();
   if (between_stages > 0) {
-    ExpressInAxesNow(here, ws.x_first);
     state.acceleration = (ws.x - ws.x_first) / between_stages;
-  } else {
-    state.acceleration.setZero();
+    if (model.base_size > 0)
+      state.acceleration.segment<3>(3) =
+          ((LinearMomentum(here, ws.stage_end) - ws.linear_first_W) / between_stages - AppliedForce(here)) /
+          ws.M_00(5, 5);
   }
   if (model.base_size > 0) {
     // The momentum of the whole is exact; seen from the pose found, it gives the velocity.

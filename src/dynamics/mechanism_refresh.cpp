@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/mechanism/periodic_rotation.hpp>
 #include <fork1s/reduction/reduce_again.hpp>
 
 #include "mechanism_detail.hpp"
@@ -86,10 +87,10 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   const bool knows_past = state.past.h > 0 && model->size() > 0;
   const VectorX q_moved = knows_past ? VectorX(ws.configuration.Q_now * state.past.z_moved) : VectorX();
 
-  // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
+  // A rotation vector that nothing acts on is kept below half a turn.
   bool rewritten = false;
   for (const Mechanism::Joint& joint : m.joints()) {
-    if (joint.kind != JointKind::kBall || m.stiffness()(joint.offset) > 0) continue;
+    if (!IsPeriodic(m, joint)) continue;
     const Vector3 v = q.segment<3>(joint.offset);
     const double angle = v.norm();
     if (angle <= M_PI) continue;

@@ -120,6 +120,7 @@ struct MechanismWorkspace {
   Vector3 drift_W = Vector3::Zero();       // m/s, velocity of the point that momenta are taken about
   double stage_time = 0;                   // s, from the start of the step to the end of the stage
   VectorX x_start, x_first;                // num_velocities: at the start of the step, of its first stage
+  Vector3 linear_first_W = Vector3::Zero();            // N s, of a floating mechanism after its first stage
   VectorX stage_rhs, stage_correction, stage_impulse;  // num_velocities
   // Of force limits and of slack springs at the end of the first stage.
   VectorX stage_limit_force, stage_slack_force;

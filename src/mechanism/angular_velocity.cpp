@@ -3,8 +3,10 @@
 // The present screws of the joint are those of θ̇ in R, so that with P the pose that the joint carries
 //     ω_R = S_rot θ̇,   ω = W⁻¹ R_Pᵀ ω_R = E θ̇,   E = W⁻¹ R_Pᵀ S_rot
 // and a force τ on ω is Eᵀ τ on θ.
+#include <algorithm>
 #include <fork1s/base/quad.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/mechanism/periodic_rotation.hpp>
 
 namespace fork1s {
 namespace {
@@ -19,6 +21,22 @@ void SetSegment(const Mechanism::Rotation& rotation, const Vector3& from, Vector
 }
 
 }  // namespace
+
+bool IsPeriodic(const Mechanism& mechanism, const Mechanism::Joint& joint) {
+  if (joint.kind != JointKind::kBall) return false;
+  const auto is_of_joint = [&](int i) { return i >= joint.offset && i < joint.offset + joint.size; };
+  const auto acts = [&](const Mechanism::LinearForm& terms) {
+    return std::any_of(terms.begin(), terms.end(), [&](const auto& term) { return is_of_joint(term.first); });
+  };
+  const auto any_acts = [&](const auto& elements) {
+    return std::any_of(elements.begin(), elements.end(), [&](const auto& e) { return acts(e.length.terms); });
+  };
+  return mechanism.stiffness().segment(joint.offset, joint.size).isZero(0) &&
+         !any_acts(mechanism.springs()) && !any_acts(mechanism.controls()) &&
+         !any_acts(mechanism.length_limits()) && !any_acts(mechanism.force_limits()) &&
+         std::none_of(mechanism.couplings().begin(), mechanism.couplings().end(),
+                      [&](const Mechanism::Coupling& c) { return is_of_joint(c.a) || is_of_joint(c.b); });
+}
 
 // The rows of W⁻¹ R_Pᵀ are the columns of R_P W⁻ᵀ, sums of columns of R_P.
 Matrix3 AngularVelocityMap(const Mechanism&, const Kinematics& kinematics, const Mechanism::Rotation& rotation) {

@@ -454,12 +454,19 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
   for (const SpringDef& s : def.springs)
     m.springs_.push_back({s.name, form_of(s), s.stiffness, s.damping, s.rest, s.higher_stiffness,
                           s.higher_damping, s.slack});
-  // The spring of a rotation acts on θ, its damper on ω.
+  // The spring of a rotation acts on θ, its damper on ω. A servo with force bounds is one force along θ,
+  // damper included: along ω, a bound on their sum would leave a force that does not dissipate.
+  const auto is_bounded_servo = [&](const SpringDef& spring) {
+    const auto form = form_of(spring).terms;
+    return std::any_of(def.force_limits.begin(), def.force_limits.end(), [&](const ForceLimitDef& limit) {
+      return limit.stiffness > 0 && limit.damping > 0 && form_of(limit).terms == form;
+    });
+  };
   for (std::size_t i = 0; i < def.springs.size(); ++i) {
     Mechanism::Spring& spring = m.springs_[i];
     const std::array<double, 2> none = {};
     if (std::none_of(spring.length.terms.begin(), spring.length.terms.end(), rotates) ||
-        (spring.damping == 0 && spring.higher_damping == none))
+        (spring.damping == 0 && spring.higher_damping == none) || is_bounded_servo(def.springs[i]))
       continue;
     Mechanism::Spring damper{spring.name, rate_form_of(def.springs[i]), 0, spring.damping, 0, none,
                              spring.higher_damping, 0};

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include <fork1s/linalg/products.hpp>
+#include <fork1s/mechanism/periodic_rotation.hpp>
 #include "full_mechanism.hpp"
 
 namespace fork1s::internal {
@@ -229,11 +230,9 @@ void FullMechanism::Commit() {
   h_last_ = h_;
   reactions_ += nu_next_;
   reaction_time_ += h_;
-  // Unsprung balls may turn for ever: their rotation vector is kept below half a turn.
+  // A rotation vector that nothing acts on is kept below half a turn.
   for (const Mechanism::Joint& joint : mechanism_->joints()) {
-    if (joint.kind != JointKind::kBall ||
-        !mechanism_->stiffness().segment(joint.offset, joint.size).isZero(0))
-      continue;
+    if (!IsPeriodic(*mechanism_, joint)) continue;
     const Vector3 v = q_.segment<3>(joint.offset);
     const double angle = v.norm();
     if (angle <= M_PI) continue;

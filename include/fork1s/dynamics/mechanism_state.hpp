@@ -56,7 +56,9 @@ struct MechanismState {
 
   // Predicts the velocity of the first stage of a two-stage step: of its last one, zero where that is not
   // known.
-  VectorX acceleration;  // num_velocities: (v₂ - v₁)/((1 - γ) h) of the two stages
+  // (v₂ - v₁)/((1 - γ) h) of the two stages; where the base floats, of the centre of mass in place of the
+  // base's origin, world axes, beside what weight and forces from outside give it.
+  VectorX acceleration;  // num_velocities
 };
 
 }  // namespace fork1s
