@@ -235,6 +235,11 @@ void AssembleStage(const MechanismStep& here, double b) {
   ws.A = ws.M_full;
   ws.stage_rhs = ws.momentum;
   if (model.base_size > 0) ws.stage_rhs.head<6>() += b * ws.base_force;
+  if (state.has_loads) {
+    ComputeLoadStiffness(here);
+    ws.A.triangularView<Eigen::Lower>() += b * b * ws.K_loads;
+    ws.stage_rhs.noalias() -= b * b * ws.K_loads.selfadjointView<Eigen::Lower>() * ws.contact_shift;
+  }
   if (r == 0) return;
   auto A_z = ws.A.bottomRightCorner(r, r);
   ws.w_mean = -ws.contact_shift.tail(r);

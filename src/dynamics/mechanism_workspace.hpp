@@ -120,6 +120,12 @@ struct MechanismWorkspace {
   Vector3 drift_W = Vector3::Zero();       // m/s, velocity of the point that momenta are taken about
   double stage_time = 0;                   // s, from the start of the step to the end of the stage
   VectorX x_start, stage_rhs, stage_correction, stage_impulse;  // num_velocities; x_start: at the start of the step
+  // Of loads (applied_forces.cpp).
+  MatrixX K_loads;                    // num_velocities², lower triangle
+  Matrix3X carried_force;             // 3 x joints, N: on all that a joint carries, in R
+  Matrix3X carried_moments;           // 3 x 3 joints, N·m: Σ x Fᵀ likewise, about R's origin
+  Matrix6X joint_twist;               // 6 x r, of one joint
+  Matrix3X joint_turn, turned_lever;  // 3 x r
   // Of force limits and of slack springs at the end of the first stage.
   VectorX stage_limit_force, stage_slack_force;
   std::vector<signed char> stage_at_bound, stage_slack_side;
