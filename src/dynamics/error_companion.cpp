@@ -47,7 +47,7 @@ ErrorCompanion::ErrorCompanion(const MechanismDynamics& m)
 void ErrorCompanion::Begin(const MechanismDynamics& m) {
   loads_[0] = loads_[1];
   applied_before_ = applied_;
-  applied_ = m.wrenches_W();
+  m.ComputeLoadWrenches_W(applied_);
 }
 
 void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_before_W,

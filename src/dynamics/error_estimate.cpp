@@ -90,7 +90,8 @@ void ErrorEstimate::Begin(const World& world) {
     FreeBodyPath& path = d.free_bodies[i];
     const FreeBody& b = world.free_bodies()[i];
     path.load[0] = path.applied;
-    path.applied << b.moment_W() + b.center_W().cross(b.force_W()), b.force_W();
+    const Vector3& force_W = b.load().force_W;
+    path.applied << b.load().MomentAt(b.pose().rotation()) + b.center_W().cross(force_W), force_W;
     path.load[1] = path.applied;
   }
 }

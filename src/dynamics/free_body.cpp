@@ -31,16 +31,15 @@ void FreeBody::SetState(const RigidTransform& X_WB, const Vector3& omega_W,
 }
 
 void FreeBody::AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {
-  force_W_ += force_W;
-  moment_W_ += moment_W + (point_W - center_W()).cross(force_W);
+  load_.Add(force_W, moment_W, X_WB_.rotation().transpose() * (point_W - center_W()));
 }
 
 void FreeBody::Predict(double h, const Vector3& gravity_W) {
   pushed_ = false;
   velocity_before_ = velocity_;
   omega_B_before_ = omega_B_;
-  const Vector3 acceleration = weight_share_ * gravity_W + force_W_ / inertia_.mass;
-  const Vector3 moment_B = X_WB_.rotation().transpose() * moment_W_;
+  const Vector3 acceleration = weight_share_ * gravity_W + load_.force_W / inertia_.mass;
+  const Vector3 moment_B = X_WB_.rotation().transpose() * load_.MomentAt(X_WB_.rotation());
   const Matrix3& I = inertia_.rotational;
   velocity_ += h * acceleration;
   omega_B_ = TurnFreely(I, omega_B_, moment_B, h);
@@ -51,8 +50,7 @@ void FreeBody::Predict(double h, const Vector3& gravity_W) {
     const Vector3 unpushed = TurnFreely(I, omega_B_before_, Vector3::Zero(), h);
     omega_B_ = (2 * unpushed - before + 2 * omega_B_) / (3 * order_);
   }
-  force_W_.setZero();
-  moment_W_.setZero();
+  load_ = {};
 }
 
 Vector6 FreeBody::PortTwist() const {
@@ -154,8 +152,7 @@ void FreeBody::Restore(const State& state) {
   X_WB_ = state.X_WB;
   omega_B_ = omega_B_before_ = state.omega_B;
   velocity_ = velocity_before_ = state.velocity;
-  force_W_ = state.force_W;
-  moment_W_ = state.moment_W;
+  load_ = state.load;
   past_ = state.past;
   angular_acceleration_B_ = state.angular_acceleration_B;
   acceleration_ = state.acceleration;

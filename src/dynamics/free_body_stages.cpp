@@ -1,7 +1,9 @@
 // One implicit stage of a free rigid body.
 //
-//     R I ω = l̂ + b τ + contact,   R = R̂ exp(b ω),   v = v̂ + b a + contact,   c = ĉ + b v
-// l̂ is the spin in world axes, a flat space: what turns freely keeps it.
+//     R I ω = l̂ + b τ(R) + contact,   R = R̂ exp(b ω),   v = v̂ + b a + contact,   c = ĉ + b v
+// l̂ is the spin in world axes, a flat space: what turns freely keeps it. τ(R) is the moment of forces at
+// points of the body, constant in world axes. Its stiffness, not symmetric, is in the equation of a body that
+// nothing touches. Where contact acts, τ is that of the last pose, and the iteration contracts by b² |τ'|/I.
 #include <cmath>
 #include <fork1s/dynamics/free_body.hpp>
 
@@ -25,13 +27,19 @@ void FreeBody::MoveToStagePose(double b) {
   X_WB_.translation() = stage_base_.center_W + b * velocity_ - X_WB_.rotation() * inertia_.center;
 }
 
-// ω with R̂ exp(b ω) I ω = l by Newton's method: with m = exp(-b ω) R̂ᵀ l, ∂m/∂ω = b [m]x dexp(-b ω).
-Vector3 FreeBody::FreeTurning(double b, const Vector3& spin_W, Vector3 omega) const {
+// ω with R I ω = l̂ + b τ(R) by Newton's method: with m = Rᵀ (l̂ + b τ), ∂m/∂ω = b ([m₀]x + b L) dexp(-b ω). m₀
+// is the part of m that is constant in world axes; forces at points turn their lever, in body axes, by L =
+// TurnedLever(G)ᵀ, G = Σ p (Rᵀ F)ᵀ.
+Vector3 FreeBody::FreeTurning(double b, Vector3 omega) const {
   constexpr int kMaxIterations = 12;
-  const Vector3 l_B = stage_base_.R_WB.transpose() * spin_W;
+  const Vector3 constant_W = stage_base_.spin_W + b * load_.moment_W;
   for (int i = 0; i < kMaxIterations; ++i) {
-    const Vector3 m = ExpRotation(b * omega).transpose() * l_B;
-    const Matrix3 tangent = inertia_.rotational - b * Skew(m) * DexpRotation(-b * omega);
+    const Matrix3 R = stage_base_.R_WB * ExpRotation(b * omega);
+    const Vector3 constant = R.transpose() * constant_W;
+    const Matrix3 G = load_.force_moments * R;
+    const Vector3 m = constant + b * AppliedForces::Axial(G);
+    const Matrix3 turned = Skew(constant) + b * AppliedForces::TurnedLever(G).transpose();
+    const Matrix3 tangent = inertia_.rotational - b * turned * DexpRotation(-b * omega);
     const Vector3 change = tangent.inverse() * (m - inertia_.rotational * omega);
     omega += change;
     if (!(change.norm() > 1e-14 * omega.norm())) break;
@@ -41,17 +49,20 @@ Vector3 FreeBody::FreeTurning(double b, const Vector3& spin_W, Vector3 omega) co
 
 void FreeBody::PredictStage(double b, bool touched) {
   pushed_ = false;
-  const Vector3 spin_W = stage_base_.spin_W + b * moment_W_;
-  velocity_ = stage_base_.velocity + b * (weight_share_ * gravity_W_ + force_W_ / inertia_.mass);
+  load_moment_W_ = load_.MomentAt(X_WB_.rotation());
+  const Vector3 spin_W = stage_base_.spin_W + b * load_moment_W_;
+  velocity_ = stage_base_.velocity + b * (weight_share_ * gravity_W_ + load_.force_W / inertia_.mass);
   omega_B_ = touched ? Vector3(InverseInertia_B() * (X_WB_.rotation().transpose() * spin_W))
-                     : FreeTurning(b, spin_W, omega_B_);
+                     : FreeTurning(b, omega_B_);
 }
 
 double FreeBody::MoveAndComputeResidual(double b, double& motion) {
   // The momentum of the pose linearised at, as contact left it.
-  spin_end_W_ = pushed_ ? Vector3(X_WB_.rotation() * (inertia_.rotational * omega_B_))
-                        : Vector3(stage_base_.spin_W + b * moment_W_);
+  const Vector3 spin_W = X_WB_.rotation() * (inertia_.rotational * omega_B_);
   MoveToStagePose(b);
+  const Vector3 load_moment_W = load_.MomentAt(X_WB_.rotation());
+  spin_end_W_ = pushed_ ? Vector3(spin_W + b * (load_moment_W - load_moment_W_))
+                        : Vector3(stage_base_.spin_W + b * load_moment_W);
   const double mass = inertia_.mass;
   motion = b * std::sqrt(omega_B_.dot(inertia_.rotational * omega_B_) / mass);
   const Vector3 residual = X_WB_.rotation().transpose() * spin_end_W_ - inertia_.rotational * omega_B_;
@@ -78,8 +89,7 @@ void FreeBody::EndTwoStageStep(double between_stages) {
     acceleration_ = (velocity_ - velocity_first_) / between_stages;
   }
   omega_B_ = InverseInertia_B() * (X_WB_.rotation().transpose() * spin_end_W_);
-  force_W_.setZero();
-  moment_W_.setZero();
+  load_ = {};
   past_.h = 0;
 }
 

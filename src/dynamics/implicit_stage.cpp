@@ -148,8 +148,10 @@ Vector3 LinearMomentum(const MechanismStep& here, const StageBase& of) {
 
 // Of weight and of forces from outside, but for contact, world axes [N].
 Vector3 AppliedForce(const MechanismStep& here) {
-  return here.model.mechanism().weighed_mass() * here.work.gravity_W +
-         here.state.wrenches_W.bottomRows<3>().rowwise().sum();
+  Vector3 force_W = here.model.mechanism().weighed_mass() * here.work.gravity_W;
+  if (here.state.has_loads)
+    for (const AppliedForces& load : here.state.loads) force_W += load.force_W;
+  return force_W;
 }
 
 // Velocity of the base in x with which the whole has this linear momentum, world axes [N s], at the pose at
@@ -266,6 +268,11 @@ void AssembleStage(const MechanismStep& here, double b) {
   ws.A = ws.M_full;
   ws.stage_rhs = ws.momentum;
   if (model.base_size > 0) ws.stage_rhs.head<6>() += b * ws.base_force;
+  if (state.has_loads) {
+    ComputeLoadStiffness(here);
+    ws.A.triangularView<Eigen::Lower>() += b * b * ws.K_loads;
+    ws.stage_rhs.noalias() -= b * b * ws.K_loads.selfadjointView<Eigen::Lower>() * ws.contact_shift;
+  }
   if (r == 0) return;
   auto A_z = ws.A.bottomRightCorner(r, r);
   ws.w_mean = -ws.contact_shift.tail(r);

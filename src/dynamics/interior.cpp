@@ -47,7 +47,7 @@ void FollowLoads(const MechanismStep& here) {
   // Wrenches, and what is held back, work on the way too.
   double outside = 0;
   double longest = 1;
-  if (state.has_wrenches) {
+  if (state.has_loads) {
     outside = WrenchForces(here).dot(ws.q_perp_step);
     longest = ShareThatLoadsAllow(here);
   }
@@ -107,8 +107,8 @@ void FollowLoads(const MechanismStep& here) {
 // Joint forces of the wrenches of the step, loops' reactions taken out.
 const VectorX& WrenchForces(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  for (int b = 0; b < model.mechanism().num_bodies(); ++b)
-    ws.F.col(b) = AdjointTransposeApply(state.reduced.X_WR, state.wrenches_W.col(b));
+  ws.F.setZero();
+  AddLoadWrenches(here, ws.F);
   ws.tau.setZero();
   AccumulateGeneralizedForce(model.mechanism(), ws.configuration.kinematics.S, ws.F, ws.tau);
   ProjectOnLoops(*model.reduced, ws.configuration, ws.tau);

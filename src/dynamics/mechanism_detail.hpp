@@ -34,6 +34,10 @@ void TakeReferenceForces(MechanismModel& model);
 void LoadForces(const MechanismStep& here, const Vector3& gravity_R);
 void LoadForcesTwist(const MechanismStep& here, const Vector3& gravity_R, const Vector6& A_R);
 
+// Loads (applied_forces.cpp).
+/// K_loads <- stiffness of the loads at the pose at hand.
+void ComputeLoadStiffness(const MechanismStep& here);
+
 // The interior (interior.cpp).
 void FollowLoads(const MechanismStep& here);
 double ShareThatLoadsAllow(const MechanismStep& here);

@@ -49,7 +49,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   start.controls_from = start.controls;
   for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
     start.controls(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
-  start.wrenches_W = Matrix6X::Zero(6, mechanism->num_bodies());
+  start.loads.resize(static_cast<std::size_t>(mechanism->num_bodies()));
   start.at_bound.resize(mechanism->force_limits().size(), 0);
 
   StartAtReference(*model, start);
@@ -76,5 +76,13 @@ const std::vector<Mechanism::LengthLimit>& MechanismDynamics::length_limits() co
   return model_->length_limits;
 }
 const std::vector<std::string>& MechanismDynamics::warnings() const { return model_->warnings; }
+
+void MechanismDynamics::ComputeLoadWrenches_W(Matrix6X& F) const {
+  F.setZero(6, mechanism().num_bodies());
+  AddLoadWrenches(*this, F);
+  const RigidTransform X_RW = state_.reduced.X_WR.inverse();
+  for (Eigen::Index b = 0; b < F.cols(); ++b)
+    if (!F.col(b).isZero(0)) F.col(b) = AdjointTransposeApply(X_RW, F.col(b));
+}
 
 }  // namespace fork1s

@@ -75,11 +75,12 @@ void LoadForcesTwist(const MechanismStep& here, const Vector3& gravity_R, const 
     const Matrix6 VV = state.reduced.V_R * state.reduced.V_R.transpose();
     ws.f_z.noalias() += model.rigid_motion_map * Eigen::Map<const Eigen::Matrix<double, 36, 1>>(VV.data());
   }
-  if (!state.has_wrenches) return;
+  if (!state.has_loads) return;
+  ws.F.setZero();
+  AddLoadWrenches(here, ws.F);
   for (int b = 0; b < model.mechanism().num_bodies(); ++b) {
-    const Vector6 F = AdjointTransposeApply(state.reduced.X_WR, state.wrenches_W.col(b));
-    ws.f_z.noalias() += model.reduced->T_of(BodyIndex(b)).transpose() * F;
-    ws.base_force += F;
+    ws.f_z.noalias() += model.reduced->T_of(BodyIndex(b)).transpose() * ws.F.col(b);
+    ws.base_force += ws.F.col(b);
   }
 }
 
@@ -90,9 +91,7 @@ void LoadForces(const MechanismStep& here, const Vector3& gravity_R) {
   const Mechanism& m = model.mechanism();
   ws.F.setZero();
   if (!gravity_R.isZero(0)) AddGravityWrenches(m, ws.configuration.kinematics, gravity_R, ws.F);
-  if (state.has_wrenches)
-    for (int b = 0; b < m.num_bodies(); ++b)
-      ws.F.col(b) += AdjointTransposeApply(state.reduced.X_WR, state.wrenches_W.col(b));
+  AddLoadWrenches(here, ws.F);
   ws.tau.setZero();
   if (model.base_moves()) ws.base_force = ws.F.rowwise().sum();
   AccumulateGeneralizedForce(m, ws.configuration.kinematics.S, ws.F, ws.tau);

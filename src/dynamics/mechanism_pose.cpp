@@ -71,6 +71,12 @@ void Size(const MechanismStep& here) {
   ws.g.resize(n);
   ws.tau.resize(n);
   ws.F.resize(6, m.num_bodies());
+  ws.K_loads.resize(nx, nx);
+  ws.carried_force.resize(3, m.num_joints());
+  ws.carried_moments.resize(3, 3 * m.num_joints());
+  ws.joint_twist.resize(6, r);
+  ws.joint_turn.resize(3, r);
+  ws.turned_lever.resize(3, r);
   ws.M_00 = model.reduced->M_00;
   ws.M_0z = model.reduced->M_0z;
   if (!model.by_twists()) ws.q_dot.resize(n);
@@ -112,22 +118,14 @@ void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed) {
   AddMotion(*model.reduced, model.reduced->Q_rows, state.reduced.z, ws.configuration.q);
 }
 
-void AddWrench(MechanismState& state, BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
-               const Vector3& point_W) {
-  FORK1S_REQUIRE(body.valid() && body.value() < state.wrenches_W.cols(), body.value());
-  state.wrenches_W.col(body.value()).head<3>() += moment_W + point_W.cross(force_W);
-  state.wrenches_W.col(body.value()).tail<3>() += force_W;
-  state.has_wrenches = true;
-}
-
 Vector6 DrivenTwist(const MechanismState& state, double h) {
   return Log(state.reduced.X_WR.inverse() * state.driven_next) / h;
 }
 
 void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share) {
   MechanismState& state = here.state;
-  state.wrenches_W = start.wrenches_W;
-  state.has_wrenches = start.has_wrenches;
+  state.loads = start.loads;
+  state.has_loads = start.has_loads;
   state.driven_next = start.driven_next;
   state.controls = start.controls;
   if (share >= 1) return;

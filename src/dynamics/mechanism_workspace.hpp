@@ -122,6 +122,12 @@ struct MechanismWorkspace {
   VectorX x_start, x_first;                // num_velocities: at the start of the step, of its first stage
   Vector3 linear_first_W = Vector3::Zero();            // N s, of a floating mechanism after its first stage
   VectorX stage_rhs, stage_correction, stage_impulse;  // num_velocities
+  // Of loads (applied_forces.cpp).
+  MatrixX K_loads;                    // num_velocities², lower triangle
+  Matrix3X carried_force;             // 3 x joints, N: on all that a joint carries, in R
+  Matrix3X carried_moments;           // 3 x 3 joints, N·m: Σ x Fᵀ likewise, about R's origin
+  Matrix6X joint_twist;               // 6 x r, of one joint
+  Matrix3X joint_turn, turned_lever;  // 3 x r
   // Of force limits and of slack springs at the end of the first stage.
   VectorX stage_limit_force, stage_slack_force;
   std::vector<signed char> stage_at_bound, stage_slack_side;

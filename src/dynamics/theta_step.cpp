@@ -171,9 +171,9 @@ void TakeForces(const MechanismStep& here, double h) {
     state.interior.offset *= std::exp(-h / model.options.complement_relaxation);
   ws.f_wrench.setZero();
   ws.base_wrench.setZero();
-  if (state.has_wrenches) {
-    for (int b = 0; b < model.mechanism().num_bodies(); ++b)
-      ws.F.col(b) = AdjointTransposeApply(state.reduced.X_WR, state.wrenches_W.col(b));
+  if (state.has_loads) {
+    ws.F.setZero();
+    AddLoadWrenches(here, ws.F);
     ws.base_wrench = ws.F.rowwise().sum();
     ws.tau.setZero();
     AccumulateGeneralizedForce(model.mechanism(), ws.configuration.kinematics.S, ws.F, ws.tau);
@@ -201,9 +201,7 @@ void TakeForces(const MechanismStep& here, double h) {
 void ForgetInputs(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   state.controls_move = state.knows_driven_rate = false;
-  if (!state.has_wrenches) return;
-  state.wrenches_W.setZero();
-  state.has_wrenches = false;
+  ClearLoads(state);
 }
 
 // x* from the momenta and forces at hand.

@@ -49,12 +49,12 @@ class Hash {
   }
   void One(const MechanismState& state) {
     const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next, knows_driven_rate,
-                 driven_rate, base_history, wrenches_W, has_wrenches, at_bound, interior, past,
+                 driven_rate, base_history, loads, has_loads, at_bound, interior, past,
                  acceleration] = state;
     if (controls_move) Add(controls_from);
     if (knows_driven_rate) Add(driven_rate);
     if (base_history.h > 0) Add(base_history);
-    Add(model, reduced, mu, controls, driven_next, wrenches_W, has_wrenches, at_bound, interior.offset,
+    Add(model, reduced, mu, controls, driven_next, loads, has_loads, at_bound, interior.offset,
         interior.last_way, interior.share, past, acceleration);
   }
   void One(const BaseHistory& history) {
@@ -71,10 +71,13 @@ class Hash {
     Add(h);
     if (h > 0) Add(anew, R_WB, center_W, omega_B, velocity);
   }
+  void One(const AppliedForces& load) {
+    const auto& [force_W, moment_W, force_moments] = load;
+    Add(force_W, moment_W, force_moments);
+  }
   void One(const FreeBody::State& state) {
-    const auto& [X_WB, omega_B, velocity, force_W, moment_W, past, angular_acceleration_B, acceleration] =
-        state;
-    Add(X_WB, omega_B, velocity, force_W, moment_W, past, angular_acceleration_B, acceleration);
+    const auto& [X_WB, omega_B, velocity, load, past, angular_acceleration_B, acceleration] = state;
+    Add(X_WB, omega_B, velocity, load, past, angular_acceleration_B, acceleration);
   }
   void One(const ContactPoint& p) {
     const auto& [body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling,

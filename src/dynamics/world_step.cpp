@@ -145,11 +145,10 @@ StepSubject World::Detail::FindNotFinite() const {
 // What was meant for one step alone.
 void World::Detail::ForgetInputs(WorldState& state) {
   for (MechanismState& m : state.mechanisms) {
-    m.wrenches_W.setZero();
-    m.has_wrenches = false;
+    ClearLoads(m);
     m.controls_move = m.knows_driven_rate = false;
   }
-  for (FreeBody::State& b : state.free_bodies) b.force_W = b.moment_W = Vector3::Zero();
+  for (FreeBody::State& b : state.free_bodies) b.load = {};
 }
 
 // Completes before_, which TakeStep leaves without what it keeps as `previous_`.

@@ -49,7 +49,7 @@ void World::Detail::BeginAll(const StepOptions& options, StepRule rule) {
     if (mechanisms_[i].recovery() == Recovery::kTwist) return;
     const bool free = !MayBeTouched(i);
     // By implicit Euler a pull, however stiff its spring, knows how the pose of the start gives way (RespondAt).
-    const bool pulled = rule == StepRule::kEuler && !mechanisms_[i].wrenches_W().isZero(0);
+    const bool pulled = rule == StepRule::kEuler && mechanisms_[i].has_loads();
     MechanismDynamics& m = mechanisms_[i];
     if (rule != StepRule::kEuler) {
       Begin(m, options.h, options.gravity, free ? StepRule::kMiddle : rule);

@@ -310,7 +310,7 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   for (int k = 0; k < 2; ++k) {
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
       SetInputsOfHalf(mechanisms_[i], whole.start.mechanisms[i], options.h, k == 1);
-    for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].SetWrench(whole.start.free_bodies[i]);
+    for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].SetLoad(whole.start.free_bodies[i]);
     ++depth_;
     const StepReport part = TakeStep(half);
     --depth_;

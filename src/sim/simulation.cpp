@@ -92,7 +92,7 @@ StepReport Simulation::Step() {
   // HoldForces asks for them after the step, which forgets them.
   pushed_W_.clear();
   if (!holds_.empty())
-    for (const MechanismDynamics& m : world_.mechanisms()) pushed_W_.push_back(m.wrenches_W());
+    for (const MechanismDynamics& m : world_.mechanisms()) m.ComputeLoadWrenches_W(pushed_W_.emplace_back());
   const StepReport report = world_.Step(step_options_);
   last_controls_ = controls_;
   last_base_rates_ = base_rates_;

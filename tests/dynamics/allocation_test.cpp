@@ -26,11 +26,24 @@ TEST(WorldAllocation, NoneInAStep) {
     StepOptions step;
     step.integrator = integrator;
     step.refresh = false;
-    for (int i = 0; i < 30; ++i) world.Step(step);
+    const auto push = [&] {
+      MechanismDynamics& m = world.mechanisms()[0];
+      const BodyIndex last(m.mechanism().num_bodies() - 1);
+      m.AddWrench(last, Vector3(0.1, 0, 0), Vector3(0, 0.01, 0), m.BodyPose(last).translation());
+      FreeBody& ball = world.free_bodies()[0];
+      ball.AddWrench(Vector3(0, 0, -0.1), Vector3::Zero(), ball.pose() * Vector3(0.01, 0, 0));
+    };
+    for (int i = 0; i < 30; ++i) {
+      push();
+      world.Step(step);
+    }
     int contacts = 0;
     const long before = allocations.load();
     EXPECT_EQ(before > 0, testing::kCountsAllocations);
-    for (int i = 0; i < 60; ++i) contacts += world.Step(step).contacts;
+    for (int i = 0; i < 60; ++i) {
+      push();
+      contacts += world.Step(step).contacts;
+    }
     const long after = allocations.load();
     EXPECT_EQ(after, before) << static_cast<int>(integrator);
     EXPECT_GT(contacts, 60);

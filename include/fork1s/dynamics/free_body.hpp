@@ -1,6 +1,7 @@
 // A free rigid body.
 #pragma once
 
+#include <fork1s/dynamics/applied_forces.hpp>
 #include <fork1s/dynamics/step_rule.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <string>
@@ -24,11 +25,12 @@ class FreeBody {
   Vector3 center_W() const { return X_WB_ * inertia_.center; }
   /// Share of the weight that nothing compensates.
   double weight_share() const { return weight_share_; }
-  /// Wrenches gathered for the next step: force [N], moment about the centre of mass [N·m], world axes.
-  const Vector3& force_W() const { return force_W_; }
-  const Vector3& moment_W() const { return moment_W_; }
+  /// Forces gathered for the next step, about the centre of mass.
+  const AppliedForces& load() const { return load_; }
 
   void SetState(const RigidTransform& X_WB, const Vector3& omega_W, const Vector3& velocity_of_origin_W);
+  /// Constant in world axes during the next step only. The force acts at the point of the body that is at
+  /// `point_W` now.
   void AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
 
   /// Begins a step of second order. By kMiddle the body stands where its velocity takes it in half the step,
@@ -86,19 +88,16 @@ class FreeBody {
   struct State {
     RigidTransform X_WB;
     Vector3 omega_B = Vector3::Zero(), velocity = Vector3::Zero();  // of the centre, world axes
-    Vector3 force_W = Vector3::Zero(), moment_W = Vector3::Zero();  // of the next step; about the centre
+    AppliedForces load;                                             // of the next step; about the centre
     Past past;
     Vector3 angular_acceleration_B = Vector3::Zero(), acceleration = Vector3::Zero();  // as MechanismState's
   };
   State Save() const {
-    return {X_WB_, omega_B_, velocity_, force_W_, moment_W_, past_, angular_acceleration_B_, acceleration_};
+    return {X_WB_, omega_B_, velocity_, load_, past_, angular_acceleration_B_, acceleration_};
   }
   void Restore(const State& state);
-  /// Wrenches for the next step are those of `state`.
-  void SetWrench(const State& state) {
-    force_W_ = state.force_W;
-    moment_W_ = state.moment_W;
-  }
+  /// Loads for the next step are those of `state`.
+  void SetLoad(const State& state) { load_ = state.load; }
 
   double KineticEnergy() const;
   double PotentialEnergy(const Vector3& gravity_W) const {
@@ -123,8 +122,7 @@ class FreeBody {
   double order_ = 1;                  // kTwoSteps: 1.5, or 1 where nothing is known of the past
   Past past_;
   Vector3 turn_shift_ = Vector3::Zero(), way_shift_ = Vector3::Zero();  // in the body's axes; in the world's
-  Vector3 force_W_ = Vector3::Zero();
-  Vector3 moment_W_ = Vector3::Zero();  // about the centre of mass
+  AppliedForces load_;                                                  // about the centre of mass
   struct StageBase {
     Matrix3 R_WB = Matrix3::Identity();
     Vector3 center_W = Vector3::Zero(), spin_W = Vector3::Zero(), velocity = Vector3::Zero();
@@ -133,8 +131,9 @@ class FreeBody {
   Vector3 gravity_W_ = Vector3::Zero(), spin_end_W_ = Vector3::Zero();
   Vector3 omega_B_first_ = Vector3::Zero(), velocity_first_ = Vector3::Zero();  // of the first stage
   Vector3 angular_acceleration_B_ = Vector3::Zero(), acceleration_ = Vector3::Zero();
+  Vector3 load_moment_W_ = Vector3::Zero();  // at the pose that the stage is linearised at
   Matrix3 InverseInertia_B() const { return rotational_root_ * rotational_root_.transpose(); }
-  Vector3 FreeTurning(double b, const Vector3& spin_W, Vector3 guess) const;
+  Vector3 FreeTurning(double b, Vector3 guess) const;
 };
 
 }  // namespace fork1s

@@ -53,12 +53,16 @@ class MechanismDynamics {
     state_.controls_from.segment(first, from.size()) = from;
     state_.controls_move = true;
   }
-  /// Wrench on a body in world axes about a point p_W that moves with nothing: applied in the next step only.
+  /// Force [N] and moment [N·m] on a body, constant in world axes during the next step only. The force acts
+  /// at the point of the body that is at `point_W` now.
   void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {
-    fork1s::AddWrench(state_, body, force_W, moment_W, point_W);
+    fork1s::AddWrench(*this, body, force_W, moment_W, point_W);
   }
-  /// Those added for the next step [6 x bodies], about the world's origin in world axes.
-  const Matrix6X& wrenches_W() const { return state_.wrenches_W; }
+  bool has_loads() const { return state_.has_loads; }
+  /// Those added for the next step, per body about its origin.
+  const std::vector<AppliedForces>& loads() const { return state_.loads; }
+  /// F <- their wrenches at the present pose [6 x bodies], in the world about its origin.
+  void ComputeLoadWrenches_W(Matrix6X& F) const;
   /// Pose that a driven base reaches at the end of the next step.
   void DriveBase(const RigidTransform& X_WR_next) {
     state_.driven_next = X_WR_next;

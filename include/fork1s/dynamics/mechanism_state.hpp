@@ -1,6 +1,7 @@
 // What a step of a mechanism reads and changes, as plain values.
 #pragma once
 
+#include <fork1s/dynamics/applied_forces.hpp>
 #include <fork1s/mechanism/base_path.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <memory>
@@ -46,8 +47,8 @@ struct MechanismState {
   bool knows_driven_rate = false;
   Vector6 driven_rate = Vector6::Zero();  // its rate there, world axes, where that is known; of the next step only
   BaseHistory base_history;               // of steps of two stages
-  Matrix6X wrenches_W;         // 6 x bodies about the world origin, world axes: of the next step only
-  bool has_wrenches = false;
+  std::vector<AppliedForces> loads;       // per body, about its origin; of the next step only
+  bool has_loads = false;
   std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between; kInSolve
 
   InteriorState interior;

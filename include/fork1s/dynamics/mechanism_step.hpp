@@ -44,10 +44,14 @@ struct MechanismView {
 
 // Inputs.
 
-/// Wrench on a body in world axes about a point p_W that moves with nothing: applied in the next step only.
-void AddWrench(MechanismState& state, BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
+/// Force [N] and moment [N·m] on a body, constant in world axes during the next step only. The force acts at
+/// the point of the body that is at `point_W` now.
+void AddWrench(const MechanismStep& here, BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
                const Vector3& point_W);
-/// Wrenches for the next step are those of `start`, and controls and the pose of a driven base where they
+void ClearLoads(MechanismState& state);
+/// F += wrenches of the loads at the pose at hand [6 x bodies], in R about R's origin.
+void AddLoadWrenches(const MechanismView& here, Matrix6X& F);
+/// Loads for the next step are those of `start`, and controls and the pose of a driven base where they
 /// are after a share of a step that begins there.
 void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share);
 /// Inputs of the first or the second half of a step of length h that begins at `start`.

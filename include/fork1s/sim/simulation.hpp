@@ -123,7 +123,8 @@ class Simulation {
   void Poses(std::vector<RigidTransform>& X_WB) const;
   /// Twist of a body [ω_W; velocity of its origin], world axes.
   Vector6 Velocity(int body) const;
-  /// Force [N], moment [N·m] about `point_W` and point in world axes, for the next step only.
+  /// Force [N] and moment [N·m], constant in world axes during the next step only. The force acts at the
+  /// point of the body that is at `point_W` now.
   void ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
 
   double KineticEnergy() const { return world_.KineticEnergy(); }

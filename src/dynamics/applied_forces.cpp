@@ -1,0 +1,122 @@
+// Forces at points fixed in bodies: wrenches at the pose at hand, and their stiffness in a stage.
+//
+// A force that is constant in world axes has the potential -F·x. Along the joints of a path, with u_j the
+// motion of the point x by joint j alone and Ω_j the turn of what joint j carries,
+//     x'' = Σ_j (Ω_{j-1} + Ω_j) × u_j
+// is its second derivative at constant joint rates, the base being a joint before the first. So
+//     wᵀ K w = -Σ_j (Ω_{j-1} + Ω_j)ᵀ P_j D_j w,   P_j D = Σ u × F = [TurnedLever(G_j) | -[F_j]x] D
+// with D_j the twist of joint j per rate of the reduced coordinates, and F_j, G_j = Σ x Fᵀ sums over all that
+// joint j carries, about R's origin. Translations of the base turn no lever.
+//
+// K is the symmetric part of -∂f/∂x. On a fixed base forces have no other; on a floating one the rest is the
+// moment about the base, in which rotations do not commute, and A stays symmetric without it. Left out are
+// the turn of a pure moment, which has no potential, and the curvature of loops, the change of Q with the
+// pose: by O(b²) the iteration contracts without them. A compressed chain has K < 0. Where A = M + b² K is
+// not positive definite, the chain buckles faster than by a factor e in b; the factorization fails, and the
+// step is halved.
+#include <algorithm>
+
+#include "mechanism_detail.hpp"
+
+namespace fork1s {
+namespace {
+
+std::size_t At(int index) { return static_cast<std::size_t>(index); }
+
+// Of a load about its body's origin: force and Σ x Fᵀ in R about R's origin.
+struct LoadInBase {
+  Vector3 force;
+  Matrix3 force_moments;
+};
+LoadInBase ExpressInBase(const MechanismView& here, const AppliedForces& load, const RigidTransform& X_RB) {
+  const Matrix3& R_WR = here.state.reduced.X_WR.rotation();
+  const Vector3 force = R_WR.transpose() * load.force_W;
+  return {force, X_RB.rotation() * load.force_moments * R_WR + X_RB.translation() * force.transpose()};
+}
+
+}  // namespace
+
+void AddWrench(const MechanismStep& here, BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
+               const Vector3& point_W) {
+  MechanismState& state = here.state;
+  FORK1S_REQUIRE(body.valid() && body.u() < state.loads.size(), body.value());
+  state.loads[body.u()].Add(force_W, moment_W, BodyPose(here, body).inverse() * point_W);
+  state.has_loads = true;
+}
+
+void ClearLoads(MechanismState& state) {
+  if (!state.has_loads) return;
+  std::fill(state.loads.begin(), state.loads.end(), AppliedForces());
+  state.has_loads = false;
+}
+
+void AddLoadWrenches(const MechanismView& here, Matrix6X& F) {
+  const auto& [model, state, ws] = here;
+  if (!state.has_loads) return;
+  const Matrix3 R_RW = state.reduced.X_WR.rotation().transpose();
+  for (int b = 0; b < model.mechanism().num_bodies(); ++b) {
+    const AppliedForces& load = state.loads[At(b)];
+    if (load.IsZero()) continue;
+    const RigidTransform X_WB = BodyPose(here, BodyIndex(b));
+    const Vector3 arm_W = X_WB.translation() - state.reduced.X_WR.translation();
+    F.col(b).head<3>() += R_RW * (load.MomentAt(X_WB.rotation()) + arm_W.cross(load.force_W));
+    F.col(b).tail<3>() += R_RW * load.force_W;
+  }
+}
+
+void ComputeLoadStiffness(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const Mechanism& m = model.mechanism();
+  ws.K_loads.setZero();
+  ws.carried_force.setZero();
+  ws.carried_moments.setZero();
+  LoadInBase total{Vector3::Zero(), Matrix3::Zero()};
+  for (int b = 0; b < m.num_bodies(); ++b) {
+    const AppliedForces& load = state.loads[At(b)];
+    if (load.IsZero()) continue;
+    const LoadInBase in_base = ExpressInBase(here, load, ws.configuration.kinematics.X_RB[At(b)]);
+    total.force_moments += in_base.force_moments;
+    const int j = m.body(BodyIndex(b)).last_joint;
+    if (j < 0) continue;
+    ws.carried_force.col(j) += in_base.force;
+    ws.carried_moments.middleCols<3>(3 * j) += in_base.force_moments;
+  }
+  const int base = model.base_size;
+  if (base > 0) {
+    const Matrix3 turned = AppliedForces::TurnedLever(total.force_moments);
+    ws.K_loads.topLeftCorner<3, 3>() = -0.5 * (turned + turned.transpose());
+  }
+  for (int j = m.num_joints() - 1; j >= 0; --j) {
+    const Vector3 force = ws.carried_force.col(j);
+    const Matrix3 moments = ws.carried_moments.middleCols<3>(3 * j);
+    if (force.isZero(0) && moments.isZero(0)) continue;
+    const int previous = m.joints()[At(j)].previous;
+    const auto T = ws.jacobian.T(j);
+    const auto size = T.cols();
+    const int begin = ws.jacobian.begin(j);
+    // D_j and Ω_{j-1} + Ω_j on the columns that move joint j.
+    auto D = ws.joint_twist.leftCols(size);
+    auto turn = ws.joint_turn.leftCols(size);
+    D = T;
+    turn = T.topRows<3>();
+    if (previous >= 0) {
+      ws.carried_force.col(previous) += force;
+      ws.carried_moments.middleCols<3>(3 * previous) += moments;
+      const auto T_previous = ws.jacobian.T(previous);
+      const int offset = ws.jacobian.begin(previous) - begin;
+      if (T_previous.cols() > 0) {
+        D.middleCols(offset, T_previous.cols()) -= T_previous;
+        turn.middleCols(offset, T_previous.cols()) += T_previous.topRows<3>();
+      }
+    }
+    auto lever = ws.turned_lever.leftCols(size);
+    lever.noalias() = AppliedForces::TurnedLever(moments).lazyProduct(D.topRows<3>());
+    lever.noalias() -= Skew(force).lazyProduct(D.bottomRows<3>());
+    auto K = ws.K_loads.block(base + begin, base + begin, size, size);
+    K.noalias() -= 0.5 * turn.transpose().lazyProduct(lever);
+    K.noalias() -= 0.5 * lever.transpose().lazyProduct(turn);
+    if (base > 0) ws.K_loads.block(base + begin, 0, size, 3) -= lever.transpose();
+  }
+}
+
+}  // namespace fork1s
