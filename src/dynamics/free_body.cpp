@@ -61,7 +61,7 @@ Vector6 FreeBody::PortTwist() const {
 
 Vector6 FreeBody::StartPortTwist() const {
   Vector6 V;
-  V << X_WB_before_.rotation() * omega_B_before_, velocity_before_;
+  V << X_stage_start_.rotation() * stage_start_.omega_B, stage_start_.center;
   return V;
 }
 

@@ -27,6 +27,18 @@ void FreeBody::MoveToStagePose(double b) {
   X_WB_.translation() = stage_base_.center_W + b * velocity_ - X_WB_.rotation() * inertia_.center;
 }
 
+void FreeBody::RecordStageStart(bool of_step) {
+  X_stage_start_ = X_WB_;
+  center_stage_start_ = center_W();
+  stage_start_ = of_step ? Velocity{omega_B_before_, velocity_before_} : Velocity{omega_B_, velocity_};
+}
+
+void FreeBody::MoveToStageStart(double b) {
+  X_WB_ = X_stage_start_;
+  omega_B_ = LogRotation(stage_base_.R_WB.transpose() * X_WB_.rotation()) / b;
+  velocity_ = (center_stage_start_ - stage_base_.center_W) / b;
+}
+
 // ω with R I ω = l̂ + b τ(R) by Newton's method: with m = Rᵀ (l̂ + b τ), ∂m/∂ω = b ([m₀]x + b L) dexp(-b ω). m₀
 // is the part of m that is constant in world axes; forces at points turn their lever, in body axes, by L =
 // TurnedLever(G)ᵀ, G = Σ p (Rᵀ F)ᵀ.

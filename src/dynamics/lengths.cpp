@@ -23,12 +23,16 @@ void LengthRow(const MechanismView& here, const Mechanism::Length& length, const
   if (!(row.tail(count).array().abs() > kRankThreshold * unit * reach).any()) row.setZero();
 }
 
-double LengthRate(const MechanismView& here, const Mechanism::Length& length) {
+double LengthRateBy(const MechanismView& here, const Mechanism::Length& length, const VectorX& x) {
   const auto& [model, state, ws] = here;
   double rate = 0;
   ForEachArm(length, ws.paths(),
-             [&](int i, double c) { rate += c * ws.Q_now().row(i).dot(ws.x.tail(model.size())); });
+             [&](int i, double c) { rate += c * ws.Q_now().row(i).dot(x.tail(model.size())); });
   return rate;
+}
+
+double LengthRate(const MechanismView& here, const Mechanism::Length& length) {
+  return LengthRateBy(here, length, here.work.x);
 }
 
 double Length(const MechanismView& here, const Mechanism::Length& length) {

@@ -141,7 +141,7 @@ Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const Matr
 }
 
 Vector6 GroupTwistAtStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T) {
-  return TwistOfGroup(here, g, J_T, here.work.x_start);
+  return TwistOfGroup(here, g, J_T, here.work.x_stage_start);
 }
 
 // From the last row to the first, as the factor goes: a foot then moves its own leg and the base, and no

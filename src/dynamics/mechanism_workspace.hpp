@@ -118,7 +118,14 @@ struct MechanismWorkspace {
   StageBase step_start, stage_base, stage_end;
   BasePath base_path;  // of a driven base
   Vector3 drift_W = Vector3::Zero();       // m/s, velocity of the point that momenta are taken about
-  double stage_time = 0;                   // s, from the start of the step to the end of the stage
+  double stage_time = 0;  // s, from the start of the step to the pose that a stage is linearized at
+  // Where a stage starts (stage_start.cpp); the twist of a driven base in the stage, in R there.
+  VectorX z_stage_start;  // r
+  VectorX x_stage_start;  // num_velocities
+  RigidTransform X_stage_start;
+  Vector3 center_stage_start = Vector3::Zero();  // m, centre of mass of a floating mechanism
+  double time_stage_start = 0;                   // s
+  Vector6 V_R_stage = Vector6::Zero();
   VectorX x_start, x_first;                // num_velocities: at the start of the step, of its first stage
   Vector3 linear_first_W = Vector3::Zero();            // N s, of a floating mechanism after its first stage
   VectorX stage_rhs, stage_correction, stage_impulse;  // num_velocities

@@ -199,6 +199,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
     block.stop_carried.assign(static_cast<std::size_t>(2 * limited), 0);
     block.stop_is_fresh.assign(static_cast<std::size_t>(2 * limited), 0);
+    block.stop_is_row.assign(static_cast<std::size_t>(2 * limited), 0);
     block.stop_start_gap.assign(static_cast<std::size_t>(2 * limited), 0.0);
     block.friction_impulses.assign(static_cast<std::size_t>(frictions), 0.0);
     detail.has_switches_ = detail.has_switches_ || HasSwitches(m);
@@ -287,7 +288,11 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
         radius = std::max(radius, g.X_BG.translation().norm() + r);
     contactor_radius_.push_back(radius);
     geometry_radius_.emplace_back();
-    for (const GeometryDef& g : body.geometries) geometry_radius_.back().push_back(BoundingRadius(g.shape));
+    inner_radius_.emplace_back();
+    for (const GeometryDef& g : body.geometries) {
+      geometry_radius_.back().push_back(BoundingRadius(g.shape));
+      inner_radius_.back().push_back(Detail::InnerRadius(g.shape));
+    }
   }
   for (const CollisionBodyDef& body : bodies) contactor_pose_.push_back(body.X_WB);
   auto collision = CollisionWorld::Create(bodies, excluded, options.collision);

@@ -16,9 +16,7 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
   ForAll(contactors_.size(), kWorthAThread, [&](std::size_t i) {
     const Contactor& c = contactors_[i];
     if (c.kind == Contactor::Kind::kWorld) return;
-    const RigidTransform X = c.kind == Contactor::Kind::kGroup
-                                 ? GroupPose(mechanisms_[static_cast<std::size_t>(c.index)], c.group)
-                                 : free_bodies_[static_cast<std::size_t>(c.index)].pose();
+    const RigidTransform X = PoseOf(c);
     collision_->SetPose(static_cast<int>(i), X);
     if (!has_previous_pose_) {
       const Vector6 V = c.kind == Contactor::Kind::kGroup
@@ -38,7 +36,8 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
   for (const double own : contactor_motion_) motion = std::max(motion, own);
   if (by_theta_ || two_stage_ || depth_ > 0) motion = MotionWithin(rule_ == StepRule::kMiddle ? 0.5 * options.h : options.h);
   const double needed = kClear + 2 * motion + options.gravity.norm() * options.h * options.h;
-  collision_->SetMargin(std::min(margin_max_, needed));
+  search_margin_ = std::max(least_margin_, std::min(margin_max_, needed));
+  collision_->SetMargin(search_margin_);
   has_previous_pose_ = true;
   report.contacts_dropped = !collision_->Detect(points_);
 }
@@ -105,7 +104,8 @@ void World::Detail::LayOutLimits(std::size_t i, const StepOptions& options) {
     const double gap[2] = {length - limit.lower, limit.upper - length};
     for (int side = 0; side < 2; ++side) {
       const int at = static_cast<int>(2 * k) + side;
-      if (moves && gap[side] < reach)
+      block.stop_is_row[static_cast<std::size_t>(at)] = moves && (all_stops_ || gap[side] < reach);
+      if (block.stop_is_row[static_cast<std::size_t>(at)])
         block.parts[static_cast<std::size_t>(m.step_model().part_of_limited[k])].limits.push_back(at);
       else
         block.limit_impulses[static_cast<std::size_t>(at)] = 0;
@@ -116,7 +116,7 @@ void World::Detail::LayOutLimits(std::size_t i, const StepOptions& options) {
 // Jᵀ of every part of a mechanism, and the twists of its groups at the start of the step.
 void World::Detail::FillRows(std::size_t i) {
   const MechanismDynamics& m = mechanisms_[i];
-  const bool at_start = rule_ == StepRule::kStage && depth_ >= kMaxEventHalvings;
+  const bool at_start = rule_ == StepRule::kStage && (depth_ >= kMaxEventHalvings || from_stage_start_);
   for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
     PartBlock& part = mechanism_blocks_[i].parts[p];
     for (std::size_t g = 0; g < part.groups.size(); ++g) {

@@ -55,6 +55,16 @@ struct World::Detail {
     double largest = 0;        // m
     StepSubject subject;       // of the largest ratio
   };
+  // What may be met within a stage (world_reach.cpp).
+  static double InnerRadius(const Shape& shape);
+  double LargestPairMotion() const;
+  RigidTransform PoseOf(const Contactor& contactor) const;
+  bool MayHavePassed();
+  void RecordStageStart(bool of_step);
+  void PrepareContactsAtStageStart(const StepOptions& stage, StepReport& report);
+  bool CoversMotion();
+  bool PassesStop() const;
+  bool BasePointIsBeyond(const StepOptions& options, StepSubject& subject) const;
   HalvingCause SolveStage(const StepOptions& options, StageScheme scheme, StepReport& report);
   HalvingCause FindStageEvent(const StepOptions& options, StageScheme scheme, int iteration, StepReport& report) const;
   void MoveAllToStagePoses(double b, double time);
@@ -91,6 +101,7 @@ struct World::Detail {
   struct StopApproach {
     bool bore = true;
     double gap = 0, speed = 0;
+    double base_gap = 0;            // m, at the base point of a stage
     double size = 0;                // m, of its mechanism
     double scale = 1;               // m a unit of its length: rad or m
     int mechanism = -1, stop = -1;  // of length_limits()
@@ -206,6 +217,11 @@ struct World::Detail {
   StepRule rule_ = StepRule::kEuler;  // of this step
   bool by_theta_ = false;
   bool two_stage_ = false;
+  // Within a two-stage step: how far contacts were sought last and are at least to be [m]; whether all stops
+  // are rows, and rows are those of the pose where the stage starts.
+  double search_margin_ = 0, least_margin_ = 0;
+  bool all_stops_ = false, from_stage_start_ = false;
+  std::vector<std::vector<double>> inner_radius_;  // m, of a sphere within, per contactor and geometry
   std::vector<char> previous_is_fresh_;  // of previous_, in the second stage: met in the first
   // Of previous_, within a two-stage step: the gap [m] at the start of the step of what carried load there,
   // else NaN.
@@ -254,7 +270,7 @@ struct World::Detail {
     // As limit_impulses, within a two-stage step: whether a stop carried load at the start of the step or in
     // its first stage, whether in the stage alone, and the distance to the stop [m or rad] at the start if
     // there, else NaN.
-    std::vector<char> stop_carried, stop_is_fresh;
+    std::vector<char> stop_carried, stop_is_fresh, stop_is_row;
     std::vector<double> stop_start_gap;
     std::vector<double> friction_impulses;
     VectorX impulse;

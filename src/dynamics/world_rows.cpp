@@ -214,7 +214,7 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   if (middle) p.gap -= 0.5 * h * speed(0);
   // A stage finds contacts at the pose that the velocity at hand leads to: this is the gap at its base point.
   if (stage) p.gap -= h * speed(0);
-  closing_[i] = std::max(0.0, -speed(0));
+  closing_[i] = std::max(0.0, -(from_stage_start_ ? RelativeSpeed(c, start_velocities_) : speed)(0));
   if (const double start_gap = StartGap(i); start_gap <= 0) p.gap = start_gap;
   SetMaterial(options.material, p.gap, h, c);
   // Of the two stages restitution would be extrapolated; a step that meets something that has it is halved. A stage of
@@ -343,6 +343,7 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
         approach = ApproachOf(m, stop, upper);
         approach.mechanism = static_cast<int>(i);
         approach.stop = static_cast<int>(at / 2);
+        approach.base_gap = approach.scale * gap;
         approach.bore = is_stage && block.stop_carried[at];
       }
     }

@@ -197,6 +197,8 @@ StepReport World::Detail::TakeStep(const StepOptions& options) {
   previous_missed_W_.swap(missed_W_);
   rule_ = StepRule::kEuler;
   begins_anew_ = false;
+  least_margin_ = 0;
+  all_stops_ = from_stage_start_ = false;
   if (two_stage_) return TwoStageStep(options);
   if (by_theta_)
     BeginTheta(options, report);

@@ -128,9 +128,13 @@ World::Detail::StopApproach World::Detail::ApproachOf(const MechanismDynamics& m
   const bool turns =
       stop.length.path < 0 && !terms.empty() && m.mechanism().Turns(terms.front().first);
   const double scale = turns ? m.mechanism().length_scale() : 1, length = m.Length(stop.length),
-               rate = LengthRate(m, stop.length);
-  return {false, scale * (upper ? stop.upper - length : length - stop.lower), scale * (upper ? rate : -rate),
-          m.mechanism().length_scale(), scale};
+               rate = from_stage_start_ ? LengthRateAtStageStart(m, stop.length) : LengthRate(m, stop.length);
+  return {false,
+          scale * (upper ? stop.upper - length : length - stop.lower),
+          scale * (upper ? rate : -rate),
+          0,
+          m.mechanism().length_scale(),
+          scale};
 }
 
 // The same of what the step has brought together, and of stops of joints and tendons: at that speed from the start, or

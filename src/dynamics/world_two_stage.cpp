@@ -65,6 +65,7 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
     const PartClock clock(times_, &StepPartTimes::moving);
     ForMechanisms([&](std::size_t i) { BeginTwoStageStep(mechanisms_[i], h, b, options.gravity); });
     for (FreeBody& body : free_bodies_) body.BeginTwoStageStep(b, options.gravity);
+    RecordStageStart(true);
   }
   for (StageScheme scheme = backward_euler ? StageScheme::kBackwardEuler : StageScheme::kFirstOfTwo;;
        scheme = StageScheme::kSecondOfTwo) {
@@ -72,6 +73,7 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
       return HalveOrUndo(options, cause, report);
     StoreStage(b, scheme, report);
     if (scheme != StageScheme::kFirstOfTwo) break;
+    RecordStageStart(false);
     for (MechanismDynamics& m : mechanisms_) ExtrapolateStage(m, b, kOnward);
     for (FreeBody& body : free_bodies_) body.ExtrapolateStage(b, kOnward);
     CarryStartGaps();
@@ -131,12 +133,15 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     SetInputsWithin(mechanisms_[i], before_.mechanisms[i], share);
   MoveAllToStagePoses(stage.h, time);
   ++report.stages;
+  least_margin_ = 0;
+  all_stops_ = from_stage_start_ = false;
   StageResidual last;
   int growths = 0;
   for (int iteration = 1;; ++iteration) {
     ++report.stage_iterations;
     report.max_stage_iterations = std::max(report.max_stage_iterations, iteration);
-    PrepareContacts(stage, report);
+    if (!from_stage_start_) PrepareContacts(stage, report);
+    if (from_stage_start_ || (iteration == 1 && MayHavePassed())) PrepareContactsAtStageStart(stage, report);
     {
       const PartClock clock(times_, &StepPartTimes::free_velocities);
       ForMechanisms([&](std::size_t i) { PredictStage(mechanisms_[i], stage.h); });
@@ -151,10 +156,16 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       return event;
     const StageResidual found = MoveAndComputeResiduals(stage.h, time);
     if (!IsFinite(true)) break;
+    const bool from_start = from_stage_start_;
+    from_stage_start_ = !CoversMotion();
+    if (from_stage_start_) {
+      if (iteration == kMaxNewtonIterations || !std::isfinite(least_margin_)) break;
+      continue;
+    }
     growths += iteration > 1 && !(found.ratio < last.ratio) ? 1 : 0;
     last = found;
     const bool stagnates = found.is_small && (growths > 0 || iteration == kMaxNewtonIterations);
-    if (found.ratio <= 1 || stagnates) {
+    if (!from_start && (found.ratio <= 1 || stagnates)) {
       if (found.ratio > 1) report.stages_converged = false;
       if (found.largest > report.stage_residual) {
         report.stage_residual = found.largest;
@@ -175,7 +186,10 @@ HalvingCause World::Detail::FindStageEvent(const StepOptions& options, StageSche
                                            StepReport& report) const {
   if (scheme == StageScheme::kBackwardEuler) return HalvingCause::kNone;
   // At the first iteration rows still know the velocity that the stage starts with.
-  if (iteration == 1 && MetAtSpeed(options, &report.halving_of)) return HalvingCause::kImpact;
+  if ((iteration == 1 || from_stage_start_) && MetAtSpeed(options, &report.halving_of))
+    return HalvingCause::kImpact;
+  if (scheme == StageScheme::kSecondOfTwo && BasePointIsBeyond(options, report.halving_of))
+    return HalvingCause::kImpact;
   if (scheme == StageScheme::kSecondOfTwo && LeavesAgain(kStageShare * options.h, report.halving_of))
     return HalvingCause::kImpact;
   return HalvingCause::kNone;

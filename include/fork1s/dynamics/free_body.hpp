@@ -42,7 +42,7 @@ class FreeBody {
   void Predict(double h, const Vector3& gravity_W);
   /// [R ω_B; v_centre]: the six-vector on which contacts work, about the centre of mass in world axes.
   Vector6 PortTwist() const;
-  /// The same at the start of the step at hand.
+  /// The same where the stage at hand starts.
   Vector6 StartPortTwist() const;
   /// Y with YᵀY the inverse inertia on that six-vector.
   Matrix6 InverseInertiaRoot() const;
@@ -64,6 +64,8 @@ class FreeBody {
   /// the velocity of the centre.
   void BeginTwoStageStep(double b, const Vector3& gravity_W);
   void MoveToStagePose(double b);
+  void RecordStageStart(bool of_step);
+  void MoveToStageStart(double b);
   /// Velocity of the stage without contact. `touched`: the turn is that of the pose at hand, else it is solved for.
   void PredictStage(double b, bool touched);
   /// After contact: moves to the pose found; the change of position that
@@ -131,6 +133,9 @@ class FreeBody {
   Vector3 gravity_W_ = Vector3::Zero(), spin_end_W_ = Vector3::Zero();
   Vector3 omega_B_first_ = Vector3::Zero(), velocity_first_ = Vector3::Zero();  // of the first stage
   Vector3 angular_acceleration_B_ = Vector3::Zero(), acceleration_ = Vector3::Zero();
+  RigidTransform X_stage_start_;
+  Velocity stage_start_;
+  Vector3 center_stage_start_ = Vector3::Zero();
   Vector3 load_moment_W_ = Vector3::Zero();  // at the pose that the stage is linearised at
   Matrix3 InverseInertia_B() const { return rotational_root_ * rotational_root_.transpose(); }
   Vector3 FreeTurning(double b, Vector3 guess) const;

@@ -133,6 +133,13 @@ void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vect
 /// a floating base is then along its axes there. `time` [s]: from the start of the step to the end of the
 /// stage.
 void MoveToStagePose(const MechanismStep& here, double b, double time);
+/// Records the pose and velocity at hand as those where the next stage starts (stage_start.cpp); `of_step`:
+/// the first.
+void RecordStageStart(const MechanismStep& here, bool of_step);
+/// Moves to that pose; the velocity at hand becomes the one that leads there from the base point, and the
+/// twist of a driven base what its displacement within the stage leaves of it, until RestoreStageBaseTwist.
+void MoveToStageStart(const MechanismStep& here, double b);
+void RestoreStageBaseTwist(const MechanismStep& here);
 /// Free velocity of the stage, linearised at the pose at hand.
 void PredictStage(const MechanismStep& here, double b);
 /// After contact: records the momenta of the stage, moves to the pose found, and returns the change of
@@ -174,7 +181,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
 void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T);
 /// Twist of group g at velocity x: before Predict the present one, after it the free one.
 Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
-/// In a stage: the same of the velocity at the start of the step.
+/// In a stage: the same of the velocity where it starts.
 Vector6 GroupTwistAtStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
 /// After a step by kTwoSteps: the twist that its end velocities would have been at its start, along the
 /// axes of R then and about R's origin, J_T as then.
@@ -192,6 +199,9 @@ void HalfSolve(const MechanismView& here, const VelocityRange& part, Eigen::Ref<
 void LengthRow(const MechanismView& here, const Mechanism::Length& length, const VelocityRange& part,
                Eigen::Ref<VectorX> row);
 double LengthRate(const MechanismView& here, const Mechanism::Length& length);
+/// By the velocity x [num_velocities]; by that where the stage at hand starts.
+double LengthRateBy(const MechanismView& here, const Mechanism::Length& length, const VectorX& x);
+double LengthRateAtStageStart(const MechanismView& here, const Mechanism::Length& length);
 /// Counted from q = 0.
 double Length(const MechanismView& here, const Mechanism::Length& length);
 /// tau [n] += what a force along a length is on the joints.
