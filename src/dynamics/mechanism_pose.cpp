@@ -48,6 +48,7 @@ void Size(const MechanismStep& here) {
   const Mechanism& m = model.mechanism();
   const int r = model.size(), n = model.reduced->num_coordinates(), nx = model.num_velocities();
   ws.A.resize(nx, nx);
+  ws.A_before.resize(nx, nx);
   ws.M_full.resize(nx, nx);
   if (model.base_size > 0) {
     ws.M_full.topLeftCorner<6, 6>() = model.reduced->M_00;
@@ -101,6 +102,13 @@ void UpdateInertia(const MechanismStep& here) {
     ws.M_full.bottomLeftCorner(r, 6) = ws.M_0z.transpose();
   }
   ws.factored_h = -1;
+}
+
+void UpdatePose(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  ws.pose_energy.valid = false;
+  Configure(*model.reduced, state.reduced, ws.configuration);
+  ws.jacobian.Compute(*model.reduced, ws.configuration);
 }
 
 void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed) {

@@ -51,6 +51,7 @@ struct World::Detail {
   // How well an implicit stage is solved at the pose found.
   struct StageResidual {
     double ratio = 0;          // largest residual, in tolerances
+    double change = 0;         // largest change of a mechanism by the last iteration, in tolerances
     bool is_small = true;      // every residual is within its tolerance or kStagnationTolerance of the length
     double largest = 0;        // m
     StepSubject subject;       // of the largest ratio

@@ -23,6 +23,9 @@ constexpr double kOnward = (1 - kStageShare) / kStageShare;            // s
 // A stage that takes more Newton iterations, or whose residual grows more often, diverges or cycles: it is
 // halved.
 constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
+// The matrix of a stage is renewed where this many more iterations would not solve it: they cost as much as a
+// new matrix.
+constexpr int kIterationsOfMatrix = 3;
 // A stage is solved where another iteration would change poses by less than this share of the stage's motion,
 // or of a mechanism's length. By 1e-4 of the motion trees that float without damping gain energy
 // (docs/decisions/001-time-stepping.md).
@@ -30,6 +33,12 @@ constexpr double kRelativeTolerance = 1e-6, kLengthTolerance = 1e-9;
 // Contacts of meshes jump from one facet to another between iterations. A residual that no longer falls is accepted
 // within this share of the length, and reported.
 constexpr double kStagnationTolerance = 1e-6;
+
+// Residual after an iteration and change by it, in tolerances.
+bool IsSlow(double residual, double change) {
+  const double contraction = residual / change;
+  return !(residual * std::pow(contraction, kIterationsOfMatrix) <= 1);
+}
 
 double Tolerance(double motion, double length) { return kRelativeTolerance * motion + kLengthTolerance * length; }
 
@@ -133,13 +142,14 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   ++report.stages;
   StageResidual last;
   int growths = 0;
+  bool is_fresh = scheme != StageScheme::kSecondOfTwo;
   for (int iteration = 1;; ++iteration) {
     ++report.stage_iterations;
     report.max_stage_iterations = std::max(report.max_stage_iterations, iteration);
     PrepareContacts(stage, report);
     {
       const PartClock clock(times_, &StepPartTimes::free_velocities);
-      ForMechanisms([&](std::size_t i) { PredictStage(mechanisms_[i], stage.h); });
+      ForMechanisms([&](std::size_t i) { SolveFreeStage(mechanisms_[i], stage.h); });
       FindTouchedBodies();
       for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].PredictStage(stage.h, touched_[i] != 0);
     }
@@ -151,7 +161,9 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       return event;
     const StageResidual found = MoveAndComputeResiduals(stage.h, time);
     if (!IsFinite(true)) break;
-    growths += iteration > 1 && !(found.ratio < last.ratio) ? 1 : 0;
+    const bool is_slow = IsSlow(found.ratio, found.change);
+    // By a matrix of another pose a growth says nothing of the equation.
+    growths += iteration > 1 && is_fresh && !(found.ratio < last.ratio) ? 1 : 0;
     last = found;
     const bool stagnates = found.is_small && (growths > 0 || iteration == kMaxNewtonIterations);
     if (found.ratio <= 1 || stagnates) {
@@ -164,6 +176,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       return HalvingCause::kNone;
     }
     if (iteration == kMaxNewtonIterations || growths > kMaxResidualGrowths) break;
+    is_fresh = is_slow;
+    if (is_slow) ForMechanisms([&](std::size_t i) { RenewStageMatrix(mechanisms_[i]); });
   }
   const StepSubject not_finite = FindNotFinite();
   report.halving_of = not_finite.kind == StepSubject::Kind::kNone ? last.subject : not_finite;
@@ -185,13 +199,14 @@ HalvingCause World::Detail::FindStageEvent(const StepOptions& options, StageSche
 World::Detail::StageResidual World::Detail::MoveAndComputeResiduals(double b, double time) {
   const PartClock clock(times_, &StepPartTimes::moving);
   StageResidual out;
-  const auto check = [&](double residual, double motion, double length, StepSubject::Kind kind,
+  const auto check = [&](double residual, double change, double motion, double length, StepSubject::Kind kind,
                          std::size_t index) {
     // What is beyond the range of numbers is not solved, however large the motion that the residual is
     // compared with.
     const double ratio = std::isfinite(motion) && std::isfinite(residual)
                              ? residual / std::max(Tolerance(motion, length), 1e-300)
                              : std::numeric_limits<double>::infinity();
+    out.change = std::max(out.change, change / std::max(Tolerance(motion, length), 1e-300));
     out.largest = std::max(out.largest, residual);
     out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
     if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
@@ -199,15 +214,15 @@ World::Detail::StageResidual World::Detail::MoveAndComputeResiduals(double b, do
     out.subject = {kind, static_cast<int>(index), -1};
   };
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    double motion = 0;
-    const double residual = MoveAndComputeResidual(mechanisms_[i], b, time, motion);
-    check(residual, motion, mechanisms_[i].mechanism().length_scale(), StepSubject::Kind::kMechanism, i);
+    const StageChange found = MoveAndComputeResidual(mechanisms_[i], b, time);
+    check(found.residual, found.change, found.motion, mechanisms_[i].mechanism().length_scale(),
+          StepSubject::Kind::kMechanism, i);
   }
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) {
     FreeBody& body = free_bodies_[i];
     double motion = 0;
     const double residual = body.MoveAndComputeResidual(b, motion);
-    check(residual, motion, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
+    check(residual, 0, motion, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
           StepSubject::Kind::kFreeBody, i);
   }
   return out;

@@ -133,12 +133,18 @@ void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vect
 /// a floating base is then along its axes there. `time` [s]: from the start of the step to the end of the
 /// stage.
 void MoveToStagePose(const MechanismStep& here, double b, double time);
-/// Free velocity of the stage, linearised at the pose at hand.
-void PredictStage(const MechanismStep& here, double b);
-/// After contact: records the momenta of the stage, moves to the pose found, and returns the change of
-/// position that another Newton iteration would make [m], in the kinetic metric. `motion` [m]: that of the
-/// stage beside the drift of its base or centre of mass, likewise.
-double MoveAndComputeResidual(const MechanismStep& here, double b, double time, double& motion);
+/// Velocity of the stage without contact by (2) of implicit_stage.cpp at the pose at hand.
+void SolveFreeStage(const MechanismStep& here, double b);
+/// The matrix of the stage is made anew, with the inertia of the pose at hand, by the next solve.
+void RenewStageMatrix(const MechanismStep& here);
+/// Of a Newton iteration [m], in the kinetic metric.
+struct StageChange {
+  double residual = 0;  // change of position that another iteration would make
+  double change = 0;    // that this one made
+  double motion = 0;    // of the stage, beside the drift of its base or centre of mass
+};
+/// After contact: records the momenta of the stage and moves to the pose found.
+StageChange MoveAndComputeResidual(const MechanismStep& here, double b, double time);
 /// Forces of servos and slack springs at the pose of a stage that was solved, and their saturation.
 void StoreSwitchedForces(const MechanismStep& here);
 /// What the changes of saturation since StoreSwitchedForces displace by the extrapolation of the first stage's forces.
