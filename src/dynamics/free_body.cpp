@@ -6,7 +6,7 @@
 namespace fork1s {
 namespace {
 
-Matrix3 RootOf(const Matrix3& positive) {
+Matrix3 CholeskyRoot(const Matrix3& positive) {
   MatrixX L = positive;
   CholeskyInPlace(L);
   return Matrix3(L.triangularView<Eigen::Lower>());
@@ -18,7 +18,7 @@ FreeBody::FreeBody(const FreeBodyDef& definition)
     : name_(definition.name),
       inertia_(definition.inertia),
       weight_share_(1 - definition.gravity_compensation),
-      rotational_root_(RootOf(definition.inertia.rotational.inverse())),
+      rotational_root_(CholeskyRoot(definition.inertia.rotational.inverse())),
       X_WB_(definition.X_WB) {}
 
 void FreeBody::SetState(const RigidTransform& X_WB, const Vector3& omega_W,

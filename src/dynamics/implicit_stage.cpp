@@ -141,28 +141,66 @@ void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vect
   ws.matrix_b = 0;
 }
 
-void MoveToStagePose(const MechanismStep& here, double b, double time) {
+namespace {
+
+// Coordinates x̂ ⊕ b v of the stage that ends at `time`, and the centre of mass of what floats.
+void MoveCoordinates(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
-  const StageBase& base = ws.stage_base;
-  const int r = model.size();
+  state.reduced.z = ws.stage_base.z;
+  if (model.size() > 0) state.reduced.z += b * ws.x.tail(model.size());
+  if (model.base_size > 0) ws.stage_center_W = ws.stage_base.center_W + b / ws.M_00(5, 5) * ws.stage_linear_W;
+}
+
+// Pose of x̂ ⊕ b v: with Q and Jacobians, or that of bodies alone.
+void MovePose(const MechanismStep& here, double b, double time, bool with_derivatives) {
+  const auto& [model, state, ws] = here;
+  MoveCoordinates(here, b);
   ws.stage_time = time;
-  state.reduced.z = base.z;
-  if (r > 0) state.reduced.z += b * ws.x.tail(r);
   if (model.mechanism().base() == BaseKind::kDriven) MoveDrivenBase(here, time);
   if (model.base_size > 0) {
     Matrix3& R_WR = state.reduced.X_WR.rotation();
     const Vector3 velocity_W = R_WR * ws.x.segment<3>(3);
-    R_WR = base.R_WR * ExpRotation(b * ws.x.head<3>());
+    R_WR = ws.stage_base.R_WR * ExpRotation(b * ws.x.head<3>());
     state.reduced.X_WR.Orthonormalize();
     // The same velocity in the axes of the pose found: a turn by δ would change one of V by V δ.
     ws.x.segment<3>(3) = R_WR.transpose() * velocity_W;
   }
-  UpdatePose(here);
+  if (with_derivatives) {
+    UpdatePose(here);
+  } else {
+    ws.pose_energy.valid = false;
+    ConfigurePose(*model.reduced, state.reduced, ws.configuration);
+  }
   if (model.base_size > 0)
     state.reduced.X_WR.translation() =
-        base.center_W + b / ws.M_00(5, 5) * ws.stage_linear_W -
+        ws.stage_center_W -
         state.reduced.X_WR.rotation() * CenterOfParts(model.rigid_parts, ws.configuration.kinematics);
+}
+
+// Of the velocity found at the pose at hand: by these the stage ends.
+void RecordStageMomenta(const MechanismStep& here, double b, double time) {
+  const auto& [model, state, ws] = here;
+  ComputeFlatMomenta(here, time, ws.stage_end);
+  if (model.base_size == 0) return;
+  ws.stage_end.momentum_defect = Total(ws.stage_base) +
+                                 FlattenWrench(here, time, b * ws.base_force + ws.impulse.head<6>()) -
+                                 ws.stage_end.momentum.rowwise().sum();
+  ws.stage_linear_W = LinearMomentum(here, ws.stage_end);
+}
+
+}  // namespace
+
+void MoveToStagePose(const MechanismStep& here, double b, double time) {
+  MovePose(here, b, time, true);
   EvaluateStage(here, b);
+}
+
+void AcceptStage(const MechanismStep& here, double b, double time, StagePose pose) {
+  RecordStageMomenta(here, b, time);
+  if (pose == StagePose::kNone)
+    MoveCoordinates(here, b);
+  else
+    MovePose(here, b, time, pose == StagePose::kAll);
 }
 
 namespace {
@@ -254,33 +292,41 @@ void SolveFreeStage(const MechanismStep& here, double b) {
   ws.x -= ws.contact_shift;
 }
 
-StageChange MoveAndComputeResidual(const MechanismStep& here, double b, double time) {
+namespace {
+
+// Displacement [m] by a velocity x [num_velocities] within b, in the kinetic metric.
+double Displacement(const MechanismStep& here, double b, const VectorX& x) {
+  MechanismWorkspace& ws = here.work;
+  ws.solved.noalias() = ws.M_full * x;
+  return b * RootOf(x.dot(ws.solved) / std::max(here.model.mechanism().total_mass(), 1e-300));
+}
+
+}  // namespace
+
+StageChange ComputeStageChange(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
   StageChange out;
-  ComputeFlatMomenta(here, time, ws.stage_end);
-  if (model.base_size > 0) {
-    ws.stage_end.momentum_defect = Total(ws.stage_base) +
-                                   FlattenWrench(here, time, b * ws.base_force + ws.impulse.head<6>()) -
-                                   ws.stage_end.momentum.rowwise().sum();
-    ws.stage_linear_W = LinearMomentum(here, ws.stage_end);
-  }
-  ws.stage_correction = ws.x + ws.contact_shift;
-  MoveToStagePose(here, b, time);
   if (model.num_velocities() == 0) return out;
-  const double mass = std::max(model.mechanism().total_mass(), 1e-300);
-  ws.solved.noalias() = ws.M_full * ws.stage_correction;
-  out.change = b * RootOf(ws.stage_correction.dot(ws.solved) / mass);
+  ws.rhs = ws.x + ws.contact_shift;
+  out.change = Displacement(here, b, ws.rhs);
+  // Beside the drift of the base: what moves along with something is solved as well as what rests.
+  out.motion = Displacement(here, b, ws.x);
+  if (model.base_size > 0)
+    out.motion = RootOf(out.motion * out.motion - b * b * ws.solved.segment<3>(3).squaredNorm() /
+                                                      (ws.M_00(5, 5) * model.mechanism().total_mass()));
+  return out;
+}
+
+double MoveAndComputeResidual(const MechanismStep& here, double b, double time) {
+  const auto& [model, state, ws] = here;
+  RecordStageMomenta(here, b, time);
+  MoveToStagePose(here, b, time);
+  if (model.num_velocities() == 0) return 0;
   ComputeStageResidual(here, b, ws.stage_correction);
   ws.stage_correction += ws.impulse;
   ws.rhs = ws.stage_correction;
   ws.factor.SolveInPlace(ws.rhs);
-  out.residual = b * RootOf(ws.stage_correction.dot(ws.rhs) / mass);
-  // Beside the drift of the base: what moves along with something is solved as well as what rests.
-  ws.solved.noalias() = ws.M_full * ws.x;
-  double twice_energy = ws.x.dot(ws.solved);
-  if (model.base_size > 0) twice_energy -= ws.solved.segment<3>(3).squaredNorm() / ws.M_00(5, 5);
-  out.motion = b * RootOf(twice_energy / mass);
-  return out;
+  return b * RootOf(ws.stage_correction.dot(ws.rhs) / std::max(model.mechanism().total_mass(), 1e-300));
 }
 
 void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
@@ -293,9 +339,7 @@ void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
   base.joint_momentum = start.joint_momentum + onward * (ws.stage_end.joint_momentum - start.joint_momentum);
   if (model.base_size > 0) {
     base.R_WR = start.R_WR * ExpRotation(onward * b * ws.x.head<3>());
-    const Vector3 center_W =
-        state.reduced.X_WR * CenterOfParts(model.rigid_parts, ws.configuration.kinematics);
-    base.center_W = start.center_W + onward * (center_W - start.center_W);
+    base.center_W = start.center_W + onward * (ws.stage_center_W - start.center_W);
   }
   // The second stage is linearised first by the velocity on the line through the start and the first stage.
   ws.x_first = ws.x;

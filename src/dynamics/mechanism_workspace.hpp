@@ -124,6 +124,7 @@ struct MechanismWorkspace {
   double stage_time = 0;                   // s, from the start of the step to the end of the stage
   VectorX x_start, x_first;                // num_velocities: at the start of the step, of its first stage
   Vector3 linear_first_W = Vector3::Zero();            // N s, of a floating mechanism after its first stage
+  Vector3 stage_center_W = Vector3::Zero();  // m, centre of mass of what floats at the end of the stage
   Vector3 stage_linear_W = Vector3::Zero();            // N s, at the end of the stage
   VectorX stage_correction;                            // num_velocities
   MatrixX A_before;  // num_velocities²: A but for stiffness of the pose at hand

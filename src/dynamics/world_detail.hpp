@@ -21,6 +21,16 @@ namespace fork1s {
 /// The worst of two solves of one step, into `solver`.
 void KeepWorst(const ContactSolverReport& then, ContactSolverReport& solver);
 
+/// How well an implicit stage is solved at the pose found.
+struct StageResidual {
+  double ratio = 0;     // largest residual, in tolerances
+  double largest = 0;   // m
+  StepSubject subject;  // of the largest ratio
+  bool is_small =
+      true;  // every residual is within its tolerance or a share of the length that noise may leave
+  bool is_slow = false;  // the iteration contracts so slowly that a new matrix is worth its cost
+};
+
 struct World::Detail {
   StepReport Step(const StepOptions& options);
   StepReport TakeStep(const StepOptions& options);
@@ -48,18 +58,11 @@ struct World::Detail {
   bool UsesTwoStages(const StepOptions& options) const;
   StepReport TwoStageStep(const StepOptions& options);
   enum class StageScheme { kFirstOfTwo, kSecondOfTwo, kBackwardEuler };
-  // How well an implicit stage is solved at the pose found.
-  struct StageResidual {
-    double ratio = 0;          // largest residual, in tolerances
-    double change = 0;         // largest change of a mechanism by the last iteration, in tolerances
-    bool is_small = true;      // every residual is within its tolerance or kStagnationTolerance of the length
-    double largest = 0;        // m
-    StepSubject subject;       // of the largest ratio
-  };
   HalvingCause SolveStage(const StepOptions& options, StageScheme scheme, StepReport& report);
   HalvingCause FindStageEvent(const StepOptions& options, StageScheme scheme, int iteration, StepReport& report) const;
   void MoveAllToStagePoses(double b, double time);
-  StageResidual MoveAndComputeResiduals(double b, double time);
+  StageResidual MoveAndComputeResiduals(const StepOptions& stage, StageScheme scheme, double time,
+                                        bool is_first);
   bool ChangesSaturation(double b, StepReport& report);
   bool LeavesAgain(double b, StepSubject& subject) const;
   void StoreStage(double b, StageScheme scheme, StepReport& report);
@@ -207,6 +210,10 @@ struct World::Detail {
   StepRule rule_ = StepRule::kEuler;  // of this step
   bool by_theta_ = false;
   bool two_stage_ = false;
+  // Of Newton's iteration, as measured last: [1] in the second of two stages, whose matrix is older, [0] in
+  // others.
+  std::array<double, 2> contraction_ = {1, 1};
+  std::vector<StageChange> stage_changes_;  // of mechanisms_
   std::vector<char> previous_is_fresh_;  // of previous_, in the second stage: met in the first
   // Of previous_, within a two-stage step: the gap [m] at the start of the step of what carried load there,
   // else NaN.

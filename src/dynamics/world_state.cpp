@@ -100,10 +100,10 @@ class Hash {
 
 std::uint64_t HashOf(const WorldState& state, const VectorX& inputs) {
   const auto& [mechanisms, free_bodies, contacts, contacts_h, speeds_W, missed_W, port_twists,
-               speeds_are_last, contactor_poses, has_contactor_poses, rows] = state;
+               speeds_are_last, contactor_poses, has_contactor_poses, contraction, rows] = state;
   Hash hash;
   hash.Add(mechanisms, free_bodies, contacts, contacts_h, speeds_W, missed_W, port_twists, speeds_are_last,
-           contactor_poses, has_contactor_poses, rows, inputs);
+           contactor_poses, has_contactor_poses, contraction[0], contraction[1], rows, inputs);
   return hash.value();
 }
 

@@ -139,12 +139,18 @@ void SolveFreeStage(const MechanismStep& here, double b);
 void RenewStageMatrix(const MechanismStep& here);
 /// Of a Newton iteration [m], in the kinetic metric.
 struct StageChange {
-  double residual = 0;  // change of position that another iteration would make
-  double change = 0;    // that this one made
-  double motion = 0;    // of the stage, beside the drift of its base or centre of mass
+  double change = 0;  // of position, that this one makes
+  double motion = 0;  // of the stage, beside the drift of its base or centre of mass
 };
-/// After contact: records the momenta of the stage and moves to the pose found.
-StageChange MoveAndComputeResidual(const MechanismStep& here, double b, double time);
+/// After contact, at the pose linearised at.
+StageChange ComputeStageChange(const MechanismStep& here, double b);
+/// After contact: records the momenta of the stage, moves to the pose found, and returns the change of
+/// position that another Newton iteration would make [m], in the kinetic metric.
+double MoveAndComputeResidual(const MechanismStep& here, double b, double time);
+/// What is needed at the pose found of a stage: nothing, poses of bodies, or Jacobians too.
+enum class StagePose { kNone, kBodies, kAll };
+/// After contact, in place of MoveAndComputeResidual: the stage is solved.
+void AcceptStage(const MechanismStep& here, double b, double time, StagePose pose);
 /// Forces of servos and slack springs at the pose of a stage that was solved, and their saturation.
 void StoreSwitchedForces(const MechanismStep& here);
 /// What the changes of saturation since StoreSwitchedForces displace by the extrapolation of the first stage's forces.
