@@ -186,6 +186,7 @@ void EvaluateStage(const MechanismStep& here) {
   ProjectMomentum(here, ws.stage_time, ws.stage_base);
   LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.gravity_W);
   if (model.size() > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.g, ws.f_z);
+  if (state.point_spring.IsActive()) EvaluatePointSpring(here);
   if (HasSwitches(here)) OpenSwitches(here);
 }
 
@@ -268,11 +269,12 @@ void AssembleStage(const MechanismStep& here, double b) {
   ws.A = ws.M_full;
   ws.stage_rhs = ws.momentum;
   if (model.base_size > 0) ws.stage_rhs.head<6>() += b * ws.base_force;
-  if (state.has_loads) {
+  if (state.has_loads || state.point_spring.IsActive()) {
     ComputeLoadStiffness(here);
     ws.A.triangularView<Eigen::Lower>() += b * b * ws.K_loads;
     ws.stage_rhs.noalias() -= b * b * ws.K_loads.selfadjointView<Eigen::Lower>() * ws.contact_shift;
   }
+  if (state.point_spring.IsActive()) AddPointSpringOperator(here, b);
   if (r == 0) return;
   auto A_z = ws.A.bottomRightCorner(r, r);
   ws.w_mean = -ws.contact_shift.tail(r);

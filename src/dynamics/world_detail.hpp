@@ -23,6 +23,7 @@ void KeepWorst(const ContactSolverReport& then, ContactSolverReport& solver);
 
 struct World::Detail {
   StepReport Step(const StepOptions& options);
+  void AddPointSpringForces(const StepOptions& options);
   StepReport TakeStep(const StepOptions& options);
   void SaveBodies(WorldState& out) const;
   void Save(WorldState& out) const;
