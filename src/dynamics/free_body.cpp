@@ -72,6 +72,7 @@ Vector6 FreeBody::OriginVelocity() const {
 }
 
 Matrix6 FreeBody::InverseInertiaRoot() const {
+  if (is_stiff_) return stage_root_;
   Matrix6 Y = Matrix6::Zero();
   Y.topLeftCorner<3, 3>() = (X_WB_.rotation() * rotational_root_).transpose();
   Y.bottomRightCorner<3, 3>() = Matrix3::Identity() / std::sqrt(inertia_.mass);
@@ -142,6 +143,7 @@ void FreeBody::Integrate(double h) {
 }
 
 void FreeBody::EndStep() {
+  is_stiff_ = false;
   rule_ = StepRule::kEuler;
   order_ = 1;
   turn_shift_.setZero();
@@ -153,6 +155,7 @@ void FreeBody::Restore(const State& state) {
   omega_B_ = omega_B_before_ = state.omega_B;
   velocity_ = velocity_before_ = state.velocity;
   load_ = state.load;
+  point_spring_ = state.point_spring;
   past_ = state.past;
   angular_acceleration_B_ = state.angular_acceleration_B;
   acceleration_ = state.acceleration;

@@ -84,6 +84,8 @@ void MoveDrivenBase(const MechanismStep& here, double time) {
   state.reduced.V_R = BaseTwist(path, share, state.reduced.X_WR);
 }
 
+bool HasForcesFromOutside(const MechanismState& state) { return state.has_loads || state.point_spring.IsActive(); }
+
 // Momenta and forces of the stage at the pose that the velocity x has led to.
 void EvaluateStage(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
@@ -91,6 +93,7 @@ void EvaluateStage(const MechanismStep& here, double b) {
   ComputeMomentumResidual(here, ws.stage_time, ws.stage_base, ws.x, b);
   LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.gravity_W);
   if (model.size() > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.g, ws.f_z);
+  if (state.point_spring.IsActive()) EvaluatePointSpring(here);
   if (HasSwitches(here)) OpenSwitches(here);
 }
 
@@ -182,9 +185,17 @@ void RecordStageMomenta(const MechanismStep& here, double b, double time) {
   const auto& [model, state, ws] = here;
   ComputeFlatMomenta(here, time, ws.stage_end);
   if (model.base_size == 0) return;
-  ws.stage_end.momentum_defect = Total(ws.stage_base) +
-                                 FlattenWrench(here, time, b * ws.base_force + ws.impulse.head<6>()) -
-                                 ws.stage_end.momentum.rowwise().sum();
+  Vector6 impulse = b * ws.base_force + ws.impulse.head<6>();
+  if (HasForcesFromOutside(state)) {
+    // As the velocity found has changed them.
+    ws.rhs = ws.x + ws.contact_shift;
+    ws.solved.noalias() = ws.K_loads.selfadjointView<Eigen::Lower>() * ws.rhs;
+    impulse -= b * b * ws.solved.head<6>();
+    if (state.point_spring.IsActive())
+      impulse -= state.point_spring.ImplicitMass(b) * (ws.spring_J.leftCols<6>().transpose() * (ws.spring_J * ws.rhs));
+  }
+  ws.stage_end.momentum_defect =
+      Total(ws.stage_base) + FlattenWrench(here, time, impulse) - ws.stage_end.momentum.rowwise().sum();
   ws.stage_linear_W = LinearMomentum(here, ws.stage_end);
 }
 
@@ -208,7 +219,7 @@ namespace {
 // Springs of paths, those that are not linear and loads turn and stiffen with the pose; all else in A is that
 // of an earlier one.
 bool StiffnessIsOfPose(const MechanismStep& here) {
-  return here.model.has_bent_springs || here.state.has_loads;
+  return here.model.has_bent_springs || HasForcesFromOutside(here.state);
 }
 
 // A of (2), with the inertia at hand, but for what StiffnessIsOfPose tells of.
@@ -240,10 +251,11 @@ void UpdateStageMatrix(const MechanismStep& here, double b) {
 void AddStiffnessOfPose(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
   ws.A = ws.A_before;
-  if (state.has_loads) {
+  if (HasForcesFromOutside(state)) {
     ComputeLoadStiffness(here);
     ws.A.triangularView<Eigen::Lower>() += b * b * ws.K_loads;
   }
+  if (state.point_spring.IsActive()) AddPointSpringOperator(here, b);
   if (model.size() > 0) AddNonlinearStiffness(here, b * b);
   ws.matrix_is_definite = ws.factor.Compute(ws.A);
 }

@@ -36,8 +36,16 @@ void LoadForces(const MechanismStep& here, const Vector3& gravity_R);
 void LoadForcesTwist(const MechanismStep& here, const Vector3& gravity_R, const Vector6& A_R);
 
 // Loads (applied_forces.cpp).
-/// K_loads <- stiffness of the loads at the pose at hand.
+/// K_loads <- geometric stiffness of the loads and of the point spring at the pose at hand.
 void ComputeLoadStiffness(const MechanismStep& here);
+
+// A point spring (point_spring.cpp).
+/// At the pose at hand: its Jacobian; f_z and base_force += its force without the damper.
+void EvaluatePointSpring(const MechanismStep& here);
+/// Force in R [N] with the damper, at the velocity that led to the pose at hand.
+Vector3 PointSpringForce(const MechanismView& here);
+/// A, stage_rhs += its stiffness and damping in a stage of length b [s], but for the geometric stiffness.
+void AddPointSpringOperator(const MechanismStep& here, double b);
 
 // The interior (interior.cpp).
 void FollowLoads(const MechanismStep& here);

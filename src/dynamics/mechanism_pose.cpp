@@ -73,6 +73,7 @@ void Size(const MechanismStep& here) {
   ws.tau.resize(n);
   ws.F.resize(6, m.num_bodies());
   ws.K_loads.resize(nx, nx);
+  ws.spring_J.resize(3, nx);
   ws.carried_force.resize(3, m.num_joints());
   ws.carried_moments.resize(3, 3 * m.num_joints());
   ws.joint_twist.resize(6, r);
@@ -134,6 +135,7 @@ void SetInputsWithin(const MechanismStep& here, const MechanismState& start, dou
   MechanismState& state = here.state;
   state.loads = start.loads;
   state.has_loads = start.has_loads;
+  state.point_spring = start.point_spring.Within(0, share);
   state.driven_next = start.driven_next;
   state.controls = start.controls;
   if (share >= 1) return;
@@ -169,6 +171,7 @@ void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, dou
     state.driven_rate = path.RateAt(share);
     state.knows_driven_rate = true;
   }
+  state.point_spring = start.point_spring.Within(second ? 0.5 : 0, second ? 1 : 0.5);
   state.controls_move = start.controls_move;
   state.controls_from = start.controls_from;
   if (second && start.controls_move) state.controls_from = 0.5 * (start.controls_from + start.controls);

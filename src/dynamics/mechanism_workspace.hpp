@@ -138,6 +138,10 @@ struct MechanismWorkspace {
   Matrix3X carried_moments;           // 3 x 3 joints, N·m: Σ x Fᵀ likewise, about R's origin
   Matrix6X joint_twist;               // 6 x r, of one joint
   Matrix3X joint_turn, turned_lever;  // 3 x r
+  // Of a point spring (point_spring.cpp).
+  Matrix3X spring_J;                       // 3 x num_velocities, velocity of its point in R
+  Vector3 spring_point_R, spring_force_R;  // m; N, without the damper
+  Vector3 spring_base_velocity_R;          // m/s, of its point with a driven base
   // Of force limits and of slack springs at the end of the first stage.
   VectorX stage_limit_force, stage_slack_force;
   std::vector<signed char> stage_at_bound, stage_slack_side;

@@ -141,6 +141,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   rule_ = StepRule::kStage;
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
     SetInputsWithin(mechanisms_[i], before_.mechanisms[i], share);
+  for (std::size_t i = 0; i < free_bodies_.size(); ++i)
+    free_bodies_[i].SetInputsWithin(before_.free_bodies[i], 0, share);
   MoveAllToStagePoses(stage.h, time);
   ++report.stages;
   StageResidual last;
@@ -366,7 +368,8 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   for (int k = 0; k < 2; ++k) {
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
       SetInputsOfHalf(mechanisms_[i], whole.start.mechanisms[i], options.h, k == 1);
-    for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].SetLoad(whole.start.free_bodies[i]);
+    for (std::size_t i = 0; i < free_bodies_.size(); ++i)
+      free_bodies_[i].SetInputsWithin(whole.start.free_bodies[i], k == 0 ? 0 : 0.5, k == 0 ? 0.5 : 1);
     ++depth_;
     const StepReport part = TakeStep(half);
     --depth_;

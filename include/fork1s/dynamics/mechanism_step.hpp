@@ -48,6 +48,7 @@ struct MechanismView {
 /// the point of the body that is at `point_W` now.
 void AddWrench(const MechanismStep& here, BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
                const Vector3& point_W);
+void SetPointSpring(const MechanismStep& here, BodyIndex body, const PointSpring& spring);
 void ClearLoads(MechanismState& state);
 /// F += wrenches of the loads at the pose at hand [6 x bodies], in R about R's origin.
 void AddLoadWrenches(const MechanismView& here, Matrix6X& F);
