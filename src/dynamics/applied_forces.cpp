@@ -71,15 +71,20 @@ void ComputeLoadStiffness(const MechanismStep& here) {
   ws.carried_force.setZero();
   ws.carried_moments.setZero();
   LoadInBase total{Vector3::Zero(), Matrix3::Zero()};
-  for (int b = 0; b < m.num_bodies(); ++b) {
-    const AppliedForces& load = state.loads[At(b)];
-    if (load.IsZero()) continue;
-    const LoadInBase in_base = ExpressInBase(here, load, ws.configuration.kinematics.X_RB[At(b)]);
+  const auto add = [&](BodyIndex body, const LoadInBase& in_base) {
     total.force_moments += in_base.force_moments;
-    const int j = m.body(BodyIndex(b)).last_joint;
-    if (j < 0) continue;
+    const int j = m.body(body).last_joint;
+    if (j < 0) return;
     ws.carried_force.col(j) += in_base.force;
     ws.carried_moments.middleCols<3>(3 * j) += in_base.force_moments;
+  };
+  if (state.has_loads)
+    for (int b = 0; b < m.num_bodies(); ++b)
+      if (const AppliedForces& load = state.loads[At(b)]; !load.IsZero())
+        add(BodyIndex(b), ExpressInBase(here, load, ws.configuration.kinematics.X_RB[At(b)]));
+  if (state.point_spring.IsActive()) {
+    const Vector3 force = PointSpringForce(here);
+    add(state.point_spring_body, {force, ws.spring_point_R * force.transpose()});
   }
   const int base = model.base_size;
   if (base > 0) {

@@ -54,6 +54,10 @@ void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_be
                          const Matrix6X& contacts_W, const VectorX& stops, double h, bool by_euler) {
   h_ = h;
   by_euler_ = by_euler;
+  if (m.point_spring().IsActive()) {
+    const BodyIndex body = m.point_spring_body();
+    applied_.col(body.value()) += m.point_spring().Wrench(m.BodyPose(body), m.BodyVelocity(body));
+  }
   if (steps_ == 0) applied_before_ = applied_;
   loads_[0].F_W = applied_before_ + contacts_before_W;
   loads_[1].F_W = applied_ + contacts_W;

@@ -220,6 +220,12 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
   for (std::size_t i = 0; i < d.free_bodies.size(); ++i) {
     FreeBodyPath& path = d.free_bodies[i];
     if (d.steps == 0) path.load[0] = path.load[1];
+    const FreeBody& body = world.free_bodies()[i];
+    if (body.point_spring().IsActive()) {
+      const Vector6 wrench = body.point_spring().Wrench(body.pose(), body.OriginVelocity());
+      path.applied += wrench;
+      path.load[1] += wrench;
+    }
     path.load[0] += then.free_bodies[i];
     path.load[1] += now.free_bodies[i];
     path.End(world.free_bodies()[i], h);

@@ -118,6 +118,17 @@ void AddSwitchedForces(const MechanismStep& here) {
   }
 }
 
+void AddBackSaturatedDampers(const MechanismStep& here, double b, VectorX& rhs) {
+  const auto& [model, state, ws] = here;
+  const auto& limits = model.mechanism().force_limits();
+  auto rhs_z = rhs.tail(model.size());
+  for (std::size_t k = 0; k < limits.size(); ++k) {
+    if (state.at_bound[k] == 0 || limits[k].damping == 0) continue;
+    ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.limit_row);
+    rhs_z -= b * limits[k].damping * ws.limit_row.dot(ws.contact_shift.tail(model.size())) * ws.limit_row;
+  }
+}
+
 namespace {
 
 // What the force at the end of the step loses to the velocity [N s/m].

@@ -6,7 +6,7 @@
 namespace fork1s {
 namespace {
 
-Matrix3 RootOf(const Matrix3& positive) {
+Matrix3 CholeskyRoot(const Matrix3& positive) {
   MatrixX L = positive;
   CholeskyInPlace(L);
   return Matrix3(L.triangularView<Eigen::Lower>());
@@ -18,7 +18,7 @@ FreeBody::FreeBody(const FreeBodyDef& definition)
     : name_(definition.name),
       inertia_(definition.inertia),
       weight_share_(1 - definition.gravity_compensation),
-      rotational_root_(RootOf(definition.inertia.rotational.inverse())),
+      rotational_root_(CholeskyRoot(definition.inertia.rotational.inverse())),
       X_WB_(definition.X_WB) {}
 
 void FreeBody::SetState(const RigidTransform& X_WB, const Vector3& omega_W,
@@ -72,6 +72,7 @@ Vector6 FreeBody::OriginVelocity() const {
 }
 
 Matrix6 FreeBody::InverseInertiaRoot() const {
+  if (is_stiff_) return stage_root_;
   Matrix6 Y = Matrix6::Zero();
   Y.topLeftCorner<3, 3>() = (X_WB_.rotation() * rotational_root_).transpose();
   Y.bottomRightCorner<3, 3>() = Matrix3::Identity() / std::sqrt(inertia_.mass);
@@ -142,6 +143,7 @@ void FreeBody::Integrate(double h) {
 }
 
 void FreeBody::EndStep() {
+  is_stiff_ = false;
   rule_ = StepRule::kEuler;
   order_ = 1;
   turn_shift_.setZero();
@@ -153,6 +155,7 @@ void FreeBody::Restore(const State& state) {
   omega_B_ = omega_B_before_ = state.omega_B;
   velocity_ = velocity_before_ = state.velocity;
   load_ = state.load;
+  point_spring_ = state.point_spring;
   past_ = state.past;
   angular_acceleration_B_ = state.angular_acceleration_B;
   acceleration_ = state.acceleration;

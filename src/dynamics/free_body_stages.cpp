@@ -3,9 +3,19 @@
 //     R I ω = l̂ + b τ(R) + contact,   R = R̂ exp(b ω),   v = v̂ + b a + contact,   c = ĉ + b v
 // l̂ is the spin in world axes, a flat space: what turns freely keeps it. τ(R) is the moment of forces at
 // points of the body, constant in world axes. Its stiffness, not symmetric, is in the equation of a body that
-// nothing touches. Where contact acts, τ is that of the last pose, and the iteration contracts by b² |τ'|/I.
+// nothing touches.
+//
+// Where contact acts on a body with loads, or a point spring, the stage is linearized at the pose at hand. In
+// the coordinates of contacts, V = [ω; v] in world axes about the centre,
+//     A V = p̂ + b f + b² K V_k + contact,   A = M + b c JᵀJ + b² K,   K = k JᵀJ + K_g
+// V_k is the velocity that led to the pose, J V the velocity of the spring's point. K_g is the symmetric part
+// of -∂τ/∂θ, the geometric stiffness of loads and spring, projected onto the positive semidefinite (Teran et
+// al. 2005, Robust quasistatic finite elements): A is positive definite at any stiffness. What is left out of
+// it, and the turn of M, change the convergence of the iteration only, not the equation.
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <fork1s/dynamics/free_body.hpp>
+#include <limits>
 
 namespace fork1s {
 
@@ -59,8 +69,65 @@ Vector3 FreeBody::FreeTurning(double b, Vector3 omega) const {
   return omega;
 }
 
+Eigen::Matrix<double, 3, 6> FreeBody::SpringJacobian() const {
+  const Vector3 arm_W = X_WB_.rotation() * (point_spring_.point_B - inertia_.center);
+  Eigen::Matrix<double, 3, 6> J;
+  J << -Skew(arm_W), Matrix3::Identity();
+  return J;
+}
+
+// [moment about the centre; force] at the pose at hand, without the damper of the spring.
+Vector6 FreeBody::StageForce() const {
+  Vector6 f;
+  f << load_.MomentAt(X_WB_.rotation()), load_.force_W + weight_share_ * inertia_.mass * gravity_W_;
+  if (point_spring_.IsActive())
+    f += SpringJacobian().transpose() * point_spring_.SpringForce(X_WB_ * point_spring_.point_B);
+  return f;
+}
+
+// p̂ + b f at the pose at hand.
+Vector6 FreeBody::StageMomentum(double b) const {
+  Vector6 p;
+  p << stage_base_.spin_W, inertia_.mass * stage_base_.velocity;
+  return p + b * StageForce();
+}
+
+void FreeBody::PredictStiffStage(double b) {
+  const Matrix3& R = X_WB_.rotation();
+  const Vector6 V = PortTwist();
+  Matrix6 K = Matrix6::Zero();
+  Matrix3 moments = R * load_.force_moments;
+  stage_A_.setZero();
+  stage_A_.topLeftCorner<3, 3>() = R * inertia_.rotational * R.transpose();
+  stage_A_.bottomRightCorner<3, 3>() = inertia_.mass * Matrix3::Identity();
+  if (point_spring_.IsActive()) {
+    const Eigen::Matrix<double, 3, 6> J = SpringJacobian();
+    const Vector3 force =
+        point_spring_.SpringForce(X_WB_ * point_spring_.point_B) - point_spring_.damping * (J * V);
+    moments += R * (point_spring_.point_B - inertia_.center) * force.transpose();
+    K = point_spring_.stiffness * J.transpose() * J;
+    stage_A_ += b * point_spring_.damping * J.transpose() * J;
+  }
+  const Matrix3 turned = AppliedForces::TurnedLever(moments);
+  Eigen::SelfAdjointEigenSolver<Matrix3> modes;
+  modes.computeDirect(-0.5 * (turned + turned.transpose()));
+  const Matrix3& N = modes.eigenvectors();
+  K.topLeftCorner<3, 3>() += N * modes.eigenvalues().cwiseMax(0).asDiagonal() * N.transpose();
+  stage_A_ += b * b * K;
+  stage_rhs_ = StageMomentum(b) + b * b * (K * V);
+  const Eigen::LLT<Matrix6> factor(stage_A_);
+  stage_root_ = Matrix6::Identity();
+  factor.matrixL().solveInPlace(stage_root_);
+  if (factor.info() != Eigen::Success) stage_root_.setConstant(std::numeric_limits<double>::quiet_NaN());
+  const Vector6 found = stage_root_.transpose() * (stage_root_ * stage_rhs_);
+  omega_B_ = R.transpose() * found.head<3>();
+  velocity_ = found.tail<3>();
+}
+
 void FreeBody::PredictStage(double b, bool touched) {
   pushed_ = false;
+  is_stiff_ = point_spring_.IsActive() || (touched && !load_.IsZero());
+  if (is_stiff_) return PredictStiffStage(b);
   load_moment_W_ = load_.MomentAt(X_WB_.rotation());
   const Vector3 spin_W = stage_base_.spin_W + b * load_moment_W_;
   velocity_ = stage_base_.velocity + b * (weight_share_ * gravity_W_ + load_.force_W / inertia_.mass);
@@ -68,7 +135,27 @@ void FreeBody::PredictStage(double b, bool touched) {
                      : FreeTurning(b, omega_B_);
 }
 
+double FreeBody::MoveAndComputeStiffResidual(double b, double& motion) {
+  Vector6 impulse = Vector6::Zero();  // of contact
+  if (pushed_) impulse = stage_A_ * PortTwist() - stage_rhs_;
+  MoveToStagePose(b);
+  const Vector6 V = PortTwist();
+  Vector6 momentum = StageMomentum(b) + impulse;
+  if (point_spring_.IsActive()) {
+    const Eigen::Matrix<double, 3, 6> J = SpringJacobian();
+    momentum -= b * point_spring_.damping * (J.transpose() * (J * V));
+  }
+  spin_end_W_ = momentum.head<3>();
+  velocity_end_ = momentum.tail<3>() / inertia_.mass;
+  Vector6 present;
+  present << X_WB_.rotation() * (inertia_.rotational * omega_B_), inertia_.mass * velocity_;
+  motion = b * std::sqrt(V.dot(present) / inertia_.mass);
+  return b * (stage_root_ * (momentum - present)).norm() / std::sqrt(inertia_.mass);
+}
+
 double FreeBody::MoveAndComputeResidual(double b, double& motion) {
+  if (is_stiff_) return MoveAndComputeStiffResidual(b, motion);
+  velocity_end_ = velocity_;
   // The momentum of the pose linearised at, as contact left it.
   const Vector3 spin_W = X_WB_.rotation() * (inertia_.rotational * omega_B_);
   MoveToStagePose(b);
@@ -86,7 +173,7 @@ void FreeBody::ExtrapolateStage(double b, double onward) {
   stage_base_.R_WB = start.R_WB * ExpRotation(onward * b * omega_B_);
   stage_base_.center_W = start.center_W + onward * (center_W() - start.center_W);
   stage_base_.spin_W = start.spin_W + onward * (spin_end_W_ - start.spin_W);
-  stage_base_.velocity = start.velocity + onward * (velocity_ - start.velocity);
+  stage_base_.velocity = start.velocity + onward * (velocity_end_ - start.velocity);
   omega_B_first_ = omega_B_;
   velocity_first_ = velocity_;
   omega_B_ = omega_B_before_ + (1 + onward) * (omega_B_ - omega_B_before_);
@@ -101,6 +188,8 @@ void FreeBody::EndTwoStageStep(double between_stages) {
     acceleration_ = (velocity_ - velocity_first_) / between_stages;
   }
   omega_B_ = InverseInertia_B() * (X_WB_.rotation().transpose() * spin_end_W_);
+  velocity_ = velocity_end_;
+  is_stiff_ = false;
   load_ = {};
   past_.h = 0;
 }

@@ -195,11 +195,32 @@ void FindDampers(MechanismModel& model) {
   for (const WeightedRows& rows : model.dampers)
     AddRowSquares(model.reduced->Q_rows, rows, 1, model.joint_damping_ref);
   model.rotation_damping_ref.setZero(model.size(), model.size());
-  if (model.damped_rotations.empty()) return;
   Kinematics kinematics(model.mechanism());
   ComputeKinematics(model.mechanism(), model.reduced->q_ref, kinematics);
-  RowMatrixX rows;
-  AddRotationDamping(model, kinematics, model.reduced->Q_rows, 1, rows, model.rotation_damping_ref);
+  if (!model.damped_rotations.empty()) {
+    RowMatrixX rows;
+    AddRotationDamping(model, kinematics, model.reduced->Q_rows, 1, rows, model.rotation_damping_ref);
+  }
+  const auto damps = [](const ClosureDef& c) {
+    return !c.rigid.select(Vector6::Zero(), c.damping).isZero(0);
+  };
+  model.closure_damping.resize(0, 0);
+  if (std::none_of(m.closures().begin(), m.closures().end(), damps)) return;
+  model.closure_damping = model.reduced->D - model.joint_damping_ref - model.rotation_damping_ref;
+  VectorX row(model.size());
+  for (const Mechanism::Spring& s : m.springs()) {
+    ReducedRow(s.length, kinematics.paths, model.reduced->Q_rows, row);
+    model.closure_damping -= s.DampingAt(0) * row * row.transpose();
+  }
+}
+
+void AddSpringDampers(const MechanismStep& here, double b, const VectorX& q_dot, VectorX& tau) {
+  for (const Mechanism::Spring& s : here.model.mechanism().springs()) {
+    double rate = 0;
+    ForEachArm(s.length, here.work.paths(), [&](int i, double c) { rate += c * q_dot(i); });
+    if (const double damping = s.DampingAt(rate); damping > 0)
+      AddLengthForce(here, s.length, -b * damping * rate, tau);
+  }
 }
 
 void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematics, const RowMatrixX& Q, double weight,

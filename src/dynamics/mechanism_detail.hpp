@@ -17,6 +17,7 @@ void Renew(const MechanismStep& here);
 void Size(const MechanismStep& here);
 void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed = false);  // by the µ at hand
 void UpdateInertia(const MechanismStep& here);
+void UpdatePose(const MechanismStep& here);  // configuration and jacobian, no inertia
 /// Twist in R [6] that takes a driven base to its next pose within h [s].
 Vector6 DrivenTwist(const MechanismState& state, double h);
 
@@ -35,8 +36,16 @@ void LoadForces(const MechanismStep& here, const Vector3& gravity_R);
 void LoadForcesTwist(const MechanismStep& here, const Vector3& gravity_R, const Vector6& A_R);
 
 // Loads (applied_forces.cpp).
-/// K_loads <- stiffness of the loads at the pose at hand.
+/// K_loads <- geometric stiffness of the loads and of the point spring at the pose at hand.
 void ComputeLoadStiffness(const MechanismStep& here);
+
+// A point spring (point_spring.cpp).
+/// At the pose at hand: its Jacobian; f_z and base_force += its force without the damper.
+void EvaluatePointSpring(const MechanismStep& here);
+/// Force in R [N] with the damper, at the velocity that led to the pose at hand.
+Vector3 PointSpringForce(const MechanismView& here);
+/// A, stage_rhs += its stiffness and damping in a stage of length b [s], but for the geometric stiffness.
+void AddPointSpringOperator(const MechanismStep& here, double b);
 
 // The interior (interior.cpp).
 void FollowLoads(const MechanismStep& here);
@@ -74,6 +83,8 @@ void TakeStiffnessBeyond(const MechanismStep& here);
 void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematics, const RowMatrixX& Q, double weight,
                         RowMatrixX& rows, Eigen::Ref<MatrixX> D);
 bool DampersTurn(const MechanismModel& model);
+/// tau [n] -= b times the forces of dampers along lengths at joint rates q_dot [n].
+void AddSpringDampers(const MechanismStep& here, double b, const VectorX& q_dot, VectorX& tau);
 void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const VectorX& w,
                       Eigen::Ref<MatrixX> D);
 void TurnDampers(const MechanismStep& here, double h);
@@ -100,6 +111,9 @@ bool ServosTurn(const MechanismView& here);
 void TurnServos(const MechanismStep& here, double h);
 void TakeBoundedSpringsOut(const MechanismStep& here, double h);
 void AddSwitchedForces(const MechanismStep& here);
+/// In a stage: rhs [num_velocities] without the dampers of servos at their bounds, at the velocity that led
+/// to the pose.
+void AddBackSaturatedDampers(const MechanismStep& here, double b, VectorX& rhs);
 bool IsCaught(const MechanismView& here, std::size_t force_limit);
 double WorkOfCaught(const MechanismStep& here, double h, const Eigen::Ref<const VectorX>& w);
 double WayToForce(const MechanismStep& here, const Mechanism::Length& length, double h);
@@ -157,8 +171,7 @@ void StepAgainHalfWay(const MechanismStep& here, double h);
 double MinimiseAtEnd(const MechanismStep& here, double h);
 
 // An implicit stage (implicit_stage.cpp).
-void AssembleStage(const MechanismStep& here, double b);
-void SolveFreeStage(const MechanismStep& here, double b);
+void PredictLinearMomentum(const MechanismStep& here, double time, const Vector3& linear_W);
 
 // Lasting contact (two_steps.cpp).
 /// What the next step will know of this one: all but how far it goes.

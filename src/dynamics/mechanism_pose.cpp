@@ -48,6 +48,7 @@ void Size(const MechanismStep& here) {
   const Mechanism& m = model.mechanism();
   const int r = model.size(), n = model.reduced->num_coordinates(), nx = model.num_velocities();
   ws.A.resize(nx, nx);
+  ws.A_before.resize(nx, nx);
   ws.M_full.resize(nx, nx);
   if (model.base_size > 0) {
     ws.M_full.topLeftCorner<6, 6>() = model.reduced->M_00;
@@ -72,6 +73,7 @@ void Size(const MechanismStep& here) {
   ws.tau.resize(n);
   ws.F.resize(6, m.num_bodies());
   ws.K_loads.resize(nx, nx);
+  ws.spring_J.resize(3, nx);
   ws.carried_force.resize(3, m.num_joints());
   ws.carried_moments.resize(3, 3 * m.num_joints());
   ws.joint_twist.resize(6, r);
@@ -103,6 +105,13 @@ void UpdateInertia(const MechanismStep& here) {
   ws.factored_h = -1;
 }
 
+void UpdatePose(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  ws.pose_energy.valid = false;
+  Configure(*model.reduced, state.reduced, ws.configuration);
+  ws.jacobian.Compute(*model.reduced, ws.configuration);
+}
+
 void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed) {
   const auto& [model, state, ws] = here;
   ws.pose_energy.valid = false;
@@ -126,6 +135,7 @@ void SetInputsWithin(const MechanismStep& here, const MechanismState& start, dou
   MechanismState& state = here.state;
   state.loads = start.loads;
   state.has_loads = start.has_loads;
+  state.point_spring = start.point_spring.Within(0, share);
   state.driven_next = start.driven_next;
   state.controls = start.controls;
   if (share >= 1) return;
@@ -161,6 +171,7 @@ void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, dou
     state.driven_rate = path.RateAt(share);
     state.knows_driven_rate = true;
   }
+  state.point_spring = start.point_spring.Within(second ? 0.5 : 0, second ? 1 : 0.5);
   state.controls_move = start.controls_move;
   state.controls_from = start.controls_from;
   if (second && start.controls_move) state.controls_from = 0.5 * (start.controls_from + start.controls);

@@ -34,6 +34,9 @@ struct StageBase {
   Vector3 center_W = Vector3::Zero();         // m, centre of mass of a floating mechanism
   Matrix6X momentum;                          // 6 x k, spatial momenta about a point that drifts with the base [N·m·s; N·s]
   VectorX joint_momentum;                     // n, armature times joint velocity
+  // Of a floating mechanism, in the same space: its momentum beyond the sum of its parts', which are known to
+  // the tolerance of the stages, while that of the whole is exact.
+  Vector6 momentum_defect = Vector6::Zero();
 };
 
 /// Sizes: n joint coordinates, r reduced ones.
@@ -128,13 +131,24 @@ struct MechanismWorkspace {
   Vector6 V_R_stage = Vector6::Zero();
   VectorX x_start, x_first;                // num_velocities: at the start of the step, of its first stage
   Vector3 linear_first_W = Vector3::Zero();            // N s, of a floating mechanism after its first stage
-  VectorX stage_rhs, stage_correction, stage_impulse;  // num_velocities
+  Vector3 stage_center_W = Vector3::Zero();  // m, centre of mass of what floats at the end of the stage
+  Vector3 stage_linear_W = Vector3::Zero();            // N s, at the end of the stage
+  VectorX stage_correction;                            // num_velocities
+  MatrixX A_before;  // num_velocities²: A but for stiffness of the pose at hand
+  // A and its factor: length of the stages that they are of [s], 0 for none, and saturation.
+  double matrix_b = 0;
+  bool matrix_is_definite = false;
+  std::vector<signed char> matrix_at_bound, matrix_slack_sides;
   // Of loads (applied_forces.cpp).
   MatrixX K_loads;                    // num_velocities², lower triangle
   Matrix3X carried_force;             // 3 x joints, N: on all that a joint carries, in R
   Matrix3X carried_moments;           // 3 x 3 joints, N·m: Σ x Fᵀ likewise, about R's origin
   Matrix6X joint_twist;               // 6 x r, of one joint
   Matrix3X joint_turn, turned_lever;  // 3 x r
+  // Of a point spring (point_spring.cpp).
+  Matrix3X spring_J;                       // 3 x num_velocities, velocity of its point in R
+  Vector3 spring_point_R, spring_force_R;  // m; N, without the damper
+  Vector3 spring_base_velocity_R;          // m/s, of its point with a driven base
   // Of force limits and of slack springs at the end of the first stage.
   VectorX stage_limit_force, stage_slack_force;
   std::vector<signed char> stage_at_bound, stage_slack_side;

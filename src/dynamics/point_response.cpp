@@ -1,5 +1,9 @@
 #include <fork1s/dynamics/point_response.hpp>
 
+#include <algorithm>
+#include <cmath>
+#include <fork1s/linalg/solve.hpp>
+
 #include "mechanism_detail.hpp"
 
 namespace fork1s {
@@ -81,6 +85,18 @@ PointResponse RespondAt(FreeBody body, const Vector3& point_B, double h, const V
   out.W = Y.transpose() * Y;
   out.mass = body.inertia().mass;
   return out;
+}
+
+Vector3 EndForce(const PointResponse& at, const PointSpring& spring, double h) {
+  const double k = spring.stiffness, c = spring.damping;
+  const Matrix3 A = Matrix3::Identity() + (h * h * k + h * c) * at.W + k * at.C;
+  const Vector3 force = SolveSquare(A, Vector3(k * (spring.target_W - at.p_free) - c * at.v_free));
+  return force.allFinite() ? force : Vector3(Vector3::Zero());
+}
+
+double CriticalDamping(const PointResponse& at, double stiffness) {
+  const double softest = std::max({at.W(0, 0), at.W(1, 1), at.W(2, 2), 1e-12});
+  return 2 * std::sqrt(stiffness * std::min(1 / softest, std::max(at.mass, 1e-9)));
 }
 
 }  // namespace fork1s

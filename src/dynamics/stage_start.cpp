@@ -33,13 +33,11 @@ void MoveToStageStart(const MechanismStep& here, double b) {
   state.reduced.z = ws.z_stage_start;
   state.reduced.X_WR = ws.X_stage_start;
   if (model.size() > 0) ws.x.tail(model.size()) = (ws.z_stage_start - base.z) / b;
-  UpdateConfiguration(here);
+  UpdatePose(here);
   if (model.base_size == 0) return;
   const Matrix3& R_WR = state.reduced.X_WR.rotation();
   ws.x.head<3>() = LogRotation(base.R_WR.transpose() * R_WR) / b;
-  ws.x.segment<3>(3).setZero();
-  const Vector3 velocity = R_WR.transpose() * (ws.center_stage_start - base.center_W) / b;
-  ws.x.segment<3>(3) = velocity - ws.M_full.middleRows<3>(3) * ws.x / ws.M_00(5, 5);
+  PredictLinearMomentum(here, ws.stage_time, ws.M_00(5, 5) / b * (ws.center_stage_start - base.center_W));
 }
 
 void RestoreStageBaseTwist(const MechanismStep& here) {

@@ -26,10 +26,8 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
       contactor_pose_[i] = X;
       return;
     }
-    const RigidTransform& before = contactor_pose_[i];
-    // |R - R₀| (Frobenius) is √2 times the angle for small turns.
-    const double turn = (X.rotation() - before.rotation()).norm();
-    contactor_motion_[i] = (X.translation() - before.translation()).norm() + turn * contactor_radius_[i];
+    const RigidTransform& before = rule_ == StepRule::kStage ? stage_start_pose_[i] : contactor_pose_[i];
+    contactor_motion_[i] = MotionBetween(before, X, contactor_radius_[i]);
     contactor_pose_[i] = X;
   });
   double motion = 0;
@@ -37,6 +35,7 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
   if (by_theta_ || two_stage_ || depth_ > 0) motion = MotionWithin(rule_ == StepRule::kMiddle ? 0.5 * options.h : options.h);
   const double needed = kClear + 2 * motion + options.gravity.norm() * options.h * options.h;
   search_margin_ = std::max(least_margin_, std::min(margin_max_, needed));
+  if (rule_ == StepRule::kStage) search_margin_ = std::max(search_margin_, LargestPairMotion());
   collision_->SetMargin(search_margin_);
   has_previous_pose_ = true;
   report.contacts_dropped = !collision_->Detect(points_);

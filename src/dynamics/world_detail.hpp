@@ -21,8 +21,19 @@ namespace fork1s {
 /// The worst of two solves of one step, into `solver`.
 void KeepWorst(const ContactSolverReport& then, ContactSolverReport& solver);
 
+/// How well an implicit stage is solved at the pose found.
+struct StageResidual {
+  double ratio = 0;     // largest residual, in tolerances
+  double largest = 0;   // m
+  StepSubject subject;  // of the largest ratio
+  bool is_small =
+      true;  // every residual is within its tolerance or a share of the length that noise may leave
+  bool is_slow = false;  // the iteration contracts so slowly that a new matrix is worth its cost
+};
+
 struct World::Detail {
   StepReport Step(const StepOptions& options);
+  void AddPointSpringForces(const StepOptions& options);
   StepReport TakeStep(const StepOptions& options);
   void SaveBodies(WorldState& out) const;
   void Save(WorldState& out) const;
@@ -48,15 +59,10 @@ struct World::Detail {
   bool UsesTwoStages(const StepOptions& options) const;
   StepReport TwoStageStep(const StepOptions& options);
   enum class StageScheme { kFirstOfTwo, kSecondOfTwo, kBackwardEuler };
-  // How well an implicit stage is solved at the pose found.
-  struct StageResidual {
-    double ratio = 0;          // largest residual, in tolerances
-    bool is_small = true;      // every residual is within its tolerance or kStagnationTolerance of the length
-    double largest = 0;        // m
-    StepSubject subject;       // of the largest ratio
-  };
   // What may be met within a stage (world_reach.cpp).
   static double InnerRadius(const Shape& shape);
+  /// Largest displacement [m] of a point within `radius` of the frame.
+  static double MotionBetween(const RigidTransform& from, const RigidTransform& to, double radius);
   double LargestPairMotion() const;
   RigidTransform PoseOf(const Contactor& contactor) const;
   bool MayHavePassed();
@@ -68,7 +74,8 @@ struct World::Detail {
   HalvingCause SolveStage(const StepOptions& options, StageScheme scheme, StepReport& report);
   HalvingCause FindStageEvent(const StepOptions& options, StageScheme scheme, int iteration, StepReport& report) const;
   void MoveAllToStagePoses(double b, double time);
-  StageResidual MoveAndComputeResiduals(double b, double time);
+  StageResidual MoveAndComputeResiduals(const StepOptions& stage, StageScheme scheme, double time,
+                                        bool is_first);
   bool ChangesSaturation(double b, StepReport& report);
   bool LeavesAgain(double b, StepSubject& subject) const;
   void StoreStage(double b, StageScheme scheme, StepReport& report);
@@ -220,8 +227,13 @@ struct World::Detail {
   // Within a two-stage step: how far contacts were sought last and are at least to be [m]; whether all stops
   // are rows, and rows are those of the pose where the stage starts.
   double search_margin_ = 0, least_margin_ = 0;
+  std::vector<RigidTransform> stage_start_pose_;  // per contactor
   bool all_stops_ = false, from_stage_start_ = false;
   std::vector<std::vector<double>> inner_radius_;  // m, of a sphere within, per contactor and geometry
+  // Of Newton's iteration, as measured last: [1] in the second of two stages, whose matrix is older, [0] in
+  // others.
+  std::array<double, 2> contraction_ = {1, 1};
+  std::vector<StageChange> stage_changes_;  // of mechanisms_
   std::vector<char> previous_is_fresh_;  // of previous_, in the second stage: met in the first
   // Of previous_, within a two-stage step: the gap [m] at the start of the step of what carried load there,
   // else NaN.

@@ -86,7 +86,7 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
       SetInputsWithin(mechanisms_[i], before_impact_.mechanisms[i], share);
     for (std::size_t i = 0; i < free_bodies_.size(); ++i)
-      free_bodies_[i].SetLoad(before_impact_.free_bodies[i]);
+      free_bodies_[i].SetInputsWithin(before_impact_.free_bodies[i], 0, share);
     in_parts_ = true;
     const StepReport part = TakeStep(own);
     in_parts_ = false;

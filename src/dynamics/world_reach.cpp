@@ -40,6 +40,12 @@ struct InnerRadiusOf {
 
 }  // namespace
 
+// |R - R₀| (Frobenius) is √8 sin(angle/2), the chord of a point at the radius r is 2 r sin(angle/2).
+double World::Detail::MotionBetween(const RigidTransform& from, const RigidTransform& to, double radius) {
+  return (to.translation() - from.translation()).norm() +
+         (to.rotation() - from.rotation()).norm() / std::sqrt(2.0) * radius;
+}
+
 double World::Detail::InnerRadius(const Shape& shape) { return std::visit(InnerRadiusOf{}, shape); }
 
 // Sum of the two largest motions of contactors [m]: no pair closes its gap by more.
@@ -58,12 +64,11 @@ RigidTransform World::Detail::PoseOf(const Contactor& c) const {
                                            : free_bodies_[index].pose();
 }
 
-// Whether the predicted motion to the pose of detection may have led past something: by more than half of the
-// sum of two inner radii. Beyond that sum the least way out of a pair is on the far side; half of it leaves
-// room for edges.
+// Whether the predicted motion to the pose of detection, which the margin covers, may have led past something:
+// by more than half of the sum of two inner radii. Beyond that sum the least way out of a pair is on the far
+// side; half of it leaves room for edges.
 bool World::Detail::MayHavePassed() {
-  const double largest = LargestPairMotion();
-  bool may = largest > search_margin_;
+  bool may = false;
   for (std::size_t i = 0; i < points_.size() && !may; ++i) {
     const ContactPoint& p = points_[i];
     const auto a = static_cast<std::size_t>(p.body_a), b = static_cast<std::size_t>(p.body_b);
@@ -72,13 +77,16 @@ bool World::Detail::MayHavePassed() {
           motion > 0.5 * (inner_radius_[a][static_cast<std::size_t>(p.geometry_a)] +
                           inner_radius_[b][static_cast<std::size_t>(p.geometry_b)]);
   }
-  if (may) least_margin_ = std::max(least_margin_, 2 * largest);
+  if (may) least_margin_ = std::max(least_margin_, 2 * LargestPairMotion());
   return may;
 }
 
 void World::Detail::RecordStageStart(bool of_step) {
   for (MechanismDynamics& m : mechanisms_) fork1s::RecordStageStart(m, of_step);
   for (FreeBody& body : free_bodies_) body.RecordStageStart(of_step);
+  stage_start_pose_.resize(contactors_.size());
+  for (std::size_t i = 0; i < contactors_.size(); ++i)
+    if (contactors_[i].kind != Contactor::Kind::kWorld) stage_start_pose_[i] = PoseOf(contactors_[i]);
 }
 
 // Contacts at the pose where the stage, of length b, starts.
@@ -90,7 +98,10 @@ void World::Detail::PrepareContactsAtStageStart(const StepOptions& stage, StepRe
   }
   from_stage_start_ = true;
   PrepareContacts(stage, report);
-  for (MechanismDynamics& m : mechanisms_) RestoreStageBaseTwist(m);
+  ForMechanisms([&](std::size_t i) {
+    RestoreStageBaseTwist(mechanisms_[i]);
+    EvaluateStage(mechanisms_[i], stage.h);
+  });
 }
 
 // Whether contacts and stops were sought as far as the pose found is from that of detection. Else the next
@@ -101,10 +112,7 @@ bool World::Detail::CoversMotion() {
     const Contactor& c = contactors_[i];
     if (c.kind == Contactor::Kind::kWorld) continue;
     const RigidTransform X = PoseOf(c);
-    // |R - R₀| (Frobenius) is √8 sin(angle/2), the chord of a point at the radius r is 2 r sin(angle/2).
-    const double turn = (X.rotation() - contactor_pose_[i].rotation()).norm() / std::sqrt(2.0);
-    contactor_motion_[i] =
-        (X.translation() - contactor_pose_[i].translation()).norm() + turn * contactor_radius_[i];
+    contactor_motion_[i] = MotionBetween(contactor_pose_[i], X, contactor_radius_[i]);
   }
   const double motion = LargestPairMotion();
   const bool covers = motion <= search_margin_;

@@ -4,6 +4,7 @@
 namespace fork1s {
 
 void World::Detail::SaveBodies(WorldState& out) const {
+  out.contraction = contraction_;
   out.mechanisms.resize(mechanisms_.size());
   out.rows.resize(mechanisms_.size());
   ForMechanisms([&](std::size_t i) {
@@ -46,6 +47,7 @@ void World::Detail::Restore(const WorldState& state) {
   curvature_valid_ = state.speeds_are_last;
   contactor_pose_ = state.contactor_poses;
   has_previous_pose_ = state.has_contactor_poses;
+  contraction_ = state.contraction;
 }
 
 void World::Save(WorldState& out) const { detail_->Save(out); }

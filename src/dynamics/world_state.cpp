@@ -49,11 +49,12 @@ class Hash {
   }
   void One(const MechanismState& state) {
     const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next, knows_driven_rate,
-                 driven_rate, base_history, loads, has_loads, at_bound, interior, past,
-                 acceleration] = state;
+                 driven_rate, base_history, loads, has_loads, point_spring, point_spring_body, at_bound,
+                 interior, past, acceleration] = state;
     if (controls_move) Add(controls_from);
     if (knows_driven_rate) Add(driven_rate);
     if (base_history.h > 0) Add(base_history);
+    if (point_spring.IsActive()) Add(point_spring, point_spring_body.value());
     Add(model, reduced, mu, controls, driven_next, loads, has_loads, at_bound, interior.offset,
         interior.last_way, interior.share, past, acceleration);
   }
@@ -71,12 +72,18 @@ class Hash {
     Add(h);
     if (h > 0) Add(anew, R_WB, center_W, omega_B, velocity);
   }
+  void One(const PointSpring& spring) {
+    const auto& [point_B, target_start_W, target_W, stiffness, damping] = spring;
+    Add(point_B, target_start_W, target_W, stiffness, damping);
+  }
   void One(const AppliedForces& load) {
     const auto& [force_W, moment_W, force_moments] = load;
     Add(force_W, moment_W, force_moments);
   }
   void One(const FreeBody::State& state) {
-    const auto& [X_WB, omega_B, velocity, load, past, angular_acceleration_B, acceleration] = state;
+    const auto& [X_WB, omega_B, velocity, load, point_spring, past, angular_acceleration_B, acceleration] =
+        state;
+    if (point_spring.IsActive()) Add(point_spring);
     Add(X_WB, omega_B, velocity, load, past, angular_acceleration_B, acceleration);
   }
   void One(const ContactPoint& p) {
@@ -100,10 +107,10 @@ class Hash {
 
 std::uint64_t HashOf(const WorldState& state, const VectorX& inputs) {
   const auto& [mechanisms, free_bodies, contacts, contacts_h, speeds_W, missed_W, port_twists,
-               speeds_are_last, contactor_poses, has_contactor_poses, rows] = state;
+               speeds_are_last, contactor_poses, has_contactor_poses, contraction, rows] = state;
   Hash hash;
   hash.Add(mechanisms, free_bodies, contacts, contacts_h, speeds_W, missed_W, port_twists, speeds_are_last,
-           contactor_poses, has_contactor_poses, rows, inputs);
+           contactor_poses, has_contactor_poses, contraction[0], contraction[1], rows, inputs);
   return hash.value();
 }
 

@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fork1s/dynamics/point_response.hpp>
+
 #include "world_detail.hpp"
 
 namespace fork1s {
@@ -172,7 +174,25 @@ StepReport World::Detail::UndoStep(WorldState& start, StepReport report) {
 StepReport World::Detail::Step(const StepOptions& options) {
   if (times_) *times_ = StepPartTimes();
   const PartClock clock(times_, &StepPartTimes::all);
-  return TakeStep(options);
+  if (!UsesTwoStages(options)) AddPointSpringForces(options);
+  const StepReport report = TakeStep(options);
+  for (MechanismDynamics& m : mechanisms_) m.StopPointSpring();
+  for (FreeBody& body : free_bodies_) body.StopPointSpring();
+  return report;
+}
+
+// By theta and euler a point spring is a force of the step.
+void World::Detail::AddPointSpringForces(const StepOptions& options) {
+  const auto add = [&](auto& body, const PointSpring& spring, const RigidTransform& X_WB, const auto&... of) {
+    const Vector3 force_W =
+        EndForce(RespondAt(body, of..., spring.point_B, options.h, options.gravity), spring, options.h);
+    body.AddWrench(of..., force_W, Vector3::Zero(), X_WB * spring.point_B);
+  };
+  for (MechanismDynamics& m : mechanisms_)
+    if (m.point_spring().IsActive())
+      add(m, m.point_spring(), m.BodyPose(m.point_spring_body()), m.point_spring_body());
+  for (FreeBody& body : free_bodies_)
+    if (body.point_spring().IsActive()) add(body, body.point_spring(), body.pose());
 }
 
 StepReport World::Detail::TakeStep(const StepOptions& options) {

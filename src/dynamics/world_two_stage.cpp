@@ -23,6 +23,9 @@ constexpr double kOnward = (1 - kStageShare) / kStageShare;            // s
 // A stage that takes more Newton iterations, or whose residual grows more often, diverges or cycles: it is
 // halved.
 constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
+// The matrix of a stage is renewed where this many more iterations would not solve it: they cost as much as a
+// new matrix.
+constexpr int kIterationsOfMatrix = 3;
 // A stage is solved where another iteration would change poses by less than this share of the stage's motion,
 // or of a mechanism's length. By 1e-4 of the motion trees that float without damping gain energy
 // (docs/decisions/001-time-stepping.md).
@@ -30,6 +33,15 @@ constexpr double kRelativeTolerance = 1e-6, kLengthTolerance = 1e-9;
 // Contacts of meshes jump from one facet to another between iterations. A residual that no longer falls is accepted
 // within this share of the length, and reported.
 constexpr double kStagnationTolerance = 1e-6;
+
+// The contraction of an iteration is taken for no less than rounding leaves, and for no contraction from 1
+// on.
+constexpr double kRounding = 1e-12, kNoContraction = 1 - 1e-6;
+// Residual after an iteration and change by it, in tolerances.
+bool IsSlow(double residual, double change) {
+  const double contraction = residual / change;
+  return !(residual * std::pow(contraction, kIterationsOfMatrix) <= 1);
+}
 
 double Tolerance(double motion, double length) { return kRelativeTolerance * motion + kLengthTolerance * length; }
 
@@ -131,12 +143,15 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   rule_ = StepRule::kStage;
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
     SetInputsWithin(mechanisms_[i], before_.mechanisms[i], share);
+  for (std::size_t i = 0; i < free_bodies_.size(); ++i)
+    free_bodies_[i].SetInputsWithin(before_.free_bodies[i], 0, share);
   MoveAllToStagePoses(stage.h, time);
   ++report.stages;
   least_margin_ = 0;
   all_stops_ = from_stage_start_ = false;
   StageResidual last;
   int growths = 0;
+  bool is_fresh = scheme != StageScheme::kSecondOfTwo;
   for (int iteration = 1;; ++iteration) {
     ++report.stage_iterations;
     report.max_stage_iterations = std::max(report.max_stage_iterations, iteration);
@@ -144,7 +159,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     if (from_stage_start_ || (iteration == 1 && MayHavePassed())) PrepareContactsAtStageStart(stage, report);
     {
       const PartClock clock(times_, &StepPartTimes::free_velocities);
-      ForMechanisms([&](std::size_t i) { PredictStage(mechanisms_[i], stage.h); });
+      ForMechanisms([&](std::size_t i) { SolveFreeStage(mechanisms_[i], stage.h); });
       FindTouchedBodies();
       for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].PredictStage(stage.h, touched_[i] != 0);
     }
@@ -154,7 +169,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     if (!IsFinite(false)) break;
     if (const HalvingCause event = FindStageEvent(options, scheme, iteration, report); event != HalvingCause::kNone)
       return event;
-    const StageResidual found = MoveAndComputeResiduals(stage.h, time);
+    const StageResidual found = MoveAndComputeResiduals(stage, scheme, time, iteration == 1);
     if (!IsFinite(true)) break;
     const bool from_start = from_stage_start_;
     from_stage_start_ = !CoversMotion();
@@ -162,7 +177,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       if (iteration == kMaxNewtonIterations || !std::isfinite(least_margin_)) break;
       continue;
     }
-    growths += iteration > 1 && !(found.ratio < last.ratio) ? 1 : 0;
+    // By a matrix of another pose a growth says nothing of the equation.
+    growths += iteration > 1 && is_fresh && !(found.ratio < last.ratio) ? 1 : 0;
     last = found;
     const bool stagnates = found.is_small && (growths > 0 || iteration == kMaxNewtonIterations);
     if (!from_start && (found.ratio <= 1 || stagnates)) {
@@ -175,6 +191,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       return HalvingCause::kNone;
     }
     if (iteration == kMaxNewtonIterations || growths > kMaxResidualGrowths) break;
+    is_fresh = found.is_slow;
+    if (found.is_slow) ForMechanisms([&](std::size_t i) { RenewStageMatrix(mechanisms_[i]); });
   }
   const StepSubject not_finite = FindNotFinite();
   report.halving_of = not_finite.kind == StepSubject::Kind::kNone ? last.subject : not_finite;
@@ -195,36 +213,77 @@ HalvingCause World::Detail::FindStageEvent(const StepOptions& options, StageSche
   return HalvingCause::kNone;
 }
 
-// Moves everything to the pose found, and computes the residuals of the equations there.
-World::Detail::StageResidual World::Detail::MoveAndComputeResiduals(double b, double time) {
+namespace {
+
+// Adds a residual [m] of something that moves by `motion` [m] in the stage.
+void Add(double residual, double motion, double length, StepSubject subject, StageResidual& out) {
+  // What is beyond the range of numbers is not solved, however large the motion that the residual is compared
+  // with.
+  const double ratio = std::isfinite(motion) && std::isfinite(residual)
+                           ? residual / std::max(Tolerance(motion, length), 1e-300)
+                           : std::numeric_limits<double>::infinity();
+  out.largest = std::max(out.largest, residual);
+  out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
+  if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
+  out.ratio = ratio;
+  out.subject = subject;
+}
+
+}  // namespace
+
+// Ends a Newton iteration: everything moves to the pose found. Where mechanisms change so little that by the
+// contraction seen last the next iteration would change less than the tolerance, their stage is accepted
+// without another evaluation.
+StageResidual World::Detail::MoveAndComputeResiduals(const StepOptions& stage, StageScheme scheme,
+                                                     double time, bool is_first) {
   const PartClock clock(times_, &StepPartTimes::moving);
-  StageResidual out;
-  const auto check = [&](double residual, double motion, double length, StepSubject::Kind kind,
-                         std::size_t index) {
-    // What is beyond the range of numbers is not solved, however large the motion that the residual is
-    // compared with.
-    const double ratio = std::isfinite(motion) && std::isfinite(residual)
-                             ? residual / std::max(Tolerance(motion, length), 1e-300)
-                             : std::numeric_limits<double>::infinity();
-    out.largest = std::max(out.largest, residual);
-    out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
-    if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
-    out.ratio = ratio;
-    out.subject = {kind, static_cast<int>(index), -1};
-  };
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    double motion = 0;
-    const double residual = MoveAndComputeResidual(mechanisms_[i], b, time, motion);
-    check(residual, motion, mechanisms_[i].mechanism().length_scale(), StepSubject::Kind::kMechanism, i);
-  }
+  const double b = stage.h;
+  StageResidual bodies, changes, found;
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) {
     FreeBody& body = free_bodies_[i];
     double motion = 0;
     const double residual = body.MoveAndComputeResidual(b, motion);
-    check(residual, motion, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
-          StepSubject::Kind::kFreeBody, i);
+    Add(residual, motion, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
+        {StepSubject::Kind::kFreeBody, static_cast<int>(i), -1}, bodies);
   }
-  return out;
+  const auto length = [&](std::size_t i) { return mechanisms_[i].mechanism().length_scale(); };
+  const auto subject = [](std::size_t i) {
+    return StepSubject{StepSubject::Kind::kMechanism, static_cast<int>(i), -1};
+  };
+  stage_changes_.resize(mechanisms_.size());
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+    stage_changes_[i] = ComputeStageChange(mechanisms_[i], b);
+    Add(stage_changes_[i].change, stage_changes_[i].motion, length(i), subject(i), changes);
+  }
+  double& contraction = contraction_[scheme == StageScheme::kSecondOfTwo ? 1 : 0];
+  const double next = contraction / (1 - contraction);
+  // An iteration with the contacts of the stage's start is never the last.
+  if (bodies.ratio <= 1 && next * changes.ratio <= 1 && !has_switches_ && !from_stage_start_) {
+    const StagePose pose = scheme != StageScheme::kFirstOfTwo ? StagePose::kAll
+                           : contactors_.empty()              ? StagePose::kNone
+                                                              : StagePose::kBodies;
+    ForMechanisms([&](std::size_t i) { AcceptStage(mechanisms_[i], b, time, pose); });
+    for (std::size_t i = 0; i < mechanisms_.size(); ++i)
+      Add(next * stage_changes_[i].change, stage_changes_[i].motion, length(i), subject(i), bodies);
+    // What is not measured is trusted less and less (Hairer & Wanner II, IV.8).
+    contraction = std::pow(contraction, 0.8);
+    return bodies;
+  }
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i)
+    Add(MoveAndComputeResidual(mechanisms_[i], b, time), stage_changes_[i].motion, length(i), subject(i),
+        found);
+  if (changes.ratio > 0 && !from_stage_start_) {
+    const double measured = std::clamp(found.ratio / changes.ratio, kRounding, kNoContraction);
+    contraction = is_first ? measured : std::max(contraction, measured);
+  }
+  found.is_slow = IsSlow(found.ratio, changes.ratio);
+  if (bodies.ratio <= found.ratio && found.subject.kind != StepSubject::Kind::kNone)
+    bodies.subject = found.subject;
+  found.subject = bodies.subject;
+  found.ratio = std::max(found.ratio, bodies.ratio);
+  found.largest = std::max(found.largest, bodies.largest);
+  found.is_small = found.is_small && bodies.is_small;
+  return found;
 }
 
 // Whether a force whose saturation differs between the two stages changes by so much that its extrapolation, s b Δf of
@@ -324,7 +383,8 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   for (int k = 0; k < 2; ++k) {
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
       SetInputsOfHalf(mechanisms_[i], whole.start.mechanisms[i], options.h, k == 1);
-    for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].SetLoad(whole.start.free_bodies[i]);
+    for (std::size_t i = 0; i < free_bodies_.size(); ++i)
+      free_bodies_[i].SetInputsWithin(whole.start.free_bodies[i], k == 0 ? 0 : 0.5, k == 0 ? 0.5 : 1);
     ++depth_;
     const StepReport part = TakeStep(half);
     --depth_;

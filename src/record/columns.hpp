@@ -8,7 +8,7 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 13;
+inline constexpr int kFormatVersion = 14;
 inline constexpr const char* kFormatName = "fork1s recording";
 
 /// Values per row.
@@ -17,8 +17,8 @@ struct Widths {
 };
 
 /// Rows of a column are steps, or those of a table of which a step has any number.
-enum class Rows { kSteps, kReduced, kContacts, kWrenches };
-inline constexpr std::size_t kNumRows = 4;
+enum class Rows { kSteps, kReduced, kContacts, kWrenches, kPointSprings };
+inline constexpr std::size_t kNumRows = 5;
 
 struct Column {
   const char* name;  // path in the file
@@ -84,6 +84,8 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/reduced_end", kS, 1, 0, "", "row of /reduced after the last of the step"}, s.reduced_end);
   f(Column{"steps/contact_end", kS, 1, 0, "", "row of /contacts after the last of the step"}, s.contact_end);
   f(Column{"steps/wrench_end", kS, 1, 0, "", "row of /wrenches after the last of the step"}, s.wrench_end);
+  f(Column{"steps/point_spring_end", kS, 1, 0, "", "row of /point_springs after the last of the step"},
+    s.point_spring_end);
   f(Column{"steps/checksum", kS, 1, 0, "", "over all other values of the step"}, s.checksum);
 
   f(Column{"reduced/z", Rows::kReduced, 1, 0, "1", "reduced coordinates, mechanism after mechanism"}, s.z);
@@ -103,6 +105,13 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"wrenches/wrench", Rows::kWrenches, 9, 0, "N, N m, m",
            "applied from outside: force, moment about the point, point; world axes"},
     s.wrench);
+
+  f(Column{"point_springs/body", Rows::kPointSprings, 1, 0, "", "place in /names/bodies"},
+    s.point_spring_body);
+  f(Column{"point_springs/spring", Rows::kPointSprings, 11, 0, "m, N/m, N s/m",
+           "point in the body, target at the start and at the end of the step in the world, stiffness, "
+           "damping"},
+    s.point_spring);
 }
 
 /// A 64-bit checksum of values by their bits.

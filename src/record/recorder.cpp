@@ -99,7 +99,8 @@ void WriteHeader(hid_t file, const Simulation& simulation) {
 }
 
 void CreateGroups(hid_t file) {
-  for (const char* name : {"steps", "reduced", "contacts", "wrenches"}) CreateGroup(file, name);
+  for (const char* name : {"steps", "reduced", "contacts", "wrenches", "point_springs"})
+    CreateGroup(file, name);
 }
 
 }  // namespace
@@ -254,6 +255,7 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   rows.first[static_cast<std::size_t>(Rows::kReduced)] = s.z.size();
   rows.first[static_cast<std::size_t>(Rows::kContacts)] = s.contact_gap.size();
   rows.first[static_cast<std::size_t>(Rows::kWrenches)] = s.wrench_body.size();
+  rows.first[static_cast<std::size_t>(Rows::kPointSprings)] = s.point_spring_body.size();
 
   const auto add = [](std::vector<double>& out, const auto& v) {
     out.insert(out.end(), v.data(), v.data() + v.size());
@@ -297,16 +299,24 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
     s.wrench_body.push_back(a.body);
     for (const Vector3* v : {&a.force_W, &a.moment_W, &a.point_W}) add(s.wrench, *v);
   }
+  for (const auto& [body, spring] : simulation.last_point_springs()) {
+    s.point_spring_body.push_back(body);
+    for (const Vector3* v : {&spring.point_B, &spring.target_start_W, &spring.target_W})
+      add(s.point_spring, *v);
+    s.point_spring.insert(s.point_spring.end(), {spring.stiffness, spring.damping});
+  }
 
   rows.last[static_cast<std::size_t>(Rows::kSteps)] = s.time.size();
   rows.last[static_cast<std::size_t>(Rows::kReduced)] = s.z.size();
   rows.last[static_cast<std::size_t>(Rows::kContacts)] = s.contact_gap.size();
   rows.last[static_cast<std::size_t>(Rows::kWrenches)] = s.wrench_body.size();
+  rows.last[static_cast<std::size_t>(Rows::kPointSprings)] = s.point_spring_body.size();
   for (std::size_t k = 0; k < kNumRows; ++k)
     totals[k] += static_cast<std::int64_t>(rows.last[k] - rows.first[k]);
   s.reduced_end.push_back(totals[static_cast<std::size_t>(Rows::kReduced)]);
   s.contact_end.push_back(totals[static_cast<std::size_t>(Rows::kContacts)]);
   s.wrench_end.push_back(totals[static_cast<std::size_t>(Rows::kWrenches)]);
+  s.point_spring_end.push_back(totals[static_cast<std::size_t>(Rows::kPointSprings)]);
   s.checksum.push_back(StepChecksum(s, widths, rows));
 }
 

@@ -97,6 +97,20 @@ std::vector<AppliedWrench> Recording::Wrenches(int step) const {
   return wrenches;
 }
 
+std::vector<Simulation::BodyPointSpring> Recording::PointSprings(int step) const {
+  FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
+  const auto i = static_cast<std::size_t>(step);
+  std::vector<Simulation::BodyPointSpring> springs;
+  for (auto k = static_cast<std::size_t>(i > 0 ? data_.point_spring_end[i - 1] : 0);
+       k < static_cast<std::size_t>(data_.point_spring_end[i]); ++k) {
+    const double* v = &data_.point_spring[11 * k];
+    springs.push_back(
+        {data_.point_spring_body[k],
+         {Vector3(v[0], v[1], v[2]), Vector3(v[3], v[4], v[5]), Vector3(v[6], v[7], v[8]), v[9], v[10]}});
+  }
+  return springs;
+}
+
 StepReport Recording::Report(int step) const {
   FORK1S_REQUIRE(step >= 0 && step < num_steps(), step);
   const auto i = static_cast<std::size_t>(step);

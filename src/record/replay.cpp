@@ -44,6 +44,8 @@ Expected<void> ReplaySteps(const Recording& recording, Simulation& simulation, R
     for (int k = 0; k < rates.size(); ++k)
       if (!std::isnan(rates(k))) simulation.SetBaseRate(first + k, rates(k));
     if (auto set = simulation.SetFidelity(recording.FidelityOf(i)); !set) return set;
+    simulation.ClearPointSprings();
+    for (const auto& [body, spring] : recording.PointSprings(i)) simulation.SetPointSpring(body, spring);
     ApplyWrenches(recording.Wrenches(i), simulation);
     simulation.Step();
     ++result.steps;

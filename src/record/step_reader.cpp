@@ -26,11 +26,11 @@ std::size_t RowsOf(const Hdf5& dataset, const Column& column) {
   return static_cast<std::size_t>(dims[0]);
 }
 
-std::array<std::vector<std::int64_t>*, 3> EndsOf(RecordedSteps& s) {
-  return {&s.reduced_end, &s.contact_end, &s.wrench_end};
+std::array<std::vector<std::int64_t>*, kNumRows - 1> EndsOf(RecordedSteps& s) {
+  return {&s.reduced_end, &s.contact_end, &s.wrench_end, &s.point_spring_end};
 }
-std::array<const std::vector<std::int64_t>*, 3> EndsOf(const RecordedSteps& s) {
-  return {&s.reduced_end, &s.contact_end, &s.wrench_end};
+std::array<const std::vector<std::int64_t>*, kNumRows - 1> EndsOf(const RecordedSteps& s) {
+  return {&s.reduced_end, &s.contact_end, &s.wrench_end, &s.point_spring_end};
 }
 
 }  // namespace
@@ -102,7 +102,7 @@ RecordedSteps StepReader::Read(std::size_t count) const {
   RecordedSteps s;
   ReadKind(s, Rows::kSteps, done_, count);
   Shorten(s, CountCoherent(s));
-  constexpr Rows kTables[] = {Rows::kReduced, Rows::kContacts, Rows::kWrenches};
+  constexpr Rows kTables[] = {Rows::kReduced, Rows::kContacts, Rows::kWrenches, Rows::kPointSprings};
   const auto ends = EndsOf(s);
   for (std::size_t k = 0; k < ends.size(); ++k)
     if (!ends[k]->empty())
@@ -138,7 +138,7 @@ std::size_t StepReader::CountCoherent(const RecordedSteps& s) const {
   const auto ends = EndsOf(s);
   const auto m = static_cast<std::size_t>(widths_.mechanisms);
   for (std::size_t i = 0; i < s.time.size(); ++i) {
-    for (std::size_t k = 0; k < 3; ++k) {
+    for (std::size_t k = 0; k + 1 < kNumRows; ++k) {
       const std::int64_t end = (*ends[k])[i];
       if (end < before[k] || static_cast<std::size_t>(end) > available_[k + 1]) return i;
       if (k == 0) {
@@ -162,7 +162,7 @@ std::size_t StepReader::CountIntact(const RecordedSteps& s) const {
   for (std::size_t i = 0; i < s.time.size(); ++i) {
     rows.first[0] = i;
     rows.last[0] = i + 1;
-    for (std::size_t k = 0; k < 3; ++k) {
+    for (std::size_t k = 0; k + 1 < kNumRows; ++k) {
       rows.first[k + 1] = rows.last[k + 1];
       rows.last[k + 1] = static_cast<std::size_t>((*ends[k])[i] - before_[k]);
     }
@@ -174,15 +174,17 @@ std::size_t StepReader::CountIntact(const RecordedSteps& s) const {
         if (b < -1 || b >= bodies) return i;
     for (std::size_t c = rows.first[3]; c < rows.last[3]; ++c)
       if (s.wrench_body[c] < 0 || s.wrench_body[c] >= bodies) return i;
+    for (std::size_t c = rows.first[4]; c < rows.last[4]; ++c)
+      if (s.point_spring_body[c] < 0 || s.point_spring_body[c] >= bodies) return i;
   }
   return s.time.size();
 }
 
 void StepReader::Shorten(RecordedSteps& s, std::size_t steps) const {
   if (steps == s.time.size()) return;
-  std::size_t rows[kNumRows] = {steps, 0, 0, 0};
+  std::size_t rows[kNumRows] = {steps};
   const auto ends = EndsOf(s);
-  for (std::size_t k = 0; k < 3 && steps > 0; ++k)
+  for (std::size_t k = 0; k + 1 < kNumRows && steps > 0; ++k)
     rows[k + 1] = static_cast<std::size_t>((*ends[k])[steps - 1] - before_[k]);
   ForEachColumn(s, widths_, [&](const Column& column, auto& values) {
     const std::size_t size =

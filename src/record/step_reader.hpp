@@ -26,7 +26,7 @@ class StepReader {
 
  private:
   static constexpr std::size_t kUnknown = static_cast<std::size_t>(-1);
-  using Ends = std::array<std::int64_t, 3>;  // rows of the tables before some step
+  using Ends = std::array<std::int64_t, kNumRows - 1>;  // rows of the tables before some step
 
   RecordedSteps Read(std::size_t count) const;
   RecordedSteps ReadWhatCanBeRead(std::size_t count) const;
@@ -39,7 +39,7 @@ class StepReader {
   bool finished_;
   std::size_t most_;
   std::vector<Hdf5> datasets_;
-  std::size_t available_[kNumRows] = {kUnknown, kUnknown, kUnknown, kUnknown};
+  std::size_t available_[kNumRows] = {kUnknown, kUnknown, kUnknown, kUnknown, kUnknown};
   std::size_t done_ = 0;  // steps read
   Ends before_{};         // rows of those
   bool ended_ = false;

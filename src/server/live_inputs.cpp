@@ -37,13 +37,12 @@ void LiveSimulation::ApplyTargets() {
 void LiveSimulation::ApplyPulls() {
   shown_.clear();
   loads_.clear();
+  simulation_.ClearPointSprings();
   if (pull_) {
     Pull& p = *pull_;
-    p.force_W = PullForce(simulation_, p.body, p.point_B, p.target_W, settings_.pull_stiffness);
-    const Vector3 point = simulation_.Pose(p.body) * p.point_B;
-    simulation_.ApplyWrench(p.body, p.force_W, Vector3::Zero(), point);
-    loads_.push_back({p.body, p.point_B, p.force_W});
-    shown_.push_back({p.body, point, p.target_W, p.force_W});
+    simulation_.SetPointSpring(p.body, PullSpring(simulation_, p.body, p.point_B, p.reached_W, p.target_W,
+                                                  settings_.pull_stiffness));
+    p.reached_W = p.target_W;
   }
   for (Push& p : pushes_) {
     const Vector3 point = simulation_.Pose(p.body) * p.point_B;
@@ -53,6 +52,17 @@ void LiveSimulation::ApplyPulls() {
     --p.steps_left;
   }
   std::erase_if(pushes_, [](const Push& p) { return p.steps_left <= 0; });
+}
+
+// After a step: its force at the end.
+void LiveSimulation::ShowPull() {
+  if (!pull_) return;
+  for (const auto& [body, spring] : simulation_.last_point_springs()) {
+    const RigidTransform X_WB = simulation_.Pose(body);
+    const Vector3 force_W = spring.Force(X_WB, simulation_.Velocity(body));
+    loads_.push_back({body, spring.point_B, force_W});
+    shown_.push_back({body, X_WB * spring.point_B, spring.target_W, force_W});
+  }
 }
 
 }  // namespace fork1s

@@ -35,7 +35,7 @@ Expected<LiveSimulation> LiveSimulation::Create(Scene scene, const SimulationOpt
                                                 const std::string& title, ModelFile file) {
   Scene original = scene;
   SimulationOptions options = given;
-  // The force of a pull is that at the end of a step of implicit Euler; by the second order its spring would ring.
+  // By theta a pull is a constant force of the step, of a formula for implicit Euler, and would ring.
   if (options.step.integrator == Integrator::kAuto) options.step.integrator = Integrator::kEuler;
   auto simulation = Simulation::Create(std::move(scene), options);
   if (!simulation) return tl::unexpected(simulation.error());
@@ -197,7 +197,8 @@ std::optional<Refusal> LiveSimulation::Handle(const Command& c) {
     case Command::Kind::kPull:
       if (pull_ && pull_->viewer != c.viewer)
         return Refusal{"another viewer is dragging; wait until it lets go", true};
-      if (!pull_ || pull_->body != body) pull_ = Pull{c.viewer, body, c.point, c.target};
+      if (!pull_ || pull_->body != body)
+        pull_ = Pull{c.viewer, body, c.point, c.target, simulation_.Pose(body) * c.point};
       pull_->point_B = c.point;
       pull_->target_W = c.target;
       return {};
@@ -303,6 +304,7 @@ bool LiveSimulation::StepOnce() {
   scalars_.residual = report.solver.residual;
   scalars_.refreshes += report.refreshes;
   if (report.finite) {
+    ShowPull();
     StepGhost();
     return true;
   }

@@ -4,27 +4,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/solve.hpp>
 
 namespace fork1s {
-Vector3 PullForce(const Simulation& simulation, int body, const Vector3& point_B, const Vector3& target_W,
-                  double stiffness) {
+PointSpring PullSpring(const Simulation& simulation, int body, const Vector3& point_B,
+                       const Vector3& target_start_W, const Vector3& target_W, double stiffness) {
   const SceneBody& b = simulation.bodies()[static_cast<std::size_t>(body)];
   const World& world = simulation.world();
   const double h = simulation.dt();
   const Vector3& gravity = simulation.step_options().gravity;
   const auto index = static_cast<std::size_t>(b.mechanism < 0 ? b.index : b.mechanism);
-  const PointResponse s = b.mechanism < 0
-                         ? RespondAt(world.free_bodies()[index], point_B, h, gravity)
-                         : RespondAt(world.mechanisms()[index], BodyIndex(b.index), point_B, h, gravity);
-
-  // Critical for what the point moves along its softest direction, never for more than the whole mass.
-  const double softest = std::max({s.W(0, 0), s.W(1, 1), s.W(2, 2), 1e-12});
-  const double damper = 2 * std::sqrt(stiffness * std::min(1 / softest, std::max(s.mass, 1e-9)));
-  const Matrix3 A = Matrix3::Identity() + (h * h * stiffness + h * damper) * s.W + stiffness * s.C;
-  const Vector3 force =
-      SolveSquare(A, Vector3(stiffness * (target_W - s.p_free) - damper * s.v_free));
-  return force.allFinite() ? force : Vector3(Vector3::Zero());
+  const PointResponse response =
+      b.mechanism < 0 ? RespondAt(world.free_bodies()[index], point_B, h, gravity)
+                      : RespondAt(world.mechanisms()[index], BodyIndex(b.index), point_B, h, gravity);
+  return {point_B, target_start_W, target_W, stiffness, CriticalDamping(response, stiffness)};
 }
 
 double SceneRadius(const Simulation& simulation) {

@@ -89,6 +89,7 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
 
 StepReport Simulation::Step() {
   PassControls();
+  CollectPointSprings();
   // HoldForces asks for them after the step, which forgets them.
   pushed_W_.clear();
   if (!holds_.empty())
@@ -231,6 +232,37 @@ void Simulation::ApplyWrench(int body, const Vector3& force_W, const Vector3& mo
   else
     world_.mechanisms()[static_cast<std::size_t>(b.mechanism)].AddWrench(BodyIndex(b.index), force_W,
                                                                          moment_W, point_W);
+}
+
+void Simulation::SetPointSpring(int body, const PointSpring& spring) {
+  FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(bodies_.size()), body);
+  FORK1S_REQUIRE(spring.point_B.allFinite() && spring.target_start_W.allFinite() &&
+                 spring.target_W.allFinite());
+  FORK1S_REQUIRE(spring.stiffness >= 0 && std::isfinite(spring.stiffness), spring.stiffness);
+  FORK1S_REQUIRE(spring.damping >= 0 && std::isfinite(spring.damping), spring.damping);
+  const SceneBody& b = bodies_[static_cast<std::size_t>(body)];
+  if (b.mechanism < 0)
+    world_.free_bodies()[static_cast<std::size_t>(b.index)].SetPointSpring(spring);
+  else
+    world_.mechanisms()[static_cast<std::size_t>(b.mechanism)].SetPointSpring(BodyIndex(b.index), spring);
+}
+
+void Simulation::ClearPointSprings() {
+  for (MechanismDynamics& m : world_.mechanisms()) m.ClearPointSpring();
+  for (FreeBody& b : world_.free_bodies()) b.ClearPointSpring();
+}
+
+void Simulation::CollectPointSprings() {
+  last_point_springs_.clear();
+  for (std::size_t i = 0; i < world_.free_bodies().size(); ++i)
+    if (const PointSpring& spring = world_.free_bodies()[i].point_spring(); spring.IsActive())
+      last_point_springs_.push_back({BodyOf(-1, static_cast<int>(i)), spring});
+  for (std::size_t i = 0; i < world_.mechanisms().size(); ++i) {
+    const MechanismDynamics& m = world_.mechanisms()[i];
+    if (m.point_spring().IsActive())
+      last_point_springs_.push_back(
+          {BodyOf(static_cast<int>(i), m.point_spring_body().value()), m.point_spring()});
+  }
 }
 
 double Simulation::JointGap() const {

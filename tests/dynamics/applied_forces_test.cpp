@@ -259,5 +259,34 @@ TEST(AppliedForces, ABallThatRollsKeepsItsEnergy) {
     }
 }
 
+// At 1/60 s a push of 10 N is stiff: b² F r is 8 times the inertia about the contact.
+TEST(AppliedForces, ABallUnderAHardPushGainsNoEnergy) {
+  for (const double scale : {1.0, 10.0})
+    for (const double force : {1.0, 10.0, 100.0}) {
+      const double r = 0.02 * scale, h = 1.0 / 60;
+      Scene scene;
+      scene.world.push_back(testing::Geometry("floor", Plane{}, 0.8));
+      scene.free_bodies.push_back(testing::BallBody("ball", 0.1, r, Vector3(0, 0, r), 0.8));
+      scene.free_bodies[0].X_WB.rotation() = ExpRotation(Vector3(0.1, 0.3, 0));
+      World world = MustCreate(scene);
+      FreeBody& body = world.free_bodies()[0];
+      const Vector3 force_W(0, 0, -force), top(0, 0, r);
+      const auto energy = [&] {
+        return body.KineticEnergy() + 0.981 * body.center_W().z() - force_W.dot(body.pose() * top);
+      };
+      const double start = energy();
+      double gain = 0;
+      for (int i = 0; i < 300; ++i) {
+        body.AddWrench(force_W, Vector3::Zero(), body.pose() * top);
+        StepOptions step = TwoStage(h);
+        step.gravity = Vector3(0, 0, -9.81);
+        EXPECT_TRUE(world.Step(step).finite);
+        gain = std::max(gain, energy() - start);
+      }
+      // Of the work from top to bottom.
+      EXPECT_LT(gain, 0.01 * 2 * r * force) << scale << ' ' << force;
+    }
+}
+
 }  // namespace
 }  // namespace fork1s

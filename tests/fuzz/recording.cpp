@@ -134,15 +134,16 @@ void ChangeAssets(ModelText& scene, fuzz::Source& source) {
 
 // Where the ends of the tables allow it; elsewhere the old ones stay.
 void ComputeChecksums(RecordedSteps& s, const Widths& widths) {
-  const std::size_t n = std::min(
-      {s.time.size(), s.checksum.size(), s.reduced_end.size(), s.contact_end.size(), s.wrench_end.size()});
+  const std::size_t n = std::min({s.time.size(), s.checksum.size(), s.reduced_end.size(),
+                                  s.contact_end.size(), s.wrench_end.size(), s.point_spring_end.size()});
   StepRows rows;
   for (std::size_t i = 0; i < n; ++i) {
     rows.first[0] = i;
     rows.last[0] = i + 1;
-    const std::int64_t ends[] = {s.reduced_end[i], s.contact_end[i], s.wrench_end[i]};
-    const std::size_t most[] = {s.z.size(), s.contact_body_a.size(), s.wrench_body.size()};
-    for (std::size_t k = 0; k < 3; ++k) {
+    const std::int64_t ends[] = {s.reduced_end[i], s.contact_end[i], s.wrench_end[i], s.point_spring_end[i]};
+    const std::size_t most[] = {s.z.size(), s.contact_body_a.size(), s.wrench_body.size(),
+                                s.point_spring_body.size()};
+    for (std::size_t k = 0; k + 1 < kNumRows; ++k) {
       rows.first[k + 1] = rows.last[k + 1];
       if (ends[k] < static_cast<std::int64_t>(rows.first[k + 1]) ||
           ends[k] > static_cast<std::int64_t>(most[k]))

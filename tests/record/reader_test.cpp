@@ -39,6 +39,7 @@ TEST(RecordingReader, StretchesMakeTheWhole) {
         for (std::size_t c = 0; c < part->Contacts(i).size(); ++c)
           ASSERT_EQ(part->Contacts(i)[c].force, whole->Contacts(step)[c].force);
         ASSERT_EQ(part->Wrenches(i).size(), whole->Wrenches(step).size());
+        ASSERT_EQ(part->PointSprings(i).size(), whole->PointSprings(step).size());
       }
     }
     EXPECT_EQ(step, 100);

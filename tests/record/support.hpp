@@ -122,6 +122,15 @@ inline std::vector<AppliedWrench> SetInputs(int i, Simulation& simulation) {
     simulation.SetBaseRate(simulation.FindControl("hand_base.z"), -0.15 * std::cos(5 * t));
     simulation.SetBaseRate(simulation.FindControl("hand_base.rx"), 0.4 * std::cos(4 * t));
   }
+  if (i % 5 == 1) {  // grips, moves on, lets go
+    PointSpring spring{Vector3(0.1, 0, 0.1), Vector3(0.2, 0.1, 0.3), Vector3(0.2, 0.1 + 0.01 * t, 0.3), 20,
+                       1};
+    simulation.SetPointSpring(simulation.FindBody("box"), spring);
+    spring.stiffness = 2;
+    simulation.SetPointSpring(simulation.FindBody("walker2"), spring);
+  } else if (i % 5 == 4) {
+    simulation.ClearPointSprings();
+  }
   std::vector<AppliedWrench> wrenches;
   if (i % 7 == 3) {
     const int body = simulation.FindBody("box");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/dynamics/applied_forces.hpp>
+#include <fork1s/dynamics/point_spring.hpp>
 #include <fork1s/dynamics/step_rule.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <string>
@@ -32,6 +33,13 @@ class FreeBody {
   /// Constant in world axes during the next step only. The force acts at the point of the body that is at
   /// `point_W` now.
   void AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
+
+  /// Holds until changed. theta and euler take its force at the start of a step.
+  void SetPointSpring(const PointSpring& spring) { point_spring_ = spring; }
+  void ClearPointSpring() { point_spring_ = {}; }
+  const PointSpring& point_spring() const { return point_spring_; }
+  /// After a step its target rests.
+  void StopPointSpring() { point_spring_.target_start_W = point_spring_.target_W; }
 
   /// Begins a step of second order. By kMiddle the body stands where its velocity takes it in half the step,
   /// until Integrate. By kTwoSteps velocities from Predict on are a share of those of the end, and
@@ -66,10 +74,11 @@ class FreeBody {
   void MoveToStagePose(double b);
   void RecordStageStart(bool of_step);
   void MoveToStageStart(double b);
-  /// Velocity of the stage without contact. `touched`: the turn is that of the pose at hand, else it is solved for.
+  /// Velocity of the stage without contact. `touched`: it is linearized at the pose at hand, as contact is.
   void PredictStage(double b, bool touched);
-  /// After contact: moves to the pose found; the change of position that
-  /// another iteration would make [m], in the kinetic metric. `motion` [m]: the turn of the stage, likewise.
+  /// After contact: moves to the pose found; the change of position that another iteration would make [m], in
+  /// the kinetic metric. `motion` [m]: of the stage, likewise, but for the translation that nothing makes
+  /// stiff.
   double MoveAndComputeResidual(double b, double& motion);
   void ExtrapolateStage(double b, double onward);
   void EndTwoStageStep(double between_stages);
@@ -91,15 +100,19 @@ class FreeBody {
     RigidTransform X_WB;
     Vector3 omega_B = Vector3::Zero(), velocity = Vector3::Zero();  // of the centre, world axes
     AppliedForces load;                                             // of the next step; about the centre
+    PointSpring point_spring;
     Past past;
     Vector3 angular_acceleration_B = Vector3::Zero(), acceleration = Vector3::Zero();  // as MechanismState's
   };
   State Save() const {
-    return {X_WB_, omega_B_, velocity_, load_, past_, angular_acceleration_B_, acceleration_};
+    return {X_WB_, omega_B_, velocity_, load_, point_spring_, past_, angular_acceleration_B_, acceleration_};
   }
   void Restore(const State& state);
-  /// Loads for the next step are those of `state`.
-  void SetLoad(const State& state) { load_ = state.load; }
+  /// Loads and point spring are those between two shares of a step that begins at `start`.
+  void SetInputsWithin(const State& start, double share_start, double share_end) {
+    load_ = start.load;
+    point_spring_ = start.point_spring.Within(share_start, share_end);
+  }
 
   double KineticEnergy() const;
   double PotentialEnergy(const Vector3& gravity_W) const {
@@ -137,6 +150,17 @@ class FreeBody {
   Velocity stage_start_;
   Vector3 center_stage_start_ = Vector3::Zero();
   Vector3 load_moment_W_ = Vector3::Zero();  // at the pose that the stage is linearised at
+  PointSpring point_spring_;
+  bool is_stiff_ = false;  // the stage at hand has the stiffness of loads or of the spring
+  // Of such a stage, A V = rhs in PortTwist()'s coordinates: the operator, Y with YᵀY = A⁻¹, the right side.
+  Matrix6 stage_A_ = Matrix6::Zero(), stage_root_ = Matrix6::Zero();
+  Vector6 stage_rhs_ = Vector6::Zero();
+  Vector3 velocity_end_ = Vector3::Zero();  // that the momentum of the stage gives
+  Vector6 StageForce() const;
+  Vector6 StageMomentum(double b) const;
+  Eigen::Matrix<double, 3, 6> SpringJacobian() const;
+  void PredictStiffStage(double b);
+  double MoveAndComputeStiffResidual(double b, double& motion);
   Matrix3 InverseInertia_B() const { return rotational_root_ * rotational_root_.transpose(); }
   Vector3 FreeTurning(double b, Vector3 guess) const;
 };

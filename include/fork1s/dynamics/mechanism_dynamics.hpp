@@ -58,6 +58,15 @@ class MechanismDynamics {
   void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {
     fork1s::AddWrench(*this, body, force_W, moment_W, point_W);
   }
+  /// Holds until changed; a mechanism has one. theta and euler take its force at the start of a step.
+  void SetPointSpring(BodyIndex body, const PointSpring& spring) {
+    fork1s::SetPointSpring(*this, body, spring);
+  }
+  void ClearPointSpring() { state_.point_spring = {}; }
+  const PointSpring& point_spring() const { return state_.point_spring; }
+  /// After a step its target rests.
+  void StopPointSpring() { state_.point_spring.target_start_W = state_.point_spring.target_W; }
+  BodyIndex point_spring_body() const { return state_.point_spring_body; }
   bool has_loads() const { return state_.has_loads; }
   /// Those added for the next step, per body about its origin.
   const std::vector<AppliedForces>& loads() const { return state_.loads; }

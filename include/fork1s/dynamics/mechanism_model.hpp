@@ -59,6 +59,7 @@ struct MechanismModel {
   std::vector<int> damped_rotations;         // of rotations(); their dampers are not among `dampers`
   std::vector<WeightedRows> rotation_dampers;  // three rows a damped rotation, E Q_θ, by the columns that move them
   MatrixX rotation_damping_ref;              // r x r, lower triangle: what those are in D
+  MatrixX closure_damping;            // r x r, lower triangle: of springy closures in D; empty for none
   bool has_followers = false;         // forces along lengths without potential
   bool has_follower_springs = false;  // and some of them hang on the length
   bool has_bent_springs = false;      // of paths, or not linear

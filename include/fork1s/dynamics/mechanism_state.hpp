@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/dynamics/applied_forces.hpp>
+#include <fork1s/dynamics/point_spring.hpp>
 #include <fork1s/mechanism/base_path.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <memory>
@@ -49,6 +50,8 @@ struct MechanismState {
   BaseHistory base_history;               // of steps of two stages
   std::vector<AppliedForces> loads;       // per body, about its origin; of the next step only
   bool has_loads = false;
+  PointSpring point_spring;  // holds until changed
+  BodyIndex point_spring_body;
   std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between; kInSolve
 
   InteriorState interior;

@@ -48,6 +48,7 @@ struct MechanismView {
 /// the point of the body that is at `point_W` now.
 void AddWrench(const MechanismStep& here, BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
                const Vector3& point_W);
+void SetPointSpring(const MechanismStep& here, BodyIndex body, const PointSpring& spring);
 void ClearLoads(MechanismState& state);
 /// F += wrenches of the loads at the pose at hand [6 x bodies], in R about R's origin.
 void AddLoadWrenches(const MechanismView& here, Matrix6X& F);
@@ -140,12 +141,26 @@ void RecordStageStart(const MechanismStep& here, bool of_step);
 /// twist of a driven base what its displacement within the stage leaves of it, until RestoreStageBaseTwist.
 void MoveToStageStart(const MechanismStep& here, double b);
 void RestoreStageBaseTwist(const MechanismStep& here);
-/// Free velocity of the stage, linearised at the pose at hand.
-void PredictStage(const MechanismStep& here, double b);
+/// Momenta and forces at that pose, with the twist restored.
+void EvaluateStage(const MechanismStep& here, double b);
+/// Velocity of the stage without contact by (2) of implicit_stage.cpp at the pose at hand.
+void SolveFreeStage(const MechanismStep& here, double b);
+/// The matrix of the stage is made anew, with the inertia of the pose at hand, by the next solve.
+void RenewStageMatrix(const MechanismStep& here);
+/// Of a Newton iteration [m], in the kinetic metric.
+struct StageChange {
+  double change = 0;  // of position, that this one makes
+  double motion = 0;  // of the stage, beside the drift of its base or centre of mass
+};
+/// After contact, at the pose linearised at.
+StageChange ComputeStageChange(const MechanismStep& here, double b);
 /// After contact: records the momenta of the stage, moves to the pose found, and returns the change of
-/// position that another Newton iteration would make [m], in the kinetic metric. `motion` [m]: that of the
-/// stage beside the drift of its base or centre of mass, likewise.
-double MoveAndComputeResidual(const MechanismStep& here, double b, double time, double& motion);
+/// position that another Newton iteration would make [m], in the kinetic metric.
+double MoveAndComputeResidual(const MechanismStep& here, double b, double time);
+/// What is needed at the pose found of a stage: nothing, poses of bodies, or Jacobians too.
+enum class StagePose { kNone, kBodies, kAll };
+/// After contact, in place of MoveAndComputeResidual: the stage is solved.
+void AcceptStage(const MechanismStep& here, double b, double time, StagePose pose);
 /// Forces of servos and slack springs at the pose of a stage that was solved, and their saturation.
 void StoreSwitchedForces(const MechanismStep& here);
 /// What the changes of saturation since StoreSwitchedForces displace by the extrapolation of the first stage's forces.

@@ -3,6 +3,7 @@
 
 #include <fork1s/dynamics/free_body.hpp>
 #include <fork1s/dynamics/mechanism_step.hpp>
+#include <fork1s/dynamics/point_spring.hpp>
 
 namespace fork1s {
 
@@ -20,5 +21,13 @@ struct PointResponse {
 PointResponse RespondAt(const MechanismView& here, BodyIndex body, const Vector3& point_B, double h,
                         const Vector3& gravity_W);
 PointResponse RespondAt(FreeBody body, const Vector3& point_B, double h, const Vector3& gravity_W);
+
+/// Force [N] of a spring at the end of that step, F = k (target - x⁺) - c ẋ⁺ with x⁺ = p_free + (h² W + C) F
+/// and ẋ⁺ = v_free + h W F, so that no stiffness makes a light fingertip ring. Contact is left to the step
+/// itself.
+Vector3 EndForce(const PointResponse& at, const PointSpring& spring, double h);
+/// Damping [N s/m] that is critical for what the point moves along its softest direction, never for more than
+/// the whole mass.
+double CriticalDamping(const PointResponse& at, double stiffness);
 
 }  // namespace fork1s

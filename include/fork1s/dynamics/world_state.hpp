@@ -1,6 +1,7 @@
 // What a step of a world reads and changes, as plain values.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <fork1s/collision/collision_world.hpp>
 #include <fork1s/dynamics/free_body.hpp>
@@ -37,6 +38,8 @@ struct WorldState {
   bool speeds_are_last = false;      // all of these are of the step before
   std::vector<RigidTransform> contactor_poses;
   bool has_contactor_poses = false;
+  std::array<double, 2> contraction = {1,
+                                       1};  // of Newton's iteration in first and second stages; 1: not known
   struct Rows {  // per mechanism
     std::vector<double> limit_impulses, friction_impulses;
     bool refreshed = false;  // at the end of the last step

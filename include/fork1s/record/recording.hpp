@@ -36,7 +36,7 @@ struct RecordedContact {
 
 /// All steps as plain arrays, row after row; one row a step unless said otherwise. The file holds each as a
 /// dataset of the same name, with its unit and meaning as attributes, in the groups /steps, /reduced,
-/// /contacts and /wrenches.
+/// /contacts, /wrenches and /point_springs.
 struct RecordedSteps {
   std::vector<double> time;         // s, after the step
   std::vector<std::uint64_t> hash;  // Simulation::HashState() after the step
@@ -59,13 +59,15 @@ struct RecordedSteps {
   std::vector<std::uint64_t> checksum;  // of all other values of the step
 
   // Tables in which a step has any number of rows: row `end` of the step before up to `end` of the step.
-  std::vector<std::int64_t> reduced_end, contact_end, wrench_end;
+  std::vector<std::int64_t> reduced_end, contact_end, wrench_end, point_spring_end;
   std::vector<double> z, w;  // mechanism after mechanism
   std::vector<int> contact_body_a, contact_body_b;
   std::vector<double> contact_point, contact_normal, contact_force;  // x 3
   std::vector<double> contact_gap, contact_friction;
   std::vector<int> wrench_body;
   std::vector<double> wrench;  // x 9: force, moment, point
+  std::vector<int> point_spring_body;
+  std::vector<double> point_spring;  // x 11: point, target at start and end, stiffness, damping
 };
 
 struct RecorderOptions {
@@ -147,6 +149,7 @@ class Recording {
   VectorX ReducedRates(int step, int mechanism) const;
   std::vector<RecordedContact> Contacts(int step) const;
   std::vector<AppliedWrench> Wrenches(int step) const;
+  std::vector<Simulation::BodyPointSpring> PointSprings(int step) const;
   StepReport Report(int step) const;
   /// With what fidelity the step was made.
   Fidelity FidelityOf(int step) const;

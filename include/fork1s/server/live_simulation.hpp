@@ -70,7 +70,7 @@ class LiveSimulation {
   struct Pull {
     int viewer, body;
     Vector3 point_B, target_W;
-    Vector3 force_W = Vector3::Zero();
+    Vector3 reached_W;  // target at the end of the last step
   };
   struct Push {
     int body;
@@ -91,6 +91,7 @@ class LiveSimulation {
   std::optional<Refusal> OrSay(const Expected<void>& done);
   bool StepOnce();
   void ApplyPulls();
+  void ShowPull();
   void ApplyTargets();
   void ShowShapes(std::uint32_t version);
   void AfterBuild();

@@ -126,6 +126,17 @@ class Simulation {
   /// Force [N] and moment [N·m], constant in world axes during the next step only. The force acts at the
   /// point of the body that is at `point_W` now.
   void ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
+  /// A spring and a damper between a point of a body and a target in the world; holds until changed. By two
+  /// stages it is evaluated in every stage, with its stiffness; by theta and euler it is a force of the step.
+  /// A mechanism or free body has one. SetFidelity clears it.
+  void SetPointSpring(int body, const PointSpring& spring);
+  void ClearPointSprings();
+  struct BodyPointSpring {
+    int body = 0;  // place in bodies()
+    PointSpring spring;
+  };
+  /// Those of the last step, targets as they moved within it.
+  const std::vector<BodyPointSpring>& last_point_springs() const { return last_point_springs_; }
 
   double KineticEnergy() const { return world_.KineticEnergy(); }
   double PotentialEnergy() const { return world_.PotentialEnergy(step_options_.gravity); }
@@ -168,6 +179,7 @@ class Simulation {
   void ListBodies();
   void ListWarnings();
   void PassControls();
+  void CollectPointSprings();
 
   std::vector<std::string> warnings_;
   std::vector<std::vector<std::string>> own_warnings_;  // of each mechanism while it held nothing
@@ -187,6 +199,7 @@ class Simulation {
   VectorX controls_, control_lower_, control_upper_;
   VectorX last_controls_;                   // of the last step
   VectorX base_rates_, last_base_rates_;
+  std::vector<BodyPointSpring> last_point_springs_;
   std::vector<RigidTransform> base_start_;  // per mechanism
   std::vector<Matrix6X>
       pushed_W_;  // wrenches of the last step, as world_ counts; empty where nothing is held

@@ -1,0 +1,58 @@
+// A point spring in a stage of a mechanism.
+//
+// With x and J v position and velocity of its point, t the target, F = k (t - x) its force without the
+// damper,
+//     f = Jᵀ (F - c J v),   -∂f/∂x = k Jᵀ J + K_g,   -∂f/∂v = c Jᵀ J
+// K_g, the geometric stiffness of the force F - c J v, is that of a constant force (applied_forces.cpp). The
+// change of J v with the pose is left out, by which the iteration contracts by the turn of a stage.
+//
+// The interior's static correction (interior.cpp) does not follow it: moved once a step, before the step, it
+// would diverge where the spring is stiffer than the interior.
+#include "mechanism_detail.hpp"
+
+namespace fork1s {
+
+void SetPointSpring(const MechanismStep& here, BodyIndex body, const PointSpring& spring) {
+  FORK1S_REQUIRE(body.valid() && body.value() < here.model.mechanism().num_bodies(), body.value());
+  here.state.point_spring = spring;
+  here.state.point_spring_body = body;
+}
+
+void EvaluatePointSpring(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const PointSpring& spring = state.point_spring;
+  const RigidTransform& X_WR = state.reduced.X_WR;
+  const Vector3 p = ws.configuration.kinematics.X_RB[state.point_spring_body.u()] * spring.point_B;
+  ws.spring_point_R = p;
+  ws.spring_force_R = X_WR.rotation().transpose() * spring.SpringForce(X_WR * p);
+  ws.spring_base_velocity_R.setZero();
+  if (model.mechanism().base() == BaseKind::kDriven)
+    ws.spring_base_velocity_R = state.reduced.V_R.tail<3>() + state.reduced.V_R.head<3>().cross(p);
+  const int base = model.base_size;
+  ws.spring_J.setZero();
+  if (base > 0) ws.spring_J.leftCols<6>() << -Skew(p), Matrix3::Identity();
+  if (const int joint = model.mechanism().body(state.point_spring_body).last_joint; joint >= 0) {
+    const auto T = ws.jacobian.T(joint);
+    auto J = ws.spring_J.middleCols(base + ws.jacobian.begin(joint), T.cols());
+    J = T.bottomRows<3>();
+    J.noalias() -= Skew(p).lazyProduct(T.topRows<3>());
+  }
+  const Vector3 force = PointSpringForce(here);
+  if (model.size() > 0) ws.f_z.noalias() += ws.spring_J.rightCols(model.size()).transpose() * force;
+  if (base > 0) ws.base_force.noalias() += ws.spring_J.leftCols<6>().transpose() * force;
+}
+
+Vector3 PointSpringForce(const MechanismView& here) {
+  const auto& [model, state, ws] = here;
+  const Vector3 velocity = ws.spring_base_velocity_R - ws.spring_J * ws.contact_shift;
+  return ws.spring_force_R - state.point_spring.damping * velocity;
+}
+
+void AddPointSpringOperator(const MechanismStep& here, double b) {
+  const auto& [model, state, ws] = here;
+  const PointSpring& spring = state.point_spring;
+  const Matrix3X& J = ws.spring_J;
+  ws.A.triangularView<Eigen::Lower>() += spring.ImplicitMass(b) * J.transpose().lazyProduct(J);
+}
+
+}  // namespace fork1s

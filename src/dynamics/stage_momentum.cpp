@@ -1,0 +1,145 @@
+// Momenta of a mechanism in the flat space of a two-stage step.
+//
+// Momenta are taken about a point that moves evenly with the base, in axes that stand still: a flat space, in
+// which the momentum of the whole is exact, linear and angular, and a drift of the whole changes nothing.
+#include "stage_momentum.hpp"
+
+#include "mechanism_detail.hpp"
+
+namespace fork1s {
+namespace {
+
+const RigidTransform kIdentity;
+
+// Centre of mass of a part in R.
+Vector3 CenterOfPart(const MechanismStep& here, int part) {
+  const auto at = static_cast<std::size_t>(part);
+  const RigidTransform& X = part == 0 ? kIdentity : here.work.configuration.kinematics.P[at - 1];
+  return X * here.model.rigid_parts.parts[at].inertia_R0.center;
+}
+
+// The point that momenta are taken about, from R's origin, in R [m], and the rotation from R to the axes at
+// the start.
+struct MomentumFrame {
+  Vector3 point, drift;
+  Matrix3 R_start_now;
+};
+MomentumFrame FrameOf(const MechanismStep& here, double time) {
+  const auto& [model, state, ws] = here;
+  const Matrix3 R_T = state.reduced.X_WR.rotation().transpose();
+  return {R_T * (ws.X_WR_before.translation() + time * ws.drift_W - state.reduced.X_WR.translation()),
+          R_T * ws.drift_W, ws.X_WR_before.rotation().transpose() * state.reduced.X_WR.rotation()};
+}
+
+// F_parts <- momenta of `base` as wrenches in R about R's origin at the pose at hand.
+void ExpressMomenta(const MechanismStep& here, double time, const StageBase& base) {
+  const auto& [model, state, ws] = here;
+  ws.F_parts = base.momentum;
+  if (!model.base_moves()) return;
+  const MomentumFrame frame = FrameOf(here, time);
+  const Matrix3 R_now_start = frame.R_start_now.transpose();
+  for (int i = 0; i < model.rigid_parts.size(); ++i) {
+    const double mass = model.rigid_parts.parts[static_cast<std::size_t>(i)].inertia_R0.mass;
+    if (mass == 0) continue;
+    auto p = ws.F_parts.col(i);
+    const Vector3 linear = R_now_start * p.tail<3>();
+    const Vector3 angular = R_now_start * p.head<3>() + frame.point.cross(linear) +
+                            CenterOfPart(here, i).cross(mass * frame.drift);
+    p << angular, linear + mass * frame.drift;
+  }
+}
+
+// The inverse of FlattenWrench.
+Vector6 ExpressFlatWrench(const MechanismStep& here, double time, const Vector6& flat) {
+  const MomentumFrame frame = FrameOf(here, time);
+  const Matrix3 R_now_start = frame.R_start_now.transpose();
+  const Vector3 force = R_now_start * flat.tail<3>();
+  Vector6 out;
+  out << R_now_start * flat.head<3>() + frame.point.cross(force), force;
+  return out;
+}
+
+// q_ddot [n] <- joint rates and other_velocity <- velocities of the parts, at v [num_velocities] and the pose
+// at hand.
+void ComputeVelocities(const MechanismStep& here, const VectorX& v) {
+  const auto& [model, state, ws] = here;
+  Vector6 V = Vector6::Zero();
+  if (model.base_size > 0) V = v.head<6>();
+  if (model.mechanism().base() == BaseKind::kDriven) V = state.reduced.V_R;
+  ws.q_ddot.setZero();
+  if (model.size() > 0) {
+    ws.w_mean = v.tail(model.size());
+    AddMotion(*model.reduced, ws.Q_now(), ws.w_mean, ws.q_ddot);
+  }
+  ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics, ws.q_ddot, V,
+                            ws.other_velocity);
+  ComputeJointVelocities(model.mechanism(), ws.configuration.kinematics, ws.q_ddot, ws.nu_mixed);
+}
+
+}  // namespace
+
+// Spatial momenta of the parts at velocity x [num_velocities], in the flat space of the step.
+void ComputeFlatMomenta(const MechanismStep& here, double time, StageBase& out) {
+  const auto& [model, state, ws] = here;
+  ComputeVelocities(here, ws.x);
+  out.momentum.setZero(6, model.rigid_parts.size());
+  out.momentum_defect.setZero();
+  AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.other_velocity, Matrix3::Identity(), 1,
+              out.momentum);
+  out.joint_momentum = model.mechanism().armature().cwiseProduct(ws.nu_mixed);
+  if (!model.base_moves()) return;
+  const MomentumFrame frame = FrameOf(here, time);
+  for (int i = 0; i < model.rigid_parts.size(); ++i) {
+    const double mass = model.rigid_parts.parts[static_cast<std::size_t>(i)].inertia_R0.mass;
+    if (mass == 0) continue;
+    auto p = out.momentum.col(i);
+    const Vector3 linear = p.tail<3>() - mass * frame.drift;
+    const Vector3 angular =
+        p.head<3>() - CenterOfPart(here, i).cross(mass * frame.drift) - frame.point.cross(linear);
+    p << frame.R_start_now * angular, frame.R_start_now * linear;
+  }
+}
+
+// A wrench in R about R's origin as a change of momentum in the flat space of the step.
+Vector6 FlattenWrench(const MechanismStep& here, double time, const Vector6& wrench) {
+  const MomentumFrame frame = FrameOf(here, time);
+  const Vector3 force = wrench.tail<3>();
+  Vector6 out;
+  out << frame.R_start_now * (wrench.head<3>() - frame.point.cross(force)), frame.R_start_now * force;
+  return out;
+}
+
+Vector6 Total(const StageBase& base) { return base.momentum.rowwise().sum() + base.momentum_defect; }
+
+// momentum <- J(x)ᵀ (p of `base` - p(v, x)) at the pose at hand, with the impulse that dampers of joints give
+// within b.
+void ComputeMomentumResidual(const MechanismStep& here, double time, const StageBase& base, const VectorX& v,
+                             double b) {
+  const auto& [model, state, ws] = here;
+  ExpressMomenta(here, time, base);
+  ComputeVelocities(here, v);
+  AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.other_velocity, Matrix3::Identity(), -1,
+              ws.F_parts);
+  ws.tau = base.joint_momentum -
+           (model.mechanism().armature() + b * model.mechanism().damping()).cwiseProduct(ws.nu_mixed);
+  ConvertToCoordinateForces(model.mechanism(), ws.configuration.kinematics, ws.tau);
+  GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.F_parts, ws.tau);
+  if (b > 0) AddSpringDampers(here, b, ws.q_ddot, ws.tau);
+  if (model.size() > 0) {
+    ReduceForce(*model.reduced, ws.Q_now(), ws.tau, ws.f_used);
+    if (b > 0 && model.closure_damping.size() > 0)
+      ws.f_used.noalias() -= b * model.closure_damping.selfadjointView<Eigen::Lower>() * ws.w_mean;
+    ws.momentum.tail(model.size()) = ws.f_used;
+  }
+  if (model.base_size > 0)
+    ws.momentum.head<6>() = ws.F_parts.col(0) + ExpressFlatWrench(here, time, base.momentum_defect);
+}
+
+// Of a floating mechanism, world axes [N s].
+Vector3 LinearMomentum(const MechanismStep& here, const StageBase& of) {
+  const auto& [model, state, ws] = here;
+  if (model.base_size == 0) return Vector3::Zero();
+  return ws.X_WR_before.rotation() * Total(of).tail<3>() + ws.M_00(5, 5) * ws.drift_W;
+}
+
+}  // namespace fork1s
