@@ -12,10 +12,10 @@
 // of -∂τ/∂θ, the geometric stiffness of loads and spring, projected onto the positive semidefinite (Teran et
 // al. 2005, Robust quasistatic finite elements): A is positive definite at any stiffness. What is left out of
 // it, and the turn of M, change the convergence of the iteration only, not the equation.
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <fork1s/dynamics/free_body.hpp>
-#include <limits>
+#include <fork1s/linalg/cholesky.hpp>
+#include <fork1s/linalg/spectrum.hpp>
 
 namespace fork1s {
 
@@ -109,16 +109,10 @@ void FreeBody::PredictStiffStage(double b) {
     stage_A_ += b * point_spring_.damping * J.transpose() * J;
   }
   const Matrix3 turned = AppliedForces::TurnedLever(moments);
-  Eigen::SelfAdjointEigenSolver<Matrix3> modes;
-  modes.computeDirect(-0.5 * (turned + turned.transpose()));
-  const Matrix3& N = modes.eigenvectors();
-  K.topLeftCorner<3, 3>() += N * modes.eigenvalues().cwiseMax(0).asDiagonal() * N.transpose();
+  K.topLeftCorner<3, 3>() += PositivePart(-0.5 * (turned + turned.transpose()));
   stage_A_ += b * b * K;
   stage_rhs_ = StageMomentum(b) + b * b * (K * V);
-  const Eigen::LLT<Matrix6> factor(stage_A_);
-  stage_root_ = Matrix6::Identity();
-  factor.matrixL().solveInPlace(stage_root_);
-  if (factor.info() != Eigen::Success) stage_root_.setConstant(std::numeric_limits<double>::quiet_NaN());
+  stage_root_ = InverseRoot(stage_A_);
   const Vector6 found = stage_root_.transpose() * (stage_root_ * stage_rhs_);
   omega_B_ = R.transpose() * found.head<3>();
   velocity_ = found.tail<3>();

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <type_traits>
 #include <utility>
 
@@ -248,6 +249,14 @@ void Cholesky::SolveLowerInPlace(MatrixX& x) const {
 }
 
 Vector6 SolvePositive(const Matrix6& A, const Vector6& b) { return A.llt().solve(b); }
+
+Matrix6 InverseRoot(const Matrix6& A) {
+  const Eigen::LLT<Matrix6> factor(A);
+  if (factor.info() != Eigen::Success) return Matrix6::Constant(std::numeric_limits<double>::quiet_NaN());
+  Matrix6 Y = Matrix6::Identity();
+  factor.matrixL().solveInPlace(Y);
+  return Y;
+}
 
 void SymmetricFactor::Compute(const MatrixX& A) {
   const Eigen::LDLT<MatrixX> ldlt(A);

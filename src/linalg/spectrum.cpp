@@ -13,6 +13,13 @@ SymmetricSpectrum SpectrumOf(const MatrixX& symmetric) {
   return {solver.eigenvalues(), solver.eigenvectors()};
 }
 
+Matrix3 PositivePart(const Matrix3& symmetric) {
+  Eigen::SelfAdjointEigenSolver<Matrix3> modes;
+  modes.computeDirect(symmetric);
+  const Matrix3& N = modes.eigenvectors();
+  return N * modes.eigenvalues().cwiseMax(0).asDiagonal() * N.transpose();
+}
+
 VectorX EigenvaluesOf(const MatrixX& symmetric) {
   if (symmetric.size() == 0) return VectorX(0);
   return Eigen::SelfAdjointEigenSolver<MatrixX>(symmetric, Eigen::EigenvaluesOnly).eigenvalues();

@@ -25,6 +25,27 @@ MatrixX Positive(Eigen::Index n, std::mt19937& engine) {
 // Condition numbers of these matrices stay below 1e4.
 constexpr double kRounding = 1e-11;
 
+TEST(InverseRoot, SquaresToTheInverse) {
+  std::mt19937 engine(2);
+  const Matrix6 A = Positive(6, engine);
+  const Matrix6 Y = InverseRoot(A);
+  EXPECT_LT((Y.transpose() * Y * A - Matrix6::Identity()).norm(), kRounding);
+  EXPECT_TRUE(InverseRoot(Matrix6(-A)).hasNaN());
+}
+
+TEST(PositivePart, KeepsPositiveEigenvaluesAlone) {
+  std::mt19937 engine(3);
+  const Matrix3 A = Positive(3, engine);
+  EXPECT_LT((PositivePart(A) - A).norm(), kRounding);
+  EXPECT_LT(PositivePart(Matrix3(-A)).norm(), kRounding);
+  const Vector3 v = Vector3(1, 2, -2) / 3;  // of one eigenvalue
+  EXPECT_LT(
+      (PositivePart(2 * v * v.transpose() - 5 * Vector3(2, 1, 2) / 3 * Vector3(2, 1, 2).transpose() / 3) -
+       2 * v * v.transpose())
+          .norm(),
+      kRounding);
+}
+
 TEST(Cholesky, SolvesWithoutAllocating) {
   std::mt19937 engine(1);
   for (const Eigen::Index n : {1, 2, 7, 40}) {

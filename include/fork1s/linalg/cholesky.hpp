@@ -50,6 +50,8 @@ void SolveWithLowerInPlace(const Eigen::Ref<const MatrixX>& L, Eigen::Ref<Vector
 
 /// A⁻¹ b for positive definite A.
 Vector6 SolvePositive(const Matrix6& A, const Vector6& b);
+/// Y with YᵀY = A⁻¹ for positive definite A; not numbers for another A.
+Matrix6 InverseRoot(const Matrix6& A);
 
 /// A = P Lᵀ D L Pᵀ of a symmetric matrix, indefinite or not; solves many right sides.
 class SymmetricFactor {

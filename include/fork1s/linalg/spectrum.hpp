@@ -15,6 +15,8 @@ SymmetricSpectrum SpectrumOf(const MatrixX& symmetric);
 /// Ascending.
 VectorX EigenvaluesOf(const MatrixX& symmetric);
 Vector3 PrincipalValues(const Matrix3& symmetric);
+/// The nearest matrix without negative eigenvalues.
+Matrix3 PositivePart(const Matrix3& symmetric);
 /// Eigenvalues of K v = µ M v for symmetric K and positive definite M, ascending; not numbers where M
 /// is not positive definite.
 VectorX EigenvaluesOf(const MatrixX& K, const MatrixX& M);
