@@ -98,15 +98,17 @@ class SharedModels {
     return at == models_.end() ? nullptr : at->second.lock();
   }
   std::shared_ptr<const mjModel> Add(SharedKey key, ModelPointer model) {
-    const std::lock_guard lock(mutex_);
-    const auto at = models_.try_emplace(std::move(key)).first;
-    // Another thread may have compiled the same meanwhile.
-    if (std::shared_ptr<const mjModel> there = at->second.lock()) return there;
+    // Before the lock and released after it: the deleter takes it too, also where there is no memory for the
+    // pointer.
     const std::shared_ptr<const mjModel> shared(model.release(), [this](mjModel* unused) {
       mj_deleteModel(unused);
       const std::lock_guard deleting(mutex_);
       std::erase_if(models_, [](const auto& entry) { return entry.second.expired(); });
     });
+    const std::lock_guard lock(mutex_);
+    const auto at = models_.try_emplace(std::move(key)).first;
+    // Another thread may have compiled the same meanwhile.
+    if (std::shared_ptr<const mjModel> there = at->second.lock()) return there;
     at->second = shared;
     return shared;
   }
