@@ -150,18 +150,12 @@ void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vect
 
 namespace {
 
-// Coordinates x̂ ⊕ b v of the stage that ends at `time`, and the centre of mass of what floats.
-void MoveCoordinates(const MechanismStep& here, double b) {
+// Pose of x̂ ⊕ b v: with Q and Jacobians, or that of bodies alone.
+void MovePose(const MechanismStep& here, double b, double time, bool with_derivatives) {
   const auto& [model, state, ws] = here;
   state.reduced.z = ws.stage_base.z;
   if (model.size() > 0) state.reduced.z += b * ws.x.tail(model.size());
   if (model.base_size > 0) ws.stage_center_W = ws.stage_base.center_W + b / ws.M_00(5, 5) * ws.stage_linear_W;
-}
-
-// Pose of x̂ ⊕ b v: with Q and Jacobians, or that of bodies alone.
-void MovePose(const MechanismStep& here, double b, double time, bool with_derivatives) {
-  const auto& [model, state, ws] = here;
-  MoveCoordinates(here, b);
   ws.stage_time = time;
   if (model.mechanism().base() == BaseKind::kDriven) MoveDrivenBase(here, time);
   if (model.base_size > 0) {
@@ -210,12 +204,9 @@ void MoveToStagePose(const MechanismStep& here, double b, double time) {
   EvaluateStage(here, b);
 }
 
-void AcceptStage(const MechanismStep& here, double b, double time, StagePose pose) {
+void AcceptStage(const MechanismStep& here, double b, double time, bool with_derivatives) {
   RecordStageMomenta(here, b, time);
-  if (pose == StagePose::kNone)
-    MoveCoordinates(here, b);
-  else
-    MovePose(here, b, time, pose == StagePose::kAll);
+  MovePose(here, b, time, with_derivatives);
 }
 
 namespace {
@@ -285,7 +276,7 @@ void ComputeStageResidual(const MechanismStep& here, double b, VectorX& residual
 }  // namespace
 
 void RenewStageMatrix(const MechanismStep& here) {
-  UpdateInertia(here);
+  UpdateMassMatrix(here);
   here.work.matrix_b = 0;
 }
 
@@ -374,7 +365,7 @@ void EndTwoStageStep(const MechanismStep& here, double between_stages) {
           ((LinearMomentum(here, ws.stage_end) - ws.linear_first_W) / between_stages - AppliedForce(here)) /
           ws.M_00(5, 5);
   }
-  UpdateInertia(here);
+  UpdateMassMatrix(here);
   if (model.base_size > 0) {
     // The momentum of the whole is exact; seen from the pose found, it gives the velocity.
     ws.x.setZero();

@@ -16,8 +16,9 @@ void StartAtReference(const MechanismModel& model, MechanismState& state);
 void Renew(const MechanismStep& here);
 void Size(const MechanismStep& here);
 void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed = false);  // by the µ at hand
-void UpdateInertia(const MechanismStep& here);
-void UpdatePose(const MechanismStep& here);  // configuration and jacobian, no inertia
+void UpdateInertia(const MechanismStep& here);                                       // Jacobians and inertia
+void UpdateMassMatrix(const MechanismStep& here);  // inertia, by the Jacobians at hand
+void UpdatePose(const MechanismStep& here, bool loops_are_closed = false);  // configuration and Jacobians
 /// Twist in R [6] that takes a driven base to its next pose within h [s].
 Vector6 DrivenTwist(const MechanismState& state, double h);
 

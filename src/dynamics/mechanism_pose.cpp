@@ -90,10 +90,9 @@ void Size(const MechanismStep& here) {
   FindSlackSprings(here);
 }
 
-// M of the present pose: O(joints x coordinates that reach them).
-void UpdateInertia(const MechanismStep& here) {
+// M of the present pose, by its Jacobians: O(joints x coordinates that reach them).
+void UpdateMassMatrix(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  ws.jacobian.Compute(*model.reduced, ws.configuration);
   const int r = model.size();
   ws.inertia.Compute(*model.reduced, model.rigid_parts, ws.configuration, ws.jacobian,
                      ws.M_full.bottomRightCorner(r, r), ws.M_0z, ws.M_00);
@@ -105,24 +104,29 @@ void UpdateInertia(const MechanismStep& here) {
   ws.factored_h = -1;
 }
 
-void UpdatePose(const MechanismStep& here) {
+void UpdateInertia(const MechanismStep& here) {
+  here.work.jacobian.Compute(*here.model.reduced, here.work.configuration);
+  UpdateMassMatrix(here);
+}
+
+void UpdatePose(const MechanismStep& here, bool loops_are_closed) {
   const auto& [model, state, ws] = here;
   ws.pose_energy.valid = false;
-  Configure(*model.reduced, state.reduced, ws.configuration);
+  if (loops_are_closed)
+    ConfigureClosed(*model.reduced, state.reduced, ws.configuration);
+  else
+    Configure(*model.reduced, state.reduced, ws.configuration);
   ws.jacobian.Compute(*model.reduced, ws.configuration);
 }
 
 void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed) {
   const auto& [model, state, ws] = here;
-  ws.pose_energy.valid = false;
   if (!model.by_twists()) {
-    if (loops_are_closed)
-      ConfigureClosed(*model.reduced, state.reduced, ws.configuration);
-    else
-      Configure(*model.reduced, state.reduced, ws.configuration);
-    UpdateInertia(here);
+    UpdatePose(here, loops_are_closed);
+    UpdateMassMatrix(here);
     return;
   }
+  ws.pose_energy.valid = false;
   ws.configuration.q = model.reduced->q_ref;
   AddMotion(*model.reduced, model.reduced->Q_rows, state.reduced.z, ws.configuration.q);
 }

@@ -259,10 +259,8 @@ StageResidual World::Detail::MoveAndComputeResiduals(const StepOptions& stage, S
   const double next = contraction / (1 - contraction);
   // An iteration with the contacts of the stage's start is never the last.
   if (bodies.ratio <= 1 && next * changes.ratio <= 1 && !has_switches_ && !from_stage_start_) {
-    const StagePose pose = scheme != StageScheme::kFirstOfTwo ? StagePose::kAll
-                           : contactors_.empty()              ? StagePose::kNone
-                                                              : StagePose::kBodies;
-    ForMechanisms([&](std::size_t i) { AcceptStage(mechanisms_[i], b, time, pose); });
+    const bool is_last = scheme != StageScheme::kFirstOfTwo;
+    ForMechanisms([&](std::size_t i) { AcceptStage(mechanisms_[i], b, time, is_last); });
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
       Add(next * stage_changes_[i].change, stage_changes_[i].motion, length(i), subject(i), bodies);
     // What is not measured is trusted less and less (Hairer & Wanner II, IV.8).

@@ -157,10 +157,9 @@ StageChange ComputeStageChange(const MechanismStep& here, double b);
 /// After contact: records the momenta of the stage, moves to the pose found, and returns the change of
 /// position that another Newton iteration would make [m], in the kinetic metric.
 double MoveAndComputeResidual(const MechanismStep& here, double b, double time);
-/// What is needed at the pose found of a stage: nothing, poses of bodies, or Jacobians too.
-enum class StagePose { kNone, kBodies, kAll };
-/// After contact, in place of MoveAndComputeResidual: the stage is solved.
-void AcceptStage(const MechanismStep& here, double b, double time, StagePose pose);
+/// After contact, in place of MoveAndComputeResidual: the stage is solved. Moves to the pose found,
+/// `with_derivatives`: Q and Jacobians too.
+void AcceptStage(const MechanismStep& here, double b, double time, bool with_derivatives);
 /// Forces of servos and slack springs at the pose of a stage that was solved, and their saturation.
 void StoreSwitchedForces(const MechanismStep& here);
 /// What the changes of saturation since StoreSwitchedForces displace by the extrapolation of the first stage's forces.
