@@ -47,9 +47,8 @@ struct KnownFaults {
   // turn by more than a radian a step, or loops that a jump of a set-point moves by much (33, 58, 110, 187,
   // 330, 412, 556, 651). Such steps are undone and reported.
   bool allow_undone_steps = open;
-  // Energy that jumps at a relinearization with stiff tendons over a free joint (272), and as a loop of
-  // hinges passes a singular pose (444).
-  std::set<unsigned> energy_seeds = open ? std::set<unsigned>{272, 444} : std::set<unsigned>();
+  // Energy that jumps at a relinearization with stiff tendons over a free joint (272).
+  std::set<unsigned> energy_seeds = open ? std::set<unsigned>{272} : std::set<unsigned>();
   // What turns by more than this a step [rad] passes the floor (654, 981).
   double max_turn_near_floor = open ? 1 : std::numeric_limits<double>::infinity();
 };

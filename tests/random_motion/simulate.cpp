@@ -202,11 +202,11 @@ Result Simulate(const Case& c, bool trace) {
       std::cout << i << ": kinetic " << kinetic_now << ", energy " << now - start << ", parts "
                 << report.parts << " (" << static_cast<int>(report.halving) << " of "
                 << world.NameOf(report.halving_of) << "), iterations " << report.stage_iterations
-                << ", contacts " << report.contacts << ", limits " << report.limits << ", at bound "
-                << report.forces_at_bound << ", residual " << report.stage_residual << ", refreshes "
-                << report.refreshes << ", turn " << out.largest_turn << ", angular "
-                << (ComputeMomenta(m).angular - first.angular).norm() << (report.finite ? "" : ", UNDONE")
-                << (report.stages_converged ? "" : ", UNSOLVED") << '\n';
+                << ", contacts " << report.contacts << ", penetration " << report.max_penetration
+                << ", limits " << report.limits << ", at bound " << report.forces_at_bound << ", residual "
+                << report.stage_residual << ", refreshes " << report.refreshes << ", turn "
+                << out.largest_turn << ", angular " << (ComputeMomenta(m).angular - first.angular).norm()
+                << (report.finite ? "" : ", UNDONE") << (report.stages_converged ? "" : ", UNSOLVED") << '\n';
     if (out.has_momentum && !HasInput(c, i)) {
       const Momenta p = ComputeMomenta(m);
       const Vector3 weight = m.mechanism().total_mass() * (i + 1 - since) * h * c.step.gravity;
