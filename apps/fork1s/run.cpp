@@ -67,7 +67,7 @@ Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported,
   const auto steps = CountSteps(args.time, simulation->dt());
   if (!steps) return tl::unexpected(steps.error());
   if (auto ok = CheckInputs(inputs, args.inputs, *simulation); !ok) return tl::unexpected(ok.error());
-  inputs.controls.Apply(0, *simulation);
+  inputs.controls.Start(*simulation);
   AccuracyTrial trial;
   trial.setting = setting;
   trial.exact = with.inputs.recovery != Recovery::kTwist;
@@ -134,7 +134,7 @@ int Run(const RunArguments& given) {
   if (!steps) return Report(steps.error(), json);
 
   if (auto ok = CheckInputs(*inputs, args.inputs, *simulation); !ok) return Report(ok.error(), json);
-  inputs->controls.Apply(0, *simulation);
+  inputs->controls.Start(*simulation);
   const double end = static_cast<double>(*steps) * simulation->dt();
   std::vector<std::string> limits = InputLimits(*inputs, args.inputs, *simulation, end);
   constexpr double kNoticed = 0.01;  // of the time asked for

@@ -20,6 +20,7 @@
 #include <fork1s/reduction/statics.hpp>
 #include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/continue.hpp>
+#include <fork1s/sim/control_move.hpp>
 #include <fork1s/sim/draw.hpp>
 #include <fork1s/sim/load_factor.hpp>
 #include <fork1s/sim/simulation.hpp>

@@ -4,6 +4,7 @@
 #include <fork1s/base/compiler_lock.hpp>
 #include <map>
 #include <mutex>
+#include <new>
 #include <stdexcept>
 #include <tuple>
 
@@ -70,7 +71,11 @@ ModelPointer TryCompile(const ModelText& text, bool with_triangles, std::string&
   try {
     ModelPointer model(mj_loadXML("model.xml", files.get(), error, sizeof error));
     message = error;
+    // The text is written here and well-formed: what MuJoCo's parser lacks is memory, which it does not say.
+    if (!model && message.find("XML parse error") != std::string::npos) throw std::bad_alloc();
     return model;
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception& failure) {
     message = failure.what();
     return nullptr;

@@ -8,7 +8,7 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 14;
+inline constexpr int kFormatVersion = 15;
 inline constexpr const char* kFormatName = "fork1s recording";
 
 /// Values per row.
@@ -39,6 +39,10 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/controls", kS, n.controls, 0, "rad, m, N or N m, as the control has it",
            "inputs of the step; columns: /names/controls"},
     s.controls);
+  f(Column{"steps/controls_moved", kS, 1, 0, "",
+           "1: controls moved within the step, from those of the step before to those of this one; 0: they "
+           "were held"},
+    s.controls_moved);
   f(Column{"steps/base_rates", kS, n.base_rates, 0, "m/s, or rad/s of the rotation vector",
            "rates of driven bases at the end of the step, NaN: not given; columns: the last of /names/controls"},
     s.base_rates);

@@ -96,6 +96,12 @@ void WriteHeader(hid_t file, const Simulation& simulation) {
   WriteHashAttribute(initial.id(), "hash", simulation.HashState());
   WriteArray(initial.id(), "poses", {names.size(), 7}, poses.data(),
              {"m, 1", "x y z qw qx qy qz before the first step"});
+  const auto values = [](const VectorX& v) { return std::vector<double>(v.data(), v.data() + v.size()); };
+  WriteArray(initial.id(), "controls", values(simulation.controls()),
+             {"rad, m, N or N m, as the control has it", "set before the first step"});
+  WriteArray(
+      initial.id(), "start_controls", values(simulation.start_controls()),
+      {"rad, m, N or N m, as the control has it", "where the first step starts if controls move within it"});
 }
 
 void CreateGroups(hid_t file) {
@@ -263,6 +269,7 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   s.time.push_back(simulation.time());
   s.hash.push_back(simulation.HashState());
   add(s.controls, simulation.controls());
+  s.controls_moved.push_back(simulation.last_controls_moved() ? 1 : 0);
   add(s.base_rates, simulation.last_base_rates());
   simulation.Poses(poses);
   for (const RigidTransform& X_WB : poses) AddPose(X_WB, s.poses);

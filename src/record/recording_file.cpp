@@ -66,6 +66,11 @@ Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const 
   Dims dims;
   h.initial_poses = ReadArray<double>(initial.id(), "poses", dims, most);
   if (h.initial_poses.size() != 7 * expected) throw Hdf5Fault("the initial poses do not match the scene");
+  h.initial_controls = ReadList<double>(initial.id(), "controls", most);
+  h.start_controls = ReadList<double>(initial.id(), "start_controls", most);
+  if (h.initial_controls.size() != h.control_names.size() ||
+      h.start_controls.size() != h.control_names.size())
+    throw Hdf5Fault("the initial controls do not match the list of controls");
   return h;
 }
 

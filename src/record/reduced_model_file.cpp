@@ -1,6 +1,7 @@
 #include <cstdio>
 #include <fork1s/record/output_file.hpp>
 #include <fork1s/record/reduced_model_file.hpp>
+#include <new>
 
 #include "columns.hpp"
 #include "hdf5_disk.hpp"
@@ -218,6 +219,8 @@ Expected<ReducedModel> LoadReducedModel(const std::string& path) {
     return ReadAll(file.id(), path, facts.size + (std::size_t{1} << 20));
   } catch (const Hdf5Fault& e) {
     return Fail(e.code(), path, std::string(e.what()) + "; copy or save the file again");
+  } catch (const std::bad_alloc&) {
+    return Fail(ErrorCode::kFile, path, "does not fit into memory");
   } catch (const std::exception& e) {
     return Fail(ErrorCode::kFormat, path,
                 std::string("cannot be read (") + e.what() + "); the file is damaged");

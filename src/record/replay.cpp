@@ -32,13 +32,27 @@ Expected<void> CheckKeyframe(const RecordingHeader& h) {
 // 0 and -0 are two inputs.
 std::uint64_t Bits(double value) { return std::bit_cast<std::uint64_t>(value); }
 
+// Only what changed: an initial value may lie outside the limits to which a new value is moved.
+void SetChangedControls(const Eigen::Ref<const VectorX>& values, Simulation& simulation) {
+  for (int k = 0; k < values.size(); ++k)
+    if (Bits(values(k)) != Bits(simulation.controls()(k))) simulation.SetControl(k, values(k));
+}
+
+void SetInitialControls(const RecordingHeader& h, Simulation& simulation) {
+  const auto count = static_cast<Eigen::Index>(h.control_names.size());
+  // Driven bases start at their pose.
+  SetChangedControls(
+      Eigen::Map<const VectorX>(h.start_controls.data(), count - simulation.num_base_coordinates()),
+      simulation);
+  simulation.StartFromControls();
+  SetChangedControls(Eigen::Map<const VectorX>(h.initial_controls.data(), count), simulation);
+}
+
 // Goes on from `result`.
 Expected<void> ReplaySteps(const Recording& recording, Simulation& simulation, ReplayResult& result) {
   for (int i = 0; i < recording.num_steps(); ++i) {
     const VectorX controls = recording.Controls(i);
-    // Only what changed: an initial value may lie outside the limits to which a new value is moved.
-    for (int k = 0; k < controls.size(); ++k)
-      if (Bits(controls(k)) != Bits(simulation.controls()(k))) simulation.SetControl(k, controls(k));
+    SetChangedControls(controls, simulation);
     const VectorX rates = recording.BaseRates(i);
     const auto first = static_cast<int>(controls.size() - rates.size());
     for (int k = 0; k < rates.size(); ++k)
@@ -47,7 +61,7 @@ Expected<void> ReplaySteps(const Recording& recording, Simulation& simulation, R
     simulation.ClearPointSprings();
     for (const auto& [body, spring] : recording.PointSprings(i)) simulation.SetPointSpring(body, spring);
     ApplyWrenches(recording.Wrenches(i), simulation);
-    simulation.Step();
+    simulation.Step(recording.data().controls_moved[static_cast<std::size_t>(i)] != 0);
     ++result.steps;
     result.final_hash = simulation.HashState();
     if (result.first_difference_step < 0 &&
@@ -80,6 +94,7 @@ Expected<ReplayResult> ReplayParts(const RecordingHeader& h, NextPart&& next) {
     if (simulation->control_names() != h.control_names || simulation->bodies().size() != h.bodies.size())
       return Fail(ErrorCode::kFormat, h.path,
                   "names other controls or bodies than its scene has; the file is damaged");
+    SetInitialControls(h, *simulation);
     ReplayResult result;
     result.final_hash = simulation->HashState();
     if (result.final_hash != h.initial_hash) result.first_difference_step = 0;

@@ -1,5 +1,7 @@
 #include <fork1s/record/scene_json.hpp>
 
+#include <new>
+
 #include "scene_fields.hpp"
 
 namespace fork1s {
@@ -156,6 +158,8 @@ Expected<T> Read(const ModelText& text, const std::string& where) {
     T value;
     JsonReader(root, text).Decode(root, value, JsonPath{});
     return value;
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception& e) {
     return Fail(ErrorCode::kFormat, where,
                 std::string("the description of the model cannot be read (") + e.what() +

@@ -196,6 +196,14 @@ void FullSimulation::SetControls(const VectorX& values) {
   for (int i = 0; i < values.size(); ++i) SetControl(i, values(i));
 }
 
+void FullSimulation::StartFromControls() {
+  Detail& d = *detail_;
+  FORK1S_REQUIRE(d.steps == 0, d.steps);
+  const Eigen::Index count = d.controls.size() - d.base_rates.size();
+  d.controls_before.head(count) = d.controls.head(count);
+  d.base_rates.setConstant(std::numeric_limits<double>::quiet_NaN());
+}
+
 void FullSimulation::SetBaseRates(const VectorX& rates) {
   Detail& d = *detail_;
   FORK1S_REQUIRE(rates.size() == d.base_rates.size(), rates.size(), d.base_rates.size());

@@ -122,7 +122,10 @@ Expected<Simulation> Continue(const Simulation& from, Scene scene) {
     const std::string& name = next->control_names()[static_cast<std::size_t>(i)];
     const bool is_new = std::any_of(new_bases.begin(), new_bases.end(),
                                     [&](const std::string& base) { return name.starts_with(base); });
-    if (const int at = from.FindControl(name); at >= 0 && !is_new) moment.controls(i) = from.controls()(at);
+    if (const int at = from.FindControl(name); at >= 0 && !is_new) {
+      moment.controls(i) = then.controls(at);
+      moment.last_controls(i) = then.last_controls(at);
+    }
   }
   if (auto restored = next->Restore(moment); !restored) return tl::unexpected(restored.error());
   next->SetControls(next->controls());  // within the limits that the scene has now

@@ -39,6 +39,11 @@ std::vector<std::string> ControlTrack::FindMissing(const Simulation& simulation)
   return missing;
 }
 
+void ControlTrack::Start(Simulation& simulation) const {
+  Apply(0, simulation);
+  simulation.StartFromControls();
+}
+
 void ControlTrack::Apply(double time, Simulation& simulation) const {
   if (times.empty()) return;
   const auto after =

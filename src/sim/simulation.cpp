@@ -83,26 +83,29 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.control_upper_ = to_vector(upper);
 
   s.ListBodies();
-  s.PassControls();
+  s.PassControls(false);
   return s;
 }
 
-StepReport Simulation::Step() {
-  PassControls();
+StepReport Simulation::Step(bool controls_move) {
+  PassControls(controls_move);
   CollectPointSprings();
   // HoldForces asks for them after the step, which forgets them.
   pushed_W_.clear();
   if (!holds_.empty())
     for (const MechanismDynamics& m : world_.mechanisms()) m.ComputeLoadWrenches_W(pushed_W_.emplace_back());
   const StepReport report = world_.Step(step_options_);
-  last_controls_ = controls_;
+  last_controls_moved_ = controls_move;
   last_base_rates_ = base_rates_;
   base_rates_.setConstant(std::numeric_limits<double>::quiet_NaN());
-  if (report.finite) ++steps_;
+  if (report.finite) {  // else the state is that before the step
+    last_controls_ = controls_;
+    ++steps_;
+  }
   return report;
 }
 
-void Simulation::PassControls() {
+void Simulation::PassControls(bool controls_move) {
   Eigen::Index next = 0;
   for (std::size_t i = 0; i < given_.size(); ++i) {
     const auto count = static_cast<Eigen::Index>(given_[i]->controls().size());
@@ -110,8 +113,7 @@ void Simulation::PassControls() {
     m.controls().segment(places_[i].first_control, count) = controls_.segment(next, count);
     next += count;
   }
-  // Before the first step nobody knows where they come from.
-  if (step_options_.controls_move && steps_ > 0 && last_controls_.head(next) != controls_.head(next)) {
+  if (controls_move && last_controls_.head(next) != controls_.head(next)) {
     next = 0;
     for (std::size_t i = 0; i < given_.size(); ++i) {
       const auto count = static_cast<Eigen::Index>(given_[i]->controls().size());
@@ -168,6 +170,13 @@ void Simulation::SetControl(const std::string& name, double value) {
 void Simulation::SetControls(const VectorX& values) {
   FORK1S_REQUIRE(values.size() == controls_.size(), values.size(), controls_.size());
   for (int i = 0; i < values.size(); ++i) SetControl(i, values(i));
+}
+
+void Simulation::StartFromControls() {
+  FORK1S_REQUIRE(steps_ == 0, steps_);
+  const Eigen::Index count = controls_.size() - base_rates_.size();
+  last_controls_.head(count) = controls_.head(count);
+  base_rates_.setConstant(std::numeric_limits<double>::quiet_NaN());
 }
 
 int Simulation::FindBody(const std::string& name) const {

@@ -64,7 +64,7 @@ std::uint64_t Simulation::HashState() const {
     inputs.conservativeResize(inputs.size() + v.size());
     inputs.tail(v.size()) = v;
   };
-  if (step_options_.controls_move && last_controls_ != controls_) add(last_controls_);
+  if (last_controls_ != controls_) add(last_controls_);
   if (!base_rates_.array().isNaN().all()) add(base_rates_);
   return HashOf(state, inputs);
 }

@@ -47,7 +47,7 @@ Expected<DetailRow> Measure(const Scene& scene, const std::vector<TrackedBody>& 
   double sum = 0, way = 0;
   int count = 0;
   using Clock = std::chrono::steady_clock;
-  options.controls->Apply(0, s);
+  options.controls->Start(s);
   for (int i = 0; i < options.samples; ++i) {
     if (i == from) {
       const auto start = Clock::now();

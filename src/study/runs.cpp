@@ -104,7 +104,7 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
     }
     run.samples.push_back(std::move(sample));
   };
-  options.controls->Apply(0, s);
+  options.controls->Start(s);
   measure(Empty(tracked.size()));
   for (int i = 0; i < options.samples; ++i) {
     Sample sample = Empty(tracked.size());
@@ -172,6 +172,7 @@ Expected<Run> RunFull(const Scene& scene, const std::vector<TrackedBody>& tracke
     run.samples.push_back(std::move(sample));
   };
   apply(0);
+  s.StartFromControls();
   measure(Empty(tracked.size()));
   for (int i = 0; i < options.samples; ++i) {
     Sample sample = Empty(tracked.size());

@@ -65,6 +65,38 @@ TEST(Recording, ReplaysRatesOfDrivenBases) {
   EXPECT_TRUE(replayed->identical) << replayed->first_difference_step;
 }
 
+// Whether controls move is an input of each step; those set before the recording begins are inputs too.
+TEST(Recording, ReplaysMovingControls) {
+  Folder folder;
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta, Integrator::kTwoStage}) {
+    for (const bool jumps : {false, true}) {
+      SimulationOptions options;
+      options.step.integrator = integrator;
+      Simulation simulation = CreateOrThrow(TouchingScene(), options);
+      simulation.SetControl("pusher_pull", 0.3);
+      if (jumps) simulation.StartFromControls();
+      simulation.SetControl("hand_base.z", -1e-3);
+      {
+        auto recorder = Recorder::Create(folder / "run.h5", simulation);
+        ASSERT_TRUE(recorder) << recorder.error().Text();
+        for (int i = 0; i < 40; ++i) {
+          const bool move = i % 4 != 2;
+          const StepReport report = simulation.Step(move);
+          EXPECT_EQ(simulation.last_controls_moved(), move);
+          ASSERT_TRUE(recorder->Append(simulation, report));
+          SetInputs(3, simulation);
+        }
+      }
+      auto recording = Recording::Open(folder / "run.h5");
+      ASSERT_TRUE(recording) << recording.error().Text();
+      auto replayed = Replay(*recording);
+      ASSERT_TRUE(replayed) << replayed.error().Text();
+      EXPECT_TRUE(replayed->identical)
+          << Name(integrator) << ' ' << jumps << " step " << replayed->first_difference_step;
+    }
+  }
+}
+
 TEST(Recording, HoldsWhatHappened) {
   Folder folder;
   constexpr int kSteps = 120;

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <fork1s/parallel/parallel_for.hpp>
+#include <fork1s/sim/control_move.hpp>
 #include <optional>
 
 #include "errors.hpp"
@@ -91,7 +92,7 @@ Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences di
   control_names_ = simulations_.front().control_names();
 }
 
-BatchReport Batch::Step(const double* controls, int steps) {
+BatchReport Batch::Step(const double* controls, int steps, bool move) {
   const auto count = drawn_.size();
   const auto width = static_cast<Eigen::Index>(control_names_.size());
   BatchReport all{std::vector<int>(count), std::vector<double>(count), std::vector<double>(count),
@@ -104,7 +105,10 @@ BatchReport Batch::Step(const double* controls, int steps) {
       Simulation& simulation = simulations_[at];
       if (controls) simulation.SetControls(Eigen::Map<const VectorX>(controls + i * width, width));
       StepsReport report;
-      for (int n = 0; n < steps && report.finite && !gil.IsInterrupted(); ++n) report.Add(simulation.Step(), simulation.world());
+      std::optional<ControlMove> moving;
+      if (move && steps > 0) moving.emplace(simulation, steps);
+      for (int n = 0; n < steps && report.finite && !gil.IsInterrupted(); ++n)
+        report.Add(moving ? moving->Step(simulation) : simulation.Step(), simulation.world());
       all.contacts[at] = report.contacts;
       all.max_penetration[at] = report.max_penetration;
       all.residual[at] = report.residual;

@@ -52,7 +52,8 @@ class Batch {
 
   /// controls: size() rows of control_names(), or null: as they are. A call that a signal ends leaves members
   /// that have made different numbers of these steps.
-  BatchReport Step(const double* controls, int steps);
+  /// move: as Runner::Step.
+  BatchReport Step(const double* controls, int steps, bool move);
   /// Simulations whose entry of `mask` is set begin anew: with what their seed draws next, or, where seeds
   /// are given, draws first. Without any seed they keep their factors, but for those that are given.
   void Reset(const std::vector<char>& mask, const MemberDifferences& differences);

@@ -178,7 +178,7 @@ Array RatesOf(const Batch& batch) {
   });
 }
 
-BatchReport Step(Batch& batch, const nb::object& controls, int steps) {
+BatchReport Step(Batch& batch, const nb::object& controls, int steps, bool move) {
   if (steps < 0) throw nb::value_error("a number of steps is 0 or more");
   std::optional<Numbers> rows;
   std::vector<double> repeated;
@@ -200,7 +200,7 @@ BatchReport Step(Batch& batch, const nb::object& controls, int steps) {
     for (std::size_t i = 0; i < rows->size(); ++i)
       if (!std::isfinite(rows->data()[i])) throw nb::value_error("controls must be finite");
   }
-  return batch.Step(data, steps);
+  return batch.Step(data, steps, move);
 }
 
 void Reset(Batch& batch, const nb::object& mask, const nb::object& seeds, const nb::object& stiffness,
@@ -334,13 +334,19 @@ void BindBatch(nb::module_& m) {
               "numpy.typing.ArrayLike | None = None, friction: numpy.typing.ArrayLike | None = None, mass: "
               "numpy.typing.ArrayLike | None = None, dt: float | None = None, keyframe: str | None = None, "
               "recovery: str = 'exact', detail: str = 'interface', integrator: str | None = None) -> None"))
-      .def("step", Step, nb::arg("controls") = nb::none(), nb::arg("steps") = 1,
+      .def("step", Step, nb::arg("controls") = nb::none(), nb::arg("steps") = 1, nb::kw_only(),
+           nb::arg("move") = false,
            "Advances all by `steps` time steps. controls: (n, c), or (c,) for all, in the order of "
            "`controls`; they "
            "hold until changed, and None leaves them. A simulation that stops being finite stays where it "
-           "was. Ctrl-C ends the call after the steps at hand; members may then differ in `time`.",
-           nb::sig("def step(self, controls: numpy.typing.ArrayLike | None = None, steps: int = 1) -> "
-                   "BatchReport"))
+           "was. Ctrl-C ends the call after the steps at hand; members may then differ in `time`.\n\n"
+           "move: controls move linearly over the steps of the call, from where the last step left them "
+           "(after a "
+           "start or a reset from their initial values), as samples of a path do; default: they are held at "
+           "once.",
+           nb::sig("def step(self, controls: numpy.typing.ArrayLike | None = None, steps: int = 1, *, move: "
+                   "bool = "
+                   "False) -> BatchReport"))
       .def(
           "reset", Reset, nb::arg("mask") = nb::none(), nb::kw_only(), nb::arg("seeds") = nb::none(),
           nb::arg("stiffness") = nb::none(), nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(),

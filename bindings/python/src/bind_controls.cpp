@@ -31,6 +31,17 @@ void SetControl(Runner& runner, const std::string& name, double value) {
   runner.With([&](Simulation& s) { s.SetControl(at, value); });
 }
 
+void SetRate(const Controls& c, const std::string& name, double rate) {
+  const int at = c.runner->FindControl(name);
+  if (!std::isfinite(rate))
+    throw nb::value_error(("rate of '" + name + "' must be finite, not " + std::to_string(rate)).c_str());
+  const bool drives_base = c.runner->With([&](Simulation& s) {
+    if (s.DrivesBase(at)) s.SetBaseRate(at, rate);
+    return s.DrivesBase(at);
+  });
+  if (!drives_base) throw nb::value_error(("'" + name + "' is no coordinate of a driven base").c_str());
+}
+
 void BindControls(nb::module_& m) {
   auto type =
       nb::class_<Controls>(m, "Controls", R"(Set-points by name, as a dict: `sim.controls["thumb"] = 0.4`.
@@ -72,6 +83,13 @@ rad or m for position servos, N or N·m for motors. A driven base has six of its
               },
               nb::arg("values"), "Sets several at once.",
               nb::sig("def update(self, values: dict[str, float]) -> None"))
+          .def("set_rate", SetRate, nb::arg("name"), nb::arg("rate"),
+               "The rate, m/s or that of the rotation vector in rad/s, that a coordinate of a driven base "
+               "has at the "
+               "end of the next step, or of the next call of `step` with move=True, where its path is known; "
+               "to be set "
+               "after the value. Else steps of two stages estimate it from the steps before. Raises "
+               "UnknownNameError, ValueError.")
           .def("__repr__", [](const Controls& c) {
             std::string text = "<fork1s.Controls";
             for (const std::string& name : Names(c)) text += " " + name + "=" + std::to_string(Get(c, name));

@@ -30,9 +30,19 @@ void PushBody(Runner& runner, const std::string& body, const nb::object& force, 
   runner.AddPush(push);
 }
 
-StepsReport StepMany(Runner& runner, int steps) {
+StepsReport StepMany(Runner& runner, int steps, bool move) {
   if (steps < 0) throw nb::value_error("a number of steps is 0 or more");
-  return runner.Step(steps);
+  return runner.Step(steps, move);
+}
+
+void StartFromControls(Runner& runner) {
+  const bool begun = runner.With([](Simulation& s) {
+    if (s.steps() == 0) s.StartFromControls();
+    return s.steps() > 0;
+  });
+  if (begun)
+    throw Refused{{ErrorCode::kUsage, "start_from_controls",
+                   "steps have been made; where a path jumps, make a step without move"}};
 }
 
 void SetDetail(Runner& runner, const std::optional<std::string>& level, const std::optional<int>& modes,
@@ -116,10 +126,24 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               nb::arg("model"), nb::kw_only(), nb::arg("dt") = nb::none(), nb::arg("keyframe") = nb::none(),
               nb::arg("recovery") = "exact", nb::arg("detail") = "interface",
               nb::arg("integrator") = nb::none())
-          .def("step", StepMany, nb::arg("steps") = 1,
+          .def("step", StepMany, nb::arg("steps") = 1, nb::kw_only(), nb::arg("move") = false,
                "Advances by `steps` time steps of dt. What went wrong numerically stands in the report; the "
-               "state stays "
-               "finite.")
+               "state stays finite.\n\n"
+               "move: controls move linearly over the steps of the call, from where the last step left them "
+               "(at first "
+               "their initial values) to those set, as samples of a path do; default: they are held at those "
+               "set, as "
+               "the output of a controller is. With move=True a path set step by step gives what the same "
+               "path as a "
+               "table of `fork1s run --controls` gives. Driven bases move within a single step in both "
+               "cases. A control "
+               "that another thread sets meanwhile is where it moves to from then on.")
+          .def("start_from_controls", StartFromControls,
+               "The first step with move=True starts at the set-points as they are now, rather than at their "
+               "initial "
+               "values: for a path that begins elsewhere. Raises UsageError after the first step, where a "
+               "jump is a "
+               "step without move.")
           .def("push", PushBody, nb::arg("body"), nb::arg("force") = nb::none(),
                nb::arg("torque") = nb::none(), nb::arg("point") = nb::none(),
                "Force (3,) [N] and torque (3,) [N·m] on a body, world axes, through all steps of the next "

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <fork1s/sim/continue.hpp>
+#include <fork1s/sim/control_move.hpp>
 
 #include "errors.hpp"
 
@@ -53,14 +54,16 @@ Runner::Runner(std::shared_ptr<const Model> model, const RunOptions& options)
     : model_(std::move(model)),
       simulation_(Take(Simulation::Create(model_->scene(), OptionsOf(*model_, options)), model_->origin())) {}
 
-StepsReport Runner::Step(int steps) {
+StepsReport Runner::Step(int steps, bool move) {
   ReleasedGil others_run;
   StepsReport report;
   std::vector<Push> pushes;
   std::vector<AppliedWrench> wrenches;
+  std::optional<ControlMove> controls;
   {
     const std::lock_guard lock(mutex_);
     pushes.swap(pushes_);
+    if (move && steps > 0) controls.emplace(simulation_, steps);
   }
   for (int i = 0; i < steps && report.finite && !others_run.IsInterrupted(); ++i) {
     const std::lock_guard lock(mutex_);
@@ -68,7 +71,7 @@ StepsReport Runner::Step(int steps) {
     for (const Push& p : pushes)
       wrenches.push_back({p.body, p.force_W, p.moment_W, simulation_.Pose(p.body) * p.point_B});
     ApplyWrenches(wrenches, simulation_);
-    const StepReport step = simulation_.Step();
+    const StepReport step = controls ? controls->Step(simulation_) : simulation_.Step();
     report.Add(step, simulation_.world());
     if (recorder_) Take(recorder_->Append(simulation_, step, wrenches), recording_);
   }

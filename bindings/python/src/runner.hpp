@@ -66,7 +66,9 @@ class Runner {
   const std::shared_ptr<const Model>& model() const { return model_; }
   /// Pushes act through all of these steps. Throws nb::python_error within 0.1 s, or one step if that is
   /// longer, of a signal whose handler raises; the state is then that after the last step made.
-  StepsReport Step(int steps);
+  /// move: controls move linearly over the steps, from where the last step left them, else they are held. One
+  /// that is set meanwhile is where it moves to from then on.
+  StepsReport Step(int steps, bool move);
   /// Goes on from this state instead, with the same controls; poses of driven bases count from there anew.
   void SetState(KeyframeDef state);
   /// Every step from now on goes into a recording, until StopRecording. Throws Refused.

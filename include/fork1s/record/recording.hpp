@@ -41,6 +41,7 @@ struct RecordedSteps {
   std::vector<double> time;         // s, after the step
   std::vector<std::uint64_t> hash;  // Simulation::HashState() after the step
   std::vector<double> controls;     // x controls: inputs of the step
+  std::vector<std::uint8_t> controls_moved;  // Simulation::last_controls_moved()
   std::vector<double> base_rates;   // x coordinates of driven bases: Simulation::SetBaseRate, NaN where not set
   std::vector<double> poses;        // x bodies x 7: x y z [m], qw qx qy qz
   /// x joint coordinates of all mechanisms as the scene has them, from the reference [rad, m].
@@ -123,6 +124,8 @@ struct RecordingHeader {
   std::int64_t first_step = 0;  // steps made before the recording began
   std::uint64_t initial_hash = 0;
   std::vector<double> initial_poses;  // bodies x 7
+  std::vector<double> initial_controls,
+      start_controls;  // set before the first step; Simulation::start_controls()
 };
 
 /// A recording in memory, checked: every array has its length and every step its checksum.

@@ -104,6 +104,8 @@ class FullSimulation {
   const VectorX& controls() const;
   void SetControl(int index, double value);
   void SetControls(const VectorX& values);
+  /// As Simulation::StartFromControls. Throws std::invalid_argument after the first step.
+  void StartFromControls();
   /// As Simulation::base_rates(), of the next step only; to be set after the controls.
   void SetBaseRates(const VectorX& rates);
   void SetGravity(const Vector3& gravity_W);  // m/s²; at first the scene's

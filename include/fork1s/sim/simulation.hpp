@@ -49,8 +49,13 @@ class Simulation {
  public:
   static Expected<Simulation> Create(Scene scene, const SimulationOptions& options = {});
 
-  /// Advances by dt. What went wrong numerically stands in the report; the state stays finite.
-  StepReport Step();
+  /// Advances by dt, with controls as StepOptions::controls_move says. What went wrong numerically stands in
+  /// the report; the state stays finite.
+  StepReport Step() { return Step(step_options_.controls_move); }
+  /// The same with controls that move linearly within the step, from start_controls() to those set, or are
+  /// held at those set. Samples of a path move; the output of a controller is held. Driven bases move in both
+  /// cases, from pose to pose. The step of euler depends on the end alone.
+  StepReport Step(bool controls_move);
   double time() const { return static_cast<double>(steps_) * dt_; }
   std::int64_t steps() const { return steps_; }
   double dt() const { return dt_; }
@@ -100,11 +105,20 @@ class Simulation {
   /// Whether a control is a coordinate of a driven base.
   bool DrivesBase(int index) const;
   const VectorX& controls() const { return controls_; }
-  /// Values outside the control's limits are moved to the nearest limit. Whether what is set stands
-  /// throughout the next step or is where the step ends: StepOptions::controls_move.
+  /// Values outside the control's limits are moved to the nearest limit. Whether what is set is held
+  /// throughout the next step or is where the step ends: Step.
   void SetControl(int index, double value);
   void SetControl(const std::string& name, double value);
   void SetControls(const VectorX& values);
+  /// Where the next step starts if controls move: where they were at the end of the last step, before the
+  /// first their initial values.
+  const VectorX& start_controls() const { return last_controls_; }
+  /// The first step starts at the controls set now instead, for a path that begins elsewhere; driven bases
+  /// start at their pose. Clears rates of bases. Throws std::invalid_argument after the first step: a later
+  /// jump is a step in which controls are held.
+  void StartFromControls();
+  /// Whether controls moved within the last step.
+  bool last_controls_moved() const { return last_controls_moved_; }
   /// The rate at the end of the next step [m/s, or that of the rotation vector in rad/s] of a coordinate of a driven
   /// base, where the value set for it is a sample of a path that is known; of the next step only. Else steps of two
   /// stages estimate it from the steps before. To be set after the value.
@@ -178,7 +192,7 @@ class Simulation {
   World::Options WorldOptions(const Fidelity& fidelity) const;
   void ListBodies();
   void ListWarnings();
-  void PassControls();
+  void PassControls(bool controls_move);
   void CollectPointSprings();
 
   std::vector<std::string> warnings_;
@@ -197,7 +211,8 @@ class Simulation {
   World world_ = World::Empty();
   std::vector<std::string> control_names_;
   VectorX controls_, control_lower_, control_upper_;
-  VectorX last_controls_;                   // of the last step
+  VectorX last_controls_;  // at the end of the last step
+  bool last_controls_moved_ = false;
   VectorX base_rates_, last_base_rates_;
   std::vector<BodyPointSpring> last_point_springs_;
   std::vector<RigidTransform> base_start_;  // per mechanism
@@ -219,6 +234,8 @@ struct ControlTrack {
   /// FindMissing names of the track that the simulation does not have.
   std::vector<std::string> FindMissing(const Simulation& simulation) const;
   void Apply(double time, Simulation& simulation) const;
+  /// Sets those of time 0, where the first step starts. Before the first step.
+  void Start(Simulation& simulation) const;
 };
 
 }  // namespace fork1s

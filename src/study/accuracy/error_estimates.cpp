@@ -52,7 +52,7 @@ Expected<std::vector<ErrorEstimateCurve>> MeasureErrorEstimate(const TransientCa
     auto made = internal::MakeReduced(c.scene, o);
     if (!made) return tl::unexpected(made.error());
     Simulation& s = *made;
-    c.controls.Apply(0, s);
+    c.controls.Start(s);
     ErrorEstimate estimate(s.world());
     const std::size_t count = estimate.bodies().size(), first = curves.size();
     if (truth.empty()) {
