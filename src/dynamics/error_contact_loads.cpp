@@ -27,13 +27,14 @@ ContactLoads LoadsOf(const World& world, const std::vector<ContactRecord>& conta
   return loads;
 }
 
-std::vector<ContactRecord> MovedTo(const std::vector<ContactRecord>& next, std::vector<ContactRecord> last) {
-  std::vector<char> taken(next.size(), 0);
-  for (ContactRecord& c : last) {
-    std::size_t best = next.size();
+std::vector<ContactRecord> MovedTo(const std::vector<ContactPoint>& points,
+                                   std::vector<ContactRecord> contacts) {
+  std::vector<char> taken(points.size(), 0);
+  for (ContactRecord& c : contacts) {
+    std::size_t best = points.size();
     double nearest = std::numeric_limits<double>::infinity();
-    for (std::size_t i = 0; i < next.size(); ++i) {
-      const ContactPoint& p = next[i].point;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const ContactPoint& p = points[i];
       if (taken[i] || p.body_a != c.point.body_a || p.body_b != c.point.body_b ||
           p.geometry_a != c.point.geometry_a || p.geometry_b != c.point.geometry_b)
         continue;
@@ -43,11 +44,11 @@ std::vector<ContactRecord> MovedTo(const std::vector<ContactRecord>& next, std::
         best = i;
       }
     }
-    if (best == next.size()) continue;
+    if (best == points.size()) continue;
     taken[best] = 1;
-    c.point.point = next[best].point.point;
+    c.point.point = points[best].point;
   }
-  return last;
+  return contacts;
 }
 
 }  // namespace fork1s

@@ -13,8 +13,8 @@ struct ContactLoads {
 };
 ContactLoads LoadsOf(const World& world, const std::vector<ContactRecord>& contacts, double h);
 
-/// Contacts of the last step where those of the next one, found at its start, are: what slides takes its
-/// force along.
-std::vector<ContactRecord> MovedTo(const std::vector<ContactRecord>& next, std::vector<ContactRecord> last);
+/// Contacts moved to the nearest of `points` of the same pair of shapes: what slides takes its force along.
+std::vector<ContactRecord> MovedTo(const std::vector<ContactPoint>& points,
+                                   std::vector<ContactRecord> contacts);
 
 }  // namespace fork1s

@@ -19,7 +19,8 @@ Eigen::Matrix<double, 3, Eigen::Dynamic> MotionAt(const Twists& T, const Vector3
 // The companions' own tangents leave a contact's force where it is. But the contact goes with the material
 // that sticks, and rolls beside it by (6.2): beneath a wheel the force goes with the axle, and does not turn
 // it.
-void ErrorContacts::KeepStiffness(const World& world, const std::vector<ErrorCompanion>& mechanisms,
+void ErrorContacts::KeepStiffness(const World& world, const std::vector<ContactRecord>& contacts,
+                                  const std::vector<ErrorCompanion>& mechanisms,
                                   const std::vector<FreeBodyPath>& free_bodies, double h) {
   std::vector<int> at(1, 0);
   for (const ErrorCompanion& m : mechanisms) at.push_back(at.back() + m.full_size());
@@ -34,7 +35,7 @@ void ErrorContacts::KeepStiffness(const World& world, const std::vector<ErrorCom
     const RigidTransform& X = free_bodies[i].X[1];
     return {X.rotation(), X.translation() - X.rotation() * world.free_bodies()[i].inertia().center};
   };
-  for (const ContactRecord& c : world.contacts()) {
+  for (const ContactRecord& c : contacts) {
     if (c.impulse(0) <= 0) continue;
     const ContactPoint& p = c.point;
     const PairCurvature curvature = CurvatureOf(world.geometry(p.body_a, p.geometry_a), pose(p.body_a),

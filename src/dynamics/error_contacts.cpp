@@ -33,13 +33,14 @@ MatrixX TakeBack(const MatrixX& J, const MatrixX& X, const VectorX& R) {
 
 }  // namespace
 
-void ErrorContacts::Keep(const World& world, const std::vector<ErrorCompanion>& mechanisms,
+void ErrorContacts::Keep(const World& world, const std::vector<ContactRecord>& contacts,
+                         const std::vector<ErrorCompanion>& mechanisms,
                          const std::vector<FreeBodyPath>& free_bodies, double h) {
   contacts_.clear();
   std::vector<int> at(1, 0);
   for (const ErrorCompanion& m : mechanisms) at.push_back(at.back() + m.full_size());
   const int size = at.back() + 6 * static_cast<int>(free_bodies.size());
-  for (const ContactRecord& c : world.contacts()) {
+  for (const ContactRecord& c : contacts) {
     if (c.impulse(0) <= 0) continue;
     const double depth = std::max(0.0, -c.point.gap);
     Contact kept{MatrixX::Zero(6, size), c.impulse, Vector3::Zero(), depth, h, c.friction > 0 && c.use <= 1, {}};

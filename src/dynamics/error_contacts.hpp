@@ -13,11 +13,13 @@ namespace fork1s {
 /// Rows on the error of all that moves: mechanisms in their order, then six a free body.
 class ErrorContacts {
  public:
-  /// Contacts that carried force in the step that begins at the companions' node.
-  void Keep(const World& world, const std::vector<ErrorCompanion>& mechanisms,
-            const std::vector<FreeBodyPath>& free_bodies, double h);
+  /// Contacts that carried force in the step that begins at the companions' node, as they lie there.
+  void Keep(const World& world, const std::vector<ContactRecord>& contacts,
+            const std::vector<ErrorCompanion>& mechanisms, const std::vector<FreeBodyPath>& free_bodies,
+            double h);
   /// How their forces change as they go with the contacts.
-  void KeepStiffness(const World& world, const std::vector<ErrorCompanion>& mechanisms,
+  void KeepStiffness(const World& world, const std::vector<ContactRecord>& contacts,
+                     const std::vector<ErrorCompanion>& mechanisms,
                      const std::vector<FreeBodyPath>& free_bodies, double h);
   void AddStiffness(const std::vector<ErrorCompanion>& mechanisms, const std::vector<int>& offset,
                     MatrixX& K) const;

@@ -208,8 +208,9 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
   const double h = options.h;
   d.h = h;
   const bool by_euler = options.integrator == Integrator::kEuler, at_end = report.forces_at_end;
-  const ContactLoads now = LoadsOf(world, world.contacts(), h);
-  const ContactLoads then = d.steps == 0 ? now : LoadsOf(world, MovedTo(world.contacts(), d.last), h);
+  const std::vector<ContactRecord> contacts = MovedTo(world.start_points(), world.contacts());
+  const ContactLoads now = LoadsOf(world, contacts, h);
+  const ContactLoads then = d.steps == 0 ? now : LoadsOf(world, MovedTo(world.start_points(), d.last), h);
   d.last = world.contacts();
   for (std::size_t i = 0; i < d.mechanisms.size(); ++i) {
     const MechanismDynamics& m = world.mechanisms()[i];
@@ -281,8 +282,8 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     d.force.block<3, 1>(at + 3, 2) = F.tail<3>() + b.weight_share() * I.mass * options.gravity;
   }
   d.Pass();
-  d.contacts.Keep(world, d.mechanisms, d.free_bodies, h);
-  d.contacts.KeepStiffness(world, d.mechanisms, d.free_bodies, h);
+  d.contacts.Keep(world, contacts, d.mechanisms, d.free_bodies, h);
+  d.contacts.KeepStiffness(world, contacts, d.mechanisms, d.free_bodies, h);
   d.Show(world);
 }
 

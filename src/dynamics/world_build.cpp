@@ -69,6 +69,7 @@ const std::vector<MechanismDynamics>& World::mechanisms() const { return detail_
 std::vector<FreeBody>& World::free_bodies() { return detail_->free_bodies_; }
 const std::vector<FreeBody>& World::free_bodies() const { return detail_->free_bodies_; }
 const std::vector<ContactRecord>& World::contacts() const { return detail_->contacts_; }
+const std::vector<ContactPoint>& World::start_points() const { return detail_->start_points_; }
 const std::vector<Contactor>& World::contactors() const { return detail_->contactors_; }
 std::vector<std::pair<int, int>> World::PairsThatMayTouch() const {
   if (!detail_->collision_) return {};

@@ -200,6 +200,7 @@ struct World::Detail {
   bool has_previous_pose_ = false;
 
   IslandSolver solver_;
+  std::vector<ContactPoint> start_points_;  // of the start of the step
   std::vector<ContactPoint> points_;  // of this step, those that can touch within it
   std::vector<ContactRecord> contacts_, previous_;
   double contacts_h_ = 0, previous_h_ = 0;           // s, of the steps that gave them their impulses

@@ -110,6 +110,7 @@ void World::Detail::KeepEndVelocities() {
 }
 
 void World::Detail::KeepForNextStep(double h, StepReport& report) {
+  if (!two_stage_) start_points_ = points_;
   contacts_.resize(points_.size());
   speed_W_.resize(points_.size());
   missed_W_.resize(points_.size());

@@ -70,6 +70,7 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   start_gap_.assign(previous_.size(), std::numeric_limits<double>::quiet_NaN());
   if (!backward_euler) {
     PrepareContacts(options, report);
+    if (depth_ == 0) start_points_ = points_;
     RecordStartGaps();
     if (ClosesAtSpeed(options, &report.halving_of)) return HalveOrUndo(options, HalvingCause::kImpact, report);
   }
@@ -110,6 +111,7 @@ StepReport World::Detail::FinishTwoStageStep(const StepOptions& options, WorldSt
   contacts_h_ = options.h;
   report.contacts = static_cast<int>(
       std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));
+  report.forces_at_end = false;
   report.forces_at_bound = 0;
   for (const MechanismDynamics& m : mechanisms_) {
     report.forces_at_bound += m.NumForcesAtBound();

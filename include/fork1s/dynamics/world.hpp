@@ -100,7 +100,7 @@ struct StepReport {
   StepSubject halving_of;                      // kTwoStage: what caused it
   bool impact = false;            // something was met at speed within a step of second order
   int parts = 1;                  // shorter steps that made this one: of implicit Euler, kTwoStage's also of two stages
-  bool forces_at_end = true;      // of contact; false: half way
+  bool forces_at_end = true;      // of contact; false: half way, or the mean over the step
   double loop_residual = 0;       // rad or m by which the rows of any loop are open, of the mechanism's own
   bool finite = true;             // false: the step was undone and the state is that before it
 };
@@ -141,6 +141,9 @@ class World {
   std::vector<FreeBody>& free_bodies();
   const std::vector<FreeBody>& free_bodies() const;
   const std::vector<ContactRecord>& contacts() const;
+  /// Contacts as they were found at the start of the last step; some of them were not touched in it. Those of
+  /// contacts() lie where the last stage of a two-stage step ends.
+  const std::vector<ContactPoint>& start_points() const;
   const std::vector<Contactor>& contactors() const;
   /// Pairs of contactors() that the collision detector tests, the smaller index first, sorted.
   std::vector<std::pair<int, int>> PairsThatMayTouch() const;
