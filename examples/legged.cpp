@@ -380,6 +380,8 @@ StandMeasurement Stand(Simulation& simulation, const LeggedScene& legged, double
       m.foot_step = std::max(m.foot_step, (now[k] - before[k]).norm());
     }
     before = now;
+    double& swing = m.swing[simulation.time() < 0.5 * (settling + time) ? 0 : 1];
+    swing = std::max(swing, simulation.KineticEnergy());
     m.trunk_motion = std::max(m.trunk_motion, (X_WT.translation() - trunk_settled).norm());
     const Vector3 up = X_WT.rotation() * legged.R_trunk.transpose() * Vector3::UnitZ();
     m.lean = std::max(m.lean, std::acos(std::clamp(up.z(), -1.0, 1.0)));

@@ -31,7 +31,7 @@ bool Improve(const AccuracyTrial& trial, double first_dt, bool may_change_integr
     return true;
   }
   if (may_change_integrator && trial.exact && next.integrator == Integrator::kEuler) {
-    next.integrator = Integrator::kTheta;
+    next.integrator = Integrator::kTwoStage;
     return true;
   }
   if (next.dt / 2 < kShortest * first_dt) return false;

@@ -93,7 +93,7 @@ std::vector<std::string> ErrorWatch::Warnings() const {
   if (!names.empty())
     out.push_back(fmt::format(
         "estimated error above {:.0f} % of the motion, past what the estimate can tell, of {}: try "
-        "--integrator theta, a smaller --dt or more --modes",
+        "--integrator two-stage, a smaller --dt or more --modes",
         kOutside, names));
   if (forgot_) out.push_back("the error estimate began anew where the detail changed");
   return out;

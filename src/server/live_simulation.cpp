@@ -35,8 +35,6 @@ Expected<LiveSimulation> LiveSimulation::Create(Scene scene, const SimulationOpt
                                                 const std::string& title, ModelFile file) {
   Scene original = scene;
   SimulationOptions options = given;
-  // By theta a pull is a constant force of the step, of a formula for implicit Euler, and would ring.
-  if (options.step.integrator == Integrator::kAuto) options.step.integrator = Integrator::kEuler;
   auto simulation = Simulation::Create(std::move(scene), options);
   if (!simulation) return tl::unexpected(simulation.error());
   LiveSimulation live(std::move(*simulation));

@@ -16,7 +16,7 @@ inline Integrator IntegratorFor(Integrator wanted, const World& world, double h)
   const auto& mechanisms = world.mechanisms();
   return std::any_of(mechanisms.begin(), mechanisms.end(),
                      [h](const MechanismDynamics& m) { return FollowsAnyMode(m.model(), h); })
-             ? Integrator::kTheta
+             ? Integrator::kTwoStage
              : Integrator::kEuler;
 }
 

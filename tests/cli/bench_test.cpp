@@ -30,9 +30,10 @@ TEST(Bench, ASceneBesideMuJoCoAndTheConvergedRun) {
   }
   // The finger is too stiff for the step to follow.
   EXPECT_EQ(scene["integrator"], "euler");
-  const auto theta = scene["peers"]["fork1s theta"];
-  EXPECT_GT(theta["step_us"], 0);
-  EXPECT_LT(theta["error_percent"], error);
+  const auto two_stage = scene["peers"]["fork1s two-stage"];
+  ASSERT_TRUE(two_stage.is_object()) << scene["peers"].dump(1);
+  EXPECT_GT(two_stage["step_us"], 0);
+  EXPECT_LT(two_stage["error_percent"], error);
   // Steps of first order: half the step, about half the error.
   double half = 0;
   for (const auto& point : scene["precision"])
@@ -64,7 +65,7 @@ TEST(Bench, CountsInstructionsByPart) {
     sum += part.get<double>();
   }
   EXPECT_NEAR(sum, all, 1e-6 * all);
-  EXPECT_GT(scene["phases"]["free velocities"], 0.05 * all);
+  EXPECT_GT(scene["phases"]["free velocities"], 0.01 * all);  // of two coordinates
   EXPECT_GT(scene["phases"]["moving, poses, loops"], 0.05 * all);
   double us = 0;
   for (const auto& part : scene["phase_us"]) us += part["mean"].get<double>();

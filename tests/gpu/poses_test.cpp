@@ -35,7 +35,8 @@ TEST_F(GpuPoses, OfAChainOfAThousandJoints) {
   EXPECT_GT(LogRotation(truth[1000].rotation()).norm(), 0.3);
   for (const int scans : {0, 3, 10}) {
     std::printf("%d scans: ", scans);
-    ExpectClose(Difference(Recovered(simulation, scans), truth), scans == 0 ? 4e-6 : 1e-6, 2e-6);
+    // Rounding of floats, 6e-8, of some tens of products one after the other; without scans of a thousand.
+    ExpectClose(Difference(Recovered(simulation, scans), truth), scans == 0 ? 4e-6 : 2e-6, 2e-6);
   }
 }
 

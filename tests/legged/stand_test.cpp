@@ -7,13 +7,19 @@
 namespace fork1s::examples {
 namespace {
 
-// s. Leaf springs swing for long: what damps them is in the joints, and by the default step nothing else does. Cassie's
-// right foot, gains times 100, still rocks by 0.13 mm at 30 s, and by 0.02 at 40.
+// s. Leaf springs swing for minutes, since only joints are damped, and feet on uneven ground rock with them:
+// between 40 s and 100 s by 2.7 mm (Digit) and 0.8 mm (Cassie, gains times 100) by steps of 1/240 s.
 constexpr double kSettling = 40, kTime = 100;
 
 // ANYmal's feet bear moments (condim 6).
 bool BearsMomentsOnUnevenGround(const Case& c) {
   return c.robot == LeggedRobot::kAnymal && c.ground == LeggedGround::kUneven;
+}
+
+// m
+double MostFootMotion(const Case& c) {
+  const bool has_leaf_springs = c.robot == LeggedRobot::kCassie || c.robot == LeggedRobot::kDigit;
+  return has_leaf_springs && c.ground == LeggedGround::kUneven ? 5e-3 : 1e-4;
 }
 
 class Stands : public testing::TestWithParam<Case> {};
@@ -26,7 +32,9 @@ TEST_P(Stands, ForAMinute) {
   EXPECT_EQ(m.steps, 6000);
   EXPECT_TRUE(m.finite);
   EXPECT_EQ(m.unconverged, 0);
-  EXPECT_LT(m.foot_motion, 1e-4);
+  EXPECT_LT(m.foot_motion, MostFootMotion(GetParam()));
+  // What stands still keeps the rounding of its velocities.
+  EXPECT_LT(m.swing[1], std::max(m.swing[0], 1e-12)) << "swings die down";
   EXPECT_LT(m.joint_gap, 1e-5);
   EXPECT_LT(m.penetration, 1.1e-4) << "slop of contact, and a tenth of it";
   // A stiff ANYmal balances on two feet across, which bear moments; points that bear none need a third.
@@ -51,8 +59,8 @@ class StandsByDefault : public testing::TestWithParam<Case> {};
 TEST_P(StandsByDefault, ForAMinute) {
   if (const std::string why = WhyMissing(GetParam().robot); !why.empty()) GTEST_SKIP() << why;
   const LeggedScene legged = Load(GetParam());
-  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
-    SCOPED_TRACE(integrator == Integrator::kTheta ? "theta" : "euler");
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta, Integrator::kTwoStage}) {
+    SCOPED_TRACE(Name(integrator));
     SimulationOptions options;
     options.initial_keyframe = legged.imported.initial_keyframe;
     options.step.integrator = integrator;

@@ -200,14 +200,14 @@ TEST(FidelityTrack, RefusesWhatItCannotRead) {
 // Twists know implicit Euler alone; the rule asked for is back with another recovery.
 TEST(Fidelity, TwistsTakeImplicitEuler) {
   SimulationOptions options;
-  options.step.integrator = Integrator::kTheta;
+  options.step.integrator = Integrator::kTwoStage;
   options.recovery = Recovery::kTwist;
   auto simulation = Simulation::Create(Gripper().Make(), options);
   ASSERT_TRUE(simulation);
   EXPECT_EQ(simulation->step_options().integrator, Integrator::kEuler);
   EXPECT_TRUE(simulation->Step().finite);
   ASSERT_TRUE(simulation->SetFidelity({DetailLevel::kAll, -1, Recovery::kExact}));
-  EXPECT_EQ(simulation->step_options().integrator, Integrator::kTheta);
+  EXPECT_EQ(simulation->step_options().integrator, Integrator::kTwoStage);
   EXPECT_TRUE(simulation->Step().finite);
   ASSERT_TRUE(simulation->SetFidelity({DetailLevel::kInterface, -1, Recovery::kTwist}));
   EXPECT_EQ(simulation->step_options().integrator, Integrator::kEuler);
@@ -229,12 +229,12 @@ TEST(Fidelity, TheRuleOfTheStepIsChosenByTheScene) {
   options.dt = 1.21 / slowest;
   EXPECT_EQ(rule(Gripper().Make()), Integrator::kEuler);
   options.dt = 1.19 / slowest;
-  EXPECT_EQ(rule(Gripper().Make()), Integrator::kTheta);
+  EXPECT_EQ(rule(Gripper().Make()), Integrator::kTwoStage);
 
   options.dt = 1.0 / 60;
   Scene adrift = Gripper().Make();
   for (MechanismDef& m : adrift.mechanisms) m.base = BaseKind::kFloating;
-  EXPECT_EQ(rule(adrift), Integrator::kTheta);
+  EXPECT_EQ(rule(adrift), Integrator::kTwoStage);
   Scene balls = Gripper().Make();
   balls.mechanisms.clear();
   for (KeyframeDef& key : balls.keyframes) key.mechanisms.clear();

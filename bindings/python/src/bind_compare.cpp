@@ -164,7 +164,7 @@ void BindCompare(nb::module_& m) {
         R"(Simulates the model beside the full-coordinate simulator ('full') or MuJoCo's mj_step ('mujoco').
 
 time: s to simulate. dt: time step in s, default the model's. refinements: further runs at dt/2, dt/4, ... controls:
-columns by name, `time` [s] among them, linear between rows. integrator: of the reduced run, 'euler' or 'theta', default as of a Simulation.
+columns by name, `time` [s] among them, linear between rows. integrator: of the reduced run, 'euler', 'theta' or 'two-stage', default as of a Simulation.
 full_integrator: of the full one, 'euler' or 'two-stages', default of the same order. Others run while it works. Raises NumericsError, ModelError
 for controls that the model does not have, UsageError for a model that MuJoCo cannot run as it is.)");
 }

@@ -24,11 +24,11 @@ struct StepPartTimes;     // step_times.hpp
 
 /// How a step is taken. kEuler: all forces at its end, first order. kTheta: of second order, not for recovery
 /// by twists; slow modes by the trapezoid, what a step cannot follow at its end, lasting contact at its end
-/// by the rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5). kTwoStage: of
-/// second order, two implicit stages, each solved by Newton iteration to a residual (Alexander's SDIRK2,
-/// docs/decisions/001-time-stepping.md); a step through an impact, or one whose stages do not converge, is halved.
-/// kAuto, of a Simulation:
-/// kTheta where a mechanism moves slowly enough for the step to follow, else kEuler.
+/// by the rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5). kTwoStage:
+/// of second order, two implicit stages, each solved by Newton iteration to a residual (Alexander's SDIRK2,
+/// docs/decisions/001-time-stepping.md); a step through an impact, or one whose stages do not converge, is
+/// halved. kAuto, of a Simulation: kTwoStage where a mechanism moves slowly enough for the step to follow,
+/// else kEuler.
 enum class Integrator { kEuler, kTheta, kTwoStage, kAuto };
 
 /// The words for them, in files, on the command line and in Python.

@@ -46,7 +46,7 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options) {
   if (!probe) return tl::unexpected(probe.error());
   peers.dt = probe->dt();
   const Integrator chosen = probe->step_options().integrator,
-                   other = chosen == Integrator::kTheta ? Integrator::kEuler : Integrator::kTheta;
+                   other = chosen == Integrator::kTwoStage ? Integrator::kEuler : Integrator::kTwoStage;
   constexpr double kMostSteps = 1e6;
   if (options.time / peers.dt > kMostSteps)
     return Fail(
