@@ -1,6 +1,6 @@
 """A quadruped learns to walk over rough ground: 18 numbers found by CMA-ES, in a few minutes on two cores.
 
-    python examples/learn_quadruped.py [--generations 60] [--out FOLDER]    # trains: FOLDER/quadruped.csv, .json
+    python examples/learn_quadruped.py [--generations 120] [--out FOLDER]    # trains: FOLDER/quadruped.csv, .json
     python examples/learn_quadruped.py --picture FOLDER                     # draws FOLDER/quadruped.svg of the CSV
     python examples/learn_quadruped.py --test FOLDER                        # FOLDER/quadruped.json on 64 fresh members
 
@@ -113,7 +113,7 @@ def picture(out):
 
 if __name__ == "__main__":
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    arguments.add_argument("--generations", type=int, default=60)
+    arguments.add_argument("--generations", type=int, default=120)
     arguments.add_argument("--out", type=Path, default=Path("."))
     arguments.add_argument("--picture", type=Path)
     arguments.add_argument("--test", type=Path)
