@@ -43,6 +43,29 @@ inline SpatialInertia Brick(double mass, const Vector3& half) {
   return I;
 }
 
+/// Rods of 0.3 and 0.25 m, 0.5 and 0.1 kg, along x, hinged about y; the second one is the interface.
+struct HingeSpring {
+  double stiffness, damping;  // N·m/rad, N·m·s/rad
+};
+inline MechanismDef TwoLinkArm(BaseKind base, HingeSpring shoulder, HingeSpring elbow) {
+  MechanismBuilder builder("arm", base);
+  const auto add = [&](const char* name, BodyIndex parent, double at, double mass, double length,
+                       HingeSpring spring) {
+    BodyDef link;
+    link.name = name;
+    link.parent = parent;
+    link.X_PB = RigidTransform(Vector3(at, 0, 0));
+    link.inertia = Rod(mass, length);
+    const BodyIndex body = builder.AddBody(link);
+    builder.AddJoint(
+        JointDef::Hinge(name, body, Vector3::UnitY()).WithSpring(spring.stiffness, spring.damping));
+    return body;
+  };
+  add("lower", add("upper", builder.base(), 0, 0.5, 0.3, shoulder), 0.3, 0.1, 0.25, elbow);
+  builder.SetInterfaces({"lower"});
+  return builder.definition();
+}
+
 /// Rods along x, hinged about z (every third about y if `spatial`), and a massless tip body as the interface.
 inline MechanismDef Chain(int links, double length, double mass, double stiffness, double damping = 0,
                           bool spatial = false) {

@@ -136,12 +136,11 @@ void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator) {
   for (const auto& [value, name] : kIntegratorNames)
     if (IntegratorNamed(name)) names[name] = value;
   command
-      .add_option("--integrator", integrator,
-                  "two-stage: second order, two implicit stages, each solved to a residual; theta: second "
-                  "order, cheaper and wrong "
-                  "where stiff springs turn; euler: implicit Euler, first order (default: two-stage where a "
-                  "mechanism moves slowly "
-                  "enough for the step to follow, else euler)")
+      .add_option(
+          "--integrator", integrator,
+          "two-stage: second order, two implicit stages, each solved to a residual; theta: second order, "
+          "cheaper and wrong where stiff springs turn; euler: implicit Euler, first order (default: "
+          "two-stage where a mechanism moves slowly enough for the step to follow, else euler)")
       ->transform(CLI::CheckedTransformer(names, CLI::ignore_case));
 }
 

@@ -19,9 +19,9 @@ Eigen::Matrix<double, 3, Eigen::Dynamic> MotionAt(const Twists& T, const Vector3
 // The companions' own tangents leave a contact's force where it is. But the contact goes with the material
 // that sticks, and rolls beside it by (6.2): beneath a wheel the force goes with the axle, and does not turn
 // it.
-void ErrorContacts::KeepStiffness(const World& world, const std::vector<ContactRecord>& contacts,
-                                  const std::vector<ErrorCompanion>& mechanisms,
-                                  const std::vector<FreeBodyPath>& free_bodies, double h) {
+void ErrorContacts::ComputeStiffness(const World& world, const std::vector<ContactRecord>& contacts,
+                                     const std::vector<ErrorCompanion>& mechanisms,
+                                     const std::vector<FreeBodyPath>& free_bodies, double h) {
   std::vector<int> at(1, 0);
   for (const ErrorCompanion& m : mechanisms) at.push_back(at.back() + m.full_size());
   const int size = at.back() + 6 * static_cast<int>(free_bodies.size());

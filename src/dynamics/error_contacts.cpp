@@ -33,9 +33,9 @@ MatrixX TakeBack(const MatrixX& J, const MatrixX& X, const VectorX& R) {
 
 }  // namespace
 
-void ErrorContacts::Keep(const World& world, const std::vector<ContactRecord>& contacts,
-                         const std::vector<ErrorCompanion>& mechanisms,
-                         const std::vector<FreeBodyPath>& free_bodies, double h) {
+void ErrorContacts::ComputeRows(const World& world, const std::vector<ContactRecord>& contacts,
+                                const std::vector<ErrorCompanion>& mechanisms,
+                                const std::vector<FreeBodyPath>& free_bodies, double h) {
   contacts_.clear();
   std::vector<int> at(1, 0);
   for (const ErrorCompanion& m : mechanisms) at.push_back(at.back() + m.full_size());

@@ -14,13 +14,13 @@ namespace fork1s {
 class ErrorContacts {
  public:
   /// Contacts that carried force in the step that begins at the companions' node, as they lie there.
-  void Keep(const World& world, const std::vector<ContactRecord>& contacts,
-            const std::vector<ErrorCompanion>& mechanisms, const std::vector<FreeBodyPath>& free_bodies,
-            double h);
+  void ComputeRows(const World& world, const std::vector<ContactRecord>& contacts,
+                   const std::vector<ErrorCompanion>& mechanisms,
+                   const std::vector<FreeBodyPath>& free_bodies, double h);
   /// How their forces change as they go with the contacts.
-  void KeepStiffness(const World& world, const std::vector<ContactRecord>& contacts,
-                     const std::vector<ErrorCompanion>& mechanisms,
-                     const std::vector<FreeBodyPath>& free_bodies, double h);
+  void ComputeStiffness(const World& world, const std::vector<ContactRecord>& contacts,
+                        const std::vector<ErrorCompanion>& mechanisms,
+                        const std::vector<FreeBodyPath>& free_bodies, double h);
   void AddStiffness(const std::vector<ErrorCompanion>& mechanisms, const std::vector<int>& offset,
                     MatrixX& K) const;
   /// Rows of the kept contacts for errors that lie at `offset`. `A`: the companion's operator, of stages of

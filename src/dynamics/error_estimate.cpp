@@ -282,8 +282,8 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     d.force.block<3, 1>(at + 3, 2) = F.tail<3>() + b.weight_share() * I.mass * options.gravity;
   }
   d.Pass();
-  d.contacts.Keep(world, contacts, d.mechanisms, d.free_bodies, h);
-  d.contacts.KeepStiffness(world, contacts, d.mechanisms, d.free_bodies, h);
+  d.contacts.ComputeRows(world, contacts, d.mechanisms, d.free_bodies, h);
+  d.contacts.ComputeStiffness(world, contacts, d.mechanisms, d.free_bodies, h);
   d.Show(world);
 }
 

@@ -72,7 +72,7 @@ void TurnServos(const MechanismStep& here, double h) {
   }
 }
 
-void TakeBoundedSpringsOut(const MechanismStep& here, double h) {
+void SubtractSaturatedStiffness(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
   const auto& limits = model.mechanism().force_limits();
   for (std::size_t k = 0; k < limits.size(); ++k) {

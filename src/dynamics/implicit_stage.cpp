@@ -235,7 +235,7 @@ void UpdateStageMatrix(const MechanismStep& here, double b) {
     A_z.diagonal() += b * b * model.reduced->K_r;
     AddTurnedJointStiffness(here, b);
     TurnServos(here, b);
-    TakeBoundedSpringsOut(here, b);
+    SubtractSaturatedStiffness(here, b);
   }
   if (StiffnessIsOfPose(here))
     ws.A_before = ws.A;

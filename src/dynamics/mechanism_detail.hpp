@@ -110,7 +110,7 @@ void RowOfSpring(const MechanismStep& here, const Mechanism::Length& length);
 bool AnyAtBound(const MechanismState& state);
 bool ServosTurn(const MechanismView& here);
 void TurnServos(const MechanismStep& here, double h);
-void TakeBoundedSpringsOut(const MechanismStep& here, double h);
+void SubtractSaturatedStiffness(const MechanismStep& here, double h);
 void AddSwitchedForces(const MechanismStep& here);
 /// In a stage: rhs [num_velocities] without the dampers of servos at their bounds, at the velocity that led
 /// to the pose.

@@ -274,7 +274,7 @@ void SolveFreeMiddleWith(const MechanismStep& here, const ThetaScheme& rule, con
       rhs.noalias() -= ws.D_beyond.selfadjointView<Eigen::Lower>() * ws.f_turn;
     }
     if (ws.all_at_end) {
-      TakeBoundedSpringsOut(here, h);
+      SubtractSaturatedStiffness(here, h);
       ws.f_turn = ws.u.tail(r) - ws.w_start;
       AddBackBoundedSprings(here, h, 1, ws.f_turn, rhs);
     }

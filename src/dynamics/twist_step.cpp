@@ -36,7 +36,7 @@ void Factor(const MechanismStep& here, double h) {
   ws.A = ws.M_full;
   ws.A.bottomRightCorner(model.size(), model.size()) += h * model.reduced->D;
   ws.A.diagonal().tail(model.size()) += h * h * model.reduced->K_r;
-  TakeBoundedSpringsOut(here, h);
+  SubtractSaturatedStiffness(here, h);
   ws.factor.Compute(ws.A);
 }
 

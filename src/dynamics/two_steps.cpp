@@ -126,7 +126,7 @@ void SolveFreeTwoSteps(const MechanismStep& here, double h) {
     TurnServos(here, h);
     if (ws.order > 1) ws.x.tail(r).noalias() -= A_z.selfadjointView<Eigen::Lower>() * s;
     if (ws.order > 1) AddBackBoundedSprings(here, h, 0, s, ws.x.tail(r));
-    TakeBoundedSpringsOut(here, h);
+    SubtractSaturatedStiffness(here, h);
   }
   SolveOrFail(ws.factor, ws.A, ws.x);
 }

@@ -34,7 +34,7 @@ struct StageResidual {
 struct World::Detail {
   StepReport Step(const StepOptions& options);
   void AddPointSpringForces(const StepOptions& options);
-  StepReport TakeStep(const StepOptions& options);
+  StepReport IntegrateStep(const StepOptions& options);
   void SaveBodies(WorldState& out) const;
   void Save(WorldState& out) const;
   void Restore(const WorldState& state);

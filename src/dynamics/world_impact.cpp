@@ -88,7 +88,7 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
     for (std::size_t i = 0; i < free_bodies_.size(); ++i)
       free_bodies_[i].SetInputsWithin(before_impact_.free_bodies[i], 0, share);
     in_parts_ = true;
-    const StepReport part = TakeStep(own);
+    const StepReport part = IntegrateStep(own);
     in_parts_ = false;
     AddReport(part, report);
     if (!part.finite) return UndoStep(before_impact_, report);

@@ -153,7 +153,7 @@ void World::Detail::ForgetInputs(WorldState& state) {
   for (FreeBody::State& b : state.free_bodies) b.load = {};
 }
 
-// Completes before_, which TakeStep leaves without what it keeps as `previous_`.
+// Completes before_, which IntegrateStep leaves without what it keeps as `previous_`.
 WorldState& World::Detail::StartOfStep() {
   before_.contacts = previous_;
   before_.contacts_h = previous_h_;
@@ -175,7 +175,7 @@ StepReport World::Detail::Step(const StepOptions& options) {
   if (times_) *times_ = StepPartTimes();
   const PartClock clock(times_, &StepPartTimes::all);
   if (!UsesTwoStages(options)) AddPointSpringForces(options);
-  const StepReport report = TakeStep(options);
+  const StepReport report = IntegrateStep(options);
   for (MechanismDynamics& m : mechanisms_) m.StopPointSpring();
   for (FreeBody& body : free_bodies_) body.StopPointSpring();
   return report;
@@ -195,7 +195,7 @@ void World::Detail::AddPointSpringForces(const StepOptions& options) {
     if (body.point_spring().IsActive()) add(body, body.point_spring(), body.pose());
 }
 
-StepReport World::Detail::TakeStep(const StepOptions& options) {
+StepReport World::Detail::IntegrateStep(const StepOptions& options) {
   StepReport report;
   const double h = options.h;
   FORK1S_REQUIRE(h > 0 && std::isfinite(h), h);

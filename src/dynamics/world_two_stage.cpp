@@ -386,7 +386,7 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
     for (std::size_t i = 0; i < free_bodies_.size(); ++i)
       free_bodies_[i].SetInputsWithin(whole.start.free_bodies[i], k == 0 ? 0 : 0.5, k == 0 ? 0.5 : 1);
     ++depth_;
-    const StepReport part = TakeStep(half);
+    const StepReport part = IntegrateStep(half);
     --depth_;
     AddReport(part, report);
     if (!part.finite) return UndoStep(whole.start, report);

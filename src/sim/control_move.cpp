@@ -13,7 +13,7 @@ ControlMove::ControlMove(const Simulation& simulation, int steps)
 
 StepReport ControlMove::Step(Simulation& simulation) {
   FORK1S_REQUIRE(steps_left_ > 0 && simulation.controls().size() == set_.size(), steps_left_);
-  const VectorX start = simulation.start_controls();
+  const VectorX& start = simulation.start_controls();
   const auto first_of_bases = static_cast<int>(set_.size() - base_rates_.size());
   for (int k = 0; k < set_.size(); ++k) {
     if (simulation.controls()(k) != set_(k)) target_(k) = simulation.controls()(k);

@@ -9,12 +9,7 @@ namespace {
 
 using testing::MustCreate;
 using testing::MustStart;
-
-StepOptions TwoStage(double h) {
-  StepOptions options = testing::Still(h);
-  options.integrator = Integrator::kTwoStage;
-  return options;
-}
+using testing::TwoStage;
 
 // A constant force at a point of a body; its potential is -F·x.
 struct ConstantForce {

@@ -13,13 +13,6 @@ using testing::MustStart;
 constexpr double kGravity = 9.81, kFriction = 0.5;
 const double kSteps[] = {1.0 / 30, 1.0 / 60, 1.0 / 120, 1.0 / 240, 1.0 / 480};
 
-StepOptions TwoStage(double h) {
-  StepOptions options;
-  options.h = h;
-  options.integrator = Integrator::kTwoStage;
-  return options;
-}
-
 struct Motion {
   std::function<RigidTransform(double)> pose;
   std::function<Vector6(double)> rate;  // world axes, velocity of the origin
@@ -86,7 +79,7 @@ Ride Accelerate(double share_of_limit, double h, double yaw, double mass, Rate r
   const int steps = static_cast<int>(std::lround(0.8 / h));
   for (int i = 1; i <= steps; ++i) {
     Drive(world.mechanisms()[0], motion, i * h, rate);
-    const StepReport report = world.Step(TwoStage(h));
+    const StepReport report = world.Step(testing::TwoStage(h, testing::kDown));
     EXPECT_TRUE(report.finite && report.stages_converged) << i;
     ride.impacts += report.impact && i > 0.1 / h ? 1 : 0;
     const Vector3 on_plate = world.mechanisms()[0].state().X_WR.inverse() * world.free_bodies()[0].pose().translation();
@@ -139,7 +132,7 @@ TEST(DrivenBase, VerticalMotion_BoxKeepsContactAndFeelsItsAcceleration) {
       int impacts = 0;
       for (int i = 1; i <= std::lround(2 / h); ++i) {
         Drive(world.mechanisms()[0], motion, i * h, rate);
-        impacts += world.Step(TwoStage(h)).impact ? 1 : 0;
+        impacts += world.Step(testing::TwoStage(h, testing::kDown)).impact ? 1 : 0;
         if (i < 0.2 / h) continue;  // it starts with a jump of acceleration
         gap = std::max(gap, std::abs(world.free_bodies()[0].pose().translation().z() - 0.05 -
                                      world.mechanisms()[0].state().X_WR.translation().z()));
@@ -173,7 +166,7 @@ TEST(DrivenBase, TurntableSpinsUp_BoxKeepsItsPlace) {
       double slip = 0;
       for (int i = 1; i <= std::lround(2 / h); ++i) {
         Drive(world.mechanisms()[0], motion, i * h, rate);
-        world.Step(TwoStage(h));
+        world.Step(testing::TwoStage(h, testing::kDown));
         const Vector3 on_plate =
             world.mechanisms()[0].state().X_WR.inverse() * world.free_bodies()[0].pose().translation();
         slip = std::max(slip, (on_plate - at).head<2>().norm());
@@ -192,7 +185,7 @@ std::vector<double> EndOfSwing(const Motion& motion, double h, Rate rate) {
   World world = MustCreate(arm, options);
   for (int i = 1; i <= std::lround(1 / h); ++i) {
     Drive(world.mechanisms()[0], motion, i * h, rate);
-    EXPECT_TRUE(world.Step(TwoStage(h)).stages_converged);
+    EXPECT_TRUE(world.Step(testing::TwoStage(h, testing::kDown)).stages_converged);
   }
   const VectorX& q = world.mechanisms()[0].configuration().q;
   return {q.data(), q.data() + q.size()};
@@ -239,8 +232,8 @@ TEST(DrivenBase, ConstantVelocity_JointsMoveAsAtRest) {
     World rest = MustStart(arm, q0, q_dot0), moves = MustStart(arm, q0, q_dot0, V);
     for (int i = 1; i <= std::lround(1 / h); ++i) {
       moves.mechanisms()[0].DriveBase(RigidTransform(Vector3(i * h * velocity)));
-      rest.Step(TwoStage(h));
-      moves.Step(TwoStage(h));
+      rest.Step(testing::TwoStage(h, testing::kDown));
+      moves.Step(testing::TwoStage(h, testing::kDown));
     }
     EXPECT_LT((rest.mechanisms()[0].configuration().q - moves.mechanisms()[0].configuration().q).norm(), 1e-9) << h;
   }
@@ -255,7 +248,7 @@ TEST(DrivenBase, SuddenStop_DoesNotOvershoot) {
   const double h = 1.0 / 60;
   for (int i = 1; i <= 20; ++i) {
     m.DriveBase(RigidTransform(Vector3(0.01 * i, 0, 0)));
-    world.Step(TwoStage(h));
+    world.Step(testing::TwoStage(h, testing::kDown));
   }
   const BasePath path = PathOfBase([&] {
     MechanismState state;
@@ -266,7 +259,7 @@ TEST(DrivenBase, SuddenStop_DoesNotOvershoot) {
     EXPECT_NEAR(path.PoseAt(share).translation().x(), 0.2, 1e-15) << share;
     EXPECT_EQ(path.RateAt(share).norm(), 0) << share;
   }
-  world.Step(TwoStage(h));
+  world.Step(testing::TwoStage(h, testing::kDown));
   EXPECT_EQ(m.state().X_WR.translation().x(), 0.2);
   EXPECT_EQ(m.state().V_R.norm(), 0);
 }
@@ -287,7 +280,7 @@ TEST(DrivenBase, RestoredState_GivesTheSameBits) {
   for (int i = 1; i <= 40; ++i) {
     step(i);
     if (i == 21) world.Save(saved);  // with an input that is known and not taken yet
-    world.Step(TwoStage(h));
+    world.Step(testing::TwoStage(h, testing::kDown));
   }
   world.Save(end);
   World other = MustCreate(BoxOnPlate({}, Vector3::Zero(), 1));
@@ -295,7 +288,7 @@ TEST(DrivenBase, RestoredState_GivesTheSameBits) {
   std::swap(world, other);
   for (int i = 21; i <= 40; ++i) {
     if (i > 21) step(i);
-    world.Step(TwoStage(h));
+    world.Step(testing::TwoStage(h, testing::kDown));
   }
   world.Save(again);
   EXPECT_EQ(HashOf(end, VectorX()), HashOf(again, VectorX()));

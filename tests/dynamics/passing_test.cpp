@@ -7,15 +7,9 @@ namespace fork1s {
 namespace {
 
 using testing::MustCreate;
+using testing::TwoStage;
 
 constexpr double kPassingSteps[] = {1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 960};
-
-StepOptions PassingStep(double h, const Vector3& gravity = Vector3::Zero()) {
-  StepOptions options = testing::Still(h);
-  options.gravity = gravity;
-  options.integrator = Integrator::kTwoStage;
-  return options;
-}
 
 // A servo on the only joint, critically damped for this inertia [kg or kg·m²]; its set-point stands at 0.
 void AddServo(MechanismDef& def, double stiffness, double inertia) {
@@ -91,7 +85,7 @@ TEST(Passing, AJawThatAServoClosesStopsAtACard) {
               testing::Geometry("card", Box{Vector3(0.5 * thickness, 0.05, 0.05)}, 0.5, jaw.X_WR));
           World world = MustCreate(scene);
           double last = 0;
-          const double largest = LargestAfterJump(world, PassingStep(h), {0.06}, &last);
+          const double largest = LargestAfterJump(world, TwoStage(h), {0.06}, &last);
           EXPECT_LT(largest, 0.005 + Depth(0.06 * stiffness, 0.02));
           EXPECT_GT(last, 0.005 - 1e-4);
         }
@@ -113,7 +107,7 @@ TEST(Passing, ABallThatAServoThrowsStopsAtAWall) {
           scene.world.push_back(testing::Geometry("wall", Box{scale * Vector3(0.02, 0.3, 0.3)}, 0.5));
           World world = MustCreate(scene);
           double last = 0;
-          const double largest = LargestAfterJump(world, PassingStep(h), {0.5 * scale}, &last);
+          const double largest = LargestAfterJump(world, TwoStage(h), {0.5 * scale}, &last);
           EXPECT_LT(largest, scale * gap + Depth(0.5 * scale * stiffness, 0.03 * scale));
           EXPECT_GT(last, scale * gap - 1e-3 * scale);
         }
@@ -146,7 +140,7 @@ TEST(Passing, ABarThatAServoTurnsStopsAtACard) {
                                                   RigidTransform(Vector3(0.08, 0.004 + 0.5 * thickness, 0))));
           World world = MustCreate(scene);
           double last = 0;
-          const double largest = LargestAfterJump(world, PassingStep(h), {angle}, &last);
+          const double largest = LargestAfterJump(world, TwoStage(h), {angle}, &last);
           // Parallel to the card at 0.1 rad; its edge at 0.06 m bears the moment.
           EXPECT_LT(largest, 0.1 + (Depth(angle * stiffness / 0.06, 0.02)) / 0.06);
           EXPECT_GT(last, 0.1 - 0.01);
@@ -183,7 +177,7 @@ TEST(Passing, JointsAndTendonsStopAtTheirStops) {
             if (force > 0 && i >= 5 && i < 8)
               m.AddWrench(body, Vector3(is_tendon ? force : -force, 0, 0), Vector3::Zero(),
                           m.BodyPose(body).translation());
-            const StepReport report = world.Step(PassingStep(h));
+            const StepReport report = world.Step(TwoStage(h));
             ASSERT_TRUE(report.finite) << i;
             const Mechanism::LengthLimit& stop = m.length_limits()[0];
             // A joint's stop is exact to 1e-12 of the free motion, 1000 m by the largest push. A taut tendon
@@ -214,7 +208,7 @@ TEST(Passing, AFreeBodyThatIsPushedStopsAtACard) {
           for (int i = 0; i < 30; ++i) {
             const Vector3 at = world.free_bodies()[0].center_W() + Vector3(0, turns ? 0.01 : 0, 0);
             if (i >= 3 && i < 8) world.free_bodies()[0].AddWrench(Vector3(-force, 0, 0), Vector3::Zero(), at);
-            ASSERT_TRUE(world.Step(PassingStep(h)).finite) << i;
+            ASSERT_TRUE(world.Step(TwoStage(h)).finite) << i;
             ASSERT_GT(world.free_bodies()[0].center_W().x(), radius + 0.5 * thickness - Depth(force, radius))
                 << i;
           }
@@ -239,7 +233,7 @@ TEST(Passing, ABallThatAnotherHitsStopsAtACard) {
           world.free_bodies()[1].SetState(RigidTransform(second), Vector3::Zero(), Vector3(-speed, 0, 0));
           const int steps = static_cast<int>(0.5 / (speed * h)) + 10;
           for (int i = 0; i < steps; ++i) {
-            ASSERT_TRUE(world.Step(PassingStep(h)).finite) << i;
+            ASSERT_TRUE(world.Step(TwoStage(h)).finite) << i;
             const double x = world.free_bodies()[0].center_W().x();
             // m: a heavy ball's momentum presses both in until the part of the step is over.
             ASSERT_GT(x, half + radius - 1e-3) << i;
@@ -261,7 +255,7 @@ TEST(Passing, AServoThatJumpsWhereNothingIsNearIsNotHalved) {
       World world = MustCreate(scene);
       for (int i = 0; i < 30; ++i) {
         world.mechanisms()[0].controls()(0) = i < 3 ? 0 : 0.06;
-        EXPECT_EQ(world.Step(PassingStep(h)).parts, 1) << i;
+        EXPECT_EQ(world.Step(TwoStage(h)).parts, 1) << i;
       }
     }
 }

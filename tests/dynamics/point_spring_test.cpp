@@ -9,12 +9,7 @@ namespace {
 
 using testing::MustCreate;
 using testing::MustStart;
-
-StepOptions PulledStep(double h) {
-  StepOptions options = testing::Still(h);
-  options.integrator = Integrator::kTwoStage;
-  return options;
-}
+using testing::TwoStage;
 
 const Matrix3 kPulledFrame = ExpRotation(Vector3(0.4, -0.7, 1.1));
 
@@ -27,7 +22,7 @@ double SpringEnergy(const PointSpring& spring, const RigidTransform& X_WB) {
   return 0.5 * spring.stiffness * (spring.target_W - X_WB * spring.point_B).squaredNorm();
 }
 
-// An arm of two links of 0.3 and 0.25 m on soft hinges, as a page shows it; pulled at its tip.
+// An arm on soft hinges, as a page shows it; pulled at its tip.
 struct PulledArm {
   World world;
   BodyIndex tip;
@@ -35,26 +30,11 @@ struct PulledArm {
   MechanismDynamics& m() { return world.mechanisms()[0]; }
 };
 PulledArm MakePulledArm(const Matrix3& R, BaseKind base, double joint_stiffness, double joint_damping) {
-  MechanismBuilder builder("arm", base);
-  BodyIndex parent = builder.base();
-  for (const double length : {0.3, 0.25}) {
-    BodyDef link;
-    link.name = length == 0.3 ? "upper" : "lower";
-    link.parent = parent;
-    link.X_PB = RigidTransform(Vector3(length == 0.3 ? 0 : 0.3, 0, 0));
-    link.inertia.mass = length == 0.3 ? 0.5 : 0.1;
-    link.inertia.center = Vector3(length / 2, 0, 0);
-    const double i = link.inertia.mass * length * length / 12;
-    link.inertia.rotational = Vector3(0.1 * i, i, i).asDiagonal();
-    parent = builder.AddBody(link);
-    builder.AddJoint(
-        JointDef::Hinge(link.name, parent, Vector3::UnitY()).WithSpring(joint_stiffness, joint_damping));
-  }
-  builder.SetInterfaces({"lower"});
-  MechanismDef def = builder.definition();
+  const testing::HingeSpring spring{joint_stiffness, joint_damping};
+  MechanismDef def = testing::TwoLinkArm(base, spring, spring);
   if (base == BaseKind::kFloating) def.bodies[0].inertia = testing::Ball(1, 0.1);
   def.X_WR = RigidTransform(R, Vector3(0.3, -2, 1));
-  return {MustCreate(def), parent, R};
+  return {MustCreate(def), BodyIndex(2), R};
 }
 
 constexpr double kSuggested = 200;  // N/m, about 2 m g over a fifth of the radius
@@ -84,7 +64,7 @@ TEST(PointSpring, AnArmGainsNoEnergy) {
             double gain = 0;
             int undone = 0;
             for (int i = 0; i < 120; ++i) {
-              const StepReport report = arm.world.Step(PulledStep(1.0 / 60));
+              const StepReport report = arm.world.Step(TwoStage(1.0 / 60));
               undone += report.finite ? 0 : 1;
               gain = std::max(gain, energy() - start);
             }
@@ -109,7 +89,7 @@ TEST(PointSpring, ADampedArmComesToRestAtTheTarget) {
         const double start = SpringEnergy(spring, arm.m().BodyPose(arm.tip));
         double largest = 0;
         for (int i = 0; i < 360; ++i) {
-          ASSERT_TRUE(arm.world.Step(PulledStep(1.0 / 60)).finite) << i;
+          ASSERT_TRUE(arm.world.Step(TwoStage(1.0 / 60)).finite) << i;
           largest = std::max(largest, arm.m().KineticEnergy() + arm.m().PotentialEnergy(Vector3::Zero()) +
                                           SpringEnergy(spring, arm.m().BodyPose(arm.tip)));
         }
@@ -149,7 +129,7 @@ TEST(PointSpring, AFreeBodyGainsNoEnergyAndComesToRest) {
           const double start = energy();
           double gain = 0;
           for (int i = 0; i < 1200; ++i) {
-            const StepReport report = world.Step(PulledStep(1.0 / 60));
+            const StepReport report = world.Step(TwoStage(1.0 / 60));
             ASSERT_TRUE(report.finite) << i;
             gain = std::max(gain, energy() - start);
           }
@@ -179,7 +159,7 @@ TEST(PointSpring, TheErrorIsOfSecondOrder) {
                     spring.target_start_W = target + target_at(i * h);
                     spring.target_W = target + target_at((i + 1) * h);
                     arm.m().SetPointSpring(arm.tip, spring);
-                    EXPECT_EQ(arm.world.Step(PulledStep(h)).halving, HalvingCause::kNone);
+                    EXPECT_EQ(arm.world.Step(TwoStage(h)).halving, HalvingCause::kNone);
                   }
                   return Vector3(arm.m().BodyPose(arm.tip) * spring.point_B);
                 }),
@@ -197,7 +177,7 @@ TEST(PointSpring, TheErrorIsOfSecondOrder) {
                   spring.target_start_W = Vector3(0.5, 0.4, 1) + target_at(i * h);
                   spring.target_W = Vector3(0.5, 0.4, 1) + target_at((i + 1) * h);
                   body.SetPointSpring(spring);
-                  EXPECT_EQ(world.Step(PulledStep(h)).halving, HalvingCause::kNone);
+                  EXPECT_EQ(world.Step(TwoStage(h)).halving, HalvingCause::kNone);
                 }
                 return Vector3(body.pose() * spring.point_B);
               }),
@@ -226,7 +206,7 @@ TEST(PointSpring, AFreeBodyIsPulledOntoTheFloor) {
       const double start = energy();
       double gain = 0;
       for (int i = 0; i < 300; ++i) {
-        StepOptions step = PulledStep(1.0 / 60);
+        StepOptions step = TwoStage(1.0 / 60);
         step.gravity = Vector3(0, 0, -9.81);
         const StepReport report = world.Step(step);
         ASSERT_TRUE(report.finite) << i;
@@ -261,8 +241,8 @@ TEST(PointSpring, IsPartOfTheState) {
   EXPECT_NE(HashOf(state), with_one);
   other.Restore(state);
   for (int i = 0; i < 5; ++i) {
-    EXPECT_TRUE(world.Step(PulledStep(1.0 / 60)).finite);
-    EXPECT_TRUE(other.Step(PulledStep(1.0 / 60)).finite);
+    EXPECT_TRUE(world.Step(TwoStage(1.0 / 60)).finite);
+    EXPECT_TRUE(other.Step(TwoStage(1.0 / 60)).finite);
   }
   WorldState one, two;
   world.Save(one);

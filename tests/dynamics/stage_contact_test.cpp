@@ -8,13 +8,7 @@ namespace {
 
 using testing::MustCreate;
 using testing::MustStart;
-
-StepOptions TwoStage(double h, const Vector3& gravity) {
-  StepOptions options = testing::Still(h);
-  options.gravity = gravity;
-  options.integrator = Integrator::kTwoStage;
-  return options;
-}
+using testing::TwoStage;
 
 // A box between two jaws on slides, each pressed against it by a servo; lengths in multiples of `scale`, no
 // gravity.

@@ -45,6 +45,15 @@ inline StepOptions Still(double h = 1.0 / 60) {
   return options;
 }
 
+inline const Vector3 kDown(0, 0, -9.81);  // m/s²
+
+inline StepOptions TwoStage(double h, const Vector3& gravity_W = Vector3::Zero()) {
+  StepOptions options = Still(h);
+  options.gravity = gravity_W;
+  options.integrator = Integrator::kTwoStage;
+  return options;
+}
+
 inline GeometryDef Geometry(const std::string& name, const Shape& shape, double friction,
                             const RigidTransform& X_BG = {}) {
   GeometryDef g;

@@ -59,14 +59,6 @@ EnergyCourse RunFor(World& world, const StepOptions& step, double time, const Pu
   return c;
 }
 
-StepOptions TwoStageOf(double h, const Vector3& gravity = Vector3(0, 0, -9.81)) {
-  StepOptions options;
-  options.h = h;
-  options.integrator = Integrator::kTwoStage;
-  options.gravity = gravity;
-  return options;
-}
-
 World::Options AllModes() {
   World::Options options;
   options.reduction.modes = 100;
@@ -85,7 +77,7 @@ TEST(UnsolvedStage, ASoftChainThatFallsGainsNoEnergy) {
           const Matrix3 R = ExpRotation(Vector3(0.3 * turn, -0.5 * turn, turn));
           chain.X_WR = RigidTransform(R, Vector3(0.1, 0.2, 0.3));
           World world = MustCreate(chain, AllModes());
-          const EnergyCourse c = RunFor(world, TwoStageOf(h, R * Vector3(0, -9.81, 0)), 1);
+          const EnergyCourse c = RunFor(world, testing::TwoStage(h, R * Vector3(0, -9.81, 0)), 1);
           EXPECT_TRUE(c.finite);
           EXPECT_LT(c.most - c.first, 1e-2 * c.most_kinetic) << c;
         }
@@ -97,7 +89,8 @@ TEST(UnsolvedStage, AHardPushGivesAnArmNoMoreThanItsWork) {
     for (const double force : {2.0, 10.0})
       for (const double h : {1.0 / 60, 1.0 / 120}) {
         World world = MustCreate(testing::Chain(30, 0.03, 0.02, stiffness, 0.0067 * stiffness), AllModes());
-        const EnergyCourse c = RunFor(world, TwoStageOf(h, Vector3(0, -9.81, 0)), 2, {Vector3(0, -force, 0), 0.2, 0.5});
+        const EnergyCourse c =
+            RunFor(world, testing::TwoStage(h, Vector3(0, -9.81, 0)), 2, {Vector3(0, -force, 0), 0.2, 0.5});
         EXPECT_TRUE(c.finite);
         // The scheme's own error, and that of a push whose lever is that of the start of the step: they fall with the
         // square of the step.
@@ -113,7 +106,7 @@ TEST(UnsolvedStage, ThreeLinksThatSpinFastGainNoEnergy) {
         q_dot << 50, sign * 50, 50;
         World world = MustStart(testing::Chain(3, 0.25, 1, 20, 0, spatial), VectorX::Zero(3), q_dot, Vector6::Zero(),
                                 AllModes());
-        const EnergyCourse c = RunFor(world, TwoStageOf(h), 1);
+        const EnergyCourse c = RunFor(world, testing::TwoStage(h, testing::kDown), 1);
         EXPECT_TRUE(c.finite);
         // The last link turns by 1 to 2.5 rad in a step of 1/60 s, where SDIRK2 gains up to 8 %.
         EXPECT_LT(c.most - c.first, (h > 0.01 ? 0.1 : h > 0.002 ? 0.02 : 3e-3) * c.most_kinetic) << c;
@@ -133,7 +126,7 @@ TEST(UnsolvedStage, ASpinningTopGainsNoEnergy) {
       builder.AddJoint(JointDef::Ball("foot", b));
       builder.SetInterfaces({"top"});
       World world = MustStart(builder.definition(), Vector3(0.3, 0, 0), ExpRotation(Vector3(0.3, 0, 0)) * Vector3(0, 0, spin));
-      const EnergyCourse c = RunFor(world, TwoStageOf(h), 1);
+      const EnergyCourse c = RunFor(world, testing::TwoStage(h, testing::kDown), 1);
       EXPECT_TRUE(c.finite);
       EXPECT_LT(c.most - c.first, 1e-3 * c.most_kinetic) << c;
     }
@@ -162,7 +155,7 @@ TEST(UnsolvedStage, AStiffServoThatComesOffItsBoundGivesNoEnergy) {
         limit.upper = bound;
         arm.force_limits.push_back(limit);
         World world = MustStart(arm, VectorX::Constant(1, 1.5), VectorX::Constant(1, -20));
-        const EnergyCourse c = RunFor(world, TwoStageOf(h, Vector3(0, -9.81, 0)), 2);
+        const EnergyCourse c = RunFor(world, testing::TwoStage(h, Vector3(0, -9.81, 0)), 2);
         EXPECT_TRUE(c.finite);
         EXPECT_GT(c.saturations, 0);
         // Extrapolated, the force at the bound gave up to 240 J.
@@ -181,13 +174,13 @@ TEST(UnsolvedStage, AStepThatCannotBeSolvedIsUndoneAndReported) {
     world.Save(before);
     m.AddWrench(BodyIndex(m.mechanism().num_bodies() - 1), Vector3(0.3, force, 0.2), Vector3::Zero(),
                 Vector3(0.9, 0, 0));
-    const StepReport report = world.Step(TwoStageOf(1.0 / 60));
+    const StepReport report = world.Step(testing::TwoStage(1.0 / 60, testing::kDown));
     EXPECT_FALSE(report.finite);
     EXPECT_FALSE(report.stages_converged);
     EXPECT_EQ(world.NameOf(report.halving_of), "mechanism 'chain'");
     world.Save(after);
     EXPECT_EQ(HashOf(after), HashOf(before));
-    EXPECT_TRUE(world.Step(TwoStageOf(1.0 / 60)).finite);
+    EXPECT_TRUE(world.Step(testing::TwoStage(1.0 / 60, testing::kDown)).finite);
   }
 }
 
@@ -195,7 +188,7 @@ TEST(UnsolvedStage, AStepThatCannotBeSolvedIsUndoneAndReported) {
 TEST(UnsolvedStage, HalvedStepsAreReproducibleAndDoNotAllocate) {
   const MechanismDef chain = testing::Chain(20, 0.045, 0.03, 0.05, 0.0005);
   World world = MustCreate(chain, AllModes()), other = MustCreate(chain, AllModes());
-  StepOptions step = TwoStageOf(1.0 / 60, Vector3(0, -9.81, 0));
+  StepOptions step = testing::TwoStage(1.0 / 60, Vector3(0, -9.81, 0));
   step.refresh = false;
   for (int i = 0; i < 20; ++i) world.Step(step);
   WorldState saved, end, again;

@@ -16,10 +16,11 @@ bool BearsMomentsOnUnevenGround(const Case& c) {
   return c.robot == LeggedRobot::kAnymal && c.ground == LeggedGround::kUneven;
 }
 
-// m
+// m, a quarter more than by steps of 1/240 s.
 double MostFootMotion(const Case& c) {
-  const bool has_leaf_springs = c.robot == LeggedRobot::kCassie || c.robot == LeggedRobot::kDigit;
-  return has_leaf_springs && c.ground == LeggedGround::kUneven ? 5e-3 : 1e-4;
+  if (c.ground == LeggedGround::kUneven && c.robot == LeggedRobot::kDigit && c.gain_scale == 1) return 3.4e-3;
+  if (c.ground == LeggedGround::kUneven && c.robot == LeggedRobot::kCassie && c.gain_scale > 1) return 1e-3;
+  return 1e-4;
 }
 
 class Stands : public testing::TestWithParam<Case> {};

@@ -1,38 +1,26 @@
 // The spring between a viewer's pointer and a body, at the suggested stiffness and above it.
 #include <gtest/gtest.h>
 
-#include <fork1s/mechanism/builder.hpp>
 #include <fork1s/server/pull_spring.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <mechanisms.hpp>
 
 namespace fork1s {
 namespace {
 
 // Two links, hinged about y, that hang on soft springs.
 Scene SoftArm(double stiffness) {
-  MechanismBuilder builder("arm");
-  BodyIndex parent = builder.base();
-  for (const double length : {0.3, 0.25}) {
-    BodyDef link;
-    link.name = length == 0.3 ? "upper" : "lower";
-    link.parent = parent;
-    link.X_PB = RigidTransform(Vector3(length == 0.3 ? 0 : 0.3, 0, 0));
-    link.inertia.mass = length == 0.3 ? 0.5 : 0.1;
-    link.inertia.center = Vector3(length / 2, 0, 0);
-    const double i = link.inertia.mass * length * length / 12;
-    link.inertia.rotational = Vector3(0.01 * i, i, i).asDiagonal();
-    GeometryDef shape;
-    shape.name = link.name;
-    shape.shape = Sphere{0.02};
-    shape.X_BG = RigidTransform(Vector3(length, 0, 0));
-    link.geometries.push_back(shape);
-    const double k = length == 0.3 ? stiffness : stiffness / 3;
-    parent = builder.AddBody(link);
-    builder.AddJoint(JointDef::Hinge("joint_" + link.name, parent, Vector3::UnitY()).WithSpring(k, 0.017 * k));
-  }
-  builder.SetInterfaces({"lower"});
   Scene scene;
-  scene.mechanisms.push_back(builder.definition());
+  scene.mechanisms.push_back(testing::TwoLinkArm(BaseKind::kFixed, {stiffness, 0.017 * stiffness},
+                                                 {stiffness / 3, 0.017 * stiffness / 3}));
+  std::vector<BodyDef>& bodies = scene.mechanisms[0].bodies;
+  for (const auto& [body, tip] : {std::pair(1, 0.3), std::pair(2, 0.25)}) {
+    GeometryDef shape;
+    shape.name = bodies[static_cast<std::size_t>(body)].name;
+    shape.shape = Sphere{0.02};
+    shape.X_BG = RigidTransform(Vector3(tip, 0, 0));
+    bodies[static_cast<std::size_t>(body)].geometries.push_back(shape);
+  }
   return scene;
 }
 

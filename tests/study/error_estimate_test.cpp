@@ -426,7 +426,8 @@ TEST(ErrorEstimate, OfABallThatRollsIsNone) {
     estimate.End(s.world(), s.step_options(), report);
   }
   EXPECT_NEAR(s.Pose(0).translation().x(), kSpeed, 1e-4);
-  // The depth of a contact, 10 um. With the contact taken where the step ends it was 2 m.
+  // The depth of a contact, 10 um. With the contact taken where the step ends it was more than a tenth of the
+  // way.
   EXPECT_LT(estimate.bodies()[0].shown, 1e-5);
 }
 

@@ -341,12 +341,10 @@ void BindBatch(nb::module_& m) {
            "hold until changed, and None leaves them. A simulation that stops being finite stays where it "
            "was. Ctrl-C ends the call after the steps at hand; members may then differ in `time`.\n\n"
            "move: controls move linearly over the steps of the call, from where the last step left them "
-           "(after a "
-           "start or a reset from their initial values), as samples of a path do; default: they are held at "
-           "once.",
-           nb::sig("def step(self, controls: numpy.typing.ArrayLike | None = None, steps: int = 1, *, move: "
-                   "bool = "
-                   "False) -> BatchReport"))
+           "(after a start or a reset from their initial values), as samples of a path do; default: they are "
+           "held at once.",
+           nb::sig("def step(self, controls: numpy.typing.ArrayLike | None = None, steps: int = 1, *, "
+                   "move: bool = False) -> BatchReport"))
       .def(
           "reset", Reset, nb::arg("mask") = nb::none(), nb::kw_only(), nb::arg("seeds") = nb::none(),
           nb::arg("stiffness") = nb::none(), nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(),

@@ -83,13 +83,12 @@ rad or m for position servos, N or N·m for motors. A driven base has six of its
               },
               nb::arg("values"), "Sets several at once.",
               nb::sig("def update(self, values: dict[str, float]) -> None"))
-          .def("set_rate", SetRate, nb::arg("name"), nb::arg("rate"),
-               "The rate, m/s or that of the rotation vector in rad/s, that a coordinate of a driven base "
-               "has at the "
-               "end of the next step, or of the next call of `step` with move=True, where its path is known; "
-               "to be set "
-               "after the value. Else steps of two stages estimate it from the steps before. Raises "
-               "UnknownNameError, ValueError.")
+          .def(
+              "set_rate", SetRate, nb::arg("name"), nb::arg("rate"),
+              "The rate, m/s or that of the rotation vector in rad/s, that a coordinate of a driven base has "
+              "at the end of the next step, or of the next call of `step` with move=True, where its path is "
+              "known; to be set after the value. Else steps of two stages estimate it from the steps before. "
+              "Raises UnknownNameError, ValueError.")
           .def("__repr__", [](const Controls& c) {
             std::string text = "<fork1s.Controls";
             for (const std::string& name : Names(c)) text += " " + name + "=" + std::to_string(Get(c, name));

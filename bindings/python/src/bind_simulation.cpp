@@ -127,24 +127,20 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               nb::arg("model"), nb::kw_only(), nb::arg("dt") = nb::none(), nb::arg("keyframe") = nb::none(),
               nb::arg("recovery") = "exact", nb::arg("detail") = "interface",
               nb::arg("integrator") = nb::none())
-          .def("step", StepMany, nb::arg("steps") = 1, nb::kw_only(), nb::arg("move") = false,
-               "Advances by `steps` time steps of dt. What went wrong numerically stands in the report; the "
-               "state stays finite.\n\n"
-               "move: controls move linearly over the steps of the call, from where the last step left them "
-               "(at first "
-               "their initial values) to those set, as samples of a path do; default: they are held at those "
-               "set, as "
-               "the output of a controller is. With move=True a path set step by step gives what the same "
-               "path as a "
-               "table of `fork1s run --controls` gives. Driven bases move within a single step in both "
-               "cases. A control "
-               "that another thread sets meanwhile is where it moves to from then on.")
+          .def(
+              "step", StepMany, nb::arg("steps") = 1, nb::kw_only(), nb::arg("move") = false,
+              "Advances by `steps` time steps of dt. What went wrong numerically stands in the report; the "
+              "state stays finite.\n\n"
+              "move: controls move linearly over the steps of the call, from where the last step left them "
+              "(at first their initial values) to those set, as samples of a path do; default: they are held "
+              "at those set, as the output of a controller is. With move=True a path set step by step gives "
+              "what the same path as a table of `fork1s run --controls` gives. Driven bases move within a "
+              "single step in both cases. A control that another thread sets meanwhile is where it moves to "
+              "from then on.")
           .def("start_from_controls", StartFromControls,
                "The first step with move=True starts at the set-points as they are now, rather than at their "
-               "initial "
-               "values: for a path that begins elsewhere. Raises UsageError after the first step, where a "
-               "jump is a "
-               "step without move.")
+               "initial values: for a path that begins elsewhere. Raises UsageError after the first step, "
+               "where a jump is a step without move.")
           .def("push", PushBody, nb::arg("body"), nb::arg("force") = nb::none(),
                nb::arg("torque") = nb::none(), nb::arg("point") = nb::none(),
                "Force (3,) [N] and torque (3,) [N·m] on a body, world axes, through all steps of the next "
