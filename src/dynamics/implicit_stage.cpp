@@ -275,6 +275,11 @@ void ComputeStageResidual(const MechanismStep& here, double b, VectorX& residual
 
 }  // namespace
 
+void StartStageMatrix(const MechanismStep& here, double b) {
+  UpdateStageMatrix(here, b);
+  if (StiffnessIsOfPose(here)) here.work.matrix_is_definite = here.work.factor.Compute(here.work.A);
+}
+
 void RenewStageMatrix(const MechanismStep& here) {
   UpdateMassMatrix(here);
   here.work.matrix_b = 0;

@@ -46,9 +46,9 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   start.reduced.V_R = mechanism->base() == BaseKind::kFixed ? Vector6(Vector6::Zero()) : V_R;
   start.driven_next = X_WR;
   start.controls.resize(static_cast<Eigen::Index>(mechanism->controls().size()));
-  start.controls_from = start.controls;
   for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
     start.controls(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
+  start.controls_from = start.controls;
   start.loads.resize(static_cast<std::size_t>(mechanism->num_bodies()));
   start.at_bound.resize(mechanism->force_limits().size(), 0);
 

@@ -71,6 +71,7 @@ void Size(const MechanismStep& here) {
   ws.f_z.resize(r);
   ws.g.resize(n);
   ws.tau.resize(n);
+  ws.control_jump.resize(state.controls.size());
   ws.F.resize(6, m.num_bodies());
   ws.K_loads.resize(nx, nx);
   ws.spring_J.resize(3, nx);
@@ -178,7 +179,12 @@ void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, dou
   state.point_spring = start.point_spring.Within(second ? 0.5 : 0, second ? 1 : 0.5);
   state.controls_move = start.controls_move;
   state.controls_from = start.controls_from;
-  if (second && start.controls_move) state.controls_from = 0.5 * (start.controls_from + start.controls);
+  if (!second) return;
+  // Controls that are held jump at the start.
+  if (start.controls_move)
+    state.controls_from = 0.5 * (start.controls_from + start.controls);
+  else
+    state.controls_from = start.controls;
 }
 
 RigidTransform GroupPose(const MechanismView& here, int g) {

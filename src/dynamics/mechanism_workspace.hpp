@@ -139,6 +139,7 @@ struct MechanismWorkspace {
   double matrix_b = 0;
   bool matrix_is_definite = false;
   std::vector<signed char> matrix_at_bound, matrix_slack_sides;
+  VectorX control_jump;  // one of controls at a time (control_jump.cpp)
   // Of loads (applied_forces.cpp).
   MatrixX K_loads;                    // num_velocities², lower triangle
   Matrix3X carried_force;             // 3 x joints, N: on all that a joint carries, in R

@@ -200,6 +200,7 @@ void TakeForces(const MechanismStep& here, double h) {
 // What was meant for one step alone, once that knows it.
 void ForgetInputs(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
+  state.controls_from = state.controls;
   state.controls_move = state.knows_driven_rate = false;
   ClearLoads(state);
 }

@@ -135,7 +135,10 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     }
     auto dynamics = MechanismDynamics::Create(mechanism, q, q_dot, X_WR, V_R, o);
     if (!dynamics) return tl::unexpected(dynamics.error());
-    if (key && key->mechanisms[i].controls.size() > 0) dynamics->controls() = key->mechanisms[i].controls;
+    if (key && key->mechanisms[i].controls.size() > 0) {
+      dynamics->controls() = key->mechanisms[i].controls;
+      dynamics->StartControlsFrom(0, dynamics->controls());
+    }
     for (const std::string& w : dynamics->warnings()) detail.warnings_.push_back(w);
     detail.mechanisms_.push_back(std::move(*dynamics));
   }

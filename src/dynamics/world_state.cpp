@@ -51,7 +51,7 @@ class Hash {
     const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next, knows_driven_rate,
                  driven_rate, base_history, loads, has_loads, point_spring, point_spring_body, at_bound,
                  interior, past, acceleration] = state;
-    if (controls_move) Add(controls_from);
+    if (controls_move || controls_from != controls) Add(controls_from);
     if (knows_driven_rate) Add(driven_rate);
     if (base_history.h > 0) Add(base_history);
     if (point_spring.IsActive()) Add(point_spring, point_spring_body.value());

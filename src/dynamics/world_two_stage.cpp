@@ -145,6 +145,9 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   rule_ = StepRule::kStage;
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
     SetInputsWithin(mechanisms_[i], before_.mechanisms[i], share);
+  if (scheme == StageScheme::kFirstOfTwo)
+    ForMechanisms(
+        [&](std::size_t i) { ReduceControlJumps(mechanisms_[i], before_.mechanisms[i], stage.h, kOnward); });
   for (std::size_t i = 0; i < free_bodies_.size(); ++i)
     free_bodies_[i].SetInputsWithin(before_.free_bodies[i], 0, share);
   MoveAllToStagePoses(stage.h, time);

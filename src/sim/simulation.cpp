@@ -111,17 +111,12 @@ void Simulation::PassControls(bool controls_move) {
     const auto count = static_cast<Eigen::Index>(given_[i]->controls().size());
     MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(places_[i].mechanism)];
     m.controls().segment(places_[i].first_control, count) = controls_.segment(next, count);
+    m.StartControlsFrom(places_[i].first_control, last_controls_.segment(next, count));
     next += count;
   }
-  if (controls_move && last_controls_.head(next) != controls_.head(next)) {
-    next = 0;
-    for (std::size_t i = 0; i < given_.size(); ++i) {
-      const auto count = static_cast<Eigen::Index>(given_[i]->controls().size());
-      MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(places_[i].mechanism)];
-      m.MoveControlsFrom(places_[i].first_control, last_controls_.segment(next, count));
-      next += count;
-    }
-  }
+  if (controls_move && last_controls_.head(next) != controls_.head(next))
+    for (const auto& place : places_)
+      world_.mechanisms()[static_cast<std::size_t>(place.mechanism)].MoveControls();
   for (std::size_t i = 0; i < given_.size(); ++i) {
     if (given_[i]->base() != BaseKind::kDriven) continue;
     const Vector3 shift = controls_.segment<3>(next), turn = controls_.segment<3>(next + 3);

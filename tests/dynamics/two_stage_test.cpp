@@ -260,8 +260,8 @@ TEST(TwoStage, InputsGoOnThroughAnImpact) {
     std::vector<double> q;
     for (int i = 0; i < 40 * parts; ++i) {
       const double t = i * step_h;
-      m.MoveControlsFrom(0, set_point(t));
       m.controls() = set_point(t + step_h);
+      m.MoveControls();
       m.DriveBase(base(t + step_h));
       const StepReport report = world.Step(By(Integrator::kTwoStage, step_h));
       EXPECT_TRUE(report.finite);

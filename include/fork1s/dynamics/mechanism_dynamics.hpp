@@ -46,13 +46,14 @@ class MechanismDynamics {
   /// Inputs; they hold until changed. `controls` one per Mechanism::controls().
   VectorX& controls() { return state_.controls; }
   const VectorX& controls() const { return state_.controls; }
-  /// In the next step controls move evenly from these, counted from the `first`, to controls(), rather than
-  /// stand there throughout it; all have to be given. A step of second order sees that; implicit Euler asks
-  /// for nothing but the end.
-  void MoveControlsFrom(int first, const Eigen::Ref<const VectorX>& from) {
+  /// In the next step controls come from these, counted from the `first`, rather than from those of the last
+  /// one.
+  void StartControlsFrom(int first, const Eigen::Ref<const VectorX>& from) {
     state_.controls_from.segment(first, from.size()) = from;
-    state_.controls_move = true;
   }
+  /// In the next step controls move evenly to controls(), rather than jump there at its start. A step of
+  /// second order sees that; implicit Euler asks for nothing but the end.
+  void MoveControls() { state_.controls_move = true; }
   /// Force [N] and moment [N·m] on a body, constant in world axes during the next step only. The force acts
   /// at the point of the body that is at `point_W` now.
   void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {

@@ -42,8 +42,8 @@ struct MechanismState {
   VectorX mu;  // m: how far loops are closed along B at this pose, where the next correction starts
 
   VectorX controls;            // hold until changed
-  VectorX controls_from;       // where they start in a step within which they move; of the next step only
-  bool controls_move = false;
+  VectorX controls_from;  // at the end of the last step, or where they start in a step within which they move
+  bool controls_move = false;  // of the next step only
   RigidTransform driven_next;  // pose of a driven base at the end of the next step
   bool knows_driven_rate = false;
   Vector6 driven_rate = Vector6::Zero();  // its rate there, world axes, where that is known; of the next step only

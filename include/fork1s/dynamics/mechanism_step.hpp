@@ -130,6 +130,9 @@ int NumForcesAtBound(const MechanismState& state);
 /// Begins a two-stage step of h [s]: static correction of the interior, impulse of a driven base whose twist
 /// changes, the base points of the first stage, of length b [s], and the velocity predicted for its end.
 void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vector3& gravity_W);
+/// Controls of the first stage, of length b [s], of a step that begins at `start`: of what held controls
+/// jumped by as much as the mechanism follows within the step (control_jump.cpp). `onward`: s of the scheme.
+void ReduceControlJumps(const MechanismStep& here, const MechanismState& start, double b, double onward);
 /// Moves to the pose x̂ ⊕ b v with the velocity v at hand and evaluates configuration and inertia there; v of
 /// a floating base is then along its axes there. `time` [s]: from the start of the step to the end of the
 /// stage.
@@ -145,6 +148,8 @@ void RestoreStageBaseTwist(const MechanismStep& here);
 void EvaluateStage(const MechanismStep& here, double b);
 /// Velocity of the stage without contact by (2) of implicit_stage.cpp at the pose at hand.
 void SolveFreeStage(const MechanismStep& here, double b);
+/// A and its factor, but for stiffness that the pose changes, before the first pose.
+void StartStageMatrix(const MechanismStep& here, double b);
 /// The matrix of the stage is made anew, with the inertia of the pose at hand, by the next solve.
 void RenewStageMatrix(const MechanismStep& here);
 /// Of a Newton iteration [m], in the kinetic metric.
