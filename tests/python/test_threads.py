@@ -1,4 +1,4 @@
-"""Simulations shared by Python threads, calls ended by a signal, and threads that still step when Python exits.
+"""Simulations shared by Python threads, calls ended by a signal, threads that still step when Python exits, forks.
 
 Each case runs in a process of its own: without the guarantees it would stand still for good or abort.
 """
@@ -157,3 +157,133 @@ def test_a_forked_child_exits():
         assert os.waitpid(child, 0)[1] == 0
         print("child left")
     """)
+
+
+# In a child process a call that hangs is told as the signal that ends it.
+FORKS = """
+def fork_and(call):
+    child = os.fork()
+    if child == 0:
+        signal.alarm(30)
+        try:
+            call()
+        except fork1s.UsageError as error:
+            print(str(error).split(';')[0], flush=True)
+        os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+"""
+AT_WORK = {
+    "load": "fork1s.load(BOXES)",
+    "Simulation": "fork1s.Simulation(model)",
+    "step": "sim.step(10**9)",
+    "record": "sim.record(f'{path}{time.monotonic_ns()}'); sim.step(3); sim.stop_recording()",
+    "Batch": "fork1s.Batch(model, 64)",
+    "Batch.step": "batch.step(steps=10**9)",
+    "Batch.reset": "batch.reset()",
+    "compare": "fork1s.compare(model, time=1e5)",
+    "compare with MuJoCo": "fork1s.compare(from_file, 'mujoco', time=1e5)",
+}
+
+
+@pytest.mark.parametrize("at_work", AT_WORK)
+def test_a_child_forked_while_another_thread_works_is_free_to_work(at_work, tmp_path):
+    assert "done" in run(FORKS + f"""
+path, file = {str(tmp_path / 'r.h5')!r}, {str(tmp_path / 'boxes.xml')!r}
+open(file, 'w').write(BOXES)
+from_file = fork1s.load(file)
+sim, batch = fork1s.Simulation(model), fork1s.Batch(model, 4)
+def work():
+    while True:
+        {AT_WORK[at_work]}
+threading.Thread(target=work, daemon=True).start()
+time.sleep(0.2)
+def in_child():
+    fork1s.Simulation(fork1s.load(BOXES)).step(2)
+    fork1s.Batch(model, 8).step(steps=2)
+    fork1s.compare(model, time=0.02)
+    if {not at_work.startswith('compare with')}:
+        fork1s.compare(from_file, 'mujoco', time=0.02)
+    before = sim.steps
+    sim.step(2)
+    assert sim.steps == before + 2 and sim.poses.shape == (4, 7)
+    if {not at_work.startswith('Batch.')}:
+        batch.step(steps=2)
+for _ in range(5):
+    time.sleep(0.03)
+    fork_and(in_child)
+print("done")
+os._exit(0)
+""")
+
+
+def test_a_child_is_told_that_a_batch_of_another_thread_was_at_work():
+    assert "Batch: another thread was using it as this process was forked" in run(FORKS + """
+batch = fork1s.Batch(model, 4)
+threading.Thread(target=batch.step, kwargs=dict(steps=10**9), daemon=True).start()
+time.sleep(0.2)
+fork_and(lambda: batch.time)
+os._exit(0)
+""")
+
+
+def test_a_signal_handler_may_fork():
+    assert run("""
+        sim, batch = fork1s.Simulation(model), fork1s.Batch(model, 4)
+        def on_signal(*_):
+            child = os.fork()
+            if child == 0:
+                signal.alarm(30)
+                sim.step(2)
+                sys.exit(0)
+            assert os.waitpid(child, 0)[1] == 0
+            print("child left")
+            raise KeyboardInterrupt
+        signal.signal(signal.SIGINT, on_signal)
+        for call in (lambda: sim.step(10**9), lambda: batch.step(steps=10**9)):
+            interrupt_after(0.3)
+            try:
+                call()
+            except KeyboardInterrupt:
+                pass
+    """).split("\n")[:2] == ["child left", "child left"]
+
+
+def test_a_child_forked_beside_a_live_page_exits():
+    assert "done" in run("""
+        sim = fork1s.Simulation(model)
+        page = fork1s._core.show(sim, 0)
+        child = os.fork()
+        if child == 0:
+            signal.alarm(30)
+            fork1s.load(BOXES)
+            page.close()
+            sys.exit(0)
+        assert os.waitpid(child, 0)[1] == 0
+        assert not page.closed
+        page.close()
+        print("done")
+    """)
+
+
+def test_a_child_does_not_write_into_the_recording_of_its_parent(tmp_path):
+    assert "done" in run(FORKS + f"""
+path = {str(tmp_path / 'r.h5')!r}
+sim = fork1s.Simulation(model)
+sim.record(path)
+sim.step(50)
+sim._flush_recording()
+before = open(path, 'rb').read()
+def in_child():
+    global sim
+    sim.step(200)
+    sim.stop_recording()
+    assert open(path, 'rb').read() == before
+    sim.record(path + 'of_child')
+    sim.step(1)
+    del sim
+fork_and(in_child)
+assert open(path, 'rb').read() == before
+sim.step(50)
+sim.stop_recording()
+print("done")
+""")

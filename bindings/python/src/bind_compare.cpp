@@ -71,9 +71,15 @@ Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::st
   options.model_path = model->file();
   ReleasedGil gil;
   options.progress = [&](double) {
-    if (gil.IsInterrupted()) gil.ThrowIfInterrupted();
+    if (gil.IsPauseDue() && gil.Pause()) gil.ThrowIfInterrupted();
   };
-  return Take(Compare(model->imported(), options), model->origin());
+  const auto compare = [&] { return Take(Compare(model->imported(), options), model->origin()); };
+  if (options.against == Against::kFull) return compare();
+  // MuJoCo's handlers of errors are the process's: such comparisons go one at a time, and pause.
+  static CallMutex& mutex = *new CallMutex;
+  Comparison compared;
+  WithCallMutex(mutex, "compare", [&] { compared = compare(); });
+  return compared;
 }
 
 Array Path(const std::vector<Vector3>& path) {

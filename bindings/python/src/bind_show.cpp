@@ -7,7 +7,7 @@
 #include <fork1s/record/recording.hpp>
 #include <fork1s/server/live_loop.hpp>
 #include <fork1s/server/wire.hpp>
-#include <optional>
+#include <memory>
 #include <thread>
 
 #include "bind.hpp"
@@ -22,29 +22,42 @@ namespace {
 class Page {
  public:
   Page(LiveSimulation live, LiveServer server)
-      : address_("http://127.0.0.1:" + std::to_string(server.port()) + "/"),
-        live_(std::move(live)),
-        server_(std::move(server)),
-        thread_([this] { RunLive(live_, *server_, [this] { return !stop_; }); }) {}
+      : parts_(std::make_unique<Parts>(std::move(live), std::move(server))) {}
   ~Page() { Close(); }
   Page(const Page&) = delete;
   Page& operator=(const Page&) = delete;
 
   const std::string& address() const { return address_; }
-  bool closed() const { return stop_; }
-  int NumViewers() const { return server_ ? server_->num_viewers() : 0; }
+  bool closed() const { return !parts_; }
+  int NumViewers() const { return parts_ ? parts_->server.num_viewers() : 0; }
   void Close() {
-    stop_ = true;
-    if (thread_.joinable()) thread_.join();
-    server_.reset();
+    // Of a page that is the parent's a child has no thread that could be joined.
+    if (generation_ != ForkGeneration()) static_cast<void>(parts_.release());
+    parts_.reset();
   }
 
  private:
-  std::string address_;
-  LiveSimulation live_;
-  std::optional<LiveServer> server_;
-  std::atomic<bool> stop_ = false;
-  std::thread thread_;
+  struct Parts {
+    Parts(LiveSimulation of, LiveServer shown_by) : live(std::move(of)), server(std::move(shown_by)) {}
+    ~Parts() {
+      stop = true;
+      thread.join();
+    }
+    void Run() {
+      const ForkSafeWork work;
+      RunLive(live, server, [this] {
+        ForkSafeWork::LetForkPass();
+        return !stop;
+      });
+    }
+    LiveSimulation live;
+    LiveServer server;
+    std::atomic<bool> stop = false;
+    std::thread thread{[this] { Run(); }};
+  };
+  std::unique_ptr<Parts> parts_;
+  std::string address_ = "http://127.0.0.1:" + std::to_string(parts_->server.port()) + "/";
+  int generation_ = ForkGeneration();
 };
 
 // The scene with the present state of the simulation to begin from.
