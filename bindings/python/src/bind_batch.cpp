@@ -4,9 +4,10 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
+#include "text.hpp"
 
+#include "arguments.hpp"
 #include "arrays.hpp"
 #include "batch.hpp"
 #include "bind.hpp"
@@ -22,7 +23,7 @@ using IntArray = nb::ndarray<nb::numpy, int>;
 // A number for all, or one for each.
 std::vector<double> ReadFactors(const nb::object& given, std::size_t count, const char* argument) {
   if (given.is_none()) return std::vector<double>(count, 1.0);
-  const Numbers numbers = ReadNumbers(given);
+  const Numbers numbers = ReadNumbers(given, argument);
   std::vector<double> factors(count);
   if (numbers.size() == 1) {
     factors.assign(count, numbers.data()[0]);
@@ -41,6 +42,8 @@ std::vector<std::uint64_t> ReadSeeds(const nb::object& given, std::size_t count)
   if (given.is_none()) return {};
   // As objects, since numpy makes floating-point numbers of a list of small and large whole ones.
   const nb::module_ numpy = nb::module_::import_("numpy");
+  if (nb::cast<bool>(numpy.attr("ma").attr("is_masked")(given)))
+    throw nb::value_error("seeds has masked entries; fill them first, as .filled() does");
   const nb::object array = numpy.attr("asarray")(given, numpy.attr("object_"));
   std::vector<std::uint64_t> read;
   for (nb::handle entry : array.attr("ravel")()) {
@@ -66,8 +69,8 @@ Randomisation ReadRanges(const nb::object& given) {
   if (given.is_none()) return UsualRandomisation();
   Randomisation ranges;
   const std::string start = "start:";
-  const auto all = nb::cast<std::map<std::string, std::pair<double, double>>>(
-      nb::module_::import_("builtins").attr("dict")(given));
+  const auto all = ReadAs<std::map<std::string, std::pair<double, double>>>(
+      given, "randomise", "a mapping from names to (smallest, largest)");
   for (const auto& [name, range] : all) {
     const DrawRange read{range.first, range.second};
     const bool is_start = name.starts_with(start);
@@ -178,14 +181,14 @@ Array RatesOf(const Batch& batch) {
   });
 }
 
-BatchReport Step(Batch& batch, const nb::object& controls, int steps, bool move) {
-  if (steps < 0) throw nb::value_error("a number of steps is 0 or more");
+BatchReport Step(Batch& batch, const nb::object& controls, const Whole& given_steps, bool move) {
+  const int steps = given_steps.Within("steps", 0);
   std::optional<Numbers> rows;
   std::vector<double> repeated;
   const double* data = nullptr;
   if (!controls.is_none()) {
     const std::size_t width = batch.control_names().size();
-    rows = ReadNumbers(controls);
+    rows = ReadNumbers(controls, "controls");
     if (rows->ndim() == 1 && rows->shape(0) == width) {
       for (int i = 0; i < batch.size(); ++i)
         repeated.insert(repeated.end(), rows->data(), rows->data() + rows->size());
@@ -307,13 +310,15 @@ void BindBatch(nb::module_& m) {
   nb::class_<Batch>(m, "Batch", kBatch)
       .def(
           "__init__",
-          [](Batch* self, const std::shared_ptr<const Model>& model, int count, int threads,
-             const nb::object& seeds, const nb::object& randomise, const nb::object& stiffness,
-             const nb::object& friction, const nb::object& mass, const std::optional<double>& dt,
-             const std::optional<std::string>& keyframe, const std::string& recovery,
-             const std::string& detail, const std::optional<std::string>& integrator) {
-            if (count < 1) throw nb::value_error("a batch has one simulation or more");
-            if (threads < 0) throw nb::value_error("a number of threads is 0 (all cores) or more");
+          [](Batch* self, const std::shared_ptr<const Model>& model, const Whole& given_count,
+             const Whole& given_threads, const nb::object& seeds, const nb::object& randomise,
+             const nb::object& stiffness, const nb::object& friction, const nb::object& mass,
+             const std::optional<Real>& dt, const std::optional<std::string>& keyframe,
+             const std::string& recovery, const std::string& detail,
+             const std::optional<std::string>& integrator) {
+            constexpr int kMaxThreads = 1024;  // each takes memory of its own, and no machine has more cores
+            const int count = given_count.Within("count", 1);
+            const int threads = given_threads.Within("threads", 0, kMaxThreads);
             if (seeds.is_none() && !randomise.is_none())
               throw Refused{{ErrorCode::kUsage, "randomise", "nothing is drawn without seeds; give seeds="}};
             const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail, integrator);

@@ -1,7 +1,7 @@
 // The live page of a simulation.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
+#include "text.hpp"
 
 #include <atomic>
 #include <fork1s/record/recording.hpp>
@@ -10,6 +10,7 @@
 #include <memory>
 #include <thread>
 
+#include "arguments.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
 #include "page.hpp"
@@ -61,9 +62,9 @@ class Page {
 };
 
 // The scene with the present state of the simulation to begin from.
-std::unique_ptr<Page> Open(Runner& runner, int port) {
+std::unique_ptr<Page> Open(Runner& runner, const Whole& given_port) {
+  const int port = given_port.Within("port", 0, 65535);
   if (app::ViewerPage().empty()) throw Refused{app::NoPage()};
-  if (port < 0 || port > 65535) throw Refused{{ErrorCode::kUsage, "port", "lies between 0 and 65535"}};
   auto live = Take(runner.With([&](Simulation& s) {
     Scene scene = s.scene();
     SimulationOptions options = s.options();
@@ -96,7 +97,8 @@ void BindShow(nb::module_& m) {
       .def_prop_ro("viewers", &Page::NumViewers)
       .def("close", &Page::Close);
   m.def(
-      "show", [](const std::shared_ptr<Runner>& runner, int port) { return Open(*runner, port).release(); },
+      "show",
+      [](const std::shared_ptr<Runner>& runner, const Whole& port) { return Open(*runner, port).release(); },
       nb::arg("simulation"), nb::arg("port"), nb::rv_policy::take_ownership);
 }
 
