@@ -193,7 +193,12 @@ void BindCompare(nb::module_& m) {
 time: s to simulate. dt: time step in s, default the model's. refinements: further runs at dt/2, dt/4, ... controls:
 columns by name, `time` [s] among them, linear between rows. integrator: of the reduced run, 'euler', 'theta' or 'two-stage', default as of a Simulation.
 full_integrator: of the full one, 'euler' or 'two-stages', default of the same order. Others run while it works. Raises NumericsError, ModelError
-for controls that the model does not have, UsageError for a model that MuJoCo cannot run as it is.)");
+for controls that the model does not have, UsageError for a model that MuJoCo cannot run as it is.)",
+        nb::sig(
+            "def compare(model: Model, against: str = 'full', *, time: float = 2.0, dt: float | None = None, "
+            "refinements: int = 0, controls: collections.abc.Mapping[str, numpy.typing.ArrayLike] | None = "
+            "None, "
+            "integrator: str | None = None, full_integrator: str | None = None) -> Comparison"));
 }
 
 }  // namespace fork1s::python
