@@ -61,6 +61,59 @@ def test_threads_read_all_properties_of_a_simulation_that_steps():
     """)
 
 
+def test_no_two_calls_wait_for_each_other(tmp_path):
+    assert "done" in run(f"""
+        import itertools
+        path = {str(tmp_path / 'r.h5')!r}
+        ARM = '<mujoco><worldbody><body name="base"><geom size=".1" mass="1"/><body name="tip" pos="0 0 .5">' \\
+            '<joint name="elbow" stiffness="5" damping=".1"/><geom size=".1" mass="1"/></body></body>' \\
+            '<geom type="plane" size="1 1 1"/></worldbody><actuator><motor name="motor" joint="elbow"/></actuator></mujoco>'
+        arm = fork1s.load(ARM)
+        sim, batch = fork1s.Simulation(arm), fork1s.Batch(arm, 2)
+        moment = sim.save()
+        def record():
+            try:
+                sim.record(path)
+                sim.stop_recording()
+            except fork1s.Error:
+                pass  # the other thread records
+        def unless_recorded(call):
+            def guarded():
+                try:
+                    call()
+                except fork1s.UsageError:
+                    pass
+            return guarded
+        calls = dict(
+            contacts=lambda: sim.contacts, poses=lambda: sim.poses, time=lambda: sim.time, save=lambda: sim.save(),
+            controls=lambda: list(sim.controls.items()), values=lambda: sim.control_values, hash=lambda: sim.hash(),
+            qpos=lambda: sim.qpos, repr=lambda: repr(sim), ray=lambda: sim.ray([0, 0, 3], [0, 0, -1]),
+            step=lambda: sim.step(2), move=lambda: sim.step(2, move=True), push=lambda: sim.push('tip', [1, 0, 0]),
+            control=lambda: sim.controls.update({{'motor': .1}}), detail=lambda: sim.set_detail('all'),
+            restore=unless_recorded(lambda: sim.restore(moment)), record=record,
+            state=unless_recorded(lambda: sim.set_state([.1])),
+            stiffness=unless_recorded(lambda: sim.set_stiffness({{'elbow': 5}})),
+            batch_step=lambda: batch.step(steps=2), batch_reset=lambda: batch.reset(), batch_poses=lambda: batch.poses(),
+            factors=lambda: batch.factors, load=lambda: fork1s.load(ARM), matrices=lambda: arm.matrices,
+            buffers=lambda: fork1s.RecoveryBuffers(sim), compare=lambda: fork1s.compare(arm, time=.02),
+        )
+        sys.setswitchinterval(1e-5)
+        for pair in itertools.combinations_with_replacement(calls, 2):
+            def repeat(call):
+                for _ in range(5):
+                    call()
+            threads = [threading.Thread(target=repeat, args=(calls[name],), daemon=True) for name in pair]
+            for t in threads:
+                t.start()
+            for t in threads:
+                t.join(timeout=30)
+                if t.is_alive():
+                    print('stand still:', *pair, flush=True)
+                    os._exit(1)
+        print("done")
+    """)
+
+
 def test_other_threads_get_their_turn_between_the_steps_of_one_call():
     assert "seen 20" in run("""
         sim = fork1s.Simulation(model)
