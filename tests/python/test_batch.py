@@ -217,7 +217,7 @@ def test_refusals(gripper):
         batch.reset([True])
     with pytest.raises(ValueError, match="mass must be finite and above 0"):
         fork1s.Batch(gripper, 2, mass=[1, 0])
-    with pytest.raises(ValueError, match="one simulation or more"):
+    with pytest.raises(ValueError, match="count: must be a whole number from 1"):
         fork1s.Batch(gripper, 0)
     with pytest.raises(fork1s.UnknownNameError, match="there is no body 'thumb'"):
         batch.poses("thumb")

@@ -1,4 +1,4 @@
-"""Simulations shared by Python threads, calls ended by a signal, and threads that still step when Python exits.
+"""Simulations shared by Python threads, calls ended by a signal, threads that still step when Python exits, forks.
 
 Each case runs in a process of its own: without the guarantees it would stand still for good or abort.
 """
@@ -57,6 +57,59 @@ def test_threads_read_all_properties_of_a_simulation_that_steps():
         stop.set()
         for t in threads:
             t.join()
+        print("done")
+    """)
+
+
+def test_no_two_calls_wait_for_each_other(tmp_path):
+    assert "done" in run(f"""
+        import itertools
+        path = {str(tmp_path / 'r.h5')!r}
+        ARM = '<mujoco><worldbody><body name="base"><geom size=".1" mass="1"/><body name="tip" pos="0 0 .5">' \\
+            '<joint name="elbow" stiffness="5" damping=".1"/><geom size=".1" mass="1"/></body></body>' \\
+            '<geom type="plane" size="1 1 1"/></worldbody><actuator><motor name="motor" joint="elbow"/></actuator></mujoco>'
+        arm = fork1s.load(ARM)
+        sim, batch = fork1s.Simulation(arm), fork1s.Batch(arm, 2)
+        moment = sim.save()
+        def record():
+            try:
+                sim.record(path)
+                sim.stop_recording()
+            except fork1s.Error:
+                pass  # the other thread records
+        def unless_recorded(call):
+            def guarded():
+                try:
+                    call()
+                except fork1s.UsageError:
+                    pass
+            return guarded
+        calls = dict(
+            contacts=lambda: sim.contacts, poses=lambda: sim.poses, time=lambda: sim.time, save=lambda: sim.save(),
+            controls=lambda: list(sim.controls.items()), values=lambda: sim.control_values, hash=lambda: sim.hash(),
+            qpos=lambda: sim.qpos, repr=lambda: repr(sim), ray=lambda: sim.ray([0, 0, 3], [0, 0, -1]),
+            step=lambda: sim.step(2), move=lambda: sim.step(2, move=True), push=lambda: sim.push('tip', [1, 0, 0]),
+            control=lambda: sim.controls.update({{'motor': .1}}), detail=lambda: sim.set_detail('all'),
+            restore=unless_recorded(lambda: sim.restore(moment)), record=record,
+            state=unless_recorded(lambda: sim.set_state([.1])),
+            stiffness=unless_recorded(lambda: sim.set_stiffness({{'elbow': 5}})),
+            batch_step=lambda: batch.step(steps=2), batch_reset=lambda: batch.reset(), batch_poses=lambda: batch.poses(),
+            factors=lambda: batch.factors, load=lambda: fork1s.load(ARM), matrices=lambda: arm.matrices,
+            buffers=lambda: fork1s.RecoveryBuffers(sim), compare=lambda: fork1s.compare(arm, time=.02),
+        )
+        sys.setswitchinterval(1e-5)
+        for pair in itertools.combinations_with_replacement(calls, 2):
+            def repeat(call):
+                for _ in range(5):
+                    call()
+            threads = [threading.Thread(target=repeat, args=(calls[name],), daemon=True) for name in pair]
+            for t in threads:
+                t.start()
+            for t in threads:
+                t.join(timeout=30)
+                if t.is_alive():
+                    print('stand still:', *pair, flush=True)
+                    os._exit(1)
         print("done")
     """)
 
@@ -157,3 +210,133 @@ def test_a_forked_child_exits():
         assert os.waitpid(child, 0)[1] == 0
         print("child left")
     """)
+
+
+# In a child process a call that hangs is told as the signal that ends it.
+FORKS = """
+def fork_and(call):
+    child = os.fork()
+    if child == 0:
+        signal.alarm(30)
+        try:
+            call()
+        except fork1s.UsageError as error:
+            print(str(error).split(';')[0], flush=True)
+        os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+"""
+AT_WORK = {
+    "load": "fork1s.load(BOXES)",
+    "Simulation": "fork1s.Simulation(model)",
+    "step": "sim.step(10**9)",
+    "record": "sim.record(f'{path}{time.monotonic_ns()}'); sim.step(3); sim.stop_recording()",
+    "Batch": "fork1s.Batch(model, 64)",
+    "Batch.step": "batch.step(steps=10**9)",
+    "Batch.reset": "batch.reset()",
+    "compare": "fork1s.compare(model, time=1e5)",
+    "compare with MuJoCo": "fork1s.compare(from_file, 'mujoco', time=1e5)",
+}
+
+
+@pytest.mark.parametrize("at_work", AT_WORK)
+def test_a_child_forked_while_another_thread_works_is_free_to_work(at_work, tmp_path):
+    assert "done" in run(FORKS + f"""
+path, file = {str(tmp_path / 'r.h5')!r}, {str(tmp_path / 'boxes.xml')!r}
+open(file, 'w').write(BOXES)
+from_file = fork1s.load(file)
+sim, batch = fork1s.Simulation(model), fork1s.Batch(model, 4)
+def work():
+    while True:
+        {AT_WORK[at_work]}
+threading.Thread(target=work, daemon=True).start()
+time.sleep(0.2)
+def in_child():
+    fork1s.Simulation(fork1s.load(BOXES)).step(2)
+    fork1s.Batch(model, 8).step(steps=2)
+    fork1s.compare(model, time=0.02)
+    if {not at_work.startswith('compare with')}:
+        fork1s.compare(from_file, 'mujoco', time=0.02)
+    before = sim.steps
+    sim.step(2)
+    assert sim.steps == before + 2 and sim.poses.shape == (4, 7)
+    if {not at_work.startswith('Batch.')}:
+        batch.step(steps=2)
+for _ in range(5):
+    time.sleep(0.03)
+    fork_and(in_child)
+print("done")
+os._exit(0)
+""")
+
+
+def test_a_child_is_told_that_a_batch_of_another_thread_was_at_work():
+    assert "Batch: another thread was using it as this process was forked" in run(FORKS + """
+batch = fork1s.Batch(model, 4)
+threading.Thread(target=batch.step, kwargs=dict(steps=10**9), daemon=True).start()
+time.sleep(0.2)
+fork_and(lambda: batch.time)
+os._exit(0)
+""")
+
+
+def test_a_signal_handler_may_fork():
+    assert run("""
+        sim, batch = fork1s.Simulation(model), fork1s.Batch(model, 4)
+        def on_signal(*_):
+            child = os.fork()
+            if child == 0:
+                signal.alarm(30)
+                sim.step(2)
+                sys.exit(0)
+            assert os.waitpid(child, 0)[1] == 0
+            print("child left")
+            raise KeyboardInterrupt
+        signal.signal(signal.SIGINT, on_signal)
+        for call in (lambda: sim.step(10**9), lambda: batch.step(steps=10**9)):
+            interrupt_after(0.3)
+            try:
+                call()
+            except KeyboardInterrupt:
+                pass
+    """).split("\n")[:2] == ["child left", "child left"]
+
+
+def test_a_child_forked_beside_a_live_page_exits():
+    assert "done" in run("""
+        sim = fork1s.Simulation(model)
+        page = fork1s._core.show(sim, 0)
+        child = os.fork()
+        if child == 0:
+            signal.alarm(30)
+            fork1s.load(BOXES)
+            page.close()
+            sys.exit(0)
+        assert os.waitpid(child, 0)[1] == 0
+        assert not page.closed
+        page.close()
+        print("done")
+    """)
+
+
+def test_a_child_does_not_write_into_the_recording_of_its_parent(tmp_path):
+    assert "done" in run(FORKS + f"""
+path = {str(tmp_path / 'r.h5')!r}
+sim = fork1s.Simulation(model)
+sim.record(path)
+sim.step(50)
+sim._flush_recording()
+before = open(path, 'rb').read()
+def in_child():
+    global sim
+    sim.step(200)
+    sim.stop_recording()
+    assert open(path, 'rb').read() == before
+    sim.record(path + 'of_child')
+    sim.step(1)
+    del sim
+fork_and(in_child)
+assert open(path, 'rb').read() == before
+sim.step(50)
+sim.stop_recording()
+print("done")
+""")

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Union
 
-import numpy as np
 import numpy.typing as npt
 
 from . import _core, _mujoco_objects
@@ -92,23 +91,22 @@ def _options(
     *, interface: Any, stiffness_scale: Any, pd: Any, base_pose: Any, q: Any, ground: Any, packages: Any, **others: Any
 ) -> dict[str, Any]:
     gains: dict[str, Gains] = {}
-    everywhere = None
+    everywhere: Gains | None = None
     if isinstance(pd, Mapping):
-        gains = {name: (float(kp), float(kv)) for name, (kp, kv) in pd.items()}
+        gains = dict(pd)
     elif pd is not None:
-        kp, kv = pd
-        everywhere = (float(kp), float(kv))
+        everywhere = pd
     return {
         **others,
         "interface": [interface] if isinstance(interface, str) else list(interface),
-        "stiffness_scale": float(stiffness_scale),
+        "stiffness_scale": stiffness_scale,
         "pd": everywhere,
         "joint_pd": gains,
-        "base_pose": None if base_pose is None else np.asarray(base_pose, dtype=float),
-        "q": {name: float(value) for name, value in (q or {}).items()},
+        "base_pose": base_pose,
+        "q": dict(q or {}),
         "ground": ground is not False,
-        "ground_height": None if isinstance(ground, bool) else float(ground),
-        "packages": {name: os.fspath(folder) for name, folder in (packages or {}).items()},
+        "ground_height": None if isinstance(ground, bool) else ground,
+        "packages": {name: os.fsdecode(folder) for name, folder in (packages or {}).items()},
     }
 
 
@@ -118,12 +116,12 @@ def _read(source: Any, options: dict[str, Any]) -> _core.Model:
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return _core.load_text(source, "text", options)
     if isinstance(source, (str, os.PathLike)):
-        return _core.load_file(os.fspath(source), options)
+        return _core.load_file(os.fsdecode(source), options)
     raise UsageError(f"load takes a path, text, a mujoco.MjModel or a mujoco.MjSpec, not {type(source).__name__}")
 
 
 def with_stiffness(model: _core.Model, stiffness: Mapping[str, float]) -> _core.Model:
-    changed = model._with_stiffness({name: float(k) for name, k in stiffness.items()})
+    changed = model._with_stiffness(dict(stiffness))
     source, options, before = recipe_of(model)
     changed._recipe = (source, options, {**before, **{name: float(k) for name, k in stiffness.items()}})
     return changed

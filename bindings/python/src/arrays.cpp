@@ -3,6 +3,8 @@
 #include <cmath>
 #include <string>
 
+#include "text.hpp"
+
 namespace fork1s::python {
 namespace {
 
@@ -28,13 +30,29 @@ void RequireFinite(const Numbers& numbers, const char* argument) {
 
 }  // namespace
 
-Numbers ReadNumbers(nb::handle given) {
+Numbers ReadNumbers(nb::handle given, const std::string& argument) {
   const nb::module_ numpy = nb::module_::import_("numpy");
-  return nb::cast<Numbers>(numpy.attr("ascontiguousarray")(given, numpy.attr("float64")));
+  std::string cause;
+  try {
+    if (nb::cast<bool>(numpy.attr("ma").attr("is_masked")(given)))
+      throw nb::value_error((argument + " has masked entries; fill them first, as .filled() does").c_str());
+    const nb::object array = numpy.attr("asarray")(given);
+    const nb::object type = array.attr("dtype");
+    // Whole and real numbers, truth values, and objects that may be either.
+    if (std::string("biufO").find(nb::cast<std::string>(type.attr("kind"))) != std::string::npos)
+      return nb::cast<Numbers>(numpy.attr("ascontiguousarray")(array, numpy.attr("float64")));
+    cause = "an array of type " + nb::cast<std::string>(nb::str(type));
+  } catch (const nb::python_error& error) {
+    if (!error.matches(PyExc_TypeError) && !error.matches(PyExc_ValueError) &&
+        !error.matches(PyExc_OverflowError))
+      throw;
+    cause = "what numpy refuses (" + nb::cast<std::string>(nb::str(error.value())) + ")";
+  }
+  throw nb::type_error((argument + " must be an array of real numbers, not " + cause).c_str());
 }
 
 VectorX ReadVector(nb::handle given, std::size_t count, const char* argument) {
-  const Numbers numbers = ReadNumbers(given);
+  const Numbers numbers = ReadNumbers(given, argument);
   if (numbers.ndim() != 1 || numbers.size() != count)
     Refuse(argument, std::to_string(count) + (count == 1 ? " number" : " numbers"), numbers);
   RequireFinite(numbers, argument);
@@ -44,7 +62,7 @@ VectorX ReadVector(nb::handle given, std::size_t count, const char* argument) {
 Vector3 ReadVector3(nb::handle given, const char* argument) { return ReadVector(given, 3, argument); }
 
 RigidTransform ReadPose(nb::handle given, const char* argument) {
-  const Numbers numbers = ReadNumbers(given);
+  const Numbers numbers = ReadNumbers(given, argument);
   const double* n = numbers.data();
   if (numbers.ndim() == 1 && numbers.size() == 3) return RigidTransform(ReadVector3(given, argument));
   RequireFinite(numbers, argument);

@@ -7,6 +7,7 @@
 #include <fork1s/spatial/rigid_transform.hpp>
 #include <initializer_list>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -20,8 +21,9 @@ using Array = nb::ndarray<nb::numpy, double>;
 using View = nb::ndarray<nb::numpy, const double>;
 /// Numbers from Python as doubles in rows.
 using Numbers = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
-/// Whatever numpy can make such an array of: arrays of other types, lists. Copied only where it must be.
-Numbers ReadNumbers(nb::handle given);
+/// Whatever numpy can make such an array of without loss: arrays of other types, lists. Copied only where it
+/// must be. Throws TypeError for complex numbers, times, text and records, ValueError for masked entries.
+Numbers ReadNumbers(nb::handle given, const std::string& argument);
 
 /// For properties that return one of these: it brings its owner along, so the object it came from need not be
 /// kept.

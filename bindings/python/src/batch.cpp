@@ -1,5 +1,7 @@
 #include "batch.hpp"
 
+#include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/sim/control_move.hpp>
@@ -29,40 +31,34 @@ void TakeGiven(const MemberDifferences& differences, std::size_t i, SceneFactors
 
 }  // namespace
 
-// Calls work() alone. Throws Refused in a signal handler that runs within such work of the same thread.
-template <class Work>
-void Batch::InTurn(const Work& work) const {
-  const std::thread::id self = std::this_thread::get_id();
-  if (thread_at_work_ == self)
-    throw Refused{{ErrorCode::kUsage, "Batch",
-                   "a signal handler cannot use a batch whose `step` or `reset` it interrupts; use it after "
-                   "that call"}};
-  const std::lock_guard lock(mutex_);
-  thread_at_work_ = self;
-  struct AtEnd {
-    std::atomic<std::thread::id>& thread;
-    ~AtEnd() { thread = std::thread::id(); }
-  } const at_end{thread_at_work_};
-  work();
-}
-
-// False after an interruption, which leaves members out.
-bool Batch::OnThreads(ReleasedGil& gil, const std::function<void(int)>& work) const {
-  WithThreads(threads_, [&] {
-    ParallelFor(0, size(), kAtATime, [&](int begin, int end) {
-      for (int i = begin; i < end && !gil.IsInterrupted(); ++i) work(i);
+bool Batch::OnThreads(ReleasedGil& gil, const std::function<bool(int)>& work) const {
+  std::vector<char> done(drawn_.size());
+  do {
+    WithThreads(threads_, [&] {
+      ParallelFor(0, size(), kAtATime, [&](int begin, int end) {
+        for (int i = begin; i < end && !gil.IsPauseDue(); ++i)
+          if (char& is_done = done[static_cast<std::size_t>(i)]; !is_done) is_done = work(i);
+      });
     });
-  });
-  return !gil.IsInterrupted();
+    if (std::find(done.begin(), done.end(), 0) == done.end()) return true;
+  } while (!gil.Pause());
+  return false;
 }
 
 bool Batch::MakeOnThreads(ReleasedGil& gil, const std::function<void(int)>& make) const {
-  WithThreads(threads_, [&] {
-    ParallelForFixedShares(0, size(), [&](int i) {
-      if (!gil.IsInterrupted()) make(i);
+  std::vector<char> done(drawn_.size());
+  do {
+    WithThreads(threads_, [&] {
+      ParallelForFixedShares(0, size(), [&](int i) {
+        char& is_done = done[static_cast<std::size_t>(i)];
+        if (is_done || gil.IsPauseDue()) return;
+        make(i);
+        is_done = true;
+      });
     });
-  });
-  return !gil.IsInterrupted();
+    if (std::find(done.begin(), done.end(), 0) == done.end()) return true;
+  } while (!gil.Pause());
+  return false;
 }
 
 Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences differences,
@@ -99,23 +95,35 @@ BatchReport Batch::Step(const double* controls, int steps, bool move) {
                   std::vector<int>(count), std::vector<char>(count)};
   const auto start = std::chrono::steady_clock::now();
   ReleasedGil gil;
-  InTurn([&] {
+  // Of each member, across pauses.
+  std::vector<StepsReport> reports(count);
+  std::vector<std::optional<ControlMove>> moves(count);
+  std::vector<int> made(count);
+  WithCallMutex(mutex_, "Batch", [&] {
+    for (std::size_t i = 0; i < count; ++i) {
+      if (controls)
+        simulations_[i].SetControls(
+            Eigen::Map<const VectorX>(controls + static_cast<Eigen::Index>(i) * width, width));
+      if (move && steps > 0) moves[i].emplace(simulations_[i], steps);
+    }
     OnThreads(gil, [&](int i) {
       const auto at = static_cast<std::size_t>(i);
       Simulation& simulation = simulations_[at];
-      if (controls) simulation.SetControls(Eigen::Map<const VectorX>(controls + i * width, width));
-      StepsReport report;
-      std::optional<ControlMove> moving;
-      if (move && steps > 0) moving.emplace(simulation, steps);
-      for (int n = 0; n < steps && report.finite && !gil.IsInterrupted(); ++n)
-        report.Add(moving ? moving->Step(simulation) : simulation.Step(), simulation.world());
-      all.contacts[at] = report.contacts;
-      all.max_penetration[at] = report.max_penetration;
-      all.residual[at] = report.residual;
-      all.unconverged[at] = report.unconverged;
-      all.finite[at] = report.finite;
+      StepsReport& report = reports[at];
+      for (; made[at] < steps && report.finite; ++made[at]) {
+        if (gil.IsPauseDue()) return false;
+        report.Add(moves[at] ? moves[at]->Step(simulation) : simulation.Step(), simulation.world());
+      }
+      return true;
     });
   });
+  for (std::size_t i = 0; i < count; ++i) {
+    all.contacts[i] = reports[i].contacts;
+    all.max_penetration[i] = reports[i].max_penetration;
+    all.residual[i] = reports[i].residual;
+    all.unconverged[i] = reports[i].unconverged;
+    all.finite[i] = reports[i].finite;
+  }
   gil.ThrowIfInterrupted();
   all.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return all;
@@ -123,7 +131,7 @@ BatchReport Batch::Step(const double* controls, int steps, bool move) {
 
 void Batch::Reset(const std::vector<char>& mask, const MemberDifferences& differences) {
   ReleasedGil gil;
-  InTurn([&] { ResetInTurn(gil, mask, differences); });
+  WithCallMutex(mutex_, "Batch", [&] { ResetInTurn(gil, mask, differences); });
   gil.ThrowIfInterrupted();
 }
 
@@ -174,7 +182,12 @@ void Batch::ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask,
 
 void Batch::ForAll(const std::function<void(int, const Simulation&)>& f) const {
   ReleasedGil gil;
-  InTurn([&] { OnThreads(gil, [&](int i) { f(i, simulations_[static_cast<std::size_t>(i)]); }); });
+  WithCallMutex(mutex_, "Batch", [&] {
+    OnThreads(gil, [&](int i) {
+      f(i, simulations_[static_cast<std::size_t>(i)]);
+      return true;
+    });
+  });
   gil.ThrowIfInterrupted();
 }
 

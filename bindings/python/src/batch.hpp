@@ -1,13 +1,10 @@
 // Many simulations of one model, stepped together on threads.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <fork1s/sim/draw.hpp>
 #include <functional>
 #include <memory>
-#include <mutex>
-#include <thread>
 #include <vector>
 
 #include "released_gil.hpp"
@@ -61,10 +58,10 @@ class Batch {
   void ForAll(const std::function<void(int, const Simulation&)>& f) const;
 
  private:
-  template <class Work>
-  void InTurn(const Work& work) const;
   void ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask, const MemberDifferences& differences);
-  bool OnThreads(ReleasedGil& gil, const std::function<void(int)>& work) const;
+  // Calls work(i) of every member on threads until it returns true: it ends early, at a whole step, where a
+  // pause is due. False after an interruption, which leaves members out.
+  bool OnThreads(ReleasedGil& gil, const std::function<bool(int)>& work) const;
   // Likewise, for work that makes members.
   bool MakeOnThreads(ReleasedGil& gil, const std::function<void(int)>& make) const;
 
@@ -75,8 +72,7 @@ class Batch {
   std::vector<std::uint64_t> seeds_, times_;  // of each, and how often it has begun before; empty: none
   std::vector<Drawn> drawn_;
   std::vector<std::string> control_names_;
-  mutable std::mutex mutex_;
-  mutable std::atomic<std::thread::id> thread_at_work_;  // that holds mutex_
+  mutable CallMutex mutex_;
   std::vector<Simulation> simulations_;
 };
 

@@ -4,11 +4,13 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
+#include "text.hpp"
 
+#include "arguments.hpp"
 #include "arrays.hpp"
 #include "batch.hpp"
+#include "batch_arguments.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
 #include "words.hpp"
@@ -19,79 +21,6 @@ namespace {
 using BoolArray = nb::ndarray<nb::numpy, bool>;
 using IntArray = nb::ndarray<nb::numpy, int>;
 
-// A number for all, or one for each.
-std::vector<double> ReadFactors(const nb::object& given, std::size_t count, const char* argument) {
-  if (given.is_none()) return std::vector<double>(count, 1.0);
-  const Numbers numbers = ReadNumbers(given);
-  std::vector<double> factors(count);
-  if (numbers.size() == 1) {
-    factors.assign(count, numbers.data()[0]);
-  } else {
-    const VectorX read = ReadVector(given, count, argument);
-    factors.assign(read.data(), read.data() + read.size());
-  }
-  for (const double f : factors)
-    if (!(std::isfinite(f) && f > 0))
-      throw nb::value_error((std::string(argument) + " must be finite and above 0").c_str());
-  return factors;
-}
-
-// One for all, from which each member's is mixed, or one for each.
-std::vector<std::uint64_t> ReadSeeds(const nb::object& given, std::size_t count) {
-  if (given.is_none()) return {};
-  // As objects, since numpy makes floating-point numbers of a list of small and large whole ones.
-  const nb::module_ numpy = nb::module_::import_("numpy");
-  const nb::object array = numpy.attr("asarray")(given, numpy.attr("object_"));
-  std::vector<std::uint64_t> read;
-  for (nb::handle entry : array.attr("ravel")()) {
-    const auto whole = nb::steal<nb::object>(PyNumber_Index(entry.ptr()));
-    const std::uint64_t value = whole.is_valid() ? PyLong_AsUnsignedLongLong(whole.ptr()) : 0;
-    if (PyErr_Occurred()) break;
-    read.push_back(value);
-  }
-  const bool is_one = nb::cast<int>(array.attr("ndim")) == 0;
-  if (PyErr_Occurred() || read.size() != (is_one ? 1 : count)) {
-    PyErr_Clear();
-    throw nb::value_error(
-        ("seeds must be a whole number from 0 to 2^64 - 1, or " + std::to_string(count) + " of them")
-            .c_str());
-  }
-  if (is_one)
-    for (std::size_t i = 1; i < count; ++i) read.push_back(SeedOf(read[0], i));
-  if (is_one) read[0] = SeedOf(read[0], 0);
-  return read;
-}
-
-Randomisation ReadRanges(const nb::object& given) {
-  if (given.is_none()) return UsualRandomisation();
-  Randomisation ranges;
-  const std::string start = "start:";
-  const auto all = nb::cast<std::map<std::string, std::pair<double, double>>>(
-      nb::module_::import_("builtins").attr("dict")(given));
-  for (const auto& [name, range] : all) {
-    const DrawRange read{range.first, range.second};
-    const bool is_start = name.starts_with(start);
-    if (!(read.low <= read.high && std::isfinite(read.low) && std::isfinite(read.high)) ||
-        (!is_start && !(read.low > 0)))
-      throw Refused{{ErrorCode::kUsage, "randomise",
-                     "'" + name + "' must be " + (is_start ? "" : "0 < ") + "smallest <= largest, not " +
-                         nb::cast<std::string>(nb::str(nb::float_(read.low))) + " and " +
-                         nb::cast<std::string>(nb::str(nb::float_(read.high)))}};
-    if (name == "stiffness")
-      ranges.stiffness = read;
-    else if (name == "friction")
-      ranges.friction = read;
-    else if (name == "mass")
-      ranges.mass = read;
-    else if (is_start)
-      ranges.start.push_back({name.substr(start.size()), read});
-    else
-      throw Refused{{ErrorCode::kUsage, "randomise",
-                     "'" + name + "' is none of: stiffness, friction, mass, start:COORDINATE"}};
-  }
-  return ranges;
-}
-
 nb::dict RangesOf(const Randomisation& ranges) {
   nb::dict all;
   const auto pair = [](const DrawRange& r) { return nb::make_tuple(r.low, r.high); };
@@ -100,17 +29,6 @@ nb::dict RangesOf(const Randomisation& ranges) {
   all["mass"] = pair(ranges.mass);
   for (const StartRange& s : ranges.start) all[("start:" + s.coordinate).c_str()] = pair(s.range);
   return all;
-}
-
-MemberDifferences ReadDifferences(std::size_t count, const nb::object& seeds, const nb::object& stiffness,
-                                  const nb::object& friction, const nb::object& mass) {
-  MemberDifferences differences;
-  differences.seeds = ReadSeeds(seeds, count);
-  const std::pair<const nb::object&, const char*> all[3] = {
-      {stiffness, "stiffness"}, {friction, "friction"}, {mass, "mass"}};
-  for (std::size_t k = 0; k < 3; ++k)
-    if (!all[k].first.is_none()) differences.given[k] = ReadFactors(all[k].first, count, all[k].second);
-  return differences;
 }
 
 // (n, width) of numbers that f(simulation, row) writes.
@@ -178,14 +96,14 @@ Array RatesOf(const Batch& batch) {
   });
 }
 
-BatchReport Step(Batch& batch, const nb::object& controls, int steps, bool move) {
-  if (steps < 0) throw nb::value_error("a number of steps is 0 or more");
+BatchReport Step(Batch& batch, const nb::object& controls, const Whole& given_steps, bool move) {
+  const int steps = given_steps.Within("steps", 0);
   std::optional<Numbers> rows;
   std::vector<double> repeated;
   const double* data = nullptr;
   if (!controls.is_none()) {
     const std::size_t width = batch.control_names().size();
-    rows = ReadNumbers(controls);
+    rows = ReadNumbers(controls, "controls");
     if (rows->ndim() == 1 && rows->shape(0) == width) {
       for (int i = 0; i < batch.size(); ++i)
         repeated.insert(repeated.end(), rows->data(), rows->data() + rows->size());
@@ -307,13 +225,15 @@ void BindBatch(nb::module_& m) {
   nb::class_<Batch>(m, "Batch", kBatch)
       .def(
           "__init__",
-          [](Batch* self, const std::shared_ptr<const Model>& model, int count, int threads,
-             const nb::object& seeds, const nb::object& randomise, const nb::object& stiffness,
-             const nb::object& friction, const nb::object& mass, const std::optional<double>& dt,
-             const std::optional<std::string>& keyframe, const std::string& recovery,
-             const std::string& detail, const std::optional<std::string>& integrator) {
-            if (count < 1) throw nb::value_error("a batch has one simulation or more");
-            if (threads < 0) throw nb::value_error("a number of threads is 0 (all cores) or more");
+          [](Batch* self, const std::shared_ptr<const Model>& model, const Whole& given_count,
+             const Whole& given_threads, const nb::object& seeds, const nb::object& randomise,
+             const nb::object& stiffness, const nb::object& friction, const nb::object& mass,
+             const std::optional<Real>& dt, const std::optional<std::string>& keyframe,
+             const std::string& recovery, const std::string& detail,
+             const std::optional<std::string>& integrator) {
+            constexpr int kMaxThreads = 1024;  // each takes memory of its own, and no machine has more cores
+            const int count = given_count.Within("count", 1);
+            const int threads = given_threads.Within("threads", 0, kMaxThreads);
             if (seeds.is_none() && !randomise.is_none())
               throw Refused{{ErrorCode::kUsage, "randomise", "nothing is drawn without seeds; give seeds="}};
             const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail, integrator);

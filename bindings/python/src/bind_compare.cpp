@@ -3,11 +3,14 @@
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
+#include "text.hpp"
 
+#include <cmath>
 #include <fork1s/study/compare.hpp>
+#include <limits>
 
+#include "arguments.hpp"
 #include "arrays.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
@@ -21,17 +24,25 @@ namespace {
 using Columns = std::map<std::string, std::vector<double>>;
 
 // A column `time` and one for each control, as in a CSV file of controls.
-ControlTrack ReadTrack(const std::optional<Columns>& columns) {
+ControlTrack ReadTrack(const nb::object& given) {
   ControlTrack track;
-  if (!columns) return track;
+  if (given.is_none()) return track;
+  Columns columns;
+  for (const auto& [name, values] :
+       ReadAs<std::map<std::string, nb::object>>(given, "controls", "a mapping from names to columns")) {
+    const std::string column = "controls['" + name + "']";
+    const Numbers numbers = ReadNumbers(values, column);
+    const VectorX read = ReadVector(values, numbers.size(), column.c_str());
+    columns[name].assign(read.data(), read.data() + read.size());
+  }
   const auto refuse = [](const std::string& text) { throw Refused{{ErrorCode::kUsage, "controls", text}}; };
-  const auto time = columns->find("time");
-  if (time == columns->end()) refuse("needs a column 'time' [s]");
+  const auto time = columns.find("time");
+  if (time == columns.end()) refuse("needs a column 'time' [s]");
   track.times = time->second;
   for (std::size_t i = 1; i < track.times.size(); ++i)
     if (!(track.times[i] > track.times[i - 1])) refuse("times must increase");
   track.rows.resize(track.times.size());
-  for (const auto& [name, values] : *columns) {
+  for (const auto& [name, values] : columns) {
     if (name == "time") continue;
     if (values.size() != track.times.size())
       refuse("'" + name + "' has " + std::to_string(values.size()) + " values for " +
@@ -42,15 +53,23 @@ ControlTrack ReadTrack(const std::optional<Columns>& columns) {
   return track;
 }
 
-Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::string& against, double time,
-                        const std::optional<double>& dt, int refinements,
-                        const std::optional<Columns>& controls, const std::optional<std::string>& integrator,
+Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::string& against,
+                        const Real& given_time, const std::optional<Real>& given_dt,
+                        const Whole& given_refinements, const nb::object& controls,
+                        const std::optional<std::string>& integrator,
                         const std::optional<std::string>& full_integrator) {
   CompareOptions options;
   if (against != "full" && against != "mujoco")
     throw Refused{{ErrorCode::kUsage, "against", "'" + against + "' is none of: full, mujoco"}};
-  if (!(time > 0) || refinements < 0 || (dt && !(*dt > 0)))
-    throw Refused{{ErrorCode::kUsage, "compare", "time and dt are above 0 s, refinements 0 or more"}};
+  constexpr int kMaxRefinements = 8;  // each costs as much as all before it
+  const int refinements = given_refinements.Within("refinements", 0, kMaxRefinements);
+  const double time = given_time.Read("time");
+  const std::optional<double> dt = Read(given_dt, "dt");
+  if (!(time > 0) || (dt && !(*dt > 0 && std::isfinite(*dt))))
+    throw Refused{{ErrorCode::kUsage, "compare", "time and dt must be above 0 s and finite"}};
+  if (!(time / dt.value_or(model->scene().timestep) <= std::numeric_limits<int>::max()))
+    throw Refused{
+        {ErrorCode::kUsage, "time", "is more steps than can be counted; shorten it or lengthen dt"}};
   options.against = against == "full" ? Against::kFull : Against::kMuJoCo;
   if (options.against == Against::kMuJoCo && model->file().empty())
     throw Refused{{ErrorCode::kUsage, model->origin(),
@@ -71,9 +90,15 @@ Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::st
   options.model_path = model->file();
   ReleasedGil gil;
   options.progress = [&](double) {
-    if (gil.IsInterrupted()) gil.ThrowIfInterrupted();
+    if (gil.IsPauseDue() && gil.Pause()) gil.ThrowIfInterrupted();
   };
-  return Take(Compare(model->imported(), options), model->origin());
+  const auto compare = [&] { return Take(Compare(model->imported(), options), model->origin()); };
+  if (options.against == Against::kFull) return compare();
+  // MuJoCo's handlers of errors are the process's: such comparisons go one at a time, and pause.
+  static CallMutex& mutex = *new CallMutex;
+  Comparison compared;
+  WithCallMutex(mutex, "compare", [&] { compared = compare(); });
+  return compared;
 }
 
 Array Path(const std::vector<Vector3>& path) {
@@ -150,7 +175,9 @@ void BindCompare(nb::module_& m) {
                    })
       .def(
           "write_report",
-          [](const Comparison& c, const std::string& path) { Take(WriteComparisonReport(c, path)); },
+          [](const Comparison& c, const nb::object& path) {
+            Take(WriteComparisonReport(c, ReadPath(path, "path")));
+          },
           nb::arg("path"), "One self-contained HTML page with tables and plots. Raises FileError.")
       .def("__repr__", [](const Comparison& c) {
         double worst = 0;
@@ -166,7 +193,12 @@ void BindCompare(nb::module_& m) {
 time: s to simulate. dt: time step in s, default the model's. refinements: further runs at dt/2, dt/4, ... controls:
 columns by name, `time` [s] among them, linear between rows. integrator: of the reduced run, 'euler', 'theta' or 'two-stage', default as of a Simulation.
 full_integrator: of the full one, 'euler' or 'two-stages', default of the same order. Others run while it works. Raises NumericsError, ModelError
-for controls that the model does not have, UsageError for a model that MuJoCo cannot run as it is.)");
+for controls that the model does not have, UsageError for a model that MuJoCo cannot run as it is.)",
+        nb::sig(
+            "def compare(model: Model, against: str = 'full', *, time: float = 2.0, dt: float | None = None, "
+            "refinements: int = 0, controls: collections.abc.Mapping[str, numpy.typing.ArrayLike] | None = "
+            "None, "
+            "integrator: str | None = None, full_integrator: str | None = None) -> Comparison"));
 }
 
 }  // namespace fork1s::python

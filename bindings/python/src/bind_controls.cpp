@@ -2,9 +2,10 @@
 #include <nanobind/make_iterator.h>
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
+#include "text.hpp"
 
+#include "arguments.hpp"
 #include "arrays.hpp"
 #include "bind.hpp"
 #include "controls.hpp"
@@ -24,14 +25,16 @@ std::vector<std::string> Names(const Controls& c) {
 
 }  // namespace
 
-void SetControl(Runner& runner, const std::string& name, double value) {
+void SetControl(Runner& runner, const std::string& name, const Real& given) {
+  const double value = given.Read("control '" + name + "'");
   const int at = runner.FindControl(name);
   if (!std::isfinite(value))
     throw nb::value_error(("control '" + name + "' must be finite, not " + std::to_string(value)).c_str());
   runner.With([&](Simulation& s) { s.SetControl(at, value); });
 }
 
-void SetRate(const Controls& c, const std::string& name, double rate) {
+void SetRate(const Controls& c, const std::string& name, const Real& given) {
+  const double rate = given.Read("rate of '" + name + "'");
   const int at = c.runner->FindControl(name);
   if (!std::isfinite(rate))
     throw nb::value_error(("rate of '" + name + "' must be finite, not " + std::to_string(rate)).c_str());
@@ -52,15 +55,17 @@ rad or m for position servos, N or N·m for motors. A driven base has six of its
           .def("__getitem__", Get, nb::arg("name"))
           .def(
               "__setitem__",
-              [](const Controls& c, const std::string& name, double value) {
+              [](const Controls& c, const std::string& name, const Real& value) {
                 SetControl(*c.runner, name, value);
               },
               nb::arg("name"), nb::arg("value"))
           .def("__len__", [](const Controls& c) { return Names(c).size(); })
           .def(
               "__contains__",
-              [](const Controls& c, const std::string& name) {
-                return c.runner->With([&](Simulation& s) { return s.FindControl(name) >= 0; });
+              [](const Controls& c, const nb::object& given) {
+                std::string name;
+                return nb::try_cast(given, name) &&
+                       c.runner->With([&](Simulation& s) { return s.FindControl(name) >= 0; });
               },
               nb::arg("name"))
           .def(
@@ -79,7 +84,7 @@ rad or m for position servos, N or N·m for motors. A driven base has six of its
               "update",
               [](const Controls& c, const nb::dict& values) {
                 for (const auto& [name, value] : values)
-                  SetControl(*c.runner, nb::cast<std::string>(name), nb::cast<double>(value));
+                  SetControl(*c.runner, ReadAs<std::string>(name, "a name", "text"), Real{nb::borrow(value)});
               },
               nb::arg("values"), "Sets several at once.",
               nb::sig("def update(self, values: dict[str, float]) -> None"))

@@ -4,12 +4,13 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
+#include "text.hpp"
 
 #include <fork1s/importer/mujoco_import.hpp>
 #include <fork1s/mechanism/names.hpp>
 
+#include "arguments.hpp"
 #include "arrays.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
@@ -42,23 +43,28 @@ PdGains Read(const Gains& gains) {
 ImportOptions ReadOptions(const nb::dict& given) {
   ImportOptions options;
   const auto get = [&](const char* name) { return nb::object(given[name]); };
-  options.interfaces = nb::cast<std::vector<std::string>>(get("interface"));
-  options.base = Word(kBaseKindNames, nb::cast<std::optional<std::string>>(get("base")), "base");
-  options.modes = nb::cast<std::optional<int>>(get("modes"));
-  if (options.modes && *options.modes < 0)
-    throw Refused{{ErrorCode::kUsage, "modes", "a number of modes is 0 or more"}};
-  options.mode_choice =
-      Word(kModeChoiceNames, nb::cast<std::optional<std::string>>(get("mode_choice")), "mode_choice");
-  options.stiffness_scale = nb::cast<double>(get("stiffness_scale"));
-  if (const auto pd = nb::cast<std::optional<Gains>>(get("pd"))) options.pd = Read(*pd);
-  for (const auto& [joint, gains] : nb::cast<std::map<std::string, Gains>>(get("joint_pd")))
+  const auto text = [&](const char* name) {
+    return ReadAs<std::optional<std::string>>(get(name), name, "text");
+  };
+  constexpr const char* kGains = "two numbers (kp, kv), or a mapping from joint names to these";
+  options.interfaces =
+      ReadAs<std::vector<std::string>>(get("interface"), "interface", "a name or a sequence of names");
+  options.base = Word(kBaseKindNames, text("base"), "base");
+  if (!get("modes").is_none()) options.modes = Whole{get("modes")}.Within("modes", 0);
+  options.mode_choice = Word(kModeChoiceNames, text("mode_choice"), "mode_choice");
+  options.stiffness_scale = Real{get("stiffness_scale")}.Read("stiffness_scale");
+  if (!get("pd").is_none()) options.pd = Read(ReadAs<Gains>(get("pd"), "pd", kGains));
+  for (const auto& [joint, gains] : ReadAs<std::map<std::string, Gains>>(get("joint_pd"), "pd", kGains))
     options.joint_pd[joint] = Read(gains);
-  options.keyframe = nb::cast<std::optional<std::string>>(get("keyframe")).value_or("");
+  options.keyframe = text("keyframe").value_or("");
   if (!get("base_pose").is_none()) options.base_pose = ReadPose(get("base_pose"), "base_pose");
-  options.joint_coordinates = nb::cast<std::map<std::string, double>>(get("q"));
+  options.joint_coordinates =
+      ReadAs<std::map<std::string, double>>(get("q"), "q", "a mapping from joint names to numbers");
   options.ground = nb::cast<bool>(get("ground"));
-  options.ground_height = nb::cast<std::optional<double>>(get("ground_height"));
-  options.packages = nb::cast<std::map<std::string, std::string>>(get("packages"));
+  options.ground_height =
+      ReadAs<std::optional<double>>(get("ground_height"), "ground", "True, False or a height");
+  options.packages = ReadAs<std::map<std::string, std::string>>(get("packages"), "packages",
+                                                                "a mapping from names to folders");
   return options;
 }
 

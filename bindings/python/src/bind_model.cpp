@@ -3,13 +3,14 @@
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
+#include "text.hpp"
 
 #include <fork1s/mechanism/names.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 
+#include "arguments.hpp"
 #include "arrays.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
@@ -230,7 +231,10 @@ several, ask `mechanisms[i]`, or name a body.)")
           "stiffnesses", [](const ModelPtr& s) { return s->Stiffnesses(); },
           "Joint coordinate -> what holds it, its spring and the servos on it together: N·m/rad or N/m.")
       .def("_with_stiffness",
-           [](const ModelPtr& s, const std::map<std::string, double>& k) { return s->WithStiffness(k); })
+           [](const ModelPtr& s, const nb::object& k) {
+             return s->WithStiffness(ReadAs<std::map<std::string, double>>(
+                 k, "stiffness", "a mapping from joint coordinates to numbers"));
+           })
       .def(
           "with_stiffness",
           [](const nb::object& self, const nb::object& stiffness) {

@@ -1,8 +1,8 @@
 // The matrices of a reduced model, as views that keep it alive.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
+#include "text.hpp"
 
 #include "arrays.hpp"
 #include "bind.hpp"

@@ -1,15 +1,16 @@
 // The live page of a simulation.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
+#include "text.hpp"
 
 #include <atomic>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/server/live_loop.hpp>
 #include <fork1s/server/wire.hpp>
-#include <optional>
+#include <memory>
 #include <thread>
 
+#include "arguments.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
 #include "page.hpp"
@@ -22,35 +23,48 @@ namespace {
 class Page {
  public:
   Page(LiveSimulation live, LiveServer server)
-      : address_("http://127.0.0.1:" + std::to_string(server.port()) + "/"),
-        live_(std::move(live)),
-        server_(std::move(server)),
-        thread_([this] { RunLive(live_, *server_, [this] { return !stop_; }); }) {}
+      : parts_(std::make_unique<Parts>(std::move(live), std::move(server))) {}
   ~Page() { Close(); }
   Page(const Page&) = delete;
   Page& operator=(const Page&) = delete;
 
   const std::string& address() const { return address_; }
-  bool closed() const { return stop_; }
-  int NumViewers() const { return server_ ? server_->num_viewers() : 0; }
+  bool closed() const { return !parts_; }
+  int NumViewers() const { return parts_ ? parts_->server.num_viewers() : 0; }
   void Close() {
-    stop_ = true;
-    if (thread_.joinable()) thread_.join();
-    server_.reset();
+    // Of a page that is the parent's a child has no thread that could be joined.
+    if (generation_ != ForkGeneration()) static_cast<void>(parts_.release());
+    parts_.reset();
   }
 
  private:
-  std::string address_;
-  LiveSimulation live_;
-  std::optional<LiveServer> server_;
-  std::atomic<bool> stop_ = false;
-  std::thread thread_;
+  struct Parts {
+    Parts(LiveSimulation of, LiveServer shown_by) : live(std::move(of)), server(std::move(shown_by)) {}
+    ~Parts() {
+      stop = true;
+      thread.join();
+    }
+    void Run() {
+      const ForkSafeWork work;
+      RunLive(live, server, [this] {
+        ForkSafeWork::LetForkPass();
+        return !stop;
+      });
+    }
+    LiveSimulation live;
+    LiveServer server;
+    std::atomic<bool> stop = false;
+    std::thread thread{[this] { Run(); }};
+  };
+  std::unique_ptr<Parts> parts_;
+  std::string address_ = "http://127.0.0.1:" + std::to_string(parts_->server.port()) + "/";
+  int generation_ = ForkGeneration();
 };
 
 // The scene with the present state of the simulation to begin from.
-std::unique_ptr<Page> Open(Runner& runner, int port) {
+std::unique_ptr<Page> Open(Runner& runner, const Whole& given_port) {
+  const int port = given_port.Within("port", 0, 65535);
   if (app::ViewerPage().empty()) throw Refused{app::NoPage()};
-  if (port < 0 || port > 65535) throw Refused{{ErrorCode::kUsage, "port", "lies between 0 and 65535"}};
   auto live = Take(runner.With([&](Simulation& s) {
     Scene scene = s.scene();
     SimulationOptions options = s.options();
@@ -83,7 +97,8 @@ void BindShow(nb::module_& m) {
       .def_prop_ro("viewers", &Page::NumViewers)
       .def("close", &Page::Close);
   m.def(
-      "show", [](const std::shared_ptr<Runner>& runner, int port) { return Open(*runner, port).release(); },
+      "show",
+      [](const std::shared_ptr<Runner>& runner, const Whole& port) { return Open(*runner, port).release(); },
       nb::arg("simulation"), nb::arg("port"), nb::rv_policy::take_ownership);
 }
 

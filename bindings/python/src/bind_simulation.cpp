@@ -2,8 +2,8 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
+#include "text.hpp"
 
 #include "bind.hpp"
 #include "controls.hpp"
@@ -30,9 +30,8 @@ void PushBody(Runner& runner, const std::string& body, const nb::object& force, 
   runner.AddPush(push);
 }
 
-StepsReport StepMany(Runner& runner, int steps, bool move) {
-  if (steps < 0) throw nb::value_error("a number of steps is 0 or more");
-  return runner.Step(steps, move);
+StepsReport StepMany(Runner& runner, const Whole& steps, bool move) {
+  return runner.Step(steps.Within("steps", 0), move);
 }
 
 void StartFromControls(Runner& runner) {
@@ -45,12 +44,13 @@ void StartFromControls(Runner& runner) {
                    "steps have been made; where a path jumps, make a step without move"}};
 }
 
-void SetDetail(Runner& runner, const std::optional<std::string>& level, const std::optional<int>& modes,
+void SetDetail(Runner& runner, const std::optional<std::string>& level, const std::optional<Whole>& modes,
                const std::optional<std::string>& recovery) {
+  const std::optional<int> kept = modes ? std::optional(modes->Within("modes", 0)) : std::nullopt;
   runner.With([&](Simulation& s) {
     Fidelity fidelity = s.fidelity();
     if (level) fidelity.level = ReadDetail(*level);
-    if (modes) fidelity.modes = *modes;
+    if (kept) fidelity.modes = *kept;
     if (recovery) fidelity.recovery = ReadRecovery(*recovery);
     Take(s.SetFidelity(fidelity), runner.model()->origin());
   });
@@ -117,7 +117,7 @@ at hand.
 Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameError.)")
           .def(
               "__init__",
-              [](Runner* self, const std::shared_ptr<const Model>& model, const std::optional<double>& dt,
+              [](Runner* self, const std::shared_ptr<const Model>& model, const std::optional<Real>& dt,
                  const std::optional<std::string>& keyframe, const std::string& recovery,
                  const std::string& detail, const std::optional<std::string>& integrator) {
                 const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail, integrator);
@@ -173,6 +173,7 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
                 const VectorX read = ReadVector(values, count, "control_values");
                 r.With([&](Simulation& s) { s.SetControls(read); });
               },
+              nb::for_setter(nb::arg("values").none()),
               "(c,) all set-points, in the order of `controls.keys()`. Assign an array to set them; entries "
               "of "
               "the array "

@@ -2,10 +2,12 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
+#include "text.hpp"
 
+#include <cmath>
 #include <limits>
 
+#include "arguments.hpp"
 #include "arrays.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
@@ -71,8 +73,11 @@ void SetVelocities(const ByName& velocities, const Movers& movers, KeyframeDef& 
   }
 }
 
-void SetState(Runner& runner, const nb::object& qpos, const nb::object& qvel, const ByName& poses,
-              const ByName& velocities) {
+void SetState(Runner& runner, const nb::object& qpos, const nb::object& qvel, const nb::object& given_poses,
+              const nb::object& given_velocities) {
+  const auto poses = ReadAs<ByName>(given_poses, "poses", "a mapping from names to poses");
+  const auto velocities =
+      ReadAs<ByName>(given_velocities, "velocities", "a mapping from names to velocities");
   KeyframeDef state = runner.With([](Simulation& s) { return s.State(); });
   const Movers movers(runner.model()->scene());
   std::size_t count = 0;
@@ -109,11 +114,8 @@ void BindSnapshot(nb::module_& m) {
 
 void BindState(nb::class_<Runner>& simulation) {
   simulation.def(
-      "record",
-      [](Runner& r, const nb::object& path) {
-        r.Record(nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path)));
-      },
-      nb::arg("path"),
+      "record", [](Runner& r, const nb::object& path) { r.Record(ReadPath(path, "path")); },
+      nb::arg("path").none(),
       "Every step from now on goes into a recording (HDF5), until `stop_recording`: `fork1s replay`, "
       "`export` "
       "and `replay` read it. Begun before the first step it replays bit by bit. A file of another kind is "
@@ -136,9 +138,11 @@ void BindState(nb::class_<Runner>& simulation) {
       nb::sig("def replay(self, height: int = 480) -> 'fork1s.Replay'"));
   simulation.def(
       "ray",
-      [](Runner& r, const nb::object& origin, const nb::object& direction, double reach) {
+      [](Runner& r, const nb::object& origin, const nb::object& direction, const Real& given_reach) {
+        const double reach = given_reach.Read("reach");
         const Vector3 along = ReadVector3(direction, "direction");
-        if (!(along.norm() > 0)) throw nb::value_error("direction must not be zero");
+        if (!(along.norm() > 0) || !std::isfinite(along.norm()))
+          throw nb::value_error("direction must not be zero, nor so long that its square is infinite");
         if (!(reach >= 0)) throw nb::value_error("reach must be 0 m or more");
         return r.Ray(ReadVector3(origin, "origin"), along, reach);
       },
@@ -151,7 +155,12 @@ void BindState(nb::class_<Runner>& simulation) {
       nb::sig("def ray(self, origin: numpy.typing.ArrayLike, direction: numpy.typing.ArrayLike, reach: float "
               "= float('inf')) -> RayHit | None"));
   simulation.def(
-      "set_stiffness", &Runner::SetStiffness, nb::arg("stiffness"),
+      "set_stiffness",
+      [](Runner& r, const nb::object& stiffness) {
+        r.SetStiffness(ReadAs<std::map<std::string, double>>(stiffness, "stiffness",
+                                                             "a mapping from joint coordinates to numbers"));
+      },
+      nb::arg("stiffness"),
       "Goes on with other stiffnesses of joints, from the present state.\n\nstiffness: joint coordinate -> "
       "what "
       "holds it, springs and servos together, N·m/rad or N/m, as `Model.with_stiffness`. Set-points stay; "
@@ -168,7 +177,7 @@ void BindState(nb::class_<Runner>& simulation) {
                  "leaves everything as it was where the moment is of another model.");
   simulation.def(
       "set_state", SetState, nb::arg("qpos") = nb::none(), nb::arg("qvel") = nb::none(), nb::kw_only(),
-      nb::arg("poses") = ByName(), nb::arg("velocities") = ByName(),
+      nb::arg("poses") = nb::dict(), nb::arg("velocities") = nb::dict(),
       "Goes on from another state; what is not given stays, the time too.\n\nqpos, qvel: (n,) as the "
       "properties of "
       "these names; loops that they leave open are closed. poses: of free bodies and bases that move, by "

@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "arguments.hpp"
 #include "runner.hpp"
 
 namespace fork1s::python {
@@ -12,7 +13,7 @@ struct Controls {
   std::shared_ptr<Runner> runner;
 };
 
-/// Throws UnknownName, or ValueError for a value that is not finite.
-void SetControl(Runner& runner, const std::string& name, double value);
+/// Throws UnknownName, TypeError, or ValueError for a value that is not finite.
+void SetControl(Runner& runner, const std::string& name, const Real& given);
 
 }  // namespace fork1s::python

@@ -1,5 +1,9 @@
 #include "errors.hpp"
 
+#include <new>
+
+#include "text.hpp"
+
 namespace fork1s::python {
 namespace {
 
@@ -24,9 +28,9 @@ const char* NameOf(ErrorCode code) {
 // Sets the Python error of class fork1s._errors.NAME.
 void Raise(const char* name, const std::string& text, const std::string& where, const std::string& message) {
   nb::object kind = nb::module_::import_("fork1s._errors").attr(name);
-  nb::object exception = kind(nb::str(text.c_str(), text.size()));
-  exception.attr("where") = nb::str(where.c_str(), where.size());
-  exception.attr("message") = nb::str(message.c_str(), message.size());
+  nb::object exception = kind(nb::cast(text));
+  exception.attr("where") = nb::cast(where);
+  exception.attr("message") = nb::cast(message);
   PyErr_SetObject(kind.ptr(), exception.ptr());
 }
 
@@ -56,6 +60,8 @@ void BindErrors(nb::module_&) {
       Raise(NameOf(e.code), e.Text(), e.where, e.message);
     } catch (const UnknownName& unknown) {
       Raise("UnknownNameError", unknown.text, "", unknown.text);
+    } catch (const std::bad_alloc&) {
+      PyErr_SetString(PyExc_MemoryError, "out of memory; ask for fewer members, bodies or rows");
     }
   });
 }

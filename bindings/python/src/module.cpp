@@ -10,7 +10,7 @@ NB_MODULE(_core, m) {
   m.doc() = "Compiled half of fork1s. Use the names that the package itself offers.";
   m.attr("version") = FORK1S_VERSION;
   m.attr("mujoco_version") = fork1s::MujocoVersion();
-  ReleasedGil::RegisterExit();
+  ReleasedGil::RegisterExitAndFork();
   BindErrors(m);
   BindModel(m);
   BindReduction(m);

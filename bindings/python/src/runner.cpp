@@ -62,10 +62,12 @@ StepsReport Runner::Step(int steps, bool move) {
   std::optional<ControlMove> controls;
   {
     const std::lock_guard lock(mutex_);
+    DropRecordingOfParent();
     pushes.swap(pushes_);
     if (move && steps > 0) controls.emplace(simulation_, steps);
   }
-  for (int i = 0; i < steps && report.finite && !others_run.IsInterrupted(); ++i) {
+  for (int i = 0; i < steps && report.finite; ++i) {
+    if (others_run.IsPauseDue() && others_run.Pause()) break;
     const std::lock_guard lock(mutex_);
     wrenches.clear();
     for (const Push& p : pushes)
@@ -103,7 +105,14 @@ void Runner::SetState(KeyframeDef state) {
   simulation_ = std::move(next);
 }
 
-void Runner::RefuseWhileRecording(const char* what) const {
+void Runner::DropRecordingOfParent() {
+  if (!recorder_ || recorder_generation_ == ForkGeneration()) return;
+  static_cast<void>(recorder_.release());
+  recording_.clear();
+}
+
+void Runner::RefuseWhileRecording(const char* what) {
+  DropRecordingOfParent();
   if (recorder_)
     throw Refused{
         {ErrorCode::kUsage, what, "a recording goes on, which could not tell it; call stop_recording first"}};
@@ -113,13 +122,15 @@ void Runner::Record(const std::string& path) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("record");
-  recorder_ = Take(Recorder::Create(path, simulation_), path);
+  recorder_ = std::make_unique<Recorder>(Take(Recorder::Create(path, simulation_), path));
+  recorder_generation_ = ForkGeneration();
   recording_ = path;
 }
 
 void Runner::StopRecording() {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
+  DropRecordingOfParent();
   if (!recorder_) return;
   auto finished = recorder_->Finish();
   recorder_.reset();
@@ -129,6 +140,7 @@ void Runner::StopRecording() {
 std::string Runner::FlushRecording() {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
+  DropRecordingOfParent();
   if (recorder_) Take(recorder_->Flush(), recording_);
   return recording_;
 }

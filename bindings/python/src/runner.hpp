@@ -62,6 +62,7 @@ SimulationOptions OptionsOf(const Model& model, const RunOptions& options);
 class Runner {
  public:
   Runner(std::shared_ptr<const Model> model, const RunOptions& options);
+  ~Runner() { DropRecordingOfParent(); }
 
   const std::shared_ptr<const Model>& model() const { return model_; }
   /// Pushes act through all of these steps. Throws nb::python_error within 0.1 s, or one step if that is
@@ -107,14 +108,19 @@ class Runner {
   int FindControl(const std::string& name);
 
  private:
+  /// Of a child process the recording of its parent is no part: neither steps of the child nor its exit go
+  /// into it.
+  void DropRecordingOfParent();
+
   std::shared_ptr<const Model> model_;
   FairMutex mutex_;
   Simulation simulation_;
   std::optional<RayCaster> rays_;  // when first asked for
-  std::optional<Recorder> recorder_;
+  std::unique_ptr<Recorder> recorder_;
+  int recorder_generation_ = 0;  // of the process that began it
   std::string recording_;  // the file of the last recording
   /// What a recording has no word for is refused while one goes on.
-  void RefuseWhileRecording(const char* what) const;
+  void RefuseWhileRecording(const char* what);
   std::vector<Push> pushes_;
   double time_before_ = 0;  // s, of simulations that set_state replaced
 };

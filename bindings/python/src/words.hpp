@@ -1,7 +1,7 @@
 // Words of the API for enumerations, as the command line has them.
 #pragma once
 
-#include <nanobind/stl/string.h>
+#include "text.hpp"
 
 #include <cmath>
 #include <fork1s/sim/fidelity.hpp>
@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "arguments.hpp"
 #include "errors.hpp"
 #include "runner.hpp"
 
@@ -32,9 +33,10 @@ inline Integrator ReadIntegrator(const std::string& word) {
 }
 
 /// Options that Simulation and Batch share.
-inline RunOptions ReadRunOptions(const std::optional<double>& dt, const std::optional<std::string>& keyframe,
-                                 const std::string& recovery, const std::string& detail,
-                                 const std::optional<std::string>& integrator) {
+inline RunOptions ReadRunOptions(const std::optional<Real>& given_dt,
+                                 const std::optional<std::string>& keyframe, const std::string& recovery,
+                                 const std::string& detail, const std::optional<std::string>& integrator) {
+  const std::optional<double> dt = Read(given_dt, "dt");
   if (dt && !(*dt > 0 && std::isfinite(*dt)))
     throw Refused{{ErrorCode::kUsage, "dt", std::to_string(*dt) + " is no time step above 0 s"}};
   RunOptions options{dt.value_or(0), keyframe.value_or(""), ReadRecovery(recovery), ReadDetail(detail)};
@@ -49,7 +51,7 @@ inline RunOptions ReadRunOptions(const std::optional<double>& dt, const std::opt
 /// Names given one by one.
 inline std::vector<std::string> Words(const nb::args& args) {
   std::vector<std::string> words;
-  for (nb::handle word : args) words.push_back(nb::cast<std::string>(word));
+  for (nb::handle word : args) words.push_back(ReadAs<std::string>(word, "a name", "text"));
   return words;
 }
 

@@ -1,0 +1,68 @@
+// Arguments of Python that are refused by name, with what was given and what is wanted.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <limits>
+#include <optional>
+#include <string>
+
+namespace fork1s::python {
+
+namespace nb = nanobind;
+
+/// Throws TypeError: "ARGUMENT must be WANTED, not GIVEN".
+[[noreturn]] void RefuseType(const std::string& argument, const char* wanted, nb::handle given);
+
+/// A whole number of any size, checked where its argument has a name.
+struct Whole {
+  nb::object given;
+  /// Throws TypeError, or Refused outside of [least, most].
+  int Within(const std::string& argument, int least, int most = std::numeric_limits<int>::max()) const;
+};
+
+/// A number, checked where its argument has a name.
+struct Real {
+  nb::object given;
+  /// Throws TypeError.
+  double Read(const std::string& argument) const;
+};
+inline std::optional<double> Read(const std::optional<Real>& number, const char* argument) {
+  if (!number) return std::nullopt;
+  return number->Read(argument);
+}
+
+/// Throws TypeError. wanted: as in "a number".
+template <class T>
+T ReadAs(nb::handle given, const std::string& argument, const char* wanted) {
+  T read{};
+  if (!nb::try_cast<T>(given, read)) RefuseType(argument, wanted, given);
+  return read;
+}
+
+/// str, bytes or os.PathLike. Throws TypeError, and ValueError for what no file can be called.
+std::string ReadPath(nb::handle given, const char* argument);
+
+}  // namespace fork1s::python
+
+namespace nanobind::detail {
+
+// Both take anything: the function that gets it says what it is not.
+template <>
+struct type_caster<fork1s::python::Whole> {
+  NB_TYPE_CASTER(fork1s::python::Whole, const_name("int"))
+  bool from_python(handle source, std::uint32_t, cleanup_list*) noexcept {
+    value.given = borrow(source);
+    return true;
+  }
+};
+template <>
+struct type_caster<fork1s::python::Real> {
+  NB_TYPE_CASTER(fork1s::python::Real, const_name("float"))
+  bool from_python(handle source, std::uint32_t, cleanup_list*) noexcept {
+    value.given = borrow(source);
+    return true;
+  }
+};
+
+}  // namespace nanobind::detail
