@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "collision_model.hpp"
+#include "contact_law.hpp"
 #include "pair_routines.hpp"
 #include "pair_search.hpp"
 
@@ -23,6 +24,7 @@ struct CollisionWorld::Detail {
   std::vector<int> first_posed;                // body -> first in `posed`; one more at the end
   std::vector<bool> moves;
   std::vector<std::pair<int, int>> excluded;  // sorted, smaller index first
+  std::vector<ContactPairDef> contact_pairs;
   std::unique_ptr<internal::PairSearch> search;
   double margin = 0;
   bool may_touch = false;  // anything may
@@ -31,21 +33,24 @@ struct CollisionWorld::Detail {
   template <class Act>
   bool AnyPair(const Act& act) const {
     const mjModel* m = model.get();
-    const auto bodies = [&](int geom_a, int geom_b) {
+    const auto bodies = [&](int geom_a, int geom_b, bool named) {
       const int a = geoms[static_cast<std::size_t>(geom_a)].body,
                 b = geoms[static_cast<std::size_t>(geom_b)].body;
       const bool one_moves = moves[static_cast<std::size_t>(a)] || moves[static_cast<std::size_t>(b)];
-      return a != b && one_moves && !IsExcluded(a, b) && act(a, b);
+      return a != b && one_moves && (named || !IsExcluded(a, b)) && act(a, b);
     };
     // Either every pair has a name or none has: model_text.cpp.
     for (int k = 0; k < m->npair; ++k)
-      if (bodies(m->pair_geom1[k], m->pair_geom2[k])) return true;
+      if (bodies(m->pair_geom1[k], m->pair_geom2[k], true)) return true;
     for (int g = 0; g < m->ngeom; ++g)
-      for (int h = g + 1; h < m->ngeom; ++h)
-        if (((m->geom_contype[g] & m->geom_conaffinity[h]) ||
+      for (int h = g + 1; h < m->ngeom; ++h) {
+        const bool named = internal::ExplicitPair(geoms[static_cast<std::size_t>(g)].pairs,
+                                                  geoms[static_cast<std::size_t>(h)].pairs) >= 0;
+        if ((named || (m->geom_contype[g] & m->geom_conaffinity[h]) ||
              (m->geom_contype[h] & m->geom_conaffinity[g])) &&
-            bodies(g, h))
+            bodies(g, h, named))
           return true;
+      }
     return false;
   }
   bool IsExcluded(int a, int b) const {
@@ -60,10 +65,20 @@ CollisionWorld& CollisionWorld::operator=(CollisionWorld&&) noexcept = default;
 
 Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyDef>& bodies,
                                                 const std::vector<std::pair<int, int>>& excluded,
-                                                const CollisionOptions& options) {
+                                                const CollisionOptions& options,
+                                                const std::vector<ContactPairDef>& contact_pairs) {
   if (!(options.margin >= 0 && std::isfinite(options.margin))) {
     return Fail(ErrorCode::kUsage, "collision margin", "the margin must not be negative");
   }
+  for (const ContactPairDef& pair : contact_pairs)
+    if (const char* problem = internal::ProblemOf(pair))
+      return Fail(ErrorCode::kModel, "contact pair " + pair.name, problem);
+  for (const CollisionBodyDef& body : bodies)
+    for (std::size_t g = 0; g < body.geometries.size(); ++g)
+      for (int pair : body.geometries[g].pairs)
+        if (pair < 0 || pair >= static_cast<int>(contact_pairs.size()))
+          return Fail(ErrorCode::kModel, internal::Place(body, static_cast<int>(g)),
+                      "it names a contact pair that the scene does not have");
   Expected<internal::ModelText> text = internal::WriteModelText(bodies, excluded, options);
   if (!text) return tl::make_unexpected(text.error());
   Expected<std::shared_ptr<const mjModel>> compiled =
@@ -79,11 +94,15 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
 
   for (const auto& [a, b] : excluded) detail.excluded.emplace_back(std::minmax(a, b));
   std::sort(detail.excluded.begin(), detail.excluded.end());
+  detail.contact_pairs = contact_pairs;
 
   detail.geoms.resize(static_cast<std::size_t>(m->ngeom));
   std::vector<std::vector<Detail::PosedGeom>> by_body(bodies.size());
   for (std::size_t k = 0; k < text->geoms.size(); ++k) {
-    const internal::CollisionGeom& geom = text->geoms[k];
+    internal::CollisionGeom& geom = text->geoms[k];
+    geom.reach = std::max(0.0, geom.margin);
+    for (int pair : geom.pairs)
+      geom.reach = std::max(geom.reach, contact_pairs[static_cast<std::size_t>(pair)].margin);
     const int id = mj_name2id(m, mjOBJ_GEOM, internal::Text("g", k).c_str());
     if (id < 0) return Fail(ErrorCode::kModel, "collision model", "MuJoCo lost a geometry");
     detail.geoms[static_cast<std::size_t>(id)] = geom;
@@ -106,7 +125,7 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
   detail.first_posed.push_back(static_cast<int>(detail.posed.size()));
   detail.may_touch = detail.AnyPair([](int, int) { return true; });
   detail.search = std::make_unique<internal::PairSearch>(detail.model, detail.poses, detail.geoms,
-                                                         detail.moves, detail.excluded);
+                                                         detail.moves, detail.excluded, detail.contact_pairs);
   world.SetMargin(options.margin);
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     if (bodies[b].moves) world.SetPose(static_cast<int>(b), bodies[b].X_WB);

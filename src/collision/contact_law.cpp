@@ -1,6 +1,7 @@
 #include "contact_law.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <fork1s/mechanism/restitution.hpp>
 
 namespace fork1s::internal {
@@ -15,6 +16,21 @@ void SetLaw(const CollisionGeom& a, const CollisionGeom& b, ContactPoint& out) {
   if (first.restitution > 0 || second.restitution > 0)
     out.restitution =
         RestitutionOf(0.5 * (DampingRatioOf(first.restitution) + DampingRatioOf(second.restitution)));
+}
+
+void SetLaw(const ContactPairDef& pair, ContactPoint& out) {
+  out.friction = pair.friction;
+  out.torsion = pair.torsion;
+  out.rolling = pair.rolling;
+  out.restitution = pair.restitution;
+}
+
+const char* ProblemOf(const ContactPairDef& pair) {
+  const auto usable = [](double coefficient) { return coefficient >= 0 && std::isfinite(coefficient); };
+  if (!usable(pair.friction) || !usable(pair.torsion) || !usable(pair.rolling))
+    return "friction must be finite and not negative";
+  if (!(pair.restitution >= 0 && pair.restitution <= 1)) return "restitution must be 0 to 1";
+  return std::isfinite(pair.margin) ? nullptr : "margin must be finite";
 }
 
 }  // namespace fork1s::internal

@@ -150,11 +150,13 @@ std::string PairText(const ModelText& model, const std::vector<CollisionBodyDef>
       if (a.body == b.body || !(body_a.moves || body_b.moves)) continue;
       const GeometryDef &def_a = body_a.geometries[static_cast<std::size_t>(a.geometry)],
                         &def_b = body_b.geometries[static_cast<std::size_t>(b.geometry)];
-      if (!(def_a.contype & def_b.conaffinity) && !(def_b.contype & def_a.conaffinity)) continue;
-      const auto same = [&](const std::pair<int, int>& pair) {
-        return std::minmax(pair.first, pair.second) == std::minmax(a.body, b.body);
-      };
-      if (std::any_of(excluded.begin(), excluded.end(), same)) continue;
+      if (ExplicitPair(a.pairs, b.pairs) < 0) {
+        if (!(def_a.contype & def_b.conaffinity) && !(def_b.contype & def_a.conaffinity)) continue;
+        const auto same = [&](const std::pair<int, int>& pair) {
+          return std::minmax(pair.first, pair.second) == std::minmax(a.body, b.body);
+        };
+        if (std::any_of(excluded.begin(), excluded.end(), same)) continue;
+      }
       if (++count > kMost) return "";
       text += Text("<pair geom1=\"g", i, "\" geom2=\"g", j, "\" margin=\"", options.margin, "\"/>\n");
     }
@@ -162,6 +164,12 @@ std::string PairText(const ModelText& model, const std::vector<CollisionBodyDef>
 }
 
 }  // namespace
+
+int ExplicitPair(const std::vector<int>& pairs_a, const std::vector<int>& pairs_b) {
+  for (int pair : pairs_a)
+    if (std::find(pairs_b.begin(), pairs_b.end(), pair) != pairs_b.end()) return pair;
+  return -1;
+}
 
 std::string Place(const CollisionBodyDef& body, int geometry) {
   const std::string& name = body.geometries[static_cast<std::size_t>(geometry)].name;
@@ -190,6 +198,8 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
       geom.rolling = def.rolling;
       geom.restitution = def.restitution;
       geom.moments = def.frictionless ? 0 : def.moments;
+      geom.margin = def.margin;
+      geom.pairs = def.pairs;
       ShapeWriter writer{model, geom, body.moves, ""};
       const std::string shape = std::visit(writer, def.shape);
       if (!def.X_BG.IsFinite()) writer.problem = "its pose is not finite";
@@ -197,6 +207,7 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
         writer.problem = "friction must not be negative";
       if (!(def.torsion >= 0 && def.rolling >= 0 && std::isfinite(def.torsion + def.rolling)))
         writer.problem = "torsional and rolling friction must not be negative";
+      if (!std::isfinite(def.margin)) writer.problem = "margin must be finite";
       if (!(def.restitution >= 0 && def.restitution <= 1)) writer.problem = "restitution must be 0 to 1";
       if (!writer.problem.empty()) {
         return Fail(ErrorCode::kModel, Place(body, static_cast<int>(g)), writer.problem);

@@ -27,16 +27,6 @@ void ForRanges(int count, const Act& act) {
   });
 }
 
-AxisBox BoxOf(const mjModel& m, const GeomPoses& poses, int geom) {
-  const Eigen::Map<const Vector3> middle(m.geom_aabb + 6 * geom), half(m.geom_aabb + 6 * geom + 3);
-  const Vector3 p = poses.p(geom);
-  // The sphere about its middle is sometimes the smaller.
-  const double radius = m.geom_rbound[geom];
-  const Vector3 at = p + poses.R(geom) * middle, reach = poses.R(geom).cwiseAbs() * half;
-  return {(at - reach).cwiseMax((p.array() - radius).matrix()),
-          (at + reach).cwiseMin((p.array() + radius).matrix())};
-}
-
 // Axes of a contact: the normal, and the tangent that the routine names or, where it names none, one near y
 // or z. By MuJoCo's functions in mj_collision's order, so that scenes of few pairs and of many give the same
 // bits.
@@ -106,14 +96,27 @@ bool PairSearch::Pair::operator<(const Pair& o) const {
   return std::tie(body_b, geom_a, geom_b) < std::tie(o.body_b, o.geom_a, o.geom_b);
 }
 
+AxisBox PairSearch::BoxOf(int geom) const {
+  const mjModel& m = model_;
+  const Eigen::Map<const Vector3> middle(m.geom_aabb + 6 * geom), half(m.geom_aabb + 6 * geom + 3);
+  const Vector3 p = poses_.p(geom);
+  // The sphere about its middle is sometimes the smaller.
+  const double radius = m.geom_rbound[geom], beyond = geoms_[static_cast<std::size_t>(geom)].reach;
+  const Vector3 at = p + poses_.R(geom) * middle, reach = poses_.R(geom).cwiseAbs() * half;
+  return {((at - reach).cwiseMax((p.array() - radius).matrix()).array() - beyond).matrix(),
+          ((at + reach).cwiseMin((p.array() + radius).matrix()).array() + beyond).matrix()};
+}
+
 PairSearch::PairSearch(std::shared_ptr<const mjModel> shared_model, const GeomPoses& poses,
                        const std::vector<CollisionGeom>& geoms, const std::vector<bool>& moves,
-                       const std::vector<std::pair<int, int>>& excluded)
+                       const std::vector<std::pair<int, int>>& excluded,
+                       const std::vector<ContactPairDef>& contact_pairs)
     : shared_model_(std::move(shared_model)),
       model_(*shared_model_),
       poses_(poses),
       geoms_(geoms),
-      excluded_(excluded) {
+      excluded_(excluded),
+      contact_pairs_(contact_pairs) {
   const mjModel& model = model_;
   item_of_.assign(geoms.size(), -1);
   // More than this many have no use, and would take memory without end where all is in one place.
@@ -137,7 +140,7 @@ PairSearch::PairSearch(std::shared_ptr<const mjModel> shared_model, const GeomPo
       movers_.push_back(g);
     } else {
       still_.push_back(g);
-      still.push_back(BoxOf(model, poses_, g));
+      still.push_back(BoxOf(g));
     }
   }
   boxes_.resize(movers_.size());
@@ -159,7 +162,19 @@ void PairSearch::Borrow(int count) {
 
 void PairSearch::Moved(int geom) {
   const int item = item_of_[static_cast<std::size_t>(geom)];
-  if (item >= 0) boxes_[static_cast<std::size_t>(item)] = BoxOf(model_, poses_, geom);
+  if (item >= 0) boxes_[static_cast<std::size_t>(item)] = BoxOf(geom);
+}
+
+const ContactPairDef* PairSearch::PairOf(int a, int b) const {
+  const int pair =
+      ExplicitPair(geoms_[static_cast<std::size_t>(a)].pairs, geoms_[static_cast<std::size_t>(b)].pairs);
+  return pair < 0 ? nullptr : &contact_pairs_[static_cast<std::size_t>(pair)];
+}
+
+// Distance of the two shapes [m] at which they touch.
+double PairSearch::MarginOf(int a, int b, const ContactPairDef* pair) const {
+  if (pair != nullptr) return pair->margin;
+  return geoms_[static_cast<std::size_t>(a)].margin + geoms_[static_cast<std::size_t>(b)].margin;
 }
 
 // By the sphere about each; of a plane all that is on its side.
@@ -175,10 +190,12 @@ bool PairSearch::MayTouch(int a, int b, double margin) const {
   const int body_a = geoms_[static_cast<std::size_t>(a)].body,
             body_b = geoms_[static_cast<std::size_t>(b)].body;
   if (body_a == body_b) return false;
-  if (!(model_.geom_contype[a] & model_.geom_conaffinity[b]) &&
+  const ContactPairDef* pair = PairOf(a, b);
+  if (pair == nullptr && !(model_.geom_contype[a] & model_.geom_conaffinity[b]) &&
       !(model_.geom_contype[b] & model_.geom_conaffinity[a]))
     return false;
-  if (!IsNear(a, b, margin)) return false;
+  if (!IsNear(a, b, margin + MarginOf(a, b, pair))) return false;
+  if (pair != nullptr) return true;
   return excluded_.empty() || !std::binary_search(excluded_.begin(), excluded_.end(),
                                                   std::pair<int, int>(std::minmax(body_a, body_b)));
 }
@@ -233,14 +250,16 @@ void PairSearch::SortIn() {
 void PairSearch::Collide(const Pair& pair, double margin, PairScratch& scratch,
                          std::vector<ContactPoint>& contacts) const {
   const int a = pair.geom_a, b = pair.geom_b;
+  const ContactPairDef* own = PairOf(a, b);
+  const double at = MarginOf(a, b, own);
   std::array<mjPreContact, mjMAXCONPAIR> found;
-  const int count = mjCOLLISIONFUNC[model_.geom_type[a]][model_.geom_type[b]](&scratch.model, &scratch.data,
-                                                                              found.data(), a, b, margin);
+  const int count = mjCOLLISIONFUNC[model_.geom_type[a]][model_.geom_type[b]](
+      &scratch.model, &scratch.data, found.data(), a, b, margin + at);
   const CollisionGeom &geom_a = geoms_[static_cast<std::size_t>(a)],
                       &geom_b = geoms_[static_cast<std::size_t>(b)];
   for (int i = 0; i < count; ++i) {
     const mjPreContact& in = found[static_cast<std::size_t>(i)];
-    if (!(in.dist < margin)) continue;
+    if (!(in.dist - at < margin)) continue;
     ContactPoint& out = contacts.emplace_back();
     out.body_a = geom_a.body;
     out.body_b = geom_b.body;
@@ -248,8 +267,11 @@ void PairSearch::Collide(const Pair& pair, double margin, PairScratch& scratch,
     out.geometry_b = geom_b.geometry;
     out.point = Eigen::Map<const Vector3>(in.pos);
     out.frame = FrameOf(in);
-    out.gap = in.dist;
-    SetLaw(geom_a, geom_b, out);
+    out.gap = in.dist - at;
+    if (own != nullptr)
+      SetLaw(*own, out);
+    else
+      SetLaw(geom_a, geom_b, out);
   }
 }
 
@@ -258,7 +280,9 @@ bool PairSearch::DetectNamed(double margin, std::vector<ContactPoint>& contacts)
   PairScratch& scratch = *borrowed_.front();
   try {
     for (const Pair& pair : named_)
-      if (IsNear(pair.geom_a, pair.geom_b, margin)) Collide(pair, margin, scratch, contacts);
+      if (IsNear(pair.geom_a, pair.geom_b,
+                 margin + MarginOf(pair.geom_a, pair.geom_b, PairOf(pair.geom_a, pair.geom_b))))
+        Collide(pair, margin, scratch, contacts);
   } catch (...) {
     return false;
   }

@@ -46,11 +46,13 @@ struct PairScratch;
 class PairSearch {
  public:
   /// All of these must outlive the search. `geoms`: by MuJoCo's geom id; `moves` by collision body;
-  /// `excluded`: pairs of collision bodies, sorted, the smaller first. Poses of what never moves stand in
+  /// `excluded`: pairs of collision bodies, sorted, the smaller first. `contact_pairs`: CollisionGeom::pairs
+  /// refers to them. Poses of what never moves stand in
   /// `poses`.
   PairSearch(std::shared_ptr<const mjModel> model, const GeomPoses& poses,
              const std::vector<CollisionGeom>& geoms, const std::vector<bool>& moves,
-             const std::vector<std::pair<int, int>>& excluded);
+             const std::vector<std::pair<int, int>>& excluded,
+             const std::vector<ContactPairDef>& contact_pairs);
   ~PairSearch();
   PairSearch(const PairSearch&) = delete;
   PairSearch& operator=(const PairSearch&) = delete;
@@ -69,6 +71,9 @@ class PairSearch {
     int body_a, body_b, geom_a, geom_b;
     bool operator<(const Pair& o) const;
   };
+  AxisBox BoxOf(int geom) const;
+  const ContactPairDef* PairOf(int a, int b) const;
+  double MarginOf(int a, int b, const ContactPairDef* pair) const;
   bool IsNear(int a, int b, double margin) const;
   bool MayTouch(int a, int b, double margin) const;
   bool DetectNamed(double margin, std::vector<ContactPoint>& contacts);
@@ -85,6 +90,7 @@ class PairSearch {
   const GeomPoses& poses_;
   const std::vector<CollisionGeom>& geoms_;
   const std::vector<std::pair<int, int>>& excluded_;
+  const std::vector<ContactPairDef>& contact_pairs_;
   std::vector<Pair> named_;          // all there are, in the model's order; none: any may touch
   std::vector<int> item_of_;         // geom -> place in movers_, -1
   std::vector<int> movers_, still_;  // geoms with an extent

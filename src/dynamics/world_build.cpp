@@ -11,7 +11,7 @@ namespace {
 // Neighbours across one joint or one closure overlap by design.
 bool AreNeighbours(const Mechanism& mechanism, const ContactGroup& a, const ContactGroup& b) {
   auto joint_below = [&](const ContactGroup& upper, const ContactGroup& lower) {
-    if (lower.last_joint < 0) return false;
+    if (lower.last_joint < 0 || !mechanism.definition().FiltersParent(upper.last_joint < 0)) return false;
     const BodyIndex moved = mechanism.joint(JointIndex(lower.last_joint)).body;
     const BodyIndex parent = mechanism.body(moved).parent;
     return mechanism.body(parent).last_joint == upper.last_joint;
@@ -299,7 +299,7 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
     }
   }
   for (const CollisionBodyDef& body : bodies) contactor_pose_.push_back(body.X_WB);
-  auto collision = CollisionWorld::Create(bodies, excluded, options.collision);
+  auto collision = CollisionWorld::Create(bodies, excluded, options.collision, scene.contact_pairs);
   if (!collision) return tl::unexpected(collision.error());
   collision_ = std::make_unique<CollisionWorld>(std::move(*collision));
   for (CollisionBodyDef& body : bodies) geometries_.push_back(std::move(body.geometries));

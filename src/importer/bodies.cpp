@@ -125,6 +125,11 @@ void ConvertMechanism(Conversion& c, const Component& component, const std::vect
   MechanismDef mechanism;
   mechanism.name = c.body_names[component.base_body != 0 ? component.base_body : component.tops[0]];
   mechanism.base = component.base;
+  // In a URDF the root is fixed by --base alone, and links overlap at their joints.
+  if (!c.is_urdf) {
+    const bool off = m.opt.disableflags & mjDSBL_FILTERPARENT;
+    mechanism.parent_filter = off ? ParentFilter::kNone : ParentFilter::kMoving;
+  }
   RigidTransform X_W_base;
   if (component.base_body != 0) {
     X_W_base = c.WorldPose(component.base_body);

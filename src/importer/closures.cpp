@@ -1,5 +1,9 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <functional>
+#include <limits>
+
 #include "conversion.hpp"
 #include "names.hpp"
 
@@ -109,6 +113,29 @@ void ConvertEqualities(Conversion& c) {
   }
 }
 
+namespace {
+
+// The limits of the first leader of a chain of mimics, as limits of the follower.
+std::pair<double, double> LimitsByLeader(
+    const std::vector<Mimic>& mimics, const Mimic& follower,
+    const std::function<const FreedomDef&(const std::string&)>& freedom) {
+  double multiplier = follower.multiplier, offset = follower.offset;
+  std::string leader = follower.leader;
+  for (std::size_t links = 0; links < mimics.size(); ++links) {
+    const auto next =
+        std::find_if(mimics.begin(), mimics.end(), [&](const Mimic& other) { return other.joint == leader; });
+    if (next == mimics.end()) break;
+    offset += multiplier * next->offset;
+    multiplier *= next->multiplier;
+    leader = next->leader;
+  }
+  if (multiplier == 0) return {offset, offset};
+  const FreedomDef& first = freedom(leader);
+  return std::minmax(offset + multiplier * first.lower, offset + multiplier * first.upper);
+}
+
+}  // namespace
+
 std::optional<Error> ConvertMimics(Conversion& c, const std::vector<Mimic>& mimics) {
   const mjModel& m = c.m;
   const auto dof_of = [&](const std::string& name) {
@@ -122,9 +149,9 @@ std::optional<Error> ConvertMimics(Conversion& c, const std::vector<Mimic>& mimi
     const int a = dof_of(mimic.joint), b = dof_of(mimic.leader);
     const std::string where = fmt::format("joint '{}'", mimic.joint);
     if (a < 0 || b < 0) {
-      return c.ModelError(where,
-                          fmt::format("mimics '{}', but both must be revolute, continuous or prismatic{}",
-                                      mimic.leader, b < 0 ? Suggestion(mimic.leader, c.joint_names) : ""));
+      return c.ModelError(
+          where,
+          fmt::format("mimics '{}', but both must be revolute, continuous or prismatic", mimic.leader));
     }
     CouplingDef coupling;
     coupling.name = "mimic_" + mimic.joint;
@@ -136,6 +163,25 @@ std::optional<Error> ConvertMimics(Conversion& c, const std::vector<Mimic>& mimi
     c.held_by[a].push_back(fmt::format("mimic of '{}'", mimic.leader));
     c.scene.mechanisms[c.MechanismOf(a)].couplings.push_back(std::move(coupling));
   }
+  std::vector<std::string> beyond;
+  std::vector<FreedomDef*> followers;
+  for (const Mimic& mimic : mimics) {
+    FreedomDef& follower = c.FreedomOf(dof_of(mimic.joint));
+    const auto [lower, upper] = LimitsByLeader(
+        mimics, mimic,
+        [&](const std::string& joint) -> const FreedomDef& { return c.FreedomOf(dof_of(joint)); });
+    constexpr double kRounding = 1e-3;  // rad or m; files write limits of followers with few digits
+    if (lower < follower.lower - kRounding || upper > follower.upper + kRounding)
+      beyond.push_back(mimic.joint);
+    followers.push_back(&follower);
+  }
+  // Of two limits of one motion, those of the leader act.
+  for (FreedomDef* follower : followers) {
+    follower->lower = -std::numeric_limits<double>::infinity();
+    follower->upper = std::numeric_limits<double>::infinity();
+  }
+  c.ChangedMany("joint", beyond,
+                "its own limits do not act on a follower: those of the leader let it go beyond");
   if (!mimics.empty()) {
     std::vector<std::string> names;
     for (const Mimic& mimic : mimics) names.push_back(mimic.joint);

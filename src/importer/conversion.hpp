@@ -152,9 +152,10 @@ void FinishSprings(Conversion& c);
 std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options);
 /// Initial states (keyframes.cpp).
 std::optional<Error> ConvertKeyframes(Conversion& c, const std::string& wanted);
-/// Base pose and joint coordinates of the options, loops closed (initial_state.cpp); before ApplyPd, which
-/// holds it.
-std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& options);
+/// Base pose and joint coordinates of the options, followers with an offset and joints inside their limits,
+/// loops closed (initial_state.cpp); before ApplyPd, which holds it.
+std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& options,
+                                       const std::vector<Mimic>& mimics);
 /// A plane under the model (ground.cpp).
 std::optional<Error> ApplyGround(Conversion& c, const ImportOptions& options);
 /// Proportional-derivative control (pd.cpp).

@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <fork1s/mechanism/restitution.hpp>
 #include <memory>
@@ -136,11 +138,46 @@ class Pictures {
   std::vector<std::shared_ptr<const Picture>> known_;
 };
 
-// The damping ratio that `solref` gives contacts of a geom: named, or by stiffness and damping per mass.
-double DampingRatio(const mjModel& m, int g) {
-  const mjtNum* solref = m.opt.enableflags & mjENBL_OVERRIDE ? m.opt.o_solref : m.geom_solref + mjNREF * g;
+bool Overrides(const mjModel& m) { return m.opt.enableflags & mjENBL_OVERRIDE; }
+
+// The damping ratio that a contact's `solref` gives: named, or by stiffness and damping per mass.
+double DampingRatio(const mjModel& m, const mjtNum* own) {
+  const mjtNum* solref = Overrides(m) ? m.opt.o_solref : own;
   if (solref[0] > 0) return solref[1];
   return solref[0] < 0 ? -solref[1] / (2 * std::sqrt(-solref[0])) : 1;
+}
+
+// The explicit contact pairs of the file, and for each geom those of which it is one side.
+std::vector<std::vector<int>> ConvertPairs(Conversion& c) {
+  const mjModel& m = c.m;
+  std::vector<std::vector<int>> pairs_of(static_cast<std::size_t>(m.ngeom));
+  std::vector<std::string> rigid, by_direction;
+  for (int k = 0; k < m.npair; ++k) {
+    const int g = m.pair_geom1[k], h = m.pair_geom2[k];
+    ContactPairDef pair;
+    pair.name = NameOr(m, m.name_pairadr[k], "pair", k);
+    if (m.body_weldid[m.geom_bodyid[g]] == m.body_weldid[m.geom_bodyid[h]]) {
+      rigid.push_back(pair.name);
+      continue;
+    }
+    // Two sliding coefficients, torsion, two rolling coefficients; condim says how many of them act.
+    const mjtNum* friction = Overrides(m) ? m.opt.o_friction : m.pair_friction + 5 * k;
+    const int dim = m.pair_dim[k];
+    pair.friction = dim == 1 ? 0 : std::max(friction[0], friction[1]);
+    if (dim >= 4) pair.torsion = friction[2];
+    if (dim >= 6) pair.rolling = std::max(friction[3], friction[4]);
+    if ((dim > 1 && friction[0] != friction[1]) || (dim >= 6 && friction[3] != friction[4]))
+      by_direction.push_back(pair.name);
+    pair.restitution = RestitutionOf(DampingRatio(m, m.pair_solref + mjNREF * k));
+    pair.margin = Overrides(m) ? m.opt.o_margin : m.pair_margin[k];
+    for (int side : {g, h})
+      pairs_of[static_cast<std::size_t>(side)].push_back(static_cast<int>(c.scene.contact_pairs.size()));
+    c.scene.contact_pairs.push_back(std::move(pair));
+  }
+  c.DroppedMany("contact pair", rigid, "its geoms do not move relative to each other");
+  c.ChangedMany("contact pair", by_direction,
+                "friction is the same in all directions here, so the larger of the two coefficients acts");
+  return pairs_of;
 }
 
 }  // namespace
@@ -150,6 +187,8 @@ void ConvertGeoms(Conversion& c) {
   Shapes shapes(m);
   Pictures pictures(m);
   const bool contacts_off = m.opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT);
+  const auto pairs_of =
+      contacts_off ? std::vector<std::vector<int>>(static_cast<std::size_t>(m.ngeom)) : ConvertPairs(c);
   for (int g = 0; g < m.ngeom; ++g) {
     std::optional<Shape> shape = shapes.Of(g);
     const std::string name = NameOr(m, m.name_geomadr[g], "geom", g);
@@ -162,15 +201,22 @@ void ConvertGeoms(Conversion& c) {
     geometry.shape = std::move(*shape);
     const mjtNum* q = m.geom_quat + 4 * g;
     geometry.X_BG = RigidTransform(Quaternion(q[0], q[1], q[2], q[3]), Vec3(m.geom_pos + 3 * g));
-    geometry.friction = m.geom_friction[3 * g];
+    const mjtNum* friction = m.geom_friction + 3 * g;
+    const std::array<double, 3> coefficients =
+        Overrides(m) ? std::array<double, 3>{m.opt.o_friction[0], m.opt.o_friction[2], m.opt.o_friction[3]}
+                     : std::array<double, 3>{friction[0], friction[1], friction[2]};
+    geometry.friction = coefficients[0];
     geometry.priority = m.geom_priority[g];
     geometry.contype = contacts_off ? 0 : m.geom_contype[g];
     geometry.conaffinity = contacts_off ? 0 : m.geom_conaffinity[g];
     geometry.frictionless = m.geom_condim[g] == 1;
-    geometry.torsion = m.geom_friction[3 * g + 1];
-    geometry.rolling = m.geom_friction[3 * g + 2];
+    geometry.torsion = coefficients[1];
+    geometry.rolling = coefficients[2];
     geometry.moments = m.geom_condim[g] >= 6 ? 2 : m.geom_condim[g] >= 4 ? 1 : 0;
-    geometry.restitution = RestitutionOf(DampingRatio(m, g));
+    geometry.restitution = RestitutionOf(DampingRatio(m, m.geom_solref + mjNREF * g));
+    // Two geoms touch at the sum of their margins, which an override gives as a whole.
+    geometry.margin = Overrides(m) ? 0.5 * m.opt.o_margin : m.geom_margin[g];
+    geometry.pairs = pairs_of[static_cast<std::size_t>(g)];
     geometry.rgba = Colour(m, g);
     geometry.group = m.geom_group[g];
     pictures.Put(g, geometry);
@@ -190,8 +236,7 @@ void ConvertGeoms(Conversion& c) {
     }
   }
   if (contacts_off)
-    c.Note(ImportNote::Kind::kChanged, "option",
-           "contact is switched off or left to explicit pairs, so no shape touches");
+    c.Note(ImportNote::Kind::kChanged, "option", "contact is switched off, so no shape touches");
 }
 
 }  // namespace fork1s::internal

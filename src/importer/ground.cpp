@@ -41,7 +41,7 @@ struct LowestPoint {
 double LowestOf(const std::vector<GeometryDef>& geometries, const RigidTransform& X_WB) {
   double lowest = kNowhere;
   for (const GeometryDef& g : geometries) {
-    if (g.Collides()) lowest = std::min(lowest, std::visit(LowestPoint{X_WB * g.X_BG}, g.shape));
+    if (g.Collides()) lowest = std::min(lowest, std::visit(LowestPoint{X_WB * g.X_BG}, g.shape) - g.margin);
   }
   return lowest;
 }

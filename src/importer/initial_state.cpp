@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/mechanism/kinematics.hpp>
+#include <set>
 
 #include "conversion.hpp"
 #include "names.hpp"
@@ -95,6 +96,11 @@ std::optional<Error> PlaceBase(Conversion& c, const RigidTransform& X_WB) {
                      names.size(), Quoted(names)));
 }
 
+bool OutsideLimits(const FreedomDef& freedom, double displacement) {
+  constexpr double kRounding = 1e-9;  // rad or m; limits are written with that many digits
+  return displacement < freedom.lower - kRounding || displacement > freedom.upper + kRounding;
+}
+
 Expected<Asked> FindAsked(Conversion& c, const std::string& name, double value) {
   const mjModel& m = c.m;
   const std::string where = fmt::format("{}, option q '{}'", c.file, name);
@@ -125,11 +131,12 @@ Expected<Asked> FindAsked(Conversion& c, const std::string& name, double value) 
   const double q0 = c.Reference(dof);
   const FreedomDef& freedom = c.FreedomOf(dof);
   Asked asked{name, c.Freedom(dof), c.MechanismOf(dof), value - q0};
-  constexpr double kRounding = 1e-9;  // rad or m; limits are written with that many digits
-  if (asked.displacement < freedom.lower - kRounding || asked.displacement > freedom.upper + kRounding) {
+  if (OutsideLimits(freedom, asked.displacement)) {
+    asked.displacement = std::clamp(asked.displacement, freedom.lower, freedom.upper);
     c.Note(ImportNote::Kind::kChosen, fmt::format("option q '{}'", name),
-           fmt::format("it starts at {:.4g} {}, outside its limits {:.4g} to {:.4g} {}, which push it back",
-                       value, unit, freedom.lower + q0, freedom.upper + q0, unit));
+           fmt::format(
+               "{:.4g} {} is outside its limits {:.4g} to {:.4g} {}: it starts at the nearest, {:.4g} {}",
+               value, unit, freedom.lower + q0, freedom.upper + q0, unit, asked.displacement + q0, unit));
   }
   return asked;
 }
@@ -180,23 +187,86 @@ std::optional<Error> MoveLoops(const Conversion& c, const MechanismDef& definiti
                   definition.name, gap, Quoted(names), names.size() == 1 ? "it is" : "they are")};
 }
 
-std::optional<Error> SetCoordinates(Conversion& c, const std::map<std::string, double>& coordinates) {
-  std::vector<std::vector<Asked>> asked(c.scene.mechanisms.size());
+std::optional<Error> MoveTo(const Conversion& c, int mechanism, const std::vector<Asked>& asked, VectorX& q) {
+  if (asked.empty()) return std::nullopt;
+  const MechanismDef& definition = c.scene.mechanisms[mechanism];
+  if (!definition.closures.empty() || !definition.couplings.empty()) {
+    if (auto error = MoveLoops(c, definition, asked, q)) return error;
+  }
+  for (const Asked& one : asked) q[CoordinateOf(definition, one.freedom)] = one.displacement;
+  return std::nullopt;
+}
+
+using AskedByMechanism = std::vector<std::vector<Asked>>;
+
+// Leaders at their reference, where an offset moves a follower away from its own.
+AskedByMechanism LeadersOf(const Conversion& c, const std::vector<Mimic>& mimics) {
+  AskedByMechanism leaders(c.scene.mechanisms.size());
+  if (std::all_of(mimics.begin(), mimics.end(), [](const Mimic& m) { return m.offset == 0; })) return leaders;
+  std::set<std::string> names;
+  for (const Mimic& mimic : mimics) names.insert(mimic.leader);
+  for (const Mimic& mimic : mimics) names.erase(mimic.joint);
+  for (int j = 0; j < c.m.njnt; ++j)
+    if (names.count(c.joint_names[j]) > 0 && c.joint[j].mechanism >= 0)
+      leaders[c.joint[j].mechanism].push_back(
+          {c.joint_names[j], {c.joint[j].joint, 0}, c.joint[j].mechanism, 0});
+  return leaders;
+}
+
+// Joints whose displacement is outside their limits, each at the nearest value inside.
+std::vector<Asked> NearestInside(const Conversion& c, int mechanism, const VectorX& q) {
+  std::vector<Asked> nearest;
+  const MechanismDef& definition = c.scene.mechanisms[mechanism];
+  for (std::size_t j = 0; j < definition.joints.size(); ++j) {
+    const JointDef& joint = definition.joints[j];
+    for (int i = 0; i < static_cast<int>(joint.freedoms.size()); ++i) {
+      const FreedomDef& freedom = joint.freedoms[i];
+      const FreedomRef ref{JointIndex(j), i};
+      const double at = q[CoordinateOf(definition, ref)];
+      if (OutsideLimits(freedom, at))
+        nearest.push_back({joint.name, ref, mechanism, std::clamp(at, freedom.lower, freedom.upper)});
+    }
+  }
+  return nearest;
+}
+
+// A joint does not start outside its limits, unless its loops do not close inside them.
+void MoveInsideLimits(Conversion& c, int mechanism, std::vector<Asked> asked, VectorX& q) {
+  const std::vector<Asked> nearest = NearestInside(c, mechanism, q);
+  if (nearest.empty()) return;
+  asked.insert(asked.end(), nearest.begin(), nearest.end());
+  VectorX inside = q;
+  std::vector<std::string> names;
+  for (const Asked& one : nearest) names.push_back(one.joint);
+  if (MoveTo(c, mechanism, asked, inside)) {
+    c.ChangedMany("joint", names, "starts outside its limits, since its loops stay open inside them");
+    return;
+  }
+  q = inside;
+  c.ChangedMany("joint", names,
+                "the file starts it outside its limits: it starts at the nearest value inside");
+}
+
+std::optional<Error> SetCoordinates(Conversion& c, const std::map<std::string, double>& coordinates,
+                                    const std::vector<Mimic>& mimics) {
+  const AskedByMechanism leaders = LeadersOf(c, mimics);
+  AskedByMechanism asked(c.scene.mechanisms.size());
   for (const auto& [name, value] : coordinates) {
     auto one = FindAsked(c, name, value);
     if (!one) return one.error();
     asked[one->mechanism].push_back(std::move(*one));
   }
   KeyframeDef start = PresentStart(c);
-  for (std::size_t i = 0; i < asked.size(); ++i) {
-    if (asked[i].empty()) continue;
-    const MechanismDef& mechanism = c.scene.mechanisms[i];
+  bool moved = false;
+  for (int i = 0; i < static_cast<int>(asked.size()); ++i) {
+    const VectorX before = start.mechanisms[i].q;
     VectorX& q = start.mechanisms[i].q;
-    if (!mechanism.closures.empty() || !mechanism.couplings.empty()) {
-      if (auto error = MoveLoops(c, mechanism, asked[i], q)) return error;
-    }
-    for (const Asked& one : asked[i]) q[CoordinateOf(mechanism, one.freedom)] = one.displacement;
+    if (auto error = MoveTo(c, i, leaders[i], q)) return error;
+    if (auto error = MoveTo(c, i, asked[i], q)) return error;
+    MoveInsideLimits(c, i, asked[i], q);
+    moved = moved || !asked[i].empty() || q != before;
   }
+  if (!moved) return std::nullopt;
   start.name = "start";
   const auto taken = [&] {
     return std::any_of(c.scene.keyframes.begin(), c.scene.keyframes.end(),
@@ -210,12 +280,12 @@ std::optional<Error> SetCoordinates(Conversion& c, const std::map<std::string, d
 
 }  // namespace
 
-std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& options) {
+std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& options,
+                                       const std::vector<Mimic>& mimics) {
   if (options.base_pose) {
     if (auto error = PlaceBase(c, *options.base_pose)) return error;
   }
-  if (options.joint_coordinates.empty()) return std::nullopt;
-  return SetCoordinates(c, options.joint_coordinates);
+  return SetCoordinates(c, options.joint_coordinates, mimics);
 }
 
 }  // namespace fork1s::internal

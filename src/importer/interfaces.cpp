@@ -72,7 +72,13 @@ bool HasColliders(const BodyDef& body) {
                      [](const GeometryDef& g) { return g.Collides(); });
 }
 
-// Bodies that can touch and have no touching body beyond a joint; if nothing can touch, the last bodies.
+bool IsInPair(const BodyDef& body) {
+  return std::any_of(body.geometries.begin(), body.geometries.end(),
+                     [](const GeometryDef& g) { return !g.pairs.empty(); });
+}
+
+// Bodies of explicit contact pairs, and those that can touch and have no touching body beyond a joint; if
+// nothing can touch, the last bodies.
 std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* by_contact) {
   const std::size_t n = mechanism.bodies.size();
   std::vector<bool> has_joint(n, false);
@@ -90,7 +96,8 @@ std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* b
       below[p] = below[p] || here;
       beyond[p] = beyond[p] || beyond[b] || (here && has_joint[b]);
       // Without contact, a leaf is enough: a welded child already stands for its parent.
-      if (candidate && !rigid[b] && !beyond[b] && (contact || !below[b])) {
+      const bool outermost = !beyond[b] && (contact || !below[b]);
+      if (candidate && !rigid[b] && (outermost || IsInPair(mechanism.bodies[b]))) {
         std::size_t group = b;
         while (!has_joint[group]) group = mechanism.bodies[group].parent.u();
         if (std::find(groups_named.begin(), groups_named.end(), group) != groups_named.end()) continue;

@@ -143,7 +143,19 @@ std::optional<Error> PrepareJoint(UrdfWork& work, const Tree& tree, XMLElement& 
                          fmt::format("joint '{}' mimics '{}', which is not in the file{}", name, mimic.leader,
                                      Suggestion(mimic.leader, joints)));
     }
-    work.out.mimics.push_back(std::move(mimic));
+    const bool leader_is_fixed =
+        std::any_of(tree.joints.begin(), tree.joints.end(), [&](const XMLElement* other) {
+          return NameOf(*other) == mimic.leader && other->Attribute("type", "fixed") != nullptr;
+        });
+    if (type == "fixed" || leader_is_fixed)
+      work.out.notes.push_back(
+          {ImportNote::Kind::kDropped, fmt::format("joint '{}'", name),
+           type == "fixed"
+               ? fmt::format("it is fixed, so it does not mimic '{}'", mimic.leader)
+               : fmt::format("joint '{}' is fixed, so nothing is mimicked and '{}' moves by itself",
+                             mimic.leader, name)});
+    else
+      work.out.mimics.push_back(std::move(mimic));
   }
   if (type == "floating" && LinkOf(joint, "parent") != std::string("world")) {
     return work.Refuse(

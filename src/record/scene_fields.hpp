@@ -15,6 +15,10 @@ struct EnumNames<ModeChoice> {
   static constexpr auto& kNames = kModeChoiceNames;
 };
 template <>
+struct EnumNames<ParentFilter> {
+  static constexpr auto& kNames = kParentFilterNames;
+};
+template <>
 struct EnumNames<BaseKind> {
   static constexpr auto& kNames = kBaseKindNames;
 };
@@ -82,13 +86,20 @@ void Fields(A& a, Like<SpatialInertia, A>& s) {
 template <class A>
 void Fields(A& a, Like<GeometryDef, A>& s) {
   auto& [name, shape, X_BG, friction, priority, contype, conaffinity, frictionless, torsion, rolling, moments,
-         restitution, rgba, group, picture, picture_x, picture_y] = s;
+         restitution, margin, pairs, rgba, group, picture, picture_x, picture_y] = s;
   a("name", name), a("shape", shape), a("X_BG", X_BG), a("friction", friction), a("priority", priority);
   a("contype", contype), a("conaffinity", conaffinity), a("frictionless", frictionless);
   a("torsion", torsion), a("rolling", rolling), a("moments", moments);
-  a("restitution", restitution);
+  a("restitution", restitution), a("margin", margin), a("pairs", pairs);
   a("rgba", rgba), a("group", group);
   a("picture", picture), a("picture_x", picture_x), a("picture_y", picture_y);
+}
+
+template <class A>
+void Fields(A& a, Like<ContactPairDef, A>& s) {
+  auto& [name, friction, torsion, rolling, restitution, margin] = s;
+  a("name", name), a("friction", friction), a("torsion", torsion), a("rolling", rolling);
+  a("restitution", restitution), a("margin", margin);
 }
 
 template <class A>
@@ -186,13 +197,13 @@ void Fields(A& a, Like<ForceLimitDef, A>& s) {
 template <class A>
 void Fields(A& a, Like<MechanismDef, A>& s) {
   auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs, controls, frictions,
-         length_limits, force_limits, interfaces, chosen, modes, mode_choice] = s;
+         length_limits, force_limits, interfaces, chosen, modes, mode_choice, parent_filter] = s;
   a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
   a("closures", closures), a("couplings", couplings), a("paths", paths), a("springs", springs),
       a("controls", controls);
   a("frictions", frictions), a("length_limits", length_limits), a("force_limits", force_limits);
   a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);
-  a("mode_choice", mode_choice);
+  a("mode_choice", mode_choice), a("parent_filter", parent_filter);
 }
 
 template <class A>
@@ -222,10 +233,11 @@ void Fields(A& a, Like<KeyframeDef, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<Scene, A>& s) {
-  auto& [name, gravity, timestep, mechanisms, free_bodies, world, excluded_pairs, keyframes] = s;
+  auto& [name, gravity, timestep, mechanisms, free_bodies, world, excluded_pairs, contact_pairs, keyframes] =
+      s;
   a("name", name), a("gravity", gravity), a("timestep", timestep), a("mechanisms", mechanisms);
   a("free_bodies", free_bodies), a("world", world), a("excluded_pairs", excluded_pairs),
-      a("keyframes", keyframes);
+      a("contact_pairs", contact_pairs), a("keyframes", keyframes);
 }
 
 template <class A>

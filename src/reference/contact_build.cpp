@@ -32,7 +32,7 @@ std::vector<GeometryDef> GroupGeometry(const Mechanism& mechanism, const Group& 
 // Bodies next to each other across a joint or a closure overlap by design.
 bool AreNeighbours(const Mechanism& mechanism, int joint_a, int joint_b) {
   auto hangs_on = [&](int lower, int upper) {
-    if (lower < 0) return false;
+    if (lower < 0 || !mechanism.definition().FiltersParent(upper < 0)) return false;
     const BodyIndex parent = mechanism.body(mechanism.joint(JointIndex(lower)).body).parent;
     return mechanism.body(parent).last_joint == upper;
   };
@@ -116,7 +116,7 @@ Expected<void> ContactSet::Build(const Scene& scene, const Mechanisms& mechanism
   for (const auto& [a, b] : scene.excluded_pairs)
     if (named.count(a) && named.count(b) && named[a] != named[b]) excluded.emplace_back(named[a], named[b]);
 
-  auto collision = CollisionWorld::Create(bodies, excluded, options);
+  auto collision = CollisionWorld::Create(bodies, excluded, options, scene.contact_pairs);
   if (!collision) return tl::unexpected(collision.error());
   collision_ = std::make_unique<CollisionWorld>(std::move(*collision));
   margin_max_ = options.margin;

@@ -118,12 +118,12 @@ VectorX AddBase(const MechanismDef& from, const KeyframeDef::MechanismState& fro
   return from_state.V_R - TwistAt(to_state, from_state.X_WR);
 }
 
-// What name, base, pose and choices of interfaces and modes are is the host's affair.
+// What name, base, pose, parent filter and choices of interfaces and modes are is the host's affair.
 void AppendDefinition(const MechanismDef& from, const Shift& shift, MechanismDef& to) {
   // A field more does not compile here: then append it, or leave it to the host.
   [[maybe_unused]] const auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs,
                                 controls, frictions, length_limits, force_limits, interfaces, chosen, modes,
-                                choice] = from;
+                                choice, filter] = from;
   for (std::size_t b = 1; b < from.bodies.size(); ++b) {
     to.bodies.push_back(from.bodies[b]);
     to.bodies.back().parent = shift(from.bodies[b].parent);
@@ -175,6 +175,7 @@ MechanismDef Empty(const MechanismDef& was) {
   def.X_WR = was.X_WR;
   def.modes = 0;
   def.interfaces_chosen = was.interfaces_chosen;
+  def.parent_filter = was.parent_filter;
   BodyDef base;
   base.name = "place of " + was.bodies[0].name;
   def.interfaces.push_back(base.name);

@@ -83,7 +83,9 @@ Expected<PassingWatch> PassingWatch::Create(const Simulation& simulation) {
     for (std::size_t b = 0; b < mechanism.bodies().size(); ++b) {
       const Mechanism::Body& body = mechanism.bodies()[b];
       index_of[body.name] = of_joint[body.last_joint];
-      if (body.parent.valid()) exclude(body.last_joint, mechanism.body(body.parent).last_joint);
+      if (!body.parent.valid()) continue;
+      const int above = mechanism.body(body.parent).last_joint;
+      if (mechanism.definition().FiltersParent(above < 0)) exclude(body.last_joint, above);
     }
     for (const ClosureDef& c : mechanism.closures())
       exclude(mechanism.body(c.body_a).last_joint, mechanism.body(c.body_b).last_joint);
@@ -110,7 +112,7 @@ Expected<PassingWatch> PassingWatch::Create(const Simulation& simulation) {
   CollisionOptions options;
   options.margin = 0;
   options.multi_point = false;
-  auto collision = CollisionWorld::Create(d.bodies, excluded, options);
+  auto collision = CollisionWorld::Create(d.bodies, excluded, options, scene.contact_pairs);
   if (!collision) return tl::unexpected(collision.error());
   d.collision = std::make_unique<CollisionWorld>(std::move(*collision));
   d.Detect(simulation);
@@ -130,6 +132,9 @@ void PassingWatch::Detail::Detect(const Simulation& simulation) {
                                                 : world.mechanisms()[at].BodyPose(BodyIndex(g.index)));
   }
   collision->Detect(points);
+  // Explicit contact pairs are tested whatever is excluded.
+  const auto interior = [&](int body) { return body > 0 && group(body).interior; };
+  std::erase_if(points, [&](const ContactPoint& p) { return !interior(p.body_a) && !interior(p.body_b); });
 }
 
 void PassingWatch::Look(const Simulation& simulation) {

@@ -99,6 +99,57 @@ TEST(CollisionFilters, RestitutionOfAPair) {
   EXPECT_NEAR(restitution(1, 0, 0, 0), std::exp(-M_PI / std::sqrt(3)), 1e-15);
 }
 
+// Balls of 0.1 m on a plane, side by side; more than 32 pairs are sought by a sweep.
+std::vector<CollisionBodyDef> RowOfBalls(int balls, double height) {
+  std::vector<CollisionBodyDef> bodies = {Still(Plane{})};
+  for (int k = 0; k < balls; ++k) bodies.push_back(Moving(Sphere{0.1}, At(0.5 * k, 0, height)));
+  return bodies;
+}
+
+TEST(ContactPairs, TouchWhateverFiltersSay) {
+  const ContactPairDef law{"foot", 0.3, 0.01, 0.002, 0.4, 0};
+  for (const int balls : {2, 12}) {
+    std::vector<CollisionBodyDef> bodies = RowOfBalls(balls, 0.0995);
+    bodies[0].geometries[0].contype = bodies[0].geometries[0].conaffinity = 0;
+    bodies[0].geometries[0].pairs = bodies[2].geometries[0].pairs = {0};
+    bodies[2].geometries[0].contype = bodies[2].geometries[0].conaffinity = 0;
+    const auto contacts = Contacts(bodies, {{0, 2}}, {}, {law});
+    ASSERT_EQ(contacts.size(), 1u) << balls;
+    EXPECT_EQ(std::minmax(contacts[0].body_a, contacts[0].body_b), std::minmax(0, 2));
+    EXPECT_EQ(contacts[0].friction, 0.3);
+    EXPECT_EQ(contacts[0].torsion, 0.01);
+    EXPECT_EQ(contacts[0].rolling, 0.002);
+    EXPECT_EQ(contacts[0].restitution, 0.4);
+    const auto world = CollisionWorld::Create(bodies, {{0, 2}}, {}, {law});
+    const auto pairs = world->PairsThatMayTouch();
+    EXPECT_EQ(std::count(pairs.begin(), pairs.end(), std::pair(0, 2)), 1);
+  }
+}
+
+TEST(ContactPairs, GeometryNamesOneThatExists) {
+  std::vector<CollisionBodyDef> bodies = RowOfBalls(1, 0.1);
+  bodies[1].geometries[0].pairs = {0};
+  EXPECT_FALSE(CollisionWorld::Create(bodies, {}).has_value());
+  EXPECT_FALSE(CollisionWorld::Create(bodies, {}, {}, {{"p", -1}}).has_value());
+}
+
+TEST(ContactMargin, MovesTheSurfaceOutwards) {
+  for (const int balls : {2, 12}) {
+    std::vector<CollisionBodyDef> bodies = RowOfBalls(balls, 0.1295);
+    bodies[0].geometries[0].margin = 0.01;
+    bodies[1].geometries[0].margin = 0.02;
+    auto contacts = Contacts(bodies);
+    ASSERT_EQ(contacts.size(), 1u) << balls;
+    EXPECT_NEAR(contacts[0].gap, -0.0005, 1e-12);
+    bodies[0].geometries[0].pairs = bodies[2].geometries[0].pairs = {0};
+    ContactPairDef law;
+    law.margin = 0.0293;
+    contacts = Contacts(bodies, {}, {}, {law});
+    ASSERT_EQ(contacts.size(), 2u) << balls;
+    EXPECT_NEAR(contacts[1].gap, 0.0002, 1e-12);
+  }
+}
+
 TEST(CollisionErrors, NameTheGeometry) {
   const auto error = [](Shape shape) {
     CollisionBodyDef body = Moving(std::move(shape));

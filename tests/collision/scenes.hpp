@@ -34,9 +34,10 @@ inline RigidTransform At(double x, double y, double z) { return RigidTransform(V
 
 inline std::vector<ContactPoint> Contacts(const std::vector<CollisionBodyDef>& bodies,
                                           const std::vector<std::pair<int, int>>& excluded = {},
-                                          const CollisionOptions& options = {}) {
+                                          const CollisionOptions& options = {},
+                                          const std::vector<ContactPairDef>& pairs = {}) {
   std::vector<ContactPoint> contacts;
-  Expected<CollisionWorld> world = CollisionWorld::Create(bodies, excluded, options);
+  Expected<CollisionWorld> world = CollisionWorld::Create(bodies, excluded, options, pairs);
   EXPECT_TRUE(world.has_value()) << (world.has_value() ? "" : world.error().Text());
   if (world.has_value()) {
     EXPECT_TRUE(world->Detect(contacts));

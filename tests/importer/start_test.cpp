@@ -202,8 +202,9 @@ TEST(ImportStart, JointCoordinatesAreChecked) {
                   "option q 'knie': no mechanism has a joint of that name; near names are 'knee'");
   EXPECT_CONTAINS(MustFail(Hopper(), with("world_to_root", 0)).message, "--base-pose");
   EXPECT_CONTAINS(MustFail(Hopper(), with("knee", std::nan(""))).message, "not finite");
-  EXPECT_TRUE(HasNote(MustLoad(Hopper(), with("knee", 30)).report, Kind::kChosen,
-                      "option q 'knee': it starts at 30 rad, outside its limits -1 to 2 rad"));
+  EXPECT_TRUE(
+      HasNote(MustLoad(Hopper(), with("knee", 30)).report, Kind::kChosen,
+              "option q 'knee': 30 rad is outside its limits -1 to 2 rad: it starts at the nearest, 2 rad"));
   EXPECT_FALSE(HasNote(MustLoad(Hopper(), with("knee", 2)).report, Kind::kChosen, "outside"));
   EXPECT_CONTAINS(MustFail(R"(<mujoco><worldbody><body><geom size=".1"/><body><joint name="b" type="ball"/>
       <geom size=".1"/></body></body></worldbody></mujoco>)",
@@ -266,6 +267,40 @@ TEST(ImportStart, MimicsFollowTheirLeader) {
   EXPECT_NEAR(StartOf(MustLoad(text, options)).mechanisms[0].q[0], (.5 - .2) / -1.5, 1e-9);
   options.joint_coordinates = {{"ja", .4}, {"jb", .4}};
   EXPECT_CONTAINS(MustFail(text, options).message, "stay open");
+}
+
+TEST(ImportStart, FollowersWithAnOffsetStartAtIt) {
+  const ImportedScene loaded =
+      MustLoad(Robot(Link("base") + Link("a") + Link("b") + Joint("ja", "continuous", "base", "a") +
+                     Joint("jb", "continuous", "base", "b",
+                           R"(<axis xyz="0 1 0"/><mimic joint="ja" multiplier="-1" offset=".5"/>)")));
+  const VectorX& q = StartOf(loaded).mechanisms[0].q;
+  EXPECT_EQ(q[0], 0);
+  EXPECT_NEAR(q[1], 0.5, kRounding);
+}
+
+std::string Leg(const std::string& range, const std::string& keyframe = "") {
+  return R"(<mujoco><compiler angle="radian"/><worldbody><body name="trunk"><joint name="z" type="slide" axis="0 0 1"/>
+    <geom size=".1"/><body name="thigh"><joint name="knee" axis="0 1 0" range=")" +
+         range + R"("/>
+    <geom size=".1"/></body></body></worldbody>)" +
+         keyframe + "</mujoco>";
+}
+
+TEST(ImportStart, JointsStartInsideTheirLimits) {
+  const ImportedScene bent = MustLoad(Leg(".5 1"));
+  EXPECT_EQ(StartOf(bent).mechanisms[0].q[1], 0.5);
+  EXPECT_TRUE(HasNote(bent.report, Kind::kChanged, "joint 'knee': the file starts it outside its limits"));
+  const ImportedScene straight = MustLoad(Leg("-1 1"));
+  EXPECT_EQ(straight.initial_keyframe, -1);
+  EXPECT_FALSE(HasNote(straight.report, Kind::kChanged, "outside"));
+  ImportOptions options;
+  options.keyframe = "k";
+  const ImportedScene keyed =
+      MustLoad(Leg("-1 1", R"(<keyframe><key name="k" qpos=".2 -3" qvel="1 0"/></keyframe>)"), options);
+  EXPECT_EQ(StartOf(keyed).mechanisms[0].q[1], -1);
+  EXPECT_EQ(StartOf(keyed).mechanisms[0].q[0], 0.2);
+  EXPECT_EQ(StartOf(keyed).mechanisms[0].q_dot[0], 1);
 }
 
 }  // namespace

@@ -231,5 +231,39 @@ TEST(ImportUrdf, BrokenTrees) {
                   "nothing in the file can move");
 }
 
+TEST(UrdfMimic, OfOrByFixedJointsIsNoted) {
+  const auto load = [](const std::string& leader, const std::string& follower) {
+    return MustLoad(Robot(
+        Link("base") + Link("a") + Link("b") + Link("d") + Joint("ja", leader, "base", "a") +
+        Joint("jb", follower, "base", "b", R"(<axis xyz="0 1 0"/><mimic joint="ja" multiplier="-1"/>)") +
+        Joint("jd", "continuous", "base", "d")));
+  };
+  const ImportedScene of_fixed = load("fixed", "continuous"), by_fixed = load("continuous", "fixed");
+  EXPECT_TRUE(of_fixed.scene.mechanisms[0].couplings.empty());
+  EXPECT_TRUE(HasNote(of_fixed.report, ImportNote::Kind::kDropped, "joint 'jb': joint 'ja' is fixed"));
+  EXPECT_TRUE(by_fixed.scene.mechanisms[0].couplings.empty());
+  EXPECT_TRUE(HasNote(by_fixed.report, ImportNote::Kind::kDropped, "joint 'jb': it is fixed"));
+}
+
+TEST(UrdfMimic, LimitsOfTheLeaderAct) {
+  const auto load = [](const std::string& upper) {
+    return MustLoad(
+        Robot(Link("base") + Link("a") + Link("b") +
+              Joint("ja", "revolute", "base", "a",
+                    R"(<axis xyz="0 1 0"/><limit lower="0" upper=".8" effort="1" velocity="1"/>)") +
+              Joint("jb", "revolute", "a", "b",
+                    R"(<axis xyz="0 1 0"/><mimic joint="ja" multiplier="-1"/><limit lower="-)" + upper +
+                        R"(" upper=".1" effort="1" velocity="1"/>)")));
+  };
+  for (const char* upper : {".5", ".9"}) {
+    const ImportedScene loaded = load(upper);
+    const auto& joints = loaded.scene.mechanisms[0].joints;
+    EXPECT_EQ(joints[0].freedoms[0].upper, 0.8);
+    EXPECT_TRUE(std::isinf(joints[1].freedoms[0].lower));
+    EXPECT_EQ(HasNote(loaded.report, ImportNote::Kind::kChanged, "joint 'jb': its own limits do not act"),
+              upper == std::string(".5"));
+  }
+}
+
 }  // namespace
 }  // namespace fork1s::testing_importer

@@ -39,9 +39,13 @@ class BitList {
   void Add(const std::pair<A, B>& p) {
     Add(p.first), Add(p.second);
   }
+  void Add(const ContactPairDef& p) {
+    Add(p.name), Add(p.friction), Add(p.torsion), Add(p.rolling), Add(p.restitution), Add(p.margin);
+  }
   void Add(const GeometryDef& g) {
     Add(g.name), Add(static_cast<int>(g.shape.index())), Add(g.X_BG), Add(g.friction), Add(g.priority);
-    Add(g.contype), Add(g.conaffinity), Add(g.frictionless), Add(g.rgba), Add(g.group);
+    Add(g.contype), Add(g.conaffinity), Add(g.frictionless), Add(g.margin), Add(g.pairs), Add(g.rgba),
+        Add(g.group);
     Add(g.picture != nullptr), Add(g.picture_x), Add(g.picture_y);
     if (g.picture) Add(g.picture->name), Add(g.picture->width), Add(static_cast<int>(g.picture->rgb.size()));
     if (auto* s = std::get_if<Plane>(&g.shape)) Add(s->half_x), Add(s->half_y);
@@ -100,7 +104,7 @@ class BitList {
   void Add(const MechanismDef& m) {
     Add(m.name), Add(static_cast<int>(m.base)), Add(m.X_WR), Add(m.bodies), Add(m.joints), Add(m.closures);
     Add(m.couplings), Add(m.paths), Add(m.springs), Add(m.controls), Add(m.interfaces),
-        Add(m.interfaces_chosen), Add(m.modes);
+        Add(m.interfaces_chosen), Add(m.modes), Add(static_cast<int>(m.parent_filter));
   }
   void Add(const FreeBodyDef& b) { Add(b.name), Add(b.X_WB), Add(b.inertia), Add(b.geometries); }
   void Add(const KeyframeDef::MechanismState& s) {
@@ -110,7 +114,7 @@ class BitList {
   void Add(const KeyframeDef& k) { Add(k.name), Add(k.mechanisms), Add(k.free_bodies); }
   void Add(const Scene& s) {
     Add(s.name), Add(s.gravity), Add(s.timestep), Add(s.mechanisms), Add(s.free_bodies), Add(s.world);
-    Add(s.excluded_pairs), Add(s.keyframes);
+    Add(s.excluded_pairs), Add(s.contact_pairs), Add(s.keyframes);
   }
 };
 

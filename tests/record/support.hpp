@@ -180,6 +180,7 @@ inline Scene SceneWithEverything(unsigned seed) {
     MechanismDef& m = scene.mechanisms.back();
     m.interfaces_chosen = random.Chance(0.5);
     m.modes = random.Below(9);
+    m.parent_filter = static_cast<ParentFilter>(i);
     m.joints[0].freedoms[0].lower = -random.Uniform(0, 2);
     m.controls[0].upper = random.Uniform(1, 2);
     m.controls[0].initial = -0.0;
@@ -236,6 +237,8 @@ inline Scene SceneWithEverything(unsigned seed) {
     g.contype = random.Below(4);
     g.conaffinity = random.Below(4);
     g.frictionless = random.Chance(0.5);
+    g.margin = random.Uniform(0, 1);
+    g.pairs = {random.Below(3), 1};
     g.rgba = Vector4(0.1, random.Uniform(0, 1), 1.0 / 3, 1);
     if (random.Chance(0.5)) g.picture = picture;
     g.picture_x = random.Uniform(0, 1);
@@ -246,6 +249,7 @@ inline Scene SceneWithEverything(unsigned seed) {
   scene.world = body.geometries;
   scene.free_bodies = {body, body};
   scene.excluded_pairs = {{"free", "world"}, {"a", ""}};
+  scene.contact_pairs = {{"pair", random.Uniform(0, 1), 0.1, 0.2, 0.3, random.Uniform(0, 1)}, {}};
   KeyframeDef key;
   key.name = "key";
   for (const MechanismDef& m : scene.mechanisms) {

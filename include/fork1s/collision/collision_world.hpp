@@ -26,7 +26,7 @@ struct ContactPoint {
   int geometry_b = -1;
   Vector3 point = Vector3::Zero();      // midway between the surfaces, m
   Matrix3 frame = Matrix3::Identity();  // rows: normal from a to b, tangent 1, tangent 2
-  double gap = 0;                       // m, negative in penetration
+  double gap = 0;                       // m, less the margins of the shapes; negative in penetration
   double friction = 0;  // of the higher priority, else the larger; 0 if all who decide are frictionless
   double torsion = 0, rolling = 0;  // m, likewise; 0 where the pair bears no such moment
   double restitution = 0;           // share of the speed of approach that is left
@@ -40,10 +40,12 @@ struct CollisionOptions {
 /// Bodies are numbered in the order given. Bodies that do not move never touch each other.
 class CollisionWorld {
  public:
-  /// `excluded`: pairs of body indices that never touch.
+  /// `excluded`: pairs of body indices that never touch, but by `contact_pairs`, which GeometryDef::pairs
+  /// refers to.
   static Expected<CollisionWorld> Create(const std::vector<CollisionBodyDef>& bodies,
                                          const std::vector<std::pair<int, int>>& excluded,
-                                         const CollisionOptions& options = {});
+                                         const CollisionOptions& options = {},
+                                         const std::vector<ContactPairDef>& contact_pairs = {});
   ~CollisionWorld();
   CollisionWorld(CollisionWorld&&) noexcept;
   CollisionWorld& operator=(CollisionWorld&&) noexcept;

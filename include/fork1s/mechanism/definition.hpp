@@ -31,13 +31,26 @@ struct GeometryDef {
       0;  // 0: contacts bear none, 1: torsion, 2: rolling too (condim 3, 4, 6); a pair takes the more
   double restitution = 0;  // share of its speed with which parts again what meets it, 0 to 1; a pair has the
                            // mean of its damping ratios (restitution.hpp), or the higher priority's
+  double margin = 0;       // m: distance of the contact surface from the shape, outwards; a pair has the sum
+  std::vector<int> pairs;  // explicit contact pairs of which it is one side: indices in Scene::contact_pairs
   Vector4 rgba = Vector4(0.6, 0.6, 0.6, 1);
   int group = 0;  // for drawing only
   /// For drawing only, of meshes with corner_uv and of planes; it multiplies rgba. None: nullptr.
   std::shared_ptr<const Picture> picture;
   double picture_x = 0, picture_y = 0;  // 1/m: pictures along x and y of a plane, one in its middle
 
-  bool Collides() const { return contype != 0 || conaffinity != 0; }
+  bool Collides() const { return contype != 0 || conaffinity != 0 || !pairs.empty(); }
+};
+
+/// Contact law of two shapes that touch whatever contype, conaffinity, ParentFilter and
+/// Scene::excluded_pairs say. GeometryDef::pairs names it on both sides.
+struct ContactPairDef {
+  std::string name;
+  double friction = 1;  // sliding coefficient
+  double torsion = 0;   // m: moment about the normal as a share of the normal force
+  double rolling = 0;   // m: the same about the tangents
+  double restitution = 0;
+  double margin = 0;  // m: distance at which the shapes touch
 };
 
 /// One degree of freedom of a joint.
@@ -243,6 +256,13 @@ enum class BaseKind {
   kDriven,    ///< follows a prescribed pose
 };
 
+/// Which joints keep the two bodies that they join from touching each other. Closures always do.
+enum class ParentFilter {
+  kAll,     ///< all
+  kMoving,  ///< those whose parent can move, as in MJCF: a fixed base is part of the still world
+  kNone,
+};
+
 /// Which fixed-interface modes a reduced model keeps when it does not keep all.
 enum class ModeChoice {
   kLowest,        ///< those of lowest frequency (Craig and Bampton)
@@ -268,9 +288,15 @@ struct MechanismDef {
   bool interfaces_chosen = true;        // false: picked by the importer, not named by the user
   int modes = 4;                        // fixed-interface modes to keep
   ModeChoice mode_choice = ModeChoice::kLowest;
+  ParentFilter parent_filter = ParentFilter::kAll;
 
   /// Joints that move a part of a path against another and so may change its length, ascending.
   std::vector<JointIndex> JointsOfPath(int path) const;
+  /// Whether `parent_filter` applies to a joint whose parent is rigid with the base (true) or moves.
+  bool FiltersParent(bool parent_is_base) const {
+    if (parent_filter == ParentFilter::kMoving) return !(parent_is_base && base == BaseKind::kFixed);
+    return parent_filter == ParentFilter::kAll;
+  }
   BodyIndex FindBody(const std::string& body_name) const;
   JointIndex FindJoint(const std::string& joint_name) const;
 };

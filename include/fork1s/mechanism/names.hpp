@@ -12,6 +12,8 @@ inline constexpr std::pair<BaseKind, const char*> kBaseKindNames[] = {
     {BaseKind::kFixed, "fixed"}, {BaseKind::kFloating, "floating"}, {BaseKind::kDriven, "driven"}};
 inline constexpr std::pair<ModeChoice, const char*> kModeChoiceNames[] = {
     {ModeChoice::kLowest, "lowest"}, {ModeChoice::kContribution, "contribution"}};
+inline constexpr std::pair<ParentFilter, const char*> kParentFilterNames[] = {
+    {ParentFilter::kAll, "all"}, {ParentFilter::kMoving, "moving"}, {ParentFilter::kNone, "none"}};
 inline constexpr std::pair<JointKind, const char*> kJointKindNames[] = {
     {JointKind::kHinge, "hinge"},    {JointKind::kSlide, "slide"},
     {JointKind::kBall, "ball"},      {JointKind::kCylindrical, "cylindrical"},

@@ -45,6 +45,7 @@ struct Scene {
   std::vector<GeometryDef> world;  // still geometry
   std::vector<std::pair<std::string, std::string>>
       excluded_pairs;  // bodies that never touch; "world" is the world
+  std::vector<ContactPairDef> contact_pairs;  // shapes that touch by a law of their own
   std::vector<KeyframeDef> keyframes;
 };
 

@@ -1,0 +1,125 @@
+// What the file says about which shapes touch, and how.
+#include "helpers.hpp"
+#include "urdf_text.hpp"
+
+namespace fork1s::testing_importer {
+namespace {
+
+const GeometryDef& Geom(const Scene& scene, const std::string& name) {
+  const GeometryDef* found = nullptr;
+  const auto look = [&](const std::vector<GeometryDef>& geometries) {
+    for (const GeometryDef& g : geometries)
+      if (g.name == name) found = &g;
+  };
+  look(scene.world);
+  for (const MechanismDef& m : scene.mechanisms)
+    for (const BodyDef& b : m.bodies) look(b.geometries);
+  for (const FreeBodyDef& b : scene.free_bodies) look(b.geometries);
+  if (found == nullptr) throw std::runtime_error("no geom " + name);
+  return *found;
+}
+
+std::string Legged(const std::string& contact, const std::string& option = "") {
+  return "<mujoco>" + option + R"(<default><geom contype="0" conaffinity="0"/></default><worldbody>
+    <geom name="floor" type="plane" size="1 1 1"/>
+    <body name="trunk" pos="0 0 .3"><freejoint/><geom name="trunk" type="box" size=".1 .1 .05" mass="1"/>
+      <body name="leg" pos="0 0 -.1"><joint axis="0 1 0" stiffness="50"/>
+        <geom name="thigh" type="sphere" size=".02" mass=".2"/>
+        <body name="foot" pos="0 0 -.1"><joint axis="0 1 0" stiffness="50"/>
+          <geom name="sole" type="sphere" size=".02" mass=".2"/></body></body></body>
+    </worldbody><contact>)" +
+         contact + "</contact></mujoco>";
+}
+
+TEST(ContactPair, CarriesItsOwnLaw) {
+  const ImportedScene in = MustLoad(Legged(
+      R"(<pair name="step" geom1="floor" geom2="sole" condim="4" friction=".3 .3 .02 .001 .001"
+               margin=".01" solref=".02 .5"/><pair name="slip" geom1="floor" geom2="thigh" condim="1"/>)"));
+  ASSERT_EQ(in.scene.contact_pairs.size(), 2u);
+  const int at = in.scene.contact_pairs[0].name == "step" ? 0 : 1;  // in the order of the reader
+  const ContactPairDef &step = in.scene.contact_pairs[at], &slip = in.scene.contact_pairs[1 - at];
+  EXPECT_EQ(step.name, "step");
+  EXPECT_EQ(step.friction, 0.3);
+  EXPECT_EQ(step.torsion, 0.02);
+  EXPECT_EQ(step.rolling, 0);
+  EXPECT_EQ(step.margin, 0.01);
+  EXPECT_GT(step.restitution, 0);
+  EXPECT_EQ(slip.friction, 0);
+  EXPECT_EQ(Geom(in.scene, "sole").pairs, std::vector<int>{at});
+  EXPECT_EQ(Geom(in.scene, "floor").pairs, (std::vector<int>{0, 1}));
+  EXPECT_TRUE(Geom(in.scene, "trunk").pairs.empty());
+  EXPECT_FALSE(HasNote(in.report, ImportNote::Kind::kDropped, "pair"));
+}
+
+TEST(ContactPair, BodiesAreInterfacesAndGrounds) {
+  const ImportedScene in =
+      MustLoad(Legged(R"(<pair geom1="floor" geom2="sole"/><pair geom1="floor" geom2="thigh"/>)"));
+  EXPECT_EQ(in.scene.mechanisms[0].interfaces, (std::vector<std::string>{"leg", "foot"}));
+  for (const ImportNote& note : in.report.notes)
+    EXPECT_EQ(note.message.find("nothing to fall on"), std::string::npos);
+}
+
+TEST(ContactPair, FrictionByDirectionIsNoted) {
+  const ImportedScene in =
+      MustLoad(Legged(R"(<pair geom1="floor" geom2="sole" friction=".05 1 .005 .0001 .0001"/>)"));
+  EXPECT_EQ(in.scene.contact_pairs[0].friction, 1);
+  EXPECT_TRUE(HasNote(in.report, ImportNote::Kind::kChanged, "friction is the same in all directions"));
+}
+
+TEST(ContactPair, OfRigidGeomsIsDropped) {
+  const ImportedScene in = MustLoad(R"(<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+    <geom name="wall" type="box" size="1 1 1"/><body><freejoint/><geom type="sphere" size=".1"/></body></worldbody>
+    <contact><pair name="p" geom1="floor" geom2="wall"/></contact></mujoco>)");
+  EXPECT_TRUE(in.scene.contact_pairs.empty());
+  EXPECT_TRUE(HasNote(in.report, ImportNote::Kind::kDropped, "'p'"));
+}
+
+TEST(ContactPair, IsOffWithAllContacts) {
+  const ImportedScene in = MustLoad(
+      Legged(R"(<pair geom1="floor" geom2="sole"/>)", R"(<option><flag contact="disable"/></option>)"));
+  EXPECT_FALSE(Geom(in.scene, "sole").Collides());
+}
+
+TEST(ParentFilter, FollowsTheFormat) {
+  const auto filter = [](const std::string& option) {
+    return MustLoad(Legged("", option)).scene.mechanisms[0].parent_filter;
+  };
+  EXPECT_EQ(filter(""), ParentFilter::kMoving);
+  EXPECT_EQ(filter(R"(<option><flag filterparent="disable"/></option>)"), ParentFilter::kNone);
+  const auto urdf = LoadMechanism(WriteFile("arm.urdf", Arm(kInertial)));
+  ASSERT_TRUE(urdf.has_value());
+  EXPECT_EQ(urdf->scene.mechanisms[0].parent_filter, ParentFilter::kAll);
+}
+
+constexpr const char* kOverridden = R"(<mujoco><option o_friction=".1 .1 .02 .003 .003" o_margin=".004">
+    <flag override="%"/></option><worldbody><geom name="floor" type="plane" size="0 0 1"/>
+    <body><freejoint/><geom name="ball" type="sphere" size=".1" condim="6" margin=".02"/></body></worldbody>
+    <contact><pair geom1="floor" geom2="ball" condim="6"/></contact></mujoco>)";
+
+TEST(ContactOverride, ReplacesFrictionAndMargin) {
+  std::string text = kOverridden;
+  const Scene on = MustLoad(text.replace(text.find('%'), 1, "enable")).scene;
+  EXPECT_EQ(Geom(on, "ball").friction, 0.1);
+  EXPECT_EQ(Geom(on, "ball").torsion, 0.02);
+  EXPECT_EQ(Geom(on, "ball").rolling, 0.003);
+  EXPECT_EQ(Geom(on, "ball").margin + Geom(on, "floor").margin, 0.004);
+  EXPECT_EQ(on.contact_pairs[0].friction, 0.1);
+  EXPECT_EQ(on.contact_pairs[0].margin, 0.004);
+  text = kOverridden;
+  const Scene off = MustLoad(text.replace(text.find('%'), 1, "disable")).scene;
+  EXPECT_EQ(Geom(off, "ball").friction, 1);
+  EXPECT_EQ(Geom(off, "ball").margin, 0.02);
+}
+
+TEST(ContactNotes, NameWhatIsLeftOut) {
+  const ImportedScene in = MustLoad(R"(<mujoco><worldbody>
+    <geom name="belt" type="box" size="1 1 .1" surfacevel="1 0 0 0 0 0" adhesion="20"/>
+    <flexcomp name="pad" type="grid" count="3 3 3" spacing=".03 .03 .03" pos="0 0 1" radius=".002" dim="3"
+              mass=".1"/>
+    <body pos="0 0 2"><freejoint/><geom type="sphere" size=".1"/></body></worldbody></mujoco>)");
+  for (const char* part : {"surface velocity of geom 'belt'", "adhesion of geom 'belt'", "flex 'pad'"})
+    EXPECT_TRUE(HasNote(in.report, ImportNote::Kind::kDropped, part)) << part;
+}
+
+}  // namespace
+}  // namespace fork1s::testing_importer
