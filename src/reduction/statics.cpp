@@ -3,116 +3,19 @@
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/solve.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/statics.hpp>
-#include <limits>
+#include <fork1s/reduction/tangent_stiffness.hpp>
 
 #include <fmt/format.h>
 
 #include "elastic_basis.hpp"
+#include "loaded_mechanism.hpp"
 #include "locked_basis.hpp"
 
 namespace fork1s {
 namespace {
 
-// Everything that acts on joint coordinates at one pose: springs, controls, and a share s of the dead loads.
-class LoadedMechanism {
- public:
-  LoadedMechanism(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
-                  const StaticsOptions& options)
-      : mechanism_(mechanism),
-        loads_(loads),
-        options_(options),
-        kinematics_(mechanism),
-        F_(6, mechanism.num_bodies()) {
-    Pose(q0);
-    unit_ = ComputeOneUnit(mechanism, kinematics_);
-    const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics_, q0, unit_);
-    double far = 0;
-    for (const RigidTransform& X : kinematics_.X_RB) far = std::max(far, X.translation().norm());
-    const double stiffest = springs.weight.size() > 0 ? springs.weight.cwiseAbs2().maxCoeff() : 0;
-    rounding_ = 8 * std::numeric_limits<double>::epsilon() * (1 + far / mechanism.length_scale()) * stiffest;
-  }
-
-  void Pose(const VectorX& q) { ComputeKinematics(mechanism_, q, kinematics_); }
-  const Kinematics& kinematics() const { return kinematics_; }
-
-  // Loads alone, at the present pose.
-  VectorX LoadForce(double share) {
-    F_.setZero();
-    AddGravityWrenches(mechanism_, kinematics_, share * options_.gravity_R, F_);
-    for (const DeadLoad& load : loads_) {
-      const Vector3 f = share * load.force_R;
-      F_.col(load.body.value()).head<3>() +=
-          share * load.moment_R + kinematics_.X_RB[load.body.u()].translation().cross(f);
-      F_.col(load.body.value()).tail<3>() += f;
-    }
-    VectorX tau = VectorX::Zero(mechanism_.num_coordinates());
-    AccumulateGeneralizedForce(mechanism_, kinematics_.S, F_, tau);
-    return tau;
-  }
-
-  // Poses the mechanism at q; returns the unbalanced force with loop reactions λ.
-  VectorX Residual(const VectorX& q, const VectorX& lambda, double share) {
-    Pose(q);
-    VectorX g;
-    SpringForce(mechanism_, kinematics_, q, g);
-    if (options_.controls.size() > 0) AddControlForce(mechanism_, kinematics_, options_.controls, g);
-    g += LoadForce(share);
-    if (lambda.size() > 0) {
-      ClosureJacobian(mechanism_, kinematics_, q, A_);
-      g += TransposedTimes(A_, lambda);
-    }
-    for (const int i : options_.locked) g(i) = 0;  // balanced by the lock
-    return g;
-  }
-
-  // Size of the forces that have to balance, in one unit.
-  double Scale(const VectorX& q, double share) {
-    Pose(q);
-    VectorX g;
-    SpringForce(mechanism_, kinematics_, q, g);
-    const VectorX& x = unit_.coordinate;
-    return std::max(
-        {x.cwiseProduct(g).cwiseAbs().maxCoeff(), x.cwiseProduct(LoadForce(share)).cwiseAbs().maxCoeff(), 1e-300});
-  }
-  double Size(const VectorX& g) const { return unit_.coordinate.cwiseProduct(g).cwiseAbs().maxCoeff(); }
-  // What the stiffest spring makes of the rounding of positions, in one unit: forces no smaller than this can
-  // balance.
-  double rounding() const { return rounding_; }
-
-  // ∂g/∂q by central differences: covers loads that turn their lever arms, loop reactions and ball joints
-  // alike.
-  MatrixX Tangent(const VectorX& q, const VectorX& lambda, double share) {
-    const auto n = q.size();
-    MatrixX K(n, n);
-    VectorX x = q;
-    constexpr double kStep = 1e-5;
-    for (Eigen::Index i = 0; i < n; ++i) {
-      x(i) = q(i) + kStep;
-      const VectorX above = Residual(x, lambda, share);
-      x(i) = q(i) - kStep;
-      K.col(i) = (above - Residual(x, lambda, share)) / (2 * kStep);
-      x(i) = q(i);
-    }
-    for (const int i : options_.locked) {
-      K.row(i).setZero();
-      K.col(i).setZero();
-      K(i, i) = -1;  // beside a residual of 0: it does not move
-    }
-    return K;
-  }
-
- private:
-  const Mechanism& mechanism_;
-  const std::vector<DeadLoad>& loads_;
-  const StaticsOptions& options_;
-  Kinematics kinematics_;
-  OneUnit unit_;
-  double rounding_ = 0;
-  Matrix6X F_;
-  MatrixX A_;
-};
+using internal::LoadedMechanism;
 
 struct NewtonState {
   VectorX q, lambda;
@@ -165,7 +68,6 @@ bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const Stat
       return true;
     }
     const MatrixX K = loaded.Tangent(now.q, now.lambda, share);
-    loaded.Pose(now.q);  // differences left it beside
     const VectorX step =
         m == 0 ? VectorX(SolveSquare(-K, rhs))
                : ClosedStep(mechanism, loaded.kinematics(), now.q, K, rhs.head(n), c, options.locked);
@@ -207,17 +109,9 @@ StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const 
   result.q = state.q;
   result.converged = ok;
   if (ok) {
-    // Stable if the tangent is positive on motions that keep the loops closed.
-    const MatrixX K = -loaded.Tangent(state.q, state.lambda, 1);
-    MatrixX Z = MatrixX::Identity(state.q.size(), state.q.size());
-    if (mechanism.num_constraints() > 0) {
-      loaded.Residual(state.q, state.lambda, 1);
-      Z = internal::WithLocked(internal::ClosedMotions(mechanism, loaded.kinematics(), state.q),
-                               VectorX::Ones(state.q.size()), options.locked);
-    }
-    const MatrixX K_z = Congruence(K, Z);
-    const VectorX eigenvalues = EigenvaluesOf(0.5 * (K_z + K_z.transpose()));
-    result.stable = eigenvalues.size() == 0 || eigenvalues(0) > -1e-9 * eigenvalues.cwiseAbs().maxCoeff();
+    const TangentStiffness tangent = ComputeTangentStiffness(mechanism, state.q, loads, options);
+    result.stable = tangent.IsStable();
+    result.lowest_stiffness = tangent.lowest();
   }
   return result;
 }

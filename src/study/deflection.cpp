@@ -5,6 +5,44 @@
 #include <fork1s/study/deflection.hpp>
 
 namespace fork1s {
+namespace {
+
+tl::unexpected<Error> NoEquilibrium(const Mechanism& m, const char* load, const StaticsResult& result) {
+  return Fail(ErrorCode::kNumerics, fmt::format("mechanism '{}'", m.name()),
+              fmt::format("found no equilibrium under {} after {} Newton steps (residual {:.2g} of the "
+                          "forces): it may buckle; lower the load or stiffen the joints",
+                          load, result.iterations, result.residual));
+}
+
+}  // namespace
+
+StaticsOptions WeightAndControls(const PosedMechanism& posed, const Vector3& gravity_W) {
+  const Mechanism& m = *posed.mechanism;
+  StaticsOptions options;
+  options.gravity_R = m.definition().X_WR.rotation().transpose() * gravity_W;
+  options.controls.resize(static_cast<Eigen::Index>(m.controls().size()));
+  for (std::size_t i = 0; i < m.controls().size(); ++i)
+    options.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
+  return options;
+}
+
+Expected<LoadedState> ComputeLoadedState(const PosedMechanism& posed, const std::vector<BodyIndex>& bodies,
+                                         const Vector3& gravity_W, const std::vector<int>& locked,
+                                         int num_frequencies) {
+  const Mechanism& m = *posed.mechanism;
+  StaticsOptions options = WeightAndControls(posed, gravity_W);
+  options.locked = locked;
+  const StaticsResult rest = SolveStatics(m, posed.q, {}, options);
+  if (!rest.converged) return NoEquilibrium(m, "gravity, controls and preload", rest);
+  LoadedState out;
+  out.q = rest.q;
+  out.tangent = ComputeTangentStiffness(m, out.q, {}, options);
+  out.frequencies_hz = TangentFrequencies(m, out.q, out.tangent, num_frequencies);
+  std::vector<BodyPoint> origins;
+  for (const BodyIndex body : bodies) origins.push_back({body, Vector3::Zero()});
+  out.compliance = TangentCompliance(m, out.q, out.tangent, origins);
+  return out;
+}
 
 Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, const BodyLoad& load,
                              const Vector3& gravity_W, OnFreeMotion on_free) {
@@ -25,11 +63,7 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   const Mechanism& m = *at->mechanism;
   const RigidTransform X_WR = m.definition().X_WR;
   const Matrix3 R_RW = X_WR.rotation().transpose();
-  StaticsOptions options;
-  options.gravity_R = R_RW * gravity_W;
-  options.controls.resize(static_cast<Eigen::Index>(m.controls().size()));
-  for (std::size_t i = 0; i < m.controls().size(); ++i)
-    options.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
+  StaticsOptions options = WeightAndControls(*at, gravity_W);
   if (on_free == OnFreeMotion::kLock) options.locked = *CoordinatesToLock(m, at->q, {}, on_free);
   const std::vector<DeadLoad> loads{{body, R_RW * load.force_W, R_RW * load.moment_W}};
 
@@ -50,12 +84,7 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   out.linear.max_joint_rotation = MaxJointRotation(m, at->q, *linear_q);
 
   const StaticsResult result = SolveStatics(m, at->q, loads, options);
-  if (!result.converged)
-    return Fail(
-        ErrorCode::kNumerics, fmt::format("mechanism '{}'", m.name()),
-        fmt::format("found no equilibrium under this load after {} Newton steps (residual {:.2g} of the "
-                    "forces): it may buckle; lower the load or stiffen the joints",
-                    result.iterations, result.residual));
+  if (!result.converged) return NoEquilibrium(m, "this load", result);
   Kinematics loaded(m);
   ComputeKinematics(m, result.q, loaded);
   const RigidTransform X = X_WR * loaded.X_RB[body.u()];

@@ -6,11 +6,12 @@
 
 namespace fork1s {
 
-/// A force and moment of fixed direction in R at the origin of a body.
+/// A force and moment of fixed direction in R at a point of a body.
 struct DeadLoad {
   BodyIndex body;
   Vector3 force_R = Vector3::Zero();   // N
   Vector3 moment_R = Vector3::Zero();  // N·m
+  Vector3 point_B = Vector3::Zero();   // m, where the force acts, from the body's origin
 };
 
 struct StaticsOptions {
@@ -27,7 +28,8 @@ struct StaticsResult {
   bool converged = false;
   int iterations = 0;
   double residual = 0;  // relative
-  bool stable = true;   // tangent stiffness positive on the closed mechanism
+  bool stable = true;   // no negative eigenvalue of the tangent stiffness (TangentStiffness)
+  double lowest_stiffness = 0;  // N·m, its lowest eigenvalue
 };
 
 /// Equilibrium of springs, closures and loads with the base held, on the branch reached by raising the load

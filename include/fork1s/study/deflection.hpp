@@ -1,7 +1,7 @@
 // Where a body goes under a dead load, to first order and in full.
 #pragma once
 
-#include <fork1s/reduction/compliance.hpp>
+#include <fork1s/reduction/tangent_stiffness.hpp>
 #include <fork1s/study/posed_mechanism.hpp>
 #include <optional>
 #include <string>
@@ -33,6 +33,21 @@ struct LoadedBody {
   /// Sentences on joints that the load bends beyond their stops, which statics does not know.
   std::vector<std::string> beyond_stops;
 };
+
+/// Gravity [m/s²] and the controls' initial values on one mechanism.
+StaticsOptions WeightAndControls(const PosedMechanism& posed, const Vector3& gravity_W);
+
+/// Small motions about the equilibrium under gravity, controls and the preload of springs, the base held.
+struct LoadedState {
+  VectorX q;
+  TangentStiffness tangent;
+  std::vector<double> frequencies_hz;
+  InterfaceCompliance compliance;  // of the bodies asked for
+};
+/// Coordinates in `locked` stay where they are. Errors: kNumerics where no equilibrium is found.
+Expected<LoadedState> ComputeLoadedState(const PosedMechanism& posed, const std::vector<BodyIndex>& bodies,
+                                         const Vector3& gravity_W, const std::vector<int>& locked = {},
+                                         int num_frequencies = 8);
 
 /// Deflection of the loaded body under load, gravity [m/s²] and the controls' initial values, the base held.
 /// With OnFreeMotion::kLock a joint of every spring-free motion is locked. Errors: kModel for a body that no
