@@ -71,6 +71,9 @@ int Run(const StaticsArguments& args) {
     out["iterations"] = result->iterations;
     out["residual"] = result->residual;
     out["stable"] = result->stable;
+    out["lowest_stiffness_Nm"] = result->lowest_stiffness;
+    out["branch"] = result->limit_shares.empty() ? "primary" : "beyond limit points";
+    out["limit_shares"] = result->limit_shares;
     out["base_held"] = true;
     out["locked"] = result->locked;
     out["warnings"] = result->beyond_stops;
@@ -91,6 +94,16 @@ int Run(const StaticsArguments& args) {
                mm.x(), mm.y(), mm.z(), deg.x(), deg.y(), deg.z(), d.max_joint_rotation * kDegrees);
   }
   for (const std::string& sentence : result->beyond_stops) fmt::print("  warning: {}\n", sentence);
+  fmt::print("  {} equilibrium, lowest eigenvalue of the tangent stiffness {:.4g} N m\n",
+             result->stable ? "stable" : "unstable", result->lowest_stiffness);
+  if (!result->limit_shares.empty()) {
+    std::string shares;
+    for (const double share : result->limit_shares)
+      shares += fmt::format("{}{:.3g}", shares.empty() ? "" : ", ", share);
+    fmt::print(
+        "  warning: beyond limit points at {} of the load: it snaps through, and 'run' shows where it ends\n",
+        shares);
+  }
   if (!result->stable)
     fmt::print("  warning: this equilibrium is unstable; a slight push makes the mechanism leave it\n");
   return kDone;

@@ -39,6 +39,12 @@ std::vector<int> Regular(const TangentStiffness& t) {
 
 MatrixX TangentStiffness::SingularMotions() const { return Columns(eigenvectors, Singular(*this)); }
 
+VectorX TangentStiffness::Solve(const VectorX& g) const {
+  const std::vector<int> regular = Regular(*this);
+  const MatrixX V = Columns(eigenvectors, regular);
+  return Times(V, VectorX(TransposedTimes(V, g)).cwiseQuotient(Entries(eigenvalues, regular)));
+}
+
 TangentStiffness ComputeTangentStiffness(const Mechanism& mechanism, const VectorX& q,
                                          const std::vector<DeadLoad>& loads, const StaticsOptions& options) {
   internal::LoadedMechanism loaded(mechanism, q, loads, options);

@@ -8,10 +8,16 @@ namespace fork1s {
 namespace {
 
 tl::unexpected<Error> NoEquilibrium(const Mechanism& m, const char* load, const StaticsResult& result) {
-  return Fail(ErrorCode::kNumerics, fmt::format("mechanism '{}'", m.name()),
-              fmt::format("found no equilibrium under {} after {} Newton steps (residual {:.2g} of the "
-                          "forces): it may buckle; lower the load or stiffen the joints",
-                          load, result.iterations, result.residual));
+  return Fail(
+      ErrorCode::kNumerics, fmt::format("mechanism '{}'", m.name()),
+      fmt::format(
+          "found no equilibrium under {}: its path was followed to {:.3g} of the load{} (residual {:.2g} of "
+          "the forces after {} Newton steps); lower the load or stiffen the joints",
+          load, result.share,
+          result.limit_shares.empty()
+              ? std::string()
+              : fmt::format(", beyond a limit point at {:.3g} of it", result.limit_shares.front()),
+          result.residual, result.iterations));
 }
 
 }  // namespace
@@ -95,6 +101,8 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   out.iterations = result.iterations;
   out.residual = result.residual;
   out.stable = result.stable;
+  out.lowest_stiffness = result.lowest_stiffness;
+  out.limit_shares = result.limit_shares;
   for (Eigen::Index i = 0; i < result.q.size(); ++i) {
     const double q = result.q(i), low = m.lower()(i), high = m.upper()(i);
     constexpr double kRounding = 1e-6;

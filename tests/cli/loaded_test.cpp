@@ -40,5 +40,58 @@ TEST(Loaded, ReduceSaysThatAnEquilibriumIsUnstable) {
   EXPECT_NE(json["warnings"].dump().find("unstable"), std::string::npos) << json["warnings"];
 }
 
+// A bead of two slides between two cables, taut by 200 N.
+std::string Bead(double springlength) {
+  const std::string cable = " stiffness='2000' springlength='" + std::to_string(springlength) + "'>";
+  return Write("bead.xml",
+               "<mujoco><option gravity='0 0 0'/><worldbody><site name='l' pos='-.5 0 1'/>"
+               "<site name='r' pos='.5 0 1'/><body name='bead' pos='0 0 1'>"
+               "<joint name='x' type='slide' axis='1 0 0'/><joint name='z' type='slide' axis='0 0 1'/>"
+               "<geom type='sphere' size='.03' mass='.5'/><site name='b'/></body></worldbody><tendon>"
+               "<spatial name='tl'" +
+                   cable +
+                   "<site site='l'/><site site='b'/></spatial>"
+                   "<spatial name='tr'" +
+                   cable +
+                   "<site site='b'/><site site='r'/></spatial>"
+                   "</tendon></mujoco>");
+}
+
+TEST(Loaded, PrestressHoldsABeadBetweenCables) {
+  const auto json = Fork1s("statics --json --body bead --force 0,0,-10 " + Bead(0.4)).Json();
+  EXPECT_NEAR(json["linear"]["position_m"][2].get<double>(), 1 - 0.0125, 1e-9);
+  EXPECT_NEAR(json["position_m"][2].get<double>(), 1 - 0.0125, 5e-5);
+  EXPECT_TRUE(json["stable"].get<bool>());
+  EXPECT_EQ(json["branch"], "primary");
+  const auto held = Fork1s("inspect --json " + Bead(0.4)).Json();
+  EXPECT_TRUE(held["not_held"].empty()) << held["not_held"];
+  EXPECT_EQ(held["held_by_load"], nlohmann::json({"z"}));
+  // Cables without tension hold nothing across them.
+  const Outcome slack = Fork1s("statics --json --body bead --force 0,0,-10 " + Bead(0.5));
+  EXPECT_EQ(slack.code, 3) << slack.out;
+  EXPECT_NE(slack.err.find("joint 'z'"), std::string::npos) << slack.err;
+  EXPECT_EQ(Fork1s("inspect --json " + Bead(0.5)).Json()["not_held"].size(), 1u);
+}
+
+TEST(Loaded, SnapThroughIsFollowedAndSaid) {
+  // Two sprung bars from a fixed pin to an apex that slides, as one by symmetry: 2 N per N of a bar.
+  const std::string model = Write(
+      "truss.xml",
+      "<mujoco><compiler angle='radian'/><option gravity='0 0 0'/><worldbody><site name='pin' pos='-.3 0 0'/>"
+      "<body name='apex' pos='0 0 .1'><joint name='z' type='slide' axis='0 0 1'/>"
+      "<geom size='.01' mass='.05'/><site name='top'/></body></worldbody><tendon>"
+      "<spatial name='bar' stiffness='4000' springlength='.31622776601683794'><site site='pin'/>"
+      "<site site='top'/></spatial></tendon></mujoco>");
+  const std::string command = "statics --body apex --force=0,0,-8.6 " + model;
+  const auto json = Fork1s(command + " --json").Json();
+  EXPECT_NEAR(json["position_m"][2].get<double>(), -0.11734, 1e-5);
+  EXPECT_TRUE(json["stable"].get<bool>());
+  EXPECT_EQ(json["branch"], "beyond limit points");
+  EXPECT_EQ(json["limit_shares"].size(), 2u);
+  const std::string text = Fork1s(command).out;
+  for (const char* said : {"stable equilibrium", "limit points", "snaps through"})
+    EXPECT_NE(text.find(said), std::string::npos) << text;
+}
+
 }  // namespace
 }  // namespace fork1s::test

@@ -22,6 +22,8 @@ struct TangentStiffness {
   bool IsStable() const { return num_negative() == 0; }
   /// Motions of no stiffness: n x their number.
   MatrixX SingularMotions() const;
+  /// Displacements [n] under joint forces g, none along motions of no stiffness.
+  VectorX Solve(const VectorX& g) const;
 };
 
 /// At joint displacements q, an equilibrium under the loads (SolveStatics). Locked coordinates stay at rest.

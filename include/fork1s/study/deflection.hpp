@@ -29,6 +29,8 @@ struct LoadedBody {
   int iterations = 0;
   double residual = 0;  // relative to the forces
   bool stable = true;   // false: a slight push makes the mechanism leave this equilibrium
+  double lowest_stiffness = 0;       // N·m, lowest eigenvalue of the tangent stiffness (TangentStiffness)
+  std::vector<double> limit_shares;  // of all loads, at the limit points passed on the way (StaticsResult)
   std::vector<std::string> locked;  // joint coordinates that were held where they were
   /// Sentences on joints that the load bends beyond their stops, which statics does not know.
   std::vector<std::string> beyond_stops;
