@@ -51,7 +51,7 @@ Expected<LoadedState> ComputeLoadedState(const PosedMechanism& posed, const std:
 }
 
 Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, const BodyLoad& load,
-                             const Vector3& gravity_W, OnFreeMotion on_free) {
+                             const Vector3& gravity_W, OnFreeMotion on_free, int buckling_modes) {
   const PosedMechanism* at = nullptr;
   BodyIndex body;
   for (const PosedMechanism& p : mechanisms)
@@ -71,22 +71,22 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   const Matrix3 R_RW = X_WR.rotation().transpose();
   StaticsOptions options = WeightAndControls(*at, gravity_W);
   if (on_free == OnFreeMotion::kLock) options.locked = *CoordinatesToLock(m, at->q, {}, on_free);
-  const std::vector<DeadLoad> loads{{body, R_RW * load.force_W, R_RW * load.moment_W}};
+  const std::vector<DeadLoad> loads{{body, R_RW * load.force_W, R_RW * load.moment_W, load.point_B}};
 
   Kinematics reference(m);
   ComputeKinematics(m, at->q, reference);
   const RigidTransform X_ref = X_WR * reference.X_RB[body.u()];
   LoadedBody out;
   for (const int i : options.locked) out.locked.push_back(m.CoordinateName(i));
-  out.reference_position_W = X_ref.translation();
+  out.reference_position_W = X_ref * load.point_B;
 
   auto linear_q = LinearDeflection(m, at->q, loads, options);
   if (!linear_q) return tl::unexpected(linear_q.error());
   const Vector6 V = BodyJacobian(m, reference, body) * (*linear_q - at->q);
   out.linear.rotation_W = X_WR.rotation() * V.head<3>();
   out.linear.position_W =
-      X_ref.translation() +
-      X_WR.rotation() * (V.tail<3>() + V.head<3>().cross(reference.X_RB[body.u()].translation()));
+      out.reference_position_W +
+      X_WR.rotation() * (V.tail<3>() + V.head<3>().cross(reference.X_RB[body.u()] * load.point_B));
   out.linear.max_joint_rotation = MaxJointRotation(m, at->q, *linear_q);
 
   const StaticsResult result = SolveStatics(m, at->q, loads, options);
@@ -94,7 +94,7 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   Kinematics loaded(m);
   ComputeKinematics(m, result.q, loaded);
   const RigidTransform X = X_WR * loaded.X_RB[body.u()];
-  out.nonlinear.position_W = X.translation();
+  out.nonlinear.position_W = X * load.point_B;
   out.nonlinear.rotation_W = LogRotation(X.rotation() * X_ref.rotation().transpose());
   out.nonlinear.max_joint_rotation = MaxJointRotation(m, at->q, result.q);
   out.floats = m.base() == BaseKind::kFloating;
@@ -103,6 +103,15 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   out.stable = result.stable;
   out.lowest_stiffness = result.lowest_stiffness;
   out.limit_shares = result.limit_shares;
+  out.compliance = TangentCompliance(m, result.q, ComputeTangentStiffness(m, result.q, loads, options),
+                                     {{body, load.point_B}});
+  if (out.compliance.C.size() > 0) out.stiffness = StiffnessFromCompliance(out.compliance, m.length_scale());
+  if (buckling_modes > 0) {
+    auto modes = ComputeBucklingModes(m, at->q, loads, options, buckling_modes);
+    if (!modes) return tl::unexpected(modes.error());
+    out.buckling = std::move(*modes);
+    for (int i = 0; i < m.num_coordinates(); ++i) out.coordinates.push_back(m.CoordinateName(i));
+  }
   for (Eigen::Index i = 0; i < result.q.size(); ++i) {
     const double q = result.q(i), low = m.lower()(i), high = m.upper()(i);
     constexpr double kRounding = 1e-6;

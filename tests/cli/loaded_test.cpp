@@ -93,5 +93,27 @@ TEST(Loaded, SnapThroughIsFollowedAndSaid) {
     EXPECT_NE(text.find(said), std::string::npos) << text;
 }
 
+TEST(Loaded, StaticsHasStiffnessAtAPointAndBucklingLoads) {
+  const std::string command = "statics --body mast --point 0,0,.8 --force 0,0,-1 --buckling 2 " + Mast(10);
+  const auto json = Fork1s(command + " --json").Json();
+  const double k = 10 - 1.5 * 9.81 * 0.4, loaded = k - 0.8;
+  EXPECT_NEAR(json["reference_position_m"][2].get<double>(), 1.3, 1e-12);
+  EXPECT_NEAR(json["lowest_stiffness_Nm"].get<double>(), loaded, 1e-7);
+  EXPECT_NEAR(json["stiffness_along_axes_N_per_m"][0].get<double>(), loaded / 0.64, 1e-6);
+  EXPECT_TRUE(json["stiffness_along_axes_N_per_m"][1].is_null());
+  EXPECT_TRUE(json["stiffness_world"].is_null());
+  ASSERT_EQ(json["buckling"].size(), 1u);
+  EXPECT_NEAR(json["buckling"][0]["factor"].get<double>(), k / 0.8, 1e-6);
+  EXPECT_EQ(json["buckling"][0]["mode"]["foot"], 1.0);
+  const std::string text = Fork1s(command).out;
+  for (const char* said : {"[N/m]:", "rigid", "buckles at 5.1425 times the load", "foot 1"})
+    EXPECT_NE(text.find(said), std::string::npos) << text;
+  // Half-way along the lever a force turns it half as far, and moves it a quarter.
+  const auto sideways =
+      Fork1s("statics --json --gravity 0,0,0 --body mast --point 0,0,.4 --force .1,0,0 " + Mast(10)).Json();
+  EXPECT_NEAR(sideways["linear"]["position_m"][0].get<double>(), 0.1 * 0.16 / 10, 1e-12);
+  EXPECT_EQ(Fork1s("statics --body mast --point 0,x,0 " + Mast(10)).code, 2);
+}
+
 }  // namespace
 }  // namespace fork1s::test
