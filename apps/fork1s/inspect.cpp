@@ -1,10 +1,11 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/mechanism/names.hpp>
 #include <fork1s/reduction/free_motion.hpp>
-#include <fork1s/study/posed_mechanism.hpp>
+#include <fork1s/study/deflection.hpp>
 #include <memory>
 
 #include "checks.hpp"
@@ -15,6 +16,21 @@
 
 namespace fork1s::app {
 namespace {
+
+// Motions that no spring resists: those that gravity, controls and preload resist, and those that nothing
+// does. Weight resists no motion of what falls.
+void AddFreeMotions(const PosedMechanism& p, const Vector3& gravity_W, Json& out) {
+  const Mechanism& m = *p.mechanism;
+  const bool falls = m.base() == BaseKind::kFloating;
+  const StaticsOptions loads = WeightAndControls(p, falls ? Vector3(Vector3::Zero()) : gravity_W);
+  const std::vector<FreeMotion> of_springs = FindFreeMotions(m, p.q),
+                                unheld = FindFreeMotions(m, p.q, {}, &loads);
+  for (const FreeMotion& motion : unheld) out["not_held"].push_back(motion.Text(m));
+  for (const FreeMotion& motion : of_springs)
+    if (std::none_of(unheld.begin(), unheld.end(),
+                     [&](const FreeMotion& other) { return other.pivot == motion.pivot; }))
+      out["held_by_load"].push_back(m.joint(motion.joints.front()).name);
+}
 
 Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& posed) {
   Json out;
@@ -64,9 +80,8 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
   for (const auto& h : imported.report.holds)
     out["holds"].push_back({{"joint", h.joint}, {"held_by", h.held_by}});
   out["not_held"] = Json::array();
-  for (const PosedMechanism& p : posed)
-    for (const FreeMotion& motion : FindFreeMotions(*p.mechanism, p.q))
-      out["not_held"].push_back(motion.Text(*p.mechanism));
+  out["held_by_load"] = Json::array();
+  for (const PosedMechanism& p : posed) AddFreeMotions(p, imported.scene.gravity, out);
   out["step_us"] = posed.empty() ? Json(nullptr)
                                  : StepTimesJson(MeasureStepTimes(imported.scene, imported.initial_keyframe));
   out["notes"] = NotesJson(imported.report);
@@ -111,6 +126,9 @@ void Print(const ImportedScene& imported, const Json& d) {
   for (const JointHold& h : imported.report.holds) fmt::print("  {:<{}}  {}\n", h.joint, width, h.held_by);
   if (!d["not_held"].empty()) fmt::print("\nwhat nothing holds ({}):\n", d["not_held"].size());
   for (const Json& motion : d["not_held"]) fmt::print("  {}\n", motion.get<std::string>());
+  if (!d["held_by_load"].empty())
+    fmt::print("\nheld by preload, controls or weight alone ({}):\n", d["held_by_load"].size());
+  for (const Json& joint : d["held_by_load"]) fmt::print("  {}\n", joint.get<std::string>());
   fmt::print("\nnotes of the import ({}):\n", imported.report.notes.size());
   for (const Json& n : d["notes"]) fmt::print("  {}\n", n.get<std::string>());
 }

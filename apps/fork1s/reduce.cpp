@@ -1,12 +1,13 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <fork1s/record/recovery_buffers.hpp>
 #include <fork1s/record/reduced_model_file.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/free_motion.hpp>
 #include <fork1s/reduction/frequencies.hpp>
-#include <fork1s/study/posed_mechanism.hpp>
+#include <fork1s/study/deflection.hpp>
 #include <memory>
 
 #include "checks.hpp"
@@ -33,7 +34,23 @@ Json FreeMotionsJson(const Mechanism& m, const VectorX& q, const std::vector<Bod
   return all;
 }
 
-Expected<Json> ReduceOne(const PosedMechanism& posed, double step_s, OnFreeMotion on_free,
+// Stiffness, frequencies and compliance about the equilibrium under load; null where there is none.
+Json LoadedJson(const Expected<LoadedState>& loaded, double length) {
+  if (!loaded) return nullptr;
+  const TangentStiffness& tangent = loaded->tangent;
+  Json out;
+  out["stable"] = tangent.IsStable();
+  out["lowest_stiffness_Nm"] = tangent.lowest();
+  out["frequencies_hz"] = loaded->frequencies_hz;
+  out["compliance_world"] = ToJson(loaded->compliance.C);
+  out["stiffness_world"] = loaded->compliance.C.size() > 0
+                               ? ToJson(StiffnessFromCompliance(loaded->compliance, length))
+                               : Json(nullptr);
+  out["base_held"] = true;
+  return out;
+}
+
+Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFreeMotion on_free,
                          ReducedModel& model) {
   const Mechanism& m = *posed.mechanism;
   ReductionOptions options;
@@ -80,11 +97,60 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, double step_s, OnFreeMotio
   const int count = std::max(8, std::min(model.size(), 16));
   out["frequencies_hz"] = {{"full", FullFrequencies(m, posed.q, count)},
                            {"reduced", ReducedFrequencies(model, count)}};
+  const auto loaded = ComputeLoadedState(posed, model.interfaces, scene.gravity, held, count);
+  out["loaded"] = LoadedJson(loaded, m.length_scale());
+  if (!loaded) warnings.push_back(loaded.error().message);
+  if (loaded && !loaded->tangent.IsStable())
+    warnings.push_back(
+        fmt::format("the equilibrium under gravity, controls and preload is unstable (lowest eigenvalue of "
+                    "its stiffness {:.4g} "
+                    "N m): it has no frequencies, and a slight push makes the mechanism leave it",
+                    loaded->tangent.lowest()));
   out["coordinates"] = {{"elastic", model.num_elastic}, {"free", model.num_free}, {"modes", model.num_modes}};
   out["reduction_ms"] = spent.count();
-  out["gain"] = GainJson(MeasureInterfaceGain(posed, model, step_s));
+  out["gain"] = GainJson(MeasureInterfaceGain(posed, model, scene.timestep));
   out["warnings"] = std::move(warnings);
   return out;
+}
+
+void PrintFrequencies(const Json& d) {
+  const auto &full = d["frequencies_hz"]["full"], &reduced = d["frequencies_hz"]["reduced"];
+  const Json none = Json::array();
+  const Json& loaded = d["loaded"].is_null() ? none : d["loaded"]["frequencies_hz"];
+  const auto hertz = [](const Json& all, std::size_t i, const char* otherwise) {
+    return i < all.size() ? fmt::format("{:.6g}", all[i].get<double>()) : std::string(otherwise);
+  };
+  fmt::print(
+      "  frequencies of the springs alone (full and reduced) and about the equilibrium under gravity, "
+      "controls and\n  preload, base held (loaded):\n");
+  fmt::print("  {:>6}  {:>12}  {:>12}  {:>8}  {:>12}\n", "mode", "full Hz", "reduced Hz", "off %",
+             "loaded Hz");
+  for (std::size_t i = 0; i < std::max(full.size(), loaded.size()); ++i) {
+    const bool both = i < full.size() && i < reduced.size();
+    fmt::print(
+        "  {:>6}  {:>12}  {:>12}  {:>8}  {:>12}\n", i + 1, hertz(full, i, "-"),
+        hertz(reduced, i, i < full.size() ? "left out" : "-"),
+        both ? fmt::format("{:.3f}", 100 * (reduced[i].get<double>() / full[i].get<double>() - 1)) : "",
+        hertz(loaded, i, "-"));
+  }
+}
+
+void PrintCompliance(const Json& interfaces, const Json& C, const std::string& of_what) {
+  if (C.is_null()) return;
+  fmt::print("  compliance of each interface body, world axes (diagonal; rad/(N m), m/N; {}):\n", of_what);
+  constexpr double kRounding =
+      1e-12;  // beside the largest of its kind: a hinge does not turn across its axis
+  double largest[2] = {0, 0};
+  for (std::size_t i = 0; i < C.size(); ++i)
+    largest[i % 6 / 3] = std::max(largest[i % 6 / 3], std::abs(C[i][i].get<double>()));
+  for (std::size_t e = 0; e < interfaces.size(); ++e) {
+    fmt::print("    {:<20}", interfaces[e].get<std::string>());
+    for (std::size_t i = 6 * e; i < 6 * e + 6; ++i) {
+      const double value = C[i][i].get<double>();
+      fmt::print(" {:>10.4g}", std::abs(value) > kRounding * largest[i % 6 / 3] ? value : 0.0);
+    }
+    fmt::print("\n");
+  }
 }
 
 void Print(const Json& d, const Mechanism& m) {
@@ -97,43 +163,19 @@ void Print(const Json& d, const Mechanism& m) {
   fmt::print("  reduced coordinates: {} elastic, {} free, {} modes (of {} joint coordinates), in {:.2f} ms\n",
              c["elastic"].get<int>(), c["free"].get<int>(), c["modes"].get<int>(), m.num_coordinates(),
              d["reduction_ms"].get<double>());
-  const auto& full = d["frequencies_hz"]["full"];
-  const auto& reduced = d["frequencies_hz"]["reduced"];
-  fmt::print("  {:>6}  {:>12}  {:>12}  {:>8}\n", "mode", "full Hz", "reduced Hz", "off %");
-  for (std::size_t i = 0; i < full.size(); ++i) {
-    const double f = full[i].get<double>();
-    if (i < reduced.size())
-      fmt::print("  {:>6}  {:>12.6g}  {:>12.6g}  {:>8.3f}\n", i + 1, f, reduced[i].get<double>(),
-                 100 * (reduced[i].get<double>() / f - 1));
-    else
-      fmt::print("  {:>6}  {:>12.6g}  {:>12}\n", i + 1, f, "left out");
-  }
-  const Json& C = d["compliance_world"].is_null() && d.contains("compliance_world_base_held")
-                      ? d["compliance_world_base_held"]
-                      : d["compliance_world"];
-  if (!C.is_null()) {
-    std::string held = d.contains("compliance_world_base_held") ? "; base held" : "";
-    for (const Json& name : d["compliance_locked"]) held += "; '" + name.get<std::string>() + "' locked";
-    fmt::print("  compliance of each interface body, world axes (diagonal; rad/(N m), m/N{}):\n", held);
-    constexpr double kRounding = 1e-12;  // beside the largest of its kind: a hinge does not turn across its axis
-    double largest[2] = {0, 0};
-    for (std::size_t i = 0; i < C.size(); ++i)
-      largest[i % 6 / 3] = std::max(largest[i % 6 / 3], C[i][i].get<double>());
-    for (std::size_t e = 0; e < d["interfaces"].size(); ++e) {
-      fmt::print("    {:<20}", d["interfaces"][e].get<std::string>());
-      for (std::size_t i = 6 * e; i < 6 * e + 6; ++i) {
-        const double value = C[i][i].get<double>();
-        fmt::print(" {:>10.4g}", value > kRounding * largest[i % 6 / 3] ? value : 0.0);
-      }
-      fmt::print("\n");
-    }
-  }
+  PrintFrequencies(d);
+  const bool base_held = d.contains("compliance_world_base_held");
+  const Json& C = base_held ? d["compliance_world_base_held"] : d["compliance_world"];
+  std::string held = base_held ? "; base held" : "";
+  for (const Json& name : d["compliance_locked"]) held += "; '" + name.get<std::string>() + "' locked";
+  PrintCompliance(d["interfaces"], C, "of the springs alone" + held);
+  if (const Json& loaded = d["loaded"]; !loaded.is_null())
+    PrintCompliance(d["interfaces"], loaded["compliance_world"], "about the loaded equilibrium" + held);
   if (!d["free_motions"].empty()) {
-    fmt::print(
-        "  free of springs ({}){}:\n", d["free_motions"].size(),
-        C.is_null()
-            ? ", so that the compliance has no bound; --lock-free gives it with one joint of each locked"
-            : "");
+    fmt::print("  free of springs ({}){}:\n", d["free_motions"].size(),
+               C.is_null() ? ", so that the compliance of the springs has no bound; --lock-free gives it "
+                             "with one joint of each locked"
+                           : "");
     for (const Json& motion : d["free_motions"]) fmt::print("    {}\n", motion["text"].get<std::string>());
   }
   PrintGain(d["gain"]);
@@ -153,7 +195,8 @@ Expected<void> WriteBuffers(const ImportedScene& imported, Recovery recovery, co
 }  // namespace
 
 void AddReduce(CLI::App& app, Action& action) {
-  auto* command = app.add_subcommand("reduce", "compliance, frequencies and size of the reduced model");
+  auto* command = app.add_subcommand(
+      "reduce", "compliance and frequencies without and under load, size of the reduced model");
   auto model = std::make_shared<ModelArguments>();
   auto file = std::make_shared<std::string>();
   auto buffers = std::make_shared<std::string>();
@@ -185,7 +228,7 @@ void AddReduce(CLI::App& app, Action& action) {
       std::vector<Json> all;
       for (std::size_t i = 0; i < posed->size(); ++i) {
         ReducedModel reduced;
-        auto one = ReduceOne((*posed)[i], imported->scene.timestep,
+        auto one = ReduceOne((*posed)[i], imported->scene,
                              *lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse, reduced);
         if (!one) {
           Error error = one.error();

@@ -3,10 +3,14 @@
 #include <algorithm>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
+#include <fork1s/linalg/select.hpp>
+#include <fork1s/linalg/spectrum.hpp>
+#include <fork1s/reduction/tangent_stiffness.hpp>
 
 #include <fmt/format.h>
 
 #include "elastic_basis.hpp"
+#include "loaded_mechanism.hpp"
 #include "printed_axis.hpp"
 #include "world_axes.hpp"
 
@@ -60,6 +64,26 @@ std::string MotionText(const Vector6& twist, double length) {
   return text;
 }
 
+// Of the motions N in one unit those that forces set going, and those on which K_t is not positive.
+MatrixX Unresisted(const Mechanism& mechanism, const VectorX& q, const StaticsOptions& loads,
+                   const VectorX& unit, const MatrixX& N) {
+  const std::vector<DeadLoad> none;
+  internal::LoadedMechanism loaded(mechanism, q, none, loads);
+  const VectorX work = TransposedTimes(N, unit.cwiseProduct(loaded.Residual(q, loaded.Reactions(q, 1), 1)));
+  const double rounding = 1e-9 * loaded.Scale(q, 1);
+  std::vector<int> moving, resting;
+  for (int k = 0; k < static_cast<int>(N.cols()); ++k)
+    (std::abs(work(k)) > rounding ? moving : resting).push_back(k);
+  const MatrixX rest = RangeBasis(Columns(N, resting));
+  const TangentStiffness tangent = ComputeTangentStiffness(mechanism, q, {}, loads);
+  const MatrixX along = TransposedTimes(ScaledRows(unit.cwiseInverse(), tangent.eigenvectors), rest);
+  const SymmetricSpectrum spectrum = SpectrumOf(DiagonalCongruence(tangent.eigenvalues, along));
+  const auto unheld = (spectrum.values.array() <= tangent.zero).count();
+  MatrixX out(N.rows(), static_cast<Eigen::Index>(moving.size()) + unheld);
+  out << Columns(N, moving), Times(rest, spectrum.vectors.leftCols(unheld));
+  return EchelonBasis(out);
+}
+
 }  // namespace
 
 std::string FreeMotion::Text(const Mechanism& mechanism) const {
@@ -77,13 +101,14 @@ std::string FreeMotion::Text(const Mechanism& mechanism) const {
 }
 
 std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const VectorX& q,
-                                        std::vector<BodyIndex> bodies) {
+                                        std::vector<BodyIndex> bodies, const StaticsOptions* loads) {
   if (bodies.empty())
     for (int b = 0; b < mechanism.num_bodies(); ++b) bodies.push_back(BodyIndex(b));
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q, kinematics);
   const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q);
-  const MatrixX N = EchelonBasis(basis.FreeInOneUnit(mechanism.num_coordinates()));
+  MatrixX N = EchelonBasis(basis.FreeInOneUnit(mechanism.num_coordinates()));
+  if (loads && N.cols() > 0) N = Unresisted(mechanism, q, *loads, basis.scale, N);
   if (N.cols() == 0) return {};
   const double L = mechanism.length_scale();
   const Matrix6 to_world = internal::WorldAxes(mechanism, 1);

@@ -3,221 +3,229 @@
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/solve.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/statics.hpp>
+#include <fork1s/reduction/tangent_stiffness.hpp>
 #include <limits>
 
 #include <fmt/format.h>
 
 #include "elastic_basis.hpp"
+#include "loaded_mechanism.hpp"
 #include "locked_basis.hpp"
 
 namespace fork1s {
 namespace {
 
-// Everything that acts on joint coordinates at one pose: springs, controls, and a share s of the dead loads.
-class LoadedMechanism {
- public:
-  LoadedMechanism(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
-                  const StaticsOptions& options)
-      : mechanism_(mechanism),
-        loads_(loads),
-        options_(options),
-        kinematics_(mechanism),
-        F_(6, mechanism.num_bodies()) {
-    Pose(q0);
-    unit_ = ComputeOneUnit(mechanism, kinematics_);
-    const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics_, q0, unit_);
-    double far = 0;
-    for (const RigidTransform& X : kinematics_.X_RB) far = std::max(far, X.translation().norm());
-    const double stiffest = springs.weight.size() > 0 ? springs.weight.cwiseAbs2().maxCoeff() : 0;
-    rounding_ = 8 * std::numeric_limits<double>::epsilon() * (1 + far / mechanism.length_scale()) * stiffest;
-  }
+using internal::LoadedMechanism;
 
-  void Pose(const VectorX& q) { ComputeKinematics(mechanism_, q, kinematics_); }
-  const Kinematics& kinematics() const { return kinematics_; }
+// Whether forces g do work on any of the motions.
+bool WorksOn(const MatrixX& motions, const VectorX& g) {
+  return motions.cols() > 0 &&
+         TransposedTimes(motions, g).cwiseAbs().maxCoeff() > 1e-9 * std::max(1e-300, g.cwiseAbs().maxCoeff());
+}
 
-  // Loads alone, at the present pose.
-  VectorX LoadForce(double share) {
-    F_.setZero();
-    AddGravityWrenches(mechanism_, kinematics_, share * options_.gravity_R, F_);
-    for (const DeadLoad& load : loads_) {
-      const Vector3 f = share * load.force_R;
-      F_.col(load.body.value()).head<3>() +=
-          share * load.moment_R + kinematics_.X_RB[load.body.u()].translation().cross(f);
-      F_.col(load.body.value()).tail<3>() += f;
-    }
-    VectorX tau = VectorX::Zero(mechanism_.num_coordinates());
-    AccumulateGeneralizedForce(mechanism_, kinematics_.S, F_, tau);
-    return tau;
-  }
-
-  // Poses the mechanism at q; returns the unbalanced force with loop reactions λ.
-  VectorX Residual(const VectorX& q, const VectorX& lambda, double share) {
-    Pose(q);
-    VectorX g;
-    SpringForce(mechanism_, kinematics_, q, g);
-    if (options_.controls.size() > 0) AddControlForce(mechanism_, kinematics_, options_.controls, g);
-    g += LoadForce(share);
-    if (lambda.size() > 0) {
-      ClosureJacobian(mechanism_, kinematics_, q, A_);
-      g += TransposedTimes(A_, lambda);
-    }
-    for (const int i : options_.locked) g(i) = 0;  // balanced by the lock
-    return g;
-  }
-
-  // Size of the forces that have to balance, in one unit.
-  double Scale(const VectorX& q, double share) {
-    Pose(q);
-    VectorX g;
-    SpringForce(mechanism_, kinematics_, q, g);
-    const VectorX& x = unit_.coordinate;
-    return std::max(
-        {x.cwiseProduct(g).cwiseAbs().maxCoeff(), x.cwiseProduct(LoadForce(share)).cwiseAbs().maxCoeff(), 1e-300});
-  }
-  double Size(const VectorX& g) const { return unit_.coordinate.cwiseProduct(g).cwiseAbs().maxCoeff(); }
-  // What the stiffest spring makes of the rounding of positions, in one unit: forces no smaller than this can
-  // balance.
-  double rounding() const { return rounding_; }
-
-  // ∂g/∂q by central differences: covers loads that turn their lever arms, loop reactions and ball joints
-  // alike.
-  MatrixX Tangent(const VectorX& q, const VectorX& lambda, double share) {
-    const auto n = q.size();
-    MatrixX K(n, n);
-    VectorX x = q;
-    constexpr double kStep = 1e-5;
-    for (Eigen::Index i = 0; i < n; ++i) {
-      x(i) = q(i) + kStep;
-      const VectorX above = Residual(x, lambda, share);
-      x(i) = q(i) - kStep;
-      K.col(i) = (above - Residual(x, lambda, share)) / (2 * kStep);
-      x(i) = q(i);
-    }
-    for (const int i : options_.locked) {
-      K.row(i).setZero();
-      K.col(i).setZero();
-      K(i, i) = -1;  // beside a residual of 0: it does not move
-    }
-    return K;
-  }
-
- private:
-  const Mechanism& mechanism_;
-  const std::vector<DeadLoad>& loads_;
-  const StaticsOptions& options_;
-  Kinematics kinematics_;
-  OneUnit unit_;
-  double rounding_ = 0;
-  Matrix6X F_;
-  MatrixX A_;
-};
-
-struct NewtonState {
+// Of the equilibrium path g(q, λ, s) = 0, c(q) = 0; s is the share of the load.
+struct PathPoint {
   VectorX q, lambda;
+  double share = 0;
 };
 
-// A step of Newton's method [dq; dλ] that closes the loops, A dq = -c, and balances g + K dq + Aᵀdλ = 0. Loops
-// first, by their rank in one unit; then the motions that they leave, and the reactions of least norm: loops
-// closed more often than needed share them.
-VectorX ClosedStep(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
-                   const MatrixX& K, const VectorX& g, const VectorX& c, const std::vector<int>& locked) {
-  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+// Unit tangent of the path; joints in one unit, s as it is.
+struct PathTangent {
+  VectorX x;
+  double share = 1;
+};
+
+// Solutions [dq; dλ] of A dq = -c and g + K dq + Aᵀdλ = 0 for columns of g and c. Loops first, by their rank
+// in one unit; then the motions that they leave, and the reactions of least norm: loops closed more often
+// than needed share them.
+MatrixX SolveClosed(const Mechanism& mechanism, const LoadedMechanism& loaded, const VectorX& q,
+                    const MatrixX& K, const MatrixX& g, const MatrixX& c, const std::vector<int>& locked) {
+  const OneUnit here = ComputeOneUnit(mechanism, loaded.kinematics());
+  const VectorX& unit = here.coordinate;
   VectorX row;
-  MatrixX A = ClosureRowsInOneUnit(mechanism, kinematics, q, unit, &row);
+  MatrixX A = ClosureRowsInOneUnit(mechanism, loaded.kinematics(), q, here, &row);
   for (const int i : locked) A.col(i).setZero();
-  const MatrixX K_x = ScaledColumns(ScaledRows(unit.coordinate, K), unit.coordinate);
-  const VectorX g_x = unit.coordinate.cwiseProduct(g), c_x = row.cwiseProduct(c);
+  const MatrixX K_x = ScaledColumns(ScaledRows(unit, K), unit);
+  const MatrixX g_x = ScaledRows(unit, g), c_x = ScaledRows(row, c);
   const NullSpace closed = ComputeNullSpace(A);
   const MatrixX& unseen = closed.unseen;
   const MatrixX A_seen = Times(A, closed.seen);
-  VectorX x = -Times(closed.seen, LeastNormSolve(A_seen, c_x, kRankThreshold));
+  MatrixX x = -Times(closed.seen, LeastNormSolve(A_seen, c_x, kRankThreshold));
   const MatrixX K_z = Congruence(K_x, unseen);
   // What neither springs nor loads hold stays where it is: differences give its stiffness as rounding.
   constexpr double kHeld = 1e-12;
   x -= Times(unseen, LeastNormSolve(K_z, TransposedTimes(unseen, g_x + Times(K_x, x)), kHeld));
-  const VectorX lambda =
-      -LeastNormSolve(A_seen.transpose(), TransposedTimes(closed.seen, g_x + Times(K_x, x)), kRankThreshold);
-  VectorX step(x.size() + lambda.size());
-  step << unit.coordinate.cwiseProduct(x), row.cwiseProduct(lambda);
+  MatrixX step(x.rows() + c.rows(), g.cols());
+  step << ScaledRows(unit, x),
+      ScaledRows(row, -LeastNormSolve(A_seen.transpose(), TransposedTimes(closed.seen, g_x + Times(K_x, x)),
+                                      kRankThreshold));
   return step;
 }
 
-// Newton at one load; false leaves the state where it was.
-bool Equilibrate(const Mechanism& mechanism, LoadedMechanism& loaded, const StaticsOptions& options,
-                 double share, NewtonState& state, StaticsResult& result) {
-  const Eigen::Index n = state.q.size(), m = mechanism.num_constraints();
-  NewtonState now = state;
-  VectorX c = VectorX::Zero(m);
-  for (int i = 0; i < options.max_iterations; ++i) {
-    ++result.iterations;
-    VectorX rhs(n + m);
-    rhs.head(n) = loaded.Residual(now.q, now.lambda, share);
-    if (m > 0) ClosureResidual(mechanism, loaded.kinematics(), now.q, c);
-    rhs.tail(m) = -c;
-    const double scale = loaded.Scale(now.q, share);
-    const double error = n > 0 ? loaded.Size(rhs.head(n)) / scale : 0;
-    if (!std::isfinite(error)) return false;
-    result.residual = error;
-    if ((error < options.tolerance || error * scale < loaded.rounding()) && (m == 0 || c.cwiseAbs().maxCoeff() < 1e-12)) {
-      state = now;
-      return true;
-    }
-    const MatrixX K = loaded.Tangent(now.q, now.lambda, share);
-    loaded.Pose(now.q);  // differences left it beside
-    const VectorX step =
-        m == 0 ? VectorX(SolveSquare(-K, rhs))
-               : ClosedStep(mechanism, loaded.kinematics(), now.q, K, rhs.head(n), c, options.locked);
-    if (!step.allFinite()) return false;
-    const double largest = step.head(n).cwiseAbs().maxCoeff();
-    const double damping = largest > 0.4 ? 0.4 / largest : 1.0;
-    now.q += damping * step.head(n);
-    now.lambda += damping * step.tail(m);
-    // The residual is as small as the differences of the tangent resolve.
-    if (largest < 1e-13) {
-      result.residual = error;
-      if (error < 1e-8) {
-        state = now;
-        return true;
-      }
-    }
+// The path of equilibria as the load grows, by arc length (Crisfield, Non-linear Finite Element Analysis of
+// Solids and Structures, chapter 9).
+class EquilibriumPath {
+ public:
+  EquilibriumPath(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
+                  const StaticsOptions& options)
+      : mechanism_(mechanism), options_(options), loaded_(mechanism, q0, loads, options) {
+    point_ = {q0, VectorX::Zero(mechanism.num_constraints()), 0};
+    unloaded_ = options;
+    unloaded_.gravity_R.setZero();
   }
-  return false;
-}
+
+  StaticsResult Solve() {
+    result_.converged = Start() && Follow();
+    result_.q = point_.q;
+    result_.share = point_.share;
+    return std::move(result_);
+  }
+
+ private:
+  // At s = 0. There equilibria along motions of no stiffness are many, and the load, if it works on them,
+  // chooses one: then at the first part of it.
+  bool Start() {
+    constexpr double kAnywhere = std::numeric_limits<double>::infinity();
+    if (!Correct(point_, nullptr, kAnywhere)) return false;
+    const MatrixX free = ComputeTangentStiffness(mechanism_, point_.q, {}, unloaded_).SingularMotions();
+    loaded_.Pose(point_.q);
+    const VectorX load = LoadRate();
+    if (!WorksOn(free, load)) return true;
+    point_.share = 1.0 / options_.load_steps;
+    return Correct(point_, nullptr, kAnywhere);
+  }
+
+  // Steps along the tangent, each corrected across it, until s = 1.
+  bool Follow() {
+    constexpr double kLongest = 0.5, kShortest = 1e-7;  // of rotations in rad, lengths and s
+    constexpr int kMaxSteps = 300;
+    constexpr double kTurn = 0.8,
+                     kStraight = 0.98;  // cosines between tangents: step is halved below, doubled above
+    if (point_.share >= 1) return true;
+    PathTangent tangent = TangentAt(point_, nullptr);
+    double length = 1 / (options_.load_steps * tangent.share);
+    for (int i = 0; i < kMaxSteps && length > kShortest; ++i) {
+      const double to_end = (1 - point_.share) / tangent.share;
+      if (to_end > 0 && to_end <= 1.0001 * length) {
+        PathPoint end = Along(tangent, to_end);
+        end.share = 1;
+        if (Correct(end, nullptr, 0.5 * to_end)) {
+          point_ = end;
+          return true;
+        }
+        length = 0.5 * to_end;
+        continue;
+      }
+      PathPoint next = Along(tangent, length);
+      if (!Correct(next, &tangent, 0.5 * length)) {
+        length *= 0.5;
+        continue;
+      }
+      const PathTangent there = TangentAt(next, &tangent);
+      const double cosine = there.x.dot(tangent.x) + there.share * tangent.share;
+      const bool passes_end = (next.share - 1) * (point_.share - 1) < 0;
+      if (!(cosine > kTurn) || passes_end) {
+        length *= 0.5;
+        continue;
+      }
+      if (there.share * tangent.share < 0)  // extremum of the parabola with these slopes
+        result_.limit_shares.push_back(point_.share + 0.5 * length * tangent.share * tangent.share /
+                                                          (tangent.share - there.share));
+      point_ = next;
+      tangent = there;
+      if (cosine > kStraight) length = std::min(2 * length, std::max(kLongest, length));
+    }
+    return false;
+  }
+
+  PathPoint Along(const PathTangent& tangent, double length) const {
+    PathPoint p = point_;
+    p.q += length * loaded_.unit().coordinate.cwiseProduct(tangent.x);
+    p.share += length * tangent.share;
+    return p;
+  }
+
+  // Continues `before`, or the growing load.
+  PathTangent TangentAt(const PathPoint& p, const PathTangent* before) {
+    const MatrixX K = loaded_.Tangent(p.q, p.lambda, p.share);
+    const VectorX dq = SolveClosed(mechanism_, loaded_, p.q, K, LoadRate(), MatrixX::Zero(p.lambda.size(), 1),
+                                   options_.locked)
+                           .topRows(p.q.size());
+    PathTangent t{dq.cwiseQuotient(loaded_.unit().coordinate), 1};
+    double size = std::sqrt(t.x.squaredNorm() + 1);
+    if (before && t.x.dot(before->x) + before->share < 0) size = -size;
+    t.x /= size;
+    t.share /= size;
+    return t;
+  }
+
+  // ∂g/∂s at the present pose.
+  VectorX LoadRate() {
+    VectorX g = loaded_.LoadForce(1);
+    for (const int i : options_.locked) g(i) = 0;
+    return g;
+  }
+
+  // Newton's method from p: at the share of p, or across a tangent. False where it does not converge within
+  // `reach` of p.
+  bool Correct(PathPoint& p, const PathTangent* across, double reach) {
+    const Eigen::Index n = p.q.size(), m = p.lambda.size();
+    const VectorX& unit = loaded_.unit().coordinate;
+    const PathPoint start = p;
+    VectorX c = VectorX::Zero(m);
+    for (int i = 0; i < options_.max_iterations; ++i) {
+      ++result_.iterations;
+      MatrixX g(n, 2);
+      g.col(0) = loaded_.Residual(p.q, p.lambda, p.share);
+      if (m > 0) ClosureResidual(mechanism_, loaded_.kinematics(), p.q, c);
+      const double scale = loaded_.Scale(p.q, p.share), error = n > 0 ? loaded_.Size(g.col(0)) / scale : 0;
+      if (!std::isfinite(error)) return false;
+      result_.residual = error;
+      const bool is_closed = m == 0 || c.cwiseAbs().maxCoeff() < 1e-12;
+      if (is_closed && (error < options_.tolerance || error * scale < loaded_.rounding())) return true;
+      const MatrixX K = loaded_.Tangent(p.q, p.lambda, p.share);
+      g.col(1) = LoadRate();
+      MatrixX c_both = MatrixX::Zero(m, 2);
+      c_both.col(0) = c;
+      const MatrixX steps = SolveClosed(mechanism_, loaded_, p.q, K, g, c_both, options_.locked);
+      VectorX step = steps.col(0);
+      double d_share = 0;
+      if (across) {
+        const MatrixX x = ScaledRows(unit.cwiseInverse(), steps.topRows(n));
+        d_share = -across->x.dot(x.col(0)) / (across->x.dot(x.col(1)) + across->share);
+        step += d_share * steps.col(1);
+      }
+      if (!step.allFinite()) return false;
+      const double largest = step.head(n).cwiseQuotient(unit).cwiseAbs().maxCoeff();
+      const double damping = largest > 0.4 ? 0.4 / largest : 1.0;
+      p.q += damping * step.head(n);
+      p.lambda += damping * step.tail(m);
+      p.share += damping * d_share;
+      if ((p.q - start.q).cwiseQuotient(unit).norm() + std::abs(p.share - start.share) > reach) return false;
+      // The residual is as small as the differences of the tangent resolve.
+      if (largest < 1e-13 && error < 1e-8) return true;
+    }
+    return false;
+  }
+
+  const Mechanism& mechanism_;
+  const StaticsOptions& options_;
+  StaticsOptions unloaded_;
+  LoadedMechanism loaded_;
+  PathPoint point_;
+  StaticsResult result_;
+};
 
 }  // namespace
 
 StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
                            const StaticsOptions& options) {
-  LoadedMechanism loaded(mechanism, q0, loads, options);
-  StaticsResult result;
-  NewtonState state{q0, VectorX::Zero(mechanism.num_constraints())};
-  double share = 0, increment = 1.0 / options.load_steps;
-  bool ok = Equilibrate(mechanism, loaded, options, 0, state, result);
-  while (ok && share < 1) {
-    const double next = std::min(1.0, share + increment);
-    if (Equilibrate(mechanism, loaded, options, next, state, result)) {
-      share = next;
-    } else {
-      increment *= 0.5;
-      if (increment < 1e-4) ok = false;
-    }
-  }
-  result.q = state.q;
-  result.converged = ok;
-  if (ok) {
-    // Stable if the tangent is positive on motions that keep the loops closed.
-    const MatrixX K = -loaded.Tangent(state.q, state.lambda, 1);
-    MatrixX Z = MatrixX::Identity(state.q.size(), state.q.size());
-    if (mechanism.num_constraints() > 0) {
-      loaded.Residual(state.q, state.lambda, 1);
-      Z = internal::WithLocked(internal::ClosedMotions(mechanism, loaded.kinematics(), state.q),
-                               VectorX::Ones(state.q.size()), options.locked);
-    }
-    const MatrixX K_z = Congruence(K, Z);
-    const VectorX eigenvalues = EigenvaluesOf(0.5 * (K_z + K_z.transpose()));
-    result.stable = eigenvalues.size() == 0 || eigenvalues(0) > -1e-9 * eigenvalues.cwiseAbs().maxCoeff();
+  StaticsResult result = EquilibriumPath(mechanism, q0, loads, options).Solve();
+  if (result.converged) {
+    const TangentStiffness tangent = ComputeTangentStiffness(mechanism, result.q, loads, options);
+    result.stable = tangent.IsStable();
+    result.lowest_stiffness = tangent.lowest();
   }
   return result;
 }
@@ -231,19 +239,22 @@ Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0
   const int n = mechanism.num_coordinates();
   const internal::LockedBasis motions = internal::LockCoordinates(basis, n, options.locked);
   const MatrixX& N = motions.free;
-  if (N.cols() > 0) {
-    const VectorX taken = TransposedTimes(N, g);
-    if (taken.cwiseAbs().maxCoeff() > 1e-9 * std::max(1e-300, g.cwiseAbs().maxCoeff())) {
+  if (WorksOn(N, g)) {  // that only the preload of springs, controls and gravity may resist
+    const TangentStiffness tangent = ComputeTangentStiffness(mechanism, q0, {}, options);
+    const MatrixX free = tangent.SingularMotions();
+    if (WorksOn(free, g)) {
       Eigen::Index direction, coordinate;
-      taken.cwiseAbs().maxCoeff(&direction);
-      N.col(direction).cwiseAbs().maxCoeff(&coordinate);
+      VectorX(TransposedTimes(free, g)).cwiseAbs().maxCoeff(&direction);
+      free.col(direction).cwiseAbs().maxCoeff(&coordinate);
       return Fail(
           ErrorCode::kUnderdetermined,
           fmt::format("joint '{}'",
                       mechanism.joint(mechanism.CoordinateJoint(static_cast<int>(coordinate))).name),
-          "has no spring and gives way to the load, so that no deflection balances it; give the joint a "
-          "stiffness, hold it by PD control, or lock it (--lock-free)");
+          "has no spring, nor preload or weight that resists it, and gives way to the load, so that no "
+          "deflection balances it; give the joint a stiffness, hold it by PD control, or lock it "
+          "(--lock-free)");
     }
+    return VectorX(q0 + tangent.Solve(g));
   }
   if (options.locked.empty()) return VectorX(q0 + basis.ApplyV(basis.ApplyVTransposed(g), n));
   return VectorX(q0 + Times(motions.elastic, TransposedTimes(motions.elastic, g)));

@@ -5,9 +5,53 @@
 #include <fork1s/study/deflection.hpp>
 
 namespace fork1s {
+namespace {
+
+tl::unexpected<Error> NoEquilibrium(const Mechanism& m, const char* load, const StaticsResult& result) {
+  return Fail(
+      ErrorCode::kNumerics, fmt::format("mechanism '{}'", m.name()),
+      fmt::format(
+          "found no equilibrium under {}: its path was followed to {:.3g} of the load{} (residual {:.2g} of "
+          "the forces after {} Newton steps); lower the load or stiffen the joints",
+          load, result.share,
+          result.limit_shares.empty()
+              ? std::string()
+              : fmt::format(", beyond a limit point at {:.3g} of it", result.limit_shares.front()),
+          result.residual, result.iterations));
+}
+
+}  // namespace
+
+StaticsOptions WeightAndControls(const PosedMechanism& posed, const Vector3& gravity_W) {
+  const Mechanism& m = *posed.mechanism;
+  StaticsOptions options;
+  options.gravity_R = m.definition().X_WR.rotation().transpose() * gravity_W;
+  options.controls.resize(static_cast<Eigen::Index>(m.controls().size()));
+  for (std::size_t i = 0; i < m.controls().size(); ++i)
+    options.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
+  return options;
+}
+
+Expected<LoadedState> ComputeLoadedState(const PosedMechanism& posed, const std::vector<BodyIndex>& bodies,
+                                         const Vector3& gravity_W, const std::vector<int>& locked,
+                                         int num_frequencies) {
+  const Mechanism& m = *posed.mechanism;
+  StaticsOptions options = WeightAndControls(posed, gravity_W);
+  options.locked = locked;
+  const StaticsResult rest = SolveStatics(m, posed.q, {}, options);
+  if (!rest.converged) return NoEquilibrium(m, "gravity, controls and preload", rest);
+  LoadedState out;
+  out.q = rest.q;
+  out.tangent = ComputeTangentStiffness(m, out.q, {}, options);
+  out.frequencies_hz = TangentFrequencies(m, out.q, out.tangent, num_frequencies);
+  std::vector<BodyPoint> origins;
+  for (const BodyIndex body : bodies) origins.push_back({body, Vector3::Zero()});
+  out.compliance = TangentCompliance(m, out.q, out.tangent, origins);
+  return out;
+}
 
 Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, const BodyLoad& load,
-                             const Vector3& gravity_W, OnFreeMotion on_free) {
+                             const Vector3& gravity_W, OnFreeMotion on_free, int buckling_modes) {
   const PosedMechanism* at = nullptr;
   BodyIndex body;
   for (const PosedMechanism& p : mechanisms)
@@ -25,47 +69,49 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   const Mechanism& m = *at->mechanism;
   const RigidTransform X_WR = m.definition().X_WR;
   const Matrix3 R_RW = X_WR.rotation().transpose();
-  StaticsOptions options;
-  options.gravity_R = R_RW * gravity_W;
-  options.controls.resize(static_cast<Eigen::Index>(m.controls().size()));
-  for (std::size_t i = 0; i < m.controls().size(); ++i)
-    options.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
+  StaticsOptions options = WeightAndControls(*at, gravity_W);
   if (on_free == OnFreeMotion::kLock) options.locked = *CoordinatesToLock(m, at->q, {}, on_free);
-  const std::vector<DeadLoad> loads{{body, R_RW * load.force_W, R_RW * load.moment_W}};
+  const std::vector<DeadLoad> loads{{body, R_RW * load.force_W, R_RW * load.moment_W, load.point_B}};
 
   Kinematics reference(m);
   ComputeKinematics(m, at->q, reference);
   const RigidTransform X_ref = X_WR * reference.X_RB[body.u()];
   LoadedBody out;
   for (const int i : options.locked) out.locked.push_back(m.CoordinateName(i));
-  out.reference_position_W = X_ref.translation();
+  out.reference_position_W = X_ref * load.point_B;
 
   auto linear_q = LinearDeflection(m, at->q, loads, options);
   if (!linear_q) return tl::unexpected(linear_q.error());
   const Vector6 V = BodyJacobian(m, reference, body) * (*linear_q - at->q);
   out.linear.rotation_W = X_WR.rotation() * V.head<3>();
   out.linear.position_W =
-      X_ref.translation() +
-      X_WR.rotation() * (V.tail<3>() + V.head<3>().cross(reference.X_RB[body.u()].translation()));
+      out.reference_position_W +
+      X_WR.rotation() * (V.tail<3>() + V.head<3>().cross(reference.X_RB[body.u()] * load.point_B));
   out.linear.max_joint_rotation = MaxJointRotation(m, at->q, *linear_q);
 
   const StaticsResult result = SolveStatics(m, at->q, loads, options);
-  if (!result.converged)
-    return Fail(
-        ErrorCode::kNumerics, fmt::format("mechanism '{}'", m.name()),
-        fmt::format("found no equilibrium under this load after {} Newton steps (residual {:.2g} of the "
-                    "forces): it may buckle; lower the load or stiffen the joints",
-                    result.iterations, result.residual));
+  if (!result.converged) return NoEquilibrium(m, "this load", result);
   Kinematics loaded(m);
   ComputeKinematics(m, result.q, loaded);
   const RigidTransform X = X_WR * loaded.X_RB[body.u()];
-  out.nonlinear.position_W = X.translation();
+  out.nonlinear.position_W = X * load.point_B;
   out.nonlinear.rotation_W = LogRotation(X.rotation() * X_ref.rotation().transpose());
   out.nonlinear.max_joint_rotation = MaxJointRotation(m, at->q, result.q);
   out.floats = m.base() == BaseKind::kFloating;
   out.iterations = result.iterations;
   out.residual = result.residual;
   out.stable = result.stable;
+  out.lowest_stiffness = result.lowest_stiffness;
+  out.limit_shares = result.limit_shares;
+  out.compliance = TangentCompliance(m, result.q, ComputeTangentStiffness(m, result.q, loads, options),
+                                     {{body, load.point_B}});
+  if (out.compliance.C.size() > 0) out.stiffness = StiffnessFromCompliance(out.compliance, m.length_scale());
+  if (buckling_modes > 0) {
+    auto modes = ComputeBucklingModes(m, at->q, loads, options, buckling_modes);
+    if (!modes) return tl::unexpected(modes.error());
+    out.buckling = std::move(*modes);
+    for (int i = 0; i < m.num_coordinates(); ++i) out.coordinates.push_back(m.CoordinateName(i));
+  }
   for (Eigen::Index i = 0; i < result.q.size(); ++i) {
     const double q = result.q(i), low = m.lower()(i), high = m.upper()(i);
     constexpr double kRounding = 1e-6;

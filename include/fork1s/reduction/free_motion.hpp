@@ -1,7 +1,7 @@
 // Motions of a mechanism that no spring resists, one by one, for people.
 #pragma once
 
-#include <fork1s/mechanism/mechanism.hpp>
+#include <fork1s/reduction/statics.hpp>
 #include <string>
 #include <vector>
 
@@ -20,9 +20,11 @@ struct FreeMotion {
   std::string Text(const Mechanism& mechanism) const;
 };
 
-/// All of them at the pose q, each with as few joints as its neighbours allow. `bodies`: those whose motion is
-/// of interest, all where empty.
+/// All of them at the pose q, each with as few joints as its neighbours allow. `bodies`: those whose motion
+/// is of interest, all where empty. With `loads` (gravity and controls) less those that rest and that these
+/// and the preload of springs resist by their geometric stiffness.
 std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const VectorX& q,
-                                        std::vector<BodyIndex> bodies = {});
+                                        std::vector<BodyIndex> bodies = {},
+                                        const StaticsOptions* loads = nullptr);
 
 }  // namespace fork1s

@@ -1,7 +1,7 @@
 // Where a body goes under a dead load, to first order and in full.
 #pragma once
 
-#include <fork1s/reduction/compliance.hpp>
+#include <fork1s/reduction/buckling.hpp>
 #include <fork1s/study/posed_mechanism.hpp>
 #include <optional>
 #include <string>
@@ -9,15 +9,16 @@
 
 namespace fork1s {
 
-/// A force and moment of fixed direction at the origin of a body, world axes.
+/// A force and moment of fixed direction at a point of a body, world axes.
 struct BodyLoad {
   std::string body;
   Vector3 force_W = Vector3::Zero();   // N
   Vector3 moment_W = Vector3::Zero();  // N·m
+  Vector3 point_B = Vector3::Zero();   // m, from the body's origin, in its axes
 };
 
 struct Deflection {
-  Vector3 position_W = Vector3::Zero();  // m, of the body's origin under load
+  Vector3 position_W = Vector3::Zero();  // m, of the loaded point
   Vector3 rotation_W = Vector3::Zero();  // rad, rotation vector from where it was
   double max_joint_rotation = 0;         // rad, of any hinge or ball
 };
@@ -29,16 +30,38 @@ struct LoadedBody {
   int iterations = 0;
   double residual = 0;  // relative to the forces
   bool stable = true;   // false: a slight push makes the mechanism leave this equilibrium
+  double lowest_stiffness = 0;       // N·m, lowest eigenvalue of the tangent stiffness (TangentStiffness)
+  std::vector<double> limit_shares;  // of all loads, at the limit points passed on the way (StaticsResult)
+  InterfaceCompliance compliance;    // of the loaded point about the equilibrium (TangentCompliance)
+  MatrixX stiffness;                 // its inverse, 6 x 6; empty where it has none
+  std::vector<BucklingMode> buckling;    // as asked for
+  std::vector<std::string> coordinates;  // names of the joint coordinates of buckling modes
   std::vector<std::string> locked;  // joint coordinates that were held where they were
   /// Sentences on joints that the load bends beyond their stops, which statics does not know.
   std::vector<std::string> beyond_stops;
 };
 
+/// Gravity [m/s²] and the controls' initial values on one mechanism.
+StaticsOptions WeightAndControls(const PosedMechanism& posed, const Vector3& gravity_W);
+
+/// Small motions about the equilibrium under gravity, controls and the preload of springs, the base held.
+struct LoadedState {
+  VectorX q;
+  TangentStiffness tangent;
+  std::vector<double> frequencies_hz;
+  InterfaceCompliance compliance;  // of the bodies asked for
+};
+/// Coordinates in `locked` stay where they are. Errors: kNumerics where no equilibrium is found.
+Expected<LoadedState> ComputeLoadedState(const PosedMechanism& posed, const std::vector<BodyIndex>& bodies,
+                                         const Vector3& gravity_W, const std::vector<int>& locked = {},
+                                         int num_frequencies = 8);
+
 /// Deflection of the loaded body under load, gravity [m/s²] and the controls' initial values, the base held.
 /// With OnFreeMotion::kLock a joint of every spring-free motion is locked. Errors: kModel for a body that no
 /// mechanism has; as of LinearDeflection where such a motion takes the load; kNumerics where no equilibrium
-/// is found.
+/// is found; as of ComputeBucklingModes where such modes are asked for.
 Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, const BodyLoad& load,
-                             const Vector3& gravity_W, OnFreeMotion on_free = OnFreeMotion::kRefuse);
+                             const Vector3& gravity_W, OnFreeMotion on_free = OnFreeMotion::kRefuse,
+                             int buckling_modes = 0);
 
 }  // namespace fork1s
