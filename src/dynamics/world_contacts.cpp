@@ -8,7 +8,7 @@
 
 namespace fork1s {
 
-void World::Detail::FindContacts(const StepOptions& options, StepReport& report) {
+bool World::Detail::FindContacts(const StepOptions& options, StepReport& report) {
   const PartClock clock(times_, &StepPartTimes::finding);
   // What can close within a step: twice the last step's motion, what gravity adds, and a millimetre.
   contactor_motion_.assign(contactors_.size(), 0.0);
@@ -36,9 +36,11 @@ void World::Detail::FindContacts(const StepOptions& options, StepReport& report)
   const double needed = kClear + 2 * motion + options.gravity.norm() * options.h * options.h;
   search_margin_ = std::max(least_margin_, std::min(margin_max_, needed));
   if (rule_ == StepRule::kStage) search_margin_ = std::max(search_margin_, LargestPairMotion());
+  if (!std::isfinite(search_margin_)) return false;
   collision_->SetMargin(search_margin_);
   has_previous_pose_ = true;
   report.contacts_dropped = !collision_->Detect(points_);
+  return true;
 }
 
 // Room for every part of a mechanism; parts change only when its reference moves.

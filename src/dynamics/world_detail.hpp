@@ -44,8 +44,9 @@ struct World::Detail {
   WorldState& StartOfStep();
   StepReport UndoStep(WorldState& start, StepReport report);
   Expected<void> BuildCollision(const Scene& scene, const Options& options);
-  void FindContacts(const StepOptions& options, StepReport& report);
-  void PrepareContacts(const StepOptions& options, StepReport& report);
+  // False: a stage moves something beyond the range of numbers, and none are looked for.
+  bool FindContacts(const StepOptions& options, StepReport& report);
+  bool PrepareContacts(const StepOptions& options, StepReport& report);
   // The step of second order (world_theta.cpp).
   bool UsesTheta(const StepOptions& options) const;
   void BeginTheta(const StepOptions& options, StepReport& report);

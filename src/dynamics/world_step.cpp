@@ -112,13 +112,14 @@ void World::Detail::PredictAllAgain(double h) {
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].ResetVelocity(free_velocity_[i]);
 }
 
-void World::Detail::PrepareContacts(const StepOptions& options, StepReport& report) {
-  FindContacts(options, report);
+bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& report) {
+  if (!FindContacts(options, report)) return false;
   const PartClock clock(times_, &StepPartTimes::rows);
   LayOutPorts(options);
   MatchPrevious();
   // Rows first: the curvature term compares them on the velocities of the start of the step.
   AssembleConstraints(options);
+  return true;
 }
 
 // Joints may be out of all proportion and finite, and the poses they lead to not.

@@ -160,7 +160,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   for (int iteration = 1;; ++iteration) {
     ++report.stage_iterations;
     report.max_stage_iterations = std::max(report.max_stage_iterations, iteration);
-    if (!from_stage_start_) PrepareContacts(stage, report);
+    if (!from_stage_start_ && !PrepareContacts(stage, report)) break;
     if (from_stage_start_ || (iteration == 1 && MayHavePassed())) PrepareContactsAtStageStart(stage, report);
     {
       const PartClock clock(times_, &StepPartTimes::free_velocities);

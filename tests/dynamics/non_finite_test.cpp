@@ -74,6 +74,36 @@ TEST(NonFinite, NothingOfItStays) {
     }
 }
 
+// Velocities of any size: motions that the search of contacts cannot cover, though every pose is a number.
+TEST(NonFinite, MotionBeyondTheRangeOfNumbersIsUndone) {
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta, Integrator::kTwoStage})
+    for (int power = 20; power <= 300; power += 20)
+      for (const bool turns : {false, true}) {
+        MechanismDef walker = testing::Walker(BaseKind::kFloating, 30, 0.5);
+        Scene scene;
+        scene.mechanisms.push_back(walker);
+        scene.world.push_back(testing::Geometry("ground", Plane{}, 0.5));
+        scene.free_bodies.push_back(testing::BallBody("ball", 1, 0.1, Vector3(3, 0, 0.1), 0.5));
+        World world = testing::MustCreate(scene);
+        const Vector3 velocity = Vector3(1, 0.5, -1) * std::pow(10.0, power);
+        world.free_bodies()[0].SetState(world.free_bodies()[0].pose(),
+                                        turns ? velocity : Vector3(Vector3::Zero()),
+                                        turns ? Vector3(Vector3::Zero()) : velocity);
+        StepOptions options;
+        options.integrator = integrator;
+        WorldState before, after;
+        world.Save(before);
+        before.mechanisms[0].reduced.w.setConstant(velocity.x());
+        world.Restore(before);
+        world.Save(before);
+        const bool finite = world.Step(options).finite;
+        world.Save(after);
+        if (!finite) {
+          EXPECT_EQ(HashOf(after), HashOf(before)) << power;
+        }
+      }
+}
+
 // What contacts bore and where they were is back as well: a step that failed is as if it had not been asked
 // for.
 TEST(NonFinite, ContactsAreAsTheyWere) {
