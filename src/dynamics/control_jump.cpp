@@ -5,10 +5,11 @@
 // the first stage goes and μ = δᵀM δ / δᵀA δ. Where a control stands at its old value and c of the jump in
 // the first stage, and at the new value in the second, the step ends at
 //     ρ (1 + s c (1 + μ - ρ)),   s = (1 - γ)/γ
-// of the static answer. By c = 1 a stiff mode (ρ > 0.41 where damping rules) goes beyond it, by 30 % at
-// worst: R(z) of the scheme is negative there. The c that ends the step at the static answer leaves no more
-// than 3 % of the jump (docs/decisions/001-time-stepping.md); where it is 1 or more, the step follows the
-// jump and nothing is changed.
+// of the static answer. By c = 1 a stiff mode (ρ > 0.41 where damping rules) goes beyond it, by 38 % of the
+// jump at a damping ratio of 0.4: R(z) of the scheme is negative there. The c that ends the step at the
+// static answer leaves a damped mode within 3 % of the jump of its true motion's largest
+// (tests/dynamics/control_jump_test.cpp); where it is 1 or more, the step follows the jump and nothing is
+// changed.
 #include <algorithm>
 
 #include "mechanism_detail.hpp"

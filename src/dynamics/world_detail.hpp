@@ -68,7 +68,7 @@ struct World::Detail {
   RigidTransform PoseOf(const Contactor& contactor) const;
   bool MayHavePassed();
   void RecordStageStart(bool of_step);
-  void PrepareContactsAtStageStart(const StepOptions& stage, StepReport& report);
+  bool PrepareContactsAtStageStart(const StepOptions& stage, StepReport& report);
   bool CoversMotion();
   bool PassesStop() const;
   bool BasePointIsBeyond(const StepOptions& options, StepSubject& subject) const;

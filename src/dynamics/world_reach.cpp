@@ -90,18 +90,19 @@ void World::Detail::RecordStageStart(bool of_step) {
 }
 
 // Contacts at the pose where the stage, of length b, starts.
-void World::Detail::PrepareContactsAtStageStart(const StepOptions& stage, StepReport& report) {
+bool World::Detail::PrepareContactsAtStageStart(const StepOptions& stage, StepReport& report) {
   {
     const PartClock clock(times_, &StepPartTimes::moving);
     ForMechanisms([&](std::size_t i) { MoveToStageStart(mechanisms_[i], stage.h); });
     for (FreeBody& body : free_bodies_) body.MoveToStageStart(stage.h);
   }
   from_stage_start_ = true;
-  PrepareContacts(stage, report);
+  if (!PrepareContacts(stage, report)) return false;
   ForMechanisms([&](std::size_t i) {
     RestoreStageBaseTwist(mechanisms_[i]);
     EvaluateStage(mechanisms_[i], stage.h);
   });
+  return true;
 }
 
 // Whether contacts and stops were sought as far as the pose found is from that of detection. Else the next

@@ -161,7 +161,9 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     ++report.stage_iterations;
     report.max_stage_iterations = std::max(report.max_stage_iterations, iteration);
     if (!from_stage_start_ && !PrepareContacts(stage, report)) break;
-    if (from_stage_start_ || (iteration == 1 && MayHavePassed())) PrepareContactsAtStageStart(stage, report);
+    if ((from_stage_start_ || (iteration == 1 && MayHavePassed())) &&
+        !PrepareContactsAtStageStart(stage, report))
+      break;
     {
       const PartClock clock(times_, &StepPartTimes::free_velocities);
       ForMechanisms([&](std::size_t i) { SolveFreeStage(mechanisms_[i], stage.h); });

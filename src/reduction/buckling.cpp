@@ -14,8 +14,8 @@ namespace fork1s {
 namespace {
 
 // Joint motions without what opens the loops at the pose of `loaded`.
-MatrixX KeepClosed(const Mechanism& mechanism, const internal::LoadedMechanism& loaded, const VectorX& q,
-                   const MatrixX& motions) {
+MatrixX ProjectOntoClosedMotions(const Mechanism& mechanism, const internal::LoadedMechanism& loaded,
+                                 const VectorX& q, const MatrixX& motions) {
   if (mechanism.num_constraints() == 0) return motions;
   const VectorX& unit = loaded.unit().coordinate;
   const MatrixX A = ClosureRowsInOneUnit(mechanism, loaded.kinematics(), q, loaded.unit());
@@ -33,7 +33,7 @@ MatrixX StiffnessAt(const Mechanism& mechanism, const VectorX& q, const std::vec
   }
   internal::LoadedMechanism loaded(mechanism, q, scaled, options);
   const MatrixX K = -loaded.Tangent(q, loaded.Reactions(q, 1), 1);
-  return Congruence(K, KeepClosed(mechanism, loaded, q, motions));
+  return Congruence(K, ProjectOntoClosedMotions(mechanism, loaded, q, motions));
 }
 
 }  // namespace
@@ -43,12 +43,12 @@ Expected<std::vector<BucklingMode>> ComputeBucklingModes(const Mechanism& mechan
                                                          const StaticsOptions& options, int count) {
   const std::string where = fmt::format("mechanism '{}'", mechanism.name());
   const StaticsResult rest = SolveStatics(mechanism, q0, {}, options);
-  if (!rest.converged || !rest.stable)
+  if (!rest.converged || !rest.tangent.IsStable())
     return Fail(
         ErrorCode::kNumerics, where,
         "has no stable equilibrium without the load, from which it could buckle; stiffen the joints, or "
         "take another --gravity");
-  const TangentStiffness tangent = ComputeTangentStiffness(mechanism, rest.q, {}, options);
+  const TangentStiffness& tangent = rest.tangent;
   if (tangent.SingularMotions().cols() > 0)
     return Fail(
         ErrorCode::kUnderdetermined, where,

@@ -222,11 +222,7 @@ class EquilibriumPath {
 StaticsResult SolveStatics(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
                            const StaticsOptions& options) {
   StaticsResult result = EquilibriumPath(mechanism, q0, loads, options).Solve();
-  if (result.converged) {
-    const TangentStiffness tangent = ComputeTangentStiffness(mechanism, result.q, loads, options);
-    result.stable = tangent.IsStable();
-    result.lowest_stiffness = tangent.lowest();
-  }
+  if (result.converged) result.tangent = ComputeTangentStiffness(mechanism, result.q, loads, options);
   return result;
 }
 

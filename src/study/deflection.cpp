@@ -38,11 +38,11 @@ Expected<LoadedState> ComputeLoadedState(const PosedMechanism& posed, const std:
   const Mechanism& m = *posed.mechanism;
   StaticsOptions options = WeightAndControls(posed, gravity_W);
   options.locked = locked;
-  const StaticsResult rest = SolveStatics(m, posed.q, {}, options);
+  StaticsResult rest = SolveStatics(m, posed.q, {}, options);
   if (!rest.converged) return NoEquilibrium(m, "gravity, controls and preload", rest);
   LoadedState out;
   out.q = rest.q;
-  out.tangent = ComputeTangentStiffness(m, out.q, {}, options);
+  out.tangent = std::move(rest.tangent);
   out.frequencies_hz = TangentFrequencies(m, out.q, out.tangent, num_frequencies);
   std::vector<BodyPoint> origins;
   for (const BodyIndex body : bodies) origins.push_back({body, Vector3::Zero()});
@@ -100,11 +100,10 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   out.floats = m.base() == BaseKind::kFloating;
   out.iterations = result.iterations;
   out.residual = result.residual;
-  out.stable = result.stable;
-  out.lowest_stiffness = result.lowest_stiffness;
+  out.stable = result.tangent.IsStable();
+  out.lowest_stiffness = result.tangent.lowest();
   out.limit_shares = result.limit_shares;
-  out.compliance = TangentCompliance(m, result.q, ComputeTangentStiffness(m, result.q, loads, options),
-                                     {{body, load.point_B}});
+  out.compliance = TangentCompliance(m, result.q, result.tangent, {{body, load.point_B}});
   if (out.compliance.C.size() > 0) out.stiffness = StiffnessFromCompliance(out.compliance, m.length_scale());
   if (buckling_modes > 0) {
     auto modes = ComputeBucklingModes(m, at->q, loads, options, buckling_modes);

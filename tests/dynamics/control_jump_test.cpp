@@ -1,4 +1,5 @@
 // Controls that jump between steps and are held within them, by two stages.
+#include <allocation_counter.hpp>
 #include <cmath>
 #include <complex>
 #include <string>
@@ -118,6 +119,18 @@ TEST(ControlJump, IsStateOfTheStep) {
   world.Step(testing::TwoStage(1.0 / 60));
   EXPECT_EQ(Joint(world, 0), q);
   EXPECT_GT(q, 0.78);
+}
+
+TEST(ControlJump, DoesNotAllocate) {
+  World world = testing::MustCreate(ServoArm({3e5, 100}, {1.5e5, 50}));
+  const auto jump = [&](int i) {
+    world.mechanisms()[0].controls() << (i % 2 ? 0.1 : -0.1), 0.05 * i;
+    world.Step(testing::TwoStage(1.0 / 60));
+  };
+  for (int i = 0; i < 4; ++i) jump(i);
+  const long before = testing::allocations.load();
+  for (int i = 0; i < 8; ++i) jump(i);
+  EXPECT_EQ(testing::allocations.load(), before);
 }
 
 }  // namespace

@@ -64,7 +64,7 @@ TEST(EquilibriumPath, TrussSnapsThrough) {
     ASSERT_TRUE(result.converged);
     const double z = kRise + result.q(0);
     EXPECT_NEAR(TrussForce(z), force, 1e-8);
-    EXPECT_TRUE(result.stable);
+    EXPECT_TRUE(result.tangent.IsStable());
     if (force > limit) {
       EXPECT_GT(z, 0.04);
       EXPECT_TRUE(result.limit_shares.empty());
@@ -115,7 +115,7 @@ TEST(EquilibriumPath, BeadIsHeldByThePrestressOfCables) {
   ASSERT_TRUE(result.converged);
   const double z = result.q(1), length = std::hypot(0.5, z);
   EXPECT_NEAR(2 * 2000 * (length - 0.4) * z / length, -10, 1e-8);
-  EXPECT_TRUE(result.stable);
+  EXPECT_TRUE(result.tangent.IsStable());
 }
 
 }  // namespace

@@ -23,6 +23,25 @@ struct StaticsOptions {
   double tolerance = 1e-11;             // of the residual, relative to the largest force in it
 };
 
+/// K_t = ∂²/∂q² (potential energy − λᵀc) on the motions that keep loops closed: the stiffness of springs and
+/// the geometric stiffness of gravity, dead loads, controls, prestress and loop reactions. In its
+/// eigenvectors x (q = unit ∘ x: radians, and lengths of the mechanism or of a loop for slides) it is
+/// diagonal.
+struct TangentStiffness {
+  VectorX eigenvalues;   ///< N·m, ascending
+  MatrixX eigenvectors;  ///< n x k, displacements of joints, of length 1 in one unit
+  double zero = 0;       ///< N·m: eigenvalues up to this size are singular
+
+  double lowest() const { return eigenvalues.size() > 0 ? eigenvalues(0) : 0; }
+  int num_negative() const { return static_cast<int>((eigenvalues.array() < -zero).count()); }
+  /// No negative eigenvalue.
+  bool IsStable() const { return num_negative() == 0; }
+  /// Motions of no stiffness: n x their number.
+  MatrixX SingularMotions() const;
+  /// Displacements [n] under joint forces g, none along motions of no stiffness.
+  VectorX Solve(const VectorX& g) const;
+};
+
 struct StaticsResult {
   VectorX q;  // joint displacements
   bool converged = false;
@@ -32,8 +51,7 @@ struct StaticsResult {
   std::vector<double> limit_shares;
   int iterations = 0;
   double residual = 0;  // relative
-  bool stable = true;   // no negative eigenvalue of the tangent stiffness (TangentStiffness)
-  double lowest_stiffness = 0;  // N·m, its lowest eigenvalue
+  TangentStiffness tangent;  // at q, where it converged
 };
 
 /// Equilibrium of springs, closures and loads with the base held: the first one at the whole load on the path

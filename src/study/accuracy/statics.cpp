@@ -27,7 +27,7 @@ Truth Solve(const StaticCase& c, double force_N) {
   return t;
 }
 
-bool Stands(const Truth& t) { return t.result.converged && t.result.stable; }
+bool Stands(const Truth& t) { return t.result.converged && t.result.tangent.IsStable(); }
 
 // Raises `force` until the mechanism turns by `angle_deg`. Rotation grows with force, slower and slower as
 // the mechanism aligns with it: bracket by growth, then bisect by secants.
