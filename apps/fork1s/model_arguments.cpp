@@ -133,14 +133,14 @@ void ModelArguments::AddTo(CLI::App& command) {
 
 void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator) {
   std::map<std::string, Integrator> names;
-  for (const auto& [value, name] : kIntegratorNames)
-    if (IntegratorNamed(name)) names[name] = value;
+  for (const auto& [value, name] : kIntegratorNames) names[name] = value;
   command
       .add_option(
           "--integrator", integrator,
-          "two-stage: second order, two implicit stages, each solved to a residual; theta: second order, "
-          "cheaper and wrong where stiff springs turn; euler: implicit Euler, first order (default: "
-          "two-stage where a mechanism moves slowly enough for the step to follow, else euler)")
+          "two-stage: second order, two implicit stages, each solved to a residual (default; with --recovery "
+          "twist it is euler); theta: second order, cheaper and wrong where stiff springs turn; euler: "
+          "implicit "
+          "Euler, first order")
       ->transform(CLI::CheckedTransformer(names, CLI::ignore_case));
 }
 
@@ -149,7 +149,7 @@ Expected<Integrator> IntegratorOf(const std::optional<Integrator>& given, Recove
     return Fail(ErrorCode::kUsage, std::string("--integrator ") + Name(*given),
                 "needs --recovery exact or curved: 'twist' keeps the inertia of the reference; leave one of the "
                 "two out");
-  return given.value_or(Integrator::kAuto);
+  return given.value_or(Integrator::kTwoStage);
 }
 
 void AddRecoveryTo(CLI::App& command, Recovery& recovery) {

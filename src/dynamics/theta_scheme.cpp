@@ -70,13 +70,6 @@ void RaiseUntilEnergyFalls(const MatrixX& D, double h, Modes& modes) {
 
 }  // namespace
 
-bool FollowsAnyMode(const ReducedModel& model, double h) {
-  if (model.mechanism->base() == BaseKind::kFloating) return true;
-  if (model.size() == 0) return false;
-  const VectorX theta = ModesOf(model.M, model.K_r, h).theta;
-  return theta.size() > 0 && theta.minCoeff() < 0.75;
-}
-
 void ThetaScheme::Fill(const ReducedModel& model, const std::vector<VelocityRange>& ranges, double step,
                        bool euler, bool must_be_symmetric) {
   const int r = model.size();

@@ -319,15 +319,15 @@ struct World::Detail {
   // Share of its size by which what the first stage stopped may part again in the second: the extrapolation
   // between the stages would turn a speed v into 1.4 v the other way.
   static constexpr double kPartingShare = 1e-6;
-  // Of its parts so far: impulses of contacts in world axes, contacts that have ended, stops and dry
+  // Of its parts so far: wrenches of contacts in world axes, contacts that have ended, stops and dry
   // friction.
   struct Sums {
-    std::vector<Vector3> contacts_W;
+    std::vector<Vector6> contacts_W;  // moments [N m s] and impulses [N s]
     std::vector<ContactRecord> ended;
     std::vector<WorldState::Rows> rows;
   };
   Sums sums_;
-  std::vector<Vector3> next_sums_;
+  std::vector<Vector6> next_sums_;
   std::vector<char> goes_on_;
   // A two-stage step that contains an event is halved up to this often (docs/decisions/001-time-stepping.md); the
   // shortest parts are one stage of backward Euler each. Where such a stage does not converge it is halved further.
@@ -339,6 +339,7 @@ struct World::Detail {
   std::array<Halving, kMaxHalvings + 1> halvings_;
   int depth_ = 0;       // halvings of the step at hand
   double impact_speed_ = 0;   // m/s, by the length of the whole step
+  double carried_speed_ = 0;  // m/s, below which a contact that bore a load in the last step goes on
   bool begins_anew_ = false;  // the step at hand, in contact: none of it is an impact
   bool in_parts_ = false;     // the one at hand is a part of that
   std::vector<MechanismPast> pasts_in_parts_;

@@ -128,12 +128,23 @@ void World::Detail::ClearSums() {
   }
 }
 
-// Impulses of all parts of the step so far, contact by contact, world axes.
+namespace {
+
+void TellSum(const Vector6& sum_W, ContactRecord& contact) {
+  contact.moment = contact.point.frame * sum_W.head<3>();
+  contact.impulse = contact.point.frame * sum_W.tail<3>();
+}
+
+}  // namespace
+
+// Impulses and moments of all parts of the step so far, contact by contact, world axes.
 void World::Detail::SumImpulses(double weight) {
   next_sums_.resize(contacts_.size());
   goes_on_.assign(sums_.contacts_W.size(), 0);
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
-    next_sums_[i] = weight * (contacts_[i].point.frame.transpose() * contacts_[i].impulse);
+    const Matrix3 frame_W = contacts_[i].point.frame.transpose();
+    next_sums_[i].head<3>() = weight * (frame_W * contacts_[i].moment);
+    next_sums_[i].tail<3>() = weight * (frame_W * contacts_[i].impulse);
     if (match_[i] < 0 || sums_.contacts_W.empty()) continue;
     const auto before = static_cast<std::size_t>(match_[i]);
     next_sums_[i] += sums_.contacts_W[before];
@@ -142,7 +153,7 @@ void World::Detail::SumImpulses(double weight) {
   for (std::size_t i = 0; i < goes_on_.size(); ++i) {
     if (goes_on_[i] || sums_.contacts_W[i].isZero(0)) continue;
     sums_.ended.push_back(previous_[i]);
-    sums_.ended.back().impulse = previous_[i].point.frame * sums_.contacts_W[i];
+    TellSum(sums_.contacts_W[i], sums_.ended.back());
   }
   sums_.contacts_W.swap(next_sums_);
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
@@ -153,8 +164,7 @@ void World::Detail::SumImpulses(double weight) {
 
 // Whoever asks what acted in the step is told of all of it, what parted again within it too.
 void World::Detail::TellSums() {
-  for (std::size_t i = 0; i < contacts_.size(); ++i)
-    contacts_[i].impulse = contacts_[i].point.frame * sums_.contacts_W[i];
+  for (std::size_t i = 0; i < contacts_.size(); ++i) TellSum(sums_.contacts_W[i], contacts_[i]);
   for (const ContactRecord& c : sums_.ended) {
     contacts_.push_back(c);
     speed_W_.push_back(Vector3::Zero());

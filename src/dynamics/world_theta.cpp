@@ -82,7 +82,7 @@ bool World::Detail::AnythingTouches() const {
 }
 
 // Whether a contact bore a load in the last step.
-bool World::Detail::Bore(std::size_t contact) const { return CarriedAtRest(contact, impact_speed_); }
+bool World::Detail::Bore(std::size_t contact) const { return CarriedAtRest(contact, carried_speed_); }
 
 // By two stages what only closed its gap by the end of the last step, at this speed [m/s] or faster, is still
 // to be met.

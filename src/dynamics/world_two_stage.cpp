@@ -30,8 +30,8 @@ constexpr int kIterationsOfMatrix = 3;
 // or of a mechanism's length. By 1e-4 of the motion trees that float without damping gain energy
 // (docs/decisions/001-time-stepping.md).
 constexpr double kRelativeTolerance = 1e-6, kLengthTolerance = 1e-9;
-// Contacts of meshes jump from one facet to another between iterations. A residual that no longer falls is accepted
-// within this share of the length, and reported.
+// Contacts of meshes jump from one facet to another between iterations. A stage that would be halved is
+// accepted with a residual within this share of the length, and reported.
 constexpr double kStagnationTolerance = 1e-6;
 
 // The contraction of an iteration is taken for no less than rounding leaves, and for no contraction from 1
@@ -60,9 +60,10 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   const double b = backward_euler ? h : kStageShare * h;
   StartOfStep();
   if (depth_ == 0) {
-    // Contacts that last press in by up to material.depth, by how much depends on the step: that is no
-    // approach.
-    impact_speed_ = std::max(ImpactSpeedOf(options), options.material.depth / options.h);
+    // What closes a gap by less than material.depth in a step is no impact: contacts that last press in by up
+    // to that, by how much depends on the step.
+    impact_speed_ = options.material.depth / options.h;
+    carried_speed_ = std::max(ImpactSpeedOf(options), impact_speed_);
     ClearSums();
   }
   halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
@@ -187,8 +188,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     // By a matrix of another pose a growth says nothing of the equation.
     growths += iteration > 1 && is_fresh && !(found.ratio < last.ratio) ? 1 : 0;
     last = found;
-    const bool stagnates = found.is_small && (growths > 0 || iteration == kMaxNewtonIterations);
-    if (!from_start && (found.ratio <= 1 || stagnates)) {
+    const bool ends = iteration == kMaxNewtonIterations || growths > kMaxResidualGrowths;
+    if (!from_start && (found.ratio <= 1 || (ends && found.is_small))) {
       if (found.ratio > 1) report.stages_converged = false;
       if (found.largest > report.stage_residual) {
         report.stage_residual = found.largest;
@@ -197,7 +198,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       if (scheme == StageScheme::kSecondOfTwo && ChangesSaturation(stage.h, report)) return HalvingCause::kSaturation;
       return HalvingCause::kNone;
     }
-    if (iteration == kMaxNewtonIterations || growths > kMaxResidualGrowths) break;
+    if (ends) break;
     is_fresh = found.is_slow;
     if (found.is_slow) ForMechanisms([&](std::size_t i) { RenewStageMatrix(mechanisms_[i]); });
   }

@@ -46,7 +46,6 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   auto world = World::Create(*s.present_scene_, o);
   if (!world) return tl::unexpected(world.error());
   s.world_ = std::move(*world);
-  s.options_.step.integrator = internal::IntegratorFor(options.step.integrator, s.world_, s.dt_);
   s.step_options_.integrator = internal::IntegratorBy(options.recovery, s.options_.step.integrator);
   s.scene_ = std::move(scene);
   for (const MechanismDynamics& m : s.world_.mechanisms()) s.given_.push_back(m.model().mechanism);

@@ -35,12 +35,13 @@ TEST(Compare, StepsTheFullModelAtTheSameOrder) {
     EXPECT_EQ(o.code, 0) << o.err;
     return o.Json()["integrator"].dump();
   };
-  EXPECT_EQ(integrators(""), R"({"full":"euler","reduced":"euler"})");
+  EXPECT_EQ(integrators(""), R"({"full":"two-stages","reduced":"two-stage"})");
+  EXPECT_EQ(integrators("--integrator euler "), R"({"full":"euler","reduced":"euler"})");
   EXPECT_EQ(integrators("--integrator theta "), R"({"full":"two-stages","reduced":"theta"})");
   EXPECT_EQ(integrators("--integrator theta --full-integrator euler "),
             R"({"full":"euler","reduced":"theta"})");
-  EXPECT_EQ(integrators("--against mujoco "), R"({"reduced":"euler"})");
-  const Outcome text = Fork1s(options + "--full-integrator two-stages " + model);
+  EXPECT_EQ(integrators("--against mujoco "), R"({"reduced":"two-stage"})");
+  const Outcome text = Fork1s(options + "--integrator euler --full-integrator two-stages " + model);
   EXPECT_NE(text.out.find("reduced by euler, full by two-stages"), std::string::npos) << text.out;
   EXPECT_NE(Fork1s(options + "--full-integrator theta " + model).code, 0);
 }

@@ -58,7 +58,7 @@ TEST(Detail, AFirmGripIsNoWarning) {
     EXPECT_TRUE(json["detail"][1]["refused"].is_null()) << json["detail"].dump(1);
     return json["warnings"].dump().find("a frozen contact") != std::string::npos;
   };
-  for (const char* closed : {"0.18", "0.2", "0.22", "0.25"}) {
+  for (const char* closed : {"0.2", "0.22", "0.25"}) {
     const std::string table = Write(
         "close.csv", std::string("time,left_grip,right_grip\n0,0,0\n0.5,") + closed + "," + closed + "\n");
     EXPECT_FALSE(frozen("--controls " + table)) << closed;

@@ -77,9 +77,8 @@ TEST(ManyHands, DoNotKnowOfEachOther) {
     still.Step();
   }
   EXPECT_NE(pair.Pose("box#0").translation(), still.Pose("box#0").translation());
-  // Collision points are looked for as far ahead as the fastest body needs, so contacts that stay open may
-  // differ; what they do must not.
-  EXPECT_LT((pair.Pose("box#1").translation() - still.Pose("box#1").translation()).norm(), 1e-9);
+  // A step in which one meets something is halved for both, and differs by its error: 1e-6 m of 30 mm.
+  EXPECT_LT((pair.Pose("box#1").translation() - still.Pose("box#1").translation()).norm(), 1e-5);
 }
 
 // Kilobytes asked of the system at most since the program began, whether ever written or not.

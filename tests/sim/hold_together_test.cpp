@@ -56,9 +56,9 @@ TEST(HoldTogether, TwoMechanismsHoldAsOneDoes) {
     two.SetControl("by-frame.x", 1e-3 * i);
     Steps(one, 1);
     Steps(two, 1);
-    // Both solve the same equations in coordinates of another order. Each matches work to the change of a
-    // potential, which is known to 1e-13 J, of motions that have 1e-7 J.
-    ASSERT_LT(Between(one, two), 3e-8) << i;
+    // Both solve the same equations in coordinates of another order, to 1e-10 m a stage. While the first
+    // force comes on, 0.2 mm a step, they part by 8e-8 m; then they come together again.
+    ASSERT_LT(Between(one, two), i < 20 ? 2e-7 : 2e-8) << i;
   }
   const auto by_body = [](const Simulation& s) {
     std::map<std::string, HoldForce> out;

@@ -20,7 +20,7 @@ struct RunOptions {
   std::string keyframe;
   Recovery recovery = Recovery::kExact;
   DetailLevel detail = DetailLevel::kInterface;
-  Integrator integrator = Integrator::kAuto;
+  Integrator integrator = Integrator::kTwoStage;
 };
 
 /// What a call of `step` tells of all its steps.

@@ -31,8 +31,4 @@ struct ThetaScheme {
             bool must_be_symmetric);
 };
 
-/// Whether a step of `h` [s] can follow any motion of the mechanism about its reference: whether θ < ¾ for a mode,
-/// as for a base that floats. Where it is not, the rule is implicit Euler but for a few percent.
-bool FollowsAnyMode(const ReducedModel& model, double h);
-
 }  // namespace fork1s

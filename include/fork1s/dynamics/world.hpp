@@ -27,15 +27,12 @@ struct StepPartTimes;     // step_times.hpp
 /// by the rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5). kTwoStage:
 /// of second order, two implicit stages, each solved by Newton iteration to a residual (Alexander's SDIRK2,
 /// docs/decisions/001-time-stepping.md); a step through an impact, or one whose stages do not converge, is
-/// halved. kAuto, of a Simulation: kTwoStage where a mechanism moves slowly enough for the step to follow,
-/// else kEuler.
-enum class Integrator { kEuler, kTheta, kTwoStage, kAuto };
+/// halved.
+enum class Integrator { kEuler, kTheta, kTwoStage };
 
 /// The words for them, in files, on the command line and in Python.
-inline constexpr std::pair<Integrator, const char*> kIntegratorNames[] = {{Integrator::kEuler, "euler"},
-                                                                          {Integrator::kTheta, "theta"},
-                                                                          {Integrator::kTwoStage, "two-stage"},
-                                                                          {Integrator::kAuto, "auto"}};
+inline constexpr std::pair<Integrator, const char*> kIntegratorNames[] = {
+    {Integrator::kEuler, "euler"}, {Integrator::kTheta, "theta"}, {Integrator::kTwoStage, "two-stage"}};
 
 constexpr const char* Name(Integrator integrator) {
   for (const auto& [value, name] : kIntegratorNames)
@@ -43,10 +40,9 @@ constexpr const char* Name(Integrator integrator) {
   return "";
 }
 
-/// Of those that a user may name: all but kAuto, which is what nobody names.
 constexpr std::optional<Integrator> IntegratorNamed(std::string_view word) {
   for (const auto& [value, name] : kIntegratorNames)
-    if (value != Integrator::kAuto && word == name) return value;
+    if (word == name) return value;
   return std::nullopt;
 }
 

@@ -31,7 +31,7 @@ struct CompareOptions {
   double time = 2;  // s
   double dt = 0;    // s; 0: the scene's time step
   Recovery recovery = Recovery::kExact;
-  Integrator integrator = Integrator::kAuto;  // of the reduced run
+  Integrator integrator = Integrator::kTwoStage;  // of the reduced run
   /// Of the full run; by default of the order of the reduced one's, two stages beside theta.
   std::optional<FullIntegrator> full_integrator;
   ControlTrack controls;

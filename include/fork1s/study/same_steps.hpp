@@ -17,7 +17,7 @@ struct SameStepsOptions {
   double dt = 0;    // s; 0: the scene's
   MuJoCoIntegrator integrator = MuJoCoIntegrator::kOfFile;
   Recovery recovery = Recovery::kExact;
-  Integrator own_integrator = Integrator::kAuto;  // of ours
+  Integrator own_integrator = Integrator::kTwoStage;  // of ours
 };
 
 struct SameSteps {
