@@ -68,8 +68,9 @@ TEST(Excavator, StiffCylindersGiveWayOneAtATime) {
   EXPECT_EQ(at_bound, 1);
 }
 
-// The jaws go 0.16 up for what they close; at 20 mm/s they meet the cube and lift it off the floor, by either rule. By
-// two stages friction once held the way back from a base point beyond the cube's sides, and pressed it down.
+// The jaws go 0.16 up for what they close; at 20 mm/s they meet the cube and lift it off the floor, by either
+// rule. By two stages friction once held the way back from a base point beyond the cube's sides, and pressed
+// it down.
 TEST(FourbarGripper, LiftsTheCubeItClosesOn) {
   for (const Integrator integrator : {Integrator::kTwoStage, Integrator::kEuler}) {
     SimulationOptions options;
