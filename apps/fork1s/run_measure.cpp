@@ -223,7 +223,8 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     out.energy_last = energy;
     const double gap = simulation.JointGap();
     out.gap_max = std::max(out.gap_max, gap);
-    plausible.Look(simulation, {energy, simulation.KineticEnergy(), gap, !applied.empty()});
+    plausible.Look(simulation, {energy, simulation.KineticEnergy(), gap, !applied.empty(),
+                                report.solver.converged && report.minimum_found});
     if (watches.load_factor) watch.Look(simulation, out);
     passers.Look(simulation, out.switches.size(), out);
     if (recorder)

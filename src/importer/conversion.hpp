@@ -3,6 +3,7 @@
 
 #include <mujoco/mujoco.h>
 #include <fork1s/importer/importer.hpp>
+#include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <map>
 #include <optional>
@@ -156,8 +157,13 @@ std::optional<Error> ConvertKeyframes(Conversion& c, const std::string& wanted);
 /// loops closed (initial_state.cpp); before ApplyPd, which holds it.
 std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& options,
                                        const std::vector<Mimic>& mimics);
+/// Whether body b touches anything: it is rigid with the base or with an interface body.
+bool Touches(const Mechanism& mechanism, int b);
 /// A plane under the model (ground.cpp).
 std::optional<Error> ApplyGround(Conversion& c, const ImportOptions& options);
+/// Pairs of bodies of one mechanism that overlap at the start and cannot part never touch (overlaps.cpp);
+/// after ApplyInitialState.
+std::optional<Error> ExcludeOverlaps(Conversion& c);
 /// Proportional-derivative control (pd.cpp).
 std::optional<Error> ApplyPd(Conversion& c, const ImportOptions& options);
 void ListHolds(Conversion& c);

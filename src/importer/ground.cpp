@@ -53,17 +53,6 @@ struct Lowest {
   double touching = kNowhere;  // of those that are
 };
 
-// Of a mechanism, what is rigid with its base or with an interface body touches (include/fork1s/dynamics).
-bool Touches(const Mechanism& mechanism, int b) {
-  const auto same = [&](BodyIndex other) {
-    return mechanism.body(other).last_joint == mechanism.body(BodyIndex(b)).last_joint;
-  };
-  const MechanismDef& definition = mechanism.definition();
-  return same(BodyIndex(0)) ||
-         std::any_of(definition.interfaces.begin(), definition.interfaces.end(),
-                     [&](const std::string& name) { return same(definition.FindBody(name)); });
-}
-
 Expected<Lowest> LowestOfModel(const Conversion& c) {
   const KeyframeDef* start = c.initial_keyframe >= 0 ? &c.scene.keyframes[c.initial_keyframe] : nullptr;
   Lowest lowest;
@@ -159,6 +148,16 @@ void NoteEndlessFall(Conversion& c) {
 }
 
 }  // namespace
+
+bool Touches(const Mechanism& mechanism, int b) {
+  const auto same = [&](BodyIndex other) {
+    return mechanism.body(other).last_joint == mechanism.body(BodyIndex(b)).last_joint;
+  };
+  const MechanismDef& definition = mechanism.definition();
+  return same(BodyIndex(0)) ||
+         std::any_of(definition.interfaces.begin(), definition.interfaces.end(),
+                     [&](const std::string& name) { return same(definition.FindBody(name)); });
+}
 
 std::optional<Error> ApplyGround(Conversion& c, const ImportOptions& options) {
   if (options.ground) return AddGround(c, options);

@@ -78,6 +78,7 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options,
   if (auto error = ConvertKeyframes(c, options.keyframe)) return error;
   if (auto error = ApplyInitialState(c, options, mimics)) return error;
   if (auto error = ApplyGround(c, options)) return error;
+  if (auto error = ExcludeOverlaps(c)) return error;
   if (auto error = ApplyPd(c, options)) return error;
   ConvertBoundedForces(c);
   FinishSprings(c);

@@ -13,6 +13,7 @@ namespace {
 constexpr double kDeepest = 0.25;  // of the radius of the smaller body
 constexpr double kOpen = 0.01;     // of the size of the mechanism
 constexpr double kRise = 0.1;      // of the largest kinetic energy so far
+constexpr double kWedged = 1e6;    // of the weight of all that moves
 constexpr double kHalfTurn = 3.141592653589793;
 
 std::string Print(const char* format, double a, double b, double c) {
@@ -72,6 +73,13 @@ void PlausibleWatch::Changed(const Simulation& simulation) {
     if (world.contactors()[c].kind != Contactor::Kind::kWorld &&
         simulation.BodyOfContactor(static_cast<int>(c)) >= 0)
       radii_[c] = RadiusOf(simulation, static_cast<int>(c));
+  has_pairs_ = false;
+  overlaps_.clear();
+  const double g = simulation.step_options().gravity.norm();
+  double mass = 0;
+  for (const MechanismDynamics& m : world.mechanisms()) mass += m.mechanism().total_mass();
+  for (const FreeBodyDef& b : simulation.scene().free_bodies) mass += b.inertia.mass;
+  weight_ = mass * (g > 0 ? g : 9.81);
   size_ = std::numeric_limits<double>::infinity();
   is_setpoint_.clear();
   for (const MechanismDynamics& m : world.mechanisms())
@@ -140,6 +148,64 @@ void PlausibleWatch::LookAtDepths(const Simulation& simulation) {
   }
 }
 
+void PlausibleWatch::LookAtPairs(const Simulation& simulation) {
+  const auto bodies = [&](const ContactPoint& p) {
+    return Bodies(std::minmax(simulation.BodyOfContactor(p.body_a), simulation.BodyOfContactor(p.body_b)));
+  };
+  std::map<Bodies, Vector3> force;
+  pairs_.clear();
+  for (const ContactRecord& c : simulation.world().contacts()) {
+    const Bodies pair = bodies(c.point);
+    const double sign = simulation.BodyOfContactor(c.point.body_a) == pair.first ? 1 : -1;
+    Vector3& sum = force.try_emplace(pair, Vector3::Zero()).first->second;
+    sum += sign * (c.point.frame.transpose() * c.impulse) / simulation.dt();
+    PairContact& seen = pairs_[pair];
+    seen.force = sum.norm();
+    seen.gap = std::min(seen.gap, c.point.gap);
+  }
+  if (!has_pairs_)
+    for (const ContactPoint& p : simulation.world().start_points())
+      if (p.gap < 0) overlaps_[bodies(p)] = std::max(overlaps_[bodies(p)], -p.gap);
+  has_pairs_ = true;
+  std::erase_if(overlaps_, [&](const auto& overlap) {
+    const auto seen = pairs_.find(overlap.first);
+    return seen == pairs_.end() || !(seen->second.gap < 0);
+  });
+}
+
+void PlausibleWatch::LookAtForces(const Simulation& simulation, bool converged) {
+  Bodies strongest;
+  double most = 0;
+  for (const auto& [pair, seen] : pairs_)
+    if (seen.force > most) most = seen.force, strongest = pair;
+  const auto names = [&] {
+    return Quoted(simulation, strongest.first) + " and " + Quoted(simulation, strongest.second);
+  };
+  Note(kForce, most / (kWedged * weight_), [&] {
+    return Print("at %.4g s the contact of ", simulation.time(), 0, 0) + names() +
+           Print(" bears %.3g N, %.2g times the weight of all that moves: they are wedged", most,
+                 most / weight_, 0) +
+           "; place them apart at the start, or exclude the pair";
+  });
+  if (converged) return;
+  Note(kUnconverged, 2 + most / weight_, [&] {
+    const std::string at = Print("the step to %.4g s did not converge", simulation.time(), 0, 0);
+    return (most > 0 ? at + Print(", with %.3g N between ", most, 0, 0) + names() : at) +
+           "; try a smaller --dt";
+  });
+}
+
+PlausibleWatch::Bodies PlausibleWatch::PushedApart(double rise) const {
+  Bodies found;
+  double most = 0, sum = 0;
+  for (const auto& [pair, depth] : overlaps_) {
+    const double work = depth * pairs_.at(pair).force;
+    sum += work;
+    if (work > most) most = work, found = pair;
+  }
+  return rise < sum ? found : Bodies();
+}
+
 // Whether something outside may have done work: an input that moved, now or a step ago, or a motor.
 bool PlausibleWatch::IsDriven(const Simulation& simulation, const Seen& seen) {
   const VectorX& controls = simulation.controls();
@@ -156,6 +222,13 @@ void PlausibleWatch::LookAtEnergy(const Simulation& simulation, const Seen& seen
   const double rounding = 1e-6 * std::max(std::abs(seen.energy), std::abs(energy_));
   if (!driven && !driven_before_ && rise > rounding)
     Note(kEnergy, rise / (kRise * kinetic_), [&] {
+      if (const Bodies pair = PushedApart(rise); pair != Bodies())
+        return Quoted(simulation, pair.first) + " and " + Quoted(simulation, pair.second) +
+               Print(
+                   " overlap by %.3g mm at the start, and pushing them apart adds energy, %.3g J in the step "
+                   "to %.4g s",
+                   1e3 * overlaps_.at(pair), rise, simulation.time()) +
+               "; place them apart";
       return Print("in the step to %.4g s energy rises by %.3g J to %.4g J, and no input did work: ",
                    simulation.time(), rise, seen.energy) +
              "the motion is not to be trusted; try a smaller --dt";
@@ -174,6 +247,8 @@ void PlausibleWatch::Look(const Simulation& simulation, const Seen& seen) {
            "forces or speeds are beyond what a step holds together; try --recovery exact, a smaller --dt or "
            "gentler inputs";
   });
+  LookAtPairs(simulation);
+  LookAtForces(simulation, seen.converged);
   LookAtEnergy(simulation, seen);
 }
 

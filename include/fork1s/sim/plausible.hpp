@@ -3,13 +3,16 @@
 #pragma once
 
 #include <fork1s/sim/simulation.hpp>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace fork1s {
 
 /// Watches a run for steps that mean little: too fast or spinning too fast for the time step, deep in each
-/// other, with joints apart, or with energy out of nowhere. Of each kind the worst moment is kept.
+/// other, with joints apart, with contact forces of wedged bodies, not converged, or with energy out of
+/// nowhere. Of each kind the worst moment is kept.
 class PlausibleWatch {
  public:
   explicit PlausibleWatch(const Simulation& simulation);
@@ -20,6 +23,7 @@ class PlausibleWatch {
     double kinetic = 0;   // J, of that
     double gap = 0;       // m, Simulation::JointGap()
     bool pushed = false;  // a force from outside acted in the step
+    bool converged = true;
   };
   /// After every step.
   void Look(const Simulation& simulation, const Seen& seen);
@@ -33,17 +37,32 @@ class PlausibleWatch {
     double times = 0;  // of what would be plausible
     std::string sentence;
   };
-  enum Kind { kFast, kSpins, kDeep, kApart, kEnergy, kKinds };
+  enum Kind { kFast, kSpins, kDeep, kApart, kForce, kUnconverged, kEnergy, kKinds };
+  using Bodies = std::pair<int, int>;  // places in Simulation::bodies(), -1: the still world
+  struct PairContact {
+    double force = 0;  // N
+    double gap = 0;    // m, of the deepest point
+  };
   template <class Sentence>
   void Note(Kind kind, double times, const Sentence& sentence);
   void LookAtSpeeds(const Simulation& simulation);
   void LookAtDepths(const Simulation& simulation);
+  void LookAtPairs(const Simulation& simulation);
+  void LookAtForces(const Simulation& simulation, bool converged);
+  /// The pair that overlapped at the start and whose contact forces, over the depth then, can do most work:
+  /// Bodies() where all of them do less than `rise` [J].
+  Bodies PushedApart(double rise) const;
   void LookAtEnergy(const Simulation& simulation, const Seen& seen);
   bool IsDriven(const Simulation& simulation, const Seen& seen);
 
   std::vector<double> radii_;  // m, of contactors; infinite for the still world
   std::vector<bool> is_setpoint_;
   double size_ = 0;  // m, of the smallest mechanism
+  std::map<Bodies, PairContact> pairs_;  // after the last step
+  std::map<Bodies, double>
+      overlaps_;            // m, depth of pairs that overlapped at the start and have not parted since
+  bool has_pairs_ = false;  // of the start
+  double weight_ = 0;       // N, of all that moves; without gravity on earth
   Worst worst_[kKinds];
   VectorX controls_;
   bool driven_before_ = true;  // in the step before
