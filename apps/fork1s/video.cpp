@@ -15,6 +15,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fork1s/record/output_file.hpp>
+#include <fork1s/server/launch_file.hpp>
 #include <fork1s/server/live_server.hpp>
 #include <fstream>
 #include <sstream>
@@ -199,12 +200,13 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
   if (mkdir(profile.c_str(), 0700) != 0)
     return Fail(ErrorCode::kFile, profile,
                 fmt::format("cannot be made ({}); the browser needs it", std::strerror(errno)));
+  const auto launch = LaunchFile::Create(folder, fmt::format("{}#{}", server->address(), Wish(options)));
+  if (!launch) return tl::unexpected(launch.error());
   Child browser(
       {chromium, "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
        "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
        "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe", "--user-data-dir=" + profile,
-       fmt::format("--window-size={},{}", options.width, options.height),
-       fmt::format("http://127.0.0.1:{}/#{}", server->port(), Wish(options))},
+       fmt::format("--window-size={},{}", options.width, options.height), launch->address()},
       folder, &pipes);
   ProgressBar bar("drawing");
   constexpr auto kPatience = std::chrono::seconds(60);
