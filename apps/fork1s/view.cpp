@@ -19,6 +19,7 @@
 #include "model_watch.hpp"
 #include "output.hpp"
 #include "page.hpp"
+#include "print.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -131,9 +132,9 @@ int Run(const ViewArguments& args) {
 
   const std::string address = server->address();
   if (args.model.json)
-    fmt::print("{}\n", ToText(Json{{"address", address}}));
+    PrintText("{}\n", ToText(Json{{"address", address}}));
   else
-    fmt::print("watch and touch it at {}   (Ctrl-C ends it)\n", address);
+    PrintText("watch and touch it at {}   (Ctrl-C ends it)\n", address);
   std::fflush(stdout);
   std::signal(SIGINT, RequestStop);
   std::signal(SIGTERM, RequestStop);
