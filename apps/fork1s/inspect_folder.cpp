@@ -30,6 +30,7 @@ bool IsModel(const fs::path& path) {
   if (extension == ".urdf") return true;
   if (extension != ".xml" && extension != ".mjcf") return false;
   std::ifstream stream(path);
+  if (!stream) return true;  // its row says why it cannot be read
   const std::string text((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
   return text.find("<mujoco") != std::string::npos && text.find("<mujocoinclude") == std::string::npos &&
          (text.find("<worldbody") != std::string::npos || text.find("<include") != std::string::npos);

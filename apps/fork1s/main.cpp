@@ -7,9 +7,11 @@
 #include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <fork1s/base/system_error.hpp>
 #include <fork1s/record/recording.hpp>
 #include <new>
 #include <sstream>
+#include <system_error>
 
 #include "command.hpp"
 #include "print.hpp"
@@ -89,6 +91,9 @@ int Guard(int argc, char** argv) {
     return Perform(argc, argv);
   } catch (const std::bad_alloc&) {
     std::fputs(kOutOfMemory, stderr);
+    return kRefused;
+  } catch (const std::system_error& e) {  // a thread that cannot be started
+    PrintText(stderr, "fork1s: the system refused {}\n", CauseAndRemedy(e.code().value(), "try again"));
     return kRefused;
   } catch (const std::exception& e) {
     PrintText(stderr, "fork1s: {}\n", e.what());

@@ -1,3 +1,4 @@
+#include <fork1s/base/system_error.hpp>
 #include <fork1s/server/launch_file.hpp>
 
 #include <fcntl.h>
@@ -33,7 +34,7 @@ Expected<LaunchFile> LaunchFile::Create(const std::string& folder, const std::st
   LaunchFile out(file >= 0 ? path : std::string());
   if (!written)
     return Fail(ErrorCode::kFile, path,
-                fmt::format("cannot be written ({}); the browser is started with it", std::strerror(error)));
+                "cannot be written " + CauseAndRemedy(error, "the browser is started with it"));
   return out;
 }
 

@@ -11,6 +11,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <deque>
+#include <fork1s/base/system_error.hpp>
 #include <fork1s/server/live_server.hpp>
 #include <map>
 #include <mutex>
@@ -344,11 +345,9 @@ Expected<LiveServer> LiveServer::Create(const ServerOptions& options) {
   if (!error) d.acceptor->bind(endpoint, error);
   if (!error) d.acceptor->listen(asio::socket_base::max_listen_connections, error);
   if (error)
-    return Fail(
-        ErrorCode::kModel, fmt::format("port {}", options.port),
-        fmt::format(
-            "cannot be opened on 127.0.0.1 ({}); choose another with --port, or 0 for any that is free",
-            error.message()));
+    return Fail(ErrorCode::kModel, fmt::format("port {}", options.port),
+                "cannot be opened on 127.0.0.1 " +
+                    CauseAndRemedy(error.value(), "choose another with --port, or 0 for any that is free"));
   d.Accept();
   d.thread = std::thread([&d] { d.context->run(); });
   return server;
