@@ -236,6 +236,21 @@ TEST(Outputs, NotesAndErrorsMustArrive) {
   EXPECT_EQ(code("inspect --json " + model + " 2>&-"), 0);  // it has nothing to say there
 }
 
+// Licenses go with every copy, into exported pages too.
+TEST(Outputs, PagesCarryTheLicensesOfTheirPackages) {
+  const std::string recording = At("licensed.h5"), page = At("licensed.html");
+  ASSERT_EQ(Fork1s("run --time 0.1 --record " + recording + " " + Write("finger.xml", FingerModel())).code,
+            0);
+  if (Fork1s("export " + recording + " " + page).code == 3)
+    GTEST_SKIP() << "this program was built without its page";
+  const std::string text = Slurp(page);
+  for (const char* package : {"\nthree\n", "\nlil-gui\n", "\nuplot\n"}) {
+    const auto at = text.find(package);
+    ASSERT_NE(at, std::string::npos) << package;
+    EXPECT_NE(text.find("Permission is hereby granted", at), std::string::npos) << package;
+  }
+}
+
 // The first control character that would reach a terminal as it is, as a number; -1: none.
 int ControlIn(const std::string& text) {
   for (std::size_t i = 0; i < text.size(); ++i) {
