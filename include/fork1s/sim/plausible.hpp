@@ -3,13 +3,16 @@
 #pragma once
 
 #include <fork1s/sim/simulation.hpp>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace fork1s {
 
 /// Watches a run for steps that mean little: too fast or spinning too fast for the time step, deep in each
-/// other, with joints apart, or with energy out of nowhere. Of each kind the worst moment is kept.
+/// other, sunk into what they rest on, with joints apart, or with energy out of nowhere. Of each kind the
+/// worst moment is kept.
 class PlausibleWatch {
  public:
   explicit PlausibleWatch(const Simulation& simulation);
@@ -33,16 +36,18 @@ class PlausibleWatch {
     double times = 0;  // of what would be plausible
     std::string sentence;
   };
-  enum Kind { kFast, kSpins, kDeep, kApart, kEnergy, kKinds };
+  enum Kind { kFast, kSpins, kDeep, kSunk, kApart, kEnergy, kKinds };
   template <class Sentence>
   void Note(Kind kind, double times, const Sentence& sentence);
   void LookAtSpeeds(const Simulation& simulation);
   void LookAtDepths(const Simulation& simulation);
+  void LookAtSinking(const Simulation& simulation);
   void LookAtEnergy(const Simulation& simulation, const Seen& seen);
   bool IsDriven(const Simulation& simulation, const Seen& seen);
 
   std::vector<double> radii_;  // m, of contactors; infinite for the still world
   std::vector<bool> is_setpoint_;
+  std::map<std::pair<int, int>, double> sunk_since_;  // s, of contactors
   double size_ = 0;  // m, of the smallest mechanism
   Worst worst_[kKinds];
   VectorX controls_;
