@@ -48,8 +48,8 @@ class Program {
     std::string line;
     char c;
     while (read(ends[0], &c, 1) == 1 && c != '\n') line += c;
-    const std::size_t colon = line.rfind(':');
-    if (colon != std::string::npos) port_ = static_cast<unsigned short>(std::atoi(line.c_str() + colon + 1));
+    const Json printed = Json::parse(line, nullptr, false);
+    if (printed.is_object()) address_ = printed.value("address", "");
   }
   ~Program() {
     if (child_ <= 0) return;
@@ -58,11 +58,12 @@ class Program {
   }
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
-  unsigned short port() const { return port_; }
+  /// Of the page; empty where the program ended.
+  const std::string& address() const { return address_; }
 
  private:
   pid_t child_ = -1;
-  unsigned short port_ = 0;
+  std::string address_;
 };
 
 template <class T>
@@ -114,10 +115,10 @@ int Main(int argc, char** argv) {
   std::vector<std::string> arguments{FORK1S_BINARY, "view", "--no-open", "--port", "0", "--json"};
   arguments.insert(arguments.end(), argv + 1, argv + argc);
   const Program program(arguments);
-  if (program.port() == 0) return 3;  // it has said why
-  test::SocketClient client(program.port());
+  if (program.address().empty()) return 3;  // it has said why
+  test::SocketClient client(program.address());
   if (client.Upgrade().rfind("HTTP/1.1 101", 0) != 0) {
-    fmt::print(stderr, "the program on port {} took no viewer\n", program.port());
+    fmt::print(stderr, "the program at {} took no viewer\n", program.address());
     return 1;
   }
   int body = 0;

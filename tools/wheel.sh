@@ -28,7 +28,7 @@ if ! cmp -s tools/wheel.txt "$work/tools.txt" || [ ! -x "$work/tools/bin/python"
   echo "wheel: installing its tools into $work/tools"
   rm -rf "$work/tools"
   "$python" -m venv "$work/tools"
-  "$work/tools/bin/pip" install --quiet --disable-pip-version-check -r tools/wheel.txt
+  "$work/tools/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r tools/wheel.txt
   cp tools/wheel.txt "$work/tools.txt"
 fi
 tools=$PWD/$work/tools/bin
@@ -51,7 +51,7 @@ rm -rf "$work/fresh"
 "$python" -m venv --without-pip "$work/fresh"
 # With the tools' pip, which saves installing one.
 "$tools/pip" --python "$work/fresh/bin/python" install --quiet --disable-pip-version-check "$work"/dist/*.whl \
-  "$(grep '^pytest==' tools/wheel.txt)" "$mujoco"
+  "$(sed -n 's/^\(pytest==[0-9.]*\).*/\1/p' tools/wheel.txt)" "$mujoco"
 env -u PYTHONPATH FORK1S_WHEEL="$(ls "$PWD/$work"/dist/*.whl)" FORK1S_PIP="$tools/pip" "$work/fresh/bin/python" -m pytest \
   tests/python --ignore tests/python/extras
 

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "checks.hpp"
+#include "print.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -135,20 +136,21 @@ Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice) {
 void PrintAccuracy(const Json& a) {
   for (const Json& t : a["trials"]) {
     const Json apart = t.value("from_half_the_step_mm", Json(nullptr));
-    fmt::print("  tried           dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees: {}{}\n",
-               1 / t["dt_s"].get<double>(), t["integrator"].get<std::string>(), t["modes"].get<int>(),
-               t["refresh_angle_deg"].get<double>(),
-               t["error_mm"].is_null()
-                   ? std::string("blew up")
-                   : fmt::format("{:.3g} mm, {:.2g} %", t["error_mm"].get<double>(),
-                                 t["error_percent"].is_null() ? 0 : t["error_percent"].get<double>()),
-               apart.is_null() ? "" : fmt::format("; ends {:.3g} mm from half that step", apart.get<double>()));
+    PrintText(
+        "  tried           dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees: {}{}\n",
+        1 / t["dt_s"].get<double>(), t["integrator"].get<std::string>(), t["modes"].get<int>(),
+        t["refresh_angle_deg"].get<double>(),
+        t["error_mm"].is_null()
+            ? std::string("blew up")
+            : fmt::format("{:.3g} mm, {:.2g} %", t["error_mm"].get<double>(),
+                          t["error_percent"].is_null() ? 0 : t["error_percent"].get<double>()),
+        apart.is_null() ? "" : fmt::format("; ends {:.3g} mm from half that step", apart.get<double>()));
   }
   const Json& c = a["chosen"];
-  fmt::print("  accuracy        {} {}: dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees\n",
-             a["asked"].get<std::string>(), a["met"].get<bool>() ? "by" : "not met; best is",
-             1 / c["dt_s"].get<double>(), c["integrator"].get<std::string>(), c["modes"].get<int>(),
-             c["refresh_angle_deg"].get<double>());
+  PrintText("  accuracy        {} {}: dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees\n",
+            a["asked"].get<std::string>(), a["met"].get<bool>() ? "by" : "not met; best is",
+            1 / c["dt_s"].get<double>(), c["integrator"].get<std::string>(), c["modes"].get<int>(),
+            c["refresh_angle_deg"].get<double>());
 }
 
 }  // namespace fork1s::app

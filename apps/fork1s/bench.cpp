@@ -14,6 +14,7 @@
 #include "bench_output.hpp"
 #include "bench_scenes.hpp"
 #include "checks.hpp"
+#include "print.hpp"
 #include "progress.hpp"
 
 namespace fork1s::app {
@@ -121,7 +122,7 @@ int TakeSteps(const BenchArguments& args) {
   }
   const auto steps = StepFromSamePoses(options);
   if (!steps) return Report(steps.error(), false);
-  fmt::print("{}\n", steps->steps);
+  PrintText("{}\n", steps->steps);
   return kDone;
 }
 
@@ -173,7 +174,7 @@ int RunBench(const BenchArguments& args) {
         continue;
       }
       scenes[model.name] = SceneJson(*scene);
-      if (!scene->why_no_instructions.empty()) fmt::print(stderr, "note: {}\n", scene->why_no_instructions);
+      if (!scene->why_no_instructions.empty()) PrintText(stderr, "note: {}\n", scene->why_no_instructions);
       if (!args.json) PrintScene(*scene);
       results.scenes.push_back(std::move(*scene));
     }
@@ -182,13 +183,13 @@ int RunBench(const BenchArguments& args) {
     Json out;
     out["machine"] = results.machine;
     out["scenes"] = std::move(scenes);
-    fmt::print("{}\n", ToText(PartsJson(results, std::move(out)), 2));
+    PrintText("{}\n", ToText(PartsJson(results, std::move(out)), 2));
   } else {
     PrintParts(results);
   }
   if (out_folder.empty()) return code;
   if (auto written = WriteBench(results, out_folder); !written) return Report(written.error(), false);
-  fmt::print(stderr, "written to {}, bench.html shows all of it\n", out_folder);
+  PrintText(stderr, "written to {}, bench.html shows all of it\n", out_folder);
   return code;
 }
 

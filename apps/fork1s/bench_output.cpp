@@ -1,4 +1,5 @@
 #include "bench_output.hpp"
+#include "print.hpp"
 
 #include <fmt/format.h>
 
@@ -98,61 +99,61 @@ Json PartsJson(const BenchResults& results, Json out) {
 
 void PrintScene(const BenchScene& s) {
   const PeerRow& ours = s.rows.front();
-  fmt::print("{}, {:.3g} s at steps of {:.5g} s; {}\n", s.name, ours.time_s, ours.dt_s,
-             std::isfinite(s.TruthErrorPercent())
-                 ? fmt::format("the truth is known to {:.2g} % of the motion", s.TruthErrorPercent())
-                 : "no interface or free body goes anywhere, so that errors have no percentage");
-  fmt::print("  {:<22} {:>10} {:>8} {:>10} {:>10} {:>12} {:>9}\n", "", "us a step", "ratio", "99 % below",
-             "worst", "instructions", "error, %");
+  PrintText("{}, {:.3g} s at steps of {:.5g} s; {}\n", s.name, ours.time_s, ours.dt_s,
+            std::isfinite(s.TruthErrorPercent())
+                ? fmt::format("the truth is known to {:.2g} % of the motion", s.TruthErrorPercent())
+                : "no interface or free body goes anywhere, so that errors have no percentage");
+  PrintText("  {:<22} {:>10} {:>8} {:>10} {:>10} {:>12} {:>9}\n", "", "us a step", "ratio", "99 % below",
+            "worst", "instructions", "error, %");
   for (const PeerRow& r : s.rows) {
     if (r.dt_s != ours.dt_s) continue;
     if (!r.survived) {
-      fmt::print("  {:<22} {}\n", r.simulator, r.end);
+      PrintText("  {:<22} {}\n", r.simulator, r.end);
       continue;
     }
     const auto instructions = s.Instructions(r.simulator);
-    fmt::print("  {:<22} {:>10.1f} {:>8.2f} {:>10.1f} {:>10.1f} {:>12} {:>9}\n", r.simulator, r.step_us,
-               r.step_ratio, r.p99_us, r.worst_us, instructions ? fmt::format("{:.0f}", *instructions) : "-",
-               std::isfinite(r.error_percent) ? fmt::format("{:.3g}", r.error_percent) : "-");
+    PrintText("  {:<22} {:>10.1f} {:>8.2f} {:>10.1f} {:>10.1f} {:>12} {:>9}\n", r.simulator, r.step_us,
+              r.step_ratio, r.p99_us, r.worst_us, instructions ? fmt::format("{:.0f}", *instructions) : "-",
+              std::isfinite(r.error_percent) ? fmt::format("{:.3g}", r.error_percent) : "-");
   }
   for (const PhaseCost& p : s.phases)
-    fmt::print("    {:<22} {:>9.3g} us {:>9.3g} us in the mean {:>12} instructions\n", p.phase,
-               p.median_us.value_or(0), p.mean_us.value_or(0),
-               p.instructions ? fmt::format("{:.0f}", *p.instructions) : "-");
+    PrintText("    {:<22} {:>9.3g} us {:>9.3g} us in the mean {:>12} instructions\n", p.phase,
+              p.median_us.value_or(0), p.mean_us.value_or(0),
+              p.instructions ? fmt::format("{:.0f}", *p.instructions) : "-");
   std::fflush(stdout);
 }
 
 void PrintParts(const BenchResults& results) {
   if (!results.recovery.empty())
-    fmt::print("poses of all bodies\n  {:<10} {:<27} {:<3} {:>10} {:>8} {:>8} {:>10} {:>26}\n", "", "", "",
-               "interfaces", "bodies", "threads", "ns a body", "of what the machine can");
+    PrintText("poses of all bodies\n  {:<10} {:<27} {:<3} {:>10} {:>8} {:>8} {:>10} {:>26}\n", "", "", "",
+              "interfaces", "bodies", "threads", "ns a body", "of what the machine can");
   for (const RecoveryCost& r : results.recovery)
-    fmt::print("  {:<10} {:<27} {:<3} {:>10} {:>8} {:>8} {:>10.1f} {:>26}\n", r.mechanism, r.mode, r.type,
-               r.interfaces, r.bodies, r.threads, r.ns_per_body,
-               r.percent_of_ceiling ? fmt::format("{:.0f} %, {}", *r.percent_of_ceiling, r.bound) : "-");
+    PrintText("  {:<10} {:<27} {:<3} {:>10} {:>8} {:>8} {:>10.1f} {:>26}\n", r.mechanism, r.mode, r.type,
+              r.interfaces, r.bodies, r.threads, r.ns_per_body,
+              r.percent_of_ceiling ? fmt::format("{:.0f} %, {}", *r.percent_of_ceiling, r.bound) : "-");
   for (const BenchStability& s : results.stability) {
-    fmt::print("largest stable step of {}, stiffness times 1, 10, 100, 1000\n", s.scene);
+    PrintText("largest stable step of {}, stiffness times 1, 10, 100, 1000\n", s.scene);
     for (const StabilityRow& r : s.rows) {
       if (r.stiffness_scale != 1) continue;
-      fmt::print("  {:<22}", r.simulator);
+      PrintText("  {:<22}", r.simulator);
       for (const StabilityRow& of_same : s.rows)
         if (of_same.simulator == r.simulator)
-          fmt::print(" {:>10}", of_same.largest_stable_dt_s > 0
-                                    ? fmt::format("1/{:.0f}", 1 / of_same.largest_stable_dt_s)
-                                    : "none");
-      fmt::print("\n");
+          PrintText(" {:>10}", of_same.largest_stable_dt_s > 0
+                                   ? fmt::format("1/{:.0f}", 1 / of_same.largest_stable_dt_s)
+                                   : "none");
+      PrintText("\n");
     }
   }
   if (!results.chains.empty())
-    fmt::print("chains\n  {:<8} {:>12} {:>14} {:>16} {:>16} {:>8}\n", "joints", "reducing, ms",
-               "a refresh, ms", "a step, exact us", "a step, twist us", "MB");
+    PrintText("chains\n  {:<8} {:>12} {:>14} {:>16} {:>16} {:>8}\n", "joints", "reducing, ms",
+              "a refresh, ms", "a step, exact us", "a step, twist us", "MB");
   for (const ChainCost& c : results.chains)
-    fmt::print("  {:<8} {:>12.3f} {:>14.3f} {:>16.1f} {:>16.1f} {:>8.2f}\n", c.joints, c.reduce_ms,
-               c.refresh_ms, c.step_exact_us, c.step_twist_us, c.heap_MB);
-  if (!results.many.empty()) fmt::print("many at a time\n");
+    PrintText("  {:<8} {:>12.3f} {:>14.3f} {:>16.1f} {:>16.1f} {:>8.2f}\n", c.joints, c.reduce_ms,
+              c.refresh_ms, c.step_exact_us, c.step_twist_us, c.heap_MB);
+  if (!results.many.empty()) PrintText("many at a time\n");
   for (const ManyCost& m : results.many)
-    fmt::print("  {} of {} on {}: {:.2f} us a step of one\n", m.instances, m.scene,
-               m.threads == 1 ? "one thread" : fmt::format("{} threads", m.threads), m.step_us);
+    PrintText("  {} of {} on {}: {:.2f} us a step of one\n", m.instances, m.scene,
+              m.threads == 1 ? "one thread" : fmt::format("{} threads", m.threads), m.step_us);
 }
 
 }  // namespace fork1s::app

@@ -9,6 +9,7 @@
 #include "checks.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
+#include "print.hpp"
 #include "progress.hpp"
 #include "run_inputs.hpp"
 
@@ -96,47 +97,47 @@ Json ComparisonJson(const Comparison& c) {
 }
 
 void PrintFrequencies(const char* label, const std::vector<double>& hertz) {
-  fmt::print("  {:<18}", label);
-  for (double f : hertz) fmt::print(" {:.5g}", f);
-  fmt::print(" Hz\n");
+  PrintText("  {:<18}", label);
+  for (double f : hertz) PrintText(" {:.5g}", f);
+  PrintText(" Hz\n");
 }
 
 void Print(const Comparison& c) {
-  fmt::print("reduced against {}: {:.4g} s at steps of {:.6g} s", c.other, c.time_s, c.dt_s);
-  if (c.other_dt_s != c.dt_s) fmt::print(", {} at {:.6g} s", c.other, c.other_dt_s);
-  fmt::print("; {}", IntegratorsText(c));
+  PrintText("reduced against {}: {:.4g} s at steps of {:.6g} s", c.other, c.time_s, c.dt_s);
+  if (c.other_dt_s != c.dt_s) PrintText(", {} at {:.6g} s", c.other, c.other_dt_s);
+  PrintText("; {}", IntegratorsText(c));
   const std::vector<std::string> differences = DifferenceLines(c);
-  if (!differences.empty()) fmt::print("\nwhat the two do differently, before any number:");
-  for (const std::string& line : differences) fmt::print("\n  {}", line);
-  fmt::print("\n  {:<24} {:>10} {:>10} {:>10} {:>10}\n", "", "RMS mm", "max mm", "RMS deg", "max deg");
+  if (!differences.empty()) PrintText("\nwhat the two do differently, before any number:");
+  for (const std::string& line : differences) PrintText("\n  {}", line);
+  PrintText("\n  {:<24} {:>10} {:>10} {:>10} {:>10}\n", "", "RMS mm", "max mm", "RMS deg", "max deg");
   for (const auto* list : {&c.interface, &c.free_bodies})
     for (const BodyDifference& b : *list)
-      fmt::print("  {:<24} {:>10.4f} {:>10.4f} {:>10.4f} {:>10.4f}\n", b.body, b.rms_mm, b.max_mm, b.rms_deg,
-                 b.max_deg);
-  fmt::print("  contact force      {:.4g} N RMS apart, {}\n", c.force_rms_N,
-             std::isnan(c.force_rms_percent) ? fmt::format("none in {}", c.other)
-                                             : fmt::format("{:.3g} % of {}'s", c.force_rms_percent, c.other));
+      PrintText("  {:<24} {:>10.4f} {:>10.4f} {:>10.4f} {:>10.4f}\n", b.body, b.rms_mm, b.max_mm, b.rms_deg,
+                b.max_deg);
+  PrintText("  contact force      {:.4g} N RMS apart, {}\n", c.force_rms_N,
+            std::isnan(c.force_rms_percent) ? fmt::format("none in {}", c.other)
+                                            : fmt::format("{:.3g} % of {}'s", c.force_rms_percent, c.other));
   PrintFrequencies("reduced", c.frequencies_reduced_hz);
   PrintFrequencies("full", c.frequencies_full_hz);
-  fmt::print("  joint gap          {:.3g} mm at most ({}: {:.3g} mm)\n", c.gap_max_mm, c.other,
-             c.gap_max_other_mm);
-  fmt::print("  energy             {:.6g} J to {:.6g} J ({}: {:.6g} J to {:.6g} J)\n",
-             c.energy_reduced.first_J, c.energy_reduced.last_J, c.other, c.energy_other.first_J,
-             c.energy_other.last_J);
-  fmt::print("  wall time          {:.4g} s, {} {:.4g} s: {:.1f} times\n", c.wall_reduced_s, c.other,
-             c.wall_other_s, c.wall_ratio);
-  fmt::print("  not converged      {} steps, {} {} steps\n", c.unconverged_reduced, c.other,
-             c.unconverged_other);
+  PrintText("  joint gap          {:.3g} mm at most ({}: {:.3g} mm)\n", c.gap_max_mm, c.other,
+            c.gap_max_other_mm);
+  PrintText("  energy             {:.6g} J to {:.6g} J ({}: {:.6g} J to {:.6g} J)\n",
+            c.energy_reduced.first_J, c.energy_reduced.last_J, c.other, c.energy_other.first_J,
+            c.energy_other.last_J);
+  PrintText("  wall time          {:.4g} s, {} {:.4g} s: {:.1f} times\n", c.wall_reduced_s, c.other,
+            c.wall_other_s, c.wall_ratio);
+  PrintText("  not converged      {} steps, {} {} steps\n", c.unconverged_reduced, c.other,
+            c.unconverged_other);
   if (c.full_integrator == FullIntegrator::kTwoStages)
-    fmt::print("  halved             {} {} steps, in which something was met\n", c.halved_other, c.other);
-  if (!c.equal_steps.empty()) fmt::print("at equal steps\n");
+    PrintText("  halved             {} {} steps, in which something was met\n", c.halved_other, c.other);
+  if (!c.equal_steps.empty()) PrintText("at equal steps\n");
   for (const EqualStep& e : c.equal_steps)
-    fmt::print("  dt {:>10.6f} s      {:>10.4f} mm RMS {:>10.4f} mm max\n", e.dt_s, e.rms_mm, e.max_mm);
-  fmt::print("against {} at its finest step\n", c.other);
+    PrintText("  dt {:>10.6f} s      {:>10.4f} mm RMS {:>10.4f} mm max\n", e.dt_s, e.rms_mm, e.max_mm);
+  PrintText("against {} at its finest step\n", c.other);
   for (const CostPoint& p : c.costs)
-    fmt::print("  {:<8} dt {:>10.6f} s {:>10.4f} mm RMS {:>10.4f} mm max in {:.4g} s\n", p.simulator, p.dt_s,
-               p.rms_mm, p.max_mm, p.wall_s);
-  for (const std::string& w : c.warnings) fmt::print("  warning: {}\n", w);
+    PrintText("  {:<8} dt {:>10.6f} s {:>10.4f} mm RMS {:>10.4f} mm max in {:.4g} s\n", p.simulator, p.dt_s,
+              p.rms_mm, p.max_mm, p.wall_s);
+  for (const std::string& w : c.warnings) PrintText("  warning: {}\n", w);
 }
 
 // The inputs as both sides take them, and sentences on what neither takes as it stands.
@@ -211,14 +212,14 @@ int Run(const CompareArguments& args) {
   if (json) {
     Json out = ComparisonJson(*comparison);
     out["notes"] = NotesJson(imported->report);
-    fmt::print("{}\n", ToText(out, 2));
+    PrintText("{}\n", ToText(out, 2));
   } else {
     Print(*comparison);
   }
   if (args.report.empty()) return kDone;
   if (auto written = WriteComparisonReport(*comparison, args.report); !written)
     return Report(written.error(), false);
-  fmt::print(stderr, "report written to {}\n", args.report);
+  PrintText(stderr, "report written to {}\n", args.report);
   return kDone;
 }
 

@@ -1,4 +1,5 @@
 #include "error_watch.hpp"
+#include "print.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -102,19 +103,19 @@ std::vector<std::string> ErrorWatch::Warnings() const {
 void PrintErrorEstimate(const Json& d) {
   const Json& percent = d["error_estimate_percent"];
   if (percent["total"].is_null()) {
-    fmt::print("  error           not estimated: nothing moved\n");
+    PrintText("  error           not estimated: nothing moved\n");
     return;
   }
   const bool inside = percent["within_range"].get<bool>();
   auto share = [&](const char* key) { return percent[key].get<double>(); };
-  fmt::print("  error           about {}, of {:.4g} mm of motion\n",
-             inside ? fmt::format("{:.2g} %", share("total")) : fmt::format("> {:.0f} %", kOutside),
-             percent["of_mm"].get<double>());
-  fmt::print("                  time step {:.2g} %, interior left out {:.2g} %, nonlinear {:.2g} %\n",
-             share("time_step"), share("interior"), share("nonlinear"));
+  PrintText("  error           about {}, of {:.4g} mm of motion\n",
+            inside ? fmt::format("{:.2g} %", share("total")) : fmt::format("> {:.0f} %", kOutside),
+            percent["of_mm"].get<double>());
+  PrintText("                  time step {:.2g} %, interior left out {:.2g} %, nonlinear {:.2g} %\n",
+            share("time_step"), share("interior"), share("nonlinear"));
   for (const auto& [body, e] : d["error_estimate_mm"].items())
-    fmt::print("    {:<20} {:.3g} mm at most, {:.3g} mm at the end\n", body, e["max"].get<double>(),
-               e["last"].get<double>());
+    PrintText("    {:<20} {:.3g} mm at most, {:.3g} mm at the end\n", body, e["max"].get<double>(),
+              e["last"].get<double>());
 }
 
 }  // namespace fork1s::app

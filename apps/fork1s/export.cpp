@@ -12,6 +12,7 @@
 #include "checks.hpp"
 #include "output.hpp"
 #include "page.hpp"
+#include "print.hpp"
 #include "video.hpp"
 
 namespace fork1s::app {
@@ -52,7 +53,7 @@ int WriteTables(const ExportArguments& args) {
   if (!recording) return Report(recording.error(), false);
   const auto steps = ExportCsv(*recording, args.out, options);
   if (!steps) return Report(steps.error(), false);
-  fmt::print("wrote {} steps to {}/*.csv\n", *steps, args.out);
+  PrintText("wrote {} steps to {}/*.csv\n", *steps, args.out);
   return kDone;
 }
 
@@ -71,8 +72,8 @@ int WritePage(const Recording& recording, const ExportArguments& args) {
   auto page = MakePage(recording);
   if (!page) return Report(page.error(), false);
   if (auto written = WriteFile(args.out, kHtmlFile, *page); !written) return Report(written.error(), false);
-  fmt::print("wrote {} ({:.2f} MB): open it in a browser, it needs no server\n", args.out,
-             static_cast<double>(page->size()) * 1e-6);
+  PrintText("wrote {} ({:.2f} MB): open it in a browser, it needs no server\n", args.out,
+            static_cast<double>(page->size()) * 1e-6);
   return kDone;
 }
 
@@ -82,8 +83,8 @@ int WriteGltf(const Recording& recording, const ExportArguments& args) {
   if (auto written = ExportGltf(recording, args.out, options); !written)
     return Report(written.error(), false);
   std::error_code ignored;
-  fmt::print("wrote {} ({:.2f} MB): open it in Blender or any other program that reads glTF 2.0\n", args.out,
-             static_cast<double>(std::filesystem::file_size(args.out, ignored)) * 1e-6);
+  PrintText("wrote {} ({:.2f} MB): open it in Blender or any other program that reads glTF 2.0\n", args.out,
+            static_cast<double>(std::filesystem::file_size(args.out, ignored)) * 1e-6);
   return kDone;
 }
 
@@ -93,10 +94,10 @@ void SayWhereItEnds(const Recording& recording, double at) {
   const double dt = recording.header().options.dt;
   const double end = times.empty() ? 0 : times.back() - times.front() + dt;
   if (at > end + 0.5 * dt)
-    fmt::print(stderr,
-               "warning: --at {:g} s is after the end of the recording at {:.6g} s, whose last moment is "
-               "drawn\n",
-               at, end);
+    PrintText(stderr,
+              "warning: --at {:g} s is after the end of the recording at {:.6g} s, whose last moment is "
+              "drawn\n",
+              at, end);
 }
 
 int WriteFilm(const Recording& recording, const ExportArguments& args) {
@@ -107,7 +108,7 @@ int WriteFilm(const Recording& recording, const ExportArguments& args) {
   if (!page) return Report(page.error(), false);
   auto frames = RenderVideo(*page, args.out, *camera);
   if (!frames) return Report(frames.error(), false);
-  fmt::print("wrote {} frames to {}\n", *frames, args.out);
+  PrintText("wrote {} frames to {}\n", *frames, args.out);
   return kDone;
 }
 

@@ -1,4 +1,5 @@
 #include "gain.hpp"
+#include "print.hpp"
 
 #include <fmt/format.h>
 
@@ -25,17 +26,17 @@ Json StepTimesJson(const std::optional<StepTimes>& times) {
 }
 
 void PrintGain(const Json& gain) {
-  fmt::print("  what the interface gains:\n");
-  for (const Json& sentence : gain["text"]) fmt::print("    {}\n", sentence.get<std::string>());
+  PrintText("  what the interface gains:\n");
+  for (const Json& sentence : gain["text"]) PrintText("    {}\n", sentence.get<std::string>());
 }
 
 void PrintStepTimes(const Json& times) {
   if (times.is_null()) return;
   const double few = times["interface"].get<double>(), all = times["all_bodies"].get<double>();
-  fmt::print("a step of {:.4g} s takes {:.3g} us from the start on, {:.3g} us if every body might touch",
-             times["dt_s"].get<double>(), few, all);
-  if (few > 0 && all > 1.1 * few) fmt::print(": {:.1f} times quicker", all / few);
-  fmt::print("\n");
+  PrintText("a step of {:.4g} s takes {:.3g} us from the start on, {:.3g} us if every body might touch",
+            times["dt_s"].get<double>(), few, all);
+  if (few > 0 && all > 1.1 * few) PrintText(": {:.1f} times quicker", all / few);
+  PrintText("\n");
 }
 
 }  // namespace fork1s::app

@@ -5,6 +5,7 @@
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <fork1s/base/system_error.hpp>
 
 #include <cerrno>
 #include <chrono>
@@ -63,14 +64,14 @@ Expected<void> LoadApart(const ModelArguments& model, const std::vector<std::str
   const TemporaryFile out(std::tmpfile()), err(std::tmpfile());
   if (!out || !err)
     return Fail(ErrorCode::kFile, model.path,
-                fmt::format("cannot be read: its reader needs a temporary file ({}); make room in {}",
-                            std::strerror(errno), P_tmpdir));
+                "cannot be read: its reader needs a temporary file " +
+                    CauseAndRemedy(errno, "make room in " P_tmpdir));
 
   const pid_t child = fork();
   if (child < 0)
     return Fail(
         ErrorCode::kModel, model.path,
-        fmt::format("cannot be read: no process for its reader could be started ({})", std::strerror(errno)));
+        "cannot be read: no process for its reader could be started " + CauseAndRemedy(errno, "try again"));
   if (child == 0) {  // other threads may hold locks: nothing here may allocate
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     signal(SIGINT, SIG_IGN);  // Ctrl-C goes to the whole group; the parent ends this one

@@ -13,6 +13,7 @@
 #include "inspect_folder.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
+#include "print.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -89,10 +90,10 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
 }
 
 void Print(const ImportedScene& imported, const Json& d) {
-  fmt::print("{}: {}, time step {:g} s\n", d["name"].get<std::string>(), d["format"].get<std::string>(),
-             imported.scene.timestep);
+  PrintText("{}: {}, time step {:g} s\n", d["name"].get<std::string>(), d["format"].get<std::string>(),
+            imported.scene.timestep);
   for (const Json& m : d["mechanisms"]) {
-    fmt::print(
+    PrintText(
         "\nmechanism '{}': base {}, {} bodies, {:.4g} kg, {} joints with {} coordinates, {} closures, {} "
         "couplings\n",
         m["name"].get<std::string>(), m["base"].get<std::string>(), m["bodies"].get<int>(),
@@ -100,37 +101,37 @@ void Print(const ImportedScene& imported, const Json& d) {
         m["closures"].get<int>(), m["couplings"].get<int>());
     std::string names;
     for (const Json& b : m["interfaces"]) names += (names.empty() ? "" : ", ") + b.get<std::string>();
-    fmt::print("  interface ({}): {}\n", m["interfaces_chosen"].get<bool>() ? "named" : "picked here", names);
+    PrintText("  interface ({}): {}\n", m["interfaces_chosen"].get<bool>() ? "named" : "picked here", names);
     names.clear();
     for (const Json& c : m["controls"]) names += (names.empty() ? "" : ", ") + c.get<std::string>();
-    if (!names.empty()) fmt::print("  controls: {}\n", names);
+    if (!names.empty()) PrintText("  controls: {}\n", names);
     if (!m["gain"].is_null()) PrintGain(m["gain"]);
   }
-  if (!d["step_us"].is_null()) fmt::print("\n");
+  if (!d["step_us"].is_null()) PrintText("\n");
   PrintStepTimes(d["step_us"]);
   if (!d["free_bodies"].empty()) {
-    fmt::print("\nfree bodies:");
+    PrintText("\nfree bodies:");
     for (const Json& b : d["free_bodies"])
-      fmt::print(" {} ({:.4g} kg)", b["name"].get<std::string>(), b["mass_kg"].get<double>());
-    fmt::print("\n");
+      PrintText(" {} ({:.4g} kg)", b["name"].get<std::string>(), b["mass_kg"].get<double>());
+    PrintText("\n");
   }
-  fmt::print("world geometries: {}\n", d["world_geometries"].get<int>());
+  PrintText("world geometries: {}\n", d["world_geometries"].get<int>());
   if (!d["keyframes"].empty()) {
-    fmt::print("keyframes:");
-    for (const Json& k : d["keyframes"]) fmt::print(" {}", k.get<std::string>());
-    fmt::print("\n");
+    PrintText("keyframes:");
+    for (const Json& k : d["keyframes"]) PrintText(" {}", k.get<std::string>());
+    PrintText("\n");
   }
-  fmt::print("\nwhat holds each joint:\n");
+  PrintText("\nwhat holds each joint:\n");
   std::size_t width = 0;
   for (const JointHold& h : imported.report.holds) width = std::max(width, h.joint.size());
-  for (const JointHold& h : imported.report.holds) fmt::print("  {:<{}}  {}\n", h.joint, width, h.held_by);
-  if (!d["not_held"].empty()) fmt::print("\nwhat nothing holds ({}):\n", d["not_held"].size());
-  for (const Json& motion : d["not_held"]) fmt::print("  {}\n", motion.get<std::string>());
+  for (const JointHold& h : imported.report.holds) PrintText("  {:<{}}  {}\n", h.joint, width, h.held_by);
+  if (!d["not_held"].empty()) PrintText("\nwhat nothing holds ({}):\n", d["not_held"].size());
+  for (const Json& motion : d["not_held"]) PrintText("  {}\n", motion.get<std::string>());
   if (!d["held_by_load"].empty())
-    fmt::print("\nheld by preload, controls or weight alone ({}):\n", d["held_by_load"].size());
-  for (const Json& joint : d["held_by_load"]) fmt::print("  {}\n", joint.get<std::string>());
-  fmt::print("\nnotes of the import ({}):\n", imported.report.notes.size());
-  for (const Json& n : d["notes"]) fmt::print("  {}\n", n.get<std::string>());
+    PrintText("\nheld by preload, controls or weight alone ({}):\n", d["held_by_load"].size());
+  for (const Json& joint : d["held_by_load"]) PrintText("  {}\n", joint.get<std::string>());
+  PrintText("\nnotes of the import ({}):\n", imported.report.notes.size());
+  for (const Json& n : d["notes"]) PrintText("  {}\n", n.get<std::string>());
 }
 
 }  // namespace
@@ -154,7 +155,7 @@ void AddInspect(CLI::App& app, Action& action) {
       if (!posed) return Report(posed.error(), model->json);
       const Json description = Describe(*imported, *posed);
       if (model->json)
-        fmt::print("{}\n", ToText(description, 2));
+        PrintText("{}\n", ToText(description, 2));
       else
         Print(*imported, description);
       return kDone;

@@ -17,6 +17,7 @@
 #include <fstream>
 
 #include "output.hpp"
+#include "print.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -29,6 +30,7 @@ bool IsModel(const fs::path& path) {
   if (extension == ".urdf") return true;
   if (extension != ".xml" && extension != ".mjcf") return false;
   std::ifstream stream(path);
+  if (!stream) return true;  // its row says why it cannot be read
   const std::string text((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
   return text.find("<mujoco") != std::string::npos && text.find("<mujocoinclude") == std::string::npos &&
          (text.find("<worldbody") != std::string::npos || text.find("<include") != std::string::npos);
@@ -155,21 +157,21 @@ std::string Join(const Json& list) {
 }
 
 void Print(const Json& row, std::size_t width, bool ran) {
-  fmt::print("{:<{}}  ", row["file"].get<std::string>(), width);
+  PrintText("{:<{}}  ", row["file"].get<std::string>(), width);
   if (!row["opens"].get<bool>()) {
-    fmt::print("refused: {}\n", row["error"].get<std::string>());
+    PrintText("refused: {}\n", row["error"].get<std::string>());
     return;
   }
   const auto whole = [&](const char* key) { return row.contains(key) ? row[key].get<int>() : 0; };
-  fmt::print("{:>5} {:>7} {:>5} {:>5}", whole("coordinates"), whole("reduced_coordinates"), whole("loops"),
-             whole("free_bodies"));
+  PrintText("{:>5} {:>7} {:>5} {:>5}", whole("coordinates"), whole("reduced_coordinates"), whole("loops"),
+            whole("free_bodies"));
   if (ran && row.contains("joint_gap_max_m"))
-    fmt::print(" {:>9.2g} {:>8.2g} {:>6} {:>8.1f}", 1e3 * row["joint_gap_max_m"].get<double>(),
-               1e3 * row["penetration_max_m"].get<double>(), whole("unconverged_steps"),
-               row["step_us_median"].get<double>());
+    PrintText(" {:>9.2g} {:>8.2g} {:>6} {:>8.1f}", 1e3 * row["joint_gap_max_m"].get<double>(),
+              1e3 * row["penetration_max_m"].get<double>(), whole("unconverged_steps"),
+              row["step_us_median"].get<double>());
   else if (row.contains("ran"))
-    fmt::print("  {}", row["ran"].get<std::string>());
-  fmt::print("  {}\n", Join(row["dropped"]));
+    PrintText("  {}", row["ran"].get<std::string>());
+  PrintText("  {}\n", Join(row["dropped"]));
 }
 
 }  // namespace
@@ -185,9 +187,9 @@ int InspectFolder(const ModelArguments& given, double time) {
   std::size_t width = 4;
   for (const fs::path& file : *files) width = std::max(width, fs::relative(file, given.path).string().size());
   if (!given.json) {
-    fmt::print("{:<{}}  {:>5} {:>7} {:>5} {:>5}", "file", width, "coord", "reduced", "loops", "free");
-    if (time > 0) fmt::print(" {:>9} {:>8} {:>6} {:>8}", "gap mm", "sink mm", "uncnv", "us/step");
-    fmt::print("  dropped\n");
+    PrintText("{:<{}}  {:>5} {:>7} {:>5} {:>5}", "file", width, "coord", "reduced", "loops", "free");
+    if (time > 0) PrintText(" {:>9} {:>8} {:>6} {:>8}", "gap mm", "sink mm", "uncnv", "us/step");
+    PrintText("  dropped\n");
   }
   int open = 0;
   for (const fs::path& file : *files) {
@@ -201,9 +203,9 @@ int InspectFolder(const ModelArguments& given, double time) {
     table.push_back(std::move(row));
   }
   if (given.json)
-    fmt::print("{}\n", ToText(table, 2));
+    PrintText("{}\n", ToText(table, 2));
   else
-    fmt::print("{} of {} open\n", open, table.size());
+    PrintText("{} of {} open\n", open, table.size());
   return kDone;
 }
 

@@ -7,10 +7,14 @@
 #include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <fork1s/base/system_error.hpp>
 #include <fork1s/record/recording.hpp>
 #include <new>
+#include <sstream>
+#include <system_error>
 
 #include "command.hpp"
+#include "print.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -24,14 +28,17 @@ void HoldStandardStreams() {
 }
 
 // What was printed must have arrived, or whoever reads it takes half for the whole.
+// Of notes and errors nothing can be said where standard error itself fails.
 int CheckPrinted(int code) {
   errno = 0;
-  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
-  const int error = errno;
-  std::fprintf(stderr,
-               "fork1s: standard output: cannot be written%s%s; results are missing, send them elsewhere\n",
-               error != 0 ? ": " : "", error != 0 ? std::strerror(error) : "");
-  return code == kDone ? kRefused : code;
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    const int error = errno;
+    PrintText(stderr,
+              "fork1s: standard output: cannot be written{}{}; results are missing, send them elsewhere\n",
+              error != 0 ? ": " : "", error != 0 ? std::strerror(error) : "");
+    if (code == kDone) code = kRefused;
+  }
+  return std::ferror(stderr) != 0 && code == kDone ? kRefused : code;
 }
 
 constexpr const char* kOutOfMemory = "fork1s: out of memory; what was recorded up to here can be opened\n";
@@ -44,7 +51,7 @@ constexpr const char* kOutOfMemory = "fork1s: out of memory; what was recorded u
     std::fputs(kOutOfMemory, stderr);
     _exit(kRefused);
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "fork1s: ended in the middle: %s\n", e.what());
+    PrintText(stderr, "fork1s: ended in the middle: {}\n", e.what());
   } catch (...) {
   }
   std::abort();
@@ -70,7 +77,11 @@ int Perform(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? kDone : kBadUsage;
+    std::ostringstream out, err;
+    const bool done = app.exit(e, out, err) == 0;
+    PrintText("{}", out.str());
+    PrintText(stderr, "{}", err.str());
+    return done ? kDone : kBadUsage;
   }
   return action();
 }
@@ -81,9 +92,11 @@ int Guard(int argc, char** argv) {
   } catch (const std::bad_alloc&) {
     std::fputs(kOutOfMemory, stderr);
     return kRefused;
+  } catch (const std::system_error& e) {  // a thread that cannot be started
+    PrintText(stderr, "fork1s: the system refused {}\n", CauseAndRemedy(e.code().value(), "try again"));
+    return kRefused;
   } catch (const std::exception& e) {
-    if (std::ferror(stdout) != 0) return kDone;  // it is about the printing, see CheckPrinted
-    std::fprintf(stderr, "fork1s: %s\n", e.what());
+    PrintText(stderr, "fork1s: {}\n", e.what());
     return kNumericsFailed;
   }
 }

@@ -1,4 +1,5 @@
 #include "output.hpp"
+#include "print.hpp"
 
 #include <fmt/core.h>
 
@@ -29,7 +30,7 @@ Json NotesJson(const ImportReport& report) {
 }
 
 void PrintNotes(const ImportReport& report) {
-  for (const ImportNote& n : report.notes) fmt::print(stderr, "note: {}\n", n.Text());
+  for (const ImportNote& n : report.notes) PrintText(stderr, "note: {}\n", n.Text());
 }
 
 // A name or a number of a file can be as long as the file.
@@ -45,14 +46,14 @@ std::string Abridged(const std::string& text) {
 }
 
 int Report(const Error& error, bool json) {
-  fmt::print(stderr, "fork1s: {}\n", Abridged(error.Text()));
+  PrintText(stderr, "fork1s: {}\n", Abridged(error.Text()));
   int code = kRefused;
   if (error.code == ErrorCode::kUsage) code = kBadUsage;
   if (error.code == ErrorCode::kNumerics) code = kNumericsFailed;
   if (json) {
     const Json object = {
         {"error", {{"where", error.where}, {"message", error.message}, {"exit_code", code}}}};
-    fmt::print("{}\n", ToText(object, 2));
+    PrintText("{}\n", ToText(object, 2));
   }
   return code;
 }

@@ -14,6 +14,7 @@
 #include "gain.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
+#include "print.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -120,49 +121,48 @@ void PrintFrequencies(const Json& d) {
   const auto hertz = [](const Json& all, std::size_t i, const char* otherwise) {
     return i < all.size() ? fmt::format("{:.6g}", all[i].get<double>()) : std::string(otherwise);
   };
-  fmt::print(
+  PrintText(
       "  frequencies of the springs alone (full and reduced) and about the equilibrium under gravity, "
       "controls and\n  preload, base held (loaded):\n");
-  fmt::print("  {:>6}  {:>12}  {:>12}  {:>8}  {:>12}\n", "mode", "full Hz", "reduced Hz", "off %",
-             "loaded Hz");
+  PrintText("  {:>6}  {:>12}  {:>12}  {:>8}  {:>12}\n", "mode", "full Hz", "reduced Hz", "off %",
+            "loaded Hz");
   for (std::size_t i = 0; i < std::max(full.size(), loaded.size()); ++i) {
     const bool both = i < full.size() && i < reduced.size();
-    fmt::print(
-        "  {:>6}  {:>12}  {:>12}  {:>8}  {:>12}\n", i + 1, hertz(full, i, "-"),
-        hertz(reduced, i, i < full.size() ? "left out" : "-"),
-        both ? fmt::format("{:.3f}", 100 * (reduced[i].get<double>() / full[i].get<double>() - 1)) : "",
-        hertz(loaded, i, "-"));
+    PrintText("  {:>6}  {:>12}  {:>12}  {:>8}  {:>12}\n", i + 1, hertz(full, i, "-"),
+              hertz(reduced, i, i < full.size() ? "left out" : "-"),
+              both ? fmt::format("{:.3f}", 100 * (reduced[i].get<double>() / full[i].get<double>() - 1)) : "",
+              hertz(loaded, i, "-"));
   }
 }
 
 void PrintCompliance(const Json& interfaces, const Json& C, const std::string& of_what) {
   if (C.is_null()) return;
-  fmt::print("  compliance of each interface body, world axes (diagonal; rad/(N m), m/N; {}):\n", of_what);
+  PrintText("  compliance of each interface body, world axes (diagonal; rad/(N m), m/N; {}):\n", of_what);
   constexpr double kRounding =
       1e-12;  // beside the largest of its kind: a hinge does not turn across its axis
   double largest[2] = {0, 0};
   for (std::size_t i = 0; i < C.size(); ++i)
     largest[i % 6 / 3] = std::max(largest[i % 6 / 3], std::abs(C[i][i].get<double>()));
   for (std::size_t e = 0; e < interfaces.size(); ++e) {
-    fmt::print("    {:<20}", interfaces[e].get<std::string>());
+    PrintText("    {:<20}", interfaces[e].get<std::string>());
     for (std::size_t i = 6 * e; i < 6 * e + 6; ++i) {
       const double value = C[i][i].get<double>();
-      fmt::print(" {:>10.4g}", std::abs(value) > kRounding * largest[i % 6 / 3] ? value : 0.0);
+      PrintText(" {:>10.4g}", std::abs(value) > kRounding * largest[i % 6 / 3] ? value : 0.0);
     }
-    fmt::print("\n");
+    PrintText("\n");
   }
 }
 
 void Print(const Json& d, const Mechanism& m) {
-  fmt::print("mechanism '{}': {:.6g} kg, {} degrees of freedom, loop rank {}\n", d["name"].get<std::string>(),
-             d["mass_kg"].get<double>(), d["dofs"].get<int>(), d["loop_rank"].get<int>());
+  PrintText("mechanism '{}': {:.6g} kg, {} degrees of freedom, loop rank {}\n", d["name"].get<std::string>(),
+            d["mass_kg"].get<double>(), d["dofs"].get<int>(), d["loop_rank"].get<int>());
   std::string names;
   for (const Json& b : d["interfaces"]) names += (names.empty() ? "" : ", ") + b.get<std::string>();
-  fmt::print("  interface: {}\n", names);
+  PrintText("  interface: {}\n", names);
   const Json& c = d["coordinates"];
-  fmt::print("  reduced coordinates: {} elastic, {} free, {} modes (of {} joint coordinates), in {:.2f} ms\n",
-             c["elastic"].get<int>(), c["free"].get<int>(), c["modes"].get<int>(), m.num_coordinates(),
-             d["reduction_ms"].get<double>());
+  PrintText("  reduced coordinates: {} elastic, {} free, {} modes (of {} joint coordinates), in {:.2f} ms\n",
+            c["elastic"].get<int>(), c["free"].get<int>(), c["modes"].get<int>(), m.num_coordinates(),
+            d["reduction_ms"].get<double>());
   PrintFrequencies(d);
   const bool base_held = d.contains("compliance_world_base_held");
   const Json& C = base_held ? d["compliance_world_base_held"] : d["compliance_world"];
@@ -172,14 +172,14 @@ void Print(const Json& d, const Mechanism& m) {
   if (const Json& loaded = d["loaded"]; !loaded.is_null())
     PrintCompliance(d["interfaces"], loaded["compliance_world"], "about the loaded equilibrium" + held);
   if (!d["free_motions"].empty()) {
-    fmt::print("  free of springs ({}){}:\n", d["free_motions"].size(),
-               C.is_null() ? ", so that the compliance of the springs has no bound; --lock-free gives it "
-                             "with one joint of each locked"
-                           : "");
-    for (const Json& motion : d["free_motions"]) fmt::print("    {}\n", motion["text"].get<std::string>());
+    PrintText("  free of springs ({}){}:\n", d["free_motions"].size(),
+              C.is_null() ? ", so that the compliance of the springs has no bound; --lock-free gives it "
+                            "with one joint of each locked"
+                          : "");
+    for (const Json& motion : d["free_motions"]) PrintText("    {}\n", motion["text"].get<std::string>());
   }
   PrintGain(d["gain"]);
-  for (const Json& w : d["warnings"]) fmt::print("  warning: {}\n", w.get<std::string>());
+  for (const Json& w : d["warnings"]) PrintText("  warning: {}\n", w.get<std::string>());
 }
 
 // --buffers: of a simulation as `run` begins it, since that has the coordinates that a host gets.
@@ -238,7 +238,7 @@ void AddReduce(CLI::App& app, Action& action) {
         if (!file->empty()) {
           const std::string path = i == 0 ? *file : fmt::format("{}.{}", *file, i + 1);
           if (auto saved = SaveReducedModel(reduced, path); !saved) return Report(saved.error(), model->json);
-          if (!model->json) fmt::print(stderr, "wrote {}\n", path);
+          if (!model->json) PrintText(stderr, "wrote {}\n", path);
         }
         if (!model->json) Print(*one, *(*posed)[i].mechanism);
         all.push_back(std::move(*one));
@@ -246,7 +246,7 @@ void AddReduce(CLI::App& app, Action& action) {
       if (!buffers->empty()) {
         if (auto saved = WriteBuffers(*imported, *recovery, *buffers); !saved)
           return Report(saved.error(), model->json);
-        if (!model->json) fmt::print(stderr, "wrote {0}/recovery.json and {0}/recovery.bin\n", *buffers);
+        if (!model->json) PrintText(stderr, "wrote {0}/recovery.json and {0}/recovery.bin\n", *buffers);
       }
       const Json times = StepTimesJson(MeasureStepTimes(imported->scene, imported->initial_keyframe));
       if (!model->json) PrintStepTimes(times);
@@ -254,7 +254,7 @@ void AddReduce(CLI::App& app, Action& action) {
         Json out = all.size() == 1 ? all[0] : Json{{"mechanisms", all}};
         out["step_us"] = times;
         out["notes"] = NotesJson(imported->report);
-        fmt::print("{}\n", ToText(out, 1));
+        PrintText("{}\n", ToText(out, 1));
       }
       return kDone;
     };

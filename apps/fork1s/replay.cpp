@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "output.hpp"
+#include "print.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -22,16 +23,16 @@ int RunReplay(const std::string& path, bool json) {
         {"final_hash", fmt::format("{:016x}", result->final_hash)},
         {"finished", header.finished},
         {"program", header.program}};
-    fmt::print("{}\n", ToText(out, 2));
+    PrintText("{}\n", ToText(out, 2));
   } else {
     if (!header.finished)
-      fmt::print("the program that wrote this recording was stopped; it holds {} whole steps\n",
-                 result->steps);
-    fmt::print("replayed {} steps, final state hash {:016x}: ", result->steps, result->final_hash);
+      PrintText("the program that wrote this recording was stopped; it holds {} whole steps\n",
+                result->steps);
+    PrintText("replayed {} steps, final state hash {:016x}: ", result->steps, result->final_hash);
     if (result->identical)
-      fmt::print("every step is identical to the recording\n");
+      PrintText("every step is identical to the recording\n");
     else
-      fmt::print("the state differs from the recording from step {} on\n", result->first_difference_step);
+      PrintText("the state differs from the recording from step {} on\n", result->first_difference_step);
   }
   return result->identical ? kDone : kNumericsFailed;
 }

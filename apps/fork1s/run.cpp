@@ -8,6 +8,7 @@
 #include "accuracy_choice.hpp"
 #include "checks.hpp"
 #include "model_arguments.hpp"
+#include "print.hpp"
 #include "progress.hpp"
 #include "run_inputs.hpp"
 #include "run_summary.hpp"
@@ -142,7 +143,7 @@ int Run(const RunArguments& given) {
     limits.push_back(
         fmt::format("--time {:.6g} s is no whole number of steps of {:.6g} s: {:.6g} s are simulated",
                     args.time, simulation->dt(), end));
-  for (const std::string& sentence : limits) fmt::print(stderr, "warning: {}\n", sentence);
+  for (const std::string& sentence : limits) PrintText(stderr, "warning: {}\n", sentence);
   std::optional<Recorder> recorder;
   Expected<void> recorded;
   if (!args.record.empty()) {
@@ -166,11 +167,11 @@ int Run(const RunArguments& given) {
                       choice->trials.size()));
   }
   if (json)
-    fmt::print("{}\n", ToText(summary, 2));
+    PrintText("{}\n", ToText(summary, 2));
   else
     PrintSummary(summary);
   if (!recorded) return Report(recorded.error(), false);
-  if (!args.record.empty()) fmt::print(stderr, "recorded to {}\n", args.record);
+  if (!args.record.empty()) PrintText(stderr, "recorded to {}\n", args.record);
   if (!measured.impossible.empty())
     return Report(
         {ErrorCode::kNumerics, args.model.path,

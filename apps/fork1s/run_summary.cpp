@@ -8,6 +8,7 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 
 #include "accuracy_choice.hpp"
+#include "print.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -225,24 +226,24 @@ std::string VectorText(const Json& v, double floor = 0) {
 constexpr std::size_t kLines = 8;  // of a kind; the rest stands in the JSON
 
 void More(std::size_t count, const char* what) {
-  if (count > kLines) fmt::print("    {} more {} in --json\n", count - kLines, what);
+  if (count > kLines) PrintText("    {} more {} in --json\n", count - kLines, what);
 }
 
 void PrintContacts(const Json& contacts) {
   if (contacts.empty()) return;
-  fmt::print("  contact by pair of bodies: force and moment at the end, on the second about its origin\n");
+  PrintText("  contact by pair of bodies: force and moment at the end, on the second about its origin\n");
   for (std::size_t i = 0; i < std::min(kLines, contacts.size()); ++i) {
     const Json& c = contacts[i];
     constexpr double kRounding = 1e-6;  // m: a lever arm that is none
-    fmt::print("    {} on {}: {} N, {} N m; {:.3g} N at most, at {:.4g} s", c["bodies"][0].get<std::string>(),
-               c["bodies"][1].get<std::string>(), VectorText(c["force_N"]),
-               VectorText(c["moment_Nm"], kRounding * c["force_max_N"].get<double>()),
-               c["force_max_N"].get<double>(), c["force_max_s"].get<double>());
+    PrintText("    {} on {}: {} N, {} N m; {:.3g} N at most, at {:.4g} s", c["bodies"][0].get<std::string>(),
+              c["bodies"][1].get<std::string>(), VectorText(c["force_N"]),
+              VectorText(c["moment_Nm"], kRounding * c["force_max_N"].get<double>()),
+              c["force_max_N"].get<double>(), c["force_max_s"].get<double>());
     constexpr double kSlipped = 1e-4;  // m
     if (c["slip_m"].get<double>() > kSlipped)
-      fmt::print("; slipped {:.3g} mm from {:.4g} s on", 1e3 * c["slip_m"].get<double>(),
-                 c["slip_first_s"].get<double>());
-    fmt::print("\n");
+      PrintText("; slipped {:.3g} mm from {:.4g} s on", 1e3 * c["slip_m"].get<double>(),
+                c["slip_first_s"].get<double>());
+    PrintText("\n");
   }
   More(contacts.size(), "pairs");
 }
@@ -255,7 +256,7 @@ void PrintBases(const Json& bases) {
                                   q[3].get<double>());
     const double tilt = std::acos(std::clamp((turn * Vector3::UnitZ()).z(), -1.0, 1.0));
     const Json& p = b["position_m"];
-    fmt::print(
+    PrintText(
         "  base {:<10} at ({:.5f}, {:.5f}, {:.5f}) m, its z axis {:.3g} degrees from the vertical, velocity "
         "{} m/s, {} rad/s; "
         "{:.3g} m/s at most\n",
@@ -270,8 +271,8 @@ void PrintEnds(const Json& ends, const char* where) {
   for (std::size_t i = 0; i < std::min(kLines, ends.size()); ++i) {
     const Json& e = ends[i];
     const std::string end = e["end"] == "both" ? "upper and lower" : e["end"].get<std::string>();
-    fmt::print("    {} at its {} {}, {} steps from {:.4g} s to {:.4g} s\n", e["name"].get<std::string>(), end,
-               where, e["steps"].get<std::int64_t>(), e["first_s"].get<double>(), e["last_s"].get<double>());
+    PrintText("    {} at its {} {}, {} steps from {:.4g} s to {:.4g} s\n", e["name"].get<std::string>(), end,
+              where, e["steps"].get<std::int64_t>(), e["first_s"].get<double>(), e["last_s"].get<double>());
   }
   More(ends.size(), "of them");
 }
@@ -279,61 +280,61 @@ void PrintEnds(const Json& ends, const char* where) {
 // A handful of moments of its course.
 void PrintLoadFactor(const Json& d) {
   if (d["load_factor_min"].is_null()) return;
-  fmt::print("  load factor     {:.3f} at least", d["load_factor_min"].get<double>());
+  PrintText("  load factor     {:.3f} at least", d["load_factor_min"].get<double>());
   const Json& course = d["load_factor"];
   constexpr std::size_t kMoments = 6;
   const std::size_t stride = std::max<std::size_t>(1, (course.size() + kMoments - 1) / kMoments);
   for (std::size_t i = 0; i < course.size() && course.size() > 1; i += stride)
-    fmt::print("{} {:.3g} at {:.3g} s", i == 0 ? ":" : ",", course[i]["factor"].get<double>(),
-               course[i]["time_s"].get<double>());
-  fmt::print("\n");
+    PrintText("{} {:.3g} at {:.3g} s", i == 0 ? ":" : ",", course[i]["factor"].get<double>(),
+              course[i]["time_s"].get<double>());
+  PrintText("\n");
 }
 
 }  // namespace
 
 void PrintSummary(const Json& d) {
   auto number = [&](const char* key) { return d[key].get<double>(); };
-  fmt::print("{} steps of {:.6g} s by {}: {:.4g} s simulated in {:.4g} s ({:.1f} times real time)\n",
-             d["steps"].get<std::size_t>(), number("dt_s"), d["integrator"].get<std::string>(),
-             number("simulated_s"), number("wall_s"),
-             d["real_time_factor"].is_null() ? 0.0 : number("real_time_factor"));
-  fmt::print("  step            {:.1f} us median, {:.1f} us at the 99th percentile\n",
-             d["step_us"]["median"].get<double>(), d["step_us"]["p99"].get<double>());
-  fmt::print("  contacts        {} at most, penetration {:.4f} mm at most, {} steps not converged\n",
-             d["contacts_max"].get<int>(), 1e3 * number("penetration_max_m"),
-             d["unconverged_steps"].get<int>());
+  PrintText("{} steps of {:.6g} s by {}: {:.4g} s simulated in {:.4g} s ({:.1f} times real time)\n",
+            d["steps"].get<std::size_t>(), number("dt_s"), d["integrator"].get<std::string>(),
+            number("simulated_s"), number("wall_s"),
+            d["real_time_factor"].is_null() ? 0.0 : number("real_time_factor"));
+  PrintText("  step            {:.1f} us median, {:.1f} us at the 99th percentile\n",
+            d["step_us"]["median"].get<double>(), d["step_us"]["p99"].get<double>());
+  PrintText("  contacts        {} at most, penetration {:.4f} mm at most, {} steps not converged\n",
+            d["contacts_max"].get<int>(), 1e3 * number("penetration_max_m"),
+            d["unconverged_steps"].get<int>());
   if (const Json& newton = d["newton_iterations"]; !newton["mean"].is_null()) {
-    fmt::print("  stages          {:.2f} Newton iterations each, {} at most, residual {:.2g} mm at most\n",
-               newton["mean"].get<double>(), newton["most"].get<int>(), 1e3 * newton["residual_max_m"].get<double>());
+    PrintText("  stages          {:.2f} Newton iterations each, {} at most, residual {:.2g} mm at most\n",
+              newton["mean"].get<double>(), newton["most"].get<int>(),
+              1e3 * newton["residual_max_m"].get<double>());
     for (const char* cause : {"impact", "saturation", "unsolved"})
       if (const int steps = d["halved_steps"][cause].get<int>(); steps > 0)
-        fmt::print(
-            "  halved          {} steps, {}, {}\n", steps,
-            cause == std::string("impact")       ? "in which something was met"
-            : cause == std::string("saturation") ? "in which a force came to its limit or from it"
-                                                 : "whose stages did not converge",
-            d["halved_steps"][std::string(cause) + "_of"].get<std::string>());  // each cause has a name
+        PrintText("  halved          {} steps, {}, {}\n", steps,
+                  cause == std::string("impact")       ? "in which something was met"
+                  : cause == std::string("saturation") ? "in which a force came to its limit or from it"
+                                                       : "whose stages did not converge",
+                  d["halved_steps"][std::string(cause) + "_of"].get<std::string>());  // each cause has a name
   }
   const Json& e = d["energy_J"];
-  fmt::print(
+  PrintText(
       "  energy          {:.6g} J first, {:.6g} J last, largest rise in a step {:.3g} J, {:.3g} J lost to "
       "friction\n",
       e["first"].get<double>(), e["last"].get<double>(), e["max_increase"].get<double>(),
       e["friction_loss"].get<double>());
-  fmt::print("  joint gap       {:.3g} mm at most\n", 1e3 * number("joint_gap_max_m"));
-  fmt::print("  refreshes       {}\n", d["refreshes"].get<int>());
+  PrintText("  joint gap       {:.3g} mm at most\n", 1e3 * number("joint_gap_max_m"));
+  PrintText("  refreshes       {}\n", d["refreshes"].get<int>());
   if (const Json& servos = d["servos_at_limit"]; servos["steps"].get<int>() > 0)
-    fmt::print("  servos          {} at most at the limit of their force, in {} steps\n",
-               servos["most"].get<int>(), servos["steps"].get<int>());
+    PrintText("  servos          {} at most at the limit of their force, in {} steps\n",
+              servos["most"].get<int>(), servos["steps"].get<int>());
   PrintEnds(d["servos_at_limit"]["which"], "limit of force");
-  if (!d["stops_reached"].empty()) fmt::print("  stops\n");
+  if (!d["stops_reached"].empty()) PrintText("  stops\n");
   PrintEnds(d["stops_reached"], "stop");
   for (const Json& s : d["detail"])
     if (s["refused"].is_null() && s["time_s"].get<double>() > 0)
-      fmt::print("  detail          {} from {:.4g} s on, changed in {:.2f} ms\n",
-                 s["level"].get<std::string>(), s["time_s"].get<double>(), s["took_ms"].get<double>());
+      PrintText("  detail          {} from {:.4g} s on, changed in {:.2f} ms\n",
+                s["level"].get<std::string>(), s["time_s"].get<double>(), s["took_ms"].get<double>());
   if (!d["hold_use_max"].is_null())
-    fmt::print("  frozen contacts use {:.2f} of their friction at most\n", number("hold_use_max"));
+    PrintText("  frozen contacts use {:.2f} of their friction at most\n", number("hold_use_max"));
   PrintLoadFactor(d);
   if (d.contains("accuracy")) PrintAccuracy(d["accuracy"]);
   if (d.contains("error_estimate_mm")) PrintErrorEstimate(d);
@@ -342,10 +343,10 @@ void PrintSummary(const Json& d) {
   for (const char* kind : {"interface", "free_bodies"})
     for (const Json& b : d[kind]) {
       const Json& p = b["position_m"];
-      fmt::print("  {:<15} at ({:.5f}, {:.5f}, {:.5f}) m\n", b["body"].get<std::string>(), p[0].get<double>(),
-                 p[1].get<double>(), p[2].get<double>());
+      PrintText("  {:<15} at ({:.5f}, {:.5f}, {:.5f}) m\n", b["body"].get<std::string>(), p[0].get<double>(),
+                p[1].get<double>(), p[2].get<double>());
     }
-  for (const Json& w : d["warnings"]) fmt::print("  warning: {}\n", w.get<std::string>());
+  for (const Json& w : d["warnings"]) PrintText("  warning: {}\n", w.get<std::string>());
 }
 
 }  // namespace fork1s::app

@@ -8,6 +8,7 @@
 
 #include "model_arguments.hpp"
 #include "output.hpp"
+#include "print.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -56,13 +57,13 @@ Json BucklingJson(const LoadedBody& loaded) {
 }
 
 void PrintBuckling(const LoadedBody& loaded) {
-  if (loaded.buckling.empty()) fmt::print("  no multiple of this load buckles it\n");
+  if (loaded.buckling.empty()) PrintText("  no multiple of this load buckles it\n");
   for (const BucklingMode& mode : loaded.buckling) {
     std::string text;
     for (std::size_t i = 0; i < loaded.coordinates.size(); ++i)
       if (const double q = mode.q(static_cast<Eigen::Index>(i)); std::abs(q) > 1e-3)
         text += fmt::format("{}{} {:.3g}", text.empty() ? "" : ", ", loaded.coordinates[i], q);
-    fmt::print("  buckles at {:.6g} times the load; mode: {}\n", mode.factor, text);
+    PrintText("  buckles at {:.6g} times the load; mode: {}\n", mode.factor, text);
   }
 }
 
@@ -122,41 +123,41 @@ int Run(const StaticsArguments& args) {
     out["locked"] = result->locked;
     out["warnings"] = result->beyond_stops;
     out["notes"] = NotesJson(imported->report);
-    fmt::print("{}\n", ToText(out, 2));
+    PrintText("{}\n", ToText(out, 2));
     return kDone;
   }
   std::string held = result->floats ? ", base held" : "";
   for (const std::string& name : result->locked) held += fmt::format(", '{}' locked", name);
-  fmt::print("body '{}' under {} N, {} N m{}\n", args.body, args.force, args.torque, held);
-  fmt::print("  {:<10} {:>36} {:>36} {:>12}\n", "", "moved by mm", "turned by deg", "joints deg");
+  PrintText("body '{}' under {} N, {} N m{}\n", args.body, args.force, args.torque, held);
+  PrintText("  {:<10} {:>36} {:>36} {:>12}\n", "", "moved by mm", "turned by deg", "joints deg");
   std::vector<std::pair<const char*, Deflection>> rows = {{"linear", result->linear},
                                                           {"nonlinear", result->nonlinear}};
   if (unloaded) rows.emplace_back("unloaded", unloaded->nonlinear);
   for (const auto& [name, d] : rows) {
     const Vector3 mm = 1e3 * (d.position_W - result->reference_position_W), deg = kDegrees * d.rotation_W;
-    fmt::print("  {:<10} {:>11.4f} {:>11.4f} {:>11.4f}  {:>11.4f} {:>11.4f} {:>11.4f} {:>12.3f}\n", name,
-               mm.x(), mm.y(), mm.z(), deg.x(), deg.y(), deg.z(), d.max_joint_rotation * kDegrees);
+    PrintText("  {:<10} {:>11.4f} {:>11.4f} {:>11.4f}  {:>11.4f} {:>11.4f} {:>11.4f} {:>12.3f}\n", name,
+              mm.x(), mm.y(), mm.z(), deg.x(), deg.y(), deg.z(), d.max_joint_rotation * kDegrees);
   }
-  for (const std::string& sentence : result->beyond_stops) fmt::print("  warning: {}\n", sentence);
-  fmt::print("  {} equilibrium, lowest eigenvalue of the tangent stiffness {:.4g} N m\n",
-             result->stable ? "stable" : "unstable", result->lowest_stiffness);
+  for (const std::string& sentence : result->beyond_stops) PrintText("  warning: {}\n", sentence);
+  PrintText("  {} equilibrium, lowest eigenvalue of the tangent stiffness {:.4g} N m\n",
+            result->stable ? "stable" : "unstable", result->lowest_stiffness);
   const Json along = StiffnessAlongAxes(result->compliance.C);
   if (!along.is_null()) {
     std::string text;
     for (const Json& k : along) text += k.is_null() ? "  rigid" : fmt::format("  {:.5g}", k.get<double>());
-    fmt::print("  stiffness about it along x, y, z [N/m]:{}\n", text);
+    PrintText("  stiffness about it along x, y, z [N/m]:{}\n", text);
   }
   if (args.buckling > 0) PrintBuckling(*result);
   if (!result->limit_shares.empty()) {
     std::string shares;
     for (const double share : result->limit_shares)
       shares += fmt::format("{}{:.3g}", shares.empty() ? "" : ", ", share);
-    fmt::print(
+    PrintText(
         "  warning: beyond limit points at {} of the load: it snaps through, and 'run' shows where it ends\n",
         shares);
   }
   if (!result->stable)
-    fmt::print("  warning: this equilibrium is unstable; a slight push makes the mechanism leave it\n");
+    PrintText("  warning: this equilibrium is unstable; a slight push makes the mechanism leave it\n");
   return kDone;
 }
 

@@ -14,7 +14,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <fork1s/base/system_error.hpp>
 #include <fork1s/record/output_file.hpp>
+#include <fork1s/server/launch_file.hpp>
 #include <fork1s/server/live_server.hpp>
 #include <fstream>
 #include <sstream>
@@ -103,6 +105,7 @@ class Child {
     prctl(PR_SET_CHILD_SUBREAPER, 1);  // helpers that outlive the child are waited for, here
     pid_ = fork();
     group_ = pid_;
+    if (pid_ < 0) error_ = errno;
     if (pid_ > 0) setpgid(pid_, pid_);  // on both sides: whichever comes first
     if (pid_ != 0) return;
     setpgid(0, 0);
@@ -123,6 +126,8 @@ class Child {
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
 
+  /// Why it could not be started, an errno value; 0: it was.
+  int error() const { return error_; }
   /// Exit code once it has ended, else -1.
   int Ended() {
     int status = 0;
@@ -133,6 +138,7 @@ class Child {
 
  private:
   pid_t pid_, group_;
+  int error_ = 0;
 };
 
 struct TemporaryFolder {
@@ -192,20 +198,23 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
   if (!server) return tl::unexpected(server.error());
   const ControlPipes pipes;
   if (!pipes.made())
-    return Fail(ErrorCode::kFile, chromium,
-                fmt::format("cannot be started: no pipe to it could be made ({}); close other programs",
-                            std::strerror(errno)));
+    return Fail(
+        ErrorCode::kFile, chromium,
+        "cannot be started: no pipe to it could be made " + CauseAndRemedy(errno, "close other programs"));
   const std::string profile = folder + "/profile";
   if (mkdir(profile.c_str(), 0700) != 0)
-    return Fail(ErrorCode::kFile, profile,
-                fmt::format("cannot be made ({}); the browser needs it", std::strerror(errno)));
+    return Fail(ErrorCode::kFile, profile, "cannot be made " + CauseAndRemedy(errno, "the browser needs it"));
+  const auto launch = LaunchFile::Create(folder, fmt::format("{}#{}", server->address(), Wish(options)));
+  if (!launch) return tl::unexpected(launch.error());
   Child browser(
       {chromium, "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
        "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
        "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe", "--user-data-dir=" + profile,
-       fmt::format("--window-size={},{}", options.width, options.height),
-       fmt::format("http://127.0.0.1:{}/#{}", server->port(), Wish(options))},
+       fmt::format("--window-size={},{}", options.width, options.height), launch->address()},
       folder, &pipes);
+  if (browser.error() != 0)
+    return Fail(ErrorCode::kFile, chromium,
+                "cannot be started " + CauseAndRemedy(browser.error(), "try again"));
   ProgressBar bar("drawing");
   constexpr auto kPatience = std::chrono::seconds(60);
   auto last = std::chrono::steady_clock::now();
@@ -272,6 +281,9 @@ Expected<int> RenderVideo(std::string_view page, const std::string& out, const V
       {ffmpeg, "-y", "-loglevel", "error", "-framerate", "60", "-i", frames.folder + "/%06d.png", "-vf",
        "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart", output->part()},
       work.path);
+  if (encoder.error() != 0)
+    return Fail(ErrorCode::kFile, ffmpeg,
+                "cannot be started " + CauseAndRemedy(encoder.error(), "try again"));
   int code = -1;
   while ((code = encoder.Ended()) < 0) {
     if (interrupted) return Interrupted(out);

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <fork1s/server/launch_file.hpp>
 #include <fork1s/server/live_loop.hpp>
 #include <memory>
 #include <string>
@@ -18,6 +19,7 @@
 #include "model_watch.hpp"
 #include "output.hpp"
 #include "page.hpp"
+#include "print.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -26,7 +28,7 @@ struct ViewArguments {
   std::optional<Integrator> integrator;  // as given
   ModelArguments model;
   int port = 8080;
-  bool no_open = false, no_watch = false, only_load = false;
+  bool no_open = false, no_token = false, no_watch = false, only_load = false;
   double dt = 0, time = 0;
   Recovery recovery = Recovery::kExact;
 };
@@ -40,12 +42,17 @@ void RequestStop(int) {
 }
 void EndNow(int) { _exit(kDone); }
 
-// Where there is a display; a browser that fails to start is no reason to stop.
-void OpenBrowser(const std::string& address) {
-  if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return;
+// Where there is a display; a browser that fails to start is no reason to stop. The file that it is started
+// with stays as long as the result.
+std::optional<LaunchFile> OpenBrowser(const std::string& page) {
+  if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return {};
+  std::error_code none;
+  auto launch = LaunchFile::Create(std::filesystem::temp_directory_path(none).string(), page);
+  if (!launch) return {};
+  const std::string address = launch->address();
   const pid_t child = fork();
   if (child > 0) waitpid(child, nullptr, 0);
-  if (child != 0) return;
+  if (child != 0) return std::move(*launch);
   if (fork() != 0) _exit(0);  // nobody has to wait for the browser
   setsid();
   if (!std::freopen("/dev/null", "w", stdout) || !std::freopen("/dev/null", "w", stderr)) _exit(127);
@@ -119,20 +126,22 @@ int Run(const ViewArguments& args) {
   ServerOptions options;
   options.port = static_cast<unsigned short>(args.port);
   options.page = page;
+  options.require_token = !args.no_token;
   auto server = LiveServer::Create(options);
   if (!server) return Report(server.error(), args.model.json);
 
-  const std::string address = fmt::format("http://127.0.0.1:{}/", server->port());
+  const std::string address = server->address();
   if (args.model.json)
-    fmt::print("{}\n", ToText(Json{{"address", address}}));
+    PrintText("{}\n", ToText(Json{{"address", address}}));
   else
-    fmt::print("watch and touch it at {}   (Ctrl-C ends it)\n", address);
+    PrintText("watch and touch it at {}   (Ctrl-C ends it)\n", address);
   std::fflush(stdout);
   std::signal(SIGINT, RequestStop);
   std::signal(SIGTERM, RequestStop);
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGALRM, EndNow);
-  if (!args.no_open) OpenBrowser(address);
+  std::optional<LaunchFile> launch;
+  if (!args.no_open) launch = OpenBrowser(address);
   std::optional<ModelWatch> watch;
   if (!args.no_watch)
     watch.emplace(args.model.path, seen,
@@ -150,6 +159,8 @@ void AddView(CLI::App& app, Action& action) {
   command->add_option("--port", args->port, "port on 127.0.0.1 (default 8080; 0: any that is free)")
       ->check(CLI::Range(0, 65535));
   command->add_flag("--no-open", args->no_open, "only print the address, start no browser");
+  command->add_flag("--no-token", args->no_token,
+                    "serve the page without a token in its address, to every user of this machine");
   command->add_flag("--no-watch", args->no_watch, "do not load the model anew when its file changes");
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
       ->check(PositiveUpTo(kMostStep));

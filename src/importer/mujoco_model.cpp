@@ -116,6 +116,8 @@ std::string Remedy(const std::string& message) {
     return "; the reader stops at about 96 nested bodies: split the chain into two trees joined by a weld "
            "equality, or give it as URDF, which is not nested";
   }
+  if (says("allocate memory"))
+    return "; memory is used up, close other programs, raise the limit (ulimit -v) or simplify the model";
   if (says("mass and inertia of moving bodies")) {
     return "; give the body an <inertial> with positive mass and inertia, or a geom with mass";
   }

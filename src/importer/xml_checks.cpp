@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 #include <tinyxml2.h>
+#include <fork1s/base/system_error.hpp>
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -105,7 +107,9 @@ Expected<void> CheckReadable(const std::string& path) {
 Expected<std::string> ReadFile(const std::string& path) {
   if (auto ok = CheckReadable(path); !ok) return tl::unexpected<Error>(ok.error());
   std::ifstream stream(path, std::ios::binary);
-  if (!stream) return Fail(ErrorCode::kFile, path, "the file cannot be read; check its permissions");
+  if (!stream)
+    return Fail(ErrorCode::kFile, path,
+                "the file cannot be read " + CauseAndRemedy(errno, "check its permissions"));
   return std::string((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
 }
 

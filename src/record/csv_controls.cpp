@@ -1,7 +1,9 @@
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <fork1s/base/system_error.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fstream>
 #include <optional>
@@ -63,10 +65,11 @@ Expected<ControlTrack> ReadControls(const std::string& path) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return Fail(ErrorCode::kFile, path, "there is no such file");
   std::ifstream in;
-  if (std::filesystem::is_regular_file(path, error))
-    in.open(path, std::ios::binary);  // a pipe would be waited for
+  if (!std::filesystem::is_regular_file(path, error))  // a pipe would be waited for
+    return Fail(ErrorCode::kFile, path, "cannot be read; check that it is a file");
+  in.open(path, std::ios::binary);
   if (!in.is_open())
-    return Fail(ErrorCode::kFile, path, "cannot be read; check that it is a file and its permissions");
+    return Fail(ErrorCode::kFile, path, "cannot be read " + CauseAndRemedy(errno, "check its permissions"));
 
   ControlTrack track;
   std::size_t time_column = 0;

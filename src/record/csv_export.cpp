@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <filesystem>
+#include <fork1s/base/system_error.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/output_file.hpp>
 #include <fstream>
@@ -29,6 +31,7 @@ class Table {
         output_(OutputFile::Create(path_, {"a table of a recording", "time"})),
         row_("time") {
     if (output_) out_.open(output_->part(), std::ios::binary);
+    if (!out_) error_ = errno;
   }
   void Name(const std::string& name) { row_ += ',' + Quoted(name); }
   void Start(double time) { row_ = fmt::format("{}", time); }
@@ -43,14 +46,16 @@ class Table {
     if (!output_) return tl::unexpected(output_.error());
     out_.close();
     if (out_) return output_->Keep();
+    const std::string remedy = "check the folder, its permissions and the disk's room";
     return Fail(ErrorCode::kFile, path_,
-                "cannot be written; check the folder, its permissions and free space");
+                "cannot be written" + (error_ != 0 ? " " + CauseAndRemedy(error_, remedy) : "; " + remedy));
   }
 
  private:
   std::string path_;
   Expected<OutputFile> output_;
   std::ofstream out_;
+  int error_ = 0;  // of opening, an errno value
   std::string row_;
 };
 

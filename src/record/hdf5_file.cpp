@@ -1,8 +1,10 @@
 #include "hdf5_file.hpp"
 
 #include <array>
+#include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <fork1s/base/system_error.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fstream>
 #include <utility>
@@ -292,7 +294,8 @@ FileFacts LookAt(const std::string& path) {
   if (!std::filesystem::is_regular_file(path, error))
     throw Hdf5Fault("is no regular file; give the path of the file itself", ErrorCode::kFile);
   std::ifstream in(path, std::ios::binary);
-  if (!in) throw Hdf5Fault("cannot be opened; check that it may be read", ErrorCode::kFile);
+  if (!in)
+    throw Hdf5Fault("cannot be opened " + CauseAndRemedy(errno, "check its permissions"), ErrorCode::kFile);
   FileFacts facts;
   facts.size = static_cast<std::size_t>(std::filesystem::file_size(path, error));
   std::array<char, 36> head{};

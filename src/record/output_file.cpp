@@ -1,6 +1,7 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <fork1s/base/system_error.hpp>
 
 #include <algorithm>
 #include <cctype>
@@ -20,9 +21,9 @@ using internal::Descriptor;
 namespace fs = std::filesystem;
 
 tl::unexpected<Error> CannotWrite(const std::string& path, int error) {
-  return Fail(ErrorCode::kFile, path,
-              std::string("cannot be written (") + std::strerror(error) +
-                  "); check the folder, its permissions and the disk's room");
+  return Fail(
+      ErrorCode::kFile, path,
+      "cannot be written " + CauseAndRemedy(error, "check the folder, its permissions and the disk's room"));
 }
 
 // Follows symbolic links, also one to a file that is not there yet.

@@ -11,6 +11,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <deque>
+#include <fork1s/base/system_error.hpp>
 #include <fork1s/server/live_server.hpp>
 #include <map>
 #include <mutex>
@@ -19,6 +20,7 @@
 
 #include <fmt/format.h>
 
+#include "access_token.hpp"
 #include "command_queue.hpp"
 #include "outbox.hpp"
 #include "request_origin.hpp"
@@ -78,6 +80,7 @@ struct LiveServer::Detail {
   void Tell(int viewer, Message message);
 
   ServerOptions options;
+  std::string token;  // empty: none is required
   std::optional<asio::io_context> context;
   std::optional<tcp::acceptor> acceptor;
   std::optional<asio::steady_timer> pause;       // before the next attempt to accept
@@ -225,6 +228,10 @@ class LiveServer::Detail::Connection : public std::enable_shared_from_this<Conne
       return Send(request, http::status::forbidden, "text/plain",
                   "This viewer answers to pages of its own on this machine only.\n");
     const std::string_view target = View(request.target());
+    if (!internal::IsAuthorized(target, server_.token))
+      return Send(request, http::status::forbidden, "text/plain",
+                  "The token is missing or wrong: open the whole address that the program printed, with its "
+                  "?token=... A program that is started again has a new one.\n");
     const std::string_view path = target.substr(0, target.find('?'));
     if (websocket::is_upgrade(request)) {
       if (path != "/stream")
@@ -255,6 +262,7 @@ class LiveServer::Detail::Connection : public std::enable_shared_from_this<Conne
     response->set(http::field::content_type, type);
     response->set(http::field::cache_control, "no-store");
     response->set("X-Content-Type-Options", "nosniff");
+    response->set("Referrer-Policy", "no-referrer");  // the address has the token
     response->set("X-Frame-Options", "DENY");
     response->keep_alive(request.keep_alive());
     response->body() = {body.data(), request.method() == http::verb::head ? 0 : body.size()};
@@ -325,6 +333,11 @@ Expected<LiveServer> LiveServer::Create(const ServerOptions& options) {
   LiveServer server;
   server.detail_ = std::make_unique<Detail>(options);
   Detail& d = *server.detail_;
+  if (options.require_token) {
+    auto token = internal::MakeAccessToken();
+    if (!token) return tl::unexpected(token.error());
+    d.token = std::move(*token);
+  }
   const tcp::endpoint endpoint(asio::ip::make_address("127.0.0.1"), options.port);
   ErrorOf error;
   d.acceptor->open(endpoint.protocol(), error);
@@ -332,11 +345,9 @@ Expected<LiveServer> LiveServer::Create(const ServerOptions& options) {
   if (!error) d.acceptor->bind(endpoint, error);
   if (!error) d.acceptor->listen(asio::socket_base::max_listen_connections, error);
   if (error)
-    return Fail(
-        ErrorCode::kModel, fmt::format("port {}", options.port),
-        fmt::format(
-            "cannot be opened on 127.0.0.1 ({}); choose another with --port, or 0 for any that is free",
-            error.message()));
+    return Fail(ErrorCode::kModel, fmt::format("port {}", options.port),
+                "cannot be opened on 127.0.0.1 " +
+                    CauseAndRemedy(error.value(), "choose another with --port, or 0 for any that is free"));
   d.Accept();
   d.thread = std::thread([&d] { d.context->run(); });
   return server;
@@ -351,6 +362,11 @@ LiveServer::~LiveServer() {
 unsigned short LiveServer::port() const {
   ErrorOf ignored;
   return detail_->acceptor->local_endpoint(ignored).port();
+}
+
+std::string LiveServer::address() const {
+  const std::string page = fmt::format("http://127.0.0.1:{}/", port());
+  return detail_->token.empty() ? page : page + "?token=" + detail_->token;
 }
 
 void LiveServer::Publish(Snapshot snapshot) {

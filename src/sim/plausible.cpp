@@ -11,6 +11,8 @@ namespace {
 
 // What is still taken for plausible.
 constexpr double kDeepest = 0.25;  // of the radius of the smaller body
+constexpr double kSunken = 1e-3;   // of the diameter of the smaller body, where it lasts
+constexpr double kLasting = 0.1;   // s
 constexpr double kOpen = 0.01;     // of the size of the mechanism
 constexpr double kRise = 0.1;      // of the largest kinetic energy so far
 constexpr double kWedged = 1e6;    // of the weight of all that moves
@@ -80,6 +82,7 @@ void PlausibleWatch::Changed(const Simulation& simulation) {
   for (const MechanismDynamics& m : world.mechanisms()) mass += m.mechanism().total_mass();
   for (const FreeBodyDef& b : simulation.scene().free_bodies) mass += b.inertia.mass;
   weight_ = mass * (g > 0 ? g : 9.81);
+  sunk_since_.clear();
   size_ = std::numeric_limits<double>::infinity();
   is_setpoint_.clear();
   for (const MechanismDynamics& m : world.mechanisms())
@@ -206,6 +209,37 @@ PlausibleWatch::Bodies PlausibleWatch::PushedApart(double rise) const {
   return rise < sum ? found : Bodies();
 }
 
+// An impact may press in for a step; what rests, even under a large mass, does not stay pressed in.
+void PlausibleWatch::LookAtSinking(const Simulation& simulation) {
+  std::map<std::pair<int, int>, double> depths;
+  for (const ContactRecord& c : simulation.world().contacts()) {
+    double& depth = depths[{c.point.body_a, c.point.body_b}];
+    depth = std::max(depth, -c.point.gap);
+  }
+  std::map<std::pair<int, int>, double> sunk_since;
+  for (const auto& [pair, depth] : depths) {
+    const auto [a, b] = pair;
+    const double size =
+        2 * std::min(radii_[static_cast<std::size_t>(a)], radii_[static_cast<std::size_t>(b)]);
+    if (!(depth > kSunken * size)) continue;
+    const auto before = sunk_since_.find(pair);
+    const double since = before == sunk_since_.end() ? simulation.time() : before->second;
+    sunk_since[pair] = since;
+    if (simulation.time() - since < kLasting) continue;
+    Note(kSunk, depth / (kSunken * size), [&, a = a, b = b, depth = depth] {
+      return "at " + Print("%.4g s ", simulation.time(), 0, 0) +
+             Quoted(simulation, simulation.BodyOfContactor(b)) + " is " +
+             Print("%.3g mm into ", 1e3 * depth, 0, 0) + Quoted(simulation, simulation.BodyOfContactor(a)) +
+             Print(
+                 ", for %.2g s, and the smaller of the two has a size of %.3g mm: the contact does not carry "
+                 "what "
+                 "presses on it; bring their masses closer together, or press less",
+                 simulation.time() - since, 1e3 * size, 0);
+    });
+  }
+  sunk_since_ = std::move(sunk_since);
+}
+
 // Whether something outside may have done work: an input that moved, now or a step ago, or a motor.
 bool PlausibleWatch::IsDriven(const Simulation& simulation, const Seen& seen) {
   const VectorX& controls = simulation.controls();
@@ -241,6 +275,7 @@ void PlausibleWatch::LookAtEnergy(const Simulation& simulation, const Seen& seen
 void PlausibleWatch::Look(const Simulation& simulation, const Seen& seen) {
   LookAtSpeeds(simulation);
   LookAtDepths(simulation);
+  LookAtSinking(simulation);
   Note(kApart, seen.gap / (kOpen * size_), [&] {
     return Print("at %.4g s a joint or loop is %.3g mm apart, in a mechanism of %.3g m: ", simulation.time(),
                  1e3 * seen.gap, size_) +

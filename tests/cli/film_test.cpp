@@ -94,7 +94,11 @@ TEST(Film, BrowserListensNowhereAndItsProfileIsPrivate) {
   ASSERT_FALSE(ended);
   const std::vector<pid_t> browser = Running(temporary.string());
   EXPECT_GT(browser.size(), 1u);  // with its helpers
-  for (const pid_t process : browser) EXPECT_FALSE(Listens(process)) << process;
+  for (const pid_t process : browser) {
+    EXPECT_FALSE(Listens(process)) << process;
+    const std::string words = Slurp("/proc/" + std::to_string(process) + "/cmdline");
+    EXPECT_EQ(words.find("token="), std::string::npos) << words;
+  }
   EXPECT_TRUE(Listens(child));  // the page's server, so that this test sees who listens
   int profiles = 0;
   for (const fs::directory_entry& work : fs::directory_iterator(temporary)) {

@@ -219,5 +219,90 @@ TEST(Outputs, PrintedResultsMustArrive) {
   EXPECT_EQ(Fork1s("replay " + file).code, 0);
 }
 
+// Notes and errors are results too.
+TEST(Outputs, NotesAndErrorsMustArrive) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const auto code = [](const std::string& arguments) {
+    const int status = std::system((std::string(FORK1S_BINARY) + " " + arguments + " >/dev/null").c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+  };
+  for (const std::string& command :
+       {"inspect " + At("missing.xml"), "inspect " + Write("damaged.xml", "<mujoco>"), "reduce " + model,
+        "run --time 0.1 " + model, "compare --time 0.1 " + model}) {
+    EXPECT_EQ(code(command + " 2>/dev/full"), 3) << command;
+    EXPECT_EQ(code(command + " 2>&-"), 3) << command;
+  }
+  EXPECT_EQ(code("--no-such-option 2>&-"), 2);
+  EXPECT_EQ(code("inspect --json " + model + " 2>&-"), 0);  // it has nothing to say there
+}
+
+// Licenses go with every copy, into exported pages too.
+TEST(Outputs, PagesCarryTheLicensesOfTheirPackages) {
+  const std::string recording = At("licensed.h5"), page = At("licensed.html");
+  ASSERT_EQ(Fork1s("run --time 0.1 --record " + recording + " " + Write("finger.xml", FingerModel())).code,
+            0);
+  if (Fork1s("export " + recording + " " + page).code == 3)
+    GTEST_SKIP() << "this program was built without its page";
+  const std::string text = Slurp(page);
+  for (const char* package : {"\nthree\n", "\nlil-gui\n", "\nuplot\n"}) {
+    const auto at = text.find(package);
+    ASSERT_NE(at, std::string::npos) << package;
+    EXPECT_NE(text.find("Permission is hereby granted", at), std::string::npos) << package;
+  }
+}
+
+// The first control character that would reach a terminal as it is, as a number; -1: none.
+int ControlIn(const std::string& text) {
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto c = static_cast<unsigned char>(text[i]);
+    const auto next = static_cast<unsigned char>(i + 1 < text.size() ? text[i + 1] : 0);
+    if ((c < 0x20 && c != '\n' && c != '\t') || c == 0x7F) return c;
+    if (c == 0xC2 && next >= 0x80 && next < 0xA0) return next;
+  }
+  return -1;
+}
+
+TEST(Outputs, ControlCharactersOfNamesAreEscaped) {
+  const std::string model = Write("escapes.xml", R"(<mujoco model="m&#27;[31m"><worldbody>
+<body name="b&#27;]0;title&#7;&#155;31m"><joint name="j&#27;[2J" type="hinge" axis="0 1 0" stiffness="1"/>
+<geom name="g&#13;&#127;" type="sphere" size=".1" mass="1"/></body></worldbody>
+<actuator><motor name="a&#27;[31m" joint="j&#27;[2J"/></actuator></mujoco>)");
+  const std::string bad =
+      Write("bad_escapes.xml", R"(<mujoco><worldbody><body name="b&#27;[31m"><joint type="&#27;[2J"/>
+</body></worldbody></mujoco>)");
+  const std::string robot = Write(
+      "escapes.urdf",
+      "<robot name=\"r\xC2\x9B"
+      "31m\"><link name=\"base\"/><link name=\"l\xE2\x80\xAE"
+      "abc\xC2\x9B\">"
+      "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" "
+      "iyz=\"0\"/></inertial></link>"
+      "<joint name=\"j\xC2\x9B\" type=\"revolute\"><parent link=\"base\"/><child link=\"l\xE2\x80\xAE"
+      "abc\xC2\x9B\"/>"
+      "<axis xyz=\"0 1 0\"/><limit lower=\"-1\" upper=\"1\" effort=\"1\" velocity=\"1\"/></joint></robot>");
+  const std::string recording = At("escapes.h5");
+  int escaped = 0;
+  for (const std::string& command :
+       {"inspect " + model, "inspect --json " + model, "reduce " + model, "run --time 0.1 " + model,
+        "run --time 0.1 --record " + recording + " " + model, "replay " + recording,
+        "export " + recording + " " + At("escapes_tables"), "compare --time 0.1 " + model, "statics " + model,
+        "inspect --interface none " + model, "inspect " + bad, "inspect --json " + bad, "inspect " + robot,
+        "inspect --json " + robot, "reduce " + robot, "run --time 0.1 " + robot,
+        std::string("inspect '/no/such/\033[31m'"), std::string("'\033[31m'")}) {
+    const Outcome o = Fork1s(command);
+    EXPECT_EQ(ControlIn(o.out), -1) << command << '\n' << o.out;
+    EXPECT_EQ(ControlIn(o.err), -1) << command << '\n' << o.err;
+    EXPECT_EQ((o.out + o.err).find("\xE2\x80\xAE"), std::string::npos) << command;
+    escaped += (o.out + o.err).find("\\u001b") != std::string::npos ||
+                       (o.out + o.err).find("\\u009b") != std::string::npos
+                   ? 1
+                   : 0;
+  }
+  EXPECT_GT(escaped, 12);
+  EXPECT_EQ(Fork1s("inspect --json " + robot).Json()["name"],
+            "r\xC2\x9B"
+            "31m");
+}
+
 }  // namespace
 }  // namespace fork1s::test

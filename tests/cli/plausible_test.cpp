@@ -57,6 +57,21 @@ TEST(Plausible, SpinsBeyondNumbers) {
   EXPECT_EQ((o.out + o.err).find("--dt 0"), std::string::npos) << o.out;
 }
 
+// The contact of a light body gives way under a heavy one.
+TEST(Plausible, SinksIntoWhatItRestsOn) {
+  const auto stack = [](const std::string& mass) {
+    return Write(
+        "stack.xml",
+        "<mujoco><worldbody><geom type='plane' size='1 1 .1'/><body name='light' pos='0 0 .1'><freejoint/>"
+        "<geom type='box' size='.1 .1 .1' mass='1'/></body><body name='heavy' pos='0 0 .3'><freejoint/>"
+        "<geom type='box' size='.1 .1 .1' mass='" +
+            mass + "'/></body></worldbody></mujoco>");
+  };
+  const std::string said = WarningsOf(stack("1e10"));
+  EXPECT_NE(said.find("mm into 'light'"), std::string::npos) << said;
+  EXPECT_EQ(WarningsOf(stack("10")), "[]");
+}
+
 // A loop of four bars that is pulled at harder than recovery by twists holds together.
 TEST(Plausible, JointsThatOpen) {
   const std::string model = Write("loop.xml", R"(<mujoco><option gravity="0 0 0"/>

@@ -33,12 +33,13 @@ class Session {
       execv(FORK1S_BINARY, argv.data());
       _exit(127);
     }
-    for (int i = 0; i < 3000 && port_ == 0; ++i) {
+    for (int i = 0; i < 3000 && address_.empty(); ++i) {
       usleep(10000);
       const std::string text = Slurp(out_);
-      if (const auto at = text.find("127.0.0.1:");
-          at != std::string::npos && text.find('}') != std::string::npos)
-        port_ = std::atoi(text.c_str() + at + 10);
+      if (const auto at = text.find("http://127.0.0.1:"),
+          end = text.find("\"}", at == std::string::npos ? 0 : at);
+          at != std::string::npos && end != std::string::npos)
+        address_ = text.substr(at, end - at);
     }
   }
   explicit Session(const std::string& model) : Session(std::vector<std::string>{model}) {}
@@ -48,7 +49,8 @@ class Session {
     waitpid(child_, nullptr, 0);
   }
 
-  int port() const { return port_; }
+  /// Of the page, as printed.
+  const std::string& address() const { return address_; }
   pid_t process() const { return child_; }
   bool Runs() { return kill(child_, 0) == 0 && waitpid(child_, nullptr, WNOHANG) == 0; }
   /// The exit code after a signal, or the signal that ended it as a negative number.
@@ -72,19 +74,18 @@ class Session {
   }
 
  private:
-  std::string out_;
+  std::string out_, address_;
   pid_t child_ = -1;
-  int port_ = 0;
 };
 
 #define REQUIRE_PAGE(session) \
-  if (session.port() == 0) GTEST_SKIP() << "this program was built without its page"
+  if (session.address().empty()) GTEST_SKIP() << "this program was built without its page"
 
 TEST(View, BadFilesSavedOverTheModelAreToldAndEndNothing) {
   const std::string model = Write("watched.xml", FingerModel());
   Session session(model);
   REQUIRE_PAGE(session);
-  SocketClient page(static_cast<unsigned short>(session.port()));
+  SocketClient page(session.address());
   page.Upgrade();
   Write("face_alone.obj", "f 1 2 3\n");
   Write("watched.xml",
@@ -107,7 +108,7 @@ TEST(View, AFolderInPlaceOfTheModelIsTold) {
   const std::string model = Write("replaced.xml", FingerModel());
   Session session(model);
   REQUIRE_PAGE(session);
-  SocketClient page(static_cast<unsigned short>(session.port()));
+  SocketClient page(session.address());
   page.Upgrade();
   fs::remove(model);
   fs::create_directory(model);
@@ -162,7 +163,7 @@ TEST(View, AReaderThatCrashesIsTold) {
     Write("crashing.xml", FingerModel());
     Session session(arguments);
     REQUIRE_PAGE(session);
-    SocketClient page(static_cast<unsigned short>(session.port()));
+    SocketClient page(session.address());
     page.Upgrade();
     Write("crashing.xml", SlowModel());
     const std::optional<pid_t> reader = ReaderOf(session);
@@ -191,7 +192,7 @@ TEST(View, AReaderThatCrashesOnKeepingIsTold) {
   const fs::path copy = ScratchFolder() / "kept_tuned.xml";
   Session session(std::vector<std::string>{"--no-watch", model});
   REQUIRE_PAGE(session);
-  SocketClient page(static_cast<unsigned short>(session.port()));
+  SocketClient page(session.address());
   page.Upgrade();
   const auto answered = [&](const std::string& words) {
     for (int i = 0; i < 3000; ++i) {

@@ -2,6 +2,7 @@
 
 import urllib.error
 import urllib.request
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -24,9 +25,11 @@ def test_a_page(sim):
     with fork1s.show(sim, height=300) as page:
         with urllib.request.urlopen(page.address) as answer:
             assert answer.status == 200 and b"<html" in answer.read().lower()
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(page.address.partition("?")[0])
         assert page.address in page._repr_html_() and 'height="300"' in page._repr_html_()
         assert not page.closed and page.viewers == 0
-        with pytest.raises(fork1s.ModelError, match=str(port := int(page.address[:-1].rsplit(":")[-1]))):
+        with pytest.raises(fork1s.ModelError, match=str(port := urlsplit(page.address).port)):
             fork1s.show(sim, port=port)
     assert page.closed and sim.hash() == before
     page.close()

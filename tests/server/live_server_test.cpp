@@ -1,8 +1,11 @@
 // The server against viewers that behave and viewers that do not.
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <chrono>
+#include <fork1s/server/launch_file.hpp>
 #include <fork1s/server/live_server.hpp>
+#include <fstream>
 #include <thread>
 
 #include "failed_accepts.hpp"
@@ -50,17 +53,21 @@ class Served : public ::testing::Test {
 bool Starts(const std::string& text, const char* with) { return text.rfind(with, 0) == 0; }
 
 TEST_F(Served, GivesThePageAndNothingElse) {
-  SocketClient client(server_->port());
-  EXPECT_TRUE(Starts(client.Ask("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"), "HTTP/1.1 200"));
-  SocketClient other(server_->port());
-  EXPECT_TRUE(Starts(other.Ask("GET /../etc/passwd HTTP/1.1\r\nHost: localhost\r\n\r\n"), "HTTP/1.1 404"));
-  SocketClient put(server_->port());
+  SocketClient client(server_->address());
+  EXPECT_TRUE(Starts(client.Ask("GET " + client.Target("/") + " HTTP/1.1\r\nHost: localhost\r\n\r\n"),
+                     "HTTP/1.1 200"));
+  SocketClient other(server_->address());
   EXPECT_TRUE(
-      Starts(put.Ask("PUT /x HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1\r\n\r\nx"), "HTTP/1.1 405"));
+      Starts(other.Ask("GET " + other.Target("/../etc/passwd") + " HTTP/1.1\r\nHost: localhost\r\n\r\n"),
+             "HTTP/1.1 404"));
+  SocketClient put(server_->address());
+  EXPECT_TRUE(Starts(
+      put.Ask("PUT " + put.Target("/x") + " HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1\r\n\r\nx"),
+      "HTTP/1.1 405"));
 }
 
 TEST_F(Served, StreamsGeometrySceneMapsThenFrames) {
-  SocketClient client(server_->port());
+  SocketClient client(server_->address());
   ASSERT_TRUE(Starts(client.Upgrade(), "HTTP/1.1 101"));
   Frame();
   std::vector<int> opcodes;
@@ -83,22 +90,84 @@ TEST_F(Served, StreamsGeometrySceneMapsThenFrames) {
 TEST_F(Served, RefusesForeignPagesAndNames) {
   for (const char* origin : {"http://example.org", "https://127.0.0.1.example.org", "null",
                              "http://127.0.0.1.evil.com", "file://", "http://localhost@evil.com"}) {
-    SocketClient client(server_->port());
+    SocketClient client(server_->address());
     EXPECT_TRUE(Starts(client.Upgrade("Origin: " + std::string(origin) + "\r\n"), "HTTP/1.1 403")) << origin;
   }
-  SocketClient rebound(server_->port());
+  SocketClient rebound(server_->address());
   EXPECT_TRUE(Starts(rebound.Upgrade("", "evil.com"), "HTTP/1.1 403"));
   // Another program of this machine that serves pages, and its own page.
-  SocketClient neighbour(server_->port());
+  SocketClient neighbour(server_->address());
   EXPECT_TRUE(
       Starts(neighbour.Upgrade("Origin: http://127.0.0.1:3000\r\n", "127.0.0.1:8080"), "HTTP/1.1 403"));
-  SocketClient own(server_->port());
+  SocketClient own(server_->address());
   EXPECT_TRUE(Starts(own.Upgrade("Origin: http://127.0.0.1:8080\r\n", "127.0.0.1:8080"), "HTTP/1.1 101"));
+}
+
+// On a machine with several users whoever reaches the port is not its owner.
+TEST_F(Served, RequestsWithoutTheTokenAreForbidden) {
+  const std::string address = server_->address();
+  const std::string token = address.substr(address.find("?token=") + 7);
+  EXPECT_EQ(token.find_first_not_of("0123456789abcdef"), std::string::npos) << token;
+  ASSERT_EQ(token.size(), 32u);
+  std::string wrong = token;
+  wrong.back() = wrong.back() == '0' ? '1' : '0';
+  for (const std::string& query :
+       {std::string(), std::string("?token="), "?token=" + wrong, "?token=" + token + "0",
+        "?token=" + token.substr(1), "?other=" + token, "#token=" + token}) {
+    const std::string bare = address.substr(0, address.find('?')) + query;
+    SocketClient stream(bare), page(bare), put(bare);
+    EXPECT_TRUE(Starts(stream.Upgrade(), "HTTP/1.1 403")) << query;
+    EXPECT_TRUE(Starts(
+        put.Ask("PUT " + put.Target("/done") + " HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\n\r\n"),
+        "HTTP/1.1 403"))
+        << query;
+    const std::string answer =
+        page.Ask("GET " + page.Target("/") + " HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+    EXPECT_TRUE(Starts(answer, "HTTP/1.1 403")) << query;
+    EXPECT_NE(page.ReadBody().find("address that the program printed"), std::string::npos) << query;
+  }
+  EXPECT_EQ(server_->num_viewers(), 0);
+  SocketClient among_others(address.substr(0, address.find('?')) + "?a=1&token=" + token);
+  EXPECT_TRUE(Starts(among_others.Upgrade(), "HTTP/1.1 101"));
+}
+
+TEST(LiveServer, TokensAreRandomAndCanBeLeftOut) {
+  ServerOptions options;
+  options.port = 0;
+  options.page = kPage;
+  const auto one = LiveServer::Create(options), other = LiveServer::Create(options);
+  ASSERT_TRUE(one && other);
+  EXPECT_NE(one->address().substr(one->address().find('?')),
+            other->address().substr(other->address().find('?')));
+  options.require_token = false;
+  const auto open = LiveServer::Create(options);
+  ASSERT_TRUE(open);
+  EXPECT_EQ(open->address(), "http://127.0.0.1:" + std::to_string(open->port()) + "/");
+  SocketClient client(open->address());
+  EXPECT_TRUE(Starts(client.Upgrade(), "HTTP/1.1 101"));
+}
+
+// A command line can be read by every user of the machine.
+TEST(LaunchFile, IsPrivateGoesOnToTheAddressAndIsRemoved) {
+  std::string path;
+  {
+    const auto file = LaunchFile::Create(::testing::TempDir(), "http://127.0.0.1:1/?token=a#film=1&at=2");
+    ASSERT_TRUE(file) << file.error().Text();
+    path = file->address().substr(std::string("file://").size());
+    struct stat facts {};
+    ASSERT_EQ(stat(path.c_str(), &facts), 0);
+    EXPECT_EQ(facts.st_mode & 0777, 0600u);
+    std::ifstream in(path);
+    const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+    EXPECT_NE(text.find("url=http://127.0.0.1:1/?token=a#film=1&amp;at=2\""), std::string::npos) << text;
+  }
+  EXPECT_NE(access(path.c_str(), F_OK), 0);
+  EXPECT_FALSE(LaunchFile::Create("/nowhere", "http://127.0.0.1:1/"));
 }
 
 TEST_F(Served, ClosesOnMalformedMessagesWithAReasonAndGoesOn) {
   const auto close_after = [&](int opcode, const std::string& payload) {
-    SocketClient client(server_->port());
+    SocketClient client(server_->address());
     client.Upgrade();
     client.SendFrame(opcode, payload);
     return client.ReadClose();
@@ -118,7 +187,7 @@ TEST_F(Served, ClosesOnMalformedMessagesWithAReasonAndGoesOn) {
   const auto steps = live_.simulation().steps();
   Frame();
   EXPECT_GT(live_.simulation().steps(), steps);
-  SocketClient next(server_->port());
+  SocketClient next(server_->address());
   EXPECT_TRUE(Starts(next.Upgrade(), "HTTP/1.1 101"));
 }
 
@@ -126,16 +195,16 @@ TEST_F(Served, GarbageBytesHarmNobody) {
   for (const std::string& bytes :
        {std::string("\x00\x01\x02", 3), std::string(100000, 'A'), std::string("GET / HTTP/9.9\r\n\r\n"),
         "GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99999999999\r\n\r\n" + std::string(10, 'x')}) {
-    SocketClient client(server_->port());
+    SocketClient client(server_->address());
     client.Send(bytes);
   }
-  SocketClient client(server_->port());
+  SocketClient client(server_->address());
   EXPECT_TRUE(Starts(client.Upgrade(), "HTTP/1.1 101"));
 }
 
 TEST_F(Served, UnusableRequestsGetTheirStatus) {
   const auto status = [&](const std::string& request) {
-    SocketClient client(server_->port());
+    SocketClient client(server_->address());
     return client.Ask(request).substr(0, 12);
   };
   EXPECT_EQ(status("GARBAGE\r\n\r\n"), "HTTP/1.1 400");
@@ -157,7 +226,7 @@ TEST_F(Served, WaitsWhereNoDescriptorIsFree) {
   setrlimit(RLIMIT_NOFILE, &one_more);
   const long failed_before = failed_accepts;
   const auto begun = std::chrono::steady_clock::now();
-  SocketClient waiting(server_->port());  // takes the last descriptor there is
+  SocketClient waiting(server_->address());  // takes the last descriptor there is
   for (int i = 0; i < 3000 && failed_accepts < failed_before + 3; ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   const long failed = failed_accepts - failed_before;
@@ -169,7 +238,7 @@ TEST_F(Served, WaitsWhereNoDescriptorIsFree) {
 }
 
 TEST_F(Served, OfASettingOnlyTheLastValueWaits) {
-  SocketClient one(server_->port()), two(server_->port());
+  SocketClient one(server_->address()), two(server_->address());
   one.Upgrade();
   two.Upgrade();
   const auto set = [](const char* setting, int value) {
@@ -204,7 +273,7 @@ TEST_F(Served, OfASettingOnlyTheLastValueWaits) {
 }
 
 TEST_F(Served, ASlowViewerCostsTheSimulationNothingAndGetsTheNewest) {
-  SocketClient slow(server_->port(), 4096);
+  SocketClient slow(server_->address(), 4096);
   slow.Upgrade();
   const auto start = std::chrono::steady_clock::now();
   for (int i = 0; i < 3000; ++i) Frame();  // many times what the socket's buffers hold
@@ -226,11 +295,11 @@ TEST_F(Served, ASlowViewerCostsTheSimulationNothingAndGetsTheNewest) {
 }
 
 TEST_F(Served, TheOneWhoDragsAndDiesLetsGo) {
-  auto drags = std::make_unique<SocketClient>(server_->port());
+  auto drags = std::make_unique<SocketClient>(server_->address());
   drags->Upgrade();
   drags->SendFrame(1, R"({"type":"pull","body":3,"point":[0,0,0],"target":[0,0,1]})");
   ASSERT_TRUE(Until([&] { return live_.pulls().size() == 1; }));
-  SocketClient other(server_->port());
+  SocketClient other(server_->address());
   other.Upgrade();
   other.SendFrame(1, R"({"type":"pull","body":4,"point":[0,0,0],"target":[0,0,1]})");
   bool told = false;
@@ -248,19 +317,19 @@ TEST_F(Served, TheOneWhoDragsAndDiesLetsGo) {
 TEST_F(Served, ManyViewersButNotAnyNumber) {
   std::vector<std::unique_ptr<SocketClient>> clients;
   for (int i = 0; i < 4; ++i) {
-    clients.push_back(std::make_unique<SocketClient>(server_->port()));
+    clients.push_back(std::make_unique<SocketClient>(server_->address()));
     EXPECT_TRUE(Starts(clients.back()->Upgrade(), "HTTP/1.1 101"));
   }
-  SocketClient fifth(server_->port());
+  SocketClient fifth(server_->address());
   EXPECT_TRUE(Starts(fifth.Upgrade(), "HTTP/1.1 503"));
   clients.pop_back();
   EXPECT_TRUE(Until([&] { return server_->num_viewers() == 3; }));
-  SocketClient sixth(server_->port());
+  SocketClient sixth(server_->address());
   EXPECT_TRUE(Starts(sixth.Upgrade(), "HTTP/1.1 101"));
 }
 
 TEST_F(Served, AFloodOfRequestsIsBounded) {
-  SocketClient client(server_->port());
+  SocketClient client(server_->address());
   client.Upgrade();
   std::string flood;
   for (int i = 0; i < 3000; ++i)

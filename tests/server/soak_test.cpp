@@ -27,8 +27,8 @@ double ResidentMb() {
 // Reads until it has seen the frame numbered `last`, or is told to stop by a server that is gone.
 class StayingViewer {
  public:
-  StayingViewer(unsigned short port, int wait_us, int receive_buffer = 0)
-      : client_(port, receive_buffer), wait_us_(wait_us) {
+  StayingViewer(const std::string& page, int wait_us, int receive_buffer = 0)
+      : client_(page, receive_buffer), wait_us_(wait_us) {
     client_.Upgrade();
     thread_ = std::thread([this] { Read(); });
   }
@@ -77,7 +77,8 @@ TEST(ServerSoak, ViewersThatStay) {
   options.page = "<html>page</html>";
   auto server = LiveServer::Create(options);
   ASSERT_TRUE(server);
-  StayingViewer reads(server->port(), 0), drags(server->port(), 20000), slow(server->port(), 50000, 4096);
+  StayingViewer reads(server->address(), 0), drags(server->address(), 20000),
+      slow(server->address(), 50000, 4096);
   for (int i = 0; i < 5000 && server->num_viewers() < 3; ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   ASSERT_EQ(server->num_viewers(), 3);

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <optional>
 #include <string>
@@ -16,14 +17,16 @@ namespace fork1s::test {
 
 class SocketClient {
  public:
-  explicit SocketClient(unsigned short port, int receive_buffer = 0) {
+  /// `page`: http://127.0.0.1:PORT/?token=TOKEN
+  explicit SocketClient(const std::string& page, int receive_buffer = 0)
+      : query_(page.find('?') == std::string::npos ? "" : page.substr(page.find('?'))) {
     fd_ = socket(AF_INET, SOCK_STREAM, 0);
     if (receive_buffer > 0) setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
     const timeval patience{5, 0};
     setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     sockaddr_in address{};
     address.sin_family = AF_INET;
-    address.sin_port = htons(port);
+    address.sin_port = htons(static_cast<std::uint16_t>(std::atoi(page.c_str() + page.rfind(':') + 1)));
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     connected_ = connect(fd_, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
   }
@@ -34,6 +37,8 @@ class SocketClient {
   bool connected() const { return connected_; }
   void Send(const std::string& bytes) { (void)!send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL); }
 
+  /// `path` with the token.
+  std::string Target(const std::string& path) const { return path + query_; }
   /// Sends a request and returns the first line and headers of the answer.
   std::string Ask(const std::string& request) {
     Send(request);
@@ -43,7 +48,7 @@ class SocketClient {
     return answer;
   }
   std::string Upgrade(const std::string& extra = "", const std::string& host = "127.0.0.1") {
-    return Ask("GET /stream HTTP/1.1\r\nHost: " + host +
+    return Ask("GET /stream" + query_ + " HTTP/1.1\r\nHost: " + host +
                "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
                "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n" +
                extra + "\r\n");
@@ -61,6 +66,14 @@ class SocketClient {
       for (int i = bytes - 1; i >= 0; --i) frame += static_cast<char>(n >> (8 * i) & 0xff);
     }
     Send(frame + std::string(4, '\0') + payload);  // a mask of zeros
+  }
+
+  /// What comes until the server closes.
+  std::string ReadBody() {
+    std::string body;
+    char c;
+    while (recv(fd_, &c, 1, 0) == 1) body += c;
+    return body;
   }
 
   struct Frame {
@@ -112,6 +125,7 @@ class SocketClient {
     return true;
   }
 
+  std::string query_;
   int fd_ = -1;
   bool connected_ = false;
 };

@@ -168,7 +168,10 @@ export class App {
         this.bench.setLive(false);
         if (reason) this.notices.say(`The program closed the connection: ${reason}`);
         if (!this.timeline)
-          this.notices.coverWith('No connection', 'The simulation does not answer. This page tries again by itself.');
+          this.notices.coverWith(
+            'No connection',
+            'The simulation does not answer. This page tries again by itself. A program that was started again has a new address.',
+          );
       },
     });
     this.live.start();

@@ -22,7 +22,7 @@ if (root) {
       app.play(unpack(fromBase64(recording)));
       const wanted = readFilm(location.hash);
       if (wanted) void film(app, wanted);
-    } else app.connect(`ws://${location.host}/stream`);
+    } else app.connect(`ws://${location.host}/stream${location.search}`);
   } catch (error) {
     new Notices(root).coverWith('The page cannot draw', error instanceof Error ? error.message : String(error));
   }

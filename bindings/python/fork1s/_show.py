@@ -28,7 +28,7 @@ class Page:
 
     @property
     def address(self) -> str:
-        """Where it is, on this machine only."""
+        """Where it is, on this machine only, with the token that requests need."""
         return self._page.address
 
     @property
@@ -134,5 +134,5 @@ def show(
         what = _core.Simulation(what)
     page = Page(_core.show(what, port), height)
     if open_tab and not _in_notebook() and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        webbrowser.open(page.address)
+        webbrowser.open(page._page.launch())  # a command line with the token would be readable by all users
     return page

@@ -4,7 +4,9 @@
 #include "text.hpp"
 
 #include <atomic>
+#include <filesystem>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/server/launch_file.hpp>
 #include <fork1s/server/live_loop.hpp>
 #include <fork1s/server/wire.hpp>
 #include <memory>
@@ -30,6 +32,13 @@ class Page {
 
   const std::string& address() const { return address_; }
   bool closed() const { return !parts_; }
+  /// Address of a file that goes on to the page, to start a browser with; it goes with the page.
+  std::string Launch() {
+    if (!parts_) return address_;
+    if (!parts_->launch)
+      parts_->launch = Take(LaunchFile::Create(std::filesystem::temp_directory_path().string(), address_));
+    return parts_->launch->address();
+  }
   int NumViewers() const { return parts_ ? parts_->server.num_viewers() : 0; }
   void Close() {
     // Of a page that is the parent's a child has no thread that could be joined.
@@ -53,11 +62,12 @@ class Page {
     }
     LiveSimulation live;
     LiveServer server;
+    std::optional<LaunchFile> launch;
     std::atomic<bool> stop = false;
     std::thread thread{[this] { Run(); }};
   };
   std::unique_ptr<Parts> parts_;
-  std::string address_ = "http://127.0.0.1:" + std::to_string(parts_->server.port()) + "/";
+  std::string address_ = parts_->server.address();
   int generation_ = ForkGeneration();
 };
 
@@ -95,6 +105,7 @@ void BindShow(nb::module_& m) {
       .def_prop_ro("address", &Page::address)
       .def_prop_ro("closed", &Page::closed)
       .def_prop_ro("viewers", &Page::NumViewers)
+      .def("launch", &Page::Launch)
       .def("close", &Page::Close);
   m.def(
       "show",

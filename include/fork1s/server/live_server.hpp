@@ -19,6 +19,8 @@ namespace fork1s {
 struct ServerOptions {
   unsigned short port = 8080;  // 0: any that is free
   std::string_view page;       // HTML; must outlive the server
+  /// Requests need the random token of `address`, so that other users of the machine are refused.
+  bool require_token = true;
   std::size_t max_viewers = 32;
   std::size_t max_message = 64 << 10;  // bytes a viewer may send at once
   std::size_t max_queue = 1024;        // commands waiting for the simulation
@@ -28,13 +30,15 @@ struct ServerOptions {
 
 class LiveServer {
  public:
-  /// Starts listening. Errors (kModel): the port is taken or not allowed.
+  /// Starts listening. Errors (kModel): the port is taken or not allowed, or no token can be made.
   static Expected<LiveServer> Create(const ServerOptions& options);
   ~LiveServer();
   LiveServer(LiveServer&&) noexcept;
   LiveServer& operator=(LiveServer&&) noexcept;
 
   unsigned short port() const;
+  /// Of the page, with the token: http://127.0.0.1:PORT/?token=TOKEN
+  std::string address() const;
   /// Replaces what viewers get next. Never waits for any of them.
   void Publish(Snapshot snapshot);
   /// The command that has waited longest. One that undoes another that still waits (a setting, a pull) takes

@@ -11,8 +11,8 @@
 namespace fork1s {
 
 /// Watches a run for steps that mean little: too fast or spinning too fast for the time step, deep in each
-/// other, with joints apart, with contact forces of wedged bodies, not converged, or with energy out of
-/// nowhere. Of each kind the worst moment is kept.
+/// other, sunk into what they rest on, with joints apart, with contact forces of wedged bodies, not converged,
+/// or with energy out of nowhere. Of each kind the worst moment is kept.
 class PlausibleWatch {
  public:
   explicit PlausibleWatch(const Simulation& simulation);
@@ -37,7 +37,7 @@ class PlausibleWatch {
     double times = 0;  // of what would be plausible
     std::string sentence;
   };
-  enum Kind { kFast, kSpins, kDeep, kApart, kForce, kUnconverged, kEnergy, kKinds };
+  enum Kind { kFast, kSpins, kDeep, kSunk, kApart, kForce, kUnconverged, kEnergy, kKinds };
   using Bodies = std::pair<int, int>;  // places in Simulation::bodies(), -1: the still world
   struct PairContact {
     double force = 0;  // N
@@ -52,11 +52,13 @@ class PlausibleWatch {
   /// The pair that overlapped at the start and whose contact forces, over the depth then, can do most work:
   /// Bodies() where all of them do less than `rise` [J].
   Bodies PushedApart(double rise) const;
+  void LookAtSinking(const Simulation& simulation);
   void LookAtEnergy(const Simulation& simulation, const Seen& seen);
   bool IsDriven(const Simulation& simulation, const Seen& seen);
 
   std::vector<double> radii_;  // m, of contactors; infinite for the still world
   std::vector<bool> is_setpoint_;
+  std::map<std::pair<int, int>, double> sunk_since_;  // s, of contactors
   double size_ = 0;  // m, of the smallest mechanism
   std::map<Bodies, PairContact> pairs_;  // after the last step
   std::map<Bodies, double>

@@ -2,8 +2,9 @@
 import type { App } from '../app';
 import type { Colouring } from '../scene/colouring';
 
+// With the token of the page's address, as every request.
 async function put(path: string, body: Blob | string): Promise<void> {
-  const answer = await fetch(path, { method: 'PUT', body });
+  const answer = await fetch(path + location.search, { method: 'PUT', body });
   if (!answer.ok) throw new Error(`${path}: ${answer.status}`);
 }
 

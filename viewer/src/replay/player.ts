@@ -78,7 +78,7 @@ export class Player {
   }
 
   private async save(messages: RawMessage[]): Promise<void> {
-    const page = await (await fetch('/')).text();
+    const page = await (await fetch('/' + location.search)).text();
     saveFile('fork1s-replay.html', replayPage(page, messages), 'text/html');
   }
 }

@@ -105,7 +105,7 @@ describe.skipIf(!ready)('settings, picking and recordings', () => {
     const port = new URL(live.program.address).port;
     await live.program.stop();
     await live.page.waitForFunction(() => document.querySelector('.cover')?.textContent?.includes('No connection') === true);
-    live.program = await view('hand.xml', '--port', port);
+    live.program = await view('hand.xml', '--port', port, '--no-token');
     await live.page.waitForFunction(() => document.querySelector<HTMLElement>('.cover')?.hidden === true);
     await running(live.page);
   });
