@@ -254,8 +254,11 @@ void PlausibleWatch::LookAtEnergy(const Simulation& simulation, const Seen& seen
   const bool driven = IsDriven(simulation, seen);
   const double rise = seen.energy - energy_;
   const double rounding = 1e-6 * std::max(std::abs(seen.energy), std::abs(energy_));
+  // What contacts hold that are pressed in by the depth of the material is no part of the energy.
+  double held = 0;
+  for (const auto& [pair, contact] : pairs_) held += contact.force * simulation.step_options().material.depth;
   if (!driven && !driven_before_ && rise > rounding)
-    Note(kEnergy, rise / (kRise * kinetic_), [&] {
+    Note(kEnergy, rise / (kRise * kinetic_ + held), [&] {
       if (const Bodies pair = PushedApart(rise); pair != Bodies())
         return Quoted(simulation, pair.first) + " and " + Quoted(simulation, pair.second) +
                Print(
