@@ -8,22 +8,6 @@
 namespace fork1s {
 namespace {
 
-// Neighbours across one joint or one closure overlap by design.
-bool AreNeighbours(const Mechanism& mechanism, const ContactGroup& a, const ContactGroup& b) {
-  auto joint_below = [&](const ContactGroup& upper, const ContactGroup& lower) {
-    if (lower.last_joint < 0 || !mechanism.definition().FiltersParent(upper.last_joint < 0)) return false;
-    const BodyIndex moved = mechanism.joint(JointIndex(lower.last_joint)).body;
-    const BodyIndex parent = mechanism.body(moved).parent;
-    return mechanism.body(parent).last_joint == upper.last_joint;
-  };
-  if (joint_below(a, b) || joint_below(b, a)) return true;
-  for (const ClosureDef& c : mechanism.closures()) {
-    const int ja = mechanism.body(c.body_a).last_joint, jb = mechanism.body(c.body_b).last_joint;
-    if ((ja == a.last_joint && jb == b.last_joint) || (ja == b.last_joint && jb == a.last_joint)) return true;
-  }
-  return false;
-}
-
 // A keyframe made by hand may not fit its scene.
 Expected<void> CheckKeyframe(const Scene& scene, const KeyframeDef& key) {
   const std::string where = "keyframe '" + key.name + "'";
@@ -247,7 +231,7 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
   std::vector<std::pair<int, int>> excluded;
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     const MechanismDynamics& m = mechanisms_[i];
-    std::vector<int> of_group;
+    std::map<int, int> of_joint;  // collision body of a group by its last joint
     for (std::size_t g = 0; g < m.groups().size(); ++g) {
       const ContactGroup& group = m.groups()[g];
       CollisionBodyDef body;
@@ -260,16 +244,14 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
       contactor.kind = body.moves ? Contactor::Kind::kGroup : Contactor::Kind::kWorld;
       contactor.index = static_cast<int>(i);
       contactor.group = static_cast<int>(g);
-      const bool empty = body.geometries.empty();
-      of_group.push_back(empty ? -1 : add(std::move(body), contactor));
-      if (of_group.back() >= 0)
-        for (BodyIndex b : group.bodies) index_of[m.mechanism().body(b).name] = of_group.back();
+      if (body.geometries.empty()) continue;
+      const int at = of_joint[group.last_joint] = add(std::move(body), contactor);
+      for (BodyIndex b : group.bodies) index_of[m.mechanism().body(b).name] = at;
     }
-    for (std::size_t a = 0; a < of_group.size(); ++a)
-      for (std::size_t b = a + 1; b < of_group.size(); ++b)
-        if (of_group[a] >= 0 && of_group[b] >= 0 &&
-            AreNeighbours(m.mechanism(), m.groups()[a], m.groups()[b]))
-          excluded.emplace_back(of_group[a], of_group[b]);
+    for (const auto& [a, b] : m.mechanism().FilteredContacts())
+      if (const auto in_a = of_joint.find(a), in_b = of_joint.find(b);
+          in_a != of_joint.end() && in_b != of_joint.end())
+        excluded.emplace_back(in_a->second, in_b->second);
   }
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) {
     Contactor contactor;

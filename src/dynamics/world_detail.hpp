@@ -89,7 +89,7 @@ struct World::Detail {
   void EndPastsInParts();
   void ClearSums();
   void SumImpulses(double weight = 1);
-  void TellSums();
+  void StoreSums();
   void ExpectContacts();
   double StepsRatio(double h) const;
   void ShiftRows();

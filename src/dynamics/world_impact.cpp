@@ -96,7 +96,7 @@ StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
     pushed = pushed || PushesApart(options);
     SumImpulses();
   }
-  TellSums();
+  StoreSums();
   for (ContactRecord& c : contacts_) {
     c.end_force = c.impulse / options.h;
     c.end_moment = c.moment / options.h;
@@ -130,7 +130,7 @@ void World::Detail::ClearSums() {
 
 namespace {
 
-void TellSum(const Vector6& sum_W, ContactRecord& contact) {
+void SetWrench(const Vector6& sum_W, ContactRecord& contact) {
   contact.moment = contact.point.frame * sum_W.head<3>();
   contact.impulse = contact.point.frame * sum_W.tail<3>();
 }
@@ -153,7 +153,7 @@ void World::Detail::SumImpulses(double weight) {
   for (std::size_t i = 0; i < goes_on_.size(); ++i) {
     if (goes_on_[i] || sums_.contacts_W[i].isZero(0)) continue;
     sums_.ended.push_back(previous_[i]);
-    TellSum(sums_.contacts_W[i], sums_.ended.back());
+    SetWrench(sums_.contacts_W[i], sums_.ended.back());
   }
   sums_.contacts_W.swap(next_sums_);
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
@@ -163,8 +163,8 @@ void World::Detail::SumImpulses(double weight) {
 }
 
 // Whoever asks what acted in the step is told of all of it, what parted again within it too.
-void World::Detail::TellSums() {
-  for (std::size_t i = 0; i < contacts_.size(); ++i) TellSum(sums_.contacts_W[i], contacts_[i]);
+void World::Detail::StoreSums() {
+  for (std::size_t i = 0; i < contacts_.size(); ++i) SetWrench(sums_.contacts_W[i], contacts_[i]);
   for (const ContactRecord& c : sums_.ended) {
     contacts_.push_back(c);
     speed_W_.push_back(Vector3::Zero());

@@ -108,7 +108,7 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
 StepReport World::Detail::FinishTwoStageStep(const StepOptions& options, WorldState& start, StepReport report) {
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
     StoreBaseHistory(mechanisms_[i], start.mechanisms[i], options.h);
-  TellSums();
+  StoreSums();
   contacts_h_ = options.h;
   report.contacts = static_cast<int>(
       std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));

@@ -65,13 +65,7 @@ std::vector<Pair> FilteredPairs(const Scene& scene, const StartingPose& start) {
     of_joint[m.body(BodyIndex(start.names[k])).last_joint] = static_cast<int>(k);
   const auto part = [&](BodyIndex b) { return of_joint.at(m.body(b).last_joint); };
   std::vector<Pair> filtered;
-  for (const Mechanism::Joint& joint : m.joints()) {
-    const BodyIndex parent = m.body(joint.body).parent;
-    if (m.definition().FiltersParent(m.body(parent).last_joint < 0))
-      filtered.emplace_back(part(parent), part(joint.body));
-  }
-  for (const ClosureDef& closure : m.closures())
-    filtered.emplace_back(part(closure.body_a), part(closure.body_b));
+  for (const auto& [a, b] : m.FilteredContacts()) filtered.emplace_back(of_joint.at(a), of_joint.at(b));
   for (const auto& [a, b] : scene.excluded_pairs)
     if (m.FindBody(a).valid() && m.FindBody(b).valid())
       filtered.emplace_back(part(m.FindBody(a)), part(m.FindBody(b)));
@@ -98,19 +92,21 @@ std::vector<bool> CanPart(const StartingPose& start, const std::vector<ContactPo
     rows(i, n + i) = -1;
     depth(i) = -c.gap / length;
   }
-  constexpr double kFar = 1e3;  // lengths of the mechanism, for a slide without limits
+  constexpr double kUnbounded = std::numeric_limits<double>::max() / 4;  // the solver adds two of them
   VectorX lower(all), upper(all);
   lower.tail(k).setZero();
-  upper.tail(k).setConstant(std::numeric_limits<double>::max() / 4);
+  upper.tail(k).setConstant(kUnbounded);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const double most = m.Turns(static_cast<int>(i)) ? 1 : kFar * length;
+    const double most = m.Turns(static_cast<int>(i)) ? 1 : kUnbounded;
     lower(i) = std::clamp(m.lower()(i) - start.q(i), -most, 0.0);
     upper(i) = std::clamp(m.upper()(i) - start.q(i), 0.0, most);
   }
   MatrixX closure(m.num_constraints(), n);
   if (m.num_constraints() > 0) ClosureJacobian(m, start.kinematics, start.q, closure);
-  constexpr double kRigid = 1e6;  // weight of closures: they open by this share of a depth at most
-  constexpr double kUnique = 1e-10;
+  // Weights of closures and of the displacements themselves beside that of the contacts: closures open by a
+  // millionth of a depth, and a joint that moves a contact by less than 1e-4 lengths per radian does not part
+  // it.
+  constexpr double kRigid = 1e6, kUnique = 1e-10;
   MatrixX H = rows.transpose() * rows + kUnique * MatrixX::Identity(all, all);
   H.topLeftCorner(n, n) += kRigid * closure.transpose() * closure / (length * length);
   const VectorX g = -rows.transpose() * depth;
@@ -119,7 +115,7 @@ std::vector<bool> CanPart(const StartingPose& start, const std::vector<ContactPo
   mju_boxQP(x.data(), factor.data(), index.data(), H.data(), g.data(), static_cast<int>(all), lower.data(),
             upper.data());
   const VectorX residual = depth - rows * x;
-  constexpr double kParted = 0.01;  // of the depth: more than the weights above leave
+  constexpr double kParted = 0.01;  // of the depth, which the weights above leave where r_i is 1e-4 lengths
   std::vector<bool> parts(contacts.size());
   for (Eigen::Index i = 0; i < k; ++i) parts[i] = residual(i) < kParted * depth(i);
   return parts;

@@ -331,6 +331,20 @@ std::optional<Mechanism::Rotation> FindRotation(const Matrix6X& screws, const Me
 
 }  // namespace
 
+std::vector<std::pair<int, int>> Mechanism::FilteredContacts() const {
+  std::vector<std::pair<int, int>> pairs;
+  const auto add = [&](int joint_a, int joint_b) {
+    if (joint_a != joint_b) pairs.emplace_back(joint_a, joint_b);
+  };
+  for (const Body& b : bodies_) {
+    if (!b.parent.valid()) continue;
+    const int above = body(b.parent).last_joint;
+    if (definition_.FiltersParent(above < 0)) add(above, b.last_joint);
+  }
+  for (const ClosureDef& c : closures()) add(body(c.body_a).last_joint, body(c.body_b).last_joint);
+  return pairs;
+}
+
 std::string Mechanism::CoordinateName(int i) const {
   const Joint& j = joint(CoordinateJoint(i));
   return j.size == 1 ? j.name : fmt::format("{} (freedom {})", j.name, i - j.offset + 1);

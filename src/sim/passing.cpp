@@ -77,18 +77,8 @@ Expected<PassingWatch> PassingWatch::Create(const Simulation& simulation) {
       d.watches |= !touches && !body.geometries.empty();
       d.bodies.push_back(std::move(body));
     }
-    auto exclude = [&](int joint_a, int joint_b) {
-      if (joint_a != joint_b) excluded.emplace_back(of_joint[joint_a], of_joint[joint_b]);
-    };
-    for (std::size_t b = 0; b < mechanism.bodies().size(); ++b) {
-      const Mechanism::Body& body = mechanism.bodies()[b];
-      index_of[body.name] = of_joint[body.last_joint];
-      if (!body.parent.valid()) continue;
-      const int above = mechanism.body(body.parent).last_joint;
-      if (mechanism.definition().FiltersParent(above < 0)) exclude(body.last_joint, above);
-    }
-    for (const ClosureDef& c : mechanism.closures())
-      exclude(mechanism.body(c.body_a).last_joint, mechanism.body(c.body_b).last_joint);
+    for (const Mechanism::Body& body : mechanism.bodies()) index_of[body.name] = of_joint[body.last_joint];
+    for (const auto& [a, b] : mechanism.FilteredContacts()) excluded.emplace_back(of_joint[a], of_joint[b]);
   }
   for (std::size_t i = 0; i < scene.free_bodies.size(); ++i) {
     index_of[scene.free_bodies[i].name] = static_cast<int>(d.bodies.size());

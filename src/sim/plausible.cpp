@@ -64,6 +64,10 @@ std::string Quoted(const Simulation& simulation, int body) {
   return body < 0 ? "the world" : "'" + simulation.bodies()[static_cast<std::size_t>(body)].name + "'";
 }
 
+std::string NameOf(const Simulation& simulation, int contactor) {
+  return Quoted(simulation, simulation.BodyOfContactor(contactor));
+}
+
 }  // namespace
 
 PlausibleWatch::PlausibleWatch(const Simulation& simulation) { Changed(simulation); }
@@ -75,14 +79,13 @@ void PlausibleWatch::Changed(const Simulation& simulation) {
     if (world.contactors()[c].kind != Contactor::Kind::kWorld &&
         simulation.BodyOfContactor(static_cast<int>(c)) >= 0)
       radii_[c] = RadiusOf(simulation, static_cast<int>(c));
-  has_pairs_ = false;
-  overlaps_.clear();
+  pairs_.clear();
+  starts_ = true;
   const double g = simulation.step_options().gravity.norm();
   double mass = 0;
   for (const MechanismDynamics& m : world.mechanisms()) mass += m.mechanism().total_mass();
   for (const FreeBodyDef& b : simulation.scene().free_bodies) mass += b.inertia.mass;
   weight_ = mass * (g > 0 ? g : 9.81);
-  sunk_since_.clear();
   size_ = std::numeric_limits<double>::infinity();
   is_setpoint_.clear();
   for (const MechanismDynamics& m : world.mechanisms())
@@ -132,57 +135,76 @@ void PlausibleWatch::LookAtSpeeds(const Simulation& simulation) {
   }
 }
 
-void PlausibleWatch::LookAtDepths(const Simulation& simulation) {
+void PlausibleWatch::UpdatePairs(const Simulation& simulation) {
+  std::map<Contactors, PairContact> pairs;
   for (const ContactRecord& c : simulation.world().contacts()) {
-    const double depth = -c.point.gap;
-    if (!(depth > 0)) continue;
-    const double radius = std::min(radii_[static_cast<std::size_t>(c.point.body_a)],
-                                   radii_[static_cast<std::size_t>(c.point.body_b)]);
-    Note(kDeep, depth / (kDeepest * radius), [&] {
-      return "at " + Print("%.4g s ", simulation.time(), 0, 0) +
-             Quoted(simulation, simulation.BodyOfContactor(c.point.body_b)) + " is " +
-             Print("%.3g mm deep in ", 1e3 * depth, 0, 0) +
-             Quoted(simulation, simulation.BodyOfContactor(c.point.body_a)) +
+    const Contactors key = std::minmax(c.point.body_a, c.point.body_b);
+    PairContact& pair = pairs[key];
+    const double sign = c.point.body_a == key.first ? 1 : -1;
+    pair.force_W += sign / simulation.dt() * (c.point.frame.transpose() * c.impulse);
+    pair.depth = std::max(pair.depth, -c.point.gap);
+  }
+  for (auto& [key, pair] : pairs) {
+    const auto before = pairs_.find(key);
+    if (before != pairs_.end() && pair.depth > 0) pair.overlap = before->second.overlap;
+    if (!(pair.depth > kSunken * DiameterOf(key))) continue;
+    pair.sunk_since = simulation.time();
+    if (before != pairs_.end() && before->second.sunk_since) pair.sunk_since = before->second.sunk_since;
+  }
+  if (starts_)
+    for (const ContactPoint& p : simulation.world().start_points())
+      if (const auto pair = pairs.find(std::minmax(p.body_a, p.body_b));
+          pair != pairs.end() && pair->second.depth > 0)
+        pair->second.overlap = std::max(pair->second.overlap, -p.gap);
+  starts_ = false;
+  pairs_ = std::move(pairs);
+}
+
+// Diameter [m] of the smaller of two.
+double PlausibleWatch::DiameterOf(const Contactors& pair) const {
+  return 2 * std::min(radii_[static_cast<std::size_t>(pair.first)],
+                      radii_[static_cast<std::size_t>(pair.second)]);
+}
+
+void PlausibleWatch::LookAtDepths(const Simulation& simulation) {
+  for (const auto& [key, pair] : pairs_) {
+    const double radius = 0.5 * DiameterOf(key);
+    Note(kDeep, pair.depth / (kDeepest * radius), [&, a = key.first, b = key.second, depth = pair.depth] {
+      return "at " + Print("%.4g s ", simulation.time(), 0, 0) + NameOf(simulation, b) + " is " +
+             Print("%.3g mm deep in ", 1e3 * depth, 0, 0) + NameOf(simulation, a) +
              Print(
                  ", and the smaller of the two has a radius of %.3g mm; try a smaller --dt, or place them "
-                 "apart at the start",
+                 "apart at "
+                 "the start",
                  1e3 * radius, 0, 0);
     });
   }
 }
 
-void PlausibleWatch::LookAtPairs(const Simulation& simulation) {
-  const auto bodies = [&](const ContactPoint& p) {
-    return Bodies(std::minmax(simulation.BodyOfContactor(p.body_a), simulation.BodyOfContactor(p.body_b)));
-  };
-  std::map<Bodies, Vector3> force;
-  pairs_.clear();
-  for (const ContactRecord& c : simulation.world().contacts()) {
-    const Bodies pair = bodies(c.point);
-    const double sign = simulation.BodyOfContactor(c.point.body_a) == pair.first ? 1 : -1;
-    Vector3& sum = force.try_emplace(pair, Vector3::Zero()).first->second;
-    sum += sign * (c.point.frame.transpose() * c.impulse) / simulation.dt();
-    PairContact& seen = pairs_[pair];
-    seen.force = sum.norm();
-    seen.gap = std::min(seen.gap, c.point.gap);
+// An impact may press in for a step; what rests, even under a large mass, does not stay pressed in.
+void PlausibleWatch::LookAtSinking(const Simulation& simulation) {
+  for (const auto& [key, pair] : pairs_) {
+    if (!pair.sunk_since || simulation.time() - *pair.sunk_since < kLasting) continue;
+    const double size = DiameterOf(key);
+    Note(kSunk, pair.depth / (kSunken * size),
+         [&, a = key.first, b = key.second, depth = pair.depth, since = *pair.sunk_since] {
+           return "at " + Print("%.4g s ", simulation.time(), 0, 0) + NameOf(simulation, b) + " is " +
+                  Print("%.3g mm into ", 1e3 * depth, 0, 0) + NameOf(simulation, a) +
+                  Print(", for %.2g s, and the smaller of the two has a size of %.3g mm: ",
+                        simulation.time() - since, 1e3 * size, 0) +
+                  "the contact does not carry what presses on it; bring their masses closer together, or "
+                  "press less";
+         });
   }
-  if (!has_pairs_)
-    for (const ContactPoint& p : simulation.world().start_points())
-      if (p.gap < 0) overlaps_[bodies(p)] = std::max(overlaps_[bodies(p)], -p.gap);
-  has_pairs_ = true;
-  std::erase_if(overlaps_, [&](const auto& overlap) {
-    const auto seen = pairs_.find(overlap.first);
-    return seen == pairs_.end() || !(seen->second.gap < 0);
-  });
 }
 
 void PlausibleWatch::LookAtForces(const Simulation& simulation, bool converged) {
-  Bodies strongest;
+  Contactors strongest;
   double most = 0;
-  for (const auto& [pair, seen] : pairs_)
-    if (seen.force > most) most = seen.force, strongest = pair;
+  for (const auto& [key, pair] : pairs_)
+    if (const double force = pair.force_W.norm(); force > most) most = force, strongest = key;
   const auto names = [&] {
-    return Quoted(simulation, strongest.first) + " and " + Quoted(simulation, strongest.second);
+    return NameOf(simulation, strongest.first) + " and " + NameOf(simulation, strongest.second);
   };
   Note(kForce, most / (kWedged * weight_), [&] {
     return Print("at %.4g s the contact of ", simulation.time(), 0, 0) + names() +
@@ -198,46 +220,15 @@ void PlausibleWatch::LookAtForces(const Simulation& simulation, bool converged) 
   });
 }
 
-PlausibleWatch::Bodies PlausibleWatch::PushedApart(double rise) const {
-  Bodies found;
+std::optional<PlausibleWatch::Contactors> PlausibleWatch::PushedApart(double rise) const {
+  std::optional<Contactors> found;
   double most = 0, sum = 0;
-  for (const auto& [pair, depth] : overlaps_) {
-    const double work = depth * pairs_.at(pair).force;
+  for (const auto& [key, pair] : pairs_) {
+    const double work = pair.overlap * pair.force_W.norm();
     sum += work;
-    if (work > most) most = work, found = pair;
+    if (work > most) most = work, found = key;
   }
-  return rise < sum ? found : Bodies();
-}
-
-// An impact may press in for a step; what rests, even under a large mass, does not stay pressed in.
-void PlausibleWatch::LookAtSinking(const Simulation& simulation) {
-  std::map<std::pair<int, int>, double> depths;
-  for (const ContactRecord& c : simulation.world().contacts()) {
-    double& depth = depths[{c.point.body_a, c.point.body_b}];
-    depth = std::max(depth, -c.point.gap);
-  }
-  std::map<std::pair<int, int>, double> sunk_since;
-  for (const auto& [pair, depth] : depths) {
-    const auto [a, b] = pair;
-    const double size =
-        2 * std::min(radii_[static_cast<std::size_t>(a)], radii_[static_cast<std::size_t>(b)]);
-    if (!(depth > kSunken * size)) continue;
-    const auto before = sunk_since_.find(pair);
-    const double since = before == sunk_since_.end() ? simulation.time() : before->second;
-    sunk_since[pair] = since;
-    if (simulation.time() - since < kLasting) continue;
-    Note(kSunk, depth / (kSunken * size), [&, a = a, b = b, depth = depth] {
-      return "at " + Print("%.4g s ", simulation.time(), 0, 0) +
-             Quoted(simulation, simulation.BodyOfContactor(b)) + " is " +
-             Print("%.3g mm into ", 1e3 * depth, 0, 0) + Quoted(simulation, simulation.BodyOfContactor(a)) +
-             Print(
-                 ", for %.2g s, and the smaller of the two has a size of %.3g mm: the contact does not carry "
-                 "what "
-                 "presses on it; bring their masses closer together, or press less",
-                 simulation.time() - since, 1e3 * size, 0);
-    });
-  }
-  sunk_since_ = std::move(sunk_since);
+  return rise < sum ? found : std::nullopt;
 }
 
 // Whether something outside may have done work: an input that moved, now or a step ago, or a motor.
@@ -256,15 +247,16 @@ void PlausibleWatch::LookAtEnergy(const Simulation& simulation, const Seen& seen
   const double rounding = 1e-6 * std::max(std::abs(seen.energy), std::abs(energy_));
   // What contacts hold that are pressed in by the depth of the material is no part of the energy.
   double held = 0;
-  for (const auto& [pair, contact] : pairs_) held += contact.force * simulation.step_options().material.depth;
+  for (const auto& [key, pair] : pairs_)
+    held += pair.force_W.norm() * simulation.step_options().material.depth;
   if (!driven && !driven_before_ && rise > rounding)
     Note(kEnergy, rise / (kRise * kinetic_ + held), [&] {
-      if (const Bodies pair = PushedApart(rise); pair != Bodies())
-        return Quoted(simulation, pair.first) + " and " + Quoted(simulation, pair.second) +
+      if (const auto pair = PushedApart(rise))
+        return NameOf(simulation, pair->first) + " and " + NameOf(simulation, pair->second) +
                Print(
                    " overlap by %.3g mm at the start, and pushing them apart adds energy, %.3g J in the step "
                    "to %.4g s",
-                   1e3 * overlaps_.at(pair), rise, simulation.time()) +
+                   1e3 * pairs_.at(*pair).overlap, rise, simulation.time()) +
                "; place them apart";
       return Print("in the step to %.4g s energy rises by %.3g J to %.4g J, and no input did work: ",
                    simulation.time(), rise, seen.energy) +
@@ -276,6 +268,7 @@ void PlausibleWatch::LookAtEnergy(const Simulation& simulation, const Seen& seen
 }
 
 void PlausibleWatch::Look(const Simulation& simulation, const Seen& seen) {
+  UpdatePairs(simulation);
   LookAtSpeeds(simulation);
   LookAtDepths(simulation);
   LookAtSinking(simulation);
@@ -285,7 +278,6 @@ void PlausibleWatch::Look(const Simulation& simulation, const Seen& seen) {
            "forces or speeds are beyond what a step holds together; try --recovery exact, a smaller --dt or "
            "gentler inputs";
   });
-  LookAtPairs(simulation);
   LookAtForces(simulation, seen.converged);
   LookAtEnergy(simulation, seen);
 }

@@ -43,6 +43,15 @@ TEST(Overlap, IsExcludedWhereTheLimitsAreTooNear) {
   EXPECT_EQ(MustLoad(Plates(far, kAcross)).scene.excluded_pairs.size(), 0u);
 }
 
+// What is left of a depth of 20 mm is compared with a hundredth of it.
+TEST(Overlap, PartsWhereLessThanAHundredthOfItIsLeft) {
+  const auto to = [](const std::string& lower) {
+    return "type='slide' axis='0 1 0' range='" + lower + " .05'";
+  };
+  EXPECT_EQ(MustLoad(Plates(to("-.0199"), kAcross)).scene.excluded_pairs.size(), 0u);
+  EXPECT_EQ(MustLoad(Plates(to("-.0197"), kAcross)).scene.excluded_pairs.size(), 1u);
+}
+
 TEST(Overlap, IsExcludedWhereCouplingsMoveBothAlike) {
   const auto coupled = [](const std::string& slope) {
     return "<equality><joint joint1='jb' joint2='ja' polycoef='0 " + slope + " 0 0 0'/></equality>";

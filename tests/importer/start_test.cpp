@@ -301,6 +301,9 @@ TEST(ImportStart, JointsStartInsideTheirLimits) {
   EXPECT_EQ(StartOf(keyed).mechanisms[0].q[1], -1);
   EXPECT_EQ(StartOf(keyed).mechanisms[0].q[0], 0.2);
   EXPECT_EQ(StartOf(keyed).mechanisms[0].q_dot[0], 1);
+  // What the digits of a limit leave, 1e-9 rad, is not outside.
+  EXPECT_EQ(MustLoad(Leg("5e-10 1")).initial_keyframe, -1);
+  EXPECT_EQ(StartOf(MustLoad(Leg("2e-9 1"))).mechanisms[0].q[1], 2e-9);
 }
 
 }  // namespace

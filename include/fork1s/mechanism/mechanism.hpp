@@ -203,6 +203,10 @@ class Mechanism {
   /// comparable in rank decisions and tolerances.
   double length_scale() const { return length_scale_; }
 
+  /// Rigid parts that never touch each other but by explicit pairs: across a joint as
+  /// MechanismDef::parent_filter says, and across a closure. Each part by the last joint of its bodies; -1:
+  /// the base.
+  std::vector<std::pair<int, int>> FilteredContacts() const;
   BodyIndex FindBody(const std::string& name) const { return definition_.FindBody(name); }
   /// Name of the joint that owns coordinate i, with its freedom if it has several.
   std::string CoordinateName(int i) const;

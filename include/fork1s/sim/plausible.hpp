@@ -4,6 +4,7 @@
 
 #include <fork1s/sim/simulation.hpp>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -38,33 +39,34 @@ class PlausibleWatch {
     std::string sentence;
   };
   enum Kind { kFast, kSpins, kDeep, kSunk, kApart, kForce, kUnconverged, kEnergy, kKinds };
-  using Bodies = std::pair<int, int>;  // places in Simulation::bodies(), -1: the still world
+  using Contactors = std::pair<int, int>;
+  /// Of two contactors after the last step.
   struct PairContact {
-    double force = 0;  // N
-    double gap = 0;    // m, of the deepest point
+    Vector3 force_W = Vector3::Zero();  // N, on the second
+    double depth = 0;                   // m, of the deepest point
+    double overlap = 0;                 // m, of the start, where they have not parted since
+    std::optional<double> sunk_since;   // s
   };
   template <class Sentence>
   void Note(Kind kind, double times, const Sentence& sentence);
   void LookAtSpeeds(const Simulation& simulation);
   void LookAtDepths(const Simulation& simulation);
-  void LookAtPairs(const Simulation& simulation);
-  void LookAtForces(const Simulation& simulation, bool converged);
-  /// The pair that overlapped at the start and whose contact forces, over the depth then, can do most work:
-  /// Bodies() where all of them do less than `rise` [J].
-  Bodies PushedApart(double rise) const;
   void LookAtSinking(const Simulation& simulation);
+  void LookAtForces(const Simulation& simulation, bool converged);
+  void UpdatePairs(const Simulation& simulation);
+  double DiameterOf(const Contactors& pair) const;
+  /// The pair that overlapped at the start and whose contact forces, over the depth then, can do most work;
+  /// none where all of them do less than `rise` [J].
+  std::optional<Contactors> PushedApart(double rise) const;
   void LookAtEnergy(const Simulation& simulation, const Seen& seen);
   bool IsDriven(const Simulation& simulation, const Seen& seen);
 
   std::vector<double> radii_;  // m, of contactors; infinite for the still world
   std::vector<bool> is_setpoint_;
-  std::map<std::pair<int, int>, double> sunk_since_;  // s, of contactors
   double size_ = 0;  // m, of the smallest mechanism
-  std::map<Bodies, PairContact> pairs_;  // after the last step
-  std::map<Bodies, double>
-      overlaps_;            // m, depth of pairs that overlapped at the start and have not parted since
-  bool has_pairs_ = false;  // of the start
-  double weight_ = 0;       // N, of all that moves; without gravity on earth
+  std::map<Contactors, PairContact> pairs_;
+  bool starts_ = true;  // the next step is the first
+  double weight_ = 0;   // N, of all that moves; without gravity on earth
   Worst worst_[kKinds];
   VectorX controls_;
   bool driven_before_ = true;  // in the step before

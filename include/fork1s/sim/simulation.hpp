@@ -230,9 +230,10 @@ struct ControlTrack {
   std::vector<double> times;              // s, increasing
   std::vector<std::vector<double>> rows;  // one per time, one value per name
 
-  /// Sets every named control of the simulation for the time at the end of the next step.
-  /// FindMissing names of the track that the simulation does not have.
+  /// Names of the track that the simulation does not have.
   std::vector<std::string> FindMissing(const Simulation& simulation) const;
+  /// Sets every named control to its value at `time` [s], the end of the next step. That is to be Step(true):
+  /// held at the samples of a path, controls jump at every step.
   void Apply(double time, Simulation& simulation) const;
   /// Sets those of time 0, where the first step starts. Before the first step.
   void Start(Simulation& simulation) const;

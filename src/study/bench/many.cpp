@@ -53,7 +53,7 @@ Expected<std::vector<ManyCost>> MeasureMany(const BenchOptions& options, int ins
         ParallelFor(0, instances, 1, [&](int begin, int end) {
           for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
             controls->Apply(simulations[i].time() + simulations[i].dt(), simulations[i]);
-            simulations[i].Step();
+            simulations[i].Step(controls->times.size() > 1);
           }
         });
         step_us.push_back(

@@ -45,8 +45,7 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options) {
   auto probe = Simulation::Create(imported->scene, at);
   if (!probe) return tl::unexpected(probe.error());
   peers.dt = probe->dt();
-  const Integrator chosen = probe->step_options().integrator,
-                   other = chosen == Integrator::kTwoStage ? Integrator::kEuler : Integrator::kTwoStage;
+  const Integrator by_default = probe->step_options().integrator;
   constexpr double kMostSteps = 1e6;
   if (options.time / peers.dt > kMostSteps)
     return Fail(
@@ -54,10 +53,14 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options) {
         fmt::format("would take {:.3g} steps, a million at most; simulate less --time or take a longer --dt",
                     options.time / peers.dt));
   for (const int substeps : options.substeps) {
-    // By the rule that the scene has chosen at dt, at every step.
-    for (const Integrator own : {chosen, other})
-      peers.entrants.push_back({own == chosen ? "fork1s" : "fork1s " + NameOf(own), false,
-                                MuJoCoIntegrator::kOfFile, false, substeps, {}, own});
+    for (const Integrator own : {by_default, Integrator::kEuler})
+      peers.entrants.push_back({own == by_default ? "fork1s" : "fork1s " + NameOf(own),
+                                false,
+                                MuJoCoIntegrator::kOfFile,
+                                false,
+                                substeps,
+                                {},
+                                own});
     if (!options.mujoco) continue;
     peers.entrants.push_back({"MuJoCo discrete", true, MuJoCoIntegrator::kDiscrete, false, substeps});
     peers.entrants.push_back({"MuJoCo implicitfast", true, MuJoCoIntegrator::kImplicitFast, false, substeps});
@@ -76,7 +79,7 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options) {
                    [](const auto& a, const auto& b) { return a.substeps < b.substeps; });
   BenchScene scene;
   scene.name = options.name;
-  scene.integrator = chosen;
+  scene.integrator = by_default;
   Expected<std::vector<PeerRow>> rows;
   // MuJoCo steps on one thread, so that we do as well.
   WithThreads(1, [&] { rows = MeasurePeers(peers); });
