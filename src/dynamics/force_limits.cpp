@@ -187,27 +187,25 @@ bool AnyChangesSides(const MechanismStep& here, double h) {
 
 namespace {
 
-// At the pose of a stage that was solved, which LoadForces has seen.
-double ForceOfServo(const MechanismStep& here, std::size_t k) {
-  const auto& [model, state, ws] = here;
-  const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
-  const double f = ws.limit_force(static_cast<Eigen::Index>(k)) - limit.damping * LengthRate(here, limit.length);
-  return std::min(std::max(f, limit.lower), limit.upper);
+// At the end of a stage of length b that was solved.
+double ForceOfServo(const MechanismStep& here, std::size_t k, double b) {
+  const Mechanism::ForceLimit& limit = here.model.mechanism().force_limits()[k];
+  return std::min(std::max(ForceAtEnd(here, k, b), limit.lower), limit.upper);
 }
 
 }  // namespace
 
-void StoreSwitchedForces(const MechanismStep& here) {
+void StoreSwitchedForces(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
   ws.stage_at_bound = state.at_bound;
   ws.stage_limit_force.resize(static_cast<Eigen::Index>(state.at_bound.size()));
   for (std::size_t k = 0; k < state.at_bound.size(); ++k)
-    ws.stage_limit_force(static_cast<Eigen::Index>(k)) = ForceOfServo(here, k);
+    ws.stage_limit_force(static_cast<Eigen::Index>(k)) = ForceOfServo(here, k, b);
   ws.stage_slack_side.resize(ws.slack.size());
   ws.stage_slack_force.resize(static_cast<Eigen::Index>(ws.slack.size()));
   for (std::size_t k = 0; k < ws.slack.size(); ++k) {
     ws.stage_slack_side[k] = static_cast<signed char>(ws.slack[k].side);
-    ws.stage_slack_force(static_cast<Eigen::Index>(k)) = ws.slack[k].force;
+    ws.stage_slack_force(static_cast<Eigen::Index>(k)) = ForceOfSlack(here, ws.slack[k], b);
   }
 }
 
@@ -227,11 +225,12 @@ SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, do
   for (std::size_t k = 0; k < state.at_bound.size(); ++k)
     if (state.at_bound[k] != ws.stage_at_bound[k])
       add(model.mechanism().force_limits()[k].length,
-          ForceOfServo(here, k) - ws.stage_limit_force(static_cast<Eigen::Index>(k)), true, k);
+          ForceOfServo(here, k, b) - ws.stage_limit_force(static_cast<Eigen::Index>(k)), true, k);
   for (std::size_t k = 0; k < ws.slack.size(); ++k)
     if (ws.slack[k].side != ws.stage_slack_side[k])
       add(model.mechanism().springs()[ws.slack[k].spring].length,
-          ws.slack[k].force - ws.stage_slack_force(static_cast<Eigen::Index>(k)), false, ws.slack[k].spring);
+          ForceOfSlack(here, ws.slack[k], b) - ws.stage_slack_force(static_cast<Eigen::Index>(k)), false,
+          ws.slack[k].spring);
   if (out.index < 0) return out;
   const double mass = std::max(model.mechanism().total_mass(), 1e-300);
   ws.solved = ws.rhs;

@@ -130,6 +130,8 @@ void OpenSlackSprings(const MechanismStep& here);
 double SlackStiffness(const MechanismModel& model, const SlackSpring& slack);
 void AddSlackForces(const MechanismStep& here);
 bool UpdateSlackSprings(const MechanismStep& here, double h);
+/// At the end of a stage of length b [s] that was solved [N or N·m].
+double ForceOfSlack(const MechanismStep& here, const SlackSpring& slack, double b);
 
 // Forces without potential (follower.cpp).
 void FindFollowers(MechanismModel& model);

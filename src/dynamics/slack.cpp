@@ -70,4 +70,9 @@ bool UpdateSlackSprings(const MechanismStep& here, double h) {
   return changed;
 }
 
+double ForceOfSlack(const MechanismStep& here, const SlackSpring& slack, double b) {
+  const Mechanism::Spring& s = here.model.mechanism().springs()[slack.spring];
+  return s.Force(slack.length + WayToForce(here, s.length, b));
+}
+
 }  // namespace fork1s

@@ -266,7 +266,7 @@ StageResidual World::Detail::MoveAndComputeResiduals(const StepOptions& stage, S
   double& contraction = contraction_[scheme == StageScheme::kSecondOfTwo ? 1 : 0];
   const double next = contraction / (1 - contraction);
   // An iteration with the contacts of the stage's start is never the last.
-  if (bodies.ratio <= 1 && next * changes.ratio <= 1 && !has_switches_ && !from_stage_start_) {
+  if (bodies.ratio <= 1 && next * changes.ratio <= 1 && !from_stage_start_) {
     const bool is_last = scheme != StageScheme::kFirstOfTwo;
     ForMechanisms([&](std::size_t i) { AcceptStage(mechanisms_[i], b, time, is_last); });
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
@@ -357,7 +357,7 @@ void World::Detail::StoreStage(double b, StageScheme scheme, StepReport& report)
   SumImpulses(scheme == StageScheme::kFirstOfTwo ? kOnward : 1);
   if (scheme != StageScheme::kFirstOfTwo) return;
   for (MechanismDynamics& m : mechanisms_)
-    if (HasSwitches(m)) StoreSwitchedForces(m);
+    if (HasSwitches(m)) StoreSwitchedForces(m, b);
   // The second stage starts where tangential springs are at its base point.
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];

@@ -165,8 +165,9 @@ double MoveAndComputeResidual(const MechanismStep& here, double b, double time);
 /// After contact, in place of MoveAndComputeResidual: the stage is solved. Moves to the pose found,
 /// `with_derivatives`: Q and Jacobians too.
 void AcceptStage(const MechanismStep& here, double b, double time, bool with_derivatives);
-/// Forces of servos and slack springs at the pose of a stage that was solved, and their saturation.
-void StoreSwitchedForces(const MechanismStep& here);
+/// Forces of servos and slack springs at the end of a stage of length b [s] that was solved, and their
+/// saturation.
+void StoreSwitchedForces(const MechanismStep& here, double b);
 /// What the changes of saturation since StoreSwitchedForces displace by the extrapolation of the first stage's forces.
 struct SaturationChange {
   double displacement = 0, motion = 0;  // m, in the kinetic metric: b |A⁻¹ s b Δf|; of the stage
