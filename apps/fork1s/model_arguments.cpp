@@ -107,9 +107,10 @@ void ModelArguments::AddTo(CLI::App& command) {
                   "multiplies every joint spring by x, its damper by sqrt(x)")
       ->check(PositiveUpTo(kMostNumber));
   command
-      .add_option(
-          "--pd", pd,
-          "kp,kv: hold joints that nothing holds by PD control; NAME=kp,kv: one joint (may be repeated)")
+      .add_option("--pd", pd,
+                  "KP,KV: PD gains for joints without a spring or actuator, in N m/rad and N m s/rad, of "
+                  "slides in N/m "
+                  "and N s/m; NAME=KP,KV: for one joint (may be repeated)")
       ->take_all()
       ->allow_extra_args(false);  // the model may come next
   command.add_option("--keyframe", keyframe, "named initial state of the file");

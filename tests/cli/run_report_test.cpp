@@ -79,6 +79,36 @@ TEST(RunReport, LoadsAfterAReleaseAreThoseOfTheContact) {
     EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
 }
 
+TEST(RunReport, BeginsWithWhatIsAssumed) {
+  const std::string model = Write("finger.xml", FingerModel()), table = Write("b.csv", "time,bend\n0,0.1\n");
+  const Outcome text = Fork1s("run --steps 3 --dt 0.01 " + model);
+  ASSERT_EQ(text.code, 0) << text.err;
+  const auto summary = text.out.find("3 steps of 0.01 s");
+  for (const char* part :
+       {"two-stage", "gravity (0, 0, -9.81)", "the pose of the file", "mechanism 'proximal'",
+        "contact at tip (named)", "no --controls: the one control stays where it starts"}) {
+    const auto at = text.out.find(part);
+    ASSERT_NE(at, std::string::npos) << part << " in\n" << text.out;
+    EXPECT_LT(at, summary) << part;
+  }
+  const auto assumed = Fork1s("run --json --steps 1 --controls " + table + " " + model).Json()["assumed"];
+  EXPECT_EQ(assumed["controls"], table);
+  EXPECT_EQ(assumed["mechanisms"][0]["coordinates_full"], 2);
+  EXPECT_EQ(assumed["mechanisms"][0]["interfaces"][0], "tip");
+  EXPECT_TRUE(assumed["keyframe"].is_null());
+}
+
+TEST(RunReport, StepsInPlaceOfTime) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const auto json = Fork1s("run --json --steps 7 --dt 0.003 " + model).Json();
+  EXPECT_EQ(json["steps"], 7);
+  EXPECT_NEAR(json["simulated_s"].get<double>(), 0.021, 1e-12);
+  EXPECT_TRUE(json["warnings"].empty()) << json["warnings"].dump(1);
+  EXPECT_EQ(Fork1s("run --steps 7 --time 1 " + model).code, 2);
+  EXPECT_EQ(Fork1s("run --steps -1 " + model).code, 2);
+  EXPECT_EQ(Fork1s("run --steps 7 --accuracy 1mm " + model).code, 2);
+}
+
 TEST(RunReport, WhatSlipsIsNamed) {
   // 15 N against 0.5 * 19.6 N of friction: 2.6 m/s² for half a second, 0.32 m, and as far again to rest, less
   // what friction takes then.
