@@ -207,7 +207,7 @@ void AddBench(CLI::App& app, Action& action) {
       ->add_option("--peers", args->peers,
                    "mujoco (default), drake, dart, bullet (plain trees alone, after tools/peers.sh), none")
       ->delimiter(',')
-      ->check(CLI::IsMember({"mujoco", "drake", "dart", "bullet", "none"}));
+      ->check(OneOf({"mujoco", "drake", "dart", "bullet", "none"}));
   command
       ->add_option("--only", args->only,
                    "parts to measure: scenes, precision (scenes at shorter steps too), many (64 of each "
@@ -215,7 +215,7 @@ void AddBench(CLI::App& app, Action& action) {
                    "stability (largest stable step against stiffness), recovery (poses of all bodies), "
                    "chains (by number of joints); default: all")
       ->delimiter(',')
-      ->check(CLI::IsMember({"scenes", "precision", "many", "stability", "recovery", "chains"}));
+      ->check(OneOf({"scenes", "precision", "many", "stability", "recovery", "chains"}));
   command->add_option("--time", args->time, "seconds to simulate (default 1)")->check(PositiveUpTo(1e4));
   command->add_option("--dt", args->dt, "time step in s (default: each scene's)")
       ->check(PositiveUpTo(kMostStep));

@@ -184,7 +184,7 @@ void AddExport(CLI::App& app, Action& action) {
           ->add_option("--color-by", args->options.colouring,
                        "of films and pictures: file (default), interface: bodies that may touch stand out, "
                        "roles: interface, interior and free bodies, gaps: how far joints open")
-          ->transform(CLI::CheckedTransformer(colourings));
+          ->transform(OneOf(colourings));
   command->add_flag("!--no-forces", args->options.forces, "draw no contact forces");
   command->add_option("--look-at", args->look_at, "a body for the middle of the picture");
   command
