@@ -57,19 +57,8 @@ int WriteTables(const ExportArguments& args) {
   return kDone;
 }
 
-Expected<std::string> MakePage(const Recording& recording) {
-  if (ViewerPage().empty())
-    return Fail(ErrorCode::kFile, "export",
-                "this program was built without its page, because npm was not found; install nodejs and npm, "
-                "run cmake "
-                "again and build");
-  auto stream = EncodeRecording(recording, recording.scene().name);
-  if (!stream) return tl::unexpected(stream.error());
-  return ReplayPage(ViewerPage(), *stream);
-}
-
 int WritePage(const Recording& recording, const ExportArguments& args) {
-  auto page = MakePage(recording);
+  auto page = MakeReplayPage(recording);
   if (!page) return Report(page.error(), false);
   if (auto written = WriteFile(args.out, kHtmlFile, *page); !written) return Report(written.error(), false);
   PrintText("wrote {} ({:.2f} MB): open it in a browser, it needs no server\n", args.out,
@@ -104,7 +93,7 @@ int WriteFilm(const Recording& recording, const ExportArguments& args) {
   auto camera = Camera(recording, args);
   if (!camera) return Report(camera.error(), false);
   if (args.options.at) SayWhereItEnds(recording, *args.options.at);
-  auto page = MakePage(recording);
+  auto page = MakeReplayPage(recording);
   if (!page) return Report(page.error(), false);
   auto frames = RenderVideo(*page, args.out, *camera);
   if (!frames) return Report(frames.error(), false);
@@ -146,6 +135,13 @@ int Run(const ExportArguments& args) {
 }
 
 }  // namespace
+
+Expected<std::string> MakeReplayPage(const Recording& recording) {
+  if (ViewerPage().empty()) return tl::unexpected(NoPage());
+  auto stream = EncodeRecording(recording, recording.scene().name);
+  if (!stream) return tl::unexpected(stream.error());
+  return ReplayPage(ViewerPage(), *stream);
+}
 
 void AddExport(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand(
