@@ -29,8 +29,10 @@ struct BenchArguments {
   int rounds = 5, truth = 32;
   bool phases = false, json = false;
 
-  bool Wants(const char* part) const {
-    return only.empty() || std::find(only.begin(), only.end(), part) != only.end();
+  // Of models that are named their own table alone, unless asked for more; of all scenes everything.
+  bool Wants(const std::string& part) const {
+    if (only.empty()) return scenes.empty() || part == "scenes";
+    return std::find(only.begin(), only.end(), part) != only.end();
   }
   bool HasPeer(const char* peer) const { return std::find(peers.begin(), peers.end(), peer) != peers.end(); }
 };
@@ -164,6 +166,11 @@ int RunBench(const BenchArguments& args) {
     for (const BenchModel& model : models) {
       ProgressBar bar(model.name);
       BenchOptions options = OptionsFor(model, args);
+      if (options.controls_path.empty())
+        PrintText(stderr,
+                  "note: {}: no controls: there is no table '{}', and no --controls; its controls stay where "
+                  "they start\n",
+                  model.name, std::filesystem::path(model.path).replace_extension(".csv").string());
       options.step_command = StepCommand(options);
       options.progress = [&](double share) { bar.Update(share); };
       auto scene = MeasureBench(options);
@@ -173,7 +180,7 @@ int RunBench(const BenchArguments& args) {
         scenes[model.name] = {{"error", scene.error().Text()}};
         continue;
       }
-      scenes[model.name] = SceneJson(*scene);
+      scenes[model.name] = SceneJson(*scene, options.controls_path);
       if (!scene->why_no_instructions.empty()) PrintText(stderr, "note: {}\n", scene->why_no_instructions);
       if (!args.json) PrintScene(*scene);
       results.scenes.push_back(std::move(*scene));
@@ -207,15 +214,15 @@ void AddBench(CLI::App& app, Action& action) {
       ->add_option("--peers", args->peers,
                    "mujoco (default), drake, dart, bullet (plain trees alone, after tools/peers.sh), none")
       ->delimiter(',')
-      ->check(CLI::IsMember({"mujoco", "drake", "dart", "bullet", "none"}));
+      ->check(OneOf({"mujoco", "drake", "dart", "bullet", "none"}));
   command
       ->add_option("--only", args->only,
                    "parts to measure: scenes, precision (scenes at shorter steps too), many (64 of each "
                    "scene at a time), "
                    "stability (largest stable step against stiffness), recovery (poses of all bodies), "
-                   "chains (by number of joints); default: all")
+                   "chains (by number of joints); default: scenes where a model is named, else all")
       ->delimiter(',')
-      ->check(CLI::IsMember({"scenes", "precision", "many", "stability", "recovery", "chains"}));
+      ->check(OneOf({"scenes", "precision", "many", "stability", "recovery", "chains"}));
   command->add_option("--time", args->time, "seconds to simulate (default 1)")->check(PositiveUpTo(1e4));
   command->add_option("--dt", args->dt, "time step in s (default: each scene's)")
       ->check(PositiveUpTo(kMostStep));

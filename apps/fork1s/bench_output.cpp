@@ -15,6 +15,7 @@ Json PeerJson(const PeerRow& row, const std::optional<double>& instructions) {
   out["step_us"] = Number(row.step_us, row.survived);
   out["ratio"] = Number(row.step_ratio, row.survived);
   out["error_percent"] = Number(row.error_percent, row.survived);
+  out["rms_mm"] = Number(row.rms_mm, row.survived);
   out["step_instructions"] = Number(instructions.value_or(0), instructions.has_value());
   if (!row.survived) out["end"] = row.end;
   return out;
@@ -22,7 +23,7 @@ Json PeerJson(const PeerRow& row, const std::optional<double>& instructions) {
 
 }  // namespace
 
-Json SceneJson(const BenchScene& s) {
+Json SceneJson(const BenchScene& s, const std::string& controls) {
   const PeerRow& ours = s.rows.front();
   const auto instructions = s.Instructions("fork1s");
   Json out;
@@ -35,7 +36,9 @@ Json SceneJson(const BenchScene& s) {
   out["refreshes"] = ours.refreshes;
   out["refresh_step_us"] = Number(ours.refresh_step_us, ours.refreshes > 0);
   out["step_instructions"] = Number(instructions.value_or(0), instructions.has_value());
+  out["controls"] = controls.empty() ? Json(nullptr) : Json(controls);
   out["error_percent"] = Number(ours.error_percent);
+  out["rms_mm"] = Number(ours.rms_mm);
   out["truth_error_percent"] = Number(s.TruthErrorPercent());
   out["loop_gap_mm"] = Number(ours.loop_gap_mm, ours.has_loops);
   out["peers"] = Json::object();
@@ -48,7 +51,8 @@ Json SceneJson(const BenchScene& s) {
       out["precision"].push_back({{"simulator", row.simulator},
                                   {"dt_s", row.dt_s},
                                   {"us_per_simulated_s", row.step_us / row.dt_s},
-                                  {"error_percent", Number(row.error_percent)}});
+                                  {"error_percent", Number(row.error_percent)},
+                                  {"rms_mm", Number(row.rms_mm)}});
   if (!s.phases.empty()) {
     out["phases"] = out["phase_us"] = Json::object();
     for (const PhaseCost& p : s.phases) {
@@ -103,8 +107,8 @@ void PrintScene(const BenchScene& s) {
             std::isfinite(s.TruthErrorPercent())
                 ? fmt::format("the truth is known to {:.2g} % of the motion", s.TruthErrorPercent())
                 : "no interface or free body goes anywhere, so that errors have no percentage");
-  PrintText("  {:<22} {:>10} {:>8} {:>10} {:>10} {:>12} {:>9}\n", "", "us a step", "ratio", "99 % below",
-            "worst", "instructions", "error, %");
+  PrintText("  {:<22} {:>10} {:>8} {:>10} {:>10} {:>12} {:>9} {:>10}\n", "", "us a step", "ratio",
+            "99 % below", "worst", "instructions", "error, %", "error, mm");
   for (const PeerRow& r : s.rows) {
     if (r.dt_s != ours.dt_s) continue;
     if (!r.survived) {
@@ -112,9 +116,10 @@ void PrintScene(const BenchScene& s) {
       continue;
     }
     const auto instructions = s.Instructions(r.simulator);
-    PrintText("  {:<22} {:>10.1f} {:>8.2f} {:>10.1f} {:>10.1f} {:>12} {:>9}\n", r.simulator, r.step_us,
-              r.step_ratio, r.p99_us, r.worst_us, instructions ? fmt::format("{:.0f}", *instructions) : "-",
-              std::isfinite(r.error_percent) ? fmt::format("{:.3g}", r.error_percent) : "-");
+    PrintText("  {:<22} {:>10.1f} {:>8.2f} {:>10.1f} {:>10.1f} {:>12} {:>9} {:>10.3g}\n", r.simulator,
+              r.step_us, r.step_ratio, r.p99_us, r.worst_us,
+              instructions ? fmt::format("{:.0f}", *instructions) : "-",
+              std::isfinite(r.error_percent) ? fmt::format("{:.3g}", r.error_percent) : "-", r.rms_mm);
   }
   for (const PhaseCost& p : s.phases)
     PrintText("    {:<22} {:>9.3g} us {:>9.3g} us in the mean {:>12} instructions\n", p.phase,

@@ -8,7 +8,8 @@
 namespace fork1s::app {
 
 /// One scene under its name in "scenes".
-Json SceneJson(const BenchScene& scene);
+/// `controls`: the table's path; empty: none.
+Json SceneJson(const BenchScene& scene, const std::string& controls);
 /// `out` with what was measured beside the scenes.
 Json PartsJson(const BenchResults& results, Json out);
 

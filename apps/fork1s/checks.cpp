@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <fork1s/base/near_names.hpp>
 #include <limits>
 
 namespace fork1s::app {
@@ -36,6 +38,16 @@ CLI::Validator NumberWithin(double least, double most) {
 
 CLI::Validator PositiveUpTo(double most) {
   return Check(fmt::format("above 0 and up to {:g}", most), [most](double v) { return v > 0 && v <= most; });
+}
+
+CLI::Validator OneOf(std::vector<std::string> words) {
+  return CLI::Validator(
+      [words = std::move(words)](const std::string& text) {
+        if (std::find(words.begin(), words.end(), text) != words.end()) return std::string();
+        return fmt::format("'{}' is none of {}{}", text, Quoted(words, words.size()),
+                           NearNames(text, words).empty() ? "" : Suggestion(text, words));
+      },
+      "WORD");
 }
 
 Expected<double> ParseNumber(const std::string& text, const std::string& option) {

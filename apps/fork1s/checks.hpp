@@ -4,7 +4,9 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <fork1s/base/error.hpp>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace fork1s::app {
@@ -18,6 +20,25 @@ inline constexpr double kMostStep = 1000;    // s
 CLI::Validator NumberWithin(double least, double most);
 /// The same above 0.
 CLI::Validator PositiveUpTo(double most);
+/// One of these words; the message has near ones.
+CLI::Validator OneOf(std::vector<std::string> words);
+/// The same, and the number of the enumerator in place of the word, as CLI11 reads enumerations. Any case.
+template <class Value>
+CLI::Validator OneOf(const std::map<std::string, Value>& values) {
+  std::vector<std::string> words;
+  for (const auto& [word, value] : values) words.push_back(word);
+  const CLI::Validator known = OneOf(std::move(words));
+  return CLI::Validator(
+      [values, known](std::string& text) {
+        for (const auto& [word, value] : values)
+          if (CLI::detail::to_lower(word) == CLI::detail::to_lower(text)) {
+            text = std::to_string(static_cast<int>(value));
+            return std::string();
+          }
+        return known(text);
+      },
+      "WORD");
+}
 /// The number that a text is, if it is one, finite and no larger than kMostNumber. Errors: kUsage.
 Expected<double> ParseNumber(const std::string& text, const std::string& option);
 

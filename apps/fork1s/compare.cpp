@@ -231,7 +231,7 @@ void AddCompare(CLI::App& app, Action& action) {
   auto args = std::make_shared<CompareArguments>();
   args->model.AddTo(*command);
   command->add_option("--against", args->against, "full (default) or mujoco")
-      ->check(CLI::IsMember({"full", "mujoco"}));
+      ->check(OneOf({"full", "mujoco"}));
   static const std::map<std::string, MuJoCoIntegrator> integrators = {
       {"Euler", MuJoCoIntegrator::kEuler},
       {"implicitfast", MuJoCoIntegrator::kImplicitFast},
@@ -239,7 +239,7 @@ void AddCompare(CLI::App& app, Action& action) {
   command
       ->add_option("--mujoco-integrator", args->integrator,
                    "with --against mujoco: Euler, implicitfast or discrete (default: the file's)")
-      ->transform(CLI::CheckedTransformer(integrators, CLI::ignore_case));
+      ->transform(OneOf(integrators));
   command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(PositiveUpTo(1e5));
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
       ->check(PositiveUpTo(kMostStep));
@@ -255,7 +255,7 @@ void AddCompare(CLI::App& app, Action& action) {
       ->add_option("--full-integrator", args->full_integrator,
                    "of the full run: euler, or two-stages, of second order; default: of the same order as "
                    "the reduced run's")
-      ->transform(CLI::CheckedTransformer(full_integrators));
+      ->transform(OneOf(full_integrators));
   AddRecoveryTo(*command, args->inputs.recovery);
   command->add_option("--refinements", args->refinements, "further runs at dt/2, dt/4, ... (default 2)")
       ->check(CLI::Range(0, 8));

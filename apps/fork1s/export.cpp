@@ -23,13 +23,14 @@ struct ExportArguments {
   bool all_bodies = false, video = false;
   VideoOptions options;
   std::vector<double> from;   // degrees
-  std::optional<double> fps;  // keys a second of a glTF animation
+  std::optional<double> fps;  // frames of a film or keys of a glTF animation, a second
   CLI::Option* color_by_option = nullptr;
 };
 
 // The camera as the arguments want it.
 Expected<VideoOptions> Camera(const Recording& recording, const ExportArguments& args) {
   VideoOptions options = args.options;
+  if (args.fps && *args.fps > 0) options.fps = args.fps;
   if (!args.from.empty()) {
     options.azimuth = args.from[0];
     options.elevation = args.from[1];
@@ -57,19 +58,8 @@ int WriteTables(const ExportArguments& args) {
   return kDone;
 }
 
-Expected<std::string> MakePage(const Recording& recording) {
-  if (ViewerPage().empty())
-    return Fail(ErrorCode::kFile, "export",
-                "this program was built without its page, because npm was not found; install nodejs and npm, "
-                "run cmake "
-                "again and build");
-  auto stream = EncodeRecording(recording, recording.scene().name);
-  if (!stream) return tl::unexpected(stream.error());
-  return ReplayPage(ViewerPage(), *stream);
-}
-
 int WritePage(const Recording& recording, const ExportArguments& args) {
-  auto page = MakePage(recording);
+  auto page = MakeReplayPage(recording);
   if (!page) return Report(page.error(), false);
   if (auto written = WriteFile(args.out, kHtmlFile, *page); !written) return Report(written.error(), false);
   PrintText("wrote {} ({:.2f} MB): open it in a browser, it needs no server\n", args.out,
@@ -104,7 +94,7 @@ int WriteFilm(const Recording& recording, const ExportArguments& args) {
   auto camera = Camera(recording, args);
   if (!camera) return Report(camera.error(), false);
   if (args.options.at) SayWhereItEnds(recording, *args.options.at);
-  auto page = MakePage(recording);
+  auto page = MakeReplayPage(recording);
   if (!page) return Report(page.error(), false);
   auto frames = RenderVideo(*page, args.out, *camera);
   if (!frames) return Report(frames.error(), false);
@@ -132,8 +122,12 @@ int Run(const ExportArguments& args) {
                    "belongs to films and pictures; other exports hold the file's colours, and the page has a "
                    "choice of its own"},
                   false);
-  if (args.fps && !gltf)
-    return Report({ErrorCode::kUsage, "--fps", "belongs to a FILE.glb or FILE.gltf"}, false);
+  const bool frames = args.video || extension == ".mp4";
+  if (args.fps && !gltf && !frames)
+    return Report({ErrorCode::kUsage, "--fps", "belongs to a film, or to a FILE.glb or FILE.gltf"}, false);
+  constexpr double kMaxFilmFps = 1000;
+  if (args.fps && frames && *args.fps > kMaxFilmFps)
+    return Report({ErrorCode::kUsage, "--fps", fmt::format("of a film is {:g} at most", kMaxFilmFps)}, false);
   if ((extension == ".png") != args.options.at.has_value())
     return Report({ErrorCode::kUsage, "--at", "belongs to a FILE.png, and a FILE.png needs it"}, false);
   if (auto ok = RefuseInputs(args.out, {args.recording}); !ok) return Report(ok.error(), false);
@@ -146,6 +140,13 @@ int Run(const ExportArguments& args) {
 }
 
 }  // namespace
+
+Expected<std::string> MakeReplayPage(const Recording& recording) {
+  if (ViewerPage().empty()) return tl::unexpected(NoPage());
+  auto stream = EncodeRecording(recording, recording.scene().name);
+  if (!stream) return tl::unexpected(stream.error());
+  return ReplayPage(ViewerPage(), *stream);
+}
 
 void AddExport(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand(
@@ -184,12 +185,14 @@ void AddExport(CLI::App& app, Action& action) {
           ->add_option("--color-by", args->options.colouring,
                        "of films and pictures: file (default), interface: bodies that may touch stand out, "
                        "roles: interface, interior and free bodies, gaps: how far joints open")
-          ->transform(CLI::CheckedTransformer(colourings));
+          ->transform(OneOf(colourings));
   command->add_flag("!--no-forces", args->options.forces, "draw no contact forces");
   command->add_option("--look-at", args->look_at, "a body for the middle of the picture");
   command
       ->add_option("--fps", args->fps,
-                   "glTF: keys a second at most (default 60); 0: one every step of the simulation")
+                   "films: frames a second, so that they play in real time (default and 0: one every step, "
+                   "60 a second); "
+                   "glTF: keys a second at most (default 60; 0: one every step)")
       ->check(NumberWithin(0, 1e6));
   command->callback([&action, args] { action = [args] { return Run(*args); }; });
 }

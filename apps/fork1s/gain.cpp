@@ -26,8 +26,9 @@ Json StepTimesJson(const std::optional<StepTimes>& times) {
 }
 
 void PrintGain(const Json& gain) {
-  PrintText("  what the interface gains:\n");
-  for (const Json& sentence : gain["text"]) PrintText("    {}\n", sentence.get<std::string>());
+  const Json& lines = gain["text"];
+  for (std::size_t i = 0; i < lines.size(); ++i)
+    PrintText("  {:<11}{}\n", i == 0 ? "Reduction:" : "", lines[i].get<std::string>());
 }
 
 void PrintStepTimes(const Json& times) {

@@ -94,11 +94,11 @@ void Print(const ImportedScene& imported, const Json& d) {
             imported.scene.timestep);
   for (const Json& m : d["mechanisms"]) {
     PrintText(
-        "\nmechanism '{}': base {}, {} bodies, {:.4g} kg, {} joints with {} coordinates, {} closures, {} "
+        "\nmechanism '{}': base {}, {} bodies, {:.4g} kg, {} joints, {} closures, {} "
         "couplings\n",
         m["name"].get<std::string>(), m["base"].get<std::string>(), m["bodies"].get<int>(),
-        m["mass_kg"].get<double>(), m["joints"].get<int>(), m["coordinates"].get<int>(),
-        m["closures"].get<int>(), m["couplings"].get<int>());
+        m["mass_kg"].get<double>(), m["joints"].get<int>(), m["closures"].get<int>(),
+        m["couplings"].get<int>());
     std::string names;
     for (const Json& b : m["interfaces"]) names += (names.empty() ? "" : ", ") + b.get<std::string>();
     PrintText("  interface ({}): {}\n", m["interfaces_chosen"].get<bool>() ? "named" : "picked here", names);
@@ -121,14 +121,15 @@ void Print(const ImportedScene& imported, const Json& d) {
     for (const Json& k : d["keyframes"]) PrintText(" {}", k.get<std::string>());
     PrintText("\n");
   }
-  PrintText("\nwhat holds each joint:\n");
+  PrintText("\nJoint springs and actuators:\n");
   std::size_t width = 0;
   for (const JointHold& h : imported.report.holds) width = std::max(width, h.joint.size());
   for (const JointHold& h : imported.report.holds) PrintText("  {:<{}}  {}\n", h.joint, width, h.held_by);
-  if (!d["not_held"].empty()) PrintText("\nwhat nothing holds ({}):\n", d["not_held"].size());
+  if (!d["not_held"].empty()) PrintText("\nMotions without stiffness ({}):\n", d["not_held"].size());
   for (const Json& motion : d["not_held"]) PrintText("  {}\n", motion.get<std::string>());
   if (!d["held_by_load"].empty())
-    PrintText("\nheld by preload, controls or weight alone ({}):\n", d["held_by_load"].size());
+    PrintText("\nJoints with stiffness from preload, controls or weight alone ({}):\n",
+              d["held_by_load"].size());
   for (const Json& joint : d["held_by_load"]) PrintText("  {}\n", joint.get<std::string>());
   PrintText("\nnotes of the import ({}):\n", imported.report.notes.size());
   for (const Json& n : d["notes"]) PrintText("  {}\n", n.get<std::string>());
@@ -137,9 +138,10 @@ void Print(const ImportedScene& imported, const Json& d) {
 }  // namespace
 
 void AddInspect(CLI::App& app, Action& action) {
-  auto* command = app.add_subcommand(
-      "inspect",
-      "what was imported, what was dropped and why, what holds each joint; of a folder: a table of its models");
+  auto* command = app.add_subcommand("inspect",
+                                     "what was imported, what was dropped and why, joint springs and "
+                                     "actuators, the reduction; of a folder: a table "
+                                     "of its models");
   auto model = std::make_shared<ModelArguments>();
   auto time = std::make_shared<double>(0);
   model->AddTo(*command);

@@ -9,11 +9,13 @@
 #include <exception>
 #include <fork1s/base/system_error.hpp>
 #include <fork1s/record/recording.hpp>
+#include <memory>
 #include <new>
 #include <sstream>
 #include <system_error>
 
 #include "command.hpp"
+#include "command_line.hpp"
 #include "print.hpp"
 
 namespace fork1s::app {
@@ -60,7 +62,9 @@ constexpr const char* kOutOfMemory = "fork1s: out of memory; what was recorded u
 // What the command line asks for.
 int Perform(int argc, char** argv) {
   CLI::App app{
-      "FORK-1S: compliant mechanisms reduced to the bodies that touch the world, simulated in contact"};
+      "FORK-1S: compliant mechanisms reduced to the bodies that touch the world, simulated in contact",
+      "fork1s"};
+  app.formatter(std::make_shared<HelpFormatter>());  // before the commands, which have the same
   app.require_subcommand(1);
   app.set_version_flag("--version", FORK1S_VERSION);
   app.footer("Exit codes: 0 done, 2 usage, 3 input refused, 4 numerics failed.");
@@ -77,6 +81,11 @@ int Perform(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() != 0)
+      if (const std::string unknown = UnknownWord(app, argc, argv); !unknown.empty()) {
+        PrintText(stderr, "{}\nRun with --help for more information.\n", unknown);
+        return kBadUsage;
+      }
     std::ostringstream out, err;
     const bool done = app.exit(e, out, err) == 0;
     PrintText("{}", out.str());

@@ -88,28 +88,30 @@ Expected<Vector3> ParseVector(const std::string& text, const std::string& option
 
 void ModelArguments::AddTo(CLI::App& command) {
   command.add_option("model", path, "MJCF or URDF file")->required();
+  command.option_defaults()->group("Options of the model, the same in every command");
   command
       .add_option("--interface", interfaces,
                   "bodies that touch the world (a,b,...); replaces what the file says")
       ->delimiter(',')
       ->allow_extra_args(false);  // the model may come next
   command.add_option("--base", base, "fixed, floating or driven; replaces what the file says")
-      ->check(CLI::IsMember({"fixed", "floating", "driven"}));
+      ->check(OneOf({"fixed", "floating", "driven"}));
   command.add_option("--modes", modes, "fixed-interface modes to keep at most (default: the file's, else 4)")
       ->check(CLI::Range(0, std::numeric_limits<int>::max()));
   command
       .add_option("--mode-choice", mode_choice,
                   "which modes to keep: lowest in frequency, or those of largest contribution to the motion "
                   "of the interface (default: the file's, else lowest)")
-      ->check(CLI::IsMember({"lowest", "contribution"}));
+      ->check(OneOf({"lowest", "contribution"}));
   command
       .add_option("--stiffness-scale", stiffness_scale,
                   "multiplies every joint spring by x, its damper by sqrt(x)")
       ->check(PositiveUpTo(kMostNumber));
   command
-      .add_option(
-          "--pd", pd,
-          "kp,kv: hold joints that nothing holds by PD control; NAME=kp,kv: one joint (may be repeated)")
+      .add_option("--pd", pd,
+                  "KP,KV: PD gains for joints without a spring or actuator, in N m/rad and N m s/rad, of "
+                  "slides in N/m "
+                  "and N s/m; NAME=KP,KV: for one joint (may be repeated)")
       ->take_all()
       ->allow_extra_args(false);  // the model may come next
   command.add_option("--keyframe", keyframe, "named initial state of the file");
@@ -128,6 +130,7 @@ void ModelArguments::AddTo(CLI::App& command) {
           "below AMENT_PREFIX_PATH, ROS_PACKAGE_PATH and above the file")
       ->take_all()
       ->allow_extra_args(false);
+  command.option_defaults()->group("Options");
   command.add_flag("--json", json, "print one JSON object and nothing else");
 }
 
@@ -141,7 +144,7 @@ void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator) {
           "twist it is euler); theta: second order, cheaper and wrong where stiff springs turn; euler: "
           "implicit "
           "Euler, first order")
-      ->transform(CLI::CheckedTransformer(names, CLI::ignore_case));
+      ->transform(OneOf(names));
 }
 
 Expected<Integrator> IntegratorOf(const std::optional<Integrator>& given, Recovery recovery) {
@@ -159,7 +162,7 @@ void AddRecoveryTo(CLI::App& command, Recovery& recovery) {
       .add_option("--recovery", recovery,
                   "exact (default): loops closed; curved: loops closed to second order, cheaper where there "
                   "are many; twist: one exponential a body")
-      ->transform(CLI::CheckedTransformer(names, CLI::ignore_case));
+      ->transform(OneOf(names));
 }
 
 void AddPushTo(CLI::App& command, std::vector<std::string>& pushes) {

@@ -2,12 +2,17 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
+#include <fork1s/record/recording.hpp>
+#include <string>
 #include <string_view>
 
 namespace fork1s::app {
 
 /// One HTML file with everything in it; empty in a build without npm.
 std::string_view ViewerPage();
+
+/// The page that plays a recording by itself. Errors: kFile where there is no page.
+Expected<std::string> MakeReplayPage(const Recording& recording);
 
 /// What to say where it is empty.
 inline Error NoPage() {

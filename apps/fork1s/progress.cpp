@@ -6,15 +6,23 @@
 
 namespace fork1s::app {
 
-ProgressBar::ProgressBar(std::string label) : label_(std::move(label)), shown_(isatty(STDERR_FILENO) != 0) {}
+ProgressBar::ProgressBar(std::string label)
+    : label_(std::move(label)), is_terminal_(isatty(STDERR_FILENO) != 0) {}
 
 ProgressBar::~ProgressBar() {
   if (drawn_) fmt::print(stderr, "\r\033[K");
 }
 
 void ProgressBar::Update(double share) {
-  if (!shown_) return;
   const auto now = std::chrono::steady_clock::now();
+  if (!is_terminal_) {
+    constexpr auto kInterval = std::chrono::seconds(10);
+    if (now - last_ < kInterval) return;
+    last_ = now;
+    fmt::print(stderr, "{}: {:.0f} %\n", label_, 100 * share);
+    std::fflush(stderr);
+    return;
+  }
   if (drawn_ && now - last_ < std::chrono::milliseconds(100)) return;
   last_ = now;
   drawn_ = true;

@@ -1,4 +1,4 @@
-// A progress bar on a terminal, nothing in a pipe.
+// A progress bar on a terminal; in a pipe a line every ten seconds.
 #pragma once
 
 #include <chrono>
@@ -15,9 +15,9 @@ class ProgressBar {
 
  private:
   std::string label_;
-  bool shown_ = false;
+  bool is_terminal_ = false;
   bool drawn_ = false;
-  std::chrono::steady_clock::time_point last_{};
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
 }  // namespace fork1s::app

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -10,6 +11,7 @@
 #include "model_arguments.hpp"
 #include "print.hpp"
 #include "progress.hpp"
+#include "run_assumptions.hpp"
 #include "run_inputs.hpp"
 #include "run_summary.hpp"
 
@@ -20,6 +22,7 @@ struct RunArguments {
   std::optional<Integrator> integrator;  // as given
   ModelArguments model;
   double time = 2;
+  std::optional<std::int64_t> num_steps;  // in place of time
   double dt = 0;
   bool no_load_factor = false;
   bool error = false;
@@ -131,7 +134,8 @@ int Run(const RunArguments& given) {
   }
   auto simulation = Prepare(args, *imported, inputs->detail);
   if (!simulation) return Report(simulation.error(), json);
-  const auto steps = CountSteps(args.time, simulation->dt());
+  const auto steps =
+      args.num_steps ? Expected<std::int64_t>(*args.num_steps) : CountSteps(args.time, simulation->dt());
   if (!steps) return Report(steps.error(), json);
 
   if (auto ok = CheckInputs(*inputs, args.inputs, *simulation); !ok) return Report(ok.error(), json);
@@ -139,7 +143,7 @@ int Run(const RunArguments& given) {
   const double end = static_cast<double>(*steps) * simulation->dt();
   std::vector<std::string> limits = InputLimits(*inputs, args.inputs, *simulation, end);
   constexpr double kNoticed = 0.01;  // of the time asked for
-  if (std::abs(end - args.time) > kNoticed * args.time)
+  if (!args.num_steps && std::abs(end - args.time) > kNoticed * args.time)
     limits.push_back(
         fmt::format("--time {:.6g} s is no whole number of steps of {:.6g} s: {:.6g} s are simulated",
                     args.time, simulation->dt(), end));
@@ -151,11 +155,15 @@ int Run(const RunArguments& given) {
     if (!created) return Report(created.error(), json);
     recorder.emplace(std::move(*created));
   }
+  const Json assumed = AssumptionsJson(*simulation, args.inputs, args.model.path);
+  if (!json) PrintAssumptions(assumed);
+  std::fflush(stdout);  // before what may take minutes
   const Measured measured =
       Simulate(*simulation, *inputs, *steps, {!args.no_load_factor, args.error}, recorder, recorded);
   if (recorder && recorded) recorded = recorder->Finish();
 
   Json summary = Summary(*simulation, measured);
+  summary["assumed"] = assumed;
   if (json)  // else they stand above
     for (const std::string& sentence : limits) summary["warnings"].push_back(sentence);
   summary["notes"] = NotesJson(imported->report);
@@ -201,8 +209,11 @@ void AddRun(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand("run", "simulate a model in contact");
   auto args = std::make_shared<RunArguments>();
   args->model.AddTo(*command);
-  command->add_option("--time", args->time, "seconds to simulate (default 2)")
-      ->check(NumberWithin(0, kMostSeconds));
+  auto* time = command->add_option("--time", args->time, "seconds to simulate (default 2)")
+                   ->check(NumberWithin(0, kMostSeconds));
+  auto* steps = command->add_option("--steps", args->num_steps, "steps to simulate, instead of --time")
+                    ->check(CLI::Range(0, std::numeric_limits<int>::max()))
+                    ->excludes(time);
   command->add_option("--dt", args->dt, "time step in s (default 1/60)")->check(PositiveUpTo(kMostStep));
   command->add_option("--controls", args->inputs.controls,
                       "CSV of control values and pushes: time,NAME,...,force:BODY:x,...");
@@ -219,7 +230,8 @@ void AddRun(CLI::App& app, Action& action) {
           "how far off the run may be, as in 0.5mm or 1% of the motion: tries it with other dt, "
           "integrator, modes and refresh angles until its estimated error is below that, and says what "
           "it chose")
-      ->excludes("--detail");
+      ->excludes("--detail")
+      ->excludes(steps);
   command->add_flag("--error", args->error,
                     "estimate how far the run is from the truth: what the reduction leaves out, what bends "
                     "within a step, and the time step");

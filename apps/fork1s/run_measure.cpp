@@ -102,13 +102,22 @@ class LoadWatch {
   std::int64_t stride_ = 1, in_last_ = 0;
 };
 
-// The fastest that every base that is not fixed has been.
-void WatchBases(const Simulation& simulation, Measured& out) {
-  out.base_speed_max.resize(simulation.scene().mechanisms.size(), 0);
-  for (std::size_t i = 0; i < out.base_speed_max.size(); ++i)
-    if (const auto number = static_cast<int>(i);
-        simulation.given_mechanism(number).base() != BaseKind::kFixed)
-      out.base_speed_max[i] = std::max(out.base_speed_max[i], simulation.BaseTwist(number).tail<3>().norm());
+void StartBasePaths(const Simulation& simulation, Measured& out) {
+  out.base_paths.resize(simulation.scene().mechanisms.size());
+  for (std::size_t i = 0; i < out.base_paths.size(); ++i)
+    out.base_paths[i].start = out.base_paths[i].last = simulation.BasePose(static_cast<int>(i)).translation();
+}
+
+void FollowBases(const Simulation& simulation, Measured& out) {
+  for (std::size_t i = 0; i < out.base_paths.size(); ++i) {
+    const auto number = static_cast<int>(i);
+    if (simulation.given_mechanism(number).base() == BaseKind::kFixed) continue;
+    Measured::BasePath& path = out.base_paths[i];
+    const Vector3 position = simulation.BasePose(number).translation();
+    path.length += (position - path.last).norm();
+    path.last = position;
+    path.speed_max = std::max(path.speed_max, simulation.BaseTwist(number).tail<3>().norm());
+  }
 }
 
 // Numbers that are finite, or were a step ago, and mean nothing.
@@ -183,6 +192,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
   Passers passers(simulation);
   PlausibleWatch plausible(simulation);
   out.tally.Begin(simulation);
+  StartBasePaths(simulation, out);
   for (std::int64_t i = 0; i < steps; ++i) {
     const std::size_t switches = out.switches.size();
     Switch(inputs.detail, next_detail, simulation, out);
@@ -215,7 +225,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     out.most_at_bound = std::max(out.most_at_bound, report.forces_at_bound);
     out.contacts_dropped |= report.contacts_dropped;
     WatchHolds(simulation, out);
-    WatchBases(simulation, out);
+    FollowBases(simulation, out);
     out.tally.Look(simulation, report);
     out.penetration_max = std::max(out.penetration_max, report.max_penetration);
     const double energy = simulation.Energy();

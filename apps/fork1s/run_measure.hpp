@@ -72,7 +72,12 @@ struct Measured {
   std::vector<Passing> passed;         // bodies that touch nothing, and went into something
   bool held = false;                   // contacts were frozen in some step
   double hold_use_max = 0;             // see HoldForce
-  std::vector<double> base_speed_max;  // m/s, of each mechanism's base
+  struct BasePath {
+    Vector3 start = Vector3::Zero(), last = Vector3::Zero();  // m, of the origin
+    double length = 0;                                        // m
+    double speed_max = 0;                                     // m/s
+  };
+  std::vector<BasePath> base_paths;  // of each mechanism's base
 };
 
 struct Watches {

@@ -9,29 +9,10 @@
 
 #include "accuracy_choice.hpp"
 #include "print.hpp"
+#include "run_contacts.hpp"
 
 namespace fork1s::app {
 namespace {
-
-std::string NameOf(const Simulation& simulation, int body) {
-  return body < 0 ? "world" : simulation.bodies()[static_cast<std::size_t>(body)].name;
-}
-
-Json ContactsJson(const Simulation& simulation, const std::vector<PairLoad>& pairs) {
-  Json out = Json::array();
-  for (const PairLoad& p : pairs)
-    out.push_back({{"bodies", {NameOf(simulation, p.body_a), NameOf(simulation, p.body_b)}},
-                   {"force_N", ToJson(p.force_W)},
-                   {"moment_Nm", ToJson(p.moment_W)},
-                   {"force_max_N", p.force_max},
-                   {"force_max_s", p.force_max_s},
-                   {"touched_s", p.touched_s},
-                   {"friction_loss_J", p.friction_loss},
-                   {"slip_m", p.slip},
-                   {"slip_s", p.slip_s},
-                   {"slip_first_s", p.slip_first < 0 ? Json(nullptr) : Json(p.slip_first)}});
-  return out;
-}
 
 Json BasesJson(const Simulation& simulation, const Measured& m) {
   Json out = Json::array();
@@ -39,6 +20,7 @@ Json BasesJson(const Simulation& simulation, const Measured& m) {
     const auto number = static_cast<int>(i);
     const Mechanism& given = simulation.given_mechanism(number);
     if (given.base() == BaseKind::kFixed) continue;
+    const Measured::BasePath& path = m.base_paths[i];
     const RigidTransform X = simulation.BasePose(number);
     const Vector6 V_R = simulation.BaseTwist(number);
     Vector6 V;
@@ -48,7 +30,9 @@ Json BasesJson(const Simulation& simulation, const Measured& m) {
                    {"quaternion_wxyz", ToJson(X.quaternion())},
                    {"velocity_m_per_s", ToJson(Vector3(V.tail<3>()))},
                    {"angular_velocity_rad_per_s", ToJson(Vector3(V.head<3>()))},
-                   {"speed_max_m_per_s", i < m.base_speed_max.size() ? m.base_speed_max[i] : 0.0}});
+                   {"start_m", ToJson(path.start)},
+                   {"path_m", path.length},
+                   {"speed_max_m_per_s", path.speed_max}});
   }
   return out;
 }
@@ -211,43 +195,6 @@ Json Summary(const Simulation& simulation, const Measured& m) {
 
 namespace {
 
-std::string VectorText(const Json& v, double floor = 0) {
-  // Rounding is no load: what is a thousandth of the largest, or below the floor, stands as 0.
-  double x[3], most = floor;
-  for (std::size_t i = 0; i < 3; ++i) {
-    x[i] = v[i].get<double>();
-    most = std::max(most, std::abs(x[i]));
-  }
-  for (double& value : x)
-    if (std::abs(value) <= 1e-3 * most) value = 0;
-  return fmt::format("({:.3g}, {:.3g}, {:.3g})", x[0], x[1], x[2]);
-}
-
-constexpr std::size_t kLines = 8;  // of a kind; the rest stands in the JSON
-
-void More(std::size_t count, const char* what) {
-  if (count > kLines) PrintText("    {} more {} in --json\n", count - kLines, what);
-}
-
-void PrintContacts(const Json& contacts) {
-  if (contacts.empty()) return;
-  PrintText("  contact by pair of bodies: force and moment at the end, on the second about its origin\n");
-  for (std::size_t i = 0; i < std::min(kLines, contacts.size()); ++i) {
-    const Json& c = contacts[i];
-    constexpr double kRounding = 1e-6;  // m: a lever arm that is none
-    PrintText("    {} on {}: {} N, {} N m; {:.3g} N at most, at {:.4g} s", c["bodies"][0].get<std::string>(),
-              c["bodies"][1].get<std::string>(), VectorText(c["force_N"]),
-              VectorText(c["moment_Nm"], kRounding * c["force_max_N"].get<double>()),
-              c["force_max_N"].get<double>(), c["force_max_s"].get<double>());
-    constexpr double kSlipped = 1e-4;  // m
-    if (c["slip_m"].get<double>() > kSlipped)
-      PrintText("; slipped {:.3g} mm from {:.4g} s on", 1e3 * c["slip_m"].get<double>(),
-                c["slip_first_s"].get<double>());
-    PrintText("\n");
-  }
-  More(contacts.size(), "pairs");
-}
-
 void PrintBases(const Json& bases) {
   for (std::size_t i = 0; i < std::min(kLines, bases.size()); ++i) {
     const Json& b = bases[i];
@@ -258,13 +205,13 @@ void PrintBases(const Json& bases) {
     const Json& p = b["position_m"];
     PrintText(
         "  base {:<10} at ({:.5f}, {:.5f}, {:.5f}) m, its z axis {:.3g} degrees from the vertical, velocity "
-        "{} m/s, {} rad/s; "
-        "{:.3g} m/s at most\n",
+        "{} m/s, {} rad/s; path {:.4g} m from ({:.5f}, {:.5f}, {:.5f}) m, {:.3g} m/s at most\n",
         b["body"].get<std::string>(), p[0].get<double>(), p[1].get<double>(), p[2].get<double>(),
         tilt * 57.29577951308232, VectorText(b["velocity_m_per_s"]),
-        VectorText(b["angular_velocity_rad_per_s"]), b["speed_max_m_per_s"].get<double>());
+        VectorText(b["angular_velocity_rad_per_s"]), b["path_m"].get<double>(), b["start_m"][0].get<double>(),
+        b["start_m"][1].get<double>(), b["start_m"][2].get<double>(), b["speed_max_m_per_s"].get<double>());
   }
-  More(bases.size(), "bases");
+  PrintOmitted(bases.size(), "bases");
 }
 
 void PrintEnds(const Json& ends, const char* where) {
@@ -274,7 +221,7 @@ void PrintEnds(const Json& ends, const char* where) {
     PrintText("    {} at its {} {}, {} steps from {:.4g} s to {:.4g} s\n", e["name"].get<std::string>(), end,
               where, e["steps"].get<std::int64_t>(), e["first_s"].get<double>(), e["last_s"].get<double>());
   }
-  More(ends.size(), "of them");
+  PrintOmitted(ends.size(), "of them");
 }
 
 // A handful of moments of its course.
@@ -317,7 +264,8 @@ void PrintSummary(const Json& d) {
   }
   const Json& e = d["energy_J"];
   PrintText(
-      "  energy          {:.6g} J first, {:.6g} J last, largest rise in a step {:.3g} J, {:.3g} J lost to "
+      "  energy          {:.6g} J at the start, {:.6g} J at the end, largest rise in a step {:.3g} J, {:.3g} "
+      "J lost to "
       "friction\n",
       e["first"].get<double>(), e["last"].get<double>(), e["max_increase"].get<double>(),
       e["friction_loss"].get<double>());

@@ -157,6 +157,7 @@ struct TemporaryFolder {
 std::string Wish(const VideoOptions& o) {
   std::string wish = fmt::format("film={}x{}", o.width, o.height);
   if (o.at) wish += fmt::format("&at={:.6f}", *o.at);
+  if (o.fps) wish += fmt::format("&fps={:.6f}", *o.fps);
   if (o.azimuth) wish += fmt::format("&azimuth={:.3f}", *o.azimuth);
   if (o.elevation) wish += fmt::format("&elevation={:.3f}", *o.elevation);
   if (o.zoom != 1) wish += fmt::format("&zoom={:.4f}", o.zoom);
@@ -231,8 +232,8 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
     if (frames.count > seen) {
       seen = frames.count;
       last = now;
-      if (frames.total > 0) bar.Update(static_cast<double>(seen) / frames.total);
     }
+    bar.Update(frames.total > 0 ? static_cast<double>(seen) / frames.total : 0);
     if (now - last > kPatience)
       return Fail(ErrorCode::kFile, chromium,
                   "drew no frame for a minute; try a smaller --width and --height");
@@ -278,14 +279,17 @@ Expected<int> RenderVideo(std::string_view page, const std::string& out, const V
   auto output = OutputFile::Create(out, {"an MP4 film", std::string_view("\0\0\0", 3)});
   if (!output) return tl::unexpected(output.error());
   Child encoder(
-      {ffmpeg, "-y", "-loglevel", "error", "-framerate", "60", "-i", frames.folder + "/%06d.png", "-vf",
-       "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart", output->part()},
+      {ffmpeg, "-y", "-loglevel", "error", "-framerate", fmt::format("{:.6f}", options.fps.value_or(60)),
+       "-i", frames.folder + "/%06d.png", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p",
+       "-movflags", "+faststart", output->part()},
       work.path);
   if (encoder.error() != 0)
     return Fail(ErrorCode::kFile, ffmpeg,
                 "cannot be started " + CauseAndRemedy(encoder.error(), "try again"));
   int code = -1;
+  ProgressBar bar("encoding");
   while ((code = encoder.Ended()) < 0) {
+    bar.Update(0);
     if (interrupted) return Interrupted(out);
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }

@@ -12,6 +12,7 @@ struct VideoOptions {
   int width = 1280, height = 720;  // pixels
   /// Draws this moment alone [s after the start], framed by itself: a film's camera holds the whole path.
   std::optional<double> at;
+  std::optional<double> fps;  // frames a second of simulated time; none: one a step, 60 a second in a film
   std::optional<double> azimuth, elevation;  // degrees, of the camera; from x towards y, upwards
   double zoom = 1;
   bool forces = true;       // arrows at contacts

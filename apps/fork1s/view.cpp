@@ -6,10 +6,15 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <fork1s/record/recording.hpp>
 #include <fork1s/server/launch_file.hpp>
 #include <fork1s/server/live_loop.hpp>
+#include <fstream>
+#include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
+#include <thread>
 #include <vector>
 
 #include "checks.hpp"
@@ -116,13 +121,8 @@ void Loop(LiveSimulation& live, LiveServer& server, ModelWatch* watch, double ti
   });
 }
 
-int Run(const ViewArguments& args) {
-  const std::string_view page = ViewerPage();
-  if (page.empty()) return Report(NoPage(), args.model.json);
-  const auto seen = StampOf(args.model.path);  // before it is read, so that no change is missed
-  auto live = Prepare(args);
-  if (!live) return Report(live.error(), args.model.json);
-  if (args.only_load) return kDone;
+// Serves the page until `loop` returns.
+int Serve(const ViewArguments& args, std::string_view page, const std::function<void(LiveServer&)>& loop) {
   ServerOptions options;
   options.port = static_cast<unsigned short>(args.port);
   options.page = page;
@@ -142,18 +142,63 @@ int Run(const ViewArguments& args) {
   std::signal(SIGALRM, EndNow);
   std::optional<LaunchFile> launch;
   if (!args.no_open) launch = OpenBrowser(address);
-  std::optional<ModelWatch> watch;
-  if (!args.no_watch)
-    watch.emplace(args.model.path, seen,
-                  [&args](const std::atomic<bool>& stop) { return LoadAnew(args, stop); });
-  Loop(*live, *server, watch ? &*watch : nullptr, args.time);
+  loop(*server);
   return kDone;
+}
+
+bool IsHdf5(const std::string& path) {
+  static constexpr std::string_view kSignature = "\211HDF\r\n\032\n";
+  std::string start(kSignature.size(), ' ');
+  std::ifstream file(path, std::ios::binary);
+  return file.read(start.data(), static_cast<std::streamsize>(start.size())) && start == kSignature;
+}
+
+// A recording on the page that `export` writes.
+int RunReplay(const ViewArguments& args) {
+  ModelArguments plain;
+  plain.path = args.model.path;
+  plain.json = args.model.json;
+  if (args.model.Words() != plain.Words() || args.dt > 0 || args.integrator ||
+      args.recovery != Recovery::kExact)
+    return Report(
+        {ErrorCode::kUsage, args.model.path,
+         "is a recording, which is shown as it was simulated; leave out the options of the model and of "
+         "its steps"},
+        args.model.json);
+  auto recording = Recording::Open(args.model.path);
+  if (!recording) return Report(recording.error(), args.model.json);
+  const auto page = MakeReplayPage(*recording);
+  if (!page) return Report(page.error(), args.model.json);
+  return Serve(args, *page, [&](LiveServer&) {
+    const auto start = std::chrono::steady_clock::now();
+    while (!stop_requested && !(args.time > 0 && std::chrono::steady_clock::now() - start >
+                                                     std::chrono::duration<double>(args.time)))
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  });
+}
+
+int Run(const ViewArguments& args) {
+  const std::string_view page = ViewerPage();
+  if (page.empty()) return Report(NoPage(), args.model.json);
+  if (IsHdf5(args.model.path)) return RunReplay(args);
+  const auto seen = StampOf(args.model.path);  // before it is read, so that no change is missed
+  auto live = Prepare(args);
+  if (!live) return Report(live.error(), args.model.json);
+  if (args.only_load) return kDone;
+  return Serve(args, page, [&](LiveServer& server) {
+    std::optional<ModelWatch> watch;
+    if (!args.no_watch)
+      watch.emplace(args.model.path, seen,
+                    [&args](const std::atomic<bool>& stop) { return LoadAnew(args, stop); });
+    Loop(*live, server, watch ? &*watch : nullptr, args.time);
+  });
 }
 
 }  // namespace
 
 void AddView(CLI::App& app, Action& action) {
-  auto* command = app.add_subcommand("view", "watch and touch a model in the browser while it is simulated");
+  auto* command = app.add_subcommand(
+      "view", "watch and touch a model in the browser while it is simulated, or play a recording there");
   auto args = std::make_shared<ViewArguments>();
   args->model.AddTo(*command);
   command->add_option("--port", args->port, "port on 127.0.0.1 (default 8080; 0: any that is free)")

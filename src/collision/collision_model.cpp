@@ -6,6 +6,7 @@
 #include <mutex>
 #include <new>
 #include <stdexcept>
+#include <string_view>
 #include <tuple>
 
 #include "pair_routines.hpp"
@@ -13,7 +14,10 @@
 namespace fork1s::internal {
 namespace {
 
-[[noreturn]] void ThrowMujocoError(const char* message) { throw std::runtime_error(message); }
+[[noreturn]] void ThrowMujocoError(const char* message) {
+  if (std::string_view(message).find("allocate memory") != std::string_view::npos) throw std::bad_alloc();
+  throw std::runtime_error(message);
+}
 
 /// Files in memory for MuJoCo's compiler, which takes ownership of what it is given until the end.
 class MemoryFiles {

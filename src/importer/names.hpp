@@ -1,20 +1,11 @@
-// Words for messages: lists of names, near misses.
+// Words of names and paths.
 #pragma once
 
+#include <fork1s/base/near_names.hpp>
 #include <string>
 #include <vector>
 
 namespace fork1s::internal {
-
-/// "'a', 'b', 'c' and 4 more"
-std::string Quoted(const std::vector<std::string>& names, std::size_t most = 8);
-
-/// The names most like `wanted`, nearest first.
-std::vector<std::string> NearNames(const std::string& wanted, const std::vector<std::string>& names,
-                                   std::size_t most = 5);
-
-/// "; did you mean 'x'?" or a list of what there is; empty when there is nothing to offer.
-std::string Suggestion(const std::string& wanted, const std::vector<std::string>& names);
 
 std::vector<std::string> SplitWords(const std::string& text);
 

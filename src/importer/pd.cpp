@@ -155,6 +155,23 @@ std::optional<Error> ApplyPd(Conversion& c, const ImportOptions& options) {
   return std::nullopt;
 }
 
+namespace {
+
+// Closures whose loop passes through the joints between a body and its parent: of those with one of their two
+// bodies among the body and its descendants, and the other outside.
+std::string ClosuresThrough(const MechanismDef& mechanism, BodyIndex body) {
+  const auto is_below = [&](BodyIndex b) {
+    while (b.valid() && b != body) b = mechanism.bodies[b.u()].parent;
+    return b.valid();
+  };
+  std::vector<std::string> names;
+  for (const ClosureDef& closure : mechanism.closures)
+    if (is_below(closure.body_a) != is_below(closure.body_b)) names.push_back(closure.name);
+  return Quoted(names);
+}
+
+}  // namespace
+
 void ListHolds(Conversion& c) {
   const mjModel& m = c.m;
   for (int j = 0; j < m.njnt; ++j) {
@@ -166,8 +183,12 @@ void ListHolds(Conversion& c) {
     for (int i = 0; i < (same ? 1 : count); ++i) {
       std::string text;
       for (const std::string& hold : c.held_by[first + i]) text += (text.empty() ? "" : ", ") + hold;
-      c.report.holds.push_back(
-          {same ? c.joint_names[j] : c.DofName(first + i), text.empty() ? "nothing" : text});
+      if (text.empty()) {
+        const MechanismDef& mechanism = c.scene.mechanisms[static_cast<std::size_t>(c.joint[j].mechanism)];
+        const std::string closures = ClosuresThrough(mechanism, mechanism.joints[c.joint[j].joint.u()].body);
+        text = closures.empty() ? "nothing" : "closed by " + closures;
+      }
+      c.report.holds.push_back({same ? c.joint_names[j] : c.DofName(first + i), text});
     }
   }
 }

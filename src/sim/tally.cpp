@@ -26,10 +26,24 @@ std::vector<EndReached> Longest(const std::map<std::pair<int, std::size_t>, EndR
   return out;
 }
 
+ContactLoad LoadOf(const Vector3& force_W, const Vector3& moment_W, double normal, double tangential,
+                   double friction) {
+  return {force_W, moment_W, normal, friction > 0 ? tangential : 0, friction > 0 ? friction * normal : 0};
+}
+
 // Of a body that moves by V, at a place that is that far from its origin.
 Vector3 VelocityAt(const Vector6& V, const Vector3& arm) { return V.tail<3>() + V.head<3>().cross(arm); }
 
 }  // namespace
+
+ContactLoad& ContactLoad::Add(const ContactLoad& other, double weight) {
+  force_W += weight * other.force_W;
+  moment_W += weight * other.moment_W;
+  normal += weight * other.normal;
+  tangential += weight * other.tangential;
+  friction_limit += weight * other.friction_limit;
+  return *this;
+}
 
 PairLoad& RunTally::Pair(int a, int b) {
   PairLoad& pair = pairs_[{a, b}];
@@ -76,9 +90,9 @@ void RunTally::LookAtContacts(const Simulation& simulation) {
     }
     PairLoad& pair = Pair(a, b);
     const Vector3 force = sign * (c.point.frame.transpose() * c.impulse) / h;
-    pair.force_W += force;
-    pair.moment_W += sign * (c.point.frame.transpose() * c.moment) / h +
-                     (b < 0 ? c.point.point : arm_b).cross(force);
+    const Vector3 moment =
+        sign * (c.point.frame.transpose() * c.moment) / h + (b < 0 ? c.point.point : arm_b).cross(force);
+    pair.last.Add(LoadOf(force, moment, c.impulse(0) / h, c.impulse.tail<2>().norm() / h, c.friction), 1);
     const Vector6 V_a = mean(a), V_b = mean(b);
     const Vector3 spin = c.point.frame * Vector3(V_b.head<3>() - V_a.head<3>());
     pair.friction_loss -= sign * c.moment.dot(spin);
@@ -93,6 +107,7 @@ void RunTally::LookAtContacts(const Simulation& simulation) {
   for (const auto& [key, speed] : fastest) {
     PairLoad& pair = pairs_[key];
     if (pair.slip_first < 0) pair.slip_first = simulation.time();
+    pair.slip_last = simulation.time();
     pair.slip += speed * h;
     pair.slip_s += h;
   }
@@ -103,8 +118,10 @@ void RunTally::LookAtHolds(const Simulation& simulation) {
     const bool swapped = f.body > f.held;
     PairLoad& pair = Pair(std::min(f.body, f.held), std::max(f.body, f.held));
     const Vector3 force = swapped ? Vector3(-f.force_W) : f.force_W;
-    pair.force_W += force;
-    pair.moment_W += Vector3(f.point_W - simulation.Pose(pair.body_b).translation()).cross(force);
+    const double normal = f.normal_W.dot(f.force_W);
+    pair.last.Add(LoadOf(force, Vector3(f.point_W - simulation.Pose(pair.body_b).translation()).cross(force),
+                         normal, (f.force_W - normal * f.normal_W).norm(), f.friction),
+                  1);
   }
 }
 
@@ -137,18 +154,23 @@ void RunTally::LookBeyondStops(const Simulation& simulation) {
 }
 
 void RunTally::Look(const Simulation& simulation, const StepReport& report) {
-  for (auto& [key, pair] : pairs_) {
-    pair.force_W.setZero();
-    pair.moment_W.setZero();
-  }
+  for (auto& [key, pair] : pairs_) pair.last = {};
   LookAtContacts(simulation);
   LookAtHolds(simulation);
   for (auto& [key, pair] : pairs_) {
-    const double force = pair.force_W.norm();
-    if (force > 0) pair.touched_s += simulation.dt();
-    if (force <= pair.force_max) continue;
-    pair.force_max = force;
-    pair.force_max_s = simulation.time();
+    const double force = pair.last.force_W.norm();
+    if (!(force > 0)) continue;
+    if (pair.touched_s == 0) pair.touched_first = simulation.time();
+    pair.touched_last = simulation.time();
+    pair.touched_s += simulation.dt();
+    pair.mean.Add(pair.last, simulation.dt());  // divided by touched_s in Pairs
+    if (const double use = pair.last.FrictionUse(); use > pair.use_max) {
+      pair.use_max = use;
+      pair.use_max_s = simulation.time();
+    }
+    if (force <= pair.peak.force_W.norm()) continue;
+    pair.peak = pair.last;
+    pair.peak_s = simulation.time();
   }
   LookBeyondStops(simulation);
   const auto& mechanisms = simulation.world().mechanisms();
@@ -179,9 +201,13 @@ void RunTally::Look(const Simulation& simulation, const StepReport& report) {
 
 std::vector<PairLoad> RunTally::Pairs() const {
   std::vector<PairLoad> out;
-  for (const auto& [key, pair] : pairs_) out.push_back(pair);
-  std::stable_sort(out.begin(), out.end(),
-                   [](const PairLoad& a, const PairLoad& b) { return a.force_max > b.force_max; });
+  for (const auto& [key, pair] : pairs_) {
+    out.push_back(pair);
+    if (pair.touched_s > 0) out.back().mean = ContactLoad().Add(pair.mean, 1 / pair.touched_s);
+  }
+  std::stable_sort(out.begin(), out.end(), [](const PairLoad& a, const PairLoad& b) {
+    return a.peak.force_W.norm() > b.peak.force_W.norm();
+  });
   return out;
 }
 

@@ -89,51 +89,41 @@ InterfaceGain MeasureInterfaceGain(const PosedMechanism& posed, const ReducedMod
 }
 
 std::vector<std::string> InterfaceGain::Sentences() const {
-  std::vector<std::string> out;
-  out.push_back(
+  const std::string simulated =
       coordinates < coordinates_full
           ? fmt::format(
-                "{} of {} joint coordinates are simulated, the others follow at rest with their loads",
+                "{} of {} independent joint coordinates are simulated, the others are in static equilibrium",
                 coordinates, coordinates_full)
-      : coordinates == 1
-          ? "its one joint coordinate moves an interface body and is simulated"
-          : fmt::format("all {} joint coordinates move an interface body, so all are simulated and "
-                        "nothing is left out",
-                        coordinates));
-  out.push_back(
-      touching < shaped
-          ? fmt::format("contact is looked for at {} of {} bodies that have shapes", touching, shaped)
-          : fmt::format("contact is looked for at {}",
-                        touching == 1 ? "the one body that has shapes"
-                                      : fmt::format("all {} bodies that have shapes", touching)));
+          : fmt::format("{} independent joint coordinate{} simulated, none left out",
+                        coordinates == 1 ? "the one" : fmt::format("all {}", coordinates),
+                        coordinates == 1 ? " is" : "s are");
+  const std::string contact = touching < shaped ? fmt::format("{} of {} bodies", touching, shaped)
+                              : touching == 1   ? "the one body"
+                                                : fmt::format("all {} bodies", touching);
+  std::vector<std::string> more;
   if (explicit_step_s > 0 && explicit_step_s < kWorthSaying * step_s)
-    out.push_back(
-        fmt::format("its fastest spring swings at {:.3g} Hz: explicit steps diverge above {:.3g} ms, the "
-                    "implicit ones here take {:.3g} ms",
-                    fastest_hz, 1e3 * explicit_step_s, 1e3 * step_s));
+    more.push_back(
+        fmt::format("explicit steps diverge above {:.3g} ms (fastest spring {:.3g} Hz), implicit ones take "
+                    "{:.3g} ms here",
+                    1e3 * explicit_step_s, fastest_hz, 1e3 * step_s));
   // The most telling two: the longest list that is worth it, and the shortest.
   std::vector<const Choice*> told;
   for (const Choice& c : fewer)
     if (c.coordinates <= kWorthSaying * coordinates) told.push_back(&c);
   if (told.size() > 2) told = {told.front(), told.back()};
-  auto size = [](const Choice& c) {
-    return c.modes > 0 ? fmt::format("{} coordinates, {} of them modes", c.coordinates, c.modes)
-                       : fmt::format("{} coordinates", c.coordinates);
-  };
-  if (!told.empty()) {
-    std::string text = "where fewer bodies touch, naming those alone gains more, for instance";
-    for (std::size_t i = 0; i < told.size(); ++i)
-      text += fmt::format("{} --interface {} leaves {}", i == 0 ? "" : ";", List(told[i]->interfaces, ","),
-                          size(*told[i]));
-    out.push_back(text);
-  } else if (!must_stay.empty() && touching > 1) {
-    out.push_back(
-        fmt::format("{} cannot be left out: joints that no spring holds would move unseen by the others. "
-                    "Springs or --pd change that ('fork1s inspect' lists what nothing holds)",
-                    Quoted(must_stay)));
-  } else if (touching > 1) {
-    out.push_back("fewer interface bodies would leave as many coordinates: what is gained is contact alone");
-  }
+  for (const Choice* c : told)
+    more.push_back(fmt::format("--interface {} leaves {} coordinates{}", List(c->interfaces, ","),
+                               c->coordinates,
+                               c->modes > 0 ? fmt::format(", {} of them modes", c->modes) : ""));
+  if (told.empty() && touching > 1)
+    more.push_back(
+        must_stay.empty()
+            ? std::string("fewer interface bodies leave as many coordinates")
+            : fmt::format("{} cannot be left out: joints without a spring would move unseen; springs or "
+                          "--pd change that",
+                          Quoted(must_stay)));
+  std::vector<std::string> out{fmt::format("{}; contact at {} with shapes", simulated, contact)};
+  if (!more.empty()) out.push_back(fmt::format("{}", fmt::join(more, "; ")));
   return out;
 }
 

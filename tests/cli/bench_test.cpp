@@ -44,6 +44,28 @@ TEST(Bench, ASceneBesideMuJoCoAndTheConvergedRun) {
   EXPECT_NE(scene["why_no_instructions"].get<std::string>().find("valgrind"), std::string::npos);
 }
 
+// A model that is named: its own table and nothing else, errors in millimetres too, and what moves it is
+// said.
+TEST(Bench, AModelAloneIsAnsweredWithItsTable) {
+  const std::string model = Write("bench_alone.xml", FingerModel());
+  const std::string options = " --time 0.1 --rounds 1 --truth 2 --peers none";
+  const Outcome o = Fork1s("bench " + model + options, "PATH=/nowhere");
+  ASSERT_EQ(o.code, 0) << o.err;
+  EXPECT_EQ(o.out.find("bench_alone, 0.1 s"), 0u) << o.out;
+  EXPECT_NE(o.out.find("error, mm"), std::string::npos) << o.out;
+  for (const char* part : {"poses of all bodies", "largest stable step", "chains", "many at a time"})
+    EXPECT_EQ(o.out.find(part), std::string::npos) << o.out;
+  EXPECT_NE(o.err.find("bench_alone.csv'"), std::string::npos) << o.err;
+  const auto scene =
+      Fork1s("bench " + model + options + " --json", "PATH=/nowhere").Json()["scenes"]["bench_alone"];
+  EXPECT_TRUE(scene["controls"].is_null());
+  EXPECT_GT(scene["rms_mm"].get<double>(), 0);
+  const std::string table = Write("bench_alone.csv", "time,bend\n0,0\n0.1,0.2\n");
+  const Outcome moved = Fork1s("bench " + model + options + " --json", "PATH=/nowhere");
+  EXPECT_EQ(moved.Json()["scenes"]["bench_alone"]["controls"], table);
+  EXPECT_EQ(moved.err.find("no controls"), std::string::npos) << moved.err;
+}
+
 TEST(Bench, CountsInstructionsByPart) {
 #ifdef __SANITIZE_ADDRESS__
   GTEST_SKIP() << "valgrind runs no program with a sanitizer";

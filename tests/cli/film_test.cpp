@@ -116,6 +116,20 @@ TEST(Film, BrowserListensNowhereAndItsProfileIsPrivate) {
   fs::remove_all(temporary);
 }
 
+// Ten frames a second of a recording at 60 steps a second: a sixth of the steps, played in real time.
+TEST(Film, FramesASecondOfSimulatedTime) {
+  const std::string file = (ScratchFolder() / "fps.h5").string(),
+                    out = (ScratchFolder() / "fps_frames").string();
+  ASSERT_EQ(Fork1s("run --steps 31 --record " + file + " " + Write("fps.xml", FingerModel())).code, 0);
+  EXPECT_EQ(Fork1s("export --fps 10 " + file + " " + (ScratchFolder() / "fps.html").string()).code, 2);
+  EXPECT_EQ(Fork1s("export --video --fps 1e5 " + file + " " + out).code, 2);
+  if (!HasChromium()) GTEST_SKIP() << "films are drawn by chromium";
+  const Outcome o = Fork1s("export --video --fps 10 --width 64 --height 64 " + file + " " + out);
+  if (o.err.find("built without its page") != std::string::npos) GTEST_SKIP() << o.err;
+  ASSERT_EQ(o.code, 0) << o.err;
+  EXPECT_NE(o.out.find("wrote 6 frames"), std::string::npos) << o.out;
+}
+
 TEST(Film, InterruptedLeavesNoBrowserAndNoFolder) {
   if (!HasChromium()) GTEST_SKIP() << "films are drawn by chromium";
   const std::string model = Write("finger.xml", FingerModel());

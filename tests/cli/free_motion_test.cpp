@@ -76,7 +76,7 @@ TEST(FreeMotion, ReduceRefusesAComplianceWithoutBound) {
 TEST(FreeMotion, InspectDoesNotCallItHeld) {
   const Outcome text = Fork1s("inspect " + Write("coupled.xml", CoupledFinger()));
   ASSERT_EQ(text.code, 0) << text.err;
-  ExpectAll(text.out, {"what nothing holds (1)", "'J1'", "'J2'", "--pd J"});
+  ExpectAll(text.out, {"Motions without stiffness (1)", "'J1'", "'J2'", "--pd J"});
 }
 
 TEST(FreeMotion, ATieRodThatSpinsUnseenIsRefused) {

@@ -30,8 +30,8 @@ TEST(Gain, NamesWhatTouchesAndWhatFewerWouldLeave) {
     const Outcome o = Fork1s(command + Hand("left_tip right_tip"));
     ASSERT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(o.out.find("saves nothing"), std::string::npos) << o.out;
-    EXPECT_NE(o.out.find("all 6 joint coordinates"), std::string::npos) << o.out;
-    EXPECT_NE(o.out.find("2 of 7 bodies that have shapes"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find("Reduction: all 6 independent joint coordinates"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find("contact at 2 of 7 bodies with shapes"), std::string::npos) << o.out;
     EXPECT_NE(o.out.find("_tip leaves 3 coordinates"), std::string::npos) << o.out;
     EXPECT_NE(o.out.find("if every body might touch"), std::string::npos) << o.out;
   }
@@ -61,6 +61,26 @@ TEST(Gain, BodiesThatCannotBeLeftOutAreNamed) {
   EXPECT_EQ(json["gain"]["must_stay"].size(), 2u) << json["gain"].dump(1);
   EXPECT_NE(json["gain"]["text"].dump().find("cannot be left out"), std::string::npos)
       << json["gain"].dump(1);
+}
+
+// A four-bar linkage with one spring: the other two joints are passive, and its one coordinate is counted
+// once.
+TEST(Inspect, LoopJointsAreClosedByTheirClosure) {
+  const std::string model = Write("fourbar.xml", R"(<mujoco><worldbody>
+    <body name="crank"><joint name="a" axis="0 1 0" stiffness="1"/><geom type="capsule" fromto="0 0 0 0 0 .1" size=".01"/>
+      <body name="coupler" pos="0 0 .1"><joint name="b" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 .2 0 0" size=".01"/></body></body>
+    <body name="rocker" pos=".2 0 0"><joint name="c" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 .1" size=".01"/></body>
+    </worldbody><equality><connect name="pin" body1="coupler" body2="rocker" anchor=".2 0 0"/></equality>
+    <contact><exclude body1="coupler" body2="rocker"/></contact></mujoco>)");
+  const Outcome o = Fork1s("inspect " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  EXPECT_EQ(o.out.find("nothing"), std::string::npos) << o.out;
+  EXPECT_NE(o.out.find("b  closed by 'pin'"), std::string::npos) << o.out;
+  EXPECT_NE(o.out.find("c  closed by 'pin'"), std::string::npos) << o.out;
+  EXPECT_NE(o.out.find("3 joints, 1 closures"), std::string::npos) << o.out;
+  EXPECT_NE(o.out.find("the one independent joint coordinate"), std::string::npos) << o.out;
 }
 
 TEST(Interfaces, BlanksAndCommasBothDivideNames) {

@@ -81,6 +81,34 @@ TEST(Usage, ExitCodeTwo) {
   EXPECT_EQ(Fork1s("--version").code, 0);
 }
 
+TEST(Usage, NearCommandsAndOptionsAreNamed) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const std::pair<std::string, std::string> cases[] = {{"rnu " + model, "'run'"},
+                                                       {"run --tiem 3 " + model, "'--time'"},
+                                                       {"run --tiem=3", "'--time'"},
+                                                       {"run --integrator twostage " + model, "'two-stage'"},
+                                                       {"compare --against mujco " + model, "'mujoco'"}};
+  for (const auto& [arguments, near] : cases) {
+    const Outcome o = Fork1s(arguments);
+    EXPECT_EQ(o.code, 2) << arguments;
+    EXPECT_NE(o.err.find(near), std::string::npos) << arguments << "\n" << o.err;
+  }
+}
+
+// Options of the command come first; types, ranges and numbers of enumerators stand nowhere.
+TEST(Usage, HelpHasOwnOptionsFirst) {
+  for (const char* command :
+       {"inspect", "reduce", "statics", "run", "compare", "view", "bench", "export", "replay"}) {
+    const Outcome o = Fork1s(std::string(command) + " --help");
+    ASSERT_EQ(o.code, 0);
+    for (const char* raw : {"->", "ENUM", "2147483647", "FLOAT", "INT", ":{", " OR "})
+      EXPECT_EQ(o.out.find(raw), std::string::npos) << command << ": " << raw << "\n" << o.out;
+  }
+  const std::string help = Fork1s("run --help").out;
+  EXPECT_LT(help.find("--time"), help.find("Options of the model"));
+  EXPECT_GT(help.find("--interface"), help.find("Options of the model"));
+}
+
 TEST(Names, UnknownOnesListWhatThereIs) {
   const std::string model = Write("finger.xml", FingerModel());
   const Outcome body = Fork1s("statics --force 0,0,1 --body thumb " + model);

@@ -46,6 +46,69 @@ TEST(RunReport, ForcesByPairCarryTheWeight) {
   EXPECT_TRUE((*floor)["slip_first_s"].is_null());
 }
 
+// Set down on the floor, dragged at 5 N for half a second, then lifted off: the load at the end says nothing.
+TEST(RunReport, LoadsAfterAReleaseAreThoseOfTheContact) {
+  const std::string run = "run --time 1 --push sledge:5,0,0:0.2..0.7 --push sledge:0,0,40:0.7..1 " + Sledge();
+  const Outcome json_run = Fork1s("run --json" + run.substr(3));
+  ASSERT_EQ(json_run.code, 0) << json_run.err;
+  const auto json = json_run.Json();
+  const auto* floor = Pair(json, "world", "sledge");
+  ASSERT_NE(floor, nullptr);
+  const auto& mean = (*floor)["mean"];
+  const auto& peak = (*floor)["peak"];
+  EXPECT_EQ((*floor)["force_N"][2].get<double>(), 0);
+  EXPECT_FALSE((*floor)["touches_at_end"].get<bool>());
+  EXPECT_NEAR((*floor)["touched_last_s"].get<double>(), 0.7, 0.02);
+  EXPECT_NEAR(mean["force_N"][2].get<double>(), 2 * kG, 0.2);
+  EXPECT_NEAR(mean["normal_N"].get<double>(), 2 * kG, 0.2);
+  // 5 N of friction for 0.5 of 0.7 s, and the static friction limit is µ f_n = 9.81 N.
+  EXPECT_NEAR(mean["force_N"][0].get<double>(), -5 * 0.5 / 0.7, 0.2);
+  EXPECT_NEAR(mean["tangential_N"].get<double>(), 5 * 0.5 / 0.7, 0.3);
+  EXPECT_NEAR(mean["friction_use"].get<double>(), 5 * 0.5 / 0.7 / kG, 0.03);
+  EXPECT_NEAR(peak["normal_N"].get<double>(), peak["force_N"][2].get<double>(), 1e-6);
+  EXPECT_LE((*floor)["friction_use_max"].get<double>(), 1 + 1e-6);
+  EXPECT_GE((*floor)["friction_use_max"].get<double>(), 5 / kG - 0.02);
+  const auto& base = json["bases"][0];
+  EXPECT_NEAR(base["start_m"][2].get<double>(), 0.05, 1e-12);
+  const double rise = base["position_m"][2].get<double>() - 0.05;
+  EXPECT_GT(rise, 0.3);
+  EXPECT_NEAR(base["path_m"].get<double>(), rise, 1e-3);
+  const std::string text = Fork1s(run).out;
+  for (const char* part :
+       {"peak, ", "mean ", "normal ", "tangential ", "of its friction", "last at 0.", "path "})
+    EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
+}
+
+TEST(RunReport, BeginsWithWhatIsAssumed) {
+  const std::string model = Write("finger.xml", FingerModel()), table = Write("b.csv", "time,bend\n0,0.1\n");
+  const Outcome text = Fork1s("run --steps 3 --dt 0.01 " + model);
+  ASSERT_EQ(text.code, 0) << text.err;
+  const auto summary = text.out.find("3 steps of 0.01 s");
+  for (const char* part :
+       {"two-stage", "gravity (0, 0, -9.81)", "the pose of the file", "mechanism 'proximal'",
+        "contact at tip (named)", "no --controls: the one control stays where it starts"}) {
+    const auto at = text.out.find(part);
+    ASSERT_NE(at, std::string::npos) << part << " in\n" << text.out;
+    EXPECT_LT(at, summary) << part;
+  }
+  const auto assumed = Fork1s("run --json --steps 1 --controls " + table + " " + model).Json()["assumed"];
+  EXPECT_EQ(assumed["controls"], table);
+  EXPECT_EQ(assumed["mechanisms"][0]["coordinates_full"], 2);
+  EXPECT_EQ(assumed["mechanisms"][0]["interfaces"][0], "tip");
+  EXPECT_TRUE(assumed["keyframe"].is_null());
+}
+
+TEST(RunReport, StepsInPlaceOfTime) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const auto json = Fork1s("run --json --steps 7 --dt 0.003 " + model).Json();
+  EXPECT_EQ(json["steps"], 7);
+  EXPECT_NEAR(json["simulated_s"].get<double>(), 0.021, 1e-12);
+  EXPECT_TRUE(json["warnings"].empty()) << json["warnings"].dump(1);
+  EXPECT_EQ(Fork1s("run --steps 7 --time 1 " + model).code, 2);
+  EXPECT_EQ(Fork1s("run --steps -1 " + model).code, 2);
+  EXPECT_EQ(Fork1s("run --steps 7 --accuracy 1mm " + model).code, 2);
+}
+
 TEST(RunReport, WhatSlipsIsNamed) {
   // 15 N against 0.5 * 19.6 N of friction: 2.6 m/s² for half a second, 0.32 m, and as far again to rest, less
   // what friction takes then.

@@ -104,6 +104,25 @@ TEST(View, BadFilesSavedOverTheModelAreToldAndEndNothing) {
   EXPECT_EQ(session.End(SIGINT), 0);
 }
 
+TEST(View, PlaysARecording) {
+  const std::string file = (ScratchFolder() / "viewed.h5").string();
+  ASSERT_EQ(Fork1s("run --time 0.2 --record " + file + " " + Write("viewed.xml", FingerModel())).code, 0);
+  Session session(file);
+  REQUIRE_PAGE(session);
+  EXPECT_TRUE(session.Runs());
+  const Outcome page = Shell("curl -s '" + session.address() + "'");
+  if (page.code != 127) {  // the same page as from export
+    ASSERT_EQ(Fork1s("export " + file + " " + (ScratchFolder() / "viewed.html").string()).code, 0);
+    EXPECT_EQ(page.out, Slurp(ScratchFolder() / "viewed.html"));
+  }
+  EXPECT_EQ(session.End(SIGINT), 0);
+  const Outcome other = Fork1s("view --no-open --base fixed " + file);
+  EXPECT_EQ(other.code, 2);
+  EXPECT_NE(other.err.find("is a recording"), std::string::npos) << other.err;
+  const std::string damaged = Write("damaged.h5", Slurp(file).substr(0, 100));
+  EXPECT_EQ(Fork1s("view --no-open " + damaged).code, 3);
+}
+
 TEST(View, AFolderInPlaceOfTheModelIsTold) {
   const std::string model = Write("replaced.xml", FingerModel());
   Session session(model);

@@ -71,7 +71,7 @@ TEST(Tally, FrozenContactsBearWhatPushes) {
   for (const PairLoad& pair : tally.Pairs()) {
     const bool is_second = pair.body_b == ball;
     ASSERT_TRUE(is_second || pair.body_a == ball);
-    sum += (is_second ? 1 : -1) * pair.force_W;
+    sum += (is_second ? 1 : -1) * pair.last.force_W;
     EXPECT_EQ(pair.slip, 0);
   }
   // At rest what the fingers give balances weight and push.

@@ -164,7 +164,8 @@ several, ask `mechanisms[i]`, or name a body.)")
             for (const JointHold& h : s->imported().report.holds) holds[h.joint] = h.held_by;
             return holds;
           },
-          "What holds each joint coordinate: name -> 'spring 2 N·m/rad', 'nothing', ...")
+          "What holds each joint coordinate: name -> 'spring 2 N·m/rad', \"closed by 'loop'\", 'nothing', "
+          "...")
       .def_prop_ro(
           "bodies", &Model::BodyNames,
           "Names of all bodies, in the order of Simulation.poses: mechanism by mechanism, then free bodies.")

@@ -28,7 +28,8 @@ struct ImportNote {
 /// What holds one joint coordinate.
 struct JointHold {
   std::string joint;
-  std::string held_by;  // "spring 2 N·m/rad", "position actuator 'a' 10 N·m/rad", "nothing", ...
+  /// "spring 2 N·m/rad", "position actuator 'a' 10 N·m/rad", "closed by 'loop'", "nothing", ...
+  std::string held_by;
 };
 
 /// What a servo of one input brings to the stiffness and damping of its joint, or to the spring of its name,

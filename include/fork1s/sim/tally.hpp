@@ -11,16 +11,33 @@
 
 namespace fork1s {
 
+/// Load of one body on another through all their contacts.
+struct ContactLoad {
+  Vector3 force_W = Vector3::Zero();   // N on b
+  Vector3 moment_W = Vector3::Zero();  // N·m on b about its origin
+  double normal = 0;                   // N, sum over the contacts
+  double tangential = 0;               // N, sum of magnitudes over the contacts with friction
+  double friction_limit = 0;           // N, sum of µ f_n
+
+  /// |f_t| / (µ f_n), the mean of the contacts weighted by µ f_n; 1: all of them slide. 0 without friction.
+  double FrictionUse() const { return friction_limit > 0 ? tangential / friction_limit : 0; }
+  ContactLoad& Add(const ContactLoad& other, double weight);
+};
+
 /// All that two bodies did to each other through their contacts, frozen ones included.
 struct PairLoad {
-  int body_a = -1, body_b = -1;           // places in Simulation::bodies(), a < b; -1: the still world
-  Vector3 force_W = Vector3::Zero();      // N on b, in the last step
-  Vector3 moment_W = Vector3::Zero();     // N·m on b about its origin, in the last step
-  double force_max = 0, force_max_s = 0;  // N, and when
-  double touched_s = 0;                   // s in which a contact bore force
+  int body_a = -1, body_b = -1;                // places in Simulation::bodies(), a < b; -1: the still world
+  ContactLoad last;                            // in the last step
+  ContactLoad peak;                            // in the step of the largest force
+  ContactLoad mean;                            // over the steps with contact force
+  double peak_s = 0;                           // s
+  double touched_s = 0;                        // s in which a contact bore force
+  double touched_first = 0, touched_last = 0;  // s: ends of the first and the last step with contact force
+  double use_max = 0, use_max_s = 0;           // largest FrictionUse of a step, and when
   double slip = 0;         // m: way of the contact that slid fastest, while friction gave all it can
   double slip_s = 0;       // s in which one slid
   double slip_first = -1;  // s; -1: never
+  double slip_last = -1;   // s; -1: never
   double friction_loss = 0;  // J that what slid and turned took out of the motion
 };
 

@@ -28,7 +28,7 @@ struct InterfaceGain {
   std::vector<Choice> fewer;           // one interface body less each time, where that saves coordinates
   std::vector<std::string> must_stay;  // interface bodies without which a joint without spring moves unseen
 
-  /// Whole sentences, without times.
+  /// One line or two, without times.
   std::vector<std::string> Sentences() const;
 };
 

@@ -21,6 +21,8 @@ export interface Film {
   height: number;
   /** A single picture, this many seconds after the recording's start; without it every frame. */
   at?: number;
+  /** Frames a second of simulated time; without it one a step. */
+  fps?: number;
   /** Degrees: where the camera stands about the target, counted from x towards y, and how high. */
   azimuth?: number;
   elevation?: number;
@@ -36,7 +38,7 @@ export interface Film {
 /** In the order that the program counts them. */
 export const COLOURINGS: readonly Colouring[] = ['file', 'tips', 'roles', 'gaps'];
 
-const KEYS = ['at', 'azimuth', 'elevation', 'zoom', 'body', 'forces', 'colouring'] as const;
+const KEYS = ['at', 'fps', 'azimuth', 'elevation', 'zoom', 'body', 'forces', 'colouring'] as const;
 
 /** #film=WIDTHxHEIGHT&at=SECONDS&... in the page's address asks for it. */
 export function readFilm(hash: string): Film | null {
@@ -73,10 +75,12 @@ export async function film(app: App, wanted: Film): Promise<void> {
     await put('/done', '');
     return;
   }
-  const frames = app.timeline?.length ?? 0;
+  const { timeline } = app;
+  const steps = timeline?.length ?? 0;
+  const frames = wanted.fps && timeline ? Math.floor(timeline.duration * wanted.fps + 1e-6) + 1 : steps;
   await put('/total', String(frames));
   for (let i = 0; i < frames; ++i) {
-    app.timeline?.go(i);
+    timeline?.go(wanted.fps ? timeline.indexAt(i / wanted.fps) : i);
     await shoot(app, i);
   }
   await put('/done', '');

@@ -80,6 +80,12 @@ export class Timeline {
     return this.log.moments.length;
   }
 
+  /** Seconds from the first moment to the last. */
+  get duration(): number {
+    const { moments, start } = this.log;
+    return (moments[moments.length - 1]?.time ?? start) - start;
+  }
+
   private setPlaying(playing: boolean): void {
     this.playing = playing;
     setIcon(this.playButton, playing ? 'pause' : 'play', playing ? 'Pause (space)' : 'Play (space)');

@@ -4,6 +4,7 @@ import { readFilm } from '../../src/replay/film';
 describe('readFilm', () => {
   it('reads a size', () => {
     expect(readFilm('#film=640x360')).toEqual({ width: 640, height: 360 });
+    expect(readFilm('#film=640x360&fps=25')).toEqual({ width: 640, height: 360, fps: 25 });
   });
 
   it('reads one moment and a camera, negative and broken numbers included', () => {

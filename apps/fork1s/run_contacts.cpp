@@ -1,0 +1,111 @@
+#include "run_contacts.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "print.hpp"
+
+namespace fork1s::app {
+namespace {
+
+std::string NameOf(const Simulation& simulation, int body) {
+  return body < 0 ? "world" : simulation.bodies()[static_cast<std::size_t>(body)].name;
+}
+
+// What uses of its friction has no bound where it pulls (frozen contacts), and no meaning without friction.
+Json UseJson(double use, const ContactLoad& load) {
+  return load.friction_limit > 0 && std::isfinite(use) ? Json(use) : Json(nullptr);
+}
+
+Json LoadJson(const ContactLoad& load) {
+  return {{"force_N", ToJson(load.force_W)},
+          {"moment_Nm", ToJson(load.moment_W)},
+          {"normal_N", load.normal},
+          {"tangential_N", load.tangential},
+          {"friction_use", UseJson(load.FrictionUse(), load)}};
+}
+
+void PrintLoad(const std::string& when, const Json& load) {
+  constexpr double kRounding = 1e-6;  // m: a lever arm that is none
+  double size = 0;
+  for (const Json& x : load["force_N"]) size = std::hypot(size, x.get<double>());
+  const double tangential = load["tangential_N"].get<double>();
+  PrintText("      {:<16} {} N, {} N m; normal {:.3g} N, tangential {:.3g} N\n", when,
+            VectorText(load["force_N"]), VectorText(load["moment_Nm"], kRounding * size),
+            load["normal_N"].get<double>(), tangential > 1e-3 * kRounding * size ? tangential : 0.0);
+}
+
+}  // namespace
+
+Json ContactsJson(const Simulation& simulation, const std::vector<PairLoad>& pairs) {
+  Json out = Json::array();
+  for (const PairLoad& p : pairs) {
+    Json peak = LoadJson(p.peak);
+    peak["time_s"] = p.peak_s;
+    out.push_back({{"bodies", {NameOf(simulation, p.body_a), NameOf(simulation, p.body_b)}},
+                   {"force_N", ToJson(p.last.force_W)},
+                   {"moment_Nm", ToJson(p.last.moment_W)},
+                   {"force_max_N", p.peak.force_W.norm()},
+                   {"force_max_s", p.peak_s},
+                   {"peak", std::move(peak)},
+                   {"mean", LoadJson(p.mean)},
+                   {"friction_use_max", UseJson(p.use_max, p.mean)},
+                   {"friction_use_max_s", p.use_max_s},
+                   {"touched_s", p.touched_s},
+                   {"touched_first_s", p.touched_first},
+                   {"touched_last_s", p.touched_last},
+                   {"touches_at_end", p.last.force_W.norm() > 0},
+                   {"friction_loss_J", p.friction_loss},
+                   {"slip_m", p.slip},
+                   {"slip_s", p.slip_s},
+                   {"slip_first_s", p.slip_first < 0 ? Json(nullptr) : Json(p.slip_first)},
+                   {"slip_last_s", p.slip_last < 0 ? Json(nullptr) : Json(p.slip_last)}});
+  }
+  return out;
+}
+
+std::string VectorText(const Json& v, double floor) {
+  double x[3], most = floor;
+  for (std::size_t i = 0; i < 3; ++i) {
+    x[i] = v[i].get<double>();
+    most = std::max(most, std::abs(x[i]));
+  }
+  for (double& value : x)
+    if (std::abs(value) <= 1e-3 * most) value = 0;
+  return fmt::format("({:.3g}, {:.3g}, {:.3g})", x[0], x[1], x[2]);
+}
+
+void PrintOmitted(std::size_t count, const char* what) {
+  if (count > kLines) PrintText("    {} more {} in --json\n", count - kLines, what);
+}
+
+void PrintContacts(const Json& contacts) {
+  if (contacts.empty()) return;
+  PrintText("  contact by pair of bodies: force and moment on the second about its origin, world axes\n");
+  for (std::size_t i = 0; i < std::min(kLines, contacts.size()); ++i) {
+    const Json& c = contacts[i];
+    const auto number = [&](const char* key) { return c[key].get<double>(); };
+    const bool touches = c["touches_at_end"].get<bool>();
+    PrintText("    {} on {}: touched for {:.4g} s from {:.4g} s on{}", c["bodies"][0].get<std::string>(),
+              c["bodies"][1].get<std::string>(), number("touched_s"), number("touched_first_s"),
+              touches ? "" : fmt::format(", last at {:.4g} s", number("touched_last_s")));
+    if (const Json& use = c["mean"]["friction_use"]; !use.is_null() && !c["friction_use_max"].is_null())
+      PrintText("; uses {:.0f} % of its friction on average, {:.0f} % at most, at {:.4g} s",
+                100 * use.get<double>(), 100 * number("friction_use_max"), number("friction_use_max_s"));
+    constexpr double kSlipped = 1e-4;  // m
+    if (number("slip_m") > kSlipped)
+      PrintText("; slipped {:.3g} mm from {:.4g} s to {:.4g} s", 1e3 * number("slip_m"),
+                number("slip_first_s"), number("slip_last_s"));
+    PrintText("\n");
+    PrintLoad(fmt::format("peak, {:.4g} s", c["peak"]["time_s"].get<double>()), c["peak"]);
+    PrintLoad("mean", c["mean"]);
+    if (touches)
+      PrintText("      {:<16} {} N, {} N m\n", "at the end", VectorText(c["force_N"]),
+                VectorText(c["moment_Nm"], 1e-6 * number("force_max_N")));
+  }
+  PrintOmitted(contacts.size(), "pairs");
+}
+
+}  // namespace fork1s::app
