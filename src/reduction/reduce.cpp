@@ -13,117 +13,15 @@
 
 #include "branch_order.hpp"
 #include "elastic_basis.hpp"
+#include "hidden_motions.hpp"
 #include "inertia_along.hpp"
 #include "interior_stops.hpp"
 #include "load_columns.hpp"
 #include "mode_choice.hpp"
 #include "modes.hpp"
-#include "printed_axis.hpp"
 
 namespace fork1s {
 namespace {
-
-struct Hidden {
-  BodyIndex body;  // that would show them as an interface
-  JointIndex joint;
-  Vector6 screw = Vector6::Zero();  // of that joint in the motion, in R
-  int count = 0;
-};
-
-// The body that shows motions q = directions (n x k): that of the joint if it moves, since its name says
-// where to look, else the one that moves most; none where freedoms of one body cancel each other.
-BodyIndex MovingBody(const Mechanism& mechanism, const Matrix6X& S, const MatrixX& directions,
-                     JointIndex joint) {
-  std::vector<Matrix6X> T(static_cast<std::size_t>(mechanism.num_bodies()),
-                          Matrix6X::Zero(6, directions.cols()));
-  std::vector<double> motion(T.size(), 0);
-  std::size_t j = 0;
-  const auto& joints = mechanism.joints();
-  for (std::size_t b = 0; b < T.size(); ++b) {
-    const Mechanism::Body& body = mechanism.bodies()[b];
-    if (body.parent.valid()) T[b] = T[body.parent.u()];
-    for (; j < joints.size() && joints[j].body.u() == b; ++j)
-      T[b] += Times(S.middleCols(joints[j].offset, joints[j].size),
-                    directions.middleRows(joints[j].offset, joints[j].size));
-    // About the body's own origin: far from R's a turn would count as a long way.
-    const Vector3 origin = body.X_RB0.translation();
-    motion[b] = T[b].topRows<3>().norm() +
-                (T[b].bottomRows<3>() - Skew(origin) * T[b].topRows<3>()).norm() / mechanism.length_scale();
-  }
-  const std::size_t own = mechanism.joint(joint).body.u();
-  const auto most = std::max_element(motion.begin(), motion.end());
-  if (*most < kRankThreshold) return {};
-  if (motion[own] > kRankThreshold) return BodyIndex(static_cast<int>(own));
-  return BodyIndex(static_cast<int>(most - motion.begin()));
-}
-
-// The joint with the largest share in the spring-free motions that the interface cannot see. Motions are in
-// one unit and J in lengths of the mechanism, so that a motion which is seen is seen near 1.
-Hidden FindHidden(const Mechanism& mechanism, const Matrix6X& S, const internal::ElasticBasis& basis,
-                  const MatrixX& J, std::vector<RankDoubt>& doubts) {
-  Hidden hidden;
-  if (basis.num_free() == 0) return hidden;
-  const MatrixX N_x = basis.FreeInOneUnit(mechanism.num_coordinates());
-  const MatrixX N = ScaledRows(basis.scale, N_x);
-  const NullSpace seen = ComputeNullSpace(Times(J, N) / mechanism.length_scale());
-  if (seen.doubtful.size() > 0)
-    doubts.push_back(internal::Doubt(mechanism, "interface bodies see of free motions", seen.rank.kept,
-                                     seen.rank.dropped, Times(N_x, seen.doubtful)));
-  hidden.count = static_cast<int>(seen.unseen.cols());
-  if (hidden.count == 0) return hidden;
-  const MatrixX x = Times(N_x, seen.unseen), q = Times(N, seen.unseen);
-  double largest = 0;
-  for (int j = 0; j < mechanism.num_joints(); ++j) {
-    const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
-    const double share = x.middleRows(joint.offset, joint.size).norm();
-    // Of equals the first, whatever the last digits say.
-    if (share < (1 + 1e-6) * largest + kRankThreshold) continue;
-    largest = share;
-    hidden.joint = JointIndex(j);
-    Eigen::Index most;
-    const auto own = x.middleRows(joint.offset, joint.size);
-    own.colwise().norm().maxCoeff(&most);
-    hidden.screw =
-        Times(S.middleCols(joint.offset, joint.size), q.middleRows(joint.offset, joint.size).col(most))
-            .col(0);
-  }
-  hidden.body = MovingBody(mechanism, S, q, hidden.joint);
-  return hidden;
-}
-
-std::string AxisText(const Vector6& screw) {
-  const bool turns = screw.head<3>().norm() > 1e-9 * screw.tail<3>().norm();
-  const Vector3 axis = internal::PrintedAxis(turns ? screw.head<3>() : screw.tail<3>());
-  return fmt::format("{} ({:.3f}, {:.3f}, {:.3f})", turns ? "turning about" : "sliding along", axis.x(),
-                     axis.y(), axis.z());
-}
-
-Error HiddenError(const Mechanism& mechanism, const Hidden& hidden) {
-  const auto& joint = mechanism.joint(hidden.joint);
-  return {
-      ErrorCode::kUnderdetermined, fmt::format("joint '{}'", joint.name),
-      fmt::format(
-          "has no spring and moves ({}) while every interface body stands still, so nothing determines it; "
-          "give the joint a stiffness, hold it by PD control{}",
-          AxisText(hidden.screw),
-          hidden.body.valid()
-              ? fmt::format(", or make body '{}' an interface", mechanism.body(hidden.body).name)
-              : std::string(", or remove it: another freedom undoes what it does"))};
-}
-
-// A body shows six of them at most, and each that becomes an interface costs a null space of all: a chain of
-// a thousand links without a spring took minutes, and was not reduced by then.
-constexpr int kMostHidden = 6 * 32;
-
-Error TooManyHidden(const Mechanism& mechanism, const Hidden& hidden) {
-  return {
-      ErrorCode::kUnderdetermined, fmt::format("mechanism '{}'", mechanism.name()),
-      fmt::format(
-          "has {} motions of joints without spring while every interface body stands still, that of joint "
-          "'{}' for one, and {} at most are made visible by more interface bodies; give joints a "
-          "stiffness, hold them by PD control (--pd), or name the bodies that touch",
-          hidden.count, mechanism.joint(hidden.joint).name, kMostHidden)};
-}
 
 // How many elastic directions of each part the interface feels, J_V: 6e x elastic.
 std::vector<int> CountFelt(const MatrixX& J_V, const internal::ElasticBasis& basis, double tolerance) {
@@ -378,14 +276,15 @@ Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, c
 
   const double L = mechanism.length_scale();
   MatrixX J = internal::ScaledInterfaceJacobian(mechanism, kinematics, model.interfaces, L);
-  for (Hidden hidden = FindHidden(mechanism, kinematics.S, basis, J, model.doubts); hidden.count > 0;
-       hidden = FindHidden(mechanism, kinematics.S, basis, J, model.doubts)) {
-    if (!options.promote_hidden) return tl::unexpected(HiddenError(mechanism, hidden));
-    if (hidden.count > kMostHidden) return tl::unexpected(TooManyHidden(mechanism, hidden));
+  for (internal::Hidden hidden = internal::FindHidden(mechanism, kinematics.S, basis, J, model.doubts);
+       hidden.count > 0; hidden = internal::FindHidden(mechanism, kinematics.S, basis, J, model.doubts)) {
+    if (!options.promote_hidden) return tl::unexpected(internal::HiddenError(mechanism, hidden));
+    if (hidden.count > internal::kMostHidden)
+      return tl::unexpected(internal::TooManyHidden(mechanism, hidden));
     const BodyIndex body = hidden.body;
     if (!body.valid() ||
         std::find(model.interfaces.begin(), model.interfaces.end(), body) != model.interfaces.end())
-      return tl::unexpected(HiddenError(mechanism, hidden));
+      return tl::unexpected(internal::HiddenError(mechanism, hidden));
     model.interfaces.push_back(body);
     model.promoted.push_back(body);
     J = internal::ScaledInterfaceJacobian(mechanism, kinematics, model.interfaces, L);
