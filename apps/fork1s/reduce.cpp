@@ -57,7 +57,12 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFree
   ReductionOptions options;
   options.promote_hidden = !posed.interfaces_chosen;
   const auto start = std::chrono::steady_clock::now();
-  auto reduced = Reduce(posed.mechanism, posed.q, options);
+  ReductionLoads loads;
+  loads.gravity_R = m.definition().X_WR.rotation().transpose() * scene.gravity;
+  loads.controls.resize(static_cast<Eigen::Index>(m.controls().size()));
+  for (std::size_t i = 0; i < m.controls().size(); ++i)
+    loads.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
+  auto reduced = Reduce(posed.mechanism, posed.q, options, &loads);
   const std::chrono::duration<double, std::milli> spent = std::chrono::steady_clock::now() - start;
   if (!reduced) return tl::unexpected(reduced.error());
   model = std::move(*reduced);
@@ -107,7 +112,11 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFree
                     "its stiffness {:.4g} "
                     "N m): it has no frequencies, and a slight push makes the mechanism leave it",
                     loaded->tangent.lowest()));
-  out["coordinates"] = {{"elastic", model.num_elastic}, {"free", model.num_free}, {"modes", model.num_modes}};
+  out["coordinates"] = {{"elastic", model.num_elastic},
+                        {"free", model.num_free},
+                        {"modes", model.num_modes},
+                        {"loads", model.num_loads}};
+  out["column_names"] = model.column_names;
   out["reduction_ms"] = spent.count();
   out["gain"] = GainJson(MeasureInterfaceGain(posed, model, scene.timestep));
   out["warnings"] = std::move(warnings);
@@ -160,9 +169,11 @@ void Print(const Json& d, const Mechanism& m) {
   for (const Json& b : d["interfaces"]) names += (names.empty() ? "" : ", ") + b.get<std::string>();
   PrintText("  interface: {}\n", names);
   const Json& c = d["coordinates"];
-  PrintText("  reduced coordinates: {} elastic, {} free, {} modes (of {} joint coordinates), in {:.2f} ms\n",
-            c["elastic"].get<int>(), c["free"].get<int>(), c["modes"].get<int>(), m.num_coordinates(),
-            d["reduction_ms"].get<double>());
+  PrintText(
+      "  reduced coordinates: {} elastic, {} free, {} modes, {} loads (of {} joint coordinates), in {:.2f} "
+      "ms\n",
+      c["elastic"].get<int>(), c["free"].get<int>(), c["modes"].get<int>(), c["loads"].get<int>(),
+      m.num_coordinates(), d["reduction_ms"].get<double>());
   PrintFrequencies(d);
   const bool base_held = d.contains("compliance_world_base_held");
   const Json& C = base_held ? d["compliance_world_base_held"] : d["compliance_world"];

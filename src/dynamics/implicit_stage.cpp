@@ -116,12 +116,6 @@ void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vect
   ws.X_WR_before = state.reduced.X_WR;
   ws.V_R_before = state.reduced.V_R;
   SeeStart(here, h, StepRule::kEuler);
-  if (model.reduced->has_complement) {
-    LoadForces(here, state.reduced.X_WR.rotation().transpose() * gravity_W);
-    FollowLoads(here);
-    if (state.interior.offset.size() > 0)
-      state.interior.offset *= std::exp(-h / model.options.complement_relaxation);
-  }
   ws.drift_W.setZero();
   if (model.base_size > 0) ws.drift_W = ws.linear_W / ws.M_00(5, 5);
   if (model.mechanism().base() == BaseKind::kDriven) {
@@ -385,6 +379,9 @@ void EndTwoStageStep(const MechanismStep& here, double between_stages) {
   ws.rule = StepRule::kEuler;
   state.past.h = 0;
   state.mu = ws.configuration.mu;
+  ws.wrenches_R.setZero(6,
+                        model.options.load_columns && state.has_loads ? model.mechanism().num_bodies() : 0);
+  if (ws.wrenches_R.cols() > 0) AddLoadWrenches(here, ws.wrenches_R);
   ForgetInputs(here);
 }
 

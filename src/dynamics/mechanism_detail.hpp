@@ -48,6 +48,10 @@ Vector3 PointSpringForce(const MechanismView& here);
 /// A, stage_rhs += its stiffness and damping in a stage of length b [s], but for the geometric stiffness.
 void AddPointSpringOperator(const MechanismStep& here, double b);
 
+/// Of the present pose and controls.
+ReductionLoads LoadsOf(const MechanismOptions& options, const MechanismState& state,
+                       const Matrix6X& wrenches_R);
+
 // The interior (interior.cpp).
 void FollowLoads(const MechanismStep& here);
 double ShareThatLoadsAllow(const MechanismStep& here);

@@ -32,22 +32,22 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
     return Fail(ErrorCode::kModel, "mechanism '" + mechanism->name() + "'",
                 "has loops that stay open by " + std::to_string(gap) +
                     " m at the initial pose; correct the closure frames or choose another keyframe");
-  auto reduced = Reduce(mechanism, q, options.reduction);
-  if (!reduced) return tl::unexpected(reduced.error());
-  if (options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
-
   MechanismState start;
-  start.model = std::make_shared<const ReducedModel>(std::move(*reduced));
-  const auto model = std::make_shared<const MechanismModel>(start.model, options);
-  const int r = model->size();
-  start.reduced.z = VectorX::Zero(r);
-  start.reduced.w = VectorX::Zero(r);
   start.reduced.X_WR = X_WR;
   start.reduced.V_R = mechanism->base() == BaseKind::kFixed ? Vector6(Vector6::Zero()) : V_R;
   start.driven_next = X_WR;
   start.controls.resize(static_cast<Eigen::Index>(mechanism->controls().size()));
   for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
     start.controls(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
+  const ReductionLoads loads = LoadsOf(options, start, {});
+  auto reduced = Reduce(mechanism, q, options.reduction, options.load_columns ? &loads : nullptr);
+  if (!reduced) return tl::unexpected(reduced.error());
+  if (options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
+  start.model = std::make_shared<const ReducedModel>(std::move(*reduced));
+  const auto model = std::make_shared<const MechanismModel>(start.model, options);
+  const int r = model->size();
+  start.reduced.z = VectorX::Zero(r);
+  start.reduced.w = VectorX::Zero(r);
   start.controls_from = start.controls;
   start.loads.resize(static_cast<std::size_t>(mechanism->num_bodies()));
   start.at_bound.resize(mechanism->force_limits().size(), 0);

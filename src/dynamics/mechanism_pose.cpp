@@ -18,6 +18,11 @@ void StartAtReference(const MechanismModel& model, MechanismState& state) {
     state.reduced.q_perp.resize(0);
 }
 
+ReductionLoads LoadsOf(const MechanismOptions& options, const MechanismState& state,
+                       const Matrix6X& wrenches_R) {
+  return {state.reduced.X_WR.rotation().transpose() * options.gravity_W, state.controls, wrenches_R};
+}
+
 // The workspace, that of another model so far.
 void Renew(const MechanismStep& here) {
   const auto& [model, state, ws] = here;

@@ -102,7 +102,9 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   }
   if (rewritten) ComputeKinematics(m, q, kinematics);
 
-  auto reduced = ReduceAgain(*model->reduced, q, kinematics, model->options.reduction);
+  const ReductionLoads loads = LoadsOf(model->options, state, ws.wrenches_R);
+  auto reduced = ReduceAgain(*model->reduced, q, kinematics, model->options.reduction,
+                             model->options.load_columns ? &loads : nullptr);
   if (!reduced) return false;
   if (model->options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
 

@@ -82,6 +82,7 @@ struct MechanismWorkspace {
   RigidTransform X_WR_before;
   VectorX rhs, solved, f_z, g, tau, momentum;
   Matrix6X F;
+  Matrix6X wrenches_R;  // 6 x bodies or empty: applied forces at the end of the step, for load columns
   Vector6 base_force;
   VectorX impulse;     // num_velocities: of contact and limits in this step
   double relaxed = 0;  // J, what q_perp gave up in this step

@@ -14,7 +14,7 @@ namespace {
 using namespace internal;
 
 constexpr const char* kModelFormat = "fork1s reduced model";
-constexpr int kModelVersion = 1;
+constexpr int kModelVersion = 2;
 
 std::vector<int> Numbers(const std::vector<BodyIndex>& bodies) {
   std::vector<int> numbers;
@@ -47,6 +47,7 @@ void WriteAll(hid_t file, const ReducedModel& model) {
   WriteAttribute(file, "num_free", model.num_free);
   WriteAttribute(file, "num_elastic", model.num_elastic);
   WriteAttribute(file, "num_modes", model.num_modes);
+  WriteAttribute(file, "num_loads", model.num_loads);
   WriteAttribute(file, "has_complement", model.has_complement ? 1 : 0);
 
   WriteMatrix(file, "Q", model.Q, {"rad or m", "n x r: joint displacements per reduced coordinate"});
@@ -88,6 +89,7 @@ void WriteAll(hid_t file, const ReducedModel& model) {
   for (int i = 0; i < m.num_coordinates(); ++i) coordinates.push_back(m.CoordinateName(i));
   WriteTexts(file, "body_names", names, {});
   WriteTexts(file, "coordinate_names", coordinates, {});
+  WriteTexts(file, "column_names", model.column_names, {"", "r: what each column of Q is"});
   WriteTexts(file, "interface_names", interfaces, {"", "bodies that touch the world"});
   WriteArray(file, "interfaces", Numbers(model.interfaces), {"", "their places in body_names, from 0"});
   WriteArray(file, "promoted", Numbers(model.promoted),
@@ -125,13 +127,16 @@ Expected<ReducedModel> ReadAll(hid_t file, const std::string& path, std::size_t 
   model.num_free = static_cast<int>(ReadNumberAttribute(file, "num_free"));
   model.num_elastic = static_cast<int>(ReadNumberAttribute(file, "num_elastic"));
   model.num_modes = static_cast<int>(ReadNumberAttribute(file, "num_modes"));
+  model.num_loads = static_cast<int>(ReadNumberAttribute(file, "num_loads"));
+  model.column_names = ReadTexts(file, "column_names", most);
   model.has_complement = ReadNumberAttribute(file, "has_complement") != 0;
 
   model.K_r = ReadVector(file, "K_r", most);
   const Eigen::Index r = model.K_r.size();
-  Require(model.num_free >= 0 && model.num_elastic >= 0 && model.num_modes >= 0 &&
-              r == Eigen::Index{model.num_free} + model.num_elastic + model.num_modes,
+  Require(model.num_free >= 0 && model.num_elastic >= 0 && model.num_modes >= 0 && model.num_loads >= 0 &&
+              r == Eigen::Index{model.num_free} + model.num_elastic + model.num_modes + model.num_loads,
           "K_r");
+  Require(model.column_names.size() == static_cast<std::size_t>(r), "column_names");
   auto matrix = [&](const char* name, Eigen::Index rows, Eigen::Index cols) {
     MatrixX v = ReadMatrix(file, name, most);
     Require(v.rows() == rows && v.cols() == cols, name);

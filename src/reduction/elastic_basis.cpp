@@ -75,6 +75,10 @@ VectorX ElasticBasis::ApplyVTransposed(const VectorX& g) const {
   return y;
 }
 
+VectorX ElasticBasis::ApplyAbsVTransposed(const VectorX& g) const {
+  return diagonal ? ApplyVTransposed(g) : VectorX(V.cwiseAbs().transpose() * g);
+}
+
 MatrixX ElasticBasis::TimesV(const MatrixX& B) const {
   if (!diagonal) return Times(B, V);
   MatrixX out(B.rows(), num_elastic());

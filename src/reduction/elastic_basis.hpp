@@ -49,6 +49,8 @@ struct ElasticBasis {
   /// V y and Vᵀ g without forming V.
   VectorX ApplyV(const VectorX& y, int n) const;
   VectorX ApplyVTransposed(const VectorX& g) const;
+  /// |V|ᵀ g.
+  VectorX ApplyAbsVTransposed(const VectorX& g) const;
   /// B V for a matrix B with n columns.
   MatrixX TimesV(const MatrixX& B) const;
 };

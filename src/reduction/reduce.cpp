@@ -13,116 +13,15 @@
 
 #include "branch_order.hpp"
 #include "elastic_basis.hpp"
+#include "hidden_motions.hpp"
 #include "inertia_along.hpp"
 #include "interior_stops.hpp"
+#include "load_columns.hpp"
 #include "mode_choice.hpp"
 #include "modes.hpp"
-#include "printed_axis.hpp"
 
 namespace fork1s {
 namespace {
-
-struct Hidden {
-  BodyIndex body;  // that would show them as an interface
-  JointIndex joint;
-  Vector6 screw = Vector6::Zero();  // of that joint in the motion, in R
-  int count = 0;
-};
-
-// The body that shows motions q = directions (n x k): that of the joint if it moves, since its name says
-// where to look, else the one that moves most; none where freedoms of one body cancel each other.
-BodyIndex MovingBody(const Mechanism& mechanism, const Matrix6X& S, const MatrixX& directions,
-                     JointIndex joint) {
-  std::vector<Matrix6X> T(static_cast<std::size_t>(mechanism.num_bodies()),
-                          Matrix6X::Zero(6, directions.cols()));
-  std::vector<double> motion(T.size(), 0);
-  std::size_t j = 0;
-  const auto& joints = mechanism.joints();
-  for (std::size_t b = 0; b < T.size(); ++b) {
-    const Mechanism::Body& body = mechanism.bodies()[b];
-    if (body.parent.valid()) T[b] = T[body.parent.u()];
-    for (; j < joints.size() && joints[j].body.u() == b; ++j)
-      T[b] += Times(S.middleCols(joints[j].offset, joints[j].size),
-                    directions.middleRows(joints[j].offset, joints[j].size));
-    // About the body's own origin: far from R's a turn would count as a long way.
-    const Vector3 origin = body.X_RB0.translation();
-    motion[b] = T[b].topRows<3>().norm() +
-                (T[b].bottomRows<3>() - Skew(origin) * T[b].topRows<3>()).norm() / mechanism.length_scale();
-  }
-  const std::size_t own = mechanism.joint(joint).body.u();
-  const auto most = std::max_element(motion.begin(), motion.end());
-  if (*most < kRankThreshold) return {};
-  if (motion[own] > kRankThreshold) return BodyIndex(static_cast<int>(own));
-  return BodyIndex(static_cast<int>(most - motion.begin()));
-}
-
-// The joint with the largest share in the spring-free motions that the interface cannot see. Motions are in
-// one unit and J in lengths of the mechanism, so that a motion which is seen is seen near 1.
-Hidden FindHidden(const Mechanism& mechanism, const Matrix6X& S, const internal::ElasticBasis& basis,
-                  const MatrixX& J, std::vector<RankDoubt>& doubts) {
-  Hidden hidden;
-  if (basis.num_free() == 0) return hidden;
-  const MatrixX N_x = basis.FreeInOneUnit(mechanism.num_coordinates());
-  const MatrixX N = ScaledRows(basis.scale, N_x);
-  const NullSpace seen = ComputeNullSpace(Times(J, N) / mechanism.length_scale());
-  if (seen.doubtful.size() > 0)
-    doubts.push_back(internal::Doubt(mechanism, "interface bodies see of free motions", seen.rank.kept,
-                                     seen.rank.dropped, Times(N_x, seen.doubtful)));
-  hidden.count = static_cast<int>(seen.unseen.cols());
-  if (hidden.count == 0) return hidden;
-  const MatrixX x = Times(N_x, seen.unseen), q = Times(N, seen.unseen);
-  double largest = 0;
-  for (int j = 0; j < mechanism.num_joints(); ++j) {
-    const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
-    const double share = x.middleRows(joint.offset, joint.size).norm();
-    // Of equals the first, whatever the last digits say.
-    if (share < (1 + 1e-6) * largest + kRankThreshold) continue;
-    largest = share;
-    hidden.joint = JointIndex(j);
-    Eigen::Index most;
-    const auto own = x.middleRows(joint.offset, joint.size);
-    own.colwise().norm().maxCoeff(&most);
-    hidden.screw =
-        Times(S.middleCols(joint.offset, joint.size), q.middleRows(joint.offset, joint.size).col(most))
-            .col(0);
-  }
-  hidden.body = MovingBody(mechanism, S, q, hidden.joint);
-  return hidden;
-}
-
-std::string AxisText(const Vector6& screw) {
-  const bool turns = screw.head<3>().norm() > 1e-9 * screw.tail<3>().norm();
-  const Vector3 axis = internal::PrintedAxis(turns ? screw.head<3>() : screw.tail<3>());
-  return fmt::format("{} ({:.3f}, {:.3f}, {:.3f})", turns ? "turning about" : "sliding along", axis.x(),
-                     axis.y(), axis.z());
-}
-
-Error HiddenError(const Mechanism& mechanism, const Hidden& hidden) {
-  const auto& joint = mechanism.joint(hidden.joint);
-  return {
-      ErrorCode::kUnderdetermined, fmt::format("joint '{}'", joint.name),
-      fmt::format(
-          "has no spring and moves ({}) while every interface body stands still, so nothing determines it; "
-          "give the joint a stiffness, hold it by PD control{}",
-          AxisText(hidden.screw),
-          hidden.body.valid()
-              ? fmt::format(", or make body '{}' an interface", mechanism.body(hidden.body).name)
-              : std::string(", or remove it: another freedom undoes what it does"))};
-}
-
-// A body shows six of them at most, and each that becomes an interface costs a null space of all: a chain of
-// a thousand links without a spring took minutes, and was not reduced by then.
-constexpr int kMostHidden = 6 * 32;
-
-Error TooManyHidden(const Mechanism& mechanism, const Hidden& hidden) {
-  return {
-      ErrorCode::kUnderdetermined, fmt::format("mechanism '{}'", mechanism.name()),
-      fmt::format(
-          "has {} motions of joints without spring while every interface body stands still, that of joint "
-          "'{}' for one, and {} at most are made visible by more interface bodies; give joints a "
-          "stiffness, hold them by PD control (--pd), or name the bodies that touch",
-          hidden.count, mechanism.joint(hidden.joint).name, kMostHidden)};
-}
 
 // How many elastic directions of each part the interface feels, J_V: 6e x elastic.
 std::vector<int> CountFelt(const MatrixX& J_V, const internal::ElasticBasis& basis, double tolerance) {
@@ -179,24 +78,39 @@ void FillInertia(ReducedModel& model, const Kinematics& kinematics) {
   model.M_00 = inertia.M_00;
 }
 
-// Q = [N, V Y_r, V Φ] and its stiffness.
-void FillBasis(ReducedModel& model, const internal::ElasticBasis& basis, const MatrixX& Y_r,
-               const MatrixX& modes) {
+// Elastic coordinates that are kept, orthonormal: Y = [Y_r, modes, load columns], e x ..
+struct KeptColumns {
+  MatrixX Y;
+  int num_elastic = 0, num_modes = 0;
+  std::vector<std::string> load_names;
+};
+
+// Q = [N, V Y] and its stiffness.
+void FillBasis(ReducedModel& model, const internal::ElasticBasis& basis, const KeptColumns& kept) {
   const int n = model.num_coordinates();
-  model.num_modes = static_cast<int>(modes.cols());
-  const int r = model.num_free + model.num_elastic + model.num_modes;
+  model.num_free = basis.num_free();
+  model.num_elastic = kept.num_elastic;
+  model.num_modes = kept.num_modes;
+  model.num_loads = static_cast<int>(kept.load_names.size());
+  const auto r = model.num_free + kept.Y.cols();
   model.Q.resize(n, r);
   if (model.num_free > 0) model.Q.leftCols(model.num_free) = basis.DenseFree(n);
-  for (int i = 0; i < model.num_elastic; ++i) model.Q.col(model.num_free + i) = basis.ApplyV(Y_r.col(i), n);
-  for (int i = 0; i < model.num_modes; ++i)
-    model.Q.col(model.num_free + model.num_elastic + i) = basis.ApplyV(modes.col(i), n);
+  for (Eigen::Index i = 0; i < kept.Y.cols(); ++i)
+    model.Q.col(model.num_free + i) = basis.ApplyV(kept.Y.col(i), n);
   model.K_r = VectorX::Ones(r);
   model.K_r.head(model.num_free).setZero();
 }
 
-// Puts the columns of Q part by part, within each as they were.
-void SortByPart(ReducedModel& model, const internal::ElasticBasis& basis, const MatrixX& Y_r,
-                const MatrixX& modes) {
+// Names the columns of Q and puts them part by part, within each as they were.
+void SortByPart(ReducedModel& model, const internal::ElasticBasis& basis, const KeptColumns& kept) {
+  std::vector<std::string> names;
+  const auto number = [&](const char* kind, int count) {
+    for (int i = 1; i <= count; ++i) names.push_back(fmt::format("{} {}", kind, i));
+  };
+  number("free", model.num_free);
+  number("elastic", model.num_elastic);
+  number("mode", model.num_modes);
+  names.insert(names.end(), kept.load_names.begin(), kept.load_names.end());
   std::vector<int> part, order(static_cast<std::size_t>(model.size()));
   const auto first_entry = [](const auto& column) {
     Eigen::Index i = 0;
@@ -204,15 +118,16 @@ void SortByPart(ReducedModel& model, const internal::ElasticBasis& basis, const 
     return i;
   };
   for (int i = 0; i < model.num_free; ++i) part.push_back(basis.PartOfFree(i));
-  for (const MatrixX* columns : {&Y_r, &modes})
-    for (Eigen::Index i = 0; i < columns->cols(); ++i)
-      part.push_back(basis.PartOfElastic(first_entry(columns->col(i))));
+  for (Eigen::Index i = 0; i < kept.Y.cols(); ++i)
+    part.push_back(basis.PartOfElastic(first_entry(kept.Y.col(i))));
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
     return part[static_cast<std::size_t>(a)] < part[static_cast<std::size_t>(b)];
   });
   model.Q = Columns(model.Q, order);
   model.K_r = Entries(model.K_r, order);
+  model.column_names.clear();
+  for (const int i : order) model.column_names.push_back(names[static_cast<std::size_t>(i)]);
 }
 
 // Inertia and damping in the coordinates of Q.
@@ -265,56 +180,71 @@ Expected<std::vector<BodyIndex>> ResolveInterfaces(const Mechanism& mechanism,
   return bodies;
 }
 
-// Q of the directions that the interface feels, `felt` of each part, and of modes, and all that hangs on it.
-void FillReduced(ReducedModel& model, const Kinematics& kinematics, const ReductionOptions& options,
-                 const internal::ElasticBasis& basis, const MatrixX& J, const MatrixX& J_V,
-                 const std::vector<int>& felt) {
+// The directions that the interface feels, `felt` of each part, and modes.
+KeptColumns ChooseColumns(ReducedModel& model, const Kinematics& kinematics, const ReductionOptions& options,
+                          const internal::ElasticBasis& basis, const MatrixX& J, const MatrixX& J_V,
+                          const std::vector<int>& felt) {
   const Mechanism& mechanism = *model.mechanism;
-  const int n = mechanism.num_coordinates(), e = basis.num_elastic();
-  const double L = mechanism.length_scale();
-  model.num_free = basis.num_free();
-  model.num_elastic = std::accumulate(felt.begin(), felt.end(), 0);
-  const int unfelt = e - model.num_elastic;
+  const int e = basis.num_elastic();
+  KeptColumns kept;
+  kept.num_elastic = std::accumulate(felt.begin(), felt.end(), 0);
+  const int unfelt = e - kept.num_elastic;
   const int wanted = options.modes >= 0 ? options.modes : mechanism.definition().modes;
-  const bool by_contribution = mechanism.definition().mode_choice == ModeChoice::kContribution;
-  internal::Modes modes{MatrixX(e, 0), VectorX(0)};
-  MatrixX Y_r;
   if (wanted >= unfelt) {
     // All directions: then single joints, and what single loops leave, serve better than what the interface
     // feels most, and modes.
-    const MatrixX all =
-        basis.diagonal ? internal::BranchIdentity(mechanism, basis) : MatrixX(MatrixX::Identity(e, e));
-    Y_r = all.leftCols(model.num_elastic);
-    modes.vectors = all.rightCols(unfelt);
-  } else {
-    Y_r = FeltDirections(J_V, basis, felt);
-    modes = internal::LowestModes(mechanism, kinematics, basis, Y_r, MatrixX(e, 0), MatrixX(0, 0),
-                                  by_contribution ? CandidateModes(e, wanted) : wanted);
+    kept.Y = basis.diagonal ? internal::BranchIdentity(mechanism, basis) : MatrixX(MatrixX::Identity(e, e));
+    kept.num_modes = unfelt;
+    return kept;
   }
-  FillBasis(model, basis, Y_r, modes.vectors);
-  if (by_contribution && model.num_modes > wanted) {
+  const bool by_contribution = mechanism.definition().mode_choice == ModeChoice::kContribution;
+  const MatrixX Y_r = FeltDirections(J_V, basis, felt);
+  const auto keep = [&](const MatrixX& modes) {
+    kept.num_modes = static_cast<int>(modes.cols());
+    kept.Y.resize(e, kept.num_elastic + kept.num_modes);
+    kept.Y << Y_r, modes;
+  };
+  const internal::Modes modes =
+      internal::LowestModes(mechanism, kinematics, basis, Y_r, MatrixX(e, 0), MatrixX(0, 0),
+                            by_contribution ? CandidateModes(e, wanted) : wanted);
+  keep(modes.vectors);
+  if (by_contribution && kept.num_modes > wanted) {
+    FillBasis(model, basis, kept);
     FillOperators(model, kinematics);
-    modes.vectors = Columns(modes.vectors, internal::ContributingModes(model, J, L, wanted));
-    FillBasis(model, basis, Y_r, modes.vectors);
+    keep(Columns(modes.vectors, internal::ContributingModes(model, J, mechanism.length_scale(), wanted)));
   }
-  SortByPart(model, basis, Y_r, modes.vectors);
-  FillOperators(model, kinematics);
-  FillLoopMetric(model);
+  return kept;
+}
 
+// C_perp of what Q leaves out.
+void FillComplement(ReducedModel& model, const internal::ElasticBasis& basis) {
+  const int e = basis.num_elastic();
   model.k_inverse.resize(0);
   model.C_perp.resize(0, 0);
-  model.has_complement = model.num_elastic + model.num_modes < e;
-  if (model.has_complement) {
-    if (basis.diagonal) {
-      model.k_inverse = VectorX::Zero(n);
-      for (int i = 0; i < e; ++i)
-        model.k_inverse(basis.sprung[static_cast<std::size_t>(i)]) =
-            basis.inverse_root(i) * basis.inverse_root(i);
-    } else {
-      const MatrixX Q_e = Columns(model.Q, model.SprungColumns());
-      model.C_perp = DifferenceOfSquares(basis.V, Q_e);
-    }
+  model.has_complement = model.size() - model.num_free < e;
+  if (!model.has_complement) return;
+  if (basis.diagonal) {
+    model.k_inverse = VectorX::Zero(model.num_coordinates());
+    for (int i = 0; i < e; ++i)
+      model.k_inverse(basis.sprung[static_cast<std::size_t>(i)]) =
+          basis.inverse_root(i) * basis.inverse_root(i);
+  } else {
+    const MatrixX Q_e = Columns(model.Q, model.SprungColumns());
+    model.C_perp = DifferenceOfSquares(basis.V, Q_e);
   }
+}
+
+void AddLoadColumns(ReducedModel& model, const Kinematics& kinematics, const internal::ElasticBasis& basis,
+                    const ReductionLoads& loads, KeptColumns& kept) {
+  internal::LoadColumns columns =
+      internal::ComputeLoadColumns(*model.mechanism, kinematics, model.q_ref, basis, kept.Y, loads);
+  if (columns.names.empty()) return;
+  const Eigen::Index before = kept.Y.cols();
+  kept.Y.conservativeResize(Eigen::NoChange, before + columns.vectors.cols());
+  kept.Y.rightCols(columns.vectors.cols()) = columns.vectors;
+  kept.load_names = std::move(columns.names);
+  FillBasis(model, basis, kept);
+  FillComplement(model, basis);
 }
 
 }  // namespace
@@ -324,7 +254,7 @@ namespace {
 // `last`: of the same mechanism, or null.
 Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, const VectorX& q_ref,
                                 const Kinematics& kinematics, const ReductionOptions& options,
-                                const ReducedModel* last) {
+                                const ReductionLoads* loads, const ReducedModel* last) {
   const Mechanism& mechanism = *mechanism_in;
   ReducedModel model;
   model.mechanism = mechanism_in;
@@ -346,14 +276,15 @@ Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, c
 
   const double L = mechanism.length_scale();
   MatrixX J = internal::ScaledInterfaceJacobian(mechanism, kinematics, model.interfaces, L);
-  for (Hidden hidden = FindHidden(mechanism, kinematics.S, basis, J, model.doubts); hidden.count > 0;
-       hidden = FindHidden(mechanism, kinematics.S, basis, J, model.doubts)) {
-    if (!options.promote_hidden) return tl::unexpected(HiddenError(mechanism, hidden));
-    if (hidden.count > kMostHidden) return tl::unexpected(TooManyHidden(mechanism, hidden));
+  for (internal::Hidden hidden = internal::FindHidden(mechanism, kinematics.S, basis, J, model.doubts);
+       hidden.count > 0; hidden = internal::FindHidden(mechanism, kinematics.S, basis, J, model.doubts)) {
+    if (!options.promote_hidden) return tl::unexpected(internal::HiddenError(mechanism, hidden));
+    if (hidden.count > internal::kMostHidden)
+      return tl::unexpected(internal::TooManyHidden(mechanism, hidden));
     const BodyIndex body = hidden.body;
     if (!body.valid() ||
         std::find(model.interfaces.begin(), model.interfaces.end(), body) != model.interfaces.end())
-      return tl::unexpected(HiddenError(mechanism, hidden));
+      return tl::unexpected(internal::HiddenError(mechanism, hidden));
     model.interfaces.push_back(body);
     model.promoted.push_back(body);
     J = internal::ScaledInterfaceJacobian(mechanism, kinematics, model.interfaces, L);
@@ -373,11 +304,17 @@ Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, c
   };
   if (last) model.interior_stops = last->interior_stops;
   keep(model.interior_stops);
-  FillReduced(model, kinematics, options, basis, J, J_V, felt);
+  KeptColumns kept;
+  const auto choose = [&] {
+    kept = ChooseColumns(model, kinematics, options, basis, J, J_V, felt);
+    FillBasis(model, basis, kept);
+    FillComplement(model, basis);
+  };
+  choose();
   if (const std::vector<int> stops = internal::FindInteriorStops(model, kinematics); !stops.empty()) {
     keep(stops);
     model.interior_stops.insert(model.interior_stops.end(), stops.begin(), stops.end());
-    FillReduced(model, kinematics, options, basis, J, J_V, felt);
+    choose();
     model.warnings.push_back(fmt::format(
         "{}{} may act on motions that would be left to statics under weight and the largest actuator forces: the "
         "model keeps all motions of {}",
@@ -385,6 +322,11 @@ Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, c
         stops.size() == 1 ? "" : fmt::format(" and {} other stops, bounds or dry frictions", stops.size() - 1),
         stops.size() == 1 ? "its group of joints" : "their groups of joints"));
   }
+  // After the stops: load columns would take weight's own answer out of what they are sought in.
+  if (loads) AddLoadColumns(model, kinematics, basis, *loads, kept);
+  SortByPart(model, basis, kept);
+  FillOperators(model, kinematics);
+  FillLoopMetric(model);
   for (BodyIndex b : model.promoted)
     model.warnings.push_back(fmt::format(
         "body '{}' became an interface because a joint without spring before it moves unseen by the others",
@@ -400,17 +342,18 @@ Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, c
 }  // namespace
 
 Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism, const VectorX& q_ref,
-                              const ReductionOptions& options) {
+                              const ReductionOptions& options, const ReductionLoads* loads) {
   FORK1S_REQUIRE(mechanism != nullptr);
   FORK1S_REQUIRE(q_ref.size() == mechanism->num_coordinates(), q_ref.size(), mechanism->num_coordinates());
   Kinematics kinematics(*mechanism);
   ComputeKinematics(*mechanism, q_ref, kinematics);
-  return ReduceAt(mechanism, q_ref, kinematics, options, nullptr);
+  return ReduceAt(mechanism, q_ref, kinematics, options, loads, nullptr);
 }
 
 Expected<ReducedModel> ReduceAgain(const ReducedModel& last, const VectorX& q_ref,
-                                   const Kinematics& kinematics, const ReductionOptions& options) {
-  return ReduceAt(last.mechanism, q_ref, kinematics, options, &last);
+                                   const Kinematics& kinematics, const ReductionOptions& options,
+                                   const ReductionLoads* loads) {
+  return ReduceAt(last.mechanism, q_ref, kinematics, options, loads, &last);
 }
 
 std::vector<int> ReducedModel::SprungColumns() const {

@@ -56,7 +56,10 @@ void AddMechanism(const MechanismDynamics& dynamics, Json& out) {
   one["coordinates"] = m.num_coordinates();
   one["mass"] = m.total_mass();
   one["closures"] = m.closures().size();
-  one["reduced"] = {{"free", model.num_free}, {"elastic", model.num_elastic}, {"modes", model.num_modes}};
+  one["reduced"] = {{"free", model.num_free},
+                    {"elastic", model.num_elastic},
+                    {"modes", model.num_modes},
+                    {"loads", model.num_loads}};
   out["roots"].push_back(std::move(one));
   for (int b = 0; b < m.num_bodies(); ++b) {
     const Mechanism::Body& body = m.body(BodyIndex(b));

@@ -18,6 +18,8 @@ World::Options Simulation::WorldOptions(const Fidelity& fidelity) const {
   o.reduction.modes = fidelity.modes;
   o.recovery = fidelity.recovery;
   o.refresh_angle = options_.refresh_angle;
+  o.load_columns =
+      internal::IntegratorBy(fidelity.recovery, options_.step.integrator) == Integrator::kTwoStage;
   o.collision = options_.collision;
   o.reserved_contacts = options_.reserved_contacts;
   return o;

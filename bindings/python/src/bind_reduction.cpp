@@ -64,11 +64,18 @@ Arrays are views that nobody may change; they stay valid when everything else is
       .def_prop_ro(
           "num_modes", [](const Reduced& s) { return s->num_modes; }, "Fixed-interface modes.")
       .def_prop_ro(
+          "num_loads", [](const Reduced& s) { return s->num_loads; },
+          "Load columns: static answers of all other motions to weight and other loads.")
+      .def_prop_ro(
+          "column_names", [](const Reduced& s) { return s->column_names; },
+          "What each column of Q is: 'elastic 1', 'mode 2', 'weight z (JOINT)', the joint that moves most.")
+      .def_prop_ro(
           "warnings", [](const Reduced& s) { return s->warnings; }, "Sentences about doubtful decisions.")
       .def("__repr__", [](const Reduced& s) {
         return "<fork1s.Matrices r=" + std::to_string(s->size()) + " (" + std::to_string(s->num_free) +
                " free, " + std::to_string(s->num_elastic) + " elastic, " + std::to_string(s->num_modes) +
-               " modes) of n=" + std::to_string(s->num_coordinates()) + ">";
+               " modes, " + std::to_string(s->num_loads) +
+               " loads) of n=" + std::to_string(s->num_coordinates()) + ">";
       });
 }
 

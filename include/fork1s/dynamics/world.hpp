@@ -116,6 +116,7 @@ class World {
     ReductionOptions reduction;
     Recovery recovery = Recovery::kExact;
     double refresh_angle = 0.2617993877991494;  // rad
+    bool load_columns = false;  // of the scene's gravity: for kTwoStage, which has no static correction
     // Contacts are looked for as far ahead as a step may carry anything, at most `margin`: 12 m/s at 1/60 s.
     CollisionOptions collision = {.margin = 0.2};
     int initial_keyframe = -1;  // of the scene

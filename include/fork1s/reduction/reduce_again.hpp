@@ -8,6 +8,7 @@ namespace fork1s {
 /// The bits of Reduce at q_ref [n], of which `kinematics` is; what hangs on no pose is taken from `last`.
 /// Errors: as of Reduce.
 Expected<ReducedModel> ReduceAgain(const ReducedModel& last, const VectorX& q_ref,
-                                   const Kinematics& kinematics, const ReductionOptions& options);
+                                   const Kinematics& kinematics, const ReductionOptions& options,
+                                   const ReductionLoads* loads = nullptr);
 
 }  // namespace fork1s

@@ -3,8 +3,8 @@
 // docs/method.md, sections 3 and 4. Joint displacements are q = q_ref + Q z + q_perp (+ loop correction).
 // Joint coordinates that hear each other while the base is held (a finger) have columns of Q of their own,
 // which stand together: in this order free directions N (no spring), elastic directions V Y_r that the
-// interface can feel, and fixed-interface modes. In these coordinates the stiffness is diagonal, 0 for free
-// directions and 1 else.
+// interface can feel, fixed-interface modes, and load columns (static answers of the rest to loads). In these
+// coordinates the stiffness is diagonal, 0 for free directions and 1 else.
 #pragma once
 
 #include <fork1s/base/error.hpp>
@@ -27,6 +27,16 @@ struct ReductionOptions {
   bool promote_hidden = false;
 };
 
+/// Loads whose static answers, as far as the interface does not feel them, are coordinates: load-dependent
+/// Ritz vectors (Wilson, Yuan & Dickens 1982), docs/method.md, section 4: weight along three axes,
+/// accelerations of a base that moves and of free directions, and all joint forces at q_ref, springs
+/// included.
+struct ReductionLoads {
+  Vector3 gravity_R = Vector3::Zero();  // m/s²
+  VectorX controls;                     // empty: none
+  Matrix6X wrenches_R;                  // 6 x bodies about R's origin; empty: none
+};
+
 /// Sizes: n joint coordinates, r reduced coordinates, b bodies.
 struct ReducedModel {
   std::shared_ptr<const Mechanism> mechanism;
@@ -36,6 +46,8 @@ struct ReducedModel {
   int num_free = 0;     // spring-free directions seen by the interface
   int num_elastic = 0;  // directions in which the interface feels springs
   int num_modes = 0;    // fixed-interface modes
+  int num_loads = 0;    // load columns
+  std::vector<std::string> column_names;  // r: "elastic 1", "mode 2", "weight z (joint that moves most)"
 
   MatrixX Q;                             // n x r
   VectorX K_r;                           // r: 0 for free directions, 1 else
@@ -95,8 +107,9 @@ struct ReducedState {
 /// Reduces a mechanism about the joint displacements q_ref [n], which must close the loops.
 /// Errors: kUnderdetermined names the joint of a spring-free motion that no interface body sees;
 /// kModel for missing interfaces; kNumerics where a factorisation fails.
+/// Without `loads` there are no load columns.
 Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism, const VectorX& q_ref,
-                              const ReductionOptions& options = {});
+                              const ReductionOptions& options = {}, const ReductionLoads* loads = nullptr);
 
 /// q_perp = C_perp g.
 void ApplyComplement(const ReducedModel& model, const VectorX& g, VectorX& q_perp);

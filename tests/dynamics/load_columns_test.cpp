@@ -1,0 +1,100 @@
+// Load columns in motion: what the interface does not feel moves by the equation of motion, with its inertia.
+#include <dynamics/support.hpp>
+
+namespace fork1s {
+namespace {
+
+using testing::TwoStage;
+
+World ChainUnder(const MechanismDef& chain, const Vector3& gravity, int modes) {
+  Scene scene;
+  scene.gravity = gravity;
+  scene.mechanisms.push_back(chain);
+  World::Options options;
+  options.reduction.modes = modes;
+  options.load_columns = true;
+  return testing::MustCreate(scene, options);
+}
+
+const Vector3 kAcross(0, -9.81, 0);  // m/s², in the plane of testing::Chain
+
+struct Fall {
+  Vector3 tip;
+  double gain = 0;  // energy beyond that of the start, of the largest kinetic energy
+};
+
+// A chain of 60 links and 1.8 m that whips down from horizontal.
+Fall FallOfChain(int modes, double h, int steps) {
+  MechanismDef chain = testing::Chain(60, 0.03, 0.02, 0.05, 0.0005);
+  for (BodyDef& link : chain.bodies) {
+    if (!(link.inertia.mass > 0)) continue;
+    link.inertia = testing::Brick(0.02, Vector3(0.023, 0.009, 0.009));
+    link.inertia.center = Vector3(0.015, 0, 0);
+  }
+  World world = ChainUnder(chain, kAcross, modes);
+  const MechanismDynamics& m = world.mechanisms()[0];
+  EXPECT_EQ(m.model().has_complement, modes < 60);
+  const StepOptions step = TwoStage(h, kAcross);
+  const double start = world.PotentialEnergy(kAcross);
+  double kinetic = 0, highest = start;
+  for (int i = 0; i < steps; ++i) {
+    const StepReport report = world.Step(step);
+    EXPECT_TRUE(report.finite && report.stages_converged) << modes << " modes, step " << i;
+    kinetic = std::max(kinetic, world.KineticEnergy());
+    highest = std::max(highest, world.KineticEnergy() + world.PotentialEnergy(kAcross));
+  }
+  return {m.BodyPose(m.mechanism().FindBody("tip")).translation(), (highest - start) / kinetic};
+}
+
+TEST(LoadColumns, WhippingChainEndsWhereThatOfAllJointsDoes) {
+  const Fall all = FallOfChain(60, 1.0 / 240, 240), few = FallOfChain(4, 1.0 / 240, 240);
+  EXPECT_LT((few.tip - all.tip).norm(), 0.02);
+  EXPECT_LT(few.gain, 1e-3);
+  EXPECT_LT((FallOfChain(4, 1.0 / 960, 960).tip - all.tip).norm(), 0.02);
+}
+
+// rad by which a joint of a cantilever of 24 links rests elsewhere than in a model of all joints.
+double ShapeErrorAtRest(int modes) {
+  const MechanismDef beam = testing::Chain(24, 0.05, 0.02, 100, 20);
+  VectorX q[2];
+  for (const int all : {0, 1}) {
+    World world = ChainUnder(beam, kAcross, all ? 24 : modes);
+    for (int i = 0; i < 600; ++i) EXPECT_TRUE(world.Step(TwoStage(1.0 / 60, kAcross)).finite);
+    EXPECT_LT(world.KineticEnergy(), 1e-12);
+    q[all] = world.mechanisms()[0].configuration().q;
+  }
+  EXPECT_GT(q[1].cwiseAbs().sum(), 0.15);
+  return (q[1] - q[0]).cwiseAbs().maxCoeff();
+}
+
+TEST(LoadColumns, BeamSagsToTheShapeOfAllJoints) { EXPECT_LT(ShapeErrorAtRest(0), 1e-3); }
+
+// Where the tip of a chain of 10 links, heavy in the middle, is farthest from its base [m], which moves 0.1 m
+// aside within 0.2 s.
+double LargestSwing(int modes, double h) {
+  MechanismDef chain = testing::Chain(10, 0.05, 0.05, 18, 0.01);
+  chain.base = BaseKind::kDriven;
+  chain.bodies[5].inertia = testing::Rod(0.5, 0.05);
+  World world = ChainUnder(chain, Vector3::Zero(), modes);
+  MechanismDynamics& m = world.mechanisms()[0];
+  const BodyIndex tip = m.mechanism().FindBody("tip");
+  double far = 0;
+  for (int i = 1; i * h < 0.6; ++i) {
+    const double aside = i * h < 0.2 ? 0.05 * (1 - std::cos(i * h * M_PI / 0.2)) : 0.1;
+    m.DriveBase(RigidTransform(Vector3(0, aside, 0)));
+    EXPECT_TRUE(world.Step(TwoStage(h)).finite);
+    far = std::max(far, std::abs(m.BodyPose(tip).translation().y() - aside));
+  }
+  return far;
+}
+
+TEST(LoadColumns, ChainOnDrivenBaseSwingsAsThatOfAllJoints) {
+  for (const double h : {1.0 / 240, 1.0 / 960}) {
+    const double all = LargestSwing(10, h);
+    EXPECT_GT(all, 0.1);
+    EXPECT_NEAR(LargestSwing(0, h), all, 0.02 * all);
+  }
+}
+
+}  // namespace
+}  // namespace fork1s
