@@ -60,7 +60,7 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     one["mode_choice"] = Name(def.mode_choice);
     ReductionOptions options;
     options.promote_hidden = !p.interfaces_chosen;
-    auto reduced = Reduce(p.mechanism, p.q, options);
+    auto reduced = Reduce(p.mechanism, p.q, options, &p.loads);
     one["gain"] =
         reduced ? GainJson(MeasureInterfaceGain(p, *reduced, imported.scene.timestep)) : Json(nullptr);
     one["joint_table"] = Json::array();

@@ -57,12 +57,7 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFree
   ReductionOptions options;
   options.promote_hidden = !posed.interfaces_chosen;
   const auto start = std::chrono::steady_clock::now();
-  ReductionLoads loads;
-  loads.gravity_R = m.definition().X_WR.rotation().transpose() * scene.gravity;
-  loads.controls.resize(static_cast<Eigen::Index>(m.controls().size()));
-  for (std::size_t i = 0; i < m.controls().size(); ++i)
-    loads.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
-  auto reduced = Reduce(posed.mechanism, posed.q, options, &loads);
+  auto reduced = Reduce(posed.mechanism, posed.q, options, &posed.loads);
   const std::chrono::duration<double, std::milli> spent = std::chrono::steady_clock::now() - start;
   if (!reduced) return tl::unexpected(reduced.error());
   model = std::move(*reduced);

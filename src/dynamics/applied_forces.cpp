@@ -64,6 +64,18 @@ void AddLoadWrenches(const MechanismView& here, Matrix6X& F) {
   }
 }
 
+void AddAppliedWrenches(const MechanismView& here, Matrix6X& F) {
+  const auto& [model, state, ws] = here;
+  AddLoadWrenches(here, F);
+  if (!state.point_spring.IsActive()) return;
+  const RigidTransform& X_WR = state.reduced.X_WR;
+  const Vector3 point_W = BodyPose(here, state.point_spring_body) * state.point_spring.point_B;
+  const Vector3 force_R = X_WR.rotation().transpose() * state.point_spring.SpringForce(point_W);
+  auto wrench = F.col(state.point_spring_body.value());
+  wrench.head<3>() += (X_WR.inverse() * point_W).cross(force_R);
+  wrench.tail<3>() += force_R;
+}
+
 void ComputeLoadStiffness(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();

@@ -379,9 +379,9 @@ void EndTwoStageStep(const MechanismStep& here, double between_stages) {
   ws.rule = StepRule::kEuler;
   state.past.h = 0;
   state.mu = ws.configuration.mu;
-  ws.wrenches_R.setZero(6,
-                        model.options.load_columns && state.has_loads ? model.mechanism().num_bodies() : 0);
-  if (ws.wrenches_R.cols() > 0) AddLoadWrenches(here, ws.wrenches_R);
+  const bool has_columns = model.options.load_columns && HasForcesFromOutside(state);
+  ws.wrenches_R.setZero(6, has_columns ? model.mechanism().num_bodies() : 0);
+  if (has_columns) AddAppliedWrenches(here, ws.wrenches_R);
   ForgetInputs(here);
 }
 

@@ -37,6 +37,8 @@ void LoadForces(const MechanismStep& here, const Vector3& gravity_R);
 void LoadForcesTwist(const MechanismStep& here, const Vector3& gravity_R, const Vector6& A_R);
 
 // Loads (applied_forces.cpp).
+/// F += wrenches of loads and of the point spring without its damper, as AddLoadWrenches.
+void AddAppliedWrenches(const MechanismView& here, Matrix6X& F);
 /// K_loads <- geometric stiffness of the loads and of the point spring at the pose at hand.
 void ComputeLoadStiffness(const MechanismStep& here);
 

@@ -70,6 +70,29 @@ double Staleness(const MechanismView& here, bool second_order) {
   return largest;
 }
 
+bool MissesAppliedForces(const MechanismStep& here) {
+  constexpr double kShape = 1e-3;
+  const auto& [model, state, ws] = here;
+  if (!model.reduced->has_complement || ws.wrenches_R.cols() == 0) return false;
+  const Mechanism& m = model.mechanism();
+  ws.F = ws.wrenches_R;
+  ws.tau.setZero();
+  AccumulateGeneralizedForce(m, ws.configuration.kinematics.S, ws.F, ws.tau);
+  ProjectOnLoops(*model.reduced, ws.configuration, ws.tau);
+  ApplyComplement(*model.reduced, ws.tau, ws.rest);
+  const auto largest = [&](const VectorX& q) {
+    double size = 0;
+    for (int i = 0; i < q.size(); ++i)
+      size = std::max(size, std::abs(q(i)) / (m.Turns(i) ? 1 : m.length_scale()));
+    return size;
+  };
+  const double missed = largest(ws.rest);
+  if (!(missed > kShape)) return false;
+  for (const int i : model.reduced->SprungColumns())
+    ws.rest += model.reduced->Q.col(i).dot(ws.tau) * model.reduced->Q.col(i);
+  return missed > std::sin(std::min(model.options.refresh_angle, M_PI_2)) * largest(ws.rest);
+}
+
 bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& ws) {
   const Mechanism& m = model->mechanism();
   VectorX q = ws.configuration.q;

@@ -53,7 +53,7 @@ void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& repor
 void World::Detail::RefreshIfStale(std::size_t i) {
   MechanismDynamics& m = mechanisms_[i];
   MechanismBlock& block = mechanism_blocks_[i];
-  if (!(m.Staleness(by_theta_) > 1)) return;
+  if (!(m.Staleness(by_theta_) > 1) && !(two_stage_ && MissesAppliedForces(m))) return;
   const PartClock own(times_ ? &block.own : nullptr, &StepPartTimes::refreshing);
   block.refreshed = m.Refresh() ? 1 : -1;
 }

@@ -40,7 +40,8 @@ JointLoad TotalLoad(const Mechanism& mechanism, const Kinematics& kinematics, co
   return total;
 }
 
-// Weight where the base is fixed; accelerations of a base that moves, and of free directions, else.
+// Weight where the base is fixed; accelerations of a base that moves, and of free directions, else. Applied
+// forces by themselves, so that none of their static answer is missing however they come and go.
 std::vector<JointLoad> LoadsOf(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q_ref,
                                const ElasticBasis& basis, const ReductionLoads& loads) {
   std::vector<JointLoad> all;
@@ -64,6 +65,8 @@ std::vector<JointLoad> LoadsOf(const Mechanism& mechanism, const Kinematics& kin
     ApplyMass(mechanism, kinematics, N.col(i), MN);
     add("free " + std::to_string(i + 1), MN);
   }
+  if (loads.wrenches_R.size() > 0)
+    add("applied forces", JointForces(mechanism, kinematics, loads.wrenches_R));
   all.push_back(TotalLoad(mechanism, kinematics, q_ref, loads));
   return all;
 }

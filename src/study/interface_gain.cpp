@@ -45,7 +45,7 @@ void TryFewer(const PosedMechanism& posed, const ReducedModel& model, InterfaceG
     for (std::size_t i = 0; i < kept.size(); ++i) {
       ReductionOptions options;
       options.interfaces = Without(kept, i);
-      auto reduced = Reduce(posed.mechanism, posed.q, options);
+      auto reduced = Reduce(posed.mechanism, posed.q, options, &posed.loads);
       if (!reduced) {
         if (first && reduced.error().code == ErrorCode::kUnderdetermined)
           gain.must_stay.push_back(posed.mechanism->body(kept[i]).name);
@@ -118,7 +118,7 @@ std::vector<std::string> InterfaceGain::Sentences() const {
   if (told.empty() && touching > 1)
     more.push_back(
         must_stay.empty()
-            ? std::string("fewer interface bodies leave as many coordinates")
+            ? std::string("fewer interface bodies leave nearly as many coordinates")
             : fmt::format("{} cannot be left out: joints without a spring would move unseen; springs or "
                           "--pd change that",
                           Quoted(must_stay)));

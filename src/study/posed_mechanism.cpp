@@ -13,6 +13,11 @@ Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& import
     PosedMechanism p;
     p.mechanism = std::make_shared<const Mechanism>(std::move(*built));
     p.interfaces_chosen = imported.scene.mechanisms[i].interfaces_chosen;
+    const MechanismDef& def = p.mechanism->definition();
+    p.loads.gravity_R = def.X_WR.rotation().transpose() * imported.scene.gravity;
+    p.loads.controls.resize(static_cast<Eigen::Index>(def.controls.size()));
+    for (std::size_t k = 0; k < def.controls.size(); ++k)
+      p.loads.controls(static_cast<Eigen::Index>(k)) = def.controls[k].initial;
     p.q = VectorX::Zero(p.mechanism->num_coordinates());
     if (imported.initial_keyframe >= 0)
       p.q = imported.scene.keyframes[static_cast<std::size_t>(imported.initial_keyframe)].mechanisms[i].q;

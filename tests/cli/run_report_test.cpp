@@ -139,7 +139,12 @@ TEST(RunReport, JointsBeyondTheirStopsAreNamedWithTheAmount) {
       Write("tail.xml", "<mujoco><custom><text name='fork1s_interface' data='tip'/></custom><worldbody>" + open +
                             close + "</worldbody></mujoco>");
   EXPECT_TRUE(Fork1s("run --json --time 0.5 " + model).Json()["stops_passed"].empty());
-  const Outcome o = Fork1s("run --json --time 0.5 --push l6:0,0,-200 " + model);
+  // By two stages what the push bends gets coordinates of its own, and with them the stops that it reaches.
+  const auto held = Fork1s("run --json --time 0.5 --push l6:0,0,-200 " + model).Json();
+  EXPECT_TRUE(held["stops_passed"].empty());
+  EXPECT_EQ(held["stops_reached"][0]["name"], "joint 't1'");
+  const std::string by_euler = "--integrator euler --time 0.5 --push l6:0,0,-200 " + model;
+  const Outcome o = Fork1s("run --json " + by_euler);
   ASSERT_EQ(o.code, 0) << o.err;
   const auto passed = o.Json()["stops_passed"];
   ASSERT_FALSE(passed.empty());
@@ -149,7 +154,7 @@ TEST(RunReport, JointsBeyondTheirStopsAreNamedWithTheAmount) {
     EXPECT_GT(stop["beyond_max"].get<double>(), 0.01 * 2 * 0.2618 * 0.999);
     EXPECT_GE(stop["beyond_max_s"].get<double>(), stop["first_s"].get<double>());
   }
-  EXPECT_NE(Fork1s("run --time 0.5 --push l6:0,0,-200 " + model).out.find(" rad beyond its "), std::string::npos);
+  EXPECT_NE(Fork1s("run " + by_euler).out.find(" rad beyond its "), std::string::npos);
 }
 
 TEST(RunReport, StopsAndServosAtTheirEndsAreNamed) {

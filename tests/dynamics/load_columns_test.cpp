@@ -96,5 +96,37 @@ TEST(LoadColumns, ChainOnDrivenBaseSwingsAsThatOfAllJoints) {
   }
 }
 
+// Joints of a damped chain, fixed at one end, 4 s after a force was put on a body that the interface does not
+// feel.
+VectorX RestUnderForce(int modes, bool by_spring) {
+  MechanismDef chain = testing::Chain(10, 0.05, 0.05, 20, 2);
+  World world = ChainUnder(chain, kAcross, modes);
+  MechanismDynamics& m = world.mechanisms()[0];
+  const BodyIndex pushed(5);
+  const Vector3 force(0, 40, 0);  // N
+  if (by_spring) {
+    const Vector3 target = m.BodyPose(pushed).translation() + Vector3(0, 0.2, 0);
+    m.SetPointSpring(pushed, {.target_start_W = target, .target_W = target, .stiffness = 400, .damping = 5});
+  }
+  int refreshes = 0;
+  for (int i = 0; i < 240; ++i) {
+    if (!by_spring) m.AddWrench(pushed, force, Vector3::Zero(), m.BodyPose(pushed).translation());
+    const StepReport report = world.Step(TwoStage(1.0 / 60, kAcross));
+    EXPECT_TRUE(report.finite);
+    refreshes += report.refreshes;
+  }
+  EXPECT_LT(refreshes, 12) << modes;
+  return m.configuration().q;
+}
+
+TEST(LoadColumns, HeldForcesOnInteriorBodiesBendItAsTheyBendAllJoints) {
+  for (const bool by_spring : {false, true}) {
+    const VectorX all = RestUnderForce(10, by_spring);
+    EXPECT_GT(all.cwiseAbs().maxCoeff(), 0.1);
+    // rad, the size that a load column is asked for
+    EXPECT_LT((RestUnderForce(0, by_spring) - all).cwiseAbs().maxCoeff(), 1e-3) << by_spring;
+  }
+}
+
 }  // namespace
 }  // namespace fork1s

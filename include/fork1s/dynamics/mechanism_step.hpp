@@ -190,6 +190,10 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
 /// may spin, and a finger whose every motion the model has may bend. Steps of second order go by the modes
 /// of the reference: there a finger's turn matters.
 double Staleness(const MechanismView& here, bool second_order = false);
+/// After a two-stage step: whether the reduced coordinates miss the static answer to forces that were applied
+/// in it, by more than 1e-3 rad or lengths of the mechanism in a joint, and by more of the answer than a turn
+/// by the refresh angle makes. A refresh gives them a load column.
+bool MissesAppliedForces(const MechanismStep& here);
 /// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
 /// the old model stays.
 bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work);

@@ -29,8 +29,8 @@ struct ReductionOptions {
 
 /// Loads whose static answers, as far as the interface does not feel them, are coordinates: load-dependent
 /// Ritz vectors (Wilson, Yuan & Dickens 1982), docs/method.md, section 4: weight along three axes,
-/// accelerations of a base that moves and of free directions, and all joint forces at q_ref, springs
-/// included.
+/// accelerations of a base that moves and of free directions, applied forces, and all joint forces at q_ref,
+/// springs included.
 struct ReductionLoads {
   Vector3 gravity_R = Vector3::Zero();  // m/s²
   VectorX controls;                     // empty: none

@@ -5,6 +5,7 @@
 #include <fork1s/base/error.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
+#include <fork1s/reduction/reduced_model.hpp>
 #include <memory>
 #include <vector>
 
@@ -14,6 +15,7 @@ namespace fork1s {
 struct PosedMechanism {
   std::shared_ptr<const Mechanism> mechanism;
   VectorX q;
+  ReductionLoads loads;  // of the scene's gravity and the initial controls
   bool interfaces_chosen = true;
 };
 
