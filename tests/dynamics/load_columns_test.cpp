@@ -12,7 +12,6 @@ World ChainUnder(const MechanismDef& chain, const Vector3& gravity, int modes) {
   scene.mechanisms.push_back(chain);
   World::Options options;
   options.reduction.modes = modes;
-  options.load_columns = true;
   return testing::MustCreate(scene, options);
 }
 

@@ -155,7 +155,9 @@ TEST(Refresh, StepsAfterItMoveOn) {
   // A chain that falls through 60 degrees and more: poses go on from step to step at no more than the speed.
   MechanismDef definition = testing::Chain(8, 0.1, 0.2, 0.8, 0.02, true);
   definition.modes = 1;  // what has all its motions needs no refresh
-  World world = testing::MustCreate(definition);
+  World::Options options;
+  options.load_columns = false;
+  World world = testing::MustCreate(definition, options);
   StepOptions step;
   step.gravity = Vector3(0, -9.81, 0);
   const MechanismDynamics& chain = world.mechanisms()[0];

@@ -116,7 +116,8 @@ class World {
     ReductionOptions reduction;
     Recovery recovery = Recovery::kExact;
     double refresh_angle = 0.2617993877991494;  // rad
-    bool load_columns = false;  // of the scene's gravity: for kTwoStage, which has no static correction
+    bool load_columns =
+        true;  // of the scene's gravity; kTwoStage, which has no static correction, needs them
     // Contacts are looked for as far ahead as a step may carry anything, at most `margin`: 12 m/s at 1/60 s.
     CollisionOptions collision = {.margin = 0.2};
     int initial_keyframe = -1;  // of the scene
