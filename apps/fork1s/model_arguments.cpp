@@ -78,6 +78,12 @@ std::string AsTyped(std::string where) {
   return where;
 }
 
+const CLI::Validator kModes(
+    [](std::string& text) {
+      return text == "auto" ? std::string() : CLI::Range(0, std::numeric_limits<int>::max())(text);
+    },
+    "WORD");
+
 }  // namespace
 
 Expected<Vector3> ParseVector(const std::string& text, const std::string& option) {
@@ -96,8 +102,12 @@ void ModelArguments::AddTo(CLI::App& command) {
       ->allow_extra_args(false);  // the model may come next
   command.add_option("--base", base, "fixed, floating or driven; replaces what the file says")
       ->check(OneOf({"fixed", "floating", "driven"}));
-  command.add_option("--modes", modes, "fixed-interface modes to keep at most (default: the file's, else 4)")
-      ->check(CLI::Range(0, std::numeric_limits<int>::max()));
+  command
+      .add_option(
+          "--modes", modes,
+          "fixed-interface modes to keep at most; auto: all below 1/(6 dt), at least 4, within 24 "
+          "coordinates or twice those of the interface (euler, theta: 4) (default: the file's, else auto)")
+      ->check(kModes);
   command
       .add_option("--mode-choice", mode_choice,
                   "which modes to keep: lowest in frequency, or those of largest contribution to the motion "
@@ -179,7 +189,8 @@ Expected<ImportOptions> ModelArguments::Options() const {
   ImportOptions options;
   options.interfaces = interfaces;
   options.base = Named(kBaseKindNames, base);
-  if (modes >= 0) options.modes = modes;
+  options.modes_by_step = modes == "auto";
+  if (!modes.empty() && !options.modes_by_step) options.modes = std::stoi(modes);
   options.mode_choice = Named(kModeChoiceNames, mode_choice);
   options.stiffness_scale = stiffness_scale;
   options.keyframe = keyframe;
@@ -205,7 +216,7 @@ std::vector<std::string> ModelArguments::Words() const {
   };
   for (const std::string& body : interfaces) add("--interface", body);
   add("--base", base);
-  if (modes >= 0) add("--modes", std::to_string(modes));
+  add("--modes", modes);
   add("--mode-choice", mode_choice);
   if (stiffness_scale != 1) add("--stiffness-scale", fmt::format("{}", stiffness_scale));
   for (const std::string& gains : pd) add("--pd", gains);

@@ -15,7 +15,7 @@ struct ModelArguments {
   std::string path;
   std::vector<std::string> interfaces;
   std::string base;
-  int modes = -1;
+  std::string modes;  // a number or "auto"
   std::string mode_choice;
   double stiffness_scale = 1;
   std::vector<std::string> pd;

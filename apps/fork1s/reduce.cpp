@@ -12,6 +12,7 @@
 
 #include "checks.hpp"
 #include "gain.hpp"
+#include "mode_line.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "print.hpp"
@@ -56,6 +57,7 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFree
   const Mechanism& m = *posed.mechanism;
   ReductionOptions options;
   options.promote_hidden = !posed.interfaces_chosen;
+  options.step = Scene().timestep;
   const auto start = std::chrono::steady_clock::now();
   auto reduced = Reduce(posed.mechanism, posed.q, options, &posed.loads);
   const std::chrono::duration<double, std::milli> spent = std::chrono::steady_clock::now() - start;
@@ -111,6 +113,7 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFree
                         {"free", model.num_free},
                         {"modes", model.num_modes},
                         {"loads", model.num_loads}};
+  out["mode_selection"] = ModesJson(model);
   out["column_names"] = model.column_names;
   out["reduction_ms"] = spent.count();
   out["gain"] = GainJson(MeasureInterfaceGain(posed, model, scene.timestep));
@@ -169,6 +172,7 @@ void Print(const Json& d, const Mechanism& m) {
       "ms\n",
       c["elastic"].get<int>(), c["free"].get<int>(), c["modes"].get<int>(), c["loads"].get<int>(),
       m.num_coordinates(), d["reduction_ms"].get<double>());
+  PrintText("  {}\n", ModeLine(d["mode_selection"]));
   PrintFrequencies(d);
   const bool base_held = d.contains("compliance_world_base_held");
   const Json& C = base_held ? d["compliance_world_base_held"] : d["compliance_world"];

@@ -6,6 +6,7 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/names.hpp>
 
+#include "mode_line.hpp"
 #include "print.hpp"
 #include "run_contacts.hpp"
 
@@ -47,7 +48,8 @@ Json AssumptionsJson(const Simulation& simulation, const InputArguments& inputs,
                                  {"interfaces_chosen", m.mechanism().definition().interfaces_chosen},
                                  {"coordinates", reduced.size()},
                                  {"coordinates_full", reduced.num_coordinates() - reduced.loop_rank()},
-                                 {"modes", reduced.num_modes}});
+                                 {"modes", reduced.num_modes},
+                                 {"mode_selection", ModesJson(reduced)}});
   }
   out["free_bodies"] = scene.free_bodies.size();
   return out;
@@ -66,6 +68,7 @@ void PrintAssumptions(const Json& d) {
               m["name"].get<std::string>(), m["base"].get<std::string>(), m["coordinates"].get<int>(),
               m["coordinates_full"].get<int>(), m["modes"].get<int>(), List(m["interfaces"]),
               m["interfaces_chosen"].get<bool>() ? "named" : "chosen, --interface names others");
+    PrintText("    {}\n", ModeLine(m["mode_selection"]));
   }
   PrintOmitted(mechanisms.size(), "mechanisms");
   const auto controls = d["num_controls"].get<std::size_t>();

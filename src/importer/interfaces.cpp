@@ -198,7 +198,7 @@ std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options) {
     return Error{ErrorCode::kUsage, "option modes",
                  fmt::format("{} modes cannot be kept; give 0 or more", *modes)};
   }
-  if (const auto number = CustomNumber(c.m, "fork1s_modes"); number && !modes) {
+  if (const auto number = CustomNumber(c.m, "fork1s_modes"); number && !modes && !options.modes_by_step) {
     if (*number < 0 || *number != static_cast<int>(*number)) {
       return c.ModelError("numeric 'fork1s_modes'",
                           fmt::format("{} is no number of modes; give 0, 1, 2, ...", *number));
@@ -215,6 +215,7 @@ std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options) {
   }
   for (MechanismDef& mechanism : c.scene.mechanisms) {
     if (modes) mechanism.modes = *modes;
+    mechanism.modes_by_step = !modes;
     if (choice) mechanism.mode_choice = *choice;
   }
   return ApplyInterfaces(c, options);

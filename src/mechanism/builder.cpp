@@ -56,6 +56,7 @@ MechanismBuilder& MechanismBuilder::SetInterfaces(std::vector<std::string> bodie
 
 MechanismBuilder& MechanismBuilder::SetModes(int modes, ModeChoice choice) {
   definition_.modes = modes;
+  definition_.modes_by_step = false;
   definition_.mode_choice = choice;
   return *this;
 }

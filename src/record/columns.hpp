@@ -8,7 +8,7 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 16;
+inline constexpr int kFormatVersion = 17;
 inline constexpr const char* kFormatName = "fork1s recording";
 
 /// Values per row.

@@ -197,13 +197,14 @@ void Fields(A& a, Like<ForceLimitDef, A>& s) {
 template <class A>
 void Fields(A& a, Like<MechanismDef, A>& s) {
   auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs, controls, frictions,
-         length_limits, force_limits, interfaces, chosen, modes, mode_choice, parent_filter] = s;
+         length_limits, force_limits, interfaces, chosen, modes, modes_by_step, mode_choice, parent_filter] =
+      s;
   a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
   a("closures", closures), a("couplings", couplings), a("paths", paths), a("springs", springs),
       a("controls", controls);
   a("frictions", frictions), a("length_limits", length_limits), a("force_limits", force_limits);
   a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);
-  a("mode_choice", mode_choice), a("parent_filter", parent_filter);
+  a("modes_by_step", modes_by_step), a("mode_choice", mode_choice), a("parent_filter", parent_filter);
 }
 
 template <class A>
@@ -269,7 +270,8 @@ void Fields(A& a, Like<CollisionOptions, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<ReductionOptions, A>& s) {
-  auto& [interfaces, modes, rank_tolerance, promote_hidden] = s;
+  // The step follows from dt and integrator of the simulation.
+  auto& [interfaces, modes, rank_tolerance, promote_hidden, step] = s;
   a("interfaces", interfaces), a("modes", modes), a("rank_tolerance", rank_tolerance);
   a("promote_hidden", promote_hidden);
 }

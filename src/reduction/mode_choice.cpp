@@ -7,6 +7,8 @@
 #include <fork1s/linalg/solve.hpp>
 #include <numeric>
 
+#include "modes.hpp"
+
 namespace fork1s::internal {
 namespace {
 
@@ -25,13 +27,9 @@ Complex Laplace(double frequency) {
 
 }  // namespace
 
-std::vector<int> ContributingModes(const ReducedModel& all, const MatrixX& J, double length, int count) {
+VectorX ModeContributions(const ReducedModel& all, const MatrixX& J, double length) {
   const Mechanism& mechanism = *all.mechanism;
   const int candidates = all.num_modes;
-  std::vector<int> order(static_cast<std::size_t>(candidates));
-  std::iota(order.begin(), order.end(), 0);
-  if (count >= candidates) return order;
-
   const int base = mechanism.base() == BaseKind::kFloating ? 6 : 0;
   const int seen = all.num_free + all.num_elastic, b = base + seen;
   MatrixX M_B = MatrixX::Zero(b, b), D_B = MatrixX::Zero(b, b), m = MatrixX::Zero(b, candidates),
@@ -92,12 +90,42 @@ std::vector<int> ContributingModes(const ReducedModel& all, const MatrixX& J, do
       if (std::isfinite(now)) score(i) = std::max(score(i), now);
     }
   }
+  return score;
+}
+
+std::vector<int> ContributingModes(const ReducedModel& all, const MatrixX& J, double length, int count) {
+  std::vector<int> order(static_cast<std::size_t>(all.num_modes));
+  std::iota(order.begin(), order.end(), 0);
+  if (count >= all.num_modes) return order;
+  const VectorX score = ModeContributions(all, J, length);
   // Among equals, as in a mechanism without damping or coupling, the lower frequency comes first.
   std::stable_sort(order.begin(), order.end(),
                    [&](int i, int k) { return score(i) > (1 + 1e-9) * score(k); });
   order.resize(static_cast<std::size_t>(count));
   std::sort(order.begin(), order.end());
   return order;
+}
+
+ModeSelection SelectModesByStep(const Mechanism& mechanism, const Kinematics& kinematics,
+                                const ElasticBasis& basis, const MatrixX& Y_r, double step) {
+  const MechanismDef& def = mechanism.definition();
+  const int unfelt = basis.num_elastic() - static_cast<int>(Y_r.cols());
+  const int attached = basis.num_free() + static_cast<int>(Y_r.cols());
+  const int most = std::max({kMostCoordinatesByStep - attached, attached, def.modes});
+  ModeSelection selection{def.modes, def.mode_choice, 1 / (6 * step)};
+  const double largest_mu = std::pow(2 * M_PI * selection.below_hz, -2);
+  const VectorX mu =
+      LowestModes(mechanism, kinematics, basis, Y_r, MatrixX(basis.num_elastic(), 0), MatrixX(0, 0), most + 1)
+          .mu;
+  const int resolved = static_cast<int>((mu.array() > largest_mu).count());
+  if (resolved > most) {
+    selection.count = most;
+    selection.choice = ModeChoice::kContribution;
+  } else {
+    // All: later references have all too.
+    selection.count = std::max(resolved == unfelt ? basis.num_elastic() : resolved, def.modes);
+  }
+  return selection;
 }
 
 }  // namespace fork1s::internal

@@ -180,16 +180,24 @@ Expected<std::vector<BodyIndex>> ResolveInterfaces(const Mechanism& mechanism,
   return bodies;
 }
 
-// The directions that the interface feels, `felt` of each part, and modes.
+// The directions that the interface feels, `felt` of each part, and modes: as of `last`, if any.
 KeptColumns ChooseColumns(ReducedModel& model, const Kinematics& kinematics, const ReductionOptions& options,
                           const internal::ElasticBasis& basis, const MatrixX& J, const MatrixX& J_V,
-                          const std::vector<int>& felt) {
+                          const std::vector<int>& felt, const ReducedModel* last) {
   const Mechanism& mechanism = *model.mechanism;
   const int e = basis.num_elastic();
   KeptColumns kept;
   kept.num_elastic = std::accumulate(felt.begin(), felt.end(), 0);
   const int unfelt = e - kept.num_elastic;
-  const int wanted = options.modes >= 0 ? options.modes : mechanism.definition().modes;
+  const MechanismDef& def = mechanism.definition();
+  const MatrixX Y_r = FeltDirections(J_V, basis, felt);
+  if (last)
+    model.mode_selection = last->mode_selection;
+  else if (options.modes < 0 && def.modes_by_step && options.step > 0)
+    model.mode_selection = internal::SelectModesByStep(mechanism, kinematics, basis, Y_r, options.step);
+  else
+    model.mode_selection = {options.modes >= 0 ? options.modes : def.modes, def.mode_choice};
+  const int wanted = model.mode_selection.count;
   if (wanted >= unfelt) {
     // All directions: then single joints, and what single loops leave, serve better than what the interface
     // feels most, and modes.
@@ -197,8 +205,7 @@ KeptColumns ChooseColumns(ReducedModel& model, const Kinematics& kinematics, con
     kept.num_modes = unfelt;
     return kept;
   }
-  const bool by_contribution = mechanism.definition().mode_choice == ModeChoice::kContribution;
-  const MatrixX Y_r = FeltDirections(J_V, basis, felt);
+  const bool by_contribution = model.mode_selection.choice == ModeChoice::kContribution;
   const auto keep = [&](const MatrixX& modes) {
     kept.num_modes = static_cast<int>(modes.cols());
     kept.Y.resize(e, kept.num_elastic + kept.num_modes);
@@ -306,7 +313,7 @@ Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, c
   keep(model.interior_stops);
   KeptColumns kept;
   const auto choose = [&] {
-    kept = ChooseColumns(model, kinematics, options, basis, J, J_V, felt);
+    kept = ChooseColumns(model, kinematics, options, basis, J, J_V, felt, last);
     FillBasis(model, basis, kept);
     FillComplement(model, basis);
   };

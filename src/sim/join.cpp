@@ -123,7 +123,7 @@ void AppendDefinition(const MechanismDef& from, const Shift& shift, MechanismDef
   // A field more does not compile here: then append it, or leave it to the host.
   [[maybe_unused]] const auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs,
                                 controls, frictions, length_limits, force_limits, interfaces, chosen, modes,
-                                choice, filter] = from;
+                                by_step, choice, filter] = from;
   for (std::size_t b = 1; b < from.bodies.size(); ++b) {
     to.bodies.push_back(from.bodies[b]);
     to.bodies.back().parent = shift(from.bodies[b].parent);
@@ -156,6 +156,7 @@ void AppendDefinition(const MechanismDef& from, const Shift& shift, MechanismDef
   for (const ForceLimitDef& f : from.force_limits) to.force_limits.push_back(shift.OnLength(f));
   to.interfaces.insert(to.interfaces.end(), from.interfaces.begin(), from.interfaces.end());
   to.modes += from.modes;
+  to.modes_by_step |= from.modes_by_step;
 }
 
 void Append(const VectorX& more, VectorX& to) {

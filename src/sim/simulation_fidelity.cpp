@@ -20,6 +20,7 @@ World::Options Simulation::WorldOptions(const Fidelity& fidelity) const {
   o.refresh_angle = options_.refresh_angle;
   o.load_columns =
       internal::IntegratorBy(fidelity.recovery, options_.step.integrator) == Integrator::kTwoStage;
+  o.reduction.step = o.load_columns ? dt_ : 0;
   o.collision = options_.collision;
   o.reserved_contacts = options_.reserved_contacts;
   return o;

@@ -45,6 +45,7 @@ void TryFewer(const PosedMechanism& posed, const ReducedModel& model, InterfaceG
     for (std::size_t i = 0; i < kept.size(); ++i) {
       ReductionOptions options;
       options.interfaces = Without(kept, i);
+      if (model.mode_selection.below_hz > 0) options.step = 1 / (6 * model.mode_selection.below_hz);
       auto reduced = Reduce(posed.mechanism, posed.q, options, &posed.loads);
       if (!reduced) {
         if (first && reduced.error().code == ErrorCode::kUnderdetermined)

@@ -20,6 +20,31 @@ TEST(Inspect, SaysWhatHoldsEachJoint) {
   EXPECT_EQ(json["free_bodies"][0]["name"], "ball");
 }
 
+TEST(Run, SaysWhichModesAreKeptAndWhatIsLeftOut) {
+  std::string masses;
+  for (const char* k : {"12", "25", "40", "60", "90", "200"})
+    masses += std::string("<body pos='0 0 .1'><joint type='slide' axis='1 0 0' stiffness='") + k +
+              "'/><geom size='.01' mass='.3' contype='0' conaffinity='0'/></body>";
+  const std::string model = Write(
+      "masses.xml",
+      "<mujoco><option gravity='0 0 0'/><custom><text name='fork1s_interface' "
+      "data='plate'/></custom><worldbody>"
+      "<body name='plate'><joint type='slide' axis='1 0 0' stiffness='800'/><geom size='.1' mass='2'/>" +
+          masses + "</body></worldbody></mujoco>");
+  // sqrt(90 / 0.3) / 2π = 2.757 Hz
+  const std::pair<const char*, const char*> cases[] = {
+      {"run --time 0.1 ", "modes: 6; no motion left out"},
+      {"run --time 0.1 --modes auto ", "modes: 6; no motion left out"},
+      {"reduce ", "modes: 6; no motion left out"},
+      {"reduce --modes 4 ", "modes: 4; 2 left out, from 2.76 Hz on: "},
+      {"run --time 0.1 --modes 4 ", "modes: 4; 2 left out, from 2.76 Hz on: "}};
+  for (const auto& [arguments, line] : cases) {
+    const Outcome o = Fork1s(arguments + model);
+    EXPECT_EQ(o.code, 0) << o.err;
+    EXPECT_NE(o.out.find(line), std::string::npos) << arguments << o.out;
+  }
+}
+
 TEST(Reduce, HasThePromisedKeys) {
   const std::string model = Write("finger.xml", FingerModel());
   const Outcome o = Fork1s("reduce --json " + model);

@@ -7,7 +7,7 @@ import copyreg
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any, Literal, Union
 
 import numpy.typing as npt
 
@@ -36,7 +36,7 @@ def load(
     *,
     interface: str | Sequence[str] = (),
     base: str | None = None,
-    modes: int | None = None,
+    modes: int | Literal["auto"] | None = None,
     mode_choice: str | None = None,
     stiffness_scale: float = 1.0,
     pd: Gains | Mapping[str, Gains] | None = None,
@@ -55,7 +55,8 @@ def load(
             specification whose assets are files, and of the model that it read last. All others are refused.
         interface: names of the bodies that may touch the world; replaces what the file says.
         base: 'fixed', 'floating' or 'driven'; replaces what the file says.
-        modes: fixed-interface modes to keep at most.
+        modes: fixed-interface modes to keep at most; 'auto' keeps all below 1/(6 dt) and at least 4, within 24
+            coordinates or twice those of the interface (euler, theta: 4). Default: what the file says, else 'auto'.
         mode_choice: 'lowest' in frequency, or those of largest 'contribution' to the motion of the interface.
         stiffness_scale: multiplies every joint spring; its damper by the square root.
         pd: gains (kp, kv) in N·m/rad and N·m·s/rad (N/m, N·s/m) that hold every joint which nothing holds, or a

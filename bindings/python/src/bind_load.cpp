@@ -50,7 +50,10 @@ ImportOptions ReadOptions(const nb::dict& given) {
   options.interfaces =
       ReadAs<std::vector<std::string>>(get("interface"), "interface", "a name or a sequence of names");
   options.base = Word(kBaseKindNames, text("base"), "base");
-  if (!get("modes").is_none()) options.modes = Whole{get("modes")}.Within("modes", 0);
+  options.modes_by_step =
+      nb::isinstance<nb::str>(get("modes")) && nb::cast<std::string>(get("modes")) == "auto";
+  if (!get("modes").is_none() && !options.modes_by_step)
+    options.modes = Whole{get("modes")}.Within("modes", 0);
   options.mode_choice = Word(kModeChoiceNames, text("mode_choice"), "mode_choice");
   options.stiffness_scale = Real{get("stiffness_scale")}.Read("stiffness_scale");
   if (!get("pd").is_none()) options.pd = Read(ReadAs<Gains>(get("pd"), "pd", kGains));

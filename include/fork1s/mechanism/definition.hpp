@@ -287,6 +287,7 @@ struct MechanismDef {
   std::vector<std::string> interfaces;  // names of the bodies that touch the world
   bool interfaces_chosen = true;        // false: picked by the importer, not named by the user
   int modes = 4;                        // fixed-interface modes to keep
+  bool modes_by_step = true;            // more where the time step resolves more: ReductionOptions::step
   ModeChoice mode_choice = ModeChoice::kLowest;
   ParentFilter parent_filter = ParentFilter::kAll;
 

@@ -12,4 +12,15 @@ std::vector<double> FullFrequencies(const Mechanism& mechanism, const VectorX& q
 /// The same within the reduced coordinates.
 std::vector<double> ReducedFrequencies(const ReducedModel& model, int count = 8);
 
+/// Vibrations of the condensed motions with all reduced coordinates held.
+struct LeftOutModes {
+  int count = 0;
+  double lowest_hz = 0;  // 0: none
+  double contribution_m =
+      0;  // the largest of the lowest 24: displacement of the interface that is missed, to first
+          // order, under the mechanism's weight on the interface at the worst frequency
+  double largest_hz = 0;  // the mode that has it
+};
+LeftOutModes ComputeLeftOutModes(const ReducedModel& model);
+
 }  // namespace fork1s

@@ -25,6 +25,18 @@ struct ReductionOptions {
   double rank_tolerance = 1e-4;  // what the interface feels less than this share of the most is left to the statics
   /// A spring-free motion that no interface body sees is an error; with this its body becomes an interface.
   bool promote_hidden = false;
+  /// s, above 0: where `modes` leaves the number to the definition and that has `modes_by_step`, all modes
+  /// below 1/(6 step) are kept, up to kMostCoordinatesByStep coordinates or twice the others'; beyond that
+  /// those of largest contribution.
+  double step = 0;
+};
+constexpr int kMostCoordinatesByStep = 24;
+
+/// How many fixed-interface modes are kept, and which.
+struct ModeSelection {
+  int count = 0;  // at most
+  ModeChoice choice = ModeChoice::kLowest;
+  double below_hz = 0;  // 1/(6 step) where the time step chose them, else 0
 };
 
 /// Loads whose static answers, as far as the interface does not feel them, are coordinates: load-dependent
@@ -47,6 +59,7 @@ struct ReducedModel {
   int num_elastic = 0;  // directions in which the interface feels springs
   int num_modes = 0;    // fixed-interface modes
   int num_loads = 0;    // load columns
+  ModeSelection mode_selection;           // later references take the same
   std::vector<std::string> column_names;  // r: "elastic 1", "mode 2", "weight z (joint that moves most)"
 
   MatrixX Q;                             // n x r
