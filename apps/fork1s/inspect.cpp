@@ -58,10 +58,7 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     one["interfaces_chosen"] = def.interfaces_chosen;
     one["modes"] = def.modes_by_step ? Json("auto") : Json(def.modes);
     one["mode_choice"] = Name(def.mode_choice);
-    ReductionOptions options;
-    options.promote_hidden = !p.interfaces_chosen;
-    options.step = Scene().timestep;
-    auto reduced = Reduce(p.mechanism, p.q, options, &p.loads);
+    auto reduced = ReduceAtStart(p);
     one["gain"] =
         reduced ? GainJson(MeasureInterfaceGain(p, *reduced, imported.scene.timestep)) : Json(nullptr);
     one["joint_table"] = Json::array();

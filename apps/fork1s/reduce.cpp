@@ -55,11 +55,8 @@ Json LoadedJson(const Expected<LoadedState>& loaded, double length) {
 Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFreeMotion on_free,
                          ReducedModel& model) {
   const Mechanism& m = *posed.mechanism;
-  ReductionOptions options;
-  options.promote_hidden = !posed.interfaces_chosen;
-  options.step = Scene().timestep;
   const auto start = std::chrono::steady_clock::now();
-  auto reduced = Reduce(posed.mechanism, posed.q, options, &posed.loads);
+  auto reduced = ReduceAtStart(posed);
   const std::chrono::duration<double, std::milli> spent = std::chrono::steady_clock::now() - start;
   if (!reduced) return tl::unexpected(reduced.error());
   model = std::move(*reduced);

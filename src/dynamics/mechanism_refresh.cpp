@@ -88,8 +88,8 @@ bool MissesAppliedForces(const MechanismStep& here) {
   };
   const double missed = largest(ws.rest);
   if (!(missed > kShape)) return false;
-  for (const int i : model.reduced->SprungColumns())
-    ws.rest += model.reduced->Q.col(i).dot(ws.tau) * model.reduced->Q.col(i);
+  for (int i = 0; i < model.size(); ++i)
+    if (model.reduced->K_r(i) != 0) ws.rest += model.reduced->Q.col(i).dot(ws.tau) * model.reduced->Q.col(i);
   return missed > std::sin(std::min(model.options.refresh_angle, M_PI_2)) * largest(ws.rest);
 }
 

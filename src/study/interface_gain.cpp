@@ -43,10 +43,7 @@ void TryFewer(const PosedMechanism& posed, const ReducedModel& model, InterfaceG
     std::optional<ReducedModel> best;
     std::size_t dropped = 0;
     for (std::size_t i = 0; i < kept.size(); ++i) {
-      ReductionOptions options;
-      options.interfaces = Without(kept, i);
-      if (model.mode_selection.below_hz > 0) options.step = 1 / (6 * model.mode_selection.below_hz);
-      auto reduced = Reduce(posed.mechanism, posed.q, options, &posed.loads);
+      auto reduced = ReduceAtStart(posed, Without(kept, i));
       if (!reduced) {
         if (first && reduced.error().code == ErrorCode::kUnderdetermined)
           gain.must_stay.push_back(posed.mechanism->body(kept[i]).name);

@@ -33,4 +33,12 @@ Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& import
   return posed;
 }
 
+Expected<ReducedModel> ReduceAtStart(const PosedMechanism& posed, const std::vector<BodyIndex>& interfaces) {
+  ReductionOptions options;
+  options.interfaces = interfaces;
+  options.promote_hidden = interfaces.empty() && !posed.interfaces_chosen;
+  options.step = Scene().timestep;
+  return Reduce(posed.mechanism, posed.q, options, &posed.loads);
+}
+
 }  // namespace fork1s

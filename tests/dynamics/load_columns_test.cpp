@@ -1,5 +1,6 @@
 // Load columns in motion: what the interface does not feel moves by the equation of motion, with its inertia.
 #include <dynamics/support.hpp>
+#include <fork1s/linalg/cholesky.hpp>
 
 namespace fork1s {
 namespace {
@@ -124,6 +125,33 @@ TEST(LoadColumns, HeldForcesOnInteriorBodiesBendItAsTheyBendAllJoints) {
     EXPECT_GT(all.cwiseAbs().maxCoeff(), 0.1);
     // rad, the size that a load column is asked for
     EXPECT_LT((RestUnderForce(0, by_spring) - all).cwiseAbs().maxCoeff(), 1e-3) << by_spring;
+  }
+}
+
+// rad by which a joint of a chain of ten, of stiffness k, rests elsewhere under 1 N across its fifth body
+// than where the interface, its tip, moves the joints to: what is left of K⁻¹ τ by least squares in the
+// metric of K.
+double MissedPerNewton(double k, double length) {
+  MatrixX J = MatrixX::Zero(3, 10);  // turn, x and y of the tip in the plane
+  VectorX answer = VectorX::Zero(10);
+  for (int i = 0; i < 10; ++i) {
+    J(0, i) = 1;
+    J(2, i) = (9 - i) * length;
+    answer(i) = std::max(0, 4 - i) * length / k;
+  }
+  const MatrixX A = J.transpose();
+  const VectorX moved = A * SolveSymmetric(A.transpose() * A, A.transpose() * answer);
+  return (answer - moved).cwiseAbs().maxCoeff();
+}
+
+TEST(LoadColumns, ForcesGetOneFromAMilliradianOn) {
+  for (const double share : {0.99, 1.01}) {
+    const MechanismDef chain = testing::Chain(10, 0.05, 0.05, 1e4, 2);
+    World world = ChainUnder(chain, Vector3::Zero(), 0);
+    MechanismDynamics& m = world.mechanisms()[0];
+    const double force = share * 1e-3 / MissedPerNewton(1e4, 0.05);
+    m.AddWrench(BodyIndex(5), Vector3(0, force, 0), Vector3::Zero(), m.BodyPose(BodyIndex(5)).translation());
+    EXPECT_EQ(world.Step(TwoStage(1e-5)).refreshes, share > 1 ? 1 : 0) << share;
   }
 }
 

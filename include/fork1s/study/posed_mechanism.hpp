@@ -19,6 +19,11 @@ struct PosedMechanism {
   bool interfaces_chosen = true;
 };
 
+/// The model that a two-stage simulation at 1/60 s starts with; `interfaces` empty: those of the mechanism.
+/// Errors: as of Reduce.
+Expected<ReducedModel> ReduceAtStart(const PosedMechanism& posed,
+                                     const std::vector<BodyIndex>& interfaces = {});
+
 /// In the order of the scene. Errors: as of BuildMechanism; kModel where loops stay open.
 Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& imported);
 
