@@ -192,6 +192,30 @@ TEST(LoadColumns, AreOfOneFingerEach) {
   EXPECT_EQ(model.column_names[5].substr(0, 16), "weight z (jright");
 }
 
+// An arm that the interface sees carries a mote on a hinge of its own: what weight bends there is the mote's
+// share of the weight's answer, and has a column from a millionth of it on.
+TEST(LoadColumns, BeginAtAMillionthOfTheirAnswer) {
+  for (const double share : {0.99e-6, 1.01e-6}) {
+    MechanismBuilder builder("arm");
+    BodyDef arm, mote;
+    arm.name = "arm";
+    arm.parent = builder.base();
+    arm.inertia = testing::Ball(1, 0.1);
+    arm.inertia.center = Vector3(0.1, 0, 0);
+    mote.name = "mote";
+    mote.parent = builder.AddBody(arm);
+    mote.X_PB = RigidTransform(Vector3(0.2, 0, 0));
+    mote.inertia = testing::Ball(share, 0.1);
+    mote.inertia.center = Vector3(0.1, 0, 0);
+    builder.AddJoint(JointDef::Hinge("shoulder", mote.parent, Vector3::UnitY()).WithSpring(2, 0));
+    builder.AddJoint(JointDef::Hinge("own", builder.AddBody(mote), Vector3::UnitY()).WithSpring(2, 0));
+    builder.SetInterfaces({"arm"});
+    ReductionLoads loads;
+    loads.gravity_R = Vector3(0, 0, -9.81);
+    EXPECT_EQ(Reduced(testing::Share(builder.definition()), &loads).num_loads, share > 1e-6 ? 1 : 0);
+  }
+}
+
 // A column that is there already is not taken twice, and none are where no motion is left out.
 TEST(LoadColumns, AreIndependent) {
   const auto m = testing::Share(testing::Chain(10, 0.1, 0.2, 3));
