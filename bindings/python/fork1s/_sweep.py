@@ -65,8 +65,8 @@ def sweep(
     Returns:
         A pandas frame: a column for each parameter, then for each result, then error, a sentence where the point
         failed and None else; seconds; worker, host and process. A point fails where its model or `metric` raises, or
-        where it ends its process; the sweep goes on. A SweepWarning tells of the first failure as it comes, and of
-        their number at the end.
+        where it ends its process; the sweep goes on. A SweepWarning tells of the first failure as it comes, of the
+        first five points if all of them failed, and of the number of failures at the end.
 
     Raises:
         SweepError: every point failed; its `table` has the rows, and `path` keeps them.

@@ -33,6 +33,7 @@ def warn(sentence: str) -> None:
 
 Point = tuple[str, dict[str, Any]]  # key and values
 _WINDOW = 1000
+_FEW = 5  # so many failed points without a result are reported: the cause may be common to all points
 
 
 class Progress:
@@ -163,6 +164,8 @@ class Sweeping:
         self._done: SimpleQueue[Future[Any]] = SimpleQueue()
         self._answered = False
         self._has_failed = False
+        self._num_failed = 0
+        self._has_result = any(row.get("error") is None for row in journal.rows.values())
         self._window = max(1, (in_flight or (8 * self._own.count if self._own else _WINDOW) * chunk) // chunk)
 
     def run(self) -> None:
@@ -248,6 +251,13 @@ class Sweeping:
             point, error = failed[0]
             values = ", ".join(f"{name} = {value!r}" for name, value in point.items())
             warn(f"sweep: the point {values} failed: {error}; the other points go on")
+        self._has_result = self._has_result or len(failed) < len(rows)
+        before, self._num_failed = self._num_failed, self._num_failed + len(failed)
+        if not self._has_result and before < _FEW <= self._num_failed and (self._to_ask or self._suspects or self._out):
+            warn(
+                f"sweep: all of the first {self._num_failed} points failed, the last with: {failed[-1][1]}; stop the sweep "
+                "(Ctrl-C) if the others would fail too, mend the model, the metric or the parameters and call it again"
+            )
         self._progress.add(len(rows))
 
     def _fail(self, asked: list[Point], sentence: str) -> None:

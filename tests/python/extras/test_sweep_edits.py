@@ -297,6 +297,32 @@ def test_a_sweep_of_which_all_fail_is_an_error(sweeps, tmp_path):
     assert len(raised.value.table) == 3 and len(pandas.read_parquet(sweeps.path)) == 3
 
 
+@pytest.mark.parametrize("works_from, told_at", [(49, 5), (4, None), (5, 5)], ids=["all", "four", "five"])
+def test_failures_of_all_first_points_are_told_before_the_others_are_asked(tmp_path, works_from, told_at):
+    def metric(model, point):
+        if point["x"] < works_from:
+            raise ValueError(f"x is {point['x']}")
+        return 1.0
+
+    done_when_told = []
+    with warnings.catch_warnings(record=True) as said, ThreadPoolExecutor(1) as executor:
+        warnings.simplefilter("always")
+
+        def count(done, total):
+            if not done_when_told and any("all of the first 5 points failed" in str(w.message) for w in said):
+                done_when_told.append(done)
+
+        ask = lambda: fork1s.sweep(  # noqa: E731
+            write_model(tmp_path), {"x": range(49)}, metric, executor, progress=count, in_flight=1)
+        if works_from < 49:
+            ask()
+        else:
+            with pytest.raises(fork1s.SweepError, match="all of 49 points failed"):
+                ask()
+    assert done_when_told == ([] if told_at is None else [told_at])
+    assert not done_when_told or "the last with: ValueError: x is 4" in str(said[1].message)
+
+
 def test_a_file_of_another_sweep_is_refused(sweeps, tmp_path):
     model = write_model(tmp_path)
     sweeps(model, mass)
