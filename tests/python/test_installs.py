@@ -13,7 +13,8 @@ import pytest
 
 WHEEL, PIP = os.environ.get("FORK1S_WHEEL", ""), os.environ.get("FORK1S_PIP", "")
 pytestmark = pytest.mark.skipif(not (WHEEL and PIP), reason="tools/wheel.sh says which wheel (FORK1S_WHEEL, FORK1S_PIP)")
-OTHER = "mujoco==3.17.0"
+# The last whose library is in the package mujoco, and the first that takes it from the package mujoco-core.
+OTHERS = ("mujoco==3.17.0", "mujoco==4.0.0")
 
 OURS = """
 import fork1s
@@ -148,16 +149,37 @@ assert said.returncode == 0 and fork1s.__version__ in said.stdout, said
 """)
 
 
-def test_after_another_version_of_mujoco(environment):
-    environment.install(OTHER)
+@pytest.mark.parametrize("other", OTHERS)
+def test_after_another_version_of_mujoco(environment, other):
+    environment.install(other)
     environment.install(WHEEL)
     environment.check_both()
 
 
-def test_before_another_version_of_mujoco(environment):
+@pytest.mark.parametrize("other", OTHERS)
+def test_before_another_version_of_mujoco(environment, other):
     environment.install(WHEEL)
-    environment.install(OTHER)
+    environment.install(other)
     environment.check_both()
+
+
+def test_a_mix_of_packages_of_mujoco(environment):
+    """The packages mujoco 3 and mujoco-core share a folder, and import mujoco fails; fork1s has a library of its own."""
+    environment.install(WHEEL, "mujoco==3.7.0")
+    environment.run(OURS, THEIRS)
+    environment.install("mujoco-core==4.0.1")
+    environment.run(OURS, """
+try:
+    import mujoco
+    raise SystemExit("the mix is imported: test another")
+except OSError:
+    pass
+try:
+    fork1s.mujoco
+    raise SystemExit("fork1s.mujoco by a mix of packages")
+except ImportError as error:
+    assert "libmujoco.so.3.7.0" in str(error) and "pip uninstall mujoco mujoco-core" in str(error), error
+""")
 
 
 def test_in_one_command_with_gymnasium(environment):

@@ -43,7 +43,18 @@ def needed() -> Any:
         raise ModuleNotFoundError(
             "this needs the package mujoco, of any version from 3.2 on: pip install 'fork1s[mujoco]'"
         ) from None
+    except (ImportError, OSError) as error:
+        raise ImportError(
+            f"the package mujoco is there and cannot be imported ({error}). The packages mujoco 3 and mujoco-core install "
+            "into the same folder, and each breaks the other: pip uninstall mujoco mujoco-core, then pip install one of them"
+        ) from error
     return mujoco
+
+
+def _same_version() -> str:
+    """The remedy where the version of MuJoCo is another than that of fork1s."""
+    # Up to 3.17 the package mujoco has the files that mujoco-core has since 4.0, in the same folder.
+    return f"pip uninstall mujoco mujoco-core, then pip install mujoco-core=={_core.mujoco_version}"
 
 
 def readable(source: Any) -> Any:
@@ -102,7 +113,7 @@ def _text_of_spec(spec: Any) -> str:
             raise UsageError(
                 f"MjSpec of mujoco {_version()}: the file '{name}' is in its assets in memory, and fork1s, which reads by "
                 f"MuJoCo {_core.mujoco_version}, reads another version's models as XML with files; write the assets to files "
-                f"and load the path, or pip install mujoco-core=={_core.mujoco_version}"
+                f"and load the path, or {_same_version()}"
             )
         element.set("file", os.path.normpath(base / folder / name))
     return _without_folders(root)
@@ -113,7 +124,7 @@ def _text_of_model(model: Any) -> str:
     refusal = (
         f"MjModel of mujoco {_version()}: fork1s reads by MuJoCo {_core.mujoco_version}, and a model of another version, or "
         "one with plugins, from the XML that its own version writes. {why}. Load the path, the text or an MjSpec of the model, "
-        f"or pip install mujoco-core=={_core.mujoco_version}"
+        f"or {_same_version()}"
     )
     with tempfile.TemporaryDirectory() as folder:
         file = os.path.join(folder, "model.xml")
