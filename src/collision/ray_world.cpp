@@ -84,8 +84,10 @@ void RayWorld::SetPose(int body, const RigidTransform& X_WB) {
 
 std::optional<RayHit> RayWorld::Cast(const Vector3& origin, const Vector3& direction, double reach) {
   const double length = direction.norm();
-  FORK1S_REQUIRE(origin.allFinite() && std::isfinite(length) && length > 0, origin, direction);
-  FORK1S_REQUIRE(reach >= 0, reach);
+  FORK1S_REQUIRE(origin.allFinite() && std::isfinite(length), "from", origin.transpose(), "along",
+                 direction.transpose(), "; give finite numbers");
+  FORK1S_REQUIRE(length > 0, "a ray of no direction; give a vector that is not 0");
+  FORK1S_REQUIRE(reach >= 0, "a reach of", reach, "m; give 0 or more");
   const Vector3 along = direction / length;
   RayHit hit;
   int id = -1;

@@ -7,19 +7,23 @@ MechanismBuilder::MechanismBuilder(std::string name, BaseKind base, SpatialInert
   definition_.base = base;
   BodyDef body;
   body.name = "base";
+  names_.insert(body.name);
   body.inertia = base_inertia;
   definition_.bodies.push_back(std::move(body));
 }
 
 BodyIndex MechanismBuilder::AddBody(BodyDef body) {
-  FORK1S_REQUIRE(body.parent.valid() && body.parent.u() < definition_.bodies.size(), body.name,
-                 "needs a parent that was added before it");
+  FORK1S_REQUIRE(body.parent.valid() && body.parent.u() < definition_.bodies.size(),
+                 "body '" + body.name + "' needs a parent that was added before it; base() is the first");
+  FORK1S_REQUIRE(names_.insert(body.name).second, "there is a body '" + body.name + "'; give another name");
   definition_.bodies.push_back(std::move(body));
   return BodyIndex(definition_.bodies.size() - 1);
 }
 
 JointIndex MechanismBuilder::AddJoint(JointDef joint) {
-  FORK1S_REQUIRE(joint.body.valid() && joint.body.u() < definition_.bodies.size(), joint.name);
+  FORK1S_REQUIRE(
+      joint.body.valid() && joint.body.u() < definition_.bodies.size(),
+      "joint '" + joint.name + "' moves no body that was added; give an index that AddBody returned");
   definition_.joints.push_back(std::move(joint));
   return JointIndex(definition_.joints.size() - 1);
 }

@@ -6,7 +6,7 @@
 namespace fork1s {
 
 MechanismDef ScaleStiffness(MechanismDef definition, double factor) {
-  FORK1S_REQUIRE(factor >= 0 && std::isfinite(factor), factor);
+  FORK1S_REQUIRE(factor >= 0 && std::isfinite(factor), "a factor of", factor, "; give 0 or more");
   // Damping goes with the square root so that damping ratios stay as they are.
   const double root = std::sqrt(factor);
   for (auto& joint : definition.joints)
@@ -34,9 +34,10 @@ MechanismDef ScaleStiffness(MechanismDef definition, double factor) {
 }
 
 MechanismDef SetStiffness(MechanismDef definition, FreedomRef freedom, double stiffness) {
-  FORK1S_REQUIRE(stiffness >= 0 && std::isfinite(stiffness), stiffness);
-  FreedomDef& own =
-      definition.joints.at(freedom.joint.u()).freedoms.at(static_cast<std::size_t>(freedom.freedom));
+  FORK1S_REQUIRE(stiffness >= 0 && std::isfinite(stiffness), "a stiffness of", stiffness, "; give 0 or more");
+  internal::RequireIndex("joint", freedom.joint.value(), definition.joints.size());
+  internal::RequireIndex("freedom", freedom.freedom, definition.joints[freedom.joint.u()].freedoms.size());
+  FreedomDef& own = definition.joints[freedom.joint.u()].freedoms[static_cast<std::size_t>(freedom.freedom)];
   const double factor = own.stiffness > 0 ? stiffness / own.stiffness : 1;
   const double root = std::sqrt(factor);
   const auto pulls_it_alone = [&](const auto& d) {

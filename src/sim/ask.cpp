@@ -6,11 +6,24 @@
 namespace fork1s {
 namespace {
 
-tl::unexpected<Error> NoSuch(const char* what, const std::string& name,
-                             const std::vector<std::string>& known) {
-  std::string text = std::string("there is no ") + what + " of this name; there are: ";
-  for (const std::string& k : known) text += (&k == &known.front() ? "" : ", ") + k;
-  return Fail(ErrorCode::kUsage, name, known.empty() ? std::string("there is no ") + what : text);
+// The index of the only one of this name. `name_of` gives that of an element.
+template <class Element, class NameOf>
+Expected<int> OnlyNamed(const char* what, const char* plural, const std::string& name,
+                        const std::vector<Element>& all, const NameOf& name_of) {
+  const auto has_it = [&](const Element& e) { return name_of(e) == name; };
+  const auto refuse = [&](const std::string& message) { return Fail(ErrorCode::kUsage, name, message); };
+  const auto at = std::find_if(all.begin(), all.end(), has_it);
+  if (const auto count = std::count_if(at, all.end(), has_it); count > 1)
+    return refuse(std::to_string(count) + ' ' + plural + " are named '" + name +
+                  "'; rename them in the scene, or name them by index");
+  if (at != all.end()) return static_cast<int>(at - all.begin());
+  constexpr std::size_t kMaxListed = 40;
+  std::string list;
+  for (std::size_t i = 0; i < all.size() && i < kMaxListed; ++i)
+    list += (i == 0 ? "" : ", ") + name_of(all[i]);
+  if (all.size() > kMaxListed) list += ", ...";
+  return refuse("there is no " + std::string(what) + " '" + name + "'" +
+                (all.empty() ? ", nor any other" : "; there are: " + list));
 }
 
 std::string NameAt(const Simulation& simulation, int body) {
@@ -20,17 +33,13 @@ std::string NameAt(const Simulation& simulation, int body) {
 }  // namespace
 
 Expected<int> BodyNamed(const Simulation& simulation, const std::string& name) {
-  const int at = simulation.FindBody(name);
-  if (at >= 0) return at;
-  std::vector<std::string> known;
-  for (const SceneBody& body : simulation.bodies()) known.push_back(body.name);
-  return NoSuch("body", name, known);
+  return OnlyNamed("body", "bodies", name, simulation.bodies(),
+                   [](const SceneBody& body) -> const std::string& { return body.name; });
 }
 
 Expected<int> ControlNamed(const Simulation& simulation, const std::string& name) {
-  const int at = simulation.FindControl(name);
-  if (at >= 0) return at;
-  return NoSuch("control", name, simulation.control_names());
+  return OnlyNamed("control", "controls", name, simulation.control_names(),
+                   [](const std::string& control) -> const std::string& { return control; });
 }
 
 Expected<void> TrySetControl(Simulation& simulation, const std::string& name, double value) {

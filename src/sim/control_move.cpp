@@ -8,7 +8,7 @@ ControlMove::ControlMove(const Simulation& simulation, int steps)
       set_(simulation.controls()),
       base_rates_(simulation.base_rates()),
       steps_left_(steps) {
-  FORK1S_REQUIRE(steps > 0, steps);
+  FORK1S_REQUIRE(steps > 0, "over", steps, "steps; give 1 or more");
 }
 
 StepReport ControlMove::Step(Simulation& simulation) {

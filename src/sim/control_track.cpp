@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/sim/simulation.hpp>
+#include <functional>
 #include <limits>
 
 namespace fork1s {
@@ -40,14 +41,22 @@ std::vector<std::string> ControlTrack::FindMissing(const Simulation& simulation)
 }
 
 void ControlTrack::Start(Simulation& simulation) const {
+  FORK1S_REQUIRE(std::is_sorted(times.begin(), times.end(), std::less_equal<>()),
+                 "times that do not increase");
   Apply(0, simulation);
   simulation.StartFromControls();
 }
 
 void ControlTrack::Apply(double time, Simulation& simulation) const {
+  FORK1S_REQUIRE(times.size() == rows.size(), times.size(), "times and", rows.size(),
+                 "rows; give a row for each time");
+  FORK1S_REQUIRE(std::isfinite(time), "at", time, "s; give a finite time");
   if (times.empty()) return;
   const auto after =
       static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), time) - times.begin());
+  for (std::size_t row = after > 0 ? after - 1 : 0; row < std::min(after + 1, rows.size()); ++row)
+    FORK1S_REQUIRE(rows[row].size() == names.size(), "row", row, "has", rows[row].size(), "values for",
+                   names.size(), "names; give a value for each");
   for (std::size_t i = 0; i < names.size(); ++i) {
     const int control = simulation.FindControl(names[i]);
     if (control < 0) continue;

@@ -16,8 +16,6 @@ constexpr std::array kAxes{".x", ".y", ".z", ".rx", ".ry", ".rz"};
 double Unit(std::mt19937_64& bits) { return static_cast<double>(bits() >> 11) * 0x1p-53; }
 
 double Factor(std::mt19937_64& bits, const DrawRange& range) {
-  FORK1S_REQUIRE(0 < range.low && range.low <= range.high && std::isfinite(range.high), range.low,
-                 range.high);
   const double at = Unit(bits);
   return range.low == range.high ? range.low : range.low * std::exp(at * std::log(range.high / range.low));
 }
@@ -50,6 +48,9 @@ Drawn Draw(const Randomisation& randomisation, std::uint64_t seed, std::uint64_t
   const auto low = [](std::uint64_t word) { return static_cast<std::uint32_t>(word); };
   std::seed_seq words{low(seed), low(seed >> 32), low(time), low(time >> 32)};
   std::mt19937_64 bits(words);
+  for (const DrawRange& range : {randomisation.stiffness, randomisation.friction, randomisation.mass})
+    FORK1S_REQUIRE(0 < range.low && range.low <= range.high && std::isfinite(range.high), "a range",
+                   range.low, "to", range.high, "of a factor; give low above 0 and high from there on");
   Drawn drawn;
   drawn.factors.stiffness = Factor(bits, randomisation.stiffness);
   drawn.factors.friction = Factor(bits, randomisation.friction);
@@ -58,7 +59,8 @@ Drawn Draw(const Randomisation& randomisation, std::uint64_t seed, std::uint64_t
   for (std::size_t i = 0; i < randomisation.start.size(); ++i) {
     const DrawRange& range = randomisation.start[i].range;
     FORK1S_REQUIRE(std::isfinite(range.low) && range.low <= range.high && std::isfinite(range.high),
-                   range.low, range.high);
+                   "a range", range.low, "to", range.high,
+                   "of '" + randomisation.start[i].coordinate + "'; give low, then high");
     drawn.start(static_cast<Eigen::Index>(i)) = range.low + (range.high - range.low) * Unit(bits);
   }
   return drawn;

@@ -4,27 +4,26 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/recovery/recover.hpp>
+#include <fork1s/sim/ask.hpp>
 
 #include "integrator_fits.hpp"
 #include "join.hpp"
 
 namespace fork1s {
-namespace {
-
-// A name comes from a user as often as from a program: the answer is in those words.
-[[noreturn]] void ThrowUnknown(const char* what, const std::string& name,
-                               const std::vector<std::string>& known) {
-  constexpr std::size_t kMost = 40;
-  std::string list;
-  for (std::size_t i = 0; i < known.size() && i < kMost; ++i) list += (i == 0 ? "'" : ", '") + known[i] + "'";
-  if (known.size() > kMost) list += ", ...";
-  throw std::invalid_argument("there is no " + std::string(what) + " '" + name + "'; there " +
-                              (known.empty() ? "are none" : "are " + list));
-}
-
-}  // namespace
-
 Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& options) {
+  FORK1S_REQUIRE(options.dt >= 0 && std::isfinite(options.dt), "a time step of", options.dt,
+                 "s; give seconds above 0, or 0 for the time step of the scene");
+  FORK1S_REQUIRE(options.refresh_angle >= 0, "a refresh_angle of", options.refresh_angle,
+                 "rad; give an angle of 0 or more");
+  FORK1S_REQUIRE(options.reduction.rank_tolerance >= 0 && options.reduction.rank_tolerance < 1,
+                 "a rank_tolerance of", options.reduction.rank_tolerance, "; give a share from 0 to below 1");
+  FORK1S_REQUIRE(options.initial_keyframe < static_cast<int>(scene.keyframes.size()), "initial_keyframe",
+                 options.initial_keyframe, "of a scene with", scene.keyframes.size(),
+                 "keyframes; give an index, or -1");
+  FORK1S_REQUIRE(options.reserved_contacts >= 0, "reserved_contacts of", options.reserved_contacts,
+                 "; give a number of 0 or more");
+  FORK1S_REQUIRE(options.collision.margin >= 0 && std::isfinite(options.collision.margin), "a margin of",
+                 options.collision.margin, "m; give a length of 0 or more");
   Simulation s;
   s.options_ = options;
   s.dt_ = options.dt > 0 ? options.dt : scene.timestep;
@@ -87,6 +86,10 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
 }
 
 StepReport Simulation::Step(bool controls_move) {
+  FORK1S_REQUIRE(step_options_.h == dt_, "step_options() with h of", step_options_.h, "s beside dt() of", dt_,
+                 "s, which stays; make a simulation of another dt");
+  FORK1S_REQUIRE(step_options_.gravity.allFinite(), "step_options() with the gravity",
+                 step_options_.gravity.transpose(), "m/s²; give finite numbers");
   PassControls(controls_move);
   CollectPointSprings();
   // HoldForces asks for them after the step, which forgets them.
@@ -133,6 +136,7 @@ void Simulation::PassControls(bool controls_move) {
 }
 
 bool Simulation::DrivesBase(int index) const {
+  internal::RequireIndex("control", index, controls_.size());
   return index >= static_cast<int>(control_names_.size()) - num_base_coordinates();
 }
 
@@ -142,32 +146,41 @@ int Simulation::FindControl(const std::string& name) const {
 }
 
 void Simulation::SetControl(int index, double value) {
-  FORK1S_REQUIRE(index >= 0 && index < controls_.size(), index);
-  FORK1S_REQUIRE(std::isfinite(value), control_names_[static_cast<std::size_t>(index)], value);
+  internal::RequireIndex("control", index, controls_.size());
+  FORK1S_REQUIRE(std::isfinite(value), "control '" + control_names_[static_cast<std::size_t>(index)] + "' to",
+                 value, "; give a finite number");
   controls_(index) = std::clamp(value, control_lower_(index), control_upper_(index));
   if (DrivesBase(index))
     base_rates_(index - controls_.size() + base_rates_.size()) = std::numeric_limits<double>::quiet_NaN();
 }
 
 void Simulation::SetBaseRate(int index, double rate) {
-  FORK1S_REQUIRE(index < controls_.size() && DrivesBase(index), index);
-  FORK1S_REQUIRE(std::isfinite(rate), control_names_[static_cast<std::size_t>(index)], rate);
+  internal::RequireIndex("control", index, controls_.size());
+  const std::string& name = control_names_[static_cast<std::size_t>(index)];
+  FORK1S_REQUIRE(DrivesBase(index),
+                 "control '" + name + "' is no coordinate of a driven base, which alone have rates");
+  FORK1S_REQUIRE(std::isfinite(rate), "the rate of '" + name + "' to", rate, "; give a finite number");
   base_rates_(index - controls_.size() + base_rates_.size()) = rate;
 }
 
 void Simulation::SetControl(const std::string& name, double value) {
-  const int index = FindControl(name);
-  if (index < 0) ThrowUnknown("control", name, control_names_);
-  SetControl(index, value);
+  const Expected<int> control = ControlNamed(*this, name);
+  if (!control) internal::ThrowMisuse(std::source_location::current(), control.error().message);
+  SetControl(*control, value);
 }
 
 void Simulation::SetControls(const VectorX& values) {
-  FORK1S_REQUIRE(values.size() == controls_.size(), values.size(), controls_.size());
+  FORK1S_REQUIRE(values.size() == controls_.size(), values.size(), "values for", controls_.size(),
+                 "controls; give one for each of control_names()");
+  for (int i = 0; i < values.size(); ++i)
+    FORK1S_REQUIRE(std::isfinite(values(i)),
+                   "control '" + control_names_[static_cast<std::size_t>(i)] + "' to", values(i),
+                   "; give a finite number");
   for (int i = 0; i < values.size(); ++i) SetControl(i, values(i));
 }
 
 void Simulation::StartFromControls() {
-  FORK1S_REQUIRE(steps_ == 0, steps_);
+  FORK1S_REQUIRE(steps_ == 0, "after", steps_, "steps; call it before the first");
   const Eigen::Index count = controls_.size() - base_rates_.size();
   last_controls_.head(count) = controls_.head(count);
   base_rates_.setConstant(std::numeric_limits<double>::quiet_NaN());
@@ -180,20 +193,16 @@ int Simulation::FindBody(const std::string& name) const {
 }
 
 RigidTransform Simulation::Pose(int body) const {
-  FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(bodies_.size()), body);
+  internal::RequireIndex("body", body, bodies_.size());
   const SceneBody& b = bodies_[static_cast<std::size_t>(body)];
   if (b.mechanism < 0) return world_.free_bodies()[static_cast<std::size_t>(b.index)].pose();
   return world_.mechanisms()[static_cast<std::size_t>(b.mechanism)].BodyPose(BodyIndex(b.index));
 }
 
 RigidTransform Simulation::Pose(const std::string& body) const {
-  const int index = FindBody(body);
-  if (index < 0) {
-    std::vector<std::string> names;
-    for (const SceneBody& b : bodies_) names.push_back(b.name);
-    ThrowUnknown("body", body, names);
-  }
-  return Pose(index);
+  const Expected<int> index = BodyNamed(*this, body);
+  if (!index) internal::ThrowMisuse(std::source_location::current(), index.error().message);
+  return Pose(*index);
 }
 
 void Simulation::Poses(std::vector<RigidTransform>& X_WB) const {
@@ -213,7 +222,7 @@ void Simulation::Poses(std::vector<RigidTransform>& X_WB) const {
 }
 
 Vector6 Simulation::Velocity(int body) const {
-  FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(bodies_.size()), body);
+  internal::RequireIndex("body", body, bodies_.size());
   const SceneBody& b = bodies_[static_cast<std::size_t>(body)];
   Vector6 V;
   if (b.mechanism < 0) {
@@ -227,8 +236,11 @@ Vector6 Simulation::Velocity(int body) const {
 
 void Simulation::ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W,
                              const Vector3& point_W) {
-  FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(bodies_.size()), body);
-  FORK1S_REQUIRE(force_W.allFinite() && moment_W.allFinite() && point_W.allFinite());
+  internal::RequireIndex("body", body, bodies_.size());
+  FORK1S_REQUIRE(force_W.allFinite() && moment_W.allFinite() && point_W.allFinite(),
+                 "on '" + bodies_[static_cast<std::size_t>(body)].name + "' the force", force_W.transpose(),
+                 "N and the moment", moment_W.transpose(), "N m at", point_W.transpose(),
+                 "m; give finite numbers");
   const SceneBody& b = bodies_[static_cast<std::size_t>(body)];
   if (b.mechanism < 0)
     world_.free_bodies()[static_cast<std::size_t>(b.index)].AddWrench(force_W, moment_W, point_W);
@@ -238,11 +250,14 @@ void Simulation::ApplyWrench(int body, const Vector3& force_W, const Vector3& mo
 }
 
 void Simulation::SetPointSpring(int body, const PointSpring& spring) {
-  FORK1S_REQUIRE(body >= 0 && body < static_cast<int>(bodies_.size()), body);
-  FORK1S_REQUIRE(spring.point_B.allFinite() && spring.target_start_W.allFinite() &&
-                 spring.target_W.allFinite());
-  FORK1S_REQUIRE(spring.stiffness >= 0 && std::isfinite(spring.stiffness), spring.stiffness);
-  FORK1S_REQUIRE(spring.damping >= 0 && std::isfinite(spring.damping), spring.damping);
+  internal::RequireIndex("body", body, bodies_.size());
+  FORK1S_REQUIRE(
+      spring.point_B.allFinite() && spring.target_start_W.allFinite() && spring.target_W.allFinite(),
+      "a point or target that is not finite; give finite lengths");
+  FORK1S_REQUIRE(spring.stiffness >= 0 && std::isfinite(spring.stiffness), "a stiffness of", spring.stiffness,
+                 "N/m; give 0 or more");
+  FORK1S_REQUIRE(spring.damping >= 0 && std::isfinite(spring.damping), "a damping of", spring.damping,
+                 "N s/m; give 0 or more");
   const SceneBody& b = bodies_[static_cast<std::size_t>(body)];
   if (b.mechanism < 0)
     world_.free_bodies()[static_cast<std::size_t>(b.index)].SetPointSpring(spring);

@@ -92,11 +92,15 @@ void Simulation::ListBodies() {
 }
 
 int Simulation::BodyOf(int mechanism, int index) const {
+  FORK1S_REQUIRE(mechanism >= -1 && mechanism + 1 < static_cast<int>(body_of_.size()) && index >= 0, "body",
+                 index, "of mechanism", mechanism, "of", body_of_.size() - 1,
+                 "; -1 stands for the free bodies");
   const std::vector<int>& own = body_of_[static_cast<std::size_t>(mechanism + 1)];
   return index < static_cast<int>(own.size()) ? own[static_cast<std::size_t>(index)] : -1;
 }
 
 int Simulation::BodyOfContactor(int contactor) const {
+  internal::RequireIndex("collision body", contactor, world_.contactors().size());
   const Contactor& c = world_.contactors()[static_cast<std::size_t>(contactor)];
   if (c.kind == Contactor::Kind::kFreeBody) return BodyOf(-1, c.index);
   if (contactor == 0) return -1;  // the world itself; a fixed base is still too, and has a body
@@ -105,18 +109,21 @@ int Simulation::BodyOfContactor(int contactor) const {
 }
 
 VectorX Simulation::JointCoordinates(int mechanism) const {
+  internal::RequireIndex("mechanism", mechanism, places_.size());
   const auto i = static_cast<std::size_t>(mechanism);
   const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(places_[i].mechanism)];
   return m.configuration().q.segment(places_[i].first_coordinate, given_[i]->num_coordinates());
 }
 
 RigidTransform Simulation::BasePose(int mechanism) const {
+  internal::RequireIndex("mechanism", mechanism, places_.size());
   const MechanismPlace& at = place(mechanism);
   const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(at.mechanism)];
   return at.first_body == 0 ? m.state().X_WR : m.BodyPose(BodyIndex(at.first_body));
 }
 
 Vector6 Simulation::BaseTwist(int mechanism) const {
+  internal::RequireIndex("mechanism", mechanism, places_.size());
   const MechanismPlace& at = place(mechanism);
   const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(at.mechanism)];
   if (at.first_body == 0) return m.state().V_R;

@@ -18,9 +18,10 @@ void ScaleMass(double factor, SpatialInertia& inertia) {
 }  // namespace
 
 Scene Vary(Scene scene, const SceneFactors& factors) {
-  for (const double f : {factors.stiffness, factors.friction, factors.mass})
-    FORK1S_REQUIRE(std::isfinite(f) && f >= 0, f);
-  FORK1S_REQUIRE(factors.mass > 0, factors.mass);
+  for (const auto& [what, factor] :
+       {std::pair{"stiffness", factors.stiffness}, {"friction", factors.friction}, {"mass", factors.mass}})
+    FORK1S_REQUIRE(std::isfinite(factor) && factor >= 0, what, "by", factor, "; give a factor of 0 or more");
+  FORK1S_REQUIRE(factors.mass > 0, "mass by 0; give a factor above 0");
   if (factors.stiffness != 1)
     for (MechanismDef& def : scene.mechanisms) def = ScaleStiffness(std::move(def), factors.stiffness);
   for (MechanismDef& def : scene.mechanisms)

@@ -275,6 +275,22 @@ TEST(Builder, RefusesIndicesThatItNeverGave) {
   EXPECT_THROW(builder.AddJoint(JointDef::Ball("ball", BodyIndex(1))), std::invalid_argument);
 }
 
+TEST(Builder, RefusesASecondBodyOfOneName) {
+  for (const char* name : {"base", "link"}) {
+    MechanismBuilder builder("machine");
+    builder.AddBody({"link", builder.base(), {}, {}, {}});
+    try {
+      builder.AddBody({name, builder.base(), {}, {}, {}});
+      ADD_FAILURE() << name;
+    } catch (const std::invalid_argument& e) {
+      EXPECT_EQ(std::string(e.what()).rfind(
+                    "MechanismBuilder::AddBody: there is a body '" + std::string(name) + "'", 0),
+                0u)
+          << e.what();
+    }
+  }
+}
+
 TEST(Shapes, FitTheirBoundingSpheres) {
   EXPECT_EQ(BoundingRadius(Sphere{0.5}), 0.5);
   EXPECT_EQ(BoundingRadius(Capsule{0.1, 0.4}), 0.5);

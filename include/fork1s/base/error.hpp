@@ -1,6 +1,7 @@
 // How things that go wrong are told: outside data by Expected, callers by exceptions.
 #pragma once
 
+#include <source_location>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -37,28 +38,38 @@ inline tl::unexpected<Error> Fail(ErrorCode code, std::string where, std::string
 
 namespace internal {
 
+/// Throws std::invalid_argument "World::Step: TEXT" for the function at `place`.
+[[noreturn]] void ThrowMisuse(const std::source_location& place, const std::string& text);
+
+/// Throws so where an index is not below `count`: "Simulation::Pose: body 4 of 4; indices count from 0".
+template <class Index, class Count>
+void RequireIndex(const char* what, Index index, Count count,
+                  const std::source_location& place = std::source_location::current()) {
+  if (std::cmp_less(index, 0) || std::cmp_greater_equal(index, count))
+    ThrowMisuse(place, std::string(what) + ' ' + std::to_string(index) + " of " + std::to_string(count) +
+                           "; indices count from 0");
+}
+
 template <class... Values>
-[[noreturn]] void ThrowRequirement(const char* condition, const char* file, int line,
+[[noreturn]] void ThrowRequirement(const std::source_location& place, const char* condition,
                                    const Values&... values) {
   std::ostringstream text;
-  text << "requirement not met: " << condition;
-#ifdef NDEBUG  // whoever runs a release has no use for a place in our sources
-  static_cast<void>(file), static_cast<void>(line);
-#else
-  text << " (" << file << ':' << line << ')';
-#endif
-  ((text << ' ' << values), ...);
-  throw std::invalid_argument(text.str());
+  ((text << values << ' '), ...);
+  text << "(required: " << condition << ')';
+  ThrowMisuse(place, text.str());
 }
 
 }  // namespace internal
 }  // namespace fork1s
 
-/// Checks what a caller of the API promised; throws std::invalid_argument, in every build.
-#define FORK1S_REQUIRE(condition, ...)                                                                 \
-  do {                                                                                                 \
-    if (!(condition))                                                                                  \
-      ::fork1s::internal::ThrowRequirement(#condition, __FILE__, __LINE__ __VA_OPT__(, ) __VA_ARGS__); \
+/// Checks what a caller of the API promised; throws std::invalid_argument, in every build. The message is
+/// "FUNCTION: VALUES (required: CONDITION)": values with the words between them are a sentence of cause and
+/// remedy.
+#define FORK1S_REQUIRE(condition, ...)                                             \
+  do {                                                                             \
+    if (!(condition))                                                              \
+      ::fork1s::internal::ThrowRequirement(std::source_location::current(),        \
+                                           #condition __VA_OPT__(, ) __VA_ARGS__); \
   } while (false)
 
 /// Checks an invariant of our own; only in builds with assertions.

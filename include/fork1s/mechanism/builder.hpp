@@ -3,6 +3,7 @@
 
 #include <fork1s/mechanism/definition.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
+#include <unordered_set>
 
 namespace fork1s {
 
@@ -12,6 +13,9 @@ namespace fork1s {
 ///     BodyIndex link = builder.AddBody({.name = "link", .parent = builder.base(), ...});
 ///     builder.AddJoint(JointDef::Hinge("knuckle", link, Vector3::UnitY()).WithSpring(2.0));
 ///     Expected<Mechanism> finger = builder.Build();
+///
+/// AddBody and AddJoint throw std::invalid_argument for indices that they did not give and for a second body
+/// of one name; Build has an error for everything else that cannot be built.
 class MechanismBuilder {
  public:
   explicit MechanismBuilder(std::string name, BaseKind base = BaseKind::kFixed,
@@ -35,6 +39,7 @@ class MechanismBuilder {
 
  private:
   MechanismDef definition_;
+  std::unordered_set<std::string> names_;  // of bodies
 };
 
 }  // namespace fork1s

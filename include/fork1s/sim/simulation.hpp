@@ -39,7 +39,9 @@ struct SceneBody {
   int given = -1;  // mechanism of scene() that it is of; -1: a free body, held or not
 };
 
-/// Steps a scene. Inputs hold until changed; poses are those after the last step.
+/// Steps a scene. Inputs hold until changed; poses are those after the last step. Functions throw
+/// std::invalid_argument, and change nothing, for indices and names that there are not, names that several
+/// bodies or controls have, and numbers that are not finite; the message names function, value and remedy.
 ///
 ///     auto simulation = Simulation::Create(scene);          // Expected<Simulation>
 ///     simulation->SetControl("grip", 0.4);
@@ -47,6 +49,7 @@ struct SceneBody {
 ///     RigidTransform X_WB = simulation->Pose("fingertip");
 class Simulation {
  public:
+  /// Throws std::invalid_argument for options that make no sense; errors are those of the scene.
   static Expected<Simulation> Create(Scene scene, const SimulationOptions& options = {});
 
   /// Advances by dt, with controls as StepOptions::controls_move says. What went wrong numerically stands in
@@ -81,9 +84,13 @@ class Simulation {
   KeyframeDef State() const;
   /// Where a mechanism of scene() stands in world(): elsewhere than at its own place only while it holds
   /// something together with others.
-  const MechanismPlace& place(int mechanism) const { return places_[static_cast<std::size_t>(mechanism)]; }
+  const MechanismPlace& place(int mechanism) const {
+    internal::RequireIndex("mechanism", mechanism, places_.size());
+    return places_[static_cast<std::size_t>(mechanism)];
+  }
   /// As scene() has it, built, whatever it holds.
   const Mechanism& given_mechanism(int mechanism) const {
+    internal::RequireIndex("mechanism", mechanism, given_.size());
     return *given_[static_cast<std::size_t>(mechanism)];
   }
   /// Of a mechanism of scene(): pose of its base in the world, and its twist in axes of the base.
@@ -101,7 +108,7 @@ class Simulation {
   /// Inputs: the controls of all mechanisms, then for every driven base six coordinates BASE.x .y .z (m) and
   /// .rx .ry .rz (rotation vector, rad), all relative to its initial pose.
   const std::vector<std::string>& control_names() const { return control_names_; }
-  int FindControl(const std::string& name) const;  // -1: none
+  int FindControl(const std::string& name) const;  // the first; -1: none
   /// Whether a control is a coordinate of a driven base.
   bool DrivesBase(int index) const;
   const VectorX& controls() const { return controls_; }
@@ -130,7 +137,7 @@ class Simulation {
   int num_base_coordinates() const { return static_cast<int>(base_rates_.size()); }
 
   const std::vector<SceneBody>& bodies() const { return bodies_; }
-  int FindBody(const std::string& name) const;  // -1: none
+  int FindBody(const std::string& name) const;  // the first; -1: none
   RigidTransform Pose(int body) const;
   RigidTransform Pose(const std::string& body) const;
   /// Of all bodies at once, in the order of bodies().
