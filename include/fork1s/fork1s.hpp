@@ -3,6 +3,7 @@
 #pragma once
 
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/geometry/inertia.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/mechanism/set_stiffness.hpp>
