@@ -2,7 +2,7 @@
 # Reads every include between rooms and holds it against the arrows that src/*/CMakeLists.txt state (ROOMS ...),
 # closed transitively. An arrow that is used but not stated, or a circle, fails. So does a decomposition
 # of a matrix anywhere but in linalg: each file that instantiates one compiles for seconds longer, and ranks are
-# decided there.
+# decided there. So does an option of the command line in a message of the libraries, which Python and C++ have too.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -45,6 +45,11 @@ if found=$(grep -rnE "$decompositions" --include='*.cpp' --include='*.hpp' inclu
 fi
 if found=$(grep -rnE 'BDCSVD|bdcSvd' --include='*.cpp' --include='*.hpp' src include apps benchmarks examples | grep -v '//'); then
   echo "$found" | sed 's/^/check_arrows: BDCSVD gives wrong vectors, take linalg: /' >&2
+  failed=1
+fi
+if found=$(grep -rnE '^[^/]*"([^"]*[ (;])?--[a-z]' --include='*.cpp' --include='*.hpp' src include |
+  grep -v '^src/study/bench/instructions.cpp'); then  # that one runs valgrind
+  echo "$found" | sed 's/^/check_arrows: an option of the command line in a library: /' >&2
   failed=1
 fi
 [ "$failed" -eq 0 ] && echo "check_arrows: every include follows the stated arrows (${#stated[@]} rooms)"

@@ -96,7 +96,7 @@ std::optional<Error> AddGround(Conversion& c, const ImportOptions& options) {
   if (!lowest) return lowest.error();
   if (!std::isfinite(lowest->touching)) {
     return refuse(std::isfinite(lowest->any)
-                      ? "no body that touches has a shape to stand on; name others by --interface"
+                      ? "no body that touches has a shape to stand on; name others as interface bodies"
                       : "no shape of the model can touch it; give its bodies shapes that collide");
   }
   GeometryDef ground;
@@ -117,8 +117,7 @@ std::optional<Error> AddGround(Conversion& c, const ImportOptions& options) {
   std::string stands = "touches it";
   if (above > kTouch) stands = fmt::format("is {:.4g} m above it", above);
   if (above < -kTouch)
-    stands = fmt::format(
-        "is {:.4g} m below it: raise the model by --base-pose or lower the plane by --ground=Z", -above);
+    stands = fmt::format("is {:.4g} m below it: raise the model by its base pose or lower the plane", -above);
   c.Note(ImportNote::Kind::kChosen, "option ground",
          fmt::format("a level plane at z = {:.4g} m; the lowest point of the model {}", height, stands));
   if (!lowest->passes.empty()) {
@@ -126,7 +125,7 @@ std::optional<Error> AddGround(Conversion& c, const ImportOptions& options) {
         ImportNote::Kind::kChosen, "option ground",
         fmt::format(
             "the lowest point is of body '{}', which passes through it: only interface bodies and the base "
-            "touch; name it by --interface if it is to stand on the plane",
+            "touch; name it as an interface body if it is to stand on the plane",
             lowest->passes));
   }
   return std::nullopt;
@@ -144,7 +143,7 @@ void NoteEndlessFall(Conversion& c) {
   }
   if (floating.empty()) return;
   c.Note(ImportNote::Kind::kChosen, fmt::format("mechanism '{}'", floating[0]),
-         "it floats, and there is nothing to fall on; --ground puts a plane under it");
+         "it floats, and there is nothing to fall on; the option ground puts a plane under it");
 }
 
 }  // namespace

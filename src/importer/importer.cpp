@@ -55,7 +55,8 @@ void SetUp(Conversion& c) {
   // for.
   if (c.report.format == "MJCF" && std::abs(m.opt.timestep - c.scene.timestep) > 1e-5) {
     c.Note(ImportNote::Kind::kChosen, "option timestep",
-           fmt::format("steps of 1/60 s are taken, not the file's {} s; --dt sets others", m.opt.timestep));
+           fmt::format("steps of 1/60 s are taken, not the file's {} s; the option dt sets others",
+                       m.opt.timestep));
   }
 }
 

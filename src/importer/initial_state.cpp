@@ -119,7 +119,7 @@ Expected<Asked> FindAsked(Conversion& c, const std::string& name, double value) 
   if (type == mjJNT_FREE || c.joint[found].mechanism < 0) {
     return Fail(
         ErrorCode::kUsage, where,
-        "the joint moves freely and has no single coordinate; the pose of a base is set by --base-pose");
+        "the joint moves freely and has no single coordinate; the pose of a base is set as the base pose");
   }
   if (type == mjJNT_BALL)
     return Fail(ErrorCode::kUsage, where,

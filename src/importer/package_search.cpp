@@ -80,7 +80,7 @@ FileFound FindInPackage(const FileSearch& search, const std::string& package, co
     // The user's word is final: a file of that name elsewhere would be another one.
     const fs::path file = fs::path(given->second) / name;
     if (IsFile(file)) found.file = file;
-    found.reason = fmt::format("--package says that package '{}' is {}, where no file '{}' is", package,
+    found.reason = fmt::format("the folder given for package '{}' is {}, where no file '{}' is", package,
                                given->second, name);
     found.remedy = "mend the option or put the file there";
     return found;
@@ -99,7 +99,7 @@ FileFound FindInPackage(const FileSearch& search, const std::string& package, co
                 "the file not above the URDF",
                 package)
           : fmt::format("package '{}' is {}, where no file '{}' is", package, folders.front().string(), name);
-  found.remedy = fmt::format("name the folder of the package by --package {}=DIR", package);
+  found.remedy = fmt::format("name the folder by the option package, {}=DIR", package);
   return found;
 }
 

@@ -212,7 +212,7 @@ std::optional<Error> WrapRoot(UrdfWork& work, XMLElement& robot, Tree& tree, boo
   joint->InsertNewChildElement("child")->SetAttribute("link", root.c_str());
   if (!floating) {
     work.out.notes.push_back({ImportNote::Kind::kChosen, fmt::format("link '{}'", root),
-                              "the root is fixed to the world; --base floating lets it move"});
+                              "the root is fixed to the world; base floating lets it move"});
   }
   return std::nullopt;
 }

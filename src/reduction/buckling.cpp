@@ -47,13 +47,12 @@ Expected<std::vector<BucklingMode>> ComputeBucklingModes(const Mechanism& mechan
     return Fail(
         ErrorCode::kNumerics, where,
         "has no stable equilibrium without the load, from which it could buckle; stiffen the joints, or "
-        "take another --gravity");
+        "take another gravity");
   const TangentStiffness& tangent = rest.tangent;
   if (tangent.SingularMotions().cols() > 0)
-    return Fail(
-        ErrorCode::kUnderdetermined, where,
-        "has motions that nothing resists before the load is there ('fork1s inspect' lists them), so that "
-        "it has no buckling load; give their joints a stiffness, or lock them (--lock-free)");
+    return Fail(ErrorCode::kUnderdetermined, where,
+                "has motions that nothing resists before the load is there, so that "
+                "it has no buckling load; give their joints a stiffness, or lock them");
   // V with Vᵀ K_0 V = 1.
   const MatrixX V = ScaledColumns(tangent.eigenvectors, tangent.eigenvalues.cwiseSqrt().cwiseInverse());
   StaticsOptions none = options;

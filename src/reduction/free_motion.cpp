@@ -96,7 +96,7 @@ std::string FreeMotion::Text(const Mechanism& mechanism) const {
   text += joints.size() == 1 ? fmt::format("no spring or servo holds joint {}", names[0])
                              : fmt::format("no spring or servo resists joints {} moving together", List(names, 5));
   if (!ties.empty() && joints.size() > 1) text += fmt::format(", which {} leaves free", List(ties, 3));
-  return text + fmt::format("; give {} a stiffness or hold it by --pd {}=KP,KV",
+  return text + fmt::format("; give {} a stiffness or hold it by PD gains, {}=KP,KV",
                             joints.size() == 1 ? "it" : "one of them", first);
 }
 

@@ -99,7 +99,7 @@ Error TooManyHidden(const Mechanism& mechanism, const Hidden& hidden) {
       fmt::format(
           "has {} motions of joints without spring while every interface body stands still, that of joint "
           "'{}' for one, and {} at most are made visible by more interface bodies; give joints a "
-          "stiffness, hold them by PD control (--pd), or name the bodies that touch",
+          "stiffness, hold them by PD gains, or name the bodies that touch",
           hidden.count, mechanism.joint(hidden.joint).name, kMostHidden)};
 }
 

@@ -247,8 +247,7 @@ Expected<VectorX> LinearDeflection(const Mechanism& mechanism, const VectorX& q0
           fmt::format("joint '{}'",
                       mechanism.joint(mechanism.CoordinateJoint(static_cast<int>(coordinate))).name),
           "has no spring, nor preload or weight that resists it, and gives way to the load, so that no "
-          "deflection balances it; give the joint a stiffness, hold it by PD control, or lock it "
-          "(--lock-free)");
+          "deflection balances it; give the joint a stiffness, hold it by PD control, or lock it");
     }
     return VectorX(q0 + tangent.Solve(g));
   }

@@ -28,7 +28,8 @@ Expected<std::string> MakeAccessToken() {
   if (getentropy(bytes.data(), bytes.size()) != 0)
     return Fail(
         ErrorCode::kModel, "token",
-        fmt::format("no random numbers for the page's address ({}); see --no-token", std::strerror(errno)));
+        fmt::format("no random numbers for the page's address ({}); try again, or serve it without a token",
+                    std::strerror(errno)));
   return fmt::format("{:02x}", fmt::join(bytes, ""));
 }
 

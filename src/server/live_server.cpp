@@ -347,7 +347,7 @@ Expected<LiveServer> LiveServer::Create(const ServerOptions& options) {
   if (error)
     return Fail(ErrorCode::kModel, fmt::format("port {}", options.port),
                 "cannot be opened on 127.0.0.1 " +
-                    CauseAndRemedy(error.value(), "choose another with --port, or 0 for any that is free"));
+                    CauseAndRemedy(error.value(), "choose another port, or 0 for any that is free"));
   d.Accept();
   d.thread = std::thread([&d] { d.context->run(); });
   return server;

@@ -16,7 +16,7 @@ std::vector<std::string> Split(const std::string& text, char at) {
 }
 
 auto Refuse(const std::string& what) {
-  return Fail(ErrorCode::kUsage, "--detail",
+  return Fail(ErrorCode::kUsage, "detail",
               what +
                   "; write [TIME:]WORD[+WORD...] with commas between entries, words being object, interface, "
                   "parents, all, modes=K, exact, curved and twist, as in interface,2:object+modes=0");

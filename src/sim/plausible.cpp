@@ -25,7 +25,7 @@ std::string Print(const char* format, double a, double b, double c) {
 }
 
 // A remedy, where there is one.
-std::string TryStep(double dt) { return dt > 1e-9 ? Print("; try --dt %.1g", dt, 0, 0) : ""; }
+std::string TryStep(double dt) { return dt > 1e-9 ? Print("; try a time step of %.1g s", dt, 0, 0) : ""; }
 
 double Reach(const RigidTransform& X, const std::vector<GeometryDef>& geometries) {
   double radius = 0;
@@ -173,7 +173,8 @@ void PlausibleWatch::LookAtDepths(const Simulation& simulation) {
       return "at " + Print("%.4g s ", simulation.time(), 0, 0) + NameOf(simulation, b) + " is " +
              Print("%.3g mm deep in ", 1e3 * depth, 0, 0) + NameOf(simulation, a) +
              Print(
-                 ", and the smaller of the two has a radius of %.3g mm; try a smaller --dt, or place them "
+                 ", and the smaller of the two has a radius of %.3g mm; try a smaller time step, or place "
+                 "them "
                  "apart at "
                  "the start",
                  1e3 * radius, 0, 0);
@@ -216,7 +217,7 @@ void PlausibleWatch::LookAtForces(const Simulation& simulation, bool converged) 
   Note(kUnconverged, 2 + most / weight_, [&] {
     const std::string at = Print("the step to %.4g s did not converge", simulation.time(), 0, 0);
     return (most > 0 ? at + Print(", with %.3g N between ", most, 0, 0) + names() : at) +
-           "; try a smaller --dt";
+           "; try a smaller time step";
   });
 }
 
@@ -260,7 +261,7 @@ void PlausibleWatch::LookAtEnergy(const Simulation& simulation, const Seen& seen
                "; place them apart";
       return Print("in the step to %.4g s energy rises by %.3g J to %.4g J, and no input did work: ",
                    simulation.time(), rise, seen.energy) +
-             "the motion is not to be trusted; try a smaller --dt";
+             "the motion is not to be trusted; try a smaller time step";
     });
   driven_before_ = driven;
   energy_ = seen.energy;
@@ -275,7 +276,8 @@ void PlausibleWatch::Look(const Simulation& simulation, const Seen& seen) {
   Note(kApart, seen.gap / (kOpen * size_), [&] {
     return Print("at %.4g s a joint or loop is %.3g mm apart, in a mechanism of %.3g m: ", simulation.time(),
                  1e3 * seen.gap, size_) +
-           "forces or speeds are beyond what a step holds together; try --recovery exact, a smaller --dt or "
+           "forces or speeds are beyond what a step holds together; try exact recovery, a smaller time step "
+           "or "
            "gentler inputs";
   });
   LookAtForces(simulation, seen.converged);

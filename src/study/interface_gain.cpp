@@ -110,7 +110,7 @@ std::vector<std::string> InterfaceGain::Sentences() const {
     if (c.coordinates <= kWorthSaying * coordinates) told.push_back(&c);
   if (told.size() > 2) told = {told.front(), told.back()};
   for (const Choice* c : told)
-    more.push_back(fmt::format("--interface {} leaves {} coordinates{}", List(c->interfaces, ","),
+    more.push_back(fmt::format("interface bodies {} leave {} coordinates{}", List(c->interfaces, ","),
                                c->coordinates,
                                c->modes > 0 ? fmt::format(", {} of them modes", c->modes) : ""));
   if (told.empty() && touching > 1)
@@ -118,7 +118,7 @@ std::vector<std::string> InterfaceGain::Sentences() const {
         must_stay.empty()
             ? std::string("fewer interface bodies leave nearly as many coordinates")
             : fmt::format("{} cannot be left out: joints without a spring would move unseen; springs or "
-                          "--pd change that",
+                          "PD gains change that",
                           Quoted(must_stay)));
   std::vector<std::string> out{fmt::format("{}; contact at {} with shapes", simulated, contact)};
   if (!more.empty()) out.push_back(fmt::format("{}", fmt::join(more, "; ")));

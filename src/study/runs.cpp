@@ -39,10 +39,10 @@ Expected<void> ApplyFidelity(const RunOptions& options, std::size_t& next, Simul
 }
 
 Error NotFinite(const std::string& simulator, double time, double dt) {
-  return {
-      ErrorCode::kNumerics, simulator + " simulation",
-      fmt::format("gave numbers that are not finite at {:.4g} s with steps of {:.4g} s; try a smaller --dt",
-                  time, dt)};
+  return {ErrorCode::kNumerics, simulator + " simulation",
+          fmt::format(
+              "gave numbers that are not finite at {:.4g} s with steps of {:.4g} s; try a smaller time step",
+              time, dt)};
 }
 
 }  // namespace

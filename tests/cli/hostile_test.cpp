@@ -179,7 +179,7 @@ TEST(Hostile, ChainsOfAThousandLinks) {
   EXPECT_EQ(Try("inspect --pd 100,1 " + model).code, 0);
   const Outcome o = Try("run --time 0.1 " + model);  // nothing holds them
   EXPECT_EQ(o.code, 3);
-  EXPECT_NE(o.err.find("--pd"), std::string::npos) << o.err;
+  EXPECT_NE(o.err.find("PD gains"), std::string::npos) << o.err;
 }
 
 // A table of a single line, 100,000 columns or one name that long: told in time, and in a sentence.

@@ -117,7 +117,7 @@ TEST(Packages, OptionAndEnvironment) {
   const Outcome missing = Fork1s("inspect " + model);
   EXPECT_EQ(missing.code, 3);
   for (const char* part :
-       {"hopper.urdf, line", "foot.dae", "link 'foot'", "--package hopper_description=DIR"})
+       {"hopper.urdf, line", "foot.dae", "link 'foot'", "the option package, hopper_description=DIR"})
     EXPECT_NE(missing.err.find(part), std::string::npos) << missing.err;
   const Outcome given =
       Fork1s("inspect --json --package hopper_description=" + folder.string() + " " + model);

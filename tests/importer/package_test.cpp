@@ -91,7 +91,7 @@ TEST_F(ImportPackages, WhatIsMissingIsSaid) {
   EXPECT_EQ(missing.error().code, ErrorCode::kModel);
   EXPECT_CONTAINS(missing.error().message,
                   "package 'robot' was not found below AMENT_PREFIX_PATH and ROS_PACKAGE_PATH");
-  EXPECT_CONTAINS(missing.error().message, "--package robot=DIR");
+  EXPECT_CONTAINS(missing.error().message, "the option package, robot=DIR");
   // The user's folder is final, also where another would have the file.
   WriteSized("work/robot/meshes/a.stl", .1);
   options_.packages["robot"] = FolderOf(urdf_);

@@ -35,7 +35,8 @@ ImportOptions Floating() {
 
 TEST(ImportStart, GroundLiesUnderAFloatingRobot) {
   ImportOptions options = Floating();
-  EXPECT_TRUE(HasNote(MustLoad(Hopper(), options).report, Kind::kChosen, "nothing to fall on; --ground"));
+  EXPECT_TRUE(
+      HasNote(MustLoad(Hopper(), options).report, Kind::kChosen, "nothing to fall on; the option ground"));
   EXPECT_FALSE(HasNote(MustLoad(Hopper()).report, Kind::kChosen, "nothing to fall on"));
   options.ground = true;
   const ImportedScene loaded = MustLoad(Hopper(), options);
@@ -200,7 +201,7 @@ TEST(ImportStart, JointCoordinatesAreChecked) {
   EXPECT_EQ(unknown.code, ErrorCode::kUsage);
   EXPECT_CONTAINS(unknown.Text(),
                   "option q 'knie': no mechanism has a joint of that name; near names are 'knee'");
-  EXPECT_CONTAINS(MustFail(Hopper(), with("world_to_root", 0)).message, "--base-pose");
+  EXPECT_CONTAINS(MustFail(Hopper(), with("world_to_root", 0)).message, "base pose");
   EXPECT_CONTAINS(MustFail(Hopper(), with("knee", std::nan(""))).message, "not finite");
   EXPECT_TRUE(
       HasNote(MustLoad(Hopper(), with("knee", 30)).report, Kind::kChosen,

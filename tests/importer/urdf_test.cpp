@@ -31,7 +31,7 @@ TEST(ImportUrdf, RootKeepsItsMassAndFixedLinksStay) {
   ASSERT_EQ(robot.joints.size(), 1u);
   EXPECT_EQ(robot.joints[0].freedoms[0].lower, -1);
   EXPECT_EQ(robot.joints[0].freedoms[0].damping, .3);
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "--base floating"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "base floating"));
   EXPECT_EQ(robot.frictions.size(), 1u);
 }
 

@@ -106,7 +106,7 @@ TEST(FreeMotions, ATendonOverTwoJointsHoldsTheirSumOnly) {
   EXPECT_NEAR(motions[0].q(1) + motions[0].q(2), 0, 1e-15);
   EXPECT_EQ(motions[0].ties, std::vector<std::string>{"tendon 'both'"});
   const std::string text = motions[0].Text(*m);
-  for (const char* part : {"'tip'", "'joint2'", "'joint3'", "tendon 'both'", "--pd joint"})
+  for (const char* part : {"'tip'", "'joint2'", "'joint3'", "tendon 'both'", "PD gains, joint"})
     EXPECT_NE(text.find(part), std::string::npos) << text;
   // A straight planar chain moves its tip two ways; one of them is free.
   const InterfaceCompliance walk = WalkCompliance(*m, VectorX::Zero(3), {m->FindBody("tip")}),

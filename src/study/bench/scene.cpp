@@ -50,8 +50,9 @@ Expected<BenchScene> MeasureBench(const BenchOptions& options) {
   if (options.time / peers.dt > kMostSteps)
     return Fail(
         ErrorCode::kUsage, options.name,
-        fmt::format("would take {:.3g} steps, a million at most; simulate less --time or take a longer --dt",
-                    options.time / peers.dt));
+        fmt::format(
+            "would take {:.3g} steps, a million at most; simulate less time or take a longer time step",
+            options.time / peers.dt));
   for (const int substeps : options.substeps) {
     for (const Integrator own : {by_default, Integrator::kEuler})
       peers.entrants.push_back({own == by_default ? "fork1s" : "fork1s " + NameOf(own),
