@@ -5,7 +5,7 @@ import type { SignalStore } from '../signals/store';
 import { element, iconButton, setIcon } from './dom';
 
 /** What a page begins with. */
-const FIRST = ['real_time_factor', 'step_us', 'contact_force', 'energy', 'joint_gap', 'tip'];
+const FIRST = ['real_time_factor', 'step_us', 'contact_force', 'energy', 'joint_gap'];
 const SPAN = 10; // s
 const HEIGHT = 84;
 /** Of the second curve of a plot and those after it. */
@@ -21,7 +21,8 @@ interface Cell {
 export class Plots {
   readonly root: HTMLElement;
   private cells: Cell[] = [];
-  private keys: string[][] = FIRST.map((key) => [key]);
+  private keys: string[][] = [];
+  private begun = false; // the first plots have been chosen
   private paused = false;
   private drawn = 0;
   private readonly pauseButton: HTMLButtonElement;
@@ -102,8 +103,17 @@ export class Plots {
   show(on = !this.shown): void {
     this.root.hidden = !on;
     if (this.shown && this.cells.length === 0) this.build();
+    this.begin();
     this.drawn = 0;
     this.onChange();
+  }
+
+  /** Chooses the first plots once it is known what there is to plot. */
+  private begin(): void {
+    if (this.begun || !this.shown || this.store.length === 0) return;
+    this.begun = true;
+    this.keys = [...FIRST.filter((key) => this.store.has(key)).map((key) => [key]), ...this.keys];
+    this.rebuild();
   }
 
   /** Colours are part of a plot: a change of theme builds them anew. */
@@ -140,8 +150,9 @@ export class Plots {
           height: HEIGHT,
           legend: { show: false },
           cursor: { show: false },
-          scales: { x: { time: false }, y: { range: (_, low, high) => widen(low, high) } },
+          scales: { x: { time: false, range: () => this.window }, y: { range: (_, low, high) => widen(low, high) } },
           axes: [{ ...axis, size: 16, space: 60 }, { ...axis, size: 46, space: 22, values: (_, ticks) => ticks.map((v) => String(Number(v.toPrecision(4)))) }],
+          hooks: { draw: [(u) => this.drawPlayhead(u, text)] },
           series: [{}, ...keys.map((_, i) => ({ ...curve, stroke: i === 0 ? accent : (COLORS[i % COLORS.length] ?? accent) }))],
         },
         [[], ...keys.map(() => [])] as uPlot.AlignedData,
@@ -163,10 +174,34 @@ export class Plots {
     for (const { plot } of this.cells) plot.setSize({ width: this.cellWidth(), height: HEIGHT });
   }
 
+  /** The times [s] that are shown: up to the newest, or about the playhead. */
+  private get window(): [number, number] {
+    const { start, end, playhead } = this.store;
+    const to = playhead === null ? end : Math.min(end, Math.max(playhead + SPAN / 2, start + SPAN));
+    return [Math.max(start, to - SPAN), to];
+  }
+
+  private drawPlayhead(plot: uPlot, color: string): void {
+    const { playhead } = this.store;
+    if (playhead === null) return;
+    const { ctx, bbox } = plot;
+    const x = plot.valToPos(playhead, 'x', true);
+    ctx.save();
+    ctx.strokeStyle = color;
+    ctx.lineWidth = window.devicePixelRatio;
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.stroke();
+    ctx.restore();
+  }
+
   draw(now: number): void {
+    this.begin();
     if (!this.shown || this.paused || now - this.drawn < 100) return;
     this.drawn = now;
-    for (const { plot, keys } of this.cells) plot.setData(this.store.last(SPAN, keys) as uPlot.AlignedData);
+    const [from, to] = this.window;
+    for (const { plot, keys } of this.cells) plot.setData(this.store.columns(keys, from, to) as uPlot.AlignedData);
   }
 }
 

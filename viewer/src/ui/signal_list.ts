@@ -63,9 +63,10 @@ export class SignalList {
     this.list.replaceChildren();
     const wanted = this.filter.value.trim().toLowerCase();
     let shown = 0;
+    const { store } = this;
     for (const [group, title] of Object.entries(GROUPS)) {
-      const signals = this.store.signals.filter(
-        (s) => s.group === group && !s.beside && (wanted === '' || `${s.title} ${title}`.toLowerCase().includes(wanted)),
+      const signals = store.signals.filter(
+        (s) => s.group === group && !s.beside && store.has(s.key) && (wanted === '' || `${s.title} ${title}`.toLowerCase().includes(wanted)),
       );
       if (signals.length === 0) continue;
       element('h3', '', this.list).textContent = title;

@@ -21,6 +21,7 @@ describe.skipIf(!ready)('the past, and every signal', () => {
       const at = fork1s?.view.scene?.controls.findIndex((c) => c.name === 'index_knuckle_flex') ?? -1;
       fork1s?.send({ type: 'set', setting: 'control', index: at, value: 0.8 });
     });
+    await page.keyboard.press('p');
     await page.waitForFunction(() => (fork1s?.scalar('time') ?? 0) > 1.2);
     await page.keyboard.press('ArrowLeft');
     await page.locator('.timeline').waitFor();
@@ -29,8 +30,18 @@ describe.skipIf(!ready)('the past, and every signal', () => {
     await page.locator('.timeline input').fill('40');
     await expect.poll(time).toBeLessThan(end - 0.2);
     const then = await time();
+    // The plots hold what they had, with a line at the moment shown.
+    expect(await page.evaluate(() => [fork1s?.store.end, fork1s?.store.playhead])).toEqual([end, then]);
+    await page.waitForFunction(() => {
+      const canvas = document.querySelector<HTMLCanvasElement>('.plot canvas');
+      const pixels = canvas?.getContext('2d')?.getImageData(0, 0, canvas.width, canvas.height).data ?? [];
+      let blue = 0;
+      for (let i = 0; i < pixels.length; i += 4) if ((pixels[i + 2] ?? 0) > (pixels[i] ?? 0) + 60 && (pixels[i + 3] ?? 0) > 100) ++blue;
+      return blue > 50;
+    });
     const tip = await poseOf(page, 'index_tip');
     await page.getByRole('button', { name: 'Resume here' }).click();
+    await page.keyboard.press('p');
     await page.waitForFunction((t) => fork1s?.timeline === null && (fork1s.scalar('time') ?? Infinity) < t, end);
     // Ten moments a second are kept: what comes first is the one shown or just before it.
     const first = await time();
