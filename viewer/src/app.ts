@@ -12,7 +12,7 @@ import { Bar, ghostText } from './ui/bar';
 import { element, saveFile } from './ui/dom';
 import { ForceLabel } from './ui/force_label';
 import { Help } from './ui/help';
-import { bindKeys } from './ui/keys';
+import { bindKeys, isTextField } from './ui/keys';
 import { Legend } from './ui/legend';
 import { Notices } from './ui/notices';
 import { defaultOptions } from './ui/options';
@@ -401,12 +401,20 @@ export class App {
     l: () => this.bench.side.toggle('signals'),
     k: () => this.live && this.bench.moment.ask(0),
     '?': () => this.help.toggle(),
-    Escape: () => {
-      this.help.close();
-      this.bench.moment.close();
-      this.problems.clearAll();
-    },
+    Escape: () => this.leave(),
   };
+
+  /** Leaves one mode, that on top first. */
+  private leave(): void {
+    const { activeElement } = document;
+    if (this.help.shown) this.help.close();
+    else if (this.bench.moment.open) this.bench.moment.close();
+    else if (isTextField(activeElement)) activeElement.blur();
+    else if (this.picking.on) this.picking.toggle();
+    else if (this.recorder.recording) this.toggleRecording();
+    else if (this.timeline && this.live) this.player.end();
+    else this.problems.clearAll();
+  }
 
   /** One panel at a time has room. */
   private get isNarrow(): boolean {

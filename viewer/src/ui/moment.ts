@@ -34,10 +34,6 @@ export class MomentCard {
       this.send({ type: 'write', tuned: true, moment: this.moment, text_only: false }),
     );
     textButton('Close', bar, () => this.close());
-    this.card.addEventListener('keydown', (event) => {
-      if (event.key === 'Escape') this.close();
-      event.stopPropagation();
-    });
   }
 
   /** Asks for a moment: a frame's sequence, or 0 for the present. */
