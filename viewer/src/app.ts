@@ -411,6 +411,7 @@ export class App {
     else if (this.bench.moment.open) this.bench.moment.close();
     else if (isTextField(activeElement)) activeElement.blur();
     else if (this.picking.on) this.picking.toggle();
+    else if (this.plots.shown && this.plots.zoomed) this.plots.setZoom(null);
     else if (this.recorder.recording) this.toggleRecording();
     else if (this.timeline && this.live) this.player.end();
     else this.problems.clearAll();

@@ -1,6 +1,6 @@
 // Every signal of the simulation over time: what each is, and its values frame by frame.
 import type { Rigid } from '../poses/rigid';
-import type { Frame, GhostFrame, SceneMessage } from '../wire/messages';
+import type { Contact, Frame, GhostFrame, SceneMessage } from '../wire/messages';
 
 export interface Signal {
   key: string; // in tables and plots
@@ -17,16 +17,18 @@ export interface Places {
   other: readonly Rigid[] | null;
 }
 
+/** In the order of the list: what moves and what bears first, the solver's own last. */
 export const GROUPS: Record<string, string> = {
-  run: 'Run',
-  energy: 'Energy',
-  accuracy: 'Accuracy',
-  contact: 'Contact force by pair',
-  place: 'Places of bodies: exact, twist, full simulation',
   position: 'Joint positions, from the reference',
+  contact: 'Contact: forces and use of friction',
+  base: 'Heights of bases',
   joint_force: 'Joint forces: springs, dampers, servos',
   actuator: 'Actuator forces',
+  place: 'Places of bodies: exact, twist, full simulation',
+  energy: 'Energy',
   error: 'Estimated error by body',
+  accuracy: 'Accuracy',
+  run: 'Run',
 };
 
 /** Of a frame's scalars: unit, what to multiply by, group, title. */
@@ -54,12 +56,20 @@ const MOST_PLACES = 100; // bodies
 const AXES = ['x', 'y', 'z'];
 const SAME_TIME = 1e-6; // s
 
+/** |f_t| / (mu f_n) of a contact, 0 to 1. */
+function frictionUse({ force, normal, friction }: Contact): number {
+  const along = force[0] * normal[0] + force[1] * normal[1] + force[2] * normal[2];
+  const limit = friction * Math.abs(along);
+  return limit > 0 ? Math.hypot(...force.map((f, k) => f - along * (normal[k] ?? 0))) / limit : 0;
+}
+
 export class SignalStore {
   readonly signals: Signal[] = [];
   private readonly places = new Map<string, number>();
   private rows: Row[] = [];
   private told: { scene: SceneMessage; places: Int32Array } | null = null;
   private placed: { body: number; first: number }[] = []; // own, other, full of x, then of y, then of z
+  private bases: { root: number; at: number }[] = []; // that move
   /** The time [s] that is looked at; null: the newest. */
   playhead: number | null = null;
   /** A recording from disk: signals without a value in it are left out. */
@@ -89,6 +99,12 @@ export class SignalStore {
     }
     this.place({ key: 'energy', title: 'energy', group: 'energy', unit: 'J', body: -1 });
     this.place({ key: 'contact_force', title: 'contact force, sum', group: 'contact', unit: 'N', body: -1 });
+    this.place({ key: 'friction_use', title: 'friction in use, largest', group: 'contact', unit: '%', body: -1 });
+    this.bases = scene.roots.flatMap(({ base, name, first_body }, root) =>
+      base === 'floating' || base === 'driven'
+        ? [{ root, at: this.place({ key: `base:${name}`, title: `${name} height`, group: 'base', unit: 'mm', body: first_body }) }]
+        : [],
+    );
     const prefix: Record<string, string> = { position: 'q', joint_force: 'tau', actuator: 'f', error: 'error' };
     const places = Int32Array.from(scene.signals, (s) =>
       this.place({ key: `${prefix[s.group] ?? s.group}:${s.name}`, title: s.name, group: s.group, unit: s.unit, body: s.body }),
@@ -163,6 +179,8 @@ export class SignalStore {
     scene.scalars.forEach((key, i) => SCALARS[key] && put(key, (frame.scalars[i] ?? NaN) * SCALARS[key][1]));
     put('energy', scalar('kinetic_energy') + scalar('potential_energy'));
     put('contact_force', sum);
+    put('friction_use', 100 * Math.max(0, ...frame.contacts.map(frictionUse)));
+    for (const { root, at } of this.bases) values[at] = 1000 * (frame.roots[root]?.pose[2] ?? NaN);
     for (const { body, first } of this.placed)
       for (let k = 0; k < 3; ++k) {
         values[first + 3 * k] = 1000 * (places?.own[body]?.p[k] ?? NaN);

@@ -25,28 +25,32 @@ export class SignalList {
     private readonly page: HTMLElement,
     private readonly store: SignalStore,
     private readonly plots: Plots,
-    actions: { save(): void; showPlots(): void; estimate(on: boolean): void },
+    actions: { save(): void; showPlots(): void; changed(): void; estimate(on: boolean): void },
   ) {
     this.filter = element('input', 'filter', page);
     this.filter.type = 'search';
     this.filter.placeholder = 'Find a signal';
     this.filter.setAttribute('aria-label', this.filter.placeholder);
     this.filter.addEventListener('input', () => (this.stale = true));
-    element('p', 'hint', page).textContent = 'Click: a plot of its own. Drag onto a plot: over what it shows.';
+    element('p', 'hint', page).textContent = 'Click: a plot of its own. Shift-click, or drag onto a plot: with what that shows.';
     this.list = element('div', 'signals', page);
     this.error = checkbox('estimate the error', false, element('div', '', page), (on) => actions.estimate(on));
     const bar = element('div', 'bar', page);
     textButton('Plots', bar, actions.showPlots);
     textButton('Save all as CSV', bar, actions.save);
     store.onNew = () => (this.stale = true);
-    plots.onChange = () => (this.stale = true);
-    this.act = (key) => {
+    plots.onChange = () => {
+      this.stale = true;
+      actions.changed();
+    };
+    this.act = (key, together) => {
       if (!plots.has(key)) actions.showPlots();
-      plots.toggle(key);
+      if (together && plots.signals.length > 0) plots.overlay(plots.signals.length - 1, key);
+      else plots.toggle(key);
     };
   }
 
-  private readonly act: (key: string) => void;
+  private readonly act: (key: string, together: boolean) => void;
 
   useSettings(error: boolean): void {
     this.error.checked = error;
@@ -80,7 +84,7 @@ export class SignalList {
         element('span', 'name', row).textContent = signal.title;
         this.numbers.set(signal.key, element('span', 'value', row));
         element('span', 'unit', row).textContent = signal.unit;
-        row.addEventListener('click', () => this.act(signal.key));
+        row.addEventListener('click', (event) => this.act(signal.key, event.shiftKey));
         row.addEventListener('dragstart', (event) => event.dataTransfer?.setData(DRAGGED, signal.key));
       }
     }

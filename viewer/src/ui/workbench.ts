@@ -45,6 +45,7 @@ export class Workbench {
     this.signals = new SignalList(this.side.add('signals', 'Signals'), store, plots, {
       save: () => saveFile('fork1s.csv', store.csv()),
       showPlots: () => actions.showPlots(),
+      changed: () => this.askForSignals(),
       estimate: (on) => actions.send({ type: 'set', setting: 'error', value: on ? 1 : 0 }),
     });
     this.moment = new MomentCard(root, (r) => actions.send(r));

@@ -29,7 +29,7 @@ const frame = (time: number, force: number): Frame =>
   ({
     scalars: Float64Array.of(time, 1, 2),
     signals: Float32Array.of(0.5),
-    contacts: force === 0 ? [] : [1, -1].map((s) => ({ a: s > 0 ? 0 : 1, b: s > 0 ? 1 : 0, force: [0, 0, s * force] })),
+    contacts: force === 0 ? [] : [1, -1].map((s) => ({ a: s > 0 ? 0 : 1, b: s > 0 ? 1 : 0, normal: [0, 0, s], friction: 0.5, force: [0.25 * force, 0, s * force] })),
   }) as unknown as Frame;
 
 describe('SignalStore', () => {
@@ -37,11 +37,13 @@ describe('SignalStore', () => {
     const store = new SignalStore();
     store.add(scene, frame(0, 3));
     expect(store.now('contact:tip/ball')).toBe(6);
-    expect(store.now('contact_force')).toBe(6);
+    expect(store.now('contact_force')).toBeCloseTo(6.185, 3);
+    expect(store.now('friction_use')).toBeCloseTo(50);
     expect(store.now('energy')).toBe(3);
     expect(store.now('q:elbow, left')).toBe(0.5);
     store.add(scene, frame(0.1, 0));
     expect(store.now('contact:tip/ball')).toBe(0);
+    expect(store.now('friction_use')).toBe(0);
   });
 
   it('writes a table that machines read, with a column for what came later', () => {
