@@ -104,6 +104,13 @@ export class AnatomyView {
     };
   }
 
+  get drawsHinges(): boolean {
+    return this.hinges.count > 0;
+  }
+  get drawsSlides(): boolean {
+    return this.slides.count > 0;
+  }
+
   /** `shown`: whether a body is. */
   update(
     scene: SceneMessage,

@@ -149,11 +149,13 @@ export class Plots {
         const label = element('span', '', caption);
         const prefix = signal && ['joint_force', 'actuator', 'error'].includes(signal.group) ? `${key.split(':')[0] ?? ''} ` : '';
         label.textContent = `${prefix}${signal?.title ?? key}${signal?.unit ? ` [${signal.unit}]` : ''}`;
+        label.title = label.textContent;
         if (i > 0) label.style.color = COLORS[i % COLORS.length] ?? accent;
       });
       const close = element('button', 'close', caption);
       close.type = 'button';
       close.textContent = '×';
+      close.title = 'Close this plot';
       close.setAttribute('aria-label', `Close the plot of ${this.store.find(keys[0] ?? '')?.title ?? ''}`);
       close.addEventListener('click', () => keys.slice().forEach((key) => this.toggle(key, false)));
       const units = [...new Set(keys.map((key) => this.store.find(key)?.unit ?? ''))].map(String);
@@ -181,7 +183,10 @@ export class Plots {
               grid: { ...axis.grid, show: i === 0 },
               size: 46,
               space: 22,
-              values: (_: uPlot, ticks: number[]) => ticks.map((v) => String(Number(v.toPrecision(4)))),
+              values: (_: uPlot, ticks: number[], __: number, ___: number, apart: number) => {
+                const digits = Math.max(0, Math.min(12, -Math.floor(Math.log10(apart))));
+                return ticks.map((v) => String(Number(v.toFixed(digits))));
+              },
             })),
           ],
           hooks: { draw: [(u) => this.drawPlayhead(u, text)], setSelect: [(u) => this.zoomInto(u)] },

@@ -19,10 +19,11 @@ export class SidePanel {
   }
 
   /** A page with a tab; what belongs on it is put into the element that comes back. */
-  add(name: string, title: string): HTMLElement {
+  add(name: string, title: string, tip: string): HTMLElement {
     const tab = element('button', '', this.bar);
     tab.type = 'button';
     tab.textContent = title;
+    tab.title = tip;
     tab.id = `tab-${name}`;
     tab.setAttribute('role', 'tab');
     tab.setAttribute('aria-controls', `page-${name}`);

@@ -6,11 +6,15 @@ import { DRAGGED, type Plots } from './plots';
 const MOST_SHOWN = 400;
 const UPDATE_MS = 250;
 
+/** What is rounding in any unit of the list is 0. */
+const ROUNDING = 1e-12;
+
 /** Nine characters at most. */
 function short(value: number): string {
   if (!Number.isFinite(value)) return '–';
   const size = Math.abs(value);
-  return size !== 0 && (size < 1e-3 || size >= 1e6) ? value.toExponential(2) : String(Number(value.toPrecision(4)));
+  if (size < ROUNDING) return '0';
+  return size < 1e-3 || size >= 1e6 ? value.toExponential(2) : String(Number(value.toPrecision(4)));
 }
 
 export class SignalList {
@@ -36,8 +40,8 @@ export class SignalList {
     this.list = element('div', 'signals', page);
     this.error = checkbox('estimate the error', false, element('div', '', page), (on) => actions.estimate(on));
     const bar = element('div', 'bar', page);
-    textButton('Plots', bar, actions.showPlots);
-    textButton('Save all as CSV', bar, actions.save);
+    textButton('Plots', bar, actions.showPlots).title = 'Show the plots (P)';
+    textButton('Save all as CSV', bar, actions.save).title = 'All signals since the start, ten minutes at most';
     store.onNew = () => (this.stale = true);
     plots.onChange = () => {
       this.stale = true;
@@ -79,6 +83,7 @@ export class SignalList {
         const row = element('button', 'signal', this.list);
         row.type = 'button';
         row.draggable = true;
+        row.title = signal.title;
         row.dataset['key'] = signal.key;
         row.setAttribute('aria-pressed', String(this.plots.has(signal.key)));
         element('span', 'name', row).textContent = signal.title;
