@@ -184,7 +184,7 @@ export class Plots {
               size: 46,
               space: 22,
               values: (_: uPlot, ticks: number[], __: number, ___: number, apart: number) => {
-                const digits = Math.max(0, Math.min(12, -Math.floor(Math.log10(apart))));
+                const digits = Math.max(0, Math.min(12, 1 - Math.floor(Math.log10(apart)))); // ticks may be 2.5 apart
                 return ticks.map((v) => String(Number(v.toFixed(digits))));
               },
             })),
