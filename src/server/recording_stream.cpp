@@ -53,9 +53,9 @@ class FrameOfRecording {
     out.U32(static_cast<std::uint32_t>(step + 1));
     out.U32(0);
     const double unknown = std::nan("");
-    for (double v :
-         {d.time[i], 1.0, unknown, static_cast<double>(step + 1), d.kinetic_energy[i], d.potential_energy[i],
-          d.closure_gap[i], d.max_penetration[i], d.residual[i], unknown, unknown, 0.0, 1.0, unknown})
+    for (double v : {d.time[i], unknown, unknown, static_cast<double>(step + 1), d.kinetic_energy[i],
+                     d.potential_energy[i], d.closure_gap[i], d.max_penetration[i], d.residual[i], unknown,
+                     unknown, unknown, 1.0, unknown})
       out.F64(v);
     WriteRoots(step, out);
     const std::vector<RecordedContact> contacts = recording_.Contacts(step);
@@ -134,10 +134,15 @@ Expected<std::string> EncodeRecording(const Recording& recording, const std::str
   Append(out, false, EncodeGeometry(*simulation, 1));
   Append(out, true, EncodeMeshes(*simulation));
   nlohmann::json scene = internal::DescribeScene(*simulation, title, 1, 1, separate);
-  for (const std::string& name : h.coordinate_names)
-    scene["signals"].push_back({{"name", name}, {"group", "position"}, {"unit", "rad, m"}, {"body", -1}});
-  Append(out, false, internal::Dump(scene));
   const auto& mechanisms = simulation->world().mechanisms();
+  std::size_t coordinate = 0;
+  for (const MechanismDynamics& m : mechanisms)
+    for (int i = 0; i < m.mechanism().num_coordinates(); ++i)
+      scene["signals"].push_back({{"name", h.coordinate_names[coordinate++]},
+                                  {"group", "position"},
+                                  {"unit", m.mechanism().Turns(i) ? "rad" : "m"},
+                                  {"body", -1}});
+  Append(out, false, internal::Dump(scene));
   if (!separate)
     for (std::size_t m = 0; m < mechanisms.size(); ++m)
       Append(out, true, EmptyMaps(mechanisms[m].mechanism(), static_cast<std::uint32_t>(m)));

@@ -12,7 +12,7 @@ import { Bar, ghostText } from './ui/bar';
 import { element, saveFile } from './ui/dom';
 import { ForceLabel } from './ui/force_label';
 import { Help } from './ui/help';
-import { bindKeys } from './ui/keys';
+import { bindKeys, isTextField } from './ui/keys';
 import { Legend } from './ui/legend';
 import { Notices } from './ui/notices';
 import { defaultOptions } from './ui/options';
@@ -41,7 +41,6 @@ export class App {
   private library = new Library();
   private dark = window.matchMedia('(prefers-color-scheme: dark)').matches;
   private drawnAt = 0;
-  private tipStart: THREE.Vector3 | null = null;
   private live: LiveStream | null = null;
   private ghostOn = false;
   private goesOn = false; // it ran when the user looked back
@@ -89,6 +88,7 @@ export class App {
       showPlots: () => this.showPlots(true),
       opened: (open) => {
         this.bar.setSide(open);
+        if (this.bench.side.shown === 'signals') this.player.readSignals(this.store);
         if (open && this.isNarrow) this.panel.close();
       },
     });
@@ -105,7 +105,10 @@ export class App {
     root.append(this.plots.root);
     this.help = new Help(root);
     this.player = new Player(root, this.view, {
-      show: (frame, library) => this.show(frame, library),
+      show: (frame, library) => {
+        this.show(frame, library);
+        this.store.playhead = this.scalar('time');
+      },
       say: (sentence) => this.notices.say(sentence),
       send: (request) => this.send(request),
       keep: (sequence) => this.bench.moment.ask(sequence),
@@ -197,6 +200,7 @@ export class App {
 
   private playerChanged(playing: boolean): void {
     this.root.classList.toggle('with-timeline', playing);
+    if (!playing) this.store.playhead = null;
     this.bar.setReplay(playing, this.live !== null);
     this.panel.setEnabled(!playing);
     this.bench.setLive(!playing && this.live !== null);
@@ -234,6 +238,7 @@ export class App {
     else if (message.kind === 'ghost') this.takeGhost(message.ghost);
     else if (!this.timeline) {
       this.show(message.frame, this.library);
+      if (this.view.frame === message.frame) this.addSample(message.frame);
       this.library.keepOnly(message.frame);
     }
   }
@@ -283,7 +288,6 @@ export class App {
       this.panel.useScene(scene);
       this.picking.useScene(scene);
       this.bench.useScene(scene, shapes);
-      this.tipStart = null;
       this.problems.clear('request', 'ghost'); // the model was built anew since
       if (!this.view.scene) this.notices.sayAll(scene.warnings);
     }
@@ -293,8 +297,6 @@ export class App {
     }
     this.view.setFrame(scene, shapes, frame, maps);
     ++this.framesTaken;
-    // What is looked at again does not happen again.
-    if (!this.timeline || !this.live) this.addSample(frame);
     this.notices.uncover();
     if (!this.timeline) {
       this.bar.setEnabled(this.live !== null);
@@ -303,16 +305,10 @@ export class App {
   }
 
   private addSample(frame: Frame): void {
-    const tip = this.view.scene?.bodies.findIndex((b) => b.interface) ?? -1;
+    const { scene } = this.view;
     // Poses on the processor cost time: only where something is drawn by them.
-    const own = this.plots.shown ? this.view.poses() : [];
-    const X = own[tip];
-    const at = X ? new THREE.Vector3(...X.p) : null;
-    this.tipStart ??= at;
-    const scene = this.view.scene;
-    if (!scene) return;
-    const places = this.plots.shows('place') ? { own, other: this.view.otherPoses() } : null;
-    this.store.add(scene, frame, at && this.tipStart ? at.distanceTo(this.tipStart) : 0, places);
+    const places = this.plots.shows('place') ? { own: this.view.poses(), other: this.view.otherPoses() } : null;
+    if (scene) this.store.add(scene, frame, places);
   }
 
   scalar(name: string): number {
@@ -375,6 +371,7 @@ export class App {
   }
 
   private showPlots(on: boolean): void {
+    if (on) this.player.readSignals(this.store);
     this.plots.show(on);
     this.bench.askForSignals();
     this.root.classList.toggle('with-plots', this.plots.shown);
@@ -404,12 +401,21 @@ export class App {
     l: () => this.bench.side.toggle('signals'),
     k: () => this.live && this.bench.moment.ask(0),
     '?': () => this.help.toggle(),
-    Escape: () => {
-      this.help.close();
-      this.bench.moment.close();
-      this.problems.clearAll();
-    },
+    Escape: () => this.leave(),
   };
+
+  /** Leaves one mode, that on top first. */
+  private leave(): void {
+    const { activeElement } = document;
+    if (this.help.shown) this.help.close();
+    else if (this.bench.moment.open) this.bench.moment.close();
+    else if (isTextField(activeElement)) activeElement.blur();
+    else if (this.picking.on) this.picking.toggle();
+    else if (this.plots.shown && this.plots.zoomed) this.plots.setZoom(null);
+    else if (this.recorder.recording) this.toggleRecording();
+    else if (this.timeline && this.live) this.player.end();
+    else this.problems.clearAll();
+  }
 
   /** One panel at a time has room. */
   private get isNarrow(): boolean {

@@ -117,8 +117,6 @@ const pictures = {
       await page.keyboard.press('u');
       await page.keyboard.press('p');
       await page.evaluate(() => {
-        fork1s.plots.toggle('joint_gap', false);
-        fork1s.plots.toggle('tip', false);
         fork1s.plots.toggle('q:index_knuckle_flex', true);
         fork1s.plots.toggle('f:index_knuckle_flex', true);
         fork1s.plots.overlay(fork1s.plots.signals.length - 1, 'tau:index_knuckle_flex');

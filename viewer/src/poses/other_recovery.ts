@@ -74,7 +74,7 @@ function byTwist(scene: SceneMessage, body: number, first: number, maps: Maps, z
 
 /**
  * Poses by twists where the simulation walks joints, and by joints where it takes twists. Twists of a mechanism with loops say
- * nothing of how its joints close them: null.
+ * nothing of how its joints close them, and a recording from disk has joints without reduced coordinates: null.
  */
 export function otherPoses(scene: SceneMessage, frame: Frame, maps: (Maps | null)[]): Rigid[] | null {
   if (scene.recovery === 'twist') {
@@ -89,6 +89,7 @@ export function otherPoses(scene: SceneMessage, frame: Frame, maps: (Maps | null
       }),
     );
   }
+  if (!maps.some((m) => m !== null && m.r > 0)) return null;
   return scene.bodies.map((body, b) => {
     const state = frame.roots[body.root];
     const m = maps[body.root];

@@ -58,7 +58,6 @@ export class Timeline {
     if (keep) word('Keep', 'This moment as a keyframe', keep);
     if (save) iconButton('save', 'Save as one HTML file', element('div', 'bar', this.root), save);
     if (live) word('Live', 'Back to the running simulation', live);
-    this.go(0);
   }
 
   get at(): number {

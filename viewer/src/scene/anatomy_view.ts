@@ -4,7 +4,7 @@ import { displacements } from '../poses/reference';
 import { compose, exp, fromNumbers, type Rigid, rotate, type Vec3, apply } from '../poses/rigid';
 import { eigenSymmetric } from '../poses/symmetric';
 import type { Frame, Maps, SceneMessage } from '../wire/messages';
-import { Arrows, reserve } from './arrows';
+import { Arrows, OVER_BODIES, reserve } from './arrows';
 import { tendonPieces } from './tendon_path';
 import { COLORS } from './theme';
 
@@ -81,7 +81,7 @@ export class AnatomyView {
   readonly group = new THREE.Group();
   private readonly hinges = new Arrows(COLORS.hinge);
   private readonly slides = new Arrows(COLORS.slide);
-  private readonly centers = instanced(new THREE.SphereGeometry(1, 16, 12), { color: COLORS.center, depthTest: false });
+  private readonly centers = instanced(new THREE.SphereGeometry(1, 16, 12), { color: COLORS.center, ...OVER_BODIES });
   private readonly boxes = instanced(new THREE.BoxGeometry(2, 2, 2), {
     color: COLORS.center,
     transparent: true,
@@ -102,6 +102,13 @@ export class AnatomyView {
       boxes: this.boxes.count,
       tendons: this.tendons.count,
     };
+  }
+
+  get drawsHinges(): boolean {
+    return this.hinges.count > 0;
+  }
+  get drawsSlides(): boolean {
+    return this.slides.count > 0;
   }
 
   /** `shown`: whether a body is. */

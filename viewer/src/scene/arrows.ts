@@ -1,6 +1,9 @@
 // Arrows from points along forces: one instanced draw for shafts, one for heads.
 import * as THREE from 'three';
 
+/** Visible through bodies. `transparent` puts it behind the ground's pictures in the order of drawing, which are transparent too. */
+export const OVER_BODIES = { depthTest: false, transparent: true };
+
 export class Arrows {
   readonly group = new THREE.Group();
   private readonly shafts: THREE.InstancedMesh;
@@ -12,7 +15,7 @@ export class Arrows {
   private readonly size = new THREE.Vector3();
 
   constructor(color: number) {
-    const material = new THREE.MeshStandardMaterial({ color, roughness: 0.5, emissive: color, emissiveIntensity: 0.25, depthTest: false });
+    const material = new THREE.MeshStandardMaterial({ color, roughness: 0.5, emissive: color, emissiveIntensity: 0.25, ...OVER_BODIES });
     const shaft = new THREE.CylinderGeometry(1, 1, 1, 12).translate(0, 0.5, 0);
     const head = new THREE.ConeGeometry(1, 1, 16).translate(0, 0.5, 0);
     this.shafts = new THREE.InstancedMesh(shaft, material, FIRST_ROOM);
@@ -20,7 +23,7 @@ export class Arrows {
     for (const mesh of [this.shafts, this.heads]) {
       mesh.frustumCulled = false;
       mesh.count = 0;
-      mesh.renderOrder = 3; // forces inside a body are forces too: drawn over it
+      mesh.renderOrder = 3; // forces inside a body are drawn over it
       this.group.add(mesh);
     }
   }

@@ -1,6 +1,6 @@
 // Every signal of the simulation over time: what each is, and its values frame by frame.
 import type { Rigid } from '../poses/rigid';
-import type { Frame, GhostFrame, SceneMessage } from '../wire/messages';
+import type { Contact, Frame, GhostFrame, SceneMessage } from '../wire/messages';
 
 export interface Signal {
   key: string; // in tables and plots
@@ -17,16 +17,18 @@ export interface Places {
   other: readonly Rigid[] | null;
 }
 
+/** In the order of the list: what moves and what bears first, the solver's own last. */
 export const GROUPS: Record<string, string> = {
-  run: 'Run',
-  energy: 'Energy',
-  accuracy: 'Accuracy',
-  contact: 'Contact force by pair',
-  place: 'Places of bodies: exact, twist, full simulation',
   position: 'Joint positions, from the reference',
+  contact: 'Contact: forces and use of friction',
+  base: 'Heights of bases',
   joint_force: 'Joint forces: springs, dampers, servos',
   actuator: 'Actuator forces',
+  place: 'Places of bodies: exact, twist, full simulation',
+  energy: 'Energy',
   error: 'Estimated error by body',
+  accuracy: 'Accuracy',
+  run: 'Run',
 };
 
 /** Of a frame's scalars: unit, what to multiply by, group, title. */
@@ -54,12 +56,25 @@ const MOST_PLACES = 100; // bodies
 const AXES = ['x', 'y', 'z'];
 const SAME_TIME = 1e-6; // s
 
+/** |f_t| / (mu f_n) of a contact, 0 to 1. */
+function frictionUse({ force, normal, friction }: Contact): number {
+  const along = force[0] * normal[0] + force[1] * normal[1] + force[2] * normal[2];
+  const limit = friction * Math.abs(along);
+  return limit > 0 ? Math.hypot(...force.map((f, k) => f - along * (normal[k] ?? 0))) / limit : 0;
+}
+
 export class SignalStore {
   readonly signals: Signal[] = [];
   private readonly places = new Map<string, number>();
   private rows: Row[] = [];
   private told: { scene: SceneMessage; places: Int32Array } | null = null;
   private placed: { body: number; first: number }[] = []; // own, other, full of x, then of y, then of z
+  private bases: { root: number; at: number }[] = []; // that move
+  /** The time [s] that is looked at; null: the newest. */
+  playhead: number | null = null;
+  /** A recording from disk: signals without a value in it are left out. */
+  onlyKnown = false;
+  private readonly known = new Set<string>();
   /** Called when another signal is known. */
   onNew: () => void = () => undefined;
 
@@ -84,7 +99,12 @@ export class SignalStore {
     }
     this.place({ key: 'energy', title: 'energy', group: 'energy', unit: 'J', body: -1 });
     this.place({ key: 'contact_force', title: 'contact force, sum', group: 'contact', unit: 'N', body: -1 });
-    this.place({ key: 'tip', title: 'tip motion', group: 'run', unit: 'mm', body: -1 });
+    this.place({ key: 'friction_use', title: 'friction in use, largest', group: 'contact', unit: '%', body: -1 });
+    this.bases = scene.roots.flatMap(({ base, name, first_body }, root) =>
+      base === 'floating' || base === 'driven'
+        ? [{ root, at: this.place({ key: `base:${name}`, title: `${name} height`, group: 'base', unit: 'mm', body: first_body }) }]
+        : [],
+    );
     const prefix: Record<string, string> = { position: 'q', joint_force: 'tau', actuator: 'f', error: 'error' };
     const places = Int32Array.from(scene.signals, (s) =>
       this.place({ key: `${prefix[s.group] ?? s.group}:${s.name}`, title: s.name, group: s.group, unit: s.unit, body: s.body }),
@@ -111,9 +131,14 @@ export class SignalStore {
     return first;
   }
 
+  /** Whether the signal can be shown. */
+  has(key: string): boolean {
+    return this.onlyKnown ? this.known.has(key) : this.places.has(key);
+  }
+
   /** The signal and what is drawn with it. */
   together(key: string): string[] {
-    return [key, ...this.signals.filter((s) => s.beside === key).map((s) => s.key)];
+    return [key, ...this.signals.filter((s) => s.beside === key && this.has(s.key)).map((s) => s.key)];
   }
 
   /** Where the full simulation has bodies at a time that has been told; it comes behind. */
@@ -128,8 +153,8 @@ export class SignalStore {
     }
   }
 
-  /** `tip`: motion of the first interface body [m]. `places`: where bodies are, if that is looked at. */
-  add(scene: SceneMessage, frame: Frame, tip: number, places: Places | null = null): void {
+  /** `places`: where bodies are, if that is looked at. */
+  add(scene: SceneMessage, frame: Frame, places: Places | null = null): void {
     const scalar = (name: string): number => frame.scalars[scene.scalars.indexOf(name)] ?? NaN;
     const time = scalar('time');
     const last = this.rows.at(-1);
@@ -154,7 +179,8 @@ export class SignalStore {
     scene.scalars.forEach((key, i) => SCALARS[key] && put(key, (frame.scalars[i] ?? NaN) * SCALARS[key][1]));
     put('energy', scalar('kinetic_energy') + scalar('potential_energy'));
     put('contact_force', sum);
-    put('tip', 1000 * tip);
+    put('friction_use', 100 * Math.max(0, ...frame.contacts.map(frictionUse)));
+    for (const { root, at } of this.bases) values[at] = 1000 * (frame.roots[root]?.pose[2] ?? NaN);
     for (const { body, first } of this.placed)
       for (let k = 0; k < 3; ++k) {
         values[first + 3 * k] = 1000 * (places?.own[body]?.p[k] ?? NaN);
@@ -166,8 +192,17 @@ export class SignalStore {
     });
     frame.signals.forEach((value, i) => (values[told[i] ?? -1] = value));
     this.rows.push({ time, values });
+    if (this.onlyKnown) this.findKnown(values);
     const most = Math.min(MOST_ROWS, MOST_NUMBERS / values.length);
     if (this.rows.length > most) this.rows.splice(0, Math.ceil(most / 10));
+  }
+
+  private findKnown(values: Float64Array): void {
+    this.signals.forEach(({ key }, i) => {
+      if (!Number.isFinite(values[i]) || this.known.has(key)) return;
+      this.known.add(key);
+      this.onNew();
+    });
   }
 
   private forgetFrom(time: number): void {
@@ -180,17 +215,33 @@ export class SignalStore {
     return this.rows.length;
   }
 
-  /** Newest value; NaN: none. */
-  now(key: string): number {
-    return this.rows.at(-1)?.values[this.places.get(key) ?? -1] ?? NaN;
+  get start(): number {
+    return this.rows[0]?.time ?? 0;
+  }
+  get end(): number {
+    return this.rows.at(-1)?.time ?? 0;
   }
 
-  /** Times and values of the last seconds, a column for each key. */
-  last(seconds: number, keys: readonly string[]): [number[], ...(number | null)[][]] {
-    const end = this.rows.at(-1)?.time ?? 0;
-    let first = this.rows.length;
-    while (first > 0 && (this.rows[first - 1]?.time ?? 0) > end - seconds) --first;
-    const part = this.rows.slice(first);
+  /** Value at the playhead; NaN: none. */
+  now(key: string): number {
+    const at = this.playhead === null ? this.rows.length : this.countUntil(this.playhead);
+    return this.rows[at - 1]?.values[this.places.get(key) ?? -1] ?? NaN;
+  }
+
+  /** How many rows are of `time` or before. */
+  private countUntil(time: number): number {
+    let low = 0;
+    for (let high = this.rows.length; low < high; ) {
+      const middle = (low + high) >> 1;
+      if ((this.rows[middle]?.time ?? Infinity) <= time + SAME_TIME) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  /** Times and values between `from` and `to` [s], a column for each key. */
+  columns(keys: readonly string[], from = -Infinity, to = Infinity): [number[], ...(number | null)[][]] {
+    const part = this.rows.slice(this.countUntil(from - 2 * SAME_TIME), this.countUntil(to));
     const columns = keys.map((key) => {
       const place = this.places.get(key) ?? -1;
       return part.map((row) => {

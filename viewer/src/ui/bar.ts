@@ -55,18 +55,29 @@ export class Bar {
     const bar = element('div', 'bar box', this.root);
     bar.setAttribute('role', 'toolbar');
     bar.setAttribute('aria-label', 'Simulation and view');
-    this.pauseButton = iconButton('pause', 'Pause (space)', bar, actions.pause);
-    this.stepButton = iconButton('step', 'One frame (right arrow)', bar, actions.step);
-    this.resetButton = iconButton('reset', 'Reset (backspace)', bar, actions.reset);
-    this.pastButton = iconButton('past', 'The last minute (left arrow)', bar, actions.past);
-    this.keepButton = iconButton('save', 'Keep this moment (K)', bar, actions.keep);
-    this.recordButton = iconButton('record', 'Record (R)', bar, actions.record);
-    this.pickButton = iconButton('pick', 'Pick the interface bodies (I)', bar, actions.pick);
-    this.sideButton = iconButton('tree', 'Model, tuning, signals (M, U, L)', bar, actions.side);
-    this.plotsButton = iconButton('plots', 'Plots (P)', bar, actions.plots);
-    iconButton('home', 'Whole model in view (F)', bar, actions.home);
-    iconButton('theme', 'Light or dark (T)', bar, actions.theme);
-    iconButton('help', 'Keys (?)', bar, actions.help);
+    const group = (name: string): HTMLElement => {
+      const outer = element('div', 'group', bar);
+      outer.setAttribute('role', 'group');
+      outer.setAttribute('aria-label', name);
+      element('span', 'name', outer).textContent = name;
+      return element('div', 'buttons', outer);
+    };
+    const run = group('Simulation');
+    this.pauseButton = iconButton('pause', 'Pause (space)', run, actions.pause);
+    this.stepButton = iconButton('step', 'One frame (right arrow)', run, actions.step);
+    this.resetButton = iconButton('reset', 'Reset (backspace)', run, actions.reset);
+    this.pastButton = iconButton('past', 'The last minute (left arrow)', run, actions.past);
+    const keep = group('Keep');
+    this.keepButton = iconButton('save', 'Keep this moment (K)', keep, actions.keep);
+    this.recordButton = iconButton('record', 'Record (R)', keep, actions.record);
+    const model = group('Model');
+    this.pickButton = iconButton('pick', 'Pick the interface bodies (I)', model, actions.pick);
+    this.sideButton = iconButton('tree', 'Model, tuning, signals (M, U, L)', model, actions.side);
+    this.plotsButton = iconButton('plots', 'Plots (P)', model, actions.plots);
+    const look = group('View');
+    iconButton('home', 'Whole model in view (F)', look, actions.home);
+    iconButton('theme', 'Light or dark (T)', look, actions.theme);
+    iconButton('help', 'Keys (?)', look, actions.help);
   }
 
   setTitle(text: string): void {

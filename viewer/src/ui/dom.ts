@@ -45,7 +45,7 @@ export function iconButton(icon: string, label: string, parent: HTMLElement, act
 export function textButton(text: string, parent: HTMLElement, act: () => void): HTMLButtonElement {
   const button = element('button', 'text', parent);
   button.type = 'button';
-  button.textContent = text;
+  button.textContent = button.title = text;
   button.addEventListener('click', act);
   return button;
 }

@@ -17,6 +17,8 @@ const LINES: [string, string][] = [
   ['S', 'settings'],
   ['F', 'whole model in view'],
   ['T', 'light or dark'],
+  ['esc', 'leaves what is open: this card, a dialog, a text field, picking, a recording'],
+  ['enter', 'for the button or checkbox that has the focus'],
   ['?', 'this card'],
 ];
 
@@ -32,6 +34,10 @@ export class Help {
       element('dd', '', list).textContent = meaning;
     }
     this.card.addEventListener('click', () => this.close());
+  }
+
+  get shown(): boolean {
+    return !this.card.hidden;
   }
 
   toggle(): void {

@@ -1,4 +1,5 @@
 // What colours and lengths mean, and the body under the pointer.
+import { COLORS } from '../scene/theme';
 import type { BodyInfo, Frame } from '../wire/messages';
 import type { View } from '../view';
 import { element, shortUnit, withUnit } from './dom';
@@ -7,7 +8,8 @@ import { element, shortUnit, withUnit } from './dom';
 const SAFE_LOAD_FACTOR = 1.3;
 
 const css = (color: number): string => `#${color.toString(16).padStart(6, '0')}`;
-export const SWATCHES = { interface: css(0xe08a2c), interior: css(0x93a1ae), free: css(0x5c8fbf), contact: css(0xd0413e) };
+const FULL = 0x8a63c4; // also the compliance ellipsoids
+const REFERENCE = 0x7a8794;
 
 export class Legend {
   private readonly root: HTMLElement;
@@ -30,18 +32,35 @@ export class Legend {
     if (this.hovered) parts.push(['', this.hovered]);
     if (colouring === 'gaps') parts.push(['bar', `joint gap 0 to ${withUnit(1000 * view.fullGap, 'mm')}`]);
     else if (colouring === 'error') parts.push(['bar', `estimated error 0 to ${withUnit(1000 * view.fullGap, 'mm')}`]);
-    else if (colouring !== 'file') parts.push([SWATCHES.interface, 'interface']);
-    if (colouring === 'roles') parts.push([SWATCHES.interior, 'interior'], [SWATCHES.free, 'free']);
+    else if (colouring !== 'file') parts.push([css(COLORS.interface), 'interface']);
+    if (colouring === 'roles') parts.push([css(COLORS.interior), 'interior'], [css(COLORS.free), 'free']);
+    if (view.marked.size > 0 || view.selected !== null) parts.push([css(COLORS.pull), 'chosen']);
     if (forces && frame.contacts.length > 0) {
-      const scale = view.contacts.scale;
-      const newton = arrowScale > 0 ? 10 : nice((0.1 * view.modelSize) / scale);
-      parts.push([SWATCHES.contact, `${shortUnit(newton, 'N')} = ${shortUnit(1000 * newton * scale, 'mm')}`]);
+      const { scale } = view.contacts;
+      const newtons = arrowScale > 0 ? 10 : nice((0.1 * view.modelSize) / scale);
+      parts.push([css(COLORS.contact), `contact force: arrow ${shortUnit(1000 * newtons * scale, 'mm')} = ${shortUnit(newtons, 'N')}`]);
     }
-    if (view.options.compliance && view.ellipsoids.newtons > 0)
-      parts.push([css(0x8a63c4), `compliance: motion under ${shortUnit(view.ellipsoids.newtons, 'N')}`]);
+    const { options, scene } = view;
+    const drawn: [boolean, number, string][] = [
+      [frame.pulls.length > 0, COLORS.pull, 'pull'],
+      [options.cones && frame.contacts.length > 0, COLORS.cone, 'friction cone'],
+      [view.anatomy.drawsHinges, COLORS.hinge, 'hinge axis'],
+      [view.anatomy.drawsSlides, COLORS.slide, 'slide axis'],
+      [options.centers, COLORS.center, 'centre of mass'],
+      [options.inertia, COLORS.center, 'box of inertia'],
+      [options.tendons && (scene?.tendons.length ?? 0) > 0, COLORS.tendon, 'tendon'],
+      [options.frames, 0xd0413e, 'x'],
+      [options.frames, 0x3f9b72, 'y'],
+      [options.frames, 0x2f7fd8, 'z'],
+      [options.reference, REFERENCE, 'reference pose'],
+      [view.fullShown, FULL, 'full simulation'],
+    ];
+    for (const [on, color, label] of drawn) if (on) parts.push([css(color), label]);
+    if (options.compliance && view.ellipsoids.newtons > 0)
+      parts.push([css(FULL), `compliance: motion under ${shortUnit(view.ellipsoids.newtons, 'N')}`]);
     if (Number.isFinite(loadFactor))
       parts.push(['', `grasp load factor ${loadFactor.toFixed(2)}${loadFactor < SAFE_LOAD_FACTOR ? ': may eject' : ''}`]);
-    if (view.stage.gridShown) parts.push(['', `grid ${shortUnit(view.stage.gridSpacing, 'm')}`]);
+    if (view.stage.gridShown) parts.push(['', `grid: ${shortUnit(view.stage.gridSpacing, 'm')}`]);
     const text = JSON.stringify(parts);
     if (text === this.shown) return;
     this.shown = text;

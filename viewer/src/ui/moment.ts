@@ -32,12 +32,8 @@ export class MomentCard {
     });
     textButton('Write into a copy of my file', bar, () =>
       this.send({ type: 'write', tuned: true, moment: this.moment, text_only: false }),
-    );
-    textButton('Close', bar, () => this.close());
-    this.card.addEventListener('keydown', (event) => {
-      if (event.key === 'Escape') this.close();
-      event.stopPropagation();
-    });
+    ).title = 'MODEL_tuned.xml beside the file, which stays as it is';
+    textButton('Close', bar, () => this.close()).title = 'Close (Esc)';
   }
 
   /** Asks for a moment: a frame's sequence, or 0 for the present. */

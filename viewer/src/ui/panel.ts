@@ -12,7 +12,53 @@ export interface PanelActions {
 }
 
 const MOST_SLIDERS = 100; // of one kind: a thousand mechanisms have thousands
+const SWITCHES = ['accuracy', 'damping', 'friction', 'gravity']; // off at 0
 const SLOW = ['accuracy', 'modes', 'dt', 'damping', 'friction', 'stiffness', 'detail', 'recovery']; // build the model anew
+
+/** What the settings do, by their names in the stream. */
+const TIPS: Record<string, string> = {
+  recovery: 'How poses of bodies follow from the reduced state',
+  detail: 'Which bodies can touch, and so how many coordinates there are',
+  accuracy: 'Modes are added or dt is halved while the estimated error is above this; off: they stay as they are set',
+  modes: 'Fixed-interface modes of each mechanism',
+  dt: 'Time step',
+  damping: 'Multiplies the damping of all joints',
+  friction: 'Multiplies the coefficients of friction of all contacts',
+  gravity: 'Acceleration along z',
+  speed: 'Simulated seconds a second',
+  pull_stiffness: 'Stiffness of the spring that pulls a dragged body',
+  stiffness: 'Multiplies the stiffness of these joints',
+  control: 'Set-point',
+};
+
+const VIEW_TIPS: Record<string, string> = {
+  colouring: 'What the colours of bodies mean; the legend has them',
+  forces: 'Contact forces as arrows, drawn over the bodies',
+  arrowScale: 'Length of arrows; auto: the longest is a sixth of the model',
+  cones: 'The cones in which contact forces stay',
+  compliance: 'How far each interface body gives way to a force, in every direction',
+  reference: 'The pose about which the model is reduced, as a ghost',
+  on: 'The full-coordinate simulation beside the reduced one, as a violet ghost',
+  ghostOffset: 'Distance between the full simulation and the reduced one',
+  frames: 'Axes of every body: x red, y green, z blue',
+  shadows: 'Shadows of bodies',
+  follow: 'The camera goes along with a base that moves',
+  copies: 'So many copies, each a frame later than the next',
+};
+
+/** Three digits, whole numbers in full, and a word for zero. */
+function showDigits(controller: Controller, zero: string): void {
+  const field = controller.domElement.querySelector('input');
+  const update = controller.updateDisplay.bind(controller);
+  controller.updateDisplay = () => {
+    update();
+    const value = controller.getValue() as number;
+    if (field && document.activeElement !== field) field.value = value === 0 ? zero : String(Math.abs(value) >= 100 ? Math.round(value) : Number(value.toPrecision(3)));
+    return controller;
+  };
+  field?.addEventListener('blur', () => controller.updateDisplay());
+  controller.updateDisplay();
+}
 
 export class Panel {
   private readonly gui: GUI;
@@ -59,7 +105,7 @@ export class Panel {
       actions.colouringChanged();
     });
     v.add(options, 'forces').name('contact forces').onChange(changed);
-    v.add(options, 'arrowScale', 0, 100, 0.1).name('mm per N (0: auto)').onChange(changed);
+    showDigits(v.add(options, 'arrowScale', 0, 100, 0.1).name('arrows, mm per N').onChange(changed), 'auto');
     v.add(options, 'cones').name('friction cones').onChange(changed);
     v.add(options, 'compliance').name('compliance ellipsoids').onChange(changed);
     v.add(options, 'reference').name('reference ghost').onChange(changed);
@@ -72,6 +118,7 @@ export class Panel {
     v.add(options, 'shadows').onChange(changed);
     v.add(options, 'follow').name('camera follows').onChange(changed);
     v.add(options, 'copies', { '1': 1, '100': 100, '1000': 1000 }).name('copies, in time').onChange(changed);
+    for (const controller of v.controllers) controller.domElement.title = VIEW_TIPS[controller.property] ?? '';
     this.view.close();
   }
 
@@ -83,7 +130,9 @@ export class Panel {
       const told = setting === 'accuracy' ? value / 1000 : value;
       this.actions.send({ type: 'set', setting, ...(index === undefined ? {} : { index }), value: told });
     };
-    const controller = gui.add(this.values, key, low, high, step).name(name).decimals(step < 0.001 ? 4 : 2);
+    const controller = gui.add(this.values, key, low, high, step).name(name);
+    showDigits(controller, SWITCHES.includes(setting) ? 'off' : '0');
+    controller.domElement.title = `${name}: ${TIPS[setting] ?? ''}`;
     controller.onChange((value: number) => {
       this.held = key;
       if (!SLOW.includes(setting)) send(value);
@@ -98,6 +147,7 @@ export class Panel {
   private choice(gui: GUI, key: string, name: string, choices: Record<string, number>): void {
     this.values[key] ??= 0;
     const controller = gui.add(this.values, key, choices).name(name);
+    controller.domElement.title = TIPS[key] ?? '';
     controller.onChange((value: number) => this.actions.send({ type: 'set', setting: key, value }));
     this.controllers.set(key, controller);
   }
@@ -123,7 +173,6 @@ export class Panel {
     this.choice(this.model, 'recovery', 'recovery', { exact: 0, curved: 2, twist: 1 });
     this.choice(this.model, 'detail', 'detail level', { 'what it holds': 0, 'interface as given': 1, 'and their parents': 2, 'every body': 3 });
     this.slider(this.model, 'accuracy', 'accuracy [mm]', 0, 10, 0.001);
-    this.controllers.get('accuracy')?.domElement.setAttribute('title', '0: modes and dt as they are set');
     this.slider(this.model, 'modes', 'modes', 0, 16, 1);
     this.slider(this.model, 'dt', 'dt [s]', 0.0005, 1 / 30, 0.0001);
     this.slider(this.model, 'damping', 'damping ×', 0, 10, 0.01);

@@ -29,10 +29,12 @@ export class Picking {
     this.apply = element('button', 'text', bar);
     this.apply.type = 'button';
     this.apply.textContent = 'Reduce to these';
+    this.apply.title = 'The model is reduced anew with these interface bodies';
     this.apply.addEventListener('click', () => this.take());
     const cancel = element('button', 'text', bar);
     cancel.type = 'button';
     cancel.textContent = 'Cancel';
+    cancel.title = 'Cancel (Esc)';
     cancel.addEventListener('click', () => this.end());
   }
 

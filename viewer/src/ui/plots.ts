@@ -4,13 +4,23 @@ import 'uplot/dist/uPlot.min.css';
 import type { SignalStore } from '../signals/store';
 import { element, iconButton, setIcon } from './dom';
 
-/** What a page begins with. */
-const FIRST = ['real_time_factor', 'step_us', 'contact_force', 'energy', 'joint_gap', 'tip'];
 const SPAN = 10; // s
-const HEIGHT = 84;
+const SHARE = 0.12; // of the page's height
+const LEAST_HEIGHT = 84;
+const LEAST_DRAG = 4; // pixels
+const FIRST_TOGETHER = 3; // of a kind
 /** Of the second curve of a plot and those after it. */
 const COLORS = ['', '#d0413e', '#3f9b72', '#b07a1e', '#8a63c4', '#1d9a8a'];
 export const DRAGGED = 'text/x-fork1s-signal';
+
+/** What a page begins with: joints, contact, bases, energy. */
+function firstPlots(store: SignalStore): string[][] {
+  const kind = (group: string): string[] => {
+    const all = store.signals.filter((s) => s.group === group && store.has(s.key));
+    return all.filter((s) => s.unit === all[0]?.unit).slice(0, FIRST_TOGETHER).map((s) => s.key);
+  };
+  return [kind('position'), ['contact_force'], ['friction_use'], kind('base'), ['energy']].filter((keys) => keys.length > 0);
+}
 
 interface Cell {
   keys: string[];
@@ -21,10 +31,13 @@ interface Cell {
 export class Plots {
   readonly root: HTMLElement;
   private cells: Cell[] = [];
-  private keys: string[][] = FIRST.map((key) => [key]);
+  private keys: string[][] = [];
+  private begun = false; // the first plots have been chosen
   private paused = false;
+  private zoom: [number, number] | null = null; // s
   private drawn = 0;
   private readonly pauseButton: HTMLButtonElement;
+  private readonly wholeButton: HTMLButtonElement;
   /** Called when other signals are shown. */
   onChange: () => void = () => undefined;
 
@@ -42,6 +55,8 @@ export class Plots {
       setIcon(this.pauseButton, this.paused ? 'play' : 'pause', this.paused ? 'Let the plots run' : 'Hold the plots');
     });
     iconButton('save', 'Save as CSV', bar, () => this.save('fork1s.csv', this.store.csv()));
+    this.wholeButton = iconButton('home', 'Whole span of time (double click)', bar, () => this.setZoom(null));
+    this.wholeButton.hidden = true;
     this.acceptDrops(this.root, (key) => this.toggle(key, true));
   }
 
@@ -102,8 +117,17 @@ export class Plots {
   show(on = !this.shown): void {
     this.root.hidden = !on;
     if (this.shown && this.cells.length === 0) this.build();
+    this.begin();
     this.drawn = 0;
     this.onChange();
+  }
+
+  /** Chooses the first plots once it is known what there is to plot. */
+  private begin(): void {
+    if (this.begun || !this.shown || this.store.length === 0) return;
+    this.begun = true;
+    this.keys = [...firstPlots(this.store), ...this.keys];
+    this.rebuild();
   }
 
   /** Colours are part of a plot: a change of theme builds them anew. */
@@ -125,24 +149,55 @@ export class Plots {
         const label = element('span', '', caption);
         const prefix = signal && ['joint_force', 'actuator', 'error'].includes(signal.group) ? `${key.split(':')[0] ?? ''} ` : '';
         label.textContent = `${prefix}${signal?.title ?? key}${signal?.unit ? ` [${signal.unit}]` : ''}`;
+        label.title = label.textContent;
         if (i > 0) label.style.color = COLORS[i % COLORS.length] ?? accent;
       });
       const close = element('button', 'close', caption);
       close.type = 'button';
       close.textContent = '×';
+      close.title = 'Close this plot';
       close.setAttribute('aria-label', `Close the plot of ${this.store.find(keys[0] ?? '')?.title ?? ''}`);
       close.addEventListener('click', () => keys.slice().forEach((key) => this.toggle(key, false)));
+      const units = [...new Set(keys.map((key) => this.store.find(key)?.unit ?? ''))].map(String);
       const axis: uPlot.Axis = { stroke: text, font, grid: { stroke: edge, width: 1 }, ticks: { show: false } };
       const curve = { width: 1.4, points: { show: false }, spanGaps: false };
       const plot = new uPlot(
         {
           width: this.cellWidth(),
-          height: HEIGHT,
+          height: this.cellHeight(),
           legend: { show: false },
-          cursor: { show: false },
-          scales: { x: { time: false }, y: { range: (_, low, high) => widen(low, high) } },
-          axes: [{ ...axis, size: 16, space: 60 }, { ...axis, size: 46, space: 22, values: (_, ticks) => ticks.map((v) => String(Number(v.toPrecision(4)))) }],
-          series: [{}, ...keys.map((_, i) => ({ ...curve, stroke: i === 0 ? accent : (COLORS[i % COLORS.length] ?? accent) }))],
+          cursor: {
+            y: false,
+            points: { show: false },
+            drag: { x: true, y: false, setScale: false },
+            bind: { dblclick: () => () => (this.setZoom(null), null) },
+          },
+          scales: { x: { time: false, range: () => this.span }, ...Object.fromEntries(units.map((unit) => [`y ${unit}`, { range: (_: uPlot, low: number | null, high: number | null) => widen(low, high) }])) },
+          // A second unit has its scale on the right.
+          axes: [
+            { ...axis, size: 16, space: 60 },
+            ...units.slice(0, 2).map((unit, i) => ({
+              ...axis,
+              scale: `y ${unit}`,
+              side: (i === 0 ? 3 : 1) as uPlot.Axis.Side,
+              grid: { ...axis.grid, show: i === 0 },
+              size: 46,
+              space: 22,
+              values: (_: uPlot, ticks: number[], __: number, ___: number, apart: number) => {
+                const digits = Math.max(0, Math.min(12, 1 - Math.floor(Math.log10(apart)))); // ticks may be 2.5 apart
+                return ticks.map((v) => String(Number(v.toFixed(digits))));
+              },
+            })),
+          ],
+          hooks: { draw: [(u) => this.drawPlayhead(u, text)], setSelect: [(u) => this.zoomInto(u)] },
+          series: [
+            {},
+            ...keys.map((key, i) => ({
+              ...curve,
+              scale: `y ${this.store.find(key)?.unit ?? ''}`,
+              stroke: i === 0 ? accent : (COLORS[i % COLORS.length] ?? accent),
+            })),
+          ],
         },
         [[], ...keys.map(() => [])] as uPlot.AlignedData,
         figure,
@@ -159,14 +214,67 @@ export class Plots {
     return Math.max(170, (width - 60) / Math.max(1, this.keys.length) - 6);
   }
 
+  private cellHeight(): number {
+    return Math.max(LEAST_HEIGHT, SHARE * window.innerHeight);
+  }
+
   resize(): void {
-    for (const { plot } of this.cells) plot.setSize({ width: this.cellWidth(), height: HEIGHT });
+    for (const { plot } of this.cells) plot.setSize({ width: this.cellWidth(), height: this.cellHeight() });
+  }
+
+  /** Whether a part of the time was chosen by dragging. */
+  get zoomed(): boolean {
+    return this.zoom !== null;
+  }
+
+  /** All plots show this part of the time [s]; null: the last seconds. */
+  setZoom(zoom: [number, number] | null): void {
+    this.zoom = zoom;
+    this.wholeButton.hidden = zoom === null;
+    this.update();
+  }
+
+  private zoomInto(plot: uPlot): void {
+    const { left, width } = plot.select;
+    if (width < LEAST_DRAG) return;
+    const zoom: [number, number] = [plot.posToVal(left, 'x'), plot.posToVal(left + width, 'x')];
+    plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.setZoom(zoom);
+  }
+
+  /** The times [s] that are shown: those chosen, the last ones, or those about the playhead. */
+  get span(): [number, number] {
+    if (this.zoom) return this.zoom;
+    const { start, end, playhead } = this.store;
+    const to = playhead === null ? end : Math.min(end, Math.max(playhead + SPAN / 2, start + SPAN));
+    return [Math.max(start, to - SPAN), to];
+  }
+
+  private drawPlayhead(plot: uPlot, color: string): void {
+    const { playhead } = this.store;
+    if (playhead === null) return;
+    const { ctx, bbox } = plot;
+    const x = plot.valToPos(playhead, 'x', true);
+    ctx.save();
+    ctx.strokeStyle = color;
+    ctx.lineWidth = window.devicePixelRatio;
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.stroke();
+    ctx.restore();
   }
 
   draw(now: number): void {
+    this.begin();
     if (!this.shown || this.paused || now - this.drawn < 100) return;
     this.drawn = now;
-    for (const { plot, keys } of this.cells) plot.setData(this.store.last(SPAN, keys) as uPlot.AlignedData);
+    this.update();
+  }
+
+  private update(): void {
+    const [from, to] = this.span;
+    for (const { plot, keys } of this.cells) plot.setData(this.store.columns(keys, from, to) as uPlot.AlignedData);
   }
 }
 

@@ -16,22 +16,14 @@ export class SidePanel {
     this.root.setAttribute('aria-label', 'Workbench');
     this.bar = element('div', 'tabs', this.root);
     this.bar.setAttribute('role', 'tablist');
-    this.bar.addEventListener('keydown', (event) => {
-      const step = event.key === 'ArrowRight' ? 1 : event.key === 'ArrowLeft' ? -1 : 0;
-      if (step === 0) return;
-      const names = [...this.tabs.keys()].filter((name) => this.tabs.get(name)?.tab.hidden === false);
-      this.choose(names[(names.indexOf(this.current) + step + names.length) % names.length] ?? this.current);
-      this.tabs.get(this.current)?.tab.focus();
-      event.stopPropagation();
-      event.preventDefault();
-    });
   }
 
   /** A page with a tab; what belongs on it is put into the element that comes back. */
-  add(name: string, title: string): HTMLElement {
+  add(name: string, title: string, tip: string): HTMLElement {
     const tab = element('button', '', this.bar);
     tab.type = 'button';
     tab.textContent = title;
+    tab.title = tip;
     tab.id = `tab-${name}`;
     tab.setAttribute('role', 'tab');
     tab.setAttribute('aria-controls', `page-${name}`);
@@ -80,7 +72,6 @@ export class SidePanel {
       const on = name === this.current;
       page.hidden = !on;
       tab.setAttribute('aria-selected', String(on));
-      tab.tabIndex = on ? 0 : -1;
     }
   }
 }

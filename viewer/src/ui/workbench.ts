@@ -40,11 +40,12 @@ export class Workbench {
       actions.opened(open);
       this.askForSignals();
     });
-    this.tree = new ModelTree(this.side.add('model', 'Model'), view, () => this.tuning.chosen());
-    this.tuning = new Tuning(this.side.add('tune', 'Tune'), { send: (r) => actions.send(r), selected: () => view.selected });
-    this.signals = new SignalList(this.side.add('signals', 'Signals'), store, plots, {
+    this.tree = new ModelTree(this.side.add('model', 'Model', 'Bodies, joints and shapes as a tree (M)'), view, () => this.tuning.chosen());
+    this.tuning = new Tuning(this.side.add('tune', 'Tune', 'Numbers of the model that can be changed (U)'), { send: (r) => actions.send(r), selected: () => view.selected });
+    this.signals = new SignalList(this.side.add('signals', 'Signals', 'Every number of the run, for plots (L)'), store, plots, {
       save: () => saveFile('fork1s.csv', store.csv()),
       showPlots: () => actions.showPlots(),
+      changed: () => this.askForSignals(),
       estimate: (on) => actions.send({ type: 'set', setting: 'error', value: on ? 1 : 0 }),
     });
     this.moment = new MomentCard(root, (r) => actions.send(r));

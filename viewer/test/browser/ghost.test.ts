@@ -28,7 +28,7 @@ describe.skipIf(!ready)('the full simulation as a ghost', () => {
     expect(await figure.locator('figcaption span').allTextContents()).toEqual(['index_tip z [mm]', 'twist [mm]', 'full [mm]']);
     const told = await page.waitForFunction(() => {
       const store = fork1s?.store;
-      const [, ...columns] = store?.last(10, store.together('at:index_tip.z')) ?? [[]];
+      const [, ...columns] = store?.columns(store.together('at:index_tip.z')) ?? [[]];
       const told = columns[2] ?? [];
       let at = told.length - 1; // the full simulation comes behind
       while (at >= 0 && told[at] === null) --at;

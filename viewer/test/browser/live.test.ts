@@ -23,6 +23,12 @@ describe.skipIf(!ready)('the page on a running hand', () => {
     const steps = await live.page.evaluate(() => fork1s?.scalar('steps') ?? 0);
     await live.page.keyboard.press('ArrowRight');
     await live.page.waitForFunction((n) => fork1s?.scalar('steps') === n + 1, steps);
+    // A page that is opened now shows this moment.
+    const second = await open(live.browser, live.program.address);
+    await running(second);
+    await second.locator('.cover').waitFor({ state: 'hidden' });
+    expect(await second.evaluate(() => fork1s?.scalar('steps'))).toBe(steps + 1);
+    await second.close();
     await live.page.keyboard.press('Backspace');
     await live.page.waitForFunction(() => fork1s?.scalar('steps') === 0);
     await live.page.keyboard.press('Space');

@@ -21,6 +21,7 @@ describe.skipIf(!ready)('the past, and every signal', () => {
       const at = fork1s?.view.scene?.controls.findIndex((c) => c.name === 'index_knuckle_flex') ?? -1;
       fork1s?.send({ type: 'set', setting: 'control', index: at, value: 0.8 });
     });
+    await page.keyboard.press('p');
     await page.waitForFunction(() => (fork1s?.scalar('time') ?? 0) > 1.2);
     await page.keyboard.press('ArrowLeft');
     await page.locator('.timeline').waitFor();
@@ -29,8 +30,18 @@ describe.skipIf(!ready)('the past, and every signal', () => {
     await page.locator('.timeline input').fill('40');
     await expect.poll(time).toBeLessThan(end - 0.2);
     const then = await time();
+    // The plots hold what they had, with a line at the moment shown.
+    expect(await page.evaluate(() => [fork1s?.store.end, fork1s?.store.playhead])).toEqual([end, then]);
+    await page.waitForFunction(() => {
+      const canvas = document.querySelector<HTMLCanvasElement>('.plot:nth-of-type(2) canvas');
+      const pixels = canvas?.getContext('2d')?.getImageData(0, 0, canvas.width, canvas.height).data ?? [];
+      let blue = 0;
+      for (let i = 0; i < pixels.length; i += 4) if ((pixels[i + 2] ?? 0) > (pixels[i] ?? 0) + 60 && (pixels[i + 3] ?? 0) > 100) ++blue;
+      return blue > 50;
+    });
     const tip = await poseOf(page, 'index_tip');
     await page.getByRole('button', { name: 'Resume here' }).click();
+    await page.keyboard.press('p');
     await page.waitForFunction((t) => fork1s?.timeline === null && (fork1s.scalar('time') ?? Infinity) < t, end);
     // Ten moments a second are kept: what comes first is the one shown or just before it.
     const first = await time();
@@ -98,15 +109,15 @@ describe.skipIf(!ready)('the past, and every signal', () => {
     for (const key of ['step_us', 'kinetic_energy', 'error', 'load_factor', 'q:index_knuckle_flex', 'tau:index_knuckle_flex', 'f:index_knuckle_flex'])
       expect(keys).toContain(key);
     expect(keys.some((key) => key.startsWith('contact:'))).toBe(true);
-    await page.locator('.signal[data-key="q:index_knuckle_flex"]').click();
+    await page.locator('.signal[data-key="tau:index_knuckle_flex"]').click();
     const plots = (): Promise<readonly (readonly string[])[]> => page.evaluate(() => fork1s?.plots.signals ?? []);
-    expect((await plots()).at(-1)).toEqual(['q:index_knuckle_flex']);
+    expect((await plots()).at(-1)).toEqual(['tau:index_knuckle_flex']);
     await page.evaluate(() => {
       const data = new DataTransfer();
       data.setData('text/x-fork1s-signal', 'f:index_knuckle_flex');
       document.querySelector('.plot:last-of-type')?.dispatchEvent(new DragEvent('drop', { dataTransfer: data, bubbles: true, cancelable: true }));
     });
-    expect((await plots()).at(-1)).toEqual(['q:index_knuckle_flex', 'f:index_knuckle_flex']);
+    expect((await plots()).at(-1)).toEqual(['tau:index_knuckle_flex', 'f:index_knuckle_flex']);
     // The servo's law, from the same frame: F = kp (u - q) - kv dq/dt, nearly at rest.
     await page.waitForFunction(() => Number.isFinite(fork1s?.store.now('f:index_knuckle_flex') ?? NaN));
     // The sum of what acts on the joint is in balance with nothing but its weight.

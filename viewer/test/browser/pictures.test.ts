@@ -101,6 +101,37 @@ describe.skipIf(!ready)('pictures of planes', () => {
     expect(await gridShown()).toBe(false);
   });
 
+  // The ground is transparent: whatever is drawn before it and writes no depth disappears.
+  it('show contact forces that lie over them', async () => {
+    const seen = await live.page.evaluate(() => {
+      const { view: shown } = fork1s ?? {};
+      if (!shown?.scene || !shown.frame) return [];
+      const { stage, frame, scene } = shown;
+      stage.lookFrom(-90, 30, 1, [0, 0, 0]);
+      shown.draw();
+      const gl = stage.renderer.getContext();
+      const scale = stage.renderer.getPixelRatio();
+      const redness = (at: [number, number, number]): number => {
+        const { x, y } = fork1s?.screenOf(-1, at) ?? { x: 0, y: 0 };
+        const pixel = new Uint8Array(4);
+        stage.render();
+        gl.readPixels(x * scale, gl.drawingBufferHeight - y * scale, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+        return (pixel[0] ?? 0) - (pixel[2] ?? 0);
+      };
+      const point: [number, number, number] = [-0.5, -0.5, 0];
+      const middle: [number, number, number] = [-0.5, -0.5, 0.07 * shown.modelSize];
+      const contact = { a: -1, b: 0, point, normal: [0, 0, 1], force: [0, 0, 1], gap: 0, friction: 0.5 } as (typeof frame.contacts)[number];
+      const differences: number[] = [];
+      for (const contacts of [[], [contact]]) {
+        shown.contacts.update(scene, { ...frame, contacts }, shown.modelSize);
+        differences.push(redness(middle));
+      }
+      return differences;
+    });
+    const [without = 0, withArrow = 0] = seen;
+    expect(withArrow).toBeGreaterThan(without + 60);
+  });
+
   it('are hidden with the still world, and the grid is back', async () => {
     await live.page.evaluate(() => {
       if (!fork1s) return;

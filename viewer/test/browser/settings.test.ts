@@ -101,6 +101,23 @@ describe.skipIf(!ready)('settings, picking and recordings', () => {
       await unseen(live.page, () => plays(file));
     });
 
+  it('a recording on disk has the signals that it knows, all of them at once', async () => {
+    const replay = await open(live.browser, `file://${join(folder, 'exact.html')}`);
+    await running(replay);
+    await replay.keyboard.press('l');
+    await replay.keyboard.press('p');
+    await replay.waitForFunction(() => Math.abs((fork1s?.store.end ?? 0) - 0.5) < 0.02);
+    await replay.locator('.signal').first().waitFor();
+    const rows = await replay.locator('.signal').evaluateAll((all) => all.map((row) => [(row as HTMLElement).dataset['key'], row.querySelector('.unit')?.textContent]));
+    const keys = rows.map(([key]) => key);
+    for (const key of ['contact_force', 'energy', 'joint_gap', 'at:index_tip.z', 'q:index_knuckle_flex']) expect(keys).toContain(key);
+    for (const key of ['real_time_factor', 'step_us', 'reduce_ms', 'error', 'load_factor', 'tip']) expect(keys).not.toContain(key);
+    expect(rows.find(([key]) => key === 'q:index_knuckle_flex')?.[1]).toBe('rad');
+    expect(await replay.evaluate(() => fork1s?.plots.signals.flat().includes('step_us'))).toBe(false);
+    expect(await replay.evaluate(() => fork1s?.store.together('at:index_tip.z'))).toEqual(['at:index_tip.z']); // no other recovery
+    await replay.close();
+  });
+
   it('says so when the program has gone, and comes back by itself', async () => {
     const port = new URL(live.program.address).port;
     await live.program.stop();
