@@ -16,15 +16,14 @@ int Main(int argc, char** argv) {
   std::vector<int> sizes;
   for (int i = 1; i < argc; ++i) sizes.push_back(std::atoi(argv[i]));
   if (sizes.empty()) sizes = {100, 200, 500, 1000, 2000, 5000};
-  fmt::print("joints,reduce_ms,step_exact_us,step_twist_us,heap_MB\n");
+  fmt::print("joints,reduce_ms,step_us,heap_MB\n");
   for (const int joints : sizes) {
     const auto c = MeasureChain(joints);
     if (!c) {
       fmt::print(stderr, "{}\n", c.error().Text());
       return 1;
     }
-    fmt::print("{},{:.3f},{:.2f},{:.2f},{:.3f}\n", c->joints, c->reduce_ms, c->step_exact_us,
-               c->step_twist_us, c->heap_MB);
+    fmt::print("{},{:.3f},{:.2f},{:.3f}\n", c->joints, c->reduce_ms, c->step_us, c->heap_MB);
   }
   return 0;
 }

@@ -1,10 +1,11 @@
 // The steps whose instructions tools/step_instructions.sh counts under valgrind: ours, and mj_step on the
 // same file from the same poses at the same time step.
 //
-//     build/release/benchmarks/step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY [euler|theta|two-stage]]]]]
+//     build/release/benchmarks/step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY
+//     [euler|two-stage]]]]]
 //
-// MuJoCo integrates as the file says, or with `discrete`; ours as the scene chooses, or as told. Prints the number of steps and how many contacts
-// each saw in the mean. `fork1s bench` counts the same steps.
+// MuJoCo integrates as the file says, or with `discrete`; ours as the scene chooses, or as told. Prints the
+// number of steps and how many contacts each saw in the mean. `fork1s bench` counts the same steps.
 #include <fmt/format.h>
 
 #include <cstdlib>
@@ -26,7 +27,9 @@ int Refuse(const std::string& why) {
 
 int Main(int argc, char** argv) {
   if (argc < 2) {
-    fmt::print(stderr, "usage: step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY [euler|theta|two-stage]]]]]\n");
+    fmt::print(stderr,
+               "usage: step_instructions MODEL [CONTROLS.csv|- [SECONDS [discrete|- [RECOVERY "
+               "[euler|two-stage]]]]]\n");
     return 2;
   }
   SameStepsOptions options;
@@ -47,7 +50,7 @@ int Main(int argc, char** argv) {
   if (argc > 6) {
     const std::string rule = argv[6];
     const auto integrator = IntegratorNamed(rule);
-    if (!integrator) return Refuse("'" + rule + "' is none of: euler, theta, two-stage");
+    if (!integrator) return Refuse("'" + rule + "' is none of: euler, two-stage");
     options.own_integrator = *integrator;
   }
   const auto steps = StepFromSamePoses(options);

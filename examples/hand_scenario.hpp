@@ -17,7 +17,7 @@ struct HandScenario {
   double object_mass = 0.2;    // kg
   double stiffness_scale = 1;  // of all joints
   double dt = 1.0 / 60;        // s
-  Integrator integrator = Integrator::kEuler;
+  Integrator integrator = Integrator::kTwoStage;
   bool shake = true;
   double rest = 5;           // s
   std::string controls_csv;  // where to write the set-points of every step, for `fork1s run --controls`;

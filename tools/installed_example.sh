@@ -15,7 +15,7 @@ cmake -S "$work/app" -B "$work/app/build" -DCMAKE_PREFIX_PATH="$work/installed" 
   cmake --build "$work/app/build" >>"$work/app.log" || { cat "$work/app.log" >&2; exit 1; }
 "$work/app/build/first_steps" scenes/hand.xml
 "$work/app/build/in_your_loop" scenes/fourbar_gripper.xml | tee "$work/said"
-grep -q "no control of this name; there are: left_grip" "$work/said"
+grep -q "there is no control 'thumb'; there are: left_grip" "$work/said"
 grep -q "and back it is as it was" "$work/said"
 grep -q "^at 3.00 s there are" "$work/said"
 if [ -x "$work/app/build/engine_poses" ]; then

@@ -84,8 +84,7 @@ Json PartsJson(const BenchResults& results, Json out) {
     out["chains"].push_back({{"joints", c.joints},
                              {"reduce_ms", c.reduce_ms},
                              {"refresh_ms", c.refresh_ms},
-                             {"step_exact_us", c.step_exact_us},
-                             {"step_twist_us", c.step_twist_us},
+                             {"step_us", c.step_us},
                              {"heap_MB", c.heap_MB}});
   out["many"] = Json::array();
   for (const ManyCost& m : results.many)
@@ -150,11 +149,11 @@ void PrintParts(const BenchResults& results) {
     }
   }
   if (!results.chains.empty())
-    PrintText("chains\n  {:<8} {:>12} {:>14} {:>16} {:>16} {:>8}\n", "joints", "reducing, ms",
-              "a refresh, ms", "a step, exact us", "a step, twist us", "MB");
+    PrintText("chains\n  {:<8} {:>12} {:>14} {:>16} {:>8}\n", "joints", "reducing, ms", "a refresh, ms",
+              "a step, us", "MB");
   for (const ChainCost& c : results.chains)
-    PrintText("  {:<8} {:>12.3f} {:>14.3f} {:>16.1f} {:>16.1f} {:>8.2f}\n", c.joints, c.reduce_ms,
-              c.refresh_ms, c.step_exact_us, c.step_twist_us, c.heap_MB);
+    PrintText("  {:<8} {:>12.3f} {:>14.3f} {:>16.1f} {:>8.2f}\n", c.joints, c.reduce_ms, c.refresh_ms,
+              c.step_us, c.heap_MB);
   if (!results.many.empty()) PrintText("many at a time\n");
   for (const ManyCost& m : results.many)
     PrintText("  {} of {} on {}: {:.2f} us a step of one\n", m.instances, m.scene,

@@ -188,9 +188,7 @@ int Run(const CompareArguments& args) {
   options.time = args.time;
   options.dt = args.dt;
   options.recovery = args.inputs.recovery;
-  const auto integrator = IntegratorOf(args.step_integrator, args.inputs.recovery);
-  if (!integrator) return Report(integrator.error(), json);
-  options.integrator = *integrator;
+  options.integrator = args.step_integrator.value_or(Integrator::kTwoStage);
   options.full_integrator = args.full_integrator;
   options.refinements = args.refinements;
   options.mujoco_integrator = args.integrator;

@@ -103,10 +103,9 @@ void ModelArguments::AddTo(CLI::App& command) {
   command.add_option("--base", base, "fixed, floating or driven; replaces what the file says")
       ->check(OneOf({"fixed", "floating", "driven"}));
   command
-      .add_option(
-          "--modes", modes,
-          "fixed-interface modes to keep at most; auto: all below 1/(6 dt), at least 4, within 24 "
-          "coordinates or twice those of the interface (euler, theta: 4) (default: the file's, else auto)")
+      .add_option("--modes", modes,
+                  "fixed-interface modes to keep at most; auto: all below 1/(6 dt), at least 4, within 24 "
+                  "coordinates or twice those of the interface (default: the file's, else auto)")
       ->check(kModes);
   command
       .add_option("--mode-choice", mode_choice,
@@ -150,19 +149,13 @@ void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator) {
   command
       .add_option(
           "--integrator", integrator,
-          "two-stage: second order, two implicit stages, each solved to a residual (default; with --recovery "
-          "twist it is euler); theta: second order, cheaper and wrong where stiff springs turn; euler: "
-          "implicit "
-          "Euler, first order")
-      ->transform(OneOf(names));
-}
-
-Expected<Integrator> IntegratorOf(const std::optional<Integrator>& given, Recovery recovery) {
-  if (recovery == Recovery::kTwist && given && *given != Integrator::kEuler)
-    return Fail(ErrorCode::kUsage, std::string("--integrator ") + Name(*given),
-                "needs --recovery exact or curved: 'twist' keeps the inertia of the reference; leave one of the "
-                "two out");
-  return given.value_or(Integrator::kTwoStage);
+          "two-stage: two implicit stages of second order, each solved to a residual (default); euler: one, "
+          "backward Euler, of first order")
+      ->transform(OneOf(names))
+      // The one added last is asked first.
+      ->transform(CLI::Validator(
+          [](const std::string& word) { return word == "theta" ? std::string(kThetaIsGone) : std::string(); },
+          ""));
 }
 
 void AddRecoveryTo(CLI::App& command, Recovery& recovery) {

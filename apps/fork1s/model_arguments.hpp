@@ -38,8 +38,6 @@ struct ModelArguments {
 
 /// --integrator, as given.
 void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator);
-/// What it means beside --recovery; kUsage where the two do not go together.
-Expected<Integrator> IntegratorOf(const std::optional<Integrator>& given, Recovery recovery);
 
 /// --recovery.
 void AddRecoveryTo(CLI::App& command, Recovery& recovery);

@@ -36,9 +36,7 @@ Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, 
   SimulationOptions options;
   options.dt = args.dt;
   options.recovery = args.inputs.recovery;
-  const auto integrator = IntegratorOf(args.integrator, args.inputs.recovery);
-  if (!integrator) return tl::unexpected(integrator.error());
-  options.step.integrator = *integrator;
+  options.step.integrator = args.integrator.value_or(Integrator::kTwoStage);
   options.step.controls_move = !args.inputs.controls.empty();  // a table's rows are joined by lines
   options.refresh_angle = args.refresh_angle;
   if (!detail.entries.empty() && detail.entries.front().time == 0) {

@@ -77,12 +77,10 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   auto imported = args.model.Load();
   if (!imported) return tl::unexpected(imported.error());
   if (!args.model.json) PrintNotes(imported->report);
-  const auto integrator = IntegratorOf(args.integrator, args.recovery);
-  if (!integrator) return tl::unexpected(integrator.error());
   SimulationOptions options;
   options.dt = args.dt;
   options.recovery = args.recovery;
-  options.step.integrator = *integrator;
+  options.step.integrator = args.integrator.value_or(Integrator::kTwoStage);
   options.initial_keyframe = imported->initial_keyframe;
   // With its folder: many models are called scene.xml.
   const std::filesystem::path path(args.model.path);

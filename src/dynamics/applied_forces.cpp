@@ -76,32 +76,37 @@ void AddAppliedWrenches(const MechanismView& here, Matrix6X& F) {
   wrench.tail<3>() += force_R;
 }
 
-void ComputeLoadStiffness(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  const Mechanism& m = model.mechanism();
-  ws.K_loads.setZero();
-  ws.carried_force.setZero();
-  ws.carried_moments.setZero();
-  LoadInBase total{Vector3::Zero(), Matrix3::Zero()};
-  const auto add = [&](BodyIndex body, const LoadInBase& in_base) {
-    total.force_moments += in_base.force_moments;
-    const int j = m.body(body).last_joint;
-    if (j < 0) return;
-    ws.carried_force.col(j) += in_base.force;
-    ws.carried_moments.middleCols<3>(3 * j) += in_base.force_moments;
-  };
-  if (state.has_loads)
-    for (int b = 0; b < m.num_bodies(); ++b)
-      if (const AppliedForces& load = state.loads[At(b)]; !load.IsZero())
-        add(BodyIndex(b), ExpressInBase(here, load, ws.configuration.kinematics.X_RB[At(b)]));
-  if (state.point_spring.IsActive()) {
-    const Vector3 force = PointSpringForce(here);
-    add(state.point_spring_body, {force, ws.spring_point_R * force.transpose()});
+namespace {
+
+// Forces at points, summed over all that each joint carries.
+class CarriedForces {
+ public:
+  explicit CarriedForces(const MechanismStep& here) : here_(here) {
+    here.work.carried_force.setZero();
+    here.work.carried_moments.setZero();
   }
+  // On what joint j carries; j = -1: on the base.
+  void Add(int j, const LoadInBase& load) {
+    total_moments_ += load.force_moments;
+    if (j < 0) return;
+    here_.work.carried_force.col(j) += load.force;
+    here_.work.carried_moments.middleCols<3>(3 * j) += load.force_moments;
+  }
+  // K += their stiffness, in the lower triangle; once.
+  void AddStiffness(MatrixX& K_out);
+
+ private:
+  const MechanismStep& here_;
+  Matrix3 total_moments_ = Matrix3::Zero();
+};
+
+void CarriedForces::AddStiffness(MatrixX& K_out) {
+  const auto& [model, state, ws] = here_;
+  const Mechanism& m = model.mechanism();
   const int base = model.base_size;
   if (base > 0) {
-    const Matrix3 turned = AppliedForces::TurnedLever(total.force_moments);
-    ws.K_loads.topLeftCorner<3, 3>() = -0.5 * (turned + turned.transpose());
+    const Matrix3 turned = AppliedForces::TurnedLever(total_moments_);
+    K_out.topLeftCorner<3, 3>() -= 0.5 * (turned + turned.transpose());
   }
   for (int j = m.num_joints() - 1; j >= 0; --j) {
     const Vector3 force = ws.carried_force.col(j);
@@ -129,11 +134,45 @@ void ComputeLoadStiffness(const MechanismStep& here) {
     auto lever = ws.turned_lever.leftCols(size);
     lever.noalias() = AppliedForces::TurnedLever(moments).lazyProduct(D.topRows<3>());
     lever.noalias() -= Skew(force).lazyProduct(D.bottomRows<3>());
-    auto K = ws.K_loads.block(base + begin, base + begin, size, size);
+    auto K = K_out.block(base + begin, base + begin, size, size);
     K.noalias() -= 0.5 * turn.transpose().lazyProduct(lever);
     K.noalias() -= 0.5 * lever.transpose().lazyProduct(turn);
-    if (base > 0) ws.K_loads.block(base + begin, 0, size, 3) -= lever.transpose();
+    if (base > 0) K_out.block(base + begin, 0, size, 3) -= lever.transpose();
   }
+}
+
+}  // namespace
+
+void ComputeLoadStiffness(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const Mechanism& m = model.mechanism();
+  CarriedForces forces(here);
+  if (state.has_loads)
+    for (int b = 0; b < m.num_bodies(); ++b)
+      if (const AppliedForces& load = state.loads[At(b)]; !load.IsZero())
+        forces.Add(m.body(BodyIndex(b)).last_joint,
+                   ExpressInBase(here, load, ws.configuration.kinematics.X_RB[At(b)]));
+  if (state.point_spring.IsActive()) {
+    const Vector3 force = PointSpringForce(here);
+    forces.Add(m.body(state.point_spring_body).last_joint, {force, ws.spring_point_R * force.transpose()});
+  }
+  ws.K_loads.setZero();
+  forces.AddStiffness(ws.K_loads);
+}
+
+void AddInertialStiffness(const MechanismStep& here, double b) {
+  const auto& [model, state, ws] = here;
+  CarriedForces forces(here);
+  const Vector3 gravity_R = state.reduced.X_WR.rotation().transpose() * ws.gravity_W;
+  for (int i = 0; i < model.rigid_parts.size(); ++i) {
+    const SpatialInertia& inertia = model.rigid_parts.parts[At(i)].inertia_R0;
+    if (inertia.mass == 0) continue;
+    const Vector3 center = i == 0 ? inertia.center
+                                  : Vector3(ws.configuration.kinematics.P[At(i - 1)] * inertia.center),
+                  force = b * (ws.part_impulses.col(i) + b * inertia.mass * gravity_R);  // times b²
+    forces.Add(i - 1, {force, center * force.transpose()});
+  }
+  forces.AddStiffness(ws.A);
 }
 
 }  // namespace fork1s

@@ -27,8 +27,8 @@ double ShareInFirstStage(const MechanismStep& here, double b, double onward) {
   const double whole = ws.f_used.dot(ws.rhs.tail(r));
   ws.solved.noalias() = ws.M_full * ws.rhs;
   const double mass = ws.rhs.dot(ws.solved) / whole;
-  ws.f_turn.noalias() = model.reduced->D * ws.rhs.tail(r);
-  const double damping = b * ws.rhs.tail(r).dot(ws.f_turn) / whole, stiffness = 1 - mass - damping;
+  ws.w_mean.noalias() = model.reduced->D * ws.rhs.tail(r);
+  const double damping = b * ws.rhs.tail(r).dot(ws.w_mean) / whole, stiffness = 1 - mass - damping;
   const double followed = onward * stiffness * (1 + mass - stiffness);
   // Not so for a control that moves nothing, whose ratios are no numbers.
   return followed > 1 - stiffness ? (1 - stiffness) / followed : 1;

@@ -6,6 +6,7 @@
 #include <deque>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/solve.hpp>
+#include <fork1s/recovery/recover.hpp>
 
 #include "error_companion.hpp"
 #include "error_contact_loads.hpp"
@@ -40,7 +41,7 @@ struct ErrorEstimate::Detail {
   std::vector<ContactRecord> last;  // of the step to the node
   LuFactor factor;
   std::vector<BodyError> bodies;
-  std::vector<Vector3> start, place_before;
+  std::vector<Vector3> start;
   struct Seen {
     double total, interior, nonlinear, time;
   };
@@ -74,7 +75,6 @@ ErrorEstimate::ErrorEstimate(const World& world, const ErrorEstimateOptions& opt
                           : world.mechanisms()[static_cast<std::size_t>(b.mechanism)]
                                 .BodyPose(BodyIndex(b.index))
                                 .translation());
-  d.place_before = d.start;
 }
 
 ErrorEstimate::~ErrorEstimate() = default;
@@ -207,7 +207,7 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
   if (!report.finite) return;
   const double h = options.h;
   d.h = h;
-  const bool by_euler = options.integrator == Integrator::kEuler, at_end = report.forces_at_end;
+  const bool by_euler = options.integrator == Integrator::kEuler;
   const std::vector<ContactRecord> contacts = MovedTo(world.start_points(), world.contacts());
   const ContactLoads now = LoadsOf(world, contacts, h);
   const ContactLoads then = d.steps == 0 ? now : LoadsOf(world, MovedTo(world.start_points(), d.last), h);
@@ -216,7 +216,7 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     const MechanismDynamics& m = world.mechanisms()[i];
     VectorX stops = VectorX::Zero(m.mechanism().num_coordinates());
     world.AddStopForces(static_cast<int>(i), h, stops);
-    d.mechanisms[i].End(m, then.mechanisms[i], now.mechanisms[i], stops, h, at_end);
+    d.mechanisms[i].End(m, then.mechanisms[i], now.mechanisms[i], stops, h, by_euler);
   }
   for (std::size_t i = 0; i < d.free_bodies.size(); ++i) {
     FreeBodyPath& path = d.free_bodies[i];
@@ -269,7 +269,7 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     const FreeBodyPath& p = d.free_bodies[i];
     const FreeBody& b = world.free_bodies()[i];
     const int at = d.offset[d.mechanisms.size() + i];
-    const Vector6 F = LoadAtNode(p.load[0], p.load[1], at_end);
+    const Vector6 F = LoadAtNode(p.load[0], p.load[1], by_euler);
     const SpatialInertia& I = b.inertia();
     d.force.middleRows(at, 6).setZero();
     d.turn.middleRows(at, 6).setZero();
@@ -299,11 +299,12 @@ void ErrorEstimate::Detail::Show(const World& world) {
       for (int k = 0; k < kParts; ++k)
         parts[k] = mechanisms[at].Displacement(m, BodyIndex(b.index),
                                                e.col(k).segment(offset[at], mechanisms[at].size()));
-      // Where twists are summed the body is not where its joints have it.
-      if (m.recovery() == Recovery::kTwist)
-        parts[1] += mechanisms[at].Pose(BodyIndex(b.index)).translation() - place_before[i];
       place = m.BodyPose(BodyIndex(b.index)).translation();
-      place_before[i] = place;
+      // Where twists are summed the body is not drawn where its joints have it.
+      if (m.recovery() == Recovery::kTwist)
+        parts[1] +=
+            place -
+            (m.state().X_WR * RecoverPoseTwist(m.model(), m.state(), BodyIndex(b.index))).translation();
     } else {
       const int at = offset[mechanisms.size() + static_cast<std::size_t>(b.index)];
       const FreeBody& body = world.free_bodies()[static_cast<std::size_t>(b.index)];

@@ -19,7 +19,7 @@
 
 namespace fork1s {
 
-void FreeBody::BeginTwoStageStep(double b, const Vector3& gravity_W) {
+void FreeBody::BeginStep(double b, const Vector3& gravity_W) {
   gravity_W_ = gravity_W;
   omega_B_before_ = omega_B_;
   velocity_before_ = velocity_;
@@ -174,7 +174,7 @@ void FreeBody::ExtrapolateStage(double b, double onward) {
   velocity_ = velocity_before_ + (1 + onward) * (velocity_ - velocity_before_);
 }
 
-void FreeBody::EndTwoStageStep(double between_stages) {
+void FreeBody::EndStep(double between_stages) {
   angular_acceleration_B_.setZero();
   acceleration_.setZero();
   if (between_stages > 0) {
@@ -185,7 +185,6 @@ void FreeBody::EndTwoStageStep(double between_stages) {
   velocity_ = velocity_end_;
   is_stiff_ = false;
   load_ = {};
-  past_.h = 0;
 }
 
 }  // namespace fork1s

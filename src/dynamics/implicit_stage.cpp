@@ -49,6 +49,9 @@ Vector6 BaseTwist(const BasePath& path, double share, const RigidTransform& X) {
   return V;
 }
 
+// Centre of mass in R of an inertia about R's origin.
+Vector3 CenterOf(const Matrix6& M_00) { return Vector3(M_00(2, 4), M_00(0, 5), M_00(1, 3)) / M_00(5, 5); }
+
 // Of weight and of forces from outside, but for contact, world axes [N].
 Vector3 AppliedForce(const MechanismStep& here) {
   Vector3 force_W = here.model.mechanism().weighed_mass() * here.work.gravity_W;
@@ -103,19 +106,19 @@ void EvaluateStage(const MechanismStep& here, double b) {
   if (HasSwitches(here)) OpenSwitches(here);
 }
 
-void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vector3& gravity_W) {
+void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gravity_W) {
   const auto& [model, state, ws] = here;
-  FORK1S_REQUIRE(!model.by_twists());
   const int r = model.size();
-  ws.rule = StepRule::kStage;
-  ws.order = 1;
-  ws.touches = ws.first_order = ws.matches = false;
-  ws.minimum_found = true;
-  ws.newton_steps = 0;
   ws.gravity_W = gravity_W;
   ws.X_WR_before = state.reduced.X_WR;
   ws.V_R_before = state.reduced.V_R;
-  SeeStart(here, h, StepRule::kEuler);
+  ws.q_dot_start.setZero();
+  AddMotion(*model.reduced, ws.Q_now(), state.reduced.w, ws.q_dot_start);
+  if (model.base_size > 0) {
+    const Vector6 p = ws.M_full.topRows<6>() * ws.x;
+    ws.center_W = state.reduced.X_WR * CenterOf(ws.M_00);
+    ws.linear_W = state.reduced.X_WR.rotation() * p.tail<3>();
+  }
   ws.drift_W.setZero();
   if (model.base_size > 0) ws.drift_W = ws.linear_W / ws.M_00(5, 5);
   if (model.mechanism().base() == BaseKind::kDriven) {
@@ -140,6 +143,7 @@ void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vect
     PredictLinearMomentum(
         here, 0, ws.linear_W + b * (AppliedForce(here) + ws.M_00(5, 5) * state.acceleration.segment<3>(3)));
   ws.matrix_b = 0;
+  ws.matrix_is_inertial = false;
 }
 
 namespace {
@@ -231,6 +235,11 @@ void UpdateStageMatrix(const MechanismStep& here, double b) {
     TurnServos(here, b);
     SubtractSaturatedStiffness(here, b);
   }
+  if (ws.matrix_is_inertial) {
+    ws.A_before = ws.A;
+    AddInertialStiffness(here, b);
+    if (!ws.factor.Compute(ws.A)) ws.A = ws.A_before;
+  }
   if (StiffnessIsOfPose(here))
     ws.A_before = ws.A;
   else
@@ -274,15 +283,14 @@ void StartStageMatrix(const MechanismStep& here, double b) {
   if (StiffnessIsOfPose(here)) here.work.matrix_is_definite = here.work.factor.Compute(here.work.A);
 }
 
-void RenewStageMatrix(const MechanismStep& here) {
+void RenewStageMatrix(const MechanismStep& here, bool inertial) {
   UpdateMassMatrix(here);
   here.work.matrix_b = 0;
+  here.work.matrix_is_inertial = inertial;
 }
 
 void SolveFreeStage(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
-  ws.all_at_end = true;
-  ws.pushed = false;
   if (model.num_velocities() == 0) {
     if (HasSwitches(here)) AddSwitchedForces(here);
     return;
@@ -354,7 +362,7 @@ void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
   PredictLinearMomentum(here, ws.stage_time, ws.linear_W + (1 + onward) * (ws.linear_first_W - ws.linear_W));
 }
 
-void EndTwoStageStep(const MechanismStep& here, double between_stages) {
+void EndStep(const MechanismStep& here, double between_stages) {
   const auto& [model, state, ws] = here;
   state.acceleration.setZero();
   if (between_stages > 0) {
@@ -376,13 +384,35 @@ void EndTwoStageStep(const MechanismStep& here, double between_stages) {
   state.reduced.w = ws.x.tail(model.size());
   ws.q_dot = ws.q_dot_start;  // ClosureForces takes the rate of joint rates from it
   ws.contact_shift.setZero();
-  ws.rule = StepRule::kEuler;
-  state.past.h = 0;
   state.mu = ws.configuration.mu;
   const bool has_columns = model.options.load_columns && HasForcesFromOutside(state);
   ws.wrenches_R.setZero(6, has_columns ? model.mechanism().num_bodies() : 0);
   if (has_columns) AddAppliedWrenches(here, ws.wrenches_R);
   ForgetInputs(here);
+}
+
+void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x) {
+  if (factor.Compute(A))
+    factor.SolveInPlace(x);
+  else
+    x.setConstant(std::numeric_limits<double>::quiet_NaN());
+}
+
+void ApplyImpulse(const MechanismStep& here, const VectorX& p) {
+  const auto& [model, state, ws] = here;
+  if (p.isZero(0)) return;
+  ws.rhs = p;
+  ws.factor.SolveInPlace(ws.rhs);
+  ws.x += ws.rhs;
+  ws.impulse += p;
+}
+
+// What was meant for one step alone.
+void ForgetInputs(const MechanismStep& here) {
+  MechanismState& state = here.state;
+  state.controls_from = state.controls;
+  state.controls_move = state.knows_driven_rate = false;
+  ClearLoads(state);
 }
 
 }  // namespace fork1s

@@ -37,12 +37,7 @@ double LengthRate(const MechanismView& here, const Mechanism::Length& length) {
 
 double Length(const MechanismView& here, const Mechanism::Length& length) {
   const auto& [model, state, ws] = here;
-  double value = LengthOf(model.mechanism(), length, ws.configuration.kinematics, ws.configuration.q);
-  // In twist mode paths are those of the reference, and lengths go on along their arms.
-  if (length.path >= 0 && model.by_twists())
-    for (const auto& [i, arm] : ws.paths()[static_cast<std::size_t>(length.path)].arms)
-      value += length.gear * arm * (ws.configuration.q(i) - model.reduced->q_ref(i));
-  return value;
+  return LengthOf(model.mechanism(), length, ws.configuration.kinematics, ws.configuration.q);
 }
 
 void AddLengthForce(const MechanismView& here, const Mechanism::Length& length, double force, VectorX& tau) {
@@ -57,24 +52,12 @@ void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& p
   ForEachArm(length, paths, [&](int i, double c) { out.noalias() += c * Q.row(i).transpose(); });
 }
 
-bool ActsAtPose(const MechanismView& here) {
-  const auto& [model, state, ws] = here;
-  return !model.by_twists() && (ws.rule != StepRule::kMiddle || ws.all_at_end);
-}
-
-bool TakesBentSprings(const MechanismView& here) {
-  const auto& [model, state, ws] = here;
-  return ws.rule == StepRule::kMiddle && ws.all_at_end &&
-         (model.has_bent_springs ||
-          (model.reduced->loop_rank() > 0 && !model.mechanism().force_limits().empty()));
-}
-
-// A += weight e eᵀ, e the row that the spring of a length has in A: that of the pose for a path or a spring
-// that is not linear in a step of implicit Euler, else that of the reference, as in K_r.
+// A += weight e eᵀ, e the row that the spring of a length has in A: that of the pose for a path or where it
+// `bends`, else that of the reference, as in K_r.
 void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, double weight, bool bends) {
   const auto& [model, state, ws] = here;
   auto A_z = ws.A.bottomRightCorner(model.size(), model.size());
-  if ((bends || length.path >= 0) && ActsAtPose(here))
+  if (bends || length.path >= 0)
     ReducedRow(length, ws.paths(), ws.Q_now(), ws.limit_row);
   else
     ReducedRow(length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
@@ -98,29 +81,9 @@ void ForEachNonlinearSpring(const MechanismStep& here, const F& f) {
 
 }  // namespace
 
-// Springs and dampers of paths stand in K_r and D as they are at the reference. A thread's arms may double
-// before the next refresh, and a stiff spring that A knows by half would swing up: in A they turn with the
-// pose. A step of second order keeps the reference's, and looks for the end of a step anew where springs bend
-// (theta_minimum.cpp); the dampers' arms are those of the last refresh there.
-//
-// Springs and dampers that are not linear likewise, by the stiffness and the damping of the pose and its
-// rates.
-void TurnSprings(const MechanismStep& here, double h) {
-  const auto& [model, state, ws] = here;
-  if (!model.has_bent_springs) return;
-  auto A_z = ws.A.bottomRightCorner(model.size(), model.size());
-  ForEachNonlinearSpring(here, [&](std::size_t k, const Mechanism::Spring& s, double stiffness) {
-    double rate = 0;
-    ForEachArm(s.length, ws.paths(),
-               [&](int i, double c) { rate += c * ws.Q_now().row(i).dot(state.reduced.w); });
-    const double reference = h * (h * model.spring_stiffness_ref[k] + ws.order * s.DampingAt(0)),
-                 now = h * (h * stiffness + ws.order * s.DampingAt(rate));
-    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
-    A_z.noalias() -= reference * ws.limit_row * ws.limit_row.transpose();
-    AddSpringOf(here, s.length, now, true);
-  });
-}
-
+// Springs of paths, and those that are not linear, stand in K_r as they are at the reference. A thread's arms
+// may double before the next refresh, and a stiff spring that A knows by half would swing up: in A they turn
+// with the pose.
 void AddNonlinearStiffness(const MechanismStep& here, double weight) {
   const auto& [model, state, ws] = here;
   if (!model.has_bent_springs) return;
@@ -237,36 +200,12 @@ void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematic
   for (const WeightedRows& group : model.rotation_dampers) AddRowSquares(rows, group, weight, D);
 }
 
-// K_beyond: what springs that bend, and servos that turn, are stiff by at this pose beyond what K_r has of
-// them.
-void TakeStiffnessBeyond(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  const auto& springs = model.mechanism().springs();
-  ws.K_beyond.setZero(model.size(), model.size());
-  if (ServosTurn(here))
-    for (const Mechanism::ForceLimit& limit : model.mechanism().force_limits()) {
-      if (!(limit.stiffness > 0)) continue;
-      ReducedRow(limit.length, ws.paths(), ws.Q_now(), ws.limit_row);
-      ws.K_beyond.noalias() += limit.stiffness * ws.limit_row * ws.limit_row.transpose();
-      ReducedRow(limit.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
-      ws.K_beyond.noalias() -= limit.stiffness * ws.limit_row * ws.limit_row.transpose();
-    }
-  for (std::size_t k = 0; k < springs.size(); ++k) {
-    const Mechanism::Spring& s = springs[k];
-    if (s.length.path < 0 && s.is_linear()) continue;
-    ReducedRow(s.length, ws.paths(), ws.Q_now(), ws.limit_row);
-    ws.K_beyond.noalias() += s.StiffnessAt(Length(here, s.length)) * ws.limit_row * ws.limit_row.transpose();
-    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
-    ws.K_beyond.noalias() -= model.spring_stiffness_ref[k] * ws.limit_row * ws.limit_row.transpose();
-  }
-}
-
 // Loops turn Q as the pose moves, and with it what dampers of joints and of straight tendons are in reduced
 // coordinates. Springs too, but their forces are those of the pose wherever A has its stiffness; a damper acts through
 // A alone. Springy closures keep the damping of the reference.
 // Dampers of rotations change with E.
 bool DampersTurn(const MechanismModel& model) {
-  return (model.reduced->loop_rank() > 0 || !model.damped_rotations.empty()) && !model.by_twists();
+  return model.reduced->loop_rank() > 0 || !model.damped_rotations.empty();
 }
 
 // D += weight times what dampers are here beyond what D of the model has of them, those of springs that are
@@ -275,8 +214,8 @@ void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const
                       Eigen::Ref<MatrixX> D) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
-  const bool turn = model.reduced->loop_rank() > 0 && !model.by_twists();
-  if (!model.damped_rotations.empty() && !model.by_twists()) {
+  const bool turn = model.reduced->loop_rank() > 0;
+  if (!model.damped_rotations.empty()) {
     D -= weight * model.rotation_damping_ref;
     AddRotationDamping(model, ws.configuration.kinematics, ws.Q_now(), weight, ws.rotation_rows, D);
   }
@@ -292,13 +231,6 @@ void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const
     ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
     D.noalias() -= weight * s.DampingAt(0) * ws.limit_row * ws.limit_row.transpose();
   }
-}
-
-void TurnDampers(const MechanismStep& here, double h) {
-  const auto& [model, state, ws] = here;
-  if (DampersTurn(model))
-    AddDampersBeyond(here, ws.order * h, false, state.reduced.w,
-                     ws.A.bottomRightCorner(model.size(), model.size()));
 }
 
 }  // namespace fork1s

@@ -33,7 +33,7 @@ VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& conta
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
   FORK1S_REQUIRE(near.size() == m.num_constraints(), near.size(), m.num_constraints());
-  if (model.reduced->loop_rank() == 0 || model.by_twists()) return VectorX::Zero(m.num_constraints());
+  if (model.reduced->loop_rank() == 0) return VectorX::Zero(m.num_constraints());
   const Kinematics& kinematics = ws.configuration.kinematics;
   const int n = m.num_coordinates();
 

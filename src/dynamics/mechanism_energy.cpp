@@ -2,7 +2,6 @@
 #include <cmath>
 #include <fork1s/base/dot_by_fours.hpp>
 #include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/recovery/recover.hpp>
 
 #include "mechanism_detail.hpp"
 
@@ -21,28 +20,18 @@ double KineticEnergy(const MechanismView& here) {
   return energy;
 }
 
-// What depends on the pose alone; a step asks for it at its start and end, and poses change once.
+// What depends on the pose alone.
 const PoseEnergy& EnergyOfPose(const MechanismView& here) {
   const auto& [model, state, ws] = here;
   if (ws.pose_energy.valid) return ws.pose_energy;
   const Mechanism& m = model.mechanism();
-  const bool twist = model.by_twists();
-  if (twist) {
-    // Springs in the coordinates that the twist mode integrates.
-    ws.pose_energy.springs = model.springs_ref +
-                             0.5 * state.reduced.z.dot(model.reduced->K_r.cwiseProduct(state.reduced.z)) -
-                             model.f_ref.dot(state.reduced.z);
-  } else {
-    ws.pose_energy.springs = SpringEnergy(m, ws.configuration.kinematics, ws.configuration.q);
-  }
+  ws.pose_energy.springs = SpringEnergy(m, ws.configuration.kinematics, ws.configuration.q);
   ws.pose_energy.moment.setZero();
   for (int b = 0; b < m.num_bodies(); ++b) {
     const Mechanism::Body& body = m.bodies()[static_cast<std::size_t>(b)];
     if (body.weighed_mass == 0) continue;
     const Vector3& center = body.inertia_B.center;
-    ws.pose_energy.moment +=
-        body.weighed_mass * (twist ? RecoverPoseTwist(*model.reduced, state.reduced, BodyIndex(b)) * center
-                                   : ws.configuration.kinematics.X_RB[std::size_t(b)] * center);
+    ws.pose_energy.moment += body.weighed_mass * (ws.configuration.kinematics.X_RB[std::size_t(b)] * center);
   }
   ws.pose_energy.valid = true;
   return ws.pose_energy;
@@ -50,32 +39,19 @@ const PoseEnergy& EnergyOfPose(const MechanismView& here) {
 
 double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W) {
   const auto& [model, state, ws] = here;
-  return PotentialEnergyOn(here, state.reduced.X_WR, gravity_W);
-}
-
-double PotentialEnergyOn(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W) {
-  return PotentialOfSprings(here, X_WR, gravity_W).energy - EnergyBeyondBounds(here);
-}
-
-Potential PotentialOfSprings(const MechanismView& here, const RigidTransform& X_WR, const Vector3& gravity_W) {
-  const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
   const PoseEnergy& pose = EnergyOfPose(here);
-  Potential out;
-  const auto add = [&](double energy) {
-    out.energy += energy;
-    out.size += std::abs(energy);
-  };
-  add(pose.springs);
-  add(-gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * pose.moment));
+  const RigidTransform& X_WR = state.reduced.X_WR;
+  double energy = pose.springs - EnergyBeyondBounds(here) -
+                  gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * pose.moment);
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];
     if (!m.HasPotential(control.length)) continue;
     const double u = state.controls(static_cast<Eigen::Index>(i));
-    add(-control.gain * u * Length(here, control.length));
-    if (m.definition().controls[i].is_setpoint) add(0.5 * control.gain * u * u);
+    energy -= control.gain * u * Length(here, control.length);
+    if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
   }
-  return out;
+  return energy;
 }
 
 }  // namespace fork1s

@@ -97,12 +97,8 @@ void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T) {
   J_T.setZero();
   if (model.base_size > 0) J_T.topRows<6>().setIdentity();
   // Reduced coordinates of the part.
-  const int first = part.begin, count = part.size - model.base_size;
-  if (model.by_twists()) {
-    const auto T_ref = model.reduced->T_of(group.body);
-    J_T.bottomRows(count).noalias() =
-        T_ref.middleCols(first, count).transpose() * Dexp(T_ref * state.reduced.z).transpose();
-  } else if (const int j = group.last_joint; j >= 0) {
+  const int first = part.begin;
+  if (const int j = group.last_joint; j >= 0) {
     // Rows of T are columns here: both stand one number behind the other.
     const auto T = ws.jacobian.T(j);
     const Eigen::Index to = model.base_size + ws.jacobian.begin(j) - first;

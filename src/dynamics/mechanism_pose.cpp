@@ -1,6 +1,5 @@
 // The workspace of a state: sizes, the pose and what hangs on it, and inputs.
 #include <algorithm>
-#include <fork1s/recovery/recover.hpp>
 
 #include "mechanism_detail.hpp"
 
@@ -10,7 +9,6 @@ namespace fork1s {
 void StartAtReference(const MechanismModel& model, MechanismState& state) {
   const int n = model.reduced->num_coordinates();
   state.mu.setZero(model.reduced->loop_rank());
-  state.interior = {};
   state.acceleration.setZero(model.num_velocities());
   if (model.reduced->has_complement)
     state.reduced.q_perp = VectorX::Zero(n);
@@ -26,7 +24,7 @@ ReductionLoads LoadsOf(const MechanismOptions& options, const MechanismState& st
 // The workspace, that of another model so far.
 void Renew(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  ws.configuration = ws.elsewhere = Configuration(*model.reduced);
+  ws.configuration = Configuration(*model.reduced);
   ws.jacobian = ReducedJacobian(*model.reduced);
   ws.inertia = ReducedInertia(*model.reduced);
   Size(here);
@@ -41,8 +39,6 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   if (!same_model) Renew(here);
   ws.x.tail(model->size()) = state.reduced.w;
   if (model->base_size > 0) ws.x.head<6>() = state.reduced.V_R;
-  ws.rule = StepRule::kEuler;
-  ws.factored_h = -1;
   ws.configuration.mu = state.mu;
   UpdateConfiguration(here, true);
 }
@@ -64,14 +60,11 @@ void Size(const MechanismStep& here) {
   ReducedInertia::ClearApart(ws.jacobian, ws.M_full.bottomRightCorner(r, r));
   ws.factor = Cholesky();
   ws.factor.Compute(MatrixX::Identity(std::max(nx, 1), std::max(nx, 1)));
-  ws.factored_h = -1;
   ws.x.resize(nx);
   if (model.base_size > 0) ws.x.head<6>() = state.reduced.V_R;
   ws.x.tail(r) = state.reduced.w;
   ws.rhs.resize(nx);
   ws.solved.resize(nx);
-  ws.z_before.resize(r);
-  ws.w_before.resize(r);
   ws.momentum.resize(nx);
   ws.f_z.resize(r);
   ws.g.resize(n);
@@ -87,12 +80,17 @@ void Size(const MechanismStep& here) {
   ws.turned_lever.resize(3, r);
   ws.M_00 = model.reduced->M_00;
   ws.M_0z = model.reduced->M_0z;
-  if (!model.by_twists()) ws.q_dot.resize(n);
+  ws.q_dot.resize(n);
   ws.q_ddot.setZero(n);
-  if (model.by_twists()) ws.configuration.kinematics.paths = model.paths_ref;
   SizeForceLimits(here);
   DivideIntoParts(here);
-  SizeTheta(here);
+  ws.contact_shift.setZero(nx);
+  ws.q_dot_start.setZero(n);
+  ws.nu_mixed.setZero(n);
+  ws.w_mean.setZero(r);
+  ws.f_used.setZero(r);
+  ws.F_parts.resize(6, model.rigid_parts.size());
+  ws.part_impulses.setZero(3, model.rigid_parts.size());
   FindSlackSprings(here);
 }
 
@@ -107,7 +105,6 @@ void UpdateMassMatrix(const MechanismStep& here) {
     ws.M_full.topRightCorner(6, r) = ws.M_0z;
     ws.M_full.bottomLeftCorner(r, 6) = ws.M_0z.transpose();
   }
-  ws.factored_h = -1;
 }
 
 void UpdateInertia(const MechanismStep& here) {
@@ -126,19 +123,8 @@ void UpdatePose(const MechanismStep& here, bool loops_are_closed) {
 }
 
 void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed) {
-  const auto& [model, state, ws] = here;
-  if (!model.by_twists()) {
-    UpdatePose(here, loops_are_closed);
-    UpdateMassMatrix(here);
-    return;
-  }
-  ws.pose_energy.valid = false;
-  ws.configuration.q = model.reduced->q_ref;
-  AddMotion(*model.reduced, model.reduced->Q_rows, state.reduced.z, ws.configuration.q);
-}
-
-Vector6 DrivenTwist(const MechanismState& state, double h) {
-  return Log(state.reduced.X_WR.inverse() * state.driven_next) / h;
+  UpdatePose(here, loops_are_closed);
+  UpdateMassMatrix(here);
 }
 
 void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share) {
@@ -169,8 +155,6 @@ void StoreBaseHistory(const MechanismStep& here, const MechanismState& start, do
   here.state.base_history = PathOfBase(start, h).History();
 }
 
-void InvalidateBaseHistory(const MechanismStep& here) { here.state.base_history.h = 0; }
-
 void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, double h, bool second) {
   MechanismState& state = here.state;
   SetInputsWithin(here, start, second ? 1 : 0.5);
@@ -199,24 +183,17 @@ RigidTransform GroupPose(const MechanismView& here, int g) {
 
 RigidTransform BodyPose(const MechanismView& here, BodyIndex b) {
   const auto& [model, state, ws] = here;
-  if (!model.by_twists()) return state.reduced.X_WR * ws.configuration.kinematics.X_RB[b.u()];
-  return state.reduced.X_WR * RecoverPoseTwist(*model.reduced, state.reduced, b);
+  return state.reduced.X_WR * ws.configuration.kinematics.X_RB[b.u()];
 }
 
 void BodyPoses(const MechanismView& here, std::vector<RigidTransform>& X_RB) {
-  const auto& [model, state, ws] = here;
-  if (model.by_twists())
-    RecoverPosesTwist(*model.reduced, state.reduced, X_RB);
-  else
-    X_RB = ws.configuration.kinematics.X_RB;
+  X_RB = here.work.configuration.kinematics.X_RB;
 }
 
 Vector6 BodyVelocity(const MechanismView& here, BodyIndex b) {
   const auto& [model, state, ws] = here;
   Vector6 V = state.reduced.V_R;
-  if (model.by_twists()) {
-    V += Dexp(model.reduced->T_of(b) * state.reduced.z) * (model.reduced->T_of(b) * state.reduced.w);
-  } else if (const int j = model.mechanism().body(b).last_joint; j >= 0) {
+  if (const int j = model.mechanism().body(b).last_joint; j >= 0) {
     const auto T = ws.jacobian.T(j);
     for (int k = 0; k < T.cols(); ++k) V += state.reduced.w(ws.jacobian.begin(j) + k) * T.col(k);
   }
@@ -244,11 +221,7 @@ bool IsFinite(const MechanismView& here) {
 double ClosureGapNow(const MechanismView& here) {
   const auto& [model, state, ws] = here;
   if (model.mechanism().num_constraints() == 0) return 0;
-  if (!model.by_twists())
-    return ClosureGap(model.mechanism(), ws.configuration.kinematics, ws.configuration.q);
-  Kinematics kinematics(model.mechanism());
-  BodyPoses(here, kinematics.X_RB);
-  return ClosureGap(model.mechanism(), kinematics, ws.configuration.q);
+  return ClosureGap(model.mechanism(), ws.configuration.kinematics, ws.configuration.q);
 }
 
 }  // namespace fork1s

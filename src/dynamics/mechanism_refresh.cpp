@@ -54,15 +54,14 @@ double Turn(const MechanismView& here, int i) {
   return turns ? moved : moved / model.mechanism().length_scale();
 }
 
-// By twists every joint counts: the one twist of a wheel is that of all joints on its path.
-double Staleness(const MechanismView& here, bool second_order) {
+// Poses drawn by twists age with every joint: the one twist of a wheel is that of all joints on its path.
+double Staleness(const MechanismView& here) {
   const auto& [model, state, ws] = here;
-  const bool exact = !model.by_twists();
+  const bool by_twists = model.options.recovery == Recovery::kTwist;
   double largest = 0;
   for (int i = 0; i < model.reduced->num_coordinates(); ++i) {
     const auto at = static_cast<std::size_t>(i);
-    const bool ages = !exact || !(model.spins[at] || (model.whole[at] && !second_order));
-    if (ages) largest = std::max(largest, Turn(here, i));
+    if (by_twists || !(model.spins[at] || model.whole[at])) largest = std::max(largest, Turn(here, i));
   }
   largest /= model.options.refresh_angle;
   if (model.reduced->curvature.exists())
@@ -99,16 +98,12 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   Kinematics kinematics(m);
   if (m.num_constraints() == 0) {
     ComputeKinematics(m, q, kinematics);
-  } else if (model->by_twists() || !CloseByChords(*model->reduced, ws.configuration, q, kinematics)) {
-    // In twist mode, and where loops were corrected in few steps, the joints get their exact closed pose
-    // first.
+  } else if (!CloseByChords(*model->reduced, ws.configuration, q, kinematics)) {
     q = ws.configuration.q;
     CloseLoops(m, q);
     ComputeKinematics(m, q, kinematics);
   }
   VectorX q_dot = ws.configuration.Q_now * state.reduced.w;
-  const bool knows_past = state.past.h > 0 && model->size() > 0;
-  const VectorX q_moved = knows_past ? VectorX(ws.configuration.Q_now * state.past.z_moved) : VectorX();
 
   // A rotation vector that nothing acts on is kept below half a turn.
   bool rewritten = false;
@@ -158,12 +153,6 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
     return false;
   }
   ws.x = x;
-  if (rewritten)
-    state.past.h = 0;
-  else if (knows_past) {
-    ApplyMass(m, kinematics, q_moved, Mq);
-    state.past.z_moved = SolveSymmetric(model->reduced->M, model->reduced->Q.transpose() * Mq);
-  }
   state.reduced.w = x.tail(r);
   if (model->base_size > 0) state.reduced.V_R = x.head<6>();
   UpdateConfiguration(here);

@@ -3,10 +3,7 @@
 
 #include <fork1s/dynamics/mechanism_model.hpp>
 #include <fork1s/dynamics/mechanism_state.hpp>
-#include <fork1s/dynamics/step_rule.hpp>
-#include <fork1s/dynamics/theta_scheme.hpp>
 #include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/reduction/reduced_jacobian.hpp>
 #include <utility>
 #include <vector>
@@ -42,83 +39,49 @@ struct StageBase {
 /// Sizes: n joint coordinates, r reduced ones.
 struct MechanismWorkspace {
   explicit MechanismWorkspace(const MechanismModel& model)
-      : configuration(*model.reduced),
-        jacobian(*model.reduced),
-        inertia(*model.reduced),
-        elsewhere(*model.reduced) {}
+      : configuration(*model.reduced), jacobian(*model.reduced), inertia(*model.reduced) {}
 
   const RowMatrixX& Q_now() const { return configuration.Q_now; }
   const std::vector<PathState>& paths() const { return configuration.kinematics.paths; }
-  const ThetaScheme& scheme() const { return all_at_end ? at_end : theta; }
 
   // Of the present pose.
   Configuration configuration;
   ReducedJacobian jacobian;  // of configuration
   ReducedInertia inertia;
-  MatrixX M_full;  // num_velocities²; by twists of the reference, as M_00 and M_0z
+  MatrixX M_full;  // num_velocities²
   Matrix6 M_00;
   Matrix6X M_0z;
   mutable PoseEnergy pose_energy;
 
-  // Of a step by whatever rule.
+  // Of a step.
   Vector6 V_R_before = Vector6::Zero();  // base twist at the start of the step
-  Vector3 drift_R = Vector3::Zero();     // velocity of a floating mechanism's centre of mass at that time
-  bool pushed = false;                   // contact from outside acted in this step
   VectorX x;                             // num_velocities
   MatrixX A;                             // num_velocities²
   Cholesky factor;
-  LuFactor mixed_factor;  // where dampers leave no symmetric A (theta_scheme.hpp)
-  double factored_h = -1;
-  VectorX rest, q_perp_step, stretched, held_back;  // n
-  MatrixX D_beyond, K_beyond;                       // r x r
+  VectorX rest;                                     // n
   RowMatrixX rotation_rows;                         // E Q_θ of damped rotations, three rows each
   VectorX q_dot, q_ddot;                            // n
   Vector3 gravity_W = Vector3::Zero();
   std::vector<SlackSpring> slack;                       // those of springs() that have slack
   VectorX limit_force, limit_row, f_z_of_springs;       // force limits: f₀, Qᵀe, and f_z without bounds
-  std::vector<std::pair<double, double>> limits_start;  // force without bounds and length at the start
-  Vector6 V_free = Vector6::Zero();  // base twist without drift that the free solve starts from
-  VectorX z_before, w_before;        // at the start of the step
   RigidTransform X_WR_before;
   VectorX rhs, solved, f_z, g, tau, momentum;
   Matrix6X F;
   Matrix6X wrenches_R;  // 6 x bodies or empty: applied forces at the end of the step, for load columns
   Vector6 base_force;
-  VectorX impulse;     // num_velocities: of contact and limits in this step
-  double relaxed = 0;  // J, what q_perp gave up in this step
+  VectorX impulse;  // num_velocities: of contact and limits in this step
 
-  // Of a step of second order.
-  StepRule rule = StepRule::kEuler;  // of the step at hand
-  ThetaScheme theta, at_end;         // the modal rule, and all forces at the end
-  bool all_at_end = false;           // which of the two this step takes
-  bool touches = false;              // something may touch it in this step
-  bool first_order = false;          // ActAtEnd()
-  bool matches = false;              // the step's energy is matched to its potential
-  VectorX q_perp_before;             // n: of a step that may be taken again half way
-  InteriorState interior_before;
-  double order = 1;                  // by two steps velocities of the end are x times this
-  Vector6 V_end = Vector6::Zero();   // of a driven base at the end of the step
-  MechanismPast past_next;           // what the next step will know of this one's start
-  VectorX nu_mixed;                  // n: joint velocities that the momentum of the armature is taken of
-  VectorX w_start;                   // r: rates at the start beside the base's own motion of then
-  VectorX contact_shift;             // num_velocities
-  Configuration elsewhere;           // of the pose that configuration is not at
-  MaterialVelocities start_velocity, other_velocity;
+  VectorX contact_shift;  // num_velocities: less the velocity that a stage is linearised at
+  VectorX nu_mixed;       // n: joint velocities that the momentum of the armature is taken of
+  MaterialVelocities other_velocity;
   Cholesky inertia_factor;
-  VectorX u;            // velocity of the start as the middle sees it
-  VectorX q_dot_start, nu_start;  // n
-  VectorX w_mean, w_felt, f_used, f_turn, f_wrench;  // r: w̄ and Th w̄ among them
-  VectorX f_moved;              // r: what controls that move within the step add to the force by its end
-  bool controls_moved = false;  // in this step
+  VectorX q_dot_start;     // n
+  VectorX w_mean, f_used;  // r
   Matrix6X F_parts;
-  Vector6 base_wrench;
-  bool minimum_found = true;   // in this step, where one was sought
-  bool sides_unknown = false;  // of servos at its end, which its minimum will tell
-  int newton_steps = 0;        // beyond the first, in this step
-  Vector3 center_W, linear_W;  // of a floating mechanism: centre of mass [m], momentum [N·s]
-  double potential_start = 0, potential_size = 0;  // J, and of the terms that make it
+  Matrix3X part_impulses;      // 3 x k, N s: p̂ - p of the rigid parts in a stage, in R
+  Vector3 center_W, linear_W;  // of a floating mechanism at the start: centre of mass [m], momentum [N·s]
 
-  // Of a two-stage step.
+  // Of its stages.
   StageBase step_start, stage_base, stage_end;
   BasePath base_path;  // of a driven base
   Vector3 drift_W = Vector3::Zero();       // m/s, velocity of the point that momenta are taken about
@@ -139,6 +102,7 @@ struct MechanismWorkspace {
   // A and its factor: length of the stages that they are of [s], 0 for none, and saturation.
   double matrix_b = 0;
   bool matrix_is_definite = false;
+  bool matrix_is_inertial = false;  // with AddInertialStiffness()
   std::vector<signed char> matrix_at_bound, matrix_slack_sides;
   VectorX control_jump;  // one of controls at a time (control_jump.cpp)
   // Of loads (applied_forces.cpp).
@@ -154,8 +118,6 @@ struct MechanismWorkspace {
   // Of force limits and of slack springs at the end of the first stage.
   VectorX stage_limit_force, stage_slack_force;
   std::vector<signed char> stage_at_bound, stage_slack_side;
-  // Where a driven base stands while weights work, so that its own way counts for none.
-  RigidTransform weighed_on;
 };
 
 }  // namespace fork1s

@@ -5,9 +5,6 @@
 //     f = Jᵀ (F - c J v),   -∂f/∂x = k Jᵀ J + K_g,   -∂f/∂v = c Jᵀ J
 // K_g, the geometric stiffness of the force F - c J v, is that of a constant force (applied_forces.cpp). The
 // change of J v with the pose is left out, by which the iteration contracts by the turn of a stage.
-//
-// The interior's static correction (interior.cpp) does not follow it: moved once a step, before the step, it
-// would diverge where the spring is stiffer than the interior.
 #include "mechanism_detail.hpp"
 
 namespace fork1s {

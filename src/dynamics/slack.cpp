@@ -24,14 +24,8 @@ void OpenSlackSprings(const MechanismStep& here) {
     const Mechanism::Spring& s = model.mechanism().springs()[slack.spring];
     slack.length = Length(here, s.length);
     slack.force = s.Force(slack.length);
-    const int side = s.SideOf(slack.length);
-    if (side != slack.side) ws.factored_h = -1;
-    slack.side = side;
+    slack.side = s.SideOf(slack.length);
   }
-}
-
-static bool SwitchesSlack(const MechanismView& here) {
-  return here.work.rule != StepRule::kMiddle && !here.model.by_twists();
 }
 
 // A has it: 0 within the range.
@@ -44,7 +38,6 @@ double SlackStiffness(const MechanismModel& model, const SlackSpring& slack) {
 // What the force on the side of the end is beyond that of the start, which f_z has.
 void AddSlackForces(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  if (!SwitchesSlack(here)) return;
   for (const SlackSpring& slack : ws.slack) {
     const Mechanism::Spring& s = model.mechanism().springs()[slack.spring];
     if (s.SideOf(slack.length) == slack.side) continue;
@@ -57,7 +50,6 @@ void AddSlackForces(const MechanismStep& here) {
 
 bool UpdateSlackSprings(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
-  if (!SwitchesSlack(here)) return false;
   bool changed = false;
   for (SlackSpring& slack : ws.slack) {
     const Mechanism::Spring& s = model.mechanism().springs()[slack.spring];
@@ -66,7 +58,6 @@ bool UpdateSlackSprings(const MechanismStep& here, double h) {
     changed = changed || side != slack.side;
     slack.side = side;
   }
-  if (changed) ws.factored_h = -1;
   return changed;
 }
 

@@ -120,6 +120,7 @@ void ComputeMomentumResidual(const MechanismStep& here, double time, const Stage
   ComputeVelocities(here, v);
   AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.other_velocity, Matrix3::Identity(), -1,
               ws.F_parts);
+  ws.part_impulses = ws.F_parts.bottomRows<3>();
   ws.tau = base.joint_momentum -
            (model.mechanism().armature() + b * model.mechanism().damping()).cwiseProduct(ws.nu_mixed);
   ConvertToCoordinateForces(model.mechanism(), ws.configuration.kinematics, ws.tau);

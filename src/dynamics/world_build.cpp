@@ -148,13 +148,6 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.patches_.reserve(room + 1);
   detail.match_benches_.reserve(Detail::kMostBenches);
   detail.pushes_.reserve(room);
-  detail.before_.speeds_W.reserve(room);
-  detail.before_.missed_W.reserve(room);
-  detail.speed_W_.reserve(room);
-  detail.previous_speed_W_.reserve(room);
-  detail.missed_W_.reserve(room);
-  detail.previous_missed_W_.reserve(room);
-  detail.foresight_.reserve(room);
   const auto reserve = [room](Detail::Sums& sums) {
     sums.contacts_W.reserve(room);
     sums.ended.reserve(room);
@@ -171,6 +164,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.next_start_gap_.reserve(room);
   detail.approach_.reserve(room);
   detail.closing_.reserve(room);
+  detail.start_points_.reserve(room);
   detail.mechanism_grain_ = detail.WorthAThread();
   std::size_t blocks = detail.free_bodies_.size();
   for (const MechanismDynamics& m : detail.mechanisms_)
@@ -204,7 +198,6 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.servos_.reserve(all_servos);
   detail.velocities_.setZero(velocities);
   detail.start_velocities_.setZero(velocities);
-  detail.change_.setZero(velocities);
   detail.free_Y_.resize(detail.free_bodies_.size());
   detail.free_velocity_.resize(detail.free_bodies_.size());
   // A mechanism and what it may hold, or a small heap.
@@ -289,16 +282,12 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
   for (CollisionBodyDef& body : bodies) geometries_.push_back(std::move(body.geometries));
   port_offset_.assign(contactors_.size(), -1);
   port_part_.assign(contactors_.size(), 0);
-  last_twist_.assign(contactors_.size(), Vector6::Zero());
   return {};
 }
 
 void World::ResetContacts() {
   detail_->contacts_.clear();
   detail_->previous_.clear();
-  detail_->previous_speed_W_.clear();
-  detail_->previous_missed_W_.clear();
-  detail_->curvature_valid_ = false;
   detail_->has_previous_pose_ = false;
   for (Detail::MechanismBlock& block : detail_->mechanism_blocks_)
     for (std::vector<double>* impulses : {&block.limit_impulses, &block.friction_impulses})

@@ -26,16 +26,14 @@ bool World::Detail::FindContacts(const StepOptions& options, StepReport& report)
       contactor_pose_[i] = X;
       return;
     }
-    const RigidTransform& before = rule_ == StepRule::kStage ? stage_start_pose_[i] : contactor_pose_[i];
+    const RigidTransform& before = in_stage_ ? stage_start_pose_[i] : contactor_pose_[i];
     contactor_motion_[i] = MotionBetween(before, X, contactor_radius_[i]);
     contactor_pose_[i] = X;
   });
-  double motion = 0;
-  for (const double own : contactor_motion_) motion = std::max(motion, own);
-  if (by_theta_ || two_stage_ || depth_ > 0) motion = MotionWithin(rule_ == StepRule::kMiddle ? 0.5 * options.h : options.h);
+  const double motion = MotionWithin(options.h);
   const double needed = kClear + 2 * motion + options.gravity.norm() * options.h * options.h;
   search_margin_ = std::max(least_margin_, std::min(margin_max_, needed));
-  if (rule_ == StepRule::kStage) search_margin_ = std::max(search_margin_, LargestPairMotion());
+  if (in_stage_) search_margin_ = std::max(search_margin_, LargestPairMotion());
   if (!std::isfinite(search_margin_)) return false;
   collision_->SetMargin(search_margin_);
   has_previous_pose_ = true;
@@ -117,7 +115,7 @@ void World::Detail::LayOutLimits(std::size_t i, const StepOptions& options) {
 // Jᵀ of every part of a mechanism, and the twists of its groups at the start of the step.
 void World::Detail::FillRows(std::size_t i) {
   const MechanismDynamics& m = mechanisms_[i];
-  const bool at_start = rule_ == StepRule::kStage && (depth_ >= kMaxEventHalvings || from_stage_start_);
+  const bool at_start = in_stage_ && (is_backward_euler_ || from_stage_start_);
   for (std::size_t p = 0; p < mechanism_blocks_[i].parts.size(); ++p) {
     PartBlock& part = mechanism_blocks_[i].parts[p];
     for (std::size_t g = 0; g < part.groups.size(); ++g) {

@@ -12,8 +12,6 @@
 #include <tuple>
 #include <vector>
 
-#include <fork1s/dynamics/contact_motion.hpp>
-
 #include "part_clock.hpp"
 
 namespace fork1s {
@@ -33,32 +31,19 @@ struct StageResidual {
 
 struct World::Detail {
   StepReport Step(const StepOptions& options);
-  void AddPointSpringForces(const StepOptions& options);
-  StepReport IntegrateStep(const StepOptions& options);
-  void SaveBodies(WorldState& out) const;
   void Save(WorldState& out) const;
   void Restore(const WorldState& state);
   bool IsFinite(bool poses);
   StepSubject FindNotFinite() const;
   static void ForgetInputs(WorldState& state);
-  WorldState& StartOfStep();
   StepReport UndoStep(WorldState& start, StepReport report);
   Expected<void> BuildCollision(const Scene& scene, const Options& options);
   // False: a stage moves something beyond the range of numbers, and none are looked for.
   bool FindContacts(const StepOptions& options, StepReport& report);
   bool PrepareContacts(const StepOptions& options, StepReport& report);
-  // The step of second order (world_theta.cpp).
-  bool UsesTheta(const StepOptions& options) const;
-  void BeginTheta(const StepOptions& options, StepReport& report);
-  void BeginEuler(const StepOptions& options, StepReport& report);
-  void BeginAll(const StepOptions& options, StepRule rule);
-  bool AnythingTouches() const;
-  bool MayBeTouched(std::size_t mechanism) const;
-  void FindTouchedBodies();
-  bool AnyBeginsAnew(double h);
-  // The two-stage step (world_two_stage.cpp).
-  bool UsesTwoStages(const StepOptions& options) const;
-  StepReport TwoStageStep(const StepOptions& options);
+  // The step (world_stages.cpp).
+  void BeginStep(double h);
+  StepReport StepByStages(const StepOptions& options);
   enum class StageScheme { kFirstOfTwo, kSecondOfTwo, kBackwardEuler };
   // What may be met within a stage (world_reach.cpp).
   static double InnerRadius(const Shape& shape);
@@ -81,29 +66,24 @@ struct World::Detail {
   bool LeavesAgain(double b, StepSubject& subject) const;
   void StoreStage(double b, StageScheme scheme, StepReport& report);
   StepReport HalveOrUndo(const StepOptions& options, HalvingCause cause, const StepReport& attempt);
-  StepReport FinishTwoStageStep(const StepOptions& options, WorldState& start, StepReport report);
-  // Impacts, and what follows them (world_impact.cpp).
-  StepReport StepInParts(const StepOptions& options, bool impact);
+  StepReport FinishStep(const StepOptions& options, WorldState& start, StepReport report);
+  // What the parts of a step add up to (world_sums.cpp).
   static void AddReport(const StepReport& part, StepReport& whole);
-  void KeepPastsInParts(double h);
-  void EndPastsInParts();
   void ClearSums();
   void SumImpulses(double weight = 1);
   void StoreSums();
-  void ExpectContacts();
   double StepsRatio(double h) const;
-  void ShiftRows();
   void Rebound(double h);
+  // Impacts (world_impact.cpp).
+  void FindTouchedBodies();
   bool Bore(std::size_t contact) const;
   bool CarriedAtRest(std::size_t contact, double speed) const;
   double PairSize(const ContactPoint& point) const;
-  void RecordStops(double h, bool backward_euler);
+  void RecordStops(double h);
   void RecordStartGaps();
   void CarryStartGaps();
   double StartGap(std::size_t contact) const;
-  static double ImpactSpeedOf(const StepOptions& options);
-  double SpeedOfImpact(const StepOptions& options) const;
-  double SpeedOfImpact(const StepOptions& options, const ContactPoint& point) const;
+  double SpeedOfImpact(const ContactPoint& point) const;
   bool ClosesAtSpeed(const StepOptions& options, StepSubject* subject = nullptr) const;
   // Way to a stop that bore nothing, m, and its speed, m/s; of what turns in lengths of its mechanism.
   struct StopApproach {
@@ -116,8 +96,6 @@ struct World::Detail {
   };
   StopApproach ApproachOf(const MechanismDynamics& m, const Mechanism::LengthLimit& stop, bool upper) const;
   bool MetAtSpeed(const StepOptions& options, StepSubject* subject = nullptr) const;
-  bool PushesApart(const StepOptions& options) const;
-  void ForgetPasts();
   double MotionWithin(double h) const;
   void LayOutPorts(const StepOptions& options);
   void LayOutLimits(std::size_t mechanism, const StepOptions& options);
@@ -133,7 +111,6 @@ struct World::Detail {
   void MatchPatch(std::size_t begin, std::size_t end, MatchBench& bench);
   void AddCandidates(std::size_t begin, std::size_t end, const int* first, const int* last,
                      MatchBench& bench) const;
-  void PredictAll(const StepOptions& options);
   void SolveContacts(const StepOptions& options, StepReport& report);
   bool UpdateSwitches(const StepOptions& options);
   void PredictAllAgain(double h);
@@ -144,10 +121,8 @@ struct World::Detail {
   void GatherPushes();
   void ApplyImpulses(bool of_servos);
   void KeepForNextStep(double h, StepReport& report);
-  void MoveMechanisms(const StepOptions& options, StepReport& report);
   void RefreshIfStale(std::size_t mechanism);
   void CountRefreshes(StepReport& report) const;
-  void ShareRefreshes(double moving_before);
   int WorthAThread() const;
   // act(i) for every mechanism or contact, side by side where they are many: each on its own data alone.
   template <class Act>
@@ -166,25 +141,8 @@ struct World::Detail {
     });
   }
   void FindPortFrames();
-  Matrix36 PortRows(int contactor, const Vector3& point, const Matrix3& frame, double ahead) const;
-  // What is known of how a contact moves on.
-  struct Foresight {
-    bool used = false;  // by the rows
-    PairCurvature curvature;
-    CurvatureInverse inverse;
-    Matrix3 frame = Matrix3::Identity();  // where it was found
-    ContactMotion motion;
-  };
-  MaterialMotion MotionAt(int contactor, const Vector3& point, const VectorX& velocities) const;
-  ContactMotion MotionBy(const VectorX& velocities, const ContactPoint& point, const Foresight& seen) const;
-  bool Foresee(const ContactPoint& point, Foresight& out) const;
-  double ShareOfEnd(std::size_t contact, double h) const;
-  Matrix3 SetRows(const ContactPoint& found, const Foresight& seen, double ahead, ContactConstraint& c) const;
-  bool Reparametrised(int contactor) const;
-  void KeepEndVelocities();
-  Vector3 MissedWay(double h, std::size_t contact, const VectorX& mean) const;
+  Matrix36 PortRows(int contactor, const Vector3& point, const Matrix3& frame) const;
   static Vector3 RelativeSpeed(const ContactConstraint& c, const VectorX& velocities);
-  Vector3 CoordinateCurvature(int contactor, const Matrix36& J) const;
 
   std::vector<MechanismDynamics> mechanisms_;
   int mechanism_grain_ = 1;  // WorthAThread()
@@ -205,7 +163,6 @@ struct World::Detail {
   std::vector<ContactPoint> points_;  // of this step, those that can touch within it
   std::vector<ContactRecord> contacts_, previous_;
   double contacts_h_ = 0, previous_h_ = 0;           // s, of the steps that gave them their impulses
-  std::vector<Vector3> speed_W_, previous_speed_W_;  // relative, after the solve, world axes
   std::vector<int> match_;                           // contact -> previous contact or -1
   std::vector<char> previous_used_;
   std::vector<int> previous_order_;  // of previous_, by what touches what
@@ -223,10 +180,9 @@ struct World::Detail {
   static constexpr double kClear = 0.001;  // m: what contacts may move a body by that was not foreseen
   std::vector<MatchBench> match_benches_;
   std::vector<std::size_t> patches_;  // first point of each, and the end
-  StepRule rule_ = StepRule::kEuler;  // of this step
-  bool by_theta_ = false;
-  bool two_stage_ = false;
-  // Within a two-stage step: how far contacts were sought last and are at least to be [m]; whether all stops
+  bool in_stage_ = false;             // contacts and rows are those of the pose that a stage is linearised at
+  bool is_backward_euler_ = false;    // the step at hand, or its part, is one stage
+  // How far contacts were sought last and are at least to be [m]; whether all stops
   // are rows, and rows are those of the pose where the stage starts.
   double search_margin_ = 0, least_margin_ = 0;
   std::vector<RigidTransform> stage_start_pose_;  // per contactor
@@ -237,27 +193,20 @@ struct World::Detail {
   std::array<double, 2> contraction_ = {1, 1};
   std::vector<StageChange> stage_changes_;  // of mechanisms_
   std::vector<char> previous_is_fresh_;  // of previous_, in the second stage: met in the first
-  // Of previous_, within a two-stage step: the gap [m] at the start of the step of what carried load there,
+  // Of previous_: the gap [m] at the start of the step of what carried load there,
   // else NaN.
   std::vector<double> start_gap_, next_start_gap_;
-  std::vector<Vector3> missed_W_, previous_missed_W_;  // MissedWay()
-  std::vector<Foresight> foresight_;                   // of points_
-  VectorX
-      change_;  // the velocities that contacts are foreseen by; after the solve, how those of the end differ
-  std::vector<Vector6> last_twist_;                    // per contactor: of its port after the solve
-  bool curvature_valid_ = false;                       // these are of the step before
   std::vector<double> approach_;     // m/s, of points that may part again; 0 for others
   std::vector<double> closing_;      // m/s, of all, at the start of the step
-  std::vector<StopApproach> stop_approach_;  // by two steps, of limits_
+  std::vector<StopApproach> stop_approach_;  // of limits_
   std::vector<ContactConstraint> constraints_;
   std::vector<LimitConstraint> limits_;
   std::vector<VelocityBlock> blocks_;
   std::vector<int> port_offset_;  // per contactor: row in the stacked velocities or -1
   std::vector<RigidTransform> port_frames_;
   std::vector<int> port_part_;    // per contactor: part block of its mechanism
-  VectorX velocities_, port_shift_;
+  VectorX velocities_;
   VectorX start_velocities_;              // of a stage of backward Euler: at its start, as velocities_
-  VectorX mean_, end_;                    // of two steps, as velocities_
   std::vector<double> contactor_motion_;  // m, since the step before
 
   // Ports and limits of one part of a mechanism, or (the last one) of groups that only follow its driven
@@ -281,19 +230,16 @@ struct World::Detail {
   struct MechanismBlock {
     std::vector<PartBlock> parts;
     std::vector<double> limit_impulses;  // 2 per limited length, for warm starts
-    // As limit_impulses, within a two-stage step: whether a stop carried load at the start of the step or in
+    // As limit_impulses: whether a stop carried load at the start of the step or in
     // its first stage, whether in the stage alone, and the distance to the stop [m or rad] at the start if
     // there, else NaN.
     std::vector<char> stop_carried, stop_is_fresh, stop_is_row;
     std::vector<double> stop_start_gap;
     std::vector<double> friction_impulses;
     VectorX impulse;
-    Vector6 V_R_foreseen = Vector6::Zero();  // of a driven base, as contacts are foreseen
-    bool pushed_from_outside = false;
     int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
     std::size_t first_limit = 0;  // of its rows in limits_
     bool finite = true;
-    StepPartTimes own;  // moving and refreshing
   };
   std::vector<MechanismBlock> mechanism_blocks_;
   // Servos that are rows of the contact solve, whose limits_ stand last, in this order.
@@ -314,8 +260,7 @@ struct World::Detail {
   std::vector<Matrix6> free_Y_;
   std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
   bool has_switches_ = false;
-  WorldState before_;         // of the step at hand
-  WorldState before_impact_;  // of one that is taken in parts
+  WorldState before_;  // of the step at hand
   // Share of its size by which what the first stage stopped may part again in the second: the extrapolation
   // between the stages would turn a speed v into 1.4 v the other way.
   static constexpr double kPartingShare = 1e-6;
@@ -329,8 +274,9 @@ struct World::Detail {
   Sums sums_;
   std::vector<Vector6> next_sums_;
   std::vector<char> goes_on_;
-  // A two-stage step that contains an event is halved up to this often (docs/decisions/001-time-stepping.md); the
-  // shortest parts are one stage of backward Euler each. Where such a stage does not converge it is halved further.
+  // A step that contains an event is halved up to this often (docs/decisions/001-time-stepping.md); the
+  // shortest parts are one stage of backward Euler each. Where such a stage does not converge it is halved
+  // further.
   static constexpr int kMaxEventHalvings = 3, kMaxHalvings = 6;
   struct Halving {
     WorldState start;  // of the step that is halved
@@ -340,10 +286,6 @@ struct World::Detail {
   int depth_ = 0;       // halvings of the step at hand
   double impact_speed_ = 0;   // m/s, by the length of the whole step
   double carried_speed_ = 0;  // m/s, below which a contact that bore a load in the last step goes on
-  bool begins_anew_ = false;  // the step at hand, in contact: none of it is an impact
-  bool in_parts_ = false;     // the one at hand is a part of that
-  std::vector<MechanismPast> pasts_in_parts_;
-  std::vector<FreeBody::Past> free_pasts_in_parts_;
   StepPartTimes* times_ = nullptr;
 };
 

@@ -1,179 +1,100 @@
-// A step of second order in which something is met at speed, and the one after it.
+// What an impact is: contacts and stops that are met at speed.
 #include <algorithm>
+#include <cmath>
 
 #include "world_detail.hpp"
 
 namespace fork1s {
-namespace {
 
-void Add(double weight, const std::vector<double>& more, std::vector<double>& sums) {
-  sums.resize(more.size(), 0.0);
-  for (std::size_t i = 0; i < more.size(); ++i) sums[i] += weight * more[i];
+// Largest way of a contactor within h at its present velocity [m].
+double World::Detail::MotionWithin(double h) const {
+  double motion = 0;
+  for (std::size_t i = 0; i < contactors_.size(); ++i) {
+    const Contactor& c = contactors_[i];
+    if (c.kind == Contactor::Kind::kWorld) continue;
+    const auto index = static_cast<std::size_t>(c.index);
+    const Vector6 V = c.kind == Contactor::Kind::kGroup ? GroupVelocity(mechanisms_[index], c.group)
+                                                        : free_bodies_[index].OriginVelocity();
+    motion = std::max(motion, h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]));
+  }
+  return motion;
 }
 
-}  // namespace
-
-// What a step of parts has to say, `part` its last so far.
-void World::Detail::AddReport(const StepReport& part, StepReport& whole) {
-  const StepReport before = whole;
-  whole = part;
-  whole.max_penetration = std::max(before.max_penetration, part.max_penetration);
-  whole.refreshes += before.refreshes;
-  whole.failed_refreshes += before.failed_refreshes;
-  whole.contacts_dropped = before.contacts_dropped || part.contacts_dropped;
-  whole.newton_steps = std::max(before.newton_steps, part.newton_steps);
-  whole.minimum_found = before.minimum_found && part.minimum_found;
-  whole.loop_residual = std::max(before.loop_residual, part.loop_residual);
-  whole.parts = before.parts + part.parts;
-  whole.stages += before.stages;
-  whole.stage_iterations += before.stage_iterations;
-  whole.max_stage_iterations = std::max(before.max_stage_iterations, part.max_stage_iterations);
-  if (before.stage_residual > part.stage_residual) {
-    whole.stage_residual = before.stage_residual;
-    whole.stage_residual_of = before.stage_residual_of;
-  }
-  whole.impact = before.impact || part.impact;
-  whole.stages_converged = before.stages_converged && part.stages_converged;
-  KeepWorst(before.solver, whole.solver);
+void World::Detail::FindTouchedBodies() {
+  touched_.assign(free_bodies_.size(), 0);
+  for (const ContactPoint& p : points_)
+    for (const int body : {p.body_a, p.body_b})
+      if (const Contactor& c = contactors_[static_cast<std::size_t>(body)];
+          c.kind == Contactor::Kind::kFreeBody)
+        touched_[static_cast<std::size_t>(c.index)] = 1;
 }
 
-void KeepWorst(const ContactSolverReport& then, ContactSolverReport& solver) {
-  solver.newton_iterations = std::max(solver.newton_iterations, then.newton_iterations);
-  solver.stage = std::max(solver.stage, then.stage);
-  solver.residual = std::max(solver.residual, then.residual);
-  solver.residual_impulse = std::max(solver.residual_impulse, then.residual_impulse);
-  solver.residual_speed = std::max(solver.residual_speed, then.residual_speed);
-  solver.active = std::max(solver.active, then.active);
-  solver.sticking = std::max(solver.sticking, then.sticking);
-  solver.sliding = std::max(solver.sliding, then.sliding);
-  solver.converged = solver.converged && then.converged;
+// Whether a contact bore a load in the last step.
+bool World::Detail::Bore(std::size_t contact) const { return CarriedAtRest(contact, carried_speed_); }
+
+// What only closed its gap by the end of the last step, at this speed [m/s] or faster, is still to be met.
+bool World::Detail::CarriedAtRest(std::size_t contact, double speed) const {
+  if (match_[contact] < 0) return false;
+  const ContactRecord& before = previous_[static_cast<std::size_t>(match_[contact])];
+  return before.impulse(0) > 0 && before.end_speed > -speed;
 }
 
-// What the next step is to know of one in parts, should nothing be met within it.
-void World::Detail::KeepPastsInParts(double h) {
-  pasts_in_parts_.resize(mechanisms_.size());
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) BeginStepInParts(mechanisms_[i], h, pasts_in_parts_[i]);
-  free_pasts_in_parts_.clear();
-  for (const FreeBody& b : free_bodies_) free_pasts_in_parts_.push_back(b.PastOfStepInParts(h));
+// m/s; what has restitution parts again from any.
+double World::Detail::SpeedOfImpact(const ContactPoint& point) const {
+  return point.restitution > 0 ? 0 : impact_speed_;
 }
 
-void World::Detail::EndPastsInParts() {
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-    EndStepInParts(mechanisms_[i], before_impact_.mechanisms[i], pasts_in_parts_[i]);
-  for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].EndStepInParts(free_pasts_in_parts_[i]);
+// Radius [m] of the smaller of two shapes that touch.
+double World::Detail::PairSize(const ContactPoint& p) const {
+  const auto radius = [&](int body, int geometry) {
+    return geometry_radius_[static_cast<std::size_t>(body)][static_cast<std::size_t>(geometry)];
+  };
+  return std::min(radius(p.body_a, p.geometry_a), radius(p.body_b, p.geometry_b));
 }
 
-// The step from its start again, by four steps of implicit Euler. Of an impact they leave a fourth of what one is off
-// by that it comes at some time within a step. The step after it has no past to make a parabola with, and is made of two:
-// one of implicit Euler would take as much of the motion as the impact did. Where something is met at speed within them,
-// the next begins anew once more.
-// Inputs go on through them as they would have in one.
-StepReport World::Detail::StepInParts(const StepOptions& options, bool impact) {
-  const int steps = impact ? 4 : 2;
-  Restore(StartOfStep());
-  Save(before_impact_);
-  if (!impact) KeepPastsInParts(options.h);
-  bool met = impact, pushed = false;
-  StepOptions own = options;
-  own.h = options.h / steps;
-  own.integrator = Integrator::kEuler;
-  own.refresh = false;
-  const bool by_theta = by_theta_, two_stage = two_stage_;
-  StepReport report;
-  ClearSums();
-  for (int k = 1; k <= steps; ++k) {
-    const double share = static_cast<double>(k) / steps;
-    for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-      SetInputsWithin(mechanisms_[i], before_impact_.mechanisms[i], share);
-    for (std::size_t i = 0; i < free_bodies_.size(); ++i)
-      free_bodies_[i].SetInputsWithin(before_impact_.free_bodies[i], 0, share);
-    in_parts_ = true;
-    const StepReport part = IntegrateStep(own);
-    in_parts_ = false;
-    AddReport(part, report);
-    if (!part.finite) return UndoStep(before_impact_, report);
-    met = met || MetAtSpeed(options);
-    pushed = pushed || PushesApart(options);
-    SumImpulses();
+// A contact that bore nothing yet and would close within the step at the speed of an impact, if all went on.
+bool World::Detail::ClosesAtSpeed(const StepOptions& options, StepSubject* subject) const {
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    if (Bore(i) || !(closing_[i] > SpeedOfImpact(points_[i])) || !(points_[i].gap < options.h * closing_[i]))
+      continue;
+    if (subject) *subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
+    return true;
   }
-  StoreSums();
-  for (ContactRecord& c : contacts_) {
-    c.end_force = c.impulse / options.h;
-    c.end_moment = c.moment / options.h;
-  }
-  if (!met && !pushed) EndPastsInParts();
-  by_theta_ = by_theta;
-  two_stage_ = two_stage;
-  if (options.refresh) {
-    const PartClock clock(times_, &StepPartTimes::refreshing);
-    ForMechanisms([&](std::size_t i) { RefreshIfStale(i); });
-    CountRefreshes(report);
-    if (!IsFinite(true)) return UndoStep(before_impact_, report);
-  }
-  contacts_h_ = options.h;
-  report.contacts = static_cast<int>(
-      std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));
-  report.impact = met;
-  report.parts = steps;
-  return report;
+  return false;
 }
 
-void World::Detail::ClearSums() {
-  sums_.contacts_W.clear();
-  sums_.ended.clear();
-  sums_.rows.resize(mechanisms_.size());
-  for (WorldState::Rows& rows : sums_.rows) {
-    rows.limit_impulses.clear();
-    rows.friction_impulses.clear();
-  }
+World::Detail::StopApproach World::Detail::ApproachOf(const MechanismDynamics& m,
+                                                      const Mechanism::LengthLimit& stop, bool upper) const {
+  const auto& terms = stop.length.terms;
+  const bool turns = stop.length.path < 0 && !terms.empty() && m.mechanism().Turns(terms.front().first);
+  const double scale = turns ? m.mechanism().length_scale() : 1, length = m.Length(stop.length),
+               rate = from_stage_start_ ? LengthRateAtStageStart(m, stop.length) : LengthRate(m, stop.length);
+  return {false,
+          scale * (upper ? stop.upper - length : length - stop.lower),
+          scale * (upper ? rate : -rate),
+          0,
+          m.mechanism().length_scale(),
+          scale};
 }
 
-namespace {
-
-void SetWrench(const Vector6& sum_W, ContactRecord& contact) {
-  contact.moment = contact.point.frame * sum_W.head<3>();
-  contact.impulse = contact.point.frame * sum_W.tail<3>();
-}
-
-}  // namespace
-
-// Impulses and moments of all parts of the step so far, contact by contact, world axes.
-void World::Detail::SumImpulses(double weight) {
-  next_sums_.resize(contacts_.size());
-  goes_on_.assign(sums_.contacts_W.size(), 0);
-  for (std::size_t i = 0; i < contacts_.size(); ++i) {
-    const Matrix3 frame_W = contacts_[i].point.frame.transpose();
-    next_sums_[i].head<3>() = weight * (frame_W * contacts_[i].moment);
-    next_sums_[i].tail<3>() = weight * (frame_W * contacts_[i].impulse);
-    if (match_[i] < 0 || sums_.contacts_W.empty()) continue;
-    const auto before = static_cast<std::size_t>(match_[i]);
-    next_sums_[i] += sums_.contacts_W[before];
-    goes_on_[before] = 1;
+// The same of what the step has brought together, and of stops of joints and tendons: at that speed from the
+// start, or from so far that it took that speed.
+bool World::Detail::MetAtSpeed(const StepOptions& options, StepSubject* subject) const {
+  const double least = impact_speed_;
+  for (std::size_t k = 0; k < stop_approach_.size(); ++k) {
+    const StopApproach& a = stop_approach_[k];
+    if (a.bore || !(limits_[k].impulse > 0) || !(a.speed > least || a.gap > options.h * least)) continue;
+    if (subject) *subject = {StepSubject::Kind::kStop, a.mechanism, a.stop};
+    return true;
   }
-  for (std::size_t i = 0; i < goes_on_.size(); ++i) {
-    if (goes_on_[i] || sums_.contacts_W[i].isZero(0)) continue;
-    sums_.ended.push_back(previous_[i]);
-    SetWrench(sums_.contacts_W[i], sums_.ended.back());
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    if (!(constraints_[i].impulse(0) > 0) || Bore(i)) continue;
+    const double speed = SpeedOfImpact(points_[i]);
+    if (!(closing_[i] > speed || points_[i].gap > options.h * speed)) continue;
+    if (subject) *subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
+    return true;
   }
-  sums_.contacts_W.swap(next_sums_);
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    Add(weight, mechanism_blocks_[i].limit_impulses, sums_.rows[i].limit_impulses);
-    Add(weight, mechanism_blocks_[i].friction_impulses, sums_.rows[i].friction_impulses);
-  }
-}
-
-// Whoever asks what acted in the step is told of all of it, what parted again within it too.
-void World::Detail::StoreSums() {
-  for (std::size_t i = 0; i < contacts_.size(); ++i) SetWrench(sums_.contacts_W[i], contacts_[i]);
-  for (const ContactRecord& c : sums_.ended) {
-    contacts_.push_back(c);
-    speed_W_.push_back(Vector3::Zero());
-    missed_W_.push_back(Vector3::Zero());
-  }
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    mechanism_blocks_[i].limit_impulses = sums_.rows[i].limit_impulses;
-    mechanism_blocks_[i].friction_impulses = sums_.rows[i].friction_impulses;
-  }
+  return false;
 }
 
 }  // namespace fork1s

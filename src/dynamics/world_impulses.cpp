@@ -33,12 +33,6 @@ void World::Detail::GatherPushes() {
   };
   for (const Push& push : pushes_) {
     if (!push.any) continue;
-    const Contactor& a = contactors_[static_cast<std::size_t>(push.body_a)];
-    const Contactor& b = contactors_[static_cast<std::size_t>(push.body_b)];
-    const bool own = a.kind == b.kind && a.index == b.index;
-    for (const Contactor* side : {&a, &b})
-      if (side->kind == Contactor::Kind::kGroup && !own)
-        mechanism_blocks_[static_cast<std::size_t>(side->index)].pushed_from_outside = true;
     add(push.port_a, push.body_a, push.on_a);
     add(push.port_b, push.body_b, push.on_b);
   }
@@ -48,7 +42,6 @@ void World::Detail::ApplyImpulses(bool of_servos) {
   ForMechanisms([&](std::size_t i) {
     MechanismBlock& block = mechanism_blocks_[i];
     for (PartBlock& part : block.parts) part.port_impulse.head(part.rows).setZero();
-    block.pushed_from_outside = false;
   });
   GatherPushes();
   if (of_servos)
@@ -82,42 +75,12 @@ void World::Detail::ApplyImpulses(bool of_servos) {
           part.J_T.leftCols(part.rows) * part.port_impulse.head(part.rows);
       pushed = true;
     }
-    if (pushed) ApplyImpulse(mechanisms_[i], block.impulse, block.pushed_from_outside);
-  });
-}
-
-// Once a step is taken: the velocities that it ended with, seen by the rows at hand, as the next step compares
-// them with what its own rows see of them. By twists they are those that contacts left.
-void World::Detail::KeepEndVelocities() {
-  end_ = velocities_;
-  for (std::size_t c = 0; c < contactors_.size(); ++c) {
-    if (port_offset_[c] < 0) continue;
-    const auto i = static_cast<std::size_t>(contactors_[c].index);
-    auto V = end_.segment<6>(port_offset_[c]);
-    if (contactors_[c].kind == Contactor::Kind::kFreeBody) {
-      V = free_bodies_[i].PortTwist();
-    } else if (mechanism_blocks_[i].refreshed <= 0 &&  // else there are no such rows any more
-               mechanisms_[i].recovery() != Recovery::kTwist) {
-      const PartBlock& part = mechanism_blocks_[i].parts[static_cast<std::size_t>(port_part_[c])];
-      V = GroupTwistFromStart(mechanisms_[i], contactors_[c].group,
-                              part.J_T.middleCols(port_offset_[c] - part.offset, 6));
-    }
-    last_twist_[c] = V;
-  }
-  ForContacts([&](std::size_t i) {
-    speed_W_[i] = points_[i].frame.transpose() * RelativeSpeed(constraints_[i], end_);
+    if (pushed) ApplyImpulse(mechanisms_[i], block.impulse);
   });
 }
 
 void World::Detail::KeepForNextStep(double h, StepReport& report) {
-  if (!two_stage_) start_points_ = points_;
   contacts_.resize(points_.size());
-  speed_W_.resize(points_.size());
-  missed_W_.resize(points_.size());
-  if (rule_ == StepRule::kTwoSteps) mean_ = velocities_ + port_shift_;
-  const VectorX& mean = rule_ == StepRule::kTwoSteps ? mean_ : velocities_;
-  change_ = mean - change_;
-  FindPortFrames();  // as they are now
   ForContacts([&](std::size_t i) {
     const ContactConstraint& c = constraints_[i];
     contacts_[i].point = points_[i];
@@ -128,16 +91,12 @@ void World::Detail::KeepForNextStep(double h, StepReport& report) {
     contacts_[i].end_force = c.impulse / h;
     contacts_[i].end_moment = c.moment / h;
     contacts_[i].end_speed = RelativeSpeed(c, velocities_)(0);
-    speed_W_[i] = points_[i].frame.transpose() * RelativeSpeed(c, velocities_);
-    missed_W_[i] = rule_ == StepRule::kMiddle ? Vector3(Vector3::Zero()) : MissedWay(h, i, mean);
   });
   for (const ContactRecord& c : contacts_)
     if (c.impulse(0) > 0) {
       ++report.contacts;
       report.max_penetration = std::max(report.max_penetration, -c.point.gap);
     }
-  for (std::size_t c = 0; c < contactors_.size(); ++c)
-    if (port_offset_[c] >= 0) last_twist_[c] = velocities_.segment<6>(port_offset_[c]);
   for (std::size_t k = 0; k + servos_.size() < limits_.size(); ++k) {
     const LimitConstraint& row = limits_[k];
     const bool is_friction = row.lower < 0;

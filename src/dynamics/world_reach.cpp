@@ -128,12 +128,12 @@ bool World::Detail::CoversMotion() {
 // only.
 bool World::Detail::BasePointIsBeyond(const StepOptions& options, StepSubject& subject) const {
   for (const StopApproach& a : stop_approach_) {
-    if (a.bore || !(a.base_gap < -options.h * SpeedOfImpact(options))) continue;
+    if (a.bore || !(a.base_gap < -options.h * impact_speed_)) continue;
     subject = {StepSubject::Kind::kStop, a.mechanism, a.stop};
     return true;
   }
   for (std::size_t i = 0; from_stage_start_ && i < points_.size(); ++i) {
-    if (Bore(i) || !(points_[i].gap < -options.h * SpeedOfImpact(options, points_[i]))) continue;
+    if (Bore(i) || !(points_[i].gap < -options.h * SpeedOfImpact(points_[i]))) continue;
     subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
     return true;
   }

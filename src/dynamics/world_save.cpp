@@ -3,7 +3,7 @@
 
 namespace fork1s {
 
-void World::Detail::SaveBodies(WorldState& out) const {
+void World::Detail::Save(WorldState& out) const {
   out.contraction = contraction_;
   out.mechanisms.resize(mechanisms_.size());
   out.rows.resize(mechanisms_.size());
@@ -16,16 +16,8 @@ void World::Detail::SaveBodies(WorldState& out) const {
   });
   out.free_bodies.resize(free_bodies_.size());
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) out.free_bodies[i] = free_bodies_[i].Save();
-}
-
-void World::Detail::Save(WorldState& out) const {
-  SaveBodies(out);
   out.contacts = contacts_;
   out.contacts_h = contacts_h_;
-  out.speeds_W = speed_W_;
-  out.missed_W = missed_W_;
-  out.port_twists = last_twist_;
-  out.speeds_are_last = curvature_valid_;
   out.contactor_poses = contactor_pose_;
   out.has_contactor_poses = has_previous_pose_;
 }
@@ -41,10 +33,6 @@ void World::Detail::Restore(const WorldState& state) {
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].Restore(state.free_bodies[i]);
   contacts_ = state.contacts;
   contacts_h_ = state.contacts_h;
-  speed_W_ = state.speeds_W;
-  missed_W_ = state.missed_W;
-  last_twist_ = state.port_twists;
-  curvature_valid_ = state.speeds_are_last;
   contactor_pose_ = state.contactor_poses;
   has_previous_pose_ = state.has_contactor_poses;
   contraction_ = state.contraction;
@@ -65,8 +53,7 @@ Expected<void> World::CanRestore(const WorldState& state) const {
   const auto& mechanisms = detail_->mechanisms_;
   if (state.mechanisms.size() != mechanisms.size() || state.rows.size() != mechanisms.size() ||
       state.free_bodies.size() != detail_->free_bodies_.size() ||
-      state.contactor_poses.size() != detail_->contactor_pose_.size() ||
-      state.port_twists.size() != detail_->contactor_pose_.size())
+      state.contactor_poses.size() != detail_->contactor_pose_.size())
     return fail("has another number of mechanisms, free bodies or touching bodies than this world");
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     const Mechanism& here = mechanisms[i].mechanism();

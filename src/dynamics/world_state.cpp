@@ -50,27 +50,16 @@ class Hash {
   void One(const MechanismState& state) {
     const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next, knows_driven_rate,
                  driven_rate, base_history, loads, has_loads, point_spring, point_spring_body, at_bound,
-                 interior, past, acceleration] = state;
+                 acceleration] = state;
     if (controls_move || controls_from != controls) Add(controls_from);
     if (knows_driven_rate) Add(driven_rate);
     if (base_history.h > 0) Add(base_history);
     if (point_spring.IsActive()) Add(point_spring, point_spring_body.value());
-    Add(model, reduced, mu, controls, driven_next, loads, has_loads, at_bound, interior.offset,
-        interior.last_way, interior.share, past, acceleration);
+    Add(model, reduced, mu, controls, driven_next, loads, has_loads, at_bound, acceleration);
   }
   void One(const BaseHistory& history) {
     const auto& [h, mean_rate] = history;
     Add(h, mean_rate);
-  }
-  void One(const MechanismPast& past) {
-    const auto& [h, anew, z_moved, q_dot, c_dot_W, omega, R_WR, center_W, V_R] = past;
-    Add(h);
-    if (h > 0) Add(anew, z_moved, q_dot, c_dot_W, omega, R_WR, center_W, V_R);
-  }
-  void One(const FreeBody::Past& past) {
-    const auto& [h, anew, R_WB, center_W, omega_B, velocity] = past;
-    Add(h);
-    if (h > 0) Add(anew, R_WB, center_W, omega_B, velocity);
   }
   void One(const PointSpring& spring) {
     const auto& [point_B, target_start_W, target_W, stiffness, damping] = spring;
@@ -81,10 +70,9 @@ class Hash {
     Add(force_W, moment_W, force_moments);
   }
   void One(const FreeBody::State& state) {
-    const auto& [X_WB, omega_B, velocity, load, point_spring, past, angular_acceleration_B, acceleration] =
-        state;
+    const auto& [X_WB, omega_B, velocity, load, point_spring, angular_acceleration_B, acceleration] = state;
     if (point_spring.IsActive()) Add(point_spring);
-    Add(X_WB, omega_B, velocity, load, past, angular_acceleration_B, acceleration);
+    Add(X_WB, omega_B, velocity, load, angular_acceleration_B, acceleration);
   }
   void One(const ContactPoint& p) {
     const auto& [body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling,
@@ -106,11 +94,11 @@ class Hash {
 }  // namespace
 
 std::uint64_t HashOf(const WorldState& state, const VectorX& inputs) {
-  const auto& [mechanisms, free_bodies, contacts, contacts_h, speeds_W, missed_W, port_twists,
-               speeds_are_last, contactor_poses, has_contactor_poses, contraction, rows] = state;
+  const auto& [mechanisms, free_bodies, contacts, contacts_h, contactor_poses, has_contactor_poses,
+               contraction, rows] = state;
   Hash hash;
-  hash.Add(mechanisms, free_bodies, contacts, contacts_h, speeds_W, missed_W, port_twists, speeds_are_last,
-           contactor_poses, has_contactor_poses, contraction[0], contraction[1], rows, inputs);
+  hash.Add(mechanisms, free_bodies, contacts, contacts_h, contactor_poses, has_contactor_poses,
+           contraction[0], contraction[1], rows, inputs);
   return hash.value();
 }
 

@@ -1,8 +1,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <fork1s/dynamics/point_response.hpp>
-
 #include "world_detail.hpp"
 
 namespace fork1s {
@@ -14,48 +12,10 @@ int World::Detail::WorthAThread() const {
   return coordinates == 0 ? 1 : std::max(1, 200 * static_cast<int>(mechanisms_.size()) / coordinates);
 }
 
-// Mechanisms move and are refreshed in one loop: its time goes to either as that of its mechanisms does.
-void World::Detail::ShareRefreshes(double moving_before) {
-  double moved = 0, refreshed = 0;
-  for (const MechanismBlock& block : mechanism_blocks_) {
-    moved += block.own.moving;
-    refreshed += block.own.refreshing;
-  }
-  if (!(refreshed > 0)) return;
-  times_->refreshing += (times_->moving - moving_before) * refreshed / (moved + refreshed);
-  times_->moving -= times_->refreshing;
-}
-
-void World::Detail::MoveMechanisms(const StepOptions& options, StepReport& report) {
-  const double moving_before = times_ ? times_->moving : 0;
-  PartClock clock(times_, &StepPartTimes::moving);
-  ForMechanisms([&](std::size_t i) {
-    MechanismDynamics& m = mechanisms_[i];
-    MechanismBlock& block = mechanism_blocks_[i];
-    block.own = StepPartTimes();
-    {
-      const PartClock own(times_ ? &block.own : nullptr, &StepPartTimes::moving);
-      m.Integrate(options.h);
-    }
-    block.refreshed = 0;
-    if (options.refresh) RefreshIfStale(i);
-  });
-  for (FreeBody& b : free_bodies_) b.Integrate(options.h);
-  clock.Stop();
-  if (times_) ShareRefreshes(moving_before);
-  for (const MechanismDynamics& m : mechanisms_) {
-    report.newton_steps = std::max(report.newton_steps, NewtonSteps(m));
-    report.minimum_found = report.minimum_found && FoundMinimum(m);
-  }
-  CountRefreshes(report);
-}
-
 void World::Detail::RefreshIfStale(std::size_t i) {
   MechanismDynamics& m = mechanisms_[i];
-  MechanismBlock& block = mechanism_blocks_[i];
-  if (!(m.Staleness(by_theta_) > 1) && !(two_stage_ && MissesAppliedForces(m))) return;
-  const PartClock own(times_ ? &block.own : nullptr, &StepPartTimes::refreshing);
-  block.refreshed = m.Refresh() ? 1 : -1;
+  if (!(m.Staleness() > 1) && !MissesAppliedForces(m)) return;
+  mechanism_blocks_[i].refreshed = m.Refresh() ? 1 : -1;
 }
 
 void World::Detail::CountRefreshes(StepReport& report) const {
@@ -63,12 +23,6 @@ void World::Detail::CountRefreshes(StepReport& report) const {
     report.refreshes += block.refreshed > 0 ? 1 : 0;
     report.failed_refreshes += block.refreshed < 0 ? 1 : 0;
   }
-}
-
-void World::Detail::PredictAll(const StepOptions& options) {
-  const PartClock clock(times_, &StepPartTimes::free_velocities);
-  ForMechanisms([&](std::size_t i) { Predict(mechanisms_[i], options.h, options.gravity); });
-  for (FreeBody& b : free_bodies_) b.Predict(options.h, options.gravity);
 }
 
 // Contact, and with it which servos are at the bounds of their forces and which springs are slack: in each round
@@ -108,7 +62,7 @@ bool World::Detail::UpdateSwitches(const StepOptions& options) {
 }
 
 void World::Detail::PredictAllAgain(double h) {
-  for (MechanismDynamics& m : mechanisms_) PredictAgain(m, h);
+  for (MechanismDynamics& m : mechanisms_) SolveFreeStage(m, h);
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].ResetVelocity(free_velocity_[i]);
 }
 
@@ -117,7 +71,6 @@ bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
   const PartClock clock(times_, &StepPartTimes::rows);
   LayOutPorts(options);
   MatchPrevious();
-  // Rows first: the curvature term compares them on the velocities of the start of the step.
   AssembleConstraints(options);
   return true;
 }
@@ -154,16 +107,6 @@ void World::Detail::ForgetInputs(WorldState& state) {
   for (FreeBody::State& b : state.free_bodies) b.load = {};
 }
 
-// Completes before_, which IntegrateStep leaves without what it keeps as `previous_`.
-WorldState& World::Detail::StartOfStep() {
-  before_.contacts = previous_;
-  before_.contacts_h = previous_h_;
-  before_.speeds_W = previous_speed_W_;
-  before_.missed_W = previous_missed_W_;
-  before_.contactor_poses = previous_pose_;
-  return before_;
-}
-
 // Goes back to `start`, but for wrenches, which may be what was not finite.
 StepReport World::Detail::UndoStep(WorldState& start, StepReport report) {
   ForgetInputs(start);
@@ -173,75 +116,23 @@ StepReport World::Detail::UndoStep(WorldState& start, StepReport report) {
 }
 
 StepReport World::Detail::Step(const StepOptions& options) {
+  FORK1S_REQUIRE(options.h > 0 && std::isfinite(options.h), options.h);
   if (times_) *times_ = StepPartTimes();
   const PartClock clock(times_, &StepPartTimes::all);
-  if (!UsesTwoStages(options)) AddPointSpringForces(options);
-  const StepReport report = IntegrateStep(options);
+  const StepReport report = StepByStages(options);
   for (MechanismDynamics& m : mechanisms_) m.StopPointSpring();
   for (FreeBody& body : free_bodies_) body.StopPointSpring();
   return report;
 }
 
-// By theta and euler a point spring is a force of the step.
-void World::Detail::AddPointSpringForces(const StepOptions& options) {
-  const auto add = [&](auto& body, const PointSpring& spring, const RigidTransform& X_WB, const auto&... of) {
-    const Vector3 force_W =
-        EndForce(RespondAt(body, of..., spring.point_B, options.h, options.gravity), spring, options.h);
-    body.AddWrench(of..., force_W, Vector3::Zero(), X_WB * spring.point_B);
-  };
-  for (MechanismDynamics& m : mechanisms_)
-    if (m.point_spring().IsActive())
-      add(m, m.point_spring(), m.BodyPose(m.point_spring_body()), m.point_spring_body());
-  for (FreeBody& body : free_bodies_)
-    if (body.point_spring().IsActive()) add(body, body.point_spring(), body.pose());
-}
-
-StepReport World::Detail::IntegrateStep(const StepOptions& options) {
-  StepReport report;
-  const double h = options.h;
-  FORK1S_REQUIRE(h > 0 && std::isfinite(h), h);
-
-  by_theta_ = UsesTheta(options);
-  two_stage_ = UsesTwoStages(options);
-  if (!two_stage_ && !in_parts_)
-    for (MechanismDynamics& m : mechanisms_) InvalidateBaseHistory(m);
-  // What is not kept as `previous_` anyway.
-  SaveBodies(before_);
-  before_.port_twists = last_twist_;
-  before_.speeds_are_last = curvature_valid_;
-  before_.has_contactor_poses = has_previous_pose_;
+void World::Detail::BeginStep(double h) {
+  Save(before_);
   previous_.swap(contacts_);
   previous_h_ = contacts_h_;
   contacts_h_ = h;
   previous_pose_ = contactor_pose_;
-  previous_speed_W_.swap(speed_W_);
-  previous_missed_W_.swap(missed_W_);
-  rule_ = StepRule::kEuler;
-  begins_anew_ = false;
   least_margin_ = 0;
-  all_stops_ = from_stage_start_ = false;
-  if (two_stage_) return TwoStageStep(options);
-  if (by_theta_)
-    BeginTheta(options, report);
-  else
-    BeginEuler(options, report);
-  if (report.impact || begins_anew_) return StepInParts(options, report.impact);
-  PredictAll(options);
-  report.forces_at_end = rule_ != StepRule::kMiddle;
-  if (rule_ != StepRule::kEuler) ShiftRows();
-  SolveContacts(options, report);
-
-  if (!IsFinite(false)) return UndoStep(StartOfStep(), report);
-  if (by_theta_ && MetAtSpeed(options)) return StepInParts(options, true);
-  const bool jumps = by_theta_ && PushesApart(options);
-  KeepForNextStep(h, report);
-  curvature_valid_ = rule_ != StepRule::kMiddle;
-  MoveMechanisms(options, report);
-  if (jumps) ForgetPasts();
-  if (rule_ != StepRule::kMiddle) KeepEndVelocities();
-  for (const MechanismDynamics& m : mechanisms_)
-    report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
-  return IsFinite(true) ? report : UndoStep(StartOfStep(), report);
+  in_stage_ = all_stops_ = from_stage_start_ = false;
 }
 
 void World::Watch(StepPartTimes* times) { detail_->times_ = times; }

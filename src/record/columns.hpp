@@ -8,7 +8,9 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 17;
+inline constexpr int kFormatVersion = 18;
+// Differs in the step alone: `theta` and stepping by twists were other integrators, `euler` had other rules.
+inline constexpr int kVersionOfOtherSteps = 17;
 inline constexpr const char* kFormatName = "fork1s recording";
 
 /// Values per row.

@@ -1,5 +1,7 @@
 #include "recording_file.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include "model_store.hpp"
 
 namespace fork1s::internal {
@@ -19,6 +21,18 @@ void CheckPlaces(const RecordingHeader& h) {
   for (std::size_t i = 0; i < h.scene.free_bodies.size(); ++i) check(-1, i);
 }
 
+// Options as this version has them.
+std::string OptionsOfOtherSteps(const std::string& text) {
+  nlohmann::json options = nlohmann::json::parse(text, nullptr, false);
+  if (options.is_object() && options.contains("step") && options["step"].is_object()) {
+    auto& step = options["step"];
+    step.erase("contact_curvature");
+    if (step.contains("integrator") && step["integrator"] == "theta")
+      step["integrator"] = Name(Integrator::kTwoStage);
+  }
+  return options.dump();
+}
+
 }  // namespace
 
 Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const FileFacts& facts) {
@@ -29,7 +43,8 @@ Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const 
     return Fail(ErrorCode::kFormat, path, "is an HDF5 file, but no recording of fork1s");
   const auto version = ReadNumberAttribute(file, "format_version");
   h.program = ReadTextAttribute(file, "program");
-  if (version != kFormatVersion)
+  h.has_steps_of_this_version = version == kFormatVersion;
+  if (version != kFormatVersion && version != kVersionOfOtherSteps)
     return Fail(ErrorCode::kFormat, path,
                 "has format version " + std::to_string(version) + ", written by " + h.program +
                     "; this program reads version " + std::to_string(kFormatVersion) +
@@ -40,7 +55,8 @@ Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const 
   if (!scene) return tl::unexpected(scene.error());
   h.scene = std::move(*scene);
   const Hdf5 run = OpenGroup(file, "simulation");
-  auto options = ReadOptions(ReadText(run.id(), "options", most), path);
+  const std::string text = ReadText(run.id(), "options", most);
+  auto options = ReadOptions(h.has_steps_of_this_version ? text : OptionsOfOtherSteps(text), path);
   if (!options) return tl::unexpected(options.error());
   h.options = *options;
 

@@ -82,6 +82,10 @@ namespace {
 // Calls `next` for one stretch after the other until there is none, or none with steps.
 template <class NextPart>
 Expected<ReplayResult> ReplayParts(const RecordingHeader& h, NextPart&& next) {
+  if (!h.has_steps_of_this_version)
+    return Fail(ErrorCode::kUsage, h.path,
+                "was written by " + h.program +
+                    ", whose steps were others; view and export show it, and that version replays it");
   if (h.first_step != 0)
     return Fail(ErrorCode::kUsage, h.path,
                 "begins after " + std::to_string(h.first_step) +

@@ -256,10 +256,10 @@ void Fields(A& a, Like<ContactMaterial, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<StepOptions, A>& s) {
-  auto& [h, integrator, controls_move, gravity, material, curvature, refresh, contact] = s;
+  auto& [h, integrator, controls_move, gravity, material, refresh, contact] = s;
   a("h", h), a("integrator", integrator), a("controls_move", controls_move);
   a("gravity", gravity), a("material", material);
-  a("contact_curvature", curvature), a("refresh", refresh), a("contact", contact);
+  a("refresh", refresh), a("contact", contact);
 }
 
 template <class A>

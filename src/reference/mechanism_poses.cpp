@@ -7,8 +7,8 @@
 namespace fork1s::internal {
 
 // A floating base turns by the mean of its twists before and after, beside the drift of the centre of mass,
-// which only carries it along (docs/method.md, section 5: the midpoint rule). Contact moves it by the twist
-// after, which is the one that keeps gaps (section 6).
+// which only carries it along (docs/compare.md). Contact moves it by the twist after, which is the one that
+// keeps gaps.
 RigidTransform FullMechanism::NextBasePose() const {
   if (mechanism_->base() == BaseKind::kFixed) return X_[0];
   if (mechanism_->base() == BaseKind::kDriven) return driven_next;

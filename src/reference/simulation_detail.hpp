@@ -59,6 +59,7 @@ struct FullSimulation::Detail {
   Saved Save() const;
   void Restore(const Saved& saved);
   FullStepReport StepByStages();
+  bool OneStage(double from, double to, FullStepReport& report);
   bool Advance(double from, double to, int halvings, FullStepReport& report);
   Outcome TwoStages(double from, double to, FullStepReport& report);
   Outcome Stage(double from, double to, double end, bool second, FullStepReport& report);

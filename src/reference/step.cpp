@@ -12,35 +12,7 @@ using internal::FullMechanism;
 
 FullStepReport FullSimulation::Detail::Step() {
   PassControls();
-  if (options.integrator == FullIntegrator::kTwoStages) return StepByStages();
-  FullStepReport report;
-  report.contacts_dropped = !contact_set.Detect(mechanisms, free_bodies, dt, scene.gravity);
-  contact_set.Open(mechanisms, free_bodies, dt, options);
-  report.finite = Solve(
-      [&] {
-        for (FullMechanism& m : mechanisms)
-          if (!m.Begin(dt, scene.gravity)) return false;
-        for (FullFreeBody& b : free_bodies) b.Begin(dt, scene.gravity);
-        return true;
-      },
-      report);
-  if (report.finite) {
-    contact_set.Close(dt, report, contacts);
-    for (FullMechanism& m : mechanisms) {
-      report.joint_gap = std::max(report.joint_gap, m.NextGap());
-      // A nanometre: links and loops are solved to rounding unless they contradict each other.
-      if (!(m.NextGap() < 1e-9 * std::max(1.0, m.mechanism().length_scale()))) report.converged = false;
-      m.StartReactions();
-      m.Commit();
-    }
-    for (FullFreeBody& b : free_bodies) b.Commit();
-    ++steps;
-  } else {
-    report.converged = false;
-  }
-  for (FullMechanism& m : mechanisms) m.ForgetLoads();
-  for (FullFreeBody& b : free_bodies) b.ForgetLoads();
-  return report;
+  return StepByStages();
 }
 
 // The stiffness that loads leave speeds Newton up, but where it is negative, near buckling, it can lead

@@ -1,4 +1,4 @@
-// A step of second order in full coordinates: two stages of implicit Euler.
+// A step in full coordinates: one stage of backward Euler, or two of them for second order.
 //
 // Alexander's rule (SIAM J. Numer. Anal. 14, 1977): with g = 1 - 1/√2 a stage is implicit Euler over g h,
 // what changed in it goes on evenly to (1 - g) h, and from there a second stage goes over g h to the end,
@@ -122,6 +122,7 @@ FullStepReport FullSimulation::Detail::StepByStages() {
 }
 
 bool FullSimulation::Detail::Advance(double from, double to, int halvings, FullStepReport& report) {
+  if (options.integrator == FullIntegrator::kEuler) return OneStage(from, to, report);
   const Saved before = Save();
   const FullStepReport reported = report;
   const Outcome outcome = TwoStages(from, to, report);
@@ -138,8 +139,12 @@ bool FullSimulation::Detail::Advance(double from, double to, int halvings, FullS
     const double middle = 0.5 * (from + to);
     return Advance(from, middle, halvings - 1, report) && Advance(middle, to, halvings - 1, report);
   }
+  return OneStage(from, to, report);
+}
+
+bool FullSimulation::Detail::OneStage(double from, double to, FullStepReport& report) {
   ++report.parts;
-  ++report.euler_parts;
+  if (options.integrator == FullIntegrator::kTwoStages) ++report.euler_parts;
   std::vector<FullContact> met;
   const bool converged = report.converged;
   if (Stage(from, to, to, false, report) == Outcome::kUnsolved && !report.finite) return false;

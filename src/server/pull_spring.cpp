@@ -10,12 +10,10 @@ PointSpring PullSpring(const Simulation& simulation, int body, const Vector3& po
                        const Vector3& target_start_W, const Vector3& target_W, double stiffness) {
   const SceneBody& b = simulation.bodies()[static_cast<std::size_t>(body)];
   const World& world = simulation.world();
-  const double h = simulation.dt();
-  const Vector3& gravity = simulation.step_options().gravity;
   const auto index = static_cast<std::size_t>(b.mechanism < 0 ? b.index : b.mechanism);
   const PointResponse response =
-      b.mechanism < 0 ? RespondAt(world.free_bodies()[index], point_B, h, gravity)
-                      : RespondAt(world.mechanisms()[index], BodyIndex(b.index), point_B, h, gravity);
+      b.mechanism < 0 ? RespondAt(world.free_bodies()[index], point_B)
+                      : RespondAt(world.mechanisms()[index], BodyIndex(b.index), point_B, simulation.dt());
   return {point_B, target_start_W, target_W, stiffness, CriticalDamping(response, stiffness)};
 }
 

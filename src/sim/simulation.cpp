@@ -6,7 +6,6 @@
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/sim/ask.hpp>
 
-#include "integrator_fits.hpp"
 #include "join.hpp"
 
 namespace fork1s {
@@ -45,7 +44,6 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   auto world = World::Create(*s.present_scene_, o);
   if (!world) return tl::unexpected(world.error());
   s.world_ = std::move(*world);
-  s.step_options_.integrator = internal::IntegratorBy(options.recovery, s.options_.step.integrator);
   s.scene_ = std::move(scene);
   for (const MechanismDynamics& m : s.world_.mechanisms()) s.given_.push_back(m.model().mechanism);
   s.places_ = *internal::PlacesOf(s.given_, {});

@@ -7,7 +7,6 @@
 
 #include "hold.hpp"
 #include "hold_shares.hpp"
-#include "integrator_fits.hpp"
 
 namespace fork1s {
 
@@ -18,9 +17,7 @@ World::Options Simulation::WorldOptions(const Fidelity& fidelity) const {
   o.reduction.modes = fidelity.modes;
   o.recovery = fidelity.recovery;
   o.refresh_angle = options_.refresh_angle;
-  o.load_columns =
-      internal::IntegratorBy(fidelity.recovery, options_.step.integrator) == Integrator::kTwoStage;
-  o.reduction.step = o.load_columns ? dt_ : 0;
+  o.reduction.step = dt_;
   o.collision = options_.collision;
   o.reserved_contacts = options_.reserved_contacts;
   return o;
@@ -193,7 +190,6 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   present_scene_ = std::make_shared<const Scene>(std::move(scene));
   world_keyframe_ = 0;
   fidelity_ = fidelity;
-  step_options_.integrator = internal::IntegratorBy(fidelity.recovery, options_.step.integrator);
   holds_ = std::move(holds);
   places_ = std::move(*places);
   pushed_W_.clear();

@@ -145,6 +145,7 @@ Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options) {
   const auto full = [&](int substeps) {
     RunOptions at = o;
     at.substeps = substeps;
+    if (substeps > 1) at.full_integrator = FullIntegrator::kTwoStages;  // towards the truth
     return internal::RunFull(scene, tracked, at);
   };
   // In steps, with a guess of what one of the full model's is worth: it is what takes long.

@@ -66,17 +66,13 @@ Expected<StepOrderRow> MeasureStepOrder(const std::string& folder, const std::st
                two = full(FullIntegrator::kTwoStages, substeps);
     if (!euler) return tl::unexpected(euler.error());
     if (!two) return tl::unexpected(two.error());
-    o.integrator = Integrator::kTheta;
-    const auto theta = internal::RunReduced(imported->scene, tracked, o);
     o.integrator = Integrator::kTwoStage;
     const auto two_stage = internal::RunReduced(imported->scene, tracked, o);
     o.integrator = Integrator::kEuler;
-    if (!theta) return tl::unexpected(theta.error());
     if (!two_stage) return tl::unexpected(two_stage.error());
     row.two_stage_percent[i] = 100 * Apart(*two_stage, *truth) / motion;
     row.euler_percent[i] = 100 * Apart(*euler, *truth) / motion;
     row.two_percent[i] = 100 * Apart(*two, *truth) / motion;
-    row.theta_percent[i] = 100 * Apart(*theta, *truth) / motion;
     row.halved[i] = two->halved;
     row.steps[i] = static_cast<int>(two->step_s.size());
   }
@@ -85,15 +81,15 @@ Expected<StepOrderRow> MeasureStepOrder(const std::string& folder, const std::st
 
 std::string StepOrderMarkdown(const std::vector<StepOrderRow>& rows) {
   std::string out =
-      "| scene | motion | full, Euler 1/60 | full, two stages 1/60 | reduced, theta 1/60 | reduced, two stages 1/60 | full, "
-      "Euler 1/240 | full, two stages 1/240 | reduced, theta 1/240 | reduced, two stages 1/240 | truth | steps halved at "
+      "| scene | motion | full, Euler 1/60 | full, two stages 1/60 | reduced, two stages 1/60 | full, "
+      "Euler 1/240 | full, two stages 1/240 | reduced, two stages 1/240 | truth | steps halved at "
       "1/60, at 1/240 |\n"
-      "|---|---|---|---|---|---|---|---|---|---|---|---|\n";
+      "|---|---|---|---|---|---|---|---|---|---|\n";
   for (const StepOrderRow& r : rows) {
     out += fmt::format("| {}, {:.3g} s | {:.3g} mm |", r.scene, r.time_s, r.motion_mm);
     for (int i = 0; i < 2; ++i)
-      out += fmt::format(" {:.3g} % | {:.3g} % | {:.3g} % | {:.3g} % |", r.euler_percent[i], r.two_percent[i],
-                         r.theta_percent[i], r.two_stage_percent[i]);
+      out += fmt::format(" {:.3g} % | {:.3g} % | {:.3g} % |", r.euler_percent[i], r.two_percent[i],
+                         r.two_stage_percent[i]);
     out += fmt::format(" {:.2g} % | {} of {}, {} of {} |\n", r.truth_percent, r.halved[0], r.steps[0],
                        r.halved[1], r.steps[1]);
   }

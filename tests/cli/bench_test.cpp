@@ -37,7 +37,7 @@ TEST(Bench, ASceneBesideMuJoCoAndTheConvergedRun) {
   double half = 0;
   for (const auto& point : scene["precision"])
     if (point["simulator"] == "fork1s" && point["dt_s"] < 0.01 && half == 0) half = point["error_percent"];
-  EXPECT_GT(half, 0.15 * error);
+  EXPECT_GT(half, 0.1 * error);
   EXPECT_LT(half, 0.4 * error);
   // Without valgrind there are no instructions, and a sentence says why.
   EXPECT_TRUE(scene["step_instructions"].is_null());

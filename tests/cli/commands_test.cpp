@@ -125,12 +125,15 @@ TEST(Run, TwistRecoveryAndStiffnessScale) {
 }
 
 TEST(Run, TakesAnIntegrator) {
-  const std::string model = Write("finger.xml", FingerModel()), file = (ScratchFolder() / "theta.h5").string();
-  const Outcome o = Fork1s("run --json --time 1 --integrator theta --record " + file + " " + model);
+  const std::string model = Write("finger.xml", FingerModel()), file = (ScratchFolder() / "run.h5").string();
+  const Outcome o = Fork1s("run --json --time 1 --integrator euler --record " + file + " " + model);
   ASSERT_EQ(o.code, 0) << o.err;
   EXPECT_NEAR(o.Json()["free_bodies"][0]["position_m"][2].get<double>(), 0.02, 2e-4);
   EXPECT_EQ(Fork1s("replay " + file).code, 0);  // the recording knows how its steps were taken
   EXPECT_EQ(Fork1s("run --integrator leapfrog " + model).code, 2);
+  const Outcome gone = Fork1s("run --integrator theta " + model);
+  EXPECT_EQ(gone.code, 2);
+  EXPECT_NE(gone.err.find("'two-stage', which is of second order too"), std::string::npos) << gone.err;
 }
 
 TEST(Run, SaysWhenAMotionBlowsUp) {

@@ -45,7 +45,7 @@ TEST(FreeMotion, ReduceRefusesAComplianceWithoutBound) {
   EXPECT_TRUE(d["stiffness_world"].is_null());
   const Outcome text = Fork1s("reduce " + model);
   ExpectAll(text.out, {"free of springs (1)", "no bound", "--lock-free", "body 'tip'", "'J1'", "'J2'",
-                       "tendon", "--pd J"});
+                       "tendon", "J2=KP,KV"});
   EXPECT_EQ(text.out.find("m/N; of the springs alone"), std::string::npos) << text.out;
   // Gravity is in the plane of the finger: about the equilibrium its weight resists that motion.
   EXPECT_EQ(d["loaded"]["frequencies_hz"].size(), 3u);
@@ -61,7 +61,7 @@ TEST(FreeMotion, ReduceRefusesAComplianceWithoutBound) {
   const std::string load = "statics --json --body tip --force 0,0,0.01 --gravity 0,0,0 ";
   const Outcome falls = Fork1s(load + model);
   EXPECT_EQ(falls.code, 3) << falls.out;
-  ExpectAll(falls.err, {"joint 'J", "--lock-free"});
+  ExpectAll(falls.err, {"joint 'J", "lock it"});
   const auto stays = Fork1s(load + "--lock-free " + model).Json();
   EXPECT_EQ(stays["locked"], locked["compliance_locked"]);
   const double moved =
@@ -76,7 +76,7 @@ TEST(FreeMotion, ReduceRefusesAComplianceWithoutBound) {
 TEST(FreeMotion, InspectDoesNotCallItHeld) {
   const Outcome text = Fork1s("inspect " + Write("coupled.xml", CoupledFinger()));
   ASSERT_EQ(text.code, 0) << text.err;
-  ExpectAll(text.out, {"Motions without stiffness (1)", "'J1'", "'J2'", "--pd J"});
+  ExpectAll(text.out, {"Motions without stiffness (1)", "'J1'", "'J2'", "J2=KP,KV"});
 }
 
 TEST(FreeMotion, ATieRodThatSpinsUnseenIsRefused) {

@@ -21,7 +21,7 @@ TEST(WorldAllocation, NoneInAStep) {
   scene.free_bodies.push_back(testing::BallBody("ball", 0.1, 0.05, Vector3(1, 1, 0.05), 0.8));
   scene.free_bodies.push_back(
       testing::BoxBody("box", 1, Vector3(0.05, 0.05, 0.05), Vector3(2, 0.1, 0.18), 0.8));
-  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta, Integrator::kTwoStage}) {
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage}) {
     World world = testing::MustCreate(scene);
     StepOptions step;
     step.integrator = integrator;

@@ -144,7 +144,7 @@ TEST_P(ForceLimitEnergy, NeverGrows) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Integrators, ForceLimitEnergy,
-                         ::testing::Values(Integrator::kEuler, Integrator::kTheta));
+                         ::testing::Values(Integrator::kEuler, Integrator::kTwoStage));
 
 TEST(DryFriction, KeepsAPoseUnderAnyLoadBelowIt) {
   for (const double share : {0.1, 0.9, 0.999}) {

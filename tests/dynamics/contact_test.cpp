@@ -92,7 +92,7 @@ TEST(StiffContact, ChainOfMassRatioAMillion) {
   double before = world.KineticEnergy() + world.PotentialEnergy(step.gravity);
   const double start = before;
   for (int i = 0; i < 300; ++i) {
-    ASSERT_TRUE(world.Step(step).finite);
+    ASSERT_TRUE(world.Step(step).finite) << i;
     const double now = world.KineticEnergy() + world.PotentialEnergy(step.gravity);
     // A tonne that hangs on springs falls half a metre: 4 kJ; nothing may come on top of it.
     ASSERT_LT(now - start, 1.0) << i;

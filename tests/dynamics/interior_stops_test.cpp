@@ -47,7 +47,7 @@ World AfterTwoSeconds(const MechanismDef& def, Integrator integrator, double* be
 TEST(InteriorStops, HoldWhateverTheSpringsAndDampers) {
   for (const double stiffness : {1e-5, 1e-4, 1e-2, 0.3, 3.0, 100.0})
     for (const double damping : {0.005, 0.05, 0.5})
-      for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
+      for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage}) {
         double beyond = 0;
         const World world = AfterTwoSeconds(Tail(stiffness, damping), integrator, &beyond);
         double of_whole = 0;

@@ -101,9 +101,9 @@ TEST(Interior, StaysWithABaseThatIsDrivenInShortSteps) {
   // 0.1 m aside within 0.2 s; a shake 40 times a second that takes a fifth of a second to reach 2 mm.
   const auto aside = [](double t) { return t < 0.2 ? 0.05 * (1 - std::cos(t * M_PI / 0.2)) : 0.1; };
   const auto shake = [](double t) { return 2e-3 * std::min(1.0, 5 * t) * std::sin(2 * M_PI * 40 * t); };
-  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta})
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage})
     for (const double h : {1.0 / 240, 1.0 / 960, 1.0 / 3840}) {
-      SCOPED_TRACE((integrator == Integrator::kEuler ? "euler, h " : "theta, h ") + std::to_string(h));
+      SCOPED_TRACE((integrator == Integrator::kEuler ? "euler, h " : "two stages, h ") + std::to_string(h));
       // Slow beside the chain's second mode, so that little is left out: half a per cent.
       const double all = FarthestTip(integrator, 100, h, aside);
       EXPECT_GT(all, 0.1);

@@ -44,7 +44,7 @@ TEST(NonFinite, StepIsUndone) {
 // Forces of any size: a step either ends in a state that the next one can go on from, or leaves every bit as
 // it was. Overflow comes late, when velocities are squared or a pose is refreshed.
 TEST(NonFinite, NothingOfItStays) {
-  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta, Integrator::kTwoStage})
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage})
     for (const bool loop : {false, true}) {
       testing::RandomMechanismOptions random;
       random.rigid_closures = loop ? 1 : 0;
@@ -76,7 +76,7 @@ TEST(NonFinite, NothingOfItStays) {
 
 // Velocities of any size: motions that the search of contacts cannot cover, though every pose is a number.
 TEST(NonFinite, MotionBeyondTheRangeOfNumbersIsUndone) {
-  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta, Integrator::kTwoStage})
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage})
     for (int power = 20; power <= 300; power += 20)
       for (const bool turns : {false, true}) {
         MechanismDef walker = testing::Walker(BaseKind::kFloating, 30, 0.5);

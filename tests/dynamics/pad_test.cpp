@@ -173,9 +173,9 @@ TEST(Pad, ASymmetricGraspNearItsLimitDoesNotTilt) {
 // What starts 20 mm deep comes out, at no more than the speed stated, by either rule: one of two steps must not take the
 // jump for the beginning of a parabola. It does not hop at short steps either.
 TEST(Pad, ADeepStartIsPushedApartGently) {
-  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta})
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage})
     for (const double h : {1.0 / 60, 1.0 / 500, 1.0 / 2000}) {
-      SCOPED_TRACE(::testing::Message() << (integrator == Integrator::kTheta) << ' ' << 1 / h);
+      SCOPED_TRACE(::testing::Message() << (integrator == Integrator::kTwoStage) << ' ' << 1 / h);
       World world =
           MustCreate(OnFloor(BoxBody("box", 1, Vector3(0.05, 0.05, 0.05), Vector3(0, 0, 0.03), 0.8), 0.8));
       StepOptions step;

@@ -100,7 +100,7 @@ TEST(Paths, ASwingThroughTwoRadiansFollowsTheClosedForm) {
   const double length = Thread(2.2);
   def.springs.push_back({"thread", {}, kStiffness, 0, length - Thread(kStart), {0, 1}});
   const double truth = SwungTo(RodInertia(def), kStiffness, length, kStart, kTime);
-  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage}) {
     double error[2];
     for (int halved = 0; halved < 2; ++halved) {
       World world = testing::MustCreate(def);
@@ -229,20 +229,6 @@ TEST(Paths, AServoOnAThreadGivesItsBound) {
   EXPECT_NEAR(6 * ThreadArm(theta), 0.8 * (theta - kStart), 1e-6);
 }
 
-// The paper's mode keeps the arms of the last refresh, and no other.
-TEST(Paths, TwistModeKeepsTheArmsOfTheReference) {
-  MechanismDef def = Threaded();
-  def.springs.push_back({"thread", {}, 100, 1, 0.01, {0, 1}});
-  World::Options options;
-  options.recovery = Recovery::kTwist;
-  World world = testing::MustCreate(def, options);
-  const MechanismDynamics& d = world.mechanisms()[0];
-  ASSERT_TRUE(world.Step(testing::Still()).finite);
-  const double moved = d.configuration().q(0);
-  EXPECT_GT(std::abs(moved), 1e-6);
-  EXPECT_NEAR(d.Length(d.mechanism().springs()[0].length), ThreadArm(kStart) * moved, 1e-15);
-}
-
 TEST(Paths, RefusesWhatIsNoPath) {
   const auto refused = [](auto change) {
     MechanismDef def = Threaded();
@@ -290,7 +276,7 @@ TEST(Paths, AForceThatTurnsWithItsBodyDrivesIt) {
   motor.terms = {{{JointIndex(0), 0}, moment / 1.5}};
   by_joint.paths.clear();
   by_joint.controls.push_back(motor);
-  for (const Integrator by : {Integrator::kEuler, Integrator::kTheta}) {
+  for (const Integrator by : {Integrator::kEuler, Integrator::kTwoStage}) {
     World world = testing::MustCreate(def), peer = testing::MustCreate(by_joint);
     StepOptions step = testing::Still();
     step.integrator = by;

@@ -66,7 +66,7 @@ TEST(TwoStage, ErrorFallsWithTheSquareOfTheStep) {
         options.base = base;
         options.rigid_closures = options.springs = loops;
         const MechanismDef definition = testing::RandomMechanismDef(seed, options);
-        const auto truth = Positions(definition, seed, By(Integrator::kTheta, 1.0 / 60 / 32));
+        const auto truth = Positions(definition, seed, By(Integrator::kTwoStage, 1.0 / 60 / 32));
         const double coarse =
             LargestDistance(Positions(definition, seed, By(Integrator::kTwoStage, 1.0 / 60)), truth);
         const double fine =

@@ -9,13 +9,11 @@ TEST(WorldWatch, PartsOfAStepAddUpAndChangeNothing) {
   MechanismDef walker = testing::Walker(BaseKind::kFloating, 60, 1);
   walker.X_WR = RigidTransform(Vector3(0, 0, 1));
   const int n = BuildMechanism(walker)->num_coordinates();
-  // It kicks, so that its model is taken anew.
   Scene scene = testing::Started(walker, VectorX::Zero(n), VectorX::Constant(n, 3.0));
   scene.world.push_back(testing::Geometry("floor", Plane{}, 0.8));
   scene.free_bodies.push_back(testing::BallBody("ball", 0.1, 0.05, Vector3(1, 1, 0.05), 0.8));
   scene.keyframes[0].free_bodies.push_back({scene.free_bodies[0].X_WB});
-  int refreshes = 0, timed = 0;
-  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage}) {
     World::Options options;
     options.initial_keyframe = 0;
     options.refresh_angle = 1e-3;
@@ -25,7 +23,7 @@ TEST(WorldWatch, PartsOfAStepAddUpAndChangeNothing) {
     StepOptions step;
     step.integrator = integrator;
     for (int i = 0; i < 60; ++i) {
-      refreshes += watched.Step(step).refreshes > 0 ? 1 : 0;
+      watched.Step(step);
       alone.Step(step);
       double sum = 0;
       for (const auto& [name, seconds] : PartsOf(times)) {
@@ -36,9 +34,7 @@ TEST(WorldWatch, PartsOfAStepAddUpAndChangeNothing) {
       EXPECT_GT(times.finding, 0);
       EXPECT_GT(times.free_velocities, 0);
       EXPECT_GT(times.moving, 0);
-      timed += times.refreshing > 0 ? 1 : 0;
     }
-    EXPECT_EQ(timed, refreshes);
     WorldState a, b;
     watched.Save(a);
     alone.Save(b);
@@ -48,7 +44,6 @@ TEST(WorldWatch, PartsOfAStepAddUpAndChangeNothing) {
     watched.Step(step);
     EXPECT_EQ(times.all, last);
   }
-  EXPECT_GT(refreshes, 0);
 }
 
 }  // namespace

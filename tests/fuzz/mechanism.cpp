@@ -52,7 +52,7 @@ class MechanismSource {
     static constexpr double kSteps[] = {0, 1.0 / 60, 1e-3, 0.1, 1e-6, 10};
     options.dt = kSteps[in_.Below(tame_ ? 4 : 6)];
     const int way = in_.Below(16);
-    if (way & 1) options.step.integrator = Integrator::kTheta;
+    if (way & 1) options.step.integrator = Integrator::kEuler;
     if (way == 2 || way == 3) options.recovery = Recovery::kTwist;
     return options;
   }

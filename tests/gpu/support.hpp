@@ -6,6 +6,7 @@
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/record/recovery_buffers.hpp>
+#include <fork1s/recovery/recover.hpp>
 
 #include <algorithm>
 #include <continuum_arm.hpp>
@@ -104,6 +105,13 @@ inline std::vector<float> Recovered(const Simulation& simulation, int scans = 0)
 inline std::vector<RigidTransform> Truth(const Simulation& simulation) {
   std::vector<RigidTransform> X_WB;
   simulation.Poses(X_WB);
+  if (simulation.fidelity().recovery == Recovery::kTwist)
+    for (std::size_t b = 0; b < X_WB.size(); ++b) {
+      const SceneBody& body = simulation.bodies()[b];
+      if (body.mechanism < 0) continue;
+      const MechanismDynamics& m = simulation.world().mechanisms()[static_cast<std::size_t>(body.mechanism)];
+      X_WB[b] = m.state().X_WR * RecoverPoseTwist(m.model(), m.state(), BodyIndex(body.index));
+    }
   return X_WB;
 }
 

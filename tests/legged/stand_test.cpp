@@ -60,7 +60,7 @@ class StandsByDefault : public testing::TestWithParam<Case> {};
 TEST_P(StandsByDefault, ForAMinute) {
   if (const std::string why = WhyMissing(GetParam().robot); !why.empty()) GTEST_SKIP() << why;
   const LeggedScene legged = Load(GetParam());
-  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta, Integrator::kTwoStage}) {
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage}) {
     SCOPED_TRACE(Name(integrator));
     SimulationOptions options;
     options.initial_keyframe = legged.imported.initial_keyframe;

@@ -62,12 +62,12 @@ def test_refusals(gripper, scenes):
 
 def test_full_run_has_the_order_of_the_reduced_one(scenes):
     model = fork1s.load(scenes / "two_link_arm.xml", q={"elbow": 0.2})
-    coarse, fine = (fork1s.compare(model, time=0.2, dt=dt, integrator="theta") for dt in (4e-3, 2e-3))
-    assert coarse.integrators == "reduced by theta, full by two-stages"
+    coarse, fine = (fork1s.compare(model, time=0.2, dt=dt, integrator="two-stage") for dt in (4e-3, 2e-3))
+    assert coarse.integrators == "reduced by two-stage, full by two-stages"
     # Both of second order: what is left falls by four.
     assert 3 < coarse.bodies["forearm"].rms_mm / fine.bodies["forearm"].rms_mm < 5
-    mixed = fork1s.compare(model, time=0.1, integrator="theta", full_integrator="euler")
-    assert mixed.integrators == "reduced by theta, full by euler"
-    for wrong in ({"integrator": "two-stages"}, {"full_integrator": "theta"}):
+    mixed = fork1s.compare(model, time=0.1, integrator="two-stage", full_integrator="euler")
+    assert mixed.integrators == "reduced by two-stage, full by euler"
+    for wrong in ({"integrator": "two-stages"}, {"full_integrator": "leapfrog"}, {"integrator": "theta"}):
         with pytest.raises(fork1s.UsageError):
             fork1s.compare(model, **wrong)

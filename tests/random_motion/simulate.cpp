@@ -64,7 +64,6 @@ RigidTransform BasePose(const Case& c, int step) {
 std::string FaultOf(const StepReport& r) {
   if (!r.finite && r.stages_converged) return "undone, but stages converged";
   if (!r.finite && r.halving_of.kind == StepSubject::Kind::kNone) return "undone, but of nothing";
-  if (r.minimum_found != r.stages_converged && r.finite) return "minimum_found is not stages_converged";
   if (r.parts > kLargestHalvings) return std::to_string(r.parts) + " parts";
   if (r.finite && (r.parts > 1) != (r.halving != HalvingCause::kNone)) return "halved, but for no cause";
   if (r.finite && r.impact != (r.halving == HalvingCause::kImpact) && r.parts == 1)

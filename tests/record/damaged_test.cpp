@@ -266,5 +266,44 @@ TEST(Recorder, AFullDiskKeepsWhatWasFlushed) {
   EXPECT_TRUE(replay->identical);
 }
 
+// Version 17 has an integrator and an option of the step that are gone.
+TEST(OtherSteps, AreReadAndNotReplayed) {
+  Folder folder;
+  const std::string path = folder / "old.h5";
+  MakeRecording(path, 9);
+  const auto poses = Recording::Open(path)->data().poses;
+  const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  const hid_t a = H5Aopen(file, "format_version", H5P_DEFAULT);
+  const std::int64_t version = 17;
+  H5Awrite(a, H5T_NATIVE_INT64, &version);
+  H5Aclose(a);
+  const char* name = "simulation/options";
+  hid_t d = H5Dopen2(file, name, H5P_DEFAULT), stored = H5Dget_type(d), type = H5Tcopy(stored),
+        space = H5Dget_space(d);
+  std::string text(H5Tget_size(type), ' ');
+  H5Dread(d, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data());
+  H5Dclose(d);
+  H5Ldelete(file, name, H5P_DEFAULT);
+  const std::string word = "\"two-stage\"";
+  ASSERT_NE(text.find(word), std::string::npos) << text;
+  text.replace(text.find(word), word.size(), "\"theta\", \"contact_curvature\": true");
+  H5Tset_size(type, text.size());
+  d = H5Dcreate2(file, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+  H5Dwrite(d, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data());
+  H5Dclose(d);
+  H5Tclose(stored);
+  H5Tclose(type);
+  H5Sclose(space);
+  H5Fclose(file);
+  const auto recording = Recording::Open(path);
+  ASSERT_TRUE(recording) << recording.error().Text();
+  EXPECT_EQ(recording->data().poses, poses);
+  const auto replayed = Replay(*recording);
+  ASSERT_FALSE(replayed);
+  EXPECT_EQ(replayed.error().code, ErrorCode::kUsage);
+  EXPECT_NE(replayed.error().message.find("whose steps were others"), std::string::npos)
+      << replayed.error().Text();
+}
+
 }  // namespace
 }  // namespace fork1s::testing

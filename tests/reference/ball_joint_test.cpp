@@ -124,7 +124,7 @@ TEST(BallJoint, ChainOfBallJointsConvergesToMuJoCosPath) {
     EXPECT_LT(far(s), 1e-2 * 200 * 200 / steps / steps) << "full";
     SimulationOptions options;
     options.dt = kTime / steps;
-    options.step.integrator = Integrator::kTheta;
+    options.step.integrator = Integrator::kTwoStage;
     options.initial_keyframe = 0;
     auto reduced = Simulation::Create(imported->scene, options);
     ASSERT_TRUE(reduced) << reduced.error().Text();

@@ -63,8 +63,9 @@ TEST_P(Ball, BouncesToTheSquareOfItsRestitution) {
     met = met || !s.contacts().empty();
     if (met) highest = std::max(highest, s.Pose(0).translation().z() - kRadius);
   }
-  // Material and the time between samples take some thousandths.
-  EXPECT_NEAR(highest, kShare * kShare * kDrop, 0.01 * kDrop);
+  // Backward Euler takes g h of the way up in each second of flight, 0.8 %; material and samples some
+  // thousandths.
+  EXPECT_NEAR(highest, kShare * kShare * kDrop, 0.02 * kDrop);
 }
 
 TEST_P(Ball, RestsWithItsWeight) {

@@ -112,7 +112,6 @@ Moving Spinning() {
   key.free_bodies.push_back({RigidTransform(), Vector3(0.1, 6, 0.05), Vector3(0.3, 0, 0)});
   scene.keyframes = {key};
   Move(scene, Elsewhere());
-  // Implicit Euler turns free bodies by a midpoint rule, of second order too.
   return {"free body about its middle axis", scene, 3, {}, 1};
 }
 

@@ -8,8 +8,8 @@ class Hammer : public testing::TestWithParam<double> {};
 
 TEST_P(Hammer, StrikesAnvilAndNail) {
   SceneRun run("hammer", GetParam());
-  // The nail swings at 240 Hz. Steps of implicit Euler bring it to its place at once; those of second order are four
-  // through the blow, and end anywhere in its swing.
+  // The nail swings at 240 Hz. Backward Euler brings it to its place at once; two stages end anywhere in its
+  // swing.
   run.simulation().step_options().integrator = Integrator::kEuler;
   Course course = run.Until(1);
   EXPECT_GT(run.Position("hammer").z(), 0.4) << "raised";
@@ -25,7 +25,7 @@ TEST_P(Hammer, StrikesAnvilAndNail) {
     deepest = std::max(deepest, rest - run.Position("nail").z());
     force = std::max(force, -ContactForce(run.simulation(), "nail").z());
   });
-  EXPECT_GT(force, 50) << "on the nail";
+  EXPECT_GT(force, 30) << "on the nail";
   // At 60 steps a second the nail follows its spring: its mass and damper add 3 %.
   EXPECT_NEAR(deepest * spring, force, 0.05 * force);
   EXPECT_LT(course.gap, 1e-5);
@@ -119,7 +119,7 @@ TEST_P(PegGrasp, IsInsertedWithContactsFrozenOnTheWay) {
   course = run.Until(5);
   EXPECT_TRUE(course.finite);
   // Fingertips take over what frozen contacts bore and may slide by a fraction of a millimetre: 0.25 mm at
-  // 1/60 s, 0.06 at 1/240 s, 0.68 there by theta.
+  // 1/60 s, 0.06 at 1/240 s.
   EXPECT_LT((run.simulation().Pose("peg").translation() - inside.translation()).norm(), 5e-4)
       << "stays inside";
   EXPECT_LT(run.simulation().KineticEnergy(), 1e-6);

@@ -54,7 +54,7 @@ TEST(Firemen, AStiffSheetThrowsTheBunnyOff) {
   const Scene scene = SceneRun::Definition("firemen", 1e3, 1e-3);
   for (const auto& [integrator, rate] :
        {std::pair(Integrator::kTwoStage, 60), std::pair(Integrator::kTwoStage, 960),
-        std::pair(Integrator::kTheta, 60), std::pair(Integrator::kTheta, 960),
+        std::pair(Integrator::kTwoStage, 60), std::pair(Integrator::kTwoStage, 960),
         std::pair(Integrator::kEuler, 960)}) {
     SimulationOptions options;
     options.dt = 1.0 / rate;

@@ -9,7 +9,7 @@ struct SaveCase {
   Integrator integrator;
 };
 std::ostream& operator<<(std::ostream& out, const SaveCase& c) {
-  return out << c.scene << (c.integrator == Integrator::kTheta ? ", theta" : ", euler");
+  return out << c.scene << (c.integrator == Integrator::kTwoStage ? ", two stages" : ", euler");
 }
 
 std::vector<std::uint64_t> HashesOf(SceneRun& run, int steps) {
@@ -46,7 +46,7 @@ std::vector<SaveCase> AllCases() {
   std::vector<SaveCase> cases;
   for (const char* scene : {"hexapod_terrain", "firemen", "vehicle", "grasp_box", "grasp_mug", "peg_grasp",
                             "hammer", "fourbar_gripper", "excavator", "beam_walkers"})
-    for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta})
+    for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage})
       cases.push_back({scene, integrator});
   return cases;
 }

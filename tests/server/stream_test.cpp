@@ -1,5 +1,7 @@
 // Streams for the viewer's own tests, with the poses that belong to them: the page must find the same.
 #include <filesystem>
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/recovery/recover.hpp>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -50,7 +52,14 @@ TEST_P(Streams, AreWritten) {
     Append(out, true, s.frame);
     nlohmann::json row = nlohmann::json::array();
     for (std::size_t b = 0; b < live.simulation().bodies().size(); ++b) {
-      const RigidTransform X = live.simulation().Pose(static_cast<int>(b));
+      const SceneBody& drawn = live.simulation().bodies()[b];
+      RigidTransform X = live.simulation().Pose(static_cast<int>(b));
+      if (live.simulation().fidelity().recovery == Recovery::kTwist &&
+          drawn.mechanism >= 0) {  // as the page draws it
+        const MechanismDynamics& m =
+            live.simulation().world().mechanisms()[static_cast<std::size_t>(drawn.mechanism)];
+        X = m.state().X_WR * RecoverPoseTwist(m.model(), m.state(), BodyIndex(drawn.index));
+      }
       for (int k = 0; k < 3; ++k) row.push_back(X.translation()(k));
       const Quaternion q = X.quaternion();
       for (double v : {q.w(), q.x(), q.y(), q.z()}) row.push_back(v);

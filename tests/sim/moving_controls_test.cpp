@@ -15,7 +15,7 @@ constexpr double kRate = 20;    // rad/s
 constexpr double kSpeed = 0.1;  // m/s
 constexpr double kTime = 0.5;   // s
 
-Simulation Slider(double h, bool controls_move, Integrator integrator = Integrator::kTheta) {
+Simulation Slider(double h, bool controls_move, Integrator integrator = Integrator::kTwoStage) {
   MechanismBuilder builder("slider");
   BodyDef body;
   body.name = "mass";
@@ -105,7 +105,7 @@ TEST(MovingControls, AreSavedAndHashed) {
   EXPECT_EQ(one.HashState(), hash);
 }
 
-constexpr Integrator kIntegrators[] = {Integrator::kEuler, Integrator::kTheta, Integrator::kTwoStage};
+constexpr Integrator kIntegrators[] = {Integrator::kEuler, Integrator::kTwoStage};
 
 // A gripper on a driven base closes on a ball and shakes it: contacts, impacts and so halved steps.
 Simulation Shaken(Integrator integrator, bool controls_move) {
@@ -164,7 +164,7 @@ TEST(MovingControls, StepByStep_EqualTheTable) {
 // The first step starts at the initial value: x of the mass is that of the closed form from there on.
 TEST(MovingControls, FirstStep_StartsAtTheInitialValue) {
   const double h = 1.0 / 240, exact = kSpeed * (h - std::sin(kRate * h) / kRate);
-  for (const Integrator integrator : {Integrator::kTheta, Integrator::kTwoStage}) {
+  for (const Integrator integrator : {Integrator::kTwoStage}) {
     Simulation s = Slider(h, false, integrator);
     s.SetControl("set", kSpeed * h);
     ASSERT_TRUE(s.Step(true).finite);

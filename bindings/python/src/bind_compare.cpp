@@ -149,7 +149,7 @@ void BindCompare(nb::module_& m) {
       .def_prop_ro("bodies", Differences, "Name -> BodyDifference, of interface bodies and free bodies.")
       .def_prop_ro(
           "integrators", [](const Comparison& c) { return IntegratorsText(c); },
-          "By what the runs were stepped, as in 'reduced by theta, full by two-stages'.")
+          "By what the runs were stepped, as in 'reduced by two-stage, full by two-stages'.")
       .def_prop_ro("traces", Traces, "Name -> ComparedTrace.")
       .def_prop_ro(
           "times", [](const Comparison& c) { return ToArray(c.times_s); }, kOwn, "(t,) s")
@@ -191,7 +191,7 @@ void BindCompare(nb::module_& m) {
         R"(Simulates the model beside the full-coordinate simulator ('full') or MuJoCo's mj_step ('mujoco').
 
 time: s to simulate. dt: time step in s, default the model's. refinements: further runs at dt/2, dt/4, ... controls:
-columns by name, `time` [s] among them, linear between rows. integrator: of the reduced run, 'euler', 'theta' or 'two-stage', default as of a Simulation.
+columns by name, `time` [s] among them, linear between rows. integrator: of the reduced run, 'euler' or 'two-stage', default as of a Simulation.
 full_integrator: of the full one, 'euler' or 'two-stages', default of the same order. Others run while it works. Raises NumericsError, ModelError
 for controls that the model does not have, UsageError for a model that MuJoCo cannot run as it is.)",
         nb::sig(

@@ -105,9 +105,8 @@ void BindSimulation(nb::module_& m) {
 
 dt: time step in s (default: the model's, 1/60 s unless the file's format says otherwise). keyframe: name of an initial
 state of the file. recovery: 'exact', 'curved' or 'twist', how poses follow from reduced coordinates. detail: 'interface',
-'parents' or 'all', which bodies may touch. integrator: 'two-stage', of second order, 'theta', of second order
-and cheaper, wrong where stiff springs turn, or 'euler', implicit Euler of first order; default 'two-stage', with recovery
-'twist' 'euler'.
+'parents' or 'all', which bodies may touch. integrator: 'two-stage', of second order
+(default), or 'euler', backward Euler of first order. 'twist' draws poses by one exponential a body; steps are those of 'exact'.
 
 All quantities are in the world frame and in m, kg, s, rad, N unless a line says otherwise. Arrays that it returns are
 those of the moment, and the caller's own. Several Python threads may use one simulation: all calls let other threads

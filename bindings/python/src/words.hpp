@@ -29,7 +29,8 @@ inline Recovery ReadRecovery(const std::string& word) {
 
 inline Integrator ReadIntegrator(const std::string& word) {
   if (const auto integrator = IntegratorNamed(word)) return *integrator;
-  throw Refused{{ErrorCode::kUsage, "integrator", "'" + word + "' is none of: euler, theta, two-stage"}};
+  if (word == "theta") throw Refused{{ErrorCode::kUsage, "integrator", kThetaIsGone}};
+  throw Refused{{ErrorCode::kUsage, "integrator", "'" + word + "' is none of: euler, two-stage"}};
 }
 
 /// Options that Simulation and Batch share.
@@ -42,9 +43,6 @@ inline RunOptions ReadRunOptions(const std::optional<Real>& given_dt,
   RunOptions options{dt.value_or(0), keyframe.value_or(""), ReadRecovery(recovery), ReadDetail(detail)};
   if (!integrator) return options;
   options.integrator = ReadIntegrator(*integrator);
-  if (options.integrator != Integrator::kEuler && options.recovery == Recovery::kTwist)
-    throw Refused{{ErrorCode::kUsage, "integrator",
-                   "'" + *integrator + "' needs recovery 'exact' or 'curved': 'twist' keeps the inertia of the reference"}};
   return options;
 }
 

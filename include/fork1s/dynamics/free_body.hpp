@@ -3,7 +3,6 @@
 
 #include <fork1s/dynamics/applied_forces.hpp>
 #include <fork1s/dynamics/point_spring.hpp>
-#include <fork1s/dynamics/step_rule.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <string>
 
@@ -34,20 +33,13 @@ class FreeBody {
   /// `point_W` now.
   void AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
 
-  /// Holds until changed. theta and euler take its force at the start of a step.
+  /// Holds until changed.
   void SetPointSpring(const PointSpring& spring) { point_spring_ = spring; }
   void ClearPointSpring() { point_spring_ = {}; }
   const PointSpring& point_spring() const { return point_spring_; }
   /// After a step its target rests.
   void StopPointSpring() { point_spring_.target_start_W = point_spring_.target_W; }
 
-  /// Begins a step of second order. By kMiddle the body stands where its velocity takes it in half the step,
-  /// until Integrate. By kTwoSteps velocities from Predict on are a share of those of the end, and
-  /// with Shift() how far the step goes: h (PortTwist() + Shift()).
-  void Begin(double h, StepRule rule);
-  Vector6 Shift() const;
-  /// Free velocity after h under gravity, gathered wrenches and gyroscopic moment (implicit midpoint).
-  void Predict(double h, const Vector3& gravity_W);
   /// [R ω_B; v_centre]: the six-vector on which contacts work, about the centre of mass in world axes.
   Vector6 PortTwist() const;
   /// The same where the stage at hand starts.
@@ -66,11 +58,9 @@ class FreeBody {
     velocity_ = free.center;
     pushed_ = false;
   }
-  void Integrate(double h);
-
-  /// A two-stage step, as the functions of mechanism_step.hpp: base points are the pose, the spin in world axes and
+  /// A step, as the functions of mechanism_step.hpp: base points are the pose, the spin in world axes and
   /// the velocity of the centre.
-  void BeginTwoStageStep(double b, const Vector3& gravity_W);
+  void BeginStep(double b, const Vector3& gravity_W);
   void MoveToStagePose(double b);
   void RecordStageStart(bool of_step);
   void MoveToStageStart(double b);
@@ -81,31 +71,17 @@ class FreeBody {
   /// stiff.
   double MoveAndComputeResidual(double b, double& motion);
   void ExtrapolateStage(double b, double onward);
-  void EndTwoStageStep(double between_stages);
-  /// The start of the last step, if it was one of second order: as MechanismPast.
-  struct Past {
-    double h = 0;  // s; 0: nothing is known
-    bool anew = false;
-    Matrix3 R_WB = Matrix3::Identity();
-    Vector3 center_W = Vector3::Zero(), omega_B = Vector3::Zero(), velocity = Vector3::Zero();
-  };
-  /// As after something that has no parabola through it.
-  void ForgetPast() { past_.h = 0; }
-  /// As BeginsAnew, BeginStepInParts and EndStepInParts of a mechanism.
-  bool BeginsAnew(double h) const;
-  Past PastOfStepInParts(double h) const { return {h, true, X_WB_.rotation(), center_W(), omega_B_, velocity_}; }
-  void EndStepInParts(const Past& past) { past_ = past; }
+  void EndStep(double between_stages);
   /// All that the next step depends on.
   struct State {
     RigidTransform X_WB;
     Vector3 omega_B = Vector3::Zero(), velocity = Vector3::Zero();  // of the centre, world axes
     AppliedForces load;                                             // of the next step; about the centre
     PointSpring point_spring;
-    Past past;
     Vector3 angular_acceleration_B = Vector3::Zero(), acceleration = Vector3::Zero();  // as MechanismState's
   };
   State Save() const {
-    return {X_WB_, omega_B_, velocity_, load_, point_spring_, past_, angular_acceleration_B_, acceleration_};
+    return {X_WB_, omega_B_, velocity_, load_, point_spring_, angular_acceleration_B_, acceleration_};
   }
   void Restore(const State& state);
   /// Loads and point spring are those between two shares of a step that begins at `start`.
@@ -132,12 +108,7 @@ class FreeBody {
   Vector3 velocity_before_ = Vector3::Zero();
   bool pushed_ = false;  // contact acted in this step
   RigidTransform X_WB_before_;
-  void EndStep();
-  StepRule rule_ = StepRule::kEuler;  // of the step at hand; kMiddle: X_WB_ is the pose half way
-  double order_ = 1;                  // kTwoSteps: 1.5, or 1 where nothing is known of the past
-  Past past_;
-  Vector3 turn_shift_ = Vector3::Zero(), way_shift_ = Vector3::Zero();  // in the body's axes; in the world's
-  AppliedForces load_;                                                  // about the centre of mass
+  AppliedForces load_;  // about the centre of mass
   struct StageBase {
     Matrix3 R_WB = Matrix3::Identity();
     Vector3 center_W = Vector3::Zero(), spin_W = Vector3::Zero(), velocity = Vector3::Zero();

@@ -51,15 +51,15 @@ class MechanismDynamics {
   void StartControlsFrom(int first, const Eigen::Ref<const VectorX>& from) {
     state_.controls_from.segment(first, from.size()) = from;
   }
-  /// In the next step controls move evenly to controls(), rather than jump there at its start. A step of
-  /// second order sees that; implicit Euler asks for nothing but the end.
+  /// In the next step controls move evenly to controls(), rather than jump there at its start. Two stages see
+  /// that; backward Euler asks for nothing but the end.
   void MoveControls() { state_.controls_move = true; }
   /// Force [N] and moment [N·m] on a body, constant in world axes during the next step only. The force acts
   /// at the point of the body that is at `point_W` now.
   void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {
     fork1s::AddWrench(*this, body, force_W, moment_W, point_W);
   }
-  /// Holds until changed; a mechanism has one. theta and euler take its force at the start of a step.
+  /// Holds until changed; a mechanism has one.
   void SetPointSpring(BodyIndex body, const PointSpring& spring) {
     fork1s::SetPointSpring(*this, body, spring);
   }
@@ -78,19 +78,16 @@ class MechanismDynamics {
     state_.driven_next = X_WR_next;
     state_.knows_driven_rate = false;
   }
-  /// The same where it is a sample of a path whose rate is known there: [angular velocity; velocity of the origin],
-  /// world axes. Steps of two stages use that rate, of the next step only.
+  /// The same where it is a sample of a path whose rate is known there: [angular velocity; velocity of the
+  /// origin], world axes. Of the next step only.
   void DriveBase(const RigidTransform& X_WR_next, const Vector6& rate_W) {
     state_.driven_next = X_WR_next;
     state_.driven_rate = rate_W;
     state_.knows_driven_rate = true;
   }
 
-  /// A step of implicit Euler that nothing touches; those of a world are World::Step's.
-  void Predict(double h, const Vector3& gravity_W) { fork1s::Predict(*this, h, gravity_W); }
-  void Integrate(double h) { fork1s::Integrate(*this, h); }
   /// As the functions of mechanism_step.hpp.
-  double Staleness(bool second_order = false) const { return fork1s::Staleness(*this, second_order); }
+  double Staleness() const { return fork1s::Staleness(*this); }
   bool Refresh() { return fork1s::Refresh(model_, state_, *work_); }
   /// All that the next step depends on, into `out`; does not allocate where `out` has its sizes. Between
   /// steps.

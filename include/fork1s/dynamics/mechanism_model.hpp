@@ -2,7 +2,6 @@
 #pragma once
 
 #include <fork1s/dynamics/mechanism_options.hpp>
-#include <fork1s/dynamics/theta_scheme.hpp>
 #include <fork1s/linalg/row_squares.hpp>
 #include <fork1s/mechanism/rigid_parts.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
@@ -11,6 +10,10 @@
 #include <vector>
 
 namespace fork1s {
+
+struct VelocityRange {
+  int begin = 0, size = 0;
+};
 
 /// Const and shared once it is made; a refresh makes another one. Sizes: n joint coordinates, r reduced ones.
 struct MechanismModel {
@@ -25,7 +28,6 @@ struct MechanismModel {
   /// Number of generalized velocities: r, plus 6 where the base floats.
   int num_velocities() const { return base_size + size(); }
   bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
-  bool by_twists() const { return options.recovery == Recovery::kTwist; }
   /// The part that moves group g; -1 where it only follows the base.
   int PartOfGroup(int g) const { return part_of_group[static_cast<std::size_t>(g)]; }
 
@@ -52,25 +54,14 @@ struct MechanismModel {
   // Forces about the reference.
   std::vector<PathState> paths_ref;
   std::vector<double> spring_stiffness_ref;  // of springs()
-  MatrixX stiffness_ref;                     // n x n: K_q where it is not diagonal and q_perp is there
   std::vector<WeightedRows> dampers;         // of joints
   std::vector<WeightedRows> joint_springs;   // without those of servos with bounds
   MatrixX joint_damping_ref;                 // r x r, lower triangle, with loops: what those are in D
   std::vector<int> damped_rotations;         // of rotations(); their dampers are not among `dampers`
   std::vector<WeightedRows> rotation_dampers;  // three rows a damped rotation, E Q_θ, by the columns that move them
   MatrixX rotation_damping_ref;              // r x r, lower triangle: what those are in D
-  MatrixX closure_damping;            // r x r, lower triangle: of springy closures in D; empty for none
-  bool has_followers = false;         // forces along lengths without potential
-  bool has_follower_springs = false;  // and some of them hang on the length
-  bool has_bent_springs = false;      // of paths, or not linear
-
-  // By twists.
-  VectorX f_ref;              // Qᵀ g_ref
-  double springs_ref = 0;     // J in the springs
-  MatrixX gravity_map;        // r x 3, force per unit gravity in R
-  MatrixX control_map;        // r x controls
-  Matrix6X base_gravity_map;  // 6 x 3
-  MatrixX rigid_motion_map;   // r x 36, force per entry of ξξᵀ
+  MatrixX closure_damping;        // r x r, lower triangle: of springy closures in D; empty for none
+  bool has_bent_springs = false;  // of paths, or not linear
 };
 
 }  // namespace fork1s

@@ -12,11 +12,9 @@ struct MechanismOptions {
   Recovery recovery = Recovery::kExact;
   double refresh_angle = 0.2617993877991494;  // rad (15 degrees); slides: this share of the length scale
   double refresh_gap = 2e-4;                  // m: of loops, by curved recovery
-  /// Weight, other joint forces and accelerations have load columns (ReductionLoads), for steps without the
-  /// static correction q_perp.
-  bool load_columns = false;
+  /// Weight, other joint forces and accelerations have load columns (ReductionLoads).
+  bool load_columns = true;
   Vector3 gravity_W = Vector3::Zero();  // m/s², of load columns
-  double complement_relaxation = 0.1;  // s, time in which a refresh's leftover interior displacement fades
 };
 
 /// A rigid group of bodies that may touch something: an interface body with all that is welded to it, or the

@@ -1,19 +1,12 @@
 // One reduced mechanism in motion: forces, the implicit operator, refresh.
 //
-// docs/method.md, section 5. With x = [ξ; w] (base twist where the base floats, reduced rates):
-//     A x⁺ = M u + h (f(z) + loads) + Jᵀλ,   A = M + h D + h² K, factored in each step.
-// M is that of the pose (twist mode: of the reference): with a stale one a body in free fall would push its own
-// legs about, the harder the faster it moves. Forces are evaluated in joint coordinates and projected,
-// f_z = Q(q)ᵀ g(q): on trees this is -K z + F_u u exactly, with loops it carries the projector, and dead loads
-// bring their geometric stiffness. No velocity force is computed: u is what the pose sees of the velocities that
-// the last step left (theta_step.cpp, two_steps.cpp).
+// docs/method.md, section 5. A step is one implicit stage or two (implicit_stage.cpp).
 //
 // Functions here read a const model, move a state of plain values, and keep in a workspace what follows from
 // the two and what one step alone needs. The workspace's insides are known to src/dynamics alone.
 #pragma once
 
 #include <fork1s/dynamics/mechanism_state.hpp>
-#include <fork1s/dynamics/step_rule.hpp>
 #include <memory>
 #include <vector>
 
@@ -21,7 +14,7 @@ namespace fork1s {
 
 struct MechanismModel;      // mechanism_model.hpp
 struct MechanismWorkspace;  // src/dynamics/mechanism_workspace.hpp
-struct VelocityRange;       // theta_scheme.hpp
+struct VelocityRange;       // mechanism_model.hpp
 
 /// What moves.
 struct MechanismStep {
@@ -57,50 +50,19 @@ void AddLoadWrenches(const MechanismView& here, Matrix6X& F);
 void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share);
 /// Inputs of the first or the second half of a step of length h that begins at `start`.
 void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, double h, bool second);
-/// The path of a driven base in a two-stage step of length h from `state`.
+/// The path of a driven base in a step of length h from `state`.
 BasePath PathOfBase(const MechanismState& state, double h);
-/// After a two-stage step of length h from `start`, or a step by another rule.
+/// After a step of length h from `start`.
 void StoreBaseHistory(const MechanismStep& here, const MechanismState& start, double h);
-void InvalidateBaseHistory(const MechanismStep& here);
 
 // A step.
 
-/// Begins a step by this rule (docs/method.md, section 5). By kMiddle the mechanism stands where its
-/// velocity takes it in half the step, from here to Integrate, and Predict, ports and lengths
-/// speak of that pose. By kTwoSteps velocities x from Predict on are a share of those of the end. Not by
-/// twists, which know no other rule than kEuler.
-void Begin(const MechanismStep& here, double h, const Vector3& gravity_W, StepRule rule);
-/// Between Begin and Predict: whether anything may touch it in this step. Then all forces act at the end of
-/// the step, as rows of contact ask: J (x⁺ + ContactShift()) is the mean velocity that they bound.
-void ExpectContact(const MechanismStep& here, bool touches);
-/// Between Begin and Predict: this step is of first order, implicit Euler's. By kMiddle all forces act at its
-/// end, and it goes all the way at the velocity that it ends with.
-void ActAtEnd(const MechanismStep& here);
-/// After a step that had no parabola through it: the next one of two steps begins anew.
-void ForgetPast(const MechanismStep& here);
-/// Whether a step by kTwoSteps has no past to go on from: none is known of that length, or only that of a step that
-/// began anew and stopped so much that all would come back (ParabolaComesBack).
-bool BeginsAnew(const MechanismStep& here, double h);
-/// Before and after a step that begins anew and is taken in parts by kEuler: what the next one is to know of it.
-/// `start` is the state before its first part; the reference has not moved since.
-void BeginStepInParts(const MechanismStep& here, double h, MechanismPast& past);
-void EndStepInParts(const MechanismStep& here, const MechanismState& start, MechanismPast& past);
-/// Phase 1: free velocity x* under all forces but contact. Sets the operator for this h.
-void Predict(const MechanismStep& here, double h, const Vector3& gravity_W);
-/// Whether a mechanism that nothing can touch takes a step of implicit Euler by kMiddle rather than by kEuler.
-bool GoesHalfWay(const MechanismModel& model);
-/// Between Begin by kEuler and Predict: nothing can touch it in this step, nor does a wrench act, and its energy is
-/// matched. Where that cannot be, Integrate takes the step by kMiddle.
-void ExpectNothing(const MechanismStep& here, double h);
-/// What the mean velocity of a step has beyond x, after Predict [num_velocities].
-const VectorX& ContactShift(const MechanismView& here);
-/// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities]. `from_outside`: other bodies or the world had
-/// part in them, so the base has gaps to keep; limits and self-contact are the mechanism's own affair.
-void ApplyImpulse(const MechanismStep& here, const VectorX& p, bool from_outside);
+/// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities].
+void ApplyImpulse(const MechanismStep& here, const VectorX& p);
 /// Whether servos with bounds or springs with slack make the step solve in rounds.
 bool HasSwitches(const MechanismView& here);
 /// After contact: which servos are at a bound of their force at the present velocity, and which springs are
-/// slack. True if that differs from what the velocity was computed with; then PredictAgain and solve
+/// slack. True if that differs from what the velocity was computed with; then SolveFreeStage and solve
 /// contact anew.
 bool UpdateSwitches(const MechanismStep& here, double h);
 /// A servo in the contact solve: its impulse is (speed - rate of its length)/compliance between two bounds.
@@ -111,25 +73,16 @@ struct ServoRow {
 };
 /// By the velocity at hand, of one that moves something.
 ServoRow RowOfServo(const MechanismStep& here, std::size_t force_limit, double h);
-/// Which bound it is at by the impulse that was found, if any. Predict it again thereafter.
+/// Which bound it is at by the impulse that was found, if any. Solve the stage again thereafter.
 void TakeSideOfServo(const MechanismStep& here, std::size_t force_limit, double impulse, double h);
-/// The free velocity again, as before contact acted, with the servos at their bounds that are there now.
-void PredictAgain(const MechanismStep& here, double h);
-/// Phase 2: moves the state by x⁺ over h and brings poses up to date.
-void Integrate(const MechanismStep& here, double h);
-/// Newton iterations of the last step beyond the first: where forces bent more within it than one could
-/// follow.
-int NewtonSteps(const MechanismView& here);
-/// False where those iterations ended short of the minimum.
-bool FoundMinimum(const MechanismView& here);
 /// Servos and motors that give all they can.
 int NumForcesAtBound(const MechanismState& state);
 
-// A two-stage step (implicit_stage.cpp), b: length of a stage [s].
+// The stages of a step (implicit_stage.cpp), b: length of a stage [s].
 
-/// Begins a two-stage step of h [s]: static correction of the interior, impulse of a driven base whose twist
+/// Begins a step of h [s]: impulse of a driven base whose twist
 /// changes, the base points of the first stage, of length b [s], and the velocity predicted for its end.
-void BeginTwoStageStep(const MechanismStep& here, double h, double b, const Vector3& gravity_W);
+void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gravity_W);
 /// Controls of the first stage, of length b [s], of a step that begins at `start`: of what held controls
 /// jumped by as much as the mechanism follows within the step (control_jump.cpp). `onward`: s of the scheme.
 void ReduceControlJumps(const MechanismStep& here, const MechanismState& start, double b, double onward);
@@ -150,8 +103,9 @@ void EvaluateStage(const MechanismStep& here, double b);
 void SolveFreeStage(const MechanismStep& here, double b);
 /// A and its factor, but for stiffness that the pose changes, before the first pose.
 void StartStageMatrix(const MechanismStep& here, double b);
-/// The matrix of the stage is made anew, with the inertia of the pose at hand, by the next solve.
-void RenewStageMatrix(const MechanismStep& here);
+/// The matrix of the stage is made anew, with the inertia of the pose at hand, by the next solve. `inertial`:
+/// with the geometric stiffness of what accelerates the parts, where it stays positive definite.
+void RenewStageMatrix(const MechanismStep& here, bool inertial);
 /// Of a Newton iteration [m], in the kinetic metric.
 struct StageChange {
   double change = 0;  // of position, that this one makes
@@ -178,7 +132,7 @@ SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, do
 /// Base points of the second stage, start + onward (end of the first stage - start), and a velocity to start it with.
 void ExtrapolateStage(const MechanismStep& here, double b, double onward);
 /// `between_stages` [s]: from the end of the first stage to that of the second; 0 after backward Euler.
-void EndTwoStageStep(const MechanismStep& here, double between_stages);
+void EndStep(const MechanismStep& here, double between_stages);
 
 // Between steps.
 
@@ -187,10 +141,9 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
              const MechanismState& saved);
 /// Largest turn since the reference, as a share of the refresh angle, of joints whose turn matters, or gap
 /// of a loop that is closed by its curvature, as a share of the refresh gap. A wheel
-/// may spin, and a finger whose every motion the model has may bend. Steps of second order go by the modes
-/// of the reference: there a finger's turn matters.
-double Staleness(const MechanismView& here, bool second_order = false);
-/// After a two-stage step: whether the reduced coordinates miss the static answer to forces that were applied
+/// may spin, and a finger whose every motion the model has may bend.
+double Staleness(const MechanismView& here);
+/// After a step: whether the reduced coordinates miss the static answer to forces that were applied
 /// in it, by more than 1e-3 rad or lengths of the mechanism in a joint, and by more of the answer than a turn
 /// by the refresh angle makes. A refresh gives them a load column.
 bool MissesAppliedForces(const MechanismStep& here);
@@ -203,13 +156,10 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
 /// J_T (size of its part x 6), transposed map from x to the twist of group g in R; the driven base's own twist
 /// comes on top. No part moves a group that only follows its base: then J_T is left alone.
 void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T);
-/// Twist of group g at velocity x: before Predict the present one, after it the free one.
+/// Twist of group g at velocity x.
 Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
 /// In a stage: the same of the velocity where it starts.
 Vector6 GroupTwistAtStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
-/// After a step by kTwoSteps: the twist that its end velocities would have been at its start, along the
-/// axes of R then and about R's origin, J_T as then.
-Vector6 GroupTwistFromStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
 RigidTransform GroupPose(const MechanismView& here, int g);
 /// Twist of group g in world axes about the origin of the body that names it.
 Vector6 GroupVelocity(const MechanismView& here, int g);
@@ -219,7 +169,7 @@ void HalfSolve(const MechanismView& here, const VelocityRange& part, Eigen::Ref<
 
 // Lengths that springs, stops and motors act on.
 
-/// Rate of a length per unit of its part's velocities, at the present pose (twist mode: the reference's).
+/// Rate of a length per unit of its part's velocities, at the present pose.
 void LengthRow(const MechanismView& here, const Mechanism::Length& length, const VelocityRange& part,
                Eigen::Ref<VectorX> row);
 double LengthRate(const MechanismView& here, const Mechanism::Length& length);
@@ -241,8 +191,8 @@ double ClosureGapNow(const MechanismView& here);
 /// what the joined parts bear so that the residual stays 0, positive where springs and loads would open it.
 /// From the balance of joint forces after a step of h [s], by the metric of the loop correction where the
 /// interior is not in balance. What rows bear against each other where the joints can hardly yield stays
-/// that of `near` [num_constraints]. `contacts_R` [6 x bodies]: wrenches of the step's contacts in R. By
-/// twists zeros. Allocates.
+/// that of `near` [num_constraints]. `contacts_R` [6 x bodies]: wrenches of the step's contacts in R.
+/// Allocates.
 VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& contacts_R, const VectorX& near);
 bool IsFinite(const MechanismView& here);
 /// Pose of a body in the world at the present state.

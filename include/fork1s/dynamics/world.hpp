@@ -22,17 +22,14 @@ class MechanismDynamics;  // mechanism_dynamics.hpp, for who looks into a mechan
 struct ContactProblem;    // contact_problem.hpp
 struct StepPartTimes;     // step_times.hpp
 
-/// How a step is taken. kEuler: all forces at its end, first order. kTheta: of second order, not for recovery
-/// by twists; slow modes by the trapezoid, what a step cannot follow at its end, lasting contact at its end
-/// by the rule of two steps, impacts by four steps of implicit Euler (docs/method.md, section 5). kTwoStage:
-/// of second order, two implicit stages, each solved by Newton iteration to a residual (Alexander's SDIRK2,
-/// docs/decisions/001-time-stepping.md); a step through an impact, or one whose stages do not converge, is
-/// halved.
-enum class Integrator { kEuler, kTheta, kTwoStage };
+/// How a step is taken: by implicit stages, each solved by Newton iteration to a residual (docs/method.md,
+/// section 5). kTwoStage: two of them, of second order (Alexander's SDIRK2); a step through an impact is
+/// halved. kEuler: one, backward Euler, of first order. A step that does not converge is halved.
+enum class Integrator { kEuler, kTwoStage };
 
 /// The words for them, in files, on the command line and in Python.
 inline constexpr std::pair<Integrator, const char*> kIntegratorNames[] = {
-    {Integrator::kEuler, "euler"}, {Integrator::kTheta, "theta"}, {Integrator::kTwoStage, "two-stage"}};
+    {Integrator::kEuler, "euler"}, {Integrator::kTwoStage, "two-stage"}};
 
 constexpr const char* Name(Integrator integrator) {
   for (const auto& [value, name] : kIntegratorNames)
@@ -46,16 +43,20 @@ constexpr std::optional<Integrator> IntegratorNamed(std::string_view word) {
   return std::nullopt;
 }
 
+/// For whoever asks for the integrator of versions before 0.2.
+inline constexpr const char* kThetaIsGone =
+    "'theta' is no longer an integrator; choose 'two-stage', which is of second order too and takes its "
+    "place";
+
 struct StepOptions {
   double h = 1.0 / 60;                     // s
   Integrator integrator = Integrator::kEuler;
   // Inputs are samples of a trajectory, which moves evenly from those of the last step to those of this one.
-  // Otherwise they stand throughout the step, as a controller's output does. The two differ by half a step in
-  // time for kTheta and not at all for kEuler, which asks for nothing but the end.
+  // Otherwise they stand throughout the step, as a controller's output does. No difference for kEuler, which
+  // asks for nothing but the end.
   bool controls_move = false;
   Vector3 gravity = Vector3(0, 0, -9.81);  // m/s²
   ContactMaterial material;
-  bool contact_curvature = true;           // adds (h/2) J̇ V to the rows of contacts that persist
   bool refresh = true;                     // move the reference when the pose has left it
   ContactSolverOptions contact;
 };
@@ -80,23 +81,20 @@ struct StepReport {
   int refreshes = 0;
   int failed_refreshes = 0;
   bool contacts_dropped = false;  // the collision detector ran out of room
-  int newton_steps = 0;           // beyond the first, of the mechanism that took most
-  bool minimum_found = true;      // false: those ended short of the end of the step that they sought
-  int stages = 0;                 // kTwoStage: implicit stages, those of attempts that were dropped included
-  int stage_iterations = 0;       // kTwoStage: Newton iterations of all of them; 2 where each of two took one
-  int max_stage_iterations = 0;   // kTwoStage: of one stage
-  /// kTwoStage, m: the largest change of a pose that another Newton iteration of a stage would make, in the kinetic
+  int stages = 0;                 // implicit stages, those of attempts that were dropped included
+  int stage_iterations = 0;       // Newton iterations of all of them; 2 where each of two took one
+  int max_stage_iterations = 0;   // of one stage
+  /// m: the largest change of a pose that another Newton iteration of a stage would make, in the kinetic
   /// metric: b |A⁻¹r| over the root of the mass, r the residual of the stage's equation.
   double stage_residual = 0;
-  StepSubject stage_residual_of;  // kTwoStage
-  /// kTwoStage: false where a stage stagnated above its tolerance within 1e-6 of a length, as it does where contacts of
+  StepSubject stage_residual_of;
+  /// False where a stage stagnated above its tolerance within 1e-6 of a length, as it does where contacts of
   /// a mesh jump, or where the step was undone because its shortest parts did not converge.
   bool stages_converged = true;
-  HalvingCause halving = HalvingCause::kNone;  // kTwoStage: of the whole step
-  StepSubject halving_of;                      // kTwoStage: what caused it
-  bool impact = false;            // something was met at speed within a step of second order
-  int parts = 1;                  // shorter steps that made this one: of implicit Euler, kTwoStage's also of two stages
-  bool forces_at_end = true;      // of contact; false: half way, or the mean over the step
+  HalvingCause halving = HalvingCause::kNone;  // of the whole step
+  StepSubject halving_of;                      // what caused it
+  bool impact = false;                         // kTwoStage: something was met at speed within the step
+  int parts = 1;                  // shorter steps that made this one, of one stage each or of two
   double loop_residual = 0;       // rad or m by which the rows of any loop are open, of the mechanism's own
   bool finite = true;             // false: the step was undone and the state is that before it
 };
@@ -116,8 +114,7 @@ class World {
     ReductionOptions reduction;
     Recovery recovery = Recovery::kExact;
     double refresh_angle = 0.2617993877991494;  // rad
-    bool load_columns =
-        true;  // of the scene's gravity; kTwoStage, which has no static correction, needs them
+    bool load_columns = true;                   // of the scene's gravity
     // Contacts are looked for as far ahead as a step may carry anything, at most `margin`: 12 m/s at 1/60 s.
     CollisionOptions collision = {.margin = 0.2};
     int initial_keyframe = -1;  // of the scene
@@ -140,7 +137,7 @@ class World {
   const std::vector<FreeBody>& free_bodies() const;
   const std::vector<ContactRecord>& contacts() const;
   /// Contacts as they were found at the start of the last step; some of them were not touched in it. Those of
-  /// contacts() lie where the last stage of a two-stage step ends.
+  /// contacts() lie where its last stage ends.
   const std::vector<ContactPoint>& start_points() const;
   const std::vector<Contactor>& contactors() const;
   /// Pairs of contactors() that the collision detector tests, the smaller index first, sorted.
@@ -162,8 +159,8 @@ class World {
   /// read.
   void Watch(StepPartTimes* times);
   /// What the last step asked of its contacts and stops, to be solved by other means: velocities before them
-  /// and impulses of the step before as a warm start. Of no blocks where nothing could touch; of the last of
-  /// the four where an impact made four of it.
+  /// and impulses of the step before as a warm start. Of its last stage; of no blocks where nothing could
+  /// touch.
   ContactProblem LastContactProblem() const;
 
   double KineticEnergy() const;

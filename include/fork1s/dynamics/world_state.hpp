@@ -31,11 +31,7 @@ struct WorldState {
 
   // Contact of the last step, from which the next one starts.
   std::vector<ContactRecord> contacts;
-  double contacts_h = 0;          // s, of the step that gave them their impulses
-  std::vector<Vector3> speeds_W;  // of contacts after the solve, world axes [m/s]
-  std::vector<Vector3> missed_W;  // m, of contacts: how far rows half a step ahead looked amiss
-  std::vector<Vector6> port_twists;  // per contactor, after the solve, in the coordinates of its rows
-  bool speeds_are_last = false;      // all of these are of the step before
+  double contacts_h = 0;  // s, of the step that gave them their impulses
   std::vector<RigidTransform> contactor_poses;
   bool has_contactor_poses = false;
   std::array<double, 2> contraction = {1,

@@ -116,6 +116,8 @@ struct RecordingHeader {
   std::string path;
   std::string program;    // that wrote it, with its version
   bool finished = false;  // false: the writer was killed or still runs
+  /// False where a version wrote it whose steps were others: it can be read, and not be replayed.
+  bool has_steps_of_this_version = true;
   Scene scene;
   SimulationOptions options;  // dt is that of the run
   std::vector<SceneBody> bodies;

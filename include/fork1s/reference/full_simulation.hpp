@@ -1,7 +1,7 @@
 // The full-coordinate simulator: slow and plain, the truth that the reduced model is compared with.
 //
 // Every moving body has a pose and a twist of its own; joints, loops and couplings are equations between
-// them. A step is implicit Euler (docs/method.md, section 5, before any reduction), solved by Newton until
+// them. A step is backward Euler (docs/compare.md), solved by Newton until
 // nothing changes any more: springs, dampers and constraint directions are those of the end of the step, and
 // so is the contact law. The contact points are those of the reduced simulator, the contact solver is not: it
 // is an independent implementation of the same law.

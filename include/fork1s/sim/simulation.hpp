@@ -147,8 +147,8 @@ class Simulation {
   /// Force [N] and moment [N·m], constant in world axes during the next step only. The force acts at the
   /// point of the body that is at `point_W` now.
   void ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
-  /// A spring and a damper between a point of a body and a target in the world; holds until changed. By two
-  /// stages it is evaluated in every stage, with its stiffness; by theta and euler it is a force of the step.
+  /// A spring and a damper between a point of a body and a target in the world; holds until changed. It is
+  /// evaluated in every stage, with its stiffness.
   /// A mechanism or free body has one. SetFidelity clears it.
   void SetPointSpring(int body, const PointSpring& spring);
   void ClearPointSprings();

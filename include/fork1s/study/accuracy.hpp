@@ -97,14 +97,14 @@ struct TransientCase {
 };
 Expected<std::vector<TransientCase>> MakeTransientCases(const std::string& folder);
 
-/// Paths of interface and free bodies at equal and at ever smaller steps, by implicit Euler unless said.
+/// Paths of interface and free bodies at equal and at ever smaller steps, by backward Euler unless said.
 struct TransientCurve {
   struct Point {
     double dt_s = 0;
     double reduced_percent = 0;  // reduced against the truth
     double full_percent = 0;     // full at the same step against the truth
     double between_percent = 0;  // reduced against full at the same step
-    double theta_percent = 0;    // reduced by Integrator::kTheta against the truth
+    double two_stage_percent = 0;  // reduced by Integrator::kTwoStage against the truth
   };
   std::string name;
   double motion_mm = 0;      // RMS displacement from the start: what the percentages are of

@@ -100,7 +100,7 @@ Expected<std::vector<RecoveryCost>> MeasureRecovery(const std::vector<int>& bodi
 struct ChainCost {
   int joints = 0;
   double reduce_ms = 0, refresh_ms = 0;
-  double step_exact_us = 0, step_twist_us = 0;  // without contact, with all poses
+  double step_us = 0;  // of backward Euler by one Newton iteration, without contact, with all poses
   double heap_MB = 0;
 };
 Expected<ChainCost> MeasureChain(int joints);

@@ -32,7 +32,7 @@ struct CompareOptions {
   double dt = 0;    // s; 0: the scene's time step
   Recovery recovery = Recovery::kExact;
   Integrator integrator = Integrator::kTwoStage;  // of the reduced run
-  /// Of the full run; by default of the order of the reduced one's, two stages beside theta.
+  /// Of the full run; by default of the order of the reduced one's.
   std::optional<FullIntegrator> full_integrator;
   ControlTrack controls;
   PushTrack pushes;                      // in every run
@@ -113,10 +113,10 @@ struct Comparison {
 /// the scene does not have; kUsage for files that MuJoCo cannot run.
 Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions& options);
 
-/// "euler" or "theta", "euler" or "two-stages": as the command line calls them.
+/// "euler" or "two-stage", "euler" or "two-stages": as the command line calls them.
 std::string NameOf(Integrator integrator);
 std::string NameOf(FullIntegrator integrator);
-/// "reduced by theta, full by two-stages".
+/// "reduced by two-stage, full by two-stages".
 std::string IntegratorsText(const Comparison& comparison);
 
 /// What to know before any percentage is read: sentences that name the contact pairs that differ. None

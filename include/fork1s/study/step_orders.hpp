@@ -14,7 +14,6 @@ struct StepOrderRow {
   /// RMS distance of their origins from the truth, in percent of the motion, at 1/60 s and at 1/240 s.
   double euler_percent[2] = {0, 0};  // full
   double two_percent[2] = {0, 0};    // full, by two stages
-  double theta_percent[2] = {0, 0};  // reduced
   double two_stage_percent[2] = {0, 0};  // reduced, by Integrator::kTwoStage
   int halved[2] = {0, 0};            // steps of two stages in which something was met
   int steps[2] = {0, 0};

@@ -67,7 +67,7 @@ Expected<AccuracyResults> MeasureAccuracy(const std::string& scenes) {
     auto curve = MeasureTransient(c, 4);  // 1/60 s to 1/960 s
     if (!curve) return tl::unexpected(curve.error());
     out.transients.push_back(std::move(*curve));
-    auto estimates = MeasureErrorEstimate(c, {Integrator::kEuler, Integrator::kTheta}, 8);
+    auto estimates = MeasureErrorEstimate(c, {Integrator::kEuler, Integrator::kTwoStage}, 8);
     if (!estimates) return tl::unexpected(estimates.error());
     for (ErrorEstimateCurve& e : *estimates) out.estimates.push_back(std::move(e));
     if (c.name != "firemen") continue;

@@ -235,15 +235,15 @@ constexpr const char* kTransients = R"(
 ## 4 Error of a motion against the time step
 
 **What is measured.** Positions of interface and free bodies every 1/60 s, RMS over all of them, divided by their RMS displacement
-from the start. Reduced and full simulation run at the same step, both by implicit Euler; the columns `theta` are the reduced one
-by `--integrator theta`, of second order. The truth is Richardson's extrapolation
+from the start. Reduced and full simulation run at the same step, both by backward Euler; the columns `two stages` are the reduced one
+by `--integrator two-stage`, of second order. The truth is Richardson's extrapolation
 of the full simulation's runs at 1/960 and 1/1920 s, 2 x(h) − x(2h), since implicit Euler is of first order; the last column says
 how far it still moves if taken one refinement earlier. Three fingers of the hand bend while the palm rises and turns; the hexapod
 leans from side to side on its feet; on the firemen a bunny falls and bounces; the chain is let go from the horizontal.
 
 ![transient error against time step](accuracy/transients.svg)
 
-| scene | reduced 1/60 | full 1/60 | between them | theta 1/60 | reduced 1/240 | full 1/240 | between them | theta 1/240 | reduced 1/960 | theta 1/960 | truth |
+| scene | reduced 1/60 | full 1/60 | between them | two stages 1/60 | reduced 1/240 | full 1/240 | between them | two stages 1/240 | reduced 1/960 | two stages 1/960 | truth |
 |---|---|---|---|---|---|---|---|---|---|---|---|
 )";
 
@@ -251,15 +251,17 @@ std::string TransientsSection(const AccuracyResults& r) {
   std::string out = kTransients;
   for (const TransientCurve& c : r.transients) {
     const auto &a = c.points[0], &b = c.points[2], &d = c.points[4];
-    out += fmt::format("| {} | {} % | {} % | {} % | {} % | {} % | {} % | {} % | {} % | {} % | {} % | {} % |\n",
-                       c.name, Percent(a.reduced_percent), Percent(a.full_percent), Percent(a.between_percent),
-                       Percent(a.theta_percent), Percent(b.reduced_percent), Percent(b.full_percent),
-                       Percent(b.between_percent), Percent(b.theta_percent), Percent(d.reduced_percent),
-                       Percent(d.theta_percent), Percent(c.truth_percent));
+    out +=
+        fmt::format("| {} | {} % | {} % | {} % | {} % | {} % | {} % | {} % | {} % | {} % | {} % | {} % |\n",
+                    c.name, Percent(a.reduced_percent), Percent(a.full_percent), Percent(a.between_percent),
+                    Percent(a.two_stage_percent), Percent(b.reduced_percent), Percent(b.full_percent),
+                    Percent(b.between_percent), Percent(b.two_stage_percent), Percent(d.reduced_percent),
+                    Percent(d.two_stage_percent), Percent(c.truth_percent));
   }
   const TransientCurve &firemen = Find(r.transients, "firemen"), &chain = Find(r.transients, "chain"),
                        &hand = Find(r.transients, "hand"), &hexapod = Find(r.transients, "hexapod");
-  return out + fmt::format(R"(
+  return out +
+         fmt::format(R"(
 What an implicit Euler step of 1/60 s costs, the full model pays as well: the time step, not the reduction, decides how true a
 motion is. Halving the step halves the error. The firemen lose {:.0f} % at 1/60 s: numerical damping takes part of the
 bounce. What reduction changes, the two at the same step, is {} % there. Between them the firemen's curve does not fall
@@ -268,29 +270,24 @@ scene and {} % with all 36. On the chain the reduced run is the nearer one ({} a
 within a step what the full one solves at its end, and the difference falls with the step. (The prototype: 3 to
 16 % of the motion for implicit Euler at 1/60 s, 0.1 to 0.4 % for leaving modes out at k = 4.)
 
-**By `--integrator theta`** the time step costs little: at 1/60 s the chain is {} % off instead of {} %, the hexapod on its feet {} instead
+**By `--integrator two-stage`** the time step costs little: at 1/60 s the chain is {} % off instead of {} %, the hexapod on its feet {} instead
 of {} %, the firemen, through the bunny's landing and bounce, {} instead of {} %. At 1/240 s these are {}, {} and {} %. Modes
-that a step cannot follow have their forces at its end by either rule, so the hand, whose fingers swing at tens of hertz, gains
+that a step cannot follow are damped by either rule, so the hand, whose fingers swing at tens of hertz, gains
 from smaller steps: {} % instead of {} % at 1/240 s. How contact is taken there, and what it costs, stands in [method.md](method.md), section 5.
-`tests/dynamics/theta_test.cpp` holds a tenth of implicit Euler's error at 1/60 s on random mechanisms of eight bodies under
-gravity, on fixed, floating and driven bases, with and without a loop, and a third of itself with every halving of the step;
-`tests/dynamics/two_steps_test.cpp` a quarter of itself with every halving on what stands and swings, against a closed form, and a third of
-implicit Euler's error where a ball lands on a sprung plate at any time within a step;
-`tests/study/compare_test.cpp` the firemen while nothing touches them. `fork1s compare MODEL --integrator theta` shows it
-for any model, beside the full simulator by a rule of second order of its own ([compare.md](compare.md)).
+`tests/study/compare_test.cpp` holds a fraction of backward Euler's error on the firemen while nothing touches them.
+`fork1s compare MODEL` shows it for any model, beside the full simulator by a rule of second order of its own ([compare.md](compare.md)).
 )",
-                           firemen.points[0].reduced_percent, Percent(firemen.points[0].between_percent),
-                           Percent(r.firemen_without_modes.points[3].between_percent),
-                           Percent(firemen.points[3].between_percent),
-                           Percent(r.firemen_with_all.points[3].between_percent),
-                           Percent(chain.points[0].reduced_percent), Percent(chain.points[0].full_percent),
-                           Percent(chain.points[0].theta_percent), Percent(chain.points[0].reduced_percent),
-                           Percent(hexapod.points[0].theta_percent),
-                           Percent(hexapod.points[0].reduced_percent),
-                           Percent(firemen.points[0].theta_percent),
-                           Percent(firemen.points[0].reduced_percent), Percent(chain.points[2].theta_percent),
-                           Percent(hexapod.points[2].theta_percent), Percent(firemen.points[2].theta_percent),
-                           Percent(hand.points[2].theta_percent), Percent(hand.points[2].reduced_percent));
+                     firemen.points[0].reduced_percent, Percent(firemen.points[0].between_percent),
+                     Percent(r.firemen_without_modes.points[3].between_percent),
+                     Percent(firemen.points[3].between_percent),
+                     Percent(r.firemen_with_all.points[3].between_percent),
+                     Percent(chain.points[0].reduced_percent), Percent(chain.points[0].full_percent),
+                     Percent(chain.points[0].two_stage_percent), Percent(chain.points[0].reduced_percent),
+                     Percent(hexapod.points[0].two_stage_percent), Percent(hexapod.points[0].reduced_percent),
+                     Percent(firemen.points[0].two_stage_percent), Percent(firemen.points[0].reduced_percent),
+                     Percent(chain.points[2].two_stage_percent), Percent(hexapod.points[2].two_stage_percent),
+                     Percent(firemen.points[2].two_stage_percent), Percent(hand.points[2].two_stage_percent),
+                     Percent(hand.points[2].reduced_percent));
 }
 
 constexpr const char* kEstimates = R"(
@@ -302,7 +299,7 @@ about 0.2 mm while it ran. The three figures below it say what to do about it:
 
 | largest figure | do |
 |---|---|
-| time step | `--integrator theta`, or a smaller `--dt` |
+| time step | `--integrator two-stage`, or a smaller `--dt` |
 | interior left out | more `--modes`, or make the body that is loaded an `--interface` |
 | nonlinear | a smaller `--dt`; `--recovery exact` where it is `twist` |
 
@@ -315,7 +312,7 @@ a second, for the body that moves most. The truth is Richardson's extrapolation 
 Share of frames, over all bodies, in which the estimate is between half and three times the error. Errors below 0.02 % of the
 motion do not count; above 10 % of the motion the program says only that it is more, which is right where the truth is above 5 %.
 
-| scene | implicit Euler | theta |
+| scene | backward Euler | two stages |
 |---|---|---|
 )";
 

@@ -106,16 +106,16 @@ std::string Transients(const AccuracyResults& r) {
            {}};
   for (const TransientCurve& c : r.transients) {
     FigureSeries reduced{"reduced", 0, {}}, full{"full", 1, {}}, between{"reduced against full", 3, {}},
-        theta{"reduced, theta", 2, {}};
+        two_stage{"reduced, two stages", 2, {}};
     for (const auto& p : c.points) {
       reduced.points.emplace_back(1 / p.dt_s, p.reduced_percent);
       full.points.emplace_back(1 / p.dt_s, p.full_percent);
       between.points.emplace_back(1 / p.dt_s, p.between_percent);
-      theta.points.emplace_back(1 / p.dt_s, p.theta_percent);
+      two_stage.points.emplace_back(1 / p.dt_s, p.two_stage_percent);
     }
     f.panels.push_back({c.name,
                         fmt::format("moves by {:.{}f} mm RMS", c.motion_mm, c.motion_mm < 10 ? 1 : 0),
-                        {reduced, full, between, theta}});
+                        {reduced, full, between, two_stage}});
   }
   return DrawFigure(f);
 }
@@ -189,17 +189,17 @@ Expected<void> WriteAccuracyTables(const AccuracyResults& results, const std::st
                                    p.size, i + 1, c.full_hz[i], Number(p.percent[i]));
   std::string transients =
       "scene,steps_per_second,motion_mm,reduced_percent,full_percent,reduced_against_full_percent,"
-      "truth_percent,theta_percent\n";
+      "truth_percent,two_stage_percent\n";
   for (const TransientCurve& c : results.transients)
     for (const auto& p : c.points)
       transients += fmt::format("{},{:.0f},{:.5g},{},{},{},{},{}\n", c.name, 1 / p.dt_s, c.motion_mm,
                                 Number(p.reduced_percent), Number(p.full_percent), Number(p.between_percent),
-                                Number(c.truth_percent), Number(p.theta_percent));
+                                Number(c.truth_percent), Number(p.two_stage_percent));
   std::string estimates = "scene,body,integrator,time_s,estimated_mm,true_mm,motion_mm\n";
   for (const ErrorEstimateCurve& c : results.estimates)
     for (const auto& p : c.points)
       estimates += fmt::format("{},{},{},{:.4f},{},{},{}\n", c.name, c.body,
-                               c.integrator == Integrator::kEuler ? "euler" : "theta", p.time_s,
+                               c.integrator == Integrator::kEuler ? "euler" : "two-stage", p.time_s,
                                Number(p.shown_mm), Number(p.true_mm), Number(p.motion_mm));
   for (const auto& [name, text] : {std::pair{"statics", statics},
                                    {"gaps", gaps},

@@ -47,7 +47,7 @@ Expected<TransientCurve> MeasureTransient(const TransientCase& c, int halvings) 
     const SceneBody& b = probe->bodies()[i];
     if (b.is_interface || b.mechanism < 0) tracked.push_back({b.name, static_cast<int>(i), b.is_interface});
   }
-  std::vector<Path> reduced, by_theta, full;
+  std::vector<Path> reduced, two_stage, full;
   Path start;
   for (int k = 0; k <= halvings + 1; ++k) {
     o.substeps = 1 << k;
@@ -61,11 +61,11 @@ Expected<TransientCurve> MeasureTransient(const TransientCase& c, int halvings) 
     run = internal::RunReduced(c.scene, tracked, o);
     if (!run) return tl::unexpected(run.error());
     reduced.push_back(PathOf(*run));
-    o.integrator = Integrator::kTheta;
+    o.integrator = Integrator::kTwoStage;
     run = internal::RunReduced(c.scene, tracked, o);
     o.integrator = Integrator::kEuler;
     if (!run) return tl::unexpected(run.error());
-    by_theta.push_back(PathOf(*run));
+    two_stage.push_back(PathOf(*run));
   }
   const auto last = full.size() - 1;
   const Path truth = Extrapolated(full[last], full[last - 1]);
@@ -77,7 +77,7 @@ Expected<TransientCurve> MeasureTransient(const TransientCase& c, int halvings) 
   for (std::size_t k = 0; k < reduced.size(); ++k)
     curve.points.push_back({o.interval / (1 << k), 100 * Rms(reduced[k], truth) / motion,
                             100 * Rms(full[k], truth) / motion, 100 * Rms(reduced[k], full[k]) / motion,
-                            100 * Rms(by_theta[k], truth) / motion});
+                            100 * Rms(two_stage[k], truth) / motion});
   return curve;
 }
 

@@ -98,15 +98,12 @@ std::string DrawStability(const BenchResults& results) {
 std::string DrawChains(const std::vector<ChainCost>& chains) {
   if (chains.size() < 2) return "";
   Range range;
-  FigureSeries reduce{"reducing", 0, {}}, refresh{"a refresh", 1, {}}, exact{"a step, exact", 2, {}},
-      twist{"a step, twist", 3, {}};
+  FigureSeries reduce{"reducing", 0, {}}, refresh{"a refresh", 1, {}}, step{"a step", 2, {}};
   for (const ChainCost& c : chains) {
-    for (const double ms : {c.reduce_ms, c.refresh_ms, 1e-3 * c.step_exact_us, 1e-3 * c.step_twist_us})
-      range.Include(ms);
+    for (const double ms : {c.reduce_ms, c.refresh_ms, 1e-3 * c.step_us}) range.Include(ms);
     reduce.points.emplace_back(c.joints, c.reduce_ms);
     refresh.points.emplace_back(c.joints, c.refresh_ms);
-    exact.points.emplace_back(c.joints, 1e-3 * c.step_exact_us);
-    twist.points.emplace_back(c.joints, 1e-3 * c.step_twist_us);
+    step.points.emplace_back(c.joints, 1e-3 * c.step_us);
   }
   if (range.empty()) return "";
   Figure f;
@@ -116,7 +113,7 @@ std::string DrawChains(const std::vector<ChainCost>& chains) {
   f.x_ticks = Decades(chains.front().joints, chains.back().joints);
   f.low_decade = static_cast<int>(std::floor(std::log10(range.low)));
   f.high_decade = static_cast<int>(std::ceil(std::log10(range.high)));
-  f.panels = {{"chain", "springs of 100 N m/rad", {reduce, refresh, exact, twist}}};
+  f.panels = {{"chain", "springs of 100 N m/rad", {reduce, refresh, step}}};
   return DrawFigure(f);
 }
 

@@ -49,19 +49,17 @@ Profile Collect(const BenchOptions& options, const std::string& valgrind, const 
   return out;
 }
 
-// What World::Step is made of (src/dynamics/world_step.cpp, world_two_stage.cpp), as callgrind names it.
+// What World::Step is made of (src/dynamics/world_step.cpp, world_stages.cpp), as callgrind names it.
 void SetPhases(const Profile& profile, BenchScene& scene) {
   const auto of = [&](const char* function) {
     return InclusiveInstructions(profile.annotated, function) / profile.steps;
   };
   const double found = of("fork1s::World::Detail::FindContacts("),
                prepared = of("fork1s::World::Detail::PrepareContacts("),
-               predicted = of("fork1s::Predict(") + of("fork1s::SolveFreeStage("),
+               predicted = of("fork1s::SolveFreeStage("),
                solved = of("fork1s::World::Detail::SolveContacts("),
-               begun = of("fork1s::World::Detail::BeginAll(") + of("fork1s::BeginTwoStageStep(") +
-                       of("fork1s::World::Detail::MoveAllToStagePoses("),
-               integrated = of("fork1s::Integrate(") + of("fork1s::World::Detail::MoveAndComputeResiduals(") +
-                            of("fork1s::EndTwoStageStep("),
+               begun = of("fork1s::BeginStep(") + of("fork1s::World::Detail::MoveAllToStagePoses("),
+               integrated = of("fork1s::World::Detail::MoveAndComputeResiduals(") + of("fork1s::EndStep("),
                refreshed = of("fork1s::Refresh("), all = profile.instructions / profile.steps;
   StepPartTimes parts;  // instructions, of the same parts
   parts.finding = found;

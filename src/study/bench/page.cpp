@@ -81,9 +81,9 @@ std::string RecoveryCsv(const BenchResults& results) {
 std::string ChainsCsv(const BenchResults& results) {
   std::string out;
   for (const ChainCost& c : results.chains)
-    out += fmt::format("{},{:.4g},{:.4g},{:.4g},{:.4g},{:.3f}\n", c.joints, c.reduce_ms, c.refresh_ms,
-                       c.step_exact_us, c.step_twist_us, c.heap_MB);
-  return out.empty() ? out : "joints,reduce_ms,refresh_ms,step_exact_us,step_twist_us,heap_MB\n" + out;
+    out += fmt::format("{},{:.4g},{:.4g},{:.4g},{:.3f}\n", c.joints, c.reduce_ms, c.refresh_ms, c.step_us,
+                       c.heap_MB);
+  return out.empty() ? out : "joints,reduce_ms,refresh_ms,step_us,heap_MB\n" + out;
 }
 
 std::string ManyCsv(const BenchResults& results) {
@@ -114,11 +114,9 @@ std::string PartTables(const BenchResults& results) {
                           rows);
   rows.clear();
   for (const ChainCost& c : results.chains)
-    rows.push_back(Shown(c.joints) + Shown(c.reduce_ms) + Shown(c.refresh_ms) + Shown(c.step_exact_us) +
-                   Shown(c.step_twist_us) + Shown(c.heap_MB));
-  out +=
-      Table("Chains",
-            {"joints", "reducing, ms", "a refresh, ms", "us a step, exact", "us a step, twist", "MB"}, rows);
+    rows.push_back(Shown(c.joints) + Shown(c.reduce_ms) + Shown(c.refresh_ms) + Shown(c.step_us) +
+                   Shown(c.heap_MB));
+  out += Table("Chains", {"joints", "reducing, ms", "a refresh, ms", "us a step", "MB"}, rows);
   rows.clear();
   for (const ManyCost& m : results.many)
     rows.push_back(Cell(m.scene) + Shown(m.instances) + Shown(m.threads) + Shown(m.step_us));

@@ -67,7 +67,7 @@ struct ReducedRoadByDegrees {
 };
 struct SecondOrderRoad {
   static Simulation Start(Scene scene, double h) {
-    return StartReduced(std::move(scene), h, 15 * kDegree, Integrator::kTheta);
+    return StartReduced(std::move(scene), h, 15 * kDegree, Integrator::kTwoStage);
   }
 };
 struct FullRoad {

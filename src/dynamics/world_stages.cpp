@@ -1,13 +1,14 @@
-// A step of two implicit stages (implicit_stage.cpp): Alexander's SDIRK2.
+// A step of implicit stages (implicit_stage.cpp): two of them, Alexander's SDIRK2, or one, backward Euler.
 //
-// Each stage is solved by Newton iteration with the contact solve inside: contacts are found, and forces evaluated, at
-// the pose that the velocity at hand leads to, first an extrapolated one; the velocity found leads to another pose,
-// and where the equation of the stage has a residual there, the iteration goes on from it.
+// Each stage is solved by Newton iteration with the contact solve inside: contacts are found, and forces
+// evaluated, at the pose that the velocity at hand leads to, first an extrapolated one; the velocity found
+// leads to another pose, and where the equation of the stage has a residual there, the iteration goes on from
+// it.
 //
-// A step that contains an event is taken as two of half the length, and so on: an impact, a change of saturation between
-// its stages, a stage that does not converge. The shortest parts are one stage with b = h, backward Euler: extrapolated,
-// the velocity that the first stage stopped would come back. No stage is accepted unless it is solved; where the shortest
-// parts are not, the step is undone.
+// A step that contains an event is taken as two of half the length, and so on: an impact, a change of
+// saturation between its stages, a stage that does not converge. The shortest parts are one stage with b = h,
+// backward Euler: extrapolated, the velocity that the first stage stopped would come back. No stage is
+// accepted unless it is solved; where the shortest parts are not, the step is undone.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -21,7 +22,8 @@ namespace {
 constexpr double kStageShare = 1 - 1 / std::numbers::sqrt2;            // γ
 constexpr double kOnward = (1 - kStageShare) / kStageShare;            // s
 // A stage that takes more Newton iterations, or whose residual grows more often, diverges or cycles: it is
-// halved.
+// halved; one of backward Euler, which falls back to no better scheme, first tries as often as that with
+// inertial stiffness in its matrix (RenewStageMatrix).
 constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
 // The matrix of a stage is renewed where this many more iterations would not solve it: they cost as much as a
 // new matrix.
@@ -47,29 +49,24 @@ double Tolerance(double motion, double length) { return kRelativeTolerance * mot
 
 }  // namespace
 
-bool World::Detail::UsesTwoStages(const StepOptions& options) const {
-  return options.integrator == Integrator::kTwoStage &&
-         std::all_of(mechanisms_.begin(), mechanisms_.end(),
-                     [](const auto& m) { return m.recovery() != Recovery::kTwist; });
-}
-
-StepReport World::Detail::TwoStageStep(const StepOptions& options) {
+StepReport World::Detail::StepByStages(const StepOptions& options) {
   StepReport report;
   const double h = options.h;
-  const bool backward_euler = depth_ >= kMaxEventHalvings;
-  const double b = backward_euler ? h : kStageShare * h;
-  StartOfStep();
+  BeginStep(h);
+  is_backward_euler_ = options.integrator == Integrator::kEuler || depth_ >= kMaxEventHalvings;
+  const double b = is_backward_euler_ ? h : kStageShare * h;
   if (depth_ == 0) {
     // What closes a gap by less than material.depth in a step is no impact: contacts that last press in by up
     // to that, by how much depends on the step.
-    impact_speed_ = options.material.depth / options.h;
-    carried_speed_ = std::max(ImpactSpeedOf(options), impact_speed_);
+    impact_speed_ = options.material.depth / h;
+    carried_speed_ = std::max(options.gravity.norm() * h / 8, impact_speed_);
     ClearSums();
   }
   halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
-  RecordStops(h, backward_euler);
+  RecordStops(h);
   start_gap_.assign(previous_.size(), std::numeric_limits<double>::quiet_NaN());
-  if (!backward_euler) {
+  if (depth_ == 0) start_points_ = points_;  // of backward Euler those of the last step, found where it ended
+  if (!is_backward_euler_) {
     PrepareContacts(options, report);
     if (depth_ == 0) start_points_ = points_;
     RecordStartGaps();
@@ -77,11 +74,11 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
   }
   {
     const PartClock clock(times_, &StepPartTimes::moving);
-    ForMechanisms([&](std::size_t i) { BeginTwoStageStep(mechanisms_[i], h, b, options.gravity); });
-    for (FreeBody& body : free_bodies_) body.BeginTwoStageStep(b, options.gravity);
+    ForMechanisms([&](std::size_t i) { fork1s::BeginStep(mechanisms_[i], h, b, options.gravity); });
+    for (FreeBody& body : free_bodies_) body.BeginStep(b, options.gravity);
     RecordStageStart(true);
   }
-  for (StageScheme scheme = backward_euler ? StageScheme::kBackwardEuler : StageScheme::kFirstOfTwo;;
+  for (StageScheme scheme = is_backward_euler_ ? StageScheme::kBackwardEuler : StageScheme::kFirstOfTwo;;
        scheme = StageScheme::kSecondOfTwo) {
     if (const HalvingCause cause = SolveStage(options, scheme, report); cause != HalvingCause::kNone)
       return HalveOrUndo(options, cause, report);
@@ -94,33 +91,28 @@ StepReport World::Detail::TwoStageStep(const StepOptions& options) {
     previous_.swap(contacts_);
     previous_h_ = b;
     previous_pose_ = contactor_pose_;
-    previous_speed_W_.swap(speed_W_);
-    previous_missed_W_.swap(missed_W_);
   }
-  const double between_stages = backward_euler ? 0 : h - b;
-  ForMechanisms([&](std::size_t i) { EndTwoStageStep(mechanisms_[i], between_stages); });
-  for (FreeBody& body : free_bodies_) body.EndTwoStageStep(between_stages);
-  if (depth_ == 0) return FinishTwoStageStep(options, before_, report);
+  const double between_stages = is_backward_euler_ ? 0 : h - b;
+  ForMechanisms([&](std::size_t i) { fork1s::EndStep(mechanisms_[i], between_stages); });
+  for (FreeBody& body : free_bodies_) body.EndStep(between_stages);
+  if (depth_ == 0) return FinishStep(options, before_, report);
   return IsFinite(true) ? report : UndoStep(before_, report);
 }
 
 // What follows the last stage; `start` is where the step is undone to if it is not finite.
-StepReport World::Detail::FinishTwoStageStep(const StepOptions& options, WorldState& start, StepReport report) {
+StepReport World::Detail::FinishStep(const StepOptions& options, WorldState& start, StepReport report) {
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
     StoreBaseHistory(mechanisms_[i], start.mechanisms[i], options.h);
   StoreSums();
   contacts_h_ = options.h;
   report.contacts = static_cast<int>(
       std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));
-  report.forces_at_end = false;
   report.forces_at_bound = 0;
   for (const MechanismDynamics& m : mechanisms_) {
     report.forces_at_bound += m.NumForcesAtBound();
     report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
   }
-  report.minimum_found = report.stages_converged;
-  curvature_valid_ = false;
-  rule_ = StepRule::kEuler;
+  in_stage_ = false;
   if (options.refresh) {
     const PartClock clock(times_, &StepPartTimes::refreshing);
     ForMechanisms([&](std::size_t i) {
@@ -143,7 +135,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   StepOptions stage = options;
   if (scheme != StageScheme::kBackwardEuler) stage.h = kStageShare * options.h;
   const double share = scheme == StageScheme::kFirstOfTwo ? kStageShare : 1, time = share * options.h;
-  rule_ = StepRule::kStage;
+  in_stage_ = true;
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
     SetInputsWithin(mechanisms_[i], before_.mechanisms[i], share);
   if (scheme == StageScheme::kFirstOfTwo)
@@ -156,7 +148,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   least_margin_ = 0;
   all_stops_ = from_stage_start_ = false;
   StageResidual last;
-  int growths = 0;
+  int growths = 0, max_iterations = kMaxNewtonIterations;
+  bool inertial = false;
   bool is_fresh = scheme != StageScheme::kSecondOfTwo;
   for (int iteration = 1;; ++iteration) {
     ++report.stage_iterations;
@@ -182,13 +175,21 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     const bool from_start = from_stage_start_;
     from_stage_start_ = !CoversMotion();
     if (from_stage_start_) {
-      if (iteration == kMaxNewtonIterations || !std::isfinite(least_margin_)) break;
+      if (iteration == max_iterations || !std::isfinite(least_margin_)) break;
       continue;
     }
     // By a matrix of another pose a growth says nothing of the equation.
     growths += iteration > 1 && is_fresh && !(found.ratio < last.ratio) ? 1 : 0;
     last = found;
-    const bool ends = iteration == kMaxNewtonIterations || growths > kMaxResidualGrowths;
+    bool ends = iteration == max_iterations || growths > kMaxResidualGrowths;
+    const bool begins_inertial =
+        ends && scheme == StageScheme::kBackwardEuler && !inertial && found.ratio > 1;
+    if (begins_inertial) {
+      inertial = true;
+      ends = false;
+      growths = 0;
+      max_iterations = iteration + 2 * kMaxNewtonIterations;
+    }
     if (!from_start && (found.ratio <= 1 || (ends && found.is_small))) {
       if (found.ratio > 1) report.stages_converged = false;
       if (found.largest > report.stage_residual) {
@@ -199,8 +200,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       return HalvingCause::kNone;
     }
     if (ends) break;
-    is_fresh = found.is_slow;
-    if (found.is_slow) ForMechanisms([&](std::size_t i) { RenewStageMatrix(mechanisms_[i]); });
+    is_fresh = found.is_slow || begins_inertial;
+    if (is_fresh) ForMechanisms([&](std::size_t i) { RenewStageMatrix(mechanisms_[i], inertial); });
   }
   const StepSubject not_finite = FindNotFinite();
   report.halving_of = not_finite.kind == StepSubject::Kind::kNone ? last.subject : not_finite;
@@ -392,14 +393,14 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
     for (std::size_t i = 0; i < free_bodies_.size(); ++i)
       free_bodies_[i].SetInputsWithin(whole.start.free_bodies[i], k == 0 ? 0 : 0.5, k == 0 ? 0.5 : 1);
     ++depth_;
-    const StepReport part = IntegrateStep(half);
+    const StepReport part = StepByStages(half);
     --depth_;
     AddReport(part, report);
     if (!part.finite) return UndoStep(whole.start, report);
   }
   report.halving = cause;
   report.halving_of = attempt.halving_of;
-  return depth_ > 0 ? report : FinishTwoStageStep(options, whole.start, report);
+  return depth_ > 0 ? report : FinishStep(options, whole.start, report);
 }
 
 }  // namespace fork1s
