@@ -65,7 +65,8 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
   RecordStops(h);
   start_gap_.assign(previous_.size(), std::numeric_limits<double>::quiet_NaN());
-  if (depth_ == 0) start_points_ = points_;  // of backward Euler those of the last step, found where it ended
+  // Of backward Euler those of the last step, which were found where it ended.
+  if (depth_ == 0 && is_backward_euler_) start_points_ = points_;
   if (!is_backward_euler_) {
     PrepareContacts(options, report);
     if (depth_ == 0) start_points_ = points_;
