@@ -25,7 +25,6 @@ ErrorCompanion::ErrorCompanion(const MechanismDynamics& m)
   for (int i = 0; i < 3; ++i) {
     q_[i] = m.configuration().q;
     X_[i] = m.state().X_WR;
-    perp_[i] = m.state().q_perp;
     v_[i] = m.model().size() > 0 ? VectorX(m.configuration().Q_now * m.state().w) : VectorX(VectorX::Zero(n));
     V_[i] = m.state().V_R;
   }
@@ -41,7 +40,6 @@ ErrorCompanion::ErrorCompanion(const MechanismDynamics& m)
   full_.resize(base_ + n);
   for (Motion* motion : {&centred_, &euler_}) motion->q_dot = motion->q_ddot = VectorX::Zero(n);
   B_ = MatrixX::Identity(n, n);
-  q_ref_ = m.model().q_ref;
 }
 
 void ErrorCompanion::Begin(const MechanismDynamics& m) {
@@ -67,18 +65,11 @@ void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_be
   for (int i = 0; i < 2; ++i) {
     q_[i] = q_[i + 1];
     X_[i] = X_[i + 1];
-    perp_[i] = perp_[i + 1];
     v_[i] = v_[i + 1];
     V_[i] = V_[i + 1];
   }
   q_[2] = m.configuration().q;
   X_[2] = m.state().X_WR;
-  perp_[2] = m.state().q_perp;
-  ++since_refresh_;
-  if (q_ref_ != m.model().q_ref) {
-    q_ref_ = m.model().q_ref;
-    since_refresh_ = 0;
-  }
   v_[2] = (q_[2] - q_[1]) / h;
   V_[2] = Log(X_[1].inverse() * X_[2]) / h;
   ++steps_;
@@ -154,33 +145,12 @@ void ErrorCompanion::Residuals(const MechanismDynamics& m, const Vector3& gravit
     euler_.q_ddot = (v_[1] - v_[0]) / h_;
     euler_.V = V_[1];
     euler_.A = (V_[1] - V_[0]) / h_;
-    if (base_ > 0) {  // which moves by the midpoint rule
-      euler_.V = centred_.V;
-      euler_.A = centred_.A;
-    }
     Missing(m, gravity_W, q_[1], X_[1], euler_, loads_[0], full_);
     ToBasis(full_, euler);
   } else {
     euler.setZero();
   }
   std::swap(scratch_, kinematics_);
-}
-
-void ErrorCompanion::FollowingForce(const MechanismDynamics& m, Eigen::Ref<VectorX> force) const {
-  force.setZero();
-  // A floating base takes up what moves in its interior: told apart, both parts would drift far and cancel.
-  if (base_ > 0 || !m.model().has_complement || since_refresh_ < 2) return;
-  const int n = m.model().num_coordinates();
-  for (const VectorX& perp : perp_)
-    if (perp.size() != n) return;
-  const VectorX rate = (perp_[2] - perp_[0]) / (2 * h_);
-  const VectorX acceleration = (perp_[2] - 2 * perp_[1] + perp_[0]) / (h_ * h_);
-  const auto k = B_.cols();
-  if (tree_)
-    force.noalias() = -M_y_.rightCols(k) * acceleration - D_y_.rightCols(k) * rate;
-  else
-    force.noalias() =
-        -M_y_.rightCols(k) * (to_basis_ * acceleration) - D_y_.rightCols(k) * (to_basis_ * rate);
 }
 
 VectorX ErrorCompanion::Turn() const {

@@ -40,13 +40,10 @@ class ErrorCompanion {
   const MatrixX& D() const { return D_y_; }
   const MatrixX& K() const { return K_y_; }
 
-  /// Residual at the node, by centred differences; that of implicit Euler's equations there; and the force
+  /// Residual at the node, by centred differences; that of backward Euler's equations there; and the force
   /// that is missing on the straight way between nodes, where rates do not change.
   void Residuals(const MechanismDynamics& m, const Vector3& gravity_W, Eigen::Ref<VectorX> centred,
                  Eigen::Ref<VectorX> euler, Eigen::Ref<VectorX> straight);
-  /// Force [size] that the reduced equations do not know of: inertia and damping of the interior's own
-  /// displacement as it follows its loads.
-  void FollowingForce(const MechanismDynamics& m, Eigen::Ref<VectorX> force) const;
   /// By how much rates of y differ on both sides of the node.
   VectorX Turn() const;
   /// The part of a residual [size] that the reduced coordinates see, by M.
@@ -81,9 +78,6 @@ class ErrorCompanion {
   bool by_euler_ = true;
   VectorX q_[3];         // of the node before, the node, the node after it
   RigidTransform X_[3];  // X_WR
-  VectorX perp_[3];      // q_perp at the nodes
-  VectorX q_ref_;
-  int since_refresh_ = 0;  // steps since q_perp began anew
   VectorX v_[3];           // between: before the node before, before the node, after it
   Vector6 V_[3];
   Loads loads_[2], mean_;  // of the step to the node, and from it

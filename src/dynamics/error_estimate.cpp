@@ -248,18 +248,15 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     c.Residuals(world.mechanisms()[i], options.gravity, centred, euler, straight);
     c.SplitOff(world.mechanisms()[i], centred, seen);
     c.SplitOff(world.mechanisms()[i], euler, seen_euler);
-    VectorX following(size), seen_following(size);
-    c.FollowingForce(world.mechanisms()[i], following);
-    c.SplitOff(world.mechanisms()[i], following, seen_following);
     c.SplitOff(world.mechanisms()[i], straight, seen_straight);
     auto force = d.force.middleRows(at, size), turn = d.turn.middleRows(at, size);
-    force.col(0) = straight - seen_straight + seen_following;
+    force.col(0) = straight - seen_straight;
     // The other scheme solves equations of its own, beside which the split would be one of large numbers.
     if (by_euler)
-      force.col(1) = seen_euler - seen_following;
+      force.col(1) = seen_euler;
     else
       force.col(1).setZero();
-    force.col(2) = seen_straight - force.col(1) - seen_following;
+    force.col(2) = seen_straight - force.col(1);
     turn.col(0) = (centred - seen) - (straight - seen_straight);
     turn.col(1).setZero();
     turn.col(2) = seen - seen_straight;

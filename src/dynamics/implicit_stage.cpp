@@ -167,7 +167,6 @@ void MovePose(const MechanismStep& here, double b, double time, bool with_deriva
   if (with_derivatives) {
     UpdatePose(here);
   } else {
-    ws.pose_energy.valid = false;
     ConfigurePose(*model.reduced, state.reduced, ws.configuration);
   }
   if (model.base_size > 0)
@@ -235,15 +234,17 @@ void UpdateStageMatrix(const MechanismStep& here, double b) {
     TurnServos(here, b);
     SubtractSaturatedStiffness(here, b);
   }
+  bool has_factor = false;
   if (ws.matrix_is_inertial) {
     ws.A_before = ws.A;
     AddInertialStiffness(here, b);
-    if (!ws.factor.Compute(ws.A)) ws.A = ws.A_before;
+    has_factor = ws.factor.Compute(ws.A);
+    if (!has_factor) ws.A = ws.A_before;  // compressed: the iteration goes on without it
   }
   if (StiffnessIsOfPose(here))
     ws.A_before = ws.A;
   else
-    ws.matrix_is_definite = ws.factor.Compute(ws.A);
+    ws.matrix_is_definite = has_factor || ws.factor.Compute(ws.A);
 }
 
 void AddStiffnessOfPose(const MechanismStep& here, double b) {

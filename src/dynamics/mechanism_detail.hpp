@@ -16,7 +16,6 @@ void StartAtReference(const MechanismModel& model, MechanismState& state);
 void Renew(const MechanismStep& here);
 void Size(const MechanismStep& here);
 void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed = false);  // by the µ at hand
-void UpdateInertia(const MechanismStep& here);                                       // Jacobians and inertia
 void UpdateMassMatrix(const MechanismStep& here);  // inertia, by the Jacobians at hand
 void UpdatePose(const MechanismStep& here, bool loops_are_closed = false);  // configuration and Jacobians
 
@@ -101,8 +100,5 @@ void AddSlackForces(const MechanismStep& here);
 bool UpdateSlackSprings(const MechanismStep& here, double h);
 /// At the end of a stage of length b [s] that was solved [N or N·m].
 double ForceOfSlack(const MechanismStep& here, const SlackSpring& slack, double b);
-
-// Energy (mechanism_energy.cpp).
-const PoseEnergy& EnergyOfPose(const MechanismView& here);
 
 }  // namespace fork1s

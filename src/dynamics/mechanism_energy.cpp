@@ -20,30 +20,20 @@ double KineticEnergy(const MechanismView& here) {
   return energy;
 }
 
-// What depends on the pose alone.
-const PoseEnergy& EnergyOfPose(const MechanismView& here) {
-  const auto& [model, state, ws] = here;
-  if (ws.pose_energy.valid) return ws.pose_energy;
-  const Mechanism& m = model.mechanism();
-  ws.pose_energy.springs = SpringEnergy(m, ws.configuration.kinematics, ws.configuration.q);
-  ws.pose_energy.moment.setZero();
-  for (int b = 0; b < m.num_bodies(); ++b) {
-    const Mechanism::Body& body = m.bodies()[static_cast<std::size_t>(b)];
-    if (body.weighed_mass == 0) continue;
-    const Vector3& center = body.inertia_B.center;
-    ws.pose_energy.moment += body.weighed_mass * (ws.configuration.kinematics.X_RB[std::size_t(b)] * center);
-  }
-  ws.pose_energy.valid = true;
-  return ws.pose_energy;
-}
-
 double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
-  const PoseEnergy& pose = EnergyOfPose(here);
+  Vector3 moment = Vector3::Zero();  // Σ mass × centre in R [kg·m]
+  for (int b = 0; b < m.num_bodies(); ++b) {
+    const Mechanism::Body& body = m.bodies()[static_cast<std::size_t>(b)];
+    if (body.weighed_mass > 0)
+      moment +=
+          body.weighed_mass * (ws.configuration.kinematics.X_RB[std::size_t(b)] * body.inertia_B.center);
+  }
   const RigidTransform& X_WR = state.reduced.X_WR;
-  double energy = pose.springs - EnergyBeyondBounds(here) -
-                  gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * pose.moment);
+  double energy = SpringEnergy(m, ws.configuration.kinematics, ws.configuration.q) -
+                  EnergyBeyondBounds(here) -
+                  gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * moment);
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];
     if (!m.HasPotential(control.length)) continue;

@@ -107,14 +107,8 @@ void UpdateMassMatrix(const MechanismStep& here) {
   }
 }
 
-void UpdateInertia(const MechanismStep& here) {
-  here.work.jacobian.Compute(*here.model.reduced, here.work.configuration);
-  UpdateMassMatrix(here);
-}
-
 void UpdatePose(const MechanismStep& here, bool loops_are_closed) {
   const auto& [model, state, ws] = here;
-  ws.pose_energy.valid = false;
   if (loops_are_closed)
     ConfigureClosed(*model.reduced, state.reduced, ws.configuration);
   else

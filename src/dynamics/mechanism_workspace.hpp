@@ -17,12 +17,6 @@ struct SlackSpring {
   double length = 0, force = 0;  // at the start of the step
 };
 
-struct PoseEnergy {
-  bool valid = false;
-  double springs = 0;                // J
-  Vector3 moment = Vector3::Zero();  // Σ mass × centre in R [kg·m]
-};
-
 /// Where an implicit stage starts (implicit_stage.cpp): configuration and momentum, in flat spaces, so that stages are
 /// sums of these. Sizes: n joint coordinates, r reduced ones, k rigid parts.
 struct StageBase {
@@ -51,7 +45,6 @@ struct MechanismWorkspace {
   MatrixX M_full;  // num_velocities²
   Matrix6 M_00;
   Matrix6X M_0z;
-  mutable PoseEnergy pose_energy;
 
   // Of a step.
   Vector6 V_R_before = Vector6::Zero();  // base twist at the start of the step

@@ -288,7 +288,6 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
 void World::ResetContacts() {
   detail_->contacts_.clear();
   detail_->previous_.clear();
-  detail_->has_previous_pose_ = false;
   for (Detail::MechanismBlock& block : detail_->mechanism_blocks_)
     for (std::vector<double>* impulses : {&block.limit_impulses, &block.friction_impulses})
       std::fill(impulses->begin(), impulses->end(), 0.0);

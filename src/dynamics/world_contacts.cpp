@@ -18,16 +18,7 @@ bool World::Detail::FindContacts(const StepOptions& options, StepReport& report)
     if (c.kind == Contactor::Kind::kWorld) return;
     const RigidTransform X = PoseOf(c);
     collision_->SetPose(static_cast<int>(i), X);
-    if (!has_previous_pose_) {
-      const Vector6 V = c.kind == Contactor::Kind::kGroup
-                            ? GroupVelocity(mechanisms_[static_cast<std::size_t>(c.index)], c.group)
-                            : free_bodies_[static_cast<std::size_t>(c.index)].OriginVelocity();
-      contactor_motion_[i] = options.h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]);
-      contactor_pose_[i] = X;
-      return;
-    }
-    const RigidTransform& before = in_stage_ ? stage_start_pose_[i] : contactor_pose_[i];
-    contactor_motion_[i] = MotionBetween(before, X, contactor_radius_[i]);
+    if (in_stage_) contactor_motion_[i] = MotionBetween(stage_start_pose_[i], X, contactor_radius_[i]);
     contactor_pose_[i] = X;
   });
   const double motion = MotionWithin(options.h);
@@ -36,7 +27,6 @@ bool World::Detail::FindContacts(const StepOptions& options, StepReport& report)
   if (in_stage_) search_margin_ = std::max(search_margin_, LargestPairMotion());
   if (!std::isfinite(search_margin_)) return false;
   collision_->SetMargin(search_margin_);
-  has_previous_pose_ = true;
   report.contacts_dropped = !collision_->Detect(points_);
   return true;
 }

@@ -16,8 +16,8 @@
 
 namespace fork1s {
 
-/// The worst of two solves of one step, into `solver`.
-void KeepWorst(const ContactSolverReport& then, ContactSolverReport& solver);
+/// solver <- the worst of two solves of one step.
+void MergeSolverReport(const ContactSolverReport& then, ContactSolverReport& solver);
 
 /// How well an implicit stage is solved at the pose found.
 struct StageResidual {
@@ -156,7 +156,6 @@ struct World::Detail {
   std::vector<std::vector<double>> geometry_radius_;  // m, per contactor and geometry; infinite for planes
   std::vector<RigidTransform> contactor_pose_;  // at the previous detection
   std::vector<RigidTransform> previous_pose_;   // of the contacts of the step before
-  bool has_previous_pose_ = false;
 
   IslandSolver solver_;
   std::vector<ContactPoint> start_points_;  // of the start of the step
@@ -207,7 +206,7 @@ struct World::Detail {
   std::vector<int> port_part_;    // per contactor: part block of its mechanism
   VectorX velocities_;
   VectorX start_velocities_;              // of a stage of backward Euler: at its start, as velocities_
-  std::vector<double> contactor_motion_;  // m, since the step before
+  std::vector<double> contactor_motion_;  // m, in a stage: since its start
 
   // Ports and limits of one part of a mechanism, or (the last one) of groups that only follow its driven
   // base.

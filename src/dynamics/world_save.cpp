@@ -19,7 +19,6 @@ void World::Detail::Save(WorldState& out) const {
   out.contacts = contacts_;
   out.contacts_h = contacts_h_;
   out.contactor_poses = contactor_pose_;
-  out.has_contactor_poses = has_previous_pose_;
 }
 
 void World::Detail::Restore(const WorldState& state) {
@@ -34,7 +33,6 @@ void World::Detail::Restore(const WorldState& state) {
   contacts_ = state.contacts;
   contacts_h_ = state.contacts_h;
   contactor_pose_ = state.contactor_poses;
-  has_previous_pose_ = state.has_contactor_poses;
   contraction_ = state.contraction;
 }
 

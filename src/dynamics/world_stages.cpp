@@ -167,7 +167,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     }
     const ContactSolverReport before = report.solver;
     SolveContacts(stage, report);
-    KeepWorst(before, report.solver);
+    MergeSolverReport(before, report.solver);
     if (!IsFinite(false)) break;
     if (const HalvingCause event = FindStageEvent(options, scheme, iteration, report); event != HalvingCause::kNone)
       return event;
@@ -305,36 +305,6 @@ bool World::Detail::ChangesSaturation(double b, StepReport& report) {
     report.halving_of = {change.is_servo ? StepSubject::Kind::kServo : StepSubject::Kind::kSpring, static_cast<int>(i),
                          change.index};
     return true;
-  }
-  return false;
-}
-
-// Whether what the first stage stopped parts again in the second, of length b.
-bool World::Detail::LeavesAgain(double b, StepSubject& subject) const {
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    const int before = match_[i];
-    if (before < 0 || !previous_is_fresh_[static_cast<std::size_t>(before)] || constraints_[i].impulse(0) > 0)
-      continue;
-    if (!(b * RelativeSpeed(constraints_[i], velocities_)(0) > kPartingShare * PairSize(points_[i])))
-      continue;
-    subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
-    return true;
-  }
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    const MechanismBlock& block = mechanism_blocks_[i];
-    std::size_t k = block.first_limit;
-    for (const PartBlock& part : block.parts) {
-      for (const int at : part.limits) {
-        const LimitConstraint& limit = limits_[k];
-        const StopApproach& stop = stop_approach_[k++];
-        if (!block.stop_is_fresh[static_cast<std::size_t>(at)] || limit.impulse > 0 ||
-            !(b * stop.scale * limit.sign * velocities_(limit.row) > kPartingShare * stop.size))
-          continue;
-        subject = {StepSubject::Kind::kStop, static_cast<int>(i), at / 2};
-        return true;
-      }
-      k += part.frictions.size();
-    }
   }
   return false;
 }

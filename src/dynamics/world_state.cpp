@@ -94,11 +94,10 @@ class Hash {
 }  // namespace
 
 std::uint64_t HashOf(const WorldState& state, const VectorX& inputs) {
-  const auto& [mechanisms, free_bodies, contacts, contacts_h, contactor_poses, has_contactor_poses,
-               contraction, rows] = state;
+  const auto& [mechanisms, free_bodies, contacts, contacts_h, contactor_poses, contraction, rows] = state;
   Hash hash;
-  hash.Add(mechanisms, free_bodies, contacts, contacts_h, contactor_poses, has_contactor_poses,
-           contraction[0], contraction[1], rows, inputs);
+  hash.Add(mechanisms, free_bodies, contacts, contacts_h, contactor_poses, contraction[0], contraction[1],
+           rows, inputs);
   return hash.value();
 }
 

@@ -32,10 +32,10 @@ void World::Detail::AddReport(const StepReport& part, StepReport& whole) {
   }
   whole.impact = before.impact || part.impact;
   whole.stages_converged = before.stages_converged && part.stages_converged;
-  KeepWorst(before.solver, whole.solver);
+  MergeSolverReport(before.solver, whole.solver);
 }
 
-void KeepWorst(const ContactSolverReport& then, ContactSolverReport& solver) {
+void MergeSolverReport(const ContactSolverReport& then, ContactSolverReport& solver) {
   solver.newton_iterations = std::max(solver.newton_iterations, then.newton_iterations);
   solver.stage = std::max(solver.stage, then.stage);
   solver.residual = std::max(solver.residual, then.residual);

@@ -13,17 +13,20 @@ TEST(WorldWatch, PartsOfAStepAddUpAndChangeNothing) {
   scene.world.push_back(testing::Geometry("floor", Plane{}, 0.8));
   scene.free_bodies.push_back(testing::BallBody("ball", 0.1, 0.05, Vector3(1, 1, 0.05), 0.8));
   scene.keyframes[0].free_bodies.push_back({scene.free_bodies[0].X_WB});
+  int refreshes = 0;
   for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage}) {
     World::Options options;
     options.initial_keyframe = 0;
     options.refresh_angle = 1e-3;
+    options.recovery = Recovery::kTwist;  // whose reference ages
     World watched = testing::MustCreate(scene, options), alone = testing::MustCreate(scene, options);
     StepPartTimes times;
     watched.Watch(&times);
     StepOptions step;
     step.integrator = integrator;
     for (int i = 0; i < 60; ++i) {
-      watched.Step(step);
+      const int refreshed = watched.Step(step).refreshes;
+      refreshes += refreshed;
       alone.Step(step);
       double sum = 0;
       for (const auto& [name, seconds] : PartsOf(times)) {
@@ -34,6 +37,9 @@ TEST(WorldWatch, PartsOfAStepAddUpAndChangeNothing) {
       EXPECT_GT(times.finding, 0);
       EXPECT_GT(times.free_velocities, 0);
       EXPECT_GT(times.moving, 0);
+      if (refreshed > 0) {
+        EXPECT_GT(times.refreshing, 0);
+      }
     }
     WorldState a, b;
     watched.Save(a);
@@ -44,6 +50,7 @@ TEST(WorldWatch, PartsOfAStepAddUpAndChangeNothing) {
     watched.Step(step);
     EXPECT_EQ(times.all, last);
   }
+  EXPECT_GT(refreshes, 0);
 }
 
 }  // namespace

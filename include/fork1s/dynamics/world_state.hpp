@@ -33,7 +33,6 @@ struct WorldState {
   std::vector<ContactRecord> contacts;
   double contacts_h = 0;  // s, of the step that gave them their impulses
   std::vector<RigidTransform> contactor_poses;
-  bool has_contactor_poses = false;
   std::array<double, 2> contraction = {1,
                                        1};  // of Newton's iteration in first and second stages; 1: not known
   struct Rows {  // per mechanism
