@@ -99,7 +99,9 @@ bool HasForcesFromOutside(const MechanismState& state) { return state.has_loads 
 void EvaluateStage(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
   ws.contact_shift = -ws.x;
+  ws.stage_length = b;
   ComputeMomentumResidual(here, ws.stage_time, ws.stage_base, ws.x, b);
+  if (model.reduced->has_complement) ws.inertial_force = ws.tau / b;
   LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.gravity_W);
   if (model.size() > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.g, ws.f_z);
   if (state.point_spring.IsActive()) EvaluatePointSpring(here);

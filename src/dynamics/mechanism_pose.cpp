@@ -9,6 +9,7 @@ namespace fork1s {
 void StartAtReference(const MechanismModel& model, MechanismState& state) {
   const int n = model.reduced->num_coordinates();
   state.mu.setZero(model.reduced->loop_rank());
+  state.missing_time = 0;
   state.acceleration.setZero(model.num_velocities());
   if (model.reduced->has_complement)
     state.reduced.q_perp = VectorX::Zero(n);

@@ -69,27 +69,44 @@ double Staleness(const MechanismView& here) {
   return largest;
 }
 
-bool MissesAppliedForces(const MechanismStep& here) {
-  constexpr double kShape = 1e-3;
+// With g the joint forces and contact forces of the pose and -ṗ those of inertia and dampers, d = C_perp g is
+// the column that a new reference adds for g. The load that the coordinates lack along it moves it at rest by
+//     u = d (g - ṗ)ᵀd / gᵀd,
+// and within T by u ω² T²/2 at most, ω its frequency.
+bool MissesLoads(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R) {
+  constexpr double kMaxMissing = 1e-3;  // rad, or lengths of the mechanism: errors of shape that nobody sees
+  constexpr double kMinSteps = 3;       // between two references: one costs about as much as three steps
   const auto& [model, state, ws] = here;
-  if (!model.reduced->has_complement || ws.wrenches_R.cols() == 0) return false;
+  if (!model.reduced->has_complement || !model.options.load_columns) return false;
   const Mechanism& m = model.mechanism();
-  ws.F = ws.wrenches_R;
-  ws.tau.setZero();
-  AccumulateGeneralizedForce(m, ws.configuration.kinematics.S, ws.F, ws.tau);
-  ProjectOnLoops(*model.reduced, ws.configuration, ws.tau);
-  ApplyComplement(*model.reduced, ws.tau, ws.rest);
+  const Kinematics& kinematics = ws.configuration.kinematics;
   const auto largest = [&](const VectorX& q) {
     double size = 0;
     for (int i = 0; i < q.size(); ++i)
       size = std::max(size, std::abs(q(i)) / (m.Turns(i) ? 1 : m.length_scale()));
     return size;
   };
-  const double missed = largest(ws.rest);
-  if (!(missed > kShape)) return false;
-  for (int i = 0; i < model.size(); ++i)
-    if (model.reduced->K_r(i) != 0) ws.rest += model.reduced->Q.col(i).dot(ws.tau) * model.reduced->Q.col(i);
-  return missed > std::sin(std::min(model.options.refresh_angle, M_PI_2)) * largest(ws.rest);
+  ws.F = contact_impulses_R / ws.stage_length;
+  AddAppliedWrenches(here, ws.F);  // a point spring; loads of the step are in g
+  ws.tau = ws.g;
+  AccumulateGeneralizedForce(m, kinematics.S, ws.F, ws.tau);
+  ProjectOnLoops(*model.reduced, ws.configuration, ws.tau);
+  ProjectOnLoops(*model.reduced, ws.configuration, ws.inertial_force);
+  ApplyComplement(*model.reduced, ws.tau, ws.rest);
+  const double work = ws.tau.dot(ws.rest);
+  const double share = work > 0 ? 1 + ws.inertial_force.dot(ws.rest) / work : 0;
+  const double missing = std::abs(share) * largest(ws.rest);
+  if (!(missing > kMaxMissing)) {
+    state.missing_time = 0;
+    return false;
+  }
+  state.missing_time += h;
+  ApplyMass(m, kinematics, ws.rest, ws.tau);
+  const double angle = state.missing_time * std::sqrt(work / ws.rest.dot(ws.tau));
+  const bool misses =
+      missing * std::min(1.0, angle * angle / 2) > kMaxMissing && state.missing_time > (kMinSteps - 0.5) * h;
+  if (misses) state.missing_time = 0;
+  return misses;
 }
 
 bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& ws) {

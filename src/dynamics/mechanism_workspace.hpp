@@ -60,6 +60,7 @@ struct MechanismWorkspace {
   RigidTransform X_WR_before;
   VectorX rhs, solved, f_z, g, tau, momentum;
   Matrix6X F;
+  VectorX inertial_force;  // n: J(x)ᵀ (p̂ - p)/b of a stage and dampers, where the model has a complement
   Matrix6X wrenches_R;  // 6 x bodies or empty: applied forces at the end of the step, for load columns
   Vector6 base_force;
   VectorX impulse;  // num_velocities: of contact and limits in this step
@@ -78,6 +79,7 @@ struct MechanismWorkspace {
   StageBase step_start, stage_base, stage_end;
   BasePath base_path;  // of a driven base
   Vector3 drift_W = Vector3::Zero();       // m/s, velocity of the point that momenta are taken about
+  double stage_length = 0;                 // s
   double stage_time = 0;  // s, from the start of the step to the pose that a stage is linearized at
   // Where a stage starts (stage_start.cpp); the twist of a driven base in the stage, in R there.
   VectorX z_stage_start;  // r

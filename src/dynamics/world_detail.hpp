@@ -121,7 +121,8 @@ struct World::Detail {
   void GatherPushes();
   void ApplyImpulses(bool of_servos);
   void KeepForNextStep(double h, StepReport& report);
-  void RefreshIfStale(std::size_t mechanism);
+  void GatherContactImpulses(std::size_t mechanism);
+  void RefreshIfStale(std::size_t mechanism, double h);
   void CountRefreshes(StepReport& report) const;
   int WorthAThread() const;
   // act(i) for every mechanism or contact, side by side where they are many: each on its own data alone.
@@ -236,6 +237,7 @@ struct World::Detail {
     std::vector<double> stop_start_gap;
     std::vector<double> friction_impulses;
     VectorX impulse;
+    Matrix6X contact_impulses_R;  // of the last stage, 6 x bodies, about R's origin
     int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
     std::size_t first_limit = 0;  // of its rows in limits_
     bool finite = true;

@@ -118,7 +118,7 @@ StepReport World::Detail::FinishStep(const StepOptions& options, WorldState& sta
     const PartClock clock(times_, &StepPartTimes::refreshing);
     ForMechanisms([&](std::size_t i) {
       mechanism_blocks_[i].refreshed = 0;
-      RefreshIfStale(i);
+      RefreshIfStale(i, options.h);
     });
     CountRefreshes(report);
   }

@@ -12,9 +12,29 @@ int World::Detail::WorthAThread() const {
   return coordinates == 0 ? 1 : std::max(1, 200 * static_cast<int>(mechanisms_.size()) / coordinates);
 }
 
-void World::Detail::RefreshIfStale(std::size_t i) {
+void World::Detail::GatherContactImpulses(std::size_t i) {
+  const MechanismDynamics& m = mechanisms_[i];
+  MechanismBlock& block = mechanism_blocks_[i];
+  block.contact_impulses_R.setZero(6, m.mechanism().num_bodies());
+  for (std::size_t c = 0; c < contactors_.size(); ++c) {
+    const Contactor& contactor = contactors_[c];
+    if (contactor.kind != Contactor::Kind::kGroup || contactor.index != static_cast<int>(i) ||
+        port_offset_[c] < 0 || !is_pushed_[c])
+      continue;
+    const PartBlock& part = block.parts[static_cast<std::size_t>(port_part_[c])];
+    const BodyIndex body = m.groups()[static_cast<std::size_t>(contactor.group)].body;
+    block.contact_impulses_R.col(body.value()) += part.port_impulse.segment<6>(port_offset_[c] - part.offset);
+  }
+}
+
+void World::Detail::RefreshIfStale(std::size_t i, double h) {
   MechanismDynamics& m = mechanisms_[i];
-  if (!(m.Staleness() > 1) && !MissesAppliedForces(m)) return;
+  bool misses_loads = false;
+  if (m.model().has_complement) {
+    GatherContactImpulses(i);
+    misses_loads = MissesLoads(m, h, mechanism_blocks_[i].contact_impulses_R);
+  }
+  if (!(m.Staleness() > 1) && !misses_loads) return;
   mechanism_blocks_[i].refreshed = m.Refresh() ? 1 : -1;
 }
 

@@ -33,6 +33,8 @@ struct MechanismState {
   BodyIndex point_spring_body;
   std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between; kInSolve
 
+  double missing_time = 0;  // s, for how long loads have had no column (MissesLoads)
+
   // Predicts the velocity of the first stage: of the last step of two stages, zero where that is not known.
   // (v₂ - v₁)/((1 - γ) h) of the two stages; where the base floats, of the centre of mass in place of the
   // base's origin, world axes, beside what weight and forces from outside give it.

@@ -143,10 +143,11 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
 /// of a loop that is closed by its curvature, as a share of the refresh gap. A wheel
 /// may spin, and a finger whose every motion the model has may bend.
 double Staleness(const MechanismView& here);
-/// After a step: whether the reduced coordinates miss the static answer to forces that were applied
-/// in it, by more than 1e-3 rad or lengths of the mechanism in a joint, and by more of the answer than a turn
-/// by the refresh angle makes. A refresh gives them a load column.
-bool MissesAppliedForces(const MechanismStep& here);
+/// After a step of h [s]: whether joint forces, contact forces and inertia of the last stage leave over a
+/// load whose static answer is missing by more than 1e-3 rad or lengths of the mechanism in a joint, and has
+/// been for so long that it would have moved by as much. A refresh gives it a load column.
+/// `contact_impulses_R`: of the last stage, about R's origin [6 x bodies].
+bool MissesLoads(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R);
 /// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
 /// the old model stays.
 bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work);
