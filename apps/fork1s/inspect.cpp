@@ -11,6 +11,7 @@
 #include "checks.hpp"
 #include "gain.hpp"
 #include "inspect_folder.hpp"
+#include "mode_line.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "print.hpp"
@@ -61,6 +62,7 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     auto reduced = ReduceAtStart(p);
     one["gain"] =
         reduced ? GainJson(MeasureInterfaceGain(p, *reduced, imported.scene.timestep)) : Json(nullptr);
+    one["mode_selection"] = reduced ? ModesJson(*reduced) : Json(nullptr);
     one["joint_table"] = Json::array();
     for (const auto& j : m.joints())
       one["joint_table"].push_back({{"name", j.name},
@@ -103,6 +105,7 @@ void Print(const ImportedScene& imported, const Json& d) {
     names.clear();
     for (const Json& c : m["controls"]) names += (names.empty() ? "" : ", ") + c.get<std::string>();
     if (!names.empty()) PrintText("  controls: {}\n", names);
+    if (!m["mode_selection"].is_null()) PrintText("  {}\n", ModeLine(m["mode_selection"]));
     if (!m["gain"].is_null()) PrintGain(m["gain"]);
   }
   if (!d["step_us"].is_null()) PrintText("\n");

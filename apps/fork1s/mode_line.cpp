@@ -10,6 +10,9 @@ Json ModesJson(const ReducedModel& model) {
   const LeftOutModes left = ComputeLeftOutModes(model);
   Json out;
   out["kept"] = model.num_modes;
+  out["free"] = model.num_free;
+  out["elastic"] = model.num_elastic;
+  out["load_columns"] = model.num_loads;
   out["below_hz"] = model.mode_selection.below_hz > 0 ? Json(model.mode_selection.below_hz) : Json(nullptr);
   out["choice"] = Name(model.mode_selection.choice);
   out["left_out"] = {{"count", left.count},
@@ -21,8 +24,14 @@ Json ModesJson(const ReducedModel& model) {
 
 std::string ModeLine(const Json& modes) {
   const Json& left = modes["left_out"];
-  std::string text = fmt::format("modes: {}", modes["kept"].get<int>());
-  if (left["count"].get<int>() <= 0) return text + "; no motion left out";
+  std::string text;
+  const auto add = [&](const char* key, const char* name) {
+    if (const int count = modes[key].get<int>(); count > 0) text += fmt::format("{} {}, ", count, name);
+  };
+  add("free", "free");
+  add("elastic", "elastic");
+  text += fmt::format("{} modes", modes["kept"].get<int>());
+  if (left["count"].get<int>() <= 0) return "coordinates: " + text + "; no motion left out";
   const bool has_lowest = !left["lowest_hz"].is_null();
   if (const Json& below = modes["below_hz"]; !below.is_null()) {
     const double limit = below.get<double>();
@@ -30,14 +39,16 @@ std::string ModeLine(const Json& modes) {
                 ? fmt::format(", those of largest contribution below 1/(6 dt) = {:.3g} Hz", limit)
                 : fmt::format(", all below 1/(6 dt) = {:.3g} Hz", limit);
   }
-  text += fmt::format("; {} left out", left["count"].get<int>());
+  if (const int loads = modes["load_columns"].get<int>(); loads > 0)
+    text += fmt::format(", {} load{}", loads, loads == 1 ? "" : "s");
+  text += fmt::format("; {} modes left out", left["count"].get<int>());
   if (has_lowest)
     text += fmt::format(
         ", from {:.3g} Hz on: under a load of the mechanism's weight the interface misses at most {:.3g} mm "
         "({:.3g} Hz)",
         left["lowest_hz"].get<double>(), 1e3 * left["largest_m"].get<double>(),
         left["largest_hz"].get<double>());
-  return text;
+  return "coordinates: " + text;
 }
 
 }  // namespace fork1s::app

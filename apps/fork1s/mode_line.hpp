@@ -1,4 +1,4 @@
-// Which fixed-interface modes a reduced model has, and what it leaves out.
+// Which coordinates a reduced model has, and what it leaves out.
 #pragma once
 
 #include <fork1s/reduction/reduced_model.hpp>
@@ -8,7 +8,7 @@
 
 namespace fork1s::app {
 
-/// {kept, below_hz, choice, left_out {count, lowest_hz, largest_m, largest_hz}}
+/// {kept, free, elastic, load_columns, below_hz, choice, left_out {count, lowest_hz, largest_m, largest_hz}}
 Json ModesJson(const ReducedModel& model);
 /// One line, without indentation.
 std::string ModeLine(const Json& modes);

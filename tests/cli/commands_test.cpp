@@ -33,11 +33,12 @@ TEST(Run, SaysWhichModesAreKeptAndWhatIsLeftOut) {
           masses + "</body></worldbody></mujoco>");
   // sqrt(90 / 0.3) / 2π = 2.757 Hz
   const std::pair<const char*, const char*> cases[] = {
-      {"run --time 0.1 ", "modes: 6; no motion left out"},
-      {"run --time 0.1 --modes auto ", "modes: 6; no motion left out"},
-      {"reduce ", "modes: 6; no motion left out"},
-      {"reduce --modes 4 ", "modes: 4; 2 left out, from 2.76 Hz on: "},
-      {"run --time 0.1 --modes 4 ", "modes: 4; 2 left out, from 2.76 Hz on: "}};
+      {"run --time 0.1 ", "coordinates: 1 elastic, 6 modes; no motion left out"},
+      {"run --time 0.1 --modes auto ", "coordinates: 1 elastic, 6 modes; no motion left out"},
+      {"reduce ", "coordinates: 1 elastic, 6 modes; no motion left out"},
+      {"reduce --modes 4 ", "coordinates: 1 elastic, 4 modes; 2 modes left out, from 2.76 Hz on: "},
+      {"run --time 0.1 --modes 4 ", "coordinates: 1 elastic, 4 modes; 2 modes left out, from 2.76 Hz on: "},
+      {"inspect ", "coordinates: 1 elastic, 6 modes; no motion left out"}};
   for (const auto& [arguments, line] : cases) {
     const Outcome o = Fork1s(arguments + model);
     EXPECT_EQ(o.code, 0) << o.err;
