@@ -79,6 +79,41 @@ TEST(Refresh, NothingJumpsUnderTruncation) {
   }
 }
 
+// Trees and loops, fixed and floating, at random moments of a motion.
+TEST(Refresh, NeverAddsEnergyUnderTruncation) {
+  int truncated = 0;
+  for (unsigned seed = 0; seed < 24; ++seed) {
+    SCOPED_TRACE(seed);
+    RandomMechanismOptions options;
+    options.bodies = 12;
+    options.interfaces = 1;
+    options.rigid_closures = static_cast<int>(seed % 2);
+    options.base = seed % 4 < 2 ? BaseKind::kFixed : BaseKind::kFloating;
+    const MechanismDef definition = testing::RandomMechanismDef(seed, options);
+    const int n = testing::Share(definition)->num_coordinates();
+    RandomSource random(seed);
+    World::Options world_options;
+    world_options.reduction.modes = 1;
+    World world =
+        MustStart(definition, VectorX::Zero(n), random.Vector(n, 2), Vector6::Zero(), world_options);
+    MechanismDynamics& d = world.mechanisms()[0];
+    truncated += d.model().has_complement ? 1 : 0;
+    StepOptions step = testing::Still(2e-3);
+    step.refresh = false;
+    double kinetic = d.KineticEnergy();
+    const auto energy = [&] { return d.KineticEnergy() + d.PotentialEnergy(Vector3::Zero()); };
+    for (int i = 0; i < 60; ++i) {
+      ASSERT_TRUE(world.Step(step).finite);
+      kinetic = std::max(kinetic, d.KineticEnergy());
+      if (random.Vector(1, 1)(0) < 0.5) continue;
+      const double before = energy();
+      ASSERT_TRUE(d.Refresh());
+      EXPECT_LT(energy() - before, 1e-6 * kinetic) << i;
+    }
+  }
+  EXPECT_GT(truncated, 12);
+}
+
 // The interior that is left out takes no load from how fast joint rates change: over a short step that would
 // be large, feed on itself, and after a refresh hold what the new coordinates lack.
 TEST(Refresh, ShortStepsGoWhereLongerOnesGo) {
