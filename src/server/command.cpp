@@ -94,6 +94,7 @@ Command Read(const Json& message) {
       if (!C.is_array() || C.size() != 6) throw Malformed{"'compliance' must be six numbers"};
       const auto at = [&](std::size_t i) { return Number(C[i], "compliance"); };
       c.compliance << at(0), at(3), at(4), at(3), at(1), at(5), at(4), at(5), at(2);
+      c.factor = Number(Member(message, "factor"), "factor");
       break;
     }
     case Command::Kind::kResume:

@@ -180,6 +180,7 @@ Command Shape(const LiveSimulation& live, const std::string& body, const Matrix3
   c.kind = Command::Kind::kShape;
   c.body = live.simulation().FindBody(body);
   c.compliance = C;
+  c.factor = 1000;
   return c;
 }
 
@@ -224,6 +225,7 @@ TEST(Shape, IsNotAskedOfAThousandJoints) {
   c.kind = Command::Kind::kShape;
   c.body = static_cast<int>(live.simulation().bodies().size()) - 1;
   c.compliance = Matrix3::Identity();
+  c.factor = 10;
   const auto refusal = live.Handle(c);
   ASSERT_TRUE(refusal);
   EXPECT_NE(refusal->sentence.find("210"), std::string::npos) << refusal->sentence;
@@ -239,8 +241,43 @@ TEST(Shape, ComesAsNearAsJointsCan) {
   EXPECT_LT((now - before).norm(), 2 * before.norm());
   EXPECT_TRUE(live.Handle(Shape(live, "ball", before))) << "no spring holds it";
   EXPECT_TRUE(live.Handle(Shape(live, "tip", Matrix3::Zero())));
-  EXPECT_FALSE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3]})"));
-  EXPECT_TRUE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3,0,0,0]})"));
+  EXPECT_FALSE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3],"factor":2})"));
+  EXPECT_FALSE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3,0,0,0]})"));
+  EXPECT_TRUE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3,0,0,0],"factor":2})"));
+}
+
+TEST(Shape, StiffnessesStayWithinTheFactor) {
+  LiveSimulation live = Start(Load(kFinger));
+  const Matrix3 before = ComplianceOfTip(live);
+  for (const double by : {10.0, 0.01, 3.0}) {
+    Command c = Shape(live, "tip", by * before);
+    c.viewer = 4;
+    c.factor = 2;
+    ASSERT_FALSE(live.Handle(c));
+    for (const Tunable& t : live.settings().tunables) {
+      EXPECT_GE(t.value, std::min(t.original, t.original / 2)) << t.owner;
+      EXPECT_LE(t.value, std::max(t.original, t.original * 2)) << t.owner;
+    }
+    // Every stiffness stands at a bound, and so the compliance does.
+    const double reached = by > 1 ? 2 : 0.5;
+    EXPECT_LT((ComplianceOfTip(live) - reached * before).norm(), 1e-3 * before.norm()) << by;
+    const auto replies = live.TakeReplies();
+    ASSERT_EQ(replies.size(), 1u);
+    EXPECT_EQ(replies[0].viewer, 4);
+    const auto reply = nlohmann::json::parse(replies[0].message);
+    const double xx = before(0, 0);
+    EXPECT_NEAR(reply["asked"][0], by * xx, 1e-3 * xx);
+    EXPECT_NEAR(reply["reached"][0], reached * xx, 1e-3 * xx);
+    EXPECT_NEAR(reply["stiffest"][0], 0.5 * xx, 1e-3 * xx);
+    EXPECT_NEAR(reply["softest"][0], 2 * xx, 1e-3 * xx);
+    EXPECT_EQ(reply["stiffnesses"], 4);
+    EXPECT_EQ(reply["at_bound"], 4);
+  }
+  Command c = Shape(live, "tip", before);
+  c.factor = 1;
+  const auto refusal = live.Handle(c);
+  ASSERT_TRUE(refusal);
+  EXPECT_NE(refusal->sentence.find("factor"), std::string::npos) << refusal->sentence;
 }
 
 }  // namespace

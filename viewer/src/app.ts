@@ -121,7 +121,7 @@ export class App {
         canvas.classList.toggle('picking', on);
       },
     });
-    const stretch = new Stretch(this.view.ellipsoids, (request) => this.send(request));
+    const stretch = new Stretch(this.view.ellipsoids, this.bench.tuning.shape);
     this.pointer = new Pointer(canvas, this.view.stage, this.view.bodies, {
       canTouch: () => this.live !== null && this.timeline === null && this.view.options.copies === 1,
       picking: () => this.picking.on,

@@ -36,6 +36,7 @@ struct Command {
   double value = 0;
   std::vector<int> bodies;
   Matrix3 compliance = Matrix3::Zero();  // m/N, axes of the root
+  double factor = 1;                     // shape: bound on each stiffness over the file's, and its inverse
   bool tuned = false;      // write: the numbers that were changed
   bool text_only = false;  // write: no file
   int moment = -1;         // write: -1 none, 0 the present, else that of a frame

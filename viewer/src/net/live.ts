@@ -6,7 +6,7 @@ export type Request =
   | { type: 'release' | 'step' | 'reset' }
   | { type: 'pause' | 'ghost'; on: boolean }
   | { type: 'set'; setting: string; index?: number; value: number }
-  | { type: 'shape'; body: number; compliance: number[] }
+  | { type: 'shape'; body: number; compliance: number[]; factor: number }
   | { type: 'resume'; sequence: number }
   | { type: 'write'; tuned: boolean; moment: number; text_only: boolean }
   | { type: 'interfaces'; mechanism: number; bodies: number[] };
