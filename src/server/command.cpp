@@ -56,7 +56,8 @@ Command Read(const Json& message) {
       {"step", Command::Kind::kStep},   {"reset", Command::Kind::kReset},
       {"set", Command::Kind::kSet},     {"interfaces", Command::Kind::kInterfaces},
       {"ghost", Command::Kind::kGhost}, {"resume", Command::Kind::kResume},
-      {"write", Command::Kind::kWrite}, {"shape", Command::Kind::kShape}};
+      {"write", Command::Kind::kWrite}, {"shape", Command::Kind::kShape},
+      {"hold", Command::Kind::kHold}};
   const auto kind = type.is_string() ? kinds.find(type.get<std::string>()) : kinds.end();
   if (kind == kinds.end()) throw Malformed{"the message's 'type' is not one that this program knows"};
   Command c;

@@ -34,6 +34,35 @@ void LiveSimulation::ApplyTargets() {
   }
 }
 
+// A servo F = gain u + bias - stiffness (at_reference + l) is at rest at the present l.
+std::optional<Refusal> LiveSimulation::HandleHold() {
+  bool holds = false;
+  Eigen::Index first = 0;
+  for (int i = 0; i < static_cast<int>(base_start_.size()); ++i) {
+    const auto& given = simulation_.given_mechanism(i);
+    const MechanismDynamics& m =
+        simulation_.world().mechanisms()[static_cast<std::size_t>(simulation_.place(i).mechanism)];
+    for (std::size_t k = 0; k < given.controls().size(); ++k) {
+      const std::string& name = given.controls()[k].name;
+      const auto servo = std::find_if(servos_.begin(), servos_.end(), [&](const ServoShare& s) {
+        return s.mechanism == i && s.control == name && s.stiffness > 0;
+      });
+      const auto& controls = m.mechanism().controls();
+      const auto control =
+          std::find_if(controls.begin(), controls.end(), [&](const auto& c) { return c.name == name; });
+      if (servo == servos_.end() || control == controls.end() || control->gain == 0) continue;
+      const double set_point = servo->stiffness * (m.Length(control->length) - servo->Rest()) / control->gain;
+      targets_(first + static_cast<Eigen::Index>(k)) = std::clamp(set_point, control->lower, control->upper);
+      holds = true;
+    }
+    first += static_cast<Eigen::Index>(given.controls().size()) + (given.base() == BaseKind::kDriven ? 6 : 0);
+  }
+  if (!holds) return Refusal{"the model has no position servo that could hold its posture"};
+  ++latest_.settings_version;
+  latest_.settings = std::make_shared<const std::string>(SettingsMessage());
+  return {};
+}
+
 void LiveSimulation::ApplyPulls() {
   shown_.clear();
   loads_.clear();

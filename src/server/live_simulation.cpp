@@ -222,6 +222,8 @@ std::optional<Refusal> LiveSimulation::Handle(const Command& c) {
       return {};
     case Command::Kind::kReset:
       return OrSay(Rebuild(settings_, nullptr));
+    case Command::Kind::kHold:
+      return HandleHold();
     case Command::Kind::kSet:
       return HandleSet(c);
     case Command::Kind::kInterfaces:

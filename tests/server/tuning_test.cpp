@@ -142,6 +142,30 @@ TEST(Tuning, GoesBackToAMomentOfThePastBitByBit) {
   EXPECT_TRUE(live.Handle(back));  // before the first that was kept
 }
 
+// Pulled up, the shoulder's servo holds it there, through its gear; the drive has no set-point in radians but
+// comes to rest in the same place.
+TEST(Tuning, HoldMakesPresentPositionsTheSetPoints) {
+  LiveSimulation live = Start(Load(kArm));
+  const int lower = live.simulation().FindBody("lower");
+  for (int i = 0; i < 60; ++i) {
+    live.Handle(Pull(lower, Vector3::Zero(), Vector3(0.2, 0, 1.2)));
+    live.Advance(kNoLimit);
+  }
+  const auto& configuration = live.simulation().world().mechanisms()[0].configuration();
+  const VectorX q = configuration.q;
+  EXPECT_GT(q.cwiseAbs().minCoeff(), 0.02);
+  ASSERT_FALSE(live.Handle(Of(Command::Kind::kHold)));
+  live.Advance(kNoLimit);
+  const double servo = live.simulation().controls()(0), drive = live.simulation().controls()(1);
+  EXPECT_NEAR(servo, std::clamp(2 * q(0), -1.0, 1.0), 1e-9);
+  EXPECT_NEAR(8 * drive + 0.2 - 8 * q(1), 0, 1e-9);
+  const auto settings = nlohmann::json::parse(*live.Capture(1).settings);
+  EXPECT_NEAR(settings["controls"][0], servo, 1e-9);
+  LiveSimulation none = Start(Load(R"(<mujoco><worldbody><body><joint name="j" axis="0 1 0" stiffness="1"/>
+    <geom size="0.1"/></body></worldbody></mujoco>)"));
+  EXPECT_TRUE(none.Handle(Of(Command::Kind::kHold)));
+}
+
 // ---- An ellipsoid of compliance that is dragged ----
 
 // Three links that are bent, in a plane: what forces in it do at the tip's origin three servos decide.

@@ -17,6 +17,7 @@ struct Command {
     kPause,       ///< stop or go on: `on`
     kStep,        ///< one frame, then pause
     kReset,       ///< back to the initial state
+    kHold,        ///< set-points of position servos take the present joint positions
     kSet,         ///< `setting` [index] = value
     kInterfaces,  ///< the interface bodies of mechanism `index` are `bodies`
     kResume,      ///< back to the frame `index`, or the kept moment before it

@@ -84,6 +84,7 @@ class LiveSimulation {
   KeyframeDef PresentState() const;
   KeyframeDef SetDown(KeyframeDef state) const;
   std::optional<Refusal> HandleSet(const Command& command);
+  std::optional<Refusal> HandleHold();
   std::optional<Refusal> HandleInterfaces(const Command& command);
   std::optional<Refusal> HandleShape(const Command& command);
   std::optional<Refusal> HandleWrite(const Command& command);

@@ -3,7 +3,7 @@
 export type Request =
   | { type: 'pull'; body: number; point: number[]; target: number[] }
   | { type: 'push'; body: number; point: number[]; target: number[] }
-  | { type: 'release' | 'step' | 'reset' }
+  | { type: 'release' | 'step' | 'reset' | 'hold' }
   | { type: 'pause' | 'ghost'; on: boolean }
   | { type: 'set'; setting: string; index?: number; value: number }
   | { type: 'shape'; body: number; compliance: number[]; factor: number }

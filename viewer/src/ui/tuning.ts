@@ -62,6 +62,11 @@ export class Tuning {
     this.result.setAttribute('role', 'status');
   }
 
+  /** All that can be tuned, as the program last told them. */
+  get numbers(): readonly TunableInfo[] {
+    return this.items;
+  }
+
   useScene(scene: SceneMessage): void {
     this.scene = scene;
   }
