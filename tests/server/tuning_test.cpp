@@ -142,6 +142,94 @@ TEST(Tuning, GoesBackToAMomentOfThePastBitByBit) {
   EXPECT_TRUE(live.Handle(back));  // before the first that was kept
 }
 
+ControlTrack Table() { return {{"servo", "drive"}, {0, 0.3, 0.6}, {{0.1, 0}, {0.8, 0.4}, {-0.5, 0.2}}}; }
+
+TEST(Table, MovesALiveSimulationAsARun) {
+  const Loaded loaded = Load(kArm);
+  SimulationOptions options;
+  options.step.controls_move = true;
+  auto push = PushTrack::Parse("lower:0,0,2:0.2..0.4", "--push");
+  ASSERT_TRUE(push);
+  const PushTrack pushes{{*push}};
+  auto run = Simulation::Create(loaded.scene, options);
+  ASSERT_TRUE(run);
+  auto live = LiveSimulation::Create(loaded.scene, options, "arm");
+  ASSERT_TRUE(live);
+  Table().Start(*run);
+  live->Play(Table(), pushes);
+  for (int round = 0; round < 2; ++round) {
+    while (live->simulation().steps() < 60) live->Advance(kNoLimit);
+    if (round == 0) {
+      for (std::int64_t i = 0; i < live->simulation().steps(); ++i) {
+        const double end = static_cast<double>(i + 1) * run->dt();
+        Table().Apply(end, *run);
+        for (const PushNow& p : pushes.Over(end, run->dt(), *run))
+          run->ApplyWrench(p.body, p.force_W, p.moment_W, p.point_W);
+        run->Step();
+      }
+    }
+    EXPECT_EQ(live->simulation().HashState(), run->HashState());
+    ASSERT_FALSE(live->Handle(Of(Command::Kind::kReset)));
+    EXPECT_EQ(live->simulation().controls()(0), 0.1);
+  }
+}
+
+TEST(Table, DrivesABaseAsARun) {
+  Loaded loaded = Load(kArm);
+  loaded.scene.mechanisms[0].base = BaseKind::kDriven;
+  SimulationOptions options;
+  options.step.controls_move = true;
+  auto run = Simulation::Create(loaded.scene, options);
+  auto live = LiveSimulation::Create(loaded.scene, options, "arm");
+  ASSERT_TRUE(run);
+  ASSERT_TRUE(live);
+  ControlTrack table{{}, {0, 0.4, 0.8}, {{0.1, 0}, {0.5, 0.3}, {-2.5, 0.6}}};  // at more than 1 m/s
+  for (const std::string& name : run->control_names())
+    if (name.ends_with(".z") || name.ends_with(".ry")) table.names.push_back(name);
+  ASSERT_EQ(table.names.size(), 2u);
+  table.Start(*run);
+  live->Play(table, {});
+  const int lower = run->FindBody("lower");
+  for (int i = 0; i < 60; ++i) {
+    table.Apply(static_cast<double>(i + 1) * run->dt(), *run);
+    run->Step();
+    while (live->simulation().steps() <= i) live->Advance(kNoLimit);
+    EXPECT_LT((live->simulation().Pose(lower).translation() - run->Pose(lower).translation()).norm(), 1e-9)
+        << i;
+    // Built anew, it counts from another pose and goes on along the same path.
+    if (i == 30) {
+      ASSERT_FALSE(live->Handle(Set("friction", 0.5)));
+      break;
+    }
+  }
+  while (live->simulation().time() < 0.6) live->Advance(kNoLimit);
+  EXPECT_NEAR(
+      live->simulation().BasePose(0).translation().z() - run->scene().mechanisms[0].X_WR.translation().z(),
+      -2.5, 1e-9);
+}
+
+TEST(Table, LosesAControlToItsSliderUntilTheReset) {
+  SimulationOptions options;
+  options.step.controls_move = true;
+  auto live = LiveSimulation::Create(Load(kArm).scene, options, "arm");
+  ASSERT_TRUE(live);
+  live->Play(Table(), {});
+  ASSERT_FALSE(live->Handle(Set("control", 0.9, 0)));
+  while (live->simulation().steps() < 60) live->Advance(kNoLimit);  // the table ends at 36
+  EXPECT_EQ(live->simulation().controls()(0), 0.9);
+  EXPECT_NEAR(live->simulation().controls()(1), 0.2, 1e-12);
+  const auto settings = nlohmann::json::parse(*live->Capture(1).settings);
+  EXPECT_NEAR(settings["controls"][0], 0.9, 1e-12);
+  EXPECT_NEAR(settings["controls"][1], 0.2, 1e-12);
+  // Built anew it goes on where it stands.
+  ASSERT_FALSE(live->Handle(Set("friction", 0.5)));
+  EXPECT_EQ(live->simulation().start_controls()(0), 0.9);
+  EXPECT_NEAR(live->simulation().start_controls()(1), 0.2, 1e-12);
+  ASSERT_FALSE(live->Handle(Of(Command::Kind::kReset)));
+  while (live->simulation().steps() < 60) live->Advance(kNoLimit);
+  EXPECT_NEAR(live->simulation().controls()(0), -0.5, 1e-12);
+}
+
 // Pulled up, the shoulder's servo holds it there, through its gear; the drive has no set-point in radians but
 // comes to rest in the same place.
 TEST(Tuning, HoldMakesPresentPositionsTheSetPoints) {
