@@ -43,10 +43,7 @@ export class Pointer {
     canvas.addEventListener('pointerdown', (e) => this.down(e), { capture: true });
     canvas.addEventListener('pointermove', (e) => this.move(e));
     for (const name of ['pointerup', 'pointercancel'] as const) canvas.addEventListener(name, (e) => this.up(e));
-    canvas.addEventListener('pointerleave', () => {
-      this.hoverAt = null;
-      this.actions.hover(-1, 0, 0);
-    });
+    canvas.addEventListener('pointerleave', () => this.hoverNothing());
     window.addEventListener('blur', () => this.drop());
   }
 
@@ -58,6 +55,7 @@ export class Pointer {
   private down(event: PointerEvent): void {
     if (event.button !== 0 || !event.isPrimary || !(this.actions.canTouch() || this.actions.selecting())) return;
     const at = this.place(event);
+    this.hoverNothing();
     this.stretch = this.actions.canTouch() ? this.actions.stretching() : null;
     if (this.stretch?.begin(this.aim(at), this.stage.camera.getWorldDirection(new THREE.Vector3()))) {
       this.stage.controls.enabled = false;
@@ -69,11 +67,15 @@ export class Pointer {
     this.start = at;
     this.moved = false;
     if (!this.hit) return;
-    this.actions.hover(-1, 0, 0);
     this.stage.controls.enabled = false;
     this.canvas.setPointerCapture(event.pointerId);
     const world = this.actions.worldPoint(this.hit.body, this.hit.point);
     this.plane.setFromNormalAndCoplanarPoint(this.stage.camera.getWorldDirection(new THREE.Vector3()), world);
+  }
+
+  private hoverNothing(): void {
+    this.hoverAt = null;
+    this.actions.hover(-1, 0, 0);
   }
 
   private aim(at: { x: number; y: number }): THREE.Raycaster {

@@ -140,9 +140,12 @@ describe.skipIf(!ready)('tuning', () => {
       };
       return { from: shown(0.7), to: shown(3) };
     });
+    const label = page.getByRole('tooltip'); // of the body behind it
     await page.mouse.move(...from);
+    await label.waitFor();
     await page.mouse.down();
     await page.mouse.move(...to, { steps: 4 });
+    await label.waitFor({ state: 'hidden' });
     await page.mouse.up();
     await page.locator('.shape dl').waitFor();
     const [asked = NaN, reached = NaN, , possible = NaN] = (await page.locator('.shape dl').innerText()).match(/[\d.]+(?:e[-+]\d+)?/g)?.map(Number) ?? [];
