@@ -164,7 +164,7 @@ export interface ShapedMessage {
   reached: number[];
   stiffest: number[]; // with every stiffness at its bound
   softest: number[];
-  stiffnesses: number; // that decide it
+  stiffnesses: number; // of its mechanism
   at_bound: number; // of those
 }
 
