@@ -11,6 +11,7 @@
 #include <fork1s/server/live_loop.hpp>
 #include <fstream>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -25,6 +26,7 @@
 #include "output.hpp"
 #include "page.hpp"
 #include "print.hpp"
+#include "run_inputs.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -35,6 +37,7 @@ struct ViewArguments {
   int port = 8080;
   bool no_open = false, no_token = false, no_watch = false, only_load = false;
   double dt = 0, time = 0;
+  std::string controls;  // path; empty: none
   Recovery recovery = Recovery::kExact;
 };
 
@@ -70,17 +73,23 @@ std::vector<std::string> OptionsOf(const ViewArguments& args) {
   std::vector<std::string> options{std::string("--recovery=") + Name(args.recovery)};
   if (args.dt > 0) options.push_back(fmt::format("--dt={}", args.dt));
   if (args.integrator) options.push_back(std::string("--integrator=") + Name(*args.integrator));
+  if (!args.controls.empty()) options.push_back("--controls=" + args.controls);
   return options;
 }
 
 Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   auto imported = args.model.Load();
   if (!imported) return tl::unexpected(imported.error());
+  InputArguments table;
+  table.controls = args.controls;
+  auto inputs = ReadInputs(table);
+  if (!inputs) return tl::unexpected(inputs.error());
   if (!args.model.json) PrintNotes(imported->report);
   SimulationOptions options;
   options.dt = args.dt;
   options.recovery = args.recovery;
   options.step.integrator = args.integrator.value_or(Integrator::kTwoStage);
+  options.step.controls_move = !args.controls.empty();  // as of run
   options.initial_keyframe = imported->initial_keyframe;
   // With its folder: many models are called scene.xml.
   const std::filesystem::path path(args.model.path);
@@ -92,6 +101,12 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
     error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);
     return tl::unexpected(error);
   }
+  if (args.controls.empty()) return live;
+  if (auto ok = CheckInputs(*inputs, table, live->simulation()); !ok) return tl::unexpected(ok.error());
+  constexpr double kWithoutEnd = std::numeric_limits<double>::infinity();  // s
+  for (const std::string& sentence : InputLimits(*inputs, table, live->simulation(), kWithoutEnd))
+    PrintText(stderr, "warning: {}\n", sentence);
+  live->Play(std::move(inputs->controls), std::move(inputs->pushes.front()));
   return live;
 }
 
@@ -156,12 +171,12 @@ int RunReplay(const ViewArguments& args) {
   ModelArguments plain;
   plain.path = args.model.path;
   plain.json = args.model.json;
-  if (args.model.Words() != plain.Words() || args.dt > 0 || args.integrator ||
+  if (args.model.Words() != plain.Words() || args.dt > 0 || args.integrator || !args.controls.empty() ||
       args.recovery != Recovery::kExact)
     return Report(
         {ErrorCode::kUsage, args.model.path,
-         "is a recording, which is shown as it was simulated; leave out the options of the model and of "
-         "its steps"},
+         "is a recording, which is shown as it was simulated; leave out the options of the model, of its "
+         "steps and controls"},
         args.model.json);
   auto recording = Recording::Open(args.model.path);
   if (!recording) return Report(recording.error(), args.model.json);
@@ -208,6 +223,8 @@ void AddView(CLI::App& app, Action& action) {
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
       ->check(PositiveUpTo(kMostStep));
   command->add_flag("--only-load", args->only_load, "read the model and end")->group("");
+  command->add_option("--controls", args->controls,
+                      "CSV of control values and pushes, as of run; a slider takes its control out of it");
   AddIntegratorTo(*command, args->integrator);
   AddRecoveryTo(*command, args->recovery);
   command->add_option("--time", args->time, "end after this many seconds (default: when told to)")

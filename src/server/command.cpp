@@ -56,7 +56,8 @@ Command Read(const Json& message) {
       {"step", Command::Kind::kStep},   {"reset", Command::Kind::kReset},
       {"set", Command::Kind::kSet},     {"interfaces", Command::Kind::kInterfaces},
       {"ghost", Command::Kind::kGhost}, {"resume", Command::Kind::kResume},
-      {"write", Command::Kind::kWrite}, {"shape", Command::Kind::kShape}};
+      {"write", Command::Kind::kWrite}, {"shape", Command::Kind::kShape},
+      {"hold", Command::Kind::kHold}};
   const auto kind = type.is_string() ? kinds.find(type.get<std::string>()) : kinds.end();
   if (kind == kinds.end()) throw Malformed{"the message's 'type' is not one that this program knows"};
   Command c;
@@ -94,6 +95,7 @@ Command Read(const Json& message) {
       if (!C.is_array() || C.size() != 6) throw Malformed{"'compliance' must be six numbers"};
       const auto at = [&](std::size_t i) { return Number(C[i], "compliance"); };
       c.compliance << at(0), at(3), at(4), at(3), at(1), at(5), at(4), at(5), at(2);
+      c.factor = Number(Member(message, "factor"), "factor");
       break;
     }
     case Command::Kind::kResume:

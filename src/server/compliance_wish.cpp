@@ -10,7 +10,6 @@
 namespace fork1s::internal {
 namespace {
 
-constexpr double kFarthest = 1000;  // from the file's stiffness, either way
 constexpr int kSteps = 40;
 constexpr int kMostCoordinates = 200;  // a step takes milliseconds there, and grows with their cube
 constexpr double kReached = 1e-4, kLongest = 1.0;  // of a logarithm
@@ -21,16 +20,23 @@ struct Handle {
   JointIndex joint;
   int freedom;
   double per;
+  double least, most;  // that its number may have
 };
 
-std::vector<Handle> HandlesOf(const Scene& scene, int mechanism, const LiveSettings& settings) {
+std::vector<Handle> HandlesOf(const Scene& scene, const ComplianceWish& wish, const LiveSettings& settings) {
+  const int mechanism = wish.mechanism;
   const MechanismDef& def = scene.mechanisms[static_cast<std::size_t>(mechanism)];
   std::vector<Handle> out;
   for (std::size_t i = 0; i < settings.tunables.size(); ++i) {
     const Tunable& t = settings.tunables[i];
     if (t.mechanism != mechanism || t.quantity != Tunable::Quantity::kStiffness || !(t.original > 0))
       continue;
-    Handle handle{i, JointIndex(t.item), t.freedom, 1};
+    Handle handle{i,
+                  JointIndex(t.item),
+                  t.freedom,
+                  1,
+                  std::min(t.value, t.original / wish.factor),
+                  std::max(t.value, t.original * wish.factor)};
     if (t.of == Tunable::Of::kActuator) {
       const ControlDef& c = def.controls[static_cast<std::size_t>(t.item)];
       if (c.terms.size() != 1 || c.along.path >= 0) continue;  // over several joints
@@ -90,7 +96,7 @@ double Missed(const Matrix3& C, const Matrix3& wished) {
 
 }  // namespace
 
-Expected<double> FollowWish(const Scene& scene, const ComplianceWish& wish, LiveSettings& settings) {
+Expected<FollowedWish> FollowWish(const Scene& scene, const ComplianceWish& wish, LiveSettings& settings) {
   if (wish.q.size() > kMostCoordinates)
     return Fail(
         ErrorCode::kUsage, "compliance",
@@ -98,7 +104,7 @@ Expected<double> FollowWish(const Scene& scene, const ComplianceWish& wish, Live
             "can be asked for of mechanisms of up to {} joint coordinates, and this one has {}; tune its "
             "stiffnesses one by one",
             kMostCoordinates, wish.q.size()));
-  const std::vector<Handle> handles = HandlesOf(scene, wish.mechanism, settings);
+  const std::vector<Handle> handles = HandlesOf(scene, wish, settings);
   const auto count = static_cast<Eigen::Index>(handles.size());
   auto here = AnswerOf(scene, wish, settings);
   if (!here) return tl::unexpected(here.error());
@@ -116,14 +122,22 @@ Expected<double> FollowWish(const Scene& scene, const ComplianceWish& wish, Live
       return Fail(ErrorCode::kUsage, "compliance",
                   "no stiffness of a joint or servo moves this body; take another body");
     const Vector6 r = Entries(here->C_R - wish.C_R) / scale;
+    // The active set: at a bound, and downhill lies beyond it.
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const Handle& h = handles[static_cast<std::size_t>(i)];
+      const double value = settings.tunables[h.tunable].value, slope = J.col(i).dot(r);
+      if ((value <= h.least && slope > 0) || (value >= h.most && slope < 0)) J.col(i).setZero();
+    }
+    if (J.isZero(0)) break;
     const double size = J.squaredNorm() / 6;
     const Matrix6 N = J * J.transpose() + damping * size * Matrix6::Identity();
     VectorX change = -J.transpose() * SolvePositive(N, r);
     change *= std::min(1.0, kLongest / std::max(1e-300, change.cwiseAbs().maxCoeff()));
     LiveSettings tried = settings;
     for (Eigen::Index i = 0; i < count; ++i) {
-      Tunable& t = tried.tunables[handles[static_cast<std::size_t>(i)].tunable];
-      t.value = std::clamp(t.value * std::exp(change[i]), t.original / kFarthest, t.original * kFarthest);
+      const Handle& h = handles[static_cast<std::size_t>(i)];
+      double& value = tried.tunables[h.tunable].value;
+      value = std::clamp(value * std::exp(change[i]), h.least, h.most);
     }
     auto there = AnswerOf(scene, wish, tried);
     const double nearer = there ? Missed(there->C_R, wish.C_R) : missed;
@@ -137,10 +151,23 @@ Expected<double> FollowWish(const Scene& scene, const ComplianceWish& wish, Live
     }
   }
   // As a person would type them.
-  for (const Handle& h : handles)
-    if (Tunable& t = settings.tunables[h.tunable]; t.value != before[h.tunable].value)
-      t.value = FourDigits(t.value);
-  return missed;
+  FollowedWish out;
+  LiveSettings softest = settings, stiffest = settings;
+  for (const Handle& h : handles) {
+    Tunable& t = settings.tunables[h.tunable];
+    if (t.value != before[h.tunable].value) t.value = std::clamp(FourDigits(t.value), h.least, h.most);
+    softest.tunables[h.tunable].value = h.least;
+    stiffest.tunables[h.tunable].value = h.most;
+    ++out.num_stiffnesses;
+    out.num_at_bound += t.value <= h.least || t.value >= h.most;
+  }
+  for (const auto& [at, C_R] :
+       {std::pair{&settings, &out.reached_R}, {&softest, &out.softest_R}, {&stiffest, &out.stiffest_R}}) {
+    const auto answer = AnswerOf(scene, wish, *at);
+    if (!answer) return tl::unexpected(answer.error());
+    *C_R = answer->C_R;
+  }
+  return out;
 }
 
 }  // namespace fork1s::internal

@@ -40,7 +40,7 @@ class Twin {
     simulation_.SetGravity(step.gravity_W);
     simulation_.SetControls(FromHere(step.controls));
     for (const GhostStep::Load& load : step.loads)
-      simulation_.ApplyWrench(load.body, load.force_W, Vector3::Zero(),
+      simulation_.ApplyWrench(load.body, load.force_W, load.moment_W,
                               simulation_.Pose(load.body) * load.point_B);
     return simulation_.Step();
   }

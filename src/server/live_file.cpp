@@ -14,6 +14,10 @@ namespace {
 
 using Json = nlohmann::json;
 
+constexpr double kMostFactor = 1000;  // of a stiffness over the file's
+
+Json SixOf(const Matrix3& C) { return {C(0, 0), C(1, 1), C(2, 2), C(0, 1), C(0, 2), C(1, 2)}; }
+
 Json OrNull(double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); }
 
 }  // namespace
@@ -45,7 +49,11 @@ std::optional<Refusal> LiveSimulation::HandleShape(const Command& c) {
     return Refusal{fmt::format("body '{}' is held by others; take another detail level", body.name)};
   if (!(c.compliance.cwiseAbs().maxCoeff() > 0) || !(c.compliance.diagonal().minCoeff() > 0))
     return Refusal{"a body gives way along every axis, or along none that can be asked for"};
+  if (!(c.factor > 1 && c.factor <= kMostFactor))
+    return Refusal{fmt::format("stiffnesses change by a factor above 1 and up to {}, and {:.6g} was given",
+                               kMostFactor, c.factor)};
   internal::ComplianceWish wish;
+  wish.factor = c.factor;
   wish.mechanism = body.mechanism;
   wish.body = BodyIndex(body.index);
   // A mechanism that holds other bodies has further coordinates, behind its own.
@@ -60,7 +68,17 @@ std::optional<Refusal> LiveSimulation::HandleShape(const Command& c) {
   const KeyframeDef now = PresentState();
   auto refusal = OrSay(Rebuild(changed, &now));
   ShowTuning();
-  return refusal;
+  if (refusal) return refusal;
+  const Json reply = {{"type", "shaped"},
+                      {"body", c.body},
+                      {"asked", SixOf(c.compliance)},
+                      {"reached", SixOf(followed->reached_R)},
+                      {"stiffest", SixOf(followed->stiffest_R)},
+                      {"softest", SixOf(followed->softest_R)},
+                      {"stiffnesses", followed->num_stiffnesses},
+                      {"at_bound", followed->num_at_bound}};
+  replies_.push_back({c.viewer, internal::Dump(reply)});
+  return {};
 }
 
 std::optional<Refusal> LiveSimulation::HandleWrite(const Command& c) {

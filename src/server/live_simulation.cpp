@@ -134,7 +134,9 @@ Expected<void> LiveSimulation::Rebuild(LiveSettings settings, const KeyframeDef*
     pushes_.clear();
     carry_ = 0;
     scalars_.refreshes = 0;
+    played_ = table_;
   }
+  StartTargets();
   scalars_.reduce_ms = 1e3 * (Now() - start);
   if (new_order) ShowShapes(latest_.geometry_version + 1);
   AfterBuild();
@@ -222,6 +224,8 @@ std::optional<Refusal> LiveSimulation::Handle(const Command& c) {
       return {};
     case Command::Kind::kReset:
       return OrSay(Rebuild(settings_, nullptr));
+    case Command::Kind::kHold:
+      return HandleHold();
     case Command::Kind::kSet:
       return HandleSet(c);
     case Command::Kind::kInterfaces:
@@ -244,6 +248,7 @@ std::optional<Refusal> LiveSimulation::HandleSet(const Command& c) {
     if (c.index < 0 || c.index >= targets_.size())
       return Refusal{fmt::format("there is no control {}", c.index)};
     targets_(c.index) = c.value;
+    LeaveTable(c.index);
   } else {
     LiveSettings changed = settings_;
     const auto kind = ChangeSetting(c.setting, c.index, c.value, changed);
@@ -293,6 +298,7 @@ std::optional<Refusal> LiveSimulation::HandleInterfaces(const Command& c) {
 }
 
 bool LiveSimulation::StepOnce() {
+  FollowTable(time_offset_ + static_cast<double>(simulation_.steps() + 1) * simulation_.dt());
   ApplyTargets();
   ApplyPulls();
   BeginError();

@@ -123,6 +123,34 @@ TEST(View, PlaysARecording) {
   EXPECT_EQ(Fork1s("view --no-open " + damaged).code, 3);
 }
 
+TEST(View, PlaysATableOfControls) {
+  const std::string model = Write("played.xml", FingerModel());
+  const std::string table = Write("played.csv", "time,bend\n0,0\n0.5,0.75\n");
+  Session session({model, "--controls", table});
+  REQUIRE_PAGE(session);
+  SocketClient page(session.address());
+  page.Upgrade();
+  bool told = false;
+  for (int i = 0; i < 3000 && !told; ++i) {
+    const auto frame = page.ReadFrame();
+    ASSERT_TRUE(frame);
+    if (frame->opcode != 1 || frame->payload.find("\"settings\"") == std::string::npos) continue;
+    told = nlohmann::json::parse(frame->payload)["controls"] == nlohmann::json{0.75};
+  }
+  EXPECT_TRUE(told);
+  EXPECT_EQ(session.End(SIGINT), 0);
+
+  const std::string other = Write("other.csv", "time,bent\n0,0\n");
+  const Outcome missing = Fork1s("view --no-open --port 0 --time 1 " + model + " --controls " + other);
+  EXPECT_EQ(missing.code, 3);
+  for (const char* words : {"other.csv", "column 'bent' is no control", "bend"})
+    EXPECT_NE(missing.err.find(words), std::string::npos) << missing.err;
+  const std::string far = Write("far.csv", "time,bend\n0,0\n1,4\n");
+  const Outcome beyond = Fork1s("view --no-open --port 0 --time 0.1 " + model + " --controls " + far);
+  EXPECT_EQ(beyond.code, 0);
+  EXPECT_NE(beyond.err.find("asks 'bend' for 4"), std::string::npos) << beyond.err;
+}
+
 TEST(View, AFolderInPlaceOfTheModelIsTold) {
   const std::string model = Write("replaced.xml", FingerModel());
   Session session(model);

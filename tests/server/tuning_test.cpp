@@ -142,6 +142,118 @@ TEST(Tuning, GoesBackToAMomentOfThePastBitByBit) {
   EXPECT_TRUE(live.Handle(back));  // before the first that was kept
 }
 
+ControlTrack Table() { return {{"servo", "drive"}, {0, 0.3, 0.6}, {{0.1, 0}, {0.8, 0.4}, {-0.5, 0.2}}}; }
+
+TEST(Table, MovesALiveSimulationAsARun) {
+  const Loaded loaded = Load(kArm);
+  SimulationOptions options;
+  options.step.controls_move = true;
+  auto push = PushTrack::Parse("lower:0,0,2:0.2..0.4", "--push");
+  ASSERT_TRUE(push);
+  const PushTrack pushes{{*push}};
+  auto run = Simulation::Create(loaded.scene, options);
+  ASSERT_TRUE(run);
+  auto live = LiveSimulation::Create(loaded.scene, options, "arm");
+  ASSERT_TRUE(live);
+  Table().Start(*run);
+  live->Play(Table(), pushes);
+  for (int round = 0; round < 2; ++round) {
+    while (live->simulation().steps() < 60) live->Advance(kNoLimit);
+    if (round == 0) {
+      for (std::int64_t i = 0; i < live->simulation().steps(); ++i) {
+        const double end = static_cast<double>(i + 1) * run->dt();
+        Table().Apply(end, *run);
+        for (const PushNow& p : pushes.Over(end, run->dt(), *run))
+          run->ApplyWrench(p.body, p.force_W, p.moment_W, p.point_W);
+        run->Step();
+      }
+    }
+    EXPECT_EQ(live->simulation().HashState(), run->HashState());
+    ASSERT_FALSE(live->Handle(Of(Command::Kind::kReset)));
+    EXPECT_EQ(live->simulation().controls()(0), 0.1);
+  }
+}
+
+TEST(Table, DrivesABaseAsARun) {
+  Loaded loaded = Load(kArm);
+  loaded.scene.mechanisms[0].base = BaseKind::kDriven;
+  SimulationOptions options;
+  options.step.controls_move = true;
+  auto run = Simulation::Create(loaded.scene, options);
+  auto live = LiveSimulation::Create(loaded.scene, options, "arm");
+  ASSERT_TRUE(run);
+  ASSERT_TRUE(live);
+  ControlTrack table{{}, {0, 0.4, 0.8}, {{0.1, 0}, {0.5, 0.3}, {-2.5, 0.6}}};  // at more than 1 m/s
+  for (const std::string& name : run->control_names())
+    if (name.ends_with(".z") || name.ends_with(".ry")) table.names.push_back(name);
+  ASSERT_EQ(table.names.size(), 2u);
+  table.Start(*run);
+  live->Play(table, {});
+  const int lower = run->FindBody("lower");
+  for (int i = 0; i < 60; ++i) {
+    table.Apply(static_cast<double>(i + 1) * run->dt(), *run);
+    run->Step();
+    while (live->simulation().steps() <= i) live->Advance(kNoLimit);
+    EXPECT_LT((live->simulation().Pose(lower).translation() - run->Pose(lower).translation()).norm(), 1e-9)
+        << i;
+    // Built anew, it counts from another pose and goes on along the same path.
+    if (i == 30) {
+      ASSERT_FALSE(live->Handle(Set("friction", 0.5)));
+      break;
+    }
+  }
+  while (live->simulation().time() < 0.6) live->Advance(kNoLimit);
+  EXPECT_NEAR(
+      live->simulation().BasePose(0).translation().z() - run->scene().mechanisms[0].X_WR.translation().z(),
+      -2.5, 1e-9);
+}
+
+TEST(Table, LosesAControlToItsSliderUntilTheReset) {
+  SimulationOptions options;
+  options.step.controls_move = true;
+  auto live = LiveSimulation::Create(Load(kArm).scene, options, "arm");
+  ASSERT_TRUE(live);
+  live->Play(Table(), {});
+  ASSERT_FALSE(live->Handle(Set("control", 0.9, 0)));
+  while (live->simulation().steps() < 60) live->Advance(kNoLimit);  // the table ends at 36
+  EXPECT_EQ(live->simulation().controls()(0), 0.9);
+  EXPECT_NEAR(live->simulation().controls()(1), 0.2, 1e-12);
+  const auto settings = nlohmann::json::parse(*live->Capture(1).settings);
+  EXPECT_NEAR(settings["controls"][0], 0.9, 1e-12);
+  EXPECT_NEAR(settings["controls"][1], 0.2, 1e-12);
+  // Built anew it goes on where it stands.
+  ASSERT_FALSE(live->Handle(Set("friction", 0.5)));
+  EXPECT_EQ(live->simulation().start_controls()(0), 0.9);
+  EXPECT_NEAR(live->simulation().start_controls()(1), 0.2, 1e-12);
+  ASSERT_FALSE(live->Handle(Of(Command::Kind::kReset)));
+  while (live->simulation().steps() < 60) live->Advance(kNoLimit);
+  EXPECT_NEAR(live->simulation().controls()(0), -0.5, 1e-12);
+}
+
+// Pulled up, the shoulder's servo holds it there, through its gear; the drive has no set-point in radians but
+// comes to rest in the same place.
+TEST(Tuning, HoldMakesPresentPositionsTheSetPoints) {
+  LiveSimulation live = Start(Load(kArm));
+  const int lower = live.simulation().FindBody("lower");
+  for (int i = 0; i < 60; ++i) {
+    live.Handle(Pull(lower, Vector3::Zero(), Vector3(0.2, 0, 1.2)));
+    live.Advance(kNoLimit);
+  }
+  const auto& configuration = live.simulation().world().mechanisms()[0].configuration();
+  const VectorX q = configuration.q;
+  EXPECT_GT(q.cwiseAbs().minCoeff(), 0.02);
+  ASSERT_FALSE(live.Handle(Of(Command::Kind::kHold)));
+  live.Advance(kNoLimit);
+  const double servo = live.simulation().controls()(0), drive = live.simulation().controls()(1);
+  EXPECT_NEAR(servo, std::clamp(2 * q(0), -1.0, 1.0), 1e-9);
+  EXPECT_NEAR(8 * drive + 0.2 - 8 * q(1), 0, 1e-9);
+  const auto settings = nlohmann::json::parse(*live.Capture(1).settings);
+  EXPECT_NEAR(settings["controls"][0], servo, 1e-9);
+  LiveSimulation none = Start(Load(R"(<mujoco><worldbody><body><joint name="j" axis="0 1 0" stiffness="1"/>
+    <geom size="0.1"/></body></worldbody></mujoco>)"));
+  EXPECT_TRUE(none.Handle(Of(Command::Kind::kHold)));
+}
+
 // ---- An ellipsoid of compliance that is dragged ----
 
 // Three links that are bent, in a plane: what forces in it do at the tip's origin three servos decide.
@@ -180,6 +292,7 @@ Command Shape(const LiveSimulation& live, const std::string& body, const Matrix3
   c.kind = Command::Kind::kShape;
   c.body = live.simulation().FindBody(body);
   c.compliance = C;
+  c.factor = 1000;
   return c;
 }
 
@@ -224,6 +337,7 @@ TEST(Shape, IsNotAskedOfAThousandJoints) {
   c.kind = Command::Kind::kShape;
   c.body = static_cast<int>(live.simulation().bodies().size()) - 1;
   c.compliance = Matrix3::Identity();
+  c.factor = 10;
   const auto refusal = live.Handle(c);
   ASSERT_TRUE(refusal);
   EXPECT_NE(refusal->sentence.find("210"), std::string::npos) << refusal->sentence;
@@ -239,8 +353,43 @@ TEST(Shape, ComesAsNearAsJointsCan) {
   EXPECT_LT((now - before).norm(), 2 * before.norm());
   EXPECT_TRUE(live.Handle(Shape(live, "ball", before))) << "no spring holds it";
   EXPECT_TRUE(live.Handle(Shape(live, "tip", Matrix3::Zero())));
-  EXPECT_FALSE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3]})"));
-  EXPECT_TRUE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3,0,0,0]})"));
+  EXPECT_FALSE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3],"factor":2})"));
+  EXPECT_FALSE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3,0,0,0]})"));
+  EXPECT_TRUE(ParseCommand(R"({"type":"shape","body":1,"compliance":[1,2,3,0,0,0],"factor":2})"));
+}
+
+TEST(Shape, StiffnessesStayWithinTheFactor) {
+  LiveSimulation live = Start(Load(kFinger));
+  const Matrix3 before = ComplianceOfTip(live);
+  for (const double by : {10.0, 0.01, 3.0}) {
+    Command c = Shape(live, "tip", by * before);
+    c.viewer = 4;
+    c.factor = 2;
+    ASSERT_FALSE(live.Handle(c));
+    for (const Tunable& t : live.settings().tunables) {
+      EXPECT_GE(t.value, std::min(t.original, t.original / 2)) << t.owner;
+      EXPECT_LE(t.value, std::max(t.original, t.original * 2)) << t.owner;
+    }
+    // Every stiffness stands at a bound, and so the compliance does.
+    const double reached = by > 1 ? 2 : 0.5;
+    EXPECT_LT((ComplianceOfTip(live) - reached * before).norm(), 1e-3 * before.norm()) << by;
+    const auto replies = live.TakeReplies();
+    ASSERT_EQ(replies.size(), 1u);
+    EXPECT_EQ(replies[0].viewer, 4);
+    const auto reply = nlohmann::json::parse(replies[0].message);
+    const double xx = before(0, 0);
+    EXPECT_NEAR(reply["asked"][0], by * xx, 1e-3 * xx);
+    EXPECT_NEAR(reply["reached"][0], reached * xx, 1e-3 * xx);
+    EXPECT_NEAR(reply["stiffest"][0], 0.5 * xx, 1e-3 * xx);
+    EXPECT_NEAR(reply["softest"][0], 2 * xx, 1e-3 * xx);
+    EXPECT_EQ(reply["stiffnesses"], 4);
+    EXPECT_EQ(reply["at_bound"], 4);
+  }
+  Command c = Shape(live, "tip", before);
+  c.factor = 1;
+  const auto refusal = live.Handle(c);
+  ASSERT_TRUE(refusal);
+  EXPECT_NE(refusal->sentence.find("factor"), std::string::npos) << refusal->sentence;
 }
 
 }  // namespace

@@ -11,6 +11,7 @@ import { SignalStore } from './signals/store';
 import { Bar, ghostText } from './ui/bar';
 import { element, saveFile } from './ui/dom';
 import { ForceLabel } from './ui/force_label';
+import { HoverLabel } from './ui/hover_label';
 import { Help } from './ui/help';
 import { bindKeys, isTextField } from './ui/keys';
 import { Legend } from './ui/legend';
@@ -56,6 +57,7 @@ export class App {
   private readonly legend: Legend;
   private readonly help: Help;
   private readonly forceLabel: ForceLabel;
+  private readonly hoverLabel: HoverLabel;
 
   constructor(
     private readonly root: HTMLElement,
@@ -66,6 +68,7 @@ export class App {
     canvas.setAttribute('aria-label', 'The mechanism; drag a body to pull it, click to push it');
     this.view = new View(canvas, defaultOptions(colouring));
     this.forceLabel = new ForceLabel(root);
+    this.hoverLabel = new HoverLabel(root);
     this.bar = new Bar(root, {
       pause: () => this.togglePause(),
       step: () => this.stepOnce(),
@@ -121,7 +124,7 @@ export class App {
         canvas.classList.toggle('picking', on);
       },
     });
-    const stretch = new Stretch(this.view.ellipsoids, (request) => this.send(request));
+    const stretch = new Stretch(this.view.ellipsoids, this.bench.tuning.shape);
     this.pointer = new Pointer(canvas, this.view.stage, this.view.bodies, {
       canTouch: () => this.live !== null && this.timeline === null && this.view.options.copies === 1,
       picking: () => this.picking.on,
@@ -134,7 +137,7 @@ export class App {
       push: (body, point, direction) =>
         this.send({ type: 'push', body, point: point.toArray(), target: direction.toArray() }),
       choose: (body) => this.picking.choose(body),
-      hover: (body) => this.legend.hover(this.view.scene?.bodies[body]),
+      hover: (body, x, y) => this.hoverLabel.at(body, x, y),
       worldPoint: (body, point) => {
         const X = this.view.poses()[body];
         return X ? new THREE.Vector3(...apply(X, point.toArray())) : point.clone();
@@ -324,6 +327,7 @@ export class App {
     this.view.ellipsoids.grabbable = this.live !== null && this.bench.side.shown === 'tune';
     if (this.view.draw()) this.showState();
     this.forceLabel.place(this.view.frame, this.view.stage.camera);
+    this.hoverLabel.show(this.view.scene, this.view.frame, this.bench.tuning.numbers);
     this.plots.draw(now);
     this.bench.draw(now);
   }

@@ -7,7 +7,7 @@ import { apply, type Rigid } from './poses/rigid';
 import { AnatomyView } from './scene/anatomy_view';
 import { Arrows } from './scene/arrows';
 import { BodiesView } from './scene/bodies_view';
-import { bodyErrors, jointGaps, styles } from './scene/colouring';
+import { bodyErrors, bodyFriction, isMeasured, jointGaps, styles } from './scene/colouring';
 import { ContactsView } from './scene/contacts_view';
 import { EllipsoidsView } from './scene/ellipsoids_view';
 import { FramesView } from './scene/frames_view';
@@ -143,16 +143,18 @@ export class View {
   style(): void {
     if (!this.scene) return;
     const { colouring } = this.options;
-    const gaps =
+    const values =
       colouring === 'gaps'
         ? jointGaps(this.scene, this.poses())
         : colouring === 'error'
           ? bodyErrors(this.scene, this.frame?.signals ?? new Float32Array())
-          : new Float64Array();
+          : colouring === 'friction'
+            ? bodyFriction(this.scene, this.frame?.contacts ?? [])
+            : new Float64Array();
     const { scene, selected } = this;
     const marked = new Set(this.marked);
     if (selected !== null) scene.bodies.forEach((body, b) => body.name === selected && marked.add(b));
-    this.bodies.setStyles(styles(scene, colouring, gaps, this.fullGap, marked, (b) => this.shareOf(b)));
+    this.bodies.setStyles(styles(scene, colouring, values, colouring === 'friction' ? 1 : this.fullGap, marked, (b) => this.shareOf(b)));
   }
 
   private shareOf(body: number): number {
@@ -244,7 +246,7 @@ export class View {
       this.followBase(frame);
       this.contacts.update(scene, frame, this.modelSize);
       this.showPulls(frame);
-      if (this.options.colouring === 'gaps' || this.options.colouring === 'error') this.style();
+      if (isMeasured(this.options.colouring)) this.style();
       if (this.options.compliance) this.ellipsoids.update(scene, frame, this.maps, this.poses(), this.modelSize);
       this.anatomy.update(scene, frame, this.maps, this.anatomyPoses(), this.modelSize, this.options, (b) => this.shareOf(b) > 0);
       if (this.options.frames) this.frames.update(this.poses(), 0.05 * this.modelSize);

@@ -2,7 +2,7 @@
 //
 //   node tools/page_pictures.mjs FOLDER [NAME...]     as tools/page_pictures.sh of the project does it
 import { spawn } from 'node:child_process';
-import { existsSync, mkdirSync, readFileSync } from 'node:fs';
+import { existsSync, mkdirSync } from 'node:fs';
 import { join } from 'node:path';
 import { chromium } from 'playwright-core';
 
@@ -13,27 +13,14 @@ const executablePath = ['/usr/bin/chromium', '/usr/bin/chromium-browser'].find((
 if (!binary || !executablePath) throw new Error('needs FORK1S_BINARY and a chromium in /usr/bin');
 
 const seconds = (s) => new Promise((done) => setTimeout(done, 1000 * s));
-// Moves the sliders as a control table says, in its time.
-async function play(page, table, until) {
-  const [head, ...rows] = readFileSync(join(scenes, table), 'utf8')
-    .split('\n')
-    .filter((line) => line !== '' && !line.startsWith('#'))
-    .map((line) => line.split(','));
-  let before = 0;
-  for (const row of rows) {
-    const [time, ...values] = row.map(Number);
-    if (time > until) return;
-    await page.evaluate(
-      ([names, x]) => {
-        const index = new Map(fork1s.view.scene.controls.map((c, i) => [c.name, i]));
-        names.forEach((name, k) => fork1s.send({ type: 'set', setting: 'control', index: index.get(name), value: x[k] }));
-      },
-      [head.slice(1), values],
-    );
-    await seconds(time - before);
-    before = time;
-  }
+// Plays the table of the command line until then; the hand stays as it stands there.
+async function playUntil(page, time) {
+  await page.waitForFunction((t) => fork1s.scalar('time') > t, time, { timeout: 120_000 });
+  await page.evaluate(() =>
+    fork1s.bench.settings.controls.forEach((value, index) => fork1s.send({ type: 'set', setting: 'control', index, value })),
+  );
 }
+const grasp = ['grasp_sphere.xml', '--controls', join(scenes, 'grasp_sphere.csv')];
 // Drags with the mouse, so that the page shows what it shows a person.
 async function drag(page, body, dx, dy, point = [0, 0, 0]) {
   const at = await page.evaluate(
@@ -64,10 +51,10 @@ const look = (page, azimuth, elevation, zoom, body) =>
 
 const pictures = {
   page_hand: {
-    model: ['grasp_sphere.xml'],
+    model: grasp,
     async touch(page) {
       await page.keyboard.press('p');
-      await play(page, 'grasp_sphere.csv', 3);
+      await playUntil(page, 3);
       await options(page, { cones: true });
       await seconds(2);
       await look(page, -60, 10, 1.15, 'ball');
@@ -96,10 +83,10 @@ const pictures = {
     },
   },
   page_tree: {
-    model: ['grasp_sphere.xml'],
+    model: grasp,
     async touch(page) {
       await page.keyboard.press('m');
-      await play(page, 'grasp_sphere.csv', 3);
+      await playUntil(page, 3);
       await options(page, { axes: true, centers: true, inertia: true });
       for (const name of ['joint axes', 'centres of mass', 'inertia boxes']) await page.getByLabel(name).check();
       await page.evaluate(() => {
@@ -168,7 +155,7 @@ const pictures = {
   },
   page_phone: {
     model: ['firemen.xml'],
-    viewport: { width: 390, height: 760 },
+    viewport: { width: 390, height: 844 },
     async touch() {
       await seconds(2);
     },

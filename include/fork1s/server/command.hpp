@@ -17,6 +17,7 @@ struct Command {
     kPause,       ///< stop or go on: `on`
     kStep,        ///< one frame, then pause
     kReset,       ///< back to the initial state
+    kHold,        ///< set-points of position servos take the present joint positions
     kSet,         ///< `setting` [index] = value
     kInterfaces,  ///< the interface bodies of mechanism `index` are `bodies`
     kResume,      ///< back to the frame `index`, or the kept moment before it
@@ -36,6 +37,7 @@ struct Command {
   double value = 0;
   std::vector<int> bodies;
   Matrix3 compliance = Matrix3::Zero();  // m/N, axes of the root
+  double factor = 1;                     // shape: bound on each stiffness over the file's, and its inverse
   bool tuned = false;      // write: the numbers that were changed
   bool text_only = false;  // write: no file
   int moment = -1;         // write: -1 none, 0 the present, else that of a frame

@@ -27,6 +27,7 @@ struct GhostStep {
   struct Load {
     int body = -1;  // place in Simulation::bodies()
     Vector3 point_B, force_W;
+    Vector3 moment_W = Vector3::Zero();
   };
   VectorX controls;  // in the order of Simulation::control_names()
   Vector3 gravity_W;

@@ -9,6 +9,7 @@
 #include <fork1s/server/past.hpp>
 #include <fork1s/server/snapshot.hpp>
 #include <fork1s/server/wire.hpp>
+#include <fork1s/sim/push.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>
 #include <optional>
@@ -42,6 +43,10 @@ class LiveSimulation {
   static Expected<LiveSimulation> Create(Scene scene, const SimulationOptions& options,
                                          const std::string& title, ModelFile file = {});
 
+  /// From the start on, and from every reset, set-points follow the table and pushes act, as those of a run
+  /// do; options given to Create have controls_move. A set-point that a viewer changes leaves the table until
+  /// the next reset. Names that the simulation does not have are skipped. Before the first step.
+  void Play(ControlTrack controls, PushTrack pushes);
   /// Carries out a command. Returns why not if it cannot be, and changes nothing then.
   std::optional<Refusal> Handle(const Command& command);
   /// Goes on with another model from its start: the file read anew, say. Viewers, pause and speed stay, as do
@@ -84,6 +89,7 @@ class LiveSimulation {
   KeyframeDef PresentState() const;
   KeyframeDef SetDown(KeyframeDef state) const;
   std::optional<Refusal> HandleSet(const Command& command);
+  std::optional<Refusal> HandleHold();
   std::optional<Refusal> HandleInterfaces(const Command& command);
   std::optional<Refusal> HandleShape(const Command& command);
   std::optional<Refusal> HandleWrite(const Command& command);
@@ -93,6 +99,9 @@ class LiveSimulation {
   void ApplyPulls();
   void ShowPull();
   void ApplyTargets();
+  void StartTargets();
+  void FollowTable(double time);
+  void LeaveTable(Eigen::Index control);
   void ShowShapes(std::uint32_t version);
   void AfterBuild();
   void EncodeChangedMaps();
@@ -120,6 +129,9 @@ class LiveSimulation {
   VectorX targets_;  // controls as the sliders stand; a driven base moves there at a bounded speed
   std::vector<RigidTransform> base_origin_;  // per mechanism: pose from which its base sliders count
   std::vector<RigidTransform> base_start_;   // and from which this simulation's base controls do
+  ControlTrack table_, played_;  // of Play, and what of it viewers have left to it; names of others are empty
+  PushTrack table_pushes_;
+  bool targets_moved_ = false;               // since the last settings told of the table
   double time_offset_ = 0, carry_ = 0;       // s
   double steps_before_ = 0;
   std::optional<Pull> pull_;

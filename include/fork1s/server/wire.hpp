@@ -14,7 +14,7 @@
 namespace fork1s {
 
 /// Counts on whenever a message changes its meaning; a page of another version asks to be loaded again.
-inline constexpr int kWireVersion = 6;
+inline constexpr int kWireVersion = 7;
 
 /// First word of every binary message.
 enum class WireKind : std::uint32_t { kMaps = 1, kFrame = 2, kMeshes = 3, kGhost = 4 };

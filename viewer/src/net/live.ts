@@ -3,10 +3,10 @@
 export type Request =
   | { type: 'pull'; body: number; point: number[]; target: number[] }
   | { type: 'push'; body: number; point: number[]; target: number[] }
-  | { type: 'release' | 'step' | 'reset' }
+  | { type: 'release' | 'step' | 'reset' | 'hold' }
   | { type: 'pause' | 'ghost'; on: boolean }
   | { type: 'set'; setting: string; index?: number; value: number }
-  | { type: 'shape'; body: number; compliance: number[] }
+  | { type: 'shape'; body: number; compliance: number[]; factor: number }
   | { type: 'resume'; sequence: number }
   | { type: 'write'; tuned: boolean; moment: number; text_only: boolean }
   | { type: 'interfaces'; mechanism: number; bodies: number[] };

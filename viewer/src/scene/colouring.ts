@@ -1,10 +1,13 @@
 // What a body's colour tells: its role, the gap at its joint, or just what the file says.
 import * as THREE from 'three';
 import { apply, fromNumbers, type Rigid } from '../poses/rigid';
-import type { SceneMessage } from '../wire/messages';
+import type { Contact, SceneMessage } from '../wire/messages';
 import { COLORS } from './theme';
 
-export type Colouring = 'file' | 'tips' | 'roles' | 'gaps' | 'error';
+export type Colouring = 'file' | 'tips' | 'roles' | 'gaps' | 'error' | 'friction';
+
+/** Colours of these follow from the frame. */
+export const isMeasured = (colouring: Colouring): boolean => ['gaps', 'error', 'friction'].includes(colouring);
 
 /** Distance [m] at every body between its joint's anchor seen from the body and seen from its parent. */
 export function jointGaps(scene: SceneMessage, poses: Rigid[]): Float64Array {
@@ -44,18 +47,34 @@ export function bodyErrors(scene: SceneMessage, signals: Float32Array): Float64A
   return errors;
 }
 
-/** Cold to hot: share of `full`, on a root scale so that small gaps show. */
+/** |f_t| / (mu f_n) of a contact, 0 to 1. */
+export function frictionUse({ force, normal, friction }: Contact): number {
+  const along = force[0] * normal[0] + force[1] * normal[1] + force[2] * normal[2];
+  const limit = friction * Math.abs(along);
+  return limit > 0 ? Math.hypot(...force.map((f, k) => f - along * (normal[k] ?? 0))) / limit : 0;
+}
+
+/** The largest friction use among the contacts of every body; NaN: nothing touches it. */
+export function bodyFriction(scene: SceneMessage, contacts: readonly Contact[]): Float64Array {
+  const uses = new Float64Array(scene.bodies.length).fill(NaN);
+  for (const c of contacts)
+    for (const body of [c.a, c.b]) if (body >= 0) uses[body] = Math.max(uses[body] || 0, frictionUse(c));
+  return uses;
+}
+
+/** Cold to hot: share of `full`, on a root scale so that small values show. */
 export function heat(share: number, out: THREE.Color): THREE.Color {
   const t = Math.sqrt(Math.min(1, Math.max(0, share)));
   return out.setHSL(0.6 - 0.6 * t, 0.75, 0.45 + 0.1 * t);
 }
 
-/** Styles for BodiesView: rgb and share, a body. `marked`: bodies lit up by pointer or pick. */
+/** Styles for BodiesView: rgb and share, a body. `values` [m or 1] are drawn hottest at `full`, NaN in the
+ * file's colour. `marked`: bodies lit up by pointer or pick. */
 export function styles(
   scene: SceneMessage,
   colouring: Colouring,
-  gaps: Float64Array,
-  fullGap: number,
+  values: Float64Array,
+  full: number,
   marked: ReadonlySet<number>,
   shown: (body: number) => number = () => 1,
 ): Float32Array {
@@ -65,9 +84,10 @@ export function styles(
   scene.bodies.forEach((body, b) => {
     const free = scene.roots[body.root]?.base === 'free';
     let share = 0;
-    if (colouring === 'gaps' || colouring === 'error') {
-      heat((gaps[b] ?? 0) / fullGap, tone);
-      share = 0.9;
+    if (isMeasured(colouring)) {
+      const value = values[b] ?? 0;
+      heat(value / full, tone);
+      share = Number.isNaN(value) ? 0 : 0.9;
     } else if (colouring === 'roles') {
       tone.set(free ? COLORS.free : body.interface ? COLORS.interface : COLORS.interior);
       share = 0.92;

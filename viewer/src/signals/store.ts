@@ -1,6 +1,7 @@
 // Every signal of the simulation over time: what each is, and its values frame by frame.
 import type { Rigid } from '../poses/rigid';
-import type { Contact, Frame, GhostFrame, SceneMessage } from '../wire/messages';
+import { frictionUse } from '../scene/colouring';
+import type { Frame, GhostFrame, SceneMessage } from '../wire/messages';
 
 export interface Signal {
   key: string; // in tables and plots
@@ -55,13 +56,6 @@ const MOST_NUMBERS = 4_000_000;
 const MOST_PLACES = 100; // bodies
 const AXES = ['x', 'y', 'z'];
 const SAME_TIME = 1e-6; // s
-
-/** |f_t| / (mu f_n) of a contact, 0 to 1. */
-function frictionUse({ force, normal, friction }: Contact): number {
-  const along = force[0] * normal[0] + force[1] * normal[1] + force[2] * normal[2];
-  const limit = friction * Math.abs(along);
-  return limit > 0 ? Math.hypot(...force.map((f, k) => f - along * (normal[k] ?? 0))) / limit : 0;
-}
 
 export class SignalStore {
   readonly signals: Signal[] = [];

@@ -1,6 +1,6 @@
-// What colours and lengths mean, and the body under the pointer.
+// What colours and lengths mean.
 import { COLORS } from '../scene/theme';
-import type { BodyInfo, Frame } from '../wire/messages';
+import type { Frame } from '../wire/messages';
 import type { View } from '../view';
 import { element, shortUnit, withUnit } from './dom';
 
@@ -13,7 +13,6 @@ const REFERENCE = 0x7a8794;
 
 export class Legend {
   private readonly root: HTMLElement;
-  private hovered = '';
   private shown = '';
 
   constructor(parent: HTMLElement) {
@@ -22,16 +21,12 @@ export class Legend {
     this.root.setAttribute('aria-label', 'Legend');
   }
 
-  hover(body: BodyInfo | undefined): void {
-    this.hovered = body ? `${body.name}${body.interface ? ' (interface)' : ''}, ${shortUnit(body.mass, 'kg')}` : '';
-  }
-
   show(view: View, frame: Frame, loadFactor: number): void {
     const { colouring, forces, arrowScale } = view.options;
     const parts: [string, string][] = [];
-    if (this.hovered) parts.push(['', this.hovered]);
     if (colouring === 'gaps') parts.push(['bar', `joint gap 0 to ${withUnit(1000 * view.fullGap, 'mm')}`]);
     else if (colouring === 'error') parts.push(['bar', `estimated error 0 to ${withUnit(1000 * view.fullGap, 'mm')}`]);
+    else if (colouring === 'friction') parts.push(['bar', 'friction in use 0 to 100 %']);
     else if (colouring !== 'file') parts.push([css(COLORS.interface), 'interface']);
     if (colouring === 'roles') parts.push([css(COLORS.interior), 'interior'], [css(COLORS.free), 'free']);
     if (view.marked.size > 0 || view.selected !== null) parts.push([css(COLORS.pull), 'chosen']);

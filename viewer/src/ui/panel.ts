@@ -100,7 +100,7 @@ export class Panel {
     this.report = this.model.add(this.reportText, 'reduced').name('reduced to').disable();
     const v = this.view;
     const changed = (): void => actions.changed();
-    v.add(options, 'colouring', { 'interface bodies': 'tips', roles: 'roles', 'joint gaps': 'gaps', 'estimated error': 'error', file: 'file' }).onChange(() => {
+    v.add(options, 'colouring', { 'interface bodies': 'tips', roles: 'roles', 'joint gaps': 'gaps', 'estimated error': 'error', 'friction in use': 'friction', file: 'file' }).onChange(() => {
       changed();
       actions.colouringChanged();
     });
@@ -192,6 +192,9 @@ export class Panel {
       const [low, high] = control.range;
       this.slider(controls, `control/${i}`, control.name, low, high, (high - low) / 1000, i);
     });
+    const hold = controls.add({ hold: () => this.actions.send({ type: 'hold' }) }, 'hold').name('Hold this posture');
+    hold.domElement.title = 'Set-points of position servos take the present joint positions';
+    this.controllers.set('hold', hold);
     this.stiffness = stiffness;
     this.controls = controls;
   }

@@ -144,9 +144,10 @@ export class Plots {
     this.cells = this.keys.map((keys, at) => {
       const figure = element('figure', 'plot', this.root);
       const caption = element('figcaption', '', figure);
+      const names = element('div', 'names', caption);
       keys.forEach((key, i) => {
         const signal = this.store.find(key);
-        const label = element('span', '', caption);
+        const label = element('span', '', names);
         const prefix = signal && ['joint_force', 'actuator', 'error'].includes(signal.group) ? `${key.split(':')[0] ?? ''} ` : '';
         label.textContent = `${prefix}${signal?.title ?? key}${signal?.unit ? ` [${signal.unit}]` : ''}`;
         label.title = label.textContent;

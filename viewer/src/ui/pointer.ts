@@ -17,7 +17,8 @@ export interface PointerActions {
   release(): void;
   push(body: number, point: THREE.Vector3, direction: THREE.Vector3): void;
   choose(body: number): void;
-  hover(body: number): void;
+  /** The body under the pointer, -1: none; where that is in pixels. */
+  hover(body: number, x: number, y: number): void;
   /** Where the grabbed point now is in the world. */
   worldPoint(body: number, point: THREE.Vector3): THREE.Vector3;
 }
@@ -42,6 +43,7 @@ export class Pointer {
     canvas.addEventListener('pointerdown', (e) => this.down(e), { capture: true });
     canvas.addEventListener('pointermove', (e) => this.move(e));
     for (const name of ['pointerup', 'pointercancel'] as const) canvas.addEventListener(name, (e) => this.up(e));
+    canvas.addEventListener('pointerleave', () => this.hoverNothing());
     window.addEventListener('blur', () => this.drop());
   }
 
@@ -53,6 +55,7 @@ export class Pointer {
   private down(event: PointerEvent): void {
     if (event.button !== 0 || !event.isPrimary || !(this.actions.canTouch() || this.actions.selecting())) return;
     const at = this.place(event);
+    this.hoverNothing();
     this.stretch = this.actions.canTouch() ? this.actions.stretching() : null;
     if (this.stretch?.begin(this.aim(at), this.stage.camera.getWorldDirection(new THREE.Vector3()))) {
       this.stage.controls.enabled = false;
@@ -68,6 +71,11 @@ export class Pointer {
     this.canvas.setPointerCapture(event.pointerId);
     const world = this.actions.worldPoint(this.hit.body, this.hit.point);
     this.plane.setFromNormalAndCoplanarPoint(this.stage.camera.getWorldDirection(new THREE.Vector3()), world);
+  }
+
+  private hoverNothing(): void {
+    this.hoverAt = null;
+    this.actions.hover(-1, 0, 0);
   }
 
   private aim(at: { x: number; y: number }): THREE.Raycaster {
@@ -131,6 +139,6 @@ export class Pointer {
     this.hoverAt = null;
     const hit = this.bodies.picker.pick(this.stage.renderer, this.stage.camera, x, y);
     this.canvas.classList.toggle('grab', hit !== null && !this.actions.picking());
-    this.actions.hover(hit?.body ?? -1);
+    this.actions.hover(hit?.body ?? -1, x, y);
   }
 }

@@ -1,14 +1,14 @@
 // An ellipsoid of compliance that is dragged: pulled out or pushed in along the way from its middle to where it was grabbed.
 import * as THREE from 'three';
-import type { Request } from '../net/live';
 import type { DrawnEllipsoid, EllipsoidsView } from '../scene/ellipsoids_view';
+import type { ShapeCard, Vector } from './shape_card';
 
 const LEAST = 0.05; // of the length that it had along the drag
 const MOST = 20;
 const SEND_MS = 100; // each request builds the model anew, some dozen times
 
 /** C stretched along a unit vector u so that a principal axis along u becomes `by` times as long: S C S. */
-export function stretched(C: readonly number[], u: readonly [number, number, number], by: number): number[] {
+export function stretched(C: readonly number[], u: Vector, by: number): number[] {
   const [xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0] = C;
   const full = [
     [xx, xy, xz],
@@ -29,13 +29,14 @@ export class Stretch {
   private grabbed: DrawnEllipsoid | null = null;
   private from = new THREE.Vector3(); // where it was grabbed
   private along = new THREE.Vector3(); // from its middle, in the world
+  private u: Vector = [0, 0, 1]; // the same in the root
   private wished: number[] = [];
   private sentAt = 0;
   private readonly plane = new THREE.Plane();
 
   constructor(
     private readonly ellipsoids: EllipsoidsView,
-    private readonly send: (request: Request) => void,
+    private readonly card: ShapeCard,
   ) {}
 
   get on(): boolean {
@@ -52,6 +53,7 @@ export class Stretch {
     this.from.copy(hit.point);
     this.along.normalize();
     this.wished = [];
+    this.card.begin();
     this.plane.setFromNormalAndCoplanarPoint(view, hit.point);
     return true;
   }
@@ -62,8 +64,9 @@ export class Stretch {
     if (!grabbed || !target) return;
     const long = this.from.distanceTo(grabbed.center);
     const by = THREE.MathUtils.clamp(target.sub(grabbed.center).dot(this.along) / long, LEAST, MOST);
-    const u = this.along.clone().applyQuaternion(grabbed.turn.clone().invert());
-    this.wished = stretched(grabbed.C, [u.x, u.y, u.z], by);
+    const { x, y, z } = this.along.clone().applyQuaternion(grabbed.turn.clone().invert());
+    this.u = [x, y, z];
+    this.wished = stretched(grabbed.C, this.u, by);
     this.ellipsoids.wish(grabbed, this.wished);
     if (now - this.sentAt < SEND_MS) return;
     this.sentAt = now;
@@ -71,7 +74,7 @@ export class Stretch {
   }
 
   private ask(): void {
-    if (this.grabbed && this.wished.length === 6) this.send({ type: 'shape', body: this.grabbed.body, compliance: this.wished });
+    if (this.grabbed && this.wished.length === 6) this.card.ask(this.grabbed.body, this.wished, this.u);
   }
 
   end(): void {

@@ -2,6 +2,7 @@
 import type { Request } from '../net/live';
 import type { SceneMessage, TunableInfo, TuningMessage, WrittenMessage } from '../wire/messages';
 import { checkbox, element, textButton } from './dom';
+import { ShapeCard } from './shape_card';
 import { decimalField, formatDecimal } from './decimal';
 
 const MOST_SHOWN = 300;
@@ -20,6 +21,7 @@ const WORDS: Record<string, string> = {
 };
 
 export class Tuning {
+  readonly shape: ShapeCard;
   private readonly filter: HTMLInputElement;
   private readonly only: HTMLInputElement;
   private readonly list: HTMLElement;
@@ -42,7 +44,11 @@ export class Tuning {
     this.filter.setAttribute('aria-label', this.filter.placeholder);
     this.filter.addEventListener('input', () => this.build());
     this.only = checkbox('only what is chosen in the scene', false, page, () => this.build());
-    element('p', 'hint', page).textContent = 'Compliance ellipsoids (View) can be dragged into another shape.';
+    this.shape = new ShapeCard(page, {
+      send: actions.send,
+      tunables: () => this.items,
+      nameOf: (body) => this.scene?.bodies[body]?.name ?? '',
+    });
     this.list = element('div', 'numbers', page);
     const bar = element('div', 'bar', page);
     this.write = textButton('Write these into a copy of my file', bar, () => {
@@ -56,6 +62,11 @@ export class Tuning {
     this.result.setAttribute('role', 'status');
   }
 
+  /** All that can be tuned, as the program last told them. */
+  get numbers(): readonly TunableInfo[] {
+    return this.items;
+  }
+
   useScene(scene: SceneMessage): void {
     this.scene = scene;
   }
@@ -65,6 +76,7 @@ export class Tuning {
     const names = JSON.stringify(message.items.map((item) => [item.of, item.owner, item.quantity]));
     if (names !== this.names) {
       this.names = names;
+      this.shape.clear();
       this.build();
     } else this.refresh();
     const changed = message.items.filter((item) => item.value !== item.original).length;

@@ -79,6 +79,7 @@ export class Workbench {
 
   take(message: TextMessage): void {
     if (message.type === 'tuning') this.tuning.use(message);
+    else if (message.type === 'shaped') this.tuning.shape.use(message);
     else if (message.type === 'advice') this.advice.use(message, this.view.scene);
     else if (message.type === 'written') {
       if (message.text !== '') this.moment.use(message);

@@ -57,7 +57,7 @@ export interface TendonInfo {
 }
 
 /** Of the stream that this page understands: kWireVersion of the program. */
-export const WIRE_VERSION = 6;
+export const WIRE_VERSION = 7;
 
 export interface SceneMessage {
   type: 'scene';
@@ -156,6 +156,18 @@ export interface WrittenMessage {
   notes: string[]; // what found no place in it
 }
 
+/** What a request `shape` led to: compliances [m/N], xx yy zz xy xz yz in the axes of the body's root. */
+export interface ShapedMessage {
+  type: 'shaped';
+  body: number;
+  asked: number[];
+  reached: number[];
+  stiffest: number[]; // with every stiffness at its bound
+  softest: number[];
+  stiffnesses: number; // of its mechanism
+  at_bound: number; // of those
+}
+
 /** Bodies that passed through others because they are no interface. */
 export interface AdviceMessage {
   type: 'advice';
@@ -171,6 +183,7 @@ export type TextMessage =
   | ProblemMessage
   | TuningMessage
   | WrittenMessage
+  | ShapedMessage
   | AdviceMessage;
 
 export interface MeshData {

@@ -53,4 +53,20 @@ describe.skipIf(!ready)('labels', () => {
     await expect.poll(() => value('friction ×')).toBe('off');
     await live.page.waitForFunction(() => fork1s?.bench.settings?.friction === 0);
   });
+
+  it('of a recording have no separator before the first group of the toolbar', async () => {
+    const { page } = live;
+    await page.setViewportSize({ width: 1280, height: 720 });
+    await page.keyboard.press('r');
+    await page.waitForTimeout(500);
+    await page.keyboard.press('r');
+    await page.locator('.timeline').waitFor();
+    const groups = await page.locator('.head .group').evaluateAll((all) =>
+      all.filter((g) => g.checkVisibility()).map((g) => [g.ariaLabel, parseFloat(getComputedStyle(g).borderLeftWidth)]),
+    );
+    expect(groups).toEqual([
+      ['Model', 0],
+      ['View', 1],
+    ]);
+  });
 });

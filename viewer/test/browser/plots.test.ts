@@ -21,6 +21,18 @@ describe.skipIf(!ready)('plots', () => {
     expect(await live.page.evaluate((key) => fork1s?.store.now(key) ?? NaN, shown[3]?.[0] ?? '')).toBeGreaterThan(10); // mm above the ground
   });
 
+  it('show the whole caption of three overlaid signals', async () => {
+    const cut = await live.page.locator('figure.plot figcaption').evaluateAll((all) =>
+      all.flatMap((caption) => {
+        const room = caption.getBoundingClientRect();
+        return [...caption.querySelectorAll<HTMLElement>('span')]
+          .filter((span) => span.scrollWidth > span.clientWidth + 1 || span.getBoundingClientRect().right > room.right + 1)
+          .map((span) => span.textContent);
+      }),
+    );
+    expect(cut).toEqual([]);
+  });
+
   it('are listed in that order, the numbers of the solver last', async () => {
     await live.page.keyboard.press('l');
     await live.page.locator('.signals h3').first().waitFor();

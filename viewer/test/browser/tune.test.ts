@@ -107,6 +107,56 @@ describe.skipIf(!ready)('tuning', () => {
     await page.waitForFunction(() => document.querySelector('.page.tune .result')?.textContent?.includes('arm_tuned2.xml') === true);
   });
 
+  it('an ellipsoid shows what was asked, reached and possible within a factor, and is undone', async () => {
+    const { page } = live;
+    const stiffness = (): Promise<number[]> =>
+      Promise.all(['actuator servo', 'joint elbow'].map(async (of) => Number(await field(`stiffness of ${of}`).inputValue())));
+    await field('stiffness of actuator servo').fill('20');
+    await field('stiffness of actuator servo').press('Enter');
+    await expect.poll(stiffness).toEqual([20, 2]);
+    const before = await stiffness();
+    await field('greatest factor on a stiffness').fill('2');
+    await field('greatest factor on a stiffness').press('Enter');
+    expect(await page.locator('.shape .bounds').innerText()).toContain('between 1/2 and 2 times');
+    const undo = page.getByRole('button', { name: 'Undo the last drag' });
+    expect(await undo.isDisabled()).toBe(true);
+    await page.evaluate(() => {
+      if (!fork1s) return;
+      fork1s.view.options.compliance = true;
+      fork1s.view.restyle();
+    });
+    await page.waitForFunction(() => (fork1s?.view.ellipsoids.drawn.length ?? 0) > 0);
+    const { from, to } = await page.evaluate(() => {
+      if (!fork1s) throw new Error('no page');
+      const { view } = fork1s;
+      const m = view.ellipsoids.mesh.instanceMatrix.array;
+      const z = Math.max(Math.abs(m[2] ?? 0), Math.abs(m[6] ?? 0), Math.abs(m[10] ?? 0)); // they point along z
+      const { width, height } = view.stage.renderer.domElement.getBoundingClientRect();
+      const shown = (share: number): [number, number] => {
+        const p = view.ellipsoids.drawn[0]?.center.clone();
+        if (!p) throw new Error('no ellipsoid');
+        p.setZ(p.z + share * z).project(view.stage.camera);
+        return [(0.5 + 0.5 * p.x) * width, (0.5 - 0.5 * p.y) * height];
+      };
+      return { from: shown(0.7), to: shown(3) };
+    });
+    const label = page.getByRole('tooltip'); // of the body behind it
+    await page.mouse.move(...from);
+    await label.waitFor();
+    await page.mouse.down();
+    await page.mouse.move(...to, { steps: 4 });
+    await label.waitFor({ state: 'hidden' });
+    await page.mouse.up();
+    await page.locator('.shape dl').waitFor();
+    const [asked = NaN, reached = NaN, , possible = NaN] = (await page.locator('.shape dl').innerText()).match(/[\d.]+(?:e[-+]\d+)?/g)?.map(Number) ?? [];
+    expect(asked).toBeGreaterThan(possible); // twice as soft at most
+    expect(Math.abs(reached - possible)).toBeLessThan(0.01 * possible);
+    expect((await stiffness())[0]).toBe(10);
+    await undo.click();
+    await expect.poll(stiffness).toEqual(before);
+    expect(await undo.isDisabled()).toBe(true);
+  });
+
   it('a body that passes through another is named, with the button that makes it an interface', async () => {
     const { page } = live;
     // The forearm swings down through the floor: only the hand was said to touch.

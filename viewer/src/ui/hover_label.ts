@@ -1,0 +1,82 @@
+// What the body under the pointer is, what holds its joints and what presses on it, beside the pointer.
+import { frictionUse } from '../scene/colouring';
+import type { Frame, SceneMessage, TunableInfo } from '../wire/messages';
+import { element, shortUnit, withUnit } from './dom';
+
+const MOST_LINES = 8;
+
+/** Stiffness of every joint of a body and of the servos on it, as they are tuned now. */
+function stiffnessLines(scene: SceneMessage, body: number, items: readonly TunableInfo[]): string[] {
+  return scene.joints.flatMap((joint, j) => {
+    if (joint.body !== body) return [];
+    const servos = scene.controls.filter((c) => c.joints.includes(j)).map((c) => c.name);
+    const ofJoint = (owner: string): boolean => owner === joint.name || owner.startsWith(`${joint.name}.`);
+    return items.flatMap(({ of, owner, quantity, value, unit }) => {
+      if (quantity !== 'stiffness' || !value) return [];
+      if (of === 'joint' && ofJoint(owner)) return [`joint ${owner}: ${shortUnit(value, unit)}`];
+      return of === 'actuator' && servos.includes(owner) ? [`servo ${owner}: ${shortUnit(value, unit)}`] : [];
+    });
+  });
+}
+
+/** Of each body that presses on this one: the size of the sum of forces, and the largest friction use. */
+function contactLines(scene: SceneMessage, frame: Frame, body: number): string[] {
+  const others = new Map<number, { force: [number, number, number]; use: number }>();
+  for (const c of frame.contacts) {
+    if (c.a !== body && c.b !== body) continue;
+    const other = c.a === body ? c.b : c.a;
+    const s = c.a === body ? -1 : 1;
+    const { force, use } = others.get(other) ?? { force: [0, 0, 0], use: 0 };
+    others.set(other, {
+      force: [force[0] + s * c.force[0], force[1] + s * c.force[1], force[2] + s * c.force[2]],
+      use: Math.max(use, frictionUse(c)),
+    });
+  }
+  return [...others].map(
+    ([other, { force, use }]) =>
+      `contact with ${scene.bodies[other]?.name ?? 'world'}: ${withUnit(Math.hypot(...force), 'N')}, ${(100 * use).toFixed(0)} % of friction`,
+  );
+}
+
+export function hoverLines(scene: SceneMessage, frame: Frame, body: number, items: readonly TunableInfo[]): string[] {
+  const info = scene.bodies[body];
+  if (!info) return [];
+  const lines = [
+    `${info.name}${info.interface ? ' (interface)' : ''}, ${shortUnit(info.mass, 'kg')}`,
+    ...contactLines(scene, frame, body),
+    ...stiffnessLines(scene, body, items),
+  ];
+  return lines.length > MOST_LINES ? [...lines.slice(0, MOST_LINES - 1), `and ${lines.length - MOST_LINES + 1} more`] : lines;
+}
+
+export class HoverLabel {
+  private readonly label: HTMLElement;
+  private body = -1;
+  private text = '';
+
+  constructor(private readonly parent: HTMLElement) {
+    this.label = element('div', 'hover box', parent);
+    this.label.hidden = true;
+    this.label.setAttribute('role', 'tooltip');
+  }
+
+  /** Which body the pointer is over, -1: none; x, y in pixels of the page. */
+  at(body: number, x: number, y: number): void {
+    this.body = body;
+    const right = x > 0.6 * this.parent.clientWidth;
+    const low = y > 0.6 * this.parent.clientHeight;
+    this.label.style.left = right ? '' : `${x + 16}px`;
+    this.label.style.right = right ? `${this.parent.clientWidth - x + 16}px` : '';
+    this.label.style.top = low ? '' : `${y + 16}px`;
+    this.label.style.bottom = low ? `${this.parent.clientHeight - y + 16}px` : '';
+  }
+
+  show(scene: SceneMessage | null, frame: Frame | null, items: readonly TunableInfo[]): void {
+    const lines = scene && frame && this.body >= 0 ? hoverLines(scene, frame, this.body, items) : [];
+    this.label.hidden = lines.length === 0;
+    const text = lines.join('\n');
+    if (text === this.text) return;
+    this.text = text;
+    this.label.textContent = text;
+  }
+}
