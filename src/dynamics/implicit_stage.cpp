@@ -388,7 +388,7 @@ void EndStep(const MechanismStep& here, double between_stages) {
   ws.q_dot = ws.q_dot_start;  // ClosureForces takes the rate of joint rates from it
   ws.contact_shift.setZero();
   state.mu = ws.configuration.mu;
-  const bool has_columns = model.options.load_columns && HasForcesFromOutside(state);
+  const bool has_columns = HasForcesFromOutside(state);
   ws.wrenches_R.setZero(6, has_columns ? model.mechanism().num_bodies() : 0);
   if (has_columns) AddAppliedWrenches(here, ws.wrenches_R);
   ForgetInputs(here);

@@ -40,7 +40,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
     start.controls(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
   const ReductionLoads loads = LoadsOf(options, start, {});
-  auto reduced = Reduce(mechanism, q, options.reduction, options.load_columns ? &loads : nullptr);
+  auto reduced = Reduce(mechanism, q, options.reduction, &loads);
   if (!reduced) return tl::unexpected(reduced.error());
   if (options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
   start.model = std::make_shared<const ReducedModel>(std::move(*reduced));

@@ -77,7 +77,7 @@ bool MissesLoads(const MechanismStep& here, double h, const Matrix6X& contact_im
   constexpr double kMaxMissing = 1e-3;  // rad, or lengths of the mechanism: errors of shape that nobody sees
   constexpr double kMinSteps = 3;       // between two references: one costs about as much as three steps
   const auto& [model, state, ws] = here;
-  if (!model.reduced->has_complement || !model.options.load_columns) return false;
+  if (!model.reduced->has_complement) return false;
   const Mechanism& m = model.mechanism();
   const Kinematics& kinematics = ws.configuration.kinematics;
   const auto largest = [&](const VectorX& q) {
@@ -138,8 +138,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   if (rewritten) ComputeKinematics(m, q, kinematics);
 
   const ReductionLoads loads = LoadsOf(model->options, state, ws.wrenches_R);
-  auto reduced = ReduceAgain(*model->reduced, q, kinematics, model->options.reduction,
-                             model->options.load_columns ? &loads : nullptr);
+  auto reduced = ReduceAgain(*model->reduced, q, kinematics, model->options.reduction, &loads);
   if (!reduced) return false;
   if (model->options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
 

@@ -106,7 +106,6 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     o.reduction.promote_hidden = options.reduction.promote_hidden || !scene.mechanisms[i].interfaces_chosen;
     o.recovery = options.recovery;
     o.refresh_angle = options.refresh_angle;
-    o.load_columns = options.load_columns;
     o.gravity_W = scene.gravity;
     VectorX q = VectorX::Zero(mechanism->num_coordinates()), q_dot;
     RigidTransform X_WR = scene.mechanisms[i].X_WR;

@@ -196,6 +196,8 @@ struct World::Detail {
   // Of previous_: the gap [m] at the start of the step of what carried load there,
   // else NaN.
   std::vector<double> start_gap_, next_start_gap_;
+  // Of previous_, in their frames: from the end of the first stage to the base point of the second [N m; N].
+  std::vector<Vector6> to_base_point_;
   std::vector<double> approach_;     // m/s, of points that may part again; 0 for others
   std::vector<double> closing_;      // m/s, of all, at the start of the step
   std::vector<StopApproach> stop_approach_;  // of limits_

@@ -86,9 +86,10 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   c.waits = c.waits && before.impulse.isZero(0);
   // Surfaces bear a force; impulses are those of a step, the mean of both stages.
   const Matrix3 turned = p.frame * before.point.frame.transpose();
-  c.held = c.impulse = h * (turned * before.end_force);
+  const Vector6& onward = to_base_point_[k];
+  c.held = c.impulse = h * (turned * (before.end_force + onward.tail<3>()));
   c.held_use = before.use;
-  c.held_moment = c.moment = h * (turned * before.end_moment);
+  c.held_moment = c.moment = h * (turned * (before.end_moment + onward.head<3>()));
 }
 
 // Linearized at the pose of a stage, the gap of a contact, stop or tendon that lasts would come back as an

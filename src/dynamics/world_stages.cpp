@@ -65,6 +65,7 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
   RecordStops(h);
   start_gap_.assign(previous_.size(), std::numeric_limits<double>::quiet_NaN());
+  to_base_point_.assign(previous_.size(), Vector6::Zero());
   // Of backward Euler those of the last step, which were found where it ended.
   if (depth_ == 0 && is_backward_euler_) start_points_ = points_;
   if (!is_backward_euler_) {
@@ -331,10 +332,12 @@ void World::Detail::StoreStage(double b, StageScheme scheme, StepReport& report)
   for (MechanismDynamics& m : mechanisms_)
     if (HasSwitches(m)) StoreSwitchedForces(m, b);
   // The second stage starts where tangential springs are at its base point.
+  to_base_point_.resize(contacts_.size());
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
     const ContactConstraint& c = constraints_[i];
-    contacts_[i].end_force.tail<2>() += (kOnward - 1) / b * (c.impulse - c.held).tail<2>();
-    contacts_[i].end_moment += (kOnward - 1) / b * (c.moment - c.held_moment);
+    to_base_point_[i].head<3>() = (kOnward - 1) / b * (c.moment - c.held_moment);
+    to_base_point_[i].tail<3>() = (kOnward - 1) / b * (c.impulse - c.held);
+    to_base_point_[i](3) = 0;  // the normal force has no spring
   }
 }
 

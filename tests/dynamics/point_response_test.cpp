@@ -17,8 +17,7 @@ Vector3 After(World& world, const WorldState& start, BodyIndex body, const Vecto
 
 TEST(PointResponse, IsWhatAStepDoesWithAForce) {
   const Vector3 point_B(0.01, 0.02, -0.01);
-  StepOptions step;
-  step.gravity = Vector3(0, 0.3, -9.81);
+  const StepOptions step = testing::BackwardEuler(1.0 / 60, Vector3(0, 0.3, -9.81));
   for (const MechanismDef& definition :
        {testing::Chain(3, 0.1, 0.05, 0.4, 0.001, true), testing::Walker(BaseKind::kFixed, 60, 1)}) {
     World::Options options;

@@ -35,8 +35,7 @@ TEST(Rolling, PassiveEllipsoidNeverGains) {
   for (double h : {1.0 / 60, 0.004}) {
     SCOPED_TRACE(h);
     World world = testing::MustCreate(PassiveEllipsoid());
-    StepOptions step;
-    step.h = h;
+    const StepOptions step = testing::BackwardEuler(h, testing::kDown);
     const double start = EggEnergy(world);
     double least = start, fastest = 0;
     for (int i = 0; i < 120 / h; ++i) {
@@ -61,8 +60,7 @@ TEST(Rolling, LossIsOfFirstOrder) {
     Scene scene = PassiveEllipsoid();
     scene.free_bodies[0].X_WB = RigidTransform(ExpRotation(Vector3(0.3, 0.5, 0.1)), Vector3(0, 0, 0.06));
     World world = testing::MustCreate(scene);
-    StepOptions step;
-    step.h = 0.002 / (1 << k);
+    const StepOptions step = testing::BackwardEuler(0.002 / (1 << k), testing::kDown);
     double landed = 0;
     const int steps = static_cast<int>(std::lround(1 / step.h));
     for (int i = 0; i < steps; ++i) {

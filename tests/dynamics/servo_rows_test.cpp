@@ -131,7 +131,7 @@ INSTANTIATE_TEST_SUITE_P(Integrators, ManyServos,
 // else.
 TEST(ServoLaw, HoldsAtTheEndOfTheStep) {
   int at_bound = 0, between = 0;
-  StepOptions options;
+  StepOptions options = testing::BackwardEuler(1.0 / 60, testing::kDown);
   options.refresh = false;
   std::vector<double> before;
   const auto measure = [&](const World& world) {

@@ -47,6 +47,13 @@ inline StepOptions Still(double h = 1.0 / 60) {
 
 inline const Vector3 kDown(0, 0, -9.81);  // m/s²
 
+inline StepOptions BackwardEuler(double h = 1.0 / 60, const Vector3& gravity_W = Vector3::Zero()) {
+  StepOptions options = Still(h);
+  options.gravity = gravity_W;
+  options.integrator = Integrator::kEuler;
+  return options;
+}
+
 inline StepOptions TwoStage(double h, const Vector3& gravity_W = Vector3::Zero()) {
   StepOptions options = Still(h);
   options.gravity = gravity_W;

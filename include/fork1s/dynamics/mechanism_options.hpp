@@ -12,8 +12,6 @@ struct MechanismOptions {
   Recovery recovery = Recovery::kExact;
   double refresh_angle = 0.2617993877991494;  // rad (15 degrees); slides: this share of the length scale
   double refresh_gap = 2e-4;                  // m: of loops, by curved recovery
-  /// Weight, other joint forces and accelerations have load columns (ReductionLoads).
-  bool load_columns = true;
   Vector3 gravity_W = Vector3::Zero();  // m/s², of load columns
 };
 

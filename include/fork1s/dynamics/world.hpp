@@ -50,7 +50,7 @@ inline constexpr const char* kThetaIsGone =
 
 struct StepOptions {
   double h = 1.0 / 60;                     // s
-  Integrator integrator = Integrator::kEuler;
+  Integrator integrator = Integrator::kTwoStage;
   // Inputs are samples of a trajectory, which moves evenly from those of the last step to those of this one.
   // Otherwise they stand throughout the step, as a controller's output does. No difference for kEuler, which
   // asks for nothing but the end.
@@ -114,7 +114,6 @@ class World {
     ReductionOptions reduction;
     Recovery recovery = Recovery::kExact;
     double refresh_angle = 0.2617993877991494;  // rad
-    bool load_columns = true;                   // of the scene's gravity
     // Contacts are looked for as far ahead as a step may carry anything, at most `margin`: 12 m/s at 1/60 s.
     CollisionOptions collision = {.margin = 0.2};
     int initial_keyframe = -1;  // of the scene

@@ -17,17 +17,11 @@ struct SimulationOptions {
   ReductionOptions reduction;  // `interfaces` is not used here: every mechanism's definition names its own
   double refresh_angle = 0.2617993877991494;  // rad
   int initial_keyframe = -1;                  // index in the scene
-  StepOptions step = ByTwoStages();           // h and gravity are set from dt and the scene
+  StepOptions step;                           // h and gravity are set from dt and the scene
   CollisionOptions collision =
       World::Options{}.collision;                // margin: how far ahead contacts are looked for, at most
   int reserved_contacts = World::Options{}.reserved_contacts;  // 3 kB each
   DetailLevel detail = DetailLevel::kInterface;  // not kObject: nothing is held before the first step
-
-  static StepOptions ByTwoStages() {
-    StepOptions step;
-    step.integrator = Integrator::kTwoStage;
-    return step;
-  }
 };
 
 /// A body of the scene by its place in Simulation::bodies(), which stays the same whatever the fidelity.
