@@ -25,8 +25,8 @@ constexpr const char* kRecoveries = R"(
 ## What a recovery costs
 
 Scenes with loops from their start over 2 s, interface and free bodies against the full model at the same step. `curved` closes
-loops to second order of what moved since the last refresh, and refreshes where a loop is open by 0.2 mm; `twist` keeps the
-inertia of the refresh, and takes no loop's bend at all.
+loops to second order of what moved since the last refresh, and refreshes where a loop is open by 0.2 mm. `twist` steps as
+`exact` does.
 
 )";
 
@@ -44,20 +44,18 @@ int Main(int argc, char** argv) {
     return 1;
   }
   const std::vector<fork1s::Fidelity> levels = {
-      {DetailLevel::kObject, 0, Recovery::kExact},     {DetailLevel::kObject, -1, Recovery::kExact},
-      {DetailLevel::kInterface, 0, Recovery::kExact},  {DetailLevel::kInterface, -1, Recovery::kExact},
-      {DetailLevel::kInterface, -1, Recovery::kTwist}, {DetailLevel::kParents, -1, Recovery::kExact},
-      {DetailLevel::kAll, -1, Recovery::kExact}};
+      {DetailLevel::kObject, 0, Recovery::kExact},    {DetailLevel::kObject, -1, Recovery::kExact},
+      {DetailLevel::kInterface, 0, Recovery::kExact}, {DetailLevel::kInterface, -1, Recovery::kExact},
+      {DetailLevel::kParents, -1, Recovery::kExact},  {DetailLevel::kAll, -1, Recovery::kExact}};
   // The ball hangs in the hand at 3 s and is shaken until 5.5 s.
   auto rows = fork1s::MeasureDetail(source + "/scenes", "grasp_sphere", 3, 5.5, levels);
   if (!rows) return Report(rows.error());
   std::string csv = fork1s::DetailCsv("grasp_sphere", *rows);
   std::vector<std::pair<std::string, std::vector<fork1s::DetailRow>>> scenes;
   for (const char* name : {"firemen", "vehicle", "excavator", "hammer", "peg_in_hole"}) {
-    auto measured = fork1s::MeasureDetail(source + "/scenes", name, 0, 2,
-                                          {{DetailLevel::kInterface, -1, Recovery::kExact},
-                                           {DetailLevel::kInterface, -1, Recovery::kCurved},
-                                           {DetailLevel::kInterface, -1, Recovery::kTwist}});
+    auto measured = fork1s::MeasureDetail(
+        source + "/scenes", name, 0, 2,
+        {{DetailLevel::kInterface, -1, Recovery::kExact}, {DetailLevel::kInterface, -1, Recovery::kCurved}});
     if (!measured) return Report(measured.error());
     const std::string more = fork1s::DetailCsv(name, *measured);
     csv += more.substr(more.find('\n') + 1);

@@ -1,9 +1,9 @@
 // Equations of a reduced model at rest under the dead force F at p, by mode:
-//     twist         f_ref − K z + T_Bᵀ [p × F; F] = 0             as MechanismDynamics steps it
+//     twist         f_ref − K z + T_Bᵀ [p × F; F] = 0             poses and loads of the reference's screws
 //     second order  f_ref − K z + (∂p/∂z)ᵀ F = 0                  energy of the recovered poses
 //     open, exact   Q(q)ᵀ (g(q) + τ(q)) = 0,  q = q_ref + Q z + q_perp (+ loop correction),
-//                   0 = C_perp Pᵀ (g(q) + τ(q)), P the projector of the loops (open: left out), q_perp =
-//                   C_perp K q_perp which is where MechanismDynamics comes to rest
+//                   0 = C_perp Pᵀ (g(q) + τ(q)), P the projector of the loops (open: left out), and
+//                   q_perp = C_perp K q_perp, the static correction of what the coordinates leave out
 //     curved        the same, with the correction and Q(q) of the loops' curvature, P left out
 // g(q) are the springs' forces, τ(q) those of the load in joint coordinates, both of the present pose.
 #include "equilibrium.hpp"
