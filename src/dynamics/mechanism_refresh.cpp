@@ -70,9 +70,11 @@ double Staleness(const MechanismView& here) {
 }
 
 // With g the joint forces and contact forces of the pose and -ṗ those of inertia and dampers, d = C_perp g is
-// the column that a new reference adds for g. The load that the coordinates lack along it moves it at rest by
-//     u = d (g - ṗ)ᵀd / gᵀd,
-// and within T by u ω² T²/2 at most, ω its frequency.
+// the column that a new reference adds for g. The part of the load that stays, whichever way inertia acts,
+// moves the mechanism at rest by
+//     u = d (1 - |ṗᵀd| / gᵀd),
+// and within T by u ω² T²/2 at most, ω its frequency. Where the inertia along d exceeds the load, truncated
+// modes move, and a column of the load does not follow them.
 bool MissesLoads(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R) {
   constexpr double kMaxMissing = 1e-3;  // rad, or lengths of the mechanism: errors of shape that nobody sees
   constexpr double kMinSteps = 3;       // between two references: one costs about as much as three steps
@@ -94,8 +96,8 @@ bool MissesLoads(const MechanismStep& here, double h, const Matrix6X& contact_im
   ProjectOnLoops(*model.reduced, ws.configuration, ws.inertial_force);
   ApplyComplement(*model.reduced, ws.tau, ws.rest);
   const double work = ws.tau.dot(ws.rest);
-  const double share = work > 0 ? 1 + ws.inertial_force.dot(ws.rest) / work : 0;
-  const double missing = std::abs(share) * largest(ws.rest);
+  const double share = work > 0 ? 1 - std::abs(ws.inertial_force.dot(ws.rest)) / work : 0;
+  const double missing = share * largest(ws.rest);
   if (!(missing > kMaxMissing)) {
     state.missing_time = 0;
     return false;
