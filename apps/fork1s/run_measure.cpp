@@ -220,6 +220,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     Note(report.solver, simulation.dt(), out.solver);
     Note(report, simulation.world(), out.stages);
     out.refreshes += report.refreshes;
+    AddRelinearizations(report, simulation.world(), out.refreshes_by_cause);
     out.failed_refreshes += report.failed_refreshes;
     out.steps_at_bound += report.forces_at_bound > 0 ? 1 : 0;
     out.most_at_bound = std::max(out.most_at_bound, report.forces_at_bound);

@@ -128,6 +128,15 @@ Json Summary(const Simulation& simulation, const Measured& m) {
       {"residual_max_N", m.solver.force_max},
       {"residual_max_m_s", m.solver.speed_max}};
   out["refreshes"] = m.refreshes;
+  for (std::size_t i = 0; i < m.refreshes_by_cause.size(); ++i) {
+    const RelinearizationTotal& total = m.refreshes_by_cause[i];
+    const bool any = total.count > 0;
+    out["refreshes_by_cause"][kDriftCauseNames[i]] = {
+        {"count", total.count},
+        {"largest", any ? Json(total.largest.amount) : Json(nullptr)},
+        {"unit", any ? Json(total.largest.is_angle ? "rad" : "m") : Json(nullptr)},
+        {"of", or_null(total.of)}};
+  }
   out["servos_at_limit"] = {
       {"steps", m.steps_at_bound}, {"most", m.most_at_bound}, {"which", EndsJson(m.tally.Servos())}};
   out["stops_reached"] = EndsJson(m.tally.Stops());
@@ -271,6 +280,13 @@ void PrintSummary(const Json& d) {
       e["friction_loss"].get<double>());
   PrintText("  joint gap       {:.3g} mm at most\n", 1e3 * number("joint_gap_max_m"));
   PrintText("  refreshes       {}\n", d["refreshes"].get<int>());
+  constexpr const char* kCauses[] = {"since a joint had turned, by", "for a load without a column, missing",
+                                     "since a loop had opened, by"};
+  for (std::size_t i = 0; i < std::size(kCauses); ++i)
+    if (const Json& cause = d["refreshes_by_cause"][kDriftCauseNames[i]]; cause["count"].get<int>() > 0)
+      PrintText("    {} {} {:.3g} {} at most, {}\n", cause["count"].get<int>(), kCauses[i],
+                cause["largest"].get<double>(), cause["unit"].get<std::string>(),
+                cause["of"].get<std::string>());
   if (const Json& servos = d["servos_at_limit"]; servos["steps"].get<int>() > 0)
     PrintText("  servos          {} at most at the limit of their force, in {} steps\n",
               servos["most"].get<int>(), servos["steps"].get<int>());

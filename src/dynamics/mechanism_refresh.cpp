@@ -46,46 +46,49 @@ bool CloseByChords(const ReducedModel& model, const Configuration& at, VectorX& 
 
 }  // namespace
 
-// Of a coordinate since the reference, rad; of a slide in lengths of the mechanism.
-double Turn(const MechanismView& here, int i) {
-  const auto& [model, state, ws] = here;
-  const double moved = std::abs(ws.configuration.q(i) - model.reduced->q_ref(i));
-  const bool turns = model.mechanism().Turns(i);
-  return turns ? moved : moved / model.mechanism().length_scale();
+namespace {
+
+// Of coordinate i by `moved` [rad or m]; bounded in rad or lengths of the mechanism.
+LinearizationDrift DriftOf(const Mechanism& m, DriftCause cause, int i, double moved, double bound) {
+  const bool turns = m.Turns(i);
+  return {cause, std::abs(moved) / (turns ? bound : bound * m.length_scale()), std::abs(moved), turns, i};
 }
 
+}  // namespace
+
 // Poses drawn by twists age with every joint: the one twist of a wheel is that of all joints on its path.
-double Staleness(const MechanismView& here) {
+LinearizationDrift ComputeLinearizationDrift(const MechanismView& here) {
   const auto& [model, state, ws] = here;
   const bool by_twists = model.options.recovery == Recovery::kTwist;
-  double largest = 0;
+  LinearizationDrift largest;
   for (int i = 0; i < model.reduced->num_coordinates(); ++i) {
     const auto at = static_cast<std::size_t>(i);
-    if (by_twists || !(model.spins[at] || model.whole[at])) largest = std::max(largest, Turn(here, i));
+    if (!by_twists && (model.spins[at] || model.whole[at])) continue;
+    const LinearizationDrift drift =
+        DriftOf(model.mechanism(), DriftCause::kTurnedJoint, i,
+                ws.configuration.q(i) - model.reduced->q_ref(i), model.options.refresh_angle);
+    if (drift.share > largest.share) largest = drift;
   }
-  largest /= model.options.refresh_angle;
-  if (model.reduced->curvature.exists())
-    largest = std::max(largest, ClosureGapNow(here) / model.options.refresh_gap);
+  if (model.reduced->curvature.exists()) {
+    const double gap = ClosureGapNow(here), share = gap / model.options.refresh_gap;
+    if (share > largest.share) largest = {DriftCause::kLoopGap, share, gap, false, -1};
+  }
   return largest;
 }
 
 // With g the joint forces and contact forces of the pose and -ṗ those of inertia and dampers, d = C_perp g is
-// the column that a new reference adds for g. The load that the coordinates lack along it moves it at rest by
-//     u = d (g - ṗ)ᵀd / gᵀd,
-// and within T by u ω² T²/2 at most, ω its frequency.
-bool MissesLoads(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R) {
+// the column that a new reference adds for g. The part of the load that stays, whichever way inertia acts,
+// moves the mechanism at rest by
+//     u = d (1 - |ṗᵀd| / gᵀd),
+// and within T by u ω² T²/2 at most, ω its frequency. Where the inertia along d exceeds the load, truncated
+// modes move, and a column of the load does not follow them.
+LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R) {
   constexpr double kMaxMissing = 1e-3;  // rad, or lengths of the mechanism: errors of shape that nobody sees
   constexpr double kMinSteps = 3;       // between two references: one costs about as much as three steps
   const auto& [model, state, ws] = here;
-  if (!model.reduced->has_complement) return false;
+  if (!model.reduced->has_complement) return {};
   const Mechanism& m = model.mechanism();
   const Kinematics& kinematics = ws.configuration.kinematics;
-  const auto largest = [&](const VectorX& q) {
-    double size = 0;
-    for (int i = 0; i < q.size(); ++i)
-      size = std::max(size, std::abs(q(i)) / (m.Turns(i) ? 1 : m.length_scale()));
-    return size;
-  };
   ws.F = contact_impulses_R / ws.stage_length;
   AddAppliedWrenches(here, ws.F);  // a point spring; loads of the step are in g
   ws.tau = ws.g;
@@ -94,19 +97,23 @@ bool MissesLoads(const MechanismStep& here, double h, const Matrix6X& contact_im
   ProjectOnLoops(*model.reduced, ws.configuration, ws.inertial_force);
   ApplyComplement(*model.reduced, ws.tau, ws.rest);
   const double work = ws.tau.dot(ws.rest);
-  const double share = work > 0 ? 1 + ws.inertial_force.dot(ws.rest) / work : 0;
-  const double missing = std::abs(share) * largest(ws.rest);
-  if (!(missing > kMaxMissing)) {
+  const double stays = work > 0 ? std::max(0.0, 1 - std::abs(ws.inertial_force.dot(ws.rest)) / work) : 0;
+  LinearizationDrift missing;
+  for (int i = 0; i < ws.rest.size(); ++i) {
+    const LinearizationDrift drift = DriftOf(m, DriftCause::kMissingLoad, i, stays * ws.rest(i), kMaxMissing);
+    if (drift.share > missing.share) missing = drift;
+  }
+  if (!(missing.share > 1)) {
     state.missing_time = 0;
-    return false;
+    return {};
   }
   state.missing_time += h;
   ApplyMass(m, kinematics, ws.rest, ws.tau);
   const double angle = state.missing_time * std::sqrt(work / ws.rest.dot(ws.tau));
-  const bool misses =
-      missing * std::min(1.0, angle * angle / 2) > kMaxMissing && state.missing_time > (kMinSteps - 0.5) * h;
-  if (misses) state.missing_time = 0;
-  return misses;
+  if (!(missing.share * std::min(1.0, angle * angle / 2) > 1) || state.missing_time < (kMinSteps - 0.5) * h)
+    return {};
+  state.missing_time = 0;
+  return missing;
 }
 
 bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& ws) {

@@ -82,6 +82,8 @@ std::string World::NameOf(const StepSubject& subject) const {
       return of_mechanism("spring", detail_->mechanisms_[index].mechanism().springs()[part].name);
     case StepSubject::Kind::kStop:
       return of_mechanism("stop", detail_->mechanisms_[index].mechanism().length_limits()[part].name);
+    case StepSubject::Kind::kCoordinate:
+      return of_mechanism("joint", detail_->mechanisms_[index].mechanism().CoordinateName(subject.part));
     case StepSubject::Kind::kContact:
       return "contact of '" + detail_->contactors_[index].name + "' and '" + detail_->contactors_[part].name + "'";
   }

@@ -241,6 +241,7 @@ struct World::Detail {
     VectorX impulse;
     Matrix6X contact_impulses_R;  // of the last stage, 6 x bodies, about R's origin
     int refreshed = 0;  // at the end of the last step: 1 done, -1 failed
+    LinearizationDrift drift;     // for which it was refreshed
     std::size_t first_limit = 0;  // of its rows in limits_
     bool finite = true;
   };

@@ -29,19 +29,31 @@ void World::Detail::GatherContactImpulses(std::size_t i) {
 
 void World::Detail::RefreshIfStale(std::size_t i, double h) {
   MechanismDynamics& m = mechanisms_[i];
-  bool misses_loads = false;
+  MechanismBlock& block = mechanism_blocks_[i];
+  LinearizationDrift missing;
   if (m.model().has_complement) {
     GatherContactImpulses(i);
-    misses_loads = MissesLoads(m, h, mechanism_blocks_[i].contact_impulses_R);
+    missing = FindMissingLoad(m, h, block.contact_impulses_R);
   }
-  if (!(m.Staleness() > 1) && !misses_loads) return;
-  mechanism_blocks_[i].refreshed = m.Refresh() ? 1 : -1;
+  block.drift = m.ComputeLinearizationDrift();
+  if (!(block.drift.share > 1)) block.drift = missing;
+  if (!(block.drift.share > 1)) return;
+  block.refreshed = m.Refresh() ? 1 : -1;
 }
 
 void World::Detail::CountRefreshes(StepReport& report) const {
-  for (const MechanismBlock& block : mechanism_blocks_) {
-    report.refreshes += block.refreshed > 0 ? 1 : 0;
+  for (std::size_t i = 0; i < mechanism_blocks_.size(); ++i) {
+    const MechanismBlock& block = mechanism_blocks_[i];
     report.failed_refreshes += block.refreshed < 0 ? 1 : 0;
+    if (block.refreshed <= 0) continue;
+    const LinearizationDrift& drift = block.drift;
+    ++report.refreshes;
+    Relinearizations& of_cause = report.refreshes_by_cause[static_cast<std::size_t>(drift.cause)];
+    ++of_cause.count;
+    if (!(drift.share > of_cause.largest.share)) continue;
+    of_cause.largest = drift;
+    of_cause.of = {drift.coordinate < 0 ? StepSubject::Kind::kMechanism : StepSubject::Kind::kCoordinate,
+                   static_cast<int>(i), drift.coordinate};
   }
 }
 

@@ -36,6 +36,16 @@ Vector3 VelocityAt(const Vector6& V, const Vector3& arm) { return V.tail<3>() + 
 
 }  // namespace
 
+void AddRelinearizations(const StepReport& report, const World& world, RelinearizationTotals& totals) {
+  for (std::size_t i = 0; i < totals.size(); ++i) {
+    const Relinearizations& more = report.refreshes_by_cause[i];
+    totals[i].count += more.count;
+    if (!(more.largest.share > totals[i].largest.share)) continue;
+    totals[i].largest = more.largest;
+    totals[i].of = world.NameOf(more.of);
+  }
+}
+
 ContactLoad& ContactLoad::Add(const ContactLoad& other, double weight) {
   force_W += weight * other.force_W;
   moment_W += weight * other.moment_W;

@@ -46,6 +46,36 @@ TEST(RunReport, ForcesByPairCarryTheWeight) {
   EXPECT_TRUE((*floor)["slip_first_s"].is_null());
 }
 
+// A pendulum of two links that swings down from horizontal.
+TEST(RunReport, CausesOfRelinearization) {
+  const std::string loose = Write("loose.xml", R"(<mujoco model="loose">
+  <custom><text name="fork1s_interface" data="tip"/><numeric name="fork1s_modes" data="0"/></custom>
+  <worldbody><body name="upper"><joint name="a" axis="0 1 0" damping=".02" stiffness=".1"/>
+    <geom type="capsule" fromto="0 0 0 .2 0 0" size=".01" mass=".1"/>
+    <body name="lower" pos=".2 0 0"><joint name="b" axis="0 1 0" damping=".02" stiffness=".1"/>
+      <geom type="capsule" fromto="0 0 0 .2 0 0" size=".01" mass=".1"/>
+      <body name="third" pos=".2 0 0"><joint name="c" axis="0 1 0" damping=".02" stiffness=".1"/>
+        <geom type="capsule" fromto="0 0 0 .2 0 0" size=".01" mass=".1"/>
+        <body name="tip" pos=".2 0 0"><joint name="d" axis="0 1 0" damping=".02" stiffness=".1"/>
+          <geom type="capsule" fromto="0 0 0 .2 0 0" size=".01" mass=".1"/></body></body></body></body></worldbody></mujoco>)");
+  const Outcome o = Fork1s("run --json --time 1 " + loose);
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  const auto& causes = json["refreshes_by_cause"];
+  const auto& turned = causes["turned_joint"];
+  ASSERT_GT(turned["count"], 0) << json.dump(1);
+  EXPECT_GT(turned["largest"], 0.2617);  // rad, 15 degrees
+  EXPECT_EQ(turned["unit"], "rad");
+  EXPECT_EQ(turned["of"].get<std::string>().rfind("joint '", 0), 0U) << turned;
+  EXPECT_EQ(causes["loop_gap"]["count"], 0);
+  EXPECT_TRUE(causes["loop_gap"]["of"].is_null());
+  int count = 0;
+  for (const auto& cause : causes) count += cause["count"].get<int>();
+  EXPECT_EQ(count, json["refreshes"]);
+  const std::string text = Fork1s("run --time 1 " + loose).out;
+  EXPECT_NE(text.find(" since a joint had turned, by "), std::string::npos) << text;
+}
+
 // Set down on the floor, dragged at 5 N for half a second, then lifted off: the load at the end says nothing.
 TEST(RunReport, LoadsAfterAReleaseAreThoseOfTheContact) {
   const std::string run = "run --time 1 --push sledge:5,0,0:0.2..0.7 --push sledge:0,0,40:0.7..1 " + Sledge();

@@ -82,8 +82,12 @@ def test_a_reference_that_moves():
     sim = fork1s.Simulation(fork1s.load(CHAIN, interface=["b"], stiffness_scale=0.05), recovery="twist")
     buffers = fork1s.RecoveryBuffers(sim)
     assert buffers.current
-    refreshes = sum(sim.step().refreshes for _ in range(60))
-    assert refreshes > 0 and not buffers.current
+    report = sim.step(60)
+    causes = report.refreshes_by_cause
+    assert report.refreshes == sum(cause["count"] for cause in causes.values())
+    assert causes["turned_joint"]["largest"] > 0.26 and causes["turned_joint"]["unit"] == "rad"
+    assert causes["turned_joint"]["of"].startswith("joint '")
+    assert report.refreshes > 0 and not buffers.current
     with pytest.raises(fork1s.UsageError, match="make them anew"):
         buffers.frame()
     anew = fork1s.RecoveryBuffers(sim)

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/sim/tally.hpp>
 #include <mechanisms.hpp>
 
 #include <cmath>
@@ -15,6 +16,16 @@ GeometryDef Shaped(const std::string& name, const Shape& shape) {
   g.name = name;
   g.shape = shape;
   return g;
+}
+
+// A chain of 10 links under its weight, of which the tip is an interface, without modes.
+Scene SoftChain() {
+  Scene scene;
+  scene.mechanisms.push_back(testing::Chain(10, 0.05, 0.05, 20, 2));
+  scene.mechanisms[0].name = "chain";
+  scene.mechanisms[0].modes = 0;
+  scene.gravity = Vector3(0, -9.81, 0);
+  return scene;
 }
 
 // A servo finger, a chain on a driven base, a walker and a ball over a floor.
@@ -62,6 +73,35 @@ Simulation MustCreate(const Scene& scene, const SimulationOptions& options = {})
   auto simulation = Simulation::Create(scene, options);
   if (!simulation) throw std::runtime_error(simulation.error().Text());
   return std::move(*simulation);
+}
+
+TEST(Simulation, ReportsWhyItRelinearizes) {
+  auto simulation = Simulation::Create(SoftChain(), {});
+  ASSERT_TRUE(simulation) << simulation.error().Text();
+  const double angle = SimulationOptions{}.refresh_angle;
+  RelinearizationTotals totals;
+  int refreshes = 0;
+  for (int i = 0; i < 240; ++i) {
+    const Vector3 force(0, i < 120 ? 40 : 200, 0);  // N
+    simulation->ApplyWrench(5, force, Vector3::Zero(), simulation->Pose(5).translation());
+    const StepReport report = simulation->Step();
+    refreshes += report.refreshes;
+    int by_cause = 0;
+    for (const Relinearizations& r : report.refreshes_by_cause) by_cause += r.count;
+    EXPECT_EQ(by_cause, report.refreshes) << i;
+    AddRelinearizations(report, simulation->world(), totals);
+  }
+  const auto& [turned, missing, gap] = totals;
+  EXPECT_EQ(turned.count + missing.count, refreshes);
+  EXPECT_GT(turned.count, 0);
+  EXPECT_GT(turned.largest.amount, angle);
+  EXPECT_NEAR(turned.largest.share, turned.largest.amount / angle, 1e-12);
+  EXPECT_EQ(turned.of.rfind("joint '", 0), 0U) << turned.of;
+  EXPECT_GT(missing.count, 0);
+  EXPECT_GT(missing.largest.amount, 1e-3);  // rad, from which a load asks for a column
+  EXPECT_EQ(missing.of.rfind("joint '", 0), 0U) << missing.of;
+  EXPECT_EQ(gap.count, 0) << "by exact recovery loops are closed";
+  EXPECT_TRUE(gap.of.empty());
 }
 
 TEST(Simulation, ControlsHaveNamesAndLimits) {

@@ -65,23 +65,49 @@ void BindStepReport(nb::module_& m) {
               "Servos and motors that gave all they can in the last step.")
       .def_ro("max_penetration", &StepsReport::max_penetration, "m, the deepest of all steps.")
       .def_ro("residual", &StepsReport::residual, "Of the contact solver, relative; the worst of all steps.")
-      .def_ro("unconverged", &StepsReport::unconverged, "Steps whose contacts or stages were not solved to tolerance.")
+      .def_ro("unconverged", &StepsReport::unconverged,
+              "Steps whose contacts or stages were not solved to tolerance.")
       .def_ro("halved_steps", &StepsReport::halved,
-              "Two-stage: steps that were taken as two of half the length or more, for an impact, a force that came to its "
+              "Two-stage: steps that were taken as two of half the length or more, for an impact, a force "
+              "that came to its "
               "limit or from it, or a stage that did not converge.")
-      .def_ro("halved_by", &StepsReport::halved_by, "What the last of them was halved for, by name; empty: none.")
+      .def_ro("halved_by", &StepsReport::halved_by,
+              "What the last of them was halved for, by name; empty: none.")
       .def_prop_ro("newton_iterations", &StepsReport::mean_newton_iterations,
                    "Two-stage: mean over all stages; 0 for other integrators.")
-      .def_ro("max_newton_iterations", &StepsReport::max_newton_iterations, "Two-stage: of the stage that took most.")
-      .def_ro("stage_residual", &StepsReport::stage_residual,
-              "Two-stage, m: by how much another Newton iteration would move something; the worst of all stages.")
+      .def_ro("max_newton_iterations", &StepsReport::max_newton_iterations,
+              "Two-stage: of the stage that took most.")
+      .def_ro(
+          "stage_residual", &StepsReport::stage_residual,
+          "Two-stage, m: by how much another Newton iteration would move something; the worst of all stages.")
       .def_ro("stage_residual_of", &StepsReport::stage_residual_of, "Whose residual that is, by name.")
       .def_ro("refreshes", &StepsReport::refreshes, "Times that the reduced model was taken anew.")
+      .def_prop_ro(
+          "refreshes_by_cause",
+          [](const StepsReport& r) {
+            nb::dict out;
+            for (std::size_t i = 0; i < r.refreshes_by_cause.size(); ++i) {
+              const RelinearizationTotal& total = r.refreshes_by_cause[i];
+              nb::dict one;
+              one["count"] = total.count;
+              one["largest"] = total.largest.amount;
+              one["unit"] = total.largest.is_angle ? "rad" : "m";
+              one["of"] = total.of;
+              out[kDriftCauseNames[i]] = one;
+            }
+            return out;
+          },
+          "Why: 'turned_joint', since the last time; 'missing_load', a load whose displacement the "
+          "coordinates lack; "
+          "'loop_gap', by curved recovery. Each has its 'count', the 'largest' displacement with 'unit' and, "
+          "by name, whose "
+          "it was ('of').")
       .def_ro("failed_refreshes", &StepsReport::failed_refreshes,
               "Times that it could not be; the old one stays.")
       .def_ro("contacts_dropped", &StepsReport::contacts_dropped, "The collision detector ran out of room.")
       .def_ro("finite", &StepsReport::finite,
-              "False: a step gave numbers that are not finite, or could not be solved even in its shortest parts, and was "
+              "False: a step gave numbers that are not finite, or could not be solved even in its shortest "
+              "parts, and was "
               "undone; the state is that before it.")
       .def("__repr__", [](const StepsReport& r) {
         return "<fork1s.StepReport steps=" + std::to_string(r.steps) +

@@ -27,6 +27,7 @@ void StepsReport::Add(const StepReport& step, const World& world) {
     halved_by = world.NameOf(step.halving_of);
   }
   refreshes += step.refreshes;
+  AddRelinearizations(step, world, refreshes_by_cause);
   failed_refreshes += step.failed_refreshes;
   contacts_dropped = contacts_dropped || step.contacts_dropped;
   finite = finite && step.finite;

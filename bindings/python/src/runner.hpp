@@ -4,6 +4,7 @@
 #include <fork1s/record/recording.hpp>
 #include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/sim/tally.hpp>
 #include <map>
 #include <memory>
 #include <optional>
@@ -36,6 +37,7 @@ struct StepsReport {
   double stage_residual = 0;                          // m, the worst
   std::string halved_by, stage_residual_of;           // names; empty: none
   int refreshes = 0, failed_refreshes = 0;
+  RelinearizationTotals refreshes_by_cause;
   bool contacts_dropped = false;
   bool finite = true;
 

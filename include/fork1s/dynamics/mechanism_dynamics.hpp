@@ -87,7 +87,7 @@ class MechanismDynamics {
   }
 
   /// As the functions of mechanism_step.hpp.
-  double Staleness() const { return fork1s::Staleness(*this); }
+  LinearizationDrift ComputeLinearizationDrift() const { return fork1s::ComputeLinearizationDrift(*this); }
   bool Refresh() { return fork1s::Refresh(model_, state_, *work_); }
   /// All that the next step depends on, into `out`; does not allocate where `out` has its sizes. Between
   /// steps.

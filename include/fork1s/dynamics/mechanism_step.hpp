@@ -6,6 +6,7 @@
 // the two and what one step alone needs. The workspace's insides are known to src/dynamics alone.
 #pragma once
 
+#include <fork1s/dynamics/linearization_drift.hpp>
 #include <fork1s/dynamics/mechanism_state.hpp>
 #include <memory>
 #include <vector>
@@ -142,12 +143,12 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
 /// Largest turn since the reference, as a share of the refresh angle, of joints whose turn matters, or gap
 /// of a loop that is closed by its curvature, as a share of the refresh gap. A wheel
 /// may spin, and a finger whose every motion the model has may bend.
-double Staleness(const MechanismView& here);
-/// After a step of h [s]: whether joint forces, contact forces and inertia of the last stage leave over a
-/// load whose static answer is missing by more than 1e-3 rad or lengths of the mechanism in a joint, and has
-/// been for so long that it would have moved by as much. A refresh gives it a load column.
-/// `contact_impulses_R`: of the last stage, about R's origin [6 x bodies].
-bool MissesLoads(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R);
+LinearizationDrift ComputeLinearizationDrift(const MechanismView& here);
+/// After a step of h [s]: displacement that joint forces and contact forces of the last stage lack at rest,
+/// as a share of 1e-3 rad or lengths of the mechanism in a joint. The share is 0 until they have lacked it
+/// for so long that it would have moved by as much. A refresh gives them a load column. `contact_impulses_R`:
+/// of the last stage, about R's origin [6 x bodies].
+LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R);
 /// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
 /// the old model stays.
 bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work);

@@ -1,10 +1,12 @@
 // Everything that moves and touches, and the step that moves it.
 #pragma once
 
+#include <array>
 #include <fork1s/collision/collision_world.hpp>
 #include <fork1s/contact/contact_solver.hpp>
 #include <fork1s/contact/material.hpp>
 #include <fork1s/dynamics/free_body.hpp>
+#include <fork1s/dynamics/linearization_drift.hpp>
 #include <fork1s/dynamics/world_state.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <fork1s/recovery/recovery.hpp>
@@ -63,14 +65,21 @@ struct StepOptions {
 
 /// What a figure of a step is about; World::NameOf says its name.
 struct StepSubject {
-  enum class Kind { kNone, kMechanism, kFreeBody, kServo, kSpring, kStop, kContact };
+  enum class Kind { kNone, kMechanism, kFreeBody, kServo, kSpring, kStop, kContact, kCoordinate };
   Kind kind = Kind::kNone;
   int index = -1;  // mechanism, free body, or first contactor of a contact
-  int part = -1;   // servo, spring or stop of the mechanism, or second contactor
+  int part = -1;   // servo, spring, stop or joint coordinate of the mechanism, or second contactor
 };
 
 /// Why a step was taken as two of half the length.
 enum class HalvingCause { kNone, kImpact, kSaturation, kUnsolved };
+
+/// Mechanisms that were relinearized for one cause.
+struct Relinearizations {
+  int count = 0;
+  LinearizationDrift largest;  // by its share
+  StepSubject of;              // of the largest: joint coordinate, or mechanism of a loop
+};
 
 struct StepReport {
   int contacts = 0;
@@ -79,6 +88,7 @@ struct StepReport {
   ContactSolverReport solver;  // of all islands of contact: the worst of each
   double max_penetration = 0;  // m
   int refreshes = 0;
+  std::array<Relinearizations, std::size(kDriftCauseNames)> refreshes_by_cause;  // by DriftCause
   int failed_refreshes = 0;
   bool contacts_dropped = false;  // the collision detector ran out of room
   int stages = 0;                 // implicit stages, those of attempts that were dropped included

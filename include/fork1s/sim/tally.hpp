@@ -2,6 +2,7 @@
 // their ends.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <fork1s/sim/simulation.hpp>
 #include <map>
@@ -60,6 +61,15 @@ struct StopPassed {
   double first = 0;    // s
   bool upper = false;  // which stop, of the most
 };
+
+/// Relinearizations of a run for one cause.
+struct RelinearizationTotal {
+  int count = 0;
+  LinearizationDrift largest;  // by its share
+  std::string of;              // "joint 'elbow' of 'arm'", of the largest; empty: none
+};
+using RelinearizationTotals = std::array<RelinearizationTotal, std::size(kDriftCauseNames)>;  // by DriftCause
+void AddRelinearizations(const StepReport& report, const World& world, RelinearizationTotals& totals);
 
 class RunTally {
  public:
