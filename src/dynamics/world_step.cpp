@@ -30,13 +30,11 @@ void World::Detail::GatherContactImpulses(std::size_t i) {
 void World::Detail::RefreshIfStale(std::size_t i, double h) {
   MechanismDynamics& m = mechanisms_[i];
   MechanismBlock& block = mechanism_blocks_[i];
-  LinearizationDrift missing;
-  if (m.model().has_complement) {
-    GatherContactImpulses(i);
-    missing = FindMissingLoad(m, h, block.contact_impulses_R);
-  }
   block.drift = m.ComputeLinearizationDrift();
-  if (!(block.drift.share > 1)) block.drift = missing;
+  if (!(block.drift.share > 1) && m.model().has_complement) {
+    GatherContactImpulses(i);
+    block.drift = FindMissingLoad(m, h, block.contact_impulses_R);
+  }
   if (!(block.drift.share > 1)) return;
   block.refreshed = m.Refresh() ? 1 : -1;
 }

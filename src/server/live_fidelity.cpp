@@ -77,8 +77,7 @@ void LiveSimulation::KeepAccuracy() {
   replies_.push_back(
       {0, internal::Dump({{"type", "notice"},
                           {"message", fmt::format("for {:.3g} mm: {}", 1e3 * changed.accuracy, what)}})});
-  ++latest_.settings_version;
-  latest_.settings = std::make_shared<const std::string>(SettingsMessage());
+  PublishSettings();
 }
 
 // Only interface bodies touch; what they alone make the user believe is said, with what helps.

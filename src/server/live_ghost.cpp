@@ -23,8 +23,7 @@ void LiveSimulation::SwitchGhost(bool on) {
     BeginGhost();
   else
     ghost_->End();
-  ++latest_.settings_version;
-  latest_.settings = std::make_shared<const std::string>(SettingsMessage());
+  PublishSettings();
 }
 
 void LiveSimulation::BeginGhost() {

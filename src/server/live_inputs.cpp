@@ -31,11 +31,10 @@ void LiveSimulation::FollowTable(double time) {
   constexpr std::int64_t kSettingsEvery = 6;  // steps
   if (!targets_moved_ || simulation_.steps() % kSettingsEvery != 0) return;
   targets_moved_ = false;
-  ++latest_.settings_version;
-  latest_.settings = std::make_shared<const std::string>(SettingsMessage());
+  PublishSettings();
 }
 
-void LiveSimulation::LeaveTable(Eigen::Index control) {
+void LiveSimulation::RemoveFromTable(Eigen::Index control) {
   for (std::string& name : played_.names)
     if (simulation_.FindControl(name) == control) name.clear();
 }
@@ -100,15 +99,14 @@ std::optional<Refusal> LiveSimulation::HandleHold() {
           std::find_if(controls.begin(), controls.end(), [&](const auto& c) { return c.name == name; });
       if (servo == servos_.end() || control == controls.end() || control->gain == 0) continue;
       const double set_point = servo->stiffness * (m.Length(control->length) - servo->Rest()) / control->gain;
-      LeaveTable(first + static_cast<Eigen::Index>(k));
+      RemoveFromTable(first + static_cast<Eigen::Index>(k));
       targets_(first + static_cast<Eigen::Index>(k)) = std::clamp(set_point, control->lower, control->upper);
       holds = true;
     }
     first += static_cast<Eigen::Index>(given.controls().size());
   }
   if (!holds) return Refusal{"the model has no position servo that could hold its posture"};
-  ++latest_.settings_version;
-  latest_.settings = std::make_shared<const std::string>(SettingsMessage());
+  PublishSettings();
   return {};
 }
 

@@ -42,8 +42,7 @@ std::optional<Refusal> LiveSimulation::HandleResume(const Command& c) {
   carry_ = 0;
   ForgetError();
   if (ghost_on_) BeginGhost();
-  ++latest_.settings_version;
-  latest_.settings = std::make_shared<const std::string>(SettingsMessage());
+  PublishSettings();
   return {};
 }
 

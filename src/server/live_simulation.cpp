@@ -84,8 +84,7 @@ void LiveSimulation::AfterBuild() {
   latest_.versions.resize(encoded_reference_.size(), 0);
   ++latest_.epoch;
   latest_.scene = Share(SceneMessage());
-  ++latest_.settings_version;
-  latest_.settings = Share(SettingsMessage());
+  PublishSettings();
   if (ghost_on_) BeginGhost();
 }
 
@@ -248,7 +247,7 @@ std::optional<Refusal> LiveSimulation::HandleSet(const Command& c) {
     if (c.index < 0 || c.index >= targets_.size())
       return Refusal{fmt::format("there is no control {}", c.index)};
     targets_(c.index) = c.value;
-    LeaveTable(c.index);
+    RemoveFromTable(c.index);
   } else {
     LiveSettings changed = settings_;
     const auto kind = ChangeSetting(c.setting, c.index, c.value, changed);
@@ -263,8 +262,7 @@ std::optional<Refusal> LiveSimulation::HandleSet(const Command& c) {
     settings_ = changed;
     simulation_.step_options().gravity = settings_.gravity;
   }
-  ++latest_.settings_version;
-  latest_.settings = Share(SettingsMessage());
+  PublishSettings();
   return {};
 }
 

@@ -218,6 +218,11 @@ std::string LiveSimulation::SceneMessage() const {
   return internal::Dump(out);
 }
 
+void LiveSimulation::PublishSettings() {
+  ++latest_.settings_version;
+  latest_.settings = std::make_shared<const std::string>(SettingsMessage());
+}
+
 std::string LiveSimulation::SettingsMessage() const {
   const LiveSettings& s = settings_;
   Json out;

@@ -90,9 +90,8 @@ std::vector<std::string> InterfaceGain::Sentences() const {
   const std::string simulated =
       coordinates < coordinates_full
           ? fmt::format(
-                "{} of {} independent joint coordinates are simulated, the others follow their loads through "
-                "load "
-                "columns",
+                "{} of {} independent joint coordinates are simulated, the others follow their loads "
+                "through load columns",
                 coordinates, coordinates_full)
           : fmt::format("{} independent joint coordinate{} simulated, none left out",
                         coordinates == 1 ? "the one" : fmt::format("all {}", coordinates),

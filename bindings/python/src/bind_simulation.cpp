@@ -98,10 +98,8 @@ void BindStepReport(nb::module_& m) {
             return out;
           },
           "Why: 'turned_joint', since the last time; 'missing_load', a load whose displacement the "
-          "coordinates lack; "
-          "'loop_gap', by curved recovery. Each has its 'count', the 'largest' displacement with 'unit' and, "
-          "by name, whose "
-          "it was ('of').")
+          "coordinates lack; 'loop_gap', by curved recovery. Each has its 'count', the 'largest' "
+          "displacement with its 'unit' and, by name, whose it was ('of').")
       .def_ro("failed_refreshes", &StepsReport::failed_refreshes,
               "Times that it could not be; the old one stays.")
       .def_ro("contacts_dropped", &StepsReport::contacts_dropped, "The collision detector ran out of room.")

@@ -33,7 +33,7 @@ struct MechanismState {
   BodyIndex point_spring_body;
   std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between; kInSolve
 
-  double missing_time = 0;  // s, for how long loads have had no column (MissesLoads)
+  double missing_time = 0;  // s, for how long loads have had no column (FindMissingLoad)
 
   // Predicts the velocity of the first stage: of the last step of two stages, zero where that is not known.
   // (v₂ - v₁)/((1 - γ) h) of the two stages; where the base floats, of the centre of mass in place of the

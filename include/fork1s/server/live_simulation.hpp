@@ -101,7 +101,7 @@ class LiveSimulation {
   void ApplyTargets();
   void StartTargets();
   void FollowTable(double time);
-  void LeaveTable(Eigen::Index control);
+  void RemoveFromTable(Eigen::Index control);
   void ShowShapes(std::uint32_t version);
   void AfterBuild();
   void EncodeChangedMaps();
@@ -119,6 +119,7 @@ class LiveSimulation {
   void KeepAccuracy();
   void LookForPassing();
   std::string SceneMessage() const;
+  void PublishSettings();  // to every viewer
   std::string SettingsMessage() const;
 
   Scene original_;
