@@ -42,6 +42,7 @@ struct ControlSource {
   bool motor = false;  // pushes on one freedom and holds nothing
   std::vector<int> dofs;
   std::vector<std::pair<int, double>> pd;  // dof and rest, for controls made by pd
+  PdGains gains;                           // of those
 };
 
 /// A coupling read from a URDF mimic: q_joint = offset + multiplier q_leader.
@@ -132,6 +133,9 @@ inline bool HoldsSites(const mjModel& m, int equality) { return m.eq_objtype[equ
 
 std::string NameOr(const mjModel& m, int address, const char* kind, int id);
 
+/// Everything below, in order (importer.cpp).
+std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const std::vector<Mimic>& mimics);
+
 /// Which trees form which mechanism (components.cpp).
 void FindComponents(Conversion& c);
 /// Bodies, joints and free bodies of every component (bodies.cpp).
@@ -170,7 +174,11 @@ void ListHolds(Conversion& c);
 /// Numbers that MuJoCo accepts and no simulation survives (validate.cpp).
 std::optional<Error> Validate(const Conversion& c);
 void ListUnsupported(Conversion& c);
-/// A state in the order of c.scene as a <key> of MJCF (moment_text.cpp).
+/// A state in the order of c.scene as MuJoCo's numbers, and as a <key> of MJCF (moment_text.cpp).
+struct KeyNumbers {
+  std::vector<double> qpos, qvel, ctrl, mpos, mquat;
+};
+KeyNumbers NumbersOf(const Conversion& c, const KeyframeDef& state);
 std::string MomentText(const Conversion& c, const KeyframeDef& state, const std::string& name, double time);
 
 }  // namespace fork1s::internal

@@ -11,7 +11,7 @@
 #include "conversion.hpp"
 #include "mujoco_model.hpp"
 #include "names.hpp"
-#include "urdf.hpp"
+#include "prepared_model.hpp"
 #include "xml_checks.hpp"
 
 namespace fork1s {
@@ -60,8 +60,70 @@ void SetUp(Conversion& c) {
   }
 }
 
-std::optional<Error> Convert(Conversion& c, const ImportOptions& options,
-                             const std::vector<internal::Mimic>& mimics) {
+// A model file as MuJoCo is to read it.
+Expected<ImportedScene> Import(const internal::PreparedModel& prepared, const ImportOptions& options) {
+  const auto compiled = internal::CompileModel(prepared.source);
+  if (!compiled) return tl::unexpected<Error>(compiled.error());
+  Conversion c(*compiled->model, *compiled->data, prepared.source.path);
+  if (auto error = ConvertPrepared(c, prepared, compiled->warnings, options))
+    return tl::unexpected<Error>(std::move(*error));
+  return ImportedScene{std::move(c.scene), std::move(c.report), c.initial_keyframe};
+}
+
+bool LooksLikeUrdf(const std::string& text) { return text.find("<robot") != std::string::npos; }
+
+Expected<internal::PreparedModel> PrepareText(const std::string& path, std::string text, bool on_disk,
+                                              const ImportOptions& options) {
+  auto root = internal::RootElement(path, text);
+  int declaration_line = 0;
+  if (!root && LooksLikeUrdf(text)) {
+    declaration_line = internal::RemoveLateDeclaration(text);
+    if (declaration_line > 0) root = internal::RootElement(path, text);
+  }
+  if (!root) return tl::unexpected<Error>(root.error());
+  if (*root != "mujoco" && *root != "robot" && *root != "mujocoinclude") {
+    return Fail(
+        ErrorCode::kFormat, path,
+        fmt::format("the root element is <{}>; <mujoco> (MJCF) or <robot> (URDF) is expected", *root));
+  }
+  if (auto error = internal::CheckNumbers(path, text)) return tl::unexpected<Error>(std::move(*error));
+  if (*root == "robot") {
+    auto urdf = internal::PrepareUrdf(path, text, options);
+    if (!urdf) return tl::unexpected<Error>(urdf.error());
+    if (declaration_line > 0) {
+      urdf->notes.push_back({ImportNote::Kind::kChanged, fmt::format("line {}", declaration_line),
+                             "the XML declaration is not at the beginning, so it was skipped"});
+    }
+    return internal::PreparedModel{std::move(*urdf), true};
+  }
+  if (!options.packages.empty()) {
+    return Fail(ErrorCode::kUsage, fmt::format("{}, option package", path),
+                "this is MJCF, which names its files by path: only URDF speaks of packages");
+  }
+  if (auto error = internal::CheckBounds(path, text)) return tl::unexpected<Error>(std::move(*error));
+  internal::PreparedModel prepared;
+  prepared.source.path = path;
+  if (!on_disk) prepared.source.text = std::move(text);
+  return prepared;
+}
+
+const char* Name(ImportNote::Kind kind) {
+  switch (kind) {
+    case ImportNote::Kind::kDropped:
+      return "dropped";
+    case ImportNote::Kind::kChanged:
+      return "changed";
+    case ImportNote::Kind::kChosen:
+      return "chosen";
+  }
+  return "";
+}
+
+}  // namespace
+
+namespace internal {
+
+std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const std::vector<Mimic>& mimics) {
   SetUp(c);
   if (auto error = Validate(c)) return error;
   FindComponents(c);
@@ -101,87 +163,34 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options,
   return std::nullopt;
 }
 
-Expected<ImportedScene> Import(const internal::ModelSource& source, const ImportOptions& options,
-                               const internal::PreparedUrdf* urdf) {
-  const auto compiled = internal::CompileModel(source);
-  if (!compiled) return tl::unexpected<Error>(compiled.error());
-  Conversion c(*compiled->model, *compiled->data, source.path);
-  c.report.format = urdf != nullptr ? "URDF" : "MJCF";
-  c.is_urdf = urdf != nullptr;
-  if (urdf != nullptr) c.report.notes = urdf->notes;
-  for (const std::string& warning : compiled->warnings) {
+std::optional<Error> ConvertPrepared(Conversion& c, const PreparedModel& prepared,
+                                     const std::vector<std::string>& warnings, const ImportOptions& options) {
+  c.report.format = prepared.is_urdf ? "URDF" : "MJCF";
+  c.is_urdf = prepared.is_urdf;
+  c.report.notes = prepared.notes;
+  for (const std::string& warning : warnings) {
     // MuJoCo's trial step at qpos0 warns about motion that our own solver decides on.
     if (warning.find("Time =") != std::string::npos) continue;
     c.Note(ImportNote::Kind::kChanged, "MuJoCo reader", warning);
   }
-  static const std::vector<internal::Mimic> none;
-  if (auto error = Convert(c, options, urdf != nullptr ? urdf->mimics : none)) {
-    return tl::unexpected<Error>(std::move(*error));
-  }
-  return ImportedScene{std::move(c.scene), std::move(c.report), c.initial_keyframe};
+  return Convert(c, options, prepared.mimics);
 }
 
-bool LooksLikeUrdf(const std::string& text) { return text.find("<robot") != std::string::npos; }
-
-Expected<ImportedScene> ImportUrdf(const std::string& path, const std::string& text, int declaration_line,
-                                   const ImportOptions& options) {
-  auto urdf = internal::PrepareUrdf(path, text, options);
-  if (!urdf) return tl::unexpected<Error>(urdf.error());
-  if (declaration_line > 0) {
-    urdf->notes.push_back({ImportNote::Kind::kChanged, fmt::format("line {}", declaration_line),
-                           "the XML declaration is not at the beginning, so it was skipped"});
-  }
-  return Import(urdf->source, options, &*urdf);
+Expected<PreparedModel> PrepareModel(const std::string& path, const ImportOptions& options) {
+  const auto text = ReadFile(path);
+  if (!text) return tl::unexpected<Error>(text.error());
+  if (text->empty()) return Fail(ErrorCode::kFormat, path, "the file is empty; MJCF or URDF is expected");
+  return PrepareText(path, *text, true, options);
 }
 
-Expected<ImportedScene> ImportText(const std::string& path, std::string text, bool on_disk,
-                                   const ImportOptions& options) {
-  auto root = internal::RootElement(path, text);
-  int declaration_line = 0;
-  if (!root && LooksLikeUrdf(text)) {
-    declaration_line = internal::RemoveLateDeclaration(text);
-    if (declaration_line > 0) root = internal::RootElement(path, text);
-  }
-  if (!root) return tl::unexpected<Error>(root.error());
-  if (*root != "mujoco" && *root != "robot" && *root != "mujocoinclude") {
-    return Fail(
-        ErrorCode::kFormat, path,
-        fmt::format("the root element is <{}>; <mujoco> (MJCF) or <robot> (URDF) is expected", *root));
-  }
-  if (auto error = internal::CheckNumbers(path, text)) return tl::unexpected<Error>(std::move(*error));
-  if (*root == "robot") return ImportUrdf(path, text, declaration_line, options);
-  if (!options.packages.empty()) {
-    return Fail(ErrorCode::kUsage, fmt::format("{}, option package", path),
-                "this is MJCF, which names its files by path: only URDF speaks of packages");
-  }
-  if (auto error = internal::CheckBounds(path, text)) return tl::unexpected<Error>(std::move(*error));
-  internal::ModelSource source;
-  source.path = path;
-  if (!on_disk) source.text = std::move(text);
-  return Import(source, options, nullptr);
-}
-
-const char* Name(ImportNote::Kind kind) {
-  switch (kind) {
-    case ImportNote::Kind::kDropped:
-      return "dropped";
-    case ImportNote::Kind::kChanged:
-      return "changed";
-    case ImportNote::Kind::kChosen:
-      return "chosen";
-  }
-  return "";
-}
-
-}  // namespace
+}  // namespace internal
 
 std::string ImportNote::Text() const { return fmt::format("{}: {}: {}", Name(kind), where, message); }
 
 Expected<ImportedScene> LoadMechanism(const std::string& path, const ImportOptions& options) {
-  const auto text = internal::ReadFile(path);
-  if (!text) return tl::unexpected<Error>(text.error());
-  if (text->empty()) return Fail(ErrorCode::kFormat, path, "the file is empty; MJCF or URDF is expected");
-  return ImportText(path, *text, true, options);
+  const auto prepared = internal::PrepareModel(path, options);
+  if (!prepared) return tl::unexpected<Error>(prepared.error());
+  return Import(*prepared, options);
 }
 
 Expected<std::string> MomentAsMjcf(const std::string& path, const ImportOptions& options,
@@ -208,7 +217,9 @@ Expected<std::string> MomentAsMjcf(const std::string& path, const ImportOptions&
 Expected<ImportedScene> LoadMechanismFromString(const std::string& mjcf, const std::string& name,
                                                 const ImportOptions& options) {
   if (mjcf.empty()) return Fail(ErrorCode::kFormat, name, "the text is empty; MJCF is expected");
-  return ImportText(name, mjcf, false, options);
+  const auto prepared = PrepareText(name, mjcf, false, options);
+  if (!prepared) return tl::unexpected<Error>(prepared.error());
+  return Import(*prepared, options);
 }
 
 std::string MujocoVersion() { return mj_versionString(); }

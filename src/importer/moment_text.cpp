@@ -8,10 +8,6 @@
 namespace fork1s::internal {
 namespace {
 
-struct KeyNumbers {
-  std::vector<double> qpos, qvel, ctrl, mpos, mquat;
-};
-
 void PutFree(const Conversion& c, int joint, const RigidTransform& X_WB, const Vector6& V_B,
              KeyNumbers& key) {
   double *qpos = &key.qpos[c.m.jnt_qposadr[joint]], *qvel = &key.qvel[c.m.jnt_dofadr[joint]];
@@ -94,7 +90,7 @@ std::string Numbers(const char* attribute, const std::vector<double>& values) {
 
 }  // namespace
 
-std::string MomentText(const Conversion& c, const KeyframeDef& state, const std::string& name, double time) {
+KeyNumbers NumbersOf(const Conversion& c, const KeyframeDef& state) {
   const mjModel& m = c.m;
   KeyNumbers key;
   key.qpos.assign(m.qpos0, m.qpos0 + m.nq);
@@ -115,6 +111,11 @@ std::string MomentText(const Conversion& c, const KeyframeDef& state, const std:
     PutMechanism(c, component, static_cast<int>(mechanism), state.mechanisms[mechanism], key);
     ++mechanism;
   }
+  return key;
+}
+
+std::string MomentText(const Conversion& c, const KeyframeDef& state, const std::string& name, double time) {
+  const KeyNumbers key = NumbersOf(c, state);
   return fmt::format("<key name=\"{}\" time=\"{:.9g}\"{}{}{}{}{}/>", name, time, Numbers("qpos", key.qpos),
                      Numbers("qvel", key.qvel), Numbers("ctrl", key.ctrl), Numbers("mpos", key.mpos),
                      Numbers("mquat", key.mquat));

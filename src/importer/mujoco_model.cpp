@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fork1s/base/compiler_lock.hpp>
+#include <limits>
 #include <mutex>
 #include <regex>
 #include <stdexcept>
@@ -13,6 +14,12 @@
 #include <tinyxml2.h>
 
 #include "xml_checks.hpp"
+
+// Exported by MuJoCo's library; no header of it declares them.
+extern "C" {
+int _mjPRIVATE__get_xml_precision(void);
+void _mjPRIVATE__set_xml_precision(int precision);
+}
 
 namespace fork1s::internal {
 namespace {
@@ -53,6 +60,20 @@ class HandlerScope {
   void (*warning_)(const char*);
 };
 
+// Digits of the numbers that MuJoCo writes, which are six by default.
+class XmlPrecision {
+ public:
+  explicit XmlPrecision(int digits) : before_(_mjPRIVATE__get_xml_precision()) {
+    _mjPRIVATE__set_xml_precision(digits);
+  }
+  ~XmlPrecision() { _mjPRIVATE__set_xml_precision(before_); }
+  XmlPrecision(const XmlPrecision&) = delete;
+  XmlPrecision& operator=(const XmlPrecision&) = delete;
+
+ private:
+  int before_;
+};
+
 // MuJoCo's own plugins lie beside its library; a file may ask for one of them.
 void LoadPlugins() {
   static std::once_flag once;
@@ -64,34 +85,6 @@ void LoadPlugins() {
     std::error_code ignored;
     if (std::filesystem::exists(plugin, ignored)) mj_loadPluginLibrary(plugin.c_str());
   });
-}
-
-struct VfsDeleter {
-  void operator()(mjVFS* vfs) const {
-    mj_deleteVFS(vfs);
-    delete vfs;
-  }
-};
-using Vfs = std::unique_ptr<mjVFS, VfsDeleter>;
-
-struct SpecDeleter {
-  void operator()(mjSpec* spec) const { mj_deleteSpec(spec); }
-};
-
-// As mj_loadXML, but without the lengths that muscles can reach: the reader seeks them by simulation, refuses the
-// file where it finds none, and nothing here asks for them.
-std::unique_ptr<mjModel, void (*)(mjModel*)> Load(const char* path, const mjVFS* vfs, std::string& message) {
-  std::unique_ptr<mjModel, void (*)(mjModel*)> model(nullptr, mj_deleteModel);
-  char text[2048] = "";
-  const std::unique_ptr<mjSpec, SpecDeleter> spec(mj_parseXML(path, vfs, text, sizeof text));
-  if (spec) {
-    spec->compiler.LRopt.mode = mjLRMODE_NONE;
-    model.reset(mj_compile(spec.get(), vfs));
-    if (!model && mjs_getError(spec.get())) message = mjs_getError(spec.get());
-  } else {
-    message = text;
-  }
-  return model;
 }
 
 bool AddToVfs(mjVFS* vfs, const std::string& name, const std::string& content) {
@@ -254,30 +247,85 @@ Expected<std::unique_ptr<mjData, MjDataDeleter>> ReferenceData(const mjModel& mo
   }
 }
 
-Expected<CompiledModel> CompileModel(const ModelSource& source) {
-  CompiledModel compiled;
-  std::string message;
-  HandlerScope handlers(&compiled.warnings);
+void EditableModel::VfsDeleter::operator()(mjVFS* vfs) const {
+  mj_deleteVFS(vfs);
+  delete vfs;
+}
+
+Expected<EditableModel> EditableModel::Parse(ModelSource source) {
+  EditableModel out;
+  out.source_ = std::move(source);
+  HandlerScope handlers(&out.warnings_);
   LoadPlugins();
+  constexpr const char* kName = "fork1s_model.xml";
   try {
-    if (source.text.empty()) {
-      compiled.model.reset(Load(source.path.c_str(), nullptr, message).release());
-    } else {
-      Vfs vfs(new mjVFS);
-      mj_defaultVFS(vfs.get());
-      if (auto error = FillVfs(source, vfs.get())) return tl::unexpected<Error>(*error);
-      constexpr const char* kName = "fork1s_model.xml";
-      if (!AddToVfs(vfs.get(), kName, source.text)) {
-        return Fail(ErrorCode::kModel, source.path, "the model could not be handed to the reader");
-      }
-      compiled.model.reset(Load(kName, vfs.get(), message).release());
+    if (!out.source_.text.empty()) {
+      out.vfs_.reset(new mjVFS);
+      mj_defaultVFS(out.vfs_.get());
+      if (auto error = FillVfs(out.source_, out.vfs_.get())) return tl::unexpected<Error>(*error);
+      if (!AddToVfs(out.vfs_.get(), kName, out.source_.text))
+        return Fail(ErrorCode::kModel, out.source_.path, "the model could not be handed to the reader");
     }
-    if (!compiled.model) return tl::unexpected<Error>(Translate(source, message));
+    char message[2048] = "";
+    out.spec_.reset(
+        mj_parseXML(out.vfs_ ? kName : out.source_.path.c_str(), out.vfs_.get(), message, sizeof message));
+    if (!out.spec_) return tl::unexpected<Error>(Translate(out.source_, message));
+  } catch (const std::exception& fault) {
+    return GaveUp(out.source_.path, fault);
+  }
+  return out;
+}
+
+Expected<CompiledModel> EditableModel::Compile() {
+  CompiledModel compiled;
+  compiled.warnings = warnings_;
+  HandlerScope handlers(&compiled.warnings);
+  // Without the lengths that muscles can reach: the compiler seeks them by simulation, refuses the file where
+  // it finds none, and nothing here asks for them.
+  const int length_ranges = spec_->compiler.LRopt.mode;
+  spec_->compiler.LRopt.mode = mjLRMODE_NONE;
+  try {
+    compiled.model.reset(mj_compile(spec_.get(), vfs_.get()));
+    spec_->compiler.LRopt.mode = length_ranges;
+    if (!compiled.model) {
+      const char* message = mjs_getError(spec_.get());
+      return tl::unexpected<Error>(Translate(source_, message != nullptr ? message : ""));
+    }
     compiled.data = DataAtReference(*compiled.model);
   } catch (const std::exception& fault) {
-    return GaveUp(source.path, fault);
+    return GaveUp(source_.path, fault);
   }
   return compiled;
+}
+
+Expected<std::string> EditableModel::Text() const {
+  HandlerScope handlers(nullptr);
+  const XmlPrecision all_digits(std::numeric_limits<double>::max_digits10);
+  char message[1024] = "";
+  std::string text(1 << 16, '\0');
+  try {
+    // The size that it needs is its answer where the buffer is too short.
+    int size =
+        mj_saveXMLString(spec_.get(), text.data(), static_cast<int>(text.size()), message, sizeof message);
+    if (size > 0) {
+      text.resize(static_cast<std::size_t>(size) + 1);
+      size =
+          mj_saveXMLString(spec_.get(), text.data(), static_cast<int>(text.size()), message, sizeof message);
+    }
+    if (size != 0)
+      return Fail(ErrorCode::kModel, source_.path,
+                  fmt::format("MuJoCo cannot write it as MJCF: {}", OneLine(message)));
+  } catch (const std::exception& fault) {
+    return GaveUp(source_.path, fault);
+  }
+  text.resize(text.find('\0'));
+  return text;
+}
+
+Expected<CompiledModel> CompileModel(const ModelSource& source) {
+  auto model = EditableModel::Parse(source);
+  if (!model) return tl::unexpected<Error>(model.error());
+  return model->Compile();
 }
 
 }  // namespace fork1s::internal

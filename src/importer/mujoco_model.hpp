@@ -34,6 +34,33 @@ struct ModelSource {
 /// Kinematics, lengths and transmissions at qpos0. Errors: kModel, with `name` for the file.
 Expected<std::unique_ptr<mjData, MjDataDeleter>> ReferenceData(const mjModel& model, const std::string& name);
 
+/// A model between its file and its compilation, in which elements can be changed, added and removed.
+class EditableModel {
+ public:
+  /// Errors: kFile, kFormat with line, kModel.
+  static Expected<EditableModel> Parse(ModelSource source);
+
+  mjSpec* spec() { return spec_.get(); }
+  /// Compiles the elements as they now are and computes the kinematics at qpos0; may be called again after
+  /// changes. Errors: kModel.
+  Expected<CompiledModel> Compile();
+  /// MJCF of the elements as they were compiled last, numbers with all digits. Errors: kModel.
+  Expected<std::string> Text() const;
+
+ private:
+  struct VfsDeleter {
+    void operator()(mjVFS* vfs) const;
+  };
+  struct SpecDeleter {
+    void operator()(mjSpec* spec) const { mj_deleteSpec(spec); }
+  };
+  EditableModel() = default;
+  ModelSource source_;
+  std::vector<std::string> warnings_;  // of the parser
+  std::unique_ptr<mjVFS, VfsDeleter> vfs_;
+  std::unique_ptr<mjSpec, SpecDeleter> spec_;
+};
+
 /// Compiles and computes the kinematics at qpos0. Errors: kFile, kFormat with line, kModel.
 Expected<CompiledModel> CompileModel(const ModelSource& source);
 

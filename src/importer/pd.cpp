@@ -49,6 +49,7 @@ void Hold(Conversion& c, int dof, const PdGains& gains) {
   ControlSource source;
   source.dofs = {dof};
   source.pd = {{dof, rest}};
+  source.gains = gains;
   std::erase_if(c.report.servos, [&](const ServoGains& s) {  // of the motor whose place it takes
     return s.mechanism == mechanism && s.control == control.name;
   });
