@@ -7,7 +7,9 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fork1s/base/near_names.hpp>
+#include <fstream>
 #include <limits>
+#include <string_view>
 
 namespace fork1s::app {
 namespace {
@@ -69,6 +71,13 @@ Expected<std::int64_t> CountSteps(double time, double dt) {
                             "lengthen --dt",
                             time, steps, dt, kMost));
   return static_cast<std::int64_t>(steps);
+}
+
+bool IsHdf5(const std::string& path) {
+  static constexpr std::string_view kSignature = "\211HDF\r\n\032\n";
+  std::string start(kSignature.size(), ' ');
+  std::ifstream file(path, std::ios::binary);
+  return file.read(start.data(), static_cast<std::streamsize>(start.size())) && start == kSignature;
 }
 
 Expected<void> RefuseInputs(const std::string& out, const std::vector<std::string>& inputs) {

@@ -45,6 +45,9 @@ Expected<double> ParseNumber(const std::string& text, const std::string& option)
 /// Steps of `dt` that make `time`. Errors: kUsage where they are more than can be counted.
 Expected<std::int64_t> CountSteps(double time, double dt);
 
+/// Whether the file begins as recordings do; false where it cannot be read.
+bool IsHdf5(const std::string& path);
+
 /// Refuses to write to a file that the same command reads, by whatever name. Errors: kUsage.
 Expected<void> RefuseInputs(const std::string& out, const std::vector<std::string>& inputs);
 

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <cmath>
+#include <filesystem>
 #include <fork1s/study/compare.hpp>
 #include <map>
 #include <memory>
@@ -7,11 +8,13 @@
 #include <tuple>
 
 #include "checks.hpp"
+#include "export_model.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "print.hpp"
 #include "progress.hpp"
 #include "run_inputs.hpp"
+#include "temporary_folder.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -161,30 +164,47 @@ Expected<std::vector<std::string>> TakeInputs(const CompareArguments& args, cons
   return limits;
 }
 
+// Whether options change the model that the file has. The interface and modes are of the reduction alone.
+bool IsChanged(const ModelArguments& model) {
+  return !model.base.empty() || !model.pd.empty() || model.stiffness_scale != 1 || !model.base_pose.empty() ||
+         !model.coordinates.empty() || !model.ground.empty();
+}
+
+// Writes the model with its options to the folder, and names that file in its place.
+Expected<void> WriteForMuJoCo(const TemporaryFolder& folder, ModelArguments& model) {
+  if (folder.path.empty())
+    return Fail(
+        ErrorCode::kFile, std::filesystem::temp_directory_path().string(),
+        "cannot hold a temporary folder for the model that MuJoCo is to open; make room there or set TMPDIR");
+  ModelArguments file;
+  file.path = folder.path + "/model.xml";
+  const auto written = WriteModel(model, file.path);
+  if (!written) return tl::unexpected(written.error());
+  file.keyframe = written->start;
+  model = file;
+  return {};
+}
+
 int Run(const CompareArguments& args) {
   const bool json = args.model.json;
   if (auto ok = RefuseInputs(args.report, {args.model.path, args.inputs.controls}); !ok)
     return Report(ok.error(), json);
-  if (args.against == "mujoco")
-    for (const auto& [given, option, remedy] :
-         {std::tuple{!args.model.base.empty(), "--base",
-                     "the joints of the base (a driven one: mocap=\"true\")"},
-          {!args.model.pd.empty(), "--pd", "position actuators"},
-          {args.model.stiffness_scale != 1, "--stiffness-scale", "the stiffnesses"},
-          {!args.model.base_pose.empty(), "--base-pose", "the pose of the base"},
-          {!args.model.coordinates.empty(), "--q", "a keyframe"},
-          {!args.model.ground.empty(), "--ground", "a plane"}})
-      if (given)
-        return Report({ErrorCode::kUsage, option,
-                       fmt::format("does not reach MuJoCo, which runs the file as it stands, so that the two "
-                                   "would run different models; write {} into the file instead",
-                                   remedy)},
-                      json);
-  auto imported = args.model.Load();
+  ModelArguments model = args.model;
+  auto imported = model.Load();
   if (!imported) return Report(imported.error(), json);
   if (!json) PrintNotes(imported->report);
+  const bool mujoco = args.against == "mujoco";
+  const Json notes = NotesJson(imported->report);
+  std::optional<TemporaryFolder> folder;
+  if (mujoco && (imported->report.format == "URDF" || IsChanged(args.model))) {
+    // Both run the same file: the model as it is understood.
+    if (auto written = WriteForMuJoCo(folder.emplace("fork1s-model"), model); !written)
+      return Report(written.error(), json);
+    imported = model.Load();
+    if (!imported) return Report(imported.error(), json);
+  }
   CompareOptions options;
-  options.against = args.against == "mujoco" ? Against::kMuJoCo : Against::kFull;
+  options.against = mujoco ? Against::kMuJoCo : Against::kFull;
   options.time = args.time;
   options.dt = args.dt;
   options.recovery = args.inputs.recovery;
@@ -192,7 +212,7 @@ int Run(const CompareArguments& args) {
   options.full_integrator = args.full_integrator;
   options.refinements = args.refinements;
   options.mujoco_integrator = args.integrator;
-  options.model_path = args.model.path;
+  options.model_path = model.path;
   const auto limits = TakeInputs(args, *imported, options);
   if (!limits) return Report(limits.error(), json);
   Expected<Comparison> comparison = [&] {
@@ -202,6 +222,7 @@ int Run(const CompareArguments& args) {
   }();
   if (!comparison) {
     Error error = comparison.error();
+    if (error.where == model.path) error.where = args.model.path;
     if (error.where != args.model.path)
       error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);
     return Report(error, json);
@@ -209,7 +230,7 @@ int Run(const CompareArguments& args) {
   comparison->warnings.insert(comparison->warnings.end(), limits->begin(), limits->end());
   if (json) {
     Json out = ComparisonJson(*comparison);
-    out["notes"] = NotesJson(imported->report);
+    out["notes"] = notes;
     PrintText("{}\n", ToText(out, 2));
   } else {
     Print(*comparison);
@@ -228,7 +249,11 @@ void AddCompare(CLI::App& app, Action& action) {
       app.add_subcommand("compare", "simulate a model beside the full-coordinate simulator or MuJoCo");
   auto args = std::make_shared<CompareArguments>();
   args->model.AddTo(*command);
-  command->add_option("--against", args->against, "full (default) or mujoco")
+  command
+      ->add_option(
+          "--against", args->against,
+          "full (default) or mujoco, which opens the file; a URDF, or a model with --base, --pd, --q, "
+          "--base-pose or --ground, as 'fork1s export' writes it")
       ->check(OneOf({"full", "mujoco"}));
   static const std::map<std::string, MuJoCoIntegrator> integrators = {
       {"Euler", MuJoCoIntegrator::kEuler},

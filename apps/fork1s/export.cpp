@@ -10,6 +10,7 @@
 #include <memory>
 
 #include "checks.hpp"
+#include "export_model.hpp"
 #include "output.hpp"
 #include "page.hpp"
 #include "print.hpp"
@@ -19,12 +20,14 @@ namespace fork1s::app {
 namespace {
 
 struct ExportArguments {
-  std::string recording, out, look_at;
+  ModelArguments model;  // its path: of a recording too
+  std::string out, look_at;
   bool all_bodies = false, video = false;
   VideoOptions options;
   std::vector<double> from;   // degrees
   std::optional<double> fps;  // frames of a film or keys of a glTF animation, a second
   CLI::Option* color_by_option = nullptr;
+  CLI::App* command = nullptr;
 };
 
 // The camera as the arguments want it.
@@ -50,7 +53,7 @@ Expected<VideoOptions> Camera(const Recording& recording, const ExportArguments&
 int WriteTables(const ExportArguments& args) {
   CsvOptions options;
   options.all_bodies = args.all_bodies;
-  auto recording = RecordingReader::Open(args.recording);
+  auto recording = RecordingReader::Open(args.model.path);
   if (!recording) return Report(recording.error(), false);
   const auto steps = ExportCsv(*recording, args.out, options);
   if (!steps) return Report(steps.error(), false);
@@ -102,6 +105,43 @@ int WriteFilm(const Recording& recording, const ExportArguments& args) {
   return kDone;
 }
 
+// Options of a recording say nothing of a model, and the other way round.
+Expected<void> RefuseForeignOptions(const ExportArguments& args, bool of_model) {
+  for (const CLI::Option* option : args.command->get_options())
+    if (option->count() > 0 && !option->get_positional() &&
+        (option->get_group() == kModelOptions || option->get_name() == "--json") != of_model)
+      return Fail(ErrorCode::kUsage, option->get_name(),
+                  of_model
+                      ? "belongs to the export of a recording; OUT.xml is written of a model"
+                      : "belongs to the export of a model to OUT.xml; a recording has its model as it was "
+                        "simulated");
+  return {};
+}
+
+int ExportModel(const ExportArguments& args) {
+  const auto refuse = [&](const Error& error) { return Report(error, args.model.json); };
+  if (IsHdf5(args.model.path))
+    return refuse({ErrorCode::kUsage, args.model.path,
+                   "is a recording, which has no model file to write; give the MJCF or URDF in its place"});
+  if (auto ok = RefuseForeignOptions(args, true); !ok) return refuse(ok.error());
+  const auto written = WriteModel(args.model, args.out);
+  if (!written) return refuse(written.error());
+  if (args.model.json) {
+    Json out;
+    out["written"] = args.out;
+    out["keyframe"] = written->start;
+    out["notes"] = NotesJson(written->imported.report);
+    PrintText("{}\n", ToText(out, 2));
+    return kDone;
+  }
+  PrintNotes(written->imported.report);
+  PrintText(
+      "wrote {}{}{}\n", args.out,
+      written->meshes.empty() ? "" : fmt::format(" and {} mesh files beside it", written->meshes.size()),
+      written->start.empty() ? "" : fmt::format("; it starts at --keyframe {}", written->start));
+  return kDone;
+}
+
 // What to write, by the extension of the name; without one it is a folder.
 int Run(const ExportArguments& args) {
   const std::filesystem::path out(args.out);
@@ -109,12 +149,15 @@ int Run(const ExportArguments& args) {
   auto is = [&](std::initializer_list<const char*> names) {
     return std::find(names.begin(), names.end(), extension) != names.end();
   };
+  if (auto ok = RefuseInputs(args.out, {args.model.path}); !ok) return Report(ok.error(), args.model.json);
+  if (is({".xml", ".mjcf"})) return ExportModel(args);
+  if (auto ok = RefuseForeignOptions(args, false); !ok) return Report(ok.error(), false);
   const bool page = is({".html", ".htm"}), gltf = is({".glb", ".gltf"}), film = is({".mp4", ".png"});
   if (!page && !gltf && !film && !extension.empty() && !args.video && !std::filesystem::is_directory(out))
     return Report(
         {ErrorCode::kUsage, args.out,
          fmt::format("the extension '{0}' is not known; known are .html, .glb, .gltf, .mp4 and .png, "
-                     "and a folder for CSV tables: write {1}/ if it is the name of one",
+                     ".xml for a model, and a folder for CSV tables: write {1}/ if it is the name of one",
                      extension, args.out)},
         false);
   if (args.color_by_option->count() > 0 && !film && !args.video)
@@ -130,9 +173,8 @@ int Run(const ExportArguments& args) {
     return Report({ErrorCode::kUsage, "--fps", fmt::format("of a film is {:g} at most", kMaxFilmFps)}, false);
   if ((extension == ".png") != args.options.at.has_value())
     return Report({ErrorCode::kUsage, "--at", "belongs to a FILE.png, and a FILE.png needs it"}, false);
-  if (auto ok = RefuseInputs(args.out, {args.recording}); !ok) return Report(ok.error(), false);
   if (!page && !gltf && !film && !args.video) return WriteTables(args);
-  auto recording = Recording::Open(args.recording);
+  auto recording = Recording::Open(args.model.path);
   if (!recording) return Report(recording.error(), false);
   if (film || args.video) return WriteFilm(*recording, args);
   if (gltf) return WriteGltf(*recording, args);
@@ -149,17 +191,23 @@ Expected<std::string> MakeReplayPage(const Recording& recording) {
 }
 
 void AddExport(CLI::App& app, Action& action) {
-  auto* command = app.add_subcommand(
-      "export", "write a recording as CSV tables, a page that plays it, a glTF animation or a film");
+  auto* command = app.add_subcommand("export",
+                                     "write a recording as CSV tables, a page that plays it, a glTF "
+                                     "animation or a film; or a model as MJCF");
   auto args = std::make_shared<ExportArguments>();
-  command->add_option("recording", args->recording, "HDF5 file of 'fork1s run --record'")->required();
+  args->command = command;
+  args->model.AddTo(*command);
+  command->get_option("model")->description(
+      "HDF5 file of 'fork1s run --record'; for FILE.xml a model, MJCF or URDF");
   command
-      ->add_option("out", args->out,
-                   "a folder for poses.csv, contacts.csv, pairs.csv, controls.csv, energy.csv; FILE.html: "
-                   "one page that "
-                   "plays from "
-                   "disk; FILE.glb, FILE.gltf: a moving scene for other programs; FILE.mp4: a film; "
-                   "FILE.png: the moment --at; with --video a folder for PNG frames")
+      ->add_option(
+          "out", args->out,
+          "a folder for poses.csv, contacts.csv, pairs.csv, controls.csv, energy.csv; FILE.html: "
+          "one page that "
+          "plays from "
+          "disk; FILE.glb, FILE.gltf: a moving scene for other programs; FILE.mp4: a film; "
+          "FILE.png: the moment --at; with --video a folder for PNG frames; FILE.xml: the model with its "
+          "options as MJCF for MuJoCo")
       ->required();
   command->add_flag("--all-bodies", args->all_bodies,
                     "tables: poses of every body, not only of interface and free ones");

@@ -94,7 +94,7 @@ Expected<Vector3> ParseVector(const std::string& text, const std::string& option
 
 void ModelArguments::AddTo(CLI::App& command) {
   command.add_option("model", path, "MJCF or URDF file")->required();
-  command.option_defaults()->group("Options of the model, the same in every command");
+  command.option_defaults()->group(kModelOptions);
   command
       .add_option("--interface", interfaces,
                   "bodies that touch the world (a,b,...); replaces what the file says")
@@ -223,22 +223,39 @@ std::vector<std::string> ModelArguments::Words() const {
   return words;
 }
 
+namespace {
+
+// Reads a model; an error has the option as it was typed, and nothing that libraries printed beside it.
+template <class Read>
+auto ReadAsTyped(const Read& read) {
+  auto model = [&] {
+    HeldErrors held;
+    auto loaded = read();
+    if (!loaded) held.Drop();
+    return loaded;
+  }();
+  if (!model) model.error().where = AsTyped(model.error().where);
+  return model;
+}
+
+}  // namespace
+
 Expected<ImportedScene> ModelArguments::Load() const {
   const auto options = Options();
   if (!options) return tl::unexpected(options.error());
-  auto loaded = [&] {
-    HeldErrors held;
-    auto model = LoadMechanism(path, *options);
-    if (!model) held.Drop();
-    return model;
-  }();
-  if (!loaded) {
-    Error error = loaded.error();
-    error.where = AsTyped(error.where);
-    return tl::unexpected(error);
-  }
+  auto loaded = ReadAsTyped([&] { return LoadMechanism(path, *options); });
+  if (!loaded) return loaded;
   for (ImportNote& note : loaded->report.notes) note.where = AsTyped(note.where);
   return loaded;
+}
+
+Expected<MjcfModel> ModelArguments::AsMjcf(const std::string& folder, const std::string& mesh_folder) const {
+  const auto options = Options();
+  if (!options) return tl::unexpected(options.error());
+  auto model = ReadAsTyped([&] { return ModelAsMjcf(path, *options, folder, mesh_folder); });
+  if (!model) return model;
+  for (ImportNote& note : model->imported.report.notes) note.where = AsTyped(note.where);
+  return model;
 }
 
 Expected<void> ModelArguments::ReadStart(ImportOptions& options) const {

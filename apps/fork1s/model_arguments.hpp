@@ -3,6 +3,7 @@
 
 #include <fork1s/dynamics/world.hpp>
 #include <fork1s/importer/importer.hpp>
+#include <fork1s/importer/mjcf.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,6 +11,9 @@
 #include "command.hpp"
 
 namespace fork1s::app {
+
+/// The group of the options that AddTo adds.
+inline constexpr const char* kModelOptions = "Options of the model, the same in every command";
 
 struct ModelArguments {
   std::string path;
@@ -28,6 +32,8 @@ struct ModelArguments {
 
   void AddTo(CLI::App& command);
   Expected<ImportedScene> Load() const;
+  /// ModelAsMjcf of the model with these options.
+  Expected<MjcfModel> AsMjcf(const std::string& folder, const std::string& mesh_folder) const;
   Expected<ImportOptions> Options() const;
   /// The words of a command line that AddTo reads as these arguments, the model last.
   std::vector<std::string> Words() const;

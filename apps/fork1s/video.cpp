@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "progress.hpp"
+#include "temporary_folder.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -141,18 +142,6 @@ class Child {
   int error_ = 0;
 };
 
-struct TemporaryFolder {
-  std::string path;
-  TemporaryFolder() {
-    std::string name = (fs::temp_directory_path() / "fork1s-film-XXXXXX").string();
-    if (mkdtemp(name.data())) path = name;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    if (!path.empty()) fs::remove_all(path, ignored);
-  }
-};
-
 // What the page is asked to draw, behind the # of its address.
 std::string Wish(const VideoOptions& o) {
   std::string wish = fmt::format("film={}x{}", o.width, o.height);
@@ -256,7 +245,7 @@ Expected<int> RenderVideo(std::string_view page, const std::string& out, const V
     return Fail(
         ErrorCode::kFile, "ffmpeg",
         "was not found; films are made by it: apt-get install ffmpeg, or name a folder for PNG frames");
-  const TemporaryFolder work;
+  const TemporaryFolder work("fork1s-film");
   if (work.path.empty())
     return Fail(ErrorCode::kFile, fs::temp_directory_path(), "cannot hold a temporary folder");
   Frames frames;

@@ -159,13 +159,6 @@ int Serve(const ViewArguments& args, std::string_view page, const std::function<
   return kDone;
 }
 
-bool IsHdf5(const std::string& path) {
-  static constexpr std::string_view kSignature = "\211HDF\r\n\032\n";
-  std::string start(kSignature.size(), ' ');
-  std::ifstream file(path, std::ios::binary);
-  return file.read(start.data(), static_cast<std::streamsize>(start.size())) && start == kSignature;
-}
-
 // A recording on the page that `export` writes.
 int RunReplay(const ViewArguments& args) {
   ModelArguments plain;

@@ -325,6 +325,14 @@ Expected<void> MoveFiles(mjSpec* spec, const PreparedModel& prepared, const std:
     if (!out.meshes.empty()) mjs_setString(spec->compiler.meshdir, mesh_folder.c_str());
     return {};
   }
+  for (const mjtObj kind : {mjOBJ_MESH, mjOBJ_HFIELD, mjOBJ_SKIN, mjOBJ_TEXTURE})
+    for (mjsElement* e = mjs_firstElement(spec, kind); e != nullptr; e = mjs_nextElement(spec, e))
+      if (mjs_getOriginSpec(e) != spec)
+        return Fail(
+            ErrorCode::kModel, prepared.source.path,
+            fmt::format("'{}' comes with an attached model, which has folders of its own for its files; the "
+                        "written file has one: replace <attach> by <include>",
+                        mjs_getString(mjs_getName(e))));
   const fs::path from = fs::absolute(prepared.source.path).parent_path(), to = fs::absolute(folder);
   const auto move = [&](mjString* directory, std::initializer_list<mjtObj> kinds) {
     if (std::none_of(kinds.begin(), kinds.end(),

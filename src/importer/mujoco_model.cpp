@@ -300,7 +300,7 @@ Expected<CompiledModel> EditableModel::Compile() {
 
 Expected<std::string> EditableModel::Text() const {
   HandlerScope handlers(nullptr);
-  const XmlPrecision all_digits(std::numeric_limits<double>::max_digits10);
+  const XmlPrecision all_digits(std::numeric_limits<double>::digits10);
   char message[1024] = "";
   std::string text(1 << 16, '\0');
   try {

@@ -44,7 +44,7 @@ class EditableModel {
   /// Compiles the elements as they now are and computes the kinematics at qpos0; may be called again after
   /// changes. Errors: kModel.
   Expected<CompiledModel> Compile();
-  /// MJCF of the elements as they were compiled last, numbers with all digits. Errors: kModel.
+  /// MJCF of the elements as they were compiled last, numbers with 15 digits. Errors: kModel.
   Expected<std::string> Text() const;
 
  private:

@@ -226,8 +226,9 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   const Scene& scene = imported.scene;
   const bool mujoco = options.against == Against::kMuJoCo;
   if (mujoco && imported.report.format != "MJCF")
-    return Fail(ErrorCode::kUsage, options.model_path,
-                "is not MJCF, which alone MuJoCo runs as the file says it");
+    return Fail(
+        ErrorCode::kUsage, options.model_path,
+        "is not MJCF, which alone MuJoCo runs as the file says it; 'fork1s export' writes it as MJCF");
   RunOptions o;
   o.interval = options.dt > 0 ? options.dt : scene.timestep;
   o.samples = std::max(1, static_cast<int>(std::llround(options.time / o.interval)));

@@ -131,17 +131,72 @@ TEST(Compare, RefusesControlsThatMuJoCoHasNoActuatorFor) {
   EXPECT_NE(driven.Json()["laws"].dump().find("without velocity"), std::string::npos);
 }
 
-// Options that change the model do not reach the file that MuJoCo runs.
-TEST(Compare, RefusesOptionsThatDoNotReachMuJoCo) {
+// Options that change the model reach MuJoCo by a file that is written for it.
+TEST(Compare, GivesMuJoCoTheModelWithItsOptions) {
   const std::string model = Write("finger.xml", FingerModel());
-  for (const char* option : {"--base driven", "--pd 1,0.1", "--stiffness-scale 2", "--base-pose 0,0,1",
-                             "--q end=0.1", "--ground"}) {
-    const Outcome o = Fork1s(std::string("compare --against mujoco --time 0.1 ") + option + " " + model);
-    EXPECT_EQ(o.code, 2) << option;
-    EXPECT_EQ(o.out, "") << option;
-    const std::string word = std::string(option).substr(0, std::string(option).find(' '));
-    EXPECT_NE(o.err.find(word), std::string::npos) << o.err;
+  const std::string command =
+      "compare --json --against mujoco --time 0.2 --dt 0.002 --refinements 0 --interface tip ";
+  for (const char* option : {"--pd 1,0.1 --q knuckle=-0.5", "--q end=0.1", "--base fixed"}) {
+    const Outcome o = Fork1s(command + option + " " + model);
+    ASSERT_EQ(o.code, 0) << option << "\n" << o.err;
+    EXPECT_LT(o.Json()["interface"][0]["max_mm"].get<double>(), 1) << option;
   }
+  const Outcome scaled = Fork1s("compare --against mujoco --time 0.1 --stiffness-scale 2 " + model);
+  EXPECT_EQ(scaled.code, 2);
+  EXPECT_EQ(scaled.out, "");
+  EXPECT_NE(scaled.err.find("--stiffness-scale"), std::string::npos) << scaled.err;
+}
+
+// A hinge and a slide on a base that falls onto a plane, in a file that MuJoCo by itself reads otherwise.
+std::string UrdfArm() {
+  const std::string inertial =
+      "<inertial><origin xyz='0 0 .05'/><mass value='.4'/><inertia ixx='.002' ixy='0' ixz='0' iyy='.002' "
+      "iyz='0' "
+      "izz='.001'/></inertial>";
+  return "<robot name='arm'><link name='foot'>" + inertial +
+         "<collision><geometry><box size='.2 .2 .02'/></geometry></collision></link><link name='upper'>" +
+         inertial + "</link><link name='lower'>" + inertial +
+         "</link><joint name='knee' type='revolute'><parent link='foot'/><child link='upper'/><axis xyz='0 1 "
+         "0'/>"
+         "<limit lower='-1' upper='1' effort='50' velocity='1'/></joint><joint name='lift' "
+         "type='prismatic'><parent "
+         "link='upper'/><child link='lower'/><origin xyz='0 0 .1'/><axis xyz='0 0 1'/><limit lower='-.05' "
+         "upper='.05' effort='50' velocity='1'/></joint></robot>";
+}
+
+TEST(Compare, AUrdfWithMuJoCo) {
+  const std::string model = Write("arm.urdf", UrdfArm());
+  const auto difference = [&](const std::string& options) {
+    const Outcome o = Fork1s(
+        "compare --json --against mujoco --dt 0.001 --refinements 0 --interface lower --pd lift=2000,20 " +
+        options + " " + model);
+    EXPECT_EQ(o.code, 0) << o.err;
+    return o.Json()["interface"][0]["max_mm"].get<double>();
+  };
+  EXPECT_LT(difference("--time 0.3 --pd 20,1 --q knee=.3"), 0.5);
+  // In free fall; MuJoCo's steps of h = 2 ms fall g h t/2 = 1.47 mm too far.
+  EXPECT_LT(difference("--time 0.15 --pd 200,5 --base floating --base-pose 0,0,0.2 --ground"), 1.5);
+  for (const auto& entry : std::filesystem::directory_iterator(std::filesystem::temp_directory_path()))
+    EXPECT_NE(entry.path().filename().string().rfind("fork1s-model-", 0), 0u) << entry.path();
+}
+
+TEST(Exports, AModelAsMjcf) {
+  const std::string model = Write("arm.urdf", UrdfArm()), out = (ScratchFolder() / "arm_export.xml").string();
+  const Outcome o = Fork1s("export --base floating --pd 20,1 --q knee=.3 " + model + " " + out);
+  ASSERT_EQ(o.code, 0) << o.err;
+  EXPECT_NE(o.out.find("--keyframe start"), std::string::npos) << o.out;
+  EXPECT_NE(o.err.find("force limit of joint"), std::string::npos) << o.err;
+  EXPECT_EQ(Fork1s("run --time 0.1 --keyframe start " + out).code, 0);
+  EXPECT_EQ(Fork1s("export " + model + " " + out).code, 0);  // its own file is replaced
+  const std::string own = Write("own.xml", FingerModel());
+  EXPECT_EQ(Fork1s("export " + model + " " + own).code, 3);  // another is not
+  EXPECT_EQ(Slurp(own), FingerModel());
+  for (const char* line : {"export --fps 3 ", "export --stiffness-scale 2 "})
+    EXPECT_EQ(Fork1s(line + model + " " + out).code, 2) << line;
+  const std::string recording = (ScratchFolder() / "of_arm.h5").string();
+  ASSERT_EQ(Fork1s("run --time 0.05 --record " + recording + " " + own).code, 0);
+  EXPECT_EQ(Fork1s("export " + recording + " " + out).code, 2);
+  EXPECT_EQ(Fork1s("export --pd 1,1 " + recording + " " + (ScratchFolder() / "tables").string()).code, 2);
 }
 
 TEST(Compare, WritesAReport) {
