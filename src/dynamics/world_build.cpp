@@ -150,7 +150,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.match_benches_.reserve(Detail::kMostBenches);
   detail.pushes_.reserve(room);
   const auto reserve = [room](Detail::Sums& sums) {
-    sums.contacts_W.reserve(room);
+    sums.contacts.reserve(room);
     sums.ended.reserve(room);
   };
   reserve(detail.sums_);

@@ -72,6 +72,11 @@ struct World::Detail {
   void ClearSums();
   void SumImpulses(double weight = 1);
   void StoreSums();
+  struct ContactSum {                    // of a contact, over the stages of the step
+    Vector6 wrench_W = Vector6::Zero();  // moment [N m s] and impulse [N s]
+    double normal = 0, tangential = 0;   // see ContactRecord [N s]
+  };
+  static void SetSum(const ContactSum& sum, ContactRecord& contact);
   double StepsRatio(double h) const;
   void Rebound(double h);
   // Impacts (world_impact.cpp).
@@ -271,12 +276,12 @@ struct World::Detail {
   // Of its parts so far: wrenches of contacts in world axes, contacts that have ended, stops and dry
   // friction.
   struct Sums {
-    std::vector<Vector6> contacts_W;  // moments [N m s] and impulses [N s]
+    std::vector<ContactSum> contacts;
     std::vector<ContactRecord> ended;
     std::vector<WorldState::Rows> rows;
   };
   Sums sums_;
-  std::vector<Vector6> next_sums_;
+  std::vector<ContactSum> next_sums_;
   std::vector<char> goes_on_;
   // A step that contains an event is halved up to this often (docs/decisions/001-time-stepping.md); the
   // shortest parts are one stage of backward Euler each. Where such a stage does not converge it is halved

@@ -80,7 +80,9 @@ class Hash {
     Add(body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling, restitution);
   }
   void One(const ContactRecord& record) {
-    const auto& [point, impulse, friction, moment, use, end_force, end_moment, end_speed] = record;
+    const auto& [point, impulse, normal_sum, tangential_sum, friction, moment, use, end_force, end_moment,
+                 end_speed] = record;
+    // Sums of magnitudes are for reports: no step starts from them.
     Add(point, impulse, friction, moment, use, end_force, end_moment, end_speed);
   }
   void One(const WorldState::Rows& rows) {

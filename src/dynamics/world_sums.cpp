@@ -48,7 +48,7 @@ void MergeSolverReport(const ContactSolverReport& then, ContactSolverReport& sol
 }
 
 void World::Detail::ClearSums() {
-  sums_.contacts_W.clear();
+  sums_.contacts.clear();
   sums_.ended.clear();
   sums_.rows.resize(mechanisms_.size());
   for (WorldState::Rows& rows : sums_.rows) {
@@ -57,34 +57,39 @@ void World::Detail::ClearSums() {
   }
 }
 
-namespace {
-
-void SetWrench(const Vector6& sum_W, ContactRecord& contact) {
-  contact.moment = contact.point.frame * sum_W.head<3>();
-  contact.impulse = contact.point.frame * sum_W.tail<3>();
+void World::Detail::SetSum(const ContactSum& sum, ContactRecord& contact) {
+  contact.moment = contact.point.frame * sum.wrench_W.head<3>();
+  contact.impulse = contact.point.frame * sum.wrench_W.tail<3>();
+  contact.normal_sum = sum.normal;
+  contact.tangential_sum = sum.tangential;
 }
 
-}  // namespace
-
-// Impulses and moments of all parts of the step so far, contact by contact, world axes.
+// Impulses and moments of all stages of the step so far, contact by contact: vectors in world axes,
+// magnitudes along and across the normal of each stage.
 void World::Detail::SumImpulses(double weight) {
   next_sums_.resize(contacts_.size());
-  goes_on_.assign(sums_.contacts_W.size(), 0);
+  goes_on_.assign(sums_.contacts.size(), 0);
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
     const Matrix3 frame_W = contacts_[i].point.frame.transpose();
-    next_sums_[i].head<3>() = weight * (frame_W * contacts_[i].moment);
-    next_sums_[i].tail<3>() = weight * (frame_W * contacts_[i].impulse);
-    if (match_[i] < 0 || sums_.contacts_W.empty()) continue;
-    const auto before = static_cast<std::size_t>(match_[i]);
-    next_sums_[i] += sums_.contacts_W[before];
-    goes_on_[before] = 1;
+    ContactSum& sum = next_sums_[i];
+    sum.wrench_W.head<3>() = weight * (frame_W * contacts_[i].moment);
+    sum.wrench_W.tail<3>() = weight * (frame_W * contacts_[i].impulse);
+    sum.normal = weight * contacts_[i].impulse(0);
+    sum.tangential = weight * contacts_[i].impulse.tail<2>().norm();
+    if (match_[i] < 0 || sums_.contacts.empty()) continue;
+    const auto k = static_cast<std::size_t>(match_[i]);
+    const ContactSum& before = sums_.contacts[k];
+    sum.wrench_W += before.wrench_W;
+    sum.normal += before.normal;
+    sum.tangential += before.tangential;
+    goes_on_[k] = 1;
   }
   for (std::size_t i = 0; i < goes_on_.size(); ++i) {
-    if (goes_on_[i] || sums_.contacts_W[i].isZero(0)) continue;
+    if (goes_on_[i] || sums_.contacts[i].wrench_W.isZero(0)) continue;
     sums_.ended.push_back(previous_[i]);
-    SetWrench(sums_.contacts_W[i], sums_.ended.back());
+    SetSum(sums_.contacts[i], sums_.ended.back());
   }
-  sums_.contacts_W.swap(next_sums_);
+  sums_.contacts.swap(next_sums_);
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     Add(weight, mechanism_blocks_[i].limit_impulses, sums_.rows[i].limit_impulses);
     Add(weight, mechanism_blocks_[i].friction_impulses, sums_.rows[i].friction_impulses);
@@ -93,7 +98,7 @@ void World::Detail::SumImpulses(double weight) {
 
 // Whoever asks what acted in the step is told of all of it, what parted again within it too.
 void World::Detail::StoreSums() {
-  for (std::size_t i = 0; i < contacts_.size(); ++i) SetWrench(sums_.contacts_W[i], contacts_[i]);
+  for (std::size_t i = 0; i < contacts_.size(); ++i) SetSum(sums_.contacts[i], contacts_[i]);
   for (const ContactRecord& c : sums_.ended) {
     contacts_.push_back(c);
   }

@@ -102,12 +102,11 @@ void RunTally::LookAtContacts(const Simulation& simulation) {
     const Vector3 force = sign * (c.point.frame.transpose() * c.impulse) / h;
     const Vector3 moment =
         sign * (c.point.frame.transpose() * c.moment) / h + (b < 0 ? c.point.point : arm_b).cross(force);
-    pair.last.Add(LoadOf(force, moment, c.impulse(0) / h, c.impulse.tail<2>().norm() / h, c.friction), 1);
+    pair.last.Add(LoadOf(force, moment, c.normal_sum / h, c.tangential_sum / h, c.friction), 1);
     const Vector6 V_a = mean(a), V_b = mean(b);
     const Vector3 spin = c.point.frame * Vector3(V_b.head<3>() - V_a.head<3>());
     pair.friction_loss -= sign * c.moment.dot(spin);
-    const double tangential = c.impulse.tail<2>().norm();
-    if (!(c.friction > 0) || tangential < kAtCone * c.friction * c.impulse(0)) continue;
+    if (!(c.friction > 0) || c.tangential_sum < kAtCone * c.friction * c.normal_sum) continue;
     const Vector3 slides = VelocityAt(V_b, arm_b) - VelocityAt(V_a, arm_a);
     pair.friction_loss -= sign * c.impulse.tail<2>().dot(c.point.frame.bottomRows<2>() * slides);
     const Vector3 relative = VelocityAt(now(b), arm_b) - VelocityAt(now(a), arm_a);

@@ -14,6 +14,9 @@ namespace fork1s {
 struct ContactRecord {
   ContactPoint point;
   Vector3 impulse = Vector3::Zero();  // normal, tangents [N·s], in the frame of the point, on body b
+  // Sums over the stages of the step, each in the contact frame of its own pose [N·s]. `impulse`, their
+  // vector sum, leaves the friction cone where that frame turns between them.
+  double normal_sum = 0, tangential_sum = 0;
   double friction = 0;
   Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
   double use = 0;                    // of the cone, above 1 where it slides

@@ -16,8 +16,10 @@ namespace fork1s {
 struct ContactLoad {
   Vector3 force_W = Vector3::Zero();   // N on b
   Vector3 moment_W = Vector3::Zero();  // N·m on b about its origin
-  double normal = 0;                   // N, sum over the contacts
-  double tangential = 0;               // N, sum of magnitudes over the contacts with friction
+  // Sums of magnitudes over the contacts and the stages of the step, each in the frame that the contact has
+  // there [N].
+  double normal = 0;
+  double tangential = 0;               // of contacts with friction
   double friction_limit = 0;           // N, sum of µ f_n
 
   /// |f_t| / (µ f_n), the mean of the contacts weighted by µ f_n; 1: all of them slide. 0 without friction.
