@@ -129,7 +129,7 @@ void FreeBody::PredictStage(double b, bool touched) {
                      : FreeTurning(b, omega_B_);
 }
 
-double FreeBody::MoveAndComputeStiffResidual(double b, double& motion) {
+double FreeBody::MoveAndComputeStiffResidual(double b, StageMotion& moved) {
   Vector6 impulse = Vector6::Zero();  // of contact
   if (pushed_) impulse = stage_A_ * PortTwist() - stage_rhs_;
   MoveToStagePose(b);
@@ -143,12 +143,15 @@ double FreeBody::MoveAndComputeStiffResidual(double b, double& motion) {
   velocity_end_ = momentum.tail<3>() / inertia_.mass;
   Vector6 present;
   present << X_WB_.rotation() * (inertia_.rotational * omega_B_), inertia_.mass * velocity_;
-  motion = b * std::sqrt(V.dot(present) / inertia_.mass);
+  moved.motion = b * std::sqrt(V.dot(present) / inertia_.mass);
+  const Vector3 spun = omega_B_ - omega_B_before_, sped = velocity_ - velocity_before_;
+  moved.velocity_change =
+      b * std::sqrt(spun.dot(inertia_.rotational * spun) / inertia_.mass + sped.squaredNorm());
   return b * (stage_root_ * (momentum - present)).norm() / std::sqrt(inertia_.mass);
 }
 
-double FreeBody::MoveAndComputeResidual(double b, double& motion) {
-  if (is_stiff_) return MoveAndComputeStiffResidual(b, motion);
+double FreeBody::MoveAndComputeResidual(double b, StageMotion& moved) {
+  if (is_stiff_) return MoveAndComputeStiffResidual(b, moved);
   velocity_end_ = velocity_;
   // The momentum of the pose linearised at, as contact left it.
   const Vector3 spin_W = X_WB_.rotation() * (inertia_.rotational * omega_B_);
@@ -157,7 +160,9 @@ double FreeBody::MoveAndComputeResidual(double b, double& motion) {
   spin_end_W_ = pushed_ ? Vector3(spin_W + b * (load_moment_W - load_moment_W_))
                         : Vector3(stage_base_.spin_W + b * load_moment_W);
   const double mass = inertia_.mass;
-  motion = b * std::sqrt(omega_B_.dot(inertia_.rotational * omega_B_) / mass);
+  moved.motion = b * std::sqrt(omega_B_.dot(inertia_.rotational * omega_B_) / mass);
+  const Vector3 spun = omega_B_ - omega_B_before_;
+  moved.velocity_change = b * std::sqrt(spun.dot(inertia_.rotational * spun) / mass);
   const Vector3 residual = X_WB_.rotation().transpose() * spin_end_W_ - inertia_.rotational * omega_B_;
   return b * std::sqrt(residual.dot(InverseInertia_B() * residual) / mass);
 }

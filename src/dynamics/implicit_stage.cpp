@@ -326,6 +326,8 @@ StageChange ComputeStageChange(const MechanismStep& here, double b) {
   if (model.num_velocities() == 0) return out;
   ws.rhs = ws.x + ws.contact_shift;
   out.change = Displacement(here, b, ws.rhs);
+  ws.rhs = ws.x - ws.x_start;
+  out.velocity_change = Displacement(here, b, ws.rhs);
   // Beside the drift of the base: what moves along with something is solved as well as what rests.
   out.motion = Displacement(here, b, ws.x);
   if (model.base_size > 0)

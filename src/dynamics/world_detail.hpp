@@ -24,8 +24,9 @@ struct StageResidual {
   double ratio = 0;     // largest residual, in tolerances
   double largest = 0;   // m
   StepSubject subject;  // of the largest ratio
-  bool is_small =
-      true;  // every residual is within its tolerance or a share of the length that noise may leave
+  // Every residual is: too small to matter, as the motion goes; within its tolerance or a share of the length
+  // that noise may leave.
+  bool is_negligible = true, is_small = true;
   bool is_slow = false;  // the iteration contracts so slowly that a new matrix is worth its cost
 };
 

@@ -28,24 +28,35 @@ constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
 // The matrix of a stage is renewed where this many more iterations would not solve it: they cost as much as a
 // new matrix.
 constexpr int kIterationsOfMatrix = 3;
-// A stage is solved where another iteration would change poses by less than this share of the stage's motion,
-// or of a mechanism's length. By 1e-4 of the motion trees that float without damping gain energy
-// (docs/decisions/001-time-stepping.md).
+// What moves by less than these shares of the stage's motion and of a mechanism's length does not matter.
 constexpr double kRelativeTolerance = 1e-6, kLengthTolerance = 1e-9;
+// A stage is solved where another iteration would change poses by less than kRelativeTolerance of the motion
+// and than kChangeTolerance of what the velocity has changed by within the stage, which fine steps add up:
+// ten thousand of them leave that share of it. kRounding is the share of the length that no step count makes
+// matter. What stiff mechanisms leave by rounding is more than that: where an iteration no longer helps, what
+// does not matter is accepted.
+constexpr double kChangeTolerance = 1e-5, kRounding = 1e-12;
 // Contacts of meshes jump from one facet to another between iterations. A stage that would be halved is
 // accepted with a residual within this share of the length, and reported.
 constexpr double kStagnationTolerance = 1e-6;
 
 // The contraction of an iteration is taken for no less than rounding leaves, and for no contraction from 1
 // on.
-constexpr double kRounding = 1e-12, kNoContraction = 1 - 1e-6;
+constexpr double kLeastContraction = 1e-12, kNoContraction = 1 - 1e-6;
 // Residual after an iteration and change by it, in tolerances.
 bool IsSlow(double residual, double change) {
-  const double contraction = residual / change;
+  const double contraction = change > 0 ? residual / change : 0;
   return !(residual * std::pow(contraction, kIterationsOfMatrix) <= 1);
 }
 
-double Tolerance(double motion, double length) { return kRelativeTolerance * motion + kLengthTolerance * length; }
+double Negligible(double motion, double length) {
+  return kRelativeTolerance * motion + kLengthTolerance * length;
+}
+
+double Tolerance(const StageMotion& moved, double length) {
+  return std::min(kRelativeTolerance * moved.motion, kChangeTolerance * moved.velocity_change) +
+         kRounding * length;
+}
 
 }  // namespace
 
@@ -180,6 +191,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       if (iteration == max_iterations || !std::isfinite(least_margin_)) break;
       continue;
     }
+    const bool helps = iteration == 1 || (found.ratio < last.ratio && !found.is_slow);
     // By a matrix of another pose a growth says nothing of the equation.
     growths += iteration > 1 && is_fresh && !(found.ratio < last.ratio) ? 1 : 0;
     last = found;
@@ -192,8 +204,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       growths = 0;
       max_iterations = iteration + 2 * kMaxNewtonIterations;
     }
-    if (!from_start && (found.ratio <= 1 || (ends && found.is_small))) {
-      if (found.ratio > 1) report.stages_converged = false;
+    if (!from_start && (found.ratio <= 1 || (found.is_negligible && !helps) || (ends && found.is_small))) {
+      if (found.ratio > 1 && !found.is_negligible) report.stages_converged = false;
       if (found.largest > report.stage_residual) {
         report.stage_residual = found.largest;
         report.stage_residual_of = found.subject;
@@ -227,13 +239,14 @@ HalvingCause World::Detail::FindStageEvent(const StepOptions& options, StageSche
 namespace {
 
 // Adds a residual [m] of something that moves by `motion` [m] in the stage.
-void Add(double residual, double motion, double length, StepSubject subject, StageResidual& out) {
+void Add(double residual, const StageMotion& moved, double length, StepSubject subject, StageResidual& out) {
   // What is beyond the range of numbers is not solved, however large the motion that the residual is compared
   // with.
-  const double ratio = std::isfinite(motion) && std::isfinite(residual)
-                           ? residual / std::max(Tolerance(motion, length), 1e-300)
+  const double ratio = std::isfinite(moved.motion) && std::isfinite(residual)
+                           ? residual / std::max(Tolerance(moved, length), 1e-300)
                            : std::numeric_limits<double>::infinity();
   out.largest = std::max(out.largest, residual);
+  out.is_negligible = out.is_negligible && residual <= Negligible(moved.motion, length);
   out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
   if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
   out.ratio = ratio;
@@ -252,9 +265,9 @@ StageResidual World::Detail::MoveAndComputeResiduals(const StepOptions& stage, S
   StageResidual bodies, changes, found;
   for (std::size_t i = 0; i < free_bodies_.size(); ++i) {
     FreeBody& body = free_bodies_[i];
-    double motion = 0;
-    const double residual = body.MoveAndComputeResidual(b, motion);
-    Add(residual, motion, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
+    StageMotion moved;
+    const double residual = body.MoveAndComputeResidual(b, moved);
+    Add(residual, moved, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
         {StepSubject::Kind::kFreeBody, static_cast<int>(i), -1}, bodies);
   }
   const auto length = [&](std::size_t i) { return mechanisms_[i].mechanism().length_scale(); };
@@ -264,7 +277,7 @@ StageResidual World::Detail::MoveAndComputeResiduals(const StepOptions& stage, S
   stage_changes_.resize(mechanisms_.size());
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     stage_changes_[i] = ComputeStageChange(mechanisms_[i], b);
-    Add(stage_changes_[i].change, stage_changes_[i].motion, length(i), subject(i), changes);
+    Add(stage_changes_[i].change, stage_changes_[i], length(i), subject(i), changes);
   }
   double& contraction = contraction_[scheme == StageScheme::kSecondOfTwo ? 1 : 0];
   const double next = contraction / (1 - contraction);
@@ -273,16 +286,15 @@ StageResidual World::Detail::MoveAndComputeResiduals(const StepOptions& stage, S
     const bool is_last = scheme != StageScheme::kFirstOfTwo;
     ForMechanisms([&](std::size_t i) { AcceptStage(mechanisms_[i], b, time, is_last); });
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-      Add(next * stage_changes_[i].change, stage_changes_[i].motion, length(i), subject(i), bodies);
+      Add(next * stage_changes_[i].change, stage_changes_[i], length(i), subject(i), bodies);
     // What is not measured is trusted less and less (Hairer & Wanner II, IV.8).
     contraction = std::pow(contraction, 0.8);
     return bodies;
   }
   for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-    Add(MoveAndComputeResidual(mechanisms_[i], b, time), stage_changes_[i].motion, length(i), subject(i),
-        found);
+    Add(MoveAndComputeResidual(mechanisms_[i], b, time), stage_changes_[i], length(i), subject(i), found);
   if (changes.ratio > 0 && !from_stage_start_) {
-    const double measured = std::clamp(found.ratio / changes.ratio, kRounding, kNoContraction);
+    const double measured = std::clamp(found.ratio / changes.ratio, kLeastContraction, kNoContraction);
     contraction = is_first ? measured : std::max(contraction, measured);
   }
   found.is_slow = IsSlow(found.ratio, changes.ratio);
@@ -292,6 +304,7 @@ StageResidual World::Detail::MoveAndComputeResiduals(const StepOptions& stage, S
   found.ratio = std::max(found.ratio, bodies.ratio);
   found.largest = std::max(found.largest, bodies.largest);
   found.is_small = found.is_small && bodies.is_small;
+  found.is_negligible = found.is_negligible && bodies.is_negligible;
   return found;
 }
 
@@ -302,7 +315,7 @@ bool World::Detail::ChangesSaturation(double b, StepReport& report) {
     const MechanismDynamics& m = mechanisms_[i];
     if (!HasSwitches(m)) continue;
     const SaturationChange change = ComputeSaturationChange(mechanisms_[i], b, kOnward);
-    if (change.displacement <= Tolerance(change.motion, m.mechanism().length_scale())) continue;
+    if (change.displacement <= Negligible(change.motion, m.mechanism().length_scale())) continue;
     report.halving_of = {change.is_servo ? StepSubject::Kind::kServo : StepSubject::Kind::kSpring, static_cast<int>(i),
                          change.index};
     return true;

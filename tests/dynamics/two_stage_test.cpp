@@ -134,6 +134,40 @@ TEST(TwoStage, MomentumOfAFloatingMechanismIsConstant) {
   }
 }
 
+// A rotor that turns freely about a vertical hinge, with a bob on an arm that a spring lets flap.
+MechanismDef RotorWithAFlappingArm() {
+  MechanismBuilder builder("rotor");
+  BodyDef hub;
+  hub.name = "hub";
+  hub.parent = builder.base();
+  hub.inertia = testing::Ball(1, 0.1);
+  const BodyIndex h = builder.AddBody(hub);
+  BodyDef bob;
+  bob.name = "bob";
+  bob.parent = h;
+  bob.X_PB = RigidTransform(Vector3(0.3, 0, 0));
+  bob.inertia = testing::Ball(0.5, 0.03);
+  const BodyIndex b = builder.AddBody(bob);
+  builder.AddJoint(JointDef::Hinge("turn", h, Vector3::UnitZ()));
+  builder.AddJoint(JointDef::Hinge("flap", b, Vector3::UnitY(), Vector3(-0.25, 0, 0)).WithSpring(20));
+  builder.SetInterfaces({"hub", "bob"});
+  return builder.definition();
+}
+
+// Nothing acts about the hinge. What a stage leaves of its equation adds up over the steps: in the velocity a
+// share kChangeTolerance of all that it changes by, here less than 20 times itself in a second, whatever the
+// step.
+TEST(TwoStage, FineStepsLeaveNoMoreOfASpinThanCoarse) {
+  for (const Integrator integrator : {Integrator::kTwoStage, Integrator::kEuler})
+    for (const double h : {1.0 / 240, 1.0 / 4000}) {
+      World world = MustStart(RotorWithAFlappingArm(), Vector2(0, 0.5), Vector2(20, 0));
+      const MechanismDynamics& m = world.mechanisms()[0];
+      const double before = testing::Momentum(m)(2);
+      for (int i = 0; i < std::lround(1 / h); ++i) world.Step(By(integrator, h, Vector3::Zero()));
+      EXPECT_NEAR(testing::Momentum(m)(2) / before, 1, 2e-4) << h;
+    }
+}
+
 // A light tree on soft springs and ball joints that hangs on a heavier body, and floats without damping.
 MechanismDef FloatingSoftTree(unsigned seed) {
   RandomSource random(seed);

@@ -3,6 +3,7 @@
 
 #include <fork1s/dynamics/applied_forces.hpp>
 #include <fork1s/dynamics/point_spring.hpp>
+#include <fork1s/dynamics/stage_motion.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <string>
 
@@ -67,9 +68,9 @@ class FreeBody {
   /// Velocity of the stage without contact. `touched`: it is linearized at the pose at hand, as contact is.
   void PredictStage(double b, bool touched);
   /// After contact: moves to the pose found; the change of position that another iteration would make [m], in
-  /// the kinetic metric. `motion` [m]: of the stage, likewise, but for the translation that nothing makes
+  /// the kinetic metric. `moved`: by the stage, but for the translation that nothing makes
   /// stiff.
-  double MoveAndComputeResidual(double b, double& motion);
+  double MoveAndComputeResidual(double b, StageMotion& moved);
   void ExtrapolateStage(double b, double onward);
   void EndStep(double between_stages);
   /// All that the next step depends on.
@@ -131,7 +132,7 @@ class FreeBody {
   Vector6 StageMomentum(double b) const;
   Eigen::Matrix<double, 3, 6> SpringJacobian() const;
   void PredictStiffStage(double b);
-  double MoveAndComputeStiffResidual(double b, double& motion);
+  double MoveAndComputeStiffResidual(double b, StageMotion& moved);
   Matrix3 InverseInertia_B() const { return rotational_root_ * rotational_root_.transpose(); }
   Vector3 FreeTurning(double b, Vector3 guess) const;
 };

@@ -8,6 +8,7 @@
 
 #include <fork1s/dynamics/linearization_drift.hpp>
 #include <fork1s/dynamics/mechanism_state.hpp>
+#include <fork1s/dynamics/stage_motion.hpp>
 #include <memory>
 #include <vector>
 
@@ -108,9 +109,8 @@ void StartStageMatrix(const MechanismStep& here, double b);
 /// with the geometric stiffness of what accelerates the parts, where it stays positive definite.
 void RenewStageMatrix(const MechanismStep& here, bool inertial);
 /// Of a Newton iteration [m], in the kinetic metric.
-struct StageChange {
+struct StageChange : StageMotion {
   double change = 0;  // of position, that this one makes
-  double motion = 0;  // of the stage, beside the drift of its base or centre of mass
 };
 /// After contact, at the pose linearised at.
 StageChange ComputeStageChange(const MechanismStep& here, double b);
