@@ -231,6 +231,8 @@ void Summarise(UrdfWork& work) {
   note(Kind::kChosen, work.weightless, "no <inertial>", "the link weighs nothing");
   note(Kind::kChanged, work.balanced, "rotational inertia",
        "one principal moment exceeds the sum of the others, so all three became their mean");
+  note(Kind::kChanged, work.rounded, "rotational inertia",
+       "one principal moment exceeds the sum of the others by rounding, so all three were raised by that");
   for (const auto& [shape, links] : work.shaped) {
     note(Kind::kChosen, links, "mass without rotational inertia",
          fmt::format("taken as that of a solid {} of the same mass", shape).c_str());
@@ -305,8 +307,8 @@ Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& t
   compiler->SetAttribute("fusestatic", "false");
   compiler->SetAttribute("discardvisual", "false");
   compiler->SetAttribute("strippath", "false");
-  compiler->SetAttribute("boundmass", "1e-12");
-  compiler->SetAttribute("boundinertia", "1e-12");
+  compiler->SetAttribute("boundmass", kMasslessUrdf);
+  compiler->SetAttribute("boundinertia", kMasslessUrdf);
   tinyxml2::XMLPrinter printer;
   document.Print(&printer);
   work.out.source.path = path;
