@@ -88,11 +88,11 @@ std::optional<Error> Validate(const Conversion& c) {
   }
   for (int key = 0; key < m.nkey; ++key) {
     if (Finite(m.key_qpos + key * m.nq, m.nq) && Finite(m.key_qvel + key * m.nv, m.nv) &&
-        Finite(m.key_ctrl + key * m.nu, m.nu)) {
+        Finite(m.key_ctrl + key * m.nu, m.nu) && Finite(m.key_act + key * m.na, m.na)) {
       continue;
     }
     return c.ModelError(fmt::format("keyframe '{}'", NameOr(m, m.name_keyadr[key], "key", key)),
-                        "a coordinate, speed or control is not finite; write finite numbers");
+                        "a coordinate, speed, activation or control is not finite; write finite numbers");
   }
   if (!Finite(m.opt.gravity, 3)) return c.ModelError("option", "gravity is not finite; write three numbers");
   return std::nullopt;
