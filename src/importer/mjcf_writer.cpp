@@ -183,7 +183,6 @@ class MjcfWriter {
   }
 
   std::optional<Error> AddServos() {
-    std::vector<std::string> unbounded;
     for (std::size_t i = 0; i < c_.controls.size(); ++i)
       for (std::size_t k = 0; k < c_.controls[i].size(); ++k) {
         const ControlSource& source = c_.controls[i][k];
@@ -201,10 +200,7 @@ class MjcfWriter {
                   fmt::format("joint '{}' bounds the force of actuator '{}', and in MJCF it would bound the "
                               "PD control too; give the actuator a forcerange in its place",
                               c_.joint_names[static_cast<std::size_t>(joint)], a.name));
-        mjs_asJoint(joints_[static_cast<std::size_t>(joint)])->actfrclimited = mjLIMITED_FALSE;
-        unbounded.push_back(name);
       }
-    c_.ChangedMany("force limit of joint", unbounded, "the PD control that holds it has none");
     return std::nullopt;
   }
 

@@ -36,6 +36,7 @@ struct UrdfWork {
   std::map<std::string, std::vector<std::string>> shaped;           // links by the shape that gave inertia
   std::map<std::string, std::vector<std::string>> shapes_dropped;   // links by what was wrong
   std::map<std::string, std::vector<std::string>> visuals_dropped;  // by reason: link and file
+  std::vector<const tinyxml2::XMLElement*> mujoco_options;          // <option> of <mujoco>
   int next_material = 0;
 
   std::string Where(const tinyxml2::XMLElement& element) const {

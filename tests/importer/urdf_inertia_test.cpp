@@ -53,11 +53,27 @@ TEST(ImportUrdfInertia, NothingAtAllIsSaid) {
   const ImportedScene drawn = MustLoad(
       Arm(Part("collision", R"(<box size=".1 .1 .1"/>)") + Part("visual", R"(<box size="1 1 1"/>)")));
   EXPECT_NEAR(BodyA(drawn).inertia.mass, 1, 1e-12);
-  const ImportedScene bare = MustLoad(Arm(""));
+  // A link without mass moves where another hangs on it.
+  const auto carrier = [](const std::string& content) {
+    return MustLoad(Robot(Link("base") + Link("a", content) + Link("b") +
+                          Joint("j", "continuous", "base", "a") + Joint("f", "fixed", "a", "b", "")));
+  };
+  const ImportedScene bare = carrier("");
   EXPECT_TRUE(HasNote(bare.report, Kind::kChosen, "link 'a': no <inertial>: the link weighs nothing"));
   EXPECT_EQ(BodyA(bare).inertia.mass, 0);
-  const ImportedScene weightless = MustLoad(Arm("<inertial/>"));
+  const ImportedScene weightless = carrier("<inertial/>");
   EXPECT_TRUE(HasNote(weightless.report, Kind::kDropped, "link 'a': inertia with zero mass"));
+}
+
+TEST(ImportUrdfInertia, MovingLinkWithoutMass_IsRefusedByName) {
+  for (const std::string& content :
+       {std::string(), std::string("<inertial/>"), Part("visual", "<box size=\".1 .1 .1\"/>")}) {
+    const Error error = MustFail(Arm(content));
+    EXPECT_EQ(error.code, ErrorCode::kModel);
+    EXPECT_EQ(error.where, "test.xml, link 'a'");
+    EXPECT_CONTAINS(error.message, "joint 'j' moves it");
+    EXPECT_CONTAINS(error.message, "<inertial>");
+  }
 }
 
 TEST(ImportUrdfInertia, WordsAreNoNumbers) {
@@ -67,7 +83,7 @@ TEST(ImportUrdfInertia, WordsAreNoNumbers) {
   const Error xacro = MustFail(mass("${m}"));
   EXPECT_EQ(xacro.code, ErrorCode::kModel);
   EXPECT_CONTAINS(xacro.where, "line 4");
-  EXPECT_CONTAINS(xacro.message, "link 'a' has <mass value=\"${m}\">");
+  EXPECT_CONTAINS(xacro.message, "<mass value=\"${m}\"> is unexpanded xacro");
   EXPECT_CONTAINS(xacro.message, "run xacro");
   EXPECT_CONTAINS(MustFail(mass("2 kg")).message, "is no number");
   EXPECT_CONTAINS(MustFail(mass("")).message, "is no number");
