@@ -100,6 +100,30 @@ void ReadMujocoBlock(UrdfWork& work, const XMLElement& block) {
   }
 }
 
+// Extensions that change the mechanism; true for those that have been noted.
+bool NoteExtension(UrdfWork& work, const XMLElement& e) {
+  const std::string kind = e.Name();
+  const auto dropped = [&](std::string where, std::string message) {
+    work.out.notes.push_back({ImportNote::Kind::kDropped, std::move(where), std::move(message)});
+    return true;
+  };
+  const char* reference = e.Attribute("reference");
+  const XMLElement* stiffness = e.FirstChildElement("springStiffness");
+  if (kind == "gazebo" && reference != nullptr && stiffness != nullptr) {
+    const XMLElement* rest = e.FirstChildElement("springReference");
+    return dropped(
+        fmt::format("<gazebo> of joint '{}'", reference),
+        fmt::format("its spring, {} N/m or N·m/rad about {}, is left out; PD gains hold the joint so",
+                    stiffness->DoubleText(), rest != nullptr ? rest->DoubleText() : 0));
+  }
+  const bool drake_loop = kind.rfind("drake:", 0) == 0 && kind.find("constraint") != std::string::npos;
+  if (kind == "loop_joint" || drake_loop)
+    return dropped(
+        fmt::format("<{}> '{}'", kind, NameOf(e)),
+        "the loop that it closes stays open; export the model as MJCF and close it by an equality");
+  return false;
+}
+
 std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
   std::set<std::string> names;
   std::map<std::string, int> dropped;
@@ -125,7 +149,7 @@ std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
         ReadMujocoBlock(work, *e);
         e = next;
         continue;  // its options go over in the end
-      } else {
+      } else if (!NoteExtension(work, *e)) {
         ++dropped[kind];
       }
       robot.DeleteChild(e);
