@@ -172,6 +172,10 @@ LinearActuator Law(const mjModel& m, const mjData& d, int i) {
 }  // namespace
 
 std::optional<ActuatorRefusal> WhyNoLaw(const mjModel& m, const mjData& d, int i) {
+  // Groups are numbered from 0; only the first 31 have a bit.
+  if (const int group = m.actuator_group[i]; group >= 0 && group < 31 && (m.opt.disableactuator >> group & 1))
+    return ActuatorRefusal{fmt::format("actuator of group {}", group),
+                           "actuatorgroupdisable in <option> switches it off"};
   if (auto refusal = WhyNoForce(m, i)) return refusal;
   return WhyNoTransmission(m, d, i);
 }

@@ -21,7 +21,8 @@ void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& inp
   c.PutLength(a.length, control);
   control.gain = input.gain;
   control.is_setpoint = input.setpoint;
-  const bool integrates = m.actuator_dyntype[a.actuator] == mjDYN_INTEGRATOR;
+  const int dynamics = m.actuator_dyntype[a.actuator];
+  const bool integrates = dynamics == mjDYN_INTEGRATOR;
   if (integrates ? m.actuator_actlimited[a.actuator] : m.actuator_ctrllimited[input.ctrl]) {
     const mjtNum* range =
         integrates ? m.actuator_actrange + 2 * a.actuator : m.actuator_ctrlrange + 2 * input.ctrl;
@@ -31,6 +32,9 @@ void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& inp
   control.initial = std::clamp(0.0, control.lower, control.upper);
   ControlSource source;
   source.ctrl = input.ctrl;
+  if (integrates || dynamics == mjDYN_FILTER || dynamics == mjDYN_FILTEREXACT)
+    source.act = m.actuator_actadr[a.actuator];
+  source.integrated = integrates;
   source.motor = a.b1 == 0 && a.b2 == 0 && a.length.terms.size() == 1;
   for (const auto& term : a.length.terms) source.dofs.push_back(term.first);
   c.scene.mechanisms[mechanism].controls.push_back(std::move(control));

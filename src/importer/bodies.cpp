@@ -3,12 +3,10 @@
 #include <set>
 
 #include "conversion.hpp"
+#include "urdf.hpp"
 
 namespace fork1s::internal {
 namespace {
-
-// Massless URDF links reach MuJoCo with this much, since it refuses none at all.
-constexpr double kMasslessBound = 2e-12;
 
 SpatialInertia InertiaOf(const Conversion& c, int b) {
   const mjModel& m = c.m;
@@ -18,9 +16,9 @@ SpatialInertia InertiaOf(const Conversion& c, int b) {
   const Matrix3 R = Quat(m.body_iquat + 4 * b).normalized().toRotationMatrix();
   Vector3 diagonal = Vec3(m.body_inertia + 3 * b);
   if (c.is_urdf) {
-    if (I.mass <= kMasslessBound) I.mass = 0;
+    if (I.mass <= 2 * kMasslessUrdf) I.mass = 0;
     for (int i = 0; i < 3; ++i) {
-      if (diagonal[i] <= kMasslessBound) diagonal[i] = 0;
+      if (diagonal[i] <= 2 * kMasslessUrdf) diagonal[i] = 0;
     }
   }
   I.rotational = R * diagonal.asDiagonal() * R.transpose();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "conversion.hpp"
 
@@ -119,6 +120,31 @@ void ConvertTendonLimits(Conversion& c) {
   }
 }
 
+// PD control on joints that bound the force of their actuators, as effort in URDF does.
+void BoundPdControls(Conversion& c, const std::vector<bool>& driven) {
+  const mjModel& m = c.m;
+  std::map<int, ForceLimitDef> limits;  // by degree of freedom: the bound is on the sum of what holds it
+  for (std::size_t i = 0; i < c.controls.size(); ++i)
+    for (std::size_t k = 0; k < c.controls[i].size(); ++k) {
+      const ControlSource& source = c.controls[i][k];
+      if (source.pd.empty()) continue;
+      const auto [dof, rest] = source.pd[0];
+      const int joint = m.dof_jntid[dof];
+      if (!m.jnt_actfrclimited[joint] || driven[static_cast<std::size_t>(dof)]) continue;
+      ForceLimitDef& limit = limits[dof];
+      limit.name = c.DofName(dof);
+      limit.terms = {{c.Freedom(dof), 1.0}};
+      limit.inputs.emplace_back(c.scene.mechanisms[i].controls[k].name, 1.0);
+      limit.stiffness += source.gains.kp;
+      limit.damping += source.gains.kv;
+      limit.rest = rest;
+      limit.lower = m.jnt_actfrcrange[2 * joint];
+      limit.upper = m.jnt_actfrcrange[2 * joint + 1];
+    }
+  for (auto& [dof, limit] : limits)
+    c.scene.mechanisms[c.MechanismOf(dof)].force_limits.push_back(std::move(limit));
+}
+
 }  // namespace
 
 void ConvertBoundedForces(Conversion& c) {
@@ -129,7 +155,7 @@ void ConvertBoundedForces(Conversion& c) {
   const std::vector<LinearActuator> actuators = LinearActuators(m, c.d);
   // Of each joint with bounds on the sum, its actuators.
   std::vector<std::vector<const LinearActuator*>> on_dof(static_cast<std::size_t>(m.nv));
-  std::vector<bool> shared(static_cast<std::size_t>(m.nv), false);
+  std::vector<bool> shared(static_cast<std::size_t>(m.nv), false), driven = shared;
   for (const LinearActuator& a : actuators)
     for (const auto& term : a.length.terms) {
       const auto dof = static_cast<std::size_t>(term.first);
@@ -137,6 +163,7 @@ void ConvertBoundedForces(Conversion& c) {
         on_dof[dof].push_back(&a);
       else
         shared[dof] = true;
+      if (HasControls(c, a)) driven[dof] = true;
     }
   std::vector<std::string> replaced, tangled;
   for (const LinearActuator& a : actuators) {
@@ -158,7 +185,7 @@ void ConvertBoundedForces(Conversion& c) {
       const bool all = std::all_of(together.begin(), together.end(),
                                    [&](const LinearActuator* b) { return HasControls(c, *b); });
       if (!all) {
-        replaced.push_back(c.DofName(dof));
+        if (driven[static_cast<std::size_t>(dof)]) replaced.push_back(c.DofName(dof));
         continue;
       }
       mechanism.force_limits.push_back(
@@ -168,9 +195,10 @@ void ConvertBoundedForces(Conversion& c) {
     if (!bounds.Bind()) continue;
     if (HasControls(c, a))
       mechanism.force_limits.push_back(LimitOf(c, a, bounds));
-    else
+    else if (ForceRange(m, a.actuator).Bind())
       replaced.push_back(a.name);
   }
+  BoundPdControls(c, driven);
   c.ChangedMany("force limit of actuator", replaced, "the PD control that took its place has no limit");
   c.DroppedMany("force limit of", tangled,
                 "several actuators share the joint, and only the sum or each can be bound");

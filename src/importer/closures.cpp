@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <limits>
 
@@ -55,22 +56,18 @@ void ConvertClosure(Conversion& c, int e) {
   c.scene.mechanisms[mechanism].closures.push_back(std::move(closure));
 }
 
-void ConvertCoupling(Conversion& c, int e) {
+void ConvertCoupling(Conversion& c, int e, const JointEquality& joints) {
   const mjModel& m = c.m;
-  const int a = m.eq_obj1id[e], b = m.eq_obj2id[e];
-  const std::string name = NameOr(m, m.name_eqadr[e], "equality", e);
-  const int dof_a = m.jnt_dofadr[a], dof_b = b >= 0 ? m.jnt_dofadr[b] : -1;
   CouplingDef coupling;
-  coupling.name = name;
-  coupling.a = c.Freedom(dof_a);
-  if (b >= 0) coupling.b = c.Freedom(dof_b);
-  for (int i = 0; i < 5; ++i) coupling.polynomial[i] = m.eq_data[mjNEQDATA * e + i];
-  if (b < 0) {
-    for (int i = 1; i < 5; ++i) coupling.polynomial[i] = 0;
-  }
-  c.coupled[dof_a] = true;
-  c.held_by[dof_a].push_back(b >= 0 ? fmt::format("coupling to '{}'", c.joint_names[b]) : "coupling, locked");
-  c.scene.mechanisms[c.MechanismOf(dof_a)].couplings.push_back(std::move(coupling));
+  coupling.name = NameOr(m, m.name_eqadr[e], "equality", e);
+  coupling.a = c.Freedom(joints.a);
+  if (joints.b >= 0) coupling.b = c.Freedom(joints.b);
+  std::copy(std::begin(joints.polynomial), std::end(joints.polynomial), coupling.polynomial);
+  c.coupled[joints.a] = true;
+  c.held_by[joints.a].push_back(joints.b >= 0
+                                    ? fmt::format("coupling to '{}'", c.joint_names[m.dof_jntid[joints.b]])
+                                    : "coupling, locked");
+  c.scene.mechanisms[c.MechanismOf(joints.a)].couplings.push_back(std::move(coupling));
 }
 
 std::string SceneName(const Conversion& c, int b) {
@@ -82,28 +79,64 @@ std::string SceneName(const Conversion& c, int b) {
 
 }  // namespace
 
+// Of joints:  x_a = p(x_b).  Of fixed tendons, whose length is Σ c x:  Σ c x of the first = p(Σ c x of the
+// second), or p0 without a second. All are displacements from the reference.
+std::optional<JointEquality> JointEqualityOf(const Conversion& c, int e) {
+  const mjModel& m = c.m;
+  const int first = m.eq_obj1id[e], second = m.eq_obj2id[e];
+  const mjtNum* p = m.eq_data + mjNEQDATA * e;
+  JointEquality out;
+  if (m.eq_type[e] == mjEQ_JOINT) {
+    out.a = m.jnt_dofadr[first];
+    if (second >= 0) out.b = m.jnt_dofadr[second];
+    std::copy_n(p, second >= 0 ? 5 : 1, out.polynomial);
+    return out;
+  }
+  if (m.eq_type[e] != mjEQ_TENDON || IsSpatial(m, first) || (second >= 0 && IsSpatial(m, second)))
+    return std::nullopt;
+  const auto terms = TendonLength(m, c.d, first).terms;
+  if (terms.empty()) return std::nullopt;
+  const auto [a, scale] = terms[0];
+  out.a = a;
+  out.polynomial[0] = p[0] / scale;
+  if (second < 0) {
+    if (terms.size() > 2) return std::nullopt;
+    if (terms.size() == 2) {
+      out.b = terms[1].first;
+      out.polynomial[1] = -terms[1].second / scale;
+    }
+  } else {
+    const auto others = TendonLength(m, c.d, second).terms;
+    if (terms.size() > 1 || others.size() != 1) return std::nullopt;
+    out.b = others[0].first;
+    for (int i = 1; i < 5; ++i) out.polynomial[i] = p[i] * std::pow(others[0].second, i) / scale;
+  }
+  if (out.a == out.b) return std::nullopt;
+  return out;
+}
+
 void ConvertEqualities(Conversion& c) {
   const mjModel& m = c.m;
   std::vector<std::string> inactive, tendons, others;
   const bool off = m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT);
   for (int e = 0; e < m.neq; ++e) {
     const std::string name = NameOr(m, m.name_eqadr[e], "equality", e);
-    const int type = m.eq_type[e];
     if (c.used_equality[e]) continue;
     if (!m.eq_active0[e] || off) {
       inactive.push_back(name);
-    } else if (type == mjEQ_TENDON) {
+    } else if (const auto joints = JointEqualityOf(c, e)) {
+      ConvertCoupling(c, e, *joints);
+    } else if (m.eq_type[e] == mjEQ_TENDON) {
       tendons.push_back(name);
     } else if (!c.EqualityWorks(e)) {
       others.push_back(name);
-    } else if (type == mjEQ_JOINT) {
-      ConvertCoupling(c, e);
     } else {
       ConvertClosure(c, e);
     }
   }
   c.DroppedMany("inactive equality constraint", inactive, "it is switched off in the file");
-  c.DroppedMany("tendon equality constraint", tendons, "lengths of tendons are not constrained");
+  c.DroppedMany("tendon equality constraint", tendons,
+                "only those of fixed tendons over two joints together are constrained");
   c.DroppedMany("equality constraint", others, "its kind is not simulated");
 
   for (int i = 0; i < m.nexclude; ++i) {

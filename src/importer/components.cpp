@@ -129,8 +129,8 @@ void FindComponents(Conversion& c) {
   };
   for (int e = 0; e < m.neq; ++e) {
     if (!c.EqualityWorks(e)) continue;
-    if (m.eq_type[e] == mjEQ_JOINT) {
-      if (m.eq_obj2id[e] >= 0) tie(m.jnt_bodyid[m.eq_obj1id[e]], m.jnt_bodyid[m.eq_obj2id[e]]);
+    if (const auto joints_of = JointEqualityOf(c, e)) {
+      if (joints_of->b >= 0) tie(m.dof_bodyid[joints_of->a], m.dof_bodyid[joints_of->b]);
     } else {
       tie(PlaceOfEquality(m, e, 0).body, PlaceOfEquality(m, e, 1).body);
     }

@@ -81,7 +81,7 @@ EqualityPlace PlaceOfEquality(const mjModel& m, int e, int which) {
 
 bool Conversion::EqualityWorks(int e) const {
   if (!m.eq_active0[e] || (m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT))) return false;
-  return m.eq_type[e] == mjEQ_CONNECT || m.eq_type[e] == mjEQ_WELD || m.eq_type[e] == mjEQ_JOINT;
+  return m.eq_type[e] == mjEQ_CONNECT || m.eq_type[e] == mjEQ_WELD || JointEqualityOf(*this, e);
 }
 
 Error Conversion::ModelError(const std::string& where, const std::string& message) const {

@@ -39,6 +39,8 @@ struct Component {
 /// Bookkeeping beside a ControlDef.
 struct ControlSource {
   int ctrl = -1;       // index of the file's control; -1: made by pd
+  int act = -1;        // of the activation of an integrator or a filter
+  bool integrated = false;  // the activation is the set-point, ctrl its rate
   bool motor = false;  // pushes on one freedom and holds nothing
   std::vector<int> dofs;
   std::vector<std::pair<int, double>> pd;  // dof and rest, for controls made by pd
@@ -123,6 +125,15 @@ struct Anchor {
 };
 Anchor AnchorIn(const Conversion& c, int mechanism, int body);
 
+/// An equality of two joints, or of fixed tendons over two: the displacement of one is a polynomial of that
+/// of the other, as MuJoCo's degrees of freedom; b = -1: of none.
+struct JointEquality {
+  int a = -1, b = -1;
+  double polynomial[5] = {};
+};
+/// Nothing for other kinds (closures.cpp).
+std::optional<JointEquality> JointEqualityOf(const Conversion& c, int equality);
+
 /// Where an equality holds on one of its two bodies (`which` 0 or 1): a body's origin, or a site on a body.
 struct EqualityPlace {
   int body = 0;  // MuJoCo's
@@ -176,7 +187,7 @@ std::optional<Error> Validate(const Conversion& c);
 void ListUnsupported(Conversion& c);
 /// A state in the order of c.scene as MuJoCo's numbers, and as a <key> of MJCF (moment_text.cpp).
 struct KeyNumbers {
-  std::vector<double> qpos, qvel, ctrl, mpos, mquat;
+  std::vector<double> qpos, qvel, act, ctrl, mpos, mquat;
 };
 KeyNumbers NumbersOf(const Conversion& c, const KeyframeDef& state);
 std::string MomentText(const Conversion& c, const KeyframeDef& state, const std::string& name, double time);

@@ -62,7 +62,7 @@ std::optional<Error> PlaceMechanism(Conversion& c, const RigidTransform& X_WB) {
                        mechanism.name));
   }
   for (int e = 0; e < m.neq; ++e) {
-    if (!c.EqualityWorks(e) || m.eq_type[e] == mjEQ_JOINT || c.used_equality[e]) continue;
+    if (!c.EqualityWorks(e) || JointEqualityOf(c, e) || c.used_equality[e]) continue;
     const BodyPlace &a = c.body[PlaceOfEquality(m, e, 0).body], &b = c.body[PlaceOfEquality(m, e, 1).body];
     if (a.still() == b.still()) continue;
     return RefusePose(

@@ -94,7 +94,9 @@ KeyframeDef::MechanismState MechanismAt(const Conversion& c, const Component& co
   state.controls = VectorX::Zero(static_cast<Eigen::Index>(mechanism.controls.size()));
   for (std::size_t i = 0; i < mechanism.controls.size(); ++i) {
     const ControlDef& control = mechanism.controls[i];
-    const double u = m.key_ctrl[key * m.nu + c.controls[index][i].ctrl];
+    const ControlSource& source = c.controls[index][i];
+    const double u =
+        source.integrated ? m.key_act[key * m.na + source.act] : m.key_ctrl[key * m.nu + source.ctrl];
     state.controls[static_cast<Eigen::Index>(i)] = std::clamp(u, control.lower, control.upper);
   }
   return state;

@@ -183,7 +183,6 @@ class MjcfWriter {
   }
 
   std::optional<Error> AddServos() {
-    std::vector<std::string> unbounded;
     for (std::size_t i = 0; i < c_.controls.size(); ++i)
       for (std::size_t k = 0; k < c_.controls[i].size(); ++k) {
         const ControlSource& source = c_.controls[i][k];
@@ -201,10 +200,7 @@ class MjcfWriter {
                   fmt::format("joint '{}' bounds the force of actuator '{}', and in MJCF it would bound the "
                               "PD control too; give the actuator a forcerange in its place",
                               c_.joint_names[static_cast<std::size_t>(joint)], a.name));
-        mjs_asJoint(joints_[static_cast<std::size_t>(joint)])->actfrclimited = mjLIMITED_FALSE;
-        unbounded.push_back(name);
       }
-    c_.ChangedMany("force limit of joint", unbounded, "the PD control that holds it has none");
     return std::nullopt;
   }
 
@@ -286,13 +282,14 @@ KeyframeDef InOrderOf(const Conversion& written, const Scene& scene, const Keyfr
   return out;
 }
 
-void AddKey(mjSpec* spec, const Conversion& written, const KeyframeDef& state) {
+void AddKey(mjSpec* spec, const Conversion& written, const KeyframeDef& state, double time) {
   const KeyNumbers numbers = NumbersOf(written, state);
   mjsKey* key = mjs_addKey(spec);
   mjs_setName(key->element, state.name.c_str());
+  key->time = time;
   for (const auto& [to, from] : {std::pair{key->qpos, &numbers.qpos}, std::pair{key->qvel, &numbers.qvel},
-                                 std::pair{key->ctrl, &numbers.ctrl}, std::pair{key->mpos, &numbers.mpos},
-                                 std::pair{key->mquat, &numbers.mquat}})
+                                 std::pair{key->act, &numbers.act}, std::pair{key->ctrl, &numbers.ctrl},
+                                 std::pair{key->mpos, &numbers.mpos}, std::pair{key->mquat, &numbers.mquat}})
     mjs_setDouble(to, from->data(), static_cast<int>(from->size()));
 }
 
@@ -307,8 +304,23 @@ std::optional<Error> AddKeys(EditableModel& model, const Conversion& c, std::siz
       written.scene.free_bodies.size() != c.scene.free_bodies.size())
     return c.ModelError("", "becomes other mechanisms by the options; write them into the file");
   for (std::size_t key = first; key < c.scene.keyframes.size(); ++key)
-    AddKey(model.spec(), written, InOrderOf(written, c.scene, c.scene.keyframes[key]));
+    AddKey(model.spec(), written, InOrderOf(written, c.scene, c.scene.keyframes[key]),
+           key < static_cast<std::size_t>(c.m.nkey) ? c.m.key_time[key] : 0);
   return std::nullopt;
+}
+
+// Activations that no input of the scene stands for: those of integral gains, windings and the like, and
+// those of filters where they are not their inputs.
+void NoteLostActivations(Conversion& c) {
+  const mjModel& m = c.m;
+  std::vector<std::string> names;
+  for (int key = 0; key < m.nkey; ++key) {
+    const KeyNumbers kept = NumbersOf(c, c.scene.keyframes[static_cast<std::size_t>(key)]);
+    if (!std::equal(kept.act.begin(), kept.act.end(), m.key_act + key * m.na))
+      names.push_back(c.scene.keyframes[static_cast<std::size_t>(key)].name);
+  }
+  c.ChangedMany("keyframe", names,
+                "it is written anew for the options, with the activations of actuators at their inputs");
 }
 
 // The files that the text names, from where it will lie.
@@ -370,6 +382,7 @@ Expected<MjcfModel> ModelAsMjcf(const std::string& path, const ImportOptions& op
     return tl::unexpected<Error>(std::move(*error));
   // Keyframes of the file stay as they are unless coordinates or inputs have changed.
   const bool rewrites = options.base || options.base_pose || options.pd || !options.joint_pd.empty();
+  if (rewrites) NoteLostActivations(c);
   const std::vector<mjsElement*> keys = ElementsOf(model->spec(), mjOBJ_KEY);
   for (std::size_t key = 0; key < keys.size(); ++key)
     if (rewrites)

@@ -75,9 +75,12 @@ void PutMechanism(const Conversion& c, const Component& component, int index,
   }
   for (int j = 0; j < m.njnt; ++j)
     if (c.joint[j].mechanism == index) PutJoint(c, mechanism, state, j, offset[c.joint[j].joint.u()], key);
-  for (std::size_t i = 0; i < c.controls[index].size(); ++i)
-    if (const int ctrl = c.controls[index][i].ctrl; ctrl >= 0)
-      key.ctrl[ctrl] = state.controls[static_cast<Eigen::Index>(i)];
+  for (std::size_t i = 0; i < c.controls[index].size(); ++i) {
+    const ControlSource& source = c.controls[index][i];
+    const double u = state.controls[static_cast<Eigen::Index>(i)];
+    if (source.ctrl >= 0 && !source.integrated) key.ctrl[source.ctrl] = u;
+    if (source.act >= 0) key.act[source.act] = u;
+  }
 }
 
 std::string Numbers(const char* attribute, const std::vector<double>& values) {
@@ -95,6 +98,7 @@ KeyNumbers NumbersOf(const Conversion& c, const KeyframeDef& state) {
   KeyNumbers key;
   key.qpos.assign(m.qpos0, m.qpos0 + m.nq);
   key.qvel.assign(static_cast<std::size_t>(m.nv), 0);
+  key.act.assign(static_cast<std::size_t>(m.na), 0);
   key.ctrl.assign(static_cast<std::size_t>(m.nu), 0);
   key.mpos.assign(3 * static_cast<std::size_t>(m.nmocap), 0);
   for (int i = 0; i < m.nmocap; ++i) key.mquat.insert(key.mquat.end(), {1, 0, 0, 0});
@@ -116,9 +120,9 @@ KeyNumbers NumbersOf(const Conversion& c, const KeyframeDef& state) {
 
 std::string MomentText(const Conversion& c, const KeyframeDef& state, const std::string& name, double time) {
   const KeyNumbers key = NumbersOf(c, state);
-  return fmt::format("<key name=\"{}\" time=\"{:.9g}\"{}{}{}{}{}/>", name, time, Numbers("qpos", key.qpos),
-                     Numbers("qvel", key.qvel), Numbers("ctrl", key.ctrl), Numbers("mpos", key.mpos),
-                     Numbers("mquat", key.mquat));
+  return fmt::format("<key name=\"{}\" time=\"{:.9g}\"{}{}{}{}{}{}/>", name, time, Numbers("qpos", key.qpos),
+                     Numbers("qvel", key.qvel), Numbers("act", key.act), Numbers("ctrl", key.ctrl),
+                     Numbers("mpos", key.mpos), Numbers("mquat", key.mquat));
 }
 
 }  // namespace fork1s::internal

@@ -43,6 +43,9 @@ void Hold(Conversion& c, int dof, const PdGains& gains) {
       fmt::format("PD control kp {:.4g} {}, kv {:.4g}", gains.kp, c.StiffnessUnit(dof), gains.kv));
   ControlDef control;
   control.name = c.DofName(dof);
+  const auto is_taken = [&](const ControlDef& other) { return other.name == control.name; };
+  const auto& others = c.scene.mechanisms[mechanism].controls;
+  while (std::any_of(others.begin(), others.end(), is_taken)) control.name += '_';
   control.terms = {{c.Freedom(dof), 1.0}};
   control.gain = gains.kp;
   control.is_setpoint = true;

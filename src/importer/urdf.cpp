@@ -1,6 +1,8 @@
 #include "urdf.hpp"
 
 #include <algorithm>
+#include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <set>
 
@@ -36,6 +38,92 @@ const char* LinkOf(const XMLElement& joint, const char* end) {
   return element != nullptr ? element->Attribute("link") : nullptr;
 }
 
+bool IsNumber(const std::string& word) {
+  char* end = nullptr;
+  std::strtod(word.c_str(), &end);
+  return end != word.c_str() && *end == '\0';
+}
+
+// Words where numbers belong, with the lines of the file: the reader sees the text written anew.
+std::optional<Error> CheckAttributes(const UrdfWork& work, const XMLElement& parent) {
+  static const std::set<std::string> numbers = {"xyz",      "rpy",    "lower",      "upper",   "effort",
+                                                "velocity", "size",   "radius",     "damping", "friction",
+                                                "rgba",     "length", "multiplier", "offset"};
+  for (const XMLElement* e = parent.FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+    const std::string kind = e->Name();
+    const bool is_xacro = kind.rfind("xacro:", 0) == 0;
+    for (const auto* a = e->FirstAttribute(); a != nullptr; a = a->Next())
+      if (is_xacro || std::strstr(a->Value(), "${") != nullptr)
+        return work.Refuse(
+            ErrorCode::kModel, *e,
+            fmt::format("<{} {}=\"{}\"> is unexpanded xacro; run xacro on the file first (xacro {} > "
+                        "robot.urdf) and give its output",
+                        kind, a->Name(), a->Value(), work.path));
+    for (const auto* a = e->FirstAttribute(); a != nullptr; a = a->Next()) {
+      if (numbers.count(a->Name()) == 0) continue;
+      const std::vector<std::string> words = SplitWords(a->Value());
+      if (!std::all_of(words.begin(), words.end(), IsNumber))
+        return work.Refuse(
+            ErrorCode::kModel, *e,
+            fmt::format("<{} {}=\"{}\"> holds what is no number; write numbers with blanks between", kind,
+                        a->Name(), a->Value()));
+    }
+    if (kind == "gazebo" || kind == "transmission") continue;  // their attributes are others' words
+    if (auto error = CheckAttributes(work, *e)) return error;
+  }
+  return std::nullopt;
+}
+
+// The still world, which some writers name as the parent of a joint without a link of that name.
+void AddWorld(XMLElement& robot, Tree& tree) {
+  if (std::count(tree.link_names.begin(), tree.link_names.end(), "world") > 0) return;
+  const auto hangs_on_world = [](const XMLElement* joint) {
+    const char* parent = LinkOf(*joint, "parent");
+    return parent != nullptr && std::string(parent) == "world";
+  };
+  if (std::none_of(tree.joints.begin(), tree.joints.end(), hangs_on_world)) return;
+  XMLElement* world = robot.GetDocument()->NewElement("link");
+  world->SetAttribute("name", "world");
+  tree.links.push_back(robot.InsertFirstChild(world)->ToElement());
+  tree.link_names.push_back("world");
+}
+
+// What stands in <mujoco> for MuJoCo's reader: its options are kept, its compiler settings are ours.
+void ReadMujocoBlock(UrdfWork& work, const XMLElement& block) {
+  for (const XMLElement* e = block.FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+    if (std::string(e->Name()) == "option")
+      work.mujoco_options.push_back(e);
+    else
+      work.out.notes.push_back(
+          {ImportNote::Kind::kDropped, fmt::format("<{}> in <mujoco>", e->Name()),
+           "only <option> counts here; the program has its own settings for the reader"});
+  }
+}
+
+// Extensions that change the mechanism; true for those that have been noted.
+bool NoteExtension(UrdfWork& work, const XMLElement& e) {
+  const std::string kind = e.Name();
+  const auto dropped = [&](std::string where, std::string message) {
+    work.out.notes.push_back({ImportNote::Kind::kDropped, std::move(where), std::move(message)});
+    return true;
+  };
+  const char* reference = e.Attribute("reference");
+  const XMLElement* stiffness = e.FirstChildElement("springStiffness");
+  if (kind == "gazebo" && reference != nullptr && stiffness != nullptr) {
+    const XMLElement* rest = e.FirstChildElement("springReference");
+    return dropped(
+        fmt::format("<gazebo> of joint '{}'", reference),
+        fmt::format("its spring, {} N/m or N·m/rad about {}, is left out; PD gains hold the joint so",
+                    stiffness->DoubleText(), rest != nullptr ? rest->DoubleText() : 0));
+  }
+  const bool drake_loop = kind.rfind("drake:", 0) == 0 && kind.find("constraint") != std::string::npos;
+  if (kind == "loop_joint" || drake_loop)
+    return dropped(
+        fmt::format("<{}> '{}'", kind, NameOf(e)),
+        "the loop that it closes stays open; export the model as MJCF and close it by an equality");
+  return false;
+}
+
 std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
   std::set<std::string> names;
   std::map<std::string, int> dropped;
@@ -57,7 +145,11 @@ std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
       if (kind == "material") {
         const std::vector<double> rgba = NumbersOf(e->FirstChildElement("color"), "rgba");
         if (rgba.size() == 4) work.materials[NameOf(*e)] = Vector4(rgba[0], rgba[1], rgba[2], rgba[3]);
-      } else if (kind != "mujoco") {
+      } else if (kind == "mujoco") {
+        ReadMujocoBlock(work, *e);
+        e = next;
+        continue;  // its options go over in the end
+      } else if (!NoteExtension(work, *e)) {
         ++dropped[kind];
       }
       robot.DeleteChild(e);
@@ -68,6 +160,7 @@ std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
     work.out.notes.push_back(
         {ImportNote::Kind::kDropped, fmt::format("{} <{}>", count, kind), "it has no meaning here"});
   }
+  AddWorld(robot, tree);
   if (tree.links.empty()) return Error{ErrorCode::kModel, work.path, "the robot has no link; add one"};
   return std::nullopt;
 }
@@ -170,6 +263,16 @@ std::optional<Error> PrepareJoint(UrdfWork& work, const Tree& tree, XMLElement& 
     if (kept.count(e->Name()) == 0) joint.DeleteChild(e);
     e = next;
   }
+  if (const XMLElement* limit = joint.FirstChildElement("limit");
+      limit != nullptr && (type == "revolute" || type == "prismatic")) {
+    const double lower = NumberOf(limit, "lower"), upper = NumberOf(limit, "upper");
+    if (lower > upper)
+      work.out.notes.push_back(
+          {ImportNote::Kind::kDropped, fmt::format("joint '{}'", name),
+           fmt::format("its lower limit {:.4g} lies above the upper, {:.4g}, so it has none; "
+                       "swap them if that is meant",
+                       lower, upper)});
+  }
   // URDF's default axis, said aloud.
   if (joint.FirstChildElement("axis") == nullptr && type != "fixed" && type != "floating") {
     joint.InsertNewChildElement("axis")->SetAttribute("xyz", "1 0 0");
@@ -231,6 +334,8 @@ void Summarise(UrdfWork& work) {
   note(Kind::kChosen, work.weightless, "no <inertial>", "the link weighs nothing");
   note(Kind::kChanged, work.balanced, "rotational inertia",
        "one principal moment exceeds the sum of the others, so all three became their mean");
+  note(Kind::kChanged, work.rounded, "rotational inertia",
+       "one principal moment exceeds the sum of the others by rounding, so all three were raised by that");
   for (const auto& [shape, links] : work.shaped) {
     note(Kind::kChosen, links, "mass without rotational inertia",
          fmt::format("taken as that of a solid {} of the same mass", shape).c_str());
@@ -286,6 +391,7 @@ Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& t
   work.path = path;
   work.search = {path, options.packages};
   if (auto error = CheckPackages(work)) return tl::unexpected<Error>(std::move(*error));
+  if (auto error = CheckAttributes(work, robot)) return tl::unexpected<Error>(std::move(*error));
   Tree tree;
   if (auto error = ReadTree(work, robot, tree)) return tl::unexpected<Error>(std::move(*error));
   if (auto error = CheckJoints(work, tree)) return tl::unexpected<Error>(std::move(*error));
@@ -305,8 +411,10 @@ Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& t
   compiler->SetAttribute("fusestatic", "false");
   compiler->SetAttribute("discardvisual", "false");
   compiler->SetAttribute("strippath", "false");
-  compiler->SetAttribute("boundmass", "1e-12");
-  compiler->SetAttribute("boundinertia", "1e-12");
+  compiler->SetAttribute("boundmass", kMasslessUrdf);
+  compiler->SetAttribute("boundinertia", kMasslessUrdf);
+  for (const XMLElement* option : work.mujoco_options) mujoco->InsertEndChild(option->DeepClone(&document));
+  while (XMLElement* own = mujoco->NextSiblingElement("mujoco")) robot.DeleteChild(own);
   tinyxml2::XMLPrinter printer;
   document.Print(&printer);
   work.out.source.path = path;

@@ -9,6 +9,10 @@
 
 namespace fork1s::internal {
 
+/// Mass (kg) and moments (kg·m²) of links without any, which MuJoCo refuses: what is not larger than twice
+/// this counts as 0 afterwards.
+inline constexpr double kMasslessUrdf = 1e-14;
+
 struct PreparedUrdf {
   ModelSource source;  // rewritten text and mesh files under unique names
   std::vector<ImportNote> notes;

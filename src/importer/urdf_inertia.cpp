@@ -1,4 +1,5 @@
 // Mass and rotational inertia of URDF links: checked, and what is missing taken from the shapes.
+#include <algorithm>
 #include <cmath>
 #include <fork1s/linalg/spectrum.hpp>
 
@@ -10,8 +11,9 @@ namespace {
 
 using tinyxml2::XMLElement;
 
-// MuJoCo refuses moving bodies without mass; the importer takes this much away again.
-constexpr double kTiny = 1e-12;
+// Relative error of moments that are written with three digits: half of the last digit in the largest, and as
+// much in the sum of the others.
+constexpr double kWrittenDigits = 1e-2;
 
 constexpr const char* kMoments[] = {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"};
 
@@ -82,7 +84,7 @@ void InferInertial(UrdfWork& work, XMLElement& link) {
   }
   // A fixed link without a shape is a frame and needs no word.
   if (moves || collides) work.weightless.push_back(name);
-  WriteInertia(*link.InsertNewChildElement("inertial"), kTiny, kTiny * Matrix3::Identity());
+  WriteInertia(*link.InsertNewChildElement("inertial"), kMasslessUrdf, kMasslessUrdf * Matrix3::Identity());
 }
 
 std::optional<Error> CheckInertialNumbers(const UrdfWork& work, const std::string& link,
@@ -100,7 +102,7 @@ void TakeInertiaFromShape(UrdfWork& work, XMLElement& link, XMLElement& inertial
   const std::optional<SolidLike> solid = SolidInertia(work, part, mass);
   if (!solid) {
     work.points.push_back(NameOf(link));
-    WriteInertia(inertial, mass, kTiny * Matrix3::Identity());
+    WriteInertia(inertial, mass, kMasslessUrdf * Matrix3::Identity());
     return;
   }
   work.shaped[solid->shape].push_back(NameOf(link));
@@ -128,29 +130,36 @@ std::optional<Error> PrepareInertia(UrdfWork& work, XMLElement& link) {
   if (mass == 0) {
     work.massless.push_back(name);
     if (XMLElement* origin = inertial->FirstChildElement("origin")) inertial->DeleteChild(origin);
-    WriteInertia(*inertial, kTiny, kTiny * Matrix3::Identity());
+    WriteInertia(*inertial, kMasslessUrdf, kMasslessUrdf * Matrix3::Identity());
     return std::nullopt;
   }
   double v[6];
   for (int i = 0; i < 6; ++i) v[i] = NumberOf(inertial->FirstChildElement("inertia"), kMoments[i]);
   Matrix3 I;
   I << v[0], v[1], v[2], v[1], v[3], v[4], v[2], v[4], v[5];
-  if (I.cwiseAbs().maxCoeff() == 0) {
+  if (I.cwiseAbs().maxCoeff() <= kMasslessUrdf) {
     TakeInertiaFromShape(work, link, *inertial, mass);
     return std::nullopt;
   }
   const Vector3 e = PrincipalValues(I);  // ascending
-  if (e[0] < -1e-6 * e[2] || e[2] <= 0) {
+  if (e[0] < -kWrittenDigits * e[2] || e[2] <= 0) {
     return work.Refuse(
         ErrorCode::kModel, *inertial,
         fmt::format("link '{}' has a rotational inertia with the negative principal moment {:.4g} "
                     "kg·m²; correct <inertia>, no body has that",
                     name, e[0]));
   }
-  if (e[0] + e[1] < e[2] * (1 - 1e-9) || e[0] <= 0) {
+  // I + d 1 has the principal axes of I, and e0 + e1 - e2 larger by d.
+  const double missing = std::max(-e[0], e[2] - e[0] - e[1]) / e[2];
+  if (missing > kWrittenDigits) {
     work.balanced.push_back(name);
     WriteInertia(*inertial, mass, e.mean() * Matrix3::Identity());
+    return std::nullopt;
   }
+  constexpr double kMargin = 1e-9;  // of e2: the reader compares after rounding of its own
+  if (missing <= -kMargin) return std::nullopt;
+  if (missing > 1e-6) work.rounded.push_back(name);
+  WriteInertia(*inertial, mass, I + (missing + kMargin) * e[2] * Matrix3::Identity());
   return std::nullopt;
 }
 

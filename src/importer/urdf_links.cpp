@@ -194,10 +194,8 @@ std::optional<Error> UrdfWork::CheckNumber(const XMLElement* element, const char
   char more = 0;
   if (stream >> value && !(stream >> more)) return std::nullopt;
   return Refuse(ErrorCode::kModel, *element,
-                fmt::format("link '{}' has <{} {}=\"{}\">, which is no number{}", link, element->Name(),
-                            attribute, text,
-                            std::string(text).find('$') != std::string::npos ? "; run xacro on the file first"
-                                                                             : "; write one"));
+                fmt::format("link '{}' has <{} {}=\"{}\">, which is no number; write one", link,
+                            element->Name(), attribute, text));
 }
 
 std::optional<Error> PrepareLink(UrdfWork& work, XMLElement& link) {

@@ -31,10 +31,12 @@ struct UrdfWork {
   std::set<std::string> packages;                                   // that meshes name
   std::map<std::string, Vector4> materials;                         // colours that have a name
   std::map<std::string, const tinyxml2::XMLElement*> parent_joint;  // link -> joint above it
-  std::vector<std::string> massless, weightless, balanced, points, inferred, capsules, materials_dropped;
+  std::vector<std::string> massless, weightless, balanced, rounded, points, inferred, capsules,
+      materials_dropped;
   std::map<std::string, std::vector<std::string>> shaped;           // links by the shape that gave inertia
   std::map<std::string, std::vector<std::string>> shapes_dropped;   // links by what was wrong
   std::map<std::string, std::vector<std::string>> visuals_dropped;  // by reason: link and file
+  std::vector<const tinyxml2::XMLElement*> mujoco_options;          // <option> of <mujoco>
   int next_material = 0;
 
   std::string Where(const tinyxml2::XMLElement& element) const {

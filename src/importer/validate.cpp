@@ -5,6 +5,7 @@
 
 #include "conversion.hpp"
 #include "names.hpp"
+#include "urdf.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -50,6 +51,56 @@ std::optional<Error> CheckActuator(const Conversion& c, int i) {
                       "a gain, bias or gear is not finite; write finite numbers");
 }
 
+// Links that a joint moves and that weigh nothing, with all below them: no joint of URDF has an armature.
+std::optional<Error> CheckUrdfMasses(const Conversion& c) {
+  const mjModel& m = c.m;
+  std::vector<bool> weighs(static_cast<std::size_t>(m.nbody), false);
+  for (int b = static_cast<int>(m.nbody); b-- > 1;) {
+    const auto at = static_cast<std::size_t>(b);
+    weighs[at] = weighs[at] || m.body_mass[b] > 2 * kMasslessUrdf;
+    if (weighs[at]) weighs[static_cast<std::size_t>(m.body_parentid[b])] = true;
+  }
+  for (int j = 0; j < m.njnt; ++j) {
+    const int b = m.jnt_bodyid[j];
+    if (weighs[static_cast<std::size_t>(b)]) continue;
+    return c.ModelError(
+        fmt::format("link '{}'", m.names + m.name_bodyadr[b]),
+        fmt::format("it weighs nothing, with all that hangs on it, and joint '{}' moves it; give it "
+                    "<inertial> with mass and inertia or a <collision> shape, or make the joint fixed",
+                    c.joint_names[static_cast<std::size_t>(j)]));
+  }
+  return std::nullopt;
+}
+
+// Depth of a contact under a unit of acceleration, s²: (1 - d) / (d k) with the impedance d at first touch
+// and k = 1 / (d_max T ζ)², or k = -solref[0] / d_max².
+double Softness(const mjtNum* solref, const mjtNum* solimp) {
+  const double d = std::clamp(solimp[0], mjMINIMP, mjMAXIMP),
+               d_max = std::clamp(solimp[1], mjMINIMP, mjMAXIMP);
+  const double k = solref[0] > 0 ? 1 / std::pow(solref[0] * std::max(solref[1], mjMINVAL), 2) : -solref[0];
+  return (1 - d) / d * d_max * d_max / k;
+}
+
+// Geoms and pairs that are softer than those of which the file says nothing.
+void ListSoftContacts(Conversion& c) {
+  const mjModel& m = c.m;
+  mjtNum solref[mjNREF], solimp[mjNIMP];
+  mj_defaultSolRefImp(solref, solimp);
+  const double usual = Softness(solref, solimp) * (1 + 1e-9);  // rounding
+  std::vector<std::string> geoms, pairs;
+  for (int g = 0; g < m.ngeom; ++g)
+    if ((m.geom_contype[g] != 0 || m.geom_conaffinity[g] != 0) &&
+        Softness(m.geom_solref + mjNREF * g, m.geom_solimp + mjNIMP * g) > usual)
+      geoms.push_back(NameOr(m, m.name_geomadr[g], "geom", g));
+  for (int k = 0; k < m.npair; ++k)
+    if (Softness(m.pair_solref + mjNREF * k, m.pair_solimp + mjNIMP * k) > usual)
+      pairs.push_back(NameOr(m, m.name_pairadr[k], "pair", k));
+  constexpr const char* kHard =
+      "contact is hard here: put the body on a joint with a spring to let it give way";
+  c.DroppedMany("softness by solref and solimp of geom", geoms, kHard);
+  c.DroppedMany("softness by solref and solimp of contact pair", pairs, kHard);
+}
+
 }  // namespace
 
 std::optional<Error> Validate(const Conversion& c) {
@@ -88,12 +139,14 @@ std::optional<Error> Validate(const Conversion& c) {
   }
   for (int key = 0; key < m.nkey; ++key) {
     if (Finite(m.key_qpos + key * m.nq, m.nq) && Finite(m.key_qvel + key * m.nv, m.nv) &&
-        Finite(m.key_ctrl + key * m.nu, m.nu)) {
+        Finite(m.key_ctrl + key * m.nu, m.nu) && Finite(m.key_act + key * m.na, m.na)) {
       continue;
     }
     return c.ModelError(fmt::format("keyframe '{}'", NameOr(m, m.name_keyadr[key], "key", key)),
-                        "a coordinate, speed or control is not finite; write finite numbers");
+                        "a coordinate, speed, activation or control is not finite; write finite numbers");
   }
+  if (c.is_urdf)
+    if (auto error = CheckUrdfMasses(c)) return error;
   if (!Finite(m.opt.gravity, 3)) return c.ModelError("option", "gravity is not finite; write three numbers");
   return std::nullopt;
 }
@@ -120,6 +173,7 @@ void ListUnsupported(Conversion& c) {
   c.DroppedMany("inertia of tendon", rotors, "tendons have no mass here");
   c.DroppedMany("force limit of the actuators of tendon", bound,
                 "only actuators and joints have such limits here");
+  ListSoftContacts(c);
   std::vector<std::string> belts, sticky, flexes;
   for (int g = 0; g < m.ngeom; ++g) {
     const std::string name = NameOr(m, m.name_geomadr[g], "geom", g);

@@ -84,6 +84,39 @@ TEST(ImportClosures, JointEqualityIsACoupling) {
   EXPECT_FALSE(loaded.scene.mechanisms[1].couplings[0].b.joint.valid());
 }
 
+// Equalities of fixed tendons: over two joints, of two tendons of a joint each, and of one alone.
+TEST(ImportClosures, TendonEquality_OverTwoJoints_IsACoupling) {
+  const std::string text = R"(<mujoco><compiler angle="radian"/><worldbody>
+    <body name="a"><joint name="ja" ref=".2"/><geom size=".1"/></body>
+    <body name="b"><joint name="jb" ref="-.1"/><geom size=".1"/>
+      <body name="c"><joint name="jc"/><geom size=".1"/></body></body>
+    <body name="d"><joint name="jd"/><geom size=".1"/></body></worldbody>
+    <tendon><fixed name="sum"><joint joint="ja" coef="2"/><joint joint="jb" coef="-.5"/></fixed>
+      <fixed name="tb"><joint joint="jb" coef="3"/></fixed><fixed name="tc"><joint joint="jc" coef="-2"/></fixed>
+      <fixed name="td"><joint joint="jd" coef="4"/></fixed>
+      <fixed name="three"><joint joint="ja" coef="1"/><joint joint="jb" coef="1"/><joint joint="jc" coef="1"/></fixed>
+    </tendon>
+    <equality><tendon name="e1" tendon1="sum" polycoef=".3 0 0 0 0"/>
+      <tendon name="e2" tendon1="tc" tendon2="tb" polycoef=".1 .7 .2 -.05 .01"/>
+      <tendon name="e3" tendon1="td" polycoef=".2 0 0 0 0"/><tendon name="e4" tendon1="three"/></equality></mujoco>)";
+  const ImportedScene loaded = MustLoad(text);
+  ASSERT_EQ(loaded.scene.mechanisms.size(), 2u);  // d is alone
+  ASSERT_EQ(loaded.scene.mechanisms[0].couplings.size(), 2u);
+  EXPECT_NEAR(loaded.scene.mechanisms[1].couplings[0].polynomial[0], .05, 1e-15);
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "'e4'"));
+  const Mechanism mechanism = MustBuild(loaded.scene.mechanisms[0]);
+  Kinematics kinematics(mechanism);
+  VectorX q(3), c;
+  q << .7, .25, -.4;  // a, b, c
+  ComputeKinematics(mechanism, q, kinematics);
+  ClosureResidual(mechanism, kinematics, q, c);
+  Peer peer(text);
+  for (int i = 0; i < 3; ++i) peer.d->qpos[i] = peer.m->qpos0[i] + q[i];
+  mj_forward(peer.m.get(), peer.d.get());
+  EXPECT_NEAR(std::abs(c[0]), std::abs(peer.d->efc_pos[0]) / 2, 1e-12);
+  EXPECT_NEAR(std::abs(c[1]), std::abs(peer.d->efc_pos[1]) / 2, 1e-12);
+}
+
 TEST(ImportClosures, FloatingTreePinnedToTheWorld) {
   const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody>
     <body name="kite" pos="0 0 1"><freejoint/><geom size=".1"/>

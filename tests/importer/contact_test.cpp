@@ -121,5 +121,25 @@ TEST(ContactNotes, NameWhatIsLeftOut) {
     EXPECT_TRUE(HasNote(in.report, ImportNote::Kind::kDropped, part)) << part;
 }
 
+// Contact is hard: what MuJoCo makes softer than by default is noted, what it makes harder or lively is not.
+TEST(ContactNotes, SoftContactsAreNoted) {
+  const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody>
+    <geom name="usual" size=".1"/><geom name="stiff" size=".1" solref=".004 1"/>
+    <geom name="lively" size=".1" solref=".02 .3"/>
+    <geom name="foam" size=".1" solref=".08 1"/><geom name="rubber" size=".1" solref="-900 -40"/>
+    <geom name="yielding" size=".1" solimp=".4 .9 .01"/>
+    <geom name="drawn" size=".1" solref=".08 1" contype="0" conaffinity="0"/>
+    <body pos="0 0 1"><freejoint/><geom name="ball" size=".1"/></body></worldbody>
+    <contact><pair name="pad" geom1="usual" geom2="ball" solref=".1 1"/></contact></mujoco>)");
+  const auto noted = [&](const std::string& name) {
+    return HasNote(loaded.report, ImportNote::Kind::kDropped, "softness by solref and solimp") &&
+           std::any_of(loaded.report.notes.begin(), loaded.report.notes.end(), [&](const ImportNote& note) {
+             return (note.where + note.message).find("'" + name + "'") != std::string::npos;
+           });
+  };
+  for (const char* name : {"foam", "rubber", "yielding", "pad"}) EXPECT_TRUE(noted(name)) << name;
+  for (const char* name : {"usual", "stiff", "lively", "drawn", "ball"}) EXPECT_FALSE(noted(name)) << name;
+}
+
 }  // namespace
 }  // namespace fork1s::testing_importer

@@ -1,4 +1,6 @@
 // Models written as MJCF: MuJoCo and the importer read the file as they read the model.
+#include <fmt/format.h>
+
 #include <fork1s/importer/mjcf.hpp>
 
 #include "helpers.hpp"
@@ -198,7 +200,8 @@ TEST(Mjcf, HasBasePosesGainsInterfaceAndGround) {
     options.ground = true;
     const Written w = MustWrite(path, options);
     ExpectSame(w);
-    EXPECT_TRUE(HasNote(w.model.imported.report, ImportNote::Kind::kChanged, "force limit of joint"));
+    EXPECT_EQ(w.again.scene.mechanisms[0].force_limits.size(),
+              w.model.imported.scene.mechanisms[0].force_limits.size());
     EXPECT_EQ(w.model.start, "start");
     EXPECT_EQ(w.again.scene.mechanisms[0].modes, 3);
     EXPECT_NEAR(w.model.imported.scene.world[0].X_BG.translation().z(),
@@ -234,6 +237,27 @@ TEST(Mjcf, HasGainsInPlaceOfMotors) {
   const KeyframeDef &k = w.model.imported.scene.keyframes[0], &l = w.again.scene.keyframes[0];
   EXPECT_LT((k.mechanisms[0].q_dot - l.mechanisms[0].q_dot).norm(), 1e-12);
   EXPECT_LT((k.mechanisms[0].V_R - l.mechanisms[0].V_R).norm(), 1e-12);
+}
+
+TEST(Mjcf, KeyframesWrittenAnew_KeepTimesAndActivations) {
+  const auto text = [](const char* act) {
+    return fmt::format(R"(<mujoco><worldbody><body><joint name='a'/><joint name='b' axis='0 1 0'/>
+      <joint name='c' axis='1 0 0'/><geom size='.1'/></body></worldbody>
+      <actuator><intvelocity name='v' joint='a' kp='20' actrange='-2 2'/>
+        <general name='f' joint='b' dyntype='filter' dynprm='.1' gainprm='5'/></actuator>
+      <keyframe><key name='k' time='2.5' qpos='.1 .2 .3' act='{}' ctrl='0 .4'/></keyframe></mujoco>)",
+                       act);
+  };
+  ImportOptions options;
+  options.joint_pd["c"] = {30, 2};
+  const Written steady = MustWrite(WriteFile("steady.xml", text(".7 .4")), options);
+  ASSERT_EQ(steady.mujoco->na, 2);
+  EXPECT_EQ(steady.mujoco->key_time[0], 2.5);
+  EXPECT_NEAR(steady.mujoco->key_act[0], .7, 1e-12);
+  EXPECT_NEAR(steady.mujoco->key_act[1], .4, 1e-12);
+  EXPECT_FALSE(HasNote(steady.model.imported.report, ImportNote::Kind::kChanged, "activations"));
+  const Written lagging = MustWrite(WriteFile("lagging.xml", text(".7 0")), options);
+  EXPECT_TRUE(HasNote(lagging.model.imported.report, ImportNote::Kind::kChanged, "keyframe 'k'"));
 }
 
 // Height fields and textures lie where the model's file says, seen from where the text will lie.

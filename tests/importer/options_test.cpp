@@ -1,4 +1,6 @@
 // Interfaces, base, PD control, keyframes as initial states.
+#include <fork1s/importer/model_copy.hpp>
+
 #include "helpers.hpp"
 
 namespace fork1s::testing_importer {
@@ -117,6 +119,39 @@ TEST(ImportOptionsTest, KeyframeControlsStayInRange) {
   const ImportedScene loaded = MustLoad(kHand, options);
   EXPECT_EQ(loaded.initial_keyframe, 1);
   EXPECT_EQ(loaded.scene.mechanisms[0].controls[0].initial, 1);
+}
+
+constexpr const char* kIntegrated = R"(<mujoco><worldbody>
+    <body name="b"><joint name="j"/><joint name="k" axis="0 1 0"/><geom size=".1"/></body></worldbody>
+    <actuator><position name="p" joint="k" kp="3"/>
+      <intvelocity name="v" joint="j" kp="50" kv="2" actrange="-2 2"/></actuator>
+    <keyframe><key name="bent" time="1.5" qpos=".7 .1" act=".6" ctrl=".2 .4"/></keyframe></mujoco>)";
+
+// The activation of an integrator is the set-point; its control is the rate of that.
+TEST(ImportOptionsTest, KeyframeOfAnIntegrator_StartsAtTheActivation) {
+  ImportOptions options;
+  options.keyframe = "bent";
+  const ImportedScene loaded = MustLoad(kIntegrated, options);
+  const MechanismDef& mechanism = loaded.scene.mechanisms[0];
+  ASSERT_EQ(mechanism.controls.size(), 2u);
+  EXPECT_EQ(mechanism.controls[0].initial, .2);
+  EXPECT_EQ(mechanism.controls[1].initial, .6);
+  const auto text = MomentAsMjcf(WriteFile("m.xml", kIntegrated), {}, loaded.scene.keyframes[0], "now", 2);
+  ASSERT_TRUE(text) << text.error().Text();
+  EXPECT_CONTAINS(*text, R"(act="0.6" ctrl="0.2 0")");
+}
+
+TEST(ImportOptionsTest, ActuatorsOfADisabledGroup_AreLeftOut) {
+  const ImportedScene loaded = MustLoad(R"(<mujoco><option actuatorgroupdisable="2 4"/><worldbody>
+    <body name="b"><joint name="j"/><geom size=".1"/></body></worldbody>
+    <actuator><position name="on" joint="j" kp="3"/><position name="off" joint="j" kp="5" group="2"/>
+      <motor name="idle" joint="j" group="4"/><motor name="third" joint="j" group="3"/></actuator></mujoco>)");
+  const MechanismDef& mechanism = loaded.scene.mechanisms[0];
+  ASSERT_EQ(mechanism.controls.size(), 2u);
+  EXPECT_EQ(mechanism.controls[1].name, "third");
+  EXPECT_EQ(mechanism.joints[0].freedoms[0].stiffness, 3);
+  for (const char* name : {"'off'", "'idle'"})
+    EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, name)) << name;
 }
 
 TEST(ImportOptionsTest, ShapesAndTheirContactData) {

@@ -53,11 +53,27 @@ TEST(ImportUrdfInertia, NothingAtAllIsSaid) {
   const ImportedScene drawn = MustLoad(
       Arm(Part("collision", R"(<box size=".1 .1 .1"/>)") + Part("visual", R"(<box size="1 1 1"/>)")));
   EXPECT_NEAR(BodyA(drawn).inertia.mass, 1, 1e-12);
-  const ImportedScene bare = MustLoad(Arm(""));
+  // A link without mass moves where another hangs on it.
+  const auto carrier = [](const std::string& content) {
+    return MustLoad(Robot(Link("base") + Link("a", content) + Link("b") +
+                          Joint("j", "continuous", "base", "a") + Joint("f", "fixed", "a", "b", "")));
+  };
+  const ImportedScene bare = carrier("");
   EXPECT_TRUE(HasNote(bare.report, Kind::kChosen, "link 'a': no <inertial>: the link weighs nothing"));
   EXPECT_EQ(BodyA(bare).inertia.mass, 0);
-  const ImportedScene weightless = MustLoad(Arm("<inertial/>"));
+  const ImportedScene weightless = carrier("<inertial/>");
   EXPECT_TRUE(HasNote(weightless.report, Kind::kDropped, "link 'a': inertia with zero mass"));
+}
+
+TEST(ImportUrdfInertia, MovingLinkWithoutMass_IsRefusedByName) {
+  for (const std::string& content :
+       {std::string(), std::string("<inertial/>"), Part("visual", "<box size=\".1 .1 .1\"/>")}) {
+    const Error error = MustFail(Arm(content));
+    EXPECT_EQ(error.code, ErrorCode::kModel);
+    EXPECT_EQ(error.where, "test.xml, link 'a'");
+    EXPECT_CONTAINS(error.message, "joint 'j' moves it");
+    EXPECT_CONTAINS(error.message, "<inertial>");
+  }
 }
 
 TEST(ImportUrdfInertia, WordsAreNoNumbers) {
@@ -67,12 +83,53 @@ TEST(ImportUrdfInertia, WordsAreNoNumbers) {
   const Error xacro = MustFail(mass("${m}"));
   EXPECT_EQ(xacro.code, ErrorCode::kModel);
   EXPECT_CONTAINS(xacro.where, "line 4");
-  EXPECT_CONTAINS(xacro.message, "link 'a' has <mass value=\"${m}\">");
+  EXPECT_CONTAINS(xacro.message, "<mass value=\"${m}\"> is unexpanded xacro");
   EXPECT_CONTAINS(xacro.message, "run xacro");
   EXPECT_CONTAINS(MustFail(mass("2 kg")).message, "is no number");
   EXPECT_CONTAINS(MustFail(mass("")).message, "is no number");
   EXPECT_CONTAINS(MustFail(Arm(R"(<inertial><mass value="1"/><inertia ixx="x"/></inertial>)")).message,
                   "ixx");
+}
+
+std::string Diagonal(double mass, const std::string& xx, const std::string& yy, const std::string& zz) {
+  return "<inertial><mass value=\"" + std::to_string(mass) + "\"/><inertia ixx=\"" + xx + "\" iyy=\"" + yy +
+         "\" izz=\"" + zz + "\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial>";
+}
+
+// Two moments of a plate add up to the third, those of a rod are one zero and two equal ones.
+TEST(ImportUrdfInertia, PlatesAndRods_AreAcceptedToTheDigitsOfTheFile) {
+  struct Case {
+    const char *xx, *yy, *zz;
+    double change;  // of the largest moment, at most
+    bool noted;
+  };
+  for (const Case& one :
+       {Case{"3e-4", "1e-4", "4e-4", 1e-8, false}, Case{"0.012", "0.0035", "0.0155", 1e-8, false},
+        Case{"0", "0.02083333333333", "0.02083333333333", 1e-8, false},
+        Case{"0.0208", "0.0208", "-1e-12", 1e-8, false}, Case{"0.00167", "0.00666", "0.00835", 3e-3, true}}) {
+    SCOPED_TRACE(one.zz);
+    const ImportedScene loaded = MustLoad(Arm(Diagonal(2, one.xx, one.yy, one.zz)));
+    const Vector3 written(std::stod(one.xx), std::stod(one.yy), std::stod(one.zz));
+    EXPECT_LT((BodyA(loaded).inertia.rotational - Matrix3(written.asDiagonal())).cwiseAbs().maxCoeff(),
+              one.change * written.maxCoeff());
+    EXPECT_FALSE(HasNote(loaded.report, Kind::kChanged, "mean"));
+    EXPECT_EQ(HasNote(loaded.report, Kind::kChanged, "by rounding"), one.noted);
+  }
+  const ImportedScene wrong = MustLoad(Arm(Diagonal(2, ".01", ".01", ".03")));
+  EXPECT_TRUE(HasNote(wrong.report, Kind::kChanged, "became their mean"));
+  EXPECT_CONTAINS(MustFail(Arm(Diagonal(2, ".01", ".01", "-.01"))).message, "negative principal moment");
+}
+
+TEST(ImportUrdfInertia, MomentsOfRounding_AreNone) {
+  const ImportedScene loaded = MustLoad(Arm(Diagonal(2, "-3e-35", "0", "1e-35")));
+  EXPECT_TRUE(HasNote(loaded.report, Kind::kChosen, "the mass is a point"));
+}
+
+// A leg of a millimetre has 1e-12 kg m².
+TEST(ImportUrdfInertia, SmallMoments_AreKept) {
+  const ImportedScene loaded = MustLoad(Arm(Diagonal(3e-6, "4e-13", "4e-13", "6e-13")));
+  const Vector3 written(4e-13, 4e-13, 6e-13);
+  EXPECT_LT((BodyA(loaded).inertia.rotational - Matrix3(written.asDiagonal())).norm(), 1e-6 * written.norm());
 }
 
 struct Sized {

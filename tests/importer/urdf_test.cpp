@@ -66,6 +66,88 @@ TEST(ImportUrdf, PlanarAndPrismaticJoints) {
   MustBuild(loaded.scene.mechanisms[0]);
 }
 
+TEST(ImportUrdf, UnexpandedXacro_IsNamedWithTheLineOfTheFile) {
+  for (const std::string& part :
+       {std::string("<xacro:property name=\"r\" value=\"2\"/>\n"),
+        Link("rod", "<inertial><origin xyz=\"${r} 0 0\"/><mass value=\"1\"/></inertial>")}) {
+    const Error error = MustFail(Robot(Link("base", "") + part + Joint("j", "fixed", "base", "base")));
+    EXPECT_EQ(error.code, ErrorCode::kModel);
+    EXPECT_CONTAINS(error.where, "test.xml, line 3");
+    EXPECT_CONTAINS(error.message, "unexpanded xacro");
+    EXPECT_CONTAINS(error.message, "xacro test.xml >");
+  }
+  const Error word = MustFail(Robot(Link("base", "") + "\n" + Link("a") + "\n\n" +
+                                    Joint("j", "continuous", "base", "a", "<origin xyz=\"0 0 1m\"/>")));
+  EXPECT_CONTAINS(word.where, "test.xml, line 8");
+  EXPECT_CONTAINS(word.message, "xyz=\"0 0 1m\"");
+}
+
+TEST(ImportUrdf, ReversedLimits_AreNoneAndNoted) {
+  const ImportedScene loaded =
+      MustLoad(Robot(Link("base") + Link("a") +
+                     Joint("j", "revolute", "base", "a",
+                           "<limit lower=\".8\" upper=\"-.3\" effort=\"1\" velocity=\"1\"/>")));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "joint 'j': its lower limit 0.8"));
+  EXPECT_TRUE(std::isinf(loaded.scene.mechanisms[0].joints[0].freedoms[0].upper));
+}
+
+TEST(ImportUrdf, OptionsOfTheMujocoBlockCount) {
+  const std::string block =
+      R"(<mujoco><compiler meshdir="elsewhere"/><option gravity="0 .5 -1.6"/></mujoco>)";
+  const ImportedScene loaded =
+      MustLoad(Robot(block + Link("base") + Link("a") + Joint("j", "continuous", "base", "a")));
+  EXPECT_EQ(loaded.scene.gravity, Vector3(0, .5, -1.6));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<compiler> in <mujoco>"));
+}
+
+TEST(ImportUrdf, ExtensionsWithSpringsAndLoops_AreNotedByName) {
+  const ImportedScene loaded = MustLoad(
+      Robot(Link("base") + Link("a") + Joint("j", "continuous", "base", "a") +
+            "<gazebo reference=\"j\"><springStiffness>250</springStiffness>"
+            "<springReference>.3</springReference></gazebo><gazebo reference=\"a\"><mu1>1</mu1></gazebo>"
+            "<loop_joint name=\"l\" type=\"ball\"/><drake:ball_constraint/>"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<gazebo> of joint 'j': its spring, 250"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<loop_joint> 'l': the loop"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<drake:ball_constraint> '': the loop"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "1 <gazebo>"));
+}
+
+TEST(ImportUrdf, WorldWithoutALink_IsTheStillWorld) {
+  const std::string text = Robot(Link("base") + Link("arm") + Joint("w", "fixed", "world", "base", "") +
+                                 Joint("j", "continuous", "base", "arm"));
+  const ImportedScene fixed = MustLoad(text);
+  EXPECT_EQ(fixed.scene.mechanisms[0].base, BaseKind::kFixed);
+  EXPECT_EQ(fixed.scene.mechanisms[0].bodies[0].name, "base");
+  ImportOptions options;
+  options.base = BaseKind::kFloating;
+  EXPECT_EQ(MustLoad(text, options).scene.mechanisms[0].base, BaseKind::kFloating);
+}
+
+// The effort of a joint bounds the PD control that holds it, all of it together.
+TEST(ImportUrdf, EffortBoundsPdControl) {
+  const auto joint = [](const std::string& name, const std::string& parent, const std::string& child,
+                        const std::string& effort) {
+    return Joint(
+        name, "revolute", parent, child,
+        "<axis xyz=\"0 1 0\"/><limit lower=\"-1\" upper=\"1\" velocity=\"1\" effort=\"" + effort + "\"/>");
+  };
+  ImportOptions options;
+  options.pd = PdGains{200, 5};
+  options.joint_pd["k"] = {50, 1};
+  const ImportedScene loaded = MustLoad(Robot(Link("base") + Link("a") + Link("b") +
+                                              joint("j", "base", "a", "7.5") + joint("k", "a", "b", "3")),
+                                        options);
+  const auto& limits = loaded.scene.mechanisms[0].force_limits;
+  ASSERT_EQ(limits.size(), 2u);
+  EXPECT_EQ(limits[0].upper, 7.5);
+  EXPECT_EQ(limits[0].lower, -7.5);
+  EXPECT_EQ(limits[0].stiffness, 200);
+  EXPECT_EQ(limits[1].upper, 3);
+  EXPECT_EQ(limits[1].stiffness, 250);
+  ASSERT_EQ(limits[1].inputs.size(), 2u);
+  EXPECT_NE(limits[1].inputs[0].first, limits[1].inputs[1].first);
+}
+
 TEST(ImportUrdf, UnknownJointTypeDoesNotCrash) {
   const Error error = MustFail(Robot(Link("base") + Link("a") + Joint("ball", "spherical", "base", "a")));
   EXPECT_EQ(error.code, ErrorCode::kFormat);
