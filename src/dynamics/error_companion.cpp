@@ -32,7 +32,7 @@ ErrorCompanion::ErrorCompanion(const MechanismDynamics& m)
   body_V_ = body_A_ = F_;
   for (Loads* l : {&loads_[0], &loads_[1], &mean_}) {
     l->F_W = Matrix6X::Zero(6, mechanism.num_bodies());
-    l->controls = m.controls();
+    l->controls = l->controls_from = m.controls();
     l->stops = VectorX::Zero(n);
   }
   tau_.resize(n);
@@ -49,9 +49,9 @@ void ErrorCompanion::Begin(const MechanismDynamics& m) {
 }
 
 void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_before_W,
-                         const Matrix6X& contacts_W, const VectorX& stops, double h, bool by_euler) {
-  h_ = h;
-  by_euler_ = by_euler;
+                         const Matrix6X& contacts_W, const VectorX& stops, const StepOptions& options) {
+  const double h = h_ = options.h;
+  by_euler_ = options.integrator == Integrator::kEuler;
   if (m.point_spring().IsActive()) {
     const BodyIndex body = m.point_spring_body();
     applied_.col(body.value()) += m.point_spring().Wrench(m.BodyPose(body), m.BodyVelocity(body));
@@ -61,6 +61,7 @@ void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_be
   loads_[1].F_W = applied_ + contacts_W;
   loads_[1].stops = stops;
   loads_[1].controls = m.controls();
+  loads_[1].controls_from = options.controls_move ? loads_[0].controls : loads_[1].controls;
   if (steps_ == 0) loads_[0].stops = loads_[1].stops;
   for (int i = 0; i < 2; ++i) {
     q_[i] = q_[i + 1];
@@ -151,6 +152,18 @@ void ErrorCompanion::Residuals(const MechanismDynamics& m, const Vector3& gravit
     euler.setZero();
   }
   std::swap(scratch_, kinematics_);
+}
+
+void ErrorCompanion::ControlKink(const MechanismDynamics& m, Eigen::Ref<VectorX> kink) {
+  full_.setZero();
+  tau_.setZero();
+  if (steps_ > 2 && mean_.controls.size() > 0) {
+    const VectorX change =
+        loads_[1].controls - loads_[1].controls_from - (loads_[0].controls - loads_[0].controls_from);
+    AddControlForce(m.mechanism(), kinematics_, change / 6, tau_);
+  }
+  full_.tail(tau_.size()) = tau_;
+  ToBasis(full_, kink);
 }
 
 VectorX ErrorCompanion::Turn() const {

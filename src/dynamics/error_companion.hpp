@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/dynamics/world.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <vector>
 
@@ -28,7 +29,7 @@ class ErrorCompanion {
   /// The step's end: pose and the contacts' wrenches [6 x bodies] about the world's origin in world axes,
   /// those of the step before, as they lie at the node, and those of this one; forces of stops [n].
   void End(const MechanismDynamics& m, const Matrix6X& contacts_before_W, const Matrix6X& contacts_W,
-           const VectorX& stops, double h, bool by_euler);
+           const VectorX& stops, const StepOptions& options);
 
   /// New basis and tangent at the node: M, D, K of y. `from`: coefficients [size x k] of the old basis become
   /// those of the new one.
@@ -44,6 +45,9 @@ class ErrorCompanion {
   /// that is missing on the straight way between nodes, where rates do not change.
   void Residuals(const MechanismDynamics& m, const Vector3& gravity_W, Eigen::Ref<VectorX> centred,
                  Eigen::Ref<VectorX> euler, Eigen::Ref<VectorX> straight);
+  /// Sum [size] over both steps of the forces of controls, weighted by 1 - |t - t_n|/h, over h and less the
+  /// force at the node: what a change of slope there adds. None in the first step and at its end.
+  void ControlKink(const MechanismDynamics& m, Eigen::Ref<VectorX> kink);
   /// By how much rates of y differ on both sides of the node.
   VectorX Turn() const;
   /// The part of a residual [size] that the reduced coordinates see, by M.
@@ -66,7 +70,8 @@ class ErrorCompanion {
   };
   struct Loads {
     Matrix6X F_W;
-    VectorX controls, stops;
+    VectorX controls, stops;  // at the end of the step
+    VectorX controls_from;    // at its start, between which controls are linear
   };
   void Centre();
   // [base; n] force that is missing.

@@ -35,11 +35,12 @@ struct ErrorEstimate::Detail {
   MatrixX e, rate;  // size x kParts
   MatrixX force, turn;   // at the node, missing for rates that do not change, and for their change over h
   VectorX drag;          // of half of that change
+  VectorX kink;          // of controls whose slope changes at the node
   MatrixX force_before;  // at the last one
   MatrixX M, D, K, A;
   ErrorContacts contacts;
   std::vector<ContactRecord> last;  // of the step to the node
-  LuFactor factor;
+  LuFactor factor, kink_factor;
   std::vector<BodyError> bodies;
   std::vector<Vector3> start;
   struct Seen {
@@ -49,6 +50,7 @@ struct ErrorEstimate::Detail {
 
   void Layout();
   void Linearise(const World& world, const Vector3& gravity);
+  void AddKinks(const World& world);
   void Advance(const MatrixX& force_after);
   void Pass();
   void Show(const World& world);
@@ -124,6 +126,7 @@ void ErrorEstimate::Detail::Linearise(const World& world, const Vector3& gravity
   e.setZero(n, kParts);
   rate = force = turn = force_before = e;
   drag.setZero(n);
+  kink.setZero(n);
   for (std::size_t i = 0; i < count; ++i) {
     const int at = offset[i], size = offset[i + 1] - at;
     M.block(at, at, size, size) = mechanisms[i].M();
@@ -150,8 +153,28 @@ void ErrorEstimate::Detail::Linearise(const World& world, const Vector3& gravity
   const double s = kGamma * h / kSubsteps;
   A = M + s * D + (s * s) * K;
   factor.Compute(A);
+  kink_factor.Compute(M + (h / 4) * D + (h * h / 20) * K);
   linearised = true;
   since_linearised = 0;
+}
+
+// A centred difference of poses is the mean of accelerations over both steps, weighted by 1 - |t - t_n|/h. By
+// a change of slope of the controls it has h/6 of that which the node has not. Springs and dampers answer
+// within the step: from rest M a = F t gives M a = F t (1 - (D/M) t/2 - (K/M) t^2/6), of which the mean has
+// the factor 1 - (D/M) h/4 - (K/M) h^2/20, here the rational function that stays positive where they are
+// stiff.
+void ErrorEstimate::Detail::AddKinks(const World& world) {
+  if (kink.isZero(0)) return;
+  kink_factor.SolveInPlace(kink);
+  kink = M * kink;
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const int at = offset[i], size = offset[i + 1] - at;
+    VectorX seen(size);
+    mechanisms[i].SplitOff(world.mechanisms()[i], kink.segment(at, size), seen);
+    turn.col(0).segment(at, size) += kink.segment(at, size) - seen;
+    turn.col(kTime).segment(at, size) += seen;
+  }
+  kink.setZero();
 }
 
 // Two-stage SDIRK of second order (Alexander 1977) in substeps: what is damped or stiff beyond the step must
@@ -216,7 +239,7 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     const MechanismDynamics& m = world.mechanisms()[i];
     VectorX stops = VectorX::Zero(m.mechanism().num_coordinates());
     world.AddStopForces(static_cast<int>(i), h, stops);
-    d.mechanisms[i].End(m, then.mechanisms[i], now.mechanisms[i], stops, h, by_euler);
+    d.mechanisms[i].End(m, then.mechanisms[i], now.mechanisms[i], stops, options);
   }
   for (std::size_t i = 0; i < d.free_bodies.size(); ++i) {
     FreeBodyPath& path = d.free_bodies[i];
@@ -261,7 +284,9 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     turn.col(1).setZero();
     turn.col(2) = seen - seen_straight;
     d.drag.segment(at, size) = 0.5 * (c.D() * c.Turn());
+    c.ControlKink(world.mechanisms()[i], d.kink.segment(at, size));
   }
+  d.AddKinks(world);
   for (std::size_t i = 0; i < d.free_bodies.size(); ++i) {
     const FreeBodyPath& p = d.free_bodies[i];
     const FreeBody& b = world.free_bodies()[i];
