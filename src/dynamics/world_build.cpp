@@ -187,6 +187,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     block.stop_is_row.assign(static_cast<std::size_t>(2 * limited), 0);
     block.stop_start_gap.assign(static_cast<std::size_t>(2 * limited), 0.0);
     block.friction_impulses.assign(static_cast<std::size_t>(frictions), 0.0);
+    block.friction_held = block.friction_impulses;
     detail.has_switches_ = detail.has_switches_ || HasSwitches(m);
     detail.mechanism_blocks_.push_back(std::move(block));
     velocities += rows;

@@ -79,6 +79,7 @@ struct World::Detail {
   };
   static void SetSum(const ContactSum& sum, ContactRecord& contact);
   double StepsRatio(double h) const;
+  void StartRows(double b);
   void Rebound(double h);
   // Impacts (world_impact.cpp).
   void FindTouchedBodies();
@@ -244,6 +245,7 @@ struct World::Detail {
     std::vector<char> stop_carried, stop_is_fresh, stop_is_row;
     std::vector<double> stop_start_gap;
     std::vector<double> friction_impulses;
+    std::vector<double> friction_held;  // N s: what dry friction bears where the stage starts
     VectorX impulse;
     Matrix6X contact_impulses_R;  // of the last stage, 6 x bodies, about R's origin
     int refreshed = 0;  // at the end of the last step: 1 done, -1 failed

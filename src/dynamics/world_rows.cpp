@@ -52,6 +52,16 @@ Vector3 World::Detail::RelativeSpeed(const ContactConstraint& c, const VectorX& 
 // What turns an impulse of the last step into one of this step.
 double World::Detail::StepsRatio(double h) const { return previous_h_ > 0 ? h / previous_h_ : 1; }
 
+// Stops and dry friction in a stage of length b start from the forces that they bore in the last one.
+void World::Detail::StartRows(double b) {
+  const double by_step = StepsRatio(b);
+  for (MechanismBlock& block : mechanism_blocks_) {
+    for (std::vector<double>* impulses : {&block.limit_impulses, &block.friction_impulses})
+      for (double& impulse : *impulses) impulse *= by_step;
+    block.friction_held = block.friction_impulses;
+  }
+}
+
 // The rows of a contact, and what they know of the last step.
 void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   const double h = options.h;
@@ -156,7 +166,7 @@ void World::Detail::AssembleLimits(const StepOptions& options) {
 }
 
 void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
-  const double h = options.h, by_step = StepsRatio(h);
+  const double h = options.h;
   const MechanismDynamics& m = mechanisms_[i];
   const MechanismBlock& block = mechanism_blocks_[i];
   auto next = limits_.begin() + static_cast<std::ptrdiff_t>(mechanism_blocks_[i].first_limit);
@@ -174,7 +184,7 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       limit.bias = in_stage_ && block.stop_start_gap[at] <= 0
                        ? StopBias(options.material, block.stop_start_gap[at], h)
                        : StopBias(options.material, gap, h);
-      limit.impulse = by_step * block.limit_impulses[at];
+      limit.impulse = block.limit_impulses[at];
       // One that bore may have only closed its gap: what of the speed is left counts there too.
       if (in_stage_) {
         StopApproach& approach = stop_approach_[static_cast<std::size_t>(&limit - limits_.data())];
@@ -191,7 +201,8 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       friction.row = part.offset + static_cast<int>(part.FrictionRow(k));
       friction.upper = h * m.mechanism().frictions()[at].force;
       friction.lower = -friction.upper;
-      friction.held = friction.impulse = by_step * mechanism_blocks_[i].friction_impulses[at];
+      friction.held = block.friction_held[at];
+      friction.impulse = block.friction_impulses[at];
     }
   }
 }

@@ -160,6 +160,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   ++report.stages;
   least_margin_ = 0;
   all_stops_ = from_stage_start_ = false;
+  StartRows(stage.h);
   StageResidual last;
   int growths = 0, max_iterations = kMaxNewtonIterations;
   bool inertial = false;
