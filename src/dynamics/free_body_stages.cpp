@@ -35,7 +35,6 @@ void FreeBody::MoveToStagePose(double b) {
   X_WB_.rotation() = stage_base_.R_WB * ExpRotation(b * omega_B_);
   X_WB_.Orthonormalize();
   X_WB_.translation() = stage_base_.center_W + b * velocity_ - X_WB_.rotation() * inertia_.center;
-  pose_velocity_ = {omega_B_, velocity_};
 }
 
 void FreeBody::RecordStageStart(bool of_step) {
@@ -151,28 +150,7 @@ double FreeBody::MoveAndComputeStiffResidual(double b, StageMotion& moved) {
   return b * (stage_root_ * (momentum - present)).norm() / std::sqrt(inertia_.mass);
 }
 
-void FreeBody::RecordIteration() {
-  found_[0] = found_[1];
-  change_[0] = change_[1];
-  found_[1] = {omega_B_, velocity_};
-  change_[1] = {omega_B_ - pose_velocity_.omega_B, velocity_ - pose_velocity_.center};
-}
-
-void FreeBody::AddSecant(StageSecant& secant) const {
-  const Vector3 spun = change_[1].omega_B - change_[0].omega_B, sped = change_[1].center - change_[0].center,
-                spin = inertia_.rotational * spun, momentum = inertia_.mass * sped;
-  secant.along += change_[1].omega_B.dot(spin) + change_[1].center.dot(momentum);
-  secant.squared += spun.dot(spin) + sped.dot(momentum);
-}
-
-void FreeBody::ExtrapolateIteration(double b, double share) {
-  omega_B_ -= share * (found_[1].omega_B - found_[0].omega_B);
-  velocity_ -= share * (found_[1].center - found_[0].center);
-  MoveToStagePose(b);
-}
-
 double FreeBody::MoveAndComputeResidual(double b, StageMotion& moved) {
-  RecordIteration();
   if (is_stiff_) return MoveAndComputeStiffResidual(b, moved);
   velocity_end_ = velocity_;
   // The momentum of the pose linearised at, as contact left it.

@@ -324,11 +324,8 @@ StageChange ComputeStageChange(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
   StageChange out;
   if (model.num_velocities() == 0) return out;
-  ws.found_before.swap(ws.found);
-  ws.change_before.swap(ws.change);
-  ws.found = ws.x;
-  ws.change = ws.x + ws.contact_shift;
-  out.change = Displacement(here, b, ws.change);
+  ws.rhs = ws.x + ws.contact_shift;
+  out.change = Displacement(here, b, ws.rhs);
   ws.rhs = ws.x - ws.x_start;
   out.velocity_change = Displacement(here, b, ws.rhs);
   // Beside the drift of the base: what moves along with something is solved as well as what rests.
@@ -339,28 +336,9 @@ StageChange ComputeStageChange(const MechanismStep& here, double b) {
   return out;
 }
 
-void AddSecant(const MechanismStep& here, StageSecant& secant) {
-  const auto& [model, state, ws] = here;
-  if (model.num_velocities() == 0) return;
-  ws.rhs = ws.change - ws.change_before;
-  ws.solved.noalias() = ws.M_full * ws.rhs;
-  secant.along += ws.change.dot(ws.solved);
-  secant.squared += ws.rhs.dot(ws.solved);
-}
-
-void ExtrapolateIteration(const MechanismStep& here, double b, double time, double share) {
-  const auto& [model, state, ws] = here;
-  if (model.num_velocities() == 0) return;
-  ws.x -= share * (ws.found - ws.found_before);
-  PredictLinearMomentum(here, time, ws.linear_found_W - share * (ws.linear_found_W - ws.linear_before_W));
-  MoveToStagePose(here, b, time);
-}
-
 double MoveAndComputeResidual(const MechanismStep& here, double b, double time) {
   const auto& [model, state, ws] = here;
   RecordStageMomenta(here, b, time);
-  ws.linear_before_W = ws.linear_found_W;
-  ws.linear_found_W = ws.stage_linear_W;
   MoveToStagePose(here, b, time);
   if (model.num_velocities() == 0) return 0;
   ComputeStageResidual(here, b, ws.stage_correction);

@@ -86,7 +86,6 @@ void Size(const MechanismStep& here) {
   SizeForceLimits(here);
   DivideIntoParts(here);
   ws.contact_shift.setZero(nx);
-  for (VectorX* x : {&ws.found, &ws.found_before, &ws.change, &ws.change_before}) x->setZero(nx);
   ws.q_dot_start.setZero(n);
   ws.nu_mixed.setZero(n);
   ws.w_mean.setZero(r);

@@ -88,10 +88,6 @@ struct MechanismWorkspace {
   Vector3 center_stage_start = Vector3::Zero();  // m, centre of mass of a floating mechanism
   double time_stage_start = 0;                   // s
   Vector6 V_R_stage = Vector6::Zero();
-  // num_velocities, of the last two Newton iterations: what they found, how far that was from what they were
-  // linearised at; N s, the linear momenta of a floating mechanism that they found.
-  VectorX found, found_before, change, change_before;
-  Vector3 linear_found_W = Vector3::Zero(), linear_before_W = Vector3::Zero();
   VectorX x_start, x_first;                // num_velocities: at the start of the step, of its first stage
   Vector3 linear_first_W = Vector3::Zero();            // N s, of a floating mechanism after its first stage
   Vector3 stage_center_W = Vector3::Zero();  // m, centre of mass of what floats at the end of the stage

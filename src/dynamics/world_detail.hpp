@@ -63,7 +63,6 @@ struct World::Detail {
   void MoveAllToStagePoses(double b, double time);
   StageResidual MoveAndComputeResiduals(const StepOptions& stage, StageScheme scheme, double time,
                                         bool is_first);
-  void ExtrapolateIteration(double b, double time);
   bool ChangesSaturation(double b, StepReport& report);
   bool LeavesAgain(double b, StepSubject& subject) const;
   void StoreStage(double b, StageScheme scheme, StepReport& report);

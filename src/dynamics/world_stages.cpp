@@ -162,8 +162,6 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   all_stops_ = from_stage_start_ = false;
   StartRows(stage.h);
   StageResidual last;
-  // Of iterations with the matrix at hand, whose contacts are those of the pose.
-  int alike = 0;
   int growths = 0, max_iterations = kMaxNewtonIterations;
   bool inertial = false;
   bool is_fresh = scheme != StageScheme::kSecondOfTwo;
@@ -191,11 +189,9 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     const bool from_start = from_stage_start_;
     from_stage_start_ = !CoversMotion();
     if (from_stage_start_) {
-      alike = 0;
       if (iteration == max_iterations || !std::isfinite(least_margin_)) break;
       continue;
     }
-    const double contraction = iteration == 1 ? 1 : found.ratio / last.ratio;
     const bool helps = iteration == 1 || (found.ratio < last.ratio && !found.is_slow);
     // By a matrix of another pose a growth says nothing of the equation.
     growths += iteration > 1 && is_fresh && !(found.ratio < last.ratio) ? 1 : 0;
@@ -220,32 +216,11 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     }
     if (ends) break;
     is_fresh = found.is_slow || begins_inertial;
-    alike = from_start ? 0 : iteration > 1 && !(contraction < 1) ? 1 : alike + 1;
-    if (is_fresh) {
-      alike = 0;
-      ForMechanisms([&](std::size_t i) { RenewStageMatrix(mechanisms_[i], inertial); });
-    }
-    // It costs about as much as an iteration: where two more would not solve the stage.
-    if (alike > 1 && found.ratio * contraction * contraction > 1) ExtrapolateIteration(stage.h, time);
+    if (is_fresh) ForMechanisms([&](std::size_t i) { RenewStageMatrix(mechanisms_[i], inertial); });
   }
   const StepSubject not_finite = FindNotFinite();
   report.halving_of = not_finite.kind == StepSubject::Kind::kNone ? last.subject : not_finite;
   return HalvingCause::kUnsolved;
-}
-
-// What A knows nothing of, the geometric stiffness of loaded contacts above all, leaves an iteration v <-
-// G(v) that contracts by the same share each time. The next one is linearized where the secant of the last
-// two puts the fixed point (Anderson 1965, of depth one); the velocity that it finds is one of the contact
-// solve, as always.
-void World::Detail::ExtrapolateIteration(double b, double time) {
-  StageSecant secant;
-  for (MechanismDynamics& m : mechanisms_) AddSecant(m, secant);
-  for (const FreeBody& body : free_bodies_) body.AddSecant(secant);
-  const double share = secant.along / secant.squared;
-  if (!std::isfinite(share)) return;
-  const PartClock clock(times_, &StepPartTimes::moving);
-  ForMechanisms([&](std::size_t i) { fork1s::ExtrapolateIteration(mechanisms_[i], b, time, share); });
-  for (FreeBody& body : free_bodies_) body.ExtrapolateIteration(b, share);
 }
 
 // Events that the velocity found tells; parts by backward Euler carry them.

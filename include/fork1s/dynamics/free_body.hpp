@@ -1,7 +1,6 @@
 // A free rigid body.
 #pragma once
 
-#include <array>
 #include <fork1s/dynamics/applied_forces.hpp>
 #include <fork1s/dynamics/point_spring.hpp>
 #include <fork1s/dynamics/stage_motion.hpp>
@@ -72,9 +71,6 @@ class FreeBody {
   /// the kinetic metric. `moved`: by the stage, but for the translation that nothing makes
   /// stiff.
   double MoveAndComputeResidual(double b, StageMotion& moved);
-  void AddSecant(StageSecant& secant) const;
-  /// Moves on by the secant of the last two iterations: v - share (v_k - v_{k-1}), v as found.
-  void ExtrapolateIteration(double b, double share);
   void ExtrapolateStage(double b, double onward);
   void EndStep(double between_stages);
   /// All that the next step depends on.
@@ -131,16 +127,11 @@ class FreeBody {
   // Of such a stage, A V = rhs in PortTwist()'s coordinates: the operator, Y with YᵀY = A⁻¹, the right side.
   Matrix6 stage_A_ = Matrix6::Zero(), stage_root_ = Matrix6::Zero();
   Vector6 stage_rhs_ = Vector6::Zero();
-  // Of Newton's iterations: the velocity that led to the pose at hand; what the last two found, and how far
-  // that was from the velocity that they were linearized at.
-  Velocity pose_velocity_;
-  std::array<Velocity, 2> found_, change_;
   Vector3 velocity_end_ = Vector3::Zero();  // that the momentum of the stage gives
   Vector6 StageForce() const;
   Vector6 StageMomentum(double b) const;
   Eigen::Matrix<double, 3, 6> SpringJacobian() const;
   void PredictStiffStage(double b);
-  void RecordIteration();
   double MoveAndComputeStiffResidual(double b, StageMotion& moved);
   Matrix3 InverseInertia_B() const { return rotational_root_ * rotational_root_.transpose(); }
   Vector3 FreeTurning(double b, Vector3 guess) const;

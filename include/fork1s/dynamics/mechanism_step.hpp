@@ -114,9 +114,6 @@ struct StageChange : StageMotion {
 };
 /// After contact, at the pose linearised at.
 StageChange ComputeStageChange(const MechanismStep& here, double b);
-void AddSecant(const MechanismStep& here, StageSecant& secant);
-/// Moves on by the secant of the last two iterations: v - share (v_k - v_{k-1}), v as found.
-void ExtrapolateIteration(const MechanismStep& here, double b, double time, double share);
 /// After contact: records the momenta of the stage, moves to the pose found, and returns the change of
 /// position that another Newton iteration would make [m], in the kinetic metric.
 double MoveAndComputeResidual(const MechanismStep& here, double b, double time);
