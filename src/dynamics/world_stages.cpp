@@ -31,10 +31,10 @@ constexpr int kIterationsOfMatrix = 3;
 // What moves by less than these shares of the stage's motion and of a mechanism's length does not matter.
 constexpr double kRelativeTolerance = 1e-6, kLengthTolerance = 1e-9;
 // A stage is solved where another iteration would change poses by less than kRelativeTolerance of the motion
-// and than kChangeTolerance of what the velocity has changed by within the stage, which fine steps add up:
-// ten thousand of them leave that share of it. kRounding is the share of the length that no step count makes
-// matter. What stiff mechanisms leave by rounding is more than that: where an iteration no longer helps, what
-// does not matter is accepted.
+// and than kChangeTolerance of what the velocity has changed by in the step. What is left adds up to at most
+// that share of all that the velocity changes by, however many steps that takes. kRounding is a share of the
+// length below which nothing is counted. Stiff mechanisms leave more by rounding: where an iteration no
+// longer helps, what does not matter is accepted.
 constexpr double kChangeTolerance = 1e-5, kRounding = 1e-12;
 // Contacts of meshes jump from one facet to another between iterations. A stage that would be halved is
 // accepted with a residual within this share of the length, and reported.

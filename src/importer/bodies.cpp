@@ -16,9 +16,9 @@ SpatialInertia InertiaOf(const Conversion& c, int b) {
   const Matrix3 R = Quat(m.body_iquat + 4 * b).normalized().toRotationMatrix();
   Vector3 diagonal = Vec3(m.body_inertia + 3 * b);
   if (c.is_urdf) {
-    if (I.mass <= 2 * kMasslessUrdf) I.mass = 0;
+    if (IsMasslessUrdf(I.mass)) I.mass = 0;
     for (int i = 0; i < 3; ++i) {
-      if (diagonal[i] <= 2 * kMasslessUrdf) diagonal[i] = 0;
+      if (IsMasslessUrdf(diagonal[i])) diagonal[i] = 0;
     }
   }
   I.rotational = R * diagonal.asDiagonal() * R.transpose();

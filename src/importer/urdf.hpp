@@ -9,9 +9,10 @@
 
 namespace fork1s::internal {
 
-/// Mass (kg) and moments (kg·m²) of links without any, which MuJoCo refuses: what is not larger than twice
-/// this counts as 0 afterwards.
+/// Mass (kg) and moments (kg·m²) given to links without any, which MuJoCo refuses.
 inline constexpr double kMasslessUrdf = 1e-14;
+/// Whether a mass or moment counts as 0: those given, however they were rounded on their way.
+inline bool IsMasslessUrdf(double value) { return value <= 2 * kMasslessUrdf; }
 
 struct PreparedUrdf {
   ModelSource source;  // rewritten text and mesh files under unique names

@@ -137,7 +137,7 @@ std::optional<Error> PrepareInertia(UrdfWork& work, XMLElement& link) {
   for (int i = 0; i < 6; ++i) v[i] = NumberOf(inertial->FirstChildElement("inertia"), kMoments[i]);
   Matrix3 I;
   I << v[0], v[1], v[2], v[1], v[3], v[4], v[2], v[4], v[5];
-  if (I.cwiseAbs().maxCoeff() <= kMasslessUrdf) {
+  if (IsMasslessUrdf(I.cwiseAbs().maxCoeff())) {
     TakeInertiaFromShape(work, link, *inertial, mass);
     return std::nullopt;
   }

@@ -57,7 +57,7 @@ std::optional<Error> CheckUrdfMasses(const Conversion& c) {
   std::vector<bool> weighs(static_cast<std::size_t>(m.nbody), false);
   for (int b = static_cast<int>(m.nbody); b-- > 1;) {
     const auto at = static_cast<std::size_t>(b);
-    weighs[at] = weighs[at] || m.body_mass[b] > 2 * kMasslessUrdf;
+    weighs[at] = weighs[at] || !IsMasslessUrdf(m.body_mass[b]);
     if (weighs[at]) weighs[static_cast<std::size_t>(m.body_parentid[b])] = true;
   }
   for (int j = 0; j < m.njnt; ++j) {

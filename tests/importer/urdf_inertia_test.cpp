@@ -125,6 +125,18 @@ TEST(ImportUrdfInertia, MomentsOfRounding_AreNone) {
   EXPECT_TRUE(HasNote(loaded.report, Kind::kChosen, "the mass is a point"));
 }
 
+// At both edges: what counts as no moment, and what three digits can be off by.
+TEST(ImportUrdfInertia, EdgesOfNothingAndOfWrittenDigits) {
+  EXPECT_TRUE(HasNote(MustLoad(Arm(Diagonal(2, "1.9e-14", "1.9e-14", "1.9e-14"))).report, Kind::kChosen,
+                      "the mass is a point"));
+  EXPECT_FALSE(HasNote(MustLoad(Arm(Diagonal(2, "2.1e-14", "2.1e-14", "2.1e-14"))).report, Kind::kChosen,
+                       "the mass is a point"));
+  EXPECT_TRUE(
+      HasNote(MustLoad(Arm(Diagonal(2, ".005", ".00491", ".01"))).report, Kind::kChanged, "by rounding"));
+  EXPECT_TRUE(HasNote(MustLoad(Arm(Diagonal(2, ".005", ".00489", ".01"))).report, Kind::kChanged,
+                      "became their mean"));
+}
+
 // A leg of a millimetre has 1e-12 kg m².
 TEST(ImportUrdfInertia, SmallMoments_AreKept) {
   const ImportedScene loaded = MustLoad(Arm(Diagonal(3e-6, "4e-13", "4e-13", "6e-13")));
