@@ -5,12 +5,12 @@
 // Where that is beyond a bound F, the servo pushes with F whatever the motion: its spring leaves A, and F
 // takes the place of f₀:
 //     A' = A - h (h k + d) e eᵀ,   rhs' = rhs + h (F - f₀) e
-// Which servos are at a bound follows from the velocity with contact, so the step solves, with those at a bound
-// that were so in the last step, and looks. Where that was right it is done. A servo that changes sides becomes a
-// row of the contact solve, a compliant one between two bounds, which finds what it gives:
+// Which servos are at a bound follows from the velocity with contact, so the step solves, with those at a
+// bound that were so in the last step, and looks. Where that was right it is done. A servo that changes sides
+// becomes a row of the contact solve, a compliant one between two bounds, which finds what it gives:
 //     λ = clamp(h f₀ - h (h k + d) eᵀx, h F₋, h F₊)
-// Rows only become more, so this ends; and of the sides that they end with the step is solved once more without
-// them (world_servos.cpp).
+// Rows only become more, so this ends; and of the sides that they end with the step is solved once more
+// without them (world_bounded_forces.cpp). Springs with slack are treated alike (slack.cpp).
 #include <algorithm>
 #include <cmath>
 
@@ -142,15 +142,56 @@ signed char SideOf(const MechanismStep& here, std::size_t k, double h) {
 
 }  // namespace
 
-ServoRow RowOfServo(const MechanismStep& here, std::size_t k, double h) {
+std::size_t NumBoundedForces(const Mechanism& m) {
+  const auto& springs = m.springs();
+  return m.force_limits().size() +
+         2 * static_cast<std::size_t>(
+                 std::count_if(springs.begin(), springs.end(), [](const auto& s) { return s.slack > 0; }));
+}
+
+namespace {
+
+// Springs with slack have two bounded forces each, at the shorter end first.
+std::size_t SlackOf(const MechanismView& here, std::size_t k) {
+  return (k - here.model.mechanism().force_limits().size()) / 2;
+}
+int EndOf(const MechanismView& here, std::size_t k) {
+  return (k - here.model.mechanism().force_limits().size()) % 2 == 0 ? -1 : 1;
+}
+
+}  // namespace
+
+const Mechanism::Length& LengthOfBoundedForce(const MechanismView& here, std::size_t k) {
+  const Mechanism& m = here.model.mechanism();
+  return k < m.force_limits().size() ? m.force_limits()[k].length
+                                     : m.springs()[here.work.slack[SlackOf(here, k)].spring].length;
+}
+
+bool IsInSolve(const MechanismView& here, std::size_t k) {
   const auto& [model, state, ws] = here;
+  return (k < state.at_bound.size() ? state.at_bound[k] : ws.slack[SlackOf(here, k)].side) ==
+         MechanismState::kInSolve;
+}
+
+BoundedForceRow RowOfBoundedForce(const MechanismStep& here, std::size_t k, double h) {
+  const auto& [model, state, ws] = here;
+  if (k >= state.at_bound.size()) return RowOfSlack(here, ws.slack[SlackOf(here, k)], EndOf(here, k), h);
   const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
   const double weight = WeightInSolve(limit, h), f = ForceAtEnd(here, k, h);
   return {f / weight + LengthRate(here, limit.length), 1 / (h * weight), h * limit.lower, h * limit.upper};
 }
 
-void TakeSideOfServo(const MechanismStep& here, std::size_t k, double impulse, double h) {
+void TakeSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impulse, double unbounded,
+                            double h) {
   const auto& [model, state, ws] = here;
+  if (k >= state.at_bound.size()) {
+    // Of the two ends, told one after the other, at most one pushes. Within its range a spring has an impulse
+    // of 0 but for rounding.
+    int& side = ws.slack[SlackOf(here, k)].side;
+    if (side == MechanismState::kInSolve) side = 0;
+    if (impulse != 0 && unbounded * EndOf(here, k) < 0) side = EndOf(here, k);
+    return;
+  }
   const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
   // That of a stiff one is known better than its rate; a bound carries the rounding of the solve.
   constexpr double kRounding = 1e-12;
@@ -227,7 +268,7 @@ bool UpdateForceLimits(const MechanismStep& here, double h) {
     if (side == at) continue;
     changed = true;
     // A motor's force is known whatever the motion.
-    const bool follows = WeightInSolve(limits[k], h) > 0 && model.part_of_force_limit[k] >= 0;
+    const bool follows = WeightInSolve(limits[k], h) > 0 && model.part_of_bounded_force[k] >= 0;
     at = follows ? MechanismState::kInSolve : side;
   }
   return changed;

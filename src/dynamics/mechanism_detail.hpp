@@ -98,6 +98,7 @@ void OpenSlackSprings(const MechanismStep& here);
 double SlackStiffness(const MechanismModel& model, const SlackSpring& slack);
 void AddSlackForces(const MechanismStep& here);
 bool UpdateSlackSprings(const MechanismStep& here, double h);
+BoundedForceRow RowOfSlack(const MechanismStep& here, const SlackSpring& slack, int end, double h);
 /// At the end of a stage of length b [s] that was solved [N or N·m].
 double ForceOfSlack(const MechanismStep& here, const SlackSpring& slack, double b);
 

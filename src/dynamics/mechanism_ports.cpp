@@ -31,11 +31,13 @@ void FindParts(MechanismModel& model) {
     }
     return last < 0 ? VelocityRange{} : VelocityRange{first, last + 1 - first};
   };
-  std::vector<VelocityRange> of_group, of_limited, of_friction, of_force_limit;
+  std::vector<VelocityRange> of_group, of_limited, of_friction, of_bounded;
   for (const ContactGroup& g : model.groups) of_group.push_back(of_joint(g.last_joint));
   for (const auto& l : model.length_limits) of_limited.push_back(of_length(l.length));
   for (const auto& f : model.mechanism().frictions()) of_friction.push_back(of_length(f.length));
-  for (const auto& f : model.mechanism().force_limits()) of_force_limit.push_back(of_length(f.length));
+  for (const auto& f : model.mechanism().force_limits()) of_bounded.push_back(of_length(f.length));
+  for (const auto& s : model.mechanism().springs())
+    if (s.slack > 0) of_bounded.insert(of_bounded.end(), 2, of_length(s.length));
   if (model.base_size > 0) {
     join(0, nx - 1);
   } else {
@@ -47,7 +49,7 @@ void FindParts(MechanismModel& model) {
           join(i, j);
           break;
         }
-    for (const auto* runs : {&of_limited, &of_friction, &of_force_limit})
+    for (const auto* runs : {&of_limited, &of_friction, &of_bounded})
       for (const VelocityRange& run : *runs) join_run(run);
     // Springs of paths turn in A as the pose does, and those that are not linear stiffen.
     for (const auto& s : model.mechanism().springs())
@@ -74,9 +76,9 @@ void FindParts(MechanismModel& model) {
   model.part_of_friction.clear();
   for (const VelocityRange& run : of_friction)
     model.part_of_friction.push_back(std::max(0, part_of_run(run)));
-  model.part_of_force_limit.clear();
-  for (const VelocityRange& run : of_force_limit)
-    model.part_of_force_limit.push_back(run.size == 0 ? -1 : part_of_run(run));
+  model.part_of_bounded_force.clear();
+  for (const VelocityRange& run : of_bounded)
+    model.part_of_bounded_force.push_back(run.size == 0 ? -1 : part_of_run(run));
 }
 
 void DivideIntoParts(const MechanismStep& here) {

@@ -13,7 +13,7 @@ namespace fork1s {
 /// A spring that is slack over a range (slack.cpp).
 struct SlackSpring {
   std::size_t spring = 0;        // in springs()
-  int side = 0;                  // at which the step takes it to end
+  int side = 0;                  // at which the step takes it to end, or MechanismState::kInSolve
   double length = 0, force = 0;  // at the start of the step
 };
 

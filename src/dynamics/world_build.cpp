@@ -170,17 +170,17 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   std::size_t blocks = detail.free_bodies_.size();
   for (const MechanismDynamics& m : detail.mechanisms_)
     blocks += m.groups().size() + m.length_limits().size() + m.mechanism().frictions().size() +
-              m.mechanism().force_limits().size();
+              NumBoundedForces(m.mechanism());
   detail.blocks_.reserve(blocks);
   int velocities = 6 * static_cast<int>(detail.free_bodies_.size());
   int limits = 0, widest = 6, most_rows = 0;
-  std::size_t all_servos = 0;
+  std::size_t all_bounded = 0;
   for (const MechanismDynamics& m : detail.mechanisms_) {
     Detail::MechanismBlock block;
     const int limited = static_cast<int>(m.length_limits().size());
     const int frictions = static_cast<int>(m.mechanism().frictions().size());
-    const int servos = static_cast<int>(m.mechanism().force_limits().size());
-    const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions + servos;
+    const int bounded = static_cast<int>(NumBoundedForces(m.mechanism()));
+    const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions + bounded;
     block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
     block.stop_carried.assign(static_cast<std::size_t>(2 * limited), 0);
     block.stop_is_fresh.assign(static_cast<std::size_t>(2 * limited), 0);
@@ -192,12 +192,12 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     detail.mechanism_blocks_.push_back(std::move(block));
     velocities += rows;
     most_rows = std::max(most_rows, rows);
-    limits += 2 * limited + frictions + servos;
-    all_servos += static_cast<std::size_t>(servos);
+    limits += 2 * limited + frictions + bounded;
+    all_bounded += static_cast<std::size_t>(bounded);
     widest = std::max(widest, m.num_velocities());
   }
   detail.limits_.reserve(static_cast<std::size_t>(limits));
-  detail.servos_.reserve(all_servos);
+  detail.bounded_forces_.reserve(all_bounded);
   detail.velocities_.setZero(velocities);
   detail.start_velocities_.setZero(velocities);
   detail.free_Y_.resize(detail.free_bodies_.size());

@@ -42,7 +42,7 @@ void World::Detail::SizeBlocks(std::size_t mechanism) {
   if (fits) return;
   block.impulse.resize(m.num_velocities());
   block.parts.assign(count, PartBlock());
-  std::vector<int> groups(count, 0), limits(count, 0), frictions(count, 0), servos(count, 0);
+  std::vector<int> groups(count, 0), limits(count, 0), frictions(count, 0), bounded_forces(count, 0);
   for (std::size_t g = 0; g < m.groups().size(); ++g) {
     const int part = m.step_model().PartOfGroup(static_cast<int>(g));
     ++groups[part < 0 ? count - 1 : static_cast<std::size_t>(part)];
@@ -51,17 +51,17 @@ void World::Detail::SizeBlocks(std::size_t mechanism) {
     limits[static_cast<std::size_t>(m.step_model().part_of_limited[k])] += 2;
   for (std::size_t k = 0; k < m.mechanism().frictions().size(); ++k)
     ++frictions[static_cast<std::size_t>(m.step_model().part_of_friction[k])];
-  for (const int part : m.step_model().part_of_force_limit)
-    if (part >= 0) ++servos[static_cast<std::size_t>(part)];
+  for (const int part : m.step_model().part_of_bounded_force)
+    if (part >= 0) ++bounded_forces[static_cast<std::size_t>(part)];
   for (std::size_t p = 0; p < count; ++p) {
     PartBlock& part = block.parts[p];
-    const int room = 6 * groups[p] + limits[p] + frictions[p] + servos[p],
+    const int room = 6 * groups[p] + limits[p] + frictions[p] + bounded_forces[p],
               size = p + 1 < count ? m.step_model().parts[p].size : 0;
     part.groups.reserve(static_cast<std::size_t>(groups[p]));
     part.limits.reserve(static_cast<std::size_t>(limits[p]));
     part.frictions.reserve(static_cast<std::size_t>(frictions[p]));
-    part.servos.reserve(static_cast<std::size_t>(servos[p]));
-    part.servo_room = servos[p];
+    part.bounded_forces.reserve(static_cast<std::size_t>(bounded_forces[p]));
+    part.room = bounded_forces[p];
     part.J_T.resize(size, room);
     part.Y.resize(size, room);
     part.port_impulse.resize(room);
@@ -77,7 +77,7 @@ void World::Detail::LayOutLimits(std::size_t i, const StepOptions& options) {
     part.groups.clear();
     part.limits.clear();
     part.frictions.clear();
-    part.servos.clear();
+    part.bounded_forces.clear();
   }
   // Loops may hold a mechanism on a fixed base altogether: then it has no part that stops or friction could
   // act in.
@@ -153,7 +153,7 @@ void World::Detail::LayOutPorts(const StepOptions& options) {
     for (PartBlock& part : block.parts) {
       part.offset = offset;
       part.rows = static_cast<int>(6 * part.groups.size() + part.limits.size() + part.frictions.size());
-      offset += part.rows + part.servo_room;
+      offset += part.rows + part.room;
     }
   ForMechanisms([&](std::size_t i) { FillRows(i); });
   for (std::size_t c = 0; c < contactors_.size(); ++c) {
@@ -194,9 +194,9 @@ void World::Detail::AssembleOperators() {
       for (std::size_t k = 0; k < part.frictions.size(); ++k)
         velocities_(part.offset + part.FrictionRow(k)) =
             LengthRate(m, m.mechanism().frictions()[static_cast<std::size_t>(part.frictions[k])].length);
-      for (std::size_t k = 0; k < part.servos.size(); ++k)
-        velocities_(part.offset + part.ServoRow(k)) =
-            LengthRate(m, m.mechanism().force_limits()[static_cast<std::size_t>(part.servos[k])].length);
+      for (std::size_t k = 0; k < part.bounded_forces.size(); ++k)
+        velocities_(part.offset + part.BoundedForceRow(k)) =
+            LengthRate(m, LengthOfBoundedForce(m, static_cast<std::size_t>(part.bounded_forces[k])));
     }
   });
   blocks_.clear();

@@ -121,12 +121,12 @@ struct World::Detail {
   void SolveContacts(const StepOptions& options, StepReport& report);
   bool UpdateSwitches(const StepOptions& options);
   void PredictAllAgain(double h);
-  // Servos in the contact solve (world_servos.cpp).
-  void TakeServosIn(double h);
-  void SettleServos(double h);
-  void AssembleServos(double h);
+  // Forces with bounds in the contact solve (world_bounded_forces.cpp).
+  void TakeBoundedForcesIn(double h);
+  void SettleBoundedForces(double h);
+  void AssembleBoundedForces(double h);
   void GatherPushes();
-  void ApplyImpulses(bool of_servos);
+  void ApplyImpulses(bool of_bounded_forces);
   void KeepForNextStep(double h, StepReport& report);
   void GatherContactImpulses(std::size_t mechanism);
   void RefreshIfStale(std::size_t mechanism, double h);
@@ -224,9 +224,9 @@ struct World::Detail {
     std::vector<int> groups;  // in port order
     std::vector<int> limits;  // 2 k + side of entries k of length_limits(), side 0 lower, 1 upper
     std::vector<int> frictions;  // of the mechanism, all that this part moves
-    std::vector<int> servos;     // force limits of the mechanism that are rows, in the order in which they came
+    std::vector<int> bounded_forces;  // of the mechanism that are rows, in the order in which they came
     int offset = 0, rows = 0;
-    int servo_room = 0;  // rows beyond these that servos may ask for
+    int room = 0;  // rows beyond these that bounded forces may ask for
     MatrixX J_T;  // size of the part x rows
     MatrixX Y;    // L⁻¹ J_T
     VectorX port_impulse;
@@ -234,7 +234,7 @@ struct World::Detail {
     Eigen::Index FrictionRow(std::size_t k) const {
       return static_cast<Eigen::Index>(6 * groups.size() + limits.size() + k);
     }
-    Eigen::Index ServoRow(std::size_t k) const { return FrictionRow(frictions.size() + k); }
+    Eigen::Index BoundedForceRow(std::size_t k) const { return FrictionRow(frictions.size() + k); }
   };
   struct MechanismBlock {
     std::vector<PartBlock> parts;
@@ -254,11 +254,11 @@ struct World::Detail {
     bool finite = true;
   };
   std::vector<MechanismBlock> mechanism_blocks_;
-  // Servos that are rows of the contact solve, whose limits_ stand last, in this order.
-  struct ServoInSolve {
-    std::size_t mechanism = 0, part = 0, row_in_part = 0, force_limit = 0;
+  // Bounded forces that are rows of the contact solve, whose limits_ stand last, in this order.
+  struct BoundedForceInSolve {
+    std::size_t mechanism = 0, part = 0, row_in_part = 0, index = 0;
   };
-  std::vector<ServoInSolve> servos_;
+  std::vector<BoundedForceInSolve> bounded_forces_;
   // What the impulse of one contact does to the ports of both sides.
   struct Push {
     bool any = false;

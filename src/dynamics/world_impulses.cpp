@@ -38,17 +38,18 @@ void World::Detail::GatherPushes() {
   }
 }
 
-void World::Detail::ApplyImpulses(bool of_servos) {
+void World::Detail::ApplyImpulses(bool of_bounded_forces) {
   ForMechanisms([&](std::size_t i) {
     MechanismBlock& block = mechanism_blocks_[i];
     for (PartBlock& part : block.parts) part.port_impulse.head(part.rows).setZero();
   });
   GatherPushes();
-  if (of_servos)
-    for (std::size_t k = 0; k < servos_.size(); ++k) {
-      PartBlock& part = mechanism_blocks_[servos_[k].mechanism].parts[servos_[k].part];
-      part.port_impulse(part.ServoRow(servos_[k].row_in_part)) =
-          limits_[limits_.size() - servos_.size() + k].impulse;
+  if (of_bounded_forces)
+    for (std::size_t k = 0; k < bounded_forces_.size(); ++k) {
+      const BoundedForceInSolve& force = bounded_forces_[k];
+      PartBlock& part = mechanism_blocks_[force.mechanism].parts[force.part];
+      part.port_impulse(part.BoundedForceRow(force.row_in_part)) =
+          limits_[limits_.size() - bounded_forces_.size() + k].impulse;
     }
   for (std::size_t c = 0; c < contactors_.size(); ++c)
     if (is_pushed_[c] && contactors_[c].kind == Contactor::Kind::kFreeBody)
@@ -97,7 +98,7 @@ void World::Detail::KeepForNextStep(double h, StepReport& report) {
       ++report.contacts;
       report.max_penetration = std::max(report.max_penetration, -c.point.gap);
     }
-  for (std::size_t k = 0; k + servos_.size() < limits_.size(); ++k) {
+  for (std::size_t k = 0; k + bounded_forces_.size() < limits_.size(); ++k) {
     const LimitConstraint& row = limits_[k];
     const bool is_friction = row.lower < 0;
     report.limits += !is_friction && row.impulse > 0 ? 1 : 0;

@@ -161,7 +161,7 @@ void World::Detail::AssembleLimits(const StepOptions& options) {
   }
   limits_.assign(count, LimitConstraint());
   stop_approach_.assign(count, StopApproach());
-  servos_.clear();
+  bounded_forces_.clear();
   ForMechanisms([&](std::size_t i) { FillLimits(i, options); });
 }
 

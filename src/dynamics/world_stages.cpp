@@ -282,8 +282,9 @@ StageResidual World::Detail::MoveAndComputeResiduals(const StepOptions& stage, S
   }
   double& contraction = contraction_[scheme == StageScheme::kSecondOfTwo ? 1 : 0];
   const double next = contraction / (1 - contraction);
-  // An iteration with the contacts of the stage's start is never the last.
-  if (bodies.ratio <= 1 && next * changes.ratio <= 1 && !from_stage_start_) {
+  // An iteration with the contacts of the stage's start is never the last. Of forces that changed sides in
+  // the solve the contraction of other iterations says nothing.
+  if (bodies.ratio <= 1 && next * changes.ratio <= 1 && !from_stage_start_ && bounded_forces_.empty()) {
     const bool is_last = scheme != StageScheme::kFirstOfTwo;
     ForMechanisms([&](std::size_t i) { AcceptStage(mechanisms_[i], b, time, is_last); });
     for (std::size_t i = 0; i < mechanisms_.size(); ++i)

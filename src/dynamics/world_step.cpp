@@ -55,30 +55,22 @@ void World::Detail::CountRefreshes(StepReport& report) const {
   }
 }
 
-// Contact, and with it which servos are at the bounds of their forces and which springs are slack: in each round
-// servos that change sides come into the solve, and springs change theirs.
+// Contact, and with it which servos are at the bounds of their forces and which springs are slack: in each
+// round those that change sides come into the solve. None leaves it, so this ends.
 void World::Detail::SolveContacts(const StepOptions& options, StepReport& report) {
   const PartClock clock(times_, &StepPartTimes::solving);
-  // Of servos no more come in than there are. Of springs a set that comes back has no end, and is said in the
-  // report.
-  constexpr int kRounds = 50;
   if (has_switches_)
     for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_velocity_[i] = free_bodies_[i].velocity();
-  bool settled = false;
-  int alike = 0;  // rounds in which no servo came in
-  for (int round = 0; alike < kRounds && !settled; ++round) {
-    if (!points_.empty() || !limits_.empty()) {
-      AssembleOperators();
-      if (round == 0) Rebound(options.h);
-      report.solver = solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
-      ApplyImpulses(true);
-    }
-    const std::size_t servos = servos_.size();
-    settled = !has_switches_ || !UpdateSwitches(options);
-    alike += servos_.size() == servos ? 1 : 0;
-  }
-  if (!settled) report.solver.converged = false;
-  if (!servos_.empty()) SettleServos(options.h);
+  bool starts = true;
+  do {
+    if (points_.empty() && limits_.empty()) continue;
+    AssembleOperators();
+    if (starts) Rebound(options.h);
+    starts = false;
+    report.solver = solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
+    ApplyImpulses(true);
+  } while (has_switches_ && UpdateSwitches(options));
+  if (!bounded_forces_.empty()) SettleBoundedForces(options.h);
 }
 
 bool World::Detail::UpdateSwitches(const StepOptions& options) {
@@ -87,7 +79,7 @@ bool World::Detail::UpdateSwitches(const StepOptions& options) {
     if (fork1s::UpdateSwitches(m, options.h)) changed = true;
   if (!changed) return false;
   PredictAllAgain(options.h);
-  TakeServosIn(options.h);
+  TakeBoundedForcesIn(options.h);
   return true;
 }
 

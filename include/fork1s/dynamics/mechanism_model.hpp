@@ -49,7 +49,7 @@ struct MechanismModel {
   // by part.
   std::vector<VelocityRange> parts;
   std::vector<int> part_of_group, part_of_limited, part_of_friction;  // of length_limits, of frictions()
-  std::vector<int> part_of_force_limit;  // -1: of a servo that nothing moves by
+  std::vector<int> part_of_bounded_force;                             // -1: of one that nothing moves by
 
   // Forces about the reference.
   std::vector<PathState> paths_ref;

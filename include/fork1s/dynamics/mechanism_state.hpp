@@ -13,7 +13,8 @@ namespace fork1s {
 /// All that the next step of a mechanism depends on beside its definition and options: a copy that is put
 /// back gives the same bits. Sizes: n joint coordinates, r reduced ones, m loop rows.
 struct MechanismState {
-  /// Of at_bound, and within a step alone: a row of the contact solve, which finds what it gives.
+  /// Of at_bound and of slack springs, within a step alone: a row of the contact solve, which finds what it
+  /// gives.
   static constexpr signed char kInSolve = 2;
 
   std::shared_ptr<const ReducedModel> model;  // about the present reference

@@ -67,16 +67,25 @@ bool HasSwitches(const MechanismView& here);
 /// slack. True if that differs from what the velocity was computed with; then SolveFreeStage and solve
 /// contact anew.
 bool UpdateSwitches(const MechanismStep& here, double h);
-/// A servo in the contact solve: its impulse is (speed - rate of its length)/compliance between two bounds.
-struct ServoRow {
+// Forces with bounds are counted as force limits first, then springs with slack, which have two each: of the
+// shorter end, at 0 or more, and of the longer one, at 0 or less.
+std::size_t NumBoundedForces(const Mechanism& mechanism);
+const Mechanism::Length& LengthOfBoundedForce(const MechanismView& here, std::size_t k);
+/// Whether the contact solve is to find it.
+bool IsInSolve(const MechanismView& here, std::size_t k);
+/// A force with bounds in the contact solve: its impulse is (speed - rate of its length)/compliance between
+/// two bounds.
+struct BoundedForceRow {
   double speed = 0;             // m/s or rad/s, at which it gives nothing
   double compliance = 0;        // 1/kg or 1/(kg m²), as of LimitConstraint
   double lower = 0, upper = 0;  // N s or N m s
 };
-/// By the velocity at hand, of one that moves something.
-ServoRow RowOfServo(const MechanismStep& here, std::size_t force_limit, double h);
-/// Which bound it is at by the impulse that was found, if any. Solve the stage again thereafter.
-void TakeSideOfServo(const MechanismStep& here, std::size_t force_limit, double impulse, double h);
+/// By the velocity at hand, of one that is in the solve.
+BoundedForceRow RowOfBoundedForce(const MechanismStep& here, std::size_t k, double h);
+/// Which bound it is at, if any, by the impulse that was found and that of its rate without bounds. Solve the
+/// stage again thereafter.
+void TakeSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impulse, double unbounded,
+                            double h);
 /// Servos and motors that give all they can.
 int NumForcesAtBound(const MechanismState& state);
 
