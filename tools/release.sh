@@ -27,7 +27,7 @@ fi
 
 sed -i "s/^project(fork1s VERSION [0-9.]*/project(fork1s VERSION $version/" CMakeLists.txt
 sed -i "s/^version: .*/version: $version/" CITATION.cff
-sed -i "s/^## Unreleased$/## Unreleased\n\n## $version/" CHANGELOG.md
+sed -i "s/^## Unreleased$/## Unreleased\n\n## $version - $(date +%F)/" CHANGELOG.md
 git commit --quiet --message "Version $version" CMakeLists.txt CITATION.cff CHANGELOG.md
 git tag --annotate "v$version" --message "fork1s $version"
 if [ -f build/release/CMakeCache.txt ]; then

@@ -102,8 +102,6 @@ Expected<std::vector<DetailRow>> MeasureDetail(const std::string& folder, const 
     controls = std::move(*read);
   }
   RunOptions o;
-  o.integrator = Integrator::kTwoStage;
-  o.full_integrator = FullIntegrator::kTwoStages;
   o.interval = kDetailStep;
   o.samples = static_cast<int>(std::llround(time_s / kDetailStep));
   o.initial_keyframe = imported->initial_keyframe;

@@ -27,7 +27,10 @@ struct Entrant {
 // Those of docs/peers.md.
 std::vector<PeerEntrant> UsualEntrants(int fine) {
   using enum MuJoCoIntegrator;
+  PeerEntrant euler{"fork1s euler"};
+  euler.own_integrator = Integrator::kEuler;
   std::vector<PeerEntrant> entrants{{"fork1s"},
+                                    euler,
                                     {"MuJoCo Euler", true, kEuler},
                                     {"MuJoCo implicitfast", true, kImplicitFast},
                                     {"MuJoCo discrete", true, kDiscrete},
@@ -142,15 +145,15 @@ Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options) {
     const std::string& path = options.mujoco_path.empty() ? options.model_path : options.mujoco_path;
     return internal::RunMuJoCo(path, scene, tracked, options.dt / what.substeps, at);
   };
-  const auto full = [&](int substeps) {
+  const auto full = [&](int substeps, FullIntegrator integrator = FullIntegrator::kTwoStages) {
     RunOptions at = o;
     at.substeps = substeps;
-    if (substeps > 1) at.full_integrator = FullIntegrator::kTwoStages;  // towards the truth
+    at.full_integrator = integrator;
     return internal::RunFull(scene, tracked, at);
   };
   // In steps, with a guess of what one of the full model's is worth: it is what takes long.
   constexpr double kFullWorth = 100;
-  double to_do = kFullWorth * (1 + 1.5 * options.truth_substeps), done = 0;
+  double to_do = kFullWorth * (2 + 1.5 * options.truth_substeps), done = 0;
   for (const Entrant& e : entrants) to_do += e.what.substeps == 1 ? options.rounds : e.what.substeps;
   const auto book = [&](double worth) {
     done += worth;
@@ -172,18 +175,20 @@ Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options) {
       e.step_s.push_back(run->step_s);
       e.run = std::move(*run);
     }
-  const auto coarse =
+  auto coarse =
       std::find_if(entrants.begin(), entrants.end(), [](const Entrant& e) { return e.what.substeps > 1; }) -
       entrants.begin();
-  for (int substeps : {1, options.truth_substeps / 2}) {
-    auto run = full(substeps);
+  for (const auto& [substeps, integrator] : {std::pair{1, FullIntegrator::kTwoStages},
+                                             {1, FullIntegrator::kEuler},
+                                             {options.truth_substeps / 2, FullIntegrator::kTwoStages}}) {
+    auto run = full(substeps, integrator);
     book(kFullWorth * substeps);
     if (!run) return tl::unexpected(run.error());
-    Entrant e{{"full"}, {}, {}, {run->step_s}};
+    Entrant e{{integrator == FullIntegrator::kEuler ? "full euler" : "full"}, {}, {}, {run->step_s}};
     e.what.substeps = substeps;
     e.row.survived = true;
     e.run = std::move(*run);
-    entrants.insert(substeps == 1 ? entrants.begin() + coarse : entrants.end(), std::move(e));
+    entrants.insert(substeps == 1 ? entrants.begin() + coarse++ : entrants.end(), std::move(e));
   }
   auto truth = full(options.truth_substeps);
   book(kFullWorth * options.truth_substeps);
@@ -220,7 +225,8 @@ std::string PeerTableCsv(const std::vector<PeerRow>& rows) {
                ? fmt::format(",{:.4g},{:.4g},{:.4g},{:.4g}", r.rms_mm, r.max_mm, r.step_us, r.step_ratio)
                : ",,,,";
     out += r.survived && r.has_loops ? fmt::format(",{:.3g},", r.loop_gap_mm) : ",,";
-    if (r.survived && r.has_loops && r.simulator != "full") out += fmt::format("{:.3g}", r.loop_turn_deg);
+    if (r.survived && r.has_loops && !r.simulator.starts_with("full"))
+      out += fmt::format("{:.3g}", r.loop_turn_deg);
     out += "\n";
   }
   return out;
@@ -242,7 +248,7 @@ std::string PeerTableMarkdown(const std::vector<PeerRow>& rows) {
     out += fmt::format("{}, {} | {} | {} | ", PeerDigits(r.rms_mm), PeerDigits(r.max_mm),
                        PeerDigits(r.step_us), PeerDigits(r.step_ratio));
     out += !r.has_loops ? "none |\n"
-           : r.simulator == "full"
+           : r.simulator.starts_with("full")
                ? PeerDigits(r.loop_gap_mm) + " |\n"
                : fmt::format("{}, {} |\n", PeerDigits(r.loop_gap_mm), PeerDigits(r.loop_turn_deg));
   }

@@ -50,8 +50,8 @@ struct RunOptions {
   int samples = 0;      // after the start
   int substeps = 1;     // steps an interval
   Recovery recovery = Recovery::kExact;
-  Integrator integrator = Integrator::kEuler;  // of the reduced run
-  FullIntegrator full_integrator = FullIntegrator::kEuler;
+  Integrator integrator = Integrator::kTwoStage;  // of the reduced run
+  FullIntegrator full_integrator = FullIntegrator::kTwoStages;
   int initial_keyframe = -1;
   const ControlTrack* controls = nullptr;
   const PushTrack* pushes = nullptr;

@@ -7,6 +7,7 @@
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/output_file.hpp>
 #include <fstream>
+#include <limits>
 #include <sstream>
 
 #include <fmt/format.h>
@@ -167,7 +168,9 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
   }
   auto hard = internal::RunReduced(stiffer->scene, tracked, o);
   if (!hard && hard.error().code != ErrorCode::kNumerics) return tl::unexpected(hard.error());
-  reduced.stable_stiff = hard && IsStable(*hard, *truth, bounds);
+  Bounds anywhere = bounds;  // what is stiffer goes elsewhere: a stiff sheet throws what a soft one catches
+  anywhere.distance = std::numeric_limits<double>::infinity();
+  reduced.stable_stiff = hard && IsStable(*hard, *truth, anywhere);
 
   // It bounds itself, so that finite numbers are all that is asked of it here.
   full.simulator = "full";

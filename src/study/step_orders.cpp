@@ -66,9 +66,7 @@ Expected<StepOrderRow> MeasureStepOrder(const std::string& folder, const std::st
                two = full(FullIntegrator::kTwoStages, substeps);
     if (!euler) return tl::unexpected(euler.error());
     if (!two) return tl::unexpected(two.error());
-    o.integrator = Integrator::kTwoStage;
     const auto two_stage = internal::RunReduced(imported->scene, tracked, o);
-    o.integrator = Integrator::kEuler;
     if (!two_stage) return tl::unexpected(two_stage.error());
     row.two_stage_percent[i] = 100 * Apart(*two_stage, *truth) / motion;
     row.euler_percent[i] = 100 * Apart(*euler, *truth) / motion;

@@ -24,21 +24,25 @@ TEST(PeerTable, EverySimulatorAgainstTheConvergedRun) {
   ASSERT_TRUE(rows) << rows.error().Text();
   std::string names;
   for (const PeerRow& row : *rows) names += row.simulator + ",";
-  EXPECT_EQ(names,
-            "fork1s,MuJoCo Euler,MuJoCo implicitfast,MuJoCo discrete,MuJoCo discrete, tuned,full,"
-            "fork1s,MuJoCo Euler,MuJoCo Euler, tuned,full,");
+  EXPECT_EQ(
+      names,
+      "fork1s,fork1s euler,MuJoCo Euler,MuJoCo implicitfast,MuJoCo discrete,MuJoCo discrete, tuned,full,"
+      "full euler,"
+      "fork1s,MuJoCo Euler,MuJoCo Euler, tuned,full,");
   for (const PeerRow& row : *rows) {
     EXPECT_EQ(row.scene, "gripper");
     EXPECT_NEAR(row.time_s, 0.2, 1e-12);
     EXPECT_EQ(row.survived, row.step_us > 0) << row.simulator;
     EXPECT_EQ(row.survived, row.end.empty()) << row.simulator;
   }
-  const PeerRow &coarse = rows->front(), &full = (*rows)[5], &fine = (*rows)[6], &half = rows->back();
+  const PeerRow &coarse = rows->front(), &euler = (*rows)[1], &full = (*rows)[6], &full_euler = (*rows)[7],
+                &fine = (*rows)[8], &half = rows->back();
   EXPECT_DOUBLE_EQ(coarse.step_ratio, 1);
   EXPECT_NEAR(half.dt_s, 1.0 / 1920, 1e-12);
-  // Steps of first order: against h/16, a run at h/8 is off by 1/15 of what a run at h is. Half of it is room
-  // for steps so long that the next order shows.
+  // Steps of second order: against h/16, a run at h/8 is off by 1/85 of what a run at h is.
   EXPECT_LT(half.rms_mm, 0.1 * full.rms_mm);
+  EXPECT_LT(full.rms_mm, 0.5 * full_euler.rms_mm);
+  EXPECT_LT(coarse.rms_mm, 0.5 * euler.rms_mm);
   EXPECT_LT(fine.rms_mm, coarse.rms_mm);
   // Loops: solved by us, soft in MuJoCo.
   EXPECT_LT(coarse.loop_gap_mm, 1e-6);
@@ -48,7 +52,7 @@ TEST(PeerTable, EverySimulatorAgainstTheConvergedRun) {
     }
   }
   const std::string csv = PeerTableCsv(*rows);
-  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 11);
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 13);
 }
 
 TEST(PeerTable, SaysWhereARunEnded) {

@@ -29,7 +29,7 @@ struct PeerEntrant {
   std::function<Expected<PeerMotion>(const Scene& scene, const std::vector<std::string>& bodies, double dt,
                                      int samples, int substeps)>
       outside = {};
-  Integrator own_integrator = Integrator::kEuler;  // of the reduced simulator
+  Integrator own_integrator = Integrator::kTwoStage;  // of the reduced simulator
 };
 
 struct PeerOptions {
@@ -51,7 +51,7 @@ struct PeerOptions {
 /// PeerOptions::dt, from the full model's at its finest step.
 struct PeerRow {
   std::string scene;
-  std::string simulator;  // "fork1s", "MuJoCo Euler", "MuJoCo discrete, tuned", ..., "full"
+  std::string simulator;  // "fork1s", "MuJoCo Euler", "MuJoCo discrete, tuned", ..., "full", "full euler"
   double dt_s = 0;
   double time_s = 0;      // simulated
   bool survived = false;  // MuJoCo: none of its warnings of bad positions, speeds or accelerations
@@ -70,12 +70,13 @@ struct PeerRow {
   double loop_turn_deg = 0;  // and turn of one that should not turn; not measured in the full model
 };
 
-/// Rows in the order of the entrants, and the full model at dt behind those that step by dt. Without
-/// entrants: rows at dt of fork1s, MuJoCo's three integrators, `discrete` tuned (loops with a time constant
-/// of 2 ms, elliptic friction cones, impratio 10), the full model. At the fine step: fork1s, MuJoCo Euler,
-/// and that tuned. Last the full model at twice its finest step, whose error says how far the truth is to be
-/// trusted. Where entrants are given, one that MuJoCo refuses has a row that says so; else it is an error.
-/// Errors: as of LoadMechanism, Simulation::Create and FullSimulation::Create; kModel for an unknown control.
+/// Rows in the order of the entrants, and the full model at dt, by two stages and by backward Euler, behind
+/// those that step by dt. Without entrants: rows at dt of fork1s by two stages and by backward Euler,
+/// MuJoCo's three integrators, `discrete` tuned (loops with a time constant of 2 ms, elliptic friction cones,
+/// impratio 10), the full model. At the fine step: fork1s, MuJoCo Euler, and that tuned. Last the full model
+/// at twice its finest step, whose error says how far the truth is to be trusted. Where entrants are given,
+/// one that MuJoCo refuses has a row that says so; else it is an error. Errors: as of LoadMechanism,
+/// Simulation::Create and FullSimulation::Create; kModel for an unknown control.
 Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options);
 
 std::string PeerTableCsv(const std::vector<PeerRow>& rows);

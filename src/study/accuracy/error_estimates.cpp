@@ -42,6 +42,7 @@ Expected<std::vector<ErrorEstimateCurve>> MeasureErrorEstimate(const TransientCa
   o.interval = kFrame;
   o.samples = static_cast<int>(std::llround(c.time / kFrame));
   o.controls = &c.controls;
+  o.full_integrator = FullIntegrator::kEuler;  // TruePath() extrapolates errors of first order
   o.initial_keyframe = c.initial_keyframe;
   std::vector<ErrorEstimateCurve> curves;
   std::vector<TrackedBody> tracked;

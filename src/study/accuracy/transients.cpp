@@ -40,6 +40,8 @@ Expected<TransientCurve> MeasureTransient(const TransientCase& c, int halvings) 
   o.interval = 1.0 / 60;
   o.samples = static_cast<int>(std::llround(c.time / o.interval));
   o.controls = &c.controls;
+  o.integrator = Integrator::kEuler;
+  o.full_integrator = FullIntegrator::kEuler;  // Extrapolated() takes errors of first order
   auto probe = internal::MakeReduced(c.scene, o);
   if (!probe) return tl::unexpected(probe.error());
   std::vector<TrackedBody> tracked;

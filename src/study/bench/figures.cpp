@@ -46,7 +46,7 @@ std::string DrawPrecision(const BenchResults& results) {
     panel.title = scene.name;
     panel.note = fmt::format("truth to {:.1g} %", scene.TruthErrorPercent());
     for (const PeerRow& row : scene.rows) {
-      if (!row.survived || row.simulator == "full" || !(row.error_percent > 0)) continue;
+      if (!row.survived || row.simulator.starts_with("full") || !(row.error_percent > 0)) continue;
       auto known = std::find(simulators.begin(), simulators.end(), row.simulator);
       if (known == simulators.end()) known = simulators.insert(known, row.simulator);
       auto series = std::find_if(panel.series.begin(), panel.series.end(),
