@@ -63,7 +63,7 @@ LinearizationDrift ComputeLinearizationDrift(const MechanismView& here) {
   LinearizationDrift largest;
   for (int i = 0; i < model.reduced->num_coordinates(); ++i) {
     const auto at = static_cast<std::size_t>(i);
-    if (!by_twists && (model.spins[at] || model.whole[at])) continue;
+    if (!by_twists && (model.invariant[at] || model.whole[at])) continue;
     const LinearizationDrift drift =
         DriftOf(model.mechanism(), DriftCause::kTurnedJoint, i,
                 ws.configuration.q(i) - model.reduced->q_ref(i), model.options.refresh_angle);
