@@ -167,6 +167,56 @@ TEST(LoadColumns, ForcesGetOneFromAMilliradianOn) {
   }
 }
 
+// A chain of 12 links with servos, of which the fourth, sixth and eighth go to 0.5 rad within `ramp` s:
+// largest difference of a joint from the model of all joints [rad] while they move and at rest.
+struct Lag {
+  double moving = 0, resting = 0;
+  int refreshes = 0;
+};
+
+Lag LagOfSetPoints(int modes, double ramp) {
+  MechanismDef chain = testing::Chain(12, 0.05, 0.05, 20, 0.5, true);
+  for (int j = 0; j < 12; ++j) {
+    ControlDef servo;
+    servo.name = "servo" + std::to_string(j + 1);
+    servo.terms = {{{JointIndex(j), 0}, 1.0}};
+    servo.gain = 20;
+    servo.is_setpoint = true;
+    chain.controls.push_back(servo);
+  }
+  World few = ChainUnder(chain, testing::kDown, modes), all = ChainUnder(chain, testing::kDown, 12);
+  Lag lag;
+  constexpr double h = 1.0 / 60;
+  for (int i = 1; i * h < ramp + 2; ++i) {
+    VectorX q[2];
+    for (World* world : {&few, &all}) {
+      MechanismDynamics& m = world->mechanisms()[0];
+      for (const int joint : {3, 5, 7}) m.controls()(joint) = 0.5 * std::min(1.0, i * h / ramp);
+      m.MoveControls();
+      const StepReport report = world->Step(TwoStage(h, testing::kDown));
+      EXPECT_TRUE(report.finite);
+      if (world == &few) lag.refreshes += report.refreshes;
+      q[world == &all] = m.configuration().q;
+    }
+    const double off = (q[1] - q[0]).cwiseAbs().maxCoeff();
+    if (i * h < ramp) lag.moving = std::max(lag.moving, off);
+    lag.resting = off;
+  }
+  return lag;
+}
+
+TEST(LoadColumns, SetPointsOfCondensedJointsMoveThemAsInTheModelOfAllJoints) {
+  for (const int modes : {0, 4}) {
+    for (const double ramp : {0.5, 3.0}) {
+      const Lag lag = LagOfSetPoints(modes, ramp);
+      // Of what they move in a step: the first one has no column yet.
+      EXPECT_LT(lag.moving, 0.2 * 0.5 / (60 * ramp)) << modes << " modes, " << ramp << " s";
+      EXPECT_LT(lag.resting, 1e-6) << modes << " modes, " << ramp << " s";
+      EXPECT_LE(lag.refreshes, 3) << modes << " modes, " << ramp << " s";
+    }
+  }
+}
+
 // Weight that inertia carries bends nothing.
 TEST(LoadColumns, SoftChainInFreeFallKeepsItsReference) {
   MechanismDef chain = testing::Chain(20, 0.05, 0.05, 0.05, 0.001);
