@@ -1,6 +1,7 @@
 // Load columns in motion: what the interface does not feel moves by the equation of motion, with its inertia.
 #include <dynamics/support.hpp>
 #include <fork1s/linalg/cholesky.hpp>
+#include <random_mechanism.hpp>
 
 namespace fork1s {
 namespace {
@@ -215,6 +216,54 @@ TEST(LoadColumns, SetPointsOfCondensedJointsMoveThemAsInTheModelOfAllJoints) {
       EXPECT_LE(lag.refreshes, 3) << modes << " modes, " << ramp << " s";
     }
   }
+}
+
+// Trees and loops of hinges, thrown off their rest and damped, under a weight that bends them.
+TEST(LoadColumns, RandomMechanismsComeToRestWhereThoseOfAllJointsDo) {
+  const Vector3 weak(0.3, -0.5, -1);  // m/s²: heavier ones may have several equilibria
+  const StepOptions step = TwoStage(1.0 / 60, weak);
+  int truncated = 0;
+  for (unsigned seed = 0; seed < 16; ++seed) {
+    SCOPED_TRACE(seed);
+    testing::RandomMechanismOptions options;
+    options.bodies = 12;
+    options.interfaces = 1;
+    options.rigid_closures = static_cast<int>(seed % 2);
+    options.damping_ratio = 0.05;
+    options.hinges_only = true;
+    options.rest = true;
+    const MechanismDef definition = testing::RandomMechanismDef(seed, options);
+    const int n = testing::Share(definition)->num_coordinates();
+    std::vector<Vector3> at[2];
+    double turned = 0, size = 0;
+    int left_out = 0;
+    for (const bool all : {false, true}) {
+      World::Options world_options;
+      world_options.reduction.modes = all ? n : 1;
+      Scene scene = testing::Started(definition, VectorX::Zero(n), testing::RandomSource(seed).Vector(n, 20));
+      scene.gravity = weak;
+      world_options.initial_keyframe = 0;
+      World world = testing::MustCreate(scene, world_options);
+      const MechanismDynamics& m = world.mechanisms()[0];
+      if (!all) left_out = m.model().has_complement ? 1 : 0;
+      for (int i = 0; i < 900; ++i) {
+        ASSERT_TRUE(world.Step(step).finite);
+        turned = std::max(turned, m.configuration().q.cwiseAbs().maxCoeff());
+      }
+      for (int b = 0; b < m.mechanism().num_bodies(); ++b)
+        at[all].push_back(m.BodyPose(BodyIndex(b)).translation());
+    }
+    if (left_out == 0) continue;
+    ++truncated;
+    double off = 0;
+    for (std::size_t b = 0; b < at[0].size(); ++b) {
+      off = std::max(off, (at[0][b] - at[1][b]).norm());
+      size = std::max(size, (at[1][b] - at[1][0]).norm());
+    }
+    EXPECT_LT(off, 1e-3 * size);
+    EXPECT_GT(turned, 0.5);
+  }
+  EXPECT_GT(truncated, 5);
 }
 
 // Weight that inertia carries bends nothing.
