@@ -51,7 +51,7 @@ void AddPointSpringOperator(const MechanismStep& here, double b);
 
 /// Of the present pose and controls.
 ReductionLoads LoadsOf(const MechanismOptions& options, const MechanismState& state,
-                       const Matrix6X& wrenches_R);
+                       const Matrix6X& wrenches_R, const VectorX& control_change);
 
 // Parts that move independently (mechanism_ports.cpp).
 void FindParts(MechanismModel& model);

@@ -39,7 +39,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   start.controls.resize(static_cast<Eigen::Index>(mechanism->controls().size()));
   for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
     start.controls(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
-  const ReductionLoads loads = LoadsOf(options, start, {});
+  const ReductionLoads loads = LoadsOf(options, start, {}, {});
   auto reduced = Reduce(mechanism, q, options.reduction, &loads);
   if (!reduced) return tl::unexpected(reduced.error());
   if (options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);

@@ -1,9 +1,9 @@
 // A mechanism about a reference: all that stays until the next refresh.
 #include <algorithm>
+#include <fork1s/reduction/invariant_joints.hpp>
 #include <fork1s/reduction/whole_groups.hpp>
 
 #include "mechanism_detail.hpp"
-#include "spinning.hpp"
 
 namespace fork1s {
 namespace {
@@ -66,7 +66,7 @@ MechanismModel::MechanismModel(std::shared_ptr<const ReducedModel> about, const 
     : options(with),
       rigid_parts(*about->mechanism),
       groups(MakeGroups(*about)),
-      spins(internal::FindSpinning(*about->mechanism, rigid_parts, about->interfaces)),
+      invariant(FindInvariantJoints(*about->mechanism, about->interfaces)),
       length_limits(about->mechanism->length_limits()),
       warnings(about->warnings),
       base_size(about->mechanism->base() == BaseKind::kFloating ? 6 : 0),
@@ -82,7 +82,7 @@ MechanismModel::MechanismModel(const MechanismModel& before, std::shared_ptr<con
     : options(before.options),
       rigid_parts(before.rigid_parts),
       groups(before.groups),
-      spins(before.spins),
+      invariant(before.invariant),
       length_limits(before.length_limits),
       warnings(before.warnings),
       base_size(before.base_size),

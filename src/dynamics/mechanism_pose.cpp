@@ -18,8 +18,9 @@ void StartAtReference(const MechanismModel& model, MechanismState& state) {
 }
 
 ReductionLoads LoadsOf(const MechanismOptions& options, const MechanismState& state,
-                       const Matrix6X& wrenches_R) {
-  return {state.reduced.X_WR.rotation().transpose() * options.gravity_W, state.controls, wrenches_R};
+                       const Matrix6X& wrenches_R, const VectorX& control_change) {
+  return {state.reduced.X_WR.rotation().transpose() * options.gravity_W, state.controls, wrenches_R,
+          control_change};
 }
 
 // The workspace, that of another model so far.

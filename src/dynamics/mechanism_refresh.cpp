@@ -63,7 +63,7 @@ LinearizationDrift ComputeLinearizationDrift(const MechanismView& here) {
   LinearizationDrift largest;
   for (int i = 0; i < model.reduced->num_coordinates(); ++i) {
     const auto at = static_cast<std::size_t>(i);
-    if (!by_twists && (model.spins[at] || model.whole[at])) continue;
+    if (!by_twists && (model.invariant[at] || model.whole[at])) continue;
     const LinearizationDrift drift =
         DriftOf(model.mechanism(), DriftCause::kTurnedJoint, i,
                 ws.configuration.q(i) - model.reduced->q_ref(i), model.options.refresh_angle);
@@ -76,6 +76,36 @@ LinearizationDrift ComputeLinearizationDrift(const MechanismView& here) {
   return largest;
 }
 
+namespace {
+
+constexpr double kMaxMissing = 1e-3;  // rad, or lengths of the mechanism: errors of shape that nobody sees
+constexpr double kMinSteps = 3;       // between two references: one costs about as much as three steps
+
+// By the displacement in ws.rest that the coordinates miss, times `share`.
+LinearizationDrift MissingDrift(const MechanismStep& here, double share) {
+  LinearizationDrift missing;
+  for (int i = 0; i < here.work.rest.size(); ++i) {
+    const LinearizationDrift drift =
+        DriftOf(here.model.mechanism(), DriftCause::kMissingLoad, i, share * here.work.rest(i), kMaxMissing);
+    if (drift.share > missing.share) missing = drift;
+  }
+  return missing;
+}
+
+// Controls that move as in this step, F Δu, miss C_perp F Δu more in every step. Their motion is prescribed:
+// it is not waited for as for loads that may pass.
+LinearizationDrift FindMissingControl(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  if (ws.control_change.isZero(0)) return {};
+  ws.tau.setZero();
+  AddControlForce(model.mechanism(), ws.configuration.kinematics, ws.control_change, ws.tau);
+  ProjectOnLoops(*model.reduced, ws.configuration, ws.tau);
+  ApplyComplement(*model.reduced, ws.tau, ws.rest);
+  return MissingDrift(here, kMinSteps);
+}
+
+}  // namespace
+
 // With g the joint forces and contact forces of the pose and -ṗ those of inertia and dampers, d = C_perp g is
 // the column that a new reference adds for g. The part of the load that stays, whichever way inertia acts,
 // moves the mechanism at rest by
@@ -83,12 +113,14 @@ LinearizationDrift ComputeLinearizationDrift(const MechanismView& here) {
 // and within T by u ω² T²/2 at most, ω its frequency. Where the inertia along d exceeds the load, truncated
 // modes move, and a column of the load does not follow them.
 LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R) {
-  constexpr double kMaxMissing = 1e-3;  // rad, or lengths of the mechanism: errors of shape that nobody sees
-  constexpr double kMinSteps = 3;       // between two references: one costs about as much as three steps
   const auto& [model, state, ws] = here;
   if (!model.reduced->has_complement) return {};
   const Mechanism& m = model.mechanism();
   const Kinematics& kinematics = ws.configuration.kinematics;
+  if (const LinearizationDrift moved = FindMissingControl(here); moved.share > 1) {
+    state.missing_time = 0;
+    return moved;
+  }
   ws.F = contact_impulses_R / ws.stage_length;
   AddAppliedWrenches(here, ws.F);  // a point spring; loads of the step are in g
   ws.tau = ws.g;
@@ -98,11 +130,7 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
   ApplyComplement(*model.reduced, ws.tau, ws.rest);
   const double work = ws.tau.dot(ws.rest);
   const double stays = work > 0 ? std::max(0.0, 1 - std::abs(ws.inertial_force.dot(ws.rest)) / work) : 0;
-  LinearizationDrift missing;
-  for (int i = 0; i < ws.rest.size(); ++i) {
-    const LinearizationDrift drift = DriftOf(m, DriftCause::kMissingLoad, i, stays * ws.rest(i), kMaxMissing);
-    if (drift.share > missing.share) missing = drift;
-  }
+  const LinearizationDrift missing = MissingDrift(here, stays);
   if (!(missing.share > 1)) {
     state.missing_time = 0;
     return {};
@@ -144,7 +172,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   }
   if (rewritten) ComputeKinematics(m, q, kinematics);
 
-  const ReductionLoads loads = LoadsOf(model->options, state, ws.wrenches_R);
+  const ReductionLoads loads = LoadsOf(model->options, state, ws.wrenches_R, ws.control_change);
   auto reduced = ReduceAgain(*model->reduced, q, kinematics, model->options.reduction, &loads);
   if (!reduced) return false;
   if (model->options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);

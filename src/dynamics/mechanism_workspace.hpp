@@ -61,6 +61,7 @@ struct MechanismWorkspace {
   VectorX rhs, solved, f_z, g, tau, momentum;
   Matrix6X F;
   VectorX inertial_force;  // n: J(x)ᵀ (p̂ - p)/b of a stage and dampers, where the model has a complement
+  VectorX control_change;  // controls at the end of the step less those at its start, for load columns
   Matrix6X wrenches_R;  // 6 x bodies or empty: applied forces at the end of the step, for load columns
   Vector6 base_force;
   VectorX impulse;  // num_velocities: of contact and limits in this step

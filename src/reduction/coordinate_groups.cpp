@@ -51,4 +51,17 @@ std::vector<std::vector<int>> CoordinateGroups(const Mechanism& mechanism) {
 }
 std::vector<std::vector<int>> StaticGroups(const Mechanism& mechanism) { return GroupsOf(mechanism, false); }
 
+std::vector<char> FindPoseDependent(const Mechanism& m) {
+  std::vector<char> depends(static_cast<std::size_t>(m.num_coordinates()), 0);
+  const auto add = [&](const std::vector<int>& coordinates) {
+    for (const int i : coordinates) depends[static_cast<std::size_t>(i)] = 1;
+  };
+  for (const ClosureDef& c : m.closures()) add(ClosureCoordinates(m, c));
+  for (const Mechanism::Coupling& c : m.couplings()) add(c.b >= 0 ? std::vector{c.a, c.b} : std::vector{c.a});
+  for (const Mechanism::Path& p : m.paths()) add(p.coordinates);
+  for (const Mechanism::Spring& s : m.springs())
+    if (!s.is_linear()) add(m.CoordinatesOf(s.length));
+  return depends;
+}
+
 }  // namespace fork1s::internal

@@ -15,4 +15,8 @@ std::vector<std::vector<int>> CoordinateGroups(const Mechanism& mechanism);
 /// and which stretch springs each of these decides for itself. Finer.
 std::vector<std::vector<int>> StaticGroups(const Mechanism& mechanism);
 
+/// Per coordinate [n]: whether a closure, coupling, path or nonlinear spring acts across it, whose rows or
+/// stiffness depend on its displacement.
+std::vector<char> FindPoseDependent(const Mechanism& mechanism);
+
 }  // namespace fork1s::internal

@@ -41,7 +41,8 @@ JointLoad TotalLoad(const Mechanism& mechanism, const Kinematics& kinematics, co
 }
 
 // Weight where the base is fixed; accelerations of a base that moves, and of free directions, else. Applied
-// forces by themselves, so that none of their static answer is missing however they come and go.
+// forces and controls that move by themselves, so that none of their static answer is missing however they
+// come and go.
 std::vector<JointLoad> LoadsOf(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q_ref,
                                const ElasticBasis& basis, const ReductionLoads& loads) {
   std::vector<JointLoad> all;
@@ -67,6 +68,12 @@ std::vector<JointLoad> LoadsOf(const Mechanism& mechanism, const Kinematics& kin
   }
   if (loads.wrenches_R.size() > 0)
     add("applied forces", JointForces(mechanism, kinematics, loads.wrenches_R));
+  for (Eigen::Index i = 0; i < loads.control_change.size(); ++i) {
+    if (loads.control_change(i) == 0) continue;
+    VectorX force = VectorX::Zero(mechanism.num_coordinates());
+    AddControlForce(mechanism, kinematics, VectorX::Unit(loads.control_change.size(), i), force);
+    add("control " + mechanism.controls()[static_cast<std::size_t>(i)].name, force);
+  }
   all.push_back(TotalLoad(mechanism, kinematics, q_ref, loads));
   return all;
 }

@@ -8,16 +8,7 @@ namespace fork1s {
 
 std::vector<char> FindWhole(const ReducedModel& model) {
   const Mechanism& m = *model.mechanism;
-  std::vector<char> bends(static_cast<std::size_t>(model.num_coordinates()), 0);
-  const auto all_bend = [&](const std::vector<int>& coordinates) {
-    for (const int i : coordinates) bends[static_cast<std::size_t>(i)] = 1;
-  };
-  for (const ClosureDef& c : m.closures()) all_bend(ClosureCoordinates(m, c));
-  for (const Mechanism::Coupling& c : m.couplings())
-    all_bend(c.b >= 0 ? std::vector{c.a, c.b} : std::vector{c.a});
-  for (const Mechanism::Path& p : m.paths()) all_bend(p.coordinates);
-  for (const Mechanism::Spring& s : m.springs())
-    if (!s.is_linear()) all_bend(m.CoordinatesOf(s.length));
+  std::vector<char> bends = internal::FindPoseDependent(m);
   for (const Mechanism::Joint& joint : m.joints())
     if (joint.size > 1) bends[static_cast<std::size_t>(joint.offset)] = 1;
 

@@ -1,6 +1,7 @@
 // Load columns in motion: what the interface does not feel moves by the equation of motion, with its inertia.
 #include <dynamics/support.hpp>
 #include <fork1s/linalg/cholesky.hpp>
+#include <random_mechanism.hpp>
 
 namespace fork1s {
 namespace {
@@ -165,6 +166,104 @@ TEST(LoadColumns, ForcesGetOneFromAMilliradianOn) {
     }
     EXPECT_EQ(refreshes, share > 1 ? 1 : 0) << share;
   }
+}
+
+// A chain of 12 links with servos, of which the fourth, sixth and eighth go to 0.5 rad within `ramp` s:
+// largest difference of a joint from the model of all joints [rad] while they move and at rest.
+struct Lag {
+  double moving = 0, resting = 0;
+  int refreshes = 0;
+};
+
+Lag LagOfSetPoints(int modes, double ramp) {
+  MechanismDef chain = testing::Chain(12, 0.05, 0.05, 20, 0.5, true);
+  for (int j = 0; j < 12; ++j) {
+    ControlDef servo;
+    servo.name = "servo" + std::to_string(j + 1);
+    servo.terms = {{{JointIndex(j), 0}, 1.0}};
+    servo.gain = 20;
+    servo.is_setpoint = true;
+    chain.controls.push_back(servo);
+  }
+  World few = ChainUnder(chain, testing::kDown, modes), all = ChainUnder(chain, testing::kDown, 12);
+  Lag lag;
+  constexpr double h = 1.0 / 60;
+  for (int i = 1; i * h < ramp + 2; ++i) {
+    VectorX q[2];
+    for (World* world : {&few, &all}) {
+      MechanismDynamics& m = world->mechanisms()[0];
+      for (const int joint : {3, 5, 7}) m.controls()(joint) = 0.5 * std::min(1.0, i * h / ramp);
+      m.MoveControls();
+      const StepReport report = world->Step(TwoStage(h, testing::kDown));
+      EXPECT_TRUE(report.finite);
+      if (world == &few) lag.refreshes += report.refreshes;
+      q[world == &all] = m.configuration().q;
+    }
+    const double off = (q[1] - q[0]).cwiseAbs().maxCoeff();
+    if (i * h < ramp) lag.moving = std::max(lag.moving, off);
+    lag.resting = off;
+  }
+  return lag;
+}
+
+TEST(LoadColumns, SetPointsOfCondensedJointsMoveThemAsInTheModelOfAllJoints) {
+  for (const int modes : {0, 4}) {
+    for (const double ramp : {0.5, 3.0}) {
+      const Lag lag = LagOfSetPoints(modes, ramp);
+      // Of what they move in a step: the first one has no column yet.
+      EXPECT_LT(lag.moving, 0.2 * 0.5 / (60 * ramp)) << modes << " modes, " << ramp << " s";
+      EXPECT_LT(lag.resting, 1e-6) << modes << " modes, " << ramp << " s";
+      EXPECT_LE(lag.refreshes, 3) << modes << " modes, " << ramp << " s";
+    }
+  }
+}
+
+// Trees and loops of hinges, thrown off their rest and damped, under a weight that bends them.
+TEST(LoadColumns, RandomMechanismsComeToRestWhereThoseOfAllJointsDo) {
+  const Vector3 weak(0.3, -0.5, -1);  // m/s²: heavier ones may have several equilibria
+  const StepOptions step = TwoStage(1.0 / 60, weak);
+  int truncated = 0;
+  for (unsigned seed = 0; seed < 16; ++seed) {
+    SCOPED_TRACE(seed);
+    testing::RandomMechanismOptions options;
+    options.bodies = 12;
+    options.interfaces = 1;
+    options.rigid_closures = static_cast<int>(seed % 2);
+    options.damping_ratio = 0.05;
+    options.hinges_only = true;
+    options.rest = true;
+    const MechanismDef definition = testing::RandomMechanismDef(seed, options);
+    const int n = testing::Share(definition)->num_coordinates();
+    std::vector<Vector3> at[2];
+    double turned = 0, size = 0;
+    int left_out = 0;
+    for (const bool all : {false, true}) {
+      World::Options world_options;
+      world_options.reduction.modes = all ? n : 1;
+      Scene scene = testing::Started(definition, VectorX::Zero(n), testing::RandomSource(seed).Vector(n, 20));
+      scene.gravity = weak;
+      world_options.initial_keyframe = 0;
+      World world = testing::MustCreate(scene, world_options);
+      const MechanismDynamics& m = world.mechanisms()[0];
+      if (!all) left_out = m.model().has_complement ? 1 : 0;
+      for (int i = 0; i < 900; ++i) {
+        ASSERT_TRUE(world.Step(step).finite);
+        turned = std::max(turned, m.configuration().q.cwiseAbs().maxCoeff());
+      }
+      for (int b = 0; b < m.mechanism().num_bodies(); ++b)
+        at[all].push_back(m.BodyPose(BodyIndex(b)).translation());
+    }
+    if (left_out == 0) continue;
+    ++truncated;
+    double off = 0;
+    for (std::size_t b = 0; b < at[0].size(); ++b) {
+      off = std::max(off, (at[0][b] - at[1][b]).norm());
+      size = std::max(size, (at[1][b] - at[1][0]).norm());
+    }
+    EXPECT_LT(off, 1e-3 * size);
+    EXPECT_GT(turned, 0.5);
+  }
+  EXPECT_GT(truncated, 5);
 }
 
 // Weight that inertia carries bends nothing.

@@ -35,14 +35,15 @@ struct MechanismModel {
   MechanismOptions options;
   RigidParts rigid_parts;
   std::vector<ContactGroup> groups;
-  std::vector<char> spins;  // n: whether a joint may turn for ever without the model growing old
+  std::vector<char>
+      invariant;  // n: joints whose displacement leaves the reduction as it is (FindInvariantJoints)
   // Limits in force: those of the mechanism, widened to the initial pose where that was outside.
   std::vector<Mechanism::LengthLimit> length_limits;
   std::vector<std::string> warnings;
   int base_size = 0;  // 6 where the base floats
 
   std::shared_ptr<const ReducedModel> reduced;
-  std::vector<char> whole;   // n: as spins, of the model at hand, but for its modes
+  std::vector<char> whole;   // n: joints of which the model has all motions (FindWhole)
   VectorX coordinate_reach;  // r: most that a joint moves per z, slides in lengths of the mechanism
   // Velocities [begin, begin + size) that neither inertia nor damping nor any contact group couples to the
   // others: the fingers of a hand whose palm is held, for instance. W is formed and contacts are solved part

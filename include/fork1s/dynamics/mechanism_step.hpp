@@ -150,13 +150,14 @@ void EndStep(const MechanismStep& here, double between_stages);
 void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work,
              const MechanismState& saved);
 /// Largest turn since the reference, as a share of the refresh angle, of joints whose turn matters, or gap
-/// of a loop that is closed by its curvature, as a share of the refresh gap. A wheel
-/// may spin, and a finger whose every motion the model has may bend.
+/// of a loop that is closed by its curvature, as a share of the refresh gap. A joint
+/// that leaves the reduction as it is does not count, nor one whose every motion the model has.
 LinearizationDrift ComputeLinearizationDrift(const MechanismView& here);
 /// After a step of h [s]: displacement that joint forces and contact forces of the last stage lack at rest,
 /// as a share of 1e-3 rad or lengths of the mechanism in a joint. The share is 0 until they have lacked it
-/// for so long that it would have moved by as much. A refresh gives them a load column. `contact_impulses_R`:
-/// of the last stage, about R's origin [6 x bodies].
+/// for so long that it would have moved by as much, unless controls that moved in the step would lack it
+/// within three steps. A refresh gives them load columns. `contact_impulses_R`: of the last stage, about R's
+/// origin [6 x bodies].
 LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R);
 /// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
 /// the old model stays.

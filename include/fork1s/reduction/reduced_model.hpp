@@ -42,12 +42,13 @@ struct ModeSelection {
 
 /// Loads whose static answers, as far as the interface does not feel them, are coordinates: load-dependent
 /// Ritz vectors (Wilson, Yuan & Dickens 1982), docs/method.md, section 4: weight along three axes,
-/// accelerations of a base that moves and of free directions, applied forces, and all joint forces at q_ref,
-/// springs included.
+/// accelerations of a base that moves and of free directions, applied forces, controls that move, and all
+/// joint forces at q_ref, springs included.
 struct ReductionLoads {
   Vector3 gravity_R = Vector3::Zero();  // m/s²
   VectorX controls;                     // empty: none
   Matrix6X wrenches_R;                  // 6 x bodies about R's origin; empty: none
+  VectorX control_change;  // as controls; each that is not 0 has a load column of its own; empty: none
 };
 
 /// Sizes: n joint coordinates, r reduced coordinates, b bodies.
