@@ -15,7 +15,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fork1s/contact/contact_problem.hpp>
-#include <fork1s/dynamics/world.hpp>
+#include <fork1s/world/world.hpp>
 #include <plain_sweeps.hpp>
 #include <random_problems.hpp>
 #include <string>

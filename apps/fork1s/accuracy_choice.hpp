@@ -2,7 +2,7 @@
 #pragma once
 
 #include <algorithm>
-#include <fork1s/dynamics/world.hpp>
+#include <fork1s/world/world.hpp>
 #include <functional>
 #include <string>
 #include <vector>

@@ -1,7 +1,7 @@
 // The error estimate of a run: gathered step by step, told at its end.
 #pragma once
 
-#include <fork1s/dynamics/error_estimate.hpp>
+#include <fork1s/diagnostics/error_estimate.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <optional>
 #include <string>

@@ -1,9 +1,9 @@
 // The arguments that say which model is meant, shared by all commands that take one.
 #pragma once
 
-#include <fork1s/dynamics/world.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/importer/mjcf.hpp>
+#include <fork1s/world/world.hpp>
 #include <optional>
 #include <string>
 #include <vector>

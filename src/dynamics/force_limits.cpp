@@ -10,7 +10,7 @@
 // becomes a row of the contact solve, a compliant one between two bounds, which finds what it gives:
 //     λ = clamp(h f₀ - h (h k + d) eᵀx, h F₋, h F₊)
 // Rows only become more, so this ends; and of the sides that they end with the step is solved once more
-// without them (world_bounded_forces.cpp). Springs with slack are treated alike (slack.cpp).
+// without them (world/bounded_forces.cpp). Springs with slack are treated alike (slack.cpp).
 #include <algorithm>
 #include <cmath>
 

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
-#include <fork1s/dynamics/rolling.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/world/rolling.hpp>
 #include <set>
 
 namespace fork1s::internal {

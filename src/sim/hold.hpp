@@ -1,8 +1,8 @@
 // Contacts frozen as joints: a held body becomes part of the mechanism that holds it.
 #pragma once
 
-#include <fork1s/dynamics/world.hpp>
 #include <fork1s/sim/fidelity.hpp>
+#include <fork1s/world/world.hpp>
 #include <string>
 
 #include "join.hpp"

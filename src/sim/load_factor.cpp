@@ -1,6 +1,6 @@
 #include <fork1s/sim/load_factor.hpp>
 
-#include <fork1s/dynamics/rolling.hpp>
+#include <fork1s/world/rolling.hpp>
 
 namespace fork1s {
 namespace {

@@ -1,9 +1,9 @@
 // One simulator's run, sampled so that runs with other time steps can be held against it.
 #pragma once
 
-#include <fork1s/dynamics/step_times.hpp>
 #include <fork1s/sim/push.hpp>
 #include <fork1s/study/compare.hpp>
+#include <fork1s/world/step_times.hpp>
 #include <functional>
 #include <numeric>
 #include <string>

@@ -1,7 +1,7 @@
 // Driven bases in steps of two stages: friction, weight and springs on a base whose rate is continuous.
 #include <cmath>
 #include <dynamics/support.hpp>
-#include <fork1s/dynamics/world_state.hpp>
+#include <fork1s/world/world_state.hpp>
 #include <functional>
 
 namespace fork1s::driven_base_test {

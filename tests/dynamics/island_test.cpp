@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <contact/problems.hpp>
-#include <fork1s/dynamics/island_solver.hpp>
+#include <fork1s/world/island_solver.hpp>
 
 namespace fork1s {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <cmath>
 #include <fork1s/collision/collision_world.hpp>
-#include <fork1s/dynamics/contact_motion.hpp>
+#include <fork1s/world/contact_motion.hpp>
 #include <random>
 
 #include "support.hpp"

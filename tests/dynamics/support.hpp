@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <cmath>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
-#include <fork1s/dynamics/world.hpp>
+#include <fork1s/world/world.hpp>
 #include <mechanisms.hpp>
 
 namespace fork1s::testing {

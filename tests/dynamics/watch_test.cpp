@@ -1,6 +1,6 @@
 // Clocks between the parts of a step: that they are there and change nothing, not how long anything takes.
 #include <dynamics/support.hpp>
-#include <fork1s/dynamics/step_times.hpp>
+#include <fork1s/world/step_times.hpp>
 
 namespace fork1s {
 namespace {

@@ -1,7 +1,7 @@
 // Random mechanisms in random motion by the two-stage step, and measures of each.
 #pragma once
 
-#include <fork1s/dynamics/world.hpp>
+#include <fork1s/world/world.hpp>
 #include <string>
 #include <vector>
 

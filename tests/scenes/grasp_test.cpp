@@ -1,5 +1,5 @@
 // A hand lifts, shakes and turns over what it holds.
-#include <fork1s/dynamics/load_factor.hpp>
+#include <fork1s/diagnostics/load_factor.hpp>
 
 #include "run.hpp"
 

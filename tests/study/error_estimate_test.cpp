@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fork1s/dynamics/error_estimate.hpp>
+#include <fork1s/diagnostics/error_estimate.hpp>
 #include <fork1s/dynamics/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/study/accuracy.hpp>

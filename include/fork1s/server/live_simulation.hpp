@@ -1,7 +1,7 @@
 // A simulation that viewers watch and touch: commands in, snapshots out. No network, no clock.
 #pragma once
 
-#include <fork1s/dynamics/error_estimate.hpp>
+#include <fork1s/diagnostics/error_estimate.hpp>
 #include <fork1s/server/command.hpp>
 #include <fork1s/server/full_ghost.hpp>
 #include <fork1s/server/live_settings.hpp>

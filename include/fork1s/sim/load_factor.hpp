@@ -1,7 +1,7 @@
 // How much harder a grasp may press, whatever the level of detail that simulates it.
 #pragma once
 
-#include <fork1s/dynamics/load_factor.hpp>
+#include <fork1s/diagnostics/load_factor.hpp>
 #include <fork1s/sim/simulation.hpp>
 
 namespace fork1s {

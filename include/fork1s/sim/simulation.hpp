@@ -2,9 +2,9 @@
 #pragma once
 
 #include <cstdint>
-#include <fork1s/dynamics/world.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <fork1s/sim/fidelity.hpp>
+#include <fork1s/world/world.hpp>
 #include <memory>
 #include <string>
 #include <vector>

@@ -115,7 +115,7 @@ struct TransientCurve {
 /// 2 x(h) − x(2h) of two full runs, h half of the smallest step: implicit Euler is of first order.
 Expected<TransientCurve> MeasureTransient(const TransientCase& c, int halvings);
 
-/// The live error estimate (dynamics/error_estimate.hpp) beside the error itself, at 1/60 s.
+/// The live error estimate (diagnostics/error_estimate.hpp) beside the error itself, at 1/60 s.
 struct ErrorEstimateCurve {
   struct Point {
     double time_s = 0;

@@ -1,7 +1,7 @@
 // The live error estimate against the error itself.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/dynamics/error_estimate.hpp>
+#include <fork1s/diagnostics/error_estimate.hpp>
 #include <fork1s/study/accuracy.hpp>
 
 #include "../runs.hpp"

@@ -1,7 +1,7 @@
 #include "instructions.hpp"
 
 #include <algorithm>
-#include <fork1s/dynamics/step_times.hpp>
+#include <fork1s/world/step_times.hpp>
 #include <sstream>
 
 #include <fmt/format.h>
@@ -49,7 +49,7 @@ Profile Collect(const BenchOptions& options, const std::string& valgrind, const 
   return out;
 }
 
-// What World::Step is made of (src/dynamics/world_step.cpp, world_stages.cpp), as callgrind names it.
+// What World::Step is made of (src/world/step.cpp, stages.cpp), as callgrind names it.
 void SetPhases(const Profile& profile, BenchScene& scene) {
   const auto of = [&](const char* function) {
     return InclusiveInstructions(profile.annotated, function) / profile.steps;

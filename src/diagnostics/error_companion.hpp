@@ -1,0 +1,103 @@
+// What the equations of motion of all coordinates miss in the motion of one mechanism, and their tangent.
+#pragma once
+
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/linalg/solve.hpp>
+#include <fork1s/world/world.hpp>
+#include <vector>
+
+namespace fork1s {
+
+/// The load at a node between two steps [moment; force]. Implicit Euler applies what acts at the end of a
+/// step, the other scheme what acts half way.
+Vector6 LoadAtNode(const Vector6& before, const Vector6& after, bool by_euler);
+
+/// Coordinates y of a mechanism's error: a small turn and shift of a floating base in R, then motions of the
+/// joints that keep loops closed.
+class ErrorCompanion {
+ public:
+  explicit ErrorCompanion(const MechanismDynamics& m);
+
+  int size() const { return base_ + static_cast<int>(B_.cols()); }
+  int base_size() const { return base_; }
+  /// Base and joints, of which y are those that keep loops closed.
+  int full_size() const { return base_ + static_cast<int>(B_.rows()); }
+  void ToBasis(const VectorX& full, Eigen::Ref<VectorX> y) const;
+
+  /// Loads of the coming step.
+  void Begin(const MechanismDynamics& m);
+  /// The step's end: pose and the contacts' wrenches [6 x bodies] about the world's origin in world axes,
+  /// those of the step before, as they lie at the node, and those of this one; forces of stops [n].
+  void End(const MechanismDynamics& m, const Matrix6X& contacts_before_W, const Matrix6X& contacts_W,
+           const VectorX& stops, const StepOptions& options);
+
+  /// New basis and tangent at the node: M, D, K of y. `from`: coefficients [size x k] of the old basis become
+  /// those of the new one.
+  void Linearise(const MechanismDynamics& m, const Vector3& gravity_W, MatrixX& from);
+  /// By how much [rad] joints or base have left the motion of then, `age` [s] ago; slides in lengths of the
+  /// mechanism.
+  double Moved(const MechanismDynamics& m, double age);
+  const MatrixX& M() const { return M_y_; }
+  const MatrixX& D() const { return D_y_; }
+  const MatrixX& K() const { return K_y_; }
+
+  /// Residual at the node, by centred differences; that of backward Euler's equations there; and the force
+  /// that is missing on the straight way between nodes, where rates do not change.
+  void Residuals(const MechanismDynamics& m, const Vector3& gravity_W, Eigen::Ref<VectorX> centred,
+                 Eigen::Ref<VectorX> euler, Eigen::Ref<VectorX> straight);
+  /// Sum [size] over both steps of the forces of controls, weighted by 1 - |t - t_n|/h, over h and less the
+  /// force at the node: what a change of slope there adds. None in the first step and at its end.
+  void ControlKink(const MechanismDynamics& m, Eigen::Ref<VectorX> kink);
+  /// By how much rates of y differ on both sides of the node.
+  VectorX Turn() const;
+  /// The part of a residual [size] that the reduced coordinates see, by M.
+  void SplitOff(const MechanismDynamics& m, const Eigen::Ref<const VectorX>& residual,
+                Eigen::Ref<VectorX> seen);
+
+  /// Row [full_size] of a wrench in world axes about the world's origin on what joint `last_joint` carries.
+  VectorX WrenchRow(const MechanismDynamics& m, int last_joint, const Vector6& F_W) const;
+  /// Its power in the motion of the step from the node.
+  double SpeedAlong(const MechanismDynamics& m, int last_joint, const Vector6& F_W) const;
+  /// Displacement of a body's origin, world axes.
+  Vector3 Displacement(const MechanismDynamics& m, BodyIndex b, const Eigen::Ref<const VectorX>& y) const;
+  /// Of the body at the node.
+  RigidTransform Pose(BodyIndex b) const { return X_[1] * kinematics_.X_RB[b.u()]; }
+
+ private:
+  struct Motion {
+    Vector6 V = Vector6::Zero(), A = Vector6::Zero();
+    VectorX q_dot, q_ddot;
+  };
+  struct Loads {
+    Matrix6X F_W;
+    VectorX controls, stops;  // at the end of the step
+    VectorX controls_from;    // at its start, between which controls are linear
+  };
+  void Centre();
+  // [base; n] force that is missing.
+  void Missing(const MechanismDynamics& m, const Vector3& gravity_W, const VectorX& q,
+               const RigidTransform& X_WR, const Motion& motion, const Loads& loads, VectorX& out);
+
+  int base_ = 0, steps_ = 0;
+  double h_ = 0;
+  bool by_euler_ = true;
+  VectorX q_[3];         // of the node before, the node, the node after it
+  RigidTransform X_[3];  // X_WR
+  VectorX v_[3];           // between: before the node before, before the node, after it
+  Vector6 V_[3];
+  Loads loads_[2], mean_;  // of the step to the node, and from it
+  Kinematics kinematics_, scratch_;
+  Matrix6X applied_before_, applied_;  // without contacts
+  Matrix6X F_, body_V_, body_A_;
+  Motion centred_, euler_, linear_;
+  VectorX tau_, spring_, full_;
+  VectorX q_linear_;
+  RigidTransform X_linear_;
+  MatrixX B_;         // n x nB; identity on trees
+  MatrixX to_basis_;  // nB x n: B y = q  =>  y = to_basis q; not on trees
+  MatrixX seen_;      // size x size: M Q (QᵀMQ)⁻¹ Qᵀ
+  MatrixX M_y_, D_y_, K_y_, damping_;
+  bool tree_ = true;
+};
+
+}  // namespace fork1s

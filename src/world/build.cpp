@@ -1,0 +1,312 @@
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "detail.hpp"
+#include "group_geometry.hpp"
+
+namespace fork1s {
+namespace {
+
+// A keyframe made by hand may not fit its scene.
+Expected<void> CheckKeyframe(const Scene& scene, const KeyframeDef& key) {
+  const std::string where = "keyframe '" + key.name + "'";
+  if (key.mechanisms.size() != scene.mechanisms.size() || key.free_bodies.size() != scene.free_bodies.size())
+    return Fail(ErrorCode::kModel, where,
+                "is for another number of mechanisms or free bodies than the scene has; give each its state");
+  for (std::size_t i = 0; i < key.free_bodies.size(); ++i) {
+    const auto& state = key.free_bodies[i];
+    if (!state.X_WB.IsFinite() || !state.omega_W.allFinite() || !state.velocity_W.allFinite())
+      return Fail(ErrorCode::kModel, where,
+                  "the state of body '" + scene.free_bodies[i].name + "' has a number that is not finite");
+  }
+  return {};
+}
+
+Expected<void> CheckKeyframe(const Mechanism& m, const KeyframeDef::MechanismState& state,
+                             const std::string& name) {
+  const std::string where = "keyframe '" + name + "'", of = " of mechanism '" + m.name() + "'";
+  const auto is = [](const VectorX& v, Eigen::Index n) { return v.size() == n; };
+  const Eigen::Index n = m.num_coordinates(), controls = static_cast<Eigen::Index>(m.controls().size());
+  if (!is(state.q, n) || !(is(state.q_dot, 0) || is(state.q_dot, n)))
+    return Fail(ErrorCode::kModel, where,
+                "has another number of joint displacements or rates than the " + std::to_string(n) + of);
+  if (!is(state.controls, 0) && !is(state.controls, controls))
+    return Fail(ErrorCode::kModel, where,
+                "has another number of controls than the " + std::to_string(controls) + of);
+  if (!state.q.allFinite() || !state.q_dot.allFinite() || !state.X_WR.IsFinite() || !state.V_R.allFinite() ||
+      !state.controls.allFinite())
+    return Fail(ErrorCode::kModel, where, "the state" + of + " has a number that is not finite");
+  return {};
+}
+
+}  // namespace
+
+World::World() : detail_(std::make_unique<Detail>()) {}
+World::~World() = default;
+World::World(World&&) noexcept = default;
+World& World::operator=(World&&) noexcept = default;
+World World::Empty() { return World(); }
+
+std::vector<MechanismDynamics>& World::mechanisms() { return detail_->mechanisms_; }
+const std::vector<MechanismDynamics>& World::mechanisms() const { return detail_->mechanisms_; }
+std::vector<FreeBody>& World::free_bodies() { return detail_->free_bodies_; }
+const std::vector<FreeBody>& World::free_bodies() const { return detail_->free_bodies_; }
+const std::vector<ContactRecord>& World::contacts() const { return detail_->contacts_; }
+const std::vector<ContactPoint>& World::start_points() const { return detail_->start_points_; }
+const std::vector<Contactor>& World::contactors() const { return detail_->contactors_; }
+std::vector<std::pair<int, int>> World::PairsThatMayTouch() const {
+  if (!detail_->collision_) return {};
+  return detail_->collision_->PairsThatMayTouch();
+}
+const RigidTransform& World::PoseAtDetection(int contactor) const {
+  return detail_->contactor_pose_[static_cast<std::size_t>(contactor)];
+}
+const GeometryDef& World::geometry(int contactor, int geometry) const {
+  return detail_->geometries_[static_cast<std::size_t>(contactor)][static_cast<std::size_t>(geometry)];
+}
+const std::vector<std::string>& World::warnings() const { return detail_->warnings_; }
+
+std::string World::NameOf(const StepSubject& subject) const {
+  const auto index = static_cast<std::size_t>(subject.index), part = static_cast<std::size_t>(subject.part);
+  const auto of_mechanism = [&](const char* kind, const std::string& name) {
+    return std::string(kind) + " '" + name + "' of '" + detail_->mechanisms_[index].mechanism().name() + "'";
+  };
+  switch (subject.kind) {
+    case StepSubject::Kind::kNone: break;
+    case StepSubject::Kind::kMechanism: return "mechanism '" + detail_->mechanisms_[index].mechanism().name() + "'";
+    case StepSubject::Kind::kFreeBody: return "body '" + detail_->free_bodies_[index].name() + "'";
+    case StepSubject::Kind::kServo:
+      return of_mechanism("servo", detail_->mechanisms_[index].mechanism().force_limits()[part].name);
+    case StepSubject::Kind::kSpring:
+      return of_mechanism("spring", detail_->mechanisms_[index].mechanism().springs()[part].name);
+    case StepSubject::Kind::kStop:
+      return of_mechanism("stop", detail_->mechanisms_[index].mechanism().length_limits()[part].name);
+    case StepSubject::Kind::kCoordinate:
+      return of_mechanism("joint", detail_->mechanisms_[index].mechanism().CoordinateName(subject.part));
+    case StepSubject::Kind::kContact:
+      return "contact of '" + detail_->contactors_[index].name + "' and '" + detail_->contactors_[part].name + "'";
+  }
+  return {};
+}
+
+Expected<World> World::Create(const Scene& scene, const Options& options) {
+  World world;
+  Detail& detail = *world.detail_;
+  const KeyframeDef* key = nullptr;
+  if (options.initial_keyframe >= 0) {
+    FORK1S_REQUIRE(options.initial_keyframe < static_cast<int>(scene.keyframes.size()));
+    key = &scene.keyframes[static_cast<std::size_t>(options.initial_keyframe)];
+    if (auto fits = CheckKeyframe(scene, *key); !fits) return tl::unexpected(fits.error());
+  }
+  for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
+    auto built = BuildMechanism(scene.mechanisms[i]);
+    if (!built) return tl::unexpected(built.error());
+    auto mechanism = std::make_shared<const Mechanism>(std::move(*built));
+    MechanismDynamics::Options o;
+    o.reduction = options.reduction;
+    o.reduction.promote_hidden = options.reduction.promote_hidden || !scene.mechanisms[i].interfaces_chosen;
+    o.recovery = options.recovery;
+    o.refresh_angle = options.refresh_angle;
+    o.gravity_W = scene.gravity;
+    VectorX q = VectorX::Zero(mechanism->num_coordinates()), q_dot;
+    RigidTransform X_WR = scene.mechanisms[i].X_WR;
+    Vector6 V_R = Vector6::Zero();
+    if (key) {
+      const auto& state = key->mechanisms[i];
+      if (auto fits = CheckKeyframe(*mechanism, state, key->name); !fits) return tl::unexpected(fits.error());
+      q = state.q;
+      q_dot = state.q_dot;
+      X_WR = state.X_WR;
+      V_R = state.V_R;
+    }
+    auto dynamics = MechanismDynamics::Create(mechanism, q, q_dot, X_WR, V_R, o);
+    if (!dynamics) return tl::unexpected(dynamics.error());
+    if (key && key->mechanisms[i].controls.size() > 0) {
+      dynamics->controls() = key->mechanisms[i].controls;
+      dynamics->StartControlsFrom(0, dynamics->controls());
+    }
+    for (const std::string& w : dynamics->warnings()) detail.warnings_.push_back(w);
+    detail.mechanisms_.push_back(std::move(*dynamics));
+  }
+  for (std::size_t i = 0; i < scene.free_bodies.size(); ++i) {
+    const FreeBodyDef& def = scene.free_bodies[i];
+    if (!(def.inertia.mass > 0) || !(def.inertia.rotational.determinant() > 0))
+      return Fail(ErrorCode::kModel, "body '" + def.name + "'",
+                  "moves freely and needs mass and rotational inertia above 0");
+    detail.free_bodies_.emplace_back(def);
+    if (key) {
+      const auto& state = key->free_bodies[i];
+      detail.free_bodies_.back().SetState(state.X_WB, state.omega_W, state.velocity_W);
+    }
+  }
+  if (auto ok = detail.BuildCollision(scene, options); !ok) return tl::unexpected(ok.error());
+
+  const auto room = static_cast<std::size_t>(options.reserved_contacts);
+  detail.points_.reserve(room);
+  detail.contacts_.reserve(room);
+  detail.previous_.reserve(room);
+  detail.patches_.reserve(room + 1);
+  detail.match_benches_.reserve(Detail::kMostBenches);
+  detail.pushes_.reserve(room);
+  const auto reserve = [room](Detail::Sums& sums) {
+    sums.contacts.reserve(room);
+    sums.ended.reserve(room);
+  };
+  reserve(detail.sums_);
+  for (Detail::Halving& halving : detail.halvings_) reserve(halving.sums);
+  detail.next_sums_.reserve(room);
+  detail.goes_on_.reserve(room);
+  detail.match_.reserve(room);
+  detail.previous_used_.reserve(room);
+  detail.previous_order_.reserve(room);
+  detail.constraints_.reserve(room);
+  detail.start_gap_.reserve(room);
+  detail.next_start_gap_.reserve(room);
+  detail.approach_.reserve(room);
+  detail.closing_.reserve(room);
+  detail.start_points_.reserve(room);
+  detail.mechanism_grain_ = detail.WorthAThread();
+  std::size_t blocks = detail.free_bodies_.size();
+  for (const MechanismDynamics& m : detail.mechanisms_)
+    blocks += m.groups().size() + m.length_limits().size() + m.mechanism().frictions().size() +
+              NumBoundedForces(m.mechanism());
+  detail.blocks_.reserve(blocks);
+  int velocities = 6 * static_cast<int>(detail.free_bodies_.size());
+  int limits = 0, widest = 6, most_rows = 0;
+  std::size_t all_bounded = 0;
+  for (const MechanismDynamics& m : detail.mechanisms_) {
+    Detail::MechanismBlock block;
+    const int limited = static_cast<int>(m.length_limits().size());
+    const int frictions = static_cast<int>(m.mechanism().frictions().size());
+    const int bounded = static_cast<int>(NumBoundedForces(m.mechanism()));
+    const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions + bounded;
+    block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
+    block.stop_carried.assign(static_cast<std::size_t>(2 * limited), 0);
+    block.stop_is_fresh.assign(static_cast<std::size_t>(2 * limited), 0);
+    block.stop_is_row.assign(static_cast<std::size_t>(2 * limited), 0);
+    block.stop_start_gap.assign(static_cast<std::size_t>(2 * limited), 0.0);
+    block.friction_impulses.assign(static_cast<std::size_t>(frictions), 0.0);
+    block.friction_held = block.friction_impulses;
+    detail.has_switches_ = detail.has_switches_ || HasSwitches(m);
+    detail.mechanism_blocks_.push_back(std::move(block));
+    velocities += rows;
+    most_rows = std::max(most_rows, rows);
+    limits += 2 * limited + frictions + bounded;
+    all_bounded += static_cast<std::size_t>(bounded);
+    widest = std::max(widest, m.num_velocities());
+  }
+  detail.limits_.reserve(static_cast<std::size_t>(limits));
+  detail.bounded_forces_.reserve(all_bounded);
+  detail.velocities_.setZero(velocities);
+  detail.start_velocities_.setZero(velocities);
+  detail.free_Y_.resize(detail.free_bodies_.size());
+  detail.free_velocity_.resize(detail.free_bodies_.size());
+  // A mechanism and what it may hold, or a small heap.
+  constexpr std::size_t kTogether = 16;
+  const int together = most_rows + 6 * static_cast<int>(std::min(kTogether, detail.free_bodies_.size()));
+  detail.solver_.Reserve(options.reserved_contacts, limits, static_cast<int>(blocks), velocities, together,
+                         widest);
+  return world;
+}
+
+Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& options) {
+  std::vector<CollisionBodyDef> bodies;
+  std::map<std::string, int> index_of;
+  auto add = [&](CollisionBodyDef body, Contactor contactor) {
+    const bool touches = std::any_of(body.geometries.begin(), body.geometries.end(),
+                                     [](const GeometryDef& g) { return g.Collides(); });
+    if (!touches && contactor.kind != Contactor::Kind::kWorld) return -1;
+    contactor.name = body.name;
+    bodies.push_back(std::move(body));
+    contactors_.push_back(std::move(contactor));
+    return static_cast<int>(bodies.size()) - 1;
+  };
+  add({"world", scene.world, false, RigidTransform()}, {});
+  index_of["world"] = 0;
+
+  std::vector<std::pair<int, int>> excluded;
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+    const MechanismDynamics& m = mechanisms_[i];
+    std::map<int, int> of_joint;  // collision body of a group by its last joint
+    for (std::size_t g = 0; g < m.groups().size(); ++g) {
+      const ContactGroup& group = m.groups()[g];
+      CollisionBodyDef body;
+      body.name = m.mechanism().body(group.body).name;
+      body.geometries = GroupGeometry(m.mechanism(), group);
+      body.moves = group.last_joint >= 0 || m.mechanism().base() != BaseKind::kFixed;
+      body.X_WB = GroupPose(m, static_cast<int>(g));
+      Contactor contactor;
+      // A fixed base is still world with a name of its own.
+      contactor.kind = body.moves ? Contactor::Kind::kGroup : Contactor::Kind::kWorld;
+      contactor.index = static_cast<int>(i);
+      contactor.group = static_cast<int>(g);
+      if (body.geometries.empty()) continue;
+      const int at = of_joint[group.last_joint] = add(std::move(body), contactor);
+      for (BodyIndex b : group.bodies) index_of[m.mechanism().body(b).name] = at;
+    }
+    for (const auto& [a, b] : m.mechanism().FilteredContacts())
+      if (const auto in_a = of_joint.find(a), in_b = of_joint.find(b);
+          in_a != of_joint.end() && in_b != of_joint.end())
+        excluded.emplace_back(in_a->second, in_b->second);
+  }
+  for (std::size_t i = 0; i < free_bodies_.size(); ++i) {
+    Contactor contactor;
+    contactor.kind = Contactor::Kind::kFreeBody;
+    contactor.index = static_cast<int>(i);
+    const int at =
+        add({scene.free_bodies[i].name, scene.free_bodies[i].geometries, true, free_bodies_[i].pose()},
+            contactor);
+    if (at >= 0) index_of[scene.free_bodies[i].name] = at;
+  }
+  for (const auto& [a, b] : scene.excluded_pairs)
+    if (index_of.count(a) && index_of.count(b) && index_of[a] != index_of[b])
+      excluded.emplace_back(index_of[a], index_of[b]);
+
+  margin_max_ = options.collision.margin;
+  for (const CollisionBodyDef& body : bodies) {
+    double radius = 0;
+    for (const GeometryDef& g : body.geometries)
+      if (const double r = BoundingRadius(g.shape); std::isfinite(r))
+        radius = std::max(radius, g.X_BG.translation().norm() + r);
+    contactor_radius_.push_back(radius);
+    geometry_radius_.emplace_back();
+    inner_radius_.emplace_back();
+    for (const GeometryDef& g : body.geometries) {
+      geometry_radius_.back().push_back(BoundingRadius(g.shape));
+      inner_radius_.back().push_back(Detail::InnerRadius(g.shape));
+    }
+  }
+  for (const CollisionBodyDef& body : bodies) contactor_pose_.push_back(body.X_WB);
+  auto collision = CollisionWorld::Create(bodies, excluded, options.collision, scene.contact_pairs);
+  if (!collision) return tl::unexpected(collision.error());
+  collision_ = std::make_unique<CollisionWorld>(std::move(*collision));
+  for (CollisionBodyDef& body : bodies) geometries_.push_back(std::move(body.geometries));
+  port_offset_.assign(contactors_.size(), -1);
+  port_part_.assign(contactors_.size(), 0);
+  return {};
+}
+
+void World::ResetContacts() {
+  detail_->contacts_.clear();
+  detail_->previous_.clear();
+  for (Detail::MechanismBlock& block : detail_->mechanism_blocks_)
+    for (std::vector<double>* impulses : {&block.limit_impulses, &block.friction_impulses})
+      std::fill(impulses->begin(), impulses->end(), 0.0);
+}
+
+double World::KineticEnergy() const {
+  double energy = 0;
+  for (const auto& m : detail_->mechanisms_) energy += m.KineticEnergy();
+  for (const auto& b : detail_->free_bodies_) energy += b.KineticEnergy();
+  return energy;
+}
+
+double World::PotentialEnergy(const Vector3& gravity) const {
+  double energy = 0;
+  for (const auto& m : detail_->mechanisms_) energy += m.PotentialEnergy(gravity);
+  for (const auto& b : detail_->free_bodies_) energy += b.PotentialEnergy(gravity);
+  return energy;
+}
+
+}  // namespace fork1s

@@ -1,0 +1,130 @@
+// What an impact is: contacts and stops that are met at speed.
+#include <algorithm>
+#include <cmath>
+
+#include "detail.hpp"
+
+namespace fork1s {
+
+// Largest way of a contactor within h at its present velocity [m].
+double World::Detail::MotionWithin(double h) const {
+  double motion = 0;
+  for (std::size_t i = 0; i < contactors_.size(); ++i) {
+    const Contactor& c = contactors_[i];
+    if (c.kind == Contactor::Kind::kWorld) continue;
+    const auto index = static_cast<std::size_t>(c.index);
+    const Vector6 V = c.kind == Contactor::Kind::kGroup ? GroupVelocity(mechanisms_[index], c.group)
+                                                        : free_bodies_[index].OriginVelocity();
+    motion = std::max(motion, h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]));
+  }
+  return motion;
+}
+
+void World::Detail::FindTouchedBodies() {
+  touched_.assign(free_bodies_.size(), 0);
+  for (const ContactPoint& p : points_)
+    for (const int body : {p.body_a, p.body_b})
+      if (const Contactor& c = contactors_[static_cast<std::size_t>(body)];
+          c.kind == Contactor::Kind::kFreeBody)
+        touched_[static_cast<std::size_t>(c.index)] = 1;
+}
+
+// Whether a contact bore a load in the last step.
+bool World::Detail::Bore(std::size_t contact) const { return CarriedAtRest(contact, carried_speed_); }
+
+// What only closed its gap by the end of the last step, at this speed [m/s] or faster, is still to be met.
+bool World::Detail::CarriedAtRest(std::size_t contact, double speed) const {
+  if (match_[contact] < 0) return false;
+  const ContactRecord& before = previous_[static_cast<std::size_t>(match_[contact])];
+  return before.impulse(0) > 0 && before.end_speed > -speed;
+}
+
+// m/s; what has restitution parts again from any.
+double World::Detail::SpeedOfImpact(const ContactPoint& point) const {
+  return point.restitution > 0 ? 0 : impact_speed_;
+}
+
+// Radius [m] of the smaller of two shapes that touch.
+double World::Detail::PairSize(const ContactPoint& p) const {
+  const auto radius = [&](int body, int geometry) {
+    return geometry_radius_[static_cast<std::size_t>(body)][static_cast<std::size_t>(geometry)];
+  };
+  return std::min(radius(p.body_a, p.geometry_a), radius(p.body_b, p.geometry_b));
+}
+
+// A contact that bore nothing yet and would close within the step at the speed of an impact, if all went on.
+bool World::Detail::ClosesAtSpeed(const StepOptions& options, StepSubject* subject) const {
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    if (Bore(i) || !(closing_[i] > SpeedOfImpact(points_[i])) || !(points_[i].gap < options.h * closing_[i]))
+      continue;
+    if (subject) *subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
+    return true;
+  }
+  return false;
+}
+
+World::Detail::StopApproach World::Detail::ApproachOf(const MechanismDynamics& m,
+                                                      const Mechanism::LengthLimit& stop, bool upper) const {
+  const auto& terms = stop.length.terms;
+  const bool turns = stop.length.path < 0 && !terms.empty() && m.mechanism().Turns(terms.front().first);
+  const double scale = turns ? m.mechanism().length_scale() : 1, length = m.Length(stop.length),
+               rate = from_stage_start_ ? LengthRateAtStageStart(m, stop.length) : LengthRate(m, stop.length);
+  return {false,
+          scale * (upper ? stop.upper - length : length - stop.lower),
+          scale * (upper ? rate : -rate),
+          0,
+          m.mechanism().length_scale(),
+          scale};
+}
+
+// The same of what the step has brought together, and of stops of joints and tendons: at that speed from the
+// start, or from so far that it took that speed.
+bool World::Detail::MetAtSpeed(const StepOptions& options, StepSubject* subject) const {
+  const double least = impact_speed_;
+  for (std::size_t k = 0; k < stop_approach_.size(); ++k) {
+    const StopApproach& a = stop_approach_[k];
+    if (a.bore || !(limits_[k].impulse > 0) || !(a.speed > least || a.gap > options.h * least)) continue;
+    if (subject) *subject = {StepSubject::Kind::kStop, a.mechanism, a.stop};
+    return true;
+  }
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    if (!(constraints_[i].impulse(0) > 0) || Bore(i)) continue;
+    const double speed = SpeedOfImpact(points_[i]);
+    if (!(closing_[i] > speed || points_[i].gap > options.h * speed)) continue;
+    if (subject) *subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
+    return true;
+  }
+  return false;
+}
+
+// Whether what the first stage stopped parts again in the second, of length b.
+bool World::Detail::LeavesAgain(double b, StepSubject& subject) const {
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const int before = match_[i];
+    if (before < 0 || !previous_is_fresh_[static_cast<std::size_t>(before)] || constraints_[i].impulse(0) > 0)
+      continue;
+    if (!(b * RelativeSpeed(constraints_[i], velocities_)(0) > kPartingShare * PairSize(points_[i])))
+      continue;
+    subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
+    return true;
+  }
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+    const MechanismBlock& block = mechanism_blocks_[i];
+    std::size_t k = block.first_limit;
+    for (const PartBlock& part : block.parts) {
+      for (const int at : part.limits) {
+        const LimitConstraint& limit = limits_[k];
+        const StopApproach& stop = stop_approach_[k++];
+        if (!block.stop_is_fresh[static_cast<std::size_t>(at)] || limit.impulse > 0 ||
+            !(b * stop.scale * limit.sign * velocities_(limit.row) > kPartingShare * stop.size))
+          continue;
+        subject = {StepSubject::Kind::kStop, static_cast<int>(i), at / 2};
+        return true;
+      }
+      k += part.frictions.size();
+    }
+  }
+  return false;
+}
+
+}  // namespace fork1s
