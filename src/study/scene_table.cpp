@@ -235,11 +235,16 @@ Expected<std::vector<StabilityRow>> MeasureStability(const std::string& path, co
       rows.push_back({simulator, scale, *run ? (*run)->dt : 0});
       return {};
     };
-    Expected<void> added = add("fork1s", [&](int k) {
-      RunOptions at = o;
-      at.substeps = 1 << k;
-      return internal::RunReduced(scene, tracked, at);
-    });
+    Expected<void> added;
+    for (const auto& [simulator, integrator] :
+         {std::pair{"fork1s", Integrator::kTwoStage}, {"fork1s euler", Integrator::kEuler}})
+      if (added)
+        added = add(simulator, [&](int k) {
+          RunOptions at = o;
+          at.substeps = 1 << k;
+          at.integrator = integrator;
+          return internal::RunReduced(scene, tracked, at);
+        });
     for (const auto& [simulator, integrator] : {std::pair{"MuJoCo discrete", MuJoCoIntegrator::kDiscrete},
                                                 {"MuJoCo implicitfast", MuJoCoIntegrator::kImplicitFast}})
       if (added)

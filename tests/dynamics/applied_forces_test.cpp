@@ -69,6 +69,35 @@ TEST(AppliedForces, ARodUnderAConstantForceSwingsAsAPendulum) {
         }
 }
 
+// In 30 s the amplitude neither grows nor shrinks, where the lever of the start of each step took the rod
+// over the top.
+TEST(AppliedForces, ARodUnderAConstantForceKeepsItsAmplitude) {
+  constexpr double kAmplitude = 1.2,
+                   kOmega2 = 10;  // rad, and 1/s²: torque over inertia per sine of the angle
+  for (const Matrix3& R : {Matrix3(Matrix3::Identity()), kTurned})
+    for (const double length : {0.05, 0.5})
+      for (const double h : {1.0 / 30, 1.0 / 60, 1.0 / 240}) {
+        SCOPED_TRACE(::testing::Message() << "length " << length << ", h " << h);
+        MechanismDef rod = testing::Chain(1, length, 1, 0);
+        rod.X_WR = RigidTransform(R, Vector3(0.3, -2, 1));
+        World world = MustStart(rod, VectorX::Constant(1, kAmplitude), VectorX::Zero(1));
+        MechanismDynamics& m = world.mechanisms()[0];
+        const ConstantForce force{BodyIndex(1), Vector3(length, 0, 0),
+                                  kOmega2 * length / 3 * (R * Vector3::UnitX())};
+        double largest = 0, late = 0;
+        for (int i = 0; i * h < 30; ++i) {
+          force.Apply(m);
+          ASSERT_TRUE(world.Step(TwoStage(h)).finite) << i;
+          const double angle = std::abs(m.configuration().q(0));
+          largest = std::max(largest, angle);
+          if (i * h > 26) late = std::max(late, angle);
+        }
+        EXPECT_LT(largest, kAmplitude * (1 + 1e-6));
+        EXPECT_GT(late,
+                  kAmplitude * (1 - kOmega2 * h * h / 8));  // steps miss the turning point by h/2 at most
+      }
+}
+
 // Loops: a four-bar without springs turns round and round under forces on its coupler and its crank.
 TEST(AppliedForces, ALoopKeepsItsEnergyToSecondOrder) {
   testing::FourBar bar;

@@ -150,6 +150,85 @@ TEST(SlackSpring, GoesToAndFroAsItsEquationsSay) {
   }
 }
 
+constexpr double kRopeBlock = 2, kRopeLoad = 3, kRopeGravity = 9.81;  // kg, kg, m/s²
+
+// A rope from a beam down to a block, of which half counts, and over a pulley down to a load; just taut. Both
+// move along z of a frame that is turned by R.
+MechanismDef RopeOverPulleys(double stiffness, bool block_first, const Matrix3& R) {
+  MechanismBuilder builder("rope");
+  BodyIndex block, load;
+  for (const bool is_block : {block_first, !block_first}) {
+    BodyDef body;
+    body.name = is_block ? "block" : "load";
+    body.parent = builder.base();
+    body.X_PB = RigidTransform(is_block ? Vector3(0, 0, -1.6) : Vector3(0.5, 0, -1.8));
+    body.inertia = testing::Ball(is_block ? kRopeBlock : kRopeLoad, 0.05);
+    const BodyIndex b = builder.AddBody(body);
+    builder.AddJoint(JointDef::Slide(body.name, b, Vector3::UnitZ()));
+    (is_block ? block : load) = b;
+  }
+  builder.SetInterfaces({"block", "load"});
+  MechanismDef def = builder.definition();
+  def.X_WR = RigidTransform(R, Vector3(0.1, -0.2, 3));
+  const auto point = [](BodyIndex body, const Vector3& p_B) {
+    PathElementDef e;
+    e.body = body;
+    e.X_BE = RigidTransform(p_B);
+    return e;
+  };
+  const auto pulley = [](double divisor) {
+    PathElementDef e;
+    e.kind = PathElementDef::Kind::kPulley;
+    e.divisor = divisor;
+    return e;
+  };
+  def.paths.push_back({"rope",
+                       {pulley(2), point(builder.base(), Vector3::Zero()), point(block, Vector3::Zero()),
+                        pulley(1), point(builder.base(), Vector3(0.5, 0, 0)), point(load, Vector3::Zero())}});
+  SpringDef rope;
+  rope.name = "rope";
+  rope.stiffness = stiffness;
+  rope.along = {0, 1};
+  rope.slack = 0.5 * 1.6 + 1.8;  // m, its length at the start
+  rope.rest = -rope.slack;
+  def.springs.push_back(rope);
+  return def;
+}
+
+// A rope of length b/2 + a that is taut: b'' / 2 + a'' = 0 with block b'' = g - T/(2 m_b) and load a'' = g -
+// T/m_a. Taken as slack it let the block fall freely to its pulley's end.
+TEST(SlackSpring, ARopeOverPulleysMovesBothLoadsByItsRatio) {
+  const double give = 1 / (4 * kRopeBlock) + 1 / kRopeLoad, tension = 1.5 * kRopeGravity / give;
+  const double block =
+      -1.6 - 0.5 * (kRopeGravity - tension / (2 * kRopeBlock));  // m, after 1 s, of a rope that is rigid
+  const double load = -1.8 - 0.5 * (kRopeGravity - tension / kRopeLoad);
+  for (const double stiffness : {2e5, 2e7})
+    for (const double h : {1.0 / 30, 1.0 / 60, 1.0 / 240})
+      for (const bool block_first : {true, false})
+        for (const Matrix3& R : {Matrix3(Matrix3::Identity()), ExpRotation(Vector3(0.4, -0.7, 1.1))}) {
+          SCOPED_TRACE(::testing::Message()
+                       << stiffness << " N/m, h " << h << ", block first " << block_first);
+          World world = testing::MustCreate(RopeOverPulleys(stiffness, block_first, R));
+          MechanismDynamics& m = world.mechanisms()[0];
+          const StepOptions step = testing::TwoStage(h, R * Vector3(0, 0, -kRopeGravity));
+          const double start = world.PotentialEnergy(step.gravity);
+          double most = start;
+          for (int i = 0; i < std::lround(1 / h); ++i) {
+            ASSERT_TRUE(world.Step(step).stages_converged) << i;
+            most = std::max(most, world.KineticEnergy() + world.PotentialEnergy(step.gravity));
+          }
+          const auto height = [&](const char* name) {
+            return (m.state().X_WR.inverse() * m.BodyPose(m.mechanism().FindBody(name))).translation().z();
+          };
+          // The rope stretches by T/k, of which the block takes 1/(2 m_b) and the load 1/m_a of `give`, and
+          // swings about that by as much at most.
+          const double stretch = tension / stiffness / give;
+          EXPECT_NEAR(height("block"), block - stretch / (2 * kRopeBlock), stretch / (2 * kRopeBlock));
+          EXPECT_NEAR(height("load"), load - stretch / kRopeLoad, stretch / kRopeLoad);
+          EXPECT_LT(most - start, 1e-9 * tension);
+        }
+}
+
 // The reduction and the compliance see no spring within the range, and the whole of it beyond.
 TEST(SlackSpring, HoldsBeyondItsRangeOnly) {
   const auto m = testing::Share(Puck(800));

@@ -47,7 +47,7 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
 
 /// The largest stable step of one simulator at one stiffness, stable as above.
 struct StabilityRow {
-  std::string simulator;  // "fork1s", "MuJoCo discrete", "MuJoCo implicitfast"
+  std::string simulator;  // "fork1s" (two stages), "fork1s euler", "MuJoCo discrete", "MuJoCo implicitfast"
   double stiffness_scale = 1;
   double largest_stable_dt_s = 0;  // of 1/60 s and its halves down to 1/15360; 0: none was
 };
