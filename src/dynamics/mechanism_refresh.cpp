@@ -106,9 +106,9 @@ LinearizationDrift FindMissingControl(const MechanismStep& here) {
 
 }  // namespace
 
-// With g the joint forces and contact forces of the pose and -ṗ those of inertia and dampers, d = C_perp g is
-// the column that a new reference adds for g. The part of the load that stays, whichever way inertia acts,
-// moves the mechanism at rest by
+// With g the joint forces, reactions and contact forces of the pose and -ṗ those of inertia and dampers, d =
+// C_perp g is the column that a new reference adds for g. The part of the load that stays, whichever way
+// inertia acts, moves the mechanism at rest by
 //     u = d (1 - |ṗᵀd| / gᵀd),
 // and within T by u ω² T²/2 at most, ω its frequency. Where the inertia along d exceeds the load, truncated
 // modes move, and a column of the load does not follow them.
@@ -124,6 +124,7 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
   ws.F = contact_impulses_R / ws.stage_length;
   AddAppliedWrenches(here, ws.F);  // a point spring; loads of the step are in g
   ws.tau = ws.g;
+  if (ws.reactions.size() > 0) ws.tau += ws.reactions;
   AccumulateGeneralizedForce(m, kinematics.S, ws.F, ws.tau);
   ProjectOnLoops(*model.reduced, ws.configuration, ws.tau);
   ProjectOnLoops(*model.reduced, ws.configuration, ws.inertial_force);
@@ -173,7 +174,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   if (rewritten) ComputeKinematics(m, q, kinematics);
 
   const ReductionLoads loads = LoadsOf(model->options, state, ws.wrenches_R, ws.control_change);
-  auto reduced = ReduceAgain(*model->reduced, q, kinematics, model->options.reduction, &loads);
+  auto reduced = ReduceAgain(*model->reduced, q, kinematics, model->options.reduction, &loads, ws.reactions);
   if (!reduced) return false;
   if (model->options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
 

@@ -63,6 +63,8 @@ struct MechanismWorkspace {
   VectorX inertial_force;  // n: J(x)ᵀ (p̂ - p)/b of a stage and dampers, where the model has a complement
   VectorX control_change;  // controls at the end of the step less those at its start, for load columns
   Matrix6X wrenches_R;  // 6 x bodies or empty: applied forces at the end of the step, for load columns
+  // n or empty: joint forces of stops, dry frictions and saturated servos in the last stage, for load columns
+  VectorX reactions;
   Vector6 base_force;
   VectorX impulse;  // num_velocities: of contact and limits in this step
 

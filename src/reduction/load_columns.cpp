@@ -41,10 +41,11 @@ JointLoad TotalLoad(const Mechanism& mechanism, const Kinematics& kinematics, co
 }
 
 // Weight where the base is fixed; accelerations of a base that moves, and of free directions, else. Applied
-// forces and controls that move by themselves, so that none of their static answer is missing however they
-// come and go.
+// forces, reactions and controls that move by themselves, so that none of their static answer is missing
+// however they come and go.
 std::vector<JointLoad> LoadsOf(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q_ref,
-                               const ElasticBasis& basis, const ReductionLoads& loads) {
+                               const ElasticBasis& basis, const ReductionLoads& loads,
+                               const VectorX& reactions) {
   std::vector<JointLoad> all;
   const auto add = [&](std::string name, const VectorX& force) {
     all.push_back({std::move(name), force, force.cwiseAbs()});
@@ -68,6 +69,7 @@ std::vector<JointLoad> LoadsOf(const Mechanism& mechanism, const Kinematics& kin
   }
   if (loads.wrenches_R.size() > 0)
     add("applied forces", JointForces(mechanism, kinematics, loads.wrenches_R));
+  if (reactions.size() > 0) add("reactions", reactions);
   for (Eigen::Index i = 0; i < loads.control_change.size(); ++i) {
     if (loads.control_change(i) == 0) continue;
     VectorX force = VectorX::Zero(mechanism.num_coordinates());
@@ -81,13 +83,14 @@ std::vector<JointLoad> LoadsOf(const Mechanism& mechanism, const Kinematics& kin
 }  // namespace
 
 LoadColumns ComputeLoadColumns(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q_ref,
-                               const ElasticBasis& basis, const MatrixX& kept, const ReductionLoads& loads) {
+                               const ElasticBasis& basis, const MatrixX& kept, const ReductionLoads& loads,
+                               const VectorX& reactions) {
   constexpr double kDropped = 1e-6;  // share of a load's answer that is new
   const Eigen::Index e = basis.num_elastic();
   LoadColumns columns;
   MatrixX span = kept;
   if (span.cols() == e) return columns;
-  for (const JointLoad& load : LoadsOf(mechanism, kinematics, q_ref, basis, loads)) {
+  for (const JointLoad& load : LoadsOf(mechanism, kinematics, q_ref, basis, loads, reactions)) {
     const VectorX answer = basis.ApplyVTransposed(load.force);
     // Before anything cancels: what loops hold leaves rounding.
     const VectorX size = basis.ApplyAbsVTransposed(load.size);

@@ -242,9 +242,9 @@ void FillComplement(ReducedModel& model, const internal::ElasticBasis& basis) {
 }
 
 void AddLoadColumns(ReducedModel& model, const Kinematics& kinematics, const internal::ElasticBasis& basis,
-                    const ReductionLoads& loads, KeptColumns& kept) {
-  internal::LoadColumns columns =
-      internal::ComputeLoadColumns(*model.mechanism, kinematics, model.q_ref, basis, kept.Y, loads);
+                    const ReductionLoads& loads, const VectorX& reactions, KeptColumns& kept) {
+  internal::LoadColumns columns = internal::ComputeLoadColumns(*model.mechanism, kinematics, model.q_ref,
+                                                               basis, kept.Y, loads, reactions);
   if (columns.names.empty()) return;
   const Eigen::Index before = kept.Y.cols();
   kept.Y.conservativeResize(Eigen::NoChange, before + columns.vectors.cols());
@@ -261,7 +261,8 @@ namespace {
 // `last`: of the same mechanism, or null.
 Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, const VectorX& q_ref,
                                 const Kinematics& kinematics, const ReductionOptions& options,
-                                const ReductionLoads* loads, const ReducedModel* last) {
+                                const ReductionLoads* loads, const VectorX& reactions,
+                                const ReducedModel* last) {
   const Mechanism& mechanism = *mechanism_in;
   ReducedModel model;
   model.mechanism = mechanism_in;
@@ -330,7 +331,7 @@ Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, c
         stops.size() == 1 ? "its group of joints" : "their groups of joints"));
   }
   // After the stops: load columns would take weight's own answer out of what they are sought in.
-  if (loads) AddLoadColumns(model, kinematics, basis, *loads, kept);
+  if (loads) AddLoadColumns(model, kinematics, basis, *loads, reactions, kept);
   SortByPart(model, basis, kept);
   FillOperators(model, kinematics);
   FillLoopMetric(model);
@@ -354,13 +355,13 @@ Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism, const 
   FORK1S_REQUIRE(q_ref.size() == mechanism->num_coordinates(), q_ref.size(), mechanism->num_coordinates());
   Kinematics kinematics(*mechanism);
   ComputeKinematics(*mechanism, q_ref, kinematics);
-  return ReduceAt(mechanism, q_ref, kinematics, options, loads, nullptr);
+  return ReduceAt(mechanism, q_ref, kinematics, options, loads, {}, nullptr);
 }
 
 Expected<ReducedModel> ReduceAgain(const ReducedModel& last, const VectorX& q_ref,
                                    const Kinematics& kinematics, const ReductionOptions& options,
-                                   const ReductionLoads* loads) {
-  return ReduceAt(last.mechanism, q_ref, kinematics, options, loads, &last);
+                                   const ReductionLoads* loads, const VectorX& reactions) {
+  return ReduceAt(last.mechanism, q_ref, kinematics, options, loads, reactions, &last);
 }
 
 std::vector<int> ReducedModel::SprungColumns() const {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 
 #include "support.hpp"
 
@@ -127,6 +128,88 @@ TEST(InteriorStops, ServosAtTheirBoundsAndDryFrictionAreKeptToo) {
   EXPECT_FALSE(testing::MustCreate(rough).mechanisms()[0].model().has_complement);
   rough.frictions[0].force = 1e-6;
   EXPECT_TRUE(testing::MustCreate(rough).mechanisms()[0].model().has_complement);
+}
+
+// A chain of 20 light links and 0.5 m with its tip as the interface.
+MechanismDef PulledChain(int modes) {
+  MechanismDef chain = testing::Chain(20, 0.025, 0.01, 80, 0.8);
+  chain.modes = modes;
+  chain.modes_by_step = false;
+  return chain;
+}
+
+struct Hysteresis {
+  double error = 0;      // of a body, as a share of the length, at any time
+  double resting = 0;    // the same at the end
+  double effect = 0;     // the same of the model without bound or friction
+  double released = 0;   // rad in the joint, at the end
+  bool reaches = false;  // the bound, or slides
+  bool truncated = false;
+};
+
+// A pull across the tenth body, up within 4 s, down within the next four, and a second of rest.
+Hysteresis PullUpAndDown(const std::function<void(MechanismDef&)>& add, int modes, Integrator integrator) {
+  Hysteresis h;
+  MechanismDef defs[3] = {PulledChain(modes), PulledChain(20), PulledChain(20)};
+  add(defs[0]);
+  add(defs[1]);
+  World worlds[3] = {testing::MustCreate(defs[0]), testing::MustCreate(defs[1]),
+                     testing::MustCreate(defs[2])};
+  h.truncated = true;
+  StepOptions step = testing::Still();
+  step.integrator = integrator;
+  for (int i = 1; i <= 540; ++i) {
+    const double pull = 40 * std::max(0.0, 1 - std::abs(i / 240.0 - 1));  // N
+    for (World& world : worlds) {
+      MechanismDynamics& m = world.mechanisms()[0];
+      m.AddWrench(BodyIndex(10), Vector3(0, pull, 0), Vector3::Zero(),
+                  m.BodyPose(BodyIndex(10)).translation());
+      const StepReport report = world.Step(step);
+      EXPECT_TRUE(report.finite && report.stages_converged) << i;
+      if (&world == &worlds[1]) h.reaches |= report.forces_at_bound > 0;
+    }
+    h.truncated &= worlds[0].mechanisms()[0].model().has_complement;
+    h.resting = 0;
+    for (int b = 0; b < 21; ++b) {
+      const auto at = [&](int w) { return worlds[w].mechanisms()[0].BodyPose(BodyIndex(b)).translation(); };
+      h.resting = std::max(h.resting, (at(0) - at(1)).norm() / 0.5);
+      h.effect = std::max(h.effect, (at(2) - at(1)).norm() / 0.5);
+    }
+    h.error = std::max(h.error, h.resting);
+  }
+  h.released = worlds[1].mechanisms()[0].configuration().q(4);
+  return h;
+}
+
+TEST(InteriorStops, BoundOfAServoActsUnderLoadColumnsAsOnAllJoints) {
+  const auto add = [](MechanismDef& chain) {  // half of the joint's stiffness is the servo's
+    ForceLimitDef servo;
+    servo.name = "servo";
+    servo.terms = {{FreedomRef{JointIndex(4), 0}, 1.0}};
+    servo.stiffness = 40;
+    servo.lower = -1;
+    servo.upper = 1;
+    chain.force_limits.push_back(servo);
+  };
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage}) {
+    const Hysteresis h = PullUpAndDown(add, 2, integrator);
+    EXPECT_TRUE(h.truncated && h.reaches);
+    EXPECT_GT(h.effect, 0.01);
+    EXPECT_LT(h.error, 1e-3);
+  }
+}
+
+TEST(InteriorStops, DryFrictionActsUnderLoadColumnsAsOnAllJoints) {
+  const auto add = [](MechanismDef& chain) {
+    chain.frictions.push_back({"pin", {{FreedomRef{JointIndex(4), 0}, 1.0}}, 1.0, {}});
+  };
+  for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage}) {
+    const Hysteresis h = PullUpAndDown(add, 2, integrator);
+    EXPECT_TRUE(h.truncated);
+    EXPECT_GT(h.released, 0.01);  // friction holds the joint bent
+    EXPECT_LT(h.resting, 1e-3);
+    EXPECT_LT(h.error, 2e-3);  // its column is there three steps after what it holds is missing
+  }
 }
 
 TEST(InteriorStops, LargestActuatorForcesCount) {

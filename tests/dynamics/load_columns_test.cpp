@@ -168,6 +168,61 @@ TEST(LoadColumns, ForcesGetOneFromAMilliradianOn) {
   }
 }
 
+// A load that lasts two steps makes no new reference, however often it comes back; one that lasts three does.
+TEST(LoadColumns, ForcesGetOneFromTheThirdStepOn) {
+  const Vector3 force(0, 3 * 1e-3 / MissedPerNewton(1e4, 0.05), 0);
+  for (const int lasting : {2, 3}) {
+    World world = ChainUnder(testing::Chain(10, 0.05, 0.05, 1e4, 2), Vector3::Zero(), 0);
+    MechanismDynamics& m = world.mechanisms()[0];
+    for (int i = 0; i < 12; ++i) {
+      if (i % 4 < lasting)
+        m.AddWrench(BodyIndex(5), force, Vector3::Zero(), m.BodyPose(BodyIndex(5)).translation());
+      EXPECT_EQ(world.Step(TwoStage(1.0 / 60)).refreshes, lasting == 3 && i == 2 ? 1 : 0)
+          << lasting << " steps, step " << i;
+    }
+  }
+}
+
+// Ten bodies that slide along y, each on the one before it, the last one the interface: it sees the sum of
+// all slides, so a force f on the fifth leaves f / 2k in each unseen, and a slide of u in one 0.9 u.
+MechanismDef Slides(double stiffness) {
+  MechanismDef chain = testing::Chain(10, 0.05, 0.05, stiffness, 2);
+  for (std::size_t j = 0; j < chain.joints.size(); ++j) {
+    JointDef& joint = chain.joints[j];
+    joint = JointDef::Slide(joint.name, joint.body, Vector3::UnitY()).WithSpring(stiffness, 400);
+  }
+  ControlDef servo;
+  servo.name = "servo";
+  servo.terms = {{{JointIndex(4), 0}, 1.0}};
+  servo.gain = stiffness;
+  servo.is_setpoint = true;
+  chain.controls.push_back(servo);
+  return chain;
+}
+
+TEST(LoadColumns, SlidesGetOneFromAThousandthOfTheLengthOn) {
+  constexpr double kStiffness = 1e4;  // N/m
+  for (const double share : {0.99, 1.01}) {
+    World forced = ChainUnder(Slides(kStiffness), Vector3::Zero(), 0);
+    MechanismDynamics& m = forced.mechanisms()[0];
+    const double missing = share * 1e-3 * m.mechanism().length_scale();  // m
+    int refreshes = 0;
+    for (int i = 0; i < 120; ++i) {
+      m.AddWrench(BodyIndex(5), Vector3(0, 2 * kStiffness * missing, 0), Vector3::Zero(),
+                  m.BodyPose(BodyIndex(5)).translation());
+      refreshes += forced.Step(TwoStage(1.0 / 60)).refreshes;
+    }
+    EXPECT_EQ(refreshes, share > 1 ? 1 : 0) << share;
+
+    // Of a set-point the size is what three steps would miss, and the reference moves in the first.
+    World driven = ChainUnder(Slides(kStiffness), Vector3::Zero(), 0);
+    MechanismDynamics& d = driven.mechanisms()[0];
+    d.controls()(0) = missing / (3 * 0.9);
+    d.MoveControls();
+    EXPECT_EQ(driven.Step(TwoStage(1.0 / 60)).refreshes, share > 1 ? 1 : 0) << share;
+  }
+}
+
 // A chain of 12 links with servos, of which the fourth, sixth and eighth go to 0.5 rad within `ramp` s:
 // largest difference of a joint from the model of all joints [rad] while they move and at rest.
 struct Lag {

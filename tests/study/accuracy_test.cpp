@@ -156,6 +156,27 @@ TEST(Accuracy, ModesBringTheFrequencies) {
   }
 }
 
+TEST(Accuracy, SimulationsComeToRestWhereAllJointsWould) {
+  auto cases = MakeRestCases(FORK1S_SOURCE_DIR "/scenes");
+  ASSERT_TRUE(cases) << cases.error().Text();
+  int truncated = 0;
+  for (const RestCase& c : *cases) {
+    if (c.name != "firemen" && c.name != "random tree 1") continue;
+    for (const DeflectionLoad load : kDeflectionLoads) {
+      SCOPED_TRACE(c.name + ", " + Name(load));
+      auto curve = MeasureRest(c, load, {15});
+      ASSERT_TRUE(curve) << curve.error().Text();
+      for (const RestCurve::Point& p : curve->points) {
+        EXPECT_LT(p.speed, 1e-9);
+        EXPECT_LT(p.interface_percent, 0.1);  // claimed
+        EXPECT_LT(p.inside, 1e-3);            // claimed
+        truncated += p.size < curve->coordinates ? 1 : 0;
+      }
+    }
+  }
+  EXPECT_EQ(truncated, 7);  // all; the firemen have no servos
+}
+
 TEST(Accuracy, HalfTheStepHalvesTheErrorOfAMotion) {
   auto cases = MakeTransientCases(FORK1S_SOURCE_DIR "/scenes");
   ASSERT_TRUE(cases) << cases.error().Text();

@@ -6,9 +6,10 @@
 namespace fork1s {
 
 /// The bits of Reduce at q_ref [n], of which `kinematics` is; what hangs on no pose is taken from `last`.
-/// Errors: as of Reduce.
+/// `reactions` [n], empty: none: joint forces of stops, dry frictions and bounds of forces, which have a load
+/// column of their own. Errors: as of Reduce.
 Expected<ReducedModel> ReduceAgain(const ReducedModel& last, const VectorX& q_ref,
                                    const Kinematics& kinematics, const ReductionOptions& options,
-                                   const ReductionLoads* loads = nullptr);
+                                   const ReductionLoads* loads = nullptr, const VectorX& reactions = {});
 
 }  // namespace fork1s

@@ -56,6 +56,48 @@ Expected<StaticCurve> MeasureStatics(const StaticCase& c, const std::vector<doub
 /// infinite if it never does.
 double DeflectionAtError(const StaticCurve& curve, std::size_t mode, double percent);
 
+/// A mechanism whose simulation comes to rest under a load: base held, without contact, dry friction, stops
+/// and bounds of forces.
+struct RestCase {
+  std::string name;
+  std::shared_ptr<const Mechanism> mechanism;
+  BodyIndex interface;  // is pulled
+  BodyIndex interior;   // likewise; no interface body
+};
+
+/// Hexapod, firemen, two-link arm, arm and hand, excavator, a chain of 24 hinges, and random trees and loops
+/// of 24 links. The scenes are read from `folder`.
+Expected<std::vector<RestCase>> MakeRestCases(const std::string& folder);
+
+enum class DeflectionLoad { kWeight, kInterfacePull, kInteriorPull, kSetPoints };
+constexpr DeflectionLoad kDeflectionLoads[] = {DeflectionLoad::kWeight, DeflectionLoad::kInterfacePull,
+                                               DeflectionLoad::kInteriorPull, DeflectionLoad::kSetPoints};
+const char* Name(DeflectionLoad load);
+
+/// Where the simulation by default options rests, beside the equilibrium of all joints (SolveStatics).
+struct RestCurve {
+  struct Point {
+    double angle_deg = 0;          // largest turn of any joint in the equilibrium
+    double load = 0;               // m/s², N, or rad and m of the set-points
+    double interface_percent = 0;  // largest error of an interface body, of the largest motion of one
+    double inside = 0;             // largest error of a body, of the mechanism's size
+    int size = 0;                  // reduced coordinates at the end
+    int refreshes = 0;
+    double speed = 0;  // at the end, of the fastest joint [rad/s or m/s]
+  };
+  std::string name;
+  DeflectionLoad load = DeflectionLoad::kWeight;
+  int coordinates = 0;  // independent ones of all joints
+  std::vector<Point> points;
+  std::string end;  // why there are no more points; empty if all angles were reached
+};
+/// Positions are those of centres of mass; the size is the diagonal of the box around them. The load grows
+/// for 1.5 s in steps of 1/60 s and stays; backward Euler steps then grow to 20 s. Set-points are those of
+/// all servos that act on more than the interface bodies' own joints, moved by the same amount in turn up and
+/// down.
+Expected<RestCurve> MeasureRest(const RestCase& c, DeflectionLoad load,
+                                const std::vector<double>& angles_deg);
+
 /// Largest opening of any joint or loop, as a share of the mean link length, in the linear response to the
 /// case's force scaled to each deflection.
 struct GapCurve {

@@ -2,7 +2,9 @@
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/study/accuracy.hpp>
+#include <limits>
 #include <numbers>
+#include <random>
 
 #include <fmt/format.h>
 
@@ -115,7 +117,108 @@ Expected<ImportedScene> Load(const std::string& folder, const std::string& name)
   return LoadMechanism(folder + "/" + name + ".xml");
 }
 
+// Servos, as stiff as the springs, on all joints but the last.
+void AddServos(MechanismDef& definition) {
+  for (int j = 0; j + 1 < static_cast<int>(definition.joints.size()); ++j) {
+    const JointDef& joint = definition.joints[static_cast<std::size_t>(j)];
+    ControlDef servo;
+    servo.name = joint.name;
+    servo.terms = {{{JointIndex(j), 0}, 1.0}};
+    servo.gain = joint.freedoms[0].stiffness;
+    servo.is_setpoint = true;
+    definition.controls.push_back(servo);
+  }
+}
+
+// A tree of hinges with servos, of bodies about 0.2 m apart, the last body its interface. Loops are closed by
+// points of two bodies.
+MechanismDef RandomMechanism(unsigned seed, int bodies, int loops) {
+  std::mt19937 engine(seed);
+  const auto uniform = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(engine()) / 4294967296.0;
+  };
+  const auto vector = [&] {
+    const double x = uniform(-1, 1), y = uniform(-1, 1), z = uniform(-1, 1);
+    return Vector3(x, y, z);
+  };
+  MechanismBuilder builder(fmt::format("random {}", seed));
+  std::vector<Vector3> at{Vector3::Zero()};  // of origins in the world
+  for (int i = 1; i <= bodies; ++i) {
+    BodyDef body;
+    body.name = fmt::format("body{}", i);
+    const int parent = i % 3 == 0 ? i / 2 : i - 1;
+    body.parent = BodyIndex(parent);
+    const Vector3 step = 0.2 * vector().normalized();
+    body.X_PB = RigidTransform(step);
+    body.inertia = Rod(uniform(0.2, 1), 0.2 * vector().normalized());
+    at.push_back(at[static_cast<std::size_t>(parent)] + step);
+    builder.AddJoint(JointDef::Hinge(fmt::format("joint{}", i), builder.AddBody(body), vector().normalized())
+                         .WithSpring(uniform(2000, 20000), 1));
+  }
+  for (int k = 0; k < loops; ++k) {
+    const int a = bodies - 1 - k, b = bodies / 2 - k;
+    builder.AddClosure(
+        ClosureDef::Connect(fmt::format("loop{}", k + 1), BodyIndex(a), BodyIndex(b), Vector3::Zero(),
+                            at[static_cast<std::size_t>(a)] - at[static_cast<std::size_t>(b)]));
+  }
+  builder.SetInterfaces({fmt::format("body{}", bodies)});
+  MechanismDef definition = builder.definition();
+  AddServos(definition);
+  return definition;
+}
+
+Expected<RestCase> MakeRest(const std::string& name, MechanismDef definition, const std::string& interior) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  definition.base = BaseKind::kFixed;
+  definition.frictions.clear();
+  definition.length_limits.clear();
+  definition.force_limits.clear();
+  for (BodyDef& body : definition.bodies) body.geometries.clear();
+  for (JointDef& joint : definition.joints)
+    for (FreedomDef& freedom : joint.freedoms) freedom.lower = -(freedom.upper = kInfinity);
+  for (ControlDef& control : definition.controls) control.lower = -(control.upper = kInfinity);
+  auto built = BuildMechanism(std::move(definition));
+  if (!built) return tl::unexpected(built.error());
+  RestCase c{name, std::make_shared<const Mechanism>(std::move(*built)), {}, {}};
+  c.interface = c.mechanism->FindBody(c.mechanism->definition().interfaces.back());
+  c.interior = c.mechanism->FindBody(interior);
+  FORK1S_REQUIRE(c.interior.valid(), interior);
+  return c;
+}
+
 }  // namespace
+
+Expected<std::vector<RestCase>> MakeRestCases(const std::string& folder) {
+  struct FromScene {
+    const char *name, *file, *interior;
+  };
+  std::vector<RestCase> cases;
+  for (const auto& [name, file, interior] : {FromScene{"hexapod", "hexapod", "front_left_femur"},
+                                             {"firemen", "firemen", "west_chest"},
+                                             {"two-link arm", "two_link_arm", "upper_arm"},
+                                             {"arm and hand", "peg_in_hole", "forearm"},
+                                             {"excavator", "excavator", "stick"}}) {
+    auto scene = Load(folder, file);
+    if (!scene) return tl::unexpected(scene.error());
+    auto c = MakeRest(name, scene->scene.mechanisms[0], interior);
+    if (!c) return tl::unexpected(c.error());
+    cases.push_back(std::move(*c));
+  }
+  MechanismDef chain = Chain(24, 0.05, 0.02, 100, 1);
+  AddServos(chain);
+  std::vector<std::pair<std::string, MechanismDef>> made{{"chain", std::move(chain)}};
+  for (unsigned seed = 1; seed <= 4; ++seed)
+    made.emplace_back(fmt::format("random tree {}", seed), RandomMechanism(seed, 24, 0));
+  for (unsigned seed = 5; seed <= 8; ++seed)
+    made.emplace_back(fmt::format("random loops {}", seed - 4), RandomMechanism(seed, 24, 3));
+  for (auto& [name, definition] : made) {
+    const std::string interior = definition.bodies[definition.bodies.size() / 2].name;
+    auto c = MakeRest(name, std::move(definition), interior);
+    if (!c) return tl::unexpected(c.error());
+    cases.push_back(std::move(*c));
+  }
+  return cases;
+}
 
 Expected<std::vector<StaticCase>> MakeStaticCases(const std::string& folder) {
   auto hand = Load(folder, "hand"), hexapod = Load(folder, "hexapod"), firemen = Load(folder, "firemen");

@@ -1,9 +1,26 @@
-// Where a reduced model comes to rest under a dead force, in each mode of recovery.
+// Where the full mechanism is in equilibrium under a load, and where a reduced model comes to rest under a
+// dead force, in each mode of recovery.
 #pragma once
 
+#include <fork1s/reduction/statics.hpp>
 #include <fork1s/study/accuracy.hpp>
+#include <functional>
 
 namespace fork1s::internal {
+
+/// Equilibrium of all joints, and its largest joint rotation from the start.
+struct FullEquilibrium {
+  StaticsResult result;
+  double angle_deg = 0;
+};
+FullEquilibrium SolveFull(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
+                          const StaticsOptions& options);
+
+/// Raises or lowers `load`, a first guess above 0 in the unit that `solve` takes, until the largest joint
+/// rotation of the equilibrium is `angle_deg`, within 1e-6 of it. False where no stable equilibrium on the
+/// primary branch has it.
+bool RaiseToAngle(const std::function<FullEquilibrium(double)>& solve, double angle_deg, double& load,
+                  FullEquilibrium& out);
 
 /// One model, one mode, one force; follows the equilibrium as the force grows.
 class ReducedEquilibrium {

@@ -53,6 +53,14 @@ Expected<AccuracyResults> MeasureAccuracy(const std::string& scenes) {
     if (c.name != "firemen") continue;
     if (auto ok = MeasureTruncation(c, out); !ok) return tl::unexpected(ok.error());
   }
+  auto rest_cases = MakeRestCases(scenes);
+  if (!rest_cases) return tl::unexpected(rest_cases.error());
+  for (const RestCase& c : *rest_cases)
+    for (const DeflectionLoad load : kDeflectionLoads) {
+      auto curve = MeasureRest(c, load, {5, 15, 30});
+      if (!curve) return tl::unexpected(curve.error());
+      out.rests.push_back(std::move(*curve));
+    }
   auto frequency_cases = MakeFrequencyCases(scenes);
   if (!frequency_cases) return tl::unexpected(frequency_cases.error());
   for (const StaticCase& c : *frequency_cases)

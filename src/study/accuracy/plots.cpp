@@ -180,6 +180,13 @@ Expected<void> WriteAccuracyTables(const AccuracyResults& results, const std::st
       gaps +=
           fmt::format("{},{:g},{},{},{},{},{}\n", c.name, c.angles_deg[i], Number(c.twist[i]),
                       Number(c.second_order[i]), Number(c.open[i]), Number(c.curved[i]), Number(c.exact[i]));
+  std::string rests =
+      "mechanism,load,angle_deg,load_size,coordinates_of_all_joints,reduced_coordinates,refreshes,"
+      "interface_percent,inside_share\n";
+  for (const RestCurve& c : results.rests)
+    for (const auto& p : c.points)
+      rests += fmt::format("{},{},{:.4g},{:.5g},{},{},{},{},{}\n", c.name, Name(c.load), p.angle_deg, p.load,
+                           c.coordinates, p.size, p.refreshes, Number(p.interface_percent), Number(p.inside));
   std::string frequencies = "mechanism,choice,modes,reduced_coordinates,mode_number,full_hz,error_percent\n";
   for (const FrequencyCurve& c : results.frequencies)
     for (const auto& p : c.points)
@@ -203,6 +210,7 @@ Expected<void> WriteAccuracyTables(const AccuracyResults& results, const std::st
                                Number(p.shown_mm), Number(p.true_mm), Number(p.motion_mm));
   for (const auto& [name, text] : {std::pair{"statics", statics},
                                    {"gaps", gaps},
+                                   {"rests", rests},
                                    {"frequencies", frequencies},
                                    {"transients", transients},
                                    {"estimates", estimates}})

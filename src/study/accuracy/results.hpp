@@ -17,6 +17,7 @@ struct AccuracyResults {
   std::vector<double> truncation_angles_deg;
   std::vector<Truncation> truncation;
   std::vector<GapCurve> gaps;
+  std::vector<RestCurve> rests;             // of every rest case, all loads
   std::vector<FrequencyCurve> frequencies;  // per mechanism: lowest, then contribution
   std::vector<TransientCurve> transients;
   TransientCurve firemen_without_modes, firemen_with_all;

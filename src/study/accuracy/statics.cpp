@@ -14,41 +14,47 @@ namespace {
 
 constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
-// The full mechanism's equilibrium and its largest joint rotation.
-struct Truth {
-  StaticsResult result;
-  double angle_deg = 0;
-};
-
-Truth Solve(const StaticCase& c, double force_N) {
-  Truth t;
-  t.result = SolveStatics(*c.mechanism, c.q0, {{c.body, force_N * c.direction_R}});
-  if (t.result.converged) t.angle_deg = kDegreesPerRadian * MaxJointRotation(*c.mechanism, c.q0, t.result.q);
-  return t;
+internal::FullEquilibrium Solve(const StaticCase& c, double force_N) {
+  return internal::SolveFull(*c.mechanism, c.q0, {{c.body, force_N * c.direction_R}}, {});
 }
 
-bool Stands(const Truth& t) { return t.result.converged && t.result.tangent.IsStable(); }
+}  // namespace
 
-// Raises `force` until the mechanism turns by `angle_deg`. Rotation grows with force, slower and slower as
-// the mechanism aligns with it: bracket by growth, then bisect by secants.
-bool Reach(const StaticCase& c, double angle_deg, double& force, Truth& out) {
-  double low = 0, low_angle = 0, high = force;
-  Truth at = Solve(c, high);
-  for (int i = 0; i < 12 && Stands(at) && at.angle_deg < angle_deg; ++i) {
+namespace internal {
+
+FullEquilibrium SolveFull(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
+                          const StaticsOptions& options) {
+  FullEquilibrium full;
+  full.result = SolveStatics(mechanism, q0, loads, options);
+  if (full.result.converged)
+    full.angle_deg = kDegreesPerRadian * MaxJointRotation(mechanism, q0, full.result.q);
+  return full;
+}
+
+// Rotation grows with the load, slower and slower as the mechanism aligns with it: bracket by growth, then
+// bisect by secants.
+bool RaiseToAngle(const std::function<FullEquilibrium(double)>& solve, double angle_deg, double& load,
+                  FullEquilibrium& out) {
+  const auto stands = [](const FullEquilibrium& f) {
+    return f.result.converged && f.result.tangent.IsStable();
+  };
+  double low = 0, low_angle = 0, high = load;
+  FullEquilibrium at = solve(high);
+  for (int i = 0; i < 12 && stands(at) && at.angle_deg < angle_deg; ++i) {
     low = high;
     low_angle = at.angle_deg;
     high *= std::clamp(1.2 * angle_deg / at.angle_deg, 1.1, 4.0);
-    at = Solve(c, high);
+    at = solve(high);
   }
-  if (!Stands(at) || at.angle_deg < angle_deg) return false;
+  if (!stands(at) || at.angle_deg < angle_deg) return false;
   double high_angle = at.angle_deg;
   for (int i = 0; i < 60 && std::abs(at.angle_deg - angle_deg) > 1e-6 * angle_deg; ++i) {
     double share = (angle_deg - low_angle) / (high_angle - low_angle);
     if (i % 3 == 2) share = 0.5;  // a secant alone may keep one end for ever
     const double middle = low + share * (high - low);
-    at = Solve(c, middle);
-    if (!Stands(at)) return false;
-    force = middle;
+    at = solve(middle);
+    if (!stands(at)) return false;
+    load = middle;
     (at.angle_deg < angle_deg ? low : high) = middle;
     (at.angle_deg < angle_deg ? low_angle : high_angle) = at.angle_deg;
   }
@@ -56,7 +62,7 @@ bool Reach(const StaticCase& c, double angle_deg, double& force, Truth& out) {
   return true;
 }
 
-}  // namespace
+}  // namespace internal
 
 const char* Name(StaticMode mode) {
   switch (mode) {
@@ -97,8 +103,8 @@ Expected<StaticCurve> MeasureStatics(const StaticCase& c, const std::vector<doub
   double force = 0, last = 0;
   for (double angle : angles_deg) {
     force = last > 0 ? force * angle / last : angle / per_newton;
-    Truth truth;
-    if (!Reach(c, angle, force, truth)) {
+    internal::FullEquilibrium truth;
+    if (!internal::RaiseToAngle([&](double f) { return Solve(c, f); }, angle, force, truth)) {
       curve.end = fmt::format("no force bends it stably by {:g} degrees", angle);
       break;
     }
