@@ -23,6 +23,16 @@ void LengthRow(const MechanismView& here, const Mechanism::Length& length, const
   if (!(row.tail(count).array().abs() > kRankThreshold * unit * reach).any()) row.setZero();
 }
 
+double RatePerImpulse(const MechanismStep& here, const Mechanism::Length& length) {
+  const auto& [model, state, ws] = here;
+  ReducedRow(length, ws.paths(), ws.Q_now(), ws.limit_row);
+  ws.rhs.setZero(model.num_velocities());
+  ws.rhs.tail(model.size()) = ws.limit_row;
+  ws.solved = ws.rhs;
+  SolveOrFail(ws.inertia_factor, ws.M_full, ws.solved);
+  return ws.solved.dot(ws.rhs);
+}
+
 double LengthRateBy(const MechanismView& here, const Mechanism::Length& length, const VectorX& x) {
   const auto& [model, state, ws] = here;
   double rate = 0;

@@ -106,6 +106,26 @@ LinearizationDrift FindMissingControl(const MechanismStep& here) {
 
 }  // namespace
 
+// A servo at its bound takes back what its spring has beyond it.
+void RecordReactions(const MechanismStep& here, const std::vector<double>& limit_impulses,
+                     const std::vector<double>& friction_impulses) {
+  const auto& [model, state, ws] = here;
+  const Mechanism& m = model.mechanism();
+  ws.reactions.setZero(m.num_coordinates());
+  for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
+    const double impulse = limit_impulses[2 * k] - limit_impulses[2 * k + 1];
+    AddLengthForce(here, m.length_limits()[k].length, impulse / ws.stage_length, ws.reactions);
+  }
+  for (std::size_t k = 0; k < m.frictions().size(); ++k)
+    AddLengthForce(here, m.frictions()[k].length, friction_impulses[k] / ws.stage_length, ws.reactions);
+  for (std::size_t k = 0; k < m.force_limits().size(); ++k) {
+    const Mechanism::ForceLimit& limit = m.force_limits()[k];
+    if (state.at_bound[k] == 0) continue;
+    const double bound = state.at_bound[k] > 0 ? limit.upper : limit.lower;
+    AddLengthForce(here, limit.length, bound - UnboundedForce(here, limit), ws.reactions);
+  }
+}
+
 // With g the joint forces, reactions and contact forces of the pose and -ṗ those of inertia and dampers, d =
 // C_perp g is the column that a new reference adds for g. The part of the load that stays, whichever way
 // inertia acts, moves the mechanism at rest by

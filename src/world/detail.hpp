@@ -129,7 +129,6 @@ struct World::Detail {
   void ApplyImpulses(bool of_bounded_forces);
   void KeepForNextStep(double h, StepReport& report);
   void GatherContactImpulses(std::size_t mechanism);
-  void UpdateReactions(std::size_t mechanism);
   void RefreshIfStale(std::size_t mechanism, double h);
   void CountRefreshes(StepReport& report) const;
   int WorthAThread() const;

@@ -107,7 +107,8 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
 // stage is stable for τ above 0.71 of its length.
 //
 // A stage of backward Euler that closes a gap leaves the velocity of the chord; what it stops is stopped in
-// the next one, along the rows of its end.
+// the next one, along the rows of its end. Where a length that a stop holds bends, as a taut string does that
+// swings, that velocity runs on into the stop by half of what the stop's force has changed in the stage.
 void World::Detail::RecordStops(double h) {
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     MechanismBlock& block = mechanism_blocks_[i];
@@ -115,8 +116,12 @@ void World::Detail::RecordStops(double h) {
       block.stop_carried[at] = block.stop_is_fresh[at] = 0;
       block.stop_start_gap[at] = kNoGap;
       if (!(block.limit_impulses[at] > 0)) continue;
-      const StopApproach a = ApproachOf(mechanisms_[i], mechanisms_[i].length_limits()[at / 2], at % 2 == 1);
-      if (!is_backward_euler_ && !(a.speed < impact_speed_)) continue;
+      const Mechanism::LengthLimit& stop = mechanisms_[i].length_limits()[at / 2];
+      const StopApproach a = ApproachOf(mechanisms_[i], stop, at % 2 == 1);
+      const auto turned = [&] {
+        return a.scale * block.limit_impulses[at] * RatePerImpulse(mechanisms_[i], stop.length);
+      };
+      if (!is_backward_euler_ && !(a.speed < impact_speed_) && !(a.speed < turned())) continue;
       block.stop_carried[at] = 1;
       block.stop_is_fresh[at] = h * a.speed > kPartingShare * a.size;
       block.stop_start_gap[at] = a.gap / a.scale;

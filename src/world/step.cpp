@@ -27,32 +27,10 @@ void World::Detail::GatherContactImpulses(std::size_t i) {
   }
 }
 
-// Of the last stage. A servo at its bound takes back what its spring has beyond it.
-void World::Detail::UpdateReactions(std::size_t i) {
-  const MechanismStep here = mechanisms_[i];
-  const MechanismBlock& block = mechanism_blocks_[i];
-  const Mechanism& m = here.model.mechanism();
-  MechanismWorkspace& ws = here.work;
-  if (m.length_limits().empty() && m.frictions().empty() && m.force_limits().empty()) return;
-  ws.reactions.setZero(m.num_coordinates());
-  for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
-    const double impulse = block.limit_impulses[2 * k] - block.limit_impulses[2 * k + 1];
-    AddLengthForce(here, m.length_limits()[k].length, impulse / ws.stage_length, ws.reactions);
-  }
-  for (std::size_t k = 0; k < m.frictions().size(); ++k)
-    AddLengthForce(here, m.frictions()[k].length, block.friction_impulses[k] / ws.stage_length, ws.reactions);
-  for (std::size_t k = 0; k < m.force_limits().size(); ++k) {
-    const Mechanism::ForceLimit& limit = m.force_limits()[k];
-    if (here.state.at_bound[k] == 0) continue;
-    const double bound = here.state.at_bound[k] > 0 ? limit.upper : limit.lower;
-    AddLengthForce(here, limit.length, bound - UnboundedForce(here, limit), ws.reactions);
-  }
-}
-
 void World::Detail::RefreshIfStale(std::size_t i, double h) {
   MechanismDynamics& m = mechanisms_[i];
   MechanismBlock& block = mechanism_blocks_[i];
-  UpdateReactions(i);
+  if (m.model().has_complement) RecordReactions(m, block.limit_impulses, block.friction_impulses);
   block.drift = m.ComputeLinearizationDrift();
   if (!(block.drift.share > 1) && m.model().has_complement) {
     GatherContactImpulses(i);

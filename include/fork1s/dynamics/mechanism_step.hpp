@@ -153,6 +153,11 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
 /// of a loop that is closed by its curvature, as a share of the refresh gap. A joint
 /// that leaves the reduction as it is does not count, nor one whose every motion the model has.
 LinearizationDrift ComputeLinearizationDrift(const MechanismView& here);
+/// Keeps the joint forces of stops, dry frictions and servos at their bounds of the last stage, for the two
+/// functions below. Impulses [N s or N m s]: two of every length limit, lower and upper, and one of every
+/// friction.
+void RecordReactions(const MechanismStep& here, const std::vector<double>& limit_impulses,
+                     const std::vector<double>& friction_impulses);
 /// After a step of h [s]: displacement that joint forces and contact forces of the last stage lack at rest,
 /// as a share of 1e-3 rad or lengths of the mechanism in a joint. The share is 0 until they have lacked it
 /// for so long that it would have moved by as much, unless controls that moved in the step would lack it
@@ -185,6 +190,8 @@ void HalfSolve(const MechanismView& here, const VelocityRange& part, Eigen::Ref<
 void LengthRow(const MechanismView& here, const Mechanism::Length& length, const VelocityRange& part,
                Eigen::Ref<VectorX> row);
 double LengthRate(const MechanismView& here, const Mechanism::Length& length);
+/// Change of the rate of a length by a unit impulse along it, 1/kg or 1/(kg m²), at the start of a step.
+double RatePerImpulse(const MechanismStep& here, const Mechanism::Length& length);
 /// By the velocity x [num_velocities]; by that where the stage at hand starts.
 double LengthRateBy(const MechanismView& here, const Mechanism::Length& length, const VectorX& x);
 double LengthRateAtStageStart(const MechanismView& here, const Mechanism::Length& length);
