@@ -264,6 +264,7 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
       excluded.emplace_back(index_of[a], index_of[b]);
 
   margin_max_ = options.collision.margin;
+  least_size_ = margin_max_;
   for (const CollisionBodyDef& body : bodies) {
     double radius = 0;
     for (const GeometryDef& g : body.geometries)
@@ -274,6 +275,7 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
     inner_radius_.emplace_back();
     for (const GeometryDef& g : body.geometries) {
       geometry_radius_.back().push_back(BoundingRadius(g.shape));
+      if (body.moves) least_size_ = std::min(least_size_, geometry_radius_.back().back());
       inner_radius_.back().push_back(Detail::InnerRadius(g.shape));
     }
   }

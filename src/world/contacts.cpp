@@ -10,7 +10,8 @@ namespace fork1s {
 
 bool World::Detail::FindContacts(const StepOptions& options, StepReport& report) {
   const PartClock clock(times_, &StepPartTimes::finding);
-  // What can close within a step: twice the last step's motion, what gravity adds, and a millimetre.
+  // What can close within a step: twice the last step's motion, what gravity adds, and what was not
+  // foreseen.
   contactor_motion_.assign(contactors_.size(), 0.0);
   constexpr int kWorthAThread = 100;  // some 30 us
   ForAll(contactors_.size(), kWorthAThread, [&](std::size_t i) {
@@ -22,7 +23,8 @@ bool World::Detail::FindContacts(const StepOptions& options, StepReport& report)
     contactor_pose_[i] = X;
   });
   const double motion = MotionWithin(options.h);
-  const double needed = kClear + 2 * motion + options.gravity.norm() * options.h * options.h;
+  const double needed =
+      kClearShare * least_size_ + 2 * motion + options.gravity.norm() * options.h * options.h;
   search_margin_ = std::max(least_margin_, std::min(margin_max_, needed));
   if (in_stage_) search_margin_ = std::max(search_margin_, LargestPairMotion());
   if (!std::isfinite(search_margin_)) return false;
@@ -88,8 +90,10 @@ void World::Detail::LayOutLimits(std::size_t i, const StepOptions& options) {
   for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
     const Mechanism::LengthLimit& limit = m.length_limits()[k];
     const double length = m.Length(limit.length);
-    // Near enough to be reached within the step, with room for what contacts may add.
-    const double reach = 0.02 + 2 * options.h * std::abs(LengthRate(m, limit.length));
+    // Near enough to be reached within the step, with room for what contacts may add: 0.02 rad, or that share
+    // of the mechanism's length.
+    const double room = 0.02 * m.mechanism().length_scale() / MetersPerUnit(m, limit.length);
+    const double reach = room + 2 * options.h * std::abs(LengthRate(m, limit.length));
     const double gap[2] = {length - limit.lower, limit.upper - length};
     for (int side = 0; side < 2; ++side) {
       const int at = static_cast<int>(2 * k) + side;

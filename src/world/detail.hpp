@@ -101,6 +101,7 @@ struct World::Detail {
     double scale = 1;               // m a unit of its length: rad or m
     int mechanism = -1, stop = -1;  // of length_limits()
   };
+  static double MetersPerUnit(const MechanismDynamics& m, const Mechanism::Length& length);
   StopApproach ApproachOf(const MechanismDynamics& m, const Mechanism::LengthLimit& stop, bool upper) const;
   bool MetAtSpeed(const StepOptions& options, StepSubject* subject = nullptr) const;
   double MotionWithin(double h) const;
@@ -184,7 +185,9 @@ struct World::Detail {
     }
   };
   static constexpr std::size_t kMostBenches = 64;
-  static constexpr double kClear = 0.001;  // m: what contacts may move a body by that was not foreseen
+  // What contacts may move a body by that was not foreseen, as a share of the size of what touches.
+  static constexpr double kClearShare = 0.02;
+  double least_size_ = 0;  // m, of the shapes that move
   std::vector<MatchBench> match_benches_;
   std::vector<std::size_t> patches_;  // first point of each, and the end
   bool in_stage_ = false;             // contacts and rows are those of the pose that a stage is linearised at

@@ -63,11 +63,16 @@ bool World::Detail::ClosesAtSpeed(const StepOptions& options, StepSubject* subje
   return false;
 }
 
+// Lengths that turn, in rad, count by the length of the mechanism.
+double World::Detail::MetersPerUnit(const MechanismDynamics& m, const Mechanism::Length& length) {
+  const bool turns =
+      length.path < 0 && !length.terms.empty() && m.mechanism().Turns(length.terms.front().first);
+  return turns ? m.mechanism().length_scale() : 1;
+}
+
 World::Detail::StopApproach World::Detail::ApproachOf(const MechanismDynamics& m,
                                                       const Mechanism::LengthLimit& stop, bool upper) const {
-  const auto& terms = stop.length.terms;
-  const bool turns = stop.length.path < 0 && !terms.empty() && m.mechanism().Turns(terms.front().first);
-  const double scale = turns ? m.mechanism().length_scale() : 1, length = m.Length(stop.length),
+  const double scale = MetersPerUnit(m, stop.length), length = m.Length(stop.length),
                rate = from_stage_start_ ? LengthRateAtStageStart(m, stop.length) : LengthRate(m, stop.length);
   return {false,
           scale * (upper ? stop.upper - length : length - stop.lower),

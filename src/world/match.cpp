@@ -64,19 +64,23 @@ void World::Detail::MatchPatch(std::size_t begin, std::size_t end, MatchBench& b
 
 void World::Detail::AddCandidates(std::size_t begin, std::size_t end, const int* first, const int* last,
                                   MatchBench& bench) const {
-  constexpr double kFarthest = 0.02 * 0.02;  // m²: what moved farther over both bodies is another contact
-  constexpr double kStays = 1e-4 * 1e-4;     // m²: points nearer than that carry what one of them carries
+  // Shares of the pair's size: what moved farther over both bodies is another contact; points nearer than
+  // that carry what one of them carries.
+  constexpr double kFarthestShare = 0.5, kStayShare = 2e-3;
+  const double size = PairSize(points_[begin]);
+  const double most = size * size * kFarthestShare * kFarthestShare,  // m²
+      stays = size * size * kStayShare * kStayShare;
   bench.candidates.clear();
   const auto add = [&](const auto& distance) {
     double farthest = 0;  // of the points that are nearest to each
     for (std::size_t i = begin; i < end; ++i) {
-      double nearest = kFarthest;
+      double nearest = most;
       for (const int* k = first; k != last; ++k) {
         const ContactPoint& o = previous_[static_cast<std::size_t>(*k)].point;
         if (o.frame.row(0).dot(points_[i].frame.row(0)) <= 0.8) continue;
         const double moved = distance(i, k, o);
         nearest = std::min(nearest, moved);
-        if (moved < kFarthest) bench.candidates.push_back({moved, static_cast<int>(i), *k});
+        if (moved < most) bench.candidates.push_back({moved, static_cast<int>(i), *k});
       }
       farthest = std::max(farthest, nearest);
     }
@@ -86,7 +90,7 @@ void World::Detail::AddCandidates(std::size_t begin, std::size_t end, const int*
     return (o.point - points_[i].point).squaredNorm();
   });
   const bool one_each = end == begin + 1 && last == first + 1;
-  if (first == last || farthest < (one_each ? kFarthest : kStays)) return;
+  if (first == last || farthest < (one_each ? most : stays)) return;
 
   bench.places.clear();
   const auto keep = [&](const ContactPoint& p, const std::vector<RigidTransform>& poses) {

@@ -89,7 +89,7 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
     approach_[i] = std::max(0.0, -RelativeSpeed(c, start_velocities_)(0));
   // A body on the floor would fall upon all that is near, were nothing there to hold it: it goes on as it
   // did.
-  c.waits = p.gap + h * speed(0) > kClear;
+  c.waits = p.gap + h * speed(0) > kClearShare * PairSize(p);
   if (match_[i] < 0) return;
   const auto k = static_cast<std::size_t>(match_[i]);
   const ContactRecord& before = previous_[k];
