@@ -142,13 +142,6 @@ signed char SideOf(const MechanismStep& here, std::size_t k, double h) {
 
 }  // namespace
 
-std::size_t NumBoundedForces(const Mechanism& m) {
-  const auto& springs = m.springs();
-  return m.force_limits().size() +
-         2 * static_cast<std::size_t>(
-                 std::count_if(springs.begin(), springs.end(), [](const auto& s) { return s.slack > 0; }));
-}
-
 namespace {
 
 // Springs with slack have two bounded forces each, at the shorter end first.
@@ -181,7 +174,7 @@ BoundedForceRow RowOfBoundedForce(const MechanismStep& here, std::size_t k, doub
   return {f / weight + LengthRate(here, limit.length), 1 / (h * weight), h * limit.lower, h * limit.upper};
 }
 
-void TakeSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impulse, double unbounded,
+void SetSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impulse, double unbounded,
                             double h) {
   const auto& [model, state, ws] = here;
   if (k >= state.at_bound.size()) {

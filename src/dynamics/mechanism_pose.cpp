@@ -43,8 +43,8 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   if (model->base_size > 0) ws.x.head<6>() = state.reduced.V_R;
   ws.configuration.mu = state.mu;
   // What the last step left for a new reference is of another state.
-  ws.reactions.resize(0);
-  ws.wrenches_R.resize(6, 0);
+  ws.reactions.setZero();
+  ws.wrenches_R.setZero();
   ws.control_change.setZero();
   UpdateConfiguration(here, true);
 }

@@ -6,7 +6,7 @@
 namespace fork1s {
 
 // Those that mechanisms now leave to the solve get their rows.
-void World::Detail::TakeBoundedForcesIn(double h) {
+void World::Detail::AddBoundedForceRows(double h) {
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     const MechanismDynamics& m = mechanisms_[i];
     const std::vector<int>& part_of = m.step_model().part_of_bounded_force;
@@ -46,11 +46,11 @@ void World::Detail::AssembleBoundedForces(double h) {
 
 // The sides that were found, and the same step again with these forces where they belong: to rounding it is
 // the same velocity, and the rest of the step knows of no such rows.
-void World::Detail::SettleBoundedForces(double h) {
+void World::Detail::SolveWithSidesFound(double h) {
   for (std::size_t k = 0; k < bounded_forces_.size(); ++k) {
     const LimitConstraint& limit = limits_[limits_.size() - bounded_forces_.size() + k];
     const double unbounded = -(velocities_(limit.row) + limit.bias) / limit.compliance;
-    TakeSideOfBoundedForce(mechanisms_[bounded_forces_[k].mechanism], bounded_forces_[k].index, limit.impulse,
+    SetSideOfBoundedForce(mechanisms_[bounded_forces_[k].mechanism], bounded_forces_[k].index, limit.impulse,
                            unbounded, h);
   }
   PredictAllAgain(h);

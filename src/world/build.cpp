@@ -170,7 +170,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   std::size_t blocks = detail.free_bodies_.size();
   for (const MechanismDynamics& m : detail.mechanisms_)
     blocks += m.groups().size() + m.length_limits().size() + m.mechanism().frictions().size() +
-              NumBoundedForces(m.mechanism());
+              m.step_model().part_of_bounded_force.size();
   detail.blocks_.reserve(blocks);
   int velocities = 6 * static_cast<int>(detail.free_bodies_.size());
   int limits = 0, widest = 6, most_rows = 0;
@@ -179,7 +179,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     Detail::MechanismBlock block;
     const int limited = static_cast<int>(m.length_limits().size());
     const int frictions = static_cast<int>(m.mechanism().frictions().size());
-    const int bounded = static_cast<int>(NumBoundedForces(m.mechanism()));
+    const int bounded = static_cast<int>(m.step_model().part_of_bounded_force.size());
     const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions + bounded;
     block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
     block.stop_carried.assign(static_cast<std::size_t>(2 * limited), 0);

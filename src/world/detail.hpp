@@ -123,8 +123,8 @@ struct World::Detail {
   bool UpdateSwitches(const StepOptions& options);
   void PredictAllAgain(double h);
   // Forces with bounds in the contact solve (bounded_forces.cpp).
-  void TakeBoundedForcesIn(double h);
-  void SettleBoundedForces(double h);
+  void AddBoundedForceRows(double h);
+  void SolveWithSidesFound(double h);
   void AssembleBoundedForces(double h);
   void GatherPushes();
   void ApplyImpulses(bool of_bounded_forces);

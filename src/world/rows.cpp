@@ -108,7 +108,8 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
 //
 // A stage of backward Euler that closes a gap leaves the velocity of the chord; what it stops is stopped in
 // the next one, along the rows of its end. Where a length that a stop holds bends, as a taut string does that
-// swings, that velocity runs on into the stop by half of what the stop's force has changed in the stage.
+// swings, that velocity runs on into the stop by half of what the stop's force changes in the stage. What
+// closes slower than by all that it has changed in the last step, or part of one, is borne.
 void World::Detail::RecordStops(double h) {
   for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
     MechanismBlock& block = mechanism_blocks_[i];

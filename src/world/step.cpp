@@ -71,7 +71,7 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
     report.solver = solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
     ApplyImpulses(true);
   } while (has_switches_ && UpdateSwitches(options));
-  if (!bounded_forces_.empty()) SettleBoundedForces(options.h);
+  if (!bounded_forces_.empty()) SolveWithSidesFound(options.h);
 }
 
 bool World::Detail::UpdateSwitches(const StepOptions& options) {
@@ -80,7 +80,7 @@ bool World::Detail::UpdateSwitches(const StepOptions& options) {
     if (fork1s::UpdateSwitches(m, options.h)) changed = true;
   if (!changed) return false;
   PredictAllAgain(options.h);
-  TakeBoundedForcesIn(options.h);
+  AddBoundedForceRows(options.h);
   return true;
 }
 

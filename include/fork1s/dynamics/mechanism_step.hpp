@@ -67,9 +67,8 @@ bool HasSwitches(const MechanismView& here);
 /// slack. True if that differs from what the velocity was computed with; then SolveFreeStage and solve
 /// contact anew.
 bool UpdateSwitches(const MechanismStep& here, double h);
-// Forces with bounds are counted as force limits first, then springs with slack, which have two each: of the
-// shorter end, at 0 or more, and of the longer one, at 0 or less.
-std::size_t NumBoundedForces(const Mechanism& mechanism);
+// Forces with bounds, as many as MechanismModel::part_of_bounded_force, are force limits first, then springs
+// with slack, which have two each: of the shorter end, at 0 or more, and of the longer one, at 0 or less.
 const Mechanism::Length& LengthOfBoundedForce(const MechanismView& here, std::size_t k);
 /// Whether the contact solve is to find it.
 bool IsInSolve(const MechanismView& here, std::size_t k);
@@ -84,7 +83,7 @@ struct BoundedForceRow {
 BoundedForceRow RowOfBoundedForce(const MechanismStep& here, std::size_t k, double h);
 /// Which bound it is at, if any, by the impulse that was found and that of its rate without bounds. Solve the
 /// stage again thereafter.
-void TakeSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impulse, double unbounded,
+void SetSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impulse, double unbounded,
                             double h);
 /// Servos and motors that give all they can.
 int NumForcesAtBound(const MechanismState& state);
