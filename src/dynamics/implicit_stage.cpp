@@ -393,7 +393,6 @@ void EndStep(const MechanismStep& here, double between_stages) {
   const bool has_columns = HasForcesFromOutside(state);
   ws.wrenches_R.setZero(6, has_columns ? model.mechanism().num_bodies() : 0);
   if (has_columns) AddAppliedWrenches(here, ws.wrenches_R);
-  ws.control_change = state.controls - state.controls_from;
   ForgetInputs(here);
 }
 

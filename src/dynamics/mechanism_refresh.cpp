@@ -92,25 +92,14 @@ LinearizationDrift MissingDrift(const MechanismStep& here, double share) {
   return missing;
 }
 
-// Controls that move as in this step, F Δu, miss C_perp F Δu more in every step. Their motion is prescribed:
-// it is not waited for as for loads that may pass.
-LinearizationDrift FindMissingControl(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  if (ws.control_change.isZero(0)) return {};
-  ws.tau.setZero();
-  AddControlForce(model.mechanism(), ws.configuration.kinematics, ws.control_change, ws.tau);
-  ProjectOnLoops(*model.reduced, ws.configuration, ws.tau);
-  ApplyComplement(*model.reduced, ws.tau, ws.rest);
-  return MissingDrift(here, kMinSteps);
-}
-
 }  // namespace
 
 // A servo at its bound takes back what its spring has beyond it.
-void RecordReactions(const MechanismStep& here, const std::vector<double>& limit_impulses,
-                     const std::vector<double>& friction_impulses) {
+void RecordLoads(const MechanismStep& here, const MechanismState& start,
+                 const std::vector<double>& limit_impulses, const std::vector<double>& friction_impulses) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
+  ws.control_change = state.controls - start.controls_from;
   ws.reactions.setZero(m.num_coordinates());
   for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
     const double impulse = limit_impulses[2 * k] - limit_impulses[2 * k + 1];
@@ -137,10 +126,7 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
   if (!model.reduced->has_complement) return {};
   const Mechanism& m = model.mechanism();
   const Kinematics& kinematics = ws.configuration.kinematics;
-  if (const LinearizationDrift moved = FindMissingControl(here); moved.share > 1) {
-    state.missing_time = 0;
-    return moved;
-  }
+  state.reference_age += h;
   ws.F = contact_impulses_R / ws.stage_length;
   AddAppliedWrenches(here, ws.F);  // a point spring; loads of the step are in g
   ws.tau = ws.g;
@@ -159,7 +145,7 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
   state.missing_time += h;
   ApplyMass(m, kinematics, ws.rest, ws.tau);
   const double angle = state.missing_time * std::sqrt(work / ws.rest.dot(ws.tau));
-  if (!(missing.share * std::min(1.0, angle * angle / 2) > 1) || state.missing_time < (kMinSteps - 0.5) * h)
+  if (!(missing.share * std::min(1.0, angle * angle / 2) > 1) || state.reference_age < (kMinSteps - 0.5) * h)
     return {};
   state.missing_time = 0;
   return missing;
@@ -218,6 +204,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   state.reduced.z = VectorX::Zero(r);
   state.reduced.w = VectorX::Zero(r);
   StartAtReference(*model, state);
+  state.reference_age = 0;
   Renew(here);
   VectorX x = SolveSymmetric(ws.M_full, p);
   if (!x.allFinite()) {

@@ -114,8 +114,11 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
 
 // What follows the last stage; `start` is where the step is undone to if it is not finite.
 StepReport World::Detail::FinishStep(const StepOptions& options, WorldState& start, StepReport report) {
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i)
+  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
+    const MechanismBlock& block = mechanism_blocks_[i];
     StoreBaseHistory(mechanisms_[i], start.mechanisms[i], options.h);
+    RecordLoads(mechanisms_[i], start.mechanisms[i], block.limit_impulses, block.friction_impulses);
+  }
   StoreSums();
   contacts_h_ = options.h;
   report.contacts = static_cast<int>(

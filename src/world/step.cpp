@@ -30,7 +30,6 @@ void World::Detail::GatherContactImpulses(std::size_t i) {
 void World::Detail::RefreshIfStale(std::size_t i, double h) {
   MechanismDynamics& m = mechanisms_[i];
   MechanismBlock& block = mechanism_blocks_[i];
-  if (m.model().has_complement) RecordReactions(m, block.limit_impulses, block.friction_impulses);
   block.drift = m.ComputeLinearizationDrift();
   if (!(block.drift.share > 1) && m.model().has_complement) {
     GatherContactImpulses(i);

@@ -82,7 +82,7 @@ TEST(Simulation, ReportsWhyItRelinearizes) {
   RelinearizationTotals totals;
   int refreshes = 0;
   for (int i = 0; i < 240; ++i) {
-    const Vector3 force(0, i < 120 ? 40 : 200, 0);  // N
+    const Vector3 force(0, i < 120 ? 40 : 1000, 0);  // N
     simulation->ApplyWrench(5, force, Vector3::Zero(), simulation->Pose(5).translation());
     const StepReport report = simulation->Step();
     refreshes += report.refreshes;

@@ -5,6 +5,7 @@
 #include <fork1s/dynamics/point_spring.hpp>
 #include <fork1s/mechanism/base_path.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -35,6 +36,7 @@ struct MechanismState {
   std::vector<signed char> at_bound;  // per force limit: 1 at the upper, -1 at the lower, 0 between; kInSolve
 
   double missing_time = 0;  // s, for how long loads have had no column (FindMissingLoad)
+  double reference_age = std::numeric_limits<double>::infinity();  // s, since a step last moved the reference
 
   // Predicts the velocity of the first stage: of the last step of two stages, zero where that is not known.
   // (v₂ - v₁)/((1 - γ) h) of the two stages; where the base floats, of the centre of mass in place of the

@@ -152,16 +152,15 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
 /// of a loop that is closed by its curvature, as a share of the refresh gap. A joint
 /// that leaves the reduction as it is does not count, nor one whose every motion the model has.
 LinearizationDrift ComputeLinearizationDrift(const MechanismView& here);
-/// Keeps the joint forces of stops, dry frictions and servos at their bounds of the last stage, for the two
-/// functions below. Impulses [N s or N m s]: two of every length limit, lower and upper, and one of every
-/// friction.
-void RecordReactions(const MechanismStep& here, const std::vector<double>& limit_impulses,
-                     const std::vector<double>& friction_impulses);
+/// Keeps what a step from `start` did to the loads, for the two functions below: the joint forces of stops,
+/// dry frictions and servos at their bounds in the last stage, and the change of the controls. Impulses of
+/// the last stage [N s or N m s]: two of every length limit, lower and upper, and one of every friction.
+void RecordLoads(const MechanismStep& here, const MechanismState& start,
+                 const std::vector<double>& limit_impulses, const std::vector<double>& friction_impulses);
 /// After a step of h [s]: displacement that joint forces and contact forces of the last stage lack at rest,
 /// as a share of 1e-3 rad or lengths of the mechanism in a joint. The share is 0 until they have lacked it
-/// for so long that it would have moved by as much, unless controls that moved in the step would lack it
-/// within three steps. A refresh gives them load columns. `contact_impulses_R`: of the last stage, about R's
-/// origin [6 x bodies].
+/// for so long that it would have moved by as much, and within three steps of the last refresh. A refresh
+/// gives them load columns. `contact_impulses_R`: of the last stage, about R's origin [6 x bodies].
 LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R);
 /// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
 /// the old model stays.
