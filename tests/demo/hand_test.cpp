@@ -44,6 +44,16 @@ TEST(Hand, HoldsForAMinuteWithoutDrift) {
   EXPECT_EQ(m.unconverged_rest, 0);
 }
 
+TEST(Hand, SlipsByShakingLessThanPromisedAndLessInShorterSteps) {
+  HandScenario scenario;
+  scenario.rest = 0;
+  const double coarse = RunOn(scenario).slip_by_shake;
+  scenario.dt = 1.0 / 240;
+  const double fine = RunOn(scenario).slip_by_shake;
+  EXPECT_LT(coarse, kHandSlip);
+  EXPECT_LT(fine, 5e-4);  // 0.35 mm in steps of 1/960 s
+}
+
 TEST(Hand, DropsTheObjectOnSlipperySkin) {
   HandScenario scenario;
   scenario.friction = 0.2;
