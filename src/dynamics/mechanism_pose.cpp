@@ -5,16 +5,10 @@
 
 namespace fork1s {
 
-// What a new reference makes of loops and of the interior's own displacement.
 void StartAtReference(const MechanismModel& model, MechanismState& state) {
-  const int n = model.reduced->num_coordinates();
   state.mu.setZero(model.reduced->loop_rank());
   state.missing_time = 0;
   state.acceleration.setZero(model.num_velocities());
-  if (model.reduced->has_complement)
-    state.reduced.q_perp = VectorX::Zero(n);
-  else
-    state.reduced.q_perp.resize(0);
 }
 
 ReductionLoads LoadsOf(const MechanismOptions& options, const MechanismState& state,

@@ -217,8 +217,7 @@ std::uint64_t RecoveryReference(const Simulation& simulation) {
   count(RootsOf(simulation.world()));
   for (const MechanismDynamics& m : simulation.world().mechanisms()) {
     const ReducedModel& model = m.model();
-    count(static_cast<int>(m.recovery()) * 4 + (model.curvature.exists() ? 2 : 0) +
-          (model.has_complement ? 1 : 0));
+    count(static_cast<int>(m.recovery()) * 2 + (model.curvature.exists() ? 1 : 0));
     count(m.mechanism().num_bodies());
     count(model.size());
     for (const double q : model.q_ref) hash.Add(q);

@@ -20,15 +20,11 @@ float* PutMotion(const RigidTransform& X, float last, float* out) {
   return out;
 }
 
-// q - q_ref - Q z, which curves are part of where loops are closed by them.
+// q - q_ref - Q z.
 template <class Displacements>
 float* PutCorrection(const ReducedModel& model, const ReducedState& state, const Displacements& q,
                      float* out) {
   const auto n = model.num_coordinates();
-  if (model.curvature.exists()) {
-    for (int i = 0; i < n; ++i) *out++ = static_cast<float>(state.q_perp.size() > 0 ? state.q_perp(i) : 0);
-    return out;
-  }
   for (int i = 0; i < n; ++i)
     *out++ = static_cast<float>(q(i) - model.q_ref(i) - model.Q_rows.row(i).dot(state.z));
   return out;

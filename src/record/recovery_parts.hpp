@@ -6,11 +6,9 @@
 
 namespace fork1s::internal {
 
-/// Whether frames say of its joints what z alone does not tell.
+/// Whether frames say of its joints what z alone does not tell: how loops are closed exactly.
 inline bool IsCorrected(const MechanismDynamics& m) {
-  if (m.recovery() == Recovery::kTwist) return false;
-  const ReducedModel& model = m.model();
-  return model.has_complement || (model.loop_rank() > 0 && !model.curvature.exists());
+  return m.recovery() == Recovery::kExact && m.model().loop_rank() > 0;
 }
 
 /// Mechanisms and free bodies.

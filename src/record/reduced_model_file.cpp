@@ -41,7 +41,7 @@ void WriteAll(hid_t file, const ReducedModel& model) {
   WriteAttribute(file, "program", std::string("fork1s " FORK1S_VERSION));
   WriteAttribute(
       file, "description",
-      std::string("q = q_ref + Q z + q_perp; M z'' + D z' + diag(K_r) z = Q' f; twist of body B in the root "
+      std::string("q = q_ref + Q z; M z'' + D z' + diag(K_r) z = Q' f; twist of body B in the root "
                   "frame R about its origin, angular first: T[B] z'; pose of B: exp(T[B] z) X_RB_ref[B]"));
   WriteAttribute(file, "mechanism", m.name());
   WriteAttribute(file, "num_free", model.num_free);

@@ -131,7 +131,6 @@ bool Start(const ReducedModel& model, const ReducedState& state, Configuration& 
   VectorX& q_bar = loops ? out.q_bar : out.q;
   q_bar = model.q_ref;
   AddMotion(model, model.Q_rows, state.z, q_bar);
-  if (state.q_perp.size() > 0) q_bar += state.q_perp;
   out.corrections = 0;
   if (!loops) ComputeKinematics(*model.mechanism, out.q, out.kinematics);
   return loops;

@@ -11,8 +11,8 @@ namespace {
 
 using internal::ByteWriter;
 
-// Joint displacements that z alone does not tell: the interior's static answer to loads and the closing of
-// loops. On trees that keep every direction it vanishes, and nothing is sent.
+// Joint displacements that z alone does not tell: the closing of loops. On trees it vanishes, and nothing is
+// sent.
 VectorX Correction(const MechanismDynamics& dynamics) {
   if (dynamics.recovery() == Recovery::kTwist) return {};
   VectorX rest = dynamics.configuration().q - dynamics.model().q_ref;

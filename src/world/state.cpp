@@ -44,8 +44,8 @@ class Hash {
   }
   void One(const std::shared_ptr<const ReducedModel>& model) { One(model->q_ref); }
   void One(const ReducedState& state) {
-    const auto& [z, w, q_perp, X_WR, V_R] = state;
-    Add(z, w, q_perp, X_WR, V_R);
+    const auto& [z, w, X_WR, V_R] = state;
+    Add(z, w, X_WR, V_R);
   }
   void One(const MechanismState& state) {
     const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next, knows_driven_rate,

@@ -70,8 +70,6 @@ TEST(Floating, FlightConservesMomentum) {
       const MechanismDynamics& walker = world.mechanisms()[0];
       const Vector6 before = Momentum(walker);
       const Vector3 spin = Spin(walker);
-      // Where modes are left out, bodies follow q_perp without a rate of their own; then the momentum of
-      // rates that BodyVelocity sees is that of the reduced motion.
       for (int i = 0; i < 120; ++i) {
         ASSERT_TRUE(world.Step(Still()).finite);
         if (i % 10 == 5) {

@@ -75,7 +75,6 @@ TEST(ReducedModelFile, KeepsEveryBitAndRecoversTheSamePoses) {
     ReducedState state;
     state.z = RandomSource(seed).Vector(model.size(), 0.05);
     state.w = VectorX::Zero(model.size());
-    if (model.has_complement) state.q_perp = RandomSource(seed + 1).Vector(model.num_coordinates(), 0.01);
     Configuration before(model), after(*loaded);
     std::vector<RigidTransform> a, b;
     RecoverPosesExact(model, state, before, a);

@@ -52,7 +52,6 @@ template <class Real>
 void ExpectPosesOfConfigure(const ReducedModel& model, Recovery mode, const std::vector<ReducedState>& all,
                             const Off& off) {
   PoseRecovery<Real> recovery(model, mode);
-  if (!all.empty()) recovery.SetInterior(all.front().q_perp);
   const auto r = static_cast<std::size_t>(model.size());
   const std::size_t stride = all.size() + 3;
   std::vector<Real> many(r * stride, Real(7));
@@ -86,15 +85,11 @@ void ExpectPosesOfConfigure(const ReducedModel& model, Recovery mode, const std:
 }
 
 std::vector<ReducedState> SomeStates(const ReducedModel& model, std::size_t count, double angle,
-                                     unsigned seed, bool interior) {
+                                     unsigned seed) {
   RandomSource random(seed);
-  VectorX q_perp = random.Vector(model.num_coordinates(), 0.02);
-  for (int i = 0; i < q_perp.size(); ++i)  // of slides in lengths of the mechanism
-    if (model.mechanism->screws().col(i).head<3>().isZero(0)) q_perp(i) *= model.mechanism->length_scale();
   std::vector<ReducedState> all;
   for (std::size_t i = 0; i < count; ++i) {
     all.push_back(Deflected(model, random.Vector(model.size(), 1), angle));
-    if (interior) all.back().q_perp = q_perp;
   }
   return all;
 }
@@ -114,7 +109,7 @@ TEST(ChainPoses, AreThoseOfJointsOnTrees) {
       ASSERT_TRUE(reduced.has_value());
       for (const double angle : {1e-6, 0.4, 7.0}) {
         SCOPED_TRACE(std::to_string(seed) + ", " + std::to_string(angle));
-        const auto states = SomeStates(*reduced, kCounts[seed % 3], angle, seed, seed % 4 == 1);
+        const auto states = SomeStates(*reduced, kCounts[seed % 3], angle, seed);
         // Rounding of a product of some ten poses; of angles of many turns the digits that a turn takes.
         ExpectPosesOfConfigure<double>(*reduced, Recovery::kExact, states,
                                        {1e-14 * (1 + angle), 1e-14 * (1 + angle)});
@@ -130,10 +125,8 @@ TEST(ChainPoses, AreTheSameForAnyNumberOfStates) {
   const ReducedModel model = MustReduce(Share(testing::RandomMechanismDef(7)));
   for (const std::size_t count : {16, 127, 128, 129, 300}) {
     SCOPED_TRACE(count);
-    ExpectPosesOfConfigure<double>(model, Recovery::kExact, SomeStates(model, count, 0.5, 3, false),
-                                   {1e-13, 1e-13});
-    ExpectPosesOfConfigure<float>(model, Recovery::kExact, SomeStates(model, count, 0.5, 3, false),
-                                  {5e-6, 5e-6});
+    ExpectPosesOfConfigure<double>(model, Recovery::kExact, SomeStates(model, count, 0.5, 3), {1e-13, 1e-13});
+    ExpectPosesOfConfigure<float>(model, Recovery::kExact, SomeStates(model, count, 0.5, 3), {5e-6, 5e-6});
   }
 }
 
@@ -187,7 +180,7 @@ TEST(ChainPoses, AreThoseOfCurvedLoops) {
     for (const MechanismDef& definition : LoopedMechanisms()) {
       const ReducedModel model = CurvedModel(MustReduce(Share(definition)));
       SCOPED_TRACE(std::to_string(i) + " " + definition.name);
-      const auto states = SomeStates(model, kCounts[i % 3], 0.3, 5, i % 2 == 1);
+      const auto states = SomeStates(model, kCounts[i % 3], 0.3, 5);
       ++i;
       ExpectPosesOfConfigure<double>(model, Recovery::kCurved, states, {1e-13, 1e-13});
       ExpectPosesOfConfigure<float>(model, Recovery::kCurved, states, {2e-5, 2e-5});
@@ -204,7 +197,7 @@ TEST(ChainPoses, AreThoseOfClosedLoops) {
       // A random loop may come to its end anywhere; small motions it must follow.
       for (const double angle : {1e-3, i < 2 ? 0.25 : 0.04}) {
         SCOPED_TRACE(angle);
-        const auto states = SomeStates(model, kCounts[i % 3], angle, 5, i % 2 == 1);
+        const auto states = SomeStates(model, kCounts[i % 3], angle, 5);
         ExpectPosesOfConfigure<double>(model, Recovery::kExact, states, {1e-13, 1e-13});
         ExpectPosesOfConfigure<float>(model, Recovery::kExact, states, {1e-5, 1e-5});
       }
@@ -259,7 +252,7 @@ TEST(ChainPoses, AreThoseOfLongChains) {
   OnEveryInstructionSet([&] {
     for (const ReducedModel* model : {&with_twigs, &with_balls}) {
       SCOPED_TRACE(model->mechanism->num_bodies());
-      const auto states = SomeStates(*model, 2, 0.02, 5, false);
+      const auto states = SomeStates(*model, 2, 0.02, 5);
       // Products of 1700 poses. Segments first and then their product round otherwise than one after the
       // other, but not more: instruction sets that are too narrow to scan are off by as much.
       ExpectPosesOfConfigure<double>(*model, Recovery::kExact, states, {4e-13, 4e-13});
@@ -270,7 +263,7 @@ TEST(ChainPoses, AreThoseOfLongChains) {
 
 TEST(ChainPoses, AreTheSameBitsForAnyNumberOfThreads) {
   const ReducedModel model = MustReduce(Share(testing::Chain(9000, 0.001, 0.001, 50, 0, true)), 0);
-  const std::vector<ReducedState> state = SomeStates(model, 1, 0.001, 3, false);
+  const std::vector<ReducedState> state = SomeStates(model, 1, 0.001, 3);
   ExpectPosesOfConfigure<double>(model, Recovery::kExact, state, {1e-12, 1e-12});
   const PoseRecovery<double> recovery(model, Recovery::kExact);
   PoseArrays<double> alone, together;
@@ -299,7 +292,7 @@ TEST(ChainPoses, ReportStatesThatDoNotClose) {
   for (const std::size_t i : {0, 1, 3}) {
     Configuration scratch(model);
     std::vector<RigidTransform> X_RB;
-    RecoverPosesExact(model, {VectorX::Constant(1, z[i]), {}, {}, {}}, scratch, X_RB);
+    RecoverPosesExact(model, {VectorX::Constant(1, z[i]), {}, {}}, scratch, X_RB);
     for (std::size_t b = 0; b < X_RB.size(); ++b)
       EXPECT_LT((poses[b].Pose(i).translation() - X_RB[b].translation()).norm(), 1e-9) << i << ' ' << b;
   }

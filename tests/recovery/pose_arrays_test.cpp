@@ -60,7 +60,7 @@ TEST(PoseArrays, AreThoseOfOneTwistABody) {
     for (const double angle : {0.0, 1e-6, 0.3, 1.5, 6.0}) {
       SCOPED_TRACE(std::to_string(seed) + ", " + std::to_string(angle));
       const ReducedState state = angle > 0 ? Deflected(model, random.Vector(model.size(), 1), angle)
-                                           : ReducedState{VectorX::Zero(model.size()), {}, {}, {}};
+                                           : ReducedState{VectorX::Zero(model.size()), {}, {}};
       // Products of sums of r terms, up to a full turn and more long.
       ExpectThoseOfTwists<double>(model, state, 2e-14 * (1 + angle), 2e-14 * (1 + angle));
       // The series are cut at 1e-8; T itself is rounded to 6e-8, times what the body turns.

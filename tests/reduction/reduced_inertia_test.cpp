@@ -23,7 +23,6 @@ void ExpectInertiaOfBodies(const RandomMechanismOptions& options, unsigned seed)
   std::uniform_real_distribution<double> uniform(-0.3, 0.3);
   state.z = VectorX::NullaryExpr(r, [&] { return uniform(engine); });
   state.w = VectorX::Zero(r);
-  if (model->has_complement) state.q_perp = VectorX::Zero(m->num_coordinates());
   Configuration c(*model);
   Configure(*model, state, c);
 

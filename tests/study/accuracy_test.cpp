@@ -68,8 +68,9 @@ TEST(Accuracy, SecondMagnusTermLeavesThirdOrderOnTrees) {
 TEST(Accuracy, ExactStaticsOfTreesAreThoseOfTheFullMechanism) {
   for (const char* name : {"hand", "hexapod", "chain"}) {
     const StaticCurve c = Statics(name, 30, {StaticMode::kTwist, StaticMode::kExact});
-    // Claimed: 0.1 %. Both solve the same equation, Newton's last step is below 1e-10 rad of some 0.5.
-    EXPECT_LT(c.points[0].percent[1], 1e-6) << name;
+    // Claimed: 0.1 %. Hand and hexapod keep all coordinates, and Newton's last step is below 1e-10 rad of
+    // some 0.5; the load column of the chain, 9 of 10, is that of its straight pose.
+    EXPECT_LT(c.points[0].percent[1], name == std::string("chain") ? 0.01 : 1e-6) << name;
     EXPECT_GT(c.points[0].percent[0], 1) << name;  // the test can tell: twist is off by 6 % and more
   }
 }
@@ -119,7 +120,13 @@ TEST(Accuracy, SimulationComesToRestWhereTheCurveSaysSo) {
 // first: 0.049 and 0.67 % of the motion at 2 and 10 degrees, with eight loops. The prototype's median: 1.5 %
 // at 10.
 TEST(Accuracy, CurvedLoopsAreOfSecondOrder) {
-  auto curve = MeasureStatics(Case("firemen"), {2, 10}, {StaticMode::kTwist, StaticMode::kCurved});
+  StaticCase c = Case("firemen");
+  MechanismDef all = c.mechanism->definition();
+  all.modes = 36;
+  auto built = BuildMechanism(std::move(all));
+  ASSERT_TRUE(built);
+  c.mechanism = std::make_shared<const Mechanism>(std::move(*built));
+  auto curve = MeasureStatics(c, {2, 10}, {StaticMode::kTwist, StaticMode::kCurved});
   ASSERT_TRUE(curve) << curve.error().Text();
   ASSERT_EQ(curve->points.size(), 2u);
   const auto &a = curve->points[0].percent, &b = curve->points[1].percent;

@@ -39,7 +39,7 @@ class RecoveryBuffers {
   std::uint64_t reference() const { return reference_; }
   bool IsOf(const Simulation& simulation) const;
 
-  /// Base poses, z, and what z alone does not tell (q_perp, loops closed exactly), of the present state.
+  /// Base poses, z, and what z alone does not tell (loops closed exactly), of the present state.
   /// Throws std::invalid_argument where the buffers are not of this simulation as it is. Allocates nothing
   /// where `frame` has its size.
   void WriteFrame(const Simulation& simulation, std::vector<float>& frame) const;

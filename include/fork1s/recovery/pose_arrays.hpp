@@ -79,10 +79,6 @@ class PoseRecovery {
   /// are closed exactly, without the corrections.
   std::size_t Operations() const;
 
-  /// What the interior gives way to its loads, n or none, from now on, the same for all states. Poses by
-  /// twists know nothing of it.
-  void SetInterior(const VectorX& q_perp);
-
   /// Poses of all bodies in the root frame from z [r]; `out` gets one a body. In parallel from some ten
   /// thousand.
   LoopClosing Recover(const Real* z, PoseArrays<Real>& out) const;

@@ -114,7 +114,6 @@ struct ReducedModel {
 struct ReducedState {
   VectorX z;       // r
   VectorX w;       // r, ż
-  VectorX q_perp;  // n, static displacement of the interior; empty where the model has no complement
   RigidTransform X_WR;
   Vector6 V_R = Vector6::Zero();  // twist of the base in R about R's origin
 };
@@ -126,7 +125,7 @@ struct ReducedState {
 Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism, const VectorX& q_ref,
                               const ReductionOptions& options = {}, const ReductionLoads* loads = nullptr);
 
-/// q_perp = C_perp g.
+/// q_perp = C_perp g: what joint forces g displace at rest beside the coordinates.
 void ApplyComplement(const ReducedModel& model, const VectorX& g, VectorX& q_perp);
 
 /// Fills what the reduced model holds twice: rows of Q, their runs, loops and their directions at q_ref.
@@ -143,7 +142,7 @@ struct Configuration {
   VectorX q;  // n
   Kinematics kinematics;
   RowMatrixX Q_now;  // n x r: ∂q/∂z at the present pose (Q on trees)
-  VectorX mu;     // m: q = q_ref + Q z + q_perp - B µ
+  VectorX mu;        // m: q = q_ref + Q z - B µ
   double closed =
       1e-10;            // rad and m: residual at which corrections end, far below the 0.01 mm that users see
   int corrections = 0;  // iterations that closed the loops
@@ -164,7 +163,7 @@ struct Configuration {
 
 constexpr int kMostCorrections = 60;
 
-/// q(z) = q_ref + Q z + q_perp - B µ with µ such that c(q) = 0 (docs/method.md, section 2): from the tangent
+/// q(z) = q_ref + Q z - B µ with µ such that c(q) = 0 (docs/method.md, section 2): from the tangent
 /// of the last pose by chords with the factor at hand, a new factor where they gain too little, at most
 /// `max_corrections`; 0 leaves the loops open. Since B stays, Q_now = (1 - B (A B)⁻¹ A) Q is the derivative
 /// of the pose that is computed. A model with curvature has µ = ½ N[z, z] instead, Q_now = Q - B N z, the

@@ -71,15 +71,6 @@ class ChainRoad final : public PoseRoad<Real> {
   std::size_t Operations() const override {
     return LinkOperations(tables_.links, tables_.weights.size(), sizeof(Real)) + loops_.Operations();
   }
-  void SetInterior(const VectorX& q_perp) override {
-    FORK1S_REQUIRE(q_perp.size() == 0 || q_perp.size() == q_ref_.size(), q_perp.size());
-    one_by_one_.SetInterior(q_perp);
-    const VectorX q = q_perp.size() > 0 ? VectorX(q_ref_ + q_perp) : q_ref_;
-    forms_.SetConstants(q);
-    loops_.SetConstants(*mechanism_, q);
-    tables_ = LinkTables<Real>(MakeLinks(*mechanism_, forms_));
-    FillOne();
-  }
   LoopClosing Recover(const Real* z, PoseArrays<Real>& out) const override;
   LoopClosing RecoverMany(const Real* z, std::size_t z_stride, std::size_t states,
                           PoseArrays<Real>* out) const override;

@@ -77,10 +77,6 @@ CoordinateForms::CoordinateForms(const ReducedModel& model, const VectorX& unit)
   }
 }
 
-void CoordinateForms::SetConstants(const VectorX& q) {
-  for (std::size_t i = 0; i < forms_.size(); ++i) forms_[i].front().second = q(static_cast<Eigen::Index>(i));
-}
-
 LinkTables<double> MakeLinks(const Mechanism& mechanism, const CoordinateForms& forms) {
   LinkTables<double> out;
   auto& [links, heard, weights, constants, screws, slots] = out;

@@ -20,8 +20,6 @@ class CoordinateForms {
   /// Entry 0 first, always there.
   const std::vector<Term>& of(int coordinate) const { return forms_[static_cast<std::size_t>(coordinate)]; }
   int size() const { return size_; }  // of y
-  /// q_ref + q_perp, in place of what was there.
-  void SetConstants(const VectorX& q);
 
  private:
   std::vector<std::vector<Term>> forms_;

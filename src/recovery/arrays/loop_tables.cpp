@@ -128,7 +128,6 @@ void LoopTables<double>::FillClosures(const ReducedModel& model, const LoopUnits
       for (int i = 0; i < 5; ++i) row.polynomial[i] = coupling.polynomial[i];
       row.unit = units.unit(k);
       couplings_.push_back(row);
-      coupling_of_row_.push_back(static_cast<std::size_t>(source) - all.size());
     }
     last = source;
   }
@@ -177,7 +176,6 @@ LoopTables<Real>::LoopTables(const LoopTables<Other>& o)
       b_(o.b_),
       N_(o.N_.begin(), o.N_.end()),
       links_(o.links_),
-      coupling_of_row_(o.coupling_of_row_),
       heard_(o.heard_),
       weights_(o.weights_.begin(), o.weights_.end()),
       G_(o.G_.begin(), o.G_.end()),
@@ -200,16 +198,6 @@ LoopTables<Real>::LoopTables(const LoopTables<Other>& o)
     own.last_b = of.last_b;
     std::copy_n(of.polynomial, 5, own.polynomial);
     own.unit = static_cast<Real>(of.unit);
-  }
-}
-
-template <class Real>
-void LoopTables<Real>::SetConstants(const Mechanism& mechanism, const VectorX& q) {
-  for (std::size_t k = 0; k < couplings_.size(); ++k) {
-    const Mechanism::Coupling& coupling = mechanism.couplings()[coupling_of_row_[k]];
-    weights_[static_cast<std::size_t>(couplings_[k].first_a)] = static_cast<Real>(q(coupling.a));
-    if (coupling.b >= 0)
-      weights_[static_cast<std::size_t>(couplings_[k].last_a)] = static_cast<Real>(q(coupling.b));
   }
 }
 

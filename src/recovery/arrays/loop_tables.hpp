@@ -31,9 +31,6 @@ class LoopTables {
   template <class Other>
   explicit LoopTables(const LoopTables<Other>& other);
 
-  /// q_ref + q_perp, in place of what was there.
-  void SetConstants(const Mechanism& mechanism, const VectorX& q);
-
   bool exist() const { return rows_ > 0; }
   /// ν of `states` states (whole blocks) by curvature.
   void Bend(Real* y, std::size_t y_stride, std::size_t states, AlignedVector<Real>& scratch) const;
@@ -60,7 +57,6 @@ class LoopTables {
   std::vector<Link> links_;
   std::vector<ClosureRows<Real>> closures_;
   std::vector<CouplingRow<Real>> couplings_;
-  std::vector<std::size_t> coupling_of_row_;
   std::vector<int> heard_;
   std::vector<Real> weights_, G_;
   std::vector<LoopGroup> groups_;

@@ -14,7 +14,7 @@ OneByOne::OneByOne(const ReducedModel& model, double closed) {
 std::vector<RigidTransform> OneByOne::Recover(const VectorX& z, LoopClosing& closing) const {
   Configuration at(*model_);
   at.closed = std::min(at.closed, closed_);
-  ConfigurePose(*model_, {z, {}, q_perp_, {}}, at);
+  ConfigurePose(*model_, {z, {}, {}}, at);
   ++closing.one_by_one;
   if (!(at.c.cwiseAbs().maxCoeff() < at.closed)) ++closing.open;
   return at.kinematics.X_RB;

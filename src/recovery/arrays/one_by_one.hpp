@@ -13,12 +13,10 @@ class OneByOne {
   /// A model without curvature is kept; loops are closed to `closed`.
   OneByOne(const ReducedModel& model, double closed);
   bool exists() const { return model_ != nullptr; }
-  void SetInterior(const VectorX& q_perp) { q_perp_ = q_perp; }
   std::vector<RigidTransform> Recover(const VectorX& z, LoopClosing& closing) const;
 
  private:
   std::shared_ptr<const ReducedModel> model_;
-  VectorX q_perp_;
   double closed_ = 0;
 };
 

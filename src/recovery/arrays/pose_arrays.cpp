@@ -62,10 +62,6 @@ std::size_t PoseRecovery<Real>::Operations() const {
   return road_->Operations();
 }
 template <class Real>
-void PoseRecovery<Real>::SetInterior(const VectorX& q_perp) {
-  road_->SetInterior(q_perp);
-}
-template <class Real>
 LoopClosing PoseRecovery<Real>::Recover(const Real* z, PoseArrays<Real>& out) const {
   return road_->Recover(z, out);
 }

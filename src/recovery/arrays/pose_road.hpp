@@ -17,7 +17,6 @@ class PoseRoad {
   virtual int coordinates() const = 0;
   virtual std::size_t BytesMoved() const = 0;
   virtual std::size_t Operations() const = 0;
-  virtual void SetInterior(const VectorX&) {}
   virtual LoopClosing Recover(const Real* z, PoseArrays<Real>& out) const = 0;
   virtual LoopClosing RecoverMany(const Real* z, std::size_t z_stride, std::size_t states,
                                   PoseArrays<Real>* out) const = 0;

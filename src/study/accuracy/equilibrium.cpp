@@ -1,11 +1,10 @@
 // Equations of a reduced model at rest under the dead force F at p, by mode:
 //     twist         f_ref − K z + T_Bᵀ [p × F; F] = 0             poses and loads of the reference's screws
 //     second order  f_ref − K z + (∂p/∂z)ᵀ F = 0                  energy of the recovered poses
-//     open, exact   Q(q)ᵀ (g(q) + τ(q)) = 0,  q = q_ref + Q z + q_perp (+ loop correction),
-//                   0 = C_perp Pᵀ (g(q) + τ(q)), P the projector of the loops (open: left out), and
-//                   q_perp = C_perp K q_perp, the static correction of what the coordinates leave out
-//     curved        the same, with the correction and Q(q) of the loops' curvature, P left out
-// g(q) are the springs' forces, τ(q) those of the load in joint coordinates, both of the present pose.
+//     open, exact   Q(q)ᵀ (g(q) + τ(q)) = 0,  q = q_ref + Q z (+ loop correction)
+//     curved        the same, with the correction and Q(q) of the loops' curvature
+// g(q) are the springs' forces, τ(q) those of the load in joint coordinates, both of the present pose. Q has
+// load columns for F at the reference, as a simulation has under a force that is applied.
 #include "equilibrium.hpp"
 
 #include <algorithm>
@@ -35,24 +34,36 @@ ReducedEquilibrium::ReducedEquilibrium(const StaticCase& c, StaticMode mode, Red
   Kinematics kinematics(*model_->mechanism);
   ComputeKinematics(*model_->mechanism, model_->q_ref, kinematics);
   SpringForce(*model_->mechanism, kinematics, model_->q_ref, g_ref_);
-  K_ref_ = StiffnessMatrix(*model_->mechanism, kinematics, model_->q_ref);
-  x_ = VectorX::Zero(model_->size() + (has_perp() ? model_->num_coordinates() : 0));
+  x_ = VectorX::Zero(model_->size());
+}
+
+// In R about its origin, where the joints are displaced by q.
+Matrix6X ReducedEquilibrium::Wrenches(const StaticCase& c, const Kinematics& kinematics, double force_N) {
+  const Vector3 F = force_N * c.direction_R;
+  Matrix6X wrenches = Matrix6X::Zero(6, c.mechanism->num_bodies());
+  wrenches.col(c.body.value()) << kinematics.X_RB[c.body.u()].translation().cross(F), F;
+  return wrenches;
+}
+
+Expected<ReducedModel> ReducedEquilibrium::ReduceAt(const StaticCase& c, StaticMode mode, const VectorX& q,
+                                                    double force_N) {
+  Kinematics kinematics(*c.mechanism);
+  ComputeKinematics(*c.mechanism, q, kinematics);
+  ReductionLoads loads;
+  loads.wrenches_R = Wrenches(c, kinematics, force_N);
+  auto model = Reduce(c.mechanism, q, {}, &loads);
+  if (model && mode == StaticMode::kCurved) model->curvature = LoopCurvature(*model);
+  return model;
 }
 
 Expected<ReducedEquilibrium> ReducedEquilibrium::Create(const StaticCase& c, StaticMode mode) {
-  auto model = Reduce(c.mechanism, c.q0);
+  auto model = ReduceAt(c, mode, c.q0, 1);
   if (!model) return tl::unexpected(model.error());
-  if (mode == StaticMode::kCurved) model->curvature = LoopCurvature(*model);
   return ReducedEquilibrium(c, mode, std::move(*model));
 }
 
-bool ReducedEquilibrium::has_perp() const {
-  return model_->has_complement && mode_ != StaticMode::kTwist && mode_ != StaticMode::kSecondOrder;
-}
-
 void ReducedEquilibrium::SetState(const VectorX& x) {
-  state_.z = x.head(model_->size());
-  if (has_perp()) state_.q_perp = x.tail(model_->num_coordinates());
+  state_.z = x;
   if (mode_ == StaticMode::kTwist || mode_ == StaticMode::kSecondOrder) return;
   if (mode_ == StaticMode::kOpen)
     Configure(*model_, state_, *configuration_, 0);
@@ -76,24 +87,13 @@ VectorX ReducedEquilibrium::ExactResidual(const VectorX& x, double force_N) {
   const Mechanism& m = *model_->mechanism;
   SetState(x);
   const Kinematics& kinematics = configuration_->kinematics;
-  const Vector3 F = force_N * case_->direction_R;
-  Matrix6X wrenches = Matrix6X::Zero(6, m.num_bodies());
-  wrenches.col(case_->body.value()) << kinematics.X_RB[case_->body.u()].translation().cross(F), F;
   VectorX tau = VectorX::Zero(m.num_coordinates()), g;
+  Matrix6X wrenches = Wrenches(*case_, kinematics, force_N);
   AccumulateGeneralizedForce(m, kinematics.S, wrenches, tau);
   SpringForce(m, kinematics, configuration_->q, g);
-  VectorX residual(x.size());
   // Loops that are left open have no present direction of their own: that of the reference stays.
   const RowMatrixX& Q = mode_ == StaticMode::kOpen ? model_->Q_rows : configuration_->Q_now;
-  residual.head(model_->size()) = Q.transpose() * (g + tau);
-  if (has_perp()) {
-    VectorX rest = g + tau, asked, kept;
-    if (mode_ != StaticMode::kOpen) ProjectOnLoops(*model_, *configuration_, rest);
-    ApplyComplement(*model_, rest, asked);
-    ApplyComplement(*model_, K_ref_ * state_.q_perp, kept);
-    residual.tail(model_->num_coordinates()) = asked + kept - state_.q_perp;
-  }
-  return residual;
+  return Q.transpose() * (g + tau);
 }
 
 VectorX ReducedEquilibrium::Residual(const VectorX& x, double force_N) {
@@ -137,7 +137,7 @@ bool ReducedEquilibrium::Newton(VectorX& x, double force_N) {
     MatrixX J(n, n);
     VectorX y = x;
     for (Eigen::Index i = 0; i < n; ++i) {
-      const double unit = i < model_->size() ? model_->Q.col(i).cwiseAbs().maxCoeff() : 1.0;
+      const double unit = model_->Q.col(i).cwiseAbs().maxCoeff();
       const double step = kDifferenceStep / std::max(1e-12, unit);  // a column of Q may be long
       y(i) = x(i) + step;
       const VectorX above = Residual(y, force_N);
@@ -147,19 +147,17 @@ bool ReducedEquilibrium::Newton(VectorX& x, double force_N) {
     }
     VectorX step = -SolveSquare(J, r);
     if (!step.allFinite()) return false;
-    VectorX dq = model_->Q * step.head(model_->size());
-    if (has_perp()) dq += step.tail(model_->num_coordinates());
-    const double largest = dq.cwiseAbs().maxCoeff();
+    const double largest = (model_->Q * step).cwiseAbs().maxCoeff();
     x += std::min(1.0, 0.4 / largest) * step;
     if (largest < kConverged) return true;
   }
   return false;
 }
 
-bool ReducedEquilibrium::RefreshWhereDue() {
+bool ReducedEquilibrium::RefreshWhereDue(double force_N) {
   SetState(x_);
   if (MaxJointRotation(*model_->mechanism, model_->q_ref, configuration_->q) < kRefreshAngle) return true;
-  auto model = Reduce(case_->mechanism, configuration_->q);
+  auto model = ReduceAt(*case_, mode_, configuration_->q, force_N);
   if (!model) return false;
   *this = ReducedEquilibrium(*case_, mode_, std::move(*model));
   return true;
@@ -176,7 +174,7 @@ bool ReducedEquilibrium::Raise(double force_N) {
       x_ = x;
       force_N_ = next;
       if (mode_ == StaticMode::kRefreshed) {
-        if (!RefreshWhereDue()) return !(lost_ = true);
+        if (!RefreshWhereDue(next)) return !(lost_ = true);
         // At the new reference the same force has its own equilibrium.
         if (x_.isZero(0) && !Newton(x_, next)) return !(lost_ = true);
         force_N_ = next;

@@ -38,21 +38,22 @@ class ReducedEquilibrium {
 
  private:
   ReducedEquilibrium(const StaticCase& c, StaticMode mode, ReducedModel model);
+  static Matrix6X Wrenches(const StaticCase& c, const Kinematics& kinematics, double force_N);
+  static Expected<ReducedModel> ReduceAt(const StaticCase& c, StaticMode mode, const VectorX& q,
+                                         double force_N);
   VectorX Residual(const VectorX& x, double force_N);
   VectorX ExactResidual(const VectorX& x, double force_N);
   bool Newton(VectorX& x, double force_N);
   void SetState(const VectorX& x);
   Vector3 PositionAt(const VectorX& x);
-  bool RefreshWhereDue();
-  bool has_perp() const;
+  bool RefreshWhereDue(double force_N);
 
   const StaticCase* case_;
   StaticMode mode_;
   std::shared_ptr<ReducedModel> model_;
   std::shared_ptr<Configuration> configuration_;
-  MatrixX K_ref_;  // n x n
   VectorX g_ref_;  // n, spring forces at the reference
-  VectorX x_;      // [z; q_perp]
+  VectorX x_;      // z
   ReducedState state_;
   double force_N_ = 0;
   bool lost_ = false;

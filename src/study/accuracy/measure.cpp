@@ -42,8 +42,7 @@ Expected<AccuracyResults> MeasureAccuracy(const std::string& scenes) {
     const bool tree = c.mechanism->num_constraints() == 0;
     std::vector<StaticMode> modes{StaticMode::kTwist, StaticMode::kSecondOrder};
     if (!tree) modes.insert(modes.end(), {StaticMode::kOpen, StaticMode::kCurved});
-    modes.push_back(StaticMode::kExact);
-    if (!tree) modes.push_back(StaticMode::kRefreshed);
+    modes.insert(modes.end(), {StaticMode::kExact, StaticMode::kRefreshed});
     auto curve = MeasureStatics(c, {0.5, 1, 2, 5, 10, 20, 30, 45}, modes);
     if (!curve) return tl::unexpected(curve.error());
     out.statics.push_back(std::move(*curve));

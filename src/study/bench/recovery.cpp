@@ -101,7 +101,6 @@ Expected<void> MeasureChainRecovery(int count, int interfaces, std::vector<Recov
   ReducedState state;
   state.z = VectorX::Constant(r, 1e-3);
   state.w = VectorX::Zero(r);
-  if (model.has_complement) state.q_perp = VectorX::Zero(count);
   Configuration scratch(model);
   std::vector<RigidTransform> X_RB;
   for (const int threads : {1, 2}) {
