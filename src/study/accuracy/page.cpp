@@ -174,8 +174,8 @@ std::string StaticsSection(const AccuracyResults& r) {
   const StaticCurve &bars = Find(r.statics, "four-bar"), &men = Find(r.statics, "firemen");
   out += fmt::format(R"(
 **What `exact` leaves out** is what the coordinates do. Hand and hexapod keep all of theirs and differ from the truth by rounding. What was truncated
-follows the force through its load column ([method.md](method.md), section 4), C_perp τ at the reference: exact to first order about it, so the error grows with the
-square of the deflection (chain: 10 hinges, 9 coordinates). A simulation moves the reference when a joint has turned by 15 degrees, as `refreshed` does, and also where the loads of the
+follows the force through its load column ([method.md](method.md), section 4), C_perp τ at the reference: exact to first order about it, so the error, as a share of
+the motion, grows with the deflection (chain: 10 hinges, 9 coordinates). A simulation moves the reference when a joint has turned by 15 degrees, as `refreshed` does, and also where the loads of the
 present pose miss 1e-3 rad in a joint: section 6 has where it then comes to rest. (An independent prototype of the method, from which the acceptance figures stem, had
 promised less than 0.1 % to 30 degrees on hands and hexapod.)
 
