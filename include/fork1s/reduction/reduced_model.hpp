@@ -1,6 +1,6 @@
 // The reduced model: a mechanism seen from its interface bodies, about one pose.
 //
-// docs/method.md, sections 3 and 4. Joint displacements are q = q_ref + Q z (+ q_perp in statics, + loop
+// docs/method.md, sections 3 and 4. Joint displacements are q = q_ref + Q z (+ loop
 // correction).
 // Joint coordinates that hear each other while the base is held (a finger) have columns of Q of their own,
 // which stand together: in this order free directions N (no spring), elastic directions V Y_r that the
