@@ -12,59 +12,16 @@
 
 #include <fmt/format.h>
 
-#include "runs.hpp"
+#include "stability.hpp"
 
 namespace fork1s {
 namespace {
 
+using internal::FirstStable;
+using internal::kLargestStep;
 using internal::Run;
 using internal::RunOptions;
 using internal::TrackedBody;
-
-constexpr double kTableStep = 1.0 / 60;  // s
-constexpr int kHalvings = 8;        // to 1/15360 s
-
-// What a stable run keeps to.
-struct Bounds {
-  double speed = 0;     // m a sample
-  double turn = 0;      // rad a sample
-  double distance = 0;  // m from the reference
-};
-
-double Turn(const RigidTransform& X, const RigidTransform& Y) {
-  return LogRotation(X.rotation().transpose() * Y.rotation()).norm();
-}
-
-Bounds BoundsOf(const Run& run) {
-  Bounds b;
-  Eigen::AlignedBox3d box;
-  for (std::size_t i = 0; i < run.samples.size(); ++i)
-    for (std::size_t k = 0; k < run.samples[i].X_WB.size(); ++k) {
-      const RigidTransform& X = run.samples[i].X_WB[k];
-      box.extend(X.translation());
-      if (i == 0) continue;
-      const RigidTransform& before = run.samples[i - 1].X_WB[k];
-      b.speed = std::max(b.speed, (X.translation() - before.translation()).norm());
-      b.turn = std::max(b.turn, Turn(before, X));
-    }
-  b.speed = 3 * b.speed + 1 * kTableStep;
-  b.turn = 3 * b.turn + 30 * kTableStep;
-  b.distance = box.diagonal().norm();
-  return b;
-}
-
-bool IsStable(const Run& run, const Run& reference, const Bounds& bounds) {
-  for (std::size_t i = 1; i < run.samples.size(); ++i)
-    for (std::size_t k = 0; k < run.samples[i].X_WB.size(); ++k) {
-      const RigidTransform &X = run.samples[i].X_WB[k], &before = run.samples[i - 1].X_WB[k];
-      const double off = (X.translation() - reference.samples[i].X_WB[k].translation()).norm();
-      // Written so that numbers that are not finite fail.
-      if (!((X.translation() - before.translation()).norm() <= bounds.speed)) return false;
-      if (!(Turn(before, X) <= bounds.turn)) return false;
-      if (!(off <= bounds.distance)) return false;
-    }
-  return true;
-}
 
 void SetDistance(const std::vector<TrackedBody>& tracked, const Run& a, const Run& b, SceneRow& row) {
   double sum = 0;
@@ -88,19 +45,8 @@ void SetCost(const Run& run, double time, SceneRow& row) {
   row.real_time_factor = run.wall_s() > 0 ? time / run.wall_s() : 0;
 }
 
-// The first of 1/60 s and its halves whose run is stable.
-template <class Simulate>
-Expected<std::optional<Run>> FirstStable(const Run& reference, const Bounds& bounds, Simulate simulate) {
-  for (int k = 0; k <= kHalvings; ++k) {
-    Expected<Run> run = simulate(k);
-    if (!run && run.error().code != ErrorCode::kNumerics) return tl::unexpected(run.error());
-    if (run && IsStable(*run, reference, bounds)) return std::optional<Run>(std::move(*run));
-  }
-  return std::optional<Run>();
-}
-
 std::string StepText(double dt) {
-  return dt > 0 ? fmt::format("1/{:.0f}", 1 / dt) : fmt::format("< 1/{}", 60 << kHalvings);
+  return dt > 0 ? fmt::format("1/{:.0f}", 1 / dt) : fmt::format("< 1/{}", 60 << internal::kHalvings);
 }
 
 // Three digits, without exponents.
@@ -136,9 +82,9 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
   }
   const Scene& scene = imported->scene;
   RunOptions o;
-  o.interval = kTableStep;
+  o.interval = kLargestStep;
   const double wanted = controls.times.empty() ? time_limit_s : std::min(time_limit_s, controls.times.back());
-  o.samples = std::max(1, static_cast<int>(std::llround(wanted / kTableStep)));
+  o.samples = std::max(1, static_cast<int>(std::llround(wanted / kLargestStep)));
   o.initial_keyframe = imported->initial_keyframe;
   o.controls = &controls;
   auto probe = internal::MakeReduced(scene, o);
@@ -146,17 +92,16 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
   const std::vector<TrackedBody> tracked = internal::TrackedBodies(*probe);
   SceneRow base;
   base.scene = name;
-  base.time_s = o.samples * kTableStep;
+  base.time_s = o.samples * kLargestStep;
   base.bodies = static_cast<int>(probe->bodies().size());
   for (const TrackedBody& b : tracked) base.interface_bodies += b.is_interface ? 1 : 0;
 
   auto truth = internal::RunFull(scene, tracked, o);
   if (!truth) return tl::unexpected(truth.error());
-  const Bounds bounds = BoundsOf(*truth);
   SceneRow reduced = base, full = base;
 
   reduced.simulator = "reduced";
-  auto run = FirstStable(*truth, bounds, [&](int k) {
+  auto run = FirstStable(*truth, [&](int k) {
     RunOptions at = o;
     at.substeps = 1 << k;
     return internal::RunReduced(scene, tracked, at);
@@ -166,11 +111,12 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
     SetCost(**run, base.time_s, reduced);
     SetDistance(tracked, **run, *truth, reduced);
   }
-  auto hard = internal::RunReduced(stiffer->scene, tracked, o);
-  if (!hard && hard.error().code != ErrorCode::kNumerics) return tl::unexpected(hard.error());
-  Bounds anywhere = bounds;  // what is stiffer goes elsewhere: a stiff sheet throws what a soft one catches
-  anywhere.distance = std::numeric_limits<double>::infinity();
-  reduced.stable_stiff = hard && IsStable(*hard, *truth, anywhere);
+  auto stiff_truth = internal::RunFull(stiffer->scene, tracked, o);
+  if (!stiff_truth && stiff_truth.error().code != ErrorCode::kNumerics)
+    return tl::unexpected(stiff_truth.error());
+  auto stiff_run = internal::RunReduced(stiffer->scene, tracked, o);
+  if (!stiff_run && stiff_run.error().code != ErrorCode::kNumerics) return tl::unexpected(stiff_run.error());
+  if (stiff_truth) reduced.stable_stiff = stiff_run && internal::IsStable(*stiff_run, *stiff_truth);
 
   // It bounds itself, so that finite numbers are all that is asked of it here.
   full.simulator = "full";
@@ -187,8 +133,8 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
     mujoco.simulator = discrete ? "mujoco_discrete" : "mujoco";
     RunOptions at = o;
     if (discrete) at.mujoco_integrator = MuJoCoIntegrator::kDiscrete;
-    run = FirstStable(*truth, bounds, [&](int k) {
-      return internal::RunMuJoCo(path, scene, tracked, kTableStep / (1 << k), at);
+    run = FirstStable(*truth, [&](int k) {
+      return internal::RunMuJoCo(path, scene, tracked, kLargestStep / (1 << k), at);
     });
     if (!run) return tl::unexpected(run.error());
     if (*run) {
@@ -200,60 +146,6 @@ Expected<std::vector<SceneRow>> MeasureScene(const std::string& folder, const st
   for (SceneRow& row : rows) {
     if (reduced.step_us > 0) row.step_ratio = row.step_us / reduced.step_us;
     if (row.real_time_factor > 0) row.cost_ratio = reduced.real_time_factor / row.real_time_factor;
-  }
-  return rows;
-}
-
-Expected<std::vector<StabilityRow>> MeasureStability(const std::string& path, const ControlTrack& controls,
-                                                     double time_s, const std::vector<double>& scales) {
-  std::vector<StabilityRow> rows;
-  for (const double scale : scales) {
-    ImportOptions import;
-    import.stiffness_scale = scale;
-    auto imported = LoadMechanism(path, import);
-    if (!imported) return tl::unexpected(imported.error());
-    const Scene& scene = imported->scene;
-    RunOptions o;
-    o.interval = kTableStep;
-    o.samples = std::max(1, static_cast<int>(std::llround(time_s / kTableStep)));
-    o.initial_keyframe = imported->initial_keyframe;
-    o.controls = &controls;
-    o.energy = false;
-    o.mujoco_stiffness = scale;
-    auto probe = internal::MakeReduced(scene, o);
-    if (!probe) return tl::unexpected(probe.error());
-    if (const auto missing = controls.FindMissing(*probe); !missing.empty())
-      return Fail(ErrorCode::kModel, path, "has no control '" + missing.front() + "'");
-    const std::vector<TrackedBody> tracked = internal::TrackedBodies(*probe);
-    const auto truth = internal::RunFull(scene, tracked, o);
-    if (!truth && truth.error().code == ErrorCode::kNumerics) continue;  // nothing to hold runs against
-    if (!truth) return tl::unexpected(truth.error());
-    const Bounds bounds = BoundsOf(*truth);
-    const auto add = [&](const char* simulator, auto simulate) -> Expected<void> {
-      auto run = FirstStable(*truth, bounds, simulate);
-      if (!run) return tl::unexpected(run.error());
-      rows.push_back({simulator, scale, *run ? (*run)->dt : 0});
-      return {};
-    };
-    Expected<void> added;
-    for (const auto& [simulator, integrator] :
-         {std::pair{"fork1s", Integrator::kTwoStage}, {"fork1s euler", Integrator::kEuler}})
-      if (added)
-        added = add(simulator, [&](int k) {
-          RunOptions at = o;
-          at.substeps = 1 << k;
-          at.integrator = integrator;
-          return internal::RunReduced(scene, tracked, at);
-        });
-    for (const auto& [simulator, integrator] : {std::pair{"MuJoCo discrete", MuJoCoIntegrator::kDiscrete},
-                                                {"MuJoCo implicitfast", MuJoCoIntegrator::kImplicitFast}})
-      if (added)
-        added = add(simulator, [&](int k) {
-          RunOptions at = o;
-          at.mujoco_integrator = integrator;
-          return internal::RunMuJoCo(path, scene, tracked, kTableStep / (1 << k), at);
-        });
-    if (!added) return tl::unexpected(added.error());
   }
   return rows;
 }
@@ -291,8 +183,8 @@ std::string SceneTableMarkdown(const std::vector<SceneRow>& rows) {
         std::max(m.coordinates, d.coordinates),  // 0 where no step was stable
         CostText(r), CostText(f), CostText(m), CostText(d), StepText(r.largest_stable_dt_s),
         StepText(f.largest_stable_dt_s), StepText(m.largest_stable_dt_s), StepText(d.largest_stable_dt_s),
-        r.stable_stiff.value_or(false) ? "yes" : "no", Digits(r.rms_mm), Digits(r.max_mm), ratio(f), ratio(m),
-        ratio(d));
+        r.stable_stiff ? (*r.stable_stiff ? "yes" : "no") : "-", Digits(r.rms_mm), Digits(r.max_mm), ratio(f),
+        ratio(m), ratio(d));
   }
   return out;
 }

@@ -30,7 +30,8 @@ struct SceneRow {
   double step_us = 0;                // median over that run
   double real_time_factor = 0;       // simulated over spent in steps, at dt_s
   double largest_stable_dt_s = 0;    // of 1/60 s and its halves; 0: none was
-  // Reduced only: stable at 1/60 s with 100 times the stiffness, wherever it then goes.
+  // Reduced only: stable at 1/60 s with 100 times the stiffness, held against the full run of that stiffness;
+  // none where that one does not survive.
   std::optional<bool> stable_stiff;
   /// Origins of the interface bodies against the full run at 1/60 s: the reduced run at the same step, MuJoCo
   /// at its own. The full row has its own distance from half that step, as a measure of what a step is worth.
