@@ -2,7 +2,7 @@
 //
 //     build/release/benchmarks/scene_table [--out docs/scenes] [SCENE...]
 //
-// Half an hour for all on an idle core, 6 s of each scene at most. With names it runs those alone,
+// Ten minutes for all on an idle core, 6 s of each scene at most. With names it runs those alone,
 // prints their lines and writes nothing. Times vary by machine; ratios come from one process.
 #include <fmt/format.h>
 
