@@ -48,44 +48,50 @@ World::World(World&&) noexcept = default;
 World& World::operator=(World&&) noexcept = default;
 World World::Empty() { return World(); }
 
-std::vector<MechanismDynamics>& World::mechanisms() { return detail_->mechanisms_; }
-const std::vector<MechanismDynamics>& World::mechanisms() const { return detail_->mechanisms_; }
-std::vector<FreeBody>& World::free_bodies() { return detail_->free_bodies_; }
-const std::vector<FreeBody>& World::free_bodies() const { return detail_->free_bodies_; }
+std::vector<MechanismDynamics>& World::mechanisms() { return detail_->bodies_.mechanisms; }
+const std::vector<MechanismDynamics>& World::mechanisms() const { return detail_->bodies_.mechanisms; }
+std::vector<FreeBody>& World::free_bodies() { return detail_->bodies_.free_bodies; }
+const std::vector<FreeBody>& World::free_bodies() const { return detail_->bodies_.free_bodies; }
 const std::vector<ContactRecord>& World::contacts() const { return detail_->contacts_; }
 const std::vector<ContactPoint>& World::start_points() const { return detail_->start_points_; }
-const std::vector<Contactor>& World::contactors() const { return detail_->contactors_; }
+const std::vector<Contactor>& World::contactors() const { return detail_->detection_.contactors; }
 std::vector<std::pair<int, int>> World::PairsThatMayTouch() const {
-  if (!detail_->collision_) return {};
-  return detail_->collision_->PairsThatMayTouch();
+  if (!detail_->detection_.world) return {};
+  return detail_->detection_.world->PairsThatMayTouch();
 }
 const RigidTransform& World::PoseAtDetection(int contactor) const {
-  return detail_->contactor_pose_[static_cast<std::size_t>(contactor)];
+  return detail_->detection_.poses[static_cast<std::size_t>(contactor)];
 }
 const GeometryDef& World::geometry(int contactor, int geometry) const {
-  return detail_->geometries_[static_cast<std::size_t>(contactor)][static_cast<std::size_t>(geometry)];
+  return detail_->detection_.shapes
+      .geometries[static_cast<std::size_t>(contactor)][static_cast<std::size_t>(geometry)];
 }
 const std::vector<std::string>& World::warnings() const { return detail_->warnings_; }
 
 std::string World::NameOf(const StepSubject& subject) const {
   const auto index = static_cast<std::size_t>(subject.index), part = static_cast<std::size_t>(subject.part);
   const auto of_mechanism = [&](const char* kind, const std::string& name) {
-    return std::string(kind) + " '" + name + "' of '" + detail_->mechanisms_[index].mechanism().name() + "'";
+    return std::string(kind) + " '" + name + "' of '" +
+           detail_->bodies_.mechanisms[index].mechanism().name() + "'";
   };
   switch (subject.kind) {
     case StepSubject::Kind::kNone: break;
-    case StepSubject::Kind::kMechanism: return "mechanism '" + detail_->mechanisms_[index].mechanism().name() + "'";
-    case StepSubject::Kind::kFreeBody: return "body '" + detail_->free_bodies_[index].name() + "'";
+    case StepSubject::Kind::kMechanism:
+      return "mechanism '" + detail_->bodies_.mechanisms[index].mechanism().name() + "'";
+    case StepSubject::Kind::kFreeBody:
+      return "body '" + detail_->bodies_.free_bodies[index].name() + "'";
     case StepSubject::Kind::kServo:
-      return of_mechanism("servo", detail_->mechanisms_[index].mechanism().force_limits()[part].name);
+      return of_mechanism("servo", detail_->bodies_.mechanisms[index].mechanism().force_limits()[part].name);
     case StepSubject::Kind::kSpring:
-      return of_mechanism("spring", detail_->mechanisms_[index].mechanism().springs()[part].name);
+      return of_mechanism("spring", detail_->bodies_.mechanisms[index].mechanism().springs()[part].name);
     case StepSubject::Kind::kStop:
-      return of_mechanism("stop", detail_->mechanisms_[index].mechanism().length_limits()[part].name);
+      return of_mechanism("stop", detail_->bodies_.mechanisms[index].mechanism().length_limits()[part].name);
     case StepSubject::Kind::kCoordinate:
-      return of_mechanism("joint", detail_->mechanisms_[index].mechanism().CoordinateName(subject.part));
+      return of_mechanism("joint",
+                          detail_->bodies_.mechanisms[index].mechanism().CoordinateName(subject.part));
     case StepSubject::Kind::kContact:
-      return "contact of '" + detail_->contactors_[index].name + "' and '" + detail_->contactors_[part].name + "'";
+      return "contact of '" + detail_->detection_.contactors[index].name + "' and '" +
+             detail_->detection_.contactors[part].name + "'";
   }
   return {};
 }
@@ -127,84 +133,73 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
       dynamics->StartControlsFrom(0, dynamics->controls());
     }
     for (const std::string& w : dynamics->warnings()) detail.warnings_.push_back(w);
-    detail.mechanisms_.push_back(std::move(*dynamics));
+    detail.bodies_.mechanisms.push_back(std::move(*dynamics));
   }
   for (std::size_t i = 0; i < scene.free_bodies.size(); ++i) {
     const FreeBodyDef& def = scene.free_bodies[i];
     if (!(def.inertia.mass > 0) || !(def.inertia.rotational.determinant() > 0))
       return Fail(ErrorCode::kModel, "body '" + def.name + "'",
                   "moves freely and needs mass and rotational inertia above 0");
-    detail.free_bodies_.emplace_back(def);
+    detail.bodies_.free_bodies.emplace_back(def);
     if (key) {
       const auto& state = key->free_bodies[i];
-      detail.free_bodies_.back().SetState(state.X_WB, state.omega_W, state.velocity_W);
+      detail.bodies_.free_bodies.back().SetState(state.X_WB, state.omega_W, state.velocity_W);
     }
   }
   if (auto ok = detail.BuildCollision(scene, options); !ok) return tl::unexpected(ok.error());
 
   const auto room = static_cast<std::size_t>(options.reserved_contacts);
-  detail.points_.reserve(room);
+  detail.detection_.points.reserve(room);
   detail.contacts_.reserve(room);
   detail.previous_.reserve(room);
-  detail.patches_.reserve(room + 1);
-  detail.match_benches_.reserve(Detail::kMostBenches);
-  detail.pushes_.reserve(room);
-  const auto reserve = [room](Detail::Sums& sums) {
-    sums.contacts.reserve(room);
-    sums.ended.reserve(room);
-  };
-  reserve(detail.sums_);
-  for (Detail::Halving& halving : detail.halvings_) reserve(halving.sums);
-  detail.next_sums_.reserve(room);
-  detail.goes_on_.reserve(room);
+  detail.matcher_.Reserve(room);
+  detail.rows_.pushes.reserve(room);
+  detail.sums_.Reserve(room);
+  for (Detail::Halving& halving : detail.halvings_) halving.sums.Reserve(room);
+  detail.summation_.Reserve(room);
   detail.match_.reserve(room);
-  detail.previous_used_.reserve(room);
-  detail.previous_order_.reserve(room);
-  detail.constraints_.reserve(room);
+  detail.rows_.contacts.reserve(room);
   detail.start_gap_.reserve(room);
   detail.next_start_gap_.reserve(room);
   detail.approach_.reserve(room);
   detail.closing_.reserve(room);
   detail.start_points_.reserve(room);
-  detail.mechanism_grain_ = detail.WorthAThread();
-  std::size_t blocks = detail.free_bodies_.size();
-  for (const MechanismDynamics& m : detail.mechanisms_)
+  detail.bodies_.mechanism_grain = detail.WorthAThread();
+  std::size_t blocks = detail.bodies_.free_bodies.size();
+  for (const MechanismDynamics& m : detail.bodies_.mechanisms)
     blocks += m.groups().size() + m.length_limits().size() + m.mechanism().frictions().size() +
               m.step_model().part_of_bounded_force.size();
-  detail.blocks_.reserve(blocks);
-  int velocities = 6 * static_cast<int>(detail.free_bodies_.size());
+  detail.rows_.blocks.reserve(blocks);
+  int velocities = 6 * static_cast<int>(detail.bodies_.free_bodies.size());
   int limits = 0, widest = 6, most_rows = 0;
   std::size_t all_bounded = 0;
-  for (const MechanismDynamics& m : detail.mechanisms_) {
-    Detail::MechanismBlock block;
+  for (const MechanismDynamics& m : detail.bodies_.mechanisms) {
     const int limited = static_cast<int>(m.length_limits().size());
     const int frictions = static_cast<int>(m.mechanism().frictions().size());
     const int bounded = static_cast<int>(m.step_model().part_of_bounded_force.size());
     const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions + bounded;
-    block.limit_impulses.assign(static_cast<std::size_t>(2 * limited), 0.0);
-    block.stop_carried.assign(static_cast<std::size_t>(2 * limited), 0);
-    block.stop_is_fresh.assign(static_cast<std::size_t>(2 * limited), 0);
-    block.stop_is_row.assign(static_cast<std::size_t>(2 * limited), 0);
-    block.stop_start_gap.assign(static_cast<std::size_t>(2 * limited), 0.0);
-    block.friction_impulses.assign(static_cast<std::size_t>(frictions), 0.0);
-    block.friction_held = block.friction_impulses;
+    detail.stops_.emplace_back().Resize(static_cast<std::size_t>(2 * limited),
+                                        static_cast<std::size_t>(frictions));
     detail.has_switches_ = detail.has_switches_ || HasSwitches(m);
-    detail.mechanism_blocks_.push_back(std::move(block));
     velocities += rows;
     most_rows = std::max(most_rows, rows);
     limits += 2 * limited + frictions + bounded;
     all_bounded += static_cast<std::size_t>(bounded);
     widest = std::max(widest, m.num_velocities());
   }
-  detail.limits_.reserve(static_cast<std::size_t>(limits));
-  detail.bounded_forces_.reserve(all_bounded);
-  detail.velocities_.setZero(velocities);
-  detail.start_velocities_.setZero(velocities);
-  detail.free_Y_.resize(detail.free_bodies_.size());
-  detail.free_velocity_.resize(detail.free_bodies_.size());
+  detail.rows_.limits.reserve(static_cast<std::size_t>(limits));
+  detail.rows_.bounded_forces.reserve(all_bounded);
+  detail.rows_.velocities.setZero(velocities);
+  detail.rows_.start_velocities.setZero(velocities);
+  detail.rows_.mechanisms.resize(detail.bodies_.mechanisms.size());
+  detail.refreshes_.resize(detail.bodies_.mechanisms.size());
+  detail.finite_.resize(detail.bodies_.mechanisms.size());
+  detail.rows_.free_Y.resize(detail.bodies_.free_bodies.size());
+  detail.free_velocity_.resize(detail.bodies_.free_bodies.size());
   // A mechanism and what it may hold, or a small heap.
   constexpr std::size_t kTogether = 16;
-  const int together = most_rows + 6 * static_cast<int>(std::min(kTogether, detail.free_bodies_.size()));
+  const int together =
+      most_rows + 6 * static_cast<int>(std::min(kTogether, detail.bodies_.free_bodies.size()));
   detail.solver_.Reserve(options.reserved_contacts, limits, static_cast<int>(blocks), velocities, together,
                          widest);
   return world;
@@ -219,15 +214,15 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
     if (!touches && contactor.kind != Contactor::Kind::kWorld) return -1;
     contactor.name = body.name;
     bodies.push_back(std::move(body));
-    contactors_.push_back(std::move(contactor));
+    detection_.contactors.push_back(std::move(contactor));
     return static_cast<int>(bodies.size()) - 1;
   };
   add({"world", scene.world, false, RigidTransform()}, {});
   index_of["world"] = 0;
 
   std::vector<std::pair<int, int>> excluded;
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    const MechanismDynamics& m = mechanisms_[i];
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
+    const MechanismDynamics& m = bodies_.mechanisms[i];
     std::map<int, int> of_joint;  // collision body of a group by its last joint
     for (std::size_t g = 0; g < m.groups().size(); ++g) {
       const ContactGroup& group = m.groups()[g];
@@ -250,12 +245,12 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
           in_a != of_joint.end() && in_b != of_joint.end())
         excluded.emplace_back(in_a->second, in_b->second);
   }
-  for (std::size_t i = 0; i < free_bodies_.size(); ++i) {
+  for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i) {
     Contactor contactor;
     contactor.kind = Contactor::Kind::kFreeBody;
     contactor.index = static_cast<int>(i);
     const int at =
-        add({scene.free_bodies[i].name, scene.free_bodies[i].geometries, true, free_bodies_[i].pose()},
+        add({scene.free_bodies[i].name, scene.free_bodies[i].geometries, true, bodies_.free_bodies[i].pose()},
             contactor);
     if (at >= 0) index_of[scene.free_bodies[i].name] = at;
   }
@@ -263,51 +258,37 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
     if (index_of.count(a) && index_of.count(b) && index_of[a] != index_of[b])
       excluded.emplace_back(index_of[a], index_of[b]);
 
-  margin_max_ = options.collision.margin;
-  least_size_ = margin_max_;
-  for (const CollisionBodyDef& body : bodies) {
-    double radius = 0;
-    for (const GeometryDef& g : body.geometries)
-      if (const double r = BoundingRadius(g.shape); std::isfinite(r))
-        radius = std::max(radius, g.X_BG.translation().norm() + r);
-    contactor_radius_.push_back(radius);
-    geometry_radius_.emplace_back();
-    inner_radius_.emplace_back();
-    for (const GeometryDef& g : body.geometries) {
-      geometry_radius_.back().push_back(BoundingRadius(g.shape));
-      if (body.moves) least_size_ = std::min(least_size_, geometry_radius_.back().back());
-      inner_radius_.back().push_back(Detail::InnerRadius(g.shape));
-    }
-  }
-  for (const CollisionBodyDef& body : bodies) contactor_pose_.push_back(body.X_WB);
+  detection_.most_margin = options.collision.margin;
+  for (const CollisionBodyDef& body : bodies) detection_.shapes.Add(body);
+  detection_.shapes.least_size = std::min(detection_.shapes.least_size, detection_.most_margin);
+  for (const CollisionBodyDef& body : bodies) detection_.poses.push_back(body.X_WB);
   auto collision = CollisionWorld::Create(bodies, excluded, options.collision, scene.contact_pairs);
   if (!collision) return tl::unexpected(collision.error());
-  collision_ = std::make_unique<CollisionWorld>(std::move(*collision));
-  for (CollisionBodyDef& body : bodies) geometries_.push_back(std::move(body.geometries));
-  port_offset_.assign(contactors_.size(), -1);
-  port_part_.assign(contactors_.size(), 0);
+  detection_.world = std::make_unique<CollisionWorld>(std::move(*collision));
+  rows_.port_offset.assign(detection_.contactors.size(), -1);
+  rows_.port_part.assign(detection_.contactors.size(), 0);
   return {};
 }
 
 void World::ResetContacts() {
   detail_->contacts_.clear();
   detail_->previous_.clear();
-  for (Detail::MechanismBlock& block : detail_->mechanism_blocks_)
-    for (std::vector<double>* impulses : {&block.limit_impulses, &block.friction_impulses})
+  for (StopHistory& stops : detail_->stops_)
+    for (std::vector<double>* impulses : {&stops.impulses, &stops.friction_impulses})
       std::fill(impulses->begin(), impulses->end(), 0.0);
 }
 
 double World::KineticEnergy() const {
   double energy = 0;
-  for (const auto& m : detail_->mechanisms_) energy += m.KineticEnergy();
-  for (const auto& b : detail_->free_bodies_) energy += b.KineticEnergy();
+  for (const auto& m : detail_->bodies_.mechanisms) energy += m.KineticEnergy();
+  for (const auto& b : detail_->bodies_.free_bodies) energy += b.KineticEnergy();
   return energy;
 }
 
 double World::PotentialEnergy(const Vector3& gravity) const {
   double energy = 0;
-  for (const auto& m : detail_->mechanisms_) energy += m.PotentialEnergy(gravity);
-  for (const auto& b : detail_->free_bodies_) energy += b.PotentialEnergy(gravity);
+  for (const auto& m : detail_->bodies_.mechanisms) energy += m.PotentialEnergy(gravity);
+  for (const auto& b : detail_->bodies_.free_bodies) energy += b.PotentialEnergy(gravity);
   return energy;
 }
 

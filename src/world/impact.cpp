@@ -6,25 +6,11 @@
 
 namespace fork1s {
 
-// Largest way of a contactor within h at its present velocity [m].
-double World::Detail::MotionWithin(double h) const {
-  double motion = 0;
-  for (std::size_t i = 0; i < contactors_.size(); ++i) {
-    const Contactor& c = contactors_[i];
-    if (c.kind == Contactor::Kind::kWorld) continue;
-    const auto index = static_cast<std::size_t>(c.index);
-    const Vector6 V = c.kind == Contactor::Kind::kGroup ? GroupVelocity(mechanisms_[index], c.group)
-                                                        : free_bodies_[index].OriginVelocity();
-    motion = std::max(motion, h * (V.tail<3>().norm() + V.head<3>().norm() * contactor_radius_[i]));
-  }
-  return motion;
-}
-
 void World::Detail::FindTouchedBodies() {
-  touched_.assign(free_bodies_.size(), 0);
-  for (const ContactPoint& p : points_)
+  touched_.assign(bodies_.free_bodies.size(), 0);
+  for (const ContactPoint& p : detection_.points)
     for (const int body : {p.body_a, p.body_b})
-      if (const Contactor& c = contactors_[static_cast<std::size_t>(body)];
+      if (const Contactor& c = detection_.contactors[static_cast<std::size_t>(body)];
           c.kind == Contactor::Kind::kFreeBody)
         touched_[static_cast<std::size_t>(c.index)] = 1;
 }
@@ -44,20 +30,14 @@ double World::Detail::SpeedOfImpact(const ContactPoint& point) const {
   return point.restitution > 0 ? 0 : impact_speed_;
 }
 
-// Radius [m] of the smaller of two shapes that touch.
-double World::Detail::PairSize(const ContactPoint& p) const {
-  const auto radius = [&](int body, int geometry) {
-    return geometry_radius_[static_cast<std::size_t>(body)][static_cast<std::size_t>(geometry)];
-  };
-  return std::min(radius(p.body_a, p.geometry_a), radius(p.body_b, p.geometry_b));
-}
-
 // A contact that bore nothing yet and would close within the step at the speed of an impact, if all went on.
 bool World::Detail::ClosesAtSpeed(const StepOptions& options, StepSubject* subject) const {
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    if (Bore(i) || !(closing_[i] > SpeedOfImpact(points_[i])) || !(points_[i].gap < options.h * closing_[i]))
+  for (std::size_t i = 0; i < detection_.points.size(); ++i) {
+    if (Bore(i) || !(closing_[i] > SpeedOfImpact(detection_.points[i])) ||
+        !(detection_.points[i].gap < options.h * closing_[i]))
       continue;
-    if (subject) *subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
+    if (subject)
+      *subject = {StepSubject::Kind::kContact, detection_.points[i].body_a, detection_.points[i].body_b};
     return true;
   }
   return false;
@@ -88,15 +68,16 @@ bool World::Detail::MetAtSpeed(const StepOptions& options, StepSubject* subject)
   const double least = impact_speed_;
   for (std::size_t k = 0; k < stop_approach_.size(); ++k) {
     const StopApproach& a = stop_approach_[k];
-    if (a.bore || !(limits_[k].impulse > 0) || !(a.speed > least || a.gap > options.h * least)) continue;
+    if (a.bore || !(rows_.limits[k].impulse > 0) || !(a.speed > least || a.gap > options.h * least)) continue;
     if (subject) *subject = {StepSubject::Kind::kStop, a.mechanism, a.stop};
     return true;
   }
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    if (!(constraints_[i].impulse(0) > 0) || Bore(i)) continue;
-    const double speed = SpeedOfImpact(points_[i]);
-    if (!(closing_[i] > speed || points_[i].gap > options.h * speed)) continue;
-    if (subject) *subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
+  for (std::size_t i = 0; i < detection_.points.size(); ++i) {
+    if (!(rows_.contacts[i].impulse(0) > 0) || Bore(i)) continue;
+    const double speed = SpeedOfImpact(detection_.points[i]);
+    if (!(closing_[i] > speed || detection_.points[i].gap > options.h * speed)) continue;
+    if (subject)
+      *subject = {StepSubject::Kind::kContact, detection_.points[i].body_a, detection_.points[i].body_b};
     return true;
   }
   return false;
@@ -104,24 +85,26 @@ bool World::Detail::MetAtSpeed(const StepOptions& options, StepSubject* subject)
 
 // Whether what the first stage stopped parts again in the second, of length b.
 bool World::Detail::LeavesAgain(double b, StepSubject& subject) const {
-  for (std::size_t i = 0; i < points_.size(); ++i) {
+  for (std::size_t i = 0; i < detection_.points.size(); ++i) {
     const int before = match_[i];
-    if (before < 0 || !previous_is_fresh_[static_cast<std::size_t>(before)] || constraints_[i].impulse(0) > 0)
+    if (before < 0 || !previous_is_fresh_[static_cast<std::size_t>(before)] ||
+        rows_.contacts[i].impulse(0) > 0)
       continue;
-    if (!(b * RelativeSpeed(constraints_[i], velocities_)(0) > kPartingShare * PairSize(points_[i])))
+    if (!(b * RelativeSpeed(rows_.contacts[i], rows_.velocities)(0) >
+          kPartingShare * detection_.shapes.PairSize(detection_.points[i])))
       continue;
-    subject = {StepSubject::Kind::kContact, points_[i].body_a, points_[i].body_b};
+    subject = {StepSubject::Kind::kContact, detection_.points[i].body_a, detection_.points[i].body_b};
     return true;
   }
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    const MechanismBlock& block = mechanism_blocks_[i];
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
+    const MechanismRows& block = rows_.mechanisms[i];
     std::size_t k = block.first_limit;
-    for (const PartBlock& part : block.parts) {
+    for (const PartRows& part : block.parts) {
       for (const int at : part.limits) {
-        const LimitConstraint& limit = limits_[k];
+        const LimitConstraint& limit = rows_.limits[k];
         const StopApproach& stop = stop_approach_[k++];
-        if (!block.stop_is_fresh[static_cast<std::size_t>(at)] || limit.impulse > 0 ||
-            !(b * stop.scale * limit.sign * velocities_(limit.row) > kPartingShare * stop.size))
+        if (!stops_[i].is_fresh[static_cast<std::size_t>(at)] || limit.impulse > 0 ||
+            !(b * stop.scale * limit.sign * rows_.velocities(limit.row) > kPartingShare * stop.size))
           continue;
         subject = {StepSubject::Kind::kStop, static_cast<int>(i), at / 2};
         return true;

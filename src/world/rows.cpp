@@ -15,23 +15,23 @@ constexpr double kNoGap = std::numeric_limits<double>::quiet_NaN();
 // The frames that the twists of ports are given in and about: of mechanisms their root, of free bodies world
 // axes at their centre of mass. Every contact asks for those of its two sides several times.
 void World::Detail::FindPortFrames() {
-  port_frames_.resize(contactors_.size());
-  for (std::size_t c = 0; c < contactors_.size(); ++c) {
-    if (port_offset_[c] < 0) continue;
-    const auto i = static_cast<std::size_t>(contactors_[c].index);
-    port_frames_[c] = contactors_[c].kind == Contactor::Kind::kFreeBody
-                          ? RigidTransform(Matrix3::Identity(), free_bodies_[i].center_W())
-                          : mechanisms_[i].state().X_WR;
+  rows_.port_frames.resize(detection_.contactors.size());
+  for (std::size_t c = 0; c < detection_.contactors.size(); ++c) {
+    if (rows_.port_offset[c] < 0) continue;
+    const auto i = static_cast<std::size_t>(detection_.contactors[c].index);
+    rows_.port_frames[c] = detection_.contactors[c].kind == Contactor::Kind::kFreeBody
+                               ? RigidTransform(Matrix3::Identity(), bodies_.free_bodies[i].center_W())
+                               : bodies_.mechanisms[i].state().X_WR;
   }
 }
 
 // Rows of the contact frame on the twist of a port.
 Matrix36 World::Detail::PortRows(int contactor, const Vector3& point, const Matrix3& frame) const {
   const auto c = static_cast<std::size_t>(contactor);
-  const RigidTransform& X_WP = port_frames_[c];
+  const RigidTransform& X_WP = rows_.port_frames[c];
   Vector3 p = point - X_WP.translation();
   Matrix36 J;
-  if (contactors_[c].kind == Contactor::Kind::kFreeBody) {  // in world axes
+  if (detection_.contactors[c].kind == Contactor::Kind::kFreeBody) {  // in world axes
     J.rightCols<3>() = frame;
   } else {
     p = X_WP.rotation().transpose().lazyProduct(p).eval();
@@ -42,11 +42,10 @@ Matrix36 World::Detail::PortRows(int contactor, const Vector3& point, const Matr
   return J;
 }
 
-Vector3 World::Detail::RelativeSpeed(const ContactConstraint& c, const VectorX& velocities) {
-  Vector3 speed = Vector3::Zero();
-  if (c.port_a >= 0) speed += c.J_a * velocities.segment<6>(c.port_a);
-  if (c.port_b >= 0) speed += c.J_b * velocities.segment<6>(c.port_b);
-  return speed;
+void StopHistory::Resize(std::size_t limits, std::size_t frictions) {
+  for (std::vector<double>* values : {&impulses, &start_gap}) values->assign(limits, 0.0);
+  for (std::vector<char>* flags : {&carried, &is_fresh, &is_row}) flags->assign(limits, 0);
+  for (std::vector<double>* values : {&friction_impulses, &friction_held}) values->assign(frictions, 0.0);
 }
 
 // What turns an impulse of the last step into one of this step.
@@ -55,41 +54,41 @@ double World::Detail::StepsRatio(double h) const { return previous_h_ > 0 ? h / 
 // Stops and dry friction in a stage of length b start from the forces that they bore in the last one.
 void World::Detail::StartRows(double b) {
   const double by_step = StepsRatio(b);
-  for (MechanismBlock& block : mechanism_blocks_) {
-    for (std::vector<double>* impulses : {&block.limit_impulses, &block.friction_impulses})
+  for (StopHistory& stops : stops_) {
+    for (std::vector<double>* impulses : {&stops.impulses, &stops.friction_impulses})
       for (double& impulse : *impulses) impulse *= by_step;
-    block.friction_held = block.friction_impulses;
+    stops.friction_held = stops.friction_impulses;
   }
 }
 
 // The rows of a contact, and what they know of the last step.
 void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
   const double h = options.h;
-  ContactPoint& p = points_[i];
-  ContactConstraint& c = constraints_[i];
+  ContactPoint& p = detection_.points[i];
+  ContactConstraint& c = rows_.contacts[i];
   c = ContactConstraint{};
   c.friction = p.friction;
   c.torsion = p.torsion;
   c.rolling = p.rolling;
-  const Contactor& a = contactors_[static_cast<std::size_t>(p.body_a)];
-  const Contactor& b = contactors_[static_cast<std::size_t>(p.body_b)];
-  if (a.kind != Contactor::Kind::kWorld) c.port_a = port_offset_[static_cast<std::size_t>(p.body_a)];
-  if (b.kind != Contactor::Kind::kWorld) c.port_b = port_offset_[static_cast<std::size_t>(p.body_b)];
+  const Contactor& a = detection_.contactors[static_cast<std::size_t>(p.body_a)];
+  const Contactor& b = detection_.contactors[static_cast<std::size_t>(p.body_b)];
+  if (a.kind != Contactor::Kind::kWorld) c.port_a = rows_.port_offset[static_cast<std::size_t>(p.body_a)];
+  if (b.kind != Contactor::Kind::kWorld) c.port_b = rows_.port_offset[static_cast<std::size_t>(p.body_b)];
   if (c.port_a >= 0) c.J_a = -PortRows(p.body_a, p.point, p.frame);
   if (c.port_b >= 0) c.J_b = PortRows(p.body_b, p.point, p.frame);
-  const Vector3 speed = RelativeSpeed(c, velocities_);
+  const Vector3 speed = RelativeSpeed(c, rows_.velocities);
   // A stage finds contacts at the pose that the velocity at hand leads to: this is the gap at its base point.
   if (in_stage_) p.gap -= h * speed(0);
-  closing_[i] = std::max(0.0, -(from_stage_start_ ? RelativeSpeed(c, start_velocities_) : speed)(0));
+  closing_[i] = std::max(0.0, -(from_stage_start_ ? RelativeSpeed(c, rows_.start_velocities) : speed)(0));
   if (const double start_gap = StartGap(i); start_gap <= 0) p.gap = start_gap;
   SetMaterial(options.material, p.gap, h, c);
   // Of the two stages restitution would be extrapolated; a step that meets something that has it is halved. A stage of
   // backward Euler takes the approach from the velocity of its start, by the rows of its end.
   if (p.restitution > 0 && in_stage_ && is_backward_euler_)
-    approach_[i] = std::max(0.0, -RelativeSpeed(c, start_velocities_)(0));
+    approach_[i] = std::max(0.0, -RelativeSpeed(c, rows_.start_velocities)(0));
   // A body on the floor would fall upon all that is near, were nothing there to hold it: it goes on as it
   // did.
-  c.waits = p.gap + h * speed(0) > kClearShare * PairSize(p);
+  c.waits = p.gap + h * speed(0) > kClearShare * detection_.shapes.PairSize(p);
   if (match_[i] < 0) return;
   const auto k = static_cast<std::size_t>(match_[i]);
   const ContactRecord& before = previous_[k];
@@ -111,35 +110,35 @@ void World::Detail::AssembleContact(std::size_t i, const StepOptions& options) {
 // swings, that velocity runs on into the stop by half of what the stop's force changes in the stage. What
 // closes slower than by all that it has changed in the last step, or part of one, is borne.
 void World::Detail::RecordStops(double h) {
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    MechanismBlock& block = mechanism_blocks_[i];
-    for (std::size_t at = 0; at < block.limit_impulses.size(); ++at) {
-      block.stop_carried[at] = block.stop_is_fresh[at] = 0;
-      block.stop_start_gap[at] = kNoGap;
-      if (!(block.limit_impulses[at] > 0)) continue;
-      const Mechanism::LengthLimit& stop = mechanisms_[i].length_limits()[at / 2];
-      const StopApproach a = ApproachOf(mechanisms_[i], stop, at % 2 == 1);
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
+    StopHistory& stops = stops_[i];
+    for (std::size_t at = 0; at < stops.impulses.size(); ++at) {
+      stops.carried[at] = stops.is_fresh[at] = 0;
+      stops.start_gap[at] = kNoGap;
+      if (!(stops.impulses[at] > 0)) continue;
+      const Mechanism::LengthLimit& stop = bodies_.mechanisms[i].length_limits()[at / 2];
+      const StopApproach a = ApproachOf(bodies_.mechanisms[i], stop, at % 2 == 1);
       const auto turned = [&] {
-        return a.scale * block.limit_impulses[at] * RatePerImpulse(mechanisms_[i], stop.length);
+        return a.scale * stops.impulses[at] * RatePerImpulse(bodies_.mechanisms[i], stop.length);
       };
       if (!is_backward_euler_ && !(a.speed < impact_speed_) && !(a.speed < turned())) continue;
-      block.stop_carried[at] = 1;
-      block.stop_is_fresh[at] = h * a.speed > kPartingShare * a.size;
-      block.stop_start_gap[at] = a.gap / a.scale;
+      stops.carried[at] = 1;
+      stops.is_fresh[at] = h * a.speed > kPartingShare * a.size;
+      stops.start_gap[at] = a.gap / a.scale;
     }
   }
 }
 
 // Contacts are those found at the start.
 void World::Detail::RecordStartGaps() {
-  for (std::size_t i = 0; i < points_.size(); ++i)
-    if (Bore(i)) start_gap_[static_cast<std::size_t>(match_[i])] = points_[i].gap;
+  for (std::size_t i = 0; i < detection_.points.size(); ++i)
+    if (Bore(i)) start_gap_[static_cast<std::size_t>(match_[i])] = detection_.points[i].gap;
 }
 
 // After the first stage, whose contacts become previous_.
 void World::Detail::CarryStartGaps() {
-  next_start_gap_.resize(points_.size());
-  for (std::size_t i = 0; i < points_.size(); ++i) next_start_gap_[i] = StartGap(i);
+  next_start_gap_.resize(detection_.points.size());
+  for (std::size_t i = 0; i < detection_.points.size(); ++i) next_start_gap_[i] = StartGap(i);
   start_gap_.swap(next_start_gap_);
 }
 
@@ -150,9 +149,9 @@ double World::Detail::StartGap(std::size_t contact) const {
 }
 
 void World::Detail::AssembleConstraints(const StepOptions& options) {
-  constraints_.resize(points_.size());
-  approach_.assign(points_.size(), 0.0);
-  closing_.assign(points_.size(), 0.0);
+  rows_.contacts.resize(detection_.points.size());
+  approach_.assign(detection_.points.size(), 0.0);
+  closing_.assign(detection_.points.size(), 0.0);
   FindPortFrames();
   ForContacts([&](std::size_t i) { AssembleContact(i, options); });
   AssembleLimits(options);
@@ -161,44 +160,43 @@ void World::Detail::AssembleConstraints(const StepOptions& options) {
 // Every mechanism's rows have their place before they are known, so that mechanisms fill them side by side.
 void World::Detail::AssembleLimits(const StepOptions& options) {
   std::size_t count = 0;
-  for (MechanismBlock& block : mechanism_blocks_) {
+  for (MechanismRows& block : rows_.mechanisms) {
     block.first_limit = count;
-    for (const PartBlock& part : block.parts) count += part.limits.size() + part.frictions.size();
+    for (const PartRows& part : block.parts) count += part.limits.size() + part.frictions.size();
   }
-  limits_.assign(count, LimitConstraint());
+  rows_.limits.assign(count, LimitConstraint());
   stop_approach_.assign(count, StopApproach());
-  bounded_forces_.clear();
-  ForMechanisms([&](std::size_t i) { FillLimits(i, options); });
+  rows_.bounded_forces.clear();
+  bodies_.ForMechanisms([&](std::size_t i) { FillLimits(i, options); });
 }
 
 void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
   const double h = options.h;
-  const MechanismDynamics& m = mechanisms_[i];
-  const MechanismBlock& block = mechanism_blocks_[i];
-  auto next = limits_.begin() + static_cast<std::ptrdiff_t>(mechanism_blocks_[i].first_limit);
-  for (const PartBlock& part : mechanism_blocks_[i].parts) {
+  const MechanismDynamics& m = bodies_.mechanisms[i];
+  const StopHistory& stops = stops_[i];
+  auto next = rows_.limits.begin() + static_cast<std::ptrdiff_t>(rows_.mechanisms[i].first_limit);
+  for (const PartRows& part : rows_.mechanisms[i].parts) {
     for (std::size_t k = 0; k < part.limits.size(); ++k) {
       const auto at = static_cast<std::size_t>(part.limits[k]);
       const Mechanism::LengthLimit& stop = m.length_limits()[at / 2];
       const bool upper = at % 2 == 1;
       const double length = m.Length(stop.length);
       LimitConstraint& limit = *next++;
-      limit.row = part.offset + static_cast<int>(6 * part.groups.size() + k);
+      limit.row = part.offset + static_cast<int>(part.LimitRow(k));
       limit.sign = upper ? -1 : 1;
       const double moved = in_stage_ ? h * LengthRate(m, stop.length) : 0;
       const double gap = upper ? stop.upper - length + moved : length - moved - stop.lower;
-      limit.bias = in_stage_ && block.stop_start_gap[at] <= 0
-                       ? StopBias(options.material, block.stop_start_gap[at], h)
-                       : StopBias(options.material, gap, h);
-      limit.impulse = block.limit_impulses[at];
+      limit.bias = in_stage_ && stops.start_gap[at] <= 0 ? StopBias(options.material, stops.start_gap[at], h)
+                                                         : StopBias(options.material, gap, h);
+      limit.impulse = stops.impulses[at];
       // One that bore may have only closed its gap: what of the speed is left counts there too.
       if (in_stage_) {
-        StopApproach& approach = stop_approach_[static_cast<std::size_t>(&limit - limits_.data())];
+        StopApproach& approach = stop_approach_[static_cast<std::size_t>(&limit - rows_.limits.data())];
         approach = ApproachOf(m, stop, upper);
         approach.mechanism = static_cast<int>(i);
         approach.stop = static_cast<int>(at / 2);
         approach.base_gap = approach.scale * gap;
-        approach.bore = block.stop_carried[at];
+        approach.bore = stops.carried[at];
       }
     }
     for (std::size_t k = 0; k < part.frictions.size(); ++k) {
@@ -207,21 +205,22 @@ void World::Detail::FillLimits(std::size_t i, const StepOptions& options) {
       friction.row = part.offset + static_cast<int>(part.FrictionRow(k));
       friction.upper = h * m.mechanism().frictions()[at].force;
       friction.lower = -friction.upper;
-      friction.held = block.friction_held[at];
-      friction.impulse = block.friction_impulses[at];
+      friction.held = stops.friction_held[at];
+      friction.impulse = stops.friction_impulses[at];
     }
   }
 }
 
 // What is met within the step and has restitution parts again, once the free motion is known.
 void World::Detail::Rebound(double h) {
-  for (std::size_t i = 0; i < points_.size(); ++i) {
+  for (std::size_t i = 0; i < detection_.points.size(); ++i) {
     if (approach_[i] == 0) continue;
-    ContactConstraint& c = constraints_[i];
+    ContactConstraint& c = rows_.contacts[i];
     double free_speed = 0;
-    if (c.port_a >= 0) free_speed += c.J_a.row(0).dot(velocities_.segment<6>(c.port_a));
-    if (c.port_b >= 0) free_speed += c.J_b.row(0).dot(velocities_.segment<6>(c.port_b));
-    const double speed = ReboundSpeed(points_[i].restitution, approach_[i], free_speed, points_[i].gap, h);
+    if (c.port_a >= 0) free_speed += c.J_a.row(0).dot(rows_.velocities.segment<6>(c.port_a));
+    if (c.port_b >= 0) free_speed += c.J_b.row(0).dot(rows_.velocities.segment<6>(c.port_b));
+    const double speed =
+        ReboundSpeed(detection_.points[i].restitution, approach_[i], free_speed, detection_.points[i].gap, h);
     if (speed > 0) c.bias[0] = -speed;
   }
 }

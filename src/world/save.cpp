@@ -5,34 +5,34 @@ namespace fork1s {
 
 void World::Detail::Save(WorldState& out) const {
   out.contraction = contraction_;
-  out.mechanisms.resize(mechanisms_.size());
-  out.rows.resize(mechanisms_.size());
-  ForMechanisms([&](std::size_t i) {
-    const MechanismBlock& block = mechanism_blocks_[i];
-    mechanisms_[i].Save(out.mechanisms[i]);
-    out.rows[i].limit_impulses = block.limit_impulses;
-    out.rows[i].friction_impulses = block.friction_impulses;
-    out.rows[i].refreshed = block.refreshed > 0;
+  out.mechanisms.resize(bodies_.mechanisms.size());
+  out.rows.resize(bodies_.mechanisms.size());
+  bodies_.ForMechanisms([&](std::size_t i) {
+    bodies_.mechanisms[i].Save(out.mechanisms[i]);
+    out.rows[i].limit_impulses = stops_[i].impulses;
+    out.rows[i].friction_impulses = stops_[i].friction_impulses;
+    out.rows[i].refreshed = refreshes_[i].result > 0;
   });
-  out.free_bodies.resize(free_bodies_.size());
-  for (std::size_t i = 0; i < free_bodies_.size(); ++i) out.free_bodies[i] = free_bodies_[i].Save();
+  out.free_bodies.resize(bodies_.free_bodies.size());
+  for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
+    out.free_bodies[i] = bodies_.free_bodies[i].Save();
   out.contacts = contacts_;
   out.contacts_h = contacts_h_;
-  out.contactor_poses = contactor_pose_;
+  out.contactor_poses = detection_.poses;
 }
 
 void World::Detail::Restore(const WorldState& state) {
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    MechanismBlock& block = mechanism_blocks_[i];
-    mechanisms_[i].Restore(state.mechanisms[i]);
-    block.limit_impulses = state.rows[i].limit_impulses;
-    block.friction_impulses = state.rows[i].friction_impulses;
-    block.refreshed = state.rows[i].refreshed ? 1 : 0;
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
+    bodies_.mechanisms[i].Restore(state.mechanisms[i]);
+    stops_[i].impulses = state.rows[i].limit_impulses;
+    stops_[i].friction_impulses = state.rows[i].friction_impulses;
+    refreshes_[i].result = state.rows[i].refreshed ? 1 : 0;
   }
-  for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].Restore(state.free_bodies[i]);
+  for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
+    bodies_.free_bodies[i].Restore(state.free_bodies[i]);
   contacts_ = state.contacts;
   contacts_h_ = state.contacts_h;
-  contactor_pose_ = state.contactor_poses;
+  detection_.poses = state.contactor_poses;
   contraction_ = state.contraction;
 }
 
@@ -48,10 +48,10 @@ Expected<void> World::CanRestore(const WorldState& state) const {
     return Fail(ErrorCode::kUsage, "saved state",
                 what + "; restore it where it was saved, or in the same scene");
   };
-  const auto& mechanisms = detail_->mechanisms_;
+  const auto& mechanisms = detail_->bodies_.mechanisms;
   if (state.mechanisms.size() != mechanisms.size() || state.rows.size() != mechanisms.size() ||
-      state.free_bodies.size() != detail_->free_bodies_.size() ||
-      state.contactor_poses.size() != detail_->contactor_pose_.size())
+      state.free_bodies.size() != detail_->bodies_.free_bodies.size() ||
+      state.contactor_poses.size() != detail_->detection_.poses.size())
     return fail("has another number of mechanisms, free bodies or touching bodies than this world");
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     const Mechanism& here = mechanisms[i].mechanism();

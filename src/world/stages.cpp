@@ -15,6 +15,7 @@
 #include <numbers>
 
 #include "detail.hpp"
+#include "step_report.hpp"
 
 namespace fork1s {
 namespace {
@@ -71,24 +72,25 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
     // to that, by how much depends on the step.
     impact_speed_ = options.material.depth / h;
     carried_speed_ = std::max(options.gravity.norm() * h / 8, impact_speed_);
-    ClearSums();
+    sums_.Clear(bodies_.mechanisms.size());
   }
   halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
   RecordStops(h);
   start_gap_.assign(previous_.size(), std::numeric_limits<double>::quiet_NaN());
   to_base_point_.assign(previous_.size(), Vector6::Zero());
   // Of backward Euler those of the last step, which were found where it ended.
-  if (depth_ == 0 && is_backward_euler_) start_points_ = points_;
+  if (depth_ == 0 && is_backward_euler_) start_points_ = detection_.points;
   if (!is_backward_euler_) {
     PrepareContacts(options, report);
-    if (depth_ == 0) start_points_ = points_;
+    if (depth_ == 0) start_points_ = detection_.points;
     RecordStartGaps();
     if (ClosesAtSpeed(options, &report.halving_of)) return HalveOrUndo(options, HalvingCause::kImpact, report);
   }
   {
     const PartClock clock(times_, &StepPartTimes::moving);
-    ForMechanisms([&](std::size_t i) { fork1s::BeginStep(mechanisms_[i], h, b, options.gravity); });
-    for (FreeBody& body : free_bodies_) body.BeginStep(b, options.gravity);
+    bodies_.ForMechanisms(
+        [&](std::size_t i) { fork1s::BeginStep(bodies_.mechanisms[i], h, b, options.gravity); });
+    for (FreeBody& body : bodies_.free_bodies) body.BeginStep(b, options.gravity);
     RecordStageStart(true);
   }
   for (StageScheme scheme = is_backward_euler_ ? StageScheme::kBackwardEuler : StageScheme::kFirstOfTwo;;
@@ -98,41 +100,44 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
     StoreStage(b, scheme, report);
     if (scheme != StageScheme::kFirstOfTwo) break;
     RecordStageStart(false);
-    for (MechanismDynamics& m : mechanisms_) ExtrapolateStage(m, b, kOnward);
-    for (FreeBody& body : free_bodies_) body.ExtrapolateStage(b, kOnward);
+    for (MechanismDynamics& m : bodies_.mechanisms) ExtrapolateStage(m, b, kOnward);
+    for (FreeBody& body : bodies_.free_bodies) body.ExtrapolateStage(b, kOnward);
     CarryStartGaps();
     previous_.swap(contacts_);
     previous_h_ = b;
-    previous_pose_ = contactor_pose_;
+    previous_pose_ = detection_.poses;
   }
   const double between_stages = is_backward_euler_ ? 0 : h - b;
-  ForMechanisms([&](std::size_t i) { fork1s::EndStep(mechanisms_[i], between_stages); });
-  for (FreeBody& body : free_bodies_) body.EndStep(between_stages);
+  bodies_.ForMechanisms([&](std::size_t i) { fork1s::EndStep(bodies_.mechanisms[i], between_stages); });
+  for (FreeBody& body : bodies_.free_bodies) body.EndStep(between_stages);
   if (depth_ == 0) return FinishStep(options, before_, report);
   return IsFinite(true) ? report : UndoStep(before_, report);
 }
 
 // What follows the last stage; `start` is where the step is undone to if it is not finite.
 StepReport World::Detail::FinishStep(const StepOptions& options, WorldState& start, StepReport report) {
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    const MechanismBlock& block = mechanism_blocks_[i];
-    StoreBaseHistory(mechanisms_[i], start.mechanisms[i], options.h);
-    RecordLoads(mechanisms_[i], start.mechanisms[i], block.limit_impulses, block.friction_impulses);
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
+    StoreBaseHistory(bodies_.mechanisms[i], start.mechanisms[i], options.h);
+    RecordLoads(bodies_.mechanisms[i], start.mechanisms[i], stops_[i].impulses, stops_[i].friction_impulses);
   }
-  StoreSums();
+  sums_.StoreContacts(contacts_);
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
+    stops_[i].impulses = sums_.rows[i].limit_impulses;
+    stops_[i].friction_impulses = sums_.rows[i].friction_impulses;
+  }
   contacts_h_ = options.h;
   report.contacts = static_cast<int>(
       std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));
   report.forces_at_bound = 0;
-  for (const MechanismDynamics& m : mechanisms_) {
+  for (const MechanismDynamics& m : bodies_.mechanisms) {
     report.forces_at_bound += m.NumForcesAtBound();
     report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
   }
   in_stage_ = false;
   if (options.refresh) {
     const PartClock clock(times_, &StepPartTimes::refreshing);
-    ForMechanisms([&](std::size_t i) {
-      mechanism_blocks_[i].refreshed = 0;
+    bodies_.ForMechanisms([&](std::size_t i) {
+      refreshes_[i].result = 0;
       RefreshIfStale(i, options.h);
     });
     CountRefreshes(report);
@@ -142,8 +147,8 @@ StepReport World::Detail::FinishStep(const StepOptions& options, WorldState& sta
 
 void World::Detail::MoveAllToStagePoses(double b, double time) {
   const PartClock clock(times_, &StepPartTimes::moving);
-  ForMechanisms([&](std::size_t i) { MoveToStagePose(mechanisms_[i], b, time); });
-  for (FreeBody& body : free_bodies_) body.MoveToStagePose(b);
+  bodies_.ForMechanisms([&](std::size_t i) { MoveToStagePose(bodies_.mechanisms[i], b, time); });
+  for (FreeBody& body : bodies_.free_bodies) body.MoveToStagePose(b);
 }
 
 // Newton iteration of one stage; what the step is to be halved for, if anything.
@@ -152,16 +157,17 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   if (scheme != StageScheme::kBackwardEuler) stage.h = kStageShare * options.h;
   const double share = scheme == StageScheme::kFirstOfTwo ? kStageShare : 1, time = share * options.h;
   in_stage_ = true;
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-    SetInputsWithin(mechanisms_[i], before_.mechanisms[i], share);
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
+    SetInputsWithin(bodies_.mechanisms[i], before_.mechanisms[i], share);
   if (scheme == StageScheme::kFirstOfTwo)
-    ForMechanisms(
-        [&](std::size_t i) { ReduceControlJumps(mechanisms_[i], before_.mechanisms[i], stage.h, kOnward); });
-  for (std::size_t i = 0; i < free_bodies_.size(); ++i)
-    free_bodies_[i].SetInputsWithin(before_.free_bodies[i], 0, share);
+    bodies_.ForMechanisms([&](std::size_t i) {
+      ReduceControlJumps(bodies_.mechanisms[i], before_.mechanisms[i], stage.h, kOnward);
+    });
+  for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
+    bodies_.free_bodies[i].SetInputsWithin(before_.free_bodies[i], 0, share);
   MoveAllToStagePoses(stage.h, time);
   ++report.stages;
-  least_margin_ = 0;
+  detection_.least_margin = 0;
   all_stops_ = from_stage_start_ = false;
   StartRows(stage.h);
   StageResidual last;
@@ -177,9 +183,10 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       break;
     {
       const PartClock clock(times_, &StepPartTimes::free_velocities);
-      ForMechanisms([&](std::size_t i) { SolveFreeStage(mechanisms_[i], stage.h); });
+      bodies_.ForMechanisms([&](std::size_t i) { SolveFreeStage(bodies_.mechanisms[i], stage.h); });
       FindTouchedBodies();
-      for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].PredictStage(stage.h, touched_[i] != 0);
+      for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
+        bodies_.free_bodies[i].PredictStage(stage.h, touched_[i] != 0);
     }
     const ContactSolverReport before = report.solver;
     SolveContacts(stage, report);
@@ -192,7 +199,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     const bool from_start = from_stage_start_;
     from_stage_start_ = !CoversMotion();
     if (from_stage_start_) {
-      if (iteration == max_iterations || !std::isfinite(least_margin_)) break;
+      if (iteration == max_iterations || !std::isfinite(detection_.least_margin)) break;
       continue;
     }
     const bool helps = iteration == 1 || (found.ratio < last.ratio && !found.is_slow);
@@ -219,7 +226,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     }
     if (ends) break;
     is_fresh = found.is_slow || begins_inertial;
-    if (is_fresh) ForMechanisms([&](std::size_t i) { RenewStageMatrix(mechanisms_[i], inertial); });
+    if (is_fresh)
+      bodies_.ForMechanisms([&](std::size_t i) { RenewStageMatrix(bodies_.mechanisms[i], inertial); });
   }
   const StepSubject not_finite = FindNotFinite();
   report.halving_of = not_finite.kind == StepSubject::Kind::kNone ? last.subject : not_finite;
@@ -267,37 +275,38 @@ StageResidual World::Detail::MoveAndComputeResiduals(const StepOptions& stage, S
   const PartClock clock(times_, &StepPartTimes::moving);
   const double b = stage.h;
   StageResidual bodies, changes, found;
-  for (std::size_t i = 0; i < free_bodies_.size(); ++i) {
-    FreeBody& body = free_bodies_[i];
+  for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i) {
+    FreeBody& body = bodies_.free_bodies[i];
     StageMotion moved;
     const double residual = body.MoveAndComputeResidual(b, moved);
     Add(residual, moved, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
         {StepSubject::Kind::kFreeBody, static_cast<int>(i), -1}, bodies);
   }
-  const auto length = [&](std::size_t i) { return mechanisms_[i].mechanism().length_scale(); };
+  const auto length = [&](std::size_t i) { return bodies_.mechanisms[i].mechanism().length_scale(); };
   const auto subject = [](std::size_t i) {
     return StepSubject{StepSubject::Kind::kMechanism, static_cast<int>(i), -1};
   };
-  stage_changes_.resize(mechanisms_.size());
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    stage_changes_[i] = ComputeStageChange(mechanisms_[i], b);
+  stage_changes_.resize(bodies_.mechanisms.size());
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
+    stage_changes_[i] = ComputeStageChange(bodies_.mechanisms[i], b);
     Add(stage_changes_[i].change, stage_changes_[i], length(i), subject(i), changes);
   }
   double& contraction = contraction_[scheme == StageScheme::kSecondOfTwo ? 1 : 0];
   const double next = contraction / (1 - contraction);
   // An iteration with the contacts of the stage's start is never the last. Of forces that changed sides in
   // the solve the contraction of other iterations says nothing.
-  if (bodies.ratio <= 1 && next * changes.ratio <= 1 && !from_stage_start_ && bounded_forces_.empty()) {
+  if (bodies.ratio <= 1 && next * changes.ratio <= 1 && !from_stage_start_ && rows_.bounded_forces.empty()) {
     const bool is_last = scheme != StageScheme::kFirstOfTwo;
-    ForMechanisms([&](std::size_t i) { AcceptStage(mechanisms_[i], b, time, is_last); });
-    for (std::size_t i = 0; i < mechanisms_.size(); ++i)
+    bodies_.ForMechanisms([&](std::size_t i) { AcceptStage(bodies_.mechanisms[i], b, time, is_last); });
+    for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
       Add(next * stage_changes_[i].change, stage_changes_[i], length(i), subject(i), bodies);
     // What is not measured is trusted less and less (Hairer & Wanner II, IV.8).
     contraction = std::pow(contraction, 0.8);
     return bodies;
   }
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-    Add(MoveAndComputeResidual(mechanisms_[i], b, time), stage_changes_[i], length(i), subject(i), found);
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
+    Add(MoveAndComputeResidual(bodies_.mechanisms[i], b, time), stage_changes_[i], length(i), subject(i),
+        found);
   if (changes.ratio > 0 && !from_stage_start_) {
     const double measured = std::clamp(found.ratio / changes.ratio, kLeastContraction, kNoContraction);
     contraction = is_first ? measured : std::max(contraction, measured);
@@ -316,10 +325,10 @@ StageResidual World::Detail::MoveAndComputeResiduals(const StepOptions& stage, S
 // Whether a force whose saturation differs between the two stages changes by so much that its extrapolation, s b Δf of
 // momentum, moves something by more than the tolerance. A stage without the spring of a servo is not L-stable in it.
 bool World::Detail::ChangesSaturation(double b, StepReport& report) {
-  for (std::size_t i = 0; i < mechanisms_.size(); ++i) {
-    const MechanismDynamics& m = mechanisms_[i];
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
+    const MechanismDynamics& m = bodies_.mechanisms[i];
     if (!HasSwitches(m)) continue;
-    const SaturationChange change = ComputeSaturationChange(mechanisms_[i], b, kOnward);
+    const SaturationChange change = ComputeSaturationChange(bodies_.mechanisms[i], b, kOnward);
     if (change.displacement <= Negligible(change.motion, m.mechanism().length_scale())) continue;
     report.halving_of = {change.is_servo ? StepSubject::Kind::kServo : StepSubject::Kind::kSpring, static_cast<int>(i),
                          change.index};
@@ -328,31 +337,37 @@ bool World::Detail::ChangesSaturation(double b, StepReport& report) {
   return false;
 }
 
+void World::Detail::SumImpulses(double weight) {
+  summation_.Add(weight, contacts_, match_, previous_, sums_);
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
+    sums_.AddRows(weight, i, stops_[i].impulses, stops_[i].friction_impulses);
+}
+
 // Contacts of a stage that was solved: what the next one starts from, and their share of the impulses of the step.
 void World::Detail::StoreStage(double b, StageScheme scheme, StepReport& report) {
-  previous_is_fresh_.resize(points_.size());
-  for (std::size_t i = 0; i < points_.size(); ++i)
+  previous_is_fresh_.resize(detection_.points.size());
+  for (std::size_t i = 0; i < detection_.points.size(); ++i)
     previous_is_fresh_[i] =
-        constraints_[i].impulse(0) > 0 && !CarriedAtRest(i, kPartingShare * PairSize(points_[i]) / b);
+        rows_.contacts[i].impulse(0) > 0 &&
+        !CarriedAtRest(i, kPartingShare * detection_.shapes.PairSize(detection_.points[i]) / b);
   StepReport stage;
   KeepForNextStep(b, stage);
-  for (MechanismBlock& block : mechanism_blocks_)
-    for (std::size_t at = 0; at < block.limit_impulses.size(); ++at) {
-      block.stop_is_fresh[at] =
-          block.limit_impulses[at] > 0 && (block.stop_is_fresh[at] || !block.stop_carried[at]);
-      if (block.limit_impulses[at] > 0) block.stop_carried[at] = 1;
+  for (StopHistory& stops : stops_)
+    for (std::size_t at = 0; at < stops.impulses.size(); ++at) {
+      stops.is_fresh[at] = stops.impulses[at] > 0 && (stops.is_fresh[at] || !stops.carried[at]);
+      if (stops.impulses[at] > 0) stops.carried[at] = 1;
     }
   report.limits = std::max(report.limits, stage.limits);
   report.max_penetration = std::max(report.max_penetration, stage.max_penetration);
   // (1 - γ) f₁ + γ f₂ over the step, impulses being b f: s of the first and one of the second.
   SumImpulses(scheme == StageScheme::kFirstOfTwo ? kOnward : 1);
   if (scheme != StageScheme::kFirstOfTwo) return;
-  for (MechanismDynamics& m : mechanisms_)
+  for (MechanismDynamics& m : bodies_.mechanisms)
     if (HasSwitches(m)) StoreSwitchedForces(m, b);
   // The second stage starts where tangential springs are at its base point.
   to_base_point_.resize(contacts_.size());
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
-    const ContactConstraint& c = constraints_[i];
+    const ContactConstraint& c = rows_.contacts[i];
     to_base_point_[i].head<3>() = (kOnward - 1) / b * (c.moment - c.held_moment);
     to_base_point_[i].tail<3>() = (kOnward - 1) / b * (c.impulse - c.held);
     to_base_point_[i](3) = 0;  // the normal force has no spring
@@ -380,10 +395,10 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   report.parts = 0;
   report.impact = cause == HalvingCause::kImpact;
   for (int k = 0; k < 2; ++k) {
-    for (std::size_t i = 0; i < mechanisms_.size(); ++i)
-      SetInputsOfHalf(mechanisms_[i], whole.start.mechanisms[i], options.h, k == 1);
-    for (std::size_t i = 0; i < free_bodies_.size(); ++i)
-      free_bodies_[i].SetInputsWithin(whole.start.free_bodies[i], k == 0 ? 0 : 0.5, k == 0 ? 0.5 : 1);
+    for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
+      SetInputsOfHalf(bodies_.mechanisms[i], whole.start.mechanisms[i], options.h, k == 1);
+    for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
+      bodies_.free_bodies[i].SetInputsWithin(whole.start.free_bodies[i], k == 0 ? 0 : 0.5, k == 0 ? 0.5 : 1);
     ++depth_;
     const StepReport part = StepByStages(half);
     --depth_;

@@ -8,43 +8,44 @@ namespace fork1s {
 // Mechanisms that are worth a thread: some 200 joint coordinates, 30 us.
 int World::Detail::WorthAThread() const {
   int coordinates = 0;
-  for (const MechanismDynamics& m : mechanisms_) coordinates += 1 + m.mechanism().num_coordinates();
-  return coordinates == 0 ? 1 : std::max(1, 200 * static_cast<int>(mechanisms_.size()) / coordinates);
+  for (const MechanismDynamics& m : bodies_.mechanisms) coordinates += 1 + m.mechanism().num_coordinates();
+  return coordinates == 0 ? 1 : std::max(1, 200 * static_cast<int>(bodies_.mechanisms.size()) / coordinates);
 }
 
 void World::Detail::GatherContactImpulses(std::size_t i) {
-  const MechanismDynamics& m = mechanisms_[i];
-  MechanismBlock& block = mechanism_blocks_[i];
-  block.contact_impulses_R.setZero(6, m.mechanism().num_bodies());
-  for (std::size_t c = 0; c < contactors_.size(); ++c) {
-    const Contactor& contactor = contactors_[c];
+  const MechanismDynamics& m = bodies_.mechanisms[i];
+  Refresh& refresh = refreshes_[i];
+  refresh.contact_impulses_R.setZero(6, m.mechanism().num_bodies());
+  for (std::size_t c = 0; c < detection_.contactors.size(); ++c) {
+    const Contactor& contactor = detection_.contactors[c];
     if (contactor.kind != Contactor::Kind::kGroup || contactor.index != static_cast<int>(i) ||
-        port_offset_[c] < 0 || !is_pushed_[c])
+        rows_.port_offset[c] < 0 || !rows_.is_pushed[c])
       continue;
-    const PartBlock& part = block.parts[static_cast<std::size_t>(port_part_[c])];
+    const PartRows& part = rows_.mechanisms[i].parts[static_cast<std::size_t>(rows_.port_part[c])];
     const BodyIndex body = m.groups()[static_cast<std::size_t>(contactor.group)].body;
-    block.contact_impulses_R.col(body.value()) += part.port_impulse.segment<6>(port_offset_[c] - part.offset);
+    refresh.contact_impulses_R.col(body.value()) +=
+        part.impulse.segment<6>(rows_.port_offset[c] - part.offset);
   }
 }
 
 void World::Detail::RefreshIfStale(std::size_t i, double h) {
-  MechanismDynamics& m = mechanisms_[i];
-  MechanismBlock& block = mechanism_blocks_[i];
-  block.drift = m.ComputeLinearizationDrift();
-  if (!(block.drift.share > 1) && m.model().has_complement) {
+  MechanismDynamics& m = bodies_.mechanisms[i];
+  Refresh& refresh = refreshes_[i];
+  refresh.drift = m.ComputeLinearizationDrift();
+  if (!(refresh.drift.share > 1) && m.model().has_complement) {
     GatherContactImpulses(i);
-    block.drift = FindMissingLoad(m, h, block.contact_impulses_R);
+    refresh.drift = FindMissingLoad(m, h, refresh.contact_impulses_R);
   }
-  if (!(block.drift.share > 1)) return;
-  block.refreshed = m.Refresh() ? 1 : -1;
+  if (!(refresh.drift.share > 1)) return;
+  refresh.result = m.Refresh() ? 1 : -1;
 }
 
 void World::Detail::CountRefreshes(StepReport& report) const {
-  for (std::size_t i = 0; i < mechanism_blocks_.size(); ++i) {
-    const MechanismBlock& block = mechanism_blocks_[i];
-    report.failed_refreshes += block.refreshed < 0 ? 1 : 0;
-    if (block.refreshed <= 0) continue;
-    const LinearizationDrift& drift = block.drift;
+  for (std::size_t i = 0; i < refreshes_.size(); ++i) {
+    const Refresh& refresh = refreshes_[i];
+    report.failed_refreshes += refresh.result < 0 ? 1 : 0;
+    if (refresh.result <= 0) continue;
+    const LinearizationDrift& drift = refresh.drift;
     ++report.refreshes;
     Relinearizations& of_cause = report.refreshes_by_cause[static_cast<std::size_t>(drift.cause)];
     ++of_cause.count;
@@ -60,22 +61,24 @@ void World::Detail::CountRefreshes(StepReport& report) const {
 void World::Detail::SolveContacts(const StepOptions& options, StepReport& report) {
   const PartClock clock(times_, &StepPartTimes::solving);
   if (has_switches_)
-    for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_velocity_[i] = free_bodies_[i].velocity();
+    for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
+      free_velocity_[i] = bodies_.free_bodies[i].velocity();
   bool starts = true;
   do {
-    if (points_.empty() && limits_.empty()) continue;
+    if (detection_.points.empty() && rows_.limits.empty()) continue;
     AssembleOperators();
     if (starts) Rebound(options.h);
     starts = false;
-    report.solver = solver_.Solve(blocks_, constraints_, limits_, velocities_, options.contact);
+    report.solver =
+        solver_.Solve(rows_.blocks, rows_.contacts, rows_.limits, rows_.velocities, options.contact);
     ApplyImpulses(true);
   } while (has_switches_ && UpdateSwitches(options));
-  if (!bounded_forces_.empty()) SolveWithSidesFound(options.h);
+  if (!rows_.bounded_forces.empty()) SolveWithSidesFound(options.h);
 }
 
 bool World::Detail::UpdateSwitches(const StepOptions& options) {
   bool changed = false;
-  for (MechanismDynamics& m : mechanisms_)
+  for (MechanismDynamics& m : bodies_.mechanisms)
     if (fork1s::UpdateSwitches(m, options.h)) changed = true;
   if (!changed) return false;
   PredictAllAgain(options.h);
@@ -84,39 +87,44 @@ bool World::Detail::UpdateSwitches(const StepOptions& options) {
 }
 
 void World::Detail::PredictAllAgain(double h) {
-  for (MechanismDynamics& m : mechanisms_) SolveFreeStage(m, h);
-  for (std::size_t i = 0; i < free_bodies_.size(); ++i) free_bodies_[i].ResetVelocity(free_velocity_[i]);
+  for (MechanismDynamics& m : bodies_.mechanisms) SolveFreeStage(m, h);
+  for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
+    bodies_.free_bodies[i].ResetVelocity(free_velocity_[i]);
 }
 
 bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& report) {
-  if (!FindContacts(options, report)) return false;
+  {
+    const PartClock finding(times_, &StepPartTimes::finding);
+    if (!detection_.Find(bodies_, options.h, options.gravity, in_stage_)) return false;
+    report.contacts_dropped = detection_.dropped;
+  }
   const PartClock clock(times_, &StepPartTimes::rows);
   LayOutPorts(options);
-  MatchPrevious();
+  matcher_.Match(detection_.shapes, detection_.points, detection_.poses, previous_, previous_pose_, match_);
   AssembleConstraints(options);
   return true;
 }
 
 // Joints may be out of all proportion and finite, and the poses they lead to not.
 bool World::Detail::IsFinite(bool poses) {
-  ForMechanisms([&](std::size_t i) {
-    const MechanismDynamics& m = mechanisms_[i];
+  bodies_.ForMechanisms([&](std::size_t i) {
+    const MechanismDynamics& m = bodies_.mechanisms[i];
     const auto& X_RB = m.configuration().kinematics.X_RB;
-    mechanism_blocks_[i].finite =
+    finite_[i] =
         fork1s::IsFinite(m) && (!poses || std::all_of(X_RB.begin(), X_RB.end(),
                                                       [](const RigidTransform& X) { return X.IsFinite(); }));
   });
-  return std::all_of(mechanism_blocks_.begin(), mechanism_blocks_.end(),
-                     [](const MechanismBlock& b) { return b.finite; }) &&
-         std::all_of(free_bodies_.begin(), free_bodies_.end(), [](const auto& b) { return b.IsFinite(); });
+  return std::all_of(finite_.begin(), finite_.end(), [](char finite) { return finite != 0; }) &&
+         std::all_of(bodies_.free_bodies.begin(), bodies_.free_bodies.end(),
+                     [](const auto& b) { return b.IsFinite(); });
 }
 
 // The first that the last call of IsFinite found not to be.
 StepSubject World::Detail::FindNotFinite() const {
-  for (std::size_t i = 0; i < mechanism_blocks_.size(); ++i)
-    if (!mechanism_blocks_[i].finite) return {StepSubject::Kind::kMechanism, static_cast<int>(i), -1};
-  for (std::size_t i = 0; i < free_bodies_.size(); ++i)
-    if (!free_bodies_[i].IsFinite()) return {StepSubject::Kind::kFreeBody, static_cast<int>(i), -1};
+  for (std::size_t i = 0; i < finite_.size(); ++i)
+    if (!finite_[i]) return {StepSubject::Kind::kMechanism, static_cast<int>(i), -1};
+  for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
+    if (!bodies_.free_bodies[i].IsFinite()) return {StepSubject::Kind::kFreeBody, static_cast<int>(i), -1};
   return {};
 }
 
@@ -142,8 +150,8 @@ StepReport World::Detail::Step(const StepOptions& options) {
   if (times_) *times_ = StepPartTimes();
   const PartClock clock(times_, &StepPartTimes::all);
   const StepReport report = StepByStages(options);
-  for (MechanismDynamics& m : mechanisms_) m.StopPointSpring();
-  for (FreeBody& body : free_bodies_) body.StopPointSpring();
+  for (MechanismDynamics& m : bodies_.mechanisms) m.StopPointSpring();
+  for (FreeBody& body : bodies_.free_bodies) body.StopPointSpring();
   return report;
 }
 
@@ -152,8 +160,8 @@ void World::Detail::BeginStep(double h) {
   previous_.swap(contacts_);
   previous_h_ = contacts_h_;
   contacts_h_ = h;
-  previous_pose_ = contactor_pose_;
-  least_margin_ = 0;
+  previous_pose_ = detection_.poses;
+  detection_.least_margin = 0;
   in_stage_ = all_stops_ = from_stage_start_ = false;
 }
 

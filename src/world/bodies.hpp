@@ -1,0 +1,36 @@
+// What moves in a world.
+#pragma once
+
+#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/dynamics/mechanism_model.hpp>
+#include <fork1s/world/world.hpp>
+#include <vector>
+
+#include "for_all.hpp"
+
+namespace fork1s {
+
+struct Bodies {
+  std::vector<MechanismDynamics> mechanisms;
+  std::vector<FreeBody> free_bodies;
+  int mechanism_grain = 1;  // mechanisms that are worth a thread
+
+  template <class Act>
+  void ForMechanisms(const Act& act) const {
+    ForAll(mechanisms.size(), mechanism_grain, act);
+  }
+
+  RigidTransform PoseOf(const Contactor& contactor) const {  // but of the world's
+    const auto i = static_cast<std::size_t>(contactor.index);
+    return contactor.kind == Contactor::Kind::kGroup ? GroupPose(mechanisms[i], contactor.group)
+                                                     : free_bodies[i].pose();
+  }
+  /// Twist in world axes about the origin of the contactor's frame.
+  Vector6 VelocityOf(const Contactor& contactor) const {
+    const auto i = static_cast<std::size_t>(contactor.index);
+    return contactor.kind == Contactor::Kind::kGroup ? GroupVelocity(mechanisms[i], contactor.group)
+                                                     : free_bodies[i].OriginVelocity();
+  }
+};
+
+}  // namespace fork1s

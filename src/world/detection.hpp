@@ -1,0 +1,42 @@
+// Contact points within reach, and how far they were sought.
+#pragma once
+
+#include <fork1s/collision/collision_world.hpp>
+#include <memory>
+#include <vector>
+
+#include "bodies.hpp"
+#include "contactor_shapes.hpp"
+
+namespace fork1s {
+
+/// What contacts may move a body by that was not foreseen, as a share of the size of what touches.
+inline constexpr double kClearShare = 0.02;
+
+struct Detection {
+  /// Contact points at the poses at hand that may close within h [s] of the velocities at hand; none and
+  /// false where something moves beyond the range of numbers. `in_stage`: that what moved since the start of
+  /// the stage is covered too.
+  bool Find(const Bodies& bodies, double h, const Vector3& gravity_W, bool in_stage);
+  void RecordStageStart(const Bodies& bodies);
+  /// Whether contacts were sought as far as the poses at hand are from those of the detection; else the least
+  /// margin of the next one is as wide.
+  bool CoversMotion(const Bodies& bodies);
+  /// Sum of the two largest of `motion` [m]: no pair closes its gap by more.
+  double LargestPairMotion() const;
+
+  std::vector<Contactor> contactors;
+  ContactorShapes shapes;
+  std::unique_ptr<CollisionWorld> world;
+  double most_margin = 0;                         // m
+  double margin = 0;                              // m, of the last detection
+  double least_margin = 0;                        // m, of the next one
+  std::vector<ContactPoint> points;               // of the last detection
+  bool dropped = false;                           // for want of room
+  std::vector<RigidTransform> poses;              // per contactor, at the last detection
+  std::vector<RigidTransform> stage_start_poses;  // per contactor
+  std::vector<double>
+      motion;  // m, per contactor: to the poses of CoversMotion, or since the start of the stage
+};
+
+}  // namespace fork1s

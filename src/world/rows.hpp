@@ -1,0 +1,90 @@
+// The rows of the contact solve: contacts, stops, dry friction and forces with bounds, and what they move.
+#pragma once
+
+#include <fork1s/world/island_solver.hpp>
+#include <vector>
+
+namespace fork1s {
+
+/// Ports, limits and dry frictions of one part of a mechanism, or (the last one) of groups that only follow
+/// its driven base. Rows stand in this order: six a port, one a limit, a friction, a force with bounds.
+struct PartRows {
+  std::vector<int> groups;          // in port order
+  std::vector<int> limits;          // 2 k + side of entries k of length_limits(), side 0 lower, 1 upper
+  std::vector<int> frictions;       // of the mechanism, all that this part moves
+  std::vector<int> bounded_forces;  // of the mechanism that are rows, in the order in which they came
+  int offset = 0, size = 0;         // in the stacked velocities
+  int room = 0;                     // rows beyond these that bounded forces may ask for
+  MatrixX J_T;                      // velocities of the part x size
+  MatrixX Y;                        // L⁻¹ J_T
+  VectorX impulse;                  // size: N s, N m s
+
+  Eigen::Index LimitRow(std::size_t k) const { return static_cast<Eigen::Index>(6 * groups.size() + k); }
+  Eigen::Index FrictionRow(std::size_t k) const { return LimitRow(limits.size() + k); }
+  Eigen::Index BoundedForceRow(std::size_t k) const { return FrictionRow(frictions.size() + k); }
+};
+
+struct MechanismRows {
+  std::vector<PartRows> parts;
+  std::size_t first_limit = 0;  // of its rows in ConstraintRows::limits
+  VectorX impulse;              // num_velocities: Jᵀ times the impulses of all parts
+};
+
+/// Of the contact solve at hand.
+struct ConstraintRows {
+  // Places in the stacked velocities, per contactor.
+  std::vector<int> port_offset;             // -1: takes no part
+  std::vector<int> port_part;               // PartRows of its mechanism
+  std::vector<RigidTransform> port_frames;  // that twists of ports are given in and about
+
+  std::vector<MechanismRows> mechanisms;
+  std::vector<Matrix6> free_Y;              // per free body
+  std::vector<VelocityBlock> blocks;        // of all that takes part
+  std::vector<ContactConstraint> contacts;  // per contact point
+  std::vector<LimitConstraint>
+      limits;                // by mechanism and part: limits, then frictions; last the bounded forces
+  VectorX velocities;        // m/s, rad/s: free ones, then those of the solution
+  VectorX start_velocities;  // of a stage of backward Euler: at its start
+
+  // Forces with bounds that are rows, whose `limits` stand last, in this order.
+  struct BoundedForce {
+    std::size_t mechanism = 0, part = 0, row_in_part = 0, index = 0;
+  };
+  std::vector<BoundedForce> bounded_forces;
+  LimitConstraint& LimitOfBoundedForce(std::size_t k) {
+    return limits[limits.size() - bounded_forces.size() + k];
+  }
+
+  // What the impulse of one contact does to the ports of both sides.
+  struct Push {
+    bool any = false;
+    int body_a = -1, body_b = -1;
+    int port_a = -1, port_b = -1;
+    Vector6 on_a, on_b;
+  };
+  std::vector<Push> pushes;     // per contact
+  std::vector<char> is_pushed;  // per contactor
+};
+
+/// Velocity of b less that of a in the frame of a contact.
+inline Vector3 RelativeSpeed(const ContactConstraint& c, const VectorX& velocities) {
+  Vector3 speed = Vector3::Zero();
+  if (c.port_a >= 0) speed += c.J_a * velocities.segment<6>(c.port_a);
+  if (c.port_b >= 0) speed += c.J_b * velocities.segment<6>(c.port_b);
+  return speed;
+}
+
+/// What stops and dry friction of a mechanism did and are to do, two of every length limit, lower and upper.
+struct StopHistory {
+  std::vector<double> impulses;           // N s, N m s, of the last stage; between steps of the step
+  std::vector<double> friction_impulses;  // likewise, per dry friction
+  std::vector<double> friction_held;      // N s, N m s: what dry friction bears where the stage starts
+  std::vector<char> carried;              // carried load at the start of the step or in its first stage
+  std::vector<char> is_fresh;             // of these, in the stage alone
+  std::vector<char> is_row;
+  std::vector<double> start_gap;  // m, rad: at the start of the step if it carried load there, else NaN
+
+  void Resize(std::size_t limits, std::size_t frictions);
+};
+
+}  // namespace fork1s
