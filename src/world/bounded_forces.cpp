@@ -55,7 +55,8 @@ void World::Detail::SolveWithSidesFound(double h) {
                           rows_.bounded_forces[k].index, limit.impulse, unbounded, h);
   }
   PredictAllAgain(h);
-  if (!detection_.points.empty() || rows_.limits.size() > rows_.bounded_forces.size()) ApplyImpulses(false);
+  if (!detection_.points.empty() || rows_.limits.size() > rows_.bounded_forces.size())
+    ApplyImpulses(detection_, false, bodies_, stops_, rows_);
 }
 
 }  // namespace fork1s

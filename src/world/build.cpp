@@ -151,18 +151,14 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   const auto room = static_cast<std::size_t>(options.reserved_contacts);
   detail.detection_.points.reserve(room);
   detail.contacts_.reserve(room);
-  detail.previous_.reserve(room);
-  detail.matcher_.Reserve(room);
+  detail.history_.Reserve(room);
   detail.rows_.pushes.reserve(room);
   detail.sums_.Reserve(room);
   for (Detail::Halving& halving : detail.halvings_) halving.sums.Reserve(room);
   detail.summation_.Reserve(room);
-  detail.match_.reserve(room);
   detail.rows_.contacts.reserve(room);
-  detail.start_gap_.reserve(room);
-  detail.next_start_gap_.reserve(room);
-  detail.approach_.reserve(room);
-  detail.closing_.reserve(room);
+  detail.approaches_.rebound.reserve(room);
+  detail.approaches_.closing.reserve(room);
   detail.start_points_.reserve(room);
   detail.bodies_.mechanism_grain = detail.WorthAThread();
   std::size_t blocks = detail.bodies_.free_bodies.size();
@@ -272,7 +268,7 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
 
 void World::ResetContacts() {
   detail_->contacts_.clear();
-  detail_->previous_.clear();
+  detail_->history_.contacts.clear();
   for (StopHistory& stops : detail_->stops_)
     for (std::vector<double>* impulses : {&stops.impulses, &stops.friction_impulses})
       std::fill(impulses->begin(), impulses->end(), 0.0);

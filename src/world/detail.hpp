@@ -9,10 +9,12 @@
 #include <vector>
 
 #include "bodies.hpp"
-#include "contact_matching.hpp"
+#include "contact_history.hpp"
 #include "detection.hpp"
+#include "impact.hpp"
 #include "impulse_sums.hpp"
 #include "part_clock.hpp"
+#include "ports.hpp"
 #include "rows.hpp"
 
 namespace fork1s {
@@ -48,48 +50,22 @@ struct World::Detail {
   bool PrepareContactsAtStageStart(const StepOptions& stage, StepReport& report);
   bool CoversMotion();
   bool PassesStop() const;
-  bool BasePointIsBeyond(const StepOptions& options, StepSubject& subject) const;
   HalvingCause SolveStage(const StepOptions& options, StageScheme scheme, StepReport& report);
   HalvingCause FindStageEvent(const StepOptions& options, StageScheme scheme, int iteration, StepReport& report) const;
   void MoveAllToStagePoses(double b, double time);
   StageResidual MoveAndComputeResiduals(const StepOptions& stage, StageScheme scheme, double time,
                                         bool is_first);
   bool ChangesSaturation(double b, StepReport& report);
-  bool LeavesAgain(double b, StepSubject& subject) const;
   void StoreStage(double b, StageScheme scheme, StepReport& report);
   StepReport HalveOrUndo(const StepOptions& options, HalvingCause cause, const StepReport& attempt);
   StepReport FinishStep(const StepOptions& options, WorldState& start, StepReport report);
   void SumImpulses(double weight);
-  double StepsRatio(double h) const;
   void StartRows(double b);
   void Rebound(double h);
-  // Impacts (impact.cpp).
-  void FindTouchedBodies();
-  bool Bore(std::size_t contact) const;
-  bool CarriedAtRest(std::size_t contact, double speed) const;
+  // Impacts.
+  ImpactView Impacts() const { return {detection_, history_, rows_, approaches_}; }
   void RecordStops(double h);
   void RecordStartGaps();
-  void CarryStartGaps();
-  double StartGap(std::size_t contact) const;
-  double SpeedOfImpact(const ContactPoint& point) const;
-  bool ClosesAtSpeed(const StepOptions& options, StepSubject* subject = nullptr) const;
-  // Way to a stop that bore nothing, m, and its speed, m/s; of what turns in lengths of its mechanism.
-  struct StopApproach {
-    bool bore = true;
-    double gap = 0, speed = 0;
-    double base_gap = 0;            // m, at the base point of a stage
-    double size = 0;                // m, of its mechanism
-    double scale = 1;               // m a unit of its length: rad or m
-    int mechanism = -1, stop = -1;  // of length_limits()
-  };
-  static double MetersPerUnit(const MechanismDynamics& m, const Mechanism::Length& length);
-  StopApproach ApproachOf(const MechanismDynamics& m, const Mechanism::LengthLimit& stop, bool upper) const;
-  bool MetAtSpeed(const StepOptions& options, StepSubject* subject = nullptr) const;
-  void LayOutPorts(const StepOptions& options);
-  void LayOutLimits(std::size_t mechanism, const StepOptions& options);
-  void FillRows(std::size_t mechanism);
-  void SizeBlocks(std::size_t mechanism);
-  void AssembleOperators();
   void AssembleConstraints(const StepOptions& options);
   void AssembleContact(std::size_t contact, const StepOptions& options);
   void AssembleLimits(const StepOptions& options);
@@ -101,32 +77,22 @@ struct World::Detail {
   void AddBoundedForceRows(double h);
   void SolveWithSidesFound(double h);
   void AssembleBoundedForces(double h);
-  void GatherPushes();
-  void ApplyImpulses(bool of_bounded_forces);
-  void KeepForNextStep(double h, StepReport& report);
+  void RecordContacts(double h);
   void GatherContactImpulses(std::size_t mechanism);
   void RefreshIfStale(std::size_t mechanism, double h);
   void CountRefreshes(StepReport& report) const;
   int WorthAThread() const;
-  template <class Act>
-  void ForContacts(const Act& act) const {
-    constexpr int kWorthAThread = 64;  // some 30 us
-    ForAll(detection_.points.size(), kWorthAThread, act);
-  }
-  void FindPortFrames();
-  Matrix36 PortRows(int contactor, const Vector3& point, const Matrix3& frame) const;
 
   Bodies bodies_;
   Detection detection_;
   std::vector<std::string> warnings_;
-  std::vector<RigidTransform> previous_pose_;   // of the contacts of the step before
 
   IslandSolver solver_;
   std::vector<ContactPoint> start_points_;  // of the start of the step
-  std::vector<ContactRecord> contacts_, previous_;
-  double contacts_h_ = 0, previous_h_ = 0;           // s, of the steps that gave them their impulses
-  ContactMatcher matcher_;
-  std::vector<int> match_;            // contact -> previous contact or -1
+  std::vector<ContactRecord> contacts_;
+  double contacts_h_ = 0;  // s, of the step that gave them their impulses
+  ContactHistory history_;
+  Approaches approaches_;
   bool in_stage_ = false;             // contacts and rows are those of the pose that a stage is linearised at
   bool is_backward_euler_ = false;    // the step at hand, or its part, is one stage
   bool all_stops_ = false;            // all stops are rows
@@ -135,15 +101,6 @@ struct World::Detail {
   // others.
   std::array<double, 2> contraction_ = {1, 1};
   std::vector<StageChange> stage_changes_;  // of bodies_.mechanisms
-  std::vector<char> previous_is_fresh_;  // of previous_, in the second stage: met in the first
-  // Of previous_: the gap [m] at the start of the step of what carried load there,
-  // else NaN.
-  std::vector<double> start_gap_, next_start_gap_;
-  // Of previous_, in their frames: from the end of the first stage to the base point of the second [N m; N].
-  std::vector<Vector6> to_base_point_;
-  std::vector<double> approach_;     // m/s, of points that may part again; 0 for others
-  std::vector<double> closing_;      // m/s, of all, at the start of the step
-  std::vector<StopApproach> stop_approach_;  // of rows_.limits
 
   ConstraintRows rows_;
   std::vector<StopHistory> stops_;  // per mechanism
@@ -155,13 +112,9 @@ struct World::Detail {
   };
   std::vector<Refresh> refreshes_;
   std::vector<char> finite_;                       // per mechanism, by IsFinite
-  std::vector<char> touched_;                      // per free body: whether contacts at hand may
   std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
   bool has_switches_ = false;
   WorldState before_;  // of the step at hand
-  // Share of its size by which what the first stage stopped may part again in the second: the extrapolation
-  // between the stages would turn a speed v into 1.4 v the other way.
-  static constexpr double kPartingShare = 1e-6;
   ImpulseSums sums_;  // of its stages and parts so far
   ContactSummation summation_;
   // A step that contains an event is halved up to this often (docs/decisions/001-time-stepping.md); the
@@ -173,9 +126,7 @@ struct World::Detail {
     ImpulseSums sums;  // until then
   };
   std::array<Halving, kMaxHalvings + 1> halvings_;
-  int depth_ = 0;       // halvings of the step at hand
-  double impact_speed_ = 0;   // m/s, by the length of the whole step
-  double carried_speed_ = 0;  // m/s, below which a contact that bore a load in the last step goes on
+  int depth_ = 0;  // halvings of the step at hand
   StepPartTimes* times_ = nullptr;
 };
 

@@ -56,6 +56,15 @@ bool Detection::Find(const Bodies& bodies, double h, const Vector3& gravity_W, b
   return true;
 }
 
+void Detection::FindTouched(std::size_t free_bodies) {
+  touched.assign(free_bodies, 0);
+  for (const ContactPoint& p : points)
+    for (const int body : {p.body_a, p.body_b})
+      if (const Contactor& c = contactors[static_cast<std::size_t>(body)];
+          c.kind == Contactor::Kind::kFreeBody)
+        touched[static_cast<std::size_t>(c.index)] = 1;
+}
+
 void Detection::RecordStageStart(const Bodies& bodies) {
   stage_start_poses.resize(contactors.size());
   for (std::size_t i = 0; i < contactors.size(); ++i)

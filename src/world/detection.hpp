@@ -22,6 +22,8 @@ struct Detection {
   /// Whether contacts were sought as far as the poses at hand are from those of the detection; else the least
   /// margin of the next one is as wide.
   bool CoversMotion(const Bodies& bodies);
+  /// Which of that many free bodies `points` are of.
+  void FindTouched(std::size_t free_bodies);
   /// Sum of the two largest of `motion` [m]: no pair closes its gap by more.
   double LargestPairMotion() const;
 
@@ -33,6 +35,7 @@ struct Detection {
   double least_margin = 0;                        // m, of the next one
   std::vector<ContactPoint> points;               // of the last detection
   bool dropped = false;                           // for want of room
+  std::vector<char> touched;                      // per free body, by FindTouched
   std::vector<RigidTransform> poses;              // per contactor, at the last detection
   std::vector<RigidTransform> stage_start_poses;  // per contactor
   std::vector<double>

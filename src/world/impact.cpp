@@ -1,116 +1,91 @@
-// What an impact is: contacts and stops that are met at speed.
-#include <algorithm>
-#include <cmath>
+#include "impact.hpp"
 
-#include "detail.hpp"
+#include <algorithm>
 
 namespace fork1s {
+namespace {
 
-void World::Detail::FindTouchedBodies() {
-  touched_.assign(bodies_.free_bodies.size(), 0);
-  for (const ContactPoint& p : detection_.points)
-    for (const int body : {p.body_a, p.body_b})
-      if (const Contactor& c = detection_.contactors[static_cast<std::size_t>(body)];
-          c.kind == Contactor::Kind::kFreeBody)
-        touched_[static_cast<std::size_t>(c.index)] = 1;
+StepSubject ContactOf(const ContactPoint& p) { return {StepSubject::Kind::kContact, p.body_a, p.body_b}; }
+StepSubject StopOf(const StopApproach& stop) { return {StepSubject::Kind::kStop, stop.mechanism, stop.stop}; }
+
+}  // namespace
+
+// What closes a gap by less than material.depth in a step is no impact: contacts that last press in by up to
+// that, by how much depends on the step.
+void Approaches::SetSpeeds(const StepOptions& step) {
+  impact_speed = step.material.depth / step.h;
+  carried_speed = std::max(step.gravity.norm() * step.h / 8, impact_speed);
 }
 
-// Whether a contact bore a load in the last step.
-bool World::Detail::Bore(std::size_t contact) const { return CarriedAtRest(contact, carried_speed_); }
-
-// What only closed its gap by the end of the last step, at this speed [m/s] or faster, is still to be met.
-bool World::Detail::CarriedAtRest(std::size_t contact, double speed) const {
-  if (match_[contact] < 0) return false;
-  const ContactRecord& before = previous_[static_cast<std::size_t>(match_[contact])];
-  return before.impulse(0) > 0 && before.end_speed > -speed;
+StepSubject FindClosingAtSpeed(const ImpactView& at, double h) {
+  for (std::size_t i = 0; i < at.detection.points.size(); ++i) {
+    const ContactPoint& p = at.detection.points[i];
+    const double closing = at.approaches.closing[i];
+    if (!at.Bore(i) && closing > at.approaches.SpeedOfImpact(p) && p.gap < h * closing) return ContactOf(p);
+  }
+  return {};
 }
 
-// m/s; what has restitution parts again from any.
-double World::Detail::SpeedOfImpact(const ContactPoint& point) const {
-  return point.restitution > 0 ? 0 : impact_speed_;
+StepSubject FindMetAtSpeed(const ImpactView& at, double h) {
+  const double least = at.approaches.impact_speed;
+  for (std::size_t k = 0; k < at.approaches.stops.size(); ++k) {
+    const StopApproach& stop = at.approaches.stops[k];
+    if (!stop.bore && at.rows.limits[k].impulse > 0 && (stop.speed > least || stop.gap > h * least))
+      return StopOf(stop);
+  }
+  for (std::size_t i = 0; i < at.detection.points.size(); ++i) {
+    if (!(at.rows.contacts[i].impulse(0) > 0) || at.Bore(i)) continue;
+    const ContactPoint& p = at.detection.points[i];
+    const double speed = at.approaches.SpeedOfImpact(p);
+    if (at.approaches.closing[i] > speed || p.gap > h * speed) return ContactOf(p);
+  }
+  return {};
 }
 
-// A contact that bore nothing yet and would close within the step at the speed of an impact, if all went on.
-bool World::Detail::ClosesAtSpeed(const StepOptions& options, StepSubject* subject) const {
-  for (std::size_t i = 0; i < detection_.points.size(); ++i) {
-    if (Bore(i) || !(closing_[i] > SpeedOfImpact(detection_.points[i])) ||
-        !(detection_.points[i].gap < options.h * closing_[i]))
+StepSubject FindParting(const ImpactView& at, const std::vector<StopHistory>& stops, double b) {
+  for (std::size_t i = 0; i < at.detection.points.size(); ++i) {
+    const int before = at.history.match[i];
+    if (before < 0 || !at.history.is_fresh[static_cast<std::size_t>(before)] ||
+        at.rows.contacts[i].impulse(0) > 0)
       continue;
-    if (subject)
-      *subject = {StepSubject::Kind::kContact, detection_.points[i].body_a, detection_.points[i].body_b};
-    return true;
+    const ContactPoint& p = at.detection.points[i];
+    if (b * RelativeSpeed(at.rows.contacts[i], at.rows.velocities)(0) >
+        kPartingShare * at.detection.shapes.PairSize(p))
+      return ContactOf(p);
   }
-  return false;
-}
-
-// Lengths that turn, in rad, count by the length of the mechanism.
-double World::Detail::MetersPerUnit(const MechanismDynamics& m, const Mechanism::Length& length) {
-  const bool turns =
-      length.path < 0 && !length.terms.empty() && m.mechanism().Turns(length.terms.front().first);
-  return turns ? m.mechanism().length_scale() : 1;
-}
-
-World::Detail::StopApproach World::Detail::ApproachOf(const MechanismDynamics& m,
-                                                      const Mechanism::LengthLimit& stop, bool upper) const {
-  const double scale = MetersPerUnit(m, stop.length), length = m.Length(stop.length),
-               rate = from_stage_start_ ? LengthRateAtStageStart(m, stop.length) : LengthRate(m, stop.length);
-  return {false,
-          scale * (upper ? stop.upper - length : length - stop.lower),
-          scale * (upper ? rate : -rate),
-          0,
-          m.mechanism().length_scale(),
-          scale};
-}
-
-// The same of what the step has brought together, and of stops of joints and tendons: at that speed from the
-// start, or from so far that it took that speed.
-bool World::Detail::MetAtSpeed(const StepOptions& options, StepSubject* subject) const {
-  const double least = impact_speed_;
-  for (std::size_t k = 0; k < stop_approach_.size(); ++k) {
-    const StopApproach& a = stop_approach_[k];
-    if (a.bore || !(rows_.limits[k].impulse > 0) || !(a.speed > least || a.gap > options.h * least)) continue;
-    if (subject) *subject = {StepSubject::Kind::kStop, a.mechanism, a.stop};
-    return true;
-  }
-  for (std::size_t i = 0; i < detection_.points.size(); ++i) {
-    if (!(rows_.contacts[i].impulse(0) > 0) || Bore(i)) continue;
-    const double speed = SpeedOfImpact(detection_.points[i]);
-    if (!(closing_[i] > speed || detection_.points[i].gap > options.h * speed)) continue;
-    if (subject)
-      *subject = {StepSubject::Kind::kContact, detection_.points[i].body_a, detection_.points[i].body_b};
-    return true;
-  }
-  return false;
-}
-
-// Whether what the first stage stopped parts again in the second, of length b.
-bool World::Detail::LeavesAgain(double b, StepSubject& subject) const {
-  for (std::size_t i = 0; i < detection_.points.size(); ++i) {
-    const int before = match_[i];
-    if (before < 0 || !previous_is_fresh_[static_cast<std::size_t>(before)] ||
-        rows_.contacts[i].impulse(0) > 0)
-      continue;
-    if (!(b * RelativeSpeed(rows_.contacts[i], rows_.velocities)(0) >
-          kPartingShare * detection_.shapes.PairSize(detection_.points[i])))
-      continue;
-    subject = {StepSubject::Kind::kContact, detection_.points[i].body_a, detection_.points[i].body_b};
-    return true;
-  }
-  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
-    const MechanismRows& block = rows_.mechanisms[i];
-    std::size_t k = block.first_limit;
-    for (const PartRows& part : block.parts) {
-      for (const int at : part.limits) {
-        const LimitConstraint& limit = rows_.limits[k];
-        const StopApproach& stop = stop_approach_[k++];
-        if (!stops_[i].is_fresh[static_cast<std::size_t>(at)] || limit.impulse > 0 ||
-            !(b * stop.scale * limit.sign * rows_.velocities(limit.row) > kPartingShare * stop.size))
-          continue;
-        subject = {StepSubject::Kind::kStop, static_cast<int>(i), at / 2};
-        return true;
+  for (std::size_t i = 0; i < at.rows.mechanisms.size(); ++i) {
+    std::size_t k = at.rows.mechanisms[i].first_limit;
+    for (const PartRows& part : at.rows.mechanisms[i].parts) {
+      for (const int which : part.limits) {
+        const LimitConstraint& limit = at.rows.limits[k];
+        const StopApproach& stop = at.approaches.stops[k++];
+        if (stops[i].is_fresh[static_cast<std::size_t>(which)] && !(limit.impulse > 0) &&
+            b * stop.scale * limit.sign * at.rows.velocities(limit.row) > kPartingShare * stop.size)
+          return {StepSubject::Kind::kStop, static_cast<int>(i), which / 2};
       }
       k += part.frictions.size();
     }
+  }
+  return {};
+}
+
+StepSubject FindBeyondAtBasePoint(const ImpactView& at, double h, bool contacts) {
+  for (const StopApproach& stop : at.approaches.stops)
+    if (!stop.bore && stop.base_gap < -h * at.approaches.impact_speed) return StopOf(stop);
+  for (std::size_t i = 0; contacts && i < at.detection.points.size(); ++i) {
+    const ContactPoint& p = at.detection.points[i];
+    if (!at.Bore(i) && p.gap < -h * at.approaches.SpeedOfImpact(p)) return ContactOf(p);
+  }
+  return {};
+}
+
+bool MayHavePassed(const ImpactView& at) {
+  const Detection& d = at.detection;
+  for (std::size_t i = 0; i < d.points.size(); ++i) {
+    const ContactPoint& p = d.points[i];
+    const double motion =
+        d.motion[static_cast<std::size_t>(p.body_a)] + d.motion[static_cast<std::size_t>(p.body_b)];
+    if (p.gap < motion && !at.Bore(i) && motion > 0.5 * d.shapes.InnerPairSize(p)) return true;
   }
   return false;
 }

@@ -9,24 +9,16 @@
 // Catto, GDC 2013): at a pose beyond the middle of a thin body the normal points to the far side. An
 // iteration from there is never the last: the next one linearizes at the pose found.
 #include <algorithm>
-#include <cmath>
 
 #include "detail.hpp"
 
 namespace fork1s {
-// Whether the predicted motion to the pose of detection, which the margin covers, may have led past something:
-// by more than half of the sum of two inner radii. Beyond that sum the least way out of a pair is on the far
-// side; half of it leaves room for edges.
+// What the predicted motion may have led past is sought from the start of the stage, as far as everything
+// moved.
 bool World::Detail::MayHavePassed() {
-  bool may = false;
-  for (std::size_t i = 0; i < detection_.points.size() && !may; ++i) {
-    const ContactPoint& p = detection_.points[i];
-    const auto a = static_cast<std::size_t>(p.body_a), b = static_cast<std::size_t>(p.body_b);
-    const double motion = detection_.motion[a] + detection_.motion[b];
-    may = detection_.points[i].gap < motion && !Bore(i) && motion > 0.5 * detection_.shapes.InnerPairSize(p);
-  }
-  if (may) detection_.least_margin = std::max(detection_.least_margin, 2 * detection_.LargestPairMotion());
-  return may;
+  if (!fork1s::MayHavePassed(Impacts())) return false;
+  detection_.least_margin = std::max(detection_.least_margin, 2 * detection_.LargestPairMotion());
+  return true;
 }
 
 void World::Detail::RecordStageStart(bool of_step) {
@@ -58,23 +50,6 @@ bool World::Detail::CoversMotion() {
   const bool stops = all_stops_ || !PassesStop();
   all_stops_ = all_stops_ || !stops;
   return covers && stops;
-}
-
-// Whether the base point of the second stage lies beyond a contact or stop that carried no load at the start
-// of the step. From there a stage may go on without a force: what overlaps is pushed apart at a bounded speed
-// only.
-bool World::Detail::BasePointIsBeyond(const StepOptions& options, StepSubject& subject) const {
-  for (const StopApproach& a : stop_approach_) {
-    if (a.bore || !(a.base_gap < -options.h * impact_speed_)) continue;
-    subject = {StepSubject::Kind::kStop, a.mechanism, a.stop};
-    return true;
-  }
-  for (std::size_t i = 0; from_stage_start_ && i < detection_.points.size(); ++i) {
-    if (Bore(i) || !(detection_.points[i].gap < -options.h * SpeedOfImpact(detection_.points[i]))) continue;
-    subject = {StepSubject::Kind::kContact, detection_.points[i].body_a, detection_.points[i].body_b};
-    return true;
-  }
-  return false;
 }
 
 // Whether a stop without a row is violated at the pose found.

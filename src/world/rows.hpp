@@ -4,6 +4,8 @@
 #include <fork1s/world/island_solver.hpp>
 #include <vector>
 
+#include "stops.hpp"
+
 namespace fork1s {
 
 /// Ports, limits and dry frictions of one part of a mechanism, or (the last one) of groups that only follow
@@ -73,18 +75,5 @@ inline Vector3 RelativeSpeed(const ContactConstraint& c, const VectorX& velociti
   if (c.port_b >= 0) speed += c.J_b * velocities.segment<6>(c.port_b);
   return speed;
 }
-
-/// What stops and dry friction of a mechanism did and are to do, two of every length limit, lower and upper.
-struct StopHistory {
-  std::vector<double> impulses;           // N s, N m s, of the last stage; between steps of the step
-  std::vector<double> friction_impulses;  // likewise, per dry friction
-  std::vector<double> friction_held;      // N s, N m s: what dry friction bears where the stage starts
-  std::vector<char> carried;              // carried load at the start of the step or in its first stage
-  std::vector<char> is_fresh;             // of these, in the stage alone
-  std::vector<char> is_row;
-  std::vector<double> start_gap;  // m, rad: at the start of the step if it carried load there, else NaN
-
-  void Resize(std::size_t limits, std::size_t frictions);
-};
 
 }  // namespace fork1s

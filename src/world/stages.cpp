@@ -68,23 +68,21 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   is_backward_euler_ = options.integrator == Integrator::kEuler || depth_ >= kMaxEventHalvings;
   const double b = is_backward_euler_ ? h : kStageShare * h;
   if (depth_ == 0) {
-    // What closes a gap by less than material.depth in a step is no impact: contacts that last press in by up
-    // to that, by how much depends on the step.
-    impact_speed_ = options.material.depth / h;
-    carried_speed_ = std::max(options.gravity.norm() * h / 8, impact_speed_);
+    approaches_.SetSpeeds(options);
     sums_.Clear(bodies_.mechanisms.size());
   }
   halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
   RecordStops(h);
-  start_gap_.assign(previous_.size(), std::numeric_limits<double>::quiet_NaN());
-  to_base_point_.assign(previous_.size(), Vector6::Zero());
+  history_.StartStep();
   // Of backward Euler those of the last step, which were found where it ended.
   if (depth_ == 0 && is_backward_euler_) start_points_ = detection_.points;
   if (!is_backward_euler_) {
     PrepareContacts(options, report);
     if (depth_ == 0) start_points_ = detection_.points;
     RecordStartGaps();
-    if (ClosesAtSpeed(options, &report.halving_of)) return HalveOrUndo(options, HalvingCause::kImpact, report);
+    report.halving_of = FindClosingAtSpeed(Impacts(), h);
+    if (report.halving_of.kind != StepSubject::Kind::kNone)
+      return HalveOrUndo(options, HalvingCause::kImpact, report);
   }
   {
     const PartClock clock(times_, &StepPartTimes::moving);
@@ -102,10 +100,8 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
     RecordStageStart(false);
     for (MechanismDynamics& m : bodies_.mechanisms) ExtrapolateStage(m, b, kOnward);
     for (FreeBody& body : bodies_.free_bodies) body.ExtrapolateStage(b, kOnward);
-    CarryStartGaps();
-    previous_.swap(contacts_);
-    previous_h_ = b;
-    previous_pose_ = detection_.poses;
+    history_.CarryStartGaps();
+    history_.Take(contacts_, b, detection_.poses);
   }
   const double between_stages = is_backward_euler_ ? 0 : h - b;
   bodies_.ForMechanisms([&](std::size_t i) { fork1s::EndStep(bodies_.mechanisms[i], between_stages); });
@@ -184,9 +180,9 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     {
       const PartClock clock(times_, &StepPartTimes::free_velocities);
       bodies_.ForMechanisms([&](std::size_t i) { SolveFreeStage(bodies_.mechanisms[i], stage.h); });
-      FindTouchedBodies();
+      detection_.FindTouched(bodies_.free_bodies.size());
       for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
-        bodies_.free_bodies[i].PredictStage(stage.h, touched_[i] != 0);
+        bodies_.free_bodies[i].PredictStage(stage.h, detection_.touched[i] != 0);
     }
     const ContactSolverReport before = report.solver;
     SolveContacts(stage, report);
@@ -238,14 +234,15 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
 HalvingCause World::Detail::FindStageEvent(const StepOptions& options, StageScheme scheme, int iteration,
                                            StepReport& report) const {
   if (scheme == StageScheme::kBackwardEuler) return HalvingCause::kNone;
+  const ImpactView at = Impacts();
   // At the first iteration rows still know the velocity that the stage starts with.
-  if ((iteration == 1 || from_stage_start_) && MetAtSpeed(options, &report.halving_of))
-    return HalvingCause::kImpact;
-  if (scheme == StageScheme::kSecondOfTwo && BasePointIsBeyond(options, report.halving_of))
-    return HalvingCause::kImpact;
-  if (scheme == StageScheme::kSecondOfTwo && LeavesAgain(kStageShare * options.h, report.halving_of))
-    return HalvingCause::kImpact;
-  return HalvingCause::kNone;
+  if (iteration == 1 || from_stage_start_) report.halving_of = FindMetAtSpeed(at, options.h);
+  const auto none = [&] { return report.halving_of.kind == StepSubject::Kind::kNone; };
+  if (scheme == StageScheme::kSecondOfTwo) {
+    if (none()) report.halving_of = FindBeyondAtBasePoint(at, options.h, from_stage_start_);
+    if (none()) report.halving_of = FindParting(at, stops_, kStageShare * options.h);
+  }
+  return none() ? HalvingCause::kNone : HalvingCause::kImpact;
 }
 
 namespace {
@@ -337,40 +334,63 @@ bool World::Detail::ChangesSaturation(double b, StepReport& report) {
   return false;
 }
 
+// Contacts as the stage at hand, of length h, solved them.
+void World::Detail::RecordContacts(double h) {
+  contacts_.resize(detection_.points.size());
+  ForContacts(detection_, [&](std::size_t i) {
+    const ContactConstraint& c = rows_.contacts[i];
+    contacts_[i].point = detection_.points[i];
+    contacts_[i].impulse = c.impulse;
+    contacts_[i].friction = c.friction;
+    contacts_[i].moment = c.moment;
+    contacts_[i].use = c.use;
+    contacts_[i].end_force = c.impulse / h;
+    contacts_[i].end_moment = c.moment / h;
+    contacts_[i].end_speed = RelativeSpeed(c, rows_.velocities)(0);
+  });
+}
+
 void World::Detail::SumImpulses(double weight) {
-  summation_.Add(weight, contacts_, match_, previous_, sums_);
+  summation_.Add(weight, contacts_, history_.match, history_.contacts, sums_);
   for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
     sums_.AddRows(weight, i, stops_[i].impulses, stops_[i].friction_impulses);
 }
 
 // Contacts of a stage that was solved: what the next one starts from, and their share of the impulses of the step.
 void World::Detail::StoreStage(double b, StageScheme scheme, StepReport& report) {
-  previous_is_fresh_.resize(detection_.points.size());
+  history_.is_fresh.resize(detection_.points.size());
   for (std::size_t i = 0; i < detection_.points.size(); ++i)
-    previous_is_fresh_[i] =
+    history_.is_fresh[i] =
         rows_.contacts[i].impulse(0) > 0 &&
-        !CarriedAtRest(i, kPartingShare * detection_.shapes.PairSize(detection_.points[i]) / b);
-  StepReport stage;
-  KeepForNextStep(b, stage);
+        !history_.CarriedAtRest(i, kPartingShare * detection_.shapes.PairSize(detection_.points[i]) / b);
+  RecordContacts(b);
   for (StopHistory& stops : stops_)
     for (std::size_t at = 0; at < stops.impulses.size(); ++at) {
       stops.is_fresh[at] = stops.impulses[at] > 0 && (stops.is_fresh[at] || !stops.carried[at]);
       if (stops.impulses[at] > 0) stops.carried[at] = 1;
     }
-  report.limits = std::max(report.limits, stage.limits);
-  report.max_penetration = std::max(report.max_penetration, stage.max_penetration);
+  const auto bears = [](const LimitConstraint& row) {
+    return !(row.lower < 0) && row.impulse > 0;
+  };  // no friction
+  report.limits =
+      std::max(report.limits,
+               static_cast<int>(std::count_if(
+                   rows_.limits.begin(),
+                   rows_.limits.end() - static_cast<std::ptrdiff_t>(rows_.bounded_forces.size()), bears)));
+  for (const ContactRecord& c : contacts_)
+    if (c.impulse(0) > 0) report.max_penetration = std::max(report.max_penetration, -c.point.gap);
   // (1 - γ) f₁ + γ f₂ over the step, impulses being b f: s of the first and one of the second.
   SumImpulses(scheme == StageScheme::kFirstOfTwo ? kOnward : 1);
   if (scheme != StageScheme::kFirstOfTwo) return;
   for (MechanismDynamics& m : bodies_.mechanisms)
     if (HasSwitches(m)) StoreSwitchedForces(m, b);
   // The second stage starts where tangential springs are at its base point.
-  to_base_point_.resize(contacts_.size());
+  history_.to_base_point.resize(contacts_.size());
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
     const ContactConstraint& c = rows_.contacts[i];
-    to_base_point_[i].head<3>() = (kOnward - 1) / b * (c.moment - c.held_moment);
-    to_base_point_[i].tail<3>() = (kOnward - 1) / b * (c.impulse - c.held);
-    to_base_point_[i](3) = 0;  // the normal force has no spring
+    history_.to_base_point[i].head<3>() = (kOnward - 1) / b * (c.moment - c.held_moment);
+    history_.to_base_point[i].tail<3>() = (kOnward - 1) / b * (c.impulse - c.held);
+    history_.to_base_point[i](3) = 0;  // the normal force has no spring
   }
 }
 

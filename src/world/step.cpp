@@ -66,12 +66,12 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
   bool starts = true;
   do {
     if (detection_.points.empty() && rows_.limits.empty()) continue;
-    AssembleOperators();
+    AssembleOperators(bodies_, detection_, rows_);
     if (starts) Rebound(options.h);
     starts = false;
     report.solver =
         solver_.Solve(rows_.blocks, rows_.contacts, rows_.limits, rows_.velocities, options.contact);
-    ApplyImpulses(true);
+    ApplyImpulses(detection_, true, bodies_, stops_, rows_);
   } while (has_switches_ && UpdateSwitches(options));
   if (!rows_.bounded_forces.empty()) SolveWithSidesFound(options.h);
 }
@@ -99,8 +99,9 @@ bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
     report.contacts_dropped = detection_.dropped;
   }
   const PartClock clock(times_, &StepPartTimes::rows);
-  LayOutPorts(options);
-  matcher_.Match(detection_.shapes, detection_.points, detection_.poses, previous_, previous_pose_, match_);
+  const bool with_start_velocities = in_stage_ && (is_backward_euler_ || from_stage_start_);
+  LayOutPorts(bodies_, detection_, {options.h, all_stops_, with_start_velocities}, stops_, rows_);
+  history_.Match(detection_);
   AssembleConstraints(options);
   return true;
 }
@@ -157,10 +158,8 @@ StepReport World::Detail::Step(const StepOptions& options) {
 
 void World::Detail::BeginStep(double h) {
   Save(before_);
-  previous_.swap(contacts_);
-  previous_h_ = contacts_h_;
+  history_.Take(contacts_, contacts_h_, detection_.poses);
   contacts_h_ = h;
-  previous_pose_ = detection_.poses;
   detection_.least_margin = 0;
   in_stage_ = all_stops_ = from_stage_start_ = false;
 }

@@ -1,0 +1,54 @@
+// What an impact is: contacts and stops that are met at speed.
+#pragma once
+
+#include "contact_history.hpp"
+#include "rows.hpp"
+
+namespace fork1s {
+
+/// How what may touch approaches.
+struct Approaches {
+  /// `step`: the whole step, of which the one at hand may be a part.
+  void SetSpeeds(const StepOptions& step);
+  /// m/s; what has restitution parts again from any.
+  double SpeedOfImpact(const ContactPoint& point) const { return point.restitution > 0 ? 0 : impact_speed; }
+
+  std::vector<double> rebound;      // m/s, per contact that may part again; 0 for others
+  std::vector<double> closing;      // m/s, per contact, at the start of the step or stage
+  std::vector<StopApproach> stops;  // of ConstraintRows::limits
+  double impact_speed = 0;          // m/s
+  double carried_speed = 0;         // m/s, below which a contact that bore a load in the last step goes on
+};
+
+/// Share of its size by which what the first stage stopped may part again in the second: the extrapolation
+/// between the stages would turn a speed v into 1.4 v the other way.
+inline constexpr double kPartingShare = 1e-6;
+
+/// What a step of length h, or a stage of it, knows when it looks for impacts.
+struct ImpactView {
+  const Detection& detection;
+  const ContactHistory& history;
+  const ConstraintRows& rows;
+  const Approaches& approaches;
+
+  /// Whether a contact bore a load in the last step.
+  bool Bore(std::size_t contact) const { return history.CarriedAtRest(contact, approaches.carried_speed); }
+};
+// Each gives the first that it finds, kNone if there is none.
+/// A contact that bore nothing yet and would close within the step at the speed of an impact, if all went on.
+StepSubject FindClosingAtSpeed(const ImpactView& at, double h);
+/// The same of what the step has brought together, and of stops of joints and tendons: at that speed from the
+/// start, or from so far that it took that speed.
+StepSubject FindMetAtSpeed(const ImpactView& at, double h);
+/// What the first stage stopped and parts again in the second, of length b.
+StepSubject FindParting(const ImpactView& at, const std::vector<StopHistory>& stops, double b);
+/// A stop, or with `contacts`, whose gaps are those of base points, a contact, that carried no load at the
+/// start of the step and that the base point of the second stage lies beyond. From there a stage may go on
+/// without a force: what overlaps is pushed apart at a bounded speed only.
+StepSubject FindBeyondAtBasePoint(const ImpactView& at, double h, bool contacts);
+/// Whether the predicted motion to the pose of detection, which the margin covers, may have led past
+/// something: by more than half of the sum of two inner radii. Beyond that sum the least way out of a pair is
+/// on the far side; half of it leaves room for edges.
+bool MayHavePassed(const ImpactView& at);
+
+}  // namespace fork1s

@@ -1,0 +1,31 @@
+#include "stops.hpp"
+
+#include <fork1s/dynamics/mechanism_step.hpp>
+
+namespace fork1s {
+
+void StopHistory::Resize(std::size_t limits, std::size_t frictions) {
+  for (std::vector<double>* values : {&impulses, &start_gap}) values->assign(limits, 0.0);
+  for (std::vector<char>* flags : {&carried, &is_fresh, &is_row}) flags->assign(limits, 0);
+  for (std::vector<double>* values : {&friction_impulses, &friction_held}) values->assign(frictions, 0.0);
+}
+
+double MetersPerUnit(const MechanismDynamics& m, const Mechanism::Length& length) {
+  const bool turns =
+      length.path < 0 && !length.terms.empty() && m.mechanism().Turns(length.terms.front().first);
+  return turns ? m.mechanism().length_scale() : 1;
+}
+
+StopApproach ApproachOf(const MechanismDynamics& m, const Mechanism::LengthLimit& stop, bool upper,
+                        bool at_stage_start) {
+  const double scale = MetersPerUnit(m, stop.length), length = m.Length(stop.length),
+               rate = at_stage_start ? LengthRateAtStageStart(m, stop.length) : LengthRate(m, stop.length);
+  return {false,
+          scale * (upper ? stop.upper - length : length - stop.lower),
+          scale * (upper ? rate : -rate),
+          0,
+          m.mechanism().length_scale(),
+          scale};
+}
+
+}  // namespace fork1s
