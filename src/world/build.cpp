@@ -160,7 +160,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.approaches_.rebound.reserve(room);
   detail.approaches_.closing.reserve(room);
   detail.start_points_.reserve(room);
-  detail.bodies_.mechanism_grain = detail.WorthAThread();
+  detail.bodies_.SetMechanismGrain();
   std::size_t blocks = detail.bodies_.free_bodies.size();
   for (const MechanismDynamics& m : detail.bodies_.mechanisms)
     blocks += m.groups().size() + m.length_limits().size() + m.mechanism().frictions().size() +

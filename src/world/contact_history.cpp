@@ -30,6 +30,11 @@ void ContactHistory::Match(const Detection& detection) {
   matcher_.Match(detection.shapes, detection.points, detection.poses, contacts, poses, match);
 }
 
+void ContactHistory::RecordStartGaps(const std::vector<ContactPoint>& points, double speed) {
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (CarriedAtRest(i, speed)) start_gap[static_cast<std::size_t>(match[i])] = points[i].gap;
+}
+
 void ContactHistory::CarryStartGaps() {
   next_start_gap_.resize(match.size());
   for (std::size_t i = 0; i < match.size(); ++i) next_start_gap_[i] = StartGap(i);

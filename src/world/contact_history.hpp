@@ -18,6 +18,8 @@ struct ContactHistory {
   void StartStep();
   /// The contacts at hand are matched with those before.
   void Match(const Detection& detection);
+  /// Gaps of the contacts at hand, found at the start of the step, that CarriedAtRest at this speed.
+  void RecordStartGaps(const std::vector<ContactPoint>& points, double speed);
   /// Start gaps of the contacts at hand, which are those before from now on.
   void CarryStartGaps();
 

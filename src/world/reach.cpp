@@ -34,7 +34,7 @@ bool World::Detail::PrepareContactsAtStageStart(const StepOptions& stage, StepRe
     bodies_.ForMechanisms([&](std::size_t i) { MoveToStageStart(bodies_.mechanisms[i], stage.h); });
     for (FreeBody& body : bodies_.free_bodies) body.MoveToStageStart(stage.h);
   }
-  from_stage_start_ = true;
+  stage_.rows_from_start = true;
   if (!PrepareContacts(stage, report)) return false;
   bodies_.ForMechanisms([&](std::size_t i) {
     RestoreStageBaseTwist(bodies_.mechanisms[i]);
@@ -47,26 +47,9 @@ bool World::Detail::PrepareContactsAtStageStart(const StepOptions& stage, StepRe
 // iteration seeks them there.
 bool World::Detail::CoversMotion() {
   const bool covers = detection_.CoversMotion(bodies_);
-  const bool stops = all_stops_ || !PassesStop();
-  all_stops_ = all_stops_ || !stops;
+  const bool stops = stage_.all_stops || !PassesStop(bodies_.mechanisms, stops_);
+  stage_.all_stops = stage_.all_stops || !stops;
   return covers && stops;
-}
-
-// Whether a stop without a row is violated at the pose found.
-bool World::Detail::PassesStop() const {
-  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
-    const MechanismDynamics& m = bodies_.mechanisms[i];
-    if (m.step_model().parts.empty()) continue;
-    const std::vector<char>& is_row = stops_[i].is_row;
-    for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
-      if (is_row[2 * k] && is_row[2 * k + 1]) continue;
-      const Mechanism::LengthLimit& limit = m.length_limits()[k];
-      const double length = m.Length(limit.length);
-      if ((!is_row[2 * k] && length < limit.lower) || (!is_row[2 * k + 1] && length > limit.upper))
-        return true;
-    }
-  }
-  return false;
 }
 
 }  // namespace fork1s

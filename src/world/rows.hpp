@@ -56,6 +56,9 @@ struct ConstraintRows {
   LimitConstraint& LimitOfBoundedForce(std::size_t k) {
     return limits[limits.size() - bounded_forces.size() + k];
   }
+  const LimitConstraint& LimitOfBoundedForce(std::size_t k) const {
+    return limits[limits.size() - bounded_forces.size() + k];
+  }
 
   // What the impulse of one contact does to the ports of both sides.
   struct Push {

@@ -4,7 +4,7 @@
 namespace fork1s {
 
 void World::Detail::Save(WorldState& out) const {
-  out.contraction = contraction_;
+  out.contraction = newton_.contraction;
   out.mechanisms.resize(bodies_.mechanisms.size());
   out.rows.resize(bodies_.mechanisms.size());
   bodies_.ForMechanisms([&](std::size_t i) {
@@ -33,7 +33,7 @@ void World::Detail::Restore(const WorldState& state) {
   contacts_ = state.contacts;
   contacts_h_ = state.contacts_h;
   detection_.poses = state.contactor_poses;
-  contraction_ = state.contraction;
+  newton_.contraction = state.contraction;
 }
 
 void World::Save(WorldState& out) const { detail_->Save(out); }

@@ -20,44 +20,10 @@
 namespace fork1s {
 namespace {
 
-constexpr double kStageShare = 1 - 1 / std::numbers::sqrt2;            // γ
-constexpr double kOnward = (1 - kStageShare) / kStageShare;            // s
 // A stage that takes more Newton iterations, or whose residual grows more often, diverges or cycles: it is
 // halved; one of backward Euler, which falls back to no better scheme, first tries as often as that with
 // inertial stiffness in its matrix (RenewStageMatrix).
 constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
-// The matrix of a stage is renewed where this many more iterations would not solve it: they cost as much as a
-// new matrix.
-constexpr int kIterationsOfMatrix = 3;
-// What moves by less than these shares of the stage's motion and of a mechanism's length does not matter.
-constexpr double kRelativeTolerance = 1e-6, kLengthTolerance = 1e-9;
-// A stage is solved where another iteration would change poses by less than kRelativeTolerance of the motion
-// and than kChangeTolerance of what the velocity has changed by in the step. What is left adds up to at most
-// that share of all that the velocity changes by, however many steps that takes. kRounding is a share of the
-// length below which nothing is counted. Stiff mechanisms leave more by rounding: where an iteration no
-// longer helps, what does not matter is accepted.
-constexpr double kChangeTolerance = 1e-5, kRounding = 1e-12;
-// Contacts of meshes jump from one facet to another between iterations. A stage that would be halved is
-// accepted with a residual within this share of the length, and reported.
-constexpr double kStagnationTolerance = 1e-6;
-
-// The contraction of an iteration is taken for no less than rounding leaves, and for no contraction from 1
-// on.
-constexpr double kLeastContraction = 1e-12, kNoContraction = 1 - 1e-6;
-// Residual after an iteration and change by it, in tolerances.
-bool IsSlow(double residual, double change) {
-  const double contraction = change > 0 ? residual / change : 0;
-  return !(residual * std::pow(contraction, kIterationsOfMatrix) <= 1);
-}
-
-double Negligible(double motion, double length) {
-  return kRelativeTolerance * motion + kLengthTolerance * length;
-}
-
-double Tolerance(const StageMotion& moved, double length) {
-  return std::min(kRelativeTolerance * moved.motion, kChangeTolerance * moved.velocity_change) +
-         kRounding * length;
-}
 
 }  // namespace
 
@@ -65,21 +31,21 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   StepReport report;
   const double h = options.h;
   BeginStep(h);
-  is_backward_euler_ = options.integrator == Integrator::kEuler || depth_ >= kMaxEventHalvings;
-  const double b = is_backward_euler_ ? h : kStageShare * h;
+  stage_.is_backward_euler = options.integrator == Integrator::kEuler || depth_ >= kMaxEventHalvings;
+  const double b = stage_.is_backward_euler ? h : kStageShare * h;
   if (depth_ == 0) {
     approaches_.SetSpeeds(options);
     sums_.Clear(bodies_.mechanisms.size());
   }
   halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
-  RecordStops(h);
+  RecordStops(bodies_, stage_, h, approaches_.impact_speed, stops_);
   history_.StartStep();
   // Of backward Euler those of the last step, which were found where it ended.
-  if (depth_ == 0 && is_backward_euler_) start_points_ = detection_.points;
-  if (!is_backward_euler_) {
+  if (depth_ == 0 && stage_.is_backward_euler) start_points_ = detection_.points;
+  if (!stage_.is_backward_euler) {
     PrepareContacts(options, report);
     if (depth_ == 0) start_points_ = detection_.points;
-    RecordStartGaps();
+    history_.RecordStartGaps(detection_.points, approaches_.carried_speed);
     report.halving_of = FindClosingAtSpeed(Impacts(), h);
     if (report.halving_of.kind != StepSubject::Kind::kNone)
       return HalveOrUndo(options, HalvingCause::kImpact, report);
@@ -91,8 +57,8 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
     for (FreeBody& body : bodies_.free_bodies) body.BeginStep(b, options.gravity);
     RecordStageStart(true);
   }
-  for (StageScheme scheme = is_backward_euler_ ? StageScheme::kBackwardEuler : StageScheme::kFirstOfTwo;;
-       scheme = StageScheme::kSecondOfTwo) {
+  for (StageScheme scheme = stage_.is_backward_euler ? StageScheme::kBackwardEuler : StageScheme::kFirstOfTwo;
+       ; scheme = StageScheme::kSecondOfTwo) {
     if (const HalvingCause cause = SolveStage(options, scheme, report); cause != HalvingCause::kNone)
       return HalveOrUndo(options, cause, report);
     StoreStage(b, scheme, report);
@@ -103,7 +69,7 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
     history_.CarryStartGaps();
     history_.Take(contacts_, b, detection_.poses);
   }
-  const double between_stages = is_backward_euler_ ? 0 : h - b;
+  const double between_stages = stage_.is_backward_euler ? 0 : h - b;
   bodies_.ForMechanisms([&](std::size_t i) { fork1s::EndStep(bodies_.mechanisms[i], between_stages); });
   for (FreeBody& body : bodies_.free_bodies) body.EndStep(between_stages);
   if (depth_ == 0) return FinishStep(options, before_, report);
@@ -129,14 +95,13 @@ StepReport World::Detail::FinishStep(const StepOptions& options, WorldState& sta
     report.forces_at_bound += m.NumForcesAtBound();
     report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
   }
-  in_stage_ = false;
+  stage_.within = false;
   if (options.refresh) {
     const PartClock clock(times_, &StepPartTimes::refreshing);
     bodies_.ForMechanisms([&](std::size_t i) {
-      refreshes_[i].result = 0;
-      RefreshIfStale(i, options.h);
+      RefreshIfStale(i, options.h, detection_, rows_, bodies_.mechanisms[i], refreshes_[i]);
     });
-    CountRefreshes(report);
+    CountRefreshes(refreshes_, report);
   }
   return IsFinite(true) ? report : UndoStep(start, report);
 }
@@ -152,7 +117,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   StepOptions stage = options;
   if (scheme != StageScheme::kBackwardEuler) stage.h = kStageShare * options.h;
   const double share = scheme == StageScheme::kFirstOfTwo ? kStageShare : 1, time = share * options.h;
-  in_stage_ = true;
+  stage_.within = true;
   for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
     SetInputsWithin(bodies_.mechanisms[i], before_.mechanisms[i], share);
   if (scheme == StageScheme::kFirstOfTwo)
@@ -164,8 +129,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   MoveAllToStagePoses(stage.h, time);
   ++report.stages;
   detection_.least_margin = 0;
-  all_stops_ = from_stage_start_ = false;
-  StartRows(stage.h);
+  stage_.all_stops = stage_.rows_from_start = false;
+  StartStops(history_.StepsRatio(stage.h), stops_);
   StageResidual last;
   int growths = 0, max_iterations = kMaxNewtonIterations;
   bool inertial = false;
@@ -173,8 +138,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   for (int iteration = 1;; ++iteration) {
     ++report.stage_iterations;
     report.max_stage_iterations = std::max(report.max_stage_iterations, iteration);
-    if (!from_stage_start_ && !PrepareContacts(stage, report)) break;
-    if ((from_stage_start_ || (iteration == 1 && MayHavePassed())) &&
+    if (!stage_.rows_from_start && !PrepareContacts(stage, report)) break;
+    if ((stage_.rows_from_start || (iteration == 1 && MayHavePassed())) &&
         !PrepareContactsAtStageStart(stage, report))
       break;
     {
@@ -190,11 +155,18 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     if (!IsFinite(false)) break;
     if (const HalvingCause event = FindStageEvent(options, scheme, iteration, report); event != HalvingCause::kNone)
       return event;
-    const StageResidual found = MoveAndComputeResiduals(stage, scheme, time, iteration == 1);
+    const StageResidual found = [&] {
+      const PartClock clock(times_, &StepPartTimes::moving);
+      // An iteration with the contacts of the stage's start is never the last. Of forces that changed sides
+      // in the solve the contraction of other iterations says nothing.
+      const bool may_accept = !stage_.rows_from_start && rows_.bounded_forces.empty();
+      return MoveAndComputeResiduals(
+          {scheme, stage.h, time, iteration == 1, may_accept, !stage_.rows_from_start}, bodies_, newton_);
+    }();
     if (!IsFinite(true)) break;
-    const bool from_start = from_stage_start_;
-    from_stage_start_ = !CoversMotion();
-    if (from_stage_start_) {
+    const bool from_start = stage_.rows_from_start;
+    stage_.rows_from_start = !CoversMotion();
+    if (stage_.rows_from_start) {
       if (iteration == max_iterations || !std::isfinite(detection_.least_margin)) break;
       continue;
     }
@@ -217,8 +189,9 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
         report.stage_residual = found.largest;
         report.stage_residual_of = found.subject;
       }
-      if (scheme == StageScheme::kSecondOfTwo && ChangesSaturation(stage.h, report)) return HalvingCause::kSaturation;
-      return HalvingCause::kNone;
+      if (scheme == StageScheme::kSecondOfTwo) report.halving_of = FindSaturationChange(bodies_, stage.h);
+      return report.halving_of.kind == StepSubject::Kind::kNone ? HalvingCause::kNone
+                                                                : HalvingCause::kSaturation;
     }
     if (ends) break;
     is_fresh = found.is_slow || begins_inertial;
@@ -236,102 +209,13 @@ HalvingCause World::Detail::FindStageEvent(const StepOptions& options, StageSche
   if (scheme == StageScheme::kBackwardEuler) return HalvingCause::kNone;
   const ImpactView at = Impacts();
   // At the first iteration rows still know the velocity that the stage starts with.
-  if (iteration == 1 || from_stage_start_) report.halving_of = FindMetAtSpeed(at, options.h);
+  if (iteration == 1 || stage_.rows_from_start) report.halving_of = FindMetAtSpeed(at, options.h);
   const auto none = [&] { return report.halving_of.kind == StepSubject::Kind::kNone; };
   if (scheme == StageScheme::kSecondOfTwo) {
-    if (none()) report.halving_of = FindBeyondAtBasePoint(at, options.h, from_stage_start_);
+    if (none()) report.halving_of = FindBeyondAtBasePoint(at, options.h, stage_.rows_from_start);
     if (none()) report.halving_of = FindParting(at, stops_, kStageShare * options.h);
   }
   return none() ? HalvingCause::kNone : HalvingCause::kImpact;
-}
-
-namespace {
-
-// Adds a residual [m] of something that moves by `motion` [m] in the stage.
-void Add(double residual, const StageMotion& moved, double length, StepSubject subject, StageResidual& out) {
-  // What is beyond the range of numbers is not solved, however large the motion that the residual is compared
-  // with.
-  const double ratio = std::isfinite(moved.motion) && std::isfinite(residual)
-                           ? residual / std::max(Tolerance(moved, length), 1e-300)
-                           : std::numeric_limits<double>::infinity();
-  out.largest = std::max(out.largest, residual);
-  out.is_negligible = out.is_negligible && residual <= Negligible(moved.motion, length);
-  out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
-  if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
-  out.ratio = ratio;
-  out.subject = subject;
-}
-
-}  // namespace
-
-// Ends a Newton iteration: everything moves to the pose found. Where mechanisms change so little that by the
-// contraction seen last the next iteration would change less than the tolerance, their stage is accepted
-// without another evaluation.
-StageResidual World::Detail::MoveAndComputeResiduals(const StepOptions& stage, StageScheme scheme,
-                                                     double time, bool is_first) {
-  const PartClock clock(times_, &StepPartTimes::moving);
-  const double b = stage.h;
-  StageResidual bodies, changes, found;
-  for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i) {
-    FreeBody& body = bodies_.free_bodies[i];
-    StageMotion moved;
-    const double residual = body.MoveAndComputeResidual(b, moved);
-    Add(residual, moved, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
-        {StepSubject::Kind::kFreeBody, static_cast<int>(i), -1}, bodies);
-  }
-  const auto length = [&](std::size_t i) { return bodies_.mechanisms[i].mechanism().length_scale(); };
-  const auto subject = [](std::size_t i) {
-    return StepSubject{StepSubject::Kind::kMechanism, static_cast<int>(i), -1};
-  };
-  stage_changes_.resize(bodies_.mechanisms.size());
-  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
-    stage_changes_[i] = ComputeStageChange(bodies_.mechanisms[i], b);
-    Add(stage_changes_[i].change, stage_changes_[i], length(i), subject(i), changes);
-  }
-  double& contraction = contraction_[scheme == StageScheme::kSecondOfTwo ? 1 : 0];
-  const double next = contraction / (1 - contraction);
-  // An iteration with the contacts of the stage's start is never the last. Of forces that changed sides in
-  // the solve the contraction of other iterations says nothing.
-  if (bodies.ratio <= 1 && next * changes.ratio <= 1 && !from_stage_start_ && rows_.bounded_forces.empty()) {
-    const bool is_last = scheme != StageScheme::kFirstOfTwo;
-    bodies_.ForMechanisms([&](std::size_t i) { AcceptStage(bodies_.mechanisms[i], b, time, is_last); });
-    for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
-      Add(next * stage_changes_[i].change, stage_changes_[i], length(i), subject(i), bodies);
-    // What is not measured is trusted less and less (Hairer & Wanner II, IV.8).
-    contraction = std::pow(contraction, 0.8);
-    return bodies;
-  }
-  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
-    Add(MoveAndComputeResidual(bodies_.mechanisms[i], b, time), stage_changes_[i], length(i), subject(i),
-        found);
-  if (changes.ratio > 0 && !from_stage_start_) {
-    const double measured = std::clamp(found.ratio / changes.ratio, kLeastContraction, kNoContraction);
-    contraction = is_first ? measured : std::max(contraction, measured);
-  }
-  found.is_slow = IsSlow(found.ratio, changes.ratio);
-  if (bodies.ratio <= found.ratio && found.subject.kind != StepSubject::Kind::kNone)
-    bodies.subject = found.subject;
-  found.subject = bodies.subject;
-  found.ratio = std::max(found.ratio, bodies.ratio);
-  found.largest = std::max(found.largest, bodies.largest);
-  found.is_small = found.is_small && bodies.is_small;
-  found.is_negligible = found.is_negligible && bodies.is_negligible;
-  return found;
-}
-
-// Whether a force whose saturation differs between the two stages changes by so much that its extrapolation, s b Δf of
-// momentum, moves something by more than the tolerance. A stage without the spring of a servo is not L-stable in it.
-bool World::Detail::ChangesSaturation(double b, StepReport& report) {
-  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
-    const MechanismDynamics& m = bodies_.mechanisms[i];
-    if (!HasSwitches(m)) continue;
-    const SaturationChange change = ComputeSaturationChange(bodies_.mechanisms[i], b, kOnward);
-    if (change.displacement <= Negligible(change.motion, m.mechanism().length_scale())) continue;
-    report.halving_of = {change.is_servo ? StepSubject::Kind::kServo : StepSubject::Kind::kSpring, static_cast<int>(i),
-                         change.index};
-    return true;
-  }
-  return false;
 }
 
 // Contacts as the stage at hand, of length h, solved them.

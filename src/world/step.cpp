@@ -5,57 +5,6 @@
 
 namespace fork1s {
 
-// Mechanisms that are worth a thread: some 200 joint coordinates, 30 us.
-int World::Detail::WorthAThread() const {
-  int coordinates = 0;
-  for (const MechanismDynamics& m : bodies_.mechanisms) coordinates += 1 + m.mechanism().num_coordinates();
-  return coordinates == 0 ? 1 : std::max(1, 200 * static_cast<int>(bodies_.mechanisms.size()) / coordinates);
-}
-
-void World::Detail::GatherContactImpulses(std::size_t i) {
-  const MechanismDynamics& m = bodies_.mechanisms[i];
-  Refresh& refresh = refreshes_[i];
-  refresh.contact_impulses_R.setZero(6, m.mechanism().num_bodies());
-  for (std::size_t c = 0; c < detection_.contactors.size(); ++c) {
-    const Contactor& contactor = detection_.contactors[c];
-    if (contactor.kind != Contactor::Kind::kGroup || contactor.index != static_cast<int>(i) ||
-        rows_.port_offset[c] < 0 || !rows_.is_pushed[c])
-      continue;
-    const PartRows& part = rows_.mechanisms[i].parts[static_cast<std::size_t>(rows_.port_part[c])];
-    const BodyIndex body = m.groups()[static_cast<std::size_t>(contactor.group)].body;
-    refresh.contact_impulses_R.col(body.value()) +=
-        part.impulse.segment<6>(rows_.port_offset[c] - part.offset);
-  }
-}
-
-void World::Detail::RefreshIfStale(std::size_t i, double h) {
-  MechanismDynamics& m = bodies_.mechanisms[i];
-  Refresh& refresh = refreshes_[i];
-  refresh.drift = m.ComputeLinearizationDrift();
-  if (!(refresh.drift.share > 1) && m.model().has_complement) {
-    GatherContactImpulses(i);
-    refresh.drift = FindMissingLoad(m, h, refresh.contact_impulses_R);
-  }
-  if (!(refresh.drift.share > 1)) return;
-  refresh.result = m.Refresh() ? 1 : -1;
-}
-
-void World::Detail::CountRefreshes(StepReport& report) const {
-  for (std::size_t i = 0; i < refreshes_.size(); ++i) {
-    const Refresh& refresh = refreshes_[i];
-    report.failed_refreshes += refresh.result < 0 ? 1 : 0;
-    if (refresh.result <= 0) continue;
-    const LinearizationDrift& drift = refresh.drift;
-    ++report.refreshes;
-    Relinearizations& of_cause = report.refreshes_by_cause[static_cast<std::size_t>(drift.cause)];
-    ++of_cause.count;
-    if (!(drift.share > of_cause.largest.share)) continue;
-    of_cause.largest = drift;
-    of_cause.of = {drift.coordinate < 0 ? StepSubject::Kind::kMechanism : StepSubject::Kind::kCoordinate,
-                   static_cast<int>(i), drift.coordinate};
-  }
-}
-
 // Contact, and with it which servos are at the bounds of their forces and which springs are slack: in each
 // round those that change sides come into the solve. None leaves it, so this ends.
 void World::Detail::SolveContacts(const StepOptions& options, StepReport& report) {
@@ -67,13 +16,19 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
   do {
     if (detection_.points.empty() && rows_.limits.empty()) continue;
     AssembleOperators(bodies_, detection_, rows_);
-    if (starts) Rebound(options.h);
+    if (starts) Rebound(detection_, approaches_, options.h, rows_);
     starts = false;
     report.solver =
         solver_.Solve(rows_.blocks, rows_.contacts, rows_.limits, rows_.velocities, options.contact);
     ApplyImpulses(detection_, true, bodies_, stops_, rows_);
   } while (has_switches_ && UpdateSwitches(options));
-  if (!rows_.bounded_forces.empty()) SolveWithSidesFound(options.h);
+  if (rows_.bounded_forces.empty()) return;
+  // The same step again with these forces where they belong: to rounding it is the same velocity, and the
+  // rest of the step knows of no such rows.
+  SetSidesFound(options.h, bodies_, rows_);
+  PredictAllAgain(options.h);
+  if (!detection_.points.empty() || rows_.limits.size() > rows_.bounded_forces.size())
+    ApplyImpulses(detection_, false, bodies_, stops_, rows_);
 }
 
 bool World::Detail::UpdateSwitches(const StepOptions& options) {
@@ -82,7 +37,7 @@ bool World::Detail::UpdateSwitches(const StepOptions& options) {
     if (fork1s::UpdateSwitches(m, options.h)) changed = true;
   if (!changed) return false;
   PredictAllAgain(options.h);
-  AddBoundedForceRows(options.h);
+  AddBoundedForceRows(bodies_, options.h, rows_);
   return true;
 }
 
@@ -95,14 +50,16 @@ void World::Detail::PredictAllAgain(double h) {
 bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& report) {
   {
     const PartClock finding(times_, &StepPartTimes::finding);
-    if (!detection_.Find(bodies_, options.h, options.gravity, in_stage_)) return false;
+    if (!detection_.Find(bodies_, options.h, options.gravity, stage_.within)) return false;
     report.contacts_dropped = detection_.dropped;
   }
   const PartClock clock(times_, &StepPartTimes::rows);
-  const bool with_start_velocities = in_stage_ && (is_backward_euler_ || from_stage_start_);
-  LayOutPorts(bodies_, detection_, {options.h, all_stops_, with_start_velocities}, stops_, rows_);
+  const bool with_start_velocities = stage_.within && (stage_.is_backward_euler || stage_.rows_from_start);
+  LayOutPorts(bodies_, detection_, {options.h, stage_.all_stops, with_start_velocities}, stops_, rows_);
   history_.Match(detection_);
-  AssembleConstraints(options);
+  FindPortFrames(bodies_, detection_, rows_);
+  AssembleContacts(stage_, options, history_, detection_, approaches_, rows_);
+  AssembleStops(bodies_, stage_, options, stops_, approaches_, rows_);
   return true;
 }
 
@@ -129,14 +86,18 @@ StepSubject World::Detail::FindNotFinite() const {
   return {};
 }
 
+namespace {
+
 // What was meant for one step alone.
-void World::Detail::ForgetInputs(WorldState& state) {
+void ForgetInputs(WorldState& state) {
   for (MechanismState& m : state.mechanisms) {
     ClearLoads(m);
     m.controls_move = m.knows_driven_rate = false;
   }
   for (FreeBody::State& b : state.free_bodies) b.load = {};
 }
+
+}  // namespace
 
 // Goes back to `start`, but for wrenches, which may be what was not finite.
 StepReport World::Detail::UndoStep(WorldState& start, StepReport report) {
@@ -161,7 +122,7 @@ void World::Detail::BeginStep(double h) {
   history_.Take(contacts_, contacts_h_, detection_.poses);
   contacts_h_ = h;
   detection_.least_margin = 0;
-  in_stage_ = all_stops_ = from_stage_start_ = false;
+  stage_.within = stage_.all_stops = stage_.rows_from_start = false;
 }
 
 void World::Watch(StepPartTimes* times) { detail_->times_ = times; }

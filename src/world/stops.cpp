@@ -28,4 +28,20 @@ StopApproach ApproachOf(const MechanismDynamics& m, const Mechanism::LengthLimit
           scale};
 }
 
+bool PassesStop(const std::vector<MechanismDynamics>& mechanisms, const std::vector<StopHistory>& stops) {
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const MechanismDynamics& m = mechanisms[i];
+    if (m.step_model().parts.empty()) continue;
+    const std::vector<char>& is_row = stops[i].is_row;
+    for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
+      if (is_row[2 * k] && is_row[2 * k + 1]) continue;
+      const Mechanism::LengthLimit& limit = m.length_limits()[k];
+      const double length = m.Length(limit.length);
+      if ((!is_row[2 * k] && length < limit.lower) || (!is_row[2 * k + 1] && length > limit.upper))
+        return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace fork1s

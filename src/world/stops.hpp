@@ -31,6 +31,8 @@ struct StopApproach {
 /// `at_stage_start`: by the velocity where the stage at hand starts.
 StopApproach ApproachOf(const MechanismDynamics& m, const Mechanism::LengthLimit& stop, bool upper,
                         bool at_stage_start);
+/// Whether a stop without a row is violated at the pose at hand.
+bool PassesStop(const std::vector<MechanismDynamics>& mechanisms, const std::vector<StopHistory>& stops);
 /// m a unit of a length; lengths that turn, in rad, count by the length of the mechanism.
 double MetersPerUnit(const MechanismDynamics& m, const Mechanism::Length& length);
 

@@ -1,0 +1,120 @@
+#include "stage_residual.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace fork1s {
+namespace {
+
+// The matrix of a stage is renewed where this many more iterations would not solve it: they cost as much as a
+// new matrix.
+constexpr int kIterationsOfMatrix = 3;
+// What moves by less than these shares of the stage's motion and of a mechanism's length does not matter.
+constexpr double kRelativeTolerance = 1e-6, kLengthTolerance = 1e-9;
+// A stage is solved where another iteration would change poses by less than kRelativeTolerance of the motion
+// and than kChangeTolerance of what the velocity has changed by in the step. What is left adds up to at most
+// that share of all that the velocity changes by, however many steps that takes. kRounding is a share of the
+// length below which nothing is counted. Stiff mechanisms leave more by rounding: where an iteration no
+// longer helps, what does not matter is accepted.
+constexpr double kChangeTolerance = 1e-5, kRounding = 1e-12;
+// Contacts of meshes jump from one facet to another between iterations. A stage that would be halved is
+// accepted with a residual within this share of the length, and reported.
+constexpr double kStagnationTolerance = 1e-6;
+
+// The contraction of an iteration is taken for no less than rounding leaves, and for no contraction from 1
+// on.
+constexpr double kLeastContraction = 1e-12, kNoContraction = 1 - 1e-6;
+// Residual after an iteration and change by it, in tolerances.
+bool IsSlow(double residual, double change) {
+  const double contraction = change > 0 ? residual / change : 0;
+  return !(residual * std::pow(contraction, kIterationsOfMatrix) <= 1);
+}
+
+double Negligible(double motion, double length) {
+  return kRelativeTolerance * motion + kLengthTolerance * length;
+}
+
+double Tolerance(const StageMotion& moved, double length) {
+  return std::min(kRelativeTolerance * moved.motion, kChangeTolerance * moved.velocity_change) +
+         kRounding * length;
+}
+
+// Adds a residual [m] of something that moves by `motion` [m] in the stage.
+void Add(double residual, const StageMotion& moved, double length, StepSubject subject, StageResidual& out) {
+  // What is beyond the range of numbers is not solved, however large the motion that the residual is compared
+  // with.
+  const double ratio = std::isfinite(moved.motion) && std::isfinite(residual)
+                           ? residual / std::max(Tolerance(moved, length), 1e-300)
+                           : std::numeric_limits<double>::infinity();
+  out.largest = std::max(out.largest, residual);
+  out.is_negligible = out.is_negligible && residual <= Negligible(moved.motion, length);
+  out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
+  if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
+  out.ratio = ratio;
+  out.subject = subject;
+}
+
+}  // namespace
+
+StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIteration& newton) {
+  const double b = at.b;
+  StageResidual bodies, changes, found;
+  for (std::size_t i = 0; i < all.free_bodies.size(); ++i) {
+    FreeBody& body = all.free_bodies[i];
+    StageMotion moved;
+    const double residual = body.MoveAndComputeResidual(b, moved);
+    Add(residual, moved, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
+        {StepSubject::Kind::kFreeBody, static_cast<int>(i), -1}, bodies);
+  }
+  const auto length = [&](std::size_t i) { return all.mechanisms[i].mechanism().length_scale(); };
+  const auto subject = [](std::size_t i) {
+    return StepSubject{StepSubject::Kind::kMechanism, static_cast<int>(i), -1};
+  };
+  newton.changes.resize(all.mechanisms.size());
+  for (std::size_t i = 0; i < all.mechanisms.size(); ++i) {
+    newton.changes[i] = ComputeStageChange(all.mechanisms[i], b);
+    Add(newton.changes[i].change, newton.changes[i], length(i), subject(i), changes);
+  }
+  double& contraction = newton.contraction[at.scheme == StageScheme::kSecondOfTwo ? 1 : 0];
+  const double next = contraction / (1 - contraction);
+  if (bodies.ratio <= 1 && next * changes.ratio <= 1 && at.may_accept) {
+    const bool is_last = at.scheme != StageScheme::kFirstOfTwo;
+    all.ForMechanisms([&](std::size_t i) { AcceptStage(all.mechanisms[i], b, at.time, is_last); });
+    for (std::size_t i = 0; i < all.mechanisms.size(); ++i)
+      Add(next * newton.changes[i].change, newton.changes[i], length(i), subject(i), bodies);
+    // What is not measured is trusted less and less (Hairer & Wanner II, IV.8).
+    contraction = std::pow(contraction, 0.8);
+    return bodies;
+  }
+  for (std::size_t i = 0; i < all.mechanisms.size(); ++i)
+    Add(MoveAndComputeResidual(all.mechanisms[i], b, at.time), newton.changes[i], length(i), subject(i),
+        found);
+  if (changes.ratio > 0 && at.measures) {
+    const double measured = std::clamp(found.ratio / changes.ratio, kLeastContraction, kNoContraction);
+    contraction = at.is_first ? measured : std::max(contraction, measured);
+  }
+  found.is_slow = IsSlow(found.ratio, changes.ratio);
+  if (bodies.ratio <= found.ratio && found.subject.kind != StepSubject::Kind::kNone)
+    bodies.subject = found.subject;
+  found.subject = bodies.subject;
+  found.ratio = std::max(found.ratio, bodies.ratio);
+  found.largest = std::max(found.largest, bodies.largest);
+  found.is_small = found.is_small && bodies.is_small;
+  found.is_negligible = found.is_negligible && bodies.is_negligible;
+  return found;
+}
+
+StepSubject FindSaturationChange(Bodies& bodies, double b) {
+  for (std::size_t i = 0; i < bodies.mechanisms.size(); ++i) {
+    const MechanismDynamics& m = bodies.mechanisms[i];
+    if (!HasSwitches(m)) continue;
+    const SaturationChange change = ComputeSaturationChange(bodies.mechanisms[i], b, kOnward);
+    if (change.displacement <= Negligible(change.motion, m.mechanism().length_scale())) continue;
+    return {change.is_servo ? StepSubject::Kind::kServo : StepSubject::Kind::kSpring, static_cast<int>(i),
+            change.index};
+  }
+  return {};
+}
+
+}  // namespace fork1s

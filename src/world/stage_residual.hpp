@@ -1,0 +1,48 @@
+// How well a stage is solved, and when that is enough.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "bodies.hpp"
+#include "scheme.hpp"
+
+namespace fork1s {
+
+/// At the pose found.
+struct StageResidual {
+  double ratio = 0;     // largest residual, in tolerances
+  double largest = 0;   // m
+  StepSubject subject;  // of the largest ratio
+  // Every residual is: too small to matter, as the motion goes; within its tolerance or a share of the length
+  // that noise may leave.
+  bool is_negligible = true, is_small = true;
+  bool is_slow = false;  // the iteration contracts so slowly that a new matrix is worth its cost
+};
+
+/// Newton's iteration of stages.
+struct NewtonIteration {
+  // As measured last: [1] in the second of two stages, whose matrix is older, [0] in others.
+  std::array<double, 2> contraction = {1, 1};
+  std::vector<StageChange> changes;  // scratch, per mechanism
+};
+
+/// Where an iteration of a stage ends.
+struct StageEnd {
+  StageScheme scheme = StageScheme::kBackwardEuler;
+  double b = 0, time = 0;  // s: of the stage, from the start of the step to its end
+  bool is_first = true;    // of the iterations
+  bool may_accept = true;  // without an evaluation, where the contraction promises as much
+  bool measures = true;    // the contraction
+};
+/// Ends a Newton iteration: everything moves to the pose found. Where mechanisms change so little that by the
+/// contraction seen last the next iteration would change less than the tolerance, their stage is accepted
+/// without another evaluation.
+StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& bodies, NewtonIteration& newton);
+
+/// A force whose saturation differs between the two stages, of length b, and changes by so much that its
+/// extrapolation, s b Δf of momentum, moves something by more than the tolerance; kNone if there is none. A
+/// stage without the spring of a servo is not L-stable in it.
+StepSubject FindSaturationChange(Bodies& bodies, double b);
+
+}  // namespace fork1s
