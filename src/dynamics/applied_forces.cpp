@@ -82,15 +82,15 @@ namespace {
 class CarriedForces {
  public:
   explicit CarriedForces(const MechanismStep& here) : here_(here) {
-    here.work.carried_force.setZero();
-    here.work.carried_moments.setZero();
+    here.work.loads.carried_force.setZero();
+    here.work.loads.carried_moments.setZero();
   }
   // On what joint j carries; j = -1: on the base.
   void Add(int j, const LoadInBase& load) {
     total_moments_ += load.force_moments;
     if (j < 0) return;
-    here_.work.carried_force.col(j) += load.force;
-    here_.work.carried_moments.middleCols<3>(3 * j) += load.force_moments;
+    here_.work.loads.carried_force.col(j) += load.force;
+    here_.work.loads.carried_moments.middleCols<3>(3 * j) += load.force_moments;
   }
   // K += their stiffness, in the lower triangle; once.
   void AddStiffness(MatrixX& K_out);
@@ -109,21 +109,21 @@ void CarriedForces::AddStiffness(MatrixX& K_out) {
     K_out.topLeftCorner<3, 3>() -= 0.5 * (turned + turned.transpose());
   }
   for (int j = m.num_joints() - 1; j >= 0; --j) {
-    const Vector3 force = ws.carried_force.col(j);
-    const Matrix3 moments = ws.carried_moments.middleCols<3>(3 * j);
+    const Vector3 force = ws.loads.carried_force.col(j);
+    const Matrix3 moments = ws.loads.carried_moments.middleCols<3>(3 * j);
     if (force.isZero(0) && moments.isZero(0)) continue;
     const int previous = m.joints()[At(j)].previous;
     const auto T = ws.jacobian.T(j);
     const auto size = T.cols();
     const int begin = ws.jacobian.begin(j);
     // D_j and Ω_{j-1} + Ω_j on the columns that move joint j.
-    auto D = ws.joint_twist.leftCols(size);
-    auto turn = ws.joint_turn.leftCols(size);
+    auto D = ws.loads.joint_twist.leftCols(size);
+    auto turn = ws.loads.joint_turn.leftCols(size);
     D = T;
     turn = T.topRows<3>();
     if (previous >= 0) {
-      ws.carried_force.col(previous) += force;
-      ws.carried_moments.middleCols<3>(3 * previous) += moments;
+      ws.loads.carried_force.col(previous) += force;
+      ws.loads.carried_moments.middleCols<3>(3 * previous) += moments;
       const auto T_previous = ws.jacobian.T(previous);
       const int offset = ws.jacobian.begin(previous) - begin;
       if (T_previous.cols() > 0) {
@@ -131,7 +131,7 @@ void CarriedForces::AddStiffness(MatrixX& K_out) {
         turn.middleCols(offset, T_previous.cols()) += T_previous.topRows<3>();
       }
     }
-    auto lever = ws.turned_lever.leftCols(size);
+    auto lever = ws.loads.turned_lever.leftCols(size);
     lever.noalias() = AppliedForces::TurnedLever(moments).lazyProduct(D.topRows<3>());
     lever.noalias() -= Skew(force).lazyProduct(D.bottomRows<3>());
     auto K = K_out.block(base + begin, base + begin, size, size);
@@ -154,25 +154,27 @@ void ComputeLoadStiffness(const MechanismStep& here) {
                    ExpressInBase(here, load, ws.configuration.kinematics.X_RB[At(b)]));
   if (state.point_spring.IsActive()) {
     const Vector3 force = PointSpringForce(here);
-    forces.Add(m.body(state.point_spring_body).last_joint, {force, ws.spring_point_R * force.transpose()});
+    forces.Add(m.body(state.point_spring_body).last_joint,
+               {force, ws.point_spring.point_R * force.transpose()});
   }
-  ws.K_loads.setZero();
-  forces.AddStiffness(ws.K_loads);
+  ws.loads.K.setZero();
+  forces.AddStiffness(ws.loads.K);
 }
 
 void AddInertialStiffness(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
   CarriedForces forces(here);
-  const Vector3 gravity_R = state.reduced.X_WR.rotation().transpose() * ws.gravity_W;
+  const Vector3 gravity_R = state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W;
   for (int i = 0; i < model.rigid_parts.size(); ++i) {
     const SpatialInertia& inertia = model.rigid_parts.parts[At(i)].inertia_R0;
     if (inertia.mass == 0) continue;
     const Vector3 center = i == 0 ? inertia.center
                                   : Vector3(ws.configuration.kinematics.P[At(i - 1)] * inertia.center),
-                  force = b * (ws.part_impulses.col(i) + b * inertia.mass * gravity_R);  // times b²
+                  force = b * (ws.momentum_change.part_impulses.col(i) +
+                               b * inertia.mass * gravity_R);  // times b²
     forces.Add(i - 1, {force, center * force.transpose()});
   }
-  forces.AddStiffness(ws.A);
+  forces.AddStiffness(ws.matrix.A);
 }
 
 }  // namespace fork1s

@@ -17,18 +17,18 @@
 namespace fork1s {
 namespace {
 
-// c of a control whose force is along ws.f_used [r].
+// c of a control whose force is along ws.jump.force [r].
 double ShareInFirstStage(const MechanismStep& here, double b, double onward) {
   const auto& [model, state, ws] = here;
   const int r = model.size();
   ws.rhs.setZero(model.num_velocities());
-  ws.rhs.tail(r) = ws.f_used;
-  ws.factor.SolveInPlace(ws.rhs);
-  const double whole = ws.f_used.dot(ws.rhs.tail(r));
-  ws.solved.noalias() = ws.M_full * ws.rhs;
+  ws.rhs.tail(r) = ws.jump.force;
+  ws.matrix.factor.SolveInPlace(ws.rhs);
+  const double whole = ws.jump.force.dot(ws.rhs.tail(r));
+  ws.solved.noalias() = ws.mass.M * ws.rhs;
   const double mass = ws.rhs.dot(ws.solved) / whole;
-  ws.w_mean.noalias() = model.reduced->D * ws.rhs.tail(r);
-  const double damping = b * ws.rhs.tail(r).dot(ws.w_mean) / whole, stiffness = 1 - mass - damping;
+  ws.jump.damper_force.noalias() = model.reduced->D * ws.rhs.tail(r);
+  const double damping = b * ws.rhs.tail(r).dot(ws.jump.damper_force) / whole, stiffness = 1 - mass - damping;
   const double followed = onward * stiffness * (1 + mass - stiffness);
   // Not so for a control that moves nothing, whose ratios are no numbers.
   return followed > 1 - stiffness ? (1 - stiffness) / followed : 1;
@@ -39,18 +39,18 @@ double ShareInFirstStage(const MechanismStep& here, double b, double onward) {
 void ReduceControlJumps(const MechanismStep& here, const MechanismState& start, double b, double onward) {
   const auto& [model, state, ws] = here;
   if (start.controls_move || start.controls == start.controls_from || model.size() == 0) return;
-  ws.contact_shift = -ws.x;
+  ws.stage.v_k = ws.x;
   StartStageMatrix(here, b);
-  if (!ws.matrix_is_definite) return;
-  ws.control_jump.setZero(start.controls.size());
+  if (!ws.matrix.is_definite) return;
+  ws.jump.control.setZero(start.controls.size());
   for (Eigen::Index i = 0; i < start.controls.size(); ++i) {
     const double jump = start.controls(i) - start.controls_from(i);
     if (jump == 0) continue;
-    ws.control_jump(i) = jump;
-    ws.tau.setZero();
-    AddControlForce(model.mechanism(), ws.configuration.kinematics, ws.control_jump, ws.tau);
-    ws.control_jump(i) = 0;
-    ws.f_used.noalias() = ws.Q_now().transpose() * ws.tau;
+    ws.jump.control(i) = jump;
+    ws.jump.tau.setZero();
+    AddControlForce(model.mechanism(), ws.configuration.kinematics, ws.jump.control, ws.jump.tau);
+    ws.jump.control(i) = 0;
+    ws.jump.force.noalias() = ws.Q_now().transpose() * ws.jump.tau;
     state.controls(i) -= (1 - ShareInFirstStage(here, b, onward)) * jump;
   }
 }

@@ -35,15 +35,15 @@ double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& li
 void SizeForceLimits(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   const auto count = model.mechanism().force_limits().size();
-  ws.limit_force.resize(static_cast<Eigen::Index>(count));
-  ws.limit_row.resize(model.size());
+  ws.switched.servo_force.resize(static_cast<Eigen::Index>(count));
+  ws.length_row.resize(model.size());
 }
 
 void OpenForceLimits(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   const auto& limits = model.mechanism().force_limits();
   for (std::size_t k = 0; k < limits.size(); ++k)
-    ws.limit_force(static_cast<Eigen::Index>(k)) = UnboundedForce(here, limits[k]);
+    ws.switched.servo_force(static_cast<Eigen::Index>(k)) = UnboundedForce(here, limits[k]);
 }
 
 bool ServosTurn(const MechanismView& here) { return here.model.reduced->loop_rank() > 0; }
@@ -73,13 +73,13 @@ void SubtractSaturatedStiffness(const MechanismStep& here, double h) {
 
 void OpenSwitches(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  ws.f_z_of_springs = ws.f_z;
+  ws.switched.f_z_without = ws.forces.f_z;
   OpenForceLimits(here);
   OpenSlackSprings(here);
 }
 
 bool HasSwitches(const MechanismView& here) {
-  return !here.state.at_bound.empty() || !here.work.slack.empty();
+  return !here.state.at_bound.empty() || !here.work.switched.slack.empty();
 }
 
 int NumForcesAtBound(const MechanismState& state) {
@@ -95,7 +95,7 @@ bool UpdateSwitches(const MechanismStep& here, double h) {
 void AddSwitchedForces(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   const auto& limits = model.mechanism().force_limits();
-  ws.f_z = ws.f_z_of_springs;
+  ws.forces.f_z = ws.switched.f_z_without;
   AddSlackForces(here);
   for (std::size_t k = 0; k < limits.size(); ++k) {
     if (state.at_bound[k] == 0) continue;
@@ -103,8 +103,8 @@ void AddSwitchedForces(const MechanismStep& here) {
     const double bound = state.at_bound[k] == MechanismState::kInSolve ? 0
                          : state.at_bound[k] > 0                       ? limits[k].upper
                                                                        : limits[k].lower;
-    ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.limit_row);
-    ws.f_z += (bound - ws.limit_force(static_cast<Eigen::Index>(k))) * ws.limit_row;
+    ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.length_row);
+    ws.forces.f_z += (bound - ws.switched.servo_force(static_cast<Eigen::Index>(k))) * ws.length_row;
   }
 }
 
@@ -114,8 +114,8 @@ void AddBackSaturatedDampers(const MechanismStep& here, double b, VectorX& rhs) 
   auto rhs_z = rhs.tail(model.size());
   for (std::size_t k = 0; k < limits.size(); ++k) {
     if (state.at_bound[k] == 0 || limits[k].damping == 0) continue;
-    ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.limit_row);
-    rhs_z -= b * limits[k].damping * ws.limit_row.dot(ws.contact_shift.tail(model.size())) * ws.limit_row;
+    ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.length_row);
+    rhs_z += b * limits[k].damping * ws.length_row.dot(ws.stage.v_k.tail(model.size())) * ws.length_row;
   }
 }
 
@@ -130,8 +130,8 @@ double WeightInSolve(const Mechanism::ForceLimit& limit, double h) {
 double ForceAtEnd(const MechanismStep& here, std::size_t k, double h) {
   const auto& [model, state, ws] = here;
   const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
-  return ws.limit_force(static_cast<Eigen::Index>(k)) - limit.stiffness * WayToForce(here, limit.length, h) -
-         limit.damping * LengthRate(here, limit.length);
+  return ws.switched.servo_force(static_cast<Eigen::Index>(k)) -
+         limit.stiffness * WayToForce(here, limit.length, h) - limit.damping * LengthRate(here, limit.length);
 }
 
 signed char SideOf(const MechanismStep& here, std::size_t k, double h) {
@@ -157,18 +157,19 @@ int EndOf(const MechanismView& here, std::size_t k) {
 const Mechanism::Length& LengthOfBoundedForce(const MechanismView& here, std::size_t k) {
   const Mechanism& m = here.model.mechanism();
   return k < m.force_limits().size() ? m.force_limits()[k].length
-                                     : m.springs()[here.work.slack[SlackOf(here, k)].spring].length;
+                                     : m.springs()[here.work.switched.slack[SlackOf(here, k)].spring].length;
 }
 
 bool IsInSolve(const MechanismView& here, std::size_t k) {
   const auto& [model, state, ws] = here;
-  return (k < state.at_bound.size() ? state.at_bound[k] : ws.slack[SlackOf(here, k)].side) ==
+  return (k < state.at_bound.size() ? state.at_bound[k] : ws.switched.slack[SlackOf(here, k)].side) ==
          MechanismState::kInSolve;
 }
 
 BoundedForceRow RowOfBoundedForce(const MechanismStep& here, std::size_t k, double h) {
   const auto& [model, state, ws] = here;
-  if (k >= state.at_bound.size()) return RowOfSlack(here, ws.slack[SlackOf(here, k)], EndOf(here, k), h);
+  if (k >= state.at_bound.size())
+    return RowOfSlack(here, ws.switched.slack[SlackOf(here, k)], EndOf(here, k), h);
   const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
   const double weight = WeightInSolve(limit, h), f = ForceAtEnd(here, k, h);
   return {f / weight + LengthRate(here, limit.length), 1 / (h * weight), h * limit.lower, h * limit.upper};
@@ -180,7 +181,7 @@ void SetSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impu
   if (k >= state.at_bound.size()) {
     // Of the two ends, told one after the other, at most one pushes. Within its range a spring has an impulse
     // of 0 but for rounding.
-    int& side = ws.slack[SlackOf(here, k)].side;
+    int& side = ws.switched.slack[SlackOf(here, k)].side;
     if (side == MechanismState::kInSolve) side = 0;
     if (impulse != 0 && unbounded * EndOf(here, k) < 0) side = EndOf(here, k);
     return;
@@ -206,15 +207,15 @@ double ForceOfServo(const MechanismStep& here, std::size_t k, double b) {
 
 void StoreSwitchedForces(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
-  ws.stage_at_bound = state.at_bound;
-  ws.stage_limit_force.resize(static_cast<Eigen::Index>(state.at_bound.size()));
+  ws.switched.first_at_bound = state.at_bound;
+  ws.switched.first_servo_force.resize(static_cast<Eigen::Index>(state.at_bound.size()));
   for (std::size_t k = 0; k < state.at_bound.size(); ++k)
-    ws.stage_limit_force(static_cast<Eigen::Index>(k)) = ForceOfServo(here, k, b);
-  ws.stage_slack_side.resize(ws.slack.size());
-  ws.stage_slack_force.resize(static_cast<Eigen::Index>(ws.slack.size()));
-  for (std::size_t k = 0; k < ws.slack.size(); ++k) {
-    ws.stage_slack_side[k] = static_cast<signed char>(ws.slack[k].side);
-    ws.stage_slack_force(static_cast<Eigen::Index>(k)) = ForceOfSlack(here, ws.slack[k], b);
+    ws.switched.first_servo_force(static_cast<Eigen::Index>(k)) = ForceOfServo(here, k, b);
+  ws.switched.first_slack_side.resize(ws.switched.slack.size());
+  ws.switched.first_slack_force.resize(static_cast<Eigen::Index>(ws.switched.slack.size()));
+  for (std::size_t k = 0; k < ws.switched.slack.size(); ++k) {
+    ws.switched.first_slack_side[k] = static_cast<signed char>(ws.switched.slack[k].side);
+    ws.switched.first_slack_force(static_cast<Eigen::Index>(k)) = ForceOfSlack(here, ws.switched.slack[k], b);
   }
 }
 
@@ -224,28 +225,29 @@ SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, do
   double largest = 0;
   const auto add = [&](const Mechanism::Length& length, double change, bool is_servo, std::size_t index) {
     if (out.index < 0) ws.rhs.setZero(model.num_velocities());
-    ReducedRow(length, ws.paths(), ws.Q_now(), ws.limit_row);
-    ws.rhs.tail(model.size()) += onward * b * change * ws.limit_row;
+    ReducedRow(length, ws.paths(), ws.Q_now(), ws.length_row);
+    ws.rhs.tail(model.size()) += onward * b * change * ws.length_row;
     if (out.index >= 0 && std::abs(change) <= largest) return;
     largest = std::abs(change);
     out.is_servo = is_servo;
     out.index = static_cast<int>(index);
   };
   for (std::size_t k = 0; k < state.at_bound.size(); ++k)
-    if (state.at_bound[k] != ws.stage_at_bound[k])
+    if (state.at_bound[k] != ws.switched.first_at_bound[k])
       add(model.mechanism().force_limits()[k].length,
-          ForceOfServo(here, k, b) - ws.stage_limit_force(static_cast<Eigen::Index>(k)), true, k);
-  for (std::size_t k = 0; k < ws.slack.size(); ++k)
-    if (ws.slack[k].side != ws.stage_slack_side[k])
-      add(model.mechanism().springs()[ws.slack[k].spring].length,
-          ForceOfSlack(here, ws.slack[k], b) - ws.stage_slack_force(static_cast<Eigen::Index>(k)), false,
-          ws.slack[k].spring);
+          ForceOfServo(here, k, b) - ws.switched.first_servo_force(static_cast<Eigen::Index>(k)), true, k);
+  for (std::size_t k = 0; k < ws.switched.slack.size(); ++k)
+    if (ws.switched.slack[k].side != ws.switched.first_slack_side[k])
+      add(model.mechanism().springs()[ws.switched.slack[k].spring].length,
+          ForceOfSlack(here, ws.switched.slack[k], b) -
+              ws.switched.first_slack_force(static_cast<Eigen::Index>(k)),
+          false, ws.switched.slack[k].spring);
   if (out.index < 0) return out;
   const double mass = std::max(model.mechanism().total_mass(), 1e-300);
   ws.solved = ws.rhs;
-  ws.factor.SolveInPlace(ws.solved);
+  ws.matrix.factor.SolveInPlace(ws.solved);
   out.displacement = b * RootOf(ws.solved.dot(ws.rhs) / mass);
-  ws.solved.noalias() = ws.M_full * ws.x;
+  ws.solved.noalias() = ws.mass.M * ws.x;
   out.motion = b * RootOf(ws.x.dot(ws.solved) / mass);
   return out;
 }
@@ -271,9 +273,9 @@ bool UpdateForceLimits(const MechanismStep& here, double h) {
 double WayToForce(const MechanismStep& here, const Mechanism::Length& length, double h) {
   const auto& [model, state, ws] = here;
   const int r = model.size();
-  ws.f_used = h * (ws.x.tail(r) + ws.contact_shift.tail(r));
+  ws.switched.way = h * (ws.x.tail(r) - ws.stage.v_k.tail(r));
   double way = 0;
-  ForEachArm(length, ws.paths(), [&](int i, double c) { way += c * ws.Q_now().row(i).dot(ws.f_used); });
+  ForEachArm(length, ws.paths(), [&](int i, double c) { way += c * ws.Q_now().row(i).dot(ws.switched.way); });
   return way;
 }
 

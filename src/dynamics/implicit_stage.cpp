@@ -21,7 +21,6 @@
 // (w' - w) = M_0zᵀ (V_last - V).
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/row_squares.hpp>
 #include <limits>
 
 #include "mechanism_detail.hpp"
@@ -29,16 +28,6 @@
 
 namespace fork1s {
 namespace {
-
-// What joint springs are stiff by at the pose beyond K_r, where loops turn Q; adds b² times it to A.
-void AddTurnedJointStiffness(const MechanismStep& here, double b) {
-  const auto& [model, state, ws] = here;
-  if (model.reduced->loop_rank() == 0) return;
-  for (const WeightedRows& rows : model.joint_springs) {
-    AddRowSquares(ws.Q_now(), rows, b * b, ws.A.bottomRightCorner(model.size(), model.size()));
-    AddRowSquares(model.reduced->Q_rows, rows, -b * b, ws.A.bottomRightCorner(model.size(), model.size()));
-  }
-}
 
 // Twist in R of a base that stands at X.
 Vector6 BaseTwist(const BasePath& path, double share, const RigidTransform& X) {
@@ -54,7 +43,7 @@ Vector3 CenterOf(const Matrix6& M_00) { return Vector3(M_00(2, 4), M_00(0, 5), M
 
 // Of weight and of forces from outside, but for contact, world axes [N].
 Vector3 AppliedForce(const MechanismStep& here) {
-  Vector3 force_W = here.model.mechanism().weighed_mass() * here.work.gravity_W;
+  Vector3 force_W = here.model.mechanism().weighed_mass() * here.work.forces.gravity_W;
   if (here.state.has_loads)
     for (const AppliedForces& load : here.state.loads) force_W += load.force_W;
   return force_W;
@@ -68,10 +57,10 @@ Vector3 AppliedForce(const MechanismStep& here) {
 void PredictLinearMomentum(const MechanismStep& here, double time, const Vector3& linear_W) {
   const auto& [model, state, ws] = here;
   if (model.base_size == 0) return;
-  ws.stage_linear_W = linear_W;
-  ComputeFlatMomenta(here, time, ws.stage_end);
+  ws.floating.stage_linear_W = linear_W;
+  ComputeFlatMomenta(here, time, ws.stage.end);
   ws.x.segment<3>(3) += state.reduced.X_WR.rotation().transpose() *
-                        (linear_W - LinearMomentum(here, ws.stage_end)) / ws.M_00(5, 5);
+                        (linear_W - LinearMomentum(here, ws.stage.end)) / ws.mass.M_00(5, 5);
 }
 
 namespace {
@@ -91,19 +80,17 @@ void MoveDrivenBase(const MechanismStep& here, double time) {
   state.reduced.V_R = BaseTwist(path, share, state.reduced.X_WR);
 }
 
-bool HasForcesFromOutside(const MechanismState& state) { return state.has_loads || state.point_spring.IsActive(); }
-
 }  // namespace
 
 // Momenta and forces of the stage at the pose that the velocity x has led to.
 void EvaluateStage(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
-  ws.contact_shift = -ws.x;
-  ws.stage_length = b;
-  ComputeMomentumResidual(here, ws.stage_time, ws.stage_base, ws.x, b);
-  if (model.reduced->has_complement) ws.inertial_force = ws.tau / b;
-  LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.gravity_W);
-  if (model.size() > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.g, ws.f_z);
+  ws.stage.v_k = ws.x;
+  ws.stage.length = b;
+  ComputeMomentumResidual(here, ws.stage.time, ws.stage.base, ws.x, b);
+  if (model.reduced->has_complement) ws.missing.inertial_force = ws.momentum_change.joint / b;
+  LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W);
+  if (model.size() > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.forces.g, ws.forces.f_z);
   if (state.point_spring.IsActive()) EvaluatePointSpring(here);
   if (HasSwitches(here)) OpenSwitches(here);
 }
@@ -111,41 +98,42 @@ void EvaluateStage(const MechanismStep& here, double b) {
 void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gravity_W) {
   const auto& [model, state, ws] = here;
   const int r = model.size();
-  ws.gravity_W = gravity_W;
-  ws.X_WR_before = state.reduced.X_WR;
-  ws.V_R_before = state.reduced.V_R;
-  ws.q_dot_start.setZero();
-  AddMotion(*model.reduced, ws.Q_now(), state.reduced.w, ws.q_dot_start);
+  ws.forces.gravity_W = gravity_W;
+  ws.start.X_WR = state.reduced.X_WR;
+  ws.start.V_R = state.reduced.V_R;
+  ws.start.q_dot.setZero();
+  AddMotion(*model.reduced, ws.Q_now(), state.reduced.w, ws.start.q_dot);
   if (model.base_size > 0) {
-    const Vector6 p = ws.M_full.topRows<6>() * ws.x;
-    ws.center_W = state.reduced.X_WR * CenterOf(ws.M_00);
-    ws.linear_W = state.reduced.X_WR.rotation() * p.tail<3>();
+    const Vector6 p = ws.mass.M.topRows<6>() * ws.x;
+    ws.floating.center_W = state.reduced.X_WR * CenterOf(ws.mass.M_00);
+    ws.floating.linear_W = state.reduced.X_WR.rotation() * p.tail<3>();
   }
   ws.drift_W.setZero();
-  if (model.base_size > 0) ws.drift_W = ws.linear_W / ws.M_00(5, 5);
+  if (model.base_size > 0) ws.drift_W = ws.floating.linear_W / ws.mass.M_00(5, 5);
   if (model.mechanism().base() == BaseKind::kDriven) {
     ws.base_path = PathOfBase(state, h);
     ws.drift_W = ws.base_path.MeanRate().tail<3>();
     if (ws.base_path.jumps) state.reduced.V_R = BaseTwist(ws.base_path, 0, state.reduced.X_WR);
     if (ws.base_path.jumps && r > 0) {
-      ws.f_used.noalias() = ws.M_0z.transpose() * (ws.V_R_before - state.reduced.V_R);
-      SolveOrFail(ws.inertia_factor, ws.M_full, ws.f_used);
-      ws.x += ws.f_used;
+      ws.velocity_jump.noalias() = ws.mass.M_0z.transpose() * (ws.start.V_R - state.reduced.V_R);
+      SolveOrFail(ws.mass.factor, ws.mass.M, ws.velocity_jump);
+      ws.x += ws.velocity_jump;
     }
   }
-  StageBase& start = ws.step_start;
+  StageBase& start = ws.start.base;
   start.z = state.reduced.z;
   start.R_WR = state.reduced.X_WR.rotation();
-  start.center_W = ws.center_W;
+  start.center_W = ws.floating.center_W;
   ComputeFlatMomenta(here, 0, start);
-  ws.stage_base = start;
-  ws.x_start = ws.x;
+  ws.stage.base = start;
+  ws.start.x = ws.x;
   ws.x += b * state.acceleration;
   if (model.base_size > 0)
-    PredictLinearMomentum(
-        here, 0, ws.linear_W + b * (AppliedForce(here) + ws.M_00(5, 5) * state.acceleration.segment<3>(3)));
-  ws.matrix_b = 0;
-  ws.matrix_is_inertial = false;
+    PredictLinearMomentum(here, 0,
+                          ws.floating.linear_W + b * (AppliedForce(here) +
+                                                      ws.mass.M_00(5, 5) * state.acceleration.segment<3>(3)));
+  ws.matrix.b = 0;
+  ws.matrix.is_inertial = false;
 }
 
 namespace {
@@ -153,15 +141,16 @@ namespace {
 // Pose of x̂ ⊕ b v: with Q and Jacobians, or that of bodies alone.
 void MovePose(const MechanismStep& here, double b, double time, bool with_derivatives) {
   const auto& [model, state, ws] = here;
-  state.reduced.z = ws.stage_base.z;
+  state.reduced.z = ws.stage.base.z;
   if (model.size() > 0) state.reduced.z += b * ws.x.tail(model.size());
-  if (model.base_size > 0) ws.stage_center_W = ws.stage_base.center_W + b / ws.M_00(5, 5) * ws.stage_linear_W;
-  ws.stage_time = time;
+  if (model.base_size > 0)
+    ws.floating.stage_center_W = ws.stage.base.center_W + b / ws.mass.M_00(5, 5) * ws.floating.stage_linear_W;
+  ws.stage.time = time;
   if (model.mechanism().base() == BaseKind::kDriven) MoveDrivenBase(here, time);
   if (model.base_size > 0) {
     Matrix3& R_WR = state.reduced.X_WR.rotation();
     const Vector3 velocity_W = R_WR * ws.x.segment<3>(3);
-    R_WR = ws.stage_base.R_WR * ExpRotation(b * ws.x.head<3>());
+    R_WR = ws.stage.base.R_WR * ExpRotation(b * ws.x.head<3>());
     state.reduced.X_WR.Orthonormalize();
     // The same velocity in the axes of the pose found: a turn by δ would change one of V by V δ.
     ws.x.segment<3>(3) = R_WR.transpose() * velocity_W;
@@ -173,27 +162,28 @@ void MovePose(const MechanismStep& here, double b, double time, bool with_deriva
   }
   if (model.base_size > 0)
     state.reduced.X_WR.translation() =
-        ws.stage_center_W -
+        ws.floating.stage_center_W -
         state.reduced.X_WR.rotation() * CenterOfParts(model.rigid_parts, ws.configuration.kinematics);
 }
 
 // Of the velocity found at the pose at hand: by these the stage ends.
 void RecordStageMomenta(const MechanismStep& here, double b, double time) {
   const auto& [model, state, ws] = here;
-  ComputeFlatMomenta(here, time, ws.stage_end);
+  ComputeFlatMomenta(here, time, ws.stage.end);
   if (model.base_size == 0) return;
-  Vector6 impulse = b * ws.base_force + ws.impulse.head<6>();
+  Vector6 impulse = b * ws.forces.base + ws.stage.impulse.head<6>();
   if (HasForcesFromOutside(state)) {
     // As the velocity found has changed them.
-    ws.rhs = ws.x + ws.contact_shift;
-    ws.solved.noalias() = ws.K_loads.selfadjointView<Eigen::Lower>() * ws.rhs;
+    ws.rhs = ws.x - ws.stage.v_k;
+    ws.solved.noalias() = ws.loads.K.selfadjointView<Eigen::Lower>() * ws.rhs;
     impulse -= b * b * ws.solved.head<6>();
     if (state.point_spring.IsActive())
-      impulse -= state.point_spring.ImplicitMass(b) * (ws.spring_J.leftCols<6>().transpose() * (ws.spring_J * ws.rhs));
+      impulse -= state.point_spring.ImplicitMass(b) *
+                 (ws.point_spring.J.leftCols<6>().transpose() * (ws.point_spring.J * ws.rhs));
   }
-  ws.stage_end.momentum_defect =
-      Total(ws.stage_base) + FlattenWrench(here, time, impulse) - ws.stage_end.momentum.rowwise().sum();
-  ws.stage_linear_W = LinearMomentum(here, ws.stage_end);
+  ws.stage.end.momentum_defect =
+      Total(ws.stage.base) + FlattenWrench(here, time, impulse) - ws.stage.end.momentum.rowwise().sum();
+  ws.floating.stage_linear_W = LinearMomentum(here, ws.stage.end);
 }
 
 }  // namespace
@@ -210,87 +200,17 @@ void AcceptStage(const MechanismStep& here, double b, double time, bool with_der
 
 namespace {
 
-// Springs of paths, those that are not linear and loads turn and stiffen with the pose; all else in A is that
-// of an earlier one.
-bool StiffnessIsOfPose(const MechanismStep& here) {
-  return here.model.has_bent_springs || HasForcesFromOutside(here.state);
-}
-
-// A of (2), with the inertia at hand, but for what StiffnessIsOfPose tells of.
-void UpdateStageMatrix(const MechanismStep& here, double b) {
-  const auto& [model, state, ws] = here;
-  const int r = model.size();
-  ws.matrix_b = b;
-  ws.matrix_at_bound = state.at_bound;
-  ws.matrix_slack_sides.resize(ws.slack.size());
-  for (std::size_t k = 0; k < ws.slack.size(); ++k)
-    ws.matrix_slack_sides[k] = static_cast<signed char>(ws.slack[k].side);
-  ws.A = ws.M_full;
-  if (r > 0) {
-    auto A_z = ws.A.bottomRightCorner(r, r);
-    A_z += b * model.reduced->D;
-    ws.w_mean = -ws.contact_shift.tail(r);
-    if (DampersTurn(model) || model.has_bent_springs) AddDampersBeyond(here, b, true, ws.w_mean, A_z);
-    A_z.diagonal() += b * b * model.reduced->K_r;
-    AddTurnedJointStiffness(here, b);
-    TurnServos(here, b);
-    SubtractSaturatedStiffness(here, b);
-  }
-  bool has_factor = false;
-  if (ws.matrix_is_inertial) {
-    ws.A_before = ws.A;
-    AddInertialStiffness(here, b);
-    has_factor = ws.factor.Compute(ws.A);
-    if (!has_factor) ws.A = ws.A_before;  // compressed: the iteration goes on without it
-  }
-  if (StiffnessIsOfPose(here))
-    ws.A_before = ws.A;
-  else
-    ws.matrix_is_definite = has_factor || ws.factor.Compute(ws.A);
-}
-
-void AddStiffnessOfPose(const MechanismStep& here, double b) {
-  const auto& [model, state, ws] = here;
-  ws.A = ws.A_before;
-  if (HasForcesFromOutside(state)) {
-    ComputeLoadStiffness(here);
-    ws.A.triangularView<Eigen::Lower>() += b * b * ws.K_loads;
-  }
-  if (state.point_spring.IsActive()) AddPointSpringOperator(here, b);
-  if (model.size() > 0) AddNonlinearStiffness(here, b * b);
-  ws.matrix_is_definite = ws.factor.Compute(ws.A);
-}
-
-bool MatrixFits(const MechanismStep& here, double b) {
-  const auto& [model, state, ws] = here;
-  if (ws.matrix_b != b || ws.matrix_at_bound != state.at_bound) return false;
-  for (std::size_t k = 0; k < ws.slack.size(); ++k)
-    if (ws.matrix_slack_sides[k] != ws.slack[k].side) return false;
-  return true;
-}
-
 // Residual of (1) without contact at the pose at hand.
 void ComputeStageResidual(const MechanismStep& here, double b, VectorX& residual) {
   const auto& [model, state, ws] = here;
   if (HasSwitches(here)) AddSwitchedForces(here);
-  residual = ws.momentum;
-  if (model.base_size > 0) residual.head<6>() += b * ws.base_force;
-  if (model.size() > 0) residual.tail(model.size()) += b * ws.f_z;
+  residual = ws.momentum_change.all;
+  if (model.base_size > 0) residual.head<6>() += b * ws.forces.base;
+  if (model.size() > 0) residual.tail(model.size()) += b * ws.forces.f_z;
   if (HasSwitches(here)) AddBackSaturatedDampers(here, b, residual);
 }
 
 }  // namespace
-
-void StartStageMatrix(const MechanismStep& here, double b) {
-  UpdateStageMatrix(here, b);
-  if (StiffnessIsOfPose(here)) here.work.matrix_is_definite = here.work.factor.Compute(here.work.A);
-}
-
-void RenewStageMatrix(const MechanismStep& here, bool inertial) {
-  UpdateMassMatrix(here);
-  here.work.matrix_b = 0;
-  here.work.matrix_is_inertial = inertial;
-}
 
 void SolveFreeStage(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
@@ -298,15 +218,14 @@ void SolveFreeStage(const MechanismStep& here, double b) {
     if (HasSwitches(here)) AddSwitchedForces(here);
     return;
   }
-  ws.impulse.setZero(model.num_velocities());
+  ws.stage.impulse.setZero(model.num_velocities());
   ComputeStageResidual(here, b, ws.x);
-  if (!MatrixFits(here, b)) UpdateStageMatrix(here, b);
-  if (StiffnessIsOfPose(here)) AddStiffnessOfPose(here, b);
-  if (ws.matrix_is_definite)
-    ws.factor.SolveInPlace(ws.x);
+  UpdateStageMatrix(here, b);
+  if (ws.matrix.is_definite)
+    ws.matrix.factor.SolveInPlace(ws.x);
   else
     ws.x.setConstant(std::numeric_limits<double>::quiet_NaN());
-  ws.x -= ws.contact_shift;
+  ws.x += ws.stage.v_k;
 }
 
 namespace {
@@ -314,7 +233,7 @@ namespace {
 // Displacement [m] by a velocity x [num_velocities] within b, in the kinetic metric.
 double Displacement(const MechanismStep& here, double b, const VectorX& x) {
   MechanismWorkspace& ws = here.work;
-  ws.solved.noalias() = ws.M_full * x;
+  ws.solved.noalias() = ws.mass.M * x;
   return b * RootOf(x.dot(ws.solved) / std::max(here.model.mechanism().total_mass(), 1e-300));
 }
 
@@ -324,15 +243,15 @@ StageChange ComputeStageChange(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
   StageChange out;
   if (model.num_velocities() == 0) return out;
-  ws.rhs = ws.x + ws.contact_shift;
+  ws.rhs = ws.x - ws.stage.v_k;
   out.change = Displacement(here, b, ws.rhs);
-  ws.rhs = ws.x - ws.x_start;
+  ws.rhs = ws.x - ws.start.x;
   out.velocity_change = Displacement(here, b, ws.rhs);
   // Beside the drift of the base: what moves along with something is solved as well as what rests.
   out.motion = Displacement(here, b, ws.x);
   if (model.base_size > 0)
     out.motion = RootOf(out.motion * out.motion - b * b * ws.solved.segment<3>(3).squaredNorm() /
-                                                      (ws.M_00(5, 5) * model.mechanism().total_mass()));
+                                                      (ws.mass.M_00(5, 5) * model.mechanism().total_mass()));
   return out;
 }
 
@@ -341,58 +260,60 @@ double MoveAndComputeResidual(const MechanismStep& here, double b, double time) 
   RecordStageMomenta(here, b, time);
   MoveToStagePose(here, b, time);
   if (model.num_velocities() == 0) return 0;
-  ComputeStageResidual(here, b, ws.stage_correction);
-  ws.stage_correction += ws.impulse;
-  ws.rhs = ws.stage_correction;
-  ws.factor.SolveInPlace(ws.rhs);
-  return b * RootOf(ws.stage_correction.dot(ws.rhs) / std::max(model.mechanism().total_mass(), 1e-300));
+  ComputeStageResidual(here, b, ws.stage.residual);
+  ws.stage.residual += ws.stage.impulse;
+  ws.rhs = ws.stage.residual;
+  ws.matrix.factor.SolveInPlace(ws.rhs);
+  return b * RootOf(ws.stage.residual.dot(ws.rhs) / std::max(model.mechanism().total_mass(), 1e-300));
 }
 
 void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
   const auto& [model, state, ws] = here;
-  const StageBase& start = ws.step_start;
-  StageBase& base = ws.stage_base;
+  const StageBase& start = ws.start.base;
+  StageBase& base = ws.stage.base;
   base.z = start.z + onward * (state.reduced.z - start.z);
-  base.momentum = start.momentum + onward * (ws.stage_end.momentum - start.momentum);
-  base.momentum_defect = onward * ws.stage_end.momentum_defect;
-  base.joint_momentum = start.joint_momentum + onward * (ws.stage_end.joint_momentum - start.joint_momentum);
+  base.momentum = start.momentum + onward * (ws.stage.end.momentum - start.momentum);
+  base.momentum_defect = onward * ws.stage.end.momentum_defect;
+  base.joint_momentum = start.joint_momentum + onward * (ws.stage.end.joint_momentum - start.joint_momentum);
   if (model.base_size > 0) {
     base.R_WR = start.R_WR * ExpRotation(onward * b * ws.x.head<3>());
-    base.center_W = start.center_W + onward * (ws.stage_center_W - start.center_W);
+    base.center_W = start.center_W + onward * (ws.floating.stage_center_W - start.center_W);
   }
   // The second stage is linearised first by the velocity on the line through the start and the first stage.
-  ws.x_first = ws.x;
-  ws.linear_first_W = LinearMomentum(here, ws.stage_end);
-  ws.x = ws.x_start + (1 + onward) * (ws.x_first - ws.x_start);
-  PredictLinearMomentum(here, ws.stage_time, ws.linear_W + (1 + onward) * (ws.linear_first_W - ws.linear_W));
+  ws.stage.x_first = ws.x;
+  ws.floating.linear_first_W = LinearMomentum(here, ws.stage.end);
+  ws.x = ws.start.x + (1 + onward) * (ws.stage.x_first - ws.start.x);
+  PredictLinearMomentum(
+      here, ws.stage.time,
+      ws.floating.linear_W + (1 + onward) * (ws.floating.linear_first_W - ws.floating.linear_W));
 }
 
 void EndStep(const MechanismStep& here, double between_stages) {
   const auto& [model, state, ws] = here;
   state.acceleration.setZero();
   if (between_stages > 0) {
-    state.acceleration = (ws.x - ws.x_first) / between_stages;
+    state.acceleration = (ws.x - ws.stage.x_first) / between_stages;
     if (model.base_size > 0)
       state.acceleration.segment<3>(3) =
-          ((LinearMomentum(here, ws.stage_end) - ws.linear_first_W) / between_stages - AppliedForce(here)) /
-          ws.M_00(5, 5);
+          ((LinearMomentum(here, ws.stage.end) - ws.floating.linear_first_W) / between_stages -
+           AppliedForce(here)) /
+          ws.mass.M_00(5, 5);
   }
   UpdateMassMatrix(here);
   if (model.base_size > 0) {
     // The momentum of the whole is exact; seen from the pose found, it gives the velocity.
     ws.x.setZero();
-    ComputeMomentumResidual(here, ws.stage_time, ws.stage_end, ws.x, 0);
-    ws.x = ws.momentum;
-    SolveOrFail(ws.inertia_factor, ws.M_full, ws.x);
+    ComputeMomentumResidual(here, ws.stage.time, ws.stage.end, ws.x, 0);
+    ws.x = ws.momentum_change.all;
+    SolveOrFail(ws.mass.factor, ws.mass.M, ws.x);
     state.reduced.V_R = ws.x.head<6>();
   }
   state.reduced.w = ws.x.tail(model.size());
-  ws.q_dot = ws.q_dot_start;  // ClosureForces takes the rate of joint rates from it
-  ws.contact_shift.setZero();
+  ws.stage.v_k.setZero();
   state.mu = ws.configuration.mu;
   const bool has_columns = HasForcesFromOutside(state);
-  ws.wrenches_R.setZero(6, has_columns ? model.mechanism().num_bodies() : 0);
-  if (has_columns) AddAppliedWrenches(here, ws.wrenches_R);
+  ws.missing.wrenches_R.setZero(6, has_columns ? model.mechanism().num_bodies() : 0);
+  if (has_columns) AddAppliedWrenches(here, ws.missing.wrenches_R);
   ForgetInputs(here);
 }
 
@@ -407,9 +328,9 @@ void ApplyImpulse(const MechanismStep& here, const VectorX& p) {
   const auto& [model, state, ws] = here;
   if (p.isZero(0)) return;
   ws.rhs = p;
-  ws.factor.SolveInPlace(ws.rhs);
+  ws.matrix.factor.SolveInPlace(ws.rhs);
   ws.x += ws.rhs;
-  ws.impulse += p;
+  ws.stage.impulse += p;
 }
 
 // What was meant for one step alone.

@@ -25,11 +25,11 @@ void LengthRow(const MechanismView& here, const Mechanism::Length& length, const
 
 double RatePerImpulse(const MechanismStep& here, const Mechanism::Length& length) {
   const auto& [model, state, ws] = here;
-  ReducedRow(length, ws.paths(), ws.Q_now(), ws.limit_row);
+  ReducedRow(length, ws.paths(), ws.Q_now(), ws.length_row);
   ws.rhs.setZero(model.num_velocities());
-  ws.rhs.tail(model.size()) = ws.limit_row;
+  ws.rhs.tail(model.size()) = ws.length_row;
   ws.solved = ws.rhs;
-  SolveOrFail(ws.inertia_factor, ws.M_full, ws.solved);
+  SolveOrFail(ws.mass.factor, ws.mass.M, ws.solved);
   return ws.solved.dot(ws.rhs);
 }
 
@@ -66,12 +66,12 @@ void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& p
 // `bends`, else that of the reference, as in K_r.
 void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, double weight, bool bends) {
   const auto& [model, state, ws] = here;
-  auto A_z = ws.A.bottomRightCorner(model.size(), model.size());
+  auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
   if (bends || length.path >= 0)
-    ReducedRow(length, ws.paths(), ws.Q_now(), ws.limit_row);
+    ReducedRow(length, ws.paths(), ws.Q_now(), ws.length_row);
   else
-    ReducedRow(length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
-  A_z.noalias() += weight * ws.limit_row * ws.limit_row.transpose();
+    ReducedRow(length, model.paths_ref, model.reduced->Q_rows, ws.length_row);
+  A_z.noalias() += weight * ws.length_row * ws.length_row.transpose();
 }
 
 namespace {
@@ -81,7 +81,7 @@ template <class F>
 void ForEachNonlinearSpring(const MechanismStep& here, const F& f) {
   const auto& [model, state, ws] = here;
   const auto& springs = model.mechanism().springs();
-  auto slack = ws.slack.begin();
+  auto slack = ws.switched.slack.begin();
   for (std::size_t k = 0; k < springs.size(); ++k) {
     const Mechanism::Spring& s = springs[k];
     if (s.length.path < 0 && s.is_linear()) continue;
@@ -97,10 +97,10 @@ void ForEachNonlinearSpring(const MechanismStep& here, const F& f) {
 void AddNonlinearStiffness(const MechanismStep& here, double weight) {
   const auto& [model, state, ws] = here;
   if (!model.has_bent_springs) return;
-  auto A_z = ws.A.bottomRightCorner(model.size(), model.size());
+  auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
   ForEachNonlinearSpring(here, [&](std::size_t k, const Mechanism::Spring& s, double stiffness) {
-    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
-    A_z.noalias() -= weight * model.spring_stiffness_ref[k] * ws.limit_row * ws.limit_row.transpose();
+    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.length_row);
+    A_z.noalias() -= weight * model.spring_stiffness_ref[k] * ws.length_row * ws.length_row.transpose();
     AddSpringOf(here, s.length, weight * stiffness, true);
   });
 }
@@ -236,10 +236,10 @@ void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const
   for (const Mechanism::Spring& s : m.springs()) {
     const bool bends = s.length.path >= 0 || !s.is_linear();
     if (bends ? !bent : !turn || s.damping == 0) continue;
-    ReducedRow(s.length, ws.paths(), ws.Q_now(), ws.limit_row);
-    D.noalias() += weight * s.DampingAt(ws.limit_row.dot(w)) * ws.limit_row * ws.limit_row.transpose();
-    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.limit_row);
-    D.noalias() -= weight * s.DampingAt(0) * ws.limit_row * ws.limit_row.transpose();
+    ReducedRow(s.length, ws.paths(), ws.Q_now(), ws.length_row);
+    D.noalias() += weight * s.DampingAt(ws.length_row.dot(w)) * ws.length_row * ws.length_row.transpose();
+    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.length_row);
+    D.noalias() -= weight * s.DampingAt(0) * ws.length_row * ws.length_row.transpose();
   }
 }
 

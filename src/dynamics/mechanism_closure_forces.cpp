@@ -39,12 +39,12 @@ VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& conta
 
   const VectorX q_dot = ws.configuration.Q_now * state.reduced.w;
   // q_dot is that of the start of the step until the next one begins.
-  const VectorX q_ddot = ws.q_dot.size() == n ? VectorX((q_dot - ws.q_dot) / h) : VectorX(VectorX::Zero(n));
+  const VectorX q_ddot = (q_dot - ws.start.q_dot) / h;
   const Vector6 A_R =
-      model.base_moves() ? Vector6((state.reduced.V_R - ws.V_R_before) / h) : Vector6(Vector6::Zero());
+      model.base_moves() ? Vector6((state.reduced.V_R - ws.start.V_R) / h) : Vector6(Vector6::Zero());
 
   Matrix6X F = contacts_R;
-  AddGravityWrenches(m, kinematics, state.reduced.X_WR.rotation().transpose() * ws.gravity_W, F);
+  AddGravityWrenches(m, kinematics, state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W, F);
   Matrix6X V(6, m.num_bodies()), A(6, m.num_bodies());
   SubtractVelocityWrenches(m, kinematics, ws.configuration.q, state.reduced.V_R, q_dot, VectorX::Zero(n), V,
                            A, F);

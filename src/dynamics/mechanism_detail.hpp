@@ -28,7 +28,15 @@ void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x);
 /// √s of a square s that rounding may have made negative; NaN for NaN, which std::max would turn into 0.
 inline double RootOf(double s) { return s < 0 ? 0 : std::sqrt(s); }
 
+// The matrix of a stage (stage_matrix.cpp).
+/// A and its factor for a stage of length b [s] at the pose at hand: anew where the length or saturation
+/// differ, else what of its stiffness changes with the pose.
+void UpdateStageMatrix(const MechanismStep& here, double b);
+
 // Forces (mechanism_forces.cpp).
+inline bool HasForcesFromOutside(const MechanismState& state) {
+  return state.has_loads || state.point_spring.IsActive();
+}
 void TakeReferenceForces(MechanismModel& model);
 void LoadForces(const MechanismStep& here, const Vector3& gravity_R);
 

@@ -13,10 +13,10 @@ double KineticEnergy(const MechanismView& here) {
   // By columns, so that no product has to be kept; parts share no inertia.
   for (const VelocityRange& part : model.parts)
     for (int i = part.begin; i < part.begin + part.size; ++i)
-      energy += 0.5 * ws.x[i] * DotByFours(&ws.M_full(part.begin, i), ws.x.data() + part.begin, part.size);
+      energy += 0.5 * ws.x[i] * DotByFours(&ws.mass.M(part.begin, i), ws.x.data() + part.begin, part.size);
   if (model.mechanism().base() == BaseKind::kDriven)
-    energy +=
-        state.reduced.V_R.dot(ws.M_0z * ws.x) + 0.5 * state.reduced.V_R.dot(ws.M_00 * state.reduced.V_R);
+    energy += state.reduced.V_R.dot(ws.mass.M_0z * ws.x) +
+              0.5 * state.reduced.V_R.dot(ws.mass.M_00 * state.reduced.V_R);
   return energy;
 }
 

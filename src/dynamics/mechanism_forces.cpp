@@ -22,15 +22,16 @@ void TakeReferenceForces(MechanismModel& model) {
 void LoadForces(const MechanismStep& here, const Vector3& gravity_R) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
-  ws.F.setZero();
-  if (!gravity_R.isZero(0)) AddGravityWrenches(m, ws.configuration.kinematics, gravity_R, ws.F);
-  AddLoadWrenches(here, ws.F);
-  ws.tau.setZero();
-  if (model.base_moves()) ws.base_force = ws.F.rowwise().sum();
-  AccumulateGeneralizedForce(m, ws.configuration.kinematics.S, ws.F, ws.tau);
-  if (state.controls.size() > 0) AddControlForce(m, ws.configuration.kinematics, state.controls, ws.tau);
-  SpringForce(m, ws.configuration.kinematics, ws.configuration.q, ws.g);
-  ws.g += ws.tau;
+  ws.forces.F.setZero();
+  if (!gravity_R.isZero(0)) AddGravityWrenches(m, ws.configuration.kinematics, gravity_R, ws.forces.F);
+  AddLoadWrenches(here, ws.forces.F);
+  ws.forces.tau.setZero();
+  if (model.base_moves()) ws.forces.base = ws.forces.F.rowwise().sum();
+  AccumulateGeneralizedForce(m, ws.configuration.kinematics.S, ws.forces.F, ws.forces.tau);
+  if (state.controls.size() > 0)
+    AddControlForce(m, ws.configuration.kinematics, state.controls, ws.forces.tau);
+  SpringForce(m, ws.configuration.kinematics, ws.configuration.q, ws.forces.g);
+  ws.forces.g += ws.forces.tau;
 }
 
 }  // namespace fork1s

@@ -85,9 +85,9 @@ void DivideIntoParts(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   std::vector<DiagonalBlock> blocks;
   for (const VelocityRange& part : model.parts) blocks.push_back({part.begin, part.size});
-  ws.inertia_factor = Cholesky();
-  ws.inertia_factor.Divide(blocks, true);
-  ws.factor.Divide(std::move(blocks), true);
+  ws.mass.factor = Cholesky();
+  ws.mass.factor.Divide(blocks, true);
+  ws.matrix.factor.Divide(std::move(blocks), true);
 }
 
 void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T) {
@@ -139,14 +139,14 @@ Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const Matr
 }
 
 Vector6 GroupTwistAtStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T) {
-  return TwistOfGroup(here, g, J_T, here.work.x_stage_start);
+  return TwistOfGroup(here, g, J_T, here.work.stage_start.x);
 }
 
 // From the last row to the first, as the factor goes: a foot then moves its own leg and the base, and no
 // other leg.
 void HalfSolve(const MechanismView& here, const VelocityRange& part, Eigen::Ref<MatrixX> Jt) {
   const auto& [model, state, ws] = here;
-  const MatrixX& L = ws.factor.L();
+  const MatrixX& L = ws.matrix.factor.L();
   for (Eigen::Index c = 0; c < Jt.cols(); ++c) std::reverse(Jt.col(c).data(), Jt.col(c).data() + part.size);
   SolveLower(&L(part.begin, part.begin), part.size, static_cast<int>(L.rows()), Jt.data(),
              static_cast<int>(Jt.cols()), static_cast<int>(Jt.outerStride()));

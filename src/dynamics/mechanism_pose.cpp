@@ -37,9 +37,9 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   if (model->base_size > 0) ws.x.head<6>() = state.reduced.V_R;
   ws.configuration.mu = state.mu;
   // What the last step left for a new reference is of another state.
-  ws.reactions.setZero();
-  ws.wrenches_R.setZero();
-  ws.control_change.setZero();
+  ws.missing.reactions.setZero();
+  ws.missing.wrenches_R.setZero();
+  ws.missing.control_change.setZero();
   UpdateConfiguration(here, true);
 }
 
@@ -48,49 +48,51 @@ void Size(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
   const int r = model.size(), n = model.reduced->num_coordinates(), nx = model.num_velocities();
-  ws.A.resize(nx, nx);
-  ws.A_before.resize(nx, nx);
-  ws.M_full.resize(nx, nx);
+  ws.matrix.A.resize(nx, nx);
+  ws.matrix.A_before.resize(nx, nx);
+  ws.mass.M.resize(nx, nx);
   if (model.base_size > 0) {
-    ws.M_full.topLeftCorner<6, 6>() = model.reduced->M_00;
-    ws.M_full.topRightCorner(6, r) = model.reduced->M_0z;
-    ws.M_full.bottomLeftCorner(r, 6) = model.reduced->M_0z.transpose();
+    ws.mass.M.topLeftCorner<6, 6>() = model.reduced->M_00;
+    ws.mass.M.topRightCorner(6, r) = model.reduced->M_0z;
+    ws.mass.M.bottomLeftCorner(r, 6) = model.reduced->M_0z.transpose();
   }
-  ws.M_full.bottomRightCorner(r, r) = model.reduced->M;
-  ReducedInertia::ClearApart(ws.jacobian, ws.M_full.bottomRightCorner(r, r));
-  ws.factor = Cholesky();
-  ws.factor.Compute(MatrixX::Identity(std::max(nx, 1), std::max(nx, 1)));
+  ws.mass.M.bottomRightCorner(r, r) = model.reduced->M;
+  ReducedInertia::ClearApart(ws.jacobian, ws.mass.M.bottomRightCorner(r, r));
+  ws.matrix.factor = Cholesky();
+  ws.matrix.factor.Compute(MatrixX::Identity(std::max(nx, 1), std::max(nx, 1)));
   ws.x.resize(nx);
   if (model.base_size > 0) ws.x.head<6>() = state.reduced.V_R;
   ws.x.tail(r) = state.reduced.w;
   ws.rhs.resize(nx);
   ws.solved.resize(nx);
-  ws.momentum.resize(nx);
-  ws.f_z.resize(r);
-  ws.g.resize(n);
-  ws.tau.resize(n);
-  ws.control_jump.resize(state.controls.size());
-  ws.F.resize(6, m.num_bodies());
-  ws.K_loads.resize(nx, nx);
-  ws.spring_J.resize(3, nx);
-  ws.carried_force.resize(3, m.num_joints());
-  ws.carried_moments.resize(3, 3 * m.num_joints());
-  ws.joint_twist.resize(6, r);
-  ws.joint_turn.resize(3, r);
-  ws.turned_lever.resize(3, r);
-  ws.M_00 = model.reduced->M_00;
-  ws.M_0z = model.reduced->M_0z;
-  ws.q_dot.resize(n);
-  ws.q_ddot.setZero(n);
+  ws.momentum_change.all.resize(nx);
+  ws.forces.f_z.resize(r);
+  ws.forces.g.resize(n);
+  ws.forces.tau.resize(n);
+  ws.jump.control.resize(state.controls.size());
+  ws.forces.F.resize(6, m.num_bodies());
+  ws.loads.K.resize(nx, nx);
+  ws.point_spring.J.resize(3, nx);
+  ws.loads.carried_force.resize(3, m.num_joints());
+  ws.loads.carried_moments.resize(3, 3 * m.num_joints());
+  ws.loads.joint_twist.resize(6, r);
+  ws.loads.joint_turn.resize(3, r);
+  ws.loads.turned_lever.resize(3, r);
+  ws.mass.M_00 = model.reduced->M_00;
+  ws.mass.M_0z = model.reduced->M_0z;
+  ws.velocities.q_dot.setZero(n);
   SizeForceLimits(here);
   DivideIntoParts(here);
-  ws.contact_shift.setZero(nx);
-  ws.q_dot_start.setZero(n);
-  ws.nu_mixed.setZero(n);
-  ws.w_mean.setZero(r);
-  ws.f_used.setZero(r);
-  ws.F_parts.resize(6, model.rigid_parts.size());
-  ws.part_impulses.setZero(3, model.rigid_parts.size());
+  ws.stage.v_k.setZero(nx);
+  if (ws.start.q_dot.size() != n) ws.start.q_dot.setZero(n);  // a new reference keeps it for ClosureForces
+  ws.velocities.joint.setZero(n);
+  for (VectorX* v : {&ws.velocities.w, &ws.switched.way, &ws.momentum_change.reduced, &ws.velocity_jump,
+                     &ws.jump.force, &ws.jump.damper_force})
+    v->setZero(r);
+  for (VectorX* v : {&ws.momentum_change.joint, &ws.jump.tau, &ws.missing.load, &ws.missing.inertia})
+    v->setZero(n);
+  ws.momentum_change.parts.resize(6, model.rigid_parts.size());
+  ws.momentum_change.part_impulses.setZero(3, model.rigid_parts.size());
   FindSlackSprings(here);
 }
 
@@ -99,11 +101,11 @@ void UpdateMassMatrix(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   const int r = model.size();
   ws.inertia.Compute(*model.reduced, model.rigid_parts, ws.configuration, ws.jacobian,
-                     ws.M_full.bottomRightCorner(r, r), ws.M_0z, ws.M_00);
+                     ws.mass.M.bottomRightCorner(r, r), ws.mass.M_0z, ws.mass.M_00);
   if (model.base_size > 0) {
-    ws.M_full.topLeftCorner<6, 6>() = ws.M_00;
-    ws.M_full.topRightCorner(6, r) = ws.M_0z;
-    ws.M_full.bottomLeftCorner(r, 6) = ws.M_0z.transpose();
+    ws.mass.M.topLeftCorner<6, 6>() = ws.mass.M_00;
+    ws.mass.M.topRightCorner(6, r) = ws.mass.M_0z;
+    ws.mass.M.bottomLeftCorner(r, 6) = ws.mass.M_0z.transpose();
   }
 }
 

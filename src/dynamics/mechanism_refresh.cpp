@@ -81,12 +81,12 @@ namespace {
 constexpr double kMaxMissing = 1e-3;  // rad, or lengths of the mechanism: errors of shape that nobody sees
 constexpr double kMinSteps = 3;       // between two references: one costs about as much as three steps
 
-// By the displacement in ws.rest that the coordinates miss, times `share`.
+// By the displacement in ws.missing.displacement that the coordinates miss, times `share`.
 LinearizationDrift MissingDrift(const MechanismStep& here, double share) {
   LinearizationDrift missing;
-  for (int i = 0; i < here.work.rest.size(); ++i) {
-    const LinearizationDrift drift =
-        DriftOf(here.model.mechanism(), DriftCause::kMissingLoad, i, share * here.work.rest(i), kMaxMissing);
+  for (int i = 0; i < here.work.missing.displacement.size(); ++i) {
+    const LinearizationDrift drift = DriftOf(here.model.mechanism(), DriftCause::kMissingLoad, i,
+                                             share * here.work.missing.displacement(i), kMaxMissing);
     if (drift.share > missing.share) missing = drift;
   }
   return missing;
@@ -99,19 +99,20 @@ void RecordLoads(const MechanismStep& here, const MechanismState& start,
                  const std::vector<double>& limit_impulses, const std::vector<double>& friction_impulses) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
-  ws.control_change = state.controls - start.controls_from;
-  ws.reactions.setZero(m.num_coordinates());
+  ws.missing.control_change = state.controls - start.controls_from;
+  ws.missing.reactions.setZero(m.num_coordinates());
   for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
     const double impulse = limit_impulses[2 * k] - limit_impulses[2 * k + 1];
-    AddLengthForce(here, m.length_limits()[k].length, impulse / ws.stage_length, ws.reactions);
+    AddLengthForce(here, m.length_limits()[k].length, impulse / ws.stage.length, ws.missing.reactions);
   }
   for (std::size_t k = 0; k < m.frictions().size(); ++k)
-    AddLengthForce(here, m.frictions()[k].length, friction_impulses[k] / ws.stage_length, ws.reactions);
+    AddLengthForce(here, m.frictions()[k].length, friction_impulses[k] / ws.stage.length,
+                   ws.missing.reactions);
   for (std::size_t k = 0; k < m.force_limits().size(); ++k) {
     const Mechanism::ForceLimit& limit = m.force_limits()[k];
     if (state.at_bound[k] == 0) continue;
     const double bound = state.at_bound[k] > 0 ? limit.upper : limit.lower;
-    AddLengthForce(here, limit.length, bound - UnboundedForce(here, limit), ws.reactions);
+    AddLengthForce(here, limit.length, bound - UnboundedForce(here, limit), ws.missing.reactions);
   }
 }
 
@@ -127,24 +128,26 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
   const Mechanism& m = model.mechanism();
   const Kinematics& kinematics = ws.configuration.kinematics;
   state.reference_age += h;
-  ws.F = contact_impulses_R / ws.stage_length;
-  AddAppliedWrenches(here, ws.F);  // a point spring; loads of the step are in g
-  ws.tau = ws.g;
-  if (ws.reactions.size() > 0) ws.tau += ws.reactions;
-  AccumulateGeneralizedForce(m, kinematics.S, ws.F, ws.tau);
-  ProjectOnLoops(*model.reduced, ws.configuration, ws.tau);
-  ProjectOnLoops(*model.reduced, ws.configuration, ws.inertial_force);
-  ApplyComplement(*model.reduced, ws.tau, ws.rest);
-  const double work = ws.tau.dot(ws.rest);
-  const double stays = work > 0 ? std::max(0.0, 1 - std::abs(ws.inertial_force.dot(ws.rest)) / work) : 0;
+  ws.forces.F = contact_impulses_R / ws.stage.length;
+  AddAppliedWrenches(here, ws.forces.F);  // a point spring; loads of the step are in g
+  ws.missing.load = ws.forces.g;
+  if (ws.missing.reactions.size() > 0) ws.missing.load += ws.missing.reactions;
+  AccumulateGeneralizedForce(m, kinematics.S, ws.forces.F, ws.missing.load);
+  ProjectOnLoops(*model.reduced, ws.configuration, ws.missing.load);
+  ProjectOnLoops(*model.reduced, ws.configuration, ws.missing.inertial_force);
+  ApplyComplement(*model.reduced, ws.missing.load, ws.missing.displacement);
+  const double work = ws.missing.load.dot(ws.missing.displacement);
+  const double stays =
+      work > 0 ? std::max(0.0, 1 - std::abs(ws.missing.inertial_force.dot(ws.missing.displacement)) / work)
+               : 0;
   const LinearizationDrift missing = MissingDrift(here, stays);
   if (!(missing.share > 1)) {
     state.missing_time = 0;
     return {};
   }
   state.missing_time += h;
-  ApplyMass(m, kinematics, ws.rest, ws.tau);
-  const double angle = state.missing_time * std::sqrt(work / ws.rest.dot(ws.tau));
+  ApplyMass(m, kinematics, ws.missing.displacement, ws.missing.inertia);
+  const double angle = state.missing_time * std::sqrt(work / ws.missing.displacement.dot(ws.missing.inertia));
   if (!(missing.share * std::min(1.0, angle * angle / 2) > 1) || state.reference_age < (kMinSteps - 0.5) * h)
     return {};
   state.missing_time = 0;
@@ -179,14 +182,16 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   }
   if (rewritten) ComputeKinematics(m, q, kinematics);
 
-  const ReductionLoads loads = LoadsOf(model->options, state, ws.wrenches_R, ws.control_change);
-  auto reduced = ReduceAgain(*model->reduced, q, kinematics, model->options.reduction, &loads, ws.reactions);
+  const ReductionLoads loads =
+      LoadsOf(model->options, state, ws.missing.wrenches_R, ws.missing.control_change);
+  auto reduced =
+      ReduceAgain(*model->reduced, q, kinematics, model->options.reduction, &loads, ws.missing.reactions);
   if (!reduced) return false;
   if (model->options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
 
   const MechanismState before = state;
   const Vector6 p_0 =
-      model->base_size > 0 ? Vector6(ws.M_full.topRows<6>() * ws.x) : Vector6(Vector6::Zero());
+      model->base_size > 0 ? Vector6(ws.mass.M.topRows<6>() * ws.x) : Vector6(Vector6::Zero());
 
   // Velocity by momentum: joints keep M(q) q̇ as the new coordinates see it, the base keeps its own.
   VectorX Mq;
@@ -206,7 +211,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   StartAtReference(*model, state);
   state.reference_age = 0;
   Renew(here);
-  VectorX x = SolveSymmetric(ws.M_full, p);
+  VectorX x = SolveSymmetric(ws.mass.M, p);
   if (!x.allFinite()) {
     Restore(model, state, ws, before);
     return false;

@@ -30,7 +30,138 @@ struct StageBase {
   Vector6 momentum_defect = Vector6::Zero();
 };
 
-/// Sizes: n joint coordinates, r reduced ones.
+/// Inertia at a pose.
+struct MassAtPose {
+  MatrixX M;     // num_velocities²
+  Matrix6 M_00;  // of the base
+  Matrix6X M_0z;
+  Cholesky factor;  // scratch of whoever solves by M
+};
+
+/// Where a step starts.
+struct StepStart {
+  RigidTransform X_WR;
+  Vector6 V_R = Vector6::Zero();  // twist of the base
+  VectorX q_dot;                  // n
+  VectorX x;                      // num_velocities
+  StageBase base;
+};
+
+/// The stage at hand; (1) and (2) of implicit_stage.cpp.
+struct StageData {
+  StageBase base, end;  // where it starts from, what was found last
+  double length = 0;    // s
+  double time = 0;      // s, from the start of the step to the pose that it is linearized at
+  VectorX v_k;          // num_velocities: the velocity that it is linearized at
+  VectorX impulse;      // num_velocities: of contact and limits
+  VectorX residual;     // num_velocities, N s, N m s
+  VectorX x_first;      // num_velocities: of the first stage
+};
+
+/// Where the stage at hand starts, of the step or after the first stage (stage_start.cpp).
+struct StageStart {
+  VectorX z;  // r
+  VectorX x;  // num_velocities
+  RigidTransform X_WR;
+  Vector3 center_W = Vector3::Zero();  // m, centre of mass of a floating mechanism
+  double time = 0;                     // s
+  Vector6 V_R_end = Vector6::Zero();   // of a driven base, at the end of the stage, in the R of its start
+};
+
+/// Centre of mass [m] and linear momentum [N s] of a floating mechanism, world axes.
+struct FloatingMotion {
+  Vector3 center_W, linear_W;                // at the start of the step
+  Vector3 linear_first_W = Vector3::Zero();  // after the first stage
+  Vector3 stage_center_W = Vector3::Zero();  // at the end of the stage at hand
+  Vector3 stage_linear_W = Vector3::Zero();
+};
+
+/// A of (2) of implicit_stage.cpp.
+struct StageMatrix {
+  MatrixX A;         // num_velocities²
+  MatrixX A_before;  // num_velocities²: but for stiffness of the pose at hand, or before what may fail
+  Cholesky factor;   // of A
+  double b = 0;      // s: length of the stages that it is of, 0 for none
+  bool is_definite = false;
+  bool is_inertial = false;                        // with AddInertialStiffness()
+  std::vector<signed char> at_bound, slack_sides;  // saturation that it is of
+};
+
+/// Of the velocity that momenta are computed of, at the pose at hand.
+struct VelocitiesAtPose {
+  VectorX w;      // r
+  VectorX q_dot;  // n
+  VectorX joint;  // n: relative velocities of joints, which the momentum of the armature is of
+  MaterialVelocities parts;
+};
+
+/// J(x)ᵀ (p̂ - p) at the pose at hand, and what it is made of [N s, N m s].
+struct MomentumChange {
+  VectorX all;             // num_velocities
+  VectorX reduced;         // r
+  VectorX joint;           // n
+  Matrix6X parts;          // 6 x k, in R about R's origin
+  Matrix3X part_impulses;  // 3 x k: linear parts of these without dampers, in R
+};
+
+/// At the pose at hand, but for what the contact solve finds.
+struct ForcesAtPose {
+  Vector3 gravity_W = Vector3::Zero();  // m/s²
+  VectorX f_z;                          // r
+  VectorX g;                            // n: all joint forces
+  VectorX tau;                          // n: those of weight, loads and controls
+  Matrix6X F;                           // 6 x bodies: wrenches on bodies in R about R's origin
+  Vector6 base;                         // wrench on the base, likewise
+};
+
+/// Forces with bounds and springs with slack (force_limits.cpp, slack.cpp).
+struct SwitchedForces {
+  std::vector<SlackSpring> slack;  // those of springs() that have slack
+  VectorX servo_force;             // per force limit: f₀, at the start of the stage
+  VectorX f_z_without;             // r: f_z without bounds
+  VectorX way;                     // r: displacement to where forces act
+  // At the end of the first stage.
+  VectorX first_servo_force, first_slack_force;
+  std::vector<signed char> first_at_bound, first_slack_side;
+};
+
+/// Geometric stiffness of loads (applied_forces.cpp).
+struct LoadStiffness {
+  MatrixX K;                          // num_velocities², lower triangle
+  Matrix3X carried_force;             // 3 x joints, N: on all that a joint carries, in R
+  Matrix3X carried_moments;           // 3 x 3 joints, N·m: Σ x Fᵀ likewise, about R's origin
+  Matrix6X joint_twist;               // 6 x r, of one joint
+  Matrix3X joint_turn, turned_lever;  // 3 x r
+};
+
+/// A point spring at the pose at hand (point_spring.cpp).
+struct PointSpringAtPose {
+  Matrix3X J;                // 3 x num_velocities, velocity of its point in R
+  Vector3 point_R, force_R;  // m; N, without the damper
+  Vector3 base_velocity_R;   // m/s, of its point with a driven base
+};
+
+/// What a new reference is asked for: loads that the coordinates miss (mechanism_refresh.cpp).
+struct MissingLoad {
+  VectorX
+      inertial_force;  // n, N, N m: J(x)ᵀ (p̂ - p)/b of a stage and dampers, where the model has a complement
+  VectorX control_change;  // controls at the end of the step less those at its start
+  Matrix6X wrenches_R;     // 6 x bodies or empty: applied forces at the end of the step
+  VectorX
+      reactions;  // n or empty: joint forces of stops, dry frictions and saturated servos in the last stage
+  VectorX load;   // n: all joint forces
+  VectorX displacement;  // n: C_perp load
+  VectorX inertia;       // n: M(q) displacement
+};
+
+/// One control that jumps (control_jump.cpp).
+struct ControlJump {
+  VectorX control;       // as controls
+  VectorX tau, force;    // n, r
+  VectorX damper_force;  // r
+};
+
+/// Sizes: n joint coordinates, r reduced ones, k rigid parts.
 struct MechanismWorkspace {
   explicit MechanismWorkspace(const MechanismModel& model)
       : configuration(*model.reduced), jacobian(*model.reduced), inertia(*model.reduced) {}
@@ -38,84 +169,34 @@ struct MechanismWorkspace {
   const RowMatrixX& Q_now() const { return configuration.Q_now; }
   const std::vector<PathState>& paths() const { return configuration.kinematics.paths; }
 
-  // Of the present pose.
+  // Of the pose at hand.
   Configuration configuration;
   ReducedJacobian jacobian;  // of configuration
-  ReducedInertia inertia;
-  MatrixX M_full;  // num_velocities²
-  Matrix6 M_00;
-  Matrix6X M_0z;
+  ReducedInertia inertia;    // scratch of mass
+  MassAtPose mass;
+  ForcesAtPose forces;
+  VelocitiesAtPose velocities;
+  MomentumChange momentum_change;
+  PointSpringAtPose point_spring;
 
-  // Of a step.
-  Vector6 V_R_before = Vector6::Zero();  // base twist at the start of the step
-  VectorX x;                             // num_velocities
-  MatrixX A;                             // num_velocities²
-  Cholesky factor;
-  VectorX rest;                                     // n
-  RowMatrixX rotation_rows;                         // E Q_θ of damped rotations, three rows each
-  VectorX q_dot, q_ddot;                            // n
-  Vector3 gravity_W = Vector3::Zero();
-  std::vector<SlackSpring> slack;                       // those of springs() that have slack
-  VectorX limit_force, limit_row, f_z_of_springs;       // force limits: f₀, Qᵀe, and f_z without bounds
-  RigidTransform X_WR_before;
-  VectorX rhs, solved, f_z, g, tau, momentum;
-  Matrix6X F;
-  VectorX inertial_force;  // n: J(x)ᵀ (p̂ - p)/b of a stage and dampers, where the model has a complement
-  VectorX control_change;  // controls at the end of the step less those at its start, for load columns
-  Matrix6X wrenches_R;  // 6 x bodies or empty: applied forces at the end of the step, for load columns
-  // n or empty: joint forces of stops, dry frictions and saturated servos in the last stage, for load columns
-  VectorX reactions;
-  Vector6 base_force;
-  VectorX impulse;  // num_velocities: of contact and limits in this step
+  VectorX x;                          // num_velocities: the velocity at hand
+  VectorX velocity_jump;              // r: by the jump of a driven base
+  BasePath base_path;                 // of a driven base
+  Vector3 drift_W = Vector3::Zero();  // m/s, of the point that momenta are taken about
+  StepStart start;
+  FloatingMotion floating;
+  StageStart stage_start;
+  StageData stage;
+  StageMatrix matrix;
+  SwitchedForces switched;
+  LoadStiffness loads;
+  MissingLoad missing;
+  ControlJump jump;
 
-  VectorX contact_shift;  // num_velocities: less the velocity that a stage is linearised at
-  VectorX nu_mixed;       // n: joint velocities that the momentum of the armature is taken of
-  MaterialVelocities other_velocity;
-  Cholesky inertia_factor;
-  VectorX q_dot_start;     // n
-  VectorX w_mean, f_used;  // r
-  Matrix6X F_parts;
-  Matrix3X part_impulses;      // 3 x k, N s: p̂ - p of the rigid parts in a stage, in R
-  Vector3 center_W, linear_W;  // of a floating mechanism at the start: centre of mass [m], momentum [N·s]
-
-  // Of its stages.
-  StageBase step_start, stage_base, stage_end;
-  BasePath base_path;  // of a driven base
-  Vector3 drift_W = Vector3::Zero();       // m/s, velocity of the point that momenta are taken about
-  double stage_length = 0;                 // s
-  double stage_time = 0;  // s, from the start of the step to the pose that a stage is linearized at
-  // Where a stage starts (stage_start.cpp); the twist of a driven base in the stage, in R there.
-  VectorX z_stage_start;  // r
-  VectorX x_stage_start;  // num_velocities
-  RigidTransform X_stage_start;
-  Vector3 center_stage_start = Vector3::Zero();  // m, centre of mass of a floating mechanism
-  double time_stage_start = 0;                   // s
-  Vector6 V_R_stage = Vector6::Zero();
-  VectorX x_start, x_first;                // num_velocities: at the start of the step, of its first stage
-  Vector3 linear_first_W = Vector3::Zero();            // N s, of a floating mechanism after its first stage
-  Vector3 stage_center_W = Vector3::Zero();  // m, centre of mass of what floats at the end of the stage
-  Vector3 stage_linear_W = Vector3::Zero();            // N s, at the end of the stage
-  VectorX stage_correction;                            // num_velocities
-  MatrixX A_before;  // num_velocities²: A but for stiffness of the pose at hand
-  // A and its factor: length of the stages that they are of [s], 0 for none, and saturation.
-  double matrix_b = 0;
-  bool matrix_is_definite = false;
-  bool matrix_is_inertial = false;  // with AddInertialStiffness()
-  std::vector<signed char> matrix_at_bound, matrix_slack_sides;
-  VectorX control_jump;  // one of controls at a time (control_jump.cpp)
-  // Of loads (applied_forces.cpp).
-  MatrixX K_loads;                    // num_velocities², lower triangle
-  Matrix3X carried_force;             // 3 x joints, N: on all that a joint carries, in R
-  Matrix3X carried_moments;           // 3 x 3 joints, N·m: Σ x Fᵀ likewise, about R's origin
-  Matrix6X joint_twist;               // 6 x r, of one joint
-  Matrix3X joint_turn, turned_lever;  // 3 x r
-  // Of a point spring (point_spring.cpp).
-  Matrix3X spring_J;                       // 3 x num_velocities, velocity of its point in R
-  Vector3 spring_point_R, spring_force_R;  // m; N, without the damper
-  Vector3 spring_base_velocity_R;          // m/s, of its point with a driven base
-  // Of force limits and of slack springs at the end of the first stage.
-  VectorX stage_limit_force, stage_slack_force;
-  std::vector<signed char> stage_at_bound, stage_slack_side;
+  // Scratch of one function at a time.
+  VectorX rhs, solved;       // num_velocities: right side of a linear system, solution
+  VectorX length_row;        // r: rate of a length per unit of the rates
+  RowMatrixX rotation_rows;  // E Q_θ of damped rotations, three rows each
 };
 
 }  // namespace fork1s

@@ -20,36 +20,37 @@ void EvaluatePointSpring(const MechanismStep& here) {
   const PointSpring& spring = state.point_spring;
   const RigidTransform& X_WR = state.reduced.X_WR;
   const Vector3 p = ws.configuration.kinematics.X_RB[state.point_spring_body.u()] * spring.point_B;
-  ws.spring_point_R = p;
-  ws.spring_force_R = X_WR.rotation().transpose() * spring.SpringForce(X_WR * p);
-  ws.spring_base_velocity_R.setZero();
+  ws.point_spring.point_R = p;
+  ws.point_spring.force_R = X_WR.rotation().transpose() * spring.SpringForce(X_WR * p);
+  ws.point_spring.base_velocity_R.setZero();
   if (model.mechanism().base() == BaseKind::kDriven)
-    ws.spring_base_velocity_R = state.reduced.V_R.tail<3>() + state.reduced.V_R.head<3>().cross(p);
+    ws.point_spring.base_velocity_R = state.reduced.V_R.tail<3>() + state.reduced.V_R.head<3>().cross(p);
   const int base = model.base_size;
-  ws.spring_J.setZero();
-  if (base > 0) ws.spring_J.leftCols<6>() << -Skew(p), Matrix3::Identity();
+  ws.point_spring.J.setZero();
+  if (base > 0) ws.point_spring.J.leftCols<6>() << -Skew(p), Matrix3::Identity();
   if (const int joint = model.mechanism().body(state.point_spring_body).last_joint; joint >= 0) {
     const auto T = ws.jacobian.T(joint);
-    auto J = ws.spring_J.middleCols(base + ws.jacobian.begin(joint), T.cols());
+    auto J = ws.point_spring.J.middleCols(base + ws.jacobian.begin(joint), T.cols());
     J = T.bottomRows<3>();
     J.noalias() -= Skew(p).lazyProduct(T.topRows<3>());
   }
   const Vector3 force = PointSpringForce(here);
-  if (model.size() > 0) ws.f_z.noalias() += ws.spring_J.rightCols(model.size()).transpose() * force;
-  if (base > 0) ws.base_force.noalias() += ws.spring_J.leftCols<6>().transpose() * force;
+  if (model.size() > 0)
+    ws.forces.f_z.noalias() += ws.point_spring.J.rightCols(model.size()).transpose() * force;
+  if (base > 0) ws.forces.base.noalias() += ws.point_spring.J.leftCols<6>().transpose() * force;
 }
 
 Vector3 PointSpringForce(const MechanismView& here) {
   const auto& [model, state, ws] = here;
-  const Vector3 velocity = ws.spring_base_velocity_R - ws.spring_J * ws.contact_shift;
-  return ws.spring_force_R - state.point_spring.damping * velocity;
+  const Vector3 velocity = ws.point_spring.base_velocity_R + ws.point_spring.J * ws.stage.v_k;
+  return ws.point_spring.force_R - state.point_spring.damping * velocity;
 }
 
 void AddPointSpringOperator(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
   const PointSpring& spring = state.point_spring;
-  const Matrix3X& J = ws.spring_J;
-  ws.A.triangularView<Eigen::Lower>() += spring.ImplicitMass(b) * J.transpose().lazyProduct(J);
+  const Matrix3X& J = ws.point_spring.J;
+  ws.matrix.A.triangularView<Eigen::Lower>() += spring.ImplicitMass(b) * J.transpose().lazyProduct(J);
 }
 
 }  // namespace fork1s

@@ -16,14 +16,14 @@ namespace fork1s {
 void FindSlackSprings(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
-  ws.slack.clear();
+  ws.switched.slack.clear();
   for (std::size_t k = 0; k < m.springs().size(); ++k)
-    if (m.springs()[k].slack > 0) ws.slack.push_back({k, 0, 0, 0});
+    if (m.springs()[k].slack > 0) ws.switched.slack.push_back({k, 0, 0, 0});
 }
 
 void OpenSlackSprings(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  for (SlackSpring& slack : ws.slack) {
+  for (SlackSpring& slack : ws.switched.slack) {
     const Mechanism::Spring& s = model.mechanism().springs()[slack.spring];
     slack.length = Length(here, s.length);
     slack.force = s.Force(slack.length);
@@ -60,19 +60,19 @@ double SlackStiffness(const MechanismModel& model, const SlackSpring& slack) {
 // What the force on the side of the end is beyond that of the start, which f_z has.
 void AddSlackForces(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  for (const SlackSpring& slack : ws.slack) {
+  for (const SlackSpring& slack : ws.switched.slack) {
     const double change = ForceOnSide(model, slack, SideOutsideSolve(slack)).force - slack.force;
     if (change == 0) continue;
-    ReducedRow(model.mechanism().springs()[slack.spring].length, ws.paths(), ws.Q_now(), ws.limit_row);
-    ws.f_z += change * ws.limit_row;
+    ReducedRow(model.mechanism().springs()[slack.spring].length, ws.paths(), ws.Q_now(), ws.length_row);
+    ws.forces.f_z += change * ws.length_row;
   }
 }
 
 bool UpdateSlackSprings(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
   bool changed = false;
-  for (std::size_t k = 0; k < ws.slack.size(); ++k) {
-    SlackSpring& slack = ws.slack[k];
+  for (std::size_t k = 0; k < ws.switched.slack.size(); ++k) {
+    SlackSpring& slack = ws.switched.slack[k];
     if (slack.side == MechanismState::kInSolve) continue;
     const Mechanism::Spring& s = model.mechanism().springs()[slack.spring];
     const int side = s.SideOf(slack.length + WayToForce(here, s.length, h));

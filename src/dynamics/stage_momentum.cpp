@@ -27,21 +27,21 @@ struct MomentumFrame {
 MomentumFrame FrameOf(const MechanismStep& here, double time) {
   const auto& [model, state, ws] = here;
   const Matrix3 R_T = state.reduced.X_WR.rotation().transpose();
-  return {R_T * (ws.X_WR_before.translation() + time * ws.drift_W - state.reduced.X_WR.translation()),
-          R_T * ws.drift_W, ws.X_WR_before.rotation().transpose() * state.reduced.X_WR.rotation()};
+  return {R_T * (ws.start.X_WR.translation() + time * ws.drift_W - state.reduced.X_WR.translation()),
+          R_T * ws.drift_W, ws.start.X_WR.rotation().transpose() * state.reduced.X_WR.rotation()};
 }
 
-// F_parts <- momenta of `base` as wrenches in R about R's origin at the pose at hand.
+// momentum_change.parts <- momenta of `base` as wrenches in R about R's origin at the pose at hand.
 void ExpressMomenta(const MechanismStep& here, double time, const StageBase& base) {
   const auto& [model, state, ws] = here;
-  ws.F_parts = base.momentum;
+  ws.momentum_change.parts = base.momentum;
   if (!model.base_moves()) return;
   const MomentumFrame frame = FrameOf(here, time);
   const Matrix3 R_now_start = frame.R_start_now.transpose();
   for (int i = 0; i < model.rigid_parts.size(); ++i) {
     const double mass = model.rigid_parts.parts[static_cast<std::size_t>(i)].inertia_R0.mass;
     if (mass == 0) continue;
-    auto p = ws.F_parts.col(i);
+    auto p = ws.momentum_change.parts.col(i);
     const Vector3 linear = R_now_start * p.tail<3>();
     const Vector3 angular = R_now_start * p.head<3>() + frame.point.cross(linear) +
                             CenterOfPart(here, i).cross(mass * frame.drift);
@@ -59,21 +59,22 @@ Vector6 ExpressFlatWrench(const MechanismStep& here, double time, const Vector6&
   return out;
 }
 
-// q_ddot [n] <- joint rates and other_velocity <- velocities of the parts, at v [num_velocities] and the pose
+// velocities <- of joints and of the parts, at v [num_velocities] and the pose
 // at hand.
 void ComputeVelocities(const MechanismStep& here, const VectorX& v) {
   const auto& [model, state, ws] = here;
   Vector6 V = Vector6::Zero();
   if (model.base_size > 0) V = v.head<6>();
   if (model.mechanism().base() == BaseKind::kDriven) V = state.reduced.V_R;
-  ws.q_ddot.setZero();
+  ws.velocities.q_dot.setZero();
   if (model.size() > 0) {
-    ws.w_mean = v.tail(model.size());
-    AddMotion(*model.reduced, ws.Q_now(), ws.w_mean, ws.q_ddot);
+    ws.velocities.w = v.tail(model.size());
+    AddMotion(*model.reduced, ws.Q_now(), ws.velocities.w, ws.velocities.q_dot);
   }
-  ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics, ws.q_ddot, V,
-                            ws.other_velocity);
-  ComputeJointVelocities(model.mechanism(), ws.configuration.kinematics, ws.q_ddot, ws.nu_mixed);
+  ComputeMaterialVelocities(model.mechanism(), model.rigid_parts, ws.configuration.kinematics,
+                            ws.velocities.q_dot, V, ws.velocities.parts);
+  ComputeJointVelocities(model.mechanism(), ws.configuration.kinematics, ws.velocities.q_dot,
+                         ws.velocities.joint);
 }
 
 }  // namespace
@@ -84,9 +85,9 @@ void ComputeFlatMomenta(const MechanismStep& here, double time, StageBase& out) 
   ComputeVelocities(here, ws.x);
   out.momentum.setZero(6, model.rigid_parts.size());
   out.momentum_defect.setZero();
-  AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.other_velocity, Matrix3::Identity(), 1,
+  AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.velocities.parts, Matrix3::Identity(), 1,
               out.momentum);
-  out.joint_momentum = model.mechanism().armature().cwiseProduct(ws.nu_mixed);
+  out.joint_momentum = model.mechanism().armature().cwiseProduct(ws.velocities.joint);
   if (!model.base_moves()) return;
   const MomentumFrame frame = FrameOf(here, time);
   for (int i = 0; i < model.rigid_parts.size(); ++i) {
@@ -118,29 +119,33 @@ void ComputeMomentumResidual(const MechanismStep& here, double time, const Stage
   const auto& [model, state, ws] = here;
   ExpressMomenta(here, time, base);
   ComputeVelocities(here, v);
-  AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.other_velocity, Matrix3::Identity(), -1,
-              ws.F_parts);
-  ws.part_impulses = ws.F_parts.bottomRows<3>();
-  ws.tau = base.joint_momentum -
-           (model.mechanism().armature() + b * model.mechanism().damping()).cwiseProduct(ws.nu_mixed);
-  ConvertToCoordinateForces(model.mechanism(), ws.configuration.kinematics, ws.tau);
-  GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.F_parts, ws.tau);
-  if (b > 0) AddSpringDampers(here, b, ws.q_ddot, ws.tau);
+  AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.velocities.parts, Matrix3::Identity(), -1,
+              ws.momentum_change.parts);
+  ws.momentum_change.part_impulses = ws.momentum_change.parts.bottomRows<3>();
+  ws.momentum_change.joint =
+      base.joint_momentum -
+      (model.mechanism().armature() + b * model.mechanism().damping()).cwiseProduct(ws.velocities.joint);
+  ConvertToCoordinateForces(model.mechanism(), ws.configuration.kinematics, ws.momentum_change.joint);
+  GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.momentum_change.parts,
+                  ws.momentum_change.joint);
+  if (b > 0) AddSpringDampers(here, b, ws.velocities.q_dot, ws.momentum_change.joint);
   if (model.size() > 0) {
-    ReduceForce(*model.reduced, ws.Q_now(), ws.tau, ws.f_used);
+    ReduceForce(*model.reduced, ws.Q_now(), ws.momentum_change.joint, ws.momentum_change.reduced);
     if (b > 0 && model.closure_damping.size() > 0)
-      ws.f_used.noalias() -= b * model.closure_damping.selfadjointView<Eigen::Lower>() * ws.w_mean;
-    ws.momentum.tail(model.size()) = ws.f_used;
+      ws.momentum_change.reduced.noalias() -=
+          b * model.closure_damping.selfadjointView<Eigen::Lower>() * ws.velocities.w;
+    ws.momentum_change.all.tail(model.size()) = ws.momentum_change.reduced;
   }
   if (model.base_size > 0)
-    ws.momentum.head<6>() = ws.F_parts.col(0) + ExpressFlatWrench(here, time, base.momentum_defect);
+    ws.momentum_change.all.head<6>() =
+        ws.momentum_change.parts.col(0) + ExpressFlatWrench(here, time, base.momentum_defect);
 }
 
 // Of a floating mechanism, world axes [N s].
 Vector3 LinearMomentum(const MechanismStep& here, const StageBase& of) {
   const auto& [model, state, ws] = here;
   if (model.base_size == 0) return Vector3::Zero();
-  return ws.X_WR_before.rotation() * Total(of).tail<3>() + ws.M_00(5, 5) * ws.drift_W;
+  return ws.start.X_WR.rotation() * Total(of).tail<3>() + ws.mass.M_00(5, 5) * ws.drift_W;
 }
 
 }  // namespace fork1s
