@@ -1,6 +1,7 @@
 // What a step of a mechanism keeps beside its model and its state: functions of the two, and scratch.
 #pragma once
 
+#include <cmath>
 #include <fork1s/dynamics/mechanism_model.hpp>
 #include <fork1s/dynamics/mechanism_state.hpp>
 #include <fork1s/linalg/cholesky.hpp>
@@ -198,5 +199,11 @@ struct MechanismWorkspace {
   VectorX length_row;        // r: rate of a length per unit of the rates
   RowMatrixX rotation_rows;  // E Q_θ of damped rotations, three rows each
 };
+
+/// x <- A⁻¹ x. An A that is no inertia gives no number, which World::Step finds, takes back and reports.
+void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x);
+
+/// √s of a square s that rounding may have made negative; NaN for NaN, which std::max would turn into 0.
+inline double RootOf(double s) { return s < 0 ? 0 : std::sqrt(s); }
 
 }  // namespace fork1s

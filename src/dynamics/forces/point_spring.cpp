@@ -5,7 +5,7 @@
 //     f = Jᵀ (F - c J v),   -∂f/∂x = k Jᵀ J + K_g,   -∂f/∂v = c Jᵀ J
 // K_g, the geometric stiffness of the force F - c J v, is that of a constant force (applied_forces.cpp). The
 // change of J v with the pose is left out, by which the iteration contracts by the turn of a stage.
-#include "mechanism_detail.hpp"
+#include "forces.hpp"
 
 namespace fork1s {
 

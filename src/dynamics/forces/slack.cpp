@@ -9,7 +9,7 @@
 // a stiff spring would be met unseen: at the end of that step it holds h²k/m times the energy of the motion.
 #include <limits>
 
-#include "mechanism_detail.hpp"
+#include "forces.hpp"
 
 namespace fork1s {
 

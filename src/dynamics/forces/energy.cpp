@@ -3,7 +3,7 @@
 #include <fork1s/base/dot_by_fours.hpp>
 #include <fork1s/linalg/cholesky.hpp>
 
-#include "mechanism_detail.hpp"
+#include "forces.hpp"
 
 namespace fork1s {
 

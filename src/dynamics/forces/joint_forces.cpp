@@ -1,5 +1,5 @@
 // Springs, controls, gravity, wrenches and velocity forces of the present pose, in reduced coordinates.
-#include "mechanism_detail.hpp"
+#include "forces.hpp"
 
 namespace fork1s {
 
@@ -17,8 +17,6 @@ void TakeReferenceForces(MechanismModel& model) {
   }
 }
 
-// g, all joint forces of the present pose, and base_force. Velocity forces are none of them: they come of the
-// momentum that is carried along.
 void LoadForces(const MechanismStep& here, const Vector3& gravity_R) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();

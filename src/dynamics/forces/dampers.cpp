@@ -1,110 +1,11 @@
-// Lengths that springs, stops and motors act on: what they are and how they change at the present pose.
+// Dampers of joints, of rotations and along lengths: at the reference in D of the model, at the pose at hand
+// beyond it.
 #include <algorithm>
-#include <cmath>
-#include <fork1s/linalg/rank.hpp>
+#include <fork1s/linalg/row_squares.hpp>
 
-#include "mechanism_detail.hpp"
+#include "forces.hpp"
 
 namespace fork1s {
-
-void LengthRow(const MechanismView& here, const Mechanism::Length& length, const VelocityRange& part,
-               Eigen::Ref<VectorX> row) {
-  const auto& [model, state, ws] = here;
-  row.setZero();
-  const int count = part.size - model.base_size;
-  double unit = 0;
-  ForEachArm(length, ws.paths(), [&](int i, double c) {
-    row.tail(count) += c * ws.Q_now().row(i).segment(part.begin, count).transpose();
-    unit += std::abs(c) * std::sqrt(model.reduced->h_inverse(i));
-  });
-  // Where loops hold a joint its row is the rounding of their closing. Nothing moves it, and a stop or dry
-  // friction that pushed with such a lever would push with the inverse of rounding.
-  const auto reach = model.coordinate_reach.segment(part.begin, count).array();
-  if (!(row.tail(count).array().abs() > kRankThreshold * unit * reach).any()) row.setZero();
-}
-
-double RatePerImpulse(const MechanismStep& here, const Mechanism::Length& length) {
-  const auto& [model, state, ws] = here;
-  ReducedRow(length, ws.paths(), ws.Q_now(), ws.length_row);
-  ws.rhs.setZero(model.num_velocities());
-  ws.rhs.tail(model.size()) = ws.length_row;
-  ws.solved = ws.rhs;
-  SolveOrFail(ws.mass.factor, ws.mass.M, ws.solved);
-  return ws.solved.dot(ws.rhs);
-}
-
-double LengthRateBy(const MechanismView& here, const Mechanism::Length& length, const VectorX& x) {
-  const auto& [model, state, ws] = here;
-  double rate = 0;
-  ForEachArm(length, ws.paths(),
-             [&](int i, double c) { rate += c * ws.Q_now().row(i).dot(x.tail(model.size())); });
-  return rate;
-}
-
-double LengthRate(const MechanismView& here, const Mechanism::Length& length) {
-  return LengthRateBy(here, length, here.work.x);
-}
-
-double Length(const MechanismView& here, const Mechanism::Length& length) {
-  const auto& [model, state, ws] = here;
-  return LengthOf(model.mechanism(), length, ws.configuration.kinematics, ws.configuration.q);
-}
-
-void AddLengthForce(const MechanismView& here, const Mechanism::Length& length, double force, VectorX& tau) {
-  const auto& [model, state, ws] = here;
-  ForEachArm(length, ws.paths(), [&](int i, double c) { tau(i) += c * force; });
-}
-
-// out = Qᵀ ∂ℓ/∂q
-void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const RowMatrixX& Q,
-                VectorX& out) {
-  out.setZero();
-  ForEachArm(length, paths, [&](int i, double c) { out.noalias() += c * Q.row(i).transpose(); });
-}
-
-// A += weight e eᵀ, e the row that the spring of a length has in A: that of the pose for a path or where it
-// `bends`, else that of the reference, as in K_r.
-void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, double weight, bool bends) {
-  const auto& [model, state, ws] = here;
-  auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
-  if (bends || length.path >= 0)
-    ReducedRow(length, ws.paths(), ws.Q_now(), ws.length_row);
-  else
-    ReducedRow(length, model.paths_ref, model.reduced->Q_rows, ws.length_row);
-  A_z.noalias() += weight * ws.length_row * ws.length_row.transpose();
-}
-
-namespace {
-
-// f(index, spring, stiffness at the pose) of springs of paths and of those that are not linear.
-template <class F>
-void ForEachNonlinearSpring(const MechanismStep& here, const F& f) {
-  const auto& [model, state, ws] = here;
-  const auto& springs = model.mechanism().springs();
-  auto slack = ws.switched.slack.begin();
-  for (std::size_t k = 0; k < springs.size(); ++k) {
-    const Mechanism::Spring& s = springs[k];
-    if (s.length.path < 0 && s.is_linear()) continue;
-    f(k, s, s.slack > 0 ? SlackStiffness(model, *slack++) : s.StiffnessAt(Length(here, s.length)));
-  }
-}
-
-}  // namespace
-
-// Springs of paths, and those that are not linear, stand in K_r as they are at the reference. A thread's arms
-// may double before the next refresh, and a stiff spring that A knows by half would swing up: in A they turn
-// with the pose.
-void AddNonlinearStiffness(const MechanismStep& here, double weight) {
-  const auto& [model, state, ws] = here;
-  if (!model.has_bent_springs) return;
-  auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
-  ForEachNonlinearSpring(here, [&](std::size_t k, const Mechanism::Spring& s, double stiffness) {
-    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.length_row);
-    A_z.noalias() -= weight * model.spring_stiffness_ref[k] * ws.length_row * ws.length_row.transpose();
-    AddSpringOf(here, s.length, weight * stiffness, true);
-  });
-}
-
 namespace {
 
 // A row that these columns move joins the group of all that they move.
@@ -139,7 +40,6 @@ ReducedModel::Run RunOf(const ReducedModel& model, const Mechanism::Rotation& ro
 
 }  // namespace
 
-// Dampers and springs of joints by the columns that move them, and what the dampers are in D of the model.
 void FindDampers(MechanismModel& model) {
   const Mechanism& m = model.mechanism();
   VectorX damping = m.damping();

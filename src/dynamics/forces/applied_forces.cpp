@@ -16,7 +16,7 @@
 // step is halved.
 #include <algorithm>
 
-#include "mechanism_detail.hpp"
+#include "forces.hpp"
 
 namespace fork1s {
 namespace {

@@ -14,7 +14,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "mechanism_detail.hpp"
+#include "forces.hpp"
 
 namespace fork1s {
 namespace {

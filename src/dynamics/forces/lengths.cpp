@@ -1,0 +1,64 @@
+// Lengths that springs, dampers, stops and motors act on, at the pose at hand.
+#include <cmath>
+#include <fork1s/linalg/rank.hpp>
+
+#include "forces.hpp"
+
+namespace fork1s {
+
+void LengthRow(const MechanismView& here, const Mechanism::Length& length, const VelocityRange& part,
+               Eigen::Ref<VectorX> row) {
+  const auto& [model, state, ws] = here;
+  row.setZero();
+  const int count = part.size - model.base_size;
+  double unit = 0;
+  ForEachArm(length, ws.paths(), [&](int i, double c) {
+    row.tail(count) += c * ws.Q_now().row(i).segment(part.begin, count).transpose();
+    unit += std::abs(c) * std::sqrt(model.reduced->h_inverse(i));
+  });
+  // Where loops hold a joint its row is the rounding of their closing. Nothing moves it, and a stop or dry
+  // friction that pushed with such a lever would push with the inverse of rounding.
+  const auto reach = model.coordinate_reach.segment(part.begin, count).array();
+  if (!(row.tail(count).array().abs() > kRankThreshold * unit * reach).any()) row.setZero();
+}
+
+double RatePerImpulse(const MechanismStep& here, const Mechanism::Length& length) {
+  const auto& [model, state, ws] = here;
+  ReducedRow(length, ws.paths(), ws.Q_now(), ws.length_row);
+  ws.rhs.setZero(model.num_velocities());
+  ws.rhs.tail(model.size()) = ws.length_row;
+  ws.solved = ws.rhs;
+  SolveOrFail(ws.mass.factor, ws.mass.M, ws.solved);
+  return ws.solved.dot(ws.rhs);
+}
+
+double LengthRateBy(const MechanismView& here, const Mechanism::Length& length, const VectorX& x) {
+  const auto& [model, state, ws] = here;
+  double rate = 0;
+  ForEachArm(length, ws.paths(),
+             [&](int i, double c) { rate += c * ws.Q_now().row(i).dot(x.tail(model.size())); });
+  return rate;
+}
+
+double LengthRate(const MechanismView& here, const Mechanism::Length& length) {
+  return LengthRateBy(here, length, here.work.x);
+}
+
+double Length(const MechanismView& here, const Mechanism::Length& length) {
+  const auto& [model, state, ws] = here;
+  return LengthOf(model.mechanism(), length, ws.configuration.kinematics, ws.configuration.q);
+}
+
+void AddLengthForce(const MechanismView& here, const Mechanism::Length& length, double force, VectorX& tau) {
+  const auto& [model, state, ws] = here;
+  ForEachArm(length, ws.paths(), [&](int i, double c) { tau(i) += c * force; });
+}
+
+// out = Qᵀ ∂ℓ/∂q
+void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const RowMatrixX& Q,
+                VectorX& out) {
+  out.setZero();
+  ForEachArm(length, paths, [&](int i, double c) { out.noalias() += c * Q.row(i).transpose(); });
+}
+
+}  // namespace fork1s

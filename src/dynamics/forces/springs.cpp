@@ -1,0 +1,49 @@
+// Springs along lengths in the matrix of a stage: K_r has them as they are at the reference.
+#include "forces.hpp"
+
+namespace fork1s {
+
+// A += weight e eᵀ, e the row that the spring of a length has in A: that of the pose for a path or where it
+// `bends`, else that of the reference, as in K_r.
+void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, double weight, bool bends) {
+  const auto& [model, state, ws] = here;
+  auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
+  if (bends || length.path >= 0)
+    ReducedRow(length, ws.paths(), ws.Q_now(), ws.length_row);
+  else
+    ReducedRow(length, model.paths_ref, model.reduced->Q_rows, ws.length_row);
+  A_z.noalias() += weight * ws.length_row * ws.length_row.transpose();
+}
+
+namespace {
+
+// f(index, spring, stiffness at the pose) of springs of paths and of those that are not linear.
+template <class F>
+void ForEachNonlinearSpring(const MechanismStep& here, const F& f) {
+  const auto& [model, state, ws] = here;
+  const auto& springs = model.mechanism().springs();
+  auto slack = ws.switched.slack.begin();
+  for (std::size_t k = 0; k < springs.size(); ++k) {
+    const Mechanism::Spring& s = springs[k];
+    if (s.length.path < 0 && s.is_linear()) continue;
+    f(k, s, s.slack > 0 ? SlackStiffness(model, *slack++) : s.StiffnessAt(Length(here, s.length)));
+  }
+}
+
+}  // namespace
+
+// Springs of paths, and those that are not linear, stand in K_r as they are at the reference. A thread's arms
+// may double before the next refresh, and a stiff spring that A knows by half would swing up: in A they turn
+// with the pose.
+void AddNonlinearStiffness(const MechanismStep& here, double weight) {
+  const auto& [model, state, ws] = here;
+  if (!model.has_bent_springs) return;
+  auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
+  ForEachNonlinearSpring(here, [&](std::size_t k, const Mechanism::Spring& s, double stiffness) {
+    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.length_row);
+    A_z.noalias() -= weight * model.spring_stiffness_ref[k] * ws.length_row * ws.length_row.transpose();
+    AddSpringOf(here, s.length, weight * stiffness, true);
+  });
+}
+
+}  // namespace fork1s
