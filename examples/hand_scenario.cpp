@@ -1,5 +1,7 @@
 #include "hand_scenario.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -190,6 +192,48 @@ Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const H
   }
   m.final_height = simulation.Pose("box").translation().z();
   return m;
+}
+
+HandScenario SlipperyHand() {
+  HandScenario scenario;
+  scenario.friction = 0.2;
+  scenario.shake = false;
+  scenario.rest = 0;
+  return scenario;
+}
+
+namespace {
+
+double Percentile(std::vector<double> values, double p) {
+  std::sort(values.begin(), values.end());
+  return values.empty() ? 0 : values[static_cast<std::size_t>(p * static_cast<double>(values.size() - 1))];
+}
+
+}  // namespace
+
+std::vector<HandRow> HandTable(const HandMeasurement& m, const HandMeasurement& dropped) {
+  const auto mm = [](double x, int places) { return fmt::format("{:.{}f} mm", 1e3 * x, places); };
+  const double median = Percentile(m.step_us, 0.5), left_behind = kLift - dropped.lift_height;
+  return {
+      {"steps", fmt::format("{}", m.steps), ""},
+      {"time a step, median", fmt::format("{:.1f} us", median), ""},
+      {"time a step, 99th percentile", fmt::format("{:.1f} us", Percentile(m.step_us, 0.99)), ""},
+      {"times real time", fmt::format("{:.0f}", 1e6 / 60 / median), ""},
+      {"contacts, most at once", fmt::format("{}", m.contacts_max), ""},
+      {"penetration, most", mm(m.penetration_max, 3), "< 0.5 mm", m.penetration_max < 5e-4},
+      {"refreshes of the reduced model", fmt::format("{}", m.refreshes), ""},
+      {"lifted by", mm(m.lift_height, 1), "> 140 mm", m.lift_height > 0.14},
+      {"sways in the grip while shaken, 20 mm at 3 Hz", mm(m.sway_in_shake, 3), ""},
+      {"slipped by the shaking", mm(m.slip_by_shake, 3), "< 1 mm", m.slip_by_shake < 1e-3},
+      {"grip force of the thumb", fmt::format("{:.2f} N", m.grip_force), ""},
+      {"load carried against the weight, off by", fmt::format("{:.1e}", m.load_error), "< 1e-3",
+       m.load_error < 1e-3},
+      {"drift in 5 s of rest", mm(m.drift_at_rest, 5), "< 0.01 mm", m.drift_at_rest < 1e-5},
+      {"contact solves not converged, at rest", fmt::format("{}", m.unconverged_rest), "0",
+       m.unconverged_rest == 0},
+      {"contact solves not converged, before", fmt::format("{}", m.unconverged_closing), ""},
+      {"friction 0.2 instead of 0.8: left behind by", mm(left_behind, 1), "> 100 mm", left_behind > 0.1},
+  };
 }
 
 }  // namespace fork1s::examples

@@ -11,10 +11,6 @@ namespace fork1s::examples {
 
 /// s, when the rest begins: a second after the shaking, for what swings to come to rest.
 inline constexpr double kHandRestStart = 5.7;
-/// m, that the box may slip in the grip while it is shaken: by two stages of 1/960 s 0.35 mm, of 1/240 s
-/// 0.39, of 1/60 s 0.83.
-inline constexpr double kHandSlip = 1e-3;
-
 struct HandScenario {
   double friction = 0.8;       // of every surface
   double object_mass = 0.2;    // kg
@@ -57,5 +53,16 @@ std::vector<std::pair<std::string, double>> HandSetPoints(double t, const HandSc
 
 /// Runs the scenario on scenes/hand.xml. Errors: those of loading the scene.
 Expected<HandMeasurement> RunHandScenario(const std::string& scene_path, const HandScenario& scenario);
+
+/// Skin that cannot carry the box.
+HandScenario SlipperyHand();
+
+/// A row of what ./demo prints; `promise` is empty where nothing is promised.
+struct HandRow {
+  std::string what, measured, promise;
+  bool kept = true;
+};
+/// Of the default scenario and of SlipperyHand.
+std::vector<HandRow> HandTable(const HandMeasurement& held, const HandMeasurement& dropped);
 
 }  // namespace fork1s::examples
