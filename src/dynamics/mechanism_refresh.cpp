@@ -81,17 +81,6 @@ namespace {
 constexpr double kMaxMissing = 1e-3;  // rad, or lengths of the mechanism: errors of shape that nobody sees
 constexpr double kMinSteps = 3;       // between two references: one costs about as much as three steps
 
-// By the displacement in ws.missing.displacement that the coordinates miss, times `share`.
-LinearizationDrift MissingDrift(const MechanismStep& here, double share) {
-  LinearizationDrift missing;
-  for (int i = 0; i < here.work.missing.displacement.size(); ++i) {
-    const LinearizationDrift drift = DriftOf(here.model.mechanism(), DriftCause::kMissingLoad, i,
-                                             share * here.work.missing.displacement(i), kMaxMissing);
-    if (drift.share > missing.share) missing = drift;
-  }
-  return missing;
-}
-
 }  // namespace
 
 // A servo at its bound takes back what its spring has beyond it.
@@ -101,13 +90,7 @@ void RecordLoads(const MechanismStep& here, const MechanismState& start,
   const Mechanism& m = model.mechanism();
   ws.missing.control_change = state.controls - start.controls_from;
   ws.missing.reactions.setZero(m.num_coordinates());
-  for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
-    const double impulse = limit_impulses[2 * k] - limit_impulses[2 * k + 1];
-    AddLengthForce(here, m.length_limits()[k].length, impulse / ws.stage.length, ws.missing.reactions);
-  }
-  for (std::size_t k = 0; k < m.frictions().size(); ++k)
-    AddLengthForce(here, m.frictions()[k].length, friction_impulses[k] / ws.stage.length,
-                   ws.missing.reactions);
+  AddStopForces(here, ws.stage.length, limit_impulses, friction_impulses, ws.missing.reactions);
   for (std::size_t k = 0; k < m.force_limits().size(); ++k) {
     const Mechanism::ForceLimit& limit = m.force_limits()[k];
     if (state.at_bound[k] == 0) continue;
@@ -140,7 +123,12 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
   const double stays =
       work > 0 ? std::max(0.0, 1 - std::abs(ws.missing.inertial_force.dot(ws.missing.displacement)) / work)
                : 0;
-  const LinearizationDrift missing = MissingDrift(here, stays);
+  LinearizationDrift missing;
+  for (int i = 0; i < ws.missing.displacement.size(); ++i) {
+    const LinearizationDrift drift =
+        DriftOf(m, DriftCause::kMissingLoad, i, stays * ws.missing.displacement(i), kMaxMissing);
+    if (drift.share > missing.share) missing = drift;
+  }
   if (!(missing.share > 1)) {
     state.missing_time = 0;
     return {};

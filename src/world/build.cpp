@@ -274,6 +274,12 @@ void World::ResetContacts() {
       std::fill(impulses->begin(), impulses->end(), 0.0);
 }
 
+void World::AddStopForces(int mechanism, double h, VectorX& tau) const {
+  const StopHistory& stops = detail_->stops_[static_cast<std::size_t>(mechanism)];
+  fork1s::AddStopForces(detail_->bodies_.mechanisms[static_cast<std::size_t>(mechanism)], h, stops.impulses,
+                        stops.friction_impulses, tau);
+}
+
 double World::KineticEnergy() const {
   double energy = 0;
   for (const auto& m : detail_->bodies_.mechanisms) energy += m.KineticEnergy();

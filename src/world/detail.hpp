@@ -23,7 +23,6 @@
 namespace fork1s {
 
 struct World::Detail {
-  StepReport Step(const StepOptions& options);
   void Save(WorldState& out) const;
   void Restore(const WorldState& state);
   bool IsFinite(bool poses);

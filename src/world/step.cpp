@@ -107,16 +107,6 @@ StepReport World::Detail::UndoStep(WorldState& start, StepReport report) {
   return report;
 }
 
-StepReport World::Detail::Step(const StepOptions& options) {
-  FORK1S_REQUIRE(options.h > 0 && std::isfinite(options.h), options.h);
-  if (times_) *times_ = StepPartTimes();
-  const PartClock clock(times_, &StepPartTimes::all);
-  const StepReport report = StepByStages(options);
-  for (MechanismDynamics& m : bodies_.mechanisms) m.StopPointSpring();
-  for (FreeBody& body : bodies_.free_bodies) body.StopPointSpring();
-  return report;
-}
-
 void World::Detail::BeginStep(double h) {
   Save(before_);
   history_.Take(contacts_, contacts_h_, detection_.poses);
@@ -127,6 +117,15 @@ void World::Detail::BeginStep(double h) {
 
 void World::Watch(StepPartTimes* times) { detail_->times_ = times; }
 
-StepReport World::Step(const StepOptions& options) { return detail_->Step(options); }
+StepReport World::Step(const StepOptions& options) {
+  FORK1S_REQUIRE(options.h > 0 && std::isfinite(options.h), options.h);
+  Detail& d = *detail_;
+  if (d.times_) *d.times_ = StepPartTimes();
+  const PartClock clock(d.times_, &StepPartTimes::all);
+  const StepReport report = d.StepByStages(options);
+  for (MechanismDynamics& m : d.bodies_.mechanisms) m.StopPointSpring();
+  for (FreeBody& body : d.bodies_.free_bodies) body.StopPointSpring();
+  return report;
+}
 
 }  // namespace fork1s

@@ -153,8 +153,8 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
 /// that leaves the reduction as it is does not count, nor one whose every motion the model has.
 LinearizationDrift ComputeLinearizationDrift(const MechanismView& here);
 /// Keeps what a step from `start` did to the loads, for the two functions below: the joint forces of stops,
-/// dry frictions and servos at their bounds in the last stage, and the change of the controls. Impulses of
-/// the last stage [N s or N m s]: two of every length limit, lower and upper, and one of every friction.
+/// dry frictions and servos at their bounds in the last stage, and the change of the controls. Impulses are
+/// those of the last stage, as of AddStopForces.
 void RecordLoads(const MechanismStep& here, const MechanismState& start,
                  const std::vector<double>& limit_impulses, const std::vector<double>& friction_impulses);
 /// After a step of h [s]: displacement that joint forces and contact forces of the last stage lack at rest,
@@ -197,6 +197,10 @@ double LengthRateAtStageStart(const MechanismView& here, const Mechanism::Length
 double Length(const MechanismView& here, const Mechanism::Length& length);
 /// tau [n] += what a force along a length is on the joints.
 void AddLengthForce(const MechanismView& here, const Mechanism::Length& length, double force, VectorX& tau);
+/// tau [n] += joint forces of stops and dry frictions by their impulses within h [s] [N s or N m s]: two of
+/// every length limit, lower and upper, and one of every friction.
+void AddStopForces(const MechanismView& here, double h, const std::vector<double>& limit_impulses,
+                   const std::vector<double>& friction_impulses, VectorX& tau);
 
 // What a state is as bodies see it.
 

@@ -1,8 +1,7 @@
 // The reduced model: a mechanism seen from its interface bodies, about one pose.
 //
-// docs/method.md, sections 3 and 4. Joint displacements are q = q_ref + Q z (+ loop
-// correction).
-// Joint coordinates that hear each other while the base is held (a finger) have columns of Q of their own,
+// docs/method.md, sections 3 and 4. Joint displacements are q = q_ref + Q z (+ loop correction). Joint
+// coordinates that hear each other while the base is held (a finger) have columns of Q of their own,
 // which stand together: in this order free directions N (no spring), elastic directions V Y_r that the
 // interface can feel, fixed-interface modes, and load columns (static answers of the rest to loads). In these
 // coordinates the stiffness is diagonal, 0 for free directions and 1 else.

@@ -54,6 +54,17 @@ void AddLengthForce(const MechanismView& here, const Mechanism::Length& length, 
   ForEachArm(length, ws.paths(), [&](int i, double c) { tau(i) += c * force; });
 }
 
+void AddStopForces(const MechanismView& here, double h, const std::vector<double>& limit_impulses,
+                   const std::vector<double>& friction_impulses, VectorX& tau) {
+  const Mechanism& m = here.model.mechanism();
+  const auto add = [&](const Mechanism::Length& length, double impulse) {
+    if (impulse != 0) AddLengthForce(here, length, impulse / h, tau);
+  };
+  for (std::size_t k = 0; k < m.length_limits().size(); ++k)
+    add(m.length_limits()[k].length, limit_impulses[2 * k] - limit_impulses[2 * k + 1]);
+  for (std::size_t k = 0; k < m.frictions().size(); ++k) add(m.frictions()[k].length, friction_impulses[k]);
+}
+
 // out = Qᵀ ∂ℓ/∂q
 void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& paths, const RowMatrixX& Q,
                 VectorX& out) {
