@@ -1,7 +1,8 @@
 // The fields of every struct that is written down.
 //
 // The structured bindings are the guard: a struct that gains a field stops the compiler here, so that no
-// field is forgotten by recordings. Then list it, and raise kFormatVersion.
+// field is forgotten by recordings. Then list it, raise kFormatVersion and kModelVersion, and give it a value for
+// files of older versions that are still read, or read them no longer.
 #pragma once
 
 #include <fork1s/mechanism/names.hpp>

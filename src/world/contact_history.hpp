@@ -23,7 +23,8 @@ struct ContactHistory {
   /// Start gaps of the contacts at hand, which are those before from now on.
   void CarryStartGaps();
 
-  /// The contact before, or none.
+  /// The contact before, or none; in the second stage that of the first. What is to hold for the whole step goes the
+  /// way of `start_gap`: StartStep, then CarryStartGaps.
   const ContactRecord* Before(std::size_t contact) const;
   /// Whether a contact at hand bore a load at the end of the last step and did not only close its gap then,
   /// at this speed [m/s] or faster.

@@ -186,7 +186,8 @@ struct PathUse {
 };
 
 /// A spring on the length ℓ = Σ coefficient q, such as a servo that pulls a tendon over several joints, or on
-/// that of a path: ℓ counts from the reference, where it is 0. Both are summed, here and in what follows.
+/// that of a path: ℓ counts from the reference, where it is 0. Both are summed, here and in what follows. Terms
+/// may mix turns and slides: {slide, 1}, {turn, pitch/2π} act along a screw.
 struct SpringDef {
   std::string name;
   std::vector<std::pair<FreedomRef, double>> terms;

@@ -78,6 +78,8 @@ class Mechanism {
     std::array<double, 2> higher_stiffness = {}, higher_damping = {};
     double slack = 0;
 
+    /// Where it is, the matrix of a stage keeps the stiffness of the reference: whatever bends force or damper
+    /// counts here.
     bool is_linear() const {
       const std::array<double, 2> none = {};
       return higher_stiffness == none && higher_damping == none && slack == 0;

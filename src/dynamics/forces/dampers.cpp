@@ -118,8 +118,6 @@ bool DampersTurn(const MechanismModel& model) {
   return model.reduced->loop_rank() > 0 || !model.damped_rotations.empty();
 }
 
-// D += weight times what dampers are here beyond what D of the model has of them, those of springs that are
-// not linear, where `bent`, at the rates of w.
 void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const VectorX& w,
                       Eigen::Ref<MatrixX> D) {
   const auto& [model, state, ws] = here;

@@ -42,7 +42,8 @@ void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& p
                 VectorX& out);
 
 // Springs (springs.cpp).
-/// A += weight e eᵀ, e the row that the spring of a length has in A.
+/// A += weight e eᵀ, e the row that the spring of a length has in A: that of the pose for a path or where it `bends`,
+/// else that of the reference, as in K_r.
 void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, double weight, bool bends);
 /// A += weight times the stiffness of springs of paths, and of those that are not linear, at the pose beyond
 /// that in K_r.

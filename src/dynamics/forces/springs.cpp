@@ -1,10 +1,9 @@
-// Springs along lengths in the matrix of a stage: K_r has them as they are at the reference.
+// Springs along lengths in the matrix of a stage: K_r has them as they are at the reference. Force, energy and
+// stiffness in joint coordinates: mechanism/springs.cpp.
 #include "forces.hpp"
 
 namespace fork1s {
 
-// A += weight e eᵀ, e the row that the spring of a length has in A: that of the pose for a path or where it
-// `bends`, else that of the reference, as in K_r.
 void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, double weight, bool bends) {
   const auto& [model, state, ws] = here;
   auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
