@@ -96,7 +96,7 @@ def tree(own: dict[str, int], calls: dict[str, dict[str, int]]) -> list[str]:
         shown.add(name)
         below = callees(name, seen)
         for key, (of, part) in sorted(below.items(), key=lambda item: -item[1][1]):
-            if depth < DEEPEST and part >= LEAST * whole and key.split("::")[0] not in ("Eigen", "mj_step") and not key.startswith("mj"):
+            if depth < DEEPEST and part >= LEAST * whole and not key.startswith("Eigen"):
                 walk(key, of, min(part, cost), depth + 1, seen | {of})
 
     walk(START, start, whole, 0, frozenset({start}))

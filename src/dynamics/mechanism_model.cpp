@@ -57,7 +57,7 @@ void TakeReference(MechanismModel& model) {
   FindDampers(model);
   model.whole = FindWhole(reduced);
   FindParts(model);
-  TakeReferenceForces(model);
+  ComputeSpringsAtReference(model);
 }
 
 }  // namespace

@@ -73,6 +73,14 @@ TEST(ContactMatching, CornersThatSlideKeepTheirPlaceOnTheirBody) {
   EXPECT_EQ(Match({At(0.25), At(0.65)}, previous, 0), (std::vector{1, -1}));
 }
 
+// Points that have moved by less than 2e-3 of the size are told apart by their places in the world alone.
+TEST(ContactMatching, SmallMotionsAreNotFollowedOnTheBodies) {
+  const std::vector<ContactRecord> previous = {Bore(At(0)), Bore(At(3e-3))};
+  for (const double x : {1.99e-3, 2.01e-3})
+    EXPECT_EQ(Match({At(x), At(x + 3e-3)}, previous, x), x < 2e-3 ? (std::vector{1, 0}) : (std::vector{0, 1}))
+        << x;
+}
+
 TEST(ContactMatching, DoesNotDependOnTheOrderOfDetection) {
   const std::vector<ContactRecord> previous = {Bore(At(0.4)), Bore(At(0)), Bore(At(0.2))};
   EXPECT_EQ(Match({At(0.01), At(0.21), At(0.41)}, previous), (std::vector{1, 2, 0}));

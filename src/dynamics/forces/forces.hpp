@@ -11,7 +11,7 @@ namespace fork1s {
 
 // Joint forces of the pose at hand (joint_forces.cpp).
 /// Arms and stiffness of springs at the reference.
-void TakeReferenceForces(MechanismModel& model);
+void ComputeSpringsAtReference(MechanismModel& model);
 /// forces <- of springs, controls, weight and loads. Velocity forces are none of them: they come of the
 /// momentum that is carried along.
 void LoadForces(const MechanismStep& here, const Vector3& gravity_R);

@@ -3,7 +3,7 @@
 
 namespace fork1s {
 
-void TakeReferenceForces(MechanismModel& model) {
+void ComputeSpringsAtReference(MechanismModel& model) {
   const Mechanism& m = model.mechanism();
   Kinematics kinematics(m);
   ComputeKinematics(m, model.reduced->q_ref, kinematics);

@@ -1,0 +1,113 @@
+// What counts as an impact: each threshold at its edge.
+#include "../../src/world/impact.hpp"
+
+#include <gtest/gtest.h>
+
+namespace fork1s {
+namespace {
+
+// One contact of a ball of radius 1 m, contactor 1, with one of 2 m, contactor 0, whose normal velocity is
+// the third linear one of port 0. Steps of 0.01 s, impacts from 0.001 m/s on.
+struct OneContact {
+  OneContact() {
+    for (const double radius : {2.0, 1.0}) {
+      CollisionBodyDef body;
+      body.moves = radius == 1;
+      body.geometries.emplace_back();
+      body.geometries.back().shape = Sphere{radius};
+      detection.shapes.Add(body);
+    }
+    ContactPoint point;
+    point.body_a = point.geometry_a = point.geometry_b = 0;
+    point.body_b = 1;
+    detection.points = {point};
+    detection.motion = {0, 0};
+    history.match = {-1};
+    rows.contacts.resize(1);
+    rows.contacts[0].port_b = 0;
+    rows.contacts[0].J_b.setZero();
+    rows.contacts[0].J_b(0, 5) = 1;
+    rows.velocities.setZero(6);
+    approaches.closing = {0};
+    StepOptions step;
+    step.h = h;
+    step.material.depth = 1e-5;
+    step.gravity.setZero();
+    approaches.SetSpeeds(step);
+  }
+  // It bore a load in the last step, and closed its gap at this speed at its end.
+  void Bear(double end_speed) {
+    ContactRecord before;
+    before.impulse(0) = 1;
+    before.end_speed = end_speed;
+    history.contacts = {before};
+    history.is_fresh = {1};
+    history.match = {0};
+  }
+  ImpactView At() const { return {detection, history, rows, approaches}; }
+
+  double h = 0.01;
+  Detection detection;
+  ContactHistory history;
+  ConstraintRows rows;
+  Approaches approaches;
+};
+
+bool Found(const StepSubject& subject) { return subject.kind == StepSubject::Kind::kContact; }
+
+TEST(Impact, SpeedIsTheDepthOfTheMaterialInAStep) {
+  const OneContact c;
+  EXPECT_DOUBLE_EQ(c.approaches.impact_speed, 1e-3);
+  EXPECT_DOUBLE_EQ(c.approaches.carried_speed, 1e-3);
+}
+
+TEST(Impact, ClosesWithinTheStepAtTheSpeedOfAnImpact) {
+  OneContact c;
+  for (const double speed : {0.99e-3, 1.01e-3}) {
+    c.approaches.closing = {speed};
+    EXPECT_EQ(Found(FindClosingAtSpeed(c.At(), c.h)), speed > 1e-3) << speed;
+  }
+  c.approaches.closing = {1};
+  for (const double gap : {0.99e-2, 1.01e-2}) {
+    c.detection.points[0].gap = gap;
+    EXPECT_EQ(Found(FindClosingAtSpeed(c.At(), c.h)), gap < 1e-2) << gap;
+  }
+  c.detection.points[0].gap = 0;
+  for (const double end_speed : {-0.99e-3, -1.01e-3}) {
+    c.Bear(end_speed);
+    EXPECT_EQ(Found(FindClosingAtSpeed(c.At(), c.h)), end_speed < -1e-3) << end_speed;
+  }
+}
+
+TEST(Impact, WhatBearsWasMetAtSpeedOrFromAsFar) {
+  OneContact c;
+  c.rows.contacts[0].impulse(0) = 1;
+  for (const double gap : {0.99e-5, 1.01e-5}) {
+    c.detection.points[0].gap = gap;
+    EXPECT_EQ(Found(FindMetAtSpeed(c.At(), c.h)), gap > 1e-5) << gap;
+  }
+  c.rows.contacts[0].impulse(0) = 0;
+  EXPECT_FALSE(Found(FindMetAtSpeed(c.At(), c.h)));
+}
+
+TEST(Impact, WhatWasStoppedPartsAgainByAMillionthOfItsSize) {
+  OneContact c;
+  c.Bear(0);
+  for (const double speed : {0.99e-4, 1.01e-4}) {  // in a stage of 0.01 s
+    c.rows.velocities(5) = speed;
+    EXPECT_EQ(Found(FindParting(c.At(), {}, 0.01)), speed > 1e-4) << speed;
+  }
+  c.history.is_fresh = {0};
+  EXPECT_FALSE(Found(FindParting(c.At(), {}, 0.01)));
+}
+
+TEST(Impact, MotionByMoreThanHalfOfTheInnerRadiiMayHavePassedTheOther) {
+  OneContact c;
+  for (const double motion : {1.49, 1.51}) {  // of 3 m
+    c.detection.motion = {0, motion};
+    EXPECT_EQ(MayHavePassed(c.At()), motion > 1.5) << motion;
+  }
+}
+
+}  // namespace
+}  // namespace fork1s
