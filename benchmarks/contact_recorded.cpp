@@ -14,7 +14,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
-#include <fork1s/contact/contact_problem.hpp>
+#include <fork1s/constraints/contact_problem.hpp>
 #include <fork1s/world/world.hpp>
 #include <plain_sweeps.hpp>
 #include <random_problems.hpp>

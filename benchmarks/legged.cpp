@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/study/compare.hpp>
 #include <fork1s/study/scene_table.hpp>

@@ -15,7 +15,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fork1s/base/percentile.hpp>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/record/csv.hpp>

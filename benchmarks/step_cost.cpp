@@ -10,7 +10,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <fork1s/base/percentile.hpp>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/sim/simulation.hpp>

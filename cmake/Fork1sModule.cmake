@@ -34,7 +34,7 @@ target_compile_options(fork1s_warnings INTERFACE -Wall -Wextra -Wpedantic -Wshad
 if(FORK1S_WERROR)
   target_compile_options(fork1s_warnings INTERFACE -Werror)
 endif()
-# GCC collects its garbage less often. dynamics, the largest room: 72 -> 68 and 78 -> 69 CPU seconds in two tries, for
+# GCC collects its garbage less often. stepping, then the largest room: 72 -> 68 and 78 -> 69 CPU seconds in two tries, for
 # 2.0 GB instead of 1.7.
 set(fork1s_pch_preprocess "")
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")

@@ -4,7 +4,7 @@
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <cmath>
-#include <fork1s/contact/contact_solver.hpp>
+#include <fork1s/constraints/contact_solver.hpp>
 #include <fork1s/spatial/rigid_transform.hpp>
 
 namespace fork1s::lab {

@@ -1,7 +1,7 @@
 // A ball between two fingertips that do not turn: the grasp whose critical force has a closed form.
 #pragma once
 
-#include <dynamics/support.hpp>
+#include <stepping/support.hpp>
 #include <fork1s/mechanism/builder.hpp>
 
 namespace fork1s::testing {

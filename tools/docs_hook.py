@@ -7,7 +7,7 @@ from pathlib import Path
 from mkdocs.structure.files import File
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ["sim", "importer", "mechanism", "reduction", "recovery", "record", "study", "geometry", "spatial", "dynamics", "world", "diagnostics", "contact",
+ROOMS = ["sim", "importer", "mechanism", "reduction", "recovery", "record", "study", "geometry", "spatial", "stepping", "world", "diagnostics", "constraints",
          "collision", "reference", "parallel", "server", "base", "linalg"]
 
 

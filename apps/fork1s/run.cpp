@@ -1,7 +1,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <limits>
 #include <memory>
 #include <optional>

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/names.hpp>
 
 #include "mode_line.hpp"

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/base/percentile.hpp>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include "accuracy_choice.hpp"
 #include "print.hpp"

@@ -2,7 +2,7 @@
 // the full-coordinate simulator (reference/, study/) and the live page (server/) have headers of their own.
 #pragma once
 
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/geometry/inertia.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/builder.hpp>

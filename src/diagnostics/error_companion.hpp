@@ -1,7 +1,7 @@
 // What the equations of motion of all coordinates miss in the motion of one mechanism, and their tangent.
 #pragma once
 
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/world/world.hpp>
 #include <vector>

@@ -1,6 +1,6 @@
 #include "error_contact_loads.hpp"
 
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <limits>
 
 namespace fork1s {

@@ -1,5 +1,5 @@
 // What contact forces do as they move with their contacts: docs/method.md, section 8.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/world/contact_motion.hpp>
 
 #include "error_contacts.hpp"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/contact/material.hpp>
+#include <fork1s/constraints/material.hpp>
 
 namespace fork1s {
 namespace {

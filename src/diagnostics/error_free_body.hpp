@@ -1,7 +1,7 @@
 // A free body's motion at three nodes.
 #pragma once
 
-#include <fork1s/dynamics/free_body.hpp>
+#include <fork1s/stepping/free_body.hpp>
 
 namespace fork1s {
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/diagnostics/load_factor.hpp>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/solve.hpp>

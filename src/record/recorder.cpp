@@ -1,6 +1,6 @@
 #include <algorithm>
 #include <chrono>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/record/output_file.hpp>
 #include <fork1s/record/recording.hpp>
 #include <optional>

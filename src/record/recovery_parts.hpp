@@ -1,7 +1,7 @@
 // What tables and frames of RecoveryBuffers have to agree on.
 #pragma once
 
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
 
 namespace fork1s::internal {

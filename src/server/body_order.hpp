@@ -1,7 +1,7 @@
 // The order in which the wire counts bodies.
 #pragma once
 
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <vector>
 

@@ -1,5 +1,5 @@
 // The messages that repeat: maps after every refresh, frames and ghosts sixty times a second.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/linalg/select.hpp>
 #include <fork1s/server/wire.hpp>
 

@@ -1,4 +1,4 @@
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/server/live_simulation.hpp>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
-#include <fork1s/dynamics/point_response.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
+#include <fork1s/stepping/point_response.hpp>
 #include <fork1s/server/pull_spring.hpp>
 
 #include <algorithm>

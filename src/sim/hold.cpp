@@ -1,7 +1,7 @@
 #include "hold.hpp"
 
 #include <algorithm>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/world/rolling.hpp>

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <fork1s/collision/collision_world.hpp>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <map>
 
 namespace fork1s {

@@ -1,5 +1,5 @@
 // Changing the level of detail while the simulation runs.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
 
 #include <algorithm>

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 namespace fork1s {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <mujoco/mujoco.h>
 #include <cstddef>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <string>
 #include <utility>

@@ -1,7 +1,7 @@
 #include "mujoco_pairs.hpp"
 
 #include <algorithm>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <set>
 
 #include <fmt/format.h>

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/interface_names.hpp>
 

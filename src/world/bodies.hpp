@@ -2,8 +2,8 @@
 #pragma once
 
 #include <algorithm>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
-#include <fork1s/dynamics/mechanism_model.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_model.hpp>
 #include <fork1s/world/world.hpp>
 #include <vector>
 

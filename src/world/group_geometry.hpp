@@ -1,7 +1,7 @@
 // The shapes of a contact group, in the frame of the body that names it.
 #pragma once
 
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <utility>
 #include <vector>
 

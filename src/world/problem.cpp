@@ -1,5 +1,5 @@
 // The contact problem of the last step, taken out of a world.
-#include <fork1s/contact/contact_problem.hpp>
+#include <fork1s/constraints/contact_problem.hpp>
 
 #include "detail.hpp"
 

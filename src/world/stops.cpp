@@ -1,6 +1,6 @@
 #include "stops.hpp"
 
-#include <fork1s/dynamics/mechanism_step.hpp>
+#include <fork1s/stepping/mechanism_step.hpp>
 
 namespace fork1s {
 

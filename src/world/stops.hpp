@@ -1,7 +1,7 @@
 // Stops of joints and tendons: what they did, and how what moves approaches them.
 #pragma once
 
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <vector>
 
 namespace fork1s {

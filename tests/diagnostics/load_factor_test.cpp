@@ -1,5 +1,5 @@
 // The load at which pressing harder ejects a grasped ball: k_t (R + r) where fingertips do not rotate.
-#include <dynamics/support.hpp>
+#include <stepping/support.hpp>
 #include <fork1s/diagnostics/load_factor.hpp>
 #include <squeeze.hpp>
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <unistd.h>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/record/recovery_buffers.hpp>
 #include <fork1s/recovery/recover.hpp>

@@ -1,6 +1,6 @@
 // A hexapod, a quadruped and two bipeds stand for a minute at 1/60 s, on flat and on uneven ground, at their
 // own gains and far above them.
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include "machines.hpp"
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <continuum_arm.hpp>
-#include <fork1s/contact/material.hpp>
+#include <fork1s/constraints/material.hpp>
 #include <fork1s/study/compare.hpp>
 
 namespace fork1s::examples {

@@ -1,7 +1,7 @@
 // Many hands in one scene do what one does, in any number of threads.
 #include <gtest/gtest.h>
 
-#include <fork1s/contact/material.hpp>
+#include <fork1s/constraints/material.hpp>
 #include <fstream>
 #include <many_hands.hpp>
 #include <string>

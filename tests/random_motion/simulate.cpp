@@ -1,6 +1,6 @@
 #include <algorithm>
 #include <cmath>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <iostream>
 
 #include "random_motion.hpp"

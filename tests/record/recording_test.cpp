@@ -1,6 +1,6 @@
 #include <sys/wait.h>
 #include <csignal>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include "support.hpp"
 

@@ -3,10 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fork1s/contact/material.hpp>
+#include <fork1s/constraints/material.hpp>
 #include <random>
 
-#include "../../src/contact/laws/friction_cone.hpp"
+#include "../../src/constraints/laws/friction_cone.hpp"
 #include "../../src/reference/bound_laws.hpp"
 #include "../../src/reference/contact_compliance.hpp"
 #include "../../src/reference/contact_problem.hpp"

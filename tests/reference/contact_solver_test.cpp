@@ -4,8 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <contact/draws.hpp>
-#include <contact/random_problems.hpp>
+#include <constraints/draws.hpp>
+#include <constraints/random_problems.hpp>
 #include <fork1s/linalg/cholesky.hpp>
 
 #include "../../src/reference/contact_problem.hpp"

@@ -3,7 +3,7 @@
 
 #include <demo/support.hpp>
 #include <filesystem>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/record/csv.hpp>
 #include <functional>
 #include <ostream>

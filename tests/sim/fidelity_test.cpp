@@ -1,6 +1,6 @@
 // Levels of detail, and changing them while the simulation runs.
 #include <cmath>
-#include <fork1s/contact/material.hpp>
+#include <fork1s/constraints/material.hpp>
 
 #include "sim/gripper.hpp"
 

@@ -35,7 +35,7 @@ double NormalForceOfOneTip(const Simulation& simulation) {
   return sum / 2;
 }
 
-// A ball between tips that do not turn: ejected at k_t (R + r), tests/dynamics/load_factor_test.cpp.
+// A ball between tips that do not turn: ejected at k_t (R + r), tests/stepping/load_factor_test.cpp.
 TEST(FrozenLoadFactor, IsThatOfTheClosedForm) {
   struct Case {
     double ball, tip, k_side, share;

@@ -1,6 +1,6 @@
 // The object that users hold: names, inputs, hashes, keyframes.
 #include <gtest/gtest.h>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/sim/tally.hpp>
 #include <mechanisms.hpp>

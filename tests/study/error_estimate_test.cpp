@@ -3,7 +3,7 @@
 
 #include <cmath>
 #include <fork1s/diagnostics/error_estimate.hpp>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/study/accuracy.hpp>
 #include <mechanisms.hpp>

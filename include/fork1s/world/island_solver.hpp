@@ -1,7 +1,7 @@
 // Contact solves of a scene, island by island: what no contact joins is solved apart.
 #pragma once
 
-#include <fork1s/contact/contact_solver.hpp>
+#include <fork1s/constraints/contact_solver.hpp>
 #include <fork1s/parallel/scratch_pool.hpp>
 #include <vector>
 

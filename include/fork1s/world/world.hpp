@@ -3,10 +3,10 @@
 
 #include <array>
 #include <fork1s/collision/collision_world.hpp>
-#include <fork1s/contact/contact_solver.hpp>
-#include <fork1s/contact/material.hpp>
-#include <fork1s/dynamics/free_body.hpp>
-#include <fork1s/dynamics/linearization_drift.hpp>
+#include <fork1s/constraints/contact_solver.hpp>
+#include <fork1s/constraints/material.hpp>
+#include <fork1s/stepping/free_body.hpp>
+#include <fork1s/stepping/linearization_drift.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <fork1s/recovery/recovery.hpp>
 #include <fork1s/reduction/reduced_model.hpp>

@@ -4,8 +4,8 @@
 #include <array>
 #include <cstdint>
 #include <fork1s/collision/collision_world.hpp>
-#include <fork1s/dynamics/free_body.hpp>
-#include <fork1s/dynamics/mechanism_state.hpp>
+#include <fork1s/stepping/free_body.hpp>
+#include <fork1s/stepping/mechanism_state.hpp>
 #include <vector>
 
 namespace fork1s {

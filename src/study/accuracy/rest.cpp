@@ -1,7 +1,7 @@
 // Where simulations come to rest by default options, beside the equilibrium of all joints.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/study/accuracy.hpp>
 #include <numbers>
 

@@ -4,7 +4,7 @@
 
 #include <chrono>
 #include <fork1s/base/percentile.hpp>
-#include <fork1s/dynamics/mechanism_dynamics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/recovery/recover.hpp>

@@ -1,0 +1,122 @@
+// A mechanism in motion as others hold it: a model, a state and a workspace of its own. What a step does with
+// the three is in mechanism_step.hpp.
+#pragma once
+
+#include <fork1s/stepping/mechanism_options.hpp>
+#include <fork1s/stepping/mechanism_state.hpp>
+#include <fork1s/stepping/mechanism_step.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+class MechanismDynamics {
+ public:
+  using Options = MechanismOptions;
+
+  /// Starts at joint displacements q0 (loops closed first where they are not) and rates q_dot0.
+  static Expected<MechanismDynamics> Create(std::shared_ptr<const Mechanism> mechanism, const VectorX& q0,
+                                            const VectorX& q_dot0, const RigidTransform& X_WR,
+                                            const Vector6& V_R, const Options& options);
+  ~MechanismDynamics();
+  MechanismDynamics(const MechanismDynamics& other);
+  MechanismDynamics& operator=(const MechanismDynamics& other);
+  MechanismDynamics(MechanismDynamics&&) noexcept;
+  MechanismDynamics& operator=(MechanismDynamics&&) noexcept;
+
+  /// So that functions of a step take it.
+  operator MechanismStep() { return {*model_, state_, *work_}; }
+  operator MechanismView() const { return {*model_, state_, *work_}; }
+  /// All that stands between refreshes.
+  const MechanismModel& step_model() const { return *model_; }
+
+  const Mechanism& mechanism() const { return *model().mechanism; }
+  const ReducedModel& model() const { return *state_.model; }
+  const ReducedState& state() const { return state_.reduced; }
+  const Configuration& configuration() const { return ConfigurationOf(*this); }
+  const std::vector<ContactGroup>& groups() const;
+  Recovery recovery() const;
+  /// Number of generalized velocities: r, plus 6 where the base floats.
+  int num_velocities() const;
+  /// Limits in force: those of the mechanism, widened to the initial pose where that was outside.
+  const std::vector<Mechanism::LengthLimit>& length_limits() const;
+  const std::vector<std::string>& warnings() const;
+
+  /// Inputs; they hold until changed. `controls` one per Mechanism::controls().
+  VectorX& controls() { return state_.controls; }
+  const VectorX& controls() const { return state_.controls; }
+  /// In the next step controls come from these, counted from the `first`, rather than from those of the last
+  /// one.
+  void StartControlsFrom(int first, const Eigen::Ref<const VectorX>& from) {
+    state_.controls_from.segment(first, from.size()) = from;
+  }
+  /// In the next step controls move evenly to controls(), rather than jump there at its start. Two stages see
+  /// that; backward Euler asks for nothing but the end.
+  void MoveControls() { state_.controls_move = true; }
+  /// Force [N] and moment [N·m] on a body, constant in world axes during the next step only. The force acts
+  /// at the point of the body that is at `point_W` now.
+  void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {
+    fork1s::AddWrench(*this, body, force_W, moment_W, point_W);
+  }
+  /// Holds until changed; a mechanism has one.
+  void SetPointSpring(BodyIndex body, const PointSpring& spring) {
+    fork1s::SetPointSpring(*this, body, spring);
+  }
+  void ClearPointSpring() { state_.point_spring = {}; }
+  const PointSpring& point_spring() const { return state_.point_spring; }
+  /// After a step its target rests.
+  void StopPointSpring() { state_.point_spring.target_start_W = state_.point_spring.target_W; }
+  BodyIndex point_spring_body() const { return state_.point_spring_body; }
+  bool has_loads() const { return state_.has_loads; }
+  /// Those added for the next step, per body about its origin.
+  const std::vector<AppliedForces>& loads() const { return state_.loads; }
+  /// F <- their wrenches at the present pose [6 x bodies], in the world about its origin.
+  void ComputeLoadWrenches_W(Matrix6X& F) const;
+  /// Pose that a driven base reaches at the end of the next step.
+  void DriveBase(const RigidTransform& X_WR_next) {
+    state_.driven_next = X_WR_next;
+    state_.knows_driven_rate = false;
+  }
+  /// The same where it is a sample of a path whose rate is known there: [angular velocity; velocity of the
+  /// origin], world axes. Of the next step only.
+  void DriveBase(const RigidTransform& X_WR_next, const Vector6& rate_W) {
+    state_.driven_next = X_WR_next;
+    state_.driven_rate = rate_W;
+    state_.knows_driven_rate = true;
+  }
+
+  /// As the functions of mechanism_step.hpp.
+  LinearizationDrift ComputeLinearizationDrift() const { return fork1s::ComputeLinearizationDrift(*this); }
+  bool Refresh() { return fork1s::Refresh(model_, state_, *work_); }
+  /// All that the next step depends on, into `out`; does not allocate where `out` has its sizes. Between
+  /// steps.
+  void Save(MechanismState& out) const { out = state_; }
+  /// Puts back what Save gave, here or of another that was created the same way.
+  void Restore(const MechanismState& saved) { fork1s::Restore(model_, state_, *work_, saved); }
+
+  int NumForcesAtBound() const { return fork1s::NumForcesAtBound(state_); }
+  double Length(const Mechanism::Length& length) const { return fork1s::Length(*this, length); }
+  void AddLengthForce(const Mechanism::Length& length, double force, VectorX& tau) const {
+    fork1s::AddLengthForce(*this, length, force, tau);
+  }
+  double KineticEnergy() const { return fork1s::KineticEnergy(*this); }
+  double PotentialEnergy(const Vector3& gravity_W) const { return fork1s::PotentialEnergy(*this, gravity_W); }
+  double ClosureGapNow() const { return fork1s::ClosureGapNow(*this); }
+  VectorX ClosureForces(double h, const Matrix6X& contacts_R, const VectorX& near) const {
+    return fork1s::ClosureForces(*this, h, contacts_R, near);
+  }
+  RigidTransform BodyPose(BodyIndex b) const { return fork1s::BodyPose(*this, b); }
+  void BodyPoses(std::vector<RigidTransform>& X_RB) const { fork1s::BodyPoses(*this, X_RB); }
+  Vector6 BodyVelocity(BodyIndex b) const { return fork1s::BodyVelocity(*this, b); }
+
+ private:
+  MechanismDynamics(std::shared_ptr<const MechanismModel> model, MechanismState state,
+                    std::unique_ptr<MechanismWorkspace> work);
+
+  std::shared_ptr<const MechanismModel> model_;
+  MechanismState state_;
+  std::unique_ptr<MechanismWorkspace> work_;
+};
+
+}  // namespace fork1s

@@ -1,0 +1,68 @@
+// What a step of a mechanism reads and only a refresh changes.
+#pragma once
+
+#include <fork1s/stepping/mechanism_options.hpp>
+#include <fork1s/linalg/row_squares.hpp>
+#include <fork1s/mechanism/rigid_parts.hpp>
+#include <fork1s/reduction/reduced_model.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+struct VelocityRange {
+  int begin = 0, size = 0;
+};
+
+/// Const and shared once it is made; a refresh makes another one. Sizes: n joint coordinates, r reduced ones.
+struct MechanismModel {
+  /// At its start, the pose of the reference.
+  MechanismModel(std::shared_ptr<const ReducedModel> about, const MechanismOptions& with);
+  /// The same mechanism about another reference.
+  MechanismModel(const MechanismModel& before, std::shared_ptr<const ReducedModel> about);
+
+  const Mechanism& mechanism() const { return *reduced->mechanism; }
+  /// r
+  int size() const { return reduced->size(); }
+  /// Number of generalized velocities: r, plus 6 where the base floats.
+  int num_velocities() const { return base_size + size(); }
+  bool base_moves() const { return mechanism().base() != BaseKind::kFixed; }
+  /// The part that moves group g; -1 where it only follows the base.
+  int PartOfGroup(int g) const { return part_of_group[static_cast<std::size_t>(g)]; }
+
+  // The same after every refresh.
+  MechanismOptions options;
+  RigidParts rigid_parts;
+  std::vector<ContactGroup> groups;
+  std::vector<char>
+      invariant;  // n: joints whose displacement leaves the reduction as it is (FindInvariantJoints)
+  // Limits in force: those of the mechanism, widened to the initial pose where that was outside.
+  std::vector<Mechanism::LengthLimit> length_limits;
+  std::vector<std::string> warnings;
+  int base_size = 0;  // 6 where the base floats
+
+  std::shared_ptr<const ReducedModel> reduced;
+  std::vector<char> whole;   // n: joints of which the model has all motions (FindWhole)
+  VectorX coordinate_reach;  // r: most that a joint moves per z, slides in lengths of the mechanism
+  // Velocities [begin, begin + size) that neither inertia nor damping nor any contact group couples to the
+  // others: the fingers of a hand whose palm is held, for instance. W is formed and contacts are solved part
+  // by part.
+  std::vector<VelocityRange> parts;
+  std::vector<int> part_of_group, part_of_limited, part_of_friction;  // of length_limits, of frictions()
+  std::vector<int> part_of_bounded_force;                             // -1: of one that nothing moves by
+
+  // Forces about the reference.
+  std::vector<PathState> paths_ref;
+  std::vector<double> spring_stiffness_ref;  // of springs()
+  std::vector<WeightedRows> dampers;         // of joints
+  std::vector<WeightedRows> joint_springs;   // without those of servos with bounds
+  MatrixX joint_damping_ref;                 // r x r, lower triangle, with loops: what those are in D
+  std::vector<int> damped_rotations;         // of rotations(); their dampers are not among `dampers`
+  std::vector<WeightedRows> rotation_dampers;  // three rows a damped rotation, E Q_θ, by the columns that move them
+  MatrixX rotation_damping_ref;              // r x r, lower triangle: what those are in D
+  MatrixX closure_damping;        // r x r, lower triangle: of springy closures in D; empty for none
+  bool has_bent_springs = false;  // of paths, or not linear
+};
+
+}  // namespace fork1s

@@ -1,0 +1,227 @@
+// One reduced mechanism in motion: forces, the implicit operator, refresh.
+//
+// docs/method.md, section 5. A step is one implicit stage or two (implicit_stage.cpp).
+//
+// Functions here read a const model, move a state of plain values, and keep in a workspace what follows from
+// the two and what one step alone needs. The workspace's insides are known to src/stepping alone.
+#pragma once
+
+#include <fork1s/stepping/linearization_drift.hpp>
+#include <fork1s/stepping/mechanism_state.hpp>
+#include <fork1s/stepping/stage_motion.hpp>
+#include <memory>
+#include <vector>
+
+namespace fork1s {
+
+struct MechanismModel;      // mechanism_model.hpp
+struct MechanismWorkspace;  // src/stepping/mechanism_workspace.hpp
+struct VelocityRange;       // mechanism_model.hpp
+
+/// What moves.
+struct MechanismStep {
+  const MechanismModel& model;
+  MechanismState& state;
+  MechanismWorkspace& work;
+};
+
+/// What is only looked at.
+struct MechanismView {
+  MechanismView(const MechanismModel& of_model, const MechanismState& of_state,
+                const MechanismWorkspace& of_work)
+      : model(of_model), state(of_state), work(of_work) {}
+  MechanismView(const MechanismStep& step) : MechanismView(step.model, step.state, step.work) {}
+
+  const MechanismModel& model;
+  const MechanismState& state;
+  const MechanismWorkspace& work;
+};
+
+// Inputs.
+
+/// Force [N] and moment [N·m] on a body, constant in world axes during the next step only. The force acts at
+/// the point of the body that is at `point_W` now.
+void AddWrench(const MechanismStep& here, BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
+               const Vector3& point_W);
+void SetPointSpring(const MechanismStep& here, BodyIndex body, const PointSpring& spring);
+void ClearLoads(MechanismState& state);
+/// F += wrenches of the loads at the pose at hand [6 x bodies], in R about R's origin.
+void AddLoadWrenches(const MechanismView& here, Matrix6X& F);
+/// Loads for the next step are those of `start`, and controls and the pose of a driven base where they
+/// are after a share of a step that begins there.
+void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share);
+/// Inputs of the first or the second half of a step of length h that begins at `start`.
+void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, double h, bool second);
+/// The path of a driven base in a step of length h from `state`.
+BasePath PathOfBase(const MechanismState& state, double h);
+/// After a step of length h from `start`.
+void StoreBaseHistory(const MechanismStep& here, const MechanismState& start, double h);
+
+// A step.
+
+/// x += A⁻¹ Jᵀ F for generalized impulses p [num_velocities].
+void ApplyImpulse(const MechanismStep& here, const VectorX& p);
+/// Whether servos with bounds or springs with slack make the step solve in rounds.
+bool HasSwitches(const MechanismView& here);
+/// After contact: which servos are at a bound of their force at the present velocity, and which springs are
+/// slack. True if that differs from what the velocity was computed with; then SolveFreeStage and solve
+/// contact anew.
+bool UpdateSwitches(const MechanismStep& here, double h);
+// Forces with bounds, as many as MechanismModel::part_of_bounded_force, are force limits first, then springs
+// with slack, which have two each: of the shorter end, at 0 or more, and of the longer one, at 0 or less.
+const Mechanism::Length& LengthOfBoundedForce(const MechanismView& here, std::size_t k);
+/// Whether the contact solve is to find it.
+bool IsInSolve(const MechanismView& here, std::size_t k);
+/// A force with bounds in the contact solve: its impulse is (speed - rate of its length)/compliance between
+/// two bounds.
+struct BoundedForceRow {
+  double speed = 0;             // m/s or rad/s, at which it gives nothing
+  double compliance = 0;        // 1/kg or 1/(kg m²), as of LimitConstraint
+  double lower = 0, upper = 0;  // N s or N m s
+};
+/// By the velocity at hand, of one that is in the solve.
+BoundedForceRow RowOfBoundedForce(const MechanismStep& here, std::size_t k, double h);
+/// Which bound it is at, if any, by the impulse that was found and that of its rate without bounds. Solve the
+/// stage again thereafter.
+void SetSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impulse, double unbounded,
+                            double h);
+/// Servos and motors that give all they can.
+int NumForcesAtBound(const MechanismState& state);
+
+// The stages of a step (implicit_stage.cpp), b: length of a stage [s].
+
+/// Begins a step of h [s]: impulse of a driven base whose twist
+/// changes, the base points of the first stage, of length b [s], and the velocity predicted for its end.
+void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gravity_W);
+/// Controls of the first stage, of length b [s], of a step that begins at `start`: of what held controls
+/// jumped by as much as the mechanism follows within the step (control_jump.cpp). `onward`: s of the scheme.
+void ReduceControlJumps(const MechanismStep& here, const MechanismState& start, double b, double onward);
+/// Moves to the pose x̂ ⊕ b v with the velocity v at hand and evaluates configuration and inertia there; v of
+/// a floating base is then along its axes there. `time` [s]: from the start of the step to the end of the
+/// stage.
+void MoveToStagePose(const MechanismStep& here, double b, double time);
+/// Records the pose and velocity at hand as those where the next stage starts (stage_start.cpp); `of_step`:
+/// the first.
+void RecordStageStart(const MechanismStep& here, bool of_step);
+/// Moves to that pose; the velocity at hand becomes the one that leads there from the base point, and the
+/// twist of a driven base what its displacement within the stage leaves of it, until RestoreStageBaseTwist.
+void MoveToStageStart(const MechanismStep& here, double b);
+void RestoreStageBaseTwist(const MechanismStep& here);
+/// Momenta and forces at that pose, with the twist restored.
+void EvaluateStage(const MechanismStep& here, double b);
+/// Velocity of the stage without contact by (2) of implicit_stage.cpp at the pose at hand.
+void SolveFreeStage(const MechanismStep& here, double b);
+/// A and its factor, but for stiffness that the pose changes, before the first pose.
+void StartStageMatrix(const MechanismStep& here, double b);
+/// The matrix of the stage is made anew, with the inertia of the pose at hand, by the next solve. `inertial`:
+/// with the geometric stiffness of what accelerates the parts, where it stays positive definite.
+void RenewStageMatrix(const MechanismStep& here, bool inertial);
+/// Of a Newton iteration [m], in the kinetic metric.
+struct StageChange : StageMotion {
+  double change = 0;  // of position, that this one makes
+};
+/// After contact, at the pose linearised at.
+StageChange ComputeStageChange(const MechanismStep& here, double b);
+/// After contact: records the momenta of the stage, moves to the pose found, and returns the change of
+/// position that another Newton iteration would make [m], in the kinetic metric.
+double MoveAndComputeResidual(const MechanismStep& here, double b, double time);
+/// After contact, in place of MoveAndComputeResidual: the stage is solved. Moves to the pose found,
+/// `with_derivatives`: Q and Jacobians too.
+void AcceptStage(const MechanismStep& here, double b, double time, bool with_derivatives);
+/// Forces of servos and slack springs at the end of a stage of length b [s] that was solved, and their
+/// saturation.
+void StoreSwitchedForces(const MechanismStep& here, double b);
+/// What the changes of saturation since StoreSwitchedForces displace by the extrapolation of the first stage's forces.
+struct SaturationChange {
+  double displacement = 0, motion = 0;  // m, in the kinetic metric: b |A⁻¹ s b Δf|; of the stage
+  bool is_servo = true;                 // else a slack spring
+  int index = -1;                       // in force_limits() or springs(), of the largest Δf
+};
+SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, double onward);
+/// Base points of the second stage, start + onward (end of the first stage - start), and a velocity to start it with.
+void ExtrapolateStage(const MechanismStep& here, double b, double onward);
+/// `between_stages` [s]: from the end of the first stage to that of the second; 0 after backward Euler.
+void EndStep(const MechanismStep& here, double between_stages);
+
+// Between steps.
+
+/// Puts back a state, of here or of another mechanism that was created the same way; the model follows it.
+void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work,
+             const MechanismState& saved);
+/// Largest turn since the reference, as a share of the refresh angle, of joints whose turn matters, or gap
+/// of a loop that is closed by its curvature, as a share of the refresh gap. A joint
+/// that leaves the reduction as it is does not count, nor one whose every motion the model has.
+LinearizationDrift ComputeLinearizationDrift(const MechanismView& here);
+/// Keeps what a step from `start` did to the loads, for the two functions below: the joint forces of stops,
+/// dry frictions and servos at their bounds in the last stage, and the change of the controls. Impulses are
+/// those of the last stage, as of AddStopForces.
+void RecordLoads(const MechanismStep& here, const MechanismState& start,
+                 const std::vector<double>& limit_impulses, const std::vector<double>& friction_impulses);
+/// After a step of h [s]: displacement that joint forces and contact forces of the last stage lack at rest,
+/// as a share of 1e-3 rad or lengths of the mechanism in a joint. The share is 0 until they have lacked it
+/// for so long that it would have moved by as much, and within three steps of the last refresh. A refresh
+/// gives them load columns. `contact_impulses_R`: of the last stage, about R's origin [6 x bodies].
+LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R);
+/// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
+/// the old model stays.
+bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work);
+
+// Ports: what contacts see.
+
+/// J_T (size of its part x 6), transposed map from x to the twist of group g in R; the driven base's own twist
+/// comes on top. No part moves a group that only follows its base: then J_T is left alone.
+void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T);
+/// Twist of group g at velocity x.
+Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
+/// In a stage: the same of the velocity where it starts.
+Vector6 GroupTwistAtStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T);
+RigidTransform GroupPose(const MechanismView& here, int g);
+/// Twist of group g in world axes about the origin of the body that names it.
+Vector6 GroupVelocity(const MechanismView& here, int g);
+/// Solves L Y = Jᵀ in place (columns of one part), A = L Lᵀ with the part's velocities from the last to the
+/// first, as the rows of Y are then: W = Yᵀ Y.
+void HalfSolve(const MechanismView& here, const VelocityRange& part, Eigen::Ref<MatrixX> Jt);
+
+// Lengths that springs, stops and motors act on.
+
+/// Rate of a length per unit of its part's velocities, at the present pose.
+void LengthRow(const MechanismView& here, const Mechanism::Length& length, const VelocityRange& part,
+               Eigen::Ref<VectorX> row);
+double LengthRate(const MechanismView& here, const Mechanism::Length& length);
+/// Change of the rate of a length by a unit impulse along it, 1/kg or 1/(kg m²), at the start of a step.
+double RatePerImpulse(const MechanismStep& here, const Mechanism::Length& length);
+/// By the velocity x [num_velocities]; by that where the stage at hand starts.
+double LengthRateBy(const MechanismView& here, const Mechanism::Length& length, const VectorX& x);
+double LengthRateAtStageStart(const MechanismView& here, const Mechanism::Length& length);
+/// Counted from q = 0.
+double Length(const MechanismView& here, const Mechanism::Length& length);
+/// tau [n] += what a force along a length is on the joints.
+void AddLengthForce(const MechanismView& here, const Mechanism::Length& length, double force, VectorX& tau);
+/// tau [n] += joint forces of stops and dry frictions by their impulses within h [s] [N s or N m s]: two of
+/// every length limit, lower and upper, and one of every friction.
+void AddStopForces(const MechanismView& here, double h, const std::vector<double>& limit_impulses,
+                   const std::vector<double>& friction_impulses, VectorX& tau);
+
+// What a state is as bodies see it.
+
+double KineticEnergy(const MechanismView& here);
+/// Springs, controls and gravity at the present pose [J].
+double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W);
+double ClosureGapNow(const MechanismView& here);
+/// Forces of the rigid closures and couplings [num_constraints], in the order and axes of ClosureResidual:
+/// what the joined parts bear so that the residual stays 0, positive where springs and loads would open it.
+/// From the balance of joint forces after a step of h [s], by the metric of the loop correction where the
+/// interior is not in balance. What rows bear against each other where the joints can hardly yield stays
+/// that of `near` [num_constraints]. `contacts_R` [6 x bodies]: wrenches of the step's contacts in R.
+/// Allocates.
+VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& contacts_R, const VectorX& near);
+bool IsFinite(const MechanismView& here);
+/// Pose of a body in the world at the present state.
+RigidTransform BodyPose(const MechanismView& here, BodyIndex b);
+/// Of all bodies in the frame of its root, side by side where they are many.
+void BodyPoses(const MechanismView& here, std::vector<RigidTransform>& X_RB);
+/// Twist of a body in world axes about its own origin.
+Vector6 BodyVelocity(const MechanismView& here, BodyIndex b);
+const Configuration& ConfigurationOf(const MechanismView& here);
+
+}  // namespace fork1s

@@ -1,0 +1,147 @@
+#include <fork1s/constraints/contact_solver.hpp>
+
+#include <algorithm>
+
+#include "compliant_newton.hpp"
+#include "compliant_rows.hpp"
+
+namespace fork1s {
+
+namespace {
+
+constexpr int kStiffer = 4;  // rounds; what they leave too deep the next step meets with its load known
+
+void Measure(const internal::CompliantRows& rows, ContactSolverReport& report) {
+  double impulse = 0, speed = 0;
+  for (const internal::PointRows& point : rows.points) {
+    if (point.impulse.isZero(0)) continue;
+    ++report.active;
+    ++(point.state == internal::ContactMode::kSliding ? report.sliding : report.sticking);
+    impulse = std::max(impulse, point.impulse.norm());
+    speed = std::max(speed, point.reach);
+  }
+  report.residual_impulse = report.residual * impulse;
+  report.residual_speed = report.residual * speed;
+}
+
+// At the velocities given; below 0 it closes.
+double NormalSpeed(const ContactConstraint& c, const Eigen::Ref<const VectorX>& velocities) {
+  double w = c.bias[0];
+  const auto add = [&](int port, const Matrix36& J) {
+    if (port < 0) return;
+    for (int k = 0; k < 6; ++k) w += J(0, k) * velocities[port + k];
+  };
+  add(c.port_a, c.J_a);
+  add(c.port_b, c.J_b);
+  return w;
+}
+
+}  // namespace
+
+struct ContactSolver::Workspace {
+  internal::CompliantRows rows;
+  internal::CompliantNewton newton;
+  std::vector<int> taken;  // contacts that take part, in order
+  std::vector<char> is_taken;
+  VectorX start;  // velocities
+
+  internal::NewtonOutcome Solve(const ContactSolverOptions& options);
+  bool TakeMissed(const std::vector<ContactConstraint>& contacts,
+                  const Eigen::Ref<const VectorX>& velocities);
+};
+
+// What comes down suddenly presses its material in too deep: once more with a stiffer one.
+internal::NewtonOutcome ContactSolver::Workspace::Solve(const ContactSolverOptions& options) {
+  internal::NewtonOutcome outcome = newton.Solve(rows, options.tolerance, options.max_newton_iterations);
+  for (int round = 0; round < kStiffer && outcome.converged && rows.Stiffen(); ++round) {
+    const internal::NewtonOutcome again =
+        newton.Solve(rows, options.tolerance, options.max_newton_iterations);
+    outcome.iterations += again.iterations;
+    outcome.stage = std::max(outcome.stage, again.stage);
+    outcome.converged = again.converged;
+    outcome.residual = again.residual;
+  }
+  return outcome;
+}
+
+// Contacts that were left out and that these velocities close. False where there is none.
+bool ContactSolver::Workspace::TakeMissed(const std::vector<ContactConstraint>& contacts,
+                                          const Eigen::Ref<const VectorX>& velocities) {
+  bool any = false;
+  for (std::size_t i = 0; i < contacts.size(); ++i)
+    if (!is_taken[i] && NormalSpeed(contacts[i], velocities) < 0) is_taken[i] = any = true;
+  return any;
+}
+
+ContactSolver::ContactSolver() : work_(std::make_unique<Workspace>()) {}
+ContactSolver::~ContactSolver() = default;
+ContactSolver::ContactSolver(ContactSolver&&) noexcept = default;
+ContactSolver& ContactSolver::operator=(ContactSolver&&) noexcept = default;
+
+void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms) {
+  work_->rows.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities),
+                      std::max(0, num_freedoms));
+  work_->newton.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities));
+  work_->taken.reserve(static_cast<std::size_t>(std::max(0, num_contacts)));
+  work_->is_taken.reserve(static_cast<std::size_t>(std::max(0, num_contacts)));
+  if (work_->start.size() < num_velocities) work_->start.resize(num_velocities);
+}
+
+ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& blocks,
+                                         std::vector<ContactConstraint>& contacts,
+                                         std::vector<LimitConstraint>& limits, Eigen::Ref<VectorX> velocities,
+                                         const ContactSolverOptions& options) {
+  ContactSolverReport report;
+  if (contacts.empty() && limits.empty()) {
+    report.converged = velocities.allFinite();
+    return report;
+  }
+  Workspace& work = *work_;
+  internal::CompliantRows& rows = work.rows;
+  const auto give_up = [&] {
+    for (ContactConstraint& contact : contacts) {
+      contact.impulse.setZero();
+      contact.moment.setZero();
+    }
+    for (LimitConstraint& limit : limits) limit.impulse = 0;
+    report.converged = false;
+    return report;
+  };
+  if (!velocities.allFinite()) return give_up();
+  // What stays open changes nothing, and most of what is near does: it is looked at when the others are
+  // solved. Where they close it the answer is found again with it.
+  work.is_taken.resize(contacts.size());
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    work.is_taken[i] = !contacts[i].waits || !contacts[i].impulse.isZero(0);
+    contacts[i].use = 0;
+  }
+  if (work.start.size() < velocities.size()) work.start.resize(velocities.size());
+  work.start.head(velocities.size()) = velocities;
+  for (bool again = false;; again = true) {
+    work.taken.clear();
+    for (std::size_t i = 0; i < contacts.size(); ++i)
+      if (work.is_taken[i]) work.taken.push_back(static_cast<int>(i));
+    if (again) velocities = work.start.head(velocities.size());
+    if (!rows.Prepare(blocks, contacts, work.taken, limits, velocities, options.most_give)) return give_up();
+    const internal::NewtonOutcome outcome = work.Solve(options);
+    report.newton_iterations += outcome.iterations;
+    report.stage = std::max(report.stage, outcome.stage);
+    report.residual = outcome.residual;
+    report.converged = outcome.converged;
+    if (!std::isfinite(outcome.residual)) return give_up();
+    for (std::size_t i = 0; i < rows.points.size(); ++i) {
+      ContactConstraint& contact = contacts[static_cast<std::size_t>(rows.place(i))];
+      contact.impulse = rows.points[i].impulse.cwiseProduct(rows.points[i].scale);
+      contact.moment = rows.points[i].moment.cwiseProduct(rows.points[i].scale);
+      contact.use = rows.points[i].use;
+    }
+    rows.AddChange(work.newton.change().data(), velocities);
+    if (!work.TakeMissed(contacts, velocities)) break;
+    for (std::size_t i = 0; i < limits.size(); ++i) limits[i].impulse = rows.limits[i].impulse;
+  }
+  for (std::size_t i = 0; i < limits.size(); ++i) limits[i].impulse = rows.limits[i].impulse;
+  Measure(rows, report);
+  return report;
+}
+
+}  // namespace fork1s

@@ -1,0 +1,58 @@
+// Controls that jump between steps and are held within them.
+//
+// What a mode does by a jump within a two-stage step is known before: with b = γ h, A = M + b D + b² K and δ
+// the answer of A to the force of the control, ρ = b² δᵀK δ / δᵀA δ is the share of its static answer that
+// the first stage goes and μ = δᵀM δ / δᵀA δ. Where a control stands at its old value and c of the jump in
+// the first stage, and at the new value in the second, the step ends at
+//     ρ (1 + s c (1 + μ - ρ)),   s = (1 - γ)/γ
+// of the static answer. By c = 1 a stiff mode (ρ > 0.41 where damping rules) goes beyond it, by 38 % of the
+// jump at a damping ratio of 0.4: R(z) of the scheme is negative there. The c that ends the step at the
+// static answer leaves a damped mode within 3 % of the jump of its true motion's largest
+// (tests/stepping/control_jump_test.cpp); where it is 1 or more, the step follows the jump and nothing is
+// changed.
+#include <algorithm>
+
+#include "mechanism_detail.hpp"
+
+namespace fork1s {
+namespace {
+
+// c of a control whose force is along ws.jump.force [r].
+double ShareInFirstStage(const MechanismStep& here, double b, double onward) {
+  const auto& [model, state, ws] = here;
+  const int r = model.size();
+  ws.rhs.setZero(model.num_velocities());
+  ws.rhs.tail(r) = ws.jump.force;
+  ws.matrix.factor.SolveInPlace(ws.rhs);
+  const double whole = ws.jump.force.dot(ws.rhs.tail(r));
+  ws.solved.noalias() = ws.mass.M * ws.rhs;
+  const double mass = ws.rhs.dot(ws.solved) / whole;
+  ws.jump.damper_force.noalias() = model.reduced->D * ws.rhs.tail(r);
+  const double damping = b * ws.rhs.tail(r).dot(ws.jump.damper_force) / whole, stiffness = 1 - mass - damping;
+  const double followed = onward * stiffness * (1 + mass - stiffness);
+  // Not so for a control that moves nothing, whose ratios are no numbers.
+  return followed > 1 - stiffness ? (1 - stiffness) / followed : 1;
+}
+
+}  // namespace
+
+void ReduceControlJumps(const MechanismStep& here, const MechanismState& start, double b, double onward) {
+  const auto& [model, state, ws] = here;
+  if (start.controls_move || start.controls == start.controls_from || model.size() == 0) return;
+  ws.stage.v_k = ws.x;
+  StartStageMatrix(here, b);
+  if (!ws.matrix.is_definite) return;
+  ws.jump.control.setZero(start.controls.size());
+  for (Eigen::Index i = 0; i < start.controls.size(); ++i) {
+    const double jump = start.controls(i) - start.controls_from(i);
+    if (jump == 0) continue;
+    ws.jump.control(i) = jump;
+    ws.jump.tau.setZero();
+    AddControlForce(model.mechanism(), ws.configuration.kinematics, ws.jump.control, ws.jump.tau);
+    ws.jump.control(i) = 0;
+    ws.jump.force.noalias() = ws.Q_now().transpose() * ws.jump.tau;
+    state.controls(i) -= (1 - ShareInFirstStage(here, b, onward)) * jump;
+  }
+}
+
+}  // namespace fork1s

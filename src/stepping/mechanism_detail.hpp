@@ -1,0 +1,40 @@
+// The parts of a mechanism's step, by the files that have them.
+#pragma once
+
+#include <cmath>
+#include <fork1s/stepping/mechanism_model.hpp>
+#include <fork1s/stepping/mechanism_step.hpp>
+
+#include "forces/forces.hpp"
+#include "mechanism_workspace.hpp"
+
+namespace fork1s {
+
+// Workspace and pose (mechanism_pose.cpp).
+/// What a new reference makes of loops and of coordinates without a load.
+void StartAtReference(const MechanismModel& model, MechanismState& state);
+/// The workspace, that of another model so far.
+void Renew(const MechanismStep& here);
+void Size(const MechanismStep& here);
+void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed = false);  // by the µ at hand
+void UpdateMassMatrix(const MechanismStep& here);  // inertia, by the Jacobians at hand
+void UpdatePose(const MechanismStep& here, bool loops_are_closed = false);  // configuration and Jacobians
+
+// A stage (implicit_stage.cpp).
+void PredictLinearMomentum(const MechanismStep& here, double time, const Vector3& linear_W);
+void ForgetInputs(const MechanismStep& here);
+// The matrix of a stage (stage_matrix.cpp).
+/// A and its factor for a stage of length b [s] at the pose at hand: anew where the length or saturation
+/// differ, else what of its stiffness changes with the pose.
+void UpdateStageMatrix(const MechanismStep& here, double b);
+
+/// Of the present pose and controls.
+ReductionLoads LoadsOf(const MechanismOptions& options, const MechanismState& state,
+                       const Matrix6X& wrenches_R, const VectorX& control_change);
+
+// Parts that move independently (mechanism_ports.cpp).
+void FindParts(MechanismModel& model);
+/// Factors of the workspace know them.
+void DivideIntoParts(const MechanismStep& here);
+
+}  // namespace fork1s

@@ -1,0 +1,88 @@
+#include <fork1s/stepping/mechanism_dynamics.hpp>
+
+#include <fork1s/linalg/cholesky.hpp>
+
+#include "mechanism_detail.hpp"
+
+namespace fork1s {
+
+MechanismDynamics::MechanismDynamics(std::shared_ptr<const MechanismModel> model, MechanismState state,
+                                     std::unique_ptr<MechanismWorkspace> work)
+    : model_(std::move(model)), state_(std::move(state)), work_(std::move(work)) {}
+
+MechanismDynamics::~MechanismDynamics() = default;
+MechanismDynamics::MechanismDynamics(MechanismDynamics&&) noexcept = default;
+MechanismDynamics& MechanismDynamics::operator=(MechanismDynamics&&) noexcept = default;
+
+MechanismDynamics::MechanismDynamics(const MechanismDynamics& other)
+    : model_(other.model_), state_(other.state_), work_(std::make_unique<MechanismWorkspace>(*other.work_)) {}
+
+MechanismDynamics& MechanismDynamics::operator=(const MechanismDynamics& other) {
+  return *this = MechanismDynamics(other);
+}
+
+Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mechanism> mechanism,
+                                                      const VectorX& q0, const VectorX& q_dot0,
+                                                      const RigidTransform& X_WR, const Vector6& V_R,
+                                                      const Options& options) {
+  VectorX q = q0;
+  const double gap = CloseLoops(*mechanism, q);
+  // A loop that cannot be closed to a micrometre is no loop of rigid parts.
+  if (gap > 1e-6)
+    return Fail(ErrorCode::kModel, "mechanism '" + mechanism->name() + "'",
+                "has loops that stay open by " + std::to_string(gap) +
+                    " m at the initial pose; correct the closure frames or choose another keyframe");
+  MechanismState start;
+  start.reduced.X_WR = X_WR;
+  start.reduced.V_R = mechanism->base() == BaseKind::kFixed ? Vector6(Vector6::Zero()) : V_R;
+  start.driven_next = X_WR;
+  start.controls.resize(static_cast<Eigen::Index>(mechanism->controls().size()));
+  for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
+    start.controls(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
+  const ReductionLoads loads = LoadsOf(options, start, {}, {});
+  auto reduced = Reduce(mechanism, q, options.reduction, &loads);
+  if (!reduced) return tl::unexpected(reduced.error());
+  if (options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
+  start.model = std::make_shared<const ReducedModel>(std::move(*reduced));
+  const auto model = std::make_shared<const MechanismModel>(start.model, options);
+  const int r = model->size();
+  start.reduced.z = VectorX::Zero(r);
+  start.reduced.w = VectorX::Zero(r);
+  start.controls_from = start.controls;
+  start.loads.resize(static_cast<std::size_t>(mechanism->num_bodies()));
+  start.at_bound.resize(mechanism->force_limits().size(), 0);
+
+  StartAtReference(*model, start);
+  MechanismDynamics dynamics(model, std::move(start), std::make_unique<MechanismWorkspace>(*model));
+  const MechanismStep here = dynamics;
+  Size(here);
+  if (q_dot0.size() > 0 && !q_dot0.isZero(0)) {
+    VectorX Mq;
+    Kinematics kinematics(*mechanism);
+    ComputeKinematics(*mechanism, q, kinematics);
+    ApplyMass(*mechanism, kinematics, q_dot0, Mq);
+    here.state.reduced.w = SolveSymmetric(model->reduced->M, model->reduced->Q.transpose() * Mq);
+    here.work.x.tail(r) = here.state.reduced.w;
+  }
+  UpdateConfiguration(here);
+  here.state.mu = here.work.configuration.mu;
+  return dynamics;
+}
+
+const std::vector<ContactGroup>& MechanismDynamics::groups() const { return model_->groups; }
+Recovery MechanismDynamics::recovery() const { return model_->options.recovery; }
+int MechanismDynamics::num_velocities() const { return model_->num_velocities(); }
+const std::vector<Mechanism::LengthLimit>& MechanismDynamics::length_limits() const {
+  return model_->length_limits;
+}
+const std::vector<std::string>& MechanismDynamics::warnings() const { return model_->warnings; }
+
+void MechanismDynamics::ComputeLoadWrenches_W(Matrix6X& F) const {
+  F.setZero(6, mechanism().num_bodies());
+  AddLoadWrenches(*this, F);
+  const RigidTransform X_RW = state_.reduced.X_WR.inverse();
+  for (Eigen::Index b = 0; b < F.cols(); ++b)
+    if (!F.col(b).isZero(0)) F.col(b) = AdjointTransposeApply(X_RW, F.col(b));
+}
+
+}  // namespace fork1s
