@@ -1,0 +1,153 @@
+#include "closure_curvature.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+// Half of it and half of its transpose in the last two indices.
+MatrixX SymmetricPart(const MatrixX& stack, int rows) {
+  MatrixX out(stack.rows(), stack.cols());
+  const auto r = stack.cols();
+  for (Eigen::Index i = 0; i < r; ++i)
+    for (Eigen::Index k = 0; k < r; ++k)
+      out.block(rows * k, i, rows, 1) =
+          0.5 * (stack.block(rows * k, i, rows, 1) + stack.block(rows * i, k, rows, 1));
+  return out;
+}
+
+Matrix6X TwistOf(const Mechanism& m, const Expansion& expansion, BodyIndex body) {
+  const int joint = m.body(body).last_joint;
+  return joint < 0 ? Matrix6X::Zero(6, expansion.z.size()) : TwistsBehind(m, expansion, JointIndex(joint));
+}
+
+double SecondDerivativeOf(const Mechanism::Coupling& coupling, double x) {
+  const double* p = coupling.polynomial;
+  return 2 * p[2] + x * (6 * p[3] + x * 12 * p[4]);
+}
+
+// ∂D/∂φ at φ along v, D = DexpInverseRotation: by central differences.
+Matrix3 TurnOfInverse(const Vector3& phi, const Vector3& v) {
+  constexpr double kStep = 1e-5;
+  return (DexpInverseRotation(phi + kStep * v) - DexpInverseRotation(phi - kStep * v)) / (2 * kStep);
+}
+
+// With X_a and X_b the poses of the two bodies the errors are those of E = X_aJ⁻¹ X_bJ = Exp(ζ) E*, and by
+// the series of Baker, Campbell and Hausdorff, in the axes of frame J of a,
+//     ζ = (T_b - T_a) δ + ½ (A_b - A_a)[δ, δ] - ½ [T_a δ, T_b δ] = α δ + ½ β[δ, δ]
+// Of the rotation φ = log R_E the second derivative is D β + ∂D[D α] α, D = dexp⁻¹(φ), of the position p
+//     β_v + β_ω x p + α_ω x (α_v + α_ω x p), each symmetric.
+MatrixX ErrorCurvature(const ClosureDef& closure, const ReducedModel& model, const Kinematics& kinematics,
+                       const Expansion& expansion) {
+  const Mechanism& m = *model.mechanism;
+  const int r = model.size();
+  const RigidTransform X_aJ = kinematics.X_RB[closure.body_a.u()] * closure.X_AJ, X_Ja = X_aJ.inverse();
+  const RigidTransform X_E = X_Ja * kinematics.X_RB[closure.body_b.u()] * closure.X_BJ;
+  const Matrix6X T_a = TwistOf(m, expansion, closure.body_a), T_b = TwistOf(m, expansion, closure.body_b);
+  MatrixX beta =
+      OpenCurvature(model, expansion, closure.body_b) - OpenCurvature(model, expansion, closure.body_a);
+  const Matrix6 to_a = Adjoint(X_Ja);
+  const Matrix6X alpha = to_a * (T_b - T_a);
+  const Vector3 phi = LogRotation(X_E.rotation()), p = X_E.translation();
+  const Matrix3 D = DexpInverseRotation(phi);
+  const bool turns = closure.rigid.head<3>().any() || !closure.stiffness.head<3>().isZero(0);
+  MatrixX out(6 * r, r);
+  for (int i = 0; i < r; ++i) {
+    const Vector3 w_i = alpha.col(i).head<3>();
+    const Matrix3 D_i = turns ? TurnOfInverse(phi, D * w_i) : Matrix3::Zero();
+    for (int k = 0; k < r; ++k) {
+      const Vector6 bend = to_a * (beta.block<6, 1>(6 * k, i) -
+                                   0.5 * (Bracket(T_a.col(i), T_b.col(k)) + Bracket(T_a.col(k), T_b.col(i))));
+      const Vector3 w_k = alpha.col(k).head<3>(), v_k = alpha.col(k).tail<3>(), turn = bend.head<3>();
+      out.block<3, 1>(6 * k, i) = D * turn + D_i * w_k;
+      out.block<3, 1>(6 * k + 3, i) = bend.tail<3>() + turn.cross(p) + w_i.cross(v_k + w_k.cross(p));
+    }
+  }
+  return SymmetricPart(out, 6);
+}
+
+}  // namespace
+
+Matrix6X TwistsBehind(const Mechanism& mechanism, const Expansion& expansion, JointIndex joint) {
+  const Mechanism::Joint& last = mechanism.joint(joint);
+  const auto r = expansion.z.size();
+  return expansion.T.middleCols((last.offset + last.size - 1) * r, r);
+}
+
+Matrix6X TwistsBefore(const Mechanism& mechanism, const Expansion& expansion, int coordinate) {
+  const auto r = expansion.z.size();
+  const Mechanism::Joint& joint = mechanism.joint(mechanism.CoordinateJoint(coordinate));
+  if (coordinate > joint.offset) return expansion.T.middleCols((coordinate - 1) * r, r);
+  if (joint.previous < 0) return Matrix6X::Zero(6, r);
+  return TwistsBehind(mechanism, expansion, JointIndex(joint.previous));
+}
+
+MatrixX OpenCurvature(const ReducedModel& model, const Expansion& expansion, BodyIndex body) {
+  const Mechanism& m = *model.mechanism;
+  const int r = model.size();
+  MatrixX out = MatrixX::Zero(6 * r, r);
+  std::vector<char> carries(static_cast<std::size_t>(m.num_joints()), 0);
+  for (int j = m.body(body).last_joint; j >= 0; j = m.joint(JointIndex(j)).previous) {
+    carries[static_cast<std::size_t>(j)] = 1;
+    const Mechanism::Joint& joint = m.joint(JointIndex(j));
+    for (int l = joint.offset; l < joint.offset + joint.size; ++l) {
+      const Matrix6X c = SmallAdjoint(expansion.S.col(l)) * -TwistsBefore(m, expansion, l);
+      out.noalias() += Eigen::Map<const VectorX>(c.data(), 6 * r) * expansion.Q.row(l);
+    }
+  }
+  out = SymmetricPart(out, 6);
+  for (const JointCurvature& joint : expansion.joints) {
+    if (!carries[m.CoordinateJoint(joint.a).u()]) continue;
+    const auto add = [&](int a, int b) {
+      const Matrix6X rows = joint.second * expansion.Q.row(a);
+      out.noalias() += Eigen::Map<const VectorX>(rows.data(), 6 * r) * expansion.Q.row(b);
+    };
+    add(joint.a, joint.b);
+    if (joint.a != joint.b) add(joint.b, joint.a);
+  }
+  return out;
+}
+
+MatrixX ClosureCurvature(const ReducedModel& model, const Kinematics& kinematics, const VectorX& q,
+                         const Expansion& expansion) {
+  const Mechanism& m = *model.mechanism;
+  const int r = model.size();
+  MatrixX out(m.num_constraints(), r * r);
+  int row = 0;
+  for (const ClosureDef& closure : m.closures()) {
+    if (!closure.rigid.any()) continue;
+    const MatrixX curvature = ErrorCurvature(closure, model, kinematics, expansion);
+    const Eigen::Map<const MatrixX> by_error(curvature.data(), 6, r * r);
+    for (int i = 0; i < 6; ++i)
+      if (closure.rigid(i)) out.row(row++) = by_error.row(i);
+  }
+  for (const Mechanism::Coupling& k : m.couplings()) {
+    out.row(row).setZero();
+    if (k.b >= 0) {
+      const MatrixX square =
+          -SecondDerivativeOf(k, q(k.b)) * expansion.Q.row(k.b).transpose() * expansion.Q.row(k.b);
+      out.row(row) = Eigen::Map<const VectorX>(square.data(), r * r).transpose();
+    }
+    ++row;
+  }
+  return out;
+}
+
+MatrixX SpringyClosureSlope(const ReducedModel& model, const Kinematics& kinematics,
+                            const Expansion& expansion) {
+  const int r = model.size();
+  MatrixX out = MatrixX::Zero(r, r);
+  for (const ClosureDef& closure : model.mechanism->closures()) {
+    const Vector6 k = closure.rigid.select(Vector6::Zero(), closure.stiffness);
+    if (k.isZero(0)) continue;
+    const RigidTransform X_E = (kinematics.X_RB[closure.body_a.u()] * closure.X_AJ).inverse() *
+                               kinematics.X_RB[closure.body_b.u()] * closure.X_BJ;
+    Vector6 force;
+    force << LogRotation(X_E.rotation()), X_E.translation();
+    force = -k.cwiseProduct(force);
+    const MatrixX curvature = ErrorCurvature(closure, model, kinematics, expansion);
+    const VectorX slope = Eigen::Map<const MatrixX>(curvature.data(), 6, r * r).transpose() * force;
+    out += Eigen::Map<const MatrixX>(slope.data(), r, r);
+  }
+  return out;
+}
+
+}  // namespace fork1s::internal
