@@ -8,7 +8,7 @@
 # A SCENE is a name in scenes/ or a path to a model; a table of controls beside it, SCENE.csv, drives it.
 # --discrete: MuJoCo integrates so, and not as the file says.
 # --second 5 counts the steps from 4 s to 5 s: what N seconds took less what N - 1 took.
-# --recovery: exact (default), curved or twist. --integrator: ours, euler or two-stage; what the scene chooses unless told.
+# --recovery: exact (default), expanded, curved or twist. --integrator: ours, euler or two-stage; what the scene chooses unless told.
 # --build names another build folder (build/release unless told), to compare two of them.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)

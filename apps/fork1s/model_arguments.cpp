@@ -162,9 +162,11 @@ void AddRecoveryTo(CLI::App& command, Recovery& recovery) {
   std::map<std::string, Recovery> names;
   for (const auto& [value, name] : kRecoveryNames) names[name] = value;
   command
-      .add_option("--recovery", recovery,
-                  "exact (default): loops closed; curved: loops closed to second order, cheaper where there "
-                  "are many; twist: one exponential a body")
+      .add_option(
+          "--recovery", recovery,
+          "exact (default): loops closed; expanded: steps by a second-order model about a pose, cheaper "
+          "where "
+          "many bodies touch nothing; curved: loops closed to second order; twist: one exponential a body")
       ->transform(OneOf(names));
 }
 

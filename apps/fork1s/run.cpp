@@ -218,9 +218,10 @@ void AddRun(CLI::App& app, Action& action) {
   AddPushTo(*command, args->inputs.pushes);
   AddIntegratorTo(*command, args->integrator);
   AddRecoveryTo(*command, args->inputs.recovery);
-  command->add_option("--detail", args->inputs.detail,
-                      "how much is simulated, from what time on: [TIME:]WORD[+WORD...],... with object, "
-                      "interface, parents, all, modes=K, exact, curved, twist; as in interface,2:object");
+  command->add_option(
+      "--detail", args->inputs.detail,
+      "how much is simulated, from what time on: [TIME:]WORD[+WORD...],... with object, "
+      "interface, parents, all, modes=K, exact, expanded, curved, twist; as in interface,2:object");
   command->add_option("--record", args->record, "write a recording to this HDF5 file");
   command
       ->add_option(

@@ -68,7 +68,7 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
     s.detail);
   f(Column{"steps/modes", kS, 1, 0, "", "fixed-interface modes of the step, -1: as the mechanisms say"},
     s.modes);
-  f(Column{"steps/recovery", kS, 1, 0, "", "recovery: 0 exact, 1 twist, 2 curved"}, s.recovery);
+  f(Column{"steps/recovery", kS, 1, 0, "", "recovery: 0 exact, 1 twist, 2 curved, 3 expanded"}, s.recovery);
   f(Column{"steps/kinetic_energy", kS, 1, 0, "J", ""}, s.kinetic_energy);
   f(Column{"steps/potential_energy", kS, 1, 0, "J", "springs, controls and gravity"}, s.potential_energy);
   f(Column{"steps/closure_gap", kS, 1, 0, "m", "largest opening of any loop"}, s.closure_gap);

@@ -8,7 +8,8 @@ namespace fork1s::internal {
 
 /// Whether frames say of its joints what z alone does not tell: how loops are closed exactly.
 inline bool IsCorrected(const MechanismDynamics& m) {
-  return m.recovery() == Recovery::kExact && m.model().loop_rank() > 0;
+  return (m.recovery() == Recovery::kExact || m.recovery() == Recovery::kExpanded) &&
+         m.model().loop_rank() > 0;
 }
 
 /// Mechanisms and free bodies.

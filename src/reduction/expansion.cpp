@@ -49,6 +49,7 @@ class Expander {
     CurveLoops();
     TakeCarried();
     AddInertia();
+    AddDampers();
     AddSprings();
     AddWeight();
   }
@@ -149,11 +150,8 @@ class Expander {
     GByRows().noalias() += out_.Q.transpose() * X.transpose();
     for (const JointCurvature& joint : out_.joints)
       AddCurved(CarriedBy(joint.a).P.transpose() * joint.second, PairOf(joint));
-    AddArmature(Z);
-    if (model_.loop_rank() == 0) return;
-    RowMatrixX ZB;
-    ApplyDirections(Z, ZB);
-    GByRows().noalias() -= ZB.leftCols(r_).transpose() * out_.N;
+    AddJointVelocities(m_.armature(), out_.M, out_.G, Z);
+    AddLoopsCurvature(Z, out_.G);
   }
 
   MatrixX PairOf(const JointCurvature& joint) const {
@@ -161,40 +159,63 @@ class Expander {
                               : Symmetric(Row(joint.a), Row(joint.b));
   }
 
-  // Of joint velocities ν = E q̇: kinetic energy ½ νᵀ a ν.
-  void AddArmature(RowMatrixX& Z) {
-    VectorX a = m_.armature();
+  // Of joint velocities ν = E q̇: Jᵀ diag(weights) J, J = ∂ν/∂w, onto M, Jᵀ diag(weights) ∂J/∂z onto G, but
+  // for q'', of which Z has the factors.
+  void AddJointVelocities(VectorX weights, MatrixX& M, MatrixX& G, RowMatrixX& Z) const {
     for (const Mechanism::Rotation& rotation : m_.rotations()) {
       Vector3 own;
       MatrixX Q(3, r_);
       for (int i = 0; i < 3; ++i) {
         const int at = rotation.coordinates[static_cast<std::size_t>(i)];
-        own(i) = a(at);
-        a(at) = 0;
+        own(i) = weights(at);
+        weights(at) = 0;
         Q.row(i) = out_.Q.row(at);
       }
       if (own.isZero(0)) continue;
       const Matrix3 E = AngularVelocityMap(m_, at_.kinematics, rotation);
-      const MatrixX aJ = own.asDiagonal() * E * Q;  // 3 x r
-      out_.M.noalias() += (E * Q).transpose() * aJ;
-      const MatrixX EaJ = E.transpose() * aJ;
-      for (int i = 0; i < 3; ++i) Z.row(rotation.coordinates[static_cast<std::size_t>(i)]) += EaJ.row(i);
+      const MatrixX wJ = own.asDiagonal() * E * Q;  // 3 x r
+      M.noalias() += (E * Q).transpose() * wJ;
+      const MatrixX EwJ = E.transpose() * wJ;
+      for (int i = 0; i < 3; ++i) Z.row(rotation.coordinates[static_cast<std::size_t>(i)]) += EwJ.row(i);
       for (int c = 0; c < 3; ++c) {
-        const MatrixX turned = aJ.transpose() * internal::TurnOfVelocityMap(rotation, at_.q, c) * Q;  // k, j
-        out_.G.noalias() += Eigen::Map<const VectorX>(turned.data(), r_ * r_) * Q.row(c);
+        const MatrixX turned = wJ.transpose() * internal::TurnOfVelocityMap(rotation, at_.q, c) * Q;  // k, j
+        G.noalias() += Eigen::Map<const VectorX>(turned.data(), r_ * r_) * Q.row(c);
       }
     }
     for (int l = 0; l < n_; ++l) {
-      if (a(l) == 0) continue;
-      Z.row(l) += a(l) * out_.Q.row(l);
-      out_.M.noalias() += a(l) * Row(l) * Row(l).transpose();
+      if (weights(l) == 0) continue;
+      Z.row(l) += weights(l) * out_.Q.row(l);
+      M.noalias() += weights(l) * Row(l) * Row(l).transpose();
     }
+  }
+
+  // G_k(ij) += Σ_j Z_jk q''_j
+  void AddLoopsCurvature(const RowMatrixX& Z, MatrixX& G) const {
+    if (model_.loop_rank() == 0) return;
+    RowMatrixX ZB;
+    ApplyDirections(Z, ZB);
+    Eigen::Map<MatrixX>(G.data(), r_, r_ * r_).noalias() -= ZB.leftCols(r_).transpose() * out_.N;
   }
 
   // B X, m x columns of X in whole fours.
   void ApplyDirections(const RowMatrixX& X, RowMatrixX& BX) const {
     BX.setZero(model_.loop_rank(), (X.cols() + 3) / 4 * 4);
     model_.loops.Apply(model_.B, X, BX);
+  }
+
+  // Springy closures are damped as they are at this pose.
+  void AddDampers() {
+    out_.D = out_.Q.transpose() * DampingMatrix(m_, at_.kinematics, at_.q) * out_.Q;
+    out_.D_slope.setZero(r_ * r_, r_);
+    MatrixX of_joints = MatrixX::Zero(r_, r_);
+    RowMatrixX Z = RowMatrixX::Zero(n_, r_);
+    AddJointVelocities(m_.damping(), of_joints, out_.D_slope, Z);
+    for (const Mechanism::Spring& s : m_.springs()) {
+      VectorX row = VectorX::Zero(r_);
+      for (const auto& [i, c] : s.length.terms) row += c * Row(i);
+      for (const auto& [i, c] : s.length.terms) Z.row(i) += c * s.damping * row.transpose();
+    }
+    AddLoopsCurvature(Z, out_.D_slope);
   }
 
   void AddSprings() {
@@ -204,7 +225,8 @@ class Expander {
     const MatrixX KQ = m_.has_diagonal_stiffness()
                            ? MatrixX(m_.stiffness().asDiagonal() * out_.Q)
                            : MatrixX(StiffnessMatrix(m_, at_.kinematics, at_.q) * out_.Q);
-    out_.spring_slope = SecondDerivative(model_, out_, tau) - out_.Q.transpose() * KQ +
+    out_.K = out_.Q.transpose() * KQ;
+    out_.spring_slope = SecondDerivative(model_, out_, tau) - out_.K +
                         internal::SpringyClosureSlope(model_, at_.kinematics, out_);
   }
 

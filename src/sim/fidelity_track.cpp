@@ -16,10 +16,11 @@ std::vector<std::string> Split(const std::string& text, char at) {
 }
 
 auto Refuse(const std::string& what) {
-  return Fail(ErrorCode::kUsage, "detail",
-              what +
-                  "; write [TIME:]WORD[+WORD...] with commas between entries, words being object, interface, "
-                  "parents, all, modes=K, exact, curved and twist, as in interface,2:object+modes=0");
+  return Fail(
+      ErrorCode::kUsage, "detail",
+      what +
+          "; write [TIME:]WORD[+WORD...] with commas between entries, words being object, interface, "
+          "parents, all, modes=K, exact, expanded, curved and twist, as in interface,2:object+modes=0");
 }
 
 Expected<void> Read(const std::string& word, Fidelity& fidelity) {

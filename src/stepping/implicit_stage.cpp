@@ -88,9 +88,14 @@ void EvaluateStage(const MechanismStep& here, double b) {
   ws.stage.v_k = ws.x;
   ws.stage.length = b;
   ComputeMomentumResidual(here, ws.stage.time, ws.stage.base, ws.x, b);
-  if (model.reduced->has_complement) ws.missing.inertial_force = ws.momentum_change.joint / b;
-  LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W);
-  if (model.size() > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.forces.g, ws.forces.f_z);
+  const Vector3 gravity_R = state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W;
+  if (ws.is_expanded) {
+    LoadExpandedForces(here, gravity_R);
+  } else {
+    if (model.reduced->has_complement) ws.missing.inertial_force = ws.momentum_change.joint / b;
+    LoadForces(here, gravity_R);
+    if (model.size() > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.forces.g, ws.forces.f_z);
+  }
   if (state.point_spring.IsActive()) EvaluatePointSpring(here);
   if (HasSwitches(here)) OpenSwitches(here);
 }
@@ -99,10 +104,13 @@ void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gra
   const auto& [model, state, ws] = here;
   const int r = model.size();
   ws.forces.gravity_W = gravity_W;
+  ChooseEvaluator(here);
   ws.start.X_WR = state.reduced.X_WR;
   ws.start.V_R = state.reduced.V_R;
-  ws.start.q_dot.setZero();
-  AddMotion(*model.reduced, ws.Q_now(), state.reduced.w, ws.start.q_dot);
+  if (!ws.is_expanded) {
+    ws.start.q_dot.setZero();
+    AddMotion(*model.reduced, ws.Q_now(), state.reduced.w, ws.start.q_dot);
+  }
   if (model.base_size > 0) {
     const Vector6 p = ws.mass.M.topRows<6>() * ws.x;
     ws.floating.center_W = state.reduced.X_WR * CenterOf(ws.mass.M_00);
@@ -157,6 +165,8 @@ void MovePose(const MechanismStep& here, double b, double time, bool with_deriva
   }
   if (with_derivatives) {
     UpdatePose(here);
+  } else if (ws.is_expanded) {
+    MoveExpanded(here);
   } else {
     ConfigurePose(*model.reduced, state.reduced, ws.configuration);
   }
@@ -275,6 +285,8 @@ void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
   base.momentum = start.momentum + onward * (ws.stage.end.momentum - start.momentum);
   base.momentum_defect = onward * ws.stage.end.momentum_defect;
   base.joint_momentum = start.joint_momentum + onward * (ws.stage.end.joint_momentum - start.joint_momentum);
+  base.rates = start.rates + onward * (ws.stage.end.rates - start.rates);
+  base.turned_rates = start.turned_rates + onward * (ws.stage.end.turned_rates - start.turned_rates);
   if (model.base_size > 0) {
     base.R_WR = start.R_WR * ExpRotation(onward * b * ws.x.head<3>());
     base.center_W = start.center_W + onward * (ws.floating.stage_center_W - start.center_W);
@@ -299,6 +311,7 @@ void EndStep(const MechanismStep& here, double between_stages) {
            AppliedForce(here)) /
           ws.mass.M_00(5, 5);
   }
+  EndWithExpansion(here);
   UpdateMassMatrix(here);
   if (model.base_size > 0) {
     // The momentum of the whole is exact; seen from the pose found, it gives the velocity.
@@ -310,7 +323,7 @@ void EndStep(const MechanismStep& here, double between_stages) {
   }
   state.reduced.w = ws.x.tail(model.size());
   ws.stage.v_k.setZero();
-  state.mu = ws.configuration.mu;
+  if (!model.expands) state.mu = ws.configuration.mu;
   const bool has_columns = HasForcesFromOutside(state);
   ws.missing.wrenches_R.setZero(6, has_columns ? model.mechanism().num_bodies() : 0);
   if (has_columns) AddAppliedWrenches(here, ws.missing.wrenches_R);

@@ -20,6 +20,16 @@ void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed = fals
 void UpdateMassMatrix(const MechanismStep& here);  // inertia, by the Jacobians at hand
 void UpdatePose(const MechanismStep& here, bool loops_are_closed = false);  // configuration and Jacobians
 
+// Expansions (expansions.cpp).
+/// Begins with an expansion about the present z, where the model steps by them.
+void StartExpansions(const MechanismStep& here);
+/// The expansion that the state tells of, where it has one.
+void RestoreExpansion(const MechanismStep& here);
+/// For the step that begins: the expansion, or the exact pose where loads act that no expansion knows.
+void ChooseEvaluator(const MechanismStep& here);
+/// After a step by exact poses: an expansion about where it ended, for what follows.
+void EndWithExpansion(const MechanismStep& here);
+
 // A stage (implicit_stage.cpp).
 void PredictLinearMomentum(const MechanismStep& here, double time, const Vector3& linear_W);
 void ForgetInputs(const MechanismStep& here);

@@ -66,6 +66,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   }
   UpdateConfiguration(here);
   here.state.mu = here.work.configuration.mu;
+  StartExpansions(here);
   return dynamics;
 }
 

@@ -75,6 +75,13 @@ MechanismModel::MechanismModel(std::shared_ptr<const ReducedModel> about, const 
   options.reduction.interfaces = reduced->interfaces;
   options.reduction.promote_hidden = false;
   WidenLimits(reduced->q_ref, *this);
+  if (options.recovery == Recovery::kExpanded) {
+    const std::string what = WhatForbidsExpansion(mechanism());
+    expands = what.empty() && reduced->size() > 0;
+    if (!what.empty())
+      warnings.push_back("mechanism '" + mechanism().name() +
+                         "' is stepped by exact poses and not by expansions: " + what);
+  }
   TakeReference(*this);
 }
 
@@ -86,6 +93,7 @@ MechanismModel::MechanismModel(const MechanismModel& before, std::shared_ptr<con
       length_limits(before.length_limits),
       warnings(before.warnings),
       base_size(before.base_size),
+      expands(before.expands),
       reduced(std::move(about)) {
   TakeReference(*this);
 }

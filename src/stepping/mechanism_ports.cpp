@@ -100,7 +100,9 @@ void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T) {
   if (model.base_size > 0) J_T.topRows<6>().setIdentity();
   // Reduced coordinates of the part.
   const int first = part.begin;
-  if (const int j = group.last_joint; j >= 0) {
+  if (ws.is_expanded) {
+    J_T = ws.expanded_pose.J[static_cast<std::size_t>(g)].middleCols(first, part.size).transpose();
+  } else if (const int j = group.last_joint; j >= 0) {
     // Rows of T are columns here: both stand one number behind the other.
     const auto T = ws.jacobian.T(j);
     const Eigen::Index to = model.base_size + ws.jacobian.begin(j) - first;

@@ -36,6 +36,7 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   ws.x.tail(model->size()) = state.reduced.w;
   if (model->base_size > 0) ws.x.head<6>() = state.reduced.V_R;
   ws.configuration.mu = state.mu;
+  RestoreExpansion(here);
   // What the last step left for a new reference is of another state.
   ws.missing.reactions.setZero();
   ws.missing.wrenches_R.setZero();
@@ -99,6 +100,7 @@ void Size(const MechanismStep& here) {
 // M of the present pose, by its Jacobians: O(joints x coordinates that reach them).
 void UpdateMassMatrix(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
+  if (ws.is_expanded) return ComputeExpandedMass(here);
   const int r = model.size();
   ws.inertia.Compute(*model.reduced, model.rigid_parts, ws.configuration, ws.jacobian,
                      ws.mass.M.bottomRightCorner(r, r), ws.mass.M_0z, ws.mass.M_00);
@@ -111,6 +113,7 @@ void UpdateMassMatrix(const MechanismStep& here) {
 
 void UpdatePose(const MechanismStep& here, bool loops_are_closed) {
   const auto& [model, state, ws] = here;
+  if (ws.is_expanded) return MoveExpanded(here);
   if (loops_are_closed)
     ConfigureClosed(*model.reduced, state.reduced, ws.configuration);
   else
@@ -174,50 +177,83 @@ void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, dou
 
 RigidTransform GroupPose(const MechanismView& here, int g) {
   const auto& [model, state, ws] = here;
+  if (ws.is_expanded) return state.reduced.X_WR * ws.expanded_pose.X_RG[static_cast<std::size_t>(g)];
   return BodyPose(here, model.groups[static_cast<std::size_t>(g)].body);
 }
 
 RigidTransform BodyPose(const MechanismView& here, BodyIndex b) {
-  const auto& [model, state, ws] = here;
-  return state.reduced.X_WR * ws.configuration.kinematics.X_RB[b.u()];
+  return here.state.reduced.X_WR * ConfigurationOf(here).kinematics.X_RB[b.u()];
 }
 
 void BodyPoses(const MechanismView& here, std::vector<RigidTransform>& X_RB) {
-  X_RB = here.work.configuration.kinematics.X_RB;
+  X_RB = ConfigurationOf(here).kinematics.X_RB;
 }
 
-Vector6 BodyVelocity(const MechanismView& here, BodyIndex b) {
-  const auto& [model, state, ws] = here;
-  Vector6 V = state.reduced.V_R;
-  if (const int j = model.mechanism().body(b).last_joint; j >= 0) {
-    const auto T = ws.jacobian.T(j);
-    for (int k = 0; k < T.cols(); ++k) V += state.reduced.w(ws.jacobian.begin(j) + k) * T.col(k);
-  }
-  const RigidTransform X_WB = BodyPose(here, b);
-  const Vector6 V_W = AdjointApply(state.reduced.X_WR, V);
+namespace {
+
+// Of a twist in R about R's origin, in world axes about the origin of X_WB.
+Vector6 InWorldAt(const RigidTransform& X_WR, const Vector6& V_R, const RigidTransform& X_WB) {
+  const Vector6 V_W = AdjointApply(X_WR, V_R);
   Vector6 out;
   out << V_W.head<3>(), V_W.tail<3>() + V_W.head<3>().cross(X_WB.translation());
   return out;
 }
 
-Vector6 GroupVelocity(const MechanismView& here, int g) {
-  return BodyVelocity(here, here.model.groups[static_cast<std::size_t>(g)].body);
+}  // namespace
+
+Vector6 BodyVelocity(const MechanismView& here, BodyIndex b) {
+  const auto& [model, state, ws] = here;
+  Vector6 V = state.reduced.V_R;
+  if (const int j = model.mechanism().body(b).last_joint; ws.is_expanded) {
+    const Configuration& c = ConfigurationOf(here);
+    V += BodyJacobian(model.mechanism(), c.kinematics, b) * (c.Q_now * state.reduced.w);
+  } else if (j >= 0) {
+    const auto T = ws.jacobian.T(j);
+    for (int k = 0; k < T.cols(); ++k) V += state.reduced.w(ws.jacobian.begin(j) + k) * T.col(k);
+  }
+  return InWorldAt(state.reduced.X_WR, V, BodyPose(here, b));
 }
 
-const Configuration& ConfigurationOf(const MechanismView& here) { return here.work.configuration; }
+Vector6 GroupVelocity(const MechanismView& here, int g) {
+  const auto& [model, state, ws] = here;
+  const auto at = static_cast<std::size_t>(g);
+  if (!ws.is_expanded) return BodyVelocity(here, model.groups[at].body);
+  return InWorldAt(state.reduced.X_WR, ws.expanded_pose.J[at] * state.reduced.w, GroupPose(here, g));
+}
+
+const Configuration& ConfigurationOf(const MechanismView& here) {
+  const auto& [model, state, ws] = here;
+  if (ws.is_expanded)
+    ws.has_exact_pose.MakeOnce([&, &m = model, &s = state, &w = ws] {
+      w.configuration.mu = s.mu;
+      w.configuration.foresees = false;
+      Configure(*m.reduced, s.reduced, w.configuration);
+    });
+  return ws.configuration;
+}
 
 bool IsFinite(const MechanismView& here) {
   const auto& [model, state, ws] = here;
   // 0 times what is not finite is no number.
   const auto finite = [](const VectorX& x) { return (0 * x).sum() == 0; };
-  return finite(ws.x) && finite(state.reduced.z) && finite(ws.configuration.q) &&
-         state.reduced.X_WR.IsFinite();
+  return finite(ws.x) && finite(state.reduced.z) && finite(ws.q()) && state.reduced.X_WR.IsFinite();
+}
+
+bool PosesAreFinite(const MechanismView& here) {
+  const auto& X =
+      here.work.is_expanded ? here.work.expanded_pose.X_RG : here.work.configuration.kinematics.X_RB;
+  return std::all_of(X.begin(), X.end(), [](const RigidTransform& of) { return of.IsFinite(); });
+}
+
+double LoopResidualNow(const MechanismView& here) {
+  return here.work.is_expanded ? 0 : here.work.configuration.loop_residual;
 }
 
 double ClosureGapNow(const MechanismView& here) {
   const auto& [model, state, ws] = here;
   if (model.mechanism().num_constraints() == 0) return 0;
-  return ClosureGap(model.mechanism(), ws.configuration.kinematics, ws.configuration.q);
+  const Configuration& c = ConfigurationOf(here);
+  return ClosureGap(model.mechanism(), c.kinematics, c.q);
 }
 
 }  // namespace fork1s

@@ -64,9 +64,11 @@ LinearizationDrift ComputeLinearizationDrift(const MechanismView& here) {
   for (int i = 0; i < model.reduced->num_coordinates(); ++i) {
     const auto at = static_cast<std::size_t>(i);
     if (!by_twists && (model.invariant[at] || model.whole[at])) continue;
-    const LinearizationDrift drift =
-        DriftOf(model.mechanism(), DriftCause::kTurnedJoint, i,
-                ws.configuration.q(i) - model.reduced->q_ref(i), model.options.refresh_angle);
+    const double q = ws.is_expanded ? ws.expanded->expansion.q(i) +
+                                          ws.expanded->expansion.Q.row(i).dot(ws.expanded_pose.delta)
+                                    : ws.configuration.q(i);
+    const LinearizationDrift drift = DriftOf(model.mechanism(), DriftCause::kTurnedJoint, i,
+                                             q - model.reduced->q_ref(i), model.options.refresh_angle);
     if (drift.share > largest.share) largest = drift;
   }
   if (model.reduced->curvature.exists()) {
@@ -99,6 +101,20 @@ void RecordLoads(const MechanismStep& here, const MechanismState& start,
   }
 }
 
+namespace {
+
+// Joint forces of the exact pose, and those of inertia, that a step by an expansion did not need.
+void EvaluateExactForces(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const Configuration& c = ConfigurationOf(here);
+  LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W);
+  ws.missing.displacement = c.Q_now * state.acceleration;
+  ApplyMass(model.mechanism(), c.kinematics, ws.missing.displacement, ws.missing.inertial_force);
+  ws.missing.inertial_force *= -1;
+}
+
+}  // namespace
+
 // With g the joint forces, reactions and contact forces of the pose and -ṗ those of inertia and dampers, d =
 // C_perp g is the column that a new reference adds for g. The part of the load that stays, whichever way
 // inertia acts, moves the mechanism at rest by
@@ -111,6 +127,7 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
   const Mechanism& m = model.mechanism();
   const Kinematics& kinematics = ws.configuration.kinematics;
   state.reference_age += h;
+  if (ws.is_expanded) EvaluateExactForces(here);
   ws.forces.F = contact_impulses_R / ws.stage.length;
   AddAppliedWrenches(here, ws.forces.F);  // a point spring; loads of the step are in g
   ws.missing.load = ws.forces.g;
@@ -144,7 +161,7 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
 
 bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& ws) {
   const Mechanism& m = model->mechanism();
-  VectorX q = ws.configuration.q;
+  VectorX q = ConfigurationOf({*model, state, ws}).q;
   Kinematics kinematics(m);
   if (m.num_constraints() == 0) {
     ComputeKinematics(m, q, kinematics);
@@ -198,6 +215,8 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   state.reduced.w = VectorX::Zero(r);
   StartAtReference(*model, state);
   state.reference_age = 0;
+  state.expanded_at.resize(0);
+  ws.is_expanded = false;
   Renew(here);
   VectorX x = SolveSymmetric(ws.mass.M, p);
   if (!x.allFinite()) {
@@ -209,6 +228,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   if (model->base_size > 0) state.reduced.V_R = x.head<6>();
   UpdateConfiguration(here);
   state.mu = ws.configuration.mu;
+  StartExpansions(here);
   return true;
 }
 

@@ -1,13 +1,18 @@
 // What a step of a mechanism keeps beside its model and its state: functions of the two, and scratch.
 #pragma once
 
+#include <atomic>
 #include <cmath>
-#include <fork1s/stepping/mechanism_model.hpp>
-#include <fork1s/stepping/mechanism_state.hpp>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/reduction/reduced_jacobian.hpp>
+#include <fork1s/stepping/mechanism_model.hpp>
+#include <fork1s/stepping/mechanism_state.hpp>
+#include <memory>
+#include <mutex>
 #include <utility>
 #include <vector>
+
+#include "expanded_pose.hpp"
 
 namespace fork1s {
 
@@ -26,6 +31,7 @@ struct StageBase {
   Vector3 center_W = Vector3::Zero();         // m, centre of mass of a floating mechanism
   Matrix6X momentum;                          // 6 x k, spatial momenta about a point that drifts with the base [N·m·s; N·s]
   VectorX joint_momentum;                     // n, armature times joint velocity
+  VectorX rates, turned_rates;                // r: by expansions in place of these two (expanded_pose.hpp)
   // Of a floating mechanism, in the same space: its momentum beyond the sum of its parts', which are known to
   // the tolerance of the stages, while that of the whole is exact.
   Vector6 momentum_defect = Vector6::Zero();
@@ -162,16 +168,45 @@ struct ControlJump {
   VectorX damper_force;  // r
 };
 
+/// Whether something was made, and who makes it; a copy has a mutex of its own.
+class PoseFlag {
+ public:
+  PoseFlag() = default;
+  PoseFlag(const PoseFlag& other) : value_(other.value_.load()) {}
+  PoseFlag& operator=(const PoseFlag& other) {
+    value_ = other.value_.load();
+    return *this;
+  }
+  void store(bool value) { value_ = value; }
+  /// Makes it once, whoever else asks meanwhile.
+  template <class F>
+  void MakeOnce(const F& make) {
+    if (value_) return;
+    const std::lock_guard lock(mutex_);
+    if (value_) return;
+    make();
+    value_ = true;
+  }
+
+ private:
+  std::atomic<bool> value_ = false;
+  std::mutex mutex_;
+};
+
 /// Sizes: n joint coordinates, r reduced ones, k rigid parts.
 struct MechanismWorkspace {
   explicit MechanismWorkspace(const MechanismModel& model)
       : configuration(*model.reduced), jacobian(*model.reduced), inertia(*model.reduced) {}
 
-  const RowMatrixX& Q_now() const { return configuration.Q_now; }
+  /// Rows of coordinates that nobody names are those of the expansion, where the pose is told by one.
+  const RowMatrixX& Q_now() const { return is_expanded ? expanded_pose.Q : configuration.Q_now; }
+  const VectorX& q() const { return is_expanded ? expanded_pose.q : configuration.q; }
   const std::vector<PathState>& paths() const { return configuration.kinematics.paths; }
 
-  // Of the pose at hand.
-  Configuration configuration;
+  // Of the pose at hand. Between expansions the configuration is made when somebody asks for it
+  // (ConfigurationOf).
+  mutable Configuration configuration;
+  mutable PoseFlag has_exact_pose;
   ReducedJacobian jacobian;  // of configuration
   ReducedInertia inertia;    // scratch of mass
   MassAtPose mass;
@@ -179,6 +214,10 @@ struct MechanismWorkspace {
   VelocitiesAtPose velocities;
   MomentumChange momentum_change;
   PointSpringAtPose point_spring;
+
+  std::shared_ptr<const ExpandedMechanism> expanded;
+  ExpandedPose expanded_pose;
+  bool is_expanded = false;  // the pose at hand is told by `expanded`
 
   VectorX x;                          // num_velocities: the velocity at hand
   VectorX velocity_jump;              // r: by the jump of a driven base

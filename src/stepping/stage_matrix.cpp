@@ -33,7 +33,9 @@ void ComputeMatrix(const MechanismStep& here, double b) {
   for (std::size_t k = 0; k < ws.switched.slack.size(); ++k)
     ws.matrix.slack_sides[k] = static_cast<signed char>(ws.switched.slack[k].side);
   ws.matrix.A = ws.mass.M;
-  if (r > 0) {
+  if (ws.is_expanded) {
+    AddExpandedOperator(here, b, ws.matrix.A);
+  } else if (r > 0) {
     auto A_z = ws.matrix.A.bottomRightCorner(r, r);
     A_z += b * model.reduced->D;
     ws.velocities.w = ws.stage.v_k.tail(r);
@@ -44,7 +46,7 @@ void ComputeMatrix(const MechanismStep& here, double b) {
     SubtractSaturatedStiffness(here, b);
   }
   bool has_factor = false;
-  if (ws.matrix.is_inertial) {
+  if (ws.matrix.is_inertial && !ws.is_expanded) {
     ws.matrix.A_before = ws.matrix.A;
     AddInertialStiffness(here, b);
     has_factor = ws.matrix.factor.Compute(ws.matrix.A);

@@ -82,6 +82,7 @@ void ComputeVelocities(const MechanismStep& here, const VectorX& v) {
 // Spatial momenta of the parts at velocity x [num_velocities], in the flat space of the step.
 void ComputeFlatMomenta(const MechanismStep& here, double time, StageBase& out) {
   const auto& [model, state, ws] = here;
+  if (ws.is_expanded) return ComputeExpandedMomenta(here, out);
   ComputeVelocities(here, ws.x);
   out.momentum.setZero(6, model.rigid_parts.size());
   out.momentum_defect.setZero();
@@ -117,6 +118,7 @@ Vector6 Total(const StageBase& base) { return base.momentum.rowwise().sum() + ba
 void ComputeMomentumResidual(const MechanismStep& here, double time, const StageBase& base, const VectorX& v,
                              double b) {
   const auto& [model, state, ws] = here;
+  if (ws.is_expanded) return ComputeExpandedMomentumChange(here, base, v, b);
   ExpressMomenta(here, time, base);
   ComputeVelocities(here, v);
   AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.velocities.parts, Matrix3::Identity(), -1,

@@ -24,7 +24,8 @@ void RefreshIfStale(std::size_t i, double h, const Detection& detection, const C
                     MechanismDynamics& m, RefreshState& refresh) {
   refresh.result = 0;
   refresh.drift = m.ComputeLinearizationDrift();
-  if (!(refresh.drift.share > 1) && m.model().has_complement) {
+  const bool expanded = !(refresh.drift.share > 1) && ExpandIfFar(m);
+  if (!(refresh.drift.share > 1) && m.model().has_complement && (expanded || !m.step_model().expands)) {
     GatherContactImpulses(i, m, detection, rows, refresh);
     refresh.drift = FindMissingLoad(m, h, refresh.contact_impulses_R);
   }

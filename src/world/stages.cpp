@@ -93,7 +93,7 @@ StepReport World::Detail::FinishStep(const StepOptions& options, WorldState& sta
   report.forces_at_bound = 0;
   for (const MechanismDynamics& m : bodies_.mechanisms) {
     report.forces_at_bound += m.NumForcesAtBound();
-    report.loop_residual = std::max(report.loop_residual, m.configuration().loop_residual);
+    report.loop_residual = std::max(report.loop_residual, LoopResidualNow(m));
   }
   stage_.within = false;
   if (options.refresh) {

@@ -48,13 +48,14 @@ class Hash {
     Add(z, w, X_WR, V_R);
   }
   void One(const MechanismState& state) {
-    const auto& [model, reduced, mu, controls, controls_from, controls_move, driven_next, knows_driven_rate,
-                 driven_rate, base_history, loads, has_loads, point_spring, point_spring_body, at_bound,
-                 missing_time, reference_age, acceleration] = state;
+    const auto& [model, reduced, expanded_at, mu, controls, controls_from, controls_move, driven_next,
+                 knows_driven_rate, driven_rate, base_history, loads, has_loads, point_spring,
+                 point_spring_body, at_bound, missing_time, reference_age, acceleration] = state;
     if (controls_move || controls_from != controls) Add(controls_from);
     if (knows_driven_rate) Add(driven_rate);
     if (base_history.h > 0) Add(base_history);
     if (point_spring.IsActive()) Add(point_spring, point_spring_body.value());
+    if (expanded_at.size() > 0) Add(expanded_at);
     Add(model, reduced, mu, controls, driven_next, loads, has_loads, at_bound, missing_time, reference_age,
         acceleration);
   }

@@ -67,10 +67,7 @@ bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
 bool World::Detail::IsFinite(bool poses) {
   bodies_.ForMechanisms([&](std::size_t i) {
     const MechanismDynamics& m = bodies_.mechanisms[i];
-    const auto& X_RB = m.configuration().kinematics.X_RB;
-    finite_[i] =
-        fork1s::IsFinite(m) && (!poses || std::all_of(X_RB.begin(), X_RB.end(),
-                                                      [](const RigidTransform& X) { return X.IsFinite(); }));
+    finite_[i] = fork1s::IsFinite(m) && (!poses || PosesAreFinite(m));
   });
   return std::all_of(finite_.begin(), finite_.end(), [](char finite) { return finite != 0; }) &&
          std::all_of(bodies_.free_bodies.begin(), bodies_.free_bodies.end(),

@@ -29,6 +29,8 @@ struct ExactPose {
     Matrix6 M_00;
     Matrix6X M_0z(6, model.size());
     ReducedInertia(model).Compute(model, RigidParts(m), configuration, jacobian, M, M_0z, M_00);
+    D = configuration.Q_now.transpose() * DampingMatrix(m, configuration.kinematics, configuration.q) *
+        configuration.Q_now;
     VectorX tau;
     SpringForce(m, configuration.kinematics, configuration.q, tau);
     spring_force = configuration.Q_now.transpose() * tau;
@@ -50,7 +52,7 @@ struct ExactPose {
   }
 
   Configuration configuration;
-  MatrixX M;
+  MatrixX M, D;
   VectorX spring_force;
   MatrixX weight_force;
 };
@@ -89,6 +91,12 @@ void ExpectExpansion(const RandomMechanismOptions& options, unsigned seed) {
   EXPECT_LT((expansion.spring_force - here.spring_force).norm(), 1e-12 * (1 + here.spring_force.norm()));
   EXPECT_LT((expansion.weight_force - here.weight_force).norm(), 1e-12 * (1 + here.weight_force.norm()));
 
+  EXPECT_LT((expansion.D - here.D).norm(), 1e-12 * (1 + here.D.norm()));
+  // Dampers of springy closures and along paths stay as they are.
+  const bool damped_paths =
+      options.springy_closures > 0 ||
+      std::any_of(m.springs().begin(), m.springs().end(), [](const auto& s) { return s.length.path >= 0; });
+
   std::vector<BodyExpansion> bodies;
   for (BodyIndex b : model.interfaces) bodies.push_back(ExpandBody(model, expansion, b));
   MatrixX velocities(r * r,
@@ -104,6 +112,10 @@ void ExpectExpansion(const RandomMechanismOptions& options, unsigned seed) {
     const double reach = 1 / step * kTurnOfDifference;
     ExpectSlope(G_i + G_i.transpose(), slope(after.M, before.M), reach * here.M.cwiseAbs().maxCoeff() + 1,
                 "M");
+    if (!damped_paths) {
+      const MatrixX D_i = Eigen::Map<const MatrixX>(expansion.D_slope.col(i).data(), r, r);
+      ExpectSlope(D_i + D_i.transpose(), slope(after.D, before.D), here.D.cwiseAbs().maxCoeff() + 1, "D");
+    }
     ExpectSlope(expansion.spring_slope.col(i), slope(after.spring_force, before.spring_force),
                 expansion.spring_slope.cwiseAbs().maxCoeff() + 1, "springs");
     for (int axis = 0; axis < 3; ++axis)

@@ -96,7 +96,7 @@ docs/engines.md has the layout.)")
           "A number that differs where other buffers are needed.")
       .def_prop_ro(
           "recovery", [](const Buffers& b) { return std::string(Name(b.of.recovery())); },
-          "'exact', 'curved' or 'twist': which shaders they are for.")
+          "'exact', 'expanded' (as 'exact'), 'curved' or 'twist': which shaders they are for.")
       .def_prop_ro(
           "scan_passes", [](const Buffers& b) { return b.of.scan_passes(); },
           "How often recover_scan has to run so that recover_exact walks no path.");

@@ -128,7 +128,7 @@ void BindSimulation(nb::module_& m) {
     position = sim.pose("fingertip")[:3, 3]
 
 dt: time step in s (default: the model's, 1/60 s unless the file's format says otherwise). keyframe: name of an initial
-state of the file. recovery: 'exact', 'curved' or 'twist', how poses follow from reduced coordinates. detail: 'interface',
+state of the file. recovery: 'exact', 'expanded', 'curved' or 'twist', how poses follow from reduced coordinates. detail: 'interface',
 'parents' or 'all', which bodies may touch. integrator: 'two-stage', of second order
 (default), or 'euler', backward Euler of first order. 'twist' draws poses by one exponential a body; steps are those of 'exact'.
 

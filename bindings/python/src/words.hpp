@@ -24,7 +24,7 @@ inline DetailLevel ReadDetail(const std::string& word) {
 
 inline Recovery ReadRecovery(const std::string& word) {
   if (const auto recovery = RecoveryNamed(word)) return *recovery;
-  throw Refused{{ErrorCode::kUsage, "recovery", "'" + word + "' is none of: exact, curved, twist"}};
+  throw Refused{{ErrorCode::kUsage, "recovery", "'" + word + "' is none of: exact, expanded, curved, twist"}};
 }
 
 inline Integrator ReadIntegrator(const std::string& word) {

@@ -59,6 +59,7 @@ struct LoopClosing {
 ///   closed to 1e-12 or 1e-5, as angles and in shares of the mechanism's extent, before the last correction;
 ///   states that take more than a dozen go to Configure. Where a loop has several closed poses far away from
 ///   the reference, the two may come to different ones.
+/// - kExpanded: as kExact.
 /// - kCurved: Configure of a model with curvature, to the same rounding; the model need not have it.
 ///
 /// States of one RecoverMany are walked side by side and one state of Recover otherwise, so that both are

@@ -12,12 +12,17 @@ enum class Recovery {
   kExact = 0,   ///< product of exponentials, loops closed
   kTwist = 1,   ///< one exponential a body of the summed screws: the paper's parallel mode
   kCurved = 2,  ///< product of exponentials, loops closed to second order of what moved since the reference
+  /// Steps by a second-order model of inertia, forces and interface poses about a pose
+  /// (reduction/expansion.hpp), where a mechanism has one; poses as kExact.
+  kExpanded = 3,
 };
-inline constexpr int kNumRecoveries = 3;
+inline constexpr int kNumRecoveries = 4;
 
 /// The words for them, in files and on the command line.
-inline constexpr std::pair<Recovery, const char*> kRecoveryNames[] = {
-    {Recovery::kExact, "exact"}, {Recovery::kCurved, "curved"}, {Recovery::kTwist, "twist"}};
+inline constexpr std::pair<Recovery, const char*> kRecoveryNames[] = {{Recovery::kExact, "exact"},
+                                                                      {Recovery::kExpanded, "expanded"},
+                                                                      {Recovery::kCurved, "curved"},
+                                                                      {Recovery::kTwist, "twist"}};
 
 constexpr const char* Name(Recovery recovery) {
   for (const auto& [value, name] : kRecoveryNames)

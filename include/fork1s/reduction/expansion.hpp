@@ -5,6 +5,7 @@
 //     X_B = Exp(T δ + ½ A[δ, δ]) X_B*                       pose of a body in R
 //     M = M* + G(δ) + G(δ)ᵀ,   G(δ)_kj = Σ_i G_kji δ_i      inertia
 //     f = f* + F δ                                          forces of springs and weight
+//     D = D* + D'(δ) + D'(δ)ᵀ                               dampers
 // G are the Christoffel symbols of the first kind, Σ Jᵀ m ∂J/∂z_i over all that has mass. Momenta of a pose
 // z' as another pose z feels them, J(z)ᵀ m J(z') w', are M* w' + G(δ)ᵀ w' + G(δ') w'.
 //
@@ -44,6 +45,9 @@ struct Expansion {
   MatrixX N;                         // m x r², ∂²µ/∂z²
   MatrixX M;                         // r x r
   MatrixX G;                         // r² x r
+  MatrixX D;                         // r x r, damping
+  MatrixX D_slope;  // r² x r: D + D'(δ) + D'(δ)ᵀ, as G; springs along paths stay as they are
+  MatrixX K;        // r x r: stiffness of springs without what their loads are stiff by
   VectorX spring_force;              // r: f* of springs
   MatrixX spring_slope;              // r x r: F of springs
   MatrixX weight_force;              // r x 3: f* of weight, per unit of gravity along each axis of R

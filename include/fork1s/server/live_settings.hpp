@@ -52,7 +52,7 @@ enum class SettingKind {
 };
 
 /// Sets one number by its name on the wire: "dt", "gravity" (along z), "damping", "friction", "modes",
-/// "detail" (0 object, 1 interface, 2 parents, 3 all), "recovery" (0 exact, 1 twist, 2 curved),
+/// "detail" (0 object, 1 interface, 2 parents, 3 all), "recovery" (0 exact, 1 twist, 2 curved, 3 expanded),
 /// "pull_stiffness", "speed", "stiffness" [group], "tune" [tunable], "signals", "error" (0 or 1), "accuracy"
 /// (m). Errors (kUsage) name the setting and its range.
 Expected<SettingKind> ChangeSetting(const std::string& name, int index, double value, LiveSettings& settings);

@@ -38,8 +38,8 @@ struct FidelityTrack {
   std::vector<Entry> entries;  // times increasing
 
   /// Reads entries with commas between: [TIME:]WORD[+WORD...]. Words are object, interface, parents, all;
-  /// modes=K; exact, curved, twist. What an entry does not name stays as in the one before it, the first
-  /// starting from `initial`; an entry without a time begins at 0. Errors: kUsage.
+  /// modes=K; exact, expanded, curved, twist. What an entry does not name stays as in the one before it, the
+  /// first starting from `initial`; an entry without a time begins at 0. Errors: kUsage.
   static Expected<FidelityTrack> Parse(const std::string& text, const Fidelity& initial = {});
 };
 

@@ -41,6 +41,7 @@ struct MechanismModel {
   std::vector<Mechanism::LengthLimit> length_limits;
   std::vector<std::string> warnings;
   int base_size = 0;  // 6 where the base floats
+  bool expands = false;  // steps by expansions (Recovery::kExpanded), where nothing forbids it
 
   std::shared_ptr<const ReducedModel> reduced;
   std::vector<char> whole;   // n: joints of which the model has all motions (FindWhole)

@@ -20,6 +20,7 @@ struct MechanismState {
 
   std::shared_ptr<const ReducedModel> model;  // about the present reference
   ReducedState reduced;
+  VectorX expanded_at;  // r: z of the expansion that the next step begins with; empty: none
   VectorX mu;  // m: how far loops are closed along B at this pose, where the next correction starts
 
   VectorX controls;            // hold until changed

@@ -162,6 +162,8 @@ void RecordLoads(const MechanismStep& here, const MechanismState& start,
 /// for so long that it would have moved by as much, and within three steps of the last refresh. A refresh
 /// gives them load columns. `contact_impulses_R`: of the last stage, about R's origin [6 x bodies].
 LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R);
+/// Expands about the present pose where the last expansion is too far. Allocates then. Whether it did.
+bool ExpandIfFar(const MechanismStep& here);
 /// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
 /// the old model stays.
 bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work);
@@ -216,6 +218,10 @@ double ClosureGapNow(const MechanismView& here);
 /// Allocates.
 VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& contacts_R, const VectorX& near);
 bool IsFinite(const MechanismView& here);
+bool PosesAreFinite(const MechanismView& here);
+/// What the loops are open by at the pose at hand [rad and m]; 0 between expansions, where nobody closes
+/// them.
+double LoopResidualNow(const MechanismView& here);
 /// Pose of a body in the world at the present state.
 RigidTransform BodyPose(const MechanismView& here, BodyIndex b);
 /// Of all bodies in the frame of its root, side by side where they are many.

@@ -285,7 +285,7 @@ std::unique_ptr<PoseRoad<Real>> MakeChainRoad(const ReducedModel& model, Recover
   CoordinateForms forms(model, units.unit);
   const LinkTables<double> links = MakeLinks(*model.mechanism, forms);
   return std::make_unique<ChainRoad<Real>>(model, units, links, std::move(forms),
-                                           recovery == Recovery::kExact);
+                                           recovery != Recovery::kCurved);
 }
 
 template std::unique_ptr<PoseRoad<float>> MakeChainRoad<float>(const ReducedModel&, Recovery);

@@ -23,22 +23,21 @@ double KineticEnergy(const MechanismView& here) {
 double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
+  const Configuration& c = ConfigurationOf(here);
   Vector3 moment = Vector3::Zero();  // Σ mass × centre in R [kg·m]
   for (int b = 0; b < m.num_bodies(); ++b) {
     const Mechanism::Body& body = m.bodies()[static_cast<std::size_t>(b)];
     if (body.weighed_mass > 0)
-      moment +=
-          body.weighed_mass * (ws.configuration.kinematics.X_RB[std::size_t(b)] * body.inertia_B.center);
+      moment += body.weighed_mass * (c.kinematics.X_RB[std::size_t(b)] * body.inertia_B.center);
   }
   const RigidTransform& X_WR = state.reduced.X_WR;
-  double energy = SpringEnergy(m, ws.configuration.kinematics, ws.configuration.q) -
-                  EnergyBeyondBounds(here) -
+  double energy = SpringEnergy(m, c.kinematics, c.q) - EnergyBeyondBounds(here) -
                   gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * moment);
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];
     if (!m.HasPotential(control.length)) continue;
     const double u = state.controls(static_cast<Eigen::Index>(i));
-    energy -= control.gain * u * Length(here, control.length);
+    energy -= control.gain * u * LengthOf(m, control.length, c.kinematics, c.q);
     if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
   }
   return energy;

@@ -46,7 +46,7 @@ double LengthRate(const MechanismView& here, const Mechanism::Length& length) {
 
 double Length(const MechanismView& here, const Mechanism::Length& length) {
   const auto& [model, state, ws] = here;
-  return LengthOf(model.mechanism(), length, ws.configuration.kinematics, ws.configuration.q);
+  return LengthOf(model.mechanism(), length, ws.configuration.kinematics, ws.q());
 }
 
 void AddLengthForce(const MechanismView& here, const Mechanism::Length& length, double force, VectorX& tau) {

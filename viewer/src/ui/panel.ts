@@ -170,7 +170,7 @@ export class Panel {
   }
 
   private buildModel(): void {
-    this.choice(this.model, 'recovery', 'recovery', { exact: 0, curved: 2, twist: 1 });
+    this.choice(this.model, 'recovery', 'recovery', { exact: 0, expanded: 3, curved: 2, twist: 1 });
     this.choice(this.model, 'detail', 'detail level', { 'what it holds': 0, 'interface as given': 1, 'and their parents': 2, 'every body': 3 });
     this.slider(this.model, 'accuracy', 'accuracy [mm]', 0, 10, 0.001);
     this.slider(this.model, 'modes', 'modes', 0, 16, 1);

@@ -1,0 +1,162 @@
+#include "expanded_pose.hpp"
+
+#include <algorithm>
+
+#include "mechanism_detail.hpp"
+
+namespace fork1s {
+namespace {
+
+void AddCoordinates(const Mechanism::Length& length, std::vector<int>& out) {
+  for (const auto& [i, c] : length.terms)
+    if (std::find(out.begin(), out.end(), i) == out.end()) out.push_back(i);
+}
+
+// Those whose displacement or rate a step asks for by name.
+std::vector<int> AskedCoordinates(const Mechanism& m) {
+  std::vector<int> out;
+  for (const auto& control : m.controls()) AddCoordinates(control.length, out);
+  for (const auto& limit : m.length_limits()) AddCoordinates(limit.length, out);
+  for (const auto& friction : m.frictions()) AddCoordinates(friction.length, out);
+  return out;
+}
+
+// A pose where loops are closed exactly, from where the last exact one left them: the same bits whatever came
+// between.
+Configuration ConfigureExactly(const MechanismView& here) {
+  Configuration c(*here.model.reduced);
+  c.mu = here.state.mu;
+  Configure(*here.model.reduced, here.state.reduced, c);
+  return c;
+}
+
+// out = Σ_i δ_i (column i of the stack as an r x r matrix)
+void Contract(const MatrixX& stack, const VectorX& delta, MatrixX& out) {
+  Eigen::Map<VectorX>(out.data(), out.size()).noalias() = stack * delta;
+}
+
+}  // namespace
+
+std::string WhatForbidsExpansion(const Mechanism& mechanism) {
+  if (mechanism.base() != BaseKind::kFixed) return "its base moves";
+  if (!mechanism.paths().empty()) return "path '" + mechanism.paths().front().name + "' bends with the pose";
+  for (const Mechanism::Spring& s : mechanism.springs())
+    if (!s.is_linear()) return "spring '" + s.name + "' is not linear";
+  if (!mechanism.force_limits().empty())
+    return "the force of '" + mechanism.force_limits().front().name + "' has bounds";
+  return {};
+}
+
+bool IsExpanded(const MechanismView& here) { return here.work.is_expanded; }
+
+void Expand(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const Configuration at = ConfigureExactly(here);
+  state.mu = at.mu;
+  state.expanded_at = state.reduced.z;
+  ExpandAt(here, at);
+}
+
+void ExpandAt(const MechanismStep& here, const Configuration& at) {
+  const auto& [model, state, ws] = here;
+  auto out = std::make_shared<ExpandedMechanism>();
+  out->of = model.reduced;
+  out->expansion = Expand(*model.reduced, state.expanded_at, at);
+  for (const ContactGroup& group : model.groups)
+    out->groups.push_back(ExpandBody(*model.reduced, out->expansion, group.body));
+  out->coordinates = AskedCoordinates(model.mechanism());
+  for (const int i : out->coordinates)
+    out->curvatures.push_back(
+        SecondDerivative(*model.reduced, out->expansion, VectorX::Unit(model.reduced->num_coordinates(), i)));
+  ExpandedPose& pose = ws.expanded_pose;
+  const int r = model.size();
+  pose.G.resize(r, r);
+  pose.D.resize(r, r);
+  pose.X_RG.resize(out->groups.size());
+  pose.J.assign(out->groups.size(), Matrix6X::Zero(6, r));
+  pose.q = out->expansion.q;
+  pose.Q = out->expansion.Q;
+  pose.rates.resize(r);
+  ws.expanded = std::move(out);
+}
+
+void MoveExpanded(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  const Expansion& expansion = ws.expanded->expansion;
+  ExpandedPose& pose = ws.expanded_pose;
+  ws.has_exact_pose.store(false);
+  pose.delta = state.reduced.z - expansion.z;
+  Contract(expansion.G, pose.delta, pose.G);
+  for (std::size_t g = 0; g < ws.expanded->groups.size(); ++g)
+    EvaluateBody(ws.expanded->groups[g], pose.delta, pose.X_RG[g], pose.J[g]);
+  for (std::size_t k = 0; k < ws.expanded->coordinates.size(); ++k) {
+    const int i = ws.expanded->coordinates[k];
+    pose.rates.noalias() = ws.expanded->curvatures[k] * pose.delta;
+    pose.Q.row(i) = expansion.Q.row(i) + pose.rates.transpose();
+    pose.q(i) = expansion.q(i) + expansion.Q.row(i).dot(pose.delta) + 0.5 * pose.rates.dot(pose.delta);
+  }
+}
+
+void ComputeExpandedMass(const MechanismStep& here) {
+  MechanismWorkspace& ws = here.work;
+  ws.mass.M = ws.expanded->expansion.M + ws.expanded_pose.G + ws.expanded_pose.G.transpose();
+}
+
+void ComputeExpandedMomenta(const MechanismStep& here, StageBase& out) {
+  MechanismWorkspace& ws = here.work;
+  out.rates = ws.x;
+  out.turned_rates.noalias() = ws.expanded_pose.G * ws.x;
+}
+
+void ComputeExpandedMomentumChange(const MechanismStep& here, const StageBase& base, const VectorX& v,
+                                   double b) {
+  MechanismWorkspace& ws = here.work;
+  ExpandedPose& pose = ws.expanded_pose;
+  const Expansion& expansion = ws.expanded->expansion;
+  VectorX& change = ws.momentum_change.reduced;
+  pose.rates = base.rates - v;
+  change = base.turned_rates;
+  change.noalias() += expansion.M * pose.rates;
+  change.noalias() += pose.G.transpose() * pose.rates;
+  change.noalias() -= pose.G * v;
+  if (b > 0) {
+    // D'(δ) v + D'(δ)ᵀ v
+    Contract(expansion.D_slope, pose.delta, pose.D);
+    change.noalias() -= b * (expansion.D * v);
+    change.noalias() -= b * (pose.D * v);
+    change.noalias() -= b * (pose.D.transpose() * v);
+  }
+  ws.momentum_change.all = change;
+}
+
+void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R) {
+  const auto& [model, state, ws] = here;
+  const Expansion& expansion = ws.expanded->expansion;
+  const ExpandedPose& pose = ws.expanded_pose;
+  VectorX& f = ws.forces.f_z;
+  f = expansion.spring_force;
+  f.noalias() += expansion.spring_slope * pose.delta;
+  f.noalias() += expansion.weight_force * gravity_R;
+  const auto r = pose.delta.size();
+  for (int axis = 0; axis < 3; ++axis)
+    if (gravity_R(axis) != 0)
+      f.noalias() += gravity_R(axis) *
+                     (Eigen::Map<const MatrixX>(expansion.weight_slope.col(axis).data(), r, r) * pose.delta);
+  const auto& controls = model.mechanism().controls();
+  for (std::size_t k = 0; k < controls.size(); ++k) {
+    const double force = controls[k].gain * state.controls(static_cast<Eigen::Index>(k));
+    if (force == 0) continue;
+    for (const auto& [i, c] : controls[k].length.terms) f += c * force * pose.Q.row(i).transpose();
+  }
+}
+
+void AddExpandedOperator(const MechanismStep& here, double b, Eigen::Ref<MatrixX> A) {
+  MechanismWorkspace& ws = here.work;
+  const Expansion& expansion = ws.expanded->expansion;
+  A += b * expansion.D + b * b * expansion.K;
+  if (!(b > 0)) return;
+  Contract(expansion.D_slope, ws.expanded_pose.delta, ws.expanded_pose.D);
+  A += b * ws.expanded_pose.D + b * ws.expanded_pose.D.transpose();
+}
+
+}  // namespace fork1s

@@ -1,0 +1,143 @@
+// Steps by a second-order model about a pose, against steps by exact poses.
+#include <fork1s/stepping/mechanism_model.hpp>
+#include <random_mechanism.hpp>
+#include <stepping/support.hpp>
+
+#include <algorithm>
+
+namespace fork1s {
+namespace {
+
+using testing::MustStart;
+using testing::RandomMechanismOptions;
+using testing::RandomSource;
+
+World::Options SteppedBy(Recovery recovery) {
+  World::Options options;
+  options.recovery = recovery;
+  options.reduction.promote_hidden = true;
+  return options;
+}
+
+double FarthestBody(const World& a, const World& b) {
+  double far = 0;
+  std::vector<RigidTransform> of_a, of_b;
+  a.mechanisms()[0].BodyPoses(of_a);
+  b.mechanisms()[0].BodyPoses(of_b);
+  for (std::size_t i = 0; i < of_a.size(); ++i)
+    far = std::max(far, (of_a[i].translation() - of_b[i].translation()).norm());
+  return far;
+}
+
+// Two worlds from the same start, for half a second of swinging under weight.
+struct Swing {
+  Swing(const RandomMechanismOptions& options, unsigned seed, double dt)
+      : definition(testing::RandomMechanismDef(seed, options)), m(testing::Share(definition)) {
+    step.h = dt;
+    step.gravity = Vector3(0, 0, -9.81);
+    RandomSource random(seed);
+    q_dot = random.Vector(m->num_coordinates(), 2);
+  }
+  World Start(Recovery recovery) const {
+    return MustStart(definition, VectorX::Zero(m->num_coordinates()), q_dot, Vector6::Zero(),
+                     SteppedBy(recovery));
+  }
+
+  MechanismDef definition;
+  std::shared_ptr<const Mechanism> m;
+  VectorX q_dot;
+  StepOptions step;
+};
+
+// Between expansions what is left out is of third order in poses and of second in inertia and forces.
+void ExpectSwingAsExact(const RandomMechanismOptions& options) {
+  std::vector<double> shares;
+  for (unsigned seed = 0; seed < 12; ++seed) {
+    SCOPED_TRACE(seed);
+    const Swing swing(options, seed, 1.0 / 240);
+    World exact = swing.Start(Recovery::kExact), expanded = swing.Start(Recovery::kExpanded);
+    const World at_start = swing.Start(Recovery::kExact);
+    ASSERT_TRUE(expanded.mechanisms()[0].step_model().expands);
+    double far = 0, way = 0;
+    for (int i = 0; i < 120; ++i) {
+      exact.Step(swing.step);
+      const StepReport report = expanded.Step(swing.step);
+      ASSERT_TRUE(report.finite);
+      EXPECT_TRUE(report.stages_converged);
+      far = std::max(far, FarthestBody(exact, expanded));
+      way = std::max(way, FarthestBody(exact, at_start));
+    }
+    EXPECT_LT(far, 0.02 * way);
+    shares.push_back(far / way);
+  }
+  std::sort(shares.begin(), shares.end());
+  EXPECT_LT(shares[shares.size() / 2], 2e-3);
+}
+
+TEST(Expanded, TreesSwingAsExactPosesDo) { ExpectSwingAsExact({}); }
+
+TEST(Expanded, LoopsSwingAsExactPosesDo) {
+  RandomMechanismOptions options;
+  options.rigid_closures = 2;
+  ExpectSwingAsExact(options);
+}
+
+TEST(Expanded, StateThatIsPutBackGivesTheSameBits) {
+  RandomMechanismOptions options;
+  options.rigid_closures = 2;
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    SCOPED_TRACE(seed);
+    const Swing swing(options, seed, 1.0 / 60);
+    World world = swing.Start(Recovery::kExpanded), other = swing.Start(Recovery::kExpanded);
+    for (int i = 0; i < 10; ++i) world.Step(swing.step);
+    WorldState saved, ended, again;
+    world.Save(saved);
+    for (int i = 0; i < 20; ++i) world.Step(swing.step);
+    world.Save(ended);
+    other.Restore(saved);
+    for (int i = 0; i < 20; ++i) other.Step(swing.step);
+    other.Save(again);
+    EXPECT_EQ(HashOf(ended, VectorX()), HashOf(again, VectorX()));
+  }
+}
+
+// Exact poses carry what pushes from outside, wherever it acts.
+TEST(Expanded, APushMovesItAsExactPosesDo) {
+  RandomMechanismOptions options;
+  options.rigid_closures = 1;
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    SCOPED_TRACE(seed);
+    const Swing swing(options, seed, 1.0 / 240);
+    World exact = swing.Start(Recovery::kExact), expanded = swing.Start(Recovery::kExpanded);
+    const World at_start = swing.Start(Recovery::kExact);
+    for (int i = 0; i < 60; ++i) {
+      for (World* world : {&exact, &expanded}) {
+        MechanismDynamics& m = world->mechanisms()[0];
+        const BodyIndex middle(m.mechanism().num_bodies() / 2);
+        if (i >= 20 && i < 40)
+          m.AddWrench(middle, Vector3(3, 1, 0), Vector3::Zero(), m.BodyPose(middle).translation());
+        world->Step(swing.step);
+      }
+    }
+    EXPECT_LT(FarthestBody(exact, expanded), 0.02 * FarthestBody(exact, at_start));
+  }
+}
+
+TEST(Expanded, WhatHasNoExpansionStepsByExactPoses) {
+  RandomMechanismOptions options;
+  options.base = BaseKind::kFloating;
+  const Swing swing(options, 3, 1.0 / 60);
+  World exact = swing.Start(Recovery::kExact), expanded = swing.Start(Recovery::kExpanded);
+  EXPECT_FALSE(expanded.mechanisms()[0].step_model().expands);
+  for (int i = 0; i < 20; ++i) {
+    exact.Step(swing.step);
+    expanded.Step(swing.step);
+  }
+  WorldState a, b;
+  exact.Save(a);
+  expanded.Save(b);
+  EXPECT_EQ(HashOf(a, VectorX()), HashOf(b, VectorX()));
+}
+
+}  // namespace
+}  // namespace fork1s
