@@ -7,6 +7,7 @@
 #include <fork1s/mechanism/scene.hpp>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -61,6 +62,7 @@ struct Conversion {
   const mjData& d;   // kinematics and lengths at qpos0
   std::string file;  // in messages
   bool is_urdf = false;
+  std::set<std::string> hinges;  // welds of sites that leave the rotation about z free
 
   Scene scene;
   ImportReport report;

@@ -62,7 +62,9 @@ void SetUp(Conversion& c) {
 
 // A model file as MuJoCo is to read it.
 Expected<ImportedScene> Import(const internal::PreparedModel& prepared, const ImportOptions& options) {
-  const auto compiled = internal::CompileModel(prepared.source);
+  auto model = internal::ParsePrepared(prepared);
+  if (!model) return tl::unexpected<Error>(model.error());
+  const auto compiled = model->Compile();
   if (!compiled) return tl::unexpected<Error>(compiled.error());
   Conversion c(*compiled->model, *compiled->data, prepared.source.path);
   if (auto error = ConvertPrepared(c, prepared, compiled->warnings, options))
@@ -168,12 +170,20 @@ std::optional<Error> ConvertPrepared(Conversion& c, const PreparedModel& prepare
   c.report.format = prepared.is_urdf ? "URDF" : "MJCF";
   c.is_urdf = prepared.is_urdf;
   c.report.notes = prepared.notes;
+  for (const UrdfLoop& loop : prepared.extensions.loops)
+    if (loop.kind == UrdfLoop::Kind::kHinge) c.hinges.insert(loop.name);
   for (const std::string& warning : warnings) {
     // MuJoCo's trial step at qpos0 warns about motion that our own solver decides on.
     if (warning.find("Time =") != std::string::npos) continue;
     c.Note(ImportNote::Kind::kChanged, "MuJoCo reader", warning);
   }
   return Convert(c, options, prepared.mimics);
+}
+
+Expected<EditableModel> ParsePrepared(const PreparedModel& prepared) {
+  auto model = EditableModel::Parse(prepared.source);
+  if (model) AddExtensions(model->spec(), prepared.extensions);
+  return model;
 }
 
 Expected<PreparedModel> PrepareModel(const std::string& path, const ImportOptions& options) {

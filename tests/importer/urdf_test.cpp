@@ -100,18 +100,6 @@ TEST(ImportUrdf, OptionsOfTheMujocoBlockCount) {
   EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<compiler> in <mujoco>"));
 }
 
-TEST(ImportUrdf, ExtensionsWithSpringsAndLoops_AreNotedByName) {
-  const ImportedScene loaded = MustLoad(
-      Robot(Link("base") + Link("a") + Joint("j", "continuous", "base", "a") +
-            "<gazebo reference=\"j\"><springStiffness>250</springStiffness>"
-            "<springReference>.3</springReference></gazebo><gazebo reference=\"a\"><mu1>1</mu1></gazebo>"
-            "<loop_joint name=\"l\" type=\"ball\"/><drake:ball_constraint/>"));
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<gazebo> of joint 'j': its spring, 250"));
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<loop_joint> 'l': the loop"));
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<drake:ball_constraint> '': the loop"));
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "1 <gazebo>"));
-}
-
 TEST(ImportUrdf, WorldWithoutALink_IsTheStillWorld) {
   const std::string text = Robot(Link("base") + Link("arm") + Joint("w", "fixed", "world", "base", "") +
                                  Joint("j", "continuous", "base", "arm"));
