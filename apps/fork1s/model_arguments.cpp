@@ -119,8 +119,8 @@ void ModelArguments::AddTo(CLI::App& command) {
   command
       .add_option("--pd", pd,
                   "KP,KV: PD gains for joints without a spring or actuator, in N m/rad and N m s/rad, of "
-                  "slides in N/m "
-                  "and N s/m; NAME=KP,KV: for one joint (may be repeated)")
+                  "slides in N/m and N s/m; NAME=KP,KV: for one joint, in place of those, and on top of a "
+                  "spring or actuator that it has (may be repeated)")
       ->take_all()
       ->allow_extra_args(false);  // the model may come next
   command.add_option("--keyframe", keyframe, "named initial state of the file");

@@ -63,7 +63,7 @@ struct ImportOptions {
   std::optional<ModeChoice> mode_choice;
   double stiffness_scale = 1;
   std::optional<PdGains> pd;                // joints that no spring and no servo holds
-  std::map<std::string, PdGains> joint_pd;  // by joint name, on top of whatever holds it
+  std::map<std::string, PdGains> joint_pd;  // by joint name, in place of `pd`, on top of other holds
   std::string keyframe;                     // name; empty: the file's reference pose
 
   // Where it starts and what it stands on; all change the initial state only, on top of `keyframe`.
