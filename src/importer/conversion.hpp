@@ -155,6 +155,8 @@ void FindComponents(Conversion& c);
 void ConvertBodies(Conversion& c);
 /// Shapes (geoms.cpp).
 void ConvertGeoms(Conversion& c);
+/// Meshes in a unit that cannot be, and hollow ones (mesh_notes.cpp).
+void ListDoubtfulMeshes(Conversion& c);
 /// Closures, couplings, excluded pairs (closures.cpp).
 void ConvertEqualities(Conversion& c);
 std::optional<Error> ConvertMimics(Conversion& c, const std::vector<Mimic>& mimics);

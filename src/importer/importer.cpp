@@ -134,6 +134,7 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   }
   ConvertBodies(c);
   ConvertGeoms(c);
+  ListDoubtfulMeshes(c);
   ConvertSprings(c);
   ConvertActuators(c);
   ConvertEqualities(c);
