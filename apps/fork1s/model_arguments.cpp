@@ -130,6 +130,10 @@ void ModelArguments::AddTo(CLI::App& command) {
       ->take_all()
       ->allow_extra_args(false);
   command.add_flag(
+      "--keep-start", keep_start,
+      "joints that the file starts outside their limits start there, with their stop, and not at "
+      "the nearest value inside");
+  command.add_flag(
       "--ground{under}", ground,
       "a level plane: at z = 0 with --base-pose, else under the model; --ground=Z at a height in m");
   command
@@ -216,6 +220,7 @@ std::vector<std::string> ModelArguments::Words() const {
   add("--keyframe", keyframe);
   add("--base-pose", base_pose);
   for (const std::string& coordinate : coordinates) add("--q", coordinate);
+  if (keep_start) words.push_back("--keep-start");
   add("--ground", ground);
   for (const std::string& package : packages) add("--package", package);
   if (json) words.push_back("--json");
@@ -271,6 +276,7 @@ Expected<void> ModelArguments::ReadStart(ImportOptions& options) const {
     if (!value) return tl::unexpected(value.error());
     options.joint_coordinates[split->first] = (*value)[0];
   }
+  options.keep_start = keep_start;
   options.ground = !ground.empty();
   if (options.ground && ground != "under") {
     auto height = ParseNumbers(ground, 1, "--ground");

@@ -69,6 +69,7 @@ struct ImportOptions {
   // Where it starts and what it stands on; all change the initial state only, on top of `keyframe`.
   std::optional<RigidTransform> base_pose;          // X_WB of the base of the only mechanism or free body
   std::map<std::string, double> joint_coordinates;  // by joint name, as the file counts them: rad or m
+  bool keep_start = false;                          // joints that the file starts outside their limits too
   bool ground = false;                              // adds a level plane; refused where there is one
   std::optional<double> ground_height;              // m; else 0 with a base pose, without: under the robot
 
