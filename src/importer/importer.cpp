@@ -12,6 +12,7 @@
 #include "mujoco_model.hpp"
 #include "names.hpp"
 #include "prepared_model.hpp"
+#include "sensor_plugins.hpp"
 #include "xml_checks.hpp"
 
 namespace fork1s {
@@ -105,7 +106,11 @@ Expected<internal::PreparedModel> PrepareText(const std::string& path, std::stri
   if (auto error = internal::CheckBounds(path, text)) return tl::unexpected<Error>(std::move(*error));
   internal::PreparedModel prepared;
   prepared.source.path = path;
-  if (!on_disk) prepared.source.text = std::move(text);
+  if (auto error = internal::RemoveSensorPlugins(path, text, prepared))
+    return tl::unexpected<Error>(std::move(*error));
+  if (on_disk) return prepared;
+  const auto changed = prepared.source.buffers.extract(path);
+  prepared.source.text = changed ? changed.mapped() : std::move(text);
   return prepared;
 }
 
@@ -211,9 +216,9 @@ Expected<std::string> MomentAsMjcf(const std::string& path, const ImportOptions&
   const auto root = internal::RootElement(path, *text);
   if (!root || *root != "mujoco")
     return Fail(ErrorCode::kModel, path, "is no MJCF, which alone has keyframes; save a recording instead");
-  internal::ModelSource source;
-  source.path = path;
-  const auto compiled = internal::CompileModel(source);
+  const auto prepared = internal::PrepareModel(path, options);
+  if (!prepared) return tl::unexpected<Error>(prepared.error());
+  const auto compiled = internal::CompileModel(prepared->source);
   if (!compiled) return tl::unexpected<Error>(compiled.error());
   Conversion c(*compiled->model, *compiled->data, path);
   c.report.format = "MJCF";
