@@ -10,6 +10,9 @@
 #include "urdf_extensions.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
 
 #include "names.hpp"
 #include "urdf_parts.hpp"
@@ -71,12 +74,11 @@ class ExtensionReader {
   std::optional<Error> ReadNumber(const XMLElement& element, double& value) const {
     const char* text = element.GetText();
     const std::vector<std::string> words = SplitWords(text != nullptr ? text : "");
-    if (words.size() == 1 && IsNumber(words[0])) {
-      value = std::stod(words[0]);
-      return std::nullopt;
-    }
+    const bool is_number = words.size() == 1 && IsNumber(words[0]);
+    value = is_number ? std::strtod(words[0].c_str(), nullptr) : std::numeric_limits<double>::quiet_NaN();
+    if (std::isfinite(value)) return std::nullopt;
     return work_.Refuse(ErrorCode::kModel, element,
-                        fmt::format("<{}> holds '{}', which is no number; write one", element.Name(),
+                        fmt::format("<{}> holds '{}', which is no finite number; write one", element.Name(),
                                     text != nullptr ? text : ""));
   }
 

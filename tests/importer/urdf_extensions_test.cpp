@@ -53,7 +53,11 @@ TEST(UrdfExtensions, GazeboOfOtherThings_IsNotedOrRefused) {
   EXPECT_TRUE(HasNote(planar.report, ImportNote::Kind::kDropped, "<gazebo> of joint 'p': a planar joint"));
   const Error word = MustFail(Arms("\n" + Gazebo("j", "<springStiffness>9 N</springStiffness>")));
   EXPECT_CONTAINS(word.where, "test.xml, line 11");
-  EXPECT_CONTAINS(word.message, "<springStiffness> holds '9 N', which is no number");
+  EXPECT_CONTAINS(word.message, "<springStiffness> holds '9 N', which is no finite number");
+  for (const char* number : {"1e999", "nan", "", "1 2"})
+    EXPECT_CONTAINS(
+        MustFail(Arms(Gazebo("j", std::string("<springReference>") + number + "</springReference>"))).message,
+        "which is no finite number");
   EXPECT_CONTAINS(MustFail(Arms(Gazebo("j", "<damping>-1</damping>"))).message, "'j' is -1");
   EXPECT_CONTAINS(MustFail(Arms(Gazebo("a", "<selfCollide>no</selfCollide>"))).message,
                   "<selfCollide> holds 'no'; write true or false");
@@ -147,6 +151,17 @@ TEST(UrdfExtensions, DrakeBallConstraintIsAPoint) {
   ExpectParallel(ball(P + "<drake:ball_constraint_p_BQ value=\"0 0 .2\"/>"), -.4);
   ExpectParallel(ball(P), -.4);
   EXPECT_CONTAINS(MustFail(Parallelogram(ball(""))).message, "needs three numbers");
+}
+
+TEST(UrdfExtensions, LoopToTheWorld_ClosesOnIt) {
+  const std::string ball =
+      "<drake:ball_constraint><drake:ball_constraint_body_A name=\"c\"/>"
+      "<drake:ball_constraint_body_B name=\"world\"/><drake:ball_constraint_p_AP value=\"0 0 .2\"/>"
+      "<drake:ball_constraint_p_BQ value=\".3 0 .2\"/></drake:ball_constraint>";
+  const MechanismDef robot = MustLoad(Parallelogram(ball)).scene.mechanisms[0];
+  ASSERT_EQ(robot.closures.size(), 1u);
+  EXPECT_EQ(robot.closures[0].body_b, BodyIndex(0));
+  EXPECT_LT((robot.closures[0].X_BJ.translation() - Vector3(.3, 0, .2)).norm(), 1e-12);
 }
 
 TEST(UrdfExtensions, LoopsThatCannotBeClosed_AreNotedOrRefused) {
