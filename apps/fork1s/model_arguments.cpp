@@ -119,8 +119,8 @@ void ModelArguments::AddTo(CLI::App& command) {
   command
       .add_option("--pd", pd,
                   "KP,KV: PD gains for joints without a spring or actuator, in N m/rad and N m s/rad, of "
-                  "slides in N/m "
-                  "and N s/m; NAME=KP,KV: for one joint (may be repeated)")
+                  "slides in N/m and N s/m; NAME=KP,KV: for one joint, in place of those, and on top of a "
+                  "spring or actuator that it has (may be repeated)")
       ->take_all()
       ->allow_extra_args(false);  // the model may come next
   command.add_option("--keyframe", keyframe, "named initial state of the file");
@@ -129,6 +129,10 @@ void ModelArguments::AddTo(CLI::App& command) {
   command.add_option("--q", coordinates, "NAME=VALUE: where a joint starts, in rad or m (may be repeated)")
       ->take_all()
       ->allow_extra_args(false);
+  command.add_flag(
+      "--keep-start", keep_start,
+      "joints that the file starts outside their limits start there, with their stop, and not at "
+      "the nearest value inside");
   command.add_flag(
       "--ground{under}", ground,
       "a level plane: at z = 0 with --base-pose, else under the model; --ground=Z at a height in m");
@@ -218,6 +222,7 @@ std::vector<std::string> ModelArguments::Words() const {
   add("--keyframe", keyframe);
   add("--base-pose", base_pose);
   for (const std::string& coordinate : coordinates) add("--q", coordinate);
+  if (keep_start) words.push_back("--keep-start");
   add("--ground", ground);
   for (const std::string& package : packages) add("--package", package);
   if (json) words.push_back("--json");
@@ -273,6 +278,7 @@ Expected<void> ModelArguments::ReadStart(ImportOptions& options) const {
     if (!value) return tl::unexpected(value.error());
     options.joint_coordinates[split->first] = (*value)[0];
   }
+  options.keep_start = keep_start;
   options.ground = !ground.empty();
   if (options.ground && ground != "under") {
     auto height = ParseNumbers(ground, 1, "--ground");

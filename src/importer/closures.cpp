@@ -41,6 +41,7 @@ void ConvertClosure(Conversion& c, int e) {
     closure.X_AJ = at_a.X_AB * on_a.X_BS;
     closure.X_BJ = at_b.X_AB * on_b.X_BS;
     closure.rigid.setConstant(true);
+    closure.rigid[2] = c.hinges.count(name) == 0;
   } else {
     // Point data[0..2] of body b stays on point data[3..5] of body a, turned by the quaternion data[6..9].
     const Quaternion turn(data[6], data[7], data[8], data[9]);

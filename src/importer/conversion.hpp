@@ -7,6 +7,7 @@
 #include <fork1s/mechanism/scene.hpp>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -61,6 +62,7 @@ struct Conversion {
   const mjData& d;   // kinematics and lengths at qpos0
   std::string file;  // in messages
   bool is_urdf = false;
+  std::set<std::string> hinges;  // welds of sites that leave the rotation about z free
 
   Scene scene;
   ImportReport report;
@@ -153,6 +155,8 @@ void FindComponents(Conversion& c);
 void ConvertBodies(Conversion& c);
 /// Shapes (geoms.cpp).
 void ConvertGeoms(Conversion& c);
+/// Meshes in a unit that cannot be, and hollow ones (mesh_notes.cpp).
+void ListDoubtfulMeshes(Conversion& c);
 /// Closures, couplings, excluded pairs (closures.cpp).
 void ConvertEqualities(Conversion& c);
 std::optional<Error> ConvertMimics(Conversion& c, const std::vector<Mimic>& mimics);

@@ -12,6 +12,7 @@
 #include "mujoco_model.hpp"
 #include "names.hpp"
 #include "prepared_model.hpp"
+#include "sensor_plugins.hpp"
 #include "xml_checks.hpp"
 
 namespace fork1s {
@@ -62,7 +63,9 @@ void SetUp(Conversion& c) {
 
 // A model file as MuJoCo is to read it.
 Expected<ImportedScene> Import(const internal::PreparedModel& prepared, const ImportOptions& options) {
-  const auto compiled = internal::CompileModel(prepared.source);
+  auto model = internal::ParsePrepared(prepared);
+  if (!model) return tl::unexpected<Error>(model.error());
+  const auto compiled = model->Compile();
   if (!compiled) return tl::unexpected<Error>(compiled.error());
   Conversion c(*compiled->model, *compiled->data, prepared.source.path);
   if (auto error = ConvertPrepared(c, prepared, compiled->warnings, options))
@@ -103,7 +106,11 @@ Expected<internal::PreparedModel> PrepareText(const std::string& path, std::stri
   if (auto error = internal::CheckBounds(path, text)) return tl::unexpected<Error>(std::move(*error));
   internal::PreparedModel prepared;
   prepared.source.path = path;
-  if (!on_disk) prepared.source.text = std::move(text);
+  if (auto error = internal::RemoveSensorPlugins(path, text, prepared))
+    return tl::unexpected<Error>(std::move(*error));
+  if (on_disk) return prepared;
+  const auto changed = prepared.source.buffers.extract(path);
+  prepared.source.text = changed ? changed.mapped() : std::move(text);
   return prepared;
 }
 
@@ -132,6 +139,7 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   }
   ConvertBodies(c);
   ConvertGeoms(c);
+  ListDoubtfulMeshes(c);
   ConvertSprings(c);
   ConvertActuators(c);
   ConvertEqualities(c);
@@ -168,12 +176,20 @@ std::optional<Error> ConvertPrepared(Conversion& c, const PreparedModel& prepare
   c.report.format = prepared.is_urdf ? "URDF" : "MJCF";
   c.is_urdf = prepared.is_urdf;
   c.report.notes = prepared.notes;
+  for (const UrdfLoop& loop : prepared.extensions.loops)
+    if (loop.kind == UrdfLoop::Kind::kHinge) c.hinges.insert(loop.name);
   for (const std::string& warning : warnings) {
     // MuJoCo's trial step at qpos0 warns about motion that our own solver decides on.
     if (warning.find("Time =") != std::string::npos) continue;
     c.Note(ImportNote::Kind::kChanged, "MuJoCo reader", warning);
   }
   return Convert(c, options, prepared.mimics);
+}
+
+Expected<EditableModel> ParsePrepared(const PreparedModel& prepared) {
+  auto model = EditableModel::Parse(prepared.source);
+  if (model) AddExtensions(model->spec(), prepared.extensions);
+  return model;
 }
 
 Expected<PreparedModel> PrepareModel(const std::string& path, const ImportOptions& options) {
@@ -200,9 +216,9 @@ Expected<std::string> MomentAsMjcf(const std::string& path, const ImportOptions&
   const auto root = internal::RootElement(path, *text);
   if (!root || *root != "mujoco")
     return Fail(ErrorCode::kModel, path, "is no MJCF, which alone has keyframes; save a recording instead");
-  internal::ModelSource source;
-  source.path = path;
-  const auto compiled = internal::CompileModel(source);
+  const auto prepared = internal::PrepareModel(path, options);
+  if (!prepared) return tl::unexpected<Error>(prepared.error());
+  const auto compiled = internal::CompileModel(prepared->source);
   if (!compiled) return tl::unexpected<Error>(compiled.error());
   Conversion c(*compiled->model, *compiled->data, path);
   c.report.format = "MJCF";

@@ -230,28 +230,34 @@ std::vector<Asked> NearestInside(const Conversion& c, int mechanism, const Vecto
   return nearest;
 }
 
-// A joint does not start outside its limits, unless its loops do not close inside them.
-void MoveInsideLimits(Conversion& c, int mechanism, std::vector<Asked> asked, VectorX& q) {
+// A joint does not start outside its limits, unless its loops do not close inside them or `keep` is set.
+void MoveInsideLimits(Conversion& c, int mechanism, std::vector<Asked> asked, bool keep, VectorX& q) {
   const std::vector<Asked> nearest = NearestInside(c, mechanism, q);
   if (nearest.empty()) return;
   asked.insert(asked.end(), nearest.begin(), nearest.end());
   VectorX inside = q;
   std::vector<std::string> names;
   for (const Asked& one : nearest) names.push_back(one.joint);
+  if (keep) {
+    c.ChangedMany("joint", names,
+                  "starts outside its limits, as the file has it: its stop is where it starts");
+    return;
+  }
   if (MoveTo(c, mechanism, asked, inside)) {
     c.ChangedMany("joint", names, "starts outside its limits, since its loops stay open inside them");
     return;
   }
   q = inside;
   c.ChangedMany("joint", names,
-                "the file starts it outside its limits: it starts at the nearest value inside");
+                "the file starts it outside its limits: it starts at the nearest value inside; the option "
+                "keep-start starts it where the file does");
 }
 
-std::optional<Error> SetCoordinates(Conversion& c, const std::map<std::string, double>& coordinates,
+std::optional<Error> SetCoordinates(Conversion& c, const ImportOptions& options,
                                     const std::vector<Mimic>& mimics) {
   const AskedByMechanism leaders = LeadersOf(c, mimics);
   AskedByMechanism asked(c.scene.mechanisms.size());
-  for (const auto& [name, value] : coordinates) {
+  for (const auto& [name, value] : options.joint_coordinates) {
     auto one = FindAsked(c, name, value);
     if (!one) return one.error();
     asked[one->mechanism].push_back(std::move(*one));
@@ -263,7 +269,7 @@ std::optional<Error> SetCoordinates(Conversion& c, const std::map<std::string, d
     VectorX& q = start.mechanisms[i].q;
     if (auto error = MoveTo(c, i, leaders[i], q)) return error;
     if (auto error = MoveTo(c, i, asked[i], q)) return error;
-    MoveInsideLimits(c, i, asked[i], q);
+    MoveInsideLimits(c, i, asked[i], options.keep_start, q);
     moved = moved || !asked[i].empty() || q != before;
   }
   if (!moved) return std::nullopt;
@@ -285,7 +291,7 @@ std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& optio
   if (options.base_pose) {
     if (auto error = PlaceBase(c, *options.base_pose)) return error;
   }
-  return SetCoordinates(c, options.joint_coordinates, mimics);
+  return SetCoordinates(c, options, mimics);
 }
 
 }  // namespace fork1s::internal

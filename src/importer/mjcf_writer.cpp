@@ -371,7 +371,7 @@ Expected<MjcfModel> ModelAsMjcf(const std::string& path, const ImportOptions& op
                 "is not written as MJCF; write the stiffnesses into the file");
   const auto prepared = PrepareModel(path, options);
   if (!prepared) return tl::unexpected<Error>(prepared.error());
-  auto model = EditableModel::Parse(prepared->source);
+  auto model = ParsePrepared(*prepared);
   if (!model) return tl::unexpected<Error>(model.error());
   auto compiled = model->Compile();
   if (!compiled) return tl::unexpected<Error>(compiled.error());
@@ -380,6 +380,7 @@ Expected<MjcfModel> ModelAsMjcf(const std::string& path, const ImportOptions& op
     return tl::unexpected<Error>(std::move(*error));
   if (auto error = MjcfWriter(model->spec(), c, options).Write(prepared->mimics))
     return tl::unexpected<Error>(std::move(*error));
+  SplitHinges(model->spec(), prepared->extensions, c.m.stat.meansize);
   // Keyframes of the file stay as they are unless coordinates or inputs have changed.
   const bool rewrites = options.base || options.base_pose || options.pd || !options.joint_pd.empty();
   if (rewrites) NoteLostActivations(c);

@@ -226,7 +226,7 @@ std::optional<Error> FillVfs(const ModelSource& source, mjVFS* vfs) {
   for (const auto& [name, content] : source.buffers) {
     if (AddToVfs(vfs, name, content)) continue;
     return Error{ErrorCode::kModel, source.path,
-                 fmt::format("mesh '{}' could not be handed to the reader", name)};
+                 fmt::format("file '{}' could not be handed to the reader", name)};
   }
   return std::nullopt;
 }
@@ -247,6 +247,13 @@ Expected<std::unique_ptr<mjData, MjDataDeleter>> ReferenceData(const mjModel& mo
   }
 }
 
+bool IsKnownPlugin(const std::string& name) {
+  const HandlerScope handlers(nullptr);
+  LoadPlugins();
+  int slot = 0;
+  return mjp_getPlugin(name.c_str(), &slot) != nullptr;
+}
+
 void EditableModel::VfsDeleter::operator()(mjVFS* vfs) const {
   mj_deleteVFS(vfs);
   delete vfs;
@@ -259,16 +266,17 @@ Expected<EditableModel> EditableModel::Parse(ModelSource source) {
   LoadPlugins();
   constexpr const char* kName = "fork1s_model.xml";
   try {
-    if (!out.source_.text.empty()) {
+    const bool is_text = !out.source_.text.empty();
+    if (is_text || !out.source_.buffers.empty()) {
       out.vfs_.reset(new mjVFS);
       mj_defaultVFS(out.vfs_.get());
       if (auto error = FillVfs(out.source_, out.vfs_.get())) return tl::unexpected<Error>(*error);
-      if (!AddToVfs(out.vfs_.get(), kName, out.source_.text))
+      if (is_text && !AddToVfs(out.vfs_.get(), kName, out.source_.text))
         return Fail(ErrorCode::kModel, out.source_.path, "the model could not be handed to the reader");
     }
     char message[2048] = "";
     out.spec_.reset(
-        mj_parseXML(out.vfs_ ? kName : out.source_.path.c_str(), out.vfs_.get(), message, sizeof message));
+        mj_parseXML(is_text ? kName : out.source_.path.c_str(), out.vfs_.get(), message, sizeof message));
     if (!out.spec_) return tl::unexpected<Error>(Translate(out.source_, message));
   } catch (const std::exception& fault) {
     return GaveUp(out.source_.path, fault);

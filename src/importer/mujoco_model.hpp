@@ -28,11 +28,14 @@ struct ModelSource {
   std::string path;  // stands in messages; read from disk if `text` is empty
   std::string text;
   std::map<std::string, std::string> files;    // name used in the text -> path on disk
-  std::map<std::string, std::string> buffers;  // name used in the text -> content
+  std::map<std::string, std::string> buffers;  // name used in the text, or path of a model file -> content
 };
 
 /// Kinematics, lengths and transmissions at qpos0. Errors: kModel, with `name` for the file.
 Expected<std::unique_ptr<mjData, MjDataDeleter>> ReferenceData(const mjModel& model, const std::string& name);
+
+/// Whether MuJoCo has a plugin of that name, those beside its library included.
+bool IsKnownPlugin(const std::string& name);
 
 /// A model between its file and its compilation, in which elements can be changed, added and removed.
 class EditableModel {

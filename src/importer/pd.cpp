@@ -94,7 +94,9 @@ bool Unheld(const Conversion& c, int dof) {
 }
 
 // Motors say which joints are driven. Without them, all that nothing holds, unless loops do the holding.
-void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains) {
+// Joints in `named` have gains of their own, which take the place of `gains` and of their motors.
+void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains,
+                   const std::map<std::string, PdGains>& named) {
   const std::vector<int> motors = Motors(c, mechanism);
   const std::string where = fmt::format("mechanism '{}'", c.scene.mechanisms[mechanism].name);
   if (motors.empty() && !c.scene.mechanisms[mechanism].closures.empty()) {
@@ -103,13 +105,11 @@ void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains) {
            "name them with joint-pd");
     return;
   }
-  std::vector<std::string> held;
   std::vector<int> dofs;
   for (int dof = 0; dof < c.m.nv; ++dof) {
     if (c.MechanismOf(dof) != mechanism || !Unheld(c, dof)) continue;
     if (!motors.empty() && std::find(motors.begin(), motors.end(), dof) == motors.end()) continue;
     dofs.push_back(dof);
-    held.push_back(c.DofName(dof));
   }
   std::vector<std::string> replaced;
   for (std::size_t i = c.controls[mechanism].size(); i-- > 0;) {
@@ -119,11 +119,16 @@ void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains) {
     c.held_by[source.dofs[0]].clear();
     RemoveControl(c, mechanism, i);
   }
-  for (int dof : dofs) Hold(c, dof, gains);
-  if (held.empty()) return;
-  c.Note(ImportNote::Kind::kChosen, where,
-         fmt::format("PD control kp {:.4g}, kv {:.4g} holds {} freedoms: {}", gains.kp, gains.kv, held.size(),
-                     Quoted(held, 24)));
+  std::vector<std::string> held;
+  for (int dof : dofs) {
+    if (named.count(c.joint_names[c.m.dof_jntid[dof]]) > 0) continue;
+    Hold(c, dof, gains);
+    held.push_back(c.DofName(dof));
+  }
+  if (!held.empty())
+    c.Note(ImportNote::Kind::kChosen, where,
+           fmt::format("PD control kp {:.4g}, kv {:.4g} holds {} freedoms: {}", gains.kp, gains.kv,
+                       held.size(), Quoted(held, 24)));
   if (!replaced.empty()) {
     c.Note(ImportNote::Kind::kChanged, where,
            fmt::format("{} motors became targets of PD control: {}", replaced.size(), Quoted(replaced, 24)));
@@ -136,7 +141,7 @@ std::optional<Error> ApplyPd(Conversion& c, const ImportOptions& options) {
   if (options.pd) {
     if (auto error = CheckGains("option pd", *options.pd)) return error;
     for (std::size_t i = 0; i < c.scene.mechanisms.size(); ++i)
-      HoldMechanism(c, static_cast<int>(i), *options.pd);
+      HoldMechanism(c, static_cast<int>(i), *options.pd, options.joint_pd);
   }
   for (const auto& [name, gains] : options.joint_pd) {
     const std::string where = fmt::format("option joint-pd '{}'", name);

@@ -1,7 +1,6 @@
 #include "urdf.hpp"
 
 #include <algorithm>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <set>
@@ -36,12 +35,6 @@ std::optional<Error> CheckJointType(const UrdfWork& work, const XMLElement& join
 const char* LinkOf(const XMLElement& joint, const char* end) {
   const XMLElement* element = joint.FirstChildElement(end);
   return element != nullptr ? element->Attribute("link") : nullptr;
-}
-
-bool IsNumber(const std::string& word) {
-  char* end = nullptr;
-  std::strtod(word.c_str(), &end);
-  return end != word.c_str() && *end == '\0';
 }
 
 // Words where numbers belong, with the lines of the file: the reader sees the text written anew.
@@ -100,30 +93,6 @@ void ReadMujocoBlock(UrdfWork& work, const XMLElement& block) {
   }
 }
 
-// Extensions that change the mechanism; true for those that have been noted.
-bool NoteExtension(UrdfWork& work, const XMLElement& e) {
-  const std::string kind = e.Name();
-  const auto dropped = [&](std::string where, std::string message) {
-    work.out.notes.push_back({ImportNote::Kind::kDropped, std::move(where), std::move(message)});
-    return true;
-  };
-  const char* reference = e.Attribute("reference");
-  const XMLElement* stiffness = e.FirstChildElement("springStiffness");
-  if (kind == "gazebo" && reference != nullptr && stiffness != nullptr) {
-    const XMLElement* rest = e.FirstChildElement("springReference");
-    return dropped(
-        fmt::format("<gazebo> of joint '{}'", reference),
-        fmt::format("its spring, {} N/m or N·m/rad about {}, is left out; PD gains hold the joint so",
-                    stiffness->DoubleText(), rest != nullptr ? rest->DoubleText() : 0));
-  }
-  const bool drake_loop = kind.rfind("drake:", 0) == 0 && kind.find("constraint") != std::string::npos;
-  if (kind == "loop_joint" || drake_loop)
-    return dropped(
-        fmt::format("<{}> '{}'", kind, NameOf(e)),
-        "the loop that it closes stays open; export the model as MJCF and close it by an equality");
-  return false;
-}
-
 std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
   std::set<std::string> names;
   std::map<std::string, int> dropped;
@@ -149,7 +118,7 @@ std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
         ReadMujocoBlock(work, *e);
         e = next;
         continue;  // its options go over in the end
-      } else if (!NoteExtension(work, *e)) {
+      } else if (!IsExtension(kind)) {
         ++dropped[kind];
       }
       robot.DeleteChild(e);
@@ -393,6 +362,7 @@ Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& t
   if (auto error = CheckPackages(work)) return tl::unexpected<Error>(std::move(*error));
   if (auto error = CheckAttributes(work, robot)) return tl::unexpected<Error>(std::move(*error));
   Tree tree;
+  if (auto error = ReadExtensions(work, robot)) return tl::unexpected<Error>(std::move(*error));
   if (auto error = ReadTree(work, robot, tree)) return tl::unexpected<Error>(std::move(*error));
   if (auto error = CheckJoints(work, tree)) return tl::unexpected<Error>(std::move(*error));
   for (XMLElement* joint : tree.joints) {

@@ -6,6 +6,7 @@
 
 #include "conversion.hpp"
 #include "mujoco_model.hpp"
+#include "urdf_extensions.hpp"
 
 namespace fork1s::internal {
 
@@ -18,6 +19,7 @@ struct PreparedUrdf {
   ModelSource source;  // rewritten text and mesh files under unique names
   std::vector<ImportNote> notes;
   std::vector<Mimic> mimics;
+  UrdfExtensions extensions;
 };
 
 /// Errors: kFormat for joint types and shapes that URDF does not have and for damaged meshes, kModel for

@@ -60,13 +60,7 @@ std::optional<SolidLike> SolidInertia(const UrdfWork& work, const XMLElement* pa
     if (extents == work.mesh_extents.end()) return std::nullopt;
     diagonal = BoxMoments(extents->second);
   }
-  Matrix3 R = Matrix3::Identity();
-  const std::vector<double> rpy = NumbersOf(part->FirstChildElement("origin"), "rpy");
-  if (rpy.size() == 3) {
-    R = (Eigen::AngleAxisd(rpy[2], Vector3::UnitZ()) * Eigen::AngleAxisd(rpy[1], Vector3::UnitY()) *
-         Eigen::AngleAxisd(rpy[0], Vector3::UnitX()))
-            .toRotationMatrix();
-  }
+  const Matrix3 R = PoseOf(part->FirstChildElement("origin")).rotation();
   return SolidLike{Matrix3(mass * R * diagonal.asDiagonal() * R.transpose()),
                    kind == "mesh" ? "box around its mesh" : kind};
 }

@@ -1,5 +1,6 @@
 // Shapes and colours of URDF links.
 #include <algorithm>
+#include <cstdlib>
 #include <sstream>
 
 #include "names.hpp"
@@ -100,15 +101,7 @@ void SplitCapsule(UrdfWork& work, XMLElement& link, XMLElement& part) {
   XMLElement* cylinder = geometry->InsertNewChildElement("cylinder");
   cylinder->SetAttribute("radius", NumberText(radius).c_str());
   cylinder->SetAttribute("length", NumberText(length).c_str());
-  const std::vector<double> xyz = NumbersOf(part.FirstChildElement("origin"), "xyz");
-  const std::vector<double> rpy = NumbersOf(part.FirstChildElement("origin"), "rpy");
-  RigidTransform X;
-  if (xyz.size() == 3) X.translation() << xyz[0], xyz[1], xyz[2];
-  if (rpy.size() == 3) {
-    X.rotation() = (Eigen::AngleAxisd(rpy[2], Vector3::UnitZ()) *
-                    Eigen::AngleAxisd(rpy[1], Vector3::UnitY()) * Eigen::AngleAxisd(rpy[0], Vector3::UnitX()))
-                       .toRotationMatrix();
-  }
+  const RigidTransform X = PoseOf(part.FirstChildElement("origin"));
   for (const double side : {-1.0, 1.0}) {
     const Vector3 p = X * Vector3(0, 0, side * length / 2);
     auto* end = link.GetDocument()->NewElement(part.Name());
@@ -175,6 +168,24 @@ std::vector<double> NumbersOf(const XMLElement* element, const char* attribute) 
   stream.imbue(std::locale::classic());
   for (double value; stream >> value;) numbers.push_back(value);
   return numbers;
+}
+
+RigidTransform PoseOf(const XMLElement* element) {
+  const std::vector<double> xyz = NumbersOf(element, "xyz"), rpy = NumbersOf(element, "rpy");
+  RigidTransform X;
+  if (xyz.size() == 3) X.translation() << xyz[0], xyz[1], xyz[2];
+  if (rpy.size() == 3) {
+    X.rotation() = (Eigen::AngleAxisd(rpy[2], Vector3::UnitZ()) *
+                    Eigen::AngleAxisd(rpy[1], Vector3::UnitY()) * Eigen::AngleAxisd(rpy[0], Vector3::UnitX()))
+                       .toRotationMatrix();
+  }
+  return X;
+}
+
+bool IsNumber(const std::string& word) {
+  char* end = nullptr;
+  std::strtod(word.c_str(), &end);
+  return end != word.c_str() && *end == '\0';
 }
 
 double NumberOf(const XMLElement* element, const char* attribute) {

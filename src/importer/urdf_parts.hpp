@@ -58,6 +58,12 @@ inline std::string NameOf(const tinyxml2::XMLElement& element) {
 /// Numbers of an attribute; as many as are there and are numbers.
 std::vector<double> NumbersOf(const tinyxml2::XMLElement* element, const char* attribute);
 
+/// A frame by the attributes `xyz` [m] and `rpy` [rad], as URDF's <origin> gives it; the identity without.
+RigidTransform PoseOf(const tinyxml2::XMLElement* element);
+
+/// Whether a word is one number and nothing else.
+bool IsNumber(const std::string& word);
+
 /// The first of them; 0 without.
 double NumberOf(const tinyxml2::XMLElement* element, const char* attribute);
 /// With all its digits.

@@ -104,6 +104,22 @@ TEST(Start, PosesOutsideTheLimitsAreSaid) {
   EXPECT_NE(o.out.find("30 rad is outside its limits -1 to 2 rad: it starts at the nearest, 2 rad"), std::string::npos) << o.out;
 }
 
+TEST(Start, KeepStart_LeavesAJointOutsideItsLimits) {
+  const std::string leg = Write("leg.xml", R"(<mujoco><worldbody><body name="thigh">
+      <joint name="knee" axis="0 1 0" range="30 70"/><geom size=".1" pos=".3 0 0"/></body></worldbody></mujoco>)");
+  const Outcome inside = Fork1s("run --time 0.05 --json " + leg),
+                kept = Fork1s("run --time 0.05 --keep-start --json " + leg);
+  ASSERT_EQ(inside.code, 0) << inside.err;
+  ASSERT_EQ(kept.code, 0) << kept.err;
+  EXPECT_NE(inside.out.find("joint 'knee': the file starts it outside its limits"), std::string::npos);
+  EXPECT_NE(kept.out.find("joint 'knee': starts outside its limits, as the file has it"), std::string::npos);
+  const auto turn = [](const Outcome& o) {
+    return std::abs(o.Json()["interface"][0]["quaternion_wxyz"][2].get<double>());
+  };
+  EXPECT_GT(turn(inside), .25);  // sin(15°) = 0.2588
+  EXPECT_LT(turn(kept), .05);
+}
+
 TEST(Packages, OptionAndEnvironment) {
   const auto folder = ScratchFolder() / "prefix" / "share" / "hopper_description";
   std::filesystem::create_directories(folder / "meshes");

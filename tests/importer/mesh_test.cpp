@@ -265,5 +265,43 @@ TEST(ImportMeshes, NoByteCrashesTheReader) {
   }
 }
 
+// A link of 2 kg in a mesh of water's density, then of a thousandth of its scale.
+TEST(ImportMeshes, InAUnitThatCannotBe_AreNamed) {
+  const Solid solid = CornerTetrahedron(.3, .2, .1);
+  WriteFile("part.stl", BinaryStl(solid));
+  const auto load = [](const std::string& scale) {
+    return LoadMechanism(WriteFile("arm.urdf", Arm(kInertial + MeshPart("visual", "part.stl", scale) +
+                                                   MeshPart("collision", "part.stl", scale))));
+  };
+  const auto metres = load("1 1 1"), millimetres = load("1000 1000 1000"), centimetres = load("100 100 100");
+  ASSERT_TRUE(metres && millimetres && centimetres);
+  const std::string said =
+      "mesh 'part': its numbers are taken as metres, so it spans 300 m, and body 'a' of 2 kg";
+  EXPECT_FALSE(HasNote(metres->report, ImportNote::Kind::kChosen, "taken as metres"));
+  EXPECT_TRUE(HasNote(millimetres->report, ImportNote::Kind::kChosen, said));
+  EXPECT_TRUE(HasNote(centimetres->report, ImportNote::Kind::kChosen, "it spans 30 m"));
+  const auto count = [](const ImportReport& report) {
+    return std::count_if(report.notes.begin(), report.notes.end(), [](const ImportNote& note) {
+      return note.message.find("taken as metres") != std::string::npos;
+    });
+  };
+  EXPECT_EQ(count(millimetres->report), 1);
+}
+
+TEST(ImportMeshes, WhoseHullHidesAnOpening_AreNamed) {
+  const auto load = [](const Solid& solid, const std::string& kind) {
+    const auto loaded = LoadArm("tube.stl", BinaryStl(solid), "", kind);
+    return HasNote(loaded->report, ImportNote::Kind::kDropped,
+                   "hollow of mesh 'tube': contact takes the convex");
+  };
+  EXPECT_TRUE(load(SquareTube(.06, .05, .3), "collision"));
+  EXPECT_FALSE(load(SquareTube(.06, .05, .3), "visual"));
+  EXPECT_FALSE(load(SquareTube(.06, .02, .3), "collision"));  // the hole is a ninth of it
+  EXPECT_FALSE(load(CornerTetrahedron(.3, .2, .1), "collision"));
+  Solid open = SquareTube(.06, .05, .3);
+  open.faces.pop_back();  // its volume cannot be told
+  EXPECT_FALSE(load(open, "collision"));
+}
+
 }  // namespace
 }  // namespace fork1s::testing_importer

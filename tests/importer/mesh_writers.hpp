@@ -23,6 +23,28 @@ inline Solid CornerTetrahedron(double a, double b, double c) {
           {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}};
 }
 
+/// A square tube along z, open at both ends, about the origin: half widths outside and inside, length.
+inline Solid SquareTube(double outer, double inner, double length) {
+  Solid solid;
+  for (const double z : {0.0, length})
+    for (const double r : {outer, inner})
+      for (int k = 0; k < 4; ++k)
+        solid.vertices.push_back({static_cast<float>(k == 0 || k == 3 ? r : -r),
+                                  static_cast<float>(k < 2 ? r : -r), static_cast<float>(z)});
+  for (int k = 0; k < 4; ++k) {
+    const int n = (k + 1) % 4;
+    // Rings of four: 0 outside and 4 inside at z = 0, 8 and 12 at the other end.
+    for (const auto& [a, b, c, d] : {std::array{k, n, 8 + n, 8 + k},
+                                     {4 + n, 4 + k, 12 + k, 12 + n},
+                                     {n, k, 4 + k, 4 + n},
+                                     {8 + k, 8 + n, 12 + n, 12 + k}}) {
+      solid.faces.push_back({a, b, c});
+      solid.faces.push_back({a, c, d});
+    }
+  }
+  return solid;
+}
+
 template <class T>
 void AppendBytes(std::string& text, const T& value) {
   char bytes[sizeof(T)];

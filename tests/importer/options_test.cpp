@@ -97,6 +97,27 @@ TEST(ImportOptionsTest, PdHoldsMotorisedJointsAtTheInitialPose) {
   EXPECT_NEAR(far.controls[1], .8, 1e-15);
 }
 
+TEST(ImportOptionsTest, PdOfANamedJoint_ReplacesTheGeneralGainsAndItsMotor) {
+  const std::string arm = R"(<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".1"/>
+    <body pos="1 0 0"><joint name="b" axis="0 1 0" damping=".25"/><geom size=".1"/></body></body></worldbody>
+    <actuator><motor joint="a"/><motor joint="b"/></actuator></mujoco>)";
+  ImportOptions options;
+  options.pd = PdGains{30, 2};
+  options.joint_pd["b"] = {500, 7};
+  const ImportedScene loaded = MustLoad(arm, options);
+  const MechanismDef& robot = loaded.scene.mechanisms[0];
+  const FreedomDef &a = robot.joints[0].freedoms[0], &b = robot.joints[1].freedoms[0];
+  EXPECT_EQ(a.stiffness, 30);
+  EXPECT_EQ(b.stiffness, 500);
+  EXPECT_EQ(b.damping, 7.25);
+  ASSERT_EQ(robot.controls.size(), 2u);
+  EXPECT_EQ(robot.controls[1].name, "b");
+  EXPECT_EQ(robot.controls[1].gain, 500);
+  ASSERT_EQ(loaded.report.holds.size(), 2u);
+  EXPECT_EQ(loaded.report.holds[1].held_by, "PD control kp 500 N·m/rad, kv 7");
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "holds 1 freedoms: 'a'"));
+}
+
 TEST(ImportOptionsTest, PdHoldsAllUnsprungJointsWithoutMotors) {
   std::string text = kHand;
   text.replace(text.find("<actuator>"), text.find("</actuator>") + 11 - text.find("<actuator>"), "");

@@ -302,6 +302,12 @@ TEST(ImportStart, JointsStartInsideTheirLimits) {
   EXPECT_EQ(StartOf(keyed).mechanisms[0].q[1], -1);
   EXPECT_EQ(StartOf(keyed).mechanisms[0].q[0], 0.2);
   EXPECT_EQ(StartOf(keyed).mechanisms[0].q_dot[0], 1);
+  options.keep_start = true;
+  const ImportedScene kept =
+      MustLoad(Leg("-1 1", R"(<keyframe><key name="k" qpos=".2 -3" qvel="1 0"/></keyframe>)"), options);
+  EXPECT_EQ(StartOf(kept).mechanisms[0].q[1], -3);
+  EXPECT_TRUE(
+      HasNote(kept.report, Kind::kChanged, "joint 'knee': starts outside its limits, as the file has it"));
   // What the digits of a limit leave, 1e-9 rad, is not outside.
   EXPECT_EQ(MustLoad(Leg("5e-10 1")).initial_keyframe, -1);
   EXPECT_EQ(StartOf(MustLoad(Leg("2e-9 1"))).mechanisms[0].q[1], 2e-9);

@@ -100,18 +100,6 @@ TEST(ImportUrdf, OptionsOfTheMujocoBlockCount) {
   EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<compiler> in <mujoco>"));
 }
 
-TEST(ImportUrdf, ExtensionsWithSpringsAndLoops_AreNotedByName) {
-  const ImportedScene loaded = MustLoad(
-      Robot(Link("base") + Link("a") + Joint("j", "continuous", "base", "a") +
-            "<gazebo reference=\"j\"><springStiffness>250</springStiffness>"
-            "<springReference>.3</springReference></gazebo><gazebo reference=\"a\"><mu1>1</mu1></gazebo>"
-            "<loop_joint name=\"l\" type=\"ball\"/><drake:ball_constraint/>"));
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<gazebo> of joint 'j': its spring, 250"));
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<loop_joint> 'l': the loop"));
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "<drake:ball_constraint> '': the loop"));
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "1 <gazebo>"));
-}
-
 TEST(ImportUrdf, WorldWithoutALink_IsTheStillWorld) {
   const std::string text = Robot(Link("base") + Link("arm") + Joint("w", "fixed", "world", "base", "") +
                                  Joint("j", "continuous", "base", "arm"));
@@ -123,7 +111,7 @@ TEST(ImportUrdf, WorldWithoutALink_IsTheStillWorld) {
   EXPECT_EQ(MustLoad(text, options).scene.mechanisms[0].base, BaseKind::kFloating);
 }
 
-// The effort of a joint bounds the PD control that holds it, all of it together.
+// The effort of a joint bounds the PD control that holds it. Gains of a named joint replace the general ones.
 TEST(ImportUrdf, EffortBoundsPdControl) {
   const auto joint = [](const std::string& name, const std::string& parent, const std::string& child,
                         const std::string& effort) {
@@ -143,9 +131,10 @@ TEST(ImportUrdf, EffortBoundsPdControl) {
   EXPECT_EQ(limits[0].lower, -7.5);
   EXPECT_EQ(limits[0].stiffness, 200);
   EXPECT_EQ(limits[1].upper, 3);
-  EXPECT_EQ(limits[1].stiffness, 250);
-  ASSERT_EQ(limits[1].inputs.size(), 2u);
-  EXPECT_NE(limits[1].inputs[0].first, limits[1].inputs[1].first);
+  EXPECT_EQ(limits[1].stiffness, 50);
+  EXPECT_EQ(limits[1].damping, 1);
+  ASSERT_EQ(limits[1].inputs.size(), 1u);
+  EXPECT_EQ(limits[1].inputs[0].first, "k");
 }
 
 TEST(ImportUrdf, UnknownJointTypeDoesNotCrash) {

@@ -63,12 +63,13 @@ struct ImportOptions {
   std::optional<ModeChoice> mode_choice;
   double stiffness_scale = 1;
   std::optional<PdGains> pd;                // joints that no spring and no servo holds
-  std::map<std::string, PdGains> joint_pd;  // by joint name, on top of whatever holds it
+  std::map<std::string, PdGains> joint_pd;  // by joint name, in place of `pd`, on top of other holds
   std::string keyframe;                     // name; empty: the file's reference pose
 
   // Where it starts and what it stands on; all change the initial state only, on top of `keyframe`.
   std::optional<RigidTransform> base_pose;          // X_WB of the base of the only mechanism or free body
   std::map<std::string, double> joint_coordinates;  // by joint name, as the file counts them: rad or m
+  bool keep_start = false;                          // joints that the file starts outside their limits too
   bool ground = false;                              // adds a level plane; refused where there is one
   std::optional<double> ground_height;              // m; else 0 with a base pose, without: under the robot
 
