@@ -25,4 +25,4 @@ for source in "$shaders"/*.comp.glsl; do
   spirv-cross "$out/$name.spv" --msl --output "$out/$name.metal"
   glslangValidator -D -V -S comp -e main "$out/$name.hlsl" -o "$work/again.spv" >"$work/log" || { cat "$work/log" >&2; exit 1; }
 done
-echo "translate: $(ls "$out" | wc -l) files in $out"
+echo "translate: $(find "$out" -type f | wc -l) files in $out"

@@ -11,8 +11,11 @@ trap 'rm -rf "$work"' EXIT
 cmake --install "$build" --prefix "$work/installed" >"$work/install.log" || { cat "$work/install.log" >&2; exit 1; }
 cp -r "$work/installed/share/fork1s/examples" "$work/app"
 # Without optimisation: what is long about them is compiling.
-cmake -S "$work/app" -B "$work/app/build" -DCMAKE_PREFIX_PATH="$work/installed" >"$work/app.log" &&
-  cmake --build "$work/app/build" >>"$work/app.log" || { cat "$work/app.log" >&2; exit 1; }
+if ! { cmake -S "$work/app" -B "$work/app/build" -DCMAKE_PREFIX_PATH="$work/installed" &&
+  cmake --build "$work/app/build"; } >"$work/app.log"; then
+  cat "$work/app.log" >&2
+  exit 1
+fi
 "$work/app/build/first_steps" scenes/hand.xml
 "$work/app/build/in_your_loop" scenes/fourbar_gripper.xml | tee "$work/said"
 grep -q "there is no control 'thumb'; there are: left_grip" "$work/said"

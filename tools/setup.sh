@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Installs what the build and the tests need from Debian's packages, and says so. Does nothing where all is there.
 #
-#     tools/setup.sh [build|rest]     what compiling needs; what only tests, films and pictures need; both unless told
+#     tools/setup.sh [build|rest|format]     what compiling needs; what only tests, films and pictures need; both unless
+#                                            told. format: what tools/format.sh needs
 #
 # ./check and ./demo fetch the rest, which is the larger part, while they compile.
 set -euo pipefail
@@ -20,14 +21,16 @@ build_programs=(node:nodejs npm:npm)
 rest_programs=(chromium:chromium ffmpeg:ffmpeg)
 # What runs shaders/ without a graphics card, and what translates them.
 rest_packages=(libegl-mesa0 libgl1-mesa-dri glslang-tools spirv-tools spirv-cross)
+format_packages=(clang-format-16 shellcheck python3-venv)
 
 packages=() programs=()
 case "${1:-all}" in
   build) packages=("${build_packages[@]}") programs=("${build_programs[@]}") ;;
   rest) packages=("${rest_packages[@]}") programs=("${rest_programs[@]}") ;;
+  format) packages=("${format_packages[@]}") ;;
   all) packages=("${build_packages[@]}" "${rest_packages[@]}") programs=("${build_programs[@]}" "${rest_programs[@]}") ;;
   *)
-    sed -n '2,6s/^# \{0,1\}//p' "$0" >&2
+    sed -n '2,7s/^# \{0,1\}//p' "$0" >&2
     exit 2
     ;;
 esac
@@ -65,7 +68,7 @@ fi
 echo "setup: installing ${missing[*]}"
 # A list of packages that is an hour old is that of the first part.
 if [ -z "$(find /var/lib/apt/lists -maxdepth 1 -name '*Packages*' -mmin -60 2>/dev/null | head -1)" ] ||
-  [ "${1:-all}" != rest ]; then
+  [[ ${1:-all} != @(rest|format) ]]; then
   "${as_root[@]}" apt-get update -qq
 fi
 "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null

@@ -1,3 +1,4 @@
+# shellcheck shell=bash
 # Sourced by the scripts that draw pictures.
 
 # Reduces the colours of FROM so that TO stays small.

@@ -45,7 +45,7 @@ PATH="$tools:$PATH" "$tools/auditwheel" repair --wheel-dir "$work/dist" \
   "$work"/raw/*.whl >"$work/repair.log" 2>&1 || { cat "$work/repair.log" >&2; exit 1; }
 "$python" tools/wheel_licenses.py "$work"/dist/*.whl
 
-echo "wheel: testing $(cd "$work/dist" && ls ./*.whl | sed 's|^./||') in a fresh environment"
+echo "wheel: testing $(basename "$work"/dist/*.whl) in a fresh environment"
 mujoco="mujoco-core==$(sed -n 's/^mujoco-core==\([0-9.]*\).*/\1/p' cmake/mujoco.txt)"
 rm -rf "$work/fresh"
 "$python" -m venv --without-pip "$work/fresh"
