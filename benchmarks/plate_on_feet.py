@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """A plate on N ball feet, as MJCF: one body with N contacts.
 
-    for n in 4 8 16 32 64; do python3 benchmarks/plate_on_feet.py $n > /tmp/feet$n.xml; done
-    tools/step_instructions.sh --second 2 /tmp/feet{4,8,16,32,64}.xml
+for n in 4 8 16 32 64; do python3 benchmarks/plate_on_feet.py $n > /tmp/feet$n.xml; done
+tools/step_instructions.sh --second 2 /tmp/feet{4,8,16,32,64}.xml
 """
 
 import math

@@ -18,11 +18,14 @@ import sys
 import time
 from pathlib import Path
 
-import fork1s
 import numpy as np
 
+import fork1s
+
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-parser.add_argument("scene", nargs="?", default=str(Path(__file__).resolve().parents[1] / "scenes" / "hand.xml"))
+parser.add_argument(
+    "scene", nargs="?", default=str(Path(__file__).resolve().parents[1] / "scenes" / "hand.xml")
+)
 parser.add_argument("--count", type=int, default=1024)
 parser.add_argument("--rounds", type=int, default=15)
 parser.add_argument("--patience", type=float, default=30, help="s, for each row")
@@ -37,7 +40,9 @@ controls = batches[1].control_values + 0.05 * rng.standard_normal(batches[1].con
 
 def busy() -> float:
     """s of all processors, so far, that anybody used."""
-    user, nice, system, _, _, irq, softirq, steal, *_ = map(int, Path("/proc/stat").read_text().split("\n")[0].split()[1:])
+    user, nice, system, _, _, irq, softirq, steal, *_ = map(
+        int, Path("/proc/stat").read_text().split("\n")[0].split()[1:]
+    )
     return (user + nice + system + irq + softirq + steal) / TICK
 
 
@@ -60,8 +65,21 @@ def round_of(steps: int) -> dict:
 for batch in batches.values():
     batch.step(controls, steps=20)  # contacts are made
 out = csv.writer(sys.stdout, lineterminator="\n")
-out.writerow(["scene", "members", "threads", "steps_a_call", "us_a_member_and_step", "steps_a_second",
-              "python_share_percent", "ratio_to_one_thread", "ratio_of_processor_time", "rounds", "others_percent"])
+out.writerow(
+    [
+        "scene",
+        "members",
+        "threads",
+        "steps_a_call",
+        "us_a_member_and_step",
+        "steps_a_second",
+        "python_share_percent",
+        "ratio_to_one_thread",
+        "ratio_of_processor_time",
+        "rounds",
+        "others_percent",
+    ]
+)
 for steps in (1, 2, 10):
     rounds, began = [], time.perf_counter()
     while sum(r["others"] < 0.05 for r in rounds) < arguments.rounds and (
@@ -74,11 +92,19 @@ for steps in (1, 2, 10):
     for threads in (1, 2):
         whole = statistics.median(r[threads][0] / r["calls"] for r in counted)
         python = statistics.median(1 - r[threads][1] / r[threads][0] for r in counted)
-        out.writerow([
-            Path(arguments.scene).stem, arguments.count, threads, steps,
-            f"{1e6 * whole / steps / arguments.count:.2f}", f"{arguments.count * steps / whole:.0f}",
-            f"{100 * python:.2f}", f"{ratio if threads == 2 else 1:.2f}",
-            f"{processor if threads == 2 else 1:.2f}", len(counted),
-            f"{100 * statistics.median(r['others'] for r in counted):.1f}",
-        ])
+        out.writerow(
+            [
+                Path(arguments.scene).stem,
+                arguments.count,
+                threads,
+                steps,
+                f"{1e6 * whole / steps / arguments.count:.2f}",
+                f"{arguments.count * steps / whole:.0f}",
+                f"{100 * python:.2f}",
+                f"{ratio if threads == 2 else 1:.2f}",
+                f"{processor if threads == 2 else 1:.2f}",
+                len(counted),
+                f"{100 * statistics.median(r['others'] for r in counted):.1f}",
+            ]
+        )
     sys.stdout.flush()

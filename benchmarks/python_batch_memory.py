@@ -14,7 +14,9 @@ from pathlib import Path
 import fork1s
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-parser.add_argument("scene", nargs="?", default=str(Path(__file__).resolve().parents[1] / "scenes" / "hand.xml"))
+parser.add_argument(
+    "scene", nargs="?", default=str(Path(__file__).resolve().parents[1] / "scenes" / "hand.xml")
+)
 parser.add_argument("--count", type=int, default=1024)
 parser.add_argument("--resets", type=int, nargs="*", default=[1, 15, 100, 1000])
 arguments = parser.parse_args()

@@ -39,7 +39,10 @@ def measure(name, setpoint, count=32):
         batch.step(controls, steps=20)
         spent.append((time.process_time() - start) / (20 * count) * 60)
     seconds = statistics.median(spent)
-    print(f"{name},{1e6 * seconds / 60:.1f},{seconds:.6f},{1e6 * seconds / 3600:.2f},{memory / 1e6:.2f}", flush=True)
+    print(
+        f"{name},{1e6 * seconds / 60:.1f},{seconds:.6f},{1e6 * seconds / 3600:.2f},{memory / 1e6:.2f}",
+        flush=True,
+    )
 
 
 if __name__ == "__main__":

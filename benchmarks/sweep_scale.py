@@ -49,11 +49,22 @@ def measure(points, chunk, client):
                 last[1] = (path.parent / "t.parquet.journal").stat().st_size
 
         start, cpu = time.perf_counter(), time.process_time()
-        table = fork1s.sweep(ARM, {"push": range(points)}, metric, client.get_executor(), path=path, progress=progress, chunk=chunk)
+        table = fork1s.sweep(
+            ARM,
+            {"push": range(points)},
+            metric,
+            client.get_executor(),
+            path=path,
+            progress=progress,
+            chunk=chunk,
+        )
         end = time.perf_counter()
         assert len(table) == points and table["error"].isna().all() and table["metric"].is_unique
-        print(f"{points},{chunk},{end - start:.1f},{time.process_time() - cpu:.1f},{table['seconds'].sum():.1f},{end - last[0]:.2f},"
-              f"{largest[0]:.0f},{largest[1]:.0f},{last[1] / 1e6:.1f},{path.stat().st_size / 1e6:.2f}", flush=True)
+        print(
+            f"{points},{chunk},{end - start:.1f},{time.process_time() - cpu:.1f},{table['seconds'].sum():.1f},{end - last[0]:.2f},"
+            f"{largest[0]:.0f},{largest[1]:.0f},{last[1] / 1e6:.1f},{path.stat().st_size / 1e6:.2f}",
+            flush=True,
+        )
 
 
 def main():
@@ -63,9 +74,13 @@ def main():
     arguments.add_argument("--points", type=int, default=100_000)
     arguments.add_argument("--chunks", default="100,10,1")
     given = arguments.parse_args()
-    print("points,chunk,wall_s,cpu_of_caller_and_scheduler_s,in_points_s,writing_s,caller_and_scheduler_MB,worker_MB,journal_MB,"
-          "parquet_MB")
-    with LocalCluster(2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50) as cluster:
+    print(
+        "points,chunk,wall_s,cpu_of_caller_and_scheduler_s,in_points_s,writing_s,caller_and_scheduler_MB,worker_MB,journal_MB,"
+        "parquet_MB"
+    )
+    with LocalCluster(
+        2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
         with Client(cluster) as client:
             for chunk in map(int, given.chunks.split(",")):
                 measure(given.points, chunk, client)

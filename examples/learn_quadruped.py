@@ -66,7 +66,9 @@ def train(generations, out):
     start = time.perf_counter()
     with open(out / "quadruped.csv", "w", newline="") as file:
         rows = csv.writer(file)
-        rows.writerow(["generation", "seconds", "mean_reward", "best_reward", "mean_distance_m", "best_distance_m"])
+        rows.writerow(
+            ["generation", "seconds", "mean_reward", "best_reward", "mean_distance_m", "best_distance_m"]
+        )
         for generation in range(generations):
             candidates = search.ask()
             numbers = np.repeat(candidates, PER_CANDIDATE, axis=0)
@@ -75,11 +77,22 @@ def train(generations, out):
             distance = reached.reshape(CANDIDATES, PER_CANDIDATE).mean(axis=1)
             search.tell(candidates, list(-score))
             best = int(score.argmax())
-            rows.writerow([generation, f"{time.perf_counter() - start:.1f}", f"{score.mean():.4f}", f"{score[best]:.4f}",
-                           f"{distance.mean():.4f}", f"{distance[best]:.4f}"])
+            rows.writerow(
+                [
+                    generation,
+                    f"{time.perf_counter() - start:.1f}",
+                    f"{score.mean():.4f}",
+                    f"{score[best]:.4f}",
+                    f"{distance.mean():.4f}",
+                    f"{distance[best]:.4f}",
+                ]
+            )
             file.flush()
-            print(f"{generation:3d}  {time.perf_counter() - start:5.0f} s  mean {distance.mean():6.3f} m  "
-                  f"best {distance[best]:6.3f} m", flush=True)
+            print(
+                f"{generation:3d}  {time.perf_counter() - start:5.0f} s  mean {distance.mean():6.3f} m  "
+                f"best {distance[best]:6.3f} m",
+                flush=True,
+            )
     found = search.result.xfavorite
     (out / "quadruped.json").write_text(json.dumps([round(float(v), 6) for v in found]) + "\n")
     test(out)
@@ -91,7 +104,9 @@ def test(out):
     environment = gymnasium.make_vec("fork1s/Quadruped-v0", num_envs=64)
     for name, values in (("standing", np.zeros(18)), ("learnt", numbers)):
         _, reached = episode(environment, np.tile(values, (64, 1)), seed=10_000)
-        print(f"{name}: {reached.mean():.2f} m in 4 s on average, {reached.min():.2f} to {reached.max():.2f} m of 64")
+        print(
+            f"{name}: {reached.mean():.2f} m in 4 s on average, {reached.min():.2f} to {reached.max():.2f} m of 64"
+        )
 
 
 def picture(out):
@@ -105,14 +120,20 @@ def picture(out):
     figure, axes = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
     axes.plot(table["seconds"], table["best_distance_m"], label="best of 16 candidates")
     axes.plot(table["seconds"], table["mean_distance_m"], label="mean of 16")
-    axes.set(xlabel="training [s]", ylabel="distance walked in 4 s [m]", title="A quadruped learns to walk on rough ground")
+    axes.set(
+        xlabel="training [s]",
+        ylabel="distance walked in 4 s [m]",
+        title="A quadruped learns to walk on rough ground",
+    )
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(out / "quadruped.svg", metadata={"Date": None})
 
 
 if __name__ == "__main__":
-    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     arguments.add_argument("--generations", type=int, default=120)
     arguments.add_argument("--out", type=Path, default=Path("."))
     arguments.add_argument("--picture", type=Path)

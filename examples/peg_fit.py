@@ -34,7 +34,9 @@ def insert(model):
 def with_factors(model, point):
     """Springs of the wrist, fingers and pads that bend in the plane in which the hole is off."""
     now = model.stiffnesses
-    return model.with_stiffness({joint: now[joint] * point[part] for part, joints in PLANE.items() for joint in joints})
+    return model.with_stiffness(
+        {joint: now[joint] * point[part] for part, joints in PLANE.items() for joint in joints}
+    )
 
 
 def metric(model, point):
@@ -60,9 +62,12 @@ def picture(table, path):
 
     figure, axes = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
     shown = axes.scatter(table["turn"], table["centre_mm"], c=table["depth_mm"], s=22, cmap="viridis")
-    axes.set(xscale="log", xlabel="turn per moment at the peg [rad/(N·m)]",
-             ylabel="centre of compliance above the nose [mm]",
-             title="343 grippers: how deep the peg goes with 12 N")
+    axes.set(
+        xscale="log",
+        xlabel="turn per moment at the peg [rad/(N·m)]",
+        ylabel="centre of compliance above the nose [mm]",
+        title="343 grippers: how deep the peg goes with 12 N",
+    )
     figure.colorbar(shown, label="depth [mm]")
     figure.savefig(path, metadata={"Date": None})
 
@@ -71,14 +76,23 @@ def main():
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
     folder.mkdir(parents=True, exist_ok=True)
     model = fork1s.load(SCENE)
-    print("as drawn: %.1f mm deep, %.1f N" % insert(model))
+    print("as drawn: {:.1f} mm deep, {:.1f} N".format(*insert(model)))
     for scale in (0.3, 0.1, 0.03, 0.01):
-        print("all springs times %g: %.1f mm deep, %.1f N" % (scale, *insert(fork1s.load(SCENE, stiffness_scale=scale))))
+        print(
+            "all springs times {:g}: {:.1f} mm deep, {:.1f} N".format(
+                scale, *insert(fork1s.load(SCENE, stiffness_scale=scale))
+            )
+        )
 
     # 1. Which of 343 grippers take it in?
     factors = np.round(np.geomspace(0.005, 20, 7), 6)
-    table = fork1s.sweep(model, {part: factors for part in PLANE}, metric, path=folder / "peg.parquet",
-                         progress=sys.stderr.isatty())
+    table = fork1s.sweep(
+        model,
+        {part: factors for part in PLANE},
+        metric,
+        path=folder / "peg.parquet",
+        progress=sys.stderr.isatty(),
+    )
     table.drop(columns=["seconds", "worker"]).to_csv(folder / "peg.csv", index=False, float_format="%.6g")
     inside = table[table["depth_mm"] > DEEP]
     print(f"{len(inside)} of {len(table)} go in")
@@ -102,12 +116,19 @@ def main():
     # 4. The same hole tilted to eight sides, and the peg off to the same side.
     angle = np.arange(8) * np.pi / 4
     tilt = 0.0349 / 2
-    holes = [{"body:hole.pos": [0.0015 * np.cos(a), 0.0015 * np.sin(a), 0.0],
-              "body:hole.quat": [np.cos(tilt), -np.sin(tilt) * np.sin(a), np.sin(tilt) * np.cos(a), 0.0]} for a in angle]
+    holes = [
+        {
+            "body:hole.pos": [0.0015 * np.cos(a), 0.0015 * np.sin(a), 0.0],
+            "body:hole.quat": [np.cos(tilt), -np.sin(tilt) * np.sin(a), np.sin(tilt) * np.cos(a), 0.0],
+        }
+        for a in angle
+    ]
     for name, gripper in (("as drawn", model), ("best of the sweep", best), ("fitted", fit.model)):
         sides = fork1s.sweep(gripper, holes, tilted, progress=False)
-        print(f"{name}, eight sides: {sides['depth_mm'].min():.1f} to {sides['depth_mm'].max():.1f} mm deep, "
-              f"{sides['force_N'].max():.1f} N at most; errors: {sides['error'].notna().sum()}")
+        print(
+            f"{name}, eight sides: {sides['depth_mm'].min():.1f} to {sides['depth_mm'].max():.1f} mm deep, "
+            f"{sides['force_N'].max():.1f} N at most; errors: {sides['error'].notna().sum()}"
+        )
     try:
         picture(table, folder / "peg.svg")
     except ModuleNotFoundError:

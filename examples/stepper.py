@@ -1,17 +1,18 @@
 """A hand takes a box from a table, lifts, shakes and turns it: MuJoCo's data, at 60 steps a second.
 
-    python examples/stepper.py               with our step
-    python examples/stepper.py --mujoco      with MuJoCo's own
-    python examples/stepper.py --view        in MuJoCo's viewer, where that is installed
+python examples/stepper.py               with our step
+python examples/stepper.py --mujoco      with MuJoCo's own
+python examples/stepper.py --view        in MuJoCo's viewer, where that is installed
 """
 
 import argparse
 import csv
 from pathlib import Path
 
-import fork1s.mujoco
 import mujoco
 import numpy as np
+
+import fork1s.mujoco
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument("--mujoco", action="store_true")
@@ -45,7 +46,9 @@ while data.time < times[-1] and len(heights) < 60 * times[-1]:
             data.ctrl[model.actuator(name).id] = value
     data.mocap_pos[0] = palm + [now.get(f"palm.{axis}", 0) for axis in "xyz"]
     turn = np.array([now.get(f"palm.r{axis}", 0) for axis in "xyz"])
-    mujoco.mju_axisAngle2Quat(data.mocap_quat[0], turn / max(np.linalg.norm(turn), 1e-12), np.linalg.norm(turn))
+    mujoco.mju_axisAngle2Quat(
+        data.mocap_quat[0], turn / max(np.linalg.norm(turn), 1e-12), np.linalg.norm(turn)
+    )
     if stepper:
         stepper.step(data)
     else:

@@ -8,16 +8,19 @@ The gripper's mount slides on two axes with servos of 2 kN/m, so the loop is pla
 import csv
 import sys
 
-import fork1s.mujoco
 import mujoco
 import numpy as np
+
+import fork1s.mujoco
 
 
 def gripper(timestep=1 / 60, integrator=None):
     """The scene with a mount that moves. integrator: a name as MuJoCo's files have it; None: as it is there by default."""
     spec = mujoco.MjSpec.from_file(str(fork1s.scene("fourbar_gripper")))
     for name, axis in (("side", [0, 1, 0]), ("lift", [0, 0, 1])):
-        spec.body("mount").add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, damping=[40, 0, 0])
+        spec.body("mount").add_joint(
+            name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, damping=[40, 0, 0]
+        )
         servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=2000)
     model = spec.compile()
@@ -71,12 +74,21 @@ def rows():
 
 def main():
     out = csv.writer(sys.stdout, lineterminator="\n")
-    out.writerow(["step", "dt_s", "slipped_2s_mm", "slipped_3s_mm", "slipped_6s_mm", "height_6s_mm", "dropped_s"])
+    out.writerow(
+        ["step", "dt_s", "slipped_2s_mm", "slipped_3s_mm", "slipped_6s_mm", "height_6s_mm", "dropped_s"]
+    )
     for name, timestep, model, step in rows():
         slipped, height = run(model, step)
         fallen = np.flatnonzero((height < 20) & (np.arange(len(height)) > 120))
-        out.writerow([name, f"{timestep:.6g}", *(f"{slipped[n]:.3g}" for n in (119, 179, 359)), f"{height[-1]:.1f}",
-                      f"{fallen[0] / 60:.2f}" if len(fallen) else ""])
+        out.writerow(
+            [
+                name,
+                f"{timestep:.6g}",
+                *(f"{slipped[n]:.3g}" for n in (119, 179, 359)),
+                f"{height[-1]:.1f}",
+                f"{fallen[0] / 60:.2f}" if len(fallen) else "",
+            ]
+        )
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 """One damped mode whose set-point jumps by 1 at t = 0 and is held, in steps of h = 1: how far it goes beyond its
 set-point, and its error at the ends of ten steps (rms) beside the closed form. Table of
 docs/decisions/001-time-stepping.md, "Controls that jump"; code of its own, of no part of the product."""
+
 import cmath
 import math
 
@@ -47,12 +48,18 @@ def measure(omega, zeta, first_step):
 
 
 def main():
-    print("| ω h, damping ratio | one jump: beyond, rms | two halves of backward Euler | part of the jump in the first stage |")
+    print(
+        "| ω h, damping ratio | one jump: beyond, rms | two halves of backward Euler | part of the jump in the first stage |"
+    )
     print("|---|---|---|---|")
     for omega, zeta in ((1, 0.4), (5, 0.4), (10, 1), (30, 3), (100, 0.4)):
         c = share_in_first_stage(omega, zeta)
-        ways = (two_stages, two_halves, lambda o, z, x, v: two_stages(o, z, x, v, c))
-        print(f"| {omega}, {zeta} | " + " | ".join("%.3f, %.3f" % measure(omega, zeta, way) for way in ways) + " |")
+        ways = (two_stages, two_halves, lambda o, z, x, v, c=c: two_stages(o, z, x, v, c))
+        print(
+            f"| {omega}, {zeta} | "
+            + " | ".join("{:.3f}, {:.3f}".format(*measure(omega, zeta, way)) for way in ways)
+            + " |"
+        )
 
 
 if __name__ == "__main__":

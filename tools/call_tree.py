@@ -111,10 +111,21 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "callgrind"
         subprocess.run(
-            ["valgrind", "--tool=callgrind", "--compress-pos=no", "--separate-callers2=fork1s::ParallelFor*",
-             f"--callgrind-out-file={out}", str(soak), scene,
-             str(10 / 3600), *table],
-            check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            [
+                "valgrind",
+                "--tool=callgrind",
+                "--compress-pos=no",
+                "--separate-callers2=fork1s::ParallelFor*",
+                f"--callgrind-out-file={out}",
+                str(soak),
+                scene,
+                str(10 / 3600),
+                *table,
+            ],
+            check=True,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         lines = tree(*read(out))
     if len(sys.argv) > 1:
         print("\n".join(lines))

@@ -7,8 +7,27 @@ from pathlib import Path
 from mkdocs.structure.files import File
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ["sim", "importer", "mechanism", "reduction", "recovery", "record", "study", "geometry", "spatial", "stepping", "world", "diagnostics", "constraints",
-         "collision", "reference", "parallel", "server", "base", "linalg"]
+ROOMS = [
+    "sim",
+    "importer",
+    "mechanism",
+    "reduction",
+    "recovery",
+    "record",
+    "study",
+    "geometry",
+    "spatial",
+    "stepping",
+    "world",
+    "diagnostics",
+    "constraints",
+    "collision",
+    "reference",
+    "parallel",
+    "server",
+    "base",
+    "linalg",
+]
 
 
 def _body(text: str) -> str:
@@ -23,7 +42,11 @@ def on_files(files, config, **_):
     made = Path(os.environ.get("FORK1S_NOTEBOOKS", ROOT / "build" / "docs" / "notebooks"))
     for path in sorted(made.rglob("*")):
         if path.is_file():
-            files.append(File.generated(config, f"notebooks/{path.relative_to(made).as_posix()}", abs_src_path=str(path)))
+            files.append(
+                File.generated(
+                    config, f"notebooks/{path.relative_to(made).as_posix()}", abs_src_path=str(path)
+                )
+            )
     return files
 
 
@@ -40,10 +63,12 @@ def on_page_markdown(markdown: str, page, **_) -> str:
             text = header.read_text(encoding="utf-8")
             says = re.match(r"((?://.*\n)+)", text)
             title = " ".join(line.lstrip("/ ").strip() for line in says[1].splitlines()) if says else ""
-            code = _body(text[says.end():] if says else text)
+            code = _body(text[says.end() :] if says else text)
             inside = "\n".join("    " + line if line else "" for line in f"```cpp\n{code}\n```".splitlines())
             out.append(f'??? note "`fork1s/{room}/{header.name}`"\n\n    {title}\n\n{inside}\n')
     folders = {p.name for p in (ROOT / "include" / "fork1s").iterdir() if p.is_dir()}
     if folders != set(ROOMS):
-        raise ValueError(f"tools/docs_hook.py has other rooms than include/fork1s: {sorted(folders ^ set(ROOMS))}")
+        raise ValueError(
+            f"tools/docs_hook.py has other rooms than include/fork1s: {sorted(folders ^ set(ROOMS))}"
+        )
     return markdown.replace("<!-- headers -->", "\n".join(out))

@@ -27,14 +27,18 @@ def read(path: Path) -> nbformat.NotebookNode:
     nbformat.validate(notebook)
     for cell in notebook.cells:
         if cell.get("outputs") or cell.get("execution_count"):
-            raise SystemExit(f"notebooks: {path.name} holds outputs; clear them (jupyter nbconvert --clear-output --inplace "
-                             f"{path.relative_to(ROOT)}), the site makes its own")
+            raise SystemExit(
+                f"notebooks: {path.name} holds outputs; clear them (jupyter nbconvert --clear-output --inplace "
+                f"{path.relative_to(ROOT)}), the site makes its own"
+            )
     return notebook
 
 
 def execute(notebook: nbformat.NotebookNode, path: Path) -> None:
     client = NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(path.parent)}})
-    client.extra_arguments = ["--IPKernelApp.log_level=ERROR"]  # else it says of each that this machine's own users hear it
+    client.extra_arguments = [
+        "--IPKernelApp.log_level=ERROR"
+    ]  # else it says of each that this machine's own users hear it
     try:
         client.execute()
     except CellExecutionError as error:
@@ -69,7 +73,8 @@ def main() -> None:
         files.mkdir()
         replays_to_files(notebook, files)
         text, resources = MarkdownExporter().from_notebook_node(
-            notebook, {"output_files_dir": files.name, "unique_key": path.stem})
+            notebook, {"output_files_dir": files.name, "unique_key": path.stem}
+        )
         for name, data in resources["outputs"].items():
             (out / name).write_bytes(data)
         title, rest = text.split("\n", 1)

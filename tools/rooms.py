@@ -52,7 +52,9 @@ def table(text: str) -> str:
         lines.append(f"| `{room}` | {purpose.get(room, '')} | {uses} |")
     missing = [room for room in direct if not purpose.get(room)]
     if missing:
-        raise SystemExit(f"tools/rooms.py: docs/architecture.md does not say what {', '.join(missing)} does: fill in the table")
+        raise SystemExit(
+            f"tools/rooms.py: docs/architecture.md does not say what {', '.join(missing)} does: fill in the table"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -63,7 +65,10 @@ def main() -> int:
     if "--check" in sys.argv[1:]:
         if new == text:
             return 0
-        print("docs/architecture.md: the table of rooms is old; write it anew by: tools/rooms.py", file=sys.stderr)
+        print(
+            "docs/architecture.md: the table of rooms is old; write it anew by: tools/rooms.py",
+            file=sys.stderr,
+        )
         return 1
     PAGE.write_text(new, encoding="utf-8")
     return 0

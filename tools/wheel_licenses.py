@@ -15,7 +15,14 @@ import sys
 import zipfile
 from pathlib import Path
 
-HEADERS = ["libeigen3-dev", "libboost1.74-dev", "nlohmann-json3-dev", "libcli11-dev", "libexpected-dev", "libspectra-dev"]
+HEADERS = [
+    "libeigen3-dev",
+    "libboost1.74-dev",
+    "nlohmann-json3-dev",
+    "libcli11-dev",
+    "libexpected-dev",
+    "libspectra-dev",
+]
 
 
 def ask(*command: str) -> str:
@@ -28,7 +35,9 @@ def package_of(library: str) -> str:
     try:
         owners = ask("dpkg", "-S", f"*/{file}")
     except subprocess.CalledProcessError:
-        sys.exit(f"wheel: no Debian package has {file}, so that its license is unknown; the wheel carries it as {library}")
+        sys.exit(
+            f"wheel: no Debian package has {file}, so that its license is unknown; the wheel carries it as {library}"
+        )
     return owners.partition(":")[0].partition(",")[0]
 
 
@@ -46,17 +55,27 @@ def main(wheel: Path) -> None:
     for package in sorted({*map(package_of, libraries), *HEADERS}):
         notice = Path("/usr/share/doc") / package / "copyright"
         if not notice.is_file():
-            sys.exit(f"wheel: {notice} is missing, the license of what the wheel carries; reinstall {package}")
+            sys.exit(
+                f"wheel: {notice} is missing, the license of what the wheel carries; reinstall {package}"
+            )
         content[f"{info}/licenses/{package}.txt"] = notice.read_bytes()
         added.add(f"{info}/licenses/{package}.txt")
         if package not in {c["name"] for c in components["components"]}:
             version = ask("dpkg-query", "-W", "-f", "${Version}", package)
             purl = f"pkg:deb/debian/{package}@{version.replace('+', '%2B')}"
-            component = {"type": "library", "bom-ref": purl, "name": package, "version": version, "purl": purl}
+            component = {
+                "type": "library",
+                "bom-ref": purl,
+                "name": package,
+                "version": version,
+                "purl": purl,
+            }
             components["components"].append(component)
     content[sbom] = json.dumps(components).encode()
     written = {*added, sbom}
-    lines = [line for line in content.pop(record).decode().splitlines() if line.rsplit(",", 2)[0] not in written]
+    lines = [
+        line for line in content.pop(record).decode().splitlines() if line.rsplit(",", 2)[0] not in written
+    ]
     for name in sorted(written):
         digest = base64.urlsafe_b64encode(hashlib.sha256(content[name]).digest()).rstrip(b"=").decode()
         lines.append(f"{name},sha256={digest},{len(content[name])}")

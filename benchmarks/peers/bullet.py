@@ -5,7 +5,6 @@ import sys
 
 import numpy as np
 import pybullet
-
 from tree import principal, serve
 
 
@@ -29,7 +28,9 @@ class Bullet:
             links["inertial"].append(list(b.center))
             links["inertial_turn"].append(quaternion(axes))
             links["parent"].append(b.parent + 1)
-            kind = p.JOINT_FIXED if b.joint is None else p.JOINT_REVOLUTE if b.joint.turns else p.JOINT_PRISMATIC
+            kind = (
+                p.JOINT_FIXED if b.joint is None else p.JOINT_REVOLUTE if b.joint.turns else p.JOINT_PRISMATIC
+            )
             links["kind"].append(kind)
         count = len(bodies)
         # A link without a shape keeps no inertia and no damping of changeDynamics.

@@ -4,7 +4,6 @@ import sys
 
 import dartpy
 import numpy as np
-
 from tree import serve
 
 Isometry3 = dartpy.math.Isometry3

@@ -18,7 +18,6 @@ from pydrake.multibody.tree import (
     WeldJoint,
 )
 from pydrake.systems.analysis import Simulator
-
 from tree import serve
 
 
@@ -45,12 +44,12 @@ class Drake:
             made.append(body)
             self.bodies[b.name] = body
             if b.joint is None:
-                plant.AddJoint(WeldJoint(f"weld{i}", parent.body_frame(), body.body_frame(), transform(b.X_PB)))
+                plant.AddJoint(
+                    WeldJoint(f"weld{i}", parent.body_frame(), body.body_frame(), transform(b.X_PB))
+                )
                 continue
             at = RigidTransform(b.joint.anchor)
-            on_parent = plant.AddFrame(
-                FixedOffsetFrame(f"P{i}", parent.body_frame(), transform(b.X_PB) @ at)
-            )
+            on_parent = plant.AddFrame(FixedOffsetFrame(f"P{i}", parent.body_frame(), transform(b.X_PB) @ at))
             on_body = plant.AddFrame(FixedOffsetFrame(f"B{i}", body.body_frame(), at))
             kind = RevoluteJoint if b.joint.turns else PrismaticJoint
             joint = plant.AddJoint(

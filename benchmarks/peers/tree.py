@@ -102,7 +102,10 @@ def serve(make):
         gravity = np.array(request["scene"]["gravity"], dtype=float).ravel()
         simulator = make(bodies, gravity, request["dt"])
         names = request["bodies"]
-        sample = lambda: [[float(x) for x in simulator.position(name)] for name in names]
+
+        def sample():
+            return [[float(x) for x in simulator.position(name)] for name in names]
+
         positions, step_s = [sample()], []
         for i in range(request["steps"]):
             begin = time.perf_counter()

@@ -15,7 +15,12 @@ import numpy as np
 import wgpu
 
 # Which bindings each pass has: docs/engines.md.
-BOUND = {"recover_twist": [0, 1, 2, 5], "recover_joints": [0, 1, 2, 3], "recover_scan": [0, 3, 4], "recover_exact": [0, 1, 3, 5]}
+BOUND = {
+    "recover_twist": [0, 1, 2, 5],
+    "recover_joints": [0, 1, 2, 3],
+    "recover_scan": [0, 3, 4],
+    "recover_exact": [0, 1, 3, 5],
+}
 
 
 class Host:
@@ -78,8 +83,12 @@ def try_files(adapter, device, spirv, folder):
     wanted = section("trial_poses").reshape(-1, 8)
     for passes in [0] if twist else [0, scans]:
         poses = host.pose(section("trial_frame"), twist, passes)
-        same = np.sign((poses[:, :4] * wanted[:, :4]).sum(axis=1, keepdims=True))  # a quaternion and its negative are one turn
-        off = max(np.abs(same * poses[:, :4] - wanted[:, :4]).max(), np.abs(poses[:, 4:] - wanted[:, 4:]).max())
+        same = np.sign(
+            (poses[:, :4] * wanted[:, :4]).sum(axis=1, keepdims=True)
+        )  # a quaternion and its negative are one turn
+        off = max(
+            np.abs(same * poses[:, :4] - wanted[:, :4]).max(), np.abs(poses[:, 4:] - wanted[:, 4:]).max()
+        )
         print(f"{len(poses)} bodies on {adapter.info['device']}, {passes} scans, off by at most {off:.1e}")
 
 

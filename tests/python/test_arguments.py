@@ -43,7 +43,8 @@ ARRAYS = {
     "mask": (2, lambda model, sim, batch, a: batch.reset(a)),
     "controls": ((2, 1), lambda model, sim, batch, a: batch.step(a)),
     r"controls\['motor'\]": (
-        2, lambda model, sim, batch, a: fork1s.compare(model, time=0.1, controls={"motor": a, "time": [0, 1]}),
+        2,
+        lambda model, sim, batch, a: fork1s.compare(model, time=0.1, controls={"motor": a, "time": [0, 1]}),
     ),
 }
 
@@ -71,7 +72,10 @@ def test_a_masked_array_without_masked_entries_is_an_array(sim):
 
 
 WHOLE = {
-    "modes": [lambda model, sim, batch, n: fork1s.load(ARM, modes=n), lambda model, sim, batch, n: sim.set_detail(modes=n)],
+    "modes": [
+        lambda model, sim, batch, n: fork1s.load(ARM, modes=n),
+        lambda model, sim, batch, n: sim.set_detail(modes=n),
+    ],
     "steps": [lambda model, sim, batch, n: sim.step(n), lambda model, sim, batch, n: batch.step(steps=n)],
     "count": [lambda model, sim, batch, n: fork1s.Batch(model, n)],
     "threads": [lambda model, sim, batch, n: fork1s.Batch(model, 2, threads=n)],
@@ -84,7 +88,9 @@ WHOLE = {
 @pytest.mark.parametrize("number", [-1, 2**31, 2**100, -(2**100)])
 def test_whole_numbers_out_of_range(model, sim, batch, argument, number):
     for give in WHOLE[argument]:
-        with pytest.raises(fork1s.UsageError, match=f"^{argument}: must be a whole number from [01] to .*, not {number}$"):
+        with pytest.raises(
+            fork1s.UsageError, match=f"^{argument}: must be a whole number from [01] to .*, not {number}$"
+        ):
             give(model, sim, batch, number)
 
 
@@ -167,7 +173,11 @@ def test_a_comparison_of_more_steps_than_can_be_counted(model, time):
 def test_a_step_under_a_force_beyond_all_bounds_leaves_a_finite_state(sim, force):
     ball = fork1s.Simulation(fork1s.load(BALL))
     for s, body in ((sim, "tip"), (ball, "ball")):
-        for wrench in ({"force": [force, force, force]}, {"torque": [force, force, force]}, {"force": [1, 1, 1], "point": [force] * 3}):
+        for wrench in (
+            {"force": [force, force, force]},
+            {"torque": [force, force, force]},
+            {"force": [1, 1, 1], "point": [force] * 3},
+        ):
             moment = s.save()
             s.push(body, **wrench)
             s.step(3)

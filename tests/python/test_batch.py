@@ -98,7 +98,9 @@ def test_seeds_draw_factors(hand):
     factors = batch.factors
     assert set(factors) == {"stiffness", "friction", "mass"} == set(fork1s.Batch.usual_ranges)
     for name, (low, high) in fork1s.Batch.usual_ranges.items():
-        assert len(set(factors[name])) == 64 and (factors[name] >= low).all() and (factors[name] <= high).all()
+        assert (
+            len(set(factors[name])) == 64 and (factors[name] >= low).all() and (factors[name] <= high).all()
+        )
         # Of equal likelihood in the logarithm: a quarter in each quarter, by four deviations of a binomial at most.
         quarter = np.histogram(np.log(factors[name]), bins=4, range=(np.log(low), np.log(high)))[0]
         assert abs(quarter - 16).max() < 4 * np.sqrt(64 * 0.25 * 0.75)
@@ -154,7 +156,9 @@ def test_seeds_draw_where_it_starts(scenes):
 
 
 def test_bodies_start_elsewhere(gripper):
-    batch = fork1s.Batch(gripper, 16, seeds=0, randomise={"start:cube.x": (-0.004, 0.004), "start:cube.rz": (-0.3, 0.3)})
+    batch = fork1s.Batch(
+        gripper, 16, seeds=0, randomise={"start:cube.x": (-0.004, 0.004), "start:cube.rz": (-0.3, 0.3)}
+    )
     x, turn = batch.factors["start:cube.x"], batch.factors["start:cube.rz"]
     poses = batch.poses("cube")[:, 0]
     assert_allclose(poses[:, 0], x, atol=1e-15)
@@ -175,9 +179,11 @@ def test_bodies_start_elsewhere(gripper):
 
 
 def test_what_cannot_be_drawn(gripper):
-    for randomise, said in (({"colour": (1, 2)}, "'colour' is none of: stiffness, friction, mass, start:"),
-                            ({"mass": (0, 1)}, "0 < smallest <= largest, not 0.0 and 1.0"),
-                            ({"start:cube.x": (1, -1)}, "smallest <= largest")):
+    for randomise, said in (
+        ({"colour": (1, 2)}, "'colour' is none of: stiffness, friction, mass, start:"),
+        ({"mass": (0, 1)}, "0 < smallest <= largest, not 0.0 and 1.0"),
+        ({"start:cube.x": (1, -1)}, "smallest <= largest"),
+    ):
         with pytest.raises(fork1s.UsageError, match=said):
             fork1s.Batch(gripper, 2, seeds=1, randomise=randomise)
     with pytest.raises(fork1s.UsageError, match="nothing is drawn without seeds"):

@@ -25,7 +25,9 @@ def test_python_page(tmp_path, monkeypatch):
 def test_the_program_of_the_readme(tmp_path):
     """As somebody copies it, in a folder of their own."""
     text = (DOCS.parent / "README.md").read_text()
-    [block] = re.findall(r"\n((?:    .*\n)+)", text[text.index("## From Python"):text.index("[Sweeps and fits]")])
+    [block] = re.findall(
+        r"\n((?:    .*\n)+)", text[text.index("## From Python") : text.index("[Sweeps and fits]")]
+    )
     program = "\n".join(line[4:] for line in block.splitlines())
     import fork1s
 
@@ -40,12 +42,18 @@ def run(command):
     program = Path(sys.executable).parent / "fork1s"
     if not program.exists():
         pytest.skip("the command is not installed beside this Python")
-    return subprocess.run([program, *shlex.split(command)[1:]], cwd=DOCS.parent, capture_output=True, text=True)
+    return subprocess.run(
+        [program, *shlex.split(command)[1:]], cwd=DOCS.parent, capture_output=True, text=True
+    )
 
 
 @pytest.mark.parametrize("page", ["legs_and_urdf.md", "vehicles.md"])
 def test_commands_of_pages(page):
-    commands = re.findall(r"^    (fork1s (?:inspect|run|reduce|statics) scenes/.*)$", (DOCS / page).read_text(), flags=re.MULTILINE)
+    commands = re.findall(
+        r"^    (fork1s (?:inspect|run|reduce|statics) scenes/.*)$",
+        (DOCS / page).read_text(),
+        flags=re.MULTILINE,
+    )
     assert commands
     for command in commands:
         done = run(re.sub(r"--time [0-9.]+", "--time 0.2", command))

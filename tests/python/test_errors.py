@@ -23,8 +23,10 @@ def printed(*arguments):
         (None, fork1s.FileError),
         ("<mujoco><worldbody><body></mujoco>", fork1s.FormatError),
         ("<svg/>", fork1s.FormatError),
-        ('<mujoco><worldbody><body><joint/><geom size=".1" density="-1"/></body></worldbody></mujoco>',
-         fork1s.ModelError),
+        (
+            '<mujoco><worldbody><body><joint/><geom size=".1" density="-1"/></body></worldbody></mujoco>',
+            fork1s.ModelError,
+        ),
         ("<mujoco><worldbody/></mujoco>", fork1s.ModelError),
     ],
 )

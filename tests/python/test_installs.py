@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 
 WHEEL, PIP = os.environ.get("FORK1S_WHEEL", ""), os.environ.get("FORK1S_PIP", "")
-pytestmark = pytest.mark.skipif(not (WHEEL and PIP), reason="tools/wheel.sh says which wheel (FORK1S_WHEEL, FORK1S_PIP)")
+pytestmark = pytest.mark.skipif(
+    not (WHEEL and PIP), reason="tools/wheel.sh says which wheel (FORK1S_WHEEL, FORK1S_PIP)"
+)
 # The last whose library is in the package mujoco, and the first that takes it from the package mujoco-core.
 OTHERS = ("mujoco==3.17.0", "mujoco==4.0.0")
 
@@ -91,17 +93,38 @@ class Environment:
 
     def install(self, *packages):
         done = subprocess.run(
-            [PIP, "--python", self.python, "install", "--quiet", "--disable-pip-version-check", "--no-compile",
-             "--retries", "1", "--timeout", "10", *packages], capture_output=True, text=True)
-        if done.returncode and any(said in done.stderr for said in ("NewConnectionError", "ConnectTimeout", "Connection")):
+            [
+                PIP,
+                "--python",
+                self.python,
+                "install",
+                "--quiet",
+                "--disable-pip-version-check",
+                "--no-compile",
+                "--retries",
+                "1",
+                "--timeout",
+                "10",
+                *packages,
+            ],
+            capture_output=True,
+            text=True,
+        )
+        if done.returncode and any(
+            said in done.stderr for said in ("NewConnectionError", "ConnectTimeout", "Connection")
+        ):
             pytest.skip(f"Python's registry is not reached: {done.stderr.strip().splitlines()[-1]}")
         assert done.returncode == 0, done.stderr
 
     def run(self, *programs, **environment):
         names = ("PYTHONPATH", "LD_LIBRARY_PATH")
         done = subprocess.run(
-            [self.python, "-c", "\n".join(programs)], capture_output=True, text=True, cwd=self.python.parent,
-            env={**{k: v for k, v in os.environ.items() if k not in names}, **environment})
+            [self.python, "-c", "\n".join(programs)],
+            capture_output=True,
+            text=True,
+            cwd=self.python.parent,
+            env={**{k: v for k, v in os.environ.items() if k not in names}, **environment},
+        )
         assert done.returncode == 0, done.stderr
         return done
 
@@ -168,7 +191,9 @@ def test_a_mix_of_packages_of_mujoco(environment):
     environment.install(WHEEL, "mujoco==3.7.0")
     environment.run(OURS, THEIRS)
     environment.install("mujoco-core==4.0.1")
-    environment.run(OURS, """
+    environment.run(
+        OURS,
+        """
 try:
     import mujoco
     raise SystemExit("the mix is imported: test another")
@@ -179,11 +204,14 @@ try:
     raise SystemExit("fork1s.mujoco by a mix of packages")
 except ImportError as error:
     assert "libmujoco.so.3.7.0" in str(error) and "pip uninstall mujoco mujoco-core" in str(error), error
-""")
+""",
+    )
 
 
 def test_in_one_command_with_gymnasium(environment):
-    environment.install(f"fork1s[learn] @ file://{Path(WHEEL).absolute()}", "gymnasium[mujoco]==1.4.0", "mujoco==4.0.0")
+    environment.install(
+        f"fork1s[learn] @ file://{Path(WHEEL).absolute()}", "gymnasium[mujoco]==1.4.0", "mujoco==4.0.0"
+    )
     environment.check_both()
     environment.run("""
 import gymnasium, fork1s.learn

@@ -105,7 +105,9 @@ print({{line.split()[-1].rpartition("/")[2] for line in open("/proc/self/maps") 
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("'libmujoco.so") == 1 and done.stdout.count("'libfork1s_mujoco.so") == 1, done.stdout
+    assert done.stdout.count("'libmujoco.so") == 1 and done.stdout.count("'libfork1s_mujoco.so") == 1, (
+        done.stdout
+    )
 
 
 def test_simulations_on_threads_are_those_of_one(hand):

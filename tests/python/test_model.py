@@ -39,8 +39,12 @@ def test_stiffness_is_the_inverse_where_it_exists():
     springs = "".join(
         f'<joint type="{kind}" axis="{axis}" stiffness="{k}"/>'
         for kind, axis, k in [
-            ("slide", "1 0 0", 10), ("slide", "0 1 0", 20), ("slide", "0 0 1", 30),
-            ("hinge", "1 0 0", 1), ("hinge", "0 1 0", 2), ("hinge", "0 0 1", 3),
+            ("slide", "1 0 0", 10),
+            ("slide", "0 1 0", 20),
+            ("slide", "0 0 1", 30),
+            ("hinge", "1 0 0", 1),
+            ("hinge", "0 1 0", 2),
+            ("hinge", "0 0 1", 3),
         ]
     )
     model = fork1s.load(
@@ -141,7 +145,9 @@ def test_a_changed_mujoco_model_counts(scenes):
     mj_model = mujoco.MjModel.from_xml_path(str(scenes / "two_link_arm.xml"))
     mj_model.jnt_stiffness[:] *= 4
     assert_allclose(
-        fork1s.load(mj_model).frequencies, 2 * fork1s.load(scenes / "two_link_arm.xml").frequencies, rtol=1e-12
+        fork1s.load(mj_model).frequencies,
+        2 * fork1s.load(scenes / "two_link_arm.xml").frequencies,
+        rtol=1e-12,
     )
 
 

@@ -21,8 +21,20 @@ def path(t):
 def run_table(scene, folder, integrator, table):
     """Controls and poses of the command line's table at the end of every step."""
     (folder / "table.csv").write_text(table)
-    done = fork1s_command("run", scene, "--dt", 1 / 120, "--time", STEPS / 120, "--integrator", integrator,
-                          "--controls", folder / "table.csv", "--record", folder / "run.h5")
+    done = fork1s_command(
+        "run",
+        scene,
+        "--dt",
+        1 / 120,
+        "--time",
+        STEPS / 120,
+        "--integrator",
+        integrator,
+        "--controls",
+        folder / "table.csv",
+        "--record",
+        folder / "run.h5",
+    )
     assert done.returncode == 0, done.stderr
     replayed = fork1s_command("replay", folder / "run.h5")
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr
@@ -30,7 +42,9 @@ def run_table(scene, folder, integrator, table):
     assert exported.returncode == 0, exported.stderr
     controls = np.loadtxt(folder / "csv/controls.csv", delimiter=",", skiprows=1)[:, 1:]
     names = (folder / "csv/poses.csv").read_text().splitlines()[0].split(",")
-    columns = [i for i, name in enumerate(names) if name.split(".")[-1] in ("x", "y", "z", "qw", "qx", "qy", "qz")]
+    columns = [
+        i for i, name in enumerate(names) if name.split(".")[-1] in ("x", "y", "z", "qw", "qx", "qy", "qz")
+    ]
     poses = np.loadtxt(folder / "csv/poses.csv", delimiter=",", skiprows=1, usecols=columns)
     poses = poses.reshape(STEPS, -1, 7)
     poses[..., 3:] *= np.sign(poses[..., 3:4])  # Simulation.poses has w >= 0
@@ -40,9 +54,12 @@ def run_table(scene, folder, integrator, table):
 @pytest.mark.parametrize("start", [0.0, 0.2])
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_steps_equal_the_table(gripper, scenes, tmp_path, integrator, start):
-    rows = "\n".join(",".join(repr(float(v)) for v in (i / 120, *(path(i / 120) + start))) for i in range(STEPS + 1))
-    controls, poses = run_table(scenes / "fourbar_gripper.xml", tmp_path, integrator,
-                                "time,left_grip,right_grip\n" + rows + "\n")
+    rows = "\n".join(
+        ",".join(repr(float(v)) for v in (i / 120, *(path(i / 120) + start))) for i in range(STEPS + 1)
+    )
+    controls, poses = run_table(
+        scenes / "fourbar_gripper.xml", tmp_path, integrator, "time,left_grip,right_grip\n" + rows + "\n"
+    )
     sim = fork1s.Simulation(gripper, dt=1 / 120, integrator=integrator)
     held = fork1s.Simulation(gripper, dt=1 / 120, integrator=integrator)
     if start:
@@ -136,7 +153,9 @@ def test_a_driven_base_with_rates_equals_the_table(scenes, tmp_path):
     model = fork1s.load(scenes / "grasp_box.xml")
     place = [0.02 * (1 - np.cos(9 * i / 120)) for i in range(STEPS + 2)]
     lift = "\n".join(f"{i / 120!r},{float(z)!r}" for i, z in enumerate(place))
-    controls, poses = run_table(scenes / "grasp_box.xml", tmp_path, "two-stage", "time,palm.z\n" + lift + "\n")
+    controls, poses = run_table(
+        scenes / "grasp_box.xml", tmp_path, "two-stage", "time,palm.z\n" + lift + "\n"
+    )
     known = fork1s.Simulation(model, dt=1 / 120, integrator="two-stage")
     estimated = fork1s.Simulation(model, dt=1 / 120, integrator="two-stage")
     for k in range(STEPS):

@@ -111,7 +111,9 @@ def test_set_state(gripper):
     sim.step(6)
     assert_allclose(sim.poses[cube, :3], [0.05, 0, 1 - 9.81 * 0.005], atol=1e-9)
     assert sim.time == pytest.approx(time + 0.1)
-    with pytest.raises(fork1s.UnknownNameError, match="no free body or moving base 'left_jaw'; there are: cube"):
+    with pytest.raises(
+        fork1s.UnknownNameError, match="no free body or moving base 'left_jaw'; there are: cube"
+    ):
         sim.set_state(poses={"left_jaw": pose})
     with pytest.raises(ValueError, match="qpos must be 6 numbers"):
         sim.set_state(qpos=[1])
@@ -136,5 +138,7 @@ def test_a_box_is_held_where_mujoco_is_unstable(scenes, tmp_path):
     assert ours.returncode == 0, ours.stderr
     lifted, apart = (float(word) for word in re.findall(r"[0-9.]+(?= mm?\b)", ours.stdout))
     assert lifted > 0.4 and apart < 70
-    theirs = subprocess.run([sys.executable, example, "--mujoco"], capture_output=True, text=True, cwd=tmp_path)
+    theirs = subprocess.run(
+        [sys.executable, example, "--mujoco"], capture_output=True, text=True, cwd=tmp_path
+    )
     assert theirs.returncode == 1 and "unstable after 0." in theirs.stdout

@@ -24,8 +24,12 @@ def test_what_is_recorded_replays_bit_by_bit(gripper, tmp_path):
     sim.step(20)
     sim.push("cube", force=[0.1, 0, 0], point=[0, 0, 0.02])
     sim.step(10)
-    for refused in (lambda: sim.set_stiffness({"left_crank": 3}), lambda: sim.set_state(qvel=np.zeros(6)),
-                    lambda: sim.restore(sim.save()), lambda: sim.record(tmp_path / "other.h5")):
+    for refused in (
+        lambda: sim.set_stiffness({"left_crank": 3}),
+        lambda: sim.set_state(qvel=np.zeros(6)),
+        lambda: sim.restore(sim.save()),
+        lambda: sim.record(tmp_path / "other.h5"),
+    ):
         with pytest.raises(fork1s.UsageError, match="a recording goes on"):
             refused()
     sim.stop_recording()

@@ -39,7 +39,10 @@ def poses_by_twist(tables, numbers, frame):
         T = numbers[twists : twists + 6 * count].reshape(-1, 6)
         twist = frame[z : z + count] @ T
         q, p = exponential(twist[:3], twist[3:])
-        p, q = p + turn(q, numbers[reference + 4 : reference + 7]), times(q, numbers[reference : reference + 4])
+        p, q = (
+            p + turn(q, numbers[reference + 4 : reference + 7]),
+            times(q, numbers[reference : reference + 4]),
+        )
         base = frame[8 * root : 8 * root + 8]
         p, q = base[4:7] + turn(base[:4], p), times(base[:4], q)
         yield np.concatenate([p, np.roll(q, 1) * np.sign(q[3])])
@@ -51,7 +54,9 @@ def test_numpy_poses_the_bodies(tmp_path):
     buffers = fork1s.RecoveryBuffers(sim)
     assert buffers.recovery == "twist" and buffers.scan_passes == 2
     assert buffers.tables.dtype == np.int32 and buffers.numbers.dtype == np.float32
-    poses = np.array(list(poses_by_twist(buffers.tables, buffers.numbers.astype(float), buffers.frame().astype(float))))
+    poses = np.array(
+        list(poses_by_twist(buffers.tables, buffers.numbers.astype(float), buffers.frame().astype(float)))
+    )
     assert np.abs(sim.poses[:, 3:] - [1, 0, 0, 0]).max() > 0.01
     np.testing.assert_allclose(poses, sim.poses, atol=1e-6)
 
@@ -70,7 +75,11 @@ def test_numpy_poses_the_bodies(tmp_path):
     np.testing.assert_array_equal(section("tables"), buffers.tables)
     np.testing.assert_array_equal(section("numbers"), buffers.numbers)
     np.testing.assert_array_equal(section("frame"), buffers.frame())
-    trial = list(poses_by_twist(section("tables"), section("numbers").astype(float), section("trial_frame").astype(float)))
+    trial = list(
+        poses_by_twist(
+            section("tables"), section("numbers").astype(float), section("trial_frame").astype(float)
+        )
+    )
     wanted = section("trial_poses").reshape(-1, 8)
     assert np.abs(wanted[:, 4:7] - sim.poses[:, :3]).max() > 0.01
     np.testing.assert_allclose(np.array(trial)[:, :3], wanted[:, 4:7], atol=1e-6)

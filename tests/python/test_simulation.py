@@ -192,12 +192,18 @@ def test_gains_change_while_it_runs(gripper):
         return np.abs(sim.contacts["force"][:, 0]).max()
 
     before, pose, time = pressed(), sim.pose("cube"), sim.time
-    sim.set_stiffness({"left_crank": 2 * gripper.stiffnesses["left_crank"],
-                       "right_crank": 2 * gripper.stiffnesses["right_crank"]})
+    sim.set_stiffness(
+        {
+            "left_crank": 2 * gripper.stiffnesses["left_crank"],
+            "right_crank": 2 * gripper.stiffnesses["right_crank"],
+        }
+    )
     assert_allclose(sim.pose("cube"), pose, atol=1e-9)
     assert sim.time == time and sim.controls["left_grip"] == 0.4
     sim.step(60)
-    assert 1.6 < pressed() / before < 2.1  # the servos press twice as hard, flexures of the rockers do not help
+    assert (
+        1.6 < pressed() / before < 2.1
+    )  # the servos press twice as hard, flexures of the rockers do not help
     sim.set_state(poses={"cube": [0.2, 0, 0.012]})
     sim.step(1)
     with pytest.raises(fork1s.UnknownNameError, match="no joint coordinate 'knee'"):

@@ -54,7 +54,9 @@ def test_gravity_can_be_another(arm):
 
 
 def test_refusals(arm, scenes):
-    with pytest.raises(fork1s.ModelError, match=r"two_link_arm.xml: no mechanism has a body 'x'; there are: world"):
+    with pytest.raises(
+        fork1s.ModelError, match=r"two_link_arm.xml: no mechanism has a body 'x'; there are: world"
+    ):
         fork1s.statics(arm, "x")
     with pytest.raises(ValueError, match=r"force must be 3 numbers, not an array of shape \(2,\)"):
         fork1s.statics(arm, "forearm", [1, 2])

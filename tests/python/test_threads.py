@@ -30,7 +30,10 @@ def interrupt_after(seconds):
 
 def run(script: str) -> str:
     done = subprocess.run(
-        [sys.executable, "-W", "ignore::DeprecationWarning", "-c", PRELUDE + textwrap.dedent(script)], capture_output=True, text=True, timeout=STANDSTILL
+        [sys.executable, "-W", "ignore::DeprecationWarning", "-c", PRELUDE + textwrap.dedent(script)],
+        capture_output=True,
+        text=True,
+        timeout=STANDSTILL,
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
@@ -64,7 +67,7 @@ def test_threads_read_all_properties_of_a_simulation_that_steps():
 def test_no_two_calls_wait_for_each_other(tmp_path):
     assert "done" in run(f"""
         import itertools
-        path = {str(tmp_path / 'r.h5')!r}
+        path = {str(tmp_path / "r.h5")!r}
         ARM = '<mujoco><worldbody><body name="base"><geom size=".1" mass="1"/><body name="tip" pos="0 0 .5">' \\
             '<joint name="elbow" stiffness="5" damping=".1"/><geom size=".1" mass="1"/></body></body>' \\
             '<geom type="plane" size="1 1 1"/></worldbody><actuator><motor name="motor" joint="elbow"/></actuator></mujoco>'
@@ -240,8 +243,10 @@ AT_WORK = {
 
 @pytest.mark.parametrize("at_work", AT_WORK)
 def test_a_child_forked_while_another_thread_works_is_free_to_work(at_work, tmp_path):
-    assert "done" in run(FORKS + f"""
-path, file = {str(tmp_path / 'r.h5')!r}, {str(tmp_path / 'boxes.xml')!r}
+    assert "done" in run(
+        FORKS
+        + f"""
+path, file = {str(tmp_path / "r.h5")!r}, {str(tmp_path / "boxes.xml")!r}
 open(file, 'w').write(BOXES)
 from_file = fork1s.load(file)
 sim, batch = fork1s.Simulation(model), fork1s.Batch(model, 4)
@@ -254,29 +259,33 @@ def in_child():
     fork1s.Simulation(fork1s.load(BOXES)).step(2)
     fork1s.Batch(model, 8).step(steps=2)
     fork1s.compare(model, time=0.02)
-    if {not at_work.startswith('compare with')}:
+    if {not at_work.startswith("compare with")}:
         fork1s.compare(from_file, 'mujoco', time=0.02)
     before = sim.steps
     sim.step(2)
     assert sim.steps == before + 2 and sim.poses.shape == (4, 7)
-    if {not at_work.startswith('Batch.')}:
+    if {not at_work.startswith("Batch.")}:
         batch.step(steps=2)
 for _ in range(5):
     time.sleep(0.03)
     fork_and(in_child)
 print("done")
 os._exit(0)
-""")
+"""
+    )
 
 
 def test_a_child_is_told_that_a_batch_of_another_thread_was_at_work():
-    assert "Batch: another thread was using it as this process was forked" in run(FORKS + """
+    assert "Batch: another thread was using it as this process was forked" in run(
+        FORKS
+        + """
 batch = fork1s.Batch(model, 4)
 threading.Thread(target=batch.step, kwargs=dict(steps=10**9), daemon=True).start()
 time.sleep(0.2)
 fork_and(lambda: batch.time)
 os._exit(0)
-""")
+"""
+    )
 
 
 def test_a_signal_handler_may_fork():
@@ -319,8 +328,10 @@ def test_a_child_forked_beside_a_live_page_exits():
 
 
 def test_a_child_does_not_write_into_the_recording_of_its_parent(tmp_path):
-    assert "done" in run(FORKS + f"""
-path = {str(tmp_path / 'r.h5')!r}
+    assert "done" in run(
+        FORKS
+        + f"""
+path = {str(tmp_path / "r.h5")!r}
 sim = fork1s.Simulation(model)
 sim.record(path)
 sim.step(50)
@@ -339,4 +350,5 @@ assert open(path, 'rb').read() == before
 sim.step(50)
 sim.stop_recording()
 print("done")
-""")
+"""
+    )

@@ -33,9 +33,9 @@ from ._core import (
     Statics,
     StepReport,
     compare,
+    mujoco_version,
     statics,
 )
-from ._core import mujoco_version
 from ._core import version as __version__
 from ._errors import (
     Error,

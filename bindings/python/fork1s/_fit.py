@@ -93,8 +93,10 @@ def fit_stiffness(
         if name not in now:
             raise UnknownNameError(f"there is no joint coordinate '{name}'; there are: {', '.join(now)}")
         if not now[name] > 0:
-            raise UsageError(f"joint '{name}': nothing holds it, so there is no stiffness to begin with; give it one by "
-                             "with_stiffness")
+            raise UsageError(
+                f"joint '{name}': nothing holds it, so there is no stiffness to begin with; give it one by "
+                "with_stiffness"
+            )
     parts = [_Part(model, body, target_C) for body, target_C in wanted.items()]
     felt = [n for n in names if any(part.feels(model, n) for part in parts)]
     if not felt:
@@ -114,8 +116,9 @@ def fit_stiffness(
         return np.vstack([part.slopes(changed, felt, np.exp(x)) for part in parts])
 
     start = np.clip(np.log([now[n] for n in felt]), lower, upper)
-    found = least_squares(residual, start, jac=slopes, bounds=(lower, upper), xtol=1e-12, ftol=1e-14, gtol=1e-12,
-                          max_nfev=300)
+    found = least_squares(
+        residual, start, jac=slopes, bounds=(lower, upper), xtol=1e-12, ftol=1e-14, gtol=1e-12, max_nfev=300
+    )
     best = at(found.x)
     error = float(np.abs(residual(found.x)).max())
     near = 1e-4
@@ -180,8 +183,10 @@ def _wanted(model: _core.Model, target: npt.ArrayLike | Mapping[str, npt.ArrayLi
     if not isinstance(target, Mapping):
         interfaces = model.interfaces
         if len(interfaces) != 1:
-            raise UsageError(f"the model has {len(interfaces)} interface bodies: give the target as a mapping from body to "
-                             "compliance")
+            raise UsageError(
+                f"the model has {len(interfaces)} interface bodies: give the target as a mapping from body to "
+                "compliance"
+            )
         target = {interfaces[0]: target}
     wanted = {}
     for body, given in target.items():
@@ -189,9 +194,13 @@ def _wanted(model: _core.Model, target: npt.ArrayLike | Mapping[str, npt.ArrayLi
         if C.shape == (3, 3):
             C = np.block([[np.full((3, 3), np.nan), np.full((3, 3), np.nan)], [np.full((3, 3), np.nan), C]])
         if C.shape != (6, 6):
-            raise UsageError(f"target of '{body}': a compliance is (6, 6), or (3, 3) of the translation, not {C.shape}")
+            raise UsageError(
+                f"target of '{body}': a compliance is (6, 6), or (3, 3) of the translation, not {C.shape}"
+            )
         if np.isinf(C).any() or np.isnan(C).all():
-            raise UsageError(f"target of '{body}': entries are finite, or NaN where they are open, and not all are open")
+            raise UsageError(
+                f"target of '{body}': entries are finite, or NaN where they are open, and not all are open"
+            )
         C = np.where(np.isnan(C), C.T, C)
         if not np.allclose(C, C.T, rtol=1e-6, atol=1e-9 * np.nanmax(np.abs(C)), equal_nan=True):
             raise UsageError(f"target of '{body}': a compliance is symmetric, and this is not")
@@ -203,12 +212,16 @@ def _wanted(model: _core.Model, target: npt.ArrayLike | Mapping[str, npt.ArrayLi
 
 
 def _limits(
-    bounds: tuple[float, float] | Mapping[str, tuple[float, float]], joints: list[str], now: Mapping[str, float]
+    bounds: tuple[float, float] | Mapping[str, tuple[float, float]],
+    joints: list[str],
+    now: Mapping[str, float],
 ) -> list[tuple[float, float]]:
     if isinstance(bounds, Mapping):
         unknown = set(bounds) - set(now)
         if unknown:
-            raise UnknownNameError(f"there is no joint coordinate '{sorted(unknown)[0]}'; there are: {', '.join(now)}")
+            raise UnknownNameError(
+                f"there is no joint coordinate '{sorted(unknown)[0]}'; there are: {', '.join(now)}"
+            )
         limits = [tuple(map(float, bounds.get(n, (0.01 * now[n], 100 * now[n])))) for n in joints]
     else:
         limits = [(float(bounds[0]) * now[n], float(bounds[1]) * now[n]) for n in joints]

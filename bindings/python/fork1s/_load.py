@@ -71,8 +71,17 @@ def load(
         FileError, FormatError, ModelError, UsageError: with file, place, cause and remedy.
     """
     given = dict(
-        interface=interface, base=base, modes=modes, mode_choice=mode_choice, stiffness_scale=stiffness_scale, pd=pd,
-        keyframe=keyframe, base_pose=base_pose, q=q, ground=ground, packages=packages,
+        interface=interface,
+        base=base,
+        modes=modes,
+        mode_choice=mode_choice,
+        stiffness_scale=stiffness_scale,
+        pd=pd,
+        keyframe=keyframe,
+        base_pose=base_pose,
+        q=q,
+        ground=ground,
+        packages=packages,
     )
     source = _mujoco_objects.readable(source)
     model = _read(source, _options(**given))
@@ -89,7 +98,15 @@ _DEFAULTS = load.__kwdefaults__
 
 
 def _options(
-    *, interface: Any, stiffness_scale: Any, pd: Any, base_pose: Any, q: Any, ground: Any, packages: Any, **others: Any
+    *,
+    interface: Any,
+    stiffness_scale: Any,
+    pd: Any,
+    base_pose: Any,
+    q: Any,
+    ground: Any,
+    packages: Any,
+    **others: Any,
 ) -> dict[str, Any]:
     gains: dict[str, Gains] = {}
     everywhere: Gains | None = None
@@ -118,7 +135,9 @@ def _read(source: Any, options: dict[str, Any]) -> _core.Model:
         return _core.load_text(source, "text", options)
     if isinstance(source, (str, os.PathLike)):
         return _core.load_file(os.fsdecode(source), options)
-    raise UsageError(f"load takes a path, text, a mujoco.MjModel or a mujoco.MjSpec, not {type(source).__name__}")
+    raise UsageError(
+        f"load takes a path, text, a mujoco.MjModel or a mujoco.MjSpec, not {type(source).__name__}"
+    )
 
 
 def with_stiffness(model: _core.Model, stiffness: Mapping[str, float]) -> _core.Model:

@@ -131,20 +131,26 @@ def _text_of_model(model: Any) -> str:
         try:
             with _all_digits():
                 mujoco.mj_saveLastXML(file, model)
-        except Exception as error:  # noqa: BLE001 - mujoco.FatalError and others, by version
-            raise UsageError(refusal.format(why=f"It writes that of the model that it read last alone ({error})")) from error
+        except Exception as error:
+            raise UsageError(
+                refusal.format(why=f"It writes that of the model that it read last alone ({error})")
+            ) from error
         root = ElementTree.parse(file).getroot()
     try:
         for element, _ in _files(root):
             element.set("file", _recorded_path(mujoco, model, element))
         text = _without_folders(root)
         again = mujoco.MjModel.from_xml_string(text)
-    except Exception as error:  # noqa: BLE001
+    except Exception as error:
         raise UsageError(refusal.format(why=f"That cannot be read again ({error})")) from error
     different = _difference(model, again)
     if different:
         # MuJoCo writes the XML that it read last, whichever model that was of.
-        raise UsageError(refusal.format(why=f"That is of the model that it read last, which is another ({different} differs)"))
+        raise UsageError(
+            refusal.format(
+                why=f"That is of the model that it read last, which is another ({different} differs)"
+            )
+        )
     return text
 
 
@@ -168,7 +174,12 @@ def _without_folders(root: ElementTree.Element) -> str:
 def _recorded_path(mujoco: Any, model: Any, element: ElementTree.Element) -> str:
     """Where the file of an asset lies, as the compiled model has recorded it."""
     kinds = {"mesh": "MESH", "hfield": "HFIELD", "texture": "TEXTURE", "skin": "SKIN"}
-    addresses = {"mesh": "mesh_pathadr", "hfield": "hfield_pathadr", "texture": "tex_pathadr", "skin": "skin_pathadr"}
+    addresses = {
+        "mesh": "mesh_pathadr",
+        "hfield": "hfield_pathadr",
+        "texture": "tex_pathadr",
+        "skin": "skin_pathadr",
+    }
     name = element.get("name") or Path(element.attrib["file"]).stem
     index = mujoco.mj_name2id(model, getattr(mujoco.mjtObj, "mjOBJ_" + kinds[element.tag]), name)
     address = int(getattr(model, addresses[element.tag])[index]) if index >= 0 else -1
@@ -199,6 +210,8 @@ def _difference(model: Any, other: Any) -> str:
         if isinstance(ours, np.ndarray):
             # Six digits, where the library writes no more.
             scale = 1e-5 * max(1e-9, float(np.abs(ours).max(initial=0)))
-            if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=1e-5, atol=scale, equal_nan=True):
+            if ours.shape != theirs.shape or not np.allclose(
+                ours, theirs, rtol=1e-5, atol=scale, equal_nan=True
+            ):
                 return name
     return ""

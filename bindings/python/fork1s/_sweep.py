@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, Union
 from . import _core
 from ._errors import SweepError, UsageError
 from ._load import Source
-from ._sweep_journal import Journal, key_of
 from ._sweep_identity import identity_of
+from ._sweep_journal import Journal, key_of
 from ._sweep_run import Progress, Sweeping, warn
 from ._sweep_task import LOAD_OPTIONS, Task, packed
 
@@ -135,7 +135,9 @@ def _plain(value: Any, name: str) -> Any:
         return [_plain(v, name) for v in value]
     if isinstance(value, Mapping):
         return {str(k): _plain(v, name) for k, v in value.items()}
-    raise UsageError(f"parameter '{name}': a value is a number, text, or a list or mapping of these, not {value!r}")
+    raise UsageError(
+        f"parameter '{name}': a value is a number, text, or a list or mapping of these, not {value!r}"
+    )
 
 
 def _rows(parameters: Points) -> Iterable[Mapping[str, Any]]:
@@ -162,7 +164,9 @@ def _points(parameters: Points, any_name: bool) -> dict[str, dict[str, Any]]:
             if type(None) in (kind, known):
                 kinds[name] = known if kind is type(None) else kind
             elif kind is not known:
-                raise UsageError(f"parameter '{name}': values are of two kinds, {known.__name__} and {kind.__name__}")
+                raise UsageError(
+                    f"parameter '{name}': values are of two kinds, {known.__name__} and {kind.__name__}"
+                )
         key = key_of(point)
         if key in points:
             raise UsageError(

@@ -38,7 +38,11 @@ def identity_of(model: Any, metric: Any) -> Identity:
     """Of a sweep. Reads the model's files as they are now."""
     return Identity(
         {"model": _model_name(model), "metric": _name(metric)},
-        {"model": _digest(model, as_model=True), "metric": _digest(metric), "version of fork1s": _core.version},
+        {
+            "model": _digest(model, as_model=True),
+            "metric": _digest(metric),
+            "version of fork1s": _core.version,
+        },
     )
 
 
@@ -68,7 +72,13 @@ def _digest(value: Any, as_model: bool = False) -> str:
 
 # Members of every class that say nothing of what it computes.
 _NOT_OF_A_CLASS = (
-    "__dict__", "__weakref__", "__doc__", "__module__", "__annotations__", "__firstlineno__", "__static_attributes__",
+    "__dict__",
+    "__weakref__",
+    "__doc__",
+    "__module__",
+    "__annotations__",
+    "__firstlineno__",
+    "__static_attributes__",
 )
 
 
@@ -79,7 +89,9 @@ class _Walk:
         self.digest = hashlib.sha256()
         self._seen: dict[int, int] = {}
         self._alive: list[Any] = []  # so that no id is used again
-        self._members: set[tuple[int, frozenset[str]]] = set()  # modules and the names read of them, which are hashed
+        self._members: set[tuple[int, frozenset[str]]] = (
+            set()
+        )  # modules and the names read of them, which are hashed
         self._files_of_paths = False
 
     def _put(self, kind: str, content: bytes | str = b"") -> None:
@@ -112,13 +124,20 @@ class _Walk:
         else:
             files = {Path(source).absolute()} | _files_below(Path(source).absolute(), packages)
         # Where a folder of models lies does not matter, only what is in it.
-        contents = sorted((file.name, hashlib.sha256(file.read_bytes()).digest()) for file in files if file.is_file())
+        contents = sorted(
+            (file.name, hashlib.sha256(file.read_bytes()).digest()) for file in files if file.is_file()
+        )
         for name, content in contents:
             self._put("file", name)
             self._put("content", content)
 
     def add(self, value: Any) -> None:
-        if value is None or value is Ellipsis or value is NotImplemented or isinstance(value, (bool, int, float, complex)):
+        if (
+            value is None
+            or value is Ellipsis
+            or value is NotImplemented
+            or isinstance(value, (bool, int, float, complex))
+        ):
             self._put(type(value).__name__, repr(value))
         elif isinstance(value, (str, bytes)):
             self._put(type(value).__name__, value)
@@ -219,8 +238,10 @@ class _Walk:
         for name, level in sorted(imported):
             self._put("import", name)
             try:
-                module = importlib.import_module("." * level + name, function.__globals__.get("__package__") or None)
-            except Exception:  # noqa: BLE001 - the metric fails in its own way, at every point
+                module = importlib.import_module(
+                    "." * level + name, function.__globals__.get("__package__") or None
+                )
+            except Exception:
                 continue
             self._add_global(module, attributes)
 
@@ -266,7 +287,7 @@ class _Walk:
         # A pickle leaves out what an object of a package caches. Without one, as for a lock, the type is all.
         try:
             self._put("pickle", pickle.dumps(value))
-        except Exception:  # noqa: BLE001 - each type refuses in its own way
+        except Exception:
             pass
 
 
@@ -301,7 +322,7 @@ _INSTALLED = tuple(
 )
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _is_installed(module: str | None) -> bool:
     """Whether a module is of the standard library or of an installed package, fork1s among them."""
     top = (module or "").partition(".")[0]

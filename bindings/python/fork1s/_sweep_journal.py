@@ -62,7 +62,9 @@ class Journal:
         try:
             fcntl.flock(self._lines, fcntl.LOCK_EX | fcntl.LOCK_NB)
             # Whoever held it may have finished and removed it since it was opened.
-            if not self._journal.exists() or not os.path.samestat(os.fstat(self._lines.fileno()), self._journal.stat()):
+            if not self._journal.exists() or not os.path.samestat(
+                os.fstat(self._lines.fileno()), self._journal.stat()
+            ):
                 raise BlockingIOError
         except BlockingIOError:
             self._lines.close()
@@ -100,13 +102,17 @@ class Journal:
         for row in table.to_pylist():
             point = set(json.loads(row.pop(_POINT)))
             key = row.pop(_KEY)
-            self.rows[key] = {n: v for n, v in row.items() if n not in point and not (v is None and n != "error")}
+            self.rows[key] = {
+                n: v for n, v in row.items() if n not in point and not (v is None and n != "error")
+            }
 
     def _holds(self, known: str, count: int) -> bool:
         """Whether rows under a header are of the model and the metric as they are now. Refuses those of another sweep."""
         try:
             names, contents = json.loads(known)
-            changed = sorted(name for name, content in self._sweep.contents.items() if contents.get(name) != content)
+            changed = sorted(
+                name for name, content in self._sweep.contents.items() if contents.get(name) != content
+            )
         except (ValueError, TypeError, AttributeError):
             raise UsageError(
                 f"{self._path}: was written by a version of fork1s that did not record what its rows were computed from; "
@@ -206,7 +212,9 @@ class Journal:
         beside = self._path.with_name(f".{self._path.name}.{os.getpid()}")
         try:
             written = pyarrow.Table.from_pandas(kept, preserve_index=False)
-            written = written.replace_schema_metadata({**(written.schema.metadata or {}), _SWEEP: self._header.encode()})
+            written = written.replace_schema_metadata(
+                {**(written.schema.metadata or {}), _SWEEP: self._header.encode()}
+            )
             pyarrow.parquet.write_table(written, beside)
             os.replace(beside, self._path)
         except (pyarrow.ArrowInvalid, pyarrow.ArrowTypeError) as error:

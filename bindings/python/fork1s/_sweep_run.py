@@ -177,7 +177,9 @@ class Sweeping:
             for future in self._out:
                 future.cancel()
             if self._own is not None:
-                self._own.close(at_once=bool(self._out))  # some are out where Ctrl-C or an error ends the sweep
+                self._own.close(
+                    at_once=bool(self._out)
+                )  # some are out where Ctrl-C or an error ends the sweep
 
     def _send(self) -> None:
         if self._suspects:
@@ -222,7 +224,7 @@ class Sweeping:
                 if self._own is None:
                     raise
                 broken.append(asked)
-            except Exception as problem:  # noqa: BLE001 - such as Dask's word that it killed several workers
+            except Exception as problem:
                 if len(asked) > 1 or asked[0][0] not in self._again:
                     self._again.update(key for key, _ in asked)
                     self._suspects.extend([point] for point in asked)
@@ -235,7 +237,9 @@ class Sweeping:
             if not self._answered:
                 self._own.check()
             if alone:
-                self._fail(broken[0], "the process that computed this point ended: killed, or a crash below Python")
+                self._fail(
+                    broken[0], "the process that computed this point ended: killed, or a crash below Python"
+                )
             else:
                 self._suspects.extend([point] for asked in broken for point in asked)
 
@@ -253,7 +257,11 @@ class Sweeping:
             warn(f"sweep: the point {values} failed: {error}; the other points go on")
         self._has_result = self._has_result or len(failed) < len(rows)
         before, self._num_failed = self._num_failed, self._num_failed + len(failed)
-        if not self._has_result and before < _FEW <= self._num_failed and (self._to_ask or self._suspects or self._out):
+        if (
+            not self._has_result
+            and before < _FEW <= self._num_failed
+            and (self._to_ask or self._suspects or self._out)
+        ):
             warn(
                 f"sweep: all of the first {self._num_failed} points failed, the last with: {failed[-1][1]}; stop the sweep "
                 "(Ctrl-C) if the others would fail too, mend the model, the metric or the parameters and call it again"

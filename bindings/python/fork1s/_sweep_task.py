@@ -56,7 +56,7 @@ def _unpacked(task: bytes) -> Task:
 
 
 def answer(
-    task: bytes, points: list[tuple[str, dict[str, Any]]], attempt: int = 0  # noqa: ARG001 - tells two attempts apart
+    task: bytes, points: list[tuple[str, dict[str, Any]]], attempt: int = 0
 ) -> list[tuple[str, dict[str, Any]]]:
     """Rows of points, by their keys. Nothing that a point does raises from here."""
     return [(key, _row(task, point)) for key, point in points]
@@ -69,9 +69,14 @@ def _row(task: bytes, point: dict[str, Any]) -> dict[str, Any]:
     try:
         model, metric, _ = _unpacked(task)
         row = _columns(metric(_kept_model(task, model, point), dict(point)), point)
-    except Exception as problem:  # noqa: BLE001 - whatever it is belongs in the row
+    except Exception as problem:
         error = f"{type(problem).__name__}: {problem}"
-    return {**row, "error": error, "seconds": time.perf_counter() - start, "worker": f"{socket.gethostname()}:{os.getpid()}"}
+    return {
+        **row,
+        "error": error,
+        "seconds": time.perf_counter() - start,
+        "worker": f"{socket.gethostname()}:{os.getpid()}",
+    }
 
 
 _kept: dict[tuple[Any, ...], _core.Model] = {}
@@ -100,7 +105,9 @@ def _columns(result: Any, point: dict[str, Any]) -> dict[str, Any]:
         if name in point or name in ("error", "seconds", "worker"):
             raise UsageError(f"the metric returns '{name}', which is a column of the table already")
         if value is not None and not isinstance(value, (bool, int, float, str)):
-            raise UsageError(f"the metric returns {type(value).__name__} as '{name}'; a column holds numbers or text")
+            raise UsageError(
+                f"the metric returns {type(value).__name__} as '{name}'; a column holds numbers or text"
+            )
         columns[str(name)] = value
     return columns
 
@@ -108,8 +115,12 @@ def _columns(result: Any, point: dict[str, Any]) -> dict[str, Any]:
 def model_at(model: Any, point: Mapping[str, Any]) -> _core.Model:
     """The model of a point: options of load, fields of the file's elements and stiffnesses worked in."""
     options = {name: value for name, value in point.items() if name in LOAD_OPTIONS}
-    fields = {name: value for name, value in point.items() if ":" in name and not name.startswith("stiffness:")}
-    stiffness = {name.split(":", 1)[1]: value for name, value in point.items() if name.startswith("stiffness:")}
+    fields = {
+        name: value for name, value in point.items() if ":" in name and not name.startswith("stiffness:")
+    }
+    stiffness = {
+        name.split(":", 1)[1]: value for name, value in point.items() if name.startswith("stiffness:")
+    }
     if callable(model):
         model, options = model(**point), {}
     if isinstance(model, _core.Model):
@@ -135,7 +146,9 @@ def _with_fields(source: Any, fields: Mapping[str, Any]) -> mujoco.MjSpec:
     elif isinstance(source, (str, os.PathLike)):
         spec = mujoco.MjSpec.from_file(os.fspath(source))
     else:
-        raise UsageError("parameters 'KIND:NAME.FIELD' need a model that is a file or text, not a compiled one")
+        raise UsageError(
+            "parameters 'KIND:NAME.FIELD' need a model that is a file or text, not a compiled one"
+        )
     for name, value in fields.items():
         kind, _, rest = name.partition(":")
         element_name, _, field = rest.rpartition(".")
@@ -144,7 +157,7 @@ def _with_fields(source: Any, fields: Mapping[str, Any]) -> mujoco.MjSpec:
             raise UsageError(f"parameter '{name}': write KIND:NAME.FIELD, such as 'geom:cube.mass'")
         try:
             element = find(element_name)
-        except Exception:  # noqa: BLE001 - what is no kind of element takes other arguments
+        except Exception:
             element = None
         if element is None:
             raise UnknownNameError(f"parameter '{name}': the model has no {kind} '{element_name}'")
@@ -157,5 +170,7 @@ def _with_fields(source: Any, fields: Mapping[str, Any]) -> mujoco.MjSpec:
             else:
                 setattr(element, field, value)
         except TypeError as error:
-            raise UsageError(f"parameter '{name}': {value!r} does not fit, which is now {before!r}") from error
+            raise UsageError(
+                f"parameter '{name}': {value!r} does not fit, which is now {before!r}"
+            ) from error
     return spec

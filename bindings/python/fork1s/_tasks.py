@@ -67,7 +67,9 @@ class Task:
         """(n, o), in units that make them of the order of 1."""
         raise NotImplementedError
 
-    def judge(self, before: Now, now: Now, action: Floats) -> tuple[Floats, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    def judge(
+        self, before: Now, now: Now, action: Floats
+    ) -> tuple[Floats, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
         """Reward of the action, whether the member is done, and whether it has done it: (n,) each."""
         raise NotImplementedError
 
@@ -114,13 +116,17 @@ class GraspLift(Task):
 
     def observe(self, now: Now) -> Floats:
         middle = (now.poses["left_jaw"][:, :3] + now.poses["right_jaw"][:, :3]) / 2
-        return np.hstack([
-            (now.poses["cube"][:, :3] - middle) / 0.05,
-            now.poses["cube"][:, 2:3] / self.height,
-            now.velocities["cube"] * [0.1, 0.1, 0.1, 5, 5, 5],
-            self._of("left_grip") * 2, self._of("mount.z") / self.height,
-            now.qpos[:, :2] * 2, now.qvel[:, :2],
-        ])
+        return np.hstack(
+            [
+                (now.poses["cube"][:, :3] - middle) / 0.05,
+                now.poses["cube"][:, 2:3] / self.height,
+                now.velocities["cube"] * [0.1, 0.1, 0.1, 5, 5, 5],
+                self._of("left_grip") * 2,
+                self._of("mount.z") / self.height,
+                now.qpos[:, :2] * 2,
+                now.qvel[:, :2],
+            ]
+        )
 
     def judge(self, before: Now, now: Now, action: Floats) -> tuple[Floats, Any, Any]:
         lifted = now.poses["cube"][:, 2] - 0.012
@@ -174,10 +180,17 @@ class PegInsertion(Task):
         tilt = turned_back(now.poses["peg"][:, 3:], np.broadcast_to([0.0, 0.0, 1.0], (self.count, 3)))[:, :2]
         fed = 0.165 - now.poses["mount"][:, 2:3]
         lag = self._of("feed") - fed
-        return np.hstack([
-            self._nose(now) * [500, 500, 25], tilt * 20, self.wish / self._reach, fed * 20, lag * 200,
-            now.velocities["peg"] * [1, 1, 1, 20, 20, 20], now.time[:, None] / self.seconds,
-        ])
+        return np.hstack(
+            [
+                self._nose(now) * [500, 500, 25],
+                tilt * 20,
+                self.wish / self._reach,
+                fed * 20,
+                lag * 200,
+                now.velocities["peg"] * [1, 1, 1, 20, 20, 20],
+                now.time[:, None] / self.seconds,
+            ]
+        )
 
     def judge(self, before: Now, now: Now, action: Floats) -> tuple[Floats, Any, Any]:
         z, z_before = self._nose(now)[:, 2], self._nose(before)[:, 2]
@@ -217,17 +230,31 @@ class Quadruped(Task):
         q, V = now.poses["trunk"][:, 3:], now.velocities["trunk"]
         angle = 2 * np.pi * self.beat * now.time + self.phase
         forward = turned_back(q * [1, -1, -1, -1], np.broadcast_to([1.0, 0.0, 0.0], (self.count, 3)))
-        return np.hstack([
-            np.sin(angle)[:, None], np.cos(angle)[:, None], self._upright(now), forward[:, 1:2],
-            now.poses["trunk"][:, 2:3] / 0.3, now.poses["trunk"][:, 1:2],
-            turned_back(q, V[:, 3:]), turned_back(q, V[:, :3]) / 3,
-            now.qpos, now.qvel / 10, self.command / self._reach,
-        ])
+        return np.hstack(
+            [
+                np.sin(angle)[:, None],
+                np.cos(angle)[:, None],
+                self._upright(now),
+                forward[:, 1:2],
+                now.poses["trunk"][:, 2:3] / 0.3,
+                now.poses["trunk"][:, 1:2],
+                turned_back(q, V[:, 3:]),
+                turned_back(q, V[:, :3]) / 3,
+                now.qpos,
+                now.qvel / 10,
+                self.command / self._reach,
+            ]
+        )
 
     def judge(self, before: Now, now: Now, action: Floats) -> tuple[Floats, Any, Any]:
         gained = now.poses["trunk"][:, 0] - before.poses["trunk"][:, 0]
         fallen = (self._upright(now)[:, 2] < 0.5) | (now.poses["trunk"][:, 2] < 0.13)
-        reward = gained - 0.02 * np.abs(now.poses["trunk"][:, 1]) * self.dt - 2e-4 * (action**2).sum(axis=1) - 0.5 * fallen
+        reward = (
+            gained
+            - 0.02 * np.abs(now.poses["trunk"][:, 1]) * self.dt
+            - 2e-4 * (action**2).sum(axis=1)
+            - 0.5 * fallen
+        )
         return reward, fallen, np.zeros(self.count, dtype=bool)
 
 

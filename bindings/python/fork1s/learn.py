@@ -25,7 +25,16 @@ from ._errors import UsageError
 from ._load import load, scene
 from ._tasks import TASKS, GraspLift, Now, PegInsertion, Quadruped, Task
 
-__all__ = ["Environment", "GraspLift", "Now", "PegInsertion", "Quadruped", "Task", "VectorEnvironment", "TASKS"]
+__all__ = [
+    "Environment",
+    "GraspLift",
+    "Now",
+    "PegInsertion",
+    "Quadruped",
+    "Task",
+    "VectorEnvironment",
+    "TASKS",
+]
 
 Randomise = Mapping[str, tuple[float, float]] | bool
 _LARGEST = 10.0  # of what is observed
@@ -34,7 +43,9 @@ _LARGEST = 10.0  # of what is observed
 class _Members:
     """A task on a batch: what both kinds of environment are made of."""
 
-    def __init__(self, task: type[Task], count: int, randomise: Randomise, threads: int | None, model: Any) -> None:
+    def __init__(
+        self, task: type[Task], count: int, randomise: Randomise, threads: int | None, model: Any
+    ) -> None:
         self.model = load(scene(task.scene) if model is None else model, **task.load)
         ranges = task.randomise if randomise is True else randomise or None
         # Drawn at every reset, by seeds from the generator of the environment.
@@ -50,7 +61,9 @@ class _Members:
         return Now(
             {name: poses[:, i] for i, name in enumerate(names)},
             {name: velocities[:, i] for i, name in enumerate(names)},
-            self.batch.qpos, self.batch.qvel, self.batch.time,
+            self.batch.qpos,
+            self.batch.qvel,
+            self.batch.time,
         )
 
     def begin(self, mask: npt.NDArray[np.bool_], rng: np.random.Generator) -> None:
@@ -100,12 +113,16 @@ class Environment(gymnasium.Env):
 
     metadata = {"render_modes": []}
 
-    def __init__(self, task: type[Task], *, randomise: Randomise = True, model: Any = None, render_mode: None = None) -> None:
+    def __init__(
+        self, task: type[Task], *, randomise: Randomise = True, model: Any = None, render_mode: None = None
+    ) -> None:
         self.observation_space, self.action_space = _spaces(task)
         self.render_mode = render_mode
         self.members = _Members(task, 1, randomise, 1, model)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
         super().reset(seed=seed)
         self.members.begin(np.ones(1, dtype=bool), self.np_random)
         return self.members.observation()[0], {k: float(v[0]) for k, v in self.members.info().items()}
@@ -130,7 +147,13 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
     metadata = {"render_modes": [], "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP}
 
     def __init__(
-        self, num_envs: int, task: type[Task], *, randomise: Randomise = True, threads: int | None = None, model: Any = None,
+        self,
+        num_envs: int,
+        task: type[Task],
+        *,
+        randomise: Randomise = True,
+        threads: int | None = None,
+        model: Any = None,
         render_mode: None = None,
     ) -> None:
         self.num_envs = num_envs
@@ -141,7 +164,9 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
         self.members = _Members(task, num_envs, randomise, threads, model)
         self._ended = np.zeros(num_envs, dtype=bool)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
         super().reset(seed=seed)
         mask = np.ones(self.num_envs, dtype=bool)
         if options and "reset_mask" in options:
@@ -155,10 +180,18 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
         reward, terminated, truncated, success, finite = self.members.advance(actions)
         if again.any():
             self.members.begin(again, self.np_random)
-            reward, terminated, truncated, success = (np.where(again, 0, a) for a in (reward, terminated, truncated, success))
+            reward, terminated, truncated, success = (
+                np.where(again, 0, a) for a in (reward, terminated, truncated, success)
+            )
         terminated, truncated = terminated.astype(bool), truncated.astype(bool)
         self._ended = terminated | truncated
-        return self.members.observation(), reward, terminated, truncated, {"success": success.astype(bool), "finite": finite}
+        return (
+            self.members.observation(),
+            reward,
+            terminated,
+            truncated,
+            {"success": success.astype(bool), "finite": finite},
+        )
 
 
 for _task in TASKS:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from ._mujoco_objects import needed
 from ._errors import UsageError
 from ._load import load
+from ._mujoco_objects import needed
 
 mujoco = needed()
 
@@ -52,7 +52,9 @@ class Stepper:
         self, model: mujoco.MjModel, *, dt: float | None = None, forward: bool = True, **options: Any
     ) -> None:
         if model.na > 0:
-            raise UsageError("Stepper: actuators with activations (na > 0) have a state that fork1s does not have")
+            raise UsageError(
+                "Stepper: actuators with activations (na > 0) have a state that fork1s does not have"
+            )
         self._mj = model
         self._forward = forward
         self._model = load(model, **options)
@@ -149,7 +151,9 @@ class Stepper:
         self.simulation.control_values = values
         for body, name in self._bodies:
             wrench = data.xfrc_applied[body]
-            if wrench.any():  # force and torque at the centre of mass, which MuJoCo knows from its last forward
+            if (
+                wrench.any()
+            ):  # force and torque at the centre of mass, which MuJoCo knows from its last forward
                 self.simulation.push(name, force=wrench[:3], torque=wrench[3:], point=data.xipos[body])
 
     def _write(self, data: mujoco.MjData) -> None:

@@ -14,7 +14,9 @@ CHROMIUM = Path("/usr/lib/chromium")  # brings a Vulkan that needs no graphics c
 
 
 def test_poses_by_webgpu(tmp_path):
-    translated = subprocess.run(["bash", ROOT / "shaders" / "translate.sh", tmp_path / "spirv"], capture_output=True, text=True)
+    translated = subprocess.run(
+        ["bash", ROOT / "shaders" / "translate.sh", tmp_path / "spirv"], capture_output=True, text=True
+    )
     if translated.returncode == 77:
         pytest.skip(translated.stderr)
     assert translated.returncode == 0, translated.stderr
@@ -22,13 +24,20 @@ def test_poses_by_webgpu(tmp_path):
     for recovery in ("curved", "twist"):
         folders.append(tmp_path / recovery)
         program = [Path(sys.executable).parent / "fork1s", "reduce", ROOT / "scenes" / "firemen.xml"]
-        subprocess.run([*program, "--buffers", folders[-1], "--recovery", recovery], check=True, capture_output=True)
+        subprocess.run(
+            [*program, "--buffers", folders[-1], "--recovery", recovery], check=True, capture_output=True
+        )
     environment = dict(os.environ)
     if (CHROMIUM / "vk_swiftshader_icd.json").exists():
-        environment |= {"VK_ICD_FILENAMES": str(CHROMIUM / "vk_swiftshader_icd.json"), "LD_LIBRARY_PATH": str(CHROMIUM)}
+        environment |= {
+            "VK_ICD_FILENAMES": str(CHROMIUM / "vk_swiftshader_icd.json"),
+            "LD_LIBRARY_PATH": str(CHROMIUM),
+        }
     host = ROOT / "examples" / "engine_poses" / "webgpu_host.py"
-    done = subprocess.run([sys.executable, host, tmp_path / "spirv", *folders], env=environment, capture_output=True, text=True)
-    if done.returncode != 0 and "equest adapter failed" in done.stderr:
+    done = subprocess.run(
+        [sys.executable, host, tmp_path / "spirv", *folders], env=environment, capture_output=True, text=True
+    )
+    if done.returncode != 0 and "adapter failed" in done.stderr:
         pytest.skip("there is no adapter of WebGPU: " + done.stderr.splitlines()[-1])
     assert done.returncode == 0, done.stderr
     errors = [float(e) for e in re.findall(r"34 bodies on .* off by at most ([0-9.e-]+)", done.stdout)]

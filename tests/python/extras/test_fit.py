@@ -22,7 +22,11 @@ def test_response_is_the_gradient(scenes):
     for joint, k in model.stiffnesses.items():
         step = 1e-4 * k
         plus, minus = (model.with_stiffness({joint: k + s}).compliance("left_jaw") for s in (step, -step))
-        assert_allclose((plus - minus) / (2 * step), -np.outer(y[joint], y[joint]), atol=1e-6 * (y[joint] @ y[joint]) + 1e-12)
+        assert_allclose(
+            (plus - minus) / (2 * step),
+            -np.outer(y[joint], y[joint]),
+            atol=1e-6 * (y[joint] @ y[joint]) + 1e-12,
+        )
 
 
 def test_closed_form(arm):
@@ -65,9 +69,12 @@ def test_a_hand_finds_its_own_stiffnesses(scenes):
 
 
 def test_refusals(arm, scenes):
-    for target, said in (({"forearm": np.eye(4)}, r"\(6, 6\), or \(3, 3\)"), ({}, "names no body"),
-                         ({"forearm": np.full((6, 6), np.nan)}, "not all are open"),
-                         ({"forearm": np.arange(36.0).reshape(6, 6)}, "symmetric")):
+    for target, said in (
+        ({"forearm": np.eye(4)}, r"\(6, 6\), or \(3, 3\)"),
+        ({}, "names no body"),
+        ({"forearm": np.full((6, 6), np.nan)}, "not all are open"),
+        ({"forearm": np.arange(36.0).reshape(6, 6)}, "symmetric"),
+    ):
         with pytest.raises(fork1s.UsageError, match=said):
             arm.fit_stiffness(target)
     with pytest.raises(fork1s.UnknownNameError, match="no joint coordinate 'knee'"):
@@ -109,7 +116,9 @@ def test_the_page_of_sweeps(scenes, tmp_path, monkeypatch):
         pytest.skip("the package has no scenes in a build folder")
     pytest.importorskip("pandas", reason="pip install 'fork1s[sweep]'")
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"```python\n(.*?)```", (scenes.parent / "docs" / "sweeps.md").read_text(), flags=re.DOTALL)
+    blocks = re.findall(
+        r"```python\n(.*?)```", (scenes.parent / "docs" / "sweeps.md").read_text(), flags=re.DOTALL
+    )
     assert len(blocks) == 2
     # A program of its own, as a reader would have it: its workers read it again.
     page = {"__name__": "__main__"}

@@ -35,7 +35,11 @@ def test_many_are_as_one(name):
     assert isinstance(many.unwrapped, learn.VectorEnvironment)
     seen, _ = one.reset(seed=5)
     all_seen, info = many.reset(seed=5)
-    assert all_seen.shape == (3, *one.observation_space.shape) and set(info) == {"stiffness", "friction", "mass"}
+    assert all_seen.shape == (3, *one.observation_space.shape) and set(info) == {
+        "stiffness",
+        "friction",
+        "mass",
+    }
     # The first of three draws what one alone draws only if its numbers come first, so give all the same.
     task, single = many.unwrapped.members.task, one.unwrapped.members.task
     for drawn in ("offset", "phase"):

@@ -20,6 +20,7 @@ pytest.importorskip("pyarrow", reason="pip install 'fork1s[sweep]'")
 
 import asked  # noqa: E402
 
+
 # y of the forearm's origin, the elbow, 1 m along x from the shoulder: 1 N turns the shoulder alone.
 def expected(k):
     return 1 / np.asarray(k)
@@ -38,7 +39,15 @@ def test_rows_in_order_and_right(arm):
         asked.deflection,
         progress=lambda done, total: told.append((done, total)),
     )
-    assert list(table.columns) == ["stiffness:shoulder", "stiffness_scale", "moved", "stable", "error", "seconds", "worker"]
+    assert list(table.columns) == [
+        "stiffness:shoulder",
+        "stiffness_scale",
+        "moved",
+        "stable",
+        "error",
+        "seconds",
+        "worker",
+    ]
     assert_array_equal(table["stiffness:shoulder"], [50, 50, 100, 100, 200, 200])
     # What a joint is held by is set after the scale.
     assert_allclose(table["moved"], expected(table["stiffness:shoulder"]), rtol=1e-9)
@@ -47,7 +56,9 @@ def test_rows_in_order_and_right(arm):
 
 
 def test_workers_end_without_a_word(arm, capfd):
-    fork1s.sweep(fork1s.load(arm), {"stiffness:shoulder": [50, 100, 200, 300]}, asked.deflection, progress=False)
+    fork1s.sweep(
+        fork1s.load(arm), {"stiffness:shoulder": [50, 100, 200, 300]}, asked.deflection, progress=False
+    )
     told = capfd.readouterr()
     assert told.err == "" and told.out == ""
 
@@ -55,18 +66,30 @@ def test_workers_end_without_a_word(arm, capfd):
 def test_what_a_parameter_may_be(scenes):
     gripper = fork1s.load(scenes / "fourbar_gripper.xml", interface="left_jaw")
     metric = lambda model, point: {  # noqa: E731 - it goes to another process as it is
-        "mass": model.mechanisms[0].mass, "interfaces": len(model.interfaces), "twice": point["grip"] * 2}
+        "mass": model.mechanisms[0].mass,
+        "interfaces": len(model.interfaces),
+        "twice": point["grip"] * 2,
+    }
     pytest.importorskip("cloudpickle", reason="functions without a name need it")
-    table = fork1s.sweep(gripper, [{"geom:left_pad_front.mass": 0.1, "grip": 1}, {"geom:left_pad_front.mass": 0.2, "grip": 2}],
-                         metric, progress=False)
+    table = fork1s.sweep(
+        gripper,
+        [{"geom:left_pad_front.mass": 0.1, "grip": 1}, {"geom:left_pad_front.mass": 0.2, "grip": 2}],
+        metric,
+        progress=False,
+    )
     assert_allclose(np.diff(table["mass"]), 0.1)
     assert_array_equal(table["interfaces"], [1, 1])
     assert_array_equal(table["twice"], [2, 4])
 
 
 def test_a_point_that_fails_is_a_row(arm):
-    points = [{"geom:none.mass": 1.0}, {"joint:elbow.damping": 2.0}, {"joint:elbow.softness": 2.0}, {"stiffness:knee": 1.0},
-              {"stiffness_scale": -1.0}]
+    points = [
+        {"geom:none.mass": 1.0},
+        {"joint:elbow.damping": 2.0},
+        {"joint:elbow.softness": 2.0},
+        {"stiffness:knee": 1.0},
+        {"stiffness_scale": -1.0},
+    ]
     table = fork1s.sweep(arm, points, asked.deflection, progress=False)
     said = table["error"]
     assert said[1] is None or pandas.isna(said[1])
@@ -105,8 +128,9 @@ def test_goes_on_where_it_stopped_and_asks_nothing_twice(arm, tmp_path):
     with open(tmp_path / "t.parquet.journal", "a") as journal:
         journal.write('{"key": "abc", "po')
     first = []
-    table = fork1s.sweep(arm, points, asked.logged, path=path,
-                         progress=lambda done, total: first.append(done))
+    table = fork1s.sweep(
+        arm, points, asked.logged, path=path, progress=lambda done, total: first.append(done)
+    )
     assert first[0] > 20 and first[-1] == 60
     counts = np.bincount([int(n) for n in log.read_text().split()], minlength=60)
     # What was out when it stopped may have been asked again, since nobody heard the answer; all else once.
@@ -155,7 +179,9 @@ if __name__ == "__main__":
     with pytest.raises(fork1s.UsageError, match="another model or metric"):
         fork1s.sweep(arm, {"seed": [1]}, asked.deflection, path=tmp_path / "t.parquet", progress=False)
     os.chdir(tmp_path)
-    table = fork1s.sweep(arm, {"seed": range(50), "log": ["log"]}, asked.logged, path="t.parquet", progress=False)
+    table = fork1s.sweep(
+        arm, {"seed": range(50), "log": ["log"]}, asked.logged, path="t.parquet", progress=False
+    )
     assert len(table) == 50 and table["error"].isna().all()
     counts = np.bincount([int(n) for n in (tmp_path / "log").read_text().split()], minlength=50)
     # What was answered before the kill is not asked again: two may have been out, one was being written.
@@ -187,7 +213,9 @@ if __name__ == "__main__":
     except KeyboardInterrupt:
         print("interrupted")
 """)
-    done = subprocess.run([sys.executable, program], capture_output=True, text=True, timeout=300)  # far below the hour
+    done = subprocess.run(
+        [sys.executable, program], capture_output=True, text=True, timeout=300
+    )  # far below the hour
     assert done.stdout == "interrupted\n", done.stderr
     worker = int((tmp_path / "worker").read_text())
     with pytest.raises(ProcessLookupError):
@@ -196,7 +224,9 @@ if __name__ == "__main__":
 
 def test_a_program_without_its_guard_is_told(arm, tmp_path):
     program = tmp_path / "program.py"
-    program.write_text(f"import fork1s\nfork1s.sweep({str(arm)!r}, {{'seed': [1, 2]}}, lambda m, p: 0, progress=False)\n")
+    program.write_text(
+        f"import fork1s\nfork1s.sweep({str(arm)!r}, {{'seed': [1, 2]}}, lambda m, p: 0, progress=False)\n"
+    )
     done = subprocess.run([sys.executable, program], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode != 0 and "`if __name__ == '__main__':`" in done.stderr
 
@@ -205,8 +235,12 @@ def test_dask_and_a_killed_worker(scenes, tmp_path):
     distributed = pytest.importorskip("distributed", reason="pip install distributed, for Dask")
     points = {"grip": np.linspace(0, 0.5, 25), "push": np.linspace(0, 0.1, 40)}
     killed = []
-    with distributed.LocalCluster(2, threads_per_worker=1, processes=True, dashboard_address=":0",
-                                  silence_logs=50) as cluster, distributed.Client(cluster) as client:
+    with (
+        distributed.LocalCluster(
+            2, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
 
         def kill_one(done, total):
             if done >= 300 and not killed:
@@ -216,8 +250,14 @@ def test_dask_and_a_killed_worker(scenes, tmp_path):
                 killed.append(victim)
 
         client.run(sys.path.insert, 0, str(Path(__file__).parent))
-        table = fork1s.sweep(scenes / "fourbar_gripper.xml", points, asked.slid, client.get_executor(),
-                             path=tmp_path / "t.parquet", progress=kill_one)
+        table = fork1s.sweep(
+            scenes / "fourbar_gripper.xml",
+            points,
+            asked.slid,
+            client.get_executor(),
+            path=tmp_path / "t.parquet",
+            progress=kill_one,
+        )
     said = table["error"].dropna()
     assert said.empty, said.value_counts().to_string()
     assert killed and len(table) == 1000
@@ -243,10 +283,16 @@ def test_dask_and_a_worker_that_dies_as_its_answer_comes(arm, tmp_path, monkeypa
         return answers
 
     monkeypatch.setattr(distributed.Client, "_gather", gather_and_lose)
-    with distributed.LocalCluster(1, threads_per_worker=1, processes=False, dashboard_address=":0",
-                                  silence_logs=50) as cluster, distributed.Client(cluster) as client:
+    with (
+        distributed.LocalCluster(
+            1, threads_per_worker=1, processes=False, dashboard_address=":0", silence_logs=50
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
         log = tmp_path / "log"
-        table = fork1s.sweep(arm, {"seed": range(20), "log": [str(log)]}, asked.logged, client.get_executor(), progress=False)
+        table = fork1s.sweep(
+            arm, {"seed": range(20), "log": [str(log)]}, asked.logged, client.get_executor(), progress=False
+        )
     assert len(lost) == 3 and table["error"].isna().all(), table["error"].dropna().value_counts().to_string()
     assert_allclose(table["moved"], expected(100))
     counts = np.bincount([int(n) for n in log.read_text().split()], minlength=20)
@@ -271,14 +317,18 @@ def test_a_point_that_an_executor_fails_is_asked_once_more(arm):
 
     for chunk in (1, 4):
         executor = Failing(once={2, 9}, always={5})
-        table = fork1s.sweep(arm, {"seed": range(12)}, asked.deflection, executor, progress=False, chunk=chunk)
+        table = fork1s.sweep(
+            arm, {"seed": range(12)}, asked.deflection, executor, progress=False, chunk=chunk
+        )
         assert list(table.index[table["error"].notna()]) == [5] and "ZeroDivisionError" in table["error"][5]
         assert_allclose(table["moved"].drop(5), expected(100))
         assert executor.asked.count({5}) == (2 if chunk == 1 else 1)
 
 
 def test_mpi(scenes, tmp_path):
-    pytest.importorskip("mpi4py", reason="pip install mpi4py, and an MPI (Debian's openmpi-bin, or pip install mpich)")
+    pytest.importorskip(
+        "mpi4py", reason="pip install mpi4py, and an MPI (Debian's openmpi-bin, or pip install mpich)"
+    )
     import shutil
 
     mpiexec = shutil.which("mpiexec", path=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
@@ -294,11 +344,20 @@ if __name__ == "__main__":
         fork1s.sweep({str(scenes / "two_link_arm.xml")!r}, {{"stiffness:shoulder": range(50, 150)}}, asked.deflection, pool,
                      path="t.parquet", progress=False)
 """)
-    done = subprocess.run([mpiexec, "-n", "3", sys.executable, "-m", "mpi4py.futures", "program.py"], cwd=tmp_path,
-                          capture_output=True, text=True, timeout=120,
-                          env={**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-                               "OMPI_MCA_rmaps_base_oversubscribe": "1",
-                               "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe"})
+    done = subprocess.run(
+        [mpiexec, "-n", "3", sys.executable, "-m", "mpi4py.futures", "program.py"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={
+            **os.environ,
+            "OMPI_ALLOW_RUN_AS_ROOT": "1",
+            "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+            "OMPI_MCA_rmaps_base_oversubscribe": "1",
+            "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+        },
+    )
     assert done.returncode == 0, done.stderr
     table = pandas.read_parquet(tmp_path / "t.parquet")
     assert_allclose(table["moved"], expected(table["stiffness:shoulder"]), rtol=1e-9)
@@ -310,7 +369,10 @@ def test_models_go_to_other_processes(scenes):
 
     import mujoco
 
-    for source in (scenes / "fourbar_gripper.xml", mujoco.MjModel.from_xml_path(str(scenes / "fourbar_gripper.xml"))):
+    for source in (
+        scenes / "fourbar_gripper.xml",
+        mujoco.MjModel.from_xml_path(str(scenes / "fourbar_gripper.xml")),
+    ):
         model = fork1s.load(source, interface="left_jaw").with_stiffness({"left_crank": 3.0})
         again = pickle.loads(pickle.dumps(model))
         assert again.stiffnesses == model.stiffnesses and again.interfaces == ["left_jaw"]

@@ -37,8 +37,14 @@ class Sweeps:
     def __call__(self, model, metric, points=(0, 1, 2)):
         done = []
         with ThreadPoolExecutor(1) as executor:
-            table = fork1s.sweep(model, {"x": points}, metric, executor, path=self.path,
-                                 progress=lambda count, total: done.append(count))
+            table = fork1s.sweep(
+                model,
+                {"x": points},
+                metric,
+                executor,
+                path=self.path,
+                progress=lambda count, total: done.append(count),
+            )
         self.asked = len(done)
         return table
 
@@ -92,7 +98,9 @@ def test_an_edited_model_is_computed_again(sweeps, tmp_path):
     for value in (1.0, 2.0):
         model.write_text(f"<mujoco><worldbody>{BODY.format(mass=value)}</worldbody></mujoco>")
         if value == 2.0:
-            with pytest.warns(fork1s.SweepWarning, match=r"t\.parquet: the model has changed since its 3 rows were computed"):
+            with pytest.warns(
+                fork1s.SweepWarning, match=r"t\.parquet: the model has changed since its 3 rows were computed"
+            ):
                 table = sweeps(model, mass)
         else:
             table = sweeps(model, mass)
@@ -122,8 +130,10 @@ def test_an_edited_mesh_is_computed_again(sweeps, tmp_path, where):
     mesh, model = tmp_path / where / "part.obj", tmp_path / "model.xml"
     # The folder of the meshes is said in a file of its own.
     (tmp_path / "settings.xml").write_text(f'<mujocoinclude><compiler meshdir="{where}"/></mujocoinclude>')
-    model.write_text('<mujoco><include file="settings.xml"/><asset><mesh name="m" file="part.obj"/></asset><worldbody>'
-                     '<body name="b"><joint stiffness="1"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>')
+    model.write_text(
+        '<mujoco><include file="settings.xml"/><asset><mesh name="m" file="part.obj"/></asset><worldbody>'
+        '<body name="b"><joint stiffness="1"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
+    )
     mesh.write_text(TETRAHEDRON.format(size=1))
     before = sweeps(model, mass)["metric"][0]
     mesh.write_text(TETRAHEDRON.format(size=2))
@@ -139,8 +149,10 @@ def test_an_edited_mesh_of_a_urdf_counts(tmp_path, monkeypatch):
     for folder in ("urdf", "meshes"):
         (package / folder).mkdir(parents=True)
     urdf, mesh = package / "urdf" / "robot.urdf", package / "meshes" / "arm.obj"
-    urdf.write_text('<robot name="r"><link name="a"><collision><geometry><mesh filename="package://robot/meshes/arm.obj"/>'
-                    "</geometry></collision></link></robot>")
+    urdf.write_text(
+        '<robot name="r"><link name="a"><collision><geometry><mesh filename="package://robot/meshes/arm.obj"/>'
+        "</geometry></collision></link></robot>"
+    )
     digests = set()
     for size in (1, 2, 2):
         mesh.write_text(TETRAHEDRON.format(size=size))
@@ -159,18 +171,37 @@ def test_an_edited_metric_is_computed_again(sweeps, module, tmp_path):
     assert_array_equal(table["metric"], [0, 3, 6])
 
 
-@pytest.mark.parametrize("metric, helper", [
-    ("from helper import f\ndef metric(model, point):\n    return f(point['x'])\n", "def f(x):\n    return {} * x\n"),
-    ("import helper\ndef metric(model, point):\n    return helper.f(point['x'])\n", "def f(x):\n    return {} * x\n"),
-    ("def metric(model, point):\n    from helper import f\n    return f(point['x'])\n", "def f(x):\n    return {} * x\n"),
-    ("import helper\ndef metric(model, point):\n    return [helper.f(point['x']) for _ in '1'][0]\n",
-     "FACTOR = {}\ndef g(x):\n    return FACTOR * x\ndef f(x):\n    return g(x)\n"),
-    ("from helper import Law\nlaw = Law()\ndef metric(model, point):\n    return law(point['x'])\n",
-     "class Base:\n    def f(self, x):\n        return {} * x\nclass Law(Base):\n    def __call__(self, x):\n"
-     "        return self.f(x)\n"),
-    ("from helper import table\ndef metric(model, point):\n    return table[point['x']]\n",
-     "import numpy\ntable = {} * numpy.arange(3.0)\n"),
-], ids=["from import", "module", "import inside", "comprehension and global", "method of a base", "array"])
+@pytest.mark.parametrize(
+    "metric, helper",
+    [
+        (
+            "from helper import f\ndef metric(model, point):\n    return f(point['x'])\n",
+            "def f(x):\n    return {} * x\n",
+        ),
+        (
+            "import helper\ndef metric(model, point):\n    return helper.f(point['x'])\n",
+            "def f(x):\n    return {} * x\n",
+        ),
+        (
+            "def metric(model, point):\n    from helper import f\n    return f(point['x'])\n",
+            "def f(x):\n    return {} * x\n",
+        ),
+        (
+            "import helper\ndef metric(model, point):\n    return [helper.f(point['x']) for _ in '1'][0]\n",
+            "FACTOR = {}\ndef g(x):\n    return FACTOR * x\ndef f(x):\n    return g(x)\n",
+        ),
+        (
+            "from helper import Law\nlaw = Law()\ndef metric(model, point):\n    return law(point['x'])\n",
+            "class Base:\n    def f(self, x):\n        return {} * x\nclass Law(Base):\n    def __call__(self, x):\n"
+            "        return self.f(x)\n",
+        ),
+        (
+            "from helper import table\ndef metric(model, point):\n    return table[point['x']]\n",
+            "import numpy\ntable = {} * numpy.arange(3.0)\n",
+        ),
+    ],
+    ids=["from import", "module", "import inside", "comprehension and global", "method of a base", "array"],
+)
 def test_an_edited_helper_of_the_metric_is_computed_again(sweeps, module, tmp_path, metric, helper):
     model = write_model(tmp_path)
     sweeps(model, module(mine=metric, helper=helper.format(2)).metric)
@@ -181,11 +212,15 @@ def test_an_edited_helper_of_the_metric_is_computed_again(sweeps, module, tmp_pa
     assert_array_equal(table["metric"], [0, 3, 6])
 
 
-@pytest.mark.parametrize("make", [
-    lambda factor: lambda model, point: factor * point["x"],
-    lambda factor: lambda model, point, factor=factor: factor * point["x"],
-    lambda factor: functools.partial(lambda factor, model, point: factor * point["x"], factor),
-], ids=["closure", "default", "partial"])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda factor: lambda model, point: factor * point["x"],
+        lambda factor: lambda model, point, factor=factor: factor * point["x"],
+        lambda factor: functools.partial(lambda factor, model, point: factor * point["x"], factor),
+    ],
+    ids=["closure", "default", "partial"],
+)
 def test_a_changed_value_of_the_metric_is_computed_again(sweeps, tmp_path, make):
     model = write_model(tmp_path)
     sweeps(model, make(2))
@@ -219,7 +254,9 @@ def test_rows_of_an_edited_metric_in_the_journal_are_dropped(sweeps, tmp_path):
         raise Stop
 
     with ThreadPoolExecutor(1) as executor, pytest.raises(Stop):
-        fork1s.sweep(model, {"x": [0, 1, 2]}, metric_of(2), executor, path=sweeps.path, progress=stop, in_flight=1)
+        fork1s.sweep(
+            model, {"x": [0, 1, 2]}, metric_of(2), executor, path=sweeps.path, progress=stop, in_flight=1
+        )
     with pytest.warns(fork1s.SweepWarning, match="the metric has changed since its 1 rows"):
         table = sweeps(model, metric_of(3))
     assert_array_equal(table["metric"], [0, 3, 6])
@@ -248,8 +285,13 @@ for source in (scene, fork1s.load(scene), model, fork1s.load(model), mujoco.MjSp
     print(identity_of(source, metric))
 """)
     said = {
-        subprocess.run([sys.executable, program], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True,
-                       check=True).stdout
+        subprocess.run(
+            [sys.executable, program],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
         for seed in ("1", "2")
     }
     assert len(said) == 1
@@ -266,8 +308,14 @@ def test_failures_are_told_and_asked_again(sweeps, tmp_path):
     def ask():
         done = []
         with ThreadPoolExecutor(1) as executor:
-            table = fork1s.sweep(model, {"x": [0, 1, 2], "file": [str(works)]}, metric, executor, path=sweeps.path,
-                                 progress=lambda count, total: done.append(count))
+            table = fork1s.sweep(
+                model,
+                {"x": [0, 1, 2], "file": [str(works)]},
+                metric,
+                executor,
+                path=sweeps.path,
+                progress=lambda count, total: done.append(count),
+            )
         return table, len(done)
 
     with warnings.catch_warnings(record=True) as said:
@@ -290,9 +338,12 @@ def test_a_sweep_of_which_all_fail_is_an_error(sweeps, tmp_path):
     def metric(model, point):
         raise ValueError(f"x is {point['x']}")
 
-    with pytest.warns(fork1s.SweepWarning, match="the point x = 0 failed: ValueError: x is 0"), pytest.raises(
-        fork1s.SweepError, match="all of 3 points failed, the first with: ValueError: x is 0"
-    ) as raised:
+    with (
+        pytest.warns(fork1s.SweepWarning, match="the point x = 0 failed: ValueError: x is 0"),
+        pytest.raises(
+            fork1s.SweepError, match="all of 3 points failed, the first with: ValueError: x is 0"
+        ) as raised,
+    ):
         sweeps(model, metric)
     assert len(raised.value.table) == 3 and len(pandas.read_parquet(sweeps.path)) == 3
 
@@ -313,7 +364,8 @@ def test_failures_of_all_first_points_are_told_before_the_others_are_asked(tmp_p
                 done_when_told.append(done)
 
         ask = lambda: fork1s.sweep(  # noqa: E731
-            write_model(tmp_path), {"x": range(49)}, metric, executor, progress=count, in_flight=1)
+            write_model(tmp_path), {"x": range(49)}, metric, executor, progress=count, in_flight=1
+        )
         if works_from < 49:
             ask()
         else:
@@ -326,5 +378,7 @@ def test_failures_of_all_first_points_are_told_before_the_others_are_asked(tmp_p
 def test_a_file_of_another_sweep_is_refused(sweeps, tmp_path):
     model = write_model(tmp_path)
     sweeps(model, mass)
-    with pytest.raises(fork1s.UsageError, match=r"holds a sweep of another model or metric \(model.xml, mass; now model.xml"):
+    with pytest.raises(
+        fork1s.UsageError, match=r"holds a sweep of another model or metric \(model.xml, mass; now model.xml"
+    ):
         sweeps(model, lambda model, point: 1)
