@@ -39,7 +39,7 @@ tools=$PWD/$work/tools/bin
 
 if [ ${#files[@]} -eq 0 ]; then
   mapfile -t files < <(find "$PWD" \( -path "$PWD/build" -o -path "$PWD/out" -o -name .git -o -name node_modules \
-    -o -name dist -o -name '.*cache' \) -prune -o -type f -print | LC_ALL=C sort)
+    -o -name dist -o -name venv -o -name .venv -o -name '.*cache' \) -prune -o -type f -print | LC_ALL=C sort)
 fi
 cpp=() python=() shell=() text=()
 for file in "${files[@]}"; do
